@@ -1,0 +1,283 @@
+//! Finite-dimensional Lie algebras by rational structure constants.
+
+use std::collections::BTreeMap;
+
+use num_traits::Zero;
+
+use crate::error::{Error, spell_vector};
+use crate::expr::Rational;
+
+use super::matrix::Matrix;
+use super::representation::Representation;
+
+/// A block of consecutive basis elements that one velocity vector names, such as the rotation part of se(3).
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Slot {
+    /// What the block is, such as `so(3)` or `R^3`.
+    pub name: String,
+    /// Number of basis elements.
+    pub dim: usize,
+}
+
+/// A Lie algebra `[e_a, e_b] = C^c_ab e_c` with verified antisymmetry and Jacobi identity.
+///
+/// ```
+/// use hamel_codegen::algebra::LieAlgebra;
+/// let so3 = LieAlgebra::so(3).unwrap();
+/// assert_eq!(so3.structure_constant(2, 0, 1), 1.into()); // [e1, e2] = e3
+/// ```
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LieAlgebra {
+    name: String,
+    slots: Vec<Slot>,
+    basis: Vec<String>,
+    /// Non-zero brackets of pairs `a < b`, as sparse sorted vectors.
+    brackets: BTreeMap<(usize, usize), Vec<(usize, Rational)>>,
+}
+
+impl LieAlgebra {
+    /// An algebra from the brackets of its basis; pairs that are left out commute.
+    ///
+    /// # Errors
+    /// All of: [`Error::NotAntisymmetric`], [`Error::JacobiViolated`] naming the triple.
+    pub fn from_brackets(
+        name: &str,
+        basis: Vec<String>,
+        brackets: &[(usize, usize, Vec<(usize, Rational)>)],
+    ) -> Result<LieAlgebra, Vec<Error>> {
+        let slots = vec![Slot { name: name.to_owned(), dim: basis.len() }];
+        LieAlgebra::with_slots(name, slots, basis, brackets)
+    }
+
+    /// [`LieAlgebra::from_brackets`] with a division of the basis into slots.
+    ///
+    /// # Errors
+    /// As [`LieAlgebra::from_brackets`], and [`Error::ShapeMismatch`] when the slots do not cover the basis.
+    pub fn with_slots(
+        name: &str,
+        slots: Vec<Slot>,
+        basis: Vec<String>,
+        brackets: &[(usize, usize, Vec<(usize, Rational)>)],
+    ) -> Result<LieAlgebra, Vec<Error>> {
+        let covered: usize = slots.iter().map(|s| s.dim).sum();
+        if covered != basis.len() {
+            let what = format!("slots of {name}");
+            return Err(vec![Error::ShapeMismatch { what, found: covered, expected: basis.len() }]);
+        }
+        let mut errors = Vec::new();
+        let mut table: BTreeMap<(usize, usize), Vec<(usize, Rational)>> = BTreeMap::new();
+        for (a, b, value) in brackets {
+            let mut dense = vec![Rational::zero(); basis.len()];
+            for (c, q) in value {
+                dense[*c] += q;
+            }
+            if a > b {
+                dense.iter_mut().for_each(|q| *q = -q.clone());
+            }
+            let sparse: Vec<_> = dense.into_iter().enumerate().filter(|(_, q)| !q.is_zero()).collect();
+            let pair = (*a.min(b), *a.max(b));
+            let clash = match table.get(&pair) {
+                Some(before) => *before != sparse,
+                None => a == b && !sparse.is_empty(),
+            };
+            if clash {
+                errors.push(Error::NotAntisymmetric { a: basis[*a].clone(), b: basis[*b].clone() });
+            } else if a != b {
+                table.insert(pair, sparse);
+            }
+        }
+        table.retain(|_, v| !v.is_empty());
+        let algebra = LieAlgebra { name: name.to_owned(), slots, basis, brackets: table };
+        errors.extend(algebra.jacobi_violations());
+        if errors.is_empty() { Ok(algebra) } else { Err(errors) }
+    }
+
+    fn jacobi_violations(&self) -> Vec<Error> {
+        let n = self.dim();
+        let mut errors = Vec::new();
+        for a in 0..n {
+            for b in a + 1..n {
+                for c in b + 1..n {
+                    let mut residual = vec![Rational::zero(); n];
+                    for (x, y, z) in [(a, b, c), (b, c, a), (c, a, b)] {
+                        for (d, q) in self.bracket(x, y) {
+                            for (e, p) in self.bracket(d, z) {
+                                residual[e] += &q * p;
+                            }
+                        }
+                    }
+                    if residual.iter().any(|q| !q.is_zero()) {
+                        errors.push(Error::JacobiViolated {
+                            triple: [a, b, c].map(|k| self.basis[k].clone()),
+                            residual: spell_vector(&self.basis, &residual),
+                        });
+                    }
+                }
+            }
+        }
+        errors
+    }
+
+    /// The algebra under another name.
+    pub fn renamed(mut self, name: &str) -> LieAlgebra {
+        self.name = name.to_owned();
+        self
+    }
+
+    /// The name.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The dimension.
+    pub fn dim(&self) -> usize {
+        self.basis.len()
+    }
+
+    /// The slots, in basis order.
+    pub fn slots(&self) -> &[Slot] {
+        &self.slots
+    }
+
+    /// Names of the basis elements.
+    pub fn basis(&self) -> &[String] {
+        &self.basis
+    }
+
+    /// `[e_a, e_b]` as a sparse vector.
+    pub fn bracket(&self, a: usize, b: usize) -> Vec<(usize, Rational)> {
+        if a <= b {
+            self.brackets.get(&(a, b)).cloned().unwrap_or_default()
+        } else {
+            self.bracket(b, a).into_iter().map(|(c, q)| (c, -q)).collect()
+        }
+    }
+
+    /// The non-zero brackets of pairs `a < b`.
+    pub fn brackets(&self) -> impl Iterator<Item = (usize, usize, &[(usize, Rational)])> {
+        self.brackets.iter().map(|((a, b), v)| (*a, *b, v.as_slice()))
+    }
+
+    /// `C^c_ab`.
+    pub fn structure_constant(&self, c: usize, a: usize, b: usize) -> Rational {
+        self.bracket(a, b).into_iter().find(|(d, _)| *d == c).map_or_else(Rational::zero, |(_, q)| q)
+    }
+
+    /// `[x, y]` of two vectors.
+    pub fn bracket_of(&self, x: &[Rational], y: &[Rational]) -> Vec<Rational> {
+        let mut result = vec![Rational::zero(); self.dim()];
+        for (a, b, value) in self.brackets() {
+            let weight = &x[a] * &y[b] - &x[b] * &y[a];
+            if weight.is_zero() {
+                continue;
+            }
+            for (c, q) in value {
+                result[*c] += &weight * q;
+            }
+        }
+        result
+    }
+
+    /// Matrix of `ad_{e_a}`: column `b` is `[e_a, e_b]`.
+    pub fn ad(&self, a: usize) -> Matrix {
+        let n = self.dim();
+        let mut m = Matrix::zeros(n, n);
+        for b in 0..n {
+            for (c, q) in self.bracket(a, b) {
+                m.set(c, b, q);
+            }
+        }
+        m
+    }
+
+    /// The same algebra in the basis whose elements are the columns of `p`.
+    ///
+    /// # Errors
+    /// [`Error::ShapeMismatch`] when `p` is not square of the algebra's dimension, [`Error::Unsupported`] when it is
+    /// singular.
+    pub fn change_basis(&self, p: &Matrix) -> Result<LieAlgebra, Error> {
+        let n = self.dim();
+        if (p.n_rows(), p.n_columns()) != (n, n) {
+            let what = "matrix of the change of basis".to_owned();
+            return Err(Error::ShapeMismatch { what, found: p.n_rows(), expected: n });
+        }
+        let inverse = p.inverse().ok_or_else(|| Error::Unsupported {
+            what: "a change of basis by a singular matrix".into(),
+            possible: "an invertible matrix".into(),
+        })?;
+        let columns: Vec<Vec<Rational>> = {
+            let t = p.transposed();
+            (0..n).map(|k| t.row(k).to_vec()).collect()
+        };
+        let mut brackets = BTreeMap::new();
+        for a in 0..n {
+            for b in a + 1..n {
+                let image = self.bracket_of(&columns[a], &columns[b]);
+                let sparse: Vec<(usize, Rational)> = (0..n)
+                    .map(|c| (c, inverse.row(c).iter().zip(&image).map(|(x, y)| x * y).sum::<Rational>()))
+                    .filter(|(_, q)| !q.is_zero())
+                    .collect();
+                if !sparse.is_empty() {
+                    brackets.insert((a, b), sparse);
+                }
+            }
+        }
+        Ok(LieAlgebra { brackets, ..self.clone() })
+    }
+
+    /// The direct product.
+    pub fn product(factors: &[LieAlgebra]) -> LieAlgebra {
+        let names: Vec<&str> = factors.iter().map(|f| f.name.as_str()).collect();
+        let mut product = LieAlgebra {
+            name: format!("product({})", names.join(", ")),
+            slots: Vec::new(),
+            basis: Vec::new(),
+            brackets: BTreeMap::new(),
+        };
+        for factor in factors {
+            let offset = product.basis.len();
+            product.slots.extend(factor.slots.iter().cloned());
+            product.basis.extend((0..factor.dim()).map(|k| format!("e{}", offset + k + 1)));
+            for ((a, b), value) in &factor.brackets {
+                let shifted = value.iter().map(|(c, q)| (c + offset, q.clone())).collect();
+                product.brackets.insert((a + offset, b + offset), shifted);
+            }
+        }
+        product
+    }
+
+    /// The semidirect product `g |x (V_1 + V_2 + ..)`, `[(x, u), (y, v)] = ([x, y], rho(x) v - rho(y) u)`.
+    ///
+    /// # Errors
+    /// [`Error::ShapeMismatch`] when a representation belongs to an algebra of another dimension.
+    pub fn semidirect(base: &LieAlgebra, spaces: &[Representation]) -> Result<LieAlgebra, Error> {
+        let names: Vec<&str> = spaces.iter().map(|r| r.name()).collect();
+        let mut algebra = base.clone().renamed(&format!("semidirect({}, {})", base.name, names.join(", ")));
+        for space in spaces {
+            if space.n_generators() != base.dim() {
+                let what = format!("representation {}", space.name());
+                return Err(Error::ShapeMismatch {
+                    what,
+                    found: space.n_generators(),
+                    expected: base.dim(),
+                });
+            }
+            let offset = algebra.basis.len();
+            algebra.slots.push(Slot { name: format!("R^{}", space.dim()), dim: space.dim() });
+            algebra.basis.extend((0..space.dim()).map(|k| format!("e{}", offset + k + 1)));
+            for a in 0..base.dim() {
+                let m = space.matrix(a);
+                for v in 0..space.dim() {
+                    let column: Vec<(usize, Rational)> = (0..space.dim())
+                        .filter(|w| !m.get(*w, v).is_zero())
+                        .map(|w| (offset + w, m.get(w, v).clone()))
+                        .collect();
+                    if !column.is_empty() {
+                        algebra.brackets.insert((a, offset + v), column);
+                    }
+                }
+            }
+        }
+        Ok(algebra)
+    }
+}

@@ -1,0 +1,220 @@
+//! Exact linear algebra: rational matrices, and Gaussian elimination on expressions.
+
+use num_traits::{One, Zero};
+
+use crate::expr::{ExprId, Graph, Rational};
+
+/// Dense rational matrix, row-major.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Matrix {
+    n_rows: usize,
+    n_columns: usize,
+    entries: Vec<Rational>,
+}
+
+impl Matrix {
+    /// The zero matrix.
+    pub fn zeros(n_rows: usize, n_columns: usize) -> Matrix {
+        Matrix { n_rows, n_columns, entries: vec![Rational::zero(); n_rows * n_columns] }
+    }
+
+    /// The identity.
+    pub fn identity(n: usize) -> Matrix {
+        let mut m = Matrix::zeros(n, n);
+        for k in 0..n {
+            m.set(k, k, Rational::one());
+        }
+        m
+    }
+
+    /// A matrix from its rows, which must have equal lengths.
+    pub fn from_rows(rows: &[Vec<Rational>]) -> Option<Matrix> {
+        let n_columns = rows.first().map_or(0, Vec::len);
+        rows.iter().all(|r| r.len() == n_columns).then(|| Matrix {
+            n_rows: rows.len(),
+            n_columns,
+            entries: rows.concat(),
+        })
+    }
+
+    /// Number of rows.
+    pub fn n_rows(&self) -> usize {
+        self.n_rows
+    }
+
+    /// Number of columns.
+    pub fn n_columns(&self) -> usize {
+        self.n_columns
+    }
+
+    /// Entry in row `i`, column `j`, from zero.
+    pub fn get(&self, i: usize, j: usize) -> &Rational {
+        &self.entries[i * self.n_columns + j]
+    }
+
+    /// Sets an entry.
+    pub fn set(&mut self, i: usize, j: usize, value: Rational) {
+        self.entries[i * self.n_columns + j] = value;
+    }
+
+    /// A row.
+    pub fn row(&self, i: usize) -> &[Rational] {
+        &self.entries[i * self.n_columns..(i + 1) * self.n_columns]
+    }
+
+    /// The transpose.
+    pub fn transposed(&self) -> Matrix {
+        let mut m = Matrix::zeros(self.n_columns, self.n_rows);
+        for i in 0..self.n_rows {
+            for j in 0..self.n_columns {
+                m.set(j, i, self.get(i, j).clone());
+            }
+        }
+        m
+    }
+
+    /// `self * other`.
+    ///
+    /// # Panics
+    /// When the inner sizes differ.
+    pub fn times(&self, other: &Matrix) -> Matrix {
+        assert_eq!(self.n_columns, other.n_rows, "inner sizes of a matrix product agree");
+        let mut m = Matrix::zeros(self.n_rows, other.n_columns);
+        for i in 0..self.n_rows {
+            for k in 0..self.n_columns {
+                let a = self.get(i, k);
+                if a.is_zero() {
+                    continue;
+                }
+                for j in 0..other.n_columns {
+                    let sum = m.get(i, j) + a * other.get(k, j);
+                    m.set(i, j, sum);
+                }
+            }
+        }
+        m
+    }
+
+    /// `self - other`, entry by entry.
+    ///
+    /// # Panics
+    /// When the shapes differ.
+    pub fn minus(&self, other: &Matrix) -> Matrix {
+        assert_eq!((self.n_rows, self.n_columns), (other.n_rows, other.n_columns), "shapes agree");
+        let entries = self.entries.iter().zip(&other.entries).map(|(a, b)| a - b).collect();
+        Matrix { n_rows: self.n_rows, n_columns: self.n_columns, entries }
+    }
+
+    /// Reduced row echelon form and the pivot columns.
+    pub fn echelon(&self) -> (Matrix, Vec<usize>) {
+        let mut m = self.clone();
+        let mut pivots = Vec::new();
+        let mut row = 0;
+        for column in 0..m.n_columns {
+            let Some(found) = (row..m.n_rows).find(|i| !m.get(*i, column).is_zero()) else { continue };
+            for j in 0..m.n_columns {
+                m.entries.swap(found * m.n_columns + j, row * m.n_columns + j);
+            }
+            let pivot = m.get(row, column).recip();
+            for j in 0..m.n_columns {
+                let scaled = m.get(row, j) * &pivot;
+                m.set(row, j, scaled);
+            }
+            for i in (0..m.n_rows).filter(|i| *i != row) {
+                let factor = m.get(i, column).clone();
+                if factor.is_zero() {
+                    continue;
+                }
+                for j in 0..m.n_columns {
+                    let reduced = m.get(i, j) - &factor * m.get(row, j);
+                    m.set(i, j, reduced);
+                }
+            }
+            pivots.push(column);
+            row += 1;
+            if row == m.n_rows {
+                break;
+            }
+        }
+        (m, pivots)
+    }
+
+    /// The rank.
+    pub fn rank(&self) -> usize {
+        self.echelon().1.len()
+    }
+
+    /// The inverse of a square matrix, or `None` when it is singular.
+    pub fn inverse(&self) -> Option<Matrix> {
+        let n = self.n_rows;
+        let mut wide = Matrix::zeros(n, 2 * n);
+        for i in 0..n {
+            for j in 0..n {
+                wide.set(i, j, self.get(i, j).clone());
+            }
+            wide.set(i, n + i, Rational::one());
+        }
+        let (reduced, pivots) = wide.echelon();
+        if pivots != (0..n).collect::<Vec<_>>() {
+            return None;
+        }
+        let mut inverse = Matrix::zeros(n, n);
+        for i in 0..n {
+            for j in 0..n {
+                inverse.set(i, j, reduced.get(i, n + j).clone());
+            }
+        }
+        Some(inverse)
+    }
+}
+
+/// Solves `A X = B` on expressions, with exact zero tests and the simplest non-zero pivot of each column.
+///
+/// # Shapes
+/// `a`: `n x n`, `b`: `n x k` -> `n x k`.
+///
+/// # Errors
+/// The index of the column without a pivot, when `A` is singular identically.
+pub fn solve_symbolic(
+    g: &mut Graph,
+    a: &[Vec<ExprId>],
+    b: &[Vec<ExprId>],
+) -> Result<Vec<Vec<ExprId>>, usize> {
+    let n = a.len();
+    let mut rows: Vec<Vec<ExprId>> = a.iter().zip(b).map(|(l, r)| [l.as_slice(), r].concat()).collect();
+    let width = rows.first().map_or(0, Vec::len);
+    for column in 0..n {
+        let mut best: Option<(usize, usize)> = None;
+        for (i, row) in rows.iter().enumerate().skip(column) {
+            if g.is_zero(row[column]) {
+                continue;
+            }
+            let size = g.reachable(&[row[column]]).len();
+            if best.is_none_or(|(_, s)| size < s) {
+                best = Some((i, size));
+            }
+        }
+        let Some((found, _)) = best else { return Err(column) };
+        rows.swap(found, column);
+        let inverse = g.powi(rows[column][column], -1);
+        for j in column..width {
+            rows[column][j] = g.mul(rows[column][j], inverse);
+        }
+        let pivot_row = rows[column].clone();
+        for (i, row) in rows.iter_mut().enumerate() {
+            let factor = row[column];
+            if i == column || factor == g.zero() {
+                continue;
+            }
+            for j in column..width {
+                if pivot_row[j] == g.zero() {
+                    continue;
+                }
+                let product = g.mul(factor, pivot_row[j]);
+                let reduced = g.sub(row[j], product);
+                row[j] = g.cancel_zero(reduced);
+            }
+        }
+    }
+    Ok(rows.into_iter().map(|row| row[n..].to_vec()).collect())
+}

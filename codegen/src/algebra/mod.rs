@@ -1,0 +1,21 @@
+//! Lie algebras, representations and Lie algebroids as exact data.
+//!
+//! Lie algebras have rational structure constants; a Lie algebroid has an anchor and a bracket whose coefficients are
+//! expressions on its base. Antisymmetry, Jacobi, the representation property and the anchor condition are verified
+//! exactly and the offending elements are named.
+//!
+//! Deliberately does not know: Lagrangians, constraints, state vectors, text files.
+
+mod algebroid;
+mod lie;
+mod matrix;
+mod named;
+mod representation;
+
+pub use algebroid::Algebroid;
+pub use lie::{LieAlgebra, Slot};
+pub use matrix::{Matrix, solve_symbolic};
+pub use representation::Representation;
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,210 @@
+//! The algebras one knows by name, each from its defining matrices or its textbook brackets.
+
+use num_traits::{One, Zero};
+
+use crate::error::Error;
+use crate::expr::Rational;
+
+use super::lie::{LieAlgebra, Slot};
+use super::matrix::Matrix;
+use super::representation::Representation;
+
+/// Largest matrix size of a named algebra; beyond it tables would not fit the limits of generated code.
+const MAX_SIZE: usize = 14;
+
+fn unit(n: usize, i: usize, j: usize) -> Matrix {
+    let mut m = Matrix::zeros(n, n);
+    m.set(i, j, Rational::one());
+    m
+}
+
+/// Basis of so(n): the hat matrices for `n = 3`, else `E_ij - E_ji` for `i < j` in lexicographic order.
+fn so_matrices(n: usize) -> Vec<Matrix> {
+    let pairs: Vec<(usize, usize)> = if n == 3 {
+        vec![(2, 1), (0, 2), (1, 0)]
+    } else {
+        (0..n).flat_map(|i| (i + 1..n).map(move |j| (i, j))).collect()
+    };
+    pairs.into_iter().map(|(i, j)| unit(n, i, j).minus(&unit(n, j, i))).collect()
+}
+
+/// Basis of gl(n): `E_ij`, row-major.
+fn gl_matrices(n: usize) -> Vec<Matrix> {
+    (0..n).flat_map(|i| (0..n).map(move |j| unit(n, i, j))).collect()
+}
+
+/// Basis of sl(n): `E_ij` with `i != j` row-major, then `E_kk - E_{k+1,k+1}`.
+fn sl_matrices(n: usize) -> Vec<Matrix> {
+    let off = (0..n).flat_map(|i| (0..n).filter(move |j| *j != i).map(move |j| unit(n, i, j)));
+    let diagonal = (0..n.saturating_sub(1)).map(|k| unit(n, k, k).minus(&unit(n, k + 1, k + 1)));
+    off.chain(diagonal).collect()
+}
+
+/// Real `2n x 2n` matrices of a basis of su(n): `E_jk - E_kj`, `i(E_jk + E_kj)` for `j < k`, then
+/// `i(E_kk - E_{k+1,k+1})`; the complex number `a + ib` is the block `[[a, -b], [b, a]]`.
+fn su_matrices(n: usize) -> Vec<Matrix> {
+    let block = |entries: &[(usize, usize, i64, i64)]| {
+        let mut m = Matrix::zeros(2 * n, 2 * n);
+        for (i, j, re, im) in entries {
+            let q = |x: i64| Rational::from_integer(x.into());
+            m.set(2 * i, 2 * j, q(*re));
+            m.set(2 * i + 1, 2 * j + 1, q(*re));
+            m.set(2 * i, 2 * j + 1, q(-im));
+            m.set(2 * i + 1, 2 * j, q(*im));
+        }
+        m
+    };
+    let mut list = Vec::new();
+    for j in 0..n {
+        for k in j + 1..n {
+            list.push(block(&[(j, k, 1, 0), (k, j, -1, 0)]));
+            list.push(block(&[(j, k, 0, 1), (k, j, 0, 1)]));
+        }
+    }
+    for k in 0..n.saturating_sub(1) {
+        list.push(block(&[(k, k, 0, 1), (k + 1, k + 1, 0, -1)]));
+    }
+    list
+}
+
+/// Defining matrices of an algebra that this module built under its own name.
+pub(super) fn defining_matrices(name: &str) -> Option<Vec<Matrix>> {
+    let (family, size) = name.strip_suffix(')')?.split_once('(')?;
+    let n: usize = size.parse().ok().filter(|n| (1..=MAX_SIZE).contains(n))?;
+    match family {
+        "so" => Some(so_matrices(n)),
+        "gl" => Some(gl_matrices(n)),
+        "sl" => Some(sl_matrices(n)),
+        "su" => Some(su_matrices(n)),
+        _ => None,
+    }
+}
+
+fn flatten(m: &Matrix) -> Vec<Rational> {
+    (0..m.n_rows()).flat_map(|i| m.row(i).to_vec()).collect()
+}
+
+/// The algebra spanned by linearly independent matrices that are closed under commutators.
+fn from_matrices(name: &str, matrices: &[Matrix]) -> Result<LieAlgebra, Error> {
+    let n = matrices.len();
+    let size = matrices.first().map_or(0, |m| m.n_rows() * m.n_columns());
+    let mut targets = Vec::new();
+    for a in 0..n {
+        for b in a + 1..n {
+            let c = matrices[a].times(&matrices[b]).minus(&matrices[b].times(&matrices[a]));
+            targets.push((a, b, flatten(&c)));
+        }
+    }
+    // One elimination answers all brackets: columns are the basis, then every commutator.
+    let mut wide = Matrix::zeros(size, n + targets.len());
+    for (k, column) in matrices.iter().map(flatten).chain(targets.iter().map(|t| t.2.clone())).enumerate() {
+        for (i, q) in column.into_iter().enumerate() {
+            wide.set(i, k, q);
+        }
+    }
+    let (reduced, pivots) = wide.echelon();
+    if pivots.len() != n {
+        return Err(Error::Unsupported {
+            what: format!("an algebra {name} of matrices that are dependent or not closed under commutators"),
+            possible: "independent matrices whose commutators they span".into(),
+        });
+    }
+    let brackets: Vec<_> = targets
+        .iter()
+        .enumerate()
+        .map(|(k, (a, b, _))| {
+            let value = (0..n)
+                .map(|c| (c, reduced.get(c, n + k).clone()))
+                .filter(|(_, q)| !q.is_zero())
+                .collect::<Vec<_>>();
+            (*a, *b, value)
+        })
+        .collect();
+    let basis = (1..=n).map(|k| format!("e{k}")).collect();
+    LieAlgebra::from_brackets(name, basis, &brackets).map_err(|mut e| e.remove(0))
+}
+
+fn sized(family: &str, n: usize, least: usize) -> Result<(), Error> {
+    if (least..=MAX_SIZE).contains(&n) {
+        return Ok(());
+    }
+    Err(Error::Unsupported {
+        what: format!("{family}({n})"),
+        possible: format!("{family}(n) with n from {least} to {MAX_SIZE}"),
+    })
+}
+
+impl LieAlgebra {
+    /// so(n). For `n = 3` the basis is that of R^3 with `[a, b] = a x b`; otherwise `E_ij - E_ji`, `i < j`.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] for `n < 2` or too large.
+    pub fn so(n: usize) -> Result<LieAlgebra, Error> {
+        sized("so", n, 2)?;
+        from_matrices(&format!("so({n})"), &so_matrices(n))
+    }
+
+    /// gl(n) in the basis `E_ij`, row-major.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] for `n < 1` or too large.
+    pub fn gl(n: usize) -> Result<LieAlgebra, Error> {
+        sized("gl", n, 1)?;
+        from_matrices(&format!("gl({n})"), &gl_matrices(n))
+    }
+
+    /// sl(n) in the basis `E_ij` (`i != j`, row-major), `E_kk - E_{k+1,k+1}`.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] for `n < 2` or too large.
+    pub fn sl(n: usize) -> Result<LieAlgebra, Error> {
+        sized("sl", n, 2)?;
+        from_matrices(&format!("sl({n})"), &sl_matrices(n))
+    }
+
+    /// su(n) in the basis `E_jk - E_kj`, `i(E_jk + E_kj)` (`j < k`), `i(E_kk - E_{k+1,k+1})`: integer constants.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] for `n < 2` or too large.
+    pub fn su(n: usize) -> Result<LieAlgebra, Error> {
+        sized("su", n, 2)?;
+        from_matrices(&format!("su({n})"), &su_matrices(n))
+    }
+
+    /// se(n) = so(n) |x R^n; se(2) has slots `omega` and `v`, se(3) rotation and translation.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] for `n < 2` or too large.
+    pub fn se(n: usize) -> Result<LieAlgebra, Error> {
+        sized("se", n, 2)?;
+        let so = LieAlgebra::so(n)?;
+        // The generator of so(2) turns counter-clockwise, so that theta_dot = omega: E_21 - E_12.
+        let space = if n == 2 {
+            let turn = unit(2, 1, 0).minus(&unit(2, 0, 1));
+            Representation::from_matrices("standard", &so, vec![turn])?
+        } else {
+            Representation::from_matrices("standard", &so, so_matrices(n))?
+        };
+        Ok(LieAlgebra::semidirect(&so, &[space])?.renamed(&format!("se({n})")))
+    }
+
+    /// The abelian algebra R^n.
+    pub fn abelian(n: usize) -> LieAlgebra {
+        let basis = (1..=n).map(|k| format!("e{k}")).collect();
+        LieAlgebra::from_brackets(&format!("R^{n}"), basis, &[]).expect("an abelian algebra satisfies Jacobi")
+    }
+
+    /// The Heisenberg algebra of dimension `2n + 1`: slots `q`, `p`, `z` with `[q_k, p_k] = z`.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] for `n < 1` or too large.
+    pub fn heisenberg(n: usize) -> Result<LieAlgebra, Error> {
+        sized("heisenberg", n, 1)?;
+        let brackets: Vec<_> = (0..n).map(|k| (k, n + k, vec![(2 * n, Rational::one())])).collect();
+        let basis = (1..=2 * n + 1).map(|k| format!("e{k}")).collect();
+        let slot = |name: &str, dim| Slot { name: name.to_owned(), dim };
+        let slots = vec![slot("q", n), slot("p", n), slot("z", 1)];
+        LieAlgebra::with_slots(&format!("heisenberg({n})"), slots, basis, &brackets)
+            .map_err(|mut e| e.remove(0))
+    }
+}

@@ -1,0 +1,134 @@
+//! Representations of Lie algebras by rational matrices.
+
+use num_traits::Zero;
+
+use crate::error::Error;
+use crate::expr::Rational;
+
+use super::lie::LieAlgebra;
+use super::matrix::Matrix;
+
+/// Matrices `rho(e_a)` with `rho([e_a, e_b]) = rho(e_a) rho(e_b) - rho(e_b) rho(e_a)`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Representation {
+    name: String,
+    dim: usize,
+    matrices: Vec<Matrix>,
+}
+
+impl Representation {
+    /// A representation by given matrices, one per basis element.
+    ///
+    /// # Errors
+    /// [`Error::ShapeMismatch`], or [`Error::NotARepresentation`] naming the pair and the entry.
+    pub fn from_matrices(
+        name: &str,
+        algebra: &LieAlgebra,
+        matrices: Vec<Matrix>,
+    ) -> Result<Representation, Error> {
+        let expected = algebra.dim();
+        if matrices.len() != expected {
+            let what = format!("representation {name}");
+            return Err(Error::ShapeMismatch { what, found: matrices.len(), expected });
+        }
+        let dim = matrices.first().map_or(0, Matrix::n_rows);
+        for (m, element) in matrices.iter().zip(algebra.basis()) {
+            let bad = [m.n_rows(), m.n_columns()].into_iter().find(|n| *n != dim);
+            if let Some(found) = bad {
+                let what = format!("matrix of {element} in {name}");
+                return Err(Error::ShapeMismatch { what, found, expected: dim });
+            }
+        }
+        let representation = Representation { name: name.to_owned(), dim, matrices };
+        representation.verify(algebra)?;
+        Ok(representation)
+    }
+
+    fn verify(&self, algebra: &LieAlgebra) -> Result<(), Error> {
+        for a in 0..algebra.dim() {
+            for b in a + 1..algebra.dim() {
+                let (ma, mb) = (&self.matrices[a], &self.matrices[b]);
+                let mut residual = Matrix::zeros(self.dim, self.dim).minus(&ma.times(mb).minus(&mb.times(ma)));
+                for (c, q) in algebra.bracket(a, b) {
+                    for i in 0..self.dim {
+                        for j in 0..self.dim {
+                            let sum = residual.get(i, j) + &q * self.matrices[c].get(i, j);
+                            residual.set(i, j, sum);
+                        }
+                    }
+                }
+                let entries = (0..self.dim).flat_map(|i| (0..self.dim).map(move |j| (i, j)));
+                if let Some((i, j)) = entries.into_iter().find(|(i, j)| !residual.get(*i, *j).is_zero()) {
+                    return Err(Error::NotARepresentation {
+                        pair: [a, b].map(|k| algebra.basis()[k].clone()),
+                        entry: (i + 1, j + 1),
+                        residual: residual.get(i, j).to_string(),
+                    });
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The defining representation of so(n), gl(n) or sl(n) on R^n; `None` for other algebras.
+    pub fn standard(algebra: &LieAlgebra) -> Option<Representation> {
+        let matrices = super::named::defining_matrices(algebra.name())?;
+        let dim = matrices.first().map_or(0, Matrix::n_rows);
+        Some(Representation { name: "standard".into(), dim, matrices })
+    }
+
+    /// The adjoint representation `x -> [e_a, x]`.
+    pub fn adjoint(algebra: &LieAlgebra) -> Representation {
+        let matrices = (0..algebra.dim()).map(|a| algebra.ad(a)).collect();
+        Representation { name: "adjoint".into(), dim: algebra.dim(), matrices }
+    }
+
+    /// The coadjoint representation, dual of the adjoint one.
+    pub fn coadjoint(algebra: &LieAlgebra) -> Representation {
+        let mut r = Representation::adjoint(algebra).dual();
+        r.name = "coadjoint".into();
+        r
+    }
+
+    /// The dual representation `-rho(e_a)^T`.
+    pub fn dual(&self) -> Representation {
+        let zero = Matrix::zeros(self.dim, self.dim);
+        let matrices = self.matrices.iter().map(|m| zero.minus(&m.transposed())).collect();
+        Representation { name: format!("dual({})", self.name), dim: self.dim, matrices }
+    }
+
+    /// The trivial representation on R^n.
+    pub fn trivial(algebra: &LieAlgebra, n: usize) -> Representation {
+        let matrices = vec![Matrix::zeros(n, n); algebra.dim()];
+        Representation { name: format!("trivial({n})"), dim: n, matrices }
+    }
+
+    /// The name.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Dimension of the space acted on.
+    pub fn dim(&self) -> usize {
+        self.dim
+    }
+
+    /// Number of matrices, the dimension of the algebra.
+    pub fn n_generators(&self) -> usize {
+        self.matrices.len()
+    }
+
+    /// `rho(e_a)`.
+    pub fn matrix(&self, a: usize) -> &Matrix {
+        &self.matrices[a]
+    }
+
+    /// `rho(e_a) v`.
+    pub fn act(&self, a: usize, v: &[Rational]) -> Vec<Rational> {
+        (0..self.dim)
+            .map(|i| {
+                self.matrices[a].row(i).iter().zip(v).fold(Rational::zero(), |sum, (m, x)| sum + m * x)
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,102 @@
+use super::*;
+use crate::error::Error;
+use crate::expr::Rational;
+
+fn q(n: i64) -> Rational {
+    Rational::from_integer(n.into())
+}
+
+#[test]
+fn named_algebras_have_the_textbook_brackets() {
+    let so3 = LieAlgebra::so(3).unwrap();
+    for (a, b, c) in [(0, 1, 2), (1, 2, 0), (2, 0, 1)] {
+        assert_eq!(so3.bracket(a, b), vec![(c, q(1))]);
+    }
+    let se2 = LieAlgebra::se(2).unwrap();
+    // x' = v1 cos - v2 sin: ad_omega turns v1 into v2 and v2 into -v1.
+    assert_eq!(se2.bracket(0, 1), vec![(2, q(1))]);
+    assert_eq!(se2.bracket(0, 2), vec![(1, q(-1))]);
+    let se3 = LieAlgebra::se(3).unwrap();
+    assert_eq!(se3.dim(), 6);
+    assert_eq!(se3.bracket(0, 4), vec![(5, q(1))]);
+    assert_eq!(se3.slots().iter().map(|s| s.dim).collect::<Vec<_>>(), [3, 3]);
+    let h = LieAlgebra::heisenberg(2).unwrap();
+    assert_eq!(h.bracket(1, 3), vec![(4, q(1))]);
+}
+
+#[test]
+fn every_named_algebra_satisfies_jacobi_and_is_not_trivial() {
+    let all = [
+        LieAlgebra::so(4),
+        LieAlgebra::so(5),
+        LieAlgebra::su(2),
+        LieAlgebra::su(3),
+        LieAlgebra::gl(3),
+        LieAlgebra::sl(3),
+        LieAlgebra::se(4),
+    ];
+    for algebra in all {
+        let algebra = algebra.unwrap();
+        let copies: Vec<_> = algebra.brackets().map(|(a, b, v)| (a, b, v.to_vec())).collect();
+        assert!(!copies.is_empty());
+        let again = LieAlgebra::from_brackets("again", algebra.basis().to_vec(), &copies);
+        assert!(again.is_ok(), "{}", algebra.name());
+    }
+}
+
+#[test]
+fn a_broken_jacobi_identity_names_its_triple() {
+    let basis = ["e1", "e2", "e3"].map(String::from).to_vec();
+    let brackets = [(0, 1, vec![(0, q(2))]), (0, 2, vec![(1, q(1))]), (1, 2, vec![])];
+    let errors = LieAlgebra::from_brackets("broken", basis, &brackets).unwrap_err();
+    assert_eq!(errors.len(), 1);
+    assert_eq!(errors[0].to_string(), "bracket [e1, e2] fails Jacobi with e3: residual 2 e2");
+}
+
+#[test]
+fn contradicting_brackets_are_refused() {
+    let basis = ["a", "b"].map(String::from).to_vec();
+    let brackets = [(0, 1, vec![(0, q(1))]), (1, 0, vec![(0, q(1))])];
+    let errors = LieAlgebra::from_brackets("twice", basis.clone(), &brackets).unwrap_err();
+    assert_eq!(errors, [Error::NotAntisymmetric { a: "b".into(), b: "a".into() }]);
+    let consistent = [(0, 1, vec![(0, q(1))]), (1, 0, vec![(0, q(-1))])];
+    assert!(LieAlgebra::from_brackets("twice", basis, &consistent).is_ok());
+}
+
+#[test]
+fn representations_are_verified() {
+    let so3 = LieAlgebra::so(3).unwrap();
+    let adjoint = Representation::adjoint(&so3);
+    let standard = Representation::standard(&so3).unwrap();
+    assert_eq!(adjoint.matrix(1), standard.matrix(1));
+    let mut wrong: Vec<Matrix> = (0..3).map(|a| standard.matrix(a).clone()).collect();
+    wrong[2] = wrong[2].transposed();
+    let error = Representation::from_matrices("rho", &so3, wrong).unwrap_err();
+    assert!(matches!(error, Error::NotARepresentation { .. }), "{error}");
+    let su2 = LieAlgebra::su(2).unwrap();
+    let dual = Representation::coadjoint(&su2);
+    let matrices = (0..3).map(|a| dual.matrix(a).clone()).collect();
+    assert!(Representation::from_matrices("coadjoint", &su2, matrices).is_ok());
+}
+
+#[test]
+fn semidirect_product_of_two_copies_is_se2_3() {
+    let so3 = LieAlgebra::so(3).unwrap();
+    let v = Representation::standard(&so3).unwrap();
+    let g = LieAlgebra::semidirect(&so3, &[v.clone(), v]).unwrap();
+    assert_eq!(g.dim(), 9);
+    assert_eq!(g.bracket(0, 7), vec![(8, q(1))]);
+    assert_eq!(g.bracket(3, 7), vec![]);
+    let copies: Vec<_> = g.brackets().map(|(a, b, v)| (a, b, v.to_vec())).collect();
+    assert!(LieAlgebra::from_brackets("se2_3", g.basis().to_vec(), &copies).is_ok());
+}
+
+#[test]
+fn a_change_of_basis_and_back_is_the_identity() {
+    let g = LieAlgebra::se(2).unwrap();
+    let rows = [[1, 2, 0], [0, 1, 3], [1, 0, 1]].map(|r| r.map(q).to_vec());
+    let p = Matrix::from_rows(&rows).unwrap();
+    let there = g.change_basis(&p).unwrap();
+    assert_ne!(there, g);
+    assert_eq!(there.change_basis(&p.inverse().unwrap()).unwrap(), g);
+}

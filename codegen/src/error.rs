@@ -1,0 +1,249 @@
+//! Every error of the crate. Variants carry data; the text says what is wrong and what to change.
+
+use std::fmt;
+
+use crate::expr::Rational;
+
+/// What can be wrong with a system, from its algebra to its emitted code.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Error {
+    /// A bracket was given twice with different values, or `[e, e]` is not zero.
+    NotAntisymmetric {
+        /// First basis element.
+        a: String,
+        /// Second basis element.
+        b: String,
+    },
+    /// The Jacobi identity fails for a triple of basis elements.
+    JacobiViolated {
+        /// The triple.
+        triple: [String; 3],
+        /// `[[a, b], c] + [[b, c], a] + [[c, a], b]`, spelled out.
+        residual: String,
+    },
+    /// The anchor is not a homomorphism of brackets.
+    AnchorViolated {
+        /// The pair of sections.
+        pair: [String; 2],
+        /// Component of the base whose coefficient differs.
+        component: String,
+        /// `[rho(a), rho(b)] - rho([a, b])` in that component.
+        residual: String,
+    },
+    /// Matrices do not represent the algebra.
+    NotARepresentation {
+        /// The pair of basis elements.
+        pair: [String; 2],
+        /// Row and column, from 1, where `rho([a, b]) - [rho(a), rho(b)]` does not vanish.
+        entry: (usize, usize),
+        /// Its value there.
+        residual: String,
+    },
+    /// A construction that exists only for other algebras or sizes.
+    Unsupported {
+        /// What was asked for.
+        what: String,
+        /// What is possible.
+        possible: String,
+    },
+    /// Sizes that have to agree do not.
+    ShapeMismatch {
+        /// The object.
+        what: String,
+        /// Its size.
+        found: usize,
+        /// The size it should have.
+        expected: usize,
+    },
+    /// A name is not known where it stands.
+    UnknownName {
+        /// The name.
+        name: String,
+        /// What kind of thing it should name.
+        kind: &'static str,
+        /// The names that exist.
+        known: Vec<String>,
+    },
+    /// A stage is not contained in the one above it.
+    NotNested {
+        /// Name of the stage.
+        stage: String,
+        /// Name of the stage above.
+        above: String,
+    },
+    /// A stage is not an ideal of the one above it.
+    NotAnIdeal {
+        /// Name of the stage.
+        stage: String,
+        /// Name of the stage above.
+        above: String,
+        /// An element of the stage above and one of the stage whose bracket leaves the stage.
+        pair: [String; 2],
+        /// That bracket.
+        bracket: String,
+    },
+    /// A stage has the dimension of the one above it, or is zero.
+    EmptyStage {
+        /// Name of the stage.
+        stage: String,
+    },
+    /// An inner product is singular on a subspace that has to be split off.
+    DegenerateInnerProduct {
+        /// Name of the stage.
+        stage: String,
+    },
+    /// The bracket rebuilt from the stage forms is not the bracket that was split.
+    RebuiltBracketDiffers {
+        /// The pair of adapted basis elements.
+        pair: [String; 2],
+    },
+    /// A constraint follows from the others.
+    DependentConstraint {
+        /// The constraint as written.
+        constraint: String,
+    },
+    /// A constraint contradicts the others.
+    InconsistentConstraint {
+        /// The constraint as written.
+        constraint: String,
+    },
+    /// A constraint is not affine in the velocities.
+    NotAffine {
+        /// The constraint as written.
+        constraint: String,
+    },
+    /// The velocities asked to be independent do not determine the others.
+    NotSolvable {
+        /// The velocities that were to be dependent.
+        dependent: Vec<String>,
+        /// A choice that works.
+        possible: Vec<String>,
+    },
+    /// The mass matrix is singular everywhere.
+    SingularMassMatrix {
+        /// A direction of the velocity space with zero inertia.
+        direction: String,
+    },
+    /// The number of independent velocities asked for is not the number there is.
+    WrongNumberOfIndependent {
+        /// How many were named.
+        found: usize,
+        /// How many there are.
+        expected: usize,
+    },
+    /// A division by something that vanishes identically.
+    DivisionByZero {
+        /// Where it happened.
+        place: String,
+    },
+    /// Emitted text does not parse as Rust; a bug of the emitter, never of the model.
+    Emission {
+        /// The model.
+        model: String,
+        /// What the parser said.
+        reason: String,
+    },
+    /// A lowered program breaks a rule of the intermediate form; a bug of a pass.
+    Program {
+        /// What is wrong.
+        reason: String,
+    },
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Error::NotAntisymmetric { a, b } => {
+                write!(f, "bracket [{a}, {b}] is not antisymmetric; give each pair once and leave [e, e] out")
+            }
+            Error::JacobiViolated { triple: [a, b, c], residual } => {
+                write!(f, "bracket [{a}, {b}] fails Jacobi with {c}: residual {residual}")
+            }
+            Error::AnchorViolated { pair: [a, b], component, residual } => write!(
+                f,
+                "action of [{a}, {b}] is not the commutator of their actions: residual {residual} in {component}"
+            ),
+            Error::NotARepresentation { pair: [a, b], entry: (row, column), residual } => write!(
+                f,
+                "matrices of {a} and {b} do not represent [{a}, {b}]: residual {residual} in row {row}, column {column}"
+            ),
+            Error::Unsupported { what, possible } => write!(f, "{what} does not exist; possible: {possible}"),
+            Error::ShapeMismatch { what, found, expected } => {
+                write!(f, "{what} has size {found}, expected {expected}")
+            }
+            Error::UnknownName { name, kind, known } => {
+                write!(f, "{name} is not a {kind}; known: {}", known.join(", "))
+            }
+            Error::NotNested { stage, above } => {
+                write!(f, "stage {stage} is not contained in stage {above}; every ideal lies in the one above it")
+            }
+            Error::NotAnIdeal { stage, above, pair: [a, b], bracket } => write!(
+                f,
+                "stage {stage} is not an ideal of {above}: [{a}, {b}] = {bracket} leaves it; add the missing directions"
+            ),
+            Error::EmptyStage { stage } => {
+                write!(f, "stage {stage} splits nothing off; it has to be smaller than the stage above and not zero")
+            }
+            Error::DegenerateInnerProduct { stage } => write!(
+                f,
+                "inner product is degenerate on stage {stage}, so the stage has no orthogonal complement; use a definite one"
+            ),
+            Error::RebuiltBracketDiffers { pair: [a, b] } => {
+                write!(f, "bracket [{a}, {b}] rebuilt from the stage forms differs from the original")
+            }
+            Error::DependentConstraint { constraint } => {
+                write!(f, "constraint {constraint} follows from the others; remove it")
+            }
+            Error::InconsistentConstraint { constraint } => {
+                write!(f, "constraint {constraint} contradicts the others; no velocity satisfies all of them")
+            }
+            Error::NotAffine { constraint } => {
+                write!(f, "constraint {constraint} is not affine in the velocities")
+            }
+            Error::NotSolvable { dependent, possible } => write!(
+                f,
+                "constraints cannot be solved for {}; solvable for {}",
+                dependent.join(", "),
+                possible.join(", ")
+            ),
+            Error::SingularMassMatrix { direction } => {
+                write!(f, "mass matrix is singular everywhere: no inertia along {direction}")
+            }
+            Error::WrongNumberOfIndependent { found, expected } => {
+                write!(f, "independent names {found} velocities; the constraints leave {expected}")
+            }
+            Error::DivisionByZero { place } => {
+                write!(f, "division by an expression that is identically zero in {place}")
+            }
+            Error::Emission { model, reason } => {
+                write!(f, "code emitted for {model} is not Rust: {reason}; please report this")
+            }
+            Error::Program { reason } => write!(f, "lowered program is malformed: {reason}; please report this"),
+        }
+    }
+}
+
+impl std::error::Error for Error {}
+
+/// Spells a rational vector in a basis: `2 e1 - 1/2 e3`, or `0`.
+pub(crate) fn spell_vector(basis: &[String], vector: &[Rational]) -> String {
+    let mut text = String::new();
+    let zero = Rational::from_integer(0.into());
+    let one = Rational::from_integer(1.into());
+    for (name, q) in basis.iter().zip(vector).filter(|(_, q)| **q != zero) {
+        let negative = *q < zero;
+        let magnitude = if negative { -q } else { q.clone() };
+        text.push_str(match (text.is_empty(), negative) {
+            (true, false) => "",
+            (true, true) => "-",
+            (false, false) => " + ",
+            (false, true) => " - ",
+        });
+        if magnitude != one {
+            text.push_str(&format!("{magnitude} "));
+        }
+        text.push_str(name);
+    }
+    if text.is_empty() { "0".into() } else { text }
+}

@@ -1,0 +1,989 @@
+//! The arena, its canonical constructors, differentiation, substitution and the zero test.
+
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::fmt;
+
+use num_bigint::BigInt;
+use num_traits::{One, Signed, ToPrimitive, Zero};
+
+use super::fingerprint::{self, Fingerprint, Verdict};
+use super::rational::{Rational, rational_to_f64};
+
+/// Handle of an expression; equal handles are equal expressions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct ExprId(u32);
+
+impl ExprId {
+    /// Position in the arena; operands have smaller positions than the nodes that use them.
+    pub fn index(self) -> usize {
+        self.0 as usize
+    }
+}
+
+/// Handle of a symbol. Symbols are distinct even when their names are equal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct SymbolId(u32);
+
+impl SymbolId {
+    /// Position in the graph's symbol table.
+    pub fn index(self) -> usize {
+        self.0 as usize
+    }
+}
+
+/// Elementary functions of one argument. Square roots are powers with exponent 1/2.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[expect(missing_docs, reason = "the variants are the functions they are named after")]
+pub enum Func {
+    Sin,
+    Cos,
+    Tan,
+    Asin,
+    Acos,
+    Atan,
+    Exp,
+    Ln,
+    Sinh,
+    Cosh,
+    Tanh,
+    Abs,
+}
+
+impl Func {
+    /// All functions, in a fixed order.
+    pub const ALL: [Func; 12] = [
+        Func::Sin,
+        Func::Cos,
+        Func::Tan,
+        Func::Asin,
+        Func::Acos,
+        Func::Atan,
+        Func::Exp,
+        Func::Ln,
+        Func::Sinh,
+        Func::Cosh,
+        Func::Tanh,
+        Func::Abs,
+    ];
+
+    /// The name in the model language and in emitted code.
+    pub fn name(self) -> &'static str {
+        match self {
+            Func::Sin => "sin",
+            Func::Cos => "cos",
+            Func::Tan => "tan",
+            Func::Asin => "asin",
+            Func::Acos => "acos",
+            Func::Atan => "atan",
+            Func::Exp => "exp",
+            Func::Ln => "ln",
+            Func::Sinh => "sinh",
+            Func::Cosh => "cosh",
+            Func::Tanh => "tanh",
+            Func::Abs => "abs",
+        }
+    }
+
+    /// The function of that name.
+    pub fn from_name(name: &str) -> Option<Func> {
+        Func::ALL.into_iter().find(|f| f.name() == name)
+    }
+
+    /// The value, through the functions that emitted code calls.
+    pub fn eval(self, x: f64) -> f64 {
+        use hamel_runtime::Real;
+        match self {
+            Func::Sin => Real::sin(x),
+            Func::Cos => Real::cos(x),
+            Func::Tan => Real::tan(x),
+            Func::Asin => Real::asin(x),
+            Func::Acos => Real::acos(x),
+            Func::Atan => Real::atan(x),
+            Func::Exp => Real::exp(x),
+            Func::Ln => Real::ln(x),
+            Func::Sinh => Real::sinh(x),
+            Func::Cosh => Real::cosh(x),
+            Func::Tanh => Real::tanh(x),
+            Func::Abs => Real::abs(x),
+        }
+    }
+}
+
+/// A canonical node.
+///
+/// Invariants: a sum has at least two entries counting a non-zero constant, its terms are distinct, sorted, not
+/// constants, not sums and have unit coefficient; a product's factors are distinct, sorted, with non-zero exponents and
+/// its coefficient is non-zero; `1 * x^1` is `x` itself.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub enum Node {
+    /// An exact rational.
+    Constant(Rational),
+    /// The ratio of a circle's circumference to its diameter.
+    Pi,
+    /// A named unknown.
+    Symbol(SymbolId),
+    /// `constant + sum_k coefficient_k * term_k`.
+    Sum {
+        /// The constant summand, often zero.
+        constant: Rational,
+        /// Terms and their non-zero coefficients.
+        terms: Box<[(ExprId, Rational)]>,
+    },
+    /// `coefficient * prod_k base_k ^ exponent_k`.
+    Product {
+        /// The non-zero rational factor.
+        coefficient: Rational,
+        /// Bases and their non-zero exponents.
+        factors: Box<[(ExprId, Rational)]>,
+    },
+    /// An elementary function of an expression.
+    Function(Func, ExprId),
+}
+
+impl Node {
+    /// Calls `visit` on every operand.
+    pub fn for_each_operand(&self, mut visit: impl FnMut(ExprId)) {
+        match self {
+            Node::Constant(_) | Node::Pi | Node::Symbol(_) => {}
+            Node::Sum { terms: list, .. } | Node::Product { factors: list, .. } => {
+                list.iter().for_each(|(e, _)| visit(*e));
+            }
+            Node::Function(_, argument) => visit(*argument),
+        }
+    }
+}
+
+/// An expression was divided by an expression that is identically zero.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DivisionByZero;
+
+impl fmt::Display for DivisionByZero {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("division by an expression that is identically zero")
+    }
+}
+
+impl std::error::Error for DivisionByZero {}
+
+#[derive(Clone, Debug)]
+struct SymbolEntry {
+    name: String,
+    fingerprint: Fingerprint,
+}
+
+/// Arena of hash-consed expressions and their symbols.
+///
+/// ```
+/// use hamel_codegen::expr::{Func, Graph};
+/// let mut g = Graph::new();
+/// let theta = g.symbol("theta");
+/// let theta = g.sym(theta);
+/// let (s, c) = (g.func(Func::Sin, theta), g.func(Func::Cos, theta));
+/// let (s2, c2, one) = (g.powi(s, 2), g.powi(c, 2), g.one());
+/// let circle = g.sum(&[s2, c2]);
+/// let zero = g.sub(circle, one);
+/// assert!(g.is_zero(zero));
+/// ```
+#[derive(Clone, Debug)]
+pub struct Graph {
+    nodes: Vec<Node>,
+    fingerprints: Vec<Fingerprint>,
+    index: HashMap<Node, ExprId>,
+    symbols: Vec<SymbolEntry>,
+    zero: ExprId,
+    one: ExprId,
+}
+
+impl Default for Graph {
+    fn default() -> Self {
+        Graph::new()
+    }
+}
+
+impl Graph {
+    /// An empty graph.
+    pub fn new() -> Graph {
+        let mut graph = Graph {
+            nodes: Vec::new(),
+            fingerprints: Vec::new(),
+            index: HashMap::new(),
+            symbols: Vec::new(),
+            zero: ExprId(0),
+            one: ExprId(1),
+        };
+        graph.intern(Node::Constant(Rational::zero()));
+        graph.intern(Node::Constant(Rational::one()));
+        graph
+    }
+
+    /// Number of nodes made so far.
+    pub fn n_nodes(&self) -> usize {
+        self.nodes.len()
+    }
+
+    /// The node behind a handle.
+    pub fn node(&self, e: ExprId) -> &Node {
+        &self.nodes[e.index()]
+    }
+
+    fn intern(&mut self, node: Node) -> ExprId {
+        if let Some(id) = self.index.get(&node) {
+            return *id;
+        }
+        let fingerprint = self.fingerprint_of(&node);
+        let id = ExprId(u32::try_from(self.nodes.len()).expect("fewer than 2^32 expressions fit in memory"));
+        self.nodes.push(node.clone());
+        self.fingerprints.push(fingerprint);
+        self.index.insert(node, id);
+        id
+    }
+
+    // ---- leaves ---------------------------------------------------------------------------------------------------
+
+    /// A new symbol, distinct from every other one.
+    pub fn symbol(&mut self, name: &str) -> SymbolId {
+        let key = self.symbols.len() as u64;
+        self.push_symbol(name, fingerprint::opaque(key))
+    }
+
+    /// A new symbol that stands for `definition`: it prints and evaluates as a name, while zero tests see through it.
+    pub fn define(&mut self, name: &str, definition: ExprId) -> SymbolId {
+        let fingerprint = self.fingerprints[definition.index()];
+        self.push_symbol(name, fingerprint)
+    }
+
+    fn push_symbol(&mut self, name: &str, fingerprint: Fingerprint) -> SymbolId {
+        let id = SymbolId(u32::try_from(self.symbols.len()).expect("fewer than 2^32 symbols fit in memory"));
+        self.symbols.push(SymbolEntry { name: name.to_owned(), fingerprint });
+        id
+    }
+
+    /// Name of a symbol.
+    pub fn name(&self, s: SymbolId) -> &str {
+        &self.symbols[s.index()].name
+    }
+
+    /// Number of symbols made so far.
+    pub fn n_symbols(&self) -> usize {
+        self.symbols.len()
+    }
+
+    /// A symbol as an expression.
+    pub fn sym(&mut self, s: SymbolId) -> ExprId {
+        self.intern(Node::Symbol(s))
+    }
+
+    /// The integer `n`.
+    pub fn int(&mut self, n: i64) -> ExprId {
+        self.rational(Rational::from(BigInt::from(n)))
+    }
+
+    /// An exact rational.
+    pub fn rational(&mut self, q: Rational) -> ExprId {
+        self.intern(Node::Constant(q))
+    }
+
+    /// The number pi.
+    pub fn pi(&mut self) -> ExprId {
+        self.intern(Node::Pi)
+    }
+
+    /// Zero.
+    pub fn zero(&self) -> ExprId {
+        self.zero
+    }
+
+    /// One.
+    pub fn one(&self) -> ExprId {
+        self.one
+    }
+
+    // ---- canonical constructors -------------------------------------------------------------------------------------
+
+    /// `a + b`.
+    pub fn add(&mut self, a: ExprId, b: ExprId) -> ExprId {
+        self.sum(&[a, b])
+    }
+
+    /// `a - b`.
+    pub fn sub(&mut self, a: ExprId, b: ExprId) -> ExprId {
+        let minus = self.neg(b);
+        self.sum(&[a, minus])
+    }
+
+    /// `-a`.
+    pub fn neg(&mut self, a: ExprId) -> ExprId {
+        self.scale(a, &-Rational::one())
+    }
+
+    /// `a * b`.
+    pub fn mul(&mut self, a: ExprId, b: ExprId) -> ExprId {
+        self.product(&[a, b])
+    }
+
+    /// `a / b`.
+    ///
+    /// # Errors
+    /// [`DivisionByZero`] when `b` is identically zero.
+    pub fn div(&mut self, a: ExprId, b: ExprId) -> Result<ExprId, DivisionByZero> {
+        let inverse = self.pow(b, &-Rational::one())?;
+        Ok(self.mul(a, inverse))
+    }
+
+    /// `q * a`; a rational factor is distributed over a sum.
+    pub fn scale(&mut self, a: ExprId, q: &Rational) -> ExprId {
+        if q.is_zero() {
+            return self.zero;
+        }
+        if q.is_one() {
+            return a;
+        }
+        match self.node(a).clone() {
+            Node::Constant(c) => self.rational(c * q),
+            Node::Sum { constant, terms } => {
+                let terms = terms.iter().map(|(e, c)| (*e, c * q)).collect();
+                self.intern(Node::Sum { constant: constant * q, terms })
+            }
+            Node::Product { coefficient, factors } => self.product_node(coefficient * q, factors),
+            _ => self.product_node(q.clone(), Box::new([(a, Rational::one())])),
+        }
+    }
+
+    /// The sum of any number of expressions: flattened, merged, sorted.
+    pub fn sum(&mut self, summands: &[ExprId]) -> ExprId {
+        let weighted: Vec<_> = summands.iter().map(|e| (*e, Rational::one())).collect();
+        self.linear_combination(&weighted)
+    }
+
+    /// `sum_k q_k e_k`.
+    pub fn linear_combination(&mut self, summands: &[(ExprId, Rational)]) -> ExprId {
+        let mut constant = Rational::zero();
+        let mut merged: BTreeMap<ExprId, Rational> = BTreeMap::new();
+        for (e, q) in summands {
+            match self.node(*e).clone() {
+                Node::Constant(c) => constant += c * q,
+                Node::Sum { constant: inner, terms } => {
+                    constant += inner * q;
+                    for (term, c) in terms.iter() {
+                        *merged.entry(*term).or_insert_with(Rational::zero) += c * q;
+                    }
+                }
+                _ => {
+                    let (coefficient, monic) = self.split_coefficient(*e);
+                    *merged.entry(monic).or_insert_with(Rational::zero) += coefficient * q;
+                }
+            }
+        }
+        let terms: Vec<_> = merged.into_iter().filter(|(_, c)| !c.is_zero()).collect();
+        match (terms.as_slice(), constant.is_zero()) {
+            ([], _) => self.rational(constant),
+            ([(e, c)], true) => {
+                let (e, c) = (*e, c.clone());
+                self.scale(e, &c)
+            }
+            _ => self.intern(Node::Sum { constant, terms: terms.into() }),
+        }
+    }
+
+    /// Writes `e = q * monic` with a rational `q`; sums are left alone.
+    pub fn split_coefficient(&mut self, e: ExprId) -> (Rational, ExprId) {
+        match self.node(e) {
+            Node::Product { coefficient, factors } if !coefficient.is_one() => {
+                let (coefficient, factors) = (coefficient.clone(), factors.clone());
+                (coefficient, self.product_node(Rational::one(), factors))
+            }
+            _ => (Rational::one(), e),
+        }
+    }
+
+    fn product_node(&mut self, coefficient: Rational, factors: Box<[(ExprId, Rational)]>) -> ExprId {
+        match &*factors {
+            [] => self.rational(coefficient),
+            [(base, exponent)] if exponent.is_one() => {
+                if coefficient.is_one() {
+                    *base
+                } else if matches!(self.node(*base), Node::Sum { .. }) {
+                    self.scale(*base, &coefficient)
+                } else {
+                    self.intern(Node::Product { coefficient, factors })
+                }
+            }
+            _ => self.intern(Node::Product { coefficient, factors }),
+        }
+    }
+
+    /// The product of any number of expressions: flattened, exponents merged, sorted, coefficient in front.
+    pub fn product(&mut self, operands: &[ExprId]) -> ExprId {
+        let weighted: Vec<_> = operands.iter().map(|e| (*e, Rational::one())).collect();
+        self.power_product(&weighted).expect("exponents are positive")
+    }
+
+    /// `prod_k e_k ^ q_k`.
+    ///
+    /// Exponents of equal bases are added, which presumes bases of non-integer powers to be positive, as square roots
+    /// in a real model are.
+    ///
+    /// # Errors
+    /// [`DivisionByZero`] for a zero base with a negative exponent.
+    pub fn power_product(&mut self, operands: &[(ExprId, Rational)]) -> Result<ExprId, DivisionByZero> {
+        let mut coefficient = Rational::one();
+        let mut merged: BTreeMap<ExprId, Rational> = BTreeMap::new();
+        let mut pending: Vec<(ExprId, Rational)> = operands.iter().rev().cloned().collect();
+        loop {
+            while let Some((e, q)) = pending.pop() {
+                if q.is_zero() {
+                    continue;
+                }
+                match self.node(e).clone() {
+                    Node::Constant(c) if c.is_zero() => {
+                        if q.is_negative() {
+                            return Err(DivisionByZero);
+                        }
+                        return Ok(self.zero);
+                    }
+                    Node::Constant(c) if q.is_integer() => coefficient *= rational_power(&c, &q),
+                    Node::Constant(c) => {
+                        if let Some(root) = exact_root(&c, &q) {
+                            coefficient *= root;
+                        } else {
+                            *merged.entry(e).or_insert_with(Rational::zero) += q;
+                        }
+                    }
+                    Node::Product { coefficient: c, factors } if q.is_integer() => {
+                        coefficient *= rational_power(&c, &q);
+                        pending.extend(factors.iter().rev().map(|(base, exponent)| (*base, exponent * &q)));
+                    }
+                    Node::Sum { .. } if q.is_integer() => {
+                        let (content, primitive) = self.primitive_part(e);
+                        coefficient *= rational_power(&content, &q);
+                        *merged.entry(primitive).or_insert_with(Rational::zero) += q;
+                    }
+                    _ => *merged.entry(e).or_insert_with(Rational::zero) += q,
+                }
+            }
+            // Merging can turn the half-integer power of a constant or product into an integer one: flatten it again.
+            let reducible: Vec<ExprId> = merged
+                .iter()
+                .filter(|(e, q)| match self.node(**e) {
+                    Node::Constant(_) => q.is_integer() || **q >= Rational::one() || q.is_negative(),
+                    Node::Product { .. } => q.is_integer(),
+                    Node::Sum { .. } => q.is_integer() && !self.is_primitive(**e),
+                    _ => q.is_zero(),
+                })
+                .map(|(e, _)| *e)
+                .collect();
+            if reducible.is_empty() {
+                break;
+            }
+            for e in reducible {
+                let Some(q) = merged.remove(&e) else { continue };
+                match self.node(e).clone() {
+                    Node::Constant(c) if !q.is_integer() => {
+                        // 2^(3/2) = 2 * 2^(1/2): the integer part joins the coefficient.
+                        let whole = q.floor();
+                        coefficient *= rational_power(&c, &whole);
+                        merged.insert(e, q - whole);
+                    }
+                    _ => pending.push((e, q)),
+                }
+            }
+        }
+        let factors: Vec<_> = merged.into_iter().filter(|(_, q)| !q.is_zero()).collect();
+        Ok(self.product_node(coefficient, factors.into()))
+    }
+
+    fn is_primitive(&self, e: ExprId) -> bool {
+        match self.node(e) {
+            Node::Sum { constant, terms } => content(constant, terms).is_one(),
+            _ => true,
+        }
+    }
+
+    /// Writes a sum as `q * primitive`, the primitive part having coprime integer coefficients and a positive first one.
+    pub fn primitive_part(&mut self, e: ExprId) -> (Rational, ExprId) {
+        let Node::Sum { constant, terms } = self.node(e) else { return (Rational::one(), e) };
+        let q = content(constant, terms);
+        let primitive = self.scale(e, &q.recip());
+        (q, primitive)
+    }
+
+    /// `a ^ n` for an integer `n`; `0 ^ n` with negative `n` is refused by [`Graph::pow`], so here `n >= 0`.
+    ///
+    /// # Panics
+    /// When `n` is negative and `a` is identically zero.
+    pub fn powi(&mut self, a: ExprId, n: i64) -> ExprId {
+        self.pow(a, &Rational::from(BigInt::from(n))).expect("caller gave a negative power of zero")
+    }
+
+    /// `a ^ q`.
+    ///
+    /// # Errors
+    /// [`DivisionByZero`] for a negative power of zero, also when only the zero test sees that `a` vanishes.
+    pub fn pow(&mut self, a: ExprId, q: &Rational) -> Result<ExprId, DivisionByZero> {
+        if q.is_negative() && self.is_zero(a) {
+            return Err(DivisionByZero);
+        }
+        self.power_product(&[(a, q.clone())])
+    }
+
+    /// The square root.
+    pub fn sqrt(&mut self, a: ExprId) -> ExprId {
+        let half = Rational::new(BigInt::one(), BigInt::from(2));
+        self.power_product(&[(a, half)]).expect("exponent is positive")
+    }
+
+    /// An elementary function; odd and even functions take a canonical sign, values at special points fold.
+    pub fn func(&mut self, f: Func, a: ExprId) -> ExprId {
+        if a == self.zero {
+            return match f {
+                Func::Cos | Func::Exp | Func::Cosh => self.one,
+                Func::Acos => {
+                    let pi = self.pi();
+                    self.scale(pi, &Rational::new(BigInt::one(), BigInt::from(2)))
+                }
+                Func::Ln => self.intern(Node::Function(f, a)),
+                _ => self.zero,
+            };
+        }
+        match f {
+            Func::Ln if a == self.one => return self.zero,
+            Func::Abs => {
+                if let Node::Constant(c) = self.node(a) {
+                    let c = c.abs();
+                    return self.rational(c);
+                }
+            }
+            Func::Tan => {
+                let (s, c) = (self.func(Func::Sin, a), self.func(Func::Cos, a));
+                // cos is not identically zero: its argument is not the constant pi/2 unless folded, handled by Err.
+                if let Ok(t) = self.div(s, c) {
+                    return t;
+                }
+            }
+            Func::Sin | Func::Cos => {
+                if let Some(value) = self.quarter_turn(f, a) {
+                    return value;
+                }
+            }
+            _ => {}
+        }
+        if self.leads_negative(a) {
+            let mirrored = self.neg(a);
+            match f {
+                Func::Cos | Func::Cosh | Func::Abs => return self.func(f, mirrored),
+                Func::Sin | Func::Asin | Func::Atan | Func::Sinh | Func::Tanh => {
+                    let value = self.func(f, mirrored);
+                    return self.neg(value);
+                }
+                _ => {}
+            }
+        }
+        self.intern(Node::Function(f, a))
+    }
+
+    fn quarter_turn(&mut self, f: Func, a: ExprId) -> Option<ExprId> {
+        let turns = match self.node(a) {
+            Node::Pi => Rational::from(BigInt::from(2)),
+            Node::Product { coefficient, factors } => match &**factors {
+                [(base, q)] if q.is_one() && *self.node(*base) == Node::Pi => {
+                    coefficient * Rational::from(BigInt::from(2))
+                }
+                _ => return None,
+            },
+            _ => return None,
+        };
+        if !turns.is_integer() {
+            return None;
+        }
+        let n = num_integer::Integer::mod_floor(turns.numer(), &BigInt::from(4)).to_i64()?;
+        let sines = [0, 1, 0, -1];
+        let quarter = if f == Func::Sin { n } else { (n + 1) % 4 };
+        let value = sines[quarter as usize];
+        Some(self.int(value))
+    }
+
+    fn leads_negative(&self, a: ExprId) -> bool {
+        match self.node(a) {
+            Node::Constant(c) | Node::Product { coefficient: c, .. } => c.is_negative(),
+            Node::Sum { terms, .. } => terms.first().is_some_and(|(_, c)| c.is_negative()),
+            _ => false,
+        }
+    }
+
+    // ---- questions ------------------------------------------------------------------------------------------------
+
+    fn fingerprint_of(&self, node: &Node) -> Fingerprint {
+        let fingerprint = |e: ExprId| self.fingerprints[e.index()];
+        match node {
+            Node::Constant(c) => fingerprint::constant(c),
+            Node::Pi => fingerprint::opaque(u64::MAX),
+            Node::Symbol(s) => self.symbols[s.index()].fingerprint,
+            Node::Sum { constant, terms } => {
+                let mut total = fingerprint::constant(constant);
+                for (e, q) in terms.iter() {
+                    let (q, value) = (fingerprint::constant(q), fingerprint(*e));
+                    for k in 0..fingerprint::POINTS {
+                        total[k] = match (total[k], q[k], value[k]) {
+                            (Some(t), Some(q), Some(v)) => Some(fingerprint::add(t, fingerprint::mul(q, v))),
+                            _ => None,
+                        };
+                    }
+                }
+                total
+            }
+            Node::Product { coefficient, factors } => {
+                let mut total = fingerprint::constant(coefficient);
+                for (e, q) in factors.iter() {
+                    let value = fingerprint::power(&fingerprint(*e), q);
+                    for k in 0..fingerprint::POINTS {
+                        total[k] = total[k].zip(value[k]).map(|(t, v)| fingerprint::mul(t, v));
+                    }
+                }
+                total
+            }
+            Node::Function(f @ (Func::Sin | Func::Cos), a) => {
+                let (cos, sin) = fingerprint::circle(&self.weighted_fingerprints(*a));
+                if *f == Func::Sin { sin } else { cos }
+            }
+            Node::Function(Func::Exp, a) => fingerprint::exponential(&self.weighted_fingerprints(*a)),
+            Node::Function(f, a) => fingerprint::opaque_of(*f as u64 + 1, &fingerprint(*a)),
+        }
+    }
+
+    /// The argument as a rational combination of terms, with the terms' fingerprints.
+    fn weighted_fingerprints(&self, a: ExprId) -> Vec<(Rational, Fingerprint)> {
+        let unit = fingerprint::constant(&Rational::one());
+        match self.node(a) {
+            Node::Constant(c) => vec![(c.clone(), unit)],
+            Node::Sum { constant, terms } => {
+                let mut list: Vec<_> =
+                    terms.iter().map(|(e, q)| (q.clone(), self.fingerprints[e.index()])).collect();
+                if !constant.is_zero() {
+                    list.push((constant.clone(), unit));
+                }
+                list
+            }
+            Node::Product { coefficient, factors } => {
+                let monic = Node::Product { coefficient: Rational::one(), factors: factors.clone() };
+                vec![(coefficient.clone(), self.fingerprint_of(&monic))]
+            }
+            _ => vec![(Rational::one(), self.fingerprints[a.index()])],
+        }
+    }
+
+    /// Whether the expression vanishes identically.
+    ///
+    /// `false` is proved whenever a fingerprint is non-zero. `true` is structural, or a Schwartz-Zippel verdict whose
+    /// chance of error is below `2e-31`, or, where fingerprints say nothing, the outcome of exact expansion.
+    pub fn is_zero(&mut self, e: ExprId) -> bool {
+        if e == self.zero {
+            return true;
+        }
+        match fingerprint::verdict(&self.fingerprints[e.index()]) {
+            Verdict::NonZero => false,
+            Verdict::Zero => true,
+            Verdict::Unknown => self.expand(e) == self.zero,
+        }
+    }
+
+    /// The expression itself, or zero when it vanishes identically.
+    pub fn cancel_zero(&mut self, e: ExprId) -> ExprId {
+        if self.is_zero(e) { self.zero } else { e }
+    }
+
+    /// Whether two expressions are equal as functions.
+    pub fn is_equal(&mut self, a: ExprId, b: ExprId) -> bool {
+        a == b || {
+            let difference = self.sub(a, b);
+            self.is_zero(difference)
+        }
+    }
+
+    /// The value of a constant node.
+    pub fn as_rational(&self, e: ExprId) -> Option<&Rational> {
+        match self.node(e) {
+            Node::Constant(c) => Some(c),
+            _ => None,
+        }
+    }
+
+    /// Every node that the roots need, in ascending (operands first) order.
+    pub fn reachable(&self, roots: &[ExprId]) -> Vec<ExprId> {
+        let mut seen: BTreeSet<ExprId> = BTreeSet::new();
+        let mut pending: Vec<ExprId> = roots.to_vec();
+        while let Some(e) = pending.pop() {
+            if seen.insert(e) {
+                self.node(e).for_each_operand(|operand| pending.push(operand));
+            }
+        }
+        seen.into_iter().collect()
+    }
+
+    /// The symbols an expression depends on structurally.
+    pub fn free_symbols(&self, e: ExprId) -> BTreeSet<SymbolId> {
+        self.reachable(&[e])
+            .into_iter()
+            .filter_map(|e| match self.node(e) {
+                Node::Symbol(s) => Some(*s),
+                _ => None,
+            })
+            .collect()
+    }
+
+    /// Whether `e` depends on any of `symbols`.
+    pub fn depends_on(&self, e: ExprId, symbols: &BTreeSet<SymbolId>) -> bool {
+        self.free_symbols(e).iter().any(|s| symbols.contains(s))
+    }
+
+    /// Plain floating-point value, for defaults and messages; `None` for a symbol without a value.
+    pub fn eval_f64(&self, e: ExprId, values: &BTreeMap<SymbolId, f64>) -> Option<f64> {
+        let mut memo: BTreeMap<ExprId, f64> = BTreeMap::new();
+        for e in self.reachable(&[e]) {
+            let value = match self.node(e) {
+                Node::Constant(c) => rational_to_f64(c),
+                Node::Pi => std::f64::consts::PI,
+                Node::Symbol(s) => *values.get(s)?,
+                Node::Sum { constant, terms } => {
+                    terms.iter().fold(rational_to_f64(constant), |acc, (t, q)| acc + rational_to_f64(q) * memo[t])
+                }
+                Node::Product { coefficient, factors } => {
+                    factors.iter().fold(rational_to_f64(coefficient), |acc, (b, q)| {
+                        acc * match q.numer().to_i32() {
+                            Some(n) if q.is_integer() => memo[b].powi(n),
+                            _ => memo[b].powf(rational_to_f64(q)),
+                        }
+                    })
+                }
+                Node::Function(f, a) => f.eval(memo[a]),
+            };
+            memo.insert(e, value);
+        }
+        memo.get(&e).copied()
+    }
+
+    // ---- calculus ---------------------------------------------------------------------------------------------------
+
+    /// The partial derivative of `e` by `x`.
+    pub fn diff(&mut self, e: ExprId, x: SymbolId) -> ExprId {
+        self.diff_all(&[e], x)[0]
+    }
+
+    /// Partial derivatives of several expressions by one symbol, sharing the work.
+    pub fn diff_all(&mut self, roots: &[ExprId], x: SymbolId) -> Vec<ExprId> {
+        let mut derivative: HashMap<ExprId, ExprId> = HashMap::new();
+        for e in self.reachable(roots) {
+            let d = self.diff_node(e, x, &derivative);
+            derivative.insert(e, d);
+        }
+        roots.iter().map(|e| derivative[e]).collect()
+    }
+
+    fn diff_node(&mut self, e: ExprId, x: SymbolId, derivative: &HashMap<ExprId, ExprId>) -> ExprId {
+        match self.node(e).clone() {
+            Node::Constant(_) | Node::Pi => self.zero,
+            Node::Symbol(s) => {
+                if s == x {
+                    self.one
+                } else {
+                    self.zero
+                }
+            }
+            Node::Sum { terms, .. } => {
+                let terms: Vec<_> = terms
+                    .iter()
+                    .filter(|(t, _)| derivative[t] != self.zero)
+                    .map(|(t, q)| (derivative[t], q.clone()))
+                    .collect();
+                self.linear_combination(&terms)
+            }
+            Node::Product { coefficient, factors } => {
+                // d(c prod b_k^q_k) = sum_k c q_k b_k^(q_k - 1) b_k' prod_{j != k} b_j^q_j
+                let mut summands = Vec::new();
+                for (k, (base, q)) in factors.iter().enumerate() {
+                    let inner = derivative[base];
+                    if inner == self.zero {
+                        continue;
+                    }
+                    let mut rest: Vec<_> = factors.to_vec();
+                    rest[k].1 -= Rational::one();
+                    rest.push((inner, Rational::one()));
+                    let term = self.power_product(&rest).expect("bases of a canonical product are not zero");
+                    summands.push((term, &coefficient * q));
+                }
+                self.linear_combination(&summands)
+            }
+            Node::Function(f, a) => {
+                let inner = derivative[&a];
+                if inner == self.zero {
+                    return self.zero;
+                }
+                let outer = self.func_derivative(f, a, e);
+                self.mul(outer, inner)
+            }
+        }
+    }
+
+    /// `f'(a)`, given `value = f(a)`.
+    fn func_derivative(&mut self, f: Func, a: ExprId, value: ExprId) -> ExprId {
+        let one = self.one;
+        let root_of_one_minus_square = |g: &mut Graph, exponent: Rational| {
+            let square = g.powi(a, 2);
+            let base = g.sub(one, square);
+            g.power_product(&[(base, exponent)]).expect("1 - a^2 is not identically zero")
+        };
+        let minus_half = Rational::new(BigInt::from(-1), BigInt::from(2));
+        match f {
+            Func::Sin => self.func(Func::Cos, a),
+            Func::Cos => {
+                let s = self.func(Func::Sin, a);
+                self.neg(s)
+            }
+            Func::Tan => {
+                let square = self.powi(value, 2);
+                self.add(one, square)
+            }
+            Func::Asin => root_of_one_minus_square(self, minus_half),
+            Func::Acos => {
+                let d = root_of_one_minus_square(self, minus_half);
+                self.neg(d)
+            }
+            Func::Atan => {
+                let square = self.powi(a, 2);
+                let base = self.add(one, square);
+                self.powi(base, -1)
+            }
+            Func::Exp => value,
+            Func::Ln => self.power_product(&[(a, -Rational::one())]).expect("the argument of ln is not zero"),
+            Func::Sinh => self.func(Func::Cosh, a),
+            Func::Cosh => self.func(Func::Sinh, a),
+            Func::Tanh => {
+                let square = self.powi(value, 2);
+                self.sub(one, square)
+            }
+            Func::Abs => {
+                // |a|' = |a| / a, wrong only at a = 0 where there is no derivative.
+                self.power_product(&[(value, Rational::one()), (a, -Rational::one())])
+                    .expect("the argument of abs is not zero")
+            }
+        }
+    }
+
+    /// Replaces symbols by expressions, all at once.
+    ///
+    /// # Errors
+    /// [`DivisionByZero`] when a substituted denominator vanishes identically.
+    pub fn subs(
+        &mut self,
+        e: ExprId,
+        replacements: &BTreeMap<SymbolId, ExprId>,
+    ) -> Result<ExprId, DivisionByZero> {
+        Ok(self.subs_all(&[e], replacements)?[0])
+    }
+
+    /// [`Graph::subs`] on several expressions, sharing the work.
+    ///
+    /// # Errors
+    /// [`DivisionByZero`] when a substituted denominator vanishes identically.
+    pub fn subs_all(
+        &mut self,
+        roots: &[ExprId],
+        replacements: &BTreeMap<SymbolId, ExprId>,
+    ) -> Result<Vec<ExprId>, DivisionByZero> {
+        let mut image: HashMap<ExprId, ExprId> = HashMap::new();
+        for e in self.reachable(roots) {
+            let replaced = match self.node(e).clone() {
+                Node::Constant(_) | Node::Pi => e,
+                Node::Symbol(s) => replacements.get(&s).copied().unwrap_or(e),
+                Node::Sum { constant, terms } => {
+                    if terms.iter().all(|(t, _)| image[t] == *t) {
+                        e
+                    } else {
+                        let mut list: Vec<_> = terms.iter().map(|(t, q)| (image[t], q.clone())).collect();
+                        list.push((self.one, constant));
+                        self.linear_combination(&list)
+                    }
+                }
+                Node::Product { coefficient, factors } => {
+                    if factors.iter().all(|(b, _)| image[b] == *b) {
+                        e
+                    } else {
+                        let list: Vec<_> = factors.iter().map(|(b, q)| (image[b], q.clone())).collect();
+                        if list.iter().any(|(b, q)| q.is_negative() && self.is_zero(*b)) {
+                            return Err(DivisionByZero);
+                        }
+                        let product = self.power_product(&list)?;
+                        self.scale(product, &coefficient)
+                    }
+                }
+                Node::Function(f, a) => {
+                    if image[&a] == a {
+                        e
+                    } else {
+                        self.func(f, image[&a])
+                    }
+                }
+            };
+            image.insert(e, replaced);
+        }
+        Ok(roots.iter().map(|e| image[e]).collect())
+    }
+
+    /// Coefficients of `e` as an affine function of `unknowns`: `e = sum_k a_k unknown_k + b`.
+    ///
+    /// Returns `None` when `e` is not affine in them.
+    pub fn affine_parts(&mut self, e: ExprId, unknowns: &[SymbolId]) -> Option<(Vec<ExprId>, ExprId)> {
+        let all: BTreeSet<SymbolId> = unknowns.iter().copied().collect();
+        let mut slopes = Vec::with_capacity(unknowns.len());
+        for x in unknowns {
+            let slope = self.diff(e, *x);
+            // A slope may mention the unknowns structurally and still not depend on them.
+            let mut constant = true;
+            for y in &all {
+                let second = self.diff(slope, *y);
+                constant &= self.is_zero(second);
+            }
+            if !constant {
+                return None;
+            }
+            slopes.push(slope);
+        }
+        let zeros: BTreeMap<SymbolId, ExprId> = unknowns.iter().map(|s| (*s, self.zero)).collect();
+        let mut parts = slopes;
+        parts.push(e);
+        let mut parts = self.subs_all(&parts, &zeros).ok()?;
+        let offset = parts.pop()?;
+        let parts = parts.into_iter().map(|a| self.cancel_zero(a)).collect();
+        let offset = self.cancel_zero(offset);
+        Some((parts, offset))
+    }
+}
+
+fn content(constant: &Rational, terms: &[(ExprId, Rational)]) -> Rational {
+    let mut numerator = constant.numer().clone();
+    let mut denominator = constant.denom().clone();
+    for (_, q) in terms {
+        numerator = num_integer::Integer::gcd(&numerator, q.numer());
+        denominator = num_integer::Integer::lcm(&denominator, q.denom());
+    }
+    let magnitude = Rational::new(numerator, denominator);
+    if terms.first().is_some_and(|(_, q)| q.is_negative()) { -magnitude } else { magnitude }
+}
+
+fn rational_power(c: &Rational, q: &Rational) -> Rational {
+    let n = q.numer().to_i32().unwrap_or(i32::MAX);
+    num_traits::Pow::pow(c, n)
+}
+
+/// `c^q` for a non-integer `q` when it is rational.
+fn exact_root(c: &Rational, q: &Rational) -> Option<Rational> {
+    let degree = q.denom().to_u32()?;
+    if c.is_negative() {
+        return None;
+    }
+    let root = |n: &BigInt| {
+        let r = n.nth_root(degree);
+        (num_traits::Pow::pow(&r, degree) == *n).then_some(r)
+    };
+    let root = Rational::new(root(c.numer())?, root(c.denom())?);
+    Some(num_traits::Pow::pow(&root, q.numer().to_i32()?))
+}

@@ -1,0 +1,21 @@
+//! Symbolic core: a hash-consed graph of exact expressions.
+//!
+//! Nodes are canonical by construction (flattened, sorted, merged, folded), coefficients and exponents are exact
+//! rationals, and every node carries fingerprints modulo a large prime, so that zeros are found and never rounded to.
+//! A node's operands always precede it in the arena; every traversal is a loop over ascending ids and no depth of
+//! graph can overflow the stack.
+//!
+//! Deliberately does not know: algebras, mechanics, floating-point evaluation order, Rust.
+
+mod expand;
+mod fingerprint;
+mod graph;
+mod print;
+mod rational;
+
+pub use graph::{DivisionByZero, ExprId, Func, Graph, Node, SymbolId};
+pub use print::Style;
+pub use rational::{Rational, parse_decimal, rational_to_f64};
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,321 @@
+//! Expressions as text: the model language's own spelling, Unicode for reading, LaTeX for papers.
+
+use std::collections::HashMap;
+
+use num_traits::{One, Signed};
+
+use super::graph::{ExprId, Graph, Node};
+use super::rational::Rational;
+
+/// How an expression is spelled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Style {
+    /// `1/2*I1*Omega1^2`, readable by the model language.
+    Plain,
+    /// `½ I₁ Ω₁²`.
+    Unicode,
+    /// `\tfrac{1}{2} I_{1} \Omega_{1}^{2}`.
+    Latex,
+}
+
+/// How tightly a piece of text holds together.
+#[derive(Clone, Copy, PartialEq, PartialOrd)]
+enum Binding {
+    Sum,
+    Product,
+    Power,
+    Atom,
+}
+
+#[derive(Clone)]
+struct Text {
+    text: String,
+    binding: Binding,
+}
+
+const GREEK: [(&str, &str); 36] = [
+    ("alpha", "α"),
+    ("beta", "β"),
+    ("gamma", "γ"),
+    ("delta", "δ"),
+    ("epsilon", "ε"),
+    ("zeta", "ζ"),
+    ("eta", "η"),
+    ("theta", "θ"),
+    ("iota", "ι"),
+    ("kappa", "κ"),
+    ("lambda", "λ"),
+    ("mu", "μ"),
+    ("nu", "ν"),
+    ("xi", "ξ"),
+    ("pi", "π"),
+    ("rho", "ρ"),
+    ("sigma", "σ"),
+    ("tau", "τ"),
+    ("upsilon", "υ"),
+    ("phi", "φ"),
+    ("chi", "χ"),
+    ("psi", "ψ"),
+    ("omega", "ω"),
+    ("Gamma", "Γ"),
+    ("Delta", "Δ"),
+    ("Theta", "Θ"),
+    ("Lambda", "Λ"),
+    ("Xi", "Ξ"),
+    ("Pi", "Π"),
+    ("Sigma", "Σ"),
+    ("Upsilon", "Υ"),
+    ("Phi", "Φ"),
+    ("Psi", "Ψ"),
+    ("Omega", "Ω"),
+    ("ell", "ℓ"),
+    ("hbar", "ħ"),
+];
+
+fn script(digits: &str, table: [char; 10], minus: char) -> Option<String> {
+    digits
+        .chars()
+        .map(|c| match c {
+            '-' => Some(minus),
+            c => c.to_digit(10).map(|d| table[d as usize]),
+        })
+        .collect()
+}
+
+fn subscript(text: &str) -> Option<String> {
+    script(text, ['₀', '₁', '₂', '₃', '₄', '₅', '₆', '₇', '₈', '₉'], '₋')
+}
+
+fn superscript(text: &str) -> Option<String> {
+    script(text, ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'], '⁻')
+}
+
+/// Spells an identifier such as `Omega1` or `theta_dot` in a style: Ω₁, θ̇.
+pub(crate) fn identifier(name: &str, style: Style) -> String {
+    if style == Style::Plain {
+        return name.to_owned();
+    }
+    let (body, dotted) = match name.strip_suffix("_dot") {
+        Some(body) => (body, true),
+        None => (name, false),
+    };
+    let stem_end = body.trim_end_matches(|c: char| c.is_ascii_digit()).len();
+    let (stem, digits) = body.split_at(stem_end);
+    let (stem, tail) = match stem.split_once('_') {
+        Some((stem, tail)) if !tail.is_empty() && !stem.is_empty() => (stem, Some(tail)),
+        _ => (stem.trim_end_matches('_'), None),
+    };
+    let greek = GREEK.iter().find(|(word, _)| *word == stem);
+    if style == Style::Unicode {
+        let mut text = greek.map_or(stem.to_owned(), |(_, letter)| (*letter).to_owned());
+        if dotted {
+            text.push('\u{307}');
+        }
+        if let Some(tail) = tail {
+            text.push('_');
+            text.push_str(tail);
+        }
+        text.push_str(&subscript(digits).unwrap_or_default());
+        return text;
+    }
+    let mut text = match greek {
+        Some((word, _)) if *word != "hbar" || *word != "ell" => format!("\\{word}"),
+        _ if stem.chars().count() > 1 => format!("\\mathrm{{{}}}", stem.replace('_', "\\_")),
+        _ => stem.to_owned(),
+    };
+    if dotted {
+        text = format!("\\dot{{{text}}}");
+    }
+    let index: Vec<String> = tail
+        .map(|t| format!("\\mathrm{{{}}}", t.replace('_', "\\_")))
+        .into_iter()
+        .chain((!digits.is_empty()).then(|| digits.to_owned()))
+        .collect();
+    if index.is_empty() { text } else { format!("{text}_{{{}}}", index.join(",")) }
+}
+
+impl Graph {
+    /// The expression as text.
+    pub fn display(&self, e: ExprId, style: Style) -> String {
+        let mut memo: HashMap<ExprId, Text> = HashMap::new();
+        for e in self.reachable(&[e]) {
+            let text = self.text_of(e, style, &memo);
+            memo.insert(e, text);
+        }
+        memo.remove(&e).map(|t| t.text).unwrap_or_default()
+    }
+
+    fn text_of(&self, e: ExprId, style: Style, memo: &HashMap<ExprId, Text>) -> Text {
+        let atom = |text: String| Text { text, binding: Binding::Atom };
+        match self.node(e) {
+            Node::Constant(c) => constant_text(c, style),
+            Node::Pi => atom(match style {
+                Style::Plain => "pi".into(),
+                Style::Unicode => "π".into(),
+                Style::Latex => "\\pi".into(),
+            }),
+            Node::Symbol(s) => atom(identifier(self.name(*s), style)),
+            Node::Sum { constant, terms } => self.sum_text(constant, terms, style, memo),
+            Node::Product { coefficient, factors } => self.product_text(coefficient, factors, style, memo),
+            Node::Function(f, a) => atom(match style {
+                Style::Latex => format!("\\{}\\left({}\\right)", latex_function(f.name()), memo[a].text),
+                _ => format!("{}({})", f.name(), memo[a].text),
+            }),
+        }
+    }
+
+    fn sum_text(
+        &self,
+        constant: &Rational,
+        terms: &[(ExprId, Rational)],
+        style: Style,
+        memo: &HashMap<ExprId, Text>,
+    ) -> Text {
+        // A positive term goes first when there is one, as one would write it.
+        let mut ordered: Vec<&(ExprId, Rational)> = terms.iter().collect();
+        ordered.sort_by_key(|(_, q)| q.is_negative());
+        let mut text = String::new();
+        let mut push = |piece: &str, negative: bool| {
+            match (text.is_empty(), negative) {
+                (true, true) => text.push('-'),
+                (true, false) => {}
+                (false, true) => text.push_str(" - "),
+                (false, false) => text.push_str(" + "),
+            }
+            text.push_str(piece);
+        };
+        for (term, q) in ordered {
+            let magnitude = q.abs();
+            let piece = if magnitude.is_one() {
+                guarded(&memo[term], Binding::Product, style)
+            } else {
+                let coefficient = constant_text(&magnitude, style);
+                join(&[guarded_text(&coefficient, style), guarded(&memo[term], Binding::Product, style)], style)
+            };
+            push(&piece, q.is_negative());
+        }
+        if *constant != Rational::from_integer(0.into()) {
+            push(&constant_text(&constant.abs(), style).text, constant.is_negative());
+        }
+        Text { text, binding: Binding::Sum }
+    }
+
+    fn product_text(
+        &self,
+        coefficient: &Rational,
+        factors: &[(ExprId, Rational)],
+        style: Style,
+        memo: &HashMap<ExprId, Text>,
+    ) -> Text {
+        let magnitude = coefficient.abs();
+        let mut above: Vec<String> = Vec::new();
+        let mut below: Vec<String> = Vec::new();
+        let numerator = Rational::from_integer(magnitude.numer().clone());
+        let denominator = Rational::from_integer(magnitude.denom().clone());
+        let whole_fraction = factors.iter().any(|(_, q)| q.is_negative());
+        if whole_fraction {
+            if !numerator.is_one() {
+                above.push(numerator.to_string());
+            }
+            if !denominator.is_one() {
+                below.push(denominator.to_string());
+            }
+        } else if !magnitude.is_one() {
+            above.push(guarded_text(&constant_text(&magnitude, style), style));
+        }
+        for (base, q) in factors {
+            let piece = power_text(&memo[base], &q.abs(), style);
+            if q.is_negative() { below.push(piece) } else { above.push(piece) }
+        }
+        let sign = if coefficient.is_negative() { "-" } else { "" };
+        let numerator_text = if above.is_empty() { "1".to_owned() } else { join(&above, style) };
+        let text = if below.is_empty() {
+            numerator_text
+        } else if style == Style::Latex {
+            format!("\\frac{{{numerator_text}}}{{{}}}", join(&below, style))
+        } else if below.len() == 1 {
+            format!("{numerator_text}/{}", below[0])
+        } else {
+            format!("{numerator_text}/({})", join(&below, style))
+        };
+        Text {
+            text: format!("{sign}{text}"),
+            binding: if sign.is_empty() { Binding::Product } else { Binding::Sum },
+        }
+    }
+}
+
+fn latex_function(name: &str) -> String {
+    match name {
+        "sin" | "cos" | "tan" | "exp" | "ln" | "sinh" | "cosh" | "tanh" => name.to_owned(),
+        "asin" | "acos" | "atan" => format!("arc{}", &name[1..]),
+        _ => format!("operatorname{{{name}}}"),
+    }
+}
+
+fn constant_text(c: &Rational, style: Style) -> Text {
+    if c.is_integer() {
+        let binding = if c.is_negative() { Binding::Sum } else { Binding::Atom };
+        return Text { text: c.to_string(), binding };
+    }
+    let sign = if c.is_negative() { "-" } else { "" };
+    let (n, d) = (c.numer().abs(), c.denom());
+    let text = match style {
+        Style::Latex => format!("{sign}\\tfrac{{{n}}}{{{d}}}"),
+        Style::Unicode if n.is_one() && *d == 2.into() => format!("{sign}½"),
+        _ => format!("{sign}{n}/{d}"),
+    };
+    let binding = match (style, sign.is_empty()) {
+        (_, false) => Binding::Sum,
+        (Style::Latex, _) => Binding::Atom,
+        (Style::Unicode, _) if text == "½" => Binding::Atom,
+        _ => Binding::Product,
+    };
+    Text { text, binding }
+}
+
+fn parenthesised(text: &str, style: Style) -> String {
+    if style == Style::Latex { format!("\\left({text}\\right)") } else { format!("({text})") }
+}
+
+fn guarded(piece: &Text, least: Binding, style: Style) -> String {
+    if piece.binding < least { parenthesised(&piece.text, style) } else { piece.text.clone() }
+}
+
+/// A coefficient in front of other factors: `3/4` needs parentheses in Unicode only, where products are spaces.
+fn guarded_text(piece: &Text, style: Style) -> String {
+    let least = if style == Style::Unicode { Binding::Atom } else { Binding::Product };
+    guarded(piece, least, style)
+}
+
+fn power_text(base: &Text, exponent: &Rational, style: Style) -> String {
+    if exponent.is_one() {
+        return guarded(base, Binding::Power, style);
+    }
+    let half = Rational::new(1.into(), 2.into());
+    if *exponent == half {
+        return match style {
+            Style::Latex => format!("\\sqrt{{{}}}", base.text),
+            Style::Unicode => format!("√({})", base.text),
+            Style::Plain => format!("sqrt({})", base.text),
+        };
+    }
+    let base = guarded(base, Binding::Atom, style);
+    match style {
+        Style::Latex => format!("{base}^{{{exponent}}}"),
+        Style::Unicode => match superscript(&exponent.to_string()) {
+            Some(raised) => format!("{base}{raised}"),
+            None => format!("{base}^({exponent})"),
+        },
+        Style::Plain if exponent.is_integer() => format!("{base}^{exponent}"),
+        Style::Plain => format!("{base}^({exponent})"),
+    }
+}
+
+fn join(pieces: &[String], style: Style) -> String {
+    match style {
+        Style::Plain => pieces.join("*"),
+        Style::Unicode => pieces.join(" "),
+        Style::Latex => pieces.join("\\, "),
+    }
+}

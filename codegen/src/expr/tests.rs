@@ -1,0 +1,182 @@
+use super::*;
+use num_traits::One;
+use std::collections::BTreeMap;
+
+fn q(n: i64, d: i64) -> Rational {
+    Rational::new(n.into(), d.into())
+}
+
+struct Fixture {
+    g: Graph,
+    x: ExprId,
+    y: ExprId,
+    z: ExprId,
+    sx: SymbolId,
+}
+
+fn fixture() -> Fixture {
+    let mut g = Graph::new();
+    let [sx, sy, sz] = ["x", "y", "z"].map(|n| g.symbol(n));
+    let (x, y, z) = (g.sym(sx), g.sym(sy), g.sym(sz));
+    Fixture { g, x, y, z, sx }
+}
+
+#[test]
+fn sums_and_products_are_canonical() {
+    let Fixture { mut g, x, y, .. } = fixture();
+    let (a, b) = (g.add(x, y), g.add(y, x));
+    assert_eq!(a, b);
+    let (ab, ba) = (g.mul(x, y), g.mul(y, x));
+    assert_eq!(ab, ba);
+    let zero = g.sub(a, b);
+    assert_eq!(zero, g.zero());
+    let (x2, one) = (g.powi(x, 2), g.one());
+    let inverse = g.powi(x, -2);
+    assert_eq!(g.mul(x2, inverse), one);
+    let doubled = g.add(x, x);
+    let two = g.int(2);
+    assert_eq!(doubled, g.mul(two, x));
+}
+
+#[test]
+fn content_and_sign_leave_powers_of_sums() {
+    let Fixture { mut g, x, y, .. } = fixture();
+    let d = g.sub(x, y);
+    let e = g.sub(y, x);
+    let (d2, e2) = (g.powi(d, 2), g.powi(e, 2));
+    assert_eq!(d2, e2);
+    let scaled = g.scale(d, &q(2, 3));
+    let power = g.powi(scaled, -1);
+    let plain = g.powi(d, -1);
+    assert_eq!(power, g.scale(plain, &q(3, 2)));
+}
+
+#[test]
+fn square_roots_combine() {
+    let Fixture { mut g, x, y, .. } = fixture();
+    let s = g.add(x, y);
+    let r = g.sqrt(s);
+    assert_eq!(g.mul(r, r), s);
+    let four = g.int(4);
+    assert_eq!(g.sqrt(four), g.int(2));
+    let eight = g.int(8);
+    let root = g.sqrt(eight);
+    assert_eq!(g.mul(root, root), eight);
+    let xy = g.mul(x, y);
+    let root = g.sqrt(xy);
+    assert_eq!(g.mul(root, root), xy);
+}
+
+#[test]
+fn derivative_of_a_quotient() {
+    let Fixture { mut g, x, y, sx, .. } = fixture();
+    let e = g.div(y, x).unwrap();
+    let d = g.diff(e, sx);
+    let x2 = g.powi(x, -2);
+    let expected = g.mul(y, x2);
+    assert_eq!(d, g.neg(expected));
+    assert!(!g.is_zero(d));
+}
+
+#[test]
+fn trigonometric_identities_vanish() {
+    let Fixture { mut g, x, y, .. } = fixture();
+    let sum = g.add(x, y);
+    let [s, sx, cx, sy, cy] =
+        [(Func::Sin, sum), (Func::Sin, x), (Func::Cos, x), (Func::Sin, y), (Func::Cos, y)]
+            .map(|(f, a)| g.func(f, a));
+    let (a, b) = (g.mul(sx, cy), g.mul(cx, sy));
+    let expanded = g.add(a, b);
+    assert!(g.is_equal(s, expanded));
+    assert!(!g.is_equal(s, a));
+}
+
+#[test]
+fn roots_of_squares_are_not_cancelled_but_rational_functions_are() {
+    let Fixture { mut g, x, y, z, .. } = fixture();
+    // 1/x - 1/y = (y - x)/(x y)
+    let (xi, yi) = (g.powi(x, -1), g.powi(y, -1));
+    let left = g.sub(xi, yi);
+    let d = g.sub(y, x);
+    let right = g.product(&[d, xi, yi]);
+    assert!(g.is_equal(left, right));
+    // Lagrange's identity with z as an extra unknown
+    let n = g.sum(&[x, y, z]);
+    let n2 = g.powi(n, 2);
+    let product = g.mul(n, n);
+    assert_eq!(n2, product);
+    let expanded = g.expand(n2);
+    assert_ne!(expanded, n2);
+    assert!(g.is_equal(expanded, n2));
+}
+
+#[test]
+fn division_by_a_hidden_zero_is_refused() {
+    let Fixture { mut g, x, .. } = fixture();
+    let (s, c) = (g.func(Func::Sin, x), g.func(Func::Cos, x));
+    let (s2, c2) = (g.powi(s, 2), g.powi(c, 2));
+    let minus_one = g.int(-1);
+    let hidden = g.sum(&[s2, c2, minus_one]);
+    assert_eq!(g.div(x, hidden), Err(DivisionByZero));
+    let zero = g.zero();
+    assert_eq!(g.div(x, zero), Err(DivisionByZero));
+}
+
+#[test]
+fn affine_parts_are_found_or_refused() {
+    let Fixture { mut g, x, y, z, sx } = fixture();
+    let xy = g.mul(x, y);
+    let e = g.add(xy, z);
+    assert_eq!(g.affine_parts(e, &[sx]), Some((vec![y], z)));
+    let x2 = g.powi(x, 2);
+    assert_eq!(g.affine_parts(x2, &[sx]), None);
+}
+
+#[test]
+fn a_graph_a_million_deep_neither_overflows_nor_copies() {
+    let Fixture { mut g, x, y, sx, .. } = fixture();
+    let mut e = x;
+    for _ in 0..20_000 {
+        let s = g.func(Func::Sin, e);
+        e = g.add(s, y);
+    }
+    let d = g.diff(e, sx);
+    assert!(!g.is_zero(d));
+    let replaced = g.subs(e, &BTreeMap::from([(sx, y)])).unwrap();
+    assert_ne!(replaced, e);
+}
+
+#[test]
+fn decimals_round_as_the_parser_of_doubles_does() {
+    let mut state = 12345u64;
+    for _ in 0..2000 {
+        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        let exponent = (state >> 20) as i64 % 330 - 320;
+        let text = format!("{}.{}e{}", state % 10, state >> 12, exponent);
+        let expected: f64 = text.parse().unwrap();
+        let got = rational_to_f64(&parse_decimal(&text).unwrap());
+        assert_eq!(got.to_bits(), expected.to_bits(), "{text}");
+    }
+    assert_eq!(rational_to_f64(&Rational::one()), 1.0);
+    assert_eq!(rational_to_f64(&q(-1, 3)), -1.0 / 3.0);
+    assert_eq!(parse_decimal("1.2.3"), None);
+    assert_eq!(parse_decimal("."), None);
+}
+
+#[test]
+fn text_reads_like_a_paper() {
+    let mut g = Graph::new();
+    let (i, o) = (g.symbol("I1"), g.symbol("Omega1"));
+    let (i, o) = (g.sym(i), g.sym(o));
+    let o2 = g.powi(o, 2);
+    let half = g.rational(q(1, 2));
+    let e = g.product(&[half, i, o2]);
+    assert_eq!(g.display(e, Style::Unicode), "½ I₁ Ω₁²");
+    assert_eq!(g.display(e, Style::Plain), "1/2*I1*Omega1^2");
+    assert_eq!(g.display(e, Style::Latex), "\\tfrac{1}{2}\\, I_{1}\\, \\Omega_{1}^{2}");
+    let td = g.symbol("theta_dot");
+    let td = g.sym(td);
+    let sum = g.sub(o, td);
+    let quotient = g.div(e, sum).unwrap();
+    assert_eq!(g.display(quotient, Style::Unicode), "I₁ Ω₁²/(2 (Ω₁ - θ̇))");
+}

@@ -1,0 +1,4 @@
+//! hamel-codegen
+pub mod algebra;
+pub mod error;
+pub mod expr;

@@ -1,0 +1,139 @@
+//! Syntax tree of a model file. Every node knows its bytes.
+
+use super::diagnostic::Span;
+use crate::expr::Rational;
+
+/// A name and where it stands.
+#[derive(Clone, Debug)]
+pub(super) struct Name {
+    pub(super) text: String,
+    pub(super) span: Span,
+}
+
+/// An expression. Chains of `+` and of `*` are flat lists, so the depth of the tree is bounded by the parser's limit.
+#[derive(Clone, Debug)]
+pub(super) struct Expr {
+    pub(super) node: Node,
+    pub(super) span: Span,
+}
+
+#[derive(Clone, Debug)]
+pub(super) enum Node {
+    Number(Rational),
+    Name(String),
+    /// `(negative, operand)`; the first is never negative.
+    Sum(Vec<(bool, Expr)>),
+    /// `(divide, operand)`; the first never divides.
+    Product(Vec<(bool, Expr)>),
+    Neg(Box<Expr>),
+    Power(Box<Expr>, Box<Expr>),
+    Call(Name, Vec<Expr>),
+    Index(Box<Expr>, Vec<Expr>),
+    List(Vec<Expr>),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Compare {
+    Less,
+    LessEqual,
+    Greater,
+    GreaterEqual,
+    NotEqual,
+}
+
+/// `a < b < c`.
+#[derive(Clone, Debug)]
+pub(super) struct Comparison {
+    pub(super) first: Expr,
+    pub(super) rest: Vec<(Compare, Expr)>,
+}
+
+#[derive(Clone, Debug)]
+pub(super) enum Shape {
+    Scalar,
+    Vector(Size),
+    Diagonal(Size),
+    Symmetric(Size),
+    Matrix(Size, Size),
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Size {
+    pub(super) value: usize,
+    pub(super) span: Span,
+}
+
+/// An expression for an algebra or a representation: `so(3)`, `R^3`, `semidirect(so(3), standard)`.
+#[derive(Clone, Debug)]
+pub(super) struct AlgebraExpr {
+    pub(super) node: AlgebraNode,
+    pub(super) span: Span,
+}
+
+#[derive(Clone, Debug)]
+pub(super) enum AlgebraNode {
+    Name(String),
+    Number(usize),
+    Power(usize),
+    Call(Name, Vec<AlgebraExpr>),
+}
+
+#[derive(Clone, Debug)]
+pub(super) enum DomainExpr {
+    Interval(Expr, Expr),
+    Angle,
+    Real,
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct Item {
+    pub(super) doc: Vec<String>,
+    pub(super) span: Span,
+    pub(super) keyword: Span,
+    pub(super) kind: ItemKind,
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct BracketRule {
+    pub(super) left: Name,
+    pub(super) right: Name,
+    pub(super) value: Expr,
+    pub(super) span: Span,
+}
+
+#[derive(Clone, Debug)]
+pub(super) enum Want {
+    Name(Name),
+}
+
+#[derive(Clone, Debug)]
+pub(super) enum ItemKind {
+    Source(String),
+    Param { name: Name, shape: Shape, default: Option<Expr>, conditions: Vec<Comparison> },
+    Require(Vec<Comparison>),
+    Let { name: Name, value: Expr },
+    AlgebraName { name: Name, value: AlgebraExpr },
+    AlgebraBrackets { name: Name, basis: Vec<Name>, rules: Vec<BracketRule> },
+    Representation { name: Name, algebra: AlgebraExpr, dim: Size, matrices: Vec<(Name, Expr)> },
+    Velocity { names: Vec<Name>, algebra: AlgebraExpr },
+    Action(Name),
+    Stage { name: Name, ideal: Option<Vec<Expr>> },
+    InnerProduct(Expr),
+    Coordinate { names: Vec<Name>, shape: Shape, domain: DomainExpr },
+    Advected { name: Name, dim: Option<Size>, action: Expr },
+    Lagrangian(Expr),
+    Constraint { name: Option<Name>, left: Expr, right: Expr },
+    Independent(Vec<Name>),
+    Multipliers,
+    Force { name: Name, value: Expr },
+    Casimir { name: Name, value: Expr },
+    Output { name: Name, value: Expr },
+    Scene { name: Name, fixed: Vec<(Name, Expr)>, wants: Vec<Want> },
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct File {
+    pub(super) doc: Vec<String>,
+    pub(super) name: Name,
+    pub(super) items: Vec<Item>,
+}

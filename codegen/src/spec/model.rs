@@ -1,0 +1,242 @@
+//! The checked model.
+
+use super::diagnostic::{Diagnostic, Diagnostics, Origin, Span};
+use crate::algebra::LieAlgebra;
+use crate::expr::{ExprId, Graph, Rational, SymbolId};
+
+/// Which side the group acts from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// `xi = g^-1 gdot`, the body frame.
+    Left,
+    /// `xi = gdot g^-1`, the space frame.
+    Right,
+}
+
+/// A scalar parameter; vectors and matrices are one entry per component.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Param {
+    /// Name, such as `m` or `I1`.
+    pub name: String,
+    /// Its symbol in [`Model::graph`].
+    pub symbol: SymbolId,
+    /// Exact value of the default.
+    pub default: Rational,
+    /// Documentation of the item that declared it.
+    pub doc: String,
+}
+
+/// Relation of a [`Condition`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Relation {
+    /// `greater > less`.
+    Greater,
+    /// `greater >= less`.
+    GreaterEqual,
+    /// `greater != less`.
+    NotEqual,
+}
+
+/// A validity condition on the parameters.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Condition {
+    /// As written.
+    pub text: String,
+    /// The side that has to be larger.
+    pub greater: ExprId,
+    /// The side that has to be smaller.
+    pub less: ExprId,
+    /// How they compare.
+    pub relation: Relation,
+    /// The only parameter in it, if there is only one.
+    pub subject: Option<String>,
+    /// Where it stands.
+    pub span: Option<Span>,
+}
+
+/// Where a base coordinate lives.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Domain {
+    /// An open interval; the ends contain parameters at most.
+    Interval(ExprId, ExprId),
+    /// The circle, in radians.
+    Angle,
+    /// The real line.
+    Real,
+}
+
+/// A base coordinate.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Coordinate {
+    /// Name, such as `theta`.
+    pub name: String,
+    /// Its symbol.
+    pub symbol: SymbolId,
+    /// Name of its velocity, such as `theta_dot`.
+    pub velocity_name: String,
+    /// Symbol of its velocity.
+    pub velocity: SymbolId,
+    /// Where it lives.
+    pub domain: Domain,
+    /// Documentation.
+    pub doc: String,
+}
+
+/// A component of the velocity in the algebra.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Velocity {
+    /// Name, such as `Omega1`.
+    pub name: String,
+    /// Its symbol.
+    pub symbol: SymbolId,
+    /// Name of the vector it belongs to, such as `Omega`; its own name when it stands alone.
+    pub block: String,
+    /// Documentation.
+    pub doc: String,
+}
+
+/// A chain of ideals `g = n_0 > n_1 > ..` and the inner product that splits it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stages {
+    /// Names of `n_0, n_1, ..`.
+    pub names: Vec<String>,
+    /// Spanning vectors of `n_1, n_2, ..` in the basis of the algebra.
+    pub ideals: Vec<Vec<Vec<Rational>>>,
+    /// Symmetric matrix in the basis of the algebra; absent for the identity.
+    pub inner_product: Option<Vec<Vec<ExprId>>>,
+    /// Where each stage stands.
+    pub spans: Vec<Option<Span>>,
+}
+
+/// A parameter that the group moves: `adot = -xi . a` (left action).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Advected {
+    /// Name, such as `Gamma`.
+    pub name: String,
+    /// Names and symbols of its components.
+    pub components: Vec<(String, SymbolId)>,
+    /// The infinitesimal action `xi . a`, linear in the velocities.
+    pub action: Vec<ExprId>,
+    /// Documentation.
+    pub doc: String,
+    /// Where it stands.
+    pub span: Option<Span>,
+}
+
+/// A scalar constraint, affine in the velocities.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Constraint {
+    /// Given name, or `c1`, `c2`, .. in order.
+    pub name: String,
+    /// As written.
+    pub text: String,
+    /// Left side minus right side.
+    pub residual: ExprId,
+    /// Where it stands.
+    pub span: Option<Span>,
+}
+
+/// A named number.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Named {
+    /// Name.
+    pub name: String,
+    /// Value.
+    pub expr: ExprId,
+    /// Documentation.
+    pub doc: String,
+}
+
+/// A named number, vector or matrix.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NamedVector {
+    /// Name.
+    pub name: String,
+    /// Names and values of the components.
+    pub components: Vec<(String, ExprId)>,
+    /// Documentation.
+    pub doc: String,
+}
+
+/// A model with some parameters fixed and some outputs wanted.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scene {
+    /// Name.
+    pub name: String,
+    /// Fixed parameters, by component.
+    pub fixed: Vec<(String, Rational)>,
+    /// Wanted outputs.
+    pub wants: Vec<String>,
+    /// Documentation.
+    pub doc: String,
+}
+
+/// A checked model; every expression lives in [`Model::graph`].
+#[derive(Clone, Debug)]
+pub struct Model {
+    /// Name, `snake_case`.
+    pub name: String,
+    /// Documentation, title first.
+    pub doc: Vec<String>,
+    /// Where the model comes from.
+    pub sources: Vec<String>,
+    /// Owner of all expressions.
+    pub graph: Graph,
+    /// The time `t`.
+    pub time: SymbolId,
+    /// Scalar parameters in the order of declaration.
+    pub params: Vec<Param>,
+    /// Validity conditions on the parameters.
+    pub conditions: Vec<Condition>,
+    /// Base coordinates.
+    pub base: Vec<Coordinate>,
+    /// The symmetry algebra; of dimension zero when there is none.
+    pub algebra: LieAlgebra,
+    /// Velocities in the algebra, one per basis element.
+    pub velocities: Vec<Velocity>,
+    /// Side of the group action.
+    pub action: Side,
+    /// Reduction by stages.
+    pub stages: Option<Stages>,
+    /// Advected parameters.
+    pub advected: Vec<Advected>,
+    /// The reduced Lagrangian.
+    pub lagrangian: ExprId,
+    /// Constraints.
+    pub constraints: Vec<Constraint>,
+    /// Chosen independent velocities: indices into the base velocities followed by the velocities in the algebra.
+    pub independent: Option<Vec<usize>>,
+    /// Whether the multiplier form was asked for.
+    pub force_multipliers: bool,
+    /// External forces: one per base velocity, then one per velocity in the algebra.
+    pub forces: Vec<ExprId>,
+    /// Casimirs and other named numbers that should be conserved.
+    pub casimirs: Vec<Named>,
+    /// Named outputs.
+    pub outputs: Vec<NamedVector>,
+    /// Scenes.
+    pub scenes: Vec<Scene>,
+    /// The text, when the model was read from one.
+    pub origin: Option<Origin>,
+}
+
+impl Model {
+    /// All velocities with their names: base velocities first, then those in the algebra.
+    pub fn all_velocities(&self) -> Vec<(&str, SymbolId)> {
+        let base = self.base.iter().map(|c| (c.velocity_name.as_str(), c.velocity));
+        base.chain(self.velocities.iter().map(|v| (v.name.as_str(), v.symbol))).collect()
+    }
+
+    /// Problems of a later phase, ready to be shown with the model's text.
+    pub fn diagnostics(&self, problems: Vec<Diagnostic>) -> Diagnostics {
+        Diagnostics::new(self.origin.clone(), problems)
+    }
+}
+
+/// A problem that a later phase found, at a span of the model's text.
+///
+/// The span is dropped when the model has no text. Show it with [`Model::diagnostics`].
+pub fn diagnose(model: &Model, span: Option<Span>, message: impl Into<String>, help: impl Into<String>) -> Diagnostic {
+    let span = span.filter(|_| model.origin.is_some());
+    Diagnostic::new(span, message).with_help(help)
+}

@@ -1,0 +1,165 @@
+//! Legal names, reserved names and "did you mean".
+
+/// First words of the items of a model.
+pub(super) const ITEMS: &[&str] = &[
+    "source",
+    "param",
+    "require",
+    "let",
+    "algebra",
+    "representation",
+    "velocity",
+    "action",
+    "stage",
+    "inner_product",
+    "coordinate",
+    "advected",
+    "lagrangian",
+    "constraint",
+    "independent",
+    "multipliers",
+    "force",
+    "casimir",
+    "output",
+    "scene",
+];
+
+/// Functions of the expression language.
+pub(super) const FUNCTIONS: &[&str] = &[
+    "dot",
+    "cross",
+    "norm",
+    "transpose",
+    "diag",
+    "identity",
+    "hat",
+    "det",
+    "trace",
+    "sum",
+    "sqrt",
+    "pow",
+    "sin",
+    "cos",
+    "tan",
+    "asin",
+    "acos",
+    "atan",
+    "exp",
+    "ln",
+    "sinh",
+    "cosh",
+    "tanh",
+    "abs",
+];
+
+/// What every scene can ask for; named casimirs and outputs come on top.
+pub(super) const WANTS: &[&str] = &[
+    "rhs",
+    "energy",
+    "energy_rate",
+    "momentum",
+    "multipliers",
+    "jacobian",
+    "jvp",
+    "reconstruction",
+    "casimirs",
+    "outputs",
+];
+
+const KEYWORDS: &[&str] = &[
+    "abstract", "as", "async", "await", "become", "box", "break", "const", "continue", "crate", "do", "dyn", "else",
+    "enum", "extern", "false", "final", "fn", "for", "gen", "if", "impl", "in", "let", "loop", "macro", "match", "mod",
+    "move", "mut", "override", "priv", "pub", "ref", "return", "self", "Self", "static", "struct", "super", "trait",
+    "true", "try", "type", "typeof", "union", "unsafe", "unsized", "use", "virtual", "where", "while", "yield",
+];
+
+/// Names of generated items and of the types their signatures use.
+const GENERATED: &[&str] = &[
+    "Params", "Prepared", "State", "System", "Real", "Result", "Option", "Some", "None", "Ok", "Err", "R", "N",
+    "new", "params", "prepared", "state", "derivative", "rhs", "energy", "energy_rate", "momentum", "multipliers",
+    "jacobian", "jvp", "reconstruct", "reconstruction", "hamel_runtime", "core", "std",
+];
+
+/// Why a name cannot be declared, or nothing.
+pub(super) fn refusal(name: &str) -> Option<&'static str> {
+    let mut chars = name.chars();
+    let first = chars.next().unwrap_or('_');
+    if !first.is_ascii_alphabetic() || !chars.all(|c| c.is_ascii_alphanumeric() || c == '_') {
+        return Some("names are ASCII letters, digits and underscores and begin with a letter");
+    }
+    if KEYWORDS.contains(&name) {
+        return Some("it is a Rust keyword, and the generated code keeps the names of the model");
+    }
+    if name == "t" {
+        return Some("it is the time");
+    }
+    if name == "pi" {
+        return Some("it is the number pi");
+    }
+    if FUNCTIONS.contains(&name) {
+        return Some("it is a function of the language");
+    }
+    if GENERATED.contains(&name) {
+        return Some("the generated code has an item of that name");
+    }
+    if name.starts_with('t') && name.len() > 1 && name[1..].bytes().all(|b| b.is_ascii_digit()) {
+        return Some("`t` with a number is a temporary of the generated code");
+    }
+    None
+}
+
+/// The nearest of `known` within an edit distance of a third of the length, as a sentence, or a list when short.
+pub(super) fn suggest<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -> String {
+    let known: Vec<&str> = known.into_iter().collect();
+    let limit = (wrong.chars().count() / 3).clamp(1, 3);
+    let near = known
+        .iter()
+        .filter(|name| name.len().abs_diff(wrong.len()) <= limit)
+        .map(|name| (distance(wrong, name), *name))
+        .filter(|(d, _)| *d <= limit)
+        .min();
+    if let Some((_, name)) = near {
+        return format!("did you mean `{name}`?");
+    }
+    if known.is_empty() || known.len() > 24 {
+        return String::new();
+    }
+    format!("legal here: {}", list(&known))
+}
+
+/// `a, b, c` in backquotes.
+pub(super) fn list(names: &[&str]) -> String {
+    names.iter().map(|n| format!("`{n}`")).collect::<Vec<_>>().join(", ")
+}
+
+/// Edit distance of the lower-case names with transpositions (restricted Damerau-Levenshtein); a difference in case
+/// alone counts as one.
+fn distance(a: &str, b: &str) -> usize {
+    let lower: (Vec<char>, Vec<char>) =
+        (a.chars().map(|c| c.to_ascii_lowercase()).collect(), b.chars().map(|c| c.to_ascii_lowercase()).collect());
+    let (x, y) = (&lower.0, &lower.1);
+    if x.len().max(y.len()) > 64 {
+        return usize::MAX;
+    }
+    if x == y && a != b {
+        return 1;
+    }
+    let mut rows = vec![vec![0_usize; y.len() + 1]; x.len() + 1];
+    for (i, row) in rows.iter_mut().enumerate() {
+        row[0] = i;
+    }
+    for j in 0..=y.len() {
+        rows[0][j] = j;
+    }
+    for i in 1..=x.len() {
+        for j in 1..=y.len() {
+            let replace = rows[i - 1][j - 1] + usize::from(x[i - 1] != y[j - 1]);
+            let mut best = replace.min(rows[i - 1][j] + 1).min(rows[i][j - 1] + 1);
+            if i > 1 && j > 1 && x[i - 1] == y[j - 2] && x[i - 2] == y[j - 1] {
+                best = best.min(rows[i - 2][j - 2] + 1);
+            }
+            rows[i][j] = best;
+        }
+    }
+    rows[x.len()][y.len()]
+}

@@ -1,0 +1,570 @@
+//! Scalars, vectors and matrices of expressions, with operations that check shapes.
+
+use std::fmt;
+
+use num_traits::{One, Signed, ToPrimitive, Zero};
+
+use super::parser::MAX_DIM;
+use crate::expr::{ExprId, Func, Graph, Rational};
+
+/// Largest numerator and denominator of a rational exponent.
+const MAX_EXPONENT: u32 = 1000;
+/// Largest matrix whose determinant is written out.
+const MAX_DETERMINANT: usize = 8;
+
+/// Shape of a [`Value`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shape {
+    /// A number.
+    Scalar,
+    /// `n` numbers.
+    Vector(usize),
+    /// Rows and columns.
+    Matrix(usize, usize),
+}
+
+impl fmt::Display for Shape {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Shape::Scalar => f.write_str("a number"),
+            Shape::Vector(n) => write!(f, "vector({n})"),
+            Shape::Matrix(n, m) => write!(f, "matrix({n}, {m})"),
+        }
+    }
+}
+
+/// Why an operation on values is impossible.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum ValueError {
+    /// The operation is not defined for these two shapes.
+    Shapes {
+        /// What was tried: `add`, `multiply`, ..
+        operation: &'static str,
+        /// First operand.
+        left: Shape,
+        /// Second operand.
+        right: Shape,
+    },
+    /// A function got an argument of the wrong shape.
+    Argument {
+        /// Name of the function.
+        function: String,
+        /// What it takes.
+        expected: &'static str,
+        /// What it got.
+        found: Shape,
+    },
+    /// Division by an expression that is identically zero.
+    DivisionByZero,
+    /// An exponent beyond the limits.
+    Exponent(Rational),
+    /// An index outside `1..=len`.
+    Index {
+        /// The index, counted from one.
+        index: String,
+        /// Number of entries.
+        len: usize,
+    },
+    /// Rows of different lengths, or entries of different shapes.
+    Ragged {
+        /// Shape of the first entry.
+        first: Shape,
+        /// Shape of the entry that differs.
+        other: Shape,
+    },
+    /// More entries than the limit.
+    TooLarge,
+}
+
+impl fmt::Display for ValueError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            ValueError::Shapes { operation: "subtract", left, right } => write!(f, "cannot subtract {right} from {left}"),
+            ValueError::Shapes { operation: operation @ "divide", left, right } => {
+                write!(f, "cannot {operation} {left} by {right}")
+            }
+            ValueError::Shapes { operation: "raise", left, right } => write!(f, "cannot raise {left} to {right}"),
+            ValueError::Shapes { operation: operation @ "equate", left, right } => {
+                write!(f, "cannot {operation} {left} with {right}")
+            }
+            ValueError::Shapes { operation: operation @ ("add" | "multiply"), left, right } => {
+                write!(f, "cannot {operation} {left} and {right}")
+            }
+            ValueError::Shapes { operation, left, right } => write!(f, "`{operation}` of {left} and {right}"),
+            ValueError::Argument { function, expected, found } => {
+                write!(f, "`{function}` takes {expected}, found {found}")
+            }
+            ValueError::DivisionByZero => f.write_str("division by zero"),
+            ValueError::Exponent(q) => {
+                let shown: String = q.to_string().chars().take(40).collect();
+                write!(f, "exponent {shown} is too large, the limit is {MAX_EXPONENT}")
+            }
+            ValueError::Index { index, len } => write!(f, "index {index} is not between 1 and {len}"),
+            ValueError::Ragged { first, other } => write!(f, "entries of different shapes: {first} and {other}"),
+            ValueError::TooLarge => write!(f, "more than {MAX_DIM} rows or columns"),
+        }
+    }
+}
+
+impl std::error::Error for ValueError {}
+
+impl ValueError {
+    /// What to change, or nothing.
+    pub fn help(&self) -> String {
+        match self {
+            ValueError::Shapes { operation: "multiply", left: Shape::Vector(a), right: Shape::Vector(b) } => {
+                if (*a, *b) == (3, 3) {
+                    "write `dot(a, b)` or `cross(a, b)`".into()
+                } else {
+                    "write `dot(a, b)`, or `a * transpose(b)` for the matrix".into()
+                }
+            }
+            ValueError::Shapes { operation: "multiply", left: Shape::Matrix(_, m), right: Shape::Vector(n) } => {
+                format!("the matrix needs {n} columns instead of {m}; `transpose` may help")
+            }
+            ValueError::Shapes { operation: "multiply", left: Shape::Matrix(_, m), right: Shape::Matrix(n, _) } => {
+                format!("the columns of the first ({m}) must be the rows of the second ({n})")
+            }
+            ValueError::Shapes { operation: "multiply", left: Shape::Vector(_), right: Shape::Matrix(..) } => {
+                "write `transpose(v) * A` or `A * v`".into()
+            }
+            ValueError::Shapes { operation: "divide", right: Shape::Scalar, .. } => String::new(),
+            ValueError::Shapes { operation: "divide", .. } => "only a number can divide: solve by hand or use `dot`".into(),
+            ValueError::Shapes { operation: "raise", .. } => "powers are for numbers: write `dot(v, v)` or `A * A`".into(),
+            ValueError::Shapes { operation: "cross", .. } => "both must be vector(3)".into(),
+            ValueError::Shapes { operation: "dot", .. } => "both must be vectors of one dimension".into(),
+            ValueError::Shapes { operation: "add" | "subtract" | "equate", left, right } => match (left, right) {
+                (Shape::Scalar, _) | (_, Shape::Scalar) => {
+                    "a number and a vector do not add: index the vector, as in `v[1]`, or use `dot`".into()
+                }
+                _ => "both sides must have the same shape".into(),
+            },
+            ValueError::Argument { expected: "a number", .. } => "apply it to each component, as in `[sin(a), sin(b)]`".into(),
+            _ => String::new(),
+        }
+    }
+}
+
+/// An expression value: a number, a vector or a matrix of symbolic expressions.
+///
+/// All operations check shapes; those that can fail return [`ValueError`].
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Value {
+    /// A number.
+    Scalar(ExprId),
+    /// A column.
+    Vector(Vec<ExprId>),
+    /// A matrix, entries row by row.
+    Matrix {
+        /// Number of rows.
+        rows: usize,
+        /// Number of columns.
+        columns: usize,
+        /// `rows * columns` entries.
+        entries: Vec<ExprId>,
+    },
+}
+
+type Outcome = Result<Value, ValueError>;
+
+impl Value {
+    /// A number.
+    pub fn number(g: &mut Graph, q: impl Into<Rational>) -> Value {
+        Value::Scalar(g.rational(q.into()))
+    }
+
+    /// The `n` by `n` identity.
+    pub fn identity(g: &mut Graph, n: usize) -> Value {
+        let entries = (0..n * n).map(|k| if k / n == k % n { g.one() } else { g.zero() }).collect();
+        Value::Matrix { rows: n, columns: n, entries }
+    }
+
+    /// A vector of numbers, or a matrix of rows.
+    ///
+    /// # Errors
+    /// [`ValueError::Ragged`] when the entries differ in shape, [`ValueError::Argument`] for matrices as entries.
+    pub fn list(parts: Vec<Value>) -> Outcome {
+        if parts.len() > MAX_DIM {
+            return Err(ValueError::TooLarge);
+        }
+        let first = parts.first().map_or(Shape::Scalar, Value::shape);
+        if let Some(other) = parts.iter().map(Value::shape).find(|shape| *shape != first) {
+            return Err(ValueError::Ragged { first, other });
+        }
+        let rows = parts.len();
+        let entries: Vec<ExprId> = parts.into_iter().flat_map(Value::into_entries).collect();
+        match first {
+            Shape::Scalar => Ok(Value::Vector(entries)),
+            Shape::Vector(columns) => Ok(Value::Matrix { rows, columns, entries }),
+            found => Err(ValueError::Argument { function: "[ ]".into(), expected: "numbers or rows", found }),
+        }
+    }
+
+    /// The shape.
+    pub fn shape(&self) -> Shape {
+        match self {
+            Value::Scalar(_) => Shape::Scalar,
+            Value::Vector(v) => Shape::Vector(v.len()),
+            Value::Matrix { rows, columns, .. } => Shape::Matrix(*rows, *columns),
+        }
+    }
+
+    /// All entries, row by row.
+    pub fn entries(&self) -> &[ExprId] {
+        match self {
+            Value::Scalar(e) => std::slice::from_ref(e),
+            Value::Vector(v) => v,
+            Value::Matrix { entries, .. } => entries,
+        }
+    }
+
+    /// All entries, row by row.
+    pub fn into_entries(self) -> Vec<ExprId> {
+        match self {
+            Value::Scalar(e) => vec![e],
+            Value::Vector(v) => v,
+            Value::Matrix { entries, .. } => entries,
+        }
+    }
+
+    /// The expression of a number.
+    ///
+    /// # Errors
+    /// [`ValueError::Argument`] for a vector or a matrix.
+    pub fn scalar(&self, function: &str) -> Result<ExprId, ValueError> {
+        match self {
+            Value::Scalar(e) => Ok(*e),
+            _ => Err(ValueError::Argument { function: function.into(), expected: "a number", found: self.shape() }),
+        }
+    }
+
+    /// The same shape with every entry mapped.
+    #[must_use]
+    pub fn map(&self, mut f: impl FnMut(ExprId) -> ExprId) -> Value {
+        match self {
+            Value::Scalar(e) => Value::Scalar(f(*e)),
+            Value::Vector(v) => Value::Vector(v.iter().map(|e| f(*e)).collect()),
+            Value::Matrix { rows, columns, entries } => {
+                Value::Matrix { rows: *rows, columns: *columns, entries: entries.iter().map(|e| f(*e)).collect() }
+            }
+        }
+    }
+
+    fn same_shape(&self, other: &Value, operation: &'static str) -> Result<(), ValueError> {
+        if self.shape() == other.shape() {
+            return Ok(());
+        }
+        Err(ValueError::Shapes { operation, left: self.shape(), right: other.shape() })
+    }
+
+    /// `a + b`.
+    ///
+    /// # Errors
+    /// [`ValueError::Shapes`] unless both have one shape.
+    pub fn add(&self, g: &mut Graph, other: &Value) -> Outcome {
+        Value::sum_of(g, &[(false, self), (false, other)])
+    }
+
+    /// `a - b`.
+    ///
+    /// # Errors
+    /// [`ValueError::Shapes`] unless both have one shape.
+    pub fn sub(&self, g: &mut Graph, other: &Value) -> Outcome {
+        Value::sum_of(g, &[(false, self), (true, other)])
+    }
+
+    /// A signed sum; the flag marks subtracted operands.
+    ///
+    /// # Errors
+    /// [`ValueError::Shapes`] for the first operand whose shape differs from the first one's.
+    pub fn sum_of(g: &mut Graph, operands: &[(bool, &Value)]) -> Outcome {
+        let Some((_, first)) = operands.first() else { return Ok(Value::Scalar(g.zero())) };
+        for (negative, operand) in operands {
+            first.same_shape(operand, if *negative { "subtract" } else { "add" })?;
+        }
+        let mut position = 0;
+        Ok(first.map(|_| {
+            let summands: Vec<(ExprId, Rational)> = operands
+                .iter()
+                .map(|(negative, v)| (v.entries()[position], if *negative { -Rational::one() } else { Rational::one() }))
+                .collect();
+            position += 1;
+            g.linear_combination(&summands)
+        }))
+    }
+
+    /// `-a`.
+    #[must_use]
+    pub fn neg(&self, g: &mut Graph) -> Value {
+        self.map(|e| g.neg(e))
+    }
+
+    /// `s * a` for a number `s`.
+    #[must_use]
+    pub fn scale(&self, g: &mut Graph, s: ExprId) -> Value {
+        self.map(|e| g.mul(s, e))
+    }
+
+    /// `a * b`: scaling when one is a number, otherwise the matrix product with vectors as columns. A product with one
+    /// row and one column is a number, so `transpose(v) * A * v` is one.
+    ///
+    /// # Errors
+    /// [`ValueError::Shapes`] when the shapes do not match.
+    pub fn mul(&self, g: &mut Graph, other: &Value) -> Outcome {
+        match (self, other) {
+            (Value::Scalar(a), b) => return Ok(b.scale(g, *a)),
+            (a, Value::Scalar(b)) => return Ok(a.scale(g, *b)),
+            _ => {}
+        }
+        let mismatch = || ValueError::Shapes { operation: "multiply", left: self.shape(), right: other.shape() };
+        let columns_of = |v: &Value| match v.shape() {
+            Shape::Matrix(n, m) => (n, m),
+            Shape::Vector(n) => (n, 1),
+            Shape::Scalar => (1, 1),
+        };
+        let ((n, k), (k2, m)) = (columns_of(self), columns_of(other));
+        if k != k2 || matches!((self, other), (Value::Vector(_), Value::Vector(_))) {
+            return Err(mismatch());
+        }
+        let (a, b) = (self.entries(), other.entries());
+        let mut entries = Vec::with_capacity(n * m);
+        for i in 0..n {
+            for j in 0..m {
+                let terms: Vec<ExprId> = (0..k).map(|l| g.mul(a[i * k + l], b[l * m + j])).collect();
+                entries.push(g.sum(&terms));
+            }
+        }
+        Ok(match (n, m, other) {
+            (1, 1, _) => Value::Scalar(entries[0]),
+            (_, _, Value::Vector(_)) => Value::Vector(entries),
+            _ => Value::Matrix { rows: n, columns: m, entries },
+        })
+    }
+
+    /// `a / s` for a number `s`.
+    ///
+    /// # Errors
+    /// [`ValueError::Shapes`] unless `s` is a number, [`ValueError::DivisionByZero`].
+    pub fn div(&self, g: &mut Graph, other: &Value) -> Outcome {
+        let Value::Scalar(s) = other else {
+            return Err(ValueError::Shapes { operation: "divide", left: self.shape(), right: other.shape() });
+        };
+        let one = g.one();
+        let inverse = g.div(one, *s).map_err(|_| ValueError::DivisionByZero)?;
+        Ok(self.scale(g, inverse))
+    }
+
+    /// `a^b` for numbers: a rational power, `exp(b ln a)` otherwise.
+    ///
+    /// # Errors
+    /// [`ValueError::Shapes`], [`ValueError::Exponent`] beyond 1000, [`ValueError::DivisionByZero`] for `0^-1`.
+    pub fn pow(&self, g: &mut Graph, exponent: &Value) -> Outcome {
+        let (Value::Scalar(base), Value::Scalar(power)) = (self, exponent) else {
+            return Err(ValueError::Shapes { operation: "raise", left: self.shape(), right: exponent.shape() });
+        };
+        let Some(q) = g.as_rational(*power).cloned() else {
+            let log = g.func(Func::Ln, *base);
+            let product = g.mul(*power, log);
+            return Ok(Value::Scalar(g.func(Func::Exp, product)));
+        };
+        let small = |n: Option<u32>| n.is_some_and(|n| n <= MAX_EXPONENT);
+        if !small(q.numer().abs().to_u32()) || !small(q.denom().to_u32()) {
+            return Err(ValueError::Exponent(q));
+        }
+        g.pow(*base, &q).map(Value::Scalar).map_err(|_| ValueError::DivisionByZero)
+    }
+
+    /// `sum_i a_i b_i`.
+    ///
+    /// # Errors
+    /// [`ValueError::Shapes`] unless both are vectors of one dimension.
+    pub fn dot(&self, g: &mut Graph, other: &Value) -> Outcome {
+        match (self, other) {
+            (Value::Vector(a), Value::Vector(b)) if a.len() == b.len() => {
+                let terms: Vec<ExprId> = a.iter().zip(b).map(|(a, b)| g.mul(*a, *b)).collect();
+                Ok(Value::Scalar(g.sum(&terms)))
+            }
+            _ => Err(ValueError::Shapes { operation: "dot", left: self.shape(), right: other.shape() }),
+        }
+    }
+
+    /// The cross product in `R^3`.
+    ///
+    /// # Errors
+    /// [`ValueError::Shapes`] unless both are `vector(3)`.
+    pub fn cross(&self, g: &mut Graph, other: &Value) -> Outcome {
+        let (Value::Vector(a), Value::Vector(b)) = (self, other) else {
+            return Err(ValueError::Shapes { operation: "cross", left: self.shape(), right: other.shape() });
+        };
+        if (a.len(), b.len()) != (3, 3) {
+            return Err(ValueError::Shapes { operation: "cross", left: self.shape(), right: other.shape() });
+        }
+        let mut entry = |i: usize, j: usize| {
+            let (p, q) = (g.mul(a[i], b[j]), g.mul(a[j], b[i]));
+            g.sub(p, q)
+        };
+        Ok(Value::Vector(vec![entry(1, 2), entry(2, 0), entry(0, 1)]))
+    }
+
+    /// The Euclidean norm of a vector.
+    ///
+    /// # Errors
+    /// [`ValueError::Argument`] unless it is a vector.
+    pub fn norm(&self, g: &mut Graph) -> Outcome {
+        self.vector("norm")?;
+        let square = self.dot(g, self)?.scalar("norm")?;
+        Ok(Value::Scalar(g.sqrt(square)))
+    }
+
+    fn vector(&self, function: &'static str) -> Result<&[ExprId], ValueError> {
+        match self {
+            Value::Vector(v) => Ok(v),
+            _ => Err(ValueError::Argument { function: function.into(), expected: "a vector", found: self.shape() }),
+        }
+    }
+
+    fn square(&self, function: &'static str) -> Result<(usize, &[ExprId]), ValueError> {
+        match self {
+            Value::Matrix { rows, columns, entries } if rows == columns => Ok((*rows, entries)),
+            _ => Err(ValueError::Argument { function: function.into(), expected: "a square matrix", found: self.shape() }),
+        }
+    }
+
+    /// The transposed matrix; a vector becomes a matrix with one row.
+    ///
+    /// # Errors
+    /// [`ValueError::Argument`] for a number.
+    pub fn transpose(&self) -> Outcome {
+        match self {
+            Value::Scalar(_) => Err(ValueError::Argument {
+                function: "transpose".into(),
+                expected: "a vector or a matrix",
+                found: self.shape(),
+            }),
+            Value::Vector(v) => Ok(Value::Matrix { rows: 1, columns: v.len(), entries: v.clone() }),
+            Value::Matrix { rows, columns, entries } => {
+                let (n, m) = (*rows, *columns);
+                let entries = (0..n * m).map(|k| entries[(k % n) * m + k / n]).collect();
+                Ok(Value::Matrix { rows: m, columns: n, entries })
+            }
+        }
+    }
+
+    /// The diagonal matrix of a vector, or the diagonal of a square matrix.
+    ///
+    /// # Errors
+    /// [`ValueError::Argument`] for anything else.
+    pub fn diag(&self, g: &mut Graph) -> Outcome {
+        if let Value::Matrix { .. } = self {
+            let (n, entries) = self.square("diag")?;
+            return Ok(Value::Vector((0..n).map(|i| entries[i * n + i]).collect()));
+        }
+        let v = self.vector("diag")?;
+        let n = v.len();
+        let entries = (0..n * n).map(|k| if k / n == k % n { v[k / n] } else { g.zero() }).collect();
+        Ok(Value::Matrix { rows: n, columns: n, entries })
+    }
+
+    /// The antisymmetric matrix of a vector of `R^3`: `hat(a) b = a x b`.
+    ///
+    /// # Errors
+    /// [`ValueError::Argument`] unless it is `vector(3)`.
+    pub fn hat(&self, g: &mut Graph) -> Outcome {
+        let wrong = ValueError::Argument { function: "hat".into(), expected: "vector(3)", found: self.shape() };
+        let Value::Vector(v) = self else { return Err(wrong) };
+        let [a, b, c] = v.as_slice() else { return Err(wrong) };
+        let (a, b, c, zero) = (*a, *b, *c, g.zero());
+        let (na, nb, nc) = (g.neg(a), g.neg(b), g.neg(c));
+        Ok(Value::Matrix { rows: 3, columns: 3, entries: vec![zero, nc, b, c, zero, na, nb, a, zero] })
+    }
+
+    /// The trace of a square matrix.
+    ///
+    /// # Errors
+    /// [`ValueError::Argument`] unless it is square.
+    pub fn trace(&self, g: &mut Graph) -> Outcome {
+        let (n, entries) = self.square("trace")?;
+        let diagonal: Vec<ExprId> = (0..n).map(|i| entries[i * n + i]).collect();
+        Ok(Value::Scalar(g.sum(&diagonal)))
+    }
+
+    /// The sum of the entries of a vector.
+    ///
+    /// # Errors
+    /// [`ValueError::Argument`] unless it is a vector.
+    pub fn sum(&self, g: &mut Graph) -> Outcome {
+        let v = self.vector("sum")?;
+        Ok(Value::Scalar(g.sum(v)))
+    }
+
+    /// The determinant of a square matrix with at most 8 rows, by expansion over subsets of columns.
+    ///
+    /// # Errors
+    /// [`ValueError::Argument`] unless it is square and small.
+    pub fn det(&self, g: &mut Graph) -> Outcome {
+        let (n, a) = self.square("det")?;
+        if n > MAX_DETERMINANT {
+            let found = self.shape();
+            return Err(ValueError::Argument { function: "det".into(), expected: "at most 8 rows", found });
+        }
+        // minor[S] = determinant of the first |S| rows on the columns S.
+        let mut minors = vec![g.one(); 1 << n];
+        for set in 1_usize..1 << n {
+            let row = set.count_ones() as usize - 1;
+            let mut terms = Vec::new();
+            for column in (0..n).filter(|c| set >> c & 1 == 1) {
+                let above = (set >> (column + 1)).count_ones();
+                let term = g.mul(a[row * n + column], minors[set & !(1 << column)]);
+                terms.push(if above % 2 == 0 { term } else { g.neg(term) });
+            }
+            minors[set] = g.sum(&terms);
+        }
+        Ok(Value::Scalar(minors[(1 << n) - 1]))
+    }
+
+    /// An elementary function of a number.
+    ///
+    /// # Errors
+    /// [`ValueError::Argument`] unless it is a number, [`ValueError::DivisionByZero`] for `ln(0)`.
+    pub fn func(&self, g: &mut Graph, f: Func) -> Outcome {
+        let a = self.scalar(f.name())?;
+        if f == Func::Ln && g.as_rational(a).is_some_and(Zero::is_zero) {
+            return Err(ValueError::DivisionByZero);
+        }
+        Ok(Value::Scalar(g.func(f, a)))
+    }
+
+    /// The square root of a number.
+    ///
+    /// # Errors
+    /// [`ValueError::Argument`] unless it is a number.
+    pub fn sqrt(&self, g: &mut Graph) -> Outcome {
+        let a = self.scalar("sqrt")?;
+        Ok(Value::Scalar(g.sqrt(a)))
+    }
+
+    /// Entry `i` of a vector, row `i` of a matrix; `i` counts from one.
+    ///
+    /// # Errors
+    /// [`ValueError::Index`], [`ValueError::Argument`] for a number.
+    pub fn row(&self, i: usize) -> Outcome {
+        let outside = |len: usize| ValueError::Index { index: i.to_string(), len };
+        match self {
+            Value::Scalar(_) => Err(ValueError::Argument {
+                function: "[ ]".into(),
+                expected: "a vector or a matrix",
+                found: self.shape(),
+            }),
+            Value::Vector(v) => {
+                i.checked_sub(1).and_then(|i| v.get(i)).map(|e| Value::Scalar(*e)).ok_or_else(|| outside(v.len()))
+            }
+            Value::Matrix { rows, columns, entries } => {
+                if i == 0 || i > *rows {
+                    return Err(outside(*rows));
+                }
+                Ok(Value::Vector(entries[(i - 1) * columns..i * columns].to_vec()))
+            }
+        }
+    }
+}

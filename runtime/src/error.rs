@@ -1,0 +1,245 @@
+//! Every error of the crate: small `Copy` values which say where and why.
+//!
+//! Times are reported as `f64` whatever the scalar; of several lanes the largest is reported.
+
+use core::fmt;
+
+/// Why a right-hand side has no value at a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Failure {
+    /// A pivot of a linear solve vanishes.
+    Singular {
+        /// Time of the evaluation.
+        t: f64,
+        /// The pivot, in the words of the model.
+        pivot: &'static str,
+    },
+    /// The point lies outside the domain of the equations.
+    OutsideDomain {
+        /// Time of the evaluation.
+        t: f64,
+        /// The condition that does not hold, such as `"sin(theta) != 0"`.
+        condition: &'static str,
+    },
+    /// A component of the state or of its derivative is infinite or NaN, and the system does not say why.
+    NonFinite {
+        /// Time of the evaluation.
+        t: f64,
+        /// Position of the first such component in the state.
+        index: usize,
+    },
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::Singular { t, pivot } => {
+                write!(f, "pivot {pivot} vanishes at t = {t}: the equations are singular there")
+            }
+            Self::OutsideDomain { t, condition } => {
+                write!(f, "{condition} does not hold at t = {t}: the equations are not defined there")
+            }
+            Self::NonFinite { t, index } => {
+                write!(f, "component {index} of the state or of its derivative is not finite at t = {t}")
+            }
+        }
+    }
+}
+
+impl core::error::Error for Failure {}
+
+/// Why an integration could not start or could not go on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Error {
+    /// The right-hand side has no value where it is needed.
+    Failure(Failure),
+    /// The error estimate asks for steps that no longer change the time.
+    StepTooSmall {
+        /// Time of the last accepted state.
+        t: f64,
+        /// The step, signed, that was refused.
+        h: f64,
+    },
+    /// The limit on attempted steps was reached.
+    TooManySteps {
+        /// Time of the last accepted state.
+        t: f64,
+        /// The limit, `Options::max_steps`.
+        limit: u64,
+    },
+    /// The relative tolerance is negative, not finite or below round-off.
+    RelativeTolerance {
+        /// The tolerance asked for.
+        value: f64,
+        /// The least tolerance allowed for the scalar in use.
+        least: f64,
+    },
+    /// The absolute tolerance is negative or not finite.
+    AbsoluteTolerance {
+        /// The tolerance asked for.
+        value: f64,
+        /// The least tolerance allowed.
+        least: f64,
+    },
+    /// Both tolerances are zero.
+    ZeroTolerances {
+        /// The least relative tolerance allowed for the scalar in use.
+        least: f64,
+    },
+    /// A step size (fixed, initial or maximal) is not a positive finite number.
+    StepSize {
+        /// The step size asked for.
+        value: f64,
+    },
+    /// The method has no error estimate, so that it cannot choose its steps.
+    NoErrorEstimate {
+        /// Name of the method.
+        method: &'static str,
+    },
+    /// A time to start from, to reach or to sample is not finite.
+    TimeNotFinite {
+        /// The time.
+        value: f64,
+    },
+    /// A time asked of the dense output lies outside the interval that it covers.
+    OutsideInterval {
+        /// The time.
+        t: f64,
+        /// Start of the interval.
+        from: f64,
+        /// End of the interval.
+        to: f64,
+    },
+    /// Dense output was asked for after a failed step, which overwrote the stages it needs.
+    NoDenseOutput {
+        /// Time of the last accepted state.
+        t: f64,
+    },
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::Failure(failure) => failure.fmt(f),
+            Self::StepTooSmall { t, h } => {
+                write!(
+                    f,
+                    "step {h:e} at t = {t} is too small to change the time: the solution may be singular"
+                )
+            }
+            Self::TooManySteps { t, limit } => {
+                write!(
+                    f,
+                    "limit of {limit} steps reached at t = {t}: raise max_steps or loosen the tolerances"
+                )
+            }
+            Self::RelativeTolerance { value, least } => {
+                write!(f, "relative tolerance {value:e} is not allowed: take zero or at least {least:e}")
+            }
+            Self::AbsoluteTolerance { value, least } => {
+                write!(
+                    f,
+                    "absolute tolerance {value:e} is not allowed: take a finite value of at least {least:e}"
+                )
+            }
+            Self::ZeroTolerances { least } => {
+                write!(f, "both tolerances are zero: take a relative tolerance of at least {least:e}")
+            }
+            Self::StepSize { value } => {
+                write!(f, "step size {value:e} is not allowed: take a positive finite value")
+            }
+            Self::NoErrorEstimate { method } => {
+                write!(f, "method {method} has no error estimate: give it a fixed step")
+            }
+            Self::TimeNotFinite { value } => {
+                write!(f, "time {value} is not finite, or not in one direction on every lane")
+            }
+            Self::OutsideInterval { t, from, to } => {
+                write!(f, "time {t} lies outside the interval from {from} to {to} of the dense output")
+            }
+            Self::NoDenseOutput { t } => {
+                write!(
+                    f,
+                    "dense output up to t = {t} was lost to the failed step after it: sample before stepping"
+                )
+            }
+        }
+    }
+}
+
+impl core::error::Error for Error {
+    fn source(&self) -> Option<&(dyn core::error::Error + 'static)> {
+        match self {
+            Self::Failure(failure) => Some(failure),
+            _ => None,
+        }
+    }
+}
+
+impl From<Failure> for Error {
+    fn from(failure: Failure) -> Self {
+        Self::Failure(failure)
+    }
+}
+
+/// A parameter value that the model does not allow.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ParamError {
+    /// The condition that does not hold, such as `"m > 0"` or `"I1 is finite"`.
+    pub condition: &'static str,
+    /// What the condition means for the model.
+    pub meaning: &'static str,
+}
+
+impl fmt::Display for ParamError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.meaning.is_empty() {
+            write!(f, "{} does not hold", self.condition)
+        } else {
+            write!(f, "{} does not hold: {}", self.condition, self.meaning)
+        }
+    }
+}
+
+impl core::error::Error for ParamError {}
+
+#[cfg(test)]
+mod tests {
+    use std::format;
+    use std::string::ToString;
+
+    use super::{Error, Failure, ParamError};
+
+    #[test]
+    fn messages_are_lower_case_without_full_stop() {
+        let errors = [
+            Error::Failure(Failure::Singular { t: 1.0, pivot: "d1" }),
+            Error::Failure(Failure::OutsideDomain { t: 1.0, condition: "x > 0" }),
+            Error::Failure(Failure::NonFinite { t: 1.0, index: 2 }),
+            Error::StepTooSmall { t: 1.0, h: 1e-17 },
+            Error::TooManySteps { t: 1.0, limit: 10 },
+            Error::RelativeTolerance { value: 1e-20, least: 2e-15 },
+            Error::AbsoluteTolerance { value: -1.0, least: 0.0 },
+            Error::ZeroTolerances { least: 2e-15 },
+            Error::StepSize { value: -1.0 },
+            Error::NoErrorEstimate { method: "rk4" },
+            Error::TimeNotFinite { value: f64::NAN },
+            Error::OutsideInterval { t: 3.0, from: 1.0, to: 2.0 },
+            Error::NoDenseOutput { t: 1.0 },
+        ];
+        for error in errors {
+            let message = error.to_string();
+            assert!(!message.ends_with('.'), "{message}");
+            assert!(message.chars().next().is_some_and(char::is_lowercase), "{message}");
+        }
+        let error = ParamError { condition: "m > 0", meaning: "a body has mass" };
+        assert_eq!(format!("{error}"), "m > 0 does not hold: a body has mass");
+    }
+
+    #[test]
+    fn errors_are_small() {
+        assert!(size_of::<Error>() <= 40, "{}", size_of::<Error>());
+    }
+}

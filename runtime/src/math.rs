@@ -1,0 +1,138 @@
+//! Elementary functions of `f64`, and of `f32` in [`single`], from `std` or from the crate `libm`.
+//!
+//! Generated code and hamel's interpreter call these same functions, so that their results agree bit for
+//! bit. Results of the two sources may differ in the last digits. The module deliberately does not know
+//! the trait [`Real`](crate::Real), which is built on it.
+
+macro_rules! unary {
+    ($float:ty; $($(#[$attribute:meta])* $name:ident = $std:ident | $libm:path;)*) => {$(
+        $(#[$attribute])*
+        #[inline]
+        #[must_use]
+        pub fn $name(x: $float) -> $float {
+            #[cfg(feature = "std")]
+            {
+                x.$std()
+            }
+            #[cfg(all(feature = "libm", not(feature = "std")))]
+            {
+                $libm(x)
+            }
+            #[cfg(not(any(feature = "std", feature = "libm")))]
+            {
+                x
+            }
+        }
+    )*};
+}
+
+macro_rules! binary {
+    ($float:ty; $($(#[$attribute:meta])* $name:ident($x:ident, $y:ident) = $std:ident | $libm:path;)*) => {$(
+        $(#[$attribute])*
+        #[inline]
+        #[must_use]
+        pub fn $name($x: $float, $y: $float) -> $float {
+            #[cfg(feature = "std")]
+            {
+                $x.$std($y)
+            }
+            #[cfg(all(feature = "libm", not(feature = "std")))]
+            {
+                $libm($x, $y)
+            }
+            #[cfg(not(any(feature = "std", feature = "libm")))]
+            {
+                $x + $y
+            }
+        }
+    )*};
+}
+
+unary! { f64;
+    /// Square root; NaN below zero.
+    sqrt = sqrt | libm::sqrt;
+    /// Sine of an angle in radians.
+    sin = sin | libm::sin;
+    /// Cosine of an angle in radians.
+    cos = cos | libm::cos;
+    /// Tangent of an angle in radians.
+    tan = tan | libm::tan;
+    /// Arc sine in radians; NaN outside `[-1, 1]`.
+    asin = asin | libm::asin;
+    /// Arc cosine in radians; NaN outside `[-1, 1]`.
+    acos = acos | libm::acos;
+    /// Arc tangent in radians.
+    atan = atan | libm::atan;
+    /// Exponential function.
+    exp = exp | libm::exp;
+    /// Natural logarithm; NaN below zero.
+    ln = ln | libm::log;
+    /// Hyperbolic sine.
+    sinh = sinh | libm::sinh;
+    /// Hyperbolic cosine.
+    cosh = cosh | libm::cosh;
+    /// Hyperbolic tangent.
+    tanh = tanh | libm::tanh;
+    /// Absolute value.
+    abs = abs | libm::fabs;
+}
+
+binary! { f64;
+    /// Angle of the point `(x, y)` in `(-pi, pi]`.
+    atan2(y, x) = atan2 | libm::atan2;
+    /// Power `x^y`.
+    pow(x, y) = powf | libm::pow;
+}
+
+/// Sine and cosine of one angle in radians, equal to [`sin`] and [`cos`] bit for bit.
+#[inline]
+#[must_use]
+pub fn sin_cos(x: f64) -> (f64, f64) {
+    (sin(x), cos(x))
+}
+
+/// The same functions in single precision.
+pub mod single {
+    unary! { f32;
+        /// Square root; NaN below zero.
+        sqrt = sqrt | libm::sqrtf;
+        /// Sine of an angle in radians.
+        sin = sin | libm::sinf;
+        /// Cosine of an angle in radians.
+        cos = cos | libm::cosf;
+        /// Tangent of an angle in radians.
+        tan = tan | libm::tanf;
+        /// Arc sine in radians; NaN outside `[-1, 1]`.
+        asin = asin | libm::asinf;
+        /// Arc cosine in radians; NaN outside `[-1, 1]`.
+        acos = acos | libm::acosf;
+        /// Arc tangent in radians.
+        atan = atan | libm::atanf;
+        /// Exponential function.
+        exp = exp | libm::expf;
+        /// Natural logarithm; NaN below zero.
+        ln = ln | libm::logf;
+        /// Hyperbolic sine.
+        sinh = sinh | libm::sinhf;
+        /// Hyperbolic cosine.
+        cosh = cosh | libm::coshf;
+        /// Hyperbolic tangent.
+        tanh = tanh | libm::tanhf;
+        /// Absolute value.
+        abs = abs | libm::fabsf;
+    }
+
+    binary! { f32;
+        /// Angle of the point `(x, y)` in `(-pi, pi]`.
+        atan2(y, x) = atan2 | libm::atan2f;
+        /// Power `x^y`.
+        pow(x, y) = powf | libm::powf;
+    }
+
+    /// Sine and cosine of one angle in radians, equal to [`sin`] and [`cos`] bit for bit.
+    #[inline]
+    #[must_use]
+    pub fn sin_cos(x: f32) -> (f32, f32) {
+        (sin(x), cos(x))
+    }
+}

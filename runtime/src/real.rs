@@ -1,0 +1,212 @@
+//! The scalar of generated code: what a right-hand side may do with a number.
+//!
+//! The module deliberately does not know how many lanes a scalar has: comparisons hold on every lane.
+
+use core::fmt::Debug;
+use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
+
+use crate::math;
+
+/// A real number, or several of them side by side (SIMD lanes) which are computed alike.
+///
+/// Implemented for `f64` and `f32` by the functions of [`math`] and [`math::single`].
+pub trait Real:
+    Copy
+    + Default
+    + PartialEq
+    + Debug
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+    + AddAssign
+    + SubAssign
+    + MulAssign
+    + DivAssign
+{
+    /// Zero on every lane.
+    const ZERO: Self;
+    /// One on every lane.
+    const ONE: Self;
+    /// Distance from one to the next larger number, as a bound on tolerances.
+    const EPSILON: f64 = f64::EPSILON;
+
+    /// The number nearest to `x`: `x` itself unless the type is narrower than `f64`.
+    fn from_f64(x: f64) -> Self;
+
+    /// The quotient `p/q`, correctly rounded for `f64`; wider types keep more digits of it.
+    #[inline]
+    fn ratio(p: f64, q: f64) -> Self {
+        Self::from_f64(p) / Self::from_f64(q)
+    }
+
+    /// Square root; NaN below zero.
+    fn sqrt(self) -> Self;
+    /// Sine of an angle in radians.
+    fn sin(self) -> Self;
+    /// Cosine of an angle in radians.
+    fn cos(self) -> Self;
+    /// Sine and cosine of one angle in radians.
+    #[inline]
+    fn sin_cos(self) -> (Self, Self) {
+        (self.sin(), self.cos())
+    }
+    /// Tangent of an angle in radians.
+    fn tan(self) -> Self;
+    /// Arc sine in radians; NaN outside `[-1, 1]`.
+    fn asin(self) -> Self;
+    /// Arc cosine in radians; NaN outside `[-1, 1]`.
+    fn acos(self) -> Self;
+    /// Arc tangent in radians.
+    fn atan(self) -> Self;
+    /// Angle of the point `(x, self)` in `(-pi, pi]`.
+    fn atan2(self, x: Self) -> Self;
+    /// Exponential function.
+    fn exp(self) -> Self;
+    /// Natural logarithm; NaN below zero.
+    fn ln(self) -> Self;
+    /// Hyperbolic sine.
+    fn sinh(self) -> Self;
+    /// Hyperbolic cosine.
+    fn cosh(self) -> Self;
+    /// Hyperbolic tangent.
+    fn tanh(self) -> Self;
+    /// Absolute value.
+    fn abs(self) -> Self;
+    /// Reciprocal `1/self`; infinite at zero.
+    #[inline]
+    fn recip(self) -> Self {
+        Self::ONE / self
+    }
+
+    /// Whether `self > other` on every lane; false where a lane is NaN.
+    fn all_gt(self, other: Self) -> bool;
+    /// Whether `self >= other` on every lane; false where a lane is NaN.
+    fn all_ge(self, other: Self) -> bool;
+    /// Whether `self != other` on every lane; a NaN differs from everything, as in IEEE 754.
+    fn all_ne(self, other: Self) -> bool;
+    /// Whether no lane is infinite or NaN.
+    fn all_finite(self) -> bool;
+    /// The largest absolute value of a lane, for error control and messages; NaN if a lane is NaN.
+    fn magnitude(self) -> f64;
+}
+
+macro_rules! real {
+    ($float:ident, $functions:path, from_f64($x:ident) = $from_f64:expr, ratio($p:ident, $q:ident) = $ratio:expr) => {
+        impl Real for $float {
+            const ZERO: Self = 0.0;
+            const ONE: Self = 1.0;
+            const EPSILON: f64 = $float::EPSILON as f64;
+
+            #[inline]
+            fn from_f64($x: f64) -> Self {
+                $from_f64
+            }
+            #[inline]
+            fn ratio($p: f64, $q: f64) -> Self {
+                $ratio
+            }
+            real! { unary $functions; sqrt sin cos tan asin acos atan exp ln sinh cosh tanh abs }
+            #[inline]
+            fn sin_cos(self) -> (Self, Self) {
+                use $functions as functions;
+                functions::sin_cos(self)
+            }
+            #[inline]
+            fn atan2(self, x: Self) -> Self {
+                use $functions as functions;
+                functions::atan2(self, x)
+            }
+            #[inline]
+            fn all_gt(self, other: Self) -> bool {
+                self > other
+            }
+            #[inline]
+            fn all_ge(self, other: Self) -> bool {
+                self >= other
+            }
+            #[inline]
+            fn all_ne(self, other: Self) -> bool {
+                self != other
+            }
+            #[inline]
+            fn all_finite(self) -> bool {
+                self.is_finite()
+            }
+            #[inline]
+            #[allow(clippy::unnecessary_cast, reason = "the cast widens f32")]
+            fn magnitude(self) -> f64 {
+                math::abs(self as f64)
+            }
+        }
+    };
+    (unary $functions:path; $($name:ident)*) => {$(
+        #[inline]
+        fn $name(self) -> Self {
+            use $functions as functions;
+            functions::$name(self)
+        }
+    )*};
+}
+
+real! { f64, crate::math, from_f64(x) = x, ratio(p, q) = p / q }
+// The quotient is rounded once more, from f64; rounding p and q first would lose the digits of both.
+real! { f32, crate::math::single, from_f64(x) = x as f32, ratio(p, q) = (p / q) as f32 }
+
+#[cfg(test)]
+mod tests {
+    use super::Real;
+
+    #[test]
+    fn functions_agree_with_identities() {
+        let x = 0.7_f64;
+        let (sine, cosine) = Real::sin_cos(x);
+        assert_eq!((sine, cosine), (Real::sin(x), Real::cos(x)));
+        assert!((sine * sine + cosine * cosine - 1.0).abs() < 1e-15);
+        assert!((Real::tan(x) - sine / cosine).abs() < 1e-15);
+        assert!((Real::asin(sine) - x).abs() < 1e-15);
+        assert!((Real::acos(cosine) - x).abs() < 1e-15);
+        assert!((Real::atan(Real::tan(x)) - x).abs() < 1e-15);
+        assert!((Real::atan2(-sine, -cosine) - (x - core::f64::consts::PI)).abs() < 1e-15);
+        assert!((Real::ln(Real::exp(x)) - x).abs() < 1e-15);
+        assert!((Real::cosh(x) + Real::sinh(x) - Real::exp(x)).abs() < 1e-15);
+        assert!((Real::tanh(x) - Real::sinh(x) / Real::cosh(x)).abs() < 1e-15);
+        assert_eq!(Real::sqrt(2.25_f64), 1.5);
+        assert_eq!(Real::abs(-x), x);
+        assert_eq!(Real::recip(4.0_f64), 0.25);
+    }
+
+    #[test]
+    fn single_precision_functions_agree_with_double() {
+        let x = 0.7_f32;
+        let y = f64::from(x);
+        let pairs = [
+            (Real::sin(x), Real::sin(y)),
+            (Real::cos(x), Real::cos(y)),
+            (Real::tan(x), Real::tan(y)),
+            (Real::asin(x), Real::asin(y)),
+            (Real::acos(x), Real::acos(y)),
+            (Real::atan(x), Real::atan(y)),
+            (Real::atan2(x, 0.3), Real::atan2(y, 0.3)),
+            (Real::exp(x), Real::exp(y)),
+            (Real::ln(x), Real::ln(y)),
+            (Real::sinh(x), Real::sinh(y)),
+            (Real::cosh(x), Real::cosh(y)),
+            (Real::tanh(x), Real::tanh(y)),
+            (Real::sqrt(x), Real::sqrt(y)),
+        ];
+        for (index, (single, double)) in pairs.into_iter().enumerate() {
+            assert!((f64::from(single) - double).abs() < 3e-7, "function {index}: {single} and {double}");
+        }
+        assert_eq!(<f32 as Real>::ratio(1.0, 3.0), 1.0 / 3.0);
+    }
+
+    #[test]
+    fn comparisons_reject_nan() {
+        assert!(!f64::NAN.all_gt(0.0) && !f64::NAN.all_ge(0.0) && !f64::NAN.all_finite());
+        assert!(f64::NAN.all_ne(f64::NAN) && f64::NAN.magnitude().is_nan());
+        assert!(!f64::INFINITY.all_finite() && 0.0.all_ge(-0.0) && !0.0.all_ne(-0.0));
+        assert_eq!((-2.5_f32).magnitude(), 2.5);
+    }
+}

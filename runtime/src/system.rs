@@ -1,0 +1,162 @@
+//! What the integrators ask of a system and generic drivers of a scene, and the storage of a state.
+//!
+//! The module deliberately does not know how a system is integrated.
+
+use crate::error::{Failure, ParamError};
+use crate::real::Real;
+
+/// Storage of a state and of its derivatives: a fixed array in generated code.
+///
+/// Other crates may implement it for storage whose dimension is known at run time only.
+pub trait StateVector<R: Real>: Clone {
+    /// The components in order.
+    fn as_slice(&self) -> &[R];
+
+    /// The components in order, for writing.
+    fn as_mut_slice(&mut self) -> &mut [R];
+
+    /// A state of the same dimension with every component zero.
+    #[must_use]
+    fn zeros_like(&self) -> Self {
+        let mut zeros = self.clone();
+        zeros.as_mut_slice().fill(R::ZERO);
+        zeros
+    }
+}
+
+impl<R: Real, const N: usize> StateVector<R> for [R; N] {
+    #[inline]
+    fn as_slice(&self) -> &[R] {
+        self
+    }
+
+    #[inline]
+    fn as_mut_slice(&mut self) -> &mut [R] {
+        self
+    }
+
+    #[inline]
+    fn zeros_like(&self) -> Self {
+        [R::ZERO; N]
+    }
+}
+
+/// A system of ordinary differential equations of first order.
+///
+/// ```text
+/// dy/dt = f(t, y)
+/// ```
+pub trait System<R: Real> {
+    /// Storage of `y` and of `dy/dt`.
+    type State: StateVector<R>;
+
+    /// Writes `f(t, y)` to `dy`, every component; infinite or NaN where `f` has no value.
+    fn rhs(&self, t: R, y: &Self::State, dy: &mut Self::State);
+
+    /// Says why the right-hand side cannot be evaluated at a point: a vanishing pivot, a point outside the
+    /// domain.
+    ///
+    /// The integrators call it at the initial state and where they met something that is not finite.
+    ///
+    /// # Errors
+    ///
+    /// The reason, if the system knows one.
+    fn check(&self, t: R, y: &Self::State) -> Result<(), Failure> {
+        let _ = (t, y);
+        Ok(())
+    }
+}
+
+impl<R: Real, S: System<R> + ?Sized> System<R> for &S {
+    type State = S::State;
+
+    #[inline]
+    fn rhs(&self, t: R, y: &Self::State, dy: &mut Self::State) {
+        (**self).rhs(t, y, dy);
+    }
+
+    #[inline]
+    fn check(&self, t: R, y: &Self::State) -> Result<(), Failure> {
+        (**self).check(t, y)
+    }
+}
+
+/// A parameter of a scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ParamInfo {
+    /// Name, as the model spells it.
+    pub name: &'static str,
+    /// Value of the scene as published.
+    pub default: f64,
+    /// Meaning and unit.
+    pub doc: &'static str,
+}
+
+/// An output of a scene: a scalar, or several components.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OutputInfo {
+    /// Name, as the model spells it.
+    pub name: &'static str,
+    /// Names of the components in order.
+    pub components: &'static [&'static str],
+    /// Meaning and unit.
+    pub doc: &'static str,
+}
+
+/// Names and meanings of all that a scene has.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SceneInfo {
+    /// Name of the model.
+    pub model: &'static str,
+    /// Name of the scene within the model.
+    pub scene: &'static str,
+    /// Names of the state's components in order.
+    pub state: &'static [&'static str],
+    /// Parameters in the order of [`Scene::prepare`].
+    pub params: &'static [ParamInfo],
+    /// Outputs in the order of [`Scene::outputs_of`].
+    pub outputs: &'static [OutputInfo],
+    /// Whether [`Scene::energy_of`] has a value.
+    pub has_energy: bool,
+}
+
+impl SceneInfo {
+    /// Number of components of all outputs, the length of the slice that [`Scene::outputs_of`] fills.
+    #[must_use]
+    pub const fn n_outputs(&self) -> usize {
+        let mut sum = 0;
+        let mut index = 0;
+        while index < self.outputs.len() {
+            sum += self.outputs[index].components.len();
+            index += 1;
+        }
+        sum
+    }
+}
+
+/// A generated system with its parameters, described well enough for drivers that serve any scene.
+pub trait Scene<R: Real>: System<R> + Sized {
+    /// Names, defaults and meanings.
+    const INFO: SceneInfo;
+
+    /// Makes a scene from parameter values, computing once what depends on them alone.
+    ///
+    /// # Shapes
+    ///
+    /// values: \[n_params\], in the order of `INFO.params`.
+    ///
+    /// # Errors
+    ///
+    /// The first condition on the parameters that does not hold.
+    fn prepare(values: &[R]) -> Result<Self, ParamError>;
+
+    /// Energy at a state, if the model has one.
+    fn energy_of(&self, t: R, y: &Self::State) -> Option<R>;
+
+    /// Writes all outputs at a state, one after the other, to `out`.
+    ///
+    /// # Shapes
+    ///
+    /// out: \[[`INFO.n_outputs()`](SceneInfo::n_outputs)\].
+    fn outputs_of(&self, t: R, y: &Self::State, out: &mut [R]);
+}
