@@ -2,6 +2,8 @@
 //!
 //! The module deliberately does not know any method: it reads a tableau.
 
+use core::fmt;
+
 use crate::controller::Controller;
 use crate::error::{Error, Failure};
 use crate::methods::{Estimate, Method};
@@ -101,8 +103,7 @@ impl<'s, R: Real, S: System<R>, M: Method> Integrator<'s, R, S, M> {
     ///
     /// Those of [`Options::validate`]; [`Error::NoErrorEstimate`] for adaptive steps with a method for fixed
     /// ones; [`Error::TimeNotFinite`]; [`Error::Failure`] if the right-hand side has no value at `y0`.
-    pub fn new(system: &'s S, method: M, t0: R, y0: S::State, options: Options<R>) -> Result<Self, Error> {
-        let _ = method;
+    pub fn new(system: &'s S, _method: M, t0: R, y0: S::State, options: Options<R>) -> Result<Self, Error> {
         options.validate()?;
         let estimate_order = match (M::TABLEAU.estimate, options.step) {
             (Estimate::Embedded { order, .. } | Estimate::Combined { order, .. }, _) => order,
@@ -342,7 +343,8 @@ impl<'s, R: Real, S: System<R>, M: Method> Integrator<'s, R, S, M> {
     /// of a step is left.
     fn landing_range(&self, step: f64) -> f64 {
         match self.options.step {
-            StepSize::Fixed(_) => step * (1.0 + 1e-9),
+            // Besides a sum of steps, the end itself is rounded.
+            StepSize::Fixed(_) => step * (1.0 + 1e-9) + 2.0 * R::EPSILON * self.t.magnitude(),
             StepSize::Adaptive { max: None, .. } => step * 1.01,
             StepSize::Adaptive { max: Some(max), .. } => (step * 1.01).min(max.magnitude()),
         }
@@ -564,6 +566,18 @@ impl<'s, R: Real, S: System<R>, M: Method> Integrator<'s, R, S, M> {
     }
 }
 
+impl<R: Real, S: System<R>, M: Method> fmt::Debug for Integrator<'_, R, S, M> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Integrator")
+            .field("method", &M::TABLEAU.name)
+            .field("t", &self.t)
+            .field("state", &self.y.as_slice())
+            .field("options", &self.options)
+            .field("stats", &self.stats)
+            .finish_non_exhaustive()
+    }
+}
+
 /// Smallest step, and smallest scale of a component: the least normal `f32`, so that it exists in any scalar.
 const TINY: f64 = f32::MIN_POSITIVE as f64;
 
@@ -590,21 +604,14 @@ fn two_sum<R: Real>(a: R, b: R) -> (R, R) {
     (sum, (a - (sum - b_part)) + (b - b_part))
 }
 
-/// `out = sum_j row_j k_j`, two terms a pass to halve the traffic on `out`.
+/// `out = sum_j row_j k_j`.
 fn weighted_sum<R: Real, V: StateVector<R>>(row: &[(usize, f64)], stages: &[V], out: &mut V) {
     let out = out.as_mut_slice();
     out.fill(R::ZERO);
-    let (pairs, rest) = row.as_chunks::<2>();
-    for &[(i, a), (j, b)] in pairs {
-        let (a, b) = (R::from_f64(a), R::from_f64(b));
-        for ((out, &first), &second) in out.iter_mut().zip(stages[i].as_slice()).zip(stages[j].as_slice()) {
-            *out += a * first + b * second;
-        }
-    }
-    for &(i, a) in rest {
-        let a = R::from_f64(a);
-        for (out, &derivative) in out.iter_mut().zip(stages[i].as_slice()) {
-            *out += a * derivative;
+    for &(index, weight) in row {
+        let weight = R::from_f64(weight);
+        for (out, &derivative) in out.iter_mut().zip(stages[index].as_slice()) {
+            *out += weight * derivative;
         }
     }
 }

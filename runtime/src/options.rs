@@ -29,7 +29,8 @@ pub enum StepSize<R> {
 
 /// Tolerances, step sizes and limits of an integration.
 ///
-/// A step is accepted if the norm of `error_i / (atol + rtol max(|y0_i|, |y1_i|))` is at most one.
+/// A step is accepted if the norm of `error_i / (atol + rtol max(|y0_i|, |y1_i|))` is at most one. The least
+/// normal `f32`, 1.2e-38, is added to the scale, so that a component may be zero where `atol` is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options<R> {
     /// Relative tolerance; unused with fixed steps.

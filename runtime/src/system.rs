@@ -160,3 +160,26 @@ pub trait Scene<R: Real>: System<R> + Sized {
     /// out: \[[`INFO.n_outputs()`](SceneInfo::n_outputs)\].
     fn outputs_of(&self, t: R, y: &Self::State, out: &mut [R]);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{OutputInfo, SceneInfo, StateVector};
+
+    #[test]
+    fn components_of_outputs_are_counted() {
+        let outputs = &[
+            OutputInfo { name: "speed", components: &["speed"], doc: "" },
+            OutputInfo { name: "p", components: &["p1", "p2", "p3"], doc: "" },
+        ];
+        let info =
+            SceneInfo { model: "m", scene: "s", state: &["x"], params: &[], outputs, has_energy: false };
+        assert_eq!(info.n_outputs(), 4);
+    }
+
+    #[test]
+    fn zeros_have_the_dimension_of_the_state() {
+        let state = [1.0, f64::NAN];
+        assert_eq!(state.zeros_like(), [0.0, 0.0]);
+        assert_eq!(StateVector::<f64>::as_slice(&state).len(), 2);
+    }
+}

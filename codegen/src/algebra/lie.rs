@@ -22,9 +22,9 @@ pub struct Slot {
 /// A Lie algebra `[e_a, e_b] = C^c_ab e_c` with verified antisymmetry and Jacobi identity.
 ///
 /// ```
-/// use hamel_codegen::algebra::LieAlgebra;
+/// use hamel_codegen::{algebra::LieAlgebra, expr::Rational};
 /// let so3 = LieAlgebra::so(3).unwrap();
-/// assert_eq!(so3.structure_constant(2, 0, 1), 1.into()); // [e1, e2] = e3
+/// assert_eq!(so3.structure_constant(2, 0, 1), Rational::from_integer(1.into())); // [e1, e2] = e3
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LieAlgebra {

@@ -1,6 +1,6 @@
 //! The arena, its canonical constructors, differentiation, substitution and the zero test.
 
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::fmt;
 
 use num_bigint::BigInt;
@@ -709,14 +709,16 @@ impl Graph {
 
     /// Every node that the roots need, in ascending (operands first) order.
     pub fn reachable(&self, roots: &[ExprId]) -> Vec<ExprId> {
-        let mut seen: BTreeSet<ExprId> = BTreeSet::new();
+        let mut seen: HashSet<ExprId> = HashSet::new();
         let mut pending: Vec<ExprId> = roots.to_vec();
         while let Some(e) = pending.pop() {
             if seen.insert(e) {
                 self.node(e).for_each_operand(|operand| pending.push(operand));
             }
         }
-        seen.into_iter().collect()
+        let mut ordered: Vec<ExprId> = seen.into_iter().collect();
+        ordered.sort_unstable();
+        ordered
     }
 
     /// The symbols an expression depends on structurally.

@@ -32,12 +32,18 @@ pub(super) enum Node {
     List(Vec<Expr>),
 }
 
+/// How the two sides of a condition compare.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Compare {
+pub enum Compare {
+    /// `left < right`.
     Less,
+    /// `left <= right`.
     LessEqual,
+    /// `left > right`.
     Greater,
+    /// `left >= right`.
     GreaterEqual,
+    /// `left != right`.
     NotEqual,
 }
 
@@ -102,11 +108,6 @@ pub(super) struct BracketRule {
 }
 
 #[derive(Clone, Debug)]
-pub(super) enum Want {
-    Name(Name),
-}
-
-#[derive(Clone, Debug)]
 pub(super) enum ItemKind {
     Source(String),
     Param { name: Name, shape: Shape, default: Option<Expr>, conditions: Vec<Comparison> },
@@ -128,7 +129,7 @@ pub(super) enum ItemKind {
     Force { name: Name, value: Expr },
     Casimir { name: Name, value: Expr },
     Output { name: Name, value: Expr },
-    Scene { name: Name, fixed: Vec<(Name, Expr)>, wants: Vec<Want> },
+    Scene { name: Name, fixed: Vec<(Name, Expr)>, wants: Vec<Name> },
 }
 
 #[derive(Clone, Debug)]

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use num_traits::{Signed, Zero};
 
+use super::ast::Compare;
 use super::diagnostic::{Diagnostic, Diagnostics, Origin, Span};
 use super::model::*;
 use super::names::{self, WANTS};
@@ -57,8 +58,7 @@ impl Layout {
     }
 }
 
-/// How two sides of a condition compare.
-pub use super::ast::Compare;
+
 
 #[derive(Clone, Debug)]
 struct Declared {
@@ -205,6 +205,10 @@ impl ModelBuilder {
     /// The time.
     pub fn time(&mut self) -> Value {
         Value::Scalar(self.graph.sym(self.time))
+    }
+
+    pub(super) fn rename(&mut self, name: &str) {
+        self.name = name.to_owned();
     }
 
     /// The value declared under a name.
@@ -899,7 +903,8 @@ impl ModelBuilder {
                     }
                 }
             }
-            let checked = check_ideal(&algebra, &above_name, &above, &draft.name, &vectors);
+            let basis: Vec<String> = self.velocities.iter().map(|v| v.name.clone()).collect();
+            let checked = check_ideal(&algebra, &basis, (&above_name, &above), (&draft.name, &vectors));
             if let Err(error) = checked {
                 self.error(draft.span, &error);
                 return None;
@@ -1311,10 +1316,9 @@ impl Subspace {
 /// `n_k` lies in `n_{k-1}`, is smaller, not zero, and `[n_{k-1}, n_k]` lies in `n_k`.
 fn check_ideal(
     algebra: &LieAlgebra,
-    above_name: &str,
-    above: &[Vec<Rational>],
-    name: &str,
-    ideal: &[Vec<Rational>],
+    basis: &[String],
+    (above_name, above): (&str, &[Vec<Rational>]),
+    (name, ideal): (&str, &[Vec<Rational>]),
 ) -> Result<(), Error> {
     let empty = || Error::EmptyStage { stage: name.to_owned() };
     let outer = Subspace::new(above).ok_or_else(empty)?;
@@ -1329,7 +1333,7 @@ fn check_ideal(
         for y in ideal {
             let bracket = algebra.bracket_of(x, y);
             if !inner.contains(&bracket) {
-                let spell = |v: &[Rational]| crate::error::spell_vector(algebra.basis(), v);
+                let spell = |v: &[Rational]| crate::error::spell_vector(basis, v);
                 return Err(Error::NotAnIdeal {
                     stage: name.to_owned(),
                     above: above_name.to_owned(),

@@ -783,7 +783,7 @@ impl<'a> Parser<'a> {
                     Ok((name, p.expr()?))
                 })?);
             } else if body.word("want").is_some() {
-                wants.extend(body.comma_separated(|p| p.ident("the name of an output").map(Want::Name))?);
+                wants.extend(body.comma_separated(|p| p.ident("the name of an output"))?);
             } else {
                 return body.expected("`fix` or `want`");
             }

@@ -1,0 +1,17 @@
+//! Front ends: from a checked model to one Lie algebroid with Lagrangian, constraint and force.
+//!
+//! `stages` splits an algebra along a chain of ideals, `constraint` solves the kinematic constraints, and [`reduce`]
+//! puts the algebroid of the model together. A new kind of system is a new way to fill in [`ReducedSystem`].
+//!
+//! Deliberately does not know: equations of motion, programs, text files.
+
+mod constraint;
+mod front_end;
+mod stages;
+
+pub use constraint::{KinematicConstraint, SolvedConstraint, sign_of, Sign};
+pub use front_end::{ReducedSystem, StateKind, reduce};
+pub use stages::{StageLevel, Stages, Tensor};
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,370 @@
+//! Reduction by stages on a Lie algebra: adapted basis, quotient brackets, the forms `a` and `b`, and the way back.
+
+use num_traits::Zero;
+
+use crate::algebra::{LieAlgebra, Matrix, solve_symbolic};
+use crate::error::{Error, spell_vector};
+use crate::expr::{ExprId, Graph, Rational, Style};
+
+/// Sparse bilinear form with values in the adapted basis: entries `(a, b, c, value)` meaning
+/// `form(e_a, e_b) = value e_c + ..`, in ascending order of `(a, b, c)`.
+pub type Tensor = Vec<(usize, usize, usize, ExprId)>;
+
+/// One level of the chain: the orthogonal complement of `n_{j+1}` in `n_j`, which is the horizontal space at the
+/// identity of the connection `A_{N_{j+1}}`.
+#[derive(Clone, Debug)]
+pub struct StageLevel {
+    /// Name of the stage `n_j`.
+    pub name: String,
+    /// Indices of this level's elements in the adapted basis.
+    pub range: std::ops::Range<usize>,
+    /// `[eta, eta']` in the quotient `n_j / n_{j+1}`: the component in this level.
+    pub quotient_bracket: Tensor,
+    /// `a_j(eta, eta') = -(component of [eta, eta'] in the levels below)`, the curvature of `A_{N_{j+1}}` at the identity.
+    pub curvature: Tensor,
+    /// `b_j(eta, zeta) = [eta, zeta]` for `zeta` in `n_{j+1}`, the quotient vertical connection.
+    pub vertical_connection: Tensor,
+}
+
+/// A Lie algebra split along a chain of ideals `g = n_0 > n_1 > .. > n_k > 0`.
+///
+/// # Shapes
+/// `basis`: `[dim][dim]`, row `k` is the adapted element `k` in the algebra's own basis.
+///
+/// # Source
+/// Cendra, Diaz, "Lagrange-d'Alembert-Poincare equations by several stages", section 2, read with the identification
+/// by horizontal lifts (the only one for which it holds).
+#[derive(Clone, Debug)]
+pub struct Stages {
+    /// The levels, from `n_0` down.
+    pub levels: Vec<StageLevel>,
+    /// The adapted basis.
+    pub basis: Vec<Vec<ExprId>>,
+    /// `inverse[a][k]`: coefficient of adapted element `k` in the original element `a`.
+    pub inverse: Vec<Vec<ExprId>>,
+}
+
+impl Stages {
+    /// Splits `algebra` along the chain `n_0 = g`, `n_1`, .. given by spanning vectors of `n_1`, `n_2`, .., with the
+    /// orthogonal complements of an inner product (default: the basis is orthonormal).
+    ///
+    /// # Errors
+    /// [`Error::NotNested`], [`Error::NotAnIdeal`] (naming the offending pair), [`Error::EmptyStage`],
+    /// [`Error::DegenerateInnerProduct`], [`Error::ShapeMismatch`].
+    pub fn split(
+        g: &mut Graph,
+        algebra: &LieAlgebra,
+        names: &[String],
+        ideals: &[Vec<Vec<Rational>>],
+        inner_product: Option<&[Vec<ExprId>]>,
+    ) -> Result<Stages, Vec<Error>> {
+        let n = algebra.dim();
+        if names.len() != ideals.len() + 1 {
+            let what = "list of stage names".to_owned();
+            return Err(vec![Error::ShapeMismatch { what, found: names.len(), expected: ideals.len() + 1 }]);
+        }
+        let chain = verified_chain(algebra, names, ideals)?;
+        let metric = match inner_product {
+            Some(metric) => metric.to_vec(),
+            None => identity(g, n),
+        };
+        let mut basis = Vec::with_capacity(n);
+        let mut ranges = Vec::new();
+        for (j, space) in chain.iter().enumerate() {
+            let below: &[Vec<Rational>] = chain.get(j + 1).map_or(&[], Vec::as_slice);
+            let start = basis.len();
+            basis.extend(
+                horizontal_basis(g, space, below, &metric)
+                    .map_err(|()| vec![Error::DegenerateInnerProduct { stage: names[j].clone() }])?,
+            );
+            ranges.push(start..basis.len());
+        }
+        let transposed: Vec<Vec<ExprId>> = (0..n).map(|a| basis.iter().map(|e| e[a]).collect()).collect();
+        let unit = identity(g, n);
+        // basis is invertible: each level completes the one below to a basis of the level's stage.
+        let columns = solve_symbolic(g, &transposed, &unit)
+            .map_err(|_| vec![Error::DegenerateInnerProduct { stage: names[0].clone() }])?;
+        let inverse: Vec<Vec<ExprId>> = (0..n).map(|a| columns.iter().map(|row| row[a]).collect()).collect();
+        let mut stages = Stages { levels: Vec::new(), basis, inverse };
+        let brackets = stages.adapted_brackets(g, algebra);
+        stages.levels = ranges
+            .iter()
+            .zip(names)
+            .map(|(range, name)| stage_forms(g, name, range.clone(), &brackets, n))
+            .collect();
+        stages.verify_rebuilt(g, &brackets)?;
+        Ok(stages)
+    }
+
+    /// Level to which an adapted basis element belongs.
+    pub fn level_of(&self, k: usize) -> usize {
+        self.levels.iter().position(|l| l.range.contains(&k)).unwrap_or(0)
+    }
+
+    /// `[e_p, e_q]` of adapted elements, components in the adapted basis: `[p][q] -> dense vector`.
+    fn adapted_brackets(&self, g: &mut Graph, algebra: &LieAlgebra) -> Vec<Vec<Vec<ExprId>>> {
+        let n = algebra.dim();
+        let mut table = vec![vec![vec![g.zero(); n]; n]; n];
+        for p in 0..n {
+            for q in p + 1..n {
+                let mut original: Vec<Vec<(ExprId, Rational)>> = vec![Vec::new(); n];
+                for (a, b, value) in algebra.brackets() {
+                    let forward = g.mul(self.basis[p][a], self.basis[q][b]);
+                    let backward = g.mul(self.basis[p][b], self.basis[q][a]);
+                    let weight = g.sub(forward, backward);
+                    if weight == g.zero() {
+                        continue;
+                    }
+                    for (c, structure_constant) in value {
+                        original[*c].push((weight, structure_constant.clone()));
+                    }
+                }
+                let original: Vec<ExprId> = original.iter().map(|list| g.linear_combination(list)).collect();
+                for k in 0..n {
+                    let terms: Vec<ExprId> = (0..n).map(|c| g.mul(original[c], self.inverse[c][k])).collect();
+                    let sum = g.sum(&terms);
+                    let value = g.cancel_zero(sum);
+                    table[p][q][k] = value;
+                    table[q][p][k] = g.neg(value);
+                }
+            }
+        }
+        table
+    }
+
+    /// `[eta, eta']` of two vectors in the adapted basis, rebuilt from the stage forms level by level:
+    /// level `i` is `[eta^i, eta'^i]_i + sum_{j<i} (-a_j^i(eta^j, eta'^j) + b_j^i(eta^j, sum_{k>j} eta'^k)
+    /// - b_j^i(eta'^j, sum_{k>j} eta^k))`.
+    pub fn rebuilt_bracket(&self, g: &mut Graph, eta: &[ExprId], eta_bar: &[ExprId]) -> Vec<ExprId> {
+        let mut terms: Vec<Vec<ExprId>> = vec![Vec::new(); eta.len()];
+        for level in &self.levels {
+            for (a, b, c, value) in &level.quotient_bracket {
+                terms[*c].push(g.product(&[*value, eta[*a], eta_bar[*b]]));
+            }
+            for (a, b, c, value) in &level.curvature {
+                let term = g.product(&[*value, eta[*a], eta_bar[*b]]);
+                terms[*c].push(g.neg(term));
+            }
+            for (a, b, c, value) in &level.vertical_connection {
+                terms[*c].push(g.product(&[*value, eta[*a], eta_bar[*b]]));
+                let backward = g.product(&[*value, eta_bar[*a], eta[*b]]);
+                terms[*c].push(g.neg(backward));
+            }
+        }
+        terms.iter().map(|list| g.sum(list)).collect()
+    }
+
+    fn verify_rebuilt(&self, g: &mut Graph, brackets: &[Vec<Vec<ExprId>>]) -> Result<(), Vec<Error>> {
+        let n = self.basis.len();
+        let unit = identity(g, n);
+        for p in 0..n {
+            for q in p + 1..n {
+                let rebuilt = self.rebuilt_bracket(g, &unit[p], &unit[q]);
+                for (k, value) in rebuilt.into_iter().enumerate() {
+                    if !g.is_equal(value, brackets[p][q][k]) {
+                        let pair = [p, q].map(|e| format!("element {}", e + 1));
+                        return Err(vec![Error::RebuiltBracketDiffers { pair }]);
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The vertical equations by stages: `betadot_i` paired with every adapted basis element, given the velocities
+    /// `eta` and momenta `beta` in the adapted basis. Every level's momentum may enter every level's equation:
+    ///
+    /// `betadot_i(z) = <beta_i, [eta^i, z]_i> + sum_{m>i} <beta_m, -a_i^m(eta^i, z) - b_i^m(z, sum_{l>i} eta^l)>
+    /// + sum_{j<i} sum_{m>j} <beta_m, b_j^m(eta^j, z)>`.
+    ///
+    /// The printed equations keep `beta_i` alone, which is wrong unless the lost terms vanish.
+    ///
+    /// # Source
+    /// Cendra, Diaz, equation (19), in the corrected closed form of (20).
+    pub fn vertical_equations(&self, g: &mut Graph, eta: &[ExprId], beta: &[ExprId]) -> Vec<ExprId> {
+        let mut terms: Vec<Vec<ExprId>> = vec![Vec::new(); eta.len()];
+        for level in &self.levels {
+            for (a, z, c, value) in &level.quotient_bracket {
+                terms[*z].push(g.product(&[*value, beta[*c], eta[*a]]));
+            }
+            for (a, z, c, value) in &level.curvature {
+                let term = g.product(&[*value, beta[*c], eta[*a]]);
+                terms[*z].push(g.neg(term));
+            }
+            for (a, b, c, value) in &level.vertical_connection {
+                // The level's own equation: z = e_a stands in the first slot of b.
+                let own = g.product(&[*value, beta[*c], eta[*b]]);
+                terms[*a].push(g.neg(own));
+                // A deeper level's equation: z = e_b stands in the second slot.
+                terms[*b].push(g.product(&[*value, beta[*c], eta[*a]]));
+            }
+        }
+        terms.iter().map(|list| g.sum(list)).collect()
+    }
+
+    /// An adapted basis element spelled in the algebra's basis.
+    pub fn spell_element(&self, g: &mut Graph, k: usize, basis: &[String]) -> String {
+        let terms: Vec<ExprId> = (0..basis.len())
+            .map(|a| {
+                let symbol = g.symbol(&basis[a]);
+                let e = g.sym(symbol);
+                g.mul(self.basis[k][a], e)
+            })
+            .collect();
+        let sum = g.sum(&terms);
+        g.display(sum, Style::Unicode)
+    }
+}
+
+fn identity(g: &Graph, n: usize) -> Vec<Vec<ExprId>> {
+    (0..n).map(|i| (0..n).map(|j| if i == j { g.one() } else { g.zero() }).collect()).collect()
+}
+
+/// Bases of `n_0, n_1, ..`, after checking that each is an ideal of the one above.
+fn verified_chain(
+    algebra: &LieAlgebra,
+    names: &[String],
+    ideals: &[Vec<Vec<Rational>>],
+) -> Result<Vec<Vec<Vec<Rational>>>, Vec<Error>> {
+    let n = algebra.dim();
+    let whole: Vec<Vec<Rational>> = (0..n).map(|k| Matrix::identity(n).row(k).to_vec()).collect();
+    let mut chain = vec![whole];
+    let mut errors = Vec::new();
+    for (j, spanning) in ideals.iter().enumerate() {
+        let (stage, above) = (names[j + 1].clone(), names[j].clone());
+        if let Some(bad) = spanning.iter().find(|v| v.len() != n) {
+            let what = format!("vector spanning stage {stage}");
+            errors.push(Error::ShapeMismatch { what, found: bad.len(), expected: n });
+            return Err(errors);
+        }
+        let basis = independent(spanning);
+        let upper = &chain[j];
+        if basis.is_empty() || basis.len() >= upper.len() {
+            errors.push(Error::EmptyStage { stage });
+        } else if basis.iter().any(|v| !contains(upper, v)) {
+            errors.push(Error::NotNested { stage, above });
+        } else if let Some((x, v, bracket)) = leaving_pair(algebra, upper, &basis) {
+            let spell = |u: &[Rational]| spell_vector(algebra.basis(), u);
+            errors.push(Error::NotAnIdeal {
+                stage,
+                above,
+                pair: [spell(&x), spell(&v)],
+                bracket: spell(&bracket),
+            });
+        }
+        if !errors.is_empty() {
+            return Err(errors);
+        }
+        chain.push(basis);
+    }
+    Ok(chain)
+}
+
+fn leaving_pair(
+    algebra: &LieAlgebra,
+    upper: &[Vec<Rational>],
+    ideal: &[Vec<Rational>],
+) -> Option<(Vec<Rational>, Vec<Rational>, Vec<Rational>)> {
+    for x in upper {
+        for v in ideal {
+            let bracket = algebra.bracket_of(x, v);
+            if !contains(ideal, &bracket) {
+                return Some((x.clone(), v.clone(), bracket));
+            }
+        }
+    }
+    None
+}
+
+/// The first vectors of a list that are linearly independent of those before.
+fn independent(vectors: &[Vec<Rational>]) -> Vec<Vec<Rational>> {
+    let columns = Matrix::from_rows(vectors).map(|m| m.transposed());
+    let Some(columns) = columns.filter(|m| m.n_rows() > 0) else { return Vec::new() };
+    columns.echelon().1.into_iter().map(|k| vectors[k].clone()).collect()
+}
+
+fn contains(basis: &[Vec<Rational>], v: &[Rational]) -> bool {
+    if v.iter().all(Zero::is_zero) {
+        return true;
+    }
+    let mut rows = basis.to_vec();
+    rows.push(v.to_vec());
+    Matrix::from_rows(&rows).is_some_and(|m| m.rank() == basis.len())
+}
+
+/// A basis of the orthogonal complement of `below` in `space`: representatives of the quotient, lifted horizontally
+/// by `e - sum_k c_k f_k` with `<f_l, f_k> c_k = <f_l, e>`.
+fn horizontal_basis(
+    g: &mut Graph,
+    space: &[Vec<Rational>],
+    below: &[Vec<Rational>],
+    metric: &[Vec<ExprId>],
+) -> Result<Vec<Vec<ExprId>>, ()> {
+    let candidates: Vec<Vec<Rational>> = below.iter().chain(space).cloned().collect();
+    let representatives = independent(&candidates)[below.len()..].to_vec();
+    let inner = |g: &mut Graph, u: &[Rational], v: &[Rational]| {
+        let mut terms = Vec::new();
+        for (i, p) in u.iter().enumerate().filter(|(_, p)| !p.is_zero()) {
+            for (j, q) in v.iter().enumerate().filter(|(_, q)| !q.is_zero()) {
+                terms.push((metric[i][j], p * q));
+            }
+        }
+        g.linear_combination(&terms)
+    };
+    let mut gram = Vec::new();
+    let mut right = Vec::new();
+    for f in below {
+        gram.push(below.iter().map(|h| inner(g, f, h)).collect::<Vec<_>>());
+        right.push(representatives.iter().map(|e| inner(g, f, e)).collect::<Vec<_>>());
+    }
+    let coefficients = solve_symbolic(g, &gram, &right).map_err(|_| ())?;
+    let mut lifted = Vec::new();
+    for (k, e) in representatives.iter().enumerate() {
+        let mut vector = Vec::new();
+        for (i, component) in e.iter().enumerate() {
+            let mut terms = vec![(g.one(), component.clone())];
+            for (f, row) in below.iter().zip(&coefficients) {
+                if !f[i].is_zero() {
+                    terms.push((row[k], -f[i].clone()));
+                }
+            }
+            vector.push(g.linear_combination(&terms));
+        }
+        lifted.push(vector);
+    }
+    Ok(lifted)
+}
+
+fn stage_forms(
+    g: &mut Graph,
+    name: &str,
+    range: std::ops::Range<usize>,
+    brackets: &[Vec<Vec<ExprId>>],
+    n: usize,
+) -> StageLevel {
+    let mut level = StageLevel {
+        name: name.to_owned(),
+        range: range.clone(),
+        quotient_bracket: Vec::new(),
+        curvature: Vec::new(),
+        vertical_connection: Vec::new(),
+    };
+    for a in range.clone() {
+        for b in range.start..n {
+            for (c, &value) in brackets[a][b].iter().enumerate() {
+                if value == g.zero() {
+                    continue;
+                }
+                if b >= range.end {
+                    level.vertical_connection.push((a, b, c, value));
+                } else if range.contains(&c) {
+                    level.quotient_bracket.push((a, b, c, value));
+                } else {
+                    let minus = g.neg(value);
+                    level.curvature.push((a, b, c, minus));
+                }
+            }
+        }
+    }
+    level
+}

@@ -1,0 +1,392 @@
+//! Values of syntax trees: names, shapes, functions. Every problem gets the span of the offending operand.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use num_traits::{One, Signed, ToPrimitive};
+
+use super::ast::{Expr, Node};
+use super::diagnostic::{Diagnostic, Span};
+use super::names::{self, FUNCTIONS};
+use super::parser::MAX_DIM;
+use super::value::{Shape, Value, ValueError};
+use crate::expr::{ExprId, Func, Graph, Rational};
+
+/// Scalar operations one model may ask for.
+const MAX_WORK: u64 = 4_000_000;
+/// Bound on the bits of any coefficient, so that nested powers cannot fill the memory.
+const MAX_BITS: u64 = 1 << 18;
+/// What a parameter may contribute to a coefficient when it is fixed to a number.
+const SYMBOL_BITS: u64 = 16;
+
+/// A value and a bound on the bits of its coefficients.
+pub(super) type Weighed = (Value, u64);
+
+/// Everything an expression can see.
+pub(super) struct Evaluator<'a> {
+    pub(super) graph: &'a mut Graph,
+    pub(super) values: &'a BTreeMap<String, Value>,
+    /// Weights of `let`s; other names have the weight of a symbol.
+    pub(super) weights: &'a BTreeMap<String, u64>,
+    /// Names about which a problem is already reported.
+    pub(super) poisoned: &'a BTreeSet<String>,
+    pub(super) problems: &'a mut Vec<Diagnostic>,
+    pub(super) work: &'a mut u64,
+    /// Added to "unknown name" when names are restricted, as in defaults.
+    pub(super) restriction: Option<&'static str>,
+}
+
+/// A name stands for itself, for a component (`I1` of `I`) or for a rate (`x_dot` of `x`).
+pub(super) fn is_poisoned(name: &str, poisoned: &BTreeSet<String>) -> bool {
+    let stem = name.strip_suffix("_dot").unwrap_or(name);
+    let stem = stem.trim_end_matches(|c: char| c.is_ascii_digit() || c == '_');
+    poisoned.contains(name) || poisoned.contains(stem) || poisoned.contains(stem.trim_end_matches("_dot"))
+}
+
+impl Evaluator<'_> {
+    /// The value, or `None` when a problem was reported (now or before).
+    pub(super) fn eval(&mut self, expr: &Expr) -> Option<Weighed> {
+        let (value, bits) = match &expr.node {
+            Node::Number(q) => (Value::number(self.graph, q.clone()), bits_of(q)),
+            Node::Name(name) => self.name(name, expr.span)?,
+            Node::Sum(list) => self.sum(list)?,
+            Node::Product(list) => self.product(list)?,
+            Node::Neg(inside) => self.negate(inside)?,
+            Node::Power(base, exponent) => self.power(base, exponent, expr.span)?,
+            Node::Call(name, arguments) => self.call(name, arguments, expr.span)?,
+            Node::Index(base, indices) => self.index(base, indices, expr.span)?,
+            Node::List(list) => self.list(list, expr.span)?,
+        };
+        let bits = self.exact_bits(&value).unwrap_or(bits);
+        if bits > MAX_BITS {
+            return self.fail(expr.span, "numbers in this expression become too large", "write smaller powers");
+        }
+        *self.work += value.entries().len() as u64;
+        if *self.work > MAX_WORK {
+            // One report is enough: every later expression fails silently.
+            if *self.work <= 2 * MAX_WORK {
+                *self.work = 4 * MAX_WORK;
+                return self.fail(expr.span, "the model is too large", "it needs more than 4 million scalar operations");
+            }
+            return None;
+        }
+        Some((value, bits))
+    }
+
+    fn exact_bits(&self, value: &Value) -> Option<u64> {
+        match value {
+            Value::Scalar(e) => self.graph.as_rational(*e).map(bits_of),
+            _ => None,
+        }
+    }
+
+    fn fail<T>(&mut self, span: Span, message: impl Into<String>, help: impl Into<String>) -> Option<T> {
+        self.problems.push(Diagnostic::new(Some(span), message).with_help(help));
+        None
+    }
+
+    fn error<T>(&mut self, span: Span, error: &ValueError, places: &[(&Expr, Shape)]) -> Option<T> {
+        let mut problem = Diagnostic::new(Some(span), error.to_string()).with_help(error.help());
+        for (operand, shape) in places {
+            problem = problem.with_place(Some(operand.span), shape.to_string());
+        }
+        self.problems.push(problem);
+        None
+    }
+
+    fn name(&mut self, name: &str, span: Span) -> Option<Weighed> {
+        if let Some(value) = self.values.get(name) {
+            let bits = self.weights.get(name).copied().unwrap_or(SYMBOL_BITS);
+            return Some((value.clone(), bits));
+        }
+        if is_poisoned(name, self.poisoned) {
+            return None;
+        }
+        let shown: String = name.chars().take(80).collect();
+        if let Some(restriction) = self.restriction {
+            return self.fail(span, format!("`{shown}` is not known here"), restriction);
+        }
+        if FUNCTIONS.contains(&name) {
+            return self.fail(span, format!("`{name}` is a function"), format!("write `{name}(..)`"));
+        }
+        let hint = self.suggestion(name);
+        self.fail(span, format!("unknown name `{shown}`"), hint)
+    }
+
+    fn suggestion(&self, name: &str) -> String {
+        // A component of a known vector, `Gamma4`, deserves the range.
+        let stem = name.trim_end_matches(|c: char| c.is_ascii_digit());
+        match self.values.get(stem).map(Value::shape) {
+            Some(Shape::Vector(n)) if stem.len() < name.len() => {
+                format!("`{stem}` is vector({n}): its components are `{stem}1` to `{stem}{n}`")
+            }
+            _ => {
+                let near = names::suggest(name, self.values.keys().map(String::as_str));
+                if near.is_empty() { "declare it with `param` or `let`".to_owned() } else { near }
+            }
+        }
+    }
+
+    /// Evaluates all operands before giving up, so that all of them are reported.
+    fn all(&mut self, list: &[(bool, Expr)]) -> Option<Vec<Weighed>> {
+        let values: Vec<Option<Weighed>> = list.iter().map(|(_, e)| self.eval(e)).collect();
+        values.into_iter().collect()
+    }
+
+    fn sum(&mut self, list: &[(bool, Expr)]) -> Option<Weighed> {
+        let values = self.all(list)?;
+        let (_, first_expr) = list.first()?;
+        let first = values.first()?.0.shape();
+        for ((negative, operand), (value, _)) in list.iter().zip(&values).skip(1) {
+            if value.shape() != first {
+                let operation = if *negative { "subtract" } else { "add" };
+                let error = ValueError::Shapes { operation, left: first, right: value.shape() };
+                return self.error(operand.span, &error, &[(first_expr, first), (operand, value.shape())]);
+            }
+        }
+        let bits = values.iter().map(|(_, bits)| *bits).max().unwrap_or(0) + 8;
+        let operands: Vec<(bool, &Value)> = list.iter().zip(&values).map(|((n, _), (v, _))| (*n, v)).collect();
+        *self.work += (operands.len() * operands.first().map_or(1, |(_, v)| v.entries().len())) as u64;
+        match Value::sum_of(self.graph, &operands) {
+            Ok(value) => Some((value, bits)),
+            Err(error) => self.error(first_expr.span, &error, &[]),
+        }
+    }
+
+    fn product(&mut self, list: &[(bool, Expr)]) -> Option<Weighed> {
+        let values = self.all(list)?;
+        let bits = values.iter().fold(0_u64, |sum, (_, bits)| sum.saturating_add(*bits));
+        if bits > MAX_BITS {
+            let span = list.first()?.1.span.to(list.last()?.1.span);
+            return self.fail(span, "numbers in this expression become too large", "write smaller powers");
+        }
+        // Numbers commute and are collected; vectors and matrices multiply in order.
+        let mut numbers: Vec<(ExprId, Rational)> = Vec::new();
+        let mut rest: Option<(Value, Span)> = None;
+        for ((divide, operand), (value, _)) in list.iter().zip(values) {
+            match (&value, *divide) {
+                (Value::Scalar(e), false) => numbers.push((*e, Rational::one())),
+                (Value::Scalar(e), true) => {
+                    if self.graph.is_zero(*e) {
+                        let error = ValueError::DivisionByZero;
+                        return self.error(operand.span, &error, &[]);
+                    }
+                    numbers.push((*e, -Rational::one()));
+                }
+                (_, true) => {
+                    let left = rest.as_ref().map_or(Shape::Scalar, |(v, _)| v.shape());
+                    let error = ValueError::Shapes { operation: "divide", left, right: value.shape() };
+                    return self.error(operand.span, &error, &[(operand, value.shape())]);
+                }
+                (_, false) => {
+                    let Some((left, span)) = rest.take() else {
+                        rest = Some((value, operand.span));
+                        continue;
+                    };
+                    *self.work += (left.entries().len() * value.entries().len()) as u64;
+                    if *self.work > MAX_WORK {
+                        rest = Some((left, span));
+                        continue;
+                    }
+                    match left.mul(self.graph, &value) {
+                        Ok(Value::Scalar(e)) => numbers.push((e, Rational::one())),
+                        Ok(product) => rest = Some((product, span.to(operand.span))),
+                        Err(error) => {
+                            let problem = Diagnostic::new(Some(span.to(operand.span)), error.to_string())
+                                .with_place(Some(span), left.shape().to_string())
+                                .with_place(Some(operand.span), value.shape().to_string())
+                                .with_help(error.help());
+                            self.problems.push(problem);
+                            return None;
+                        }
+                    }
+                }
+            }
+        }
+        let number = match self.graph.power_product(&numbers) {
+            Ok(number) => number,
+            Err(_) => {
+                let span = list.first()?.1.span.to(list.last()?.1.span);
+                return self.error(span, &ValueError::DivisionByZero, &[]);
+            }
+        };
+        Some(match rest {
+            None => (Value::Scalar(number), bits),
+            Some((value, _)) if numbers.is_empty() => (value, bits),
+            Some((value, _)) => (value.scale(self.graph, number), bits),
+        })
+    }
+
+    fn negate(&mut self, inside: &Expr) -> Option<Weighed> {
+        let (value, bits) = self.eval(inside)?;
+        Some((value.neg(self.graph), bits))
+    }
+
+    fn power(&mut self, base: &Expr, exponent: &Expr, span: Span) -> Option<Weighed> {
+        let (b, e) = (self.eval(base), self.eval(exponent));
+        let ((b, b_bits), (e, e_bits)) = (b?, e?);
+        self.raise(&b, &e, (b_bits, e_bits), (base, exponent), span)
+    }
+
+    fn raise(
+        &mut self,
+        b: &Value,
+        e: &Value,
+        (b_bits, e_bits): (u64, u64),
+        (base, exponent): (&Expr, &Expr),
+        span: Span,
+    ) -> Option<Weighed> {
+        let constant = match e {
+            Value::Scalar(e) => self.graph.as_rational(*e).cloned(),
+            _ => None,
+        };
+        let bits = match &constant {
+            Some(q) => b_bits.saturating_mul(q.abs().ceil().to_integer().to_u64().unwrap_or(u64::MAX).max(1)),
+            None => b_bits.saturating_add(e_bits),
+        };
+        if bits > MAX_BITS && constant.as_ref().is_none_or(|q| q.numer().abs().to_u64().is_some_and(|n| n <= 1000)) {
+            return self.fail(span, "numbers in this expression become too large", "write smaller powers");
+        }
+        match b.pow(self.graph, e) {
+            Ok(value) => Some((value, bits)),
+            Err(error @ ValueError::DivisionByZero) => self.error(base.span, &error, &[]),
+            Err(error @ ValueError::Exponent(_)) => self.error(exponent.span, &error, &[]),
+            Err(error) => self.error(span, &error, &[(base, b.shape()), (exponent, e.shape())]),
+        }
+    }
+
+    fn list(&mut self, list: &[Expr], span: Span) -> Option<Weighed> {
+        if list.len() > MAX_DIM {
+            let message = format!("vector has {} entries, the limit is {MAX_DIM}", list.len());
+            return self.fail(span, message, "");
+        }
+        let values: Vec<Option<Weighed>> = list.iter().map(|e| self.eval(e)).collect();
+        let values: Vec<Weighed> = values.into_iter().collect::<Option<_>>()?;
+        let bits = values.iter().map(|(_, bits)| *bits).max().unwrap_or(0);
+        let first = values.first()?.0.shape();
+        for (operand, (value, _)) in list.iter().zip(&values) {
+            if value.shape() != first {
+                let error = ValueError::Ragged { first, other: value.shape() };
+                return self.error(operand.span, &error, &[(list.first()?, first), (operand, value.shape())]);
+            }
+        }
+        match Value::list(values.into_iter().map(|(v, _)| v).collect()) {
+            Ok(value) => Some((value, bits)),
+            Err(error) => self.error(span, &error, &[]),
+        }
+    }
+
+    /// An index from one; reports anything else.
+    fn whole(&mut self, expr: &Expr) -> Option<usize> {
+        let (value, _) = self.eval(expr)?;
+        let number = match value {
+            Value::Scalar(e) => self.graph.as_rational(e).filter(|q| q.is_integer()).and_then(|q| q.numer().to_usize()),
+            _ => None,
+        };
+        match number {
+            Some(n) => Some(n),
+            None => self.fail(expr.span, "expected a whole number", "indices and dimensions are constants such as `2`"),
+        }
+    }
+
+    fn index(&mut self, base: &Expr, indices: &[Expr], span: Span) -> Option<Weighed> {
+        let (mut value, bits) = self.eval(base)?;
+        let shape = value.shape();
+        let wanted = match shape {
+            Shape::Scalar => 0,
+            Shape::Vector(_) => 1,
+            Shape::Matrix(..) => 2,
+        };
+        if indices.is_empty() || indices.len() > wanted {
+            let message = format!("{} indices for {shape}", indices.len());
+            let help = match wanted {
+                0 => "a number has no components",
+                1 => "write `v[1]`",
+                _ => "write `A[1, 2]`, or `A[1]` for a row",
+            };
+            return self.fail(span, message, help);
+        }
+        for expr in indices {
+            let n = self.whole(expr)?;
+            match value.row(n) {
+                Ok(entry) => value = entry,
+                Err(error) => return self.error(expr.span, &error, &[(base, shape)]),
+            }
+        }
+        Some((value, bits))
+    }
+
+    fn call(&mut self, name: &super::ast::Name, arguments: &[Expr], span: Span) -> Option<Weighed> {
+        let function = name.text.as_str();
+        let wanted = match function {
+            "dot" | "cross" | "pow" => 2,
+            _ if FUNCTIONS.contains(&function) => 1,
+            _ => {
+                if self.values.contains_key(function) {
+                    let help = format!("write a product as `{function} * (..)`");
+                    return self.fail(name.span, format!("`{function}` is not a function"), help);
+                }
+                let help = match function {
+                    "inverse" | "inv" => "matrices are not inverted: write the solution out".to_owned(),
+                    "log" => "write `ln(x)`".to_owned(),
+                    "atan2" => "write `atan(y/x)`".to_owned(),
+                    _ => names::suggest(function, FUNCTIONS.iter().copied()),
+                };
+                return self.fail(name.span, format!("unknown function `{function}`"), help);
+            }
+        };
+        if arguments.len() != wanted {
+            let plural = if wanted == 1 { "" } else { "s" };
+            let message = format!("`{function}` takes {wanted} argument{plural}, found {}", arguments.len());
+            let help = match function {
+                "diag" => "write `diag([a, b, c])`",
+                "dot" | "cross" => "both are vectors: `dot(a, b)`",
+                _ => "",
+            };
+            return self.fail(span, message, help);
+        }
+        if function == "identity" {
+            let argument = arguments.first()?;
+            let n = self.whole(argument)?;
+            if !(1..=MAX_DIM).contains(&n) {
+                return self.fail(argument.span, format!("dimension is not between 1 and {MAX_DIM}"), "");
+            }
+            return Some((Value::identity(self.graph, n), 1));
+        }
+        let values: Vec<Option<Weighed>> = arguments.iter().map(|a| self.eval(a)).collect();
+        let values: Vec<Weighed> = values.into_iter().collect::<Option<_>>()?;
+        self.apply(function, arguments, &values, span)
+    }
+
+    fn apply(&mut self, function: &str, arguments: &[Expr], values: &[Weighed], span: Span) -> Option<Weighed> {
+        let (a, a_bits) = values.first()?;
+        let (b, b_bits) = values.get(1).unwrap_or(&values[0]);
+        let g = &mut *self.graph;
+        let (result, bits) = match function {
+            "dot" => (a.dot(g, b), a_bits + b_bits + 8),
+            "cross" => (a.cross(g, b), a_bits + b_bits + 8),
+            "pow" => return self.raise(a, b, (*a_bits, *b_bits), (&arguments[0], &arguments[1]), span),
+            "norm" => (a.norm(g), 2 * a_bits + 8),
+            "transpose" => (a.transpose(), *a_bits),
+            "diag" => (a.diag(g), *a_bits),
+            "hat" => (a.hat(g), *a_bits),
+            "det" => (a.det(g), 8 * a_bits + 16),
+            "trace" => (a.trace(g), a_bits + 8),
+            "sum" => (a.sum(g), a_bits + 8),
+            "sqrt" => (a.sqrt(g), *a_bits),
+            _ => (Func::from_name(function).map_or(Err(ValueError::TooLarge), |f| a.func(g, f)), *a_bits),
+        };
+        match result {
+            Ok(value) => Some((value, bits)),
+            Err(error) => {
+                let shapes: Vec<(&Expr, Shape)> =
+                    arguments.iter().zip(values).map(|(e, (v, _))| (e, v.shape())).collect();
+                let shapes = if matches!(error, ValueError::DivisionByZero) { &[][..] } else { &shapes[..] };
+                self.error(span, &error, shapes)
+            }
+        }
+    }
+}
+
+fn bits_of(q: &Rational) -> u64 {
+    q.numer().bits() + q.denom().bits()
+}

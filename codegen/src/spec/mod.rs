@@ -1,0 +1,55 @@
+//! The model language: text or Rust calls to a checked [`Model`].
+//!
+//! [`parse`] reads a file; [`ModelBuilder`] is the same front end for Rust, and the parser uses it. All problems of a
+//! file are reported at once, each with its place, the offending tokens underlined and a hint. No input makes this
+//! module panic: nesting, sizes, numbers and work are limited, and every limit has a message.
+//!
+//! The language is described in `docs/model-language.md`.
+//!
+//! Deliberately does not know: equations of motion, stage forms, Rust code.
+
+mod ast;
+mod builder;
+mod check;
+mod diagnostic;
+mod eval;
+mod model;
+mod names;
+mod parser;
+mod value;
+
+pub use ast::Compare;
+pub use builder::{Layout, ModelBuilder};
+pub use diagnostic::{Diagnostic, Diagnostics, Origin, Span};
+pub use model::{
+    Advected, Condition, Constraint, Coordinate, Domain, Model, Named, NamedVector, Param, Relation, Scene, Side, Stages,
+    Velocity, diagnose,
+};
+pub use value::{Shape, Value, ValueError};
+
+#[cfg(test)]
+mod tests;
+
+/// Reads and checks a model.
+///
+/// `file_name` is only shown in messages.
+///
+/// ```
+/// let text = "model top { param I: diagonal(3) = [1, 2, 3]; velocity Omega in so(3); \
+///             lagrangian = dot(Omega, I*Omega)/2; }";
+/// let model = hamel_codegen::spec::parse("top.hamel", text).unwrap();
+/// assert_eq!(model.params[1].name, "I2");
+///
+/// let wrong = text.replace("I*Omega", "I*Omgea");
+/// let problems = hamel_codegen::spec::parse("top.hamel", &wrong).unwrap_err();
+/// assert!(problems.to_string().contains("did you mean `Omega`?"));
+/// ```
+///
+/// # Errors
+/// All problems of the text, in its order.
+pub fn parse(file_name: &str, text: &str) -> Result<Model, Diagnostics> {
+    // Editors on Windows may write a byte order mark; spans count without it.
+    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+    let outcome = parser::parse_file(text);
+    check::check(outcome, Origin { file: file_name.to_owned(), text: text.to_owned() })
+}
