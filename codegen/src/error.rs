@@ -125,6 +125,11 @@ pub enum Error {
         /// A direction of the velocity space with zero inertia.
         direction: String,
     },
+    /// Something claimed to be conserved is not.
+    NotConserved {
+        /// Its name.
+        name: String,
+    },
     /// The number of independent velocities asked for is not the number there is.
     WrongNumberOfIndependent {
         /// How many were named.
@@ -209,6 +214,9 @@ impl fmt::Display for Error {
             ),
             Error::SingularMassMatrix { direction } => {
                 write!(f, "mass matrix is singular everywhere: no inertia along {direction}")
+            }
+            Error::NotConserved { name } => {
+                write!(f, "casimir {name} is not conserved by these equations; write `output {name} = ..;` instead")
             }
             Error::WrongNumberOfIndependent { found, expected } => {
                 write!(f, "independent names {found} velocities; the constraints leave {expected}")

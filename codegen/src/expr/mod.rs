@@ -7,12 +7,14 @@
 //!
 //! Deliberately does not know: algebras, mechanics, floating-point evaluation order, Rust.
 
+mod definition;
 mod expand;
 mod fingerprint;
 mod graph;
 mod print;
 mod rational;
 
+pub use definition::{Definition, Section, SectionWriter};
 pub use graph::{DivisionByZero, ExprId, Func, Graph, Node, SymbolId};
 pub use print::Style;
 pub use rational::{Rational, parse_decimal, rational_to_f64};

@@ -9,9 +9,7 @@ mod constraint;
 mod front_end;
 mod stages;
 
-pub use constraint::{KinematicConstraint, SolvedConstraint, sign_of, Sign};
+pub use constraint::{ConstraintRow, KinematicConstraint, Sign, SolvedConstraint, sign_of};
 pub use front_end::{ReducedSystem, StateKind, reduce};
 pub use stages::{StageLevel, Stages, Tensor};
 
-#[cfg(test)]
-mod tests;

@@ -95,7 +95,6 @@ pub(super) enum DomainExpr {
 pub(super) struct Item {
     pub(super) doc: Vec<String>,
     pub(super) span: Span,
-    pub(super) keyword: Span,
     pub(super) kind: ItemKind,
 }
 

@@ -58,8 +58,6 @@ impl Layout {
     }
 }
 
-
-
 #[derive(Clone, Debug)]
 struct Declared {
     span: Option<Span>,
@@ -130,6 +128,8 @@ pub struct ModelBuilder {
     names: BTreeMap<String, Declared>,
     /// Items that were written but are broken: nothing is said about them being absent.
     pub(super) broken: BTreeSet<&'static str>,
+    /// Where the model is named; what is missing is reported there.
+    pub(super) place: Option<Span>,
     name: String,
     doc: Vec<String>,
     sources: Vec<String>,
@@ -171,6 +171,7 @@ impl ModelBuilder {
             here: None,
             names: BTreeMap::new(),
             broken: BTreeSet::new(),
+            place: None,
             name: name.to_owned(),
             doc: Vec::new(),
             sources: Vec::new(),
@@ -305,7 +306,7 @@ impl ModelBuilder {
         self.declare(name, "a parameter");
         let names = layout.names(name);
         if names.len() != defaults.len() {
-            let message = format!("`{name}` has {} components, found {} defaults", names.len(), defaults.len());
+            let message = format!("`{name}` has {} components, its default {}", names.len(), defaults.len());
             self.problem(self.here, message, component_help(&names));
         }
         let mut components = Vec::with_capacity(names.len());
@@ -331,7 +332,11 @@ impl ModelBuilder {
         let (left, right) = match sides {
             Ok(sides) => sides,
             Err(error) => {
-                self.problem(here, format!("condition `{text}` compares {}", shape_of(&error)), "conditions compare numbers");
+                self.problem(
+                    here,
+                    format!("condition `{text}` compares {}", shape_of(&error)),
+                    "conditions compare numbers",
+                );
                 return self;
             }
         };
@@ -342,7 +347,14 @@ impl ModelBuilder {
             Compare::LessEqual => (right, left, Relation::GreaterEqual),
             Compare::NotEqual => (left, right, Relation::NotEqual),
         };
-        self.conditions.push(Condition { text: text.to_owned(), greater, less, relation, subject: None, span: here });
+        self.conditions.push(Condition {
+            text: text.to_owned(),
+            greater,
+            less,
+            relation,
+            subject: None,
+            span: here,
+        });
         self
     }
 
@@ -372,7 +384,8 @@ impl ModelBuilder {
             slots
         } else {
             if names.len() != algebra.dim() {
-                let spelled: Vec<String> = algebra.slots().iter().map(|s| format!("{} ({})", s.name, s.dim)).collect();
+                let spelled: Vec<String> =
+                    algebra.slots().iter().map(|s| format!("{} ({})", s.name, s.dim)).collect();
                 let message = format!("{} names for the velocity in {}", names.len(), algebra.name());
                 let mut help = format!("give one name per slot: {}", spelled.join(", "));
                 if algebra.dim() != slots.len() {
@@ -385,10 +398,15 @@ impl ModelBuilder {
         let mut values = Vec::with_capacity(names.len());
         for ((name, span), size) in names.iter().zip(sizes) {
             self.here = *span;
-            let mut velocity = |b: &mut ModelBuilder, component: &str, what| {
+            let velocity = |b: &mut ModelBuilder, component: &str, what| {
                 let (symbol, expr) = b.new_symbol(component, what);
                 let block = (*name).to_owned();
-                b.velocities.push(Velocity { name: component.to_owned(), symbol, block, doc: doc.to_owned() });
+                b.velocities.push(Velocity {
+                    name: component.to_owned(),
+                    symbol,
+                    block,
+                    doc: doc.to_owned(),
+                });
                 expr
             };
             if size == 1 {
@@ -396,7 +414,8 @@ impl ModelBuilder {
             } else {
                 self.declare(name, "a velocity");
                 let components = Layout::Vector(size).names(name);
-                let entries = components.iter().map(|c| velocity(self, c, "a component of a velocity")).collect();
+                let entries =
+                    components.iter().map(|c| velocity(self, c, "a component of a velocity")).collect();
                 let value = Value::Vector(entries);
                 self.bind(name, &value);
                 values.push(value);
@@ -461,7 +480,8 @@ impl ModelBuilder {
         let mut free = self.graph.free_symbols(low);
         free.extend(self.graph.free_symbols(high));
         if let Some(wrong) = free.iter().find(|s| !params.contains(s)) {
-            let message = format!("interval contains `{}`, which is not a parameter", self.graph.name(*wrong));
+            let message =
+                format!("interval contains `{}`, which is not a parameter", self.graph.name(*wrong));
             self.problem(here, message, "the ends of an interval contain parameters and numbers only");
             return;
         }
@@ -573,7 +593,8 @@ impl ModelBuilder {
 
     /// The velocities (vectors or components) to be kept as independent.
     pub fn independent(&mut self, names: &[&str]) -> &mut Self {
-        let located: Vec<(String, Option<Span>)> = names.iter().map(|n| ((*n).to_owned(), self.here)).collect();
+        let located: Vec<(String, Option<Span>)> =
+            names.iter().map(|n| ((*n).to_owned(), self.here)).collect();
         self.located_independent(located)
     }
 
@@ -607,7 +628,8 @@ impl ModelBuilder {
 
     fn output_name(&mut self, name: &str) {
         let here = self.here;
-        if WANTS.contains(&name) || matches!(names::refusal(name), Some(_) if !self.values.contains_key(name)) {
+        if WANTS.contains(&name) || matches!(names::refusal(name), Some(_) if !self.values.contains_key(name))
+        {
             let reason = names::refusal(name).unwrap_or("every scene has an output of that name");
             self.problem(here, format!("`{name}` cannot be used as a name"), reason);
         }
@@ -643,7 +665,13 @@ impl ModelBuilder {
     }
 
     /// A scene: parameters fixed to numbers (in the order of their components) and outputs wanted.
-    pub fn scene(&mut self, name: &str, fixed: &[(&str, &[Rational])], wants: &[&str], doc: &str) -> &mut Self {
+    pub fn scene(
+        &mut self,
+        name: &str,
+        fixed: &[(&str, &[Rational])],
+        wants: &[&str],
+        doc: &str,
+    ) -> &mut Self {
         let here = self.here;
         let fixed = fixed.iter().map(|(n, v)| ((*n).to_owned(), v.to_vec(), here)).collect();
         let wants = wants.iter().map(|n| ((*n).to_owned(), here)).collect();
@@ -664,7 +692,8 @@ impl ModelBuilder {
         if self.scenes.iter().any(|s| s.scene.name == name) {
             self.problem(here, format!("scene `{name}` is declared twice"), "rename one of them");
         }
-        let scene = Scene { name: name.to_owned(), fixed: Vec::new(), wants: Vec::new(), doc: doc.to_owned() };
+        let scene =
+            Scene { name: name.to_owned(), fixed: Vec::new(), wants: Vec::new(), doc: doc.to_owned() };
         self.scenes.push(SceneDraft { scene, fixed, wants });
         self
     }
@@ -740,7 +769,8 @@ impl ModelBuilder {
     }
 
     fn check_conditions(&mut self) {
-        let params: BTreeMap<SymbolId, String> = self.params.iter().map(|p| (p.symbol, p.name.clone())).collect();
+        let params: BTreeMap<SymbolId, String> =
+            self.params.iter().map(|p| (p.symbol, p.name.clone())).collect();
         let defaults: BTreeMap<SymbolId, Rational> =
             self.params.iter().map(|p| (p.symbol, p.default.clone())).collect();
         for k in 0..self.conditions.len() {
@@ -778,7 +808,11 @@ impl ModelBuilder {
                 }
                 None => {
                     let message = format!("condition `{}` has no value at the defaults", condition.text);
-                    self.problem(condition.span, message, "it divides by zero or leaves the domain of a function");
+                    self.problem(
+                        condition.span,
+                        message,
+                        "it divides by zero or leaves the domain of a function",
+                    );
                 }
             }
         }
@@ -812,14 +846,18 @@ impl ModelBuilder {
         let zero = self.graph.zero();
         if self.algebra.is_none() && self.base.is_empty() && !self.broken.contains("velocity") {
             self.problem(
-                None,
+                self.place,
                 format!("model `{}` has no velocity", self.name),
                 "declare `velocity Omega in so(3);` or a `coordinate`",
             );
         }
         let Some((value, span)) = self.lagrangian.clone() else {
             if !self.broken.contains("lagrangian") {
-                self.problem(None, format!("model `{}` has no lagrangian", self.name), "add `lagrangian = ..;`");
+                self.problem(
+                    self.place,
+                    format!("model `{}` has no lagrangian", self.name),
+                    "add `lagrangian = ..;`",
+                );
             }
             return zero;
         };
@@ -832,9 +870,16 @@ impl ModelBuilder {
             }
         };
         let velocities = self.velocity_symbols();
-        if !velocities.is_empty() && self.occurring(e, &velocities).is_empty() && !self.broken.contains("velocity") {
+        if !velocities.is_empty()
+            && self.occurring(e, &velocities).is_empty()
+            && !self.broken.contains("velocity")
+        {
             let names = self.velocity_names();
-            self.problem(span, "the lagrangian contains no velocity", short_list("the velocities are", &names));
+            self.problem(
+                span,
+                "the lagrangian contains no velocity",
+                short_list("the velocities are", &names),
+            );
         }
         e
     }
@@ -855,15 +900,20 @@ impl ModelBuilder {
         }
         let algebra = self.algebra.as_ref().map(|(algebra, _)| algebra.clone())?;
         let n = algebra.dim();
+        if self.velocities.len() != n {
+            // The names of the velocities are already a problem.
+            return None;
+        }
         let mut seen: BTreeMap<String, Option<Span>> = BTreeMap::new();
         for (k, draft) in drafts.iter().enumerate() {
             if let Some(reason) = names::refusal(&draft.name) {
                 self.problem(draft.span, format!("`{}` cannot be used as a name", draft.name), reason);
             }
             if let Some(first) = seen.insert(draft.name.clone(), draft.span) {
-                let problem = Diagnostic::new(draft.span, format!("stage `{}` is declared twice", draft.name))
-                    .with_place(first, "first here")
-                    .with_help("rename one of them");
+                let problem =
+                    Diagnostic::new(draft.span, format!("stage `{}` is declared twice", draft.name))
+                        .with_place(first, "first here")
+                        .with_help("rename one of them");
                 self.problems.push(problem);
             }
             if k == 0 && draft.ideal.is_some() {
@@ -896,7 +946,10 @@ impl ModelBuilder {
                         let names: Vec<String> = self.velocities.iter().map(|v| v.name.clone()).collect();
                         self.problem(
                             draft.span,
-                            format!("ideal of stage `{}` is not spanned by rational combinations of velocities", draft.name),
+                            format!(
+                                "ideal of stage `{}` is not spanned by rational combinations of velocities",
+                                draft.name
+                            ),
                             short_list("use", &names),
                         );
                         return None;
@@ -952,7 +1005,8 @@ impl ModelBuilder {
         let params: BTreeSet<SymbolId> = self.params.iter().map(|p| p.symbol).collect();
         for e in entries {
             if let Some(wrong) = self.graph.free_symbols(*e).iter().find(|s| !params.contains(s)) {
-                let message = format!("inner product contains `{}`, which is not a parameter", self.graph.name(*wrong));
+                let message =
+                    format!("inner product contains `{}`, which is not a parameter", self.graph.name(*wrong));
                 self.problem(span, message, "it is constant on the algebra");
                 return None;
             }
@@ -960,7 +1014,11 @@ impl ModelBuilder {
         for i in 0..n {
             for j in i + 1..n {
                 if !self.graph.is_equal(entries[i * n + j], entries[j * n + i]) {
-                    let message = format!("inner product is not symmetric: entries ({0}, {1}) and ({1}, {0}) differ", i + 1, j + 1);
+                    let message = format!(
+                        "inner product is not symmetric: entries ({0}, {1}) and ({1}, {0}) differ",
+                        i + 1,
+                        j + 1
+                    );
                     self.problem(span, message, "a `symmetric(n)` parameter is symmetric by construction");
                     return None;
                 }
@@ -982,8 +1040,12 @@ impl ModelBuilder {
                 continue;
             };
             if action.shape() != draft.value.shape() {
-                let message =
-                    format!("action on `{}` must be {}, found {}", draft.name, draft.value.shape(), action.shape());
+                let message = format!(
+                    "action on `{}` must be {}, found {}",
+                    draft.name,
+                    draft.value.shape(),
+                    action.shape()
+                );
                 self.problem(span, message, "it is the rate of change of the parameter, up to the sign");
                 continue;
             }
@@ -995,7 +1057,8 @@ impl ModelBuilder {
                     None => false,
                 };
                 if !linear || self.graph.depends_on(*e, &rates) {
-                    let message = format!("action on `{}` is not linear in the velocities of the algebra", draft.name);
+                    let message =
+                        format!("action on `{}` is not linear in the velocities of the algebra", draft.name);
                     let names: Vec<String> = self.velocities.iter().map(|v| v.name.clone()).collect();
                     self.problem(span, message, short_list("the velocities are", &names));
                     fine = false;
@@ -1019,13 +1082,17 @@ impl ModelBuilder {
         let unknowns = self.velocity_symbols();
         let mut result: Vec<Constraint> = Vec::new();
         let mut names: BTreeSet<String> = BTreeSet::new();
+        let mut n_unnamed = 0;
         for draft in self.constraints.clone() {
             let (left, right) = broadcast_zero(&mut self.graph, &draft.left, &draft.right);
             let residual = match left.sub(&mut self.graph, &right) {
                 Ok(residual) => residual,
                 Err(_) => {
-                    let error =
-                        ValueError::Shapes { operation: "equate", left: draft.left.shape(), right: draft.right.shape() };
+                    let error = ValueError::Shapes {
+                        operation: "equate",
+                        left: draft.left.shape(),
+                        right: draft.right.shape(),
+                    };
                     self.value_error(draft.span, &error);
                     continue;
                 }
@@ -1035,13 +1102,20 @@ impl ModelBuilder {
                 let name = match (&draft.name, residual.shape()) {
                     (Some(name), Shape::Scalar) => name.clone(),
                     (Some(name), _) => format!("{name}{}", k + 1),
-                    (None, _) => format!("c{}", result.len() + 1),
+                    (None, _) => {
+                        n_unnamed += 1;
+                        format!("c{n_unnamed}")
+                    }
                 };
                 if let Some(reason) = names::refusal(&name) {
                     self.problem(draft.span, format!("`{name}` cannot be used as a name"), reason);
                 }
                 if !names.insert(name.clone()) {
-                    self.problem(draft.span, format!("constraint `{name}` is declared twice"), "rename one of them");
+                    self.problem(
+                        draft.span,
+                        format!("constraint `{name}` is declared twice"),
+                        "rename one of them",
+                    );
                 }
                 if !self.check_constraint(*e, &unknowns, &draft, if n > 1 { k + 1 } else { 0 }) {
                     continue;
@@ -1052,8 +1126,18 @@ impl ModelBuilder {
         result
     }
 
-    fn check_constraint(&mut self, e: ExprId, unknowns: &[SymbolId], draft: &ConstraintDraft, component: usize) -> bool {
-        let place = if component > 0 { format!("component {component} of constraint") } else { "constraint".to_owned() };
+    fn check_constraint(
+        &mut self,
+        e: ExprId,
+        unknowns: &[SymbolId],
+        draft: &ConstraintDraft,
+        component: usize,
+    ) -> bool {
+        let place = if component > 0 {
+            format!("component {component} of constraint")
+        } else {
+            "constraint".to_owned()
+        };
         let text = &draft.text;
         if self.graph.is_zero(e) {
             self.problem(draft.span, format!("{place} `{text}` always holds"), "remove it");
@@ -1087,7 +1171,9 @@ impl ModelBuilder {
     fn velocity_indices(&self, name: &str) -> Vec<usize> {
         let n_base = self.base.len();
         let mut found: Vec<usize> = (0..n_base).filter(|k| self.base[*k].velocity_name == name).collect();
-        found.extend((0..self.velocities.len()).filter(|k| self.velocities[*k].name == name).map(|k| k + n_base));
+        found.extend(
+            (0..self.velocities.len()).filter(|k| self.velocities[*k].name == name).map(|k| k + n_base),
+        );
         if found.is_empty() {
             found = (0..self.velocities.len())
                 .filter(|k| self.velocities[*k].block == name)
@@ -1141,7 +1227,7 @@ impl ModelBuilder {
         // Broken constraints are not counted, so the count means nothing then.
         if chosen.len() != left && self.problems.is_empty() {
             let message = format!("{} independent velocities, the constraints leave {left}", chosen.len());
-            let help = format!("there are {all} velocities and {n_constraints} scalar constraints");
+            let help = format!("velocities: {all}, scalar constraints: {n_constraints}");
             self.problem(span, message, help);
         }
         Some(chosen)
@@ -1187,11 +1273,16 @@ impl ModelBuilder {
                 let Some(positions) = self.blocks.get(&name).cloned() else {
                     let known: Vec<&str> = self.blocks.keys().map(String::as_str).collect();
                     let help = names::suggest(&name, known);
-                    self.problem(span, format!("scene `{}` fixes `{name}`, which is not a parameter", scene.name), help);
+                    self.problem(
+                        span,
+                        format!("scene `{}` fixes `{name}`, which is not a parameter", scene.name),
+                        help,
+                    );
                     continue;
                 };
                 if positions.len() != numbers.len() {
-                    let message = format!("`{name}` has {} components, found {}", positions.len(), numbers.len());
+                    let message =
+                        format!("`{name}` has {} components, found {}", positions.len(), numbers.len());
                     let names: Vec<String> = positions.iter().map(|k| self.params[*k].name.clone()).collect();
                     self.problem(span, message, component_help(&names));
                     continue;
@@ -1219,7 +1310,11 @@ impl ModelBuilder {
                     let help = names::suggest(&name, names);
                     self.problem(span, format!("`{name}` is not an output"), help);
                 } else if scene.wants.contains(&name) {
-                    self.problem(span, format!("scene `{}` wants `{name}` twice", scene.name), "keep one of them");
+                    self.problem(
+                        span,
+                        format!("scene `{}` wants `{name}` twice", scene.name),
+                        "keep one of them",
+                    );
                 } else {
                     scene.wants.push(name);
                 }
@@ -1246,9 +1341,10 @@ impl ModelBuilder {
             }
             if self.holds(&condition, values) != Some(true) {
                 let span = places.get(first).copied().flatten();
-                let problem = Diagnostic::new(span, format!("scene `{}` violates `{}`", scene.name, condition.text))
-                    .with_place(condition.span, "required here")
-                    .with_help("fix the parameters to valid values");
+                let problem =
+                    Diagnostic::new(span, format!("scene `{}` violates `{}`", scene.name, condition.text))
+                        .with_place(condition.span, "required here")
+                        .with_help("fix the parameters to valid values");
                 self.problems.push(problem);
             }
         }

@@ -4,7 +4,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use num_traits::Zero;
 
-use super::ast::{self, AlgebraExpr, AlgebraNode, Comparison, DomainExpr, Expr, File, Item, ItemKind, Name, Node};
+use super::ast::{
+    self, AlgebraExpr, AlgebraNode, Comparison, DomainExpr, Expr, File, Item, ItemKind, Name, Node,
+};
 use super::builder::{Layout, ModelBuilder, component_help};
 use super::diagnostic::{Diagnostic, Diagnostics, Origin, Span};
 use super::eval::{Evaluator, is_poisoned};
@@ -21,6 +23,8 @@ const MAX_REPRESENTATION: usize = 150_000;
 const MAX_REPRESENTATION_WORK: usize = 100_000_000;
 /// Largest basis of an algebra given by brackets: Jacobi is checked on every triple.
 const MAX_BASIS: usize = 80;
+/// Largest abelian algebra, for the same reason.
+const MAX_ABELIAN: usize = 100;
 
 /// Checks what the parser understood.
 pub(super) fn check(outcome: Outcome, origin: Origin) -> Result<Model, Diagnostics> {
@@ -64,7 +68,7 @@ impl Checker<'_> {
         for line in &file.doc {
             self.builder.doc(line);
         }
-        self.builder.at(Some(file.name.span));
+        self.builder.place = Some(file.name.span);
         if let Some(reason) = names::refusal(&file.name.text) {
             self.problem(file.name.span, format!("`{}` cannot be used as a name", file.name.text), reason);
             // The builder would say the same without a place.
@@ -107,12 +111,22 @@ impl Checker<'_> {
         evaluator.eval(expr).map(|(value, _)| value)
     }
 
-    fn scalar(&mut self, expr: &Expr, what: &str) -> Option<ExprId> {
-        let value = self.eval(expr)?;
+    /// Coordinates are declared before definitions, so only parameters are known here.
+    fn interval_end(&mut self, expr: &Expr) -> Option<ExprId> {
+        let mut evaluator = Evaluator {
+            graph: &mut self.builder.graph,
+            values: &self.builder.values,
+            weights: &self.weights,
+            poisoned: &self.poisoned,
+            problems: &mut self.builder.problems,
+            work: &mut self.work,
+            restriction: Some("the ends of an interval contain parameters and numbers only"),
+        };
+        let (value, _) = evaluator.eval(expr)?;
         match value {
             Value::Scalar(e) => Some(e),
             _ => {
-                let message = format!("{what} must be a number, found {}", value.shape());
+                let message = format!("the end of an interval must be a number, found {}", value.shape());
                 self.problem(expr.span, message, "index the vector, as in `v[1]`");
                 None
             }
@@ -133,9 +147,14 @@ impl Checker<'_> {
             restriction: Some(restriction),
         };
         let (value, _) = evaluator.eval(expr)?;
-        let numbers: Option<Vec<Rational>> = value.entries().iter().map(|e| graph.as_rational(*e).cloned()).collect();
+        let numbers: Option<Vec<Rational>> =
+            value.entries().iter().map(|e| graph.as_rational(*e).cloned()).collect();
         if numbers.is_none() {
-            self.problem(expr.span, "the value is not a rational number", "write it in decimals, such as `0.785398`");
+            self.problem(
+                expr.span,
+                "the value is not a rational number",
+                "write it in decimals, such as `0.785398`",
+            );
         }
         numbers
     }
@@ -148,7 +167,9 @@ impl Checker<'_> {
                 ItemKind::Source(text) => {
                     self.builder.source(text);
                 }
-                ItemKind::Param { name, shape, default, .. } => self.declare_param(item, name, shape, default.as_ref()),
+                ItemKind::Param { name, shape, default, .. } => {
+                    self.declare_param(item, name, shape, default.as_ref())
+                }
                 _ => {}
             }
         }
@@ -171,17 +192,22 @@ impl Checker<'_> {
                 }
                 let message = match layout {
                     None => format!("parameter `{}` is a number, its default is a list", name.text),
-                    Some(_) => format!("`{}` has {n} components, found {} defaults", name.text, numbers.len()),
+                    Some(_) => format!("`{}` has {n} components, its default {}", name.text, numbers.len()),
                 };
                 let help = match layout {
-                    None => format!("declare it as a vector: `param {}: vector({}) = ..`", name.text, numbers.len()),
+                    None => format!(
+                        "declare it as a vector: `param {}: vector({}) = ..`",
+                        name.text,
+                        numbers.len()
+                    ),
                     Some(_) => component_help(&component_names),
                 };
                 self.problem(expr.span, message, help);
                 None
             }),
             None => {
-                let help = if n == 1 { "write `= 1.0`" } else { "write `= [..]` with the components in order" };
+                let help =
+                    if n == 1 { "write `= 1.0`" } else { "write `= [..]` with the components in order" };
                 self.problem(name.span, format!("parameter `{}` has no default", name.text), help);
                 None
             }
@@ -194,7 +220,9 @@ impl Checker<'_> {
         let doc = item.doc.join("\n");
         self.builder.at(Some(name.span));
         match layout {
-            None => self.builder.param(&name.text, numbers.first().cloned().unwrap_or_else(Rational::zero), &doc),
+            None => {
+                self.builder.param(&name.text, numbers.first().cloned().unwrap_or_else(Rational::zero), &doc)
+            }
             Some(layout) => self.builder.param_array(&name.text, layout, &numbers, &doc),
         };
     }
@@ -226,12 +254,18 @@ impl Checker<'_> {
                 index.insert(&name.text, k);
             }
         }
-        let uses: Vec<Vec<usize>> =
-            nodes.iter().map(|(_, _, used)| used.iter().filter_map(|u| index.get(u.as_str()).copied()).collect()).collect();
+        let uses: Vec<Vec<usize>> = nodes
+            .iter()
+            .map(|(_, _, used)| used.iter().filter_map(|u| index.get(u.as_str()).copied()).collect())
+            .collect();
         let (order, cycles) = order_by_use(&uses);
         for cycle in cycles {
             let described = describe_cycle(&cycle, |k| &nodes[k].0.text);
-            self.problem(nodes[cycle[0]].0.span, format!("definition in a circle: {described}"), "define one of them without the others");
+            self.problem(
+                nodes[cycle[0]].0.span,
+                format!("definition in a circle: {described}"),
+                "define one of them without the others",
+            );
             for k in cycle {
                 self.poisoned.insert(nodes[k].0.text.clone());
             }
@@ -250,10 +284,12 @@ impl Checker<'_> {
                 Some(algebra) => self.algebras.insert(name.text.clone(), algebra).is_none(),
                 None => false,
             },
-            ItemKind::AlgebraBrackets { basis, rules, .. } => match self.bracket_algebra(name, basis, rules) {
-                Some(algebra) => self.algebras.insert(name.text.clone(), algebra).is_none(),
-                None => false,
-            },
+            ItemKind::AlgebraBrackets { basis, rules, .. } => {
+                match self.bracket_algebra(name, basis, rules) {
+                    Some(algebra) => self.algebras.insert(name.text.clone(), algebra).is_none(),
+                    None => false,
+                }
+            }
             ItemKind::Representation { algebra, dim, matrices, .. } => {
                 let Some(algebra) = self.algebra(algebra) else { return false };
                 match self.representation_of(name, &algebra, dim.value, matrices) {
@@ -294,25 +330,39 @@ impl Checker<'_> {
             }
             _ => None,
         };
-        let combination = parts.filter(|(.., offset)| *offset == graph.zero()).and_then(|(occurring, slopes, _)| {
-            occurring
-                .iter()
-                .zip(slopes)
-                .map(|(s, slope)| {
-                    let at = symbols.iter().position(|x| x == s)?;
-                    Some((at, graph.as_rational(slope)?.clone()))
-                })
-                .collect::<Option<Vec<_>>>()
-        });
+        let combination =
+            parts.filter(|(.., offset)| *offset == graph.zero()).and_then(|(occurring, slopes, _)| {
+                occurring
+                    .iter()
+                    .zip(slopes)
+                    .map(|(s, slope)| {
+                        let at = symbols.iter().position(|x| x == s)?;
+                        Some((at, graph.as_rational(slope)?.clone()))
+                    })
+                    .collect::<Option<Vec<_>>>()
+            });
         if combination.is_none() {
-            self.problem(expr.span, "expected a rational combination of basis elements", "for example `2*e1 - e3`, or `0`");
+            self.problem(
+                expr.span,
+                "expected a rational combination of basis elements",
+                "for example `2*e1 - e3`, or `0`",
+            );
         }
         combination
     }
 
-    fn bracket_algebra(&mut self, name: &Name, basis: &[Name], rules: &[ast::BracketRule]) -> Option<LieAlgebra> {
+    fn bracket_algebra(
+        &mut self,
+        name: &Name,
+        basis: &[Name],
+        rules: &[ast::BracketRule],
+    ) -> Option<LieAlgebra> {
         if basis.len() > MAX_BASIS {
-            let message = format!("algebra `{}` has {} basis elements, the limit is {MAX_BASIS}", name.text, basis.len());
+            let message = format!(
+                "algebra `{}` has {} basis elements, the limit is {MAX_BASIS}",
+                name.text,
+                basis.len()
+            );
             self.problem(name.span, message, "");
             return None;
         }
@@ -324,7 +374,11 @@ impl Checker<'_> {
                 fine = false;
             }
             if index.insert(&element.text, k).is_some() {
-                self.problem(element.span, format!("basis element `{}` is named twice", element.text), "rename one of them");
+                self.problem(
+                    element.span,
+                    format!("basis element `{}` is named twice", element.text),
+                    "rename one of them",
+                );
                 fine = false;
             }
         }
@@ -406,7 +460,11 @@ impl Checker<'_> {
                 self.problem(expr.span, message, "write it by rows: `[[..], ..]`");
                 fine = false;
             } else if table[k].is_some() {
-                self.problem(element.span, format!("matrix of `{}` is given twice", element.text), "keep one of them");
+                self.problem(
+                    element.span,
+                    format!("matrix of `{}` is given twice", element.text),
+                    "keep one of them",
+                );
                 fine = false;
             } else {
                 table[k] = Matrix::from_rows(&rows);
@@ -416,7 +474,8 @@ impl Checker<'_> {
             table.iter().zip(algebra.basis()).filter(|(m, _)| m.is_none()).map(|(_, b)| b.as_str()).collect();
         if fine && !missing.is_empty() {
             let shown: Vec<&str> = missing.into_iter().take(12).collect();
-            let message = format!("representation `{}` lacks the matrices of {}", name.text, names::list(&shown));
+            let message =
+                format!("representation `{}` lacks the matrices of {}", name.text, names::list(&shown));
             self.problem(name.span, message, "give one matrix per basis element");
             fine = false;
         }
@@ -439,6 +498,10 @@ impl Checker<'_> {
                 self.problem(span, "expected an algebra, found a number", "for example `so(3)` or `R^3`");
                 return None;
             }
+            AlgebraNode::Power(n) if *n > MAX_ABELIAN => {
+                self.problem(span, format!("R^{n} is too large"), format!("the largest is R^{MAX_ABELIAN}"));
+                return None;
+            }
             AlgebraNode::Power(n) => return Some(LieAlgebra::abelian(*n)),
             AlgebraNode::Name(name) => {
                 if name == "R" {
@@ -450,7 +513,21 @@ impl Checker<'_> {
                 if is_poisoned(name, &self.poisoned) {
                     return None;
                 }
-                let message = if self.representations.contains_key(name) {
+                let message = if BUILT_IN[1..9].contains(&name.as_str()) {
+                    self.problem(
+                        span,
+                        format!("`{name}` needs arguments"),
+                        format!(
+                            "for example `{name}({})`",
+                            match name.as_str() {
+                                "product" => "so(3), R^3",
+                                "semidirect" => "so(3), standard",
+                                _ => "3",
+                            }
+                        ),
+                    );
+                    return None;
+                } else if self.representations.contains_key(name) {
                     format!("`{name}` is a representation, not an algebra")
                 } else {
                     format!("unknown algebra `{name}`")
@@ -473,7 +550,8 @@ impl Checker<'_> {
                 Some(LieAlgebra::product(&factors))
             }
             "semidirect" => {
-                let Some((base, spaces)) = arguments.split_first().filter(|(_, spaces)| !spaces.is_empty()) else {
+                let Some((base, spaces)) = arguments.split_first().filter(|(_, spaces)| !spaces.is_empty())
+                else {
                     self.problem(
                         span,
                         "`semidirect` takes an algebra and its representations",
@@ -496,7 +574,11 @@ impl Checker<'_> {
             }
             family @ ("so" | "se" | "su" | "gl" | "sl" | "heisenberg") => {
                 let [AlgebraExpr { node: AlgebraNode::Number(n), .. }] = arguments.as_slice() else {
-                    self.problem(span, format!("`{family}` takes one number"), format!("for example `{family}(3)`"));
+                    self.problem(
+                        span,
+                        format!("`{family}` takes one number"),
+                        format!("for example `{family}(3)`"),
+                    );
                     return None;
                 };
                 self.named_algebra(family, *n, span)
@@ -517,7 +599,11 @@ impl Checker<'_> {
             _ => 8,
         };
         if n > largest {
-            self.problem(span, format!("{family}({n}) is too large"), format!("the largest is {family}({largest})"));
+            self.problem(
+                span,
+                format!("{family}({n}) is too large"),
+                format!("the largest is {family}({largest})"),
+            );
             return None;
         }
         let algebra = match family {
@@ -546,7 +632,8 @@ impl Checker<'_> {
     }
 
     fn algebra_help(&self, name: &str) -> String {
-        let mut known: Vec<&str> = vec!["so", "se", "su", "gl", "sl", "heisenberg", "R", "product", "semidirect"];
+        let mut known: Vec<&str> =
+            vec!["so", "se", "su", "gl", "sl", "heisenberg", "R", "product", "semidirect"];
         known.extend(self.algebras.keys().map(String::as_str));
         names::suggest(name, known)
     }
@@ -556,23 +643,27 @@ impl Checker<'_> {
         let n = algebra.dim();
         let adjoint_fits = n * n * n <= MAX_REPRESENTATION;
         match &expr.node {
-            AlgebraNode::Name(name) => match name.as_str() {
-                "standard" => match Representation::standard(algebra) {
-                    Some(r) => Some(r),
-                    None => {
-                        let message = format!("`standard` does not exist for {}", algebra.name());
-                        self.problem(span, message, "so(n), gl(n), sl(n) and su(n) have one; give yours with `representation`");
+            AlgebraNode::Name(name) => {
+                match name.as_str() {
+                    "standard" => {
+                        match Representation::standard(algebra) {
+                            Some(r) => Some(r),
+                            None => {
+                                let message = format!("`standard` does not exist for {}", algebra.name());
+                                self.problem(span, message, "so(n), gl(n), sl(n) and su(n) have one; give yours with `representation`");
+                                None
+                            }
+                        }
+                    }
+                    "adjoint" | "coadjoint" if !adjoint_fits => {
+                        self.problem(span, format!("`{name}` of {} is too large", algebra.name()), "");
                         None
                     }
-                },
-                "adjoint" | "coadjoint" if !adjoint_fits => {
-                    self.problem(span, format!("`{name}` of {} is too large", algebra.name()), "");
-                    None
+                    "adjoint" => Some(Representation::adjoint(algebra)),
+                    "coadjoint" => Some(Representation::coadjoint(algebra)),
+                    _ => self.named_representation(name, algebra, span),
                 }
-                "adjoint" => Some(Representation::adjoint(algebra)),
-                "coadjoint" => Some(Representation::coadjoint(algebra)),
-                _ => self.named_representation(name, algebra, span),
-            },
+            }
             AlgebraNode::Call(name, arguments) => match (name.text.as_str(), arguments.as_slice()) {
                 ("dual", [inner]) => self.representation(inner, algebra).map(|r| r.dual()),
                 ("trivial", [AlgebraExpr { node: AlgebraNode::Number(dim), .. }]) => {
@@ -603,7 +694,12 @@ impl Checker<'_> {
         }
     }
 
-    fn named_representation(&mut self, name: &str, algebra: &LieAlgebra, span: Span) -> Option<Representation> {
+    fn named_representation(
+        &mut self,
+        name: &str,
+        algebra: &LieAlgebra,
+        span: Span,
+    ) -> Option<Representation> {
         if let Some((owner, r)) = self.representations.get(name) {
             if owner == algebra {
                 return Some(r.clone());
@@ -627,7 +723,9 @@ impl Checker<'_> {
         for item in items {
             match &item.kind {
                 ItemKind::Velocity { names, algebra } => self.declare_velocities(item, names, algebra),
-                ItemKind::Coordinate { names, shape, domain } => self.declare_coordinates(item, names, shape, domain),
+                ItemKind::Coordinate { names, shape, domain } => {
+                    self.declare_coordinates(item, names, shape, domain)
+                }
                 ItemKind::Advected { name, dim, .. } => {
                     self.builder.at(Some(name.span));
                     self.builder.advected(&name.text, dim.map(|d| d.value), &item.doc.join("\n"));
@@ -643,7 +741,8 @@ impl Checker<'_> {
             self.poisoned.extend(names.iter().map(|n| n.text.clone()));
             return;
         };
-        let located: Vec<(&str, Option<Span>)> = names.iter().map(|n| (n.text.as_str(), Some(n.span))).collect();
+        let located: Vec<(&str, Option<Span>)> =
+            names.iter().map(|n| (n.text.as_str(), Some(n.span))).collect();
         let span = names.first().map_or(item.span, |n| n.span).to(names.last().map_or(item.span, |n| n.span));
         let before = self.builder.problems.len();
         self.builder.at(Some(span)).located_velocities(algebra, &located, &item.doc.join("\n"));
@@ -660,7 +759,7 @@ impl Checker<'_> {
             DomainExpr::Real => Domain::Real,
             DomainExpr::Interval(low, high) => {
                 self.builder.at(Some(low.span.to(high.span)));
-                let ends = (self.scalar(low, "the end of an interval"), self.scalar(high, "the end of an interval"));
+                let ends = (self.interval_end(low), self.interval_end(high));
                 match ends {
                     (Some(low), Some(high)) => Domain::Interval(low, high),
                     _ => Domain::Real,
@@ -707,7 +806,8 @@ impl Checker<'_> {
         let (order, cycles) = order_by_use(&uses);
         for cycle in cycles {
             let described = describe_cycle(&cycle, |k| &lets[k].0.text);
-            let mut problem = Diagnostic::new(Some(lets[cycle[0]].0.span), format!("definition in a circle: {described}"));
+            let mut problem =
+                Diagnostic::new(Some(lets[cycle[0]].0.span), format!("definition in a circle: {described}"));
             for k in cycle.iter().skip(1).take(4) {
                 problem = problem.with_place(Some(lets[*k].0.span), "part of the circle");
             }
@@ -788,7 +888,12 @@ impl Checker<'_> {
                 if let (Some(l), Some(r)) = values {
                     let place = left.span.to(right.span);
                     let text = self.one_line(place);
-                    self.builder.at(Some(place)).constraint(name.as_ref().map(|n| n.text.as_str()), &text, &l, &r);
+                    self.builder.at(Some(place)).constraint(
+                        name.as_ref().map(|n| n.text.as_str()),
+                        &text,
+                        &l,
+                        &r,
+                    );
                 } else {
                     self.builder.broken.insert("constraint");
                 }
@@ -805,17 +910,24 @@ impl Checker<'_> {
             }
             ItemKind::Casimir { name, value } => match self.eval(value) {
                 Some(Value::Scalar(e)) => {
-                    self.builder.at(Some(name.span)).casimir(&name.text, &Value::Scalar(e), &item.doc.join("\n"));
+                    self.builder.at(Some(name.span)).casimir(
+                        &name.text,
+                        &Value::Scalar(e),
+                        &item.doc.join("\n"),
+                    );
                 }
                 Some(other) => {
-                    let message = format!("casimir `{}` must be a number, found {}", name.text, other.shape());
+                    let message =
+                        format!("casimir `{}` must be a number, found {}", name.text, other.shape());
                     self.problem(value.span, message, "use `dot(a, b)` for the pairing of vectors");
                     self.builder.broken.insert("casimir");
                 }
                 None => _ = self.builder.broken.insert("casimir"),
             },
             ItemKind::Output { name, value } => match self.eval(value) {
-                Some(value) => _ = self.builder.at(Some(name.span)).output(&name.text, &value, &item.doc.join("\n")),
+                Some(value) => {
+                    _ = self.builder.at(Some(name.span)).output(&name.text, &value, &item.doc.join("\n"))
+                }
                 None => _ = self.builder.broken.insert("output"),
             },
             ItemKind::Scene { name, fixed, wants } => self.scene(item, name, fixed, wants),
@@ -862,7 +974,19 @@ impl Checker<'_> {
 
 /// Names that algebra definitions cannot take.
 const BUILT_IN: &[&str] = &[
-    "R", "so", "se", "su", "gl", "sl", "heisenberg", "product", "semidirect", "standard", "adjoint", "coadjoint", "dual",
+    "R",
+    "so",
+    "se",
+    "su",
+    "gl",
+    "sl",
+    "heisenberg",
+    "product",
+    "semidirect",
+    "standard",
+    "adjoint",
+    "coadjoint",
+    "dual",
     "trivial",
 ];
 

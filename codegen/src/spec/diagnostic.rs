@@ -173,7 +173,10 @@ impl Diagnostics {
         let mut window = lines_around(text, primary.clone());
         if window.len() > MAX_WIDTH && !text[window.clone()].trim_end().contains('\n') {
             // The column would be wrong in a cut line, so it is cut at the end only.
-            let end = floor_boundary(text, (primary.end.min(primary.start + MAX_WIDTH) + MAX_WIDTH).min(window.end));
+            let end = floor_boundary(
+                text,
+                (primary.end.min(primary.start + MAX_WIDTH) + MAX_WIDTH).min(window.end),
+            );
             window = window.start..end;
         }
         let mut first_line = line;

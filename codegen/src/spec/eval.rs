@@ -58,14 +58,22 @@ impl Evaluator<'_> {
         };
         let bits = self.exact_bits(&value).unwrap_or(bits);
         if bits > MAX_BITS {
-            return self.fail(expr.span, "numbers in this expression become too large", "write smaller powers");
+            return self.fail(
+                expr.span,
+                "numbers in this expression become too large",
+                "write smaller powers",
+            );
         }
         *self.work += value.entries().len() as u64;
         if *self.work > MAX_WORK {
             // One report is enough: every later expression fails silently.
             if *self.work <= 2 * MAX_WORK {
                 *self.work = 4 * MAX_WORK;
-                return self.fail(expr.span, "the model is too large", "it needs more than 4 million scalar operations");
+                return self.fail(
+                    expr.span,
+                    "the model is too large",
+                    "it needs more than 4 million scalar operations",
+                );
             }
             return None;
         }
@@ -144,7 +152,8 @@ impl Evaluator<'_> {
             }
         }
         let bits = values.iter().map(|(_, bits)| *bits).max().unwrap_or(0) + 8;
-        let operands: Vec<(bool, &Value)> = list.iter().zip(&values).map(|((n, _), (v, _))| (*n, v)).collect();
+        let operands: Vec<(bool, &Value)> =
+            list.iter().zip(&values).map(|((n, _), (v, _))| (*n, v)).collect();
         *self.work += (operands.len() * operands.first().map_or(1, |(_, v)| v.entries().len())) as u64;
         match Value::sum_of(self.graph, &operands) {
             Ok(value) => Some((value, bits)),
@@ -243,7 +252,9 @@ impl Evaluator<'_> {
             Some(q) => b_bits.saturating_mul(q.abs().ceil().to_integer().to_u64().unwrap_or(u64::MAX).max(1)),
             None => b_bits.saturating_add(e_bits),
         };
-        if bits > MAX_BITS && constant.as_ref().is_none_or(|q| q.numer().abs().to_u64().is_some_and(|n| n <= 1000)) {
+        if bits > MAX_BITS
+            && constant.as_ref().is_none_or(|q| q.numer().abs().to_u64().is_some_and(|n| n <= 1000))
+        {
             return self.fail(span, "numbers in this expression become too large", "write smaller powers");
         }
         match b.pow(self.graph, e) {
@@ -279,12 +290,18 @@ impl Evaluator<'_> {
     fn whole(&mut self, expr: &Expr) -> Option<usize> {
         let (value, _) = self.eval(expr)?;
         let number = match value {
-            Value::Scalar(e) => self.graph.as_rational(e).filter(|q| q.is_integer()).and_then(|q| q.numer().to_usize()),
+            Value::Scalar(e) => {
+                self.graph.as_rational(e).filter(|q| q.is_integer()).and_then(|q| q.numer().to_usize())
+            }
             _ => None,
         };
         match number {
             Some(n) => Some(n),
-            None => self.fail(expr.span, "expected a whole number", "indices and dimensions are constants such as `2`"),
+            None => self.fail(
+                expr.span,
+                "expected a whole number",
+                "indices and dimensions are constants such as `2`",
+            ),
         }
     }
 
@@ -357,7 +374,13 @@ impl Evaluator<'_> {
         self.apply(function, arguments, &values, span)
     }
 
-    fn apply(&mut self, function: &str, arguments: &[Expr], values: &[Weighed], span: Span) -> Option<Weighed> {
+    fn apply(
+        &mut self,
+        function: &str,
+        arguments: &[Expr],
+        values: &[Weighed],
+        span: Span,
+    ) -> Option<Weighed> {
         let (a, a_bits) = values.first()?;
         let (b, b_bits) = values.get(1).unwrap_or(&values[0]);
         let g = &mut *self.graph;

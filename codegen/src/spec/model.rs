@@ -236,7 +236,12 @@ impl Model {
 /// A problem that a later phase found, at a span of the model's text.
 ///
 /// The span is dropped when the model has no text. Show it with [`Model::diagnostics`].
-pub fn diagnose(model: &Model, span: Option<Span>, message: impl Into<String>, help: impl Into<String>) -> Diagnostic {
+pub fn diagnose(
+    model: &Model,
+    span: Option<Span>,
+    message: impl Into<String>,
+    help: impl Into<String>,
+) -> Diagnostic {
     let span = span.filter(|_| model.origin.is_some());
     Diagnostic::new(span, message).with_help(help)
 }

@@ -67,17 +67,45 @@ pub(super) const WANTS: &[&str] = &[
 ];
 
 const KEYWORDS: &[&str] = &[
-    "abstract", "as", "async", "await", "become", "box", "break", "const", "continue", "crate", "do", "dyn", "else",
-    "enum", "extern", "false", "final", "fn", "for", "gen", "if", "impl", "in", "let", "loop", "macro", "match", "mod",
-    "move", "mut", "override", "priv", "pub", "ref", "return", "self", "Self", "static", "struct", "super", "trait",
-    "true", "try", "type", "typeof", "union", "unsafe", "unsized", "use", "virtual", "where", "while", "yield",
+    "abstract", "as", "async", "await", "become", "box", "break", "const", "continue", "crate", "do", "dyn",
+    "else", "enum", "extern", "false", "final", "fn", "for", "gen", "if", "impl", "in", "let", "loop",
+    "macro", "match", "mod", "move", "mut", "override", "priv", "pub", "ref", "return", "self", "Self",
+    "static", "struct", "super", "trait", "true", "try", "type", "typeof", "union", "unsafe", "unsized",
+    "use", "virtual", "where", "while", "yield",
 ];
 
 /// Names of generated items and of the types their signatures use.
 const GENERATED: &[&str] = &[
-    "Params", "Prepared", "State", "System", "Real", "Result", "Option", "Some", "None", "Ok", "Err", "R", "N",
-    "new", "params", "prepared", "state", "derivative", "rhs", "energy", "energy_rate", "momentum", "multipliers",
-    "jacobian", "jvp", "reconstruct", "reconstruction", "hamel_runtime", "core", "std",
+    "Params",
+    "Prepared",
+    "State",
+    "System",
+    "Real",
+    "Result",
+    "Option",
+    "Some",
+    "None",
+    "Ok",
+    "Err",
+    "R",
+    "N",
+    "new",
+    "params",
+    "prepared",
+    "state",
+    "derivative",
+    "rhs",
+    "energy",
+    "energy_rate",
+    "momentum",
+    "multipliers",
+    "jacobian",
+    "jvp",
+    "reconstruct",
+    "reconstruction",
+    "hamel_runtime",
+    "core",
+    "std",
 ];
 
 /// Why a name cannot be declared, or nothing.
@@ -111,11 +139,12 @@ pub(super) fn refusal(name: &str) -> Option<&'static str> {
 /// The nearest of `known` within an edit distance of a third of the length, as a sentence, or a list when short.
 pub(super) fn suggest<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -> String {
     let known: Vec<&str> = known.into_iter().collect();
-    let limit = (wrong.chars().count() / 3).clamp(1, 3);
+    // Of one or two letters, a changed letter is another name.
+    let limit = if wrong.chars().count() < 3 { 0 } else { (wrong.chars().count() / 3).min(3) };
     let near = known
         .iter()
         .filter(|name| name.len().abs_diff(wrong.len()) <= limit)
-        .map(|name| (distance(wrong, name), *name))
+        .map(|name| (if name.eq_ignore_ascii_case(wrong) { 0 } else { distance(wrong, name) }, *name))
         .filter(|(d, _)| *d <= limit)
         .min();
     if let Some((_, name)) = near {
@@ -132,17 +161,15 @@ pub(super) fn list(names: &[&str]) -> String {
     names.iter().map(|n| format!("`{n}`")).collect::<Vec<_>>().join(", ")
 }
 
-/// Edit distance of the lower-case names with transpositions (restricted Damerau-Levenshtein); a difference in case
-/// alone counts as one.
+/// Edit distance of the lower-case names with transpositions (restricted Damerau-Levenshtein).
 fn distance(a: &str, b: &str) -> usize {
-    let lower: (Vec<char>, Vec<char>) =
-        (a.chars().map(|c| c.to_ascii_lowercase()).collect(), b.chars().map(|c| c.to_ascii_lowercase()).collect());
+    let lower: (Vec<char>, Vec<char>) = (
+        a.chars().map(|c| c.to_ascii_lowercase()).collect(),
+        b.chars().map(|c| c.to_ascii_lowercase()).collect(),
+    );
     let (x, y) = (&lower.0, &lower.1);
     if x.len().max(y.len()) > 64 {
         return usize::MAX;
-    }
-    if x == y && a != b {
-        return 1;
     }
     let mut rows = vec![vec![0_usize; y.len() + 1]; x.len() + 1];
     for (i, row) in rows.iter_mut().enumerate() {

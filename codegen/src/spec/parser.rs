@@ -43,7 +43,12 @@ pub(super) fn parse_file(text: &str) -> Outcome {
     let mut outcome = Outcome { file: None, problems: Vec::new(), poisoned: BTreeSet::new() };
     if text.len() > MAX_BYTES {
         let message = format!("the file has {} bytes, the limit is {MAX_BYTES}", text.len());
-        outcome.problems.push(Diagnostic::new(None, message).with_help("put one model in a file"));
+        let start = Some(Span::new(0, 0));
+        outcome.problems.push(Diagnostic::new(start, message).with_help("put one model in a file"));
+        return outcome;
+    }
+    if let Err(problem) = check_brackets(text) {
+        outcome.problems.push(*problem);
         return outcome;
     }
     let Some(tokens) = lex(text, &mut outcome.problems) else { return outcome };
@@ -85,7 +90,10 @@ fn lex(text: &str, problems: &mut Vec<Diagnostic>) -> Option<TokenStream> {
                 return None;
             }
             Some('"') => {
-                problems.push(problem("text is not closed".into(), "end it with `\"` and escape inner quotes as `\\\"`"));
+                problems.push(problem(
+                    "text is not closed".into(),
+                    "end it with `\"` and escape inner quotes as `\\\"`",
+                ));
                 return None;
             }
             Some('/') if patched[at..].starts_with("/*") => {
@@ -103,7 +111,16 @@ fn lex(text: &str, problems: &mut Vec<Diagnostic>) -> Option<TokenStream> {
                 };
                 let shown = if c.is_control() { format!("\\u{{{:x}}}", c as u32) } else { c.to_string() };
                 problems.push(problem(format!("`{shown}` cannot begin a token"), help));
-                patched.replace_range(at..at + c.len_utf8(), &" ".repeat(c.len_utf8()));
+                // Obvious replacements avoid a second complaint about the same place.
+                let stand_in = match c {
+                    '·' | '×' | '⋅' => '*',
+                    '−' => '-',
+                    _ => ' ',
+                };
+                patched.replace_range(
+                    at..at + c.len_utf8(),
+                    &format!("{stand_in}{}", " ".repeat(c.len_utf8() - 1)),
+                );
             }
             None => {
                 problems.push(problem("the text ends inside a token".into(), ""));
@@ -112,6 +129,83 @@ fn lex(text: &str, problems: &mut Vec<Diagnostic>) -> Option<TokenStream> {
         }
     }
     None
+}
+
+/// Finds the bracket that is not closed or not opened; the lexer would only name the place where it noticed.
+///
+/// Texts and comments are skipped as the lexer does; what it would reject (a stray quote) ends the search.
+fn check_brackets(text: &str) -> Parsed<()> {
+    let bytes = text.as_bytes();
+    let mut stack: Vec<(u8, usize)> = Vec::new();
+    let mut at = 0;
+    while let Some(byte) = bytes.get(at) {
+        match byte {
+            b'/' if bytes.get(at + 1) == Some(&b'/') => {
+                at += text[at..].find('\n').unwrap_or(text.len() - at);
+                continue;
+            }
+            b'/' if bytes.get(at + 1) == Some(&b'*') => {
+                let mut depth = 0_usize;
+                loop {
+                    match (bytes.get(at), bytes.get(at + 1)) {
+                        (Some(b'/'), Some(b'*')) => (depth, at) = (depth + 1, at + 2),
+                        (Some(b'*'), Some(b'/')) => (depth, at) = (depth - 1, at + 2),
+                        (Some(_), _) => at += 1,
+                        (None, _) => return Ok(()),
+                    }
+                    if depth == 0 {
+                        break;
+                    }
+                }
+                continue;
+            }
+            b'"' => {
+                at += 1;
+                while let Some(inside) = bytes.get(at) {
+                    match inside {
+                        b'\\' => at += 2,
+                        b'"' => break,
+                        _ => at += 1,
+                    }
+                }
+            }
+            b'\'' | b'#' => return Ok(()),
+            b'(' | b'[' | b'{' => stack.push((*byte, at)),
+            b')' | b']' | b'}' => {
+                let here = Span::new(at, at + 1);
+                let closing = char::from(*byte);
+                let problem = match stack.pop() {
+                    Some((b'(', _)) if *byte == b')' => None,
+                    Some((b'[', _)) if *byte == b']' => None,
+                    Some((b'{', _)) if *byte == b'}' => None,
+                    Some((open, start)) => {
+                        let place = Span::new(start, start + 1);
+                        let message = format!("`{}` is not closed", char::from(open));
+                        let problem = Diagnostic::new(Some(place), message);
+                        let label = format!("`{closing}` comes first");
+                        Some(problem.with_place(Some(here), label).with_help("add the closing bracket"))
+                    }
+                    None => Some(
+                        Diagnostic::new(Some(here), format!("`{closing}` closes nothing"))
+                            .with_help("remove it"),
+                    ),
+                };
+                if let Some(problem) = problem {
+                    return Err(Box::new(problem));
+                }
+            }
+            _ => {}
+        }
+        at += 1;
+    }
+    match stack.pop() {
+        Some((open, start)) => {
+            let message = format!("`{}` is not closed", char::from(open));
+            let problem = Diagnostic::new(Some(Span::new(start, start + 1)), message);
+            Err(Box::new(problem.with_help("add the closing bracket")))
+        }
+        None => Ok(()),
+    }
 }
 
 /// The lexer does not recurse but everything after it would.
@@ -163,7 +257,11 @@ impl<'a> Parser<'a> {
 
     /// The next token, or the place after the last one.
     fn here(&self) -> Span {
-        if self.at_end() { Span::new(self.end, (self.end + 1).min(self.text.len())) } else { span_of(self.cursor.span()) }
+        if self.at_end() {
+            Span::new(self.end, (self.end + 1).min(self.text.len()))
+        } else {
+            span_of(self.cursor.span())
+        }
     }
 
     fn found(&self) -> String {
@@ -179,7 +277,8 @@ impl<'a> Parser<'a> {
             Some((_, Delimiter::Brace, ..)) => "`{`".to_owned(),
             _ => {
                 let span = self.here();
-                let token: String = self.text.get(span.start..span.end).unwrap_or("").chars().take(40).collect();
+                let token: String =
+                    self.text.get(span.start..span.end).unwrap_or("").chars().take(40).collect();
                 format!("`{token}`")
             }
         }
@@ -304,7 +403,8 @@ impl<'a> Parser<'a> {
         };
         if self.at_end() {
             outcome.problems.push(
-                Diagnostic::new(None, "the file contains no model").with_help("begin with `model name { .. }`"),
+                Diagnostic::new(Some(self.here()), "the file contains no model")
+                    .with_help("begin with `model name { .. }`"),
             );
             return;
         }
@@ -353,13 +453,16 @@ impl<'a> Parser<'a> {
             match parsed {
                 Ok((doc, (kind, block))) => {
                     let span = Span::new(keyword.start, self.last);
-                    items.push(Item { doc, span, keyword, kind });
+                    items.push(Item { doc, span, kind });
                     if !block && self.punct(";").is_none() {
                         let at = Span::new(self.last, (self.last + 1).min(self.text.len()));
                         let found = self.found();
                         let problem = Diagnostic::new(Some(at), format!("expected `;`, found {found}"));
                         outcome.problems.push(problem.with_help("every item ends with `;`"));
-                        self.skip_item();
+                        // Before another item only the `;` is missing.
+                        if !self.peek_ident().is_some_and(|word| ITEMS.contains(&word.as_str())) {
+                            self.skip_item();
+                        }
                     }
                 }
                 Err(problem) => {
@@ -383,7 +486,9 @@ impl<'a> Parser<'a> {
         while let Some((tree, rest)) = self.cursor.token_tree() {
             let span = span_of(tree.span());
             match &tree {
-                TokenTree::Ident(word) if self.begins_line(span.start) && ITEMS.iter().any(|k| word == k) => return,
+                TokenTree::Ident(word) if self.begins_line(span.start) && ITEMS.iter().any(|k| word == k) => {
+                    return;
+                }
                 // A doc comment begins the next item.
                 TokenTree::Punct(p) if p.as_char() == '#' && self.begins_line(span.start) => return,
                 _ => {}
@@ -477,7 +582,9 @@ impl<'a> Parser<'a> {
                 ItemKind::Lagrangian(self.expr()?)
             }
             "constraint" => self.constraint()?,
-            "independent" => ItemKind::Independent(self.comma_separated(|p| p.ident("the name of a velocity"))?),
+            "independent" => {
+                ItemKind::Independent(self.comma_separated(|p| p.ident("the name of a velocity"))?)
+            }
             "multipliers" => ItemKind::Multipliers,
             "force" => {
                 let name = self.ident("the velocity the force is paired with")?;
@@ -539,7 +646,8 @@ impl<'a> Parser<'a> {
         match value {
             Some(value @ 1..=MAX_DIM) => Ok(Size { value, span }),
             _ => {
-                let problem = Diagnostic::new(Some(span), format!("dimension `{text}` is not between 1 and {MAX_DIM}"));
+                let problem =
+                    Diagnostic::new(Some(span), format!("dimension `{text}` is not between 1 and {MAX_DIM}"));
                 Err(Box::new(problem))
             }
         }
@@ -567,8 +675,10 @@ impl<'a> Parser<'a> {
             ("symmetric", [n]) => Ok(Shape::Symmetric(*n)),
             ("matrix", [n, m]) => Ok(Shape::Matrix(*n, *m)),
             (name, _) => {
-                let (count, example) = if name == "matrix" { ("two dimensions", "(3, 3)") } else { ("one dimension", "(3)") };
-                let problem = Diagnostic::new(Some(span), format!("`{name}` has {count}, found {}", sizes.len()));
+                let (count, example) =
+                    if name == "matrix" { ("two dimensions", "(3, 3)") } else { ("one dimension", "(3)") };
+                let problem =
+                    Diagnostic::new(Some(span), format!("`{name}` has {count}, found {}", sizes.len()));
                 Err(Box::new(problem.with_help(format!("write `{name}{example}`"))))
             }
         }
@@ -605,8 +715,11 @@ impl<'a> Parser<'a> {
                     Compare::Less
                 } else if rest.is_empty() {
                     if p.punct("==").is_some() || p.punct("=").is_some() {
-                        let problem = Diagnostic::new(Some(start), "an equation is not a condition on parameters");
-                        return Err(Box::new(problem.with_help("conditions use `>`, `>=`, `<`, `<=` or `!=`")));
+                        let problem =
+                            Diagnostic::new(Some(start), "an equation is not a condition on parameters");
+                        return Err(Box::new(
+                            problem.with_help("conditions use `>`, `>=`, `<`, `<=` or `!=`"),
+                        ));
                     }
                     return p.expected("`>`, `>=`, `<`, `<=` or `!=`");
                 } else {
@@ -631,7 +744,8 @@ impl<'a> Parser<'a> {
         body.require_punct(";")?;
         let mut rules = Vec::new();
         while !body.at_end() {
-            let (mut pair, bracket) = body.require_group(Delimiter::Bracket, "a bracket such as `[a, b] = c;`")?;
+            let (mut pair, bracket) =
+                body.require_group(Delimiter::Bracket, "a bracket such as `[a, b] = c;`")?;
             let left = pair.ident("the name of a basis element")?;
             pair.require_punct(",")?;
             let right = pair.ident("the name of a basis element")?;
@@ -710,7 +824,8 @@ impl<'a> Parser<'a> {
         }
         self.equals()?;
         self.require_word("ideal")?;
-        let (mut inside, _) = self.require_group(Delimiter::Parenthesis, "`(` with the velocities of the ideal")?;
+        let (mut inside, _) =
+            self.require_group(Delimiter::Parenthesis, "`(` with the velocities of the ideal")?;
         let ideal = inside.comma_list(|p| p.expr())?;
         if ideal.is_empty() {
             return inside.expected("the velocities that span the ideal");
@@ -753,7 +868,10 @@ impl<'a> Parser<'a> {
     }
 
     fn constraint(&mut self) -> Parsed<ItemKind> {
-        let named = self.cursor.ident().is_some_and(|(_, rest)| rest.punct().is_some_and(|(p, _)| p.as_char() == ':'));
+        let named = self
+            .cursor
+            .ident()
+            .is_some_and(|(_, rest)| rest.punct().is_some_and(|(p, _)| p.as_char() == ':'));
         let name = if named {
             let name = self.ident("a name")?;
             self.require_punct(":")?;
@@ -900,7 +1018,9 @@ impl<'a> Parser<'a> {
         if let Some((mut inside, span)) = self.group(Delimiter::Bracket) {
             let list = inside.comma_list(|p| p.expr())?;
             if list.is_empty() {
-                return Err(Box::new(Diagnostic::new(Some(span), "empty vector").with_help("write its entries: `[a, b]`")));
+                return Err(Box::new(
+                    Diagnostic::new(Some(span), "empty vector").with_help("write its entries: `[a, b]`"),
+                ));
             }
             return Ok(Expr { node: Node::List(list), span });
         }
@@ -929,7 +1049,8 @@ fn fold_chain(mut list: Vec<(bool, Expr)>, make: fn(Vec<(bool, Expr)>) -> Node) 
 
 /// The exact value of decimal text.
 fn number(text: &str, span: Span) -> Parsed<Rational> {
-    let problem = |message: String, help: &str| Err(Box::new(Diagnostic::new(Some(span), message).with_help(help)));
+    let problem =
+        |message: String, help: &str| Err(Box::new(Diagnostic::new(Some(span), message).with_help(help)));
     if !text.starts_with(|c: char| c.is_ascii_digit()) {
         let shown: String = text.chars().take(40).collect();
         return problem(format!("expected an expression, found {shown}"), "texts are only used in `source`");
@@ -961,7 +1082,12 @@ fn number(text: &str, span: Span) -> Parsed<Rational> {
     }
     let exponent: i64 = match exponent.parse::<i64>() {
         Ok(e) if e.unsigned_abs() <= MAX_DIGITS as u64 => e,
-        _ => return problem(format!("exponent of the number is not between -{MAX_DIGITS} and {MAX_DIGITS}"), ""),
+        _ => {
+            return problem(
+                format!("exponent of the number is not between -{MAX_DIGITS} and {MAX_DIGITS}"),
+                "",
+            );
+        }
     };
     let integer: BigInt = digits.parse().unwrap_or_else(|_| BigInt::zero());
     // The digits after the point shift the exponent; both are at most MAX_DIGITS.

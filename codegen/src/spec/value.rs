@@ -80,11 +80,15 @@ pub enum ValueError {
 impl fmt::Display for ValueError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            ValueError::Shapes { operation: "subtract", left, right } => write!(f, "cannot subtract {right} from {left}"),
+            ValueError::Shapes { operation: "subtract", left, right } => {
+                write!(f, "cannot subtract {right} from {left}")
+            }
             ValueError::Shapes { operation: operation @ "divide", left, right } => {
                 write!(f, "cannot {operation} {left} by {right}")
             }
-            ValueError::Shapes { operation: "raise", left, right } => write!(f, "cannot raise {left} to {right}"),
+            ValueError::Shapes { operation: "raise", left, right } => {
+                write!(f, "cannot raise {left} to {right}")
+            }
             ValueError::Shapes { operation: operation @ "equate", left, right } => {
                 write!(f, "cannot {operation} {left} with {right}")
             }
@@ -101,7 +105,9 @@ impl fmt::Display for ValueError {
                 write!(f, "exponent {shown} is too large, the limit is {MAX_EXPONENT}")
             }
             ValueError::Index { index, len } => write!(f, "index {index} is not between 1 and {len}"),
-            ValueError::Ragged { first, other } => write!(f, "entries of different shapes: {first} and {other}"),
+            ValueError::Ragged { first, other } => {
+                write!(f, "entries of different shapes: {first} and {other}")
+            }
             ValueError::TooLarge => write!(f, "more than {MAX_DIM} rows or columns"),
         }
     }
@@ -120,27 +126,46 @@ impl ValueError {
                     "write `dot(a, b)`, or `a * transpose(b)` for the matrix".into()
                 }
             }
-            ValueError::Shapes { operation: "multiply", left: Shape::Matrix(_, m), right: Shape::Vector(n) } => {
+            ValueError::Shapes {
+                operation: "multiply",
+                left: Shape::Matrix(_, m),
+                right: Shape::Vector(n),
+            } => {
                 format!("the matrix needs {n} columns instead of {m}; `transpose` may help")
             }
-            ValueError::Shapes { operation: "multiply", left: Shape::Matrix(_, m), right: Shape::Matrix(n, _) } => {
+            ValueError::Shapes {
+                operation: "multiply",
+                left: Shape::Matrix(_, m),
+                right: Shape::Matrix(n, _),
+            } => {
                 format!("the columns of the first ({m}) must be the rows of the second ({n})")
             }
-            ValueError::Shapes { operation: "multiply", left: Shape::Vector(_), right: Shape::Matrix(..) } => {
-                "write `transpose(v) * A` or `A * v`".into()
-            }
+            ValueError::Shapes {
+                operation: "multiply",
+                left: Shape::Vector(_),
+                right: Shape::Matrix(..),
+            } => "write `transpose(v) * A` or `A * v`".into(),
             ValueError::Shapes { operation: "divide", right: Shape::Scalar, .. } => String::new(),
-            ValueError::Shapes { operation: "divide", .. } => "only a number can divide: solve by hand or use `dot`".into(),
-            ValueError::Shapes { operation: "raise", .. } => "powers are for numbers: write `dot(v, v)` or `A * A`".into(),
+            ValueError::Shapes { operation: "divide", .. } => {
+                "only a number can divide: solve by hand or use `dot`".into()
+            }
+            ValueError::Shapes { operation: "raise", .. } => {
+                "powers are for numbers: write `dot(v, v)` or `A * A`".into()
+            }
             ValueError::Shapes { operation: "cross", .. } => "both must be vector(3)".into(),
             ValueError::Shapes { operation: "dot", .. } => "both must be vectors of one dimension".into(),
-            ValueError::Shapes { operation: "add" | "subtract" | "equate", left, right } => match (left, right) {
-                (Shape::Scalar, _) | (_, Shape::Scalar) => {
-                    "a number and a vector do not add: index the vector, as in `v[1]`, or use `dot`".into()
+            ValueError::Shapes { operation: "add" | "subtract" | "equate", left, right } => {
+                match (left, right) {
+                    (Shape::Scalar, _) | (_, Shape::Scalar) => {
+                        "a number and a vector do not add: index the vector, as in `v[1]`, or use `dot`"
+                            .into()
+                    }
+                    _ => "both sides must have the same shape".into(),
                 }
-                _ => "both sides must have the same shape".into(),
-            },
-            ValueError::Argument { expected: "a number", .. } => "apply it to each component, as in `[sin(a), sin(b)]`".into(),
+            }
+            ValueError::Argument { expected: "a number", .. } => {
+                "apply it to each component, as in `[sin(a), sin(b)]`".into()
+            }
             _ => String::new(),
         }
     }
@@ -235,7 +260,11 @@ impl Value {
     pub fn scalar(&self, function: &str) -> Result<ExprId, ValueError> {
         match self {
             Value::Scalar(e) => Ok(*e),
-            _ => Err(ValueError::Argument { function: function.into(), expected: "a number", found: self.shape() }),
+            _ => Err(ValueError::Argument {
+                function: function.into(),
+                expected: "a number",
+                found: self.shape(),
+            }),
         }
     }
 
@@ -245,9 +274,11 @@ impl Value {
         match self {
             Value::Scalar(e) => Value::Scalar(f(*e)),
             Value::Vector(v) => Value::Vector(v.iter().map(|e| f(*e)).collect()),
-            Value::Matrix { rows, columns, entries } => {
-                Value::Matrix { rows: *rows, columns: *columns, entries: entries.iter().map(|e| f(*e)).collect() }
-            }
+            Value::Matrix { rows, columns, entries } => Value::Matrix {
+                rows: *rows,
+                columns: *columns,
+                entries: entries.iter().map(|e| f(*e)).collect(),
+            },
         }
     }
 
@@ -287,7 +318,9 @@ impl Value {
         Ok(first.map(|_| {
             let summands: Vec<(ExprId, Rational)> = operands
                 .iter()
-                .map(|(negative, v)| (v.entries()[position], if *negative { -Rational::one() } else { Rational::one() }))
+                .map(|(negative, v)| {
+                    (v.entries()[position], if *negative { -Rational::one() } else { Rational::one() })
+                })
                 .collect();
             position += 1;
             g.linear_combination(&summands)
@@ -317,7 +350,8 @@ impl Value {
             (a, Value::Scalar(b)) => return Ok(a.scale(g, *b)),
             _ => {}
         }
-        let mismatch = || ValueError::Shapes { operation: "multiply", left: self.shape(), right: other.shape() };
+        let mismatch =
+            || ValueError::Shapes { operation: "multiply", left: self.shape(), right: other.shape() };
         let columns_of = |v: &Value| match v.shape() {
             Shape::Matrix(n, m) => (n, m),
             Shape::Vector(n) => (n, 1),
@@ -361,7 +395,11 @@ impl Value {
     /// [`ValueError::Shapes`], [`ValueError::Exponent`] beyond 1000, [`ValueError::DivisionByZero`] for `0^-1`.
     pub fn pow(&self, g: &mut Graph, exponent: &Value) -> Outcome {
         let (Value::Scalar(base), Value::Scalar(power)) = (self, exponent) else {
-            return Err(ValueError::Shapes { operation: "raise", left: self.shape(), right: exponent.shape() });
+            return Err(ValueError::Shapes {
+                operation: "raise",
+                left: self.shape(),
+                right: exponent.shape(),
+            });
         };
         let Some(q) = g.as_rational(*power).cloned() else {
             let log = g.func(Func::Ln, *base);
@@ -420,14 +458,22 @@ impl Value {
     fn vector(&self, function: &'static str) -> Result<&[ExprId], ValueError> {
         match self {
             Value::Vector(v) => Ok(v),
-            _ => Err(ValueError::Argument { function: function.into(), expected: "a vector", found: self.shape() }),
+            _ => Err(ValueError::Argument {
+                function: function.into(),
+                expected: "a vector",
+                found: self.shape(),
+            }),
         }
     }
 
     fn square(&self, function: &'static str) -> Result<(usize, &[ExprId]), ValueError> {
         match self {
             Value::Matrix { rows, columns, entries } if rows == columns => Ok((*rows, entries)),
-            _ => Err(ValueError::Argument { function: function.into(), expected: "a square matrix", found: self.shape() }),
+            _ => Err(ValueError::Argument {
+                function: function.into(),
+                expected: "a square matrix",
+                found: self.shape(),
+            }),
         }
     }
 
@@ -471,7 +517,8 @@ impl Value {
     /// # Errors
     /// [`ValueError::Argument`] unless it is `vector(3)`.
     pub fn hat(&self, g: &mut Graph) -> Outcome {
-        let wrong = ValueError::Argument { function: "hat".into(), expected: "vector(3)", found: self.shape() };
+        let wrong =
+            ValueError::Argument { function: "hat".into(), expected: "vector(3)", found: self.shape() };
         let Value::Vector(v) = self else { return Err(wrong) };
         let [a, b, c] = v.as_slice() else { return Err(wrong) };
         let (a, b, c, zero) = (*a, *b, *c, g.zero());
@@ -556,9 +603,11 @@ impl Value {
                 expected: "a vector or a matrix",
                 found: self.shape(),
             }),
-            Value::Vector(v) => {
-                i.checked_sub(1).and_then(|i| v.get(i)).map(|e| Value::Scalar(*e)).ok_or_else(|| outside(v.len()))
-            }
+            Value::Vector(v) => i
+                .checked_sub(1)
+                .and_then(|i| v.get(i))
+                .map(|e| Value::Scalar(*e))
+                .ok_or_else(|| outside(v.len())),
             Value::Matrix { rows, columns, entries } => {
                 if i == 0 || i > *rows {
                     return Err(outside(*rows));

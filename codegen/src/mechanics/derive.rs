@@ -1,0 +1,656 @@
+//! From a system on a Lie algebroid to explicit equations.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::error::Error;
+use crate::expr::{ExprId, Graph, Section, SectionWriter, Style, SymbolId};
+use crate::reduction::{ConstraintRow, KinematicConstraint, ReducedSystem, SolvedConstraint, StateKind};
+
+use super::solve::{Factorisation, Pivot};
+
+/// A state variable and its time derivative.
+#[derive(Clone, Debug)]
+pub struct StateEquation {
+    /// Its symbol.
+    pub symbol: SymbolId,
+    /// Its name.
+    pub name: String,
+    /// What it is.
+    pub doc: String,
+    /// Its derivative, in terms of inputs and definitions; literally zero when the variable is constant.
+    pub derivative: ExprId,
+}
+
+/// A group of numbers that a scene may ask for.
+#[derive(Clone, Debug)]
+pub struct Output {
+    /// Name of the group.
+    pub name: String,
+    /// Names and values of the components.
+    pub components: Vec<(String, ExprId)>,
+    /// What it is, with its formula.
+    pub doc: String,
+}
+
+/// What the derivation found out exactly.
+#[derive(Clone, Debug, Default)]
+pub struct Facts {
+    /// State variables whose derivative vanishes identically.
+    pub constants: Vec<String>,
+    /// Whether the energy rate vanishes identically.
+    pub energy_is_conserved: bool,
+    /// In the multiplier form: whether it vanishes once the constraint holds.
+    pub energy_is_conserved_on_constraint: bool,
+    /// Casimirs, all verified to be conserved.
+    pub casimirs: Vec<String>,
+    /// Whether the matrix `A` of `A udot = f` depends on parameters alone.
+    pub mass_matrix_is_constant: bool,
+    /// Whether `A` is symmetric.
+    pub mass_matrix_is_symmetric: bool,
+}
+
+/// Explicit equations of motion: definitions in order, and what they are for.
+#[derive(Clone, Debug)]
+pub struct Equations {
+    /// The system they belong to; its graph owns all expressions here.
+    pub system: ReducedSystem,
+    /// Definitions in order.
+    pub sections: Vec<Section>,
+    /// State equations in state order.
+    pub state: Vec<StateEquation>,
+    /// `A` of `A udot = f`.
+    pub mass_matrix: Vec<Vec<ExprId>>,
+    /// `f` of `A udot = f`.
+    pub force: Vec<ExprId>,
+    /// Names of the unknowns `u`.
+    pub unknowns: Vec<String>,
+    /// `E = p.y - L`.
+    pub energy: ExprId,
+    /// `dE/dt` along the motion.
+    pub energy_rate: ExprId,
+    /// Momenta, multipliers, casimirs, constraint residuals, outputs of the model.
+    pub outputs: Vec<Output>,
+    /// Everything that is divided by in a linear solve, and what to call it.
+    pub pivots: Vec<Pivot>,
+    /// What was found.
+    pub facts: Facts,
+}
+
+/// Derives `W^alpha_b E_alpha = 0` with
+/// `E_alpha = d/dt p_alpha + C^gamma_{alpha beta} y^beta p_gamma - rho^i_alpha dL/dx^i - F_alpha`, solved for the
+/// accelerations.
+///
+/// # Errors
+/// [`Error::SingularMassMatrix`] with the direction, [`Error::NotConserved`] for a claimed Casimir,
+/// [`Error::DivisionByZero`].
+///
+/// # Source
+/// Cortes, de Leon, Marrero, Martinez 2009, equations (3.5) and (3.7); Cendra, Marsden, Ratiu 2001.
+pub fn derive(system: &ReducedSystem) -> Result<Equations, Error> {
+    let mut d = Derivation::new(system);
+    d.velocities()?;
+    d.kinematics();
+    d.momenta();
+    let motion = match system.constraint.clone() {
+        KinematicConstraint::Solved(solved) => d.solve_reduced(&solved)?,
+        KinematicConstraint::Multipliers(rows) => d.solve_with_multipliers(&rows)?,
+    };
+    d.finish(motion)
+}
+
+/// The accelerations and what else the solve gives.
+struct Motion {
+    /// `ydot`, one per velocity.
+    acceleration: Vec<ExprId>,
+    /// `lambda_A`, one per constraint.
+    multipliers: Vec<(String, ExprId)>,
+    mass_matrix: Vec<Vec<ExprId>>,
+    force: Vec<ExprId>,
+    unknowns: Vec<String>,
+    pivots: Vec<Pivot>,
+    symmetric: bool,
+}
+
+struct Derivation<'a> {
+    system: &'a ReducedSystem,
+    g: Graph,
+    writer: SectionWriter,
+    names: Vec<String>,
+    /// Dependent velocities and what replaces them: `y = Psi u + psi0`.
+    replacement: BTreeMap<SymbolId, ExprId>,
+    /// `y^alpha` after replacement.
+    y: Vec<ExprId>,
+    /// `xdot^i`.
+    rates: Vec<ExprId>,
+    /// `p_alpha`.
+    momentum: Vec<ExprId>,
+    /// `d^2 L / dy dy`.
+    hessian: Vec<Vec<ExprId>>,
+    /// `-(C^gamma_{alpha beta} y^beta p_gamma) + rho^i_alpha dL/dx^i + F_alpha - (dp_alpha/dx^i xdot^i + dp_alpha/dt)`:
+    /// everything in `-E_alpha` except the Hessian times `ydot`.
+    drive: Vec<ExprId>,
+    /// Everything but the parameters.
+    moving: BTreeSet<SymbolId>,
+}
+
+impl<'a> Derivation<'a> {
+    fn new(system: &'a ReducedSystem) -> Derivation<'a> {
+        let mut g = system.graph.clone();
+        let y = system.velocities.iter().map(|s| g.sym(*s)).collect();
+        let moving = system
+            .velocities
+            .iter()
+            .chain(system.algebroid.base())
+            .chain([&system.time])
+            .copied()
+            .collect();
+        Derivation {
+            system,
+            g,
+            writer: SectionWriter::default(),
+            names: system.algebroid.frame().to_vec(),
+            replacement: BTreeMap::new(),
+            y,
+            rates: Vec::new(),
+            momentum: Vec::new(),
+            hessian: Vec::new(),
+            drive: Vec::new(),
+            moving,
+        }
+    }
+
+    fn replace(&mut self, e: ExprId) -> Result<ExprId, Error> {
+        let replaced = self.g.subs(e, &self.replacement);
+        let replaced =
+            replaced.map_err(|_| Error::DivisionByZero { place: "the Lagrangian on the constraint".into() })?;
+        Ok(self.g.cancel_zero(replaced))
+    }
+
+    /// `y = Psi u + psi0` for the dependent velocities.
+    fn velocities(&mut self) -> Result<(), Error> {
+        let KinematicConstraint::Solved(solved) = &self.system.constraint else { return Ok(()) };
+        self.writer.begin("velocities y = Psi u + psi0");
+        for &k in &solved.dependent {
+            let value = solved_velocity(&mut self.g, self.system, solved, k);
+            let named = self.writer.define(&mut self.g, &self.names[k], value);
+            self.note_definitions(named, value);
+            self.replacement.insert(self.system.velocities[k], named);
+            self.y[k] = named;
+        }
+        Ok(())
+    }
+
+    /// A definition moves when its value does.
+    fn note_definitions(&mut self, named: ExprId, value: ExprId) {
+        if named != value && self.g.depends_on(value, &self.moving) {
+            self.moving.extend(self.g.free_symbols(named));
+        }
+    }
+
+    fn define(&mut self, name: &str, value: ExprId) -> ExprId {
+        let named = self.writer.define(&mut self.g, name, value);
+        self.note_definitions(named, value);
+        named
+    }
+
+    /// `xdot^i = rho^i_alpha y^alpha`.
+    fn kinematics(&mut self) {
+        self.writer.begin("kinematics xdot = rho y");
+        for i in 0..self.system.algebroid.n_base() {
+            let mut terms = Vec::new();
+            for alpha in 0..self.y.len() {
+                let anchor = self.system.algebroid.anchor(i, alpha);
+                terms.push(self.g.mul(anchor, self.y[alpha]));
+            }
+            let sum = self.g.sum(&terms);
+            let name = format!("dot_{}", self.g.name(self.system.algebroid.base()[i]));
+            let rate = self.define(&name, sum);
+            self.rates.push(rate);
+        }
+    }
+
+    /// `p = dL/dy`, its Hessian, and the part of `-E` without accelerations.
+    fn momenta(&mut self) {
+        let system = self.system;
+        let l = system.lagrangian;
+        let raw: Vec<ExprId> = system.velocities.iter().map(|s| self.g.diff(l, *s)).collect();
+        self.writer.begin("momenta p = dL/dy");
+        for (alpha, p) in raw.iter().enumerate() {
+            let value = self.replace(*p).unwrap_or(*p);
+            let name = format!("p_{}", self.names[alpha]);
+            let named = self.define(&name, value);
+            self.momentum.push(named);
+        }
+        for p in &raw {
+            let row = self.system.velocities.iter().map(|s| self.g.diff(*p, *s)).collect::<Vec<_>>();
+            let row = row.into_iter().map(|e| self.replace(e).unwrap_or(e)).collect();
+            self.hessian.push(row);
+        }
+        self.writer.begin("forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)");
+        let slopes: Vec<ExprId> = system
+            .algebroid
+            .base()
+            .iter()
+            .map(|x| {
+                let slope = self.g.diff(l, *x);
+                self.replace(slope).unwrap_or(slope)
+            })
+            .collect();
+        let slopes: Vec<ExprId> = slopes
+            .into_iter()
+            .enumerate()
+            .map(|(i, slope)| {
+                let name = format!("dL_d{}", self.g.name(system.algebroid.base()[i]));
+                self.define(&name, slope)
+            })
+            .collect();
+        for (alpha, p) in raw.iter().enumerate() {
+            let value = self.drive_of(alpha, *p, &slopes);
+            let name = format!("r_{}", self.names[alpha]);
+            let named = self.define(&name, value);
+            self.drive.push(named);
+        }
+    }
+
+    fn drive_of(&mut self, alpha: usize, p: ExprId, slopes: &[ExprId]) -> ExprId {
+        let system = self.system;
+        let force = self.replace(system.forces[alpha]).unwrap_or(system.forces[alpha]);
+        let mut terms = vec![force];
+        for (i, slope) in slopes.iter().enumerate() {
+            terms.push(self.g.mul(system.algebroid.anchor(i, alpha), *slope));
+        }
+        for beta in 0..self.y.len() {
+            for (gamma, c) in system.algebroid.bracket(&mut self.g, alpha, beta) {
+                let term = self.g.product(&[c, self.y[beta], self.momentum[gamma]]);
+                terms.push(self.g.neg(term));
+            }
+        }
+        let drift = self.drift(p);
+        terms.push(self.g.neg(drift));
+        self.g.sum(&terms)
+    }
+
+    /// `de/dx^i xdot^i + de/dt` at fixed velocities, for an expression in the raw velocity symbols.
+    fn drift(&mut self, e: ExprId) -> ExprId {
+        let mut terms = Vec::new();
+        for (i, x) in self.system.algebroid.base().iter().enumerate() {
+            let slope = self.g.diff(e, *x);
+            if slope == self.g.zero() || self.rates[i] == self.g.zero() {
+                continue;
+            }
+            let slope = self.replace(slope).unwrap_or(slope);
+            terms.push(self.g.mul(slope, self.rates[i]));
+        }
+        let explicit = self.g.diff(e, self.system.time);
+        terms.push(self.replace(explicit).unwrap_or(explicit));
+        self.g.sum(&terms)
+    }
+
+    fn rank(&self) -> impl Fn(&Graph, ExprId) -> (bool, usize) + use<> {
+        let moving = self.moving.clone();
+        move |g, e| (g.depends_on(e, &moving), g.reachable(&[e]).len())
+    }
+
+    /// `A udot = f` with `A = W^T L_yy Psi`, `f = W^T (drive - L_yy (dPsi u + dpsi0))`.
+    fn solve_reduced(&mut self, solved: &SolvedConstraint) -> Result<Motion, Error> {
+        let m = self.y.len();
+        let k = solved.independent.len();
+        self.writer.begin("accelerations of the dependent velocities at udot = 0");
+        let mut lag = vec![self.g.zero(); m];
+        for &alpha in &solved.dependent {
+            let value = solved_velocity(&mut self.g, self.system, solved, alpha);
+            let drift = self.drift(value);
+            lag[alpha] = self.define(&format!("lag_{}", self.names[alpha]), drift);
+        }
+        self.writer.begin("mass matrix A = W^T L_yy Psi");
+        let mut mass_matrix = vec![vec![self.g.zero(); k]; k];
+        let mut force = Vec::new();
+        let symmetric_form = solved.virtual_displacements == solved.psi;
+        for b in 0..k {
+            for a in 0..k {
+                if symmetric_form && a < b {
+                    mass_matrix[b][a] = mass_matrix[a][b];
+                    continue;
+                }
+                let mut terms = Vec::new();
+                for alpha in 0..m {
+                    for beta in 0..m {
+                        let (w, h) = (solved.virtual_displacements[alpha][b], self.hessian[alpha][beta]);
+                        if w != self.g.zero() && h != self.g.zero() {
+                            terms.push(self.g.product(&[w, h, solved.psi[beta][a]]));
+                        }
+                    }
+                }
+                let sum = self.g.sum(&terms);
+                let names = (&self.names[solved.independent[b]], &self.names[solved.independent[a]]);
+                mass_matrix[b][a] = self.define(&format!("A_{}_{}", names.0, names.1), sum);
+            }
+        }
+        self.writer.begin("right side f = W^T (r - L_yy lag)");
+        let mut net = Vec::new();
+        for alpha in 0..m {
+            let mut terms = vec![self.drive[alpha]];
+            for beta in 0..m {
+                let product = self.g.mul(self.hessian[alpha][beta], lag[beta]);
+                terms.push(self.g.neg(product));
+            }
+            let sum = self.g.sum(&terms);
+            net.push(self.define(&format!("n_{}", self.names[alpha]), sum));
+        }
+        for b in 0..k {
+            let mut terms = Vec::new();
+            for alpha in 0..m {
+                terms.push(self.g.mul(solved.virtual_displacements[alpha][b], net[alpha]));
+            }
+            let sum = self.g.sum(&terms);
+            force.push(self.define(&format!("f_{}", self.names[solved.independent[b]]), sum));
+        }
+        let unknowns: Vec<String> = solved.independent.iter().map(|k| self.names[*k].clone()).collect();
+        let (udot, mut pivots, symmetric) = self.solve_linear("A", &mass_matrix, &force, &unknowns)?;
+        pivots.extend(
+            solved.pivots.iter().map(|(name, expr)| Pivot { name: name.clone(), expr: *expr }),
+        );
+        self.writer.begin("accelerations ydot = Psi udot + lag");
+        let mut acceleration = vec![self.g.zero(); m];
+        for alpha in 0..m {
+            let mut terms = vec![lag[alpha]];
+            for a in 0..k {
+                terms.push(self.g.mul(solved.psi[alpha][a], udot[a]));
+            }
+            let sum = self.g.sum(&terms);
+            acceleration[alpha] = self.define(&format!("dot_{}", self.names[alpha]), sum);
+        }
+        let multipliers = self.multipliers_of(solved, &acceleration)?;
+        Ok(Motion { acceleration, multipliers, mass_matrix, force, unknowns, pivots, symmetric })
+    }
+
+    /// Factors and solves, writing both as sections.
+    fn solve_linear(
+        &mut self,
+        prefix: &str,
+        matrix: &[Vec<ExprId>],
+        right: &[ExprId],
+        unknowns: &[String],
+    ) -> Result<(Vec<ExprId>, Vec<Pivot>, bool), Error> {
+        let mut symmetric = true;
+        for i in 0..matrix.len() {
+            for j in 0..i {
+                symmetric &= self.g.is_equal(matrix[i][j], matrix[j][i]);
+            }
+        }
+        let rank = self.rank();
+        self.writer.begin(&format!("factors of {prefix}"));
+        let factors = Factorisation::new(&mut self.g, &mut self.writer, prefix, matrix, unknowns, &rank)?;
+        self.writer.begin(&format!("solution of {prefix} udot = f"));
+        let x = factors.solve(&mut self.g, &mut self.writer, &format!("{prefix}x"), right);
+        Ok((x, factors.pivots(unknowns), symmetric))
+    }
+
+    /// `E_alpha = sum_A lambda_A a_A,alpha`, solved on the dependent velocities.
+    fn multipliers_of(
+        &mut self,
+        solved: &SolvedConstraint,
+        acceleration: &[ExprId],
+    ) -> Result<Vec<(String, ExprId)>, Error> {
+        if solved.rows.is_empty() {
+            return Ok(Vec::new());
+        }
+        self.writer.begin("multipliers E = lambda a");
+        let mut matrix = Vec::new();
+        let mut right = Vec::new();
+        for &alpha in &solved.dependent {
+            matrix.push(solved.rows.iter().map(|row| row.one_form[alpha]).collect::<Vec<_>>());
+            let mut terms = vec![self.g.neg(self.drive[alpha])];
+            for (beta, ydot) in acceleration.iter().enumerate() {
+                terms.push(self.g.mul(self.hessian[alpha][beta], *ydot));
+            }
+            right.push(vec![self.g.sum(&terms)]);
+        }
+        let solution = crate::algebra::solve_symbolic(&mut self.g, &matrix, &right)
+            .map_err(|_| Error::DivisionByZero { place: "the multipliers".into() })?;
+        let rows = solved.rows.iter().zip(solution);
+        Ok(rows.map(|(row, value)| (format!("lambda_{}", row.name), self.g.cancel_zero(value[0]))).collect())
+    }
+
+    /// `L_yy ydot = drive + w^T lambda`, `w ydot + w0 = 0`, by `S = w L_yy^-1 w^T`.
+    fn solve_with_multipliers(&mut self, rows: &[ConstraintRow]) -> Result<Motion, Error> {
+        let m = self.y.len();
+        let names = self.names.clone();
+        let rank = self.rank();
+        let hessian = self.hessian.clone();
+        self.writer.begin("factors of L_yy");
+        let factors = Factorisation::new(&mut self.g, &mut self.writer, "M", &hessian, &names, &rank)?;
+        self.writer.begin("free acceleration L_yy^-1 r");
+        let drive = self.drive.clone();
+        let free = factors.solve(&mut self.g, &mut self.writer, "free", &drive);
+        self.writer.begin("response to the multipliers L_yy^-1 w^T");
+        let mut response = Vec::new();
+        for (c, row) in rows.iter().enumerate() {
+            let prefix = format!("Z{}", c + 1);
+            response.push(factors.solve(&mut self.g, &mut self.writer, &prefix, &row.one_form));
+        }
+        self.writer.begin("multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 w^T");
+        let dot = |g: &mut Graph, a: &[ExprId], b: &[ExprId]| {
+            let terms: Vec<ExprId> = a.iter().zip(b).map(|(x, y)| g.mul(*x, *y)).collect();
+            g.sum(&terms)
+        };
+        let mut matrix = Vec::new();
+        let mut right = Vec::new();
+        for (c, row) in rows.iter().enumerate() {
+            let mut entries = Vec::new();
+            for (other, z) in response.iter().enumerate() {
+                let product = dot(&mut self.g, &row.one_form, z);
+                entries.push(self.define(&format!("S_{}_{}", c + 1, other + 1), product));
+            }
+            matrix.push(entries);
+            let residual = constraint_residual(&mut self.g, self.system, row);
+            let rate = self.drift(residual);
+            let product = dot(&mut self.g, &row.one_form, &free);
+            let sum = self.g.add(product, rate);
+            let value = self.g.neg(sum);
+            right.push(self.define(&format!("g_{}", c + 1), value));
+        }
+        let labels: Vec<String> = rows.iter().map(|r| format!("lambda_{}", r.name)).collect();
+        let constraint_names: Vec<String> =
+            rows.iter().map(|r| format!("constraint {}", r.text)).collect();
+        let (lambda, constraint_pivots, symmetric) =
+            self.solve_linear("S", &matrix, &right, &constraint_names)?;
+        self.writer.begin("accelerations ydot = L_yy^-1 (r + w^T lambda)");
+        let mut acceleration = Vec::new();
+        for alpha in 0..m {
+            let mut terms = vec![free[alpha]];
+            for (c, z) in response.iter().enumerate() {
+                terms.push(self.g.mul(z[alpha], lambda[c]));
+            }
+            let sum = self.g.sum(&terms);
+            acceleration.push(self.define(&format!("dot_{}", names[alpha]), sum));
+        }
+        let mut pivots = factors.pivots(&names);
+        pivots.extend(constraint_pivots);
+        Ok(Motion {
+            acceleration,
+            multipliers: labels.into_iter().zip(lambda).collect(),
+            mass_matrix: hessian,
+            force: drive,
+            unknowns: names,
+            pivots,
+            symmetric,
+        })
+    }
+
+    /// `E = p.y - L`. For `L` quadratic in the velocities, `E = L - L_1 - 2 L_0` needs no products of momenta.
+    fn energy(&mut self) -> Result<ExprId, Error> {
+        let system = self.system;
+        let g = &mut self.g;
+        let velocities: BTreeSet<SymbolId> = system.velocities.iter().copied().collect();
+        let zeros: BTreeMap<SymbolId, ExprId> = velocities.iter().map(|s| (*s, g.zero())).collect();
+        let raw: Vec<ExprId> = system.velocities.iter().map(|s| g.diff(system.lagrangian, *s)).collect();
+        let mut quadratic = true;
+        for p in &raw {
+            for s in &velocities {
+                let h = g.diff(*p, *s);
+                if !g.depends_on(h, &velocities) {
+                    continue;
+                }
+                for r in &velocities {
+                    let third = g.diff(h, *r);
+                    quadratic &= g.is_zero(third);
+                }
+            }
+        }
+        let at_rest = g.subs(system.lagrangian, &zeros);
+        let slopes_at_rest = g.subs_all(&raw, &zeros);
+        if let (true, Ok(at_rest), Ok(slopes)) = (quadratic, at_rest, slopes_at_rest) {
+            let mut terms = vec![
+                (system.lagrangian, crate::expr::Rational::from_integer(1.into())),
+                (at_rest, crate::expr::Rational::from_integer((-2).into())),
+            ];
+            for (slope, s) in slopes.iter().zip(&system.velocities) {
+                let y = g.sym(*s);
+                terms.push((g.mul(*slope, y), crate::expr::Rational::from_integer((-1).into())));
+            }
+            return Ok(g.linear_combination(&terms));
+        }
+        let mut terms = vec![g.neg(system.lagrangian)];
+        for (p, s) in raw.iter().zip(&system.velocities) {
+            let y = g.sym(*s);
+            terms.push(g.mul(*p, y));
+        }
+        Ok(g.sum(&terms))
+    }
+
+    /// Time derivative along the motion of an expression in the raw velocity symbols.
+    fn rate_of(&mut self, e: ExprId, acceleration: &[ExprId]) -> Result<ExprId, Error> {
+        let mut terms = vec![self.drift(e)];
+        for (s, ydot) in self.system.velocities.iter().zip(acceleration) {
+            let slope = self.g.diff(e, *s);
+            let slope = self.replace(slope)?;
+            terms.push(self.g.mul(slope, *ydot));
+        }
+        let sum = self.g.sum(&terms);
+        Ok(self.g.cancel_zero(sum))
+    }
+
+    fn finish(mut self, motion: Motion) -> Result<Equations, Error> {
+        let system = self.system;
+        let raw_energy = self.energy()?;
+        let energy_rate = self.rate_of(raw_energy, &motion.acceleration)?;
+        let energy = self.replace(raw_energy)?;
+        let mut facts = Facts {
+            energy_is_conserved: energy_rate == self.g.zero(),
+            mass_matrix_is_symmetric: motion.symmetric,
+            ..Facts::default()
+        };
+        facts.mass_matrix_is_constant =
+            motion.mass_matrix.iter().flatten().all(|e| !self.g.depends_on(*e, &self.moving));
+        let mut outputs = Vec::new();
+        let momenta = self.names.iter().zip(&self.momentum).map(|(n, p)| (format!("p_{n}"), *p)).collect();
+        outputs.push(Output { name: "momentum".into(), components: momenta, doc: "momenta p = dL/dy".into() });
+        if !motion.multipliers.is_empty() {
+            outputs.push(Output {
+                name: "multipliers".into(),
+                components: motion.multipliers.clone(),
+                doc: "multipliers lambda_A of E = lambda_A a_A, the constraint forces along the constraint one-forms"
+                    .into(),
+            });
+        }
+        if let KinematicConstraint::Multipliers(rows) = &system.constraint {
+            let mut components = Vec::new();
+            let mut power = Vec::new();
+            for (row, (_, lambda)) in rows.iter().zip(&motion.multipliers) {
+                let residual = constraint_residual(&mut self.g, system, row);
+                // Constraint forces do the power lambda a.y = lambda (residual - b): only b feeds energy on the constraint.
+                power.push(self.g.product(&[*lambda, row.offset]));
+                components.push((format!("residual_{}", row.name), residual));
+            }
+            let sum = self.g.sum(&power);
+            let mut terms = vec![energy_rate, sum];
+            for ((_, lambda), (_, residual)) in motion.multipliers.iter().zip(&components) {
+                let product = self.g.mul(*lambda, *residual);
+                terms.push(self.g.neg(product));
+            }
+            let off_constraint = self.g.sum(&terms);
+            facts.energy_is_conserved_on_constraint = self.g.is_zero(off_constraint) && self.g.is_zero(sum);
+            outputs.push(Output {
+                name: "constraint".into(),
+                components,
+                doc: "residual of the constraints a.y + b".into(),
+            });
+        }
+        if !system.casimirs.is_empty() {
+            let mut components = Vec::new();
+            for casimir in &system.casimirs {
+                let rate = self.rate_of(casimir.expr, &motion.acceleration)?;
+                if rate != self.g.zero() {
+                    return Err(Error::NotConserved { name: casimir.name.clone() });
+                }
+                facts.casimirs.push(casimir.name.clone());
+                let value = self.replace(casimir.expr)?;
+                components.push((casimir.name.clone(), value));
+            }
+            outputs.push(Output { name: "casimirs".into(), components, doc: "conserved quantities".into() });
+        }
+        for output in &system.outputs {
+            let mut components = Vec::new();
+            for (name, e) in &output.components {
+                components.push((name.clone(), self.replace(*e)?));
+            }
+            outputs.push(Output { name: output.name.clone(), components, doc: output.doc.clone() });
+        }
+        let mut state = Vec::new();
+        for (kind, doc) in &system.state {
+            let (symbol, derivative) = match *kind {
+                StateKind::Base(i) => (system.algebroid.base()[i], self.rates[i]),
+                StateKind::Velocity(k) => (system.velocities[k], motion.acceleration[k]),
+            };
+            let name = self.g.name(symbol).to_owned();
+            if derivative == self.g.zero() {
+                facts.constants.push(name.clone());
+            }
+            state.push(StateEquation { symbol, name, doc: doc.clone(), derivative });
+        }
+        let pivots = motion.pivots.into_iter().filter(|p| self.g.as_rational(p.expr).is_none()).collect();
+        let mut system = self.system.clone();
+        system.graph = self.g;
+        Ok(Equations {
+            system,
+            sections: self.writer.finish(),
+            state,
+            mass_matrix: motion.mass_matrix,
+            force: motion.force,
+            unknowns: motion.unknowns,
+            energy,
+            energy_rate,
+            outputs,
+            pivots,
+            facts,
+        })
+    }
+}
+
+/// `y^alpha = Psi^alpha_a u^a + psi0^alpha` of a dependent velocity.
+fn solved_velocity(g: &mut Graph, system: &ReducedSystem, solved: &SolvedConstraint, alpha: usize) -> ExprId {
+    let mut terms = vec![solved.psi0[alpha]];
+    for (a, &k) in solved.independent.iter().enumerate() {
+        let u = g.sym(system.velocities[k]);
+        terms.push(g.mul(solved.psi[alpha][a], u));
+    }
+    g.sum(&terms)
+}
+
+/// `a_A . y + b_A`.
+fn constraint_residual(g: &mut Graph, system: &ReducedSystem, row: &ConstraintRow) -> ExprId {
+    let mut terms = vec![row.offset];
+    for (coefficient, s) in row.one_form.iter().zip(&system.velocities) {
+        let y = g.sym(*s);
+        terms.push(g.mul(*coefficient, y));
+    }
+    g.sum(&terms)
+}
+
+impl Equations {
+    /// An expression of these equations as text.
+    pub fn display(&self, e: ExprId, style: Style) -> String {
+        self.system.graph.display(e, style)
+    }
+}

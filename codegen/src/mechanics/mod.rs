@@ -1,0 +1,13 @@
+//! The one derivation: Lagrange-d'Alembert equations on a Lie algebroid, from a [`ReducedSystem`] to [`Equations`].
+//!
+//! Deliberately does not know: where the algebroid came from (Euler-Poincare, bundle, advection, stages), parameters
+//! fixed or not, programs, Rust.
+//!
+//! [`ReducedSystem`]: crate::reduction::ReducedSystem
+
+mod derive;
+mod solve;
+
+pub use derive::{Equations, Facts, Output, StateEquation, derive};
+pub use solve::{Factorisation, Pivot};
+

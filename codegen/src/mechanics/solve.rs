@@ -1,0 +1,209 @@
+//! Linear systems as definitions: `A x = b` by symbolic elimination whose pivots have names.
+
+use crate::error::Error;
+use crate::expr::{ExprId, Graph, Rational, SectionWriter, Style};
+
+/// Something that is divided by.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Pivot {
+    /// What it is, for the user: `inertia along Omega1`.
+    pub name: String,
+    /// Its value.
+    pub expr: ExprId,
+}
+
+/// `A` factored as `L D L^T` (symmetric) or `L D U` (general) with unit triangular `L` and `U`, in the order `order`.
+///
+/// # Shapes
+/// `lower[i][j]`, `upper[j][i]` for `j < i`, `inverse_pivot[i]`, all in elimination order.
+#[derive(Clone, Debug)]
+pub struct Factorisation {
+    row_order: Vec<usize>,
+    column_order: Vec<usize>,
+    lower: Vec<Vec<ExprId>>,
+    upper: Vec<Vec<ExprId>>,
+    pivots: Vec<ExprId>,
+}
+
+/// How pivot candidates rank: parameter-only before state-dependent, small before large.
+type Rank<'a> = &'a dyn Fn(&Graph, ExprId) -> (bool, usize);
+
+impl Factorisation {
+    /// Factors `a`, writing the entries of the factors as definitions prefixed by `prefix`.
+    ///
+    /// Symmetric matrices keep their symmetry: pivots stay on the diagonal, ordered once by sparsity so that
+    /// parameter-only pivots come first. A vanishing diagonal, or a matrix that is not symmetric, gets general
+    /// elimination with the best-ranked non-zero pivot.
+    ///
+    /// # Errors
+    /// [`Error::SingularMassMatrix`] with a null direction spelled in `names`.
+    pub fn new(
+        g: &mut Graph,
+        writer: &mut SectionWriter,
+        prefix: &str,
+        a: &[Vec<ExprId>],
+        names: &[String],
+        rank: Rank<'_>,
+    ) -> Result<Factorisation, Error> {
+        let n = a.len();
+        let mut symmetric = true;
+        for i in 0..n {
+            for j in 0..i {
+                symmetric &= g.is_equal(a[i][j], a[j][i]);
+            }
+        }
+        let mut order: Vec<usize> = (0..n).collect();
+        if symmetric {
+            let degree = |i: usize| a[i].iter().filter(|e| **e != g.zero()).count();
+            order.sort_by_key(|&i| (rank(g, a[i][i]).0, degree(i)));
+        }
+        let mut f = Factorisation {
+            row_order: order.clone(),
+            column_order: order,
+            lower: vec![vec![g.zero(); n]; n],
+            upper: vec![vec![g.zero(); n]; n],
+            pivots: Vec::new(),
+        };
+        // `rest` is the Schur complement in the current order.
+        let mut rest: Vec<Vec<ExprId>> =
+            f.row_order.iter().map(|&i| f.column_order.iter().map(|&j| a[i][j]).collect()).collect();
+        for k in 0..n {
+            if !symmetric || rest[k][k] == g.zero() {
+                symmetric = false;
+                f.choose_pivot(g, &mut rest, k, rank)
+                    .ok_or_else(|| singular(g, a, names))?;
+            }
+            let label = |i: usize| f.column_order[i] + 1;
+            let pivot = writer.define(g, &format!("{prefix}_d{}", label(k)), rest[k][k]);
+            f.pivots.push(pivot);
+            let inverse = g.powi(pivot, -1);
+            for i in k + 1..n {
+                let below = g.mul(rest[i][k], inverse);
+                f.lower[i][k] = writer.define(g, &format!("{prefix}_l{}_{}", label(i), label(k)), below);
+            }
+            for j in k + 1..n {
+                f.upper[k][j] = if symmetric {
+                    f.lower[j][k]
+                } else {
+                    let right = g.mul(rest[k][j], inverse);
+                    writer.define(g, &format!("{prefix}_u{}_{}", label(k), label(j)), right)
+                };
+            }
+            for i in k + 1..n {
+                for j in k + 1..n {
+                    if symmetric && j < i {
+                        rest[i][j] = rest[j][i];
+                        continue;
+                    }
+                    if f.lower[i][k] == g.zero() || rest[k][j] == g.zero() {
+                        continue;
+                    }
+                    let product = g.mul(f.lower[i][k], rest[k][j]);
+                    let reduced = g.sub(rest[i][j], product);
+                    rest[i][j] = writer.define(g, &format!("{prefix}_s{}_{}_{}", label(k), label(i), label(j)), reduced);
+                }
+            }
+            if symmetric {
+                for i in k + 1..n {
+                    for j in k + 1..i {
+                        rest[i][j] = rest[j][i];
+                    }
+                }
+            }
+        }
+        Ok(f)
+    }
+
+    /// Moves the best-ranked non-zero entry of the remaining block to position `(k, k)`.
+    fn choose_pivot(&mut self, g: &mut Graph, rest: &mut [Vec<ExprId>], k: usize, rank: Rank<'_>) -> Option<()> {
+        let n = rest.len();
+        let mut best: Option<((bool, usize), usize, usize)> = None;
+        for i in k..n {
+            for j in k..n {
+                if rest[i][j] == g.zero() || g.is_zero(rest[i][j]) {
+                    continue;
+                }
+                let candidate = (rank(g, rest[i][j]), i, j);
+                best = Some(best.map_or(candidate, |b| b.min(candidate)));
+            }
+        }
+        let (_, i, j) = best?;
+        rest.swap(i, k);
+        self.lower.swap(i, k);
+        self.row_order.swap(i, k);
+        for row in rest.iter_mut().chain(self.upper.iter_mut()) {
+            row.swap(j, k);
+        }
+        self.column_order.swap(j, k);
+        Some(())
+    }
+
+    /// The pivots in elimination order, with the name of the unknown that each belongs to.
+    pub fn pivots(&self, names: &[String]) -> Vec<Pivot> {
+        self.pivots
+            .iter()
+            .zip(&self.column_order)
+            .map(|(expr, k)| Pivot { name: names[*k].clone(), expr: *expr })
+            .collect()
+    }
+
+    /// Solves for one right-hand side, writing intermediate values as definitions named after `prefix`.
+    pub fn solve(&self, g: &mut Graph, writer: &mut SectionWriter, prefix: &str, b: &[ExprId]) -> Vec<ExprId> {
+        let n = b.len();
+        let mut z = Vec::with_capacity(n);
+        for i in 0..n {
+            let mut terms = vec![b[self.row_order[i]]];
+            for (j, zj) in z.iter().enumerate() {
+                let product = g.mul(self.lower[i][j], *zj);
+                terms.push(g.neg(product));
+            }
+            let sum = g.sum(&terms);
+            z.push(writer.define(g, &format!("{prefix}_z{}", self.column_order[i] + 1), sum));
+        }
+        let mut x = vec![g.zero(); n];
+        for i in (0..n).rev() {
+            let inverse = g.powi(self.pivots[i], -1);
+            let mut terms = vec![g.mul(z[i], inverse)];
+            for j in i + 1..n {
+                let product = g.mul(self.upper[i][j], x[self.column_order[j]]);
+                terms.push(g.neg(product));
+            }
+            let sum = g.sum(&terms);
+            let k = self.column_order[i];
+            x[k] = writer.define(g, &format!("{prefix}_{}", k + 1), sum);
+        }
+        x
+    }
+}
+
+/// The error for an identically singular matrix, with a null vector found by exact elimination.
+fn singular(g: &mut Graph, a: &[Vec<ExprId>], names: &[String]) -> Error {
+    let n = a.len();
+    // Reduce columns one by one: the first column that depends on the previous ones gives the direction.
+    for k in 0..n {
+        let left: Vec<Vec<ExprId>> = (0..k).map(|i| (0..k).map(|j| a[i][j]).collect()).collect();
+        let right: Vec<Vec<ExprId>> = (0..k).map(|i| vec![a[i][k]]).collect();
+        let Ok(solution) = crate::algebra::solve_symbolic(g, &left, &right) else { continue };
+        let vanishes = (0..n).all(|i| {
+            let mut terms = vec![a[i][k]];
+            for (j, row) in solution.iter().enumerate() {
+                let product = g.mul(a[i][j], row[0]);
+                terms.push(g.neg(product));
+            }
+            let residual = g.sum(&terms);
+            g.is_zero(residual)
+        });
+        if vanishes {
+            let mut terms = Vec::new();
+            for (j, name) in names.iter().enumerate().take(k + 1) {
+                let symbol = g.symbol(name);
+                let e = g.sym(symbol);
+                let weight = if j == k { g.one() } else { g.scale(solution[j][0], &-Rational::from_integer(1.into())) };
+                terms.push(g.mul(weight, e));
+            }
+            let direction = g.sum(&terms);
+            return Error::SingularMassMatrix { direction: g.display(direction, Style::Plain) };
+        }
+    }
+    Error::SingularMassMatrix { direction: names.join(", ") }
+}

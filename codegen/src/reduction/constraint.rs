@@ -1,0 +1,307 @@
+//! Kinematic constraints `a_A(x) . y + b_A(x, t) = 0`: solved for dependent velocities, or kept with multipliers.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use num_traits::{Signed, ToPrimitive, Zero};
+
+use crate::error::Error;
+use crate::expr::{ExprId, Func, Graph, Node, SymbolId};
+
+/// One scalar constraint as an affine form in the velocities.
+#[derive(Clone, Debug)]
+pub struct ConstraintRow {
+    /// Name of the constraint.
+    pub name: String,
+    /// The constraint as written.
+    pub text: String,
+    /// `a_A`, one coefficient per velocity.
+    pub one_form: Vec<ExprId>,
+    /// `b_A`.
+    pub offset: ExprId,
+}
+
+/// Constraint in the solved form `y = Psi u + psi0`, with virtual displacements spanned by the columns of `W`.
+#[derive(Clone, Debug)]
+pub struct SolvedConstraint {
+    /// Velocities that stay in the state, ascending.
+    pub independent: Vec<usize>,
+    /// Velocities that the constraint determines, ascending.
+    pub dependent: Vec<usize>,
+    /// `Psi`, `[m][k]`.
+    pub psi: Vec<Vec<ExprId>>,
+    /// `psi0`, `[m]`; not zero for an affine constraint.
+    pub psi0: Vec<ExprId>,
+    /// `W`, `[m][k]`; equal to `Psi` when the displacements are those the constraint allows.
+    pub virtual_displacements: Vec<Vec<ExprId>>,
+    /// The forms that were solved.
+    pub rows: Vec<ConstraintRow>,
+    /// Expressions that were divided by and are not known to be non-zero, with what to call them.
+    pub pivots: Vec<(String, ExprId)>,
+}
+
+/// How the kinematic constraint is carried.
+#[derive(Clone, Debug)]
+pub enum KinematicConstraint {
+    /// Dependent velocities are eliminated. Without constraints `Psi` is the identity.
+    Solved(SolvedConstraint),
+    /// All velocities stay in the state and multipliers keep the constraint: no single choice of independent
+    /// velocities is good on the whole domain.
+    Multipliers(Vec<ConstraintRow>),
+}
+
+/// What is known about the sign of an expression on the model's domain.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sign {
+    /// Greater than zero.
+    Positive,
+    /// At least zero.
+    NonNegative,
+    /// Less than zero.
+    Negative,
+    /// At most zero.
+    NonPositive,
+    /// Nothing.
+    Unknown,
+}
+
+impl Sign {
+    /// Whether the expression cannot vanish.
+    pub fn is_definite(self) -> bool {
+        matches!(self, Sign::Positive | Sign::Negative)
+    }
+
+    fn flipped(self) -> Sign {
+        match self {
+            Sign::Positive => Sign::Negative,
+            Sign::Negative => Sign::Positive,
+            Sign::NonNegative => Sign::NonPositive,
+            Sign::NonPositive => Sign::NonNegative,
+            Sign::Unknown => Sign::Unknown,
+        }
+    }
+
+    fn of_rational(q: &crate::expr::Rational) -> Sign {
+        if q.is_zero() {
+            Sign::NonNegative
+        } else if q.is_positive() {
+            Sign::Positive
+        } else {
+            Sign::Negative
+        }
+    }
+
+    fn plus(self, other: Sign) -> Sign {
+        use Sign::{Negative, NonNegative, NonPositive, Positive, Unknown};
+        match (self, other) {
+            (Positive, Positive | NonNegative) | (NonNegative, Positive) => Positive,
+            (NonNegative, NonNegative) => NonNegative,
+            (Negative, Negative | NonPositive) | (NonPositive, Negative) => Negative,
+            (NonPositive, NonPositive) => NonPositive,
+            _ => Unknown,
+        }
+    }
+
+    fn times(self, other: Sign) -> Sign {
+        use Sign::{Negative, NonNegative, NonPositive, Positive, Unknown};
+        match (self, other) {
+            (Unknown, _) | (_, Unknown) => Unknown,
+            (Positive, s) | (s, Positive) => s,
+            (Negative, s) | (s, Negative) => s.flipped(),
+            (NonNegative, s) | (s, NonNegative) => s,
+            (NonPositive, NonPositive) => NonNegative,
+        }
+    }
+}
+
+/// Sign of an expression, given signs of symbols and of whole expressions.
+pub fn sign_of(g: &Graph, e: ExprId, facts: &BTreeMap<ExprId, Sign>) -> Sign {
+    let mut memo: BTreeMap<ExprId, Sign> = BTreeMap::new();
+    for node in g.reachable(&[e]) {
+        let derived = match g.node(node) {
+            Node::Constant(c) => Sign::of_rational(c),
+            Node::Pi => Sign::Positive,
+            Node::Symbol(_) => Sign::Unknown,
+            Node::Sum { constant, terms } => {
+                let start = Sign::of_rational(constant);
+                terms.iter().fold(start, |s, (t, q)| s.plus(memo[t].times(Sign::of_rational(q))))
+            }
+            Node::Product { coefficient, factors } => {
+                factors.iter().fold(Sign::of_rational(coefficient), |s, (base, q)| {
+                    let base = memo[base];
+                    let even = q.is_integer() && q.numer().to_i64().is_some_and(|n| n % 2 == 0);
+                    let power = match (even, base.is_definite(), q.is_integer()) {
+                        (true, true, _) => Sign::Positive,
+                        (true, false, _) => Sign::NonNegative,
+                        // A root exists only of what is not negative, and a denominator only of what is not zero.
+                        (_, _, false) if q.is_negative() || base == Sign::Positive => Sign::Positive,
+                        (_, _, false) => Sign::NonNegative,
+                        _ => base,
+                    };
+                    s.times(power)
+                })
+            }
+            Node::Function(Func::Exp | Func::Cosh, _) => Sign::Positive,
+            Node::Function(Func::Abs, a) if memo[a].is_definite() => Sign::Positive,
+            Node::Function(Func::Abs, _) => Sign::NonNegative,
+            Node::Function(..) => Sign::Unknown,
+        };
+        let known = facts.get(&node).copied().unwrap_or(Sign::Unknown);
+        let sign = if derived.is_definite() || known == Sign::Unknown { derived } else { known };
+        memo.insert(node, sign);
+    }
+    memo[&e]
+}
+
+/// How good an expression is to divide by; smaller is better.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum PivotGrade {
+    Constant,
+    Definite,
+    ParameterOnly,
+    StateDependent,
+}
+
+pub(super) struct Solver<'a> {
+    pub(super) graph: &'a mut Graph,
+    pub(super) names: &'a [String],
+    pub(super) params: &'a BTreeSet<SymbolId>,
+    pub(super) facts: &'a BTreeMap<ExprId, Sign>,
+}
+
+impl Solver<'_> {
+    fn grade(&mut self, e: ExprId) -> PivotGrade {
+        if self.graph.as_rational(e).is_some() {
+            PivotGrade::Constant
+        } else if sign_of(self.graph, e, self.facts).is_definite() {
+            PivotGrade::Definite
+        } else if self.graph.free_symbols(e).is_subset(self.params) {
+            PivotGrade::ParameterOnly
+        } else {
+            PivotGrade::StateDependent
+        }
+    }
+
+    /// Brings the constraints to the form `y = Psi u + psi0`, or to multipliers when every choice of independent
+    /// velocities would divide by something that can vanish on the domain.
+    ///
+    /// `wanted`: independent velocities that the model asks for.
+    ///
+    /// # Errors
+    /// [`Error::DependentConstraint`], [`Error::InconsistentConstraint`], [`Error::NotSolvable`],
+    /// [`Error::WrongNumberOfIndependent`].
+    pub(super) fn solve(
+        &mut self,
+        rows: Vec<ConstraintRow>,
+        wanted: Option<&[usize]>,
+    ) -> Result<KinematicConstraint, Error> {
+        let m = self.names.len();
+        if let Some(wanted) = wanted {
+            let expected = m.saturating_sub(rows.len());
+            if wanted.len() != expected {
+                return Err(Error::WrongNumberOfIndependent { found: wanted.len(), expected });
+            }
+        }
+        let allowed = |column: usize| wanted.is_none_or(|w| !w.contains(&column));
+        let mut table: Vec<Vec<ExprId>> =
+            rows.iter().map(|r| [r.one_form.as_slice(), &[r.offset]].concat()).collect();
+        let mut open: Vec<usize> = (0..rows.len()).collect();
+        let mut solved: Vec<(usize, usize)> = Vec::new();
+        let mut pivots = Vec::new();
+        while !open.is_empty() {
+            let mut best: Option<(PivotGrade, std::cmp::Reverse<usize>, usize)> = None;
+            for &row in &open {
+                let mut vanishes = true;
+                for (column, &entry) in table[row][..m].iter().enumerate() {
+                    if entry == self.graph.zero() {
+                        continue;
+                    }
+                    vanishes = false;
+                    if allowed(column) {
+                        // Later velocities are eliminated first: the state keeps the ones named first.
+                        let candidate = (self.grade(entry), std::cmp::Reverse(column), row);
+                        best = Some(best.map_or(candidate, |b| b.min(candidate)));
+                    }
+                }
+                if vanishes {
+                    let constraint = rows[row].text.clone();
+                    return Err(if table[row][m] == self.graph.zero() {
+                        Error::DependentConstraint { constraint }
+                    } else {
+                        Error::InconsistentConstraint { constraint }
+                    });
+                }
+            }
+            let Some((grade, std::cmp::Reverse(column), row)) = best else {
+                return Err(self.not_solvable(&rows, wanted));
+            };
+            if grade == PivotGrade::StateDependent && wanted.is_none() {
+                return Ok(KinematicConstraint::Multipliers(rows));
+            }
+            if grade >= PivotGrade::ParameterOnly {
+                let name = format!("coefficient of {} in {}", self.names[column], rows[row].text);
+                pivots.push((name, table[row][column]));
+            }
+            self.eliminate(&mut table, row, column, m);
+            open.retain(|r| *r != row);
+            solved.push((row, column));
+        }
+        Ok(KinematicConstraint::Solved(self.solved_form(rows, &table, &solved, pivots)))
+    }
+
+    fn eliminate(&mut self, table: &mut [Vec<ExprId>], row: usize, column: usize, m: usize) {
+        let g = &mut *self.graph;
+        let inverse = g.powi(table[row][column], -1);
+        for entry in &mut table[row] {
+            *entry = g.mul(*entry, inverse);
+        }
+        let pivot_row = table[row].clone();
+        for (i, other) in table.iter_mut().enumerate() {
+            let factor = other[column];
+            if i == row || factor == g.zero() {
+                continue;
+            }
+            for j in 0..=m {
+                let product = g.mul(factor, pivot_row[j]);
+                let reduced = g.sub(other[j], product);
+                other[j] = g.cancel_zero(reduced);
+            }
+        }
+    }
+
+    fn not_solvable(&mut self, rows: &[ConstraintRow], wanted: Option<&[usize]>) -> Error {
+        let names = self.names;
+        let wanted = wanted.unwrap_or_default();
+        let dependent = (0..names.len()).filter(|k| !wanted.contains(k)).map(|k| names[k].clone()).collect();
+        let possible = match self.solve(rows.to_vec(), None) {
+            Ok(KinematicConstraint::Solved(s)) => s.dependent.iter().map(|k| names[*k].clone()).collect(),
+            _ => vec!["no choice on the whole domain: write `multipliers;` instead".to_owned()],
+        };
+        Error::NotSolvable { dependent, possible }
+    }
+
+    fn solved_form(
+        &mut self,
+        rows: Vec<ConstraintRow>,
+        table: &[Vec<ExprId>],
+        solved: &[(usize, usize)],
+        pivots: Vec<(String, ExprId)>,
+    ) -> SolvedConstraint {
+        let g = &mut *self.graph;
+        let m = self.names.len();
+        let mut dependent: Vec<usize> = solved.iter().map(|(_, column)| *column).collect();
+        dependent.sort_unstable();
+        let independent: Vec<usize> = (0..m).filter(|k| !dependent.contains(k)).collect();
+        let mut psi = vec![vec![g.zero(); independent.len()]; m];
+        let mut psi0 = vec![g.zero(); m];
+        for (a, &k) in independent.iter().enumerate() {
+            psi[k][a] = g.one();
+        }
+        for &(row, column) in solved {
+            for (a, &k) in independent.iter().enumerate() {
+                psi[column][a] = g.neg(table[row][k]);
+            }
+            psi0[column] = g.neg(table[row][m]);
+        }
+        SolvedConstraint { independent, dependent, virtual_displacements: psi.clone(), psi, psi0, rows, pivots }
+    }
+}
