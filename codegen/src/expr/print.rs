@@ -90,48 +90,58 @@ fn superscript(text: &str) -> Option<String> {
     script(text, ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'], '⁻')
 }
 
-/// Spells an identifier such as `Omega1` or `theta_dot` in a style: Ω₁, θ̇.
+/// Spells an identifier such as `Omega1`, `theta_dot` or `p_Omega1` in a style: Ω₁, θ̇, p_Ω₁.
 pub(crate) fn identifier(name: &str, style: Style) -> String {
     if style == Style::Plain {
         return name.to_owned();
     }
-    let (body, dotted) = match name.strip_suffix("_dot") {
-        Some(body) => (body, true),
-        None => (name, false),
+    let (body, dotted) = match (name.strip_suffix("_dot"), name.strip_prefix("dot_")) {
+        (Some(body), _) | (None, Some(body)) if !body.is_empty() => (body, true),
+        _ => (name, false),
     };
-    let stem_end = body.trim_end_matches(|c: char| c.is_ascii_digit()).len();
-    let (stem, digits) = body.split_at(stem_end);
-    let (stem, tail) = match stem.split_once('_') {
-        Some((stem, tail)) if !tail.is_empty() && !stem.is_empty() => (stem, Some(tail)),
-        _ => (stem.trim_end_matches('_'), None),
-    };
-    let greek = GREEK.iter().find(|(word, _)| *word == stem);
-    if style == Style::Unicode {
-        let mut text = greek.map_or(stem.to_owned(), |(_, letter)| (*letter).to_owned());
-        if dotted {
-            text.push('\u{307}');
-        }
-        if let Some(tail) = tail {
-            text.push('_');
-            text.push_str(tail);
-        }
-        text.push_str(&subscript(digits).unwrap_or_default());
-        return text;
-    }
-    let mut text = match greek {
-        Some((word, _)) if *word != "hbar" || *word != "ell" => format!("\\{word}"),
-        _ if stem.chars().count() > 1 => format!("\\mathrm{{{}}}", stem.replace('_', "\\_")),
-        _ => stem.to_owned(),
-    };
-    if dotted {
-        text = format!("\\dot{{{text}}}");
-    }
-    let index: Vec<String> = tail
-        .map(|t| format!("\\mathrm{{{}}}", t.replace('_', "\\_")))
-        .into_iter()
-        .chain((!digits.is_empty()).then(|| digits.to_owned()))
+    let mut parts = body.split('_').filter(|part| !part.is_empty());
+    let (stem, digits) = stem_and_digits(parts.next().unwrap_or(body));
+    let tail: Vec<String> = parts
+        .map(|part| {
+            let (stem, digits) = stem_and_digits(part);
+            with_digits(letter(stem, style), digits, style)
+        })
         .collect();
-    if index.is_empty() { text } else { format!("{text}_{{{}}}", index.join(",")) }
+    let mut head = letter(stem, style);
+    if dotted {
+        head = if style == Style::Latex { format!("\\dot{{{head}}}") } else { format!("{head}\u{307}") };
+    }
+    match (style, tail.is_empty()) {
+        (_, true) => with_digits(head, digits, style),
+        (Style::Latex, false) => {
+            let own = (!digits.is_empty()).then(|| digits.to_owned());
+            format!("{head}_{{{}}}", own.into_iter().chain(tail).collect::<Vec<_>>().join(","))
+        }
+        _ => format!("{}_{}", with_digits(head, digits, style), tail.join(",")),
+    }
+}
+
+fn stem_and_digits(part: &str) -> (&str, &str) {
+    part.split_at(part.trim_end_matches(|c: char| c.is_ascii_digit()).len())
+}
+
+fn letter(stem: &str, style: Style) -> String {
+    let greek = GREEK.iter().find(|(word, _)| *word == stem);
+    match (greek, style) {
+        (Some((_, letter)), Style::Unicode) => (*letter).to_owned(),
+        (Some((word, _)), _) => format!("\\{word}"),
+        (None, Style::Latex) if stem.chars().count() > 1 => format!("\\mathrm{{{stem}}}"),
+        _ => stem.to_owned(),
+    }
+}
+
+fn with_digits(stem: String, digits: &str, style: Style) -> String {
+    match style {
+        _ if digits.is_empty() => stem,
+        _ if stem.is_empty() => digits.to_owned(),
+        Style::Latex => format!("{stem}_{{{digits}}}"),
+        _ => format!("{stem}{}", subscript(digits).unwrap_or_else(|| digits.to_owned())),
+    }
 }
 
 impl Graph {

@@ -74,6 +74,8 @@ pub struct Equations {
     pub pivots: Vec<Pivot>,
     /// What was found.
     pub facts: Facts,
+    /// Every symbol that changes along a motion: inputs and definitions.
+    moving: BTreeSet<SymbolId>,
 }
 
 /// Derives `W^alpha_b E_alpha = 0` with
@@ -283,7 +285,8 @@ impl<'a> Derivation<'a> {
         }
         let explicit = self.g.diff(e, self.system.time);
         terms.push(self.replace(explicit).unwrap_or(explicit));
-        self.g.sum(&terms)
+        let sum = self.g.sum(&terms);
+        self.g.cancel_zero(sum)
     }
 
     fn rank(&self) -> impl Fn(&Graph, ExprId) -> (bool, usize) + use<> {
@@ -346,7 +349,8 @@ impl<'a> Derivation<'a> {
             force.push(self.define(&format!("f_{}", self.names[solved.independent[b]]), sum));
         }
         let unknowns: Vec<String> = solved.independent.iter().map(|k| self.names[*k].clone()).collect();
-        let (udot, mut pivots, symmetric) = self.solve_linear("A", &mass_matrix, &force, &unknowns)?;
+        let labels: Vec<String> = unknowns.iter().map(|n| format!("dot_{n}")).collect();
+        let (udot, mut pivots, symmetric) = self.solve_linear("A", &mass_matrix, &force, &unknowns, &labels, &inertias(&unknowns))?;
         pivots.extend(
             solved.pivots.iter().map(|(name, expr)| Pivot { name: name.clone(), expr: *expr }),
         );
@@ -364,13 +368,15 @@ impl<'a> Derivation<'a> {
         Ok(Motion { acceleration, multipliers, mass_matrix, force, unknowns, pivots, symmetric })
     }
 
-    /// Factors and solves, writing both as sections.
+    /// Factors and solves, writing both as sections. Pivots are called after `unknowns`, solutions `labels`.
     fn solve_linear(
         &mut self,
         prefix: &str,
         matrix: &[Vec<ExprId>],
         right: &[ExprId],
         unknowns: &[String],
+        labels: &[String],
+        pivot_names: &[String],
     ) -> Result<(Vec<ExprId>, Vec<Pivot>, bool), Error> {
         let mut symmetric = true;
         for i in 0..matrix.len() {
@@ -381,9 +387,9 @@ impl<'a> Derivation<'a> {
         let rank = self.rank();
         self.writer.begin(&format!("factors of {prefix}"));
         let factors = Factorisation::new(&mut self.g, &mut self.writer, prefix, matrix, unknowns, &rank)?;
-        self.writer.begin(&format!("solution of {prefix} udot = f"));
-        let x = factors.solve(&mut self.g, &mut self.writer, &format!("{prefix}x"), right);
-        Ok((x, factors.pivots(unknowns), symmetric))
+        self.writer.begin(&format!("substitution through the factors of {prefix}"));
+        let x = factors.solve(&mut self.g, &mut self.writer, labels, right);
+        Ok((x, factors.pivots(pivot_names), symmetric))
     }
 
     /// `E_alpha = sum_A lambda_A a_A,alpha`, solved on the dependent velocities.
@@ -422,12 +428,13 @@ impl<'a> Derivation<'a> {
         let factors = Factorisation::new(&mut self.g, &mut self.writer, "M", &hessian, &names, &rank)?;
         self.writer.begin("free acceleration L_yy^-1 r");
         let drive = self.drive.clone();
-        let free = factors.solve(&mut self.g, &mut self.writer, "free", &drive);
+        let prefixed = |prefix: &str| names.iter().map(|n| format!("{prefix}_{n}")).collect::<Vec<_>>();
+        let free = factors.solve(&mut self.g, &mut self.writer, &prefixed("free"), &drive);
         self.writer.begin("response to the multipliers L_yy^-1 w^T");
         let mut response = Vec::new();
         for (c, row) in rows.iter().enumerate() {
-            let prefix = format!("Z{}", c + 1);
-            response.push(factors.solve(&mut self.g, &mut self.writer, &prefix, &row.one_form));
+            let labels = prefixed(&format!("Z{}", c + 1));
+            response.push(factors.solve(&mut self.g, &mut self.writer, &labels, &row.one_form));
         }
         self.writer.begin("multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 w^T");
         let dot = |g: &mut Graph, a: &[ExprId], b: &[ExprId]| {
@@ -451,10 +458,9 @@ impl<'a> Derivation<'a> {
             right.push(self.define(&format!("g_{}", c + 1), value));
         }
         let labels: Vec<String> = rows.iter().map(|r| format!("lambda_{}", r.name)).collect();
-        let constraint_names: Vec<String> =
-            rows.iter().map(|r| format!("constraint {}", r.text)).collect();
+        let reactions: Vec<String> = rows.iter().map(|r| format!("response to constraint {}", r.text)).collect();
         let (lambda, constraint_pivots, symmetric) =
-            self.solve_linear("S", &matrix, &right, &constraint_names)?;
+            self.solve_linear("S", &matrix, &right, &labels, &labels, &reactions)?;
         self.writer.begin("accelerations ydot = L_yy^-1 (r + w^T lambda)");
         let mut acceleration = Vec::new();
         for alpha in 0..m {
@@ -465,7 +471,7 @@ impl<'a> Derivation<'a> {
             let sum = self.g.sum(&terms);
             acceleration.push(self.define(&format!("dot_{}", names[alpha]), sum));
         }
-        let mut pivots = factors.pivots(&names);
+        let mut pivots = factors.pivots(&inertias(&names));
         pivots.extend(constraint_pivots);
         Ok(Motion {
             acceleration,
@@ -534,7 +540,7 @@ impl<'a> Derivation<'a> {
     fn finish(mut self, motion: Motion) -> Result<Equations, Error> {
         let system = self.system;
         let raw_energy = self.energy()?;
-        let energy_rate = self.rate_of(raw_energy, &motion.acceleration)?;
+        let mut energy_rate = self.rate_of(raw_energy, &motion.acceleration)?;
         let energy = self.replace(raw_energy)?;
         let mut facts = Facts {
             energy_is_conserved: energy_rate == self.g.zero(),
@@ -556,21 +562,22 @@ impl<'a> Derivation<'a> {
         }
         if let KinematicConstraint::Multipliers(rows) = &system.constraint {
             let mut components = Vec::new();
-            let mut power = Vec::new();
+            let (mut power, mut affine_power) = (Vec::new(), Vec::new());
             for (row, (_, lambda)) in rows.iter().zip(&motion.multipliers) {
                 let residual = constraint_residual(&mut self.g, system, row);
-                // Constraint forces do the power lambda a.y = lambda (residual - b): only b feeds energy on the constraint.
-                power.push(self.g.product(&[*lambda, row.offset]));
+                // The constraint forces do the power lambda a.y = lambda (residual - b).
+                let affine = self.g.mul(*lambda, row.offset);
+                affine_power.push(affine);
+                power.push(self.g.mul(*lambda, residual));
+                power.push(self.g.neg(affine));
                 components.push((format!("residual_{}", row.name), residual));
             }
-            let sum = self.g.sum(&power);
-            let mut terms = vec![energy_rate, sum];
-            for ((_, lambda), (_, residual)) in motion.multipliers.iter().zip(&components) {
-                let product = self.g.mul(*lambda, *residual);
-                terms.push(self.g.neg(product));
+            let power = self.g.sum(&power);
+            if self.g.is_equal(energy_rate, power) {
+                energy_rate = power;
+                let on_constraint = self.g.sum(&affine_power);
+                facts.energy_is_conserved_on_constraint = self.g.is_zero(on_constraint);
             }
-            let off_constraint = self.g.sum(&terms);
-            facts.energy_is_conserved_on_constraint = self.g.is_zero(off_constraint) && self.g.is_zero(sum);
             outputs.push(Output {
                 name: "constraint".into(),
                 components,
@@ -624,8 +631,13 @@ impl<'a> Derivation<'a> {
             outputs,
             pivots,
             facts,
+            moving: self.moving,
         })
     }
+}
+
+fn inertias(names: &[String]) -> Vec<String> {
+    names.iter().map(|n| format!("inertia along {n}")).collect()
 }
 
 /// `y^alpha = Psi^alpha_a u^a + psi0^alpha` of a dependent velocity.
@@ -649,6 +661,11 @@ fn constraint_residual(g: &mut Graph, system: &ReducedSystem, row: &ConstraintRo
 }
 
 impl Equations {
+    /// Whether an expression depends on parameters alone, also through definitions.
+    pub fn is_parameter_only(&self, e: ExprId) -> bool {
+        !self.system.graph.depends_on(e, &self.moving)
+    }
+
     /// An expression of these equations as text.
     pub fn display(&self, e: ExprId, style: Style) -> String {
         self.system.graph.display(e, style)

@@ -147,8 +147,14 @@ impl Factorisation {
             .collect()
     }
 
-    /// Solves for one right-hand side, writing intermediate values as definitions named after `prefix`.
-    pub fn solve(&self, g: &mut Graph, writer: &mut SectionWriter, prefix: &str, b: &[ExprId]) -> Vec<ExprId> {
+    /// Solves for one right-hand side; the unknowns are named by `labels`, intermediate values `z_` and that.
+    pub fn solve(
+        &self,
+        g: &mut Graph,
+        writer: &mut SectionWriter,
+        labels: &[String],
+        b: &[ExprId],
+    ) -> Vec<ExprId> {
         let n = b.len();
         let mut z = Vec::with_capacity(n);
         for i in 0..n {
@@ -158,7 +164,7 @@ impl Factorisation {
                 terms.push(g.neg(product));
             }
             let sum = g.sum(&terms);
-            z.push(writer.define(g, &format!("{prefix}_z{}", self.column_order[i] + 1), sum));
+            z.push(writer.define(g, &format!("z_{}", labels[self.column_order[i]]), sum));
         }
         let mut x = vec![g.zero(); n];
         for i in (0..n).rev() {
@@ -170,7 +176,7 @@ impl Factorisation {
             }
             let sum = g.sum(&terms);
             let k = self.column_order[i];
-            x[k] = writer.define(g, &format!("{prefix}_{}", k + 1), sum);
+            x[k] = writer.define(g, &labels[k], sum);
         }
         x
     }

@@ -203,7 +203,7 @@ impl Stages {
     }
 
     /// An adapted basis element spelled in the algebra's basis.
-    pub fn spell_element(&self, g: &mut Graph, k: usize, basis: &[String]) -> String {
+    pub fn spell_element(&self, g: &mut Graph, k: usize, basis: &[String], style: Style) -> String {
         let terms: Vec<ExprId> = (0..basis.len())
             .map(|a| {
                 let symbol = g.symbol(&basis[a]);
@@ -212,7 +212,7 @@ impl Stages {
             })
             .collect();
         let sum = g.sum(&terms);
-        g.display(sum, Style::Unicode)
+        g.display(sum, style)
     }
 }
 

@@ -64,6 +64,9 @@ struct Declared {
     what: &'static str,
 }
 
+/// A name and where it was used.
+type Located = (String, Option<Span>);
+
 #[derive(Clone, Debug)]
 struct StageDraft {
     name: String,
@@ -146,7 +149,7 @@ pub struct ModelBuilder {
     advected: Vec<AdvectedDraft>,
     lagrangian: Option<(Value, Option<Span>)>,
     constraints: Vec<ConstraintDraft>,
-    independent: Option<(Vec<(String, Option<Span>)>, Option<Span>)>,
+    independent: Option<(Vec<Located>, Option<Span>)>,
     multipliers: Option<Option<Span>>,
     forces: Vec<(String, Value, Option<Span>)>,
     casimirs: Vec<Named>,
@@ -628,8 +631,7 @@ impl ModelBuilder {
 
     fn output_name(&mut self, name: &str) {
         let here = self.here;
-        if WANTS.contains(&name) || matches!(names::refusal(name), Some(_) if !self.values.contains_key(name))
-        {
+        if WANTS.contains(&name) || names::refusal(name).is_some() {
             let reason = names::refusal(name).unwrap_or("every scene has an output of that name");
             self.problem(here, format!("`{name}` cannot be used as a name"), reason);
         }
@@ -844,7 +846,8 @@ impl ModelBuilder {
 
     fn check_lagrangian(&mut self) -> ExprId {
         let zero = self.graph.zero();
-        if self.algebra.is_none() && self.base.is_empty() && !self.broken.contains("velocity") {
+        let broken = ["velocity", "coordinate"].iter().any(|item| self.broken.contains(item));
+        if self.algebra.is_none() && self.base.is_empty() && !broken {
             self.problem(
                 self.place,
                 format!("model `{}` has no velocity", self.name),
@@ -1303,7 +1306,7 @@ impl ModelBuilder {
                 let known = WANTS.contains(&name.as_str())
                     || self.casimirs.iter().map(|c| &c.name).any(named)
                     || self.outputs.iter().map(|o| &o.name).any(named);
-                if !known && !(self.broken.contains("output") || self.broken.contains("casimir")) {
+                if !(known || self.broken.contains("output") || self.broken.contains("casimir")) {
                     let mut names: Vec<&str> = WANTS.to_vec();
                     names.extend(self.casimirs.iter().map(|c| c.name.as_str()));
                     names.extend(self.outputs.iter().map(|o| o.name.as_str()));

@@ -64,20 +64,21 @@ impl Evaluator<'_> {
                 "write smaller powers",
             );
         }
-        *self.work += value.entries().len() as u64;
-        if *self.work > MAX_WORK {
-            // One report is enough: every later expression fails silently.
-            if *self.work <= 2 * MAX_WORK {
-                *self.work = 4 * MAX_WORK;
-                return self.fail(
-                    expr.span,
-                    "the model is too large",
-                    "it needs more than 4 million scalar operations",
-                );
-            }
+        self.charge(value.entries().len(), expr.span)?;
+        Some((value, bits))
+    }
+
+    /// Counts scalar operations; past the limit every expression fails, the first one with a report.
+    fn charge(&mut self, n: usize, span: Span) -> Option<()> {
+        if *self.work == u64::MAX {
             return None;
         }
-        Some((value, bits))
+        *self.work = self.work.saturating_add(n as u64);
+        if *self.work <= MAX_WORK {
+            return Some(());
+        }
+        *self.work = u64::MAX;
+        self.fail(span, "the model is too large", "it needs more than 4 million scalar operations")
     }
 
     fn exact_bits(&self, value: &Value) -> Option<u64> {
@@ -152,9 +153,10 @@ impl Evaluator<'_> {
             }
         }
         let bits = values.iter().map(|(_, bits)| *bits).max().unwrap_or(0) + 8;
+        let first_len = values.first()?.0.entries().len();
         let operands: Vec<(bool, &Value)> =
             list.iter().zip(&values).map(|((n, _), (v, _))| (*n, v)).collect();
-        *self.work += (operands.len() * operands.first().map_or(1, |(_, v)| v.entries().len())) as u64;
+        self.charge(operands.len() * first_len, first_expr.span)?;
         match Value::sum_of(self.graph, &operands) {
             Ok(value) => Some((value, bits)),
             Err(error) => self.error(first_expr.span, &error, &[]),
@@ -191,11 +193,8 @@ impl Evaluator<'_> {
                         rest = Some((value, operand.span));
                         continue;
                     };
-                    *self.work += (left.entries().len() * value.entries().len()) as u64;
-                    if *self.work > MAX_WORK {
-                        rest = Some((left, span));
-                        continue;
-                    }
+                    let columns = if let Shape::Matrix(_, m) = value.shape() { m } else { 1 };
+                    self.charge(left.entries().len() * columns, operand.span)?;
                     match left.mul(self.graph, &value) {
                         Ok(Value::Scalar(e)) => numbers.push((e, Rational::one())),
                         Ok(product) => rest = Some((product, span.to(operand.span))),

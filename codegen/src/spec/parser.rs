@@ -455,7 +455,7 @@ impl<'a> Parser<'a> {
                     let span = Span::new(keyword.start, self.last);
                     items.push(Item { doc, span, kind });
                     if !block && self.punct(";").is_none() {
-                        let at = Span::new(self.last, (self.last + 1).min(self.text.len()));
+                        let at = Span::new(self.last, self.last);
                         let found = self.found();
                         let problem = Diagnostic::new(Some(at), format!("expected `;`, found {found}"));
                         outcome.problems.push(problem.with_help("every item ends with `;`"));

@@ -312,3 +312,14 @@ fn pathological_texts_do_not_panic() {
         assert!(start.elapsed().as_secs() < 20, "{shown} takes {:?}", start.elapsed());
     }
 }
+
+#[test]
+fn too_much_work_is_one_problem() {
+    let row = format!("[{}]", vec!["x"; 200].join(", "));
+    let items = format!(
+        "let r = {row}; let a = r*transpose(r); let b = a*a; let c = b*b; let d = c*c; lagrangian = d[1, 1];"
+    );
+    let problems = parse("big.hamel", &format!("model m {{ velocity x in R; {items} }}")).unwrap_err();
+    let messages: Vec<&str> = problems.iter().map(|p| p.message.as_str()).collect();
+    assert_eq!(messages, ["the model is too large"]);
+}

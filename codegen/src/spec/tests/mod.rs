@@ -1,6 +1,7 @@
 //! Tests of the model language.
 
 mod bad;
+mod docs;
 mod fuzz;
 mod good;
 

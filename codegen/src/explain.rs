@@ -1,0 +1,431 @@
+//! A derived scene as text for people: algebra, stage forms, constraint, equations, what was found, operation counts.
+//!
+//! Deliberately does not know: how any of it was computed.
+
+use std::fmt::Write as _;
+
+use num_traits::One;
+
+use crate::error::spell_vector;
+use crate::expr::{ExprId, Graph, Style, identifier, rational_to_f64};
+use crate::mechanics::Equations;
+use crate::reduction::{KinematicConstraint, Stages, Tensor};
+use crate::scene::BuiltScene;
+use crate::spec::{Model, Side};
+
+/// Explains a scene in Unicode ([`Style::Unicode`]) or LaTeX ([`Style::Latex`], a fragment that needs `amsmath`).
+pub fn explain(model: &Model, scene: &BuiltScene, style: Style) -> String {
+    let mut page = Page { style, text: String::new() };
+    page.header(model, scene);
+    page.parameters(scene);
+    page.algebra(model);
+    if let Some(stages) = &scene.equations.system.stages {
+        page.stages(model, stages, &scene.equations);
+    }
+    page.kinematics(&scene.equations);
+    page.constraint(&scene.equations);
+    page.equations(&scene.equations);
+    page.findings(&scene.equations);
+    page.counts(scene);
+    page.text
+}
+
+struct Page {
+    style: Style,
+    text: String,
+}
+
+impl Page {
+    fn latex(&self) -> bool {
+        self.style == Style::Latex
+    }
+
+    fn line(&mut self, text: &str) {
+        self.text.push_str(text);
+        self.text.push('\n');
+    }
+
+    fn title(&mut self, title: &str) {
+        if self.latex() {
+            self.line(&format!("\n\\subsection*{{{title}}}"));
+        } else {
+            self.line(&format!("\n{title}\n{}", "─".repeat(title.chars().count())));
+        }
+    }
+
+    /// A list of formulas, aligned at the first equals sign in LaTeX.
+    fn formulas(&mut self, rows: &[(String, String)]) {
+        if rows.is_empty() {
+            return;
+        }
+        if self.latex() {
+            let body: Vec<String> = rows.iter().map(|(l, r)| format!("  {l} &= {r}")).collect();
+            self.line(&format!("\\begin{{align*}}\n{}\n\\end{{align*}}", body.join(" \\\\\n")));
+            return;
+        }
+        let width = rows.iter().map(|(l, _)| visible_width(l)).max().unwrap_or(0);
+        for (left, right) in rows {
+            let pad = " ".repeat(width - visible_width(left));
+            self.line(&format!("  {left}{pad} = {right}"));
+        }
+    }
+
+    fn prose(&self, text: &str) -> String {
+        if self.latex() { escape(text) } else { text.to_owned() }
+    }
+
+    fn name(&self, name: &str) -> String {
+        identifier(name, self.style)
+    }
+
+    fn inline(&self, formula: &str) -> String {
+        if self.latex() { format!("${formula}$") } else { formula.to_owned() }
+    }
+
+    fn header(&mut self, model: &Model, scene: &BuiltScene) {
+        let title = model.doc.first().map_or(model.name.as_str(), String::as_str);
+        let title = format!("{} ({}, scene {})", title, model.name, scene.name);
+        if self.latex() {
+            self.line(&format!("\\section*{{{}}}", escape(&title)));
+        } else {
+            self.line(&format!("{title}\n{}", "═".repeat(title.chars().count())));
+        }
+        for line in model.doc.iter().skip(1).filter(|l| !l.trim().is_empty()) {
+            let line = self.prose(line);
+            self.line(&line);
+        }
+        for source in &model.sources {
+            let source = self.prose(source);
+            self.line(&format!("Source: {source}."));
+        }
+    }
+
+    fn parameters(&mut self, scene: &BuiltScene) {
+        let system = &scene.equations.system;
+        self.title("Parameters and state");
+        if system.params.is_empty() {
+            self.line("No free parameters.");
+        }
+        let mut rows = Vec::new();
+        for p in &system.params {
+            rows.push((self.name(&p.name), format!("{}{}", rational_to_f64(&p.default), self.remark(&p.doc))));
+        }
+        self.formulas(&rows);
+        if !system.conditions.is_empty() {
+            let list: Vec<String> = system.conditions.iter().map(|c| self.prose(&c.text)).collect();
+            self.line(&format!("Valid for {}.", list.join(", ")));
+        }
+        let names: Vec<String> = scene.equations.state.iter().map(|s| self.name(&s.name)).collect();
+        let list = self.inline(&names.join(", "));
+        self.line(&format!("State: {list}."));
+    }
+
+    fn remark(&self, doc: &str) -> String {
+        match (doc.is_empty(), self.latex()) {
+            (true, _) => String::new(),
+            (false, true) => format!(" \\quad\\text{{{}}}", escape(doc)),
+            (false, false) => format!("   {doc}"),
+        }
+    }
+
+    fn algebra(&mut self, model: &Model) {
+        let algebra = &model.algebra;
+        if algebra.dim() == 0 {
+            return;
+        }
+        let side = match model.action {
+            Side::Left => "left action, ξ = g⁻¹ ġ (body frame), μ̇ = ad*_ξ μ",
+            Side::Right => "right action, ξ = ġ g⁻¹ (space frame), μ̇ = -ad*_ξ μ",
+        };
+        let side = match (self.latex(), model.action) {
+            (true, Side::Left) => "left action, $\\xi = g^{-1}\\dot g$ (body frame), $\\dot\\mu = \\mathrm{ad}^*_\\xi\\mu$",
+            (true, Side::Right) => "right action, $\\xi = \\dot g g^{-1}$ (space frame), $\\dot\\mu = -\\mathrm{ad}^*_\\xi\\mu$",
+            _ => side,
+        };
+        self.title("Lie algebra");
+        let name = self.prose(algebra.name());
+        self.line(&format!("{name}, dimension {}, {side}.", algebra.dim()));
+        let velocities: Vec<String> = model.velocities.iter().map(|v| self.name(&v.name)).collect();
+        let basis: Vec<String> = algebra.basis().iter().map(|b| self.name(b)).collect();
+        let pairs: Vec<String> =
+            velocities.iter().zip(&basis).map(|(v, b)| format!("{v} {b}")).collect();
+        let sum = self.inline(&format!("{} = {}", if self.latex() { "\\xi" } else { "ξ" }, pairs.join(" + ")));
+        self.line(&sum);
+        let rows: Vec<(String, String)> = algebra
+            .brackets()
+            .map(|(a, b, value)| {
+                let mut dense = vec![crate::expr::Rational::from_integer(0.into()); algebra.dim()];
+                value.iter().for_each(|(c, q)| dense[*c] = q.clone());
+                (format!("[{}, {}]", basis[a], basis[b]), spell_vector(&basis, &dense))
+            })
+            .collect();
+        if rows.is_empty() {
+            self.line("Abelian: all brackets vanish.");
+        }
+        self.formulas(&rows);
+    }
+
+    fn stages(&mut self, model: &Model, stages: &Stages, equations: &Equations) {
+        self.title("Reduction by stages");
+        let mut g = equations.system.graph.clone();
+        let chain: Vec<String> = stages.levels.iter().map(|l| self.prose(&l.name)).collect();
+        self.line(&format!("Chain of ideals: {}.", chain.join(if self.latex() { " $\\supset$ " } else { " ⊃ " })));
+        let basis: Vec<String> = model.algebra.basis().to_vec();
+        let symbol = |k: usize| format!("f{}", k + 1);
+        let standard = stages.basis.iter().enumerate().all(|(k, row)| {
+            row.iter().enumerate().all(|(a, e)| *e == if a == k { g.one() } else { g.zero() })
+        });
+        if standard {
+            self.line("The adapted basis is the given one: f_k = e_k.");
+        } else {
+            let rows: Vec<(String, String)> = (0..basis.len())
+                .map(|k| (self.name(&symbol(k)), stages.spell_element(&mut g, k, &basis, self.style)))
+                .collect();
+            self.line("Adapted basis (horizontal lifts, orthogonal to the stage below):");
+            self.formulas(&rows);
+        }
+        for (j, level) in stages.levels.iter().enumerate() {
+            let members: Vec<String> = level.range.clone().map(|k| self.name(&symbol(k))).collect();
+            let members = self.inline(&members.join(", "));
+            let name = self.prose(&level.name);
+            self.line(&format!("\nLevel {j}, {name}: spanned by {members}"));
+            self.form("quotient bracket", "", j, &level.quotient_bracket, &g);
+            self.form("curvature form", "a", j, &level.curvature, &g);
+            self.form("vertical connection form", "b", j, &level.vertical_connection, &g);
+        }
+        self.line("\nThe bracket rebuilt from these forms was checked, exactly, to be the bracket of the algebra.");
+        self.stage_equations(stages, &mut g);
+    }
+
+    /// The vertical equations by stages in terms of momenta and velocities along the adapted basis.
+    fn stage_equations(&mut self, stages: &Stages, g: &mut Graph) {
+        let n = stages.basis.len();
+        let symbols = |g: &mut Graph, stem: &str| -> Vec<ExprId> {
+            (1..=n)
+                .map(|k| {
+                    let s = g.symbol(&format!("{stem}{k}"));
+                    g.sym(s)
+                })
+                .collect()
+        };
+        let (eta, beta) = (symbols(g, "eta"), symbols(g, "beta"));
+        let right = stages.vertical_equations(g, &eta, &beta);
+        self.line("Vertical equations by stages, unforced (every level's momentum may enter):");
+        let rows: Vec<(String, String)> = right
+            .iter()
+            .enumerate()
+            .map(|(k, e)| (self.name(&format!("dot_beta{}", k + 1)), g.display(*e, self.style)))
+            .collect();
+        self.formulas(&rows);
+    }
+
+    fn form(&mut self, title: &str, letter: &str, level: usize, tensor: &Tensor, g: &Graph) {
+        if tensor.is_empty() {
+            self.line(&format!("  {title}: zero"));
+            return;
+        }
+        self.line(&format!("  {title}:"));
+        let mut rows: Vec<(String, String)> = Vec::new();
+        let mut last = None;
+        for (a, b, c, value) in tensor {
+            let antisymmetric = letter != "b";
+            if antisymmetric && a > b {
+                continue;
+            }
+            let (fa, fb) = (self.name(&format!("f{}", a + 1)), self.name(&format!("f{}", b + 1)));
+            let term = self.term(g, *value, &self.name(&format!("f{}", c + 1)));
+            if last == Some((a, b)) {
+                if let Some((_, right)) = rows.last_mut() {
+                    let _ = match term.strip_prefix('-') {
+                        Some(rest) => write!(right, " - {rest}"),
+                        None => write!(right, " + {term}"),
+                    };
+                }
+                continue;
+            }
+            last = Some((a, b));
+            let left = if letter.is_empty() {
+                format!("[{fa}, {fb}]")
+            } else {
+                format!("{}({fa}, {fb})", self.name(&format!("{letter}{level}")))
+            };
+            rows.push((left, term));
+        }
+        self.formulas(&rows);
+    }
+
+    fn term(&self, g: &Graph, value: ExprId, element: &str) -> String {
+        match g.as_rational(value) {
+            Some(q) if q.is_one() => element.to_owned(),
+            Some(q) if (-q).is_one() => format!("-{element}"),
+            Some(_) => format!("{} {element}", g.display(value, self.style)),
+            None => format!("({}) {element}", g.display(value, self.style)),
+        }
+    }
+
+    fn kinematics(&mut self, equations: &Equations) {
+        let system = &equations.system;
+        let g = &system.graph;
+        let mut shown = g.clone();
+        let mut rows = Vec::new();
+        for i in 0..system.algebroid.n_base() {
+            let mut terms = Vec::new();
+            for (alpha, y) in system.velocities.iter().enumerate() {
+                let y = shown.sym(*y);
+                terms.push(shown.mul(system.algebroid.anchor(i, alpha), y));
+            }
+            let sum = shown.sum(&terms);
+            let name = g.name(system.algebroid.base()[i]);
+            rows.push((self.name(&format!("dot_{name}")), shown.display(sum, self.style)));
+        }
+        if !rows.is_empty() {
+            self.title("Kinematics (anchor)");
+            self.formulas(&rows);
+        }
+    }
+
+    fn constraint(&mut self, equations: &Equations) {
+        let system = &equations.system;
+        let names = system.algebroid.frame();
+        match &system.constraint {
+            KinematicConstraint::Solved(s) if s.rows.is_empty() => {}
+            KinematicConstraint::Solved(s) => {
+                self.title("Constraint");
+                for row in &s.rows {
+                    let text = self.prose(&row.text);
+                    self.line(&format!("{text}   (multiplier {})", self.inline(&self.name(&format!("lambda_{}", row.name)))));
+                }
+                let list: Vec<String> = s.independent.iter().map(|k| self.name(&names[*k])).collect();
+                let list = self.inline(&list.join(", "));
+                self.line(&format!("Solved with independent velocities {list}:"));
+                let mut g = system.graph.clone();
+                let rows: Vec<(String, String)> = s
+                    .dependent
+                    .iter()
+                    .map(|&k| {
+                        let mut terms = vec![s.psi0[k]];
+                        for (a, &u) in s.independent.iter().enumerate() {
+                            let u = g.sym(system.velocities[u]);
+                            terms.push(g.mul(s.psi[k][a], u));
+                        }
+                        let sum = g.sum(&terms);
+                        (self.name(&names[k]), g.display(sum, self.style))
+                    })
+                    .collect();
+                self.formulas(&rows);
+            }
+            KinematicConstraint::Multipliers(rows) => {
+                self.title("Constraint");
+                for row in rows {
+                    let text = self.prose(&row.text);
+                    self.line(&format!("{text}   (multiplier {})", self.inline(&self.name(&format!("lambda_{}", row.name)))));
+                }
+                self.line("No choice of independent velocities is good on the whole domain: all velocities stay in the");
+                self.line("state and multipliers keep the constraint.");
+            }
+        }
+    }
+
+    fn equations(&mut self, equations: &Equations) {
+        self.title("Equations of motion");
+        let g = &equations.system.graph;
+        for section in &equations.sections {
+            let title = self.prose(&section.title);
+            self.line(&title);
+            let rows: Vec<(String, String)> = section
+                .definitions
+                .iter()
+                .map(|d| (self.name(g.name(d.symbol)), g.display(d.expr, self.style)))
+                .collect();
+            self.formulas(&rows);
+        }
+        self.line("state equations");
+        let rows: Vec<(String, String)> = equations
+            .state
+            .iter()
+            .map(|s| (format!("d/dt {}", self.name(&s.name)), g.display(s.derivative, self.style)))
+            .collect();
+        self.formulas(&rows);
+        self.line("energy E = p.y - L");
+        let mut rows = vec![("E".to_owned(), g.display(equations.energy, self.style))];
+        rows.push(("d/dt E".to_owned(), g.display(equations.energy_rate, self.style)));
+        self.formulas(&rows);
+    }
+
+    fn findings(&mut self, equations: &Equations) {
+        let facts = &equations.facts;
+        self.title("Found exactly");
+        let energy = if facts.energy_is_conserved {
+            "Energy is conserved: its rate vanishes identically."
+        } else if facts.energy_is_conserved_on_constraint {
+            "Energy is conserved on the constraint: its rate is the multipliers times the constraint residual."
+        } else {
+            "Energy is not conserved."
+        };
+        self.line(energy);
+        if !facts.constants.is_empty() {
+            let list: Vec<String> = facts.constants.iter().map(|n| self.name(n)).collect();
+            let list = self.inline(&list.join(", "));
+            self.line(&format!("Constant along every motion: {list}."));
+        }
+        if !facts.casimirs.is_empty() {
+            let list = self.prose(&facts.casimirs.join(", "));
+            self.line(&format!("Conserved quantities of the model, verified: {list}."));
+        }
+        let symmetric = if facts.mass_matrix_is_symmetric { "symmetric" } else { "not symmetric" };
+        let constant = if facts.mass_matrix_is_constant {
+            "depends on parameters alone and is factored once"
+        } else {
+            "depends on the state"
+        };
+        self.line(&format!("Mass matrix: {symmetric}, {constant}."));
+        if !equations.pivots.is_empty() {
+            self.line("Has to stay different from zero (checked at run time, with these names):");
+            let rows: Vec<(String, String)> = equations
+                .pivots
+                .iter()
+                .map(|p| (self.prose_in_formula(&p.name), equations.display(p.expr, self.style)))
+                .collect();
+            self.formulas(&rows);
+        }
+    }
+
+    fn prose_in_formula(&self, text: &str) -> String {
+        if self.latex() { format!("\\text{{{}}}", escape(text)) } else { text.to_owned() }
+    }
+
+    fn counts(&mut self, scene: &BuiltScene) {
+        self.title("Operation counts");
+        let table = scene.operation_table();
+        if self.latex() {
+            self.line(&format!("\\begin{{verbatim}}\n{table}\\end{{verbatim}}"));
+        } else {
+            self.text.push_str(&table);
+        }
+    }
+}
+
+/// Characters that take a column: combining dots do not.
+fn visible_width(text: &str) -> usize {
+    text.chars().filter(|c| *c != '\u{307}').count()
+}
+
+fn escape(text: &str) -> String {
+    let mut out = String::new();
+    for c in text.chars() {
+        match c {
+            '_' | '&' | '%' | '#' | '{' | '}' | '$' => {
+                out.push('\\');
+                out.push(c);
+            }
+            '^' => out.push_str("\\^{}"),
+            '~' => out.push_str("\\~{}"),
+            '\\' => out.push_str("\\textbackslash{}"),
+            '`' => {}
+            '<' => out.push_str("$<$"),
+            '>' => out.push_str("$>$"),
+            c => out.push(c),
+        }
+    }
+    out
+}

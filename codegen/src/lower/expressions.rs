@@ -1,0 +1,82 @@
+//! Turns a program back into expressions, to compare it with what was lowered.
+
+use super::program::{Constant, Instruction, Op, Operand, Program};
+use super::Inputs;
+use crate::error::Error;
+use crate::expr::{DivisionByZero, ExprId, Graph};
+
+impl Program {
+    /// Results of every function as expressions in the inputs, in the order of functions and results.
+    ///
+    /// # Errors
+    /// [`Error::DivisionByZero`] when a denominator vanishes identically.
+    pub fn to_expressions(&self, graph: &mut Graph, inputs: &Inputs) -> Result<Vec<Vec<ExprId>>, Error> {
+        let values = self.evaluate(graph, inputs, &[], &self.prepare.instructions, "prepare")?;
+        let slots: Vec<ExprId> = self.prepare.slots.iter().map(|slot| values[slot.value as usize]).collect();
+        let mut all = Vec::with_capacity(self.functions.len());
+        for function in &self.functions {
+            let values = self.evaluate(graph, inputs, &slots, &function.instructions, &function.name)?;
+            all.push(
+                function.results.iter().map(|(_, o)| self.operand(graph, inputs, &slots, &values, *o)).collect(),
+            );
+        }
+        Ok(all)
+    }
+
+    fn operand(
+        &self,
+        graph: &mut Graph,
+        inputs: &Inputs,
+        slots: &[ExprId],
+        values: &[ExprId],
+        operand: Operand,
+    ) -> ExprId {
+        match operand {
+            Operand::Value(i) => values[i as usize],
+            Operand::Constant(i) => match &self.constants[i as usize] {
+                Constant::Rational(q) => graph.rational(q.clone()),
+                Constant::Pi => graph.pi(),
+            },
+            Operand::Param(i) => graph.sym(inputs.params[i as usize]),
+            Operand::Slot(i) => slots[i as usize],
+            Operand::Time => graph.sym(inputs.time),
+            Operand::State(i) => graph.sym(inputs.state[i as usize]),
+        }
+    }
+
+    fn evaluate(
+        &self,
+        graph: &mut Graph,
+        inputs: &Inputs,
+        slots: &[ExprId],
+        instructions: &[Instruction],
+        place: &str,
+    ) -> Result<Vec<ExprId>, Error> {
+        let mut values: Vec<ExprId> = Vec::with_capacity(instructions.len());
+        for instruction in instructions {
+            let operands: Vec<ExprId> =
+                instruction.op.operands().map(|o| self.operand(graph, inputs, slots, &values, o)).collect();
+            let a = operands[0];
+            let b = *operands.last().unwrap_or(&a);
+            let value = match instruction.op {
+                Op::Add(..) => Ok(graph.add(a, b)),
+                Op::Sub(..) => Ok(graph.sub(a, b)),
+                Op::Mul(..) => Ok(graph.mul(a, b)),
+                Op::Div(..) => graph.div(a, b),
+                Op::Neg(_) => Ok(graph.neg(a)),
+                Op::Recip(_) => {
+                    let one = graph.one();
+                    graph.div(one, a)
+                }
+                Op::Sqrt(_) => Ok(graph.sqrt(a)),
+                Op::Power(..) => match graph.as_rational(b).cloned() {
+                    Some(q) => graph.pow(a, &q),
+                    None => Err(DivisionByZero),
+                },
+                Op::Function(f, _) => Ok(graph.func(f, a)),
+            };
+            values.push(value.map_err(|DivisionByZero| Error::DivisionByZero { place: place.to_owned() })?);
+        }
+        Ok(values)
+    }
+}

@@ -1,0 +1,156 @@
+//! Runs a program with the very operations that emitted code performs, so that results agree bit for bit.
+
+use std::fmt;
+
+use hamel_runtime::Real;
+
+use super::program::{Constant, Instruction, Literal, Op, Operand, Program, Relation};
+use crate::expr::Func;
+
+/// A condition on the parameters that does not hold.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ViolatedCondition {
+    /// The condition as the model words it, or `<param> is finite`.
+    pub condition: String,
+}
+
+impl fmt::Display for ViolatedCondition {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} does not hold", self.condition)
+    }
+}
+
+impl std::error::Error for ViolatedCondition {}
+
+impl Constant {
+    /// The constant as a scalar.
+    pub fn value<R: Real>(&self) -> R {
+        match self.literal() {
+            Literal::Zero => R::ZERO,
+            Literal::One => R::ONE,
+            Literal::Number(x) => R::from_f64(x),
+            Literal::Ratio(p, q) => R::ratio(p, q),
+            Literal::Pi => R::from_f64(std::f64::consts::PI),
+        }
+    }
+}
+
+struct Memory<'a, R> {
+    constants: Vec<R>,
+    params: &'a [R],
+    prepared: &'a [R],
+    t: R,
+    state: &'a [R],
+    values: Vec<R>,
+}
+
+impl<R: Real> Memory<'_, R> {
+    fn read(&self, operand: Operand) -> R {
+        match operand {
+            Operand::Value(i) => self.values[i as usize],
+            Operand::Constant(i) => self.constants[i as usize],
+            Operand::Param(i) => self.params[i as usize],
+            Operand::Slot(i) => self.prepared[i as usize],
+            Operand::Time => self.t,
+            Operand::State(i) => self.state[i as usize],
+        }
+    }
+
+    fn run(&mut self, instructions: &[Instruction]) {
+        self.values.reserve(instructions.len());
+        for instruction in instructions {
+            let value = match instruction.op {
+                Op::Add(a, b) => self.read(a) + self.read(b),
+                Op::Sub(a, b) => self.read(a) - self.read(b),
+                Op::Mul(a, b) => self.read(a) * self.read(b),
+                Op::Div(a, b) => self.read(a) / self.read(b),
+                Op::Neg(a) => -self.read(a),
+                Op::Recip(a) => self.read(a).recip(),
+                Op::Sqrt(a) => self.read(a).sqrt(),
+                Op::Power(a, q) => (self.read(q) * self.read(a).ln()).exp(),
+                Op::Function(f, a) => apply(f, self.read(a)),
+            };
+            self.values.push(value);
+        }
+    }
+}
+
+fn apply<R: Real>(f: Func, x: R) -> R {
+    match f {
+        Func::Sin => x.sin(),
+        Func::Cos => x.cos(),
+        Func::Tan => x.tan(),
+        Func::Asin => x.asin(),
+        Func::Acos => x.acos(),
+        Func::Atan => x.atan(),
+        Func::Exp => x.exp(),
+        Func::Ln => x.ln(),
+        Func::Sinh => x.sinh(),
+        Func::Cosh => x.cosh(),
+        Func::Tanh => x.tanh(),
+        Func::Abs => x.abs(),
+    }
+}
+
+impl Program {
+    /// Computes the prepared slots.
+    ///
+    /// # Errors
+    /// The first condition on the parameters that does not hold; finiteness comes first, in the order of parameters.
+    ///
+    /// # Panics
+    /// When the number of parameters is wrong.
+    pub fn prepare<R: Real>(&self, params: &[R]) -> Result<Vec<R>, ViolatedCondition> {
+        assert_eq!(params.len(), self.params.len(), "number of parameters");
+        for (value, name) in params.iter().zip(&self.params) {
+            if !value.all_finite() {
+                return Err(ViolatedCondition { condition: format!("{name} is finite") });
+            }
+        }
+        let constants = self.constants.iter().map(Constant::value).collect();
+        let mut memory =
+            Memory { constants, params, prepared: &[], t: R::ZERO, state: &[], values: Vec::new() };
+        memory.run(&self.prepare.instructions);
+        for condition in &self.prepare.conditions {
+            let (greater, less) = (memory.read(condition.greater), memory.read(condition.less));
+            let holds = match condition.relation {
+                Relation::Greater => greater.all_gt(less),
+                Relation::GreaterEqual => greater.all_ge(less),
+                Relation::NotEqual => greater.all_ne(less),
+            };
+            if !holds {
+                return Err(ViolatedCondition { condition: condition.text.clone() });
+            }
+        }
+        Ok(self.prepare.slots.iter().map(|slot| memory.values[slot.value as usize]).collect())
+    }
+
+    /// Calls a function.
+    ///
+    /// # Shapes
+    /// params: \[n_params\], prepared: what [`Program::prepare`] returned, state: \[n_state\], out: \[n_results\].
+    ///
+    /// # Panics
+    /// When the function does not exist or a size is wrong.
+    pub fn run<R: Real>(
+        &self,
+        function_idx: usize,
+        params: &[R],
+        prepared: &[R],
+        t: R,
+        state: &[R],
+        out: &mut [R],
+    ) {
+        let function = &self.functions[function_idx];
+        assert_eq!(params.len(), self.params.len(), "number of parameters");
+        assert_eq!(prepared.len(), self.prepare.slots.len(), "number of prepared values");
+        assert_eq!(state.len(), self.state.len(), "dimension of the state");
+        assert_eq!(out.len(), function.results.len(), "number of results");
+        let constants = self.constants.iter().map(Constant::value).collect();
+        let mut memory = Memory { constants, params, prepared, t, state, values: Vec::new() };
+        memory.run(&function.instructions);
+        for (slot, (_, operand)) in out.iter_mut().zip(&function.results) {
+            *slot = memory.read(*operand);
+        }
+    }
+}

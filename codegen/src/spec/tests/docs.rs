@@ -1,0 +1,64 @@
+//! The examples and the messages of `docs/model-language.md` are true.
+
+use crate::spec::parse;
+
+const DOC: &str = include_str!("../../../../docs/model-language.md");
+
+/// Items as a model; a velocity and a Lagrangian are added where they are not what the example is about.
+fn wrap(items: &str) -> String {
+    if items.contains("model ") {
+        return items.to_owned();
+    }
+    let mut text = format!("model example {{ {items}\n");
+    let has = |word: &str| items.split([' ', '\n', ';']).any(|w| w == word);
+    if !has("velocity") && !has("coordinate") {
+        text.push_str("velocity rate in R;\n");
+    }
+    if !has("lagrangian") {
+        // Any quadratic form of what there is.
+        let velocities = if has("coordinate") && !has("velocity") {
+            "q_dot"
+        } else {
+            let list =
+                items.split("velocity ").nth(1).unwrap_or("rate in").split(" in").next().unwrap_or("rate");
+            list.split(',').next().unwrap_or("rate").trim()
+        };
+        text.push_str(&format!("lagrangian = transpose([{velocities}, {velocities}])[1, 1]^2;\n"));
+    }
+    text.push('}');
+    text
+}
+
+#[test]
+fn examples_parse() {
+    let mut n = 0;
+    for block in DOC.split("```hamel\n").skip(1) {
+        let items = block.split("```").next().unwrap();
+        // The added Lagrangian is a number or, for vectors, its first entry.
+        let text = wrap(items);
+        if let Err(problems) = parse("model-language.md", &text) {
+            panic!("{text}\n{problems}");
+        }
+        n += 1;
+    }
+    assert!(n > 15, "only {n} examples found");
+}
+
+#[test]
+fn messages_are_the_documented_ones() {
+    let mut n = 0;
+    for line in DOC.lines() {
+        let Some((items, message)) = line.strip_prefix("| `").and_then(|rest| rest.split_once("` | ")) else {
+            continue;
+        };
+        if !items.ends_with([';', '}']) {
+            continue;
+        }
+        let message = message.trim_end_matches(" |");
+        let problems = parse("model-language.md", &wrap(items)).expect_err(items);
+        let found: Vec<&str> = problems.iter().map(|p| p.message.as_str()).collect();
+        assert_eq!(found, [message], "{items}");
+        n += 1;
+    }
+    assert!(n > 40, "only {n} messages found");
+}
