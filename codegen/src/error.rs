@@ -181,14 +181,20 @@ impl fmt::Display for Error {
                 write!(f, "{name} is not a {kind}; known: {}", known.join(", "))
             }
             Error::NotNested { stage, above } => {
-                write!(f, "stage {stage} is not contained in stage {above}; every ideal lies in the one above it")
+                write!(
+                    f,
+                    "stage {stage} is not contained in stage {above}; every ideal lies in the one above it"
+                )
             }
             Error::NotAnIdeal { stage, above, pair: [a, b], bracket } => write!(
                 f,
                 "stage {stage} is not an ideal of {above}: [{a}, {b}] = {bracket} leaves it; add the missing directions"
             ),
             Error::EmptyStage { stage } => {
-                write!(f, "stage {stage} splits nothing off; it has to be smaller than the stage above and not zero")
+                write!(
+                    f,
+                    "stage {stage} splits nothing off; it has to be smaller than the stage above and not zero"
+                )
             }
             Error::DegenerateInnerProduct { stage } => write!(
                 f,
@@ -216,7 +222,10 @@ impl fmt::Display for Error {
                 write!(f, "mass matrix is singular everywhere: no inertia along {direction}")
             }
             Error::NotConserved { name } => {
-                write!(f, "casimir {name} is not conserved by these equations; write `output {name} = ..;` instead")
+                write!(
+                    f,
+                    "casimir {name} is not conserved by these equations; write `output {name} = ..;` instead"
+                )
             }
             Error::WrongNumberOfIndependent { found, expected } => {
                 write!(f, "independent names {found} velocities; the constraints leave {expected}")
@@ -227,7 +236,9 @@ impl fmt::Display for Error {
             Error::Emission { model, reason } => {
                 write!(f, "code emitted for {model} is not Rust: {reason}; please report this")
             }
-            Error::Program { reason } => write!(f, "lowered program is malformed: {reason}; please report this"),
+            Error::Program { reason } => {
+                write!(f, "lowered program is malformed: {reason}; please report this")
+            }
         }
     }
 }

@@ -108,7 +108,10 @@ impl Page {
         }
         let mut rows = Vec::new();
         for p in &system.params {
-            rows.push((self.name(&p.name), format!("{}{}", rational_to_f64(&p.default), self.remark(&p.doc))));
+            rows.push((
+                self.name(&p.name),
+                format!("{}{}", rational_to_f64(&p.default), self.remark(&p.doc)),
+            ));
         }
         self.formulas(&rows);
         if !system.conditions.is_empty() {
@@ -138,8 +141,12 @@ impl Page {
             Side::Right => "right action, ξ = ġ g⁻¹ (space frame), μ̇ = -ad*_ξ μ",
         };
         let side = match (self.latex(), model.action) {
-            (true, Side::Left) => "left action, $\\xi = g^{-1}\\dot g$ (body frame), $\\dot\\mu = \\mathrm{ad}^*_\\xi\\mu$",
-            (true, Side::Right) => "right action, $\\xi = \\dot g g^{-1}$ (space frame), $\\dot\\mu = -\\mathrm{ad}^*_\\xi\\mu$",
+            (true, Side::Left) => {
+                "left action, $\\xi = g^{-1}\\dot g$ (body frame), $\\dot\\mu = \\mathrm{ad}^*_\\xi\\mu$"
+            }
+            (true, Side::Right) => {
+                "right action, $\\xi = \\dot g g^{-1}$ (space frame), $\\dot\\mu = -\\mathrm{ad}^*_\\xi\\mu$"
+            }
             _ => side,
         };
         self.title("Lie algebra");
@@ -147,9 +154,9 @@ impl Page {
         self.line(&format!("{name}, dimension {}, {side}.", algebra.dim()));
         let velocities: Vec<String> = model.velocities.iter().map(|v| self.name(&v.name)).collect();
         let basis: Vec<String> = algebra.basis().iter().map(|b| self.name(b)).collect();
-        let pairs: Vec<String> =
-            velocities.iter().zip(&basis).map(|(v, b)| format!("{v} {b}")).collect();
-        let sum = self.inline(&format!("{} = {}", if self.latex() { "\\xi" } else { "ξ" }, pairs.join(" + ")));
+        let pairs: Vec<String> = velocities.iter().zip(&basis).map(|(v, b)| format!("{v} {b}")).collect();
+        let sum =
+            self.inline(&format!("{} = {}", if self.latex() { "\\xi" } else { "ξ" }, pairs.join(" + ")));
         self.line(&sum);
         let rows: Vec<(String, String)> = algebra
             .brackets()
@@ -169,7 +176,10 @@ impl Page {
         self.title("Reduction by stages");
         let mut g = equations.system.graph.clone();
         let chain: Vec<String> = stages.levels.iter().map(|l| self.prose(&l.name)).collect();
-        self.line(&format!("Chain of ideals: {}.", chain.join(if self.latex() { " $\\supset$ " } else { " ⊃ " })));
+        self.line(&format!(
+            "Chain of ideals: {}.",
+            chain.join(if self.latex() { " $\\supset$ " } else { " ⊃ " })
+        ));
         let basis: Vec<String> = model.algebra.basis().to_vec();
         let symbol = |k: usize| format!("f{}", k + 1);
         let standard = stages.basis.iter().enumerate().all(|(k, row)| {
@@ -193,7 +203,9 @@ impl Page {
             self.form("curvature form", "a", j, &level.curvature, &g);
             self.form("vertical connection form", "b", j, &level.vertical_connection, &g);
         }
-        self.line("\nThe bracket rebuilt from these forms was checked, exactly, to be the bracket of the algebra.");
+        self.line(
+            "\nThe bracket rebuilt from these forms was checked, exactly, to be the bracket of the algebra.",
+        );
         self.stage_equations(stages, &mut g);
     }
 
@@ -293,7 +305,10 @@ impl Page {
                 self.title("Constraint");
                 for row in &s.rows {
                     let text = self.prose(&row.text);
-                    self.line(&format!("{text}   (multiplier {})", self.inline(&self.name(&format!("lambda_{}", row.name)))));
+                    self.line(&format!(
+                        "{text}   (multiplier {})",
+                        self.inline(&self.name(&format!("lambda_{}", row.name)))
+                    ));
                 }
                 let list: Vec<String> = s.independent.iter().map(|k| self.name(&names[*k])).collect();
                 let list = self.inline(&list.join(", "));
@@ -318,7 +333,10 @@ impl Page {
                 self.title("Constraint");
                 for row in rows {
                     let text = self.prose(&row.text);
-                    self.line(&format!("{text}   (multiplier {})", self.inline(&self.name(&format!("lambda_{}", row.name)))));
+                    self.line(&format!(
+                        "{text}   (multiplier {})",
+                        self.inline(&self.name(&format!("lambda_{}", row.name)))
+                    ));
                 }
                 self.line("No choice of independent velocities is good on the whole domain: all velocities stay in the");
                 self.line("state and multipliers keep the constraint.");

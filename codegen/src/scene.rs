@@ -38,9 +38,8 @@ pub fn names(model: &Model) -> Vec<String> {
 /// # Errors
 /// Unknown scene or output, and everything that reduction, derivation and lowering can find.
 pub fn build(model: &Model, scene: &str) -> Result<BuiltScene, Diagnostics> {
-    let fail = |message: String, help: String| {
-        model.diagnostics(vec![spec::diagnose(model, None, message, help)])
-    };
+    let fail =
+        |message: String, help: String| model.diagnostics(vec![spec::diagnose(model, None, message, help)]);
     let chosen = model.scenes.iter().find(|s| s.name == scene);
     if chosen.is_none() && scene != DEFAULT {
         let known = names(model).join(", ");
@@ -57,14 +56,15 @@ pub fn build(model: &Model, scene: &str) -> Result<BuiltScene, Diagnostics> {
             wants_energy = chosen.wants.iter().any(|w| w == "energy");
             let mut selected = Vec::new();
             for want in chosen.wants.iter().filter(|w| *w != "energy" && *w != "rhs") {
-                let Some(output) = available.iter().find(|o| o.name == *want) else {
+                let found = wanted_outputs(&equations, &available, want);
+                if found.is_empty() {
                     let known: Vec<&str> = available.iter().map(|o| o.name.as_str()).collect();
                     return Err(fail(
                         format!("scene {scene} wants {want}, which {} does not have", model.name),
                         format!("outputs: rhs, energy, {}", known.join(", ")),
                     ));
-                };
-                selected.push(output.clone());
+                }
+                selected.extend(found);
             }
             selected
         }
@@ -72,6 +72,22 @@ pub fn build(model: &Model, scene: &str) -> Result<BuiltScene, Diagnostics> {
     let doc = chosen.map(|s| s.doc.clone()).unwrap_or_default();
     let scene = lower_scene(equations, scene, outputs, wants_energy, doc);
     scene.map_err(|e| fail(e.to_string(), String::new()))
+}
+
+/// A group by its name, every output of the model (`outputs`), or a single component of a group.
+fn wanted_outputs(equations: &Equations, available: &[Output], want: &str) -> Vec<Output> {
+    if want == "outputs" {
+        let of_model = &equations.system.outputs;
+        return available.iter().filter(|o| of_model.iter().any(|m| m.name == o.name)).cloned().collect();
+    }
+    if let Some(group) = available.iter().find(|o| o.name == want) {
+        return vec![group.clone()];
+    }
+    let single = available.iter().find_map(|o| {
+        let component = o.components.iter().find(|(name, _)| name == want)?.clone();
+        Some(Output { name: want.to_owned(), components: vec![component], doc: o.doc.clone() })
+    });
+    single.into_iter().collect()
 }
 
 fn available_outputs(equations: &Equations) -> Vec<Output> {

@@ -92,30 +92,37 @@ impl LieAlgebra {
         if errors.is_empty() { Ok(algebra) } else { Err(errors) }
     }
 
+    /// `[[a, b], c] + [[b, c], a] + [[c, a], b]` is antisymmetric in the triple, so every non-zero `[a, b]` adds its part
+    /// to the sorted triple with a sign; triples that no bracket touches cost nothing.
     fn jacobi_violations(&self) -> Vec<Error> {
-        let n = self.dim();
-        let mut errors = Vec::new();
-        for a in 0..n {
-            for b in a + 1..n {
-                for c in b + 1..n {
-                    let mut residual = vec![Rational::zero(); n];
-                    for (x, y, z) in [(a, b, c), (b, c, a), (c, a, b)] {
-                        for (d, q) in self.bracket(x, y) {
-                            for (e, p) in self.bracket(d, z) {
-                                residual[e] += &q * p;
-                            }
-                        }
-                    }
-                    if residual.iter().any(|q| !q.is_zero()) {
-                        errors.push(Error::JacobiViolated {
-                            triple: [a, b, c].map(|k| self.basis[k].clone()),
-                            residual: spell_vector(&self.basis, &residual),
-                        });
+        let mut residuals: BTreeMap<[usize; 3], BTreeMap<usize, Rational>> = BTreeMap::new();
+        for (a, b, value) in self.brackets() {
+            for c in (0..self.dim()).filter(|c| *c != a && *c != b) {
+                let (triple, negative) = match () {
+                    () if c > b => ([a, b, c], false),
+                    () if c > a => ([a, c, b], true),
+                    () => ([c, a, b], false),
+                };
+                for (d, q) in value {
+                    for (e, p) in self.bracket(*d, c) {
+                        let term = if negative { -(q * p) } else { q * p };
+                        *residuals.entry(triple).or_default().entry(e).or_insert_with(Rational::zero) += term;
                     }
                 }
             }
         }
-        errors
+        residuals
+            .into_iter()
+            .filter(|(_, residual)| residual.values().any(|q| !q.is_zero()))
+            .map(|(triple, residual)| {
+                let mut dense = vec![Rational::zero(); self.dim()];
+                residual.into_iter().for_each(|(e, q)| dense[e] = q);
+                Error::JacobiViolated {
+                    triple: triple.map(|k| self.basis[k].clone()),
+                    residual: spell_vector(&self.basis, &dense),
+                }
+            })
+            .collect()
     }
 
     /// The algebra under another name.
@@ -256,11 +263,7 @@ impl LieAlgebra {
         for space in spaces {
             if space.n_generators() != base.dim() {
                 let what = format!("representation {}", space.name());
-                return Err(Error::ShapeMismatch {
-                    what,
-                    found: space.n_generators(),
-                    expected: base.dim(),
-                });
+                return Err(Error::ShapeMismatch { what, found: space.n_generators(), expected: base.dim() });
             }
             let offset = algebra.basis.len();
             algebra.slots.push(Slot { name: format!("R^{}", space.dim()), dim: space.dim() });

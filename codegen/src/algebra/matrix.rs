@@ -105,6 +105,17 @@ impl Matrix {
         Matrix { n_rows: self.n_rows, n_columns: self.n_columns, entries }
     }
 
+    /// `q * self`.
+    pub fn scaled(&self, q: &Rational) -> Matrix {
+        let entries = self.entries.iter().map(|e| e * q).collect();
+        Matrix { entries, ..self.clone() }
+    }
+
+    /// Whether every entry vanishes.
+    pub fn is_zero(&self) -> bool {
+        self.entries.iter().all(Zero::is_zero)
+    }
+
     /// Reduced row echelon form and the pivot columns.
     pub fn echelon(&self) -> (Matrix, Vec<usize>) {
         let mut m = self.clone();

@@ -10,7 +10,7 @@ use super::matrix::Matrix;
 use super::representation::Representation;
 
 /// Largest matrix size of a named algebra; beyond it tables would not fit the limits of generated code.
-const MAX_SIZE: usize = 14;
+const MAX_SIZE: usize = 10;
 
 fn unit(n: usize, i: usize, j: usize) -> Matrix {
     let mut m = Matrix::zeros(n, n);
@@ -80,46 +80,53 @@ pub(super) fn defining_matrices(name: &str) -> Option<Vec<Matrix>> {
     }
 }
 
-fn flatten(m: &Matrix) -> Vec<Rational> {
-    (0..m.n_rows()).flat_map(|i| m.row(i).to_vec()).collect()
+/// Frobenius inner product.
+fn inner(a: &Matrix, b: &Matrix) -> Rational {
+    let mut sum = Rational::zero();
+    for i in 0..a.n_rows() {
+        for (x, y) in a.row(i).iter().zip(b.row(i)).filter(|(x, y)| !x.is_zero() && !y.is_zero()) {
+            sum += x * y;
+        }
+    }
+    sum
 }
 
 /// The algebra spanned by linearly independent matrices that are closed under commutators.
+///
+/// Coordinates of a commutator come from the Gram matrix of the basis,.
 fn from_matrices(name: &str, matrices: &[Matrix]) -> Result<LieAlgebra, Error> {
     let n = matrices.len();
-    let size = matrices.first().map_or(0, |m| m.n_rows() * m.n_columns());
-    let mut targets = Vec::new();
+    let mut gram = Matrix::zeros(n, n);
+    for a in 0..n {
+        for b in 0..n {
+            gram.set(a, b, inner(&matrices[a], &matrices[b]));
+        }
+    }
+    let unusable = || Error::Unsupported {
+        what: format!("an algebra {name} of matrices that are dependent or not closed under commutators"),
+        possible: "independent matrices whose commutators they span".into(),
+    };
+    let dual = gram.inverse().ok_or_else(unusable)?;
+    let mut brackets = Vec::new();
     for a in 0..n {
         for b in a + 1..n {
-            let c = matrices[a].times(&matrices[b]).minus(&matrices[b].times(&matrices[a]));
-            targets.push((a, b, flatten(&c)));
+            let mut rest = matrices[a].times(&matrices[b]).minus(&matrices[b].times(&matrices[a]));
+            let products: Vec<Rational> = matrices.iter().map(|m| inner(m, &rest)).collect();
+            let mut value = Vec::new();
+            for c in 0..n {
+                let terms = dual.row(c).iter().zip(&products).filter(|(_, p)| !p.is_zero());
+                let q: Rational = terms.map(|(d, p)| d * p).sum();
+                if !q.is_zero() {
+                    rest = rest.minus(&matrices[c].scaled(&q));
+                    value.push((c, q));
+                }
+            }
+            if !rest.is_zero() {
+                return Err(unusable());
+            }
+            brackets.push((a, b, value));
         }
     }
-    // One elimination answers all brackets: columns are the basis, then every commutator.
-    let mut wide = Matrix::zeros(size, n + targets.len());
-    for (k, column) in matrices.iter().map(flatten).chain(targets.iter().map(|t| t.2.clone())).enumerate() {
-        for (i, q) in column.into_iter().enumerate() {
-            wide.set(i, k, q);
-        }
-    }
-    let (reduced, pivots) = wide.echelon();
-    if pivots.len() != n {
-        return Err(Error::Unsupported {
-            what: format!("an algebra {name} of matrices that are dependent or not closed under commutators"),
-            possible: "independent matrices whose commutators they span".into(),
-        });
-    }
-    let brackets: Vec<_> = targets
-        .iter()
-        .enumerate()
-        .map(|(k, (a, b, _))| {
-            let value = (0..n)
-                .map(|c| (c, reduced.get(c, n + k).clone()))
-                .filter(|(_, q)| !q.is_zero())
-                .collect::<Vec<_>>();
-            (*a, *b, value)
-        })
-        .collect();
     let basis = (1..=n).map(|k| format!("e{k}")).collect();
     LieAlgebra::from_brackets(name, basis, &brackets).map_err(|mut e| e.remove(0))
 }

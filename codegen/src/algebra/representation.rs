@@ -48,7 +48,8 @@ impl Representation {
         for a in 0..algebra.dim() {
             for b in a + 1..algebra.dim() {
                 let (ma, mb) = (&self.matrices[a], &self.matrices[b]);
-                let mut residual = Matrix::zeros(self.dim, self.dim).minus(&ma.times(mb).minus(&mb.times(ma)));
+                let mut residual =
+                    Matrix::zeros(self.dim, self.dim).minus(&ma.times(mb).minus(&mb.times(ma)));
                 for (c, q) in algebra.bracket(a, b) {
                     for i in 0..self.dim {
                         for j in 0..self.dim {
@@ -126,9 +127,7 @@ impl Representation {
     /// `rho(e_a) v`.
     pub fn act(&self, a: usize, v: &[Rational]) -> Vec<Rational> {
         (0..self.dim)
-            .map(|i| {
-                self.matrices[a].row(i).iter().zip(v).fold(Rational::zero(), |sum, (m, x)| sum + m * x)
-            })
+            .map(|i| self.matrices[a].row(i).iter().zip(v).fold(Rational::zero(), |sum, (m, x)| sum + m * x))
             .collect()
     }
 }

@@ -1,6 +1,6 @@
 //! Equations as ordered, named definitions.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 
 use super::graph::{ExprId, Graph, Node, SymbolId};
 
@@ -22,14 +22,25 @@ pub struct Section {
     pub definitions: Vec<Definition>,
 }
 
-/// Writes sections: names what is worth a name and passes the rest through.
-#[derive(Clone, Debug, Default)]
+/// Writes sections: names what is worth a name, passes the rest through, and keeps track of what varies.
+#[derive(Clone, Debug)]
 pub struct SectionWriter {
     sections: Vec<Section>,
     named: HashMap<ExprId, SymbolId>,
+    varying: BTreeSet<SymbolId>,
 }
 
 impl SectionWriter {
+    /// No sections yet; `varying` are the inputs that change from call to call, everything else is a parameter.
+    pub fn new(varying: BTreeSet<SymbolId>) -> SectionWriter {
+        SectionWriter { sections: Vec::new(), named: HashMap::new(), varying }
+    }
+
+    /// Whether an expression changes from call to call, also through definitions.
+    pub fn varies(&self, g: &Graph, e: ExprId) -> bool {
+        g.depends_on(e, &self.varying)
+    }
+
     /// Starts a section; a section without definitions disappears.
     pub fn begin(&mut self, title: &str) {
         self.sections.push(Section { title: title.to_owned(), definitions: Vec::new() });
@@ -46,6 +57,9 @@ impl SectionWriter {
         }
         let symbol = g.define(name, e);
         self.named.insert(e, symbol);
+        if self.varies(g, e) {
+            self.varying.insert(symbol);
+        }
         if self.sections.is_empty() {
             self.begin("definitions");
         }
@@ -55,9 +69,9 @@ impl SectionWriter {
         g.sym(symbol)
     }
 
-    /// The sections that have definitions.
-    pub fn finish(self) -> Vec<Section> {
-        self.sections.into_iter().filter(|s| !s.definitions.is_empty()).collect()
+    /// The sections that have definitions, and every symbol that varies.
+    pub fn finish(self) -> (Vec<Section>, BTreeSet<SymbolId>) {
+        (self.sections.into_iter().filter(|s| !s.definitions.is_empty()).collect(), self.varying)
     }
 }
 
@@ -65,7 +79,9 @@ fn is_monomial(g: &Graph, e: ExprId) -> bool {
     match g.node(e) {
         Node::Constant(_) | Node::Pi | Node::Symbol(_) => true,
         Node::Product { factors, .. } => factors.iter().all(|(base, exponent)| {
-            matches!(g.node(*base), Node::Symbol(_)) && exponent.is_integer() && exponent.numer().sign() == num_bigint::Sign::Plus
+            matches!(g.node(*base), Node::Symbol(_))
+                && exponent.is_integer()
+                && exponent.numer().sign() == num_bigint::Sign::Plus
         }),
         _ => false,
     }

@@ -181,4 +181,3 @@ pub(super) fn verdict(fingerprint: &Fingerprint) -> Verdict {
         Verdict::Unknown
     }
 }
-

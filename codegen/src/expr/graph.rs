@@ -745,9 +745,9 @@ impl Graph {
                 Node::Constant(c) => rational_to_f64(c),
                 Node::Pi => std::f64::consts::PI,
                 Node::Symbol(s) => *values.get(s)?,
-                Node::Sum { constant, terms } => {
-                    terms.iter().fold(rational_to_f64(constant), |acc, (t, q)| acc + rational_to_f64(q) * memo[t])
-                }
+                Node::Sum { constant, terms } => terms
+                    .iter()
+                    .fold(rational_to_f64(constant), |acc, (t, q)| acc + rational_to_f64(q) * memo[t]),
                 Node::Product { coefficient, factors } => {
                     factors.iter().fold(rational_to_f64(coefficient), |acc, (b, q)| {
                         acc * match q.numer().to_i32() {

@@ -16,8 +16,8 @@ mod rational;
 
 pub use definition::{Definition, Section, SectionWriter};
 pub use graph::{DivisionByZero, ExprId, Func, Graph, Node, SymbolId};
-pub(crate) use print::identifier;
 pub use print::Style;
+pub(crate) use print::identifier;
 pub use rational::{Rational, parse_decimal, rational_to_f64};
 
 #[cfg(test)]

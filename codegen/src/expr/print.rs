@@ -200,7 +200,10 @@ impl Graph {
                 guarded(&memo[term], Binding::Product, style)
             } else {
                 let coefficient = constant_text(&magnitude, style);
-                join(&[guarded_text(&coefficient, style), guarded(&memo[term], Binding::Product, style)], style)
+                join(
+                    &[guarded_text(&coefficient, style), guarded(&memo[term], Binding::Product, style)],
+                    style,
+                )
             };
             push(&piece, q.is_negative());
         }

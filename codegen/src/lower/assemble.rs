@@ -45,7 +45,11 @@ pub(super) fn assemble(
     }
     for v in &list.order {
         let op = pool.ops[*v as usize].map(|o| constants.keep(list.local(o)));
-        prepare.instructions.push(Instruction { op, section: 0, name: slot_names.get(v).map(|s| (*s).to_owned()) });
+        prepare.instructions.push(Instruction {
+            op,
+            section: 0,
+            name: slot_names.get(v).map(|s| (*s).to_owned()),
+        });
     }
     for slot in &slots.order {
         let name = slot_names.get(slot).map(|s| (*s).to_owned());
@@ -60,7 +64,8 @@ pub(super) fn assemble(
         });
     }
 
-    let names = |symbols: &[crate::expr::SymbolId]| symbols.iter().map(|s| graph.name(*s).to_owned()).collect();
+    let names =
+        |symbols: &[crate::expr::SymbolId]| symbols.iter().map(|s| graph.name(*s).to_owned()).collect();
     let titles = source.sections.iter().map(|s| s.title.clone());
     Ok(Program {
         params: names(&source.inputs.params),
@@ -140,7 +145,8 @@ impl List<'_> {
                 continue;
             }
             if operands_done {
-                self.index.insert(v, u32::try_from(self.order.len()).expect("no more values than the pool has"));
+                self.index
+                    .insert(v, u32::try_from(self.order.len()).expect("no more values than the pool has"));
                 self.order.push(v);
             } else {
                 pending.push((operand, true));

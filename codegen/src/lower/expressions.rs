@@ -1,7 +1,7 @@
 //! Turns a program back into expressions, to compare it with what was lowered.
 
-use super::program::{Constant, Instruction, Op, Operand, Program};
 use super::Inputs;
+use super::program::{Constant, Instruction, Op, Operand, Program};
 use crate::error::Error;
 use crate::expr::{DivisionByZero, ExprId, Graph};
 
@@ -17,7 +17,11 @@ impl Program {
         for function in &self.functions {
             let values = self.evaluate(graph, inputs, &slots, &function.instructions, &function.name)?;
             all.push(
-                function.results.iter().map(|(_, o)| self.operand(graph, inputs, &slots, &values, *o)).collect(),
+                function
+                    .results
+                    .iter()
+                    .map(|(_, o)| self.operand(graph, inputs, &slots, &values, *o))
+                    .collect(),
             );
         }
         Ok(all)

@@ -110,7 +110,8 @@ impl Pass {
                 }
                 Node::Sum { constant, terms } => {
                     let hoists = self.classes.get(e) > Class::Param;
-                    let terms = terms.iter().map(|(t, q)| self.term(graph, self.image[t], q, hoists)).collect();
+                    let terms =
+                        terms.iter().map(|(t, q)| self.term(graph, self.image[t], q, hoists)).collect();
                     let sum = self.sum(graph, terms, 0)?;
                     let constant = graph.rational(constant);
                     graph.add(constant, sum)

@@ -22,7 +22,8 @@ pub use crate::expr::{Definition, Section};
 
 pub use interpret::ViolatedCondition;
 pub use program::{
-    Condition, Constant, Counts, Function, Instruction, Literal, Op, Operand, Prepare, Program, Relation, Slot,
+    Condition, Constant, Counts, Function, Instruction, Literal, Op, Operand, Prepare, Program, Relation,
+    Slot,
 };
 pub use verify::verify;
 
@@ -76,7 +77,13 @@ pub fn lower(
     conditions: &[ParamCondition],
     requests: &[Request],
 ) -> Result<Program, Error> {
-    let plain = Source { inputs, sections, conditions, requests, classes: Classes::of(graph, inputs, sections, requests)? };
+    let plain = Source {
+        inputs,
+        sections,
+        conditions,
+        requests,
+        classes: Classes::of(graph, inputs, sections, requests)?,
+    };
     plain.check_conditions(graph)?;
     let (sections_factored, requests_factored) = factor::factor(graph, &plain)?;
 
@@ -89,8 +96,8 @@ pub fn lower(
             .collect();
         let wanted = if factored[sections.len()] { &requests_factored } else { requests };
         let classes = Classes::of(graph, inputs, &mixed, wanted)?;
-        let program =
-            Source { inputs, sections: &mixed, conditions, requests: wanted, classes }.lower_as_written(graph)?;
+        let program = Source { inputs, sections: &mixed, conditions, requests: wanted, classes }
+            .lower_as_written(graph)?;
         let cost = program.functions.iter().map(|f| f.counts().cost()).sum();
         Ok((cost, program))
     };

@@ -55,7 +55,8 @@ impl Pool {
             return *known;
         }
         let class = op.operands().map(|o| self.class(o)).max().unwrap_or(Class::Constant);
-        let value = Operand::Value(u32::try_from(self.ops.len()).expect("fewer than 2^32 values fit in memory"));
+        let value =
+            Operand::Value(u32::try_from(self.ops.len()).expect("fewer than 2^32 values fit in memory"));
         self.ops.push(op);
         self.classes.push(class);
         self.op_index.insert(op, value);
@@ -222,7 +223,8 @@ fn plan_divisions(graph: &Graph, classes: &Classes, order: &[ExprId]) -> BTreeMa
         }
         parts
     };
-    let parts: BTreeMap<&Denominator, Vec<(Denominator, u32)>> = uses.keys().map(|d| (d, parts_of(d))).collect();
+    let parts: BTreeMap<&Denominator, Vec<(Denominator, u32)>> =
+        uses.keys().map(|d| (d, parts_of(d))).collect();
     let mut n_uses: BTreeMap<&Denominator, usize> = BTreeMap::new();
     for (denominator, list) in &parts {
         for (part, _) in list {
@@ -452,7 +454,8 @@ impl Numbering<'_> {
         const MAX_ROOTS: u64 = 3;
         let whole = q.floor().numer().to_u32();
         let roots = q.denom().trailing_zeros().unwrap_or(0);
-        let (Some(whole), true) = (whole, roots <= MAX_ROOTS && q.denom().magnitude().count_ones() == 1) else {
+        let (Some(whole), true) = (whole, roots <= MAX_ROOTS && q.denom().magnitude().count_ones() == 1)
+        else {
             let exponent = self.pool.rational(q.clone());
             return self.pool.push(Op::Power(base, exponent));
         };

@@ -52,7 +52,13 @@ pub fn verify(program: &Program) -> Result<(), Error> {
             }
         }
         for (result, operand) in &function.results {
-            check_operand(program, &format!("{name}.{result}"), *operand, function.instructions.len(), false)?;
+            check_operand(
+                program,
+                &format!("{name}.{result}"),
+                *operand,
+                function.instructions.len(),
+                false,
+            )?;
             if let Operand::Value(i) = operand {
                 used[*i as usize] = true;
             }
@@ -91,7 +97,9 @@ fn verify_list(
         if let Op::Power(_, exponent) = instruction.op
             && !matches!(exponent, Operand::Constant(_))
         {
-            return Err(Error::Program { reason: format!("exponent of value {i} of {place} is not constant") });
+            return Err(Error::Program {
+                reason: format!("exponent of value {i} of {place} is not constant"),
+            });
         }
     }
     Ok(used)

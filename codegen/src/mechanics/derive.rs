@@ -75,7 +75,7 @@ pub struct Equations {
     /// What was found.
     pub facts: Facts,
     /// Every symbol that changes along a motion: inputs and definitions.
-    moving: BTreeSet<SymbolId>,
+    varying: BTreeSet<SymbolId>,
 }
 
 /// Derives `W^alpha_b E_alpha = 0` with
@@ -131,25 +131,18 @@ struct Derivation<'a> {
     /// `-(C^gamma_{alpha beta} y^beta p_gamma) + rho^i_alpha dL/dx^i + F_alpha - (dp_alpha/dx^i xdot^i + dp_alpha/dt)`:
     /// everything in `-E_alpha` except the Hessian times `ydot`.
     drive: Vec<ExprId>,
-    /// Everything but the parameters.
-    moving: BTreeSet<SymbolId>,
 }
 
 impl<'a> Derivation<'a> {
     fn new(system: &'a ReducedSystem) -> Derivation<'a> {
         let mut g = system.graph.clone();
         let y = system.velocities.iter().map(|s| g.sym(*s)).collect();
-        let moving = system
-            .velocities
-            .iter()
-            .chain(system.algebroid.base())
-            .chain([&system.time])
-            .copied()
-            .collect();
+        let varying =
+            system.velocities.iter().chain(system.algebroid.base()).chain([&system.time]).copied().collect();
         Derivation {
             system,
             g,
-            writer: SectionWriter::default(),
+            writer: SectionWriter::new(varying),
             names: system.algebroid.frame().to_vec(),
             replacement: BTreeMap::new(),
             y,
@@ -157,14 +150,13 @@ impl<'a> Derivation<'a> {
             momentum: Vec::new(),
             hessian: Vec::new(),
             drive: Vec::new(),
-            moving,
         }
     }
 
     fn replace(&mut self, e: ExprId) -> Result<ExprId, Error> {
         let replaced = self.g.subs(e, &self.replacement);
-        let replaced =
-            replaced.map_err(|_| Error::DivisionByZero { place: "the Lagrangian on the constraint".into() })?;
+        let replaced = replaced
+            .map_err(|_| Error::DivisionByZero { place: "the Lagrangian on the constraint".into() })?;
         Ok(self.g.cancel_zero(replaced))
     }
 
@@ -175,24 +167,14 @@ impl<'a> Derivation<'a> {
         for &k in &solved.dependent {
             let value = solved_velocity(&mut self.g, self.system, solved, k);
             let named = self.writer.define(&mut self.g, &self.names[k], value);
-            self.note_definitions(named, value);
             self.replacement.insert(self.system.velocities[k], named);
             self.y[k] = named;
         }
         Ok(())
     }
 
-    /// A definition moves when its value does.
-    fn note_definitions(&mut self, named: ExprId, value: ExprId) {
-        if named != value && self.g.depends_on(value, &self.moving) {
-            self.moving.extend(self.g.free_symbols(named));
-        }
-    }
-
     fn define(&mut self, name: &str, value: ExprId) -> ExprId {
-        let named = self.writer.define(&mut self.g, name, value);
-        self.note_definitions(named, value);
-        named
+        self.writer.define(&mut self.g, name, value)
     }
 
     /// `xdot^i = rho^i_alpha y^alpha`.
@@ -289,11 +271,6 @@ impl<'a> Derivation<'a> {
         self.g.cancel_zero(sum)
     }
 
-    fn rank(&self) -> impl Fn(&Graph, ExprId) -> (bool, usize) + use<> {
-        let moving = self.moving.clone();
-        move |g, e| (g.depends_on(e, &moving), g.reachable(&[e]).len())
-    }
-
     /// `A udot = f` with `A = W^T L_yy Psi`, `f = W^T (drive - L_yy (dPsi u + dpsi0))`.
     fn solve_reduced(&mut self, solved: &SolvedConstraint) -> Result<Motion, Error> {
         let m = self.y.len();
@@ -350,10 +327,9 @@ impl<'a> Derivation<'a> {
         }
         let unknowns: Vec<String> = solved.independent.iter().map(|k| self.names[*k].clone()).collect();
         let labels: Vec<String> = unknowns.iter().map(|n| format!("dot_{n}")).collect();
-        let (udot, mut pivots, symmetric) = self.solve_linear("A", &mass_matrix, &force, &unknowns, &labels, &inertias(&unknowns))?;
-        pivots.extend(
-            solved.pivots.iter().map(|(name, expr)| Pivot { name: name.clone(), expr: *expr }),
-        );
+        let (udot, mut pivots, symmetric) =
+            self.solve_linear("A", &mass_matrix, &force, &unknowns, &labels, &inertias(&unknowns))?;
+        pivots.extend(solved.pivots.iter().map(|(name, expr)| Pivot { name: name.clone(), expr: *expr }));
         self.writer.begin("accelerations ydot = Psi udot + lag");
         let mut acceleration = vec![self.g.zero(); m];
         for alpha in 0..m {
@@ -384,9 +360,8 @@ impl<'a> Derivation<'a> {
                 symmetric &= self.g.is_equal(matrix[i][j], matrix[j][i]);
             }
         }
-        let rank = self.rank();
         self.writer.begin(&format!("factors of {prefix}"));
-        let factors = Factorisation::new(&mut self.g, &mut self.writer, prefix, matrix, unknowns, &rank)?;
+        let factors = Factorisation::new(&mut self.g, &mut self.writer, prefix, matrix, unknowns)?;
         self.writer.begin(&format!("substitution through the factors of {prefix}"));
         let x = factors.solve(&mut self.g, &mut self.writer, labels, right);
         Ok((x, factors.pivots(pivot_names), symmetric))
@@ -422,10 +397,9 @@ impl<'a> Derivation<'a> {
     fn solve_with_multipliers(&mut self, rows: &[ConstraintRow]) -> Result<Motion, Error> {
         let m = self.y.len();
         let names = self.names.clone();
-        let rank = self.rank();
         let hessian = self.hessian.clone();
         self.writer.begin("factors of L_yy");
-        let factors = Factorisation::new(&mut self.g, &mut self.writer, "M", &hessian, &names, &rank)?;
+        let factors = Factorisation::new(&mut self.g, &mut self.writer, "M", &hessian, &names)?;
         self.writer.begin("free acceleration L_yy^-1 r");
         let drive = self.drive.clone();
         let prefixed = |prefix: &str| names.iter().map(|n| format!("{prefix}_{n}")).collect::<Vec<_>>();
@@ -458,7 +432,8 @@ impl<'a> Derivation<'a> {
             right.push(self.define(&format!("g_{}", c + 1), value));
         }
         let labels: Vec<String> = rows.iter().map(|r| format!("lambda_{}", r.name)).collect();
-        let reactions: Vec<String> = rows.iter().map(|r| format!("response to constraint {}", r.text)).collect();
+        let reactions: Vec<String> =
+            rows.iter().map(|r| format!("response to constraint {}", r.text)).collect();
         let (lambda, constraint_pivots, symmetric) =
             self.solve_linear("S", &matrix, &right, &labels, &labels, &reactions)?;
         self.writer.begin("accelerations ydot = L_yy^-1 (r + w^T lambda)");
@@ -548,10 +523,14 @@ impl<'a> Derivation<'a> {
             ..Facts::default()
         };
         facts.mass_matrix_is_constant =
-            motion.mass_matrix.iter().flatten().all(|e| !self.g.depends_on(*e, &self.moving));
+            motion.mass_matrix.iter().flatten().all(|e| !self.writer.varies(&self.g, *e));
         let mut outputs = Vec::new();
         let momenta = self.names.iter().zip(&self.momentum).map(|(n, p)| (format!("p_{n}"), *p)).collect();
-        outputs.push(Output { name: "momentum".into(), components: momenta, doc: "momenta p = dL/dy".into() });
+        outputs.push(Output {
+            name: "momentum".into(),
+            components: momenta,
+            doc: "momenta p = dL/dy".into(),
+        });
         if !motion.multipliers.is_empty() {
             outputs.push(Output {
                 name: "multipliers".into(),
@@ -619,9 +598,10 @@ impl<'a> Derivation<'a> {
         let pivots = motion.pivots.into_iter().filter(|p| self.g.as_rational(p.expr).is_none()).collect();
         let mut system = self.system.clone();
         system.graph = self.g;
+        let (sections, varying) = self.writer.finish();
         Ok(Equations {
             system,
-            sections: self.writer.finish(),
+            sections,
             state,
             mass_matrix: motion.mass_matrix,
             force: motion.force,
@@ -631,7 +611,7 @@ impl<'a> Derivation<'a> {
             outputs,
             pivots,
             facts,
-            moving: self.moving,
+            varying,
         })
     }
 }
@@ -663,7 +643,7 @@ fn constraint_residual(g: &mut Graph, system: &ReducedSystem, row: &ConstraintRo
 impl Equations {
     /// Whether an expression depends on parameters alone, also through definitions.
     pub fn is_parameter_only(&self, e: ExprId) -> bool {
-        !self.system.graph.depends_on(e, &self.moving)
+        !self.system.graph.depends_on(e, &self.varying)
     }
 
     /// An expression of these equations as text.

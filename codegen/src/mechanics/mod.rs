@@ -10,4 +10,3 @@ mod solve;
 
 pub use derive::{Equations, Facts, Output, StateEquation, derive};
 pub use solve::{Factorisation, Pivot};
-

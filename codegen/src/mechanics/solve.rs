@@ -26,7 +26,9 @@ pub struct Factorisation {
 }
 
 /// How pivot candidates rank: parameter-only before state-dependent, small before large.
-type Rank<'a> = &'a dyn Fn(&Graph, ExprId) -> (bool, usize);
+fn rank(g: &Graph, writer: &SectionWriter, e: ExprId) -> (bool, usize) {
+    (writer.varies(g, e), g.reachable(&[e]).len())
+}
 
 impl Factorisation {
     /// Factors `a`, writing the entries of the factors as definitions prefixed by `prefix`.
@@ -43,7 +45,6 @@ impl Factorisation {
         prefix: &str,
         a: &[Vec<ExprId>],
         names: &[String],
-        rank: Rank<'_>,
     ) -> Result<Factorisation, Error> {
         let n = a.len();
         let mut symmetric = true;
@@ -55,7 +56,7 @@ impl Factorisation {
         let mut order: Vec<usize> = (0..n).collect();
         if symmetric {
             let degree = |i: usize| a[i].iter().filter(|e| **e != g.zero()).count();
-            order.sort_by_key(|&i| (rank(g, a[i][i]).0, degree(i)));
+            order.sort_by_key(|&i| (writer.varies(g, a[i][i]), degree(i)));
         }
         let mut f = Factorisation {
             row_order: order.clone(),
@@ -70,8 +71,7 @@ impl Factorisation {
         for k in 0..n {
             if !symmetric || rest[k][k] == g.zero() {
                 symmetric = false;
-                f.choose_pivot(g, &mut rest, k, rank)
-                    .ok_or_else(|| singular(g, a, names))?;
+                f.choose_pivot(g, writer, &mut rest, k).ok_or_else(|| singular(g, a, names))?;
             }
             let label = |i: usize| f.column_order[i] + 1;
             let pivot = writer.define(g, &format!("{prefix}_d{}", label(k)), rest[k][k]);
@@ -100,7 +100,11 @@ impl Factorisation {
                     }
                     let product = g.mul(f.lower[i][k], rest[k][j]);
                     let reduced = g.sub(rest[i][j], product);
-                    rest[i][j] = writer.define(g, &format!("{prefix}_s{}_{}_{}", label(k), label(i), label(j)), reduced);
+                    rest[i][j] = writer.define(
+                        g,
+                        &format!("{prefix}_s{}_{}_{}", label(k), label(i), label(j)),
+                        reduced,
+                    );
                 }
             }
             if symmetric {
@@ -115,7 +119,13 @@ impl Factorisation {
     }
 
     /// Moves the best-ranked non-zero entry of the remaining block to position `(k, k)`.
-    fn choose_pivot(&mut self, g: &mut Graph, rest: &mut [Vec<ExprId>], k: usize, rank: Rank<'_>) -> Option<()> {
+    fn choose_pivot(
+        &mut self,
+        g: &mut Graph,
+        writer: &SectionWriter,
+        rest: &mut [Vec<ExprId>],
+        k: usize,
+    ) -> Option<()> {
         let n = rest.len();
         let mut best: Option<((bool, usize), usize, usize)> = None;
         for i in k..n {
@@ -123,7 +133,7 @@ impl Factorisation {
                 if rest[i][j] == g.zero() || g.is_zero(rest[i][j]) {
                     continue;
                 }
-                let candidate = (rank(g, rest[i][j]), i, j);
+                let candidate = (rank(g, writer, rest[i][j]), i, j);
                 best = Some(best.map_or(candidate, |b| b.min(candidate)));
             }
         }
@@ -204,7 +214,11 @@ fn singular(g: &mut Graph, a: &[Vec<ExprId>], names: &[String]) -> Error {
             for (j, name) in names.iter().enumerate().take(k + 1) {
                 let symbol = g.symbol(name);
                 let e = g.sym(symbol);
-                let weight = if j == k { g.one() } else { g.scale(solution[j][0], &-Rational::from_integer(1.into())) };
+                let weight = if j == k {
+                    g.one()
+                } else {
+                    g.scale(solution[j][0], &-Rational::from_integer(1.into()))
+                };
                 terms.push(g.mul(weight, e));
             }
             let direction = g.sum(&terms);

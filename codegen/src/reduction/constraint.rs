@@ -302,6 +302,14 @@ impl Solver<'_> {
             }
             psi0[column] = g.neg(table[row][m]);
         }
-        SolvedConstraint { independent, dependent, virtual_displacements: psi.clone(), psi, psi0, rows, pivots }
+        SolvedConstraint {
+            independent,
+            dependent,
+            virtual_displacements: psi.clone(),
+            psi,
+            psi0,
+            rows,
+            pivots,
+        }
     }
 }

@@ -152,7 +152,16 @@ impl FrontEnd {
 
     fn substitute(&mut self, values: &BTreeMap<SymbolId, ExprId>) -> Option<()> {
         let Model {
-            graph, lagrangian, conditions, stages, advected, constraints, forces, casimirs, outputs, ..
+            graph,
+            lagrangian,
+            conditions,
+            stages,
+            advected,
+            constraints,
+            forces,
+            casimirs,
+            outputs,
+            ..
         } = &mut self.model;
         let mut places: Vec<&mut ExprId> = vec![lagrangian];
         places.extend(forces.iter_mut());
@@ -259,7 +268,9 @@ impl FrontEnd {
                         Error::NotNested { stage, .. }
                         | Error::NotAnIdeal { stage, .. }
                         | Error::EmptyStage { stage }
-                        | Error::DegenerateInnerProduct { stage } => chain.names.iter().position(|n| n == stage),
+                        | Error::DegenerateInnerProduct { stage } => {
+                            chain.names.iter().position(|n| n == stage)
+                        }
                         _ => None,
                     };
                     let span = stage.and_then(|k| chain.spans.get(k).copied().flatten());
@@ -326,7 +337,8 @@ impl FrontEnd {
             Ok(constraint) => Some(constraint),
             Err(error) => {
                 let span = match &error {
-                    Error::DependentConstraint { constraint } | Error::InconsistentConstraint { constraint } => {
+                    Error::DependentConstraint { constraint }
+                    | Error::InconsistentConstraint { constraint } => {
                         self.model.constraints.iter().find(|c| c.text == *constraint).and_then(|c| c.span)
                     }
                     _ => self.model.constraints.first().and_then(|c| c.span),

@@ -12,4 +12,3 @@ mod stages;
 pub use constraint::{ConstraintRow, KinematicConstraint, Sign, SolvedConstraint, sign_of};
 pub use front_end::{ReducedSystem, StateKind, reduce};
 pub use stages::{StageLevel, Stages, Tensor};
-
