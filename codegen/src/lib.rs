@@ -21,6 +21,7 @@
 //! ```
 
 pub mod algebra;
+pub mod emit;
 pub mod error;
 pub mod explain;
 pub mod expr;

@@ -6,3 +6,5 @@ pub mod algebras;
 pub mod draws;
 pub mod linear;
 pub mod problem;
+pub mod reference;
+pub mod tracked;

@@ -430,7 +430,7 @@ fn algebras() {
     );
     check(
         r#"model m { velocity x in so(1); lagrangian = 1; }"#,
-        r#"1:25 so(1) does not exist [possible: so(n) with n from 2 to 14]"#,
+        r#"1:25 so(1) does not exist [possible: so(n) with n from 2 to 10]"#,
     );
     check(
         r#"model m { velocity x in so(40); lagrangian = 1; }"#,

@@ -1,0 +1,66 @@
+//! The file that lists the generated modules, and the macro that visits all scenes.
+
+use quote::{format_ident, quote};
+
+use super::{doc_attributes, format_file, header};
+use crate::error::Error;
+
+/// A module in the index.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SceneEntry {
+    /// Name of the module and of its file, such as `heavy_top_lagrange`.
+    pub module: String,
+    /// Name of the model.
+    pub model: String,
+    /// Name of the scene.
+    pub scene: String,
+    /// Dimension of the state.
+    pub n_state: usize,
+    /// One sentence.
+    pub doc: String,
+}
+
+impl SceneEntry {
+    /// The module name of a scene: the model's for the scene `default`, otherwise `<model>_<scene>`.
+    pub fn module_name(model: &str, scene: &str) -> String {
+        if scene == "default" { model.to_owned() } else { format!("{model}_{scene}") }
+    }
+}
+
+/// Emits `mod.rs`: a module for each scene, and `for_each_scene!`.
+///
+/// The macro calls `$visit! { (module, "model", "scene", dimension) .. }`; the module is at `$crate::generated::module`.
+///
+/// # Errors
+/// [`Error::Emission`] when a module name is no identifier.
+pub fn emit_index(scenes: &[SceneEntry], command: &str) -> Result<String, Error> {
+    let mut sorted: Vec<&SceneEntry> = scenes.iter().collect();
+    sorted.sort_by(|a, b| a.module.cmp(&b.module));
+    let mut modules = proc_macro2::TokenStream::new();
+    let mut list = String::new();
+    for entry in sorted {
+        let SceneEntry { module, model, scene, n_state, doc } = entry;
+        syn::parse_str::<syn::Ident>(module)
+            .map_err(|e| Error::Emission { model: model.clone(), reason: format!("module {module}: {e}") })?;
+        let name = format_ident!("{module}");
+        let fallback = format!("Model `{model}`, scene `{scene}`.");
+        let doc = doc_attributes([if doc.trim().is_empty() { &fallback } else { doc }]);
+        modules.extend(quote! { #doc pub mod #name; });
+        list.push_str(&format!("            ({module}, {model:?}, {scene:?}, {n_state})\n"));
+    }
+    // Written by hand: the formatter leaves macros as it finds them.
+    let visitor = format!(
+        "\n/// Calls a macro with every scene: `$visit! {{ (module, \"model\", \"scene\", dimension) .. }}`.\n\
+         ///\n\
+         /// The module of a scene is `$crate::generated::module`.\n\
+         #[macro_export]\n\
+         macro_rules! for_each_scene {{\n    \
+             ($visit:ident) => {{\n        \
+                 $visit! {{\n{list}        }}\n    \
+             }};\n\
+         }}\n"
+    );
+    let text = format!("{}{}{visitor}", header(command), format_file(modules)?);
+    syn::parse_file(&text).map_err(|e| Error::Emission { model: "the index".to_owned(), reason: e.to_string() })?;
+    Ok(text)
+}

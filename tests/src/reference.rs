@@ -1,0 +1,147 @@
+//! Reference values made without any reduced theory: `tests/reference/*.json`.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use hamel_codegen::expr::{Rational, parse_decimal};
+use serde_json::Value;
+
+/// The models of this version whose reference values exist, in the order of the catalogue.
+pub const MODELS: [&str; 9] = [
+    "free_rigid_body",
+    "heavy_top",
+    "kirchhoff_body",
+    "extended_pose",
+    "euler_disk_advected",
+    "chaplygin_ball",
+    "suslov",
+    "chaplygin_sleigh",
+    "veselova",
+];
+
+/// Decimal strings by name.
+pub type Numbers = BTreeMap<String, String>;
+
+/// A state with its exact derivative.
+pub struct Point {
+    /// Parameters, exact doubles.
+    pub params: Numbers,
+    /// State, exact doubles.
+    pub state: Numbers,
+    /// Derivative, 40 digits.
+    pub derivative: Numbers,
+    /// Energy, 40 digits.
+    pub energy: Option<String>,
+    /// Multiplier of the single constraint, 40 digits, when the file has it.
+    pub lambda: Option<String>,
+}
+
+/// A trajectory.
+pub struct Trajectory {
+    /// Parameters, exact doubles.
+    pub params: Numbers,
+    /// Final time.
+    pub t_final: f64,
+    /// Initial state, exact doubles.
+    pub initial: Numbers,
+    /// Final state, 25 digits.
+    pub last: Numbers,
+    /// States on the way, 20 digits.
+    pub samples: Vec<(f64, Numbers)>,
+}
+
+/// The file of a model.
+pub struct Reference {
+    /// All points of all cases.
+    pub points: Vec<Point>,
+    /// All trajectories.
+    pub trajectories: Vec<Trajectory>,
+}
+
+fn text(value: &Value) -> String {
+    match value {
+        Value::String(s) => s.clone(),
+        other => other.to_string(),
+    }
+}
+
+fn numbers(value: &Value) -> Numbers {
+    let object = value.as_object().unwrap_or_else(|| panic!("expected an object, found {value}"));
+    object.iter().map(|(name, value)| (name.clone(), text(value))).collect()
+}
+
+/// Reads the reference values of a model.
+///
+/// # Panics
+/// When the file is missing or not what its README says.
+pub fn read(model: &str) -> Reference {
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("reference").join(format!("{model}.json"));
+    let content = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    let file: Value = serde_json::from_str(&content).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    let list = |value: &Value| value.as_array().cloned().unwrap_or_default();
+    let mut points = Vec::new();
+    for case in list(&file["cases"]) {
+        for point in list(&case["points"]) {
+            let lambda = &point["extra"]["lambda"];
+            points.push(Point {
+                params: numbers(&case["params"]),
+                state: numbers(&point["state"]),
+                derivative: numbers(&point["derivative"]),
+                energy: (!point["energy"].is_null()).then(|| text(&point["energy"])),
+                lambda: lambda.as_str().map(str::to_owned),
+            });
+        }
+    }
+    let trajectories = list(&file["trajectories"])
+        .iter()
+        .map(|t| Trajectory {
+            params: numbers(&t["params"]),
+            t_final: number(&text(&t["t_final"])),
+            initial: numbers(&t["initial"]),
+            last: numbers(&t["final"]),
+            samples: list(&t["samples"]).iter().map(|s| (number(&text(&s[0])), numbers(&s[1]))).collect(),
+        })
+        .collect();
+    Reference { points, trajectories }
+}
+
+/// The double nearest to a decimal string.
+///
+/// # Panics
+/// When it is not a number.
+pub fn number(decimal: &str) -> f64 {
+    decimal.parse().unwrap_or_else(|_| panic!("{decimal} is not a number"))
+}
+
+/// The exact value of a decimal string.
+///
+/// # Panics
+/// When it is not a decimal.
+pub fn exact(decimal: &str) -> Rational {
+    let (negative, digits) = match decimal.strip_prefix('-') {
+        Some(digits) => (true, digits),
+        None => (false, decimal),
+    };
+    let value = parse_decimal(digits).unwrap_or_else(|| panic!("{decimal} is not a decimal"));
+    if negative { -value } else { value }
+}
+
+/// `|computed - reference|`, subtracted exactly and rounded once.
+///
+/// # Panics
+/// When `computed` is not finite.
+pub fn distance(computed: f64, reference: &str) -> f64 {
+    let computed = Rational::from_float(computed).unwrap_or_else(|| panic!("{computed} is not finite"));
+    hamel_codegen::expr::rational_to_f64(&(computed - exact(reference))).abs()
+}
+
+/// Values of `names` in order, as doubles.
+///
+/// # Panics
+/// When a name is missing.
+pub fn in_order(numbers: &Numbers, names: &[String]) -> Vec<f64> {
+    names
+        .iter()
+        .map(|name| number(numbers.get(name).unwrap_or_else(|| panic!("the reference has no {name}"))))
+        .collect()
+}

@@ -1,0 +1,149 @@
+//! Right-hand sides, energies, multipliers and trajectories against values computed without any reduced theory.
+//!
+//! The bound on a component is 64 units in the last place of the larger of the reference component and the largest term
+//! that enters it. The largest term is computed by running the very program on [`Tracked`] numbers, which propagate it
+//! through every operation (its documentation says how); the distance to the 40-digit reference is taken exactly.
+
+use hamel_codegen::scene::{self, BuiltScene};
+use hamel_codegen::spec;
+use hamel_runtime::{Dop853, Integrator, Options, StateVector, System};
+use hamel_tests::reference::{self, MODELS, Numbers, Reference};
+use hamel_tests::tracked::{Tracked, unit_in_the_last_place};
+
+/// Units in the last place that a component may be off.
+const BOUND: f64 = 64.0;
+
+fn build(model: &str) -> BuiltScene {
+    let path = format!("{}/../models/specs/{model}.hamel", env!("CARGO_MANIFEST_DIR"));
+    let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{path}: {e}"));
+    let model = spec::parse(&path, &text).unwrap_or_else(|e| panic!("{e}"));
+    scene::build(&model, scene::DEFAULT).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn params(scene: &BuiltScene, numbers: &Numbers) -> Vec<f64> {
+    let names: Vec<String> = scene.params().iter().map(|p| p.name.clone()).collect();
+    assert_eq!(numbers.len(), names.len(), "parameters of the model and of the reference");
+    reference::in_order(numbers, &names)
+}
+
+/// Runs one function of the program on tracked numbers.
+fn tracked(scene: &BuiltScene, function: &str, params: &[f64], state: &[f64]) -> Vec<Tracked> {
+    let program = &scene.program;
+    let lift = |values: &[f64]| values.iter().map(|x| Tracked::input(*x)).collect::<Vec<_>>();
+    let (params, state) = (lift(params), lift(state));
+    let prepared = program.prepare(&params).unwrap_or_else(|e| panic!("{e}"));
+    let k = program.function_idx(function).unwrap_or_else(|| panic!("the scene has no {function}"));
+    let mut out = vec![Tracked::default(); program.functions[k].results.len()];
+    program.run(k, &params, &prepared, Tracked::input(0.0), &state, &mut out);
+    out
+}
+
+/// How many units in the last place of the larger of component and largest term a value is off.
+fn units_off(computed: Tracked, expected: &str) -> f64 {
+    let scale = computed.term.max(reference::number(expected).abs());
+    reference::distance(computed.value, expected) / unit_in_the_last_place(scale)
+}
+
+fn check_points(model: &str, Reference { points, .. }: &Reference) -> f64 {
+    let scene = build(model);
+    let names = scene.state_names();
+    let mut worst: f64 = 0.0;
+    assert!(!points.is_empty(), "{model} has reference points");
+    for (k, point) in points.iter().enumerate() {
+        assert_eq!(point.state.len(), names.len(), "{model}: state of the model and of the reference");
+        let params = params(&scene, &point.params);
+        let state = reference::in_order(&point.state, &names);
+        for (name, value) in names.iter().zip(tracked(&scene, "rhs", &params, &state)) {
+            let off = units_off(value, &point.derivative[name]);
+            worst = worst.max(off);
+            assert!(off <= BOUND, "{model}, point {k}: d{name}/dt is {off} units off: {value:?}");
+        }
+        if let Some(energy) = &point.energy {
+            let off = units_off(tracked(&scene, "energy", &params, &state)[0], energy);
+            worst = worst.max(off);
+            assert!(off <= BOUND, "{model}, point {k}: energy is {off} units off");
+        }
+        if let Some(lambda) = &point.lambda {
+            let off = units_off(tracked(&scene, "multipliers", &params, &state)[0], lambda);
+            worst = worst.max(off);
+            assert!(off <= BOUND, "{model}, point {k}: multiplier is {off} units off");
+        }
+    }
+    worst
+}
+
+#[test]
+fn every_reference_point_is_met_within_64_units_of_the_largest_term() {
+    for model in MODELS {
+        let worst = check_points(model, &reference::read(model));
+        println!("{model}: worst {worst:.2} units in the last place");
+    }
+}
+
+#[test]
+fn suslov_and_sleigh_points_carry_multipliers() {
+    for model in ["suslov", "chaplygin_sleigh", "veselova"] {
+        let file = reference::read(model);
+        assert!(file.points.iter().all(|p| p.lambda.is_some()), "{model}");
+    }
+}
+
+/// A state whose dimension is known at run time.
+#[derive(Clone)]
+struct State(Vec<f64>);
+
+impl StateVector<f64> for State {
+    fn as_slice(&self) -> &[f64] {
+        &self.0
+    }
+    fn as_mut_slice(&mut self) -> &mut [f64] {
+        &mut self.0
+    }
+    fn zeros_like(&self) -> State {
+        State(vec![0.0; self.0.len()])
+    }
+}
+
+struct Interpreted<'a>(scene::Interpreter<'a>);
+
+impl System<f64> for Interpreted<'_> {
+    type State = State;
+    fn rhs(&self, t: f64, y: &State, dy: &mut State) {
+        self.0.rhs(t, &y.0, &mut dy.0);
+    }
+}
+
+/// Largest distance of a component, relative to the norm of the reference state.
+fn relative_error(state: &[f64], names: &[String], expected: &Numbers) -> f64 {
+    let expected: Vec<f64> = reference::in_order(expected, names);
+    let size = expected.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let error = state.iter().zip(&expected).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+    error / size
+}
+
+#[test]
+fn every_reference_trajectory_is_met_within_1e_9_at_rtol_1e_12() {
+    for model in MODELS {
+        let scene = build(model);
+        let names = scene.state_names();
+        let file = reference::read(model);
+        assert!(!file.trajectories.is_empty(), "{model} has reference trajectories");
+        for (k, t) in file.trajectories.iter().enumerate() {
+            let interpreter = scene.prepare(&params(&scene, &t.params)).unwrap_or_else(|e| panic!("{e}"));
+            let system = Interpreted(interpreter);
+            let initial = State(reference::in_order(&t.initial, &names));
+            let options = Options::adaptive(1e-12, 1e-12);
+            let mut integrator = Integrator::new(&system, Dop853, 0.0, initial, options)
+                .unwrap_or_else(|e| panic!("{model}, trajectory {k}: {e}"));
+            for (at, expected) in &t.samples {
+                integrator.integrate_to(*at).unwrap_or_else(|e| panic!("{model}, trajectory {k}: {e}"));
+                let error = relative_error(&integrator.state().0, &names, expected);
+                assert!(error <= 1e-9, "{model}, trajectory {k}, t = {at}: relative error {error:e}");
+            }
+            integrator.integrate_to(t.t_final).unwrap_or_else(|e| panic!("{model}, trajectory {k}: {e}"));
+            let error = relative_error(&integrator.state().0, &names, &t.last);
+            println!("{model}, trajectory {k}: relative error {error:.1e} in {} steps", integrator.stats().steps);
+            assert!(error <= 1e-9, "{model}, trajectory {k}: relative error {error:e}");
+        }
+    }
+}

@@ -1,0 +1,254 @@
+//! What can be asked of a scene with parameters, whoever evaluates it, and what a scene is called and made of.
+//!
+//! Deliberately does not know: where a scene comes from, JSON, how states are integrated.
+
+use std::fmt;
+
+use hamel_runtime::{Failure, ParamError, Scene, SceneInfo, StateVector, System};
+use serde::{Deserialize, Serialize};
+
+/// Names and meanings of all that a scene has.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Info {
+    /// Name of the model.
+    pub model: String,
+    /// Name of the scene within the model.
+    pub scene: String,
+    /// Names of the state's components in order.
+    pub state: Vec<String>,
+    /// Free parameters in order.
+    pub params: Vec<ParamEntry>,
+    /// Groups of outputs in the order of [`Dynamics::outputs`].
+    pub outputs: Vec<OutputEntry>,
+    /// Whether [`Dynamics::energy`] has a value.
+    pub has_energy: bool,
+}
+
+/// A free parameter of a scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ParamEntry {
+    /// Name, as the model spells it.
+    pub name: String,
+    /// Value of the scene as published.
+    pub default: f64,
+    /// Meaning and unit.
+    pub doc: String,
+}
+
+/// A group of outputs of a scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct OutputEntry {
+    /// Name of the group.
+    pub name: String,
+    /// Names of the components in order.
+    pub components: Vec<String>,
+    /// Meaning and unit.
+    pub doc: String,
+}
+
+impl Info {
+    /// Number of components of all outputs.
+    pub fn n_outputs(&self) -> usize {
+        self.outputs.iter().map(|group| group.components.len()).sum()
+    }
+
+    /// Names of the parameters in order.
+    pub fn param_names(&self) -> Vec<&str> {
+        self.params.iter().map(|p| p.name.as_str()).collect()
+    }
+
+    /// Names of the state's components in order.
+    pub fn state_names(&self) -> Vec<&str> {
+        self.state.iter().map(String::as_str).collect()
+    }
+
+    /// Defaults of the parameters in order.
+    pub fn defaults(&self) -> Vec<f64> {
+        self.params.iter().map(|p| p.default).collect()
+    }
+
+    /// Positions of a group's components among all outputs; none when the scene has no such group.
+    pub fn output_range(&self, group: &str) -> Option<std::ops::Range<usize>> {
+        let mut start = 0;
+        for entry in &self.outputs {
+            let end = start + entry.components.len();
+            if entry.name == group {
+                return Some(start..end);
+            }
+            start = end;
+        }
+        None
+    }
+}
+
+impl From<&SceneInfo> for Info {
+    fn from(info: &SceneInfo) -> Info {
+        let owned = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
+        let param = |p: &hamel_runtime::ParamInfo| ParamEntry {
+            name: p.name.into(),
+            default: p.default,
+            doc: p.doc.into(),
+        };
+        let output = |o: &hamel_runtime::OutputInfo| OutputEntry {
+            name: o.name.into(),
+            components: owned(o.components),
+            doc: o.doc.into(),
+        };
+        Info {
+            model: info.model.into(),
+            scene: info.scene.into(),
+            state: owned(info.state),
+            params: info.params.iter().map(param).collect(),
+            outputs: info.outputs.iter().map(output).collect(),
+            has_energy: info.has_energy,
+        }
+    }
+}
+
+/// A scene with parameter values, ready to be evaluated.
+///
+/// # Shapes
+/// `y`, `dy`: `[n_state]`. A wrong size is a bug of the caller and panics.
+pub trait Dynamics {
+    /// Names and meanings.
+    fn info(&self) -> &Info;
+
+    /// Writes the derivative `f(t, y)` to `dy`.
+    fn rhs(&self, t: f64, y: &[f64], dy: &mut [f64]);
+
+    /// Energy, when the scene computes it.
+    fn energy(&self, t: f64, y: &[f64]) -> Option<f64>;
+
+    /// All outputs, one after the other.
+    fn outputs(&self, t: f64, y: &[f64]) -> Vec<f64>;
+
+    /// Says why the right-hand side has no value at a point.
+    ///
+    /// # Errors
+    /// The reason, if the scene knows one.
+    fn check(&self, t: f64, y: &[f64]) -> Result<(), Failure>;
+}
+
+/// A scene whose parameters are still to be given.
+pub trait Factory {
+    /// Names and meanings.
+    fn info(&self) -> &Info;
+
+    /// Fixes the parameters, `values` in the order of [`Info::params`].
+    ///
+    /// # Errors
+    /// The first condition on the parameters that does not hold.
+    fn prepare(&self, values: &[f64]) -> Result<Box<dyn Dynamics + '_>, BadParams>;
+}
+
+/// Parameter values that the model does not allow.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BadParams {
+    /// The condition that does not hold, such as `m > 0`.
+    pub condition: String,
+    /// What the condition means for the model; may be empty.
+    pub meaning: String,
+}
+
+impl fmt::Display for BadParams {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} does not hold", self.condition)?;
+        if self.meaning.is_empty() { Ok(()) } else { write!(f, ": {}", self.meaning) }
+    }
+}
+
+impl From<ParamError> for BadParams {
+    fn from(error: ParamError) -> BadParams {
+        BadParams { condition: error.condition.into(), meaning: error.meaning.into() }
+    }
+}
+
+/// A state whose dimension is known at run time only.
+#[derive(Clone, Debug, PartialEq)]
+pub struct VecState(pub Vec<f64>);
+
+impl StateVector<f64> for VecState {
+    fn as_slice(&self) -> &[f64] {
+        &self.0
+    }
+
+    fn as_mut_slice(&mut self) -> &mut [f64] {
+        &mut self.0
+    }
+}
+
+impl System<f64> for dyn Dynamics + '_ {
+    type State = VecState;
+
+    fn rhs(&self, t: f64, y: &VecState, dy: &mut VecState) {
+        Dynamics::rhs(self, t, &y.0, &mut dy.0);
+    }
+
+    fn check(&self, t: f64, y: &VecState) -> Result<(), Failure> {
+        Dynamics::check(self, t, &y.0)
+    }
+}
+
+/// A scene known at compile time, such as a generated one, behind [`Factory`].
+#[derive(Debug)]
+pub struct Typed<S, const N: usize> {
+    info: Info,
+    scene: std::marker::PhantomData<fn() -> S>,
+}
+
+impl<S: Scene<f64> + System<f64, State = [f64; N]>, const N: usize> Typed<S, N> {
+    /// The scene `S`.
+    pub fn new() -> Self {
+        Typed { info: Info::from(&S::INFO), scene: std::marker::PhantomData }
+    }
+}
+
+impl<S: Scene<f64> + System<f64, State = [f64; N]>, const N: usize> Default for Typed<S, N> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<S: Scene<f64> + System<f64, State = [f64; N]>, const N: usize> Factory for Typed<S, N> {
+    fn info(&self) -> &Info {
+        &self.info
+    }
+
+    fn prepare(&self, values: &[f64]) -> Result<Box<dyn Dynamics + '_>, BadParams> {
+        Ok(Box::new(PreparedTyped { info: &self.info, scene: S::prepare(values)? }))
+    }
+}
+
+struct PreparedTyped<'a, S> {
+    info: &'a Info,
+    scene: S,
+}
+
+fn array<const N: usize>(y: &[f64]) -> &[f64; N] {
+    y.try_into().expect("state of the scene's dimension")
+}
+
+impl<S: Scene<f64> + System<f64, State = [f64; N]>, const N: usize> Dynamics for PreparedTyped<'_, S> {
+    fn info(&self) -> &Info {
+        self.info
+    }
+
+    fn rhs(&self, t: f64, y: &[f64], dy: &mut [f64]) {
+        let dy = dy.try_into().expect("derivative of the scene's dimension");
+        System::rhs(&self.scene, t, array(y), dy);
+    }
+
+    fn energy(&self, t: f64, y: &[f64]) -> Option<f64> {
+        self.scene.energy_of(t, array(y))
+    }
+
+    fn outputs(&self, t: f64, y: &[f64]) -> Vec<f64> {
+        let mut out = vec![0.0; S::INFO.n_outputs()];
+        self.scene.outputs_of(t, array(y), &mut out);
+        out
+    }
+
+    fn check(&self, t: f64, y: &[f64]) -> Result<(), Failure> {
+        System::check(&self.scene, t, array(y))
+    }
+}

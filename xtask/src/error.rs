@@ -1,0 +1,347 @@
+//! Every error of the command line, and the exit status it leads to.
+
+use std::fmt;
+use std::path::PathBuf;
+
+use hamel_codegen::spec::Diagnostics;
+use serde::{Deserialize, Serialize};
+
+use crate::names;
+
+/// What can go wrong.
+#[derive(Debug)]
+#[non_exhaustive]
+pub enum Error {
+    /// No model of this name.
+    UnknownModel {
+        /// The name.
+        name: String,
+        /// The models there are.
+        known: Vec<String>,
+    },
+    /// A model has no scene of this name.
+    UnknownScene {
+        /// The model.
+        model: String,
+        /// The name.
+        name: String,
+        /// The scenes there are.
+        known: Vec<String>,
+    },
+    /// Model files that do not parse, or models that cannot be derived.
+    Models {
+        /// All problems, one entry a model.
+        problems: Vec<Diagnostics>,
+    },
+    /// Generation failed for another reason than the model's text.
+    Emission {
+        /// The model.
+        model: String,
+        /// The reason.
+        source: hamel_codegen::error::Error,
+    },
+    /// Input that is not JSON.
+    NotJson {
+        /// Reason with line and column.
+        reason: String,
+        /// Whether there was no input at all.
+        empty: bool,
+    },
+    /// A request that does not fit the scene.
+    Request {
+        /// Everything that is wrong.
+        problems: Vec<Problem>,
+    },
+    /// Parameter values that the model does not allow.
+    Params {
+        /// The condition that does not hold.
+        condition: String,
+        /// What it means; may be empty.
+        meaning: String,
+        /// The values of the parameters named in the condition.
+        values: Vec<(String, f64)>,
+    },
+    /// A state at which the scene has no value.
+    State {
+        /// Where in the request.
+        path: String,
+        /// Why.
+        reason: String,
+    },
+    /// Options that the integrator does not accept.
+    Options {
+        /// Why.
+        reason: String,
+    },
+    /// An integration that could not go on.
+    Stopped {
+        /// The last time reached.
+        t: f64,
+        /// The state there, by name.
+        state: Vec<(String, f64)>,
+        /// Why.
+        reason: String,
+    },
+    /// Generated files that are not what the models say.
+    Stale {
+        /// Files with what is wrong with each.
+        files: Vec<(PathBuf, &'static str)>,
+        /// The command that repairs it.
+        command: String,
+    },
+    /// Compiled scenes that cannot be had.
+    NotCompiled {
+        /// What was wanted.
+        what: String,
+        /// Why not.
+        reason: String,
+    },
+    /// Reading, writing or starting something failed.
+    Io {
+        /// What was being done.
+        doing: String,
+        /// Why it failed.
+        source: std::io::Error,
+    },
+    /// A command run for the user failed.
+    Failed {
+        /// The step.
+        step: String,
+        /// How it ended.
+        status: String,
+    },
+    /// An error of the process with the compiled models, already put into words.
+    Remote {
+        /// The words.
+        message: String,
+        /// Its exit status.
+        code: u8,
+    },
+}
+
+/// One thing that is wrong with a request.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Problem {
+    /// A value of the wrong kind.
+    WrongKind {
+        /// Where.
+        path: String,
+        /// What it is.
+        found: String,
+        /// What it should be.
+        wanted: &'static str,
+    },
+    /// A number written as a string.
+    QuotedNumber {
+        /// Where.
+        path: String,
+        /// The string.
+        text: String,
+    },
+    /// A name that does not exist.
+    UnknownName {
+        /// Where.
+        path: String,
+        /// What it would be.
+        kind: &'static str,
+        /// The name.
+        name: String,
+        /// The names that exist.
+        known: Vec<String>,
+    },
+    /// Names that have to be there and are not.
+    MissingNames {
+        /// Where.
+        path: String,
+        /// The names that are missing.
+        absent: Vec<String>,
+        /// All names that have to be there.
+        known: Vec<String>,
+    },
+    /// A name that is there twice.
+    Repeated {
+        /// Where.
+        path: String,
+        /// The name.
+        name: String,
+    },
+    /// A field without a default that is not there.
+    MissingField {
+        /// Its name.
+        name: String,
+        /// What it is.
+        meaning: &'static str,
+    },
+    /// A value that is not allowed.
+    Unusable {
+        /// Where.
+        path: String,
+        /// What is wrong and what to change.
+        reason: String,
+    },
+}
+
+impl Error {
+    /// Exit status: 2 for bad input, 1 for everything else.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Error::Stopped { .. }
+            | Error::Stale { .. }
+            | Error::NotCompiled { .. }
+            | Error::Io { .. }
+            | Error::Emission { .. }
+            | Error::Failed { .. } => 1,
+            Error::Remote { code, .. } => *code,
+            _ => 2,
+        }
+    }
+
+    /// An error of reading, writing or starting something.
+    pub fn io(doing: impl Into<String>, source: std::io::Error) -> Error {
+        Error::Io { doing: doing.into(), source }
+    }
+
+    /// The message for a terminal; escape sequences only when `color` is set.
+    pub fn render(&self, color: bool) -> String {
+        match self {
+            Error::Models { problems } => {
+                problems.iter().map(|d| d.render(color)).collect::<Vec<_>>().join("\n").trim_end().to_owned()
+            }
+            other if color => format!("\u{1b}[1;31merror\u{1b}[0m: {other}"),
+            other => format!("error: {other}"),
+        }
+    }
+}
+
+impl From<Diagnostics> for Error {
+    fn from(problems: Diagnostics) -> Error {
+        Error::Models { problems: vec![problems] }
+    }
+}
+
+fn quoted(known: &[String]) -> String {
+    names::list(known.iter().map(String::as_str))
+}
+
+fn hint(name: &str, known: &[String]) -> String {
+    names::hint(name, known.iter().map(String::as_str))
+}
+
+fn values(f: &mut fmt::Formatter<'_>, values: &[(String, f64)]) -> fmt::Result {
+    for (k, (name, x)) in values.iter().enumerate() {
+        write!(f, "{}{name} = {x:?}", if k == 0 { "" } else { ", " })?;
+    }
+    Ok(())
+}
+
+impl fmt::Display for Problem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Problem::WrongKind { path, found, wanted } => write!(f, "{path} is {found}, but has to be {wanted}"),
+            Problem::QuotedNumber { path, text } => {
+                write!(f, "{path} is the string {text:?}: write the number without quotes")
+            }
+            Problem::UnknownName { path, kind, name, known } => write!(
+                f,
+                "{path} has no {kind} `{name}`{}\n  {kind}s: {}",
+                hint(name, known),
+                quoted(known)
+            ),
+            Problem::MissingNames { path, absent, known } => {
+                write!(f, "{path} lacks {}\n  all of: {}", quoted(absent), quoted(known))
+            }
+            Problem::Repeated { path, name } => write!(f, "{path} has `{name}` twice: keep one of them"),
+            Problem::MissingField { name, meaning } => write!(f, "{name} is missing: {meaning}"),
+            Problem::Unusable { path, reason } => write!(f, "{path} {reason}"),
+        }
+    }
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Error::UnknownModel { name, known } => write!(
+                f,
+                "no model `{name}`{}\n  models: {}\n  a path that ends in .hamel is read as a model file",
+                hint(name, known),
+                quoted(known)
+            ),
+            Error::UnknownScene { model, name, known } => {
+                write!(f, "{model} has no scene `{name}`{}\n  scenes: {}", hint(name, known), quoted(known))
+            }
+            Error::Models { .. } => f.write_str(&self.render(false)),
+            Error::Emission { model, source } => write!(f, "{model} could not be emitted: {source}"),
+            Error::NotJson { empty: true, .. } => {
+                f.write_str("standard input is empty: give a JSON request, see --help for an example")
+            }
+            Error::NotJson { reason, .. } => write!(f, "the request is not JSON: {reason}"),
+            Error::Request { problems } => {
+                for (k, problem) in problems.iter().enumerate() {
+                    write!(f, "{}{problem}", if k == 0 { "" } else { "\n  " })?;
+                }
+                Ok(())
+            }
+            Error::Params { condition, meaning, values: given } => {
+                write!(f, "{condition} does not hold")?;
+                if !meaning.is_empty() {
+                    write!(f, " ({meaning})")?;
+                }
+                if !given.is_empty() {
+                    f.write_str(" for ")?;
+                    values(f, given)?;
+                }
+                f.write_str(": change the parameters")
+            }
+            Error::State { path, reason } => write!(f, "{path} cannot be evaluated: {reason}"),
+            Error::Options { reason } => f.write_str(reason),
+            Error::Stopped { t, state, reason } => {
+                write!(f, "integration stopped at t = {t:?}: {reason}\n  state reached: ")?;
+                values(f, state)
+            }
+            Error::Stale { files, command } => {
+                f.write_str("generated files are not what the models say:")?;
+                for (file, what) in files {
+                    write!(f, "\n  {} {what}", file.display())?;
+                }
+                write!(f, "\n  run: {command}")
+            }
+            Error::NotCompiled { what, reason } => write!(
+                f,
+                "{what} is not available compiled: {reason}\n  run `cargo xtask generate`, or use --via interpreter"
+            ),
+            Error::Io { doing, source } => write!(f, "{doing}: {source}"),
+            Error::Failed { step, status } => write!(f, "{step} failed: {status}"),
+            Error::Remote { message, .. } => f.write_str(message),
+        }
+    }
+}
+
+impl std::error::Error for Error {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Error::Io { source, .. } => Some(source),
+            Error::Emission { source, .. } => Some(source),
+            _ => None,
+        }
+    }
+}
+
+/// An error on its way between two processes.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct WireError {
+    message: String,
+    code: u8,
+}
+
+impl From<&Error> for WireError {
+    fn from(error: &Error) -> WireError {
+        WireError { message: error.to_string(), code: error.exit_code() }
+    }
+}
+
+impl From<WireError> for Error {
+    fn from(error: WireError) -> Error {
+        Error::Remote { message: error.message, code: error.code }
+    }
+}
