@@ -8,7 +8,7 @@ use num_traits::One;
 
 use crate::error::spell_vector;
 use crate::expr::{ExprId, Graph, Style, identifier, rational_to_f64};
-use crate::mechanics::Equations;
+use crate::mechanics::{Equations, solved_velocity};
 use crate::reduction::{KinematicConstraint, Stages, Tensor};
 use crate::scene::BuiltScene;
 use crate::spec::{Model, Side};
@@ -310,7 +310,7 @@ impl Page {
                         self.inline(&self.name(&format!("lambda_{}", row.name)))
                     ));
                 }
-                let list: Vec<String> = s.independent.iter().map(|k| self.name(&names[*k])).collect();
+                let list: Vec<String> = s.unknowns.iter().map(|u| self.name(&u.name)).collect();
                 let list = self.inline(&list.join(", "));
                 self.line(&format!("Solved with independent velocities {list}:"));
                 let mut g = system.graph.clone();
@@ -318,18 +318,13 @@ impl Page {
                     .dependent
                     .iter()
                     .map(|&k| {
-                        let mut terms = vec![s.psi0[k]];
-                        for (a, &u) in s.independent.iter().enumerate() {
-                            let u = g.sym(system.velocities[u]);
-                            terms.push(g.mul(s.psi[k][a], u));
-                        }
-                        let sum = g.sum(&terms);
+                        let sum = solved_velocity(&mut g, s, k);
                         (self.name(&names[k]), g.display(sum, self.style))
                     })
                     .collect();
                 self.formulas(&rows);
             }
-            KinematicConstraint::Multipliers(rows) => {
+            KinematicConstraint::Multipliers { rows, .. } => {
                 self.title("Constraint");
                 for row in rows {
                     let text = self.prose(&row.text);

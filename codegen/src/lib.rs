@@ -2,7 +2,7 @@
 //!
 //! A model file is parsed and checked ([`spec`]), reduced to a Lie algebroid with Lagrangian, constraint and force
 //! ([`reduction`]), its equations of motion are derived once and for all kinds of systems ([`mechanics`]), a [`scene`]
-//! says what is wanted of them, [`lower`] makes a flat program and `emit` writes Rust.
+//! says what is wanted of them, [`lower`] makes a flat program and [`emit`] writes Rust.
 //!
 //! ```
 //! use hamel_codegen::{scene, spec};

@@ -1,14 +1,18 @@
 //! Scenes: what is wanted of a model, what is fixed, and what is left out.
 //!
-//! [`build`] runs the whole pipeline for one scene. The default scene fixes nothing and wants every output; a `scene`
-//! block of the model fixes parameters (folded exactly before the derivation) and names the outputs it wants.
+//! [`build`] runs the whole pipeline for one scene. The default scene fixes nothing and wants every output, `minimal` leaves
+//! out coordinates that nothing asks for, `reconstruction` adds those of the group; a `scene` block of the model fixes
+//! parameters (folded exactly before the derivation), names the outputs it wants and the coordinates it drops.
 //!
 //! Deliberately does not know: how equations are derived, how programs are lowered, how text is emitted.
 
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::emit::{self, OutputText, ParamText, SceneEntry, SceneText, StateText};
 use crate::error::Error;
-use crate::expr::{ExprId, Rational};
+use crate::expr::{ExprId, Rational, SymbolId};
 use crate::lower::{self, Counts, Inputs, ParamCondition, Program, Relation, Request, ViolatedCondition};
-use crate::mechanics::{Equations, Output, derive};
+use crate::mechanics::{Equations, Output, StateEquation, derive};
 use crate::reduction::{reduce, sign_of};
 use crate::spec::{self, Diagnostics, Model, Param};
 
@@ -24,38 +28,120 @@ pub struct BuiltScene {
     pub equations: Equations,
     /// What was lowered: functions `rhs`, `energy` (when wanted), `check`, then one per output.
     pub program: Program,
+    /// The state of this scene: that of the model without what is left out, with what is reconstructed.
+    pub state: Vec<StateEquation>,
     outputs: Vec<Output>,
     doc: String,
 }
 
+/// Text of the index of modules, with a macro that visits every scene.
+///
+/// # Errors
+/// [`Error::Emission`], a bug of the emitter.
+pub fn emit_index(entries: &[SceneEntry]) -> Result<String, Error> {
+    emit::emit_index(entries, "cargo xtask generate")
+}
+
+/// Name of the scene without the coordinates that nothing asks for; a model has it when there are such coordinates.
+pub const MINIMAL: &str = "minimal";
+
+/// Name of the scene with the coordinates of the group; a model has it when it says how to reconstruct them.
+pub const RECONSTRUCTION: &str = "reconstruction";
+
+/// What a scene asks for.
+struct Plan {
+    name: String,
+    fixed: Vec<(String, Rational)>,
+    /// `None`: every output.
+    wants: Option<Vec<String>>,
+    drops: Drops,
+    reconstructs: bool,
+    doc: String,
+}
+
+enum Drops {
+    Nothing,
+    Ignorable,
+    Named(Vec<String>),
+}
+
 /// Names of a model's scenes, the default first.
+///
+/// Every model has [`DEFAULT`]; [`MINIMAL`] and [`RECONSTRUCTION`] where they differ from it; then its own.
 pub fn names(model: &Model) -> Vec<String> {
-    std::iter::once(DEFAULT.to_owned()).chain(model.scenes.iter().map(|s| s.name.clone())).collect()
+    let mut names = vec![DEFAULT.to_owned()];
+    let own = |name: &str| model.scenes.iter().any(|s| s.name == name);
+    if !own(MINIMAL) && has_ignorable_coordinates(model) {
+        names.push(MINIMAL.to_owned());
+    }
+    if !own(RECONSTRUCTION) && !model.reconstruction.is_empty() {
+        names.push(RECONSTRUCTION.to_owned());
+    }
+    names.extend(model.scenes.iter().map(|s| s.name.clone()));
+    names
+}
+
+fn has_ignorable_coordinates(model: &Model) -> bool {
+    let Some(equations) = reduce(model, &[]).ok().and_then(|system| derive(&system).ok()) else { return false };
+    !ignorable(&equations, &[equations.energy]).is_empty()
+}
+
+fn plan(model: &Model, scene: &str) -> Option<Plan> {
+    let name = scene.to_owned();
+    if let Some(own) = model.scenes.iter().find(|s| s.name == scene) {
+        let drops = if own.drops.is_empty() { Drops::Nothing } else { Drops::Named(own.drops.clone()) };
+        let reconstructs = own.wants.iter().any(|w| w == RECONSTRUCTION);
+        let wants = own.wants.iter().filter(|w| *w != RECONSTRUCTION).cloned().collect();
+        return Some(Plan {
+            name,
+            fixed: own.fixed.clone(),
+            wants: Some(wants),
+            drops,
+            reconstructs,
+            doc: own.doc.clone(),
+        });
+    }
+    let automatic = |wants, drops, reconstructs, doc: &str| {
+        Some(Plan { name, fixed: Vec::new(), wants, drops, reconstructs, doc: doc.to_owned() })
+    };
+    match scene {
+        DEFAULT => automatic(None, Drops::Nothing, false, ""),
+        MINIMAL => {
+            let doc = "without the coordinates on which nothing depends";
+            automatic(Some(vec!["energy".to_owned()]), Drops::Ignorable, false, doc)
+        }
+        RECONSTRUCTION => automatic(None, Drops::Nothing, true, "with the coordinates of the group"),
+        _ => None,
+    }
 }
 
 /// Builds one scene of a model.
 ///
 /// # Errors
-/// Unknown scene or output, and everything that reduction, derivation and lowering can find.
+/// Unknown scene or output, a coordinate that cannot be left out, and everything that reduction, derivation and
+/// lowering can find.
 pub fn build(model: &Model, scene: &str) -> Result<BuiltScene, Diagnostics> {
-    let fail =
-        |message: String, help: String| model.diagnostics(vec![spec::diagnose(model, None, message, help)]);
-    let chosen = model.scenes.iter().find(|s| s.name == scene);
-    if chosen.is_none() && scene != DEFAULT {
+    let fail = |message: String, help: String| {
+        model.diagnostics(vec![spec::diagnose(model, None, message, help)])
+    };
+    let Some(plan) = plan(model, scene) else {
         let known = names(model).join(", ");
         return Err(fail(format!("{} has no scene {scene}", model.name), format!("scenes: {known}")));
+    };
+    if plan.reconstructs && model.reconstruction.is_empty() {
+        let help = "say how with `reconstruct .. in ..;`".to_owned();
+        return Err(fail(format!("{} does not say how to reconstruct the group motion", model.name), help));
     }
-    let fixed: &[(String, Rational)] = chosen.map_or(&[], |s| &s.fixed);
-    let system = reduce(model, fixed)?;
+    let system = reduce(model, &plan.fixed)?;
     let equations = derive(&system).map_err(|e| fail(e.to_string(), String::new()))?;
     let available = available_outputs(&equations);
     let mut wants_energy = true;
-    let outputs = match chosen {
+    let outputs = match &plan.wants {
         None => available,
-        Some(chosen) => {
-            wants_energy = chosen.wants.iter().any(|w| w == "energy");
+        Some(wants) => {
+            wants_energy = wants.iter().any(|w| w == "energy");
             let mut selected = Vec::new();
-            for want in chosen.wants.iter().filter(|w| *w != "energy" && *w != "rhs") {
+            for want in wants.iter().filter(|w| *w != "energy" && *w != "rhs") {
                 let found = wanted_outputs(&equations, &available, want);
                 if found.is_empty() {
                     let known: Vec<&str> = available.iter().map(|o| o.name.as_str()).collect();
@@ -69,9 +155,81 @@ pub fn build(model: &Model, scene: &str) -> Result<BuiltScene, Diagnostics> {
             selected
         }
     };
-    let doc = chosen.map(|s| s.doc.clone()).unwrap_or_default();
-    let scene = lower_scene(equations, scene, outputs, wants_energy, doc);
-    scene.map_err(|e| fail(e.to_string(), String::new()))
+    let mut results: Vec<ExprId> = outputs.iter().flat_map(|o| o.components.iter().map(|(_, e)| *e)).collect();
+    results.extend(wants_energy.then_some(equations.energy));
+    if plan.reconstructs {
+        results.extend(equations.reconstruction.iter().map(|c| c.derivative));
+    }
+    let ignorable = ignorable(&equations, &results);
+    let dropped = match &plan.drops {
+        Drops::Nothing => Vec::new(),
+        Drops::Ignorable => ignorable,
+        Drops::Named(names) => {
+            let matches = |state: &str, name: &str| {
+                state == name || state.strip_prefix(name).is_some_and(|rest| rest.bytes().all(|b| b.is_ascii_digit()))
+            };
+            let chosen: Vec<String> = equations
+                .state
+                .iter()
+                .filter(|s| names.iter().any(|n| matches(&s.name, n)))
+                .map(|s| s.name.clone())
+                .collect();
+            if let Some(needed) = chosen.iter().find(|name| !ignorable.contains(name)) {
+                let help = if ignorable.is_empty() {
+                    "every coordinate is needed".to_owned()
+                } else {
+                    format!("can be left out: {}", ignorable.join(", "))
+                };
+                return Err(fail(format!("{needed} cannot be left out of scene {scene}: the rest depends on it"), help));
+            }
+            chosen
+        }
+    };
+    let mut state = equations.state.clone();
+    state.retain(|s| !dropped.contains(&s.name));
+    if plan.reconstructs {
+        state.extend(equations.reconstruction.iter().cloned());
+    }
+    let built = lower_scene(equations, plan, state, outputs, wants_energy);
+    built.map_err(|e| fail(e.to_string(), String::new()))
+}
+
+/// Base coordinates on which neither another state variable's rate, nor a wanted result, nor a pivot depends.
+fn ignorable(equations: &Equations, results: &[ExprId]) -> Vec<String> {
+    let graph = &equations.system.graph;
+    let mut inputs: BTreeMap<SymbolId, BTreeSet<SymbolId>> = BTreeMap::new();
+    let needs = |e: ExprId, inputs: &BTreeMap<SymbolId, BTreeSet<SymbolId>>| -> BTreeSet<SymbolId> {
+        graph
+            .free_symbols(e)
+            .into_iter()
+            .flat_map(|s| inputs.get(&s).cloned().unwrap_or_else(|| BTreeSet::from([s])))
+            .collect()
+    };
+    for definition in equations.sections.iter().flat_map(|s| &s.definitions) {
+        let needed = needs(definition.expr, &inputs);
+        inputs.insert(definition.symbol, needed);
+    }
+    let base = equations.system.algebroid.base();
+    let mut needed: BTreeSet<SymbolId> = results
+        .iter()
+        .chain(equations.pivots.iter().map(|p| &p.expr))
+        .flat_map(|e| needs(*e, &inputs))
+        .collect();
+    let mut open: Vec<(SymbolId, BTreeSet<SymbolId>)> = Vec::new();
+    for s in &equations.state {
+        let rate = needs(s.derivative, &inputs);
+        if base.contains(&s.symbol) {
+            open.push((s.symbol, rate));
+        } else {
+            needed.extend(rate);
+        }
+    }
+    // A coordinate that is needed needs what its own rate depends on.
+    while let Some(k) = open.iter().position(|(symbol, _)| needed.contains(symbol)) {
+        needed.extend(open.swap_remove(k).1);
+    }
+    let dropped: BTreeSet<SymbolId> = open.into_iter().map(|(symbol, _)| symbol).collect();
+    equations.state.iter().filter(|s| dropped.contains(&s.symbol)).map(|s| s.name.clone()).collect()
 }
 
 /// A group by its name, every output of the model (`outputs`), or a single component of a group.
@@ -107,17 +265,17 @@ fn available_outputs(equations: &Equations) -> Vec<Output> {
 
 fn lower_scene(
     equations: Equations,
-    name: &str,
+    plan: Plan,
+    state: Vec<StateEquation>,
     outputs: Vec<Output>,
     wants_energy: bool,
-    doc: String,
 ) -> Result<BuiltScene, Error> {
     let system = &equations.system;
     let mut graph = system.graph.clone();
     let inputs = Inputs {
         params: system.params.iter().map(|p| p.symbol).collect(),
         time: system.time,
-        state: equations.state.iter().map(|s| s.symbol).collect(),
+        state: state.iter().map(|s| s.symbol).collect(),
     };
     let mut conditions: Vec<ParamCondition> = system
         .conditions
@@ -149,7 +307,7 @@ fn lower_scene(
             moving_pivots.push((pivot.name.clone(), pivot.expr));
         }
     }
-    let rhs: Vec<(String, ExprId)> = equations.state.iter().map(|s| (s.name.clone(), s.derivative)).collect();
+    let rhs: Vec<(String, ExprId)> = state.iter().map(|s| (s.name.clone(), s.derivative)).collect();
     let mut requests = vec![Request { name: "rhs".into(), results: rhs }];
     if wants_energy {
         let results = vec![("energy".to_owned(), equations.energy)];
@@ -160,13 +318,13 @@ fn lower_scene(
         requests.push(Request { name: output.name.clone(), results: output.components.clone() });
     }
     let program = lower::lower(&mut graph, &inputs, &equations.sections, &conditions, &requests)?;
-    Ok(BuiltScene { name: name.to_owned(), equations, program, outputs, doc })
+    Ok(BuiltScene { name: plan.name, equations, program, state, outputs, doc: plan.doc })
 }
 
 impl BuiltScene {
     /// Names of the state variables in order.
     pub fn state_names(&self) -> Vec<String> {
-        self.equations.state.iter().map(|s| s.name.clone()).collect()
+        self.state.iter().map(|s| s.name.clone()).collect()
     }
 
     /// Parameters that the scene leaves free.
@@ -191,8 +349,63 @@ impl BuiltScene {
 
     /// Name of the emitted module: the model's, followed by the scene's unless it is the default.
     pub fn module_name(&self) -> String {
-        let model = &self.equations.system.name;
-        if self.name == DEFAULT { model.clone() } else { format!("{model}_{}", self.name) }
+        SceneEntry::module_name(&self.equations.system.name, &self.name)
+    }
+
+    /// The text of the scene's Rust module.
+    ///
+    /// # Errors
+    /// [`Error::Emission`], a bug of the emitter.
+    pub fn emit(&self) -> Result<String, Error> {
+        emit::emit_scene(&self.program, &self.text())
+    }
+
+    /// The entry of the scene in the index of modules.
+    pub fn entry(&self) -> SceneEntry {
+        SceneEntry {
+            module: self.module_name(),
+            model: self.equations.system.name.clone(),
+            scene: self.name.clone(),
+            n_state: self.program.state.len(),
+            doc: self.equations.system.doc.first().cloned().unwrap_or_default(),
+        }
+    }
+
+    fn text(&self) -> SceneText {
+        let system = &self.equations.system;
+        let mut doc = system.doc.clone();
+        if !self.doc.is_empty() {
+            doc.push(String::new());
+            doc.push(format!("Scene `{}`: {}", self.name, self.doc));
+        }
+        let energy = "`E = p.y - L`".to_owned();
+        let motion = "Lagrange-d'Alembert equations `W^a_b E_a = 0`, \
+                      `E_a = d/dt p_a + C^c_ab y^b p_c - rho^i_a dL/dx^i - F_a`, solved for the accelerations"
+            .to_owned();
+        let formulas = [("energy".to_owned(), vec![energy]), ("rhs".to_owned(), vec![motion])];
+        SceneText {
+            model: system.name.clone(),
+            scene: self.name.clone(),
+            command: format!("cargo xtask generate {}", system.name),
+            doc,
+            sources: system.sources.clone(),
+            params: system
+                .params
+                .iter()
+                .map(|p| ParamText { name: p.name.clone(), default: p.default.clone(), doc: p.doc.clone() })
+                .collect(),
+            state: self.state.iter().map(|s| StateText { name: s.name.clone(), doc: s.doc.clone() }).collect(),
+            outputs: self
+                .outputs
+                .iter()
+                .map(|o| OutputText {
+                    name: o.name.clone(),
+                    components: o.components.iter().map(|(name, _)| name.clone()).collect(),
+                    doc: o.doc.clone(),
+                })
+                .collect(),
+            formulas: BTreeMap::from(formulas),
+        }
     }
 
     /// Checks parameters and prepares an interpreter for them.

@@ -23,9 +23,9 @@ pub type MakeFamily = fn(&mut Draws) -> Family;
 
 fn family(name: &'static str, algebra: LieAlgebra, chains: &[&[&[usize]]]) -> Family {
     let n = algebra.dim();
-    let chains = chains.iter().map(|chain| {
-        chain.iter().map(|stage| stage.iter().map(|&k| unit(n, k)).collect()).collect()
-    });
+    let chains = chains
+        .iter()
+        .map(|chain| chain.iter().map(|stage| stage.iter().map(|&k| unit(n, k)).collect()).collect());
     let chains = chains.collect();
     Family { name, algebra, chains }
 }
@@ -45,7 +45,8 @@ fn semidirect(base: &LieAlgebra, spaces: &[Representation]) -> LieAlgebra {
 /// Representation of the one-dimensional algebra by a matrix.
 fn generated_by(d: &[Vector]) -> Representation {
     let matrix = Matrix::from_rows(d).expect("rows have equal lengths");
-    Representation::from_matrices("flow", &LieAlgebra::abelian(1), vec![matrix]).expect("one matrix commutes with itself")
+    Representation::from_matrices("flow", &LieAlgebra::abelian(1), vec![matrix])
+        .expect("one matrix commutes with itself")
 }
 
 fn se3(_: &mut Draws) -> Family {

@@ -5,7 +5,7 @@ use num_traits::Zero;
 use proptest::strategy::{Strategy, ValueTree as _};
 use proptest::test_runner::{Config, RngSeed, TestCaseError, TestError, TestRunner};
 
-use crate::linear::{Rows, Vector, fraction, int, product, transposed};
+use crate::linear::{Rows, Vector, fraction, identity, int, product, transposed};
 
 /// Integers in `-3..=3` that random objects are made of. All zeros give the simplest object: the standard basis.
 #[derive(Clone, Debug)]
@@ -61,15 +61,14 @@ impl Draws {
 
     /// An invertible matrix `L D U` with unit triangular `L`, `U`.
     pub fn invertible(&mut self, n: usize) -> Rows {
-        let mut lower = vec![vec![int(0); n]; n];
-        let mut upper = lower.clone();
-        for i in 0..n {
-            lower[i][i] = int(1);
-            upper[i][i] = [int(1), int(-1), int(2), fraction(1, 2)][self.index(4)].clone();
-            for j in 0..i {
-                lower[i][j] = int(self.integer().signum());
-                upper[j][i] = int(self.integer().signum());
-            }
+        let mut lower = identity(n);
+        let mut upper = identity(n);
+        for (i, row) in lower.iter_mut().enumerate() {
+            row[..i].iter_mut().for_each(|q| *q = int(self.integer().signum()));
+        }
+        for (i, row) in upper.iter_mut().enumerate() {
+            row[i] = [int(1), int(-1), int(2), fraction(1, 2)][self.index(4)].clone();
+            row[i + 1..].iter_mut().for_each(|q| *q = int(self.integer().signum()));
         }
         product(&lower, &upper)
     }
@@ -77,12 +76,9 @@ impl Draws {
     /// A symmetric positive definite matrix `L D L^T` in which no two basis vectors are orthogonal by construction:
     /// every entry of the unit triangular `L` below the diagonal is non-zero.
     pub fn positive_definite(&mut self, n: usize) -> Rows {
-        let mut lower = vec![vec![int(0); n]; n];
-        for i in 0..n {
-            lower[i][i] = int(1);
-            for j in 0..i {
-                lower[i][j] = fraction(2 * self.integer() + 1, 4);
-            }
+        let mut lower = identity(n);
+        for (i, row) in lower.iter_mut().enumerate() {
+            row[..i].iter_mut().for_each(|q| *q = fraction(2 * self.integer() + 1, 4));
         }
         let weights: Vector = (0..n).map(|_| int(1 + self.integer().abs())).collect();
         let scaled: Rows =
@@ -93,13 +89,18 @@ impl Draws {
 
 /// Runs `test` on `cases` random inputs of `n` numbers each.
 ///
-/// The seed is fixed, so that a build is repeatable; `PROPTEST_RNG_SEED=<n>` sets another one and
-/// `PROPTEST_CASES` has no effect, because the suite is bounded. The numbers of a failure are shrunk and printed.
+/// The seed is fixed, so that a build is repeatable; `PROPTEST_RNG_SEED=<n>` sets another one. The number of cases is
+/// bounded here. A failure prints its seed; with `PROPTEST_MAX_SHRINK_ITERS=200` it is shrunk and its numbers printed.
 ///
 /// # Panics
-/// When the test fails on an input, naming `what`, the seed and the smallest such input.
+/// When the test fails on an input, naming `what` and the seed.
 pub fn for_all(what: &str, cases: u32, n: usize, test: impl Fn(Draws) -> Result<(), TestCaseError>) {
-    let mut config = Config { cases, failure_persistence: None, max_shrink_iters: 200, ..Config::default() };
+    let mut config = Config { cases, failure_persistence: None, ..Config::default() };
+    // u32::MAX is proptest's mark for "not set". Every shrinking step prints its panic, so it is off unless asked for.
+    let shrinking = config.max_shrink_iters != u32::MAX;
+    if !shrinking {
+        config.max_shrink_iters = 0;
+    }
     if matches!(config.rng_seed, RngSeed::Random) {
         config.rng_seed = RngSeed::Fixed(0x68_616d_656c);
     }
@@ -109,7 +110,10 @@ pub fn for_all(what: &str, cases: u32, n: usize, test: impl Fn(Draws) -> Result<
     let outcome = runner.run(&strategy, |numbers| test(Draws { numbers, at: 0 }));
     match outcome {
         Ok(()) => {}
-        Err(TestError::Fail(reason, numbers)) => panic!("{what}: {reason}\nseed {seed:?}, numbers {numbers:?}"),
+        Err(TestError::Fail(reason, numbers)) if shrinking => {
+            panic!("{what}: {reason}\nseed {seed:?}, numbers {numbers:?}")
+        }
+        Err(TestError::Fail(reason, _)) => panic!("{what}: {reason}\nseed {seed:?}"),
         Err(TestError::Abort(reason)) => panic!("{what}: {reason}, seed {seed:?}"),
     }
 }

@@ -121,7 +121,7 @@ pub fn inverse(a: &[Vector]) -> Option<Rows> {
 
 /// Whether `A` is the identity.
 pub fn is_identity(a: &[Vector]) -> bool {
-    a.iter().enumerate().all(|(i, row)| {
-        row.iter().enumerate().all(|(j, x)| if i == j { x.is_one() } else { x.is_zero() })
-    })
+    a.iter()
+        .enumerate()
+        .all(|(i, row)| row.iter().enumerate().all(|(j, x)| if i == j { x.is_one() } else { x.is_zero() }))
 }

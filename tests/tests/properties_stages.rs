@@ -5,10 +5,12 @@ use hamel_codegen::expr::{ExprId, Graph, Rational};
 use hamel_codegen::reduction::{Stages, Tensor};
 use hamel_tests::algebras::{FAMILIES, Family, Transported, ad_star, product_metric};
 use hamel_tests::draws::{Draws, for_all, one};
-use hamel_tests::linear::{Rows, Vector, add_scaled, dot, int, is_identity, product, spans, times, transposed};
+use hamel_tests::linear::{
+    Rows, Vector, add_scaled, dot, int, is_identity, product, spans, times, transposed,
+};
 use num_traits::Zero;
 
-const CASES: u32 = 6;
+const CASES: u32 = 2;
 const NUMBERS: usize = 900;
 
 fn exprs(g: &mut Graph, v: &[Rational]) -> Vec<ExprId> {
@@ -51,7 +53,8 @@ fn rebuilt_bracket_is_the_bracket_of_the_algebra() {
     for_all_chains(|family, transported, chain, mut draws| {
         let mut g = Graph::new();
         let stages = split(&mut g, &transported.algebra, chain, &transported.metric);
-        let forms: usize = stages.levels.iter().map(|l| l.curvature.len() + l.vertical_connection.len()).sum();
+        let forms: usize =
+            stages.levels.iter().map(|l| l.curvature.len() + l.vertical_connection.len()).sum();
         assert!(forms > 0, "{}: neither a nor b has an entry", family.name);
         let basis: Rows = stages.basis.iter().map(|row| numbers(&g, row)).collect();
         let inverse: Rows = stages.inverse.iter().map(|row| numbers(&g, row)).collect();
@@ -208,7 +211,7 @@ fn printed_equation_of_a_body_in_a_fluid_loses_p_cross_v() {
 fn printed_equation_of_a_charge_loses_the_lorentz_force() {
     let heisenberg = LieAlgebra::heisenberg(1).unwrap();
     let (mut g, stages) = named(&heisenberg, &[vec![hamel_tests::linear::unit(3, 2)]]);
-    assert_eq!(stages.levels[0].curvature.len(), 1);
+    assert_eq!(stages.levels[0].curvature.len(), 2, "a(q, p) and a(p, q)");
     let (xi, mu) = ([2, 3, 5].map(int), [7, 11, 13].map(int));
     let (exi, emu) = (exprs(&mut g, &xi), exprs(&mut g, &mu));
     let staged = stages.vertical_equations(&mut g, &exi, &emu);
@@ -231,12 +234,10 @@ fn short_form_of_a_direct_product_with_product_metric_is_right() {
 /// A symmetric matrix of symbols.
 fn symbolic_metric(g: &mut Graph, n: usize) -> Vec<Vec<ExprId>> {
     let mut metric = vec![vec![g.zero(); n]; n];
-    for i in 0..n {
-        for j in i..n {
-            let symbol = g.symbol(&format!("G{}{}", i + 1, j + 1));
-            metric[i][j] = g.sym(symbol);
-            metric[j][i] = metric[i][j];
-        }
+    for (i, j) in (0..n).flat_map(|i| (i..n).map(move |j| (i, j))) {
+        let symbol = g.symbol(&format!("G{}{}", i + 1, j + 1));
+        metric[i][j] = g.sym(symbol);
+        metric[j][i] = metric[i][j];
     }
     metric
 }
@@ -247,7 +248,8 @@ fn check_symbolic(algebra: &LieAlgebra, chain: &[Rows]) {
     let mut g = Graph::new();
     let n = algebra.dim();
     let metric = symbolic_metric(&mut g, n);
-    let stages = Stages::split(&mut g, algebra, &Transported::stage_names(chain), chain, Some(&metric)).unwrap();
+    let stages =
+        Stages::split(&mut g, algebra, &Transported::stage_names(chain), chain, Some(&metric)).unwrap();
     let symbols = stages.basis.iter().flatten().any(|e| !g.free_symbols(*e).is_empty());
     assert!(symbols, "the adapted basis of {} does not depend on the inner product", algebra.name());
     let mut fresh = |name: &str| -> Vec<ExprId> {
@@ -271,17 +273,17 @@ fn check_symbolic(algebra: &LieAlgebra, chain: &[Rows]) {
     let (old_x, old_y) = (into_original(&mut g, &x), into_original(&mut g, &y));
     let old_rebuilt = into_original(&mut g, &rebuilt);
     let mut non_zero = 0;
-    for c in 0..n {
+    for (c, &image) in old_rebuilt.iter().enumerate() {
         let mut terms = Vec::new();
-        for a in 0..n {
-            for b in 0..n {
+        for (a, &x) in old_x.iter().enumerate() {
+            for (b, &y) in old_y.iter().enumerate() {
                 let q = g.rational(algebra.structure_constant(c, a, b));
-                terms.push(g.product(&[q, old_x[a], old_y[b]]));
+                terms.push(g.product(&[q, x, y]));
             }
         }
         let original = g.sum(&terms);
         non_zero += usize::from(!g.is_zero(original));
-        assert!(g.is_equal(original, old_rebuilt[c]), "{}: component {c}", algebra.name());
+        assert!(g.is_equal(original, image), "{}: component {c}", algebra.name());
     }
     assert!(non_zero > 0);
     let staged = stages.vertical_equations(&mut g, &x, &mu);
@@ -296,7 +298,8 @@ fn check_symbolic(algebra: &LieAlgebra, chain: &[Rows]) {
 
 #[test]
 fn symbolic_inner_product_rebuilds_the_bracket_as_an_identity() {
-    let units = |n: usize, list: &[usize]| list.iter().map(|&k| hamel_tests::linear::unit(n, k)).collect::<Rows>();
+    let units =
+        |n: usize, list: &[usize]| list.iter().map(|&k| hamel_tests::linear::unit(n, k)).collect::<Rows>();
     let se2 = LieAlgebra::se(2).unwrap();
     check_symbolic(&se2, &[units(3, &[1, 2])]);
     check_symbolic(&se2, &[units(3, &[1, 2]), units(3, &[2])]);

@@ -33,6 +33,20 @@ pub enum Error {
         /// All problems, one entry a model.
         problems: Vec<Diagnostics>,
     },
+    /// A model file of the repository that is not called like its model.
+    Misnamed {
+        /// The file.
+        file: String,
+        /// Name of the model in it.
+        model: String,
+    },
+    /// Two scenes whose generated modules would have the same name.
+    SameModule {
+        /// Name of the module.
+        module: String,
+        /// The scenes.
+        scenes: [String; 2],
+    },
     /// Generation failed for another reason than the model's text.
     Emission {
         /// The model.
@@ -81,6 +95,11 @@ pub enum Error {
         state: Vec<(String, f64)>,
         /// Why.
         reason: String,
+    },
+    /// Several errors of independent work.
+    Several {
+        /// The errors.
+        errors: Vec<Error>,
     },
     /// Generated files that are not what the models say.
     Stale {
@@ -193,6 +212,7 @@ impl Error {
             | Error::Emission { .. }
             | Error::Failed { .. } => 1,
             Error::Remote { code, .. } => *code,
+            Error::Several { errors } => errors.iter().map(Error::exit_code).max().unwrap_or(1),
             _ => 2,
         }
     }
@@ -207,6 +227,9 @@ impl Error {
         match self {
             Error::Models { problems } => {
                 problems.iter().map(|d| d.render(color)).collect::<Vec<_>>().join("\n").trim_end().to_owned()
+            }
+            Error::Several { errors } => {
+                errors.iter().map(|e| e.render(color)).collect::<Vec<_>>().join("\n\n")
             }
             other if color => format!("\u{1b}[1;31merror\u{1b}[0m: {other}"),
             other => format!("error: {other}"),
@@ -270,7 +293,13 @@ impl fmt::Display for Error {
             Error::UnknownScene { model, name, known } => {
                 write!(f, "{model} has no scene `{name}`{}\n  scenes: {}", hint(name, known), quoted(known))
             }
-            Error::Models { .. } => f.write_str(&self.render(false)),
+            Error::Models { .. } | Error::Several { .. } => f.write_str(&self.render(false)),
+            Error::Misnamed { file, model } => {
+                write!(f, "{file} contains the model `{model}`: name the file {model}.hamel, or the model like the file")
+            }
+            Error::SameModule { module, scenes: [a, b] } => {
+                write!(f, "{a} and {b} would both be generated as {module}.rs: rename one of them")
+            }
             Error::Emission { model, source } => write!(f, "{model} could not be emitted: {source}"),
             Error::NotJson { empty: true, .. } => {
                 f.write_str("standard input is empty: give a JSON request, see --help for an example")

@@ -1,1 +1,213 @@
-fn main() {}
+//! Parses the arguments of `cargo xtask` and runs the command.
+
+use std::io::{IsTerminal as _, Write as _};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Args, Parser, Subcommand};
+use xtask::commands::{self, Choice, Simulation, Via};
+use xtask::error::Error;
+use xtask::simulate::MethodName;
+use xtask::workspace::Workspace;
+
+/// Generates, lists, explains, evaluates and simulates models of mechanics with symmetry.
+#[derive(Parser)]
+#[command(name = "cargo xtask", bin_name = "cargo xtask", version, propagate_version = false, after_help = TOP)]
+struct Cli {
+    #[command(subcommand)]
+    command: Task,
+}
+
+const TOP: &str = "\
+Models are files in models/specs; wherever a model is named, a path that ends in .hamel may stand as well.
+Exit status: 0 done, 1 failed, 2 bad input.
+
+Examples:
+  cargo xtask list
+  cargo xtask explain heavy_top
+  cargo xtask simulate heavy_top -o heavy_top.svg
+  cargo xtask generate";
+
+#[derive(Subcommand)]
+enum Task {
+    /// Write models/src/generated from models/specs, or check that it is up to date
+    ///
+    /// All scenes of the models are parsed, derived and emitted first; when any model has a problem, nothing is
+    /// written. Files are written only when they change, and files of scenes that no longer exist are removed.
+    #[command(after_help = "\
+Examples:
+  cargo xtask generate                  all models
+  cargo xtask generate heavy_top        one model; the index still covers all
+  cargo xtask generate --check          write nothing, fail when something would be written")]
+    Generate {
+        /// Write nothing; fail and name the files that are not up to date
+        #[arg(long)]
+        check: bool,
+        /// Names of models; all when none is given
+        models: Vec<String>,
+    },
+    /// Show models with their scenes, state variables, parameters and sources
+    #[command(after_help = "\
+Examples:
+  cargo xtask list
+  cargo xtask list heavy_top
+  cargo xtask list --json")]
+    List {
+        /// Print JSON: an array with one object per model
+        #[arg(long)]
+        json: bool,
+        /// Names of models; all when none is given
+        models: Vec<String>,
+    },
+    /// Show algebra, stage forms, connection, equations and operation counts of a model
+    #[command(after_help = "\
+Examples:
+  cargo xtask explain kirchhoff_body
+  cargo xtask explain heavy_top --scene lagrange
+  cargo xtask explain euler_disk --latex > euler_disk.tex")]
+    Explain {
+        /// Name of a model, or a path that ends in .hamel
+        model: String,
+        /// Name of the scene
+        #[arg(long, default_value = "default")]
+        scene: String,
+        /// Print a LaTeX fragment that needs amsmath
+        #[arg(long)]
+        latex: bool,
+    },
+    /// Evaluate derivatives, energy and outputs at given states, JSON in and out
+    ///
+    /// Reads {"params": {name: number, ..}, "states": [{name: number, ..}, ..], "t": number} from standard input.
+    /// Missing parameters take the model's defaults, a missing t is 0, and every state names all state variables.
+    /// Prints one line: {"model", "state": [names], "derivatives": [[..], ..], "energy": [..] or null,
+    /// "outputs": {group: [{component: number, ..}, ..], ..}}, with one entry per state throughout.
+    #[command(after_help = "\
+Examples:
+  echo '{\"states\": [{\"Omega1\": 1, \"Omega2\": 0.2, \"Omega3\": 0.1}]}' | cargo xtask eval free_rigid_body
+  cargo xtask eval heavy_top --scene lagrange --via interpreter < request.json")]
+    Eval(SceneArgs),
+    /// Integrate a model from an initial state; print a summary and write files
+    ///
+    /// Without --initial, a moderate state on the constraint is chosen. With --json, everything is read from standard
+    /// input instead: {"params": {..}, "initial": {name: number, ..}, "t_final": number, "method": "dop853",
+    /// "rtol": number, "atol": number or "step": number, "samples": n}; it prints one line: {"t", "final": {..},
+    /// "samples": [[t, {..}], ..], "steps", "rejected", "rhs_evals", "energy_drift"}. Integration starts at t = 0.
+    #[command(after_help = "\
+Examples:
+  cargo xtask simulate heavy_top -o heavy_top.svg
+  cargo xtask simulate heavy_top --set m=2 l=0.1 --initial Omega3=20 --t-final 5 -o top.csv -o top.svg
+  cargo xtask simulate suslov --method rk4 --step 0.001
+  cargo xtask simulate ./my_model.hamel --t-final 3
+  echo '{\"initial\": {\"Omega1\": 1, \"Omega2\": 0.2, \"Omega3\": 0.1}, \"t_final\": 10, \"samples\": 5}' \\
+    | cargo xtask simulate free_rigid_body --json")]
+    Simulate(SimulateArgs),
+    /// Run the whole test suite: the workspace, then the crate without the standard library
+    #[command(after_help = "Example:\n  cargo xtask test")]
+    Test,
+}
+
+#[derive(Args)]
+struct SceneArgs {
+    /// Name of a model, or a path that ends in .hamel
+    model: String,
+    /// Name of the scene
+    #[arg(long, default_value = "default")]
+    scene: String,
+    /// Who evaluates: the compiled module, or the interpreter of the generator
+    #[arg(long, value_enum, default_value_t)]
+    via: Via,
+}
+
+impl SceneArgs {
+    fn choice(self) -> Choice {
+        Choice { model: self.model, scene: self.scene, via: self.via }
+    }
+}
+
+#[derive(Args)]
+struct SimulateArgs {
+    #[command(flatten)]
+    scene: SceneArgs,
+    /// Parameters that differ from the model's defaults
+    #[arg(long, value_name = "NAME=VALUE", num_args = 1.., value_parser = assignment)]
+    set: Vec<(String, f64)>,
+    /// Components of the initial state; the others keep their default
+    #[arg(long, value_name = "NAME=VALUE", num_args = 1.., value_parser = assignment)]
+    initial: Vec<(String, f64)>,
+    /// Time to integrate to, from 0; negative for backward
+    #[arg(long, value_name = "T", default_value_t = 10.0, allow_negative_numbers = true)]
+    t_final: f64,
+    /// Integration method
+    #[arg(long, value_enum, default_value_t)]
+    method: MethodName,
+    /// Relative tolerance [default: 1e-10]
+    #[arg(long)]
+    rtol: Option<f64>,
+    /// Absolute tolerance [default: 1e-12]
+    #[arg(long)]
+    atol: Option<f64>,
+    /// Fixed step size instead of tolerances
+    #[arg(long, value_name = "H")]
+    step: Option<f64>,
+    /// Number of samples in files, at equal distances, both ends included [default: 1001]
+    #[arg(long, value_name = "N")]
+    samples: Option<usize>,
+    /// File to write: .csv, .svg or .json; may be repeated
+    #[arg(short, long = "output", value_name = "FILE")]
+    output: Vec<PathBuf>,
+    /// Read a JSON request from standard input and print a JSON answer
+    #[arg(long, conflicts_with_all =
+        ["set", "initial", "t_final", "method", "rtol", "atol", "step", "samples", "output"])]
+    json: bool,
+}
+
+fn assignment(text: &str) -> Result<(String, f64), String> {
+    let Some((name, value)) = text.split_once('=') else {
+        return Err("write it as name=value, such as m=1.5".into());
+    };
+    match value.trim().parse::<f64>() {
+        Ok(x) if x.is_finite() => Ok((name.trim().to_owned(), x)),
+        _ => Err(format!("{value:?} is not a finite number")),
+    }
+}
+
+fn run(task: Task) -> Result<String, Error> {
+    let workspace = Workspace::find()?;
+    match task {
+        Task::Generate { check, models } => commands::generate(&workspace, &models, check),
+        Task::List { json, models } => commands::list(&workspace, &models, json),
+        Task::Explain { model, scene, latex } => commands::explain(&workspace, &model, &scene, latex),
+        Task::Eval(scene) => commands::eval(&workspace, &scene.choice()),
+        Task::Simulate(args) if args.json => commands::simulate_json(&workspace, &args.scene.choice()),
+        Task::Simulate(args) => {
+            let simulation = Simulation {
+                set: args.set,
+                initial: args.initial,
+                t_final: args.t_final,
+                method: args.method,
+                rtol: args.rtol,
+                atol: args.atol,
+                step: args.step,
+                samples: args.samples,
+                outputs: args.output,
+            };
+            commands::simulate(&workspace, &args.scene.choice(), &simulation)
+        }
+        Task::Test => commands::test(&workspace),
+    }
+}
+
+fn main() -> ExitCode {
+    match run(Cli::parse().command) {
+        Ok(text) => {
+            // A reader that has seen enough, such as `head`, is no failure.
+            let _ = writeln!(std::io::stdout(), "{}", text.trim_end_matches('\n'));
+            ExitCode::SUCCESS
+        }
+        Err(error) => {
+            let color = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
+            eprintln!("{}", error.render(color));
+            ExitCode::from(error.exit_code())
+        }
+    }
+}

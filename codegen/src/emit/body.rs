@@ -62,13 +62,21 @@ pub(super) fn constant(constant: &Constant, in_code: bool) -> Text {
     Text::atom(text)
 }
 
-/// The operation as text.
-pub(super) fn operation(op: &Op, operand: impl Fn(Operand) -> Text) -> Text {
+/// The operation as text: in code, or as a formula in a comment.
+pub(super) fn operation(op: &Op, in_code: bool, operand: impl Fn(Operand) -> Text) -> Text {
     let binary = |a: Operand, sign: &str, b: Operand, left: Binding, right: Binding| {
         let (a, b) = (operand(a).at_least(left), operand(b).at_least(right));
         Text { text: format!("{} {sign} {}", a.text, b.text), binding: left, depth: a.depth.max(b.depth) }
     };
     let call = |a: Operand, method: &str| {
+        if !in_code {
+            let a = operand(a);
+            return Text {
+                text: format!("{method}({})", a.text),
+                binding: Binding::Atom,
+                depth: a.depth + 1,
+            };
+        }
         let a = operand(a).at_least(Binding::Atom);
         Text { text: format!("{}.{method}()", a.text), binding: Binding::Atom, depth: a.depth }
     };
@@ -81,11 +89,17 @@ pub(super) fn operation(op: &Op, operand: impl Fn(Operand) -> Text) -> Text {
             let a = operand(a).at_least(Binding::Atom);
             Text { text: format!("-{}", a.text), binding: Binding::Sign, depth: a.depth }
         }
-        Op::Recip(a) => call(a, "recip"),
+        Op::Recip(a) if in_code => call(a, "recip"),
+        Op::Recip(a) => {
+            let a = operand(a).at_least(Binding::Sign);
+            Text { text: format!("1 / {}", a.text), binding: Binding::Product, depth: a.depth }
+        }
         Op::Sqrt(a) => call(a, "sqrt"),
         Op::Power(a, q) => {
             let a = operand(a).at_least(Binding::Atom);
-            let text = format!("({} * {}.ln()).exp()", operand(q).text, a.text);
+            let q = operand(q).text;
+            let text =
+                if in_code { format!("({q} * {}.ln()).exp()", a.text) } else { format!("{}^{q}", a.text) };
             Text { text, binding: Binding::Atom, depth: a.depth + 1 }
         }
         Op::Function(f, a) => call(a, f.name()),
@@ -112,9 +126,16 @@ impl<'a> Body<'a> {
         inputs: impl Fn(Operand) -> String,
     ) -> Body<'a> {
         let mut n_uses = vec![0usize; instructions.len()];
-        for operand in instructions.iter().flat_map(|i| i.op.operands()).chain(results.iter().copied()) {
+        let mut is_result = vec![false; instructions.len()];
+        for operand in instructions.iter().flat_map(|i| i.op.operands()) {
             if let Operand::Value(v) = operand {
                 n_uses[v as usize] += 1;
+            }
+        }
+        for operand in results {
+            if let Operand::Value(v) = operand {
+                n_uses[*v as usize] += 1;
+                is_result[*v as usize] = true;
             }
         }
         // Names of definitions come before those of temporaries, so that these give way.
@@ -122,7 +143,7 @@ impl<'a> Body<'a> {
             instructions.iter().map(|i| i.name.as_deref().map(|name| scope.add(name))).collect();
         let mut texts: Vec<(Text, Vec<u32>)> = Vec::with_capacity(instructions.len());
         for (k, instruction) in instructions.iter().enumerate() {
-            let text = operation(&instruction.op, |operand| match operand {
+            let text = operation(&instruction.op, true, |operand| match operand {
                 Operand::Value(v) => match &variables[v as usize] {
                     Some(name) => Text::atom(name.clone()),
                     None => texts[v as usize].0.clone(),
@@ -140,8 +161,8 @@ impl<'a> Body<'a> {
                     }
                 }
             }
-            let inlined =
-                n_uses[k] == 1 && text.text.len() <= MAX_INLINE_CHARS && text.depth <= MAX_INLINE_DEPTH;
+            let is_short = text.text.len() <= MAX_INLINE_CHARS && text.depth <= MAX_INLINE_DEPTH;
+            let inlined = n_uses[k] == 1 && (is_short || is_result[k]);
             if !inlined && variables[k].is_none() {
                 variables[k] = Some(scope.temporary(prefix));
             }
@@ -270,7 +291,8 @@ pub(super) fn segments<'p>(
     while let Some(first) = instructions.get(start) {
         let length = instructions[start..].iter().take_while(|i| i.section == first.section).count();
         let section = first.section as usize;
-        let title = (section + 1 < program.sections.len()).then(|| program.sections[section].as_str());
+        let title = (section + 1 < program.sections.len()).then(|| program.sections[section].trim());
+        let title = title.map(|title| if title.is_empty() { "definitions" } else { title });
         segments.push((start..start + length, title));
         start += length;
     }

@@ -61,6 +61,7 @@ pub fn emit_index(scenes: &[SceneEntry], command: &str) -> Result<String, Error>
          }}\n"
     );
     let text = format!("{}{}{visitor}", header(command), format_file(modules)?);
-    syn::parse_file(&text).map_err(|e| Error::Emission { model: "the index".to_owned(), reason: e.to_string() })?;
+    syn::parse_file(&text)
+        .map_err(|e| Error::Emission { model: "the index".to_owned(), reason: e.to_string() })?;
     Ok(text)
 }

@@ -93,9 +93,29 @@ fn header(command: &str) -> String {
 
 /// Tokens to formatted text.
 fn format_file(tokens: proc_macro2::TokenStream) -> Result<String, Error> {
-    let file: syn::File = syn::parse2(tokens)
-        .map_err(|e| Error::Emission { model: String::new(), reason: e.to_string() })?;
-    Ok(prettyplease::unparse(&file))
+    let file: syn::File =
+        syn::parse2(tokens).map_err(|e| Error::Emission { model: String::new(), reason: e.to_string() })?;
+    Ok(with_blank_lines(&prettyplease::unparse(&file)))
+}
+
+/// Sets items and methods apart, which the formatter does not.
+fn with_blank_lines(text: &str) -> String {
+    let mut spaced = String::with_capacity(text.len() + text.len() / 50);
+    let mut previous = "";
+    for line in text.lines() {
+        let ends_item = matches!(previous, "}" | "};" | "    }");
+        let closes = line.trim_start().starts_with(['}', ')', ']']);
+        let same_level = previous.starts_with(' ') == line.starts_with(' ');
+        let ends_line = matches!(previous.trim_start().split(' ').next(), Some("type" | "const"))
+            && previous.ends_with(';');
+        if (ends_item || ends_line) && !closes && same_level {
+            spaced.push('\n');
+        }
+        spaced.push_str(line);
+        spaced.push('\n');
+        previous = line;
+    }
+    spaced
 }
 
 /// A doc attribute for each line.

@@ -4,11 +4,11 @@ use std::collections::BTreeSet;
 
 /// Words that no identifier can be, and names whose patterns would mean something else than a new binding.
 const RESERVED: [&str; 61] = [
-    "Err", "INFO", "None", "Ok", "R", "Self", "Some", "_", "abstract", "as", "async", "await", "become", "box",
-    "break", "const", "continue", "crate", "do", "dyn", "else", "enum", "extern", "false", "final", "fn", "for",
-    "gen", "if", "impl", "in", "let", "loop", "macro", "match", "mod", "move", "mut", "override", "priv", "pub",
-    "ref", "return", "self", "static", "struct", "super", "trait", "true", "try", "type", "typeof", "union",
-    "unsafe", "unsized", "use", "virtual", "where", "while", "yield", "core",
+    "Err", "INFO", "None", "Ok", "R", "Self", "Some", "_", "abstract", "as", "async", "await", "become",
+    "box", "break", "const", "continue", "crate", "do", "dyn", "else", "enum", "extern", "false", "final",
+    "fn", "for", "gen", "if", "impl", "in", "let", "loop", "macro", "match", "mod", "move", "mut",
+    "override", "priv", "pub", "ref", "return", "self", "static", "struct", "super", "trait", "true", "try",
+    "type", "typeof", "union", "unsafe", "unsized", "use", "virtual", "where", "while", "yield", "core",
 ];
 
 /// The names in use in one scope.

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use proc_macro2::{Ident, Literal, Span, TokenStream};
-use quote::{quote, quote_spanned};
+use quote::quote;
 
 use super::body::{self, Body, Text, parse, segments};
 use super::names::{Scope, is_unusual, legal};
@@ -62,7 +62,11 @@ fn idents(scope: &mut Scope, names: impl IntoIterator<Item = impl AsRef<str>>) -
 }
 
 fn expect_size(what: &str, found: usize, expected: usize) -> Result<(), Error> {
-    if found == expected { Ok(()) } else { Err(Error::ShapeMismatch { what: what.to_owned(), found, expected }) }
+    if found == expected {
+        Ok(())
+    } else {
+        Err(Error::ShapeMismatch { what: what.to_owned(), found, expected })
+    }
 }
 
 /// `#[allow(..)]` for what the names and numbers of the model need.
@@ -84,9 +88,27 @@ fn allow_names<'i>(identifiers: impl IntoIterator<Item = &'i Ident>) -> TokenStr
 fn allow_numbers(numbers: impl IntoIterator<Item = f64>) -> TokenStream {
     use std::f64::consts as c;
     let known = [
-        c::E, c::FRAC_1_PI, c::FRAC_1_SQRT_2, c::FRAC_2_PI, c::FRAC_2_SQRT_PI, c::FRAC_PI_2, c::FRAC_PI_3,
-        c::FRAC_PI_4, c::FRAC_PI_6, c::FRAC_PI_8, c::LN_2, c::LN_10, c::LOG10_2, c::LOG10_E, c::LOG2_10,
-        c::LOG2_E, c::PI, c::SQRT_2, c::TAU, 1.618_033_988_749_895, 0.577_215_664_901_532_9,
+        c::E,
+        c::FRAC_1_PI,
+        c::FRAC_1_SQRT_2,
+        c::FRAC_2_PI,
+        c::FRAC_2_SQRT_PI,
+        c::FRAC_PI_2,
+        c::FRAC_PI_3,
+        c::FRAC_PI_4,
+        c::FRAC_PI_6,
+        c::FRAC_PI_8,
+        c::LN_2,
+        c::LN_10,
+        c::LOG10_2,
+        c::LOG10_E,
+        c::LOG2_10,
+        c::LOG2_E,
+        c::PI,
+        c::SQRT_2,
+        c::TAU,
+        1.618_033_988_749_895,
+        0.577_215_664_901_532_9,
     ];
     if numbers.into_iter().any(|x| known.iter().any(|k| (x.abs() - k).abs() < 2e-3 * k)) {
         allow("clippy::approx_constant", "values are those of the model")
@@ -95,10 +117,19 @@ fn allow_numbers(numbers: impl IntoIterator<Item = f64>) -> TokenStream {
     }
 }
 
+/// The length of an array, without a suffix.
+fn size(n: usize) -> Literal {
+    Literal::usize_unsuffixed(n)
+}
+
 /// The double as a literal expression, shortest form that reads back the same.
 fn number(x: f64) -> TokenStream {
     let magnitude = Literal::f64_unsuffixed(x.abs());
-    if x.is_sign_negative() && x != 0.0 { quote! { -#magnitude } } else { quote! { #magnitude } }
+    if x.is_sign_negative() && x != 0.0 {
+        quote! { -#magnitude }
+    } else {
+        quote! { #magnitude }
+    }
 }
 
 impl<'a> Module<'a> {
@@ -193,11 +224,12 @@ impl<'a> Module<'a> {
 
     fn params(&self) -> Result<TokenStream, Error> {
         let fields = &self.params;
-        let n = fields.len();
-        let mut docs = Vec::with_capacity(n);
+        let n = size(fields.len());
+        let mut docs = Vec::with_capacity(fields.len());
         for p in &self.text.params {
             let default = rational_to_f64(&p.default);
-            let meaning = if p.doc.trim().is_empty() { format!("Parameter `{}`.", p.name) } else { sentence(&p.doc) };
+            let meaning =
+                if p.doc.trim().is_empty() { format!("Parameter `{}`.", p.name) } else { sentence(&p.doc) };
             docs.push(doc_attributes([meaning, String::new(), format!("Default: {default:?}.")]));
         }
         let defaults = self.defaults().map(|x| match x {
@@ -211,7 +243,7 @@ impl<'a> Module<'a> {
         let (names, numbers) = (allow_names(fields), allow_numbers(self.defaults()));
         let title = doc_attributes([format!("Parameters of {}.", self.title())]);
         // A structure needs a field that mentions its scalar.
-        let (marker, marked) = if n == 0 { phantom() } else { Default::default() };
+        let (marker, marked) = if fields.is_empty() { phantom() } else { Default::default() };
         Ok(quote! {
             #title
             #[derive(Clone, Copy, Debug, PartialEq)]
@@ -248,7 +280,7 @@ impl<'a> Module<'a> {
 
     fn state(&self) -> Result<TokenStream, Error> {
         let fields = &self.state;
-        let n = fields.len();
+        let n = size(fields.len());
         let docs = self.text.state.iter().map(|s| {
             doc_attributes([if s.doc.trim().is_empty() {
                 format!("Component `{}`.", s.name)
@@ -257,10 +289,9 @@ impl<'a> Module<'a> {
             }])
         });
         let names = allow_names(fields);
-        let title = doc_attributes([
-            format!("State of {} by name, in the order of the array.", self.title()),
-        ]);
-        let (marker, marked) = if n == 0 { phantom() } else { Default::default() };
+        let title =
+            doc_attributes([format!("State of {} by name, in the order of the array.", self.title())]);
+        let (marker, marked) = if fields.is_empty() { phantom() } else { Default::default() };
         Ok(quote! {
             #title
             #[derive(Clone, Copy, Debug, PartialEq)]
@@ -299,7 +330,10 @@ impl<'a> Module<'a> {
     // ---- Prepared ---------------------------------------------------------------------------------------------------
 
     fn prepared(&self) -> Result<TokenStream, Error> {
-        let mut lines = vec![format!("Equations of {} with everything computed that depends on parameters alone.", self.title())];
+        let mut lines = vec![format!(
+            "Equations of {} with everything computed that depends on parameters alone.",
+            self.title()
+        )];
         if !self.text.doc.is_empty() {
             lines.push(String::new());
             lines.extend(self.text.doc.iter().cloned());
@@ -322,7 +356,8 @@ impl<'a> Module<'a> {
             .collect();
         let slots = &self.slot_fields;
         let names = allow_names(params.iter().copied().chain(slots));
-        let (marker, marked) = if params.is_empty() && slots.is_empty() { phantom() } else { Default::default() };
+        let (marker, marked) =
+            if params.is_empty() && slots.is_empty() { phantom() } else { Default::default() };
         let new = self.constructor(marked)?;
         Ok(quote! {
             #title
@@ -347,8 +382,10 @@ impl<'a> Module<'a> {
                 formulas.push(None);
                 continue;
             }
-            let text = body::operation(&instruction.op, |operand| match operand {
-                Operand::Value(v) => formulas[v as usize].clone().unwrap_or_else(|| Text::atom(String::new())),
+            let text = body::operation(&instruction.op, false, |operand| match operand {
+                Operand::Value(v) => {
+                    formulas[v as usize].clone().unwrap_or_else(|| Text::atom(String::new()))
+                }
                 Operand::Constant(i) => body::constant(&self.program.constants[i as usize], false),
                 Operand::Param(i) => Text::atom(self.program.params[i as usize].clone()),
                 _ => Text::atom(String::new()),
@@ -381,7 +418,11 @@ impl<'a> Module<'a> {
             quote! { let _ = params; }
         } else {
             let pairs = self.params.iter().zip(&locals).map(|(field, local)| {
-                if field == local { quote! { #field } } else { quote! { #field: #local } }
+                if field == local {
+                    quote! { #field }
+                } else {
+                    quote! { #field: #local }
+                }
             });
             quote! { let Params { #(#pairs),* } = *params; }
         };
@@ -406,7 +447,11 @@ impl<'a> Module<'a> {
         let mut fields = TokenStream::new();
         for i in &self.read_params {
             let (field, local) = (&self.fields[*i as usize], &locals[*i as usize]);
-            fields.extend(if field == local { quote! { #field, } } else { quote! { #field: #local, } });
+            fields.extend(if field == local {
+                quote! { #field, }
+            } else {
+                quote! { #field: #local, }
+            });
         }
         for (slot, field) in prepare.slots.iter().zip(&self.slot_fields) {
             let value = self.spell(&body, Operand::Value(slot.value), &locals)?;
@@ -416,16 +461,27 @@ impl<'a> Module<'a> {
                 quote! { #field: #value, }
             });
         }
-        let mut lines = vec!["Checks the parameters and computes what depends on them alone.".to_owned(), String::new()];
-        lines.extend(["# Errors".into(), String::new(), "The first of these that does not hold: every parameter is finite".into()]);
+        let mut lines =
+            vec!["Checks the parameters and computes what depends on them alone.".to_owned(), String::new()];
+        lines.extend([
+            "# Errors".into(),
+            String::new(),
+            "The first of these that does not hold: every parameter is finite".into(),
+        ]);
         for condition in &prepare.conditions {
             let last = lines.last_mut().expect("lines were pushed above");
             last.push_str(&format!(", `{}`", condition.text));
         }
         lines.last_mut().expect("lines were pushed above").push('.');
-        lines.extend([String::new(), "# Operations".into(), String::new(), format!("{}.", capitalised(&prepare.counts().to_string()))]);
+        lines.extend([
+            String::new(),
+            "# Operations".into(),
+            String::new(),
+            format!("{}.", capitalised(&prepare.counts().to_string())),
+        ]);
         let doc = doc_attributes(lines);
-        let names = allow_names(&locals.iter().cloned().chain(self.slot_fields.iter().cloned()).collect::<Vec<_>>());
+        let names =
+            allow_names(&locals.iter().cloned().chain(self.slot_fields.iter().cloned()).collect::<Vec<_>>());
         let numbers = allow_numbers(self.program_numbers());
         Ok(quote! {
             #names
@@ -445,7 +501,8 @@ impl<'a> Module<'a> {
 
     fn finiteness(&self, locals: &[Ident]) -> TokenStream {
         let error = quote! { return Err(::hamel_runtime::ParamError { condition, meaning }); };
-        let conditions: Vec<String> = self.program.params.iter().map(|name| format!("{name} is finite")).collect();
+        let conditions: Vec<String> =
+            self.program.params.iter().map(|name| format!("{name} is finite")).collect();
         let meanings: Vec<&String> = self.text.params.iter().map(|p| &p.doc).collect();
         match locals {
             [] => TokenStream::new(),
@@ -489,7 +546,7 @@ impl<'a> Module<'a> {
     // ---- functions --------------------------------------------------------------------------------------------------
 
     fn functions(&self) -> Result<TokenStream, Error> {
-        let n = self.state.len();
+        let n = size(self.state.len());
         let arguments = quote! { &self, t: R, y: &[R; #n] };
         let mut methods = TokenStream::new();
         let mut unusual: Vec<Ident> = Vec::new();
@@ -499,7 +556,8 @@ impl<'a> Module<'a> {
         if let Some(rhs) = self.function(RHS) {
             let written = self.write(rhs)?;
             names_of(&written);
-            let doc = self.function_doc(rhs, "Writes the derivative of the state to `dy`.", &self.program.state);
+            let doc =
+                self.function_doc(rhs, "Writes the derivative of the state to `dy`.", &self.program.state);
             let Written { statements, results, .. } = written;
             methods.extend(quote! {
                 #doc
@@ -528,11 +586,15 @@ impl<'a> Module<'a> {
         for (output, function, method) in &self.outputs {
             let written = self.write(function)?;
             names_of(&written);
-            let meaning = if output.doc.trim().is_empty() { format!("Output `{}`.", output.name) } else { sentence(&output.doc) };
+            let meaning = if output.doc.trim().is_empty() {
+                format!("Output `{}`.", output.name)
+            } else {
+                sentence(&output.doc)
+            };
             let components: &[String] = if is_scalar(output) { &[] } else { &output.components };
             let doc = self.function_doc(function, &meaning, components);
             let Written { statements, results, .. } = written;
-            let k = results.len();
+            let k = size(results.len());
             let (kind, value) = if is_scalar(output) {
                 (quote! { R }, quote! { #(#results)* })
             } else {
@@ -591,12 +653,8 @@ impl<'a> Module<'a> {
         let names = allow_names(unusual.iter().chain(&method_names).chain(&self.state));
         let numbers = allow_numbers(self.program_numbers());
         let n_sections = self.program.sections.len() as u32;
-        let has_titles = self
-            .program
-            .functions
-            .iter()
-            .flat_map(|f| &f.instructions)
-            .any(|i| i.section + 1 < n_sections);
+        let has_titles =
+            self.program.functions.iter().flat_map(|f| &f.instructions).any(|i| i.section + 1 < n_sections);
         let comments = if has_titles {
             allow("unused_doc_comments", "comments on statements say which formula they are")
         } else {
@@ -694,7 +752,7 @@ impl<'a> Module<'a> {
     // ---- traits -----------------------------------------------------------------------------------------------------
 
     fn traits(&self) -> Result<TokenStream, Error> {
-        let (n, n_params) = (self.state.len(), self.params.len());
+        let (n, n_params) = (size(self.state.len()), size(self.params.len()));
         let arguments = quote! { &self, t: R, y: &[R; #n] };
         let check = self.checked().map(|_| {
             quote! {
@@ -756,13 +814,13 @@ impl<'a> Module<'a> {
             let own: Vec<Ident> =
                 (0..output.components.len()).map(|k| ident(&format!("v{}", names.len() + k))).collect();
             calls.extend(if is_scalar(output) {
-                quote_spanned! { Span::call_site() => let #(#own)* = self.#method(t, y); }
+                quote! { let #(#own)* = self.#method(t, y); }
             } else {
                 quote! { let [#(#own),*] = self.#method(t, y); }
             });
             names.extend(own);
         }
-        let total = names.len();
+        let total = size(names.len());
         quote! {
             if let Ok(out) = <&mut [R; #total]>::try_from(out) {
                 #calls
@@ -785,10 +843,7 @@ fn is_scalar(output: &super::OutputText) -> bool {
 
 /// A field for structures without any, and its value.
 fn phantom() -> (TokenStream, TokenStream) {
-    (
-        quote! { scalar: ::core::marker::PhantomData<R>, },
-        quote! { scalar: ::core::marker::PhantomData, },
-    )
+    (quote! { scalar: ::core::marker::PhantomData<R>, }, quote! { scalar: ::core::marker::PhantomData, })
 }
 
 /// In parentheses when a method call would bind to a part only.
@@ -797,7 +852,11 @@ fn receiver(value: TokenStream) -> TokenStream {
         proc_macro2::TokenTree::Punct(p) => matches!(p.as_char(), '+' | '-' | '*' | '/'),
         _ => false,
     };
-    if value.clone().into_iter().any(operator) { quote! { (#value) } } else { value }
+    if value.clone().into_iter().any(operator) {
+        quote! { (#value) }
+    } else {
+        value
+    }
 }
 
 fn sentence(text: &str) -> String {

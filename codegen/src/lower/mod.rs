@@ -4,6 +4,7 @@
 //! the program dearer. Deliberately does not know: mechanics (a definition is a name with a formula), Rust (a program
 //! has operations and operands, no text).
 
+mod absorb;
 mod assemble;
 mod class;
 mod expressions;
@@ -96,10 +97,14 @@ pub fn lower(
             .collect();
         let wanted = if factored[sections.len()] { &requests_factored } else { requests };
         let classes = Classes::of(graph, inputs, &mixed, wanted)?;
-        let program = Source { inputs, sections: &mixed, conditions, requests: wanted, classes }
-            .lower_as_written(graph)?;
-        let cost = program.functions.iter().map(|f| f.counts().cost()).sum();
-        Ok((cost, program))
+        let source = Source { inputs, sections: &mixed, conditions, requests: wanted, classes };
+        let program = source.lower_as_written(graph)?;
+        let (sections_absorbed, requests_absorbed) = absorb::absorb(graph, &source)?;
+        let (sections, requests) = (&sections_absorbed, &requests_absorbed);
+        let classes = Classes::of(graph, inputs, sections, requests)?;
+        let absorbed = Source { inputs, sections, conditions, requests, classes }.lower_as_written(graph)?;
+        let (cost, cost_absorbed) = (program.cost(), absorbed.cost());
+        Ok(if cost_absorbed < cost { (cost_absorbed, absorbed) } else { (cost, program) })
     };
     let mut choice = vec![false; n_parts];
     let mut best = attempt(graph, &choice)?;
@@ -111,10 +116,9 @@ pub fn lower(
     let n_nodes = plain.roots(graph).len();
     if n_nodes.saturating_mul(n_parts) <= MAX_NODES_FOR_TRIALS {
         for part in 0..n_parts {
-            let unchanged = if part < sections.len() {
-                sections_factored[part] == sections[part]
-            } else {
-                requests_factored == requests
+            let unchanged = match sections.get(part) {
+                Some(section) => sections_factored[part] == *section,
+                None => requests_factored == requests,
             };
             if unchanged {
                 continue;
@@ -205,4 +209,4 @@ impl Source<'_> {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -315,6 +315,11 @@ impl Function {
 }
 
 impl Program {
+    /// Rough cost of calling every function once.
+    pub fn cost(&self) -> u64 {
+        self.functions.iter().map(|f| f.counts().cost()).sum()
+    }
+
     /// Position of the function of that name.
     pub fn function_idx(&self, name: &str) -> Option<usize> {
         self.functions.iter().position(|f| f.name == name)

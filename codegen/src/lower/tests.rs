@@ -1,1 +1,408 @@
+use std::collections::BTreeMap;
 
+use num_traits::One;
+
+use super::*;
+use crate::expr::{Func, Node, Rational};
+
+fn q(n: i64, d: i64) -> Rational {
+    Rational::new(n.into(), d.into())
+}
+
+/// Three parameters, time, three components of the state.
+struct Fixture {
+    g: Graph,
+    inputs: Inputs,
+    p: [ExprId; 3],
+    t: ExprId,
+    x: [ExprId; 3],
+}
+
+fn fixture() -> Fixture {
+    let mut g = Graph::new();
+    let params = ["a", "b", "c"].map(|n| g.symbol(n));
+    let time = g.symbol("t");
+    let state = ["x", "y", "z"].map(|n| g.symbol(n));
+    let (p, t, x) = (params.map(|s| g.sym(s)), g.sym(time), state.map(|s| g.sym(s)));
+    Fixture { g, inputs: Inputs { params: params.to_vec(), time, state: state.to_vec() }, p, t, x }
+}
+
+impl Fixture {
+    fn lower(&mut self, results: &[ExprId]) -> Program {
+        let request = request("f", results);
+        lower(&mut self.g, &self.inputs, &[], &[], &[request]).unwrap()
+    }
+
+    /// Runs the first function at fixed numbers.
+    fn run(&self, program: &Program) -> Vec<f64> {
+        let prepared = program.prepare(&PARAMS).unwrap();
+        let mut out = vec![0.0; program.functions[0].results.len()];
+        program.run(0, &PARAMS, &prepared, TIME, &STATE, &mut out);
+        out
+    }
+
+    fn values(&self) -> BTreeMap<SymbolId, f64> {
+        let params = self.inputs.params.iter().copied().zip(PARAMS);
+        params.chain([(self.inputs.time, TIME)]).chain(self.inputs.state.iter().copied().zip(STATE)).collect()
+    }
+}
+
+const PARAMS: [f64; 3] = [1.3, 0.7, 2.1];
+const TIME: f64 = 0.4;
+const STATE: [f64; 3] = [0.9, 1.6, 0.35];
+
+fn request(name: &str, results: &[ExprId]) -> Request {
+    Request {
+        name: name.to_owned(),
+        results: results.iter().enumerate().map(|(k, e)| (format!("r{k}"), *e)).collect(),
+    }
+}
+
+#[test]
+fn parameter_only_differences_are_exposed_and_hoisted() {
+    // b y z - c y z = (b - c) y z: two multiplications a call.
+    let Fixture { mut g, inputs, p: [_, b, c], x: [_, y, z], .. } = fixture();
+    let (first, second) = (g.product(&[b, y, z]), g.product(&[c, y, z]));
+    let e = g.sub(first, second);
+    let program = lower(&mut g, &inputs, &[], &[], &[request("f", &[e])]).unwrap();
+    assert_eq!(program.functions[0].counts(), Counts { mul: 2, ..Counts::default() });
+    assert_eq!(program.prepare.counts(), Counts { add: 1, ..Counts::default() });
+    assert_eq!(program.prepare.slots.len(), 1);
+}
+
+#[test]
+fn signs_travel_outwards() {
+    // -x + a - y z: no negation; -(x + y) needs one.
+    let mut f = fixture();
+    let yz = f.g.mul(f.x[1], f.x[2]);
+    let (minus_x, minus_yz) = (f.g.neg(f.x[0]), f.g.neg(yz));
+    let e = f.g.sum(&[minus_x, f.p[0], minus_yz]);
+    assert_eq!(f.lower(&[e]).functions[0].counts(), Counts { add: 2, mul: 1, ..Counts::default() });
+    let minus_y = f.g.neg(f.x[1]);
+    let e = f.g.add(minus_x, minus_y);
+    assert_eq!(f.lower(&[e]).functions[0].counts(), Counts { add: 1, neg: 1, ..Counts::default() });
+}
+
+#[test]
+fn equal_coefficients_are_taken_out() {
+    // x/2 - y/2 = (x - y)/2
+    let mut f = fixture();
+    let d = f.g.sub(f.x[0], f.x[1]);
+    let e = f.g.scale(d, &q(1, 2));
+    assert_eq!(f.lower(&[e]).functions[0].counts(), Counts { add: 1, mul: 1, ..Counts::default() });
+}
+
+#[test]
+fn one_division_serves_all_quotients_by_the_same_denominator() {
+    let mut f = fixture();
+    let d = f.g.add(f.x[0], f.p[0]);
+    let quotients = f.x.map(|x| f.g.div(x, d).unwrap());
+    let counts = f.lower(&quotients).functions[0].counts();
+    assert_eq!((counts.div, counts.mul), (1, 3));
+    let counts = f.lower(&quotients[..1]).functions[0].counts();
+    assert_eq!((counts.div, counts.mul), (1, 0));
+    // x/(d e) once, y/d and z/e once each: two reciprocals instead of three divisions.
+    let e = f.g.add(f.x[1], f.p[1]);
+    let de = f.g.mul(d, e);
+    let mixed = [f.g.div(f.x[0], de).unwrap(), f.g.div(f.x[1], d).unwrap(), f.g.div(f.x[2], e).unwrap()];
+    assert_eq!(f.lower(&mixed).functions[0].counts().div, 2);
+}
+
+#[test]
+fn division_by_parameters_is_hoisted() {
+    let mut f = fixture();
+    let e = f.g.div(f.x[0], f.p[0]).unwrap();
+    let program = f.lower(&[e]);
+    assert_eq!(program.functions[0].counts(), Counts { mul: 1, ..Counts::default() });
+    assert_eq!(program.prepare.counts().div, 1);
+}
+
+#[test]
+fn powers_are_multiplication_chains_and_roots() {
+    let mut f = fixture();
+    let x7 = f.g.powi(f.x[0], 7);
+    assert_eq!(f.lower(&[x7]).functions[0].counts(), Counts { mul: 4, ..Counts::default() });
+    let e = f.g.pow(f.x[0], &q(-3, 2)).unwrap();
+    let counts = f.lower(&[e]).functions[0].counts();
+    assert_eq!((counts.mul, counts.sqrt, counts.div), (1, 1, 1));
+    let e = f.g.pow(f.x[0], &q(4, 3)).unwrap();
+    let program = f.lower(&[e]);
+    assert!((f.run(&program)[0] - STATE[0].powf(4.0 / 3.0)).abs() < 1e-15);
+    let quarter = f.g.pow(f.x[0], &q(3, 4)).unwrap();
+    let program = f.lower(&[quarter]);
+    assert!((f.run(&program)[0] - STATE[0].powf(0.75)).abs() < 1e-15);
+}
+
+#[test]
+fn definitions_keep_names_and_unneeded_ones_are_left_out() {
+    let mut f = fixture();
+    let p_expr = f.g.mul(f.p[0], f.x[0]);
+    let p = f.g.define("p", p_expr);
+    let unused_expr = f.g.mul(f.p[0], f.x[1]);
+    let unused = f.g.define("unused", unused_expr);
+    let ratio_expr = f.g.div(f.p[0], f.p[1]).unwrap();
+    let ratio = f.g.define("ratio", ratio_expr);
+    let sections = [
+        Section {
+            title: "momenta".into(),
+            definitions: vec![
+                Definition { symbol: p, expr: p_expr },
+                Definition { symbol: unused, expr: unused_expr },
+            ],
+        },
+        Section {
+            title: "numbers".into(),
+            definitions: vec![Definition { symbol: ratio, expr: ratio_expr }],
+        },
+    ];
+    let (p, ratio) = (f.g.sym(p), f.g.sym(ratio));
+    let e = f.g.product(&[p, p, ratio]);
+    let program = lower(&mut f.g, &f.inputs, &sections, &[], &[request("f", &[e])]).unwrap();
+    let names: Vec<_> = program.functions[0].instructions.iter().filter_map(|i| i.name.as_deref()).collect();
+    assert_eq!(names, ["p"]);
+    assert_eq!(program.sections, ["momenta", "numbers", "results"]);
+    assert_eq!(program.prepare.slots[0].name.as_deref(), Some("ratio"));
+    assert_eq!(program.functions[0].counts_of_section(0).mul, 1);
+    assert_eq!(program.functions[0].counts_of_section(2).mul, 2);
+}
+
+#[test]
+fn values_are_shared_between_functions_and_constants_folded_into_slots() {
+    let mut f = fixture();
+    let half = f.g.rational(q(1, 2));
+    let energy = f.g.product(&[half, f.p[0], f.x[0], f.x[0]]);
+    let power = f.g.product(&[half, f.p[0], f.x[0], f.t]);
+    let requests = [request("energy", &[energy]), request("power", &[power])];
+    let program = lower(&mut f.g, &f.inputs, &[], &[], &requests).unwrap();
+    assert_eq!(program.prepare.slots.len(), 1);
+    assert_eq!(program.function_idx("power"), Some(1));
+}
+
+#[test]
+fn factoring_never_costs() {
+    // x y is shared by three sums; taking x out of the first would compute it apart.
+    let mut f = fixture();
+    let [x, y, z] = f.x;
+    let xy = f.g.mul(x, y);
+    let xz = f.g.mul(x, z);
+    let yz = f.g.mul(y, z);
+    let results = [f.g.add(xy, xz), f.g.add(xy, yz), f.g.add(xz, yz)];
+    let counts = f.lower(&results).functions[0].counts();
+    assert!(counts.add == 3 && counts.mul <= 3, "{counts:?}");
+}
+
+#[test]
+fn parameter_only_factors_meet_across_definitions_used_once() {
+    // p = a x y, q = p/b: one number a/b; with p as a result of the same function it stays apart.
+    let mut f = fixture();
+    let p_expr = f.g.product(&[f.p[0], f.x[0], f.x[1]]);
+    let p = f.g.define("p", p_expr);
+    let p_symbol = f.g.sym(p);
+    let sections =
+        [Section { title: "momentum".into(), definitions: vec![Definition { symbol: p, expr: p_expr }] }];
+    let q = f.g.div(p_symbol, f.p[1]).unwrap();
+    let once = lower(&mut f.g, &f.inputs, &sections, &[], &[request("f", &[q])]).unwrap();
+    assert_eq!(once.functions[0].counts().mul, 2);
+    assert_eq!(f.run(&once), [PARAMS[0] / PARAMS[1] * (STATE[0] * STATE[1])]);
+    let twice = lower(&mut f.g, &f.inputs, &sections, &[], &[request("f", &[q, p_symbol])]).unwrap();
+    assert_eq!(twice.functions[0].counts().mul, 3);
+    // s = a x + b y, r = s/c: two numbers a/c and b/c.
+    let (ax, by) = (f.g.mul(f.p[0], f.x[0]), f.g.mul(f.p[1], f.x[1]));
+    let s = f.g.add(ax, by);
+    let r = f.g.div(s, f.p[2]).unwrap();
+    assert_eq!(f.lower(&[r]).functions[0].counts(), Counts { add: 1, mul: 2, ..Counts::default() });
+}
+
+#[test]
+fn conditions_are_checked_in_prepare() {
+    let mut f = fixture();
+    let conditions =
+        [ParamCondition { text: "a > b".into(), greater: f.p[0], less: f.p[1], relation: Relation::Greater }];
+    let e = f.x[0];
+    let program = lower(&mut f.g, &f.inputs, &[], &conditions, &[request("f", &[e])]).unwrap();
+    assert_eq!(program.prepare(&[2.0, 1.0, 0.0]), Ok(vec![]));
+    assert_eq!(program.prepare(&[1.0, 1.0, 0.0]).unwrap_err().condition, "a > b");
+    assert_eq!(program.prepare(&[1.0, 0.0, f64::NAN]).unwrap_err().condition, "c is finite");
+    let wrong = [ParamCondition { greater: f.x[0], ..conditions[0].clone() }];
+    let refused = lower(&mut f.g, &f.inputs, &[], &wrong, &[request("f", &[e])]);
+    assert!(matches!(refused, Err(Error::Program { .. })));
+}
+
+#[test]
+fn malformed_programs_are_refused() {
+    let mut f = fixture();
+    let e = f.g.mul(f.x[0], f.x[1]);
+    let program = f.lower(&[e]);
+    assert_eq!(verify(&program), Ok(()));
+    let broken = |change: &dyn Fn(&mut Program)| {
+        let mut program = program.clone();
+        change(&mut program);
+        verify(&program).is_err()
+    };
+    assert!(broken(&|p| p.functions[0].instructions[0].op = Op::Neg(Operand::Value(0))));
+    assert!(broken(&|p| p.functions[0].instructions[0].op = Op::Neg(Operand::Param(0))));
+    assert!(broken(&|p| p.functions[0].instructions[0].op = Op::Neg(Operand::State(3))));
+    assert!(broken(&|p| p.functions[0].results[0].1 = Operand::Time));
+    assert!(broken(&|p| p.functions[0].instructions[0].section = 1));
+}
+
+#[test]
+fn deep_expressions_do_not_overflow_the_stack() {
+    let mut f = fixture();
+    let mut e = f.x[0];
+    for k in 0..20_000 {
+        e = if k % 2 == 0 { f.g.func(Func::Sin, e) } else { f.g.add(e, f.x[1]) };
+    }
+    let program = f.lower(&[e]);
+    assert_eq!(program.functions[0].instructions.len(), 20_000);
+}
+
+/// Fixed-seed numbers: xorshift.
+pub(crate) struct Random(pub(crate) u64);
+
+impl Random {
+    pub(crate) fn below(&mut self, n: usize) -> usize {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0 >> 33) as usize % n
+    }
+}
+
+/// A graph of random expressions without singularities, as definitions in sections and results; even seeds have no
+/// roots, of which the zero test can follow two or three in one expression.
+pub(crate) fn random_problem(seed: u64) -> (Graph, Inputs, Vec<Section>, Vec<Request>) {
+    let Fixture { mut g, inputs, p, t, x } = fixture();
+    let mut random = Random(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1);
+    let mut pool: Vec<ExprId> = p.into_iter().chain([t]).chain(x).collect();
+    let leaves = pool.clone();
+    let roots = seed % 2 == 1;
+    pool.push(g.pi());
+    let one = g.one();
+    let mut sections = Vec::new();
+    for s in 0..3 {
+        let mut definitions = Vec::new();
+        for _ in 0..8 {
+            let pick = |random: &mut Random| pool[random.below(pool.len())];
+            let (a, b, c) = (pick(&mut random), pick(&mut random), pick(&mut random));
+            // The zero test knows sines and cosines by the terms of their arguments, which factoring would change.
+            let angle = g.add(leaves[random.below(leaves.len())], leaves[random.below(leaves.len())]);
+            // 1 + a^2 is positive, sines are bounded: nothing overflows in a few steps.
+            let square = g.powi(a, 2);
+            let positive = g.add(one, square);
+            let e = match random.below(9) {
+                0 => g.func(Func::Sin, angle),
+                1 => g.func(Func::Cos, angle),
+                2 if roots => g.sqrt(positive),
+                3 => g.div(b, positive).unwrap(),
+                4 => {
+                    // The zero test does not relate different powers by thirds or fourths either.
+                    let denominator = if roots { [1, 2, 3, 4][random.below(4)] } else { 1 };
+                    let exponent = q([-3, -1, 1, 3, -2, 5][random.below(6)], denominator);
+                    let bounded = g.pow(positive, &exponent).unwrap();
+                    g.mul(bounded, c)
+                }
+                5 => {
+                    let terms: Vec<_> = (0..5)
+                        .map(|_| {
+                            let product = [pick(&mut random), pick(&mut random)];
+                            let product = g.product(&product);
+                            (product, q(random.below(5) as i64 - 2, 1 + random.below(3) as i64))
+                        })
+                        .collect();
+                    g.linear_combination(&terms)
+                }
+                6 => {
+                    let (ab, ac) = (g.mul(a, b), g.mul(a, c));
+                    g.sub(ab, ac)
+                }
+                7 => {
+                    let bounded = g.func(Func::Sin, angle);
+                    let e = g.mul(bounded, c);
+                    g.scale(e, &q(-2, 7))
+                }
+                _ => g.sub(b, a),
+            };
+            // Large values would make tolerances meaningless: squash now and then. (The zero test does not know that
+            // tanh is odd where factoring turns the sign of its argument.)
+            let square = g.powi(e, 2);
+            let positive = g.add(one, square);
+            let bounded = if roots { g.func(Func::Tanh, e) } else { g.func(Func::Ln, positive) };
+            if matches!(g.node(bounded), Node::Constant(_)) {
+                continue;
+            }
+            let e = if random.below(3) == 0 { bounded } else { e };
+            if random.below(2) == 0 {
+                let symbol = g.define(&format!("d{s}"), e);
+                definitions.push(Definition { symbol, expr: e });
+                pool.push(g.sym(symbol));
+            } else {
+                pool.push(e);
+            }
+        }
+        sections.push(Section { title: format!("section {s}"), definitions });
+    }
+    let n = pool.len();
+    let requests = vec![request("rhs", &pool[n - 3..]), request("energy", &pool[n - 5..n - 4])];
+    (g, inputs, sections, requests)
+}
+
+#[test]
+fn random_programs_agree_with_their_expressions() {
+    for seed in 1..=300 {
+        let (mut g, inputs, sections, requests) = random_problem(seed);
+        let program =
+            lower(&mut g, &inputs, &sections, &[], &requests).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
+        // Definitions replaced, in order, by what they stand for.
+        let mut replacements: BTreeMap<SymbolId, ExprId> = BTreeMap::new();
+        for definition in sections.iter().flat_map(|s| &s.definitions) {
+            let value = g.subs(definition.expr, &replacements).unwrap();
+            replacements.insert(definition.symbol, value);
+        }
+        let params = inputs.params.iter().copied().zip(PARAMS);
+        let mut values: BTreeMap<SymbolId, f64> = params.chain([(inputs.time, TIME)]).collect();
+        values.extend(inputs.state.iter().copied().zip(STATE));
+        let back = program.to_expressions(&mut g, &inputs).unwrap();
+        let prepared = program.prepare(&PARAMS).unwrap();
+        for (k, request) in requests.iter().enumerate() {
+            let mut out = vec![0.0; request.results.len()];
+            program.run(k, &PARAMS, &prepared, TIME, &STATE, &mut out);
+            for (i, (name, e)) in request.results.iter().enumerate() {
+                let expected = g.subs(*e, &replacements).unwrap();
+                let reference = g.eval_f64(expected, &values).unwrap();
+                // Both round some hundred times and may cancel; 1e-9 leaves seven digits to a wrong operation.
+                let scale = reference.abs().max(1.0);
+                assert!(
+                    (out[i] - reference).abs() <= 1e-9 * scale
+                        || !reference.is_finite()
+                        || reference.abs() > 1e6,
+                    "seed {seed}, {name}: {} and {reference}",
+                    out[i]
+                );
+                assert!(seed % 2 == 1 || g.is_equal(back[k][i], expected), "seed {seed}, {name}");
+            }
+        }
+    }
+}
+
+#[test]
+fn lowering_twice_gives_the_same_program() {
+    let lowered = |seed| {
+        let (mut g, inputs, sections, requests) = random_problem(seed);
+        lower(&mut g, &inputs, &sections, &[], &requests).unwrap()
+    };
+    for seed in 1..20 {
+        assert_eq!(lowered(seed), lowered(seed));
+    }
+}
+
+#[test]
+fn values_of_constants_are_those_of_the_expressions() {
+    assert_eq!(Constant::Rational(q(1, 3)).value::<f64>(), 1.0 / 3.0);
+    assert_eq!(Constant::Rational(q(981, 100)).value::<f64>(), 9.81);
+    assert_eq!(Constant::Rational(q(7, 1)).literal(), Literal::Number(7.0));
+    assert_eq!(Constant::Rational(q(1, 3)).literal(), Literal::Ratio(1.0, 3.0));
+    assert_eq!(Constant::Rational(Rational::one()).literal(), Literal::One);
+    let f = fixture();
+    assert_eq!(f.values().len(), 7);
+}

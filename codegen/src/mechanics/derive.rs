@@ -4,7 +4,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::error::Error;
 use crate::expr::{ExprId, Graph, Section, SectionWriter, Style, SymbolId};
-use crate::reduction::{ConstraintRow, KinematicConstraint, ReducedSystem, SolvedConstraint, StateKind};
+use crate::reduction::{
+    AccelerationRow, AccelerationSource, KinematicConstraint, ReducedSystem, SolvedConstraint, StateKind,
+};
 
 use super::solve::{Factorisation, Pivot};
 
@@ -58,6 +60,8 @@ pub struct Equations {
     pub sections: Vec<Section>,
     /// State equations in state order.
     pub state: Vec<StateEquation>,
+    /// Equations of the reconstructed coordinates.
+    pub reconstruction: Vec<StateEquation>,
     /// `A` of `A udot = f`.
     pub mass_matrix: Vec<Vec<ExprId>>,
     /// `f` of `A udot = f`.
@@ -95,7 +99,7 @@ pub fn derive(system: &ReducedSystem) -> Result<Equations, Error> {
     d.momenta();
     let motion = match system.constraint.clone() {
         KinematicConstraint::Solved(solved) => d.solve_reduced(&solved)?,
-        KinematicConstraint::Multipliers(rows) => d.solve_with_multipliers(&rows)?,
+        KinematicConstraint::Multipliers { rows, reactions } => d.solve_with_multipliers(&rows, &reactions)?,
     };
     d.finish(motion)
 }
@@ -104,8 +108,12 @@ pub fn derive(system: &ReducedSystem) -> Result<Equations, Error> {
 struct Motion {
     /// `ydot`, one per velocity.
     acceleration: Vec<ExprId>,
+    /// `udot`, one per unknown.
+    unknown_rates: Vec<ExprId>,
     /// `lambda_A`, one per constraint.
     multipliers: Vec<(String, ExprId)>,
+    /// The one-forms that they act along.
+    reactions: Vec<Vec<ExprId>>,
     mass_matrix: Vec<Vec<ExprId>>,
     force: Vec<ExprId>,
     unknowns: Vec<String>,
@@ -165,7 +173,7 @@ impl<'a> Derivation<'a> {
         let KinematicConstraint::Solved(solved) = &self.system.constraint else { return Ok(()) };
         self.writer.begin("velocities y = Psi u + psi0");
         for &k in &solved.dependent {
-            let value = solved_velocity(&mut self.g, self.system, solved, k);
+            let value = solved_velocity(&mut self.g, solved, k);
             let named = self.writer.define(&mut self.g, &self.names[k], value);
             self.replacement.insert(self.system.velocities[k], named);
             self.y[k] = named;
@@ -274,11 +282,12 @@ impl<'a> Derivation<'a> {
     /// `A udot = f` with `A = W^T L_yy Psi`, `f = W^T (drive - L_yy (dPsi u + dpsi0))`.
     fn solve_reduced(&mut self, solved: &SolvedConstraint) -> Result<Motion, Error> {
         let m = self.y.len();
-        let k = solved.independent.len();
+        let k = solved.unknowns.len();
+        let unknowns: Vec<String> = solved.unknowns.iter().map(|u| u.name.clone()).collect();
         self.writer.begin("accelerations of the dependent velocities at udot = 0");
         let mut lag = vec![self.g.zero(); m];
         for &alpha in &solved.dependent {
-            let value = solved_velocity(&mut self.g, self.system, solved, alpha);
+            let value = solved_velocity(&mut self.g, solved, alpha);
             let drift = self.drift(value);
             lag[alpha] = self.define(&format!("lag_{}", self.names[alpha]), drift);
         }
@@ -286,6 +295,10 @@ impl<'a> Derivation<'a> {
         let mut mass_matrix = vec![vec![self.g.zero(); k]; k];
         let mut force = Vec::new();
         let symmetric_form = solved.virtual_displacements == solved.psi;
+        let mut displacements = Vec::new();
+        for row in &solved.virtual_displacements {
+            displacements.push(row.iter().map(|e| self.replace(*e)).collect::<Result<Vec<_>, _>>()?);
+        }
         for b in 0..k {
             for a in 0..k {
                 if symmetric_form && a < b {
@@ -295,15 +308,14 @@ impl<'a> Derivation<'a> {
                 let mut terms = Vec::new();
                 for alpha in 0..m {
                     for beta in 0..m {
-                        let (w, h) = (solved.virtual_displacements[alpha][b], self.hessian[alpha][beta]);
+                        let (w, h) = (displacements[alpha][b], self.hessian[alpha][beta]);
                         if w != self.g.zero() && h != self.g.zero() {
                             terms.push(self.g.product(&[w, h, solved.psi[beta][a]]));
                         }
                     }
                 }
                 let sum = self.g.sum(&terms);
-                let names = (&self.names[solved.independent[b]], &self.names[solved.independent[a]]);
-                mass_matrix[b][a] = self.define(&format!("A_{}_{}", names.0, names.1), sum);
+                mass_matrix[b][a] = self.define(&format!("A_{}_{}", unknowns[b], unknowns[a]), sum);
             }
         }
         self.writer.begin("right side f = W^T (r - L_yy lag)");
@@ -320,12 +332,11 @@ impl<'a> Derivation<'a> {
         for b in 0..k {
             let mut terms = Vec::new();
             for alpha in 0..m {
-                terms.push(self.g.mul(solved.virtual_displacements[alpha][b], net[alpha]));
+                terms.push(self.g.mul(displacements[alpha][b], net[alpha]));
             }
             let sum = self.g.sum(&terms);
-            force.push(self.define(&format!("f_{}", self.names[solved.independent[b]]), sum));
+            force.push(self.define(&format!("f_{}", unknowns[b]), sum));
         }
-        let unknowns: Vec<String> = solved.independent.iter().map(|k| self.names[*k].clone()).collect();
         let labels: Vec<String> = unknowns.iter().map(|n| format!("dot_{n}")).collect();
         let (udot, mut pivots, symmetric) =
             self.solve_linear("A", &mass_matrix, &force, &unknowns, &labels, &inertias(&unknowns))?;
@@ -341,7 +352,19 @@ impl<'a> Derivation<'a> {
             acceleration[alpha] = self.define(&format!("dot_{}", self.names[alpha]), sum);
         }
         let multipliers = self.multipliers_of(solved, &acceleration)?;
-        Ok(Motion { acceleration, multipliers, mass_matrix, force, unknowns, pivots, symmetric })
+        let reactions = solved.reactions.one_forms.clone();
+        let unknown_rates = udot;
+        Ok(Motion {
+            acceleration,
+            unknown_rates,
+            multipliers,
+            reactions,
+            mass_matrix,
+            force,
+            unknowns,
+            pivots,
+            symmetric,
+        })
     }
 
     /// Factors and solves, writing both as sections. Pivots are called after `unknowns`, solutions `labels`.
@@ -367,20 +390,25 @@ impl<'a> Derivation<'a> {
         Ok((x, factors.pivots(pivot_names), symmetric))
     }
 
-    /// `E_alpha = sum_A lambda_A a_A,alpha`, solved on the dependent velocities.
+    /// `E_alpha = sum_A lambda_A form_A,alpha`, solved on components that determine the multipliers.
     fn multipliers_of(
         &mut self,
         solved: &SolvedConstraint,
         acceleration: &[ExprId],
     ) -> Result<Vec<(String, ExprId)>, Error> {
-        if solved.rows.is_empty() {
+        let reactions = &solved.reactions;
+        if reactions.names.is_empty() {
             return Ok(Vec::new());
         }
         self.writer.begin("multipliers E = lambda a");
         let mut matrix = Vec::new();
         let mut right = Vec::new();
-        for &alpha in &solved.dependent {
-            matrix.push(solved.rows.iter().map(|row| row.one_form[alpha]).collect::<Vec<_>>());
+        for &alpha in &reactions.on {
+            let mut row = Vec::new();
+            for form in &reactions.one_forms {
+                row.push(self.replace(form[alpha])?);
+            }
+            matrix.push(row);
             let mut terms = vec![self.g.neg(self.drive[alpha])];
             for (beta, ydot) in acceleration.iter().enumerate() {
                 terms.push(self.g.mul(self.hessian[alpha][beta], *ydot));
@@ -389,12 +417,17 @@ impl<'a> Derivation<'a> {
         }
         let solution = crate::algebra::solve_symbolic(&mut self.g, &matrix, &right)
             .map_err(|_| Error::DivisionByZero { place: "the multipliers".into() })?;
-        let rows = solved.rows.iter().zip(solution);
-        Ok(rows.map(|(row, value)| (format!("lambda_{}", row.name), self.g.cancel_zero(value[0]))).collect())
+        let rows = reactions.names.iter().zip(solution);
+        Ok(rows.map(|(name, value)| (format!("lambda_{name}"), self.g.cancel_zero(value[0]))).collect())
     }
 
-    /// `L_yy ydot = drive + w^T lambda`, `w ydot + w0 = 0`, by `S = w L_yy^-1 w^T`.
-    fn solve_with_multipliers(&mut self, rows: &[ConstraintRow]) -> Result<Motion, Error> {
+    /// `L_yy ydot = drive + Lambda^T lambda`, `w ydot + w0 = 0`, by `S = w L_yy^-1 Lambda^T`: the multipliers act along the
+    /// one-forms `Lambda` that vanish on virtual displacements and keep the conditions on accelerations.
+    fn solve_with_multipliers(
+        &mut self,
+        rows: &[AccelerationRow],
+        reactions: &[Vec<ExprId>],
+    ) -> Result<Motion, Error> {
         let m = self.y.len();
         let names = self.names.clone();
         let hessian = self.hessian.clone();
@@ -404,13 +437,13 @@ impl<'a> Derivation<'a> {
         let drive = self.drive.clone();
         let prefixed = |prefix: &str| names.iter().map(|n| format!("{prefix}_{n}")).collect::<Vec<_>>();
         let free = factors.solve(&mut self.g, &mut self.writer, &prefixed("free"), &drive);
-        self.writer.begin("response to the multipliers L_yy^-1 w^T");
+        self.writer.begin("response to the multipliers L_yy^-1 Lambda^T");
         let mut response = Vec::new();
-        for (c, row) in rows.iter().enumerate() {
+        for (c, form) in reactions.iter().enumerate() {
             let labels = prefixed(&format!("Z{}", c + 1));
-            response.push(factors.solve(&mut self.g, &mut self.writer, &labels, &row.one_form));
+            response.push(factors.solve(&mut self.g, &mut self.writer, &labels, form));
         }
-        self.writer.begin("multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 w^T");
+        self.writer.begin("multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T");
         let dot = |g: &mut Graph, a: &[ExprId], b: &[ExprId]| {
             let terms: Vec<ExprId> = a.iter().zip(b).map(|(x, y)| g.mul(*x, *y)).collect();
             g.sum(&terms)
@@ -424,19 +457,21 @@ impl<'a> Derivation<'a> {
                 entries.push(self.define(&format!("S_{}_{}", c + 1, other + 1), product));
             }
             matrix.push(entries);
-            let residual = constraint_residual(&mut self.g, self.system, row);
-            let rate = self.drift(residual);
+            let rate = match row.source {
+                AccelerationSource::Differentiated(residual) => self.drift(residual),
+                AccelerationSource::Servo(remainder) => remainder,
+            };
             let product = dot(&mut self.g, &row.one_form, &free);
             let sum = self.g.add(product, rate);
             let value = self.g.neg(sum);
             right.push(self.define(&format!("g_{}", c + 1), value));
         }
         let labels: Vec<String> = rows.iter().map(|r| format!("lambda_{}", r.name)).collect();
-        let reactions: Vec<String> =
+        let pivot_names: Vec<String> =
             rows.iter().map(|r| format!("response to constraint {}", r.text)).collect();
         let (lambda, constraint_pivots, symmetric) =
-            self.solve_linear("S", &matrix, &right, &labels, &labels, &reactions)?;
-        self.writer.begin("accelerations ydot = L_yy^-1 (r + w^T lambda)");
+            self.solve_linear("S", &matrix, &right, &labels, &labels, &pivot_names)?;
+        self.writer.begin("accelerations ydot = L_yy^-1 (r + Lambda^T lambda)");
         let mut acceleration = Vec::new();
         for alpha in 0..m {
             let mut terms = vec![free[alpha]];
@@ -449,8 +484,10 @@ impl<'a> Derivation<'a> {
         let mut pivots = factors.pivots(&inertias(&names));
         pivots.extend(constraint_pivots);
         Ok(Motion {
+            unknown_rates: acceleration.clone(),
             acceleration,
             multipliers: labels.into_iter().zip(lambda).collect(),
+            reactions: reactions.to_vec(),
             mass_matrix: hessian,
             force: drive,
             unknowns: names,
@@ -512,6 +549,42 @@ impl<'a> Derivation<'a> {
         Ok(self.g.cancel_zero(sum))
     }
 
+    /// Power of forces, explicit time and constraint reactions: `F.y - dL/dt + sum_A lambda_A form_A.y`.
+    fn power(&mut self, motion: &Motion) -> Result<ExprId, Error> {
+        let explicit = self.g.diff(self.system.lagrangian, self.system.time);
+        let explicit = self.replace(explicit)?;
+        let mut terms = vec![self.g.neg(explicit)];
+        for (force, y) in self.system.forces.iter().zip(self.y.clone()) {
+            let force = self.replace(*force)?;
+            terms.push(self.g.mul(force, y));
+        }
+        for (form, (_, lambda)) in motion.reactions.iter().zip(&motion.multipliers) {
+            let mut work = Vec::new();
+            for (coefficient, y) in form.iter().zip(self.y.clone()) {
+                let coefficient = self.replace(*coefficient)?;
+                work.push(self.g.mul(coefficient, y));
+            }
+            let work = self.g.sum(&work);
+            let work = self.g.cancel_zero(work);
+            terms.push(self.g.mul(*lambda, work));
+        }
+        Ok(self.g.sum(&terms))
+    }
+
+    /// Whether the energy rate is nothing but multipliers times constraint residuals: zero once the constraint holds.
+    fn vanishes_with(&mut self, rate: ExprId, motion: &Motion, residuals: &[(String, ExprId)]) -> bool {
+        if residuals.len() != motion.multipliers.len() {
+            return false;
+        }
+        let products: Vec<ExprId> = residuals
+            .iter()
+            .zip(&motion.multipliers)
+            .map(|((_, residual), (_, lambda))| self.g.mul(*lambda, *residual))
+            .collect();
+        let sum = self.g.sum(&products);
+        self.g.is_equal(rate, sum)
+    }
+
     fn finish(mut self, motion: Motion) -> Result<Equations, Error> {
         let system = self.system;
         let raw_energy = self.energy()?;
@@ -539,29 +612,25 @@ impl<'a> Derivation<'a> {
                     .into(),
             });
         }
-        if let KinematicConstraint::Multipliers(rows) = &system.constraint {
-            let mut components = Vec::new();
-            let (mut power, mut affine_power) = (Vec::new(), Vec::new());
-            for (row, (_, lambda)) in rows.iter().zip(&motion.multipliers) {
-                let residual = constraint_residual(&mut self.g, system, row);
-                // The constraint forces do the power lambda a.y = lambda (residual - b).
-                let affine = self.g.mul(*lambda, row.offset);
-                affine_power.push(affine);
-                power.push(self.g.mul(*lambda, residual));
-                power.push(self.g.neg(affine));
-                components.push((format!("residual_{}", row.name), residual));
-            }
-            let power = self.g.sum(&power);
-            if self.g.is_equal(energy_rate, power) {
-                energy_rate = power;
-                let on_constraint = self.g.sum(&affine_power);
-                facts.energy_is_conserved_on_constraint = self.g.is_zero(on_constraint);
-            }
-            outputs.push(Output {
-                name: "constraint".into(),
-                components,
-                doc: "residual of the constraints a.y + b".into(),
+        let power = self.power(&motion)?;
+        if self.g.is_equal(energy_rate, power) {
+            energy_rate = power;
+        }
+        if let KinematicConstraint::Multipliers { rows, .. } = &system.constraint {
+            let residuals = rows.iter().filter_map(|row| match row.source {
+                AccelerationSource::Differentiated(residual) => Some((format!("residual_{}", row.name), residual)),
+                AccelerationSource::Servo(_) => None,
             });
+            let components: Vec<(String, ExprId)> = residuals.collect();
+            facts.energy_is_conserved_on_constraint =
+                !facts.energy_is_conserved && self.vanishes_with(energy_rate, &motion, &components);
+            if !components.is_empty() {
+                outputs.push(Output {
+                    name: "constraint".into(),
+                    components,
+                    doc: "residual of the constraints, zero along the motion".into(),
+                });
+            }
         }
         if !system.casimirs.is_empty() {
             let mut components = Vec::new();
@@ -587,13 +656,19 @@ impl<'a> Derivation<'a> {
         for (kind, doc) in &system.state {
             let (symbol, derivative) = match *kind {
                 StateKind::Base(i) => (system.algebroid.base()[i], self.rates[i]),
-                StateKind::Velocity(k) => (system.velocities[k], motion.acceleration[k]),
+                StateKind::Unknown(a) => (system.unknowns[a].symbol, motion.unknown_rates[a]),
             };
             let name = self.g.name(symbol).to_owned();
             if derivative == self.g.zero() {
                 facts.constants.push(name.clone());
             }
             state.push(StateEquation { symbol, name, doc: doc.clone(), derivative });
+        }
+        let mut reconstruction = Vec::new();
+        for coordinate in &system.reconstruction {
+            let derivative = self.replace(coordinate.rate)?;
+            let (symbol, name, doc) = (coordinate.symbol, coordinate.name.clone(), coordinate.doc.clone());
+            reconstruction.push(StateEquation { symbol, name, doc, derivative });
         }
         let pivots = motion.pivots.into_iter().filter(|p| self.g.as_rational(p.expr).is_none()).collect();
         let mut system = self.system.clone();
@@ -603,6 +678,7 @@ impl<'a> Derivation<'a> {
             system,
             sections,
             state,
+            reconstruction,
             mass_matrix: motion.mass_matrix,
             force: motion.force,
             unknowns: motion.unknowns,
@@ -621,21 +697,11 @@ fn inertias(names: &[String]) -> Vec<String> {
 }
 
 /// `y^alpha = Psi^alpha_a u^a + psi0^alpha` of a dependent velocity.
-fn solved_velocity(g: &mut Graph, system: &ReducedSystem, solved: &SolvedConstraint, alpha: usize) -> ExprId {
+pub(crate) fn solved_velocity(g: &mut Graph, solved: &SolvedConstraint, alpha: usize) -> ExprId {
     let mut terms = vec![solved.psi0[alpha]];
-    for (a, &k) in solved.independent.iter().enumerate() {
-        let u = g.sym(system.velocities[k]);
+    for (a, unknown) in solved.unknowns.iter().enumerate() {
+        let u = g.sym(unknown.symbol);
         terms.push(g.mul(solved.psi[alpha][a], u));
-    }
-    g.sum(&terms)
-}
-
-/// `a_A . y + b_A`.
-fn constraint_residual(g: &mut Graph, system: &ReducedSystem, row: &ConstraintRow) -> ExprId {
-    let mut terms = vec![row.offset];
-    for (coefficient, s) in row.one_form.iter().zip(&system.velocities) {
-        let y = g.sym(*s);
-        terms.push(g.mul(*coefficient, y));
     }
     g.sum(&terms)
 }

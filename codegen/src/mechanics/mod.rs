@@ -8,5 +8,6 @@
 mod derive;
 mod solve;
 
+pub(crate) use derive::solved_velocity;
 pub use derive::{Equations, Facts, Output, StateEquation, derive};
 pub use solve::{Factorisation, Pivot};

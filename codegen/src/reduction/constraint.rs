@@ -23,8 +23,8 @@ pub struct ConstraintRow {
 /// Constraint in the solved form `y = Psi u + psi0`, with virtual displacements spanned by the columns of `W`.
 #[derive(Clone, Debug)]
 pub struct SolvedConstraint {
-    /// Velocities that stay in the state, ascending.
-    pub independent: Vec<usize>,
+    /// The unknowns `u`: velocities that stay in the state, then quasi-velocities.
+    pub unknowns: Vec<Unknown>,
     /// Velocities that the constraint determines, ascending.
     pub dependent: Vec<usize>,
     /// `Psi`, `[m][k]`.
@@ -33,10 +33,64 @@ pub struct SolvedConstraint {
     pub psi0: Vec<ExprId>,
     /// `W`, `[m][k]`; equal to `Psi` when the displacements are those the constraint allows.
     pub virtual_displacements: Vec<Vec<ExprId>>,
+    /// The one-forms that vanish on virtual displacements and carry the multipliers, with velocities on which they can be
+    /// inverted.
+    pub reactions: Reactions,
     /// The forms that were solved.
     pub rows: Vec<ConstraintRow>,
     /// Expressions that were divided by and are not known to be non-zero, with what to call them.
     pub pivots: Vec<(String, ExprId)>,
+}
+
+impl SolvedConstraint {
+    /// Velocities of the frame that stay in the state, ascending.
+    pub fn independent(&self) -> Vec<usize> {
+        self.unknowns.iter().filter_map(|u| u.frame_idx).collect()
+    }
+}
+
+/// An independent velocity.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Unknown {
+    /// Its name.
+    pub name: String,
+    /// Its symbol.
+    pub symbol: SymbolId,
+    /// The velocity of the frame that it is; `None` for a quasi-velocity.
+    pub frame_idx: Option<usize>,
+}
+
+/// `E = sum_A lambda_A form_A`, invertible on the components `on`.
+#[derive(Clone, Debug)]
+pub struct Reactions {
+    /// Names of the constraints.
+    pub names: Vec<String>,
+    /// `[n_constraints][m]`.
+    pub one_forms: Vec<Vec<ExprId>>,
+    /// Components of the frame that determine the multipliers.
+    pub on: Vec<usize>,
+}
+
+/// A condition on accelerations, `w . ydot + w0 = 0`.
+#[derive(Clone, Debug)]
+pub struct AccelerationRow {
+    /// Name of the constraint.
+    pub name: String,
+    /// The constraint as written.
+    pub text: String,
+    /// `w`.
+    pub one_form: Vec<ExprId>,
+    /// What `w0` comes from.
+    pub source: AccelerationSource,
+}
+
+/// Where a condition on accelerations comes from.
+#[derive(Clone, Copy, Debug)]
+pub enum AccelerationSource {
+    /// The time derivative of a constraint `phi(x, y, t) = 0`.
+    Differentiated(ExprId),
+    /// A second-order constraint, given with its part `w0` without accelerations.
+    Servo(ExprId),
 }
 
 /// How the kinematic constraint is carried.
@@ -44,9 +98,14 @@ pub struct SolvedConstraint {
 pub enum KinematicConstraint {
     /// Dependent velocities are eliminated. Without constraints `Psi` is the identity.
     Solved(SolvedConstraint),
-    /// All velocities stay in the state and multipliers keep the constraint: no single choice of independent
-    /// velocities is good on the whole domain.
-    Multipliers(Vec<ConstraintRow>),
+    /// All velocities stay in the state; multipliers act along `reactions` and keep `rows`: second-order and nonlinear
+    /// constraints, and linear ones for which no single choice of independent velocities is good on the whole domain.
+    Multipliers {
+        /// The conditions on accelerations.
+        rows: Vec<AccelerationRow>,
+        /// One-forms that vanish on virtual displacements, `[n_constraints][m]`.
+        reactions: Vec<Vec<ExprId>>,
+    },
 }
 
 /// What is known about the sign of an expression on the model's domain.
@@ -161,11 +220,23 @@ enum PivotGrade {
     StateDependent,
 }
 
+/// Solves linear rows for some of their columns.
 pub(super) struct Solver<'a> {
     pub(super) graph: &'a mut Graph,
+    /// Names of the frame velocities.
     pub(super) names: &'a [String],
+    /// Quasi-velocities: extra columns after the frame's, never eliminated.
+    pub(super) quasi: &'a [Unknown],
     pub(super) params: &'a BTreeSet<SymbolId>,
     pub(super) facts: &'a BTreeMap<ExprId, Sign>,
+}
+
+/// Rows solved as `y_dependent = -(rest)`.
+pub(super) struct Elimination {
+    pub(super) dependent: Vec<usize>,
+    pub(super) psi: Vec<Vec<ExprId>>,
+    pub(super) psi0: Vec<ExprId>,
+    pub(super) pivots: Vec<(String, ExprId)>,
 }
 
 impl Solver<'_> {
@@ -181,37 +252,41 @@ impl Solver<'_> {
         }
     }
 
-    /// Brings the constraints to the form `y = Psi u + psi0`, or to multipliers when every choice of independent
-    /// velocities would divide by something that can vanish on the domain.
+    /// Brings linear rows to the form `y = Psi u + psi0`; `None` when every choice of independent velocities would divide
+    /// by something that can vanish on the domain.
     ///
-    /// `wanted`: independent velocities that the model asks for.
+    /// `wanted`: columns that the model asks to be independent.
+    ///
+    /// # Shapes
+    /// `one_form` of every row: frame velocities, then quasi-velocities.
     ///
     /// # Errors
     /// [`Error::DependentConstraint`], [`Error::InconsistentConstraint`], [`Error::NotSolvable`],
     /// [`Error::WrongNumberOfIndependent`].
     pub(super) fn solve(
         &mut self,
-        rows: Vec<ConstraintRow>,
+        rows: &[ConstraintRow],
         wanted: Option<&[usize]>,
-    ) -> Result<KinematicConstraint, Error> {
-        let m = self.names.len();
+    ) -> Result<Option<Elimination>, Error> {
+        let (m, width) = (self.names.len(), self.names.len() + self.quasi.len());
         if let Some(wanted) = wanted {
-            let expected = m.saturating_sub(rows.len());
+            let expected = width.saturating_sub(rows.len());
             if wanted.len() != expected {
                 return Err(Error::WrongNumberOfIndependent { found: wanted.len(), expected });
             }
         }
-        let allowed = |column: usize| wanted.is_none_or(|w| !w.contains(&column));
+        let allowed = |column: usize| column < m && wanted.is_none_or(|w| !w.contains(&column));
         let mut table: Vec<Vec<ExprId>> =
             rows.iter().map(|r| [r.one_form.as_slice(), &[r.offset]].concat()).collect();
         let mut open: Vec<usize> = (0..rows.len()).collect();
         let mut solved: Vec<(usize, usize)> = Vec::new();
         let mut pivots = Vec::new();
+        let mut state_dependent = false;
         while !open.is_empty() {
             let mut best: Option<(PivotGrade, std::cmp::Reverse<usize>, usize)> = None;
             for &row in &open {
                 let mut vanishes = true;
-                for (column, &entry) in table[row][..m].iter().enumerate() {
+                for (column, &entry) in table[row][..width].iter().enumerate() {
                     if entry == self.graph.zero() {
                         continue;
                     }
@@ -224,7 +299,7 @@ impl Solver<'_> {
                 }
                 if vanishes {
                     let constraint = rows[row].text.clone();
-                    return Err(if table[row][m] == self.graph.zero() {
+                    return Err(if table[row][width] == self.graph.zero() {
                         Error::DependentConstraint { constraint }
                     } else {
                         Error::InconsistentConstraint { constraint }
@@ -232,23 +307,24 @@ impl Solver<'_> {
                 }
             }
             let Some((grade, std::cmp::Reverse(column), row)) = best else {
-                return Err(self.not_solvable(&rows, wanted));
+                return Err(self.not_solvable(rows, wanted));
             };
-            if grade == PivotGrade::StateDependent && wanted.is_none() {
-                return Ok(KinematicConstraint::Multipliers(rows));
-            }
+            state_dependent |= grade == PivotGrade::StateDependent;
             if grade >= PivotGrade::ParameterOnly {
                 let name = format!("coefficient of {} in {}", self.names[column], rows[row].text);
                 pivots.push((name, table[row][column]));
             }
-            self.eliminate(&mut table, row, column, m);
+            self.eliminate(&mut table, row, column);
             open.retain(|r| *r != row);
             solved.push((row, column));
         }
-        Ok(KinematicConstraint::Solved(self.solved_form(rows, &table, &solved, pivots)))
+        if state_dependent && wanted.is_none() {
+            return Ok(None);
+        }
+        Ok(Some(self.solved_form(&table, &solved, pivots)))
     }
 
-    fn eliminate(&mut self, table: &mut [Vec<ExprId>], row: usize, column: usize, m: usize) {
+    fn eliminate(&mut self, table: &mut [Vec<ExprId>], row: usize, column: usize) {
         let g = &mut *self.graph;
         let inverse = g.powi(table[row][column], -1);
         for entry in &mut table[row] {
@@ -260,20 +336,21 @@ impl Solver<'_> {
             if i == row || factor == g.zero() {
                 continue;
             }
-            for j in 0..=m {
-                let product = g.mul(factor, pivot_row[j]);
-                let reduced = g.sub(other[j], product);
-                other[j] = g.cancel_zero(reduced);
+            for (entry, pivot) in other.iter_mut().zip(&pivot_row) {
+                let product = g.mul(factor, *pivot);
+                let reduced = g.sub(*entry, product);
+                *entry = g.cancel_zero(reduced);
             }
         }
     }
 
     fn not_solvable(&mut self, rows: &[ConstraintRow], wanted: Option<&[usize]>) -> Error {
         let names = self.names;
-        let wanted = wanted.unwrap_or_default();
-        let dependent = (0..names.len()).filter(|k| !wanted.contains(k)).map(|k| names[k].clone()).collect();
-        let possible = match self.solve(rows.to_vec(), None) {
-            Ok(KinematicConstraint::Solved(s)) => s.dependent.iter().map(|k| names[*k].clone()).collect(),
+        let wanted_columns = wanted.unwrap_or_default();
+        let dependent =
+            (0..names.len()).filter(|k| !wanted_columns.contains(k)).map(|k| names[k].clone()).collect();
+        let possible = match wanted.is_some().then(|| self.solve(rows, None)) {
+            Some(Ok(Some(s))) => s.dependent.iter().map(|k| names[*k].clone()).collect(),
             _ => vec!["no choice on the whole domain: write `multipliers;` instead".to_owned()],
         };
         Error::NotSolvable { dependent, possible }
@@ -281,35 +358,26 @@ impl Solver<'_> {
 
     fn solved_form(
         &mut self,
-        rows: Vec<ConstraintRow>,
         table: &[Vec<ExprId>],
         solved: &[(usize, usize)],
         pivots: Vec<(String, ExprId)>,
-    ) -> SolvedConstraint {
+    ) -> Elimination {
         let g = &mut *self.graph;
-        let m = self.names.len();
+        let (m, width) = (self.names.len(), self.names.len() + self.quasi.len());
         let mut dependent: Vec<usize> = solved.iter().map(|(_, column)| *column).collect();
         dependent.sort_unstable();
-        let independent: Vec<usize> = (0..m).filter(|k| !dependent.contains(k)).collect();
-        let mut psi = vec![vec![g.zero(); independent.len()]; m];
+        let columns: Vec<usize> = (0..width).filter(|k| !dependent.contains(k)).collect();
+        let mut psi = vec![vec![g.zero(); columns.len()]; m];
         let mut psi0 = vec![g.zero(); m];
-        for (a, &k) in independent.iter().enumerate() {
+        for (a, &k) in columns.iter().enumerate().filter(|(_, k)| **k < m) {
             psi[k][a] = g.one();
         }
         for &(row, column) in solved {
-            for (a, &k) in independent.iter().enumerate() {
+            for (a, &k) in columns.iter().enumerate() {
                 psi[column][a] = g.neg(table[row][k]);
             }
-            psi0[column] = g.neg(table[row][m]);
+            psi0[column] = g.neg(table[row][width]);
         }
-        SolvedConstraint {
-            independent,
-            dependent,
-            virtual_displacements: psi.clone(),
-            psi,
-            psi0,
-            rows,
-            pivots,
-        }
+        Elimination { dependent, psi, psi0, pivots }
     }
 }

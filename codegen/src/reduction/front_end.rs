@@ -4,10 +4,14 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::algebra::Algebroid;
 use crate::error::Error;
-use crate::expr::{ExprId, Graph, Rational, SymbolId};
-use crate::spec::{self, Condition, Diagnostics, Model, Named, NamedVector, Param, Relation, Side};
+use crate::expr::{ExprId, Func, Graph, Rational, SymbolId};
+use crate::spec::{self, Condition, ConstraintKind, Diagnostics, Model, Named, NamedVector, Param, Relation, Side};
 
-use super::constraint::{ConstraintRow, KinematicConstraint, Sign, Solver};
+use super::constraint::{
+    AccelerationRow, AccelerationSource, ConstraintRow, KinematicConstraint, Reactions, Sign, SolvedConstraint, Solver,
+    Unknown,
+};
+use super::reconstruction::{self, ReconstructedCoordinate};
 use super::stages::Stages;
 
 /// What a state variable is.
@@ -15,8 +19,8 @@ use super::stages::Stages;
 pub enum StateKind {
     /// Base coordinate `x^i` of the algebroid (a shape coordinate or a component of an advected parameter).
     Base(usize),
-    /// Velocity `y^alpha` that is independent, or all of them in the multiplier form.
-    Velocity(usize),
+    /// An unknown `u` of the equations of motion, by its place in [`ReducedSystem::unknowns`].
+    Unknown(usize),
 }
 
 /// A system on a Lie algebroid: everything the derivation needs and nothing about where it came from.
@@ -49,12 +53,16 @@ pub struct ReducedSystem {
     pub forces: Vec<ExprId>,
     /// `Psi`, `psi0`, `W`, or multipliers.
     pub constraint: KinematicConstraint,
+    /// The velocities that the state carries: independent ones and quasi-velocities, or all in the multiplier form.
+    pub unknowns: Vec<Unknown>,
     /// State variables in order, with their documentation.
     pub state: Vec<(StateKind, String)>,
     /// Casimirs claimed by the model.
     pub casimirs: Vec<Named>,
     /// Outputs of the model.
     pub outputs: Vec<NamedVector>,
+    /// Coordinates of the group, which only scenes that ask for them carry.
+    pub reconstruction: Vec<ReconstructedCoordinate>,
     /// Stage decomposition of the symmetry algebra, when asked for.
     pub stages: Option<Stages>,
     /// Known signs of expressions, from the conditions and domains.
@@ -100,7 +108,15 @@ impl FrontEnd {
         let constraint = self.constraint(&signs)?;
         let model = &self.model;
         let velocities: Vec<SymbolId> = model.all_velocities().into_iter().map(|(_, s)| s).collect();
-        let state = state_order(model, &constraint);
+        let unknowns = match &constraint {
+            KinematicConstraint::Solved(solved) => solved.unknowns.clone(),
+            KinematicConstraint::Multipliers { .. } => frame_unknowns(model),
+        };
+        let state = state_order(model, &unknowns);
+        let model = &mut self.model;
+        let (graph, side) = (&mut model.graph, model.action);
+        let reconstruction =
+            model.reconstruction.iter().flat_map(|item| reconstruction::rates(graph, item, side)).collect();
         Some(ReducedSystem {
             graph: model.graph.clone(),
             name: model.name.clone(),
@@ -114,9 +130,11 @@ impl FrontEnd {
             lagrangian: model.lagrangian,
             forces: model.forces.clone(),
             constraint,
+            unknowns,
             state,
             casimirs: model.casimirs.clone(),
             outputs: model.outputs.clone(),
+            reconstruction,
             stages: stages?,
             signs,
         })
@@ -157,17 +175,28 @@ impl FrontEnd {
             conditions,
             stages,
             advected,
+            connection,
             constraints,
+            virtual_constraints,
             forces,
             casimirs,
             outputs,
+            reconstruction: group_items,
             ..
         } = &mut self.model;
         let mut places: Vec<&mut ExprId> = vec![lagrangian];
         places.extend(forces.iter_mut());
         places.extend(conditions.iter_mut().flat_map(|c| [&mut c.greater, &mut c.less]));
         places.extend(advected.iter_mut().flat_map(|a| a.action.iter_mut()));
-        places.extend(constraints.iter_mut().map(|c| &mut c.residual));
+        places.extend(connection.iter_mut().flatten().flatten());
+        for c in constraints {
+            places.push(&mut c.residual);
+            if let ConstraintKind::SecondOrder { acceleration } = &mut c.kind {
+                places.extend(acceleration);
+            }
+        }
+        places.extend(virtual_constraints.iter_mut().flat_map(|v| v.one_form.iter_mut()));
+        places.extend(group_items.iter_mut().flat_map(|r| reconstruction::expressions_mut(&mut r.kind)));
         places.extend(casimirs.iter_mut().map(|c| &mut c.expr));
         places.extend(outputs.iter_mut().flat_map(|o| o.components.iter_mut().map(|(_, e)| e)));
         let metric = stages.iter_mut().filter_map(|s| s.inner_product.as_mut());
@@ -204,14 +233,19 @@ impl FrontEnd {
         fine.then_some(())
     }
 
-    /// Frame `(d/dx^i, e_a)` over the coordinates `(x^i, advected)`: trivial connection on the shape space, anchor of the
-    /// algebra from its action on the advected parameters.
+    /// Frame `(D_i, e_a)` over the coordinates `(x^i, advected)`, `D_i` the horizontal lift of `d/dx^i` for the connection
+    /// `A` (zero unless given): `[D_i, D_j] = -B^a_ij e_a`, `[D_i, e_b] = -[A_i, e_b]`, `[e_a, e_b] = C^c_ab e_c`,
+    /// `B^a_ij = d_i A^a_j - d_j A^a_i - C^a_bc A^b_i A^c_j`; every `C` changes sign for a right action. The algebra is
+    /// anchored by its action on the advected parameters and `D_i = d_i - A^a_i e_a` there.
+    ///
+    /// # Source
+    /// Cendra, Marsden, Ratiu 2001, section 3; Cortes, de Leon, Marrero, Martinez 2009, section 2.
     fn algebroid(&mut self) -> Option<Algebroid> {
         let model = &mut self.model;
         let n_shape = model.base.len();
-        let shape = model.base.iter().map(|c| c.symbol);
+        let shape: Vec<SymbolId> = model.base.iter().map(|c| c.symbol).collect();
         let advected = model.advected.iter().flat_map(|a| a.components.iter().map(|(_, s)| *s));
-        let base: Vec<SymbolId> = shape.chain(advected).collect();
+        let base: Vec<SymbolId> = shape.iter().copied().chain(advected).collect();
         let frame: Vec<String> = model.all_velocities().into_iter().map(|(n, _)| n.to_owned()).collect();
         let g = &mut model.graph;
         let mut algebroid = Algebroid::new(g, base, frame);
@@ -226,6 +260,9 @@ impl FrontEnd {
             let value = value.iter().map(|(c, q)| (n_shape + c, g.rational(q * &side))).collect();
             algebroid.set_bracket(n_shape + a, n_shape + b, value);
         }
+        if let Some(connection) = &model.connection {
+            set_connection_brackets(g, &mut algebroid, &shape, connection);
+        }
         let mut component = n_shape;
         let mut problems = Vec::new();
         for advected in &model.advected {
@@ -235,6 +272,15 @@ impl FrontEnd {
                     let slope = g.diff(action, velocity.symbol);
                     let value = g.scale(slope, &-side.clone());
                     algebroid.set_anchor(component, n_shape + a, value);
+                }
+                for i in 0..n_shape {
+                    let Some(connection) = &model.connection else { break };
+                    let terms: Vec<ExprId> = (0..model.velocities.len())
+                        .map(|a| g.mul(connection[a][i], algebroid.anchor(component, n_shape + a)))
+                        .collect();
+                    let sum = g.sum(&terms);
+                    let value = g.neg(sum);
+                    algebroid.set_anchor(component, i, value);
                 }
                 component += 1;
             }
@@ -306,65 +352,244 @@ impl FrontEnd {
                 let (above, below) = (g.sub(x, low), g.sub(high, x));
                 signs.insert(above, Sign::Positive);
                 signs.insert(below, Sign::Positive);
+                let none = BTreeMap::new();
+                if let (Some(low), Some(high)) = (g.eval_f64(low, &none), g.eval_f64(high, &none)) {
+                    for (f, sign) in turning_signs(low, high) {
+                        let value = g.func(f, x);
+                        signs.insert(value, sign);
+                    }
+                    if low >= 0.0 {
+                        signs.insert(x, Sign::Positive);
+                    }
+                }
             }
         }
         signs
     }
 
     fn constraint(&mut self, signs: &BTreeMap<ExprId, Sign>) -> Option<KinematicConstraint> {
-        let mut rows = Vec::new();
-        let names: Vec<String> = self.model.all_velocities().into_iter().map(|(n, _)| n.to_owned()).collect();
-        let symbols: Vec<SymbolId> = self.model.all_velocities().into_iter().map(|(_, s)| s).collect();
-        for c in self.model.constraints.clone() {
-            match self.model.graph.affine_parts(c.residual, &symbols) {
-                Some((one_form, offset)) => {
-                    rows.push(ConstraintRow { name: c.name, text: c.text, one_form, offset });
+        let model = &mut self.model;
+        let frame = frame_unknowns(model);
+        let quasi: Vec<Unknown> = model
+            .quasi_velocities
+            .iter()
+            .map(|v| Unknown { name: v.name.clone(), symbol: v.symbol, frame_idx: None })
+            .collect();
+        let columns: Vec<SymbolId> = frame.iter().chain(&quasi).map(|u| u.symbol).collect();
+        let names: Vec<String> = frame.iter().map(|u| u.name.clone()).collect();
+        let params: BTreeSet<SymbolId> = model.params.iter().map(|p| p.symbol).collect();
+        let mut linear = Vec::new();
+        let mut general = Vec::new();
+        for c in &model.constraints {
+            let g = &mut model.graph;
+            let parts = match c.kind {
+                ConstraintKind::Linear => g.affine_parts(c.residual, &columns),
+                ConstraintKind::Nonlinear | ConstraintKind::SecondOrder { .. } => None,
+            };
+            let (name, text) = (c.name.clone(), c.text.clone());
+            let (one_form, source) = match (&c.kind, parts) {
+                (_, Some((one_form, offset))) => {
+                    let row = ConstraintRow { name: name.clone(), text: text.clone(), one_form, offset };
+                    let on_frame = row.one_form[..frame.len()].to_vec();
+                    linear.push(row);
+                    (on_frame, AccelerationSource::Differentiated(c.residual))
                 }
-                None => self.report(&Error::NotAffine { constraint: c.text }, c.span),
-            }
+                (ConstraintKind::SecondOrder { acceleration }, _) => {
+                    (acceleration.clone(), AccelerationSource::Servo(c.residual))
+                }
+                _ => {
+                    let slopes = frame.iter().map(|u| g.diff(c.residual, u.symbol)).collect();
+                    (slopes, AccelerationSource::Differentiated(c.residual))
+                }
+            };
+            general.push(AccelerationRow { name, text, one_form, source });
         }
-        if !self.problems.is_empty() {
-            return None;
-        }
-        let params: BTreeSet<SymbolId> = self.model.params.iter().map(|p| p.symbol).collect();
-        let keep_all = self.model.force_multipliers && !rows.is_empty();
-        let wanted = self.model.independent.clone().filter(|_| !keep_all);
-        let mut solver =
-            Solver { graph: &mut self.model.graph, names: &names, params: &params, facts: signs };
+        let displacements: Vec<ConstraintRow> = model
+            .virtual_constraints
+            .iter()
+            .map(|v| ConstraintRow {
+                name: v.name.clone(),
+                text: v.text.clone(),
+                one_form: v.one_form.clone(),
+                offset: model.graph.zero(),
+            })
+            .collect();
+        let all_linear = linear.len() == general.len();
+        let keep_all = (model.force_multipliers && !general.is_empty()) || !all_linear;
+        let wanted = model.independent.clone().filter(|_| !keep_all);
+        let g = &mut model.graph;
+        let mut solver = Solver { graph: g, names: &names, quasi: &quasi, params: &params, facts: signs };
         // Solving also detects dependent and inconsistent rows, so it runs even when multipliers are asked for.
-        match solver.solve(rows.clone(), wanted.as_deref()) {
-            Ok(_) if keep_all => Some(KinematicConstraint::Multipliers(rows)),
-            Ok(constraint) => Some(constraint),
-            Err(error) => {
-                let span = match &error {
-                    Error::DependentConstraint { constraint }
-                    | Error::InconsistentConstraint { constraint } => {
-                        self.model.constraints.iter().find(|c| c.text == *constraint).and_then(|c| c.span)
-                    }
-                    _ => self.model.constraints.first().and_then(|c| c.span),
-                };
-                self.report(&error, span);
-                None
+        let solved = match solver.solve(&linear, wanted.as_deref()) {
+            Ok(solved) => solved.filter(|_| !keep_all),
+            Err(error) => return self.refuse(&error),
+        };
+        solver.quasi = &[];
+        let allowed = match solver.solve(&displacements, None) {
+            Ok(allowed) => allowed,
+            Err(error) => return self.refuse(&error),
+        };
+        if !displacements.is_empty() {
+            let expected = names.len() - solved.as_ref().map_or(names.len() - general.len(), |s| s.psi[0].len());
+            if displacements.len() != expected {
+                let what = "list of conditions on virtual displacements".to_owned();
+                return self.refuse(&Error::ShapeMismatch { what, found: displacements.len(), expected });
             }
+        }
+        let (Some(solved), Some(allowed)) = (solved, allowed) else {
+            return self.multiplier_form(general, &displacements, !quasi.is_empty());
+        };
+        let unknowns: Vec<Unknown> =
+            frame.iter().enumerate().filter(|(k, _)| !solved.dependent.contains(k)).map(|(_, u)| u).chain(&quasi).cloned().collect();
+        let mut pivots = solved.pivots;
+        let (virtual_displacements, reactions) = if displacements.is_empty() {
+            let reactions = Reactions {
+                names: linear.iter().map(|r| r.name.clone()).collect(),
+                one_forms: linear.iter().map(|r| r.one_form[..names.len()].to_vec()).collect(),
+                on: solved.dependent.clone(),
+            };
+            (solved.psi.clone(), reactions)
+        } else {
+            pivots.extend(allowed.pivots);
+            let reactions = Reactions {
+                names: displacements.iter().map(|r| r.name.clone()).collect(),
+                one_forms: displacements.into_iter().map(|r| r.one_form).collect(),
+                on: allowed.dependent,
+            };
+            (allowed.psi, reactions)
+        };
+        Some(KinematicConstraint::Solved(SolvedConstraint {
+            unknowns,
+            dependent: solved.dependent,
+            psi: solved.psi,
+            psi0: solved.psi0,
+            virtual_displacements,
+            reactions,
+            rows: linear,
+            pivots,
+        }))
+    }
+
+    fn multiplier_form(
+        &mut self,
+        rows: Vec<AccelerationRow>,
+        displacements: &[ConstraintRow],
+        has_quasi_velocities: bool,
+    ) -> Option<KinematicConstraint> {
+        if has_quasi_velocities {
+            return self.refuse(&Error::Unsupported {
+                what: "a quasi-velocity beside constraints that need multipliers".into(),
+                possible: "constraints linear in the velocities that can be solved for the others".into(),
+            });
+        }
+        // Chetaev's rule: without a space of displacements of their own, they are the kernel of the one-forms.
+        let reactions = if displacements.is_empty() {
+            rows.iter().map(|r| r.one_form.clone()).collect()
+        } else {
+            displacements.iter().map(|r| r.one_form.clone()).collect()
+        };
+        Some(KinematicConstraint::Multipliers { rows, reactions })
+    }
+
+    /// Reports a problem of the constraints where the offending one stands.
+    fn refuse(&mut self, error: &Error) -> Option<KinematicConstraint> {
+        let model = &self.model;
+        let named = match error {
+            Error::DependentConstraint { constraint } | Error::InconsistentConstraint { constraint } => {
+                let own = model.constraints.iter().find(|c| c.text == *constraint).and_then(|c| c.span);
+                own.or(model.virtual_constraints.iter().find(|v| v.text == *constraint).and_then(|v| v.span))
+            }
+            _ => None,
+        };
+        let span = named.or(model.constraints.first().and_then(|c| c.span));
+        self.report(error, span);
+        None
+    }
+}
+
+/// `[D_i, D_j] = -B^a_ij e_a` and `[D_i, e_b] = -[A_i, e_b]`, with the bracket of the `e_a` already in place.
+fn set_connection_brackets(
+    g: &mut Graph,
+    algebroid: &mut Algebroid,
+    shape: &[SymbolId],
+    connection: &[Vec<ExprId>],
+) {
+    let n = shape.len();
+    let dim = connection.len();
+    // [A_i, e_b] as a vector
+    let bracket_with = |g: &mut Graph, algebroid: &Algebroid, i: usize, b: usize| -> Vec<ExprId> {
+        let mut terms: Vec<Vec<ExprId>> = vec![Vec::new(); dim];
+        for (a, row) in connection.iter().enumerate() {
+            for (c, value) in algebroid.bracket(g, n + a, n + b) {
+                terms[c - n].push(g.mul(row[i], value));
+            }
+        }
+        terms.iter().map(|list| g.sum(list)).collect()
+    };
+    let sparse = |g: &mut Graph, vector: Vec<ExprId>| -> Vec<(usize, ExprId)> {
+        let reduced: Vec<ExprId> = vector.into_iter().map(|e| g.cancel_zero(e)).collect();
+        reduced.into_iter().enumerate().filter(|(_, e)| *e != g.zero()).map(|(a, e)| (n + a, e)).collect()
+    };
+    for i in 0..n {
+        for j in i + 1..n {
+            // -B = -(d_i A_j - d_j A_i) + [A_i, A_j]
+            let mut value = Vec::new();
+            for row in connection {
+                let (forward, backward) = (g.diff(row[j], shape[i]), g.diff(row[i], shape[j]));
+                value.push(g.sub(backward, forward));
+            }
+            for (b, row) in connection.iter().enumerate() {
+                for (a, e) in bracket_with(g, algebroid, i, b).into_iter().enumerate() {
+                    let term = g.mul(e, row[j]);
+                    value[a] = g.add(value[a], term);
+                }
+            }
+            let value = sparse(g, value);
+            algebroid.set_bracket(i, j, value);
+        }
+        for b in 0..dim {
+            let bracket = bracket_with(g, algebroid, i, b);
+            let minus = bracket.into_iter().map(|e| g.neg(e)).collect();
+            let value = sparse(g, minus);
+            algebroid.set_bracket(i, n + b, value);
         }
     }
 }
 
-fn state_order(model: &Model, constraint: &KinematicConstraint) -> Vec<(StateKind, String)> {
+/// Signs of sine and cosine on an open interval, where they have one.
+fn turning_signs(low: f64, high: f64) -> Vec<(Func, Sign)> {
+    use std::f64::consts::{FRAC_PI_2, PI};
+    let mut signs = Vec::new();
+    if low >= 0.0 && high <= PI {
+        signs.push((Func::Sin, Sign::Positive));
+    } else if low >= -PI && high <= 0.0 {
+        signs.push((Func::Sin, Sign::Negative));
+    }
+    if low >= -FRAC_PI_2 && high <= FRAC_PI_2 {
+        signs.push((Func::Cos, Sign::Positive));
+    }
+    signs
+}
+
+fn frame_unknowns(model: &Model) -> Vec<Unknown> {
+    let velocities = model.all_velocities().into_iter().enumerate();
+    velocities
+        .map(|(k, (name, symbol))| Unknown { name: name.to_owned(), symbol, frame_idx: Some(k) })
+        .collect()
+}
+
+fn state_order(model: &Model, unknowns: &[Unknown]) -> Vec<(StateKind, String)> {
     let n_shape = model.base.len();
-    let velocity_doc = |k: usize| {
-        if k < n_shape {
-            format!("velocity of {}", model.base[k].name)
-        } else {
-            model.velocities[k - n_shape].doc.clone()
+    let velocity_doc = |u: &Unknown| match u.frame_idx {
+        Some(k) if k < n_shape => format!("velocity of {}", model.base[k].name),
+        Some(k) => model.velocities[k - n_shape].doc.clone(),
+        None => {
+            let own = model.quasi_velocities.iter().find(|v| v.symbol == u.symbol);
+            own.map(|v| v.doc.clone()).unwrap_or_default()
         }
     };
-    let kept: Vec<usize> = match constraint {
-        KinematicConstraint::Solved(s) => s.independent.clone(),
-        KinematicConstraint::Multipliers(_) => (0..n_shape + model.velocities.len()).collect(),
-    };
     let shape = model.base.iter().enumerate().map(|(i, c)| (StateKind::Base(i), c.doc.clone()));
-    let velocities = kept.into_iter().map(|k| (StateKind::Velocity(k), velocity_doc(k)));
+    let velocities = unknowns.iter().enumerate().map(|(a, u)| (StateKind::Unknown(a), velocity_doc(u)));
     let advected = model
         .advected
         .iter()

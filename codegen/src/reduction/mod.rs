@@ -7,8 +7,13 @@
 
 mod constraint;
 mod front_end;
+mod reconstruction;
 mod stages;
 
-pub use constraint::{ConstraintRow, KinematicConstraint, Sign, SolvedConstraint, sign_of};
+pub use constraint::{
+    AccelerationRow, AccelerationSource, ConstraintRow, KinematicConstraint, Reactions, Sign, SolvedConstraint, Unknown,
+    sign_of,
+};
 pub use front_end::{ReducedSystem, StateKind, reduce};
+pub use reconstruction::ReconstructedCoordinate;
 pub use stages::{StageLevel, Stages, Tensor};

@@ -695,7 +695,7 @@ impl ModelBuilder {
             self.problem(here, format!("scene `{name}` is declared twice"), "rename one of them");
         }
         let scene =
-            Scene { name: name.to_owned(), fixed: Vec::new(), wants: Vec::new(), doc: doc.to_owned() };
+            Scene { name: name.to_owned(), fixed: Vec::new(), wants: Vec::new(), drops: Vec::new(), doc: doc.to_owned() };
         self.scenes.push(SceneDraft { scene, fixed, wants });
         self
     }
@@ -736,6 +736,11 @@ impl ModelBuilder {
             base: self.base,
             algebra: self.algebra.map_or_else(|| LieAlgebra::abelian(0), |(algebra, _)| algebra),
             velocities: self.velocities,
+            quasi_velocities: Vec::new(),
+            connection: None,
+            virtual_constraints: Vec::new(),
+            reconstruction: Vec::new(),
+            initial: Vec::new(),
             action: self.action.map_or(Side::Left, |(side, _)| side),
             stages,
             advected,
@@ -1123,7 +1128,7 @@ impl ModelBuilder {
                 if !self.check_constraint(*e, &unknowns, &draft, if n > 1 { k + 1 } else { 0 }) {
                     continue;
                 }
-                result.push(Constraint { name, text: draft.text.clone(), residual: *e, span: draft.span });
+                result.push(Constraint { kind: ConstraintKind::Linear, name, text: draft.text.clone(), residual: *e, span: draft.span });
             }
         }
         result

@@ -123,15 +123,100 @@ pub struct Advected {
     pub span: Option<Span>,
 }
 
-/// A scalar constraint, affine in the velocities.
+/// What a [`Constraint`] restricts, and how.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ConstraintKind {
+    /// Affine in the velocities: `w(x, t) . y + w0(x, t) = 0`; it may contain quasi-velocities.
+    Linear,
+    /// Not affine in the velocities: `phi(x, y, t) = 0` with virtual displacements `dphi/dy . delta y = 0` (Chetaev).
+    Nonlinear,
+    /// Affine in the accelerations: `w(x, y, t) . ydot + w0(x, y, t) = 0`, `w0` being the residual.
+    SecondOrder {
+        /// `w`: one coefficient per velocity, in the order of [`Model::all_velocities`].
+        acceleration: Vec<ExprId>,
+    },
+}
+
+/// A scalar constraint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Constraint {
     /// Given name, or `c1`, `c2`, .. in order.
     pub name: String,
     /// As written.
     pub text: String,
-    /// Left side minus right side.
+    /// Whether it restricts velocities linearly, velocities, or accelerations.
+    pub kind: ConstraintKind,
+    /// Left side minus right side, without the accelerations.
     pub residual: ExprId,
+    /// Where it stands.
+    pub span: Option<Span>,
+}
+
+/// A scalar condition `f(x, y, t) . delta y = 0` on virtual displacements.
+#[derive(Clone, Debug, PartialEq)]
+pub struct VirtualConstraint {
+    /// Given name, or `d1`, `d2`, .. in order.
+    pub name: String,
+    /// As written.
+    pub text: String,
+    /// `f`: one coefficient per velocity, in the order of [`Model::all_velocities`].
+    pub one_form: Vec<ExprId>,
+    /// Where it stands.
+    pub span: Option<Span>,
+}
+
+/// How the rates of reconstructed coordinates follow from the motion.
+///
+/// `omega` and `v` are components of the group velocity `xi`, also where the velocities of the model are `xi + A(x) xdot`.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ReconstructionKind {
+    /// SO(2): an angle.
+    Angle {
+        /// Its rate.
+        omega: ExprId,
+    },
+    /// SO(3): a unit quaternion `w, x, y, z` that turns body vectors to space.
+    Quaternion {
+        /// Angular velocity.
+        omega: [ExprId; 3],
+    },
+    /// SE(2): an angle and a position, `theta, x, y`.
+    PlanarPose {
+        /// Turning rate.
+        omega: ExprId,
+        /// Linear velocity.
+        v: [ExprId; 2],
+    },
+    /// SE(3): a unit quaternion and a position, `qw, qx, qy, qz, r1, r2, r3`.
+    Pose {
+        /// Angular velocity.
+        omega: [ExprId; 3],
+        /// Linear velocity.
+        v: [ExprId; 3],
+    },
+    /// R^n.
+    Translation {
+        /// Velocity.
+        v: Vec<ExprId>,
+    },
+    /// Coordinates with given rates, which may contain coordinates that are reconstructed before.
+    Rate {
+        /// One per coordinate.
+        rate: Vec<ExprId>,
+    },
+}
+
+/// Coordinates of the group motion, computed where a scene asks for them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Reconstruction {
+    /// Names of the coordinates.
+    pub names: Vec<String>,
+    /// Their symbols.
+    pub symbols: Vec<SymbolId>,
+    /// How they move.
+    pub kind: ReconstructionKind,
+    /// Documentation.
+    pub doc: String,
     /// Where it stands.
     pub span: Option<Span>,
 }
@@ -167,6 +252,8 @@ pub struct Scene {
     pub fixed: Vec<(String, Rational)>,
     /// Wanted outputs.
     pub wants: Vec<String>,
+    /// Base coordinates (vectors or components) and advected parameters that are left out.
+    pub drops: Vec<String>,
     /// Documentation.
     pub doc: String,
 }
@@ -194,8 +281,13 @@ pub struct Model {
     pub algebra: LieAlgebra,
     /// Velocities in the algebra, one per basis element.
     pub velocities: Vec<Velocity>,
+    /// Velocities that only parametrise the constraints; they are not among [`Model::all_velocities`].
+    pub quasi_velocities: Vec<Velocity>,
     /// Side of the group action.
     pub action: Side,
+    /// Components `A^a_i(x)` of the principal connection, `a` in the basis of the algebra, `i` a base coordinate: the
+    /// velocities in the algebra are `xi + A(x) xdot`. Absent for `xi` itself.
+    pub connection: Option<Vec<Vec<ExprId>>>,
     /// Reduction by stages.
     pub stages: Option<Stages>,
     /// Advected parameters.
@@ -204,7 +296,10 @@ pub struct Model {
     pub lagrangian: ExprId,
     /// Constraints.
     pub constraints: Vec<Constraint>,
-    /// Chosen independent velocities: indices into the base velocities followed by the velocities in the algebra.
+    /// Conditions on virtual displacements; when there are none, the constraints give them.
+    pub virtual_constraints: Vec<VirtualConstraint>,
+    /// Chosen independent velocities: indices into the base velocities, the velocities in the algebra and the
+    /// quasi-velocities, in this order.
     pub independent: Option<Vec<usize>>,
     /// Whether the multiplier form was asked for.
     pub force_multipliers: bool,
@@ -214,6 +309,10 @@ pub struct Model {
     pub casimirs: Vec<Named>,
     /// Named outputs.
     pub outputs: Vec<NamedVector>,
+    /// Coordinates of the group motion.
+    pub reconstruction: Vec<Reconstruction>,
+    /// Default initial values of state variables and reconstructed coordinates, by component; in parameters only.
+    pub initial: Vec<(String, ExprId)>,
     /// Scenes.
     pub scenes: Vec<Scene>,
     /// The text, when the model was read from one.

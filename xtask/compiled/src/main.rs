@@ -1,2 +1,23 @@
-//! compiled
-fn main() {}
+//! Answers `eval` and `simulate` of `cargo xtask` with the compiled models; started by it, not by hand.
+
+use std::process::ExitCode;
+
+use xtask::dynamics::{Factory, Typed};
+
+/// Collects a factory for every scene that was generated.
+macro_rules! factories {
+    ($(($module:ident, $model:literal, $scene:literal, $n:literal))*) => {
+        vec![$(Box::new(Typed::<hamel_models::generated::$module::Prepared<f64>, $n>::new()) as Box<dyn Factory>),*]
+    };
+}
+
+fn main() -> ExitCode {
+    let factories: Vec<Box<dyn Factory>> = hamel_models::for_each_scene!(factories);
+    match xtask::compiled::serve(&factories) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("hamel-compiled: {error}");
+            ExitCode::from(error.exit_code())
+        }
+    }
+}

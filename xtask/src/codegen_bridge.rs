@@ -1,0 +1,357 @@
+//! The one place that calls the generator: model files in, scenes to evaluate, text and facts out.
+//!
+//! Deliberately does not know: commands, files that are written, JSON.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Mutex;
+
+pub use hamel_codegen::emit::SceneEntry as Entry;
+use hamel_codegen::expr::{Style, rational_to_f64};
+use hamel_codegen::scene::{self, BuiltScene, Interpreter};
+use hamel_codegen::spec::{self, Domain, Model};
+use hamel_runtime::Failure;
+
+use crate::dynamics::{BadParams, Dynamics, Factory, Info, OutputEntry, ParamEntry};
+use crate::error::Error;
+use crate::workspace::{Spec, Workspace};
+
+/// Name of the scene that every model has.
+pub const DEFAULT_SCENE: &str = scene::DEFAULT;
+
+/// Reads and checks a model file.
+///
+/// # Errors
+/// [`Error::Io`], [`Error::Models`] with every problem of the text, [`Error::Misnamed`].
+pub fn read(workspace: &Workspace, spec: &Spec) -> Result<Model, Error> {
+    let shown = workspace.shown(&spec.path);
+    let text = std::fs::read_to_string(&spec.path).map_err(|e| Error::io(shown.clone(), e))?;
+    let model = spec::parse(&shown, &text)?;
+    if spec.in_repository && model.name != spec.name {
+        return Err(Error::Misnamed { file: shown, model: model.name });
+    }
+    Ok(model)
+}
+
+/// Names of a model's scenes, the default first.
+pub fn scene_names(model: &Model) -> Vec<String> {
+    scene::names(model)
+}
+
+/// A scene that the interpreter evaluates.
+#[derive(Debug)]
+pub struct Built {
+    scene: BuiltScene,
+    info: Info,
+}
+
+/// Derives and lowers a scene.
+///
+/// # Errors
+/// [`Error::UnknownScene`], [`Error::Models`].
+pub fn build(model: &Model, scene_name: &str) -> Result<Built, Error> {
+    let known = scene_names(model);
+    if !known.iter().any(|k| k == scene_name) {
+        return Err(Error::UnknownScene { model: model.name.clone(), name: scene_name.into(), known });
+    }
+    let scene = scene::build(model, scene_name)?;
+    let param = |p: &spec::Param| ParamEntry {
+        name: p.name.clone(),
+        default: rational_to_f64(&p.default),
+        doc: p.doc.clone(),
+    };
+    let output = |o: &hamel_codegen::mechanics::Output| OutputEntry {
+        name: o.name.clone(),
+        components: o.components.iter().map(|(name, _)| name.clone()).collect(),
+        doc: o.doc.clone(),
+    };
+    let info = Info {
+        model: model.name.clone(),
+        scene: scene_name.to_owned(),
+        state: scene.state_names(),
+        params: scene.params().iter().map(param).collect(),
+        outputs: scene.outputs().iter().map(output).collect(),
+        has_energy: scene.has_energy(),
+    };
+    Ok(Built { scene, info })
+}
+
+impl Factory for Built {
+    fn info(&self) -> &Info {
+        &self.info
+    }
+
+    fn prepare(&self, values: &[f64]) -> Result<Box<dyn Dynamics + '_>, BadParams> {
+        let interpreter = self
+            .scene
+            .prepare(values)
+            .map_err(|bad| BadParams { condition: bad.condition, meaning: String::new() })?;
+        Ok(Box::new(Interpreted { info: &self.info, interpreter }))
+    }
+}
+
+struct Interpreted<'a> {
+    info: &'a Info,
+    interpreter: Interpreter<'a>,
+}
+
+impl Dynamics for Interpreted<'_> {
+    fn info(&self) -> &Info {
+        self.info
+    }
+
+    fn rhs(&self, t: f64, y: &[f64], dy: &mut [f64]) {
+        self.interpreter.rhs(t, y, dy);
+    }
+
+    fn energy(&self, t: f64, y: &[f64]) -> Option<f64> {
+        self.interpreter.energy(t, y)
+    }
+
+    fn outputs(&self, t: f64, y: &[f64]) -> Vec<f64> {
+        self.interpreter.outputs(t, y)
+    }
+
+    fn check(&self, t: f64, y: &[f64]) -> Result<(), Failure> {
+        self.interpreter.check(t, y).map_err(|pivot| Failure::Singular { t, pivot: forever(pivot) })
+    }
+}
+
+/// The runtime's failures borrow from the program for ever, so each pivot's name is kept once.
+fn forever(name: String) -> &'static str {
+    static KEPT: Mutex<BTreeSet<&'static str>> = Mutex::new(BTreeSet::new());
+    let mut kept = KEPT.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    if let Some(known) = kept.get(name.as_str()) {
+        return known;
+    }
+    let name: &'static str = name.leak();
+    kept.insert(name);
+    name
+}
+
+/// A generated module.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Module {
+    /// Its entry in the index.
+    pub entry: Entry,
+    /// The whole file.
+    pub text: String,
+}
+
+/// Emits the modules of all scenes of a model.
+///
+/// # Errors
+/// [`Error::Models`] with the problems of the first scene that has any, [`Error::Emission`].
+pub fn emit(model: &Model) -> Result<Vec<Module>, Error> {
+    let mut modules = Vec::new();
+    for name in scene_names(model) {
+        let built = scene::build(model, &name)?;
+        let fail = |source| Error::Emission { model: model.name.clone(), source };
+        let text = built.emit().map_err(fail)?;
+        modules.push(Module { entry: built.entry(), text });
+    }
+    Ok(modules)
+}
+
+/// Emits the index of generated modules.
+///
+/// # Errors
+/// [`Error::Emission`].
+pub fn emit_index(entries: &[Entry]) -> Result<String, Error> {
+    scene::emit_index(entries).map_err(|source| Error::Emission { model: "the index".into(), source })
+}
+
+/// Explains a scene in text, or in LaTeX.
+///
+/// # Errors
+/// As [`build`].
+pub fn explain(model: &Model, scene_name: &str, latex: bool) -> Result<String, Error> {
+    let built = build(model, scene_name)?;
+    let style = if latex { Style::Latex } else { Style::Unicode };
+    Ok(hamel_codegen::explain::explain(model, &built.scene, style))
+}
+
+/// What a state variable is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Role {
+    /// A coordinate in an open interval.
+    Bounded {
+        /// Lower end.
+        from: f64,
+        /// Upper end.
+        to: f64,
+    },
+    /// An angle or a coordinate on the real line.
+    Unbounded,
+    /// A velocity.
+    Velocity,
+    /// A component of an advected parameter.
+    Advected {
+        /// Which component.
+        index: usize,
+        /// Of how many.
+        n: usize,
+    },
+}
+
+/// Values of all parameters of a model: its defaults, what a scene fixes, and `given`.
+pub fn all_params(model: &Model, scene_name: &str, given: &BTreeMap<String, f64>) -> BTreeMap<String, f64> {
+    let mut values: BTreeMap<String, f64> =
+        model.params.iter().map(|p| (p.name.clone(), rational_to_f64(&p.default))).collect();
+    for scene in model.scenes.iter().filter(|s| s.name == scene_name) {
+        values.extend(scene.fixed.iter().map(|(name, value)| (name.clone(), rational_to_f64(value))));
+    }
+    values.extend(given.iter().map(|(name, value)| (name.clone(), *value)));
+    values
+}
+
+/// What the possible state variables of a model are.
+pub fn roles(model: &Model, params: &BTreeMap<String, f64>) -> BTreeMap<String, Role> {
+    let symbols = model.params.iter().filter_map(|p| Some((p.symbol, *params.get(&p.name)?))).collect();
+    let mut roles = BTreeMap::new();
+    for coordinate in &model.base {
+        let role = match coordinate.domain {
+            Domain::Interval(from, to) => {
+                match (model.graph.eval_f64(from, &symbols), model.graph.eval_f64(to, &symbols)) {
+                    (Some(from), Some(to)) => Role::Bounded { from, to },
+                    _ => Role::Unbounded,
+                }
+            }
+            Domain::Angle | Domain::Real => Role::Unbounded,
+        };
+        roles.insert(coordinate.name.clone(), role);
+    }
+    for (name, _) in model.all_velocities() {
+        roles.insert(name.to_owned(), Role::Velocity);
+    }
+    for advected in &model.advected {
+        let n = advected.components.len();
+        for (index, (name, _)) in advected.components.iter().enumerate() {
+            roles.insert(name.clone(), Role::Advected { index, n });
+        }
+    }
+    roles
+}
+
+/// State variables that belong together in a figure.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Block {
+    /// Symbol of the vector, or nothing for a group of scalars.
+    pub symbol: String,
+    /// What they are, without the unit.
+    pub doc: String,
+    /// Their unit; empty when it is unknown or one.
+    pub unit: String,
+    /// Names of the members, and how they are spelled for people.
+    pub members: Vec<(String, String)>,
+}
+
+/// Groups the possible state variables of a model: coordinates and their velocities by unit, vectors as they are.
+pub fn blocks(model: &Model) -> Vec<Block> {
+    let mut blocks: Vec<Block> = Vec::new();
+    let mut scalars: Vec<Block> = Vec::new();
+    let mut rates: Vec<Block> = Vec::new();
+    let add = |list: &mut Vec<Block>, unit: String, doc: &str, name: &str| {
+        let member = (name.to_owned(), spell(model, name));
+        match list.iter_mut().find(|b| b.unit == unit) {
+            Some(block) => {
+                block.members.push(member);
+                block.doc = if block.doc == doc { doc.to_owned() } else { String::new() };
+            }
+            None => list.push(Block {
+                symbol: String::new(),
+                doc: doc.to_owned(),
+                unit,
+                members: vec![member],
+            }),
+        }
+    };
+    for coordinate in &model.base {
+        let (doc, unit) = split_unit(&coordinate.doc, 0);
+        let unit = match (unit.is_empty(), coordinate.domain) {
+            (true, Domain::Angle) => "rad".to_owned(),
+            _ => unit,
+        };
+        add(&mut scalars, unit.clone(), &doc, &coordinate.name);
+        let rate = match unit.as_str() {
+            "" => String::new(),
+            unit => format!("{unit}/s"),
+        };
+        let doc = if doc.is_empty() { String::new() } else { format!("Rate of {}", lower_first(&doc)) };
+        add(&mut rates, rate, &doc, &coordinate.velocity_name);
+    }
+    for (list, several) in [(scalars, "Coordinates"), (rates, "Velocities of the coordinates")] {
+        for mut block in list {
+            if block.members.len() > 1 && block.doc.is_empty() {
+                block.doc = several.to_owned();
+            }
+            blocks.push(block);
+        }
+    }
+    let mut seen: Vec<(&str, &str)> = Vec::new();
+    for velocity in &model.velocities {
+        let member = (velocity.name.clone(), spell(model, &velocity.name));
+        if seen.contains(&(velocity.block.as_str(), velocity.doc.as_str()))
+            && let Some(block) = blocks.last_mut()
+        {
+            block.members.push(member);
+            continue;
+        }
+        // One line of documentation may describe several blocks, each with its own unit.
+        let position = seen.iter().filter(|(_, doc)| *doc == velocity.doc).count();
+        seen.push((&velocity.block, &velocity.doc));
+        let (doc, unit) = split_unit(&velocity.doc, position);
+        blocks.push(Block { symbol: spell(model, &velocity.block), doc, unit, members: vec![member] });
+    }
+    for advected in &model.advected {
+        let (doc, unit) = split_unit(&advected.doc, 0);
+        let members = advected.components.iter().map(|(name, _)| (name.clone(), spell(model, name)));
+        blocks.push(Block { symbol: spell(model, &advected.name), doc, unit, members: members.collect() });
+    }
+    blocks
+}
+
+/// A name as people write it, such as `Ω₁`.
+pub fn spell(_model: &Model, name: &str) -> String {
+    hamel_codegen::expr::identifier(name, Style::Unicode)
+}
+
+fn lower_first(text: &str) -> String {
+    let mut chars = text.chars();
+    chars.next().map(|c| c.to_lowercase().chain(chars).collect()).unwrap_or_default()
+}
+
+/// Splits `Angular velocity [rad/s].` into text and the unit at a position, the last unit when there are fewer.
+fn split_unit(doc: &str, position: usize) -> (String, String) {
+    let mut text = String::new();
+    let mut units: Vec<&str> = Vec::new();
+    let mut rest = doc;
+    while let Some((before, after)) = rest.split_once('[')
+        && let Some((unit, after)) = after.split_once(']')
+    {
+        text.push_str(before.trim_end());
+        units.push(unit.trim());
+        rest = after;
+    }
+    text.push_str(rest);
+    let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    let unit = units.get(position).or(units.last()).copied().unwrap_or_default();
+    let unit = if unit == "-" || unit == "1" { "" } else { unit };
+    let unit = unit.replace("^2", "²").replace("^3", "³").replace(' ', "·");
+    (text.trim_end_matches('.').to_owned(), unit)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::split_unit;
+
+    #[test]
+    fn units_are_read_from_documentation() {
+        assert_eq!(split_unit("Mass [kg].", 0), ("Mass".into(), "kg".into()));
+        assert_eq!(split_unit("Inertia [kg m^2].", 0).1, "kg·m²");
+        assert_eq!(split_unit("Direction [-].", 0), ("Direction".into(), String::new()));
+        let both = "Turning rate [rad/s] and velocity [m/s].";
+        assert_eq!(split_unit(both, 0).1, "rad/s");
+        assert_eq!(split_unit(both, 1), ("Turning rate and velocity".into(), "m/s".into()));
+        assert_eq!(split_unit("Anything", 0), ("Anything".into(), String::new()));
+    }
+}

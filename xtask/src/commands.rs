@@ -1,0 +1,485 @@
+//! What the commands do, given their arguments.
+//!
+//! Deliberately does not know: how arguments are parsed.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::io::{IsTerminal as _, Read as _};
+use std::path::PathBuf;
+use std::process::Command;
+use std::time::Instant;
+
+use serde_json::{Map, Value};
+
+use crate::backend::{Backend, Local};
+use crate::codegen_bridge as bridge;
+use crate::compiled::Remote;
+use crate::dynamics::Info;
+use crate::error::{Error, Problem};
+use crate::eval::EvalRequest;
+use crate::files::{Run, Target};
+use crate::generate;
+use crate::initial;
+use crate::json::number;
+use crate::simulate::{MethodName, SimulateRequest, SimulateResponse, Steps};
+use crate::workspace::{Spec, Workspace};
+
+/// Who evaluates a scene.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum Via {
+    /// The generated and compiled module, in another process.
+    #[default]
+    Compiled,
+    /// The lowered program, operation by operation, in this process.
+    Interpreter,
+}
+
+/// Which scene, and who evaluates it.
+#[derive(Clone, Debug)]
+pub struct Choice {
+    /// A model's name or a path that ends in `.hamel`.
+    pub model: String,
+    /// Name of the scene.
+    pub scene: String,
+    /// Who evaluates it.
+    pub via: Via,
+}
+
+impl Choice {
+    /// The scene, ready to answer. A file outside the repository was never compiled, so it is interpreted.
+    ///
+    /// # Errors
+    /// Unknown names, problems of the model, [`Error::NotCompiled`].
+    pub fn open(&self, workspace: &Workspace, spec: &Spec) -> Result<Box<dyn Backend>, Error> {
+        let via = if spec.in_repository { self.via } else { Via::Interpreter };
+        if via != self.via {
+            eprintln!(
+                "note: {} is not one of the repository's models, so it is evaluated by the interpreter",
+                spec.path.display()
+            );
+        }
+        match via {
+            Via::Compiled => Ok(Box::new(Remote::open(workspace, &spec.name, &self.scene)?)),
+            Via::Interpreter => {
+                let model = bridge::read(workspace, spec)?;
+                Ok(Box::new(Local::new(bridge::build(&model, &self.scene)?)))
+            }
+        }
+    }
+}
+
+/// `generate`: a line about what was done.
+///
+/// # Errors
+/// As [`generate::generate`].
+pub fn generate(workspace: &Workspace, models: &[String], check: bool) -> Result<String, Error> {
+    let done = generate::generate(workspace, models, check)?;
+    let mut line = format!(
+        "{} models, {} scenes in {:.2} s",
+        done.n_models, done.n_modules, done.seconds
+    );
+    if let (Some((name, seconds)), true) = (&done.slowest, done.n_models > 1) {
+        let _ = write!(line, " (slowest: {name}, {seconds:.2} s)");
+    }
+    line.push_str(": ");
+    if check {
+        line.push_str("generated files are up to date");
+    } else if done.written.is_empty() && done.removed.is_empty() {
+        line.push_str("nothing changed");
+    } else {
+        let _ = write!(line, "{} files written", done.written.len());
+        if !done.removed.is_empty() {
+            let _ = write!(line, ", {} removed", done.removed.len());
+        }
+    }
+    Ok(line)
+}
+
+struct Listed {
+    name: String,
+    title: String,
+    sources: Vec<String>,
+    scenes: Vec<(String, Info)>,
+}
+
+/// `list`: all models, or those named, for people or as JSON.
+///
+/// # Errors
+/// Unknown names; the problems of all models together.
+pub fn list(workspace: &Workspace, models: &[String], json: bool) -> Result<String, Error> {
+    let specs = if models.is_empty() {
+        workspace.specs()?
+    } else {
+        models.iter().map(|m| workspace.spec(m)).collect::<Result<_, _>>()?
+    };
+    let mut listed = Vec::new();
+    let mut errors = Vec::new();
+    for spec in &specs {
+        match describe(workspace, spec) {
+            Ok(entry) => listed.push(entry),
+            Err(error) => errors.push(error),
+        }
+    }
+    if !errors.is_empty() {
+        return Err(Error::Several { errors });
+    }
+    if json {
+        return Ok(Value::from_iter(listed.iter().map(Listed::to_json)).to_string());
+    }
+    let width = terminal_width();
+    let texts: Vec<String> = listed.iter().map(|entry| entry.to_text(width)).collect();
+    Ok(texts.join("\n").trim_end().to_owned())
+}
+
+fn describe(workspace: &Workspace, spec: &Spec) -> Result<Listed, Error> {
+    let model = bridge::read(workspace, spec)?;
+    let mut scenes = Vec::new();
+    for name in bridge::scene_names(&model) {
+        let built = bridge::build(&model, &name)?;
+        scenes.push((name, crate::dynamics::Factory::info(&built).clone()));
+    }
+    Ok(Listed {
+        name: model.name.clone(),
+        title: title(&model.doc),
+        sources: model.sources.clone(),
+        scenes,
+    })
+}
+
+impl Listed {
+    fn to_json(&self) -> Value {
+        let scene = |(name, info): &(String, Info)| {
+            let mut outputs = Map::new();
+            for group in &info.outputs {
+                outputs.insert(group.name.clone(), group.components.clone().into());
+            }
+            let params: Value = info.params.iter().map(|p| (p.name.clone(), number(p.default))).collect();
+            let mut entry = Map::new();
+            entry.insert("scene".into(), name.clone().into());
+            entry.insert("state".into(), info.state.clone().into());
+            entry.insert("params".into(), params);
+            entry.insert("outputs".into(), outputs.into());
+            entry.insert("has_energy".into(), info.has_energy.into());
+            Value::from(entry)
+        };
+        let mut entry = Map::new();
+        entry.insert("model".into(), self.name.clone().into());
+        entry.insert("title".into(), self.title.clone().into());
+        entry.insert("sources".into(), self.sources.clone().into());
+        entry.insert("scenes".into(), self.scenes.iter().map(scene).collect());
+        entry.into()
+    }
+
+    fn to_text(&self, width: usize) -> String {
+        let mut text = format!("{}  {}\n", bold(&self.name), self.title);
+        let mut row = |label: &str, items: Vec<String>, separator: &str| {
+            if items.is_empty() {
+                return;
+            }
+            let lines = wrap(&items, separator, width.saturating_sub(12).max(30));
+            for (k, line) in lines.iter().enumerate() {
+                let _ = writeln!(text, "  {:8}  {line}", if k == 0 { label } else { "" });
+            }
+        };
+        let values = |info: &Info| {
+            info.params.iter().map(|p| format!("{} = {}", p.name, p.default)).collect::<Vec<String>>()
+        };
+        for (k, (name, info)) in self.scenes.iter().enumerate() {
+            if k == 0 {
+                row("state", info.state.clone(), " ");
+                row("params", values(info), ", ");
+                continue;
+            }
+            let default = &self.scenes[0].1;
+            let fixed = default.params.iter().filter(|p| info.params.iter().all(|q| q.name != p.name));
+            let fixed: Vec<String> = fixed.map(|p| p.name.clone()).collect();
+            let mut words = vec![name.clone()];
+            if !fixed.is_empty() {
+                words.push(format!("fixes {}", fixed.join(", ")));
+            }
+            if info.state != default.state {
+                words.push(format!("state {}", info.state.join(" ")));
+            }
+            row("scene", words, ": ");
+        }
+        for source in &self.sources {
+            let words = source.split_whitespace().map(str::to_owned).collect();
+            row("source", words, " ");
+        }
+        text
+    }
+}
+
+fn wrap(items: &[String], separator: &str, width: usize) -> Vec<String> {
+    let mut lines: Vec<String> = vec![String::new()];
+    let mut length = 0;
+    for (k, item) in items.iter().enumerate() {
+        let piece = if k + 1 < items.len() { format!("{item}{separator}") } else { item.clone() };
+        let size = piece.chars().count();
+        if length > 0 && length + piece.trim_end().chars().count() > width {
+            lines.push(String::new());
+            length = 0;
+        }
+        length += size;
+        // There is always a last line.
+        if let Some(line) = lines.last_mut() {
+            line.push_str(&piece);
+        }
+    }
+    lines.into_iter().map(|line| line.trim_end().to_owned()).collect()
+}
+
+fn terminal_width() -> usize {
+    let columns = std::env::var("COLUMNS").ok().and_then(|c| c.parse().ok());
+    columns.unwrap_or(100_usize).clamp(60, 140)
+}
+
+fn bold(text: &str) -> String {
+    if colours_on_stdout() { format!("\u{1b}[1m{text}\u{1b}[0m") } else { text.to_owned() }
+}
+
+fn colours_on_stdout() -> bool {
+    std::io::stdout().is_terminal() && std::env::var_os("NO_COLOR").is_none()
+}
+
+fn title(doc: &[String]) -> String {
+    doc.iter().map(|line| line.trim()).find(|line| !line.is_empty()).unwrap_or_default().to_owned()
+}
+
+/// `explain`: algebra, equations and operation counts of a scene.
+///
+/// # Errors
+/// Unknown names and problems of the model.
+pub fn explain(workspace: &Workspace, model: &str, scene: &str, latex: bool) -> Result<String, Error> {
+    let spec = workspace.spec(model)?;
+    bridge::explain(&bridge::read(workspace, &spec)?, scene, latex)
+}
+
+/// Reads a request from standard input, and says so when nobody seems to know.
+///
+/// # Errors
+/// [`Error::Io`].
+pub fn read_request(example: &str) -> Result<String, Error> {
+    let stdin = std::io::stdin();
+    if stdin.is_terminal() {
+        eprintln!("reading a JSON request such as {example} from the terminal; end it with Ctrl-D");
+    }
+    let mut text = String::new();
+    stdin.lock().read_to_string(&mut text).map_err(|e| Error::io("standard input", e))?;
+    Ok(text)
+}
+
+/// `eval`: the answer to a JSON request, on one line.
+///
+/// # Errors
+/// Everything that can be wrong with names, the request, parameters and states.
+pub fn eval(workspace: &Workspace, choice: &Choice) -> Result<String, Error> {
+    let spec = workspace.spec(&choice.model)?;
+    let text = read_request("{\"states\": [{\"Omega1\": 0.1, ..}]}")?;
+    let mut backend = choice.open(workspace, &spec)?;
+    eval_text(&mut *backend, &text)
+}
+
+/// Evaluates a JSON request.
+///
+/// # Errors
+/// As [`EvalRequest::parse`] and [`crate::eval::eval`].
+pub fn eval_text(backend: &mut dyn Backend, text: &str) -> Result<String, Error> {
+    let request = EvalRequest::parse(text, backend.info())?;
+    let response = backend.eval(&request)?;
+    Ok(response.to_json(backend.info()).to_string())
+}
+
+/// `simulate --json`: the answer to a JSON request, on one line.
+///
+/// # Errors
+/// Everything that can be wrong with names, the request, parameters, the initial state and the integration.
+pub fn simulate_json(workspace: &Workspace, choice: &Choice) -> Result<String, Error> {
+    let spec = workspace.spec(&choice.model)?;
+    let text = read_request("{\"initial\": {\"Omega1\": 0.1, ..}, \"t_final\": 1}")?;
+    let mut backend = choice.open(workspace, &spec)?;
+    simulate_text(&mut *backend, &text)
+}
+
+/// Integrates as a JSON request says.
+///
+/// # Errors
+/// As [`SimulateRequest::parse`] and [`crate::simulate::simulate`].
+pub fn simulate_text(backend: &mut dyn Backend, text: &str) -> Result<String, Error> {
+    let request = SimulateRequest::parse(text, backend.info())?;
+    let response = backend.simulate(&request)?;
+    Ok(response.to_json(backend.info()).to_string())
+}
+
+/// Arguments of `simulate` for people.
+#[derive(Clone, Debug, Default)]
+pub struct Simulation {
+    /// Parameters that differ from the defaults.
+    pub set: Vec<(String, f64)>,
+    /// Components of the initial state that differ from the default one.
+    pub initial: Vec<(String, f64)>,
+    /// Time to reach.
+    pub t_final: f64,
+    /// The method.
+    pub method: MethodName,
+    /// Relative tolerance.
+    pub rtol: Option<f64>,
+    /// Absolute tolerance.
+    pub atol: Option<f64>,
+    /// Size of fixed steps.
+    pub step: Option<f64>,
+    /// Number of samples in files.
+    pub samples: Option<usize>,
+    /// Files to write.
+    pub outputs: Vec<PathBuf>,
+}
+
+/// Samples in files unless another number is given: smooth curves, small files.
+const DEFAULT_SAMPLES: usize = 1001;
+
+/// `simulate`: integrates, writes files, and returns a summary for people.
+///
+/// # Errors
+/// Everything that can be wrong with names, values, the integration and files.
+pub fn simulate(workspace: &Workspace, choice: &Choice, arguments: &Simulation) -> Result<String, Error> {
+    let spec = workspace.spec(&choice.model)?;
+    let targets: Vec<Target> = arguments.outputs.iter().map(|p| Target::new(p)).collect::<Result<_, _>>()?;
+    let model = bridge::read(workspace, &spec)?;
+    let known = bridge::scene_names(&model);
+    if !known.contains(&choice.scene) {
+        return Err(Error::UnknownScene { model: model.name, name: choice.scene.clone(), known });
+    }
+    let steps = Steps::new(arguments.method, arguments.rtol, arguments.atol, arguments.step)
+        .map_err(|reason| Problem::Unusable { path: "--step".into(), reason })
+        .map_err(|problem| Error::Request { problems: vec![problem] })?;
+    let mut backend = choice.open(workspace, &spec)?;
+    let info = backend.info().clone();
+    let mut problems = Vec::new();
+    let set = assignments(&arguments.set, "--set", "parameter", &info.param_names(), &mut problems);
+    let given = assignments(&arguments.initial, "--initial", "state", &info.state_names(), &mut problems);
+    if !problems.is_empty() {
+        return Err(Error::Request { problems });
+    }
+    let params: Vec<f64> =
+        info.params.iter().map(|p| set.get(&p.name).copied().unwrap_or(p.default)).collect();
+    let all_params = bridge::all_params(&model, &choice.scene, &set);
+    let roles = bridge::roles(&model, &all_params);
+    // A scene may leave the residual of the constraint out; the default scene has it.
+    let mut residuals = None;
+    if info.output_range("constraint").is_none() && !model.constraints.is_empty() {
+        let full = bridge::build(&model, bridge::DEFAULT_SCENE)?;
+        let full_info = crate::dynamics::Factory::info(&full);
+        if full_info.state == info.state && full_info.output_range("constraint").is_some() {
+            let values = full_info.params.iter().map(|p| all_params[&p.name]).collect::<Vec<f64>>();
+            residuals = Some((Local::new(full), values));
+        }
+    }
+    let full_params = residuals.as_ref().map(|(_, values)| values.clone()).unwrap_or_default();
+    let other = residuals.as_mut().map(|(local, _)| local as &mut dyn Backend);
+    let initial = initial::state(&mut *backend, other, (&params, &full_params), &roles, &given)?;
+
+    let samples = arguments.samples.unwrap_or(if targets.is_empty() { 0 } else { DEFAULT_SAMPLES });
+    let request = SimulateRequest {
+        params,
+        initial,
+        t_final: arguments.t_final,
+        method: arguments.method,
+        steps,
+        samples,
+        with_outputs: !targets.is_empty(),
+    };
+    let response = backend.simulate(&request)?;
+    let title = title(&model.doc);
+    let blocks = bridge::blocks(&model);
+    let run = Run { info: &info, title: &title, blocks: &blocks, request: &request, response: &response };
+    for target in &targets {
+        target.write(&run)?;
+    }
+    let mut text = summary(&info, &title, &request, &response);
+    for target in &targets {
+        let _ = write!(text, "\nwrote {} ({} samples)", target.path().display(), response.samples.len());
+    }
+    Ok(text)
+}
+
+fn assignments(
+    given: &[(String, f64)],
+    path: &str,
+    kind: &'static str,
+    known: &[&str],
+    problems: &mut Vec<Problem>,
+) -> BTreeMap<String, f64> {
+    let mut values = BTreeMap::new();
+    for (name, value) in given {
+        let name = name.clone();
+        if !known.contains(&name.as_str()) {
+            let known = known.iter().map(|k| (*k).to_owned()).collect();
+            problems.push(Problem::UnknownName { path: path.into(), kind, name, known });
+        } else if values.insert(name.clone(), *value).is_some() {
+            problems.push(Problem::Repeated { path: path.into(), name });
+        }
+    }
+    values
+}
+
+fn summary(info: &Info, title: &str, request: &SimulateRequest, response: &SimulateResponse) -> String {
+    let mut text = format!("{}  {title}", bold(&info.model));
+    if info.scene != bridge::DEFAULT_SCENE {
+        let _ = write!(text, ", scene {}", info.scene);
+    }
+    let steps = match request.steps {
+        Steps::Adaptive { rtol, atol } => format!("rtol {rtol:e}, atol {atol:e}"),
+        Steps::Fixed { step } => format!("step {step:?}"),
+    };
+    let _ = write!(
+        text,
+        "\n  t = {:?} by {}, {steps}: {} steps, {} rejected, {} evaluations, {:.1} ms",
+        response.t,
+        request.method.name(),
+        response.steps,
+        response.rejected,
+        response.rhs_evals,
+        1e3 * response.seconds
+    );
+    if let (Some(drift), Some(initial)) = (response.energy_drift, response.initial_energy) {
+        let scale = if response.energy_scale == initial.abs() { "|E(0)|" } else { "the size of its terms" };
+        let _ = write!(text, "\n  energy     {initial:.6e} at the start, drift {drift:.1e} relative to {scale}");
+    }
+    if let Some(residual) = response.constraint_residual {
+        let _ = write!(text, "\n  constraint residual at most {residual:.1e}");
+    }
+    let width = info.state.iter().map(|s| s.chars().count()).max().unwrap_or(0).max(5);
+    let _ = write!(text, "\n\n  {:width$}  {:>24}  {:>24}", "", "initial", "final");
+    for ((name, start), end) in info.state.iter().zip(&request.initial).zip(&response.last) {
+        let _ = write!(text, "\n  {name:width$}  {:>24}  {:>24}", format!("{start:?}"), format!("{end:?}"));
+    }
+    text
+}
+
+/// `test`: the whole test suite, then the crate without the standard library.
+///
+/// # Errors
+/// [`Error::Failed`] with the step that failed; later steps are not run.
+pub fn test(workspace: &Workspace) -> Result<String, Error> {
+    let steps: [(&str, PathBuf, &[&str]); 2] = [
+        ("cargo test --workspace", workspace.root().to_owned(), &["test", "--workspace"]),
+        ("cargo run --locked in tests/no_std", workspace.root().join("tests/no_std"), &["run", "--locked"]),
+    ];
+    let mut lines = Vec::new();
+    for (name, folder, arguments) in steps {
+        eprintln!("{}", bold(&format!("running {name}")));
+        let clock = Instant::now();
+        let mut command = Command::new(Workspace::cargo());
+        let status = command
+            .args(arguments)
+            .current_dir(folder)
+            .status()
+            .map_err(|e| Error::io("cargo could not be started", e))?;
+        if !status.success() {
+            let status = format!("{status}; the steps before it passed, later ones were not run");
+            return Err(Error::Failed { step: name.into(), status });
+        }
+        lines.push(format!("passed  {name}  ({:.1} s)", clock.elapsed().as_secs_f64()));
+    }
+    Ok(lines.join("\n"))
+}

@@ -1,0 +1,260 @@
+//! The compiled models in another process: how it is started, and what the two say to each other.
+//!
+//! One JSON value a line in both directions. The process first writes [`Hello`]; then each [`Ask`] gets one answer,
+//! a `Result`. Its standard error is the user's, so that compiler messages and progress bars appear.
+//!
+//! Deliberately does not know: generated code. The other side is [`serve`], run by `hamel-compiled`.
+
+use std::io::{BufRead, BufReader, IsTerminal as _, Read, Write};
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::time::Duration;
+
+use indicatif::{ProgressBar, ProgressStyle};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+
+use crate::backend::{Backend, simulate_with_bar};
+use crate::dynamics::{Factory, Info};
+use crate::error::{Error, WireError};
+use crate::eval::{EvalRequest, EvalResponse, eval};
+use crate::simulate::{SimulateRequest, SimulateResponse};
+use crate::workspace::Workspace;
+
+/// Name of the package and program with the compiled models.
+const PACKAGE: &str = "hamel-compiled";
+
+/// First line of the process.
+#[derive(Debug, Serialize, Deserialize)]
+struct Hello {
+    program: String,
+    version: String,
+}
+
+/// A request to the process.
+#[derive(Debug, Serialize, Deserialize)]
+enum Ask {
+    /// Choose a scene; the answer is an [`Opened`].
+    Open { model: String, scene: String },
+    /// Evaluate the chosen scene.
+    Eval(EvalRequest),
+    /// Integrate the chosen scene.
+    Simulate(SimulateRequest),
+}
+
+/// What became of [`Ask::Open`].
+#[derive(Debug, Serialize, Deserialize)]
+enum Opened {
+    Scene(Info),
+    NoModel { known: Vec<String> },
+    NoScene { known: Vec<String> },
+}
+
+type Answer<T> = Result<T, WireError>;
+
+/// A compiled scene in another process.
+#[derive(Debug)]
+pub struct Remote {
+    info: Info,
+    process: Process,
+}
+
+impl Remote {
+    /// Starts the process and chooses a scene.
+    ///
+    /// # Errors
+    /// [`Error::NotCompiled`] when the program does not build or lacks the scene, [`Error::UnknownScene`].
+    pub fn open(workspace: &Workspace, model: &str, scene: &str) -> Result<Remote, Error> {
+        let mut process = Process::start(workspace, model)?;
+        let opened: Answer<Opened> =
+            process.ask(&Ask::Open { model: model.to_owned(), scene: scene.to_owned() })?;
+        match opened? {
+            Opened::Scene(info) => Ok(Remote { info, process }),
+            Opened::NoModel { known } => Err(Error::NotCompiled {
+                what: format!("model {model}"),
+                reason: if known.is_empty() {
+                    "no model has been generated".into()
+                } else {
+                    format!("only these have been generated: {}", known.join(", "))
+                },
+            }),
+            Opened::NoScene { known } => {
+                Err(Error::UnknownScene { model: model.to_owned(), name: scene.to_owned(), known })
+            }
+        }
+    }
+}
+
+impl Backend for Remote {
+    fn info(&self) -> &Info {
+        &self.info
+    }
+
+    fn eval(&mut self, request: &EvalRequest) -> Result<EvalResponse, Error> {
+        let answer: Answer<EvalResponse> = self.process.ask(&Ask::Eval(request.clone()))?;
+        Ok(answer?)
+    }
+
+    fn simulate(&mut self, request: &SimulateRequest) -> Result<SimulateResponse, Error> {
+        let answer: Answer<SimulateResponse> = self.process.ask(&Ask::Simulate(request.clone()))?;
+        Ok(answer?)
+    }
+}
+
+#[derive(Debug)]
+struct Process {
+    child: Child,
+    stdin: Option<ChildStdin>,
+    stdout: BufReader<ChildStdout>,
+    model: String,
+}
+
+impl Process {
+    fn start(workspace: &Workspace, model: &str) -> Result<Process, Error> {
+        let mut command = Command::new(Workspace::cargo());
+        command
+            .args(["run", "--quiet", "--release", "--package", PACKAGE, "--manifest-path"])
+            .arg(workspace.manifest())
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped());
+        let mut child = command.spawn().map_err(|e| Error::io("cargo could not be started", e))?;
+        // Both were asked for above.
+        let stdin = child.stdin.take().expect("piped standard input");
+        let stdout = BufReader::new(child.stdout.take().expect("piped standard output"));
+        let mut process = Process { child, stdin: Some(stdin), stdout, model: model.to_owned() };
+        let spinner = Spinner::start();
+        let hello: Option<Hello> = process.read()?;
+        spinner.stop();
+        match hello {
+            Some(hello) if hello.program == PACKAGE && hello.version == env!("CARGO_PKG_VERSION") => Ok(process),
+            _ => Err(process.ended("the compiled models do not build")),
+        }
+    }
+
+    fn ask<T: DeserializeOwned>(&mut self, ask: &Ask) -> Result<T, Error> {
+        let mut line = serde_json::to_string(ask).map_err(|e| Error::io("the request", e.into()))?;
+        line.push('\n');
+        if let Some(stdin) = &mut self.stdin {
+            let sent = stdin.write_all(line.as_bytes()).and_then(|()| stdin.flush());
+            if sent.is_err() {
+                return Err(self.ended("its process ended too early"));
+            }
+        }
+        match self.read()? {
+            Some(answer) => Ok(answer),
+            None => Err(self.ended("its process ended without an answer")),
+        }
+    }
+
+    /// One line; none at the end of the stream or when it is not what was expected.
+    fn read<T: DeserializeOwned>(&mut self) -> Result<Option<T>, Error> {
+        let mut line = String::new();
+        self.stdout.read_line(&mut line).map_err(|e| Error::io("the compiled models", e))?;
+        Ok(serde_json::from_str(&line).ok())
+    }
+
+    fn ended(&mut self, why: &str) -> Error {
+        self.stdin = None;
+        // Unread output would keep the process alive.
+        let _ = std::io::copy(&mut self.stdout.by_ref().take(1 << 20), &mut std::io::sink());
+        let status = match self.child.wait() {
+            Ok(status) => format!("{why} ({status})"),
+            Err(_) => why.to_owned(),
+        };
+        Error::NotCompiled { what: self.model.clone(), reason: status }
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        // The process ends at the end of its input.
+        self.stdin = None;
+        let _ = self.child.wait();
+    }
+}
+
+/// Says that the models are being built, when that takes long and somebody watches.
+struct Spinner {
+    done: std::sync::mpsc::Sender<()>,
+    thread: Option<std::thread::JoinHandle<()>>,
+}
+
+impl Spinner {
+    fn start() -> Spinner {
+        let (done, wait) = std::sync::mpsc::channel::<()>();
+        let show = move || {
+            let ended = |r| !matches!(r, Err(std::sync::mpsc::RecvTimeoutError::Timeout));
+            if ended(wait.recv_timeout(Duration::from_millis(1500))) {
+                return;
+            }
+            let bar = ProgressBar::new_spinner();
+            // The template is a constant that indicatif accepts.
+            bar.set_style(ProgressStyle::with_template("  {spinner} {msg} {elapsed}").expect("valid template"));
+            bar.set_message("building the compiled models");
+            while !ended(wait.recv_timeout(Duration::from_millis(120))) {
+                bar.tick();
+            }
+            bar.finish_and_clear();
+        };
+        let thread = std::io::stderr().is_terminal().then(|| std::thread::spawn(show));
+        Spinner { done, thread }
+    }
+
+    fn stop(self) {
+        drop(self.done);
+        if let Some(thread) = self.thread {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// Answers requests on standard input until its end: the whole of `hamel-compiled`.
+///
+/// `factories` are all compiled scenes.
+///
+/// # Errors
+/// [`Error::Io`] when the other side is gone, [`Error::NotJson`] when it is not `xtask`.
+pub fn serve(factories: &[Box<dyn Factory>]) -> Result<(), Error> {
+    serve_on(factories, std::io::stdin().lock(), std::io::stdout().lock())
+}
+
+fn serve_on(factories: &[Box<dyn Factory>], input: impl BufRead, mut output: impl Write) -> Result<(), Error> {
+    let mut say = |text: Result<String, serde_json::Error>| -> Result<(), Error> {
+        let write = |text: String| writeln!(output, "{text}").and_then(|()| output.flush());
+        text.map_err(std::io::Error::from).and_then(write).map_err(|e| Error::io("the answer", e))
+    };
+    let hello = Hello { program: PACKAGE.into(), version: env!("CARGO_PKG_VERSION").into() };
+    say(serde_json::to_string(&hello))?;
+    let mut chosen: Option<&dyn Factory> = None;
+    for line in input.lines() {
+        let line = line.map_err(|e| Error::io("the request", e))?;
+        let ask: Ask = serde_json::from_str(&line)
+            .map_err(|e| Error::NotJson { reason: e.to_string(), empty: line.is_empty() })?;
+        let not_open = || Error::Options { reason: "no scene is open".into() };
+        match ask {
+            Ask::Open { model, scene } => {
+                let of_model = || factories.iter().filter(|f| f.info().model == model);
+                chosen = of_model().find(|f| f.info().scene == scene).map(|f| &**f);
+                let opened = match chosen {
+                    Some(factory) => Opened::Scene(factory.info().clone()),
+                    None if of_model().next().is_none() => {
+                        let mut known: Vec<String> =
+                            factories.iter().map(|f| f.info().model.clone()).collect();
+                        known.dedup();
+                        Opened::NoModel { known }
+                    }
+                    None => Opened::NoScene { known: of_model().map(|f| f.info().scene.clone()).collect() },
+                };
+                say(serde_json::to_string(&Answer::Ok(opened)))?;
+            }
+            Ask::Eval(request) => {
+                let answer = chosen.ok_or_else(not_open).and_then(|f| eval(f, &request));
+                say(serde_json::to_string(&answer.map_err(|e| WireError::from(&e))))?;
+            }
+            Ask::Simulate(request) => {
+                let answer = chosen.ok_or_else(not_open).and_then(|f| simulate_with_bar(f, &request));
+                say(serde_json::to_string(&answer.map_err(|e| WireError::from(&e))))?;
+            }
+        }
+    }
+    Ok(())
+}

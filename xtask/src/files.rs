@@ -1,0 +1,197 @@
+//! Results of a simulation as files: CSV, JSON, SVG.
+//!
+//! Deliberately does not know: how they were computed.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use crate::codegen_bridge::Block;
+use crate::dynamics::Info;
+use crate::error::{Error, Problem};
+use crate::generate::write_atomically;
+use crate::plot::{Figure, MAX_LINES, Panel, svg};
+use crate::simulate::{SimulateRequest, SimulateResponse, Steps};
+
+/// A file to write and its format, which its extension says.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Target {
+    path: PathBuf,
+    format: Format,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Format {
+    Csv,
+    Json,
+    Svg,
+}
+
+/// What the results are results of.
+#[derive(Clone, Copy, Debug)]
+pub struct Run<'a> {
+    /// Names and meanings of the scene.
+    pub info: &'a Info,
+    /// Title of the model.
+    pub title: &'a str,
+    /// Groups of state variables.
+    pub blocks: &'a [Block],
+    /// What was asked.
+    pub request: &'a SimulateRequest,
+    /// What came out, with outputs in its samples.
+    pub response: &'a SimulateResponse,
+}
+
+impl Target {
+    /// The file at a path.
+    ///
+    /// # Errors
+    /// [`Error::Request`] for an extension that says no format.
+    pub fn new(path: &Path) -> Result<Target, Error> {
+        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
+        let format = match extension.as_str() {
+            "csv" => Format::Csv,
+            "json" => Format::Json,
+            "svg" => Format::Svg,
+            _ => {
+                let reason = "has no known format: let the name end in .csv, .svg or .json".into();
+                let path = path.display().to_string();
+                return Err(Error::Request { problems: vec![Problem::Unusable { path, reason }] });
+            }
+        };
+        Ok(Target { path: path.to_owned(), format })
+    }
+
+    /// Where it is written.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Writes the results.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn write(&self, run: &Run<'_>) -> Result<(), Error> {
+        let text = match self.format {
+            Format::Csv => csv(run),
+            Format::Json => format!("{}\n", run.response.to_json(run.info)),
+            Format::Svg => svg(&figure(run)).map_err(|e| {
+                Error::io(self.path.display().to_string(), std::io::Error::other(e.to_string()))
+            })?,
+        };
+        write_atomically(&self.path, text.as_bytes())
+    }
+}
+
+/// Time, state, energy and outputs (as `group.component`), one sample a line, every number in shortest round-trip form.
+pub fn csv(run: &Run<'_>) -> String {
+    let Run { info, response, .. } = *run;
+    let mut text = String::from("t");
+    for name in &info.state {
+        text.push(',');
+        text.push_str(name);
+    }
+    if info.has_energy {
+        text.push_str(",energy");
+    }
+    let with_outputs = response.samples.iter().any(|s| !s.outputs.is_empty());
+    if with_outputs {
+        for group in &info.outputs {
+            for component in &group.components {
+                let _ = write!(text, ",{}.{component}", group.name);
+            }
+        }
+    }
+    text.push('\n');
+    for sample in &response.samples {
+        let _ = write!(text, "{:?}", sample.t);
+        for x in sample.state.iter().chain(&sample.energy).chain(&sample.outputs) {
+            let _ = write!(text, ",{x:?}");
+        }
+        text.push('\n');
+    }
+    text
+}
+
+/// The states over time, a panel for each group, and the drift of the energy.
+pub fn figure(run: &Run<'_>) -> Figure {
+    let Run { info, title, blocks, request, response } = *run;
+    let column = |at: usize| response.samples.iter().map(|s| s.state[at]).collect::<Vec<f64>>();
+    let mut panels = Vec::new();
+    let mut shown = vec![false; info.state.len()];
+    for block in blocks {
+        let mut lines = Vec::new();
+        for (name, spelled) in &block.members {
+            if let Some(at) = info.state.iter().position(|s| s == name) {
+                shown[at] = true;
+                lines.push((spelled.clone(), column(at)));
+            }
+        }
+        for (k, chunk) in lines.chunks(MAX_LINES).enumerate() {
+            let heading = heading(block, chunk.iter().map(|(name, _)| name.as_str()).collect(), k);
+            panels.push(Panel { title: heading, lines: chunk.to_vec() });
+        }
+    }
+    let rest: Vec<usize> = (0..shown.len()).filter(|&k| !shown[k]).collect();
+    for chunk in rest.chunks(MAX_LINES) {
+        let lines = chunk.iter().map(|&k| (info.state[k].clone(), column(k))).collect();
+        panels.push(Panel { title: "State".into(), lines });
+    }
+    if let Some(initial) = response.initial_energy {
+        let drift =
+            |s: &crate::simulate::Sample| s.energy.map_or(0.0, |e| (e - initial) / response.energy_scale);
+        let lines = vec![(String::new(), response.samples.iter().map(drift).collect())];
+        let of = if response.energy_scale == initial.abs() { "relative to |E(0)|" } else { "relative to the size of its terms" };
+        panels.push(Panel { title: format!("Energy drift, {of}"), lines });
+    }
+    let scene =
+        if info.scene == crate::codegen_bridge::DEFAULT_SCENE { String::new() } else { format!(", scene {}", info.scene) };
+    let steps = match request.steps {
+        Steps::Adaptive { rtol, atol } => format!("rtol {rtol:e}, atol {atol:e}"),
+        Steps::Fixed { step } => format!("step {step:?}"),
+    };
+    Figure {
+        title: if title.is_empty() { info.model.clone() } else { title.to_owned() },
+        subtitle: format!(
+            "{}{scene} · {}, {steps} · {} steps, {} evaluations",
+            info.model,
+            request.method.name(),
+            response.steps,
+            response.rhs_evals
+        ),
+        x_label: "t [s]".into(),
+        times: response.samples.iter().map(|s| s.t).collect(),
+        panels,
+    }
+}
+
+fn heading(block: &Block, members: Vec<&str>, chunk: usize) -> String {
+    let mut text = if !block.symbol.is_empty() && (members.len() > 1 || block.symbol != members[0]) {
+        block.symbol.clone()
+    } else {
+        String::new()
+    };
+    let doc = cut(&block.doc, 84);
+    if !doc.is_empty() {
+        text = if text.is_empty() { doc } else { format!("{text}: {}", lower_first(&doc)) };
+    }
+    if text.is_empty() {
+        text = members.join(", ");
+    }
+    if chunk > 0 {
+        text.push_str(", continued");
+    }
+    if block.unit.is_empty() { text } else { format!("{text} [{}]", block.unit) }
+}
+
+fn lower_first(text: &str) -> String {
+    let mut chars = text.chars();
+    chars.next().map(|c| c.to_lowercase().chain(chars).collect()).unwrap_or_default()
+}
+
+fn cut(text: &str, limit: usize) -> String {
+    if text.chars().count() <= limit {
+        return text.to_owned();
+    }
+    let head: String = text.chars().take(limit).collect();
+    format!("{}…", head.rsplit_once(' ').map_or(head.as_str(), |(head, _)| head).trim_end_matches([',', ':', ';']))
+}

@@ -1,0 +1,487 @@
+//! Integration of a scene from an initial state, as JSON in and out.
+//!
+//! Deliberately does not know: whether the scene is compiled or interpreted, files, figures.
+
+use hamel_runtime::{
+    Dop853, Dopri5, Error as SolverError, Failure, Integrator, Method, Options, Rk4, Tsit5,
+};
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+use crate::dynamics::{Dynamics, Factory, Info, VecState};
+use crate::error::{Error, Problem};
+use crate::eval::{describe, prepare};
+use crate::json::{Fields, Json, by_name, number};
+use crate::names;
+
+/// An integration method of the runtime.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum MethodName {
+    /// Tsitouras, fifth order.
+    Tsit5,
+    /// Dormand and Prince, eighth order.
+    #[default]
+    Dop853,
+    /// Dormand and Prince, fifth order.
+    Dopri5,
+    /// The classical fourth-order method, fixed steps only.
+    Rk4,
+}
+
+impl MethodName {
+    /// All methods.
+    pub const ALL: [MethodName; 4] =
+        [MethodName::Tsit5, MethodName::Dop853, MethodName::Dopri5, MethodName::Rk4];
+
+    /// The name in requests.
+    pub fn name(self) -> &'static str {
+        match self {
+            MethodName::Tsit5 => "tsit5",
+            MethodName::Dop853 => "dop853",
+            MethodName::Dopri5 => "dopri5",
+            MethodName::Rk4 => "rk4",
+        }
+    }
+}
+
+/// How steps are chosen.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Steps {
+    /// Such that the estimated error stays within the tolerances.
+    Adaptive {
+        /// Relative tolerance.
+        rtol: f64,
+        /// Absolute tolerance.
+        atol: f64,
+    },
+    /// All of one size.
+    Fixed {
+        /// The size.
+        step: f64,
+    },
+}
+
+impl Steps {
+    /// Default relative tolerance.
+    pub const RTOL: f64 = 1e-10;
+    /// Default absolute tolerance.
+    pub const ATOL: f64 = 1e-12;
+
+    /// Steps from what was given.
+    ///
+    /// # Errors
+    /// What is contradictory or missing, and what to change.
+    pub fn new(
+        method: MethodName,
+        rtol: Option<f64>,
+        atol: Option<f64>,
+        step: Option<f64>,
+    ) -> Result<Steps, String> {
+        match (step, rtol, atol) {
+            (Some(step), None, None) => Ok(Steps::Fixed { step }),
+            (Some(_), ..) => {
+                Err("is given together with a tolerance: give either step, or rtol and atol".into())
+            }
+            (None, ..) if method == MethodName::Rk4 => {
+                Err("is missing: rk4 has no error estimate, give a step or choose tsit5, dop853 or dopri5"
+                    .into())
+            }
+            (None, rtol, atol) => Ok(Steps::Adaptive {
+                rtol: rtol.unwrap_or(Self::RTOL),
+                atol: atol.unwrap_or(Self::ATOL),
+            }),
+        }
+    }
+}
+
+/// What to integrate, in the order of [`Info`]; it starts at time zero.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SimulateRequest {
+    /// Parameters.
+    pub params: Vec<f64>,
+    /// State at time zero.
+    pub initial: Vec<f64>,
+    /// Time to reach; negative for integration backward.
+    pub t_final: f64,
+    /// The method.
+    pub method: MethodName,
+    /// How it chooses steps.
+    pub steps: Steps,
+    /// Number of samples at equal distances from zero to `t_final`, both included; a single one is the end.
+    pub samples: usize,
+    /// Whether samples carry all outputs.
+    pub with_outputs: bool,
+}
+
+/// One state on the way.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Sample {
+    /// Time.
+    pub t: f64,
+    /// State.
+    pub state: Vec<f64>,
+    /// Energy, when the scene has one.
+    pub energy: Option<f64>,
+    /// Outputs, when asked for.
+    pub outputs: Vec<f64>,
+}
+
+/// Where an integration led to.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SimulateResponse {
+    /// Time reached: `t_final` exactly.
+    pub t: f64,
+    /// State there.
+    pub last: Vec<f64>,
+    /// States on the way.
+    pub samples: Vec<Sample>,
+    /// Accepted steps.
+    pub steps: u64,
+    /// Rejected steps.
+    pub rejected: u64,
+    /// Evaluations of the right-hand side.
+    pub rhs_evals: u64,
+    /// Largest `|E - E0| / scale` over all steps and samples, with the scale of [`energy_scale`].
+    pub energy_drift: Option<f64>,
+    /// Energy at time zero.
+    pub initial_energy: Option<f64>,
+    /// The scale of `energy_drift`.
+    pub energy_scale: f64,
+    /// Largest component of the output group `constraint` at the start, the samples and the end.
+    pub constraint_residual: Option<f64>,
+    /// Seconds that the integration took.
+    pub seconds: f64,
+}
+
+/// Most samples of one run.
+const MAX_SAMPLES: usize = 10_000_000;
+/// Most steps of one run, attempted ones included.
+const MAX_STEPS: u64 = 50_000_000;
+
+impl SimulateRequest {
+    /// Reads `{"params", "initial", "t_final", "method", "rtol", "atol" or "step", "samples"}`.
+    ///
+    /// Missing parameters take the scene's defaults; `initial` and `t_final` have to be there; the other defaults are
+    /// `dop853` and [`Steps::RTOL`], [`Steps::ATOL`].
+    ///
+    /// # Errors
+    /// [`Error::NotJson`], or [`Error::Request`] with everything that is wrong.
+    pub fn parse(text: &str, info: &Info) -> Result<SimulateRequest, Error> {
+        const FIELDS: [&str; 9] =
+            ["params", "initial", "t_final", "method", "rtol", "atol", "step", "reconstruct", "samples"];
+        let mut fields = Fields::new(Json::parse(text)?, &FIELDS)?;
+        let params = fields.take("params");
+        let params =
+            fields.numbers("params", params, "parameter", &info.param_names(), Some(&info.defaults()));
+        let initial = fields.take("initial");
+        let initial = fields.numbers("initial", initial, "state", &info.state_names(), None);
+        let before = fields.problems.len();
+        let t_final = fields.number("t_final");
+        if t_final.is_none() && fields.problems.len() == before {
+            fields.missing("t_final", "the time to integrate to, starting at zero");
+        }
+        let unusable = |path: &str, reason: String| Problem::Unusable { path: path.into(), reason };
+        let method = match fields.string("method") {
+            None => MethodName::default(),
+            Some(name) => match MethodName::ALL.into_iter().find(|m| m.name() == name) {
+                Some(method) => method,
+                None => {
+                    let known = MethodName::ALL.map(MethodName::name);
+                    let reason = format!(
+                        "{name:?} is no method{}\n  methods: {}",
+                        names::hint(&name, known),
+                        names::list(known)
+                    );
+                    fields.problems.push(unusable("method", reason));
+                    MethodName::default()
+                }
+            },
+        };
+        let (rtol, atol, step) = (fields.number("rtol"), fields.number("atol"), fields.number("step"));
+        let steps = Steps::new(method, rtol, atol, step).unwrap_or_else(|reason| {
+            fields.problems.push(unusable("step", reason));
+            Steps::Fixed { step: 1.0 }
+        });
+        if fields.take("reconstruct").is_some() {
+            let reason = format!(
+                "is not supported yet by this version: scene {} of {} has no reconstruction",
+                info.scene, info.model
+            );
+            fields.problems.push(unusable("reconstruct", reason));
+        }
+        let samples = fields.number("samples").unwrap_or(0.0);
+        let samples = if samples >= 0.0 && samples.fract() == 0.0 && samples <= MAX_SAMPLES as f64 {
+            samples as usize
+        } else {
+            let reason =
+                format!("is {samples:?}, but has to be a whole number from 0 to {MAX_SAMPLES}");
+            fields.problems.push(unusable("samples", reason));
+            0
+        };
+        fields.finish()?;
+        let t_final = t_final.unwrap_or(0.0);
+        Ok(SimulateRequest { params, initial, t_final, method, steps, samples, with_outputs: false })
+    }
+
+    /// Time of a sample.
+    fn sample_time(&self, k: usize) -> f64 {
+        if k + 1 >= self.samples { self.t_final } else { self.t_final * (k as f64 / (self.samples - 1) as f64) }
+    }
+}
+
+impl SimulateResponse {
+    /// `{"t", "final", "samples", "steps", "rejected", "rhs_evals", "energy_drift"}`.
+    pub fn to_json(&self, info: &Info) -> Value {
+        let names = || info.state.iter().map(String::as_str);
+        let sample = |s: &Sample| Value::Array(vec![number(s.t), by_name(names(), &s.state)]);
+        let mut answer = Map::new();
+        answer.insert("t".into(), number(self.t));
+        answer.insert("final".into(), by_name(names(), &self.last));
+        answer.insert("samples".into(), self.samples.iter().map(sample).collect());
+        answer.insert("steps".into(), self.steps.into());
+        answer.insert("rejected".into(), self.rejected.into());
+        answer.insert("rhs_evals".into(), self.rhs_evals.into());
+        answer.insert("energy_drift".into(), self.energy_drift.map_or(Value::Null, number));
+        answer.into()
+    }
+}
+
+/// Scale to which the drift of the energy is relative: `|E0|`, or a thousandth of the size of the terms that `E0` is
+/// the sum of, whichever is larger.
+///
+/// ```text
+/// scale = max(|E0|, 1e-3 sum_i |y_i dE/dy_i|)
+/// ```
+///
+/// The zero of a potential is a convention, and where `E0` nearly cancels a drift relative to `|E0|` alone says nothing
+/// about the integration. A state at rest in the zero of the potential has the scale one, so that its drift is absolute.
+pub fn energy_scale(dynamics: &dyn Dynamics, t: f64, y: &[f64]) -> f64 {
+    let energy = |y: &[f64]| dynamics.energy(t, y).unwrap_or(0.0);
+    let mut terms = 0.0;
+    let mut moved = y.to_vec();
+    for (k, &x) in y.iter().enumerate() {
+        let h = 1e-6;
+        moved[k] = x * (1.0 + h);
+        let above = energy(&moved);
+        moved[k] = x * (1.0 - h);
+        let below = energy(&moved);
+        moved[k] = x;
+        let term = ((above - below) / (2.0 * h)).abs();
+        if term.is_finite() {
+            terms += term;
+        }
+    }
+    let scale = energy(y).abs().max(1e-3 * terms);
+    if scale >= f64::MIN_POSITIVE { scale } else { 1.0 }
+}
+
+/// Integrates a scene. `progress` is told the time reached after every step.
+///
+/// # Errors
+/// [`Error::Params`], [`Error::State`] for the initial state, [`Error::Options`], and [`Error::Stopped`] with the
+/// state reached when the integration cannot go on.
+pub fn simulate(
+    factory: &dyn Factory,
+    request: &SimulateRequest,
+    progress: &mut dyn FnMut(f64),
+) -> Result<SimulateResponse, Error> {
+    let dynamics = prepare(factory, &request.params)?;
+    match request.method {
+        MethodName::Tsit5 => run(Tsit5, &*dynamics, request, progress),
+        MethodName::Dop853 => run(Dop853, &*dynamics, request, progress),
+        MethodName::Dopri5 => run(Dopri5, &*dynamics, request, progress),
+        MethodName::Rk4 => run(Rk4, &*dynamics, request, progress),
+    }
+}
+
+fn run<M: Method>(
+    method: M,
+    dynamics: &dyn Dynamics,
+    request: &SimulateRequest,
+    progress: &mut dyn FnMut(f64),
+) -> Result<SimulateResponse, Error> {
+    let info = dynamics.info();
+    let options = match request.steps {
+        Steps::Adaptive { rtol, atol } => Options::adaptive(rtol, atol).with_max_steps(MAX_STEPS),
+        Steps::Fixed { step } => {
+            let n_steps = (request.t_final / step).abs();
+            if n_steps > 20.0 * MAX_STEPS as f64 {
+                let reason = format!("step {step:?} is too small for t_final = {:?}: it needs {n_steps:.1e} steps", request.t_final);
+                return Err(Error::Options { reason });
+            }
+            Options::fixed(step).with_max_steps(u64::MAX)
+        }
+    };
+    let start = |error: SolverError| match error {
+        SolverError::Failure(failure) => {
+            Error::State { path: "initial".into(), reason: describe(info, failure) }
+        }
+        other => Error::Options { reason: other.to_string() },
+    };
+    let clock = std::time::Instant::now();
+    let mut solver =
+        Integrator::new(&dynamics, method, 0.0, VecState(request.initial.clone()), options).map_err(start)?;
+    let mut record = Record::new(dynamics, request)?;
+    let mut interpolated = VecState(request.initial.clone());
+    let mut next = 0;
+    loop {
+        // Samples up to the time reached; the end is sampled at the end exactly.
+        while next < request.samples {
+            let time = request.sample_time(next);
+            if (time - solver.t()) * request.t_final.signum() > 0.0 {
+                break;
+            }
+            if let Err(error) = solver.interpolate(time, &mut interpolated) {
+                let (t, y) = (solver.t(), solver.state().0.clone());
+                return Err(stopped(info, t, &y, &error));
+            }
+            record.sample(time, &interpolated.0)?;
+            next += 1;
+        }
+        if solver.stats().steps + solver.stats().rejected > MAX_STEPS
+            && matches!(request.steps, Steps::Adaptive { .. })
+        {
+            let limit = SolverError::TooManySteps { t: solver.t(), limit: MAX_STEPS };
+            return Err(stopped(info, solver.t(), &solver.state().0, &limit));
+        }
+        if solver.t() == request.t_final {
+            break;
+        }
+        if let Err(error) = solver.step_towards(request.t_final) {
+            return Err(stopped(info, solver.t(), &solver.state().0, &error));
+        }
+        record.step(solver.t(), &solver.state().0)?;
+        progress(solver.t());
+    }
+    let last = solver.state().0.clone();
+    record.residual_at(solver.t(), &last);
+    let stats = solver.stats();
+    Ok(SimulateResponse {
+        t: solver.t(),
+        last,
+        steps: stats.steps,
+        rejected: stats.rejected,
+        rhs_evals: stats.rhs_evals,
+        energy_drift: record.initial_energy.map(|_| record.deviation / record.scale),
+        initial_energy: record.initial_energy,
+        energy_scale: record.scale,
+        constraint_residual: record.residual,
+        samples: record.samples,
+        seconds: clock.elapsed().as_secs_f64(),
+    })
+}
+
+fn stopped(info: &Info, t: f64, y: &[f64], error: &SolverError) -> Error {
+    let reason = match *error {
+        SolverError::Failure(failure) => describe(info, failure),
+        SolverError::StepTooSmall { h, .. } => format!(
+            "the error estimate asks for steps of {h:e}, which no longer change the time: the solution may be singular \
+             there, or the tolerances cannot be reached"
+        ),
+        SolverError::TooManySteps { limit, .. } => {
+            format!("{limit} steps were not enough: loosen the tolerances, or choose a smaller t_final")
+        }
+        // Non-finite end times are the request's fault and found before the first step.
+        other => other.to_string(),
+    };
+    let state = info.state.iter().cloned().zip(y.iter().copied()).collect();
+    Error::Stopped { t, state, reason }
+}
+
+/// What is noted on the way.
+struct Record<'a> {
+    dynamics: &'a dyn Dynamics,
+    with_outputs: bool,
+    initial_energy: Option<f64>,
+    scale: f64,
+    /// Largest `|E - E0|`.
+    deviation: f64,
+    constraint: Option<std::ops::Range<usize>>,
+    residual: Option<f64>,
+    samples: Vec<Sample>,
+}
+
+impl<'a> Record<'a> {
+    fn new(dynamics: &'a dyn Dynamics, request: &SimulateRequest) -> Result<Record<'a>, Error> {
+        let y = &request.initial;
+        let initial_energy = dynamics.energy(0.0, y);
+        if initial_energy.is_some_and(|e| !e.is_finite()) {
+            return Err(Error::State { path: "initial".into(), reason: "the energy is not finite".into() });
+        }
+        let scale = if initial_energy.is_some() { energy_scale(dynamics, 0.0, y) } else { 1.0 };
+        let constraint = dynamics.info().output_range("constraint");
+        let mut record = Record {
+            dynamics,
+            with_outputs: request.with_outputs,
+            initial_energy,
+            scale,
+            deviation: 0.0,
+            constraint,
+            residual: None,
+            samples: Vec::with_capacity(request.samples),
+        };
+        record.residual_at(0.0, y);
+        Ok(record)
+    }
+
+    /// Notes the energy at a point and returns it.
+    fn step(&mut self, t: f64, y: &[f64]) -> Result<Option<f64>, Error> {
+        let (Some(energy), Some(initial)) = (self.dynamics.energy(t, y), self.initial_energy) else {
+            return Ok(None);
+        };
+        if !energy.is_finite() {
+            return Err(self.not_finite(t, y, "the energy"));
+        }
+        self.deviation = self.deviation.max((energy - initial).abs());
+        Ok(Some(energy))
+    }
+
+    fn sample(&mut self, t: f64, y: &[f64]) -> Result<(), Error> {
+        let energy = self.step(t, y)?;
+        let mut outputs = Vec::new();
+        if self.with_outputs || self.constraint.is_some() {
+            outputs = self.dynamics.outputs(t, y);
+            self.note_residual(&outputs);
+        }
+        if !self.with_outputs {
+            outputs.clear();
+        }
+        if outputs.iter().any(|x| !x.is_finite()) {
+            return Err(self.not_finite(t, y, "an output"));
+        }
+        self.samples.push(Sample { t, state: y.to_vec(), energy, outputs });
+        Ok(())
+    }
+
+    fn residual_at(&mut self, t: f64, y: &[f64]) {
+        if self.constraint.is_some() {
+            let outputs = self.dynamics.outputs(t, y);
+            self.note_residual(&outputs);
+        }
+    }
+
+    fn note_residual(&mut self, outputs: &[f64]) {
+        if let Some(range) = self.constraint.clone() {
+            let largest = outputs[range].iter().fold(0.0_f64, |max, x| max.max(x.abs()));
+            self.residual = Some(self.residual.map_or(largest, |r| r.max(largest)));
+        }
+    }
+
+    fn not_finite(&self, t: f64, y: &[f64], what: &str) -> Error {
+        let info = self.dynamics.info();
+        stopped(info, t, y, &SolverError::Failure(Failure::NonFinite { t, index: usize::MAX })).with_reason(what)
+    }
+}
+
+impl Error {
+    fn with_reason(self, what: &str) -> Error {
+        match self {
+            Error::Stopped { t, state, .. } => {
+                Error::Stopped { t, state, reason: format!("{what} is not finite") }
+            }
+            other => other,
+        }
+    }
+}
