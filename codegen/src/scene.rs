@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::emit::{self, OutputText, ParamText, SceneEntry, SceneText, StateText};
 use crate::error::Error;
-use crate::expr::{ExprId, Rational, SymbolId};
+use crate::expr::{ExprId, Rational, SymbolId, needed_sections};
 use crate::lower::{self, Counts, Inputs, ParamCondition, Program, Relation, Request, ViolatedCondition};
 use crate::mechanics::{Equations, Output, StateEquation, derive};
 use crate::reduction::{reduce, sign_of};
@@ -317,7 +317,10 @@ fn lower_scene(
     for output in &outputs {
         requests.push(Request { name: output.name.clone(), results: output.components.clone() });
     }
-    let program = lower::lower(&mut graph, &inputs, &equations.sections, &conditions, &requests)?;
+    let results = requests.iter().flat_map(|r| r.results.iter().map(|(_, e)| *e));
+    let roots: Vec<ExprId> = results.chain(conditions.iter().flat_map(|c| [c.greater, c.less])).collect();
+    let sections = needed_sections(&graph, &equations.sections, &roots);
+    let program = lower::lower(&mut graph, &inputs, &sections, &conditions, &requests)?;
     Ok(BuiltScene { name: plan.name, equations, program, state, outputs, doc: plan.doc })
 }
 

@@ -14,7 +14,7 @@ const CASES: u32 = 2;
 const NUMBERS: usize = 1600;
 
 /// Every family in a random basis with a random metric and side, made into a problem by `make`, derived, and held to
-/// every formula at three random states.
+/// every formula at two random states.
 fn for_all_systems(
     shape: impl Fn(&mut Problem, &Transported, &mut Draws),
     check: impl Fn(&Problem, &Equations, Draws),
@@ -27,7 +27,7 @@ fn for_all_systems(
             shape(&mut problem, &transported, &mut draws);
             let equations = derived(&problem);
             let mut verified = 0;
-            for _ in 0..3 {
+            for _ in 0..2 {
                 let state = problem.state(&mut draws);
                 verified += usize::from(problem.verify(&equations, &state).is_some());
             }
@@ -115,7 +115,7 @@ fn suslov_constraints_are_kept_and_conserve_energy() {
             let g = &equations.system.graph;
             let number = |e| g.as_rational(e).expect("constant constraints").clone();
             for row in &problem.rows {
-                for a in 0..solved.independent.len() {
+                for a in 0..solved.unknowns.len() {
                     let column: Vector = solved.psi.iter().map(|r| number(r[a])).collect();
                     assert!(
                         dot(&row.form, &column).is_zero(),
@@ -147,12 +147,12 @@ fn suslov_motion_does_not_depend_on_the_independent_velocities_nor_on_the_multip
                 let KinematicConstraint::Solved(solved) = &derived.system.constraint else {
                     panic!("solved")
                 };
-                assert_eq!(solved.independent, chosen);
+                assert_eq!(solved.independent(), chosen);
                 others.push((other, derived));
             }
             let with_multipliers = Problem { multipliers: true, ..problem.clone() };
             let kept = derived(&with_multipliers);
-            assert!(matches!(kept.system.constraint, KinematicConstraint::Multipliers(_)));
+            assert!(matches!(kept.system.constraint, KinematicConstraint::Multipliers { .. }));
             assert!(kept.facts.energy_is_conserved_on_constraint);
             assert_eq!(kept.state.len(), problem.algebra.dim());
             others.push((with_multipliers.clone(), kept.clone()));
@@ -322,7 +322,7 @@ fn constraints_that_turn_with_advected_parameters_are_kept() {
         },
         |problem, equations, _| match &equations.system.constraint {
             KinematicConstraint::Solved(_) => assert_conserved(equations, &problem.text()),
-            KinematicConstraint::Multipliers(_) => {
+            KinematicConstraint::Multipliers { .. } => {
                 assert!(equations.facts.energy_is_conserved_on_constraint, "{}", problem.text());
             }
         },

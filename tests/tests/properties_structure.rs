@@ -97,7 +97,7 @@ fn the_energy_of_every_model_is_conserved() {
                 assert!(e.facts.energy_is_conserved, "{name}");
                 assert_eq!(e.energy_rate, e.system.graph.zero(), "{name}");
             }
-            KinematicConstraint::Multipliers(_) => {
+            KinematicConstraint::Multipliers { .. } => {
                 assert!(e.facts.energy_is_conserved_on_constraint, "{name}");
             }
         }
@@ -108,7 +108,7 @@ fn the_energy_of_every_model_is_conserved() {
 #[test]
 fn only_a_constraint_that_can_turn_anywhere_keeps_its_multipliers() {
     for (name, ..) in BOUNDS {
-        let kept = matches!(equations(name).system.constraint, KinematicConstraint::Multipliers(_));
+        let kept = matches!(equations(name).system.constraint, KinematicConstraint::Multipliers { .. });
         assert_eq!(kept, name == "veselova", "{name}");
     }
 }

@@ -6,9 +6,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Mutex;
 
 pub use hamel_codegen::emit::SceneEntry as Entry;
-use hamel_codegen::expr::{Style, rational_to_f64};
+use hamel_codegen::expr::{Graph, Style, rational_to_f64};
 use hamel_codegen::scene::{self, BuiltScene, Interpreter};
-use hamel_codegen::spec::{self, Domain, Model};
+use hamel_codegen::spec::{self, Domain, Model, ReconstructionKind};
 use hamel_runtime::Failure;
 
 use crate::dynamics::{BadParams, Dynamics, Factory, Info, OutputEntry, ParamEntry};
@@ -184,6 +184,11 @@ pub enum Role {
     Unbounded,
     /// A velocity.
     Velocity,
+    /// A coordinate of the group.
+    Group {
+        /// Its value at the identity.
+        identity: f64,
+    },
     /// A component of an advected parameter.
     Advected {
         /// Which component.
@@ -223,6 +228,17 @@ pub fn roles(model: &Model, params: &BTreeMap<String, f64>) -> BTreeMap<String, 
     for (name, _) in model.all_velocities() {
         roles.insert(name.to_owned(), Role::Velocity);
     }
+    for velocity in &model.quasi_velocities {
+        roles.insert(velocity.name.clone(), Role::Velocity);
+    }
+    for item in &model.reconstruction {
+        let has_quaternion =
+            matches!(item.kind, ReconstructionKind::Quaternion { .. } | ReconstructionKind::Pose { .. });
+        for (k, name) in item.names.iter().enumerate() {
+            let identity = if has_quaternion && k == 0 { 1.0 } else { 0.0 };
+            roles.insert(name.clone(), Role::Group { identity });
+        }
+    }
     for advected in &model.advected {
         let n = advected.components.len();
         for (index, (name, _)) in advected.components.iter().enumerate() {
@@ -230,6 +246,13 @@ pub fn roles(model: &Model, params: &BTreeMap<String, f64>) -> BTreeMap<String, 
         }
     }
     roles
+}
+
+/// The initial values that a model gives.
+pub fn initial_values(model: &Model, params: &BTreeMap<String, f64>) -> BTreeMap<String, f64> {
+    let symbols = model.params.iter().filter_map(|p| Some((p.symbol, *params.get(&p.name)?))).collect();
+    let value = |e| model.graph.eval_f64(e, &symbols).filter(|x| x.is_finite());
+    model.initial.iter().filter_map(|(name, e)| Some((name.clone(), value(*e)?))).collect()
 }
 
 /// State variables that belong together in a figure.
@@ -251,7 +274,7 @@ pub fn blocks(model: &Model) -> Vec<Block> {
     let mut scalars: Vec<Block> = Vec::new();
     let mut rates: Vec<Block> = Vec::new();
     let add = |list: &mut Vec<Block>, unit: String, doc: &str, name: &str| {
-        let member = (name.to_owned(), spell(model, name));
+        let member = (name.to_owned(), spell(name));
         match list.iter_mut().find(|b| b.unit == unit) {
             Some(block) => {
                 block.members.push(member);
@@ -288,8 +311,8 @@ pub fn blocks(model: &Model) -> Vec<Block> {
         }
     }
     let mut seen: Vec<(&str, &str)> = Vec::new();
-    for velocity in &model.velocities {
-        let member = (velocity.name.clone(), spell(model, &velocity.name));
+    for velocity in model.velocities.iter().chain(&model.quasi_velocities) {
+        let member = (velocity.name.clone(), spell(&velocity.name));
         if seen.contains(&(velocity.block.as_str(), velocity.doc.as_str()))
             && let Some(block) = blocks.last_mut()
         {
@@ -300,19 +323,28 @@ pub fn blocks(model: &Model) -> Vec<Block> {
         let position = seen.iter().filter(|(_, doc)| *doc == velocity.doc).count();
         seen.push((&velocity.block, &velocity.doc));
         let (doc, unit) = split_unit(&velocity.doc, position);
-        blocks.push(Block { symbol: spell(model, &velocity.block), doc, unit, members: vec![member] });
+        blocks.push(Block { symbol: spell(&velocity.block), doc, unit, members: vec![member] });
     }
     for advected in &model.advected {
         let (doc, unit) = split_unit(&advected.doc, 0);
-        let members = advected.components.iter().map(|(name, _)| (name.clone(), spell(model, name)));
-        blocks.push(Block { symbol: spell(model, &advected.name), doc, unit, members: members.collect() });
+        let members = advected.components.iter().map(|(name, _)| (name.clone(), spell(name)));
+        blocks.push(Block { symbol: spell(&advected.name), doc, unit, members: members.collect() });
+    }
+    for item in &model.reconstruction {
+        let (doc, unit) = split_unit(&item.doc, 0);
+        let doc = if doc.is_empty() { "Group".to_owned() } else { doc };
+        let members = item.names.iter().map(|name| (name.clone(), spell(name))).collect();
+        blocks.push(Block { symbol: String::new(), doc, unit, members });
     }
     blocks
 }
 
 /// A name as people write it, such as `Ω₁`.
-pub fn spell(_model: &Model, name: &str) -> String {
-    hamel_codegen::expr::identifier(name, Style::Unicode)
+pub fn spell(name: &str) -> String {
+    let mut graph = Graph::new();
+    let symbol = graph.symbol(name);
+    let symbol = graph.sym(symbol);
+    graph.display(symbol, Style::Unicode)
 }
 
 fn lower_first(text: &str) -> String {

@@ -364,19 +364,20 @@ pub fn simulate(workspace: &Workspace, choice: &Choice, arguments: &Simulation) 
         info.params.iter().map(|p| set.get(&p.name).copied().unwrap_or(p.default)).collect();
     let all_params = bridge::all_params(&model, &choice.scene, &set);
     let roles = bridge::roles(&model, &all_params);
+    let preferred = bridge::initial_values(&model, &all_params);
     // A scene may leave the residual of the constraint out; the default scene has it.
     let mut residuals = None;
     if info.output_range("constraint").is_none() && !model.constraints.is_empty() {
         let full = bridge::build(&model, bridge::DEFAULT_SCENE)?;
         let full_info = crate::dynamics::Factory::info(&full);
         if full_info.state == info.state && full_info.output_range("constraint").is_some() {
-            let values = full_info.params.iter().map(|p| all_params[&p.name]).collect::<Vec<f64>>();
+            let values = full_info.params.iter().map(|p| all_params.get(&p.name).copied().unwrap_or(p.default)).collect::<Vec<f64>>();
             residuals = Some((Local::new(full), values));
         }
     }
     let full_params = residuals.as_ref().map(|(_, values)| values.clone()).unwrap_or_default();
     let other = residuals.as_mut().map(|(local, _)| local as &mut dyn Backend);
-    let initial = initial::state(&mut *backend, other, (&params, &full_params), &roles, &given)?;
+    let initial = initial::state(&mut *backend, other, (&params, &full_params), &roles, &preferred, &given)?;
 
     let samples = arguments.samples.unwrap_or(if targets.is_empty() { 0 } else { DEFAULT_SAMPLES });
     let request = SimulateRequest {
@@ -447,6 +448,9 @@ fn summary(info: &Info, title: &str, request: &SimulateRequest, response: &Simul
     }
     if let Some(residual) = response.constraint_residual {
         let _ = write!(text, "\n  constraint residual at most {residual:.1e}");
+        if let Some(initial) = response.initial_residual.filter(|r| *r > 1e-9) {
+            let _ = write!(text, "; the initial state violates it by {initial:.1e}, and the motion keeps that");
+        }
     }
     let width = info.state.iter().map(|s| s.chars().count()).max().unwrap_or(0).max(5);
     let _ = write!(text, "\n\n  {:width$}  {:>24}  {:>24}", "", "initial", "final");

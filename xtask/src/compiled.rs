@@ -6,6 +6,7 @@
 //! Deliberately does not know: generated code. The other side is [`serve`], run by `hamel-compiled`.
 
 use std::io::{BufRead, BufReader, IsTerminal as _, Read, Write};
+use std::path::PathBuf;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::time::Duration;
 
@@ -110,23 +111,21 @@ struct Process {
 
 impl Process {
     fn start(workspace: &Workspace, model: &str) -> Result<Process, Error> {
-        let mut command = Command::new(Workspace::cargo());
-        command
-            .args(["run", "--quiet", "--release", "--package", PACKAGE, "--manifest-path"])
-            .arg(workspace.manifest())
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped());
-        let mut child = command.spawn().map_err(|e| Error::io("cargo could not be started", e))?;
+        let program = build(workspace, model)?;
+        let mut command = Command::new(&program);
+        command.stdin(Stdio::piped()).stdout(Stdio::piped());
+        let started = command.spawn();
+        let mut child = started.map_err(|e| Error::io(program.display().to_string(), e))?;
         // Both were asked for above.
         let stdin = child.stdin.take().expect("piped standard input");
         let stdout = BufReader::new(child.stdout.take().expect("piped standard output"));
         let mut process = Process { child, stdin: Some(stdin), stdout, model: model.to_owned() };
-        let spinner = Spinner::start();
         let hello: Option<Hello> = process.read()?;
-        spinner.stop();
         match hello {
-            Some(hello) if hello.program == PACKAGE && hello.version == env!("CARGO_PKG_VERSION") => Ok(process),
-            _ => Err(process.ended("the compiled models do not build")),
+            Some(hello) if hello.program == PACKAGE && hello.version == env!("CARGO_PKG_VERSION") => {
+                Ok(process)
+            }
+            _ => Err(process.ended("its process does not answer")),
         }
     }
 
@@ -170,6 +169,35 @@ impl Drop for Process {
         self.stdin = None;
         let _ = self.child.wait();
     }
+}
+
+/// Builds the program with the compiled models, which takes no time when nothing changed, and returns its path.
+///
+/// What the compiler says is shown when the build fails, and is of no interest otherwise.
+fn build(workspace: &Workspace, model: &str) -> Result<PathBuf, Error> {
+    let mut command = Command::new(Workspace::cargo());
+    command
+        .args(["build", "--quiet", "--release", "--package", PACKAGE, "--message-format", "json", "--manifest-path"])
+        .arg(workspace.manifest())
+        .stdin(Stdio::null());
+    let spinner = Spinner::start();
+    let output = command.output();
+    spinner.stop();
+    let output = output.map_err(|e| Error::io("cargo could not be started", e))?;
+    let messages: Vec<serde_json::Value> =
+        output.stdout.split(|b| *b == b'\n').filter_map(|line| serde_json::from_slice(line).ok()).collect();
+    let program = messages.iter().find_map(|message| {
+        let is_program = message["target"]["name"] == PACKAGE;
+        message["executable"].as_str().filter(|_| is_program).map(PathBuf::from)
+    });
+    if let (true, Some(program)) = (output.status.success(), program) {
+        return Ok(program);
+    }
+    for message in messages.iter().filter(|m| m["message"]["level"] == "error") {
+        eprint!("{}", message["message"]["rendered"].as_str().unwrap_or_default());
+    }
+    eprint!("{}", String::from_utf8_lossy(&output.stderr));
+    Err(Error::NotCompiled { what: model.to_owned(), reason: "the compiled models do not build".into() })
 }
 
 /// Says that the models are being built, when that takes long and somebody watches.

@@ -128,20 +128,31 @@ pub fn figure(run: &Run<'_>) -> Figure {
         }
         for (k, chunk) in lines.chunks(MAX_LINES).enumerate() {
             let heading = heading(block, chunk.iter().map(|(name, _)| name.as_str()).collect(), k);
-            panels.push(Panel { title: heading, lines: chunk.to_vec() });
+            panels.push(Panel { title: heading, lines: chunk.to_vec(), times: None });
         }
     }
     let rest: Vec<usize> = (0..shown.len()).filter(|&k| !shown[k]).collect();
     for chunk in rest.chunks(MAX_LINES) {
         let lines = chunk.iter().map(|&k| (info.state[k].clone(), column(k))).collect();
-        panels.push(Panel { title: "State".into(), lines });
+        panels.push(Panel { title: "State".into(), lines, times: None });
     }
     if let Some(initial) = response.initial_energy {
-        let drift =
-            |s: &crate::simulate::Sample| s.energy.map_or(0.0, |e| (e - initial) / response.energy_scale);
-        let lines = vec![(String::new(), response.samples.iter().map(drift).collect())];
-        let of = if response.energy_scale == initial.abs() { "relative to |E(0)|" } else { "relative to the size of its terms" };
-        panels.push(Panel { title: format!("Energy drift, {of}"), lines });
+        // Samples between steps carry the error of the dense output besides that of the integration.
+        let (times, drifts) = response
+            .energy_at_steps
+            .iter()
+            .map(|(t, energy)| (*t, (energy - initial) / response.energy_scale))
+            .unzip();
+        let of = if response.energy_scale == initial.abs() {
+            "relative to |E(0)|"
+        } else {
+            "relative to the size of its terms"
+        };
+        panels.push(Panel {
+            title: format!("Energy drift at the steps, {of}"),
+            lines: vec![(String::new(), drifts)],
+            times: Some(times),
+        });
     }
     let scene =
         if info.scene == crate::codegen_bridge::DEFAULT_SCENE { String::new() } else { format!(", scene {}", info.scene) };

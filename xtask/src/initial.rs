@@ -15,9 +15,9 @@ const N_ATTEMPTS: usize = 4;
 /// Residual of the constraint that counts as met, relative to the velocities, which are of order one.
 const MET: f64 = 1e-12;
 
-/// A state of a scene in which `given` components have the given values.
+/// A state of a scene in which `given` components have the given values, and others the `preferred` ones of the model.
 ///
-/// Velocities get distinct moderate values, coordinates the middle of their interval (others a small value), advected
+/// The rest is chosen: velocities get distinct moderate values, coordinates the middle of their interval (others a small value), advected
 /// parameters unit vectors. Where the scene keeps velocities that a constraint relates, the ones that were not given
 /// are moved by the least amount onto it; `constraint` answers for the scene's output group of that name.
 ///
@@ -28,13 +28,16 @@ pub fn state(
     constraint: Option<&mut dyn Backend>,
     params: (&[f64], &[f64]),
     roles: &BTreeMap<String, Role>,
+    preferred: &BTreeMap<String, f64>,
     given: &BTreeMap<String, f64>,
 ) -> Result<Vec<f64>, Error> {
     let info = backend.info().clone();
     let mut constraint = constraint;
+    let mut start = preferred.clone();
+    start.extend(given.iter().map(|(name, value)| (name.clone(), *value)));
     let mut failure = None;
     for attempt in 0..N_ATTEMPTS {
-        let mut y = first_guess(&info, roles, given, attempt);
+        let mut y = first_guess(&info, roles, &start, attempt);
         let free: Vec<usize> = (0..y.len())
             .filter(|&k| {
                 let name = &info.state[k];
@@ -69,7 +72,7 @@ pub fn state(
 fn first_guess(
     info: &Info,
     roles: &BTreeMap<String, Role>,
-    given: &BTreeMap<String, f64>,
+    start: &BTreeMap<String, f64>,
     attempt: usize,
 ) -> Vec<f64> {
     // A fixed sequence of signs and sizes, none equal to another.
@@ -78,11 +81,13 @@ fn first_guess(
     let mut n_velocities = 0;
     let mut n_coordinates = 0;
     let value = |name: &String| {
-        if let Some(value) = given.get(name) {
+        if let Some(value) = start.get(name) {
             return *value;
         }
         match roles.get(name) {
             Some(Role::Bounded { from, to }) => from + (to - from) * (0.5 + shift / 2.0),
+            // Coordinates of the group start at its identity.
+            Some(Role::Group { identity }) => *identity,
             Some(Role::Unbounded) => {
                 n_coordinates += 1;
                 shift * (1.0 + 0.3 * f64::from(n_coordinates))
@@ -117,7 +122,7 @@ fn meet_constraint(
 ) -> Result<(), Error> {
     let Some(range) = backend.info().output_range("constraint") else { return Ok(()) };
     let mut largest = f64::INFINITY;
-    for _ in 0..8 {
+    for round in 0..8 {
         // The state itself, then one velocity after the other moved by one: constraints are affine in them.
         let mut states = vec![y.to_vec()];
         for &k in free {
@@ -128,7 +133,7 @@ fn meet_constraint(
         let answer = backend.eval(&EvalRequest { params: params.to_vec(), t: 0.0, states })?;
         let residuals: Vec<&[f64]> = answer.outputs.iter().map(|all| &all[range.clone()]).collect();
         largest = residuals[0].iter().fold(0.0, |max: f64, r| max.max(r.abs()));
-        if largest <= f64::EPSILON {
+        if largest <= f64::EPSILON || (round == 0 && largest <= MET) {
             return Ok(());
         }
         let jacobian: Vec<Vec<f64>> = (0..range.len())

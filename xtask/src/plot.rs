@@ -4,7 +4,7 @@
 
 use plotters::backend::SVGBackend;
 use plotters::drawing::{DrawingArea, IntoDrawingArea};
-use plotters::element::{PathElement, Rectangle, Text};
+use plotters::element::{PathElement, Text};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, FontStyle, IntoFont, RGBColor, ShapeStyle, TextStyle};
 
@@ -30,6 +30,8 @@ pub struct Panel {
     pub title: String,
     /// Names and values.
     pub lines: Vec<(String, Vec<f64>)>,
+    /// Times of the values when they are others than the figure's.
+    pub times: Option<Vec<f64>>,
 }
 
 /// The backend draws on whole numbers only, so everything is drawn this much larger.
@@ -140,7 +142,6 @@ fn draw<'a>(area: &Area<'a>, figure: &Figure) -> Drawn<'a> {
             let style = font(11.0, INK, false, HPos::Right, VPos::Center);
             label(&y_ticks.label(*y), LEFT - 7.0, y_of(*y), style)?;
         }
-        area.draw(&Rectangle::new([at(LEFT, top), at(right, bottom)], stroke(FRAME, 0.8)))?;
         label(&panel.title, LEFT, top - 7.0, font(12.5, INK, true, HPos::Left, VPos::Bottom))?;
         if let Some(power) = y_ticks.power_label() {
             label(&power, LEFT - 7.0, top - 7.0, font(11.0, INK, false, HPos::Right, VPos::Bottom))?;
@@ -149,7 +150,7 @@ fn draw<'a>(area: &Area<'a>, figure: &Figure) -> Drawn<'a> {
         let legend_height = panel.lines.len() as f64 * LINE_HEIGHT;
         let mut legend_y = (top + bottom - legend_height) / 2.0 + LINE_HEIGHT / 2.0;
         for ((name, values), colour) in panel.lines.iter().zip(COLOURS.into_iter().cycle()) {
-            let points = figure.times.iter().zip(values).map(|(t, y)| at(x_of(*t), y_of(*y))).collect();
+            let points = panel.times.as_ref().unwrap_or(&figure.times).iter().zip(values).map(|(t, y)| at(x_of(*t), y_of(*y))).collect();
             path(points, stroke(colour, 1.5))?;
             if !name.is_empty() {
                 path(vec![at(right + 12.0, legend_y), at(right + 32.0, legend_y)], stroke(colour, 2.2))?;
@@ -264,6 +265,7 @@ mod tests {
             panels: vec![Panel {
                 title: "p".into(),
                 lines: vec![("x".into(), vec![0.0, 1.0]), ("y".into(), vec![1.0, f64::MAX])],
+                ..Panel::default()
             }],
             ..Figure::default()
         };

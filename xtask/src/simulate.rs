@@ -3,7 +3,7 @@
 //! Deliberately does not know: whether the scene is compiled or interpreted, files, figures.
 
 use hamel_runtime::{
-    Dop853, Dopri5, Error as SolverError, Failure, Integrator, Method, Options, Rk4, Tsit5,
+    Dop853, Dopri5, Error as SolverError, Integrator, Method, Options, Rk4, Tsit5,
 };
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
@@ -149,7 +149,11 @@ pub struct SimulateResponse {
     pub initial_energy: Option<f64>,
     /// The scale of `energy_drift`.
     pub energy_scale: f64,
-    /// Largest component of the output group `constraint` at the start, the samples and the end.
+    /// Times and energies of accepted steps, thinned out when there are very many; empty unless samples carry outputs.
+    pub energy_at_steps: Vec<(f64, f64)>,
+    /// Largest component of the output group `constraint` at the start.
+    pub initial_residual: Option<f64>,
+    /// The same at the start, the samples and the end.
     pub constraint_residual: Option<f64>,
     /// Seconds that the integration took.
     pub seconds: f64,
@@ -159,6 +163,8 @@ pub struct SimulateResponse {
 const MAX_SAMPLES: usize = 10_000_000;
 /// Most steps of one run, attempted ones included.
 const MAX_STEPS: u64 = 50_000_000;
+/// Most steps whose energies are kept for a figure.
+const MAX_STEPS_SHOWN: usize = 4096;
 
 impl SimulateRequest {
     /// Reads `{"params", "initial", "t_final", "method", "rtol", "atol" or "step", "samples"}`.
@@ -303,6 +309,9 @@ fn run<M: Method>(
     progress: &mut dyn FnMut(f64),
 ) -> Result<SimulateResponse, Error> {
     let info = dynamics.info();
+    if !request.t_final.is_finite() {
+        return Err(Error::Options { reason: format!("t_final is {}: give a finite time", request.t_final) });
+    }
     let options = match request.steps {
         Steps::Adaptive { rtol, atol } => Options::adaptive(rtol, atol).with_max_steps(MAX_STEPS),
         Steps::Fixed { step } => {
@@ -367,6 +376,8 @@ fn run<M: Method>(
         energy_drift: record.initial_energy.map(|_| record.deviation / record.scale),
         initial_energy: record.initial_energy,
         energy_scale: record.scale,
+        energy_at_steps: record.energy_at_steps,
+        initial_residual: record.initial_residual,
         constraint_residual: record.residual,
         samples: record.samples,
         seconds: clock.elapsed().as_secs_f64(),
@@ -386,6 +397,10 @@ fn stopped(info: &Info, t: f64, y: &[f64], error: &SolverError) -> Error {
         // Non-finite end times are the request's fault and found before the first step.
         other => other.to_string(),
     };
+    stopped_because(info, t, y, reason)
+}
+
+fn stopped_because(info: &Info, t: f64, y: &[f64], reason: String) -> Error {
     let state = info.state.iter().cloned().zip(y.iter().copied()).collect();
     Error::Stopped { t, state, reason }
 }
@@ -399,7 +414,12 @@ struct Record<'a> {
     /// Largest `|E - E0|`.
     deviation: f64,
     constraint: Option<std::ops::Range<usize>>,
+    initial_residual: Option<f64>,
     residual: Option<f64>,
+    energy_at_steps: Vec<(f64, f64)>,
+    n_steps: usize,
+    /// Every step whose number is a multiple of it is kept in `energy_at_steps`.
+    stride: usize,
     samples: Vec<Sample>,
 }
 
@@ -419,15 +439,44 @@ impl<'a> Record<'a> {
             scale,
             deviation: 0.0,
             constraint,
+            initial_residual: None,
             residual: None,
+            energy_at_steps: Vec::new(),
+            n_steps: 0,
+            stride: 1,
             samples: Vec::with_capacity(request.samples),
         };
         record.residual_at(0.0, y);
+        record.initial_residual = record.residual;
+        record.keep(0.0, initial_energy);
         Ok(record)
     }
 
+    /// Notes the energy after a step.
+    fn step(&mut self, t: f64, y: &[f64]) -> Result<(), Error> {
+        let energy = self.energy(t, y)?;
+        self.keep(t, energy);
+        Ok(())
+    }
+
+    fn keep(&mut self, t: f64, energy: Option<f64>) {
+        let (Some(energy), true) = (energy, self.with_outputs) else { return };
+        if self.n_steps.is_multiple_of(self.stride) {
+            self.energy_at_steps.push((t, energy));
+        }
+        self.n_steps += 1;
+        if self.energy_at_steps.len() >= MAX_STEPS_SHOWN {
+            let mut number = 0;
+            self.energy_at_steps.retain(|_| {
+                number += 1;
+                number % 2 == 1
+            });
+            self.stride *= 2;
+        }
+    }
+
     /// Notes the energy at a point and returns it.
-    fn step(&mut self, t: f64, y: &[f64]) -> Result<Option<f64>, Error> {
+    fn energy(&mut self, t: f64, y: &[f64]) -> Result<Option<f64>, Error> {
         let (Some(energy), Some(initial)) = (self.dynamics.energy(t, y), self.initial_energy) else {
             return Ok(None);
         };
@@ -439,7 +488,7 @@ impl<'a> Record<'a> {
     }
 
     fn sample(&mut self, t: f64, y: &[f64]) -> Result<(), Error> {
-        let energy = self.step(t, y)?;
+        let energy = self.energy(t, y)?;
         let mut outputs = Vec::new();
         if self.with_outputs || self.constraint.is_some() {
             outputs = self.dynamics.outputs(t, y);
@@ -470,18 +519,6 @@ impl<'a> Record<'a> {
     }
 
     fn not_finite(&self, t: f64, y: &[f64], what: &str) -> Error {
-        let info = self.dynamics.info();
-        stopped(info, t, y, &SolverError::Failure(Failure::NonFinite { t, index: usize::MAX })).with_reason(what)
-    }
-}
-
-impl Error {
-    fn with_reason(self, what: &str) -> Error {
-        match self {
-            Error::Stopped { t, state, .. } => {
-                Error::Stopped { t, state, reason: format!("{what} is not finite") }
-            }
-            other => other,
-        }
+        stopped_because(self.dynamics.info(), t, y, format!("{what} is not finite"))
     }
 }

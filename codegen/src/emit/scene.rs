@@ -455,7 +455,7 @@ impl<'a> Module<'a> {
         }
         for (slot, field) in prepare.slots.iter().zip(&self.slot_fields) {
             let value = self.spell(&body, Operand::Value(slot.value), &locals)?;
-            fields.extend(if value.to_string() == field.to_string() {
+            fields.extend(if *field == value.to_string() {
                 quote! { #field, }
             } else {
                 quote! { #field: #value, }

@@ -2,6 +2,8 @@
 
 use std::collections::{BTreeSet, HashMap};
 
+use num_traits::Signed;
+
 use super::graph::{ExprId, Graph, Node, SymbolId};
 
 /// `symbol = expr`, where `expr` mentions inputs and earlier definitions only.
@@ -49,7 +51,7 @@ impl SectionWriter {
     /// Gives `e` a name, unless it is zero, a constant, a symbol or a monomial in symbols, which are used as they are.
     pub fn define(&mut self, g: &mut Graph, name: &str, e: ExprId) -> ExprId {
         let e = g.cancel_zero(e);
-        if is_monomial(g, e) {
+        if g.is_trivial(e) {
             return e;
         }
         if let Some(known) = self.named.get(&e) {
@@ -75,14 +77,37 @@ impl SectionWriter {
     }
 }
 
-fn is_monomial(g: &Graph, e: ExprId) -> bool {
-    match g.node(e) {
-        Node::Constant(_) | Node::Pi | Node::Symbol(_) => true,
-        Node::Product { factors, .. } => factors.iter().all(|(base, exponent)| {
-            matches!(g.node(*base), Node::Symbol(_))
-                && exponent.is_integer()
-                && exponent.numer().sign() == num_bigint::Sign::Plus
-        }),
-        _ => false,
+/// The sections with only those definitions that the roots need, directly or through others.
+pub fn needed_sections(g: &Graph, sections: &[Section], roots: &[ExprId]) -> Vec<Section> {
+    let mut needed: BTreeSet<SymbolId> = roots.iter().flat_map(|e| g.free_symbols(*e)).collect();
+    let mut kept = Vec::new();
+    for section in sections.iter().rev() {
+        let mut definitions = Vec::new();
+        for definition in section.definitions.iter().rev() {
+            if needed.contains(&definition.symbol) {
+                needed.extend(g.free_symbols(definition.expr));
+                definitions.push(*definition);
+            }
+        }
+        definitions.reverse();
+        if !definitions.is_empty() {
+            kept.push(Section { title: section.title.clone(), definitions });
+        }
+    }
+    kept.reverse();
+    kept
+}
+
+impl Graph {
+    /// Whether an expression is a constant, a symbol or a monomial in symbols: not worth a name.
+    pub(crate) fn is_trivial(&self, e: ExprId) -> bool {
+        match self.node(e) {
+            Node::Constant(_) | Node::Pi | Node::Symbol(_) => true,
+            Node::Product { factors, .. } => factors.iter().all(|(base, exponent)| {
+                let symbol = matches!(self.node(*base), Node::Symbol(_));
+                symbol && exponent.is_integer() && exponent.is_positive()
+            }),
+            _ => false,
+        }
     }
 }

@@ -14,7 +14,7 @@ mod graph;
 mod print;
 mod rational;
 
-pub use definition::{Definition, Section, SectionWriter};
+pub use definition::{Definition, Section, SectionWriter, needed_sections};
 pub use graph::{DivisionByZero, ExprId, Func, Graph, Node, SymbolId};
 pub use print::Style;
 pub(crate) use print::identifier;

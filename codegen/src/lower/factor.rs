@@ -35,11 +35,14 @@ pub(super) fn factor(graph: &mut Graph, source: &Source<'_>) -> Result<(Vec<Sect
     Ok((sections, requests))
 }
 
+/// Bases and their exponents.
+type Factors = Vec<(ExprId, Rational)>;
+
 /// A summand `coefficient * prod hoisted * prod factors`; a hoisted factor depends on parameters alone.
 #[derive(Clone, Debug)]
 struct Term {
     coefficient: Rational,
-    hoisted: Vec<(ExprId, Rational)>,
+    hoisted: Factors,
     factors: BTreeMap<ExprId, Rational>,
 }
 
@@ -82,7 +85,7 @@ enum Candidate {
     /// A power of a base that changes during integration.
     Base { base: ExprId, exponent: Rational },
     /// A whole parameter-only factor, up to sign.
-    Number { hoisted: Vec<(ExprId, Rational)>, magnitude: Rational },
+    Number { hoisted: Factors, magnitude: Rational },
 }
 
 struct Pass {
@@ -200,7 +203,7 @@ impl Pass {
 fn best(terms: &[Term]) -> Option<(Candidate, Vec<usize>)> {
     // Positive and negative powers of a base are different candidates; a fractional part makes another one.
     let mut bases: BTreeMap<(ExprId, bool, Rational), Vec<usize>> = BTreeMap::new();
-    let mut numbers: BTreeMap<(&[(ExprId, Rational)], Rational), Vec<usize>> = BTreeMap::new();
+    let mut numbers: BTreeMap<(&Factors, Rational), Vec<usize>> = BTreeMap::new();
     for (k, term) in terms.iter().enumerate() {
         for (base, q) in &term.factors {
             let fraction = if q.is_integer() { Rational::zero() } else { q.clone() };
@@ -234,7 +237,7 @@ fn best(terms: &[Term]) -> Option<(Candidate, Vec<usize>)> {
     }
     for ((hoisted, magnitude), members) in numbers {
         if members.len() > 1 {
-            consider(Candidate::Number { hoisted: hoisted.to_vec(), magnitude }, members);
+            consider(Candidate::Number { hoisted: hoisted.clone(), magnitude }, members);
         }
     }
     winner.map(|(_, candidate, members)| (candidate, members))

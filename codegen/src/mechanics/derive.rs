@@ -79,7 +79,7 @@ pub struct Equations {
     /// What was found.
     pub facts: Facts,
     /// Every symbol that changes along a motion: inputs and definitions.
-    varying: BTreeSet<SymbolId>,
+    pub(super) varying: BTreeSet<SymbolId>,
 }
 
 /// Derives `W^alpha_b E_alpha = 0` with
@@ -674,7 +674,7 @@ impl<'a> Derivation<'a> {
         let mut system = self.system.clone();
         system.graph = self.g;
         let (sections, varying) = self.writer.finish();
-        Ok(Equations {
+        let mut equations = Equations {
             system,
             sections,
             state,
@@ -688,7 +688,9 @@ impl<'a> Derivation<'a> {
             pivots,
             facts,
             varying,
-        })
+        };
+        super::ignorable::settle(&mut equations);
+        Ok(equations)
     }
 }
 
@@ -707,6 +709,24 @@ pub(crate) fn solved_velocity(g: &mut Graph, solved: &SolvedConstraint, alpha: u
 }
 
 impl Equations {
+    /// Every result: what a scene can ask for, and what `explain` shows.
+    pub(super) fn roots(&self) -> Vec<&ExprId> {
+        let state = self.state.iter().chain(&self.reconstruction).map(|s| &s.derivative);
+        let outputs = self.outputs.iter().flat_map(|o| o.components.iter().map(|(_, e)| e));
+        let matrix = self.mass_matrix.iter().flatten().chain(&self.force);
+        let pivots = self.pivots.iter().map(|p| &p.expr);
+        state.chain(outputs).chain(matrix).chain(pivots).chain([&self.energy, &self.energy_rate]).collect()
+    }
+
+    /// [`Equations::roots`], to be replaced by equal ones.
+    pub(super) fn roots_mut(&mut self) -> Vec<&mut ExprId> {
+        let state = self.state.iter_mut().chain(&mut self.reconstruction).map(|s| &mut s.derivative);
+        let outputs = self.outputs.iter_mut().flat_map(|o| o.components.iter_mut().map(|(_, e)| e));
+        let matrix = self.mass_matrix.iter_mut().flatten().chain(&mut self.force);
+        let pivots = self.pivots.iter_mut().map(|p| &mut p.expr);
+        state.chain(outputs).chain(matrix).chain(pivots).chain([&mut self.energy, &mut self.energy_rate]).collect()
+    }
+
     /// Whether an expression depends on parameters alone, also through definitions.
     pub fn is_parameter_only(&self, e: ExprId) -> bool {
         !self.system.graph.depends_on(e, &self.varying)

@@ -6,6 +6,7 @@
 //! [`ReducedSystem`]: crate::reduction::ReducedSystem
 
 mod derive;
+mod ignorable;
 mod solve;
 
 pub(crate) use derive::solved_velocity;

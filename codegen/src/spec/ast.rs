@@ -115,6 +115,8 @@ pub(super) enum ItemKind {
     AlgebraName { name: Name, value: AlgebraExpr },
     AlgebraBrackets { name: Name, basis: Vec<Name>, rules: Vec<BracketRule> },
     Representation { name: Name, algebra: AlgebraExpr, dim: Size, matrices: Vec<(Name, Expr)> },
+    QuasiVelocity(Vec<Name>),
+    Connection { name: Name, value: Expr },
     Velocity { names: Vec<Name>, algebra: AlgebraExpr },
     Action(Name),
     Stage { name: Name, ideal: Option<Vec<Expr>> },
@@ -123,12 +125,23 @@ pub(super) enum ItemKind {
     Advected { name: Name, dim: Option<Size>, action: Expr },
     Lagrangian(Expr),
     Constraint { name: Option<Name>, left: Expr, right: Expr },
+    Virtual { name: Option<Name>, left: Expr, right: Expr },
     Independent(Vec<Name>),
     Multipliers,
     Force { name: Name, value: Expr },
     Casimir { name: Name, value: Expr },
     Output { name: Name, value: Expr },
-    Scene { name: Name, fixed: Vec<(Name, Expr)>, wants: Vec<Name> },
+    Reconstruct { names: Vec<Name>, way: ReconstructWay },
+    Initial { name: Name, value: Expr },
+    Scene { name: Name, fixed: Vec<(Name, Expr)>, wants: Vec<Name>, drops: Vec<Name> },
+}
+
+#[derive(Clone, Debug)]
+pub(super) enum ReconstructWay {
+    /// `in SE(2) from omega, v`; no names for all velocities of the algebra.
+    Group { group: AlgebraExpr, from: Vec<Name> },
+    /// `by psi_dot`.
+    Rate(Expr),
 }
 
 #[derive(Clone, Debug)]

@@ -4,6 +4,13 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use num_traits::{Signed, Zero};
 
+mod motion;
+mod reconstruct;
+
+pub use reconstruct::Group;
+
+pub(super) use self::motion::look_up;
+use self::reconstruct::ReconstructionDraft;
 use super::ast::Compare;
 use super::diagnostic::{Diagnostic, Diagnostics, Origin, Span};
 use super::model::*;
@@ -97,7 +104,8 @@ struct ConstraintDraft {
 struct SceneDraft {
     scene: Scene,
     fixed: Vec<(String, Vec<Rational>, Option<Span>)>,
-    wants: Vec<(String, Option<Span>)>,
+    wants: Vec<Located>,
+    drops: Vec<Located>,
 }
 
 /// Builds a [`Model`] from Rust; [`parse`](super::parse) uses it too, so both report the same errors.
@@ -144,17 +152,25 @@ pub struct ModelBuilder {
     algebra: Option<(LieAlgebra, Option<Span>)>,
     velocities: Vec<Velocity>,
     action: Option<(Side, Option<Span>)>,
+    quasi_velocities: Vec<Velocity>,
+    connection: Vec<(String, Value, Option<Span>)>,
+    /// Displacements and accelerations by their velocity, made when they are used.
+    displacements: BTreeMap<SymbolId, SymbolId>,
+    accelerations: BTreeMap<SymbolId, SymbolId>,
     stages: Vec<StageDraft>,
     inner_product: Option<(Value, Option<Span>)>,
     advected: Vec<AdvectedDraft>,
     lagrangian: Option<(Value, Option<Span>)>,
     constraints: Vec<ConstraintDraft>,
+    virtual_constraints: Vec<ConstraintDraft>,
     independent: Option<(Vec<Located>, Option<Span>)>,
     multipliers: Option<Option<Span>>,
     forces: Vec<(String, Value, Option<Span>)>,
     casimirs: Vec<Named>,
     outputs: Vec<NamedVector>,
     output_names: BTreeMap<String, Option<Span>>,
+    reconstructions: Vec<ReconstructionDraft>,
+    initial: Vec<(String, Value, Option<Span>)>,
     scenes: Vec<SceneDraft>,
 }
 
@@ -186,17 +202,24 @@ impl ModelBuilder {
             algebra: None,
             velocities: Vec::new(),
             action: None,
+            quasi_velocities: Vec::new(),
+            connection: Vec::new(),
+            displacements: BTreeMap::new(),
+            accelerations: BTreeMap::new(),
             stages: Vec::new(),
             inner_product: None,
             advected: Vec::new(),
             lagrangian: None,
             constraints: Vec::new(),
+            virtual_constraints: Vec::new(),
             independent: None,
             multipliers: None,
             forces: Vec::new(),
             casimirs: Vec::new(),
             outputs: Vec::new(),
             output_names: BTreeMap::new(),
+            reconstructions: Vec::new(),
+            initial: Vec::new(),
             scenes: Vec::new(),
         }
     }
@@ -580,8 +603,8 @@ impl ModelBuilder {
         self
     }
 
-    /// A constraint `left = right`; a vector equation gives one constraint per component, and the number 0 on one side
-    /// stands for a zero of any shape.
+    /// A constraint `left = right` on velocities, or on accelerations made by [`ModelBuilder::ddt`]; a vector equation gives
+    /// one constraint per component, and the number 0 on one side stands for a zero of any shape.
     pub fn constraint(&mut self, name: Option<&str>, text: &str, left: &Value, right: &Value) -> &mut Self {
         let span = self.here;
         self.constraints.push(ConstraintDraft {
@@ -677,14 +700,15 @@ impl ModelBuilder {
         let here = self.here;
         let fixed = fixed.iter().map(|(n, v)| ((*n).to_owned(), v.to_vec(), here)).collect();
         let wants = wants.iter().map(|n| ((*n).to_owned(), here)).collect();
-        self.located_scene(name, fixed, wants, doc)
+        self.located_scene(name, fixed, wants, Vec::new(), doc)
     }
 
     pub(super) fn located_scene(
         &mut self,
         name: &str,
         fixed: Vec<(String, Vec<Rational>, Option<Span>)>,
-        wants: Vec<(String, Option<Span>)>,
+        wants: Vec<Located>,
+        drops: Vec<Located>,
         doc: &str,
     ) -> &mut Self {
         let here = self.here;
@@ -694,9 +718,14 @@ impl ModelBuilder {
         if self.scenes.iter().any(|s| s.scene.name == name) {
             self.problem(here, format!("scene `{name}` is declared twice"), "rename one of them");
         }
-        let scene =
-            Scene { name: name.to_owned(), fixed: Vec::new(), wants: Vec::new(), drops: Vec::new(), doc: doc.to_owned() };
-        self.scenes.push(SceneDraft { scene, fixed, wants });
+        let scene = Scene {
+            name: name.to_owned(),
+            fixed: Vec::new(),
+            wants: Vec::new(),
+            drops: Vec::new(),
+            doc: doc.to_owned(),
+        };
+        self.scenes.push(SceneDraft { scene, fixed, wants, drops });
         self
     }
 
@@ -718,9 +747,14 @@ impl ModelBuilder {
         let lagrangian = self.check_lagrangian();
         let stages = self.check_stages();
         let advected = self.check_advected();
+        let connection = self.check_connection();
         let constraints = self.check_constraints();
-        let independent = self.check_independent(constraints.len());
+        let virtual_constraints = self.check_virtual_constraints();
+        let independent = self.check_independent(&constraints);
         let forces = self.check_forces();
+        self.check_named_values();
+        let reconstruction = self.check_reconstructions(connection.as_deref());
+        let initial = self.check_initial();
         let scenes = self.check_scenes();
         if !self.problems.is_empty() {
             return Err(Diagnostics::new(origin, self.problems));
@@ -736,21 +770,21 @@ impl ModelBuilder {
             base: self.base,
             algebra: self.algebra.map_or_else(|| LieAlgebra::abelian(0), |(algebra, _)| algebra),
             velocities: self.velocities,
-            quasi_velocities: Vec::new(),
-            connection: None,
-            virtual_constraints: Vec::new(),
-            reconstruction: Vec::new(),
-            initial: Vec::new(),
+            quasi_velocities: self.quasi_velocities,
+            connection,
             action: self.action.map_or(Side::Left, |(side, _)| side),
             stages,
             advected,
             lagrangian,
             constraints,
+            virtual_constraints,
             independent,
             force_multipliers: self.multipliers.is_some(),
             forces,
             casimirs: self.casimirs,
             outputs: self.outputs,
+            reconstruction,
+            initial,
             scenes,
             origin,
         })
@@ -877,6 +911,7 @@ impl ModelBuilder {
                 return zero;
             }
         };
+        self.reports_stray(e, span, "the lagrangian", &[]);
         let velocities = self.velocity_symbols();
         if !velocities.is_empty()
             && self.occurring(e, &velocities).is_empty()
@@ -1059,6 +1094,10 @@ impl ModelBuilder {
             }
             let mut fine = true;
             for e in action.entries() {
+                if self.reports_stray(*e, span, &format!("action on `{}`", draft.name), &[]) {
+                    fine = false;
+                    break;
+                }
                 let occurring = self.occurring(*e, &fibre);
                 let linear = match self.graph.affine_parts(*e, &occurring) {
                     Some((_, offset)) => self.graph.is_zero(offset),
@@ -1084,95 +1123,6 @@ impl ModelBuilder {
             }
         }
         result
-    }
-
-    fn check_constraints(&mut self) -> Vec<Constraint> {
-        let unknowns = self.velocity_symbols();
-        let mut result: Vec<Constraint> = Vec::new();
-        let mut names: BTreeSet<String> = BTreeSet::new();
-        let mut n_unnamed = 0;
-        for draft in self.constraints.clone() {
-            let (left, right) = broadcast_zero(&mut self.graph, &draft.left, &draft.right);
-            let residual = match left.sub(&mut self.graph, &right) {
-                Ok(residual) => residual,
-                Err(_) => {
-                    let error = ValueError::Shapes {
-                        operation: "equate",
-                        left: draft.left.shape(),
-                        right: draft.right.shape(),
-                    };
-                    self.value_error(draft.span, &error);
-                    continue;
-                }
-            };
-            let n = residual.entries().len();
-            for (k, e) in residual.entries().iter().enumerate() {
-                let name = match (&draft.name, residual.shape()) {
-                    (Some(name), Shape::Scalar) => name.clone(),
-                    (Some(name), _) => format!("{name}{}", k + 1),
-                    (None, _) => {
-                        n_unnamed += 1;
-                        format!("c{n_unnamed}")
-                    }
-                };
-                if let Some(reason) = names::refusal(&name) {
-                    self.problem(draft.span, format!("`{name}` cannot be used as a name"), reason);
-                }
-                if !names.insert(name.clone()) {
-                    self.problem(
-                        draft.span,
-                        format!("constraint `{name}` is declared twice"),
-                        "rename one of them",
-                    );
-                }
-                if !self.check_constraint(*e, &unknowns, &draft, if n > 1 { k + 1 } else { 0 }) {
-                    continue;
-                }
-                result.push(Constraint { kind: ConstraintKind::Linear, name, text: draft.text.clone(), residual: *e, span: draft.span });
-            }
-        }
-        result
-    }
-
-    fn check_constraint(
-        &mut self,
-        e: ExprId,
-        unknowns: &[SymbolId],
-        draft: &ConstraintDraft,
-        component: usize,
-    ) -> bool {
-        let place = if component > 0 {
-            format!("component {component} of constraint")
-        } else {
-            "constraint".to_owned()
-        };
-        let text = &draft.text;
-        if self.graph.is_zero(e) {
-            self.problem(draft.span, format!("{place} `{text}` always holds"), "remove it");
-            return false;
-        }
-        let occurring = self.occurring(e, unknowns);
-        let Some((slopes, _)) = self.graph.affine_parts(e, &occurring) else {
-            self.problem(
-                draft.span,
-                format!("{place} `{text}` is not affine in the velocities"),
-                "nonlinear constraints are not yet supported",
-            );
-            return false;
-        };
-        let zero = self.graph.zero();
-        if slopes.iter().all(|s| *s == zero) {
-            if self.broken.contains("velocity") {
-                return false;
-            }
-            self.problem(
-                draft.span,
-                format!("{place} `{text}` contains no velocity"),
-                "write a constraint on positions as its time derivative",
-            );
-            return false;
-        }
-        true
     }
 
     /// Positions of a velocity vector or component among all velocities.
@@ -1213,34 +1163,6 @@ impl ModelBuilder {
         self.problem(span, format!("`{name}` is not a velocity"), help);
     }
 
-    fn check_independent(&mut self, n_constraints: usize) -> Option<Vec<usize>> {
-        let (names, span) = self.independent.clone()?;
-        let mut chosen = Vec::new();
-        for (name, span) in names {
-            let indices = self.velocity_indices(&name);
-            if indices.is_empty() {
-                self.unknown_velocity(&name, span);
-                return None;
-            }
-            for k in indices {
-                if chosen.contains(&k) {
-                    self.problem(span, format!("`{name}` is named twice"), "name every velocity once");
-                    return None;
-                }
-                chosen.push(k);
-            }
-        }
-        let all = self.base.len() + self.velocities.len();
-        let left = all.saturating_sub(n_constraints);
-        // Broken constraints are not counted, so the count means nothing then.
-        if chosen.len() != left && self.problems.is_empty() {
-            let message = format!("{} independent velocities, the constraints leave {left}", chosen.len());
-            let help = format!("velocities: {all}, scalar constraints: {n_constraints}");
-            self.problem(span, message, help);
-        }
-        Some(chosen)
-    }
-
     fn check_forces(&mut self) -> Vec<ExprId> {
         let n = self.base.len() + self.velocities.len();
         let mut forces: Vec<Option<ExprId>> = vec![None; n];
@@ -1257,6 +1179,9 @@ impl ModelBuilder {
                 continue;
             }
             for (k, e) in indices.into_iter().zip(value.into_entries()) {
+                if self.reports_stray(e, span, &format!("force on `{name}`"), &[]) {
+                    break;
+                }
                 if forces[k].is_some() {
                     let taken = self.velocity_names()[k].clone();
                     self.problem(span, format!("force on `{taken}` is given twice"), "add them in one item");
@@ -1274,7 +1199,8 @@ impl ModelBuilder {
             self.params.iter().map(|p| (p.symbol, p.default.clone())).collect();
         let mut result = Vec::new();
         for draft in self.scenes.clone() {
-            let mut scene = draft.scene;
+            let drops = self.check_drops(&draft);
+            let mut scene = Scene { drops, ..draft.scene };
             let mut values = defaults.clone();
             let mut places: BTreeMap<SymbolId, Option<Span>> = BTreeMap::new();
             for (name, numbers, span) in draft.fixed {
@@ -1317,6 +1243,15 @@ impl ModelBuilder {
                     names.extend(self.outputs.iter().map(|o| o.name.as_str()));
                     let help = names::suggest(&name, names);
                     self.problem(span, format!("`{name}` is not an output"), help);
+                } else if name == "reconstruction"
+                    && self.reconstructions.is_empty()
+                    && !self.broken.contains("reconstruct")
+                {
+                    let message = format!(
+                        "scene `{}` wants `reconstruction`, but the model reconstructs nothing",
+                        scene.name
+                    );
+                    self.problem(span, message, "add an item such as `reconstruct q in SO(3);`");
                 } else if scene.wants.contains(&name) {
                     self.problem(
                         span,

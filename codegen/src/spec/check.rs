@@ -6,8 +6,9 @@ use num_traits::Zero;
 
 use super::ast::{
     self, AlgebraExpr, AlgebraNode, Comparison, DomainExpr, Expr, File, Item, ItemKind, Name, Node,
+    ReconstructWay,
 };
-use super::builder::{Layout, ModelBuilder, component_help};
+use super::builder::{Group, Layout, ModelBuilder, component_help};
 use super::diagnostic::{Diagnostic, Diagnostics, Origin, Span};
 use super::eval::{Evaluator, is_poisoned};
 use super::model::{Domain, Model, Side};
@@ -35,6 +36,7 @@ pub(super) fn check(outcome: Outcome, origin: Origin) -> Result<Model, Diagnosti
         weights: BTreeMap::new(),
         poisoned: outcome.poisoned,
         work: 0,
+        withheld: BTreeSet::new(),
         algebras: BTreeMap::new(),
         representations: BTreeMap::new(),
     };
@@ -54,6 +56,8 @@ struct Checker<'a> {
     weights: BTreeMap<String, u64>,
     poisoned: BTreeSet<String>,
     work: u64,
+    /// Names of reconstructed coordinates; they have values only when everything else is done.
+    withheld: BTreeSet<String>,
     algebras: BTreeMap<String, LieAlgebra>,
     /// Representations with the algebra they belong to.
     representations: BTreeMap<String, (LieAlgebra, Representation)>,
@@ -77,9 +81,20 @@ impl Checker<'_> {
         self.declare_sources_and_params(&file.items);
         self.define_algebras(&file.items);
         self.declare_variables(&file.items);
+        self.withhold(&file.items);
         self.define_lets(&file.items);
         for item in &file.items {
             self.use_values(item);
+        }
+        for item in &file.items {
+            self.reconstruct(item);
+        }
+        for item in &file.items {
+            let ItemKind::Initial { name, value } = &item.kind else { continue };
+            match self.eval(value) {
+                Some(value) => _ = self.builder.at(Some(name.span)).initial(&name.text, &value),
+                None => _ = self.builder.broken.insert("initial"),
+            }
         }
     }
 
@@ -99,6 +114,27 @@ impl Checker<'_> {
     }
 
     fn eval(&mut self, expr: &Expr) -> Option<Value> {
+        self.eval_with(expr, None)
+    }
+
+    /// Both sides of an equation in which `delta` or `ddt` is legal.
+    fn equation(&mut self, function: &'static str, left: &Expr, right: &Expr) -> Option<(Value, Value)> {
+        // Most constraints contain no accelerations and need no symbols for them.
+        let table = match function {
+            _ if !calls(left, function) && !calls(right, function) => BTreeMap::new(),
+            "delta" => self.builder.displacement_table(),
+            _ => self.builder.acceleration_table(),
+        };
+        let operator = Some((function, &table));
+        let (left, right) = (self.eval_with(left, operator), self.eval_with(right, operator));
+        Some((left?, right?))
+    }
+
+    fn eval_with(
+        &mut self,
+        expr: &Expr,
+        operator: Option<(&'static str, &BTreeMap<ExprId, ExprId>)>,
+    ) -> Option<Value> {
         let mut evaluator = Evaluator {
             graph: &mut self.builder.graph,
             values: &self.builder.values,
@@ -107,6 +143,8 @@ impl Checker<'_> {
             problems: &mut self.builder.problems,
             work: &mut self.work,
             restriction: None,
+            operator,
+            withheld: &self.withheld,
         };
         evaluator.eval(expr).map(|(value, _)| value)
     }
@@ -121,6 +159,8 @@ impl Checker<'_> {
             problems: &mut self.builder.problems,
             work: &mut self.work,
             restriction: Some("the ends of an interval contain parameters and numbers only"),
+            operator: None,
+            withheld: &self.withheld,
         };
         let (value, _) = evaluator.eval(expr)?;
         match value {
@@ -145,6 +185,8 @@ impl Checker<'_> {
             problems: &mut self.builder.problems,
             work: &mut self.work,
             restriction: Some(restriction),
+            operator: None,
+            withheld: &BTreeSet::new(),
         };
         let (value, _) = evaluator.eval(expr)?;
         let numbers: Option<Vec<Rational>> =
@@ -320,6 +362,8 @@ impl Checker<'_> {
             problems: &mut self.builder.problems,
             work: &mut self.work,
             restriction: None,
+            operator: None,
+            withheld: &BTreeSet::new(),
         };
         let (value, _) = evaluator.eval(expr)?;
         let parts = match value {
@@ -723,6 +767,11 @@ impl Checker<'_> {
         for item in items {
             match &item.kind {
                 ItemKind::Velocity { names, algebra } => self.declare_velocities(item, names, algebra),
+                ItemKind::QuasiVelocity(names) => {
+                    for name in names {
+                        self.builder.at(Some(name.span)).quasi_velocity(&name.text, &item.doc.join("\n"));
+                    }
+                }
                 ItemKind::Coordinate { names, shape, domain } => {
                     self.declare_coordinates(item, names, shape, domain)
                 }
@@ -827,6 +876,8 @@ impl Checker<'_> {
                 problems: &mut self.builder.problems,
                 work: &mut self.work,
                 restriction: None,
+                operator: None,
+                withheld: &self.withheld,
             };
             match evaluator.eval(expr) {
                 Some((value, bits)) => {
@@ -883,21 +934,28 @@ impl Checker<'_> {
                 Some(value) => _ = self.builder.at(Some(expr.span)).lagrangian(&value),
                 None => _ = self.builder.broken.insert("lagrangian"),
             },
-            ItemKind::Constraint { name, left, right } => {
-                let values = (self.eval(left), self.eval(right));
-                if let (Some(l), Some(r)) = values {
+            ItemKind::Constraint { name, left, right } => match self.equation("ddt", left, right) {
+                Some((l, r)) => {
                     let place = left.span.to(right.span);
                     let text = self.one_line(place);
-                    self.builder.at(Some(place)).constraint(
-                        name.as_ref().map(|n| n.text.as_str()),
-                        &text,
-                        &l,
-                        &r,
-                    );
-                } else {
-                    self.builder.broken.insert("constraint");
+                    let name = name.as_ref().map(|n| n.text.as_str());
+                    self.builder.at(Some(place)).constraint(name, &text, &l, &r);
                 }
-            }
+                None => _ = self.builder.broken.insert("constraint"),
+            },
+            ItemKind::Virtual { name, left, right } => match self.equation("delta", left, right) {
+                Some((l, r)) => {
+                    let place = left.span.to(right.span);
+                    let text = self.one_line(place);
+                    let name = name.as_ref().map(|n| n.text.as_str());
+                    self.builder.at(Some(place)).virtual_constraint(name, &text, &l, &r);
+                }
+                None => _ = self.builder.broken.insert("virtual"),
+            },
+            ItemKind::Connection { name, value } => match self.eval(value) {
+                Some(value) => _ = self.builder.at(Some(name.span)).connection(&name.text, &value),
+                None => _ = self.builder.broken.insert("connection"),
+            },
             ItemKind::Independent(names) => {
                 let located = names.iter().map(|n| (n.text.clone(), Some(n.span))).collect();
                 self.builder.at(span).located_independent(located);
@@ -930,13 +988,16 @@ impl Checker<'_> {
                 }
                 None => _ = self.builder.broken.insert("output"),
             },
-            ItemKind::Scene { name, fixed, wants } => self.scene(item, name, fixed, wants),
+            ItemKind::Scene { name, fixed, wants, drops } => self.scene(item, name, fixed, wants, drops),
             ItemKind::Source(_)
             | ItemKind::Let { .. }
             | ItemKind::AlgebraName { .. }
             | ItemKind::AlgebraBrackets { .. }
             | ItemKind::Representation { .. }
             | ItemKind::Velocity { .. }
+            | ItemKind::QuasiVelocity(_)
+            | ItemKind::Reconstruct { .. }
+            | ItemKind::Initial { .. }
             | ItemKind::Coordinate { .. } => {}
         }
     }
@@ -957,7 +1018,55 @@ impl Checker<'_> {
         }
     }
 
-    fn scene(&mut self, item: &Item, name: &Name, fixed: &[(Name, Expr)], wants: &[Name]) {
+    // Reconstruction.
+
+    /// Nothing but reconstruction itself sees reconstructed coordinates.
+    fn withhold(&mut self, items: &[Item]) {
+        for item in items {
+            let ItemKind::Reconstruct { names, way } = &item.kind else { continue };
+            let plain: Vec<&str> = names.iter().map(|n| n.text.as_str()).collect();
+            self.withheld.extend(plain.iter().map(|n| (*n).to_owned()));
+            if let ReconstructWay::Group { group, .. } = way
+                && let Some(components) = group_of(group).and_then(|group| group.coordinates(&plain))
+            {
+                self.withheld.extend(components.into_iter().flatten());
+            }
+        }
+    }
+
+    fn reconstruct(&mut self, item: &Item) {
+        let ItemKind::Reconstruct { names, way } = &item.kind else { return };
+        let located: Vec<(&str, Option<Span>)> =
+            names.iter().map(|n| (n.text.as_str(), Some(n.span))).collect();
+        let span = names.first().map_or(item.span, |n| n.span).to(names.last().map_or(item.span, |n| n.span));
+        let doc = item.doc.join("\n");
+        let before = self.builder.problems.len();
+        match way {
+            ReconstructWay::Rate(rate) => {
+                if let Some(rate) = self.eval(rate) {
+                    self.builder.at(Some(span)).located_rate(&located, &rate, &doc);
+                }
+            }
+            ReconstructWay::Group { group, from } => match group_of(group) {
+                Some(group) => {
+                    let from = from.iter().map(|n| (n.text.clone(), Some(n.span))).collect();
+                    self.builder.at(Some(span)).located_group(&located, group, from, &doc);
+                }
+                None => {
+                    let written = self.one_line(group.span);
+                    let known = Group::NAMED.iter().map(|(name, _)| *name).chain(["R^n"]);
+                    let help = names::suggest(&written, known);
+                    self.problem(group.span, format!("unknown group `{written}`"), help);
+                }
+            },
+        }
+        if self.builder.problems.len() > before {
+            self.builder.broken.insert("reconstruct");
+            self.poisoned.extend(names.iter().map(|n| n.text.clone()));
+        }
+    }
+
+    fn scene(&mut self, item: &Item, name: &Name, fixed: &[(Name, Expr)], wants: &[Name], drops: &[Name]) {
         let mut numbers = Vec::new();
         for (name, expr) in fixed {
             if let Some(values) = self.constant(expr, "parameters are fixed to numbers")
@@ -966,9 +1075,10 @@ impl Checker<'_> {
                 numbers.push((name.text.clone(), values, Some(name.span)));
             }
         }
-        let wants = wants.iter().map(|w| (w.text.clone(), Some(w.span))).collect();
+        let located = |names: &[Name]| names.iter().map(|w| (w.text.clone(), Some(w.span))).collect();
         let doc = item.doc.join("\n");
-        self.builder.at(Some(name.span)).located_scene(&name.text, numbers, wants, &doc);
+        let builder = self.builder.at(Some(name.span));
+        builder.located_scene(&name.text, numbers, located(wants), located(drops), &doc);
     }
 }
 
@@ -999,14 +1109,43 @@ fn algebra_names(expr: &AlgebraExpr) -> Vec<String> {
     }
 }
 
+fn group_of(expr: &AlgebraExpr) -> Option<Group> {
+    match &expr.node {
+        AlgebraNode::Name(name) if name == "R" => Some(Group::Translation(1)),
+        AlgebraNode::Power(n) => Some(Group::Translation(*n)),
+        AlgebraNode::Call(name, arguments) => {
+            let [AlgebraExpr { node: AlgebraNode::Number(n), .. }] = arguments.as_slice() else { return None };
+            let written = format!("{}({n})", name.text);
+            Group::NAMED.iter().find(|(known, _)| *known == written).map(|(_, group)| *group)
+        }
+        _ => None,
+    }
+}
+
 /// Names in an expression, without function names.
 fn names_in(expr: &Expr) -> Vec<&str> {
     let mut names = Vec::new();
+    for_each_node(expr, |node| {
+        if let Node::Name(name) = node {
+            names.push(name.as_str());
+        }
+    });
+    names
+}
+
+/// Whether an expression calls a function by name.
+fn calls(expr: &Expr, function: &str) -> bool {
+    let mut found = false;
+    for_each_node(expr, |node| found |= matches!(node, Node::Call(name, _) if name.text == function));
+    found
+}
+
+fn for_each_node<'a>(expr: &'a Expr, mut visit: impl FnMut(&'a Node)) {
     let mut pending = vec![expr];
     while let Some(expr) = pending.pop() {
+        visit(&expr.node);
         match &expr.node {
-            Node::Number(_) => {}
-            Node::Name(name) => names.push(name.as_str()),
+            Node::Number(_) | Node::Name(_) => {}
             Node::Sum(list) | Node::Product(list) => pending.extend(list.iter().map(|(_, e)| e)),
             Node::Neg(inside) => pending.push(inside),
             Node::Power(a, b) => pending.extend([a.as_ref(), b.as_ref()]),
@@ -1018,7 +1157,6 @@ fn names_in(expr: &Expr) -> Vec<&str> {
             Node::List(list) => pending.extend(list),
         }
     }
-    names
 }
 
 /// An order in which everything comes after what it uses, and the cycles that prevent one.

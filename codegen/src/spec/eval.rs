@@ -6,7 +6,8 @@ use num_traits::{One, Signed, ToPrimitive};
 
 use super::ast::{Expr, Node};
 use super::diagnostic::{Diagnostic, Span};
-use super::names::{self, FUNCTIONS};
+use super::builder::look_up;
+use super::names::{self, FUNCTIONS, OPERATORS};
 use super::parser::MAX_DIM;
 use super::value::{Shape, Value, ValueError};
 use crate::expr::{ExprId, Func, Graph, Rational};
@@ -33,6 +34,10 @@ pub(super) struct Evaluator<'a> {
     pub(super) work: &'a mut u64,
     /// Added to "unknown name" when names are restricted, as in defaults.
     pub(super) restriction: Option<&'static str>,
+    /// `delta` or `ddt` where it is legal, with its values on velocities.
+    pub(super) operator: Option<(&'static str, &'a BTreeMap<ExprId, ExprId>)>,
+    /// Reconstructed coordinates, which only their items can see.
+    pub(super) withheld: &'a BTreeSet<String>,
 }
 
 /// A name stands for itself, for a component (`I1` of `I`) or for a rate (`x_dot` of `x`).
@@ -114,8 +119,14 @@ impl Evaluator<'_> {
         if let Some(restriction) = self.restriction {
             return self.fail(span, format!("`{shown}` is not known here"), restriction);
         }
-        if FUNCTIONS.contains(&name) {
+        if FUNCTIONS.contains(&name) || OPERATORS.iter().any(|(operator, _)| *operator == name) {
             return self.fail(span, format!("`{name}` is a function"), format!("write `{name}(..)`"));
+        }
+        if self.withheld.contains(name.trim_end_matches(|c: char| c.is_ascii_digit()))
+            || self.withheld.contains(name)
+        {
+            let help = "only later `reconstruct` items see it; use `coordinate` when the equations depend on it";
+            return self.fail(span, format!("`{shown}` is a reconstructed coordinate"), help);
         }
         let hint = self.suggestion(name);
         self.fail(span, format!("unknown name `{shown}`"), hint)
@@ -333,8 +344,13 @@ impl Evaluator<'_> {
 
     fn call(&mut self, name: &super::ast::Name, arguments: &[Expr], span: Span) -> Option<Weighed> {
         let function = name.text.as_str();
+        let operator = OPERATORS.iter().find(|(operator, _)| *operator == function);
+        if let Some((_, help)) = operator.filter(|_| self.operator.is_none_or(|(legal, _)| legal != function)) {
+            return self.fail(name.span, format!("`{function}` is not legal here"), *help);
+        }
         let wanted = match function {
             "dot" | "cross" | "pow" => 2,
+            _ if operator.is_some() => 1,
             _ if FUNCTIONS.contains(&function) => 1,
             _ => {
                 if self.values.contains_key(function) {
@@ -382,6 +398,12 @@ impl Evaluator<'_> {
     ) -> Option<Weighed> {
         let (a, a_bits) = values.first()?;
         let (b, b_bits) = values.get(1).unwrap_or(&values[0]);
+        if let Some((operator, table)) = self.operator.filter(|(operator, _)| *operator == function) {
+            return match look_up(operator, a, table) {
+                Ok(value) => Some((value, SYMBOL_BITS)),
+                Err(error) => self.error(span, &error, &[]),
+            };
+        }
         let g = &mut *self.graph;
         let (result, bits) = match function {
             "dot" => (a.dot(g, b), a_bits + b_bits + 8),

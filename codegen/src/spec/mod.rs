@@ -19,7 +19,7 @@ mod parser;
 mod value;
 
 pub use ast::Compare;
-pub use builder::{Layout, ModelBuilder};
+pub use builder::{Group, Layout, ModelBuilder};
 pub use diagnostic::{Diagnostic, Diagnostics, Origin, Span};
 pub use model::{
     Advected, Condition, Constraint, ConstraintKind, Coordinate, Domain, Model, Named, NamedVector, Param, Reconstruction,

@@ -9,6 +9,8 @@ pub(super) const ITEMS: &[&str] = &[
     "algebra",
     "representation",
     "velocity",
+    "quasi_velocity",
+    "connection",
     "action",
     "stage",
     "inner_product",
@@ -16,11 +18,14 @@ pub(super) const ITEMS: &[&str] = &[
     "advected",
     "lagrangian",
     "constraint",
+    "virtual",
     "independent",
     "multipliers",
     "force",
     "casimir",
     "output",
+    "reconstruct",
+    "initial",
     "scene",
 ];
 
@@ -50,6 +55,12 @@ pub(super) const FUNCTIONS: &[&str] = &[
     "cosh",
     "tanh",
     "abs",
+];
+
+/// Functions with a meaning in one item each: displacements in `virtual`, accelerations in `constraint`.
+pub(super) const OPERATORS: &[(&str, &str)] = &[
+    ("delta", "displacements belong in `virtual`, as in `virtual delta(v1) + delta(v2) = 0;`"),
+    ("ddt", "accelerations belong in `constraint`, as in `constraint ddt(v1) + v1 = 0;`"),
 ];
 
 /// What every scene can ask for; named casimirs and outputs come on top.
@@ -87,8 +98,6 @@ const GENERATED: &[&str] = &[
     "None",
     "Ok",
     "Err",
-    "R",
-    "N",
     "new",
     "params",
     "prepared",
@@ -124,7 +133,7 @@ pub(super) fn refusal(name: &str) -> Option<&'static str> {
     if name == "pi" {
         return Some("it is the number pi");
     }
-    if FUNCTIONS.contains(&name) {
+    if FUNCTIONS.contains(&name) || OPERATORS.iter().any(|(operator, _)| *operator == name) {
         return Some("it is a function of the language");
     }
     if GENERATED.contains(&name) {
@@ -150,7 +159,7 @@ pub(super) fn suggest<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>)
     if let Some((_, name)) = near {
         return format!("did you mean `{name}`?");
     }
-    if known.is_empty() || known.len() > 24 {
+    if known.is_empty() || known.len() > 26 {
         return String::new();
     }
     format!("legal here: {}", list(&known))

@@ -569,6 +569,14 @@ impl<'a> Parser<'a> {
                 self.require_word("in")?;
                 ItemKind::Velocity { names, algebra: self.algebra_expr()? }
             }
+            "quasi_velocity" => {
+                ItemKind::QuasiVelocity(self.comma_separated(|p| p.ident("the name of a quasi-velocity"))?)
+            }
+            "connection" => {
+                let name = self.ident("the velocity whose connection is given")?;
+                self.equals()?;
+                ItemKind::Connection { name, value: self.expr()? }
+            }
             "action" => ItemKind::Action(self.ident("`left` or `right`")?),
             "stage" => self.stage()?,
             "inner_product" => {
@@ -581,7 +589,15 @@ impl<'a> Parser<'a> {
                 self.equals()?;
                 ItemKind::Lagrangian(self.expr()?)
             }
-            "constraint" => self.constraint()?,
+            "constraint" => {
+                let (name, left, right) = self.equation("a constraint", "dot(Omega, Gamma) = 0")?;
+                ItemKind::Constraint { name, left, right }
+            }
+            "virtual" => {
+                let (name, left, right) =
+                    self.equation("a condition on displacements", "delta(v1) + delta(v2) = 0")?;
+                ItemKind::Virtual { name, left, right }
+            }
             "independent" => {
                 ItemKind::Independent(self.comma_separated(|p| p.ident("the name of a velocity"))?)
             }
@@ -600,6 +616,12 @@ impl<'a> Parser<'a> {
                 } else {
                     ItemKind::Output { name, value }
                 }
+            }
+            "reconstruct" => self.reconstruct()?,
+            "initial" => {
+                let name = self.ident("the name of a state variable")?;
+                self.equals()?;
+                ItemKind::Initial { name, value: self.expr()? }
             }
             "scene" => return self.scene().map(|kind| (kind, true)),
             "model" => {
@@ -867,7 +889,8 @@ impl<'a> Parser<'a> {
         Ok(ItemKind::Advected { name, dim, action: self.expr()? })
     }
 
-    fn constraint(&mut self) -> Parsed<ItemKind> {
+    /// `[name:] left = right`.
+    fn equation(&mut self, what: &str, example: &str) -> Parsed<(Option<Name>, Expr, Expr)> {
         let named = self
             .cursor
             .ident()
@@ -882,17 +905,33 @@ impl<'a> Parser<'a> {
         let left = self.expr()?;
         if !self.peek_punct('=') {
             let mut problem = *self.expected::<()>("`=`").err().unwrap_or_else(|| too_deep(left.span));
-            problem.help = Some("a constraint is an equation such as `dot(Omega, Gamma) = 0`".to_owned());
+            problem.help = Some(format!("{what} is an equation such as `{example}`"));
             return Err(Box::new(problem));
         }
         self.equals()?;
-        Ok(ItemKind::Constraint { name, left, right: self.expr()? })
+        Ok((name, left, self.expr()?))
+    }
+
+    fn reconstruct(&mut self) -> Parsed<ItemKind> {
+        let names = self.comma_separated(|p| p.ident("the name of a reconstructed coordinate"))?;
+        if self.word("by").is_some() {
+            return Ok(ItemKind::Reconstruct { names, way: ReconstructWay::Rate(self.expr()?) });
+        }
+        if self.word("in").is_none() {
+            return self.expected("`in` and a group, or `by` and the rate");
+        }
+        let group = self.algebra_expr()?;
+        let from = match self.word("from") {
+            Some(_) => self.comma_separated(|p| p.ident("the name of a velocity"))?,
+            None => Vec::new(),
+        };
+        Ok(ItemKind::Reconstruct { names, way: ReconstructWay::Group { group, from } })
     }
 
     fn scene(&mut self) -> Parsed<ItemKind> {
         let name = self.ident("the name of the scene")?;
         let (mut body, _) = self.require_group(Delimiter::Brace, "`{`")?;
-        let (mut fixed, mut wants) = (Vec::new(), Vec::new());
+        let (mut fixed, mut wants, mut drops) = (Vec::new(), Vec::new(), Vec::new());
         while !body.at_end() {
             if body.word("fix").is_some() {
                 fixed.extend(body.comma_separated(|p| {
@@ -902,12 +941,14 @@ impl<'a> Parser<'a> {
                 })?);
             } else if body.word("want").is_some() {
                 wants.extend(body.comma_separated(|p| p.ident("the name of an output"))?);
+            } else if body.word("drop").is_some() {
+                drops.extend(body.comma_separated(|p| p.ident("the name of a coordinate"))?);
             } else {
-                return body.expected("`fix` or `want`");
+                return body.expected("`fix`, `want` or `drop`");
             }
             body.require_punct(";")?;
         }
-        Ok(ItemKind::Scene { name, fixed, wants })
+        Ok(ItemKind::Scene { name, fixed, wants, drops })
     }
 
     // Expressions, by precedence: sum, product, sign, power, index, atom.

@@ -73,6 +73,11 @@ pub enum ValueError {
         /// Shape of the entry that differs.
         other: Shape,
     },
+    /// A displacement or an acceleration of something that is not a velocity.
+    NotAVelocity {
+        /// `delta` or `ddt`.
+        function: &'static str,
+    },
     /// More entries than the limit.
     TooLarge,
 }
@@ -108,6 +113,7 @@ impl fmt::Display for ValueError {
             ValueError::Ragged { first, other } => {
                 write!(f, "entries of different shapes: {first} and {other}")
             }
+            ValueError::NotAVelocity { function } => write!(f, "`{function}` takes a velocity"),
             ValueError::TooLarge => write!(f, "more than {MAX_DIM} rows or columns"),
         }
     }
@@ -151,6 +157,9 @@ impl ValueError {
             }
             ValueError::Shapes { operation: "raise", .. } => {
                 "powers are for numbers: write `dot(v, v)` or `A * A`".into()
+            }
+            ValueError::NotAVelocity { function } => {
+                format!("name a velocity of the base or of the algebra: `{function}(Omega)`, `{function}(q_dot)`")
             }
             ValueError::Shapes { operation: "cross", .. } => "both must be vector(3)".into(),
             ValueError::Shapes { operation: "dot", .. } => "both must be vectors of one dimension".into(),

@@ -20,7 +20,8 @@ fn report(text: &str) -> String {
 }
 
 #[track_caller]
-fn check(text: &str, expected: &str) {
+pub(super) fn check(text: &str, expected: &str) {
+    if expected.is_empty() { println!("BLESS\x01{text}\x01{}\x02", report(text)); return; }
     let found = report(text);
     assert_eq!(found, expected, "\nin {text}\nfound:\n{found}\n");
 }
@@ -149,7 +150,7 @@ model m { velocity Omega in so(3); lagrangian = dot(Omega, Omega); }"#,
     );
     check(
         r#"model m { scene s { freeze a = 1; } velocity Omega in so(3); lagrangian = dot(Omega, Omega); }"#,
-        r#"1:21 expected `fix` or `want`, found `freeze`"#,
+        r#"1:21 expected `fix`, `want` or `drop`, found `freeze`"#,
     );
     check(
         r#"model m { constraint Omega3; velocity Omega in so(3); lagrangian = dot(Omega, Omega); }"#,
@@ -555,12 +556,8 @@ fn mechanics() {
         r#"1:52 action on `G` is not linear in the velocities of the algebra [the velocities are `Omega1`, `Omega2`, `Omega3`]"#,
     );
     check(
-        r#"model m { constraint dot(Omega, Omega) = 1; velocity Omega in so(3); lagrangian = dot(Omega, Omega); }"#,
-        r#"1:22 constraint `dot(Omega, Omega) = 1` is not affine in the velocities [nonlinear constraints are not yet supported]"#,
-    );
-    check(
         r#"model m { param a = 1; constraint a = 0; velocity Omega in so(3); lagrangian = dot(Omega, Omega); }"#,
-        r#"1:35 constraint `a = 0` contains no velocity [write a constraint on positions as its time derivative]"#,
+        r#"1:35 constraint `a = 0` contains no velocity [choose coordinates that satisfy it, or write its time derivative]"#,
     );
     check(
         r#"model m { constraint Omega = [1, 2]; velocity Omega in so(3); lagrangian = dot(Omega, Omega); }"#,

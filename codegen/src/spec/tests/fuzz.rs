@@ -107,6 +107,12 @@ fn mutated_specs_do_not_panic() {
         "norm(0)",
         ":",
         "R^0",
+        "delta(Omega)",
+        "ddt(Omega1)",
+        "; virtual delta(Omega1) = 0;",
+        "; quasi_velocity s;",
+        "; reconstruct q in SO(3) from Omega;",
+        "; initial Omega1 = 1/0;",
     ];
     for _ in 0..1500 {
         let (_, text) = SPECS[random.below(SPECS.len())];
@@ -201,7 +207,20 @@ fn token_soup_does_not_panic() {
         "force",
         "casimir",
         "output",
+        "connection",
+        "virtual",
+        "quasi_velocity",
+        "reconstruct",
+        "initial",
+        "delta",
+        "ddt",
+        "(Omega)",
+        "theta_dot",
+        "SO",
+        "SE",
+        "from",
         "scene",
+        "drop",
         "fix",
         "want",
         "energy",
@@ -288,6 +307,10 @@ fn pathological_texts_do_not_panic() {
         "model m { velocity x in su(200); lagrangian = 1; }".into(),
         "model m { velocity x in R^200; lagrangian = dot(x, x); constraint x = 0; }".into(),
     ];
+    texts.push(model(&repeat("virtual delta(x) = 0;", 20_000)));
+    texts.push(model(&repeat("reconstruct q in R^99 from x;", 20_000)));
+    texts.push(model(&repeat("quasi_velocity s, u;", 20_000)));
+    texts.push(model(&repeat("initial x = 1; initial y = 1;", 10_000)));
     let mut lets = String::new();
     for k in 0..3000 {
         lets.push_str(&format!("let y{k} = y{};", k + 1));

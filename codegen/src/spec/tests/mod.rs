@@ -4,6 +4,7 @@ mod bad;
 mod docs;
 mod fuzz;
 mod good;
+mod motion;
 
 /// The specifications of the crate `hamel-models`.
 pub(super) const SPECS: &[(&str, &str)] = &[

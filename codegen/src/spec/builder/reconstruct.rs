@@ -1,0 +1,493 @@
+//! Coordinates of the group motion, initial values and what scenes leave out.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
+
+use num_traits::Zero;
+
+use super::motion::Special;
+use super::{Layout, Located, ModelBuilder, SceneDraft};
+use crate::algebra::LieAlgebra;
+use crate::expr::{ExprId, Rational, SymbolId};
+use crate::spec::diagnostic::Span;
+use crate::spec::model::*;
+use crate::spec::names;
+use crate::spec::parser::MAX_DIM;
+use crate::spec::value::{Shape, Value};
+
+/// A group whose motion can be reconstructed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Group {
+    /// SO(2), by an angle.
+    PlanarRotation,
+    /// SO(3), by a unit quaternion.
+    Rotation,
+    /// SE(2), by an angle and a position.
+    PlanarMotion,
+    /// SE(3), by a unit quaternion and a position.
+    Motion,
+    /// R^n.
+    Translation(usize),
+}
+
+impl fmt::Display for Group {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Group::PlanarRotation => f.write_str("SO(2)"),
+            Group::Rotation => f.write_str("SO(3)"),
+            Group::PlanarMotion => f.write_str("SE(2)"),
+            Group::Motion => f.write_str("SE(3)"),
+            Group::Translation(1) => f.write_str("R"),
+            Group::Translation(n) => write!(f, "R^{n}"),
+        }
+    }
+}
+
+impl Group {
+    /// Groups by the way they are written, without R^n.
+    pub(in crate::spec) const NAMED: &'static [(&'static str, Group)] = &[
+        ("SO(2)", Group::PlanarRotation),
+        ("SO(3)", Group::Rotation),
+        ("SE(2)", Group::PlanarMotion),
+        ("SE(3)", Group::Motion),
+    ];
+
+    /// The dimension of the group.
+    pub fn dim(self) -> usize {
+        match self {
+            Group::PlanarRotation => 1,
+            Group::Rotation | Group::PlanarMotion => 3,
+            Group::Motion => 6,
+            Group::Translation(n) => n,
+        }
+    }
+
+    fn algebra(self) -> Option<LieAlgebra> {
+        match self {
+            Group::PlanarRotation => Some(LieAlgebra::abelian(1)),
+            Group::Rotation => LieAlgebra::so(3).ok(),
+            Group::PlanarMotion => LieAlgebra::se(2).ok(),
+            Group::Motion => LieAlgebra::se(3).ok(),
+            Group::Translation(n) => Some(LieAlgebra::abelian(n)),
+        }
+    }
+
+    /// Names of the coordinates per given name, or nothing when there are too many or too few.
+    pub(in crate::spec) fn coordinates(self, names: &[&str]) -> Option<Vec<Vec<String>>> {
+        let single = |name: &&str| vec![(*name).to_owned()];
+        let quaternion = |name: &str| ["w", "x", "y", "z"].iter().map(|c| format!("{name}{c}")).collect();
+        match (self, names) {
+            (Group::PlanarRotation, [_]) | (Group::PlanarMotion, [_, _, _]) => {
+                Some(names.iter().map(single).collect())
+            }
+            (Group::Rotation, [q]) => Some(vec![quaternion(q)]),
+            (Group::Motion, [q, r]) => Some(vec![quaternion(q), Layout::Vector(3).names(r)]),
+            (Group::Translation(n), _) if names.len() == n => Some(names.iter().map(single).collect()),
+            (Group::Translation(n), [x]) => Some(vec![Layout::Vector(n).names(x)]),
+            _ => None,
+        }
+    }
+
+    fn example(self) -> String {
+        let names = match self {
+            Group::PlanarRotation => "theta",
+            Group::Rotation => "q",
+            Group::PlanarMotion => "theta, x, y",
+            Group::Motion => "q, r",
+            Group::Translation(_) => "x",
+        };
+        format!("for example `reconstruct {names} in {self};`")
+    }
+}
+
+#[derive(Clone, Debug)]
+enum Way {
+    /// Names of velocities; none for all of the algebra.
+    Group(Group, Vec<Located>),
+    Rate(Vec<ExprId>),
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct ReconstructionDraft {
+    names: Vec<String>,
+    pub(super) symbols: Vec<SymbolId>,
+    way: Way,
+    doc: String,
+    span: Option<Span>,
+}
+
+impl ModelBuilder {
+    /// Coordinates of a group that the velocities `from` of the algebra move; with none, all velocities of the algebra.
+    ///
+    /// SO(2) takes one name, an angle; SO(3) one name `q` and has coordinates `qw, qx, qy, qz`; SE(2) three names, angle
+    /// and position; SE(3) two names `q, r` and has `qw, .., qz, r1, r2, r3`; R^n one name `x` for `x1, .., xn`, or `n`
+    /// names.
+    pub fn reconstruct_group(&mut self, names: &[&str], group: Group, from: &[&str], doc: &str) -> Vec<Value> {
+        let here = self.here;
+        let names: Vec<(&str, Option<Span>)> = names.iter().map(|n| (*n, here)).collect();
+        let from = from.iter().map(|n| ((*n).to_owned(), here)).collect();
+        self.located_group(&names, group, from, doc)
+    }
+
+    pub(in crate::spec) fn located_group(
+        &mut self,
+        names: &[(&str, Option<Span>)],
+        group: Group,
+        from: Vec<Located>,
+        doc: &str,
+    ) -> Vec<Value> {
+        let span = self.here;
+        let plain: Vec<&str> = names.iter().map(|(n, _)| *n).collect();
+        let Some(components) = group.coordinates(&plain) else {
+            let message = format!("{} for the coordinates of {group}", count_names(names.len()));
+            self.problem(span, message, group.example());
+            self.broken.insert("reconstruct");
+            return Vec::new();
+        };
+        if !self.has_room(components.iter().map(Vec::len).sum()) {
+            return Vec::new();
+        }
+        let mut draft = self.new_reconstruction(Way::Group(group, from), doc);
+        let blocks = names.iter().zip(components);
+        let values = blocks.map(|(block, components)| self.declare_block(*block, &components, &mut draft)).collect();
+        self.here = span;
+        self.reconstructions.push(draft);
+        values
+    }
+
+    /// Coordinates with given rates, which may contain coordinates that are reconstructed before: one name for a number,
+    /// one name `x` for a vector with components `x1, x2, ..`, or as many names as the vector has entries.
+    pub fn reconstruct_rate(&mut self, names: &[&str], rate: &Value, doc: &str) -> Vec<Value> {
+        let here = self.here;
+        let names: Vec<(&str, Option<Span>)> = names.iter().map(|n| (*n, here)).collect();
+        self.located_rate(&names, rate, doc)
+    }
+
+    pub(in crate::spec) fn located_rate(
+        &mut self,
+        names: &[(&str, Option<Span>)],
+        rate: &Value,
+        doc: &str,
+    ) -> Vec<Value> {
+        let span = self.here;
+        let single = |(name, _): &(&str, Option<Span>)| vec![(*name).to_owned()];
+        let components: Vec<Vec<String>> = match (names, rate.shape()) {
+            ([_], Shape::Scalar) => names.iter().map(single).collect(),
+            (_, Shape::Vector(n)) if n == names.len() => names.iter().map(single).collect(),
+            ([(name, _)], Shape::Vector(n)) => vec![Layout::Vector(n).names(name)],
+            _ => {
+                let message = format!("{} for a rate that is {}", count_names(names.len()), rate.shape());
+                self.problem(span, message, "give one name, or one per entry of the vector");
+                self.broken.insert("reconstruct");
+                return Vec::new();
+            }
+        };
+        if !self.has_room(components.iter().map(Vec::len).sum()) {
+            return Vec::new();
+        }
+        let mut draft = self.new_reconstruction(Way::Rate(rate.entries().to_vec()), doc);
+        let blocks = names.iter().zip(components);
+        let values = blocks.map(|(block, components)| self.declare_block(*block, &components, &mut draft)).collect();
+        self.here = span;
+        self.reconstructions.push(draft);
+        values
+    }
+
+    fn has_room(&mut self, n: usize) -> bool {
+        let taken: usize = self.reconstructions.iter().map(|r| r.symbols.len()).sum();
+        if taken + n <= MAX_DIM {
+            return true;
+        }
+        if self.broken.insert("reconstruct") {
+            let message = format!("the model reconstructs more than {MAX_DIM} coordinates");
+            self.problem(self.here, message, "");
+        }
+        false
+    }
+
+    fn new_reconstruction(&self, way: Way, doc: &str) -> ReconstructionDraft {
+        let (names, symbols) = (Vec::new(), Vec::new());
+        ReconstructionDraft { names, symbols, way, doc: doc.to_owned(), span: self.here }
+    }
+
+    fn declare_block(
+        &mut self,
+        (name, span): (&str, Option<Span>),
+        components: &[String],
+        draft: &mut ReconstructionDraft,
+    ) -> Value {
+        self.here = span;
+        let is_vector = components.len() != 1 || components[0] != name;
+        if is_vector {
+            self.declare(name, "a reconstructed coordinate");
+        }
+        let mut entries = Vec::with_capacity(components.len());
+        for component in components {
+            let (symbol, expr) = self.new_symbol(component, "a reconstructed coordinate");
+            draft.names.push(component.clone());
+            draft.symbols.push(symbol);
+            entries.push(expr);
+        }
+        match (is_vector, entries.as_slice()) {
+            (false, [only]) => Value::Scalar(*only),
+            _ => {
+                let value = Value::Vector(entries);
+                self.bind(name, &value);
+                value
+            }
+        }
+    }
+
+    /// The default initial value of a state variable or a reconstructed coordinate (a vector or a component); it contains
+    /// parameters at most. Values of velocities that follow from the constraints are not used.
+    pub fn initial(&mut self, name: &str, value: &Value) -> &mut Self {
+        let here = self.here;
+        self.initial.push((name.to_owned(), value.clone(), here));
+        self
+    }
+
+    /// Base coordinates (vectors or components) and advected parameters that a scene leaves out.
+    pub fn scene_drops(&mut self, scene: &str, names: &[&str]) -> &mut Self {
+        let here = self.here;
+        match self.scenes.iter_mut().find(|s| s.scene.name == scene) {
+            Some(draft) => draft.drops.extend(names.iter().map(|n| ((*n).to_owned(), here))),
+            None => self.problem(here, format!("`{scene}` is not a scene"), "declare it first"),
+        }
+        self
+    }
+
+    pub(super) fn check_reconstructions(&mut self, connection: Option<&[Vec<ExprId>]>) -> Vec<Reconstruction> {
+        let mut result = Vec::new();
+        for draft in self.reconstructions.clone() {
+            let kind = match draft.way {
+                Way::Rate(rate) => {
+                    let allowed = [Special::QuasiVelocity, Special::Reconstructed];
+                    let place = format!("rate of `{}`", draft.names.join(", "));
+                    if rate.iter().any(|e| self.reports_stray(*e, draft.span, &place, &allowed)) {
+                        continue;
+                    }
+                    Some(ReconstructionKind::Rate { rate })
+                }
+                Way::Group(group, from) => self.group_indices(group, &from, draft.span).map(|indices| {
+                    let xi: Vec<ExprId> =
+                        indices.into_iter().map(|a| self.group_velocity(a, connection)).collect();
+                    match (group, xi.as_slice()) {
+                        (Group::PlanarRotation, &[omega]) => ReconstructionKind::Angle { omega },
+                        (Group::Rotation, &[a, b, c]) => ReconstructionKind::Quaternion { omega: [a, b, c] },
+                        (Group::PlanarMotion, &[omega, a, b]) => {
+                            ReconstructionKind::PlanarPose { omega, v: [a, b] }
+                        }
+                        (Group::Motion, &[a, b, c, d, e, f]) => {
+                            ReconstructionKind::Pose { omega: [a, b, c], v: [d, e, f] }
+                        }
+                        _ => ReconstructionKind::Translation { v: xi },
+                    }
+                }),
+            };
+            if let Some(kind) = kind {
+                let ReconstructionDraft { names, symbols, doc, span, .. } = draft;
+                result.push(Reconstruction { names, symbols, kind, doc, span });
+            }
+        }
+        result
+    }
+
+    /// `xi^a = v^a - A^a_i xdot^i`.
+    fn group_velocity(&mut self, a: usize, connection: Option<&[Vec<ExprId>]>) -> ExprId {
+        let mut terms = vec![self.graph.sym(self.velocities[a].symbol)];
+        for (i, coefficient) in connection.map_or(&[][..], |rows| &rows[a]).iter().enumerate() {
+            let rate = self.graph.sym(self.base[i].velocity);
+            let term = self.graph.mul(*coefficient, rate);
+            terms.push(self.graph.neg(term));
+        }
+        self.graph.sum(&terms)
+    }
+
+    /// The basis elements whose velocities move the group. They have its brackets, and no bracket with another element has
+    /// a component along them, so that `gdot = g xi` closes.
+    fn group_indices(&mut self, group: Group, from: &[Located], span: Option<Span>) -> Option<Vec<usize>> {
+        let n_base = self.base.len();
+        let expected = group.algebra()?;
+        if self.broken.contains("velocity") {
+            return None;
+        }
+        let mut indices: Vec<usize> = Vec::new();
+        for (name, span) in from {
+            let found = self.velocity_indices(name);
+            if found.is_empty() || found.iter().any(|k| *k < n_base) {
+                self.unknown_algebra_velocity(name, *span);
+                return None;
+            }
+            for k in found {
+                if indices.contains(&(k - n_base)) {
+                    self.problem(*span, format!("`{name}` is named twice"), "name every velocity once");
+                    return None;
+                }
+                indices.push(k - n_base);
+            }
+        }
+        let algebra = self.algebra.as_ref().map(|(algebra, _)| algebra.clone());
+        let algebra = algebra.unwrap_or_else(|| LieAlgebra::abelian(0));
+        if from.is_empty() {
+            indices = (0..algebra.dim()).collect();
+        }
+        if indices.len() != group.dim() {
+            let message = format!("{} velocities for {group}, which has dimension {}", indices.len(), group.dim());
+            let blocks: BTreeSet<&str> = self.velocities.iter().map(|v| v.block.as_str()).collect();
+            let help = match (from.first(), blocks.first()) {
+                (None, Some(block)) => format!("say which: `in {group} from {block};`"),
+                _ => "name the velocities of the algebra that move it".to_owned(),
+            };
+            self.problem(span, message, help);
+            return None;
+        }
+        let mut place: Vec<Option<usize>> = vec![None; algebra.dim()];
+        for (at, a) in indices.iter().enumerate() {
+            place[*a] = Some(at);
+        }
+        for a in 0..algebra.dim() {
+            for b in a + 1..algebra.dim() {
+                let mut mismatch: BTreeMap<usize, (Rational, Rational)> = BTreeMap::new();
+                for (c, q) in algebra.bracket(a, b) {
+                    if let Some(at) = place[c] {
+                        mismatch.insert(at, (q, Rational::zero()));
+                    }
+                }
+                if let (Some(p), Some(r)) = (place[a], place[b]) {
+                    for (at, q) in expected.bracket(p, r) {
+                        mismatch.entry(at).or_insert_with(|| (Rational::zero(), Rational::zero())).1 = q;
+                    }
+                }
+                let Some((at, (found, wanted))) = mismatch.into_iter().find(|(_, (x, y))| x != y) else {
+                    continue;
+                };
+                let name = |k: usize| self.velocities.get(k).map_or("?", |v| v.name.as_str());
+                let (a, b, c) = (name(a), name(b), name(indices[at]));
+                let message = format!(
+                    "the velocities do not move {group} alone: [{a}, {b}] has component {found} along {c}, not {wanted}"
+                );
+                let help = "name the velocities of a whole factor of the group in its order, for example `in SE(3) from \
+                            Omega, V`";
+                self.problem(span, message, help);
+                return None;
+            }
+        }
+        Some(indices)
+    }
+
+    pub(super) fn check_initial(&mut self) -> Vec<(String, ExprId)> {
+        let params: BTreeSet<SymbolId> = self.params.iter().map(|p| p.symbol).collect();
+        let defaults = self.default_values();
+        let variables = self.state_variables();
+        let mut result: Vec<(String, ExprId)> = Vec::new();
+        let mut taken: BTreeSet<String> = BTreeSet::new();
+        for (name, value, span) in self.initial.clone() {
+            let is_definition = self.names.get(&name).is_some_and(|d| d.what == "a definition");
+            let target = self.values.get(&name).filter(|_| !is_definition);
+            let components: Option<Vec<String>> =
+                target.and_then(|v| v.entries().iter().map(|e| variables.get(e).cloned()).collect());
+            let Some(components) = components else {
+                self.unknown_variable(&name, span);
+                continue;
+            };
+            let Some(value) = self.fitted("initial value of", &name, &value, span) else { continue };
+            for (component, e) in components.into_iter().zip(value.into_entries()) {
+                if let Some(wrong) = self.graph.free_symbols(e).iter().find(|s| !params.contains(s)) {
+                    let message = format!(
+                        "initial value of `{name}` contains `{}`, which is not a parameter",
+                        self.graph.name(*wrong)
+                    );
+                    self.problem(span, message, "initial values are made of numbers and parameters");
+                    break;
+                }
+                if !taken.insert(component.clone()) {
+                    let message = format!("initial value of `{component}` is given twice");
+                    self.problem(span, message, "keep one of them");
+                    break;
+                }
+                let Some(number) = self.graph.eval_f64(e, &defaults).filter(|x| x.is_finite()) else {
+                    let message = format!("initial value of `{component}` has no value at the defaults");
+                    self.problem(span, message, "it divides by zero or leaves the domain of a function");
+                    break;
+                };
+                let domain = self.base.iter().find(|c| c.name == component).map(|c| c.domain);
+                if let Some(Domain::Interval(low, high)) = domain {
+                    let ends = (self.graph.eval_f64(low, &defaults), self.graph.eval_f64(high, &defaults));
+                    if let (Some(low), Some(high)) = ends
+                        && !(low < number && number < high)
+                    {
+                        let message =
+                            format!("initial value {number} of `{component}` is not between {low} and {high}");
+                        self.problem(span, message, "the domain of a coordinate is an open interval");
+                        break;
+                    }
+                }
+                result.push((component, e));
+            }
+        }
+        result
+    }
+
+    /// State variables and reconstructed coordinates: their names by expression.
+    fn state_variables(&mut self) -> BTreeMap<ExprId, String> {
+        let mut symbols: Vec<(SymbolId, String)> = Vec::new();
+        for c in &self.base {
+            symbols.push((c.symbol, c.name.clone()));
+            symbols.push((c.velocity, c.velocity_name.clone()));
+        }
+        symbols.extend(self.velocities.iter().chain(&self.quasi_velocities).map(|v| (v.symbol, v.name.clone())));
+        symbols.extend(self.advected.iter().flat_map(|a| a.components.iter().map(|(n, s)| (*s, n.clone()))));
+        let reconstructed = self.reconstructions.iter().flat_map(|r| r.symbols.iter().zip(&r.names));
+        symbols.extend(reconstructed.map(|(s, n)| (*s, n.clone())));
+        symbols.into_iter().map(|(s, name)| (self.graph.sym(s), name)).collect()
+    }
+
+    fn unknown_variable(&mut self, name: &str, span: Option<Span>) {
+        let declares = ["velocity", "coordinate", "advected", "reconstruct", "quasi_velocity"];
+        if declares.iter().any(|item| self.broken.contains(item)) {
+            return;
+        }
+        let variables = self.state_variables();
+        let mut known: BTreeSet<String> = variables.values().cloned().collect();
+        for (block, value) in &self.values {
+            let is_variable = value.entries().iter().all(|e| variables.contains_key(e));
+            if is_variable && self.names.get(block).is_some_and(|d| d.what != "a definition") {
+                known.insert(block.clone());
+            }
+        }
+        let help = names::suggest(name, known.iter().map(String::as_str));
+        self.problem(span, format!("`{name}` is not a state variable"), help);
+    }
+
+    pub(super) fn check_drops(&mut self, draft: &SceneDraft) -> Vec<String> {
+        let mut drops: Vec<String> = Vec::new();
+        for (name, span) in &draft.drops {
+            let scene = &draft.scene.name;
+            let is_base = self.names.get(name).is_some_and(|d| d.what == "a coordinate");
+            let advected = self.advected.iter();
+            if drops.contains(name) {
+                self.problem(*span, format!("scene `{scene}` drops `{name}` twice"), "keep one of them");
+            } else if is_base || self.advected.iter().any(|a| a.name == *name) {
+                drops.push(name.clone());
+            } else if let Some(block) =
+                advected.clone().find(|a| a.components.iter().any(|(n, _)| n == name)).map(|a| a.name.clone())
+            {
+                let message = format!("scene `{scene}` drops a part of `{block}`");
+                self.problem(*span, message, format!("drop `{block}` as a whole"));
+            } else if !(self.broken.contains("coordinate") || self.broken.contains("advected")) {
+                let known: Vec<&str> =
+                    self.base.iter().map(|c| c.name.as_str()).chain(advected.map(|a| a.name.as_str())).collect();
+                let help = names::suggest(name, known);
+                let message = format!(
+                    "scene `{scene}` drops `{name}`, which is neither a base coordinate nor an advected parameter"
+                );
+                self.problem(*span, message, help);
+            }
+        }
+        drops
+    }
+}
+
+fn count_names(n: usize) -> String {
+    if n == 1 { "1 name".to_owned() } else { format!("{n} names") }
+}

@@ -1,0 +1,308 @@
+//! The machine interfaces `eval` and `simulate --json`: shapes of answers, and what each mistake is told.
+
+use hamel_codegen::spec;
+use serde_json::{Value, json};
+use xtask::backend::{Backend, Local};
+use xtask::codegen_bridge as bridge;
+use xtask::commands::{eval_text, simulate_text};
+use xtask::error::{Error, Problem};
+
+/// A rigid body, small enough to know its answers by heart.
+const TOP: &str = "/// Top\nmodel top {
+    /// Principal moments of inertia [kg m^2].
+    param I: diagonal(3) = [2, 1.5, 0.8] where I1 > 0, I2 > 0, I3 > 0;
+    /// Angular velocity [rad/s].
+    velocity Omega in so(3);
+    lagrangian = 1/2*dot(Omega, I*Omega);
+    casimir C = dot(I*Omega, I*Omega);
+    scene bare { want rhs; }
+}";
+
+/// A bead on the half-line whose equation has no value at `x = 0`.
+const BEAD: &str = "model bead {
+    param k = 1;
+    coordinate x in real;
+    lagrangian = 1/2*x^2*x_dot^2 - k*x;
+}";
+
+/// A direction that the angular velocity stays orthogonal to, with multipliers.
+const VESELOVA: &str = include_str!("../../models/specs/veselova.hamel");
+
+fn backend(text: &str, scene: &str) -> Local<bridge::Built> {
+    let model = spec::parse("test.hamel", text).unwrap_or_else(|e| panic!("{e}"));
+    Local::new(bridge::build(&model, scene).unwrap_or_else(|e| panic!("{e}")))
+}
+
+fn eval(text: &str, request: &Value) -> Result<Value, Error> {
+    let answer = eval_text(&mut backend(text, "default"), &request.to_string())?;
+    Ok(serde_json::from_str(&answer).expect("JSON"))
+}
+
+fn simulate(text: &str, request: &Value) -> Result<Value, Error> {
+    let answer = simulate_text(&mut backend(text, "default"), &request.to_string())?;
+    Ok(serde_json::from_str(&answer).expect("JSON"))
+}
+
+fn problems(result: Result<Value, Error>) -> Vec<Problem> {
+    match result {
+        Err(Error::Request { problems }) => problems,
+        other => panic!("{other:?}"),
+    }
+}
+
+fn keys(value: &Value) -> Vec<&str> {
+    value.as_object().expect("object").keys().map(String::as_str).collect()
+}
+
+fn state(omega: [f64; 3]) -> Value {
+    json!({"Omega1": omega[0], "Omega2": omega[1], "Omega3": omega[2]})
+}
+
+#[test]
+fn eval_answers_in_the_documented_shape() {
+    let request = json!({"params": {"I1": 1.0}, "states": [state([1.0, 2.0, 3.0]), state([0.0, 0.0, 1.0])]});
+    let answer = eval(TOP, &request).unwrap();
+    assert_eq!(keys(&answer), ["model", "state", "derivatives", "energy", "outputs"]);
+    assert_eq!(answer["model"], "top");
+    assert_eq!(answer["state"], json!(["Omega1", "Omega2", "Omega3"]));
+    assert_eq!(answer["derivatives"][0][0], (1.5 - 0.8) * 2.0 * 3.0);
+    assert_eq!(answer["derivatives"][1], json!([0.0, 0.0, 0.0]));
+    assert_eq!(answer["energy"][0], 0.5 * (1.0 + 1.5 * 4.0 + 0.8 * 9.0));
+    assert_eq!(answer["outputs"]["momentum"][0]["p_Omega2"], 3.0);
+    assert_eq!(answer["outputs"]["momentum"].as_array().unwrap().len(), 2);
+    assert_eq!(keys(&answer["outputs"]["casimirs"][1]), ["C"]);
+}
+
+#[test]
+fn eval_answers_on_one_line_with_numbers_that_read_back() {
+    let x = 0.1_f64 + 0.2;
+    let request = json!({"states": [state([x, 1e-300, 1.0])]});
+    let text = eval_text(&mut backend(TOP, "default"), &request.to_string()).unwrap();
+    assert!(!text.contains('\n'));
+    let answer: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(answer["outputs"]["momentum"][0]["p_Omega1"].as_f64().unwrap().to_bits(), (2.0 * x).to_bits());
+}
+
+#[test]
+fn a_scene_without_energy_answers_null() {
+    let request = json!({"states": [state([1.0, 2.0, 3.0])]}).to_string();
+    let answer = eval_text(&mut backend(TOP, "bare"), &request).unwrap();
+    let answer: Value = serde_json::from_str(&answer).unwrap();
+    assert_eq!(answer["energy"], Value::Null);
+    assert_eq!(answer["outputs"], json!({}));
+    let request = json!({"initial": state([1.0, 2.0, 3.0]), "t_final": 1}).to_string();
+    let answer = simulate_text(&mut backend(TOP, "bare"), &request).unwrap();
+    let answer: Value = serde_json::from_str(&answer).unwrap();
+    assert_eq!(answer["energy_drift"], Value::Null);
+}
+
+#[test]
+fn unknown_and_missing_names_list_the_right_ones() {
+    let request = json!({"params": {"I4": 1, "I1": 1}, "states": [{"Omega1": 1, "omega2": 1}]});
+    let problems = problems(eval(TOP, &request));
+    assert_eq!(problems.len(), 3, "{problems:?}");
+    let text: Vec<String> = problems.iter().map(Problem::to_string).collect();
+    assert!(text[0].contains("no parameter `I4`; did you mean") && text[0].contains("I1, I2, I3"), "{}", text[0]);
+    assert!(text[1].contains("states[0] has no state `omega2`; did you mean `Omega2`?"), "{}", text[1]);
+    assert!(text[2].contains("states[0] lacks Omega2, Omega3"), "{}", text[2]);
+    assert!(text[2].contains("Omega1, Omega2, Omega3"), "{}", text[2]);
+}
+
+#[test]
+fn unknown_fields_and_wrong_kinds_are_told() {
+    let texts = |request: Value| -> String {
+        problems(eval(TOP, &request)).iter().map(|p| format!("{p}\n")).collect()
+    };
+    assert!(texts(json!({"state": []})).contains("no field `state`; did you mean `states`?"));
+    assert!(texts(json!({})).contains("states is missing"));
+    assert!(texts(json!([])).contains("the request is an array"));
+    assert!(texts(json!({"states": {}})).contains("states is an object, but has to be an array"));
+    assert!(texts(json!({"states": [1]})).contains("states[0] is the number 1.0"));
+    assert!(texts(json!({"states": [], "t": true})).contains("t is true"));
+}
+
+#[test]
+fn numbers_in_quotes_are_an_error_that_says_so() {
+    let mut quoted = state([1.0, 2.0, 3.0]);
+    quoted["Omega2"] = json!("1.3");
+    let found = problems(eval(TOP, &json!({"params": {"I1": "2"}, "states": [quoted]})));
+    let expected = [("params.I1", "2"), ("states[0].Omega2", "1.3")]
+        .map(|(path, text)| Problem::QuotedNumber { path: path.into(), text: text.into() });
+    assert_eq!(found, expected);
+    assert!(found[0].to_string().ends_with("write the number without quotes"));
+}
+
+#[test]
+fn repeated_names_are_an_error() {
+    let text = r#"{"params": {"I1": 1, "I1": 2}, "states": []}"#;
+    let result = eval_text(&mut backend(TOP, "default"), text);
+    assert!(matches!(result, Err(Error::Request { problems }) if matches!(problems[0], Problem::Repeated { .. })));
+}
+
+#[test]
+fn text_that_is_not_json_is_an_error_with_its_place() {
+    let result = eval_text(&mut backend(TOP, "default"), "{\"states\": [NaN]}");
+    assert!(matches!(&result, Err(Error::NotJson { reason, empty: false }) if reason.contains("line 1")));
+    for text in ["", "  \n"] {
+        let result = eval_text(&mut backend(TOP, "default"), text);
+        assert!(matches!(result, Err(Error::NotJson { empty: true, .. })));
+    }
+    let result = eval_text(&mut backend(TOP, "default"), "{\"states\": [{\"Omega1\": 1e999}]}");
+    assert!(matches!(result, Err(Error::NotJson { .. })));
+}
+
+#[test]
+fn bad_parameters_name_the_condition_and_the_value() {
+    let result = eval(TOP, &json!({"params": {"I2": -1.5}, "states": []}));
+    match result {
+        Err(error @ Error::Params { .. }) => {
+            assert_eq!(error.exit_code(), 2);
+            let text = error.to_string();
+            assert!(text.contains("I2 > 0 does not hold for I2 = -1.5"), "{text}");
+        }
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn singular_and_overflowing_states_are_errors_with_their_index() {
+    let request = json!({"states": [{"x": 1, "x_dot": 0}, {"x": 0, "x_dot": 1}]});
+    match eval(BEAD, &request) {
+        Err(Error::State { path, reason }) => {
+            assert_eq!(path, "states[1]");
+            assert!(reason.contains("singular") || reason.contains("not finite"), "{reason}");
+        }
+        other => panic!("{other:?}"),
+    }
+    match eval(TOP, &json!({"states": [state([1.0, 1e300, 1e300])]})) {
+        Err(Error::State { path, reason }) => {
+            assert_eq!(path, "states[0]");
+            assert!(reason.contains("Omega1"), "{reason}");
+        }
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn simulate_answers_in_the_documented_shape() {
+    let request = json!({"params": {"I1": 2}, "initial": state([1.0, 0.2, 0.1]), "t_final": 4, "method": "tsit5",
+        "rtol": 1e-10, "atol": 1e-12, "samples": 5});
+    let answer = simulate(TOP, &request).unwrap();
+    assert_eq!(keys(&answer), ["t", "final", "samples", "steps", "rejected", "rhs_evals", "energy_drift"]);
+    assert_eq!(answer["t"], 4.0);
+    let samples = answer["samples"].as_array().unwrap();
+    let times: Vec<f64> = samples.iter().map(|s| s[0].as_f64().unwrap()).collect();
+    assert_eq!(times, [0.0, 1.0, 2.0, 3.0, 4.0]);
+    assert_eq!(samples[0][1], state([1.0, 0.2, 0.1]));
+    assert_eq!(samples[4][1], answer["final"]);
+    assert_eq!(keys(&answer["final"]), ["Omega1", "Omega2", "Omega3"]);
+    // Fifth order at rtol 1e-10, errors of some tens of steps.
+    let drift = answer["energy_drift"].as_f64().unwrap();
+    assert!(drift > 0.0 && drift < 1e-8, "{drift:e}");
+    assert!(answer["steps"].as_u64().unwrap() > 10);
+}
+
+#[test]
+fn simulate_takes_defaults_and_all_methods() {
+    let initial = state([1.0, 0.2, 0.1]);
+    let reference = simulate(TOP, &json!({"initial": initial, "t_final": 2})).unwrap();
+    assert_eq!(reference["samples"], json!([]));
+    for (method, step) in [("rk4", Some(1e-3)), ("dop853", Some(0.05)), ("dopri5", None), ("tsit5", None)] {
+        let mut request = json!({"initial": initial, "t_final": 2, "method": method});
+        if let Some(step) = step {
+            request["step"] = json!(step);
+        }
+        let answer = simulate(TOP, &request).unwrap();
+        for name in ["Omega1", "Omega2", "Omega3"] {
+            let (x, y) = (answer["final"][name].as_f64().unwrap(), reference["final"][name].as_f64().unwrap());
+            assert!((x - y).abs() < 1e-8, "{method} {name}: {x} and {y}");
+        }
+    }
+    let back = simulate(TOP, &json!({"initial": reference["final"], "t_final": -2, "samples": 2})).unwrap();
+    assert_eq!(back["samples"][1][0], -2.0);
+    assert!((back["final"]["Omega1"].as_f64().unwrap() - 1.0).abs() < 1e-8);
+    let nothing = simulate(TOP, &json!({"initial": initial, "t_final": 0, "samples": 1})).unwrap();
+    assert_eq!((nothing["final"].clone(), nothing["steps"].as_u64()), (initial.clone(), Some(0)));
+}
+
+#[test]
+fn simulate_rejects_contradictions_and_what_it_cannot_do() {
+    let text = |change: Value| -> String {
+        let mut request = json!({"initial": state([1.0, 0.2, 0.1]), "t_final": 1});
+        for (name, value) in change.as_object().unwrap() {
+            request[name] = value.clone();
+        }
+        match simulate(TOP, &request) {
+            Err(error) => {
+                assert_eq!(error.exit_code(), 2, "{error}");
+                error.to_string()
+            }
+            Ok(answer) => panic!("{answer}"),
+        }
+    };
+    assert!(text(json!({"method": "rk45"})).contains("methods: tsit5, dop853, dopri5, rk4"));
+    assert!(text(json!({"method": "rk4"})).contains("step is missing"));
+    assert!(text(json!({"step": 0.1, "rtol": 1e-6})).contains("either step, or rtol and atol"));
+    assert!(text(json!({"samples": -1})).contains("samples is -1.0"));
+    assert!(text(json!({"samples": 1.5})).contains("whole number"));
+    assert!(text(json!({"t_final": null})).contains("t_final is missing"));
+    assert!(text(json!({"t_final": "3"})).contains("without quotes"));
+    assert!(text(json!({"step": 0})).contains("step size"));
+    assert!(text(json!({"step": 1e-30})).contains("too small"));
+    assert!(text(json!({"rtol": 1e-20})).contains("relative tolerance"));
+    assert!(text(json!({"initial": {"Omega1": 1}})).contains("initial lacks Omega2, Omega3"));
+    assert!(text(json!({"tfinal": 1})).contains("did you mean `t_final`?"));
+}
+
+#[test]
+fn a_failed_integration_reports_time_and_state_reached() {
+    // Falls onto x = 0, where the inertia vanishes.
+    let request = json!({"initial": {"x": 1, "x_dot": 0}, "t_final": 100});
+    match simulate(BEAD, &request) {
+        Err(error @ Error::Stopped { .. }) => {
+            assert_eq!(error.exit_code(), 1);
+            let text = error.to_string();
+            let Error::Stopped { t, state, .. } = error else { unreachable!() };
+            assert!(t > 0.5 && t < 100.0, "{text}");
+            assert_eq!(state.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>(), ["x", "x_dot"]);
+            assert!(state.iter().all(|(_, x)| x.is_finite()), "{text}");
+            assert!(text.contains("integration stopped at t = ") && text.contains("x_dot = "), "{text}");
+        }
+        other => panic!("{other:?}"),
+    }
+    let result = simulate(BEAD, &json!({"initial": {"x": 0, "x_dot": 0}, "t_final": 1}));
+    assert!(matches!(&result, Err(Error::State { path, .. }) if path == "initial"), "{result:?}");
+}
+
+#[test]
+fn the_drift_is_relative_to_something_even_where_the_energy_cancels() {
+    let model = "model pendulum { coordinate theta in angle; lagrangian = 1/2*theta_dot^2 + cos(theta); }";
+    // E = 0 at rest at the height of the pivot.
+    let initial = json!({"theta": std::f64::consts::FRAC_PI_2, "theta_dot": 0});
+    let answer = simulate(model, &json!({"initial": initial, "t_final": 10})).unwrap();
+    let drift = answer["energy_drift"].as_f64().unwrap();
+    assert!(drift < 1e-5, "{drift:e}");
+}
+
+#[test]
+fn the_default_initial_state_meets_the_constraint() {
+    let model = spec::parse("veselova.hamel", VESELOVA).unwrap_or_else(|e| panic!("{e}"));
+    let mut backend = Local::new(bridge::build(&model, "default").unwrap_or_else(|e| panic!("{e}")));
+    let params = bridge::all_params(&model, "default", &Default::default());
+    let roles = bridge::roles(&model, &params);
+    let values = backend.info().defaults();
+    let given = [("Omega1".to_owned(), 2.0)].into();
+    let start = |backend: &mut Local<bridge::Built>, given| {
+        let none = Default::default();
+        xtask::initial::state(backend, None, (&values, &[]), &roles, &none, given).unwrap()
+    };
+    for (given, first) in [(&Default::default(), None), (&given, Some(2.0))] {
+        let y = start(&mut backend, given);
+        assert!(first.is_none_or(|x| y[0] == x), "{y:?}");
+        let residual: f64 = (0..3).map(|k| y[k] * y[3 + k]).sum();
+        assert!(residual.abs() < 1e-15, "{residual:e}");
+        let norm: f64 = (0..3).map(|k| y[3 + k] * y[3 + k]).sum();
+        assert!((norm - 1.0).abs() < 1e-15);
+        assert!(y[..3].iter().any(|x| x.abs() > 0.1));
+    }
+}
