@@ -145,7 +145,7 @@ pub fn emit(model: &Model) -> Result<Vec<Module>, Error> {
     let mut modules = Vec::new();
     for name in scene_names(model) {
         let built = scene::build(model, &name)?;
-        let fail = |source| Error::Emission { model: model.name.clone(), source };
+        let fail = |source| Error::Emission { model: model.name.clone(), source: Box::new(source) };
         let text = built.emit().map_err(fail)?;
         modules.push(Module { entry: built.entry(), text });
     }
@@ -157,7 +157,8 @@ pub fn emit(model: &Model) -> Result<Vec<Module>, Error> {
 /// # Errors
 /// [`Error::Emission`].
 pub fn emit_index(entries: &[Entry]) -> Result<String, Error> {
-    scene::emit_index(entries).map_err(|source| Error::Emission { model: "the index".into(), source })
+    scene::emit_index(entries)
+        .map_err(|source| Error::Emission { model: "the index".into(), source: Box::new(source) })
 }
 
 /// Explains a scene in text, or in LaTeX.
@@ -280,12 +281,9 @@ pub fn blocks(model: &Model) -> Vec<Block> {
                 block.members.push(member);
                 block.doc = if block.doc == doc { doc.to_owned() } else { String::new() };
             }
-            None => list.push(Block {
-                symbol: String::new(),
-                doc: doc.to_owned(),
-                unit,
-                members: vec![member],
-            }),
+            None => {
+                list.push(Block { symbol: String::new(), doc: doc.to_owned(), unit, members: vec![member] })
+            }
         }
     };
     for coordinate in &model.base {

@@ -74,10 +74,7 @@ impl Choice {
 /// As [`generate::generate`].
 pub fn generate(workspace: &Workspace, models: &[String], check: bool) -> Result<String, Error> {
     let done = generate::generate(workspace, models, check)?;
-    let mut line = format!(
-        "{} models, {} scenes in {:.2} s",
-        done.n_models, done.n_modules, done.seconds
-    );
+    let mut line = format!("{} models, {} scenes in {:.2} s", done.n_models, done.n_modules, done.seconds);
     if let (Some((name, seconds)), true) = (&done.slowest, done.n_models > 1) {
         let _ = write!(line, " (slowest: {name}, {seconds:.2} s)");
     }
@@ -138,12 +135,7 @@ fn describe(workspace: &Workspace, spec: &Spec) -> Result<Listed, Error> {
         let built = bridge::build(&model, &name)?;
         scenes.push((name, crate::dynamics::Factory::info(&built).clone()));
     }
-    Ok(Listed {
-        name: model.name.clone(),
-        title: title(&model.doc),
-        sources: model.sources.clone(),
-        scenes,
-    })
+    Ok(Listed { name: model.name.clone(), title: title(&model.doc), sources: model.sources.clone(), scenes })
 }
 
 impl Listed {
@@ -371,7 +363,11 @@ pub fn simulate(workspace: &Workspace, choice: &Choice, arguments: &Simulation) 
         let full = bridge::build(&model, bridge::DEFAULT_SCENE)?;
         let full_info = crate::dynamics::Factory::info(&full);
         if full_info.state == info.state && full_info.output_range("constraint").is_some() {
-            let values = full_info.params.iter().map(|p| all_params.get(&p.name).copied().unwrap_or(p.default)).collect::<Vec<f64>>();
+            let values = full_info
+                .params
+                .iter()
+                .map(|p| all_params.get(&p.name).copied().unwrap_or(p.default))
+                .collect::<Vec<f64>>();
             residuals = Some((Local::new(full), values));
         }
     }
@@ -444,12 +440,14 @@ fn summary(info: &Info, title: &str, request: &SimulateRequest, response: &Simul
     );
     if let (Some(drift), Some(initial)) = (response.energy_drift, response.initial_energy) {
         let scale = if response.energy_scale == initial.abs() { "|E(0)|" } else { "the size of its terms" };
-        let _ = write!(text, "\n  energy     {initial:.6e} at the start, drift {drift:.1e} relative to {scale}");
+        let _ =
+            write!(text, "\n  energy     {initial:.6e} at the start, drift {drift:.1e} relative to {scale}");
     }
     if let Some(residual) = response.constraint_residual {
         let _ = write!(text, "\n  constraint residual at most {residual:.1e}");
         if let Some(initial) = response.initial_residual.filter(|r| *r > 1e-9) {
-            let _ = write!(text, "; the initial state violates it by {initial:.1e}, and the motion keeps that");
+            let _ =
+                write!(text, "; the initial state violates it by {initial:.1e}, and the motion keeps that");
         }
     }
     let width = info.state.iter().map(|s| s.chars().count()).max().unwrap_or(0).max(5);

@@ -1,7 +1,7 @@
 //! The compiled models in another process: how it is started, and what the two say to each other.
 //!
-//! One JSON value a line in both directions. The process first writes [`Hello`]; then each [`Ask`] gets one answer,
-//! a `Result`. Its standard error is the user's, so that compiler messages and progress bars appear.
+//! One JSON value a line in both directions. The process first says its name and version; then each request gets one
+//! answer, a `Result`. Its standard error is the user's, so that progress bars appear.
 //!
 //! Deliberately does not know: generated code. The other side is [`serve`], run by `hamel-compiled`.
 
@@ -177,7 +177,16 @@ impl Drop for Process {
 fn build(workspace: &Workspace, model: &str) -> Result<PathBuf, Error> {
     let mut command = Command::new(Workspace::cargo());
     command
-        .args(["build", "--quiet", "--release", "--package", PACKAGE, "--message-format", "json", "--manifest-path"])
+        .args([
+            "build",
+            "--quiet",
+            "--release",
+            "--package",
+            PACKAGE,
+            "--message-format",
+            "json",
+            "--manifest-path",
+        ])
         .arg(workspace.manifest())
         .stdin(Stdio::null());
     let spinner = Spinner::start();
@@ -216,7 +225,9 @@ impl Spinner {
             }
             let bar = ProgressBar::new_spinner();
             // The template is a constant that indicatif accepts.
-            bar.set_style(ProgressStyle::with_template("  {spinner} {msg} {elapsed}").expect("valid template"));
+            bar.set_style(
+                ProgressStyle::with_template("  {spinner} {msg} {elapsed}").expect("valid template"),
+            );
             bar.set_message("building the compiled models");
             while !ended(wait.recv_timeout(Duration::from_millis(120))) {
                 bar.tick();
@@ -245,7 +256,11 @@ pub fn serve(factories: &[Box<dyn Factory>]) -> Result<(), Error> {
     serve_on(factories, std::io::stdin().lock(), std::io::stdout().lock())
 }
 
-fn serve_on(factories: &[Box<dyn Factory>], input: impl BufRead, mut output: impl Write) -> Result<(), Error> {
+fn serve_on(
+    factories: &[Box<dyn Factory>],
+    input: impl BufRead,
+    mut output: impl Write,
+) -> Result<(), Error> {
     let mut say = |text: Result<String, serde_json::Error>| -> Result<(), Error> {
         let write = |text: String| writeln!(output, "{text}").and_then(|()| output.flush());
         text.map_err(std::io::Error::from).and_then(write).map_err(|e| Error::io("the answer", e))

@@ -52,7 +52,7 @@ pub enum Error {
         /// The model.
         model: String,
         /// The reason.
-        source: hamel_codegen::error::Error,
+        source: Box<hamel_codegen::error::Error>,
     },
     /// Input that is not JSON.
     NotJson {
@@ -261,16 +261,15 @@ fn values(f: &mut fmt::Formatter<'_>, values: &[(String, f64)]) -> fmt::Result {
 impl fmt::Display for Problem {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Problem::WrongKind { path, found, wanted } => write!(f, "{path} is {found}, but has to be {wanted}"),
+            Problem::WrongKind { path, found, wanted } => {
+                write!(f, "{path} is {found}, but has to be {wanted}")
+            }
             Problem::QuotedNumber { path, text } => {
                 write!(f, "{path} is the string {text:?}: write the number without quotes")
             }
-            Problem::UnknownName { path, kind, name, known } => write!(
-                f,
-                "{path} has no {kind} `{name}`{}\n  {kind}s: {}",
-                hint(name, known),
-                quoted(known)
-            ),
+            Problem::UnknownName { path, kind, name, known } => {
+                write!(f, "{path} has no {kind} `{name}`{}\n  {kind}s: {}", hint(name, known), quoted(known))
+            }
             Problem::MissingNames { path, absent, known } => {
                 write!(f, "{path} lacks {}\n  all of: {}", quoted(absent), quoted(known))
             }
@@ -295,7 +294,10 @@ impl fmt::Display for Error {
             }
             Error::Models { .. } | Error::Several { .. } => f.write_str(&self.render(false)),
             Error::Misnamed { file, model } => {
-                write!(f, "{file} contains the model `{model}`: name the file {model}.hamel, or the model like the file")
+                write!(
+                    f,
+                    "{file} contains the model `{model}`: name the file {model}.hamel, or the model like the file"
+                )
             }
             Error::SameModule { module, scenes: [a, b] } => {
                 write!(f, "{a} and {b} would both be generated as {module}.rs: rename one of them")
@@ -350,7 +352,7 @@ impl std::error::Error for Error {
     fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
         match self {
             Error::Io { source, .. } => Some(source),
-            Error::Emission { source, .. } => Some(source),
+            Error::Emission { source, .. } => Some(&**source),
             _ => None,
         }
     }

@@ -165,8 +165,7 @@ pub fn derivative(dynamics: &dyn Dynamics, t: f64, y: &[f64]) -> Result<Vec<f64>
 
 /// `group.component` of a position among all outputs.
 fn output_name(info: &Info, at: usize) -> String {
-    let names =
-        info.outputs.iter().flat_map(|g| g.components.iter().map(move |c| format!("{}.{c}", g.name)));
+    let names = info.outputs.iter().flat_map(|g| g.components.iter().map(move |c| format!("{}.{c}", g.name)));
     names.into_iter().nth(at).unwrap_or_default()
 }
 

@@ -154,8 +154,11 @@ pub fn figure(run: &Run<'_>) -> Figure {
             times: Some(times),
         });
     }
-    let scene =
-        if info.scene == crate::codegen_bridge::DEFAULT_SCENE { String::new() } else { format!(", scene {}", info.scene) };
+    let scene = if info.scene == crate::codegen_bridge::DEFAULT_SCENE {
+        String::new()
+    } else {
+        format!(", scene {}", info.scene)
+    };
     let steps = match request.steps {
         Steps::Adaptive { rtol, atol } => format!("rtol {rtol:e}, atol {atol:e}"),
         Steps::Fixed { step } => format!("step {step:?}"),
@@ -204,5 +207,8 @@ fn cut(text: &str, limit: usize) -> String {
         return text.to_owned();
     }
     let head: String = text.chars().take(limit).collect();
-    format!("{}…", head.rsplit_once(' ').map_or(head.as_str(), |(head, _)| head).trim_end_matches([',', ':', ';']))
+    format!(
+        "{}…",
+        head.rsplit_once(' ').map_or(head.as_str(), |(head, _)| head).trim_end_matches([',', ':', ';'])
+    )
 }

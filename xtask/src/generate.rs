@@ -175,7 +175,8 @@ fn derive_all(workspace: &Workspace, specs: &[Spec]) -> Vec<Made> {
                     bar.set_message(spec.name.clone());
                     let clock = Instant::now();
                     let modules = bridge::read(workspace, spec).and_then(|model| bridge::emit(&model));
-                    let made = Made { name: spec.name.clone(), modules, seconds: clock.elapsed().as_secs_f64() };
+                    let made =
+                        Made { name: spec.name.clone(), modules, seconds: clock.elapsed().as_secs_f64() };
                     done.lock().unwrap_or_else(std::sync::PoisonError::into_inner).push((at, made));
                     bar.inc(1);
                 }
@@ -278,7 +279,10 @@ mod tests {
         let entries = read_index(&path);
         std::fs::remove_dir_all(&folder).unwrap();
         assert_eq!(entries.len(), 2);
-        assert_eq!((entries[1].module.as_str(), entries[1].scene.as_str()), ("heavy_top_lagrange", "lagrange"));
+        assert_eq!(
+            (entries[1].module.as_str(), entries[1].scene.as_str()),
+            ("heavy_top_lagrange", "lagrange")
+        );
         assert_eq!((entries[0].n_state, entries[0].doc.as_str()), (6, "Heavy top"));
     }
 }

@@ -60,7 +60,9 @@ pub fn state(
     }
     // The loop runs at least once.
     Err(match failure.expect("an attempt") {
-        Error::State { reason, .. } | Error::Remote { message: reason, .. } if given.len() < info.state.len() => {
+        Error::State { reason, .. } | Error::Remote { message: reason, .. }
+            if given.len() < info.state.len() =>
+        {
             let reason = format!("{reason}; choose another state with --initial name=value ..");
             Error::State { path: "the default initial state".into(), reason }
         }
@@ -166,10 +168,12 @@ fn least_change(jacobian: &[Vec<f64>], residual: &[f64]) -> Option<Vec<f64>> {
         if rows[k][k].abs() < 1e-14 {
             return None;
         }
-        for i in k + 1..n {
-            let factor = rows[i][k] / rows[k][k];
-            for j in k..=n {
-                rows[i][j] -= factor * rows[k][j];
+        let (done, below) = rows.split_at_mut(k + 1);
+        let pivot_row = &done[k];
+        for row in below {
+            let factor = row[k] / pivot_row[k];
+            for (entry, above) in row.iter_mut().zip(pivot_row).skip(k) {
+                *entry -= factor * above;
             }
         }
     }

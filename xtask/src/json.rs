@@ -127,7 +127,12 @@ impl Fields {
         for (name, value) in entries {
             if !known.contains(&name.as_str()) {
                 let known = known.iter().map(|k| (*k).to_owned()).collect();
-                problems.push(Problem::UnknownName { path: "the request".into(), kind: "field", name, known });
+                problems.push(Problem::UnknownName {
+                    path: "the request".into(),
+                    kind: "field",
+                    name,
+                    known,
+                });
             } else if kept.iter().any(|(k, _)| *k == name) {
                 problems.push(Problem::Repeated { path: "the request".into(), name });
             } else {

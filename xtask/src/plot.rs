@@ -88,7 +88,9 @@ pub fn svg(figure: &Figure) -> Result<String, DrawError> {
     Ok(text.replacen(&big, &format!("width=\"{WIDTH}\" height=\"{height}\""), 1))
 }
 
-fn describe<E: std::error::Error + Send + Sync>(error: plotters::drawing::DrawingAreaErrorKind<E>) -> DrawError {
+fn describe<E: std::error::Error + Send + Sync>(
+    error: plotters::drawing::DrawingAreaErrorKind<E>,
+) -> DrawError {
     error.to_string().into()
 }
 
@@ -110,7 +112,10 @@ fn font(size: f64, colour: RGBColor, bold: bool, h: HPos, v: VPos) -> TextStyle<
     TextStyle { font: style, color: colour.to_backend_color(), pos: Pos::new(h, v) }
 }
 
-type Drawn<'a> = Result<(), plotters::drawing::DrawingAreaErrorKind<<SVGBackend<'a> as plotters::prelude::DrawingBackend>::ErrorType>>;
+type Drawn<'a> = Result<
+    (),
+    plotters::drawing::DrawingAreaErrorKind<<SVGBackend<'a> as plotters::prelude::DrawingBackend>::ErrorType>,
+>;
 
 fn draw<'a>(area: &Area<'a>, figure: &Figure) -> Drawn<'a> {
     let label = |text: &str, x: f64, y: f64, style: TextStyle<'static>| {
@@ -150,7 +155,14 @@ fn draw<'a>(area: &Area<'a>, figure: &Figure) -> Drawn<'a> {
         let legend_height = panel.lines.len() as f64 * LINE_HEIGHT;
         let mut legend_y = (top + bottom - legend_height) / 2.0 + LINE_HEIGHT / 2.0;
         for ((name, values), colour) in panel.lines.iter().zip(COLOURS.into_iter().cycle()) {
-            let points = panel.times.as_ref().unwrap_or(&figure.times).iter().zip(values).map(|(t, y)| at(x_of(*t), y_of(*y))).collect();
+            let points = panel
+                .times
+                .as_ref()
+                .unwrap_or(&figure.times)
+                .iter()
+                .zip(values)
+                .map(|(t, y)| at(x_of(*t), y_of(*y)))
+                .collect();
             path(points, stroke(colour, 1.5))?;
             if !name.is_empty() {
                 path(vec![at(right + 12.0, legend_y), at(right + 32.0, legend_y)], stroke(colour, 2.2))?;
@@ -229,7 +241,8 @@ impl Ticks {
     fn power_label(&self) -> Option<String> {
         const DIGITS: [char; 10] = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
         let raised = |c: char| c.to_digit(10).map_or('⁻', |d| DIGITS[d as usize]);
-        (self.power != 0).then(|| format!("×10{}", self.power.to_string().chars().map(raised).collect::<String>()))
+        (self.power != 0)
+            .then(|| format!("×10{}", self.power.to_string().chars().map(raised).collect::<String>()))
     }
 }
 

@@ -2,9 +2,7 @@
 //!
 //! Deliberately does not know: whether the scene is compiled or interpreted, files, figures.
 
-use hamel_runtime::{
-    Dop853, Dopri5, Error as SolverError, Integrator, Method, Options, Rk4, Tsit5,
-};
+use hamel_runtime::{Dop853, Dopri5, Error as SolverError, Integrator, Method, Options, Rk4, Tsit5};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
@@ -88,10 +86,9 @@ impl Steps {
                 Err("is missing: rk4 has no error estimate, give a step or choose tsit5, dop853 or dopri5"
                     .into())
             }
-            (None, rtol, atol) => Ok(Steps::Adaptive {
-                rtol: rtol.unwrap_or(Self::RTOL),
-                atol: atol.unwrap_or(Self::ATOL),
-            }),
+            (None, rtol, atol) => {
+                Ok(Steps::Adaptive { rtol: rtol.unwrap_or(Self::RTOL), atol: atol.unwrap_or(Self::ATOL) })
+            }
         }
     }
 }
@@ -221,8 +218,7 @@ impl SimulateRequest {
         let samples = if samples >= 0.0 && samples.fract() == 0.0 && samples <= MAX_SAMPLES as f64 {
             samples as usize
         } else {
-            let reason =
-                format!("is {samples:?}, but has to be a whole number from 0 to {MAX_SAMPLES}");
+            let reason = format!("is {samples:?}, but has to be a whole number from 0 to {MAX_SAMPLES}");
             fields.problems.push(unusable("samples", reason));
             0
         };
@@ -233,7 +229,11 @@ impl SimulateRequest {
 
     /// Time of a sample.
     fn sample_time(&self, k: usize) -> f64 {
-        if k + 1 >= self.samples { self.t_final } else { self.t_final * (k as f64 / (self.samples - 1) as f64) }
+        if k + 1 >= self.samples {
+            self.t_final
+        } else {
+            self.t_final * (k as f64 / (self.samples - 1) as f64)
+        }
     }
 }
 
@@ -316,8 +316,11 @@ fn run<M: Method>(
         Steps::Adaptive { rtol, atol } => Options::adaptive(rtol, atol).with_max_steps(MAX_STEPS),
         Steps::Fixed { step } => {
             let n_steps = (request.t_final / step).abs();
-            if n_steps > 20.0 * MAX_STEPS as f64 {
-                let reason = format!("step {step:?} is too small for t_final = {:?}: it needs {n_steps:.1e} steps", request.t_final);
+            if step > 0.0 && n_steps > 20.0 * MAX_STEPS as f64 {
+                let reason = format!(
+                    "step {step:?} is too small for t_final = {:?}: it needs {n_steps:.1e} steps",
+                    request.t_final
+                );
                 return Err(Error::Options { reason });
             }
             Options::fixed(step).with_max_steps(u64::MAX)

@@ -29,8 +29,7 @@ impl Repository {
 
     fn files(&self) -> Vec<String> {
         let Ok(listing) = std::fs::read_dir(self.generated("")) else { return Vec::new() };
-        let mut names: Vec<String> =
-            listing.map(|f| f.unwrap().file_name().into_string().unwrap()).collect();
+        let mut names: Vec<String> = listing.map(|f| f.unwrap().file_name().into_string().unwrap()).collect();
         names.sort();
         names
     }
@@ -102,7 +101,10 @@ fn nothing_is_written_when_a_model_fails_and_all_problems_are_told() {
     let error = generate(&repository.workspace, &[], false).unwrap_err();
     assert_eq!(error.exit_code(), 2);
     let message = error.to_string();
-    assert!(message.contains("models/specs/one.hamel:2:") && message.contains("models/specs/two.hamel:2:"), "{message}");
+    assert!(
+        message.contains("models/specs/one.hamel:2:") && message.contains("models/specs/two.hamel:2:"),
+        "{message}"
+    );
     assert_eq!(repository.files(), Vec::<String>::new());
 }
 
@@ -112,7 +114,10 @@ fn names_are_checked() {
     repository.spec("one", ONE);
     let error = generate(&repository.workspace, &["oen".into(), "xyzw".into()], false).unwrap_err();
     let message = error.to_string();
-    assert!(message.contains("no model `oen`; did you mean `one`?") && message.contains("`xyzw`"), "{message}");
+    assert!(
+        message.contains("no model `oen`; did you mean `one`?") && message.contains("`xyzw`"),
+        "{message}"
+    );
     repository.spec("other", TWO);
     let error = generate(&repository.workspace, &[], false).unwrap_err();
     assert!(matches!(&error, Error::Misnamed { model, .. } if model == "two"), "{error}");

@@ -102,7 +102,11 @@ fn unknown_and_missing_names_list_the_right_ones() {
     let problems = problems(eval(TOP, &request));
     assert_eq!(problems.len(), 3, "{problems:?}");
     let text: Vec<String> = problems.iter().map(Problem::to_string).collect();
-    assert!(text[0].contains("no parameter `I4`; did you mean") && text[0].contains("I1, I2, I3"), "{}", text[0]);
+    assert!(
+        text[0].contains("no parameter `I4`; did you mean") && text[0].contains("I1, I2, I3"),
+        "{}",
+        text[0]
+    );
     assert!(text[1].contains("states[0] has no state `omega2`; did you mean `Omega2`?"), "{}", text[1]);
     assert!(text[2].contains("states[0] lacks Omega2, Omega3"), "{}", text[2]);
     assert!(text[2].contains("Omega1, Omega2, Omega3"), "{}", text[2]);
@@ -136,7 +140,9 @@ fn numbers_in_quotes_are_an_error_that_says_so() {
 fn repeated_names_are_an_error() {
     let text = r#"{"params": {"I1": 1, "I1": 2}, "states": []}"#;
     let result = eval_text(&mut backend(TOP, "default"), text);
-    assert!(matches!(result, Err(Error::Request { problems }) if matches!(problems[0], Problem::Repeated { .. })));
+    assert!(
+        matches!(result, Err(Error::Request { problems }) if matches!(problems[0], Problem::Repeated { .. }))
+    );
 }
 
 #[test]
@@ -214,7 +220,8 @@ fn simulate_takes_defaults_and_all_methods() {
         }
         let answer = simulate(TOP, &request).unwrap();
         for name in ["Omega1", "Omega2", "Omega3"] {
-            let (x, y) = (answer["final"][name].as_f64().unwrap(), reference["final"][name].as_f64().unwrap());
+            let (x, y) =
+                (answer["final"][name].as_f64().unwrap(), reference["final"][name].as_f64().unwrap());
             assert!((x - y).abs() < 1e-8, "{method} {name}: {x} and {y}");
         }
     }

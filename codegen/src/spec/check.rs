@@ -1114,7 +1114,9 @@ fn group_of(expr: &AlgebraExpr) -> Option<Group> {
         AlgebraNode::Name(name) if name == "R" => Some(Group::Translation(1)),
         AlgebraNode::Power(n) => Some(Group::Translation(*n)),
         AlgebraNode::Call(name, arguments) => {
-            let [AlgebraExpr { node: AlgebraNode::Number(n), .. }] = arguments.as_slice() else { return None };
+            let [AlgebraExpr { node: AlgebraNode::Number(n), .. }] = arguments.as_slice() else {
+                return None;
+            };
             let written = format!("{}({n})", name.text);
             Group::NAMED.iter().find(|(known, _)| *known == written).map(|(_, group)| *group)
         }

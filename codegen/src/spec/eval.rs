@@ -5,8 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use num_traits::{One, Signed, ToPrimitive};
 
 use super::ast::{Expr, Node};
-use super::diagnostic::{Diagnostic, Span};
 use super::builder::look_up;
+use super::diagnostic::{Diagnostic, Span};
 use super::names::{self, FUNCTIONS, OPERATORS};
 use super::parser::MAX_DIM;
 use super::value::{Shape, Value, ValueError};
@@ -125,7 +125,8 @@ impl Evaluator<'_> {
         if self.withheld.contains(name.trim_end_matches(|c: char| c.is_ascii_digit()))
             || self.withheld.contains(name)
         {
-            let help = "only later `reconstruct` items see it; use `coordinate` when the equations depend on it";
+            let help =
+                "only later `reconstruct` items see it; use `coordinate` when the equations depend on it";
             return self.fail(span, format!("`{shown}` is a reconstructed coordinate"), help);
         }
         let hint = self.suggestion(name);
@@ -345,7 +346,8 @@ impl Evaluator<'_> {
     fn call(&mut self, name: &super::ast::Name, arguments: &[Expr], span: Span) -> Option<Weighed> {
         let function = name.text.as_str();
         let operator = OPERATORS.iter().find(|(operator, _)| *operator == function);
-        if let Some((_, help)) = operator.filter(|_| self.operator.is_none_or(|(legal, _)| legal != function)) {
+        if let Some((_, help)) = operator.filter(|_| self.operator.is_none_or(|(legal, _)| legal != function))
+        {
             return self.fail(name.span, format!("`{function}` is not legal here"), *help);
         }
         let wanted = match function {

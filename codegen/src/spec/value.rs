@@ -159,7 +159,9 @@ impl ValueError {
                 "powers are for numbers: write `dot(v, v)` or `A * A`".into()
             }
             ValueError::NotAVelocity { function } => {
-                format!("name a velocity of the base or of the algebra: `{function}(Omega)`, `{function}(q_dot)`")
+                format!(
+                    "name a velocity of the base or of the algebra: `{function}(Omega)`, `{function}(q_dot)`"
+                )
             }
             ValueError::Shapes { operation: "cross", .. } => "both must be vector(3)".into(),
             ValueError::Shapes { operation: "dot", .. } => "both must be vectors of one dimension".into(),

@@ -155,7 +155,8 @@ impl ModelBuilder {
 
     pub(super) fn check_named_values(&mut self) {
         let casimirs = self.casimirs.iter().map(|c| (c.name.clone(), c.expr));
-        let outputs = self.outputs.iter().flat_map(|o| o.components.iter().map(|(_, e)| (o.name.clone(), *e)));
+        let outputs =
+            self.outputs.iter().flat_map(|o| o.components.iter().map(|(_, e)| (o.name.clone(), *e)));
         let values: Vec<(String, ExprId)> = casimirs.chain(outputs).collect();
         for (name, e) in values {
             let span = self.output_names.get(&name).copied().flatten();
@@ -437,10 +438,12 @@ impl ModelBuilder {
             return Some(chosen);
         }
         if let Some(c) = constraints.iter().find(|c| c.kind != ConstraintKind::Linear) {
-            let problem =
-                Diagnostic::new(span, "a nonlinear or second-order constraint leaves all velocities in the state")
-                    .with_place(c.span, "this one")
-                    .with_help("remove `independent`");
+            let problem = Diagnostic::new(
+                span,
+                "a nonlinear or second-order constraint leaves all velocities in the state",
+            )
+            .with_place(c.span, "this one")
+            .with_help("remove `independent`");
             self.problems.push(problem);
             return None;
         }

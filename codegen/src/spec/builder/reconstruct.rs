@@ -122,7 +122,13 @@ impl ModelBuilder {
     /// SO(2) takes one name, an angle; SO(3) one name `q` and has coordinates `qw, qx, qy, qz`; SE(2) three names, angle
     /// and position; SE(3) two names `q, r` and has `qw, .., qz, r1, r2, r3`; R^n one name `x` for `x1, .., xn`, or `n`
     /// names.
-    pub fn reconstruct_group(&mut self, names: &[&str], group: Group, from: &[&str], doc: &str) -> Vec<Value> {
+    pub fn reconstruct_group(
+        &mut self,
+        names: &[&str],
+        group: Group,
+        from: &[&str],
+        doc: &str,
+    ) -> Vec<Value> {
         let here = self.here;
         let names: Vec<(&str, Option<Span>)> = names.iter().map(|n| (*n, here)).collect();
         let from = from.iter().map(|n| ((*n).to_owned(), here)).collect();
@@ -139,7 +145,7 @@ impl ModelBuilder {
         let span = self.here;
         let plain: Vec<&str> = names.iter().map(|(n, _)| *n).collect();
         let Some(components) = group.coordinates(&plain) else {
-            let message = format!("{} for the coordinates of {group}", count_names(names.len()));
+            let message = format!("{} for the coordinates of {group}", counted(names.len(), "name", "names"));
             self.problem(span, message, group.example());
             self.broken.insert("reconstruct");
             return Vec::new();
@@ -149,7 +155,8 @@ impl ModelBuilder {
         }
         let mut draft = self.new_reconstruction(Way::Group(group, from), doc);
         let blocks = names.iter().zip(components);
-        let values = blocks.map(|(block, components)| self.declare_block(*block, &components, &mut draft)).collect();
+        let values =
+            blocks.map(|(block, components)| self.declare_block(*block, &components, &mut draft)).collect();
         self.here = span;
         self.reconstructions.push(draft);
         values
@@ -176,7 +183,8 @@ impl ModelBuilder {
             (_, Shape::Vector(n)) if n == names.len() => names.iter().map(single).collect(),
             ([(name, _)], Shape::Vector(n)) => vec![Layout::Vector(n).names(name)],
             _ => {
-                let message = format!("{} for a rate that is {}", count_names(names.len()), rate.shape());
+                let message =
+                    format!("{} for a rate that is {}", counted(names.len(), "name", "names"), rate.shape());
                 self.problem(span, message, "give one name, or one per entry of the vector");
                 self.broken.insert("reconstruct");
                 return Vec::new();
@@ -187,7 +195,8 @@ impl ModelBuilder {
         }
         let mut draft = self.new_reconstruction(Way::Rate(rate.entries().to_vec()), doc);
         let blocks = names.iter().zip(components);
-        let values = blocks.map(|(block, components)| self.declare_block(*block, &components, &mut draft)).collect();
+        let values =
+            blocks.map(|(block, components)| self.declare_block(*block, &components, &mut draft)).collect();
         self.here = span;
         self.reconstructions.push(draft);
         values
@@ -256,7 +265,10 @@ impl ModelBuilder {
         self
     }
 
-    pub(super) fn check_reconstructions(&mut self, connection: Option<&[Vec<ExprId>]>) -> Vec<Reconstruction> {
+    pub(super) fn check_reconstructions(
+        &mut self,
+        connection: Option<&[Vec<ExprId>]>,
+    ) -> Vec<Reconstruction> {
         let mut result = Vec::new();
         for draft in self.reconstructions.clone() {
             let kind = match draft.way {
@@ -332,7 +344,11 @@ impl ModelBuilder {
             indices = (0..algebra.dim()).collect();
         }
         if indices.len() != group.dim() {
-            let message = format!("{} velocities for {group}, which has dimension {}", indices.len(), group.dim());
+            let message = format!(
+                "{} for {group}, which has dimension {}",
+                counted(indices.len(), "velocity", "velocities"),
+                group.dim()
+            );
             let blocks: BTreeSet<&str> = self.velocities.iter().map(|v| v.block.as_str()).collect();
             let help = match (from.first(), blocks.first()) {
                 (None, Some(block)) => format!("say which: `in {group} from {block};`"),
@@ -416,8 +432,9 @@ impl ModelBuilder {
                     if let (Some(low), Some(high)) = ends
                         && !(low < number && number < high)
                     {
-                        let message =
-                            format!("initial value {number} of `{component}` is not between {low} and {high}");
+                        let message = format!(
+                            "initial value {number} of `{component}` is not between {low} and {high}"
+                        );
                         self.problem(span, message, "the domain of a coordinate is an open interval");
                         break;
                     }
@@ -435,7 +452,8 @@ impl ModelBuilder {
             symbols.push((c.symbol, c.name.clone()));
             symbols.push((c.velocity, c.velocity_name.clone()));
         }
-        symbols.extend(self.velocities.iter().chain(&self.quasi_velocities).map(|v| (v.symbol, v.name.clone())));
+        symbols
+            .extend(self.velocities.iter().chain(&self.quasi_velocities).map(|v| (v.symbol, v.name.clone())));
         symbols.extend(self.advected.iter().flat_map(|a| a.components.iter().map(|(n, s)| (*s, n.clone()))));
         let reconstructed = self.reconstructions.iter().flat_map(|r| r.symbols.iter().zip(&r.names));
         symbols.extend(reconstructed.map(|(s, n)| (*s, n.clone())));
@@ -475,8 +493,12 @@ impl ModelBuilder {
                 let message = format!("scene `{scene}` drops a part of `{block}`");
                 self.problem(*span, message, format!("drop `{block}` as a whole"));
             } else if !(self.broken.contains("coordinate") || self.broken.contains("advected")) {
-                let known: Vec<&str> =
-                    self.base.iter().map(|c| c.name.as_str()).chain(advected.map(|a| a.name.as_str())).collect();
+                let known: Vec<&str> = self
+                    .base
+                    .iter()
+                    .map(|c| c.name.as_str())
+                    .chain(advected.map(|a| a.name.as_str()))
+                    .collect();
                 let help = names::suggest(name, known);
                 let message = format!(
                     "scene `{scene}` drops `{name}`, which is neither a base coordinate nor an advected parameter"
@@ -488,6 +510,6 @@ impl ModelBuilder {
     }
 }
 
-fn count_names(n: usize) -> String {
-    if n == 1 { "1 name".to_owned() } else { format!("{n} names") }
+fn counted(n: usize, singular: &str, plural: &str) -> String {
+    format!("{n} {}", if n == 1 { singular } else { plural })
 }

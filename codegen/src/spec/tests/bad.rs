@@ -21,7 +21,6 @@ fn report(text: &str) -> String {
 
 #[track_caller]
 pub(super) fn check(text: &str, expected: &str) {
-    if expected.is_empty() { println!("BLESS\x01{text}\x01{}\x02", report(text)); return; }
     let found = report(text);
     assert_eq!(found, expected, "\nin {text}\nfound:\n{found}\n");
 }
