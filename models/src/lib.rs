@@ -17,4 +17,5 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+/// The generated modules, one per scene.
 pub mod generated;

@@ -26,6 +26,9 @@ enum Format {
     Svg,
 }
 
+/// A relative drift of the energy beyond this is taken for a property of the motion.
+const CONSERVED: f64 = 1e-6;
+
 /// What the results are results of.
 #[derive(Clone, Copy, Debug)]
 pub struct Run<'a> {
@@ -137,20 +140,18 @@ pub fn figure(run: &Run<'_>) -> Figure {
         panels.push(Panel { title: "State".into(), lines, times: None });
     }
     if let Some(initial) = response.initial_energy {
-        // Samples between steps carry the error of the dense output besides that of the integration.
-        let (times, drifts) = response
-            .energy_at_steps
-            .iter()
-            .map(|(t, energy)| (*t, (energy - initial) / response.energy_scale))
-            .unzip();
-        let of = if response.energy_scale == initial.abs() {
-            "relative to |E(0)|"
+        let relative = |energy: f64| (energy - initial) / response.energy_scale;
+        let of = if response.energy_scale == initial.abs() { "|E(0)|" } else { "the size of its terms" };
+        // A change of the energy that belongs to the motion is shown at the samples. Otherwise the steps are shown: samples
+        // between them carry the error of the dense output besides that of the integration.
+        let (times, values): (Vec<f64>, Vec<f64>) = if response.energy_drift.is_some_and(|d| d > CONSERVED) {
+            response.samples.iter().map(|s| (s.t, s.energy.map_or(0.0, relative))).unzip()
         } else {
-            "relative to the size of its terms"
+            response.energy_at_steps.iter().map(|(t, energy)| (*t, relative(*energy))).unzip()
         };
         panels.push(Panel {
-            title: format!("Energy drift at the steps, {of}"),
-            lines: vec![(String::new(), drifts)],
+            title: format!("Energy drift, relative to {of}"),
+            lines: vec![(String::new(), values)],
             times: Some(times),
         });
     }

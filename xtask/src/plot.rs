@@ -134,7 +134,7 @@ fn draw<'a>(area: &Area<'a>, figure: &Figure) -> Drawn<'a> {
         let bottom = top + PANEL;
         let (low, high) = range_of(panel.lines.iter().flat_map(|(_, y)| y.iter().copied()), 0.06);
         let y_of = |y: f64| bottom - (y - low) / (high - low) * PANEL;
-        let y_ticks = Ticks::new(low, high, 4);
+        let y_ticks = Ticks::new(low, high, 5);
 
         for t in &x_ticks.values {
             path(vec![at(x_of(*t), top), at(x_of(*t), bottom)], stroke(GRID, 0.7))?;

@@ -1,0 +1,134 @@
+//! Compiled scenes against the interpreter, bit for bit, and generation against itself.
+
+use hamel_codegen::scene::{self, BuiltScene};
+use hamel_codegen::spec::{self, Model};
+use hamel_runtime::{Scene, StateVector};
+
+fn model(name: &str) -> Model {
+    let path = format!("{}/../models/specs/{name}.hamel", env!("CARGO_MANIFEST_DIR"));
+    let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{path}: {e}"));
+    spec::parse(&path, &text).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn build(name: &str, scene: &str) -> BuiltScene {
+    scene::build(&model(name), scene).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// SplitMix64 (Steele, Lea, Flood 2014), mapped to `[-1, 1)`.
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        (z ^ (z >> 31)) as f64 / (1u64 << 63) as f64 - 1.0
+    }
+}
+
+fn same_bits(what: &str, compiled: &[f64], interpreted: &[f64]) {
+    for (k, (a, b)) in compiled.iter().zip(interpreted).enumerate() {
+        assert!(a.is_finite(), "{what}, component {k} is {a}");
+        assert_eq!(a.to_bits(), b.to_bits(), "{what}, component {k}: compiled {a}, interpreted {b}");
+    }
+}
+
+/// Random parameters near the defaults and random states: right-hand side, energy and outputs, to the last bit.
+fn compare<S: Scene<f64>>(built: &BuiltScene, zeros: S::State) -> usize {
+    let info = S::INFO;
+    let label = format!("{} {}", info.model, info.scene);
+    assert_eq!(info.state, built.state_names(), "{label}: state");
+    let mut random = Random(20_261_121);
+    let mut compared = 0;
+    for round in 0..40 {
+        let spread = if round == 0 { 0.0 } else { 0.05 };
+        let params: Vec<f64> =
+            info.params.iter().map(|p| p.default * (1.0 + spread * random.next())).collect();
+        let interpreter = built.prepare(&params).unwrap_or_else(|e| panic!("{label}: {e}"));
+        let compiled = S::prepare(&params).unwrap_or_else(|e| panic!("{label}: {e}"));
+        let mut y = zeros.clone();
+        // Inside (0, 1): every coordinate is in its domain there.
+        y.as_mut_slice().iter_mut().for_each(|x| *x = 0.5 + 0.45 * random.next());
+        let t = random.next();
+        let mut dy = zeros.clone();
+        compiled.rhs(t, &y, &mut dy);
+        let mut expected = vec![0.0; info.state.len()];
+        interpreter.rhs(t, y.as_slice(), &mut expected);
+        same_bits(&label, dy.as_slice(), &expected);
+        compared += expected.len();
+        let energy = compiled.energy_of(t, &y);
+        assert_eq!(energy.map(f64::to_bits), interpreter.energy(t, y.as_slice()).map(f64::to_bits), "{label}");
+        let mut outputs = vec![0.0; info.n_outputs()];
+        compiled.outputs_of(t, &y, &mut outputs);
+        same_bits(&label, &outputs, &interpreter.outputs(t, y.as_slice()));
+        compared += outputs.len();
+        assert!(compiled.check(t, &y).is_ok() && interpreter.check(t, y.as_slice()).is_ok(), "{label}");
+    }
+    compared
+}
+
+macro_rules! compare_all {
+    ($(($module:ident, $model:literal, $scene:literal, $n:literal))*) => {
+        /// Names of all scenes, and how many numbers were compared for each.
+        fn compare_every_scene() -> Vec<(&'static str, &'static str, usize)> {
+            vec![$((
+                $model,
+                $scene,
+                compare::<hamel_models::generated::$module::Prepared>(&build($model, $scene), [0.0; $n]),
+            )),*]
+        }
+    };
+}
+
+hamel_models::for_each_scene!(compare_all);
+
+#[test]
+fn every_compiled_scene_equals_the_interpreter_bit_for_bit() {
+    let scenes = compare_every_scene();
+    assert!(scenes.iter().all(|(_, _, compared)| *compared > 0));
+    println!("{} scenes, {} numbers", scenes.len(), scenes.iter().map(|s| s.2).sum::<usize>());
+}
+
+#[test]
+fn every_spec_has_all_its_scenes_compiled() {
+    let compiled = compare_every_scene();
+    let specs = std::fs::read_dir(format!("{}/../models/specs", env!("CARGO_MANIFEST_DIR"))).unwrap();
+    let mut n_specs = 0;
+    for entry in specs {
+        let path = entry.unwrap().path();
+        let name = path.file_stem().unwrap().to_str().unwrap().to_owned();
+        n_specs += 1;
+        for scene in scene::names(&model(&name)) {
+            assert!(compiled.iter().any(|(m, s, _)| *m == name && *s == scene), "{name} {scene} is not compiled");
+        }
+    }
+    assert!(n_specs >= 9, "the nine systems of the first version are there");
+}
+
+#[test]
+fn generating_twice_gives_the_same_bytes() {
+    for name in ["heavy_top", "euler_disk_advected", "extended_pose"] {
+        let texts: Vec<String> =
+            (0..2).map(|_| build(name, scene::DEFAULT).emit().unwrap_or_else(|e| panic!("{e}"))).collect();
+        assert!(texts[0].contains("pub fn rhs"));
+        assert_eq!(texts[0], texts[1], "{name}");
+    }
+}
+
+#[test]
+fn invalid_parameters_are_refused_by_name() {
+    use hamel_models::generated::heavy_top::{Params, Prepared};
+    let negative = Prepared::new(&Params { m: -1.0, ..Params::default() }).unwrap_err();
+    assert_eq!(negative.condition, "m > 0");
+    let infinite = Prepared::new(&Params { g: f64::NAN, ..Params::default() }).unwrap_err();
+    assert_eq!(infinite.condition, "g is finite");
+}
+
+#[test]
+fn a_vanishing_pivot_is_named() {
+    use hamel_models::generated::veselova::{Params, Prepared};
+    let system: Prepared = Prepared::new(&Params::default()).unwrap();
+    let failure = system.check(1.5, &[1.0, 2.0, 3.0, 0.0, 0.0, 0.0]).unwrap_err();
+    assert!(failure.to_string().contains("dot(Omega, gamma) = 0"), "{failure}");
+}
