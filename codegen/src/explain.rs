@@ -385,6 +385,15 @@ impl Page {
             let list = self.prose(&facts.casimirs.join(", "));
             self.line(&format!("Conserved quantities of the model, verified: {list}."));
         }
+        match facts.holonomic {
+            Some(true) => {
+                self.line("The constraint is holonomic: the allowed velocities form a subalgebroid.")
+            }
+            Some(false) => {
+                self.line("The constraint is nonholonomic: brackets of allowed velocities leave it.")
+            }
+            None => {}
+        }
         let symmetric = if facts.mass_matrix_is_symmetric { "symmetric" } else { "not symmetric" };
         let constant = if facts.mass_matrix_is_constant {
             "depends on parameters alone and is factored once"
@@ -420,7 +429,7 @@ impl Page {
 
 /// Characters that take a column: combining dots do not.
 fn visible_width(text: &str) -> usize {
-    text.chars().filter(|c| *c != '\u{307}').count()
+    text.chars().filter(|c| !matches!(c, '\u{307}' | '\u{308}')).count()
 }
 
 fn escape(text: &str) -> String {

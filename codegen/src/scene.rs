@@ -82,7 +82,9 @@ pub fn names(model: &Model) -> Vec<String> {
 }
 
 fn has_ignorable_coordinates(model: &Model) -> bool {
-    let Some(equations) = reduce(model, &[]).ok().and_then(|system| derive(&system).ok()) else { return false };
+    let Some(equations) = reduce(model, &[]).ok().and_then(|system| derive(&system).ok()) else {
+        return false;
+    };
     !ignorable(&equations, &[equations.energy]).is_empty()
 }
 
@@ -121,9 +123,8 @@ fn plan(model: &Model, scene: &str) -> Option<Plan> {
 /// Unknown scene or output, a coordinate that cannot be left out, and everything that reduction, derivation and
 /// lowering can find.
 pub fn build(model: &Model, scene: &str) -> Result<BuiltScene, Diagnostics> {
-    let fail = |message: String, help: String| {
-        model.diagnostics(vec![spec::diagnose(model, None, message, help)])
-    };
+    let fail =
+        |message: String, help: String| model.diagnostics(vec![spec::diagnose(model, None, message, help)]);
     let Some(plan) = plan(model, scene) else {
         let known = names(model).join(", ");
         return Err(fail(format!("{} has no scene {scene}", model.name), format!("scenes: {known}")));
@@ -155,7 +156,8 @@ pub fn build(model: &Model, scene: &str) -> Result<BuiltScene, Diagnostics> {
             selected
         }
     };
-    let mut results: Vec<ExprId> = outputs.iter().flat_map(|o| o.components.iter().map(|(_, e)| *e)).collect();
+    let mut results: Vec<ExprId> =
+        outputs.iter().flat_map(|o| o.components.iter().map(|(_, e)| *e)).collect();
     results.extend(wants_energy.then_some(equations.energy));
     if plan.reconstructs {
         results.extend(equations.reconstruction.iter().map(|c| c.derivative));
@@ -166,7 +168,8 @@ pub fn build(model: &Model, scene: &str) -> Result<BuiltScene, Diagnostics> {
         Drops::Ignorable => ignorable,
         Drops::Named(names) => {
             let matches = |state: &str, name: &str| {
-                state == name || state.strip_prefix(name).is_some_and(|rest| rest.bytes().all(|b| b.is_ascii_digit()))
+                state == name
+                    || state.strip_prefix(name).is_some_and(|rest| rest.bytes().all(|b| b.is_ascii_digit()))
             };
             let chosen: Vec<String> = equations
                 .state
@@ -180,7 +183,10 @@ pub fn build(model: &Model, scene: &str) -> Result<BuiltScene, Diagnostics> {
                 } else {
                     format!("can be left out: {}", ignorable.join(", "))
                 };
-                return Err(fail(format!("{needed} cannot be left out of scene {scene}: the rest depends on it"), help));
+                return Err(fail(
+                    format!("{needed} cannot be left out of scene {scene}: the rest depends on it"),
+                    help,
+                ));
             }
             chosen
         }
@@ -397,7 +403,11 @@ impl BuiltScene {
                 .iter()
                 .map(|p| ParamText { name: p.name.clone(), default: p.default.clone(), doc: p.doc.clone() })
                 .collect(),
-            state: self.state.iter().map(|s| StateText { name: s.name.clone(), doc: s.doc.clone() }).collect(),
+            state: self
+                .state
+                .iter()
+                .map(|s| StateText { name: s.name.clone(), doc: s.doc.clone() })
+                .collect(),
             outputs: self
                 .outputs
                 .iter()

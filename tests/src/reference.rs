@@ -7,7 +7,7 @@ use hamel_codegen::expr::{Rational, parse_decimal};
 use serde_json::Value;
 
 /// The models of this version whose reference values exist, in the order of the catalogue.
-pub const MODELS: [&str; 9] = [
+pub const MODELS: [&str; 20] = [
     "free_rigid_body",
     "heavy_top",
     "kirchhoff_body",
@@ -17,6 +17,17 @@ pub const MODELS: [&str; 9] = [
     "suslov",
     "chaplygin_sleigh",
     "veselova",
+    "euler_disk",
+    "mobile_robot",
+    "rolling_disk",
+    "rolling_ball",
+    "ball_on_rotating_table",
+    "chaplygin_gyro",
+    "wong_particle",
+    "two_arm_satellite",
+    "snakeboard",
+    "skew_sleigh",
+    "servo_ball",
 ];
 
 /// Decimal strings by name.

@@ -58,7 +58,11 @@ fn compare<S: Scene<f64>>(built: &BuiltScene, zeros: S::State) -> usize {
         same_bits(&label, dy.as_slice(), &expected);
         compared += expected.len();
         let energy = compiled.energy_of(t, &y);
-        assert_eq!(energy.map(f64::to_bits), interpreter.energy(t, y.as_slice()).map(f64::to_bits), "{label}");
+        assert_eq!(
+            energy.map(f64::to_bits),
+            interpreter.energy(t, y.as_slice()).map(f64::to_bits),
+            "{label}"
+        );
         let mut outputs = vec![0.0; info.n_outputs()];
         compiled.outputs_of(t, &y, &mut outputs);
         same_bits(&label, &outputs, &interpreter.outputs(t, y.as_slice()));
@@ -100,7 +104,10 @@ fn every_spec_has_all_its_scenes_compiled() {
         let name = path.file_stem().unwrap().to_str().unwrap().to_owned();
         n_specs += 1;
         for scene in scene::names(&model(&name)) {
-            assert!(compiled.iter().any(|(m, s, _)| *m == name && *s == scene), "{name} {scene} is not compiled");
+            assert!(
+                compiled.iter().any(|(m, s, _)| *m == name && *s == scene),
+                "{name} {scene} is not compiled"
+            );
         }
     }
     assert!(n_specs >= 9, "the nine systems of the first version are there");

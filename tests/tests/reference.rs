@@ -142,7 +142,10 @@ fn every_reference_trajectory_is_met_within_1e_9_at_rtol_1e_12() {
             }
             integrator.integrate_to(t.t_final).unwrap_or_else(|e| panic!("{model}, trajectory {k}: {e}"));
             let error = relative_error(&integrator.state().0, &names, &t.last);
-            println!("{model}, trajectory {k}: relative error {error:.1e} in {} steps", integrator.stats().steps);
+            println!(
+                "{model}, trajectory {k}: relative error {error:.1e} in {} steps",
+                integrator.stats().steps
+            );
             assert!(error <= 1e-9, "{model}, trajectory {k}: relative error {error:e}");
         }
     }

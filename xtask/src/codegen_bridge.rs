@@ -8,7 +8,8 @@ use std::sync::Mutex;
 pub use hamel_codegen::emit::SceneEntry as Entry;
 use hamel_codegen::expr::{Graph, Style, rational_to_f64};
 use hamel_codegen::scene::{self, BuiltScene, Interpreter};
-use hamel_codegen::spec::{self, Domain, Model, ReconstructionKind};
+pub use hamel_codegen::spec::Model;
+use hamel_codegen::spec::{self, Domain, ReconstructionKind};
 use hamel_runtime::Failure;
 
 use crate::dynamics::{BadParams, Dynamics, Factory, Info, OutputEntry, ParamEntry};
@@ -247,6 +248,27 @@ pub fn roles(model: &Model, params: &BTreeMap<String, f64>) -> BTreeMap<String, 
         }
     }
     roles
+}
+
+/// Name of the scene that a simulation with the group's coordinates runs.
+pub const RECONSTRUCTION_SCENE: &str = scene::RECONSTRUCTION;
+
+/// Names of the coordinates of the group that a model reconstructs, in the order of the scene's state; may be empty.
+pub fn group_coordinates(model: &Model) -> Vec<String> {
+    model.reconstruction.iter().flat_map(|item| item.names.clone()).collect()
+}
+
+/// Where the coordinates of the group start, in the order of [`group_coordinates`]: as the model's `initial` says,
+/// otherwise at the identity.
+pub fn group_start(model: &Model, params: &BTreeMap<String, f64>) -> Vec<f64> {
+    let params = all_params(model, RECONSTRUCTION_SCENE, params);
+    let (roles, preferred) = (roles(model, &params), initial_values(model, &params));
+    let start = |name: &String| match (preferred.get(name), roles.get(name)) {
+        (Some(value), _) => *value,
+        (None, Some(Role::Group { identity })) => *identity,
+        (None, _) => 0.0,
+    };
+    group_coordinates(model).iter().map(start).collect()
 }
 
 /// The initial values that a model gives.

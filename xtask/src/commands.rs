@@ -12,7 +12,7 @@ use std::time::Instant;
 use serde_json::{Map, Value};
 
 use crate::backend::{Backend, Local};
-use crate::codegen_bridge as bridge;
+use crate::codegen_bridge::{self as bridge, Model};
 use crate::compiled::Remote;
 use crate::dynamics::Info;
 use crate::error::{Error, Problem};
@@ -46,6 +46,31 @@ pub struct Choice {
 }
 
 impl Choice {
+    /// The same model with the coordinates of the group; `path` is how the user asked for them.
+    ///
+    /// # Errors
+    /// [`Error::Request`] when the model does not reconstruct any, or when another scene than the default was chosen.
+    pub fn reconstructing(&self, model: &Model, path: &str) -> Result<Choice, Error> {
+        let fail = |reason: String| Error::Request {
+            problems: vec![Problem::Unusable { path: path.to_owned(), reason }],
+        };
+        if model.reconstruction.is_empty() {
+            return Err(fail(format!(
+                "is not possible: {} does not say how the group moves; leave it out, or add `reconstruct .. ;` to \
+                 the model",
+                model.name
+            )));
+        }
+        if self.scene != bridge::DEFAULT_SCENE {
+            return Err(fail(format!(
+                "chooses the scene itself, but scene {} is chosen as well: leave out --scene {}, and give parameters \
+                 that it fixes as values; or leave out {path}",
+                self.scene, self.scene
+            )));
+        }
+        Ok(Choice { scene: bridge::RECONSTRUCTION_SCENE.to_owned(), ..self.clone() })
+    }
+
     /// The scene, ready to answer. A file outside the repository was never compiled, so it is interpreted.
     ///
     /// # Errors
@@ -289,6 +314,12 @@ pub fn eval_text(backend: &mut dyn Backend, text: &str) -> Result<String, Error>
 pub fn simulate_json(workspace: &Workspace, choice: &Choice) -> Result<String, Error> {
     let spec = workspace.spec(&choice.model)?;
     let text = read_request("{\"initial\": {\"Omega1\": 0.1, ..}, \"t_final\": 1}")?;
+    if SimulateRequest::asks_to_reconstruct(&text)? {
+        let model = bridge::read(workspace, &spec)?;
+        let choice = choice.reconstructing(&model, "reconstruct")?;
+        let mut backend = choice.open(workspace, &spec)?;
+        return reconstruct_text(&mut *backend, &model, &text);
+    }
     let mut backend = choice.open(workspace, &spec)?;
     simulate_text(&mut *backend, &text)
 }
@@ -300,7 +331,31 @@ pub fn simulate_json(workspace: &Workspace, choice: &Choice) -> Result<String, E
 pub fn simulate_text(backend: &mut dyn Backend, text: &str) -> Result<String, Error> {
     let request = SimulateRequest::parse(text, backend.info())?;
     let response = backend.simulate(&request)?;
-    Ok(response.to_json(backend.info()).to_string())
+    Ok(response.to_json(backend.info(), request.n_group).to_string())
+}
+
+/// Integrates as a JSON request with `reconstruct` says; the backend is that of the scene with the group's coordinates.
+///
+/// # Errors
+/// As [`simulate_text`], and when the scene's state does not end with the coordinates that the model reconstructs.
+pub fn reconstruct_text(backend: &mut dyn Backend, model: &Model, text: &str) -> Result<String, Error> {
+    let n_group = n_group(backend.info(), model)?;
+    let defaults = |params: &BTreeMap<String, f64>| bridge::group_start(model, params);
+    let request = SimulateRequest::parse_with_group(text, backend.info(), n_group, &defaults)?;
+    let response = backend.simulate(&request)?;
+    Ok(response.to_json(backend.info(), request.n_group).to_string())
+}
+
+/// Number of coordinates of the group at the end of a scene's state.
+fn n_group(info: &Info, model: &Model) -> Result<usize, Error> {
+    let group = bridge::group_coordinates(model);
+    if info.state.ends_with(&group) {
+        return Ok(group.len());
+    }
+    Err(Error::NotCompiled {
+        what: format!("scene {} of {}", info.scene, info.model),
+        reason: format!("its state does not end with {}, as the model says", group.join(", ")),
+    })
 }
 
 /// Arguments of `simulate` for people.
@@ -310,6 +365,8 @@ pub struct Simulation {
     pub set: Vec<(String, f64)>,
     /// Components of the initial state that differ from the default one.
     pub initial: Vec<(String, f64)>,
+    /// Whether the coordinates of the group are integrated as well.
+    pub reconstruct: bool,
     /// Time to reach.
     pub t_final: f64,
     /// The method.
@@ -337,6 +394,13 @@ pub fn simulate(workspace: &Workspace, choice: &Choice, arguments: &Simulation) 
     let spec = workspace.spec(&choice.model)?;
     let targets: Vec<Target> = arguments.outputs.iter().map(|p| Target::new(p)).collect::<Result<_, _>>()?;
     let model = bridge::read(workspace, &spec)?;
+    let reconstructing;
+    let choice = if arguments.reconstruct {
+        reconstructing = choice.reconstructing(&model, "--reconstruct")?;
+        &reconstructing
+    } else {
+        choice
+    };
     let known = bridge::scene_names(&model);
     if !known.contains(&choice.scene) {
         return Err(Error::UnknownScene { model: model.name, name: choice.scene.clone(), known });
@@ -346,6 +410,7 @@ pub fn simulate(workspace: &Workspace, choice: &Choice, arguments: &Simulation) 
         .map_err(|problem| Error::Request { problems: vec![problem] })?;
     let mut backend = choice.open(workspace, &spec)?;
     let info = backend.info().clone();
+    let n_group = if arguments.reconstruct { n_group(&info, &model)? } else { 0 };
     let mut problems = Vec::new();
     let set = assignments(&arguments.set, "--set", "parameter", &info.param_names(), &mut problems);
     let given = assignments(&arguments.initial, "--initial", "state", &info.state_names(), &mut problems);
@@ -384,6 +449,7 @@ pub fn simulate(workspace: &Workspace, choice: &Choice, arguments: &Simulation) 
         steps,
         samples,
         with_outputs: !targets.is_empty(),
+        n_group,
     };
     let response = backend.simulate(&request)?;
     let title = title(&model.doc);

@@ -76,7 +76,7 @@ impl Target {
     pub fn write(&self, run: &Run<'_>) -> Result<(), Error> {
         let text = match self.format {
             Format::Csv => csv(run),
-            Format::Json => format!("{}\n", run.response.to_json(run.info)),
+            Format::Json => format!("{}\n", run.response.to_json(run.info, run.request.n_group)),
             Format::Svg => svg(&figure(run)).map_err(|e| {
                 Error::io(self.path.display().to_string(), std::io::Error::other(e.to_string()))
             })?,

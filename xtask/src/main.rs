@@ -90,16 +90,24 @@ Examples:
     ///
     /// Without --initial, a moderate state on the constraint is chosen. With --json, everything is read from standard
     /// input instead: {"params": {..}, "initial": {name: number, ..}, "t_final": number, "method": "dop853",
-    /// "rtol": number, "atol": number or "step": number, "samples": n}; it prints one line: {"t", "final": {..},
-    /// "samples": [[t, {..}], ..], "steps", "rejected", "rhs_evals", "energy_drift"}. Integration starts at t = 0.
+    /// "rtol": number, "atol": number or "step": number, "samples": n, "reconstruct": {name: number, ..}}; it prints
+    /// one line: {"t", "final": {..}, "samples": [[t, {..}], ..], "steps", "rejected", "rhs_evals", "energy_drift",
+    /// "reconstruction": {..}}. Integration starts at t = 0.
+    ///
+    /// With "reconstruct", the coordinates of the group start from the values in it, all of them or none for the
+    /// defaults, and "reconstruction" has their final values; "final" and "samples" hold the model's own state only.
+    /// `cargo xtask list` shows their names as the state of scene reconstruction beyond the default one.
     #[command(after_help = "\
 Examples:
   cargo xtask simulate heavy_top -o heavy_top.svg
   cargo xtask simulate heavy_top --set m=2 l=0.1 --initial Omega3=20 --t-final 5 -o top.csv -o top.svg
+  cargo xtask simulate mobile_robot --reconstruct --initial x=1 y=-2 -o robot.svg
   cargo xtask simulate suslov --method rk4 --step 0.001
   cargo xtask simulate ./my_model.hamel --t-final 3
   echo '{\"initial\": {\"Omega1\": 1, \"Omega2\": 0.2, \"Omega3\": 0.1}, \"t_final\": 10, \"samples\": 5}' \\
-    | cargo xtask simulate free_rigid_body --json")]
+    | cargo xtask simulate free_rigid_body --json
+  echo '{\"initial\": {\"omega\": 1, \"v1\": 0.5}, \"t_final\": 5, \"reconstruct\": {\"theta\": 0, \"x\": 1, \"y\": 2}}' \\
+    | cargo xtask simulate chaplygin_sleigh --json")]
     Simulate(SimulateArgs),
     /// Run the whole test suite: the workspace, then the crate without the standard library
     #[command(after_help = "Example:\n  cargo xtask test")]
@@ -134,6 +142,9 @@ struct SimulateArgs {
     /// Components of the initial state; the others keep their default
     #[arg(long, value_name = "NAME=VALUE", num_args = 1.., value_parser = assignment)]
     initial: Vec<(String, f64)>,
+    /// Integrate position and attitude (the coordinates of the group) as well; --initial takes them then
+    #[arg(long)]
+    reconstruct: bool,
     /// Time to integrate to, from 0; negative for backward
     #[arg(long, value_name = "T", default_value_t = 10.0, allow_negative_numbers = true)]
     t_final: f64,
@@ -157,7 +168,7 @@ struct SimulateArgs {
     output: Vec<PathBuf>,
     /// Read a JSON request from standard input and print a JSON answer
     #[arg(long, conflicts_with_all =
-        ["set", "initial", "t_final", "method", "rtol", "atol", "step", "samples", "output"])]
+        ["set", "initial", "reconstruct", "t_final", "method", "rtol", "atol", "step", "samples", "output"])]
     json: bool,
 }
 
@@ -183,6 +194,7 @@ fn run(task: Task) -> Result<String, Error> {
             let simulation = Simulation {
                 set: args.set,
                 initial: args.initial,
+                reconstruct: args.reconstruct,
                 t_final: args.t_final,
                 method: args.method,
                 rtol: args.rtol,

@@ -2,6 +2,8 @@
 //!
 //! Deliberately does not know: whether the scene is compiled or interpreted, files, figures.
 
+use std::collections::BTreeMap;
+
 use hamel_runtime::{Dop853, Dopri5, Error as SolverError, Integrator, Method, Options, Rk4, Tsit5};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
@@ -110,6 +112,8 @@ pub struct SimulateRequest {
     pub samples: usize,
     /// Whether samples carry all outputs.
     pub with_outputs: bool,
+    /// How many components at the end of the state are coordinates of the group that the answer shows apart.
+    pub n_group: usize,
 }
 
 /// One state on the way.
@@ -164,6 +168,15 @@ const MAX_STEPS: u64 = 50_000_000;
 const MAX_STEPS_SHOWN: usize = 4096;
 
 impl SimulateRequest {
+    /// Whether a request has a field `reconstruct`, so that the scene with the group's coordinates is to be run.
+    ///
+    /// # Errors
+    /// [`Error::NotJson`].
+    pub fn asks_to_reconstruct(text: &str) -> Result<bool, Error> {
+        let Json::Object(entries) = Json::parse(text)? else { return Ok(false) };
+        Ok(entries.iter().any(|(name, value)| name == "reconstruct" && *value != Json::Null))
+    }
+
     /// Reads `{"params", "initial", "t_final", "method", "rtol", "atol" or "step", "samples"}`.
     ///
     /// Missing parameters take the scene's defaults; `initial` and `t_final` have to be there; the other defaults are
@@ -172,14 +185,40 @@ impl SimulateRequest {
     /// # Errors
     /// [`Error::NotJson`], or [`Error::Request`] with everything that is wrong.
     pub fn parse(text: &str, info: &Info) -> Result<SimulateRequest, Error> {
+        Self::parse_parts(text, info, 0, &|_| Vec::new())
+    }
+
+    /// Reads a request whose `reconstruct` has the values of the last components of the state, `initial` the others.
+    ///
+    /// An empty `reconstruct` stands for `defaults`, which depend on the parameters by name.
+    ///
+    /// # Errors
+    /// As [`SimulateRequest::parse`].
+    pub fn parse_with_group(
+        text: &str,
+        info: &Info,
+        n_group: usize,
+        defaults: &dyn Fn(&BTreeMap<String, f64>) -> Vec<f64>,
+    ) -> Result<SimulateRequest, Error> {
+        Self::parse_parts(text, info, n_group, defaults)
+    }
+
+    fn parse_parts(
+        text: &str,
+        info: &Info,
+        n_group: usize,
+        defaults: &dyn Fn(&BTreeMap<String, f64>) -> Vec<f64>,
+    ) -> Result<SimulateRequest, Error> {
         const FIELDS: [&str; 9] =
             ["params", "initial", "t_final", "method", "rtol", "atol", "step", "reconstruct", "samples"];
         let mut fields = Fields::new(Json::parse(text)?, &FIELDS)?;
         let params = fields.take("params");
         let params =
             fields.numbers("params", params, "parameter", &info.param_names(), Some(&info.defaults()));
+        let names = info.state_names();
+        let (own, group) = names.split_at(names.len() - n_group);
         let initial = fields.take("initial");
-        let initial = fields.numbers("initial", initial, "state", &info.state_names(), None);
+        let mut initial = fields.numbers("initial", initial, "state", own, None);
         let before = fields.problems.len();
         let t_final = fields.number("t_final");
         if t_final.is_none() && fields.problems.len() == before {
@@ -207,12 +246,20 @@ impl SimulateRequest {
             fields.problems.push(unusable("step", reason));
             Steps::Fixed { step: 1.0 }
         });
-        if fields.take("reconstruct").is_some() {
-            let reason = format!(
-                "is not supported yet by this version: scene {} of {} has no reconstruction",
-                info.scene, info.model
-            );
-            fields.problems.push(unusable("reconstruct", reason));
+        match fields.take("reconstruct") {
+            None => {}
+            Some(_) if n_group == 0 => {
+                let reason = format!("needs coordinates of the group, which scene {} lacks", info.scene);
+                fields.problems.push(unusable("reconstruct", reason));
+            }
+            Some(Json::Object(entries)) if entries.is_empty() => {
+                let by_name = info.params.iter().zip(&params).map(|(p, x)| (p.name.clone(), *x)).collect();
+                initial.extend(defaults(&by_name));
+            }
+            some => {
+                let kind = "group coordinate";
+                initial.extend(fields.numbers("reconstruct", some, kind, group, None));
+            }
         }
         let samples = fields.number("samples").unwrap_or(0.0);
         let samples = if samples >= 0.0 && samples.fract() == 0.0 && samples <= MAX_SAMPLES as f64 {
@@ -224,7 +271,8 @@ impl SimulateRequest {
         };
         fields.finish()?;
         let t_final = t_final.unwrap_or(0.0);
-        Ok(SimulateRequest { params, initial, t_final, method, steps, samples, with_outputs: false })
+        let with_outputs = false;
+        Ok(SimulateRequest { params, initial, t_final, method, steps, samples, with_outputs, n_group })
     }
 
     /// Time of a sample.
@@ -239,8 +287,12 @@ impl SimulateRequest {
 
 impl SimulateResponse {
     /// `{"t", "final", "samples", "steps", "rejected", "rhs_evals", "energy_drift"}`.
-    pub fn to_json(&self, info: &Info) -> Value {
-        let names = || info.state.iter().map(String::as_str);
+    ///
+    /// With `n_group` coordinates of the group at the end of the state, `final` and `samples` have the components before
+    /// them only, and `reconstruction` is added with the final values of these.
+    pub fn to_json(&self, info: &Info, n_group: usize) -> Value {
+        let n_own = info.state.len() - n_group;
+        let names = || info.state[..n_own].iter().map(String::as_str);
         let sample = |s: &Sample| Value::Array(vec![number(s.t), by_name(names(), &s.state)]);
         let mut answer = Map::new();
         answer.insert("t".into(), number(self.t));
@@ -250,6 +302,10 @@ impl SimulateResponse {
         answer.insert("rejected".into(), self.rejected.into());
         answer.insert("rhs_evals".into(), self.rhs_evals.into());
         answer.insert("energy_drift".into(), self.energy_drift.map_or(Value::Null, number));
+        if n_group > 0 {
+            let group = info.state[n_own..].iter().map(String::as_str);
+            answer.insert("reconstruction".into(), by_name(group, &self.last[n_own..]));
+        }
         answer.into()
     }
 }

@@ -19,6 +19,9 @@ pub struct Slot {
     pub dim: usize,
 }
 
+/// `[e_a, e_b] = sum_k q_k e_{c_k}` as `(a, b, [(c_k, q_k), ..])`.
+pub type Bracket = (usize, usize, Vec<(usize, Rational)>);
+
 /// A Lie algebra `[e_a, e_b] = C^c_ab e_c` with verified antisymmetry and Jacobi identity.
 ///
 /// ```
@@ -43,7 +46,7 @@ impl LieAlgebra {
     pub fn from_brackets(
         name: &str,
         basis: Vec<String>,
-        brackets: &[(usize, usize, Vec<(usize, Rational)>)],
+        brackets: &[Bracket],
     ) -> Result<LieAlgebra, Vec<Error>> {
         let slots = vec![Slot { name: name.to_owned(), dim: basis.len() }];
         LieAlgebra::with_slots(name, slots, basis, brackets)
@@ -57,7 +60,7 @@ impl LieAlgebra {
         name: &str,
         slots: Vec<Slot>,
         basis: Vec<String>,
-        brackets: &[(usize, usize, Vec<(usize, Rational)>)],
+        brackets: &[Bracket],
     ) -> Result<LieAlgebra, Vec<Error>> {
         let covered: usize = slots.iter().map(|s| s.dim).sum();
         if covered != basis.len() {

@@ -13,7 +13,7 @@ mod named;
 mod representation;
 
 pub use algebroid::Algebroid;
-pub use lie::{LieAlgebra, Slot};
+pub use lie::{Bracket, LieAlgebra, Slot};
 pub use matrix::{Matrix, solve_symbolic};
 pub use representation::Representation;
 

@@ -91,33 +91,46 @@ fn superscript(text: &str) -> Option<String> {
 }
 
 /// Spells an identifier such as `Omega1`, `theta_dot` or `p_Omega1` in a style: Ω₁, θ̇, p_Ω₁.
+///
+/// `dot` after a part, or in front of the first one, is a time derivative of it.
 pub(crate) fn identifier(name: &str, style: Style) -> String {
     if style == Style::Plain {
         return name.to_owned();
     }
-    let (body, dotted) = match (name.strip_suffix("_dot"), name.strip_prefix("dot_")) {
-        (Some(body), _) | (None, Some(body)) if !body.is_empty() => (body, true),
-        _ => (name, false),
-    };
-    let mut parts = body.split('_').filter(|part| !part.is_empty());
-    let (stem, digits) = stem_and_digits(parts.next().unwrap_or(body));
-    let tail: Vec<String> = parts
-        .map(|part| {
-            let (stem, digits) = stem_and_digits(part);
-            with_digits(letter(stem, style), digits, style)
-        })
-        .collect();
-    let mut head = letter(stem, style);
-    if dotted {
-        head = if style == Style::Latex { format!("\\dot{{{head}}}") } else { format!("{head}\u{307}") };
-    }
-    match (style, tail.is_empty()) {
-        (_, true) => with_digits(head, digits, style),
-        (Style::Latex, false) => {
-            let own = (!digits.is_empty()).then(|| digits.to_owned());
-            format!("{head}_{{{}}}", own.into_iter().chain(tail).collect::<Vec<_>>().join(","))
+    let mut parts: Vec<(&str, usize)> = Vec::new();
+    let mut pending = 0;
+    for part in name.split('_').filter(|part| !part.is_empty()) {
+        match (part, parts.last_mut()) {
+            ("dot", Some((_, dots))) => *dots += 1,
+            ("dot", None) => pending += 1,
+            _ => parts.push((part, std::mem::take(&mut pending))),
         }
-        _ => format!("{}_{}", with_digits(head, digits, style), tail.join(",")),
+    }
+    let spelled = |(part, dots): &(&str, usize)| {
+        let (stem, digits) = stem_and_digits(part);
+        with_digits(dotted(letter(stem, style), *dots, style), digits, style)
+    };
+    let Some((first, rest)) = parts.split_first() else { return name.to_owned() };
+    let tail: Vec<String> = rest.iter().map(spelled).collect();
+    match (style, tail.is_empty()) {
+        (_, true) => spelled(first),
+        (Style::Latex, false) => {
+            let (stem, digits) = stem_and_digits(first.0);
+            let own = (!digits.is_empty()).then(|| digits.to_owned());
+            let index: Vec<String> = own.into_iter().chain(tail).collect();
+            format!("{}_{{{}}}", dotted(letter(stem, style), first.1, style), index.join(","))
+        }
+        _ => format!("{}_{}", spelled(first), tail.join(",")),
+    }
+}
+
+fn dotted(stem: String, dots: usize, style: Style) -> String {
+    match (dots, style) {
+        (0, _) => stem,
+        (1, Style::Latex) => format!("\\dot{{{stem}}}"),
+        (_, Style::Latex) => format!("\\ddot{{{stem}}}"),
+        (1, _) => format!("{stem}\u{307}"),
+        (_, _) => format!("{stem}\u{308}"),
     }
 }
 

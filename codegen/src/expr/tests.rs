@@ -183,5 +183,7 @@ fn text_reads_like_a_paper() {
     assert_eq!(g.display(quotient, Style::Unicode), "I₁ Ω₁²/(2 (Ω₁ - θ̇))");
     let names = ["p_Omega1", "dot_Gamma2", "A_Omega1_Omega2"].map(|n| print::identifier(n, Style::Unicode));
     assert_eq!(names, ["p_Ω₁", "Γ\u{307}₂", "A_Ω₁,Ω₂"]);
+    let dots = ["theta_dot", "p_psi_dot", "dot_psi_dot"].map(|n| print::identifier(n, Style::Unicode));
+    assert_eq!(dots, ["θ\u{307}", "p_ψ\u{307}", "ψ\u{308}"]);
     assert_eq!(print::identifier("p_Omega1", Style::Latex), "p_{\\Omega_{1}}");
 }

@@ -43,6 +43,8 @@ pub struct Facts {
     pub energy_is_conserved: bool,
     /// In the multiplier form: whether it vanishes once the constraint holds.
     pub energy_is_conserved_on_constraint: bool,
+    /// For linear constraints: whether they are integrable, i.e. the allowed velocities form a subalgebroid.
+    pub holonomic: Option<bool>,
     /// Casimirs, all verified to be conserved.
     pub casimirs: Vec<String>,
     /// Whether the matrix `A` of `A udot = f` depends on parameters alone.
@@ -99,7 +101,9 @@ pub fn derive(system: &ReducedSystem) -> Result<Equations, Error> {
     d.momenta();
     let motion = match system.constraint.clone() {
         KinematicConstraint::Solved(solved) => d.solve_reduced(&solved)?,
-        KinematicConstraint::Multipliers { rows, reactions } => d.solve_with_multipliers(&rows, &reactions)?,
+        KinematicConstraint::Multipliers { rows, reactions } => {
+            d.solve_with_multipliers(&rows, &reactions)?
+        }
     };
     d.finish(motion)
 }
@@ -549,6 +553,55 @@ impl<'a> Derivation<'a> {
         Ok(self.g.cancel_zero(sum))
     }
 
+    /// The nonholonomic momenta along the sections `W_b` of virtual displacements and the momentum equation
+    /// `d/dt <p, W_b> = W^alpha_b (rho^i_alpha dL/dx^i + F_alpha - C^gamma_{alpha beta} y^beta p_gamma) + <p, dW_b/dt>`.
+    ///
+    /// # Source
+    /// Cortes, de Leon, Marrero, Martinez 2009, equation (5.6); Bloch, Krishnaprasad, Marsden, Murray 1996.
+    fn momentum_equation(&mut self, solved: &SolvedConstraint) -> Result<Vec<Output>, Error> {
+        let depends_on_velocity = |g: &Graph, system: &ReducedSystem, e: ExprId| {
+            let velocities: BTreeSet<SymbolId> = system.velocities.iter().copied().collect();
+            g.depends_on(e, &velocities)
+        };
+        let system = self.system;
+        if solved.virtual_displacements.iter().flatten().any(|e| depends_on_velocity(&self.g, system, *e)) {
+            return Ok(Vec::new());
+        }
+        let (mut momenta, mut rates) = (Vec::new(), Vec::new());
+        for (b, unknown) in solved.unknowns.iter().enumerate() {
+            let (mut momentum, mut rate) = (Vec::new(), Vec::new());
+            for alpha in 0..self.y.len() {
+                let w = solved.virtual_displacements[alpha][b];
+                if w == self.g.zero() {
+                    continue;
+                }
+                momentum.push(self.g.mul(w, self.momentum[alpha]));
+                // drive = forces - dp/dx xdot - dp/dt; the momentum equation wants the forces alone.
+                let p = self.g.diff(system.lagrangian, system.velocities[alpha]);
+                let drift = self.drift(p);
+                let force = self.g.add(self.drive[alpha], drift);
+                rate.push(self.g.mul(w, force));
+                let turning = self.drift(w);
+                rate.push(self.g.mul(turning, self.momentum[alpha]));
+            }
+            let (momentum, rate) = (self.g.sum(&momentum), self.g.sum(&rate));
+            momenta.push((format!("J_{}", unknown.name), self.g.cancel_zero(momentum)));
+            rates.push((format!("dot_J_{}", unknown.name), self.g.cancel_zero(rate)));
+        }
+        Ok(vec![
+            Output {
+                name: "nonholonomic_momentum".into(),
+                components: momenta,
+                doc: "momenta <p, W_b> along the sections of virtual displacements".into(),
+            },
+            Output {
+                name: "momentum_equation".into(),
+                components: rates,
+                doc: "their rates by the nonholonomic momentum equation".into(),
+            },
+        ])
+    }
+
     /// Power of forces, explicit time and constraint reactions: `F.y - dL/dt + sum_A lambda_A form_A.y`.
     fn power(&mut self, motion: &Motion) -> Result<ExprId, Error> {
         let explicit = self.g.diff(self.system.lagrangian, self.system.time);
@@ -618,7 +671,9 @@ impl<'a> Derivation<'a> {
         }
         if let KinematicConstraint::Multipliers { rows, .. } = &system.constraint {
             let residuals = rows.iter().filter_map(|row| match row.source {
-                AccelerationSource::Differentiated(residual) => Some((format!("residual_{}", row.name), residual)),
+                AccelerationSource::Differentiated(residual) => {
+                    Some((format!("residual_{}", row.name), residual))
+                }
                 AccelerationSource::Servo(_) => None,
             });
             let components: Vec<(String, ExprId)> = residuals.collect();
@@ -631,6 +686,12 @@ impl<'a> Derivation<'a> {
                     doc: "residual of the constraints, zero along the motion".into(),
                 });
             }
+        }
+        if let KinematicConstraint::Solved(solved) = &system.constraint
+            && !solved.rows.is_empty()
+        {
+            facts.holonomic = super::sections::is_subalgebroid(&mut self.g, &system.algebroid, solved);
+            outputs.extend(self.momentum_equation(solved)?);
         }
         if !system.casimirs.is_empty() {
             let mut components = Vec::new();
@@ -724,7 +785,12 @@ impl Equations {
         let outputs = self.outputs.iter_mut().flat_map(|o| o.components.iter_mut().map(|(_, e)| e));
         let matrix = self.mass_matrix.iter_mut().flatten().chain(&mut self.force);
         let pivots = self.pivots.iter_mut().map(|p| &mut p.expr);
-        state.chain(outputs).chain(matrix).chain(pivots).chain([&mut self.energy, &mut self.energy_rate]).collect()
+        state
+            .chain(outputs)
+            .chain(matrix)
+            .chain(pivots)
+            .chain([&mut self.energy, &mut self.energy_rate])
+            .collect()
     }
 
     /// Whether an expression depends on parameters alone, also through definitions.

@@ -7,6 +7,7 @@
 
 mod derive;
 mod ignorable;
+mod sections;
 mod solve;
 
 pub(crate) use derive::solved_velocity;

@@ -174,7 +174,7 @@ impl Factorisation {
                 terms.push(g.neg(product));
             }
             let sum = g.sum(&terms);
-            z.push(writer.define(g, &format!("z_{}", labels[self.column_order[i]]), sum));
+            z.push(writer.define(g, &intermediate(&labels[self.column_order[i]]), sum));
         }
         let mut x = vec![g.zero(); n];
         for i in (0..n).rev() {
@@ -190,6 +190,11 @@ impl Factorisation {
         }
         x
     }
+}
+
+/// Name of the value between the two triangular solves: `z_v1` for `dot_v1`.
+fn intermediate(label: &str) -> String {
+    format!("z_{}", label.strip_prefix("dot_").unwrap_or(label))
 }
 
 /// The error for an identically singular matrix, with a null vector found by exact elimination.

@@ -5,11 +5,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::algebra::Algebroid;
 use crate::error::Error;
 use crate::expr::{ExprId, Func, Graph, Rational, SymbolId};
-use crate::spec::{self, Condition, ConstraintKind, Diagnostics, Model, Named, NamedVector, Param, Relation, Side};
+use crate::spec::{
+    self, Condition, ConstraintKind, Diagnostics, Model, Named, NamedVector, Param, Relation, Side,
+};
 
 use super::constraint::{
-    AccelerationRow, AccelerationSource, ConstraintRow, KinematicConstraint, Reactions, Sign, SolvedConstraint, Solver,
-    Unknown,
+    AccelerationRow, AccelerationSource, ConstraintRow, KinematicConstraint, Reactions, Sign,
+    SolvedConstraint, Solver, Unknown,
 };
 use super::reconstruction::{self, ReconstructedCoordinate};
 use super::stages::Stages;
@@ -430,7 +432,8 @@ impl FrontEnd {
             Err(error) => return self.refuse(&error),
         };
         if !displacements.is_empty() {
-            let expected = names.len() - solved.as_ref().map_or(names.len() - general.len(), |s| s.psi[0].len());
+            let expected =
+                names.len() - solved.as_ref().map_or(names.len() - general.len(), |s| s.psi[0].len());
             if displacements.len() != expected {
                 let what = "list of conditions on virtual displacements".to_owned();
                 return self.refuse(&Error::ShapeMismatch { what, found: displacements.len(), expected });
@@ -439,8 +442,14 @@ impl FrontEnd {
         let (Some(solved), Some(allowed)) = (solved, allowed) else {
             return self.multiplier_form(general, &displacements, !quasi.is_empty());
         };
-        let unknowns: Vec<Unknown> =
-            frame.iter().enumerate().filter(|(k, _)| !solved.dependent.contains(k)).map(|(_, u)| u).chain(&quasi).cloned().collect();
+        let unknowns: Vec<Unknown> = frame
+            .iter()
+            .enumerate()
+            .filter(|(k, _)| !solved.dependent.contains(k))
+            .map(|(_, u)| u)
+            .chain(&quasi)
+            .cloned()
+            .collect();
         let mut pivots = solved.pivots;
         let (virtual_displacements, reactions) = if displacements.is_empty() {
             let reactions = Reactions {

@@ -11,8 +11,8 @@ mod reconstruction;
 mod stages;
 
 pub use constraint::{
-    AccelerationRow, AccelerationSource, ConstraintRow, KinematicConstraint, Reactions, Sign, SolvedConstraint, Unknown,
-    sign_of,
+    AccelerationRow, AccelerationSource, ConstraintRow, KinematicConstraint, Reactions, Sign,
+    SolvedConstraint, Unknown, sign_of,
 };
 pub use front_end::{ReducedSystem, StateKind, reduce};
 pub use reconstruction::ReconstructedCoordinate;
