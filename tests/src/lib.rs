@@ -3,8 +3,11 @@
 //! Nothing here is used by the generator; the oracles are written from the formulas, not from its code.
 
 pub mod algebras;
+pub mod bundle;
 pub mod draws;
+pub mod errata;
 pub mod linear;
+pub mod models;
 pub mod problem;
 pub mod reference;
 pub mod tracked;

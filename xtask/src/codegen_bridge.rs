@@ -351,10 +351,32 @@ pub fn blocks(model: &Model) -> Vec<Block> {
         blocks.push(Block { symbol: spell(&advected.name), doc, unit, members: members.collect() });
     }
     for item in &model.reconstruction {
-        let (doc, unit) = split_unit(&item.doc, 0);
-        let doc = if doc.is_empty() { "Group".to_owned() } else { doc };
-        let members = item.names.iter().map(|name| (name.clone(), spell(name))).collect();
-        blocks.push(Block { symbol: String::new(), doc, unit, members });
+        // A pose is two things of different units.
+        let n_turn = match item.kind {
+            ReconstructionKind::PlanarPose { .. } => 1,
+            ReconstructionKind::Pose { .. } => 4,
+            _ => 0,
+        };
+        let (turn, rest) = item.names.split_at(n_turn);
+        let is_described_apart = item.doc.matches('[').count() > 1;
+        for (names, what) in [(turn, "Attitude"), (rest, "Position")] {
+            if names.is_empty() {
+                continue;
+            }
+            let position = usize::from(n_turn > 0 && what == "Position" && is_described_apart);
+            let (mut doc, mut unit) = split_unit(&item.doc, position);
+            if n_turn > 0 && !is_described_apart {
+                doc = what.to_owned();
+                if what == "Attitude" {
+                    unit = if n_turn == 1 { "rad".to_owned() } else { String::new() };
+                }
+            }
+            if doc.is_empty() {
+                doc = "Group".to_owned();
+            }
+            let members = names.iter().map(|name| (name.clone(), spell(name))).collect();
+            blocks.push(Block { symbol: String::new(), doc, unit, members });
+        }
     }
     blocks
 }
@@ -364,7 +386,21 @@ pub fn spell(name: &str) -> String {
     let mut graph = Graph::new();
     let symbol = graph.symbol(name);
     let symbol = graph.sym(symbol);
-    graph.display(symbol, Style::Unicode)
+    let spelled = graph.display(symbol, Style::Unicode);
+    match spelled.rsplit_once('_') {
+        Some((head, digits)) if !digits.is_empty() && digits.bytes().all(|b| b.is_ascii_digit()) => {
+            const SUBSCRIPTS: [char; 10] = ['₀', '₁', '₂', '₃', '₄', '₅', '₆', '₇', '₈', '₉'];
+            let second: String = digits.bytes().map(|b| SUBSCRIPTS[usize::from(b - b'0')]).collect();
+            let comma = if head.ends_with(SUBSCRIPTS) { "," } else { "" };
+            format!("{head}{comma}{second}")
+        }
+        _ => spelled,
+    }
+}
+
+fn upper_first(text: &str) -> String {
+    let mut chars = text.chars();
+    chars.next().map(|c| c.to_uppercase().chain(chars).collect()).unwrap_or_default()
 }
 
 fn lower_first(text: &str) -> String {
@@ -373,18 +409,29 @@ fn lower_first(text: &str) -> String {
 }
 
 /// Splits `Angular velocity [rad/s].` into text and the unit at a position, the last unit when there are fewer.
+///
+/// Of `Turning rate [rad/s] and velocity [m/s].`, each position has its own text.
 fn split_unit(doc: &str, position: usize) -> (String, String) {
     let mut text = String::new();
+    let mut texts: Vec<&str> = Vec::new();
     let mut units: Vec<&str> = Vec::new();
     let mut rest = doc;
     while let Some((before, after)) = rest.split_once('[')
         && let Some((unit, after)) = after.split_once(']')
     {
         text.push_str(before.trim_end());
+        texts.push(before);
         units.push(unit.trim());
         rest = after;
     }
     text.push_str(rest);
+    if let (true, Some(part)) = (texts.len() > 1, texts.get(position)) {
+        let part = part.trim_start_matches([',', ';', ' ']);
+        text = upper_first(part.strip_prefix("and ").unwrap_or(part).trim_end());
+        if position + 1 == texts.len() {
+            text.push_str(rest);
+        }
+    }
     let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
     let unit = units.get(position).or(units.last()).copied().unwrap_or_default();
     let unit = if unit == "-" || unit == "1" { "" } else { unit };
@@ -394,7 +441,13 @@ fn split_unit(doc: &str, position: usize) -> (String, String) {
 
 #[cfg(test)]
 mod tests {
-    use super::split_unit;
+    use super::{spell, split_unit};
+
+    #[test]
+    fn names_are_spelled_with_subscripts() {
+        let spelled = ["Omega1", "r1_2", "q_3", "psi_dot"].map(spell);
+        assert_eq!(spelled, ["Ω₁", "r₁,₂", "q₃", "ψ̇"]);
+    }
 
     #[test]
     fn units_are_read_from_documentation() {
@@ -403,7 +456,10 @@ mod tests {
         assert_eq!(split_unit("Direction [-].", 0), ("Direction".into(), String::new()));
         let both = "Turning rate [rad/s] and velocity [m/s].";
         assert_eq!(split_unit(both, 0).1, "rad/s");
-        assert_eq!(split_unit(both, 1), ("Turning rate and velocity".into(), "m/s".into()));
+        assert_eq!(split_unit(both, 0).0, "Turning rate");
+        assert_eq!(split_unit(both, 1), ("Velocity".into(), "m/s".into()));
+        let both = "Angular velocity [rad/s] and velocity [m/s] in the body frame.";
+        assert_eq!(split_unit(both, 1).0, "Velocity in the body frame");
         assert_eq!(split_unit("Anything", 0), ("Anything".into(), String::new()));
     }
 }

@@ -49,8 +49,13 @@ impl Choice {
     /// The same model with the coordinates of the group; `path` is how the user asked for them.
     ///
     /// # Errors
-    /// [`Error::Request`] when the model does not reconstruct any, or when another scene than the default was chosen.
+    /// [`Error::Request`] when the model does not reconstruct any, or when another scene than the default was chosen;
+    /// [`Error::UnknownScene`].
     pub fn reconstructing(&self, model: &Model, path: &str) -> Result<Choice, Error> {
+        let known = bridge::scene_names(model);
+        if !known.contains(&self.scene) {
+            return Err(Error::UnknownScene { model: model.name.clone(), name: self.scene.clone(), known });
+        }
         let fail = |reason: String| Error::Request {
             problems: vec![Problem::Unusable { path: path.to_owned(), reason }],
         };
@@ -415,6 +420,16 @@ pub fn simulate(workspace: &Workspace, choice: &Choice, arguments: &Simulation) 
     let set = assignments(&arguments.set, "--set", "parameter", &info.param_names(), &mut problems);
     let given = assignments(&arguments.initial, "--initial", "state", &info.state_names(), &mut problems);
     if !problems.is_empty() {
+        let group = bridge::group_coordinates(&model);
+        let is_of_group =
+            |p: &Problem| matches!(p, Problem::UnknownName { name, .. } if group.contains(name));
+        if !arguments.reconstruct && problems.iter().any(is_of_group) {
+            let reason = format!(
+                "takes {} with --reconstruct only, which integrates these coordinates of the group as well",
+                group.join(", ")
+            );
+            problems.push(Problem::Unusable { path: "--initial".into(), reason });
+        }
         return Err(Error::Request { problems });
     }
     let params: Vec<f64> =
@@ -506,8 +521,9 @@ fn summary(info: &Info, title: &str, request: &SimulateRequest, response: &Simul
     );
     if let (Some(drift), Some(initial)) = (response.energy_drift, response.initial_energy) {
         let scale = if response.energy_scale == initial.abs() { "|E(0)|" } else { "the size of its terms" };
+        let word = if info.conserves_energy() { "drift" } else { "largest change" };
         let _ =
-            write!(text, "\n  energy     {initial:.6e} at the start, drift {drift:.1e} relative to {scale}");
+            write!(text, "\n  energy     {initial:.6e} at the start, {word} {drift:.1e} relative to {scale}");
     }
     if let Some(residual) = response.constraint_residual {
         let _ = write!(text, "\n  constraint residual at most {residual:.1e}");

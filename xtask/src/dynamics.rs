@@ -67,6 +67,11 @@ impl Info {
         self.params.iter().map(|p| p.default).collect()
     }
 
+    /// Whether the energy is constant along the motion; otherwise the scene computes its rate.
+    pub fn conserves_energy(&self) -> bool {
+        self.output_range("energy_rate").is_none()
+    }
+
     /// Positions of a group's components among all outputs; none when the scene has no such group.
     pub fn output_range(&self, group: &str) -> Option<std::ops::Range<usize>> {
         let mut start = 0;

@@ -9,7 +9,7 @@ use crate::codegen_bridge::Block;
 use crate::dynamics::Info;
 use crate::error::{Error, Problem};
 use crate::generate::write_atomically;
-use crate::plot::{Figure, MAX_LINES, Panel, svg};
+use crate::plot::{self, Figure, MAX_LINES, Panel, svg};
 use crate::simulate::{SimulateRequest, SimulateResponse, Steps};
 
 /// A file to write and its format, which its extension says.
@@ -150,7 +150,10 @@ pub fn figure(run: &Run<'_>) -> Figure {
             response.energy_at_steps.iter().map(|(t, energy)| (*t, relative(*energy))).unzip()
         };
         panels.push(Panel {
-            title: format!("Energy drift, relative to {of}"),
+            title: format!(
+                "Energy {}, relative to {of}",
+                if info.conserves_energy() { "drift" } else { "change" }
+            ),
             lines: vec![(String::new(), values)],
             times: Some(times),
         });
@@ -176,7 +179,32 @@ pub fn figure(run: &Run<'_>) -> Figure {
         x_label: "t [s]".into(),
         times: response.samples.iter().map(|s| s.t).collect(),
         panels,
+        path: path(run),
     }
+}
+
+/// Names of coordinates that are positions in a plane when they are lengths.
+const PLANE: [[&str; 2]; 2] = [["x", "y"], ["x1", "x2"]];
+
+/// The path of the first position in a plane that the state has, in metres.
+fn path(run: &Run<'_>) -> Option<plot::Path> {
+    let at = |name: &str| run.info.state.iter().position(|s| s == name);
+    let of_block = |block: &Block| {
+        let member = |name: &str| {
+            let (_, spelled) = block.members.iter().find(|(member, _)| member == name)?;
+            Some((at(name)?, format!("{spelled} [{}]", block.unit)))
+        };
+        let [(x, x_label), (y, y_label)] = PLANE.iter().find_map(|[x, y]| Some([member(x)?, member(y)?]))?;
+        Some(plot::Path {
+            title: match cut(&block.doc, 84) {
+                doc if doc.is_empty() => "Path".to_owned(),
+                doc => format!("Path: {}", lower_first(&doc)),
+            },
+            labels: [x_label, y_label],
+            points: run.response.samples.iter().map(|s| [s.state[x], s.state[y]]).collect(),
+        })
+    };
+    run.blocks.iter().filter(|b| b.unit == "m").find_map(of_block)
 }
 
 fn heading(block: &Block, members: Vec<&str>, chunk: usize) -> String {

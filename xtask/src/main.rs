@@ -88,7 +88,8 @@ Examples:
     Eval(SceneArgs),
     /// Integrate a model from an initial state; print a summary and write files
     ///
-    /// Without --initial, a moderate state on the constraint is chosen. With --json, everything is read from standard
+    /// Without --initial, the model's own initial state or a moderate one on the constraint is chosen. With
+    /// --reconstruct, position and attitude are integrated as well, and a figure shows the path. With --json, everything is read from standard
     /// input instead: {"params": {..}, "initial": {name: number, ..}, "t_final": number, "method": "dop853",
     /// "rtol": number, "atol": number or "step": number, "samples": n, "reconstruct": {name: number, ..}}; it prints
     /// one line: {"t", "final": {..}, "samples": [[t, {..}], ..], "steps", "rejected", "rhs_evals", "energy_drift",

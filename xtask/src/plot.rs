@@ -4,7 +4,7 @@
 
 use plotters::backend::SVGBackend;
 use plotters::drawing::{DrawingArea, IntoDrawingArea};
-use plotters::element::{PathElement, Text};
+use plotters::element::{Circle, PathElement, Text};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, FontStyle, IntoFont, RGBColor, ShapeStyle, TextStyle};
 
@@ -21,6 +21,19 @@ pub struct Figure {
     pub times: Vec<f64>,
     /// The panels.
     pub panels: Vec<Panel>,
+    /// A path in a plane below the panels.
+    pub path: Option<Path>,
+}
+
+/// A curve in a plane, drawn with the same scale along both axes.
+#[derive(Clone, Debug, Default)]
+pub struct Path {
+    /// What is shown.
+    pub title: String,
+    /// Labels of the axes, with units.
+    pub labels: [String; 2],
+    /// Points in the order of time.
+    pub points: Vec<[f64; 2]>,
 }
 
 /// Curves that share an axis.
@@ -45,6 +58,12 @@ const BOTTOM: f64 = 58.0;
 const PANEL: f64 = 150.0;
 const GAP: f64 = 44.0;
 const LINE_HEIGHT: f64 = 17.0;
+/// Height of the path's frame; wide and flat paths are lower.
+const PATH: f64 = 330.0;
+/// Room between the label of the time axis and the path's frame.
+const PATH_GAP: f64 = 34.0;
+/// Least distance of the path's ticks, the same for both axes.
+const PATH_TICKS: f64 = 47.0;
 
 const INK: RGBColor = RGBColor(34, 34, 34);
 const QUIET: RGBColor = RGBColor(102, 102, 102);
@@ -74,7 +93,10 @@ type DrawError = Box<dyn std::error::Error + Send + Sync>;
 /// What the drawing backend says; it writes to memory and has no reason to fail.
 pub fn svg(figure: &Figure) -> Result<String, DrawError> {
     let n_panels = figure.panels.len().max(1) as f64;
-    let height = TOP + n_panels * PANEL + (n_panels - 1.0) * GAP + BOTTOM;
+    let mut height = TOP + n_panels * PANEL + (n_panels - 1.0) * GAP + BOTTOM;
+    if let Some(path) = &figure.path {
+        height += PATH_GAP + Frame::of(path).height + BOTTOM;
+    }
     let mut text = String::new();
     {
         let size = (scaled(WIDTH) as u32, scaled(height) as u32);
@@ -180,6 +202,89 @@ fn draw<'a>(area: &Area<'a>, figure: &Figure) -> Drawn<'a> {
             label(&figure.x_label, (LEFT + right) / 2.0, bottom + 28.0, style)?;
         }
     }
+    if let Some(path) = &figure.path {
+        let n_panels = n_panels.max(1) as f64;
+        draw_path(area, path, TOP + n_panels * PANEL + (n_panels - 1.0) * GAP + BOTTOM + PATH_GAP)?;
+    }
+    Ok(())
+}
+
+/// Size of a path's frame on paper and the ranges it shows, with one scale for both axes.
+struct Frame {
+    width: f64,
+    height: f64,
+    x: (f64, f64),
+    y: (f64, f64),
+}
+
+impl Frame {
+    fn of(path: &Path) -> Frame {
+        let widest = WIDTH - LEFT - RIGHT;
+        let (x, y) = (
+            range_of(path.points.iter().map(|p| p[0]), 0.06),
+            range_of(path.points.iter().map(|p| p[1]), 0.06),
+        );
+        let ratio = (x.1 - x.0) / (y.1 - y.0);
+        let width = (ratio * PATH).clamp(PATH, widest);
+        let height = (width / ratio).clamp(PANEL, PATH);
+        let unit = ((x.1 - x.0) / width).max((y.1 - y.0) / height);
+        let around = |(low, high): (f64, f64), size: f64| {
+            let middle = low + (high - low) / 2.0;
+            (middle - size * unit / 2.0, middle + size * unit / 2.0)
+        };
+        Frame { width, height, x: around(x, width), y: around(y, height) }
+    }
+}
+
+fn draw_path<'a>(area: &Area<'a>, path: &Path, top: f64) -> Drawn<'a> {
+    let label = |text: &str, x: f64, y: f64, style: TextStyle<'static>| {
+        area.draw(&Text::new(text.to_owned(), at(x, y), style))
+    };
+    let line = |points: Vec<(i32, i32)>, style: ShapeStyle| area.draw(&PathElement::new(points, style));
+    let Frame { width, height, x: (x0, x1), y: (y0, y1) } = Frame::of(path);
+    let (right, bottom) = (LEFT + width, top + height);
+    let x_of = |x: f64| LEFT + (x - x0) / (x1 - x0) * width;
+    let y_of = |y: f64| bottom - (y - y0) / (y1 - y0) * height;
+    let x_ticks = Ticks::new(x0, x1, (width / PATH_TICKS) as usize);
+    let y_ticks = Ticks::new(y0, y1, (height / PATH_TICKS) as usize);
+    for x in &x_ticks.values {
+        let style = if *x == 0.0 { stroke(FRAME, 0.7) } else { stroke(GRID, 0.7) };
+        line(vec![at(x_of(*x), top), at(x_of(*x), bottom)], style)?;
+        line(vec![at(x_of(*x), bottom), at(x_of(*x), bottom + 4.0)], stroke(FRAME, 0.8))?;
+        let style = font(11.0, INK, false, HPos::Center, VPos::Top);
+        label(&x_ticks.label(*x), x_of(*x), bottom + 8.0, style)?;
+    }
+    for y in &y_ticks.values {
+        let style = if *y == 0.0 { stroke(FRAME, 0.7) } else { stroke(GRID, 0.7) };
+        line(vec![at(LEFT, y_of(*y)), at(right, y_of(*y))], style)?;
+        line(vec![at(LEFT - 4.0, y_of(*y)), at(LEFT, y_of(*y))], stroke(FRAME, 0.8))?;
+        let style = font(11.0, INK, false, HPos::Right, VPos::Center);
+        label(&y_ticks.label(*y), LEFT - 7.0, y_of(*y), style)?;
+    }
+    let with_power = |text: &str, ticks: &Ticks| match ticks.power_label() {
+        Some(power) => format!("{text} {power}"),
+        None => text.to_owned(),
+    };
+    label(&path.title, LEFT, top - 7.0, font(12.5, INK, true, HPos::Left, VPos::Bottom))?;
+    let style = font(12.5, INK, false, HPos::Center, VPos::Top);
+    label(&with_power(&path.labels[0], &x_ticks), LEFT + width / 2.0, bottom + 28.0, style)?;
+    let style = font(12.5, INK, false, HPos::Center, VPos::Bottom);
+    let style = style.transform(plotters::style::FontTransform::Rotate270);
+    label(&with_power(&path.labels[1], &y_ticks), LEFT - 44.0, top + height / 2.0, style)?;
+
+    let points: Vec<(i32, i32)> = path.points.iter().map(|p| at(x_of(p[0]), y_of(p[1]))).collect();
+    let ends = [("start", points.first().copied()), ("end", points.last().copied())];
+    line(points, stroke(COLOURS[0], 1.5))?;
+    let mut legend_y = top + height / 2.0 - LINE_HEIGHT / 2.0;
+    for (name, point) in ends {
+        let style = ShapeStyle { filled: name == "end", ..stroke(COLOURS[1], 1.6) };
+        let marks = point.into_iter().chain([at(right + 22.0, legend_y)]);
+        for mark in marks {
+            area.draw(&Circle::new(mark, scaled(4.0), style))?;
+        }
+        label(name, right + 38.0, legend_y, font(12.5, INK, false, HPos::Left, VPos::Center))?;
+        legend_y += LINE_HEIGHT;
+    }
     Ok(())
 }
 
@@ -248,7 +353,7 @@ impl Ticks {
 
 #[cfg(test)]
 mod tests {
-    use super::{Figure, Panel, Ticks, range_of, svg};
+    use super::{Figure, Frame, Panel, Path, Ticks, range_of, svg};
 
     #[test]
     fn ticks_are_round() {
@@ -268,6 +373,18 @@ mod tests {
         assert_eq!(range_of([0.0, 0.0].into_iter(), 0.1), (-1.0, 1.0));
         let (low, high) = range_of([2.0, 2.0 + 1e-15].into_iter(), 0.1);
         assert!(low < 1.9 && high > 2.1);
+    }
+
+    #[test]
+    fn paths_have_one_scale() {
+        for points in [[[0.0, 0.0], [1.0, 3.0]], [[-2.0, 1.0], [7.0, 1.5]], [[0.0, 0.0], [5.0, 0.0]]] {
+            let frame = Frame::of(&Path { points: points.to_vec(), ..Path::default() });
+            let (x, y) = ((frame.x.1 - frame.x.0) / frame.width, (frame.y.1 - frame.y.0) / frame.height);
+            assert!((x / y - 1.0).abs() < 1e-12, "{x} {y}");
+            for [x, y] in points {
+                assert!(frame.x.0 < x && x < frame.x.1 && frame.y.0 < y && y < frame.y.1);
+            }
+        }
     }
 
     #[test]

@@ -55,12 +55,14 @@ fn answers_go_to_standard_output_alone() {
 
 #[test]
 fn bad_input_has_status_two_and_a_hint() {
-    let cases: [(&[&str], &str); 6] = [
+    let cases: [(&[&str], &str); 8] = [
         (&["eval", "free_rigid_bdy"], "did you mean `free_rigid_body`?"),
         (&["eval", "heavy_top", "--scene", "lagrang", "--via", "interpreter"], "did you mean `lagrange`?"),
         (&["eval", "heavy_top", "--via", "interpreter"], "standard input is empty"),
         (&["simulate", "heavy_top", "--set", "m"], "name=value"),
         (&["simulate", "heavy_top", "--via", "interpreter", "--initial", "Omega9=1"], "no state `Omega9`"),
+        (&["simulate", "heavy_top", "--via", "interpreter", "--initial", "qw=1"], "with --reconstruct only"),
+        (&["simulate", "heavy_top", "--scene", "lagrange", "--reconstruct"], "leave out --scene lagrange"),
         (&["simulate", "heavy_top", "-o", "top.pdf"], ".csv, .svg or .json"),
     ];
     for (arguments, hint) in cases {
@@ -110,6 +112,25 @@ fn a_simulation_writes_all_formats() {
     assert!(svg.starts_with("<svg ") && svg.contains("Ω₁") && svg.contains("[rad/s]"));
     let json: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&files[2]).unwrap()).unwrap();
     assert_eq!(json["samples"].as_array().unwrap().len(), 11);
+}
+
+#[test]
+fn a_reconstructed_simulation_draws_the_path() {
+    let folder = Folder::new("path");
+    let files = ["robot.svg", "robot.json", "robot.csv"].map(|name| folder.file(name));
+    let arguments = ["simulate", "mobile_robot", "--reconstruct", "--via", "interpreter", "--initial", "x=1"];
+    let outputs = files.iter().flat_map(|file| ["-o", file.as_str()]);
+    let out = xtask(&arguments.into_iter().chain(outputs).collect::<Vec<_>>(), "");
+    assert!(out.status.success(), "{}", text(&out.stderr));
+    let svg = std::fs::read_to_string(&files[0]).unwrap();
+    assert!(svg.contains("Heading [rad]") && svg.contains("Position of P [m]"));
+    assert!(svg.contains("Path: position of P") && svg.contains("y [m]"));
+    let json: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&files[1]).unwrap()).unwrap();
+    assert_eq!(json["reconstruction"].as_object().unwrap().len(), 3);
+    assert!(json["final"].get("x").is_none());
+    let csv = std::fs::read_to_string(&files[2]).unwrap();
+    assert!(csv.starts_with("t,psi1,psi2,psi1_dot,psi2_dot,theta,x,y,energy"));
+    assert!(csv.lines().nth(1).unwrap().starts_with("0.0,0.0,0.0,-4.0,-6.0,0.0,1.0,0.0,"));
 }
 
 #[test]

@@ -4,7 +4,7 @@ use hamel_codegen::spec;
 use serde_json::{Value, json};
 use xtask::backend::{Backend, Local};
 use xtask::codegen_bridge as bridge;
-use xtask::commands::{eval_text, simulate_text};
+use xtask::commands::{Choice, Via, eval_text, reconstruct_text, simulate_text};
 use xtask::error::{Error, Problem};
 
 /// A rigid body, small enough to know its answers by heart.
@@ -312,4 +312,78 @@ fn the_default_initial_state_meets_the_constraint() {
         assert!((norm - 1.0).abs() < 1e-15);
         assert!(y[..3].iter().any(|x| x.abs() > 0.1));
     }
+}
+
+/// A sleigh with a planar pose, and an initial heading of its own.
+const SLEIGH: &str = "model sleigh {
+    param m = 2 where m > 0;
+    param h = 0.5;
+    velocity omega, v in se(2);
+    lagrangian = 1/2*omega^2 + m/2*dot(v, v);
+    constraint v2 = 0;
+    reconstruct theta, x, y in SE(2);
+    initial theta = h;
+    scene bare { want rhs; }
+}";
+
+fn reconstruct(request: &Value) -> Result<Value, Error> {
+    let model = spec::parse("test.hamel", SLEIGH).unwrap_or_else(|e| panic!("{e}"));
+    let mut backend = backend(SLEIGH, "reconstruction");
+    let answer = reconstruct_text(&mut backend, &model, &request.to_string())?;
+    Ok(serde_json::from_str(&answer).expect("JSON"))
+}
+
+#[test]
+fn simulate_reconstructs_the_group_beside_the_state() {
+    let mut request = json!({"initial": {"omega": 0, "v1": 1.5}, "t_final": 2, "samples": 3,
+        "reconstruct": {"theta": 0.3, "x": 1, "y": -1}});
+    let answer = reconstruct(&request).unwrap();
+    let expected =
+        ["t", "final", "samples", "steps", "rejected", "rhs_evals", "energy_drift", "reconstruction"];
+    assert_eq!(keys(&answer), expected);
+    assert_eq!(keys(&answer["final"]), ["omega", "v1"]);
+    assert_eq!(keys(&answer["samples"][1][1]), ["omega", "v1"]);
+    assert_eq!(keys(&answer["reconstruction"]), ["theta", "x", "y"]);
+    let close = |found: &Value, x: f64| assert!((found.as_f64().unwrap() - x).abs() < 1e-12, "{found} {x}");
+    close(&answer["reconstruction"]["x"], 1.0 + 3.0 * 0.3_f64.cos());
+    close(&answer["reconstruction"]["y"], -1.0 + 3.0 * 0.3_f64.sin());
+    // Nothing given: as the model says, otherwise the identity. The model's values depend on its parameters.
+    for (params, heading) in [(json!({}), 0.5), (json!({"h": 0.7}), 0.7)] {
+        request["reconstruct"] = json!({});
+        request["params"] = params;
+        let answer = reconstruct(&request).unwrap();
+        close(&answer["reconstruction"]["theta"], heading);
+        close(&answer["reconstruction"]["x"], 3.0 * heading.cos());
+    }
+}
+
+#[test]
+fn reconstruct_takes_all_coordinates_of_the_group_and_no_others() {
+    let text = |group: Value| -> String {
+        let request = json!({"initial": {"omega": 0, "v1": 1}, "t_final": 1, "reconstruct": group});
+        problems(reconstruct(&request)).iter().map(|p| format!("{p}\n")).collect()
+    };
+    let found = text(json!({"theta": 0, "x": 1, "z": 2}));
+    assert!(found.contains("no group coordinate `z`"), "{found}");
+    assert!(found.contains("reconstruct lacks y") && found.contains("theta, x, y"), "{found}");
+    assert!(text(json!({"omega": 1, "theta": 0, "x": 0, "y": 0})).contains("group coordinates: theta, x, y"));
+    assert!(text(json!({"theta": "0", "x": 0, "y": 0})).contains("without quotes"));
+    assert!(text(json!(true)).contains("reconstruct is true"));
+    let request = json!({"initial": {"omega": 0, "v1": 1, "x": 1}, "t_final": 1, "reconstruct": {}});
+    assert!(problems(reconstruct(&request))[0].to_string().contains("initial has no state `x`"));
+}
+
+#[test]
+fn reconstruct_needs_a_group_and_the_default_scene() {
+    let choice = |scene: &str| Choice { model: "any".into(), scene: scene.into(), via: Via::Interpreter };
+    let told = |model: &str, scene: &str| match choice(scene)
+        .reconstructing(&spec::parse("test.hamel", model).unwrap_or_else(|e| panic!("{e}")), "reconstruct")
+    {
+        Err(error) => error.to_string(),
+        Ok(choice) => choice.scene,
+    };
+    assert_eq!(told(SLEIGH, "default"), "reconstruction");
+    assert!(told(SLEIGH, "bare").contains("leave out --scene bare"));
+    assert!(told(SLEIGH, "reconstruction").contains("leave out --scene reconstruction"));
+    assert!(told(BEAD, "default").contains("bead does not say how the group moves"));
 }

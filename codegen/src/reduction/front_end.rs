@@ -9,6 +9,7 @@ use crate::spec::{
     self, Condition, ConstraintKind, Diagnostics, Model, Named, NamedVector, Param, Relation, Side,
 };
 
+use super::connection::with_connection;
 use super::constraint::{
     AccelerationRow, AccelerationSource, ConstraintRow, KinematicConstraint, Reactions, Sign,
     SolvedConstraint, Solver, Unknown,
@@ -79,6 +80,10 @@ pub struct ReducedSystem {
 /// # Errors
 /// Everything inconsistent that is found, at the spans of the model's text.
 pub fn reduce(model: &Model, fixed: &[(String, Rational)]) -> Result<ReducedSystem, Diagnostics> {
+    if let Some(kind) = model.derived_connection {
+        let written_with_xi = Model { derived_connection: None, ..model.clone() };
+        return reduce(&with_connection(&written_with_xi, kind)?, fixed);
+    }
     let mut front_end = FrontEnd { model: model.clone(), problems: Vec::new() };
     let reduced = front_end.run(fixed);
     match reduced {

@@ -5,11 +5,13 @@
 //!
 //! Deliberately does not know: equations of motion, programs, text files.
 
+mod connection;
 mod constraint;
 mod front_end;
 mod reconstruction;
 mod stages;
 
+pub use connection::with_connection;
 pub use constraint::{
     AccelerationRow, AccelerationSource, ConstraintRow, KinematicConstraint, Reactions, Sign,
     SolvedConstraint, Unknown, sign_of,

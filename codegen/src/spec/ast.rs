@@ -109,31 +109,98 @@ pub(super) struct BracketRule {
 #[derive(Clone, Debug)]
 pub(super) enum ItemKind {
     Source(String),
-    Param { name: Name, shape: Shape, default: Option<Expr>, conditions: Vec<Comparison> },
+    Param {
+        name: Name,
+        shape: Shape,
+        default: Option<Expr>,
+        conditions: Vec<Comparison>,
+    },
     Require(Vec<Comparison>),
-    Let { name: Name, value: Expr },
-    AlgebraName { name: Name, value: AlgebraExpr },
-    AlgebraBrackets { name: Name, basis: Vec<Name>, rules: Vec<BracketRule> },
-    Representation { name: Name, algebra: AlgebraExpr, dim: Size, matrices: Vec<(Name, Expr)> },
+    Let {
+        name: Name,
+        value: Expr,
+    },
+    AlgebraName {
+        name: Name,
+        value: AlgebraExpr,
+    },
+    AlgebraBrackets {
+        name: Name,
+        basis: Vec<Name>,
+        rules: Vec<BracketRule>,
+    },
+    Representation {
+        name: Name,
+        algebra: AlgebraExpr,
+        dim: Size,
+        matrices: Vec<(Name, Expr)>,
+    },
     QuasiVelocity(Vec<Name>),
-    Connection { name: Name, value: Expr },
-    Velocity { names: Vec<Name>, algebra: AlgebraExpr },
+    Connection {
+        name: Name,
+        value: Expr,
+    },
+    /// `connection mechanical;`
+    DerivedConnection(Name),
+    Velocity {
+        names: Vec<Name>,
+        algebra: AlgebraExpr,
+    },
     Action(Name),
-    Stage { name: Name, ideal: Option<Vec<Expr>> },
+    Stage {
+        name: Name,
+        ideal: Option<Vec<Expr>>,
+    },
     InnerProduct(Expr),
-    Coordinate { names: Vec<Name>, shape: Shape, domain: DomainExpr },
-    Advected { name: Name, dim: Option<Size>, action: Expr },
+    Coordinate {
+        names: Vec<Name>,
+        shape: Shape,
+        domain: DomainExpr,
+    },
+    Advected {
+        name: Name,
+        dim: Option<Size>,
+        action: Expr,
+    },
     Lagrangian(Expr),
-    Constraint { name: Option<Name>, left: Expr, right: Expr },
-    Virtual { name: Option<Name>, left: Expr, right: Expr },
+    Constraint {
+        name: Option<Name>,
+        left: Expr,
+        right: Expr,
+    },
+    Virtual {
+        name: Option<Name>,
+        left: Expr,
+        right: Expr,
+    },
     Independent(Vec<Name>),
     Multipliers,
-    Force { name: Name, value: Expr },
-    Casimir { name: Name, value: Expr },
-    Output { name: Name, value: Expr },
-    Reconstruct { names: Vec<Name>, way: ReconstructWay },
-    Initial { name: Name, value: Expr },
-    Scene { name: Name, fixed: Vec<(Name, Expr)>, wants: Vec<Name>, drops: Vec<Name> },
+    Force {
+        name: Name,
+        value: Expr,
+    },
+    Casimir {
+        name: Name,
+        value: Expr,
+    },
+    Output {
+        name: Name,
+        value: Expr,
+    },
+    Reconstruct {
+        names: Vec<Name>,
+        way: ReconstructWay,
+    },
+    Initial {
+        name: Name,
+        value: Expr,
+    },
+    Scene {
+        name: Name,
+        fixed: Vec<(Name, Expr)>,
+        wants: Vec<Name>,
+        drops: Vec<Name>,
+    },
 }
 
 #[derive(Clone, Debug)]

@@ -154,6 +154,7 @@ pub struct ModelBuilder {
     action: Option<(Side, Option<Span>)>,
     quasi_velocities: Vec<Velocity>,
     connection: Vec<(String, Value, Option<Span>)>,
+    derived_connection: Option<(ConnectionKind, Option<Span>)>,
     /// Displacements and accelerations by their velocity, made when they are used.
     displacements: BTreeMap<SymbolId, SymbolId>,
     accelerations: BTreeMap<SymbolId, SymbolId>,
@@ -204,6 +205,7 @@ impl ModelBuilder {
             action: None,
             quasi_velocities: Vec::new(),
             connection: Vec::new(),
+            derived_connection: None,
             displacements: BTreeMap::new(),
             accelerations: BTreeMap::new(),
             stages: Vec::new(),
@@ -772,6 +774,7 @@ impl ModelBuilder {
             velocities: self.velocities,
             quasi_velocities: self.quasi_velocities,
             connection,
+            derived_connection: self.derived_connection.map(|(kind, _)| kind),
             action: self.action.map_or(Side::Left, |(side, _)| side),
             stages,
             advected,

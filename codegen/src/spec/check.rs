@@ -11,7 +11,7 @@ use super::ast::{
 use super::builder::{Group, Layout, ModelBuilder, component_help};
 use super::diagnostic::{Diagnostic, Diagnostics, Origin, Span};
 use super::eval::{Evaluator, is_poisoned};
-use super::model::{Domain, Model, Side};
+use super::model::{ConnectionKind, Domain, Model, Side};
 use super::names;
 use super::parser::{MAX_DIM, Outcome};
 use super::value::Value;
@@ -956,6 +956,11 @@ impl Checker<'_> {
                 Some(value) => _ = self.builder.at(Some(name.span)).connection(&name.text, &value),
                 None => _ = self.builder.broken.insert("connection"),
             },
+            ItemKind::DerivedConnection(name) => {
+                if let Some(kind) = ConnectionKind::from_name(&name.text) {
+                    self.builder.at(Some(name.span)).derived_connection(kind);
+                }
+            }
             ItemKind::Independent(names) => {
                 let located = names.iter().map(|n| (n.text.clone(), Some(n.span))).collect();
                 self.builder.at(span).located_independent(located);

@@ -22,8 +22,9 @@ pub use ast::Compare;
 pub use builder::{Group, Layout, ModelBuilder};
 pub use diagnostic::{Diagnostic, Diagnostics, Origin, Span};
 pub use model::{
-    Advected, Condition, Constraint, ConstraintKind, Coordinate, Domain, Model, Named, NamedVector, Param,
-    Reconstruction, ReconstructionKind, Relation, Scene, Side, Stages, Velocity, VirtualConstraint, diagnose,
+    Advected, Condition, ConnectionKind, Constraint, ConstraintKind, Coordinate, Domain, Model, Named,
+    NamedVector, Param, Reconstruction, ReconstructionKind, Relation, Scene, Side, Stages, Velocity,
+    VirtualConstraint, diagnose,
 };
 pub use value::{Shape, Value, ValueError};
 

@@ -123,6 +123,29 @@ pub struct Advected {
     pub span: Option<Span>,
 }
 
+/// A connection that the generator can derive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ConnectionKind {
+    /// `A = 0`: the velocity is the group velocity.
+    Trivial,
+    /// Horizontal means orthogonal to the group orbits in the kinetic energy.
+    Mechanical,
+    /// Horizontal means allowed by the constraint and orthogonal to the allowed vertical directions.
+    Nonholonomic,
+}
+
+impl ConnectionKind {
+    /// The kind of that name: `trivial`, `mechanical` or `nonholonomic`.
+    pub fn from_name(name: &str) -> Option<ConnectionKind> {
+        match name {
+            "trivial" => Some(ConnectionKind::Trivial),
+            "mechanical" => Some(ConnectionKind::Mechanical),
+            "nonholonomic" => Some(ConnectionKind::Nonholonomic),
+            _ => None,
+        }
+    }
+}
+
 /// What a [`Constraint`] restricts, and how.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ConstraintKind {
@@ -296,6 +319,9 @@ pub struct Model {
     pub lagrangian: ExprId,
     /// Constraints.
     pub constraints: Vec<Constraint>,
+    /// A connection to be derived; the model is then written with the group velocity `xi` and the state holds
+    /// `v = xi + A(x) xdot`.
+    pub derived_connection: Option<ConnectionKind>,
     /// Conditions on virtual displacements; when there are none, the constraints give them.
     pub virtual_constraints: Vec<VirtualConstraint>,
     /// Chosen independent velocities: indices into the base velocities, the velocities in the algebra and the

@@ -12,6 +12,7 @@ use syn::buffer::{Cursor, TokenBuffer};
 
 use super::ast::*;
 use super::diagnostic::{Diagnostic, Span};
+use super::model::ConnectionKind;
 use super::names::{self, ITEMS};
 use crate::expr::Rational;
 
@@ -574,8 +575,12 @@ impl<'a> Parser<'a> {
             }
             "connection" => {
                 let name = self.ident("the velocity whose connection is given")?;
-                self.equals()?;
-                ItemKind::Connection { name, value: self.expr()? }
+                if ConnectionKind::from_name(&name.text).is_some() {
+                    ItemKind::DerivedConnection(name)
+                } else {
+                    self.equals()?;
+                    ItemKind::Connection { name, value: self.expr()? }
+                }
             }
             "action" => ItemKind::Action(self.ident("`left` or `right`")?),
             "stage" => self.stage()?,

@@ -37,6 +37,16 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
             components: &["lambda_c1", "lambda_c2"],
             doc: "multipliers lambda_A of E = lambda_A a_A, the constraint forces along the constraint one-forms",
         },
+        ::hamel_runtime::OutputInfo {
+            name: "nonholonomic_momentum",
+            components: &["J_x_dot", "J_y_dot", "J_omega_z"],
+            doc: "momenta <p, W_b> along the sections of virtual displacements",
+        },
+        ::hamel_runtime::OutputInfo {
+            name: "momentum_equation",
+            components: &["dot_J_x_dot", "dot_J_y_dot", "dot_J_omega_z"],
+            doc: "their rates by the nonholonomic momentum equation",
+        },
     ],
     has_energy: true,
 };
@@ -154,6 +164,10 @@ pub struct Prepared<R = f64> {
     c4: R,
     /// `k2 / r`
     c5: R,
+    /// `k2 * Omega / (r * r)`
+    c6: R,
+    /// `k2 / (r * r)`
+    c7: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -166,7 +180,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 4 multiplications, 7 divisions.
+    /// 1 addition, 4 multiplications, 8 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { r, k2, Omega } = *params;
         for (value, condition, meaning) in [
@@ -182,7 +196,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             }
         }
         let t0 = r * r;
-        let A_x_dot_x_dot = R::ONE + k2 / t0;
+        let t1 = k2 / t0;
+        let A_x_dot_x_dot = R::ONE + t1;
+        let t2 = k2 * Omega;
         if !r.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "r > 0",
@@ -213,8 +229,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c1: k2 / (r * A_x_dot_x_dot),
             c2: r.recip(),
             c3: k2 / (t0 * A_x_dot_x_dot),
-            c4: k2 * Omega / r,
+            c4: t2 / r,
             c5: k2 / r,
+            c6: t2 / t0,
+            c7: t1,
         })
     }
 }
@@ -344,6 +362,47 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ];
         [-(self.c5 * dot_omega_y), self.c5 * dot_omega_x]
     }
+
+    /// Momenta <p, W_b> along the sections of virtual displacements.
+    ///
+    /// # Components
+    ///
+    /// ```text
+    /// [J_x_dot, J_y_dot, J_omega_z]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// 4 additions, 5 multiplications.
+    #[inline]
+    #[must_use]
+    pub fn nonholonomic_momentum(&self, t: R, y: &[R; 5]) -> [R; 3] {
+        let [x, y, x_dot, y_dot, omega_z] = *y;
+        let _ = t;
+        [
+            x_dot + self.c6 * y + self.c7 * x_dot,
+            y_dot - self.c6 * x + self.c7 * y_dot,
+            self.k2 * omega_z,
+        ]
+    }
+
+    /// Their rates by the nonholonomic momentum equation.
+    ///
+    /// # Components
+    ///
+    /// ```text
+    /// [dot_J_x_dot, dot_J_y_dot, dot_J_omega_z]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// No operations.
+    #[inline]
+    #[must_use]
+    pub fn momentum_equation(&self, t: R, y: &[R; 5]) -> [R; 3] {
+        let _ = (t, y);
+        [R::ZERO, R::ZERO, R::ZERO]
+    }
 }
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
@@ -373,11 +432,13 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     }
 
     fn outputs_of(&self, t: R, y: &[R; 5], out: &mut [R]) {
-        if let Ok(out) = <&mut [R; 8]>::try_from(out) {
+        if let Ok(out) = <&mut [R; 14]>::try_from(out) {
             let v0 = self.energy_rate(t, y);
             let [v1, v2, v3, v4, v5] = self.momentum(t, y);
             let [v6, v7] = self.multipliers(t, y);
-            *out = [v0, v1, v2, v3, v4, v5, v6, v7];
+            let [v8, v9, v10] = self.nonholonomic_momentum(t, y);
+            let [v11, v12, v13] = self.momentum_equation(t, y);
+            *out = [v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10, v11, v12, v13];
         }
     }
 }

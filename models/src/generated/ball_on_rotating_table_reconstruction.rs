@@ -37,6 +37,16 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
             components: &["lambda_c1", "lambda_c2"],
             doc: "multipliers lambda_A of E = lambda_A a_A, the constraint forces along the constraint one-forms",
         },
+        ::hamel_runtime::OutputInfo {
+            name: "nonholonomic_momentum",
+            components: &["J_x_dot", "J_y_dot", "J_omega_z"],
+            doc: "momenta <p, W_b> along the sections of virtual displacements",
+        },
+        ::hamel_runtime::OutputInfo {
+            name: "momentum_equation",
+            components: &["dot_J_x_dot", "dot_J_y_dot", "dot_J_omega_z"],
+            doc: "their rates by the nonholonomic momentum equation",
+        },
     ],
     has_energy: true,
 };
@@ -389,6 +399,48 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ];
         [-(self.c4 * dot_omega_y), self.c4 * dot_omega_x]
     }
+
+    /// Momenta <p, W_b> along the sections of virtual displacements.
+    ///
+    /// # Components
+    ///
+    /// ```text
+    /// [J_x_dot, J_y_dot, J_omega_z]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// 4 additions, 7 multiplications.
+    #[inline]
+    #[must_use]
+    pub fn nonholonomic_momentum(&self, t: R, y: &[R; 9]) -> [R; 3] {
+        let [x, y, x_dot, y_dot, omega_z, _, _, _, _] = *y;
+        let _ = t;
+        /// velocities y = Psi u + psi0
+        let [omega_x, omega_y] = [
+            self.c0 * x - self.c1 * y_dot,
+            self.c0 * y + self.c1 * x_dot,
+        ];
+        [x_dot + self.c4 * omega_y, y_dot - self.c4 * omega_x, self.k2 * omega_z]
+    }
+
+    /// Their rates by the nonholonomic momentum equation.
+    ///
+    /// # Components
+    ///
+    /// ```text
+    /// [dot_J_x_dot, dot_J_y_dot, dot_J_omega_z]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// No operations.
+    #[inline]
+    #[must_use]
+    pub fn momentum_equation(&self, t: R, y: &[R; 9]) -> [R; 3] {
+        let _ = (t, y);
+        [R::ZERO, R::ZERO, R::ZERO]
+    }
 }
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
@@ -418,11 +470,13 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     }
 
     fn outputs_of(&self, t: R, y: &[R; 9], out: &mut [R]) {
-        if let Ok(out) = <&mut [R; 8]>::try_from(out) {
+        if let Ok(out) = <&mut [R; 14]>::try_from(out) {
             let v0 = self.energy_rate(t, y);
             let [v1, v2, v3, v4, v5] = self.momentum(t, y);
             let [v6, v7] = self.multipliers(t, y);
-            *out = [v0, v1, v2, v3, v4, v5, v6, v7];
+            let [v8, v9, v10] = self.nonholonomic_momentum(t, y);
+            let [v11, v12, v13] = self.momentum_equation(t, y);
+            *out = [v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10, v11, v12, v13];
         }
     }
 }

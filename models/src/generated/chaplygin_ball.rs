@@ -68,6 +68,16 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
             doc: "multipliers lambda_A of E = lambda_A a_A, the constraint forces along the constraint one-forms",
         },
         ::hamel_runtime::OutputInfo {
+            name: "nonholonomic_momentum",
+            components: &["J_Omega1", "J_Omega2", "J_Omega3"],
+            doc: "momenta <p, W_b> along the sections of virtual displacements",
+        },
+        ::hamel_runtime::OutputInfo {
+            name: "momentum_equation",
+            components: &["dot_J_Omega1", "dot_J_Omega2", "dot_J_Omega3"],
+            doc: "their rates by the nonholonomic momentum equation",
+        },
+        ::hamel_runtime::OutputInfo {
             name: "casimirs",
             components: &["C1"],
             doc: "conserved quantities",
@@ -275,6 +285,8 @@ pub struct Prepared<R = f64> {
     c11: R,
     /// `0.5 * m`
     c12: R,
+    /// `m * r`
+    c13: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -287,7 +299,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 14 multiplications.
+    /// 3 additions, 15 multiplications.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, m, r, l, chi1, chi2, chi3, g } = *params;
         for (value, condition, meaning) in [
@@ -387,6 +399,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c10: R::from_f64(0.5) * I2,
             c11: R::from_f64(0.5) * I3,
             c12: R::from_f64(0.5) * m,
+            c13: m * r,
         })
     }
 }
@@ -491,10 +504,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         };
         /// substitution through the factors of A
         let [dot_Omega3, dot_Omega2, dot_Omega1] = {
-            let z_dot_Omega2 = f_Omega2 - f_Omega1 * A_l2_1;
-            let z_dot_Omega3 = f_Omega3 - f_Omega1 * A_l3_1 - A_l3_2 * z_dot_Omega2;
-            let dot_Omega3 = z_dot_Omega3 / A_s2_3_3;
-            let dot_Omega2 = z_dot_Omega2 * t7 - A_l3_2 * dot_Omega3;
+            let z_Omega2 = f_Omega2 - f_Omega1 * A_l2_1;
+            let z_Omega3 = f_Omega3 - f_Omega1 * A_l3_1 - A_l3_2 * z_Omega2;
+            let dot_Omega3 = z_Omega3 / A_s2_3_3;
+            let dot_Omega2 = z_Omega2 * t7 - A_l3_2 * dot_Omega3;
             [
                 dot_Omega3,
                 dot_Omega2,
@@ -663,10 +676,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         };
         /// substitution through the factors of A
         let [dot_Omega3, dot_Omega2, dot_Omega1] = {
-            let z_dot_Omega2 = f_Omega2 - f_Omega1 * A_l2_1;
-            let z_dot_Omega3 = f_Omega3 - f_Omega1 * A_l3_1 - A_l3_2 * z_dot_Omega2;
-            let dot_Omega3 = z_dot_Omega3 / A_s2_3_3;
-            let dot_Omega2 = z_dot_Omega2 * t7 - A_l3_2 * dot_Omega3;
+            let z_Omega2 = f_Omega2 - f_Omega1 * A_l2_1;
+            let z_Omega3 = f_Omega3 - f_Omega1 * A_l3_1 - A_l3_2 * z_Omega2;
+            let dot_Omega3 = z_Omega3 / A_s2_3_3;
+            let dot_Omega2 = z_Omega2 * t7 - A_l3_2 * dot_Omega3;
             [
                 dot_Omega3,
                 dot_Omega2,
@@ -680,6 +693,98 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             lag_X3 + t1 * dot_Omega1 - t2 * dot_Omega2,
         ];
         [self.m * dot_X1 - r_X1, self.m * dot_X2 - r_X2, self.m * dot_X3 - r_X3]
+    }
+
+    /// Momenta <p, W_b> along the sections of virtual displacements.
+    ///
+    /// # Components
+    ///
+    /// ```text
+    /// [J_Omega1, J_Omega2, J_Omega3]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// 12 additions, 21 multiplications.
+    #[inline]
+    #[must_use]
+    pub fn nonholonomic_momentum(&self, t: R, y: &[R; 6]) -> [R; 3] {
+        let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
+        let _ = t;
+        /// velocities y = Psi u + psi0
+        let [t0, t1, X1, t2, X2, X3] = {
+            let t0 = self.c0 + self.r * Gamma3;
+            let t1 = self.c1 + self.r * Gamma2;
+            let t2 = self.c2 + self.r * Gamma1;
+            [
+                t0,
+                t1,
+                Omega2 * t0 - Omega3 * t1,
+                t2,
+                Omega3 * t2 - Omega1 * t0,
+                Omega1 * t1 - Omega2 * t2,
+            ]
+        };
+        [
+            self.I1 * Omega1 + self.m * (t1 * X3 - t0 * X2),
+            self.I2 * Omega2 + self.m * (t0 * X1 - t2 * X3),
+            self.I3 * Omega3 + self.m * (t2 * X2 - t1 * X1),
+        ]
+    }
+
+    /// Their rates by the nonholonomic momentum equation.
+    ///
+    /// # Components
+    ///
+    /// ```text
+    /// [dot_J_Omega1, dot_J_Omega2, dot_J_Omega3]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// 30 additions, 51 multiplications, 2 sign changes.
+    #[inline]
+    #[must_use]
+    pub fn momentum_equation(&self, t: R, y: &[R; 6]) -> [R; 3] {
+        let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
+        let _ = t;
+        /// velocities y = Psi u + psi0
+        let [t0, t1, X1, t2, X2, X3] = {
+            let t0 = self.c0 + self.r * Gamma3;
+            let t1 = self.c1 + self.r * Gamma2;
+            let t2 = self.c2 + self.r * Gamma1;
+            [
+                t0,
+                t1,
+                Omega2 * t0 - Omega3 * t1,
+                t2,
+                Omega3 * t2 - Omega1 * t0,
+                Omega1 * t1 - Omega2 * t2,
+            ]
+        };
+        /// kinematics xdot = rho y
+        let [dot_Gamma1, dot_Gamma2, dot_Gamma3] = [
+            Omega3 * Gamma2 - Omega2 * Gamma3,
+            Omega1 * Gamma3 - Omega3 * Gamma1,
+            Omega2 * Gamma1 - Omega1 * Gamma2,
+        ];
+        /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
+        let [r_Omega1, r_Omega2, r_Omega3, r_X1, r_X2, r_X3] = [
+            self.c3 * Gamma2 - self.c4 * Gamma3 + self.c5 * (Omega2 * Omega3),
+            self.c6 * Gamma3 - self.c3 * Gamma1 - self.c7 * (Omega1 * Omega3),
+            self.c4 * Gamma1 - self.c6 * Gamma2 + self.c8 * (Omega1 * Omega2),
+            -(self.m * (Omega2 * X3 - Omega3 * X2)),
+            self.m * (Omega1 * X3 - Omega3 * X1),
+            -(self.m * (Omega1 * X2 - Omega2 * X1)),
+        ];
+        [
+            r_Omega1 + t1 * r_X3 - t0 * r_X2
+                + self.c13 * (X3 * dot_Gamma2 - X2 * dot_Gamma3),
+            r_Omega2 + t0 * r_X1 - t2 * r_X3
+                + self.c13 * (X1 * dot_Gamma3 - X3 * dot_Gamma1),
+            r_Omega3 + t2 * r_X2 - t1 * r_X1
+                + self.c13 * (X2 * dot_Gamma1 - X1 * dot_Gamma2),
+        ]
     }
 
     /// Conserved quantities.
@@ -789,11 +894,30 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     }
 
     fn outputs_of(&self, t: R, y: &[R; 6], out: &mut [R]) {
-        if let Ok(out) = <&mut [R; 10]>::try_from(out) {
+        if let Ok(out) = <&mut [R; 16]>::try_from(out) {
             let [v0, v1, v2, v3, v4, v5] = self.momentum(t, y);
             let [v6, v7, v8] = self.multipliers(t, y);
-            let [v9] = self.casimirs(t, y);
-            *out = [v0, v1, v2, v3, v4, v5, v6, v7, v8, v9];
+            let [v9, v10, v11] = self.nonholonomic_momentum(t, y);
+            let [v12, v13, v14] = self.momentum_equation(t, y);
+            let [v15] = self.casimirs(t, y);
+            *out = [
+                v0,
+                v1,
+                v2,
+                v3,
+                v4,
+                v5,
+                v6,
+                v7,
+                v8,
+                v9,
+                v10,
+                v11,
+                v12,
+                v13,
+                v14,
+                v15,
+            ];
         }
     }
 }

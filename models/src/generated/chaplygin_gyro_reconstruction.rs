@@ -84,6 +84,28 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
             doc: "multipliers lambda_A of E = lambda_A a_A, the constraint forces along the constraint one-forms",
         },
         ::hamel_runtime::OutputInfo {
+            name: "nonholonomic_momentum",
+            components: &[
+                "J_alpha_dot",
+                "J_beta_dot",
+                "J_Omega1",
+                "J_Omega2",
+                "J_Omega3",
+            ],
+            doc: "momenta <p, W_b> along the sections of virtual displacements",
+        },
+        ::hamel_runtime::OutputInfo {
+            name: "momentum_equation",
+            components: &[
+                "dot_J_alpha_dot",
+                "dot_J_beta_dot",
+                "dot_J_Omega1",
+                "dot_J_Omega2",
+                "dot_J_Omega3",
+            ],
+            doc: "their rates by the nonholonomic momentum equation",
+        },
+        ::hamel_runtime::OutputInfo {
             name: "casimirs",
             components: &["C1"],
             doc: "conserved quantities",
@@ -714,15 +736,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         };
         /// substitution through the factors of A
         let [dot_Omega3, dot_Omega2, dot_Omega1, dot_beta_dot, dot_alpha_dot] = {
-            let z_dot_Omega1 = f_Omega1 - n_alpha_dot * A_l3_1 - n_beta_dot * A_l3_2;
-            let z_dot_Omega2 = f_Omega2 - n_alpha_dot * A_l4_1 - n_beta_dot * A_l4_2
-                - A_l4_3 * z_dot_Omega1;
-            let z_dot_Omega3 = f_Omega3 - n_alpha_dot * A_l5_1 - n_beta_dot * A_l5_2
-                - A_l5_3 * z_dot_Omega1 - A_l5_4 * z_dot_Omega2;
-            let dot_Omega3 = z_dot_Omega3 / A_s4_5_5;
-            let dot_Omega2 = z_dot_Omega2 * t59 - A_l5_4 * dot_Omega3;
-            let dot_Omega1 = z_dot_Omega1 * t58 - A_l4_3 * dot_Omega2
-                - A_l5_3 * dot_Omega3;
+            let z_Omega1 = f_Omega1 - n_alpha_dot * A_l3_1 - n_beta_dot * A_l3_2;
+            let z_Omega2 = f_Omega2 - n_alpha_dot * A_l4_1 - n_beta_dot * A_l4_2
+                - A_l4_3 * z_Omega1;
+            let z_Omega3 = f_Omega3 - n_alpha_dot * A_l5_1 - n_beta_dot * A_l5_2
+                - A_l5_3 * z_Omega1 - A_l5_4 * z_Omega2;
+            let dot_Omega3 = z_Omega3 / A_s4_5_5;
+            let dot_Omega2 = z_Omega2 * t59 - A_l5_4 * dot_Omega3;
+            let dot_Omega1 = z_Omega1 * t58 - A_l4_3 * dot_Omega2 - A_l5_3 * dot_Omega3;
             [
                 dot_Omega3,
                 dot_Omega2,
@@ -1112,15 +1133,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         };
         /// substitution through the factors of A
         let [dot_Omega3, dot_Omega2, dot_Omega1, dot_beta_dot, dot_alpha_dot] = {
-            let z_dot_Omega1 = f_Omega1 - n_alpha_dot * A_l3_1 - n_beta_dot * A_l3_2;
-            let z_dot_Omega2 = f_Omega2 - n_alpha_dot * A_l4_1 - n_beta_dot * A_l4_2
-                - A_l4_3 * z_dot_Omega1;
-            let z_dot_Omega3 = f_Omega3 - n_alpha_dot * A_l5_1 - n_beta_dot * A_l5_2
-                - A_l5_3 * z_dot_Omega1 - A_l5_4 * z_dot_Omega2;
-            let dot_Omega3 = z_dot_Omega3 / A_s4_5_5;
-            let dot_Omega2 = z_dot_Omega2 * t59 - A_l5_4 * dot_Omega3;
-            let dot_Omega1 = z_dot_Omega1 * t58 - A_l4_3 * dot_Omega2
-                - A_l5_3 * dot_Omega3;
+            let z_Omega1 = f_Omega1 - n_alpha_dot * A_l3_1 - n_beta_dot * A_l3_2;
+            let z_Omega2 = f_Omega2 - n_alpha_dot * A_l4_1 - n_beta_dot * A_l4_2
+                - A_l4_3 * z_Omega1;
+            let z_Omega3 = f_Omega3 - n_alpha_dot * A_l5_1 - n_beta_dot * A_l5_2
+                - A_l5_3 * z_Omega1 - A_l5_4 * z_Omega2;
+            let dot_Omega3 = z_Omega3 / A_s4_5_5;
+            let dot_Omega2 = z_Omega2 * t59 - A_l5_4 * dot_Omega3;
+            let dot_Omega1 = z_Omega1 * t58 - A_l4_3 * dot_Omega2 - A_l5_3 * dot_Omega3;
             [
                 dot_Omega3,
                 dot_Omega2,
@@ -1145,6 +1165,238 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 + self.c0 * (t9 * t60 - t6 * (dot_Omega1 - t12 * dot_beta_dot)),
             self.c7 * dot_X3 - r_X3
                 - self.c0 * (t7 * (dot_beta_dot - t12 * dot_Omega1 + t8 * dot_Omega2)),
+        ]
+    }
+
+    /// Momenta <p, W_b> along the sections of virtual displacements.
+    ///
+    /// # Components
+    ///
+    /// ```text
+    /// [J_alpha_dot, J_beta_dot, J_Omega1, J_Omega2, J_Omega3]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// 30 additions, 56 multiplications, 2 sign changes, 4 elementary functions.
+    #[inline]
+    #[must_use]
+    pub fn nonholonomic_momentum(&self, t: R, y: &[R; 16]) -> [R; 5] {
+        let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, Gamma1, Gamma2,
+        Gamma3, _, _, _, _, _, _] = *y;
+        let _ = t;
+        /// velocities y = Psi u + psi0
+        let [X1, X2, X3] = [
+            self.r * (Omega2 * Gamma3 - Omega3 * Gamma2),
+            self.r * (Omega3 * Gamma1 - Omega1 * Gamma3),
+            self.r * (Omega1 * Gamma2 - Omega2 * Gamma1),
+        ];
+        /// momenta p = dL/dy
+        let [p_alpha_dot, p_beta_dot, p_Omega1, p_Omega2, p_Omega3, p_X1, p_X2, p_X3] = {
+            let t0 = beta.sin();
+            let t1 = alpha.sin();
+            let t2 = t0 * t1;
+            let t3 = alpha_dot + Omega3;
+            let t4 = beta.cos();
+            let t5 = alpha.cos();
+            let t6 = X1 - self.rho * (t2 * t3 - t4 * (Omega2 + beta_dot * t5));
+            let t7 = t0 * t5;
+            let t8 = X2 + self.rho * (t7 * t3 - t4 * (Omega1 - beta_dot * t1));
+            let t9 = self.c0 * (t0 * (t1 * t6 - t5 * t8));
+            let t10 = X3 - self.rho * (t0 * (beta_dot - Omega1 * t1 + Omega2 * t5));
+            [
+                -t9,
+                -(self.c0 * (t0 * t10 - t4 * (t5 * t6 + t1 * t8))),
+                self.I1 * Omega1 - self.c0 * (t4 * t8 - t2 * t10),
+                self.I2 * Omega2 + self.c0 * (t4 * t6 - t7 * t10),
+                self.I3 * Omega3 - t9,
+                self.M * X1 + self.mu * t6,
+                self.M * X2 + self.mu * t8,
+                self.M * X3 + self.mu * t10,
+            ]
+        };
+        [
+            p_alpha_dot,
+            p_beta_dot,
+            p_Omega1 + self.r * (Gamma2 * p_X3 - Gamma3 * p_X2),
+            p_Omega2 + self.r * (Gamma3 * p_X1 - Gamma1 * p_X3),
+            p_Omega3 + self.r * (Gamma1 * p_X2 - Gamma2 * p_X1),
+        ]
+    }
+
+    /// Their rates by the nonholonomic momentum equation.
+    ///
+    /// # Components
+    ///
+    /// ```text
+    /// [dot_J_alpha_dot, dot_J_beta_dot, dot_J_Omega1, dot_J_Omega2, dot_J_Omega3]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// 113 additions, 188 multiplications, 3 sign changes, 4 elementary functions.
+    #[inline]
+    #[must_use]
+    pub fn momentum_equation(&self, t: R, y: &[R; 16]) -> [R; 5] {
+        let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, Gamma1, Gamma2,
+        Gamma3, _, _, _, _, _, _] = *y;
+        let _ = t;
+        /// velocities y = Psi u + psi0
+        let [t0, t1, X1, t2, t3, X2, t4, t5, X3] = {
+            let t0 = Omega2 * Gamma3;
+            let t1 = Omega3 * Gamma2;
+            let t2 = Omega3 * Gamma1;
+            let t3 = Omega1 * Gamma3;
+            let t4 = Omega1 * Gamma2;
+            let t5 = Omega2 * Gamma1;
+            [
+                t0,
+                t1,
+                self.r * (t0 - t1),
+                t2,
+                t3,
+                self.r * (t2 - t3),
+                t4,
+                t5,
+                self.r * (t4 - t5),
+            ]
+        };
+        /// kinematics xdot = rho y
+        let [dot_Gamma1, dot_Gamma2, dot_Gamma3] = [t1 - t0, t3 - t2, t5 - t4];
+        /// momenta p = dL/dy
+        let [t6, t7, t8, t9, t10, t11, t12, t13, t14, t15, t16, t17, t18, t19, p_Omega1,
+        t20, t21, t22, t23, p_Omega2, t24, p_Omega3, p_X1, p_X2, p_X3] = {
+            let t6 = beta.cos();
+            let t7 = beta.sin();
+            let t8 = alpha.cos();
+            let t9 = t7 * t8;
+            let t10 = alpha_dot + Omega3;
+            let t11 = t9 * t10;
+            let t12 = alpha.sin();
+            let t13 = beta_dot * t12;
+            let t14 = Omega1 - t13;
+            let t15 = X2 + self.rho * (t11 - t6 * t14);
+            let t16 = t7 * t12;
+            let t17 = beta_dot - Omega1 * t12 + Omega2 * t8;
+            let t18 = t7 * t17;
+            let t19 = X3 - self.rho * t18;
+            let t20 = t16 * t10;
+            let t21 = beta_dot * t8;
+            let t22 = Omega2 + t21;
+            let t23 = X1 - self.rho * (t20 - t6 * t22);
+            let t24 = t12 * t23 - t8 * t15;
+            [
+                t6,
+                t7,
+                t8,
+                t9,
+                t10,
+                t11,
+                t12,
+                t13,
+                t14,
+                t15,
+                t16,
+                t17,
+                t18,
+                t19,
+                self.I1 * Omega1 - self.c0 * (t6 * t15 - t16 * t19),
+                t20,
+                t21,
+                t22,
+                t23,
+                self.I2 * Omega2 + self.c0 * (t6 * t23 - t9 * t19),
+                t24,
+                self.I3 * Omega3 - self.c0 * (t7 * t24),
+                self.M * X1 + self.mu * t23,
+                self.M * X2 + self.mu * t15,
+                self.M * X3 + self.mu * t19,
+            ]
+        };
+        /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
+        let [t33, r_alpha_dot, t36, r_beta_dot, t39, r_Omega1, t40, r_Omega2, r_Omega3,
+        t41, r_X1, t42, r_X2, t43, r_X3] = {
+            let t25 = t11 + t13 * t6;
+            let t26 = t20 - t21 * t6;
+            let t27 = Omega1 * t8 + Omega2 * t12;
+            let dL_dalpha = self.c1 * (t7 * (Gamma1 * t12 - Gamma2 * t8))
+                - self.c0 * (t23 * t25 + t15 * t26 - t7 * t19 * t27);
+            let t28 = t7 * t22 + t12 * t6 * t10;
+            let t29 = t7 * t14 + t8 * t6 * t10;
+            let dL_dbeta = self.c1 * (Gamma3 * t7 - t6 * (Gamma1 * t8 + Gamma2 * t12))
+                - self.c0 * (t23 * t28 - t15 * t29 + t6 * t17 * t19);
+            let dL_dGamma1 = -(self.c1 * t9);
+            let dL_dGamma2 = -(self.c1 * t16);
+            let dL_dGamma3 = -(self.c1 * t6);
+            let t30 = alpha_dot * t7;
+            let t31 = self.c2 * t26 + self.rho * t23;
+            let t32 = self.c2 * t25 - self.rho * t15;
+            let t33 = self.mu
+                * (t30 * (t8 * t31 - t12 * t32)
+                    - beta_dot
+                        * (self.c2 * (t7 * (t12 * t28 + t8 * t29))
+                            - self.rho * (t6 * t24)));
+            let t34 = self.rho * t19;
+            let t35 = alpha_dot
+                * (self.c2 * (t7 * t7 * t27) + t6 * (t8 * t32 + t12 * t31))
+                + beta_dot
+                    * (t6 * (t34 + self.c2 * (t8 * t28 - t12 * t29 - t18))
+                        + self.rho * (t7 * (t8 * t23 + t12 * t15)));
+            let t36 = self.mu * t35;
+            let t37 = t34 - self.c2 * t18;
+            let t38 = alpha_dot
+                * (self.c2 * (t6 * t26)
+                    + t7 * (self.rho * (t8 * t19) + self.c2 * (t16 * t27)))
+                + beta_dot * (self.rho * (t7 * t15) - t6 * (self.c2 * t29 - t12 * t37));
+            let t39 = self.mu * t38;
+            let t40 = self.mu
+                * (alpha_dot
+                    * (self.c2 * (t6 * t25)
+                        - t7 * (self.rho * (t12 * t19) - self.c2 * (t9 * t27)))
+                    + beta_dot
+                        * (self.rho * (t7 * t23) + t6 * (self.c2 * t28 + t8 * t37)));
+            let t41 = self.c0 * (alpha_dot * t25 + beta_dot * t28);
+            let t42 = self.c0 * (beta_dot * t29 - alpha_dot * t26);
+            let t43 = self.c0 * (t30 * t27 - beta_dot * t6 * t17);
+            [
+                t33,
+                dL_dalpha + t33,
+                t36,
+                dL_dbeta + t36,
+                t39,
+                Gamma3 * dL_dGamma2 - Omega2 * p_Omega3 + Omega3 * p_Omega2 - X2 * p_X3
+                    + X3 * p_X2 - Gamma2 * dL_dGamma3 - t39,
+                t40,
+                Gamma1 * dL_dGamma3 + Omega1 * p_Omega3 - Omega3 * p_Omega1 + X1 * p_X3
+                    - X3 * p_X1 - Gamma3 * dL_dGamma1 + t40,
+                Gamma2 * dL_dGamma1 - Omega1 * p_Omega2 + Omega2 * p_Omega1 - X1 * p_X2
+                    + X2 * p_X1 - Gamma1 * dL_dGamma2 + t33,
+                t41,
+                Omega3 * p_X2 - Omega2 * p_X3 + t41,
+                t42,
+                Omega1 * p_X3 - Omega3 * p_X1 - t42,
+                t43,
+                Omega2 * p_X1 - Omega1 * p_X2 - t43,
+            ]
+        };
+        let t44 = r_X3 + t43;
+        let t45 = r_X2 + t42;
+        let t46 = r_X1 - t41;
+        [
+            r_alpha_dot - t33,
+            r_beta_dot - t36,
+            r_Omega1 + t39
+                + self.r
+                    * (Gamma2 * t44 + dot_Gamma2 * p_X3 - Gamma3 * t45
+                        - dot_Gamma3 * p_X2),
+            r_Omega2 - t40
+                + self.r
+                    * (dot_Gamma3 * p_X1 + Gamma3 * t46 - Gamma1 * t44
+                        - dot_Gamma1 * p_X3),
+            r_Omega3 - t33
+                - self.r
+                    * (Gamma2 * t46 - Gamma1 * t45 - dot_Gamma1 * p_X2
+                        + dot_Gamma2 * p_X1),
         ]
     }
 
@@ -1309,11 +1561,36 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     }
 
     fn outputs_of(&self, t: R, y: &[R; 16], out: &mut [R]) {
-        if let Ok(out) = <&mut [R; 12]>::try_from(out) {
+        if let Ok(out) = <&mut [R; 22]>::try_from(out) {
             let [v0, v1, v2, v3, v4, v5, v6, v7] = self.momentum(t, y);
             let [v8, v9, v10] = self.multipliers(t, y);
-            let [v11] = self.casimirs(t, y);
-            *out = [v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10, v11];
+            let [v11, v12, v13, v14, v15] = self.nonholonomic_momentum(t, y);
+            let [v16, v17, v18, v19, v20] = self.momentum_equation(t, y);
+            let [v21] = self.casimirs(t, y);
+            *out = [
+                v0,
+                v1,
+                v2,
+                v3,
+                v4,
+                v5,
+                v6,
+                v7,
+                v8,
+                v9,
+                v10,
+                v11,
+                v12,
+                v13,
+                v14,
+                v15,
+                v16,
+                v17,
+                v18,
+                v19,
+                v20,
+                v21,
+            ];
         }
     }
 }

@@ -37,6 +37,16 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
             components: &["lambda_c1"],
             doc: "multipliers lambda_A of E = lambda_A a_A, the constraint forces along the constraint one-forms",
         },
+        ::hamel_runtime::OutputInfo {
+            name: "nonholonomic_momentum",
+            components: &["J_omega", "J_v1"],
+            doc: "momenta <p, W_b> along the sections of virtual displacements",
+        },
+        ::hamel_runtime::OutputInfo {
+            name: "momentum_equation",
+            components: &["dot_J_omega", "dot_J_v1"],
+            doc: "their rates by the nonholonomic momentum equation",
+        },
     ],
     has_energy: true,
 };
@@ -333,6 +343,49 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         };
         [omega * p_v1 - self.c7 * dot_v1 - self.c8 * t0]
     }
+
+    /// Momenta <p, W_b> along the sections of virtual displacements.
+    ///
+    /// # Components
+    ///
+    /// ```text
+    /// [J_omega, J_v1]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// 2 additions, 4 multiplications.
+    #[inline]
+    #[must_use]
+    pub fn nonholonomic_momentum(&self, t: R, y: &[R; 2]) -> [R; 2] {
+        let [omega, v1] = *y;
+        let _ = t;
+        /// momenta p = dL/dy
+        let [p_omega, p_v1] = [
+            self.A_omega_omega * omega - self.c4 * v1,
+            self.m * v1 - self.c4 * omega,
+        ];
+        [p_omega, p_v1]
+    }
+
+    /// Their rates by the nonholonomic momentum equation.
+    ///
+    /// # Components
+    ///
+    /// ```text
+    /// [dot_J_omega, dot_J_v1]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// 4 multiplications, 1 sign change.
+    #[inline]
+    #[must_use]
+    pub fn momentum_equation(&self, t: R, y: &[R; 2]) -> [R; 2] {
+        let [omega, v1] = *y;
+        let _ = t;
+        [-(self.c6 * (omega * v1)), self.c6 * (omega * omega)]
+    }
 }
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
@@ -362,10 +415,12 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     }
 
     fn outputs_of(&self, t: R, y: &[R; 2], out: &mut [R]) {
-        if let Ok(out) = <&mut [R; 4]>::try_from(out) {
+        if let Ok(out) = <&mut [R; 8]>::try_from(out) {
             let [v0, v1, v2] = self.momentum(t, y);
             let [v3] = self.multipliers(t, y);
-            *out = [v0, v1, v2, v3];
+            let [v4, v5] = self.nonholonomic_momentum(t, y);
+            let [v6, v7] = self.momentum_equation(t, y);
+            *out = [v0, v1, v2, v3, v4, v5, v6, v7];
         }
     }
 }

@@ -57,6 +57,16 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
             doc: "multipliers lambda_A of E = lambda_A a_A, the constraint forces along the constraint one-forms",
         },
         ::hamel_runtime::OutputInfo {
+            name: "nonholonomic_momentum",
+            components: &["J_Omega1", "J_Omega2", "J_Omega3"],
+            doc: "momenta <p, W_b> along the sections of virtual displacements",
+        },
+        ::hamel_runtime::OutputInfo {
+            name: "momentum_equation",
+            components: &["dot_J_Omega1", "dot_J_Omega2", "dot_J_Omega3"],
+            doc: "their rates by the nonholonomic momentum equation",
+        },
+        ::hamel_runtime::OutputInfo {
             name: "casimirs",
             components: &["C1"],
             doc: "conserved quantities",
@@ -422,8 +432,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         };
         /// substitution through the factors of A
         let [dot_Omega2, dot_Omega1, dot_Omega3] = {
-            let z_dot_Omega2 = f_Omega2 - f_Omega1 * A_l2_1;
-            let dot_Omega2 = z_dot_Omega2 / A_s1_2_2;
+            let z_Omega2 = f_Omega2 - f_Omega1 * A_l2_1;
+            let dot_Omega2 = z_Omega2 / A_s1_2_2;
             [
                 dot_Omega2,
                 f_Omega1 * t10 - A_l2_1 * dot_Omega2,
@@ -608,8 +618,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         };
         /// substitution through the factors of A
         let [dot_Omega2, dot_Omega1, dot_Omega3] = {
-            let z_dot_Omega2 = f_Omega2 - f_Omega1 * A_l2_1;
-            let dot_Omega2 = z_dot_Omega2 / A_s1_2_2;
+            let z_Omega2 = f_Omega2 - f_Omega1 * A_l2_1;
+            let dot_Omega2 = z_Omega2 / A_s1_2_2;
             [
                 dot_Omega2,
                 f_Omega1 * t11 - A_l2_1 * dot_Omega2,
@@ -623,6 +633,94 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             lag_X3 + self.r * (Gamma2 * dot_Omega1 - Gamma1 * dot_Omega2) * t3,
         ];
         [self.m * dot_X1 - r_X1, self.m * dot_X2 - r_X2, self.m * dot_X3 - r_X3]
+    }
+
+    /// Momenta <p, W_b> along the sections of virtual displacements.
+    ///
+    /// # Components
+    ///
+    /// ```text
+    /// [J_Omega1, J_Omega2, J_Omega3]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// 5 additions, 16 multiplications, 1 division, 1 square root.
+    #[inline]
+    #[must_use]
+    pub fn nonholonomic_momentum(&self, t: R, y: &[R; 13]) -> [R; 3] {
+        let [Omega1, Omega2, Omega3, Gamma1, Gamma2, _, _, _, _, _, _, _, _] = *y;
+        let _ = t;
+        /// velocities y = Psi u + psi0
+        let [t0, X3] = {
+            let t0 = (Gamma1 * Gamma1 + Gamma2 * Gamma2).sqrt().recip();
+            [t0, self.r * (Omega1 * Gamma2 - Omega2 * Gamma1) * t0]
+        };
+        [
+            self.I1 * Omega1 + self.c3 * (Gamma2 * X3) * t0,
+            self.I1 * Omega2 - self.c3 * (Gamma1 * X3) * t0,
+            self.I3 * Omega3 + self.c2 * Omega3,
+        ]
+    }
+
+    /// Their rates by the nonholonomic momentum equation.
+    ///
+    /// # Components
+    ///
+    /// ```text
+    /// [dot_J_Omega1, dot_J_Omega2, dot_J_Omega3]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// 20 additions, 62 multiplications, 1 division, 6 sign changes, 1 square root.
+    #[inline]
+    #[must_use]
+    pub fn momentum_equation(&self, t: R, y: &[R; 13]) -> [R; 3] {
+        let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3, _, _, _, _, _, _, _] = *y;
+        let _ = t;
+        /// velocities y = Psi u + psi0
+        let [t0, t1, t2, t3, X1, t4, X2, X3] = {
+            let t0 = Omega3 * Gamma2;
+            let t1 = Gamma1 * Gamma1;
+            let t2 = Gamma2 * Gamma2;
+            let t3 = (t1 + t2).sqrt().recip();
+            let t4 = Omega3 * Gamma1;
+            [
+                t0,
+                t1,
+                t2,
+                t3,
+                -(self.r * t0 * t3),
+                t4,
+                self.r * t4 * t3,
+                self.r * (Omega1 * Gamma2 - Omega2 * Gamma1) * t3,
+            ]
+        };
+        /// kinematics xdot = rho y
+        let [dot_Gamma1, dot_Gamma2] = [t0 - Omega2 * Gamma3, Omega1 * Gamma3 - t4];
+        /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
+        let [r_Omega1, r_Omega2, r_X1, r_X2, r_X3] = {
+            let dL_dGamma1 = -(self.c0 * Gamma1 * t3);
+            let dL_dGamma2 = -(self.c0 * Gamma2 * t3);
+            [
+                Gamma3 * dL_dGamma2 + self.c1 * (Omega2 * Omega3),
+                -(Gamma3 * dL_dGamma1 + self.c1 * (Omega1 * Omega3)),
+                -(self.m * (Omega2 * X3 - Omega3 * X2)),
+                self.m * (Omega1 * X3 - Omega3 * X1),
+                -(self.m * (Omega1 * X2 - Omega2 * X1)),
+            ]
+        };
+        let t5 = Gamma1 * Gamma2;
+        let t6 = t3 * t3 * t3;
+        [
+            r_Omega1 + self.r * (Gamma2 * r_X3) * t3
+                - self.c3 * (X3 * (t5 * dot_Gamma1 * t6 - dot_Gamma2 * (t3 - t2 * t6))),
+            r_Omega2 - self.r * (Gamma1 * r_X3) * t3
+                - self.c3 * (X3 * (dot_Gamma1 * (t3 - t1 * t6) - t5 * dot_Gamma2 * t6)),
+            (self.c3 * (Omega3 * (Gamma1 * X1 + Gamma2 * X2))
+                + self.r * (Gamma1 * r_X2 - Gamma2 * r_X1)) * t3,
+        ]
     }
 
     /// Conserved quantities.
@@ -719,11 +817,30 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     }
 
     fn outputs_of(&self, t: R, y: &[R; 13], out: &mut [R]) {
-        if let Ok(out) = <&mut [R; 10]>::try_from(out) {
+        if let Ok(out) = <&mut [R; 16]>::try_from(out) {
             let [v0, v1, v2, v3, v4, v5] = self.momentum(t, y);
             let [v6, v7, v8] = self.multipliers(t, y);
-            let [v9] = self.casimirs(t, y);
-            *out = [v0, v1, v2, v3, v4, v5, v6, v7, v8, v9];
+            let [v9, v10, v11] = self.nonholonomic_momentum(t, y);
+            let [v12, v13, v14] = self.momentum_equation(t, y);
+            let [v15] = self.casimirs(t, y);
+            *out = [
+                v0,
+                v1,
+                v2,
+                v3,
+                v4,
+                v5,
+                v6,
+                v7,
+                v8,
+                v9,
+                v10,
+                v11,
+                v12,
+                v13,
+                v14,
+                v15,
+            ];
         }
     }
 }

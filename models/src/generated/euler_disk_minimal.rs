@@ -357,8 +357,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         };
         /// substitution through the factors of A
         let [dot_psi_dot, dot_phi_dot, dot_theta_dot] = {
-            let z_dot_psi_dot = f_psi_dot - r_phi_dot * A_l3_2;
-            let dot_psi_dot = z_dot_psi_dot / A_s2_3_3;
+            let z_psi_dot = f_psi_dot - r_phi_dot * A_l3_2;
+            let dot_psi_dot = z_psi_dot / A_s2_3_3;
             [
                 dot_psi_dot,
                 r_phi_dot * t10 - A_l3_2 * dot_psi_dot,

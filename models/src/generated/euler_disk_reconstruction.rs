@@ -47,6 +47,16 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
             components: &["lambda_c1", "lambda_c2"],
             doc: "multipliers lambda_A of E = lambda_A a_A, the constraint forces along the constraint one-forms",
         },
+        ::hamel_runtime::OutputInfo {
+            name: "nonholonomic_momentum",
+            components: &["J_theta_dot", "J_phi_dot", "J_psi_dot"],
+            doc: "momenta <p, W_b> along the sections of virtual displacements",
+        },
+        ::hamel_runtime::OutputInfo {
+            name: "momentum_equation",
+            components: &["dot_J_theta_dot", "dot_J_phi_dot", "dot_J_psi_dot"],
+            doc: "their rates by the nonholonomic momentum equation",
+        },
     ],
     has_energy: true,
 };
@@ -225,6 +235,8 @@ pub struct Prepared<R = f64> {
     c11: R,
     /// `M * (r * r)`
     c12: R,
+    /// `2 * I3`
+    c13: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -237,7 +249,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 6 additions, 21 multiplications.
+    /// 6 additions, 22 multiplications.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { M, r, e, I1, I3, g } = *params;
         for (value, condition, meaning) in [
@@ -317,6 +329,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c11: R::from_f64(0.25)
                 * (R::from_f64(4.0) * I1 + M * (t2 * t4 + R::from_f64(4.0) * t2)),
             c12: t3,
+            c13: R::from_f64(2.0) * I3,
         })
     }
 }
@@ -406,8 +419,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         };
         /// substitution through the factors of A
         let [dot_psi_dot, dot_phi_dot, dot_theta_dot] = {
-            let z_dot_psi_dot = f_psi_dot - r_phi_dot * A_l3_2;
-            let dot_psi_dot = z_dot_psi_dot / A_s2_3_3;
+            let z_psi_dot = f_psi_dot - r_phi_dot * A_l3_2;
+            let dot_psi_dot = z_psi_dot / A_s2_3_3;
             [
                 dot_psi_dot,
                 r_phi_dot * t10 - A_l3_2 * dot_psi_dot,
@@ -596,8 +609,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         };
         /// substitution through the factors of A
         let [dot_psi_dot, dot_phi_dot, dot_theta_dot] = {
-            let z_dot_psi_dot = f_psi_dot - n_phi_dot * A_l3_2;
-            let dot_psi_dot = z_dot_psi_dot / A_s2_3_3;
+            let z_psi_dot = f_psi_dot - n_phi_dot * A_l3_2;
+            let dot_psi_dot = z_psi_dot / A_s2_3_3;
             [
                 dot_psi_dot,
                 n_phi_dot * t25 - A_l3_2 * dot_psi_dot,
@@ -614,6 +627,100 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 + self.c10 * (t1 * t5 * dot_theta_dot - t0 * t4 * dot_phi_dot),
             self.M * dot_X2 - r_X2
                 - self.c10 * (t0 * t5 * dot_theta_dot + t1 * t4 * dot_phi_dot),
+        ]
+    }
+
+    /// Momenta <p, W_b> along the sections of virtual displacements.
+    ///
+    /// # Components
+    ///
+    /// ```text
+    /// [J_theta_dot, J_phi_dot, J_psi_dot]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// 6 additions, 15 multiplications, 2 elementary functions.
+    #[inline]
+    #[must_use]
+    pub fn nonholonomic_momentum(&self, t: R, y: &[R; 8]) -> [R; 3] {
+        let [theta, _, theta_dot, phi_dot, psi_dot, _, _, _] = *y;
+        let _ = t;
+        /// momenta p = dL/dy
+        let [p_psi_dot, t4, p_phi_dot, p_theta_dot] = {
+            let t0 = theta.cos();
+            let t1 = psi_dot + phi_dot * t0;
+            let t2 = theta.sin();
+            let t3 = self.c0 * t0 - self.c1 * t2;
+            let t4 = self.c0 * psi_dot + phi_dot * t3;
+            [
+                self.I3 * t1,
+                t4,
+                self.I1 * (phi_dot * (t2 * t2)) + self.I3 * (t0 * t1)
+                    + self.c5 * (t3 * t4),
+                self.c11 * theta_dot,
+            ]
+        };
+        [p_theta_dot, p_phi_dot, p_psi_dot + self.c3 * t4]
+    }
+
+    /// Their rates by the nonholonomic momentum equation.
+    ///
+    /// # Components
+    ///
+    /// ```text
+    /// [dot_J_theta_dot, dot_J_phi_dot, dot_J_psi_dot]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// 18 additions, 42 multiplications, 3 sign changes, 2 elementary functions.
+    #[inline]
+    #[must_use]
+    pub fn momentum_equation(&self, t: R, y: &[R; 8]) -> [R; 3] {
+        let [theta, _, theta_dot, phi_dot, psi_dot, _, _, _] = *y;
+        let _ = t;
+        /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
+        let [t1, r_psi_dot, t6, t8, r_theta_dot, t9, r_phi_dot, t10, r_X1] = {
+            let t0 = theta_dot * phi_dot;
+            let t1 = theta.sin();
+            let t2 = theta.cos();
+            let t3 = self.c0 * t2 - self.c1 * t1;
+            let t4 = phi_dot * t2;
+            let t5 = self.I3 * (psi_dot + t4);
+            let t6 = self.c0 * t1 + self.c1 * t2;
+            let t7 = phi_dot * t3;
+            let dL_dtheta = -(self.c2 * t3
+                + R::from_f64(0.25)
+                    * (phi_dot
+                        * (R::from_f64(4.0) * (t1 * (t5 - self.I1 * t4))
+                            + self.M * (t6 * (self.c0 * psi_dot + t7)))));
+            let dL_dphi = -(self.c3 * (theta_dot * psi_dot * t6));
+            let t8 = self.c3 * (phi_dot * psi_dot * t6);
+            let t9 = R::from_f64(0.5)
+                * (theta_dot
+                    * (R::from_f64(2.0) * (t1 * (t5 - self.c4 * t4))
+                        + self.M * (t6 * (self.r * psi_dot + t7))));
+            let t10 = self.M * (t0 * t6);
+            [
+                t1,
+                self.I3 * (t0 * t1),
+                t6,
+                t8,
+                dL_dtheta + t8,
+                t9,
+                dL_dphi + t9,
+                t10,
+                -t10,
+            ]
+        };
+        [
+            r_theta_dot - t8,
+            r_phi_dot - t9,
+            r_psi_dot - self.r * (t10 + r_X1)
+                - R::from_f64(0.5)
+                    * (phi_dot
+                        * (self.c13 * (theta_dot * t1) - self.c6 * (theta_dot * t6))),
         ]
     }
 
@@ -691,10 +798,12 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     }
 
     fn outputs_of(&self, t: R, y: &[R; 8], out: &mut [R]) {
-        if let Ok(out) = <&mut [R; 7]>::try_from(out) {
+        if let Ok(out) = <&mut [R; 13]>::try_from(out) {
             let [v0, v1, v2, v3, v4] = self.momentum(t, y);
             let [v5, v6] = self.multipliers(t, y);
-            *out = [v0, v1, v2, v3, v4, v5, v6];
+            let [v7, v8, v9] = self.nonholonomic_momentum(t, y);
+            let [v10, v11, v12] = self.momentum_equation(t, y);
+            *out = [v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10, v11, v12];
         }
     }
 }

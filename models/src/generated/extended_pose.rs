@@ -1357,45 +1357,40 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         /// substitution through the factors of A
         let [dot_U3, dot_U2, dot_U1, dot_V3, dot_V2, dot_V1, dot_Omega3, dot_Omega2,
         dot_Omega1] = {
-            let z_dot_Omega2 = r_Omega2 - self.A_l2_1 * r_Omega1;
-            let z_dot_Omega3 = r_Omega3 - self.A_l3_1 * r_Omega1
-                - self.A_l3_2 * z_dot_Omega2;
-            let z_dot_V1 = r_V1 - self.A_l4_1 * r_Omega1 - self.A_l4_2 * z_dot_Omega2
-                - self.A_l4_3 * z_dot_Omega3;
-            let z_dot_V2 = r_V2 - self.A_l5_1 * r_Omega1 - self.A_l5_2 * z_dot_Omega2
-                - self.A_l5_3 * z_dot_Omega3 - self.A_l5_4 * z_dot_V1;
-            let z_dot_V3 = r_V3 - self.A_l6_1 * r_Omega1 - self.A_l6_2 * z_dot_Omega2
-                - self.A_l6_3 * z_dot_Omega3 - self.A_l6_4 * z_dot_V1
-                - self.A_l6_5 * z_dot_V2;
-            let z_dot_U1 = r_U1 - self.A_l7_1 * r_Omega1 - self.A_l7_2 * z_dot_Omega2
-                - self.A_l7_3 * z_dot_Omega3 - self.A_l7_4 * z_dot_V1
-                - self.A_l7_5 * z_dot_V2 - self.A_l7_6 * z_dot_V3;
-            let t0 = r_U2 - self.A_l8_1 * r_Omega1 - self.A_l8_2 * z_dot_Omega2
-                - self.A_l8_3 * z_dot_Omega3 - self.A_l8_4 * z_dot_V1
-                - self.A_l8_5 * z_dot_V2 - self.A_l8_6 * z_dot_V3;
-            let z_dot_U2 = t0 - self.A_l8_7 * z_dot_U1;
-            let t1 = r_U3 - self.A_l9_1 * r_Omega1 - self.A_l9_2 * z_dot_Omega2
-                - self.A_l9_3 * z_dot_Omega3 - self.A_l9_4 * z_dot_V1
-                - self.A_l9_5 * z_dot_V2 - self.A_l9_6 * z_dot_V3;
-            let z_dot_U3 = t1 - self.A_l9_7 * z_dot_U1 - self.A_l9_8 * z_dot_U2;
-            let dot_U3 = self.c0 * z_dot_U3;
-            let dot_U2 = self.c1 * z_dot_U2 - self.A_l9_8 * dot_U3;
-            let dot_U1 = self.c2 * z_dot_U1 - self.A_l8_7 * dot_U2
-                - self.A_l9_7 * dot_U3;
-            let dot_V3 = self.c3 * z_dot_V3 - self.A_l7_6 * dot_U1 - self.A_l8_6 * dot_U2
+            let z_Omega2 = r_Omega2 - self.A_l2_1 * r_Omega1;
+            let z_Omega3 = r_Omega3 - self.A_l3_1 * r_Omega1 - self.A_l3_2 * z_Omega2;
+            let z_V1 = r_V1 - self.A_l4_1 * r_Omega1 - self.A_l4_2 * z_Omega2
+                - self.A_l4_3 * z_Omega3;
+            let z_V2 = r_V2 - self.A_l5_1 * r_Omega1 - self.A_l5_2 * z_Omega2
+                - self.A_l5_3 * z_Omega3 - self.A_l5_4 * z_V1;
+            let z_V3 = r_V3 - self.A_l6_1 * r_Omega1 - self.A_l6_2 * z_Omega2
+                - self.A_l6_3 * z_Omega3 - self.A_l6_4 * z_V1 - self.A_l6_5 * z_V2;
+            let z_U1 = r_U1 - self.A_l7_1 * r_Omega1 - self.A_l7_2 * z_Omega2
+                - self.A_l7_3 * z_Omega3 - self.A_l7_4 * z_V1 - self.A_l7_5 * z_V2
+                - self.A_l7_6 * z_V3;
+            let z_U2 = r_U2 - self.A_l8_1 * r_Omega1 - self.A_l8_2 * z_Omega2
+                - self.A_l8_3 * z_Omega3 - self.A_l8_4 * z_V1 - self.A_l8_5 * z_V2
+                - self.A_l8_6 * z_V3 - self.A_l8_7 * z_U1;
+            let t0 = r_U3 - self.A_l9_1 * r_Omega1 - self.A_l9_2 * z_Omega2
+                - self.A_l9_3 * z_Omega3 - self.A_l9_4 * z_V1 - self.A_l9_5 * z_V2
+                - self.A_l9_6 * z_V3 - self.A_l9_7 * z_U1;
+            let z_U3 = t0 - self.A_l9_8 * z_U2;
+            let dot_U3 = self.c0 * z_U3;
+            let dot_U2 = self.c1 * z_U2 - self.A_l9_8 * dot_U3;
+            let dot_U1 = self.c2 * z_U1 - self.A_l8_7 * dot_U2 - self.A_l9_7 * dot_U3;
+            let dot_V3 = self.c3 * z_V3 - self.A_l7_6 * dot_U1 - self.A_l8_6 * dot_U2
                 - self.A_l9_6 * dot_U3;
-            let dot_V2 = self.c4 * z_dot_V2 - self.A_l6_5 * dot_V3 - self.A_l7_5 * dot_U1
+            let dot_V2 = self.c4 * z_V2 - self.A_l6_5 * dot_V3 - self.A_l7_5 * dot_U1
                 - self.A_l8_5 * dot_U2 - self.A_l9_5 * dot_U3;
-            let dot_V1 = self.c5 * z_dot_V1 - self.A_l5_4 * dot_V2 - self.A_l6_4 * dot_V3
+            let dot_V1 = self.c5 * z_V1 - self.A_l5_4 * dot_V2 - self.A_l6_4 * dot_V3
                 - self.A_l7_4 * dot_U1 - self.A_l8_4 * dot_U2 - self.A_l9_4 * dot_U3;
-            let dot_Omega3 = self.c6 * z_dot_Omega3 - self.A_l4_3 * dot_V1
+            let dot_Omega3 = self.c6 * z_Omega3 - self.A_l4_3 * dot_V1
                 - self.A_l5_3 * dot_V2 - self.A_l6_3 * dot_V3 - self.A_l7_3 * dot_U1
                 - self.A_l8_3 * dot_U2 - self.A_l9_3 * dot_U3;
-            let t2 = self.c7 * z_dot_Omega2 - self.A_l3_2 * dot_Omega3
+            let dot_Omega2 = self.c7 * z_Omega2 - self.A_l3_2 * dot_Omega3
                 - self.A_l4_2 * dot_V1 - self.A_l5_2 * dot_V2 - self.A_l6_2 * dot_V3
-                - self.A_l7_2 * dot_U1 - self.A_l8_2 * dot_U2;
-            let dot_Omega2 = t2 - self.A_l9_2 * dot_U3;
-            let t3 = self.c8 * r_Omega1 - self.A_l2_1 * dot_Omega2
+                - self.A_l7_2 * dot_U1 - self.A_l8_2 * dot_U2 - self.A_l9_2 * dot_U3;
+            let t1 = self.c8 * r_Omega1 - self.A_l2_1 * dot_Omega2
                 - self.A_l3_1 * dot_Omega3 - self.A_l4_1 * dot_V1 - self.A_l5_1 * dot_V2
                 - self.A_l6_1 * dot_V3 - self.A_l7_1 * dot_U1;
             [
@@ -1407,7 +1402,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 dot_V1,
                 dot_Omega3,
                 dot_Omega2,
-                t3 - self.A_l8_1 * dot_U2 - self.A_l9_1 * dot_U3,
+                t1 - self.A_l8_1 * dot_U2 - self.A_l9_1 * dot_U3,
             ]
         };
         *dy = [

@@ -1423,45 +1423,40 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         /// substitution through the factors of A
         let [dot_U3, dot_U2, dot_U1, dot_V3, dot_V2, dot_V1, dot_Omega3, dot_Omega2,
         dot_Omega1] = {
-            let z_dot_Omega2 = r_Omega2 - self.A_l2_1 * r_Omega1;
-            let z_dot_Omega3 = r_Omega3 - self.A_l3_1 * r_Omega1
-                - self.A_l3_2 * z_dot_Omega2;
-            let z_dot_V1 = r_V1 - self.A_l4_1 * r_Omega1 - self.A_l4_2 * z_dot_Omega2
-                - self.A_l4_3 * z_dot_Omega3;
-            let z_dot_V2 = r_V2 - self.A_l5_1 * r_Omega1 - self.A_l5_2 * z_dot_Omega2
-                - self.A_l5_3 * z_dot_Omega3 - self.A_l5_4 * z_dot_V1;
-            let z_dot_V3 = r_V3 - self.A_l6_1 * r_Omega1 - self.A_l6_2 * z_dot_Omega2
-                - self.A_l6_3 * z_dot_Omega3 - self.A_l6_4 * z_dot_V1
-                - self.A_l6_5 * z_dot_V2;
-            let z_dot_U1 = r_U1 - self.A_l7_1 * r_Omega1 - self.A_l7_2 * z_dot_Omega2
-                - self.A_l7_3 * z_dot_Omega3 - self.A_l7_4 * z_dot_V1
-                - self.A_l7_5 * z_dot_V2 - self.A_l7_6 * z_dot_V3;
-            let t0 = r_U2 - self.A_l8_1 * r_Omega1 - self.A_l8_2 * z_dot_Omega2
-                - self.A_l8_3 * z_dot_Omega3 - self.A_l8_4 * z_dot_V1
-                - self.A_l8_5 * z_dot_V2 - self.A_l8_6 * z_dot_V3;
-            let z_dot_U2 = t0 - self.A_l8_7 * z_dot_U1;
-            let t1 = r_U3 - self.A_l9_1 * r_Omega1 - self.A_l9_2 * z_dot_Omega2
-                - self.A_l9_3 * z_dot_Omega3 - self.A_l9_4 * z_dot_V1
-                - self.A_l9_5 * z_dot_V2 - self.A_l9_6 * z_dot_V3;
-            let z_dot_U3 = t1 - self.A_l9_7 * z_dot_U1 - self.A_l9_8 * z_dot_U2;
-            let dot_U3 = self.c0 * z_dot_U3;
-            let dot_U2 = self.c1 * z_dot_U2 - self.A_l9_8 * dot_U3;
-            let dot_U1 = self.c2 * z_dot_U1 - self.A_l8_7 * dot_U2
-                - self.A_l9_7 * dot_U3;
-            let dot_V3 = self.c3 * z_dot_V3 - self.A_l7_6 * dot_U1 - self.A_l8_6 * dot_U2
+            let z_Omega2 = r_Omega2 - self.A_l2_1 * r_Omega1;
+            let z_Omega3 = r_Omega3 - self.A_l3_1 * r_Omega1 - self.A_l3_2 * z_Omega2;
+            let z_V1 = r_V1 - self.A_l4_1 * r_Omega1 - self.A_l4_2 * z_Omega2
+                - self.A_l4_3 * z_Omega3;
+            let z_V2 = r_V2 - self.A_l5_1 * r_Omega1 - self.A_l5_2 * z_Omega2
+                - self.A_l5_3 * z_Omega3 - self.A_l5_4 * z_V1;
+            let z_V3 = r_V3 - self.A_l6_1 * r_Omega1 - self.A_l6_2 * z_Omega2
+                - self.A_l6_3 * z_Omega3 - self.A_l6_4 * z_V1 - self.A_l6_5 * z_V2;
+            let z_U1 = r_U1 - self.A_l7_1 * r_Omega1 - self.A_l7_2 * z_Omega2
+                - self.A_l7_3 * z_Omega3 - self.A_l7_4 * z_V1 - self.A_l7_5 * z_V2
+                - self.A_l7_6 * z_V3;
+            let z_U2 = r_U2 - self.A_l8_1 * r_Omega1 - self.A_l8_2 * z_Omega2
+                - self.A_l8_3 * z_Omega3 - self.A_l8_4 * z_V1 - self.A_l8_5 * z_V2
+                - self.A_l8_6 * z_V3 - self.A_l8_7 * z_U1;
+            let t0 = r_U3 - self.A_l9_1 * r_Omega1 - self.A_l9_2 * z_Omega2
+                - self.A_l9_3 * z_Omega3 - self.A_l9_4 * z_V1 - self.A_l9_5 * z_V2
+                - self.A_l9_6 * z_V3 - self.A_l9_7 * z_U1;
+            let z_U3 = t0 - self.A_l9_8 * z_U2;
+            let dot_U3 = self.c0 * z_U3;
+            let dot_U2 = self.c1 * z_U2 - self.A_l9_8 * dot_U3;
+            let dot_U1 = self.c2 * z_U1 - self.A_l8_7 * dot_U2 - self.A_l9_7 * dot_U3;
+            let dot_V3 = self.c3 * z_V3 - self.A_l7_6 * dot_U1 - self.A_l8_6 * dot_U2
                 - self.A_l9_6 * dot_U3;
-            let dot_V2 = self.c4 * z_dot_V2 - self.A_l6_5 * dot_V3 - self.A_l7_5 * dot_U1
+            let dot_V2 = self.c4 * z_V2 - self.A_l6_5 * dot_V3 - self.A_l7_5 * dot_U1
                 - self.A_l8_5 * dot_U2 - self.A_l9_5 * dot_U3;
-            let dot_V1 = self.c5 * z_dot_V1 - self.A_l5_4 * dot_V2 - self.A_l6_4 * dot_V3
+            let dot_V1 = self.c5 * z_V1 - self.A_l5_4 * dot_V2 - self.A_l6_4 * dot_V3
                 - self.A_l7_4 * dot_U1 - self.A_l8_4 * dot_U2 - self.A_l9_4 * dot_U3;
-            let dot_Omega3 = self.c6 * z_dot_Omega3 - self.A_l4_3 * dot_V1
+            let dot_Omega3 = self.c6 * z_Omega3 - self.A_l4_3 * dot_V1
                 - self.A_l5_3 * dot_V2 - self.A_l6_3 * dot_V3 - self.A_l7_3 * dot_U1
                 - self.A_l8_3 * dot_U2 - self.A_l9_3 * dot_U3;
-            let t2 = self.c7 * z_dot_Omega2 - self.A_l3_2 * dot_Omega3
+            let dot_Omega2 = self.c7 * z_Omega2 - self.A_l3_2 * dot_Omega3
                 - self.A_l4_2 * dot_V1 - self.A_l5_2 * dot_V2 - self.A_l6_2 * dot_V3
-                - self.A_l7_2 * dot_U1 - self.A_l8_2 * dot_U2;
-            let dot_Omega2 = t2 - self.A_l9_2 * dot_U3;
-            let t3 = self.c8 * r_Omega1 - self.A_l2_1 * dot_Omega2
+                - self.A_l7_2 * dot_U1 - self.A_l8_2 * dot_U2 - self.A_l9_2 * dot_U3;
+            let t1 = self.c8 * r_Omega1 - self.A_l2_1 * dot_Omega2
                 - self.A_l3_1 * dot_Omega3 - self.A_l4_1 * dot_V1 - self.A_l5_1 * dot_V2
                 - self.A_l6_1 * dot_V3 - self.A_l7_1 * dot_U1;
             [
@@ -1473,15 +1468,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 dot_V1,
                 dot_Omega3,
                 dot_Omega2,
-                t3 - self.A_l8_1 * dot_U2 - self.A_l9_1 * dot_U3,
+                t1 - self.A_l8_1 * dot_U2 - self.A_l9_1 * dot_U3,
             ]
         };
-        let t4 = V2 * qx - V1 * qy;
-        let t5 = V1 * qz - V3 * qx;
-        let t6 = V3 * qy - V2 * qz;
-        let t7 = U2 * qx - U1 * qy;
-        let t8 = U1 * qz - U3 * qx;
-        let t9 = U3 * qy - U2 * qz;
+        let t2 = V2 * qx - V1 * qy;
+        let t3 = V1 * qz - V3 * qx;
+        let t4 = V3 * qy - V2 * qz;
+        let t5 = U2 * qx - U1 * qy;
+        let t6 = U1 * qz - U3 * qx;
+        let t7 = U3 * qy - U2 * qz;
         *dy = [
             dot_Omega1,
             dot_Omega2,
@@ -1496,18 +1491,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             R::from_f64(0.5) * (Omega3 * qy - Omega2 * qz + Omega1 * qw),
             R::from_f64(0.5) * (Omega1 * qz - Omega3 * qx + Omega2 * qw),
             R::from_f64(0.5) * (Omega2 * qx - Omega1 * qy + Omega3 * qw),
-            V1 + R::from_f64(2.0) * (qy * t4) - R::from_f64(2.0) * (qz * t5)
-                + R::from_f64(2.0) * (qw * t6),
-            V2 + R::from_f64(2.0) * (qz * t6) - R::from_f64(2.0) * (qx * t4)
-                + R::from_f64(2.0) * (qw * t5),
-            V3 + R::from_f64(2.0) * (qx * t5) - R::from_f64(2.0) * (qy * t6)
+            V1 + R::from_f64(2.0) * (qy * t2) - R::from_f64(2.0) * (qz * t3)
                 + R::from_f64(2.0) * (qw * t4),
-            U1 + R::from_f64(2.0) * (qy * t7) - R::from_f64(2.0) * (qz * t8)
-                + R::from_f64(2.0) * (qw * t9),
-            U2 + R::from_f64(2.0) * (qz * t9) - R::from_f64(2.0) * (qx * t7)
-                + R::from_f64(2.0) * (qw * t8),
-            U3 + R::from_f64(2.0) * (qx * t8) - R::from_f64(2.0) * (qy * t9)
+            V2 + R::from_f64(2.0) * (qz * t4) - R::from_f64(2.0) * (qx * t2)
+                + R::from_f64(2.0) * (qw * t3),
+            V3 + R::from_f64(2.0) * (qx * t3) - R::from_f64(2.0) * (qy * t4)
+                + R::from_f64(2.0) * (qw * t2),
+            U1 + R::from_f64(2.0) * (qy * t5) - R::from_f64(2.0) * (qz * t6)
                 + R::from_f64(2.0) * (qw * t7),
+            U2 + R::from_f64(2.0) * (qz * t7) - R::from_f64(2.0) * (qx * t5)
+                + R::from_f64(2.0) * (qw * t6),
+            U3 + R::from_f64(2.0) * (qx * t6) - R::from_f64(2.0) * (qy * t7)
+                + R::from_f64(2.0) * (qw * t5),
         ];
     }
 

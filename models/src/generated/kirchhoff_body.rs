@@ -646,17 +646,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ];
         /// substitution through the factors of A
         let [dot_V3, dot_V2, dot_V1, dot_Omega3, dot_Omega2, dot_Omega1] = {
-            let z_dot_V1 = r_V1 - self.A_l4_1 * r_Omega1 - self.A_l4_2 * r_Omega2
+            let z_V1 = r_V1 - self.A_l4_1 * r_Omega1 - self.A_l4_2 * r_Omega2
                 - self.A_l4_3 * r_Omega3;
-            let z_dot_V2 = r_V2 - self.A_l5_1 * r_Omega1 - self.A_l5_2 * r_Omega2
-                - self.A_l5_3 * r_Omega3 - self.A_l5_4 * z_dot_V1;
-            let z_dot_V3 = r_V3 - self.A_l6_1 * r_Omega1 - self.A_l6_2 * r_Omega2
-                - self.A_l6_3 * r_Omega3 - self.A_l6_4 * z_dot_V1
-                - self.A_l6_5 * z_dot_V2;
-            let dot_V3 = self.c0 * z_dot_V3;
-            let dot_V2 = self.c1 * z_dot_V2 - self.A_l6_5 * dot_V3;
-            let dot_V1 = self.c2 * z_dot_V1 - self.A_l5_4 * dot_V2
-                - self.A_l6_4 * dot_V3;
+            let z_V2 = r_V2 - self.A_l5_1 * r_Omega1 - self.A_l5_2 * r_Omega2
+                - self.A_l5_3 * r_Omega3 - self.A_l5_4 * z_V1;
+            let z_V3 = r_V3 - self.A_l6_1 * r_Omega1 - self.A_l6_2 * r_Omega2
+                - self.A_l6_3 * r_Omega3 - self.A_l6_4 * z_V1 - self.A_l6_5 * z_V2;
+            let dot_V3 = self.c0 * z_V3;
+            let dot_V2 = self.c1 * z_V2 - self.A_l6_5 * dot_V3;
+            let dot_V1 = self.c2 * z_V1 - self.A_l5_4 * dot_V2 - self.A_l6_4 * dot_V3;
             [
                 dot_V3,
                 dot_V2,

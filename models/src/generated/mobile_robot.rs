@@ -52,6 +52,16 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
             components: &["lambda_c1", "lambda_c2", "lambda_c3"],
             doc: "multipliers lambda_A of E = lambda_A a_A, the constraint forces along the constraint one-forms",
         },
+        ::hamel_runtime::OutputInfo {
+            name: "nonholonomic_momentum",
+            components: &["J_psi1_dot", "J_psi2_dot"],
+            doc: "momenta <p, W_b> along the sections of virtual displacements",
+        },
+        ::hamel_runtime::OutputInfo {
+            name: "momentum_equation",
+            components: &["dot_J_psi1_dot", "dot_J_psi2_dot"],
+            doc: "their rates by the nonholonomic momentum equation",
+        },
     ],
     has_energy: true,
 };
@@ -213,6 +223,8 @@ pub struct Prepared<R = f64> {
     c15: R,
     /// `0.5 * R * (m0 + 2 * m1)`
     c16: R,
+    /// `0.5 * J * R / c`
+    c17: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -225,7 +237,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 5 additions, 26 multiplications, 7 divisions.
+    /// 5 additions, 27 multiplications, 8 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m0, m1, J, J2, l, R_, c } = *params;
         for (value, condition, meaning) in [
@@ -257,7 +269,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let A_s1_2_2 = A_psi1_dot_psi1_dot - A_psi1_dot_psi2_dot * A_l2_1;
         let t3 = R::from_f64(0.5) * R_;
         let t4 = R::from_f64(0.5) * m0 * l * R_;
-        let t5 = R::from_f64(2.0) * m0 * l;
+        let t5 = R::from_f64(0.5) * J;
+        let t6 = R::from_f64(2.0) * m0 * l;
         if !m0.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m0 > 0",
@@ -323,16 +336,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c4: A_s1_2_2.recip(),
             c5: A_psi1_dot_psi1_dot.recip(),
             c6: R::from_f64(0.5) * J2,
-            c7: R::from_f64(0.5) * J,
+            c7: t5,
             c8: R::from_f64(0.5) * t0,
             c9: t0,
             c10: m0 * l,
-            c11: t5,
+            c11: t6,
             c12: R::from_f64(2.0) * J,
-            c13: t5 * c,
+            c13: t6 * c,
             c14: R_ * c * t0,
             c15: R::from_f64(0.25) / c,
             c16: t3 * t0,
+            c17: t5 * R_ / c,
         })
     }
 }
@@ -374,8 +388,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         };
         /// substitution through the factors of A
         let [dot_psi2_dot, dot_psi1_dot] = {
-            let z_dot_psi2_dot = f_psi2_dot - self.A_l2_1 * f_psi1_dot;
-            let dot_psi2_dot = self.c4 * z_dot_psi2_dot;
+            let z_psi2_dot = f_psi2_dot - self.A_l2_1 * f_psi1_dot;
+            let dot_psi2_dot = self.c4 * z_psi2_dot;
             [dot_psi2_dot, self.c5 * f_psi1_dot - self.A_l2_1 * dot_psi2_dot]
         };
         *dy = [psi1_dot, psi2_dot, dot_psi1_dot, dot_psi2_dot];
@@ -463,8 +477,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         };
         /// substitution through the factors of A
         let [dot_psi2_dot, dot_psi1_dot] = {
-            let z_dot_psi2_dot = f_psi2_dot - self.A_l2_1 * f_psi1_dot;
-            let dot_psi2_dot = self.c4 * z_dot_psi2_dot;
+            let z_psi2_dot = f_psi2_dot - self.A_l2_1 * f_psi1_dot;
+            let dot_psi2_dot = self.c4 * z_psi2_dot;
             [dot_psi2_dot, self.c5 * f_psi1_dot - self.A_l2_1 * dot_psi2_dot]
         };
         /// accelerations ydot = Psi udot + lag
@@ -473,6 +487,58 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t5 = self.c15
             * (self.c11 * t0 + self.c12 * dot_omega + self.c13 * t2 + self.c14 * t4);
         [omega * p_v1 + self.c10 * dot_omega, t5 - self.c10 * t2 - self.c16 * t4, -t5]
+    }
+
+    /// Momenta <p, W_b> along the sections of virtual displacements.
+    ///
+    /// # Components
+    ///
+    /// ```text
+    /// [J_psi1_dot, J_psi2_dot]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// 6 additions, 6 multiplications, 2 sign changes.
+    #[inline]
+    #[must_use]
+    pub fn nonholonomic_momentum(&self, t: R, y: &[R; 4]) -> [R; 2] {
+        let [_, _, psi1_dot, psi2_dot] = *y;
+        let _ = t;
+        /// velocities y = Psi u + psi0
+        let [omega, v1] = [
+            -(self.c0 * (psi1_dot - psi2_dot)),
+            -(self.c1 * (psi1_dot + psi2_dot)),
+        ];
+        let t0 = self.c17 * omega;
+        let t1 = self.c16 * v1;
+        [self.J2 * psi1_dot - t0 - t1, self.J2 * psi2_dot + t0 - t1]
+    }
+
+    /// Their rates by the nonholonomic momentum equation.
+    ///
+    /// # Components
+    ///
+    /// ```text
+    /// [dot_J_psi1_dot, dot_J_psi2_dot]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// 4 additions, 6 multiplications, 3 sign changes.
+    #[inline]
+    #[must_use]
+    pub fn momentum_equation(&self, t: R, y: &[R; 4]) -> [R; 2] {
+        let [_, _, psi1_dot, psi2_dot] = *y;
+        let _ = t;
+        /// velocities y = Psi u + psi0
+        let [omega, v1] = [
+            -(self.c0 * (psi1_dot - psi2_dot)),
+            -(self.c1 * (psi1_dot + psi2_dot)),
+        ];
+        let t0 = self.c2 * (omega * v1);
+        let t1 = self.c3 * (omega * omega);
+        [t0 - t1, -(t0 + t1)]
     }
 }
 
@@ -503,10 +569,12 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     }
 
     fn outputs_of(&self, t: R, y: &[R; 4], out: &mut [R]) {
-        if let Ok(out) = <&mut [R; 8]>::try_from(out) {
+        if let Ok(out) = <&mut [R; 12]>::try_from(out) {
             let [v0, v1, v2, v3, v4] = self.momentum(t, y);
             let [v5, v6, v7] = self.multipliers(t, y);
-            *out = [v0, v1, v2, v3, v4, v5, v6, v7];
+            let [v8, v9] = self.nonholonomic_momentum(t, y);
+            let [v10, v11] = self.momentum_equation(t, y);
+            *out = [v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10, v11];
         }
     }
 }

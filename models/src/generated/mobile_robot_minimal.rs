@@ -322,8 +322,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         };
         /// substitution through the factors of A
         let [dot_psi2_dot, dot_psi1_dot] = {
-            let z_dot_psi2_dot = f_psi2_dot - self.A_l2_1 * f_psi1_dot;
-            let dot_psi2_dot = self.c3 * z_dot_psi2_dot;
+            let z_psi2_dot = f_psi2_dot - self.A_l2_1 * f_psi1_dot;
+            let dot_psi2_dot = self.c3 * z_psi2_dot;
             [dot_psi2_dot, self.c4 * f_psi1_dot - self.A_l2_1 * dot_psi2_dot]
         };
         *dy = [dot_psi1_dot, dot_psi2_dot];

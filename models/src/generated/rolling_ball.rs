@@ -32,6 +32,16 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
             components: &["lambda_c1", "lambda_c2"],
             doc: "multipliers lambda_A of E = lambda_A a_A, the constraint forces along the constraint one-forms",
         },
+        ::hamel_runtime::OutputInfo {
+            name: "nonholonomic_momentum",
+            components: &["J_a1_dot", "J_a2_dot", "J_xi3"],
+            doc: "momenta <p, W_b> along the sections of virtual displacements",
+        },
+        ::hamel_runtime::OutputInfo {
+            name: "momentum_equation",
+            components: &["dot_J_a1_dot", "dot_J_a2_dot", "dot_J_xi3"],
+            doc: "their rates by the nonholonomic momentum equation",
+        },
     ],
     has_energy: true,
 };
@@ -147,6 +157,8 @@ pub struct Prepared<R = f64> {
     c2: R,
     /// `I / r`
     c3: R,
+    /// `I / (r * r)`
+    c4: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -174,7 +186,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let t0 = m + I / (r * r);
+        let t0 = I / (r * r);
+        let t1 = m + t0;
         if !m.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m > 0",
@@ -193,13 +206,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 meaning: "",
             });
         }
-        if !t0.all_ne(R::ZERO) {
+        if !t1.all_ne(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "inertia along a1_dot != 0",
                 meaning: "",
             });
         }
-        if !t0.all_ne(R::ZERO) {
+        if !t1.all_ne(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "inertia along a2_dot != 0",
                 meaning: "",
@@ -212,6 +225,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c1: R::from_f64(0.5) * m,
             c2: R::from_f64(0.5) * I,
             c3: I / r,
+            c4: t0,
         })
     }
 }
@@ -305,6 +319,47 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = (t, y);
         [R::ZERO, R::ZERO]
     }
+
+    /// Momenta <p, W_b> along the sections of virtual displacements.
+    ///
+    /// # Components
+    ///
+    /// ```text
+    /// [J_a1_dot, J_a2_dot, J_xi3]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// 2 additions, 5 multiplications.
+    #[inline]
+    #[must_use]
+    pub fn nonholonomic_momentum(&self, t: R, y: &[R; 5]) -> [R; 3] {
+        let [_, _, a1_dot, a2_dot, xi3] = *y;
+        let _ = t;
+        [
+            self.m * a1_dot + self.c4 * a1_dot,
+            self.m * a2_dot + self.c4 * a2_dot,
+            self.I * xi3,
+        ]
+    }
+
+    /// Their rates by the nonholonomic momentum equation.
+    ///
+    /// # Components
+    ///
+    /// ```text
+    /// [dot_J_a1_dot, dot_J_a2_dot, dot_J_xi3]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// No operations.
+    #[inline]
+    #[must_use]
+    pub fn momentum_equation(&self, t: R, y: &[R; 5]) -> [R; 3] {
+        let _ = (t, y);
+        [R::ZERO, R::ZERO, R::ZERO]
+    }
 }
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
@@ -334,10 +389,12 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     }
 
     fn outputs_of(&self, t: R, y: &[R; 5], out: &mut [R]) {
-        if let Ok(out) = <&mut [R; 7]>::try_from(out) {
+        if let Ok(out) = <&mut [R; 13]>::try_from(out) {
             let [v0, v1, v2, v3, v4] = self.momentum(t, y);
             let [v5, v6] = self.multipliers(t, y);
-            *out = [v0, v1, v2, v3, v4, v5, v6];
+            let [v7, v8, v9] = self.nonholonomic_momentum(t, y);
+            let [v10, v11, v12] = self.momentum_equation(t, y);
+            *out = [v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10, v11, v12];
         }
     }
 }

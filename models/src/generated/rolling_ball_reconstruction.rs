@@ -32,6 +32,16 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
             components: &["lambda_c1", "lambda_c2"],
             doc: "multipliers lambda_A of E = lambda_A a_A, the constraint forces along the constraint one-forms",
         },
+        ::hamel_runtime::OutputInfo {
+            name: "nonholonomic_momentum",
+            components: &["J_a1_dot", "J_a2_dot", "J_xi3"],
+            doc: "momenta <p, W_b> along the sections of virtual displacements",
+        },
+        ::hamel_runtime::OutputInfo {
+            name: "momentum_equation",
+            components: &["dot_J_a1_dot", "dot_J_a2_dot", "dot_J_xi3"],
+            doc: "their rates by the nonholonomic momentum equation",
+        },
     ],
     has_energy: true,
 };
@@ -169,6 +179,8 @@ pub struct Prepared<R = f64> {
     c1: R,
     /// `0.5 * I`
     c2: R,
+    /// `I / r`
+    c3: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -181,7 +193,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 3 multiplications, 2 divisions.
+    /// 1 addition, 3 multiplications, 3 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m, I, r } = *params;
         for (value, condition, meaning) in [
@@ -233,6 +245,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c0: r.recip(),
             c1: R::from_f64(0.5) * m,
             c2: R::from_f64(0.5) * I,
+            c3: I / r,
         })
     }
 }
@@ -334,6 +347,45 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = (t, y);
         [R::ZERO, R::ZERO]
     }
+
+    /// Momenta <p, W_b> along the sections of virtual displacements.
+    ///
+    /// # Components
+    ///
+    /// ```text
+    /// [J_a1_dot, J_a2_dot, J_xi3]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// 2 additions, 7 multiplications, 1 sign change.
+    #[inline]
+    #[must_use]
+    pub fn nonholonomic_momentum(&self, t: R, y: &[R; 9]) -> [R; 3] {
+        let [_, _, a1_dot, a2_dot, xi3, _, _, _, _] = *y;
+        let _ = t;
+        /// velocities y = Psi u + psi0
+        let [xi1, xi2] = [-(self.c0 * a2_dot), self.c0 * a1_dot];
+        [self.m * a1_dot + self.c3 * xi2, self.m * a2_dot - self.c3 * xi1, self.I * xi3]
+    }
+
+    /// Their rates by the nonholonomic momentum equation.
+    ///
+    /// # Components
+    ///
+    /// ```text
+    /// [dot_J_a1_dot, dot_J_a2_dot, dot_J_xi3]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// No operations.
+    #[inline]
+    #[must_use]
+    pub fn momentum_equation(&self, t: R, y: &[R; 9]) -> [R; 3] {
+        let _ = (t, y);
+        [R::ZERO, R::ZERO, R::ZERO]
+    }
 }
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
@@ -363,10 +415,12 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     }
 
     fn outputs_of(&self, t: R, y: &[R; 9], out: &mut [R]) {
-        if let Ok(out) = <&mut [R; 7]>::try_from(out) {
+        if let Ok(out) = <&mut [R; 13]>::try_from(out) {
             let [v0, v1, v2, v3, v4] = self.momentum(t, y);
             let [v5, v6] = self.multipliers(t, y);
-            *out = [v0, v1, v2, v3, v4, v5, v6];
+            let [v7, v8, v9] = self.nonholonomic_momentum(t, y);
+            let [v10, v11, v12] = self.momentum_equation(t, y);
+            *out = [v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10, v11, v12];
         }
     }
 }

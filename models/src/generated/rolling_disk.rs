@@ -37,6 +37,16 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
             components: &["lambda_c1", "lambda_c2"],
             doc: "multipliers lambda_A of E = lambda_A a_A, the constraint forces along the constraint one-forms",
         },
+        ::hamel_runtime::OutputInfo {
+            name: "nonholonomic_momentum",
+            components: &["J_theta_dot", "J_phi_dot"],
+            doc: "momenta <p, W_b> along the sections of virtual displacements",
+        },
+        ::hamel_runtime::OutputInfo {
+            name: "momentum_equation",
+            components: &["dot_J_theta_dot", "dot_J_phi_dot"],
+            doc: "their rates by the nonholonomic momentum equation",
+        },
     ],
     has_energy: true,
 };
@@ -143,6 +153,8 @@ pub struct Prepared<R = f64> {
     c1: R,
     /// `m * R`
     c2: R,
+    /// `I + m * (R * R)`
+    c3: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -208,6 +220,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c0: R::from_f64(0.5) * J,
             c1: R::from_f64(0.5) * t0,
             c2: m * R_,
+            c3: t0,
         })
     }
 }
@@ -288,6 +301,43 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         [R::ZERO, self.c2 * (theta_dot * phi_dot)]
     }
+
+    /// Momenta <p, W_b> along the sections of virtual displacements.
+    ///
+    /// # Components
+    ///
+    /// ```text
+    /// [J_theta_dot, J_phi_dot]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// 2 multiplications.
+    #[inline]
+    #[must_use]
+    pub fn nonholonomic_momentum(&self, t: R, y: &[R; 2]) -> [R; 2] {
+        let [theta_dot, phi_dot] = *y;
+        let _ = t;
+        [self.c3 * theta_dot, self.J * phi_dot]
+    }
+
+    /// Their rates by the nonholonomic momentum equation.
+    ///
+    /// # Components
+    ///
+    /// ```text
+    /// [dot_J_theta_dot, dot_J_phi_dot]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// No operations.
+    #[inline]
+    #[must_use]
+    pub fn momentum_equation(&self, t: R, y: &[R; 2]) -> [R; 2] {
+        let _ = (t, y);
+        [R::ZERO, R::ZERO]
+    }
 }
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
@@ -317,10 +367,12 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     }
 
     fn outputs_of(&self, t: R, y: &[R; 2], out: &mut [R]) {
-        if let Ok(out) = <&mut [R; 6]>::try_from(out) {
+        if let Ok(out) = <&mut [R; 10]>::try_from(out) {
             let [v0, v1, v2, v3] = self.momentum(t, y);
             let [v4, v5] = self.multipliers(t, y);
-            *out = [v0, v1, v2, v3, v4, v5];
+            let [v6, v7] = self.nonholonomic_momentum(t, y);
+            let [v8, v9] = self.momentum_equation(t, y);
+            *out = [v0, v1, v2, v3, v4, v5, v6, v7, v8, v9];
         }
     }
 }

@@ -52,6 +52,16 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
             components: &["lambda_d1"],
             doc: "multipliers lambda_A of E = lambda_A a_A, the constraint forces along the constraint one-forms",
         },
+        ::hamel_runtime::OutputInfo {
+            name: "nonholonomic_momentum",
+            components: &["J_omega", "J_v1"],
+            doc: "momenta <p, W_b> along the sections of virtual displacements",
+        },
+        ::hamel_runtime::OutputInfo {
+            name: "momentum_equation",
+            components: &["dot_J_omega", "dot_J_v1"],
+            doc: "their rates by the nonholonomic momentum equation",
+        },
     ],
     has_energy: true,
 };
@@ -169,24 +179,26 @@ pub struct Prepared<R = f64> {
     c0: R,
     /// `m * a`
     c1: R,
-    /// `-(m * b + m * a * mu) / (J + m * (a * a + b * b) - m * a * tau)`
+    /// `-(m * (b + a * mu)) / (J + m * (a * a + b * b - a * tau))`
     A_l2_1: R,
-    /// `1 / (m + m * b * (-(m * b + m * a * mu) / (J + m * (a * a + b * b) - m * a * tau)))`
+    /// `1 / (m + m * b * (-(m * (b + a * mu)) / (J + m * (a * a + b * b - a * tau))))`
     c2: R,
-    /// `1 / (J + m * (a * a + b * b) - m * a * tau)`
+    /// `1 / (J + m * (a * a + b * b - a * tau))`
     c3: R,
-    /// `-(m * b / (J + m * (a * a + b * b) - m * a * tau))`
+    /// `-(m * b / (J + m * (a * a + b * b - a * tau)))`
     A_u1_2: R,
-    /// `0.5 * (J + m * (a * a + b * b))`
-    c4: R,
-    /// `0.5 * m`
-    c5: R,
-    /// `m * a / (J + m * (a * a + b * b) - m * a * tau)`
-    c6: R,
-    /// `m * a * -(m * b / (J + m * (a * a + b * b) - m * a * tau))`
-    c7: R,
     /// `J + m * (a * a + b * b)`
+    c4: R,
+    /// `2 * m * b`
+    c5: R,
+    /// `m * a / (J + m * (a * a + b * b - a * tau))`
+    c6: R,
+    /// `m * a * -(m * b / (J + m * (a * a + b * b - a * tau)))`
+    c7: R,
+    /// `m * a * tau`
     c8: R,
+    /// `m * a * mu`
+    c9: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -199,7 +211,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 5 additions, 11 multiplications, 5 divisions, 2 sign changes.
+    /// 6 additions, 15 multiplications, 5 divisions, 2 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { J, m, a, b, tau, mu } = *params;
         for (value, condition, meaning) in [
@@ -217,14 +229,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let t0 = J + m * (a * a + b * b);
-        let t1 = m * a;
-        let A_omega_omega = t0 - t1 * tau;
-        let t2 = m * b;
-        let A_v1_omega = -(t2 + t1 * mu);
+        let t0 = a * a + b * b;
+        let A_omega_omega = J + m * (t0 - a * tau);
+        let t1 = m * b;
+        let A_v1_omega = -(m * (b + a * mu));
         let A_l2_1 = A_v1_omega / A_omega_omega;
-        let A_s1_2_2 = m + t2 * A_l2_1;
-        let A_u1_2 = -(t2 / A_omega_omega);
+        let A_s1_2_2 = m + t1 * A_l2_1;
+        let t2 = m * a;
+        let A_u1_2 = -(t1 / A_omega_omega);
         if !J.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "J > 0",
@@ -253,17 +265,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             m,
             tau,
             mu,
-            c0: t2,
-            c1: t1,
+            c0: t1,
+            c1: t2,
             A_l2_1,
             c2: A_s1_2_2.recip(),
             c3: A_omega_omega.recip(),
             A_u1_2,
-            c4: R::from_f64(0.5) * t0,
-            c5: R::from_f64(0.5) * m,
-            c6: t1 / A_omega_omega,
-            c7: t1 * A_u1_2,
-            c8: t0,
+            c4: J + m * t0,
+            c5: R::from_f64(2.0) * m * b,
+            c6: t2 / A_omega_omega,
+            c7: t2 * A_u1_2,
+            c8: t2 * tau,
+            c9: t2 * mu,
         })
     }
 }
@@ -304,8 +317,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         };
         /// substitution through the factors of A
         let [dot_v1, dot_omega] = {
-            let z_dot_v1 = f_v1 - self.A_l2_1 * f_omega;
-            let dot_v1 = self.c2 * z_dot_v1;
+            let z_v1 = f_v1 - self.A_l2_1 * f_omega;
+            let dot_v1 = self.c2 * z_v1;
             [dot_v1, self.c3 * f_omega - self.A_u1_2 * dot_v1]
         };
         *dy = [dot_omega, dot_v1];
@@ -325,7 +338,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn energy(&self, t: R, y: &[R; 2]) -> R {
         let [omega, v1] = *y;
         let _ = t;
-        self.c4 * (omega * omega) - self.c0 * (omega * v1) + self.c5 * (v1 * v1)
+        R::from_f64(0.5)
+            * (self.m * (v1 * v1) + omega * (self.c4 * omega - self.c5 * v1))
     }
 
     /// Rate of energy dE/dt along the motion.
@@ -351,8 +365,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         };
         /// substitution through the factors of A
         let dot_v1 = {
-            let z_dot_v1 = f_v1 - self.A_l2_1 * f_omega;
-            self.c2 * z_dot_v1
+            let z_v1 = f_v1 - self.A_l2_1 * f_omega;
+            self.c2 * z_v1
         };
         (self.tau * omega + self.mu * v1) * (t0 + self.c6 * f_omega - self.c7 * dot_v1)
     }
@@ -375,7 +389,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         /// momenta p = dL/dy
         let [p_omega, p_v1] = [
-            self.c8 * omega - self.c0 * v1,
+            self.c4 * omega - self.c0 * v1,
             self.m * v1 - self.c0 * omega,
         ];
         [p_omega, p_v1, self.c1 * omega]
@@ -410,10 +424,58 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         };
         /// substitution through the factors of A
         let dot_v1 = {
-            let z_dot_v1 = f_v1 - self.A_l2_1 * f_omega;
-            self.c2 * z_dot_v1
+            let z_v1 = f_v1 - self.A_l2_1 * f_omega;
+            self.c2 * z_v1
         };
         [t0 + self.c6 * f_omega - self.c7 * dot_v1]
+    }
+
+    /// Momenta <p, W_b> along the sections of virtual displacements.
+    ///
+    /// # Components
+    ///
+    /// ```text
+    /// [J_omega, J_v1]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// 4 additions, 6 multiplications.
+    #[inline]
+    #[must_use]
+    pub fn nonholonomic_momentum(&self, t: R, y: &[R; 2]) -> [R; 2] {
+        let [omega, v1] = *y;
+        let _ = t;
+        /// momenta p = dL/dy
+        let [p_omega, p_v1] = [
+            self.c4 * omega - self.c0 * v1,
+            self.m * v1 - self.c0 * omega,
+        ];
+        [p_omega - self.c8 * omega, p_v1 - self.c9 * omega]
+    }
+
+    /// Their rates by the nonholonomic momentum equation.
+    ///
+    /// # Components
+    ///
+    /// ```text
+    /// [dot_J_omega, dot_J_v1]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// 3 additions, 8 multiplications, 1 sign change.
+    #[inline]
+    #[must_use]
+    pub fn momentum_equation(&self, t: R, y: &[R; 2]) -> [R; 2] {
+        let [omega, v1] = *y;
+        let _ = t;
+        /// momenta p = dL/dy
+        let p_v1 = self.m * v1 - self.c0 * omega;
+        [
+            -(omega * (self.c1 * v1 - self.tau * p_v1)),
+            omega * (self.c1 * omega + self.mu * p_v1),
+        ]
     }
 }
 
@@ -444,11 +506,13 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     }
 
     fn outputs_of(&self, t: R, y: &[R; 2], out: &mut [R]) {
-        if let Ok(out) = <&mut [R; 5]>::try_from(out) {
+        if let Ok(out) = <&mut [R; 9]>::try_from(out) {
             let v0 = self.energy_rate(t, y);
             let [v1, v2, v3] = self.momentum(t, y);
             let [v4] = self.multipliers(t, y);
-            *out = [v0, v1, v2, v3, v4];
+            let [v5, v6] = self.nonholonomic_momentum(t, y);
+            let [v7, v8] = self.momentum_equation(t, y);
+            *out = [v0, v1, v2, v3, v4, v5, v6, v7, v8];
         }
     }
 }

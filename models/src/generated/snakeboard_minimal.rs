@@ -277,8 +277,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         };
         /// substitution through the factors of A
         let [dot_s, dot_psi_dot] = {
-            let z_dot_s = f_s + self.J0 * (lag_omega * A_l3_1);
-            let dot_s = z_dot_s / A_s1_3_3;
+            let z_s = f_s + self.J0 * (lag_omega * A_l3_1);
+            let dot_s = z_s / A_s1_3_3;
             [dot_s, -(lag_omega + A_l3_1 * dot_s)]
         };
         *dy = [phi_dot, dot_psi_dot, R::ZERO, dot_s];

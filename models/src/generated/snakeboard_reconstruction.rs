@@ -43,6 +43,16 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
             doc: "multipliers lambda_A of E = lambda_A a_A, the constraint forces along the constraint one-forms",
         },
         ::hamel_runtime::OutputInfo {
+            name: "nonholonomic_momentum",
+            components: &["J_psi_dot", "J_phi_dot", "J_s"],
+            doc: "momenta <p, W_b> along the sections of virtual displacements",
+        },
+        ::hamel_runtime::OutputInfo {
+            name: "momentum_equation",
+            components: &["dot_J_psi_dot", "dot_J_phi_dot", "dot_J_s"],
+            doc: "their rates by the nonholonomic momentum equation",
+        },
+        ::hamel_runtime::OutputInfo {
             name: "p",
             components: &["p"],
             doc: "Nonholonomic momentum `<dL/dxi, (-r cos phi, 0, sin phi)>` [kg m^2/s].",
@@ -338,8 +348,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         };
         /// substitution through the factors of A
         let [dot_s, dot_psi_dot] = {
-            let z_dot_s = f_s + self.J0 * (lag_omega * A_l3_1);
-            let dot_s = z_dot_s / A_s1_3_3;
+            let z_s = f_s + self.J0 * (lag_omega * A_l3_1);
+            let dot_s = z_s / A_s1_3_3;
             [dot_s, -(lag_omega + A_l3_1 * dot_s)]
         };
         *dy = [
@@ -447,8 +457,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         };
         /// substitution through the factors of A
         let [dot_s, dot_psi_dot] = {
-            let z_dot_s = f_s + self.J0 * (lag_omega * A_l3_1);
-            let dot_s = z_dot_s / A_s1_3_3;
+            let z_s = f_s + self.J0 * (lag_omega * A_l3_1);
+            let dot_s = z_s / A_s1_3_3;
             [dot_s, -(lag_omega + A_l3_1 * dot_s)]
         };
         /// accelerations ydot = Psi udot + lag
@@ -461,6 +471,63 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             self.m * (omega * v1),
             self.J0 * dot_psi_dot + self.c0 * dot_omega,
         ]
+    }
+
+    /// Momenta <p, W_b> along the sections of virtual displacements.
+    ///
+    /// # Components
+    ///
+    /// ```text
+    /// [J_psi_dot, J_phi_dot, J_s]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// 3 additions, 9 multiplications, 1 sign change, 2 elementary functions.
+    #[inline]
+    #[must_use]
+    pub fn nonholonomic_momentum(&self, t: R, y: &[R; 8]) -> [R; 3] {
+        let [_, phi, psi_dot, phi_dot, s, _, _, _] = *y;
+        let _ = t;
+        /// velocities y = Psi u + psi0
+        let [t0, omega, t1, v1] = {
+            let t0 = phi.sin();
+            let t1 = phi.cos();
+            [t0, s * t0, t1, -(self.r * (s * t1))]
+        };
+        /// momenta p = dL/dy
+        let [p_psi_dot, p_omega] = {
+            let p_psi_dot = self.J0 * (psi_dot + omega);
+            [p_psi_dot, p_psi_dot + self.c8 * omega]
+        };
+        [p_psi_dot, self.c9 * phi_dot, t0 * p_omega - self.c2 * (t1 * v1)]
+    }
+
+    /// Their rates by the nonholonomic momentum equation.
+    ///
+    /// # Components
+    ///
+    /// ```text
+    /// [dot_J_psi_dot, dot_J_phi_dot, dot_J_s]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// 3 additions, 9 multiplications, 1 sign change, 2 elementary functions.
+    #[inline]
+    #[must_use]
+    pub fn momentum_equation(&self, t: R, y: &[R; 8]) -> [R; 3] {
+        let [_, phi, psi_dot, phi_dot, s, _, _, _] = *y;
+        let _ = t;
+        /// velocities y = Psi u + psi0
+        let [t0, omega, t1, v1] = {
+            let t0 = phi.sin();
+            let t1 = phi.cos();
+            [t0, s * t0, t1, -(self.r * (s * t1))]
+        };
+        /// momenta p = dL/dy
+        let p_omega = self.J0 * (psi_dot + omega) + self.c8 * omega;
+        [R::ZERO, R::ZERO, phi_dot * (t1 * p_omega + self.c2 * (t0 * v1))]
     }
 
     /// Nonholonomic momentum `<dL/dxi, (-r cos phi, 0, sin phi)>` [kg m^2/s].
@@ -547,11 +614,13 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     }
 
     fn outputs_of(&self, t: R, y: &[R; 8], out: &mut [R]) {
-        if let Ok(out) = <&mut [R; 9]>::try_from(out) {
+        if let Ok(out) = <&mut [R; 15]>::try_from(out) {
             let [v0, v1, v2, v3, v4] = self.momentum(t, y);
             let [v5, v6, v7] = self.multipliers(t, y);
-            let v8 = self.p(t, y);
-            *out = [v0, v1, v2, v3, v4, v5, v6, v7, v8];
+            let [v8, v9, v10] = self.nonholonomic_momentum(t, y);
+            let [v11, v12, v13] = self.momentum_equation(t, y);
+            let v14 = self.p(t, y);
+            *out = [v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10, v11, v12, v13, v14];
         }
     }
 }

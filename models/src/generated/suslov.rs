@@ -47,6 +47,16 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
             components: &["lambda_c1"],
             doc: "multipliers lambda_A of E = lambda_A a_A, the constraint forces along the constraint one-forms",
         },
+        ::hamel_runtime::OutputInfo {
+            name: "nonholonomic_momentum",
+            components: &["J_Omega1", "J_Omega2"],
+            doc: "momenta <p, W_b> along the sections of virtual displacements",
+        },
+        ::hamel_runtime::OutputInfo {
+            name: "momentum_equation",
+            components: &["dot_J_Omega1", "dot_J_Omega2"],
+            doc: "their rates by the nonholonomic momentum equation",
+        },
     ],
     has_energy: true,
 };
@@ -309,8 +319,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let p_Omega3 = self.I13 * Omega1 + self.I23 * Omega2;
         /// substitution through the factors of A
         let [dot_Omega2, dot_Omega1] = {
-            let z_dot_Omega2 = p_Omega3 * (Omega1 + self.A_l2_1 * Omega2);
-            let dot_Omega2 = self.c0 * z_dot_Omega2;
+            let z_Omega2 = p_Omega3 * (Omega1 + self.A_l2_1 * Omega2);
+            let dot_Omega2 = self.c0 * z_Omega2;
             [dot_Omega2, -(self.A_l2_1 * dot_Omega2 + self.c1 * (Omega2 * p_Omega3))]
         };
         *dy = [dot_Omega1, dot_Omega2];
@@ -386,13 +396,58 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let r_Omega3 = Omega2 * p_Omega1 - Omega1 * p_Omega2;
         /// substitution through the factors of A
         let dot_Omega2 = {
-            let z_dot_Omega2 = p_Omega3 * (Omega1 + self.A_l2_1 * Omega2);
-            self.c0 * z_dot_Omega2
+            let z_Omega2 = p_Omega3 * (Omega1 + self.A_l2_1 * Omega2);
+            self.c0 * z_Omega2
         };
         [
             self.I23 * dot_Omega2 - r_Omega3 - self.c2 * dot_Omega2
                 - self.c3 * (Omega2 * p_Omega3),
         ]
+    }
+
+    /// Momenta <p, W_b> along the sections of virtual displacements.
+    ///
+    /// # Components
+    ///
+    /// ```text
+    /// [J_Omega1, J_Omega2]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// 2 additions, 4 multiplications.
+    #[inline]
+    #[must_use]
+    pub fn nonholonomic_momentum(&self, t: R, y: &[R; 2]) -> [R; 2] {
+        let [Omega1, Omega2] = *y;
+        let _ = t;
+        /// momenta p = dL/dy
+        let [p_Omega1, p_Omega2] = [
+            self.I11 * Omega1 + self.I12 * Omega2,
+            self.I12 * Omega1 + self.I22 * Omega2,
+        ];
+        [p_Omega1, p_Omega2]
+    }
+
+    /// Their rates by the nonholonomic momentum equation.
+    ///
+    /// # Components
+    ///
+    /// ```text
+    /// [dot_J_Omega1, dot_J_Omega2]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// 1 addition, 4 multiplications, 1 sign change.
+    #[inline]
+    #[must_use]
+    pub fn momentum_equation(&self, t: R, y: &[R; 2]) -> [R; 2] {
+        let [Omega1, Omega2] = *y;
+        let _ = t;
+        /// momenta p = dL/dy
+        let p_Omega3 = self.I13 * Omega1 + self.I23 * Omega2;
+        [-(Omega2 * p_Omega3), Omega1 * p_Omega3]
     }
 }
 
@@ -423,10 +478,12 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     }
 
     fn outputs_of(&self, t: R, y: &[R; 2], out: &mut [R]) {
-        if let Ok(out) = <&mut [R; 4]>::try_from(out) {
+        if let Ok(out) = <&mut [R; 8]>::try_from(out) {
             let [v0, v1, v2] = self.momentum(t, y);
             let [v3] = self.multipliers(t, y);
-            *out = [v0, v1, v2, v3];
+            let [v4, v5] = self.nonholonomic_momentum(t, y);
+            let [v6, v7] = self.momentum_equation(t, y);
+            *out = [v0, v1, v2, v3, v4, v5, v6, v7];
         }
     }
 }

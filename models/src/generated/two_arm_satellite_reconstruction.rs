@@ -593,12 +593,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         };
         /// substitution through the factors of A
         let [dot_Omega3, dot_Omega2, dot_Omega1, dot_beta_dot, dot_alpha_dot] = {
-            let z_dot_Omega1 = r_Omega1 - r_beta_dot * A_l3_2;
-            let z_dot_Omega2 = r_Omega2 - A_l4_3 * z_dot_Omega1;
-            let z_dot_Omega3 = r_Omega3 - r_alpha_dot * A_l5_1 - A_l5_4 * z_dot_Omega2;
-            let dot_Omega3 = z_dot_Omega3 / A_s4_5_5;
-            let dot_Omega2 = z_dot_Omega2 * t29 - A_l5_4 * dot_Omega3;
-            let dot_Omega1 = z_dot_Omega1 * t28 - A_l4_3 * dot_Omega2;
+            let z_Omega1 = r_Omega1 - r_beta_dot * A_l3_2;
+            let z_Omega2 = r_Omega2 - A_l4_3 * z_Omega1;
+            let z_Omega3 = r_Omega3 - r_alpha_dot * A_l5_1 - A_l5_4 * z_Omega2;
+            let dot_Omega3 = z_Omega3 / A_s4_5_5;
+            let dot_Omega2 = z_Omega2 * t29 - A_l5_4 * dot_Omega3;
+            let dot_Omega1 = z_Omega1 * t28 - A_l4_3 * dot_Omega2;
             [
                 dot_Omega3,
                 dot_Omega2,

@@ -28,6 +28,17 @@ impl ModelBuilder {
         self
     }
 
+    /// Asks for a derived connection: the model is written with the group velocity `xi`, the state holds
+    /// `v = xi + A(x) xdot`.
+    pub fn derived_connection(&mut self, kind: ConnectionKind) -> &mut Self {
+        let here = self.here;
+        if let Some((_, first)) = self.derived_connection.replace((kind, here)) {
+            let place = here.or(first);
+            self.problem(place, "the connection is derived twice", "a model has one connection");
+        }
+        self
+    }
+
     /// A further independent velocity that only parametrises the constraints.
     pub fn quasi_velocity(&mut self, name: &str, doc: &str) -> Value {
         let (symbol, expr) = self.new_symbol(name, "a quasi-velocity");

@@ -1,0 +1,25 @@
+//! The machine interface of the interpreter against reference values: it carries full precision.
+
+mod common;
+
+use common::{Compared, check_motions, check_points, models};
+
+#[test]
+fn values_are_those_of_the_reference() {
+    let models = models();
+    assert!(models.len() >= 20, "{models:?}");
+    for model in models {
+        let n_points = check_points(&model, "interpreter");
+        assert!(n_points > 0, "{model}");
+    }
+}
+
+#[test]
+fn motions_are_those_of_the_reference_with_the_group() {
+    for model in models() {
+        let Compared { motions, reconstructions } = check_motions(&model, "interpreter");
+        assert!(motions > 0, "{model}");
+        // Every file has the group's coordinates under the model's names.
+        assert_eq!(reconstructions, motions, "{model}");
+    }
+}
