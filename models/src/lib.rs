@@ -18,4 +18,5 @@
 #![forbid(unsafe_code)]
 
 /// The generated modules, one per scene.
+#[rustfmt::skip]
 pub mod generated;

@@ -134,7 +134,9 @@ fn off_the_constraint_energy_changes_with_the_residual() {
         assert!(g.is_equal(rate, expected), "{name}");
         assert!(!g.is_zero(rate), "{name}");
     }
-    assert!(equations("veselova").facts.energy_is_conserved_on_constraint);
+    for name in ["veselova", "appell_machine"] {
+        assert!(equations(name).facts.energy_is_conserved_on_constraint, "{name}");
+    }
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use quote::{format_ident, quote};
 
-use super::{doc_attributes, format_file, header};
+use super::{doc_attributes, escaped, format_file, header};
 use crate::error::Error;
 
 /// A module in the index.
@@ -44,7 +44,7 @@ pub fn emit_index(scenes: &[SceneEntry], command: &str) -> Result<String, Error>
             .map_err(|e| Error::Emission { model: model.clone(), reason: format!("module {module}: {e}") })?;
         let name = format_ident!("{module}");
         let fallback = format!("Model `{model}`, scene `{scene}`.");
-        let doc = doc_attributes([if doc.trim().is_empty() { &fallback } else { doc }]);
+        let doc = doc_attributes([escaped(if doc.trim().is_empty() { &fallback } else { doc })]);
         modules.extend(quote! { #doc pub mod #name; });
         list.push_str(&format!("            ({module}, {model:?}, {scene:?}, {n_state})\n"));
     }

@@ -118,6 +118,20 @@ fn with_blank_lines(text: &str) -> String {
     spaced
 }
 
+/// Text of a model inside rustdoc: units in brackets are no links and inequalities no tags, except between backticks.
+fn escaped(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    let mut code = false;
+    for c in text.chars() {
+        code ^= c == '`';
+        if !code && matches!(c, '[' | ']' | '<' | '>') {
+            out.push('\\');
+        }
+        out.push(c);
+    }
+    out
+}
+
 /// A doc attribute for each line.
 fn doc_attributes<S: AsRef<str>>(lines: impl IntoIterator<Item = S>) -> proc_macro2::TokenStream {
     let mut tokens = proc_macro2::TokenStream::new();

@@ -7,7 +7,7 @@ use quote::quote;
 
 use super::body::{self, Body, Text, parse, segments};
 use super::names::{Scope, is_unusual, legal};
-use super::{SceneText, doc_attributes, format_file, header};
+use super::{SceneText, doc_attributes, escaped, format_file, header};
 use crate::error::Error;
 use crate::expr::rational_to_f64;
 use crate::lower::{Function, Operand, Program, Relation};
@@ -336,14 +336,14 @@ impl<'a> Module<'a> {
         )];
         if !self.text.doc.is_empty() {
             lines.push(String::new());
-            lines.extend(self.text.doc.iter().cloned());
+            lines.extend(self.text.doc.iter().map(|line| escaped(line)));
         }
         lines.extend([String::new(), "# State".into(), String::new(), "```text".into()]);
         lines.extend(wrapped("y = [", &self.program.state, "]"));
         lines.push("```".into());
         if !self.text.sources.is_empty() {
             lines.extend([String::new(), "# Source".into(), String::new()]);
-            lines.extend(self.text.sources.iter().map(|s| format!("- {}", s.replace('\n', " "))));
+            lines.extend(self.text.sources.iter().map(|s| format!("- {}", escaped(&s.replace('\n', " ")))));
         }
         let title = doc_attributes(lines);
 
@@ -860,7 +860,7 @@ fn receiver(value: TokenStream) -> TokenStream {
 }
 
 fn sentence(text: &str) -> String {
-    let text = capitalised(text.trim());
+    let text = escaped(&capitalised(text.trim()));
     if text.ends_with(['.', '!', '?', ')', '`']) { text } else { format!("{text}.") }
 }
 

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::error::Error;
-use crate::expr::{ExprId, Graph, Section, SectionWriter, Style, SymbolId};
+use crate::expr::{ExprId, Graph, Rational, Section, SectionWriter, Style, SymbolId};
 use crate::reduction::{
     AccelerationRow, AccelerationSource, KinematicConstraint, ReducedSystem, SolvedConstraint, StateKind,
 };
@@ -524,12 +524,12 @@ impl<'a> Derivation<'a> {
         let slopes_at_rest = g.subs_all(&raw, &zeros);
         if let (true, Ok(at_rest), Ok(slopes)) = (quadratic, at_rest, slopes_at_rest) {
             let mut terms = vec![
-                (system.lagrangian, crate::expr::Rational::from_integer(1.into())),
-                (at_rest, crate::expr::Rational::from_integer((-2).into())),
+                (system.lagrangian, Rational::from_integer(1.into())),
+                (at_rest, Rational::from_integer((-2).into())),
             ];
             for (slope, s) in slopes.iter().zip(&system.velocities) {
                 let y = g.sym(*s);
-                terms.push((g.mul(*slope, y), crate::expr::Rational::from_integer((-1).into())));
+                terms.push((g.mul(*slope, y), Rational::from_integer((-1).into())));
             }
             return Ok(g.linear_combination(&terms));
         }
@@ -624,16 +624,28 @@ impl<'a> Derivation<'a> {
         Ok(self.g.sum(&terms))
     }
 
-    /// Whether the energy rate is nothing but multipliers times constraint residuals: zero once the constraint holds.
+    /// Whether the energy rate is `sum_A lambda_A k_A phi_A` with integers `k_A`, hence zero once the constraint holds:
+    /// `form_A.y = k_A phi_A` for a constraint that is homogeneous of degree `k_A` in the velocities.
     fn vanishes_with(&mut self, rate: ExprId, motion: &Motion, residuals: &[(String, ExprId)]) -> bool {
         if residuals.len() != motion.multipliers.len() {
             return false;
         }
-        let products: Vec<ExprId> = residuals
-            .iter()
-            .zip(&motion.multipliers)
-            .map(|((_, residual), (_, lambda))| self.g.mul(*lambda, *residual))
-            .collect();
+        let mut products = Vec::new();
+        for (((_, residual), (_, lambda)), form) in
+            residuals.iter().zip(&motion.multipliers).zip(&motion.reactions)
+        {
+            let work: Vec<ExprId> =
+                form.iter().zip(self.y.clone()).map(|(coefficient, y)| self.g.mul(*coefficient, y)).collect();
+            let work = self.g.sum(&work);
+            let homogeneous = (1..=8).any(|degree| {
+                let multiple = self.g.scale(*residual, &Rational::from_integer(degree.into()));
+                self.g.is_equal(work, multiple)
+            });
+            if !homogeneous {
+                return false;
+            }
+            products.push(self.g.mul(*lambda, work));
+        }
         let sum = self.g.sum(&products);
         self.g.is_equal(rate, sum)
     }

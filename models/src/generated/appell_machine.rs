@@ -49,15 +49,15 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
 /// Parameters of `appell_machine`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Params<R = f64> {
-    /// Mass [kg].
+    /// Mass \[kg\].
     ///
     /// Default: 1.5.
     pub m: R,
-    /// Acceleration of gravity [m/s^2].
+    /// Acceleration of gravity \[m/s^2\].
     ///
     /// Default: 9.81.
     pub g: R,
-    /// Rise over horizontal distance [-].
+    /// Rise over horizontal distance \[-\].
     ///
     /// Default: 0.5.
     pub k: R,
@@ -91,11 +91,11 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
 /// State of `appell_machine` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct State<R = f64> {
-    /// Position [m].
+    /// Position \[m\].
     pub x: R,
-    /// Position [m].
+    /// Position \[m\].
     pub y: R,
-    /// Position [m].
+    /// Position \[m\].
     pub z: R,
     /// Velocity of x.
     pub x_dot: R,

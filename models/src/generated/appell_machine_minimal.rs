@@ -28,15 +28,15 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
 /// Parameters of `appell_machine`, scene `minimal`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Params<R = f64> {
-    /// Mass [kg].
+    /// Mass \[kg\].
     ///
     /// Default: 1.5.
     pub m: R,
-    /// Acceleration of gravity [m/s^2].
+    /// Acceleration of gravity \[m/s^2\].
     ///
     /// Default: 9.81.
     pub g: R,
-    /// Rise over horizontal distance [-].
+    /// Rise over horizontal distance \[-\].
     ///
     /// Default: 0.5.
     pub k: R,
@@ -70,7 +70,7 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
 /// State of `appell_machine`, scene `minimal` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct State<R = f64> {
-    /// Position [m].
+    /// Position \[m\].
     pub z: R,
     /// Velocity of x.
     pub x_dot: R,

@@ -55,15 +55,15 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
 pub struct Params<R = f64> {
-    /// Radius [m].
+    /// Radius \[m\].
     ///
     /// Default: 0.3.
     pub r: R,
-    /// Squared radius of gyration [m^2].
+    /// Squared radius of gyration \[m^2\].
     ///
     /// Default: 0.036.
     pub k2: R,
-    /// Turning rate of the table [rad/s].
+    /// Turning rate of the table \[rad/s\].
     ///
     /// Default: 1.4.
     pub Omega: R,
@@ -98,15 +98,15 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
 /// State of `ball_on_rotating_table`, scene `reconstruction` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct State<R = f64> {
-    /// Point of contact [m].
+    /// Point of contact \[m\].
     pub x: R,
-    /// Point of contact [m].
+    /// Point of contact \[m\].
     pub y: R,
     /// Velocity of x.
     pub x_dot: R,
     /// Velocity of y.
     pub y_dot: R,
-    /// Angular velocity in the space frame [rad/s].
+    /// Angular velocity in the space frame \[rad/s\].
     pub omega_z: R,
     /// Attitude, body to space.
     pub qw: R,
@@ -400,7 +400,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         [-(self.c4 * dot_omega_y), self.c4 * dot_omega_x]
     }
 
-    /// Momenta <p, W_b> along the sections of virtual displacements.
+    /// Momenta \<p, W_b\> along the sections of virtual displacements.
     ///
     /// # Components
     ///

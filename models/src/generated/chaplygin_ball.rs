@@ -90,43 +90,43 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
 pub struct Params<R = f64> {
-    /// Principal moments of inertia about the mass centre [kg m^2].
+    /// Principal moments of inertia about the mass centre \[kg m^2\].
     ///
     /// Default: 1.0.
     pub I1: R,
-    /// Principal moments of inertia about the mass centre [kg m^2].
+    /// Principal moments of inertia about the mass centre \[kg m^2\].
     ///
     /// Default: 1.3.
     pub I2: R,
-    /// Principal moments of inertia about the mass centre [kg m^2].
+    /// Principal moments of inertia about the mass centre \[kg m^2\].
     ///
     /// Default: 1.6.
     pub I3: R,
-    /// Mass [kg].
+    /// Mass \[kg\].
     ///
     /// Default: 1.5.
     pub m: R,
-    /// Radius [m].
+    /// Radius \[m\].
     ///
     /// Default: 0.8.
     pub r: R,
-    /// Distance from the geometric centre to the mass centre [m].
+    /// Distance from the geometric centre to the mass centre \[m\].
     ///
     /// Default: 0.2.
     pub l: R,
-    /// Direction from the geometric centre to the mass centre in the body frame, used as given [-].
+    /// Direction from the geometric centre to the mass centre in the body frame, used as given \[-\].
     ///
     /// Default: 0.48.
     pub chi1: R,
-    /// Direction from the geometric centre to the mass centre in the body frame, used as given [-].
+    /// Direction from the geometric centre to the mass centre in the body frame, used as given \[-\].
     ///
     /// Default: 0.6.
     pub chi2: R,
-    /// Direction from the geometric centre to the mass centre in the body frame, used as given [-].
+    /// Direction from the geometric centre to the mass centre in the body frame, used as given \[-\].
     ///
     /// Default: 0.64.
     pub chi3: R,
-    /// Acceleration of gravity [m/s^2].
+    /// Acceleration of gravity \[m/s^2\].
     ///
     /// Default: 9.81.
     pub g: R,
@@ -191,17 +191,17 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
 pub struct State<R = f64> {
-    /// Angular velocity [rad/s] and velocity of the mass centre [m/s] in the body frame.
+    /// Angular velocity \[rad/s\] and velocity of the mass centre \[m/s\] in the body frame.
     pub Omega1: R,
-    /// Angular velocity [rad/s] and velocity of the mass centre [m/s] in the body frame.
+    /// Angular velocity \[rad/s\] and velocity of the mass centre \[m/s\] in the body frame.
     pub Omega2: R,
-    /// Angular velocity [rad/s] and velocity of the mass centre [m/s] in the body frame.
+    /// Angular velocity \[rad/s\] and velocity of the mass centre \[m/s\] in the body frame.
     pub Omega3: R,
-    /// Vertical direction in the body frame [-].
+    /// Vertical direction in the body frame \[-\].
     pub Gamma1: R,
-    /// Vertical direction in the body frame [-].
+    /// Vertical direction in the body frame \[-\].
     pub Gamma2: R,
-    /// Vertical direction in the body frame [-].
+    /// Vertical direction in the body frame \[-\].
     pub Gamma3: R,
 }
 
@@ -695,7 +695,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         [self.m * dot_X1 - r_X1, self.m * dot_X2 - r_X2, self.m * dot_X3 - r_X3]
     }
 
-    /// Momenta <p, W_b> along the sections of virtual displacements.
+    /// Momenta \<p, W_b\> along the sections of virtual displacements.
     ///
     /// # Components
     ///

@@ -118,35 +118,35 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
 pub struct Params<R = f64> {
-    /// Moments of inertia of the shell about its centre [kg m^2].
+    /// Moments of inertia of the shell about its centre \[kg m^2\].
     ///
     /// Default: 1.0.
     pub I1: R,
-    /// Moments of inertia of the shell about its centre [kg m^2].
+    /// Moments of inertia of the shell about its centre \[kg m^2\].
     ///
     /// Default: 1.2.
     pub I2: R,
-    /// Moments of inertia of the shell about its centre [kg m^2].
+    /// Moments of inertia of the shell about its centre \[kg m^2\].
     ///
     /// Default: 1.4.
     pub I3: R,
-    /// Mass of the shell [kg].
+    /// Mass of the shell \[kg\].
     ///
     /// Default: 2.0.
     pub M: R,
-    /// Mass of the point [kg].
+    /// Mass of the point \[kg\].
     ///
     /// Default: 0.3.
     pub mu: R,
-    /// Radius of the shell [m].
+    /// Radius of the shell \[m\].
     ///
     /// Default: 0.7.
     pub r: R,
-    /// Distance of the point mass from the centre [m].
+    /// Distance of the point mass from the centre \[m\].
     ///
     /// Default: 0.5.
     pub rho: R,
-    /// Acceleration of gravity [m/s^2].
+    /// Acceleration of gravity \[m/s^2\].
     ///
     /// Default: 9.81.
     pub g: R,
@@ -196,25 +196,25 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
 pub struct State<R = f64> {
-    /// Azimuth of the point mass in the body [rad].
+    /// Azimuth of the point mass in the body \[rad\].
     pub alpha: R,
-    /// Polar angle of the point mass in the body [rad].
+    /// Polar angle of the point mass in the body \[rad\].
     pub beta: R,
     /// Velocity of alpha.
     pub alpha_dot: R,
     /// Velocity of beta.
     pub beta_dot: R,
-    /// Angular velocity [rad/s] and velocity of the centre [m/s] in the body frame.
+    /// Angular velocity \[rad/s\] and velocity of the centre \[m/s\] in the body frame.
     pub Omega1: R,
-    /// Angular velocity [rad/s] and velocity of the centre [m/s] in the body frame.
+    /// Angular velocity \[rad/s\] and velocity of the centre \[m/s\] in the body frame.
     pub Omega2: R,
-    /// Angular velocity [rad/s] and velocity of the centre [m/s] in the body frame.
+    /// Angular velocity \[rad/s\] and velocity of the centre \[m/s\] in the body frame.
     pub Omega3: R,
-    /// Vertical direction in the body frame [-].
+    /// Vertical direction in the body frame \[-\].
     pub Gamma1: R,
-    /// Vertical direction in the body frame [-].
+    /// Vertical direction in the body frame \[-\].
     pub Gamma2: R,
-    /// Vertical direction in the body frame [-].
+    /// Vertical direction in the body frame \[-\].
     pub Gamma3: R,
     /// Attitude, body to space.
     pub qw: R,
@@ -224,9 +224,9 @@ pub struct State<R = f64> {
     pub qy: R,
     /// Attitude, body to space.
     pub qz: R,
-    /// Position of the centre [m].
+    /// Position of the centre \[m\].
     pub x: R,
-    /// Position of the centre [m].
+    /// Position of the centre \[m\].
     pub y: R,
 }
 
@@ -1168,7 +1168,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ]
     }
 
-    /// Momenta <p, W_b> along the sections of virtual displacements.
+    /// Momenta \<p, W_b\> along the sections of virtual displacements.
     ///
     /// # Components
     ///

@@ -55,19 +55,19 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
 pub struct Params<R = f64> {
-    /// Moment of inertia about the mass centre [kg m^2].
+    /// Moment of inertia about the mass centre \[kg m^2\].
     ///
     /// Default: 1.2.
     pub J: R,
-    /// Mass [kg].
+    /// Mass \[kg\].
     ///
     /// Default: 2.0.
     pub m: R,
-    /// Mass centre along the edge [m].
+    /// Mass centre along the edge \[m\].
     ///
     /// Default: 0.4.
     pub a: R,
-    /// Mass centre across the edge [m].
+    /// Mass centre across the edge \[m\].
     ///
     /// Default: 0.3.
     pub b: R,
@@ -103,15 +103,15 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
 /// State of `chaplygin_sleigh`, scene `reconstruction` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct State<R = f64> {
-    /// Turning rate [rad/s] and velocity of the contact in the body frame [m/s].
+    /// Turning rate \[rad/s\] and velocity of the contact in the body frame \[m/s\].
     pub omega: R,
-    /// Turning rate [rad/s] and velocity of the contact in the body frame [m/s].
+    /// Turning rate \[rad/s\] and velocity of the contact in the body frame \[m/s\].
     pub v1: R,
-    /// Heading [rad] and position of the contact [m].
+    /// Heading \[rad\] and position of the contact \[m\].
     pub theta: R,
-    /// Heading [rad] and position of the contact [m].
+    /// Heading \[rad\] and position of the contact \[m\].
     pub x: R,
-    /// Heading [rad] and position of the contact [m].
+    /// Heading \[rad\] and position of the contact \[m\].
     pub y: R,
 }
 
@@ -352,7 +352,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         [omega * p_v1 - self.c7 * dot_v1 - self.c8 * t0]
     }
 
-    /// Momenta <p, W_b> along the sections of virtual displacements.
+    /// Momenta \<p, W_b\> along the sections of virtual displacements.
     ///
     /// # Components
     ///

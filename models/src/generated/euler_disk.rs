@@ -65,27 +65,27 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
 pub struct Params<R = f64> {
-    /// Mass [kg].
+    /// Mass \[kg\].
     ///
     /// Default: 1.0.
     pub M: R,
-    /// Radius [m].
+    /// Radius \[m\].
     ///
     /// Default: 0.5.
     pub r: R,
-    /// Thickness over radius [-].
+    /// Thickness over radius \[-\].
     ///
     /// Default: 0.1.
     pub e: R,
-    /// Moment of inertia about a diameter through the mass centre [kg m^2].
+    /// Moment of inertia about a diameter through the mass centre \[kg m^2\].
     ///
     /// Default: 0.07.
     pub I1: R,
-    /// Moment of inertia about the axis [kg m^2].
+    /// Moment of inertia about the axis \[kg m^2\].
     ///
     /// Default: 0.125.
     pub I3: R,
-    /// Acceleration of gravity [m/s^2].
+    /// Acceleration of gravity \[m/s^2\].
     ///
     /// Default: 9.81.
     pub g: R,
@@ -123,15 +123,15 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
 /// State of `euler_disk` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct State<R = f64> {
-    /// Inclination of the axis [rad].
+    /// Inclination of the axis \[rad\].
     pub theta: R,
-    /// Azimuth of the line of nodes [rad].
+    /// Azimuth of the line of nodes \[rad\].
     pub phi: R,
     /// Velocity of theta.
     pub theta_dot: R,
     /// Velocity of phi.
     pub phi_dot: R,
-    /// Spin about the axis [rad/s] and velocity of the contact point [m/s].
+    /// Spin about the axis \[rad/s\] and velocity of the contact point \[m/s\].
     pub psi_dot: R,
 }
 
@@ -596,7 +596,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ]
     }
 
-    /// Momenta <p, W_b> along the sections of virtual displacements.
+    /// Momenta \<p, W_b\> along the sections of virtual displacements.
     ///
     /// # Components
     ///

@@ -280,183 +280,183 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
 pub struct Params<R = f64> {
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: 2.0.
     pub G11: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: 0.014.
     pub G12: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: 0.038.
     pub G13: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: -0.046.
     pub G14: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: 0.0.
     pub G15: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: 0.045.
     pub G16: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: -0.038.
     pub G17: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: -0.014.
     pub G18: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: 0.049.
     pub G19: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: 1.6.
     pub G22: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: -0.007.
     pub G23: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: -0.042.
     pub G24: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: 0.042.
     pub G25: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: 0.007.
     pub G26: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: -0.048.
     pub G27: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: 0.033.
     pub G28: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: 0.02.
     pub G29: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: 1.2.
     pub G33: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: 0.0.
     pub G34: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: 0.045.
     pub G35: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: -0.038.
     pub G36: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: -0.014.
     pub G37: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: 0.049.
     pub G38: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: -0.027.
     pub G39: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: 1.5.
     pub G44: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: 0.007.
     pub G45: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: -0.048.
     pub G46: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: 0.033.
     pub G47: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: 0.02.
     pub G48: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: -0.05.
     pub G49: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: 1.9.
     pub G55: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: -0.014.
     pub G56: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: 0.049.
     pub G57: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: -0.027.
     pub G58: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: -0.027.
     pub G59: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: 1.1.
     pub G66: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: 0.02.
     pub G67: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: -0.05.
     pub G68: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: 0.021.
     pub G69: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: 1.4.
     pub G77: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: -0.027.
     pub G78: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: 0.05.
     pub G79: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: 0.9.
     pub G88: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: 0.032.
     pub G89: R,
-    /// Metric, upper triangle row by row [SI].
+    /// Metric, upper triangle row by row \[SI\].
     ///
     /// Default: 1.7.
     pub G99: R,
@@ -628,23 +628,23 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
 pub struct State<R = f64> {
-    /// Angular velocity [rad/s] and the two translation velocities [m/s] in the body frame.
+    /// Angular velocity \[rad/s\] and the two translation velocities \[m/s\] in the body frame.
     pub Omega1: R,
-    /// Angular velocity [rad/s] and the two translation velocities [m/s] in the body frame.
+    /// Angular velocity \[rad/s\] and the two translation velocities \[m/s\] in the body frame.
     pub Omega2: R,
-    /// Angular velocity [rad/s] and the two translation velocities [m/s] in the body frame.
+    /// Angular velocity \[rad/s\] and the two translation velocities \[m/s\] in the body frame.
     pub Omega3: R,
-    /// Angular velocity [rad/s] and the two translation velocities [m/s] in the body frame.
+    /// Angular velocity \[rad/s\] and the two translation velocities \[m/s\] in the body frame.
     pub V1: R,
-    /// Angular velocity [rad/s] and the two translation velocities [m/s] in the body frame.
+    /// Angular velocity \[rad/s\] and the two translation velocities \[m/s\] in the body frame.
     pub V2: R,
-    /// Angular velocity [rad/s] and the two translation velocities [m/s] in the body frame.
+    /// Angular velocity \[rad/s\] and the two translation velocities \[m/s\] in the body frame.
     pub V3: R,
-    /// Angular velocity [rad/s] and the two translation velocities [m/s] in the body frame.
+    /// Angular velocity \[rad/s\] and the two translation velocities \[m/s\] in the body frame.
     pub U1: R,
-    /// Angular velocity [rad/s] and the two translation velocities [m/s] in the body frame.
+    /// Angular velocity \[rad/s\] and the two translation velocities \[m/s\] in the body frame.
     pub U2: R,
-    /// Angular velocity [rad/s] and the two translation velocities [m/s] in the body frame.
+    /// Angular velocity \[rad/s\] and the two translation velocities \[m/s\] in the body frame.
     pub U3: R,
     /// Attitude, body to space.
     pub qw: R,
@@ -654,17 +654,17 @@ pub struct State<R = f64> {
     pub qy: R,
     /// Attitude, body to space.
     pub qz: R,
-    /// First position [m].
+    /// First position \[m\].
     pub r1_1: R,
-    /// First position [m].
+    /// First position \[m\].
     pub r1_2: R,
-    /// First position [m].
+    /// First position \[m\].
     pub r1_3: R,
-    /// Second position [m].
+    /// Second position \[m\].
     pub r2_1: R,
-    /// Second position [m].
+    /// Second position \[m\].
     pub r2_2: R,
-    /// Second position [m].
+    /// Second position \[m\].
     pub r2_3: R,
 }
 

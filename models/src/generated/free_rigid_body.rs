@@ -40,15 +40,15 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
 pub struct Params<R = f64> {
-    /// Principal moments of inertia about the mass centre [kg m^2].
+    /// Principal moments of inertia about the mass centre \[kg m^2\].
     ///
     /// Default: 2.0.
     pub I1: R,
-    /// Principal moments of inertia about the mass centre [kg m^2].
+    /// Principal moments of inertia about the mass centre \[kg m^2\].
     ///
     /// Default: 1.5.
     pub I2: R,
-    /// Principal moments of inertia about the mass centre [kg m^2].
+    /// Principal moments of inertia about the mass centre \[kg m^2\].
     ///
     /// Default: 0.8.
     pub I3: R,
@@ -84,11 +84,11 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
 pub struct State<R = f64> {
-    /// Angular velocity in the body frame [rad/s].
+    /// Angular velocity in the body frame \[rad/s\].
     pub Omega1: R,
-    /// Angular velocity in the body frame [rad/s].
+    /// Angular velocity in the body frame \[rad/s\].
     pub Omega2: R,
-    /// Angular velocity in the body frame [rad/s].
+    /// Angular velocity in the body frame \[rad/s\].
     pub Omega3: R,
 }
 
@@ -113,7 +113,7 @@ impl<R: ::hamel_runtime::Real> State<R> {
 /// Free rigid body
 ///
 /// Euler's equations `I Omega' = I Omega x Omega` on so(3): the Euler-Poincare equations of the kinetic energy.
-/// Body frame, left action, `Omega = R^-1 R'` [rad/s].
+/// Body frame, left action, `Omega = R^-1 R'` \[rad/s\].
 ///
 /// # State
 ///

@@ -81,39 +81,39 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
 pub struct Params<R = f64> {
-    /// Principal moments of inertia about the fixed point [kg m^2].
+    /// Principal moments of inertia about the fixed point \[kg m^2\].
     ///
     /// Default: 1.3.
     pub I1: R,
-    /// Principal moments of inertia about the fixed point [kg m^2].
+    /// Principal moments of inertia about the fixed point \[kg m^2\].
     ///
     /// Default: 1.7.
     pub I2: R,
-    /// Principal moments of inertia about the fixed point [kg m^2].
+    /// Principal moments of inertia about the fixed point \[kg m^2\].
     ///
     /// Default: 0.6.
     pub I3: R,
-    /// Mass [kg].
+    /// Mass \[kg\].
     ///
     /// Default: 1.1.
     pub m: R,
-    /// Acceleration of gravity [m/s^2].
+    /// Acceleration of gravity \[m/s^2\].
     ///
     /// Default: 9.81.
     pub g: R,
-    /// Distance from the fixed point to the mass centre [m].
+    /// Distance from the fixed point to the mass centre \[m\].
     ///
     /// Default: 0.35.
     pub l: R,
-    /// Direction from the fixed point to the mass centre in the body frame, used as given [-].
+    /// Direction from the fixed point to the mass centre in the body frame, used as given \[-\].
     ///
     /// Default: 0.0.
     pub chi1: R,
-    /// Direction from the fixed point to the mass centre in the body frame, used as given [-].
+    /// Direction from the fixed point to the mass centre in the body frame, used as given \[-\].
     ///
     /// Default: 0.6.
     pub chi2: R,
-    /// Direction from the fixed point to the mass centre in the body frame, used as given [-].
+    /// Direction from the fixed point to the mass centre in the body frame, used as given \[-\].
     ///
     /// Default: 0.8.
     pub chi3: R,
@@ -175,17 +175,17 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
 pub struct State<R = f64> {
-    /// Angular velocity in the body frame [rad/s].
+    /// Angular velocity in the body frame \[rad/s\].
     pub Omega1: R,
-    /// Angular velocity in the body frame [rad/s].
+    /// Angular velocity in the body frame \[rad/s\].
     pub Omega2: R,
-    /// Angular velocity in the body frame [rad/s].
+    /// Angular velocity in the body frame \[rad/s\].
     pub Omega3: R,
-    /// Vertical direction in the body frame [-].
+    /// Vertical direction in the body frame \[-\].
     pub Gamma1: R,
-    /// Vertical direction in the body frame [-].
+    /// Vertical direction in the body frame \[-\].
     pub Gamma2: R,
-    /// Vertical direction in the body frame [-].
+    /// Vertical direction in the body frame \[-\].
     pub Gamma3: R,
     /// Attitude, body to space.
     pub qw: R,

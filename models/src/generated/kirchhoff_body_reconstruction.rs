@@ -114,63 +114,63 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
 pub struct Params<R = f64> {
-    /// Moments of inertia with added inertia [kg m^2].
+    /// Moments of inertia with added inertia \[kg m^2\].
     ///
     /// Default: 1.2.
     pub J1: R,
-    /// Moments of inertia with added inertia [kg m^2].
+    /// Moments of inertia with added inertia \[kg m^2\].
     ///
     /// Default: 1.5.
     pub J2: R,
-    /// Moments of inertia with added inertia [kg m^2].
+    /// Moments of inertia with added inertia \[kg m^2\].
     ///
     /// Default: 0.9.
     pub J3: R,
-    /// Masses with added mass [kg].
+    /// Masses with added mass \[kg\].
     ///
     /// Default: 2.0.
     pub M1: R,
-    /// Masses with added mass [kg].
+    /// Masses with added mass \[kg\].
     ///
     /// Default: 2.6.
     pub M2: R,
-    /// Masses with added mass [kg].
+    /// Masses with added mass \[kg\].
     ///
     /// Default: 1.7.
     pub M3: R,
-    /// Coupling of rotation and translation, row by row [kg m].
+    /// Coupling of rotation and translation, row by row \[kg m\].
     ///
     /// Default: 0.1.
     pub C11: R,
-    /// Coupling of rotation and translation, row by row [kg m].
+    /// Coupling of rotation and translation, row by row \[kg m\].
     ///
     /// Default: -0.05.
     pub C12: R,
-    /// Coupling of rotation and translation, row by row [kg m].
+    /// Coupling of rotation and translation, row by row \[kg m\].
     ///
     /// Default: 0.02.
     pub C13: R,
-    /// Coupling of rotation and translation, row by row [kg m].
+    /// Coupling of rotation and translation, row by row \[kg m\].
     ///
     /// Default: 0.03.
     pub C21: R,
-    /// Coupling of rotation and translation, row by row [kg m].
+    /// Coupling of rotation and translation, row by row \[kg m\].
     ///
     /// Default: 0.08.
     pub C22: R,
-    /// Coupling of rotation and translation, row by row [kg m].
+    /// Coupling of rotation and translation, row by row \[kg m\].
     ///
     /// Default: -0.04.
     pub C23: R,
-    /// Coupling of rotation and translation, row by row [kg m].
+    /// Coupling of rotation and translation, row by row \[kg m\].
     ///
     /// Default: -0.06.
     pub C31: R,
-    /// Coupling of rotation and translation, row by row [kg m].
+    /// Coupling of rotation and translation, row by row \[kg m\].
     ///
     /// Default: 0.05.
     pub C32: R,
-    /// Coupling of rotation and translation, row by row [kg m].
+    /// Coupling of rotation and translation, row by row \[kg m\].
     ///
     /// Default: 0.12.
     pub C33: R,
@@ -250,17 +250,17 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
 pub struct State<R = f64> {
-    /// Angular velocity [rad/s] and linear velocity [m/s] in the body frame.
+    /// Angular velocity \[rad/s\] and linear velocity \[m/s\] in the body frame.
     pub Omega1: R,
-    /// Angular velocity [rad/s] and linear velocity [m/s] in the body frame.
+    /// Angular velocity \[rad/s\] and linear velocity \[m/s\] in the body frame.
     pub Omega2: R,
-    /// Angular velocity [rad/s] and linear velocity [m/s] in the body frame.
+    /// Angular velocity \[rad/s\] and linear velocity \[m/s\] in the body frame.
     pub Omega3: R,
-    /// Angular velocity [rad/s] and linear velocity [m/s] in the body frame.
+    /// Angular velocity \[rad/s\] and linear velocity \[m/s\] in the body frame.
     pub V1: R,
-    /// Angular velocity [rad/s] and linear velocity [m/s] in the body frame.
+    /// Angular velocity \[rad/s\] and linear velocity \[m/s\] in the body frame.
     pub V2: R,
-    /// Angular velocity [rad/s] and linear velocity [m/s] in the body frame.
+    /// Angular velocity \[rad/s\] and linear velocity \[m/s\] in the body frame.
     pub V3: R,
     /// Attitude, body to space.
     pub qw: R,
@@ -270,11 +270,11 @@ pub struct State<R = f64> {
     pub qy: R,
     /// Attitude, body to space.
     pub qz: R,
-    /// Position of the reference point [m].
+    /// Position of the reference point \[m\].
     pub r1_1: R,
-    /// Position of the reference point [m].
+    /// Position of the reference point \[m\].
     pub r1_2: R,
-    /// Position of the reference point [m].
+    /// Position of the reference point \[m\].
     pub r1_3: R,
 }
 

@@ -49,31 +49,31 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
 pub struct Params<R = f64> {
-    /// Mass of the platform [kg].
+    /// Mass of the platform \[kg\].
     ///
     /// Default: 3.0.
     pub m0: R,
-    /// Mass of a wheel [kg].
+    /// Mass of a wheel \[kg\].
     ///
     /// Default: 0.4.
     pub m1: R,
-    /// Moment of inertia of the whole about P [kg m^2].
+    /// Moment of inertia of the whole about P \[kg m^2\].
     ///
     /// Default: 0.9.
     pub J: R,
-    /// Moment of inertia of a wheel about its axle [kg m^2].
+    /// Moment of inertia of a wheel about its axle \[kg m^2\].
     ///
     /// Default: 0.05.
     pub J2: R,
-    /// Distance from P to the platform's mass centre [m].
+    /// Distance from P to the platform's mass centre \[m\].
     ///
     /// Default: 0.3.
     pub l: R,
-    /// Radius of a wheel [m].
+    /// Radius of a wheel \[m\].
     ///
     /// Default: 0.2.
     pub R_: R,
-    /// Half the axle [m].
+    /// Half the axle \[m\].
     ///
     /// Default: 0.25.
     pub c: R,

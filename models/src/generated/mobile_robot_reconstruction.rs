@@ -70,31 +70,31 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
 pub struct Params<R = f64> {
-    /// Mass of the platform [kg].
+    /// Mass of the platform \[kg\].
     ///
     /// Default: 3.0.
     pub m0: R,
-    /// Mass of a wheel [kg].
+    /// Mass of a wheel \[kg\].
     ///
     /// Default: 0.4.
     pub m1: R,
-    /// Moment of inertia of the whole about P [kg m^2].
+    /// Moment of inertia of the whole about P \[kg m^2\].
     ///
     /// Default: 0.9.
     pub J: R,
-    /// Moment of inertia of a wheel about its axle [kg m^2].
+    /// Moment of inertia of a wheel about its axle \[kg m^2\].
     ///
     /// Default: 0.05.
     pub J2: R,
-    /// Distance from P to the platform's mass centre [m].
+    /// Distance from P to the platform's mass centre \[m\].
     ///
     /// Default: 0.3.
     pub l: R,
-    /// Radius of a wheel [m].
+    /// Radius of a wheel \[m\].
     ///
     /// Default: 0.2.
     pub R_: R,
-    /// Half the axle [m].
+    /// Half the axle \[m\].
     ///
     /// Default: 0.25.
     pub c: R,
@@ -133,19 +133,19 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
 /// State of `mobile_robot`, scene `reconstruction` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct State<R = f64> {
-    /// Angle of the first wheel [rad].
+    /// Angle of the first wheel \[rad\].
     pub psi1: R,
-    /// Angle of the second wheel [rad].
+    /// Angle of the second wheel \[rad\].
     pub psi2: R,
     /// Velocity of psi1.
     pub psi1_dot: R,
     /// Velocity of psi2.
     pub psi2_dot: R,
-    /// Heading [rad] and position of P [m].
+    /// Heading \[rad\] and position of P \[m\].
     pub theta: R,
-    /// Heading [rad] and position of P [m].
+    /// Heading \[rad\] and position of P \[m\].
     pub x: R,
-    /// Heading [rad] and position of P [m].
+    /// Heading \[rad\] and position of P \[m\].
     pub y: R,
 }
 
@@ -508,7 +508,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         [omega * p_v1 + self.c10 * dot_omega, t5 - self.c10 * t2 - self.c16 * t4, -t5]
     }
 
-    /// Momenta <p, W_b> along the sections of virtual displacements.
+    /// Momenta \<p, W_b\> along the sections of virtual displacements.
     ///
     /// # Components
     ///

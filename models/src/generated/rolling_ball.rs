@@ -50,15 +50,15 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
 pub struct Params<R = f64> {
-    /// Mass [kg].
+    /// Mass \[kg\].
     ///
     /// Default: 1.2.
     pub m: R,
-    /// Moment of inertia about a diameter [kg m^2].
+    /// Moment of inertia about a diameter \[kg m^2\].
     ///
     /// Default: 0.05.
     pub I: R,
-    /// Radius [m].
+    /// Radius \[m\].
     ///
     /// Default: 0.3.
     pub r: R,
@@ -93,15 +93,15 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
 /// State of `rolling_ball` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct State<R = f64> {
-    /// Point of contact [m].
+    /// Point of contact \[m\].
     pub a1: R,
-    /// Point of contact [m].
+    /// Point of contact \[m\].
     pub a2: R,
     /// Velocity of a1.
     pub a1_dot: R,
     /// Velocity of a2.
     pub a2_dot: R,
-    /// Angular velocity in the space frame [rad/s].
+    /// Angular velocity in the space frame \[rad/s\].
     pub xi3: R,
 }
 
@@ -320,7 +320,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         [R::ZERO, R::ZERO]
     }
 
-    /// Momenta <p, W_b> along the sections of virtual displacements.
+    /// Momenta \<p, W_b\> along the sections of virtual displacements.
     ///
     /// # Components
     ///

@@ -29,15 +29,15 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
 pub struct Params<R = f64> {
-    /// Mass [kg].
+    /// Mass \[kg\].
     ///
     /// Default: 1.2.
     pub m: R,
-    /// Moment of inertia about a diameter [kg m^2].
+    /// Moment of inertia about a diameter \[kg m^2\].
     ///
     /// Default: 0.05.
     pub I: R,
-    /// Radius [m].
+    /// Radius \[m\].
     ///
     /// Default: 0.3.
     pub r: R,
@@ -76,7 +76,7 @@ pub struct State<R = f64> {
     pub a1_dot: R,
     /// Velocity of a2.
     pub a2_dot: R,
-    /// Angular velocity in the space frame [rad/s].
+    /// Angular velocity in the space frame \[rad/s\].
     pub xi3: R,
 }
 

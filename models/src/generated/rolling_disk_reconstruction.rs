@@ -55,19 +55,19 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
 pub struct Params<R = f64> {
-    /// Mass [kg].
+    /// Mass \[kg\].
     ///
     /// Default: 1.0.
     pub m: R,
-    /// Moment of inertia about the axle [kg m^2].
+    /// Moment of inertia about the axle \[kg m^2\].
     ///
     /// Default: 0.3.
     pub I: R,
-    /// Moment of inertia about the vertical [kg m^2].
+    /// Moment of inertia about the vertical \[kg m^2\].
     ///
     /// Default: 0.2.
     pub J: R,
-    /// Radius [m].
+    /// Radius \[m\].
     ///
     /// Default: 0.4.
     pub R_: R,
@@ -103,17 +103,17 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
 /// State of `rolling_disk`, scene `reconstruction` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct State<R = f64> {
-    /// Rolling rate [rad/s], turning rate [rad/s] and velocity of the centre in the body frame [m/s].
+    /// Rolling rate \[rad/s\], turning rate \[rad/s\] and velocity of the centre in the body frame \[m/s\].
     pub theta_dot: R,
-    /// Rolling rate [rad/s], turning rate [rad/s] and velocity of the centre in the body frame [m/s].
+    /// Rolling rate \[rad/s\], turning rate \[rad/s\] and velocity of the centre in the body frame \[m/s\].
     pub phi_dot: R,
-    /// Angle of rolling [rad].
+    /// Angle of rolling \[rad\].
     pub theta: R,
-    /// Heading [rad] and position [m].
+    /// Heading \[rad\] and position \[m\].
     pub phi: R,
-    /// Heading [rad] and position [m].
+    /// Heading \[rad\] and position \[m\].
     pub x: R,
-    /// Heading [rad] and position [m].
+    /// Heading \[rad\] and position \[m\].
     pub y: R,
 }
 
@@ -330,7 +330,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         [R::ZERO, self.c2 * (theta_dot * phi_dot)]
     }
 
-    /// Momenta <p, W_b> along the sections of virtual displacements.
+    /// Momenta \<p, W_b\> along the sections of virtual displacements.
     ///
     /// # Components
     ///

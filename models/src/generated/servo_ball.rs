@@ -50,19 +50,19 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
 pub struct Params<R = f64> {
-    /// Mass [kg].
+    /// Mass \[kg\].
     ///
     /// Default: 1.2.
     pub m: R,
-    /// Moment of inertia about a diameter [kg m^2].
+    /// Moment of inertia about a diameter \[kg m^2\].
     ///
     /// Default: 0.4.
     pub I: R,
-    /// Stiffness of the servo law [1/s^2].
+    /// Stiffness of the servo law \[1/s^2\].
     ///
     /// Default: 1.5.
     pub kappa: R,
-    /// Damping of the servo law [1/s].
+    /// Damping of the servo law \[1/s\].
     ///
     /// Default: 0.2.
     pub c: R,
@@ -98,19 +98,19 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
 /// State of `servo_ball` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct State<R = f64> {
-    /// Point of contact [m].
+    /// Point of contact \[m\].
     pub a1: R,
-    /// Point of contact [m].
+    /// Point of contact \[m\].
     pub a2: R,
     /// Velocity of a1.
     pub a1_dot: R,
     /// Velocity of a2.
     pub a2_dot: R,
-    /// Angular velocity in the space frame [rad/s].
+    /// Angular velocity in the space frame \[rad/s\].
     pub xi1: R,
-    /// Angular velocity in the space frame [rad/s].
+    /// Angular velocity in the space frame \[rad/s\].
     pub xi2: R,
-    /// Angular velocity in the space frame [rad/s].
+    /// Angular velocity in the space frame \[rad/s\].
     pub xi3: R,
 }
 

@@ -65,23 +65,23 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
 pub struct Params<R = f64> {
-    /// Mass [kg].
+    /// Mass \[kg\].
     ///
     /// Default: 2.5.
     pub m: R,
-    /// Distance from the centre to a wheel pair [m].
+    /// Distance from the centre to a wheel pair \[m\].
     ///
     /// Default: 0.6.
     pub r: R,
-    /// Moment of inertia of the board [kg m^2].
+    /// Moment of inertia of the board \[kg m^2\].
     ///
     /// Default: 0.3.
     pub J: R,
-    /// Moment of inertia of the rotor [kg m^2].
+    /// Moment of inertia of the rotor \[kg m^2\].
     ///
     /// Default: 0.08.
     pub J0: R,
-    /// Moment of inertia of a wheel pair [kg m^2].
+    /// Moment of inertia of a wheel pair \[kg m^2\].
     ///
     /// Default: 0.02.
     pub J1: R,
@@ -118,15 +118,15 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
 /// State of `snakeboard` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct State<R = f64> {
-    /// Rotor angle [rad].
+    /// Rotor angle \[rad\].
     pub psi: R,
-    /// Steering angle [rad].
+    /// Steering angle \[rad\].
     pub phi: R,
     /// Velocity of psi.
     pub psi_dot: R,
     /// Velocity of phi.
     pub phi_dot: R,
-    /// Section of the constraint: `(v1, v2, omega) = s (-r cos phi, 0, sin phi)` [rad/s].
+    /// Section of the constraint: `(v1, v2, omega) = s (-r cos phi, 0, sin phi)` \[rad/s\].
     pub s: R,
 }
 
@@ -440,7 +440,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ]
     }
 
-    /// Momenta <p, W_b> along the sections of virtual displacements.
+    /// Momenta \<p, W_b\> along the sections of virtual displacements.
     ///
     /// # Components
     ///
@@ -497,7 +497,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         [R::ZERO, R::ZERO, phi_dot * (t1 * p_omega - self.c1 * (s * t1 * t0))]
     }
 
-    /// Nonholonomic momentum `<dL/dxi, (-r cos phi, 0, sin phi)>` [kg m^2/s].
+    /// Nonholonomic momentum `<dL/dxi, (-r cos phi, 0, sin phi)>` \[kg m^2/s\].
     ///
     /// # Operations
     ///

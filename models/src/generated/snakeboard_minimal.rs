@@ -39,23 +39,23 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
 pub struct Params<R = f64> {
-    /// Mass [kg].
+    /// Mass \[kg\].
     ///
     /// Default: 2.5.
     pub m: R,
-    /// Distance from the centre to a wheel pair [m].
+    /// Distance from the centre to a wheel pair \[m\].
     ///
     /// Default: 0.6.
     pub r: R,
-    /// Moment of inertia of the board [kg m^2].
+    /// Moment of inertia of the board \[kg m^2\].
     ///
     /// Default: 0.3.
     pub J: R,
-    /// Moment of inertia of the rotor [kg m^2].
+    /// Moment of inertia of the rotor \[kg m^2\].
     ///
     /// Default: 0.08.
     pub J0: R,
-    /// Moment of inertia of a wheel pair [kg m^2].
+    /// Moment of inertia of a wheel pair \[kg m^2\].
     ///
     /// Default: 0.02.
     pub J1: R,
@@ -92,13 +92,13 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
 /// State of `snakeboard`, scene `minimal` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct State<R = f64> {
-    /// Steering angle [rad].
+    /// Steering angle \[rad\].
     pub phi: R,
     /// Velocity of psi.
     pub psi_dot: R,
     /// Velocity of phi.
     pub phi_dot: R,
-    /// Section of the constraint: `(v1, v2, omega) = s (-r cos phi, 0, sin phi)` [rad/s].
+    /// Section of the constraint: `(v1, v2, omega) = s (-r cos phi, 0, sin phi)` \[rad/s\].
     pub s: R,
 }
 

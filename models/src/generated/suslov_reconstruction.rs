@@ -65,27 +65,27 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
 pub struct Params<R = f64> {
-    /// Inertia matrix in the body frame, upper triangle row by row [kg m^2].
+    /// Inertia matrix in the body frame, upper triangle row by row \[kg m^2\].
     ///
     /// Default: 2.0.
     pub I11: R,
-    /// Inertia matrix in the body frame, upper triangle row by row [kg m^2].
+    /// Inertia matrix in the body frame, upper triangle row by row \[kg m^2\].
     ///
     /// Default: 0.1.
     pub I12: R,
-    /// Inertia matrix in the body frame, upper triangle row by row [kg m^2].
+    /// Inertia matrix in the body frame, upper triangle row by row \[kg m^2\].
     ///
     /// Default: 0.3.
     pub I13: R,
-    /// Inertia matrix in the body frame, upper triangle row by row [kg m^2].
+    /// Inertia matrix in the body frame, upper triangle row by row \[kg m^2\].
     ///
     /// Default: 1.5.
     pub I22: R,
-    /// Inertia matrix in the body frame, upper triangle row by row [kg m^2].
+    /// Inertia matrix in the body frame, upper triangle row by row \[kg m^2\].
     ///
     /// Default: -0.2.
     pub I23: R,
-    /// Inertia matrix in the body frame, upper triangle row by row [kg m^2].
+    /// Inertia matrix in the body frame, upper triangle row by row \[kg m^2\].
     ///
     /// Default: 1.0.
     pub I33: R,
@@ -131,9 +131,9 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
 pub struct State<R = f64> {
-    /// Angular velocity in the body frame [rad/s].
+    /// Angular velocity in the body frame \[rad/s\].
     pub Omega1: R,
-    /// Angular velocity in the body frame [rad/s].
+    /// Angular velocity in the body frame \[rad/s\].
     pub Omega2: R,
     /// Attitude, body to space.
     pub qw: R,
@@ -429,7 +429,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ]
     }
 
-    /// Momenta <p, W_b> along the sections of virtual displacements.
+    /// Momenta \<p, W_b\> along the sections of virtual displacements.
     ///
     /// # Components
     ///

@@ -67,23 +67,23 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
 pub struct Params<R = f64> {
-    /// Principal moments of inertia about the mass centre [kg m^2].
+    /// Principal moments of inertia about the mass centre \[kg m^2\].
     ///
     /// Default: 1.1.
     pub I1: R,
-    /// Principal moments of inertia about the mass centre [kg m^2].
+    /// Principal moments of inertia about the mass centre \[kg m^2\].
     ///
     /// Default: 1.4.
     pub I2: R,
-    /// Principal moments of inertia about the mass centre [kg m^2].
+    /// Principal moments of inertia about the mass centre \[kg m^2\].
     ///
     /// Default: 0.7.
     pub I3: R,
-    /// Mass [kg].
+    /// Mass \[kg\].
     ///
     /// Default: 1.6.
     pub m: R,
-    /// Stiffness of the spring [N/m].
+    /// Stiffness of the spring \[N/m\].
     ///
     /// Default: 2.5.
     pub k: R,
@@ -121,37 +121,37 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
 pub struct State<R = f64> {
-    /// Angular velocity [rad/s] and velocity of the mass centre [m/s] in the body frame.
+    /// Angular velocity \[rad/s\] and velocity of the mass centre \[m/s\] in the body frame.
     pub Omega1: R,
-    /// Angular velocity [rad/s] and velocity of the mass centre [m/s] in the body frame.
+    /// Angular velocity \[rad/s\] and velocity of the mass centre \[m/s\] in the body frame.
     pub Omega2: R,
-    /// Angular velocity [rad/s] and velocity of the mass centre [m/s] in the body frame.
+    /// Angular velocity \[rad/s\] and velocity of the mass centre \[m/s\] in the body frame.
     pub Omega3: R,
-    /// Angular velocity [rad/s] and velocity of the mass centre [m/s] in the body frame.
+    /// Angular velocity \[rad/s\] and velocity of the mass centre \[m/s\] in the body frame.
     pub V1: R,
-    /// Angular velocity [rad/s] and velocity of the mass centre [m/s] in the body frame.
+    /// Angular velocity \[rad/s\] and velocity of the mass centre \[m/s\] in the body frame.
     pub V2: R,
-    /// Angular velocity [rad/s] and velocity of the mass centre [m/s] in the body frame.
+    /// Angular velocity \[rad/s\] and velocity of the mass centre \[m/s\] in the body frame.
     pub V3: R,
-    /// The fixed point seen from the body [m].
+    /// The fixed point seen from the body \[m\].
     pub a1: R,
-    /// The fixed point seen from the body [m].
+    /// The fixed point seen from the body \[m\].
     pub a2: R,
-    /// The fixed point seen from the body [m].
+    /// The fixed point seen from the body \[m\].
     pub a3: R,
-    /// Attitude, body to space, and position of the mass centre [m].
+    /// Attitude, body to space, and position of the mass centre \[m\].
     pub qw: R,
-    /// Attitude, body to space, and position of the mass centre [m].
+    /// Attitude, body to space, and position of the mass centre \[m\].
     pub qx: R,
-    /// Attitude, body to space, and position of the mass centre [m].
+    /// Attitude, body to space, and position of the mass centre \[m\].
     pub qy: R,
-    /// Attitude, body to space, and position of the mass centre [m].
+    /// Attitude, body to space, and position of the mass centre \[m\].
     pub qz: R,
-    /// Attitude, body to space, and position of the mass centre [m].
+    /// Attitude, body to space, and position of the mass centre \[m\].
     pub r1: R,
-    /// Attitude, body to space, and position of the mass centre [m].
+    /// Attitude, body to space, and position of the mass centre \[m\].
     pub r2: R,
-    /// Attitude, body to space, and position of the mass centre [m].
+    /// Attitude, body to space, and position of the mass centre \[m\].
     pub r3: R,
 }
 

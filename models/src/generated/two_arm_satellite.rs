@@ -71,39 +71,39 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
 pub struct Params<R = f64> {
-    /// Moments of inertia of the main body [kg m^2].
+    /// Moments of inertia of the main body \[kg m^2\].
     ///
     /// Default: 1.2.
     pub I1: R,
-    /// Moments of inertia of the main body [kg m^2].
+    /// Moments of inertia of the main body \[kg m^2\].
     ///
     /// Default: 1.5.
     pub I2: R,
-    /// Moments of inertia of the main body [kg m^2].
+    /// Moments of inertia of the main body \[kg m^2\].
     ///
     /// Default: 1.8.
     pub I3: R,
-    /// Mass on arm A [kg].
+    /// Mass on arm A \[kg\].
     ///
     /// Default: 0.4.
     pub ma: R,
-    /// Length of arm A [m].
+    /// Length of arm A \[m\].
     ///
     /// Default: 0.5.
     pub la: R,
-    /// Mass on arm B [kg].
+    /// Mass on arm B \[kg\].
     ///
     /// Default: 0.3.
     pub mb: R,
-    /// Length of arm B [m].
+    /// Length of arm B \[m\].
     ///
     /// Default: 0.45.
     pub lb: R,
-    /// Stiffness of hinge A [N m].
+    /// Stiffness of hinge A \[N m\].
     ///
     /// Default: 0.8.
     pub ka: R,
-    /// Stiffness of hinge B [N m].
+    /// Stiffness of hinge B \[N m\].
     ///
     /// Default: 0.6.
     pub kb: R,
@@ -155,19 +155,19 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
 pub struct State<R = f64> {
-    /// Angle of arm A [rad].
+    /// Angle of arm A \[rad\].
     pub alpha: R,
-    /// Angle of arm B [rad].
+    /// Angle of arm B \[rad\].
     pub beta: R,
     /// Velocity of alpha.
     pub alpha_dot: R,
     /// Velocity of beta.
     pub beta_dot: R,
-    /// Angular velocity of the main body in its frame [rad/s].
+    /// Angular velocity of the main body in its frame \[rad/s\].
     pub Omega1: R,
-    /// Angular velocity of the main body in its frame [rad/s].
+    /// Angular velocity of the main body in its frame \[rad/s\].
     pub Omega2: R,
-    /// Angular velocity of the main body in its frame [rad/s].
+    /// Angular velocity of the main body in its frame \[rad/s\].
     pub Omega3: R,
 }
 

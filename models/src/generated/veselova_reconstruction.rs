@@ -86,31 +86,31 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
 pub struct Params<R = f64> {
-    /// Principal moments of inertia [kg m^2].
+    /// Principal moments of inertia \[kg m^2\].
     ///
     /// Default: 1.1.
     pub I1: R,
-    /// Principal moments of inertia [kg m^2].
+    /// Principal moments of inertia \[kg m^2\].
     ///
     /// Default: 1.4.
     pub I2: R,
-    /// Principal moments of inertia [kg m^2].
+    /// Principal moments of inertia \[kg m^2\].
     ///
     /// Default: 0.7.
     pub I3: R,
-    /// Strength of the potential [J].
+    /// Strength of the potential \[J\].
     ///
     /// Default: 0.9.
     pub k: R,
-    /// Direction of the potential in the body frame, used as given [-].
+    /// Direction of the potential in the body frame, used as given \[-\].
     ///
     /// Default: 0.36.
     pub chi1: R,
-    /// Direction of the potential in the body frame, used as given [-].
+    /// Direction of the potential in the body frame, used as given \[-\].
     ///
     /// Default: 0.48.
     pub chi2: R,
-    /// Direction of the potential in the body frame, used as given [-].
+    /// Direction of the potential in the body frame, used as given \[-\].
     ///
     /// Default: 0.8.
     pub chi3: R,
@@ -158,17 +158,17 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
 pub struct State<R = f64> {
-    /// Angular velocity in the body frame [rad/s].
+    /// Angular velocity in the body frame \[rad/s\].
     pub Omega1: R,
-    /// Angular velocity in the body frame [rad/s].
+    /// Angular velocity in the body frame \[rad/s\].
     pub Omega2: R,
-    /// Angular velocity in the body frame [rad/s].
+    /// Angular velocity in the body frame \[rad/s\].
     pub Omega3: R,
-    /// The direction fixed in space, seen from the body [-].
+    /// The direction fixed in space, seen from the body \[-\].
     pub gamma1: R,
-    /// The direction fixed in space, seen from the body [-].
+    /// The direction fixed in space, seen from the body \[-\].
     pub gamma2: R,
-    /// The direction fixed in space, seen from the body [-].
+    /// The direction fixed in space, seen from the body \[-\].
     pub gamma3: R,
     /// Attitude, body to space.
     pub qw: R,

@@ -34,15 +34,15 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
 /// Parameters of `wong_particle`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Params<R = f64> {
-    /// Mass [kg].
+    /// Mass \[kg\].
     ///
     /// Default: 1.3.
     pub m: R,
-    /// Inertia of the charge [kg m^2].
+    /// Inertia of the charge \[kg m^2\].
     ///
     /// Default: 0.8.
     pub kappa: R,
-    /// Core radius [m].
+    /// Core radius \[m\].
     ///
     /// Default: 0.5.
     pub rho: R,
@@ -76,11 +76,11 @@ impl<R: ::hamel_runtime::Real> Default for Params<R> {
 /// State of `wong_particle` by name, in the order of the array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct State<R = f64> {
-    /// Position [m].
+    /// Position \[m\].
     pub x1: R,
-    /// Position [m].
+    /// Position \[m\].
     pub x2: R,
-    /// Position [m].
+    /// Position \[m\].
     pub x3: R,
     /// Velocity of x1.
     pub x1_dot: R,
@@ -88,11 +88,11 @@ pub struct State<R = f64> {
     pub x2_dot: R,
     /// Velocity of x3.
     pub x3_dot: R,
-    /// Vertical velocity `xi + A(x) xdot` [rad/s].
+    /// Vertical velocity `xi + A(x) xdot` \[rad/s\].
     pub v1: R,
-    /// Vertical velocity `xi + A(x) xdot` [rad/s].
+    /// Vertical velocity `xi + A(x) xdot` \[rad/s\].
     pub v2: R,
-    /// Vertical velocity `xi + A(x) xdot` [rad/s].
+    /// Vertical velocity `xi + A(x) xdot` \[rad/s\].
     pub v3: R,
 }
 
