@@ -22,6 +22,7 @@ pub fn explain(model: &Model, scene: &BuiltScene, style: Style) -> String {
     if let Some(stages) = &scene.equations.system.stages {
         page.stages(model, stages, &scene.equations);
     }
+    page.connection(model, &scene.equations);
     page.kinematics(&scene.equations);
     page.constraint(&scene.equations);
     page.equations(&scene.equations);
@@ -273,6 +274,40 @@ impl Page {
             Some(_) => format!("{} {element}", g.display(value, self.style)),
             None => format!("({}) {element}", g.display(value, self.style)),
         }
+    }
+
+    /// The brackets of the horizontal lifts `D_i`: they carry the connection and its curvature `B = dA - [A, A]`.
+    fn connection(&mut self, model: &Model, equations: &Equations) {
+        let n = model.base.len();
+        let algebroid = &equations.system.algebroid;
+        let mut g = equations.system.graph.clone();
+        let lift = |page: &Page, i: usize| format!("D_{}", page.name(&model.base[i].name));
+        let basis: Vec<String> = model.algebra.basis().iter().map(|b| self.name(b)).collect();
+        let mut rows = Vec::new();
+        let mut curved = false;
+        for i in 0..n {
+            for beta in i + 1..n + basis.len() {
+                let bracket = algebroid.bracket(&mut g, i, beta);
+                if bracket.is_empty() {
+                    continue;
+                }
+                curved |= beta < n;
+                let right: Vec<String> =
+                    bracket.iter().map(|(c, e)| self.term(&g, *e, &basis[c - n])).collect();
+                let other = if beta < n { lift(self, beta) } else { basis[beta - n].clone() };
+                rows.push((format!("[{}, {other}]", lift(self, i)), right.join(" + ")));
+            }
+        }
+        if rows.is_empty() {
+            return;
+        }
+        self.title("Connection");
+        self.line(if curved {
+            "Brackets of the horizontal lifts: [D_i, D_j] is minus the curvature, [D_i, e_b] is minus [A_i, e_b]."
+        } else {
+            "Brackets of the horizontal lifts: the connection is flat, [D_i, e_b] is minus [A_i, e_b]."
+        });
+        self.formulas(&rows);
     }
 
     fn kinematics(&mut self, equations: &Equations) {

@@ -7,9 +7,10 @@ use std::sync::Mutex;
 
 pub use hamel_codegen::emit::SceneEntry as Entry;
 use hamel_codegen::expr::{Graph, Style, rational_to_f64};
+use hamel_codegen::reduction;
 use hamel_codegen::scene::{self, BuiltScene, Interpreter};
 pub use hamel_codegen::spec::Model;
-use hamel_codegen::spec::{self, Domain, ReconstructionKind};
+use hamel_codegen::spec::{self, ConnectionKind, Domain, ReconstructionKind};
 use hamel_runtime::Failure;
 
 use crate::dynamics::{BadParams, Dynamics, Factory, Info, OutputEntry, ParamEntry};
@@ -160,6 +161,16 @@ pub fn emit(model: &Model) -> Result<Vec<Module>, Error> {
 pub fn emit_index(entries: &[Entry]) -> Result<String, Error> {
     scene::emit_index(entries)
         .map_err(|source| Error::Emission { model: "the index".into(), source: Box::new(source) })
+}
+
+/// The same system written with another connection: `trivial`, `mechanical` or `nonholonomic`.
+///
+/// # Errors
+/// [`Error::Models`] when the system has no such connection.
+pub fn with_connection(model: &Model, connection: &str) -> Result<Model, Error> {
+    // The command line admits the three names only.
+    let kind = ConnectionKind::from_name(connection).unwrap_or(ConnectionKind::Trivial);
+    Ok(reduction::with_connection(model, kind)?)
 }
 
 /// Explains a scene in text, or in LaTeX.

@@ -272,9 +272,19 @@ fn title(doc: &[String]) -> String {
 ///
 /// # Errors
 /// Unknown names and problems of the model.
-pub fn explain(workspace: &Workspace, model: &str, scene: &str, latex: bool) -> Result<String, Error> {
+pub fn explain(
+    workspace: &Workspace,
+    model: &str,
+    scene: &str,
+    latex: bool,
+    connection: Option<&str>,
+) -> Result<String, Error> {
     let spec = workspace.spec(model)?;
-    bridge::explain(&bridge::read(workspace, &spec)?, scene, latex)
+    let mut model = bridge::read(workspace, &spec)?;
+    if let Some(connection) = connection {
+        model = bridge::with_connection(&model, connection)?;
+    }
+    bridge::explain(&model, scene, latex)
 }
 
 /// Reads a request from standard input, and says so when nobody seems to know.

@@ -74,6 +74,9 @@ Examples:
         /// Print a LaTeX fragment that needs amsmath
         #[arg(long)]
         latex: bool,
+        /// Write the system with another connection first: the velocity becomes v = xi + A(x) xdot
+        #[arg(long, value_parser = ["trivial", "mechanical", "nonholonomic"])]
+        connection: Option<String>,
     },
     /// Evaluate derivatives, energy and outputs at given states, JSON in and out
     ///
@@ -188,7 +191,9 @@ fn run(task: Task) -> Result<String, Error> {
     match task {
         Task::Generate { check, models } => commands::generate(&workspace, &models, check),
         Task::List { json, models } => commands::list(&workspace, &models, json),
-        Task::Explain { model, scene, latex } => commands::explain(&workspace, &model, &scene, latex),
+        Task::Explain { model, scene, latex, connection } => {
+            commands::explain(&workspace, &model, &scene, latex, connection.as_deref())
+        }
         Task::Eval(scene) => commands::eval(&workspace, &scene.choice()),
         Task::Simulate(args) if args.json => commands::simulate_json(&workspace, &args.scene.choice()),
         Task::Simulate(args) => {

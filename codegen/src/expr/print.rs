@@ -211,6 +211,8 @@ impl Graph {
             let magnitude = q.abs();
             let piece = if magnitude.is_one() {
                 guarded(&memo[term], Binding::Product, style)
+            } else if let Node::Product { factors, .. } = self.node(*term) {
+                self.product_text(&magnitude, factors, style, memo).text
             } else {
                 let coefficient = constant_text(&magnitude, style);
                 join(

@@ -181,6 +181,11 @@ fn text_reads_like_a_paper() {
     let sum = g.sub(o, td);
     let quotient = g.div(e, sum).unwrap();
     assert_eq!(g.display(quotient, Style::Unicode), "I₁ Ω₁²/(2 (Ω₁ - θ̇))");
+    let inverse = g.powi(o, -2);
+    let three = g.int(3);
+    let tripled = g.mul(three, inverse);
+    let fractions = g.add(tripled, td);
+    assert_eq!(g.display(fractions, Style::Unicode), "θ\u{307} + 3/Ω₁²");
     let names = ["p_Omega1", "dot_Gamma2", "A_Omega1_Omega2"].map(|n| print::identifier(n, Style::Unicode));
     assert_eq!(names, ["p_Ω₁", "Γ\u{307}₂", "A_Ω₁,Ω₂"]);
     let dots = ["theta_dot", "p_psi_dot", "dot_psi_dot"].map(|n| print::identifier(n, Style::Unicode));

@@ -181,6 +181,17 @@ impl ModelBuilder {
         let zero = self.graph.zero();
         let mut rows: Vec<Option<Vec<ExprId>>> = vec![None; self.velocities.len()];
         let items = self.connection.clone();
+        if let Some((_, span)) = self.derived_connection {
+            if n_base == 0 && !self.broken.contains("coordinate") {
+                self.problem(
+                    span,
+                    "a derived connection without a base has no use",
+                    "declare the base with `coordinate`",
+                );
+            } else if !items.is_empty() {
+                self.problem(span, "the connection is both given and derived", "keep one of them");
+            }
+        }
         for (name, value, span) in &items {
             let indices = self.velocity_indices(name);
             if indices.is_empty() || indices.iter().any(|k| *k < n_base) {
