@@ -108,11 +108,6 @@ pub enum Error {
         /// The constraint as written.
         constraint: String,
     },
-    /// A constraint is not affine in the velocities.
-    NotAffine {
-        /// The constraint as written.
-        constraint: String,
-    },
     /// The velocities asked to be independent do not determine the others.
     NotSolvable {
         /// The velocities that were to be dependent.
@@ -208,9 +203,6 @@ impl fmt::Display for Error {
             }
             Error::InconsistentConstraint { constraint } => {
                 write!(f, "constraint {constraint} contradicts the others; no velocity satisfies all of them")
-            }
-            Error::NotAffine { constraint } => {
-                write!(f, "constraint {constraint} is not affine in the velocities")
             }
             Error::NotSolvable { dependent, possible } => write!(
                 f,

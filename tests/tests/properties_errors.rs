@@ -233,10 +233,12 @@ fn a_choice_of_independent_velocities_that_determines_nothing_is_refused() {
 }
 
 #[test]
-fn a_constraint_that_is_not_affine_is_refused() {
+fn independent_velocities_beside_a_nonlinear_constraint_are_refused() {
+    let so3 = "velocity y in so(3); lagrangian = dot(y, y); constraint y1*y2 = 1;";
+    refused(&format!("{so3} independent y1, y2;"), "independent");
     refused(
-        "velocity y in so(3); lagrangian = dot(y, y); constraint y1*y2 = 0;",
-        "is not affine in the velocities",
+        "velocity y in so(3); lagrangian = dot(y, y); quasi_velocity s; constraint y1*y2 = s;",
+        "nonlinear",
     );
 }
 

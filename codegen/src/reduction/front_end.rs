@@ -100,7 +100,6 @@ struct FrontEnd {
 impl FrontEnd {
     fn report(&mut self, error: &Error, span: Option<spec::Span>) {
         let help = match error {
-            Error::NotAffine { .. } => "write the constraint linear in the velocities",
             Error::AnchorViolated { .. } => "the action has to be an infinitesimal action of the algebra",
             _ => "",
         };
