@@ -105,7 +105,8 @@ impl StateVector<f64> for State {
     }
 }
 
-struct Interpreted<'a>(Interpreter<'a>);
+/// A prepared scene as a system of the runtime.
+pub struct Interpreted<'a>(pub Interpreter<'a>);
 
 impl System<f64> for Interpreted<'_> {
     type State = State;

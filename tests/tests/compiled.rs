@@ -1,18 +1,8 @@
 //! Compiled scenes against the interpreter, bit for bit, and generation against itself.
 
 use hamel_codegen::scene::{self, BuiltScene};
-use hamel_codegen::spec::{self, Model};
 use hamel_runtime::{Scene, StateVector};
-
-fn model(name: &str) -> Model {
-    let path = format!("{}/../models/specs/{name}.hamel", env!("CARGO_MANIFEST_DIR"));
-    let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{path}: {e}"));
-    spec::parse(&path, &text).unwrap_or_else(|e| panic!("{e}"))
-}
-
-fn build(name: &str, scene: &str) -> BuiltScene {
-    scene::build(&model(name), scene).unwrap_or_else(|e| panic!("{e}"))
-}
+use hamel_tests::models::{build, model, names};
 
 /// SplitMix64 (Steele, Lea, Flood 2014), mapped to `[-1, 1)`.
 struct Random(u64);
@@ -97,20 +87,16 @@ fn every_compiled_scene_equals_the_interpreter_bit_for_bit() {
 #[test]
 fn every_spec_has_all_its_scenes_compiled() {
     let compiled = compare_every_scene();
-    let specs = std::fs::read_dir(format!("{}/../models/specs", env!("CARGO_MANIFEST_DIR"))).unwrap();
-    let mut n_specs = 0;
-    for entry in specs {
-        let path = entry.unwrap().path();
-        let name = path.file_stem().unwrap().to_str().unwrap().to_owned();
-        n_specs += 1;
-        for scene in scene::names(&model(&name)) {
+    let specs = names();
+    for name in &specs {
+        for scene in scene::names(&model(name)) {
             assert!(
-                compiled.iter().any(|(m, s, _)| *m == name && *s == scene),
+                compiled.iter().any(|(m, s, _)| m == name && *s == scene),
                 "{name} {scene} is not compiled"
             );
         }
     }
-    assert!(n_specs >= 9, "the nine systems of the first version are there");
+    assert!(specs.len() >= 9, "the nine systems of the first version are there");
 }
 
 #[test]

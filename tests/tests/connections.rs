@@ -5,42 +5,13 @@ use std::collections::BTreeMap;
 use hamel_codegen::expr::{Graph, SymbolId, rational_to_f64};
 use hamel_codegen::mechanics::derive;
 use hamel_codegen::reduction::{KinematicConstraint, reduce, with_connection};
-use hamel_codegen::scene::{self, Interpreter};
+use hamel_codegen::scene;
 use hamel_codegen::spec::{self, ConnectionKind, Model};
-use hamel_runtime::{Dop853, Integrator, Options, StateVector, System};
-
-fn model(name: &str) -> Model {
-    let path = format!("{}/../models/specs/{name}.hamel", env!("CARGO_MANIFEST_DIR"));
-    let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{path}: {e}"));
-    spec::parse(&path, &text).unwrap_or_else(|e| panic!("{e}"))
-}
+use hamel_runtime::{Dop853, Integrator, Options};
+use hamel_tests::models::{Interpreted, State, model};
 
 fn rewritten(model: &Model, kind: ConnectionKind) -> Model {
     with_connection(model, kind).unwrap_or_else(|e| panic!("{e}"))
-}
-
-#[derive(Clone)]
-struct State(Vec<f64>);
-
-impl StateVector<f64> for State {
-    fn as_slice(&self) -> &[f64] {
-        &self.0
-    }
-    fn as_mut_slice(&mut self) -> &mut [f64] {
-        &mut self.0
-    }
-    fn zeros_like(&self) -> State {
-        State(vec![0.0; self.0.len()])
-    }
-}
-
-struct Interpreted<'a>(Interpreter<'a>);
-
-impl System<f64> for Interpreted<'_> {
-    type State = State;
-    fn rhs(&self, t: f64, y: &State, dy: &mut State) {
-        self.0.rhs(t, &y.0, &mut dy.0);
-    }
 }
 
 fn flow(model: &Model, initial: &[f64], t_final: f64) -> Vec<f64> {

@@ -5,8 +5,8 @@
 //! through every operation (its documentation says how); the distance to the 40-digit reference is taken exactly.
 
 use hamel_codegen::scene::{self, BuiltScene};
-use hamel_codegen::spec;
-use hamel_runtime::{Dop853, Integrator, Options, StateVector, System};
+use hamel_runtime::{Dop853, Integrator, Options};
+use hamel_tests::models::{self, Interpreted, State};
 use hamel_tests::reference::{self, MODELS, Numbers, Reference};
 use hamel_tests::tracked::{Tracked, unit_in_the_last_place};
 
@@ -14,10 +14,7 @@ use hamel_tests::tracked::{Tracked, unit_in_the_last_place};
 const BOUND: f64 = 64.0;
 
 fn build(model: &str) -> BuiltScene {
-    let path = format!("{}/../models/specs/{model}.hamel", env!("CARGO_MANIFEST_DIR"));
-    let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{path}: {e}"));
-    let model = spec::parse(&path, &text).unwrap_or_else(|e| panic!("{e}"));
-    scene::build(&model, scene::DEFAULT).unwrap_or_else(|e| panic!("{e}"))
+    models::build(model, scene::DEFAULT)
 }
 
 fn params(scene: &BuiltScene, numbers: &Numbers) -> Vec<f64> {
@@ -85,31 +82,6 @@ fn suslov_and_sleigh_points_carry_multipliers() {
     for model in ["suslov", "chaplygin_sleigh", "veselova"] {
         let file = reference::read(model);
         assert!(file.points.iter().all(|p| p.lambda.is_some()), "{model}");
-    }
-}
-
-/// A state whose dimension is known at run time.
-#[derive(Clone)]
-struct State(Vec<f64>);
-
-impl StateVector<f64> for State {
-    fn as_slice(&self) -> &[f64] {
-        &self.0
-    }
-    fn as_mut_slice(&mut self) -> &mut [f64] {
-        &mut self.0
-    }
-    fn zeros_like(&self) -> State {
-        State(vec![0.0; self.0.len()])
-    }
-}
-
-struct Interpreted<'a>(scene::Interpreter<'a>);
-
-impl System<f64> for Interpreted<'_> {
-    type State = State;
-    fn rhs(&self, t: f64, y: &State, dy: &mut State) {
-        self.0.rhs(t, &y.0, &mut dy.0);
     }
 }
 
