@@ -11,3 +11,8 @@ pub mod models;
 pub mod problem;
 pub mod reference;
 pub mod tracked;
+
+/// The heavy top's generated file under `include!`, the other way of using it besides `mod`.
+pub mod included {
+    include!("../../models/src/generated/heavy_top.rs");
+}

@@ -125,3 +125,17 @@ fn a_vanishing_pivot_is_named() {
     let failure = system.check(1.5, &[1.0, 2.0, 3.0, 0.0, 0.0, 0.0]).unwrap_err();
     assert!(failure.to_string().contains("dot(Omega, gamma) = 0"), "{failure}");
 }
+
+#[test]
+fn a_generated_file_works_under_include() {
+    use hamel_tests::included;
+    let y = [0.4, -0.3, 2.0, 0.0, 0.6, 0.8];
+    let (mut one, mut other) = ([0.0; 6], [0.0; 6]);
+    included::Prepared::new(&included::Params::default()).unwrap().rhs(0.0, &y, &mut one);
+    let module: hamel_models::generated::heavy_top::Prepared =
+        hamel_models::generated::heavy_top::Prepared::new(&Default::default()).unwrap();
+    module.rhs(0.0, &y, &mut other);
+    assert!(one.iter().all(|d| *d != 0.0));
+    assert_eq!(one, other);
+    assert_eq!(included::INFO.state, hamel_models::generated::heavy_top::INFO.state);
+}

@@ -8,7 +8,7 @@ use crate::reduction::{
     AccelerationRow, AccelerationSource, KinematicConstraint, ReducedSystem, SolvedConstraint, StateKind,
 };
 
-use super::solve::{Factorisation, Pivot};
+use super::solve::{Factorisation, Pivot, is_symmetric};
 
 /// A state variable and its time derivative.
 #[derive(Clone, Debug)]
@@ -49,7 +49,7 @@ pub struct Facts {
     pub casimirs: Vec<String>,
     /// Whether the matrix `A` of `A udot = f` depends on parameters alone.
     pub mass_matrix_is_constant: bool,
-    /// Whether `A` is symmetric.
+    /// Whether `A` (the Hessian `L_yy` in the multiplier form) is symmetric.
     pub mass_matrix_is_symmetric: bool,
 }
 
@@ -98,7 +98,7 @@ pub fn derive(system: &ReducedSystem) -> Result<Equations, Error> {
     let mut d = Derivation::new(system);
     d.velocities()?;
     d.kinematics();
-    d.momenta();
+    d.momenta()?;
     let motion = match system.constraint.clone() {
         KinematicConstraint::Solved(solved) => d.solve_reduced(&solved)?,
         KinematicConstraint::Multipliers { rows, reactions } => {
@@ -122,7 +122,6 @@ struct Motion {
     force: Vec<ExprId>,
     unknowns: Vec<String>,
     pivots: Vec<Pivot>,
-    symmetric: bool,
 }
 
 struct Derivation<'a> {
@@ -206,51 +205,42 @@ impl<'a> Derivation<'a> {
     }
 
     /// `p = dL/dy`, its Hessian, and the part of `-E` without accelerations.
-    fn momenta(&mut self) {
+    fn momenta(&mut self) -> Result<(), Error> {
         let system = self.system;
         let l = system.lagrangian;
         let raw: Vec<ExprId> = system.velocities.iter().map(|s| self.g.diff(l, *s)).collect();
         self.writer.begin("momenta p = dL/dy");
         for (alpha, p) in raw.iter().enumerate() {
-            let value = self.replace(*p).unwrap_or(*p);
+            let value = self.replace(*p)?;
             let name = format!("p_{}", self.names[alpha]);
             let named = self.define(&name, value);
             self.momentum.push(named);
         }
         for p in &raw {
             let row = self.system.velocities.iter().map(|s| self.g.diff(*p, *s)).collect::<Vec<_>>();
-            let row = row.into_iter().map(|e| self.replace(e).unwrap_or(e)).collect();
+            let row = row.into_iter().map(|e| self.replace(e)).collect::<Result<_, _>>()?;
             self.hessian.push(row);
         }
         self.writer.begin("forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)");
-        let slopes: Vec<ExprId> = system
-            .algebroid
-            .base()
-            .iter()
-            .map(|x| {
-                let slope = self.g.diff(l, *x);
-                self.replace(slope).unwrap_or(slope)
-            })
-            .collect();
-        let slopes: Vec<ExprId> = slopes
-            .into_iter()
-            .enumerate()
-            .map(|(i, slope)| {
-                let name = format!("dL_d{}", self.g.name(system.algebroid.base()[i]));
-                self.define(&name, slope)
-            })
-            .collect();
+        let mut slopes = Vec::new();
+        for x in system.algebroid.base() {
+            let slope = self.g.diff(l, *x);
+            let slope = self.replace(slope)?;
+            let name = format!("dL_d{}", self.g.name(*x));
+            slopes.push(self.define(&name, slope));
+        }
         for (alpha, p) in raw.iter().enumerate() {
-            let value = self.drive_of(alpha, *p, &slopes);
+            let value = self.drive_of(alpha, *p, &slopes)?;
             let name = format!("r_{}", self.names[alpha]);
             let named = self.define(&name, value);
             self.drive.push(named);
         }
+        Ok(())
     }
 
-    fn drive_of(&mut self, alpha: usize, p: ExprId, slopes: &[ExprId]) -> ExprId {
+    fn drive_of(&mut self, alpha: usize, p: ExprId, slopes: &[ExprId]) -> Result<ExprId, Error> {
         let system = self.system;
-        let force = self.replace(system.forces[alpha]).unwrap_or(system.forces[alpha]);
+        let force = self.replace(system.forces[alpha])?;
         let mut terms = vec![force];
         for (i, slope) in slopes.iter().enumerate() {
             terms.push(self.g.mul(system.algebroid.anchor(i, alpha), *slope));
@@ -261,26 +251,26 @@ impl<'a> Derivation<'a> {
                 terms.push(self.g.neg(term));
             }
         }
-        let drift = self.drift(p);
+        let drift = self.drift(p)?;
         terms.push(self.g.neg(drift));
-        self.g.sum(&terms)
+        Ok(self.g.sum(&terms))
     }
 
     /// `de/dx^i xdot^i + de/dt` at fixed velocities, for an expression in the raw velocity symbols.
-    fn drift(&mut self, e: ExprId) -> ExprId {
+    fn drift(&mut self, e: ExprId) -> Result<ExprId, Error> {
         let mut terms = Vec::new();
         for (i, x) in self.system.algebroid.base().iter().enumerate() {
             let slope = self.g.diff(e, *x);
             if slope == self.g.zero() || self.rates[i] == self.g.zero() {
                 continue;
             }
-            let slope = self.replace(slope).unwrap_or(slope);
+            let slope = self.replace(slope)?;
             terms.push(self.g.mul(slope, self.rates[i]));
         }
         let explicit = self.g.diff(e, self.system.time);
-        terms.push(self.replace(explicit).unwrap_or(explicit));
+        terms.push(self.replace(explicit)?);
         let sum = self.g.sum(&terms);
-        self.g.cancel_zero(sum)
+        Ok(self.g.cancel_zero(sum))
     }
 
     /// `A udot = f` with `A = W^T L_yy Psi`, `f = W^T (drive - L_yy (dPsi u + dpsi0))`.
@@ -292,7 +282,7 @@ impl<'a> Derivation<'a> {
         let mut lag = vec![self.g.zero(); m];
         for &alpha in &solved.dependent {
             let value = solved_velocity(&mut self.g, solved, alpha);
-            let drift = self.drift(value);
+            let drift = self.drift(value)?;
             lag[alpha] = self.define(&format!("lag_{}", self.names[alpha]), drift);
         }
         self.writer.begin("mass matrix A = W^T L_yy Psi");
@@ -342,7 +332,7 @@ impl<'a> Derivation<'a> {
             force.push(self.define(&format!("f_{}", unknowns[b]), sum));
         }
         let labels: Vec<String> = unknowns.iter().map(|n| format!("dot_{n}")).collect();
-        let (udot, mut pivots, symmetric) =
+        let (udot, mut pivots) =
             self.solve_linear("A", &mass_matrix, &force, &unknowns, &labels, &inertias(&unknowns))?;
         pivots.extend(solved.pivots.iter().map(|(name, expr)| Pivot { name: name.clone(), expr: *expr }));
         self.writer.begin("accelerations ydot = Psi udot + lag");
@@ -367,7 +357,6 @@ impl<'a> Derivation<'a> {
             force,
             unknowns,
             pivots,
-            symmetric,
         })
     }
 
@@ -380,18 +369,12 @@ impl<'a> Derivation<'a> {
         unknowns: &[String],
         labels: &[String],
         pivot_names: &[String],
-    ) -> Result<(Vec<ExprId>, Vec<Pivot>, bool), Error> {
-        let mut symmetric = true;
-        for i in 0..matrix.len() {
-            for j in 0..i {
-                symmetric &= self.g.is_equal(matrix[i][j], matrix[j][i]);
-            }
-        }
+    ) -> Result<(Vec<ExprId>, Vec<Pivot>), Error> {
         self.writer.begin(&format!("factors of {prefix}"));
         let factors = Factorisation::new(&mut self.g, &mut self.writer, prefix, matrix, unknowns)?;
         self.writer.begin(&format!("substitution through the factors of {prefix}"));
         let x = factors.solve(&mut self.g, &mut self.writer, labels, right);
-        Ok((x, factors.pivots(pivot_names), symmetric))
+        Ok((x, factors.pivots(pivot_names)))
     }
 
     /// `E_alpha = sum_A lambda_A form_A,alpha`, solved on components that determine the multipliers.
@@ -462,7 +445,7 @@ impl<'a> Derivation<'a> {
             }
             matrix.push(entries);
             let rate = match row.source {
-                AccelerationSource::Differentiated(residual) => self.drift(residual),
+                AccelerationSource::Differentiated(residual) => self.drift(residual)?,
                 AccelerationSource::Servo(remainder) => remainder,
             };
             let product = dot(&mut self.g, &row.one_form, &free);
@@ -473,7 +456,7 @@ impl<'a> Derivation<'a> {
         let labels: Vec<String> = rows.iter().map(|r| format!("lambda_{}", r.name)).collect();
         let pivot_names: Vec<String> =
             rows.iter().map(|r| format!("response to constraint {}", r.text)).collect();
-        let (lambda, constraint_pivots, symmetric) =
+        let (lambda, constraint_pivots) =
             self.solve_linear("S", &matrix, &right, &labels, &labels, &pivot_names)?;
         self.writer.begin("accelerations ydot = L_yy^-1 (r + Lambda^T lambda)");
         let mut acceleration = Vec::new();
@@ -496,7 +479,6 @@ impl<'a> Derivation<'a> {
             force: drive,
             unknowns: names,
             pivots,
-            symmetric,
         })
     }
 
@@ -543,7 +525,7 @@ impl<'a> Derivation<'a> {
 
     /// Time derivative along the motion of an expression in the raw velocity symbols.
     fn rate_of(&mut self, e: ExprId, acceleration: &[ExprId]) -> Result<ExprId, Error> {
-        let mut terms = vec![self.drift(e)];
+        let mut terms = vec![self.drift(e)?];
         for (s, ydot) in self.system.velocities.iter().zip(acceleration) {
             let slope = self.g.diff(e, *s);
             let slope = self.replace(slope)?;
@@ -578,10 +560,10 @@ impl<'a> Derivation<'a> {
                 momentum.push(self.g.mul(w, self.momentum[alpha]));
                 // drive = forces - dp/dx xdot - dp/dt; the momentum equation wants the forces alone.
                 let p = self.g.diff(system.lagrangian, system.velocities[alpha]);
-                let drift = self.drift(p);
+                let drift = self.drift(p)?;
                 let force = self.g.add(self.drive[alpha], drift);
                 rate.push(self.g.mul(w, force));
-                let turning = self.drift(w);
+                let turning = self.drift(w)?;
                 rate.push(self.g.mul(turning, self.momentum[alpha]));
             }
             let (momentum, rate) = (self.g.sum(&momentum), self.g.sum(&rate));
@@ -657,7 +639,7 @@ impl<'a> Derivation<'a> {
         let energy = self.replace(raw_energy)?;
         let mut facts = Facts {
             energy_is_conserved: energy_rate == self.g.zero(),
-            mass_matrix_is_symmetric: motion.symmetric,
+            mass_matrix_is_symmetric: is_symmetric(&mut self.g, &motion.mass_matrix),
             ..Facts::default()
         };
         facts.mass_matrix_is_constant =

@@ -25,6 +25,11 @@ pub struct Factorisation {
     pivots: Vec<ExprId>,
 }
 
+/// Whether `a_ij = a_ji` as functions.
+pub(super) fn is_symmetric(g: &mut Graph, a: &[Vec<ExprId>]) -> bool {
+    (0..a.len()).all(|i| (0..i).all(|j| g.is_equal(a[i][j], a[j][i])))
+}
+
 /// How pivot candidates rank: parameter-only before state-dependent, small before large.
 fn rank(g: &Graph, writer: &SectionWriter, e: ExprId) -> (bool, usize) {
     (writer.varies(g, e), g.reachable(&[e]).len())
@@ -47,12 +52,7 @@ impl Factorisation {
         names: &[String],
     ) -> Result<Factorisation, Error> {
         let n = a.len();
-        let mut symmetric = true;
-        for i in 0..n {
-            for j in 0..i {
-                symmetric &= g.is_equal(a[i][j], a[j][i]);
-            }
-        }
+        let mut symmetric = is_symmetric(g, a);
         let mut order: Vec<usize> = (0..n).collect();
         if symmetric {
             let degree = |i: usize| a[i].iter().filter(|e| **e != g.zero()).count();
@@ -105,13 +105,6 @@ impl Factorisation {
                         &format!("{prefix}_s{}_{}_{}", label(k), label(i), label(j)),
                         reduced,
                     );
-                }
-            }
-            if symmetric {
-                for i in k + 1..n {
-                    for j in k + 1..i {
-                        rest[i][j] = rest[j][i];
-                    }
                 }
             }
         }
