@@ -84,6 +84,28 @@ binary! { f64;
     pow(x, y) = powf | libm::pow;
 }
 
+macro_rules! fused {
+    ($float:ty) => {
+        /// `x * y + z`: one instruction that rounds once where the target has it, else two that round twice.
+        ///
+        /// Without the target feature `mul_add` of the standard library is a call of several dozen instructions.
+        #[inline]
+        #[must_use]
+        pub fn mul_add(x: $float, y: $float, z: $float) -> $float {
+            #[cfg(all(feature = "std", any(target_feature = "fma", target_arch = "aarch64")))]
+            {
+                x.mul_add(y, z)
+            }
+            #[cfg(not(all(feature = "std", any(target_feature = "fma", target_arch = "aarch64"))))]
+            {
+                x * y + z
+            }
+        }
+    };
+}
+
+fused! { f64 }
+
 /// Sine and cosine of one angle in radians, equal to [`sin`] and [`cos`] bit for bit.
 #[inline]
 #[must_use]
@@ -128,6 +150,8 @@ pub mod single {
         /// Power `x^y`.
         pow(x, y) = powf | libm::powf;
     }
+
+    fused! { f32 }
 
     /// Sine and cosine of one angle in radians, equal to [`sin`] and [`cos`] bit for bit.
     #[inline]

@@ -41,6 +41,14 @@ pub trait Real:
         Self::from_f64(p) / Self::from_f64(q)
     }
 
+    /// `self * factor + addend`: rounded once where the target fuses it in one instruction, twice elsewhere.
+    ///
+    /// Never a call of a library: a fused operation that the target lacks would cost more than it saves.
+    #[inline]
+    fn mul_add(self, factor: Self, addend: Self) -> Self {
+        self * factor + addend
+    }
+
     /// Square root; NaN below zero.
     fn sqrt(self) -> Self;
     /// Sine of an angle in radians.
@@ -106,6 +114,11 @@ macro_rules! real {
             #[inline]
             fn ratio($p: f64, $q: f64) -> Self {
                 $ratio
+            }
+            #[inline]
+            fn mul_add(self, factor: Self, addend: Self) -> Self {
+                use $functions as functions;
+                functions::mul_add(self, factor, addend)
             }
             real! { unary $functions; sqrt sin cos tan asin acos atan exp ln sinh cosh tanh abs }
             #[inline]
