@@ -10,10 +10,10 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::emit::{self, OutputText, ParamText, SceneEntry, SceneText, StateText};
 use crate::error::Error;
-use crate::expr::{ExprId, Rational, SymbolId, needed_sections};
+use crate::expr::{ExprId, Rational, SymbolId, needed_sections, sign_of};
 use crate::lower::{self, Counts, Inputs, ParamCondition, Program, Relation, Request, ViolatedCondition};
 use crate::mechanics::{Equations, Output, StateEquation, derive};
-use crate::reduction::{reduce, sign_of};
+use crate::reduction::reduce;
 use crate::spec::{self, Diagnostics, Model, Param};
 
 /// Name of the scene that every model has.
@@ -282,6 +282,7 @@ fn lower_scene(
         params: system.params.iter().map(|p| p.symbol).collect(),
         time: system.time,
         state: state.iter().map(|s| s.symbol).collect(),
+        signs: system.signs.clone(),
     };
     let mut conditions: Vec<ParamCondition> = system
         .conditions

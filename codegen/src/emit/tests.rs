@@ -57,7 +57,8 @@ fn pendulum() -> (Program, SceneText) {
     let torque = g.div(torque, inertia).unwrap();
     let p = g.sym(p);
     let half = g.rational(Rational::new(1.into(), 2.into()));
-    let friction = g.mul(half, p);
+    let tanh = g.func(crate::expr::Func::Tanh, p);
+    let friction = g.mul(half, tanh);
     let total = g.add(torque, friction);
     let acceleration = g.neg(total);
     let zero = g.zero();
@@ -71,10 +72,10 @@ fn pendulum() -> (Program, SceneText) {
         Request { name: "check".into(), results: vec![("theta".into(), theta)] },
         Request { name: "momentum".into(), results: vec![("momentum".into(), p)] },
     ];
-    let inputs = Inputs { params: params.to_vec(), time, state: state.to_vec() };
+    let inputs = Inputs { params: params.to_vec(), time, state: state.to_vec(), signs: Default::default() };
     let program = lower(&mut g, &inputs, &sections, &conditions, &requests).unwrap();
     let mut text = plain_text(&program, &["momentum"]);
-    text.formulas.insert("rhs".into(), vec!["I omega' = -k sin(theta) - I p/2".into()]);
+    text.formulas.insert("rhs".into(), vec!["I omega' = -k sin(theta) - tanh(p)/2".into()]);
     (program, text)
 }
 
@@ -97,7 +98,7 @@ fn module_of_a_pendulum() {
         let _ = t;
         /// momentum p = dL/d(omega)
         let p = self.I * omega;
-        *dy = [omega, -(self.c0 * theta.sin() + R::from_f64(0.5) * p)];
+        *dy = [omega, -(self.c0 * theta.sin() + R::from_f64(0.5) * p.tanh())];
     }
 ";
     let found = between(&emitted, "pub fn rhs", "    /// Output");
@@ -148,7 +149,7 @@ fn long_functions_are_split_into_blocks_and_long_sums_into_variables() {
     let sections = [Section { title: "shifts".into(), definitions }];
     let squares: Vec<_> = terms.iter().map(|e| g.powi(*e, 2)).collect();
     let sum = g.sum(&squares);
-    let inputs = Inputs { params: vec![], time, state: vec![x] };
+    let inputs = Inputs { params: vec![], time, state: vec![x], signs: Default::default() };
     let requests = [Request { name: "rhs".into(), results: vec![("x".into(), sum)] }];
     let program = lower(&mut g, &inputs, &sections, &[], &requests).unwrap();
     let emitted = emit_scene(&program, &plain_text(&program, &[])).unwrap();

@@ -1,6 +1,6 @@
 //! Equations as ordered, named definitions.
 
-use std::collections::{BTreeSet, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use num_traits::Signed;
 
@@ -30,12 +30,15 @@ pub struct SectionWriter {
     sections: Vec<Section>,
     named: HashMap<ExprId, SymbolId>,
     varying: BTreeSet<SymbolId>,
+    /// Values at zero of what varies.
+    at_zero: BTreeMap<SymbolId, ExprId>,
 }
 
 impl SectionWriter {
     /// No sections yet; `varying` are the inputs that change from call to call, everything else is a parameter.
-    pub fn new(varying: BTreeSet<SymbolId>) -> SectionWriter {
-        SectionWriter { sections: Vec::new(), named: HashMap::new(), varying }
+    pub fn new(g: &Graph, varying: BTreeSet<SymbolId>) -> SectionWriter {
+        let at_zero = varying.iter().map(|s| (*s, g.zero())).collect();
+        SectionWriter { sections: Vec::new(), named: HashMap::new(), varying, at_zero }
     }
 
     /// Whether an expression changes from call to call, also through definitions.
@@ -51,6 +54,7 @@ impl SectionWriter {
     /// Gives `e` a name, unless it is zero, a constant, a symbol or a monomial in symbols, which are used as they are.
     pub fn define(&mut self, g: &mut Graph, name: &str, e: ExprId) -> ExprId {
         let e = g.cancel_zero(e);
+        let (e, at_zero) = self.settled(g, e);
         if g.is_trivial(e) {
             return e;
         }
@@ -61,6 +65,7 @@ impl SectionWriter {
         self.named.insert(e, symbol);
         if self.varies(g, e) {
             self.varying.insert(symbol);
+            self.at_zero.extend(at_zero.map(|value| (symbol, value)));
         }
         if self.sections.is_empty() {
             self.begin("definitions");
@@ -69,6 +74,21 @@ impl SectionWriter {
             section.definitions.push(Definition { symbol, expr: e });
         }
         g.sym(symbol)
+    }
+
+    /// An expression that is constant however it is written (`sin^2 x + cos^2 x`) as its value where everything that
+    /// varies is zero; that value in any case, where there is one.
+    fn settled(&self, g: &mut Graph, e: ExprId) -> (ExprId, Option<ExprId>) {
+        if !self.varies(g, e) {
+            return (e, None);
+        }
+        match g.subs(e, &self.at_zero) {
+            Ok(value) if !self.varies(g, value) => {
+                let e = if g.is_equal(e, value) { value } else { e };
+                (e, Some(value))
+            }
+            _ => (e, None),
+        }
     }
 
     /// The sections that have definitions, and every symbol that varies.

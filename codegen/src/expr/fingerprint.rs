@@ -16,13 +16,13 @@ use num_traits::ToPrimitive;
 
 use super::rational::Rational;
 
-pub(super) const POINTS: usize = 8;
+pub(crate) const POINTS: usize = 8;
 const P: u64 = (1 << 61) - 1;
 /// Arguments of `sin`, `cos` and `exp` may carry denominators dividing this; others are opaque.
 const DENOMINATOR: i64 = 24;
 
 /// Values at the random points; `None` where the expression has none.
-pub(super) type Fingerprint = [Option<u64>; POINTS];
+pub(crate) type Fingerprint = [Option<u64>; POINTS];
 
 pub(super) fn add(a: u64, b: u64) -> u64 {
     let s = a + b;

@@ -686,6 +686,11 @@ impl Graph {
         }
     }
 
+    /// Values at the random points: expressions that are equal as functions have equal ones.
+    pub(crate) fn fingerprint(&self, e: ExprId) -> &Fingerprint {
+        &self.fingerprints[e.index()]
+    }
+
     /// The expression itself, or zero when it vanishes identically.
     pub fn cancel_zero(&mut self, e: ExprId) -> ExprId {
         if self.is_zero(e) { self.zero } else { e }

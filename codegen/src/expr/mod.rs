@@ -13,12 +13,15 @@ mod fingerprint;
 mod graph;
 mod print;
 mod rational;
+mod sign;
 
 pub use definition::{Definition, Section, SectionWriter, needed_sections};
+pub(crate) use fingerprint::Fingerprint;
 pub use graph::{DivisionByZero, ExprId, Func, Graph, Node, SymbolId};
 pub use print::Style;
 pub(crate) use print::identifier;
 pub use rational::{Rational, parse_decimal, rational_to_f64};
+pub use sign::{Sign, sign_of};
 
 #[cfg(test)]
 mod tests;

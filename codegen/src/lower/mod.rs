@@ -4,20 +4,21 @@
 //! the program dearer. Deliberately does not know: mechanics (a definition is a name with a formula), Rust (a program
 //! has operations and operands, no text).
 
-mod absorb;
 mod assemble;
 mod class;
 mod expressions;
-mod factor;
+mod extract;
 mod interpret;
 mod number;
+mod optimise;
+mod polynomial;
 mod program;
 mod verify;
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::error::Error;
-use crate::expr::{ExprId, Graph, SymbolId};
+use crate::expr::{ExprId, Graph, Sign, SymbolId, sign_of};
 
 pub use crate::expr::{Definition, Section};
 
@@ -39,6 +40,8 @@ pub struct Inputs {
     pub time: SymbolId,
     /// Components of the state.
     pub state: Vec<SymbolId>,
+    /// Signs of expressions in the parameters: what may be divided by.
+    pub signs: BTreeMap<ExprId, Sign>,
 }
 
 /// A function to make: its name and its named results.
@@ -63,9 +66,6 @@ pub struct ParamCondition {
     pub relation: Relation,
 }
 
-/// More nodes than this and the factoring of single sections is no longer tried one by one.
-const MAX_NODES_FOR_TRIALS: usize = 20_000;
-
 /// Lowers sections of definitions and the requested functions to one program.
 ///
 /// # Errors
@@ -78,62 +78,23 @@ pub fn lower(
     conditions: &[ParamCondition],
     requests: &[Request],
 ) -> Result<Program, Error> {
-    let plain = Source {
-        inputs,
-        sections,
-        conditions,
-        requests,
-        classes: Classes::of(graph, inputs, sections, requests)?,
-    };
-    plain.check_conditions(graph)?;
-    let (sections_factored, requests_factored) = factor::factor(graph, &plain)?;
-
-    // Factoring saves operations within one sum and can lose a product that several sums share, so each section keeps
-    // whichever form makes the whole program cheaper; the plain program is one of the candidates.
-    let n_parts = sections.len() + 1;
-    let attempt = |graph: &mut Graph, factored: &[bool]| -> Result<(u64, Program), Error> {
-        let mixed: Vec<Section> = (0..sections.len())
-            .map(|k| if factored[k] { sections_factored[k].clone() } else { sections[k].clone() })
-            .collect();
-        let wanted = if factored[sections.len()] { &requests_factored } else { requests };
-        let classes = Classes::of(graph, inputs, &mixed, wanted)?;
-        let source = Source { inputs, sections: &mixed, conditions, requests: wanted, classes };
-        let program = source.lower_as_written(graph)?;
-        let (sections_absorbed, requests_absorbed) = absorb::absorb(graph, &source)?;
-        let (sections, requests) = (&sections_absorbed, &requests_absorbed);
-        let classes = Classes::of(graph, inputs, sections, requests)?;
-        let absorbed = Source { inputs, sections, conditions, requests, classes }.lower_as_written(graph)?;
-        let (cost, cost_absorbed) = (program.cost(), absorbed.cost());
-        Ok(if cost_absorbed < cost { (cost_absorbed, absorbed) } else { (cost, program) })
-    };
-    let mut choice = vec![false; n_parts];
-    let mut best = attempt(graph, &choice)?;
-    let all = vec![true; n_parts];
-    let everything = attempt(graph, &all)?;
-    if everything.0 <= best.0 {
-        (best, choice) = (everything, all);
+    let classes = Classes::of(graph, inputs, sections, requests)?;
+    let source = Source { inputs, sections, conditions, classes };
+    source.check_conditions(graph)?;
+    let signs = source.signs(graph);
+    let mut pool = number::Pool::new();
+    let mut functions = Vec::with_capacity(requests.len());
+    for request in requests {
+        let own = optimise::optimise(graph, &source, &signs, request)?;
+        let requests = [own.request];
+        let classes = Classes::of(graph, inputs, &own.sections, &requests)?;
+        let source = Source { inputs, sections: &own.sections, conditions, classes };
+        functions.push(number::number_function(graph, &source, &requests[0], &mut pool)?);
     }
-    let n_nodes = plain.roots(graph).len();
-    if n_nodes.saturating_mul(n_parts) <= MAX_NODES_FOR_TRIALS {
-        for part in 0..n_parts {
-            let unchanged = match sections.get(part) {
-                Some(section) => sections_factored[part] == *section,
-                None => requests_factored == requests,
-            };
-            if unchanged {
-                continue;
-            }
-            choice[part] = !choice[part];
-            let trial = attempt(graph, &choice)?;
-            if trial.0 < best.0 {
-                best = trial;
-            } else {
-                choice[part] = !choice[part];
-            }
-        }
-    }
-    verify(&best.1)?;
-    Ok(best.1)
+    let conditions = number::number_conditions(graph, &source, &mut pool)?;
+    let program = assemble::assemble(graph, &source, pool, functions, conditions)?;
+    verify(&program)?;
+    Ok(program)
 }
 
 /// What is lowered, with the dependence of every expression on parameters, time and state.
@@ -141,7 +102,6 @@ struct Source<'a> {
     inputs: &'a Inputs,
     sections: &'a [Section],
     conditions: &'a [ParamCondition],
-    requests: &'a [Request],
     classes: Classes,
 }
 
@@ -160,26 +120,24 @@ impl Source<'_> {
         Ok(())
     }
 
-    /// Every expression node behind the definitions and results.
-    fn roots(&self, graph: &Graph) -> Vec<ExprId> {
-        let definitions = self.sections.iter().flat_map(|s| s.definitions.iter().map(|d| d.expr));
-        let results = self.requests.iter().flat_map(|r| r.results.iter().map(|(_, e)| *e));
-        graph.reachable(&definitions.chain(results).collect::<Vec<_>>())
-    }
-
-    /// The passes in order.
-    fn lower_as_written(&self, graph: &mut Graph) -> Result<Program, Error> {
-        let mut pool = number::Pool::new();
-        let mut functions = Vec::with_capacity(self.requests.len());
-        for request in self.requests {
-            functions.push(number::number_function(graph, self, request, &mut pool)?);
+    /// What is known about signs, also of parameter-only definitions and of what the conditions speak of.
+    fn signs(&self, graph: &mut Graph) -> BTreeMap<ExprId, Sign> {
+        let mut signs = self.inputs.signs.clone();
+        for condition in self.conditions {
+            if condition.less == graph.zero() && condition.relation == Relation::NotEqual {
+                signs.entry(condition.greater).or_insert(Sign::NonZero);
+            }
         }
-        let conditions = number::number_conditions(graph, self, &mut pool)?;
-        let program = assemble::assemble(graph, self, pool, functions, conditions)?;
-        if cfg!(debug_assertions) {
-            verify(&program)?;
+        for definition in self.sections.iter().flat_map(|s| &s.definitions) {
+            if self.classes.get(definition.expr) <= Class::Param {
+                let sign = sign_of(graph, definition.expr, &signs);
+                let symbol = graph.sym(definition.symbol);
+                if sign != Sign::Unknown {
+                    signs.insert(symbol, sign);
+                }
+            }
         }
-        Ok(program)
+        signs
     }
 
     /// The definitions a function needs, by symbol, found from its results backwards.

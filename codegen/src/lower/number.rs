@@ -143,7 +143,10 @@ fn number(
     for (section, definition) in definitions {
         let value = numbering.value_of(definition.expr);
         numbering.symbols.insert(definition.symbol, value);
-        named.push((section, graph.name(definition.symbol).to_owned(), value));
+        let name = graph.name(definition.symbol);
+        if !name.is_empty() {
+            named.push((section, name.to_owned(), value));
+        }
     }
     let operands = roots.iter().map(|root| numbering.value_of(*root)).collect();
     (named, operands)

@@ -150,10 +150,11 @@ impl<'a> Derivation<'a> {
         let y = system.velocities.iter().map(|s| g.sym(*s)).collect();
         let varying =
             system.velocities.iter().chain(system.algebroid.base()).chain([&system.time]).copied().collect();
+        let writer = SectionWriter::new(&g, varying);
         Derivation {
             system,
             g,
-            writer: SectionWriter::new(varying),
+            writer,
             names: system.algebroid.frame().to_vec(),
             replacement: BTreeMap::new(),
             y,

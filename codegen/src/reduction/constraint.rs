@@ -2,10 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use num_traits::{Signed, ToPrimitive, Zero};
-
 use crate::error::Error;
-use crate::expr::{ExprId, Func, Graph, Node, SymbolId};
+use crate::expr::{ExprId, Graph, Sign, SymbolId, sign_of};
 
 /// One scalar constraint as an affine form in the velocities.
 #[derive(Clone, Debug)]
@@ -106,109 +104,6 @@ pub enum KinematicConstraint {
         /// One-forms that vanish on virtual displacements, `[n_constraints][m]`.
         reactions: Vec<Vec<ExprId>>,
     },
-}
-
-/// What is known about the sign of an expression on the model's domain.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Sign {
-    /// Greater than zero.
-    Positive,
-    /// At least zero.
-    NonNegative,
-    /// Less than zero.
-    Negative,
-    /// At most zero.
-    NonPositive,
-    /// Nothing.
-    Unknown,
-}
-
-impl Sign {
-    /// Whether the expression cannot vanish.
-    pub fn is_definite(self) -> bool {
-        matches!(self, Sign::Positive | Sign::Negative)
-    }
-
-    fn flipped(self) -> Sign {
-        match self {
-            Sign::Positive => Sign::Negative,
-            Sign::Negative => Sign::Positive,
-            Sign::NonNegative => Sign::NonPositive,
-            Sign::NonPositive => Sign::NonNegative,
-            Sign::Unknown => Sign::Unknown,
-        }
-    }
-
-    fn of_rational(q: &crate::expr::Rational) -> Sign {
-        if q.is_zero() {
-            Sign::NonNegative
-        } else if q.is_positive() {
-            Sign::Positive
-        } else {
-            Sign::Negative
-        }
-    }
-
-    fn plus(self, other: Sign) -> Sign {
-        use Sign::{Negative, NonNegative, NonPositive, Positive, Unknown};
-        match (self, other) {
-            (Positive, Positive | NonNegative) | (NonNegative, Positive) => Positive,
-            (NonNegative, NonNegative) => NonNegative,
-            (Negative, Negative | NonPositive) | (NonPositive, Negative) => Negative,
-            (NonPositive, NonPositive) => NonPositive,
-            _ => Unknown,
-        }
-    }
-
-    fn times(self, other: Sign) -> Sign {
-        use Sign::{Negative, NonNegative, NonPositive, Positive, Unknown};
-        match (self, other) {
-            (Unknown, _) | (_, Unknown) => Unknown,
-            (Positive, s) | (s, Positive) => s,
-            (Negative, s) | (s, Negative) => s.flipped(),
-            (NonNegative, s) | (s, NonNegative) => s,
-            (NonPositive, NonPositive) => NonNegative,
-        }
-    }
-}
-
-/// Sign of an expression, given signs of symbols and of whole expressions.
-pub fn sign_of(g: &Graph, e: ExprId, facts: &BTreeMap<ExprId, Sign>) -> Sign {
-    let mut memo: BTreeMap<ExprId, Sign> = BTreeMap::new();
-    for node in g.reachable(&[e]) {
-        let derived = match g.node(node) {
-            Node::Constant(c) => Sign::of_rational(c),
-            Node::Pi => Sign::Positive,
-            Node::Symbol(_) => Sign::Unknown,
-            Node::Sum { constant, terms } => {
-                let start = Sign::of_rational(constant);
-                terms.iter().fold(start, |s, (t, q)| s.plus(memo[t].times(Sign::of_rational(q))))
-            }
-            Node::Product { coefficient, factors } => {
-                factors.iter().fold(Sign::of_rational(coefficient), |s, (base, q)| {
-                    let base = memo[base];
-                    let even = q.is_integer() && q.numer().to_i64().is_some_and(|n| n % 2 == 0);
-                    let power = match (even, base.is_definite(), q.is_integer()) {
-                        (true, true, _) => Sign::Positive,
-                        (true, false, _) => Sign::NonNegative,
-                        // A root exists only of what is not negative, and a denominator only of what is not zero.
-                        (_, _, false) if q.is_negative() || base == Sign::Positive => Sign::Positive,
-                        (_, _, false) => Sign::NonNegative,
-                        _ => base,
-                    };
-                    s.times(power)
-                })
-            }
-            Node::Function(Func::Exp | Func::Cosh, _) => Sign::Positive,
-            Node::Function(Func::Abs, a) if memo[a].is_definite() => Sign::Positive,
-            Node::Function(Func::Abs, _) => Sign::NonNegative,
-            Node::Function(..) => Sign::Unknown,
-        };
-        let known = facts.get(&node).copied().unwrap_or(Sign::Unknown);
-        let sign = if derived.is_definite() || known == Sign::Unknown { derived } else { known };
-        memo.insert(node, sign);
-    }
-    memo[&e]
 }
 
 /// How good an expression is to divide by; smaller is better.

@@ -4,15 +4,15 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::algebra::Algebroid;
 use crate::error::Error;
-use crate::expr::{ExprId, Func, Graph, Rational, SymbolId};
+use crate::expr::{ExprId, Func, Graph, Rational, Sign, SymbolId};
 use crate::spec::{
     self, Condition, ConstraintKind, Diagnostics, Model, Named, NamedVector, Param, Relation, Side,
 };
 
 use super::connection::with_connection;
 use super::constraint::{
-    AccelerationRow, AccelerationSource, ConstraintRow, KinematicConstraint, Reactions, Sign,
-    SolvedConstraint, Solver, Unknown,
+    AccelerationRow, AccelerationSource, ConstraintRow, KinematicConstraint, Reactions, SolvedConstraint,
+    Solver, Unknown,
 };
 use super::reconstruction::{self, ReconstructedCoordinate};
 use super::stages::Stages;
@@ -342,7 +342,7 @@ impl FrontEnd {
             let sign = match c.relation {
                 Relation::Greater => Sign::Positive,
                 Relation::GreaterEqual => Sign::NonNegative,
-                Relation::NotEqual => continue,
+                Relation::NotEqual => Sign::NonZero,
             };
             let difference = g.sub(c.greater, c.less);
             signs.insert(difference, sign);

@@ -13,8 +13,8 @@ mod stages;
 
 pub use connection::with_connection;
 pub use constraint::{
-    AccelerationRow, AccelerationSource, ConstraintRow, KinematicConstraint, Reactions, Sign,
-    SolvedConstraint, Unknown, sign_of,
+    AccelerationRow, AccelerationSource, ConstraintRow, KinematicConstraint, Reactions, SolvedConstraint,
+    Unknown,
 };
 pub use front_end::{ReducedSystem, StateKind, reduce};
 pub use reconstruction::ReconstructedCoordinate;

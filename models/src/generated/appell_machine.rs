@@ -151,18 +151,24 @@ pub struct Prepared<R = f64> {
     m: R,
     /// Parameter `g`.
     g: R,
-    /// `2 / m`
+    /// `4 / m`
     c0: R,
-    /// `2 * (k * k) / m`
+    /// `4 * (k * k * (k * k)) / m`
     c1: R,
-    /// `k * k`
+    /// `4 * g * (k * k) / m`
     c2: R,
-    /// `2 * g`
+    /// `4 * g / m`
     c3: R,
     /// `m * g`
     c4: R,
     /// `0.5 * m`
     c5: R,
+    /// `k * k`
+    c6: R,
+    /// `4 * g`
+    c7: R,
+    /// `2 * g`
+    c8: R,
 }
 
 impl<R: ::hamel_runtime::Real> Prepared<R> {
@@ -174,7 +180,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 5 multiplications, 2 divisions.
+    /// 8 multiplications, 4 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m, g, k } = *params;
         for (value, condition, meaning) in [
@@ -190,6 +196,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             }
         }
         let t0 = k * k;
+        let t1 = R::from_f64(4.0) * g;
         if !m.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m > 0",
@@ -205,12 +212,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Ok(Self {
             m,
             g,
-            c0: R::from_f64(2.0) / m,
-            c1: R::from_f64(2.0) * t0 / m,
-            c2: t0,
-            c3: R::from_f64(2.0) * g,
+            c0: R::from_f64(4.0) / m,
+            c1: R::from_f64(4.0) * (t0 * t0) / m,
+            c2: t1 * t0 / m,
+            c3: t1 / m,
             c4: m * g,
             c5: R::from_f64(0.5) * m,
+            c6: t0,
+            c7: t1,
+            c8: R::from_f64(2.0) * g,
         })
     }
 }
@@ -235,31 +245,23 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 12 multiplications, 1 division, 2 sign changes.
+    /// 3 additions, 10 multiplications, 1 division, 2 sign changes.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 6], dy: &mut [R; 6]) {
         let [_, _, _, x_dot, y_dot, z_dot] = *y;
         let _ = t;
-        /// response to the multipliers L_yy^-1 Lambda^T
-        let [Z1_z_dot, Z1_y_dot, Z1_x_dot] = [
-            self.c0 * z_dot,
-            -(self.c1 * y_dot),
-            -(self.c1 * x_dot),
-        ];
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let S_1_1 = R::from_f64(2.0)
-            * (z_dot * Z1_z_dot - self.c2 * (x_dot * Z1_x_dot + y_dot * Z1_y_dot));
-        /// substitution through the factors of S
-        let lambda_winch = self.c3 * z_dot / S_1_1;
-        /// accelerations ydot = L_yy^-1 (r + Lambda^T lambda)
-        let dot_z_dot = Z1_z_dot * lambda_winch - self.g;
+        let S_1_1 = self.c0 * (z_dot * z_dot)
+            + self.c1 * (x_dot * x_dot + y_dot * y_dot);
+        let t0 = z_dot / S_1_1;
+        let t1 = self.c2 * t0;
         *dy = [
             x_dot,
             y_dot,
             z_dot,
-            Z1_x_dot * lambda_winch,
-            Z1_y_dot * lambda_winch,
-            dot_z_dot,
+            -(x_dot * t1),
+            -(y_dot * t1),
+            self.c3 * (z_dot * t0) - self.g,
         ];
     }
 
@@ -284,26 +286,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 additions, 15 multiplications, 1 division, 2 sign changes.
+    /// 3 additions, 8 multiplications, 1 division.
     #[inline]
     #[must_use]
     pub fn energy_rate(&self, t: R, y: &[R; 6]) -> R {
         let [_, _, _, x_dot, y_dot, z_dot] = *y;
         let _ = t;
-        /// response to the multipliers L_yy^-1 Lambda^T
-        let [Z1_z_dot, Z1_y_dot, Z1_x_dot] = [
-            self.c0 * z_dot,
-            -(self.c1 * y_dot),
-            -(self.c1 * x_dot),
-        ];
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let S_1_1 = R::from_f64(2.0)
-            * (z_dot * Z1_z_dot - self.c2 * (x_dot * Z1_x_dot + y_dot * Z1_y_dot));
-        /// substitution through the factors of S
-        let lambda_winch = self.c3 * z_dot / S_1_1;
-        R::from_f64(2.0)
-            * ((z_dot * z_dot - self.c2 * (x_dot * x_dot + y_dot * y_dot))
-                * lambda_winch)
+        let [t0, t1, S_1_1] = {
+            let t0 = z_dot * z_dot;
+            let t1 = x_dot * x_dot + y_dot * y_dot;
+            [t0, t1, self.c0 * t0 + self.c1 * t1]
+        };
+        self.c7 * (z_dot * (t0 - self.c6 * t1)) / S_1_1
     }
 
     /// Momenta p = dL/dy.
@@ -335,24 +330,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 9 multiplications, 1 division, 2 sign changes.
+    /// 2 additions, 6 multiplications, 1 division.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 6]) -> [R; 1] {
         let [_, _, _, x_dot, y_dot, z_dot] = *y;
         let _ = t;
-        /// response to the multipliers L_yy^-1 Lambda^T
-        let [Z1_z_dot, Z1_y_dot, Z1_x_dot] = [
-            self.c0 * z_dot,
-            -(self.c1 * y_dot),
-            -(self.c1 * x_dot),
-        ];
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let S_1_1 = R::from_f64(2.0)
-            * (z_dot * Z1_z_dot - self.c2 * (x_dot * Z1_x_dot + y_dot * Z1_y_dot));
-        /// substitution through the factors of S
-        let lambda_winch = self.c3 * z_dot / S_1_1;
-        [lambda_winch]
+        let S_1_1 = self.c0 * (z_dot * z_dot)
+            + self.c1 * (x_dot * x_dot + y_dot * y_dot);
+        [self.c8 * z_dot / S_1_1]
     }
 
     /// Residual of the constraints, zero along the motion.
@@ -371,7 +358,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn constraint(&self, t: R, y: &[R; 6]) -> [R; 1] {
         let [_, _, _, x_dot, y_dot, z_dot] = *y;
         let _ = t;
-        [z_dot * z_dot - self.c2 * (x_dot * x_dot + y_dot * y_dot)]
+        [z_dot * z_dot - self.c6 * (x_dot * x_dot + y_dot * y_dot)]
     }
 
     /// Says which pivot vanishes at a point.
@@ -382,20 +369,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 8 multiplications, 2 sign changes.
+    /// 2 additions, 5 multiplications.
     pub fn check(&self, t: R, y: &[R; 6]) -> Result<(), ::hamel_runtime::Failure> {
         let [_, _, _, x_dot, y_dot, z_dot] = *y;
-        /// response to the multipliers L_yy^-1 Lambda^T
-        let [Z1_z_dot, Z1_y_dot, Z1_x_dot] = [
-            self.c0 * z_dot,
-            -(self.c1 * y_dot),
-            -(self.c1 * x_dot),
-        ];
-        /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let S_1_1 = R::from_f64(2.0)
-            * (z_dot * Z1_z_dot - self.c2 * (x_dot * Z1_x_dot + y_dot * Z1_y_dot));
         let (value, pivot) = (
-            S_1_1,
+            self.c0 * (z_dot * z_dot) + self.c1 * (x_dot * x_dot + y_dot * y_dot),
             "response to constraint z_dot^2 = k^2*(x_dot^2 + y_dot^2)",
         );
         if !value.all_ne(R::ZERO) {

@@ -149,25 +149,28 @@ impl<R: ::hamel_runtime::Real> State<R> {
 ///
 /// - Cortes, de Leon, Marrero and Martinez 2009, Nonholonomic Lagrangian systems on Lie algebroids, section 7.4
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(non_snake_case, reason = "names are those of the model")]
 pub struct Prepared<R = f64> {
     /// Parameter `k2`.
     k2: R,
-    /// `Omega / r`
+    /// `k2 * Omega / (r * r * (1 + k2 / (r * r)))`
     c0: R,
-    /// `k2 / (r * (1 + k2 / (r * r)))`
+    /// `0.5 * k2`
     c1: R,
-    /// `1 / r`
+    /// `0.5 * (1 + k2 / (r * r))`
     c2: R,
-    /// `k2 / (r * r * (1 + k2 / (r * r)))`
+    /// `0.5 * Omega`
     c3: R,
-    /// `k2 * Omega / r`
-    c4: R,
-    /// `k2 / r`
-    c5: R,
     /// `k2 * Omega / (r * r)`
+    c4: R,
+    /// `k2 * Omega * (Omega / r - k2 * Omega / (r * r * r * (1 + k2 / (r * r)))) / r`
+    c5: R,
+    /// `k2 * Omega / r`
     c6: R,
-    /// `k2 / (r * r)`
+    /// `k2 / r`
     c7: R,
+    /// `1 + k2 / (r * r)`
+    A_x_dot_x_dot: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -180,7 +183,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 4 multiplications, 8 divisions.
+    /// 2 additions, 9 multiplications, 8 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { r, k2, Omega } = *params;
         for (value, condition, meaning) in [
@@ -196,9 +199,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             }
         }
         let t0 = r * r;
-        let t1 = k2 / t0;
-        let A_x_dot_x_dot = R::ONE + t1;
-        let t2 = k2 * Omega;
+        let A_x_dot_x_dot = R::ONE + k2 / t0;
+        let t1 = k2 * Omega;
         if !r.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "r > 0",
@@ -225,22 +227,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(Self {
             k2,
-            c0: Omega / r,
-            c1: k2 / (r * A_x_dot_x_dot),
-            c2: r.recip(),
-            c3: k2 / (t0 * A_x_dot_x_dot),
-            c4: t2 / r,
-            c5: k2 / r,
-            c6: t2 / t0,
-            c7: t1,
+            c0: t1 / (t0 * A_x_dot_x_dot),
+            c1: R::from_f64(0.5) * k2,
+            c2: R::from_f64(0.5) * A_x_dot_x_dot,
+            c3: R::from_f64(0.5) * Omega,
+            c4: t1 / t0,
+            c5: t1 * (Omega / r - t1 / (t0 * r * A_x_dot_x_dot)) / r,
+            c6: t1 / r,
+            c7: k2 / r,
+            A_x_dot_x_dot,
         })
     }
 }
 
-#[allow(
-    unused_doc_comments,
-    reason = "comments on statements say which formula they are"
-)]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Writes the derivative of the state to `dy`.
     ///
@@ -256,16 +255,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 multiplications, 1 sign change.
+    /// 2 multiplications, 1 sign change.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 5], dy: &mut [R; 5]) {
         let [_, _, x_dot, y_dot, _] = *y;
         let _ = t;
-        /// accelerations of the dependent velocities at udot = 0
-        let [lag_omega_x, lag_omega_y] = [self.c0 * x_dot, self.c0 * y_dot];
-        /// substitution through the factors of A
-        let [dot_y_dot, dot_x_dot] = [self.c1 * lag_omega_x, -(self.c1 * lag_omega_y)];
-        *dy = [x_dot, y_dot, dot_x_dot, dot_y_dot, R::ZERO];
+        *dy = [x_dot, y_dot, -(self.c0 * y_dot), self.c0 * x_dot, R::ZERO];
     }
 
     /// Energy.
@@ -276,40 +271,27 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 6 additions, 11 multiplications.
+    /// 6 additions, 10 multiplications.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 5]) -> R {
         let [x, y, x_dot, y_dot, omega_z] = *y;
         let _ = t;
-        /// velocities y = Psi u + psi0
-        let [omega_x, omega_y] = [
-            self.c0 * x - self.c2 * y_dot,
-            self.c0 * y + self.c2 * x_dot,
-        ];
-        R::from_f64(0.5)
-            * (x_dot * x_dot + y_dot * y_dot
-                + self.k2 * (omega_z * omega_z + omega_x * omega_x + omega_y * omega_y))
+        self.c1 * (omega_z * omega_z) + self.c2 * (x_dot * x_dot + y_dot * y_dot)
+            - self.c4 * (x * (y_dot - self.c3 * x) - y * (x_dot + self.c3 * y))
     }
 
     /// Rate of energy dE/dt along the motion.
     ///
     /// # Operations
     ///
-    /// 3 additions, 8 multiplications.
+    /// 1 addition, 3 multiplications.
     #[inline]
     #[must_use]
     pub fn energy_rate(&self, t: R, y: &[R; 5]) -> R {
         let [x, y, x_dot, y_dot, _] = *y;
         let _ = t;
-        /// accelerations of the dependent velocities at udot = 0
-        let [lag_omega_x, lag_omega_y] = [self.c0 * x_dot, self.c0 * y_dot];
-        /// accelerations ydot = Psi udot + lag
-        let [dot_omega_x, dot_omega_y] = [
-            lag_omega_x - self.c3 * lag_omega_x,
-            lag_omega_y - self.c3 * lag_omega_y,
-        ];
-        self.c4 * (x * dot_omega_x) + self.c4 * (y * dot_omega_y)
+        self.c5 * (x * x_dot + y * y_dot)
     }
 
     /// Momenta p = dL/dy.
@@ -331,8 +313,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         [
             x_dot,
             y_dot,
-            self.c4 * x - self.c5 * y_dot,
-            self.c4 * y + self.c5 * x_dot,
+            self.c6 * x - self.c7 * y_dot,
+            self.c6 * y + self.c7 * x_dot,
             self.k2 * omega_z,
         ]
     }
@@ -347,20 +329,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 6 multiplications, 1 sign change.
+    /// 2 multiplications, 1 sign change.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 5]) -> [R; 2] {
         let [_, _, x_dot, y_dot, _] = *y;
         let _ = t;
-        /// accelerations of the dependent velocities at udot = 0
-        let [lag_omega_x, lag_omega_y] = [self.c0 * x_dot, self.c0 * y_dot];
-        /// accelerations ydot = Psi udot + lag
-        let [dot_omega_x, dot_omega_y] = [
-            lag_omega_x - self.c3 * lag_omega_x,
-            lag_omega_y - self.c3 * lag_omega_y,
-        ];
-        [-(self.c5 * dot_omega_y), self.c5 * dot_omega_x]
+        [-(self.c0 * y_dot), self.c0 * x_dot]
     }
 
     /// Momenta \<p, W_b\> along the sections of virtual displacements.
@@ -373,15 +348,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 additions, 5 multiplications.
+    /// 2 additions, 5 multiplications.
     #[inline]
     #[must_use]
     pub fn nonholonomic_momentum(&self, t: R, y: &[R; 5]) -> [R; 3] {
         let [x, y, x_dot, y_dot, omega_z] = *y;
         let _ = t;
         [
-            x_dot + self.c6 * y + self.c7 * x_dot,
-            y_dot - self.c6 * x + self.c7 * y_dot,
+            self.c4 * y + self.A_x_dot_x_dot * x_dot,
+            self.A_x_dot_x_dot * y_dot - self.c4 * x,
             self.k2 * omega_z,
         ]
     }

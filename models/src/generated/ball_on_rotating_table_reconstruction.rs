@@ -173,21 +173,32 @@ impl<R: ::hamel_runtime::Real> State<R> {
 ///
 /// - Cortes, de Leon, Marrero and Martinez 2009, Nonholonomic Lagrangian systems on Lie algebroids, section 7.4
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(non_snake_case, reason = "names are those of the model")]
 pub struct Prepared<R = f64> {
-    /// Parameter `r`.
-    r: R,
     /// Parameter `k2`.
     k2: R,
-    /// `Omega / r`
+    /// Parameter `Omega`.
+    Omega: R,
+    /// `k2 * Omega / (r * r * (1 + k2 / (r * r)))`
     c0: R,
-    /// `1 / r`
+    /// `0.5 / r`
     c1: R,
-    /// `k2 / (r * (1 + k2 / (r * r)))`
+    /// `0.5 * k2`
     c2: R,
-    /// `k2 / (r * r * (1 + k2 / (r * r)))`
+    /// `0.5 * (1 + k2 / (r * r))`
     c3: R,
-    /// `k2 / r`
+    /// `0.5 * Omega`
     c4: R,
+    /// `k2 * Omega / (r * r)`
+    c5: R,
+    /// `k2 * Omega * (Omega / r - k2 * Omega / (r * r * r * (1 + k2 / (r * r)))) / r`
+    c6: R,
+    /// `k2 * Omega / r`
+    c7: R,
+    /// `k2 / r`
+    c8: R,
+    /// `1 + k2 / (r * r)`
+    A_x_dot_x_dot: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -200,7 +211,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 3 multiplications, 6 divisions.
+    /// 2 additions, 9 multiplications, 9 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { r, k2, Omega } = *params;
         for (value, condition, meaning) in [
@@ -217,6 +228,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         let t0 = r * r;
         let A_x_dot_x_dot = R::ONE + k2 / t0;
+        let t1 = k2 * Omega;
         if !r.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "r > 0",
@@ -242,21 +254,22 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             });
         }
         Ok(Self {
-            r,
             k2,
-            c0: Omega / r,
-            c1: r.recip(),
-            c2: k2 / (r * A_x_dot_x_dot),
-            c3: k2 / (t0 * A_x_dot_x_dot),
-            c4: k2 / r,
+            Omega,
+            c0: t1 / (t0 * A_x_dot_x_dot),
+            c1: R::from_f64(0.5) / r,
+            c2: R::from_f64(0.5) * k2,
+            c3: R::from_f64(0.5) * A_x_dot_x_dot,
+            c4: R::from_f64(0.5) * Omega,
+            c5: t1 / t0,
+            c6: t1 * (Omega / r - t1 / (t0 * r * A_x_dot_x_dot)) / r,
+            c7: t1 / r,
+            c8: k2 / r,
+            A_x_dot_x_dot,
         })
     }
 }
 
-#[allow(
-    unused_doc_comments,
-    reason = "comments on statements say which formula they are"
-)]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Writes the derivative of the state to `dy`.
     ///
@@ -272,30 +285,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 10 additions, 24 multiplications, 2 sign changes.
+    /// 10 additions, 19 multiplications, 1 sign change.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 9], dy: &mut [R; 9]) {
         let [x, y, x_dot, y_dot, omega_z, qw, qx, qy, qz] = *y;
         let _ = t;
-        /// velocities y = Psi u + psi0
-        let [omega_x, omega_y] = [
-            self.c0 * x - self.c1 * y_dot,
-            self.c0 * y + self.c1 * x_dot,
-        ];
-        /// accelerations of the dependent velocities at udot = 0
-        let [lag_omega_x, lag_omega_y] = [self.c0 * x_dot, self.c0 * y_dot];
-        /// substitution through the factors of A
-        let [dot_y_dot, dot_x_dot] = [self.c2 * lag_omega_x, -(self.c2 * lag_omega_y)];
+        let t0 = self.c1 * (y_dot - self.Omega * x);
+        let t1 = R::from_f64(0.5) * omega_z;
+        let t2 = self.c1 * (x_dot + self.Omega * y);
         *dy = [
             x_dot,
             y_dot,
-            dot_x_dot,
-            dot_y_dot,
+            -(self.c0 * y_dot),
+            self.c0 * x_dot,
             R::ZERO,
-            -(R::from_f64(0.5) * (omega_z * qz + qx * omega_x + qy * omega_y)),
-            R::from_f64(0.5) * (qz * omega_y - omega_z * qy + qw * omega_x),
-            R::from_f64(0.5) * (omega_z * qx - qz * omega_x + qw * omega_y),
-            R::from_f64(0.5) * (omega_z * qw + qy * omega_x - qx * omega_y),
+            qx * t0 - qz * t1 - qy * t2,
+            qz * t2 - qy * t1 - qw * t0,
+            qz * t0 + qx * t1 + qw * t2,
+            qw * t1 - qx * t2 - qy * t0,
         ];
     }
 
@@ -307,47 +314,27 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 6 additions, 11 multiplications.
+    /// 6 additions, 10 multiplications.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 9]) -> R {
         let [x, y, x_dot, y_dot, omega_z, _, _, _, _] = *y;
         let _ = t;
-        /// velocities y = Psi u + psi0
-        let [omega_x, omega_y] = [
-            self.c0 * x - self.c1 * y_dot,
-            self.c0 * y + self.c1 * x_dot,
-        ];
-        R::from_f64(0.5)
-            * (x_dot * x_dot + y_dot * y_dot
-                + self.k2 * (omega_z * omega_z + omega_x * omega_x + omega_y * omega_y))
+        self.c2 * (omega_z * omega_z) + self.c3 * (x_dot * x_dot + y_dot * y_dot)
+            - self.c5 * (x * (y_dot - self.c4 * x) - y * (x_dot + self.c4 * y))
     }
 
     /// Rate of energy dE/dt along the motion.
     ///
     /// # Operations
     ///
-    /// 7 additions, 13 multiplications.
+    /// 1 addition, 3 multiplications.
     #[inline]
     #[must_use]
     pub fn energy_rate(&self, t: R, y: &[R; 9]) -> R {
         let [x, y, x_dot, y_dot, _, _, _, _, _] = *y;
         let _ = t;
-        /// velocities y = Psi u + psi0
-        let [omega_x, omega_y] = [
-            self.c0 * x - self.c1 * y_dot,
-            self.c0 * y + self.c1 * x_dot,
-        ];
-        /// accelerations of the dependent velocities at udot = 0
-        let [lag_omega_x, lag_omega_y] = [self.c0 * x_dot, self.c0 * y_dot];
-        /// accelerations ydot = Psi udot + lag
-        let [dot_omega_x, dot_omega_y] = [
-            lag_omega_x - self.c3 * lag_omega_x,
-            lag_omega_y - self.c3 * lag_omega_y,
-        ];
-        self.c4
-            * (dot_omega_x * (y_dot + self.r * omega_x)
-                - dot_omega_y * (x_dot - self.r * omega_y))
+        self.c6 * (x * x_dot + y * y_dot)
     }
 
     /// Momenta p = dL/dy.
@@ -360,18 +347,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 7 multiplications.
+    /// 2 additions, 5 multiplications.
     #[inline]
     #[must_use]
     pub fn momentum(&self, t: R, y: &[R; 9]) -> [R; 5] {
         let [x, y, x_dot, y_dot, omega_z, _, _, _, _] = *y;
         let _ = t;
-        /// velocities y = Psi u + psi0
-        let [omega_x, omega_y] = [
-            self.c0 * x - self.c1 * y_dot,
-            self.c0 * y + self.c1 * x_dot,
-        ];
-        [x_dot, y_dot, self.k2 * omega_x, self.k2 * omega_y, self.k2 * omega_z]
+        [
+            x_dot,
+            y_dot,
+            self.c7 * x - self.c8 * y_dot,
+            self.c7 * y + self.c8 * x_dot,
+            self.k2 * omega_z,
+        ]
     }
 
     /// Multipliers lambda_A of E = lambda_A a_A, the constraint forces along the constraint one-forms.
@@ -384,20 +372,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 6 multiplications, 1 sign change.
+    /// 2 multiplications, 1 sign change.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 9]) -> [R; 2] {
         let [_, _, x_dot, y_dot, _, _, _, _, _] = *y;
         let _ = t;
-        /// accelerations of the dependent velocities at udot = 0
-        let [lag_omega_x, lag_omega_y] = [self.c0 * x_dot, self.c0 * y_dot];
-        /// accelerations ydot = Psi udot + lag
-        let [dot_omega_x, dot_omega_y] = [
-            lag_omega_x - self.c3 * lag_omega_x,
-            lag_omega_y - self.c3 * lag_omega_y,
-        ];
-        [-(self.c4 * dot_omega_y), self.c4 * dot_omega_x]
+        [-(self.c0 * y_dot), self.c0 * x_dot]
     }
 
     /// Momenta \<p, W_b\> along the sections of virtual displacements.
@@ -410,18 +391,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 additions, 7 multiplications.
+    /// 2 additions, 5 multiplications.
     #[inline]
     #[must_use]
     pub fn nonholonomic_momentum(&self, t: R, y: &[R; 9]) -> [R; 3] {
         let [x, y, x_dot, y_dot, omega_z, _, _, _, _] = *y;
         let _ = t;
-        /// velocities y = Psi u + psi0
-        let [omega_x, omega_y] = [
-            self.c0 * x - self.c1 * y_dot,
-            self.c0 * y + self.c1 * x_dot,
-        ];
-        [x_dot + self.c4 * omega_y, y_dot - self.c4 * omega_x, self.k2 * omega_z]
+        [
+            self.c5 * y + self.A_x_dot_x_dot * x_dot,
+            self.A_x_dot_x_dot * y_dot - self.c5 * x,
+            self.k2 * omega_z,
+        ]
     }
 
     /// Their rates by the nonholonomic momentum equation.

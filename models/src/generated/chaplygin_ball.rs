@@ -259,34 +259,46 @@ pub struct Prepared<R = f64> {
     m: R,
     /// Parameter `r`.
     r: R,
-    /// `l * chi3`
-    c0: R,
-    /// `l * chi2`
-    c1: R,
-    /// `l * chi1`
-    c2: R,
     /// `m * l * chi3 * g`
-    c3: R,
+    c0: R,
     /// `m * l * chi2 * g`
-    c4: R,
+    c1: R,
     /// `I2 - I3`
-    c5: R,
+    c2: R,
     /// `m * l * chi1 * g`
-    c6: R,
+    c3: R,
     /// `I1 - I3`
-    c7: R,
+    c4: R,
     /// `I1 - I2`
+    c5: R,
+    /// `l * chi3`
+    c6: R,
+    /// `l * chi2`
+    c7: R,
+    /// `l * chi1`
     c8: R,
-    /// `0.5 * I1`
+    /// `m * l * chi1`
     c9: R,
-    /// `0.5 * I2`
+    /// `m * l * chi2`
     c10: R,
-    /// `0.5 * I3`
+    /// `m * l * chi3`
     c11: R,
-    /// `0.5 * m`
+    /// `0.5 * I1`
     c12: R,
-    /// `m * r`
+    /// `0.5 * I2`
     c13: R,
+    /// `0.5 * I3`
+    c14: R,
+    /// `0.5 * m`
+    c15: R,
+    /// `l * chi3 / r`
+    c16: R,
+    /// `m * r`
+    c17: R,
+    /// `l * chi2 / r`
+    c18: R,
+    /// `l * chi1 / r`
+    c19: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -299,7 +311,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 15 multiplications.
+    /// 3 additions, 15 multiplications, 3 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, m, r, l, chi1, chi2, chi3, g } = *params;
         for (value, condition, meaning) in [
@@ -350,6 +362,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             }
         }
         let t0 = m * l;
+        let t1 = t0 * chi3;
+        let t2 = t0 * chi2;
+        let t3 = t0 * chi1;
+        let t4 = l * chi3;
+        let t5 = l * chi2;
+        let t6 = l * chi1;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -386,20 +404,26 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             I3,
             m,
             r,
-            c0: l * chi3,
-            c1: l * chi2,
-            c2: l * chi1,
-            c3: t0 * chi3 * g,
-            c4: t0 * chi2 * g,
-            c5: I2 - I3,
-            c6: t0 * chi1 * g,
-            c7: I1 - I3,
-            c8: I1 - I2,
-            c9: R::from_f64(0.5) * I1,
-            c10: R::from_f64(0.5) * I2,
-            c11: R::from_f64(0.5) * I3,
-            c12: R::from_f64(0.5) * m,
-            c13: m * r,
+            c0: t1 * g,
+            c1: t2 * g,
+            c2: I2 - I3,
+            c3: t3 * g,
+            c4: I1 - I3,
+            c5: I1 - I2,
+            c6: t4,
+            c7: t5,
+            c8: t6,
+            c9: t3,
+            c10: t2,
+            c11: t1,
+            c12: R::from_f64(0.5) * I1,
+            c13: R::from_f64(0.5) * I2,
+            c14: R::from_f64(0.5) * I3,
+            c15: R::from_f64(0.5) * m,
+            c16: t4 / r,
+            c17: m * r,
+            c18: t5 / r,
+            c19: t6 / r,
         })
     }
 }
@@ -424,25 +448,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 46 additions, 81 multiplications, 3 divisions, 5 sign changes.
+    /// 40 additions, 63 multiplications, 3 divisions, 4 sign changes.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 6], dy: &mut [R; 6]) {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
-        /// velocities y = Psi u + psi0
-        let [t0, t1, X1, t2, X2, X3] = {
-            let t0 = self.c0 + self.r * Gamma3;
-            let t1 = self.c1 + self.r * Gamma2;
-            let t2 = self.c2 + self.r * Gamma1;
-            [
-                t0,
-                t1,
-                Omega2 * t0 - Omega3 * t1,
-                t2,
-                Omega3 * t2 - Omega1 * t0,
-                Omega1 * t1 - Omega2 * t2,
-            ]
-        };
         /// kinematics xdot = rho y
         let [dot_Gamma1, dot_Gamma2, dot_Gamma3] = [
             Omega3 * Gamma2 - Omega2 * Gamma3,
@@ -450,68 +460,70 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             Omega2 * Gamma1 - Omega1 * Gamma2,
         ];
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [r_Omega1, r_Omega2, r_Omega3, r_X1, r_X2, r_X3] = [
-            self.c3 * Gamma2 - self.c4 * Gamma3 + self.c5 * (Omega2 * Omega3),
-            self.c6 * Gamma3 - self.c3 * Gamma1 - self.c7 * (Omega1 * Omega3),
-            self.c4 * Gamma1 - self.c6 * Gamma2 + self.c8 * (Omega1 * Omega2),
-            -(self.m * (Omega2 * X3 - Omega3 * X2)),
-            self.m * (Omega1 * X3 - Omega3 * X1),
-            -(self.m * (Omega1 * X2 - Omega2 * X1)),
-        ];
-        /// accelerations of the dependent velocities at udot = 0
-        let [lag_X1, lag_X2, lag_X3] = [
-            self.r * (Omega2 * dot_Gamma3 - Omega3 * dot_Gamma2),
-            self.r * (Omega3 * dot_Gamma1 - Omega1 * dot_Gamma3),
-            self.r * (Omega1 * dot_Gamma2 - Omega2 * dot_Gamma1),
+        let [r_Omega1, r_Omega2, r_Omega3] = [
+            self.c0 * Gamma2 - self.c1 * Gamma3 + self.c2 * (Omega2 * Omega3),
+            self.c3 * Gamma3 - self.c0 * Gamma1 - self.c4 * (Omega1 * Omega3),
+            self.c1 * Gamma1 - self.c3 * Gamma2 + self.c5 * (Omega1 * Omega2),
         ];
         /// mass matrix A = W^T L_yy Psi
-        let [A_Omega1_Omega1, A_Omega1_Omega2, A_Omega1_Omega3, A_Omega2_Omega2,
-        A_Omega2_Omega3, A_Omega3_Omega3] = {
-            let t3 = t0 * t0;
-            let t4 = t1 * t1;
-            let t5 = t2 * t2;
+        let [t0, t3, A_Omega1_Omega1, t6, A_Omega1_Omega2, A_Omega1_Omega3,
+        A_Omega2_Omega2, A_Omega2_Omega3, A_Omega3_Omega3] = {
+            let t0 = self.c6 + self.r * Gamma3;
+            let t1 = self.m * t0;
+            let t2 = t0 * t1;
+            let t3 = self.c7 + self.r * Gamma2;
+            let t4 = self.m * t3;
+            let t5 = t3 * t4;
+            let t6 = self.c8 + self.r * Gamma1;
+            let t7 = t6 * (self.m * t6);
             [
-                self.I1 + self.m * (t3 + t4),
-                -(self.m * (t2 * t1)),
-                -(self.m * (t2 * t0)),
-                self.I2 + self.m * (t3 + t5),
-                -(self.m * (t1 * t0)),
-                self.I3 + self.m * (t4 + t5),
+                t0,
+                t3,
+                self.I1 + (t2 + t5),
+                t6,
+                -(t4 * t6),
+                -(t1 * t6),
+                self.I2 + (t2 + t7),
+                -(t1 * t3),
+                self.I3 + (t5 + t7),
             ]
         };
         /// right side f = W^T (r - L_yy lag)
         let [f_Omega1, f_Omega2, f_Omega3] = {
-            let n_X1 = r_X1 - self.m * lag_X1;
-            let n_X2 = r_X2 - self.m * lag_X2;
-            let n_X3 = r_X3 - self.m * lag_X3;
+            let t8 = self.c9 * Omega2 - self.c10 * Omega1;
+            let t9 = self.c9 * Omega3 - self.c11 * Omega1;
+            let n_X1 = Omega2 * t8 + Omega3 * t9;
+            let t10 = self.c11 * Omega2 - self.c10 * Omega3;
+            let n_X2 = -(Omega3 * t10 + Omega1 * t8);
+            let n_X3 = Omega2 * t10 - Omega1 * t9;
             [
-                r_Omega1 + t1 * n_X3 - t0 * n_X2,
-                r_Omega2 + t0 * n_X1 - t2 * n_X3,
-                r_Omega3 + t2 * n_X2 - t1 * n_X1,
+                r_Omega1 + t3 * n_X3 - t0 * n_X2,
+                r_Omega2 + t0 * n_X1 - t6 * n_X3,
+                r_Omega3 + t6 * n_X2 - t3 * n_X1,
             ]
         };
         /// factors of A
-        let [t6, A_l2_1, A_l3_1, t7, A_l3_2, A_s2_3_3] = {
-            let t6 = A_Omega1_Omega1.recip();
-            let A_l2_1 = A_Omega1_Omega2 * t6;
-            let A_l3_1 = A_Omega1_Omega3 * t6;
+        let [t11, A_l2_1, A_l3_1, t12, A_l3_2, A_s2_3_3] = {
+            let t11 = A_Omega1_Omega1.recip();
+            let A_l2_1 = A_Omega1_Omega2 * t11;
+            let A_l3_1 = A_Omega1_Omega3 * t11;
             let A_s1_2_2 = A_Omega2_Omega2 - A_Omega1_Omega2 * A_l2_1;
             let A_s1_2_3 = A_Omega2_Omega3 - A_Omega1_Omega3 * A_l2_1;
             let A_s1_3_3 = A_Omega3_Omega3 - A_Omega1_Omega3 * A_l3_1;
-            let t7 = A_s1_2_2.recip();
-            let A_l3_2 = A_s1_2_3 * t7;
-            [t6, A_l2_1, A_l3_1, t7, A_l3_2, A_s1_3_3 - A_s1_2_3 * A_l3_2]
+            let t12 = A_s1_2_2.recip();
+            let A_l3_2 = A_s1_2_3 * t12;
+            [t11, A_l2_1, A_l3_1, t12, A_l3_2, A_s1_3_3 - A_s1_2_3 * A_l3_2]
         };
         /// substitution through the factors of A
         let [dot_Omega3, dot_Omega2, dot_Omega1] = {
             let z_Omega2 = f_Omega2 - f_Omega1 * A_l2_1;
             let z_Omega3 = f_Omega3 - f_Omega1 * A_l3_1 - A_l3_2 * z_Omega2;
             let dot_Omega3 = z_Omega3 / A_s2_3_3;
-            let dot_Omega2 = z_Omega2 * t7 - A_l3_2 * dot_Omega3;
+            let dot_Omega2 = z_Omega2 * t12 - A_l3_2 * dot_Omega3;
             [
                 dot_Omega3,
                 dot_Omega2,
-                f_Omega1 * t6 - A_l2_1 * dot_Omega2 - A_l3_1 * dot_Omega3,
+                f_Omega1 * t11 - A_l2_1 * dot_Omega2 - A_l3_1 * dot_Omega3,
             ]
         };
         *dy = [dot_Omega1, dot_Omega2, dot_Omega3, dot_Gamma1, dot_Gamma2, dot_Gamma3];
@@ -533,19 +545,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         /// velocities y = Psi u + psi0
         let [X1, X2, X3] = {
-            let t0 = self.c0 + self.r * Gamma3;
-            let t1 = self.c1 + self.r * Gamma2;
-            let t2 = self.c2 + self.r * Gamma1;
+            let t0 = self.c6 + self.r * Gamma3;
+            let t1 = self.c7 + self.r * Gamma2;
+            let t2 = self.c8 + self.r * Gamma1;
             [
                 Omega2 * t0 - Omega3 * t1,
                 Omega3 * t2 - Omega1 * t0,
                 Omega1 * t1 - Omega2 * t2,
             ]
         };
-        let t3 = self.c9 * (Omega1 * Omega1) + self.c10 * (Omega2 * Omega2)
-            + self.c11 * (Omega3 * Omega3) + self.c12 * (X1 * X1 + X2 * X2 + X3 * X3)
-            + self.c6 * Gamma1 + self.c4 * Gamma2;
-        t3 + self.c3 * Gamma3
+        self.c12 * (Omega1 * Omega1) + self.c13 * (Omega2 * Omega2)
+            + self.c14 * (Omega3 * Omega3) + self.c1 * Gamma2 + self.c0 * Gamma3
+            + self.c3 * Gamma1 + self.c15 * (X1 * X1 + X2 * X2 + X3 * X3)
     }
 
     /// Momenta p = dL/dy.
@@ -558,30 +569,25 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 6 additions, 15 multiplications.
+    /// 6 additions, 12 multiplications.
     #[inline]
     #[must_use]
     pub fn momentum(&self, t: R, y: &[R; 6]) -> [R; 6] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
-        /// velocities y = Psi u + psi0
-        let [X1, X2, X3] = {
-            let t0 = self.c0 + self.r * Gamma3;
-            let t1 = self.c1 + self.r * Gamma2;
-            let t2 = self.c2 + self.r * Gamma1;
-            [
-                Omega2 * t0 - Omega3 * t1,
-                Omega3 * t2 - Omega1 * t0,
-                Omega1 * t1 - Omega2 * t2,
-            ]
-        };
+        let t0 = self.c16 + Gamma3;
+        let t1 = self.c17 * Omega2;
+        let t2 = self.c18 + Gamma2;
+        let t3 = self.c17 * Omega3;
+        let t4 = self.c19 + Gamma1;
+        let t5 = self.c17 * Omega1;
         [
             self.I1 * Omega1,
             self.I2 * Omega2,
             self.I3 * Omega3,
-            self.m * X1,
-            self.m * X2,
-            self.m * X3,
+            t0 * t1 - t2 * t3,
+            t3 * t4 - t0 * t5,
+            t2 * t5 - t1 * t4,
         ]
     }
 
@@ -595,26 +601,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 55 additions, 90 multiplications, 3 divisions, 5 sign changes.
+    /// 52 additions, 80 multiplications, 3 divisions, 4 sign changes.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 6]) -> [R; 3] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
-        /// velocities y = Psi u + psi0
-        let [t0, t1, X1, t2, X2, X3] = {
-            let t0 = self.c0 + self.r * Gamma3;
-            let t1 = self.c1 + self.r * Gamma2;
-            let t2 = self.c2 + self.r * Gamma1;
-            [
-                t0,
-                t1,
-                Omega2 * t0 - Omega3 * t1,
-                t2,
-                Omega3 * t2 - Omega1 * t0,
-                Omega1 * t1 - Omega2 * t2,
-            ]
-        };
         /// kinematics xdot = rho y
         let [dot_Gamma1, dot_Gamma2, dot_Gamma3] = [
             Omega3 * Gamma2 - Omega2 * Gamma3,
@@ -622,77 +614,95 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             Omega2 * Gamma1 - Omega1 * Gamma2,
         ];
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [r_Omega1, r_Omega2, r_Omega3, r_X1, r_X2, r_X3] = [
-            self.c3 * Gamma2 - self.c4 * Gamma3 + self.c5 * (Omega2 * Omega3),
-            self.c6 * Gamma3 - self.c3 * Gamma1 - self.c7 * (Omega1 * Omega3),
-            self.c4 * Gamma1 - self.c6 * Gamma2 + self.c8 * (Omega1 * Omega2),
-            -(self.m * (Omega2 * X3 - Omega3 * X2)),
-            self.m * (Omega1 * X3 - Omega3 * X1),
-            -(self.m * (Omega1 * X2 - Omega2 * X1)),
-        ];
+        let [r_Omega1, r_Omega2, r_Omega3, t0, t1, t2, t3, t5, t6, r_X1, r_X2, r_X3] = {
+            let t0 = self.c8 + self.r * Gamma1;
+            let t1 = self.m * t0;
+            let t2 = self.c7 + self.r * Gamma2;
+            let t3 = self.m * t2;
+            let t4 = Omega2 * t1 - Omega1 * t3;
+            let t5 = self.c6 + self.r * Gamma3;
+            let t6 = self.m * t5;
+            let t7 = Omega3 * t1 - Omega1 * t6;
+            let t8 = Omega2 * t6 - Omega3 * t3;
+            [
+                self.c0 * Gamma2 - self.c1 * Gamma3 + self.c2 * (Omega2 * Omega3),
+                self.c3 * Gamma3 - self.c0 * Gamma1 - self.c4 * (Omega1 * Omega3),
+                self.c1 * Gamma1 - self.c3 * Gamma2 + self.c5 * (Omega1 * Omega2),
+                t0,
+                t1,
+                t2,
+                t3,
+                t5,
+                t6,
+                Omega2 * t4 + Omega3 * t7,
+                -(Omega3 * t8 + Omega1 * t4),
+                Omega2 * t8 - Omega1 * t7,
+            ]
+        };
         /// accelerations of the dependent velocities at udot = 0
-        let [lag_X1, lag_X2, lag_X3] = [
-            self.r * (Omega2 * dot_Gamma3 - Omega3 * dot_Gamma2),
-            self.r * (Omega3 * dot_Gamma1 - Omega1 * dot_Gamma3),
-            self.r * (Omega1 * dot_Gamma2 - Omega2 * dot_Gamma1),
-        ];
+        let [lag_X1, lag_X3] = {
+            let t9 = self.r * Omega2;
+            let t10 = self.r * dot_Gamma2;
+            [dot_Gamma3 * t9 - Omega3 * t10, Omega1 * t10 - dot_Gamma1 * t9]
+        };
         /// mass matrix A = W^T L_yy Psi
         let [A_Omega1_Omega1, A_Omega1_Omega2, A_Omega1_Omega3, A_Omega2_Omega2,
         A_Omega2_Omega3, A_Omega3_Omega3] = {
-            let t3 = t0 * t0;
-            let t4 = t1 * t1;
-            let t5 = t2 * t2;
+            let t11 = t5 * t6;
+            let t12 = t2 * t3;
+            let t13 = t0 * t1;
             [
-                self.I1 + self.m * (t3 + t4),
-                -(self.m * (t2 * t1)),
-                -(self.m * (t2 * t0)),
-                self.I2 + self.m * (t3 + t5),
-                -(self.m * (t1 * t0)),
-                self.I3 + self.m * (t4 + t5),
+                self.I1 + (t11 + t12),
+                -(t3 * t0),
+                -(t1 * t5),
+                self.I2 + (t11 + t13),
+                -(t3 * t5),
+                self.I3 + (t12 + t13),
             ]
         };
         /// right side f = W^T (r - L_yy lag)
-        let [f_Omega1, f_Omega2, f_Omega3] = {
+        let [n_X1, n_X2, n_X3, f_Omega1, f_Omega2, f_Omega3] = {
             let n_X1 = r_X1 - self.m * lag_X1;
-            let n_X2 = r_X2 - self.m * lag_X2;
+            let n_X2 = r_X2 - self.c17 * (Omega3 * dot_Gamma1 - Omega1 * dot_Gamma3);
             let n_X3 = r_X3 - self.m * lag_X3;
             [
-                r_Omega1 + t1 * n_X3 - t0 * n_X2,
-                r_Omega2 + t0 * n_X1 - t2 * n_X3,
-                r_Omega3 + t2 * n_X2 - t1 * n_X1,
+                n_X1,
+                n_X2,
+                n_X3,
+                r_Omega1 + t2 * n_X3 - t5 * n_X2,
+                r_Omega2 + t5 * n_X1 - t0 * n_X3,
+                r_Omega3 + t0 * n_X2 - t2 * n_X1,
             ]
         };
         /// factors of A
-        let [t6, A_l2_1, A_l3_1, t7, A_l3_2, A_s2_3_3] = {
-            let t6 = A_Omega1_Omega1.recip();
-            let A_l2_1 = A_Omega1_Omega2 * t6;
-            let A_l3_1 = A_Omega1_Omega3 * t6;
+        let [t14, A_l2_1, A_l3_1, t15, A_l3_2, A_s2_3_3] = {
+            let t14 = A_Omega1_Omega1.recip();
+            let A_l2_1 = A_Omega1_Omega2 * t14;
+            let A_l3_1 = A_Omega1_Omega3 * t14;
             let A_s1_2_2 = A_Omega2_Omega2 - A_Omega1_Omega2 * A_l2_1;
             let A_s1_2_3 = A_Omega2_Omega3 - A_Omega1_Omega3 * A_l2_1;
             let A_s1_3_3 = A_Omega3_Omega3 - A_Omega1_Omega3 * A_l3_1;
-            let t7 = A_s1_2_2.recip();
-            let A_l3_2 = A_s1_2_3 * t7;
-            [t6, A_l2_1, A_l3_1, t7, A_l3_2, A_s1_3_3 - A_s1_2_3 * A_l3_2]
+            let t15 = A_s1_2_2.recip();
+            let A_l3_2 = A_s1_2_3 * t15;
+            [t14, A_l2_1, A_l3_1, t15, A_l3_2, A_s1_3_3 - A_s1_2_3 * A_l3_2]
         };
         /// substitution through the factors of A
         let [dot_Omega3, dot_Omega2, dot_Omega1] = {
             let z_Omega2 = f_Omega2 - f_Omega1 * A_l2_1;
             let z_Omega3 = f_Omega3 - f_Omega1 * A_l3_1 - A_l3_2 * z_Omega2;
             let dot_Omega3 = z_Omega3 / A_s2_3_3;
-            let dot_Omega2 = z_Omega2 * t7 - A_l3_2 * dot_Omega3;
+            let dot_Omega2 = z_Omega2 * t15 - A_l3_2 * dot_Omega3;
             [
                 dot_Omega3,
                 dot_Omega2,
-                f_Omega1 * t6 - A_l2_1 * dot_Omega2 - A_l3_1 * dot_Omega3,
+                f_Omega1 * t14 - A_l2_1 * dot_Omega2 - A_l3_1 * dot_Omega3,
             ]
         };
-        /// accelerations ydot = Psi udot + lag
-        let [dot_X1, dot_X2, dot_X3] = [
-            lag_X1 + t0 * dot_Omega2 - t1 * dot_Omega3,
-            lag_X2 + t2 * dot_Omega3 - t0 * dot_Omega1,
-            lag_X3 + t1 * dot_Omega1 - t2 * dot_Omega2,
-        ];
-        [self.m * dot_X1 - r_X1, self.m * dot_X2 - r_X2, self.m * dot_X3 - r_X3]
+        [
+            t6 * dot_Omega2 - n_X1 - t3 * dot_Omega3,
+            t1 * dot_Omega3 - n_X2 - t6 * dot_Omega1,
+            t3 * dot_Omega1 - n_X3 - t1 * dot_Omega2,
+        ]
     }
 
     /// Momenta \<p, W_b\> along the sections of virtual displacements.
@@ -713,9 +723,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         /// velocities y = Psi u + psi0
         let [t0, t1, X1, t2, X2, X3] = {
-            let t0 = self.c0 + self.r * Gamma3;
-            let t1 = self.c1 + self.r * Gamma2;
-            let t2 = self.c2 + self.r * Gamma1;
+            let t0 = self.c6 + self.r * Gamma3;
+            let t1 = self.c7 + self.r * Gamma2;
+            let t2 = self.c8 + self.r * Gamma1;
             [
                 t0,
                 t1,
@@ -725,10 +735,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 Omega1 * t1 - Omega2 * t2,
             ]
         };
+        let t3 = self.m * t1;
+        let t4 = self.m * t0;
+        let t5 = self.m * t2;
         [
-            self.I1 * Omega1 + self.m * (t1 * X3 - t0 * X2),
-            self.I2 * Omega2 + self.m * (t0 * X1 - t2 * X3),
-            self.I3 * Omega3 + self.m * (t2 * X2 - t1 * X1),
+            self.I1 * Omega1 + X3 * t3 - X2 * t4,
+            self.I2 * Omega2 + X1 * t4 - X3 * t5,
+            self.I3 * Omega3 + X2 * t5 - X1 * t3,
         ]
     }
 
@@ -742,7 +755,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 30 additions, 51 multiplications, 2 sign changes.
+    /// 30 additions, 51 multiplications.
     #[inline]
     #[must_use]
     pub fn momentum_equation(&self, t: R, y: &[R; 6]) -> [R; 3] {
@@ -750,9 +763,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         /// velocities y = Psi u + psi0
         let [t0, t1, X1, t2, X2, X3] = {
-            let t0 = self.c0 + self.r * Gamma3;
-            let t1 = self.c1 + self.r * Gamma2;
-            let t2 = self.c2 + self.r * Gamma1;
+            let t0 = self.c6 + self.r * Gamma3;
+            let t1 = self.c7 + self.r * Gamma2;
+            let t2 = self.c8 + self.r * Gamma1;
             [
                 t0,
                 t1,
@@ -769,21 +782,26 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             Omega2 * Gamma1 - Omega1 * Gamma2,
         ];
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [r_Omega1, r_Omega2, r_Omega3, r_X1, r_X2, r_X3] = [
-            self.c3 * Gamma2 - self.c4 * Gamma3 + self.c5 * (Omega2 * Omega3),
-            self.c6 * Gamma3 - self.c3 * Gamma1 - self.c7 * (Omega1 * Omega3),
-            self.c4 * Gamma1 - self.c6 * Gamma2 + self.c8 * (Omega1 * Omega2),
-            -(self.m * (Omega2 * X3 - Omega3 * X2)),
-            self.m * (Omega1 * X3 - Omega3 * X1),
-            -(self.m * (Omega1 * X2 - Omega2 * X1)),
-        ];
+        let [r_Omega1, r_Omega2, r_Omega3, r_X1, r_X2, r_X3] = {
+            let t3 = self.m * Omega3;
+            let t4 = self.m * Omega2;
+            let t5 = self.m * Omega1;
+            [
+                self.c0 * Gamma2 - self.c1 * Gamma3 + self.c2 * (Omega2 * Omega3),
+                self.c3 * Gamma3 - self.c0 * Gamma1 - self.c4 * (Omega1 * Omega3),
+                self.c1 * Gamma1 - self.c3 * Gamma2 + self.c5 * (Omega1 * Omega2),
+                X2 * t3 - X3 * t4,
+                X3 * t5 - X1 * t3,
+                X1 * t4 - X2 * t5,
+            ]
+        };
+        let t6 = self.c17 * X3;
+        let t7 = self.c17 * X2;
+        let t8 = self.c17 * X1;
         [
-            r_Omega1 + t1 * r_X3 - t0 * r_X2
-                + self.c13 * (X3 * dot_Gamma2 - X2 * dot_Gamma3),
-            r_Omega2 + t0 * r_X1 - t2 * r_X3
-                + self.c13 * (X1 * dot_Gamma3 - X3 * dot_Gamma1),
-            r_Omega3 + t2 * r_X2 - t1 * r_X1
-                + self.c13 * (X2 * dot_Gamma1 - X1 * dot_Gamma2),
+            r_Omega1 + t1 * r_X3 + dot_Gamma2 * t6 - t0 * r_X2 - dot_Gamma3 * t7,
+            r_Omega2 + t0 * r_X1 + dot_Gamma3 * t8 - t2 * r_X3 - dot_Gamma1 * t6,
+            r_Omega3 + t2 * r_X2 + dot_Gamma1 * t7 - t1 * r_X1 - dot_Gamma2 * t8,
         ]
     }
 
@@ -814,32 +832,34 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 13 additions, 21 multiplications, 2 divisions, 3 sign changes.
+    /// 13 additions, 18 multiplications, 2 divisions, 3 sign changes.
     pub fn check(&self, t: R, y: &[R; 6]) -> Result<(), ::hamel_runtime::Failure> {
         let [_, _, _, Gamma1, Gamma2, Gamma3] = *y;
         /// mass matrix A = W^T L_yy Psi
         let [A_Omega1_Omega1, A_Omega1_Omega2, A_Omega1_Omega3, A_Omega2_Omega2,
         A_Omega2_Omega3, A_Omega3_Omega3] = {
-            let t0 = self.c0 + self.r * Gamma3;
-            let t1 = t0 * t0;
-            let t2 = self.c1 + self.r * Gamma2;
-            let t3 = t2 * t2;
-            let t4 = self.c2 + self.r * Gamma1;
-            let t5 = t4 * t4;
+            let t0 = self.c6 + self.r * Gamma3;
+            let t1 = self.m * t0;
+            let t2 = t0 * t1;
+            let t3 = self.c7 + self.r * Gamma2;
+            let t4 = self.m * t3;
+            let t5 = t3 * t4;
+            let t6 = self.c8 + self.r * Gamma1;
+            let t7 = t6 * (self.m * t6);
             [
-                self.I1 + self.m * (t1 + t3),
-                -(self.m * (t4 * t2)),
-                -(self.m * (t4 * t0)),
-                self.I2 + self.m * (t1 + t5),
-                -(self.m * (t2 * t0)),
-                self.I3 + self.m * (t3 + t5),
+                self.I1 + (t2 + t5),
+                -(t4 * t6),
+                -(t1 * t6),
+                self.I2 + (t2 + t7),
+                -(t1 * t3),
+                self.I3 + (t5 + t7),
             ]
         };
         /// factors of A
         let [A_s1_2_2, A_s2_3_3] = {
-            let t6 = A_Omega1_Omega1.recip();
-            let A_l2_1 = A_Omega1_Omega2 * t6;
-            let A_l3_1 = A_Omega1_Omega3 * t6;
+            let t8 = A_Omega1_Omega1.recip();
+            let A_l2_1 = A_Omega1_Omega2 * t8;
+            let A_l3_1 = A_Omega1_Omega3 * t8;
             let A_s1_2_2 = A_Omega2_Omega2 - A_Omega1_Omega2 * A_l2_1;
             let A_s1_2_3 = A_Omega2_Omega3 - A_Omega1_Omega3 * A_l2_1;
             let A_s1_3_3 = A_Omega3_Omega3 - A_Omega1_Omega3 * A_l3_1;

@@ -329,16 +329,28 @@ pub struct Prepared<R = f64> {
     c7: R,
     /// `I1 - I2`
     c8: R,
-    /// `0.5 * I1`
+    /// `m * l * chi1`
     c9: R,
-    /// `0.5 * I2`
+    /// `m * l * chi2`
     c10: R,
-    /// `0.5 * I3`
+    /// `m * l * chi3`
     c11: R,
-    /// `0.5 * m`
+    /// `0.5 * I1`
     c12: R,
-    /// `m * r`
+    /// `0.5 * I2`
     c13: R,
+    /// `0.5 * I3`
+    c14: R,
+    /// `0.5 * m`
+    c15: R,
+    /// `l * chi3 / r`
+    c16: R,
+    /// `m * r`
+    c17: R,
+    /// `l * chi2 / r`
+    c18: R,
+    /// `l * chi1 / r`
+    c19: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -351,7 +363,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 15 multiplications.
+    /// 3 additions, 15 multiplications, 3 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, m, r, l, chi1, chi2, chi3, g } = *params;
         for (value, condition, meaning) in [
@@ -401,7 +413,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let t0 = m * l;
+        let t0 = l * chi3;
+        let t1 = l * chi2;
+        let t2 = l * chi1;
+        let t3 = m * l;
+        let t4 = t3 * chi3;
+        let t5 = t3 * chi2;
+        let t6 = t3 * chi1;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -438,20 +456,26 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             I3,
             m,
             r,
-            c0: l * chi3,
-            c1: l * chi2,
-            c2: l * chi1,
-            c3: t0 * chi3 * g,
-            c4: t0 * chi2 * g,
+            c0: t0,
+            c1: t1,
+            c2: t2,
+            c3: t4 * g,
+            c4: t5 * g,
             c5: I2 - I3,
-            c6: t0 * chi1 * g,
+            c6: t6 * g,
             c7: I1 - I3,
             c8: I1 - I2,
-            c9: R::from_f64(0.5) * I1,
-            c10: R::from_f64(0.5) * I2,
-            c11: R::from_f64(0.5) * I3,
-            c12: R::from_f64(0.5) * m,
-            c13: m * r,
+            c9: t6,
+            c10: t5,
+            c11: t4,
+            c12: R::from_f64(0.5) * I1,
+            c13: R::from_f64(0.5) * I2,
+            c14: R::from_f64(0.5) * I3,
+            c15: R::from_f64(0.5) * m,
+            c16: t0 / r,
+            c17: m * r,
+            c18: t1 / r,
+            c19: t2 / r,
         })
     }
 }
@@ -476,7 +500,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 66 additions, 121 multiplications, 3 divisions, 6 sign changes.
+    /// 63 additions, 102 multiplications, 3 divisions, 5 sign changes.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 13], dy: &mut [R; 13]) {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3, qw, qx, qy, qz, _, _, _] = *y;
@@ -502,40 +526,36 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             Omega2 * Gamma1 - Omega1 * Gamma2,
         ];
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [r_Omega1, r_Omega2, r_Omega3, r_X1, r_X2, r_X3] = [
+        let [r_Omega1, r_Omega2, r_Omega3] = [
             self.c3 * Gamma2 - self.c4 * Gamma3 + self.c5 * (Omega2 * Omega3),
             self.c6 * Gamma3 - self.c3 * Gamma1 - self.c7 * (Omega1 * Omega3),
             self.c4 * Gamma1 - self.c6 * Gamma2 + self.c8 * (Omega1 * Omega2),
-            -(self.m * (Omega2 * X3 - Omega3 * X2)),
-            self.m * (Omega1 * X3 - Omega3 * X1),
-            -(self.m * (Omega1 * X2 - Omega2 * X1)),
-        ];
-        /// accelerations of the dependent velocities at udot = 0
-        let [lag_X1, lag_X2, lag_X3] = [
-            self.r * (Omega2 * dot_Gamma3 - Omega3 * dot_Gamma2),
-            self.r * (Omega3 * dot_Gamma1 - Omega1 * dot_Gamma3),
-            self.r * (Omega1 * dot_Gamma2 - Omega2 * dot_Gamma1),
         ];
         /// mass matrix A = W^T L_yy Psi
         let [A_Omega1_Omega1, A_Omega1_Omega2, A_Omega1_Omega3, A_Omega2_Omega2,
         A_Omega2_Omega3, A_Omega3_Omega3] = {
-            let t3 = t0 * t0;
-            let t4 = t1 * t1;
-            let t5 = t2 * t2;
+            let t3 = self.m * t0;
+            let t4 = t0 * t3;
+            let t5 = self.m * t1;
+            let t6 = t1 * t5;
+            let t7 = t2 * (self.m * t2);
             [
-                self.I1 + self.m * (t3 + t4),
-                -(self.m * (t2 * t1)),
-                -(self.m * (t2 * t0)),
-                self.I2 + self.m * (t3 + t5),
-                -(self.m * (t1 * t0)),
-                self.I3 + self.m * (t4 + t5),
+                self.I1 + (t4 + t6),
+                -(t2 * t5),
+                -(t2 * t3),
+                self.I2 + (t4 + t7),
+                -(t1 * t3),
+                self.I3 + (t6 + t7),
             ]
         };
         /// right side f = W^T (r - L_yy lag)
         let [f_Omega1, f_Omega2, f_Omega3] = {
-            let n_X1 = r_X1 - self.m * lag_X1;
-            let n_X2 = r_X2 - self.m * lag_X2;
-            let n_X3 = r_X3 - self.m * lag_X3;
+            let t8 = self.c9 * Omega2 - self.c10 * Omega1;
+            let t9 = self.c9 * Omega3 - self.c11 * Omega1;
+            let n_X1 = Omega2 * t8 + Omega3 * t9;
+            let t10 = self.c11 * Omega2 - self.c10 * Omega3;
+            let n_X2 = -(Omega3 * t10 + Omega1 * t8);
+            let n_X3 = Omega2 * t10 - Omega1 * t9;
             [
                 r_Omega1 + t1 * n_X3 - t0 * n_X2,
                 r_Omega2 + t0 * n_X1 - t2 * n_X3,
@@ -543,32 +563,35 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             ]
         };
         /// factors of A
-        let [t6, A_l2_1, A_l3_1, t7, A_l3_2, A_s2_3_3] = {
-            let t6 = A_Omega1_Omega1.recip();
-            let A_l2_1 = A_Omega1_Omega2 * t6;
-            let A_l3_1 = A_Omega1_Omega3 * t6;
+        let [t11, A_l2_1, A_l3_1, t12, A_l3_2, A_s2_3_3] = {
+            let t11 = A_Omega1_Omega1.recip();
+            let A_l2_1 = A_Omega1_Omega2 * t11;
+            let A_l3_1 = A_Omega1_Omega3 * t11;
             let A_s1_2_2 = A_Omega2_Omega2 - A_Omega1_Omega2 * A_l2_1;
             let A_s1_2_3 = A_Omega2_Omega3 - A_Omega1_Omega3 * A_l2_1;
             let A_s1_3_3 = A_Omega3_Omega3 - A_Omega1_Omega3 * A_l3_1;
-            let t7 = A_s1_2_2.recip();
-            let A_l3_2 = A_s1_2_3 * t7;
-            [t6, A_l2_1, A_l3_1, t7, A_l3_2, A_s1_3_3 - A_s1_2_3 * A_l3_2]
+            let t12 = A_s1_2_2.recip();
+            let A_l3_2 = A_s1_2_3 * t12;
+            [t11, A_l2_1, A_l3_1, t12, A_l3_2, A_s1_3_3 - A_s1_2_3 * A_l3_2]
         };
         /// substitution through the factors of A
         let [dot_Omega3, dot_Omega2, dot_Omega1] = {
             let z_Omega2 = f_Omega2 - f_Omega1 * A_l2_1;
             let z_Omega3 = f_Omega3 - f_Omega1 * A_l3_1 - A_l3_2 * z_Omega2;
             let dot_Omega3 = z_Omega3 / A_s2_3_3;
-            let dot_Omega2 = z_Omega2 * t7 - A_l3_2 * dot_Omega3;
+            let dot_Omega2 = z_Omega2 * t12 - A_l3_2 * dot_Omega3;
             [
                 dot_Omega3,
                 dot_Omega2,
-                f_Omega1 * t6 - A_l2_1 * dot_Omega2 - A_l3_1 * dot_Omega3,
+                f_Omega1 * t11 - A_l2_1 * dot_Omega2 - A_l3_1 * dot_Omega3,
             ]
         };
-        let t8 = qx * X2 - qy * X1;
-        let t9 = qz * X1 - qx * X3;
-        let t10 = qy * X3 - qz * X2;
+        let t13 = R::from_f64(0.5) * Omega1;
+        let t14 = R::from_f64(0.5) * Omega2;
+        let t15 = R::from_f64(0.5) * Omega3;
+        let t16 = R::from_f64(2.0) * (qx * X2 - qy * X1);
+        let t17 = R::from_f64(2.0) * (qy * X3 - qz * X2);
+        let t18 = R::from_f64(2.0) * (qz * X1 - qx * X3);
         *dy = [
             dot_Omega1,
             dot_Omega2,
@@ -576,16 +599,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             dot_Gamma1,
             dot_Gamma2,
             dot_Gamma3,
-            -(R::from_f64(0.5) * (Omega1 * qx + Omega2 * qy + Omega3 * qz)),
-            R::from_f64(0.5) * (Omega3 * qy - Omega2 * qz + Omega1 * qw),
-            R::from_f64(0.5) * (Omega1 * qz - Omega3 * qx + Omega2 * qw),
-            R::from_f64(0.5) * (Omega2 * qx - Omega1 * qy + Omega3 * qw),
-            X1 + R::from_f64(2.0) * (qy * t8) - R::from_f64(2.0) * (qz * t9)
-                + R::from_f64(2.0) * (qw * t10),
-            X2 + R::from_f64(2.0) * (qz * t10) - R::from_f64(2.0) * (qx * t8)
-                + R::from_f64(2.0) * (qw * t9),
-            X3 + R::from_f64(2.0) * (qx * t9) - R::from_f64(2.0) * (qy * t10)
-                + R::from_f64(2.0) * (qw * t8),
+            -(qx * t13 + qy * t14 + qz * t15),
+            qy * t15 + qw * t13 - qz * t14,
+            qz * t13 + qw * t14 - qx * t15,
+            qx * t14 + qw * t15 - qy * t13,
+            X1 + qy * t16 + qw * t17 - qz * t18,
+            X2 + qz * t17 + qw * t18 - qx * t16,
+            X3 + qx * t18 + qw * t16 - qy * t17,
         ];
     }
 
@@ -614,10 +634,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 Omega1 * t1 - Omega2 * t2,
             ]
         };
-        let t3 = self.c9 * (Omega1 * Omega1) + self.c10 * (Omega2 * Omega2)
-            + self.c11 * (Omega3 * Omega3) + self.c12 * (X1 * X1 + X2 * X2 + X3 * X3)
-            + self.c6 * Gamma1 + self.c4 * Gamma2;
-        t3 + self.c3 * Gamma3
+        self.c12 * (Omega1 * Omega1) + self.c13 * (Omega2 * Omega2)
+            + self.c14 * (Omega3 * Omega3) + self.c4 * Gamma2 + self.c3 * Gamma3
+            + self.c6 * Gamma1 + self.c15 * (X1 * X1 + X2 * X2 + X3 * X3)
     }
 
     /// Momenta p = dL/dy.
@@ -630,30 +649,25 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 6 additions, 15 multiplications.
+    /// 6 additions, 12 multiplications.
     #[inline]
     #[must_use]
     pub fn momentum(&self, t: R, y: &[R; 13]) -> [R; 6] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3, _, _, _, _, _, _, _] = *y;
         let _ = t;
-        /// velocities y = Psi u + psi0
-        let [X1, X2, X3] = {
-            let t0 = self.c0 + self.r * Gamma3;
-            let t1 = self.c1 + self.r * Gamma2;
-            let t2 = self.c2 + self.r * Gamma1;
-            [
-                Omega2 * t0 - Omega3 * t1,
-                Omega3 * t2 - Omega1 * t0,
-                Omega1 * t1 - Omega2 * t2,
-            ]
-        };
+        let t0 = self.c16 + Gamma3;
+        let t1 = self.c17 * Omega2;
+        let t2 = self.c18 + Gamma2;
+        let t3 = self.c17 * Omega3;
+        let t4 = self.c19 + Gamma1;
+        let t5 = self.c17 * Omega1;
         [
             self.I1 * Omega1,
             self.I2 * Omega2,
             self.I3 * Omega3,
-            self.m * X1,
-            self.m * X2,
-            self.m * X3,
+            t0 * t1 - t2 * t3,
+            t3 * t4 - t0 * t5,
+            t2 * t5 - t1 * t4,
         ]
     }
 
@@ -667,26 +681,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 55 additions, 90 multiplications, 3 divisions, 5 sign changes.
+    /// 52 additions, 80 multiplications, 3 divisions, 4 sign changes.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 13]) -> [R; 3] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3, _, _, _, _, _, _, _] = *y;
         let _ = t;
-        /// velocities y = Psi u + psi0
-        let [t0, t1, X1, t2, X2, X3] = {
-            let t0 = self.c0 + self.r * Gamma3;
-            let t1 = self.c1 + self.r * Gamma2;
-            let t2 = self.c2 + self.r * Gamma1;
-            [
-                t0,
-                t1,
-                Omega2 * t0 - Omega3 * t1,
-                t2,
-                Omega3 * t2 - Omega1 * t0,
-                Omega1 * t1 - Omega2 * t2,
-            ]
-        };
         /// kinematics xdot = rho y
         let [dot_Gamma1, dot_Gamma2, dot_Gamma3] = [
             Omega3 * Gamma2 - Omega2 * Gamma3,
@@ -694,77 +694,95 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             Omega2 * Gamma1 - Omega1 * Gamma2,
         ];
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [r_Omega1, r_Omega2, r_Omega3, r_X1, r_X2, r_X3] = [
-            self.c3 * Gamma2 - self.c4 * Gamma3 + self.c5 * (Omega2 * Omega3),
-            self.c6 * Gamma3 - self.c3 * Gamma1 - self.c7 * (Omega1 * Omega3),
-            self.c4 * Gamma1 - self.c6 * Gamma2 + self.c8 * (Omega1 * Omega2),
-            -(self.m * (Omega2 * X3 - Omega3 * X2)),
-            self.m * (Omega1 * X3 - Omega3 * X1),
-            -(self.m * (Omega1 * X2 - Omega2 * X1)),
-        ];
+        let [r_Omega1, r_Omega2, r_Omega3, t0, t1, t2, t3, t5, t6, r_X1, r_X2, r_X3] = {
+            let t0 = self.c2 + self.r * Gamma1;
+            let t1 = self.m * t0;
+            let t2 = self.c1 + self.r * Gamma2;
+            let t3 = self.m * t2;
+            let t4 = Omega2 * t1 - Omega1 * t3;
+            let t5 = self.c0 + self.r * Gamma3;
+            let t6 = self.m * t5;
+            let t7 = Omega3 * t1 - Omega1 * t6;
+            let t8 = Omega2 * t6 - Omega3 * t3;
+            [
+                self.c3 * Gamma2 - self.c4 * Gamma3 + self.c5 * (Omega2 * Omega3),
+                self.c6 * Gamma3 - self.c3 * Gamma1 - self.c7 * (Omega1 * Omega3),
+                self.c4 * Gamma1 - self.c6 * Gamma2 + self.c8 * (Omega1 * Omega2),
+                t0,
+                t1,
+                t2,
+                t3,
+                t5,
+                t6,
+                Omega2 * t4 + Omega3 * t7,
+                -(Omega3 * t8 + Omega1 * t4),
+                Omega2 * t8 - Omega1 * t7,
+            ]
+        };
         /// accelerations of the dependent velocities at udot = 0
-        let [lag_X1, lag_X2, lag_X3] = [
-            self.r * (Omega2 * dot_Gamma3 - Omega3 * dot_Gamma2),
-            self.r * (Omega3 * dot_Gamma1 - Omega1 * dot_Gamma3),
-            self.r * (Omega1 * dot_Gamma2 - Omega2 * dot_Gamma1),
-        ];
+        let [lag_X1, lag_X3] = {
+            let t9 = self.r * Omega2;
+            let t10 = self.r * dot_Gamma2;
+            [dot_Gamma3 * t9 - Omega3 * t10, Omega1 * t10 - dot_Gamma1 * t9]
+        };
         /// mass matrix A = W^T L_yy Psi
         let [A_Omega1_Omega1, A_Omega1_Omega2, A_Omega1_Omega3, A_Omega2_Omega2,
         A_Omega2_Omega3, A_Omega3_Omega3] = {
-            let t3 = t0 * t0;
-            let t4 = t1 * t1;
-            let t5 = t2 * t2;
+            let t11 = t5 * t6;
+            let t12 = t2 * t3;
+            let t13 = t0 * t1;
             [
-                self.I1 + self.m * (t3 + t4),
-                -(self.m * (t2 * t1)),
-                -(self.m * (t2 * t0)),
-                self.I2 + self.m * (t3 + t5),
-                -(self.m * (t1 * t0)),
-                self.I3 + self.m * (t4 + t5),
+                self.I1 + (t11 + t12),
+                -(t0 * t3),
+                -(t1 * t5),
+                self.I2 + (t11 + t13),
+                -(t3 * t5),
+                self.I3 + (t12 + t13),
             ]
         };
         /// right side f = W^T (r - L_yy lag)
-        let [f_Omega1, f_Omega2, f_Omega3] = {
+        let [n_X1, n_X2, n_X3, f_Omega1, f_Omega2, f_Omega3] = {
             let n_X1 = r_X1 - self.m * lag_X1;
-            let n_X2 = r_X2 - self.m * lag_X2;
+            let n_X2 = r_X2 - self.c17 * (Omega3 * dot_Gamma1 - Omega1 * dot_Gamma3);
             let n_X3 = r_X3 - self.m * lag_X3;
             [
-                r_Omega1 + t1 * n_X3 - t0 * n_X2,
-                r_Omega2 + t0 * n_X1 - t2 * n_X3,
-                r_Omega3 + t2 * n_X2 - t1 * n_X1,
+                n_X1,
+                n_X2,
+                n_X3,
+                r_Omega1 + t2 * n_X3 - t5 * n_X2,
+                r_Omega2 + t5 * n_X1 - t0 * n_X3,
+                r_Omega3 + t0 * n_X2 - t2 * n_X1,
             ]
         };
         /// factors of A
-        let [t6, A_l2_1, A_l3_1, t7, A_l3_2, A_s2_3_3] = {
-            let t6 = A_Omega1_Omega1.recip();
-            let A_l2_1 = A_Omega1_Omega2 * t6;
-            let A_l3_1 = A_Omega1_Omega3 * t6;
+        let [t14, A_l2_1, A_l3_1, t15, A_l3_2, A_s2_3_3] = {
+            let t14 = A_Omega1_Omega1.recip();
+            let A_l2_1 = A_Omega1_Omega2 * t14;
+            let A_l3_1 = A_Omega1_Omega3 * t14;
             let A_s1_2_2 = A_Omega2_Omega2 - A_Omega1_Omega2 * A_l2_1;
             let A_s1_2_3 = A_Omega2_Omega3 - A_Omega1_Omega3 * A_l2_1;
             let A_s1_3_3 = A_Omega3_Omega3 - A_Omega1_Omega3 * A_l3_1;
-            let t7 = A_s1_2_2.recip();
-            let A_l3_2 = A_s1_2_3 * t7;
-            [t6, A_l2_1, A_l3_1, t7, A_l3_2, A_s1_3_3 - A_s1_2_3 * A_l3_2]
+            let t15 = A_s1_2_2.recip();
+            let A_l3_2 = A_s1_2_3 * t15;
+            [t14, A_l2_1, A_l3_1, t15, A_l3_2, A_s1_3_3 - A_s1_2_3 * A_l3_2]
         };
         /// substitution through the factors of A
         let [dot_Omega3, dot_Omega2, dot_Omega1] = {
             let z_Omega2 = f_Omega2 - f_Omega1 * A_l2_1;
             let z_Omega3 = f_Omega3 - f_Omega1 * A_l3_1 - A_l3_2 * z_Omega2;
             let dot_Omega3 = z_Omega3 / A_s2_3_3;
-            let dot_Omega2 = z_Omega2 * t7 - A_l3_2 * dot_Omega3;
+            let dot_Omega2 = z_Omega2 * t15 - A_l3_2 * dot_Omega3;
             [
                 dot_Omega3,
                 dot_Omega2,
-                f_Omega1 * t6 - A_l2_1 * dot_Omega2 - A_l3_1 * dot_Omega3,
+                f_Omega1 * t14 - A_l2_1 * dot_Omega2 - A_l3_1 * dot_Omega3,
             ]
         };
-        /// accelerations ydot = Psi udot + lag
-        let [dot_X1, dot_X2, dot_X3] = [
-            lag_X1 + t0 * dot_Omega2 - t1 * dot_Omega3,
-            lag_X2 + t2 * dot_Omega3 - t0 * dot_Omega1,
-            lag_X3 + t1 * dot_Omega1 - t2 * dot_Omega2,
-        ];
-        [self.m * dot_X1 - r_X1, self.m * dot_X2 - r_X2, self.m * dot_X3 - r_X3]
+        [
+            t6 * dot_Omega2 - n_X1 - t3 * dot_Omega3,
+            t1 * dot_Omega3 - n_X2 - t6 * dot_Omega1,
+            t3 * dot_Omega1 - n_X3 - t1 * dot_Omega2,
+        ]
     }
 
     /// Momenta \<p, W_b\> along the sections of virtual displacements.
@@ -797,10 +815,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 Omega1 * t1 - Omega2 * t2,
             ]
         };
+        let t3 = self.m * t1;
+        let t4 = self.m * t0;
+        let t5 = self.m * t2;
         [
-            self.I1 * Omega1 + self.m * (t1 * X3 - t0 * X2),
-            self.I2 * Omega2 + self.m * (t0 * X1 - t2 * X3),
-            self.I3 * Omega3 + self.m * (t2 * X2 - t1 * X1),
+            self.I1 * Omega1 + X3 * t3 - X2 * t4,
+            self.I2 * Omega2 + X1 * t4 - X3 * t5,
+            self.I3 * Omega3 + X2 * t5 - X1 * t3,
         ]
     }
 
@@ -814,7 +835,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 30 additions, 51 multiplications, 2 sign changes.
+    /// 30 additions, 51 multiplications.
     #[inline]
     #[must_use]
     pub fn momentum_equation(&self, t: R, y: &[R; 13]) -> [R; 3] {
@@ -841,21 +862,26 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             Omega2 * Gamma1 - Omega1 * Gamma2,
         ];
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [r_Omega1, r_Omega2, r_Omega3, r_X1, r_X2, r_X3] = [
-            self.c3 * Gamma2 - self.c4 * Gamma3 + self.c5 * (Omega2 * Omega3),
-            self.c6 * Gamma3 - self.c3 * Gamma1 - self.c7 * (Omega1 * Omega3),
-            self.c4 * Gamma1 - self.c6 * Gamma2 + self.c8 * (Omega1 * Omega2),
-            -(self.m * (Omega2 * X3 - Omega3 * X2)),
-            self.m * (Omega1 * X3 - Omega3 * X1),
-            -(self.m * (Omega1 * X2 - Omega2 * X1)),
-        ];
+        let [r_Omega1, r_Omega2, r_Omega3, r_X1, r_X2, r_X3] = {
+            let t3 = self.m * Omega3;
+            let t4 = self.m * Omega2;
+            let t5 = self.m * Omega1;
+            [
+                self.c3 * Gamma2 - self.c4 * Gamma3 + self.c5 * (Omega2 * Omega3),
+                self.c6 * Gamma3 - self.c3 * Gamma1 - self.c7 * (Omega1 * Omega3),
+                self.c4 * Gamma1 - self.c6 * Gamma2 + self.c8 * (Omega1 * Omega2),
+                X2 * t3 - X3 * t4,
+                X3 * t5 - X1 * t3,
+                X1 * t4 - X2 * t5,
+            ]
+        };
+        let t6 = self.c17 * X3;
+        let t7 = self.c17 * X2;
+        let t8 = self.c17 * X1;
         [
-            r_Omega1 + t1 * r_X3 - t0 * r_X2
-                + self.c13 * (X3 * dot_Gamma2 - X2 * dot_Gamma3),
-            r_Omega2 + t0 * r_X1 - t2 * r_X3
-                + self.c13 * (X1 * dot_Gamma3 - X3 * dot_Gamma1),
-            r_Omega3 + t2 * r_X2 - t1 * r_X1
-                + self.c13 * (X2 * dot_Gamma1 - X1 * dot_Gamma2),
+            r_Omega1 + t1 * r_X3 + dot_Gamma2 * t6 - t0 * r_X2 - dot_Gamma3 * t7,
+            r_Omega2 + t0 * r_X1 + dot_Gamma3 * t8 - t2 * r_X3 - dot_Gamma1 * t6,
+            r_Omega3 + t2 * r_X2 + dot_Gamma1 * t7 - t1 * r_X1 - dot_Gamma2 * t8,
         ]
     }
 
@@ -886,32 +912,34 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 13 additions, 21 multiplications, 2 divisions, 3 sign changes.
+    /// 13 additions, 18 multiplications, 2 divisions, 3 sign changes.
     pub fn check(&self, t: R, y: &[R; 13]) -> Result<(), ::hamel_runtime::Failure> {
         let [_, _, _, Gamma1, Gamma2, Gamma3, _, _, _, _, _, _, _] = *y;
         /// mass matrix A = W^T L_yy Psi
         let [A_Omega1_Omega1, A_Omega1_Omega2, A_Omega1_Omega3, A_Omega2_Omega2,
         A_Omega2_Omega3, A_Omega3_Omega3] = {
             let t0 = self.c0 + self.r * Gamma3;
-            let t1 = t0 * t0;
-            let t2 = self.c1 + self.r * Gamma2;
-            let t3 = t2 * t2;
-            let t4 = self.c2 + self.r * Gamma1;
-            let t5 = t4 * t4;
+            let t1 = self.m * t0;
+            let t2 = t0 * t1;
+            let t3 = self.c1 + self.r * Gamma2;
+            let t4 = self.m * t3;
+            let t5 = t3 * t4;
+            let t6 = self.c2 + self.r * Gamma1;
+            let t7 = t6 * (self.m * t6);
             [
-                self.I1 + self.m * (t1 + t3),
-                -(self.m * (t4 * t2)),
-                -(self.m * (t4 * t0)),
-                self.I2 + self.m * (t1 + t5),
-                -(self.m * (t2 * t0)),
-                self.I3 + self.m * (t3 + t5),
+                self.I1 + (t2 + t5),
+                -(t6 * t4),
+                -(t6 * t1),
+                self.I2 + (t2 + t7),
+                -(t3 * t1),
+                self.I3 + (t5 + t7),
             ]
         };
         /// factors of A
         let [A_s1_2_2, A_s2_3_3] = {
-            let t6 = A_Omega1_Omega1.recip();
-            let A_l2_1 = A_Omega1_Omega2 * t6;
-            let A_l3_1 = A_Omega1_Omega3 * t6;
+            let t8 = A_Omega1_Omega1.recip();
+            let A_l2_1 = A_Omega1_Omega2 * t8;
+            let A_l3_1 = A_Omega1_Omega3 * t8;
             let A_s1_2_2 = A_Omega2_Omega2 - A_Omega1_Omega2 * A_l2_1;
             let A_s1_2_3 = A_Omega2_Omega3 - A_Omega1_Omega3 * A_l2_1;
             let A_s1_3_3 = A_Omega3_Omega3 - A_Omega1_Omega3 * A_l3_1;

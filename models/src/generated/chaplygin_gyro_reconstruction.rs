@@ -319,32 +319,68 @@ pub struct Prepared<R = f64> {
     r: R,
     /// Parameter `rho`.
     rho: R,
-    /// `mu * rho`
+    /// `mu * g`
     c0: R,
     /// `mu * rho * g`
     c1: R,
-    /// `rho * rho`
+    /// `r * rho`
     c2: R,
-    /// `mu * (rho * rho)`
+    /// `rho * rho`
     c3: R,
-    /// `mu * r * rho`
+    /// `rho / r`
     c4: R,
-    /// `2 * mu * r * rho`
+    /// `mu * r * rho`
     c5: R,
-    /// `r * r * (M + mu)`
+    /// `mu * (rho * rho)`
     c6: R,
-    /// `M + mu`
+    /// `2 * mu * rho / (r * (M + mu))`
     c7: R,
-    /// `0.5 * I1`
+    /// `r * r * (M + mu)`
     c8: R,
-    /// `0.5 * I2`
+    /// `mu * rho`
     c9: R,
-    /// `0.5 * I3`
+    /// `mu * r + M * r`
     c10: R,
-    /// `0.5 * M`
+    /// `M + mu`
     c11: R,
-    /// `0.5 * mu`
+    /// `1 / (mu * (rho * rho))`
     c12: R,
+    /// `0.5 * I1`
+    c13: R,
+    /// `0.5 * I2`
+    c14: R,
+    /// `0.5 * I3`
+    c15: R,
+    /// `0.5 * M`
+    c16: R,
+    /// `0.5 * mu`
+    c17: R,
+    /// `r / rho`
+    c18: R,
+    /// `r * (M + mu) / (mu * rho)`
+    c19: R,
+    /// `2 * mu * r * rho`
+    c20: R,
+    /// `0.5 * r * (M + mu) / (mu * rho)`
+    c21: R,
+    /// `2 * r / rho`
+    c22: R,
+    /// `mu * (r * r)`
+    c23: R,
+    /// `2 * mu * (rho * rho)`
+    c24: R,
+    /// `I2 - I3`
+    c25: R,
+    /// `0.5 * rho / r`
+    c26: R,
+    /// `2 * mu * rho / (mu * r + M * r)`
+    c27: R,
+    /// `r * (mu * r + M * r)`
+    c28: R,
+    /// `I1 - I3`
+    c29: R,
+    /// `I1 - I2`
+    c30: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -357,7 +393,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 16 multiplications.
+    /// 5 additions, 28 multiplications, 9 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, M, mu, r, rho, g } = *params;
         for (value, condition, meaning) in [
@@ -391,7 +427,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         let t0 = mu * rho;
         let t1 = rho * rho;
-        let t2 = M + mu;
+        let t2 = mu * r;
+        let t3 = mu * t1;
+        let t4 = R::from_f64(2.0) * mu;
+        let t5 = t4 * rho;
+        let t6 = M + mu;
+        let t7 = r * t6;
+        let t8 = r * r;
+        let t9 = t2 + M * r;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -442,19 +485,37 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             mu,
             r,
             rho,
-            c0: t0,
+            c0: mu * g,
             c1: t0 * g,
-            c2: t1,
-            c3: mu * t1,
-            c4: mu * r * rho,
-            c5: R::from_f64(2.0) * mu * r * rho,
-            c6: r * r * t2,
-            c7: t2,
-            c8: R::from_f64(0.5) * I1,
-            c9: R::from_f64(0.5) * I2,
-            c10: R::from_f64(0.5) * I3,
-            c11: R::from_f64(0.5) * M,
-            c12: R::from_f64(0.5) * mu,
+            c2: r * rho,
+            c3: t1,
+            c4: rho / r,
+            c5: t2 * rho,
+            c6: t3,
+            c7: t5 / t7,
+            c8: t8 * t6,
+            c9: t0,
+            c10: t9,
+            c11: t6,
+            c12: t3.recip(),
+            c13: R::from_f64(0.5) * I1,
+            c14: R::from_f64(0.5) * I2,
+            c15: R::from_f64(0.5) * I3,
+            c16: R::from_f64(0.5) * M,
+            c17: R::from_f64(0.5) * mu,
+            c18: r / rho,
+            c19: t7 / t0,
+            c20: t4 * r * rho,
+            c21: R::from_f64(0.5) * r * t6 / t0,
+            c22: R::from_f64(2.0) * r / rho,
+            c23: mu * t8,
+            c24: t4 * t1,
+            c25: I2 - I3,
+            c26: R::from_f64(0.5) * rho / r,
+            c27: t5 / t9,
+            c28: r * t9,
+            c29: I1 - I3,
+            c30: I1 - I2,
         })
     }
 }
@@ -480,57 +541,54 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 198 additions, 348 multiplications, 5 divisions, 10 sign changes, 4 elementary functions.
+    /// 193 additions, 291 multiplications, 4 divisions, 14 sign changes, 4 elementary functions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 16], dy: &mut [R; 16]) {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, Gamma1, Gamma2,
         Gamma3, qw, qx, qy, qz, _, _] = *y;
         let _ = t;
         /// velocities y = Psi u + psi0
-        let [t0, t1, X1, t2, t3, X2, t4, t5, X3] = {
-            let t0 = Omega2 * Gamma3;
-            let t1 = Omega3 * Gamma2;
-            let t2 = Omega3 * Gamma1;
-            let t3 = Omega1 * Gamma3;
-            let t4 = Omega1 * Gamma2;
-            let t5 = Omega2 * Gamma1;
+        let [dot_Gamma1, X1, dot_Gamma2, X2, dot_Gamma3, X3] = {
+            let dot_Gamma1 = Omega3 * Gamma2 - Omega2 * Gamma3;
+            let dot_Gamma2 = Omega1 * Gamma3 - Omega3 * Gamma1;
+            let dot_Gamma3 = Omega2 * Gamma1 - Omega1 * Gamma2;
+            [
+                dot_Gamma1,
+                -(self.r * dot_Gamma1),
+                dot_Gamma2,
+                -(self.r * dot_Gamma2),
+                dot_Gamma3,
+                -(self.r * dot_Gamma3),
+            ]
+        };
+        /// momenta p = dL/dy
+        let [t0, t1, t2, t3, t4, t5, t6, t7, t8, t9, t10, t11, t12, t13, p_Omega1, t14,
+        t15, t16, t17, p_Omega2, p_Omega3, p_X1, p_X2, p_X3] = {
+            let t0 = beta.cos();
+            let t1 = self.rho * t0;
+            let t2 = alpha.sin();
+            let t3 = t2 * t1;
+            let t4 = alpha.cos();
+            let t5 = beta.sin();
+            let t6 = self.rho * t5;
+            let t7 = t4 * t6;
+            let t8 = alpha_dot + Omega3;
+            let t9 = beta_dot * t3 + t7 * t8;
+            let t10 = X2 + t9 - Omega1 * t1;
+            let t11 = t2 * t6;
+            let t12 = X3 + Omega1 * t11 - Omega2 * t7 - beta_dot * t6;
+            let t13 = t11 * t12;
+            let t14 = t4 * t1;
+            let t15 = t8 * t11 - beta_dot * t14;
+            let t16 = X1 - t15 + Omega2 * t1;
+            let t17 = t7 * t12;
             [
                 t0,
                 t1,
-                self.r * (t0 - t1),
                 t2,
                 t3,
-                self.r * (t2 - t3),
                 t4,
                 t5,
-                self.r * (t4 - t5),
-            ]
-        };
-        /// kinematics xdot = rho y
-        let [dot_Gamma1, dot_Gamma2, dot_Gamma3] = [t1 - t0, t3 - t2, t5 - t4];
-        /// momenta p = dL/dy
-        let [t6, t7, t8, t9, t10, t11, t12, t13, t14, t15, t16, t17, t18, t19, p_Omega1,
-        t20, t21, t22, t23, p_Omega2, t24, p_Omega3, p_X1, p_X2, p_X3] = {
-            let t6 = beta.cos();
-            let t7 = beta.sin();
-            let t8 = alpha.cos();
-            let t9 = t7 * t8;
-            let t10 = alpha_dot + Omega3;
-            let t11 = t9 * t10;
-            let t12 = alpha.sin();
-            let t13 = beta_dot * t12;
-            let t14 = Omega1 - t13;
-            let t15 = X2 + self.rho * (t11 - t6 * t14);
-            let t16 = t7 * t12;
-            let t17 = beta_dot - Omega1 * t12 + Omega2 * t8;
-            let t18 = t7 * t17;
-            let t19 = X3 - self.rho * t18;
-            let t20 = t16 * t10;
-            let t21 = beta_dot * t8;
-            let t22 = Omega2 + t21;
-            let t23 = X1 - self.rho * (t20 - t6 * t22);
-            let t24 = t12 * t23 - t8 * t15;
-            [
                 t6,
                 t7,
                 t8,
@@ -539,224 +597,202 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t11,
                 t12,
                 t13,
+                self.I1 * Omega1 - self.mu * (t1 * t10 - t13),
                 t14,
                 t15,
                 t16,
                 t17,
-                t18,
-                t19,
-                self.I1 * Omega1 - self.c0 * (t6 * t15 - t16 * t19),
-                t20,
-                t21,
-                t22,
-                t23,
-                self.I2 * Omega2 + self.c0 * (t6 * t23 - t9 * t19),
-                t24,
-                self.I3 * Omega3 - self.c0 * (t7 * t24),
-                self.M * X1 + self.mu * t23,
-                self.M * X2 + self.mu * t15,
-                self.M * X3 + self.mu * t19,
+                self.I2 * Omega2 + self.mu * (t1 * t16 - t17),
+                self.I3 * Omega3 - self.mu * (t11 * t16 - t7 * t10),
+                self.M * X1 + self.mu * t16,
+                self.M * X2 + self.mu * t10,
+                self.M * X3 + self.mu * t12,
             ]
         };
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [t25, t26, t30, r_alpha_dot, t37, r_beta_dot, r_Omega1, r_Omega2, r_Omega3,
-        r_X1, r_X2, r_X3] = {
-            let t25 = Gamma1 * t12;
-            let t26 = t25 - Gamma2 * t8;
-            let t27 = t11 + t13 * t6;
-            let t28 = t20 - t21 * t6;
-            let t29 = Omega1 * t8 + Omega2 * t12;
-            let dL_dalpha = self.c1 * (t7 * t26)
-                - self.c0 * (t23 * t27 + t15 * t28 - t7 * t19 * t29);
-            let t30 = Gamma1 * t8 + Gamma2 * t12;
-            let t31 = t7 * t22 + t12 * t6 * t10;
-            let t32 = t7 * t14 + t8 * t6 * t10;
-            let dL_dbeta = self.c1 * (Gamma3 * t7 - t6 * t30)
-                - self.c0 * (t23 * t31 - t15 * t32 + t6 * t17 * t19);
-            let dL_dGamma1 = -(self.c1 * t9);
-            let dL_dGamma2 = -(self.c1 * t16);
-            let dL_dGamma3 = -(self.c1 * t6);
-            let t33 = alpha_dot * t7;
-            let t34 = self.c2 * t28 + self.rho * t23;
-            let t35 = self.c2 * t27 - self.rho * t15;
-            let t36 = self.mu
-                * (t33 * (t8 * t34 - t12 * t35)
-                    - beta_dot
-                        * (self.c2 * (t7 * (t12 * t31 + t8 * t32))
-                            - self.rho * (t6 * t24)));
-            let t37 = t7 * t7;
-            let t38 = self.rho * t19;
-            let t39 = alpha_dot * (self.c2 * (t37 * t29) + t6 * (t8 * t35 + t12 * t34))
-                + beta_dot
-                    * (t6 * (t38 + self.c2 * (t8 * t31 - t12 * t32 - t18))
-                        + self.rho * (t7 * (t8 * t23 + t12 * t15)));
-            let t40 = t38 - self.c2 * t18;
-            let t41 = alpha_dot
-                * (self.c2 * (t6 * t28)
-                    + t7 * (self.rho * (t8 * t19) + self.c2 * (t16 * t29)))
-                + beta_dot * (self.rho * (t7 * t15) - t6 * (self.c2 * t32 - t12 * t40));
-            let t42 = self.mu
-                * (alpha_dot
-                    * (self.c2 * (t6 * t27)
-                        - t7 * (self.rho * (t12 * t19) - self.c2 * (t9 * t29)))
-                    + beta_dot
-                        * (self.rho * (t7 * t23) + t6 * (self.c2 * t31 + t8 * t40)));
+        let [t21, t22, r_alpha_dot, r_beta_dot, r_Omega1, r_Omega2, r_Omega3, r_X1, r_X2,
+        r_X3] = {
+            let t18 = Omega2 * t6 + beta_dot * t7 + t3 * t8;
+            let t19 = Omega1 * t6 + t8 * t14 - beta_dot * t11;
+            let t20 = Omega1 * t3 - Omega2 * t14 - beta_dot * t1;
+            let dL_dbeta = -(self.c0 * (Gamma2 * t3 + Gamma1 * t14 - Gamma3 * t6)
+                + self.mu * (t16 * t18 - t10 * t19 - t12 * t20));
+            let t21 = t5 * t4;
+            let dL_dGamma1 = -(self.c1 * t21);
+            let t22 = t5 * t2;
+            let dL_dGamma2 = -(self.c1 * t22);
+            let dL_dGamma3 = -(self.c1 * t0);
+            let t23 = self.mu * alpha_dot;
+            let t24 = t10 * t14 - t3 * t16;
+            let t25 = self.mu * beta_dot;
+            let t26 = Gamma2 * dL_dGamma1
+                - (-(t11 * (t10 - t9) + t7 * (t15 + t16)) * t23
+                    + (t24 + t11 * t18 + t7 * t19) * t25 + Gamma1 * dL_dGamma2);
+            let t27 = Omega2 * t11 + Omega1 * t7;
             [
-                t25,
-                t26,
-                t30,
-                dL_dalpha + t36,
-                t37,
-                dL_dbeta + self.mu * t39,
-                Gamma3 * dL_dGamma2 - Omega2 * p_Omega3 + Omega3 * p_Omega2 - X2 * p_X3
-                    + X3 * p_X2 - Gamma2 * dL_dGamma3 - self.mu * t41,
-                Gamma1 * dL_dGamma3 + Omega1 * p_Omega3 - Omega3 * p_Omega1 + X1 * p_X3
-                    - X3 * p_X1 - Gamma3 * dL_dGamma1 + t42,
-                Gamma2 * dL_dGamma1 - Omega1 * p_Omega2 + Omega2 * p_Omega1 - X1 * p_X2
-                    + X2 * p_X1 - Gamma1 * dL_dGamma2 + t36,
-                Omega3 * p_X2 - Omega2 * p_X3
-                    + self.c0 * (alpha_dot * t27 + beta_dot * t31),
-                Omega1 * p_X3 - Omega3 * p_X1
-                    - self.c0 * (beta_dot * t32 - alpha_dot * t28),
-                Omega2 * p_X1 - Omega1 * p_X2
-                    - self.c0 * (t33 * t29 - beta_dot * t6 * t17),
+                t21,
+                t22,
+                t26 - self.mu * (t10 * t15 + t9 * t16 - t12 * t27),
+                dL_dbeta + t23 * (t9 * t14 - t24 + t3 * t15 + t6 * t27)
+                    + t25
+                        * -(self.c2 * (t0 * dot_Gamma3)
+                            + self.c2 * (dot_Gamma2 * t22 + dot_Gamma1 * t21)),
+                Gamma3 * dL_dGamma2 + Omega3 * p_Omega2 + X3 * p_X2
+                    + t25 * (t1 * t19 - t6 * t10 - t3 * t12 - t11 * t20)
+                    - Omega2 * p_Omega3 - Gamma2 * dL_dGamma3 - X2 * p_X3
+                    - t23 * (t17 + t1 * t15 + t11 * t27),
+                Gamma1 * dL_dGamma3 + Omega1 * p_Omega3 + X1 * p_X3
+                    + t25 * (t12 * t14 + t6 * t16 + t1 * t18 + t7 * t20)
+                    - Gamma3 * dL_dGamma1 - Omega3 * p_Omega1 - X3 * p_X1
+                    - t23 * (t13 - t1 * t9 - t7 * t27),
+                t26 + Omega2 * p_Omega1 + X2 * p_X1 - Omega1 * p_Omega2 - X1 * p_X2,
+                Omega3 * p_X2 + t9 * t23 + t18 * t25 - Omega2 * p_X3,
+                Omega1 * p_X3 + t15 * t23 - Omega3 * p_X1 - t19 * t25,
+                Omega2 * p_X1 - Omega1 * p_X2 - t27 * t23 - t20 * t25,
             ]
         };
         /// accelerations of the dependent velocities at udot = 0
-        let [lag_X1, lag_X2, lag_X3] = [
-            self.r * (Omega2 * dot_Gamma3 - Omega3 * dot_Gamma2),
-            self.r * (Omega3 * dot_Gamma1 - Omega1 * dot_Gamma3),
-            self.r * (Omega1 * dot_Gamma2 - Omega2 * dot_Gamma1),
-        ];
+        let lag_X3 = Omega2 * X1 - Omega1 * X2;
         /// mass matrix A = W^T L_yy Psi
-        let [A_alpha_dot_alpha_dot, A_alpha_dot_Omega1, A_alpha_dot_Omega2,
-        A_alpha_dot_Omega3, A_beta_dot_beta_dot, A_beta_dot_Omega1, A_beta_dot_Omega2,
+        let [A_alpha_dot_alpha_dot, t30, A_alpha_dot_Omega1, t31, A_alpha_dot_Omega2,
+        A_alpha_dot_Omega3, t32, t33, A_beta_dot_Omega1, t35, A_beta_dot_Omega2,
         A_beta_dot_Omega3, A_Omega1_Omega1, A_Omega1_Omega2, A_Omega1_Omega3,
         A_Omega2_Omega2, A_Omega2_Omega3, A_Omega3_Omega3] = {
-            let t43 = t12 * t12;
-            let t44 = t8 * t8;
-            let t45 = t43 + t44;
-            let t46 = self.c4 * Gamma3 + self.c3 * t6;
-            let t47 = t9 * t46;
-            let t48 = t16 * t46;
-            let t49 = self.c3 * (t7 * t45);
-            let t50 = t6 * t6;
-            let t51 = self.c4 * (Gamma3 * t6) + self.c3 * (t37 + t50);
-            let t52 = self.c6 * Gamma3;
-            let t53 = Gamma3 * (self.c5 * t6 + t52);
-            let t54 = self.c4 * t6 + t52;
+            let t28 = self.c3 * t5;
+            let A_alpha_dot_alpha_dot = self.mu * (t5 * t28);
+            let t29 = Gamma3 + self.c4 * t0;
+            let t30 = self.c5 * t21;
+            let A_alpha_dot_Omega1 = -(t29 * t30);
+            let t31 = self.c5 * t22;
+            let A_alpha_dot_Omega2 = -(t29 * t31);
+            let t32 = self.c5 * t0;
+            let t33 = t2 * t32;
+            let t34 = self.c5 * t5;
+            let t35 = t4 * t32;
+            let t36 = self.c6 * t22;
+            let t37 = self.c8 * Gamma3;
+            let t38 = (Gamma3 + self.c7 * t0) * t37;
+            let t39 = self.c8 * Gamma2;
+            let t40 = (Gamma2 + self.c7 * t22) * t39;
+            let t41 = t0 * t0;
+            let t42 = t32 + t37;
+            let t43 = (Gamma1 + self.c7 * t21) * (self.c8 * Gamma1);
             [
-                self.c3 * (t37 * t45),
-                -t47,
-                -t48,
-                t7 * (t49 + self.c4 * t30),
-                self.c3 * (t37 + t50 * t45),
-                -(self.c4 * (Gamma2 * t7) + t12 * t51),
-                self.c4 * (Gamma1 * t7) + t8 * t51,
-                self.c4 * (t6 * t26),
-                self.I1
-                    + (self.c3 * (t50 + t37 * t43)
-                        + Gamma2 * (self.c5 * t16 + self.c6 * Gamma2) + t53),
-                -(self.c6 * (Gamma1 * Gamma2)
-                    + t7 * (self.c4 * t25 + t8 * (self.c4 * Gamma2 + self.c3 * t16))),
-                -(t47 + Gamma1 * t54),
-                self.I2
-                    + (t53 + self.c3 * (t50 + t37 * t44)
-                        + Gamma1 * (self.c5 * t9 + self.c6 * Gamma1)),
-                -(t48 + Gamma2 * t54),
-                self.I3
-                    + (t7 * (t49 + self.c5 * t30)
-                        + self.c6 * (Gamma1 * Gamma1 + Gamma2 * Gamma2)),
+                A_alpha_dot_alpha_dot,
+                t30,
+                A_alpha_dot_Omega1,
+                t31,
+                A_alpha_dot_Omega2,
+                A_alpha_dot_alpha_dot + Gamma2 * t31 + Gamma1 * t30,
+                t32,
+                t33,
+                -(self.c6 * t2 + Gamma3 * t33 + Gamma2 * t34),
+                t35,
+                Gamma3 * t35 + Gamma1 * t34 + self.mu * (self.c3 * t4),
+                Gamma1 * t33 - Gamma2 * t35,
+                self.I1 + (t22 * t36 + t38 + t40 + self.c6 * t41),
+                -(Gamma2 * t30 + Gamma1 * (t31 + t39) + t21 * t36),
+                A_alpha_dot_Omega1 - Gamma1 * t42,
+                self.I2 + (t38 + self.mu * (t4 * t21 * t28 + self.c3 * t41) + t43),
+                A_alpha_dot_Omega2 - Gamma2 * t42,
+                self.I3 + (A_alpha_dot_alpha_dot + t40 + t43),
             ]
         };
         /// right side f = W^T (r - L_yy lag)
         let [n_alpha_dot, n_beta_dot, f_Omega1, f_Omega2, f_Omega3] = {
-            let t55 = self.c0 * (t7 * (t12 * lag_X1 - t8 * lag_X2));
-            let n_Omega1 = r_Omega1 + self.c0 * (t6 * lag_X2 - t16 * lag_X3);
-            let n_Omega2 = r_Omega2 - self.c0 * (t6 * lag_X1 - t9 * lag_X3);
-            let n_Omega3 = r_Omega3 + t55;
-            let n_X1 = r_X1 - self.c7 * lag_X1;
-            let n_X2 = r_X2 - self.c7 * lag_X2;
-            let n_X3 = r_X3 - self.c7 * lag_X3;
+            let t44 = Omega3 * dot_Gamma1 - Omega1 * dot_Gamma3;
+            let t45 = Omega2 * dot_Gamma3 - Omega3 * dot_Gamma2;
+            let t46 = t30 * t44 - t31 * t45;
+            let t47 = self.c9 * lag_X3;
+            let n_Omega1 = r_Omega1 + t32 * t44 - t22 * t47;
+            let n_Omega2 = r_Omega2 + t21 * t47 - t32 * t45;
+            let n_Omega3 = r_Omega3 - t46;
+            let n_X1 = r_X1 - self.c10 * t45;
+            let n_X2 = r_X2 - self.c10 * t44;
+            let n_X3 = r_X3 - self.c11 * lag_X3;
+            let t48 = self.r * Gamma2;
+            let t49 = self.r * Gamma3;
+            let t50 = self.r * Gamma1;
             [
-                r_alpha_dot + t55,
-                r_beta_dot + self.c0 * (t7 * lag_X3 - t6 * (t8 * lag_X1 + t12 * lag_X2)),
-                n_Omega1 + self.r * (Gamma2 * n_X3 - Gamma3 * n_X2),
-                n_Omega2 + self.r * (Gamma3 * n_X1 - Gamma1 * n_X3),
-                n_Omega3 + self.r * (Gamma1 * n_X2 - Gamma2 * n_X1),
+                r_alpha_dot - t46,
+                r_beta_dot + t5 * t47 - t33 * t44 - t35 * t45,
+                n_Omega1 + n_X3 * t48 - n_X2 * t49,
+                n_Omega2 + n_X1 * t49 - n_X3 * t50,
+                n_Omega3 + n_X2 * t50 - n_X1 * t48,
             ]
         };
         /// factors of A
-        let [t56, A_l3_1, A_l4_1, A_l5_1, t57, A_l3_2, A_l4_2, A_l5_2, t58, A_l4_3,
-        A_l5_3, t59, A_l5_4, A_s4_5_5] = {
-            let t56 = A_alpha_dot_alpha_dot.recip();
-            let A_l3_1 = A_alpha_dot_Omega1 * t56;
-            let A_l4_1 = A_alpha_dot_Omega2 * t56;
-            let A_l5_1 = A_alpha_dot_Omega3 * t56;
-            let A_s1_3_3 = A_Omega1_Omega1 - A_alpha_dot_Omega1 * A_l3_1;
-            let A_s1_3_4 = A_Omega1_Omega2 - A_alpha_dot_Omega2 * A_l3_1;
-            let A_s1_3_5 = A_Omega1_Omega3 - A_alpha_dot_Omega3 * A_l3_1;
-            let A_s1_4_4 = A_Omega2_Omega2 - A_alpha_dot_Omega2 * A_l4_1;
-            let A_s1_4_5 = A_Omega2_Omega3 - A_alpha_dot_Omega3 * A_l4_1;
-            let A_s1_5_5 = A_Omega3_Omega3 - A_alpha_dot_Omega3 * A_l5_1;
-            let t57 = A_beta_dot_beta_dot.recip();
-            let A_l3_2 = A_beta_dot_Omega1 * t57;
-            let A_l4_2 = A_beta_dot_Omega2 * t57;
-            let A_l5_2 = A_beta_dot_Omega3 * t57;
-            let A_s2_3_3 = A_s1_3_3 - A_beta_dot_Omega1 * A_l3_2;
-            let A_s2_3_4 = A_s1_3_4 - A_beta_dot_Omega2 * A_l3_2;
-            let A_s2_3_5 = A_s1_3_5 - A_beta_dot_Omega3 * A_l3_2;
-            let A_s2_4_4 = A_s1_4_4 - A_beta_dot_Omega2 * A_l4_2;
-            let A_s2_4_5 = A_s1_4_5 - A_beta_dot_Omega3 * A_l4_2;
-            let A_s2_5_5 = A_s1_5_5 - A_beta_dot_Omega3 * A_l5_2;
-            let t58 = A_s2_3_3.recip();
-            let A_l4_3 = A_s2_3_4 * t58;
-            let A_l5_3 = A_s2_3_5 * t58;
-            let A_s3_4_4 = A_s2_4_4 - A_s2_3_4 * A_l4_3;
-            let A_s3_4_5 = A_s2_4_5 - A_s2_3_5 * A_l4_3;
-            let A_s3_5_5 = A_s2_5_5 - A_s2_3_5 * A_l5_3;
-            let t59 = A_s3_4_4.recip();
-            let A_l5_4 = A_s3_4_5 * t59;
+        let [A_l3_2, A_l4_2, A_l5_2, t51, A_l3_1, A_l4_1, A_l5_1, t52, A_l4_3, A_l5_3,
+        t53, A_l5_4, A_s4_5_5] = {
+            let A_l3_2 = self.c12 * A_beta_dot_Omega1;
+            let A_l4_2 = self.c12 * A_beta_dot_Omega2;
+            let A_l5_2 = self.c12 * A_beta_dot_Omega3;
+            let A_s2_3_3 = A_Omega1_Omega1 - A_beta_dot_Omega1 * A_l3_2;
+            let A_s2_3_4 = A_Omega1_Omega2 - A_beta_dot_Omega2 * A_l3_2;
+            let A_s2_3_5 = A_Omega1_Omega3 - A_beta_dot_Omega3 * A_l3_2;
+            let A_s2_4_4 = A_Omega2_Omega2 - A_beta_dot_Omega2 * A_l4_2;
+            let A_s2_4_5 = A_Omega2_Omega3 - A_beta_dot_Omega3 * A_l4_2;
+            let A_s2_5_5 = A_Omega3_Omega3 - A_beta_dot_Omega3 * A_l5_2;
+            let t51 = A_alpha_dot_alpha_dot.recip();
+            let A_l3_1 = A_alpha_dot_Omega1 * t51;
+            let A_l4_1 = A_alpha_dot_Omega2 * t51;
+            let A_l5_1 = A_alpha_dot_Omega3 * t51;
+            let A_s1_3_3 = A_s2_3_3 - A_alpha_dot_Omega1 * A_l3_1;
+            let A_s1_3_4 = A_s2_3_4 - A_alpha_dot_Omega2 * A_l3_1;
+            let A_s1_3_5 = A_s2_3_5 - A_alpha_dot_Omega3 * A_l3_1;
+            let A_s1_4_4 = A_s2_4_4 - A_alpha_dot_Omega2 * A_l4_1;
+            let A_s1_4_5 = A_s2_4_5 - A_alpha_dot_Omega3 * A_l4_1;
+            let A_s1_5_5 = A_s2_5_5 - A_alpha_dot_Omega3 * A_l5_1;
+            let t52 = A_s1_3_3.recip();
+            let A_l4_3 = A_s1_3_4 * t52;
+            let A_l5_3 = A_s1_3_5 * t52;
+            let A_s3_4_4 = A_s1_4_4 - A_s1_3_4 * A_l4_3;
+            let A_s3_4_5 = A_s1_4_5 - A_s1_3_5 * A_l4_3;
+            let A_s3_5_5 = A_s1_5_5 - A_s1_3_5 * A_l5_3;
+            let t53 = A_s3_4_4.recip();
+            let A_l5_4 = A_s3_4_5 * t53;
             [
-                t56,
-                A_l3_1,
-                A_l4_1,
-                A_l5_1,
-                t57,
                 A_l3_2,
                 A_l4_2,
                 A_l5_2,
-                t58,
+                t51,
+                A_l3_1,
+                A_l4_1,
+                A_l5_1,
+                t52,
                 A_l4_3,
                 A_l5_3,
-                t59,
+                t53,
                 A_l5_4,
                 A_s3_5_5 - A_s3_4_5 * A_l5_4,
             ]
         };
         /// substitution through the factors of A
-        let [dot_Omega3, dot_Omega2, dot_Omega1, dot_beta_dot, dot_alpha_dot] = {
-            let z_Omega1 = f_Omega1 - n_alpha_dot * A_l3_1 - n_beta_dot * A_l3_2;
-            let z_Omega2 = f_Omega2 - n_alpha_dot * A_l4_1 - n_beta_dot * A_l4_2
+        let [dot_Omega3, dot_Omega2, dot_Omega1, dot_alpha_dot, dot_beta_dot] = {
+            let z_Omega1 = f_Omega1 - n_beta_dot * A_l3_2 - n_alpha_dot * A_l3_1;
+            let z_Omega2 = f_Omega2 - n_beta_dot * A_l4_2 - n_alpha_dot * A_l4_1
                 - A_l4_3 * z_Omega1;
-            let z_Omega3 = f_Omega3 - n_alpha_dot * A_l5_1 - n_beta_dot * A_l5_2
+            let z_Omega3 = f_Omega3 - n_beta_dot * A_l5_2 - n_alpha_dot * A_l5_1
                 - A_l5_3 * z_Omega1 - A_l5_4 * z_Omega2;
             let dot_Omega3 = z_Omega3 / A_s4_5_5;
-            let dot_Omega2 = z_Omega2 * t59 - A_l5_4 * dot_Omega3;
-            let dot_Omega1 = z_Omega1 * t58 - A_l4_3 * dot_Omega2 - A_l5_3 * dot_Omega3;
+            let dot_Omega2 = z_Omega2 * t53 - A_l5_4 * dot_Omega3;
+            let dot_Omega1 = z_Omega1 * t52 - A_l4_3 * dot_Omega2 - A_l5_3 * dot_Omega3;
             [
                 dot_Omega3,
                 dot_Omega2,
                 dot_Omega1,
-                n_beta_dot * t57 - A_l3_2 * dot_Omega1 - A_l4_2 * dot_Omega2
-                    - A_l5_2 * dot_Omega3,
-                n_alpha_dot * t56 - A_l3_1 * dot_Omega1 - A_l4_1 * dot_Omega2
+                n_alpha_dot * t51 - A_l3_1 * dot_Omega1 - A_l4_1 * dot_Omega2
                     - A_l5_1 * dot_Omega3,
+                self.c12 * n_beta_dot - A_l3_2 * dot_Omega1 - A_l4_2 * dot_Omega2
+                    - A_l5_2 * dot_Omega3,
             ]
         };
-        let t60 = qx * qy;
-        let t61 = qw * qz;
-        let t62 = R::from_f64(2.0) * (qz * qz);
+        let t54 = R::from_f64(0.5) * Omega1;
+        let t55 = R::from_f64(0.5) * Omega2;
+        let t56 = R::from_f64(0.5) * Omega3;
+        let t57 = qx * qy;
+        let t58 = qw * qz;
+        let t59 = R::ONE - R::from_f64(2.0) * (qz * qz);
         *dy = [
             alpha_dot,
             beta_dot,
@@ -768,16 +804,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             dot_Gamma1,
             dot_Gamma2,
             dot_Gamma3,
-            -(R::from_f64(0.5) * (Omega1 * qx + Omega2 * qy + Omega3 * qz)),
-            R::from_f64(0.5) * (Omega3 * qy - Omega2 * qz + Omega1 * qw),
-            R::from_f64(0.5) * (Omega1 * qz - Omega3 * qx + Omega2 * qw),
-            R::from_f64(0.5) * (Omega2 * qx - Omega1 * qy + Omega3 * qw),
-            R::from_f64(2.0) * ((t60 - t61) * X2)
-                - (R::from_f64(2.0) * (qy * qy) + t62 - R::ONE) * X1
-                + R::from_f64(2.0) * ((qx * qz + qw * qy) * X3),
-            R::from_f64(2.0) * ((t60 + t61) * X1)
-                - (t62 + R::from_f64(2.0) * (qx * qx) - R::ONE) * X2
-                + R::from_f64(2.0) * ((qy * qz - qw * qx) * X3),
+            -(qx * t54 + qy * t55 + qz * t56),
+            qy * t56 + qw * t54 - qz * t55,
+            qz * t54 + qw * t55 - qx * t56,
+            qx * t55 + qw * t56 - qy * t54,
+            R::from_f64(2.0) * (X2 * (t57 - t58) + X3 * (qx * qz + qw * qy))
+                - X1 * (R::from_f64(2.0) * (qy * qy) - t59),
+            R::from_f64(2.0) * (X3 * (qy * qz - qw * qx) + X1 * (t58 + t57))
+                - X2 * (R::from_f64(2.0) * (qx * qx) - t59),
         ];
     }
 
@@ -789,7 +823,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 24 additions, 42 multiplications, 4 elementary functions.
+    /// 24 additions, 40 multiplications, 4 elementary functions.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 16]) -> R {
@@ -797,23 +831,31 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Gamma3, _, _, _, _, _, _] = *y;
         let _ = t;
         /// velocities y = Psi u + psi0
-        let [X1, X2, X3] = [
-            self.r * (Omega2 * Gamma3 - Omega3 * Gamma2),
-            self.r * (Omega3 * Gamma1 - Omega1 * Gamma3),
-            self.r * (Omega1 * Gamma2 - Omega2 * Gamma1),
-        ];
-        let t0 = beta.cos();
-        let t1 = beta.sin();
-        let t2 = alpha.cos();
-        let t3 = alpha.sin();
-        let t4 = self.c8 * (Omega1 * Omega1) + self.c9 * (Omega2 * Omega2)
-            + self.c10 * (Omega3 * Omega3) + self.c11 * (X1 * X1 + X2 * X2 + X3 * X3)
-            + self.c1 * (Gamma3 * t0 + t1 * (Gamma1 * t2 + Gamma2 * t3));
-        let t5 = alpha_dot + Omega3;
-        let t6 = X1 - self.rho * (t1 * t3 * t5 - t0 * (Omega2 + beta_dot * t2));
-        let t7 = X2 + self.rho * (t1 * t2 * t5 - t0 * (Omega1 - beta_dot * t3));
-        let t8 = X3 - self.rho * (t1 * (beta_dot - Omega1 * t3 + Omega2 * t2));
-        t4 + self.c12 * (t6 * t6 + t7 * t7 + t8 * t8)
+        let [X1, X2, X3] = {
+            let t0 = self.r * Omega2;
+            let t1 = self.r * Omega3;
+            let t2 = self.r * Omega1;
+            [
+                Gamma3 * t0 - Gamma2 * t1,
+                Gamma1 * t1 - Gamma3 * t2,
+                Gamma2 * t2 - Gamma1 * t0,
+            ]
+        };
+        let t3 = self.rho * beta.cos();
+        let t4 = alpha.sin();
+        let t5 = self.rho * beta.sin();
+        let t6 = t4 * t5;
+        let t7 = alpha.cos();
+        let t8 = t7 * t5;
+        let t9 = self.c13 * (Omega1 * Omega1) + self.c14 * (Omega2 * Omega2)
+            + self.c15 * (Omega3 * Omega3)
+            + self.c0 * (Gamma3 * t3 + Gamma2 * t6 + Gamma1 * t8)
+            + self.c16 * (X1 * X1 + X2 * X2 + X3 * X3);
+        let t10 = alpha_dot + Omega3;
+        let t11 = X1 + t3 * (Omega2 + beta_dot * t7) - t10 * t6;
+        let t12 = X2 + t8 * t10 - t3 * (Omega1 - beta_dot * t4);
+        let t13 = X3 + Omega1 * t6 - Omega2 * t8 - beta_dot * t5;
+        t9 + self.c17 * (t11 * t11 + t12 * t12 + t13 * t13)
     }
 
     /// Momenta p = dL/dy.
@@ -826,7 +868,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 24 additions, 47 multiplications, 2 sign changes, 4 elementary functions.
+    /// 24 additions, 45 multiplications, 1 sign change, 4 elementary functions.
     #[inline]
     #[must_use]
     pub fn momentum(&self, t: R, y: &[R; 16]) -> [R; 8] {
@@ -834,33 +876,38 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Gamma3, _, _, _, _, _, _] = *y;
         let _ = t;
         /// velocities y = Psi u + psi0
-        let [X1, X2, X3] = [
-            self.r * (Omega2 * Gamma3 - Omega3 * Gamma2),
-            self.r * (Omega3 * Gamma1 - Omega1 * Gamma3),
-            self.r * (Omega1 * Gamma2 - Omega2 * Gamma1),
-        ];
+        let [X1, X2, X3] = {
+            let t0 = self.r * Omega2;
+            let t1 = self.r * Omega3;
+            let t2 = self.r * Omega1;
+            [
+                Gamma3 * t0 - Gamma2 * t1,
+                Gamma1 * t1 - Gamma3 * t2,
+                Gamma2 * t2 - Gamma1 * t0,
+            ]
+        };
         /// momenta p = dL/dy
         let [p_alpha_dot, p_beta_dot, p_Omega1, p_Omega2, p_Omega3, p_X1, p_X2, p_X3] = {
-            let t0 = beta.sin();
-            let t1 = alpha.sin();
-            let t2 = t0 * t1;
-            let t3 = alpha_dot + Omega3;
-            let t4 = beta.cos();
-            let t5 = alpha.cos();
-            let t6 = X1 - self.rho * (t2 * t3 - t4 * (Omega2 + beta_dot * t5));
-            let t7 = t0 * t5;
-            let t8 = X2 + self.rho * (t7 * t3 - t4 * (Omega1 - beta_dot * t1));
-            let t9 = self.c0 * (t0 * (t1 * t6 - t5 * t8));
-            let t10 = X3 - self.rho * (t0 * (beta_dot - Omega1 * t1 + Omega2 * t5));
+            let t3 = alpha.sin();
+            let t4 = self.rho * beta.sin();
+            let t5 = t3 * t4;
+            let t6 = self.rho * beta.cos();
+            let t7 = alpha.cos();
+            let t8 = alpha_dot + Omega3;
+            let t9 = X1 + t6 * (Omega2 + beta_dot * t7) - t8 * t5;
+            let t10 = t7 * t4;
+            let t11 = X2 + t10 * t8 - t6 * (Omega1 - beta_dot * t3);
+            let p_alpha_dot = -(self.mu * (t5 * t9 - t10 * t11));
+            let t12 = X3 + Omega1 * t5 - Omega2 * t10 - beta_dot * t4;
             [
-                -t9,
-                -(self.c0 * (t0 * t10 - t4 * (t5 * t6 + t1 * t8))),
-                self.I1 * Omega1 - self.c0 * (t4 * t8 - t2 * t10),
-                self.I2 * Omega2 + self.c0 * (t4 * t6 - t7 * t10),
-                self.I3 * Omega3 - t9,
-                self.M * X1 + self.mu * t6,
-                self.M * X2 + self.mu * t8,
-                self.M * X3 + self.mu * t10,
+                p_alpha_dot,
+                self.mu * (t6 * (t3 * t11 + t7 * t9) - t4 * t12),
+                self.I1 * Omega1 - self.mu * (t6 * t11 - t5 * t12),
+                self.I2 * Omega2 + self.mu * (t6 * t9 - t10 * t12),
+                self.I3 * Omega3 + p_alpha_dot,
+                self.M * X1 + self.mu * t9,
+                self.M * X2 + self.mu * t11,
+                self.M * X3 + self.mu * t12,
             ]
         };
         [p_alpha_dot, p_beta_dot, p_Omega1, p_Omega2, p_Omega3, p_X1, p_X2, p_X3]
@@ -876,7 +923,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 197 additions, 334 multiplications, 5 divisions, 9 sign changes, 4 elementary functions.
+    /// 200 additions, 290 multiplications, 4 divisions, 10 sign changes, 4 elementary functions.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 16]) -> [R; 3] {
@@ -884,50 +931,50 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Gamma3, _, _, _, _, _, _] = *y;
         let _ = t;
         /// velocities y = Psi u + psi0
-        let [t0, t1, X1, t2, t3, X2, t4, t5, X3] = {
-            let t0 = Omega2 * Gamma3;
-            let t1 = Omega3 * Gamma2;
-            let t2 = Omega3 * Gamma1;
-            let t3 = Omega1 * Gamma3;
-            let t4 = Omega1 * Gamma2;
-            let t5 = Omega2 * Gamma1;
+        let [t0, t1, X1, t2, X2, X3] = {
+            let t0 = self.r * Gamma3;
+            let t1 = self.r * Gamma2;
+            let t2 = self.r * Gamma1;
             [
                 t0,
                 t1,
-                self.r * (t0 - t1),
+                Omega2 * t0 - Omega3 * t1,
                 t2,
-                t3,
-                self.r * (t2 - t3),
-                t4,
-                t5,
-                self.r * (t4 - t5),
+                Omega3 * t2 - Omega1 * t0,
+                Omega1 * t1 - Omega2 * t2,
             ]
         };
         /// kinematics xdot = rho y
-        let [dot_Gamma1, dot_Gamma2, dot_Gamma3] = [t1 - t0, t3 - t2, t5 - t4];
+        let [dot_Gamma1, dot_Gamma2, dot_Gamma3] = [
+            Omega3 * Gamma2 - Omega2 * Gamma3,
+            Omega1 * Gamma3 - Omega3 * Gamma1,
+            Omega2 * Gamma1 - Omega1 * Gamma2,
+        ];
         /// momenta p = dL/dy
-        let [t6, t7, t8, t9, t10, t11, t12, t13, t14, t15, t16, t17, t18, t19, p_Omega1,
-        t20, t21, t22, t23, p_Omega2, t24, p_Omega3, p_X1, p_X2, p_X3] = {
-            let t6 = beta.cos();
-            let t7 = beta.sin();
-            let t8 = alpha.cos();
-            let t9 = t7 * t8;
-            let t10 = alpha_dot + Omega3;
-            let t11 = t9 * t10;
-            let t12 = alpha.sin();
-            let t13 = beta_dot * t12;
-            let t14 = Omega1 - t13;
-            let t15 = X2 + self.rho * (t11 - t6 * t14);
-            let t16 = t7 * t12;
-            let t17 = beta_dot - Omega1 * t12 + Omega2 * t8;
-            let t18 = t7 * t17;
-            let t19 = X3 - self.rho * t18;
-            let t20 = t16 * t10;
-            let t21 = beta_dot * t8;
-            let t22 = Omega2 + t21;
-            let t23 = X1 - self.rho * (t20 - t6 * t22);
-            let t24 = t12 * t23 - t8 * t15;
+        let [t3, t4, t5, t6, t7, t8, t9, t10, t11, t12, t13, t14, t15, t16, p_Omega1,
+        t17, t18, t19, t20, p_Omega2, p_Omega3, p_X1, p_X2, p_X3] = {
+            let t3 = beta.cos();
+            let t4 = self.rho * t3;
+            let t5 = alpha.sin();
+            let t6 = t5 * t4;
+            let t7 = alpha.cos();
+            let t8 = beta.sin();
+            let t9 = self.rho * t8;
+            let t10 = t7 * t9;
+            let t11 = alpha_dot + Omega3;
+            let t12 = beta_dot * t6 + t10 * t11;
+            let t13 = X2 + t12 - Omega1 * t4;
+            let t14 = t5 * t9;
+            let t15 = X3 + Omega1 * t14 - Omega2 * t10 - beta_dot * t9;
+            let t16 = t14 * t15;
+            let t17 = t7 * t4;
+            let t18 = t11 * t14 - beta_dot * t17;
+            let t19 = X1 - t18 + Omega2 * t4;
+            let t20 = t10 * t15;
             [
+                t3,
+                t4,
+                t5,
                 t6,
                 t7,
                 t8,
@@ -939,232 +986,224 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t14,
                 t15,
                 t16,
+                self.I1 * Omega1 - self.mu * (t4 * t13 - t16),
                 t17,
                 t18,
                 t19,
-                self.I1 * Omega1 - self.c0 * (t6 * t15 - t16 * t19),
                 t20,
-                t21,
-                t22,
-                t23,
-                self.I2 * Omega2 + self.c0 * (t6 * t23 - t9 * t19),
-                t24,
-                self.I3 * Omega3 - self.c0 * (t7 * t24),
-                self.M * X1 + self.mu * t23,
-                self.M * X2 + self.mu * t15,
-                self.M * X3 + self.mu * t19,
+                self.I2 * Omega2 + self.mu * (t4 * t19 - t20),
+                self.I3 * Omega3 - self.mu * (t14 * t19 - t10 * t13),
+                self.M * X1 + self.mu * t19,
+                self.M * X2 + self.mu * t13,
+                self.M * X3 + self.mu * t15,
             ]
         };
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [t25, t26, t30, r_alpha_dot, t37, r_beta_dot, r_Omega1, r_Omega2, r_Omega3,
-        r_X1, r_X2, r_X3] = {
-            let t25 = Gamma1 * t12;
-            let t26 = t25 - Gamma2 * t8;
-            let t27 = t11 + t13 * t6;
-            let t28 = t20 - t21 * t6;
-            let t29 = Omega1 * t8 + Omega2 * t12;
-            let dL_dalpha = self.c1 * (t7 * t26)
-                - self.c0 * (t23 * t27 + t15 * t28 - t7 * t19 * t29);
-            let t30 = Gamma1 * t8 + Gamma2 * t12;
-            let t31 = t7 * t22 + t12 * t6 * t10;
-            let t32 = t7 * t14 + t8 * t6 * t10;
-            let dL_dbeta = self.c1 * (Gamma3 * t7 - t6 * t30)
-                - self.c0 * (t23 * t31 - t15 * t32 + t6 * t17 * t19);
-            let dL_dGamma1 = -(self.c1 * t9);
-            let dL_dGamma2 = -(self.c1 * t16);
-            let dL_dGamma3 = -(self.c1 * t6);
-            let t33 = alpha_dot * t7;
-            let t34 = self.c2 * t28 + self.rho * t23;
-            let t35 = self.c2 * t27 - self.rho * t15;
-            let t36 = self.mu
-                * (t33 * (t8 * t34 - t12 * t35)
-                    - beta_dot
-                        * (self.c2 * (t7 * (t12 * t31 + t8 * t32))
-                            - self.rho * (t6 * t24)));
-            let t37 = t7 * t7;
-            let t38 = self.rho * t19;
-            let t39 = alpha_dot * (self.c2 * (t37 * t29) + t6 * (t8 * t35 + t12 * t34))
-                + beta_dot
-                    * (t6 * (t38 + self.c2 * (t8 * t31 - t12 * t32 - t18))
-                        + self.rho * (t7 * (t8 * t23 + t12 * t15)));
-            let t40 = t38 - self.c2 * t18;
-            let t41 = alpha_dot
-                * (self.c2 * (t6 * t28)
-                    + t7 * (self.rho * (t8 * t19) + self.c2 * (t16 * t29)))
-                + beta_dot * (self.rho * (t7 * t15) - t6 * (self.c2 * t32 - t12 * t40));
-            let t42 = self.mu
-                * (alpha_dot
-                    * (self.c2 * (t6 * t27)
-                        - t7 * (self.rho * (t12 * t19) - self.c2 * (t9 * t29)))
-                    + beta_dot
-                        * (self.rho * (t7 * t23) + t6 * (self.c2 * t31 + t8 * t40)));
+        let [t21, t26, t27, r_alpha_dot, r_beta_dot, r_Omega1, r_Omega2, r_Omega3, r_X1,
+        r_X2, r_X3] = {
+            let t21 = Gamma2 * t7 - Gamma1 * t5;
+            let t22 = Omega2 * t14 + Omega1 * t10;
+            let dL_dalpha = self.c0 * -(t9 * t21)
+                - self.mu * (t13 * t18 + t12 * t19 - t15 * t22);
+            let t23 = Omega2 * t9 + beta_dot * t10 + t6 * t11;
+            let t24 = Omega1 * t9 + t11 * t17 - beta_dot * t14;
+            let t25 = Omega1 * t6 - Omega2 * t17 - beta_dot * t4;
+            let dL_dbeta = -(self.c0 * (Gamma2 * t6 + Gamma1 * t17 - Gamma3 * t9)
+                + self.mu * (t19 * t23 - t13 * t24 - t15 * t25));
+            let t26 = t8 * t7;
+            let dL_dGamma1 = -(self.c1 * t26);
+            let t27 = t8 * t5;
+            let dL_dGamma2 = -(self.c1 * t27);
+            let dL_dGamma3 = -(self.c1 * t3);
+            let t28 = t13 * t14 + t10 * t19;
+            let t29 = self.mu * alpha_dot;
+            let t30 = t13 * t17 - t6 * t19;
+            let t31 = self.mu * beta_dot;
+            let t32 = (t12 * t14 - t28 - t10 * t18) * t29
+                + (t30 + t14 * t23 + t10 * t24) * t31;
             [
-                t25,
+                t21,
                 t26,
-                t30,
-                dL_dalpha + t36,
-                t37,
-                dL_dbeta + self.mu * t39,
-                Gamma3 * dL_dGamma2 - Omega2 * p_Omega3 + Omega3 * p_Omega2 - X2 * p_X3
-                    + X3 * p_X2 - Gamma2 * dL_dGamma3 - self.mu * t41,
-                Gamma1 * dL_dGamma3 + Omega1 * p_Omega3 - Omega3 * p_Omega1 + X1 * p_X3
-                    - X3 * p_X1 - Gamma3 * dL_dGamma1 + t42,
-                Gamma2 * dL_dGamma1 - Omega1 * p_Omega2 + Omega2 * p_Omega1 - X1 * p_X2
-                    + X2 * p_X1 - Gamma1 * dL_dGamma2 + t36,
-                Omega3 * p_X2 - Omega2 * p_X3
-                    + self.c0 * (alpha_dot * t27 + beta_dot * t31),
-                Omega1 * p_X3 - Omega3 * p_X1
-                    - self.c0 * (beta_dot * t32 - alpha_dot * t28),
-                Omega2 * p_X1 - Omega1 * p_X2
-                    - self.c0 * (t33 * t29 - beta_dot * t6 * t17),
+                t27,
+                dL_dalpha - t32,
+                dL_dbeta + t29 * (t12 * t17 - t30 + t6 * t18 + t9 * t22)
+                    + t31 * (t28 + t4 * t15 + t17 * t23 + t9 * t25 - t6 * t24),
+                Gamma3 * dL_dGamma2 + Omega3 * p_Omega2 + X3 * p_X2
+                    + t31 * (t4 * t24 - t9 * t13 - t6 * t15 - t14 * t25)
+                    - Omega2 * p_Omega3 - Gamma2 * dL_dGamma3 - X2 * p_X3
+                    - t29 * (t20 + t4 * t18 + t14 * t22),
+                Gamma1 * dL_dGamma3 + Omega1 * p_Omega3 + X1 * p_X3
+                    + t31 * (t15 * t17 + t9 * t19 + t4 * t23 + t10 * t25)
+                    - Gamma3 * dL_dGamma1 - Omega3 * p_Omega1 - X3 * p_X1
+                    - t29 * (t16 - t4 * t12 - t10 * t22),
+                Omega2 * p_Omega1 - t32 + Gamma2 * dL_dGamma1 + X2 * p_X1
+                    - Gamma1 * dL_dGamma2 - Omega1 * p_Omega2 - X1 * p_X2,
+                Omega3 * p_X2 + t12 * t29 + t23 * t31 - Omega2 * p_X3,
+                Omega1 * p_X3 + t18 * t29 - Omega3 * p_X1 - t24 * t31,
+                Omega2 * p_X1 - Omega1 * p_X2 - t22 * t29 - t25 * t31,
             ]
         };
         /// accelerations of the dependent velocities at udot = 0
-        let [lag_X1, lag_X2, lag_X3] = [
-            self.r * (Omega2 * dot_Gamma3 - Omega3 * dot_Gamma2),
-            self.r * (Omega3 * dot_Gamma1 - Omega1 * dot_Gamma3),
-            self.r * (Omega1 * dot_Gamma2 - Omega2 * dot_Gamma1),
-        ];
+        let [lag_X1, lag_X2, lag_X3] = {
+            let t33 = self.r * Omega2;
+            let t34 = self.r * Omega3;
+            let t35 = self.r * Omega1;
+            [
+                dot_Gamma3 * t33 - dot_Gamma2 * t34,
+                dot_Gamma1 * t34 - dot_Gamma3 * t35,
+                dot_Gamma2 * t35 - dot_Gamma1 * t33,
+            ]
+        };
         /// mass matrix A = W^T L_yy Psi
         let [A_alpha_dot_alpha_dot, A_alpha_dot_Omega1, A_alpha_dot_Omega2,
-        A_alpha_dot_Omega3, A_beta_dot_beta_dot, A_beta_dot_Omega1, A_beta_dot_Omega2,
-        A_beta_dot_Omega3, A_Omega1_Omega1, A_Omega1_Omega2, A_Omega1_Omega3,
-        A_Omega2_Omega2, A_Omega2_Omega3, A_Omega3_Omega3] = {
-            let t43 = t12 * t12;
-            let t44 = t8 * t8;
-            let t45 = t43 + t44;
-            let t46 = self.c4 * Gamma3 + self.c3 * t6;
-            let t47 = t9 * t46;
-            let t48 = t16 * t46;
-            let t49 = self.c3 * (t7 * t45);
-            let t50 = t6 * t6;
-            let t51 = self.c4 * (Gamma3 * t6) + self.c3 * (t37 + t50);
-            let t52 = self.c6 * Gamma3;
-            let t53 = Gamma3 * (self.c5 * t6 + t52);
-            let t54 = self.c4 * t6 + t52;
+        A_alpha_dot_Omega3, t42, A_beta_dot_Omega1, A_beta_dot_Omega2, A_Omega1_Omega1,
+        A_Omega1_Omega2, A_Omega1_Omega3, A_Omega2_Omega2, A_Omega2_Omega3,
+        A_Omega3_Omega3] = {
+            let t36 = self.c3 * t8;
+            let A_alpha_dot_alpha_dot = self.mu * (t8 * t36);
+            let t37 = self.c5 * (Gamma3 + self.c4 * t3);
+            let A_alpha_dot_Omega1 = -(t26 * t37);
+            let A_alpha_dot_Omega2 = -(t27 * t37);
+            let t38 = Gamma2 * t27;
+            let t39 = Gamma1 * t26;
+            let t40 = t38 + t39;
+            let t41 = self.c5 * Gamma2;
+            let t42 = self.c5 * t3;
+            let t43 = Gamma3 * t42;
+            let t44 = self.c5 * Gamma1;
+            let t45 = Gamma2 * (self.c8 * Gamma2);
+            let t46 = self.c6 * t27;
+            let t47 = self.c8 * Gamma3;
+            let t48 = (Gamma3 + self.c7 * t3) * t47;
+            let t49 = t3 * t3;
+            let t50 = self.c8 * Gamma1;
+            let t51 = t42 + t47;
+            let t52 = Gamma1 * t50;
             [
-                self.c3 * (t37 * t45),
-                -t47,
-                -t48,
-                t7 * (t49 + self.c4 * t30),
-                self.c3 * (t37 + t50 * t45),
-                -(self.c4 * (Gamma2 * t7) + t12 * t51),
-                self.c4 * (Gamma1 * t7) + t8 * t51,
-                self.c4 * (t6 * t26),
-                self.I1
-                    + (self.c3 * (t50 + t37 * t43)
-                        + Gamma2 * (self.c5 * t16 + self.c6 * Gamma2) + t53),
-                -(self.c6 * (Gamma1 * Gamma2)
-                    + t7 * (self.c4 * t25 + t8 * (self.c4 * Gamma2 + self.c3 * t16))),
-                -(t47 + Gamma1 * t54),
+                A_alpha_dot_alpha_dot,
+                A_alpha_dot_Omega1,
+                A_alpha_dot_Omega2,
+                A_alpha_dot_alpha_dot + self.c5 * t40,
+                t42,
+                -(self.c6 * t5 + t8 * t41 + t5 * t43),
+                t8 * t44 + t7 * t43 + self.mu * (self.c3 * t7),
+                self.I1 + (t45 + t27 * t46 + t48 + self.c6 * t49 + self.c20 * t38),
+                -(Gamma2 * t50 + t27 * t44 + t26 * (t41 + t46)),
+                A_alpha_dot_Omega1 - Gamma1 * t51,
                 self.I2
-                    + (t53 + self.c3 * (t50 + t37 * t44)
-                        + Gamma1 * (self.c5 * t9 + self.c6 * Gamma1)),
-                -(t48 + Gamma2 * t54),
-                self.I3
-                    + (t7 * (t49 + self.c5 * t30)
-                        + self.c6 * (Gamma1 * Gamma1 + Gamma2 * Gamma2)),
+                    + (t48 + t52 + self.mu * (t7 * t26 * t36 + self.c3 * t49)
+                        + self.c20 * t39),
+                A_alpha_dot_Omega2 - Gamma2 * t51,
+                self.I3 + (A_alpha_dot_alpha_dot + self.c20 * t40 + t45 + t52),
             ]
         };
         /// right side f = W^T (r - L_yy lag)
-        let [n_alpha_dot, n_beta_dot, f_Omega1, f_Omega2, f_Omega3] = {
-            let t55 = self.c0 * (t7 * (t12 * lag_X1 - t8 * lag_X2));
-            let n_Omega1 = r_Omega1 + self.c0 * (t6 * lag_X2 - t16 * lag_X3);
-            let n_Omega2 = r_Omega2 - self.c0 * (t6 * lag_X1 - t9 * lag_X3);
+        let [t53, t54, n_alpha_dot, t56, t57, n_beta_dot, f_Omega1, f_Omega2, f_Omega3,
+        ] = {
+            let t53 = self.c9 * t27;
+            let t54 = self.c9 * t26;
+            let t55 = lag_X1 * t53 - lag_X2 * t54;
+            let t56 = self.c9 * t8;
+            let t57 = self.c9 * t3;
+            let n_Omega1 = r_Omega1 + lag_X2 * t57 - lag_X3 * t53;
+            let n_Omega2 = r_Omega2 + lag_X3 * t54 - lag_X1 * t57;
             let n_Omega3 = r_Omega3 + t55;
-            let n_X1 = r_X1 - self.c7 * lag_X1;
-            let n_X2 = r_X2 - self.c7 * lag_X2;
-            let n_X3 = r_X3 - self.c7 * lag_X3;
+            let n_X1 = r_X1 - self.c11 * lag_X1;
+            let n_X2 = r_X2 - self.c11 * lag_X2;
+            let n_X3 = r_X3 - self.c11 * lag_X3;
             [
+                t53,
+                t54,
                 r_alpha_dot + t55,
-                r_beta_dot + self.c0 * (t7 * lag_X3 - t6 * (t8 * lag_X1 + t12 * lag_X2)),
-                n_Omega1 + self.r * (Gamma2 * n_X3 - Gamma3 * n_X2),
-                n_Omega2 + self.r * (Gamma3 * n_X1 - Gamma1 * n_X3),
-                n_Omega3 + self.r * (Gamma1 * n_X2 - Gamma2 * n_X1),
+                t56,
+                t57,
+                r_beta_dot + lag_X3 * t56 - t57 * (t7 * lag_X1 + t5 * lag_X2),
+                n_Omega1 + t1 * n_X3 - t0 * n_X2,
+                n_Omega2 + t0 * n_X1 - t2 * n_X3,
+                n_Omega3 + t2 * n_X2 - t1 * n_X1,
             ]
         };
         /// factors of A
-        let [t56, A_l3_1, A_l4_1, A_l5_1, t57, A_l3_2, A_l4_2, A_l5_2, t58, A_l4_3,
-        A_l5_3, t59, A_l5_4, A_s4_5_5] = {
-            let t56 = A_alpha_dot_alpha_dot.recip();
-            let A_l3_1 = A_alpha_dot_Omega1 * t56;
-            let A_l4_1 = A_alpha_dot_Omega2 * t56;
-            let A_l5_1 = A_alpha_dot_Omega3 * t56;
-            let A_s1_3_3 = A_Omega1_Omega1 - A_alpha_dot_Omega1 * A_l3_1;
-            let A_s1_3_4 = A_Omega1_Omega2 - A_alpha_dot_Omega2 * A_l3_1;
-            let A_s1_3_5 = A_Omega1_Omega3 - A_alpha_dot_Omega3 * A_l3_1;
-            let A_s1_4_4 = A_Omega2_Omega2 - A_alpha_dot_Omega2 * A_l4_1;
-            let A_s1_4_5 = A_Omega2_Omega3 - A_alpha_dot_Omega3 * A_l4_1;
-            let A_s1_5_5 = A_Omega3_Omega3 - A_alpha_dot_Omega3 * A_l5_1;
-            let t57 = A_beta_dot_beta_dot.recip();
-            let A_l3_2 = A_beta_dot_Omega1 * t57;
-            let A_l4_2 = A_beta_dot_Omega2 * t57;
-            let A_l5_2 = A_beta_dot_Omega3 * t57;
-            let A_s2_3_3 = A_s1_3_3 - A_beta_dot_Omega1 * A_l3_2;
-            let A_s2_3_4 = A_s1_3_4 - A_beta_dot_Omega2 * A_l3_2;
-            let A_s2_3_5 = A_s1_3_5 - A_beta_dot_Omega3 * A_l3_2;
-            let A_s2_4_4 = A_s1_4_4 - A_beta_dot_Omega2 * A_l4_2;
-            let A_s2_4_5 = A_s1_4_5 - A_beta_dot_Omega3 * A_l4_2;
-            let A_s2_5_5 = A_s1_5_5 - A_beta_dot_Omega3 * A_l5_2;
-            let t58 = A_s2_3_3.recip();
-            let A_l4_3 = A_s2_3_4 * t58;
-            let A_l5_3 = A_s2_3_5 * t58;
-            let A_s3_4_4 = A_s2_4_4 - A_s2_3_4 * A_l4_3;
-            let A_s3_4_5 = A_s2_4_5 - A_s2_3_5 * A_l4_3;
-            let A_s3_5_5 = A_s2_5_5 - A_s2_3_5 * A_l5_3;
-            let t59 = A_s3_4_4.recip();
-            let A_l5_4 = A_s3_4_5 * t59;
+        let [A_l3_2, A_l4_2, A_l5_2, t59, A_l3_1, A_l4_1, A_l5_1, t60, A_l4_3, A_l5_3,
+        t61, A_l5_4, A_s4_5_5] = {
+            let A_l3_2 = self.c12 * A_beta_dot_Omega1;
+            let A_l4_2 = self.c12 * A_beta_dot_Omega2;
+            let A_l5_2 = -(self.c18 * (t3 * t21));
+            let A_s2_3_3 = A_Omega1_Omega1 - A_beta_dot_Omega1 * A_l3_2;
+            let A_s2_3_4 = A_Omega1_Omega2 - A_beta_dot_Omega2 * A_l3_2;
+            let t58 = t21 * t42;
+            let A_s2_3_5 = A_Omega1_Omega3 + A_l3_2 * t58;
+            let A_s2_4_4 = A_Omega2_Omega2 - A_beta_dot_Omega2 * A_l4_2;
+            let A_s2_4_5 = A_Omega2_Omega3 + A_l4_2 * t58;
+            let A_s2_5_5 = A_Omega3_Omega3 + A_l5_2 * t58;
+            let t59 = A_alpha_dot_alpha_dot.recip();
+            let A_l3_1 = A_alpha_dot_Omega1 * t59;
+            let A_l4_1 = A_alpha_dot_Omega2 * t59;
+            let A_l5_1 = A_alpha_dot_Omega3 * t59;
+            let A_s1_3_3 = A_s2_3_3 - A_alpha_dot_Omega1 * A_l3_1;
+            let A_s1_3_4 = A_s2_3_4 - A_alpha_dot_Omega2 * A_l3_1;
+            let A_s1_3_5 = A_s2_3_5 - A_alpha_dot_Omega3 * A_l3_1;
+            let A_s1_4_4 = A_s2_4_4 - A_alpha_dot_Omega2 * A_l4_1;
+            let A_s1_4_5 = A_s2_4_5 - A_alpha_dot_Omega3 * A_l4_1;
+            let A_s1_5_5 = A_s2_5_5 - A_alpha_dot_Omega3 * A_l5_1;
+            let t60 = A_s1_3_3.recip();
+            let A_l4_3 = A_s1_3_4 * t60;
+            let A_l5_3 = A_s1_3_5 * t60;
+            let A_s3_4_4 = A_s1_4_4 - A_s1_3_4 * A_l4_3;
+            let A_s3_4_5 = A_s1_4_5 - A_s1_3_5 * A_l4_3;
+            let A_s3_5_5 = A_s1_5_5 - A_s1_3_5 * A_l5_3;
+            let t61 = A_s3_4_4.recip();
+            let A_l5_4 = A_s3_4_5 * t61;
             [
-                t56,
-                A_l3_1,
-                A_l4_1,
-                A_l5_1,
-                t57,
                 A_l3_2,
                 A_l4_2,
                 A_l5_2,
-                t58,
+                t59,
+                A_l3_1,
+                A_l4_1,
+                A_l5_1,
+                t60,
                 A_l4_3,
                 A_l5_3,
-                t59,
+                t61,
                 A_l5_4,
                 A_s3_5_5 - A_s3_4_5 * A_l5_4,
             ]
         };
         /// substitution through the factors of A
-        let [dot_Omega3, dot_Omega2, dot_Omega1, dot_beta_dot, dot_alpha_dot] = {
-            let z_Omega1 = f_Omega1 - n_alpha_dot * A_l3_1 - n_beta_dot * A_l3_2;
-            let z_Omega2 = f_Omega2 - n_alpha_dot * A_l4_1 - n_beta_dot * A_l4_2
+        let [dot_Omega3, dot_Omega2, dot_Omega1, dot_alpha_dot, dot_beta_dot] = {
+            let z_Omega1 = f_Omega1 - n_beta_dot * A_l3_2 - n_alpha_dot * A_l3_1;
+            let z_Omega2 = f_Omega2 - n_beta_dot * A_l4_2 - n_alpha_dot * A_l4_1
                 - A_l4_3 * z_Omega1;
-            let z_Omega3 = f_Omega3 - n_alpha_dot * A_l5_1 - n_beta_dot * A_l5_2
+            let z_Omega3 = f_Omega3 - n_beta_dot * A_l5_2 - n_alpha_dot * A_l5_1
                 - A_l5_3 * z_Omega1 - A_l5_4 * z_Omega2;
             let dot_Omega3 = z_Omega3 / A_s4_5_5;
-            let dot_Omega2 = z_Omega2 * t59 - A_l5_4 * dot_Omega3;
-            let dot_Omega1 = z_Omega1 * t58 - A_l4_3 * dot_Omega2 - A_l5_3 * dot_Omega3;
+            let dot_Omega2 = z_Omega2 * t61 - A_l5_4 * dot_Omega3;
+            let dot_Omega1 = z_Omega1 * t60 - A_l4_3 * dot_Omega2 - A_l5_3 * dot_Omega3;
             [
                 dot_Omega3,
                 dot_Omega2,
                 dot_Omega1,
-                n_beta_dot * t57 - A_l3_2 * dot_Omega1 - A_l4_2 * dot_Omega2
-                    - A_l5_2 * dot_Omega3,
-                n_alpha_dot * t56 - A_l3_1 * dot_Omega1 - A_l4_1 * dot_Omega2
+                n_alpha_dot * t59 - A_l3_1 * dot_Omega1 - A_l4_1 * dot_Omega2
                     - A_l5_1 * dot_Omega3,
+                self.c12 * n_beta_dot - A_l3_2 * dot_Omega1 - A_l4_2 * dot_Omega2
+                    - A_l5_2 * dot_Omega3,
             ]
         };
         /// accelerations ydot = Psi udot + lag
         let [dot_X1, dot_X2, dot_X3] = [
-            lag_X1 + self.r * (Gamma3 * dot_Omega2 - Gamma2 * dot_Omega3),
-            lag_X2 + self.r * (Gamma1 * dot_Omega3 - Gamma3 * dot_Omega1),
-            lag_X3 + self.r * (Gamma2 * dot_Omega1 - Gamma1 * dot_Omega2),
+            lag_X1 + t0 * dot_Omega2 - t1 * dot_Omega3,
+            lag_X2 + t2 * dot_Omega3 - t0 * dot_Omega1,
+            lag_X3 + t1 * dot_Omega1 - t2 * dot_Omega2,
         ];
-        let t60 = dot_Omega3 + dot_alpha_dot;
+        let t62 = dot_Omega3 + dot_alpha_dot;
         [
-            self.c7 * dot_X1 - r_X1
-                - self.c0 * (t16 * t60 - t6 * (dot_Omega2 + t8 * dot_beta_dot)),
-            self.c7 * dot_X2 - r_X2
-                + self.c0 * (t9 * t60 - t6 * (dot_Omega1 - t12 * dot_beta_dot)),
-            self.c7 * dot_X3 - r_X3
-                - self.c0 * (t7 * (dot_beta_dot - t12 * dot_Omega1 + t8 * dot_Omega2)),
+            self.c11 * dot_X1 - r_X1 + t57 * (dot_Omega2 + t7 * dot_beta_dot)
+                - t53 * t62,
+            self.c11 * dot_X2 - r_X2 + t57 * (t5 * dot_beta_dot - dot_Omega1)
+                + t54 * t62,
+            t53 * dot_Omega1 - r_X3 + self.c11 * dot_X3 - t54 * dot_Omega2
+                - t56 * dot_beta_dot,
         ]
     }
 
@@ -1178,7 +1217,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 30 additions, 56 multiplications, 2 sign changes, 4 elementary functions.
+    /// 30 additions, 51 multiplications, 1 sign change, 4 elementary functions.
     #[inline]
     #[must_use]
     pub fn nonholonomic_momentum(&self, t: R, y: &[R; 16]) -> [R; 5] {
@@ -1186,41 +1225,49 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Gamma3, _, _, _, _, _, _] = *y;
         let _ = t;
         /// velocities y = Psi u + psi0
-        let [X1, X2, X3] = [
-            self.r * (Omega2 * Gamma3 - Omega3 * Gamma2),
-            self.r * (Omega3 * Gamma1 - Omega1 * Gamma3),
-            self.r * (Omega1 * Gamma2 - Omega2 * Gamma1),
-        ];
+        let [t0, t1, X1, t2, X2, X3] = {
+            let t0 = self.r * Gamma3;
+            let t1 = self.r * Gamma2;
+            let t2 = self.r * Gamma1;
+            [
+                t0,
+                t1,
+                Omega2 * t0 - Omega3 * t1,
+                t2,
+                Omega3 * t2 - Omega1 * t0,
+                Omega1 * t1 - Omega2 * t2,
+            ]
+        };
         /// momenta p = dL/dy
         let [p_alpha_dot, p_beta_dot, p_Omega1, p_Omega2, p_Omega3, p_X1, p_X2, p_X3] = {
-            let t0 = beta.sin();
-            let t1 = alpha.sin();
-            let t2 = t0 * t1;
-            let t3 = alpha_dot + Omega3;
-            let t4 = beta.cos();
-            let t5 = alpha.cos();
-            let t6 = X1 - self.rho * (t2 * t3 - t4 * (Omega2 + beta_dot * t5));
-            let t7 = t0 * t5;
-            let t8 = X2 + self.rho * (t7 * t3 - t4 * (Omega1 - beta_dot * t1));
-            let t9 = self.c0 * (t0 * (t1 * t6 - t5 * t8));
-            let t10 = X3 - self.rho * (t0 * (beta_dot - Omega1 * t1 + Omega2 * t5));
+            let t3 = alpha.sin();
+            let t4 = self.rho * beta.sin();
+            let t5 = t3 * t4;
+            let t6 = self.rho * beta.cos();
+            let t7 = alpha.cos();
+            let t8 = alpha_dot + Omega3;
+            let t9 = X1 + t6 * (Omega2 + beta_dot * t7) - t8 * t5;
+            let t10 = t7 * t4;
+            let t11 = X2 + t10 * t8 - t6 * (Omega1 - beta_dot * t3);
+            let p_alpha_dot = -(self.mu * (t5 * t9 - t10 * t11));
+            let t12 = X3 + Omega1 * t5 - Omega2 * t10 - beta_dot * t4;
             [
-                -t9,
-                -(self.c0 * (t0 * t10 - t4 * (t5 * t6 + t1 * t8))),
-                self.I1 * Omega1 - self.c0 * (t4 * t8 - t2 * t10),
-                self.I2 * Omega2 + self.c0 * (t4 * t6 - t7 * t10),
-                self.I3 * Omega3 - t9,
-                self.M * X1 + self.mu * t6,
-                self.M * X2 + self.mu * t8,
-                self.M * X3 + self.mu * t10,
+                p_alpha_dot,
+                self.mu * (t6 * (t3 * t11 + t7 * t9) - t4 * t12),
+                self.I1 * Omega1 - self.mu * (t6 * t11 - t5 * t12),
+                self.I2 * Omega2 + self.mu * (t6 * t9 - t10 * t12),
+                self.I3 * Omega3 + p_alpha_dot,
+                self.M * X1 + self.mu * t9,
+                self.M * X2 + self.mu * t11,
+                self.M * X3 + self.mu * t12,
             ]
         };
         [
             p_alpha_dot,
             p_beta_dot,
-            p_Omega1 + self.r * (Gamma2 * p_X3 - Gamma3 * p_X2),
-            p_Omega2 + self.r * (Gamma3 * p_X1 - Gamma1 * p_X3),
-            p_Omega3 + self.r * (Gamma1 * p_X2 - Gamma2 * p_X1),
+            p_Omega1 + t1 * p_X3 - t0 * p_X2,
+            p_Omega2 + t0 * p_X1 - t2 * p_X3,
+            p_Omega3 + t2 * p_X2 - t1 * p_X1,
         ]
     }
 
@@ -1234,169 +1281,84 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 113 additions, 188 multiplications, 3 sign changes, 4 elementary functions.
+    /// 78 additions, 126 multiplications, 4 elementary functions.
     #[inline]
     #[must_use]
     pub fn momentum_equation(&self, t: R, y: &[R; 16]) -> [R; 5] {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, Gamma1, Gamma2,
         Gamma3, _, _, _, _, _, _] = *y;
         let _ = t;
-        /// velocities y = Psi u + psi0
-        let [t0, t1, X1, t2, t3, X2, t4, t5, X3] = {
-            let t0 = Omega2 * Gamma3;
-            let t1 = Omega3 * Gamma2;
-            let t2 = Omega3 * Gamma1;
-            let t3 = Omega1 * Gamma3;
-            let t4 = Omega1 * Gamma2;
-            let t5 = Omega2 * Gamma1;
-            [
-                t0,
-                t1,
-                self.r * (t0 - t1),
-                t2,
-                t3,
-                self.r * (t2 - t3),
-                t4,
-                t5,
-                self.r * (t4 - t5),
-            ]
-        };
-        /// kinematics xdot = rho y
-        let [dot_Gamma1, dot_Gamma2, dot_Gamma3] = [t1 - t0, t3 - t2, t5 - t4];
-        /// momenta p = dL/dy
-        let [t6, t7, t8, t9, t10, t11, t12, t13, t14, t15, t16, t17, t18, t19, p_Omega1,
-        t20, t21, t22, t23, p_Omega2, t24, p_Omega3, p_X1, p_X2, p_X3] = {
-            let t6 = beta.cos();
-            let t7 = beta.sin();
-            let t8 = alpha.cos();
-            let t9 = t7 * t8;
-            let t10 = alpha_dot + Omega3;
-            let t11 = t9 * t10;
-            let t12 = alpha.sin();
-            let t13 = beta_dot * t12;
-            let t14 = Omega1 - t13;
-            let t15 = X2 + self.rho * (t11 - t6 * t14);
-            let t16 = t7 * t12;
-            let t17 = beta_dot - Omega1 * t12 + Omega2 * t8;
-            let t18 = t7 * t17;
-            let t19 = X3 - self.rho * t18;
-            let t20 = t16 * t10;
-            let t21 = beta_dot * t8;
-            let t22 = Omega2 + t21;
-            let t23 = X1 - self.rho * (t20 - t6 * t22);
-            let t24 = t12 * t23 - t8 * t15;
-            [
-                t6,
-                t7,
-                t8,
-                t9,
-                t10,
-                t11,
-                t12,
-                t13,
-                t14,
-                t15,
-                t16,
-                t17,
-                t18,
-                t19,
-                self.I1 * Omega1 - self.c0 * (t6 * t15 - t16 * t19),
-                t20,
-                t21,
-                t22,
-                t23,
-                self.I2 * Omega2 + self.c0 * (t6 * t23 - t9 * t19),
-                t24,
-                self.I3 * Omega3 - self.c0 * (t7 * t24),
-                self.M * X1 + self.mu * t23,
-                self.M * X2 + self.mu * t15,
-                self.M * X3 + self.mu * t19,
-            ]
-        };
-        /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [t33, r_alpha_dot, t36, r_beta_dot, t39, r_Omega1, t40, r_Omega2, r_Omega3,
-        t41, r_X1, t42, r_X2, t43, r_X3] = {
-            let t25 = t11 + t13 * t6;
-            let t26 = t20 - t21 * t6;
-            let t27 = Omega1 * t8 + Omega2 * t12;
-            let dL_dalpha = self.c1 * (t7 * (Gamma1 * t12 - Gamma2 * t8))
-                - self.c0 * (t23 * t25 + t15 * t26 - t7 * t19 * t27);
-            let t28 = t7 * t22 + t12 * t6 * t10;
-            let t29 = t7 * t14 + t8 * t6 * t10;
-            let dL_dbeta = self.c1 * (Gamma3 * t7 - t6 * (Gamma1 * t8 + Gamma2 * t12))
-                - self.c0 * (t23 * t28 - t15 * t29 + t6 * t17 * t19);
-            let dL_dGamma1 = -(self.c1 * t9);
-            let dL_dGamma2 = -(self.c1 * t16);
-            let dL_dGamma3 = -(self.c1 * t6);
-            let t30 = alpha_dot * t7;
-            let t31 = self.c2 * t26 + self.rho * t23;
-            let t32 = self.c2 * t25 - self.rho * t15;
-            let t33 = self.mu
-                * (t30 * (t8 * t31 - t12 * t32)
-                    - beta_dot
-                        * (self.c2 * (t7 * (t12 * t28 + t8 * t29))
-                            - self.rho * (t6 * t24)));
-            let t34 = self.rho * t19;
-            let t35 = alpha_dot
-                * (self.c2 * (t7 * t7 * t27) + t6 * (t8 * t32 + t12 * t31))
-                + beta_dot
-                    * (t6 * (t34 + self.c2 * (t8 * t28 - t12 * t29 - t18))
-                        + self.rho * (t7 * (t8 * t23 + t12 * t15)));
-            let t36 = self.mu * t35;
-            let t37 = t34 - self.c2 * t18;
-            let t38 = alpha_dot
-                * (self.c2 * (t6 * t26)
-                    + t7 * (self.rho * (t8 * t19) + self.c2 * (t16 * t27)))
-                + beta_dot * (self.rho * (t7 * t15) - t6 * (self.c2 * t29 - t12 * t37));
-            let t39 = self.mu * t38;
-            let t40 = self.mu
-                * (alpha_dot
-                    * (self.c2 * (t6 * t25)
-                        - t7 * (self.rho * (t12 * t19) - self.c2 * (t9 * t27)))
-                    + beta_dot
-                        * (self.rho * (t7 * t23) + t6 * (self.c2 * t28 + t8 * t37)));
-            let t41 = self.c0 * (alpha_dot * t25 + beta_dot * t28);
-            let t42 = self.c0 * (beta_dot * t29 - alpha_dot * t26);
-            let t43 = self.c0 * (t30 * t27 - beta_dot * t6 * t17);
-            [
-                t33,
-                dL_dalpha + t33,
-                t36,
-                dL_dbeta + t36,
-                t39,
-                Gamma3 * dL_dGamma2 - Omega2 * p_Omega3 + Omega3 * p_Omega2 - X2 * p_X3
-                    + X3 * p_X2 - Gamma2 * dL_dGamma3 - t39,
-                t40,
-                Gamma1 * dL_dGamma3 + Omega1 * p_Omega3 - Omega3 * p_Omega1 + X1 * p_X3
-                    - X3 * p_X1 - Gamma3 * dL_dGamma1 + t40,
-                Gamma2 * dL_dGamma1 - Omega1 * p_Omega2 + Omega2 * p_Omega1 - X1 * p_X2
-                    + X2 * p_X1 - Gamma1 * dL_dGamma2 + t33,
-                t41,
-                Omega3 * p_X2 - Omega2 * p_X3 + t41,
-                t42,
-                Omega1 * p_X3 - Omega3 * p_X1 - t42,
-                t43,
-                Omega2 * p_X1 - Omega1 * p_X2 - t43,
-            ]
-        };
-        let t44 = r_X3 + t43;
-        let t45 = r_X2 + t42;
-        let t46 = r_X1 - t41;
+        let t0 = alpha_dot + Omega3;
+        let t1 = beta.sin();
+        let t2 = self.c5 * t1;
+        let t3 = alpha.cos();
+        let t4 = Gamma2 * t3;
+        let t5 = alpha.sin();
+        let t6 = Gamma1 * t5;
+        let t7 = t4 - t6;
+        let t8 = t2 * t7;
+        let t9 = Gamma2 * t5 + Gamma1 * t3;
+        let t10 = beta.cos();
+        let t11 = self.c5 * t10;
+        let t12 = beta_dot * t11;
+        let t13 = self.c1 * t1;
+        let t14 = Omega3 * (t0 * t8 + t9 * t12) - t7 * t13;
+        let t15 = Omega2 * t5;
+        let t16 = Omega1 * t3;
+        let t17 = t15 + t16;
+        let t18 = Omega2 * t3;
+        let t19 = Omega1 * t5;
+        let t20 = t18 - t19;
+        let t21 = self.c6 * (beta_dot + t1 * t1 * t20);
+        let t22 = beta_dot * Gamma3;
+        let t23 = t21 + t11 * t22;
+        let t24 = Omega2 * Gamma1;
+        let t25 = t24 - Omega1 * Gamma2;
+        let t26 = self.c6 * t1;
+        let t27 = t10 * t26;
+        let t28 = Gamma3 * t2;
+        let t29 = t27 + t28;
+        let t30 = t20 * t0;
+        let t31 = Gamma3 * t13;
+        let t32 = Omega2 * Gamma2 + Omega1 * Gamma1;
+        let t33 = Omega3 * t32;
+        let t34 = Omega3 * t0;
+        let t35 = self.c1 * t10;
+        let t36 = beta_dot * Omega3;
+        let t37 = t31 + t2 * t33 + t9 * (t11 * t34 - t35) + t25 * (t12 + t11 * t20)
+            + t27 * (Omega3 * Omega3 + alpha_dot * alpha_dot + (t18 * t18 + t19 * t19))
+            + t8 * t36 + t17 * t0 * (t1 * t26 - (self.c6 * (t10 * t10) + Gamma3 * t11));
+        let t38 = t2 * t22;
+        let t39 = Omega2 * Omega2;
+        let t40 = Omega1 * Omega1;
+        let t41 = t39 + t40;
+        let t42 = self.c20 * t10;
+        let t43 = t32 + Omega3 * Gamma3;
+        let t44 = Gamma3 + self.c26 * t10;
+        let t45 = t26 * (t1 * t0 - t10 * t17)
+            - self.c28 * (Gamma3 * t43 + self.c27 * (Omega3 * t10 * t44));
+        let t46 = self.c28 * t43;
+        let t47 = Omega3 * (t46 + Omega3 * t11) - t35;
+        let t48 = t39 - t40;
+        let t49 = t11 * t48 - (alpha_dot * t2 * (t15 - t16) - t12 * (t18 + t19));
+        let t50 = self.c20 * t1;
+        let t51 = t31 + t29 * t34 - (t28 * t41 - t33 * t50);
+        let t52 = Gamma1 * t50;
+        let t53 = Gamma2 * t50;
         [
-            r_alpha_dot - t33,
-            r_beta_dot - t36,
-            r_Omega1 + t39
-                + self.r
-                    * (Gamma2 * t44 + dot_Gamma2 * p_X3 - Gamma3 * t45
-                        - dot_Gamma3 * p_X2),
-            r_Omega2 - t40
-                + self.r
-                    * (dot_Gamma3 * p_X1 + Gamma3 * t46 - Gamma1 * t44
-                        - dot_Gamma1 * p_X3),
-            r_Omega3 - t33
-                - self.r
-                    * (Gamma2 * t46 - Gamma1 * t45 - dot_Gamma1 * p_X2
-                        + dot_Gamma2 * p_X1),
+            t14 - t17 * (t23 + t2 * t25) - t29 * t30,
+            t37 + self.c24 * (t1 * t10 * (alpha_dot * Omega3 - t18 * t19)) - t20 * t38
+                - t29 * t41,
+            Omega3 * (self.c25 * Omega2 + t3 * t23)
+                + t24 * (Omega1 - beta_dot * t5) * t42 - Omega2 * t45
+                - Gamma2 * (t47 - t49) - Omega1 * t38 - t5 * t51
+                - t52 * (alpha_dot * t18 - t36),
+            Omega3 * (t5 * t23 - self.c29 * Omega1) + Gamma1 * (t47 + t49) + t3 * t51
+                + t53 * (t36 + alpha_dot * t19) - Omega2 * t38
+                - Omega1 * (Gamma2 * t42 * (Omega2 + beta_dot * t3) - t45),
+            t14 + Omega2 * t19 * t53 - Omega1 * (t18 * t52 - self.c30 * Omega2)
+                - t17 * (t21 + t22 * t42) - t2 * (beta_dot * t32 + t48 * (t6 + t4))
+                - t25 * t46 - t30 * t44 * t50,
         ]
     }
 
@@ -1427,94 +1389,90 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 47 additions, 86 multiplications, 4 divisions, 6 sign changes, 4 elementary functions.
+    /// 41 additions, 69 multiplications, 3 divisions, 3 sign changes, 4 elementary functions.
     pub fn check(&self, t: R, y: &[R; 16]) -> Result<(), ::hamel_runtime::Failure> {
         let [alpha, beta, _, _, _, _, _, Gamma1, Gamma2, Gamma3, _, _, _, _, _, _] = *y;
         /// mass matrix A = W^T L_yy Psi
-        let [A_alpha_dot_alpha_dot, A_alpha_dot_Omega1, A_alpha_dot_Omega2,
-        A_alpha_dot_Omega3, A_beta_dot_beta_dot, A_beta_dot_Omega1, A_beta_dot_Omega2,
-        A_beta_dot_Omega3, A_Omega1_Omega1, A_Omega1_Omega2, A_Omega1_Omega3,
-        A_Omega2_Omega2, A_Omega2_Omega3, A_Omega3_Omega3, A_alpha_dot_alpha_dot_2] = {
+        let [t0, A_alpha_dot_alpha_dot, t2, t3, A_alpha_dot_Omega1, t5,
+        A_alpha_dot_Omega2, t6, A_alpha_dot_Omega3, A_beta_dot_Omega3, A_Omega1_Omega3,
+        A_Omega2_Omega3, t9, t10, t11, t12, A_Omega3_Omega3] = {
             let t0 = beta.sin();
-            let t1 = t0 * t0;
-            let t2 = alpha.sin();
-            let t3 = t2 * t2;
-            let t4 = alpha.cos();
-            let t5 = t4 * t4;
-            let t6 = t3 + t5;
-            let t7 = t0 * t4;
-            let t8 = beta.cos();
-            let t9 = self.c4 * Gamma3 + self.c3 * t8;
-            let t10 = t7 * t9;
-            let t11 = t0 * t2;
-            let t12 = t11 * t9;
-            let t13 = self.c3 * (t0 * t6);
-            let t14 = Gamma1 * t4 + Gamma2 * t2;
-            let t15 = t8 * t8;
-            let t16 = self.c4 * (Gamma3 * t8) + self.c3 * (t1 + t15);
-            let t17 = Gamma1 * t2;
-            let t18 = self.c6 * Gamma3;
-            let t19 = Gamma3 * (self.c5 * t8 + t18);
-            let t20 = self.c4 * t8 + t18;
+            let t1 = self.c6 * t0;
+            let A_alpha_dot_alpha_dot = t0 * t1;
+            let t2 = alpha.cos();
+            let t3 = beta.cos();
+            let t4 = t1 * (t3 + self.c18 * Gamma3);
+            let A_alpha_dot_Omega1 = -(t2 * t4);
+            let t5 = alpha.sin();
+            let A_alpha_dot_Omega2 = -(t5 * t4);
+            let t6 = Gamma2 * t5;
+            let t7 = t6 + Gamma1 * t2;
+            let t8 = self.c5 * (t3 + self.c19 * Gamma3);
+            let t9 = self.c8 * Gamma2;
+            let t10 = Gamma2 * t9;
+            let t11 = self.c8 * Gamma1;
+            let t12 = self.c20 * t0;
             [
-                self.c3 * (t1 * t6),
-                -t10,
-                -t12,
-                t0 * (t13 + self.c4 * t14),
-                self.c3 * (t1 + t15 * t6),
-                -(self.c4 * (Gamma2 * t0) + t2 * t16),
-                self.c4 * (Gamma1 * t0) + t4 * t16,
-                self.c4 * (t8 * (t17 - Gamma2 * t4)),
-                self.I1
-                    + (self.c3 * (t15 + t1 * t3)
-                        + Gamma2 * (self.c5 * t11 + self.c6 * Gamma2) + t19),
-                -(self.c6 * (Gamma1 * Gamma2)
-                    + t0 * (self.c4 * t17 + t4 * (self.c4 * Gamma2 + self.c3 * t11))),
-                -(t10 + Gamma1 * t20),
-                self.I2
-                    + (t19 + self.c3 * (t15 + t1 * t5)
-                        + Gamma1 * (self.c5 * t7 + self.c6 * Gamma1)),
-                -(t12 + Gamma2 * t20),
-                self.I3
-                    + (t0 * (t13 + self.c5 * t14)
-                        + self.c6 * (Gamma1 * Gamma1 + Gamma2 * Gamma2)),
-                self.c3 * t1,
+                t0,
+                A_alpha_dot_alpha_dot,
+                t2,
+                t3,
+                A_alpha_dot_Omega1,
+                t5,
+                A_alpha_dot_Omega2,
+                t6,
+                A_alpha_dot_alpha_dot + self.c5 * (t0 * t7),
+                self.c5 * (t3 * (Gamma1 * t5 - Gamma2 * t2)),
+                A_alpha_dot_Omega1 - Gamma1 * t8,
+                A_alpha_dot_Omega2 - Gamma2 * t8,
+                t9,
+                t10,
+                t11,
+                t12,
+                self.I3 + (A_alpha_dot_alpha_dot + t10 + Gamma1 * t11 + t7 * t12),
             ]
         };
         /// factors of A
-        let [A_s2_3_3, A_s3_4_4, A_s4_5_5] = {
-            let t21 = A_alpha_dot_alpha_dot.recip();
-            let A_l3_1 = A_alpha_dot_Omega1 * t21;
-            let A_l4_1 = A_alpha_dot_Omega2 * t21;
-            let A_l5_1 = A_alpha_dot_Omega3 * t21;
-            let A_s1_3_3 = A_Omega1_Omega1 - A_alpha_dot_Omega1 * A_l3_1;
-            let A_s1_3_4 = A_Omega1_Omega2 - A_alpha_dot_Omega2 * A_l3_1;
-            let A_s1_3_5 = A_Omega1_Omega3 - A_alpha_dot_Omega3 * A_l3_1;
-            let A_s1_4_4 = A_Omega2_Omega2 - A_alpha_dot_Omega2 * A_l4_1;
-            let A_s1_4_5 = A_Omega2_Omega3 - A_alpha_dot_Omega3 * A_l4_1;
-            let A_s1_5_5 = A_Omega3_Omega3 - A_alpha_dot_Omega3 * A_l5_1;
-            let t22 = A_beta_dot_beta_dot.recip();
-            let A_l3_2 = A_beta_dot_Omega1 * t22;
-            let A_l4_2 = A_beta_dot_Omega2 * t22;
-            let A_l5_2 = A_beta_dot_Omega3 * t22;
-            let A_s2_3_3 = A_s1_3_3 - A_beta_dot_Omega1 * A_l3_2;
-            let A_s2_3_4 = A_s1_3_4 - A_beta_dot_Omega2 * A_l3_2;
-            let A_s2_3_5 = A_s1_3_5 - A_beta_dot_Omega3 * A_l3_2;
-            let A_s2_4_4 = A_s1_4_4 - A_beta_dot_Omega2 * A_l4_2;
-            let A_s2_4_5 = A_s1_4_5 - A_beta_dot_Omega3 * A_l4_2;
-            let A_s2_5_5 = A_s1_5_5 - A_beta_dot_Omega3 * A_l5_2;
-            let t23 = A_s2_3_3.recip();
-            let A_l4_3 = A_s2_3_4 * t23;
-            let A_l5_3 = A_s2_3_5 * t23;
-            let A_s3_4_4 = A_s2_4_4 - A_s2_3_4 * A_l4_3;
-            let A_s3_4_5 = A_s2_4_5 - A_s2_3_5 * A_l4_3;
-            let A_s3_5_5 = A_s2_5_5 - A_s2_3_5 * A_l5_3;
+        let [A_s1_3_3, A_s3_4_4, A_s4_5_5] = {
+            let t13 = Gamma3 * t5;
+            let t14 = Gamma2 * t0 + t3 * t13;
+            let A_l3_2 = -(t5 + self.c18 * t14);
+            let t15 = Gamma3 * t2;
+            let t16 = Gamma1 * t0 + t3 * t15;
+            let A_l4_2 = t2 + self.c18 * t16;
+            let A_l5_2 = self.c12 * A_beta_dot_Omega3;
+            let t17 = t3 * t3 + self.c22 * (Gamma3 * (t3 + self.c21 * Gamma3));
+            let A_s2_3_3 = self.I1
+                + (t10 + t5 * t5 * A_alpha_dot_alpha_dot + t6 * t12
+                    - self.c6 * (A_l3_2 * A_l3_2 - t17));
+            let A_s2_3_5 = A_Omega1_Omega3 - A_beta_dot_Omega3 * A_l3_2;
+            let A_s2_4_4 = self.I2
+                + (t2 * t2 * A_alpha_dot_alpha_dot + Gamma1 * (t11 + t2 * t12)
+                    - self.c6 * (A_l4_2 * A_l4_2 - t17));
+            let A_s2_4_5 = A_Omega2_Omega3 - A_beta_dot_Omega3 * A_l4_2;
+            let A_s2_5_5 = A_Omega3_Omega3 - A_beta_dot_Omega3 * A_l5_2;
+            let t18 = A_alpha_dot_alpha_dot.recip();
+            let A_l3_1 = A_alpha_dot_Omega1 * t18;
+            let A_l4_1 = A_alpha_dot_Omega2 * t18;
+            let A_l5_1 = A_alpha_dot_Omega3 * t18;
+            let A_s1_3_3 = A_s2_3_3 - A_alpha_dot_Omega1 * A_l3_1;
+            let A_s1_3_4 = self.c23 * (t14 * t16 - t13 * t15) - Gamma1 * t9;
+            let A_s1_3_5 = A_s2_3_5 - A_alpha_dot_Omega3 * A_l3_1;
+            let A_s1_4_4 = A_s2_4_4 - A_alpha_dot_Omega2 * A_l4_1;
+            let A_s1_4_5 = A_s2_4_5 - A_alpha_dot_Omega3 * A_l4_1;
+            let A_s1_5_5 = A_s2_5_5 - A_alpha_dot_Omega3 * A_l5_1;
+            let t19 = A_s1_3_3.recip();
+            let A_l4_3 = A_s1_3_4 * t19;
+            let A_l5_3 = A_s1_3_5 * t19;
+            let A_s3_4_4 = A_s1_4_4 - A_s1_3_4 * A_l4_3;
+            let A_s3_4_5 = A_s1_4_5 - A_s1_3_5 * A_l4_3;
+            let A_s3_5_5 = A_s1_5_5 - A_s1_3_5 * A_l5_3;
             let A_l5_4 = A_s3_4_5 / A_s3_4_4;
-            [A_s2_3_3, A_s3_4_4, A_s3_5_5 - A_s3_4_5 * A_l5_4]
+            [A_s1_3_3, A_s3_4_4, A_s3_5_5 - A_s3_4_5 * A_l5_4]
         };
         for (value, pivot) in [
-            (A_alpha_dot_alpha_dot_2, "inertia along alpha_dot"),
-            (A_s2_3_3, "inertia along Omega1"),
+            (A_alpha_dot_alpha_dot, "inertia along alpha_dot"),
+            (A_s1_3_3, "inertia along Omega1"),
             (A_s3_4_4, "inertia along Omega2"),
             (A_s4_5_5, "inertia along Omega3"),
         ] {

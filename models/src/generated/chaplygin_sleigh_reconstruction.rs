@@ -154,28 +154,28 @@ impl<R: ::hamel_runtime::Real> State<R> {
 pub struct Prepared<R = f64> {
     /// Parameter `m`.
     m: R,
-    /// `m * a / (m + m * b * -(m * b / (J + m * (a * a + b * b))))`
+    /// A longer expression in the parameters.
     c0: R,
     /// A longer expression in the parameters.
     c1: R,
-    /// `-(m * b / (J + m * (a * a + b * b)))`
-    A_l2_1: R,
-    /// `m * a / (J + m * (a * a + b * b))`
+    /// `m * a / (m + m * b * -(m * b / (J + m * (a * a + b * b))))`
     c2: R,
-    /// `0.5 * (J + m * (a * a + b * b))`
-    c3: R,
-    /// `m * b`
-    c4: R,
     /// `0.5 * m`
+    c3: R,
+    /// `2 * m * b / (J + m * (a * a + b * b))`
+    c4: R,
+    /// `0.5 * (J + m * (a * a + b * b))`
     c5: R,
     /// `J + m * (a * a + b * b)`
     A_omega_omega: R,
-    /// `m * a`
+    /// `m * b`
     c6: R,
-    /// `m * a * -(m * b / (J + m * (a * a + b * b)))`
+    /// `m * a`
     c7: R,
-    /// `m * m * (a * a) / (J + m * (a * a + b * b))`
+    /// A longer expression in the parameters.
     c8: R,
+    /// A longer expression in the parameters.
+    c9: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -188,7 +188,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 11 multiplications, 5 divisions, 1 sign change.
+    /// 6 additions, 17 multiplications, 7 divisions, 1 sign change.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { J, m, a, b } = *params;
         for (value, condition, meaning) in [
@@ -210,7 +210,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let A_l2_1 = -(t1 / A_omega_omega);
         let A_s1_2_2 = m + t1 * A_l2_1;
         let t2 = m * a;
-        let t3 = t2 * A_l2_1;
+        let t3 = t2 / A_omega_omega + t2 * (A_l2_1 * A_l2_1) / A_s1_2_2;
         if !J.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "J > 0",
@@ -237,17 +237,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(Self {
             m,
-            c0: t2 / A_s1_2_2,
-            c1: t3 / A_s1_2_2,
-            A_l2_1,
-            c2: t2 / A_omega_omega,
-            c3: R::from_f64(0.5) * A_omega_omega,
-            c4: t1,
-            c5: R::from_f64(0.5) * m,
+            c0: t3,
+            c1: t2 * A_l2_1 / A_s1_2_2,
+            c2: t2 / A_s1_2_2,
+            c3: R::from_f64(0.5) * m,
+            c4: R::from_f64(2.0) * m * b / A_omega_omega,
+            c5: R::from_f64(0.5) * A_omega_omega,
             A_omega_omega,
-            c6: t2,
-            c7: t3,
-            c8: m * m * t0 / A_omega_omega,
+            c6: t1,
+            c7: t2,
+            c8: m - t2 * t3,
+            c9: t1 + m * m * t0 * A_l2_1 / A_s1_2_2,
         })
     }
 }
@@ -276,13 +276,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn rhs(&self, t: R, y: &[R; 5], dy: &mut [R; 5]) {
         let [omega, v1, theta, _, _] = *y;
         let _ = t;
-        /// substitution through the factors of A
-        let [dot_v1, dot_omega] = {
-            let t0 = omega * v1;
-            let dot_v1 = self.c0 * (omega * omega) + self.c1 * t0;
-            [dot_v1, -(self.A_l2_1 * dot_v1 + self.c2 * t0)]
-        };
-        *dy = [dot_omega, dot_v1, omega, v1 * theta.cos(), v1 * theta.sin()];
+        let t0 = omega * v1;
+        let t1 = omega * omega;
+        *dy = [
+            -(self.c0 * t0 + self.c1 * t1),
+            self.c1 * t0 + self.c2 * t1,
+            omega,
+            v1 * theta.cos(),
+            v1 * theta.sin(),
+        ];
     }
 
     /// Energy.
@@ -293,13 +295,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 6 multiplications.
+    /// 2 additions, 5 multiplications.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 5]) -> R {
         let [omega, v1, _, _, _] = *y;
         let _ = t;
-        self.c3 * (omega * omega) - self.c4 * (omega * v1) + self.c5 * (v1 * v1)
+        self.c3 * (v1 * v1) + self.c5 * (omega * (omega - self.c4 * v1))
     }
 
     /// Momenta p = dL/dy.
@@ -320,10 +322,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         /// momenta p = dL/dy
         let [p_omega, p_v1] = [
-            self.A_omega_omega * omega - self.c4 * v1,
-            self.m * v1 - self.c4 * omega,
+            self.A_omega_omega * omega - self.c6 * v1,
+            self.m * v1 - self.c6 * omega,
         ];
-        [p_omega, p_v1, self.c6 * omega]
+        [p_omega, p_v1, self.c7 * omega]
     }
 
     /// Multipliers lambda_A of E = lambda_A a_A, the constraint forces along the constraint one-forms.
@@ -336,20 +338,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 additions, 9 multiplications.
+    /// 1 addition, 3 multiplications.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 5]) -> [R; 1] {
         let [omega, v1, _, _, _] = *y;
         let _ = t;
-        /// momenta p = dL/dy
-        let p_v1 = self.m * v1 - self.c4 * omega;
-        /// substitution through the factors of A
-        let [t0, dot_v1] = {
-            let t0 = omega * v1;
-            [t0, self.c0 * (omega * omega) + self.c1 * t0]
-        };
-        [omega * p_v1 - self.c7 * dot_v1 - self.c8 * t0]
+        [omega * (self.c8 * v1 - self.c9 * omega)]
     }
 
     /// Momenta \<p, W_b\> along the sections of virtual displacements.
@@ -370,8 +365,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         /// momenta p = dL/dy
         let [p_omega, p_v1] = [
-            self.A_omega_omega * omega - self.c4 * v1,
-            self.m * v1 - self.c4 * omega,
+            self.A_omega_omega * omega - self.c6 * v1,
+            self.m * v1 - self.c6 * omega,
         ];
         [p_omega, p_v1]
     }
@@ -386,13 +381,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 multiplications, 1 sign change.
+    /// 3 multiplications, 1 sign change.
     #[inline]
     #[must_use]
     pub fn momentum_equation(&self, t: R, y: &[R; 5]) -> [R; 2] {
         let [omega, v1, _, _, _] = *y;
         let _ = t;
-        [-(self.c6 * (omega * v1)), self.c6 * (omega * omega)]
+        let t0 = self.c7 * omega;
+        [-(v1 * t0), omega * t0]
     }
 }
 

@@ -177,46 +177,90 @@ impl<R: ::hamel_runtime::Real> State<R> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
 pub struct Prepared<R = f64> {
-    /// Parameter `M`.
-    M: R,
-    /// Parameter `r`.
-    r: R,
-    /// Parameter `I1`.
-    I1: R,
     /// Parameter `I3`.
     I3: R,
-    /// `2 * r`
+    /// `0.5 * M * r * e * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
     c0: R,
-    /// `r * e`
+    /// `M * r * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
     c1: R,
-    /// `0.5 * M * g`
+    /// `0.25 * (4 * I1 - 4 * I3 - 4 * M * (r * r) + M * (r * r) * (e * e)) / (I3 + M * (r * r))`
     c2: R,
-    /// `0.5 * M * r`
+    /// `(I3 + M * (r * r)) / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
     c3: R,
-    /// `2 * I1 - I3`
+    /// `0.5 * M * (r * r) * e / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
     c4: R,
-    /// `0.25 * M`
+    /// A longer expression in the parameters.
     c5: R,
-    /// `M * r`
+    /// A longer expression in the parameters.
     c6: R,
+    /// A longer expression in the parameters.
+    c7: R,
+    /// A longer expression in the parameters.
+    c8: R,
+    /// A longer expression in the parameters.
+    c9: R,
+    /// `0.5 * M * (r * r) * e`
+    c10: R,
+    /// `M * r * g`
+    c11: R,
+    /// `0.5 * M * r * e * g / (I3 + M * (r * r))`
+    c12: R,
     /// `I3 + M * (r * r)`
     A_psi_dot_psi_dot: R,
-    /// `0.5 * I1`
-    c7: R,
-    /// `0.5 * I3`
-    c8: R,
-    /// `0.125 * M`
-    c9: R,
-    /// `I1 + 0.25 * M * (r * r) * (4 + e * e)`
-    A_theta_dot_theta_dot: R,
-    /// `0.5 * M`
-    c10: R,
-    /// `0.25 * (4 * I1 + M * (r * r * (e * e) + 4 * (r * r)))`
-    c11: R,
-    /// `M * (r * r)`
-    c12: R,
-    /// `2 * I3`
+    /// `0.125 * (4 * I1 + M * (r * r * (e * e) + 4 * (r * r)))`
     c13: R,
+    /// `4 * (I3 + M * (r * r)) / (4 * I1 + M * (r * r) * (e * e))`
+    c14: R,
+    /// `0.125 * (4 * I1 + M * (r * r) * (e * e))`
+    c15: R,
+    /// `0.5 * (I3 + M * (r * r))`
+    c16: R,
+    /// A longer expression in the parameters.
+    c17: R,
+    /// `0.25 * (4 * I1 + M * (r * r * (e * e) + 4 * (r * r)))`
+    c18: R,
+    /// `(I3 + M * (r * r)) / I3`
+    c19: R,
+    /// `4 * M * (r * r) * e / (4 * I1 + M * (r * r) * (e * e))`
+    c20: R,
+    /// `0.25 * (4 * I1 + M * (r * r) * (e * e))`
+    c21: R,
+    /// `0.5 * e`
+    c22: R,
+    /// `M * r`
+    c23: R,
+    /// `0.5 * e * I3`
+    c24: R,
+    /// `M * r / I3`
+    c25: R,
+    /// A longer expression in the parameters.
+    c26: R,
+    /// A longer expression in the parameters.
+    c27: R,
+    /// A longer expression in the parameters.
+    c28: R,
+    /// `0.5 * (M * M) * (r * r * r) * e / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    c29: R,
+    /// `(I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r))) / (I3 + M * (r * r))`
+    c30: R,
+    /// `M * r * (I3 + M * (r * r)) / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    c31: R,
+    /// `0.5 * (M * M) * (r * r) * e * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    c32: R,
+    /// A longer expression in the parameters.
+    c33: R,
+    /// A longer expression in the parameters.
+    c34: R,
+    /// A longer expression in the parameters.
+    c35: R,
+    /// `0.25 * (M * M) * (r * r * r) * (e * e) / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    c36: R,
+    /// `0.25 * (4 * I1 - 4 * I3 - 4 * M * (r * r) + M * (r * r) * (e * e))`
+    c37: R,
+    /// `0.5 * M * r * e * g`
+    c38: R,
+    /// `M * (r * r)`
+    c39: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -225,11 +269,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Errors
     ///
-    /// The first of these that does not hold: every parameter is finite, `M > 0`, `r > 0`, `e >= 0`, `I1 > 0`, `I3 > 0`.
+    /// The first of these that does not hold: every parameter is finite, `M > 0`, `r > 0`, `e >= 0`, `I1 > 0`, `I3 > 0`, `inertia along theta_dot != 0`, `inertia along psi_dot != 0`.
     ///
     /// # Operations
     ///
-    /// 6 additions, 22 multiplications.
+    /// 27 additions, 84 multiplications, 35 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { M, r, e, I1, I3, g } = *params;
         for (value, condition, meaning) in [
@@ -251,13 +295,47 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let t0 = R::from_f64(0.5) * M;
-        let t1 = R::from_f64(0.25) * M;
-        let t2 = r * r;
-        let t3 = M * t2;
-        let A_psi_dot_psi_dot = I3 + t3;
-        let t4 = e * e;
-        let A_theta_dot_theta_dot = I1 + t1 * t2 * (R::from_f64(4.0) + t4);
+        let t0 = r * r;
+        let t1 = e * e;
+        let t2 = t0 * t1;
+        let t3 = R::from_f64(4.0) * t0;
+        let t4 = t2 + t3;
+        let A_theta_dot_theta_dot = I1 + R::from_f64(0.25) * M * t4;
+        let t5 = M * t0;
+        let A_psi_dot_psi_dot = I3 + t5;
+        let t6 = R::from_f64(0.5) * M;
+        let t7 = t6 * r * e * g;
+        let t8 = M * r;
+        let t9 = t8 * g;
+        let t10 = R::from_f64(4.0) * I1;
+        let t11 = R::from_f64(4.0) * I3;
+        let t12 = t10 - t11;
+        let t13 = R::from_f64(4.0) * M * t0;
+        let t14 = t5 * t1;
+        let t15 = R::from_f64(0.25) * (t12 - t13 + t14);
+        let t16 = t6 * t0 * e;
+        let t17 = M * (t2 - t3);
+        let t18 = M * M;
+        let t19 = t18 * (t0 * t0) * t1 / A_psi_dot_psi_dot;
+        let t20 = t10 - R::from_f64(2.0) * I3 + t13 + t17 - t19;
+        let t21 = t10 + t14;
+        let t22 = t21 - t19;
+        let t23 = R::from_f64(2.0) * M;
+        let t24 = t23 * t0;
+        let t25 = t5 * e;
+        let t26 = I3 + t24;
+        let t27 = t24 * e - t25 * t26 / A_psi_dot_psi_dot;
+        let t28 = R::from_f64(2.0) * t27 / t22;
+        let t29 = A_psi_dot_psi_dot * t22;
+        let t30 = t25 * t27 / t29 - t26 / A_psi_dot_psi_dot;
+        let t31 = t10 + M * t4;
+        let t32 = R::from_f64(0.5) * e;
+        let t33 = t8 * e;
+        let t34 = t0 * r;
+        let t35 = t18 * t34;
+        let t36 = R::from_f64(0.5) * t18;
+        let t37 = R::from_f64(4.0) * t18;
+        let t38 = t12 + t17;
         if !M.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "M > 0",
@@ -288,37 +366,72 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 meaning: "",
             });
         }
+        if !A_theta_dot_theta_dot.all_ne(R::ZERO) {
+            return Err(::hamel_runtime::ParamError {
+                condition: "inertia along theta_dot != 0",
+                meaning: "",
+            });
+        }
+        if !A_psi_dot_psi_dot.all_ne(R::ZERO) {
+            return Err(::hamel_runtime::ParamError {
+                condition: "inertia along psi_dot != 0",
+                meaning: "",
+            });
+        }
         Ok(Self {
-            M,
-            r,
-            I1,
             I3,
-            c0: R::from_f64(2.0) * r,
-            c1: r * e,
-            c2: t0 * g,
-            c3: t0 * r,
-            c4: R::from_f64(2.0) * I1 - I3,
-            c5: t1,
-            c6: M * r,
+            c0: t7 / A_theta_dot_theta_dot,
+            c1: t9 / A_theta_dot_theta_dot,
+            c2: t15 / A_psi_dot_psi_dot,
+            c3: A_psi_dot_psi_dot / A_theta_dot_theta_dot,
+            c4: t16 / A_theta_dot_theta_dot,
+            c5: R::from_f64(0.5) * t20 / I3,
+            c6: t11 / t22,
+            c7: t28,
+            c8: t25 * t20 / t29 - t28 - t25 / A_psi_dot_psi_dot,
+            c9: t30,
+            c10: t16,
+            c11: t9,
+            c12: t7 / A_psi_dot_psi_dot,
             A_psi_dot_psi_dot,
-            c7: R::from_f64(0.5) * I1,
-            c8: R::from_f64(0.5) * I3,
-            c9: R::from_f64(0.125) * M,
-            A_theta_dot_theta_dot,
-            c10: t0,
-            c11: R::from_f64(0.25)
-                * (R::from_f64(4.0) * I1 + M * (t2 * t4 + R::from_f64(4.0) * t2)),
-            c12: t3,
-            c13: R::from_f64(2.0) * I3,
+            c13: R::from_f64(0.125) * t31,
+            c14: R::from_f64(4.0) * A_psi_dot_psi_dot / t21,
+            c15: R::from_f64(0.125) * t21,
+            c16: R::from_f64(0.5) * A_psi_dot_psi_dot,
+            c17: R::from_f64(0.25) * t22,
+            c18: R::from_f64(0.25) * t31,
+            c19: A_psi_dot_psi_dot / I3,
+            c20: t13 * e / t21,
+            c21: R::from_f64(0.25) * t21,
+            c22: t32,
+            c23: t8,
+            c24: t32 * I3,
+            c25: t8 / I3,
+            c26: t23 * r + t8 * t30 - t33 * t27 / t22,
+            c27: R::from_f64(2.0) * (t8 * t27 / t22 - t33 * I3 / t22),
+            c28: R::from_f64(0.5)
+                * (t33 * A_psi_dot_psi_dot / A_theta_dot_theta_dot
+                    + t35 * e / A_theta_dot_theta_dot),
+            c29: t36 * t34 * e / A_theta_dot_theta_dot,
+            c30: A_theta_dot_theta_dot / A_psi_dot_psi_dot,
+            c31: t8 * A_psi_dot_psi_dot / A_theta_dot_theta_dot,
+            c32: t36 * t0 * e * g / A_theta_dot_theta_dot,
+            c33: R::from_f64(0.25)
+                * (t37 * t0 * g / A_theta_dot_theta_dot
+                    - t18 * t0 * t1 * g / A_theta_dot_theta_dot),
+            c34: R::from_f64(0.25)
+                * (t8 * t38 / A_theta_dot_theta_dot + t35 * t1 / A_theta_dot_theta_dot),
+            c35: R::from_f64(0.125)
+                * (t37 * t34 * e / A_theta_dot_theta_dot
+                    - t33 * t38 / A_theta_dot_theta_dot),
+            c36: R::from_f64(0.25) * t18 * t34 * t1 / A_theta_dot_theta_dot,
+            c37: t15,
+            c38: t7,
+            c39: t5,
         })
     }
 }
 
-#[allow(non_snake_case, reason = "names are those of the model")]
-#[allow(
-    unused_doc_comments,
-    reason = "comments on statements say which formula they are"
-)]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Writes the derivative of the state to `dy`.
     ///
@@ -334,75 +447,25 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 22 additions, 50 multiplications, 3 divisions, 2 sign changes, 2 elementary functions.
+    /// 11 additions, 20 multiplications, 1 division, 1 sign change, 2 elementary functions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 5], dy: &mut [R; 5]) {
         let [theta, _, theta_dot, phi_dot, psi_dot] = *y;
         let _ = t;
-        /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [t0, t1, r_psi_dot, t2, t3, t6, t8, r_theta_dot, r_phi_dot] = {
-            let t0 = theta_dot * phi_dot;
-            let t1 = theta.sin();
-            let t2 = theta.cos();
-            let t3 = self.c0 * t2 - self.c1 * t1;
-            let t4 = phi_dot * t2;
-            let t5 = self.I3 * (psi_dot + t4);
-            let t6 = self.c0 * t1 + self.c1 * t2;
-            let t7 = phi_dot * t3;
-            let dL_dtheta = -(self.c2 * t3
-                + R::from_f64(0.25)
-                    * (phi_dot
-                        * (R::from_f64(4.0) * (t1 * (t5 - self.I1 * t4))
-                            + self.M * (t6 * (self.c0 * psi_dot + t7)))));
-            let dL_dphi = -(self.c3 * (theta_dot * psi_dot * t6));
-            let t8 = self.c3 * (phi_dot * psi_dot * t6);
-            [
-                t0,
-                t1,
-                self.I3 * (t0 * t1),
-                t2,
-                t3,
-                t6,
-                t8,
-                dL_dtheta + t8,
-                dL_dphi
-                    + R::from_f64(0.5)
-                        * (theta_dot
-                            * (R::from_f64(2.0) * (t1 * (t5 - self.c4 * t4))
-                                + self.M * (t6 * (self.r * psi_dot + t7)))),
-            ]
-        };
-        /// mass matrix A = W^T L_yy Psi
-        let [A_theta_dot_theta_dot, A_phi_dot_phi_dot, A_phi_dot_psi_dot] = {
-            let t9 = t3 * t3;
-            [
-                self.I1 + self.c5 * (t6 * t6 + t9),
-                self.I1 * (t1 * t1) + self.I3 * (t2 * t2) + self.c5 * t9,
-                self.I3 * t2 + self.c3 * t3,
-            ]
-        };
-        /// right side f = W^T (r - L_yy lag)
-        let [n_theta_dot, f_psi_dot] = [
-            r_theta_dot - t8,
-            r_psi_dot + self.c6 * (t0 * t6),
+        let t0 = theta.sin();
+        let t1 = theta.cos();
+        let t2 = phi_dot * t0;
+        let t3 = phi_dot * t1;
+        let t4 = theta_dot * (psi_dot - self.c5 * t3) * (self.c6 / t0);
+        let t5 = self.c7 * theta_dot;
+        *dy = [
+            theta_dot,
+            phi_dot,
+            self.c0 * t0 - self.c1 * t1 - self.c3 * (t2 * (psi_dot - self.c2 * t3))
+                - self.c4 * (t3 * (psi_dot + t3) - t2 * t2),
+            t4 - phi_dot * t5,
+            theta_dot * -(self.c8 * t3 + self.c9 * t2) + psi_dot * t5 - t1 * t4,
         ];
-        /// factors of A
-        let [t10, A_l3_2, A_s2_3_3] = {
-            let t10 = A_phi_dot_phi_dot.recip();
-            let A_l3_2 = A_phi_dot_psi_dot * t10;
-            [t10, A_l3_2, self.A_psi_dot_psi_dot - A_phi_dot_psi_dot * A_l3_2]
-        };
-        /// substitution through the factors of A
-        let [dot_psi_dot, dot_phi_dot, dot_theta_dot] = {
-            let z_psi_dot = f_psi_dot - r_phi_dot * A_l3_2;
-            let dot_psi_dot = z_psi_dot / A_s2_3_3;
-            [
-                dot_psi_dot,
-                r_phi_dot * t10 - A_l3_2 * dot_psi_dot,
-                n_theta_dot / A_theta_dot_theta_dot,
-            ]
-        };
-        *dy = [theta_dot, phi_dot, dot_theta_dot, dot_phi_dot, dot_psi_dot];
     }
 
     /// Energy.
@@ -413,21 +476,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 10 additions, 20 multiplications, 2 elementary functions.
+    /// 8 additions, 17 multiplications, 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 5]) -> R {
         let [theta, _, theta_dot, phi_dot, psi_dot] = *y;
         let _ = t;
-        let t0 = theta_dot * theta_dot;
-        let t1 = theta.sin();
-        let t2 = theta.cos();
-        let t3 = psi_dot + phi_dot * t2;
-        let t4 = self.c0 * t1 + self.c1 * t2;
-        let t5 = self.c0 * t2 - self.c1 * t1;
-        let t6 = self.c0 * psi_dot + phi_dot * t5;
-        self.c7 * (t0 + phi_dot * phi_dot * (t1 * t1)) + self.c8 * (t3 * t3)
-            + self.c2 * t4 + self.c9 * (t6 * t6 + t0 * (t4 * t4 + t5 * t5))
+        let t0 = theta.sin();
+        let t1 = theta.cos();
+        let t2 = t0 * (self.c11 - self.c10 * (phi_dot * (psi_dot + phi_dot * t1)))
+            + self.A_psi_dot_psi_dot * (t1 * (self.c12 + phi_dot * psi_dot))
+            + self.c13 * (theta_dot * theta_dot);
+        t2 + self.c15 * (phi_dot * phi_dot * (t0 * t0 + self.c14 * (t1 * t1)))
+            + self.c16 * (psi_dot * psi_dot)
     }
 
     /// Momenta p = dL/dy.
@@ -440,37 +501,28 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 10 additions, 32 multiplications, 3 sign changes, 4 elementary functions.
+    /// 8 additions, 21 multiplications, 1 sign change, 4 elementary functions.
     #[inline]
     #[must_use]
     pub fn momentum(&self, t: R, y: &[R; 5]) -> [R; 5] {
         let [theta, phi, theta_dot, phi_dot, psi_dot] = *y;
         let _ = t;
-        /// velocities y = Psi u + psi0
-        let [t0, X1, t1, X2] = {
-            let t0 = phi.cos();
-            let t1 = phi.sin();
-            [t0, -(self.r * (psi_dot * t0)), t1, -(self.r * (psi_dot * t1))]
-        };
-        /// momenta p = dL/dy
-        let [p_psi_dot, p_X1, p_X2, p_phi_dot, p_theta_dot] = {
-            let t2 = theta.cos();
-            let t3 = psi_dot + phi_dot * t2;
-            let t4 = theta.sin();
-            let t5 = self.c0 * t4 + self.c1 * t2;
-            let t6 = self.c0 * t2 - self.c1 * t4;
-            [
-                self.I3 * t3,
-                self.c10
-                    * (theta_dot * t1 * t5 + R::from_f64(2.0) * X1 - phi_dot * t0 * t6),
-                -(self.c10
-                    * (theta_dot * t0 * t5 - R::from_f64(2.0) * X2 + phi_dot * t1 * t6)),
-                self.I1 * (phi_dot * (t4 * t4)) + self.I3 * (t2 * t3)
-                    + self.c5 * (t6 * (self.c0 * psi_dot + phi_dot * t6)),
-                self.c11 * theta_dot,
-            ]
-        };
-        [p_theta_dot, p_phi_dot, p_psi_dot, p_X1, p_X2]
+        let t0 = theta.cos();
+        let t1 = self.I3 * psi_dot + self.I3 * (phi_dot * t0);
+        let t2 = theta.sin();
+        let t3 = phi_dot * t2;
+        let t4 = phi.sin();
+        let t5 = (t2 + self.c22 * t0) * (self.c23 * theta_dot);
+        let t6 = phi.cos();
+        let t7 = self.c25 * (t1 - self.c24 * t3);
+        [
+            self.c18 * theta_dot,
+            self.c19 * (t0 * t1) - self.c10 * (psi_dot * t2)
+                + self.c21 * (t3 * (t2 - self.c20 * t0)),
+            t1,
+            t4 * t5 - t6 * t7,
+            -(t6 * t5 + t4 * t7),
+        ]
     }
 
     /// Multipliers lambda_A of E = lambda_A a_A, the constraint forces along the constraint one-forms.
@@ -483,117 +535,31 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 53 additions, 120 multiplications, 3 divisions, 5 sign changes, 4 elementary functions.
+    /// 16 additions, 34 multiplications, 4 elementary functions.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 5]) -> [R; 2] {
         let [theta, phi, theta_dot, phi_dot, psi_dot] = *y;
         let _ = t;
-        /// velocities y = Psi u + psi0
-        let [t0, X1, t1, X2] = {
-            let t0 = phi.cos();
-            let t1 = phi.sin();
-            [t0, -(self.r * (psi_dot * t0)), t1, -(self.r * (psi_dot * t1))]
-        };
-        /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [t2, t3, t4, t5, t6, r_theta_dot, r_phi_dot, r_psi_dot, r_X1, r_X2] = {
-            let t2 = theta.cos();
-            let t3 = theta.sin();
-            let t4 = self.c0 * t2 - self.c1 * t3;
-            let t5 = self.c0 * t3 + self.c1 * t2;
-            let t6 = t0 * t0 + t1 * t1;
-            let t7 = theta_dot * t1;
-            let t8 = t7 * t5;
-            let t9 = phi_dot * t0;
-            let t10 = t9 * t4;
-            let t11 = t8 + R::from_f64(2.0) * X1 - t10;
-            let t12 = t7 * t4 + t9 * t5;
-            let t13 = theta_dot * t0;
-            let t14 = t13 * t5;
-            let t15 = phi_dot * t1;
-            let t16 = t15 * t4;
-            let t17 = t14 - R::from_f64(2.0) * X2 + t16;
-            let t18 = t13 * t4 - t15 * t5;
-            let t19 = phi_dot * t2;
-            let t20 = self.I3 * (psi_dot + t19);
-            let dL_dtheta = -(self.c2 * t4
-                + self.c5
-                    * (theta_dot * theta_dot * t5 * t4 * (t6 * t6) - t11 * t12
-                        - t17 * t18) + phi_dot * t3 * (t20 - self.I1 * t19));
-            let t21 = t14 + t16;
-            let t22 = t8 - t10;
-            let dL_dphi = self.c5 * (t11 * t21 - t17 * t22);
-            [
-                t2,
-                t3,
-                t4,
-                t5,
-                t6,
-                dL_dtheta - self.c10 * (phi_dot * t5 * (t0 * X1 + t1 * X2)),
-                dL_dphi
-                    + R::from_f64(0.25)
-                        * (theta_dot
-                            * (self.M
-                                * (t0 * (t4 * t12 - t5 * t11) - t1 * (t4 * t18 - t5 * t17))
-                                + R::from_f64(4.0) * (t3 * (t20 - self.c4 * t19)))),
-                self.I3 * (theta_dot * phi_dot * t3),
-                -(self.c10 * (theta_dot * t12 + phi_dot * t21)),
-                self.c10 * (theta_dot * t18 - phi_dot * t22),
-            ]
-        };
-        /// accelerations of the dependent velocities at udot = 0
-        let [lag_X1, lag_X2] = {
-            let t23 = phi_dot * psi_dot;
-            [self.r * (t23 * t1), -(self.r * (t23 * t0))]
-        };
-        /// mass matrix A = W^T L_yy Psi
-        let [A_theta_dot_theta_dot, A_phi_dot_phi_dot, A_phi_dot_psi_dot,
-        A_psi_dot_psi_dot] = {
-            let t24 = t4 * t4 * t6;
-            [
-                self.I1 + self.c5 * (t6 * (t5 * t5 + t24)),
-                self.I1 * (t3 * t3) + self.I3 * (t2 * t2) + self.c5 * t24,
-                self.I3 * t2 + self.c3 * (t4 * t6),
-                self.I3 + self.c12 * t6,
-            ]
-        };
-        /// right side f = W^T (r - L_yy lag)
-        let [n_theta_dot, n_phi_dot, f_psi_dot] = {
-            let n_X1 = r_X1 - self.M * lag_X1;
-            let n_X2 = r_X2 - self.M * lag_X2;
-            [
-                r_theta_dot - self.c10 * (t5 * (t1 * lag_X1 - t0 * lag_X2)),
-                r_phi_dot + self.c10 * (t4 * (t0 * lag_X1 + t1 * lag_X2)),
-                r_psi_dot - self.r * (t0 * n_X1 + t1 * n_X2),
-            ]
-        };
-        /// factors of A
-        let [t25, A_l3_2, A_s2_3_3] = {
-            let t25 = A_phi_dot_phi_dot.recip();
-            let A_l3_2 = A_phi_dot_psi_dot * t25;
-            [t25, A_l3_2, A_psi_dot_psi_dot - A_phi_dot_psi_dot * A_l3_2]
-        };
-        /// substitution through the factors of A
-        let [dot_psi_dot, dot_phi_dot, dot_theta_dot] = {
-            let z_psi_dot = f_psi_dot - n_phi_dot * A_l3_2;
-            let dot_psi_dot = z_psi_dot / A_s2_3_3;
-            [
-                dot_psi_dot,
-                n_phi_dot * t25 - A_l3_2 * dot_psi_dot,
-                n_theta_dot / A_theta_dot_theta_dot,
-            ]
-        };
-        /// accelerations ydot = Psi udot + lag
-        let [dot_X1, dot_X2] = [
-            lag_X1 - self.r * (t0 * dot_psi_dot),
-            lag_X2 - self.r * (t1 * dot_psi_dot),
-        ];
-        [
-            self.M * dot_X1 - r_X1
-                + self.c10 * (t1 * t5 * dot_theta_dot - t0 * t4 * dot_phi_dot),
-            self.M * dot_X2 - r_X2
-                - self.c10 * (t0 * t5 * dot_theta_dot + t1 * t4 * dot_phi_dot),
-        ]
+        let t0 = phi.cos();
+        let t1 = theta.sin();
+        let t2 = phi_dot * t1;
+        let t3 = theta.cos();
+        let t4 = psi_dot + phi_dot * t3;
+        let t5 = theta_dot * (self.c26 * t2 - self.c27 * t4);
+        let t6 = phi.sin();
+        let t7 = t1 * t2;
+        let t8 = t1 * (self.c32 * t1 - self.c33 * t3)
+            + self.c23 * (phi_dot * (t4 - self.c22 * t2))
+            + t3
+                * (phi_dot
+                    * (t2 * (self.c34 * t1 - self.c35 * t3) - self.c36 * (t3 * t4))
+                    - self.c32 * t3);
+        let t9 = t2 * (self.c28 * (psi_dot * t3) - self.c29 * t7)
+            + self.c31
+                * (psi_dot * t7
+                    - self.c30 * (theta_dot * theta_dot * (t3 - self.c22 * t1))) - t8;
+        [t0 * t5 - t6 * t9, t0 * t9 + t6 * t5]
     }
 
     /// Momenta \<p, W_b\> along the sections of virtual displacements.
@@ -606,28 +572,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 6 additions, 15 multiplications, 2 elementary functions.
+    /// 5 additions, 11 multiplications, 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn nonholonomic_momentum(&self, t: R, y: &[R; 5]) -> [R; 3] {
         let [theta, _, theta_dot, phi_dot, psi_dot] = *y;
         let _ = t;
-        /// momenta p = dL/dy
-        let [p_psi_dot, t4, p_phi_dot, p_theta_dot] = {
-            let t0 = theta.cos();
-            let t1 = psi_dot + phi_dot * t0;
-            let t2 = theta.sin();
-            let t3 = self.c0 * t0 - self.c1 * t2;
-            let t4 = self.c0 * psi_dot + phi_dot * t3;
-            [
-                self.I3 * t1,
-                t4,
-                self.I1 * (phi_dot * (t2 * t2)) + self.I3 * (t0 * t1)
-                    + self.c5 * (t3 * t4),
-                self.c11 * theta_dot,
-            ]
-        };
-        [p_theta_dot, p_phi_dot, p_psi_dot + self.c3 * t4]
+        let t0 = theta.cos();
+        let t1 = self.A_psi_dot_psi_dot * (psi_dot + phi_dot * t0);
+        let t2 = theta.sin();
+        let t3 = phi_dot * t2;
+        [
+            self.c18 * theta_dot,
+            t0 * t1 - self.c10 * (psi_dot * t2) + self.c21 * (t3 * (t2 - self.c20 * t0)),
+            t1 - self.c10 * t3,
+        ]
     }
 
     /// Their rates by the nonholonomic momentum equation.
@@ -640,53 +599,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 18 additions, 42 multiplications, 3 sign changes, 2 elementary functions.
+    /// 7 additions, 15 multiplications, 1 sign change, 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn momentum_equation(&self, t: R, y: &[R; 5]) -> [R; 3] {
         let [theta, _, theta_dot, phi_dot, psi_dot] = *y;
         let _ = t;
-        /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [t1, r_psi_dot, t6, t8, r_theta_dot, t9, r_phi_dot, t10, r_X1] = {
-            let t0 = theta_dot * phi_dot;
-            let t1 = theta.sin();
-            let t2 = theta.cos();
-            let t3 = self.c0 * t2 - self.c1 * t1;
-            let t4 = phi_dot * t2;
-            let t5 = self.I3 * (psi_dot + t4);
-            let t6 = self.c0 * t1 + self.c1 * t2;
-            let t7 = phi_dot * t3;
-            let dL_dtheta = -(self.c2 * t3
-                + R::from_f64(0.25)
-                    * (phi_dot
-                        * (R::from_f64(4.0) * (t1 * (t5 - self.I1 * t4))
-                            + self.M * (t6 * (self.c0 * psi_dot + t7)))));
-            let dL_dphi = -(self.c3 * (theta_dot * psi_dot * t6));
-            let t8 = self.c3 * (phi_dot * psi_dot * t6);
-            let t9 = R::from_f64(0.5)
-                * (theta_dot
-                    * (R::from_f64(2.0) * (t1 * (t5 - self.c4 * t4))
-                        + self.M * (t6 * (self.r * psi_dot + t7))));
-            let t10 = self.M * (t0 * t6);
-            [
-                t1,
-                self.I3 * (t0 * t1),
-                t6,
-                t8,
-                dL_dtheta + t8,
-                t9,
-                dL_dphi + t9,
-                t10,
-                -t10,
-            ]
-        };
+        let t0 = theta.sin();
+        let t1 = theta.cos();
+        let t2 = self.c39 * (theta_dot * (t0 + self.c22 * t1));
         [
-            r_theta_dot - t8,
-            r_phi_dot - t9,
-            r_psi_dot - self.r * (t10 + r_X1)
-                - R::from_f64(0.5)
-                    * (phi_dot
-                        * (self.c13 * (theta_dot * t1) - self.c6 * (theta_dot * t6))),
+            t0
+                * (self.c38
+                    + phi_dot
+                        * (phi_dot * (self.c10 * t0 + self.c37 * t1)
+                            - self.A_psi_dot_psi_dot * psi_dot))
+                - t1 * (self.c11 + self.c10 * (phi_dot * (psi_dot + phi_dot * t1))),
+            -(psi_dot * t2),
+            phi_dot * t2,
         ]
     }
 
@@ -698,36 +628,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 5 additions, 11 multiplications, 1 division, 2 elementary functions.
+    /// 2 multiplications, 1 elementary function.
     pub fn check(&self, t: R, y: &[R; 5]) -> Result<(), ::hamel_runtime::Failure> {
         let [theta, _, _, _, _] = *y;
-        /// mass matrix A = W^T L_yy Psi
-        let [A_phi_dot_phi_dot, A_phi_dot_psi_dot] = {
-            let t0 = theta.sin();
-            let t1 = theta.cos();
-            let t2 = self.c0 * t1 - self.c1 * t0;
-            [
-                self.I1 * (t0 * t0) + self.I3 * (t1 * t1) + self.c5 * (t2 * t2),
-                self.I3 * t1 + self.c3 * t2,
-            ]
-        };
-        /// factors of A
-        let A_s2_3_3 = {
-            let A_l3_2 = A_phi_dot_psi_dot / A_phi_dot_phi_dot;
-            self.A_psi_dot_psi_dot - A_phi_dot_psi_dot * A_l3_2
-        };
-        for (value, pivot) in [
-            (self.A_theta_dot_theta_dot, "inertia along theta_dot"),
-            (A_phi_dot_phi_dot, "inertia along phi_dot"),
-            (A_s2_3_3, "inertia along psi_dot"),
-        ] {
-            if !value.all_ne(R::ZERO) {
-                let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
-                return Err(::hamel_runtime::Failure::Singular {
-                    t,
-                    pivot,
-                });
-            }
+        let t0 = theta.sin();
+        let (value, pivot) = (self.c17 * (t0 * t0), "inertia along phi_dot");
+        if !value.all_ne(R::ZERO) {
+            let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
+            return Err(::hamel_runtime::Failure::Singular {
+                t,
+                pivot,
+            });
         }
         Ok(())
     }

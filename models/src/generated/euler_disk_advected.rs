@@ -182,28 +182,48 @@ pub struct Prepared<R = f64> {
     I1: R,
     /// Parameter `I3`.
     I3: R,
-    /// Parameter `m`.
-    m: R,
-    /// Parameter `r`.
-    r: R,
-    /// `m * r * g`
+    /// `m * (r * r)`
     c0: R,
     /// `I1 - I3`
     c1: R,
-    /// `m * (r * r)`
+    /// `1 / (m * (r * r))`
     c2: R,
-    /// `m * r`
+    /// `m * m * (r * r * (r * r)) * (I1 - I3)`
     c3: R,
-    /// `r / (I3 + m * (r * r))`
+    /// `0.5 * g / r`
     c4: R,
-    /// `0.5 * I3`
+    /// `2 * m * (r * r)`
     c5: R,
-    /// `0.5 * m`
+    /// `m * (r * r) * (I1 - I3)`
     c6: R,
-    /// `0.5 * I1`
+    /// `1 / (I3 + m * (r * r))`
     c7: R,
+    /// `m * r * g`
+    c8: R,
+    /// `0.5 * (I3 + m * (r * r))`
+    c9: R,
+    /// `0.5 * m * (r * r)`
+    c10: R,
+    /// `0.5 * I1`
+    c11: R,
     /// `I3 + m * (r * r)`
     A_Omega3_Omega3: R,
+    /// `m * r`
+    c12: R,
+    /// `m * (r * r) / (I3 + m * (r * r))`
+    c13: R,
+    /// `m * m * (r * r * (r * r))`
+    c14: R,
+    /// `0.5 / (m * (r * r))`
+    c15: R,
+    /// `0.5 * (I1 - I3)`
+    c16: R,
+    /// `2 * m * r`
+    c17: R,
+    /// `m * r * (I1 - I3)`
+    c18: R,
+    /// `m * m * (r * r) * g`
+    c19: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -216,7 +236,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 7 multiplications, 1 division.
+    /// 2 additions, 21 multiplications, 5 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I3, m, r, g } = *params;
         for (value, condition, meaning) in [
@@ -233,9 +253,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let t0 = m * r;
-        let t1 = m * (r * r);
+        let t0 = r * r;
+        let t1 = m * t0;
+        let t2 = I1 - I3;
+        let t3 = m * m;
+        let t4 = t3 * (t0 * t0);
+        let t5 = R::from_f64(2.0) * m;
         let A_Omega3_Omega3 = I3 + t1;
+        let t6 = m * r;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -263,17 +288,27 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Ok(Self {
             I1,
             I3,
-            m,
-            r,
-            c0: t0 * g,
-            c1: I1 - I3,
-            c2: t1,
-            c3: t0,
-            c4: r / A_Omega3_Omega3,
-            c5: R::from_f64(0.5) * I3,
-            c6: R::from_f64(0.5) * m,
-            c7: R::from_f64(0.5) * I1,
+            c0: t1,
+            c1: t2,
+            c2: t1.recip(),
+            c3: t4 * t2,
+            c4: R::from_f64(0.5) * g / r,
+            c5: t5 * t0,
+            c6: t1 * t2,
+            c7: A_Omega3_Omega3.recip(),
+            c8: t6 * g,
+            c9: R::from_f64(0.5) * A_Omega3_Omega3,
+            c10: R::from_f64(0.5) * m * t0,
+            c11: R::from_f64(0.5) * I1,
             A_Omega3_Omega3,
+            c12: t6,
+            c13: t1 / A_Omega3_Omega3,
+            c14: t4,
+            c15: R::from_f64(0.5) / t1,
+            c16: R::from_f64(0.5) * t2,
+            c17: t5 * r,
+            c18: t6 * t2,
+            c19: t3 * t0 * g,
         })
     }
 }
@@ -298,97 +333,49 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 26 additions, 77 multiplications, 3 divisions, 7 sign changes, 1 square root.
+    /// 18 additions, 53 multiplications, 3 divisions, 1 sign change, 1 square root.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 6], dy: &mut [R; 6]) {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
-        /// velocities y = Psi u + psi0
-        let [t0, t1, t2, t3, X1, t4, X2, t5, t6, X3] = {
-            let t0 = Omega3 * Gamma2;
-            let t1 = Gamma1 * Gamma1;
-            let t2 = Gamma2 * Gamma2;
-            let t3 = (t1 + t2).sqrt().recip();
-            let t4 = Omega3 * Gamma1;
-            let t5 = Omega1 * Gamma2;
-            let t6 = Omega2 * Gamma1;
-            [
-                t0,
-                t1,
-                t2,
-                t3,
-                -(self.r * t0 * t3),
-                t4,
-                self.r * t4 * t3,
-                t5,
-                t6,
-                self.r * (t5 - t6) * t3,
-            ]
-        };
-        /// kinematics xdot = rho y
-        let [dot_Gamma1, dot_Gamma2, dot_Gamma3] = [
-            t0 - Omega2 * Gamma3,
-            Omega1 * Gamma3 - t4,
-            t6 - t5,
-        ];
-        /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [r_Omega1, r_Omega2, r_X1, r_X2, r_X3] = {
-            let dL_dGamma1 = -(self.c0 * Gamma1 * t3);
-            let dL_dGamma2 = -(self.c0 * Gamma2 * t3);
-            [
-                Gamma3 * dL_dGamma2 + self.c1 * (Omega2 * Omega3),
-                -(Gamma3 * dL_dGamma1 + self.c1 * (Omega1 * Omega3)),
-                -(self.m * (Omega2 * X3 - Omega3 * X2)),
-                self.m * (Omega1 * X3 - Omega3 * X1),
-                -(self.m * (Omega1 * X2 - Omega2 * X1)),
-            ]
-        };
-        /// accelerations of the dependent velocities at udot = 0
-        let [t7, lag_X3] = {
-            let t7 = t3 * t3;
-            let t8 = t7 * t3;
-            [
-                t7,
-                self.r
-                    * (dot_Gamma2 * (t6 * Gamma2 * t8 + Omega1 * (t3 - t2 * t8))
-                        - dot_Gamma1
-                            * (Omega1 * Gamma1 * Gamma2 * t8 + Omega2 * (t3 - t1 * t8))),
-            ]
-        };
         /// mass matrix A = W^T L_yy Psi
-        let [A_Omega1_Omega1, A_Omega1_Omega2, A_Omega2_Omega2] = [
-            self.I1 + self.c2 * t2 * t7,
-            -(self.c2 * (Gamma1 * Gamma2) * t7),
-            self.I1 + self.c2 * t1 * t7,
-        ];
-        /// right side f = W^T (r - L_yy lag)
-        let [f_Omega1, f_Omega2, n_X1, n_X2] = {
-            let n_X3 = r_X3 - self.m * lag_X3;
-            let t9 = Omega3 * Omega3;
-            [
-                r_Omega1 + self.r * (Gamma2 * n_X3) * t3,
-                r_Omega2 - self.r * (Gamma1 * n_X3) * t3,
-                r_X1 - self.c3 * (t9 * Gamma1) * t3,
-                r_X2 - self.c3 * (t9 * Gamma2) * t3,
-            ]
+        let [t0, t1, t2, t3, t4, A_Omega1_Omega1] = {
+            let t0 = Gamma2 * Gamma2;
+            let t1 = Gamma1 * Gamma1;
+            let t2 = (t1 + t0).sqrt().recip();
+            let t3 = t2 * t2;
+            let t4 = self.c0 * t3;
+            [t0, t1, t2, t3, t4, self.I1 + t0 * t4]
         };
         /// factors of A
-        let [t10, A_l2_1, A_s1_2_2] = {
-            let t10 = A_Omega1_Omega1.recip();
-            let A_l2_1 = A_Omega1_Omega2 * t10;
-            [t10, A_l2_1, A_Omega2_Omega2 - A_Omega1_Omega2 * A_l2_1]
+        let [t5, t6, t7, t8, A_s1_2_2] = {
+            let t5 = A_Omega1_Omega1.recip();
+            let t6 = Gamma2 * t5;
+            let t7 = R::ONE - Gamma2 * t4 * t6;
+            let t8 = t1 * t4;
+            [t5, t6, t7, t8, self.I1 + t7 * t8]
         };
-        /// substitution through the factors of A
-        let [dot_Omega2, dot_Omega1, dot_Omega3] = {
-            let z_Omega2 = f_Omega2 - f_Omega1 * A_l2_1;
-            let dot_Omega2 = z_Omega2 / A_s1_2_2;
-            [
-                dot_Omega2,
-                f_Omega1 * t10 - A_l2_1 * dot_Omega2,
-                self.c4 * (Gamma1 * n_X2 - Gamma2 * n_X1) * t3,
-            ]
-        };
-        *dy = [dot_Omega1, dot_Omega2, dot_Omega3, dot_Gamma1, dot_Gamma2, dot_Gamma3];
+        let t9 = Gamma1 * t3;
+        let t10 = t6 * t9;
+        let t11 = A_s1_2_2.recip();
+        let t12 = (Omega2 * t10 - self.c2 * Omega1) * (Omega3 * t11);
+        let t13 = t7 * t11;
+        let t14 = Omega2 * Gamma2;
+        let t15 = Omega2 * Omega2;
+        let t16 = (self.c4
+            + (Omega1 * (R::from_f64(0.5) * Omega1 + t9 * t14)
+                - R::from_f64(0.5) * ((Omega1 * Omega1 * t0 + t1 * t15) * t3 - t15))
+                * t2) * (self.c5 * Gamma3);
+        let t17 = Omega2 * Gamma1 - Omega1 * Gamma2;
+        *dy = [
+            self.c1 * (Omega2 * Omega3) * t5 + self.c3 * (t10 * t12)
+                - t6 * (R::ONE - t8 * t13) * t16 * t2,
+            Gamma1 * t13 * t16 * t2 + self.c6 * t12,
+            -(self.c7 * (t4 * (t14 + Omega1 * Gamma1) * t17)),
+            Omega3 * Gamma2 - Omega2 * Gamma3,
+            Omega1 * Gamma3 - Omega3 * Gamma1,
+            t17,
+        ];
     }
 
     /// Energy.
@@ -399,25 +386,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 8 additions, 22 multiplications, 1 division, 1 sign change, 1 square root.
+    /// 7 additions, 14 multiplications, 1 division, 1 square root.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 6]) -> R {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, _] = *y;
         let _ = t;
-        /// velocities y = Psi u + psi0
-        let [t0, X1, X2, X3] = {
-            let t0 = (Gamma1 * Gamma1 + Gamma2 * Gamma2).sqrt();
-            let t1 = t0.recip();
-            [
-                t0,
-                -(self.r * (Omega3 * Gamma2) * t1),
-                self.r * (Omega3 * Gamma1) * t1,
-                self.r * (Omega1 * Gamma2 - Omega2 * Gamma1) * t1,
-            ]
-        };
-        self.c5 * (Omega3 * Omega3) + self.c6 * (X1 * X1 + X2 * X2 + X3 * X3)
-            + self.c0 * t0 + self.c7 * (Omega1 * Omega1 + Omega2 * Omega2)
+        let t0 = Gamma2 * Gamma2;
+        let t1 = Gamma1 * Gamma1 + t0;
+        let t2 = Omega2 * Gamma1;
+        let t3 = Omega1 * Omega1;
+        self.c8 * t1.sqrt() + self.c9 * (Omega3 * Omega3)
+            + self.c10 * (t2 * (t2 - R::from_f64(2.0) * (Omega1 * Gamma2)) + t3 * t0)
+                / t1 + self.c11 * (Omega2 * Omega2 + t3)
     }
 
     /// Momenta p = dL/dy.
@@ -430,28 +411,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 18 multiplications, 1 division, 1 sign change, 1 square root.
+    /// 2 additions, 14 multiplications, 1 division, 2 sign changes, 1 square root.
     #[inline]
     #[must_use]
     pub fn momentum(&self, t: R, y: &[R; 6]) -> [R; 6] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, _] = *y;
         let _ = t;
-        /// velocities y = Psi u + psi0
-        let [X1, X2, X3] = {
-            let t0 = (Gamma1 * Gamma1 + Gamma2 * Gamma2).sqrt().recip();
-            [
-                -(self.r * (Omega3 * Gamma2) * t0),
-                self.r * (Omega3 * Gamma1) * t0,
-                self.r * (Omega1 * Gamma2 - Omega2 * Gamma1) * t0,
-            ]
-        };
+        let t0 = self.c12 * Omega3;
+        let t1 = (Gamma1 * Gamma1 + Gamma2 * Gamma2).sqrt().recip();
         [
             self.I1 * Omega1,
             self.I1 * Omega2,
             self.I3 * Omega3,
-            self.m * X1,
-            self.m * X2,
-            self.m * X3,
+            -(Gamma2 * t0 * t1),
+            Gamma1 * t0 * t1,
+            -(self.c12 * (Omega2 * Gamma1 - Omega1 * Gamma2) * t1),
         ]
     }
 
@@ -465,102 +439,51 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 34 additions, 95 multiplications, 3 divisions, 7 sign changes, 1 square root.
+    /// 23 additions, 64 multiplications, 3 divisions, 2 sign changes, 1 square root.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 6]) -> [R; 3] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
-        /// velocities y = Psi u + psi0
-        let [t0, t1, t2, t3, X1, t4, X2, t5, X3] = {
-            let t0 = Omega3 * Gamma2;
-            let t1 = Gamma1 * Gamma1;
-            let t2 = Gamma2 * Gamma2;
-            let t3 = (t1 + t2).sqrt().recip();
-            let t4 = Omega3 * Gamma1;
-            let t5 = Omega2 * Gamma1;
-            [
-                t0,
-                t1,
-                t2,
-                t3,
-                -(self.r * t0 * t3),
-                t4,
-                self.r * t4 * t3,
-                t5,
-                self.r * (Omega1 * Gamma2 - t5) * t3,
-            ]
-        };
-        /// kinematics xdot = rho y
-        let [dot_Gamma1, dot_Gamma2] = [t0 - Omega2 * Gamma3, Omega1 * Gamma3 - t4];
-        /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [r_Omega1, r_Omega2, r_X1, r_X2, r_X3] = {
-            let dL_dGamma1 = -(self.c0 * Gamma1 * t3);
-            let dL_dGamma2 = -(self.c0 * Gamma2 * t3);
-            [
-                Gamma3 * dL_dGamma2 + self.c1 * (Omega2 * Omega3),
-                -(Gamma3 * dL_dGamma1 + self.c1 * (Omega1 * Omega3)),
-                -(self.m * (Omega2 * X3 - Omega3 * X2)),
-                self.m * (Omega1 * X3 - Omega3 * X1),
-                -(self.m * (Omega1 * X2 - Omega2 * X1)),
-            ]
-        };
-        /// accelerations of the dependent velocities at udot = 0
-        let [t6, t7, lag_X1, lag_X2, lag_X3] = {
-            let t6 = Gamma1 * Gamma2;
-            let t7 = t3 * t3;
-            let t8 = t7 * t3;
-            let t9 = t3 - t2 * t8;
-            let t10 = t3 - t1 * t8;
-            [
-                t6,
-                t7,
-                self.r * (Omega3 * (t6 * dot_Gamma1 * t8 - dot_Gamma2 * t9)),
-                self.r * (Omega3 * (dot_Gamma1 * t10 - t6 * dot_Gamma2 * t8)),
-                self.r
-                    * (dot_Gamma2 * (t5 * Gamma2 * t8 + Omega1 * t9)
-                        - dot_Gamma1 * (Omega1 * Gamma1 * Gamma2 * t8 + Omega2 * t10)),
-            ]
-        };
         /// mass matrix A = W^T L_yy Psi
-        let [A_Omega1_Omega1, A_Omega1_Omega2, A_Omega2_Omega2] = [
-            self.I1 + self.c2 * t2 * t7,
-            -(self.c2 * t6 * t7),
-            self.I1 + self.c2 * t1 * t7,
-        ];
-        /// right side f = W^T (r - L_yy lag)
-        let [n_X1, n_X2, f_Omega1, f_Omega2] = {
-            let n_X3 = r_X3 - self.m * lag_X3;
-            [
-                r_X1 - self.m * lag_X1,
-                r_X2 - self.m * lag_X2,
-                r_Omega1 + self.r * (Gamma2 * n_X3) * t3,
-                r_Omega2 - self.r * (Gamma1 * n_X3) * t3,
-            ]
+        let [t0, t1, t2, t3, t4, t5, A_Omega1_Omega1] = {
+            let t0 = Gamma1 * Gamma1;
+            let t1 = Gamma2 * Gamma2;
+            let t2 = (t0 + t1).sqrt().recip();
+            let t3 = t2 * t2;
+            let t4 = Gamma2 * t3;
+            let t5 = Gamma2 * t4;
+            [t0, t1, t2, t3, t4, t5, self.I1 + self.c0 * t5]
         };
         /// factors of A
-        let [t11, A_l2_1, A_s1_2_2] = {
-            let t11 = A_Omega1_Omega1.recip();
-            let A_l2_1 = A_Omega1_Omega2 * t11;
-            [t11, A_l2_1, A_Omega2_Omega2 - A_Omega1_Omega2 * A_l2_1]
+        let [t6, t7, t8, t9, A_s1_2_2] = {
+            let t6 = A_Omega1_Omega1.recip();
+            let t7 = t5 * t6;
+            let t8 = R::ONE - self.c0 * t7;
+            let t9 = self.c0 * t3;
+            [t6, t7, t8, t9, self.I1 + t0 * t8 * t9]
         };
-        /// substitution through the factors of A
-        let [dot_Omega2, dot_Omega1, dot_Omega3] = {
-            let z_Omega2 = f_Omega2 - f_Omega1 * A_l2_1;
-            let dot_Omega2 = z_Omega2 / A_s1_2_2;
-            [
-                dot_Omega2,
-                f_Omega1 * t11 - A_l2_1 * dot_Omega2,
-                self.c4 * (Gamma1 * n_X2 - Gamma2 * n_X1) * t3,
-            ]
-        };
-        /// accelerations ydot = Psi udot + lag
-        let [dot_X1, dot_X2, dot_X3] = [
-            lag_X1 - self.r * (Gamma2 * dot_Omega3) * t3,
-            lag_X2 + self.r * (Gamma1 * dot_Omega3) * t3,
-            lag_X3 + self.r * (Gamma2 * dot_Omega1 - Gamma1 * dot_Omega2) * t3,
-        ];
-        [self.m * dot_X1 - r_X1, self.m * dot_X2 - r_X2, self.m * dot_X3 - r_X3]
+        let t10 = self.c12 * Gamma3;
+        let t11 = self.c12 * (Omega2 * Gamma1 - Omega1 * Gamma2);
+        let t12 = Omega1 * Gamma1;
+        let t13 = Omega3 * Gamma3 - self.c13 * (Omega2 * Gamma2 + t12);
+        let t14 = Omega2 * Omega3;
+        let t15 = A_s1_2_2.recip();
+        let t16 = t0 * t15;
+        let t17 = t16 * t3;
+        let t18 = R::ONE + self.c14 * (t7 * t17);
+        let t19 = t16 - self.c5 * (t1 * (t17 - self.c15 * t18)) * t6;
+        let t20 = R::ONE - t9 * t19;
+        let t21 = t10 * t20
+            * (Omega1 * Omega1 * (R::ONE - t5) + Omega2 * Omega2 * (R::ONE - t0 * t3))
+            + self.c17
+                * (t12 * (Omega2 * Gamma3 * t4 * t20 + self.c16 * (Omega3 * t8) * t15));
+        [
+            -((Omega1 * Omega3 * t10 + t11 * (Omega2 + t4 * t13)) * t2),
+            -((t10 * t14 - t11 * (Omega1 + Gamma1 * t13 * t3)) * t2),
+            (t21 + self.c18 * (t14 * (Gamma2 * t18 - self.c0 * (t4 * t16))) * t6) * t2
+                - self.c19 * (Gamma3 * t19) * t3,
+        ]
     }
 
     /// Momenta \<p, W_b\> along the sections of virtual displacements.
@@ -573,21 +496,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 5 additions, 16 multiplications, 1 division, 1 square root.
+    /// 4 additions, 10 multiplications, 1 division.
     #[inline]
     #[must_use]
     pub fn nonholonomic_momentum(&self, t: R, y: &[R; 6]) -> [R; 3] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, _] = *y;
         let _ = t;
-        /// velocities y = Psi u + psi0
-        let [t0, X3] = {
-            let t0 = (Gamma1 * Gamma1 + Gamma2 * Gamma2).sqrt().recip();
-            [t0, self.r * (Omega1 * Gamma2 - Omega2 * Gamma1) * t0]
-        };
+        let t0 = (Omega2 * Gamma1 - Omega1 * Gamma2)
+            * (self.c0 / (Gamma1 * Gamma1 + Gamma2 * Gamma2));
         [
-            self.I1 * Omega1 + self.c3 * (Gamma2 * X3) * t0,
-            self.I1 * Omega2 - self.c3 * (Gamma1 * X3) * t0,
-            self.I3 * Omega3 + self.c2 * Omega3,
+            self.I1 * Omega1 - Gamma2 * t0,
+            self.I1 * Omega2 + Gamma1 * t0,
+            self.A_Omega3_Omega3 * Omega3,
         ]
     }
 
@@ -601,53 +521,32 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 20 additions, 62 multiplications, 1 division, 6 sign changes, 1 square root.
+    /// 15 additions, 38 multiplications, 1 division, 1 sign change, 1 square root.
     #[inline]
     #[must_use]
     pub fn momentum_equation(&self, t: R, y: &[R; 6]) -> [R; 3] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
-        /// velocities y = Psi u + psi0
-        let [t0, t1, t2, t3, X1, t4, X2, X3] = {
-            let t0 = Omega3 * Gamma2;
-            let t1 = Gamma1 * Gamma1;
-            let t2 = Gamma2 * Gamma2;
-            let t3 = (t1 + t2).sqrt().recip();
-            let t4 = Omega3 * Gamma1;
-            [
-                t0,
-                t1,
-                t2,
-                t3,
-                -(self.r * t0 * t3),
-                t4,
-                self.r * t4 * t3,
-                self.r * (Omega1 * Gamma2 - Omega2 * Gamma1) * t3,
-            ]
-        };
-        /// kinematics xdot = rho y
-        let [dot_Gamma1, dot_Gamma2] = [t0 - Omega2 * Gamma3, Omega1 * Gamma3 - t4];
-        /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [r_Omega1, r_Omega2, r_X1, r_X2, r_X3] = {
-            let dL_dGamma1 = -(self.c0 * Gamma1 * t3);
-            let dL_dGamma2 = -(self.c0 * Gamma2 * t3);
-            [
-                Gamma3 * dL_dGamma2 + self.c1 * (Omega2 * Omega3),
-                -(Gamma3 * dL_dGamma1 + self.c1 * (Omega1 * Omega3)),
-                -(self.m * (Omega2 * X3 - Omega3 * X2)),
-                self.m * (Omega1 * X3 - Omega3 * X1),
-                -(self.m * (Omega1 * X2 - Omega2 * X1)),
-            ]
-        };
-        let t5 = Gamma1 * Gamma2;
-        let t6 = t3 * t3 * t3;
+        let t0 = Omega2 * Gamma1;
+        let t1 = Omega1 * Gamma2;
+        let t2 = t0 - R::from_f64(2.0) * t1;
+        let t3 = Gamma1 * Gamma1;
+        let t4 = Gamma2 * Gamma2;
+        let t5 = (t3 + t4).sqrt().recip();
+        let t6 = t5 * t5;
+        let t7 = self.c0 * t6;
+        let t8 = Omega2 * t7;
+        let t9 = self.c1 * Omega3;
+        let t10 = Gamma3 * (self.c8 + (t0 * t2 + Omega1 * Omega1 * t4) * t7 * t5);
+        let t11 = Omega1 * t7;
+        let t12 = t0 - t1;
+        let t13 = Gamma3 * t12;
         [
-            r_Omega1 + self.r * (Gamma2 * r_X3) * t3
-                - self.c3 * (X3 * (t5 * dot_Gamma1 * t6 - dot_Gamma2 * (t3 - t2 * t6))),
-            r_Omega2 - self.r * (Gamma1 * r_X3) * t3
-                - self.c3 * (X3 * (dot_Gamma1 * (t3 - t1 * t6) - t5 * dot_Gamma2 * t6)),
-            (self.c3 * (Omega3 * (Gamma1 * X1 + Gamma2 * X2))
-                + self.r * (Gamma1 * r_X2 - Gamma2 * r_X1)) * t3,
+            Omega3 * (Gamma1 * t2 * t7 - t4 * t8) + Omega2 * t9 - Gamma2 * t10 * t5
+                - t11 * t13,
+            Gamma1 * t10 * t5 + Omega3 * t11 * (t3 - t4)
+                + self.c5 * (Omega3 * Gamma2 * t0) * t6 - Omega1 * t9 - t8 * t13,
+            -(t12 * (Gamma1 * t11 + Gamma2 * t8)),
         ]
     }
 
@@ -678,19 +577,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 additions, 10 multiplications, 2 divisions, 1 sign change.
+    /// 4 additions, 7 multiplications, 2 divisions, 1 sign change.
     pub fn check(&self, t: R, y: &[R; 6]) -> Result<(), ::hamel_runtime::Failure> {
         let [_, _, _, Gamma1, Gamma2, _] = *y;
         /// mass matrix A = W^T L_yy Psi
         let [A_Omega1_Omega1, A_Omega1_Omega2, A_Omega2_Omega2] = {
-            let t0 = Gamma2 * Gamma2;
-            let t1 = Gamma1 * Gamma1;
-            let t2 = (t1 + t0).recip();
-            [
-                self.I1 + self.c2 * t0 * t2,
-                -(self.c2 * (Gamma1 * Gamma2) * t2),
-                self.I1 + self.c2 * t1 * t2,
-            ]
+            let t0 = Gamma1 * Gamma1;
+            let t1 = self.c0 / (t0 + Gamma2 * Gamma2);
+            let t2 = Gamma2 * t1;
+            [self.I1 + Gamma2 * t2, -(Gamma1 * t2), self.I1 + t0 * t1]
         };
         /// factors of A
         let A_s1_2_2 = {

@@ -155,38 +155,44 @@ impl<R: ::hamel_runtime::Real> State<R> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
 pub struct Prepared<R = f64> {
-    /// Parameter `M`.
-    M: R,
-    /// Parameter `r`.
-    r: R,
-    /// Parameter `I1`.
-    I1: R,
-    /// Parameter `I3`.
-    I3: R,
-    /// `2 * r`
+    /// `0.5 * M * r * e * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
     c0: R,
-    /// `r * e`
+    /// `M * r * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
     c1: R,
-    /// `0.5 * M * g`
+    /// `0.25 * (4 * I1 - 4 * I3 - 4 * M * (r * r) + M * (r * r) * (e * e)) / (I3 + M * (r * r))`
     c2: R,
-    /// `0.5 * M * r`
+    /// `(I3 + M * (r * r)) / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
     c3: R,
-    /// `2 * I1 - I3`
+    /// `0.5 * M * (r * r) * e / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
     c4: R,
-    /// `0.25 * M`
+    /// A longer expression in the parameters.
     c5: R,
-    /// `M * r`
+    /// A longer expression in the parameters.
     c6: R,
+    /// A longer expression in the parameters.
+    c7: R,
+    /// A longer expression in the parameters.
+    c8: R,
+    /// A longer expression in the parameters.
+    c9: R,
+    /// `0.5 * M * (r * r) * e`
+    c10: R,
+    /// `M * r * g`
+    c11: R,
+    /// `0.5 * M * r * e * g / (I3 + M * (r * r))`
+    c12: R,
     /// `I3 + M * (r * r)`
     A_psi_dot_psi_dot: R,
-    /// `0.5 * I1`
-    c7: R,
-    /// `0.5 * I3`
-    c8: R,
-    /// `0.125 * M`
-    c9: R,
-    /// `I1 + 0.25 * M * (r * r) * (4 + e * e)`
-    A_theta_dot_theta_dot: R,
+    /// `0.125 * (4 * I1 + M * (r * r * (e * e) + 4 * (r * r)))`
+    c13: R,
+    /// `4 * (I3 + M * (r * r)) / (4 * I1 + M * (r * r) * (e * e))`
+    c14: R,
+    /// `0.125 * (4 * I1 + M * (r * r) * (e * e))`
+    c15: R,
+    /// `0.5 * (I3 + M * (r * r))`
+    c16: R,
+    /// A longer expression in the parameters.
+    c17: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -195,11 +201,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Errors
     ///
-    /// The first of these that does not hold: every parameter is finite, `M > 0`, `r > 0`, `e >= 0`, `I1 > 0`, `I3 > 0`.
+    /// The first of these that does not hold: every parameter is finite, `M > 0`, `r > 0`, `e >= 0`, `I1 > 0`, `I3 > 0`, `inertia along theta_dot != 0`, `inertia along psi_dot != 0`.
     ///
     /// # Operations
     ///
-    /// 4 additions, 16 multiplications.
+    /// 19 additions, 43 multiplications, 16 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { M, r, e, I1, I3, g } = *params;
         for (value, condition, meaning) in [
@@ -221,11 +227,32 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let t0 = R::from_f64(0.5) * M;
-        let t1 = R::from_f64(0.25) * M;
-        let t2 = r * r;
-        let A_psi_dot_psi_dot = I3 + M * t2;
-        let A_theta_dot_theta_dot = I1 + t1 * t2 * (R::from_f64(4.0) + e * e);
+        let t0 = r * r;
+        let t1 = e * e;
+        let t2 = t0 * t1;
+        let t3 = R::from_f64(4.0) * t0;
+        let t4 = t2 + t3;
+        let A_theta_dot_theta_dot = I1 + R::from_f64(0.25) * M * t4;
+        let t5 = M * t0;
+        let A_psi_dot_psi_dot = I3 + t5;
+        let t6 = R::from_f64(0.5) * M;
+        let t7 = t6 * r * e * g;
+        let t8 = M * r * g;
+        let t9 = R::from_f64(4.0) * I1;
+        let t10 = R::from_f64(4.0) * I3;
+        let t11 = R::from_f64(4.0) * M * t0;
+        let t12 = t5 * t1;
+        let t13 = t6 * t0 * e;
+        let t14 = M * M * (t0 * t0) * t1 / A_psi_dot_psi_dot;
+        let t15 = t9 - R::from_f64(2.0) * I3 + t11 + M * (t2 - t3) - t14;
+        let t16 = t9 + t12;
+        let t17 = t16 - t14;
+        let t18 = R::from_f64(2.0) * M * t0;
+        let t19 = t5 * e;
+        let t20 = I3 + t18;
+        let t21 = t18 * e - t19 * t20 / A_psi_dot_psi_dot;
+        let t22 = R::from_f64(2.0) * t21 / t17;
+        let t23 = A_psi_dot_psi_dot * t17;
         if !M.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "M > 0",
@@ -256,32 +283,42 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 meaning: "",
             });
         }
+        if !A_theta_dot_theta_dot.all_ne(R::ZERO) {
+            return Err(::hamel_runtime::ParamError {
+                condition: "inertia along theta_dot != 0",
+                meaning: "",
+            });
+        }
+        if !A_psi_dot_psi_dot.all_ne(R::ZERO) {
+            return Err(::hamel_runtime::ParamError {
+                condition: "inertia along psi_dot != 0",
+                meaning: "",
+            });
+        }
         Ok(Self {
-            M,
-            r,
-            I1,
-            I3,
-            c0: R::from_f64(2.0) * r,
-            c1: r * e,
-            c2: t0 * g,
-            c3: t0 * r,
-            c4: R::from_f64(2.0) * I1 - I3,
-            c5: t1,
-            c6: M * r,
+            c0: t7 / A_theta_dot_theta_dot,
+            c1: t8 / A_theta_dot_theta_dot,
+            c2: R::from_f64(0.25) * (t9 - t10 - t11 + t12) / A_psi_dot_psi_dot,
+            c3: A_psi_dot_psi_dot / A_theta_dot_theta_dot,
+            c4: t13 / A_theta_dot_theta_dot,
+            c5: R::from_f64(0.5) * t15 / I3,
+            c6: t10 / t17,
+            c7: t22,
+            c8: t19 * t15 / t23 - t22 - t19 / A_psi_dot_psi_dot,
+            c9: t19 * t21 / t23 - t20 / A_psi_dot_psi_dot,
+            c10: t13,
+            c11: t8,
+            c12: t7 / A_psi_dot_psi_dot,
             A_psi_dot_psi_dot,
-            c7: R::from_f64(0.5) * I1,
-            c8: R::from_f64(0.5) * I3,
-            c9: R::from_f64(0.125) * M,
-            A_theta_dot_theta_dot,
+            c13: R::from_f64(0.125) * (t9 + M * t4),
+            c14: R::from_f64(4.0) * A_psi_dot_psi_dot / t16,
+            c15: R::from_f64(0.125) * t16,
+            c16: R::from_f64(0.5) * A_psi_dot_psi_dot,
+            c17: R::from_f64(0.25) * t17,
         })
     }
 }
 
-#[allow(non_snake_case, reason = "names are those of the model")]
-#[allow(
-    unused_doc_comments,
-    reason = "comments on statements say which formula they are"
-)]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Writes the derivative of the state to `dy`.
     ///
@@ -297,75 +334,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 22 additions, 50 multiplications, 3 divisions, 2 sign changes, 2 elementary functions.
+    /// 11 additions, 20 multiplications, 1 division, 1 sign change, 2 elementary functions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 4], dy: &mut [R; 4]) {
         let [theta, theta_dot, phi_dot, psi_dot] = *y;
         let _ = t;
-        /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [t0, t1, r_psi_dot, t2, t3, t4, t8, r_theta_dot, r_phi_dot] = {
-            let t0 = theta_dot * phi_dot;
-            let t1 = theta.sin();
-            let t2 = theta.cos();
-            let t3 = self.c0 * t2 - self.c1 * t1;
-            let t4 = self.c0 * t1 + self.c1 * t2;
-            let t5 = phi_dot * t3;
-            let t6 = phi_dot * t2;
-            let t7 = self.I3 * (psi_dot + t6);
-            let dL_dtheta = -(self.c2 * t3
-                + R::from_f64(0.25)
-                    * (phi_dot
-                        * (self.M * (t4 * (self.c0 * psi_dot + t5))
-                            + R::from_f64(4.0) * (t1 * (t7 - self.I1 * t6)))));
-            let dL_dphi = -(self.c3 * (theta_dot * psi_dot * t4));
-            let t8 = self.c3 * (phi_dot * psi_dot * t4);
-            [
-                t0,
-                t1,
-                self.I3 * (t0 * t1),
-                t2,
-                t3,
-                t4,
-                t8,
-                dL_dtheta + t8,
-                dL_dphi
-                    + R::from_f64(0.5)
-                        * (theta_dot
-                            * (self.M * (t4 * (self.r * psi_dot + t5))
-                                + R::from_f64(2.0) * (t1 * (t7 - self.c4 * t6)))),
-            ]
-        };
-        /// mass matrix A = W^T L_yy Psi
-        let [A_theta_dot_theta_dot, A_phi_dot_phi_dot, A_phi_dot_psi_dot] = {
-            let t9 = t3 * t3;
-            [
-                self.I1 + self.c5 * (t4 * t4 + t9),
-                self.I1 * (t1 * t1) + self.I3 * (t2 * t2) + self.c5 * t9,
-                self.I3 * t2 + self.c3 * t3,
-            ]
-        };
-        /// right side f = W^T (r - L_yy lag)
-        let [n_theta_dot, f_psi_dot] = [
-            r_theta_dot - t8,
-            r_psi_dot + self.c6 * (t0 * t4),
+        let t0 = theta.sin();
+        let t1 = theta.cos();
+        let t2 = phi_dot * t0;
+        let t3 = phi_dot * t1;
+        let t4 = theta_dot * (psi_dot - self.c5 * t3) * (self.c6 / t0);
+        let t5 = self.c7 * theta_dot;
+        *dy = [
+            theta_dot,
+            self.c0 * t0 - self.c1 * t1 - self.c3 * (t2 * (psi_dot - self.c2 * t3))
+                - self.c4 * (t3 * (psi_dot + t3) - t2 * t2),
+            t4 - phi_dot * t5,
+            theta_dot * -(self.c8 * t3 + self.c9 * t2) + psi_dot * t5 - t1 * t4,
         ];
-        /// factors of A
-        let [t10, A_l3_2, A_s2_3_3] = {
-            let t10 = A_phi_dot_phi_dot.recip();
-            let A_l3_2 = A_phi_dot_psi_dot * t10;
-            [t10, A_l3_2, self.A_psi_dot_psi_dot - A_phi_dot_psi_dot * A_l3_2]
-        };
-        /// substitution through the factors of A
-        let [dot_psi_dot, dot_phi_dot, dot_theta_dot] = {
-            let z_psi_dot = f_psi_dot - r_phi_dot * A_l3_2;
-            let dot_psi_dot = z_psi_dot / A_s2_3_3;
-            [
-                dot_psi_dot,
-                r_phi_dot * t10 - A_l3_2 * dot_psi_dot,
-                n_theta_dot / A_theta_dot_theta_dot,
-            ]
-        };
-        *dy = [theta_dot, dot_theta_dot, dot_phi_dot, dot_psi_dot];
     }
 
     /// Energy.
@@ -376,21 +362,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 10 additions, 20 multiplications, 2 elementary functions.
+    /// 8 additions, 17 multiplications, 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 4]) -> R {
         let [theta, theta_dot, phi_dot, psi_dot] = *y;
         let _ = t;
-        let t0 = theta_dot * theta_dot;
-        let t1 = theta.sin();
-        let t2 = theta.cos();
-        let t3 = psi_dot + phi_dot * t2;
-        let t4 = self.c0 * t1 + self.c1 * t2;
-        let t5 = self.c0 * t2 - self.c1 * t1;
-        let t6 = self.c0 * psi_dot + phi_dot * t5;
-        self.c7 * (t0 + phi_dot * phi_dot * (t1 * t1)) + self.c8 * (t3 * t3)
-            + self.c2 * t4 + self.c9 * (t6 * t6 + t0 * (t4 * t4 + t5 * t5))
+        let t0 = theta.sin();
+        let t1 = theta.cos();
+        let t2 = t0 * (self.c11 - self.c10 * (phi_dot * (psi_dot + phi_dot * t1)))
+            + self.A_psi_dot_psi_dot * (t1 * (self.c12 + phi_dot * psi_dot))
+            + self.c13 * (theta_dot * theta_dot);
+        t2 + self.c15 * (phi_dot * phi_dot * (t0 * t0 + self.c14 * (t1 * t1)))
+            + self.c16 * (psi_dot * psi_dot)
     }
 
     /// Says which pivot vanishes at a point.
@@ -401,36 +385,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 5 additions, 11 multiplications, 1 division, 2 elementary functions.
+    /// 2 multiplications, 1 elementary function.
     pub fn check(&self, t: R, y: &[R; 4]) -> Result<(), ::hamel_runtime::Failure> {
         let [theta, _, _, _] = *y;
-        /// mass matrix A = W^T L_yy Psi
-        let [A_phi_dot_phi_dot, A_phi_dot_psi_dot] = {
-            let t0 = theta.sin();
-            let t1 = theta.cos();
-            let t2 = self.c0 * t1 - self.c1 * t0;
-            [
-                self.I1 * (t0 * t0) + self.I3 * (t1 * t1) + self.c5 * (t2 * t2),
-                self.I3 * t1 + self.c3 * t2,
-            ]
-        };
-        /// factors of A
-        let A_s2_3_3 = {
-            let A_l3_2 = A_phi_dot_psi_dot / A_phi_dot_phi_dot;
-            self.A_psi_dot_psi_dot - A_phi_dot_psi_dot * A_l3_2
-        };
-        for (value, pivot) in [
-            (self.A_theta_dot_theta_dot, "inertia along theta_dot"),
-            (A_phi_dot_phi_dot, "inertia along phi_dot"),
-            (A_s2_3_3, "inertia along psi_dot"),
-        ] {
-            if !value.all_ne(R::ZERO) {
-                let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
-                return Err(::hamel_runtime::Failure::Singular {
-                    t,
-                    pivot,
-                });
-            }
+        let t0 = theta.sin();
+        let (value, pivot) = (self.c17 * (t0 * t0), "inertia along phi_dot");
+        if !value.all_ne(R::ZERO) {
+            let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
+            return Err(::hamel_runtime::Failure::Singular {
+                t,
+                pivot,
+            });
         }
         Ok(())
     }

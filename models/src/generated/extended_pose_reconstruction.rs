@@ -928,6 +928,24 @@ pub struct Prepared<R = f64> {
     c7: R,
     /// `1 / G11`
     c8: R,
+    /// `0.5 * G22`
+    c9: R,
+    /// `0.5 * G33`
+    c10: R,
+    /// `0.5 * G44`
+    c11: R,
+    /// `0.5 * G55`
+    c12: R,
+    /// `0.5 * G66`
+    c13: R,
+    /// `0.5 * G77`
+    c14: R,
+    /// `0.5 * G99`
+    c15: R,
+    /// `0.5 * G11`
+    c16: R,
+    /// `0.5 * G88`
+    c17: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -940,7 +958,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 120 additions, 120 multiplications, 45 divisions.
+    /// 120 additions, 129 multiplications, 45 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params {
             G11,
@@ -1344,6 +1362,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c6: A_s2_3_3.recip(),
             c7: A_s1_2_2.recip(),
             c8: G11.recip(),
+            c9: R::from_f64(0.5) * G22,
+            c10: R::from_f64(0.5) * G33,
+            c11: R::from_f64(0.5) * G44,
+            c12: R::from_f64(0.5) * G55,
+            c13: R::from_f64(0.5) * G66,
+            c14: R::from_f64(0.5) * G77,
+            c15: R::from_f64(0.5) * G99,
+            c16: R::from_f64(0.5) * G11,
+            c17: R::from_f64(0.5) * G88,
         })
     }
 }
@@ -1369,7 +1396,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 197 additions, 256 multiplications, 1 sign change.
+    /// 197 additions, 241 multiplications, 1 sign change.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 19], dy: &mut [R; 19]) {
         let [Omega1, Omega2, Omega3, V1, V2, V3, U1, U2, U3, qw, qx, qy, qz, _, _, _, _,
@@ -1407,12 +1434,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ];
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
         let [r_Omega1, r_Omega2, r_Omega3, r_V1, r_V2, r_V3, r_U1, r_U2, r_U3] = [
-            Omega3 * p_Omega2 - Omega2 * p_Omega3 - V2 * p_V3 + V3 * p_V2 - U2 * p_U3
-                + U3 * p_U2,
-            Omega1 * p_Omega3 - Omega3 * p_Omega1 + V1 * p_V3 - V3 * p_V1 + U1 * p_U3
+            Omega3 * p_Omega2 + V3 * p_V2 + U3 * p_U2 - Omega2 * p_Omega3 - V2 * p_V3
+                - U2 * p_U3,
+            Omega1 * p_Omega3 + V1 * p_V3 + U1 * p_U3 - Omega3 * p_Omega1 - V3 * p_V1
                 - U3 * p_U1,
-            Omega2 * p_Omega1 - Omega1 * p_Omega2 - V1 * p_V2 + V2 * p_V1 - U1 * p_U2
-                + U2 * p_U1,
+            Omega2 * p_Omega1 + V2 * p_V1 + U2 * p_U1 - Omega1 * p_Omega2 - V1 * p_V2
+                - U1 * p_U2,
             Omega3 * p_V2 - Omega2 * p_V3,
             Omega1 * p_V3 - Omega3 * p_V1,
             Omega2 * p_V1 - Omega1 * p_V2,
@@ -1443,22 +1470,22 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let z_U3 = t0 - self.A_l9_8 * z_U2;
             let dot_U3 = self.c0 * z_U3;
             let dot_U2 = self.c1 * z_U2 - self.A_l9_8 * dot_U3;
-            let dot_U1 = self.c2 * z_U1 - self.A_l8_7 * dot_U2 - self.A_l9_7 * dot_U3;
-            let dot_V3 = self.c3 * z_V3 - self.A_l7_6 * dot_U1 - self.A_l8_6 * dot_U2
-                - self.A_l9_6 * dot_U3;
-            let dot_V2 = self.c4 * z_V2 - self.A_l6_5 * dot_V3 - self.A_l7_5 * dot_U1
-                - self.A_l8_5 * dot_U2 - self.A_l9_5 * dot_U3;
-            let dot_V1 = self.c5 * z_V1 - self.A_l5_4 * dot_V2 - self.A_l6_4 * dot_V3
-                - self.A_l7_4 * dot_U1 - self.A_l8_4 * dot_U2 - self.A_l9_4 * dot_U3;
-            let dot_Omega3 = self.c6 * z_Omega3 - self.A_l4_3 * dot_V1
-                - self.A_l5_3 * dot_V2 - self.A_l6_3 * dot_V3 - self.A_l7_3 * dot_U1
-                - self.A_l8_3 * dot_U2 - self.A_l9_3 * dot_U3;
-            let dot_Omega2 = self.c7 * z_Omega2 - self.A_l3_2 * dot_Omega3
-                - self.A_l4_2 * dot_V1 - self.A_l5_2 * dot_V2 - self.A_l6_2 * dot_V3
-                - self.A_l7_2 * dot_U1 - self.A_l8_2 * dot_U2 - self.A_l9_2 * dot_U3;
-            let t1 = self.c8 * r_Omega1 - self.A_l2_1 * dot_Omega2
-                - self.A_l3_1 * dot_Omega3 - self.A_l4_1 * dot_V1 - self.A_l5_1 * dot_V2
-                - self.A_l6_1 * dot_V3 - self.A_l7_1 * dot_U1;
+            let dot_U1 = self.c2 * z_U1 - self.A_l9_7 * dot_U3 - self.A_l8_7 * dot_U2;
+            let dot_V3 = self.c3 * z_V3 - self.A_l9_6 * dot_U3 - self.A_l8_6 * dot_U2
+                - self.A_l7_6 * dot_U1;
+            let dot_V2 = self.c4 * z_V2 - self.A_l9_5 * dot_U3 - self.A_l8_5 * dot_U2
+                - self.A_l7_5 * dot_U1 - self.A_l6_5 * dot_V3;
+            let dot_V1 = self.c5 * z_V1 - self.A_l9_4 * dot_U3 - self.A_l8_4 * dot_U2
+                - self.A_l7_4 * dot_U1 - self.A_l6_4 * dot_V3 - self.A_l5_4 * dot_V2;
+            let dot_Omega3 = self.c6 * z_Omega3 - self.A_l9_3 * dot_U3
+                - self.A_l8_3 * dot_U2 - self.A_l7_3 * dot_U1 - self.A_l6_3 * dot_V3
+                - self.A_l5_3 * dot_V2 - self.A_l4_3 * dot_V1;
+            let dot_Omega2 = self.c7 * z_Omega2 - self.A_l9_2 * dot_U3
+                - self.A_l8_2 * dot_U2 - self.A_l7_2 * dot_U1 - self.A_l6_2 * dot_V3
+                - self.A_l5_2 * dot_V2 - self.A_l4_2 * dot_V1 - self.A_l3_2 * dot_Omega3;
+            let t1 = self.c8 * r_Omega1 - self.A_l9_1 * dot_U3 - self.A_l8_1 * dot_U2
+                - self.A_l7_1 * dot_U1 - self.A_l6_1 * dot_V3 - self.A_l5_1 * dot_V2
+                - self.A_l4_1 * dot_V1 - self.A_l3_1 * dot_Omega3;
             [
                 dot_U3,
                 dot_U2,
@@ -1468,15 +1495,22 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 dot_V1,
                 dot_Omega3,
                 dot_Omega2,
-                t1 - self.A_l8_1 * dot_U2 - self.A_l9_1 * dot_U3,
+                t1 - self.A_l2_1 * dot_Omega2,
             ]
         };
-        let t2 = V2 * qx - V1 * qy;
-        let t3 = V1 * qz - V3 * qx;
-        let t4 = V3 * qy - V2 * qz;
-        let t5 = U2 * qx - U1 * qy;
-        let t6 = U1 * qz - U3 * qx;
-        let t7 = U3 * qy - U2 * qz;
+        let t2 = R::from_f64(0.5) * Omega1;
+        let t3 = R::from_f64(0.5) * Omega2;
+        let t4 = R::from_f64(0.5) * Omega3;
+        let t5 = V2 * qx - V1 * qy;
+        let t6 = R::from_f64(2.0) * qy;
+        let t7 = V3 * qy - V2 * qz;
+        let t8 = R::from_f64(2.0) * qw;
+        let t9 = V1 * qz - V3 * qx;
+        let t10 = R::from_f64(2.0) * qz;
+        let t11 = R::from_f64(2.0) * qx;
+        let t12 = U2 * qx - U1 * qy;
+        let t13 = U3 * qy - U2 * qz;
+        let t14 = U1 * qz - U3 * qx;
         *dy = [
             dot_Omega1,
             dot_Omega2,
@@ -1487,22 +1521,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             dot_U1,
             dot_U2,
             dot_U3,
-            -(R::from_f64(0.5) * (Omega1 * qx + Omega2 * qy + Omega3 * qz)),
-            R::from_f64(0.5) * (Omega3 * qy - Omega2 * qz + Omega1 * qw),
-            R::from_f64(0.5) * (Omega1 * qz - Omega3 * qx + Omega2 * qw),
-            R::from_f64(0.5) * (Omega2 * qx - Omega1 * qy + Omega3 * qw),
-            V1 + R::from_f64(2.0) * (qy * t2) - R::from_f64(2.0) * (qz * t3)
-                + R::from_f64(2.0) * (qw * t4),
-            V2 + R::from_f64(2.0) * (qz * t4) - R::from_f64(2.0) * (qx * t2)
-                + R::from_f64(2.0) * (qw * t3),
-            V3 + R::from_f64(2.0) * (qx * t3) - R::from_f64(2.0) * (qy * t4)
-                + R::from_f64(2.0) * (qw * t2),
-            U1 + R::from_f64(2.0) * (qy * t5) - R::from_f64(2.0) * (qz * t6)
-                + R::from_f64(2.0) * (qw * t7),
-            U2 + R::from_f64(2.0) * (qz * t7) - R::from_f64(2.0) * (qx * t5)
-                + R::from_f64(2.0) * (qw * t6),
-            U3 + R::from_f64(2.0) * (qx * t6) - R::from_f64(2.0) * (qy * t7)
-                + R::from_f64(2.0) * (qw * t5),
+            -(qx * t2 + qy * t3 + qz * t4),
+            qy * t4 + qw * t2 - qz * t3,
+            qz * t2 + qw * t3 - qx * t4,
+            qx * t3 + qw * t4 - qy * t2,
+            V1 + t5 * t6 + t7 * t8 - t9 * t10,
+            V2 + t9 * t8 + t10 * t7 - t5 * t11,
+            V3 + t5 * t8 + t9 * t11 - t6 * t7,
+            U1 + t6 * t12 + t8 * t13 - t10 * t14,
+            U2 + t8 * t14 + t10 * t13 - t11 * t12,
+            U3 + t8 * t12 + t11 * t14 - t6 * t13,
         ];
     }
 
@@ -1514,7 +1542,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 80 additions, 91 multiplications.
+    /// 44 additions, 55 multiplications.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 19]) -> R {
@@ -1522,48 +1550,29 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ] = *y;
         let _ = t;
         let t0 = Omega1
-            * (self.G11 * Omega1 + self.G12 * Omega2 + self.G13 * Omega3 + self.G14 * V1
-                + self.G15 * V2 + self.G16 * V3 + self.G17 * U1 + self.G18 * U2
-                + self.G19 * U3);
-        let t1 = Omega2
-            * (self.G12 * Omega1 + self.G22 * Omega2 + self.G23 * Omega3 + self.G24 * V1
-                + self.G25 * V2 + self.G26 * V3 + self.G27 * U1 + self.G28 * U2
-                + self.G29 * U3);
-        let t2 = Omega3
-            * (self.G13 * Omega1 + self.G23 * Omega2 + self.G33 * Omega3 + self.G34 * V1
-                + self.G35 * V2 + self.G36 * V3 + self.G37 * U1 + self.G38 * U2
-                + self.G39 * U3);
-        let t3 = t0 + t1 + t2
+            * (self.G12 * Omega2 + self.G13 * Omega3 + (self.G14 * V1 + self.G15 * V2)
+                + (self.G16 * V3 + self.G17 * U1 + (self.G18 * U2 + self.G19 * U3)))
+            + Omega2
+                * (self.c9 * Omega2 + (self.G23 * Omega3 + self.G24 * V1)
+                    + (self.G25 * V2 + self.G26 * V3 + (self.G27 * U1 + self.G28 * U2)));
+        let t1 = t0
+            + Omega3
+                * (self.c10 * Omega3 + (self.G34 * V1 + self.G35 * V2)
+                    + (self.G36 * V3 + self.G37 * U1 + (self.G38 * U2 + self.G39 * U3)))
             + V1
-                * (self.G14 * Omega1 + self.G24 * Omega2 + self.G34 * Omega3
-                    + self.G44 * V1 + self.G45 * V2 + self.G46 * V3 + self.G47 * U1
-                    + self.G48 * U2 + self.G49 * U3);
-        let t4 = t3
+                * (self.G47 * U1 + self.G48 * U2
+                    + (self.c11 * V1 + (self.G45 * V2 + self.G46 * V3)));
+        let t2 = t1
             + V2
-                * (self.G15 * Omega1 + self.G25 * Omega2 + self.G35 * Omega3
-                    + self.G45 * V1 + self.G55 * V2 + self.G56 * V3 + self.G57 * U1
-                    + self.G58 * U2 + self.G59 * U3);
-        let t5 = t4
-            + V3
-                * (self.G16 * Omega1 + self.G26 * Omega2 + self.G36 * Omega3
-                    + self.G46 * V1 + self.G56 * V2 + self.G66 * V3 + self.G67 * U1
-                    + self.G68 * U2 + self.G69 * U3);
-        let t6 = t5
-            + U1
-                * (self.G17 * Omega1 + self.G27 * Omega2 + self.G37 * Omega3
-                    + self.G47 * V1 + self.G57 * V2 + self.G67 * V3 + self.G77 * U1
-                    + self.G78 * U2 + self.G79 * U3);
-        let t7 = t6
-            + U2
-                * (self.G18 * Omega1 + self.G28 * Omega2 + self.G38 * Omega3
-                    + self.G48 * V1 + self.G58 * V2 + self.G68 * V3 + self.G78 * U1
-                    + self.G88 * U2 + self.G89 * U3);
-        let t8 = t7
+                * (self.G58 * U2 + self.G59 * U3
+                    + (self.c12 * V2 + (self.G56 * V3 + self.G57 * U1)))
+            + V3 * (self.c13 * V3 + (self.G67 * U1 + self.G68 * U2))
+            + U1 * (self.c14 * U1 + (self.G78 * U2 + self.G79 * U3));
+        t2
             + U3
-                * (self.G19 * Omega1 + self.G29 * Omega2 + self.G39 * Omega3
-                    + self.G49 * V1 + self.G59 * V2 + self.G69 * V3 + self.G79 * U1
-                    + self.G89 * U2 + self.G99 * U3);
-        R::from_f64(0.5) * t8
+                * (self.G69 * V3 + self.G89 * U2
+                    + (self.c15 * U3 + (self.G29 * Omega2 + self.G49 * V1)))
+            + self.c16 * (Omega1 * Omega1) + self.c17 * (U2 * U2)
     }
 
     /// Momenta p = dL/dy.

@@ -135,11 +135,11 @@ pub struct Prepared<R = f64> {
     I2: R,
     /// Parameter `I3`.
     I3: R,
-    /// `(I1 - I2) / I3`
+    /// `(I2 - I3) / I1`
     c0: R,
     /// `(I1 - I3) / I2`
     c1: R,
-    /// `(I2 - I3) / I1`
+    /// `(I1 - I2) / I3`
     c2: R,
     /// `0.5 * I1`
     c3: R,
@@ -214,9 +214,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             I1,
             I2,
             I3,
-            c0: (I1 - I2) / I3,
+            c0: (I2 - I3) / I1,
             c1: (I1 - I3) / I2,
-            c2: (I2 - I3) / I1,
+            c2: (I1 - I2) / I3,
             c3: R::from_f64(0.5) * I1,
             c4: R::from_f64(0.5) * I2,
             c5: R::from_f64(0.5) * I3,
@@ -228,10 +228,6 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
-#[allow(
-    unused_doc_comments,
-    reason = "comments on statements say which formula they are"
-)]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Writes the derivative of the state to `dy`.
     ///
@@ -252,13 +248,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn rhs(&self, t: R, y: &[R; 3], dy: &mut [R; 3]) {
         let [Omega1, Omega2, Omega3] = *y;
         let _ = t;
-        /// substitution through the factors of A
-        let [dot_Omega3, dot_Omega2, dot_Omega1] = [
-            self.c0 * (Omega1 * Omega2),
+        *dy = [
+            self.c0 * (Omega2 * Omega3),
             -(self.c1 * (Omega1 * Omega3)),
-            self.c2 * (Omega2 * Omega3),
+            self.c2 * (Omega1 * Omega2),
         ];
-        *dy = [dot_Omega1, dot_Omega2, dot_Omega3];
     }
 
     /// Energy.

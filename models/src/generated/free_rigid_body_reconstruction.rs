@@ -153,11 +153,11 @@ pub struct Prepared<R = f64> {
     I2: R,
     /// Parameter `I3`.
     I3: R,
-    /// `(I1 - I2) / I3`
+    /// `(I2 - I3) / I1`
     c0: R,
     /// `(I1 - I3) / I2`
     c1: R,
-    /// `(I2 - I3) / I1`
+    /// `(I1 - I2) / I3`
     c2: R,
     /// `0.5 * I1`
     c3: R,
@@ -232,9 +232,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             I1,
             I2,
             I3,
-            c0: (I1 - I2) / I3,
+            c0: (I2 - I3) / I1,
             c1: (I1 - I3) / I2,
-            c2: (I2 - I3) / I1,
+            c2: (I1 - I2) / I3,
             c3: R::from_f64(0.5) * I1,
             c4: R::from_f64(0.5) * I2,
             c5: R::from_f64(0.5) * I3,
@@ -246,10 +246,6 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
-#[allow(
-    unused_doc_comments,
-    reason = "comments on statements say which formula they are"
-)]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Writes the derivative of the state to `dy`.
     ///
@@ -265,25 +261,22 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 8 additions, 22 multiplications, 2 sign changes.
+    /// 8 additions, 21 multiplications, 2 sign changes.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 7], dy: &mut [R; 7]) {
         let [Omega1, Omega2, Omega3, qw, qx, qy, qz] = *y;
         let _ = t;
-        /// substitution through the factors of A
-        let [dot_Omega3, dot_Omega2, dot_Omega1] = [
-            self.c0 * (Omega1 * Omega2),
-            -(self.c1 * (Omega1 * Omega3)),
-            self.c2 * (Omega2 * Omega3),
-        ];
+        let t0 = R::from_f64(0.5) * Omega1;
+        let t1 = R::from_f64(0.5) * Omega2;
+        let t2 = R::from_f64(0.5) * Omega3;
         *dy = [
-            dot_Omega1,
-            dot_Omega2,
-            dot_Omega3,
-            -(R::from_f64(0.5) * (Omega1 * qx + Omega2 * qy + Omega3 * qz)),
-            R::from_f64(0.5) * (Omega3 * qy - Omega2 * qz + Omega1 * qw),
-            R::from_f64(0.5) * (Omega1 * qz - Omega3 * qx + Omega2 * qw),
-            R::from_f64(0.5) * (Omega2 * qx - Omega1 * qy + Omega3 * qw),
+            self.c0 * (Omega2 * Omega3),
+            -(self.c1 * (Omega1 * Omega3)),
+            self.c2 * (Omega1 * Omega2),
+            -(qx * t0 + qy * t1 + qz * t2),
+            qy * t2 + qw * t0 - qz * t1,
+            qz * t0 + qw * t1 - qx * t2,
+            qx * t1 + qw * t2 - qy * t0,
         ];
     }
 

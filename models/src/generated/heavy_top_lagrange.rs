@@ -184,15 +184,15 @@ pub struct Prepared<R = f64> {
     I2: R,
     /// Parameter `I3`.
     I3: R,
-    /// `(I1 - I2) / I3`
+    /// `(I2 - I3) / I1`
     c0: R,
-    /// `m * g * l * chi3 / I2`
+    /// `m * g * l * chi3 / I1`
     c1: R,
     /// `(I1 - I3) / I2`
     c2: R,
-    /// `m * g * l * chi3 / I1`
+    /// `m * g * l * chi3 / I2`
     c3: R,
-    /// `(I2 - I3) / I1`
+    /// `(I1 - I2) / I3`
     c4: R,
     /// `0.5 * I1`
     c5: R,
@@ -278,11 +278,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             I1,
             I2,
             I3,
-            c0: (I1 - I2) / I3,
-            c1: t0 / I2,
+            c0: (I2 - I3) / I1,
+            c1: t0 / I1,
             c2: (I1 - I3) / I2,
-            c3: t0 / I1,
-            c4: (I2 - I3) / I1,
+            c3: t0 / I2,
+            c4: (I1 - I2) / I3,
             c5: R::from_f64(0.5) * I1,
             c6: R::from_f64(0.5) * I2,
             c7: R::from_f64(0.5) * I3,
@@ -292,10 +292,6 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
-#[allow(
-    unused_doc_comments,
-    reason = "comments on statements say which formula they are"
-)]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Writes the derivative of the state to `dy`.
     ///
@@ -316,19 +312,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn rhs(&self, t: R, y: &[R; 6], dy: &mut [R; 6]) {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
-        /// kinematics xdot = rho y
-        let [dot_Gamma1, dot_Gamma2, dot_Gamma3] = [
+        *dy = [
+            self.c0 * (Omega2 * Omega3) + self.c1 * Gamma2,
+            -(self.c2 * (Omega1 * Omega3) + self.c3 * Gamma1),
+            self.c4 * (Omega1 * Omega2),
             Omega3 * Gamma2 - Omega2 * Gamma3,
             Omega1 * Gamma3 - Omega3 * Gamma1,
             Omega2 * Gamma1 - Omega1 * Gamma2,
         ];
-        /// substitution through the factors of A
-        let [dot_Omega3, dot_Omega2, dot_Omega1] = [
-            self.c0 * (Omega1 * Omega2),
-            -(self.c1 * Gamma1 + self.c2 * (Omega1 * Omega3)),
-            self.c3 * Gamma2 + self.c4 * (Omega2 * Omega3),
-        ];
-        *dy = [dot_Omega1, dot_Omega2, dot_Omega3, dot_Gamma1, dot_Gamma2, dot_Gamma3];
     }
 
     /// Energy.

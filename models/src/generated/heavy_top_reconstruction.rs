@@ -263,23 +263,23 @@ pub struct Prepared<R = f64> {
     I2: R,
     /// Parameter `I3`.
     I3: R,
-    /// `m * g * l * chi2 / I3`
+    /// `(I2 - I3) / I1`
     c0: R,
-    /// `m * g * l * chi1 / I3`
+    /// `m * g * l * chi3 / I1`
     c1: R,
-    /// `(I1 - I2) / I3`
+    /// `m * g * l * chi2 / I1`
     c2: R,
     /// `m * g * l * chi1 / I2`
     c3: R,
-    /// `m * g * l * chi3 / I2`
-    c4: R,
     /// `(I1 - I3) / I2`
+    c4: R,
+    /// `m * g * l * chi3 / I2`
     c5: R,
-    /// `m * g * l * chi3 / I1`
+    /// `(I1 - I2) / I3`
     c6: R,
-    /// `m * g * l * chi2 / I1`
+    /// `m * g * l * chi2 / I3`
     c7: R,
-    /// `(I2 - I3) / I1`
+    /// `m * g * l * chi1 / I3`
     c8: R,
     /// `0.5 * I1`
     c9: R,
@@ -351,9 +351,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             }
         }
         let t0 = m * g * l;
-        let t1 = t0 * chi2;
-        let t2 = t0 * chi1;
-        let t3 = t0 * chi3;
+        let t1 = t0 * chi3;
+        let t2 = t0 * chi2;
+        let t3 = t0 * chi1;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -382,30 +382,26 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             I1,
             I2,
             I3,
-            c0: t1 / I3,
-            c1: t2 / I3,
-            c2: (I1 - I2) / I3,
-            c3: t2 / I2,
-            c4: t3 / I2,
-            c5: (I1 - I3) / I2,
-            c6: t3 / I1,
-            c7: t1 / I1,
-            c8: (I2 - I3) / I1,
+            c0: (I2 - I3) / I1,
+            c1: t1 / I1,
+            c2: t2 / I1,
+            c3: t3 / I2,
+            c4: (I1 - I3) / I2,
+            c5: t1 / I2,
+            c6: (I1 - I2) / I3,
+            c7: t2 / I3,
+            c8: t3 / I3,
             c9: R::from_f64(0.5) * I1,
             c10: R::from_f64(0.5) * I2,
             c11: R::from_f64(0.5) * I3,
-            c12: t2,
-            c13: t1,
-            c14: t3,
+            c12: t3,
+            c13: t2,
+            c14: t1,
         })
     }
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
-#[allow(
-    unused_doc_comments,
-    reason = "comments on statements say which formula they are"
-)]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Writes the derivative of the state to `dy`.
     ///
@@ -421,34 +417,25 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 17 additions, 34 multiplications, 1 sign change.
+    /// 17 additions, 33 multiplications, 1 sign change.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 10], dy: &mut [R; 10]) {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3, qw, qx, qy, qz] = *y;
         let _ = t;
-        /// kinematics xdot = rho y
-        let [dot_Gamma1, dot_Gamma2, dot_Gamma3] = [
+        let t0 = R::from_f64(0.5) * Omega1;
+        let t1 = R::from_f64(0.5) * Omega2;
+        let t2 = R::from_f64(0.5) * Omega3;
+        *dy = [
+            self.c0 * (Omega2 * Omega3) + self.c1 * Gamma2 - self.c2 * Gamma3,
+            self.c3 * Gamma3 - self.c4 * (Omega1 * Omega3) - self.c5 * Gamma1,
+            self.c6 * (Omega1 * Omega2) + self.c7 * Gamma1 - self.c8 * Gamma2,
             Omega3 * Gamma2 - Omega2 * Gamma3,
             Omega1 * Gamma3 - Omega3 * Gamma1,
             Omega2 * Gamma1 - Omega1 * Gamma2,
-        ];
-        /// substitution through the factors of A
-        let [dot_Omega3, dot_Omega2, dot_Omega1] = [
-            self.c0 * Gamma1 - self.c1 * Gamma2 + self.c2 * (Omega1 * Omega2),
-            self.c3 * Gamma3 - self.c4 * Gamma1 - self.c5 * (Omega1 * Omega3),
-            self.c6 * Gamma2 - self.c7 * Gamma3 + self.c8 * (Omega2 * Omega3),
-        ];
-        *dy = [
-            dot_Omega1,
-            dot_Omega2,
-            dot_Omega3,
-            dot_Gamma1,
-            dot_Gamma2,
-            dot_Gamma3,
-            -(R::from_f64(0.5) * (Omega1 * qx + Omega2 * qy + Omega3 * qz)),
-            R::from_f64(0.5) * (Omega3 * qy - Omega2 * qz + Omega1 * qw),
-            R::from_f64(0.5) * (Omega1 * qz - Omega3 * qx + Omega2 * qw),
-            R::from_f64(0.5) * (Omega2 * qx - Omega1 * qy + Omega3 * qw),
+            -(qx * t0 + qy * t1 + qz * t2),
+            qy * t2 + qw * t0 - qz * t1,
+            qz * t0 + qw * t1 - qx * t2,
+            qx * t1 + qw * t2 - qy * t0,
         ];
     }
 

@@ -360,24 +360,18 @@ pub struct Prepared<R = f64> {
     c4: R,
     /// `1 / J1`
     c5: R,
-    /// `2 * C11`
+    /// `0.5 * J1`
     c6: R,
-    /// `2 * C12`
+    /// `0.5 * J2`
     c7: R,
-    /// `2 * C13`
+    /// `0.5 * J3`
     c8: R,
-    /// `2 * C21`
+    /// `0.5 * M1`
     c9: R,
-    /// `2 * C22`
+    /// `0.5 * M2`
     c10: R,
-    /// `2 * C23`
+    /// `0.5 * M3`
     c11: R,
-    /// `2 * C31`
-    c12: R,
-    /// `2 * C32`
-    c13: R,
-    /// `2 * C33`
-    c14: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -390,7 +384,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 19 additions, 31 multiplications, 18 divisions, 3 sign changes.
+    /// 19 additions, 28 multiplications, 18 divisions, 3 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params {
             J1,
@@ -588,15 +582,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c3: J3.recip(),
             c4: J2.recip(),
             c5: J1.recip(),
-            c6: R::from_f64(2.0) * C11,
-            c7: R::from_f64(2.0) * C12,
-            c8: R::from_f64(2.0) * C13,
-            c9: R::from_f64(2.0) * C21,
-            c10: R::from_f64(2.0) * C22,
-            c11: R::from_f64(2.0) * C23,
-            c12: R::from_f64(2.0) * C31,
-            c13: R::from_f64(2.0) * C32,
-            c14: R::from_f64(2.0) * C33,
+            c6: R::from_f64(0.5) * J1,
+            c7: R::from_f64(0.5) * J2,
+            c8: R::from_f64(0.5) * J3,
+            c9: R::from_f64(0.5) * M1,
+            c10: R::from_f64(0.5) * M2,
+            c11: R::from_f64(0.5) * M3,
         })
     }
 }
@@ -637,9 +628,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ];
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
         let [r_Omega1, r_Omega2, r_Omega3, r_V1, r_V2, r_V3] = [
-            Omega3 * p_Omega2 - Omega2 * p_Omega3 - V2 * p_V3 + V3 * p_V2,
-            Omega1 * p_Omega3 - Omega3 * p_Omega1 + V1 * p_V3 - V3 * p_V1,
-            Omega2 * p_Omega1 - Omega1 * p_Omega2 - V1 * p_V2 + V2 * p_V1,
+            V3 * p_V2 + Omega3 * p_Omega2 - V2 * p_V3 - Omega2 * p_Omega3,
+            Omega1 * p_Omega3 + V1 * p_V3 - V3 * p_V1 - Omega3 * p_Omega1,
+            V2 * p_V1 + Omega2 * p_Omega1 - Omega1 * p_Omega2 - V1 * p_V2,
             Omega3 * p_V2 - Omega2 * p_V3,
             Omega1 * p_V3 - Omega3 * p_V1,
             Omega2 * p_V1 - Omega1 * p_V2,
@@ -654,17 +645,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 - self.A_l6_3 * r_Omega3 - self.A_l6_4 * z_V1 - self.A_l6_5 * z_V2;
             let dot_V3 = self.c0 * z_V3;
             let dot_V2 = self.c1 * z_V2 - self.A_l6_5 * dot_V3;
-            let dot_V1 = self.c2 * z_V1 - self.A_l5_4 * dot_V2 - self.A_l6_4 * dot_V3;
+            let dot_V1 = self.c2 * z_V1 - self.A_l6_4 * dot_V3 - self.A_l5_4 * dot_V2;
             [
                 dot_V3,
                 dot_V2,
                 dot_V1,
-                self.c3 * r_Omega3 - self.A_l4_3 * dot_V1 - self.A_l5_3 * dot_V2
-                    - self.A_l6_3 * dot_V3,
-                self.c4 * r_Omega2 - self.A_l4_2 * dot_V1 - self.A_l5_2 * dot_V2
-                    - self.A_l6_2 * dot_V3,
-                self.c5 * r_Omega1 - self.A_l4_1 * dot_V1 - self.A_l5_1 * dot_V2
-                    - self.A_l6_1 * dot_V3,
+                self.c3 * r_Omega3 - self.A_l6_3 * dot_V3 - self.A_l5_3 * dot_V2
+                    - self.A_l4_3 * dot_V1,
+                self.c4 * r_Omega2 - self.A_l6_2 * dot_V3 - self.A_l5_2 * dot_V2
+                    - self.A_l4_2 * dot_V1,
+                self.c5 * r_Omega1 - self.A_l6_1 * dot_V3 - self.A_l5_1 * dot_V2
+                    - self.A_l4_1 * dot_V1,
             ]
         };
         *dy = [dot_Omega1, dot_Omega2, dot_Omega3, dot_V1, dot_V2, dot_V3];
@@ -678,19 +669,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 14 additions, 22 multiplications.
+    /// 14 additions, 24 multiplications.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 6]) -> R {
         let [Omega1, Omega2, Omega3, V1, V2, V3] = *y;
         let _ = t;
-        let t0 = self.M1 * (V1 * V1) + self.M2 * (V2 * V2) + self.M3 * (V3 * V3)
-            + Omega1 * (self.J1 * Omega1 + self.c6 * V1 + self.c7 * V2 + self.c8 * V3)
-            + Omega2 * (self.J2 * Omega2 + self.c9 * V1 + self.c10 * V2 + self.c11 * V3);
-        R::from_f64(0.5)
-            * (t0
-                + Omega3
-                    * (self.J3 * Omega3 + self.c12 * V1 + self.c13 * V2 + self.c14 * V3))
+        let t0 = self.c6 * (Omega1 * Omega1) + self.c7 * (Omega2 * Omega2)
+            + self.c8 * (Omega3 * Omega3) + self.c9 * (V1 * V1) + self.c10 * (V2 * V2)
+            + self.c11 * (V3 * V3)
+            + Omega1 * (self.C11 * V1 + self.C12 * V2 + self.C13 * V3);
+        t0 + Omega2 * (self.C21 * V1 + self.C22 * V2 + self.C23 * V3)
+            + Omega3 * (self.C31 * V1 + self.C32 * V2 + self.C33 * V3)
     }
 
     /// Momenta p = dL/dy.

@@ -411,24 +411,18 @@ pub struct Prepared<R = f64> {
     c4: R,
     /// `1 / J1`
     c5: R,
-    /// `2 * C11`
+    /// `0.5 * J1`
     c6: R,
-    /// `2 * C12`
+    /// `0.5 * J2`
     c7: R,
-    /// `2 * C13`
+    /// `0.5 * J3`
     c8: R,
-    /// `2 * C21`
+    /// `0.5 * M1`
     c9: R,
-    /// `2 * C22`
+    /// `0.5 * M2`
     c10: R,
-    /// `2 * C23`
+    /// `0.5 * M3`
     c11: R,
-    /// `2 * C31`
-    c12: R,
-    /// `2 * C32`
-    c13: R,
-    /// `2 * C33`
-    c14: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -441,7 +435,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 19 additions, 31 multiplications, 18 divisions, 3 sign changes.
+    /// 19 additions, 28 multiplications, 18 divisions, 3 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params {
             J1,
@@ -639,15 +633,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c3: J3.recip(),
             c4: J2.recip(),
             c5: J1.recip(),
-            c6: R::from_f64(2.0) * C11,
-            c7: R::from_f64(2.0) * C12,
-            c8: R::from_f64(2.0) * C13,
-            c9: R::from_f64(2.0) * C21,
-            c10: R::from_f64(2.0) * C22,
-            c11: R::from_f64(2.0) * C23,
-            c12: R::from_f64(2.0) * C31,
-            c13: R::from_f64(2.0) * C32,
-            c14: R::from_f64(2.0) * C33,
+            c6: R::from_f64(0.5) * J1,
+            c7: R::from_f64(0.5) * J2,
+            c8: R::from_f64(0.5) * J3,
+            c9: R::from_f64(0.5) * M1,
+            c10: R::from_f64(0.5) * M2,
+            c11: R::from_f64(0.5) * M3,
         })
     }
 }
@@ -672,7 +663,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 74 additions, 112 multiplications, 1 sign change.
+    /// 74 additions, 105 multiplications, 1 sign change.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 13], dy: &mut [R; 13]) {
         let [Omega1, Omega2, Omega3, V1, V2, V3, qw, qx, qy, qz, _, _, _] = *y;
@@ -688,9 +679,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ];
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
         let [r_Omega1, r_Omega2, r_Omega3, r_V1, r_V2, r_V3] = [
-            Omega3 * p_Omega2 - Omega2 * p_Omega3 - V2 * p_V3 + V3 * p_V2,
-            Omega1 * p_Omega3 - Omega3 * p_Omega1 + V1 * p_V3 - V3 * p_V1,
-            Omega2 * p_Omega1 - Omega1 * p_Omega2 - V1 * p_V2 + V2 * p_V1,
+            V3 * p_V2 + Omega3 * p_Omega2 - V2 * p_V3 - Omega2 * p_Omega3,
+            Omega1 * p_Omega3 + V1 * p_V3 - V3 * p_V1 - Omega3 * p_Omega1,
+            V2 * p_V1 + Omega2 * p_Omega1 - Omega1 * p_Omega2 - V1 * p_V2,
             Omega3 * p_V2 - Omega2 * p_V3,
             Omega1 * p_V3 - Omega3 * p_V1,
             Omega2 * p_V1 - Omega1 * p_V2,
@@ -705,22 +696,25 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 - self.A_l6_3 * r_Omega3 - self.A_l6_4 * z_V1 - self.A_l6_5 * z_V2;
             let dot_V3 = self.c0 * z_V3;
             let dot_V2 = self.c1 * z_V2 - self.A_l6_5 * dot_V3;
-            let dot_V1 = self.c2 * z_V1 - self.A_l5_4 * dot_V2 - self.A_l6_4 * dot_V3;
+            let dot_V1 = self.c2 * z_V1 - self.A_l6_4 * dot_V3 - self.A_l5_4 * dot_V2;
             [
                 dot_V3,
                 dot_V2,
                 dot_V1,
-                self.c3 * r_Omega3 - self.A_l4_3 * dot_V1 - self.A_l5_3 * dot_V2
-                    - self.A_l6_3 * dot_V3,
-                self.c4 * r_Omega2 - self.A_l4_2 * dot_V1 - self.A_l5_2 * dot_V2
-                    - self.A_l6_2 * dot_V3,
-                self.c5 * r_Omega1 - self.A_l4_1 * dot_V1 - self.A_l5_1 * dot_V2
-                    - self.A_l6_1 * dot_V3,
+                self.c3 * r_Omega3 - self.A_l6_3 * dot_V3 - self.A_l5_3 * dot_V2
+                    - self.A_l4_3 * dot_V1,
+                self.c4 * r_Omega2 - self.A_l6_2 * dot_V3 - self.A_l5_2 * dot_V2
+                    - self.A_l4_2 * dot_V1,
+                self.c5 * r_Omega1 - self.A_l6_1 * dot_V3 - self.A_l5_1 * dot_V2
+                    - self.A_l4_1 * dot_V1,
             ]
         };
-        let t0 = V2 * qx - V1 * qy;
-        let t1 = V1 * qz - V3 * qx;
-        let t2 = V3 * qy - V2 * qz;
+        let t0 = R::from_f64(0.5) * Omega1;
+        let t1 = R::from_f64(0.5) * Omega2;
+        let t2 = R::from_f64(0.5) * Omega3;
+        let t3 = R::from_f64(2.0) * (V2 * qx - V1 * qy);
+        let t4 = R::from_f64(2.0) * (V3 * qy - V2 * qz);
+        let t5 = R::from_f64(2.0) * (V1 * qz - V3 * qx);
         *dy = [
             dot_Omega1,
             dot_Omega2,
@@ -728,16 +722,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             dot_V1,
             dot_V2,
             dot_V3,
-            -(R::from_f64(0.5) * (Omega1 * qx + Omega2 * qy + Omega3 * qz)),
-            R::from_f64(0.5) * (Omega3 * qy - Omega2 * qz + Omega1 * qw),
-            R::from_f64(0.5) * (Omega1 * qz - Omega3 * qx + Omega2 * qw),
-            R::from_f64(0.5) * (Omega2 * qx - Omega1 * qy + Omega3 * qw),
-            V1 + R::from_f64(2.0) * (qy * t0) - R::from_f64(2.0) * (qz * t1)
-                + R::from_f64(2.0) * (qw * t2),
-            V2 + R::from_f64(2.0) * (qz * t2) - R::from_f64(2.0) * (qx * t0)
-                + R::from_f64(2.0) * (qw * t1),
-            V3 + R::from_f64(2.0) * (qx * t1) - R::from_f64(2.0) * (qy * t2)
-                + R::from_f64(2.0) * (qw * t0),
+            -(qx * t0 + qy * t1 + qz * t2),
+            qy * t2 + qw * t0 - qz * t1,
+            qz * t0 + qw * t1 - qx * t2,
+            qx * t1 + qw * t2 - qy * t0,
+            V1 + qy * t3 + qw * t4 - qz * t5,
+            V2 + qz * t4 + qw * t5 - qx * t3,
+            V3 + qx * t5 + qw * t3 - qy * t4,
         ];
     }
 
@@ -749,19 +740,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 14 additions, 22 multiplications.
+    /// 14 additions, 24 multiplications.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 13]) -> R {
         let [Omega1, Omega2, Omega3, V1, V2, V3, _, _, _, _, _, _, _] = *y;
         let _ = t;
-        let t0 = self.M1 * (V1 * V1) + self.M2 * (V2 * V2) + self.M3 * (V3 * V3)
-            + Omega1 * (self.J1 * Omega1 + self.c6 * V1 + self.c7 * V2 + self.c8 * V3)
-            + Omega2 * (self.J2 * Omega2 + self.c9 * V1 + self.c10 * V2 + self.c11 * V3);
-        R::from_f64(0.5)
-            * (t0
-                + Omega3
-                    * (self.J3 * Omega3 + self.c12 * V1 + self.c13 * V2 + self.c14 * V3))
+        let t0 = self.c6 * (Omega1 * Omega1) + self.c7 * (Omega2 * Omega2)
+            + self.c8 * (Omega3 * Omega3) + self.c9 * (V1 * V1) + self.c10 * (V2 * V2)
+            + self.c11 * (V3 * V3)
+            + Omega1 * (self.C11 * V1 + self.C12 * V2 + self.C13 * V3);
+        t0 + Omega2 * (self.C21 * V1 + self.C22 * V2 + self.C23 * V3)
+            + Omega3 * (self.C31 * V1 + self.C32 * V2 + self.C33 * V3)
     }
 
     /// Momenta p = dL/dy.

@@ -183,48 +183,36 @@ impl<R: ::hamel_runtime::Real> State<R> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
 pub struct Prepared<R = f64> {
-    /// Parameter `J`.
-    J: R,
     /// Parameter `J2`.
     J2: R,
-    /// `0.5 * R / c`
+    /// A longer expression in the parameters.
     c0: R,
-    /// `0.5 * R`
+    /// A longer expression in the parameters.
     c1: R,
-    /// `0.5 * m0 * l * R / c`
+    /// A longer expression in the parameters.
     c2: R,
-    /// `0.5 * m0 * l * R`
+    /// `0.125 * (4 * J2 + J * (R * R) / (c * c) + R * R * (m0 + 2 * m1))`
     c3: R,
-    /// A longer expression in the parameters.
-    A_l2_1: R,
-    /// A longer expression in the parameters.
+    /// `0.25 * (J * (R * R) / (c * c) - R * R * (m0 + 2 * m1))`
     c4: R,
-    /// `1 / (J2 + 0.25 * (R * R) * (m0 + 2 * m1 + J / (c * c)))`
-    c5: R,
-    /// `0.5 * J2`
-    c6: R,
-    /// `0.5 * J`
-    c7: R,
-    /// `0.5 * (m0 + 2 * m1)`
-    c8: R,
-    /// `m0 + 2 * m1`
-    c9: R,
-    /// `m0 * l`
-    c10: R,
-    /// `2 * m0 * l`
-    c11: R,
-    /// `2 * J`
-    c12: R,
-    /// `2 * m0 * l * c`
-    c13: R,
-    /// `R * c * (m0 + 2 * m1)`
-    c14: R,
-    /// `0.25 / c`
-    c15: R,
-    /// `0.5 * R * (m0 + 2 * m1)`
-    c16: R,
     /// `0.5 * J * R / c`
-    c17: R,
+    c5: R,
+    /// `0.5 * R * (m0 + 2 * m1)`
+    c6: R,
+    /// `m0 * l / J`
+    c7: R,
+    /// A longer expression in the parameters.
+    c8: R,
+    /// A longer expression in the parameters.
+    c9: R,
+    /// A longer expression in the parameters.
+    c10: R,
+    /// A longer expression in the parameters.
+    c11: R,
+    /// `0.25 * (4 * J2 + J * (R * R) / (c * c) + R * R * (m0 + 2 * m1))`
+    c12: R,
+    /// `0.25 * m0 * l * (R * R * R) / (c * c)`
+    c13: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -237,7 +225,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 5 additions, 27 multiplications, 8 divisions.
+    /// 16 additions, 52 multiplications, 19 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m0, m1, J, J2, l, R_, c } = *params;
         for (value, condition, meaning) in [
@@ -261,16 +249,30 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             }
         }
         let t0 = m0 + R::from_f64(2.0) * m1;
-        let t1 = R::from_f64(0.25) * (R_ * R_);
-        let t2 = J / (c * c);
-        let A_psi1_dot_psi1_dot = J2 + t1 * (t0 + t2);
-        let A_psi1_dot_psi2_dot = t1 * (t0 - t2);
+        let t1 = R_ * R_;
+        let t2 = c * c;
+        let A_psi1_dot_psi1_dot = J2 + R::from_f64(0.25) * J * t1 / t2
+            + R::from_f64(0.25) * t1 * t0;
+        let t3 = t1 * t0;
+        let t4 = J * t1 / t2;
+        let A_psi1_dot_psi2_dot = R::from_f64(0.25) * (t3 - t4);
         let A_l2_1 = A_psi1_dot_psi2_dot / A_psi1_dot_psi1_dot;
         let A_s1_2_2 = A_psi1_dot_psi1_dot - A_psi1_dot_psi2_dot * A_l2_1;
-        let t3 = R::from_f64(0.5) * R_;
-        let t4 = R::from_f64(0.5) * m0 * l * R_;
-        let t5 = R::from_f64(0.5) * J;
-        let t6 = R::from_f64(2.0) * m0 * l;
+        let t5 = m0 * l;
+        let t6 = t1 * R_;
+        let t7 = t5 * t6;
+        let t8 = t7 / t2 - t7 * A_l2_1 / t2;
+        let t9 = R::from_f64(0.25) * m0 * l * t6;
+        let t10 = t2 * A_s1_2_2;
+        let t11 = R::from_f64(4.0) * J2 + t4 + t3;
+        let t12 = t5 * (t1 * t1);
+        let t13 = t2 * c * A_s1_2_2;
+        let t14 = t12 * A_l2_1 / t13 + t12 / t13;
+        let t15 = R::from_f64(2.0) * m0 * l * t1;
+        let t16 = R_ * t0 * t8 / A_s1_2_2 - t15 / t2;
+        let t17 = c * t16;
+        let t18 = J * t14;
+        let t19 = t15 / c;
         if !m0.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m0 > 0",
@@ -326,35 +328,25 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             });
         }
         Ok(Self {
-            J,
             J2,
-            c0: t3 / c,
-            c1: t3,
-            c2: t4 / c,
-            c3: t4,
-            A_l2_1,
-            c4: A_s1_2_2.recip(),
-            c5: A_psi1_dot_psi1_dot.recip(),
-            c6: R::from_f64(0.5) * J2,
-            c7: t5,
-            c8: R::from_f64(0.5) * t0,
-            c9: t0,
-            c10: m0 * l,
-            c11: t6,
-            c12: R::from_f64(2.0) * J,
-            c13: t6 * c,
-            c14: R_ * c * t0,
-            c15: R::from_f64(0.25) / c,
-            c16: t3 * t0,
-            c17: t5 * R_ / c,
+            c0: R::from_f64(0.25) * t8 / A_s1_2_2,
+            c1: t9 * A_l2_1 / t10,
+            c2: t9 / t10,
+            c3: R::from_f64(0.125) * t11,
+            c4: R::from_f64(0.25) * (t4 - t3),
+            c5: R::from_f64(0.5) * J * R_ / c,
+            c6: R::from_f64(0.5) * R_ * t0,
+            c7: t5 / J,
+            c8: R::from_f64(0.125) * (R::from_f64(2.0) * t1 * t0 / c - t5 * t14),
+            c9: R::from_f64(0.125) * t16,
+            c10: R::from_f64(0.0625) * (t17 - t18 + t19) / c,
+            c11: R::from_f64(0.0625) * (t17 + t18 - t19) / c,
+            c12: R::from_f64(0.25) * t11,
+            c13: t9 / t2,
         })
     }
 }
 
-#[allow(
-    unused_doc_comments,
-    reason = "comments on statements say which formula they are"
-)]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Writes the derivative of the state to `dy`.
     ///
@@ -370,29 +362,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 6 additions, 10 multiplications, 3 sign changes.
+    /// 4 additions, 8 multiplications.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 4], dy: &mut [R; 4]) {
         let [_, _, psi1_dot, psi2_dot] = *y;
         let _ = t;
-        /// velocities y = Psi u + psi0
-        let [omega, v1] = [
-            -(self.c0 * (psi1_dot - psi2_dot)),
-            -(self.c1 * (psi1_dot + psi2_dot)),
+        let t0 = psi2_dot * (self.c0 * psi1_dot);
+        let t1 = psi1_dot * psi1_dot;
+        let t2 = psi2_dot * psi2_dot;
+        *dy = [
+            psi1_dot,
+            psi2_dot,
+            t0 + self.c1 * t1 - self.c2 * t2,
+            t0 - self.c2 * t1 + self.c1 * t2,
         ];
-        /// right side f = W^T (r - L_yy lag)
-        let [f_psi1_dot, f_psi2_dot] = {
-            let t0 = self.c2 * (omega * v1);
-            let t1 = self.c3 * (omega * omega);
-            [t0 - t1, -(t0 + t1)]
-        };
-        /// substitution through the factors of A
-        let [dot_psi2_dot, dot_psi1_dot] = {
-            let z_psi2_dot = f_psi2_dot - self.A_l2_1 * f_psi1_dot;
-            let dot_psi2_dot = self.c4 * z_psi2_dot;
-            [dot_psi2_dot, self.c5 * f_psi1_dot - self.A_l2_1 * dot_psi2_dot]
-        };
-        *dy = [psi1_dot, psi2_dot, dot_psi1_dot, dot_psi2_dot];
     }
 
     /// Energy.
@@ -403,19 +386,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 5 additions, 9 multiplications, 2 sign changes.
+    /// 2 additions, 5 multiplications.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 4]) -> R {
         let [_, _, psi1_dot, psi2_dot] = *y;
         let _ = t;
-        /// velocities y = Psi u + psi0
-        let [omega, v1] = [
-            -(self.c0 * (psi1_dot - psi2_dot)),
-            -(self.c1 * (psi1_dot + psi2_dot)),
-        ];
-        self.c6 * (psi1_dot * psi1_dot + psi2_dot * psi2_dot) + self.c7 * (omega * omega)
-            + self.c8 * (v1 * v1)
+        self.c3 * (psi1_dot * psi1_dot + psi2_dot * psi2_dot)
+            - self.c4 * (psi1_dot * psi2_dot)
     }
 
     /// Momenta p = dL/dy.
@@ -428,20 +406,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 7 multiplications, 2 sign changes.
+    /// 2 additions, 7 multiplications, 1 sign change.
     #[inline]
     #[must_use]
     pub fn momentum(&self, t: R, y: &[R; 4]) -> [R; 5] {
         let [_, _, psi1_dot, psi2_dot] = *y;
         let _ = t;
-        /// velocities y = Psi u + psi0
-        let [omega, v1] = [
-            -(self.c0 * (psi1_dot - psi2_dot)),
-            -(self.c1 * (psi1_dot + psi2_dot)),
-        ];
-        /// momenta p = dL/dy
-        let p_v1 = self.c9 * v1;
-        [self.J2 * psi1_dot, self.J2 * psi2_dot, self.J * omega, p_v1, self.c10 * omega]
+        let t0 = self.c5 * psi2_dot - self.c5 * psi1_dot;
+        [
+            self.J2 * psi1_dot,
+            self.J2 * psi2_dot,
+            t0,
+            -(self.c6 * psi1_dot + self.c6 * psi2_dot),
+            self.c7 * t0,
+        ]
     }
 
     /// Multipliers lambda_A of E = lambda_A a_A, the constraint forces along the constraint one-forms.
@@ -454,39 +432,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 14 additions, 21 multiplications, 4 sign changes.
+    /// 5 additions, 9 multiplications, 1 sign change.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 4]) -> [R; 3] {
         let [_, _, psi1_dot, psi2_dot] = *y;
         let _ = t;
-        /// velocities y = Psi u + psi0
-        let [omega, v1] = [
-            -(self.c0 * (psi1_dot - psi2_dot)),
-            -(self.c1 * (psi1_dot + psi2_dot)),
-        ];
-        /// momenta p = dL/dy
-        let p_v1 = self.c9 * v1;
-        /// right side f = W^T (r - L_yy lag)
-        let [t0, t2, f_psi1_dot, f_psi2_dot] = {
-            let t0 = omega * v1;
-            let t1 = self.c2 * t0;
-            let t2 = omega * omega;
-            let t3 = self.c3 * t2;
-            [t0, t2, t1 - t3, -(t1 + t3)]
-        };
-        /// substitution through the factors of A
-        let [dot_psi2_dot, dot_psi1_dot] = {
-            let z_psi2_dot = f_psi2_dot - self.A_l2_1 * f_psi1_dot;
-            let dot_psi2_dot = self.c4 * z_psi2_dot;
-            [dot_psi2_dot, self.c5 * f_psi1_dot - self.A_l2_1 * dot_psi2_dot]
-        };
-        /// accelerations ydot = Psi udot + lag
-        let dot_omega = self.c0 * (dot_psi2_dot - dot_psi1_dot);
-        let t4 = dot_psi2_dot + dot_psi1_dot;
-        let t5 = self.c15
-            * (self.c11 * t0 + self.c12 * dot_omega + self.c13 * t2 + self.c14 * t4);
-        [omega * p_v1 + self.c10 * dot_omega, t5 - self.c10 * t2 - self.c16 * t4, -t5]
+        let t0 = psi1_dot * psi1_dot;
+        let t1 = psi2_dot * psi2_dot;
+        let t2 = psi2_dot * -(self.c9 * psi1_dot);
+        [
+            self.c8 * (t0 - t1),
+            t2 + self.c10 * t0 + self.c11 * t1,
+            t2 + self.c11 * t0 + self.c10 * t1,
+        ]
     }
 
     /// Momenta \<p, W_b\> along the sections of virtual displacements.
@@ -499,20 +458,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 6 additions, 6 multiplications, 2 sign changes.
+    /// 2 additions, 4 multiplications.
     #[inline]
     #[must_use]
     pub fn nonholonomic_momentum(&self, t: R, y: &[R; 4]) -> [R; 2] {
         let [_, _, psi1_dot, psi2_dot] = *y;
         let _ = t;
-        /// velocities y = Psi u + psi0
-        let [omega, v1] = [
-            -(self.c0 * (psi1_dot - psi2_dot)),
-            -(self.c1 * (psi1_dot + psi2_dot)),
-        ];
-        let t0 = self.c17 * omega;
-        let t1 = self.c16 * v1;
-        [self.J2 * psi1_dot - t0 - t1, self.J2 * psi2_dot + t0 - t1]
+        [
+            self.c12 * psi1_dot - self.c4 * psi2_dot,
+            self.c12 * psi2_dot - self.c4 * psi1_dot,
+        ]
     }
 
     /// Their rates by the nonholonomic momentum equation.
@@ -525,20 +480,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 additions, 6 multiplications, 3 sign changes.
+    /// 1 addition, 3 multiplications, 1 sign change.
     #[inline]
     #[must_use]
     pub fn momentum_equation(&self, t: R, y: &[R; 4]) -> [R; 2] {
         let [_, _, psi1_dot, psi2_dot] = *y;
         let _ = t;
-        /// velocities y = Psi u + psi0
-        let [omega, v1] = [
-            -(self.c0 * (psi1_dot - psi2_dot)),
-            -(self.c1 * (psi1_dot + psi2_dot)),
-        ];
-        let t0 = self.c2 * (omega * v1);
-        let t1 = self.c3 * (omega * omega);
-        [t0 - t1, -(t0 + t1)]
+        let t0 = self.c13 * (psi1_dot - psi2_dot);
+        [psi2_dot * t0, -(psi1_dot * t0)]
     }
 }
 

@@ -153,28 +153,17 @@ impl<R: ::hamel_runtime::Real> State<R> {
 ///
 /// - Cortes, de Leon, Marrero and Martinez 2009, Nonholonomic Lagrangian systems on Lie algebroids, section 6.4
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[allow(non_snake_case, reason = "names are those of the model")]
 pub struct Prepared<R = f64> {
-    /// `0.5 * R / c`
+    /// A longer expression in the parameters.
     c0: R,
-    /// `0.5 * m0 * l * R`
+    /// A longer expression in the parameters.
     c1: R,
-    /// `0.25 * m0 * l * (R * R) / c`
+    /// A longer expression in the parameters.
     c2: R,
-    /// A longer expression in the parameters.
-    A_l2_1: R,
-    /// A longer expression in the parameters.
+    /// `0.125 * (4 * J2 + J * (R * R) / (c * c) + R * R * (m0 + 2 * m1))`
     c3: R,
-    /// `1 / (J2 + 0.25 * (R * R) * (m0 + 2 * m1 + J / (c * c)))`
+    /// `0.25 * (J * (R * R) / (c * c) - R * R * (m0 + 2 * m1))`
     c4: R,
-    /// `0.5 * R`
-    c5: R,
-    /// `0.5 * J2`
-    c6: R,
-    /// `0.5 * J`
-    c7: R,
-    /// `0.5 * (m0 + 2 * m1)`
-    c8: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -187,7 +176,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 5 additions, 21 multiplications, 6 divisions.
+    /// 9 additions, 28 multiplications, 8 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m0, m1, J, J2, l, R_, c } = *params;
         for (value, condition, meaning) in [
@@ -212,13 +201,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         let t0 = m0 + R::from_f64(2.0) * m1;
         let t1 = R_ * R_;
-        let t2 = R::from_f64(0.25) * t1;
-        let t3 = J / (c * c);
-        let A_psi1_dot_psi1_dot = J2 + t2 * (t0 + t3);
-        let A_psi1_dot_psi2_dot = t2 * (t0 - t3);
+        let t2 = c * c;
+        let A_psi1_dot_psi1_dot = J2 + R::from_f64(0.25) * J * t1 / t2
+            + R::from_f64(0.25) * t1 * t0;
+        let t3 = t1 * t0;
+        let t4 = J * t1 / t2;
+        let A_psi1_dot_psi2_dot = R::from_f64(0.25) * (t3 - t4);
         let A_l2_1 = A_psi1_dot_psi2_dot / A_psi1_dot_psi1_dot;
         let A_s1_2_2 = A_psi1_dot_psi1_dot - A_psi1_dot_psi2_dot * A_l2_1;
-        let t4 = R::from_f64(0.5) * R_;
+        let t5 = t1 * R_;
+        let t6 = m0 * l * t5;
+        let t7 = R::from_f64(0.25) * m0 * l * t5;
+        let t8 = t2 * A_s1_2_2;
         if !m0.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m0 > 0",
@@ -274,24 +268,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             });
         }
         Ok(Self {
-            c0: t4 / c,
-            c1: R::from_f64(0.5) * m0 * l * R_,
-            c2: R::from_f64(0.25) * m0 * l * t1 / c,
-            A_l2_1,
-            c3: A_s1_2_2.recip(),
-            c4: A_psi1_dot_psi1_dot.recip(),
-            c5: t4,
-            c6: R::from_f64(0.5) * J2,
-            c7: R::from_f64(0.5) * J,
-            c8: R::from_f64(0.5) * t0,
+            c0: R::from_f64(0.25) * (t6 / t2 - t6 * A_l2_1 / t2) / A_s1_2_2,
+            c1: t7 * A_l2_1 / t8,
+            c2: t7 / t8,
+            c3: R::from_f64(0.125) * (R::from_f64(4.0) * J2 + t4 + t3),
+            c4: R::from_f64(0.25) * (t4 - t3),
         })
     }
 }
 
-#[allow(
-    unused_doc_comments,
-    reason = "comments on statements say which formula they are"
-)]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Writes the derivative of the state to `dy`.
     ///
@@ -307,26 +292,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 6 additions, 9 multiplications, 2 sign changes.
+    /// 4 additions, 8 multiplications.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 2], dy: &mut [R; 2]) {
         let [psi1_dot, psi2_dot] = *y;
         let _ = t;
-        /// velocities y = Psi u + psi0
-        let omega = -(self.c0 * (psi1_dot - psi2_dot));
-        /// right side f = W^T (r - L_yy lag)
-        let [f_psi1_dot, f_psi2_dot] = {
-            let t0 = self.c1 * (omega * omega);
-            let t1 = self.c2 * (omega * (psi1_dot + psi2_dot));
-            [-(t0 + t1), t1 - t0]
-        };
-        /// substitution through the factors of A
-        let [dot_psi2_dot, dot_psi1_dot] = {
-            let z_psi2_dot = f_psi2_dot - self.A_l2_1 * f_psi1_dot;
-            let dot_psi2_dot = self.c3 * z_psi2_dot;
-            [dot_psi2_dot, self.c4 * f_psi1_dot - self.A_l2_1 * dot_psi2_dot]
-        };
-        *dy = [dot_psi1_dot, dot_psi2_dot];
+        let t0 = psi2_dot * (self.c0 * psi1_dot);
+        let t1 = psi1_dot * psi1_dot;
+        let t2 = psi2_dot * psi2_dot;
+        *dy = [t0 + self.c1 * t1 - self.c2 * t2, t0 - self.c2 * t1 + self.c1 * t2];
     }
 
     /// Energy.
@@ -337,19 +311,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 5 additions, 9 multiplications, 2 sign changes.
+    /// 2 additions, 5 multiplications.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 2]) -> R {
         let [psi1_dot, psi2_dot] = *y;
         let _ = t;
-        /// velocities y = Psi u + psi0
-        let [omega, v1] = [
-            -(self.c0 * (psi1_dot - psi2_dot)),
-            -(self.c5 * (psi1_dot + psi2_dot)),
-        ];
-        self.c6 * (psi1_dot * psi1_dot + psi2_dot * psi2_dot) + self.c7 * (omega * omega)
-            + self.c8 * (v1 * v1)
+        self.c3 * (psi1_dot * psi1_dot + psi2_dot * psi2_dot)
+            - self.c4 * (psi1_dot * psi2_dot)
     }
 }
 

@@ -149,16 +149,14 @@ pub struct Prepared<R = f64> {
     m: R,
     /// Parameter `I`.
     I: R,
-    /// `1 / r`
-    c0: R,
-    /// `0.5 * m`
-    c1: R,
     /// `0.5 * I`
-    c2: R,
+    c0: R,
+    /// `0.5 * (m + I / (r * r))`
+    c1: R,
     /// `I / r`
+    c2: R,
+    /// `m + I / (r * r)`
     c3: R,
-    /// `I / (r * r)`
-    c4: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -171,7 +169,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 3 multiplications, 3 divisions.
+    /// 1 addition, 3 multiplications, 2 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m, I, r } = *params;
         for (value, condition, meaning) in [
@@ -186,8 +184,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let t0 = I / (r * r);
-        let t1 = m + t0;
+        let t0 = m + I / (r * r);
         if !m.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m > 0",
@@ -206,13 +203,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 meaning: "",
             });
         }
-        if !t1.all_ne(R::ZERO) {
+        if !t0.all_ne(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "inertia along a1_dot != 0",
                 meaning: "",
             });
         }
-        if !t1.all_ne(R::ZERO) {
+        if !t0.all_ne(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "inertia along a2_dot != 0",
                 meaning: "",
@@ -221,19 +218,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Ok(Self {
             m,
             I,
-            c0: r.recip(),
-            c1: R::from_f64(0.5) * m,
-            c2: R::from_f64(0.5) * I,
-            c3: I / r,
-            c4: t0,
+            c0: R::from_f64(0.5) * I,
+            c1: R::from_f64(0.5) * t0,
+            c2: I / r,
+            c3: t0,
         })
     }
 }
 
-#[allow(
-    unused_doc_comments,
-    reason = "comments on statements say which formula they are"
-)]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Writes the derivative of the state to `dy`.
     ///
@@ -265,16 +257,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 additions, 9 multiplications, 1 sign change.
+    /// 2 additions, 5 multiplications.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 5]) -> R {
         let [_, _, a1_dot, a2_dot, xi3] = *y;
         let _ = t;
-        /// velocities y = Psi u + psi0
-        let [xi1, xi2] = [-(self.c0 * a2_dot), self.c0 * a1_dot];
-        self.c1 * (a1_dot * a1_dot + a2_dot * a2_dot)
-            + self.c2 * (xi3 * xi3 + xi1 * xi1 + xi2 * xi2)
+        self.c0 * (xi3 * xi3) + self.c1 * (a1_dot * a1_dot + a2_dot * a2_dot)
     }
 
     /// Momenta p = dL/dy.
@@ -296,8 +285,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         [
             self.m * a1_dot,
             self.m * a2_dot,
-            -(self.c3 * a2_dot),
-            self.c3 * a1_dot,
+            -(self.c2 * a2_dot),
+            self.c2 * a1_dot,
             self.I * xi3,
         ]
     }
@@ -330,17 +319,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 5 multiplications.
+    /// 3 multiplications.
     #[inline]
     #[must_use]
     pub fn nonholonomic_momentum(&self, t: R, y: &[R; 5]) -> [R; 3] {
         let [_, _, a1_dot, a2_dot, xi3] = *y;
         let _ = t;
-        [
-            self.m * a1_dot + self.c4 * a1_dot,
-            self.m * a2_dot + self.c4 * a2_dot,
-            self.I * xi3,
-        ]
+        [self.c3 * a1_dot, self.c3 * a2_dot, self.I * xi3]
     }
 
     /// Their rates by the nonholonomic momentum equation.

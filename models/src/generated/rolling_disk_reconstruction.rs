@@ -260,19 +260,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 multiplications, 2 elementary functions.
+    /// 3 multiplications, 2 elementary functions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 6], dy: &mut [R; 6]) {
         let [theta_dot, phi_dot, _, phi, _, _] = *y;
         let _ = t;
-        *dy = [
-            R::ZERO,
-            R::ZERO,
-            theta_dot,
-            phi_dot,
-            self.R_ * (theta_dot * phi.cos()),
-            self.R_ * (theta_dot * phi.sin()),
-        ];
+        let t0 = self.R_ * theta_dot;
+        *dy = [R::ZERO, R::ZERO, theta_dot, phi_dot, phi.cos() * t0, phi.sin() * t0];
     }
 
     /// Energy.

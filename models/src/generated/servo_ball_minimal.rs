@@ -138,20 +138,23 @@ impl<R: ::hamel_runtime::Real> State<R> {
 ///
 /// - Grillo and Zuccalli 2012, Variational reduction of Lagrangian systems with general constraints, section 4.5
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[allow(non_snake_case, reason = "names are those of the model")]
 pub struct Prepared<R = f64> {
-    /// Parameter `kappa`.
-    kappa: R,
-    /// Parameter `c`.
-    c: R,
     /// `1 / I`
     c0: R,
-    /// `1 / m`
-    Z1_a1_dot: R,
-    /// `0.5 * m`
+    /// `1 / m + 1 / I`
     c1: R,
-    /// `0.5 * I`
+    /// `kappa / m`
     c2: R,
+    /// `c / m`
+    c3: R,
+    /// `kappa / I`
+    c4: R,
+    /// `c / I`
+    c5: R,
+    /// `0.5 * m`
+    c6: R,
+    /// `0.5 * I`
+    c7: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -164,7 +167,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 multiplications, 2 divisions.
+    /// 1 addition, 2 multiplications, 6 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m, I, kappa, c } = *params;
         for (value, condition, meaning) in [
@@ -180,6 +183,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
+        let t0 = I.recip();
         let Z1_a1_dot = m.recip();
         if !m.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
@@ -194,12 +198,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             });
         }
         Ok(Self {
-            kappa,
-            c,
-            c0: I.recip(),
-            Z1_a1_dot,
-            c1: R::from_f64(0.5) * m,
-            c2: R::from_f64(0.5) * I,
+            c0: t0,
+            c1: Z1_a1_dot + t0,
+            c2: kappa / m,
+            c3: c / m,
+            c4: kappa / I,
+            c5: c / I,
+            c6: R::from_f64(0.5) * m,
+            c7: R::from_f64(0.5) * I,
         })
     }
 }
@@ -224,31 +230,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 10 multiplications, 1 division, 1 sign change.
+    /// 4 additions, 11 multiplications, 1 division, 3 sign changes.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 6], dy: &mut [R; 6]) {
         let [a1, a1_dot, a2_dot, _, _, xi3] = *y;
         let _ = t;
-        /// response to the multipliers L_yy^-1 Lambda^T
-        let [Z1_xi3, Z1_xi1, Z1_a2_dot] = {
-            let z_Z1_xi3 = R::ONE + a1 * a1;
-            [self.c0 * z_Z1_xi3, self.c0 * a2_dot, self.Z1_a1_dot * xi3]
-        };
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let [S_1_1, g_1] = [
-            self.Z1_a1_dot + Z1_xi3,
-            -(self.kappa * a1 + self.c * a1_dot),
-        ];
-        /// substitution through the factors of S
-        let lambda_servo = g_1 / S_1_1;
-        *dy = [
-            a1_dot,
-            self.Z1_a1_dot * lambda_servo,
-            Z1_a2_dot * lambda_servo,
-            Z1_xi1 * lambda_servo,
-            R::ZERO,
-            Z1_xi3 * lambda_servo,
-        ];
+        let [t0, S_1_1] = {
+            let t0 = a1 * a1;
+            [t0, self.c1 + self.c0 * t0]
+        };
+        let t1 = S_1_1.recip();
+        let t2 = -((self.c2 * a1 + self.c3 * a1_dot) * t1);
+        let t3 = (self.c4 * a1 + self.c5 * a1_dot) * t1;
+        *dy = [a1_dot, t2, xi3 * t2, -(a2_dot * t3), R::ZERO, -(t3 + t0 * t3)];
     }
 
     /// Energy.
@@ -265,8 +260,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn energy(&self, t: R, y: &[R; 6]) -> R {
         let [_, a1_dot, a2_dot, xi1, xi2, xi3] = *y;
         let _ = t;
-        self.c1 * (a1_dot * a1_dot + a2_dot * a2_dot)
-            + self.c2 * (xi1 * xi1 + xi2 * xi2 + xi3 * xi3)
+        self.c6 * (a1_dot * a1_dot + a2_dot * a2_dot)
+            + self.c7 * (xi1 * xi1 + xi2 * xi2 + xi3 * xi3)
     }
 
     /// Says which pivot vanishes at a point.
@@ -277,18 +272,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 2 multiplications.
+    /// 1 addition, 2 multiplications.
     pub fn check(&self, t: R, y: &[R; 6]) -> Result<(), ::hamel_runtime::Failure> {
         let [a1, _, _, _, _, _] = *y;
-        /// response to the multipliers L_yy^-1 Lambda^T
-        let Z1_xi3 = {
-            let z_Z1_xi3 = R::ONE + a1 * a1;
-            self.c0 * z_Z1_xi3
-        };
-        /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let S_1_1 = self.Z1_a1_dot + Z1_xi3;
         let (value, pivot) = (
-            S_1_1,
+            self.c1 + self.c0 * (a1 * a1),
             "response to constraint ddt(a1_dot) + ddt(xi3) + kappa*a1 + c*a1_dot = 0",
         );
         if !value.all_ne(R::ZERO) {

@@ -179,34 +179,48 @@ impl<R: ::hamel_runtime::Real> State<R> {
 pub struct Prepared<R = f64> {
     /// Parameter `m`.
     m: R,
-    /// Parameter `tau`.
-    tau: R,
-    /// Parameter `mu`.
-    mu: R,
-    /// `m * b`
+    /// A longer expression in the parameters.
     c0: R,
-    /// `m * a`
+    /// A longer expression in the parameters.
     c1: R,
-    /// `-(m * (b + a * mu)) / (J + m * (a * a + b * b - a * tau))`
-    A_l2_1: R,
-    /// `1 / (m + m * b * (-(m * (b + a * mu)) / (J + m * (a * a + b * b - a * tau))))`
+    /// A longer expression in the parameters.
     c2: R,
-    /// `1 / (J + m * (a * a + b * b - a * tau))`
+    /// A longer expression in the parameters.
     c3: R,
-    /// `-(m * b / (J + m * (a * a + b * b - a * tau)))`
-    A_u1_2: R,
-    /// `J + m * (a * a + b * b)`
+    /// `0.5 * m`
     c4: R,
-    /// `2 * m * b`
+    /// `2 * m * b / (J + m * (a * a + b * b))`
     c5: R,
-    /// `m * a / (J + m * (a * a + b * b - a * tau))`
+    /// `0.5 * (J + m * (a * a + b * b))`
     c6: R,
-    /// `m * a * -(m * b / (J + m * (a * a + b * b - a * tau)))`
+    /// A longer expression in the parameters.
     c7: R,
-    /// `m * a * tau`
+    /// A longer expression in the parameters.
     c8: R,
-    /// `m * a * mu`
+    /// A longer expression in the parameters.
     c9: R,
+    /// `J + m * (a * a + b * b)`
+    c10: R,
+    /// `m * b`
+    c11: R,
+    /// `m * a`
+    c12: R,
+    /// A longer expression in the parameters.
+    c13: R,
+    /// A longer expression in the parameters.
+    c14: R,
+    /// `J + m * (a * a + b * b) - m * a * tau`
+    A_omega_omega: R,
+    /// `m * b + m * a * mu`
+    c15: R,
+    /// `m * a - m * tau`
+    c16: R,
+    /// `m * b * tau`
+    c17: R,
+    /// `m * mu`
+    c18: R,
+    /// `m * a - m * b * mu`
+    c19: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -219,7 +233,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 6 additions, 15 multiplications, 5 divisions, 2 sign changes.
+    /// 14 additions, 26 multiplications, 9 divisions, 2 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { J, m, a, b, tau, mu } = *params;
         for (value, condition, meaning) in [
@@ -237,14 +251,25 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let t0 = a * a + b * b;
-        let A_omega_omega = J + m * (t0 - a * tau);
-        let t1 = m * b;
-        let A_v1_omega = -(m * (b + a * mu));
+        let t0 = J + m * (a * a + b * b);
+        let t1 = m * a;
+        let A_omega_omega = t0 - t1 * tau;
+        let t2 = m * b;
+        let t3 = t2 + t1 * mu;
+        let A_v1_omega = -t3;
         let A_l2_1 = A_v1_omega / A_omega_omega;
-        let A_s1_2_2 = m + t1 * A_l2_1;
-        let t2 = m * a;
-        let A_u1_2 = -(t1 / A_omega_omega);
+        let A_s1_2_2 = m + t2 * A_l2_1;
+        let A_u1_2 = -(t2 / A_omega_omega);
+        let t4 = m * mu;
+        let t5 = t1 - m * tau;
+        let t6 = t4 + A_l2_1 * t5;
+        let t7 = A_u1_2 * t6 / A_s1_2_2 + t5 / A_omega_omega;
+        let t8 = t1 - t2 * mu;
+        let t9 = t2 * tau;
+        let t10 = t8 + t9 * A_l2_1;
+        let t11 = A_u1_2 * t10 / A_s1_2_2 + t9 / A_omega_omega;
+        let t12 = m - t1 * t7;
+        let t13 = t2 + t1 * t11;
         if !J.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "J > 0",
@@ -271,20 +296,27 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(Self {
             m,
-            tau,
-            mu,
-            c0: t1,
-            c1: t2,
-            A_l2_1,
-            c2: A_s1_2_2.recip(),
-            c3: A_omega_omega.recip(),
-            A_u1_2,
-            c4: J + m * t0,
-            c5: R::from_f64(2.0) * m * b,
-            c6: t2 / A_omega_omega,
-            c7: t2 * A_u1_2,
-            c8: t2 * tau,
-            c9: t2 * mu,
+            c0: t7,
+            c1: t11,
+            c2: t6 / A_s1_2_2,
+            c3: t10 / A_s1_2_2,
+            c4: R::from_f64(0.5) * m,
+            c5: R::from_f64(2.0) * m * b / t0,
+            c6: R::from_f64(0.5) * t0,
+            c7: mu * t12,
+            c8: mu * t13 - tau * t12,
+            c9: tau * t13,
+            c10: t0,
+            c11: t2,
+            c12: t1,
+            c13: t12,
+            c14: t13,
+            A_omega_omega,
+            c15: t3,
+            c16: t5,
+            c17: t9,
+            c18: t4,
+            c19: t8,
         })
     }
 }
@@ -308,28 +340,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 5 additions, 15 multiplications, 2 elementary functions.
+    /// 2 additions, 8 multiplications, 1 sign change, 2 elementary functions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 5], dy: &mut [R; 5]) {
         let [omega, v1, theta, _, _] = *y;
         let _ = t;
-        /// momenta p = dL/dy
-        let p_v1 = self.m * v1 - self.c0 * omega;
-        /// right side f = W^T (r - L_yy lag)
-        let [f_omega, f_v1] = {
-            let t0 = omega * p_v1;
-            [
-                self.tau * t0 - self.c1 * (omega * v1),
-                self.c1 * (omega * omega) + self.mu * t0,
-            ]
-        };
-        /// substitution through the factors of A
-        let [dot_v1, dot_omega] = {
-            let z_v1 = f_v1 - self.A_l2_1 * f_omega;
-            let dot_v1 = self.c2 * z_v1;
-            [dot_v1, self.c3 * f_omega - self.A_u1_2 * dot_v1]
-        };
-        *dy = [dot_omega, dot_v1, omega, v1 * theta.cos(), v1 * theta.sin()];
+        let t0 = omega * v1;
+        let t1 = omega * omega;
+        *dy = [
+            -(self.c0 * t0 + self.c1 * t1),
+            self.c2 * t0 + self.c3 * t1,
+            omega,
+            v1 * theta.cos(),
+            v1 * theta.sin(),
+        ];
     }
 
     /// Energy.
@@ -340,43 +364,26 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 6 multiplications.
+    /// 2 additions, 5 multiplications.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 5]) -> R {
         let [omega, v1, _, _, _] = *y;
         let _ = t;
-        R::from_f64(0.5)
-            * (self.m * (v1 * v1) + omega * (self.c4 * omega - self.c5 * v1))
+        self.c4 * (v1 * v1) + self.c6 * (omega * (omega - self.c5 * v1))
     }
 
     /// Rate of energy dE/dt along the motion.
     ///
     /// # Operations
     ///
-    /// 7 additions, 16 multiplications.
+    /// 2 additions, 6 multiplications.
     #[inline]
     #[must_use]
     pub fn energy_rate(&self, t: R, y: &[R; 5]) -> R {
         let [omega, v1, _, _, _] = *y;
         let _ = t;
-        /// momenta p = dL/dy
-        let p_v1 = self.m * v1 - self.c0 * omega;
-        /// right side f = W^T (r - L_yy lag)
-        let [t0, f_omega, f_v1] = {
-            let t0 = omega * p_v1;
-            [
-                t0,
-                self.tau * t0 - self.c1 * (omega * v1),
-                self.c1 * (omega * omega) + self.mu * t0,
-            ]
-        };
-        /// substitution through the factors of A
-        let dot_v1 = {
-            let z_v1 = f_v1 - self.A_l2_1 * f_omega;
-            self.c2 * z_v1
-        };
-        (self.tau * omega + self.mu * v1) * (t0 + self.c6 * f_omega - self.c7 * dot_v1)
+        omega * (v1 * (self.c7 * v1 - self.c8 * omega) - self.c9 * (omega * omega))
     }
 
     /// Momenta p = dL/dy.
@@ -397,10 +404,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         /// momenta p = dL/dy
         let [p_omega, p_v1] = [
-            self.c4 * omega - self.c0 * v1,
-            self.m * v1 - self.c0 * omega,
+            self.c10 * omega - self.c11 * v1,
+            self.m * v1 - self.c11 * omega,
         ];
-        [p_omega, p_v1, self.c1 * omega]
+        [p_omega, p_v1, self.c12 * omega]
     }
 
     /// Multipliers lambda_A of E = lambda_A a_A, the constraint forces along the constraint one-forms.
@@ -413,29 +420,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 6 additions, 13 multiplications.
+    /// 1 addition, 3 multiplications.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 5]) -> [R; 1] {
         let [omega, v1, _, _, _] = *y;
         let _ = t;
-        /// momenta p = dL/dy
-        let p_v1 = self.m * v1 - self.c0 * omega;
-        /// right side f = W^T (r - L_yy lag)
-        let [t0, f_omega, f_v1] = {
-            let t0 = omega * p_v1;
-            [
-                t0,
-                self.tau * t0 - self.c1 * (omega * v1),
-                self.c1 * (omega * omega) + self.mu * t0,
-            ]
-        };
-        /// substitution through the factors of A
-        let dot_v1 = {
-            let z_v1 = f_v1 - self.A_l2_1 * f_omega;
-            self.c2 * z_v1
-        };
-        [t0 + self.c6 * f_omega - self.c7 * dot_v1]
+        [omega * (self.c13 * v1 - self.c14 * omega)]
     }
 
     /// Momenta \<p, W_b\> along the sections of virtual displacements.
@@ -448,18 +439,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 additions, 6 multiplications.
+    /// 2 additions, 4 multiplications.
     #[inline]
     #[must_use]
     pub fn nonholonomic_momentum(&self, t: R, y: &[R; 5]) -> [R; 2] {
         let [omega, v1, _, _, _] = *y;
         let _ = t;
-        /// momenta p = dL/dy
-        let [p_omega, p_v1] = [
-            self.c4 * omega - self.c0 * v1,
-            self.m * v1 - self.c0 * omega,
-        ];
-        [p_omega - self.c8 * omega, p_v1 - self.c9 * omega]
+        [self.A_omega_omega * omega - self.c11 * v1, self.m * v1 - self.c15 * omega]
     }
 
     /// Their rates by the nonholonomic momentum equation.
@@ -472,18 +458,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 8 multiplications, 1 sign change.
+    /// 2 additions, 6 multiplications, 1 sign change.
     #[inline]
     #[must_use]
     pub fn momentum_equation(&self, t: R, y: &[R; 5]) -> [R; 2] {
         let [omega, v1, _, _, _] = *y;
         let _ = t;
-        /// momenta p = dL/dy
-        let p_v1 = self.m * v1 - self.c0 * omega;
-        [
-            -(omega * (self.c1 * v1 - self.tau * p_v1)),
-            omega * (self.c1 * omega + self.mu * p_v1),
-        ]
+        let t0 = omega * v1;
+        let t1 = omega * omega;
+        [-(self.c16 * t0 + self.c17 * t1), self.c18 * t0 + self.c19 * t1]
     }
 }
 

@@ -171,32 +171,38 @@ impl<R: ::hamel_runtime::Real> State<R> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
 pub struct Prepared<R = f64> {
-    /// Parameter `m`.
-    m: R,
-    /// Parameter `r`.
-    r: R,
     /// Parameter `J0`.
     J0: R,
-    /// `J + J0 + 2 * J1`
-    c0: R,
+    /// Parameter `J1`.
+    J1: R,
     /// `m * (r * r)`
-    c1: R,
-    /// `m * r`
-    c2: R,
-    /// `1 / J0`
-    c3: R,
-    /// `0.5 * m`
-    c4: R,
-    /// `0.5 * J`
-    c5: R,
-    /// `0.5 * J0`
-    c6: R,
-    /// `0.5 * J1`
-    c7: R,
+    c0: R,
     /// `J + 2 * J1`
-    c8: R,
+    c1: R,
+    /// `J + 2 * J1 - m * (r * r)`
+    c2: R,
+    /// `0.5 * J0`
+    c3: R,
+    /// `0.5 * m * (r * r)`
+    c4: R,
+    /// `2 * J0 / (J + J0 + 2 * J1)`
+    c5: R,
+    /// `0.5 * (J + J0 + 2 * J1)`
+    c6: R,
     /// `2 * J1`
+    c7: R,
+    /// `J + J0 + 2 * J1`
+    c8: R,
+    /// `m * r`
     c9: R,
+    /// `m * r * (J + 2 * J1 - m * (r * r))`
+    c10: R,
+    /// `(J + J0 + 2 * J1) * (J + 2 * J1 - m * (r * r)) - J0 * (J + 2 * J1 - m * (r * r))`
+    c11: R,
+    /// `(J + J0 + 2 * J1 - m * (r * r)) / J0`
+    c12: R,
+    /// `m * (r * r) / (J + J0 + 2 * J1)`
+    c13: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -209,7 +215,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 8 multiplications, 1 division.
+    /// 6 additions, 12 multiplications, 3 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m, r, J, J0, J1 } = *params;
         for (value, condition, meaning) in [
@@ -226,7 +232,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let t0 = R::from_f64(2.0) * J1;
+        let t0 = r * r;
+        let t1 = m * t0;
+        let t2 = R::from_f64(2.0) * J1;
+        let t3 = J + t2;
+        let t4 = t3 - t1;
+        let t5 = J + J0 + t2;
+        let t6 = m * r;
         if !m.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m > 0",
@@ -258,19 +270,22 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             });
         }
         Ok(Self {
-            m,
-            r,
             J0,
-            c0: J + J0 + t0,
-            c1: m * (r * r),
-            c2: m * r,
-            c3: J0.recip(),
-            c4: R::from_f64(0.5) * m,
-            c5: R::from_f64(0.5) * J,
-            c6: R::from_f64(0.5) * J0,
-            c7: R::from_f64(0.5) * J1,
-            c8: J + t0,
-            c9: t0,
+            J1,
+            c0: t1,
+            c1: t3,
+            c2: t4,
+            c3: R::from_f64(0.5) * J0,
+            c4: R::from_f64(0.5) * m * t0,
+            c5: R::from_f64(2.0) * J0 / t5,
+            c6: R::from_f64(0.5) * t5,
+            c7: t2,
+            c8: t5,
+            c9: t6,
+            c10: t6 * t4,
+            c11: t5 * t4 - J0 * t4,
+            c12: (t5 - t1) / J0,
+            c13: t1 / t5,
         })
     }
 }
@@ -295,40 +310,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 5 additions, 18 multiplications, 1 division, 2 sign changes, 2 elementary functions.
+    /// 2 additions, 9 multiplications, 1 division, 2 sign changes, 2 elementary functions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 5], dy: &mut [R; 5]) {
         let [_, phi, psi_dot, phi_dot, s] = *y;
         let _ = t;
-        /// accelerations of the dependent velocities at udot = 0
-        let [t1, lag_omega, t2, lag_v1] = {
-            let t0 = phi_dot * s;
-            let t1 = phi.cos();
-            let t2 = phi.sin();
-            [t1, t0 * t1, t2, self.r * (t0 * t2)]
-        };
-        /// mass matrix A = W^T L_yy Psi
-        let [A_psi_dot_s, A_s_s] = [
-            self.J0 * t2,
-            self.c0 * (t2 * t2) + self.c1 * (t1 * t1),
-        ];
-        /// right side f = W^T (r - L_yy lag)
-        let f_s = {
-            let n_omega = -(self.c0 * lag_omega);
-            t2 * n_omega + self.c2 * (t1 * lag_v1)
-        };
         /// factors of A
-        let [A_l3_1, A_s1_3_3] = {
-            let A_l3_1 = self.c3 * A_psi_dot_s;
-            [A_l3_1, A_s_s - A_psi_dot_s * A_l3_1]
+        let [t0, t1, t2, A_s1_3_3] = {
+            let t0 = phi.cos();
+            let t1 = phi.sin();
+            let t2 = t1 * t1;
+            [t0, t1, t2, self.c0 * (t0 * t0) + self.c1 * t2]
         };
-        /// substitution through the factors of A
-        let [dot_s, dot_psi_dot] = {
-            let z_s = f_s + self.J0 * (lag_omega * A_l3_1);
-            let dot_s = z_s / A_s1_3_3;
-            [dot_s, -(lag_omega + A_l3_1 * dot_s)]
-        };
-        *dy = [psi_dot, phi_dot, dot_psi_dot, R::ZERO, dot_s];
+        let t3 = t0 * (phi_dot * s);
+        let t4 = t3 * -(self.c2 / A_s1_3_3);
+        *dy = [psi_dot, phi_dot, -(t3 + t2 * t4), R::ZERO, t1 * t4];
     }
 
     /// Energy.
@@ -339,19 +335,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 7 additions, 12 multiplications, 1 sign change, 2 elementary functions.
+    /// 4 additions, 12 multiplications, 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 5]) -> R {
         let [_, phi, psi_dot, phi_dot, s] = *y;
         let _ = t;
-        /// velocities y = Psi u + psi0
-        let [omega, v1] = [s * phi.sin(), -(self.r * (s * phi.cos()))];
-        let t0 = psi_dot + omega;
-        let t1 = phi_dot + omega;
-        let t2 = phi_dot - omega;
-        self.c4 * (v1 * v1) + self.c5 * (omega * omega) + self.c6 * (t0 * t0)
-            + self.c7 * (t1 * t1 + t2 * t2)
+        let t0 = phi.cos();
+        let t1 = s * phi.sin();
+        self.c3 * (psi_dot * psi_dot) + self.J1 * (phi_dot * phi_dot)
+            + self.c4 * (s * s * (t0 * t0)) + self.c6 * (t1 * (t1 + self.c5 * psi_dot))
     }
 
     /// Momenta p = dL/dy.
@@ -364,20 +357,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 6 multiplications, 1 sign change, 2 elementary functions.
+    /// 2 additions, 7 multiplications, 1 sign change, 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn momentum(&self, t: R, y: &[R; 5]) -> [R; 5] {
         let [_, phi, psi_dot, phi_dot, s] = *y;
         let _ = t;
-        /// velocities y = Psi u + psi0
-        let omega = s * phi.sin();
-        /// momenta p = dL/dy
-        let [p_psi_dot, p_omega] = {
-            let p_psi_dot = self.J0 * (psi_dot + omega);
-            [p_psi_dot, p_psi_dot + self.c8 * omega]
-        };
-        [p_psi_dot, self.c9 * phi_dot, p_omega, -(self.c2 * (s * phi.cos())), R::ZERO]
+        let t0 = self.J0 * psi_dot;
+        let t1 = s * phi.sin();
+        [
+            t0 + self.J0 * t1,
+            self.c7 * phi_dot,
+            t0 + self.c8 * t1,
+            -(self.c9 * (s * phi.cos())),
+            R::ZERO,
+        ]
     }
 
     /// Multipliers lambda_A of E = lambda_A a_A, the constraint forces along the constraint one-forms.
@@ -390,53 +384,27 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 8 additions, 28 multiplications, 1 division, 3 sign changes, 2 elementary functions.
+    /// 3 additions, 17 multiplications, 1 division, 1 sign change, 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 5]) -> [R; 3] {
         let [_, phi, _, phi_dot, s] = *y;
         let _ = t;
-        /// velocities y = Psi u + psi0
-        let [t0, omega] = {
-            let t0 = phi.sin();
-            [t0, s * t0]
-        };
-        /// accelerations of the dependent velocities at udot = 0
-        let [t2, lag_omega, lag_v1] = {
-            let t1 = phi_dot * s;
-            let t2 = phi.cos();
-            [t2, t1 * t2, self.r * (t1 * t0)]
-        };
-        /// mass matrix A = W^T L_yy Psi
-        let [A_psi_dot_s, A_s_s] = [
-            self.J0 * t0,
-            self.c0 * (t0 * t0) + self.c1 * (t2 * t2),
-        ];
-        /// right side f = W^T (r - L_yy lag)
-        let f_s = {
-            let n_omega = -(self.c0 * lag_omega);
-            t0 * n_omega + self.c2 * (t2 * lag_v1)
-        };
         /// factors of A
-        let [A_l3_1, A_s1_3_3] = {
-            let A_l3_1 = self.c3 * A_psi_dot_s;
-            [A_l3_1, A_s_s - A_psi_dot_s * A_l3_1]
+        let [t0, t1, A_s1_3_3] = {
+            let t0 = phi.cos();
+            let t1 = phi.sin();
+            [t0, t1, self.c0 * (t0 * t0) + self.c1 * (t1 * t1)]
         };
-        /// substitution through the factors of A
-        let [dot_s, dot_psi_dot] = {
-            let z_s = f_s + self.J0 * (lag_omega * A_l3_1);
-            let dot_s = z_s / A_s1_3_3;
-            [dot_s, -(lag_omega + A_l3_1 * dot_s)]
-        };
-        /// accelerations ydot = Psi udot + lag
-        let [dot_omega, dot_v1] = [
-            lag_omega + t0 * dot_s,
-            lag_v1 - self.r * (t2 * dot_s),
-        ];
+        let t2 = s * t0;
+        let t3 = phi_dot * t1;
+        let t4 = t3 / A_s1_3_3;
+        let t5 = self.c9 * s;
+        let t6 = t1 * t2;
         [
-            self.m * dot_v1,
-            -(self.c2 * (s * t2 * omega)),
-            self.J0 * dot_psi_dot + self.c0 * dot_omega,
+            self.c10 * (t0 * t2 * t4) + t3 * t5,
+            -(t5 * t6),
+            self.c1 * (phi_dot * t2) - self.c11 * (t4 * t6),
         ]
     }
 
@@ -450,24 +418,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 8 multiplications, 2 elementary functions.
+    /// 3 additions, 10 multiplications, 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn nonholonomic_momentum(&self, t: R, y: &[R; 5]) -> [R; 3] {
         let [_, phi, psi_dot, phi_dot, s] = *y;
         let _ = t;
-        /// velocities y = Psi u + psi0
-        let [t0, omega] = {
-            let t0 = phi.sin();
-            [t0, s * t0]
-        };
-        /// momenta p = dL/dy
-        let [p_psi_dot, p_omega] = {
-            let p_psi_dot = self.J0 * (psi_dot + omega);
-            [p_psi_dot, p_psi_dot + self.c8 * omega]
-        };
-        let t1 = phi.cos();
-        [p_psi_dot, self.c9 * phi_dot, t0 * p_omega + self.c1 * (s * (t1 * t1))]
+        let t0 = self.J0 * psi_dot;
+        let t1 = phi.sin();
+        let t2 = s * t1;
+        let t3 = phi.cos();
+        [
+            t0 + self.J0 * t2,
+            self.c7 * phi_dot,
+            self.c0 * (s * (t3 * t3)) + self.c8 * (t1 * t2) + t1 * t0,
+        ]
     }
 
     /// Their rates by the nonholonomic momentum equation.
@@ -480,21 +445,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 8 multiplications, 2 elementary functions.
+    /// 1 addition, 5 multiplications, 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn momentum_equation(&self, t: R, y: &[R; 5]) -> [R; 3] {
         let [_, phi, psi_dot, phi_dot, s] = *y;
         let _ = t;
-        /// velocities y = Psi u + psi0
-        let [t0, omega] = {
-            let t0 = phi.sin();
-            [t0, s * t0]
-        };
-        /// momenta p = dL/dy
-        let p_omega = self.J0 * (psi_dot + omega) + self.c8 * omega;
-        let t1 = phi.cos();
-        [R::ZERO, R::ZERO, phi_dot * (t1 * p_omega - self.c1 * (s * t1 * t0))]
+        [
+            R::ZERO,
+            R::ZERO,
+            self.J0 * (phi_dot * phi.cos() * (psi_dot + self.c12 * (s * phi.sin()))),
+        ]
     }
 
     /// Nonholonomic momentum `<dL/dxi, (-r cos phi, 0, sin phi)>` \[kg m^2/s\].
@@ -507,13 +468,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn p(&self, t: R, y: &[R; 5]) -> R {
         let [_, phi, psi_dot, _, s] = *y;
         let _ = t;
-        /// velocities y = Psi u + psi0
-        let [t0, omega] = {
-            let t0 = phi.sin();
-            [t0, s * t0]
-        };
+        let t0 = phi.sin();
         let t1 = phi.cos();
-        t0 * (self.J0 * psi_dot + self.c0 * omega) + self.c1 * (s * (t1 * t1))
+        self.c8 * (s * (t0 * t0 + self.c13 * (t1 * t1))) + self.J0 * (psi_dot * t0)
     }
 
     /// Says which pivot vanishes at a point.
@@ -524,21 +481,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 7 multiplications, 2 elementary functions.
+    /// 1 addition, 4 multiplications, 2 elementary functions.
     pub fn check(&self, t: R, y: &[R; 5]) -> Result<(), ::hamel_runtime::Failure> {
         let [_, phi, _, _, _] = *y;
-        /// mass matrix A = W^T L_yy Psi
-        let [A_psi_dot_s, A_s_s] = {
-            let t0 = phi.sin();
-            let t1 = phi.cos();
-            [self.J0 * t0, self.c0 * (t0 * t0) + self.c1 * (t1 * t1)]
-        };
-        /// factors of A
-        let A_s1_3_3 = {
-            let A_l3_1 = self.c3 * A_psi_dot_s;
-            A_s_s - A_psi_dot_s * A_l3_1
-        };
-        let (value, pivot) = (A_s1_3_3, "inertia along s");
+        let t0 = phi.cos();
+        let t1 = phi.sin();
+        let (value, pivot) = (
+            self.c0 * (t0 * t0) + self.c1 * (t1 * t1),
+            "inertia along s",
+        );
         if !value.all_ne(R::ZERO) {
             let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
             return Err(::hamel_runtime::Failure::Singular {

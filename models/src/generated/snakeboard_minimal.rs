@@ -139,23 +139,21 @@ impl<R: ::hamel_runtime::Real> State<R> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
 pub struct Prepared<R = f64> {
-    /// Parameter `r`.
-    r: R,
-    /// Parameter `J0`.
-    J0: R,
-    /// `J + J0 + 2 * J1`
-    c0: R,
+    /// Parameter `J1`.
+    J1: R,
     /// `m * (r * r)`
+    c0: R,
+    /// `J + 2 * J1`
     c1: R,
-    /// `1 / J0`
+    /// `J + 2 * J1 - m * (r * r)`
     c2: R,
-    /// `0.5 * m`
-    c3: R,
-    /// `0.5 * J`
-    c4: R,
     /// `0.5 * J0`
+    c3: R,
+    /// `0.5 * m * (r * r)`
+    c4: R,
+    /// `2 * J0 / (J + J0 + 2 * J1)`
     c5: R,
-    /// `0.5 * J1`
+    /// `0.5 * (J + J0 + 2 * J1)`
     c6: R,
 }
 
@@ -169,7 +167,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 7 multiplications, 1 division.
+    /// 4 additions, 8 multiplications, 1 division.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m, r, J, J0, J1 } = *params;
         for (value, condition, meaning) in [
@@ -186,6 +184,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
+        let t0 = r * r;
+        let t1 = m * t0;
+        let t2 = R::from_f64(2.0) * J1;
+        let t3 = J + t2;
+        let t4 = J + J0 + t2;
         if !m.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m > 0",
@@ -217,15 +220,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             });
         }
         Ok(Self {
-            r,
-            J0,
-            c0: J + J0 + R::from_f64(2.0) * J1,
-            c1: m * (r * r),
-            c2: J0.recip(),
-            c3: R::from_f64(0.5) * m,
-            c4: R::from_f64(0.5) * J,
-            c5: R::from_f64(0.5) * J0,
-            c6: R::from_f64(0.5) * J1,
+            J1,
+            c0: t1,
+            c1: t3,
+            c2: t3 - t1,
+            c3: R::from_f64(0.5) * J0,
+            c4: R::from_f64(0.5) * m * t0,
+            c5: R::from_f64(2.0) * J0 / t4,
+            c6: R::from_f64(0.5) * t4,
         })
     }
 }
@@ -250,38 +252,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 5 additions, 16 multiplications, 1 division, 2 sign changes, 2 elementary functions.
+    /// 2 additions, 9 multiplications, 1 division, 2 sign changes, 2 elementary functions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 4], dy: &mut [R; 4]) {
         let [phi, _, phi_dot, s] = *y;
         let _ = t;
-        /// accelerations of the dependent velocities at udot = 0
-        let [t0, lag_omega] = {
-            let t0 = phi.cos();
-            [t0, phi_dot * s * t0]
-        };
-        /// mass matrix A = W^T L_yy Psi
-        let [t1, A_psi_dot_s, A_s_s] = {
-            let t1 = phi.sin();
-            [t1, self.J0 * t1, self.c0 * (t1 * t1) + self.c1 * (t0 * t0)]
-        };
-        /// right side f = W^T (r - L_yy lag)
-        let f_s = {
-            let n_omega = -(self.c0 * lag_omega);
-            t1 * n_omega + self.c1 * (lag_omega * t1)
-        };
         /// factors of A
-        let [A_l3_1, A_s1_3_3] = {
-            let A_l3_1 = self.c2 * A_psi_dot_s;
-            [A_l3_1, A_s_s - A_psi_dot_s * A_l3_1]
+        let [t0, t1, t2, A_s1_3_3] = {
+            let t0 = phi.cos();
+            let t1 = phi.sin();
+            let t2 = t1 * t1;
+            [t0, t1, t2, self.c0 * (t0 * t0) + self.c1 * t2]
         };
-        /// substitution through the factors of A
-        let [dot_s, dot_psi_dot] = {
-            let z_s = f_s + self.J0 * (lag_omega * A_l3_1);
-            let dot_s = z_s / A_s1_3_3;
-            [dot_s, -(lag_omega + A_l3_1 * dot_s)]
-        };
-        *dy = [phi_dot, dot_psi_dot, R::ZERO, dot_s];
+        let t3 = t0 * (phi_dot * s);
+        let t4 = t3 * -(self.c2 / A_s1_3_3);
+        *dy = [phi_dot, -(t3 + t2 * t4), R::ZERO, t1 * t4];
     }
 
     /// Energy.
@@ -292,19 +277,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 7 additions, 12 multiplications, 1 sign change, 2 elementary functions.
+    /// 4 additions, 12 multiplications, 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 4]) -> R {
         let [phi, psi_dot, phi_dot, s] = *y;
         let _ = t;
-        /// velocities y = Psi u + psi0
-        let [omega, v1] = [s * phi.sin(), -(self.r * (s * phi.cos()))];
-        let t0 = psi_dot + omega;
-        let t1 = phi_dot + omega;
-        let t2 = phi_dot - omega;
-        self.c3 * (v1 * v1) + self.c4 * (omega * omega) + self.c5 * (t0 * t0)
-            + self.c6 * (t1 * t1 + t2 * t2)
+        let t0 = phi.cos();
+        let t1 = s * phi.sin();
+        self.c3 * (psi_dot * psi_dot) + self.J1 * (phi_dot * phi_dot)
+            + self.c4 * (s * s * (t0 * t0)) + self.c6 * (t1 * (t1 + self.c5 * psi_dot))
     }
 
     /// Says which pivot vanishes at a point.
@@ -315,21 +297,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 7 multiplications, 2 elementary functions.
+    /// 1 addition, 4 multiplications, 2 elementary functions.
     pub fn check(&self, t: R, y: &[R; 4]) -> Result<(), ::hamel_runtime::Failure> {
         let [phi, _, _, _] = *y;
-        /// mass matrix A = W^T L_yy Psi
-        let [A_psi_dot_s, A_s_s] = {
-            let t0 = phi.sin();
-            let t1 = phi.cos();
-            [self.J0 * t0, self.c0 * (t0 * t0) + self.c1 * (t1 * t1)]
-        };
-        /// factors of A
-        let A_s1_3_3 = {
-            let A_l3_1 = self.c2 * A_psi_dot_s;
-            A_s_s - A_psi_dot_s * A_l3_1
-        };
-        let (value, pivot) = (A_s1_3_3, "inertia along s");
+        let t0 = phi.cos();
+        let t1 = phi.sin();
+        let (value, pivot) = (
+            self.c0 * (t0 * t0) + self.c1 * (t1 * t1),
+            "inertia along s",
+        );
         if !value.all_ne(R::ZERO) {
             let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
             return Err(::hamel_runtime::Failure::Singular {

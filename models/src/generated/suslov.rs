@@ -188,10 +188,18 @@ pub struct Prepared<R = f64> {
     c0: R,
     /// `1 / I11`
     c1: R,
-    /// `I13 * (I12 / I11)`
+    /// `2 * I12 / I11`
     c2: R,
-    /// `I13 / I11`
+    /// `0.5 * I11`
     c3: R,
+    /// `0.5 * I22`
+    c4: R,
+    /// A longer expression in the parameters.
+    c5: R,
+    /// A longer expression in the parameters.
+    c6: R,
+    /// A longer expression in the parameters.
+    c7: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -204,7 +212,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 6 additions, 11 multiplications, 4 divisions.
+    /// 16 additions, 25 multiplications, 12 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I11, I12, I13, I22, I23, I33 } = *params;
         for (value, condition, meaning) in [
@@ -249,6 +257,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t0 = I11 * I22 - I12 * I12;
         let A_l2_1 = I12 / I11;
         let A_s1_2_2 = I22 - I12 * A_l2_1;
+        let t1 = I23 + I13 * A_l2_1;
         if !I11.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I11 > 0",
@@ -284,8 +293,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             A_l2_1,
             c0: A_s1_2_2.recip(),
             c1: I11.recip(),
-            c2: I13 * A_l2_1,
-            c3: I13 / I11,
+            c2: R::from_f64(2.0) * I12 / I11,
+            c3: R::from_f64(0.5) * I11,
+            c4: R::from_f64(0.5) * I22,
+            c5: I12 - I13 * I13 * A_l2_1 / A_s1_2_2 + I13 * I23 / A_s1_2_2,
+            c6: I11 - I22 + I13 * (A_l2_1 * t1 / A_s1_2_2 + I13 / I11)
+                - I23 * t1 / A_s1_2_2,
+            c7: I12 + I13 * (I23 * (A_l2_1 * A_l2_1) / A_s1_2_2 + I23 / I11)
+                - I23 * I23 * A_l2_1 / A_s1_2_2,
         })
     }
 }
@@ -321,7 +336,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [dot_Omega2, dot_Omega1] = {
             let z_Omega2 = p_Omega3 * (Omega1 + self.A_l2_1 * Omega2);
             let dot_Omega2 = self.c0 * z_Omega2;
-            [dot_Omega2, -(self.A_l2_1 * dot_Omega2 + self.c1 * (Omega2 * p_Omega3))]
+            [dot_Omega2, -(self.c1 * (Omega2 * p_Omega3) + self.A_l2_1 * dot_Omega2)]
         };
         *dy = [dot_Omega1, dot_Omega2];
     }
@@ -334,15 +349,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 7 multiplications.
+    /// 2 additions, 5 multiplications.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 2]) -> R {
         let [Omega1, Omega2] = *y;
         let _ = t;
-        R::from_f64(0.5)
-            * (Omega1 * (self.I11 * Omega1 + self.I12 * Omega2)
-                + Omega2 * (self.I12 * Omega1 + self.I22 * Omega2))
+        self.c3 * (Omega1 * (Omega1 + self.c2 * Omega2)) + self.c4 * (Omega2 * Omega2)
     }
 
     /// Momenta p = dL/dy.
@@ -380,29 +393,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 8 additions, 15 multiplications.
+    /// 2 additions, 5 multiplications.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 2]) -> [R; 1] {
         let [Omega1, Omega2] = *y;
         let _ = t;
-        /// momenta p = dL/dy
-        let [p_Omega1, p_Omega2, p_Omega3] = [
-            self.I11 * Omega1 + self.I12 * Omega2,
-            self.I12 * Omega1 + self.I22 * Omega2,
-            self.I13 * Omega1 + self.I23 * Omega2,
-        ];
-        /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let r_Omega3 = Omega2 * p_Omega1 - Omega1 * p_Omega2;
-        /// substitution through the factors of A
-        let dot_Omega2 = {
-            let z_Omega2 = p_Omega3 * (Omega1 + self.A_l2_1 * Omega2);
-            self.c0 * z_Omega2
-        };
-        [
-            self.I23 * dot_Omega2 - r_Omega3 - self.c2 * dot_Omega2
-                - self.c3 * (Omega2 * p_Omega3),
-        ]
+        [Omega1 * (self.c5 * Omega1 - self.c6 * Omega2) - self.c7 * (Omega2 * Omega2)]
     }
 
     /// Momenta \<p, W_b\> along the sections of virtual displacements.

@@ -188,13 +188,13 @@ pub struct Prepared<R = f64> {
     I3: R,
     /// Parameter `m`.
     m: R,
-    /// `k / m`
-    c0: R,
-    /// `(I1 - I2) / I3`
-    c1: R,
-    /// `(I1 - I3) / I2`
-    c2: R,
     /// `(I2 - I3) / I1`
+    c0: R,
+    /// `(I1 - I3) / I2`
+    c1: R,
+    /// `(I1 - I2) / I3`
+    c2: R,
+    /// `k / m`
     c3: R,
     /// `0.5 * I1`
     c4: R,
@@ -282,10 +282,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             I2,
             I3,
             m,
-            c0: k / m,
-            c1: (I1 - I2) / I3,
-            c2: (I1 - I3) / I2,
-            c3: (I2 - I3) / I1,
+            c0: (I2 - I3) / I1,
+            c1: (I1 - I3) / I2,
+            c2: (I1 - I2) / I3,
+            c3: k / m,
             c4: R::from_f64(0.5) * I1,
             c5: R::from_f64(0.5) * I2,
             c6: R::from_f64(0.5) * I3,
@@ -299,10 +299,6 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
-#[allow(
-    unused_doc_comments,
-    reason = "comments on statements say which formula they are"
-)]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Writes the derivative of the state to `dy`.
     ///
@@ -323,31 +319,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn rhs(&self, t: R, y: &[R; 9], dy: &mut [R; 9]) {
         let [Omega1, Omega2, Omega3, V1, V2, V3, a1, a2, a3] = *y;
         let _ = t;
-        /// kinematics xdot = rho y
-        let [dot_a1, dot_a2, dot_a3] = [
+        *dy = [
+            self.c0 * (Omega2 * Omega3),
+            -(self.c1 * (Omega1 * Omega3)),
+            self.c2 * (Omega1 * Omega2),
+            Omega3 * V2 + self.c3 * a1 - Omega2 * V3,
+            self.c3 * a2 + Omega1 * V3 - Omega3 * V1,
+            Omega2 * V1 + self.c3 * a3 - Omega1 * V2,
             Omega3 * a2 - V1 - Omega2 * a3,
             Omega1 * a3 - V2 - Omega3 * a1,
             Omega2 * a1 - V3 - Omega1 * a2,
-        ];
-        /// substitution through the factors of A
-        let [dot_V3, dot_V2, dot_V1, dot_Omega3, dot_Omega2, dot_Omega1] = [
-            Omega2 * V1 - Omega1 * V2 + self.c0 * a3,
-            Omega1 * V3 - Omega3 * V1 + self.c0 * a2,
-            Omega3 * V2 - Omega2 * V3 + self.c0 * a1,
-            self.c1 * (Omega1 * Omega2),
-            -(self.c2 * (Omega1 * Omega3)),
-            self.c3 * (Omega2 * Omega3),
-        ];
-        *dy = [
-            dot_Omega1,
-            dot_Omega2,
-            dot_Omega3,
-            dot_V1,
-            dot_V2,
-            dot_V3,
-            dot_a1,
-            dot_a2,
-            dot_a3,
         ];
     }
 

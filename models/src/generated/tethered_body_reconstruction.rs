@@ -236,13 +236,13 @@ pub struct Prepared<R = f64> {
     I3: R,
     /// Parameter `m`.
     m: R,
-    /// `k / m`
-    c0: R,
-    /// `(I1 - I2) / I3`
-    c1: R,
-    /// `(I1 - I3) / I2`
-    c2: R,
     /// `(I2 - I3) / I1`
+    c0: R,
+    /// `(I1 - I3) / I2`
+    c1: R,
+    /// `(I1 - I2) / I3`
+    c2: R,
+    /// `k / m`
     c3: R,
     /// `0.5 * I1`
     c4: R,
@@ -330,10 +330,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             I2,
             I3,
             m,
-            c0: k / m,
-            c1: (I1 - I2) / I3,
-            c2: (I1 - I3) / I2,
-            c3: (I2 - I3) / I1,
+            c0: (I2 - I3) / I1,
+            c1: (I1 - I3) / I2,
+            c2: (I1 - I2) / I3,
+            c3: k / m,
             c4: R::from_f64(0.5) * I1,
             c5: R::from_f64(0.5) * I2,
             c6: R::from_f64(0.5) * I3,
@@ -347,10 +347,6 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
-#[allow(
-    unused_doc_comments,
-    reason = "comments on statements say which formula they are"
-)]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Writes the derivative of the state to `dy`.
     ///
@@ -366,49 +362,38 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 32 additions, 61 multiplications, 2 sign changes.
+    /// 32 additions, 55 multiplications, 2 sign changes.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 16], dy: &mut [R; 16]) {
         let [Omega1, Omega2, Omega3, V1, V2, V3, a1, a2, a3, qw, qx, qy, qz, _, _, _] = *y;
         let _ = t;
-        /// kinematics xdot = rho y
-        let [dot_a1, dot_a2, dot_a3] = [
+        let t0 = R::from_f64(0.5) * Omega1;
+        let t1 = R::from_f64(0.5) * Omega2;
+        let t2 = R::from_f64(0.5) * Omega3;
+        let t3 = V1 * qy - V2 * qx;
+        let t4 = R::from_f64(2.0) * qy;
+        let t5 = V1 * qz - V3 * qx;
+        let t6 = R::from_f64(2.0) * qz;
+        let t7 = V2 * qz - V3 * qy;
+        let t8 = R::from_f64(2.0) * qw;
+        let t9 = R::from_f64(2.0) * qx;
+        *dy = [
+            self.c0 * (Omega2 * Omega3),
+            -(self.c1 * (Omega1 * Omega3)),
+            self.c2 * (Omega1 * Omega2),
+            Omega3 * V2 + self.c3 * a1 - Omega2 * V3,
+            self.c3 * a2 + Omega1 * V3 - Omega3 * V1,
+            Omega2 * V1 + self.c3 * a3 - Omega1 * V2,
             Omega3 * a2 - V1 - Omega2 * a3,
             Omega1 * a3 - V2 - Omega3 * a1,
             Omega2 * a1 - V3 - Omega1 * a2,
-        ];
-        /// substitution through the factors of A
-        let [dot_V3, dot_V2, dot_V1, dot_Omega3, dot_Omega2, dot_Omega1] = [
-            Omega2 * V1 - Omega1 * V2 + self.c0 * a3,
-            Omega1 * V3 - Omega3 * V1 + self.c0 * a2,
-            Omega3 * V2 - Omega2 * V3 + self.c0 * a1,
-            self.c1 * (Omega1 * Omega2),
-            -(self.c2 * (Omega1 * Omega3)),
-            self.c3 * (Omega2 * Omega3),
-        ];
-        let t0 = V2 * qx - V1 * qy;
-        let t1 = V1 * qz - V3 * qx;
-        let t2 = V3 * qy - V2 * qz;
-        *dy = [
-            dot_Omega1,
-            dot_Omega2,
-            dot_Omega3,
-            dot_V1,
-            dot_V2,
-            dot_V3,
-            dot_a1,
-            dot_a2,
-            dot_a3,
-            -(R::from_f64(0.5) * (Omega1 * qx + Omega2 * qy + Omega3 * qz)),
-            R::from_f64(0.5) * (Omega3 * qy - Omega2 * qz + Omega1 * qw),
-            R::from_f64(0.5) * (Omega1 * qz - Omega3 * qx + Omega2 * qw),
-            R::from_f64(0.5) * (Omega2 * qx - Omega1 * qy + Omega3 * qw),
-            V1 + R::from_f64(2.0) * (qy * t0) - R::from_f64(2.0) * (qz * t1)
-                + R::from_f64(2.0) * (qw * t2),
-            V2 + R::from_f64(2.0) * (qz * t2) - R::from_f64(2.0) * (qx * t0)
-                + R::from_f64(2.0) * (qw * t1),
-            V3 + R::from_f64(2.0) * (qx * t1) - R::from_f64(2.0) * (qy * t2)
-                + R::from_f64(2.0) * (qw * t0),
+            -(qx * t0 + qy * t1 + qz * t2),
+            qy * t2 + qw * t0 - qz * t1,
+            qz * t0 + qw * t1 - qx * t2,
+            qx * t1 + qw * t2 - qy * t0,
+            V1 - t3 * t4 - t5 * t6 - t7 * t8,
+            V2 + t3 * t9 + t5 * t8 - t6 * t7,
+            V3 + t5 * t9 + t4 * t7 - t3 * t8,
         ];
     }
 

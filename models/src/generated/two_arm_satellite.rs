@@ -223,12 +223,12 @@ impl<R: ::hamel_runtime::Real> State<R> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
 pub struct Prepared<R = f64> {
-    /// Parameter `I1`.
-    I1: R,
     /// Parameter `I2`.
     I2: R,
     /// Parameter `I3`.
     I3: R,
+    /// Parameter `ma`.
+    ma: R,
     /// Parameter `la`.
     la: R,
     /// Parameter `lb`.
@@ -237,59 +237,59 @@ pub struct Prepared<R = f64> {
     ka: R,
     /// Parameter `kb`.
     kb: R,
-    /// `5 * la`
+    /// `(2/5) * mb * lb / (ma * (la * la))`
     c0: R,
-    /// `(1/5) * ma * la`
+    /// `ma * (la * la)`
     c1: R,
-    /// `5 * lb`
+    /// `I1 + (1/100) * mb * (29 + 100 * (lb * lb))`
     c2: R,
-    /// `(1/25) * mb`
+    /// `(1/5) * mb * lb`
     c3: R,
-    /// `2 * lb`
+    /// `mb * (lb * lb)`
     c4: R,
-    /// `0.25 * mb`
+    /// `(1/5) * ma * la`
     c5: R,
-    /// `(1/25) * ma`
+    /// `5 * la`
     c6: R,
-    /// `(1/50) * mb`
+    /// `5 * lb`
     c7: R,
-    /// `(1/20) * mb`
+    /// `2 * lb`
     c8: R,
-    /// `25 * (la * la)`
+    /// `(1/25) * mb`
     c9: R,
-    /// `5 * (la * la)`
+    /// `(1/25) * ma`
     c10: R,
-    /// `(1/5) * ma`
+    /// `ma * la`
     c11: R,
     /// `(1/10) * mb`
     c12: R,
-    /// `ma * la`
+    /// `(1/5) * ma`
     c13: R,
-    /// `5 * ma * (la * la)`
+    /// `5 * ma * la`
     c14: R,
     /// `2 * mb * lb`
     c15: R,
-    /// `5 * mb * lb`
+    /// `2 * mb`
     c16: R,
-    /// `mb * lb`
+    /// `5 * mb`
     c17: R,
-    /// `10 * (la * la)`
+    /// `(3/5) * ma * la`
     c18: R,
-    /// `ma * (la * la)`
+    /// `1 / (ma * (la * la))`
     c19: R,
-    /// `mb * (lb * lb)`
+    /// `mb * lb`
     c20: R,
-    /// `(1/5) * mb * lb`
+    /// `(9/25) * ma`
     c21: R,
-    /// `0.5 * mb * lb`
+    /// `I3 + 0.25 * mb - ma * (la * la) + (1/25) * ma * (9 + 25 * (la * la))`
     c22: R,
-    /// `0.5 * I1`
+    /// `1 / (mb * (lb * lb))`
     c23: R,
-    /// `0.5 * I2`
+    /// `0.5 * I1`
     c24: R,
-    /// `0.5 * I3`
+    /// `0.5 * I2`
     c25: R,
-    /// `(1/200) * mb`
+    /// `0.5 * I3`
     c26: R,
     /// `0.5 * ka`
     c27: R,
@@ -297,6 +297,42 @@ pub struct Prepared<R = f64> {
     c28: R,
     /// `(1/50) * ma`
     c29: R,
+    /// `(1/200) * mb`
+    c30: R,
+    /// `(1/5) * mb / (ma * (la * la))`
+    c31: R,
+    /// `(1/25) * mb / (ma * (la * la))`
+    c32: R,
+    /// `I1 - mb * (lb * lb) + (1/100) * mb * (29 + 100 * (lb * lb))`
+    c33: R,
+    /// `2.5 * lb`
+    c34: R,
+    /// `(1/3) * mb * lb / (ma * la)`
+    c35: R,
+    /// `(6/5) / la`
+    c36: R,
+    /// `I2 + (9/25) * ma + (1/25) * mb`
+    c37: R,
+    /// `10 * lb`
+    c38: R,
+    /// `(1/100) * (mb * mb)`
+    c39: R,
+    /// `(3/5) / la`
+    c40: R,
+    /// `(1/5) / lb`
+    c41: R,
+    /// `(5/3) * la`
+    c42: R,
+    /// `(1/100) * (100 * I1 + mb * (29 + 100 * (lb * lb)))`
+    c43: R,
+    /// `(2/5) * mb * lb`
+    c44: R,
+    /// `(6/5) * ma * la`
+    c45: R,
+    /// `(1/25) * (25 * I2 + 9 * ma + mb)`
+    c46: R,
+    /// `(1/100) * (100 * I3 + 25 * mb + 4 * ma * (9 + 25 * (la * la)))`
+    c47: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -309,7 +345,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 37 multiplications.
+    /// 15 additions, 59 multiplications, 9 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, ma, la, mb, lb, ka, kb } = *params;
         for (value, condition, meaning) in [
@@ -330,8 +366,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let t0 = R::ratio(1.0, 5.0) * ma;
+        let t0 = R::ratio(2.0, 5.0) * mb * lb;
         let t1 = la * la;
+        let t2 = ma * t1;
+        let t3 = lb * lb;
+        let t4 = R::from_f64(29.0) + R::from_f64(100.0) * t3;
+        let t5 = R::ratio(1.0, 100.0) * mb * t4;
+        let t6 = R::ratio(1.0, 5.0) * mb;
+        let t7 = mb * t3;
+        let t8 = R::ratio(1.0, 5.0) * ma;
+        let t9 = R::ratio(1.0, 25.0) * mb;
+        let t10 = R::ratio(1.0, 25.0) * ma;
+        let t11 = ma * la;
+        let t12 = R::from_f64(2.0) * mb;
+        let t13 = R::ratio(9.0, 25.0) * ma;
+        let t14 = R::from_f64(9.0) + R::from_f64(25.0) * t1;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -375,43 +424,64 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             });
         }
         Ok(Self {
-            I1,
             I2,
             I3,
+            ma,
             la,
             lb,
             ka,
             kb,
-            c0: R::from_f64(5.0) * la,
-            c1: t0 * la,
-            c2: R::from_f64(5.0) * lb,
-            c3: R::ratio(1.0, 25.0) * mb,
-            c4: R::from_f64(2.0) * lb,
-            c5: R::from_f64(0.25) * mb,
-            c6: R::ratio(1.0, 25.0) * ma,
-            c7: R::ratio(1.0, 50.0) * mb,
-            c8: R::ratio(1.0, 20.0) * mb,
-            c9: R::from_f64(25.0) * t1,
-            c10: R::from_f64(5.0) * t1,
-            c11: t0,
+            c0: t0 / t2,
+            c1: t2,
+            c2: I1 + t5,
+            c3: t6 * lb,
+            c4: t7,
+            c5: t8 * la,
+            c6: R::from_f64(5.0) * la,
+            c7: R::from_f64(5.0) * lb,
+            c8: R::from_f64(2.0) * lb,
+            c9: t9,
+            c10: t10,
+            c11: t11,
             c12: R::ratio(1.0, 10.0) * mb,
-            c13: ma * la,
-            c14: R::from_f64(5.0) * ma * t1,
-            c15: R::from_f64(2.0) * mb * lb,
-            c16: R::from_f64(5.0) * mb * lb,
-            c17: mb * lb,
-            c18: R::from_f64(10.0) * t1,
-            c19: ma * t1,
-            c20: mb * (lb * lb),
-            c21: R::ratio(1.0, 5.0) * mb * lb,
-            c22: R::from_f64(0.5) * mb * lb,
-            c23: R::from_f64(0.5) * I1,
-            c24: R::from_f64(0.5) * I2,
-            c25: R::from_f64(0.5) * I3,
-            c26: R::ratio(1.0, 200.0) * mb,
+            c13: t8,
+            c14: R::from_f64(5.0) * ma * la,
+            c15: t12 * lb,
+            c16: t12,
+            c17: R::from_f64(5.0) * mb,
+            c18: R::ratio(3.0, 5.0) * ma * la,
+            c19: t2.recip(),
+            c20: mb * lb,
+            c21: t13,
+            c22: I3 + R::from_f64(0.25) * mb - t2 + t10 * t14,
+            c23: t7.recip(),
+            c24: R::from_f64(0.5) * I1,
+            c25: R::from_f64(0.5) * I2,
+            c26: R::from_f64(0.5) * I3,
             c27: R::from_f64(0.5) * ka,
             c28: R::from_f64(0.5) * kb,
             c29: R::ratio(1.0, 50.0) * ma,
+            c30: R::ratio(1.0, 200.0) * mb,
+            c31: t6 / t2,
+            c32: t9 / t2,
+            c33: I1 - t7 + t5,
+            c34: R::from_f64(2.5) * lb,
+            c35: R::ratio(1.0, 3.0) * mb * lb / t11,
+            c36: R::ratio(6.0, 5.0) / la,
+            c37: I2 + t13 + t9,
+            c38: R::from_f64(10.0) * lb,
+            c39: R::ratio(1.0, 100.0) * (mb * mb),
+            c40: R::ratio(3.0, 5.0) / la,
+            c41: R::ratio(1.0, 5.0) / lb,
+            c42: R::ratio(5.0, 3.0) * la,
+            c43: R::ratio(1.0, 100.0) * (R::from_f64(100.0) * I1 + mb * t4),
+            c44: t0,
+            c45: R::ratio(6.0, 5.0) * ma * la,
+            c46: R::ratio(1.0, 25.0)
+                * (R::from_f64(25.0) * I2 + R::from_f64(9.0) * ma + mb),
+            c47: R::ratio(1.0, 100.0)
+                * (R::from_f64(100.0) * I3 + R::from_f64(25.0) * mb
+                    + R::from_f64(4.0) * ma * t14),
         })
     }
 }
@@ -436,127 +506,122 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 70 additions, 150 multiplications, 5 divisions, 2 sign changes, 4 elementary functions.
+    /// 65 additions, 121 multiplications, 3 divisions, 3 sign changes, 4 elementary functions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 7], dy: &mut [R; 7]) {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3] = *y;
         let _ = t;
         /// momenta p = dL/dy
-        let [t0, t1, t2, t3, t4, t5, t6, t7, t8, t9, t10, p_Omega1, t11, p_Omega2, t12,
-        t13, t14, p_Omega3] = {
+        let [t0, t1, t2, A_Omega1_Omega1, A_beta_dot_Omega1, t4, t5, t6, t7, p_Omega1,
+        t9, t10, t11, t12, t13, t14, t15, t16, p_Omega2, t17, t18, t19, t20, t21,
+        p_Omega3] = {
             let t0 = alpha.sin();
-            let t1 = alpha.cos();
-            let t2 = R::from_f64(3.0) + self.c0 * t1;
-            let t3 = self.c0 * (Omega1 * t0) - Omega2 * t2;
-            let t4 = t0 * t3;
-            let t5 = beta.sin();
-            let t6 = R::ONE + self.c2 * t5;
-            let t7 = Omega1 * t6 + self.c2 * (beta_dot * t5);
-            let t8 = beta.cos();
-            let t9 = R::ONE + self.c4 * t8;
-            let t10 = Omega1 * t9 + self.c4 * (beta_dot * t8);
-            let t11 = R::from_f64(2.0) * (Omega2 * t6)
-                - R::from_f64(5.0) * (Omega3 * t9);
-            let t12 = Omega3 * t2 + self.c0 * (alpha_dot * t1);
-            let t13 = t0 * t0;
-            let t14 = alpha_dot + Omega3;
+            let t1 = beta.cos();
+            let t2 = beta.sin();
+            let t3 = R::from_f64(2.5) * t1 + t2;
+            let A_Omega1_Omega1 = self.c2 + self.c1 * (t0 * t0 + self.c0 * t3);
+            let A_beta_dot_Omega1 = self.c4 + self.c3 * t3;
+            let t4 = self.c5 * t0;
+            let t5 = alpha.cos();
+            let t6 = self.c6 * t5;
+            let t7 = R::from_f64(3.0) + t6;
+            let t8 = Omega2 * t7;
+            let t9 = self.c7 * t2;
+            let t10 = R::ONE + t9;
+            let t11 = self.c8 * t1;
+            let t12 = R::ONE + t11;
+            let t13 = Omega2 * t10 - R::from_f64(2.5) * (Omega3 * t12);
+            let t14 = self.c9 * t10;
+            let t15 = self.c6 * (Omega1 * t0) - t8;
+            let t16 = self.c10 * t7;
+            let t17 = self.la * t0;
+            let t18 = alpha_dot + Omega3;
+            let t19 = t17 * t18;
+            let t20 = Omega3 * t7 + alpha_dot * t6;
+            let t21 = self.c12 * t12;
             [
                 t0,
                 t1,
                 t2,
-                t3,
+                A_Omega1_Omega1,
+                A_beta_dot_Omega1,
                 t4,
                 t5,
                 t6,
                 t7,
-                t8,
+                Omega1 * A_Omega1_Omega1 + beta_dot * A_beta_dot_Omega1 - t4 * t8,
                 t9,
                 t10,
-                self.I1 * Omega1 + self.c1 * t4 + self.c3 * (t6 * t7)
-                    + self.c5 * (t9 * t10),
                 t11,
-                self.I2 * Omega2 - self.c6 * (t2 * t3) + self.c7 * (t6 * t11),
                 t12,
                 t13,
                 t14,
-                self.I3 * Omega3 - self.c8 * (t9 * t11)
-                    + self.c6 * (t2 * t12 + self.c9 * (t13 * t14)),
+                t15,
+                t16,
+                self.I2 * Omega2 + t13 * t14 - t15 * t16,
+                t17,
+                t18,
+                t19,
+                t20,
+                t21,
+                self.I3 * Omega3 + self.c11 * (t0 * t19) + t16 * t20 - t13 * t21,
             ]
         };
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
         let [r_alpha_dot, r_beta_dot, r_Omega1, r_Omega2, r_Omega3] = {
-            let t15 = Omega1 * t1 + Omega2 * t0;
-            let t16 = self.la * t12;
-            let t17 = self.c10 * (t1 * t14) - t16;
-            let dL_dalpha = self.c11 * (self.la * (t3 * t15) + t0 * t14 * t17)
-                - self.ka * alpha;
-            let t18 = Omega2 * t8 + Omega3 * t5;
-            let t19 = beta_dot + Omega1;
-            let t20 = self.c4 * (t8 * t7) - self.c2 * (t5 * t10);
-            let dL_dbeta = self.c12 * (self.lb * (t11 * t18) + t19 * t20)
+            let t22 = self.la * t5;
+            let t23 = Omega1 * t22 + Omega2 * t17;
+            let t24 = t20 - R::from_f64(5.0) * (t18 * t22);
+            let dL_dalpha = self.c13 * (t15 * t23 - t19 * t24) - self.ka * alpha;
+            let t25 = beta_dot + Omega1;
+            let t26 = t11 * (Omega1 + t9 * t25) - t9 * (Omega1 + t11 * t25);
+            let t27 = self.lb * (Omega2 * t1) + self.lb * (Omega3 * t2);
+            let dL_dbeta = self.c12 * (t25 * t26 + R::from_f64(2.0) * (t13 * t27))
                 - self.kb * beta;
-            let t21 = alpha_dot * t0;
+            let t28 = -(t17 * t24);
+            let t29 = self.c13 * alpha_dot;
+            let t30 = self.c12 * beta_dot;
+            let t31 = self.c11 * t15;
+            let t32 = R::ratio(1.0, 5.0) * alpha_dot;
+            let t33 = self.c15 * t13;
+            let t34 = R::ratio(1.0, 10.0) * beta_dot;
             [
-                dL_dalpha - self.c11 * (t21 * t17),
-                dL_dbeta - self.c12 * (beta_dot * t20),
+                dL_dalpha - t28 * t29,
+                dL_dbeta - t26 * t30,
                 Omega3 * p_Omega2 - Omega2 * p_Omega3
-                    - R::ratio(1.0, 5.0)
-                        * (alpha_dot * (self.c13 * (t1 * t3) + self.c14 * (t0 * t15)))
-                    - R::ratio(1.0, 10.0)
-                        * (beta_dot
-                            * (self.c15 * (t8 * (t7 + t6 * t19))
-                                - self.c16 * (t5 * (t10 + t9 * t19)))),
+                    - (t5 * t31 + self.c14 * (t0 * t23)) * t32
+                    - t30 * (t26 + t25 * (t10 * t11 - t9 * t12)),
                 Omega1 * p_Omega3 - Omega3 * p_Omega1
-                    - self.c1 * (alpha_dot * (t4 - t2 * t15))
-                    - R::ratio(1.0, 10.0)
-                        * (beta_dot * (self.c17 * (t8 * t11) + self.c15 * (t6 * t18))),
-                Omega2 * p_Omega1 - Omega1 * p_Omega2
-                    - R::ratio(1.0, 10.0)
-                        * (beta_dot * (self.c17 * (t5 * t11) - self.c16 * (t9 * t18)))
-                    + self.c11 * (t21 * (t16 + t14 * (self.la * t2 - self.c18 * t1))),
+                    - t32 * (t0 * t31 - self.ma * (t7 * t23))
+                    - (t1 * t33 + self.c16 * (t10 * t27)) * t34,
+                Omega2 * p_Omega1 - Omega1 * p_Omega2 - t29 * (t28 - t19 * (t7 - t6))
+                    - t34 * (t2 * t33 - self.c17 * (t12 * t27)),
             ]
         };
         /// mass matrix A = W^T L_yy Psi
-        let [A_alpha_dot_alpha_dot, A_alpha_dot_Omega3, A_beta_dot_beta_dot,
-        A_beta_dot_Omega1, A_Omega1_Omega1, A_Omega1_Omega2, A_Omega2_Omega2,
-        A_Omega2_Omega3, A_Omega3_Omega3] = {
-            let t22 = self.c19 * t13;
-            let t23 = self.c3 * (t6 * t6);
-            let t24 = self.c5 * (t9 * t9);
-            let t25 = t2 * t2;
-            [
-                self.c19 * (t13 + t1 * t1),
-                t22 + self.c1 * (t1 * t2),
-                self.c20 * (t5 * t5 + t8 * t8),
-                self.c21 * (t5 * t6) + self.c22 * (t8 * t9),
-                self.I1 + (t22 + t23 + t24),
-                -(self.c1 * (t0 * t2)),
-                self.I2 + (self.c6 * t25 + t23),
-                -(self.c12 * (t6 * t9)),
-                self.I3 + (self.c6 * (self.c9 * t13 + t25) + t24),
-            ]
-        };
+        let [A_alpha_dot_Omega3, A_Omega1_Omega2, A_Omega2_Omega2, A_Omega2_Omega3] = [
+            self.c1 + self.c18 * t5,
+            -(t4 * t7),
+            self.I2 + (t7 * t16 + t10 * t14),
+            -(t10 * t21),
+        ];
         /// factors of A
-        let [t26, A_l5_1, t27, A_l3_2, t28, A_l4_3, t29, A_l5_4, A_s4_5_5] = {
-            let t26 = A_alpha_dot_alpha_dot.recip();
-            let A_l5_1 = A_alpha_dot_Omega3 * t26;
-            let A_s1_5_5 = A_Omega3_Omega3 - A_alpha_dot_Omega3 * A_l5_1;
-            let t27 = A_beta_dot_beta_dot.recip();
-            let A_l3_2 = A_beta_dot_Omega1 * t27;
+        let [A_l5_1, A_l3_2, t35, A_l4_3, t36, A_l5_4, A_s4_5_5] = {
+            let A_s1_5_5 = self.c22
+                + (self.c20 * t1 + self.c4 * (t1 * t1) - self.c21 * (t5 * t5));
+            let A_l3_2 = self.c23 * A_beta_dot_Omega1;
             let A_s2_3_3 = A_Omega1_Omega1 - A_beta_dot_Omega1 * A_l3_2;
-            let t28 = A_s2_3_3.recip();
-            let A_l4_3 = A_Omega1_Omega2 * t28;
+            let t35 = A_s2_3_3.recip();
+            let A_l4_3 = A_Omega1_Omega2 * t35;
             let A_s3_4_4 = A_Omega2_Omega2 - A_Omega1_Omega2 * A_l4_3;
-            let t29 = A_s3_4_4.recip();
-            let A_l5_4 = A_Omega2_Omega3 * t29;
+            let t36 = A_s3_4_4.recip();
+            let A_l5_4 = A_Omega2_Omega3 * t36;
             [
-                t26,
-                A_l5_1,
-                t27,
+                self.c19 * A_alpha_dot_Omega3,
                 A_l3_2,
-                t28,
+                t35,
                 A_l4_3,
-                t29,
+                t36,
                 A_l5_4,
                 A_s1_5_5 - A_Omega2_Omega3 * A_l5_4,
             ]
@@ -567,14 +632,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let z_Omega2 = r_Omega2 - A_l4_3 * z_Omega1;
             let z_Omega3 = r_Omega3 - r_alpha_dot * A_l5_1 - A_l5_4 * z_Omega2;
             let dot_Omega3 = z_Omega3 / A_s4_5_5;
-            let dot_Omega2 = z_Omega2 * t29 - A_l5_4 * dot_Omega3;
-            let dot_Omega1 = z_Omega1 * t28 - A_l4_3 * dot_Omega2;
+            let dot_Omega2 = z_Omega2 * t36 - A_l5_4 * dot_Omega3;
+            let dot_Omega1 = z_Omega1 * t35 - A_l4_3 * dot_Omega2;
             [
                 dot_Omega3,
                 dot_Omega2,
                 dot_Omega1,
-                r_beta_dot * t27 - A_l3_2 * dot_Omega1,
-                r_alpha_dot * t26 - A_l5_1 * dot_Omega3,
+                self.c23 * r_beta_dot - A_l3_2 * dot_Omega1,
+                self.c19 * r_alpha_dot - A_l5_1 * dot_Omega3,
             ]
         };
         *dy = [
@@ -596,32 +661,33 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 19 additions, 42 multiplications, 4 elementary functions.
+    /// 19 additions, 39 multiplications, 4 elementary functions.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 7]) -> R {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3] = *y;
         let _ = t;
-        let t0 = beta.sin();
-        let t1 = R::ONE + self.c2 * t0;
-        let t2 = beta.cos();
-        let t3 = R::ONE + self.c4 * t2;
-        let t4 = R::from_f64(2.0) * (Omega2 * t1) - R::from_f64(5.0) * (Omega3 * t3);
-        let t5 = Omega1 * t1 + self.c2 * (beta_dot * t0);
-        let t6 = Omega1 * t3 + self.c4 * (beta_dot * t2);
-        let t7 = self.c23 * (Omega1 * Omega1) + self.c24 * (Omega2 * Omega2)
-            + self.c25 * (Omega3 * Omega3)
-            + self.c26
-                * (t4 * t4 + R::from_f64(4.0) * (t5 * t5)
-                    + R::from_f64(25.0) * (t6 * t6));
-        let t8 = alpha.cos();
-        let t9 = R::from_f64(3.0) + self.c0 * t8;
-        let t10 = Omega3 * t9 + self.c0 * (alpha_dot * t8);
-        let t11 = alpha.sin();
-        let t12 = self.c0 * (Omega1 * t11) - Omega2 * t9;
-        let t13 = alpha_dot + Omega3;
-        t7 + self.c27 * (alpha * alpha) + self.c28 * (beta * beta)
-            + self.c29 * (t10 * t10 + t12 * t12 + self.c9 * (t11 * t11 * (t13 * t13)))
+        let t0 = self.c6 * alpha.cos();
+        let t1 = R::from_f64(3.0) + t0;
+        let t2 = Omega3 * t1 + alpha_dot * t0;
+        let t3 = alpha.sin();
+        let t4 = self.c6 * (Omega1 * t3) - Omega2 * t1;
+        let t5 = self.la * (t3 * (alpha_dot + Omega3));
+        let t6 = self.c24 * (Omega1 * Omega1) + self.c25 * (Omega2 * Omega2)
+            + self.c26 * (Omega3 * Omega3) + self.c27 * (alpha * alpha)
+            + self.c28 * (beta * beta)
+            + self.c29 * (t2 * t2 + t4 * t4 + R::from_f64(25.0) * (t5 * t5));
+        let t7 = self.c7 * beta.sin();
+        let t8 = R::ONE + t7;
+        let t9 = self.c8 * beta.cos();
+        let t10 = R::ONE + t9;
+        let t11 = R::from_f64(2.0) * (Omega2 * t8) - R::from_f64(5.0) * (Omega3 * t10);
+        let t12 = Omega1 * t8 + beta_dot * t7;
+        let t13 = Omega1 * t10 + beta_dot * t9;
+        t6
+            + self.c30
+                * (t11 * t11 + R::from_f64(4.0) * (t12 * t12)
+                    + R::from_f64(25.0) * (t13 * t13))
     }
 
     /// Momenta p = dL/dy.
@@ -634,39 +700,38 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 19 additions, 46 multiplications, 4 elementary functions.
+    /// 24 additions, 40 multiplications, 4 elementary functions.
     #[inline]
     #[must_use]
     pub fn momentum(&self, t: R, y: &[R; 7]) -> [R; 5] {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3] = *y;
         let _ = t;
-        /// momenta p = dL/dy
-        let [p_alpha_dot, p_beta_dot, p_Omega1, p_Omega2, p_Omega3] = {
-            let t0 = alpha.cos();
-            let t1 = R::from_f64(3.0) + self.c0 * t0;
-            let t2 = Omega3 * t1 + self.c0 * (alpha_dot * t0);
-            let t3 = alpha.sin();
-            let t4 = t3 * t3 * (alpha_dot + Omega3);
-            let t5 = beta.sin();
-            let t6 = R::ONE + self.c2 * t5;
-            let t7 = Omega1 * t6 + self.c2 * (beta_dot * t5);
-            let t8 = beta.cos();
-            let t9 = R::ONE + self.c4 * t8;
-            let t10 = Omega1 * t9 + self.c4 * (beta_dot * t8);
-            let t11 = self.c0 * (Omega1 * t3) - Omega2 * t1;
-            let t12 = R::from_f64(2.0) * (Omega2 * t6)
-                - R::from_f64(5.0) * (Omega3 * t9);
-            [
-                self.c1 * (t0 * t2) + self.c19 * t4,
-                self.c21 * (t5 * t7) + self.c22 * (t8 * t10),
-                self.I1 * Omega1 + self.c1 * (t3 * t11) + self.c3 * (t6 * t7)
-                    + self.c5 * (t9 * t10),
-                self.I2 * Omega2 - self.c6 * (t1 * t11) + self.c7 * (t6 * t12),
-                self.I3 * Omega3 - self.c8 * (t9 * t12)
-                    + self.c6 * (t1 * t2 + self.c9 * t4),
-            ]
-        };
-        [p_alpha_dot, p_beta_dot, p_Omega1, p_Omega2, p_Omega3]
+        let t0 = self.c1 * alpha_dot;
+        let t1 = alpha.cos();
+        let t2 = R::ONE + self.c40 * t1;
+        let t3 = self.c4 * beta_dot;
+        let t4 = beta.cos();
+        let t5 = beta.sin();
+        let t6 = R::from_f64(2.5) * t4 + t5;
+        let t7 = R::ONE + self.c41 * t6;
+        let t8 = alpha.sin();
+        let t9 = Omega1 * t8;
+        let t10 = Omega2 * t1 - t9;
+        let t11 = self.c45 * t1;
+        let t12 = self.c12 * (R::ONE + self.c7 * (R::ratio(2.0, 5.0) * t4 + t5));
+        let t13 = Omega3 * t4;
+        let t14 = t13 - Omega2 * t5;
+        [
+            t0 + self.c1 * (Omega3 * t2),
+            t3 + self.c4 * (Omega1 * t7),
+            t7 * t3 - self.c18 * (t8 * (Omega2 + self.c42 * t10)) + self.c43 * Omega1
+                + self.c44 * (Omega1 * t6),
+            self.c1 * (t1 * t10) + Omega2 * t11 - Omega3 * t12
+                + self.c44 * (t5 * (Omega2 - self.c34 * t14)) + self.c46 * Omega2
+                - self.c18 * t9,
+            Omega3 * t11 + self.c4 * (t4 * t14) + t2 * t0 + self.c20 * t13
+                + self.c47 * Omega3 - Omega2 * t12,
+        ]
     }
 
     /// Says which pivot vanishes at a point.
@@ -677,52 +742,35 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 19 additions, 32 multiplications, 4 divisions, 2 sign changes, 4 elementary functions.
+    /// 16 additions, 26 multiplications, 2 divisions, 4 elementary functions.
     pub fn check(&self, t: R, y: &[R; 7]) -> Result<(), ::hamel_runtime::Failure> {
         let [alpha, beta, _, _, _, _, _] = *y;
-        /// mass matrix A = W^T L_yy Psi
-        let [A_alpha_dot_alpha_dot, A_alpha_dot_Omega3, A_beta_dot_beta_dot,
-        A_beta_dot_Omega1, A_Omega1_Omega1, A_Omega1_Omega2, A_Omega2_Omega2,
-        A_Omega2_Omega3, A_Omega3_Omega3] = {
-            let t0 = alpha.sin();
-            let t1 = t0 * t0;
-            let t2 = alpha.cos();
-            let t3 = self.c19 * t1;
-            let t4 = R::from_f64(3.0) + self.c0 * t2;
-            let t5 = beta.sin();
-            let t6 = beta.cos();
-            let t7 = R::ONE + self.c2 * t5;
-            let t8 = R::ONE + self.c4 * t6;
-            let t9 = self.c3 * (t7 * t7);
-            let t10 = self.c5 * (t8 * t8);
-            let t11 = t4 * t4;
-            [
-                self.c19 * (t1 + t2 * t2),
-                t3 + self.c1 * (t2 * t4),
-                self.c20 * (t5 * t5 + t6 * t6),
-                self.c21 * (t5 * t7) + self.c22 * (t6 * t8),
-                self.I1 + (t3 + t9 + t10),
-                -(self.c1 * (t0 * t4)),
-                self.I2 + (self.c6 * t11 + t9),
-                -(self.c12 * (t7 * t8)),
-                self.I3 + (self.c6 * (self.c9 * t1 + t11) + t10),
-            ]
-        };
-        /// factors of A
-        let [A_s2_3_3, A_s3_4_4, A_s4_5_5] = {
-            let A_l5_1 = A_alpha_dot_Omega3 / A_alpha_dot_alpha_dot;
-            let A_s1_5_5 = A_Omega3_Omega3 - A_alpha_dot_Omega3 * A_l5_1;
-            let A_l3_2 = A_beta_dot_Omega1 / A_beta_dot_beta_dot;
-            let A_s2_3_3 = A_Omega1_Omega1 - A_beta_dot_Omega1 * A_l3_2;
-            let A_l4_3 = A_Omega1_Omega2 / A_s2_3_3;
-            let A_s3_4_4 = A_Omega2_Omega2 - A_Omega1_Omega2 * A_l4_3;
-            let A_l5_4 = A_Omega2_Omega3 / A_s3_4_4;
-            [A_s2_3_3, A_s3_4_4, A_s1_5_5 - A_Omega2_Omega3 * A_l5_4]
-        };
+        let t0 = alpha.sin();
+        let t1 = t0 * t0;
+        let t2 = beta.cos();
+        let t3 = beta.sin();
+        let t4 = self.c33
+            + self.c1
+                * (t1 - self.c31 * (t2 * t3)
+                    - self.c32 * (t3 * t3 + R::from_f64(6.25) * (t2 * t2)));
+        let t5 = t1 / t4;
+        let t6 = R::ONE - self.c1 * t5;
+        let t7 = alpha.cos();
+        let t8 = t7 * t7;
+        let t9 = t3 * (R::ONE + self.c34 * t3);
+        let t10 = self.c37
+            + self.c1 * (t6 * t8 - self.c21 * t5 + self.c36 * (t7 * t6 + self.c35 * t9));
+        let t11 = (R::ONE + self.c38 * t9) / t10;
         for (value, pivot) in [
-            (A_s2_3_3, "inertia along Omega1"),
-            (A_s3_4_4, "inertia along Omega2"),
-            (A_s4_5_5, "inertia along Omega3"),
+            (t4, "inertia along Omega1"),
+            (t10, "inertia along Omega2"),
+            (
+                self.c22
+                    + (self.c20
+                        * (t2 * (R::ONE + self.lb * t2) * (R::ONE - self.c9 * t11))
+                        - self.c21 * t8 - self.c39 * t11),
+                "inertia along Omega3",
+            ),
         ] {
             if !value.all_ne(R::ZERO) {
                 let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };

@@ -210,23 +210,23 @@ pub struct Prepared<R = f64> {
     I2: R,
     /// Parameter `I3`.
     I3: R,
-    /// `k * chi2 / I3`
-    c0: R,
-    /// `k * chi1 / I3`
-    c1: R,
     /// `(I1 - I2) / I3`
+    c0: R,
+    /// `k * chi2 / I3`
+    c1: R,
+    /// `k * chi1 / I3`
     c2: R,
     /// `k * chi1 / I2`
     c3: R,
-    /// `k * chi3 / I2`
-    c4: R,
     /// `(I1 - I3) / I2`
+    c4: R,
+    /// `k * chi3 / I2`
     c5: R,
-    /// `k * chi3 / I1`
-    c6: R,
-    /// `k * chi2 / I1`
-    c7: R,
     /// `(I2 - I3) / I1`
+    c6: R,
+    /// `k * chi3 / I1`
+    c7: R,
+    /// `k * chi2 / I1`
     c8: R,
     /// `1 / I3`
     c9: R,
@@ -246,6 +246,12 @@ pub struct Prepared<R = f64> {
     c16: R,
     /// `k * chi3`
     c17: R,
+    /// `k * chi2 / I3 - k * chi2 / I1`
+    c18: R,
+    /// `k * chi1 / I3 - k * chi1 / I2`
+    c19: R,
+    /// `k * chi3 / I2 - k * chi3 / I1`
+    c20: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -258,7 +264,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 6 multiplications, 12 divisions.
+    /// 6 additions, 6 multiplications, 12 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, k, chi1, chi2, chi3 } = *params;
         for (value, condition, meaning) in [
@@ -290,8 +296,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             }
         }
         let t0 = k * chi2;
-        let t1 = k * chi1;
-        let t2 = k * chi3;
+        let t1 = t0 / I3;
+        let t2 = k * chi1;
+        let t3 = t2 / I3;
+        let t4 = t2 / I2;
+        let t5 = k * chi3;
+        let t6 = t5 / I2;
+        let t7 = t5 / I1;
+        let t8 = t0 / I1;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -314,24 +326,27 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             I1,
             I2,
             I3,
-            c0: t0 / I3,
-            c1: t1 / I3,
-            c2: (I1 - I2) / I3,
-            c3: t1 / I2,
-            c4: t2 / I2,
-            c5: (I1 - I3) / I2,
-            c6: t2 / I1,
-            c7: t0 / I1,
-            c8: (I2 - I3) / I1,
+            c0: (I1 - I2) / I3,
+            c1: t1,
+            c2: t3,
+            c3: t4,
+            c4: (I1 - I3) / I2,
+            c5: t6,
+            c6: (I2 - I3) / I1,
+            c7: t7,
+            c8: t8,
             c9: I3.recip(),
             c10: I2.recip(),
             c11: I1.recip(),
             c12: R::from_f64(0.5) * I1,
             c13: R::from_f64(0.5) * I2,
             c14: R::from_f64(0.5) * I3,
-            c15: t1,
+            c15: t2,
             c16: t0,
-            c17: t2,
+            c17: t5,
+            c18: t1 - t8,
+            c19: t3 - t4,
+            c20: t6 - t7,
         })
     }
 }
@@ -369,9 +384,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ];
         /// free acceleration L_yy^-1 r
         let [free_Omega3, free_Omega2, free_Omega1] = [
-            self.c0 * gamma1 - self.c1 * gamma2 + self.c2 * (Omega1 * Omega2),
-            self.c3 * gamma3 - self.c4 * gamma1 - self.c5 * (Omega1 * Omega3),
-            self.c6 * gamma2 - self.c7 * gamma3 + self.c8 * (Omega2 * Omega3),
+            self.c0 * (Omega1 * Omega2) + self.c1 * gamma1 - self.c2 * gamma2,
+            self.c3 * gamma3 - self.c4 * (Omega1 * Omega3) - self.c5 * gamma1,
+            self.c6 * (Omega2 * Omega3) + self.c7 * gamma2 - self.c8 * gamma3,
         ];
         /// response to the multipliers L_yy^-1 Lambda^T
         let [Z1_Omega3, Z1_Omega2, Z1_Omega1] = [
@@ -381,8 +396,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ];
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
         let [S_1_1, g_1] = [
-            gamma1 * Z1_Omega1 + gamma2 * Z1_Omega2 + gamma3 * Z1_Omega3,
-            -(gamma1 * free_Omega1 + gamma2 * free_Omega2 + gamma3 * free_Omega3),
+            gamma3 * Z1_Omega3 + gamma2 * Z1_Omega2 + gamma1 * Z1_Omega1,
+            -(gamma3 * free_Omega3 + gamma2 * free_Omega2 + gamma1 * free_Omega1),
         ];
         /// substitution through the factors of S
         let lambda_c1 = g_1 / S_1_1;
@@ -418,32 +433,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 12 additions, 25 multiplications, 1 division, 1 sign change.
+    /// 9 additions, 22 multiplications, 1 division.
     #[inline]
     #[must_use]
     pub fn energy_rate(&self, t: R, y: &[R; 6]) -> R {
         let [Omega1, Omega2, Omega3, gamma1, gamma2, gamma3] = *y;
         let _ = t;
-        /// free acceleration L_yy^-1 r
-        let [free_Omega3, free_Omega2, free_Omega1] = [
-            self.c0 * gamma1 - self.c1 * gamma2 + self.c2 * (Omega1 * Omega2),
-            self.c3 * gamma3 - self.c4 * gamma1 - self.c5 * (Omega1 * Omega3),
-            self.c6 * gamma2 - self.c7 * gamma3 + self.c8 * (Omega2 * Omega3),
-        ];
-        /// response to the multipliers L_yy^-1 Lambda^T
-        let [Z1_Omega3, Z1_Omega2, Z1_Omega1] = [
-            self.c9 * gamma3,
-            self.c10 * gamma2,
-            self.c11 * gamma1,
-        ];
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let [S_1_1, g_1] = [
-            gamma1 * Z1_Omega1 + gamma2 * Z1_Omega2 + gamma3 * Z1_Omega3,
-            -(gamma1 * free_Omega1 + gamma2 * free_Omega2 + gamma3 * free_Omega3),
-        ];
-        /// substitution through the factors of S
-        let lambda_c1 = g_1 / S_1_1;
-        (Omega1 * gamma1 + Omega2 * gamma2 + Omega3 * gamma3) * lambda_c1
+        let S_1_1 = self.c10 * (gamma2 * gamma2) + self.c9 * (gamma3 * gamma3)
+            + self.c11 * (gamma1 * gamma1);
+        let t0 = Omega1 * (self.c4 * (Omega3 * gamma2) - self.c0 * (Omega2 * gamma3))
+            - gamma1 * (self.c6 * (Omega2 * Omega3) + self.c18 * gamma3)
+            + gamma2 * (self.c19 * gamma3 + self.c20 * gamma1);
+        (Omega1 * gamma1 + (Omega2 * gamma2 + Omega3 * gamma3)) / S_1_1 * t0
     }
 
     /// Momenta p = dL/dy.
@@ -475,32 +477,23 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 10 additions, 21 multiplications, 1 division, 1 sign change.
+    /// 7 additions, 21 multiplications, 1 division.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 6]) -> [R; 1] {
         let [Omega1, Omega2, Omega3, gamma1, gamma2, gamma3] = *y;
         let _ = t;
-        /// free acceleration L_yy^-1 r
-        let [free_Omega3, free_Omega2, free_Omega1] = [
-            self.c0 * gamma1 - self.c1 * gamma2 + self.c2 * (Omega1 * Omega2),
-            self.c3 * gamma3 - self.c4 * gamma1 - self.c5 * (Omega1 * Omega3),
-            self.c6 * gamma2 - self.c7 * gamma3 + self.c8 * (Omega2 * Omega3),
-        ];
-        /// response to the multipliers L_yy^-1 Lambda^T
-        let [Z1_Omega3, Z1_Omega2, Z1_Omega1] = [
-            self.c9 * gamma3,
-            self.c10 * gamma2,
-            self.c11 * gamma1,
-        ];
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let [S_1_1, g_1] = [
-            gamma1 * Z1_Omega1 + gamma2 * Z1_Omega2 + gamma3 * Z1_Omega3,
-            -(gamma1 * free_Omega1 + gamma2 * free_Omega2 + gamma3 * free_Omega3),
-        ];
-        /// substitution through the factors of S
-        let lambda_c1 = g_1 / S_1_1;
-        [lambda_c1]
+        let S_1_1 = self.c10 * (gamma2 * gamma2) + self.c9 * (gamma3 * gamma3)
+            + self.c11 * (gamma1 * gamma1);
+        let t0 = S_1_1.recip();
+        let t1 = gamma2 * t0;
+        [
+            gamma1 * (self.c20 * t1 - self.c18 * gamma3 * t0)
+                + t1 * (self.c4 * (Omega1 * Omega3) + self.c19 * gamma3)
+                - Omega2 * (self.c6 * (Omega3 * gamma1) + self.c0 * (Omega1 * gamma3))
+                    * t0,
+        ]
     }
 
     /// Residual of the constraints, zero along the motion.
@@ -559,7 +552,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             self.c11 * gamma1,
         ];
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let S_1_1 = gamma1 * Z1_Omega1 + gamma2 * Z1_Omega2 + gamma3 * Z1_Omega3;
+        let S_1_1 = gamma3 * Z1_Omega3 + gamma2 * Z1_Omega2 + gamma1 * Z1_Omega1;
         let (value, pivot) = (S_1_1, "response to constraint dot(Omega, gamma) = 0");
         if !value.all_ne(R::ZERO) {
             let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };

@@ -1,0 +1,114 @@
+//! Signs of expressions, as far as they follow from those of their parts.
+
+use std::collections::BTreeMap;
+
+use num_traits::{Signed, ToPrimitive, Zero};
+
+use super::graph::{ExprId, Func, Graph, Node};
+use super::rational::Rational;
+
+/// What is known about the sign of an expression.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sign {
+    /// Greater than zero.
+    Positive,
+    /// At least zero.
+    NonNegative,
+    /// Less than zero.
+    Negative,
+    /// At most zero.
+    NonPositive,
+    /// Not zero.
+    NonZero,
+    /// Nothing.
+    Unknown,
+}
+
+impl Sign {
+    /// Whether the expression cannot vanish.
+    pub fn is_definite(self) -> bool {
+        matches!(self, Sign::Positive | Sign::Negative | Sign::NonZero)
+    }
+
+    fn flipped(self) -> Sign {
+        match self {
+            Sign::Positive => Sign::Negative,
+            Sign::Negative => Sign::Positive,
+            Sign::NonNegative => Sign::NonPositive,
+            Sign::NonPositive => Sign::NonNegative,
+            Sign::NonZero | Sign::Unknown => self,
+        }
+    }
+
+    fn of_rational(q: &Rational) -> Sign {
+        if q.is_zero() {
+            Sign::NonNegative
+        } else if q.is_positive() {
+            Sign::Positive
+        } else {
+            Sign::Negative
+        }
+    }
+
+    fn plus(self, other: Sign) -> Sign {
+        use Sign::{Negative, NonNegative, NonPositive, Positive, Unknown};
+        match (self, other) {
+            (Positive, Positive | NonNegative) | (NonNegative, Positive) => Positive,
+            (NonNegative, NonNegative) => NonNegative,
+            (Negative, Negative | NonPositive) | (NonPositive, Negative) => Negative,
+            (NonPositive, NonPositive) => NonPositive,
+            _ => Unknown,
+        }
+    }
+
+    fn times(self, other: Sign) -> Sign {
+        use Sign::{Negative, NonNegative, NonPositive, NonZero, Positive, Unknown};
+        match (self, other) {
+            (NonZero, s) | (s, NonZero) if s.is_definite() => NonZero,
+            (Unknown | NonZero, _) | (_, Unknown | NonZero) => Unknown,
+            (Positive, s) | (s, Positive) => s,
+            (Negative, s) | (s, Negative) => s.flipped(),
+            (NonNegative, s) | (s, NonNegative) => s,
+            (NonPositive, NonPositive) => NonNegative,
+        }
+    }
+}
+
+/// Sign of an expression, given signs of symbols and of whole expressions.
+pub fn sign_of(g: &Graph, e: ExprId, facts: &BTreeMap<ExprId, Sign>) -> Sign {
+    let mut memo: BTreeMap<ExprId, Sign> = BTreeMap::new();
+    for node in g.reachable(&[e]) {
+        let derived = match g.node(node) {
+            Node::Constant(c) => Sign::of_rational(c),
+            Node::Pi => Sign::Positive,
+            Node::Symbol(_) => Sign::Unknown,
+            Node::Sum { constant, terms } => {
+                let start = Sign::of_rational(constant);
+                terms.iter().fold(start, |s, (t, q)| s.plus(memo[t].times(Sign::of_rational(q))))
+            }
+            Node::Product { coefficient, factors } => {
+                factors.iter().fold(Sign::of_rational(coefficient), |s, (base, q)| {
+                    let base = memo[base];
+                    let even = q.is_integer() && q.numer().to_i64().is_some_and(|n| n % 2 == 0);
+                    let power = match (even, base.is_definite(), q.is_integer()) {
+                        (true, true, _) => Sign::Positive,
+                        (true, false, _) => Sign::NonNegative,
+                        // A root exists only of what is not negative, and a denominator only of what is not zero.
+                        (_, _, false) if q.is_negative() || base == Sign::Positive => Sign::Positive,
+                        (_, _, false) => Sign::NonNegative,
+                        _ => base,
+                    };
+                    s.times(power)
+                })
+            }
+            Node::Function(Func::Exp | Func::Cosh, _) => Sign::Positive,
+            Node::Function(Func::Abs, a) if memo[a].is_definite() => Sign::Positive,
+            Node::Function(Func::Abs, _) => Sign::NonNegative,
+            Node::Function(..) => Sign::Unknown,
+        };
+        let known = facts.get(&node).copied().unwrap_or(Sign::Unknown);
+        let sign = if derived.is_definite() || known == Sign::Unknown { derived } else { known };
+        memo.insert(node, sign);
+    }
+    memo[&e]
+}

@@ -1,0 +1,533 @@
+//! Common subexpressions and factors of many polynomials at once, greedily by what they save.
+//!
+//! Two kinds of divisors are looked for in all polynomials together: sums of two monomials, up to a common factor,
+//! (`a x + a r y = a (x + r y)`: Horner's rule and shared sums alike) and products of two literals. Longer ones grow out
+//! of these step by step. This is fast extraction from logic synthesis (Rajski and Vasudevamurthi, 1990), with
+//! coefficients (Hosangadi, Fallah and Kastner, 2006). Deliberately does not know which polynomials were multiplied out.
+
+use std::cmp::Reverse;
+use std::collections::{BTreeSet, BinaryHeap};
+use std::rc::Rc;
+
+use num_traits::{Signed, Zero};
+use rustc_hash::FxHashMap;
+
+use super::polynomial::{Atom, Coefficient, Entry, Exponent, Monomial, Polynomial, System, times};
+use crate::expr::{Func, Graph};
+
+/// Cost units: an operation of the fused kind, and in addition a floating-point operation.
+///
+/// A target with fused multiply-add executes one instruction for a product with its sum, other targets two.
+const OPERATION: i64 = 2;
+const FLOP: i64 = 1;
+/// A division, a square root, an elementary function.
+const DIVISION: i64 = 15;
+const ROOT: i64 = 18;
+const FUNCTION: i64 = 60;
+
+/// In longer polynomials only terms this close to one another are paired.
+const WINDOW: usize = 48;
+
+/// Multiplications, terms, and terms with multiplications.
+#[derive(Clone, Copy, Debug, Default)]
+struct Shape {
+    n_mul: i64,
+    n_terms: i64,
+    n_products: i64,
+}
+
+impl Shape {
+    fn of(value: &Polynomial) -> Shape {
+        let mut shape = Shape::default();
+        for (m, c) in value {
+            shape.add(n_mul(m, *c), 1);
+        }
+        shape
+    }
+
+    fn add(&mut self, n_mul: i64, sign: i64) {
+        self.n_mul += sign * n_mul;
+        self.n_terms += sign;
+        self.n_products += sign * i64::from(n_mul > 0);
+    }
+
+    fn cost(&self) -> i64 {
+        let n_add = (self.n_terms - 1).max(0);
+        let fused = self.n_products.min(n_add);
+        OPERATION * (self.n_mul + n_add - fused) + FLOP * (self.n_mul + n_add)
+    }
+}
+
+/// Literals of a power: `x x x` for a cube, fewer for higher powers by squaring.
+fn n_literals(q: Exponent) -> i64 {
+    let whole = q.abs().to_integer();
+    let fraction = i64::from(!q.fract().is_zero());
+    let chain = if whole <= 3 { i64::from(whole) } else { 2 * i64::from(whole.ilog2()) };
+    chain + fraction
+}
+
+fn n_mul(m: &Monomial, c: Coefficient) -> i64 {
+    let literals: i64 = m.iter().map(|(_, q)| n_literals(*q)).sum();
+    (literals + i64::from(!c.is_unit()) - 1).max(0)
+}
+
+/// What a call costs: all polynomials that the roots need, with their divisions and functions.
+pub(super) fn cost(system: &System, entries: &[Entry], roots: &[usize]) -> i64 {
+    let mut total = 0;
+    let mut special: BTreeSet<(u8, u32, u32)> = BTreeSet::new();
+    for k in needed(system, entries, roots) {
+        total += Shape::of(&entries[k].value).cost();
+        for (m, _) in &entries[k].value {
+            for (atom, q) in m {
+                if q.is_negative() {
+                    special.insert((0, *atom, 0));
+                }
+                if !q.is_integer() {
+                    special.insert((1, *atom, 0));
+                }
+                if let Atom::Function(f, argument) = system.atom(*atom) {
+                    // Sine and cosine of one angle are computed together.
+                    let kind = if f == Func::Sin { Func::Cos } else { f };
+                    special.insert((2, kind as u32, argument));
+                }
+            }
+        }
+    }
+    let price = |(kind, ..): &(u8, u32, u32)| [DIVISION, ROOT, FUNCTION][usize::from(*kind)];
+    total + special.iter().map(price).sum::<i64>()
+}
+
+/// The polynomials behind the roots, each after those that it needs.
+pub(super) fn needed(system: &System, entries: &[Entry], roots: &[usize]) -> Vec<usize> {
+    let mut order = Vec::new();
+    let mut seen = vec![false; entries.len()];
+    let mut pending: Vec<(usize, bool)> = roots.iter().rev().map(|k| (*k, false)).collect();
+    while let Some((k, ready)) = pending.pop() {
+        if ready {
+            order.push(k);
+            continue;
+        }
+        if std::mem::replace(&mut seen[k], true) {
+            continue;
+        }
+        pending.push((k, true));
+        let atoms = entries[k].value.iter().flat_map(|(m, _)| m).map(|(atom, _)| *atom);
+        let operands: Vec<usize> = atoms.filter_map(|atom| system.needs(atom)).collect();
+        pending.extend(operands.into_iter().rev().filter(|k| !seen[*k]).map(|k| (k, false)));
+    }
+    order
+}
+
+/// A factor of a monomial: a number, or an atom or its reciprocal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+enum Literal {
+    Number(u32),
+    Atom(u32, bool),
+}
+
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+enum Divisor {
+    /// `p first + q second`; one of the numbers is one where that takes no unsafe division.
+    Sum([Monomial; 2], [Coefficient; 2]),
+    Product(Literal, Literal),
+}
+
+/// A divisor that is there already: `divisor = number * atom^1`, or plainly one.
+#[derive(Clone, Copy, Debug)]
+enum Known {
+    One,
+    Entry { k: usize, scale: Coefficient },
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Occurrence {
+    divisor: u32,
+    first: u32,
+    /// The other term of a sum; the same term for a product.
+    second: u32,
+    /// What a sum is multiplied by, besides the common powers of its terms.
+    scale: Coefficient,
+}
+
+/// Where divisors occur in one polynomial and what replacing all occurrences of each would save.
+#[derive(Debug)]
+struct Candidates {
+    occurrences: Vec<Occurrence>,
+    /// Sorted by divisor.
+    savings: Vec<(u32, i64)>,
+}
+
+/// Extracts divisors; remembers those of polynomials met before, as one search meets the same ones again and again.
+#[derive(Default)]
+pub(super) struct Extractor {
+    index: FxHashMap<Divisor, u32>,
+    divisors: Vec<Divisor>,
+    own_cost: Vec<i64>,
+    candidates: FxHashMap<Polynomial, Rc<Candidates>>,
+    /// Occurrences looked at so far: a measure of work that is the same on every machine.
+    pub(super) work: usize,
+}
+
+impl Extractor {
+    /// Extracts divisors from the polynomials behind `roots` while that saves anything; new ones are appended.
+    pub(super) fn extract(
+        &mut self,
+        graph: &mut Graph,
+        system: &mut System,
+        entries: &mut Vec<Entry>,
+        roots: &[usize],
+    ) {
+        let active = needed(system, entries, roots);
+        let n_rounds = 4 * active.iter().map(|k| entries[*k].value.len()).sum::<usize>();
+        let mut pass = Pass {
+            graph,
+            system,
+            extractor: self,
+            known: FxHashMap::default(),
+            totals: FxHashMap::default(),
+            heap: BinaryHeap::new(),
+            candidates: vec![None; entries.len()],
+            active,
+        };
+        for position in 0..pass.active.len() {
+            pass.enter(entries, pass.active[position]);
+        }
+        for _ in 0..n_rounds {
+            let Some(best) = pass.best() else { break };
+            pass.take(entries, best);
+        }
+    }
+}
+
+struct Pass<'a> {
+    graph: &'a mut Graph,
+    system: &'a mut System,
+    extractor: &'a mut Extractor,
+    /// Divisors that are there already.
+    known: FxHashMap<u32, Known>,
+    /// What replacing a divisor everywhere would save, its own cost apart.
+    totals: FxHashMap<u32, i64>,
+    /// Gains of divisors, outdated ones among them.
+    heap: BinaryHeap<(i64, Reverse<u32>)>,
+    candidates: Vec<Option<Rc<Candidates>>>,
+    active: Vec<usize>,
+}
+
+impl Pass<'_> {
+    fn gain(&self, divisor: u32) -> i64 {
+        let own = match self.known.get(&divisor) {
+            Some(_) => 0,
+            None => self.extractor.own_cost[divisor as usize],
+        };
+        self.totals.get(&divisor).copied().unwrap_or(0) - own
+    }
+
+    /// The divisor that saves most.
+    fn best(&mut self) -> Option<u32> {
+        while let Some((gain, Reverse(divisor))) = self.heap.pop() {
+            if gain == self.gain(divisor) {
+                return Some(divisor);
+            }
+        }
+        None
+    }
+
+    /// Counts the savings in polynomial `k`, or stops counting them.
+    fn count(&mut self, k: usize, sign: i64) {
+        let Some(candidates) = self.candidates[k].clone() else { return };
+        for (divisor, saves) in &candidates.savings {
+            if matches!(self.known.get(divisor), Some(Known::Entry { k: itself, .. }) if *itself == k) {
+                continue;
+            }
+            *self.totals.entry(*divisor).or_insert(0) += sign * saves;
+            let gain = self.gain(*divisor);
+            if gain > 0 {
+                self.heap.push((gain, Reverse(*divisor)));
+            }
+        }
+    }
+
+    fn enter(&mut self, entries: &[Entry], k: usize) {
+        let candidates = self.candidates_of(&entries[k].value);
+        self.candidates[k] = Some(candidates);
+        self.remember(entries, k);
+        self.count(k, 1);
+    }
+
+    /// Puts a divisor in the place of all its occurrences.
+    fn take(&mut self, entries: &mut Vec<Entry>, divisor: u32) {
+        let known = match self.known.get(&divisor) {
+            Some(known) => *known,
+            None if self.is_one(&self.extractor.divisors[divisor as usize]) => Known::One,
+            None => {
+                let value = self.value_of(divisor);
+                let k = entries.len();
+                entries.push(Entry { value, definition: None });
+                let known = Known::Entry { k, scale: Coefficient::ONE };
+                self.known.insert(divisor, known);
+                self.candidates.push(None);
+                self.active.push(k);
+                self.enter(entries, k);
+                known
+            }
+        };
+        for position in 0..self.active.len() {
+            let k = self.active[position];
+            let Some(candidates) = self.candidates[k].clone() else { continue };
+            let is_itself = matches!(known, Known::Entry { k: itself, .. } if itself == k);
+            if is_itself || candidates.savings.binary_search_by_key(&divisor, |(d, _)| *d).is_err() {
+                continue;
+            }
+            let value = self.replaced(&entries[k].value, &candidates.occurrences, divisor, known);
+            if value != entries[k].value {
+                self.count(k, -1);
+                entries[k].value = value;
+                self.enter(entries, k);
+            }
+        }
+    }
+
+    fn id(&mut self, divisor: Divisor) -> u32 {
+        if let Some(known) = self.extractor.index.get(&divisor) {
+            return *known;
+        }
+        let id =
+            u32::try_from(self.extractor.divisors.len()).expect("fewer than 2^32 divisors fit in memory");
+        let own_cost = match &divisor {
+            Divisor::Sum(..) if self.is_one(&divisor) => 0,
+            Divisor::Sum([a, b], numbers) => {
+                Shape::of(&vec![(a.clone(), numbers[0]), (b.clone(), numbers[1])]).cost()
+            }
+            Divisor::Product(..) => OPERATION + FLOP,
+        };
+        self.extractor.index.insert(divisor.clone(), id);
+        self.extractor.divisors.push(divisor);
+        self.extractor.own_cost.push(own_cost);
+        id
+    }
+
+    /// Whether a divisor is `sin^2 a + cos^2 a`.
+    fn is_one(&self, divisor: &Divisor) -> bool {
+        match divisor {
+            Divisor::Sum([a, b], numbers) => *numbers == [Coefficient::ONE; 2] && self.system.is_circle(a, b),
+            Divisor::Product(..) => false,
+        }
+    }
+
+    /// Polynomials that are a divisor as they stand need not be computed again.
+    fn remember(&mut self, entries: &[Entry], k: usize) {
+        let (divisor, scale) = match entries[k].value.as_slice() {
+            [(a, p), (b, q)] => self.sum_divisor((a, *p), (b, *q)),
+            [(m, c)] => {
+                let literals = literals(m, *c);
+                let [(a, n), rest @ ..] = literals.as_slice() else { return };
+                let pair = match rest {
+                    [] if *n == 2 => (*a, *a),
+                    [(b, 1)] if *n == 1 => (*a, *b),
+                    _ => return,
+                };
+                if m.iter().any(|(_, q)| !q.is_integer()) {
+                    return;
+                }
+                (Divisor::Product(pair.0, pair.1), Coefficient::ONE.signed_by(c.negative))
+            }
+            _ => return,
+        };
+        // What is computed there is used in place of the divisor: `divisor = value / scale`.
+        if self.system.numbers.div(self.graph, Coefficient::ONE, scale).is_none() {
+            return;
+        }
+        let id = self.id(divisor);
+        if let std::collections::hash_map::Entry::Vacant(unknown) = self.known.entry(id) {
+            unknown.insert(Known::Entry { k, scale });
+            let gain = self.gain(id);
+            if gain > 0 {
+                self.heap.push((gain, Reverse(id)));
+            }
+        }
+    }
+
+    /// `p a + q b = scale * divisor`, the common factor of `a` and `b` left in both.
+    fn sum_divisor(
+        &mut self,
+        (a, p): (&Monomial, Coefficient),
+        (b, q): (&Monomial, Coefficient),
+    ) -> (Divisor, Coefficient) {
+        let (first, second, p, q) = if a <= b { (a, b, p, q) } else { (b, a, q, p) };
+        let monomials = [first.clone(), second.clone()];
+        let one = Coefficient::ONE;
+        if let Some(ratio) = self.system.numbers.div(self.graph, q, p) {
+            return (Divisor::Sum(monomials, [one, ratio]), p);
+        }
+        if let Some(ratio) = self.system.numbers.div(self.graph, p, q) {
+            return (Divisor::Sum(monomials, [ratio, one]), q);
+        }
+        let sign = one.signed_by(p.negative);
+        (Divisor::Sum(monomials, [p.signed_by(p.negative), q.signed_by(p.negative)]), sign)
+    }
+
+    fn candidates_of(&mut self, value: &Polynomial) -> Rc<Candidates> {
+        if let Some(known) = self.extractor.candidates.get(value) {
+            self.extractor.work += known.savings.len();
+            return known.clone();
+        }
+        let mut list = Vec::new();
+        for i in 0..value.len() {
+            let (m, c) = &value[i];
+            let literals = literals(m, *c);
+            for (x, (a, n)) in literals.iter().enumerate() {
+                if *n >= 2 {
+                    let divisor = self.id(Divisor::Product(*a, *a));
+                    list.push(Occurrence { divisor, first: i as u32, second: i as u32, scale: *c });
+                }
+                for (b, _) in &literals[x + 1..] {
+                    let divisor = self.id(Divisor::Product(*a, *b));
+                    list.push(Occurrence { divisor, first: i as u32, second: i as u32, scale: *c });
+                }
+            }
+            let end = value.len().min(i + WINDOW);
+            for j in i + 1..end {
+                let common = common(m, &value[j].0);
+                let (a, b) = (quotient(m, &common), quotient(&value[j].0, &common));
+                let (divisor, scale) = self.sum_divisor((&a, *c), (&b, value[j].1));
+                let divisor = self.id(divisor);
+                list.push(Occurrence { divisor, first: i as u32, second: j as u32, scale });
+            }
+        }
+        self.extractor.work += 4 * list.len();
+        let shape = Shape::of(value);
+        // Occurrences of one divisor that share a term exclude one another; the first ones count.
+        list.sort_by_key(|o: &Occurrence| (o.divisor, o.first, o.second));
+        let mut savings: Vec<(u32, i64)> = Vec::new();
+        let mut used: Vec<u32> = Vec::new();
+        for o in &list {
+            if savings.last().is_none_or(|(divisor, _)| *divisor != o.divisor) {
+                savings.push((o.divisor, 0));
+                used.clear();
+            }
+            if !used.contains(&o.first) && !used.contains(&o.second) {
+                used.extend([o.first, o.second]);
+                let saves = self.saving(value, shape, o);
+                savings.last_mut().expect("just pushed").1 += saves;
+            }
+        }
+        let candidates = Rc::new(Candidates { occurrences: list, savings });
+        self.extractor.candidates.insert(value.clone(), candidates.clone());
+        candidates
+    }
+
+    /// What replacing one occurrence saves.
+    fn saving(&self, value: &Polynomial, shape: Shape, o: &Occurrence) -> i64 {
+        let mut after = shape;
+        let (m, c) = &value[o.first as usize];
+        let before = n_mul(m, *c);
+        after.add(before, -1);
+        let divisor = &self.extractor.divisors[o.divisor as usize];
+        match divisor {
+            Divisor::Product(..) => after.add(before - 1, 1),
+            Divisor::Sum(..) => {
+                let (other, d) = &value[o.second as usize];
+                after.add(n_mul(other, *d), -1);
+                let common = common(m, other);
+                let literals: i64 = common.iter().map(|(_, q)| n_literals(*q)).sum();
+                let own = i64::from(!self.is_one(divisor));
+                after.add((literals + own + i64::from(!o.scale.is_unit()) - 1).max(0), 1);
+            }
+        }
+        shape.cost() - after.cost()
+    }
+
+    fn value_of(&self, id: u32) -> Polynomial {
+        match &self.extractor.divisors[id as usize] {
+            Divisor::Sum([a, b], [p, q]) => vec![(a.clone(), *p), (b.clone(), *q)],
+            Divisor::Product(a, b) => {
+                let mut c = Coefficient::ONE;
+                let mut m = Monomial::new();
+                for literal in [a, b] {
+                    match literal {
+                        Literal::Number(number) => c = Coefficient { negative: false, number: *number },
+                        Literal::Atom(atom, positive) => m = times(&m, &unit(*atom, *positive)),
+                    }
+                }
+                vec![(m, c)]
+            }
+        }
+    }
+
+    fn replaced(&mut self, value: &Polynomial, hits: &[Occurrence], id: u32, known: Known) -> Polynomial {
+        let mut gone = vec![false; value.len()];
+        let mut terms = Vec::with_capacity(value.len());
+        let divisor = self.extractor.divisors[id as usize].clone();
+        let hits = hits.iter().filter(|o| o.divisor == id);
+        let (inner, scale) = match known {
+            Known::One => (Monomial::new(), Coefficient::ONE),
+            Known::Entry { k, scale } => {
+                let atom = self.system.atom_of(Atom::Poly(k as u32));
+                (unit(atom, true), scale)
+            }
+        };
+        for o in hits {
+            let (i, j) = (o.first as usize, o.second as usize);
+            if gone[i] || gone[j] {
+                continue;
+            }
+            let (m, c) = &value[i];
+            let (rest, c) = match &divisor {
+                Divisor::Product(a, b) => {
+                    let mut rest = m.clone();
+                    let mut c = *c;
+                    for literal in [a, b] {
+                        match literal {
+                            Literal::Number(_) => c = Coefficient::ONE.signed_by(c.negative),
+                            Literal::Atom(atom, positive) => rest = times(&rest, &unit(*atom, !positive)),
+                        }
+                    }
+                    (rest, c)
+                }
+                Divisor::Sum(..) => (common(m, &value[j].0), o.scale),
+            };
+            let Some(c) = self.system.numbers.div(self.graph, c, scale) else { continue };
+            gone[i] = true;
+            gone[j] = true;
+            terms.push((times(&rest, &inner), c));
+        }
+        terms.extend(value.iter().zip(&gone).filter(|(_, gone)| !**gone).map(|(term, _)| term.clone()));
+        self.system.collect(self.graph, terms)
+    }
+}
+
+fn unit(atom: u32, positive: bool) -> Monomial {
+    vec![(atom, Exponent::from_integer(if positive { 1 } else { -1 }))]
+}
+
+/// Literals of a term and how often each occurs.
+fn literals(m: &Monomial, c: Coefficient) -> Vec<(Literal, i64)> {
+    let number = (!c.is_unit()).then_some((Literal::Number(c.number), 1));
+    let atoms = m.iter().filter_map(|(atom, q)| {
+        let n = q.abs().to_integer();
+        (n > 0).then_some((Literal::Atom(*atom, q.is_positive()), i64::from(n)))
+    });
+    number.into_iter().chain(atoms).collect()
+}
+
+/// The powers that two monomials share.
+fn common(a: &Monomial, b: &Monomial) -> Monomial {
+    let mut shared = Monomial::new();
+    let mut rest = b.iter().peekable();
+    for (atom, p) in a {
+        while rest.next_if(|(other, _)| other < atom).is_some() {}
+        let Some((_, q)) = rest.next_if(|(other, _)| other == atom) else { continue };
+        if p.is_positive() && q.is_positive() {
+            shared.push((*atom, *p.min(q)));
+        } else if p.is_negative() && q.is_negative() {
+            shared.push((*atom, *p.max(q)));
+        }
+    }
+    shared
+}
+
+/// `a / b`.
+fn quotient(a: &Monomial, b: &Monomial) -> Monomial {
+    let inverse: Monomial = b.iter().map(|(atom, q)| (*atom, -q)).collect();
+    times(a, &inverse)
+}

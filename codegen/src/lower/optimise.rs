@@ -1,0 +1,251 @@
+//! Which definitions to keep and which to multiply out: the form of a function that costs least.
+//!
+//! Definitions as they were derived repeat work that only shows when several of them are multiplied out together
+//! (`A udot = f` of a rolling body loses most of its terms that way), and multiplying out everything repeats what the
+//! definitions share. So definitions are multiplied out one by one, into their users or down to the inputs, wherever the
+//! function as a whole, with its common factors and subexpressions extracted, becomes cheaper.
+
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+
+use super::class::Class;
+use super::extract::{Extractor, cost, needed};
+use super::polynomial::{Atom, Entry, Exponent, Polynomial, Reader, System};
+use super::{Definition, Request, Section, Source};
+use crate::error::Error;
+use crate::expr::{ExprId, Graph, Node, Rational, Sign, SymbolId};
+
+/// The search stops when this many divisors, or a tenth of it in terms, have been looked at.
+const MAX_WORK: usize = 4_000_000;
+/// Rounds over all definitions.
+const MAX_ROUNDS: usize = 3;
+
+/// A function's own sections and results.
+pub(super) struct Optimised {
+    pub(super) sections: Vec<Section>,
+    pub(super) request: Request,
+}
+
+/// Rewrites what one function needs; the result is equal as functions, or the function as it was.
+pub(super) fn optimise(
+    graph: &mut Graph,
+    source: &Source<'_>,
+    signs: &BTreeMap<ExprId, Sign>,
+    request: &Request,
+) -> Result<Optimised, Error> {
+    let roots: Vec<ExprId> = request.results.iter().map(|(_, e)| *e).collect();
+    let needed_symbols = source.needed_definitions(graph, &roots);
+    let mut reader = Reader::new(graph, &source.classes, signs);
+    for (section, s) in source.sections.iter().enumerate() {
+        for definition in &s.definitions {
+            if needed_symbols.contains(&definition.symbol)
+                && source.classes.get(definition.expr) > Class::Param
+            {
+                reader.define(graph, definition.symbol, section, definition.expr)?;
+            }
+        }
+    }
+    let mut results: Vec<Option<usize>> = Vec::with_capacity(roots.len());
+    for root in &roots {
+        let changes = source.classes.get(*root) > Class::Param;
+        results.push(if changes { Some(reader.read(graph, *root)?) } else { None });
+    }
+    let Reader { mut system, entries, .. } = reader;
+    let kept: Vec<usize> = results.iter().flatten().copied().collect();
+    let entries =
+        Search { graph, system: &mut system, roots: &kept, extractor: Extractor::default() }.run(entries);
+    let mut writer = Writer { graph, system: &system, entries: &entries, exprs: HashMap::new() };
+    let sections = writer.sections(source, &needed_symbols, &kept)?;
+    let values = results.iter().zip(&roots).map(|(k, root)| k.map_or(*root, |k| writer.exprs[&k]));
+    let values: Vec<ExprId> = values.collect();
+    for (value, root) in values.iter().zip(&roots) {
+        // Fingerprints see through definitions, so this compares functions of the inputs.
+        if !graph.is_equal(*value, *root) {
+            return Ok(Optimised { sections: source.sections.to_vec(), request: request.clone() });
+        }
+    }
+    let names = request.results.iter().map(|(name, _)| name.clone());
+    let request = Request { name: request.name.clone(), results: names.zip(values).collect() };
+    Ok(Optimised { sections, request })
+}
+
+struct Search<'a> {
+    graph: &'a mut Graph,
+    system: &'a mut System,
+    roots: &'a [usize],
+    extractor: Extractor,
+}
+
+impl Search<'_> {
+    /// The cheapest form found, common divisors extracted.
+    fn run(mut self, original: Vec<Entry>) -> Vec<Entry> {
+        let mut current = original;
+        let mut best = self.extracted(&current);
+        let flat = self.all_flat(&current);
+        let trial = self.extracted(&flat);
+        if trial.0 < best.0 {
+            (best, current) = (trial, flat);
+        }
+        for _ in 0..MAX_ROUNDS {
+            let before = best.0;
+            let order = needed(self.system, &current, self.roots);
+            for k in order {
+                if self.extractor.work + 10 * self.system.work > MAX_WORK {
+                    return best.1;
+                }
+                for candidate in [self.flat(&current, k), self.inlined(&current, k)].into_iter().flatten() {
+                    let trial = self.extracted(&candidate);
+                    if trial.0 < best.0 {
+                        (best, current) = (trial, candidate);
+                    }
+                }
+            }
+            if best.0 == before {
+                break;
+            }
+        }
+        best.1
+    }
+
+    fn extracted(&mut self, entries: &[Entry]) -> (i64, Vec<Entry>) {
+        let mut entries = entries.to_vec();
+        self.extractor.extract(self.graph, self.system, &mut entries, self.roots);
+        (cost(self.system, &entries, self.roots), entries)
+    }
+
+    fn flattened(&mut self, entries: &[Entry], k: usize) -> Option<Polynomial> {
+        let mut value = entries[k].value.clone();
+        let mut kept: Vec<u32> = Vec::new();
+        let mut changed = false;
+        loop {
+            // The latest polynomial first: earlier ones may come in with it.
+            let open =
+                value.iter().flat_map(|(m, _)| m).filter_map(|(atom, _)| match self.system.atom(*atom) {
+                    Atom::Poly(inner) if !kept.contains(&inner) => Some(inner),
+                    _ => None,
+                });
+            let Some(inner) = open.max() else { break };
+            match self.system.substitute(self.graph, &value, inner as usize, &entries[inner as usize].value) {
+                Some(expanded) => {
+                    value = expanded;
+                    changed = true;
+                }
+                None => kept.push(inner),
+            }
+        }
+        changed.then_some(value)
+    }
+
+    fn flat(&mut self, entries: &[Entry], k: usize) -> Option<Vec<Entry>> {
+        let value = self.flattened(entries, k)?;
+        let mut candidate = entries.to_vec();
+        candidate[k].value = value;
+        Some(candidate)
+    }
+
+    fn all_flat(&mut self, entries: &[Entry]) -> Vec<Entry> {
+        let mut candidate = entries.to_vec();
+        for k in 0..entries.len() {
+            if let Some(value) = self.flattened(&candidate, k) {
+                candidate[k].value = value;
+            }
+        }
+        candidate
+    }
+
+    /// Polynomial `k` multiplied out in everything that uses it.
+    fn inlined(&mut self, entries: &[Entry], k: usize) -> Option<Vec<Entry>> {
+        let mut candidate: Option<Vec<Entry>> = None;
+        for user in needed(self.system, entries, self.roots) {
+            let uses = |(atom, _): &(u32, Exponent)| self.system.atom(*atom) == Atom::Poly(k as u32);
+            if !entries[user].value.iter().any(|(m, _)| m.iter().any(uses)) {
+                continue;
+            }
+            let value = self.system.substitute(self.graph, &entries[user].value, k, &entries[k].value)?;
+            candidate.get_or_insert_with(|| entries.to_vec())[user].value = value;
+        }
+        candidate
+    }
+}
+
+/// Turns polynomials back into definitions.
+struct Writer<'a> {
+    graph: &'a mut Graph,
+    system: &'a System,
+    entries: &'a [Entry],
+    /// What stands for each polynomial: a symbol, or the expression itself where that is no sum.
+    exprs: HashMap<usize, ExprId>,
+}
+
+impl Writer<'_> {
+    fn sections(
+        &mut self,
+        source: &Source<'_>,
+        needed_symbols: &BTreeSet<SymbolId>,
+        roots: &[usize],
+    ) -> Result<Vec<Section>, Error> {
+        let mut sections: Vec<Section> = source
+            .sections
+            .iter()
+            .map(|s| {
+                let hoisted = |d: &&Definition| {
+                    needed_symbols.contains(&d.symbol) && source.classes.get(d.expr) <= Class::Param
+                };
+                Section {
+                    title: s.title.clone(),
+                    definitions: s.definitions.iter().filter(hoisted).copied().collect(),
+                }
+            })
+            .collect();
+        let alive = needed(self.system, self.entries, roots);
+        // Named values in their old order, each after what it needs.
+        let mut named: Vec<usize> =
+            alive.iter().copied().filter(|k| self.entries[*k].definition.is_some()).collect();
+        named.sort_by_key(|k| self.entries[*k].definition.map(|(symbol, section)| (section, symbol)));
+        // What no named value needs comes after all sections.
+        sections.push(Section { title: String::new(), definitions: Vec::new() });
+        let end = sections.len() - 1;
+        let mut last_section = 0;
+        for (k, is_root) in named.into_iter().map(|k| (k, false)).chain(roots.iter().map(|k| (*k, true))) {
+            last_section = match self.entries[k].definition {
+                Some((_, section)) if !is_root => section.max(last_section),
+                _ => end,
+            };
+            for k in needed(self.system, self.entries, &[k]) {
+                if self.exprs.contains_key(&k) {
+                    continue;
+                }
+                let value = self.expression(k)?;
+                let name = self.entries[k].definition.map(|(symbol, _)| self.graph.name(symbol).to_owned());
+                let is_compound = matches!(self.graph.node(value), Node::Sum { .. } | Node::Product { .. });
+                let stands = if is_compound {
+                    let symbol = self.graph.define(name.as_deref().unwrap_or(""), value);
+                    sections[last_section].definitions.push(Definition { symbol, expr: value });
+                    self.graph.sym(symbol)
+                } else {
+                    value
+                };
+                self.exprs.insert(k, stands);
+            }
+        }
+        Ok(sections)
+    }
+
+    fn expression(&mut self, k: usize) -> Result<ExprId, Error> {
+        let mut terms = Vec::with_capacity(self.entries[k].value.len());
+        for (m, c) in &self.entries[k].value {
+            let mut factors =
+                vec![(self.system.numbers.expr(self.graph, *c), Rational::from_integer(1.into()))];
+            for (atom, q) in m {
+                let base = match self.system.atom(*atom) {
+                    Atom::Input(e) => e,
+                    Atom::Poly(k) => self.exprs[&(k as usize)],
+                    Atom::Function(f, k) => self.graph.func(f, self.exprs[&(k as usize)]),
+                };
+                factors.push((base, Rational::new((*q.numer()).into(), (*q.denom()).into())));
+            }
+            let product = self.graph.power_product(&factors);
+            terms.push(product.map_err(|_| Error::DivisionByZero { place: "a rewritten sum".into() })?);
+        }
+        Ok(self.graph.sum(&terms))
+    }
+}
