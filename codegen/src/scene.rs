@@ -436,14 +436,32 @@ impl BuiltScene {
 
     /// Operations of every function, per section of the right-hand side, and of the part that runs once.
     pub fn operation_table(&self) -> String {
-        let mut rows: Vec<(String, Counts)> =
-            vec![("prepare (once per parameter set)".into(), self.program.prepare.counts())];
-        for function in &self.program.functions {
-            if function.results.is_empty() {
-                continue;
-            }
+        let cells = |counts: Counts| vec![counts.to_string()];
+        table(self.operations(|function| function == "rhs").into_iter().map(|(name, c)| (name, cells(c))))
+    }
+
+    /// Operations of every function and its sections in columns: additions and multiplications include the fused ones.
+    pub fn operation_columns(&self) -> String {
+        let heads = ["add", "mul", "fused", "div", "sqrt", "neg", "calls", "cost"];
+        let cells = |c: Counts| {
+            let numbers = [c.add, c.mul, c.fma, c.div, c.sqrt, c.neg, c.transcendental];
+            let numbers = numbers.into_iter().map(|n| n as u64).chain([c.cost()]);
+            numbers.map(|n| format!("{n:>5}")).collect::<Vec<_>>()
+        };
+        let mut total = Counts::default();
+        self.program.functions.iter().for_each(|f| total += f.counts());
+        let mut rows = self.operations(|_| true);
+        rows.insert(1, ("all functions, once each".into(), total));
+        let head = (String::new(), heads.map(|head| format!("{head:>5}")).to_vec());
+        table(std::iter::once(head).chain(rows.into_iter().map(|(name, c)| (name, cells(c)))))
+    }
+
+    /// Operations of the part that runs once and of every function, and of the sections of some.
+    fn operations(&self, by_section: impl Fn(&str) -> bool) -> Vec<(String, Counts)> {
+        let mut rows = vec![("prepare (once per parameter set)".into(), self.program.prepare.counts())];
+        for function in self.program.functions.iter().filter(|f| !f.results.is_empty()) {
             rows.push((function.name.clone(), function.counts()));
-            if function.name == "rhs" {
+            if by_section(&function.name) {
                 for (k, title) in self.program.sections.iter().enumerate() {
                     let counts = function.counts_of_section(k);
                     if counts.total() > 0 {
@@ -452,14 +470,19 @@ impl BuiltScene {
                 }
             }
         }
-        let width = rows.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0);
-        let mut table = String::new();
-        for (name, counts) in rows {
-            let pad = " ".repeat(width - name.chars().count());
-            table.push_str(&format!("  {name}{pad}  {counts}\n"));
-        }
-        table
+        rows
     }
+}
+
+/// Rows of a name and cells as lines.
+fn table(rows: impl Iterator<Item = (String, Vec<String>)>) -> String {
+    let rows: Vec<_> = rows.collect();
+    let width = rows.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0);
+    let line = |(name, cells): &(String, Vec<String>)| {
+        let pad = " ".repeat(width - name.chars().count());
+        format!("  {name}{pad}  {}\n", cells.join("  "))
+    };
+    rows.iter().map(line).collect()
 }
 
 /// A scene's program with prepared parameters, run operation by operation.

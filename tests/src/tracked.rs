@@ -93,6 +93,10 @@ impl Real for Tracked {
     fn ratio(p: f64, q: f64) -> Tracked {
         Tracked::input(f64::ratio(p, q))
     }
+    fn mul_add(self, factor: Tracked, addend: Tracked) -> Tracked {
+        let value = Real::mul_add(self.value, factor.value, addend.value);
+        Tracked::new(value, (self * factor).term.max(addend.term))
+    }
     fn sqrt(self) -> Tracked {
         let root = Real::sqrt(self.value);
         self.function(root, 0.5 / root)

@@ -183,6 +183,14 @@ pub fn explain(model: &Model, scene_name: &str, latex: bool) -> Result<String, E
     Ok(hamel_codegen::explain::explain(model, &built.scene, style))
 }
 
+/// Operation counts of a scene by function and section.
+///
+/// # Errors
+/// As [`build`].
+pub fn operations(model: &Model, scene_name: &str) -> Result<String, Error> {
+    Ok(build(model, scene_name)?.scene.operation_columns())
+}
+
 /// What a state variable is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Role {

@@ -268,6 +268,17 @@ fn title(doc: &[String]) -> String {
     doc.iter().map(|line| line.trim()).find(|line| !line.is_empty()).unwrap_or_default().to_owned()
 }
 
+/// What `explain` shows of a scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Aspect {
+    /// Algebra, equations and a summary of operation counts, in Unicode.
+    Text,
+    /// The same as a LaTeX fragment.
+    Latex,
+    /// Operation counts by function and section.
+    Operations,
+}
+
 /// `explain`: algebra, equations and operation counts of a scene.
 ///
 /// # Errors
@@ -276,7 +287,7 @@ pub fn explain(
     workspace: &Workspace,
     model: &str,
     scene: &str,
-    latex: bool,
+    aspect: Aspect,
     connection: Option<&str>,
 ) -> Result<String, Error> {
     let spec = workspace.spec(model)?;
@@ -284,7 +295,10 @@ pub fn explain(
     if let Some(connection) = connection {
         model = bridge::with_connection(&model, connection)?;
     }
-    bridge::explain(&model, scene, latex)
+    match aspect {
+        Aspect::Operations => bridge::operations(&model, scene),
+        Aspect::Text | Aspect::Latex => bridge::explain(&model, scene, aspect == Aspect::Latex),
+    }
 }
 
 /// Reads a request from standard input, and says so when nobody seems to know.

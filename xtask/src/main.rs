@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand};
-use xtask::commands::{self, Choice, Simulation, Via};
+use xtask::commands::{self, Aspect, Choice, Simulation, Via};
 use xtask::error::Error;
 use xtask::simulate::MethodName;
 use xtask::workspace::Workspace;
@@ -64,6 +64,7 @@ Examples:
 Examples:
   cargo xtask explain kirchhoff_body
   cargo xtask explain heavy_top --scene lagrange
+  cargo xtask explain two_arm_satellite --ops
   cargo xtask explain euler_disk --latex > euler_disk.tex")]
     Explain {
         /// Name of a model, or a path that ends in .hamel
@@ -74,6 +75,9 @@ Examples:
         /// Print a LaTeX fragment that needs amsmath
         #[arg(long)]
         latex: bool,
+        /// Print a table of operation counts by function and section instead
+        #[arg(long, conflicts_with = "latex")]
+        ops: bool,
         /// Write the system with another connection first: the velocity becomes v = xi + A(x) xdot
         #[arg(long, value_parser = ["trivial", "mechanical", "nonholonomic"])]
         connection: Option<String>,
@@ -191,8 +195,13 @@ fn run(task: Task) -> Result<String, Error> {
     match task {
         Task::Generate { check, models } => commands::generate(&workspace, &models, check),
         Task::List { json, models } => commands::list(&workspace, &models, json),
-        Task::Explain { model, scene, latex, connection } => {
-            commands::explain(&workspace, &model, &scene, latex, connection.as_deref())
+        Task::Explain { model, scene, latex, ops, connection } => {
+            let aspect = match (ops, latex) {
+                (true, _) => Aspect::Operations,
+                (false, true) => Aspect::Latex,
+                (false, false) => Aspect::Text,
+            };
+            commands::explain(&workspace, &model, &scene, aspect, connection.as_deref())
         }
         Task::Eval(scene) => commands::eval(&workspace, &scene.choice()),
         Task::Simulate(args) if args.json => commands::simulate_json(&workspace, &args.scene.choice()),

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 
 use super::names::Scope;
 use crate::error::Error;
-use crate::lower::{Constant, Instruction, Literal, Op, Operand, Program};
+use crate::lower::{Constant, Instruction, Literal, Op, Operand, Program, completes_pair};
 
 /// A value stands where it is used while its text is no longer than this.
 const MAX_INLINE_CHARS: usize = 160;
@@ -85,10 +85,7 @@ pub(super) fn operation(op: &Op, in_code: bool, operand: impl Fn(Operand) -> Tex
         Op::Sub(a, b) => binary(a, "-", b, Binding::Sum, Binding::Product),
         Op::Mul(a, b) => binary(a, "*", b, Binding::Product, Binding::Sign),
         Op::Div(a, b) => binary(a, "/", b, Binding::Product, Binding::Sign),
-        Op::Neg(a) => {
-            let a = operand(a).at_least(Binding::Atom);
-            Text { text: format!("-{}", a.text), binding: Binding::Sign, depth: a.depth }
-        }
+        Op::Neg(a) => signed(true, operand(a)),
         Op::Recip(a) if in_code => call(a, "recip"),
         Op::Recip(a) => {
             let a = operand(a).at_least(Binding::Sign);
@@ -103,7 +100,37 @@ pub(super) fn operation(op: &Op, in_code: bool, operand: impl Fn(Operand) -> Tex
             Text { text, binding: Binding::Atom, depth: a.depth + 1 }
         }
         Op::Function(f, a) => call(a, f.name()),
+        Op::MulAdd(signs, a, b, c) if in_code => {
+            // The order of factors is free: a name reads better before the dot than a formula, a field or a number.
+            let (a, b) = if is_name(&operand(b)) && !is_name(&operand(a)) { (b, a) } else { (a, b) };
+            let receiver = signed(signs.product, operand(a)).at_least(Binding::Atom);
+            let (factor, addend) = (operand(b), signed(signs.addend, operand(c)));
+            let text = format!("{}.mul_add({}, {})", receiver.text, factor.text, addend.text);
+            let depth = receiver.depth.max(factor.depth + 1).max(addend.depth + 1);
+            Text { text, binding: Binding::Atom, depth }
+        }
+        Op::MulAdd(signs, a, b, c) => {
+            let product = |text: Text| text.at_least(Binding::Sign).text;
+            let (minus, sign) = (if signs.product { "-" } else { "" }, if signs.addend { "-" } else { "+" });
+            let (a, b, c) = (operand(a), operand(b), operand(c).at_least(Binding::Product));
+            let depth = a.depth.max(b.depth).max(c.depth) + 1;
+            let text = format!("{minus}{} * {} {sign} {}", product(a), product(b), c.text);
+            Text { text, binding: Binding::Sum, depth }
+        }
     }
+}
+
+/// Whether a text is a bare name.
+fn is_name(text: &Text) -> bool {
+    text.text.chars().all(|c| c.is_alphanumeric() || c == '_')
+}
+
+fn signed(negative: bool, text: Text) -> Text {
+    if !negative {
+        return text;
+    }
+    let text = text.at_least(Binding::Atom);
+    Text { text: format!("-{}", text.text), binding: Binding::Sign, depth: text.depth }
 }
 
 /// A list of instructions, being written.
@@ -162,7 +189,7 @@ impl<'a> Body<'a> {
                 }
             }
             let is_short = text.text.len() <= MAX_INLINE_CHARS && text.depth <= MAX_INLINE_DEPTH;
-            let inlined = n_uses[k] == 1 && (is_short || is_result[k]);
+            let inlined = n_uses[k] == 1 && (is_short || is_result[k]) && !is_paired(instructions, k);
             if !inlined && variables[k].is_none() {
                 variables[k] = Some(scope.temporary(prefix));
             }
@@ -221,9 +248,7 @@ impl<'a> Body<'a> {
             let variable = |v: &u32| self.value(*v);
             let formula = |v: &u32| self.texts[*v as usize].0.text.as_str();
             if title.is_none() && bindings.len() <= MAX_BINDINGS {
-                for v in bindings {
-                    let _ = writeln!(text, "let {} = {};", variable(v), formula(v));
-                }
+                bindings.iter().for_each(|v| self.bind(*v, &mut text));
                 continue;
             }
             if let Some(title) = title.filter(|title| !title.is_empty()) {
@@ -231,12 +256,9 @@ impl<'a> Body<'a> {
             }
             let exported: Vec<u32> = bindings.iter().copied().filter(|v| leaves[*v as usize]).collect();
             let mut inner = String::new();
-            for v in bindings {
-                if stays[*v as usize] {
-                    let _ = writeln!(inner, "let {} = {};", variable(v), formula(v));
-                }
-            }
-            let last = |v: &u32| if stays[*v as usize] { variable(v) } else { formula(v).to_owned() };
+            let is_bound = |v: &u32| stays[*v as usize] || self.is_paired(*v);
+            bindings.iter().filter(|v| is_bound(v)).for_each(|v| self.bind(*v, &mut inner));
+            let last = |v: &u32| if is_bound(v) { variable(v) } else { formula(v).to_owned() };
             let (pattern, last) = match exported.as_slice() {
                 [single] => (variable(single), last(single)),
                 several => {
@@ -251,6 +273,24 @@ impl<'a> Body<'a> {
         parse(&text)
     }
 
+    /// The statement that binds a variable; a sine binds its cosine as well.
+    fn bind(&self, v: u32, text: &mut String) {
+        let k = v as usize;
+        let _ = if completes_pair(self.instructions, k) {
+            Ok(())
+        } else if self.is_paired(v) {
+            let angle = self.texts[k].0.text.strip_suffix(".sin()").unwrap_or_default();
+            writeln!(text, "let ({}, {}) = {angle}.sin_cos();", self.value(v), self.value(v + 1))
+        } else {
+            writeln!(text, "let {} = {};", self.value(v), self.texts[k].0.text)
+        };
+    }
+
+    /// Whether a value is the sine or the cosine of a pair.
+    fn is_paired(&self, v: u32) -> bool {
+        is_paired(self.instructions, v as usize)
+    }
+
     /// Variables in the order of evaluation, in blocks of a bounded size that do not cross segments.
     fn blocks<'t>(
         &self,
@@ -258,19 +298,27 @@ impl<'a> Body<'a> {
     ) -> Vec<(Vec<u32>, Option<&'t str>)> {
         let mut blocks = Vec::new();
         for (range, title) in segments {
-            let mut bindings = Vec::new();
-            for v in range.clone() {
-                if self.variables[v].is_some() {
-                    bindings.push(v as u32);
-                }
-            }
+            let bindings: Vec<u32> =
+                range.clone().filter(|v| self.variables[*v].is_some()).map(|v| v as u32).collect();
             let title = if bindings.len() > MAX_BINDINGS { Some(title.unwrap_or("")) } else { *title };
-            for (k, chunk) in bindings.chunks(MAX_BINDINGS).enumerate() {
-                blocks.push((chunk.to_vec(), if k == 0 { title } else { Some("") }));
+            let mut rest = bindings.as_slice();
+            let mut title = Some(title);
+            while !rest.is_empty() {
+                // A pair stays together.
+                let cut = rest.len().min(MAX_BINDINGS);
+                let splits = rest.get(cut).is_some_and(|v| completes_pair(self.instructions, *v as usize));
+                let (block, after) = rest.split_at(if splits { cut - 1 } else { cut });
+                blocks.push((block.to_vec(), title.take().unwrap_or(Some(""))));
+                rest = after;
             }
         }
         blocks
     }
+}
+
+/// Whether an instruction is the sine or the cosine of a pair.
+fn is_paired(instructions: &[Instruction], k: usize) -> bool {
+    completes_pair(instructions, k) || (k + 1 < instructions.len() && completes_pair(instructions, k + 1))
 }
 
 /// Text to tokens.

@@ -98,7 +98,7 @@ fn module_of_a_pendulum() {
         let _ = t;
         /// momentum p = dL/d(omega)
         let p = self.I * omega;
-        *dy = [omega, -(self.c0 * theta.sin() + R::from_f64(0.5) * p.tanh())];
+        *dy = [omega, (-self.c0).mul_add(theta.sin(), -(R::from_f64(0.5) * p.tanh()))];
     }
 ";
     let found = between(&emitted, "pub fn rhs", "    /// Output");
@@ -106,6 +106,32 @@ fn module_of_a_pendulum() {
     let new = between(&emitted, "let Params", "\n}");
     assert!(new.contains("if !I.all_gt(R::ZERO) {"), "{new}");
     assert!(new.contains("Ok(Self { I, c0: k / I })"), "{new}");
+}
+
+#[test]
+fn a_pair_is_one_statement_and_a_block_of_many_bindings_does_not_part_it() {
+    // 399 sums before a pair: its cosine would be the first binding of the next block.
+    let mut g = Graph::new();
+    let (time, x) = (g.symbol("t"), g.symbol("x"));
+    let state = g.sym(x);
+    let mut definitions = Vec::new();
+    for k in 1..=450i64 {
+        let shift = g.int(k);
+        let expr = if k == 400 { g.func(crate::expr::Func::Sin, state) } else { g.add(state, shift) };
+        definitions.push(Definition { symbol: g.define(&format!("d{k}"), expr), expr });
+    }
+    let values: Vec<_> = definitions.iter().map(|d| g.sym(d.symbol)).collect();
+    let squares: Vec<_> = values.iter().map(|e| g.powi(*e, 2)).collect();
+    let cosine = g.func(crate::expr::Func::Cos, state);
+    let sum = g.sum(&squares);
+    let product = g.mul(cosine, sum);
+    let inputs = Inputs { params: vec![], time, state: vec![x] };
+    let requests = [Request { name: "rhs".into(), results: vec![("x".into(), product)] }];
+    let sections = [Section { title: "shifts".into(), definitions }];
+    let program = lower(&mut g, &inputs, &sections, &[], &requests).unwrap();
+    let emitted = emit_scene(&program, &plain_text(&program, &[])).unwrap();
+    assert_eq!(emitted.matches("let (d400, t0) = x.sin_cos();").count(), 1, "{emitted}");
+    assert!(!emitted.contains(".cos()") && !emitted.contains(".sin()"));
 }
 
 #[test]

@@ -2,10 +2,10 @@
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
-use super::Source;
 use super::class::Class;
 use super::number::{Numbered, Pool};
 use super::program::{Condition, Constant, Function, Instruction, Operand, Prepare, Program, Slot};
+use super::{Source, fuse, pair};
 use crate::error::Error;
 use crate::expr::Graph;
 
@@ -67,7 +67,7 @@ pub(super) fn assemble(
     let names =
         |symbols: &[crate::expr::SymbolId]| symbols.iter().map(|s| graph.name(*s).to_owned()).collect();
     let titles = source.sections.iter().map(|s| s.title.clone());
-    Ok(Program {
+    let mut program = Program {
         params: names(&source.inputs.params),
         time: graph.name(source.inputs.time).to_owned(),
         state: names(&source.inputs.state),
@@ -75,7 +75,10 @@ pub(super) fn assemble(
         sections: titles.chain([RESULTS.to_owned()]).collect(),
         prepare,
         functions: assembled,
-    })
+    };
+    fuse::fuse(&mut program);
+    program.functions.iter_mut().for_each(pair::pair);
+    Ok(program)
 }
 
 fn assemble_function(

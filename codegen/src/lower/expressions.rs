@@ -61,7 +61,7 @@ impl Program {
             let operands: Vec<ExprId> =
                 instruction.op.operands().map(|o| self.operand(graph, inputs, slots, &values, o)).collect();
             let a = operands[0];
-            let b = *operands.last().unwrap_or(&a);
+            let b = *operands.get(1).unwrap_or(&a);
             let value = match instruction.op {
                 Op::Add(..) => Ok(graph.add(a, b)),
                 Op::Sub(..) => Ok(graph.sub(a, b)),
@@ -78,6 +78,11 @@ impl Program {
                     None => Err(DivisionByZero),
                 },
                 Op::Function(f, _) => Ok(graph.func(f, a)),
+                Op::MulAdd(signs, ..) => {
+                    let (product, addend) = (graph.mul(a, b), operands[2]);
+                    let product = if signs.product { graph.neg(product) } else { product };
+                    Ok(if signs.addend { graph.sub(product, addend) } else { graph.add(product, addend) })
+                }
             };
             values.push(value.map_err(|DivisionByZero| Error::DivisionByZero { place: place.to_owned() })?);
         }

@@ -8,9 +8,11 @@ mod assemble;
 mod class;
 mod expressions;
 mod extract;
+mod fuse;
 mod interpret;
 mod number;
 mod optimise;
+mod pair;
 mod polynomial;
 mod program;
 mod verify;
@@ -25,7 +27,7 @@ pub use crate::expr::{Definition, Section};
 pub use interpret::ViolatedCondition;
 pub use program::{
     Condition, Constant, Counts, Function, Instruction, Literal, Op, Operand, Prepare, Program, Relation,
-    Slot,
+    Signs, Slot, completes_pair,
 };
 pub use verify::verify;
 

@@ -248,9 +248,21 @@ fn denominator_of(classes: &Classes, factors: &[(ExprId, Rational)]) -> Denomina
 
 /// `-operand` or `operand`.
 #[derive(Clone, Copy, Debug)]
-struct Signed {
-    negative: bool,
-    operand: Operand,
+pub(super) struct Signed {
+    pub(super) negative: bool,
+    pub(super) operand: Operand,
+}
+
+impl Signed {
+    /// `a + b`, `a - b`, `b - a` or `-(a + b)`: whether it is negated, and the operation.
+    pub(super) fn plus(self, b: Signed) -> (bool, Op) {
+        match (self.negative, b.negative) {
+            (false, false) => (false, Op::Add(self.operand, b.operand)),
+            (false, true) => (false, Op::Sub(self.operand, b.operand)),
+            (true, false) => (false, Op::Sub(b.operand, self.operand)),
+            (true, true) => (true, Op::Add(self.operand, b.operand)),
+        }
+    }
 }
 
 struct Numbering<'a> {
@@ -358,14 +370,8 @@ impl Numbering<'_> {
         }
     }
 
-    /// `a + b`, `a - b`, `b - a` or `-(a + b)`.
     fn add(&mut self, a: Signed, b: Signed) -> Signed {
-        let (negative, op) = match (a.negative, b.negative) {
-            (false, false) => (false, Op::Add(a.operand, b.operand)),
-            (false, true) => (false, Op::Sub(a.operand, b.operand)),
-            (true, false) => (false, Op::Sub(b.operand, a.operand)),
-            (true, true) => (true, Op::Add(a.operand, b.operand)),
-        };
+        let (negative, op) = a.plus(b);
         Signed { negative, operand: self.pool.push(op) }
     }
 

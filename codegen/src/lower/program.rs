@@ -106,16 +106,30 @@ pub enum Op {
     Power(Operand, Operand),
     /// An elementary function.
     Function(Func, Operand),
+    /// `a * b + c` with signs: rounded once where the target has the instruction, twice elsewhere.
+    MulAdd(Signs, Operand, Operand, Operand),
+}
+
+/// Which terms of [`Op::MulAdd`] are negated; hardware does it for nothing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Signs {
+    /// `-(a * b)`.
+    pub product: bool,
+    /// `-c`.
+    pub addend: bool,
 }
 
 impl Op {
     /// Operands in order.
     pub fn operands(&self) -> impl Iterator<Item = Operand> + use<> {
-        let (a, b) = match *self {
-            Op::Add(a, b) | Op::Sub(a, b) | Op::Mul(a, b) | Op::Div(a, b) | Op::Power(a, b) => (a, Some(b)),
-            Op::Neg(a) | Op::Recip(a) | Op::Sqrt(a) | Op::Function(_, a) => (a, None),
+        let (a, b, c) = match *self {
+            Op::Add(a, b) | Op::Sub(a, b) | Op::Mul(a, b) | Op::Div(a, b) | Op::Power(a, b) => {
+                (a, Some(b), None)
+            }
+            Op::Neg(a) | Op::Recip(a) | Op::Sqrt(a) | Op::Function(_, a) => (a, None, None),
+            Op::MulAdd(_, a, b, c) => (a, Some(b), Some(c)),
         };
-        std::iter::once(a).chain(b)
+        std::iter::once(a).chain(b).chain(c)
     }
 
     /// The same operation on other operands.
@@ -130,6 +144,7 @@ impl Op {
             Op::Recip(a) => Op::Recip(f(a)),
             Op::Sqrt(a) => Op::Sqrt(f(a)),
             Op::Function(g, a) => Op::Function(g, f(a)),
+            Op::MulAdd(signs, a, b, c) => Op::MulAdd(signs, f(a), f(b), f(c)),
         }
     }
 }
@@ -219,47 +234,69 @@ pub struct Program {
     pub functions: Vec<Function>,
 }
 
+/// Whether the instruction at `k` is the cosine of the angle whose sine the one before it computes.
+///
+/// Such a pair is one call: it is emitted as `x.sin_cos()`, which equals the sine and the cosine bit for bit.
+pub fn completes_pair(instructions: &[Instruction], k: usize) -> bool {
+    match instructions[k].op {
+        Op::Function(Func::Cos, x) => k > 0 && instructions[k - 1].op == Op::Function(Func::Sin, x),
+        _ => false,
+    }
+}
+
 /// Numbers of operations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// Additions and subtractions.
+    /// Additions and subtractions, fused ones included.
     pub add: usize,
-    /// Multiplications.
+    /// Multiplications, fused ones included.
     pub mul: usize,
+    /// Pairs of a multiplication and an addition that are one instruction where the target has it.
+    pub fma: usize,
     /// Divisions and reciprocals.
     pub div: usize,
     /// Negations.
     pub neg: usize,
     /// Square roots.
     pub sqrt: usize,
-    /// Sines, cosines, exponentials, powers and so on.
+    /// Sines, cosines, exponentials, powers and so on; sine and cosine of one angle are one.
     pub transcendental: usize,
 }
 
 impl Counts {
-    fn of<'a>(instructions: impl IntoIterator<Item = &'a Instruction>) -> Counts {
+    fn of(instructions: &[Instruction], includes: impl Fn(&Instruction) -> bool) -> Counts {
         let mut counts = Counts::default();
-        for instruction in instructions {
+        for (k, instruction) in instructions.iter().enumerate().filter(|(_, i)| includes(i)) {
             *match instruction.op {
                 Op::Add(..) | Op::Sub(..) => &mut counts.add,
                 Op::Mul(..) => &mut counts.mul,
+                Op::MulAdd(..) => {
+                    counts.add += 1;
+                    counts.mul += 1;
+                    &mut counts.fma
+                }
                 Op::Div(..) | Op::Recip(_) => &mut counts.div,
                 Op::Neg(_) | Op::Function(Func::Abs, _) => &mut counts.neg,
                 Op::Sqrt(_) => &mut counts.sqrt,
+                Op::Function(Func::Cos, _) if completes_pair(instructions, k) => continue,
                 Op::Power(..) | Op::Function(..) => &mut counts.transcendental,
             } += 1;
         }
         counts
     }
 
-    /// All operations.
+    /// All operations; a fused pair counts as two.
     pub fn total(&self) -> usize {
         self.add + self.mul + self.div + self.neg + self.sqrt + self.transcendental
     }
 
-    /// Rough cost: additions and multiplications count 2, signs 1, divisions and roots 8, functions 40.
+    /// Rough cost in instructions that a processor starts one after the other: additions, multiplications, fused pairs
+    /// and signs 1, divisions 5, square roots 6, calls 20.
+    ///
+    /// Divisions and roots occupy a unit of their own for 4 to 6 cycles (Fog, Instruction tables, Skylake to Zen 4).
     pub fn cost(&self) -> u64 {
-        (2 * (self.add + self.mul) + self.neg + 8 * (self.div + self.sqrt) + 40 * self.transcendental) as u64
+        let simple = self.add + self.mul - self.fma + self.neg;
+        (simple + 5 * self.div + 6 * self.sqrt + 20 * self.transcendental) as u64
     }
 }
 
@@ -267,6 +304,7 @@ impl AddAssign for Counts {
     fn add_assign(&mut self, other: Counts) {
         self.add += other.add;
         self.mul += other.mul;
+        self.fma += other.fma;
         self.div += other.div;
         self.neg += other.neg;
         self.sqrt += other.sqrt;
@@ -285,10 +323,13 @@ impl fmt::Display for Counts {
             (self.transcendental, "elementary functions", "elementary function"),
         ];
         let mut first = true;
-        for (n, many, one) in parts {
+        for (k, (n, many, one)) in parts.into_iter().enumerate() {
             if n > 0 {
                 write!(f, "{}{n} {}", if first { "" } else { ", " }, if n == 1 { one } else { many })?;
                 first = false;
+            }
+            if k == 1 && self.fma > 0 {
+                write!(f, " ({} fused)", self.fma)?;
             }
         }
         if first { f.write_str("no operations") } else { Ok(()) }
@@ -298,19 +339,19 @@ impl fmt::Display for Counts {
 impl Prepare {
     /// Operations of the part that runs once.
     pub fn counts(&self) -> Counts {
-        Counts::of(&self.instructions)
+        Counts::of(&self.instructions, |_| true)
     }
 }
 
 impl Function {
     /// Operations of one call.
     pub fn counts(&self) -> Counts {
-        Counts::of(&self.instructions)
+        Counts::of(&self.instructions, |_| true)
     }
 
     /// Operations of one call that belong to a section.
     pub fn counts_of_section(&self, section_idx: usize) -> Counts {
-        Counts::of(self.instructions.iter().filter(|i| i.section as usize == section_idx))
+        Counts::of(&self.instructions, |i| i.section as usize == section_idx)
     }
 }
 

@@ -1,12 +1,16 @@
 //! Checks the rules of the intermediate form.
 
+use std::collections::BTreeMap;
+
 use super::program::{Instruction, Op, Operand, Program};
 use crate::error::Error;
+use crate::expr::Func;
 
 /// Checks that a program is well formed.
 ///
 /// Operands exist, precede their uses and are of a kind their place allows; sections ascend; nothing is dead; nothing
-/// that depends on parameters alone is left in a function; constants fit an `f64`.
+/// that depends on parameters alone is left in a function; sine and cosine of one angle follow each other there;
+/// constants fit an `f64`.
 ///
 /// # Errors
 /// [`Error::Program`] with the first rule that is broken.
@@ -40,6 +44,9 @@ pub fn verify(program: &Program) -> Result<(), Error> {
     for function in &program.functions {
         let name = &function.name;
         let mut used = verify_list(program, name, &function.instructions, false)?;
+        if let Some(i) = lonely_half(&function.instructions) {
+            return fail(format!("value {i} of {name} stands apart from the other half of its pair"));
+        }
         let mut section = 0;
         for (i, instruction) in function.instructions.iter().enumerate() {
             if instruction.section < section || instruction.section as usize >= program.sections.len() {
@@ -77,6 +84,21 @@ pub fn verify(program: &Program) -> Result<(), Error> {
         Some(dead) => fail(format!("slot {dead} is not used")),
         None => Ok(()),
     }
+}
+
+/// A sine or cosine that does not stand beside the cosine or sine of the same angle.
+fn lonely_half(instructions: &[Instruction]) -> Option<usize> {
+    let mut sines = BTreeMap::new();
+    let mut cosines = BTreeMap::new();
+    for (k, instruction) in instructions.iter().enumerate() {
+        match instruction.op {
+            Op::Function(Func::Sin, x) => sines.insert(x, k),
+            Op::Function(Func::Cos, x) => cosines.insert(x, k),
+            _ => None,
+        };
+    }
+    let apart = |(x, sine): (&Operand, &usize)| cosines.get(x).filter(|cosine| **cosine != sine + 1).copied();
+    sines.iter().find_map(apart)
 }
 
 /// Checks operands of a list and returns which values are used within it.

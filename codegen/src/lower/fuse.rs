@@ -1,0 +1,432 @@
+//! Sums of products become fused multiplications and additions, and signs go where they cost nothing.
+//!
+//! Every rewrite takes operations away or leaves their number as it is. Deliberately does not know: expressions,
+//! classes of values, whether the target has a fused instruction.
+
+use std::collections::HashMap;
+
+use super::number::Signed;
+use super::program::{Constant, Function, Instruction, Op, Operand, Program, Signs, Slot};
+
+/// Rewrites every function; the part that depends on parameters alone runs once and keeps its products.
+pub(super) fn fuse(program: &mut Program) {
+    for function in &mut program.functions {
+        fuse_function(function);
+    }
+    for function_idx in 0..program.functions.len() {
+        absorb_signs(program, function_idx);
+    }
+    prune(program);
+}
+
+/// Position of a value in its list.
+fn position(operand: Operand) -> Option<usize> {
+    match operand {
+        Operand::Value(v) => Some(v as usize),
+        _ => None,
+    }
+}
+
+fn operand(position: usize) -> Operand {
+    Operand::Value(u32::try_from(position).expect("no more instructions than before"))
+}
+
+// ---- sums of products -----------------------------------------------------------------------------------------------
+
+/// Cycles from operands to result on current processors; only their order of magnitude matters.
+fn latency(op: &Op) -> u32 {
+    match op {
+        Op::Neg(_) => 1,
+        Op::Add(..) | Op::Sub(..) | Op::Mul(..) | Op::MulAdd(..) => 4,
+        Op::Div(..) | Op::Recip(_) => 13,
+        Op::Sqrt(_) => 18,
+        Op::Power(..) | Op::Function(..) => 50,
+    }
+}
+
+fn is_sum(op: &Op) -> bool {
+    matches!(op, Op::Add(..) | Op::Sub(..) | Op::Neg(_))
+}
+
+fn fuse_function(function: &mut Function) {
+    let old = std::mem::take(&mut function.instructions);
+    let mut n_uses = vec![0usize; old.len()];
+    let mut n_sums = vec![0usize; old.len()];
+    for instruction in &old {
+        for v in instruction.op.operands().filter_map(position) {
+            n_uses[v] += 1;
+            n_sums[v] += usize::from(is_sum(&instruction.op));
+        }
+    }
+    function.results.iter().filter_map(|(_, o)| position(*o)).for_each(|v| n_uses[v] += 1);
+
+    // A sum that one other sum uses is part of that; definitions keep their names.
+    let is_part = |v: usize| is_sum(&old[v].op) && old[v].name.is_none() && n_uses[v] == 1 && n_sums[v] == 1;
+    let mut sums: Vec<Option<Vec<Signed>>> = vec![None; old.len()];
+    for root in 0..old.len() {
+        if is_sum(&old[root].op) && !is_part(root) {
+            sums[root] = Some(terms(&old, root, is_part));
+        }
+    }
+    let is_fused = fused_products(&old, &sums, &n_uses);
+
+    let mut fusion = Fusion { values: vec![None; old.len()], ..Fusion::default() };
+    for (k, Instruction { op, section, name }) in old.iter().enumerate() {
+        fusion.section = *section;
+        let value = match (*op, &sums[k]) {
+            (_, Some(terms)) => {
+                let terms = terms.iter().map(|term| fusion.term(*term, &old, &is_fused)).collect();
+                fusion.sum(terms)
+            }
+            (op, None) if is_sum(&op) || is_fused[k] => continue,
+            (Op::Mul(a, b), None) => fusion.product(Op::Mul, a, b),
+            (Op::Div(a, b), None) => fusion.product(Op::Div, a, b),
+            (Op::Recip(a), None) => {
+                let a = fusion.read(a);
+                Signed { negative: a.negative, operand: fusion.push(Op::Recip(a.operand)) }
+            }
+            (op, None) => {
+                let op = op.map(|o| fusion.positive(o));
+                Signed { negative: false, operand: fusion.push(op) }
+            }
+        };
+        fusion.values[k] = Some((value, name.as_deref()));
+        if !value.negative {
+            fusion.name(value.operand, name.as_deref());
+        }
+    }
+    for (_, result) in &mut function.results {
+        *result = fusion.positive(*result);
+    }
+    function.instructions = fusion.new;
+}
+
+/// What a sum adds up, in order and with signs, looking through the sums that are part of it.
+fn terms(old: &[Instruction], root: usize, is_part: impl Fn(usize) -> bool) -> Vec<Signed> {
+    let mut terms = Vec::new();
+    let mut pending = vec![Signed { negative: false, operand: operand(root) }];
+    while let Some(Signed { negative, operand }) = pending.pop() {
+        match position(operand) {
+            Some(v) if v == root || is_part(v) => {
+                let (a, b, minus) = match old[v].op {
+                    Op::Add(a, b) => (a, Some(b), false),
+                    Op::Sub(a, b) => (a, Some(b), true),
+                    Op::Neg(a) => (a, None, true),
+                    // The root and its parts are sums.
+                    _ => continue,
+                };
+                // The last operand is the one that a minus belongs to.
+                match b {
+                    Some(b) => {
+                        pending.push(Signed { negative: negative ^ minus, operand: b });
+                        pending.push(Signed { negative, operand: a });
+                    }
+                    None => pending.push(Signed { negative: !negative, operand: a }),
+                }
+            }
+            _ => terms.push(Signed { negative, operand }),
+        }
+    }
+    terms
+}
+
+/// Which products no longer have to be values: those that only sums use, once, or twice where both sums have something
+/// else to start from, so that two fused operations replace a product and two additions.
+///
+/// With more uses the target without fused instructions would pay more than the one with them saves.
+fn fused_products(old: &[Instruction], sums: &[Option<Vec<Signed>>], n_uses: &[usize]) -> Vec<bool> {
+    let mut users: Vec<Vec<usize>> = vec![Vec::new(); old.len()];
+    for (root, terms) in sums.iter().enumerate().filter_map(|(k, sum)| Some((k, sum.as_ref()?))) {
+        if terms.len() > 1 {
+            terms.iter().filter_map(|term| position(term.operand)).for_each(|v| users[v].push(root));
+        }
+    }
+    let is_candidate = |v: usize| matches!(old[v].op, Op::Mul(..)) && users[v].len() == n_uses[v];
+    let mut is_fused: Vec<bool> = (0..old.len()).map(|v| is_candidate(v) && n_uses[v] == 1).collect();
+    for v in 0..old.len() {
+        // A definition that is used in several places keeps its name.
+        if !is_candidate(v) || n_uses[v] != 2 || old[v].name.is_some() {
+            continue;
+        }
+        let starts_elsewhere = |root: &usize| {
+            let mut others = sums[*root].iter().flatten().map(|term| position(term.operand));
+            others.any(|o| o.is_none_or(|o| o != v && !is_fused[o]))
+        };
+        is_fused[v] = users[v].iter().all(starts_elsewhere);
+    }
+    is_fused
+}
+
+/// A term of a sum.
+#[derive(Clone, Copy)]
+struct Term {
+    negative: bool,
+    a: Operand,
+    /// The other factor of a product that is not a value of its own.
+    b: Option<Operand>,
+    /// When the operands are there.
+    ready: u32,
+}
+
+/// The new instructions of a function, and what stands for the old ones.
+#[derive(Default)]
+struct Fusion<'a> {
+    /// With the name of the definition; what sums have taken up has none.
+    values: Vec<Option<(Signed, Option<&'a str>)>>,
+    new: Vec<Instruction>,
+    ready: Vec<u32>,
+    index: HashMap<Op, Operand>,
+    section: u32,
+}
+
+impl Fusion<'_> {
+    fn read(&self, old: Operand) -> Signed {
+        let value = position(old).map(|v| self.values[v].expect("taken up by sums alone").0);
+        value.unwrap_or(Signed { negative: false, operand: old })
+    }
+
+    /// The value itself, negated where only its opposite is there.
+    fn positive(&mut self, old: Operand) -> Operand {
+        let Signed { negative, operand } = self.read(old);
+        if !negative {
+            return operand;
+        }
+        let name = position(old).and_then(|v| self.values[v]).and_then(|(_, name)| name);
+        let operand = self.push(Op::Neg(operand));
+        self.name(operand, name);
+        operand
+    }
+
+    fn push(&mut self, op: Op) -> Operand {
+        if let Some(known) = self.index.get(&op) {
+            return *known;
+        }
+        let start = op.operands().map(|o| self.ready_at(o)).max().unwrap_or(0);
+        let value = operand(self.new.len());
+        self.ready.push(start + latency(&op));
+        self.new.push(Instruction { op, section: self.section, name: None });
+        self.index.insert(op, value);
+        value
+    }
+
+    /// Names a value unless it has a name.
+    fn name(&mut self, operand: Operand, name: Option<&str>) {
+        if let Some(v) = position(operand)
+            && self.new[v].name.is_none()
+        {
+            self.new[v].name = name.map(str::to_owned);
+        }
+    }
+
+    fn ready_at(&self, operand: Operand) -> u32 {
+        position(operand).map_or(0, |v| self.ready[v])
+    }
+
+    fn product(&mut self, op: fn(Operand, Operand) -> Op, a: Operand, b: Operand) -> Signed {
+        let (a, b) = (self.read(a), self.read(b));
+        Signed { negative: a.negative ^ b.negative, operand: self.push(op(a.operand, b.operand)) }
+    }
+
+    fn term(&self, Signed { negative, operand }: Signed, old: &[Instruction], is_fused: &[bool]) -> Term {
+        match position(operand).filter(|v| is_fused[*v]).map(|v| old[v].op) {
+            Some(Op::Mul(a, b)) => {
+                let (a, b) = (self.read(a), self.read(b));
+                let negative = negative ^ a.negative ^ b.negative;
+                let ready = self.ready_at(a.operand).max(self.ready_at(b.operand));
+                Term { negative, a: a.operand, b: Some(b.operand), ready }
+            }
+            _ => {
+                let a = self.read(operand);
+                let ready = self.ready_at(a.operand);
+                Term { negative: negative ^ a.negative, a: a.operand, b: None, ready }
+            }
+        }
+    }
+
+    /// `((g + a*b) + c*d) + ..`: starts from a term that is no product if there is one, otherwise from one product.
+    ///
+    /// The terms stay in order unless the sum is there earlier when those that are ready first come first. Either order
+    /// is as accurate as any: the bound `(n - 1) u sum |x_i|` of summing `n` terms one by one does not depend on it
+    /// (Higham, Accuracy and Stability of Numerical Algorithms, section 4.2), and each fused term rounds once less.
+    fn sum(&mut self, mut terms: Vec<Term>) -> Signed {
+        let start_first = |mut terms: Vec<Term>| {
+            let start = terms.iter().position(|t| t.b.is_none()).unwrap_or(0);
+            terms[..=start].rotate_right(1);
+            terms
+        };
+        let finish = |terms: &[Term]| {
+            let first = terms[0].ready + if terms[0].b.is_some() { 4 } else { 0 };
+            terms[1..].iter().fold(first, |at, term| at.max(term.ready) + 4)
+        };
+        let in_order = start_first(terms.clone());
+        terms.sort_by_key(|term| term.ready);
+        let by_time = start_first(terms);
+        let terms = if finish(&by_time) < finish(&in_order) { by_time } else { in_order };
+
+        let mut total: Option<Signed> = None;
+        for Term { negative, a, b, .. } in terms {
+            total = Some(match (total, b) {
+                (None, None) => Signed { negative, operand: a },
+                (None, Some(b)) => Signed { negative, operand: self.push(Op::Mul(a, b)) },
+                (Some(total), None) => {
+                    let (negative, op) = total.plus(Signed { negative, operand: a });
+                    Signed { negative, operand: self.push(op) }
+                }
+                (Some(total), Some(b)) => {
+                    let signs = Signs { product: negative, addend: total.negative };
+                    Signed { negative: false, operand: self.push(Op::MulAdd(signs, a, b, total.operand)) }
+                }
+            });
+        }
+        total.expect("a sum has terms")
+    }
+}
+
+// ---- signs ----------------------------------------------------------------------------------------------------------
+
+/// `-(a - b) = b - a`, `-(a*b + c) = -(a*b) - c`, `-((a - b)*c) = (b - a)*c`, and for a constant or prepared `p`
+/// `-(p*x) = (-p)*x` and `-(p + x) = -p - x`: takes away negations of values that nothing else uses.
+fn absorb_signs(program: &mut Program, function_idx: usize) {
+    let mut instructions = std::mem::take(&mut program.functions[function_idx].instructions);
+    let mut n_uses = vec![0usize; instructions.len()];
+    let results = program.functions[function_idx].results.iter().map(|(_, o)| *o);
+    let operands = instructions.iter().flat_map(|i| i.op.operands());
+    operands.chain(results).filter_map(position).for_each(|v| n_uses[v] += 1);
+
+    let mut stands_for: Vec<usize> = (0..instructions.len()).collect();
+    for k in 0..instructions.len() {
+        let Op::Neg(Operand::Value(negated)) = instructions[k].op else { continue };
+        let negated = stands_for[negated as usize];
+        if n_uses[negated] != 1 {
+            continue;
+        }
+        // What costs nothing anywhere first; then what adds to the part that runs once.
+        let Some((changed, op)) = [false, true].into_iter().find_map(|may_prepare| {
+            factors(&instructions, &n_uses, &stands_for, negated)
+                .into_iter()
+                .find_map(|v| Some((v, opposite(instructions[v].op, program, may_prepare)?)))
+        }) else {
+            continue;
+        };
+        instructions[changed].op = op;
+        instructions[negated].name = instructions[k].name.take();
+        n_uses[negated] = n_uses[k];
+        stands_for[k] = negated;
+    }
+
+    let mut moved_to = vec![0; instructions.len()];
+    let mut kept: Vec<Instruction> = Vec::with_capacity(instructions.len());
+    let moved = |o: Operand, moved_to: &[usize]| position(o).map_or(o, |v| operand(moved_to[stands_for[v]]));
+    for (k, mut instruction) in instructions.into_iter().enumerate() {
+        if stands_for[k] == k {
+            moved_to[k] = kept.len();
+            instruction.op = instruction.op.map(|o| moved(o, &moved_to));
+            kept.push(instruction);
+        }
+    }
+    let function = &mut program.functions[function_idx];
+    function.results.iter_mut().for_each(|(_, o)| *o = moved(*o, &moved_to));
+    function.instructions = kept;
+}
+
+/// The value and the factors of it, and theirs, that nothing else uses: the opposite of one is the opposite of all.
+fn factors(instructions: &[Instruction], n_uses: &[usize], stands_for: &[usize], root: usize) -> Vec<usize> {
+    let mut factors = vec![root];
+    let mut next = 0;
+    while let Some(v) = factors.get(next) {
+        next += 1;
+        if let Op::Mul(..) | Op::Div(..) | Op::Recip(_) = instructions[*v].op {
+            let operands = instructions[*v].op.operands().filter_map(position).map(|v| stands_for[v]);
+            // The opposite of a definition would need another name.
+            let unnamed = operands.filter(|v| n_uses[*v] == 1 && instructions[*v].name.is_none());
+            factors.extend(unnamed.collect::<Vec<_>>());
+        }
+    }
+    factors
+}
+
+/// The operation whose value is the opposite, if it costs no more in a function.
+fn opposite(op: Op, program: &mut Program, may_prepare: bool) -> Option<Op> {
+    let mut negated = |o| negated(program, o, may_prepare);
+    match op {
+        Op::Sub(a, b) => Some(Op::Sub(b, a)),
+        Op::MulAdd(Signs { product, addend }, a, b, c) => {
+            Some(Op::MulAdd(Signs { product: !product, addend: !addend }, a, b, c))
+        }
+        Op::Mul(a, b) => match negated(a) {
+            Some(a) => Some(Op::Mul(a, b)),
+            None => Some(Op::Mul(a, negated(b)?)),
+        },
+        Op::Div(a, b) => match negated(a) {
+            Some(a) => Some(Op::Div(a, b)),
+            None => Some(Op::Div(a, negated(b)?)),
+        },
+        Op::Add(a, b) => match negated(a) {
+            Some(a) => Some(Op::Sub(a, b)),
+            None => Some(Op::Sub(negated(b)?, a)),
+        },
+        Op::Recip(_) | Op::Neg(_) | Op::Sqrt(_) | Op::Power(..) | Op::Function(..) => None,
+    }
+}
+
+/// The opposite of a constant, or with leave of a parameter or slot as a slot of its own.
+fn negated(program: &mut Program, operand: Operand, may_prepare: bool) -> Option<Operand> {
+    fn place<T: PartialEq>(list: &mut Vec<T>, item: T) -> Option<u32> {
+        let at = list.iter().position(|known| *known == item).unwrap_or_else(|| {
+            list.push(item);
+            list.len() - 1
+        });
+        u32::try_from(at).ok()
+    }
+    let original = match operand {
+        Operand::Constant(i) => match &program.constants[i as usize] {
+            Constant::Rational(q) => {
+                let opposite = Constant::Rational(-q);
+                return Some(Operand::Constant(place(&mut program.constants, opposite)?));
+            }
+            Constant::Pi => return None,
+        },
+        Operand::Slot(i) => Operand::Value(program.prepare.slots[i as usize].value),
+        Operand::Param(_) => operand,
+        Operand::Value(_) | Operand::Time | Operand::State(_) => return None,
+    };
+    if !may_prepare {
+        return None;
+    }
+    let instruction = Instruction { op: Op::Neg(original), section: 0, name: None };
+    let value = place(&mut program.prepare.instructions, instruction)?;
+    Some(Operand::Slot(place(&mut program.prepare.slots, Slot { value, name: None })?))
+}
+
+/// Leaves out slots and constants that no longer occur, and orders them by their first use.
+fn prune(program: &mut Program) {
+    fn keep(order: &mut Vec<u32>, index: &mut HashMap<u32, u32>, old: u32) -> u32 {
+        *index.entry(old).or_insert_with(|| {
+            order.push(old);
+            u32::try_from(order.len() - 1).expect("no more than before")
+        })
+    }
+    let (mut slots, mut slot_index) = (Vec::new(), HashMap::new());
+    let (mut constants, mut constant_index) = (Vec::new(), HashMap::new());
+    let mut kept = |o: Operand| match o {
+        Operand::Slot(i) => Operand::Slot(keep(&mut slots, &mut slot_index, i)),
+        Operand::Constant(i) => Operand::Constant(keep(&mut constants, &mut constant_index, i)),
+        other => other,
+    };
+    for function in &mut program.functions {
+        for instruction in &mut function.instructions {
+            instruction.op = instruction.op.map(&mut kept);
+        }
+        function.results.iter_mut().for_each(|(_, o)| *o = kept(*o));
+    }
+    for instruction in &mut program.prepare.instructions {
+        instruction.op = instruction.op.map(&mut kept);
+    }
+    for condition in &mut program.prepare.conditions {
+        (condition.greater, condition.less) = (kept(condition.greater), kept(condition.less));
+    }
+    let (old_slots, old_constants) = (&program.prepare.slots, &program.constants);
+    let slots = slots.into_iter().map(|i| old_slots[i as usize].clone()).collect();
+    let constants = constants.into_iter().map(|i| old_constants[i as usize].clone()).collect();
+    (program.prepare.slots, program.constants) = (slots, constants);
+}
