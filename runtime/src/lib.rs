@@ -45,6 +45,7 @@ compile_error!(
 extern crate std;
 
 mod controller;
+mod double_double;
 mod error;
 mod integrator;
 pub mod math;
@@ -53,6 +54,7 @@ mod options;
 mod real;
 mod system;
 
+pub use double_double::DoubleDouble;
 pub use error::{Error, Failure, ParamError};
 pub use integrator::{Integrator, Progress, Stats};
 pub use methods::{Dop853, Dopri5, Estimate, Method, Rk4, Tableau, Tsit5};
