@@ -5,7 +5,7 @@
 //! may differ in the last digits. The module deliberately does not know
 //! the trait [`Real`](crate::Real), which is built on it.
 
-mod trig;
+pub(crate) mod trig;
 
 pub use trig::{cos, sin, sin_cos};
 

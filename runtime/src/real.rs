@@ -9,7 +9,9 @@ use crate::math;
 
 /// A real number, or several of them side by side (SIMD lanes) which are computed alike.
 ///
-/// Implemented for `f64` and `f32` by the functions of [`math`] and [`math::single`].
+/// Implemented for `f64` and `f32` by the functions of [`math`] and [`math::single`], for
+/// [`DoubleDouble`](crate::DoubleDouble), for [`Dual`](crate::Dual) of any of them, and for `F64x4` and `F64x8`
+/// with the feature `lanes`.
 pub trait Real:
     Copy
     + Default
