@@ -1,8 +1,13 @@
 //! Elementary functions of `f64`, and of `f32` in [`single`], from `std` or from the crate `libm`.
 //!
-//! Generated code and hamel's interpreter call these same functions, so that their results agree bit for
-//! bit. Results of the two sources may differ in the last digits. The module deliberately does not know
+//! Sine and cosine of `f64` are the crate's own, free of branches and of calls. Generated code and hamel's
+//! interpreter call these same functions, so that their results agree bit for bit. Results of the two sources
+//! may differ in the last digits. The module deliberately does not know
 //! the trait [`Real`](crate::Real), which is built on it.
+
+pub(crate) mod trig;
+
+pub use trig::{cos, sin, sin_cos};
 
 macro_rules! unary {
     ($float:ty; $($(#[$attribute:meta])* $name:ident = $std:ident | $libm:path;)*) => {$(
@@ -51,10 +56,6 @@ macro_rules! binary {
 unary! { f64;
     /// Square root; NaN below zero.
     sqrt = sqrt | libm::sqrt;
-    /// Sine of an angle in radians.
-    sin = sin | libm::sin;
-    /// Cosine of an angle in radians.
-    cos = cos | libm::cos;
     /// Tangent of an angle in radians.
     tan = tan | libm::tan;
     /// Arc sine in radians; NaN outside `[-1, 1]`.
@@ -84,6 +85,10 @@ binary! { f64;
     pow(x, y) = powf | libm::pow;
 }
 
+/// Whether [`mul_add`] rounds once.
+pub(crate) const FUSED: bool =
+    cfg!(all(feature = "std", any(target_feature = "fma", target_arch = "aarch64")));
+
 macro_rules! fused {
     ($float:ty) => {
         /// `x * y + z`: one instruction that rounds once where the target has it, else two that round twice.
@@ -105,13 +110,6 @@ macro_rules! fused {
 }
 
 fused! { f64 }
-
-/// Sine and cosine of one angle in radians, equal to [`sin`] and [`cos`] bit for bit.
-#[inline]
-#[must_use]
-pub fn sin_cos(x: f64) -> (f64, f64) {
-    (sin(x), cos(x))
-}
 
 /// The same functions in single precision.
 pub mod single {

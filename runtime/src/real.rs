@@ -9,7 +9,9 @@ use crate::math;
 
 /// A real number, or several of them side by side (SIMD lanes) which are computed alike.
 ///
-/// Implemented for `f64` and `f32` by the functions of [`math`] and [`math::single`].
+/// Implemented for `f64` and `f32` by the functions of [`math`] and [`math::single`], for
+/// [`DoubleDouble`](crate::DoubleDouble), for [`Dual`](crate::Dual) of any of them, and for `F64x4` and `F64x8`
+/// with the feature `lanes`.
 pub trait Real:
     Copy
     + Default
@@ -99,6 +101,25 @@ pub trait Real:
     /// The largest absolute value of a lane, for error control and messages; NaN if a lane is NaN.
     fn magnitude(self) -> f64;
 }
+
+/// `x += y` and the like from `x + y`, for a type with its generics before it.
+macro_rules! assign_operators {
+    ($generics:tt $type:ty) => {
+        crate::real::assign_operators! { AddAssign add_assign + $generics $type }
+        crate::real::assign_operators! { SubAssign sub_assign - $generics $type }
+        crate::real::assign_operators! { MulAssign mul_assign * $generics $type }
+        crate::real::assign_operators! { DivAssign div_assign / $generics $type }
+    };
+    ($trait:ident $method:ident $operator:tt [$($generics:tt)*] $type:ty) => {
+        impl $($generics)* core::ops::$trait for $type {
+            #[inline]
+            fn $method(&mut self, other: Self) {
+                *self = *self $operator other;
+            }
+        }
+    };
+}
+pub(crate) use assign_operators;
 
 macro_rules! real {
     ($float:ident, $functions:path, from_f64($x:ident) = $from_f64:expr, ratio($p:ident, $q:ident) = $ratio:expr) => {
