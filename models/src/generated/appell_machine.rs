@@ -245,14 +245,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 10 multiplications, 1 division, 2 sign changes.
+    /// 3 additions, 10 multiplications (3 fused), 1 division, 2 sign changes.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 6], dy: &mut [R; 6]) {
         let [_, _, _, x_dot, y_dot, z_dot] = *y;
         let _ = t;
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let S_1_1 = self.c0 * (z_dot * z_dot)
-            + self.c1 * (x_dot * x_dot + y_dot * y_dot);
+        let S_1_1 = self
+            .c1
+            .mul_add(y_dot.mul_add(y_dot, x_dot * x_dot), self.c0 * (z_dot * z_dot));
         let t0 = z_dot / S_1_1;
         let t1 = self.c2 * t0;
         *dy = [
@@ -261,7 +262,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             z_dot,
             -(x_dot * t1),
             -(y_dot * t1),
-            self.c3 * (z_dot * t0) - self.g,
+            self.c3.mul_add(z_dot * t0, -self.g),
         ];
     }
 
@@ -273,20 +274,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 5 multiplications.
+    /// 3 additions, 5 multiplications (3 fused).
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 6]) -> R {
         let [_, _, z, x_dot, y_dot, z_dot] = *y;
         let _ = t;
-        self.c4 * z + self.c5 * (x_dot * x_dot + y_dot * y_dot + z_dot * z_dot)
+        self.c5
+            .mul_add(
+                z_dot.mul_add(z_dot, y_dot.mul_add(y_dot, x_dot * x_dot)),
+                self.c4 * z,
+            )
     }
 
     /// Rate of energy dE/dt along the motion.
     ///
     /// # Operations
     ///
-    /// 3 additions, 8 multiplications, 1 division.
+    /// 3 additions, 8 multiplications (3 fused), 1 division.
     #[inline]
     #[must_use]
     pub fn energy_rate(&self, t: R, y: &[R; 6]) -> R {
@@ -295,10 +300,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
         let [t0, t1, S_1_1] = {
             let t0 = z_dot * z_dot;
-            let t1 = x_dot * x_dot + y_dot * y_dot;
-            [t0, t1, self.c0 * t0 + self.c1 * t1]
+            let t1 = y_dot.mul_add(y_dot, x_dot * x_dot);
+            [t0, t1, t1.mul_add(self.c1, self.c0 * t0)]
         };
-        self.c7 * (z_dot * (t0 - self.c6 * t1)) / S_1_1
+        self.c7 * (z_dot * (-t1).mul_add(self.c6, t0)) / S_1_1
     }
 
     /// Momenta p = dL/dy.
@@ -330,15 +335,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 6 multiplications, 1 division.
+    /// 2 additions, 6 multiplications (2 fused), 1 division.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 6]) -> [R; 1] {
         let [_, _, _, x_dot, y_dot, z_dot] = *y;
         let _ = t;
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let S_1_1 = self.c0 * (z_dot * z_dot)
-            + self.c1 * (x_dot * x_dot + y_dot * y_dot);
+        let S_1_1 = self
+            .c1
+            .mul_add(y_dot.mul_add(y_dot, x_dot * x_dot), self.c0 * (z_dot * z_dot));
         [self.c8 * z_dot / S_1_1]
     }
 
@@ -352,13 +358,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 4 multiplications.
+    /// 2 additions, 4 multiplications (2 fused).
     #[inline]
     #[must_use]
     pub fn constraint(&self, t: R, y: &[R; 6]) -> [R; 1] {
         let [_, _, _, x_dot, y_dot, z_dot] = *y;
         let _ = t;
-        [z_dot * z_dot - self.c6 * (x_dot * x_dot + y_dot * y_dot)]
+        [(-self.c6).mul_add(y_dot.mul_add(y_dot, x_dot * x_dot), z_dot * z_dot)]
     }
 
     /// Says which pivot vanishes at a point.
@@ -369,11 +375,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 5 multiplications.
+    /// 2 additions, 5 multiplications (2 fused).
     pub fn check(&self, t: R, y: &[R; 6]) -> Result<(), ::hamel_runtime::Failure> {
         let [_, _, _, x_dot, y_dot, z_dot] = *y;
         let (value, pivot) = (
-            self.c0 * (z_dot * z_dot) + self.c1 * (x_dot * x_dot + y_dot * y_dot),
+            self
+                .c1
+                .mul_add(y_dot.mul_add(y_dot, x_dot * x_dot), self.c0 * (z_dot * z_dot)),
             "response to constraint z_dot^2 = k^2*(x_dot^2 + y_dot^2)",
         );
         if !value.all_ne(R::ZERO) {

@@ -153,22 +153,24 @@ impl<R: ::hamel_runtime::Real> State<R> {
 pub struct Prepared<R = f64> {
     /// Parameter `k2`.
     k2: R,
-    /// `k2 * Omega / (r * r * (1 + k2 / (r * r)))`
+    /// `-(k2 * Omega / (r * r * (1 + k2 / (r * r))))`
     c0: R,
-    /// `0.5 * k2`
+    /// `k2 * Omega / (r * r * (1 + k2 / (r * r)))`
     c1: R,
-    /// `0.5 * (1 + k2 / (r * r))`
-    c2: R,
     /// `0.5 * Omega`
+    c2: R,
+    /// `0.5 * k2`
     c3: R,
-    /// `k2 * Omega / (r * r)`
+    /// `0.5 * (1 + k2 / (r * r))`
     c4: R,
-    /// `k2 * Omega * (Omega / r - k2 * Omega / (r * r * r * (1 + k2 / (r * r)))) / r`
+    /// `k2 * Omega / (r * r)`
     c5: R,
-    /// `k2 * Omega / r`
+    /// `k2 * Omega * (Omega / r - k2 * Omega / (r * r * r * (1 + k2 / (r * r)))) / r`
     c6: R,
-    /// `k2 / r`
+    /// `k2 * Omega / r`
     c7: R,
+    /// `k2 / r`
+    c8: R,
     /// `1 + k2 / (r * r)`
     A_x_dot_x_dot: R,
 }
@@ -183,7 +185,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 9 multiplications, 8 divisions.
+    /// 2 additions, 9 multiplications, 8 divisions, 1 sign change.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { r, k2, Omega } = *params;
         for (value, condition, meaning) in [
@@ -201,6 +203,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t0 = r * r;
         let A_x_dot_x_dot = R::ONE + k2 / t0;
         let t1 = k2 * Omega;
+        let t2 = t1 / (t0 * A_x_dot_x_dot);
         if !r.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "r > 0",
@@ -227,14 +230,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(Self {
             k2,
-            c0: t1 / (t0 * A_x_dot_x_dot),
-            c1: R::from_f64(0.5) * k2,
-            c2: R::from_f64(0.5) * A_x_dot_x_dot,
-            c3: R::from_f64(0.5) * Omega,
-            c4: t1 / t0,
-            c5: t1 * (Omega / r - t1 / (t0 * r * A_x_dot_x_dot)) / r,
-            c6: t1 / r,
-            c7: k2 / r,
+            c0: -t2,
+            c1: t2,
+            c2: R::from_f64(0.5) * Omega,
+            c3: R::from_f64(0.5) * k2,
+            c4: R::from_f64(0.5) * A_x_dot_x_dot,
+            c5: t1 / t0,
+            c6: t1 * (Omega / r - t1 / (t0 * r * A_x_dot_x_dot)) / r,
+            c7: t1 / r,
+            c8: k2 / r,
             A_x_dot_x_dot,
         })
     }
@@ -255,12 +259,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 multiplications, 1 sign change.
+    /// 2 multiplications.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 5], dy: &mut [R; 5]) {
         let [_, _, x_dot, y_dot, _] = *y;
         let _ = t;
-        *dy = [x_dot, y_dot, -(self.c0 * y_dot), self.c0 * x_dot, R::ZERO];
+        *dy = [x_dot, y_dot, self.c0 * y_dot, self.c1 * x_dot, R::ZERO];
     }
 
     /// Energy.
@@ -271,27 +275,39 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 6 additions, 10 multiplications.
+    /// 6 additions, 10 multiplications (6 fused).
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 5]) -> R {
         let [x, y, x_dot, y_dot, omega_z] = *y;
         let _ = t;
-        self.c1 * (omega_z * omega_z) + self.c2 * (x_dot * x_dot + y_dot * y_dot)
-            - self.c4 * (x * (y_dot - self.c3 * x) - y * (x_dot + self.c3 * y))
+        (-self.c5)
+            .mul_add(
+                (-y)
+                    .mul_add(
+                        y.mul_add(self.c2, x_dot),
+                        x * (-x).mul_add(self.c2, y_dot),
+                    ),
+                self
+                    .c4
+                    .mul_add(
+                        y_dot.mul_add(y_dot, x_dot * x_dot),
+                        self.c3 * (omega_z * omega_z),
+                    ),
+            )
     }
 
     /// Rate of energy dE/dt along the motion.
     ///
     /// # Operations
     ///
-    /// 1 addition, 3 multiplications.
+    /// 1 addition, 3 multiplications (1 fused).
     #[inline]
     #[must_use]
     pub fn energy_rate(&self, t: R, y: &[R; 5]) -> R {
         let [x, y, x_dot, y_dot, _] = *y;
         let _ = t;
-        self.c5 * (x * x_dot + y * y_dot)
+        self.c6 * y.mul_add(y_dot, x * x_dot)
     }
 
     /// Momenta p = dL/dy.
@@ -304,7 +320,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 5 multiplications.
+    /// 2 additions, 5 multiplications (2 fused).
     #[inline]
     #[must_use]
     pub fn momentum(&self, t: R, y: &[R; 5]) -> [R; 5] {
@@ -313,8 +329,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         [
             x_dot,
             y_dot,
-            self.c6 * x - self.c7 * y_dot,
-            self.c6 * y + self.c7 * x_dot,
+            (-y_dot).mul_add(self.c8, self.c7 * x),
+            x_dot.mul_add(self.c8, self.c7 * y),
             self.k2 * omega_z,
         ]
     }
@@ -329,13 +345,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 multiplications, 1 sign change.
+    /// 2 multiplications.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 5]) -> [R; 2] {
         let [_, _, x_dot, y_dot, _] = *y;
         let _ = t;
-        [-(self.c0 * y_dot), self.c0 * x_dot]
+        [self.c0 * y_dot, self.c1 * x_dot]
     }
 
     /// Momenta \<p, W_b\> along the sections of virtual displacements.
@@ -348,15 +364,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 5 multiplications.
+    /// 2 additions, 5 multiplications (2 fused).
     #[inline]
     #[must_use]
     pub fn nonholonomic_momentum(&self, t: R, y: &[R; 5]) -> [R; 3] {
         let [x, y, x_dot, y_dot, omega_z] = *y;
         let _ = t;
         [
-            self.c4 * y + self.A_x_dot_x_dot * x_dot,
-            self.A_x_dot_x_dot * y_dot - self.c4 * x,
+            x_dot.mul_add(self.A_x_dot_x_dot, self.c5 * y),
+            (-x).mul_add(self.c5, self.A_x_dot_x_dot * y_dot),
             self.k2 * omega_z,
         ]
     }

@@ -179,24 +179,26 @@ pub struct Prepared<R = f64> {
     k2: R,
     /// Parameter `Omega`.
     Omega: R,
-    /// `k2 * Omega / (r * r * (1 + k2 / (r * r)))`
+    /// `-(k2 * Omega / (r * r * (1 + k2 / (r * r))))`
     c0: R,
-    /// `0.5 / r`
+    /// `k2 * Omega / (r * r * (1 + k2 / (r * r)))`
     c1: R,
-    /// `0.5 * k2`
+    /// `0.5 / r`
     c2: R,
-    /// `0.5 * (1 + k2 / (r * r))`
-    c3: R,
     /// `0.5 * Omega`
+    c3: R,
+    /// `0.5 * k2`
     c4: R,
-    /// `k2 * Omega / (r * r)`
+    /// `0.5 * (1 + k2 / (r * r))`
     c5: R,
-    /// `k2 * Omega * (Omega / r - k2 * Omega / (r * r * r * (1 + k2 / (r * r)))) / r`
+    /// `k2 * Omega / (r * r)`
     c6: R,
-    /// `k2 * Omega / r`
+    /// `k2 * Omega * (Omega / r - k2 * Omega / (r * r * r * (1 + k2 / (r * r)))) / r`
     c7: R,
-    /// `k2 / r`
+    /// `k2 * Omega / r`
     c8: R,
+    /// `k2 / r`
+    c9: R,
     /// `1 + k2 / (r * r)`
     A_x_dot_x_dot: R,
 }
@@ -211,7 +213,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 9 multiplications, 9 divisions.
+    /// 2 additions, 9 multiplications, 9 divisions, 1 sign change.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { r, k2, Omega } = *params;
         for (value, condition, meaning) in [
@@ -229,6 +231,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t0 = r * r;
         let A_x_dot_x_dot = R::ONE + k2 / t0;
         let t1 = k2 * Omega;
+        let t2 = t1 / (t0 * A_x_dot_x_dot);
         if !r.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "r > 0",
@@ -256,15 +259,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Ok(Self {
             k2,
             Omega,
-            c0: t1 / (t0 * A_x_dot_x_dot),
-            c1: R::from_f64(0.5) / r,
-            c2: R::from_f64(0.5) * k2,
-            c3: R::from_f64(0.5) * A_x_dot_x_dot,
-            c4: R::from_f64(0.5) * Omega,
-            c5: t1 / t0,
-            c6: t1 * (Omega / r - t1 / (t0 * r * A_x_dot_x_dot)) / r,
-            c7: t1 / r,
-            c8: k2 / r,
+            c0: -t2,
+            c1: t2,
+            c2: R::from_f64(0.5) / r,
+            c3: R::from_f64(0.5) * Omega,
+            c4: R::from_f64(0.5) * k2,
+            c5: R::from_f64(0.5) * A_x_dot_x_dot,
+            c6: t1 / t0,
+            c7: t1 * (Omega / r - t1 / (t0 * r * A_x_dot_x_dot)) / r,
+            c8: t1 / r,
+            c9: k2 / r,
             A_x_dot_x_dot,
         })
     }
@@ -285,24 +289,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 10 additions, 19 multiplications, 1 sign change.
+    /// 10 additions, 19 multiplications (10 fused).
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 9], dy: &mut [R; 9]) {
         let [x, y, x_dot, y_dot, omega_z, qw, qx, qy, qz] = *y;
         let _ = t;
-        let t0 = self.c1 * (y_dot - self.Omega * x);
+        let t0 = self.c2 * (-x).mul_add(self.Omega, y_dot);
         let t1 = R::from_f64(0.5) * omega_z;
-        let t2 = self.c1 * (x_dot + self.Omega * y);
+        let t2 = self.c2 * y.mul_add(self.Omega, x_dot);
         *dy = [
             x_dot,
             y_dot,
-            -(self.c0 * y_dot),
-            self.c0 * x_dot,
+            self.c0 * y_dot,
+            self.c1 * x_dot,
             R::ZERO,
-            qx * t0 - qz * t1 - qy * t2,
-            qz * t2 - qy * t1 - qw * t0,
-            qz * t0 + qx * t1 + qw * t2,
-            qw * t1 - qx * t2 - qy * t0,
+            (-qy).mul_add(t2, qx.mul_add(t0, -(qz * t1))),
+            (-qw).mul_add(t0, qz.mul_add(t2, -(qy * t1))),
+            qw.mul_add(t2, qz.mul_add(t0, qx * t1)),
+            (-qy).mul_add(t0, (-qx).mul_add(t2, qw * t1)),
         ];
     }
 
@@ -314,27 +318,39 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 6 additions, 10 multiplications.
+    /// 6 additions, 10 multiplications (6 fused).
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 9]) -> R {
         let [x, y, x_dot, y_dot, omega_z, _, _, _, _] = *y;
         let _ = t;
-        self.c2 * (omega_z * omega_z) + self.c3 * (x_dot * x_dot + y_dot * y_dot)
-            - self.c5 * (x * (y_dot - self.c4 * x) - y * (x_dot + self.c4 * y))
+        (-self.c6)
+            .mul_add(
+                (-y)
+                    .mul_add(
+                        y.mul_add(self.c3, x_dot),
+                        x * (-x).mul_add(self.c3, y_dot),
+                    ),
+                self
+                    .c5
+                    .mul_add(
+                        y_dot.mul_add(y_dot, x_dot * x_dot),
+                        self.c4 * (omega_z * omega_z),
+                    ),
+            )
     }
 
     /// Rate of energy dE/dt along the motion.
     ///
     /// # Operations
     ///
-    /// 1 addition, 3 multiplications.
+    /// 1 addition, 3 multiplications (1 fused).
     #[inline]
     #[must_use]
     pub fn energy_rate(&self, t: R, y: &[R; 9]) -> R {
         let [x, y, x_dot, y_dot, _, _, _, _, _] = *y;
         let _ = t;
-        self.c6 * (x * x_dot + y * y_dot)
+        self.c7 * y.mul_add(y_dot, x * x_dot)
     }
 
     /// Momenta p = dL/dy.
@@ -347,7 +363,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 5 multiplications.
+    /// 2 additions, 5 multiplications (2 fused).
     #[inline]
     #[must_use]
     pub fn momentum(&self, t: R, y: &[R; 9]) -> [R; 5] {
@@ -356,8 +372,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         [
             x_dot,
             y_dot,
-            self.c7 * x - self.c8 * y_dot,
-            self.c7 * y + self.c8 * x_dot,
+            (-y_dot).mul_add(self.c9, self.c8 * x),
+            x_dot.mul_add(self.c9, self.c8 * y),
             self.k2 * omega_z,
         ]
     }
@@ -372,13 +388,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 multiplications, 1 sign change.
+    /// 2 multiplications.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 9]) -> [R; 2] {
         let [_, _, x_dot, y_dot, _, _, _, _, _] = *y;
         let _ = t;
-        [-(self.c0 * y_dot), self.c0 * x_dot]
+        [self.c0 * y_dot, self.c1 * x_dot]
     }
 
     /// Momenta \<p, W_b\> along the sections of virtual displacements.
@@ -391,15 +407,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 5 multiplications.
+    /// 2 additions, 5 multiplications (2 fused).
     #[inline]
     #[must_use]
     pub fn nonholonomic_momentum(&self, t: R, y: &[R; 9]) -> [R; 3] {
         let [x, y, x_dot, y_dot, omega_z, _, _, _, _] = *y;
         let _ = t;
         [
-            self.c5 * y + self.A_x_dot_x_dot * x_dot,
-            self.A_x_dot_x_dot * y_dot - self.c5 * x,
+            x_dot.mul_add(self.A_x_dot_x_dot, self.c6 * y),
+            (-x).mul_add(self.c6, self.A_x_dot_x_dot * y_dot),
             self.k2 * omega_z,
         ]
     }

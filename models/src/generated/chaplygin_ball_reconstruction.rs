@@ -500,98 +500,100 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 63 additions, 102 multiplications, 3 divisions, 5 sign changes.
+    /// 63 additions, 105 multiplications (63 fused), 3 divisions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 13], dy: &mut [R; 13]) {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3, qw, qx, qy, qz, _, _, _] = *y;
         let _ = t;
         /// velocities y = Psi u + psi0
         let [t0, t1, X1, t2, X2, X3] = {
-            let t0 = self.c0 + self.r * Gamma3;
-            let t1 = self.c1 + self.r * Gamma2;
-            let t2 = self.c2 + self.r * Gamma1;
+            let t0 = Gamma3.mul_add(self.r, self.c0);
+            let t1 = Gamma2.mul_add(self.r, self.c1);
+            let t2 = Gamma1.mul_add(self.r, self.c2);
             [
                 t0,
                 t1,
-                Omega2 * t0 - Omega3 * t1,
+                (-Omega3).mul_add(t1, Omega2 * t0),
                 t2,
-                Omega3 * t2 - Omega1 * t0,
-                Omega1 * t1 - Omega2 * t2,
+                (-Omega1).mul_add(t0, Omega3 * t2),
+                (-Omega2).mul_add(t2, Omega1 * t1),
             ]
         };
         /// kinematics xdot = rho y
         let [dot_Gamma1, dot_Gamma2, dot_Gamma3] = [
-            Omega3 * Gamma2 - Omega2 * Gamma3,
-            Omega1 * Gamma3 - Omega3 * Gamma1,
-            Omega2 * Gamma1 - Omega1 * Gamma2,
+            (-Omega2).mul_add(Gamma3, Omega3 * Gamma2),
+            (-Omega3).mul_add(Gamma1, Omega1 * Gamma3),
+            (-Omega1).mul_add(Gamma2, Omega2 * Gamma1),
         ];
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
         let [r_Omega1, r_Omega2, r_Omega3] = [
-            self.c3 * Gamma2 - self.c4 * Gamma3 + self.c5 * (Omega2 * Omega3),
-            self.c6 * Gamma3 - self.c3 * Gamma1 - self.c7 * (Omega1 * Omega3),
-            self.c4 * Gamma1 - self.c6 * Gamma2 + self.c8 * (Omega1 * Omega2),
+            self
+                .c5
+                .mul_add(Omega2 * Omega3, (-Gamma3).mul_add(self.c4, self.c3 * Gamma2)),
+            (-self.c7)
+                .mul_add(Omega1 * Omega3, (-Gamma1).mul_add(self.c3, self.c6 * Gamma3)),
+            self
+                .c8
+                .mul_add(Omega1 * Omega2, (-Gamma2).mul_add(self.c6, self.c4 * Gamma1)),
         ];
         /// mass matrix A = W^T L_yy Psi
-        let [A_Omega1_Omega1, A_Omega1_Omega2, A_Omega1_Omega3, A_Omega2_Omega2,
-        A_Omega2_Omega3, A_Omega3_Omega3] = {
+        let [t3, A_Omega1_Omega1, t5, t6, A_Omega2_Omega2, A_Omega3_Omega3] = {
             let t3 = self.m * t0;
-            let t4 = t0 * t3;
-            let t5 = self.m * t1;
-            let t6 = t1 * t5;
-            let t7 = t2 * (self.m * t2);
+            let t4 = self.m * t1;
+            let t7 = self.m * t2;
             [
-                self.I1 + (t4 + t6),
-                -(t2 * t5),
-                -(t2 * t3),
-                self.I2 + (t4 + t7),
-                -(t1 * t3),
-                self.I3 + (t6 + t7),
+                t3,
+                t1.mul_add(t4, t0.mul_add(t3, self.I1)),
+                t2 * t4,
+                t2 * t3,
+                t2.mul_add(t7, t0.mul_add(t3, self.I2)),
+                t2.mul_add(t7, t1.mul_add(t4, self.I3)),
             ]
         };
         /// right side f = W^T (r - L_yy lag)
         let [f_Omega1, f_Omega2, f_Omega3] = {
-            let t8 = self.c9 * Omega2 - self.c10 * Omega1;
-            let t9 = self.c9 * Omega3 - self.c11 * Omega1;
-            let n_X1 = Omega2 * t8 + Omega3 * t9;
-            let t10 = self.c11 * Omega2 - self.c10 * Omega3;
-            let n_X2 = -(Omega3 * t10 + Omega1 * t8);
-            let n_X3 = Omega2 * t10 - Omega1 * t9;
+            let t8 = (-Omega1).mul_add(self.c10, self.c9 * Omega2);
+            let t9 = (-Omega1).mul_add(self.c11, self.c9 * Omega3);
+            let n_X1 = Omega3.mul_add(t9, Omega2 * t8);
+            let t10 = (-Omega3).mul_add(self.c10, self.c11 * Omega2);
+            let n_X2 = (-Omega1).mul_add(t8, -(Omega3 * t10));
+            let n_X3 = (-Omega1).mul_add(t9, Omega2 * t10);
             [
-                r_Omega1 + t1 * n_X3 - t0 * n_X2,
-                r_Omega2 + t0 * n_X1 - t2 * n_X3,
-                r_Omega3 + t2 * n_X2 - t1 * n_X1,
+                (-t0).mul_add(n_X2, t1.mul_add(n_X3, r_Omega1)),
+                (-t2).mul_add(n_X3, t0.mul_add(n_X1, r_Omega2)),
+                (-t1).mul_add(n_X1, t2.mul_add(n_X2, r_Omega3)),
             ]
         };
         /// factors of A
-        let [t11, A_l2_1, A_l3_1, t12, A_l3_2, A_s2_3_3] = {
+        let [t11, t12, t13, t14, A_l3_2, A_s2_3_3] = {
             let t11 = A_Omega1_Omega1.recip();
-            let A_l2_1 = A_Omega1_Omega2 * t11;
-            let A_l3_1 = A_Omega1_Omega3 * t11;
-            let A_s1_2_2 = A_Omega2_Omega2 - A_Omega1_Omega2 * A_l2_1;
-            let A_s1_2_3 = A_Omega2_Omega3 - A_Omega1_Omega3 * A_l2_1;
-            let A_s1_3_3 = A_Omega3_Omega3 - A_Omega1_Omega3 * A_l3_1;
-            let t12 = A_s1_2_2.recip();
-            let A_l3_2 = A_s1_2_3 * t12;
-            [t11, A_l2_1, A_l3_1, t12, A_l3_2, A_s1_3_3 - A_s1_2_3 * A_l3_2]
+            let t12 = t5 * t11;
+            let t13 = t6 * t11;
+            let A_s1_2_2 = (-t5).mul_add(t12, A_Omega2_Omega2);
+            let A_s1_2_3 = (-t6).mul_add(t12, -(t1 * t3));
+            let A_s1_3_3 = (-t6).mul_add(t13, A_Omega3_Omega3);
+            let t14 = A_s1_2_2.recip();
+            let A_l3_2 = A_s1_2_3 * t14;
+            [t11, t12, t13, t14, A_l3_2, (-A_s1_2_3).mul_add(A_l3_2, A_s1_3_3)]
         };
         /// substitution through the factors of A
         let [dot_Omega3, dot_Omega2, dot_Omega1] = {
-            let z_Omega2 = f_Omega2 - f_Omega1 * A_l2_1;
-            let z_Omega3 = f_Omega3 - f_Omega1 * A_l3_1 - A_l3_2 * z_Omega2;
+            let z_Omega2 = f_Omega1.mul_add(t12, f_Omega2);
+            let z_Omega3 = (-A_l3_2).mul_add(z_Omega2, f_Omega1.mul_add(t13, f_Omega3));
             let dot_Omega3 = z_Omega3 / A_s2_3_3;
-            let dot_Omega2 = z_Omega2 * t12 - A_l3_2 * dot_Omega3;
+            let dot_Omega2 = (-A_l3_2).mul_add(dot_Omega3, z_Omega2 * t14);
             [
                 dot_Omega3,
                 dot_Omega2,
-                f_Omega1 * t11 - A_l2_1 * dot_Omega2 - A_l3_1 * dot_Omega3,
+                t12.mul_add(dot_Omega2, t13.mul_add(dot_Omega3, f_Omega1 * t11)),
             ]
         };
-        let t13 = R::from_f64(0.5) * Omega1;
-        let t14 = R::from_f64(0.5) * Omega2;
-        let t15 = R::from_f64(0.5) * Omega3;
-        let t16 = R::from_f64(2.0) * (qx * X2 - qy * X1);
-        let t17 = R::from_f64(2.0) * (qy * X3 - qz * X2);
-        let t18 = R::from_f64(2.0) * (qz * X1 - qx * X3);
+        let t15 = R::from_f64(0.5) * Omega1;
+        let t16 = R::from_f64(0.5) * Omega2;
+        let t17 = R::from_f64(0.5) * Omega3;
+        let t18 = R::from_f64(2.0) * (-qy).mul_add(X1, qx * X2);
+        let t19 = R::from_f64(2.0) * (-qz).mul_add(X2, qy * X3);
+        let t20 = R::from_f64(2.0) * (-qx).mul_add(X3, qz * X1);
         *dy = [
             dot_Omega1,
             dot_Omega2,
@@ -599,13 +601,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             dot_Gamma1,
             dot_Gamma2,
             dot_Gamma3,
-            -(qx * t13 + qy * t14 + qz * t15),
-            qy * t15 + qw * t13 - qz * t14,
-            qz * t13 + qw * t14 - qx * t15,
-            qx * t14 + qw * t15 - qy * t13,
-            X1 + qy * t16 + qw * t17 - qz * t18,
-            X2 + qz * t17 + qw * t18 - qx * t16,
-            X3 + qx * t18 + qw * t16 - qy * t17,
+            (-qz).mul_add(t17, (-qy).mul_add(t16, -(qx * t15))),
+            (-qz).mul_add(t16, qw.mul_add(t15, qy * t17)),
+            (-qx).mul_add(t17, qw.mul_add(t16, qz * t15)),
+            (-qy).mul_add(t15, qw.mul_add(t17, qx * t16)),
+            (-qz).mul_add(t20, qw.mul_add(t19, qy.mul_add(t18, X1))),
+            (-qx).mul_add(t18, qw.mul_add(t20, qz.mul_add(t19, X2))),
+            (-qy).mul_add(t19, qw.mul_add(t18, qx.mul_add(t20, X3))),
         ];
     }
 
@@ -617,7 +619,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 14 additions, 22 multiplications.
+    /// 14 additions, 22 multiplications (14 fused).
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 13]) -> R {
@@ -625,18 +627,33 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         /// velocities y = Psi u + psi0
         let [X1, X2, X3] = {
-            let t0 = self.c0 + self.r * Gamma3;
-            let t1 = self.c1 + self.r * Gamma2;
-            let t2 = self.c2 + self.r * Gamma1;
+            let t0 = Gamma3.mul_add(self.r, self.c0);
+            let t1 = Gamma2.mul_add(self.r, self.c1);
+            let t2 = Gamma1.mul_add(self.r, self.c2);
             [
-                Omega2 * t0 - Omega3 * t1,
-                Omega3 * t2 - Omega1 * t0,
-                Omega1 * t1 - Omega2 * t2,
+                (-Omega3).mul_add(t1, Omega2 * t0),
+                (-Omega1).mul_add(t0, Omega3 * t2),
+                (-Omega2).mul_add(t2, Omega1 * t1),
             ]
         };
-        self.c12 * (Omega1 * Omega1) + self.c13 * (Omega2 * Omega2)
-            + self.c14 * (Omega3 * Omega3) + self.c4 * Gamma2 + self.c3 * Gamma3
-            + self.c6 * Gamma1 + self.c15 * (X1 * X1 + X2 * X2 + X3 * X3)
+        let t3 = self
+            .c14
+            .mul_add(
+                Omega3 * Omega3,
+                self
+                    .c13
+                    .mul_add(
+                        Omega2 * Omega2,
+                        self
+                            .c12
+                            .mul_add(
+                                Omega1 * Omega1,
+                                Gamma1
+                                    .mul_add(self.c6, Gamma3.mul_add(self.c3, self.c4 * Gamma2)),
+                            ),
+                    ),
+            );
+        self.c15.mul_add(X3.mul_add(X3, X2.mul_add(X2, X1 * X1)), t3)
     }
 
     /// Momenta p = dL/dy.
@@ -649,7 +666,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 6 additions, 12 multiplications.
+    /// 6 additions, 12 multiplications (3 fused).
     #[inline]
     #[must_use]
     pub fn momentum(&self, t: R, y: &[R; 13]) -> [R; 6] {
@@ -665,9 +682,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             self.I1 * Omega1,
             self.I2 * Omega2,
             self.I3 * Omega3,
-            t0 * t1 - t2 * t3,
-            t3 * t4 - t0 * t5,
-            t2 * t5 - t1 * t4,
+            (-t2).mul_add(t3, t0 * t1),
+            (-t0).mul_add(t5, t3 * t4),
+            (-t1).mul_add(t4, t2 * t5),
         ]
     }
 
@@ -681,7 +698,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 52 additions, 80 multiplications, 3 divisions, 4 sign changes.
+    /// 52 additions, 83 multiplications (52 fused), 3 divisions.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 13]) -> [R; 3] {
@@ -689,99 +706,110 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         /// kinematics xdot = rho y
         let [dot_Gamma1, dot_Gamma2, dot_Gamma3] = [
-            Omega3 * Gamma2 - Omega2 * Gamma3,
-            Omega1 * Gamma3 - Omega3 * Gamma1,
-            Omega2 * Gamma1 - Omega1 * Gamma2,
+            (-Omega2).mul_add(Gamma3, Omega3 * Gamma2),
+            (-Omega3).mul_add(Gamma1, Omega1 * Gamma3),
+            (-Omega1).mul_add(Gamma2, Omega2 * Gamma1),
         ];
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
         let [r_Omega1, r_Omega2, r_Omega3, t0, t1, t2, t3, t5, t6, r_X1, r_X2, r_X3] = {
-            let t0 = self.c2 + self.r * Gamma1;
+            let t0 = Gamma1.mul_add(self.r, self.c2);
             let t1 = self.m * t0;
-            let t2 = self.c1 + self.r * Gamma2;
+            let t2 = Gamma2.mul_add(self.r, self.c1);
             let t3 = self.m * t2;
-            let t4 = Omega2 * t1 - Omega1 * t3;
-            let t5 = self.c0 + self.r * Gamma3;
+            let t4 = (-Omega1).mul_add(t3, Omega2 * t1);
+            let t5 = Gamma3.mul_add(self.r, self.c0);
             let t6 = self.m * t5;
-            let t7 = Omega3 * t1 - Omega1 * t6;
-            let t8 = Omega2 * t6 - Omega3 * t3;
+            let t7 = (-Omega1).mul_add(t6, Omega3 * t1);
+            let t8 = (-Omega3).mul_add(t3, Omega2 * t6);
             [
-                self.c3 * Gamma2 - self.c4 * Gamma3 + self.c5 * (Omega2 * Omega3),
-                self.c6 * Gamma3 - self.c3 * Gamma1 - self.c7 * (Omega1 * Omega3),
-                self.c4 * Gamma1 - self.c6 * Gamma2 + self.c8 * (Omega1 * Omega2),
+                self
+                    .c5
+                    .mul_add(
+                        Omega2 * Omega3,
+                        (-Gamma3).mul_add(self.c4, self.c3 * Gamma2),
+                    ),
+                (-self.c7)
+                    .mul_add(
+                        Omega1 * Omega3,
+                        (-Gamma1).mul_add(self.c3, self.c6 * Gamma3),
+                    ),
+                self
+                    .c8
+                    .mul_add(
+                        Omega1 * Omega2,
+                        (-Gamma2).mul_add(self.c6, self.c4 * Gamma1),
+                    ),
                 t0,
                 t1,
                 t2,
                 t3,
                 t5,
                 t6,
-                Omega2 * t4 + Omega3 * t7,
-                -(Omega3 * t8 + Omega1 * t4),
-                Omega2 * t8 - Omega1 * t7,
+                Omega3.mul_add(t7, Omega2 * t4),
+                (-Omega1).mul_add(t4, -(Omega3 * t8)),
+                (-Omega1).mul_add(t7, Omega2 * t8),
             ]
         };
         /// accelerations of the dependent velocities at udot = 0
         let [lag_X1, lag_X3] = {
             let t9 = self.r * Omega2;
             let t10 = self.r * dot_Gamma2;
-            [dot_Gamma3 * t9 - Omega3 * t10, Omega1 * t10 - dot_Gamma1 * t9]
-        };
-        /// mass matrix A = W^T L_yy Psi
-        let [A_Omega1_Omega1, A_Omega1_Omega2, A_Omega1_Omega3, A_Omega2_Omega2,
-        A_Omega2_Omega3, A_Omega3_Omega3] = {
-            let t11 = t5 * t6;
-            let t12 = t2 * t3;
-            let t13 = t0 * t1;
             [
-                self.I1 + (t11 + t12),
-                -(t0 * t3),
-                -(t1 * t5),
-                self.I2 + (t11 + t13),
-                -(t3 * t5),
-                self.I3 + (t12 + t13),
+                (-Omega3).mul_add(t10, dot_Gamma3 * t9),
+                Omega1.mul_add(t10, -(dot_Gamma1 * t9)),
             ]
         };
+        /// mass matrix A = W^T L_yy Psi
+        let [A_Omega1_Omega1, t11, t12, A_Omega2_Omega2, A_Omega3_Omega3] = [
+            t2.mul_add(t3, t5.mul_add(t6, self.I1)),
+            t0 * t3,
+            t1 * t5,
+            t0.mul_add(t1, t5.mul_add(t6, self.I2)),
+            t0.mul_add(t1, t2.mul_add(t3, self.I3)),
+        ];
         /// right side f = W^T (r - L_yy lag)
         let [n_X1, n_X2, n_X3, f_Omega1, f_Omega2, f_Omega3] = {
-            let n_X1 = r_X1 - self.m * lag_X1;
-            let n_X2 = r_X2 - self.c17 * (Omega3 * dot_Gamma1 - Omega1 * dot_Gamma3);
-            let n_X3 = r_X3 - self.m * lag_X3;
+            let n_X1 = (-lag_X1).mul_add(self.m, r_X1);
+            let n_X2 = (-self.c17)
+                .mul_add((-Omega1).mul_add(dot_Gamma3, Omega3 * dot_Gamma1), r_X2);
+            let n_X3 = (-lag_X3).mul_add(self.m, r_X3);
             [
                 n_X1,
                 n_X2,
                 n_X3,
-                r_Omega1 + t2 * n_X3 - t5 * n_X2,
-                r_Omega2 + t5 * n_X1 - t0 * n_X3,
-                r_Omega3 + t0 * n_X2 - t2 * n_X1,
+                (-t5).mul_add(n_X2, t2.mul_add(n_X3, r_Omega1)),
+                (-t0).mul_add(n_X3, t5.mul_add(n_X1, r_Omega2)),
+                (-t2).mul_add(n_X1, t0.mul_add(n_X2, r_Omega3)),
             ]
         };
         /// factors of A
-        let [t14, A_l2_1, A_l3_1, t15, A_l3_2, A_s2_3_3] = {
-            let t14 = A_Omega1_Omega1.recip();
-            let A_l2_1 = A_Omega1_Omega2 * t14;
-            let A_l3_1 = A_Omega1_Omega3 * t14;
-            let A_s1_2_2 = A_Omega2_Omega2 - A_Omega1_Omega2 * A_l2_1;
-            let A_s1_2_3 = A_Omega2_Omega3 - A_Omega1_Omega3 * A_l2_1;
-            let A_s1_3_3 = A_Omega3_Omega3 - A_Omega1_Omega3 * A_l3_1;
-            let t15 = A_s1_2_2.recip();
-            let A_l3_2 = A_s1_2_3 * t15;
-            [t14, A_l2_1, A_l3_1, t15, A_l3_2, A_s1_3_3 - A_s1_2_3 * A_l3_2]
+        let [t13, t14, t15, t16, A_l3_2, A_s2_3_3] = {
+            let t13 = A_Omega1_Omega1.recip();
+            let t14 = t11 * t13;
+            let t15 = t12 * t13;
+            let A_s1_2_2 = (-t11).mul_add(t14, A_Omega2_Omega2);
+            let A_s1_2_3 = (-t12).mul_add(t14, -(t3 * t5));
+            let A_s1_3_3 = (-t12).mul_add(t15, A_Omega3_Omega3);
+            let t16 = A_s1_2_2.recip();
+            let A_l3_2 = A_s1_2_3 * t16;
+            [t13, t14, t15, t16, A_l3_2, (-A_s1_2_3).mul_add(A_l3_2, A_s1_3_3)]
         };
         /// substitution through the factors of A
         let [dot_Omega3, dot_Omega2, dot_Omega1] = {
-            let z_Omega2 = f_Omega2 - f_Omega1 * A_l2_1;
-            let z_Omega3 = f_Omega3 - f_Omega1 * A_l3_1 - A_l3_2 * z_Omega2;
+            let z_Omega2 = f_Omega1.mul_add(t14, f_Omega2);
+            let z_Omega3 = (-A_l3_2).mul_add(z_Omega2, f_Omega1.mul_add(t15, f_Omega3));
             let dot_Omega3 = z_Omega3 / A_s2_3_3;
-            let dot_Omega2 = z_Omega2 * t15 - A_l3_2 * dot_Omega3;
+            let dot_Omega2 = (-A_l3_2).mul_add(dot_Omega3, z_Omega2 * t16);
             [
                 dot_Omega3,
                 dot_Omega2,
-                f_Omega1 * t14 - A_l2_1 * dot_Omega2 - A_l3_1 * dot_Omega3,
+                t14.mul_add(dot_Omega2, t15.mul_add(dot_Omega3, f_Omega1 * t13)),
             ]
         };
         [
-            t6 * dot_Omega2 - n_X1 - t3 * dot_Omega3,
-            t1 * dot_Omega3 - n_X2 - t6 * dot_Omega1,
-            t3 * dot_Omega1 - n_X3 - t1 * dot_Omega2,
+            t6.mul_add(dot_Omega2, (-t3).mul_add(dot_Omega3, -n_X1)),
+            (-t6).mul_add(dot_Omega1, t1.mul_add(dot_Omega3, -n_X2)),
+            t3.mul_add(dot_Omega1, (-t1).mul_add(dot_Omega2, -n_X3)),
         ]
     }
 
@@ -795,7 +823,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 12 additions, 21 multiplications.
+    /// 12 additions, 21 multiplications (12 fused).
     #[inline]
     #[must_use]
     pub fn nonholonomic_momentum(&self, t: R, y: &[R; 13]) -> [R; 3] {
@@ -803,25 +831,25 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         /// velocities y = Psi u + psi0
         let [t0, t1, X1, t2, X2, X3] = {
-            let t0 = self.c0 + self.r * Gamma3;
-            let t1 = self.c1 + self.r * Gamma2;
-            let t2 = self.c2 + self.r * Gamma1;
+            let t0 = Gamma3.mul_add(self.r, self.c0);
+            let t1 = Gamma2.mul_add(self.r, self.c1);
+            let t2 = Gamma1.mul_add(self.r, self.c2);
             [
                 t0,
                 t1,
-                Omega2 * t0 - Omega3 * t1,
+                (-Omega3).mul_add(t1, Omega2 * t0),
                 t2,
-                Omega3 * t2 - Omega1 * t0,
-                Omega1 * t1 - Omega2 * t2,
+                (-Omega1).mul_add(t0, Omega3 * t2),
+                (-Omega2).mul_add(t2, Omega1 * t1),
             ]
         };
         let t3 = self.m * t1;
         let t4 = self.m * t0;
         let t5 = self.m * t2;
         [
-            self.I1 * Omega1 + X3 * t3 - X2 * t4,
-            self.I2 * Omega2 + X1 * t4 - X3 * t5,
-            self.I3 * Omega3 + X2 * t5 - X1 * t3,
+            (-X2).mul_add(t4, X3.mul_add(t3, self.I1 * Omega1)),
+            (-X3).mul_add(t5, X1.mul_add(t4, self.I2 * Omega2)),
+            (-X1).mul_add(t3, X2.mul_add(t5, self.I3 * Omega3)),
         ]
     }
 
@@ -835,7 +863,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 30 additions, 51 multiplications.
+    /// 30 additions, 51 multiplications (30 fused).
     #[inline]
     #[must_use]
     pub fn momentum_equation(&self, t: R, y: &[R; 13]) -> [R; 3] {
@@ -843,23 +871,23 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         /// velocities y = Psi u + psi0
         let [t0, t1, X1, t2, X2, X3] = {
-            let t0 = self.c0 + self.r * Gamma3;
-            let t1 = self.c1 + self.r * Gamma2;
-            let t2 = self.c2 + self.r * Gamma1;
+            let t0 = Gamma3.mul_add(self.r, self.c0);
+            let t1 = Gamma2.mul_add(self.r, self.c1);
+            let t2 = Gamma1.mul_add(self.r, self.c2);
             [
                 t0,
                 t1,
-                Omega2 * t0 - Omega3 * t1,
+                (-Omega3).mul_add(t1, Omega2 * t0),
                 t2,
-                Omega3 * t2 - Omega1 * t0,
-                Omega1 * t1 - Omega2 * t2,
+                (-Omega1).mul_add(t0, Omega3 * t2),
+                (-Omega2).mul_add(t2, Omega1 * t1),
             ]
         };
         /// kinematics xdot = rho y
         let [dot_Gamma1, dot_Gamma2, dot_Gamma3] = [
-            Omega3 * Gamma2 - Omega2 * Gamma3,
-            Omega1 * Gamma3 - Omega3 * Gamma1,
-            Omega2 * Gamma1 - Omega1 * Gamma2,
+            (-Omega2).mul_add(Gamma3, Omega3 * Gamma2),
+            (-Omega3).mul_add(Gamma1, Omega1 * Gamma3),
+            (-Omega1).mul_add(Gamma2, Omega2 * Gamma1),
         ];
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
         let [r_Omega1, r_Omega2, r_Omega3, r_X1, r_X2, r_X3] = {
@@ -867,21 +895,59 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t4 = self.m * Omega2;
             let t5 = self.m * Omega1;
             [
-                self.c3 * Gamma2 - self.c4 * Gamma3 + self.c5 * (Omega2 * Omega3),
-                self.c6 * Gamma3 - self.c3 * Gamma1 - self.c7 * (Omega1 * Omega3),
-                self.c4 * Gamma1 - self.c6 * Gamma2 + self.c8 * (Omega1 * Omega2),
-                X2 * t3 - X3 * t4,
-                X3 * t5 - X1 * t3,
-                X1 * t4 - X2 * t5,
+                self
+                    .c5
+                    .mul_add(
+                        Omega2 * Omega3,
+                        (-Gamma3).mul_add(self.c4, self.c3 * Gamma2),
+                    ),
+                (-self.c7)
+                    .mul_add(
+                        Omega1 * Omega3,
+                        (-Gamma1).mul_add(self.c3, self.c6 * Gamma3),
+                    ),
+                self
+                    .c8
+                    .mul_add(
+                        Omega1 * Omega2,
+                        (-Gamma2).mul_add(self.c6, self.c4 * Gamma1),
+                    ),
+                (-X3).mul_add(t4, X2 * t3),
+                (-X1).mul_add(t3, X3 * t5),
+                (-X2).mul_add(t5, X1 * t4),
             ]
         };
         let t6 = self.c17 * X3;
         let t7 = self.c17 * X2;
         let t8 = self.c17 * X1;
         [
-            r_Omega1 + t1 * r_X3 + dot_Gamma2 * t6 - t0 * r_X2 - dot_Gamma3 * t7,
-            r_Omega2 + t0 * r_X1 + dot_Gamma3 * t8 - t2 * r_X3 - dot_Gamma1 * t6,
-            r_Omega3 + t2 * r_X2 + dot_Gamma1 * t7 - t1 * r_X1 - dot_Gamma2 * t8,
+            (-t0)
+                .mul_add(
+                    r_X2,
+                    t1
+                        .mul_add(
+                            r_X3,
+                            (-dot_Gamma3).mul_add(t7, dot_Gamma2.mul_add(t6, r_Omega1)),
+                        ),
+                ),
+            (-t2)
+                .mul_add(
+                    r_X3,
+                    t0
+                        .mul_add(
+                            r_X1,
+                            (-dot_Gamma1).mul_add(t6, dot_Gamma3.mul_add(t8, r_Omega2)),
+                        ),
+                ),
+            (-t1)
+                .mul_add(
+                    r_X1,
+                    t2
+                        .mul_add(
+                            r_X2,
+                            (-dot_Gamma2).mul_add(t8, dot_Gamma1.mul_add(t7, r_Omega3)),
+                        ),
+                ),
         ]
     }
 
@@ -895,13 +961,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 3 multiplications.
+    /// 2 additions, 3 multiplications (2 fused).
     #[inline]
     #[must_use]
     pub fn casimirs(&self, t: R, y: &[R; 13]) -> [R; 1] {
         let [_, _, _, Gamma1, Gamma2, Gamma3, _, _, _, _, _, _, _] = *y;
         let _ = t;
-        [Gamma1 * Gamma1 + Gamma2 * Gamma2 + Gamma3 * Gamma3]
+        [Gamma3.mul_add(Gamma3, Gamma2.mul_add(Gamma2, Gamma1 * Gamma1))]
     }
 
     /// Says which pivot vanishes at a point.
@@ -912,39 +978,36 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 13 additions, 18 multiplications, 2 divisions, 3 sign changes.
+    /// 13 additions, 21 multiplications (13 fused), 2 divisions.
     pub fn check(&self, t: R, y: &[R; 13]) -> Result<(), ::hamel_runtime::Failure> {
         let [_, _, _, Gamma1, Gamma2, Gamma3, _, _, _, _, _, _, _] = *y;
         /// mass matrix A = W^T L_yy Psi
-        let [A_Omega1_Omega1, A_Omega1_Omega2, A_Omega1_Omega3, A_Omega2_Omega2,
-        A_Omega2_Omega3, A_Omega3_Omega3] = {
-            let t0 = self.c0 + self.r * Gamma3;
+        let [t1, t2, A_Omega1_Omega1, t5, t6, A_Omega2_Omega2, A_Omega3_Omega3] = {
+            let t0 = Gamma3.mul_add(self.r, self.c0);
             let t1 = self.m * t0;
-            let t2 = t0 * t1;
-            let t3 = self.c1 + self.r * Gamma2;
-            let t4 = self.m * t3;
-            let t5 = t3 * t4;
-            let t6 = self.c2 + self.r * Gamma1;
-            let t7 = t6 * (self.m * t6);
+            let t2 = Gamma2.mul_add(self.r, self.c1);
+            let t3 = self.m * t2;
+            let t4 = Gamma1.mul_add(self.r, self.c2);
+            let t7 = self.m * t4;
             [
-                self.I1 + (t2 + t5),
-                -(t6 * t4),
-                -(t6 * t1),
-                self.I2 + (t2 + t7),
-                -(t3 * t1),
-                self.I3 + (t5 + t7),
+                t1,
+                t2,
+                t2.mul_add(t3, t0.mul_add(t1, self.I1)),
+                t4 * t3,
+                t4 * t1,
+                t4.mul_add(t7, t0.mul_add(t1, self.I2)),
+                t4.mul_add(t7, t2.mul_add(t3, self.I3)),
             ]
         };
         /// factors of A
         let [A_s1_2_2, A_s2_3_3] = {
             let t8 = A_Omega1_Omega1.recip();
-            let A_l2_1 = A_Omega1_Omega2 * t8;
-            let A_l3_1 = A_Omega1_Omega3 * t8;
-            let A_s1_2_2 = A_Omega2_Omega2 - A_Omega1_Omega2 * A_l2_1;
-            let A_s1_2_3 = A_Omega2_Omega3 - A_Omega1_Omega3 * A_l2_1;
-            let A_s1_3_3 = A_Omega3_Omega3 - A_Omega1_Omega3 * A_l3_1;
+            let t9 = t5 * t8;
+            let A_s1_2_2 = (-t5).mul_add(t9, A_Omega2_Omega2);
+            let A_s1_2_3 = (-t6).mul_add(t9, -(t2 * t1));
+            let A_s1_3_3 = (-t6).mul_add(t6 * t8, A_Omega3_Omega3);
             let A_l3_2 = A_s1_2_3 / A_s1_2_2;
-            [A_s1_2_2, A_s1_3_3 - A_s1_2_3 * A_l3_2]
+            [A_s1_2_2, (-A_s1_2_3).mul_add(A_l3_2, A_s1_3_3)]
         };
         for (value, pivot) in [
             (A_Omega1_Omega1, "inertia along Omega1"),

@@ -152,9 +152,9 @@ pub struct Prepared<R = f64> {
     c1: R,
     /// `m * a / (m + m * b * -(m * b / (J + m * (a * a + b * b))))`
     c2: R,
-    /// `0.5 * m`
-    c3: R,
     /// `2 * m * b / (J + m * (a * a + b * b))`
+    c3: R,
+    /// `0.5 * m`
     c4: R,
     /// `0.5 * (J + m * (a * a + b * b))`
     c5: R,
@@ -232,8 +232,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c0: t3,
             c1: t2 * A_l2_1 / A_s1_2_2,
             c2: t2 / A_s1_2_2,
-            c3: R::from_f64(0.5) * m,
-            c4: R::from_f64(2.0) * m * b / A_omega_omega,
+            c3: R::from_f64(2.0) * m * b / A_omega_omega,
+            c4: R::from_f64(0.5) * m,
             c5: R::from_f64(0.5) * A_omega_omega,
             A_omega_omega,
             c6: t1,
@@ -263,14 +263,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 6 multiplications, 1 sign change.
+    /// 2 additions, 6 multiplications (2 fused).
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 2], dy: &mut [R; 2]) {
         let [omega, v1] = *y;
         let _ = t;
         let t0 = omega * v1;
         let t1 = omega * omega;
-        *dy = [-(self.c0 * t0 + self.c1 * t1), self.c1 * t0 + self.c2 * t1];
+        *dy = [
+            (-t1).mul_add(self.c1, -(self.c0 * t0)),
+            t1.mul_add(self.c2, self.c1 * t0),
+        ];
     }
 
     /// Energy.
@@ -281,13 +284,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 5 multiplications.
+    /// 2 additions, 5 multiplications (2 fused).
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 2]) -> R {
         let [omega, v1] = *y;
         let _ = t;
-        self.c3 * (v1 * v1) + self.c5 * (omega * (omega - self.c4 * v1))
+        self.c5.mul_add(omega * (-v1).mul_add(self.c3, omega), self.c4 * (v1 * v1))
     }
 
     /// Momenta p = dL/dy.
@@ -300,7 +303,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 5 multiplications.
+    /// 2 additions, 5 multiplications (2 fused).
     #[inline]
     #[must_use]
     pub fn momentum(&self, t: R, y: &[R; 2]) -> [R; 3] {
@@ -308,8 +311,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         /// momenta p = dL/dy
         let [p_omega, p_v1] = [
-            self.A_omega_omega * omega - self.c6 * v1,
-            self.m * v1 - self.c6 * omega,
+            (-v1).mul_add(self.c6, self.A_omega_omega * omega),
+            (-omega).mul_add(self.c6, self.m * v1),
         ];
         [p_omega, p_v1, self.c7 * omega]
     }
@@ -324,13 +327,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 3 multiplications.
+    /// 1 addition, 3 multiplications (1 fused).
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 2]) -> [R; 1] {
         let [omega, v1] = *y;
         let _ = t;
-        [omega * (self.c8 * v1 - self.c9 * omega)]
+        [omega * (-omega).mul_add(self.c9, self.c8 * v1)]
     }
 
     /// Momenta \<p, W_b\> along the sections of virtual displacements.
@@ -343,7 +346,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 4 multiplications.
+    /// 2 additions, 4 multiplications (2 fused).
     #[inline]
     #[must_use]
     pub fn nonholonomic_momentum(&self, t: R, y: &[R; 2]) -> [R; 2] {
@@ -351,8 +354,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         /// momenta p = dL/dy
         let [p_omega, p_v1] = [
-            self.A_omega_omega * omega - self.c6 * v1,
-            self.m * v1 - self.c6 * omega,
+            (-v1).mul_add(self.c6, self.A_omega_omega * omega),
+            (-omega).mul_add(self.c6, self.m * v1),
         ];
         [p_omega, p_v1]
     }

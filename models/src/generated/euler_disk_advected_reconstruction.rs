@@ -242,11 +242,11 @@ pub struct Prepared<R = f64> {
     c1: R,
     /// `1 / (m * (r * r))`
     c2: R,
-    /// `m * m * (r * r * (r * r)) * (I1 - I3)`
-    c3: R,
     /// `0.5 * g / r`
-    c4: R,
+    c3: R,
     /// `2 * m * (r * r)`
+    c4: R,
+    /// `m * m * (r * r * (r * r)) * (I1 - I3)`
     c5: R,
     /// `m * (r * r) * (I1 - I3)`
     c6: R,
@@ -254,11 +254,11 @@ pub struct Prepared<R = f64> {
     c7: R,
     /// `2 * r`
     c8: R,
-    /// `m * r * g`
-    c9: R,
-    /// `0.5 * (I3 + m * (r * r))`
-    c10: R,
     /// `0.5 * m * (r * r)`
+    c9: R,
+    /// `m * r * g`
+    c10: R,
+    /// `0.5 * (I3 + m * (r * r))`
     c11: R,
     /// `0.5 * I1`
     c12: R,
@@ -274,9 +274,9 @@ pub struct Prepared<R = f64> {
     c16: R,
     /// `0.5 * (I1 - I3)`
     c17: R,
-    /// `2 * m * r`
-    c18: R,
     /// `m * r * (I1 - I3)`
+    c18: R,
+    /// `2 * m * r`
     c19: R,
     /// `m * m * (r * r) * g`
     c20: R,
@@ -348,15 +348,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c0: t1,
             c1: t2,
             c2: t1.recip(),
-            c3: t4 * t2,
-            c4: R::from_f64(0.5) * g / r,
-            c5: t5 * t0,
+            c3: R::from_f64(0.5) * g / r,
+            c4: t5 * t0,
+            c5: t4 * t2,
             c6: t1 * t2,
             c7: A_Omega3_Omega3.recip(),
             c8: R::from_f64(2.0) * r,
-            c9: t6 * g,
-            c10: R::from_f64(0.5) * A_Omega3_Omega3,
-            c11: R::from_f64(0.5) * m * t0,
+            c9: R::from_f64(0.5) * m * t0,
+            c10: t6 * g,
+            c11: R::from_f64(0.5) * A_Omega3_Omega3,
             c12: R::from_f64(0.5) * I1,
             A_Omega3_Omega3,
             c13: t6,
@@ -364,8 +364,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c15: t4,
             c16: R::from_f64(0.5) / t1,
             c17: R::from_f64(0.5) * t2,
-            c18: t5 * r,
-            c19: t6 * t2,
+            c18: t6 * t2,
+            c19: t5 * r,
             c20: t3 * t0 * g,
         })
     }
@@ -391,7 +391,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 38 additions, 94 multiplications, 3 divisions, 3 sign changes, 1 square root.
+    /// 38 additions, 94 multiplications (37 fused), 3 divisions, 1 square root.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 13], dy: &mut [R; 13]) {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3, qw, qx, qy, qz, _, _, _] = *y;
@@ -403,51 +403,71 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t2 = (t1 + t0).sqrt().recip();
             let t3 = t2 * t2;
             let t4 = self.c0 * t3;
-            [t0, t1, t2, t3, t4, self.I1 + t0 * t4]
+            [t0, t1, t2, t3, t4, t0.mul_add(t4, self.I1)]
         };
         /// factors of A
         let [t5, t6, t7, t8, A_s1_2_2] = {
             let t5 = A_Omega1_Omega1.recip();
             let t6 = Gamma2 * t5;
-            let t7 = R::ONE - Gamma2 * t4 * t6;
+            let t7 = (-t6).mul_add(Gamma2 * t4, R::ONE);
             let t8 = t1 * t4;
-            [t5, t6, t7, t8, self.I1 + t7 * t8]
+            [t5, t6, t7, t8, t7.mul_add(t8, self.I1)]
         };
         let t9 = Omega3 * Gamma1;
         let t10 = t6 * t3;
         let t11 = Omega2 * Gamma1;
         let t12 = A_s1_2_2.recip();
-        let t13 = (t11 * t10 - self.c2 * Omega1) * t12;
+        let t13 = t11.mul_add(t10, -(self.c2 * Omega1)) * t12;
         let t14 = t7 * t12;
         let t15 = R::from_f64(0.5) * Omega1;
         let t16 = Omega2 * Omega2;
-        let t17 = (self.c4
-            + (Omega1 * (t15 + Gamma2 * t11 * t3)
-                - R::from_f64(0.5) * ((Omega1 * Omega1 * t0 + t1 * t16) * t3 - t16))
-                * t2) * (self.c5 * Gamma3);
-        let t18 = t11 - Omega1 * Gamma2;
+        let t17 = t2
+            .mul_add(
+                (-R::from_f64(0.5))
+                    .mul_add(
+                        t3.mul_add(t1.mul_add(t16, Omega1 * Omega1 * t0), -t16),
+                        Omega1 * t3.mul_add(Gamma2 * t11, t15),
+                    ),
+                self.c3,
+            ) * (self.c4 * Gamma3);
+        let t18 = (-Omega1).mul_add(Gamma2, t11);
         let t19 = Omega3 * Gamma2;
         let t20 = R::from_f64(0.5) * Omega2;
         let t21 = R::from_f64(0.5) * Omega3;
-        let t22 = self.c8 * (Omega3 * (Gamma1 * qx + Gamma2 * qy));
-        let t23 = qz * t19 - qx * t18;
-        let t24 = qy * t18 + qz * t9;
+        let t22 = self.c8 * (Omega3 * Gamma2.mul_add(qy, Gamma1 * qx));
+        let t23 = (-qx).mul_add(t18, qz * t19);
+        let t24 = qy.mul_add(t18, qz * t9);
         *dy = [
-            self.c1 * (Omega2 * Omega3) * t5 + self.c3 * (t9 * t10 * t13)
-                - t6 * (R::ONE - t8 * t14) * t17 * t2,
-            Gamma1 * t14 * t17 * t2 + self.c6 * (Omega3 * t13),
-            -(self.c7 * (t4 * (Omega1 * Gamma1 + Omega2 * Gamma2) * t18)),
-            t19 - Omega2 * Gamma3,
-            Omega1 * Gamma3 - t9,
+            (-t2)
+                .mul_add(
+                    t6 * (-t8).mul_add(t14, R::ONE) * t17,
+                    self.c5.mul_add(t9 * t10 * t13, self.c1 * (Omega2 * Omega3) * t5),
+                ),
+            t2.mul_add(Gamma1 * t14 * t17, self.c6 * (Omega3 * t13)),
+            self.c7 * (t4 * (-Omega2).mul_add(Gamma2, -(Omega1 * Gamma1)) * t18),
+            (-Omega2).mul_add(Gamma3, t19),
+            Omega1.mul_add(Gamma3, -t9),
             t18,
-            -(qx * t15 + qy * t20 + qz * t21),
-            qy * t21 + qw * t15 - qz * t20,
-            qz * t15 + qw * t20 - qx * t21,
-            qx * t20 + qw * t21 - qy * t15,
-            (qy * t22 - self.r * (t19 - R::from_f64(2.0) * (qz * t23 - qw * t24))) * t2,
-            -((qx * t22 - self.r * (t9 - R::from_f64(2.0) * (qz * t24 + qw * t23)))
-                * t2),
-            (qw * t22 - self.c8 * (R::from_f64(0.5) * t18 + (qx * t23 - qy * t24))) * t2,
+            (-qz).mul_add(t21, (-qy).mul_add(t20, -(qx * t15))),
+            (-qz).mul_add(t20, qw.mul_add(t15, qy * t21)),
+            (-qx).mul_add(t21, qw.mul_add(t20, qz * t15)),
+            (-qy).mul_add(t15, qw.mul_add(t21, qx * t20)),
+            (-self.r)
+                .mul_add(
+                    (-R::from_f64(2.0)).mul_add((-qw).mul_add(t24, qz * t23), t19),
+                    qy * t22,
+                ) * t2,
+            self
+                .r
+                .mul_add(
+                    (-R::from_f64(2.0)).mul_add(qw.mul_add(t23, qz * t24), t9),
+                    -(qx * t22),
+                ) * t2,
+            (-self.c8)
+                .mul_add(
+                    (-qy).mul_add(t24, qx.mul_add(t23, R::from_f64(0.5) * t18)),
+                    qw * t22,
+                ) * t2,
         ];
     }
 
@@ -459,19 +479,36 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 7 additions, 14 multiplications, 1 division, 1 square root.
+    /// 7 additions, 14 multiplications (7 fused), 1 division, 1 square root.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 13]) -> R {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, _, _, _, _, _, _, _, _] = *y;
         let _ = t;
         let t0 = Gamma2 * Gamma2;
-        let t1 = Gamma1 * Gamma1 + t0;
+        let t1 = Gamma1.mul_add(Gamma1, t0);
         let t2 = Omega2 * Gamma1;
         let t3 = Omega1 * Omega1;
-        self.c9 * t1.sqrt() + self.c10 * (Omega3 * Omega3)
-            + self.c11 * (t2 * (t2 - R::from_f64(2.0) * (Omega1 * Gamma2)) + t3 * t0)
-                / t1 + self.c12 * (Omega2 * Omega2 + t3)
+        self.c12
+            .mul_add(
+                Omega2.mul_add(Omega2, t3),
+                self
+                    .c11
+                    .mul_add(
+                        Omega3 * Omega3,
+                        self
+                            .c10
+                            .mul_add(
+                                t1.sqrt(),
+                                self.c9
+                                    * t2
+                                        .mul_add(
+                                            (-R::from_f64(2.0)).mul_add(Omega1 * Gamma2, t2),
+                                            t3 * t0,
+                                        ) / t1,
+                            ),
+                    ),
+            )
     }
 
     /// Momenta p = dL/dy.
@@ -484,21 +521,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 14 multiplications, 1 division, 2 sign changes, 1 square root.
+    /// 2 additions, 14 multiplications (2 fused), 1 division, 1 sign change, 1 square root.
     #[inline]
     #[must_use]
     pub fn momentum(&self, t: R, y: &[R; 13]) -> [R; 6] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, _, _, _, _, _, _, _, _] = *y;
         let _ = t;
         let t0 = self.c13 * Omega3;
-        let t1 = (Gamma1 * Gamma1 + Gamma2 * Gamma2).sqrt().recip();
+        let t1 = Gamma2.mul_add(Gamma2, Gamma1 * Gamma1).sqrt().recip();
         [
             self.I1 * Omega1,
             self.I1 * Omega2,
             self.I3 * Omega3,
             -(Gamma2 * t0 * t1),
             Gamma1 * t0 * t1,
-            -(self.c13 * (Omega2 * Gamma1 - Omega1 * Gamma2) * t1),
+            self.c13 * Omega1.mul_add(Gamma2, -(Omega2 * Gamma1)) * t1,
         ]
     }
 
@@ -512,7 +549,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 23 additions, 64 multiplications, 3 divisions, 2 sign changes, 1 square root.
+    /// 23 additions, 64 multiplications (21 fused), 3 divisions, 1 square root.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 13]) -> [R; 3] {
@@ -526,36 +563,51 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t3 = t2 * t2;
             let t4 = Gamma2 * t3;
             let t5 = Gamma2 * t4;
-            [t0, t1, t2, t3, t4, t5, self.I1 + self.c0 * t5]
+            [t0, t1, t2, t3, t4, t5, t5.mul_add(self.c0, self.I1)]
         };
         /// factors of A
         let [t6, t7, t8, t9, A_s1_2_2] = {
             let t6 = A_Omega1_Omega1.recip();
             let t7 = t5 * t6;
-            let t8 = R::ONE - self.c0 * t7;
+            let t8 = (-t7).mul_add(self.c0, R::ONE);
             let t9 = self.c0 * t3;
-            [t6, t7, t8, t9, self.I1 + t0 * t8 * t9]
+            [t6, t7, t8, t9, t9.mul_add(t0 * t8, self.I1)]
         };
         let t10 = self.c13 * Gamma3;
-        let t11 = self.c13 * (Omega2 * Gamma1 - Omega1 * Gamma2);
+        let t11 = self.c13 * (-Omega1).mul_add(Gamma2, Omega2 * Gamma1);
         let t12 = Omega1 * Gamma1;
-        let t13 = Omega3 * Gamma3 - self.c14 * (t12 + Omega2 * Gamma2);
+        let t13 = (-self.c14).mul_add(Omega2.mul_add(Gamma2, t12), Omega3 * Gamma3);
         let t14 = Omega2 * Omega3;
         let t15 = A_s1_2_2.recip();
         let t16 = t0 * t15;
         let t17 = t16 * t3;
-        let t18 = R::ONE + self.c15 * (t7 * t17);
-        let t19 = t16 - self.c5 * (t1 * (t17 - self.c16 * t18)) * t6;
-        let t20 = R::ONE - t9 * t19;
-        let t21 = t10 * t20
-            * (Omega1 * Omega1 * (R::ONE - t5) + Omega2 * Omega2 * (R::ONE - t0 * t3))
-            + self.c18
-                * (t12 * (Omega2 * Gamma3 * t4 * t20 + self.c17 * (Omega3 * t8) * t15));
+        let t18 = self.c15.mul_add(t7 * t17, R::ONE);
+        let t19 = (-t6).mul_add(self.c4 * (t1 * (-t18).mul_add(self.c16, t17)), t16);
+        let t20 = (-t9).mul_add(t19, R::ONE);
+        let t21 = (t10 * t20)
+            .mul_add(
+                (Omega1 * Omega1)
+                    .mul_add(R::ONE - t5, Omega2 * Omega2 * (-t0).mul_add(t3, R::ONE)),
+                self.c18 * (t14 * Gamma2.mul_add(t18, -(self.c0 * (t4 * t16)))) * t6,
+            );
         [
-            -((Omega1 * Omega3 * t10 + t11 * (Omega2 + t4 * t13)) * t2),
-            -((t10 * t14 - t11 * (Omega1 + Gamma1 * t13 * t3)) * t2),
-            (t21 + self.c19 * (t14 * (Gamma2 * t18 - self.c0 * (t4 * t16))) * t6) * t2
-                - self.c20 * (Gamma3 * t19) * t3,
+            (-t11).mul_add(t4.mul_add(t13, Omega2), -(Omega1 * Omega3 * t10)) * t2,
+            t11.mul_add(t3.mul_add(Gamma1 * t13, Omega1), -(t10 * t14)) * t2,
+            t2
+                .mul_add(
+                    self
+                        .c19
+                        .mul_add(
+                            t12
+                                * t20
+                                    .mul_add(
+                                        Omega2 * Gamma3 * t4,
+                                        self.c17 * (Omega3 * t8) * t15,
+                                    ),
+                            t21,
+                        ),
+                    -(self.c20 * (Gamma3 * t19) * t3),
+                ),
         ]
     }
 
@@ -569,17 +621,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 additions, 10 multiplications, 1 division.
+    /// 4 additions, 10 multiplications (4 fused), 1 division.
     #[inline]
     #[must_use]
     pub fn nonholonomic_momentum(&self, t: R, y: &[R; 13]) -> [R; 3] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, _, _, _, _, _, _, _, _] = *y;
         let _ = t;
-        let t0 = (Omega2 * Gamma1 - Omega1 * Gamma2)
-            * (self.c0 / (Gamma1 * Gamma1 + Gamma2 * Gamma2));
+        let t0 = (-Omega1).mul_add(Gamma2, Omega2 * Gamma1)
+            * (self.c0 / Gamma2.mul_add(Gamma2, Gamma1 * Gamma1));
         [
-            self.I1 * Omega1 - Gamma2 * t0,
-            self.I1 * Omega2 + Gamma1 * t0,
+            (-Gamma2).mul_add(t0, self.I1 * Omega1),
+            Gamma1.mul_add(t0, self.I1 * Omega2),
             self.A_Omega3_Omega3 * Omega3,
         ]
     }
@@ -594,7 +646,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 15 additions, 38 multiplications, 1 division, 1 sign change, 1 square root.
+    /// 15 additions, 39 multiplications (14 fused), 1 division, 1 square root.
     #[inline]
     #[must_use]
     pub fn momentum_equation(&self, t: R, y: &[R; 13]) -> [R; 3] {
@@ -602,24 +654,42 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         let t0 = Omega2 * Gamma1;
         let t1 = Omega1 * Gamma2;
-        let t2 = t0 - R::from_f64(2.0) * t1;
-        let t3 = Gamma1 * Gamma1;
-        let t4 = Gamma2 * Gamma2;
-        let t5 = (t3 + t4).sqrt().recip();
-        let t6 = t5 * t5;
-        let t7 = self.c0 * t6;
-        let t8 = Omega2 * t7;
-        let t9 = self.c1 * Omega3;
-        let t10 = Gamma3 * (self.c9 + (t0 * t2 + Omega1 * Omega1 * t4) * t7 * t5);
-        let t11 = Omega1 * t7;
-        let t12 = t0 - t1;
-        let t13 = Gamma3 * t12;
+        let t2 = (-t1).mul_add(R::from_f64(2.0), t0);
+        let t3 = Gamma2 * Gamma2;
+        let t4 = Gamma1.mul_add(Gamma1, t3).sqrt().recip();
+        let t5 = t4 * t4;
+        let t6 = self.c0 * t5;
+        let t7 = Omega2 * t6;
+        let t8 = self.c1 * Omega3;
+        let t9 = Gamma3
+            * t4.mul_add(t0.mul_add(t2, Omega1 * Omega1 * t3) * t6, self.c10);
+        let t10 = Omega1 * t6;
+        let t11 = t0 - t1;
+        let t12 = Gamma3 * t11;
         [
-            Omega3 * (Gamma1 * t2 * t7 - t4 * t8) + Omega2 * t9 - Gamma2 * t10 * t5
-                - t11 * t13,
-            Gamma1 * t10 * t5 + Omega3 * t11 * (t3 - t4)
-                + self.c5 * (Omega3 * Gamma2 * t0) * t6 - Omega1 * t9 - t8 * t13,
-            -(t12 * (Gamma1 * t11 + Gamma2 * t8)),
+            (-t4)
+                .mul_add(
+                    Gamma2 * t9,
+                    Omega3
+                        .mul_add(
+                            (-t3).mul_add(t7, Gamma1 * t2 * t6),
+                            (-t10).mul_add(t12, Omega2 * t8),
+                        ),
+                ),
+            t4
+                .mul_add(
+                    Gamma1 * t9,
+                    (Omega3 * t10)
+                        .mul_add(
+                            Gamma1.mul_add(Gamma1, -t3),
+                            (-t7)
+                                .mul_add(
+                                    t12,
+                                    t5.mul_add(self.c4 * (Omega3 * Gamma2 * t0), -(Omega1 * t8)),
+                                ),
+                        ),
+                ),
+            t11 * (-Gamma2).mul_add(t7, -(Gamma1 * t10)),
         ]
     }
 
@@ -633,13 +703,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 3 multiplications.
+    /// 2 additions, 3 multiplications (2 fused).
     #[inline]
     #[must_use]
     pub fn casimirs(&self, t: R, y: &[R; 13]) -> [R; 1] {
         let [_, _, _, Gamma1, Gamma2, Gamma3, _, _, _, _, _, _, _] = *y;
         let _ = t;
-        [Gamma1 * Gamma1 + Gamma2 * Gamma2 + Gamma3 * Gamma3]
+        [Gamma3.mul_add(Gamma3, Gamma2.mul_add(Gamma2, Gamma1 * Gamma1))]
     }
 
     /// Says which pivot vanishes at a point.
@@ -650,21 +720,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 additions, 7 multiplications, 2 divisions, 1 sign change.
+    /// 4 additions, 7 multiplications (4 fused), 2 divisions.
     pub fn check(&self, t: R, y: &[R; 13]) -> Result<(), ::hamel_runtime::Failure> {
         let [_, _, _, Gamma1, Gamma2, _, _, _, _, _, _, _, _] = *y;
         /// mass matrix A = W^T L_yy Psi
-        let [A_Omega1_Omega1, A_Omega1_Omega2, A_Omega2_Omega2] = {
+        let [A_Omega1_Omega1, t3, A_Omega2_Omega2] = {
             let t0 = Gamma1 * Gamma1;
-            let t1 = self.c0 / (t0 + Gamma2 * Gamma2);
+            let t1 = self.c0 / Gamma2.mul_add(Gamma2, t0);
             let t2 = Gamma2 * t1;
-            [self.I1 + Gamma2 * t2, -(Gamma1 * t2), self.I1 + t0 * t1]
+            [Gamma2.mul_add(t2, self.I1), Gamma1 * t2, t0.mul_add(t1, self.I1)]
         };
         /// factors of A
-        let A_s1_2_2 = {
-            let A_l2_1 = A_Omega1_Omega2 / A_Omega1_Omega1;
-            A_Omega2_Omega2 - A_Omega1_Omega2 * A_l2_1
-        };
+        let A_s1_2_2 = (-t3).mul_add(t3 / A_Omega1_Omega1, A_Omega2_Omega2);
         for (value, pivot) in [
             (self.A_Omega3_Omega3, "inertia along Omega3"),
             (A_Omega1_Omega1, "inertia along Omega1"),

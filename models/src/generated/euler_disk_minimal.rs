@@ -155,11 +155,11 @@ impl<R: ::hamel_runtime::Real> State<R> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
 pub struct Prepared<R = f64> {
-    /// `0.5 * M * r * e * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
-    c0: R,
-    /// `M * r * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
-    c1: R,
     /// `0.25 * (4 * I1 - 4 * I3 - 4 * M * (r * r) + M * (r * r) * (e * e)) / (I3 + M * (r * r))`
+    c0: R,
+    /// `0.5 * M * r * e * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    c1: R,
+    /// `M * r * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
     c2: R,
     /// `(I3 + M * (r * r)) / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
     c3: R,
@@ -181,15 +181,15 @@ pub struct Prepared<R = f64> {
     c11: R,
     /// `0.5 * M * r * e * g / (I3 + M * (r * r))`
     c12: R,
+    /// `4 * (I3 + M * (r * r)) / (4 * I1 + M * (r * r) * (e * e))`
+    c13: R,
+    /// `0.125 * (4 * I1 + M * (r * r * (e * e) + 4 * (r * r)))`
+    c14: R,
+    /// `0.5 * (I3 + M * (r * r))`
+    c15: R,
     /// `I3 + M * (r * r)`
     A_psi_dot_psi_dot: R,
-    /// `0.125 * (4 * I1 + M * (r * r * (e * e) + 4 * (r * r)))`
-    c13: R,
-    /// `4 * (I3 + M * (r * r)) / (4 * I1 + M * (r * r) * (e * e))`
-    c14: R,
     /// `0.125 * (4 * I1 + M * (r * r) * (e * e))`
-    c15: R,
-    /// `0.5 * (I3 + M * (r * r))`
     c16: R,
     /// A longer expression in the parameters.
     c17: R,
@@ -296,9 +296,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             });
         }
         Ok(Self {
-            c0: t7 / A_theta_dot_theta_dot,
-            c1: t8 / A_theta_dot_theta_dot,
-            c2: R::from_f64(0.25) * (t9 - t10 - t11 + t12) / A_psi_dot_psi_dot,
+            c0: R::from_f64(0.25) * (t9 - t10 - t11 + t12) / A_psi_dot_psi_dot,
+            c1: t7 / A_theta_dot_theta_dot,
+            c2: t8 / A_theta_dot_theta_dot,
             c3: A_psi_dot_psi_dot / A_theta_dot_theta_dot,
             c4: t13 / A_theta_dot_theta_dot,
             c5: R::from_f64(0.5) * t15 / I3,
@@ -309,11 +309,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c10: t13,
             c11: t8,
             c12: t7 / A_psi_dot_psi_dot,
+            c13: R::from_f64(4.0) * A_psi_dot_psi_dot / t16,
+            c14: R::from_f64(0.125) * (t9 + M * t4),
+            c15: R::from_f64(0.5) * A_psi_dot_psi_dot,
             A_psi_dot_psi_dot,
-            c13: R::from_f64(0.125) * (t9 + M * t4),
-            c14: R::from_f64(4.0) * A_psi_dot_psi_dot / t16,
-            c15: R::from_f64(0.125) * t16,
-            c16: R::from_f64(0.5) * A_psi_dot_psi_dot,
+            c16: R::from_f64(0.125) * t16,
             c17: R::from_f64(0.25) * t17,
         })
     }
@@ -334,23 +334,34 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 11 additions, 20 multiplications, 1 division, 1 sign change, 2 elementary functions.
+    /// 11 additions, 20 multiplications (10 fused), 1 division, 1 elementary function.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 4], dy: &mut [R; 4]) {
         let [theta, theta_dot, phi_dot, psi_dot] = *y;
         let _ = t;
-        let t0 = theta.sin();
-        let t1 = theta.cos();
+        let (t0, t1) = theta.sin_cos();
         let t2 = phi_dot * t0;
         let t3 = phi_dot * t1;
-        let t4 = theta_dot * (psi_dot - self.c5 * t3) * (self.c6 / t0);
+        let t4 = theta_dot * (-t3).mul_add(self.c5, psi_dot) * (self.c6 / t0);
         let t5 = self.c7 * theta_dot;
         *dy = [
             theta_dot,
-            self.c0 * t0 - self.c1 * t1 - self.c3 * (t2 * (psi_dot - self.c2 * t3))
-                - self.c4 * (t3 * (psi_dot + t3) - t2 * t2),
-            t4 - phi_dot * t5,
-            theta_dot * -(self.c8 * t3 + self.c9 * t2) + psi_dot * t5 - t1 * t4,
+            (-self.c4)
+                .mul_add(
+                    t3.mul_add(psi_dot + t3, -(t2 * t2)),
+                    (-self.c3)
+                        .mul_add(
+                            t2 * (-t3).mul_add(self.c0, psi_dot),
+                            (-t1).mul_add(self.c2, self.c1 * t0),
+                        ),
+                ),
+            (-phi_dot).mul_add(t5, t4),
+            (-t1)
+                .mul_add(
+                    t4,
+                    theta_dot
+                        .mul_add((-t2).mul_add(self.c9, -(self.c8 * t3)), psi_dot * t5),
+                ),
         ];
     }
 
@@ -362,19 +373,29 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 8 additions, 17 multiplications, 2 elementary functions.
+    /// 8 additions, 17 multiplications (8 fused), 1 elementary function.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 4]) -> R {
         let [theta, theta_dot, phi_dot, psi_dot] = *y;
         let _ = t;
-        let t0 = theta.sin();
-        let t1 = theta.cos();
-        let t2 = t0 * (self.c11 - self.c10 * (phi_dot * (psi_dot + phi_dot * t1)))
-            + self.A_psi_dot_psi_dot * (t1 * (self.c12 + phi_dot * psi_dot))
-            + self.c13 * (theta_dot * theta_dot);
-        t2 + self.c15 * (phi_dot * phi_dot * (t0 * t0 + self.c14 * (t1 * t1)))
-            + self.c16 * (psi_dot * psi_dot)
+        let (t0, t1) = theta.sin_cos();
+        let t2 = t0
+            .mul_add(
+                (-self.c10).mul_add(phi_dot * phi_dot.mul_add(t1, psi_dot), self.c11),
+                self
+                    .A_psi_dot_psi_dot
+                    .mul_add(
+                        t1 * phi_dot.mul_add(psi_dot, self.c12),
+                        self
+                            .c15
+                            .mul_add(
+                                psi_dot * psi_dot,
+                                self.c14 * (theta_dot * theta_dot),
+                            ),
+                    ),
+            );
+        self.c16.mul_add(phi_dot * phi_dot * self.c13.mul_add(t1 * t1, t0 * t0), t2)
     }
 
     /// Says which pivot vanishes at a point.

@@ -201,11 +201,11 @@ pub struct Prepared<R = f64> {
     r: R,
     /// Parameter `I3`.
     I3: R,
-    /// `0.5 * M * r * e * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
-    c0: R,
-    /// `M * r * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
-    c1: R,
     /// `0.25 * (4 * I1 - 4 * I3 - 4 * M * (r * r) + M * (r * r) * (e * e)) / (I3 + M * (r * r))`
+    c0: R,
+    /// `0.5 * M * r * e * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    c1: R,
+    /// `M * r * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
     c2: R,
     /// `(I3 + M * (r * r)) / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
     c3: R,
@@ -227,25 +227,25 @@ pub struct Prepared<R = f64> {
     c11: R,
     /// `0.5 * M * r * e * g / (I3 + M * (r * r))`
     c12: R,
+    /// `4 * (I3 + M * (r * r)) / (4 * I1 + M * (r * r) * (e * e))`
+    c13: R,
+    /// `0.125 * (4 * I1 + M * (r * r * (e * e) + 4 * (r * r)))`
+    c14: R,
+    /// `0.5 * (I3 + M * (r * r))`
+    c15: R,
     /// `I3 + M * (r * r)`
     A_psi_dot_psi_dot: R,
-    /// `0.125 * (4 * I1 + M * (r * r * (e * e) + 4 * (r * r)))`
-    c13: R,
-    /// `4 * (I3 + M * (r * r)) / (4 * I1 + M * (r * r) * (e * e))`
-    c14: R,
     /// `0.125 * (4 * I1 + M * (r * r) * (e * e))`
-    c15: R,
-    /// `0.5 * (I3 + M * (r * r))`
     c16: R,
     /// A longer expression in the parameters.
     c17: R,
     /// `0.25 * (4 * I1 + M * (r * r * (e * e) + 4 * (r * r)))`
     c18: R,
-    /// `(I3 + M * (r * r)) / I3`
-    c19: R,
     /// `4 * M * (r * r) * e / (4 * I1 + M * (r * r) * (e * e))`
-    c20: R,
+    c19: R,
     /// `0.25 * (4 * I1 + M * (r * r) * (e * e))`
+    c20: R,
+    /// `(I3 + M * (r * r)) / I3`
     c21: R,
     /// `0.5 * e`
     c22: R,
@@ -265,17 +265,17 @@ pub struct Prepared<R = f64> {
     c29: R,
     /// `(I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r))) / (I3 + M * (r * r))`
     c30: R,
-    /// `M * r * (I3 + M * (r * r)) / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
-    c31: R,
     /// `0.5 * (M * M) * (r * r) * e * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    c31: R,
+    /// A longer expression in the parameters.
     c32: R,
     /// A longer expression in the parameters.
     c33: R,
     /// A longer expression in the parameters.
     c34: R,
-    /// A longer expression in the parameters.
-    c35: R,
     /// `0.25 * (M * M) * (r * r * r) * (e * e) / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    c35: R,
+    /// `M * r * (I3 + M * (r * r)) / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
     c36: R,
     /// `0.25 * (4 * I1 - 4 * I3 - 4 * M * (r * r) + M * (r * r) * (e * e))`
     c37: R,
@@ -403,9 +403,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Ok(Self {
             r,
             I3,
-            c0: t7 / A_theta_dot_theta_dot,
-            c1: t9 / A_theta_dot_theta_dot,
-            c2: t15 / A_psi_dot_psi_dot,
+            c0: t15 / A_psi_dot_psi_dot,
+            c1: t7 / A_theta_dot_theta_dot,
+            c2: t9 / A_theta_dot_theta_dot,
             c3: A_psi_dot_psi_dot / A_theta_dot_theta_dot,
             c4: t16 / A_theta_dot_theta_dot,
             c5: R::from_f64(0.5) * t20 / I3,
@@ -416,16 +416,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c10: t16,
             c11: t9,
             c12: t7 / A_psi_dot_psi_dot,
+            c13: R::from_f64(4.0) * A_psi_dot_psi_dot / t21,
+            c14: R::from_f64(0.125) * t31,
+            c15: R::from_f64(0.5) * A_psi_dot_psi_dot,
             A_psi_dot_psi_dot,
-            c13: R::from_f64(0.125) * t31,
-            c14: R::from_f64(4.0) * A_psi_dot_psi_dot / t21,
-            c15: R::from_f64(0.125) * t21,
-            c16: R::from_f64(0.5) * A_psi_dot_psi_dot,
+            c16: R::from_f64(0.125) * t21,
             c17: R::from_f64(0.25) * t22,
             c18: R::from_f64(0.25) * t31,
-            c19: A_psi_dot_psi_dot / I3,
-            c20: t13 * e / t21,
-            c21: R::from_f64(0.25) * t21,
+            c19: t13 * e / t21,
+            c20: R::from_f64(0.25) * t21,
+            c21: A_psi_dot_psi_dot / I3,
             c22: t32,
             c23: t8,
             c24: t32 * I3,
@@ -437,17 +437,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     + t35 * e / A_theta_dot_theta_dot),
             c29: t36 * t34 * e / A_theta_dot_theta_dot,
             c30: A_theta_dot_theta_dot / A_psi_dot_psi_dot,
-            c31: t8 * A_psi_dot_psi_dot / A_theta_dot_theta_dot,
-            c32: t36 * t0 * e * g / A_theta_dot_theta_dot,
-            c33: R::from_f64(0.25)
+            c31: t36 * t0 * e * g / A_theta_dot_theta_dot,
+            c32: R::from_f64(0.25)
                 * (t37 * t0 * g / A_theta_dot_theta_dot
                     - t18 * t0 * t1 * g / A_theta_dot_theta_dot),
-            c34: R::from_f64(0.25)
+            c33: R::from_f64(0.25)
                 * (t8 * t38 / A_theta_dot_theta_dot + t35 * t1 / A_theta_dot_theta_dot),
-            c35: R::from_f64(0.125)
+            c34: R::from_f64(0.125)
                 * (t37 * t34 * e / A_theta_dot_theta_dot
                     - t33 * t38 / A_theta_dot_theta_dot),
-            c36: R::from_f64(0.25) * t18 * t34 * t1 / A_theta_dot_theta_dot,
+            c35: R::from_f64(0.25) * t18 * t34 * t1 / A_theta_dot_theta_dot,
+            c36: t8 * A_psi_dot_psi_dot / A_theta_dot_theta_dot,
             c37: t15,
             c38: t7,
             c39: t5,
@@ -470,28 +470,40 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 11 additions, 23 multiplications, 1 division, 3 sign changes, 4 elementary functions.
+    /// 11 additions, 23 multiplications (10 fused), 1 division, 2 sign changes, 2 elementary functions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 8], dy: &mut [R; 8]) {
         let [theta, phi, theta_dot, phi_dot, psi_dot, _, _, _] = *y;
         let _ = t;
-        let t0 = theta.sin();
-        let t1 = theta.cos();
+        let (t0, t1) = theta.sin_cos();
         let t2 = phi_dot * t0;
         let t3 = phi_dot * t1;
-        let t4 = theta_dot * (psi_dot - self.c5 * t3) * (self.c6 / t0);
+        let t4 = theta_dot * (-t3).mul_add(self.c5, psi_dot) * (self.c6 / t0);
         let t5 = self.c7 * theta_dot;
-        let t6 = self.r * psi_dot;
+        let (t6, t7) = phi.sin_cos();
+        let t8 = self.r * psi_dot;
         *dy = [
             theta_dot,
             phi_dot,
-            self.c0 * t0 - self.c1 * t1 - self.c3 * (t2 * (psi_dot - self.c2 * t3))
-                - self.c4 * (t3 * (psi_dot + t3) - t2 * t2),
-            t4 - phi_dot * t5,
-            psi_dot * t5 + theta_dot * -(self.c8 * t3 + self.c9 * t2) - t1 * t4,
+            (-self.c4)
+                .mul_add(
+                    t3.mul_add(psi_dot + t3, -(t2 * t2)),
+                    (-self.c3)
+                        .mul_add(
+                            t2 * (-t3).mul_add(self.c0, psi_dot),
+                            (-t1).mul_add(self.c2, self.c1 * t0),
+                        ),
+                ),
+            (-phi_dot).mul_add(t5, t4),
+            (-t1)
+                .mul_add(
+                    t4,
+                    theta_dot
+                        .mul_add((-t2).mul_add(self.c9, -(self.c8 * t3)), psi_dot * t5),
+                ),
             psi_dot,
-            -(phi.cos() * t6),
-            -(phi.sin() * t6),
+            -(t7 * t8),
+            -(t6 * t8),
         ];
     }
 
@@ -503,19 +515,29 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 8 additions, 17 multiplications, 2 elementary functions.
+    /// 8 additions, 17 multiplications (8 fused), 1 elementary function.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 8]) -> R {
         let [theta, _, theta_dot, phi_dot, psi_dot, _, _, _] = *y;
         let _ = t;
-        let t0 = theta.sin();
-        let t1 = theta.cos();
-        let t2 = t0 * (self.c11 - self.c10 * (phi_dot * (psi_dot + phi_dot * t1)))
-            + self.A_psi_dot_psi_dot * (t1 * (self.c12 + phi_dot * psi_dot))
-            + self.c13 * (theta_dot * theta_dot);
-        t2 + self.c15 * (phi_dot * phi_dot * (t0 * t0 + self.c14 * (t1 * t1)))
-            + self.c16 * (psi_dot * psi_dot)
+        let (t0, t1) = theta.sin_cos();
+        let t2 = t0
+            .mul_add(
+                (-self.c10).mul_add(phi_dot * phi_dot.mul_add(t1, psi_dot), self.c11),
+                self
+                    .A_psi_dot_psi_dot
+                    .mul_add(
+                        t1 * phi_dot.mul_add(psi_dot, self.c12),
+                        self
+                            .c15
+                            .mul_add(
+                                psi_dot * psi_dot,
+                                self.c14 * (theta_dot * theta_dot),
+                            ),
+                    ),
+            );
+        self.c16.mul_add(phi_dot * phi_dot * self.c13.mul_add(t1 * t1, t0 * t0), t2)
     }
 
     /// Momenta p = dL/dy.
@@ -528,27 +550,34 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 8 additions, 21 multiplications, 1 sign change, 4 elementary functions.
+    /// 8 additions, 21 multiplications (8 fused), 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn momentum(&self, t: R, y: &[R; 8]) -> [R; 5] {
         let [theta, phi, theta_dot, phi_dot, psi_dot, _, _, _] = *y;
         let _ = t;
-        let t0 = theta.cos();
-        let t1 = self.I3 * psi_dot + self.I3 * (phi_dot * t0);
-        let t2 = theta.sin();
-        let t3 = phi_dot * t2;
-        let t4 = phi.sin();
-        let t5 = (t2 + self.c22 * t0) * (self.c23 * theta_dot);
-        let t6 = phi.cos();
-        let t7 = self.c25 * (t1 - self.c24 * t3);
+        let (t0, t1) = theta.sin_cos();
+        let t2 = self.I3.mul_add(phi_dot * t1, self.I3 * psi_dot);
+        let t3 = phi_dot * t0;
+        let (t4, t5) = phi.sin_cos();
+        let t6 = t1.mul_add(self.c22, t0) * (self.c23 * theta_dot);
+        let t7 = self.c25 * (-t3).mul_add(self.c24, t2);
         [
             self.c18 * theta_dot,
-            self.c19 * (t0 * t1) - self.c10 * (psi_dot * t2)
-                + self.c21 * (t3 * (t2 - self.c20 * t0)),
-            t1,
-            t4 * t5 - t6 * t7,
-            -(t6 * t5 + t4 * t7),
+            self
+                .c21
+                .mul_add(
+                    t1 * t2,
+                    self
+                        .c20
+                        .mul_add(
+                            t3 * (-t1).mul_add(self.c19, t0),
+                            -(self.c10 * (psi_dot * t0)),
+                        ),
+                ),
+            t2,
+            (-t5).mul_add(t7, t4 * t6),
+            (-t4).mul_add(t7, -(t5 * t6)),
         ]
     }
 
@@ -562,31 +591,50 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 16 additions, 34 multiplications, 4 elementary functions.
+    /// 16 additions, 34 multiplications (16 fused), 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 8]) -> [R; 2] {
         let [theta, phi, theta_dot, phi_dot, psi_dot, _, _, _] = *y;
         let _ = t;
-        let t0 = phi.cos();
-        let t1 = theta.sin();
-        let t2 = phi_dot * t1;
-        let t3 = theta.cos();
-        let t4 = psi_dot + phi_dot * t3;
-        let t5 = theta_dot * (self.c26 * t2 - self.c27 * t4);
-        let t6 = phi.sin();
-        let t7 = t1 * t2;
-        let t8 = t1 * (self.c32 * t1 - self.c33 * t3)
-            + self.c23 * (phi_dot * (t4 - self.c22 * t2))
-            + t3
-                * (phi_dot
-                    * (t2 * (self.c34 * t1 - self.c35 * t3) - self.c36 * (t3 * t4))
-                    - self.c32 * t3);
-        let t9 = t2 * (self.c28 * (psi_dot * t3) - self.c29 * t7)
-            + self.c31
-                * (psi_dot * t7
-                    - self.c30 * (theta_dot * theta_dot * (t3 - self.c22 * t1))) - t8;
-        [t0 * t5 - t6 * t9, t0 * t9 + t6 * t5]
+        let (t0, t1) = phi.sin_cos();
+        let (t2, t3) = theta.sin_cos();
+        let t4 = phi_dot * t2;
+        let t5 = phi_dot.mul_add(t3, psi_dot);
+        let t6 = theta_dot * (-t5).mul_add(self.c27, self.c26 * t4);
+        let t7 = t2 * t4;
+        let t8 = (-self.c23)
+            .mul_add(
+                phi_dot * (-t4).mul_add(self.c22, t5),
+                t4
+                    .mul_add(
+                        (-t7).mul_add(self.c29, self.c28 * (psi_dot * t3)),
+                        -(t2 * (-t3).mul_add(self.c32, self.c31 * t2)),
+                    ),
+            );
+        let t9 = (-t3)
+            .mul_add(
+                phi_dot
+                    .mul_add(
+                        (-self.c35)
+                            .mul_add(
+                                t3 * t5,
+                                t4 * (-t3).mul_add(self.c34, self.c33 * t2),
+                            ),
+                        -(self.c31 * t3),
+                    ),
+                self
+                    .c36
+                    .mul_add(
+                        (-self.c30)
+                            .mul_add(
+                                theta_dot * theta_dot * (-t2).mul_add(self.c22, t3),
+                                psi_dot * t7,
+                            ),
+                        t8,
+                    ),
+            );
+        [(-t0).mul_add(t9, t1 * t6), t1.mul_add(t9, t0 * t6)]
     }
 
     /// Momenta \<p, W_b\> along the sections of virtual displacements.
@@ -599,20 +647,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 5 additions, 11 multiplications, 2 elementary functions.
+    /// 5 additions, 11 multiplications (5 fused), 1 elementary function.
     #[inline]
     #[must_use]
     pub fn nonholonomic_momentum(&self, t: R, y: &[R; 8]) -> [R; 3] {
         let [theta, _, theta_dot, phi_dot, psi_dot, _, _, _] = *y;
         let _ = t;
-        let t0 = theta.cos();
-        let t1 = self.A_psi_dot_psi_dot * (psi_dot + phi_dot * t0);
-        let t2 = theta.sin();
-        let t3 = phi_dot * t2;
+        let (t0, t1) = theta.sin_cos();
+        let t2 = self.A_psi_dot_psi_dot * phi_dot.mul_add(t1, psi_dot);
+        let t3 = phi_dot * t0;
         [
             self.c18 * theta_dot,
-            t0 * t1 - self.c10 * (psi_dot * t2) + self.c21 * (t3 * (t2 - self.c20 * t0)),
-            t1 - self.c10 * t3,
+            self
+                .c20
+                .mul_add(
+                    t3 * (-t1).mul_add(self.c19, t0),
+                    t1.mul_add(t2, -(self.c10 * (psi_dot * t0))),
+                ),
+            (-t3).mul_add(self.c10, t2),
         ]
     }
 
@@ -626,22 +678,31 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 7 additions, 15 multiplications, 1 sign change, 2 elementary functions.
+    /// 7 additions, 15 multiplications (7 fused), 1 sign change, 1 elementary function.
     #[inline]
     #[must_use]
     pub fn momentum_equation(&self, t: R, y: &[R; 8]) -> [R; 3] {
         let [theta, _, theta_dot, phi_dot, psi_dot, _, _, _] = *y;
         let _ = t;
-        let t0 = theta.sin();
-        let t1 = theta.cos();
-        let t2 = self.c39 * (theta_dot * (t0 + self.c22 * t1));
+        let (t0, t1) = theta.sin_cos();
+        let t2 = self.c39 * (theta_dot * t1.mul_add(self.c22, t0));
         [
             t0
-                * (self.c38
-                    + phi_dot
-                        * (phi_dot * (self.c10 * t0 + self.c37 * t1)
-                            - self.A_psi_dot_psi_dot * psi_dot))
-                - t1 * (self.c11 + self.c10 * (phi_dot * (psi_dot + phi_dot * t1))),
+                .mul_add(
+                    phi_dot
+                        .mul_add(
+                            phi_dot
+                                .mul_add(
+                                    t1.mul_add(self.c37, self.c10 * t0),
+                                    -(self.A_psi_dot_psi_dot * psi_dot),
+                                ),
+                            self.c38,
+                        ),
+                    -(t1
+                        * self
+                            .c10
+                            .mul_add(phi_dot * phi_dot.mul_add(t1, psi_dot), self.c11)),
+                ),
             -(psi_dot * t2),
             phi_dot * t2,
         ]

@@ -1331,95 +1331,495 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 165 additions, 192 multiplications.
+    /// 165 additions, 192 multiplications (165 fused).
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 9], dy: &mut [R; 9]) {
         let [Omega1, Omega2, Omega3, V1, V2, V3, U1, U2, U3] = *y;
         let _ = t;
         /// momenta p = dL/dy
-        let [p_Omega1, p_Omega2, p_Omega3, p_V1, p_V2, p_V3, p_U1, p_U2, p_U3] = [
-            self.G11 * Omega1 + self.G12 * Omega2 + self.G13 * Omega3 + self.G14 * V1
-                + self.G15 * V2 + self.G16 * V3 + self.G17 * U1 + self.G18 * U2
-                + self.G19 * U3,
-            self.G12 * Omega1 + self.G22 * Omega2 + self.G23 * Omega3 + self.G24 * V1
-                + self.G25 * V2 + self.G26 * V3 + self.G27 * U1 + self.G28 * U2
-                + self.G29 * U3,
-            self.G13 * Omega1 + self.G23 * Omega2 + self.G33 * Omega3 + self.G34 * V1
-                + self.G35 * V2 + self.G36 * V3 + self.G37 * U1 + self.G38 * U2
-                + self.G39 * U3,
-            self.G14 * Omega1 + self.G24 * Omega2 + self.G34 * Omega3 + self.G44 * V1
-                + self.G45 * V2 + self.G46 * V3 + self.G47 * U1 + self.G48 * U2
-                + self.G49 * U3,
-            self.G15 * Omega1 + self.G25 * Omega2 + self.G35 * Omega3 + self.G45 * V1
-                + self.G55 * V2 + self.G56 * V3 + self.G57 * U1 + self.G58 * U2
-                + self.G59 * U3,
-            self.G16 * Omega1 + self.G26 * Omega2 + self.G36 * Omega3 + self.G46 * V1
-                + self.G56 * V2 + self.G66 * V3 + self.G67 * U1 + self.G68 * U2
-                + self.G69 * U3,
-            self.G17 * Omega1 + self.G27 * Omega2 + self.G37 * Omega3 + self.G47 * V1
-                + self.G57 * V2 + self.G67 * V3 + self.G77 * U1 + self.G78 * U2
-                + self.G79 * U3,
-            self.G18 * Omega1 + self.G28 * Omega2 + self.G38 * Omega3 + self.G48 * V1
-                + self.G58 * V2 + self.G68 * V3 + self.G78 * U1 + self.G88 * U2
-                + self.G89 * U3,
-            self.G19 * Omega1 + self.G29 * Omega2 + self.G39 * Omega3 + self.G49 * V1
-                + self.G59 * V2 + self.G69 * V3 + self.G79 * U1 + self.G89 * U2
-                + self.G99 * U3,
-        ];
+        let [p_Omega1, p_Omega2, p_Omega3, p_V1, p_V2, p_V3, p_U1, p_U2, p_U3] = {
+            let t0 = U2
+                .mul_add(
+                    self.G18,
+                    U1
+                        .mul_add(
+                            self.G17,
+                            V3
+                                .mul_add(
+                                    self.G16,
+                                    V2
+                                        .mul_add(
+                                            self.G15,
+                                            V1
+                                                .mul_add(
+                                                    self.G14,
+                                                    Omega3
+                                                        .mul_add(
+                                                            self.G13,
+                                                            Omega2.mul_add(self.G12, self.G11 * Omega1),
+                                                        ),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t1 = U2
+                .mul_add(
+                    self.G28,
+                    U1
+                        .mul_add(
+                            self.G27,
+                            V3
+                                .mul_add(
+                                    self.G26,
+                                    V2
+                                        .mul_add(
+                                            self.G25,
+                                            V1
+                                                .mul_add(
+                                                    self.G24,
+                                                    Omega3
+                                                        .mul_add(
+                                                            self.G23,
+                                                            Omega2.mul_add(self.G22, self.G12 * Omega1),
+                                                        ),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t2 = U2
+                .mul_add(
+                    self.G38,
+                    U1
+                        .mul_add(
+                            self.G37,
+                            V3
+                                .mul_add(
+                                    self.G36,
+                                    V2
+                                        .mul_add(
+                                            self.G35,
+                                            V1
+                                                .mul_add(
+                                                    self.G34,
+                                                    Omega3
+                                                        .mul_add(
+                                                            self.G33,
+                                                            Omega2.mul_add(self.G23, self.G13 * Omega1),
+                                                        ),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t3 = U2
+                .mul_add(
+                    self.G48,
+                    U1
+                        .mul_add(
+                            self.G47,
+                            V3
+                                .mul_add(
+                                    self.G46,
+                                    V2
+                                        .mul_add(
+                                            self.G45,
+                                            V1
+                                                .mul_add(
+                                                    self.G44,
+                                                    Omega3
+                                                        .mul_add(
+                                                            self.G34,
+                                                            Omega2.mul_add(self.G24, self.G14 * Omega1),
+                                                        ),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t4 = U2
+                .mul_add(
+                    self.G58,
+                    U1
+                        .mul_add(
+                            self.G57,
+                            V3
+                                .mul_add(
+                                    self.G56,
+                                    V2
+                                        .mul_add(
+                                            self.G55,
+                                            V1
+                                                .mul_add(
+                                                    self.G45,
+                                                    Omega3
+                                                        .mul_add(
+                                                            self.G35,
+                                                            Omega2.mul_add(self.G25, self.G15 * Omega1),
+                                                        ),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t5 = U2
+                .mul_add(
+                    self.G68,
+                    U1
+                        .mul_add(
+                            self.G67,
+                            V3
+                                .mul_add(
+                                    self.G66,
+                                    V2
+                                        .mul_add(
+                                            self.G56,
+                                            V1
+                                                .mul_add(
+                                                    self.G46,
+                                                    Omega3
+                                                        .mul_add(
+                                                            self.G36,
+                                                            Omega2.mul_add(self.G26, self.G16 * Omega1),
+                                                        ),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t6 = U2
+                .mul_add(
+                    self.G78,
+                    U1
+                        .mul_add(
+                            self.G77,
+                            V3
+                                .mul_add(
+                                    self.G67,
+                                    V2
+                                        .mul_add(
+                                            self.G57,
+                                            V1
+                                                .mul_add(
+                                                    self.G47,
+                                                    Omega3
+                                                        .mul_add(
+                                                            self.G37,
+                                                            Omega2.mul_add(self.G27, self.G17 * Omega1),
+                                                        ),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t7 = U2
+                .mul_add(
+                    self.G88,
+                    U1
+                        .mul_add(
+                            self.G78,
+                            V3
+                                .mul_add(
+                                    self.G68,
+                                    V2
+                                        .mul_add(
+                                            self.G58,
+                                            V1
+                                                .mul_add(
+                                                    self.G48,
+                                                    Omega3
+                                                        .mul_add(
+                                                            self.G38,
+                                                            Omega2.mul_add(self.G28, self.G18 * Omega1),
+                                                        ),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t8 = U2
+                .mul_add(
+                    self.G89,
+                    U1
+                        .mul_add(
+                            self.G79,
+                            V3
+                                .mul_add(
+                                    self.G69,
+                                    V2
+                                        .mul_add(
+                                            self.G59,
+                                            V1
+                                                .mul_add(
+                                                    self.G49,
+                                                    Omega3
+                                                        .mul_add(
+                                                            self.G39,
+                                                            Omega2.mul_add(self.G29, self.G19 * Omega1),
+                                                        ),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            [
+                U3.mul_add(self.G19, t0),
+                U3.mul_add(self.G29, t1),
+                U3.mul_add(self.G39, t2),
+                U3.mul_add(self.G49, t3),
+                U3.mul_add(self.G59, t4),
+                U3.mul_add(self.G69, t5),
+                U3.mul_add(self.G79, t6),
+                U3.mul_add(self.G89, t7),
+                U3.mul_add(self.G99, t8),
+            ]
+        };
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
         let [r_Omega1, r_Omega2, r_Omega3, r_V1, r_V2, r_V3, r_U1, r_U2, r_U3] = [
-            Omega3 * p_Omega2 + V3 * p_V2 + U3 * p_U2 - Omega2 * p_Omega3 - V2 * p_V3
-                - U2 * p_U3,
-            Omega1 * p_Omega3 + V1 * p_V3 + U1 * p_U3 - Omega3 * p_Omega1 - V3 * p_V1
-                - U3 * p_U1,
-            Omega2 * p_Omega1 + V2 * p_V1 + U2 * p_U1 - Omega1 * p_Omega2 - V1 * p_V2
-                - U1 * p_U2,
-            Omega3 * p_V2 - Omega2 * p_V3,
-            Omega1 * p_V3 - Omega3 * p_V1,
-            Omega2 * p_V1 - Omega1 * p_V2,
-            Omega3 * p_U2 - Omega2 * p_U3,
-            Omega1 * p_U3 - Omega3 * p_U1,
-            Omega2 * p_U1 - Omega1 * p_U2,
+            (-U2)
+                .mul_add(
+                    p_U3,
+                    (-V2)
+                        .mul_add(
+                            p_V3,
+                            (-Omega2)
+                                .mul_add(
+                                    p_Omega3,
+                                    U3.mul_add(p_U2, V3.mul_add(p_V2, Omega3 * p_Omega2)),
+                                ),
+                        ),
+                ),
+            (-U3)
+                .mul_add(
+                    p_U1,
+                    (-V3)
+                        .mul_add(
+                            p_V1,
+                            (-Omega3)
+                                .mul_add(
+                                    p_Omega1,
+                                    U1.mul_add(p_U3, V1.mul_add(p_V3, Omega1 * p_Omega3)),
+                                ),
+                        ),
+                ),
+            (-U1)
+                .mul_add(
+                    p_U2,
+                    (-V1)
+                        .mul_add(
+                            p_V2,
+                            (-Omega1)
+                                .mul_add(
+                                    p_Omega2,
+                                    U2.mul_add(p_U1, V2.mul_add(p_V1, Omega2 * p_Omega1)),
+                                ),
+                        ),
+                ),
+            (-Omega2).mul_add(p_V3, Omega3 * p_V2),
+            (-Omega3).mul_add(p_V1, Omega1 * p_V3),
+            (-Omega1).mul_add(p_V2, Omega2 * p_V1),
+            (-Omega2).mul_add(p_U3, Omega3 * p_U2),
+            (-Omega3).mul_add(p_U1, Omega1 * p_U3),
+            (-Omega1).mul_add(p_U2, Omega2 * p_U1),
         ];
         /// substitution through the factors of A
         let [dot_U3, dot_U2, dot_U1, dot_V3, dot_V2, dot_V1, dot_Omega3, dot_Omega2,
         dot_Omega1] = {
-            let z_Omega2 = r_Omega2 - self.A_l2_1 * r_Omega1;
-            let z_Omega3 = r_Omega3 - self.A_l3_1 * r_Omega1 - self.A_l3_2 * z_Omega2;
-            let z_V1 = r_V1 - self.A_l4_1 * r_Omega1 - self.A_l4_2 * z_Omega2
-                - self.A_l4_3 * z_Omega3;
-            let z_V2 = r_V2 - self.A_l5_1 * r_Omega1 - self.A_l5_2 * z_Omega2
-                - self.A_l5_3 * z_Omega3 - self.A_l5_4 * z_V1;
-            let z_V3 = r_V3 - self.A_l6_1 * r_Omega1 - self.A_l6_2 * z_Omega2
-                - self.A_l6_3 * z_Omega3 - self.A_l6_4 * z_V1 - self.A_l6_5 * z_V2;
-            let z_U1 = r_U1 - self.A_l7_1 * r_Omega1 - self.A_l7_2 * z_Omega2
-                - self.A_l7_3 * z_Omega3 - self.A_l7_4 * z_V1 - self.A_l7_5 * z_V2
-                - self.A_l7_6 * z_V3;
-            let z_U2 = r_U2 - self.A_l8_1 * r_Omega1 - self.A_l8_2 * z_Omega2
-                - self.A_l8_3 * z_Omega3 - self.A_l8_4 * z_V1 - self.A_l8_5 * z_V2
-                - self.A_l8_6 * z_V3 - self.A_l8_7 * z_U1;
-            let t0 = r_U3 - self.A_l9_1 * r_Omega1 - self.A_l9_2 * z_Omega2
-                - self.A_l9_3 * z_Omega3 - self.A_l9_4 * z_V1 - self.A_l9_5 * z_V2
-                - self.A_l9_6 * z_V3 - self.A_l9_7 * z_U1;
-            let z_U3 = t0 - self.A_l9_8 * z_U2;
+            let z_Omega2 = (-r_Omega1).mul_add(self.A_l2_1, r_Omega2);
+            let z_Omega3 = (-z_Omega2)
+                .mul_add(self.A_l3_2, (-r_Omega1).mul_add(self.A_l3_1, r_Omega3));
+            let z_V1 = (-z_Omega3)
+                .mul_add(
+                    self.A_l4_3,
+                    (-z_Omega2)
+                        .mul_add(self.A_l4_2, (-r_Omega1).mul_add(self.A_l4_1, r_V1)),
+                );
+            let z_V2 = (-z_V1)
+                .mul_add(
+                    self.A_l5_4,
+                    (-z_Omega3)
+                        .mul_add(
+                            self.A_l5_3,
+                            (-z_Omega2)
+                                .mul_add(
+                                    self.A_l5_2,
+                                    (-r_Omega1).mul_add(self.A_l5_1, r_V2),
+                                ),
+                        ),
+                );
+            let z_V3 = (-z_V2)
+                .mul_add(
+                    self.A_l6_5,
+                    (-z_V1)
+                        .mul_add(
+                            self.A_l6_4,
+                            (-z_Omega3)
+                                .mul_add(
+                                    self.A_l6_3,
+                                    (-z_Omega2)
+                                        .mul_add(
+                                            self.A_l6_2,
+                                            (-r_Omega1).mul_add(self.A_l6_1, r_V3),
+                                        ),
+                                ),
+                        ),
+                );
+            let t9 = (-z_V2)
+                .mul_add(
+                    self.A_l7_5,
+                    (-z_V1)
+                        .mul_add(
+                            self.A_l7_4,
+                            (-z_Omega3)
+                                .mul_add(
+                                    self.A_l7_3,
+                                    (-z_Omega2)
+                                        .mul_add(
+                                            self.A_l7_2,
+                                            (-r_Omega1).mul_add(self.A_l7_1, r_U1),
+                                        ),
+                                ),
+                        ),
+                );
+            let z_U1 = (-z_V3).mul_add(self.A_l7_6, t9);
+            let t10 = (-z_V2)
+                .mul_add(
+                    self.A_l8_5,
+                    (-z_V1)
+                        .mul_add(
+                            self.A_l8_4,
+                            (-z_Omega3)
+                                .mul_add(
+                                    self.A_l8_3,
+                                    (-z_Omega2)
+                                        .mul_add(
+                                            self.A_l8_2,
+                                            (-r_Omega1).mul_add(self.A_l8_1, r_U2),
+                                        ),
+                                ),
+                        ),
+                );
+            let z_U2 = (-z_U1).mul_add(self.A_l8_7, (-z_V3).mul_add(self.A_l8_6, t10));
+            let t11 = (-z_V2)
+                .mul_add(
+                    self.A_l9_5,
+                    (-z_V1)
+                        .mul_add(
+                            self.A_l9_4,
+                            (-z_Omega3)
+                                .mul_add(
+                                    self.A_l9_3,
+                                    (-z_Omega2)
+                                        .mul_add(
+                                            self.A_l9_2,
+                                            (-r_Omega1).mul_add(self.A_l9_1, r_U3),
+                                        ),
+                                ),
+                        ),
+                );
+            let z_U3 = (-z_U2)
+                .mul_add(
+                    self.A_l9_8,
+                    (-z_U1).mul_add(self.A_l9_7, (-z_V3).mul_add(self.A_l9_6, t11)),
+                );
             let dot_U3 = self.c0 * z_U3;
-            let dot_U2 = self.c1 * z_U2 - self.A_l9_8 * dot_U3;
-            let dot_U1 = self.c2 * z_U1 - self.A_l9_7 * dot_U3 - self.A_l8_7 * dot_U2;
-            let dot_V3 = self.c3 * z_V3 - self.A_l9_6 * dot_U3 - self.A_l8_6 * dot_U2
-                - self.A_l7_6 * dot_U1;
-            let dot_V2 = self.c4 * z_V2 - self.A_l9_5 * dot_U3 - self.A_l8_5 * dot_U2
-                - self.A_l7_5 * dot_U1 - self.A_l6_5 * dot_V3;
-            let dot_V1 = self.c5 * z_V1 - self.A_l9_4 * dot_U3 - self.A_l8_4 * dot_U2
-                - self.A_l7_4 * dot_U1 - self.A_l6_4 * dot_V3 - self.A_l5_4 * dot_V2;
-            let dot_Omega3 = self.c6 * z_Omega3 - self.A_l9_3 * dot_U3
-                - self.A_l8_3 * dot_U2 - self.A_l7_3 * dot_U1 - self.A_l6_3 * dot_V3
-                - self.A_l5_3 * dot_V2 - self.A_l4_3 * dot_V1;
-            let dot_Omega2 = self.c7 * z_Omega2 - self.A_l9_2 * dot_U3
-                - self.A_l8_2 * dot_U2 - self.A_l7_2 * dot_U1 - self.A_l6_2 * dot_V3
-                - self.A_l5_2 * dot_V2 - self.A_l4_2 * dot_V1 - self.A_l3_2 * dot_Omega3;
-            let t1 = self.c8 * r_Omega1 - self.A_l9_1 * dot_U3 - self.A_l8_1 * dot_U2
-                - self.A_l7_1 * dot_U1 - self.A_l6_1 * dot_V3 - self.A_l5_1 * dot_V2
-                - self.A_l4_1 * dot_V1 - self.A_l3_1 * dot_Omega3;
+            let dot_U2 = (-dot_U3).mul_add(self.A_l9_8, self.c1 * z_U2);
+            let dot_U1 = (-dot_U2)
+                .mul_add(self.A_l8_7, (-dot_U3).mul_add(self.A_l9_7, self.c2 * z_U1));
+            let dot_V3 = (-dot_U1)
+                .mul_add(
+                    self.A_l7_6,
+                    (-dot_U2)
+                        .mul_add(
+                            self.A_l8_6,
+                            (-dot_U3).mul_add(self.A_l9_6, self.c3 * z_V3),
+                        ),
+                );
+            let dot_V2 = (-dot_V3)
+                .mul_add(
+                    self.A_l6_5,
+                    (-dot_U1)
+                        .mul_add(
+                            self.A_l7_5,
+                            (-dot_U2)
+                                .mul_add(
+                                    self.A_l8_5,
+                                    (-dot_U3).mul_add(self.A_l9_5, self.c4 * z_V2),
+                                ),
+                        ),
+                );
+            let dot_V1 = (-dot_V2)
+                .mul_add(
+                    self.A_l5_4,
+                    (-dot_V3)
+                        .mul_add(
+                            self.A_l6_4,
+                            (-dot_U1)
+                                .mul_add(
+                                    self.A_l7_4,
+                                    (-dot_U2)
+                                        .mul_add(
+                                            self.A_l8_4,
+                                            (-dot_U3).mul_add(self.A_l9_4, self.c5 * z_V1),
+                                        ),
+                                ),
+                        ),
+                );
+            let t12 = (-dot_V2)
+                .mul_add(
+                    self.A_l5_3,
+                    (-dot_V3)
+                        .mul_add(
+                            self.A_l6_3,
+                            (-dot_U1)
+                                .mul_add(
+                                    self.A_l7_3,
+                                    (-dot_U2)
+                                        .mul_add(
+                                            self.A_l8_3,
+                                            (-dot_U3).mul_add(self.A_l9_3, self.c6 * z_Omega3),
+                                        ),
+                                ),
+                        ),
+                );
+            let dot_Omega3 = (-dot_V1).mul_add(self.A_l4_3, t12);
+            let t13 = (-dot_V2)
+                .mul_add(
+                    self.A_l5_2,
+                    (-dot_V3)
+                        .mul_add(
+                            self.A_l6_2,
+                            (-dot_U1)
+                                .mul_add(
+                                    self.A_l7_2,
+                                    (-dot_U2)
+                                        .mul_add(
+                                            self.A_l8_2,
+                                            (-dot_U3).mul_add(self.A_l9_2, self.c7 * z_Omega2),
+                                        ),
+                                ),
+                        ),
+                );
+            let dot_Omega2 = (-dot_Omega3)
+                .mul_add(self.A_l3_2, (-dot_V1).mul_add(self.A_l4_2, t13));
+            let t14 = (-dot_V2)
+                .mul_add(
+                    self.A_l5_1,
+                    (-dot_V3)
+                        .mul_add(
+                            self.A_l6_1,
+                            (-dot_U1)
+                                .mul_add(
+                                    self.A_l7_1,
+                                    (-dot_U2)
+                                        .mul_add(
+                                            self.A_l8_1,
+                                            (-dot_U3).mul_add(self.A_l9_1, self.c8 * r_Omega1),
+                                        ),
+                                ),
+                        ),
+                );
             [
                 dot_U3,
                 dot_U2,
@@ -1429,7 +1829,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 dot_V1,
                 dot_Omega3,
                 dot_Omega2,
-                t1 - self.A_l2_1 * dot_Omega2,
+                (-dot_Omega2)
+                    .mul_add(
+                        self.A_l2_1,
+                        (-dot_Omega3)
+                            .mul_add(self.A_l3_1, (-dot_V1).mul_add(self.A_l4_1, t14)),
+                    ),
             ]
         };
         *dy = [
@@ -1453,36 +1858,131 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 44 additions, 55 multiplications.
+    /// 44 additions, 55 multiplications (44 fused).
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 9]) -> R {
         let [Omega1, Omega2, Omega3, V1, V2, V3, U1, U2, U3] = *y;
         let _ = t;
-        let t0 = Omega1
-            * (self.G12 * Omega2 + self.G13 * Omega3 + (self.G14 * V1 + self.G15 * V2)
-                + (self.G16 * V3 + self.G17 * U1 + (self.G18 * U2 + self.G19 * U3)))
-            + Omega2
-                * (self.c9 * Omega2 + (self.G23 * Omega3 + self.G24 * V1)
-                    + (self.G25 * V2 + self.G26 * V3 + (self.G27 * U1 + self.G28 * U2)));
-        let t1 = t0
-            + Omega3
-                * (self.c10 * Omega3 + (self.G34 * V1 + self.G35 * V2)
-                    + (self.G36 * V3 + self.G37 * U1 + (self.G38 * U2 + self.G39 * U3)))
-            + V1
-                * (self.G47 * U1 + self.G48 * U2
-                    + (self.c11 * V1 + (self.G45 * V2 + self.G46 * V3)));
-        let t2 = t1
-            + V2
-                * (self.G58 * U2 + self.G59 * U3
-                    + (self.c12 * V2 + (self.G56 * V3 + self.G57 * U1)))
-            + V3 * (self.c13 * V3 + (self.G67 * U1 + self.G68 * U2))
-            + U1 * (self.c14 * U1 + (self.G78 * U2 + self.G79 * U3));
-        t2
-            + U3
-                * (self.G69 * V3 + self.G89 * U2
-                    + (self.c15 * U3 + (self.G29 * Omega2 + self.G49 * V1)))
-            + self.c16 * (Omega1 * Omega1) + self.c17 * (U2 * U2)
+        let t0 = U3
+            .mul_add(
+                self.G19,
+                U2
+                    .mul_add(
+                        self.G18,
+                        U1
+                            .mul_add(
+                                self.G17,
+                                V3
+                                    .mul_add(
+                                        self.G16,
+                                        V2
+                                            .mul_add(
+                                                self.G15,
+                                                V1
+                                                    .mul_add(
+                                                        self.G14,
+                                                        Omega3.mul_add(self.G13, self.G12 * Omega2),
+                                                    ),
+                                            ),
+                                    ),
+                            ),
+                    ),
+            );
+        let t1 = U1
+            .mul_add(
+                U3.mul_add(self.G79, U2.mul_add(self.G78, self.c14 * U1)),
+                V3
+                    .mul_add(
+                        U2.mul_add(self.G68, U1.mul_add(self.G67, self.c13 * V3)),
+                        self.c17.mul_add(U2 * U2, self.c16 * (Omega1 * Omega1)),
+                    ),
+            );
+        let t2 = V2
+            .mul_add(
+                U1
+                    .mul_add(
+                        self.G57,
+                        V3
+                            .mul_add(
+                                self.G56,
+                                V2.mul_add(self.c12, U3.mul_add(self.G59, self.G58 * U2)),
+                            ),
+                    ),
+                V1
+                    .mul_add(
+                        V3
+                            .mul_add(
+                                self.G46,
+                                V2
+                                    .mul_add(
+                                        self.G45,
+                                        V1.mul_add(self.c11, U2.mul_add(self.G48, self.G47 * U1)),
+                                    ),
+                            ),
+                        t1,
+                    ),
+            );
+        let t3 = Omega2
+            .mul_add(
+                U2
+                    .mul_add(
+                        self.G28,
+                        U1
+                            .mul_add(
+                                self.G27,
+                                V3
+                                    .mul_add(
+                                        self.G26,
+                                        V2
+                                            .mul_add(
+                                                self.G25,
+                                                V1
+                                                    .mul_add(
+                                                        self.G24,
+                                                        Omega3.mul_add(self.G23, self.c9 * Omega2),
+                                                    ),
+                                            ),
+                                    ),
+                            ),
+                    ),
+                U3
+                    .mul_add(
+                        V1
+                            .mul_add(
+                                self.G49,
+                                Omega2
+                                    .mul_add(
+                                        self.G29,
+                                        U3.mul_add(self.c15, U2.mul_add(self.G89, self.G69 * V3)),
+                                    ),
+                            ),
+                        t2,
+                    ),
+            );
+        let t4 = Omega3
+            .mul_add(
+                U3
+                    .mul_add(
+                        self.G39,
+                        U2
+                            .mul_add(
+                                self.G38,
+                                U1
+                                    .mul_add(
+                                        self.G37,
+                                        V3
+                                            .mul_add(
+                                                self.G36,
+                                                V2
+                                                    .mul_add(self.G35, V1.mul_add(self.G34, self.c10 * Omega3)),
+                                            ),
+                                    ),
+                            ),
+                    ),
+                t3,
+            );
+        Omega1.mul_add(t0, t4)
     }
 
     /// Momenta p = dL/dy.
@@ -1495,42 +1995,251 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 72 additions, 81 multiplications.
+    /// 72 additions, 81 multiplications (72 fused).
     #[inline]
     #[must_use]
     pub fn momentum(&self, t: R, y: &[R; 9]) -> [R; 9] {
         let [Omega1, Omega2, Omega3, V1, V2, V3, U1, U2, U3] = *y;
         let _ = t;
         /// momenta p = dL/dy
-        let [p_Omega1, p_Omega2, p_Omega3, p_V1, p_V2, p_V3, p_U1, p_U2, p_U3] = [
-            self.G11 * Omega1 + self.G12 * Omega2 + self.G13 * Omega3 + self.G14 * V1
-                + self.G15 * V2 + self.G16 * V3 + self.G17 * U1 + self.G18 * U2
-                + self.G19 * U3,
-            self.G12 * Omega1 + self.G22 * Omega2 + self.G23 * Omega3 + self.G24 * V1
-                + self.G25 * V2 + self.G26 * V3 + self.G27 * U1 + self.G28 * U2
-                + self.G29 * U3,
-            self.G13 * Omega1 + self.G23 * Omega2 + self.G33 * Omega3 + self.G34 * V1
-                + self.G35 * V2 + self.G36 * V3 + self.G37 * U1 + self.G38 * U2
-                + self.G39 * U3,
-            self.G14 * Omega1 + self.G24 * Omega2 + self.G34 * Omega3 + self.G44 * V1
-                + self.G45 * V2 + self.G46 * V3 + self.G47 * U1 + self.G48 * U2
-                + self.G49 * U3,
-            self.G15 * Omega1 + self.G25 * Omega2 + self.G35 * Omega3 + self.G45 * V1
-                + self.G55 * V2 + self.G56 * V3 + self.G57 * U1 + self.G58 * U2
-                + self.G59 * U3,
-            self.G16 * Omega1 + self.G26 * Omega2 + self.G36 * Omega3 + self.G46 * V1
-                + self.G56 * V2 + self.G66 * V3 + self.G67 * U1 + self.G68 * U2
-                + self.G69 * U3,
-            self.G17 * Omega1 + self.G27 * Omega2 + self.G37 * Omega3 + self.G47 * V1
-                + self.G57 * V2 + self.G67 * V3 + self.G77 * U1 + self.G78 * U2
-                + self.G79 * U3,
-            self.G18 * Omega1 + self.G28 * Omega2 + self.G38 * Omega3 + self.G48 * V1
-                + self.G58 * V2 + self.G68 * V3 + self.G78 * U1 + self.G88 * U2
-                + self.G89 * U3,
-            self.G19 * Omega1 + self.G29 * Omega2 + self.G39 * Omega3 + self.G49 * V1
-                + self.G59 * V2 + self.G69 * V3 + self.G79 * U1 + self.G89 * U2
-                + self.G99 * U3,
-        ];
+        let [p_Omega1, p_Omega2, p_Omega3, p_V1, p_V2, p_V3, p_U1, p_U2, p_U3] = {
+            let t0 = U2
+                .mul_add(
+                    self.G18,
+                    U1
+                        .mul_add(
+                            self.G17,
+                            V3
+                                .mul_add(
+                                    self.G16,
+                                    V2
+                                        .mul_add(
+                                            self.G15,
+                                            V1
+                                                .mul_add(
+                                                    self.G14,
+                                                    Omega3
+                                                        .mul_add(
+                                                            self.G13,
+                                                            Omega2.mul_add(self.G12, self.G11 * Omega1),
+                                                        ),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t1 = U2
+                .mul_add(
+                    self.G28,
+                    U1
+                        .mul_add(
+                            self.G27,
+                            V3
+                                .mul_add(
+                                    self.G26,
+                                    V2
+                                        .mul_add(
+                                            self.G25,
+                                            V1
+                                                .mul_add(
+                                                    self.G24,
+                                                    Omega3
+                                                        .mul_add(
+                                                            self.G23,
+                                                            Omega2.mul_add(self.G22, self.G12 * Omega1),
+                                                        ),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t2 = U2
+                .mul_add(
+                    self.G38,
+                    U1
+                        .mul_add(
+                            self.G37,
+                            V3
+                                .mul_add(
+                                    self.G36,
+                                    V2
+                                        .mul_add(
+                                            self.G35,
+                                            V1
+                                                .mul_add(
+                                                    self.G34,
+                                                    Omega3
+                                                        .mul_add(
+                                                            self.G33,
+                                                            Omega2.mul_add(self.G23, self.G13 * Omega1),
+                                                        ),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t3 = U2
+                .mul_add(
+                    self.G48,
+                    U1
+                        .mul_add(
+                            self.G47,
+                            V3
+                                .mul_add(
+                                    self.G46,
+                                    V2
+                                        .mul_add(
+                                            self.G45,
+                                            V1
+                                                .mul_add(
+                                                    self.G44,
+                                                    Omega3
+                                                        .mul_add(
+                                                            self.G34,
+                                                            Omega2.mul_add(self.G24, self.G14 * Omega1),
+                                                        ),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t4 = U2
+                .mul_add(
+                    self.G58,
+                    U1
+                        .mul_add(
+                            self.G57,
+                            V3
+                                .mul_add(
+                                    self.G56,
+                                    V2
+                                        .mul_add(
+                                            self.G55,
+                                            V1
+                                                .mul_add(
+                                                    self.G45,
+                                                    Omega3
+                                                        .mul_add(
+                                                            self.G35,
+                                                            Omega2.mul_add(self.G25, self.G15 * Omega1),
+                                                        ),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t5 = U2
+                .mul_add(
+                    self.G68,
+                    U1
+                        .mul_add(
+                            self.G67,
+                            V3
+                                .mul_add(
+                                    self.G66,
+                                    V2
+                                        .mul_add(
+                                            self.G56,
+                                            V1
+                                                .mul_add(
+                                                    self.G46,
+                                                    Omega3
+                                                        .mul_add(
+                                                            self.G36,
+                                                            Omega2.mul_add(self.G26, self.G16 * Omega1),
+                                                        ),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t6 = U2
+                .mul_add(
+                    self.G78,
+                    U1
+                        .mul_add(
+                            self.G77,
+                            V3
+                                .mul_add(
+                                    self.G67,
+                                    V2
+                                        .mul_add(
+                                            self.G57,
+                                            V1
+                                                .mul_add(
+                                                    self.G47,
+                                                    Omega3
+                                                        .mul_add(
+                                                            self.G37,
+                                                            Omega2.mul_add(self.G27, self.G17 * Omega1),
+                                                        ),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t7 = U2
+                .mul_add(
+                    self.G88,
+                    U1
+                        .mul_add(
+                            self.G78,
+                            V3
+                                .mul_add(
+                                    self.G68,
+                                    V2
+                                        .mul_add(
+                                            self.G58,
+                                            V1
+                                                .mul_add(
+                                                    self.G48,
+                                                    Omega3
+                                                        .mul_add(
+                                                            self.G38,
+                                                            Omega2.mul_add(self.G28, self.G18 * Omega1),
+                                                        ),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            let t8 = U2
+                .mul_add(
+                    self.G89,
+                    U1
+                        .mul_add(
+                            self.G79,
+                            V3
+                                .mul_add(
+                                    self.G69,
+                                    V2
+                                        .mul_add(
+                                            self.G59,
+                                            V1
+                                                .mul_add(
+                                                    self.G49,
+                                                    Omega3
+                                                        .mul_add(
+                                                            self.G39,
+                                                            Omega2.mul_add(self.G29, self.G19 * Omega1),
+                                                        ),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                );
+            [
+                U3.mul_add(self.G19, t0),
+                U3.mul_add(self.G29, t1),
+                U3.mul_add(self.G39, t2),
+                U3.mul_add(self.G49, t3),
+                U3.mul_add(self.G59, t4),
+                U3.mul_add(self.G69, t5),
+                U3.mul_add(self.G79, t6),
+                U3.mul_add(self.G89, t7),
+                U3.mul_add(self.G99, t8),
+            ]
+        };
         [p_Omega1, p_Omega2, p_Omega3, p_V1, p_V2, p_V3, p_U1, p_U2, p_U3]
     }
 
@@ -1544,34 +2253,172 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 54 additions, 63 multiplications.
+    /// 54 additions, 63 multiplications (54 fused).
     #[inline]
     #[must_use]
     pub fn casimirs(&self, t: R, y: &[R; 9]) -> [R; 3] {
         let [Omega1, Omega2, Omega3, V1, V2, V3, U1, U2, U3] = *y;
         let _ = t;
-        let t0 = self.G14 * Omega1 + self.G24 * Omega2 + self.G34 * Omega3
-            + self.G44 * V1 + self.G45 * V2 + self.G46 * V3 + self.G47 * U1
-            + self.G48 * U2 + self.G49 * U3;
-        let t1 = self.G15 * Omega1 + self.G25 * Omega2 + self.G35 * Omega3
-            + self.G45 * V1 + self.G55 * V2 + self.G56 * V3 + self.G57 * U1
-            + self.G58 * U2 + self.G59 * U3;
-        let t2 = self.G16 * Omega1 + self.G26 * Omega2 + self.G36 * Omega3
-            + self.G46 * V1 + self.G56 * V2 + self.G66 * V3 + self.G67 * U1
-            + self.G68 * U2 + self.G69 * U3;
-        let t3 = self.G17 * Omega1 + self.G27 * Omega2 + self.G37 * Omega3
-            + self.G47 * V1 + self.G57 * V2 + self.G67 * V3 + self.G77 * U1
-            + self.G78 * U2 + self.G79 * U3;
-        let t4 = self.G18 * Omega1 + self.G28 * Omega2 + self.G38 * Omega3
-            + self.G48 * V1 + self.G58 * V2 + self.G68 * V3 + self.G78 * U1
-            + self.G88 * U2 + self.G89 * U3;
-        let t5 = self.G19 * Omega1 + self.G29 * Omega2 + self.G39 * Omega3
-            + self.G49 * V1 + self.G59 * V2 + self.G69 * V3 + self.G79 * U1
-            + self.G89 * U2 + self.G99 * U3;
+        let t0 = U2
+            .mul_add(
+                self.G48,
+                U1
+                    .mul_add(
+                        self.G47,
+                        V3
+                            .mul_add(
+                                self.G46,
+                                V2
+                                    .mul_add(
+                                        self.G45,
+                                        V1
+                                            .mul_add(
+                                                self.G44,
+                                                Omega3
+                                                    .mul_add(
+                                                        self.G34,
+                                                        Omega2.mul_add(self.G24, self.G14 * Omega1),
+                                                    ),
+                                            ),
+                                    ),
+                            ),
+                    ),
+            );
+        let t1 = U3.mul_add(self.G49, t0);
+        let t2 = U2
+            .mul_add(
+                self.G58,
+                U1
+                    .mul_add(
+                        self.G57,
+                        V3
+                            .mul_add(
+                                self.G56,
+                                V2
+                                    .mul_add(
+                                        self.G55,
+                                        V1
+                                            .mul_add(
+                                                self.G45,
+                                                Omega3
+                                                    .mul_add(
+                                                        self.G35,
+                                                        Omega2.mul_add(self.G25, self.G15 * Omega1),
+                                                    ),
+                                            ),
+                                    ),
+                            ),
+                    ),
+            );
+        let t3 = U3.mul_add(self.G59, t2);
+        let t4 = U2
+            .mul_add(
+                self.G68,
+                U1
+                    .mul_add(
+                        self.G67,
+                        V3
+                            .mul_add(
+                                self.G66,
+                                V2
+                                    .mul_add(
+                                        self.G56,
+                                        V1
+                                            .mul_add(
+                                                self.G46,
+                                                Omega3
+                                                    .mul_add(
+                                                        self.G36,
+                                                        Omega2.mul_add(self.G26, self.G16 * Omega1),
+                                                    ),
+                                            ),
+                                    ),
+                            ),
+                    ),
+            );
+        let t5 = U3.mul_add(self.G69, t4);
+        let t6 = U2
+            .mul_add(
+                self.G78,
+                U1
+                    .mul_add(
+                        self.G77,
+                        V3
+                            .mul_add(
+                                self.G67,
+                                V2
+                                    .mul_add(
+                                        self.G57,
+                                        V1
+                                            .mul_add(
+                                                self.G47,
+                                                Omega3
+                                                    .mul_add(
+                                                        self.G37,
+                                                        Omega2.mul_add(self.G27, self.G17 * Omega1),
+                                                    ),
+                                            ),
+                                    ),
+                            ),
+                    ),
+            );
+        let t7 = U3.mul_add(self.G79, t6);
+        let t8 = U2
+            .mul_add(
+                self.G88,
+                U1
+                    .mul_add(
+                        self.G78,
+                        V3
+                            .mul_add(
+                                self.G68,
+                                V2
+                                    .mul_add(
+                                        self.G58,
+                                        V1
+                                            .mul_add(
+                                                self.G48,
+                                                Omega3
+                                                    .mul_add(
+                                                        self.G38,
+                                                        Omega2.mul_add(self.G28, self.G18 * Omega1),
+                                                    ),
+                                            ),
+                                    ),
+                            ),
+                    ),
+            );
+        let t9 = U3.mul_add(self.G89, t8);
+        let t10 = U2
+            .mul_add(
+                self.G89,
+                U1
+                    .mul_add(
+                        self.G79,
+                        V3
+                            .mul_add(
+                                self.G69,
+                                V2
+                                    .mul_add(
+                                        self.G59,
+                                        V1
+                                            .mul_add(
+                                                self.G49,
+                                                Omega3
+                                                    .mul_add(
+                                                        self.G39,
+                                                        Omega2.mul_add(self.G29, self.G19 * Omega1),
+                                                    ),
+                                            ),
+                                    ),
+                            ),
+                    ),
+            );
+        let t11 = U3.mul_add(self.G99, t10);
         [
-            t0 * t0 + t1 * t1 + t2 * t2,
-            t0 * t3 + t1 * t4 + t2 * t5,
-            t3 * t3 + t4 * t4 + t5 * t5,
+            t5.mul_add(t5, t3.mul_add(t3, t1 * t1)),
+            t5.mul_add(t11, t3.mul_add(t9, t1 * t7)),
+            t11.mul_add(t11, t9.mul_add(t9, t7 * t7)),
         ]
     }
 }

@@ -137,7 +137,7 @@ pub struct Prepared<R = f64> {
     I3: R,
     /// `(I2 - I3) / I1`
     c0: R,
-    /// `(I1 - I3) / I2`
+    /// `-((I1 - I3) / I2)`
     c1: R,
     /// `(I1 - I2) / I3`
     c2: R,
@@ -165,7 +165,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 6 multiplications, 3 divisions.
+    /// 3 additions, 6 multiplications, 3 divisions, 1 sign change.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3 } = *params;
         for (value, condition, meaning) in [
@@ -215,7 +215,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             I2,
             I3,
             c0: (I2 - I3) / I1,
-            c1: (I1 - I3) / I2,
+            c1: -((I1 - I3) / I2),
             c2: (I1 - I2) / I3,
             c3: R::from_f64(0.5) * I1,
             c4: R::from_f64(0.5) * I2,
@@ -243,14 +243,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 6 multiplications, 1 sign change.
+    /// 6 multiplications.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 3], dy: &mut [R; 3]) {
         let [Omega1, Omega2, Omega3] = *y;
         let _ = t;
         *dy = [
             self.c0 * (Omega2 * Omega3),
-            -(self.c1 * (Omega1 * Omega3)),
+            self.c1 * (Omega1 * Omega3),
             self.c2 * (Omega1 * Omega2),
         ];
     }
@@ -263,14 +263,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 6 multiplications.
+    /// 2 additions, 6 multiplications (2 fused).
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 3]) -> R {
         let [Omega1, Omega2, Omega3] = *y;
         let _ = t;
-        self.c3 * (Omega1 * Omega1) + self.c4 * (Omega2 * Omega2)
-            + self.c5 * (Omega3 * Omega3)
+        self.c5
+            .mul_add(
+                Omega3 * Omega3,
+                self.c4.mul_add(Omega2 * Omega2, self.c3 * (Omega1 * Omega1)),
+            )
     }
 
     /// Momenta p = dL/dy.
@@ -302,15 +305,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 6 multiplications.
+    /// 2 additions, 6 multiplications (2 fused).
     #[inline]
     #[must_use]
     pub fn casimirs(&self, t: R, y: &[R; 3]) -> [R; 1] {
         let [Omega1, Omega2, Omega3] = *y;
         let _ = t;
         [
-            self.c6 * (Omega1 * Omega1) + self.c7 * (Omega2 * Omega2)
-                + self.c8 * (Omega3 * Omega3),
+            self
+                .c8
+                .mul_add(
+                    Omega3 * Omega3,
+                    self.c7.mul_add(Omega2 * Omega2, self.c6 * (Omega1 * Omega1)),
+                ),
         ]
     }
 }

@@ -227,11 +227,11 @@ pub struct Prepared<R = f64> {
     I2: R,
     /// Parameter `I3`.
     I3: R,
-    /// `(I2 - I3) / I1`
-    c0: R,
     /// `m * g * l * chi3 / I1`
-    c1: R,
+    c0: R,
     /// `m * g * l * chi2 / I1`
+    c1: R,
+    /// `(I2 - I3) / I1`
     c2: R,
     /// `m * g * l * chi1 / I2`
     c3: R,
@@ -239,23 +239,23 @@ pub struct Prepared<R = f64> {
     c4: R,
     /// `m * g * l * chi3 / I2`
     c5: R,
-    /// `(I1 - I2) / I3`
-    c6: R,
     /// `m * g * l * chi2 / I3`
-    c7: R,
+    c6: R,
     /// `m * g * l * chi1 / I3`
+    c7: R,
+    /// `(I1 - I2) / I3`
     c8: R,
-    /// `0.5 * I1`
-    c9: R,
-    /// `0.5 * I2`
-    c10: R,
-    /// `0.5 * I3`
-    c11: R,
     /// `m * g * l * chi1`
-    c12: R,
+    c9: R,
     /// `m * g * l * chi2`
-    c13: R,
+    c10: R,
     /// `m * g * l * chi3`
+    c11: R,
+    /// `0.5 * I1`
+    c12: R,
+    /// `0.5 * I2`
+    c13: R,
+    /// `0.5 * I3`
     c14: R,
 }
 
@@ -346,21 +346,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             I1,
             I2,
             I3,
-            c0: (I2 - I3) / I1,
-            c1: t1 / I1,
-            c2: t2 / I1,
+            c0: t1 / I1,
+            c1: t2 / I1,
+            c2: (I2 - I3) / I1,
             c3: t3 / I2,
             c4: (I1 - I3) / I2,
             c5: t1 / I2,
-            c6: (I1 - I2) / I3,
-            c7: t2 / I3,
-            c8: t3 / I3,
-            c9: R::from_f64(0.5) * I1,
-            c10: R::from_f64(0.5) * I2,
-            c11: R::from_f64(0.5) * I3,
-            c12: t3,
-            c13: t2,
-            c14: t1,
+            c6: t2 / I3,
+            c7: t3 / I3,
+            c8: (I1 - I2) / I3,
+            c9: t3,
+            c10: t2,
+            c11: t1,
+            c12: R::from_f64(0.5) * I1,
+            c13: R::from_f64(0.5) * I2,
+            c14: R::from_f64(0.5) * I3,
         })
     }
 }
@@ -381,18 +381,23 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 9 additions, 18 multiplications.
+    /// 9 additions, 18 multiplications (9 fused).
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 6], dy: &mut [R; 6]) {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
         *dy = [
-            self.c0 * (Omega2 * Omega3) + self.c1 * Gamma2 - self.c2 * Gamma3,
-            self.c3 * Gamma3 - self.c4 * (Omega1 * Omega3) - self.c5 * Gamma1,
-            self.c6 * (Omega1 * Omega2) + self.c7 * Gamma1 - self.c8 * Gamma2,
-            Omega3 * Gamma2 - Omega2 * Gamma3,
-            Omega1 * Gamma3 - Omega3 * Gamma1,
-            Omega2 * Gamma1 - Omega1 * Gamma2,
+            self
+                .c2
+                .mul_add(Omega2 * Omega3, (-Gamma3).mul_add(self.c1, self.c0 * Gamma2)),
+            (-Gamma1)
+                .mul_add(self.c5, (-self.c4).mul_add(Omega1 * Omega3, self.c3 * Gamma3)),
+            self
+                .c8
+                .mul_add(Omega1 * Omega2, (-Gamma2).mul_add(self.c7, self.c6 * Gamma1)),
+            (-Omega2).mul_add(Gamma3, Omega3 * Gamma2),
+            (-Omega3).mul_add(Gamma1, Omega1 * Gamma3),
+            (-Omega1).mul_add(Gamma2, Omega2 * Gamma1),
         ];
     }
 
@@ -404,15 +409,31 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 5 additions, 9 multiplications.
+    /// 5 additions, 9 multiplications (5 fused).
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 6]) -> R {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
-        self.c9 * (Omega1 * Omega1) + self.c10 * (Omega2 * Omega2)
-            + self.c11 * (Omega3 * Omega3) + self.c12 * Gamma1 + self.c13 * Gamma2
-            + self.c14 * Gamma3
+        self.c14
+            .mul_add(
+                Omega3 * Omega3,
+                self
+                    .c13
+                    .mul_add(
+                        Omega2 * Omega2,
+                        self
+                            .c12
+                            .mul_add(
+                                Omega1 * Omega1,
+                                Gamma3
+                                    .mul_add(
+                                        self.c11,
+                                        Gamma2.mul_add(self.c10, self.c9 * Gamma1),
+                                    ),
+                            ),
+                    ),
+            )
     }
 
     /// Momenta p = dL/dy.
@@ -444,16 +465,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 additions, 9 multiplications.
+    /// 4 additions, 9 multiplications (4 fused).
     #[inline]
     #[must_use]
     pub fn casimirs(&self, t: R, y: &[R; 6]) -> [R; 2] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
         [
-            Gamma1 * Gamma1 + Gamma2 * Gamma2 + Gamma3 * Gamma3,
-            self.I1 * (Omega1 * Gamma1) + self.I2 * (Omega2 * Gamma2)
-                + self.I3 * (Omega3 * Gamma3),
+            Gamma3.mul_add(Gamma3, Gamma2.mul_add(Gamma2, Gamma1 * Gamma1)),
+            self
+                .I3
+                .mul_add(
+                    Omega3 * Gamma3,
+                    self.I2.mul_add(Omega2 * Gamma2, self.I1 * (Omega1 * Gamma1)),
+                ),
         ]
     }
 }

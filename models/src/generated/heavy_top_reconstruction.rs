@@ -263,11 +263,11 @@ pub struct Prepared<R = f64> {
     I2: R,
     /// Parameter `I3`.
     I3: R,
-    /// `(I2 - I3) / I1`
-    c0: R,
     /// `m * g * l * chi3 / I1`
-    c1: R,
+    c0: R,
     /// `m * g * l * chi2 / I1`
+    c1: R,
+    /// `(I2 - I3) / I1`
     c2: R,
     /// `m * g * l * chi1 / I2`
     c3: R,
@@ -275,23 +275,23 @@ pub struct Prepared<R = f64> {
     c4: R,
     /// `m * g * l * chi3 / I2`
     c5: R,
-    /// `(I1 - I2) / I3`
-    c6: R,
     /// `m * g * l * chi2 / I3`
-    c7: R,
+    c6: R,
     /// `m * g * l * chi1 / I3`
+    c7: R,
+    /// `(I1 - I2) / I3`
     c8: R,
-    /// `0.5 * I1`
-    c9: R,
-    /// `0.5 * I2`
-    c10: R,
-    /// `0.5 * I3`
-    c11: R,
     /// `m * g * l * chi1`
-    c12: R,
+    c9: R,
     /// `m * g * l * chi2`
-    c13: R,
+    c10: R,
     /// `m * g * l * chi3`
+    c11: R,
+    /// `0.5 * I1`
+    c12: R,
+    /// `0.5 * I2`
+    c13: R,
+    /// `0.5 * I3`
     c14: R,
 }
 
@@ -382,21 +382,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             I1,
             I2,
             I3,
-            c0: (I2 - I3) / I1,
-            c1: t1 / I1,
-            c2: t2 / I1,
+            c0: t1 / I1,
+            c1: t2 / I1,
+            c2: (I2 - I3) / I1,
             c3: t3 / I2,
             c4: (I1 - I3) / I2,
             c5: t1 / I2,
-            c6: (I1 - I2) / I3,
-            c7: t2 / I3,
-            c8: t3 / I3,
-            c9: R::from_f64(0.5) * I1,
-            c10: R::from_f64(0.5) * I2,
-            c11: R::from_f64(0.5) * I3,
-            c12: t3,
-            c13: t2,
-            c14: t1,
+            c6: t2 / I3,
+            c7: t3 / I3,
+            c8: (I1 - I2) / I3,
+            c9: t3,
+            c10: t2,
+            c11: t1,
+            c12: R::from_f64(0.5) * I1,
+            c13: R::from_f64(0.5) * I2,
+            c14: R::from_f64(0.5) * I3,
         })
     }
 }
@@ -417,7 +417,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 17 additions, 33 multiplications, 1 sign change.
+    /// 17 additions, 33 multiplications (17 fused).
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 10], dy: &mut [R; 10]) {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3, qw, qx, qy, qz] = *y;
@@ -426,16 +426,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t1 = R::from_f64(0.5) * Omega2;
         let t2 = R::from_f64(0.5) * Omega3;
         *dy = [
-            self.c0 * (Omega2 * Omega3) + self.c1 * Gamma2 - self.c2 * Gamma3,
-            self.c3 * Gamma3 - self.c4 * (Omega1 * Omega3) - self.c5 * Gamma1,
-            self.c6 * (Omega1 * Omega2) + self.c7 * Gamma1 - self.c8 * Gamma2,
-            Omega3 * Gamma2 - Omega2 * Gamma3,
-            Omega1 * Gamma3 - Omega3 * Gamma1,
-            Omega2 * Gamma1 - Omega1 * Gamma2,
-            -(qx * t0 + qy * t1 + qz * t2),
-            qy * t2 + qw * t0 - qz * t1,
-            qz * t0 + qw * t1 - qx * t2,
-            qx * t1 + qw * t2 - qy * t0,
+            self
+                .c2
+                .mul_add(Omega2 * Omega3, (-Gamma3).mul_add(self.c1, self.c0 * Gamma2)),
+            (-Gamma1)
+                .mul_add(self.c5, (-self.c4).mul_add(Omega1 * Omega3, self.c3 * Gamma3)),
+            self
+                .c8
+                .mul_add(Omega1 * Omega2, (-Gamma2).mul_add(self.c7, self.c6 * Gamma1)),
+            (-Omega2).mul_add(Gamma3, Omega3 * Gamma2),
+            (-Omega3).mul_add(Gamma1, Omega1 * Gamma3),
+            (-Omega1).mul_add(Gamma2, Omega2 * Gamma1),
+            (-qz).mul_add(t2, (-qy).mul_add(t1, -(qx * t0))),
+            (-qz).mul_add(t1, qw.mul_add(t0, qy * t2)),
+            (-qx).mul_add(t2, qw.mul_add(t1, qz * t0)),
+            (-qy).mul_add(t0, qw.mul_add(t2, qx * t1)),
         ];
     }
 
@@ -447,15 +452,31 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 5 additions, 9 multiplications.
+    /// 5 additions, 9 multiplications (5 fused).
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 10]) -> R {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3, _, _, _, _] = *y;
         let _ = t;
-        self.c9 * (Omega1 * Omega1) + self.c10 * (Omega2 * Omega2)
-            + self.c11 * (Omega3 * Omega3) + self.c12 * Gamma1 + self.c13 * Gamma2
-            + self.c14 * Gamma3
+        self.c14
+            .mul_add(
+                Omega3 * Omega3,
+                self
+                    .c13
+                    .mul_add(
+                        Omega2 * Omega2,
+                        self
+                            .c12
+                            .mul_add(
+                                Omega1 * Omega1,
+                                Gamma3
+                                    .mul_add(
+                                        self.c11,
+                                        Gamma2.mul_add(self.c10, self.c9 * Gamma1),
+                                    ),
+                            ),
+                    ),
+            )
     }
 
     /// Momenta p = dL/dy.
@@ -487,16 +508,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 additions, 9 multiplications.
+    /// 4 additions, 9 multiplications (4 fused).
     #[inline]
     #[must_use]
     pub fn casimirs(&self, t: R, y: &[R; 10]) -> [R; 2] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3, _, _, _, _] = *y;
         let _ = t;
         [
-            Gamma1 * Gamma1 + Gamma2 * Gamma2 + Gamma3 * Gamma3,
-            self.I1 * (Omega1 * Gamma1) + self.I2 * (Omega2 * Gamma2)
-                + self.I3 * (Omega3 * Gamma3),
+            Gamma3.mul_add(Gamma3, Gamma2.mul_add(Gamma2, Gamma1 * Gamma1)),
+            self
+                .I3
+                .mul_add(
+                    Omega3 * Gamma3,
+                    self.I2.mul_add(Omega2 * Gamma2, self.I1 * (Omega1 * Gamma1)),
+                ),
         ]
     }
 }

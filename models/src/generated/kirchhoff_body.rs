@@ -612,50 +612,138 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 54 additions, 72 multiplications.
+    /// 54 additions, 72 multiplications (54 fused).
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 6], dy: &mut [R; 6]) {
         let [Omega1, Omega2, Omega3, V1, V2, V3] = *y;
         let _ = t;
         /// momenta p = dL/dy
         let [p_Omega1, p_Omega2, p_Omega3, p_V1, p_V2, p_V3] = [
-            self.J1 * Omega1 + self.C11 * V1 + self.C12 * V2 + self.C13 * V3,
-            self.J2 * Omega2 + self.C21 * V1 + self.C22 * V2 + self.C23 * V3,
-            self.J3 * Omega3 + self.C31 * V1 + self.C32 * V2 + self.C33 * V3,
-            self.C11 * Omega1 + self.C21 * Omega2 + self.C31 * Omega3 + self.M1 * V1,
-            self.C12 * Omega1 + self.C22 * Omega2 + self.C32 * Omega3 + self.M2 * V2,
-            self.C13 * Omega1 + self.C23 * Omega2 + self.C33 * Omega3 + self.M3 * V3,
+            V3
+                .mul_add(
+                    self.C13,
+                    V2.mul_add(self.C12, V1.mul_add(self.C11, self.J1 * Omega1)),
+                ),
+            V3
+                .mul_add(
+                    self.C23,
+                    V2.mul_add(self.C22, V1.mul_add(self.C21, self.J2 * Omega2)),
+                ),
+            V3
+                .mul_add(
+                    self.C33,
+                    V2.mul_add(self.C32, V1.mul_add(self.C31, self.J3 * Omega3)),
+                ),
+            V1
+                .mul_add(
+                    self.M1,
+                    Omega3.mul_add(self.C31, Omega2.mul_add(self.C21, self.C11 * Omega1)),
+                ),
+            V2
+                .mul_add(
+                    self.M2,
+                    Omega3.mul_add(self.C32, Omega2.mul_add(self.C22, self.C12 * Omega1)),
+                ),
+            V3
+                .mul_add(
+                    self.M3,
+                    Omega3.mul_add(self.C33, Omega2.mul_add(self.C23, self.C13 * Omega1)),
+                ),
         ];
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
         let [r_Omega1, r_Omega2, r_Omega3, r_V1, r_V2, r_V3] = [
-            V3 * p_V2 + Omega3 * p_Omega2 - V2 * p_V3 - Omega2 * p_Omega3,
-            Omega1 * p_Omega3 + V1 * p_V3 - V3 * p_V1 - Omega3 * p_Omega1,
-            V2 * p_V1 + Omega2 * p_Omega1 - Omega1 * p_Omega2 - V1 * p_V2,
-            Omega3 * p_V2 - Omega2 * p_V3,
-            Omega1 * p_V3 - Omega3 * p_V1,
-            Omega2 * p_V1 - Omega1 * p_V2,
+            (-Omega2)
+                .mul_add(
+                    p_Omega3,
+                    (-V2).mul_add(p_V3, Omega3.mul_add(p_Omega2, V3 * p_V2)),
+                ),
+            (-Omega3)
+                .mul_add(
+                    p_Omega1,
+                    (-V3).mul_add(p_V1, V1.mul_add(p_V3, Omega1 * p_Omega3)),
+                ),
+            (-V1)
+                .mul_add(
+                    p_V2,
+                    (-Omega1).mul_add(p_Omega2, Omega2.mul_add(p_Omega1, V2 * p_V1)),
+                ),
+            (-Omega2).mul_add(p_V3, Omega3 * p_V2),
+            (-Omega3).mul_add(p_V1, Omega1 * p_V3),
+            (-Omega1).mul_add(p_V2, Omega2 * p_V1),
         ];
         /// substitution through the factors of A
         let [dot_V3, dot_V2, dot_V1, dot_Omega3, dot_Omega2, dot_Omega1] = {
-            let z_V1 = r_V1 - self.A_l4_1 * r_Omega1 - self.A_l4_2 * r_Omega2
-                - self.A_l4_3 * r_Omega3;
-            let z_V2 = r_V2 - self.A_l5_1 * r_Omega1 - self.A_l5_2 * r_Omega2
-                - self.A_l5_3 * r_Omega3 - self.A_l5_4 * z_V1;
-            let z_V3 = r_V3 - self.A_l6_1 * r_Omega1 - self.A_l6_2 * r_Omega2
-                - self.A_l6_3 * r_Omega3 - self.A_l6_4 * z_V1 - self.A_l6_5 * z_V2;
+            let z_V1 = (-r_Omega3)
+                .mul_add(
+                    self.A_l4_3,
+                    (-r_Omega2)
+                        .mul_add(self.A_l4_2, (-r_Omega1).mul_add(self.A_l4_1, r_V1)),
+                );
+            let z_V2 = (-z_V1)
+                .mul_add(
+                    self.A_l5_4,
+                    (-r_Omega3)
+                        .mul_add(
+                            self.A_l5_3,
+                            (-r_Omega2)
+                                .mul_add(
+                                    self.A_l5_2,
+                                    (-r_Omega1).mul_add(self.A_l5_1, r_V2),
+                                ),
+                        ),
+                );
+            let z_V3 = (-z_V2)
+                .mul_add(
+                    self.A_l6_5,
+                    (-z_V1)
+                        .mul_add(
+                            self.A_l6_4,
+                            (-r_Omega3)
+                                .mul_add(
+                                    self.A_l6_3,
+                                    (-r_Omega2)
+                                        .mul_add(
+                                            self.A_l6_2,
+                                            (-r_Omega1).mul_add(self.A_l6_1, r_V3),
+                                        ),
+                                ),
+                        ),
+                );
             let dot_V3 = self.c0 * z_V3;
-            let dot_V2 = self.c1 * z_V2 - self.A_l6_5 * dot_V3;
-            let dot_V1 = self.c2 * z_V1 - self.A_l6_4 * dot_V3 - self.A_l5_4 * dot_V2;
+            let dot_V2 = (-dot_V3).mul_add(self.A_l6_5, self.c1 * z_V2);
+            let dot_V1 = (-dot_V2)
+                .mul_add(self.A_l5_4, (-dot_V3).mul_add(self.A_l6_4, self.c2 * z_V1));
             [
                 dot_V3,
                 dot_V2,
                 dot_V1,
-                self.c3 * r_Omega3 - self.A_l6_3 * dot_V3 - self.A_l5_3 * dot_V2
-                    - self.A_l4_3 * dot_V1,
-                self.c4 * r_Omega2 - self.A_l6_2 * dot_V3 - self.A_l5_2 * dot_V2
-                    - self.A_l4_2 * dot_V1,
-                self.c5 * r_Omega1 - self.A_l6_1 * dot_V3 - self.A_l5_1 * dot_V2
-                    - self.A_l4_1 * dot_V1,
+                (-dot_V1)
+                    .mul_add(
+                        self.A_l4_3,
+                        (-dot_V2)
+                            .mul_add(
+                                self.A_l5_3,
+                                (-dot_V3).mul_add(self.A_l6_3, self.c3 * r_Omega3),
+                            ),
+                    ),
+                (-dot_V1)
+                    .mul_add(
+                        self.A_l4_2,
+                        (-dot_V2)
+                            .mul_add(
+                                self.A_l5_2,
+                                (-dot_V3).mul_add(self.A_l6_2, self.c4 * r_Omega2),
+                            ),
+                    ),
+                (-dot_V1)
+                    .mul_add(
+                        self.A_l4_1,
+                        (-dot_V2)
+                            .mul_add(
+                                self.A_l5_1,
+                                (-dot_V3).mul_add(self.A_l6_1, self.c5 * r_Omega1),
+                            ),
+                    ),
             ]
         };
         *dy = [dot_Omega1, dot_Omega2, dot_Omega3, dot_V1, dot_V2, dot_V3];
@@ -669,18 +757,48 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 14 additions, 24 multiplications.
+    /// 14 additions, 24 multiplications (14 fused).
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 6]) -> R {
         let [Omega1, Omega2, Omega3, V1, V2, V3] = *y;
         let _ = t;
-        let t0 = self.c6 * (Omega1 * Omega1) + self.c7 * (Omega2 * Omega2)
-            + self.c8 * (Omega3 * Omega3) + self.c9 * (V1 * V1) + self.c10 * (V2 * V2)
-            + self.c11 * (V3 * V3)
-            + Omega1 * (self.C11 * V1 + self.C12 * V2 + self.C13 * V3);
-        t0 + Omega2 * (self.C21 * V1 + self.C22 * V2 + self.C23 * V3)
-            + Omega3 * (self.C31 * V1 + self.C32 * V2 + self.C33 * V3)
+        let t0 = self
+            .c11
+            .mul_add(
+                V3 * V3,
+                self
+                    .c10
+                    .mul_add(
+                        V2 * V2,
+                        self
+                            .c9
+                            .mul_add(
+                                V1 * V1,
+                                self
+                                    .c8
+                                    .mul_add(
+                                        Omega3 * Omega3,
+                                        self
+                                            .c7
+                                            .mul_add(Omega2 * Omega2, self.c6 * (Omega1 * Omega1)),
+                                    ),
+                            ),
+                    ),
+            );
+        Omega3
+            .mul_add(
+                V3.mul_add(self.C33, V2.mul_add(self.C32, self.C31 * V1)),
+                Omega2
+                    .mul_add(
+                        V3.mul_add(self.C23, V2.mul_add(self.C22, self.C21 * V1)),
+                        Omega1
+                            .mul_add(
+                                V3.mul_add(self.C13, V2.mul_add(self.C12, self.C11 * V1)),
+                                t0,
+                            ),
+                    ),
+            )
     }
 
     /// Momenta p = dL/dy.
@@ -693,7 +811,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 18 additions, 24 multiplications.
+    /// 18 additions, 24 multiplications (18 fused).
     #[inline]
     #[must_use]
     pub fn momentum(&self, t: R, y: &[R; 6]) -> [R; 6] {
@@ -701,12 +819,36 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         /// momenta p = dL/dy
         let [p_Omega1, p_Omega2, p_Omega3, p_V1, p_V2, p_V3] = [
-            self.J1 * Omega1 + self.C11 * V1 + self.C12 * V2 + self.C13 * V3,
-            self.J2 * Omega2 + self.C21 * V1 + self.C22 * V2 + self.C23 * V3,
-            self.J3 * Omega3 + self.C31 * V1 + self.C32 * V2 + self.C33 * V3,
-            self.C11 * Omega1 + self.C21 * Omega2 + self.C31 * Omega3 + self.M1 * V1,
-            self.C12 * Omega1 + self.C22 * Omega2 + self.C32 * Omega3 + self.M2 * V2,
-            self.C13 * Omega1 + self.C23 * Omega2 + self.C33 * Omega3 + self.M3 * V3,
+            V3
+                .mul_add(
+                    self.C13,
+                    V2.mul_add(self.C12, V1.mul_add(self.C11, self.J1 * Omega1)),
+                ),
+            V3
+                .mul_add(
+                    self.C23,
+                    V2.mul_add(self.C22, V1.mul_add(self.C21, self.J2 * Omega2)),
+                ),
+            V3
+                .mul_add(
+                    self.C33,
+                    V2.mul_add(self.C32, V1.mul_add(self.C31, self.J3 * Omega3)),
+                ),
+            V1
+                .mul_add(
+                    self.M1,
+                    Omega3.mul_add(self.C31, Omega2.mul_add(self.C21, self.C11 * Omega1)),
+                ),
+            V2
+                .mul_add(
+                    self.M2,
+                    Omega3.mul_add(self.C32, Omega2.mul_add(self.C22, self.C12 * Omega1)),
+                ),
+            V3
+                .mul_add(
+                    self.M3,
+                    Omega3.mul_add(self.C33, Omega2.mul_add(self.C23, self.C13 * Omega1)),
+                ),
         ];
         [p_Omega1, p_Omega2, p_Omega3, p_V1, p_V2, p_V3]
     }
@@ -721,24 +863,51 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 22 additions, 30 multiplications.
+    /// 22 additions, 30 multiplications (22 fused).
     #[inline]
     #[must_use]
     pub fn casimirs(&self, t: R, y: &[R; 6]) -> [R; 2] {
         let [Omega1, Omega2, Omega3, V1, V2, V3] = *y;
         let _ = t;
-        let t0 = self.C11 * Omega1 + self.C21 * Omega2 + self.C31 * Omega3
-            + self.M1 * V1;
-        let t1 = self.C12 * Omega1 + self.C22 * Omega2 + self.C32 * Omega3
-            + self.M2 * V2;
-        let t2 = self.C13 * Omega1 + self.C23 * Omega2 + self.C33 * Omega3
-            + self.M3 * V3;
+        let t0 = V1
+            .mul_add(
+                self.M1,
+                Omega3.mul_add(self.C31, Omega2.mul_add(self.C21, self.C11 * Omega1)),
+            );
+        let t1 = V2
+            .mul_add(
+                self.M2,
+                Omega3.mul_add(self.C32, Omega2.mul_add(self.C22, self.C12 * Omega1)),
+            );
+        let t2 = V3
+            .mul_add(
+                self.M3,
+                Omega3.mul_add(self.C33, Omega2.mul_add(self.C23, self.C13 * Omega1)),
+            );
+        let t3 = t1
+            .mul_add(
+                V3
+                    .mul_add(
+                        self.C23,
+                        V2.mul_add(self.C22, V1.mul_add(self.C21, self.J2 * Omega2)),
+                    ),
+                V3
+                    .mul_add(
+                        self.C13,
+                        V2.mul_add(self.C12, V1.mul_add(self.C11, self.J1 * Omega1)),
+                    ) * t0,
+            );
         [
-            (self.J1 * Omega1 + self.C11 * V1 + self.C12 * V2 + self.C13 * V3) * t0
-                + (self.J2 * Omega2 + self.C21 * V1 + self.C22 * V2 + self.C23 * V3) * t1
-                + (self.J3 * Omega3 + self.C31 * V1 + self.C32 * V2 + self.C33 * V3)
-                    * t2,
-            t0 * t0 + t1 * t1 + t2 * t2,
+            t2
+                .mul_add(
+                    V3
+                        .mul_add(
+                            self.C33,
+                            V2.mul_add(self.C32, V1.mul_add(self.C31, self.J3 * Omega3)),
+                        ),
+                    t3,
+                ),
+            t2.mul_add(t2, t1.mul_add(t1, t0 * t0)),
         ]
     }
 }

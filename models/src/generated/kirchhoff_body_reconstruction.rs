@@ -663,58 +663,146 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 74 additions, 105 multiplications, 1 sign change.
+    /// 74 additions, 105 multiplications (74 fused).
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 13], dy: &mut [R; 13]) {
         let [Omega1, Omega2, Omega3, V1, V2, V3, qw, qx, qy, qz, _, _, _] = *y;
         let _ = t;
         /// momenta p = dL/dy
         let [p_Omega1, p_Omega2, p_Omega3, p_V1, p_V2, p_V3] = [
-            self.J1 * Omega1 + self.C11 * V1 + self.C12 * V2 + self.C13 * V3,
-            self.J2 * Omega2 + self.C21 * V1 + self.C22 * V2 + self.C23 * V3,
-            self.J3 * Omega3 + self.C31 * V1 + self.C32 * V2 + self.C33 * V3,
-            self.C11 * Omega1 + self.C21 * Omega2 + self.C31 * Omega3 + self.M1 * V1,
-            self.C12 * Omega1 + self.C22 * Omega2 + self.C32 * Omega3 + self.M2 * V2,
-            self.C13 * Omega1 + self.C23 * Omega2 + self.C33 * Omega3 + self.M3 * V3,
+            V3
+                .mul_add(
+                    self.C13,
+                    V2.mul_add(self.C12, V1.mul_add(self.C11, self.J1 * Omega1)),
+                ),
+            V3
+                .mul_add(
+                    self.C23,
+                    V2.mul_add(self.C22, V1.mul_add(self.C21, self.J2 * Omega2)),
+                ),
+            V3
+                .mul_add(
+                    self.C33,
+                    V2.mul_add(self.C32, V1.mul_add(self.C31, self.J3 * Omega3)),
+                ),
+            V1
+                .mul_add(
+                    self.M1,
+                    Omega3.mul_add(self.C31, Omega2.mul_add(self.C21, self.C11 * Omega1)),
+                ),
+            V2
+                .mul_add(
+                    self.M2,
+                    Omega3.mul_add(self.C32, Omega2.mul_add(self.C22, self.C12 * Omega1)),
+                ),
+            V3
+                .mul_add(
+                    self.M3,
+                    Omega3.mul_add(self.C33, Omega2.mul_add(self.C23, self.C13 * Omega1)),
+                ),
         ];
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
         let [r_Omega1, r_Omega2, r_Omega3, r_V1, r_V2, r_V3] = [
-            V3 * p_V2 + Omega3 * p_Omega2 - V2 * p_V3 - Omega2 * p_Omega3,
-            Omega1 * p_Omega3 + V1 * p_V3 - V3 * p_V1 - Omega3 * p_Omega1,
-            V2 * p_V1 + Omega2 * p_Omega1 - Omega1 * p_Omega2 - V1 * p_V2,
-            Omega3 * p_V2 - Omega2 * p_V3,
-            Omega1 * p_V3 - Omega3 * p_V1,
-            Omega2 * p_V1 - Omega1 * p_V2,
+            (-Omega2)
+                .mul_add(
+                    p_Omega3,
+                    (-V2).mul_add(p_V3, Omega3.mul_add(p_Omega2, V3 * p_V2)),
+                ),
+            (-Omega3)
+                .mul_add(
+                    p_Omega1,
+                    (-V3).mul_add(p_V1, V1.mul_add(p_V3, Omega1 * p_Omega3)),
+                ),
+            (-V1)
+                .mul_add(
+                    p_V2,
+                    (-Omega1).mul_add(p_Omega2, Omega2.mul_add(p_Omega1, V2 * p_V1)),
+                ),
+            (-Omega2).mul_add(p_V3, Omega3 * p_V2),
+            (-Omega3).mul_add(p_V1, Omega1 * p_V3),
+            (-Omega1).mul_add(p_V2, Omega2 * p_V1),
         ];
         /// substitution through the factors of A
         let [dot_V3, dot_V2, dot_V1, dot_Omega3, dot_Omega2, dot_Omega1] = {
-            let z_V1 = r_V1 - self.A_l4_1 * r_Omega1 - self.A_l4_2 * r_Omega2
-                - self.A_l4_3 * r_Omega3;
-            let z_V2 = r_V2 - self.A_l5_1 * r_Omega1 - self.A_l5_2 * r_Omega2
-                - self.A_l5_3 * r_Omega3 - self.A_l5_4 * z_V1;
-            let z_V3 = r_V3 - self.A_l6_1 * r_Omega1 - self.A_l6_2 * r_Omega2
-                - self.A_l6_3 * r_Omega3 - self.A_l6_4 * z_V1 - self.A_l6_5 * z_V2;
+            let z_V1 = (-r_Omega3)
+                .mul_add(
+                    self.A_l4_3,
+                    (-r_Omega2)
+                        .mul_add(self.A_l4_2, (-r_Omega1).mul_add(self.A_l4_1, r_V1)),
+                );
+            let z_V2 = (-z_V1)
+                .mul_add(
+                    self.A_l5_4,
+                    (-r_Omega3)
+                        .mul_add(
+                            self.A_l5_3,
+                            (-r_Omega2)
+                                .mul_add(
+                                    self.A_l5_2,
+                                    (-r_Omega1).mul_add(self.A_l5_1, r_V2),
+                                ),
+                        ),
+                );
+            let z_V3 = (-z_V2)
+                .mul_add(
+                    self.A_l6_5,
+                    (-z_V1)
+                        .mul_add(
+                            self.A_l6_4,
+                            (-r_Omega3)
+                                .mul_add(
+                                    self.A_l6_3,
+                                    (-r_Omega2)
+                                        .mul_add(
+                                            self.A_l6_2,
+                                            (-r_Omega1).mul_add(self.A_l6_1, r_V3),
+                                        ),
+                                ),
+                        ),
+                );
             let dot_V3 = self.c0 * z_V3;
-            let dot_V2 = self.c1 * z_V2 - self.A_l6_5 * dot_V3;
-            let dot_V1 = self.c2 * z_V1 - self.A_l6_4 * dot_V3 - self.A_l5_4 * dot_V2;
+            let dot_V2 = (-dot_V3).mul_add(self.A_l6_5, self.c1 * z_V2);
+            let dot_V1 = (-dot_V2)
+                .mul_add(self.A_l5_4, (-dot_V3).mul_add(self.A_l6_4, self.c2 * z_V1));
             [
                 dot_V3,
                 dot_V2,
                 dot_V1,
-                self.c3 * r_Omega3 - self.A_l6_3 * dot_V3 - self.A_l5_3 * dot_V2
-                    - self.A_l4_3 * dot_V1,
-                self.c4 * r_Omega2 - self.A_l6_2 * dot_V3 - self.A_l5_2 * dot_V2
-                    - self.A_l4_2 * dot_V1,
-                self.c5 * r_Omega1 - self.A_l6_1 * dot_V3 - self.A_l5_1 * dot_V2
-                    - self.A_l4_1 * dot_V1,
+                (-dot_V1)
+                    .mul_add(
+                        self.A_l4_3,
+                        (-dot_V2)
+                            .mul_add(
+                                self.A_l5_3,
+                                (-dot_V3).mul_add(self.A_l6_3, self.c3 * r_Omega3),
+                            ),
+                    ),
+                (-dot_V1)
+                    .mul_add(
+                        self.A_l4_2,
+                        (-dot_V2)
+                            .mul_add(
+                                self.A_l5_2,
+                                (-dot_V3).mul_add(self.A_l6_2, self.c4 * r_Omega2),
+                            ),
+                    ),
+                (-dot_V1)
+                    .mul_add(
+                        self.A_l4_1,
+                        (-dot_V2)
+                            .mul_add(
+                                self.A_l5_1,
+                                (-dot_V3).mul_add(self.A_l6_1, self.c5 * r_Omega1),
+                            ),
+                    ),
             ]
         };
         let t0 = R::from_f64(0.5) * Omega1;
         let t1 = R::from_f64(0.5) * Omega2;
         let t2 = R::from_f64(0.5) * Omega3;
-        let t3 = R::from_f64(2.0) * (V2 * qx - V1 * qy);
-        let t4 = R::from_f64(2.0) * (V3 * qy - V2 * qz);
-        let t5 = R::from_f64(2.0) * (V1 * qz - V3 * qx);
+        let t3 = R::from_f64(2.0) * (-V1).mul_add(qy, V2 * qx);
+        let t4 = R::from_f64(2.0) * (-V2).mul_add(qz, V3 * qy);
+        let t5 = R::from_f64(2.0) * (-V3).mul_add(qx, V1 * qz);
         *dy = [
             dot_Omega1,
             dot_Omega2,
@@ -722,13 +810,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             dot_V1,
             dot_V2,
             dot_V3,
-            -(qx * t0 + qy * t1 + qz * t2),
-            qy * t2 + qw * t0 - qz * t1,
-            qz * t0 + qw * t1 - qx * t2,
-            qx * t1 + qw * t2 - qy * t0,
-            V1 + qy * t3 + qw * t4 - qz * t5,
-            V2 + qz * t4 + qw * t5 - qx * t3,
-            V3 + qx * t5 + qw * t3 - qy * t4,
+            (-qz).mul_add(t2, (-qy).mul_add(t1, -(qx * t0))),
+            (-qz).mul_add(t1, qw.mul_add(t0, qy * t2)),
+            (-qx).mul_add(t2, qw.mul_add(t1, qz * t0)),
+            (-qy).mul_add(t0, qw.mul_add(t2, qx * t1)),
+            (-qz).mul_add(t5, qw.mul_add(t4, qy.mul_add(t3, V1))),
+            (-qx).mul_add(t3, qw.mul_add(t5, qz.mul_add(t4, V2))),
+            (-qy).mul_add(t4, qw.mul_add(t3, qx.mul_add(t5, V3))),
         ];
     }
 
@@ -740,18 +828,48 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 14 additions, 24 multiplications.
+    /// 14 additions, 24 multiplications (14 fused).
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 13]) -> R {
         let [Omega1, Omega2, Omega3, V1, V2, V3, _, _, _, _, _, _, _] = *y;
         let _ = t;
-        let t0 = self.c6 * (Omega1 * Omega1) + self.c7 * (Omega2 * Omega2)
-            + self.c8 * (Omega3 * Omega3) + self.c9 * (V1 * V1) + self.c10 * (V2 * V2)
-            + self.c11 * (V3 * V3)
-            + Omega1 * (self.C11 * V1 + self.C12 * V2 + self.C13 * V3);
-        t0 + Omega2 * (self.C21 * V1 + self.C22 * V2 + self.C23 * V3)
-            + Omega3 * (self.C31 * V1 + self.C32 * V2 + self.C33 * V3)
+        let t0 = self
+            .c11
+            .mul_add(
+                V3 * V3,
+                self
+                    .c10
+                    .mul_add(
+                        V2 * V2,
+                        self
+                            .c9
+                            .mul_add(
+                                V1 * V1,
+                                self
+                                    .c8
+                                    .mul_add(
+                                        Omega3 * Omega3,
+                                        self
+                                            .c7
+                                            .mul_add(Omega2 * Omega2, self.c6 * (Omega1 * Omega1)),
+                                    ),
+                            ),
+                    ),
+            );
+        Omega3
+            .mul_add(
+                V3.mul_add(self.C33, V2.mul_add(self.C32, self.C31 * V1)),
+                Omega2
+                    .mul_add(
+                        V3.mul_add(self.C23, V2.mul_add(self.C22, self.C21 * V1)),
+                        Omega1
+                            .mul_add(
+                                V3.mul_add(self.C13, V2.mul_add(self.C12, self.C11 * V1)),
+                                t0,
+                            ),
+                    ),
+            )
     }
 
     /// Momenta p = dL/dy.
@@ -764,7 +882,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 18 additions, 24 multiplications.
+    /// 18 additions, 24 multiplications (18 fused).
     #[inline]
     #[must_use]
     pub fn momentum(&self, t: R, y: &[R; 13]) -> [R; 6] {
@@ -772,12 +890,36 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         /// momenta p = dL/dy
         let [p_Omega1, p_Omega2, p_Omega3, p_V1, p_V2, p_V3] = [
-            self.J1 * Omega1 + self.C11 * V1 + self.C12 * V2 + self.C13 * V3,
-            self.J2 * Omega2 + self.C21 * V1 + self.C22 * V2 + self.C23 * V3,
-            self.J3 * Omega3 + self.C31 * V1 + self.C32 * V2 + self.C33 * V3,
-            self.C11 * Omega1 + self.C21 * Omega2 + self.C31 * Omega3 + self.M1 * V1,
-            self.C12 * Omega1 + self.C22 * Omega2 + self.C32 * Omega3 + self.M2 * V2,
-            self.C13 * Omega1 + self.C23 * Omega2 + self.C33 * Omega3 + self.M3 * V3,
+            V3
+                .mul_add(
+                    self.C13,
+                    V2.mul_add(self.C12, V1.mul_add(self.C11, self.J1 * Omega1)),
+                ),
+            V3
+                .mul_add(
+                    self.C23,
+                    V2.mul_add(self.C22, V1.mul_add(self.C21, self.J2 * Omega2)),
+                ),
+            V3
+                .mul_add(
+                    self.C33,
+                    V2.mul_add(self.C32, V1.mul_add(self.C31, self.J3 * Omega3)),
+                ),
+            V1
+                .mul_add(
+                    self.M1,
+                    Omega3.mul_add(self.C31, Omega2.mul_add(self.C21, self.C11 * Omega1)),
+                ),
+            V2
+                .mul_add(
+                    self.M2,
+                    Omega3.mul_add(self.C32, Omega2.mul_add(self.C22, self.C12 * Omega1)),
+                ),
+            V3
+                .mul_add(
+                    self.M3,
+                    Omega3.mul_add(self.C33, Omega2.mul_add(self.C23, self.C13 * Omega1)),
+                ),
         ];
         [p_Omega1, p_Omega2, p_Omega3, p_V1, p_V2, p_V3]
     }
@@ -792,24 +934,51 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 22 additions, 30 multiplications.
+    /// 22 additions, 30 multiplications (22 fused).
     #[inline]
     #[must_use]
     pub fn casimirs(&self, t: R, y: &[R; 13]) -> [R; 2] {
         let [Omega1, Omega2, Omega3, V1, V2, V3, _, _, _, _, _, _, _] = *y;
         let _ = t;
-        let t0 = self.C11 * Omega1 + self.C21 * Omega2 + self.C31 * Omega3
-            + self.M1 * V1;
-        let t1 = self.C12 * Omega1 + self.C22 * Omega2 + self.C32 * Omega3
-            + self.M2 * V2;
-        let t2 = self.C13 * Omega1 + self.C23 * Omega2 + self.C33 * Omega3
-            + self.M3 * V3;
+        let t0 = V1
+            .mul_add(
+                self.M1,
+                Omega3.mul_add(self.C31, Omega2.mul_add(self.C21, self.C11 * Omega1)),
+            );
+        let t1 = V2
+            .mul_add(
+                self.M2,
+                Omega3.mul_add(self.C32, Omega2.mul_add(self.C22, self.C12 * Omega1)),
+            );
+        let t2 = V3
+            .mul_add(
+                self.M3,
+                Omega3.mul_add(self.C33, Omega2.mul_add(self.C23, self.C13 * Omega1)),
+            );
+        let t3 = t1
+            .mul_add(
+                V3
+                    .mul_add(
+                        self.C23,
+                        V2.mul_add(self.C22, V1.mul_add(self.C21, self.J2 * Omega2)),
+                    ),
+                V3
+                    .mul_add(
+                        self.C13,
+                        V2.mul_add(self.C12, V1.mul_add(self.C11, self.J1 * Omega1)),
+                    ) * t0,
+            );
         [
-            (self.J1 * Omega1 + self.C11 * V1 + self.C12 * V2 + self.C13 * V3) * t0
-                + (self.J2 * Omega2 + self.C21 * V1 + self.C22 * V2 + self.C23 * V3) * t1
-                + (self.J3 * Omega3 + self.C31 * V1 + self.C32 * V2 + self.C33 * V3)
-                    * t2,
-            t0 * t0 + t1 * t1 + t2 * t2,
+            t2
+                .mul_add(
+                    V3
+                        .mul_add(
+                            self.C33,
+                            V2.mul_add(self.C32, V1.mul_add(self.C31, self.J3 * Omega3)),
+                        ),
+                    t3,
+                ),
+            t2.mul_add(t2, t1.mul_add(t1, t0 * t0)),
         ]
     }
 }

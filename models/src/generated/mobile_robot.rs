@@ -191,9 +191,9 @@ pub struct Prepared<R = f64> {
     c1: R,
     /// A longer expression in the parameters.
     c2: R,
-    /// `0.125 * (4 * J2 + J * (R * R) / (c * c) + R * R * (m0 + 2 * m1))`
-    c3: R,
     /// `0.25 * (J * (R * R) / (c * c) - R * R * (m0 + 2 * m1))`
+    c3: R,
+    /// `0.125 * (4 * J2 + J * (R * R) / (c * c) + R * R * (m0 + 2 * m1))`
     c4: R,
     /// `0.5 * J * R / c`
     c5: R,
@@ -332,8 +332,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c0: R::from_f64(0.25) * t8 / A_s1_2_2,
             c1: t9 * A_l2_1 / t10,
             c2: t9 / t10,
-            c3: R::from_f64(0.125) * t11,
-            c4: R::from_f64(0.25) * (t4 - t3),
+            c3: R::from_f64(0.25) * (t4 - t3),
+            c4: R::from_f64(0.125) * t11,
             c5: R::from_f64(0.5) * J * R_ / c,
             c6: R::from_f64(0.5) * R_ * t0,
             c7: t5 / J,
@@ -362,7 +362,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 additions, 8 multiplications.
+    /// 4 additions, 8 multiplications (4 fused).
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 4], dy: &mut [R; 4]) {
         let [_, _, psi1_dot, psi2_dot] = *y;
@@ -373,8 +373,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         *dy = [
             psi1_dot,
             psi2_dot,
-            t0 + self.c1 * t1 - self.c2 * t2,
-            t0 - self.c2 * t1 + self.c1 * t2,
+            (-t2).mul_add(self.c2, t1.mul_add(self.c1, t0)),
+            t2.mul_add(self.c1, (-t1).mul_add(self.c2, t0)),
         ];
     }
 
@@ -386,14 +386,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 5 multiplications.
+    /// 2 additions, 5 multiplications (2 fused).
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 4]) -> R {
         let [_, _, psi1_dot, psi2_dot] = *y;
         let _ = t;
-        self.c3 * (psi1_dot * psi1_dot + psi2_dot * psi2_dot)
-            - self.c4 * (psi1_dot * psi2_dot)
+        self.c4
+            .mul_add(
+                psi2_dot.mul_add(psi2_dot, psi1_dot * psi1_dot),
+                -(self.c3 * (psi1_dot * psi2_dot)),
+            )
     }
 
     /// Momenta p = dL/dy.
@@ -406,18 +409,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 7 multiplications, 1 sign change.
+    /// 2 additions, 7 multiplications (2 fused).
     #[inline]
     #[must_use]
     pub fn momentum(&self, t: R, y: &[R; 4]) -> [R; 5] {
         let [_, _, psi1_dot, psi2_dot] = *y;
         let _ = t;
-        let t0 = self.c5 * psi2_dot - self.c5 * psi1_dot;
+        let t0 = (-psi1_dot).mul_add(self.c5, self.c5 * psi2_dot);
         [
             self.J2 * psi1_dot,
             self.J2 * psi2_dot,
             t0,
-            -(self.c6 * psi1_dot + self.c6 * psi2_dot),
+            (-psi2_dot).mul_add(self.c6, -(self.c6 * psi1_dot)),
             self.c7 * t0,
         ]
     }
@@ -432,7 +435,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 5 additions, 9 multiplications, 1 sign change.
+    /// 5 additions, 9 multiplications (4 fused).
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 4]) -> [R; 3] {
@@ -440,11 +443,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         let t0 = psi1_dot * psi1_dot;
         let t1 = psi2_dot * psi2_dot;
-        let t2 = psi2_dot * -(self.c9 * psi1_dot);
+        let t2 = psi2_dot * (self.c9 * psi1_dot);
         [
             self.c8 * (t0 - t1),
-            t2 + self.c10 * t0 + self.c11 * t1,
-            t2 + self.c11 * t0 + self.c10 * t1,
+            t1.mul_add(self.c11, t0.mul_add(self.c10, -t2)),
+            t1.mul_add(self.c10, t0.mul_add(self.c11, -t2)),
         ]
     }
 
@@ -458,15 +461,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 4 multiplications.
+    /// 2 additions, 4 multiplications (2 fused).
     #[inline]
     #[must_use]
     pub fn nonholonomic_momentum(&self, t: R, y: &[R; 4]) -> [R; 2] {
         let [_, _, psi1_dot, psi2_dot] = *y;
         let _ = t;
         [
-            self.c12 * psi1_dot - self.c4 * psi2_dot,
-            self.c12 * psi2_dot - self.c4 * psi1_dot,
+            (-psi2_dot).mul_add(self.c3, self.c12 * psi1_dot),
+            (-psi1_dot).mul_add(self.c3, self.c12 * psi2_dot),
         ]
     }
 

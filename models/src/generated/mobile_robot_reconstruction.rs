@@ -206,9 +206,9 @@ pub struct Prepared<R = f64> {
     c3: R,
     /// `0.5 * R`
     c4: R,
-    /// `0.125 * (4 * J2 + J * (R * R) / (c * c) + R * R * (m0 + 2 * m1))`
-    c5: R,
     /// `0.25 * (J * (R * R) / (c * c) - R * R * (m0 + 2 * m1))`
+    c5: R,
+    /// `0.125 * (4 * J2 + J * (R * R) / (c * c) + R * R * (m0 + 2 * m1))`
     c6: R,
     /// `0.5 * J * R / c`
     c7: R,
@@ -350,8 +350,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c2: t9 / t10,
             c3: t11 / c,
             c4: t11,
-            c5: R::from_f64(0.125) * t12,
-            c6: R::from_f64(0.25) * (t4 - t3),
+            c5: R::from_f64(0.25) * (t4 - t3),
+            c6: R::from_f64(0.125) * t12,
             c7: R::from_f64(0.5) * J * R_ / c,
             c8: t11 * t0,
             c9: t5 / J,
@@ -380,7 +380,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 6 additions, 13 multiplications, 2 sign changes, 2 elementary functions.
+    /// 6 additions, 13 multiplications (5 fused), 2 sign changes, 1 elementary function.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 7], dy: &mut [R; 7]) {
         let [_, _, psi1_dot, psi2_dot, theta, _, _] = *y;
@@ -388,15 +388,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t0 = psi2_dot * (self.c0 * psi1_dot);
         let t1 = psi1_dot * psi1_dot;
         let t2 = psi2_dot * psi2_dot;
-        let t3 = self.c4 * (psi1_dot + psi2_dot);
+        let (t3, t4) = theta.sin_cos();
+        let t5 = self.c4 * (psi1_dot + psi2_dot);
         *dy = [
             psi1_dot,
             psi2_dot,
-            t0 + self.c1 * t1 - self.c2 * t2,
-            t0 - self.c2 * t1 + self.c1 * t2,
-            self.c3 * psi2_dot - self.c3 * psi1_dot,
-            -(theta.cos() * t3),
-            -(theta.sin() * t3),
+            (-t2).mul_add(self.c2, t1.mul_add(self.c1, t0)),
+            t2.mul_add(self.c1, (-t1).mul_add(self.c2, t0)),
+            (-psi1_dot).mul_add(self.c3, self.c3 * psi2_dot),
+            -(t4 * t5),
+            -(t3 * t5),
         ];
     }
 
@@ -408,14 +409,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 5 multiplications.
+    /// 2 additions, 5 multiplications (2 fused).
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 7]) -> R {
         let [_, _, psi1_dot, psi2_dot, _, _, _] = *y;
         let _ = t;
-        self.c5 * (psi1_dot * psi1_dot + psi2_dot * psi2_dot)
-            - self.c6 * (psi1_dot * psi2_dot)
+        self.c6
+            .mul_add(
+                psi2_dot.mul_add(psi2_dot, psi1_dot * psi1_dot),
+                -(self.c5 * (psi1_dot * psi2_dot)),
+            )
     }
 
     /// Momenta p = dL/dy.
@@ -428,18 +432,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 7 multiplications, 1 sign change.
+    /// 2 additions, 7 multiplications (2 fused).
     #[inline]
     #[must_use]
     pub fn momentum(&self, t: R, y: &[R; 7]) -> [R; 5] {
         let [_, _, psi1_dot, psi2_dot, _, _, _] = *y;
         let _ = t;
-        let t0 = self.c7 * psi2_dot - self.c7 * psi1_dot;
+        let t0 = (-psi1_dot).mul_add(self.c7, self.c7 * psi2_dot);
         [
             self.J2 * psi1_dot,
             self.J2 * psi2_dot,
             t0,
-            -(self.c8 * psi1_dot + self.c8 * psi2_dot),
+            (-psi2_dot).mul_add(self.c8, -(self.c8 * psi1_dot)),
             self.c9 * t0,
         ]
     }
@@ -454,7 +458,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 5 additions, 9 multiplications, 1 sign change.
+    /// 5 additions, 9 multiplications (4 fused).
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 7]) -> [R; 3] {
@@ -462,11 +466,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         let t0 = psi1_dot * psi1_dot;
         let t1 = psi2_dot * psi2_dot;
-        let t2 = psi2_dot * -(self.c11 * psi1_dot);
+        let t2 = psi2_dot * (self.c11 * psi1_dot);
         [
             self.c10 * (t0 - t1),
-            t2 + self.c12 * t0 + self.c13 * t1,
-            t2 + self.c13 * t0 + self.c12 * t1,
+            t1.mul_add(self.c13, t0.mul_add(self.c12, -t2)),
+            t1.mul_add(self.c12, t0.mul_add(self.c13, -t2)),
         ]
     }
 
@@ -480,15 +484,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 4 multiplications.
+    /// 2 additions, 4 multiplications (2 fused).
     #[inline]
     #[must_use]
     pub fn nonholonomic_momentum(&self, t: R, y: &[R; 7]) -> [R; 2] {
         let [_, _, psi1_dot, psi2_dot, _, _, _] = *y;
         let _ = t;
         [
-            self.c14 * psi1_dot - self.c6 * psi2_dot,
-            self.c14 * psi2_dot - self.c6 * psi1_dot,
+            (-psi2_dot).mul_add(self.c5, self.c14 * psi1_dot),
+            (-psi1_dot).mul_add(self.c5, self.c14 * psi2_dot),
         ]
     }
 

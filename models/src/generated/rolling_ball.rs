@@ -153,10 +153,12 @@ pub struct Prepared<R = f64> {
     c0: R,
     /// `0.5 * (m + I / (r * r))`
     c1: R,
-    /// `I / r`
+    /// `-(I / r)`
     c2: R,
-    /// `m + I / (r * r)`
+    /// `I / r`
     c3: R,
+    /// `m + I / (r * r)`
+    c4: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -169,7 +171,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 3 multiplications, 2 divisions.
+    /// 1 addition, 3 multiplications, 2 divisions, 1 sign change.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m, I, r } = *params;
         for (value, condition, meaning) in [
@@ -185,6 +187,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             }
         }
         let t0 = m + I / (r * r);
+        let t1 = I / r;
         if !m.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m > 0",
@@ -220,8 +223,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             I,
             c0: R::from_f64(0.5) * I,
             c1: R::from_f64(0.5) * t0,
-            c2: I / r,
-            c3: t0,
+            c2: -t1,
+            c3: t1,
+            c4: t0,
         })
     }
 }
@@ -257,13 +261,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 5 multiplications.
+    /// 2 additions, 5 multiplications (2 fused).
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 5]) -> R {
         let [_, _, a1_dot, a2_dot, xi3] = *y;
         let _ = t;
-        self.c0 * (xi3 * xi3) + self.c1 * (a1_dot * a1_dot + a2_dot * a2_dot)
+        self.c1.mul_add(a2_dot.mul_add(a2_dot, a1_dot * a1_dot), self.c0 * (xi3 * xi3))
     }
 
     /// Momenta p = dL/dy.
@@ -276,7 +280,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 5 multiplications, 1 sign change.
+    /// 5 multiplications.
     #[inline]
     #[must_use]
     pub fn momentum(&self, t: R, y: &[R; 5]) -> [R; 5] {
@@ -285,8 +289,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         [
             self.m * a1_dot,
             self.m * a2_dot,
-            -(self.c2 * a2_dot),
-            self.c2 * a1_dot,
+            self.c2 * a2_dot,
+            self.c3 * a1_dot,
             self.I * xi3,
         ]
     }
@@ -325,7 +329,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn nonholonomic_momentum(&self, t: R, y: &[R; 5]) -> [R; 3] {
         let [_, _, a1_dot, a2_dot, xi3] = *y;
         let _ = t;
-        [self.c3 * a1_dot, self.c3 * a2_dot, self.I * xi3]
+        [self.c4 * a1_dot, self.c4 * a2_dot, self.I * xi3]
     }
 
     /// Their rates by the nonholonomic momentum equation.

@@ -255,13 +255,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 4 multiplications.
+    /// 1 addition, 4 multiplications (1 fused).
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 2]) -> R {
         let [theta_dot, phi_dot] = *y;
         let _ = t;
-        self.c0 * (phi_dot * phi_dot) + self.c1 * (theta_dot * theta_dot)
+        self.c1.mul_add(theta_dot * theta_dot, self.c0 * (phi_dot * phi_dot))
     }
 
     /// Momenta p = dL/dy.

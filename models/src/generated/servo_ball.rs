@@ -263,7 +263,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 additions, 11 multiplications, 1 division, 3 sign changes.
+    /// 4 additions, 11 multiplications (4 fused), 1 division, 3 sign changes.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 7], dy: &mut [R; 7]) {
         let [a1, _, a1_dot, a2_dot, _, _, xi3] = *y;
@@ -271,12 +271,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
         let [t0, S_1_1] = {
             let t0 = a1 * a1;
-            [t0, self.c1 + self.c0 * t0]
+            [t0, t0.mul_add(self.c0, self.c1)]
         };
         let t1 = S_1_1.recip();
-        let t2 = -((self.c2 * a1 + self.c3 * a1_dot) * t1);
-        let t3 = (self.c4 * a1 + self.c5 * a1_dot) * t1;
-        *dy = [a1_dot, a2_dot, t2, xi3 * t2, -(a2_dot * t3), R::ZERO, -(t3 + t0 * t3)];
+        let t2 = a1_dot.mul_add(self.c3, self.c2 * a1) * t1;
+        let t3 = a1_dot.mul_add(self.c5, self.c4 * a1) * t1;
+        *dy = [
+            a1_dot,
+            a2_dot,
+            -t2,
+            -(xi3 * t2),
+            -(a2_dot * t3),
+            R::ZERO,
+            (-t0).mul_add(t3, -t3),
+        ];
     }
 
     /// Energy.
@@ -287,36 +295,39 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 additions, 7 multiplications.
+    /// 4 additions, 7 multiplications (4 fused).
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 7]) -> R {
         let [_, _, a1_dot, a2_dot, xi1, xi2, xi3] = *y;
         let _ = t;
-        self.c6 * (a1_dot * a1_dot + a2_dot * a2_dot)
-            + self.c7 * (xi1 * xi1 + xi2 * xi2 + xi3 * xi3)
+        self.c7
+            .mul_add(
+                xi3.mul_add(xi3, xi2.mul_add(xi2, xi1 * xi1)),
+                self.c6 * a2_dot.mul_add(a2_dot, a1_dot * a1_dot),
+            )
     }
 
     /// Rate of energy dE/dt along the motion.
     ///
     /// # Operations
     ///
-    /// 6 additions, 7 multiplications, 1 division, 1 sign change.
+    /// 6 additions, 7 multiplications (5 fused), 1 division.
     #[inline]
     #[must_use]
     pub fn energy_rate(&self, t: R, y: &[R; 7]) -> R {
         let [a1, _, a1_dot, a2_dot, xi1, _, xi3] = *y;
         let _ = t;
         /// response to the multipliers L_yy^-1 Lambda^T
-        let z_Z1_xi3 = R::ONE + a1 * a1;
+        let z_Z1_xi3 = a1.mul_add(a1, R::ONE);
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
         let [S_1_1, g_1] = [
-            self.Z1_a1_dot + self.c0 * z_Z1_xi3,
-            -(self.kappa * a1 + self.c * a1_dot),
+            z_Z1_xi3.mul_add(self.c0, self.Z1_a1_dot),
+            (-a1_dot).mul_add(self.c, -(self.kappa * a1)),
         ];
         /// substitution through the factors of S
         let lambda_servo = g_1 / S_1_1;
-        lambda_servo * (a1_dot + a2_dot * xi1 + xi3 * (a2_dot + z_Z1_xi3))
+        lambda_servo * xi3.mul_add(a2_dot + z_Z1_xi3, a2_dot.mul_add(xi1, a1_dot))
     }
 
     /// Momenta p = dL/dy.
@@ -348,15 +359,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 4 multiplications, 1 division, 1 sign change.
+    /// 2 additions, 4 multiplications (2 fused), 1 division.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 7]) -> [R; 1] {
         let [a1, _, a1_dot, _, _, _, _] = *y;
         let _ = t;
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let S_1_1 = self.c1 + self.c0 * (a1 * a1);
-        [-((self.kappa * a1 + self.c * a1_dot) / S_1_1)]
+        let S_1_1 = self.c0.mul_add(a1 * a1, self.c1);
+        [(-a1_dot).mul_add(self.c, -(self.kappa * a1)) / S_1_1]
     }
 
     /// Says which pivot vanishes at a point.
@@ -367,11 +378,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 2 multiplications.
+    /// 1 addition, 2 multiplications (1 fused).
     pub fn check(&self, t: R, y: &[R; 7]) -> Result<(), ::hamel_runtime::Failure> {
         let [a1, _, _, _, _, _, _] = *y;
         let (value, pivot) = (
-            self.c1 + self.c0 * (a1 * a1),
+            self.c0.mul_add(a1 * a1, self.c1),
             "response to constraint ddt(a1_dot) + ddt(xi3) + kappa*a1 + c*a1_dot = 0",
         );
         if !value.all_ne(R::ZERO) {

@@ -187,9 +187,9 @@ pub struct Prepared<R = f64> {
     c2: R,
     /// A longer expression in the parameters.
     c3: R,
-    /// `0.5 * m`
-    c4: R,
     /// `2 * m * b / (J + m * (a * a + b * b))`
+    c4: R,
+    /// `0.5 * m`
     c5: R,
     /// `0.5 * (J + m * (a * a + b * b))`
     c6: R,
@@ -300,8 +300,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c1: t11,
             c2: t6 / A_s1_2_2,
             c3: t10 / A_s1_2_2,
-            c4: R::from_f64(0.5) * m,
-            c5: R::from_f64(2.0) * m * b / t0,
+            c4: R::from_f64(2.0) * m * b / t0,
+            c5: R::from_f64(0.5) * m,
             c6: R::from_f64(0.5) * t0,
             c7: mu * t12,
             c8: mu * t13 - tau * t12,
@@ -340,19 +340,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 8 multiplications, 1 sign change, 2 elementary functions.
+    /// 2 additions, 8 multiplications (2 fused), 1 elementary function.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 5], dy: &mut [R; 5]) {
         let [omega, v1, theta, _, _] = *y;
         let _ = t;
         let t0 = omega * v1;
         let t1 = omega * omega;
+        let (t2, t3) = theta.sin_cos();
         *dy = [
-            -(self.c0 * t0 + self.c1 * t1),
-            self.c2 * t0 + self.c3 * t1,
+            (-t1).mul_add(self.c1, -(self.c0 * t0)),
+            t1.mul_add(self.c3, self.c2 * t0),
             omega,
-            v1 * theta.cos(),
-            v1 * theta.sin(),
+            v1 * t3,
+            v1 * t2,
         ];
     }
 
@@ -364,26 +365,31 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 5 multiplications.
+    /// 2 additions, 5 multiplications (2 fused).
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 5]) -> R {
         let [omega, v1, _, _, _] = *y;
         let _ = t;
-        self.c4 * (v1 * v1) + self.c6 * (omega * (omega - self.c5 * v1))
+        self.c6.mul_add(omega * (-v1).mul_add(self.c4, omega), self.c5 * (v1 * v1))
     }
 
     /// Rate of energy dE/dt along the motion.
     ///
     /// # Operations
     ///
-    /// 2 additions, 6 multiplications.
+    /// 2 additions, 6 multiplications (2 fused).
     #[inline]
     #[must_use]
     pub fn energy_rate(&self, t: R, y: &[R; 5]) -> R {
         let [omega, v1, _, _, _] = *y;
         let _ = t;
-        omega * (v1 * (self.c7 * v1 - self.c8 * omega) - self.c9 * (omega * omega))
+        omega
+            * v1
+                .mul_add(
+                    (-omega).mul_add(self.c8, self.c7 * v1),
+                    -(self.c9 * (omega * omega)),
+                )
     }
 
     /// Momenta p = dL/dy.
@@ -396,7 +402,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 5 multiplications.
+    /// 2 additions, 5 multiplications (2 fused).
     #[inline]
     #[must_use]
     pub fn momentum(&self, t: R, y: &[R; 5]) -> [R; 3] {
@@ -404,8 +410,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         /// momenta p = dL/dy
         let [p_omega, p_v1] = [
-            self.c10 * omega - self.c11 * v1,
-            self.m * v1 - self.c11 * omega,
+            (-v1).mul_add(self.c11, self.c10 * omega),
+            (-omega).mul_add(self.c11, self.m * v1),
         ];
         [p_omega, p_v1, self.c12 * omega]
     }
@@ -420,13 +426,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 3 multiplications.
+    /// 1 addition, 3 multiplications (1 fused).
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 5]) -> [R; 1] {
         let [omega, v1, _, _, _] = *y;
         let _ = t;
-        [omega * (self.c13 * v1 - self.c14 * omega)]
+        [omega * (-omega).mul_add(self.c14, self.c13 * v1)]
     }
 
     /// Momenta \<p, W_b\> along the sections of virtual displacements.
@@ -439,13 +445,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 4 multiplications.
+    /// 2 additions, 4 multiplications (2 fused).
     #[inline]
     #[must_use]
     pub fn nonholonomic_momentum(&self, t: R, y: &[R; 5]) -> [R; 2] {
         let [omega, v1, _, _, _] = *y;
         let _ = t;
-        [self.A_omega_omega * omega - self.c11 * v1, self.m * v1 - self.c15 * omega]
+        [
+            (-v1).mul_add(self.c11, self.A_omega_omega * omega),
+            (-omega).mul_add(self.c15, self.m * v1),
+        ]
     }
 
     /// Their rates by the nonholonomic momentum equation.
@@ -458,7 +467,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 6 multiplications, 1 sign change.
+    /// 2 additions, 6 multiplications (2 fused).
     #[inline]
     #[must_use]
     pub fn momentum_equation(&self, t: R, y: &[R; 5]) -> [R; 2] {
@@ -466,7 +475,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         let t0 = omega * v1;
         let t1 = omega * omega;
-        [-(self.c16 * t0 + self.c17 * t1), self.c18 * t0 + self.c19 * t1]
+        [(-t1).mul_add(self.c17, -(self.c16 * t0)), t1.mul_add(self.c19, self.c18 * t0)]
     }
 }
 

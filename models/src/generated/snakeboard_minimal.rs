@@ -147,11 +147,11 @@ pub struct Prepared<R = f64> {
     c1: R,
     /// `J + 2 * J1 - m * (r * r)`
     c2: R,
-    /// `0.5 * J0`
-    c3: R,
-    /// `0.5 * m * (r * r)`
-    c4: R,
     /// `2 * J0 / (J + J0 + 2 * J1)`
+    c3: R,
+    /// `0.5 * J0`
+    c4: R,
+    /// `0.5 * m * (r * r)`
     c5: R,
     /// `0.5 * (J + J0 + 2 * J1)`
     c6: R,
@@ -224,9 +224,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c0: t1,
             c1: t3,
             c2: t3 - t1,
-            c3: R::from_f64(0.5) * J0,
-            c4: R::from_f64(0.5) * m * t0,
-            c5: R::from_f64(2.0) * J0 / t4,
+            c3: R::from_f64(2.0) * J0 / t4,
+            c4: R::from_f64(0.5) * J0,
+            c5: R::from_f64(0.5) * m * t0,
             c6: R::from_f64(0.5) * t4,
         })
     }
@@ -252,21 +252,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 9 multiplications, 1 division, 2 sign changes, 2 elementary functions.
+    /// 2 additions, 9 multiplications (2 fused), 1 division, 1 sign change, 1 elementary function.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 4], dy: &mut [R; 4]) {
         let [phi, _, phi_dot, s] = *y;
         let _ = t;
         /// factors of A
         let [t0, t1, t2, A_s1_3_3] = {
-            let t0 = phi.cos();
-            let t1 = phi.sin();
-            let t2 = t1 * t1;
-            [t0, t1, t2, self.c0 * (t0 * t0) + self.c1 * t2]
+            let (t0, t1) = phi.sin_cos();
+            let t2 = t0 * t0;
+            [t0, t1, t2, t2.mul_add(self.c1, self.c0 * (t1 * t1))]
         };
-        let t3 = t0 * (phi_dot * s);
-        let t4 = t3 * -(self.c2 / A_s1_3_3);
-        *dy = [phi_dot, -(t3 + t2 * t4), R::ZERO, t1 * t4];
+        let t3 = t1 * (phi_dot * s);
+        let t4 = t3 * (self.c2 / A_s1_3_3);
+        *dy = [phi_dot, t2.mul_add(t4, -t3), R::ZERO, -(t0 * t4)];
     }
 
     /// Energy.
@@ -277,16 +276,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 additions, 12 multiplications, 2 elementary functions.
+    /// 4 additions, 12 multiplications (4 fused), 1 elementary function.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 4]) -> R {
         let [phi, psi_dot, phi_dot, s] = *y;
         let _ = t;
-        let t0 = phi.cos();
-        let t1 = s * phi.sin();
-        self.c3 * (psi_dot * psi_dot) + self.J1 * (phi_dot * phi_dot)
-            + self.c4 * (s * s * (t0 * t0)) + self.c6 * (t1 * (t1 + self.c5 * psi_dot))
+        let (t0, t1) = phi.sin_cos();
+        let t2 = s * t0;
+        self.c6
+            .mul_add(
+                t2 * psi_dot.mul_add(self.c3, t2),
+                self
+                    .c5
+                    .mul_add(
+                        s * s * (t1 * t1),
+                        self.J1.mul_add(phi_dot * phi_dot, self.c4 * (psi_dot * psi_dot)),
+                    ),
+            )
     }
 
     /// Says which pivot vanishes at a point.
@@ -297,13 +304,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 4 multiplications, 2 elementary functions.
+    /// 1 addition, 4 multiplications (1 fused), 1 elementary function.
     pub fn check(&self, t: R, y: &[R; 4]) -> Result<(), ::hamel_runtime::Failure> {
         let [phi, _, _, _] = *y;
-        let t0 = phi.cos();
-        let t1 = phi.sin();
+        let (t0, t1) = phi.sin_cos();
         let (value, pivot) = (
-            self.c0 * (t0 * t0) + self.c1 * (t1 * t1),
+            self.c1.mul_add(t0 * t0, self.c0 * (t1 * t1)),
             "inertia along s",
         );
         if !value.all_ne(R::ZERO) {

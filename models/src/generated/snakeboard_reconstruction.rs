@@ -203,11 +203,11 @@ pub struct Prepared<R = f64> {
     c1: R,
     /// `J + 2 * J1 - m * (r * r)`
     c2: R,
-    /// `0.5 * J0`
-    c3: R,
-    /// `0.5 * m * (r * r)`
-    c4: R,
     /// `2 * J0 / (J + J0 + 2 * J1)`
+    c3: R,
+    /// `0.5 * J0`
+    c4: R,
+    /// `0.5 * m * (r * r)`
     c5: R,
     /// `0.5 * (J + J0 + 2 * J1)`
     c6: R,
@@ -215,16 +215,18 @@ pub struct Prepared<R = f64> {
     c7: R,
     /// `J + J0 + 2 * J1`
     c8: R,
-    /// `m * r`
+    /// `-(m * r)`
     c9: R,
-    /// `m * r * (J + 2 * J1 - m * (r * r))`
+    /// `m * r`
     c10: R,
-    /// `(J + J0 + 2 * J1) * (J + 2 * J1 - m * (r * r)) - J0 * (J + 2 * J1 - m * (r * r))`
+    /// `m * r * (J + 2 * J1 - m * (r * r))`
     c11: R,
-    /// `(J + J0 + 2 * J1 - m * (r * r)) / J0`
+    /// `(J + J0 + 2 * J1) * (J + 2 * J1 - m * (r * r)) - J0 * (J + 2 * J1 - m * (r * r))`
     c12: R,
-    /// `m * (r * r) / (J + J0 + 2 * J1)`
+    /// `(J + J0 + 2 * J1 - m * (r * r)) / J0`
     c13: R,
+    /// `m * (r * r) / (J + J0 + 2 * J1)`
+    c14: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -237,7 +239,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 6 additions, 12 multiplications, 3 divisions.
+    /// 6 additions, 12 multiplications, 3 divisions, 1 sign change.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m, r, J, J0, J1 } = *params;
         for (value, condition, meaning) in [
@@ -298,17 +300,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c0: t1,
             c1: t3,
             c2: t4,
-            c3: R::from_f64(0.5) * J0,
-            c4: R::from_f64(0.5) * m * t0,
-            c5: R::from_f64(2.0) * J0 / t5,
+            c3: R::from_f64(2.0) * J0 / t5,
+            c4: R::from_f64(0.5) * J0,
+            c5: R::from_f64(0.5) * m * t0,
             c6: R::from_f64(0.5) * t5,
             c7: t2,
             c8: t5,
-            c9: t6,
-            c10: t6 * t4,
-            c11: t5 * t4 - J0 * t4,
-            c12: (t5 - t1) / J0,
-            c13: t1 / t5,
+            c9: -t6,
+            c10: t6,
+            c11: t6 * t4,
+            c12: t5 * t4 - J0 * t4,
+            c13: (t5 - t1) / J0,
+            c14: t1 / t5,
         })
     }
 }
@@ -333,31 +336,31 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 13 multiplications, 1 division, 4 sign changes, 4 elementary functions.
+    /// 2 additions, 13 multiplications (2 fused), 1 division, 3 sign changes, 2 elementary functions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 8], dy: &mut [R; 8]) {
         let [_, phi, psi_dot, phi_dot, s, theta, _, _] = *y;
         let _ = t;
         /// factors of A
         let [t0, t1, t2, A_s1_3_3] = {
-            let t0 = phi.cos();
-            let t1 = phi.sin();
-            let t2 = t1 * t1;
-            [t0, t1, t2, self.c0 * (t0 * t0) + self.c1 * t2]
+            let (t0, t1) = phi.sin_cos();
+            let t2 = t0 * t0;
+            [t0, t1, t2, t2.mul_add(self.c1, self.c0 * (t1 * t1))]
         };
-        let t3 = s * t0;
+        let t3 = s * t1;
         let t4 = phi_dot * t3;
-        let t5 = t4 * -(self.c2 / A_s1_3_3);
-        let t6 = self.r * t3;
+        let t5 = t4 * (self.c2 / A_s1_3_3);
+        let (t6, t7) = theta.sin_cos();
+        let t8 = self.r * t3;
         *dy = [
             psi_dot,
             phi_dot,
-            -(t4 + t2 * t5),
+            t2.mul_add(t5, -t4),
             R::ZERO,
-            t1 * t5,
-            s * t1,
-            -(theta.cos() * t6),
-            -(theta.sin() * t6),
+            -(t0 * t5),
+            s * t0,
+            -(t7 * t8),
+            -(t6 * t8),
         ];
     }
 
@@ -369,16 +372,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 additions, 12 multiplications, 2 elementary functions.
+    /// 4 additions, 12 multiplications (4 fused), 1 elementary function.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 8]) -> R {
         let [_, phi, psi_dot, phi_dot, s, _, _, _] = *y;
         let _ = t;
-        let t0 = phi.cos();
-        let t1 = s * phi.sin();
-        self.c3 * (psi_dot * psi_dot) + self.J1 * (phi_dot * phi_dot)
-            + self.c4 * (s * s * (t0 * t0)) + self.c6 * (t1 * (t1 + self.c5 * psi_dot))
+        let (t0, t1) = phi.sin_cos();
+        let t2 = s * t0;
+        self.c6
+            .mul_add(
+                t2 * psi_dot.mul_add(self.c3, t2),
+                self
+                    .c5
+                    .mul_add(
+                        s * s * (t1 * t1),
+                        self.J1.mul_add(phi_dot * phi_dot, self.c4 * (psi_dot * psi_dot)),
+                    ),
+            )
     }
 
     /// Momenta p = dL/dy.
@@ -391,19 +402,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 7 multiplications, 1 sign change, 2 elementary functions.
+    /// 2 additions, 7 multiplications (2 fused), 1 elementary function.
     #[inline]
     #[must_use]
     pub fn momentum(&self, t: R, y: &[R; 8]) -> [R; 5] {
         let [_, phi, psi_dot, phi_dot, s, _, _, _] = *y;
         let _ = t;
         let t0 = self.J0 * psi_dot;
-        let t1 = s * phi.sin();
+        let (t1, t2) = phi.sin_cos();
+        let t3 = s * t1;
         [
-            t0 + self.J0 * t1,
+            t3.mul_add(self.J0, t0),
             self.c7 * phi_dot,
-            t0 + self.c8 * t1,
-            -(self.c9 * (s * phi.cos())),
+            t3.mul_add(self.c8, t0),
+            self.c9 * (s * t2),
             R::ZERO,
         ]
     }
@@ -418,7 +430,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 17 multiplications, 1 division, 1 sign change, 2 elementary functions.
+    /// 3 additions, 17 multiplications (3 fused), 1 division, 1 sign change, 1 elementary function.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 8]) -> [R; 3] {
@@ -426,19 +438,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         /// factors of A
         let [t0, t1, A_s1_3_3] = {
-            let t0 = phi.cos();
-            let t1 = phi.sin();
-            [t0, t1, self.c0 * (t0 * t0) + self.c1 * (t1 * t1)]
+            let (t0, t1) = phi.sin_cos();
+            [t0, t1, self.c1.mul_add(t0 * t0, self.c0 * (t1 * t1))]
         };
-        let t2 = s * t0;
-        let t3 = phi_dot * t1;
+        let t2 = s * t1;
+        let t3 = phi_dot * t0;
         let t4 = t3 / A_s1_3_3;
-        let t5 = self.c9 * s;
-        let t6 = t1 * t2;
+        let t5 = self.c10 * s;
+        let t6 = t0 * t2;
         [
-            self.c10 * (t0 * t2 * t4) + t3 * t5,
+            self.c11.mul_add(t1 * t2 * t4, t3 * t5),
             -(t5 * t6),
-            self.c1 * (phi_dot * t2) - self.c11 * (t4 * t6),
+            (-self.c12).mul_add(t4 * t6, self.c1 * (phi_dot * t2)),
         ]
     }
 
@@ -452,20 +463,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 10 multiplications, 2 elementary functions.
+    /// 3 additions, 10 multiplications (3 fused), 1 elementary function.
     #[inline]
     #[must_use]
     pub fn nonholonomic_momentum(&self, t: R, y: &[R; 8]) -> [R; 3] {
         let [_, phi, psi_dot, phi_dot, s, _, _, _] = *y;
         let _ = t;
         let t0 = self.J0 * psi_dot;
-        let t1 = phi.sin();
-        let t2 = s * t1;
-        let t3 = phi.cos();
+        let (t1, t2) = phi.sin_cos();
+        let t3 = s * t1;
         [
-            t0 + self.J0 * t2,
+            t3.mul_add(self.J0, t0),
             self.c7 * phi_dot,
-            self.c0 * (s * (t3 * t3)) + self.c8 * (t1 * t2) + t1 * t0,
+            self.c8.mul_add(t1 * t3, self.c0.mul_add(s * (t2 * t2), t1 * t0)),
         ]
     }
 
@@ -479,32 +489,28 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 5 multiplications, 2 elementary functions.
+    /// 1 addition, 5 multiplications (1 fused), 1 elementary function.
     #[inline]
     #[must_use]
     pub fn momentum_equation(&self, t: R, y: &[R; 8]) -> [R; 3] {
         let [_, phi, psi_dot, phi_dot, s, _, _, _] = *y;
         let _ = t;
-        [
-            R::ZERO,
-            R::ZERO,
-            self.J0 * (phi_dot * phi.cos() * (psi_dot + self.c12 * (s * phi.sin()))),
-        ]
+        let (t0, t1) = phi.sin_cos();
+        [R::ZERO, R::ZERO, self.J0 * (phi_dot * t1 * self.c13.mul_add(s * t0, psi_dot))]
     }
 
     /// Nonholonomic momentum `<dL/dxi, (-r cos phi, 0, sin phi)>` \[kg m^2/s\].
     ///
     /// # Operations
     ///
-    /// 2 additions, 7 multiplications, 2 elementary functions.
+    /// 2 additions, 7 multiplications (2 fused), 1 elementary function.
     #[inline]
     #[must_use]
     pub fn p(&self, t: R, y: &[R; 8]) -> R {
         let [_, phi, psi_dot, _, s, _, _, _] = *y;
         let _ = t;
-        let t0 = phi.sin();
-        let t1 = phi.cos();
-        self.c8 * (s * (t0 * t0 + self.c13 * (t1 * t1))) + self.J0 * (psi_dot * t0)
+        let (t0, t1) = phi.sin_cos();
+        self.c8.mul_add(s * self.c14.mul_add(t1 * t1, t0 * t0), self.J0 * (psi_dot * t0))
     }
 
     /// Says which pivot vanishes at a point.
@@ -515,13 +521,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 4 multiplications, 2 elementary functions.
+    /// 1 addition, 4 multiplications (1 fused), 1 elementary function.
     pub fn check(&self, t: R, y: &[R; 8]) -> Result<(), ::hamel_runtime::Failure> {
         let [_, phi, _, _, _, _, _, _] = *y;
-        let t0 = phi.cos();
-        let t1 = phi.sin();
+        let (t0, t1) = phi.sin_cos();
         let (value, pivot) = (
-            self.c0 * (t0 * t0) + self.c1 * (t1 * t1),
+            self.c1.mul_add(t0 * t0, self.c0 * (t1 * t1)),
             "inertia along s",
         );
         if !value.all_ne(R::ZERO) {

@@ -207,9 +207,9 @@ pub struct Prepared<R = f64> {
     c1: R,
     /// `2 * I12 / I11`
     c2: R,
-    /// `0.5 * I11`
-    c3: R,
     /// `0.5 * I22`
+    c3: R,
+    /// `0.5 * I11`
     c4: R,
     /// A longer expression in the parameters.
     c5: R,
@@ -311,8 +311,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c0: A_s1_2_2.recip(),
             c1: I11.recip(),
             c2: R::from_f64(2.0) * I12 / I11,
-            c3: R::from_f64(0.5) * I11,
-            c4: R::from_f64(0.5) * I22,
+            c3: R::from_f64(0.5) * I22,
+            c4: R::from_f64(0.5) * I11,
             c5: I12 - I13 * I13 * A_l2_1 / A_s1_2_2 + I13 * I23 / A_s1_2_2,
             c6: I11 - I22 + I13 * (A_l2_1 * t1 / A_s1_2_2 + I13 / I11)
                 - I23 * t1 / A_s1_2_2,
@@ -342,28 +342,31 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 7 additions, 18 multiplications, 2 sign changes.
+    /// 7 additions, 18 multiplications (7 fused).
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 6], dy: &mut [R; 6]) {
         let [Omega1, Omega2, qw, qx, qy, qz] = *y;
         let _ = t;
         /// momenta p = dL/dy
-        let p_Omega3 = self.I13 * Omega1 + self.I23 * Omega2;
+        let p_Omega3 = Omega2.mul_add(self.I23, self.I13 * Omega1);
         /// substitution through the factors of A
         let [dot_Omega2, dot_Omega1] = {
-            let z_Omega2 = p_Omega3 * (Omega1 + self.A_l2_1 * Omega2);
+            let z_Omega2 = p_Omega3 * Omega2.mul_add(self.A_l2_1, Omega1);
             let dot_Omega2 = self.c0 * z_Omega2;
-            [dot_Omega2, -(self.c1 * (Omega2 * p_Omega3) + self.A_l2_1 * dot_Omega2)]
+            [
+                dot_Omega2,
+                (-dot_Omega2).mul_add(self.A_l2_1, -(self.c1 * (Omega2 * p_Omega3))),
+            ]
         };
         let t0 = R::from_f64(0.5) * Omega1;
         let t1 = R::from_f64(0.5) * Omega2;
         *dy = [
             dot_Omega1,
             dot_Omega2,
-            -(qx * t0 + qy * t1),
-            qw * t0 - qz * t1,
-            qz * t0 + qw * t1,
-            qx * t1 - qy * t0,
+            (-qy).mul_add(t1, -(qx * t0)),
+            (-qz).mul_add(t1, qw * t0),
+            qw.mul_add(t1, qz * t0),
+            (-qy).mul_add(t0, qx * t1),
         ];
     }
 
@@ -375,13 +378,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 5 multiplications.
+    /// 2 additions, 5 multiplications (2 fused).
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 6]) -> R {
         let [Omega1, Omega2, _, _, _, _] = *y;
         let _ = t;
-        self.c3 * (Omega1 * (Omega1 + self.c2 * Omega2)) + self.c4 * (Omega2 * Omega2)
+        self.c4
+            .mul_add(
+                Omega1 * Omega2.mul_add(self.c2, Omega1),
+                self.c3 * (Omega2 * Omega2),
+            )
     }
 
     /// Momenta p = dL/dy.
@@ -394,7 +401,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 6 multiplications.
+    /// 3 additions, 6 multiplications (3 fused).
     #[inline]
     #[must_use]
     pub fn momentum(&self, t: R, y: &[R; 6]) -> [R; 3] {
@@ -402,9 +409,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         /// momenta p = dL/dy
         let [p_Omega1, p_Omega2, p_Omega3] = [
-            self.I11 * Omega1 + self.I12 * Omega2,
-            self.I12 * Omega1 + self.I22 * Omega2,
-            self.I13 * Omega1 + self.I23 * Omega2,
+            Omega2.mul_add(self.I12, self.I11 * Omega1),
+            Omega2.mul_add(self.I22, self.I12 * Omega1),
+            Omega2.mul_add(self.I23, self.I13 * Omega1),
         ];
         [p_Omega1, p_Omega2, p_Omega3]
     }
@@ -419,13 +426,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 5 multiplications.
+    /// 2 additions, 5 multiplications (2 fused).
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 6]) -> [R; 1] {
         let [Omega1, Omega2, _, _, _, _] = *y;
         let _ = t;
-        [Omega1 * (self.c5 * Omega1 - self.c6 * Omega2) - self.c7 * (Omega2 * Omega2)]
+        [
+            Omega1
+                .mul_add(
+                    (-Omega2).mul_add(self.c6, self.c5 * Omega1),
+                    -(self.c7 * (Omega2 * Omega2)),
+                ),
+        ]
     }
 
     /// Momenta \<p, W_b\> along the sections of virtual displacements.
@@ -438,7 +451,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 4 multiplications.
+    /// 2 additions, 4 multiplications (2 fused).
     #[inline]
     #[must_use]
     pub fn nonholonomic_momentum(&self, t: R, y: &[R; 6]) -> [R; 2] {
@@ -446,8 +459,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         /// momenta p = dL/dy
         let [p_Omega1, p_Omega2] = [
-            self.I11 * Omega1 + self.I12 * Omega2,
-            self.I12 * Omega1 + self.I22 * Omega2,
+            Omega2.mul_add(self.I12, self.I11 * Omega1),
+            Omega2.mul_add(self.I22, self.I12 * Omega1),
         ];
         [p_Omega1, p_Omega2]
     }
@@ -462,14 +475,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 4 multiplications, 1 sign change.
+    /// 1 addition, 4 multiplications (1 fused), 1 sign change.
     #[inline]
     #[must_use]
     pub fn momentum_equation(&self, t: R, y: &[R; 6]) -> [R; 2] {
         let [Omega1, Omega2, _, _, _, _] = *y;
         let _ = t;
         /// momenta p = dL/dy
-        let p_Omega3 = self.I13 * Omega1 + self.I23 * Omega2;
+        let p_Omega3 = Omega2.mul_add(self.I23, self.I13 * Omega1);
         [-(Omega2 * p_Omega3), Omega1 * p_Omega3]
     }
 }

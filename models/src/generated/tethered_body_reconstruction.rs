@@ -238,7 +238,7 @@ pub struct Prepared<R = f64> {
     m: R,
     /// `(I2 - I3) / I1`
     c0: R,
-    /// `(I1 - I3) / I2`
+    /// `-((I1 - I3) / I2)`
     c1: R,
     /// `(I1 - I2) / I3`
     c2: R,
@@ -272,7 +272,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 8 multiplications, 4 divisions.
+    /// 3 additions, 8 multiplications, 4 divisions, 1 sign change.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, m, k } = *params;
         for (value, condition, meaning) in [
@@ -331,7 +331,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             I3,
             m,
             c0: (I2 - I3) / I1,
-            c1: (I1 - I3) / I2,
+            c1: -((I1 - I3) / I2),
             c2: (I1 - I2) / I3,
             c3: k / m,
             c4: R::from_f64(0.5) * I1,
@@ -362,7 +362,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 32 additions, 55 multiplications, 2 sign changes.
+    /// 32 additions, 55 multiplications (32 fused).
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 16], dy: &mut [R; 16]) {
         let [Omega1, Omega2, Omega3, V1, V2, V3, a1, a2, a3, qw, qx, qy, qz, _, _, _] = *y;
@@ -370,30 +370,30 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t0 = R::from_f64(0.5) * Omega1;
         let t1 = R::from_f64(0.5) * Omega2;
         let t2 = R::from_f64(0.5) * Omega3;
-        let t3 = V1 * qy - V2 * qx;
+        let t3 = (-V2).mul_add(qx, V1 * qy);
         let t4 = R::from_f64(2.0) * qy;
-        let t5 = V1 * qz - V3 * qx;
+        let t5 = (-V3).mul_add(qx, V1 * qz);
         let t6 = R::from_f64(2.0) * qz;
-        let t7 = V2 * qz - V3 * qy;
+        let t7 = (-V3).mul_add(qy, V2 * qz);
         let t8 = R::from_f64(2.0) * qw;
         let t9 = R::from_f64(2.0) * qx;
         *dy = [
             self.c0 * (Omega2 * Omega3),
-            -(self.c1 * (Omega1 * Omega3)),
+            self.c1 * (Omega1 * Omega3),
             self.c2 * (Omega1 * Omega2),
-            Omega3 * V2 + self.c3 * a1 - Omega2 * V3,
-            self.c3 * a2 + Omega1 * V3 - Omega3 * V1,
-            Omega2 * V1 + self.c3 * a3 - Omega1 * V2,
-            Omega3 * a2 - V1 - Omega2 * a3,
-            Omega1 * a3 - V2 - Omega3 * a1,
-            Omega2 * a1 - V3 - Omega1 * a2,
-            -(qx * t0 + qy * t1 + qz * t2),
-            qy * t2 + qw * t0 - qz * t1,
-            qz * t0 + qw * t1 - qx * t2,
-            qx * t1 + qw * t2 - qy * t0,
-            V1 - t3 * t4 - t5 * t6 - t7 * t8,
-            V2 + t3 * t9 + t5 * t8 - t6 * t7,
-            V3 + t5 * t9 + t4 * t7 - t3 * t8,
+            (-Omega2).mul_add(V3, a1.mul_add(self.c3, Omega3 * V2)),
+            (-Omega3).mul_add(V1, Omega1.mul_add(V3, self.c3 * a2)),
+            (-Omega1).mul_add(V2, a3.mul_add(self.c3, Omega2 * V1)),
+            (-Omega2).mul_add(a3, Omega3.mul_add(a2, -V1)),
+            (-Omega3).mul_add(a1, Omega1.mul_add(a3, -V2)),
+            (-Omega1).mul_add(a2, Omega2.mul_add(a1, -V3)),
+            (-qz).mul_add(t2, (-qy).mul_add(t1, -(qx * t0))),
+            (-qz).mul_add(t1, qw.mul_add(t0, qy * t2)),
+            (-qx).mul_add(t2, qw.mul_add(t1, qz * t0)),
+            (-qy).mul_add(t0, qw.mul_add(t2, qx * t1)),
+            (-t7).mul_add(t8, (-t5).mul_add(t6, (-t3).mul_add(t4, V1))),
+            (-t6).mul_add(t7, t5.mul_add(t8, t3.mul_add(t9, V2))),
+            (-t3).mul_add(t8, t4.mul_add(t7, t5.mul_add(t9, V3))),
         ];
     }
 
@@ -405,15 +405,29 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 8 additions, 14 multiplications.
+    /// 8 additions, 14 multiplications (8 fused).
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 16]) -> R {
         let [Omega1, Omega2, Omega3, V1, V2, V3, a1, a2, a3, _, _, _, _, _, _, _] = *y;
         let _ = t;
-        self.c4 * (Omega1 * Omega1) + self.c5 * (Omega2 * Omega2)
-            + self.c6 * (Omega3 * Omega3) + self.c7 * (V1 * V1 + V2 * V2 + V3 * V3)
-            + self.c8 * (a1 * a1 + a2 * a2 + a3 * a3)
+        self.c8
+            .mul_add(
+                a3.mul_add(a3, a2.mul_add(a2, a1 * a1)),
+                self
+                    .c7
+                    .mul_add(
+                        V3.mul_add(V3, V2.mul_add(V2, V1 * V1)),
+                        self
+                            .c6
+                            .mul_add(
+                                Omega3 * Omega3,
+                                self
+                                    .c5
+                                    .mul_add(Omega2 * Omega2, self.c4 * (Omega1 * Omega1)),
+                            ),
+                    ),
+            )
     }
 
     /// Momenta p = dL/dy.
@@ -452,15 +466,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 6 multiplications.
+    /// 2 additions, 6 multiplications (2 fused).
     #[inline]
     #[must_use]
     pub fn casimirs(&self, t: R, y: &[R; 16]) -> [R; 1] {
         let [Omega1, Omega2, Omega3, _, _, _, _, _, _, _, _, _, _, _, _, _] = *y;
         let _ = t;
         [
-            self.c9 * (Omega1 * Omega1) + self.c10 * (Omega2 * Omega2)
-                + self.c11 * (Omega3 * Omega3),
+            self
+                .c11
+                .mul_add(
+                    Omega3 * Omega3,
+                    self.c10.mul_add(Omega2 * Omega2, self.c9 * (Omega1 * Omega1)),
+                ),
         ]
     }
 }

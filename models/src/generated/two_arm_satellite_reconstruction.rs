@@ -289,9 +289,9 @@ pub struct Prepared<R = f64> {
     c9: R,
     /// `(1/25) * ma`
     c10: R,
-    /// `ma * la`
-    c11: R,
     /// `(1/10) * mb`
+    c11: R,
+    /// `ma * la`
     c12: R,
     /// `(1/5) * ma`
     c13: R,
@@ -309,9 +309,9 @@ pub struct Prepared<R = f64> {
     c19: R,
     /// `mb * lb`
     c20: R,
-    /// `(9/25) * ma`
-    c21: R,
     /// `I3 + 0.25 * mb - ma * (la * la) + (1/25) * ma * (9 + 25 * (la * la))`
+    c21: R,
+    /// `(9/25) * ma`
     c22: R,
     /// `1 / (mb * (lb * lb))`
     c23: R,
@@ -472,8 +472,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c8: R::from_f64(2.0) * lb,
             c9: t9,
             c10: t10,
-            c11: t11,
-            c12: R::ratio(1.0, 10.0) * mb,
+            c11: R::ratio(1.0, 10.0) * mb,
+            c12: t11,
             c13: t8,
             c14: R::from_f64(5.0) * ma * la,
             c15: t12 * lb,
@@ -482,8 +482,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c18: R::ratio(3.0, 5.0) * ma * la,
             c19: t2.recip(),
             c20: mb * lb,
-            c21: t13,
-            c22: I3 + R::from_f64(0.25) * mb - t2 + t10 * t14,
+            c21: I3 + R::from_f64(0.25) * mb - t2 + t10 * t14,
+            c22: t13,
             c23: t7.recip(),
             c24: R::from_f64(0.5) * I1,
             c25: R::from_f64(0.5) * I2,
@@ -536,50 +536,52 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 73 additions, 136 multiplications, 3 divisions, 4 sign changes, 4 elementary functions.
+    /// 73 additions, 136 multiplications (67 fused), 3 divisions, 2 elementary functions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 11], dy: &mut [R; 11]) {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, qw, qx, qy, qz] = *y;
         let _ = t;
         /// momenta p = dL/dy
-        let [t0, t1, t2, A_Omega1_Omega1, A_beta_dot_Omega1, t4, t5, t6, t7, p_Omega1,
+        let [t0, t1, t2, t3, A_Omega1_Omega1, A_beta_dot_Omega1, t5, t6, t7, p_Omega1,
         t9, t10, t11, t12, t13, t14, t15, t16, p_Omega2, t17, t18, t19, t20, t21,
         p_Omega3] = {
-            let t0 = alpha.sin();
-            let t1 = beta.cos();
-            let t2 = beta.sin();
-            let t3 = R::from_f64(2.5) * t1 + t2;
-            let A_Omega1_Omega1 = self.c2 + self.c1 * (t0 * t0 + self.c0 * t3);
-            let A_beta_dot_Omega1 = self.c4 + self.c3 * t3;
-            let t4 = self.c5 * t0;
-            let t5 = alpha.cos();
-            let t6 = self.c6 * t5;
+            let (t0, t1) = alpha.sin_cos();
+            let (t2, t3) = beta.sin_cos();
+            let t4 = t3.mul_add(R::from_f64(2.5), t2);
+            let A_Omega1_Omega1 = self.c1.mul_add(t4.mul_add(self.c0, t0 * t0), self.c2);
+            let A_beta_dot_Omega1 = t4.mul_add(self.c3, self.c4);
+            let t5 = self.c5 * t0;
+            let t6 = self.c6 * t1;
             let t7 = R::from_f64(3.0) + t6;
             let t8 = Omega2 * t7;
             let t9 = self.c7 * t2;
             let t10 = R::ONE + t9;
-            let t11 = self.c8 * t1;
+            let t11 = self.c8 * t3;
             let t12 = R::ONE + t11;
-            let t13 = Omega2 * t10 - R::from_f64(2.5) * (Omega3 * t12);
+            let t13 = (-R::from_f64(2.5)).mul_add(Omega3 * t12, Omega2 * t10);
             let t14 = self.c9 * t10;
-            let t15 = self.c6 * (Omega1 * t0) - t8;
+            let t15 = self.c6.mul_add(Omega1 * t0, -t8);
             let t16 = self.c10 * t7;
             let t17 = self.la * t0;
             let t18 = alpha_dot + Omega3;
             let t19 = t17 * t18;
-            let t20 = Omega3 * t7 + alpha_dot * t6;
-            let t21 = self.c12 * t12;
+            let t20 = Omega3.mul_add(t7, alpha_dot * t6);
+            let t21 = self.c11 * t12;
             [
                 t0,
                 t1,
                 t2,
+                t3,
                 A_Omega1_Omega1,
                 A_beta_dot_Omega1,
-                t4,
                 t5,
                 t6,
                 t7,
-                Omega1 * A_Omega1_Omega1 + beta_dot * A_beta_dot_Omega1 - t4 * t8,
+                (-t5)
+                    .mul_add(
+                        t8,
+                        Omega1.mul_add(A_Omega1_Omega1, beta_dot * A_beta_dot_Omega1),
+                    ),
                 t9,
                 t10,
                 t11,
@@ -588,93 +590,131 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t14,
                 t15,
                 t16,
-                self.I2 * Omega2 + t13 * t14 - t15 * t16,
+                (-t15).mul_add(t16, t13.mul_add(t14, self.I2 * Omega2)),
                 t17,
                 t18,
                 t19,
                 t20,
                 t21,
-                self.I3 * Omega3 + self.c11 * (t0 * t19) + t16 * t20 - t13 * t21,
+                (-t13)
+                    .mul_add(
+                        t21,
+                        t16.mul_add(t20, self.c12.mul_add(t0 * t19, self.I3 * Omega3)),
+                    ),
             ]
         };
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
         let [r_alpha_dot, r_beta_dot, r_Omega1, r_Omega2, r_Omega3] = {
-            let t22 = self.la * t5;
-            let t23 = Omega1 * t22 + Omega2 * t17;
-            let t24 = t20 - R::from_f64(5.0) * (t18 * t22);
-            let dL_dalpha = self.c13 * (t15 * t23 - t19 * t24) - self.ka * alpha;
+            let t22 = self.la * t1;
+            let t23 = Omega2.mul_add(t17, Omega1 * t22);
+            let t24 = (-R::from_f64(5.0)).mul_add(t18 * t22, t20);
+            let dL_dalpha = self
+                .c13
+                .mul_add((-t19).mul_add(t24, t15 * t23), -(self.ka * alpha));
             let t25 = beta_dot + Omega1;
-            let t26 = t11 * (Omega1 + t9 * t25) - t9 * (Omega1 + t11 * t25);
-            let t27 = self.lb * (Omega2 * t1) + self.lb * (Omega3 * t2);
-            let dL_dbeta = self.c12 * (t25 * t26 + R::from_f64(2.0) * (t13 * t27))
-                - self.kb * beta;
-            let t28 = -(t17 * t24);
+            let t26 = (-t9)
+                .mul_add(t11.mul_add(t25, Omega1), t11 * t9.mul_add(t25, Omega1));
+            let t27 = self.lb.mul_add(Omega3 * t2, self.lb * (Omega2 * t3));
+            let dL_dbeta = self
+                .c11
+                .mul_add(
+                    R::from_f64(2.0).mul_add(t13 * t27, t25 * t26),
+                    -(self.kb * beta),
+                );
+            let t28 = t17 * t24;
             let t29 = self.c13 * alpha_dot;
-            let t30 = self.c12 * beta_dot;
-            let t31 = self.c11 * t15;
+            let t30 = self.c11 * beta_dot;
+            let t31 = self.c12 * t15;
             let t32 = R::ratio(1.0, 5.0) * alpha_dot;
             let t33 = self.c15 * t13;
             let t34 = R::ratio(1.0, 10.0) * beta_dot;
             [
-                dL_dalpha - t28 * t29,
-                dL_dbeta - t26 * t30,
-                Omega3 * p_Omega2 - Omega2 * p_Omega3
-                    - (t5 * t31 + self.c14 * (t0 * t23)) * t32
-                    - t30 * (t26 + t25 * (t10 * t11 - t9 * t12)),
-                Omega1 * p_Omega3 - Omega3 * p_Omega1
-                    - t32 * (t0 * t31 - self.ma * (t7 * t23))
-                    - (t1 * t33 + self.c16 * (t10 * t27)) * t34,
-                Omega2 * p_Omega1 - Omega1 * p_Omega2 - t29 * (t28 - t19 * (t7 - t6))
-                    - t34 * (t2 * t33 - self.c17 * (t12 * t27)),
+                t28.mul_add(t29, dL_dalpha),
+                (-t26).mul_add(t30, dL_dbeta),
+                (-t32)
+                    .mul_add(
+                        t1.mul_add(t31, self.c14 * (t0 * t23)),
+                        (-Omega2)
+                            .mul_add(
+                                p_Omega3,
+                                Omega3
+                                    .mul_add(
+                                        p_Omega2,
+                                        -(t30 * t25.mul_add((-t9).mul_add(t12, t10 * t11), t26)),
+                                    ),
+                            ),
+                    ),
+                (-t34)
+                    .mul_add(
+                        t3.mul_add(t33, self.c16 * (t10 * t27)),
+                        (-t32)
+                            .mul_add(
+                                t0.mul_add(t31, -(self.ma * (t7 * t23))),
+                                Omega1.mul_add(p_Omega3, -(Omega3 * p_Omega1)),
+                            ),
+                    ),
+                (-t34)
+                    .mul_add(
+                        t2.mul_add(t33, -(self.c17 * (t12 * t27))),
+                        (-t29)
+                            .mul_add(
+                                (-t19).mul_add(t7 - t6, -t28),
+                                (-Omega1).mul_add(p_Omega2, Omega2 * p_Omega1),
+                            ),
+                    ),
             ]
         };
         /// mass matrix A = W^T L_yy Psi
-        let [A_alpha_dot_Omega3, A_Omega1_Omega2, A_Omega2_Omega2, A_Omega2_Omega3] = [
-            self.c1 + self.c18 * t5,
-            -(t4 * t7),
-            self.I2 + (t7 * t16 + t10 * t14),
-            -(t10 * t21),
+        let [A_alpha_dot_Omega3, t35, A_Omega2_Omega2, t36] = [
+            t1.mul_add(self.c18, self.c1),
+            t5 * t7,
+            t10.mul_add(t14, t7.mul_add(t16, self.I2)),
+            t10 * t21,
         ];
         /// factors of A
-        let [A_l5_1, A_l3_2, t35, A_l4_3, t36, A_l5_4, A_s4_5_5] = {
-            let A_s1_5_5 = self.c22
-                + (self.c20 * t1 + self.c4 * (t1 * t1) - self.c21 * (t5 * t5));
+        let [A_l5_1, A_l3_2, t37, t38, t39, t40, A_s4_5_5] = {
+            let A_s1_5_5 = (-self.c22)
+                .mul_add(
+                    t1 * t1,
+                    self.c4.mul_add(t3 * t3, t3.mul_add(self.c20, self.c21)),
+                );
             let A_l3_2 = self.c23 * A_beta_dot_Omega1;
-            let A_s2_3_3 = A_Omega1_Omega1 - A_beta_dot_Omega1 * A_l3_2;
-            let t35 = A_s2_3_3.recip();
-            let A_l4_3 = A_Omega1_Omega2 * t35;
-            let A_s3_4_4 = A_Omega2_Omega2 - A_Omega1_Omega2 * A_l4_3;
-            let t36 = A_s3_4_4.recip();
-            let A_l5_4 = A_Omega2_Omega3 * t36;
+            let A_s2_3_3 = (-A_beta_dot_Omega1).mul_add(A_l3_2, A_Omega1_Omega1);
+            let t37 = A_s2_3_3.recip();
+            let t38 = t35 * t37;
+            let A_s3_4_4 = (-t35).mul_add(t38, A_Omega2_Omega2);
+            let t39 = A_s3_4_4.recip();
+            let t40 = t36 * t39;
             [
                 self.c19 * A_alpha_dot_Omega3,
                 A_l3_2,
-                t35,
-                A_l4_3,
-                t36,
-                A_l5_4,
-                A_s1_5_5 - A_Omega2_Omega3 * A_l5_4,
+                t37,
+                t38,
+                t39,
+                t40,
+                (-t36).mul_add(t40, A_s1_5_5),
             ]
         };
         /// substitution through the factors of A
         let [dot_Omega3, dot_Omega2, dot_Omega1, dot_beta_dot, dot_alpha_dot] = {
-            let z_Omega1 = r_Omega1 - r_beta_dot * A_l3_2;
-            let z_Omega2 = r_Omega2 - A_l4_3 * z_Omega1;
-            let z_Omega3 = r_Omega3 - r_alpha_dot * A_l5_1 - A_l5_4 * z_Omega2;
+            let z_Omega1 = (-r_beta_dot).mul_add(A_l3_2, r_Omega1);
+            let z_Omega2 = t38.mul_add(z_Omega1, r_Omega2);
+            let z_Omega3 = t40
+                .mul_add(z_Omega2, (-r_alpha_dot).mul_add(A_l5_1, r_Omega3));
             let dot_Omega3 = z_Omega3 / A_s4_5_5;
-            let dot_Omega2 = z_Omega2 * t36 - A_l5_4 * dot_Omega3;
-            let dot_Omega1 = z_Omega1 * t35 - A_l4_3 * dot_Omega2;
+            let dot_Omega2 = t40.mul_add(dot_Omega3, z_Omega2 * t39);
+            let dot_Omega1 = t38.mul_add(dot_Omega2, z_Omega1 * t37);
             [
                 dot_Omega3,
                 dot_Omega2,
                 dot_Omega1,
-                self.c23 * r_beta_dot - A_l3_2 * dot_Omega1,
-                self.c19 * r_alpha_dot - A_l5_1 * dot_Omega3,
+                (-A_l3_2).mul_add(dot_Omega1, self.c23 * r_beta_dot),
+                (-A_l5_1).mul_add(dot_Omega3, self.c19 * r_alpha_dot),
             ]
         };
-        let t37 = R::from_f64(0.5) * Omega1;
-        let t38 = R::from_f64(0.5) * Omega2;
-        let t39 = R::from_f64(0.5) * Omega3;
+        let t41 = R::from_f64(0.5) * Omega1;
+        let t42 = R::from_f64(0.5) * Omega2;
+        let t43 = R::from_f64(0.5) * Omega3;
         *dy = [
             alpha_dot,
             beta_dot,
@@ -683,10 +723,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             dot_Omega1,
             dot_Omega2,
             dot_Omega3,
-            -(qx * t37 + qy * t38 + qz * t39),
-            qy * t39 + qw * t37 - qz * t38,
-            qz * t37 + qw * t38 - qx * t39,
-            qx * t38 + qw * t39 - qy * t37,
+            (-qz).mul_add(t43, (-qy).mul_add(t42, -(qx * t41))),
+            (-qz).mul_add(t42, qw.mul_add(t41, qy * t43)),
+            (-qx).mul_add(t43, qw.mul_add(t42, qz * t41)),
+            (-qy).mul_add(t41, qw.mul_add(t43, qx * t42)),
         ];
     }
 
@@ -698,33 +738,60 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 19 additions, 39 multiplications, 4 elementary functions.
+    /// 19 additions, 39 multiplications (15 fused), 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 11]) -> R {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, _, _, _, _] = *y;
         let _ = t;
-        let t0 = self.c6 * alpha.cos();
-        let t1 = R::from_f64(3.0) + t0;
-        let t2 = Omega3 * t1 + alpha_dot * t0;
-        let t3 = alpha.sin();
-        let t4 = self.c6 * (Omega1 * t3) - Omega2 * t1;
-        let t5 = self.la * (t3 * (alpha_dot + Omega3));
-        let t6 = self.c24 * (Omega1 * Omega1) + self.c25 * (Omega2 * Omega2)
-            + self.c26 * (Omega3 * Omega3) + self.c27 * (alpha * alpha)
-            + self.c28 * (beta * beta)
-            + self.c29 * (t2 * t2 + t4 * t4 + R::from_f64(25.0) * (t5 * t5));
-        let t7 = self.c7 * beta.sin();
-        let t8 = R::ONE + t7;
-        let t9 = self.c8 * beta.cos();
+        let (t0, t1) = alpha.sin_cos();
+        let t2 = self.c6 * t1;
+        let t3 = R::from_f64(3.0) + t2;
+        let t4 = Omega3.mul_add(t3, alpha_dot * t2);
+        let t5 = (-Omega2).mul_add(t3, self.c6 * (Omega1 * t0));
+        let t6 = self.la * (t0 * (alpha_dot + Omega3));
+        let (t7, t8) = beta.sin_cos();
+        let t9 = self.c7 * t7;
         let t10 = R::ONE + t9;
-        let t11 = R::from_f64(2.0) * (Omega2 * t8) - R::from_f64(5.0) * (Omega3 * t10);
-        let t12 = Omega1 * t8 + beta_dot * t7;
-        let t13 = Omega1 * t10 + beta_dot * t9;
-        t6
-            + self.c30
-                * (t11 * t11 + R::from_f64(4.0) * (t12 * t12)
-                    + R::from_f64(25.0) * (t13 * t13))
+        let t11 = self.c8 * t8;
+        let t12 = R::ONE + t11;
+        let t13 = (-R::from_f64(5.0))
+            .mul_add(Omega3 * t12, R::from_f64(2.0) * (Omega2 * t10));
+        let t14 = Omega1.mul_add(t10, beta_dot * t9);
+        let t15 = Omega1.mul_add(t12, beta_dot * t11);
+        let t16 = self
+            .c28
+            .mul_add(
+                beta * beta,
+                self
+                    .c27
+                    .mul_add(
+                        alpha * alpha,
+                        self
+                            .c26
+                            .mul_add(
+                                Omega3 * Omega3,
+                                self
+                                    .c25
+                                    .mul_add(Omega2 * Omega2, self.c24 * (Omega1 * Omega1)),
+                            ),
+                    ),
+            );
+        self.c30
+            .mul_add(
+                t13
+                    .mul_add(
+                        t13,
+                        R::from_f64(25.0)
+                            .mul_add(t15 * t15, R::from_f64(4.0) * (t14 * t14)),
+                    ),
+                self
+                    .c29
+                    .mul_add(
+                        R::from_f64(25.0).mul_add(t6 * t6, t5.mul_add(t5, t4 * t4)),
+                        t16,
+                    ),
+            )
     }
 
     /// Momenta p = dL/dy.
@@ -737,37 +804,63 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 24 additions, 40 multiplications, 4 elementary functions.
+    /// 24 additions, 40 multiplications (24 fused), 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn momentum(&self, t: R, y: &[R; 11]) -> [R; 5] {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, _, _, _, _] = *y;
         let _ = t;
         let t0 = self.c1 * alpha_dot;
-        let t1 = alpha.cos();
-        let t2 = R::ONE + self.c40 * t1;
-        let t3 = self.c4 * beta_dot;
-        let t4 = beta.cos();
-        let t5 = beta.sin();
-        let t6 = R::from_f64(2.5) * t4 + t5;
-        let t7 = R::ONE + self.c41 * t6;
-        let t8 = alpha.sin();
-        let t9 = Omega1 * t8;
-        let t10 = Omega2 * t1 - t9;
-        let t11 = self.c45 * t1;
-        let t12 = self.c12 * (R::ONE + self.c7 * (R::ratio(2.0, 5.0) * t4 + t5));
-        let t13 = Omega3 * t4;
-        let t14 = t13 - Omega2 * t5;
+        let (t1, t2) = alpha.sin_cos();
+        let t3 = t2.mul_add(self.c40, R::ONE);
+        let t4 = self.c4 * beta_dot;
+        let (t5, t6) = beta.sin_cos();
+        let t7 = t6.mul_add(R::from_f64(2.5), t5);
+        let t8 = t7.mul_add(self.c41, R::ONE);
+        let t9 = Omega1 * t1;
+        let t10 = Omega2.mul_add(t2, -t9);
+        let t11 = self.c45 * t2;
+        let t12 = self.c11 * self.c7.mul_add(t6.mul_add(R::ratio(2.0, 5.0), t5), R::ONE);
+        let t13 = Omega3 * t6;
+        let t14 = (-Omega2).mul_add(t5, t13);
         [
-            t0 + self.c1 * (Omega3 * t2),
-            t3 + self.c4 * (Omega1 * t7),
-            t7 * t3 - self.c18 * (t8 * (Omega2 + self.c42 * t10)) + self.c43 * Omega1
-                + self.c44 * (Omega1 * t6),
-            self.c1 * (t1 * t10) + Omega2 * t11 - Omega3 * t12
-                + self.c44 * (t5 * (Omega2 - self.c34 * t14)) + self.c46 * Omega2
-                - self.c18 * t9,
-            Omega3 * t11 + self.c4 * (t4 * t14) + t2 * t0 + self.c20 * t13
-                + self.c47 * Omega3 - Omega2 * t12,
+            self.c1.mul_add(Omega3 * t3, t0),
+            self.c4.mul_add(Omega1 * t8, t4),
+            (-self.c18)
+                .mul_add(
+                    t1 * t10.mul_add(self.c42, Omega2),
+                    self.c44.mul_add(Omega1 * t7, t8.mul_add(t4, self.c43 * Omega1)),
+                ),
+            self
+                .c44
+                .mul_add(
+                    t5 * (-t14).mul_add(self.c34, Omega2),
+                    (-Omega3)
+                        .mul_add(
+                            t12,
+                            self
+                                .c1
+                                .mul_add(
+                                    t2 * t10,
+                                    (-t9)
+                                        .mul_add(self.c18, Omega2.mul_add(t11, self.c46 * Omega2)),
+                                ),
+                        ),
+                ),
+            (-Omega2)
+                .mul_add(
+                    t12,
+                    self
+                        .c4
+                        .mul_add(
+                            t6 * t14,
+                            t13
+                                .mul_add(
+                                    self.c20,
+                                    t3.mul_add(t0, Omega3.mul_add(t11, self.c47 * Omega3)),
+                                ),
+                        ),
+                ),
         ]
     }
 
@@ -779,33 +872,49 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 16 additions, 26 multiplications, 2 divisions, 4 elementary functions.
+    /// 16 additions, 26 multiplications (16 fused), 2 divisions, 2 elementary functions.
     pub fn check(&self, t: R, y: &[R; 11]) -> Result<(), ::hamel_runtime::Failure> {
         let [alpha, beta, _, _, _, _, _, _, _, _, _] = *y;
-        let t0 = alpha.sin();
-        let t1 = t0 * t0;
-        let t2 = beta.cos();
-        let t3 = beta.sin();
-        let t4 = self.c33
-            + self.c1
-                * (t1 - self.c31 * (t2 * t3)
-                    - self.c32 * (t3 * t3 + R::from_f64(6.25) * (t2 * t2)));
-        let t5 = t1 / t4;
-        let t6 = R::ONE - self.c1 * t5;
-        let t7 = alpha.cos();
-        let t8 = t7 * t7;
-        let t9 = t3 * (R::ONE + self.c34 * t3);
-        let t10 = self.c37
-            + self.c1 * (t6 * t8 - self.c21 * t5 + self.c36 * (t7 * t6 + self.c35 * t9));
-        let t11 = (R::ONE + self.c38 * t9) / t10;
+        let (t0, t1) = alpha.sin_cos();
+        let t2 = t0 * t0;
+        let (t3, t4) = beta.sin_cos();
+        let t5 = self
+            .c1
+            .mul_add(
+                (-self.c32)
+                    .mul_add(
+                        R::from_f64(6.25).mul_add(t4 * t4, t3 * t3),
+                        (-self.c31).mul_add(t4 * t3, t2),
+                    ),
+                self.c33,
+            );
+        let t6 = t2 / t5;
+        let t7 = (-t6).mul_add(self.c1, R::ONE);
+        let t8 = t1 * t1;
+        let t9 = t3 * t3.mul_add(self.c34, R::ONE);
+        let t10 = self
+            .c1
+            .mul_add(
+                self
+                    .c36
+                    .mul_add(
+                        t1.mul_add(t7, self.c35 * t9),
+                        t7.mul_add(t8, -(self.c22 * t6)),
+                    ),
+                self.c37,
+            );
+        let t11 = t9.mul_add(self.c38, R::ONE) / t10;
         for (value, pivot) in [
-            (t4, "inertia along Omega1"),
+            (t5, "inertia along Omega1"),
             (t10, "inertia along Omega2"),
             (
-                self.c22
-                    + (self.c20
-                        * (t2 * (R::ONE + self.lb * t2) * (R::ONE - self.c9 * t11))
-                        - self.c21 * t8 - self.c39 * t11),
+                self
+                    .c20
+                    .mul_add(
+                        t4 * t4.mul_add(self.lb, R::ONE)
+                            * (-t11).mul_add(self.c9, R::ONE),
+                        (-t11).mul_add(self.c39, (-t8).mul_add(self.c22, self.c21)),
+                    ),
                 "inertia along Omega3",
             ),
         ] {

@@ -210,11 +210,11 @@ pub struct Prepared<R = f64> {
     I2: R,
     /// Parameter `I3`.
     I3: R,
-    /// `(I1 - I2) / I3`
-    c0: R,
     /// `k * chi2 / I3`
-    c1: R,
+    c0: R,
     /// `k * chi1 / I3`
+    c1: R,
+    /// `(I1 - I2) / I3`
     c2: R,
     /// `k * chi1 / I2`
     c3: R,
@@ -222,11 +222,11 @@ pub struct Prepared<R = f64> {
     c4: R,
     /// `k * chi3 / I2`
     c5: R,
-    /// `(I2 - I3) / I1`
-    c6: R,
     /// `k * chi3 / I1`
-    c7: R,
+    c6: R,
     /// `k * chi2 / I1`
+    c7: R,
+    /// `(I2 - I3) / I1`
     c8: R,
     /// `1 / I3`
     c9: R,
@@ -234,17 +234,17 @@ pub struct Prepared<R = f64> {
     c10: R,
     /// `1 / I1`
     c11: R,
-    /// `0.5 * I1`
-    c12: R,
-    /// `0.5 * I2`
-    c13: R,
-    /// `0.5 * I3`
-    c14: R,
     /// `k * chi1`
-    c15: R,
+    c12: R,
     /// `k * chi2`
-    c16: R,
+    c13: R,
     /// `k * chi3`
+    c14: R,
+    /// `0.5 * I1`
+    c15: R,
+    /// `0.5 * I2`
+    c16: R,
+    /// `0.5 * I3`
     c17: R,
     /// `k * chi2 / I3 - k * chi2 / I1`
     c18: R,
@@ -326,24 +326,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             I1,
             I2,
             I3,
-            c0: (I1 - I2) / I3,
-            c1: t1,
-            c2: t3,
+            c0: t1,
+            c1: t3,
+            c2: (I1 - I2) / I3,
             c3: t4,
             c4: (I1 - I3) / I2,
             c5: t6,
-            c6: (I2 - I3) / I1,
-            c7: t7,
-            c8: t8,
+            c6: t7,
+            c7: t8,
+            c8: (I2 - I3) / I1,
             c9: I3.recip(),
             c10: I2.recip(),
             c11: I1.recip(),
-            c12: R::from_f64(0.5) * I1,
-            c13: R::from_f64(0.5) * I2,
-            c14: R::from_f64(0.5) * I3,
-            c15: t2,
-            c16: t0,
-            c17: t5,
+            c12: t2,
+            c13: t0,
+            c14: t5,
+            c15: R::from_f64(0.5) * I1,
+            c16: R::from_f64(0.5) * I2,
+            c17: R::from_f64(0.5) * I3,
             c18: t1 - t8,
             c19: t3 - t4,
             c20: t6 - t7,
@@ -371,22 +371,27 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 16 additions, 30 multiplications, 1 division, 1 sign change.
+    /// 16 additions, 30 multiplications (16 fused), 1 division.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 6], dy: &mut [R; 6]) {
         let [Omega1, Omega2, Omega3, gamma1, gamma2, gamma3] = *y;
         let _ = t;
         /// kinematics xdot = rho y
         let [dot_gamma1, dot_gamma2, dot_gamma3] = [
-            Omega3 * gamma2 - Omega2 * gamma3,
-            Omega1 * gamma3 - Omega3 * gamma1,
-            Omega2 * gamma1 - Omega1 * gamma2,
+            (-Omega2).mul_add(gamma3, Omega3 * gamma2),
+            (-Omega3).mul_add(gamma1, Omega1 * gamma3),
+            (-Omega1).mul_add(gamma2, Omega2 * gamma1),
         ];
         /// free acceleration L_yy^-1 r
         let [free_Omega3, free_Omega2, free_Omega1] = [
-            self.c0 * (Omega1 * Omega2) + self.c1 * gamma1 - self.c2 * gamma2,
-            self.c3 * gamma3 - self.c4 * (Omega1 * Omega3) - self.c5 * gamma1,
-            self.c6 * (Omega2 * Omega3) + self.c7 * gamma2 - self.c8 * gamma3,
+            self
+                .c2
+                .mul_add(Omega1 * Omega2, (-gamma2).mul_add(self.c1, self.c0 * gamma1)),
+            (-gamma1)
+                .mul_add(self.c5, (-self.c4).mul_add(Omega1 * Omega3, self.c3 * gamma3)),
+            self
+                .c8
+                .mul_add(Omega2 * Omega3, (-gamma3).mul_add(self.c7, self.c6 * gamma2)),
         ];
         /// response to the multipliers L_yy^-1 Lambda^T
         let [Z1_Omega3, Z1_Omega2, Z1_Omega1] = [
@@ -396,16 +401,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ];
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
         let [S_1_1, g_1] = [
-            gamma3 * Z1_Omega3 + gamma2 * Z1_Omega2 + gamma1 * Z1_Omega1,
-            -(gamma3 * free_Omega3 + gamma2 * free_Omega2 + gamma1 * free_Omega1),
+            gamma1.mul_add(Z1_Omega1, gamma2.mul_add(Z1_Omega2, gamma3 * Z1_Omega3)),
+            (-gamma1)
+                .mul_add(
+                    free_Omega1,
+                    (-gamma2).mul_add(free_Omega2, -(gamma3 * free_Omega3)),
+                ),
         ];
         /// substitution through the factors of S
         let lambda_c1 = g_1 / S_1_1;
         /// accelerations ydot = L_yy^-1 (r + Lambda^T lambda)
         let [dot_Omega1, dot_Omega2, dot_Omega3] = [
-            free_Omega1 + Z1_Omega1 * lambda_c1,
-            free_Omega2 + Z1_Omega2 * lambda_c1,
-            free_Omega3 + Z1_Omega3 * lambda_c1,
+            Z1_Omega1.mul_add(lambda_c1, free_Omega1),
+            Z1_Omega2.mul_add(lambda_c1, free_Omega2),
+            Z1_Omega3.mul_add(lambda_c1, free_Omega3),
         ];
         *dy = [dot_Omega1, dot_Omega2, dot_Omega3, dot_gamma1, dot_gamma2, dot_gamma3];
     }
@@ -418,34 +427,60 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 5 additions, 9 multiplications.
+    /// 5 additions, 9 multiplications (5 fused).
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 6]) -> R {
         let [Omega1, Omega2, Omega3, gamma1, gamma2, gamma3] = *y;
         let _ = t;
-        self.c12 * (Omega1 * Omega1) + self.c13 * (Omega2 * Omega2)
-            + self.c14 * (Omega3 * Omega3) + self.c15 * gamma1 + self.c16 * gamma2
-            + self.c17 * gamma3
+        self.c17
+            .mul_add(
+                Omega3 * Omega3,
+                self
+                    .c16
+                    .mul_add(
+                        Omega2 * Omega2,
+                        self
+                            .c15
+                            .mul_add(
+                                Omega1 * Omega1,
+                                gamma3
+                                    .mul_add(
+                                        self.c14,
+                                        gamma2.mul_add(self.c13, self.c12 * gamma1),
+                                    ),
+                            ),
+                    ),
+            )
     }
 
     /// Rate of energy dE/dt along the motion.
     ///
     /// # Operations
     ///
-    /// 9 additions, 22 multiplications, 1 division.
+    /// 9 additions, 22 multiplications (9 fused), 1 division.
     #[inline]
     #[must_use]
     pub fn energy_rate(&self, t: R, y: &[R; 6]) -> R {
         let [Omega1, Omega2, Omega3, gamma1, gamma2, gamma3] = *y;
         let _ = t;
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let S_1_1 = self.c10 * (gamma2 * gamma2) + self.c9 * (gamma3 * gamma3)
-            + self.c11 * (gamma1 * gamma1);
-        let t0 = Omega1 * (self.c4 * (Omega3 * gamma2) - self.c0 * (Omega2 * gamma3))
-            - gamma1 * (self.c6 * (Omega2 * Omega3) + self.c18 * gamma3)
-            + gamma2 * (self.c19 * gamma3 + self.c20 * gamma1);
-        (Omega1 * gamma1 + (Omega2 * gamma2 + Omega3 * gamma3)) / S_1_1 * t0
+        let S_1_1 = self
+            .c11
+            .mul_add(
+                gamma1 * gamma1,
+                self.c9.mul_add(gamma3 * gamma3, self.c10 * (gamma2 * gamma2)),
+            );
+        let t0 = Omega1
+            .mul_add(
+                (-self.c2).mul_add(Omega2 * gamma3, self.c4 * (Omega3 * gamma2)),
+                gamma2
+                    .mul_add(
+                        gamma1.mul_add(self.c20, self.c19 * gamma3),
+                        -(gamma1 * self.c8.mul_add(Omega2 * Omega3, self.c18 * gamma3)),
+                    ),
+            );
+        Omega3.mul_add(gamma3, Omega2.mul_add(gamma2, Omega1 * gamma1)) / S_1_1 * t0
     }
 
     /// Momenta p = dL/dy.
@@ -477,22 +512,34 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 7 additions, 21 multiplications, 1 division.
+    /// 7 additions, 21 multiplications (7 fused), 1 division.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 6]) -> [R; 1] {
         let [Omega1, Omega2, Omega3, gamma1, gamma2, gamma3] = *y;
         let _ = t;
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let S_1_1 = self.c10 * (gamma2 * gamma2) + self.c9 * (gamma3 * gamma3)
-            + self.c11 * (gamma1 * gamma1);
+        let S_1_1 = self
+            .c11
+            .mul_add(
+                gamma1 * gamma1,
+                self.c9.mul_add(gamma3 * gamma3, self.c10 * (gamma2 * gamma2)),
+            );
         let t0 = S_1_1.recip();
         let t1 = gamma2 * t0;
         [
-            gamma1 * (self.c20 * t1 - self.c18 * gamma3 * t0)
-                + t1 * (self.c4 * (Omega1 * Omega3) + self.c19 * gamma3)
-                - Omega2 * (self.c6 * (Omega3 * gamma1) + self.c0 * (Omega1 * gamma3))
-                    * t0,
+            gamma1
+                .mul_add(
+                    t1.mul_add(self.c20, -(self.c18 * gamma3 * t0)),
+                    t1
+                        .mul_add(
+                            self.c4.mul_add(Omega1 * Omega3, self.c19 * gamma3),
+                            -(Omega2
+                                * self
+                                    .c2
+                                    .mul_add(Omega1 * gamma3, self.c8 * (Omega3 * gamma1)) * t0),
+                        ),
+                ),
         ]
     }
 
@@ -506,13 +553,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 3 multiplications.
+    /// 2 additions, 3 multiplications (2 fused).
     #[inline]
     #[must_use]
     pub fn constraint(&self, t: R, y: &[R; 6]) -> [R; 1] {
         let [Omega1, Omega2, Omega3, gamma1, gamma2, gamma3] = *y;
         let _ = t;
-        [Omega1 * gamma1 + Omega2 * gamma2 + Omega3 * gamma3]
+        [Omega3.mul_add(gamma3, Omega2.mul_add(gamma2, Omega1 * gamma1))]
     }
 
     /// Conserved quantities.
@@ -525,13 +572,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 3 multiplications.
+    /// 2 additions, 3 multiplications (2 fused).
     #[inline]
     #[must_use]
     pub fn casimirs(&self, t: R, y: &[R; 6]) -> [R; 1] {
         let [_, _, _, gamma1, gamma2, gamma3] = *y;
         let _ = t;
-        [gamma1 * gamma1 + gamma2 * gamma2 + gamma3 * gamma3]
+        [gamma3.mul_add(gamma3, gamma2.mul_add(gamma2, gamma1 * gamma1))]
     }
 
     /// Says which pivot vanishes at a point.
@@ -542,7 +589,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 6 multiplications.
+    /// 2 additions, 6 multiplications (2 fused).
     pub fn check(&self, t: R, y: &[R; 6]) -> Result<(), ::hamel_runtime::Failure> {
         let [_, _, _, gamma1, gamma2, gamma3] = *y;
         /// response to the multipliers L_yy^-1 Lambda^T
@@ -552,7 +599,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             self.c11 * gamma1,
         ];
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let S_1_1 = gamma3 * Z1_Omega3 + gamma2 * Z1_Omega2 + gamma1 * Z1_Omega1;
+        let S_1_1 = gamma1
+            .mul_add(Z1_Omega1, gamma2.mul_add(Z1_Omega2, gamma3 * Z1_Omega3));
         let (value, pivot) = (S_1_1, "response to constraint dot(Omega, gamma) = 0");
         if !value.all_ne(R::ZERO) {
             let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
