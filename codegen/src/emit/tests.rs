@@ -125,7 +125,7 @@ fn a_pair_is_one_statement_and_a_block_of_many_bindings_does_not_part_it() {
     let cosine = g.func(crate::expr::Func::Cos, state);
     let sum = g.sum(&squares);
     let product = g.mul(cosine, sum);
-    let inputs = Inputs { params: vec![], time, state: vec![x] };
+    let inputs = Inputs { params: vec![], time, state: vec![x], signs: Default::default() };
     let requests = [Request { name: "rhs".into(), results: vec![("x".into(), product)] }];
     let sections = [Section { title: "shifts".into(), definitions }];
     let program = lower(&mut g, &inputs, &sections, &[], &requests).unwrap();
