@@ -245,7 +245,8 @@ impl Fusion<'_> {
 
     /// `((g + a*b) + c*d) + ..`: starts from a term that is no product if there is one, otherwise from one product.
     ///
-    /// The terms stay in order unless the sum is there earlier when those that are ready first come first. Either order
+    /// Terms that are ready first come first, unless the sum is there earlier in the order of the terms: components of a
+    /// vector get the same shape that way, which lets a compiler pack them. Either order
     /// is as accurate as any: the bound `(n - 1) u sum |x_i|` of summing `n` terms one by one does not depend on it
     /// (Higham, Accuracy and Stability of Numerical Algorithms, section 4.2), and each fused term rounds once less.
     fn sum(&mut self, mut terms: Vec<Term>) -> Signed {
@@ -261,7 +262,7 @@ impl Fusion<'_> {
         let in_order = start_first(terms.clone());
         terms.sort_by_key(|term| term.ready);
         let by_time = start_first(terms);
-        let terms = if finish(&by_time) < finish(&in_order) { by_time } else { in_order };
+        let terms = if finish(&by_time) <= finish(&in_order) { by_time } else { in_order };
 
         let mut total: Option<Signed> = None;
         for Term { negative, a, b, .. } in terms {

@@ -92,7 +92,9 @@ impl Search<'_> {
                 if self.extractor.work + 10 * self.system.work > MAX_WORK {
                     return best.1;
                 }
-                for candidate in [self.flat(&current, k), self.inlined(&current, k)].into_iter().flatten() {
+                let candidates =
+                    [self.flat(&current, k), self.inlined(&current, k), self.gathered(&current, k)];
+                for candidate in candidates.into_iter().flatten() {
                     let trial = self.extracted(&candidate);
                     if trial.0 < best.0 {
                         (best, current) = (trial, candidate);
@@ -137,6 +139,15 @@ impl Search<'_> {
 
     fn flat(&mut self, entries: &[Entry], k: usize) -> Option<Vec<Entry>> {
         let value = self.flattened(entries, k)?;
+        let mut candidate = entries.to_vec();
+        candidate[k].value = value;
+        Some(candidate)
+    }
+
+    /// Polynomial `k`, multiplied out as far as it goes, over the denominators in it.
+    fn gathered(&mut self, entries: &[Entry], k: usize) -> Option<Vec<Entry>> {
+        let value = self.flattened(entries, k).unwrap_or_else(|| entries[k].value.clone());
+        let value = self.system.over_common_denominator(self.graph, &value, entries)?;
         let mut candidate = entries.to_vec();
         candidate[k].value = value;
         Some(candidate)

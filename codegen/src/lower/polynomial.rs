@@ -426,6 +426,56 @@ impl System {
     }
 }
 
+impl System {
+    /// `a + b/d = (a d + b)/d` with `d` multiplied out in `a d`, where the sum has fewer terms for it.
+    pub(super) fn over_common_denominator(
+        &mut self,
+        graph: &mut Graph,
+        target: &Polynomial,
+        entries: &[Entry],
+    ) -> Option<Polynomial> {
+        let minus_one = -Exponent::one();
+        let mut denominators: Vec<u32> = target
+            .iter()
+            .flat_map(|(m, _)| m)
+            .filter(|(atom, q)| *q == minus_one && matches!(self.atom(*atom), Atom::Poly(_)))
+            .map(|(atom, _)| *atom)
+            .collect();
+        denominators.sort_unstable();
+        denominators.dedup();
+        let mut best: Option<Polynomial> = None;
+        for atom in denominators {
+            let current = best.as_ref().unwrap_or(target);
+            let Atom::Poly(k) = self.atom(atom) else { continue };
+            let denominator = &entries[k as usize].value;
+            let mut terms: Polynomial = Vec::new();
+            for (m, c) in current {
+                match m.iter().find(|(a, _)| *a == atom) {
+                    Some((_, q)) if *q == minus_one => terms.push((times(m, &vec![(atom, -minus_one)]), *c)),
+                    Some(_) => return best,
+                    None => {
+                        for (x, r) in denominator {
+                            terms.push((times(m, x), self.numbers.mul(graph, *c, *r)));
+                        }
+                    }
+                }
+            }
+            if terms.len() > 2 * MAX_TERMS {
+                continue;
+            }
+            let n_terms = current.len();
+            let sum = self.collect(graph, terms);
+            if sum.len() < n_terms {
+                let over = sum.into_iter().map(|(m, c)| (times(&m, &vec![(atom, minus_one)]), c));
+                let mut over: Polynomial = over.collect();
+                over.sort();
+                best = Some(over);
+            }
+        }
+        best
+    }
+}
+
 /// Turns expressions into polynomials; every sum inside a product or function becomes a polynomial of its own.
 pub(super) struct Reader<'a> {
     pub(super) system: System,

@@ -605,8 +605,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t33 = Omega1.mul_add(t10, Omega2 * t14);
             let t34 = t31
                 .mul_add(
-                    (-t14)
-                        .mul_add(t23, (-t8).mul_add(t15, (-t9).mul_add(t13, t5 * t22))),
+                    (-t9)
+                        .mul_add(t13, (-t14).mul_add(t23, (-t8).mul_add(t15, t5 * t22))),
                     (-t29)
                         .mul_add(
                             t14.mul_add(t33, t5.mul_add(t18, t20)),
@@ -655,16 +655,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 (-Omega2).mul_add(p_Omega3, t34),
                 t31
                     .mul_add(
-                        t10.mul_add(t23, t5.mul_add(t21, t9.mul_add(t19, t15 * t17))),
+                        t9.mul_add(t19, t10.mul_add(t23, t5.mul_add(t21, t15 * t17))),
                         Omega1.mul_add(p_Omega3, t35),
                     ),
-                t0
+                (-Omega1)
                     .mul_add(
-                        p_X2,
-                        (-Omega1)
+                        p_Omega2,
+                        Omega2
                             .mul_add(
-                                p_Omega2,
-                                (-t1).mul_add(p_X1, Omega2.mul_add(p_Omega1, t32)),
+                                p_Omega1,
+                                t0.mul_add(p_X2, (-t1).mul_add(p_X1, t32)),
                             ),
                     ),
                 Omega3
@@ -702,7 +702,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t49 = t26.mul_add(self.c7, Gamma2);
             let t50 = self.c8 * Gamma2;
             let t51 = t4 * t4;
-            let t52 = t42 + t48;
+            let t52 = t48 + t42;
             let t53 = t24.mul_add(self.c7, Gamma1);
             let t54 = self.c8 * Gamma1;
             [
@@ -723,7 +723,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         t50,
                         t26.mul_add(t46, t51.mul_add(self.c6, t47.mul_add(t48, self.I1))),
                     ),
-                (-t24).mul_add(t46, (-Gamma1).mul_add(t40 + t50, -(Gamma2 * t38))),
+                (-Gamma1).mul_add(t50 + t40, (-t24).mul_add(t46, -(Gamma2 * t38))),
                 (-Gamma1).mul_add(t52, -t39),
                 self
                     .mu
@@ -806,12 +806,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         };
         /// substitution through the factors of A
         let [dot_Omega3, dot_Omega2, dot_Omega1, dot_alpha_dot, dot_beta_dot] = {
-            let z_Omega1 = n_alpha_dot
-                .mul_add(t63, (-n_beta_dot).mul_add(A_l3_2, f_Omega1));
+            let z_Omega1 = (-n_beta_dot)
+                .mul_add(A_l3_2, n_alpha_dot.mul_add(t63, f_Omega1));
             let z_Omega2 = (-A_l4_3)
                 .mul_add(
                     z_Omega1,
-                    n_alpha_dot.mul_add(t64, (-n_beta_dot).mul_add(A_l4_2, f_Omega2)),
+                    (-n_beta_dot).mul_add(A_l4_2, n_alpha_dot.mul_add(t64, f_Omega2)),
                 );
             let z_Omega3 = (-A_l5_4)
                 .mul_add(
@@ -819,8 +819,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     (-A_l5_3)
                         .mul_add(
                             z_Omega1,
-                            (-n_alpha_dot)
-                                .mul_add(A_l5_1, (-n_beta_dot).mul_add(A_l5_2, f_Omega3)),
+                            (-n_beta_dot)
+                                .mul_add(A_l5_2, (-n_alpha_dot).mul_add(A_l5_1, f_Omega3)),
                         ),
                 );
             let dot_Omega3 = z_Omega3 / A_s4_5_5;
@@ -907,17 +907,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             .mul_add(
                 Gamma1.mul_add(t10, Gamma2.mul_add(t9, Gamma3 * t5)),
                 self
-                    .c15
+                    .c16
                     .mul_add(
-                        Omega3 * Omega3,
-                        self.c14.mul_add(Omega2 * Omega2, self.c13 * (Omega1 * Omega1)),
+                        X3.mul_add(X3, X2.mul_add(X2, X1 * X1)),
+                        self
+                            .c15
+                            .mul_add(
+                                Omega3 * Omega3,
+                                self
+                                    .c14
+                                    .mul_add(Omega2 * Omega2, self.c13 * (Omega1 * Omega1)),
+                            ),
                     ),
             );
-        self.c17
-            .mul_add(
-                t14.mul_add(t14, t13.mul_add(t13, t12 * t12)),
-                self.c16.mul_add(X3.mul_add(X3, X2.mul_add(X2, X1 * X1)), t15),
-            )
+        self.c17.mul_add(t14.mul_add(t14, t13.mul_add(t13, t12 * t12)), t15)
     }
 
     /// Momenta p = dL/dy.
@@ -1095,8 +1098,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 );
             let t36 = t34
                 .mul_add(
-                    (-t14)
-                        .mul_add(t25, (-t8).mul_add(t15, (-t9).mul_add(t13, t5 * t24))),
+                    (-t9)
+                        .mul_add(t13, (-t14).mul_add(t25, (-t8).mul_add(t15, t5 * t24))),
                     (-t32)
                         .mul_add(
                             t14.mul_add(t22, t5.mul_add(t18, t20)),
@@ -1145,22 +1148,22 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 (-Omega2).mul_add(p_Omega3, t36),
                 t34
                     .mul_add(
-                        t10.mul_add(t25, t5.mul_add(t23, t9.mul_add(t19, t15 * t17))),
+                        t9.mul_add(t19, t10.mul_add(t25, t5.mul_add(t23, t15 * t17))),
                         Omega1.mul_add(p_Omega3, t37),
                     ),
-                (-X1)
+                (-Omega1)
                     .mul_add(
-                        p_X2,
-                        (-Omega1)
+                        p_Omega2,
+                        Omega2
                             .mul_add(
-                                p_Omega2,
-                                Gamma1
+                                p_Omega1,
+                                (-X1)
                                     .mul_add(
-                                        t29,
+                                        p_X2,
                                         X2
                                             .mul_add(
                                                 p_X1,
-                                                (-Gamma2).mul_add(t27, Omega2.mul_add(p_Omega1, -t35)),
+                                                Gamma1.mul_add(t29, (-Gamma2).mul_add(t27, -t35)),
                                             ),
                                     ),
                             ),
@@ -1209,7 +1212,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t55 = self.c8 * Gamma3;
             let t56 = t4 * t4;
             let t57 = self.c8 * Gamma1;
-            let t58 = t49 + t55;
+            let t58 = t55 + t49;
             [
                 A_alpha_dot_alpha_dot,
                 t43,
@@ -1261,15 +1264,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t62 = self.c9 * t3;
             let t63 = self.c9 * t4;
             let n_Omega1 = (-lag_X3).mul_add(t59, lag_X2.mul_add(t63, r_Omega1));
-            let n_Omega2 = (-lag_X1).mul_add(t63, lag_X3.mul_add(t60, r_Omega2));
-            let n_Omega3 = r_Omega3 + t61;
+            let n_Omega2 = lag_X3.mul_add(t60, (-lag_X1).mul_add(t63, r_Omega2));
+            let n_Omega3 = t61 + r_Omega3;
             let n_X1 = (-lag_X1).mul_add(self.c11, r_X1);
             let n_X2 = (-lag_X2).mul_add(self.c11, r_X2);
             let n_X3 = (-lag_X3).mul_add(self.c11, r_X3);
             [
                 t59,
                 t60,
-                r_alpha_dot + t61,
+                t61 + r_alpha_dot,
                 t62,
                 t63,
                 (-t63)
@@ -1331,12 +1334,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         };
         /// substitution through the factors of A
         let [dot_Omega3, dot_Omega2, dot_Omega1, dot_alpha_dot, dot_beta_dot] = {
-            let z_Omega1 = n_alpha_dot
-                .mul_add(t67, (-n_beta_dot).mul_add(A_l3_2, f_Omega1));
+            let z_Omega1 = (-n_beta_dot)
+                .mul_add(A_l3_2, n_alpha_dot.mul_add(t67, f_Omega1));
             let z_Omega2 = (-A_l4_3)
                 .mul_add(
                     z_Omega1,
-                    n_alpha_dot.mul_add(t68, (-n_beta_dot).mul_add(A_l4_2, f_Omega2)),
+                    (-n_beta_dot).mul_add(A_l4_2, n_alpha_dot.mul_add(t68, f_Omega2)),
                 );
             let z_Omega3 = (-A_l5_4)
                 .mul_add(
@@ -1344,8 +1347,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     (-A_l5_3)
                         .mul_add(
                             z_Omega1,
-                            (-n_alpha_dot)
-                                .mul_add(A_l5_1, n_beta_dot.mul_add(t64, f_Omega3)),
+                            n_beta_dot
+                                .mul_add(t64, (-n_alpha_dot).mul_add(A_l5_1, f_Omega3)),
                         ),
                 );
             let dot_Omega3 = z_Omega3 / A_s4_5_5;
@@ -1475,7 +1478,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         [
             p_alpha_dot,
             p_beta_dot,
-            (-t0).mul_add(p_X2, t1.mul_add(p_X3, p_Omega1)),
+            t1.mul_add(p_X3, (-t0).mul_add(p_X2, p_Omega1)),
             (-t2).mul_add(p_X3, t0.mul_add(p_X1, p_Omega2)),
             (-t1).mul_add(p_X1, t2.mul_add(p_X2, p_Omega3)),
         ]
@@ -1544,88 +1547,91 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t23
                     .mul_add(
                         t10.mul_add(t18, t11),
-                        t9.mul_add(t10.mul_add(t32, -t33), t3.mul_add(t31, t29)),
+                        (-t18)
+                            .mul_add(
+                                t35,
+                                t9.mul_add(t10.mul_add(t32, -t33), t3.mul_add(t31, t29)),
+                            ),
                     ),
             );
-        let t39 = self
-            .c24
+        let t39 = self.c20 * t2;
+        let t40 = Omega3.mul_add(Gamma3, t30);
+        let t41 = t2.mul_add(self.c26, Gamma3);
+        let t42 = (-self.c28)
             .mul_add(
-                t1 * t2 * (-t16).mul_add(t17, alpha_dot * Omega3),
-                (t15 * t0)
-                    .mul_add(
-                        (-Gamma3).mul_add(t10, (-self.c6).mul_add(t2 * t2, t1 * t24)),
-                        t8.mul_add(t34, t38),
-                    ),
-            );
-        let t40 = self.c20 * t2;
-        let t41 = Omega3.mul_add(Gamma3, t30);
-        let t42 = t2.mul_add(self.c26, Gamma3);
-        let t43 = (-self.c28)
-            .mul_add(
-                self.c27.mul_add(Omega3 * t2 * t42, Gamma3 * t41),
+                self.c27.mul_add(Omega3 * t2 * t41, Gamma3 * t40),
                 t24 * (-t2).mul_add(t15, t1 * t0),
             );
-        let t44 = self.c28 * t41;
-        let t45 = Omega3.mul_add(Omega3.mul_add(t10, t44), -t33);
-        let t46 = Omega2.mul_add(Omega2, -t36);
-        let t47 = t11
+        let t43 = self.c28 * t40;
+        let t44 = Omega3.mul_add(Omega3.mul_add(t10, t43), -t33);
+        let t45 = Omega2.mul_add(Omega2, -t36);
+        let t46 = t11
             .mul_add(
                 t16 + t17,
-                (-(alpha_dot * t3)).mul_add(Omega2.mul_add(t4, -t14), t10 * t46),
+                (-(alpha_dot * t3)).mul_add(Omega2.mul_add(t4, -t14), t10 * t45),
             );
-        let t48 = self.c20 * t1;
-        let t49 = t27.mul_add(t32, (-t26).mul_add(t37, t31.mul_add(t48, t29)));
-        let t50 = Gamma1 * t48;
-        let t51 = (-Gamma2)
+        let t47 = self.c20 * t1;
+        let t48 = t27.mul_add(t32, (-t26).mul_add(t37, t31.mul_add(t47, t29)));
+        let t49 = Gamma1 * t47;
+        let t50 = (-Gamma2)
             .mul_add(
-                t45 - t47,
+                t44 - t46,
                 (-Omega2)
                     .mul_add(
-                        t43,
-                        (-t50)
+                        t42,
+                        (-t49)
                             .mul_add(
                                 alpha_dot.mul_add(t16, -t34),
                                 (-Omega1)
-                                    .mul_add(t35, t22 * (-beta_dot).mul_add(t4, Omega1) * t40),
+                                    .mul_add(t35, t22 * (-beta_dot).mul_add(t4, Omega1) * t39),
                             ),
                     ),
             );
-        let t52 = Gamma2 * t48;
-        let t53 = (-t3)
+        let t51 = Gamma2 * t47;
+        let t52 = (-t3)
             .mul_add(
-                t46.mul_add(Gamma2.mul_add(t5, t6), beta_dot * t30),
-                (-t15)
+                t45.mul_add(Gamma2.mul_add(t5, t6), beta_dot * t30),
+                (-Omega1)
                     .mul_add(
-                        t20.mul_add(t40, t19),
-                        (-Omega1)
-                            .mul_add(
-                                t16.mul_add(t50, -(self.c30 * Omega2)),
-                                t52.mul_add(Omega2 * t17, t13),
-                            ),
+                        t16.mul_add(t49, -(self.c30 * Omega2)),
+                        t51.mul_add(Omega2 * t17, (-t23).mul_add(t43, t13)),
                     ),
             );
         [
             (-t15).mul_add(t3.mul_add(t23, t21), (-t27).mul_add(t28, t13)),
-            (-t27).mul_add(t37, (-t18).mul_add(t35, t39)),
-            Omega3.mul_add(t5.mul_add(t21, self.c25 * Omega2), (-t4).mul_add(t49, t51)),
+            (t15 * t0)
+                .mul_add(
+                    (-Gamma3).mul_add(t10, (-self.c6).mul_add(t2 * t2, t1 * t24)),
+                    (-t27)
+                        .mul_add(
+                            t37,
+                            self
+                                .c24
+                                .mul_add(
+                                    t1 * t2 * (-t16).mul_add(t17, alpha_dot * Omega3),
+                                    t8.mul_add(t34, t38),
+                                ),
+                        ),
+                ),
+            Omega3.mul_add(t5.mul_add(t21, self.c25 * Omega2), (-t4).mul_add(t48, t50)),
             (-Omega1)
                 .mul_add(
-                    (Gamma2 * t40).mul_add(beta_dot.mul_add(t5, Omega2), -t43),
+                    (Gamma2 * t39).mul_add(beta_dot.mul_add(t5, Omega2), -t42),
                     Omega3
                         .mul_add(
                             t4.mul_add(t21, -(self.c29 * Omega1)),
                             t5
                                 .mul_add(
-                                    t49,
+                                    t48,
                                     Gamma1
                                         .mul_add(
-                                            t45 + t47,
-                                            (-Omega2).mul_add(t35, t52 * alpha_dot.mul_add(t17, t34)),
+                                            t44 + t46,
+                                            (-Omega2).mul_add(t35, t51 * alpha_dot.mul_add(t17, t34)),
                                         ),
                                 ),
                         ),
                 ),
-            (-t48).mul_add(t28 * t42, (-t23).mul_add(t44, t53)),
+            (-t15).mul_add(t20.mul_add(t39, t19), (-t47).mul_add(t28 * t41, t52)),
         ]
     }
 
@@ -1713,12 +1719,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let A_s2_3_3 = (-self.c6)
                 .mul_add(
                     A_l3_2.mul_add(A_l3_2, -t18),
-                    t8
-                        .mul_add(
-                            t13,
-                            A_alpha_dot_alpha_dot
-                                .mul_add(t3 * t3, Gamma2.mul_add(t11, self.I1)),
-                        ),
+                    A_alpha_dot_alpha_dot
+                        .mul_add(t3 * t3, t8.mul_add(t13, Gamma2.mul_add(t11, self.I1))),
                 );
             let A_s2_3_5 = (-A_beta_dot_Omega3).mul_add(A_l3_2, A_Omega1_Omega3);
             let A_s2_4_4 = (-self.c6)

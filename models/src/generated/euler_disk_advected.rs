@@ -200,11 +200,11 @@ pub struct Prepared<R = f64> {
     c7: R,
     /// `0.5 * m * (r * r)`
     c8: R,
-    /// `m * r * g`
-    c9: R,
     /// `0.5 * (I3 + m * (r * r))`
-    c10: R,
+    c9: R,
     /// `0.5 * I1`
+    c10: R,
+    /// `m * r * g`
     c11: R,
     /// `I3 + m * (r * r)`
     A_Omega3_Omega3: R,
@@ -297,9 +297,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c6: t1 * t2,
             c7: A_Omega3_Omega3.recip(),
             c8: R::from_f64(0.5) * m * t0,
-            c9: t6 * g,
-            c10: R::from_f64(0.5) * A_Omega3_Omega3,
-            c11: R::from_f64(0.5) * I1,
+            c9: R::from_f64(0.5) * A_Omega3_Omega3,
+            c10: R::from_f64(0.5) * I1,
+            c11: t6 * g,
             A_Omega3_Omega3,
             c12: t6,
             c13: t1 / A_Omega3_Omega3,
@@ -405,26 +405,23 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t1 = Gamma1.mul_add(Gamma1, t0);
         let t2 = Omega2 * Gamma1;
         let t3 = Omega1 * Omega1;
-        self.c11
+        let t4 = self
+            .c10
             .mul_add(
                 Omega2.mul_add(Omega2, t3),
                 self
-                    .c10
+                    .c9
                     .mul_add(
                         Omega3 * Omega3,
-                        self
-                            .c9
-                            .mul_add(
-                                t1.sqrt(),
-                                self.c8
-                                    * t2
-                                        .mul_add(
-                                            (-R::from_f64(2.0)).mul_add(Omega1 * Gamma2, t2),
-                                            t3 * t0,
-                                        ) / t1,
-                            ),
+                        self.c8
+                            * t2
+                                .mul_add(
+                                    (-R::from_f64(2.0)).mul_add(Omega1 * Gamma2, t2),
+                                    t3 * t0,
+                                ) / t1,
                     ),
-            )
+            );
+        self.c11.mul_add(t1.sqrt(), t4)
     }
 
     /// Momenta p = dL/dy.
@@ -577,7 +574,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t6 = self.c0 * t5;
         let t7 = Omega2 * t6;
         let t8 = self.c1 * Omega3;
-        let t9 = Gamma3 * t4.mul_add(t0.mul_add(t2, Omega1 * Omega1 * t3) * t6, self.c9);
+        let t9 = Gamma3
+            * t4.mul_add(t0.mul_add(t2, Omega1 * Omega1 * t3) * t6, self.c11);
         let t10 = Omega1 * t6;
         let t11 = t0 - t1;
         let t12 = Gamma3 * t11;

@@ -256,11 +256,11 @@ pub struct Prepared<R = f64> {
     c8: R,
     /// `0.5 * m * (r * r)`
     c9: R,
-    /// `m * r * g`
-    c10: R,
     /// `0.5 * (I3 + m * (r * r))`
-    c11: R,
+    c10: R,
     /// `0.5 * I1`
+    c11: R,
+    /// `m * r * g`
     c12: R,
     /// `I3 + m * (r * r)`
     A_Omega3_Omega3: R,
@@ -355,9 +355,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c7: A_Omega3_Omega3.recip(),
             c8: R::from_f64(2.0) * r,
             c9: R::from_f64(0.5) * m * t0,
-            c10: t6 * g,
-            c11: R::from_f64(0.5) * A_Omega3_Omega3,
-            c12: R::from_f64(0.5) * I1,
+            c10: R::from_f64(0.5) * A_Omega3_Omega3,
+            c11: R::from_f64(0.5) * I1,
+            c12: t6 * g,
             A_Omega3_Omega3,
             c13: t6,
             c14: t1 / A_Omega3_Omega3,
@@ -489,26 +489,23 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t1 = Gamma1.mul_add(Gamma1, t0);
         let t2 = Omega2 * Gamma1;
         let t3 = Omega1 * Omega1;
-        self.c12
+        let t4 = self
+            .c11
             .mul_add(
                 Omega2.mul_add(Omega2, t3),
                 self
-                    .c11
+                    .c10
                     .mul_add(
                         Omega3 * Omega3,
-                        self
-                            .c10
-                            .mul_add(
-                                t1.sqrt(),
-                                self.c9
-                                    * t2
-                                        .mul_add(
-                                            (-R::from_f64(2.0)).mul_add(Omega1 * Gamma2, t2),
-                                            t3 * t0,
-                                        ) / t1,
-                            ),
+                        self.c9
+                            * t2
+                                .mul_add(
+                                    (-R::from_f64(2.0)).mul_add(Omega1 * Gamma2, t2),
+                                    t3 * t0,
+                                ) / t1,
                     ),
-            )
+            );
+        self.c12.mul_add(t1.sqrt(), t4)
     }
 
     /// Momenta p = dL/dy.
@@ -662,7 +659,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t7 = Omega2 * t6;
         let t8 = self.c1 * Omega3;
         let t9 = Gamma3
-            * t4.mul_add(t0.mul_add(t2, Omega1 * Omega1 * t3) * t6, self.c10);
+            * t4.mul_add(t0.mul_add(t2, Omega1 * Omega1 * t3) * t6, self.c12);
         let t10 = Omega1 * t6;
         let t11 = t0 - t1;
         let t12 = Gamma3 * t11;

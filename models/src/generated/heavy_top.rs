@@ -235,9 +235,9 @@ pub struct Prepared<R = f64> {
     c2: R,
     /// `m * g * l * chi1 / I2`
     c3: R,
-    /// `(I1 - I3) / I2`
-    c4: R,
     /// `m * g * l * chi3 / I2`
+    c4: R,
+    /// `(I1 - I3) / I2`
     c5: R,
     /// `m * g * l * chi2 / I3`
     c6: R,
@@ -350,8 +350,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c1: t2 / I1,
             c2: (I2 - I3) / I1,
             c3: t3 / I2,
-            c4: (I1 - I3) / I2,
-            c5: t1 / I2,
+            c4: t1 / I2,
+            c5: (I1 - I3) / I2,
             c6: t2 / I3,
             c7: t3 / I3,
             c8: (I1 - I2) / I3,
@@ -390,8 +390,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             self
                 .c2
                 .mul_add(Omega2 * Omega3, (-Gamma3).mul_add(self.c1, self.c0 * Gamma2)),
-            (-Gamma1)
-                .mul_add(self.c5, (-self.c4).mul_add(Omega1 * Omega3, self.c3 * Gamma3)),
+            (-self.c5)
+                .mul_add(Omega1 * Omega3, (-Gamma1).mul_add(self.c4, self.c3 * Gamma3)),
             self
                 .c8
                 .mul_add(Omega1 * Omega2, (-Gamma2).mul_add(self.c7, self.c6 * Gamma1)),

@@ -179,7 +179,7 @@ pub struct Prepared<R = f64> {
     c0: R,
     /// `J + 2 * J1`
     c1: R,
-    /// `J + 2 * J1 - m * (r * r)`
+    /// `-(J + 2 * J1 - m * (r * r))`
     c2: R,
     /// `2 * J0 / (J + J0 + 2 * J1)`
     c3: R,
@@ -195,16 +195,14 @@ pub struct Prepared<R = f64> {
     c8: R,
     /// `-(m * r)`
     c9: R,
-    /// `m * r`
+    /// `m * r * (J + 2 * J1)`
     c10: R,
-    /// `m * r * (J + 2 * J1 - m * (r * r))`
+    /// `m * (r * r) * (J + 2 * J1)`
     c11: R,
-    /// `(J + J0 + 2 * J1) * (J + 2 * J1 - m * (r * r)) - J0 * (J + 2 * J1 - m * (r * r))`
-    c12: R,
     /// `(J + J0 + 2 * J1 - m * (r * r)) / J0`
-    c13: R,
+    c12: R,
     /// `m * (r * r) / (J + J0 + 2 * J1)`
-    c14: R,
+    c13: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -217,7 +215,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 6 additions, 12 multiplications, 3 divisions, 1 sign change.
+    /// 5 additions, 11 multiplications, 3 divisions, 2 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m, r, J, J0, J1 } = *params;
         for (value, condition, meaning) in [
@@ -238,9 +236,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t1 = m * t0;
         let t2 = R::from_f64(2.0) * J1;
         let t3 = J + t2;
-        let t4 = t3 - t1;
-        let t5 = J + J0 + t2;
-        let t6 = m * r;
+        let t4 = J + J0 + t2;
+        let t5 = m * r;
         if !m.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m > 0",
@@ -276,19 +273,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             J1,
             c0: t1,
             c1: t3,
-            c2: t4,
-            c3: R::from_f64(2.0) * J0 / t5,
+            c2: -(t3 - t1),
+            c3: R::from_f64(2.0) * J0 / t4,
             c4: R::from_f64(0.5) * J0,
             c5: R::from_f64(0.5) * m * t0,
-            c6: R::from_f64(0.5) * t5,
+            c6: R::from_f64(0.5) * t4,
             c7: t2,
-            c8: t5,
-            c9: -t6,
-            c10: t6,
-            c11: t6 * t4,
-            c12: t5 * t4 - J0 * t4,
-            c13: (t5 - t1) / J0,
-            c14: t1 / t5,
+            c8: t4,
+            c9: -t5,
+            c10: t5 * t3,
+            c11: t1 * t3,
+            c12: (t4 - t1) / J0,
+            c13: t1 / t4,
         })
     }
 }
@@ -313,7 +309,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 9 multiplications (2 fused), 1 division, 1 sign change, 1 elementary function.
+    /// 1 addition, 9 multiplications (1 fused), 1 division, 1 sign change, 1 elementary function.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 5], dy: &mut [R; 5]) {
         let [_, phi, psi_dot, phi_dot, s] = *y;
@@ -321,12 +317,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         /// factors of A
         let [t0, t1, t2, A_s1_3_3] = {
             let (t0, t1) = phi.sin_cos();
-            let t2 = t0 * t0;
-            [t0, t1, t2, t2.mul_add(self.c1, self.c0 * (t1 * t1))]
+            let t2 = self.c0 * t1;
+            [t0, t1, t2, self.c1.mul_add(t0 * t0, t1 * t2)]
         };
-        let t3 = t1 * (phi_dot * s);
-        let t4 = t3 * (self.c2 / A_s1_3_3);
-        *dy = [psi_dot, phi_dot, t2.mul_add(t4, -t3), R::ZERO, -(t0 * t4)];
+        let t3 = phi_dot * s / A_s1_3_3;
+        *dy = [psi_dot, phi_dot, -(t2 * t3), R::ZERO, self.c2 * (t1 * t0 * t3)];
     }
 
     /// Energy.
@@ -395,7 +390,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 17 multiplications (3 fused), 1 division, 1 sign change, 1 elementary function.
+    /// 1 addition, 12 multiplications (1 fused), 1 division, 1 elementary function.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 5]) -> [R; 3] {
@@ -406,16 +401,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let (t0, t1) = phi.sin_cos();
             [t0, t1, self.c1.mul_add(t0 * t0, self.c0 * (t1 * t1))]
         };
-        let t2 = s * t1;
-        let t3 = phi_dot * t0;
-        let t4 = t3 / A_s1_3_3;
-        let t5 = self.c10 * s;
-        let t6 = t0 * t2;
-        [
-            self.c11.mul_add(t1 * t2 * t4, t3 * t5),
-            -(t5 * t6),
-            (-self.c12).mul_add(t4 * t6, self.c1 * (phi_dot * t2)),
-        ]
+        let t2 = s * t0;
+        let t3 = phi_dot / A_s1_3_3;
+        let t4 = s * t1;
+        [self.c10 * (t2 * t3), self.c9 * (t2 * t4), self.c11 * (t3 * t4)]
     }
 
     /// Momenta \<p, W_b\> along the sections of virtual displacements.
@@ -461,7 +450,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [_, phi, psi_dot, phi_dot, s] = *y;
         let _ = t;
         let (t0, t1) = phi.sin_cos();
-        [R::ZERO, R::ZERO, self.J0 * (phi_dot * t1 * self.c13.mul_add(s * t0, psi_dot))]
+        [R::ZERO, R::ZERO, self.J0 * (phi_dot * t1 * self.c12.mul_add(s * t0, psi_dot))]
     }
 
     /// Nonholonomic momentum `<dL/dxi, (-r cos phi, 0, sin phi)>` \[kg m^2/s\].
@@ -475,7 +464,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [_, phi, psi_dot, _, s] = *y;
         let _ = t;
         let (t0, t1) = phi.sin_cos();
-        self.c8.mul_add(s * self.c14.mul_add(t1 * t1, t0 * t0), self.J0 * (psi_dot * t0))
+        self.c8.mul_add(s * self.c13.mul_add(t1 * t1, t0 * t0), self.J0 * (psi_dot * t0))
     }
 
     /// Says which pivot vanishes at a point.

@@ -145,7 +145,7 @@ pub struct Prepared<R = f64> {
     c0: R,
     /// `J + 2 * J1`
     c1: R,
-    /// `J + 2 * J1 - m * (r * r)`
+    /// `-(J + 2 * J1 - m * (r * r))`
     c2: R,
     /// `2 * J0 / (J + J0 + 2 * J1)`
     c3: R,
@@ -167,7 +167,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 additions, 8 multiplications, 1 division.
+    /// 4 additions, 8 multiplications, 1 division, 1 sign change.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m, r, J, J0, J1 } = *params;
         for (value, condition, meaning) in [
@@ -223,7 +223,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             J1,
             c0: t1,
             c1: t3,
-            c2: t3 - t1,
+            c2: -(t3 - t1),
             c3: R::from_f64(2.0) * J0 / t4,
             c4: R::from_f64(0.5) * J0,
             c5: R::from_f64(0.5) * m * t0,
@@ -252,7 +252,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 9 multiplications (2 fused), 1 division, 1 sign change, 1 elementary function.
+    /// 1 addition, 9 multiplications (1 fused), 1 division, 1 sign change, 1 elementary function.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 4], dy: &mut [R; 4]) {
         let [phi, _, phi_dot, s] = *y;
@@ -260,12 +260,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         /// factors of A
         let [t0, t1, t2, A_s1_3_3] = {
             let (t0, t1) = phi.sin_cos();
-            let t2 = t0 * t0;
-            [t0, t1, t2, t2.mul_add(self.c1, self.c0 * (t1 * t1))]
+            let t2 = self.c0 * t1;
+            [t0, t1, t2, self.c1.mul_add(t0 * t0, t1 * t2)]
         };
-        let t3 = t1 * (phi_dot * s);
-        let t4 = t3 * (self.c2 / A_s1_3_3);
-        *dy = [phi_dot, t2.mul_add(t4, -t3), R::ZERO, -(t0 * t4)];
+        let t3 = phi_dot * s / A_s1_3_3;
+        *dy = [phi_dot, -(t2 * t3), R::ZERO, self.c2 * (t1 * t0 * t3)];
     }
 
     /// Energy.

@@ -201,27 +201,27 @@ pub struct Prepared<R = f64> {
     c0: R,
     /// `J + 2 * J1`
     c1: R,
-    /// `J + 2 * J1 - m * (r * r)`
+    /// `-(m * (r * r))`
     c2: R,
-    /// `2 * J0 / (J + J0 + 2 * J1)`
+    /// `-(J + 2 * J1 - m * (r * r))`
     c3: R,
-    /// `0.5 * J0`
+    /// `2 * J0 / (J + J0 + 2 * J1)`
     c4: R,
-    /// `0.5 * m * (r * r)`
+    /// `0.5 * J0`
     c5: R,
-    /// `0.5 * (J + J0 + 2 * J1)`
+    /// `0.5 * m * (r * r)`
     c6: R,
-    /// `2 * J1`
+    /// `0.5 * (J + J0 + 2 * J1)`
     c7: R,
-    /// `J + J0 + 2 * J1`
+    /// `2 * J1`
     c8: R,
-    /// `-(m * r)`
+    /// `J + J0 + 2 * J1`
     c9: R,
-    /// `m * r`
+    /// `-(m * r)`
     c10: R,
-    /// `m * r * (J + 2 * J1 - m * (r * r))`
+    /// `m * r * (J + 2 * J1)`
     c11: R,
-    /// `(J + J0 + 2 * J1) * (J + 2 * J1 - m * (r * r)) - J0 * (J + 2 * J1 - m * (r * r))`
+    /// `m * (r * r) * (J + 2 * J1)`
     c12: R,
     /// `(J + J0 + 2 * J1 - m * (r * r)) / J0`
     c13: R,
@@ -239,7 +239,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 6 additions, 12 multiplications, 3 divisions, 1 sign change.
+    /// 5 additions, 11 multiplications, 3 divisions, 3 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m, r, J, J0, J1 } = *params;
         for (value, condition, meaning) in [
@@ -260,9 +260,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t1 = m * t0;
         let t2 = R::from_f64(2.0) * J1;
         let t3 = J + t2;
-        let t4 = t3 - t1;
-        let t5 = J + J0 + t2;
-        let t6 = m * r;
+        let t4 = J + J0 + t2;
+        let t5 = m * r;
         if !m.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m > 0",
@@ -299,19 +298,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             J1,
             c0: t1,
             c1: t3,
-            c2: t4,
-            c3: R::from_f64(2.0) * J0 / t5,
-            c4: R::from_f64(0.5) * J0,
-            c5: R::from_f64(0.5) * m * t0,
-            c6: R::from_f64(0.5) * t5,
-            c7: t2,
-            c8: t5,
-            c9: -t6,
-            c10: t6,
-            c11: t6 * t4,
-            c12: t5 * t4 - J0 * t4,
-            c13: (t5 - t1) / J0,
-            c14: t1 / t5,
+            c2: -t1,
+            c3: -(t3 - t1),
+            c4: R::from_f64(2.0) * J0 / t4,
+            c5: R::from_f64(0.5) * J0,
+            c6: R::from_f64(0.5) * m * t0,
+            c7: R::from_f64(0.5) * t4,
+            c8: t2,
+            c9: t4,
+            c10: -t5,
+            c11: t5 * t3,
+            c12: t1 * t3,
+            c13: (t4 - t1) / J0,
+            c14: t1 / t4,
         })
     }
 }
@@ -336,31 +335,29 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 13 multiplications (2 fused), 1 division, 3 sign changes, 2 elementary functions.
+    /// 1 addition, 13 multiplications (1 fused), 1 division, 2 sign changes, 2 elementary functions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 8], dy: &mut [R; 8]) {
         let [_, phi, psi_dot, phi_dot, s, theta, _, _] = *y;
         let _ = t;
         /// factors of A
-        let [t0, t1, t2, A_s1_3_3] = {
+        let [t0, t1, A_s1_3_3] = {
             let (t0, t1) = phi.sin_cos();
-            let t2 = t0 * t0;
-            [t0, t1, t2, t2.mul_add(self.c1, self.c0 * (t1 * t1))]
+            [t0, t1, self.c1.mul_add(t0 * t0, self.c0 * (t1 * t1))]
         };
-        let t3 = s * t1;
-        let t4 = phi_dot * t3;
-        let t5 = t4 * (self.c2 / A_s1_3_3);
-        let (t6, t7) = theta.sin_cos();
-        let t8 = self.r * t3;
+        let t2 = s * t1;
+        let t3 = phi_dot * t2 / A_s1_3_3;
+        let (t4, t5) = theta.sin_cos();
+        let t6 = self.r * t2;
         *dy = [
             psi_dot,
             phi_dot,
-            t2.mul_add(t5, -t4),
+            self.c2 * t3,
             R::ZERO,
-            -(t0 * t5),
+            self.c3 * (t0 * t3),
             s * t0,
-            -(t7 * t8),
-            -(t6 * t8),
+            -(t5 * t6),
+            -(t4 * t6),
         ];
     }
 
@@ -380,14 +377,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         let (t0, t1) = phi.sin_cos();
         let t2 = s * t0;
-        self.c6
+        self.c7
             .mul_add(
-                t2 * psi_dot.mul_add(self.c3, t2),
+                t2 * psi_dot.mul_add(self.c4, t2),
                 self
-                    .c5
+                    .c6
                     .mul_add(
                         s * s * (t1 * t1),
-                        self.J1.mul_add(phi_dot * phi_dot, self.c4 * (psi_dot * psi_dot)),
+                        self.J1.mul_add(phi_dot * phi_dot, self.c5 * (psi_dot * psi_dot)),
                     ),
             )
     }
@@ -413,9 +410,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t3 = s * t1;
         [
             t3.mul_add(self.J0, t0),
-            self.c7 * phi_dot,
-            t3.mul_add(self.c8, t0),
-            self.c9 * (s * t2),
+            self.c8 * phi_dot,
+            t3.mul_add(self.c9, t0),
+            self.c10 * (s * t2),
             R::ZERO,
         ]
     }
@@ -430,7 +427,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 17 multiplications (3 fused), 1 division, 1 sign change, 1 elementary function.
+    /// 1 addition, 12 multiplications (1 fused), 1 division, 1 elementary function.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 8]) -> [R; 3] {
@@ -441,16 +438,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let (t0, t1) = phi.sin_cos();
             [t0, t1, self.c1.mul_add(t0 * t0, self.c0 * (t1 * t1))]
         };
-        let t2 = s * t1;
-        let t3 = phi_dot * t0;
-        let t4 = t3 / A_s1_3_3;
-        let t5 = self.c10 * s;
-        let t6 = t0 * t2;
-        [
-            self.c11.mul_add(t1 * t2 * t4, t3 * t5),
-            -(t5 * t6),
-            (-self.c12).mul_add(t4 * t6, self.c1 * (phi_dot * t2)),
-        ]
+        let t2 = s * t0;
+        let t3 = phi_dot / A_s1_3_3;
+        let t4 = s * t1;
+        [self.c11 * (t2 * t3), self.c10 * (t2 * t4), self.c12 * (t3 * t4)]
     }
 
     /// Momenta \<p, W_b\> along the sections of virtual displacements.
@@ -474,8 +465,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t3 = s * t1;
         [
             t3.mul_add(self.J0, t0),
-            self.c7 * phi_dot,
-            self.c8.mul_add(t1 * t3, self.c0.mul_add(s * (t2 * t2), t1 * t0)),
+            self.c8 * phi_dot,
+            self.c9.mul_add(t1 * t3, self.c0.mul_add(s * (t2 * t2), t1 * t0)),
         ]
     }
 
@@ -510,7 +501,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [_, phi, psi_dot, _, s, _, _, _] = *y;
         let _ = t;
         let (t0, t1) = phi.sin_cos();
-        self.c8.mul_add(s * self.c14.mul_add(t1 * t1, t0 * t0), self.J0 * (psi_dot * t0))
+        self.c9.mul_add(s * self.c14.mul_add(t1 * t1, t0 * t0), self.J0 * (psi_dot * t0))
     }
 
     /// Says which pivot vanishes at a point.

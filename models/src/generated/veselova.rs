@@ -218,9 +218,9 @@ pub struct Prepared<R = f64> {
     c2: R,
     /// `k * chi1 / I2`
     c3: R,
-    /// `(I1 - I3) / I2`
-    c4: R,
     /// `k * chi3 / I2`
+    c4: R,
+    /// `(I1 - I3) / I2`
     c5: R,
     /// `k * chi3 / I1`
     c6: R,
@@ -330,8 +330,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c1: t3,
             c2: (I1 - I2) / I3,
             c3: t4,
-            c4: (I1 - I3) / I2,
-            c5: t6,
+            c4: t6,
+            c5: (I1 - I3) / I2,
             c6: t7,
             c7: t8,
             c8: (I2 - I3) / I1,
@@ -387,8 +387,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             self
                 .c2
                 .mul_add(Omega1 * Omega2, (-gamma2).mul_add(self.c1, self.c0 * gamma1)),
-            (-gamma1)
-                .mul_add(self.c5, (-self.c4).mul_add(Omega1 * Omega3, self.c3 * gamma3)),
+            (-self.c5)
+                .mul_add(Omega1 * Omega3, (-gamma1).mul_add(self.c4, self.c3 * gamma3)),
             self
                 .c8
                 .mul_add(Omega2 * Omega3, (-gamma3).mul_add(self.c7, self.c6 * gamma2)),
@@ -473,7 +473,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             );
         let t0 = Omega1
             .mul_add(
-                (-self.c2).mul_add(Omega2 * gamma3, self.c4 * (Omega3 * gamma2)),
+                (-self.c2).mul_add(Omega2 * gamma3, self.c5 * (Omega3 * gamma2)),
                 gamma2
                     .mul_add(
                         gamma1.mul_add(self.c20, self.c19 * gamma3),
@@ -533,7 +533,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     t1.mul_add(self.c20, -(self.c18 * gamma3 * t0)),
                     t1
                         .mul_add(
-                            self.c4.mul_add(Omega1 * Omega3, self.c19 * gamma3),
+                            self.c5.mul_add(Omega1 * Omega3, self.c19 * gamma3),
                             -(Omega2
                                 * self
                                     .c2
