@@ -200,6 +200,22 @@ pub fn build(model: &Model, scene: &str) -> Result<BuiltScene, Diagnostics> {
     built.map_err(|e| fail(e.to_string(), String::new()))
 }
 
+/// Builds every scene of a model, in the order of [`names`].
+///
+/// # Errors
+/// The problems of all scenes; what several have in common is reported once.
+pub fn build_all(model: &Model) -> Result<Vec<BuiltScene>, Diagnostics> {
+    let mut built = Vec::new();
+    let mut problems = Vec::new();
+    for name in names(model) {
+        match build(model, &name) {
+            Ok(scene) => built.push(scene),
+            Err(found) => problems.extend(found.iter().cloned()),
+        }
+    }
+    if problems.is_empty() { Ok(built) } else { Err(model.diagnostics(problems)) }
+}
+
 /// Base coordinates on which neither another state variable's rate, nor a wanted result, nor a pivot depends.
 fn ignorable(equations: &Equations, results: &[ExprId]) -> Vec<String> {
     let graph = &equations.system.graph;
