@@ -692,7 +692,8 @@ impl<'a> Derivation<'a> {
             for casimir in &system.casimirs {
                 let rate = self.rate_of(casimir.expr, &motion.acceleration)?;
                 if rate != self.g.zero() {
-                    return Err(Error::NotConserved { name: casimir.name.clone() });
+                    let (name, rate) = (casimir.name.clone(), self.g.display(rate, Style::Plain));
+                    return Err(Error::NotConserved { name, rate: shortened(&rate) });
                 }
                 facts.casimirs.push(casimir.name.clone());
                 let value = self.replace(casimir.expr)?;
@@ -795,5 +796,14 @@ impl Equations {
     /// An expression of these equations as text.
     pub fn display(&self, e: ExprId, style: Style) -> String {
         self.system.graph.display(e, style)
+    }
+}
+
+/// Long rates say no more than their beginning.
+fn shortened(text: &str) -> String {
+    const MAX_SHOWN: usize = 80;
+    match text.char_indices().nth(MAX_SHOWN) {
+        Some((at, _)) => format!("{} ..", &text[..at]),
+        None => text.to_owned(),
     }
 }

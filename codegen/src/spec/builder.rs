@@ -256,8 +256,7 @@ impl ModelBuilder {
     }
 
     pub(super) fn error(&mut self, span: Option<Span>, error: &Error) {
-        let text = error.to_string();
-        let (message, help) = text.split_once("; ").unwrap_or((&text, ""));
+        let (message, help) = error.message_and_help();
         self.problem(span, message, help);
     }
 
@@ -293,10 +292,19 @@ impl ModelBuilder {
                 // Declarations are visited by kind; the later one in the text is the duplicate.
                 let (first, second) =
                     if before.span <= here { (before.clone(), declared) } else { (declared, before.clone()) };
+                let help = match (first.what, second.what) {
+                    pair if pair.0.contains("velocity of a") || pair.1.contains("velocity of a") => {
+                        "rename one of them; a coordinate `q` declares `q_dot` too"
+                    }
+                    pair if pair.0.contains("component") || pair.1.contains("component") => {
+                        "rename one of them; a vector `v` declares `v1`, `v2`, .. too"
+                    }
+                    _ => "rename one of them",
+                };
                 let problem = Diagnostic::new(second.span, format!("`{name}` is declared twice"))
                     .with_label(format!("again as {}", second.what))
                     .with_place(first.span, format!("first as {}", first.what))
-                    .with_help("rename one of them; a vector `v` declares `v1`, `v2`, .. too");
+                    .with_help(help);
                 self.problems.push(problem);
                 false
             }
@@ -413,11 +421,15 @@ impl ModelBuilder {
         } else {
             if names.len() != algebra.dim() {
                 let spelled: Vec<String> =
-                    algebra.slots().iter().map(|s| format!("{} ({})", s.name, s.dim)).collect();
-                let message = format!("{} names for the velocity in {}", names.len(), algebra.name());
-                let mut help = format!("give one name per slot: {}", spelled.join(", "));
+                    algebra.slots().iter().map(|s| format!("{} (dimension {})", s.name, s.dim)).collect();
+                let plural = if names.len() == 1 { "name" } else { "names" };
+                let message = format!("{} {plural} for the velocity in {}", names.len(), algebra.name());
+                let mut help = match spelled.as_slice() {
+                    [only] => format!("give one name for {only}"),
+                    several => format!("give {} names, for {}", several.len(), several.join(", ")),
+                };
                 if algebra.dim() != slots.len() {
-                    help.push_str(&format!("; or one per basis element: {}", algebra.dim()));
+                    help.push_str(&format!(", or {} names, one per basis element", algebra.dim()));
                 }
                 self.problem(here, message, help);
             }
@@ -515,8 +527,13 @@ impl ModelBuilder {
         }
         let values = self.default_values();
         let (a, b) = (self.graph.eval_f64(low, &values), self.graph.eval_f64(high, &values));
-        if !matches!((a, b), (Some(a), Some(b)) if a < b) {
-            self.problem(here, "interval is empty", "write the lower end first: `(0, pi/2)`");
+        match (a, b) {
+            (Some(a), Some(b)) if a < b => {}
+            (Some(a), Some(b)) => {
+                let message = format!("interval from {a} to {b} is empty");
+                self.problem(here, message, "write the lower end first: `(0, pi/2)`");
+            }
+            _ => self.problem(here, "interval has no ends at the defaults", "its ends are finite numbers"),
         }
     }
 
@@ -717,8 +734,11 @@ impl ModelBuilder {
         if let Some(reason) = names::refusal(name) {
             self.problem(here, format!("`{name}` cannot be used as a name"), reason);
         }
-        if self.scenes.iter().any(|s| s.scene.name == name) {
-            self.problem(here, format!("scene `{name}` is declared twice"), "rename one of them");
+        if let Some(first) = self.scenes.iter().find(|s| s.scene.name == name) {
+            let problem = Diagnostic::new(here, format!("scene `{name}` is declared twice"))
+                .with_place(first.scene.span, "first here")
+                .with_help("rename one of them");
+            self.problems.push(problem);
         }
         let scene = Scene {
             name: name.to_owned(),
@@ -726,6 +746,8 @@ impl ModelBuilder {
             wants: Vec::new(),
             drops: Vec::new(),
             doc: doc.to_owned(),
+            span: here,
+            places: BTreeMap::new(),
         };
         self.scenes.push(SceneDraft { scene, fixed, wants, drops });
         self
@@ -761,6 +783,13 @@ impl ModelBuilder {
         if !self.problems.is_empty() {
             return Err(Diagnostics::new(origin, self.problems));
         }
+        let places = Places {
+            lagrangian: self.lagrangian.and_then(|(_, span)| span),
+            inner_product: self.inner_product.and_then(|(_, span)| span),
+            independent: self.independent.and_then(|(_, span)| span),
+            connection: self.derived_connection.and_then(|(_, span)| span),
+            outputs: self.output_names.into_iter().filter_map(|(name, span)| Some((name, span?))).collect(),
+        };
         Ok(Model {
             name: self.name,
             doc: self.doc,
@@ -789,6 +818,7 @@ impl ModelBuilder {
             reconstruction,
             initial,
             scenes,
+            places,
             origin,
         })
     }
@@ -1203,7 +1233,11 @@ impl ModelBuilder {
         let mut result = Vec::new();
         for draft in self.scenes.clone() {
             let drops = self.check_drops(&draft);
-            let mut scene = Scene { drops, ..draft.scene };
+            let fixes = draft.fixed.iter().map(|(name, _, span)| (name, span));
+            let named = draft.wants.iter().chain(&draft.drops).map(|(name, span)| (name, span));
+            let places =
+                fixes.chain(named).filter_map(|(name, span)| Some((name.clone(), (*span)?))).collect();
+            let mut scene = Scene { drops, places, ..draft.scene };
             let mut values = defaults.clone();
             let mut places: BTreeMap<SymbolId, Option<Span>> = BTreeMap::new();
             for (name, numbers, span) in draft.fixed {
