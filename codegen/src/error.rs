@@ -263,7 +263,21 @@ impl fmt::Display for Error {
 
 impl std::error::Error for Error {}
 
+/// Largest number of expressions that the derivation of one system may make: some seconds and a gigabyte of memory, far
+/// beyond what compiles as a program.
+const MAX_EXPRESSIONS: usize = 1_500_000;
+
 impl Error {
+    /// Refuses to go on with a derivation that has grown too large.
+    ///
+    /// Called where work can multiply (per pivot of an elimination, per step of the derivation), not per node.
+    pub(crate) fn when_too_large(n_expressions: usize) -> Result<(), Error> {
+        if n_expressions <= MAX_EXPRESSIONS {
+            return Ok(());
+        }
+        Err(Error::TooLarge { what: "expressions", limit: MAX_EXPRESSIONS })
+    }
+
     /// What is wrong, and what to change (may be empty): the two halves of the text.
     pub(crate) fn message_and_help(&self) -> (String, String) {
         let text = self.to_string();

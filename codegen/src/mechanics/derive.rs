@@ -99,6 +99,7 @@ pub fn derive(system: &ReducedSystem) -> Result<Equations, Error> {
     d.velocities()?;
     d.kinematics();
     d.momenta()?;
+    Error::when_too_large(d.g.n_nodes())?;
     let motion = match system.constraint.clone() {
         KinematicConstraint::Solved(solved) => d.solve_reduced(&solved)?,
         KinematicConstraint::Multipliers { rows, reactions } => {
