@@ -134,6 +134,11 @@ pub enum Error {
         /// How many constraints there are.
         expected: usize,
     },
+    /// An exact number that no `f64` comes near: too large, or not zero and too small.
+    OutOfRange {
+        /// What has that value.
+        what: String,
+    },
     /// A derivation or a program outgrows what the generator handles.
     TooLarge {
         /// What grows.
@@ -241,6 +246,10 @@ impl fmt::Display for Error {
                 f,
                 "{found} conditions on virtual displacements, expected {expected}; there is one for each scalar constraint"
             ),
+            Error::OutOfRange { what } => write!(
+                f,
+                "{what} is out of the range of f64, about 1e-308 to 1e308; choose units in which it is moderate"
+            ),
             Error::TooLarge { what, limit } => write!(
                 f,
                 "the equations have more than {limit} {what}; fix parameters in a scene, or write the model with fewer velocities"
@@ -263,9 +272,9 @@ impl fmt::Display for Error {
 
 impl std::error::Error for Error {}
 
-/// Largest number of expressions that the derivation of one system may make: some seconds and a gigabyte of memory, far
-/// beyond what compiles as a program.
-const MAX_EXPRESSIONS: usize = 1_500_000;
+/// Largest number of expressions that the derivation of one system may make. A dense mass matrix of parameters takes 50,000
+/// of them for 40 velocities and 380,000 for 80, which is a minute of work and far beyond what compiles as a program.
+const MAX_EXPRESSIONS: usize = 250_000;
 
 impl Error {
     /// Refuses to go on with a derivation that has grown too large.

@@ -6,8 +6,8 @@
 
 use std::path::Path;
 
-use hamel_codegen::spec::{self, Model};
 use hamel_codegen::scene;
+use hamel_codegen::spec::{self, Model};
 use proptest::prelude::*;
 use proptest::sample::{Index, select};
 use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
@@ -111,10 +111,62 @@ enum Mutation {
 }
 
 const PIECES: &[&str] = &[
-    "0", "1", "2", "-1", "1/0", "0.5", "1e400", "(", ")", "[", "]", "{", "}", ";", ",", "=", ":", "+", "-", "*", "/",
-    "^", "^2", "^(1/2)", "t", "pi", "Omega", "Omega1", "v", "Gamma", "sqrt(2)", "norm", "dot", "cross(", "identity(3)",
-    "so(3)", "se(2)", "R^3", "R", "in", "by", "where", "> 0", "!= 0", "scene", "constraint", "multipliers;", "action right;",
-    "stage s;", "independent", "virtual", "delta(", "ddt(", "connection mechanical;", "quasi_velocity s;", "drop",
+    "0",
+    "1",
+    "2",
+    "-1",
+    "1/0",
+    "0.5",
+    "1e400",
+    "(",
+    ")",
+    "[",
+    "]",
+    "{",
+    "}",
+    ";",
+    ",",
+    "=",
+    ":",
+    "+",
+    "-",
+    "*",
+    "/",
+    "^",
+    "^2",
+    "^(1/2)",
+    "t",
+    "pi",
+    "Omega",
+    "Omega1",
+    "v",
+    "Gamma",
+    "sqrt(2)",
+    "norm",
+    "dot",
+    "cross(",
+    "identity(3)",
+    "so(3)",
+    "se(2)",
+    "R^3",
+    "R",
+    "in",
+    "by",
+    "where",
+    "> 0",
+    "!= 0",
+    "scene",
+    "constraint",
+    "multipliers;",
+    "action right;",
+    "stage s;",
+    "independent",
+    "virtual",
+    "delta(",
+    "ddt(",
+    "connection mechanical;",
+    "quasi_velocity s;",
+    "drop",
 ];
 
 fn mutation() -> impl Strategy<Value = Mutation> {
@@ -158,16 +210,33 @@ fn mutated_specs_do_not_panic() {
 /// An expression of any shape over the names that [`model`] declares.
 fn expression() -> impl Strategy<Value = String> {
     let names = &[
-        "a", "b", "k", "I", "I1", "x", "x_dot", "y", "y_dot", "omega", "v", "v1", "v2", "Gamma", "Gamma1", "Gamma2", "t",
-        "pi", "s",
+        "a", "b", "k", "I", "I1", "x", "x_dot", "y", "y_dot", "omega", "v", "v1", "v2", "Gamma", "Gamma1",
+        "Gamma2", "t", "pi", "s",
     ];
     let numbers = &["0", "1", "2", "3", "1/2", "0.1", "1e-3", "10"];
     let leaf = prop_oneof![6 => select(&names[..]), 2 => select(&numbers[..])].prop_map(str::to_owned);
     leaf.prop_recursive(4, 16, 3, |inner| {
         let function = select(
             &[
-                "sin", "cos", "tan", "exp", "ln", "sqrt", "abs", "norm", "transpose", "diag", "det", "trace", "sum", "hat",
-                "asin", "tanh", "delta", "ddt", "identity",
+                "sin",
+                "cos",
+                "tan",
+                "exp",
+                "ln",
+                "sqrt",
+                "abs",
+                "norm",
+                "transpose",
+                "diag",
+                "det",
+                "trace",
+                "sum",
+                "hat",
+                "asin",
+                "tanh",
+                "delta",
+                "ddt",
+                "identity",
             ][..],
         );
         let operator = select(&["+", "-", "*", "/"][..]);
@@ -185,8 +254,23 @@ fn expression() -> impl Strategy<Value = String> {
 
 /// A number: entries of vectors and products of what may have a shape.
 fn number() -> impl Strategy<Value = String> {
-    let names =
-        &["a", "b", "k", "I1", "x", "x_dot", "y_dot", "omega", "v1", "v2", "Gamma1", "Gamma2", "dot(v, v)", "t", "2"];
+    let names = &[
+        "a",
+        "b",
+        "k",
+        "I1",
+        "x",
+        "x_dot",
+        "y_dot",
+        "omega",
+        "v1",
+        "v2",
+        "Gamma1",
+        "Gamma2",
+        "dot(v, v)",
+        "t",
+        "2",
+    ];
     let leaf = select(&names[..]).prop_map(str::to_owned);
     leaf.prop_recursive(3, 10, 2, |inner| {
         let function = select(&["sin", "cos", "exp", "sqrt", "abs", "ln", "tanh"][..]);
@@ -224,12 +308,17 @@ fn item() -> impl Strategy<Value = String> {
         (velocity, number()).prop_map(|(v, e)| format!("connection {v} = {e};")),
         Just("stage whole; stage translations = ideal(v);".to_owned()),
         (number(), number()).prop_map(|(a, b)| format!("inner_product = diag([1, {a}, {b}]);")),
-        select(&["theta, X, Y in SE(2)", "theta in SO(2) from omega", "X in R^2 from v", "psi by omega*x"][..])
-            .prop_map(|r| format!("reconstruct {r};")),
+        select(
+            &["theta, X, Y in SE(2)", "theta in SO(2) from omega", "X in R^2 from v", "psi by omega*x"][..]
+        )
+        .prop_map(|r| format!("reconstruct {r};")),
         (stem(), number()).prop_map(|(n, e)| format!("initial {n} = {e};")),
         (stem(), select(&["0", "1", "-2", "[1, 2]", "1/3"][..]))
             .prop_map(|(n, q)| format!("scene one {{ fix {n} = {q}; want energy; }}")),
-        (stem(), select(&["rhs", "energy", "momentum", "multipliers", "h", "c", "outputs", "energy_rate"][..]))
+        (
+            stem(),
+            select(&["rhs", "energy", "momentum", "multipliers", "h", "c", "outputs", "energy_rate"][..])
+        )
             .prop_map(|(n, w)| format!("scene two {{ want {w}; drop {n}; }}")),
     ]
 }
@@ -244,10 +333,17 @@ fn model() -> impl Strategy<Value = String> {
             "advected Gamma in R^2 by [v1, v2];",
         ][..],
     );
-    let base = select(&["", "coordinate x in (0, 1);", "coordinate x, y in angle;", "coordinate x in (a, 3*a);"][..]);
+    let base = select(
+        &["", "coordinate x in (0, 1);", "coordinate x, y in angle;", "coordinate x in (a, 3*a);"][..],
+    );
     let algebra = select(&["se(2)", "product(R, R^2)", "heisenberg(1)", "semidirect(so(2), standard)"][..]);
     let kinetic = select(
-        &["I1*omega^2 + dot(v, v)", "omega^2 + (v1 + v2)^2", "omega^2 + v1*v2 + v2^2", "a*omega^2 + b*dot(v, v) + omega*v1"][..],
+        &[
+            "I1*omega^2 + dot(v, v)",
+            "omega^2 + (v1 + v2)^2",
+            "omega^2 + v1*v2 + v2^2",
+            "a*omega^2 + b*dot(v, v) + omega*v1",
+        ][..],
     );
     let items = prop::collection::vec(item(), 0..5);
     (advected, base, algebra, kinetic, number(), items).prop_map(
@@ -287,4 +383,44 @@ fn random_expressions_do_not_panic() {
         ))
     });
     assert!(counts[Reached::Refused as usize] > 0 && counts[Reached::Emitted as usize] > 0, "{counts:?}");
+}
+
+/// Texts that once made the pipeline panic.
+mod found_by_fuzzing {
+    use super::{Reached, run};
+
+    #[test]
+    fn more_quasi_velocities_than_constraints_beside_virtual_conditions() {
+        let text = "model m { velocity omega, v in se(2); quasi_velocity s; lagrangian = omega^2 + dot(v, v);
+                     virtual delta(v1) + 2*delta(v2) = 0; }";
+        assert_eq!(run(text), Reached::Checked);
+    }
+
+    #[test]
+    fn more_nonlinear_constraints_than_velocities() {
+        let text = "model m { velocity v in R; lagrangian = v^2; constraint v^2 = 1; constraint v^3 = 1;
+                     virtual delta(v) = 0; }";
+        assert_eq!(run(text), Reached::Checked);
+    }
+
+    #[test]
+    fn numbers_beyond_f64() {
+        let velocity = "velocity v in R; lagrangian";
+        assert_eq!(run(&format!("model m {{ param a = 1e400; {velocity} = a*v^2; }}")), Reached::Refused);
+        assert_eq!(run(&format!("model m {{ param a = 1e-400; {velocity} = a*v^2; }}")), Reached::Refused);
+        assert_eq!(
+            run(&format!("model m {{ param a = 1; {velocity} = a*v^2; scene s {{ fix a = 1e350; }} }}")),
+            Reached::Refused
+        );
+        assert_eq!(
+            run(&format!(
+                "model m {{ coordinate q in real; {velocity} = v^2 + q_dot^2 + 1e300*1e300*q^3; }}"
+            )),
+            Reached::Checked
+        );
+        assert_eq!(
+            run(&format!("model m {{ coordinate q in real; {velocity} = v^2 + q_dot^2 + 1e-350*q^3; }}")),
+            Reached::Checked
+        );
+    }
 }

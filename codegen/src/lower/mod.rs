@@ -69,8 +69,8 @@ const MAX_NODES_FOR_TRIALS: usize = 20_000;
 /// Lowers sections of definitions and the requested functions to one program.
 ///
 /// # Errors
-/// [`Error::Program`] when a symbol is used before its definition, a condition depends on more than parameters, or a
-/// constant does not fit an `f64`.
+/// [`Error::Program`] when a symbol is used before its definition, or a condition depends on more than parameters;
+/// [`Error::OutOfRange`] when a constant does not fit an `f64`.
 pub fn lower(
     graph: &mut Graph,
     inputs: &Inputs,

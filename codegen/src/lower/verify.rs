@@ -1,6 +1,6 @@
 //! Checks the rules of the intermediate form.
 
-use super::program::{Instruction, Op, Operand, Program};
+use super::program::{Instruction, Literal, Op, Operand, Program};
 use crate::error::Error;
 
 /// Checks that a program is well formed.
@@ -13,8 +13,10 @@ use crate::error::Error;
 pub fn verify(program: &Program) -> Result<(), Error> {
     let fail = |reason: String| Err(Error::Program { reason });
     for constant in &program.constants {
-        if !constant.to_f64().is_finite() {
-            return fail(format!("constant {constant:?} does not fit a double"));
+        let value = constant.to_f64();
+        let vanishes = value == 0.0 && !matches!(constant.literal(), Literal::Zero);
+        if !value.is_finite() || vanishes {
+            return Err(Error::OutOfRange { what: "a constant of the equations".into() });
         }
     }
     let prepare = &program.prepare;

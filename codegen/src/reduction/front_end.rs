@@ -416,8 +416,9 @@ impl FrontEnd {
             Err(error) => return self.refuse(&error),
         };
         if !displacements.is_empty() {
-            let expected =
-                names.len() - solved.as_ref().map_or(names.len() - general.len(), |s| s.psi[0].len());
+            // As many as the motion has constraints; quasi-velocities may be more than those leave.
+            let n_unknowns = solved.as_ref().map(|s| s.psi.first().map_or(0, Vec::len));
+            let expected = n_unknowns.map_or(general.len(), |n| names.len().saturating_sub(n));
             if displacements.len() != expected {
                 let found = displacements.len();
                 return self.refuse(&Error::WrongNumberOfDisplacements { found, expected });

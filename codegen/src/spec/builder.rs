@@ -330,11 +330,38 @@ impl ModelBuilder {
     // Parameters.
 
     /// A number.
+    ///
+    /// Parameters, their conditions and definitions are values; a condition names them in its text only.
+    ///
+    /// ```
+    /// use hamel_codegen::expr::Rational;
+    /// use hamel_codegen::spec::{Compare, Layout, ModelBuilder, Value};
+    ///
+    /// let number = |n: i64| Rational::from_integer(n.into());
+    /// let mut b = ModelBuilder::new("m");
+    /// let mass = b.param("m", number(-1), "mass [kg]");
+    /// let direction = b.param_array("chi", Layout::Vector(2), &[number(1)], "");
+    /// assert_eq!(direction.entries().len(), 2);
+    /// let zero = Value::number(b.graph(), number(0));
+    /// b.condition("m > 0", &mass, Compare::Greater, &zero);
+    /// let problems = b.build().unwrap_err().to_string();
+    /// assert!(problems.contains("`chi` has 2 components, its default 1"));
+    /// assert!(problems.contains("the default violates `m > 0`"));
+    /// ```
     pub fn param(&mut self, name: &str, default: Rational, doc: &str) -> Value {
+        self.check_range(name, &default);
         let (symbol, expr) = self.new_symbol(name, "a parameter");
         self.blocks.insert(name.to_owned(), vec![self.params.len()]);
         self.params.push(Param { name: name.to_owned(), symbol, default, doc: doc.to_owned() });
         Value::Scalar(expr)
+    }
+
+    /// Generated code holds the value as an `f64`.
+    fn check_range(&mut self, name: &str, value: &Rational) {
+        let number = crate::expr::rational_to_f64(value);
+        if !number.is_finite() || (number == 0.0 && !value.is_zero()) {
+            self.error(self.here, &Error::OutOfRange { what: format!("the value of `{name}`") });
+        }
     }
 
     /// A vector or a matrix; the defaults are in the order of the components.
@@ -352,6 +379,7 @@ impl ModelBuilder {
             positions.push(self.params.len());
             self.blocks.insert(component.clone(), vec![self.params.len()]);
             let default = defaults.get(k).cloned().unwrap_or_else(Rational::zero);
+            self.check_range(component, &default);
             self.params.push(Param { name: component.clone(), symbol, default, doc: doc.to_owned() });
             components.push(expr);
         }
@@ -397,6 +425,21 @@ impl ModelBuilder {
     // Velocities, coordinates, advected parameters.
 
     /// The algebra and names for its velocities: one per slot, or one per basis element.
+    ///
+    /// ```
+    /// use hamel_codegen::algebra::LieAlgebra;
+    /// use hamel_codegen::spec::{Domain, ModelBuilder};
+    ///
+    /// let mut b = ModelBuilder::new("bundle");
+    /// let (theta, theta_dot) = b.coordinate("theta", Domain::Angle, "tilt [rad]");
+    /// let slots = b.velocities(LieAlgebra::se(2).unwrap(), &["omega", "v"]);
+    /// assert_eq!(slots[1].entries().len(), 2);
+    /// // The group turns the vertical: `adot = -xi . a`.
+    /// let gamma = b.advected("Gamma", Some(2), "");
+    /// let turned = slots[0].mul(b.graph(), &gamma).unwrap();
+    /// b.advected_action("Gamma", &turned).lagrangian(&theta_dot);
+    /// assert!(b.build().is_ok());
+    /// ```
     pub fn velocities(&mut self, algebra: LieAlgebra, names: &[&str]) -> Vec<Value> {
         let located: Vec<(&str, Option<Span>)> = names.iter().map(|n| (*n, self.here)).collect();
         self.located_velocities(algebra, &located, "")
@@ -587,6 +630,20 @@ impl ModelBuilder {
     // Stages.
 
     /// The name of the first stage, the whole algebra.
+    ///
+    /// ```
+    /// use hamel_codegen::algebra::LieAlgebra;
+    /// use hamel_codegen::spec::ModelBuilder;
+    ///
+    /// let mut b = ModelBuilder::new("stages");
+    /// let [rotation, translation] = b.velocities(LieAlgebra::se(3).unwrap(), &["Omega", "V"]).try_into().unwrap();
+    /// let energy = rotation.dot(b.graph(), &rotation).unwrap();
+    /// b.stage("whole").stage_ideal("translations", &[translation]).lagrangian(&energy);
+    /// assert!(b.clone().build().is_ok());
+    /// b.stage_ideal("rotations", &[rotation]);
+    /// let problems = b.build().unwrap_err();
+    /// assert!(problems.to_string().contains("stage rotations is not contained in stage translations"));
+    /// ```
     pub fn stage(&mut self, name: &str) -> &mut Self {
         let span = self.here;
         self.stages.push(StageDraft { name: name.to_owned(), ideal: None, span });
@@ -624,6 +681,20 @@ impl ModelBuilder {
 
     /// A constraint `left = right` on velocities, or on accelerations made by [`ModelBuilder::ddt`]; a vector equation gives
     /// one constraint per component, and the number 0 on one side stands for a zero of any shape.
+    ///
+    /// ```
+    /// use hamel_codegen::algebra::LieAlgebra;
+    /// use hamel_codegen::spec::{ModelBuilder, Value};
+    ///
+    /// let mut b = ModelBuilder::new("sleigh");
+    /// let [omega, v] = b.velocities(LieAlgebra::se(2).unwrap(), &["omega", "v"]).try_into().unwrap();
+    /// let square = omega.mul(b.graph(), &omega).unwrap();
+    /// let energy = v.dot(b.graph(), &v).unwrap().add(b.graph(), &square).unwrap();
+    /// let zero = Value::Scalar(b.graph().zero());
+    /// b.lagrangian(&energy).constraint(Some("skate"), "v2 = 0", &v.row(2).unwrap(), &zero);
+    /// b.independent(&["omega", "v1"]).force("v1", &zero);
+    /// assert_eq!(b.build().unwrap().constraints[0].name, "skate");
+    /// ```
     pub fn constraint(&mut self, name: Option<&str>, text: &str, left: &Value, right: &Value) -> &mut Self {
         let span = self.here;
         self.constraints.push(ConstraintDraft {
@@ -686,6 +757,24 @@ impl ModelBuilder {
     }
 
     /// A named number that the motion should conserve.
+    ///
+    /// ```
+    /// use hamel_codegen::algebra::LieAlgebra;
+    /// use hamel_codegen::expr::Rational;
+    /// use hamel_codegen::spec::ModelBuilder;
+    ///
+    /// let one = Rational::from_integer(1.into());
+    /// let mut b = ModelBuilder::new("sphere");
+    /// let inertia = b.param("I", one.clone(), "");
+    /// let omega = b.velocities(LieAlgebra::so(3).unwrap(), &["Omega"]).remove(0);
+    /// let square = omega.dot(b.graph(), &omega).unwrap();
+    /// let energy = square.mul(b.graph(), &inertia).unwrap();
+    /// b.lagrangian(&energy).casimir("C", &square, "").output("turning", &omega, "");
+    /// b.scene("unit", &[("I", &[one])], &["energy", "turning"], "a scene");
+    /// assert!(b.clone().build().is_ok());
+    /// b.scene("other", &[], &["turnign"], "");
+    /// assert!(b.build().unwrap_err().to_string().contains("did you mean `turning`?"));
+    /// ```
     pub fn casimir(&mut self, name: &str, value: &Value, doc: &str) -> &mut Self {
         self.output_name(name);
         match value.scalar("casimir") {
@@ -1261,6 +1350,10 @@ impl ModelBuilder {
                 for (k, q) in positions.into_iter().zip(numbers) {
                     let param = &self.params[k];
                     let (component, symbol) = (param.name.clone(), param.symbol);
+                    if !places.contains_key(&symbol) {
+                        self.here = span;
+                        self.check_range(&component, &q);
+                    }
                     if places.insert(symbol, span).is_some() {
                         let message = format!("scene `{}` fixes `{component}` twice", scene.name);
                         self.problem(span, message, "keep one of them");

@@ -386,9 +386,10 @@ impl Model {
         let constraints = self.constraints.iter().map(|c| (&c.text, c.span));
         let conditions = self.virtual_constraints.iter().map(|v| (&v.text, v.span));
         match error {
-            Error::SingularMassMatrix { .. } | Error::TooLarge { .. } | Error::DivisionByZero { .. } => {
-                self.places.lagrangian
-            }
+            Error::SingularMassMatrix { .. }
+            | Error::TooLarge { .. }
+            | Error::OutOfRange { .. }
+            | Error::DivisionByZero { .. } => self.places.lagrangian,
             Error::NotConserved { name, .. } => self.places.outputs.get(name).copied(),
             Error::DependentConstraint { constraint } | Error::InconsistentConstraint { constraint } => {
                 constraints.chain(conditions).find(|(text, _)| *text == constraint).and_then(|(_, span)| span)

@@ -100,6 +100,21 @@ impl ModelBuilder {
 
     /// A condition `left = right` on virtual displacements, linear in [`ModelBuilder::delta`]; a vector equation gives one
     /// condition per component. Without any, the displacements are those that the constraints allow.
+    ///
+    /// ```
+    /// use hamel_codegen::algebra::LieAlgebra;
+    /// use hamel_codegen::spec::{ModelBuilder, Value};
+    ///
+    /// let mut b = ModelBuilder::new("servo");
+    /// let v = b.velocities(LieAlgebra::abelian(2), &["v"]).remove(0);
+    /// let energy = v.dot(b.graph(), &v).unwrap();
+    /// let zero = Value::Scalar(b.graph().zero());
+    /// let (first, second) = (v.row(1).unwrap(), v.row(2).unwrap());
+    /// let (acceleration, displacement) = (b.ddt(&first).unwrap(), b.delta(&second).unwrap());
+    /// b.lagrangian(&energy).constraint(None, "ddt(v1) = 0", &acceleration, &zero);
+    /// b.virtual_constraint(None, "delta(v2) = 0", &displacement, &zero);
+    /// assert_eq!(b.build().unwrap().virtual_constraints.len(), 1);
+    /// ```
     pub fn virtual_constraint(
         &mut self,
         name: Option<&str>,
