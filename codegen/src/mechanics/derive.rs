@@ -95,6 +95,7 @@ pub struct Equations {
 /// # Source
 /// Cortes, de Leon, Marrero, Martinez 2009, equations (3.5) and (3.7); Cendra, Marsden, Ratiu 2001.
 pub fn derive(system: &ReducedSystem) -> Result<Equations, Error> {
+    Error::when_too_large(system.graph.n_nodes())?;
     let mut d = Derivation::new(system);
     d.velocities()?;
     d.kinematics();
