@@ -123,8 +123,28 @@ fn plan(model: &Model, scene: &str) -> Option<Plan> {
 /// Unknown scene or output, a coordinate that cannot be left out, and everything that reduction, derivation and
 /// lowering can find.
 pub fn build(model: &Model, scene: &str) -> Result<BuiltScene, Diagnostics> {
-    let fail =
-        |message: String, help: String| model.diagnostics(vec![spec::diagnose(model, None, message, help)]);
+    build_scene(model, scene).map_err(|problems| {
+        let Some(own) = model.scenes.iter().find(|s| s.name == scene) else { return problems };
+        let located = problems.iter().map(|problem| {
+            if problem.span.is_none() {
+                return spec::Diagnostic { span: own.span, ..problem.clone() };
+            }
+            // Fixed parameters may be what is wrong.
+            let is_about_fixing =
+                !own.fixed.is_empty() && !own.places.values().any(|s| Some(*s) == problem.span);
+            problem.clone().with_place(own.span.filter(|_| is_about_fixing), "in this scene")
+        });
+        model.diagnostics(located.collect())
+    })
+}
+
+fn build_scene(model: &Model, scene: &str) -> Result<BuiltScene, Diagnostics> {
+    let own = model.scenes.iter().find(|s| s.name == scene);
+    let place_of = |name: &str| own.and_then(|s| s.places.get(name).copied());
+    let fail_at = |span: Option<spec::Span>, message: String, help: String| {
+        model.diagnostics(vec![spec::diagnose(model, span, message, help)])
+    };
+    let fail = |message: String, help: String| fail_at(None, message, help);
     let Some(plan) = plan(model, scene) else {
         let known = names(model).join(", ");
         return Err(fail(format!("{} has no scene {scene}", model.name), format!("scenes: {known}")));
@@ -134,7 +154,7 @@ pub fn build(model: &Model, scene: &str) -> Result<BuiltScene, Diagnostics> {
         return Err(fail(format!("{} does not say how to reconstruct the group motion", model.name), help));
     }
     let system = reduce(model, &plan.fixed)?;
-    let equations = derive(&system).map_err(|e| fail(e.to_string(), String::new()))?;
+    let equations = derive(&system).map_err(|e| model.diagnostics(vec![model.diagnose(&e)]))?;
     let available = available_outputs(&equations);
     let mut wants_energy = true;
     let outputs = match &plan.wants {
@@ -146,7 +166,8 @@ pub fn build(model: &Model, scene: &str) -> Result<BuiltScene, Diagnostics> {
                 let found = wanted_outputs(&equations, &available, want);
                 if found.is_empty() {
                     let known: Vec<&str> = available.iter().map(|o| o.name.as_str()).collect();
-                    return Err(fail(
+                    return Err(fail_at(
+                        place_of(want),
                         format!("scene {scene} wants {want}, which {} does not have", model.name),
                         format!("outputs: rhs, energy, {}", known.join(", ")),
                     ));
@@ -183,7 +204,9 @@ pub fn build(model: &Model, scene: &str) -> Result<BuiltScene, Diagnostics> {
                 } else {
                     format!("can be left out: {}", ignorable.join(", "))
                 };
-                return Err(fail(
+                let stem = needed.trim_end_matches(|c: char| c.is_ascii_digit());
+                return Err(fail_at(
+                    place_of(needed).or_else(|| place_of(stem)),
                     format!("{needed} cannot be left out of scene {scene}: the rest depends on it"),
                     help,
                 ));
@@ -197,7 +220,29 @@ pub fn build(model: &Model, scene: &str) -> Result<BuiltScene, Diagnostics> {
         state.extend(equations.reconstruction.iter().cloned());
     }
     let built = lower_scene(equations, plan, state, outputs, wants_energy);
-    built.map_err(|e| fail(e.to_string(), String::new()))
+    built.map_err(|e| model.diagnostics(vec![model.diagnose(&e)]))
+}
+
+/// Builds every scene of a model, in the order of [`names`].
+///
+/// # Errors
+/// The problems of all scenes; what several have in common is reported once.
+pub fn build_all(model: &Model) -> Result<Vec<BuiltScene>, Diagnostics> {
+    let mut built = Vec::new();
+    let mut problems: Vec<spec::Diagnostic> = Vec::new();
+    for name in names(model) {
+        match build(model, &name) {
+            Ok(scene) => built.push(scene),
+            Err(found) => {
+                for problem in &found {
+                    if !problems.iter().any(|p| p.span == problem.span && p.message == problem.message) {
+                        problems.push(problem.clone());
+                    }
+                }
+            }
+        }
+    }
+    if problems.is_empty() { Ok(built) } else { Err(model.diagnostics(problems)) }
 }
 
 /// Base coordinates on which neither another state variable's rate, nor a wanted result, nor a pivot depends.

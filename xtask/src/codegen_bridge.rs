@@ -142,11 +142,10 @@ pub struct Module {
 /// Emits the modules of all scenes of a model.
 ///
 /// # Errors
-/// [`Error::Models`] with the problems of the first scene that has any, [`Error::Emission`].
+/// [`Error::Models`] with the problems of all scenes, [`Error::Emission`].
 pub fn emit(model: &Model) -> Result<Vec<Module>, Error> {
     let mut modules = Vec::new();
-    for name in scene_names(model) {
-        let built = scene::build(model, &name)?;
+    for built in scene::build_all(model)? {
         let fail = |source| Error::Emission { model: model.name.clone(), source: Box::new(source) };
         let text = built.emit().map_err(fail)?;
         modules.push(Module { entry: built.entry(), text });

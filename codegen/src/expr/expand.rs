@@ -9,6 +9,8 @@ use super::rational::Rational;
 
 /// Largest positive power of a sum that is multiplied out.
 const MAX_POWER: i64 = 16;
+/// Most products that one multiplication of two sums may make; larger ones are kept as they are.
+const MAX_PRODUCTS: usize = 1 << 16;
 
 impl Graph {
     /// Multiplies products and small positive powers of sums out; everything else is kept.
@@ -52,6 +54,9 @@ impl Graph {
 
     fn distribute(&mut self, a: ExprId, b: ExprId) -> ExprId {
         let (left, right) = (self.summands(a), self.summands(b));
+        if left.len().saturating_mul(right.len()) > MAX_PRODUCTS {
+            return self.mul(a, b);
+        }
         let mut products = Vec::with_capacity(left.len() * right.len());
         for (x, p) in &left {
             for (y, q) in &right {

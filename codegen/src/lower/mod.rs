@@ -71,8 +71,8 @@ pub struct ParamCondition {
 /// Lowers sections of definitions and the requested functions to one program.
 ///
 /// # Errors
-/// [`Error::Program`] when a symbol is used before its definition, a condition depends on more than parameters, or a
-/// constant does not fit an `f64`.
+/// [`Error::Program`] when a symbol is used before its definition, or a condition depends on more than parameters;
+/// [`Error::OutOfRange`] when a constant does not fit an `f64`.
 pub fn lower(
     graph: &mut Graph,
     inputs: &Inputs,

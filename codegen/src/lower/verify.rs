@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::program::{Instruction, Op, Operand, Program};
+use super::program::{Instruction, Literal, Op, Operand, Program};
 use crate::error::Error;
 use crate::expr::Func;
 
@@ -17,8 +17,10 @@ use crate::expr::Func;
 pub fn verify(program: &Program) -> Result<(), Error> {
     let fail = |reason: String| Err(Error::Program { reason });
     for constant in &program.constants {
-        if !constant.to_f64().is_finite() {
-            return fail(format!("constant {constant:?} does not fit a double"));
+        let value = constant.to_f64();
+        let vanishes = value == 0.0 && !matches!(constant.literal(), Literal::Zero);
+        if !value.is_finite() || vanishes {
+            return Err(Error::OutOfRange { what: "a constant of the equations".into() });
         }
     }
     let prepare = &program.prepare;

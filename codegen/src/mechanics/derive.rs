@@ -95,10 +95,12 @@ pub struct Equations {
 /// # Source
 /// Cortes, de Leon, Marrero, Martinez 2009, equations (3.5) and (3.7); Cendra, Marsden, Ratiu 2001.
 pub fn derive(system: &ReducedSystem) -> Result<Equations, Error> {
+    Error::when_too_large(system.graph.n_nodes())?;
     let mut d = Derivation::new(system);
     d.velocities()?;
     d.kinematics();
     d.momenta()?;
+    Error::when_too_large(d.g.n_nodes())?;
     let motion = match system.constraint.clone() {
         KinematicConstraint::Solved(solved) => d.solve_reduced(&solved)?,
         KinematicConstraint::Multipliers { rows, reactions } => {
@@ -693,7 +695,8 @@ impl<'a> Derivation<'a> {
             for casimir in &system.casimirs {
                 let rate = self.rate_of(casimir.expr, &motion.acceleration)?;
                 if rate != self.g.zero() {
-                    return Err(Error::NotConserved { name: casimir.name.clone() });
+                    let (name, rate) = (casimir.name.clone(), self.g.display(rate, Style::Plain));
+                    return Err(Error::NotConserved { name, rate: shortened(&rate) });
                 }
                 facts.casimirs.push(casimir.name.clone());
                 let value = self.replace(casimir.expr)?;
@@ -796,5 +799,14 @@ impl Equations {
     /// An expression of these equations as text.
     pub fn display(&self, e: ExprId, style: Style) -> String {
         self.system.graph.display(e, style)
+    }
+}
+
+/// Long rates say no more than their beginning.
+fn shortened(text: &str) -> String {
+    const MAX_SHOWN: usize = 80;
+    match text.char_indices().nth(MAX_SHOWN) {
+        Some((at, _)) => format!("{} ..", &text[..at]),
+        None => text.to_owned(),
     }
 }

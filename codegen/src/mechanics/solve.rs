@@ -69,6 +69,7 @@ impl Factorisation {
         let mut rest: Vec<Vec<ExprId>> =
             f.row_order.iter().map(|&i| f.column_order.iter().map(|&j| a[i][j]).collect()).collect();
         for k in 0..n {
+            Error::when_too_large(g.n_nodes())?;
             if !symmetric || rest[k][k] == g.zero() {
                 symmetric = false;
                 f.choose_pivot(g, writer, &mut rest, k).ok_or_else(|| singular(g, a, names))?;
@@ -195,6 +196,9 @@ fn singular(g: &mut Graph, a: &[Vec<ExprId>], names: &[String]) -> Error {
     let n = a.len();
     // Reduce columns one by one: the first column that depends on the previous ones gives the direction.
     for k in 0..n {
+        if let Err(too_large) = Error::when_too_large(g.n_nodes()) {
+            return too_large;
+        }
         let left: Vec<Vec<ExprId>> = (0..k).map(|i| (0..k).map(|j| a[i][j]).collect()).collect();
         let right: Vec<Vec<ExprId>> = (0..k).map(|i| vec![a[i][k]]).collect();
         let Ok(solution) = crate::algebra::solve_symbolic(g, &left, &right) else { continue };

@@ -60,7 +60,9 @@ pub fn with_connection(model: &Model, kind: ConnectionKind) -> Result<Model, Dia
 }
 
 fn refused(model: &Model, error: &Error) -> Diagnostics {
-    model.diagnostics(vec![crate::spec::diagnose(model, None, error.to_string(), "")])
+    let mut problem = model.diagnose(error);
+    problem.span = model.places.connection.or(problem.span);
+    model.diagnostics(vec![problem])
 }
 
 /// Hessian of `L` between two lists of velocities.

@@ -178,6 +178,7 @@ impl Solver<'_> {
         let mut pivots = Vec::new();
         let mut state_dependent = false;
         while !open.is_empty() {
+            Error::when_too_large(self.graph.n_nodes())?;
             let mut best: Option<(PivotGrade, std::cmp::Reverse<usize>, usize)> = None;
             for &row in &open {
                 let mut vanishes = true;

@@ -98,12 +98,8 @@ struct FrontEnd {
 }
 
 impl FrontEnd {
-    fn report(&mut self, error: &Error, span: Option<spec::Span>) {
-        let help = match error {
-            Error::AnchorViolated { .. } => "the action has to be an infinitesimal action of the algebra",
-            _ => "",
-        };
-        self.problems.push(spec::diagnose(&self.model, span, error.to_string(), help));
+    fn report(&mut self, error: &Error) {
+        self.problems.push(self.model.diagnose(error));
     }
 
     fn run(&mut self, fixed: &[(String, Rational)]) -> Option<ReducedSystem> {
@@ -162,13 +158,16 @@ impl FrontEnd {
         }
         let known: Vec<String> = model.params.iter().map(|p| p.name.clone()).collect();
         for name in unknown {
-            self.report(&Error::UnknownName { name, kind: "parameter", known: known.clone() }, None);
+            self.report(&Error::UnknownName { name, kind: "parameter", known: known.clone() });
         }
         if !self.problems.is_empty() {
             return None;
         }
         if !values.is_empty() && self.substitute(&values).is_none() {
-            self.report(&Error::DivisionByZero { place: "the fixed parameters".into() }, None);
+            let (message, _) =
+                Error::DivisionByZero { place: "the fixed parameters".into() }.message_and_help();
+            let help = "a denominator of the model vanishes at these values";
+            self.problems.push(spec::diagnose(&self.model, None, message, help));
             return None;
         }
         self.settle_conditions()
@@ -270,9 +269,7 @@ impl FrontEnd {
             set_connection_brackets(g, &mut algebroid, &shape, connection);
         }
         let mut component = n_shape;
-        let mut problems = Vec::new();
         for advected in &model.advected {
-            let first = component;
             for &action in &advected.action {
                 for (a, velocity) in model.velocities.iter().enumerate() {
                     let slope = g.diff(action, velocity.symbol);
@@ -290,19 +287,14 @@ impl FrontEnd {
                 }
                 component += 1;
             }
-            problems.push((first..component, advected.span));
         }
         if let Err(errors) = algebroid.verify(g) {
             for error in errors {
-                let span = match &error {
-                    Error::AnchorViolated { component, .. } => {
-                        let at = algebroid.base().iter().position(|s| self.model.graph.name(*s) == component);
-                        problems.iter().find(|(r, _)| at.is_some_and(|k| r.contains(&k))).and_then(|p| p.1)
-                    }
-                    _ => None,
-                };
-                self.report(&error, span);
+                self.report(&error);
             }
+            // One wrong sign breaks most pairs: the first says it all.
+            let mut seen = BTreeSet::new();
+            self.problems.retain(|problem| problem.span.is_none() || seen.insert(problem.span));
             return None;
         }
         Some(algebroid)
@@ -315,19 +307,7 @@ impl FrontEnd {
         match Stages::split(&mut model.graph, &model.algebra, &chain.names, &chain.ideals, inner) {
             Ok(stages) => Some(Some(stages)),
             Err(errors) => {
-                for error in errors {
-                    let stage = match &error {
-                        Error::NotNested { stage, .. }
-                        | Error::NotAnIdeal { stage, .. }
-                        | Error::EmptyStage { stage }
-                        | Error::DegenerateInnerProduct { stage } => {
-                            chain.names.iter().position(|n| n == stage)
-                        }
-                        _ => None,
-                    };
-                    let span = stage.and_then(|k| chain.spans.get(k).copied().flatten());
-                    self.report(&error, span);
-                }
+                errors.iter().for_each(|error| self.report(error));
                 None
             }
         }
@@ -436,11 +416,12 @@ impl FrontEnd {
             Err(error) => return self.refuse(&error),
         };
         if !displacements.is_empty() {
-            let expected =
-                names.len() - solved.as_ref().map_or(names.len() - general.len(), |s| s.psi[0].len());
+            // As many as the motion has constraints; quasi-velocities may be more than those leave.
+            let n_unknowns = solved.as_ref().map(|s| s.psi.first().map_or(0, Vec::len));
+            let expected = n_unknowns.map_or(general.len(), |n| names.len().saturating_sub(n));
             if displacements.len() != expected {
-                let what = "list of conditions on virtual displacements".to_owned();
-                return self.refuse(&Error::ShapeMismatch { what, found: displacements.len(), expected });
+                let found = displacements.len();
+                return self.refuse(&Error::WrongNumberOfDisplacements { found, expected });
             }
         }
         let (Some(solved), Some(allowed)) = (solved, allowed) else {
@@ -504,18 +485,12 @@ impl FrontEnd {
         Some(KinematicConstraint::Multipliers { rows, reactions })
     }
 
-    /// Reports a problem of the constraints where the offending one stands.
+    /// Reports a problem of the constraints.
     fn refuse(&mut self, error: &Error) -> Option<KinematicConstraint> {
-        let model = &self.model;
-        let named = match error {
-            Error::DependentConstraint { constraint } | Error::InconsistentConstraint { constraint } => {
-                let own = model.constraints.iter().find(|c| c.text == *constraint).and_then(|c| c.span);
-                own.or(model.virtual_constraints.iter().find(|v| v.text == *constraint).and_then(|v| v.span))
-            }
-            _ => None,
-        };
-        let span = named.or(model.constraints.first().and_then(|c| c.span));
-        self.report(error, span);
+        let first = self.model.constraints.first().and_then(|c| c.span);
+        let mut problem = self.model.diagnose(error);
+        problem.span = problem.span.or(first);
+        self.problems.push(problem);
         None
     }
 }

@@ -256,8 +256,7 @@ impl ModelBuilder {
     }
 
     pub(super) fn error(&mut self, span: Option<Span>, error: &Error) {
-        let text = error.to_string();
-        let (message, help) = text.split_once("; ").unwrap_or((&text, ""));
+        let (message, help) = error.message_and_help();
         self.problem(span, message, help);
     }
 
@@ -293,10 +292,19 @@ impl ModelBuilder {
                 // Declarations are visited by kind; the later one in the text is the duplicate.
                 let (first, second) =
                     if before.span <= here { (before.clone(), declared) } else { (declared, before.clone()) };
+                let help = match (first.what, second.what) {
+                    pair if pair.0.contains("velocity of a") || pair.1.contains("velocity of a") => {
+                        "rename one of them; a coordinate `q` declares `q_dot` too"
+                    }
+                    pair if pair.0.contains("component") || pair.1.contains("component") => {
+                        "rename one of them; a vector `v` declares `v1`, `v2`, .. too"
+                    }
+                    _ => "rename one of them",
+                };
                 let problem = Diagnostic::new(second.span, format!("`{name}` is declared twice"))
                     .with_label(format!("again as {}", second.what))
                     .with_place(first.span, format!("first as {}", first.what))
-                    .with_help("rename one of them; a vector `v` declares `v1`, `v2`, .. too");
+                    .with_help(help);
                 self.problems.push(problem);
                 false
             }
@@ -322,11 +330,38 @@ impl ModelBuilder {
     // Parameters.
 
     /// A number.
+    ///
+    /// Parameters, their conditions and definitions are values; a condition names them in its text only.
+    ///
+    /// ```
+    /// use hamel_codegen::expr::Rational;
+    /// use hamel_codegen::spec::{Compare, Layout, ModelBuilder, Value};
+    ///
+    /// let number = |n: i64| Rational::from_integer(n.into());
+    /// let mut b = ModelBuilder::new("m");
+    /// let mass = b.param("m", number(-1), "mass [kg]");
+    /// let direction = b.param_array("chi", Layout::Vector(2), &[number(1)], "");
+    /// assert_eq!(direction.entries().len(), 2);
+    /// let zero = Value::number(b.graph(), number(0));
+    /// b.condition("m > 0", &mass, Compare::Greater, &zero);
+    /// let problems = b.build().unwrap_err().to_string();
+    /// assert!(problems.contains("`chi` has 2 components, its default 1"));
+    /// assert!(problems.contains("the default violates `m > 0`"));
+    /// ```
     pub fn param(&mut self, name: &str, default: Rational, doc: &str) -> Value {
+        self.check_range(name, &default);
         let (symbol, expr) = self.new_symbol(name, "a parameter");
         self.blocks.insert(name.to_owned(), vec![self.params.len()]);
         self.params.push(Param { name: name.to_owned(), symbol, default, doc: doc.to_owned() });
         Value::Scalar(expr)
+    }
+
+    /// Generated code holds the value as an `f64`.
+    fn check_range(&mut self, name: &str, value: &Rational) {
+        let number = crate::expr::rational_to_f64(value);
+        if !number.is_finite() || (number == 0.0 && !value.is_zero()) {
+            self.error(self.here, &Error::OutOfRange { what: format!("the value of `{name}`") });
+        }
     }
 
     /// A vector or a matrix; the defaults are in the order of the components.
@@ -344,6 +379,7 @@ impl ModelBuilder {
             positions.push(self.params.len());
             self.blocks.insert(component.clone(), vec![self.params.len()]);
             let default = defaults.get(k).cloned().unwrap_or_else(Rational::zero);
+            self.check_range(component, &default);
             self.params.push(Param { name: component.clone(), symbol, default, doc: doc.to_owned() });
             components.push(expr);
         }
@@ -389,6 +425,21 @@ impl ModelBuilder {
     // Velocities, coordinates, advected parameters.
 
     /// The algebra and names for its velocities: one per slot, or one per basis element.
+    ///
+    /// ```
+    /// use hamel_codegen::algebra::LieAlgebra;
+    /// use hamel_codegen::spec::{Domain, ModelBuilder};
+    ///
+    /// let mut b = ModelBuilder::new("bundle");
+    /// let (theta, theta_dot) = b.coordinate("theta", Domain::Angle, "tilt [rad]");
+    /// let slots = b.velocities(LieAlgebra::se(2).unwrap(), &["omega", "v"]);
+    /// assert_eq!(slots[1].entries().len(), 2);
+    /// // The group turns the vertical: `adot = -xi . a`.
+    /// let gamma = b.advected("Gamma", Some(2), "");
+    /// let turned = slots[0].mul(b.graph(), &gamma).unwrap();
+    /// b.advected_action("Gamma", &turned).lagrangian(&theta_dot);
+    /// assert!(b.build().is_ok());
+    /// ```
     pub fn velocities(&mut self, algebra: LieAlgebra, names: &[&str]) -> Vec<Value> {
         let located: Vec<(&str, Option<Span>)> = names.iter().map(|n| (*n, self.here)).collect();
         self.located_velocities(algebra, &located, "")
@@ -413,11 +464,15 @@ impl ModelBuilder {
         } else {
             if names.len() != algebra.dim() {
                 let spelled: Vec<String> =
-                    algebra.slots().iter().map(|s| format!("{} ({})", s.name, s.dim)).collect();
-                let message = format!("{} names for the velocity in {}", names.len(), algebra.name());
-                let mut help = format!("give one name per slot: {}", spelled.join(", "));
+                    algebra.slots().iter().map(|s| format!("{} (dimension {})", s.name, s.dim)).collect();
+                let plural = if names.len() == 1 { "name" } else { "names" };
+                let message = format!("{} {plural} for the velocity in {}", names.len(), algebra.name());
+                let mut help = match spelled.as_slice() {
+                    [only] => format!("give one name for {only}"),
+                    several => format!("give {} names, for {}", several.len(), several.join(", ")),
+                };
                 if algebra.dim() != slots.len() {
-                    help.push_str(&format!("; or one per basis element: {}", algebra.dim()));
+                    help.push_str(&format!(", or {} names, one per basis element", algebra.dim()));
                 }
                 self.problem(here, message, help);
             }
@@ -515,8 +570,13 @@ impl ModelBuilder {
         }
         let values = self.default_values();
         let (a, b) = (self.graph.eval_f64(low, &values), self.graph.eval_f64(high, &values));
-        if !matches!((a, b), (Some(a), Some(b)) if a < b) {
-            self.problem(here, "interval is empty", "write the lower end first: `(0, pi/2)`");
+        match (a, b) {
+            (Some(a), Some(b)) if a < b => {}
+            (Some(a), Some(b)) => {
+                let message = format!("interval from {a} to {b} is empty");
+                self.problem(here, message, "write the lower end first: `(0, pi/2)`");
+            }
+            _ => self.problem(here, "interval has no ends at the defaults", "its ends are finite numbers"),
         }
     }
 
@@ -570,6 +630,20 @@ impl ModelBuilder {
     // Stages.
 
     /// The name of the first stage, the whole algebra.
+    ///
+    /// ```
+    /// use hamel_codegen::algebra::LieAlgebra;
+    /// use hamel_codegen::spec::ModelBuilder;
+    ///
+    /// let mut b = ModelBuilder::new("stages");
+    /// let [rotation, translation] = b.velocities(LieAlgebra::se(3).unwrap(), &["Omega", "V"]).try_into().unwrap();
+    /// let energy = rotation.dot(b.graph(), &rotation).unwrap();
+    /// b.stage("whole").stage_ideal("translations", &[translation]).lagrangian(&energy);
+    /// assert!(b.clone().build().is_ok());
+    /// b.stage_ideal("rotations", &[rotation]);
+    /// let problems = b.build().unwrap_err();
+    /// assert!(problems.to_string().contains("stage rotations is not contained in stage translations"));
+    /// ```
     pub fn stage(&mut self, name: &str) -> &mut Self {
         let span = self.here;
         self.stages.push(StageDraft { name: name.to_owned(), ideal: None, span });
@@ -607,6 +681,20 @@ impl ModelBuilder {
 
     /// A constraint `left = right` on velocities, or on accelerations made by [`ModelBuilder::ddt`]; a vector equation gives
     /// one constraint per component, and the number 0 on one side stands for a zero of any shape.
+    ///
+    /// ```
+    /// use hamel_codegen::algebra::LieAlgebra;
+    /// use hamel_codegen::spec::{ModelBuilder, Value};
+    ///
+    /// let mut b = ModelBuilder::new("sleigh");
+    /// let [omega, v] = b.velocities(LieAlgebra::se(2).unwrap(), &["omega", "v"]).try_into().unwrap();
+    /// let square = omega.mul(b.graph(), &omega).unwrap();
+    /// let energy = v.dot(b.graph(), &v).unwrap().add(b.graph(), &square).unwrap();
+    /// let zero = Value::Scalar(b.graph().zero());
+    /// b.lagrangian(&energy).constraint(Some("skate"), "v2 = 0", &v.row(2).unwrap(), &zero);
+    /// b.independent(&["omega", "v1"]).force("v1", &zero);
+    /// assert_eq!(b.build().unwrap().constraints[0].name, "skate");
+    /// ```
     pub fn constraint(&mut self, name: Option<&str>, text: &str, left: &Value, right: &Value) -> &mut Self {
         let span = self.here;
         self.constraints.push(ConstraintDraft {
@@ -669,6 +757,24 @@ impl ModelBuilder {
     }
 
     /// A named number that the motion should conserve.
+    ///
+    /// ```
+    /// use hamel_codegen::algebra::LieAlgebra;
+    /// use hamel_codegen::expr::Rational;
+    /// use hamel_codegen::spec::ModelBuilder;
+    ///
+    /// let one = Rational::from_integer(1.into());
+    /// let mut b = ModelBuilder::new("sphere");
+    /// let inertia = b.param("I", one.clone(), "");
+    /// let omega = b.velocities(LieAlgebra::so(3).unwrap(), &["Omega"]).remove(0);
+    /// let square = omega.dot(b.graph(), &omega).unwrap();
+    /// let energy = square.mul(b.graph(), &inertia).unwrap();
+    /// b.lagrangian(&energy).casimir("C", &square, "").output("turning", &omega, "");
+    /// b.scene("unit", &[("I", &[one])], &["energy", "turning"], "a scene");
+    /// assert!(b.clone().build().is_ok());
+    /// b.scene("other", &[], &["turnign"], "");
+    /// assert!(b.build().unwrap_err().to_string().contains("did you mean `turning`?"));
+    /// ```
     pub fn casimir(&mut self, name: &str, value: &Value, doc: &str) -> &mut Self {
         self.output_name(name);
         match value.scalar("casimir") {
@@ -717,8 +823,11 @@ impl ModelBuilder {
         if let Some(reason) = names::refusal(name) {
             self.problem(here, format!("`{name}` cannot be used as a name"), reason);
         }
-        if self.scenes.iter().any(|s| s.scene.name == name) {
-            self.problem(here, format!("scene `{name}` is declared twice"), "rename one of them");
+        if let Some(first) = self.scenes.iter().find(|s| s.scene.name == name) {
+            let problem = Diagnostic::new(here, format!("scene `{name}` is declared twice"))
+                .with_place(first.scene.span, "first here")
+                .with_help("rename one of them");
+            self.problems.push(problem);
         }
         let scene = Scene {
             name: name.to_owned(),
@@ -726,6 +835,8 @@ impl ModelBuilder {
             wants: Vec::new(),
             drops: Vec::new(),
             doc: doc.to_owned(),
+            span: here,
+            places: BTreeMap::new(),
         };
         self.scenes.push(SceneDraft { scene, fixed, wants, drops });
         self
@@ -761,6 +872,13 @@ impl ModelBuilder {
         if !self.problems.is_empty() {
             return Err(Diagnostics::new(origin, self.problems));
         }
+        let places = Places {
+            lagrangian: self.lagrangian.and_then(|(_, span)| span),
+            inner_product: self.inner_product.and_then(|(_, span)| span),
+            independent: self.independent.and_then(|(_, span)| span),
+            connection: self.derived_connection.and_then(|(_, span)| span),
+            outputs: self.output_names.into_iter().filter_map(|(name, span)| Some((name, span?))).collect(),
+        };
         Ok(Model {
             name: self.name,
             doc: self.doc,
@@ -789,6 +907,7 @@ impl ModelBuilder {
             reconstruction,
             initial,
             scenes,
+            places,
             origin,
         })
     }
@@ -1203,7 +1322,11 @@ impl ModelBuilder {
         let mut result = Vec::new();
         for draft in self.scenes.clone() {
             let drops = self.check_drops(&draft);
-            let mut scene = Scene { drops, ..draft.scene };
+            let fixes = draft.fixed.iter().map(|(name, _, span)| (name, span));
+            let named = draft.wants.iter().chain(&draft.drops).map(|(name, span)| (name, span));
+            let places =
+                fixes.chain(named).filter_map(|(name, span)| Some((name.clone(), (*span)?))).collect();
+            let mut scene = Scene { drops, places, ..draft.scene };
             let mut values = defaults.clone();
             let mut places: BTreeMap<SymbolId, Option<Span>> = BTreeMap::new();
             for (name, numbers, span) in draft.fixed {
@@ -1227,6 +1350,10 @@ impl ModelBuilder {
                 for (k, q) in positions.into_iter().zip(numbers) {
                     let param = &self.params[k];
                     let (component, symbol) = (param.name.clone(), param.symbol);
+                    if !places.contains_key(&symbol) {
+                        self.here = span;
+                        self.check_range(&component, &q);
+                    }
                     if places.insert(symbol, span).is_some() {
                         let message = format!("scene `{}` fixes `{component}` twice", scene.name);
                         self.problem(span, message, "keep one of them");

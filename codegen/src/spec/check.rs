@@ -14,8 +14,9 @@ use super::eval::{Evaluator, is_poisoned};
 use super::model::{ConnectionKind, Domain, Model, Side};
 use super::names;
 use super::parser::{MAX_DIM, Outcome};
-use super::value::Value;
+use super::value::{Shape, Value};
 use crate::algebra::{LieAlgebra, Matrix, Representation};
+use crate::error::Error;
 use crate::expr::{ExprId, Graph, Rational, SymbolId};
 
 /// Entries of the matrices of one representation.
@@ -41,7 +42,7 @@ pub(super) fn check(outcome: Outcome, origin: Origin) -> Result<Model, Diagnosti
         representations: BTreeMap::new(),
     };
     checker.builder.problems = outcome.problems;
-    for keyword in names::ITEMS {
+    for (keyword, _) in names::ITEMS {
         if checker.poisoned.contains(*keyword) {
             checker.builder.broken.insert(keyword);
         }
@@ -192,11 +193,19 @@ impl Checker<'_> {
         let numbers: Option<Vec<Rational>> =
             value.entries().iter().map(|e| graph.as_rational(*e).cloned()).collect();
         if numbers.is_none() {
-            self.problem(
-                expr.span,
-                "the value is not a rational number",
-                "write it in decimals, such as `0.785398`",
-            );
+            let decimals: Vec<String> = (value.entries().iter().take(12))
+                .filter_map(|e| graph.eval_f64(*e, &BTreeMap::new()))
+                .filter(|x| x.is_finite())
+                .map(|x| x.to_string())
+                .collect();
+            let help = match (value.shape(), decimals.as_slice()) {
+                (Shape::Scalar, [number]) => format!("write it in decimals: `{number}`"),
+                (Shape::Vector(n), list) if list.len() == n => {
+                    format!("write it in decimals: `[{}]`", list.join(", "))
+                }
+                _ => "write it in decimals, such as `0.785398`".to_owned(),
+            };
+            self.problem(expr.span, "the value is not a rational number", help);
         }
         numbers
     }
@@ -284,7 +293,7 @@ impl Checker<'_> {
         }
         let mut index: BTreeMap<&str, usize> = BTreeMap::new();
         for (k, (name, ..)) in nodes.iter().enumerate() {
-            let reserved = BUILT_IN.contains(&name.text.as_str());
+            let reserved = [BUILT_IN, FAMILIES].iter().any(|names| names.contains(&name.text.as_str()));
             if let Some(reason) = names::refusal(&name.text).or(reserved.then_some("it is built in")) {
                 self.problem(name.span, format!("`{}` cannot be used as a name", name.text), reason);
             } else if let Some(first) = index.get(name.text.as_str()) {
@@ -454,16 +463,25 @@ impl Checker<'_> {
         match LieAlgebra::from_brackets(&name.text, names, &brackets) {
             Ok(algebra) => Some(algebra),
             Err(errors) => {
+                let rule = |a: &String, b: &String| {
+                    let at = |n: &String| index.get(n.as_str()).copied().unwrap_or(0);
+                    spans.get(&(at(a).min(at(b)), at(a).max(at(b)))).copied()
+                };
                 for error in errors.iter().take(3) {
-                    let span = match error {
-                        crate::error::Error::NotAntisymmetric { a, b } => {
-                            let at = |n: &String| index.get(n.as_str()).copied().unwrap_or(0);
-                            let pair = (at(a).min(at(b)), at(a).max(at(b)));
-                            spans.get(&pair).copied().unwrap_or(name.span)
+                    let places: Vec<Span> = match error {
+                        Error::NotAntisymmetric { a, b } => rule(a, b).into_iter().collect(),
+                        Error::JacobiViolated { triple: [a, b, c], .. } => {
+                            [rule(a, b), rule(b, c), rule(c, a)].into_iter().flatten().collect()
                         }
-                        _ => name.span,
+                        _ => Vec::new(),
                     };
-                    self.builder.error(Some(span), error);
+                    let (message, help) = error.message_and_help();
+                    let first = places.first().copied().unwrap_or(name.span);
+                    let mut problem = Diagnostic::new(Some(first), message).with_help(help);
+                    for other in places.into_iter().skip(1) {
+                        problem = problem.with_place(Some(other), "together with this one");
+                    }
+                    self.builder.problems.push(problem);
                 }
                 None
             }
@@ -529,7 +547,18 @@ impl Checker<'_> {
         match Representation::from_matrices(&name.text, algebra, table.into_iter().flatten().collect()) {
             Ok(r) => Some(r),
             Err(error) => {
-                self.builder.error(Some(name.span), &error);
+                let matrix_of = |element: &String| matrices.iter().find(|(n, _)| n.text == *element);
+                let places: Vec<Span> = match &error {
+                    Error::NotARepresentation { pair, .. } => {
+                        pair.iter().filter_map(matrix_of).map(|(n, e)| n.span.to(e.span)).collect()
+                    }
+                    _ => Vec::new(),
+                };
+                let (message, help) = error.message_and_help();
+                let problem = Diagnostic::new(Some(places.first().copied().unwrap_or(name.span)), message)
+                    .with_place(places.get(1).copied(), "together with this one")
+                    .with_help(help);
+                self.builder.problems.push(problem);
                 None
             }
         }
@@ -557,7 +586,9 @@ impl Checker<'_> {
                 if is_poisoned(name, &self.poisoned) {
                     return None;
                 }
-                let message = if BUILT_IN[1..9].contains(&name.as_str()) {
+                let message = if FAMILIES.contains(&name.as_str())
+                    || ["product", "semidirect"].contains(&name.as_str())
+                {
                     self.problem(
                         span,
                         format!("`{name}` needs arguments"),
@@ -616,7 +647,7 @@ impl Checker<'_> {
                     }
                 }
             }
-            family @ ("so" | "se" | "su" | "gl" | "sl" | "heisenberg") => {
+            family if FAMILIES.contains(&family) => {
                 let [AlgebraExpr { node: AlgebraNode::Number(n), .. }] = arguments.as_slice() else {
                     self.problem(
                         span,
@@ -676,6 +707,10 @@ impl Checker<'_> {
     }
 
     fn algebra_help(&self, name: &str) -> String {
+        let stem = name.trim_end_matches(|c: char| c.is_ascii_digit());
+        if FAMILIES.contains(&stem) && stem.len() < name.len() {
+            return format!("did you mean `{stem}({})`?", &name[stem.len()..]);
+        }
         let mut known: Vec<&str> =
             vec!["so", "se", "su", "gl", "sl", "heisenberg", "R", "product", "semidirect"];
         known.extend(self.algebras.keys().map(String::as_str));
@@ -798,7 +833,10 @@ impl Checker<'_> {
         if self.builder.problems.len() > before {
             // The wrong number of names: their components are unknown.
             self.builder.broken.insert("velocity");
-            self.poisoned.extend(names.iter().map(|n| n.text.clone()));
+            for name in names {
+                self.builder.values.remove(&name.text);
+                self.poisoned.insert(name.text.clone());
+            }
         }
     }
 
@@ -1059,8 +1097,15 @@ impl Checker<'_> {
                 }
                 None => {
                     let written = self.one_line(group.span);
-                    let known = Group::NAMED.iter().map(|(name, _)| *name).chain(["R^n"]);
-                    let help = names::suggest(&written, known);
+                    let mut known = Group::NAMED.iter().map(|(name, _)| *name);
+                    // `SU(2)` is one letter from `SE(2)` and another group: only the case is a slip.
+                    let help = match known.clone().find(|name| name.eq_ignore_ascii_case(&written)) {
+                        Some(name) => format!("did you mean `{name}`?"),
+                        None => format!(
+                            "legal here: {}",
+                            names::list(&known.by_ref().chain(["R^n"]).collect::<Vec<_>>())
+                        ),
+                    };
                     self.problem(group.span, format!("unknown group `{written}`"), help);
                 }
             },
@@ -1087,23 +1132,12 @@ impl Checker<'_> {
     }
 }
 
-/// Names that algebra definitions cannot take.
-const BUILT_IN: &[&str] = &[
-    "R",
-    "so",
-    "se",
-    "su",
-    "gl",
-    "sl",
-    "heisenberg",
-    "product",
-    "semidirect",
-    "standard",
-    "adjoint",
-    "coadjoint",
-    "dual",
-    "trivial",
-];
+/// Families of algebras, one for each number.
+const FAMILIES: &[&str] = &["so", "se", "su", "gl", "sl", "heisenberg"];
+
+/// Names that algebra definitions cannot take, besides the families.
+const BUILT_IN: &[&str] =
+    &["R", "product", "semidirect", "standard", "adjoint", "coadjoint", "dual", "trivial"];
 
 /// Names in an algebra expression. Its depth is bounded by the parser.
 fn algebra_names(expr: &AlgebraExpr) -> Vec<String> {

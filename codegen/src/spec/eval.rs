@@ -141,6 +141,10 @@ impl Evaluator<'_> {
                 format!("`{stem}` is vector({n}): its components are `{stem}1` to `{stem}{n}`")
             }
             _ => {
+                if name.strip_suffix("_dot").is_some_and(|stem| self.values.contains_key(stem)) {
+                    return "only coordinates have a `_dot`; accelerations are `ddt(Omega)`, in `constraint`"
+                        .into();
+                }
                 let near = names::suggest(name, self.values.keys().map(String::as_str));
                 if near.is_empty() { "declare it with `param` or `let`".to_owned() } else { near }
             }
@@ -325,7 +329,8 @@ impl Evaluator<'_> {
             Shape::Matrix(..) => 2,
         };
         if indices.is_empty() || indices.len() > wanted {
-            let message = format!("{} indices for {shape}", indices.len());
+            let plural = if indices.len() == 1 { "index" } else { "indices" };
+            let message = format!("{} {plural} for {shape}", indices.len());
             let help = match wanted {
                 0 => "a number has no components",
                 1 => "write `v[1]`",
@@ -372,9 +377,13 @@ impl Evaluator<'_> {
             let plural = if wanted == 1 { "" } else { "s" };
             let message = format!("`{function}` takes {wanted} argument{plural}, found {}", arguments.len());
             let help = match function {
-                "diag" => "write `diag([a, b, c])`",
-                "dot" | "cross" => "both are vectors: `dot(a, b)`",
-                _ => "",
+                "diag" => "write `diag([a, b, c])`".to_owned(),
+                "dot" | "cross" => format!("write `{function}(a, b)` with two vectors"),
+                "pow" => "write `pow(x, y)` or `x^y`".to_owned(),
+                "identity" => "write `identity(3)`".to_owned(),
+                "norm" | "sum" | "hat" => format!("write `{function}(v)` with a vector"),
+                "det" | "trace" | "transpose" => format!("write `{function}(A)` with a matrix"),
+                _ => format!("write `{function}(x)`"),
             };
             return self.fail(span, message, help);
         }
@@ -382,7 +391,8 @@ impl Evaluator<'_> {
             let argument = arguments.first()?;
             let n = self.whole(argument)?;
             if !(1..=MAX_DIM).contains(&n) {
-                return self.fail(argument.span, format!("dimension is not between 1 and {MAX_DIM}"), "");
+                let message = format!("dimension `{n}` is not between 1 and {MAX_DIM}");
+                return self.fail(argument.span, message, "");
             }
             return Some((Value::identity(self.graph, n), 1));
         }
@@ -426,7 +436,9 @@ impl Evaluator<'_> {
             Err(error) => {
                 let shapes: Vec<(&Expr, Shape)> =
                     arguments.iter().zip(values).map(|(e, (v, _))| (e, v.shape())).collect();
-                let shapes = if matches!(error, ValueError::DivisionByZero) { &[][..] } else { &shapes[..] };
+                let is_about_shapes =
+                    !matches!(error, ValueError::DivisionByZero | ValueError::LogarithmOfZero);
+                let shapes = if is_about_shapes { &shapes[..] } else { &[] };
                 self.error(span, &error, shapes)
             }
         }

@@ -23,7 +23,7 @@ pub use builder::{Group, Layout, ModelBuilder};
 pub use diagnostic::{Diagnostic, Diagnostics, Origin, Span};
 pub use model::{
     Advected, Condition, ConnectionKind, Constraint, ConstraintKind, Coordinate, Domain, Model, Named,
-    NamedVector, Param, Reconstruction, ReconstructionKind, Relation, Scene, Side, Stages, Velocity,
+    NamedVector, Param, Places, Reconstruction, ReconstructionKind, Relation, Scene, Side, Stages, Velocity,
     VirtualConstraint, diagnose,
 };
 pub use value::{Shape, Value, ValueError};

@@ -1,7 +1,10 @@
 //! The checked model.
 
+use std::collections::BTreeMap;
+
 use super::diagnostic::{Diagnostic, Diagnostics, Origin, Span};
 use crate::algebra::LieAlgebra;
+use crate::error::Error;
 use crate::expr::{ExprId, Graph, Rational, SymbolId};
 
 /// Which side the group acts from.
@@ -279,6 +282,25 @@ pub struct Scene {
     pub drops: Vec<String>,
     /// Documentation.
     pub doc: String,
+    /// Where its name stands.
+    pub span: Option<Span>,
+    /// Where the names in it stand: fixed parameters, outputs, coordinates.
+    pub places: BTreeMap<String, Span>,
+}
+
+/// Where items of a model stand in its text, for problems that show only when equations are derived.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Places {
+    /// The Lagrangian.
+    pub lagrangian: Option<Span>,
+    /// The inner product for the stages.
+    pub inner_product: Option<Span>,
+    /// The choice of independent velocities.
+    pub independent: Option<Span>,
+    /// The kind of a derived connection.
+    pub connection: Option<Span>,
+    /// Casimirs and outputs by name.
+    pub outputs: BTreeMap<String, Span>,
 }
 
 /// A checked model; every expression lives in [`Model::graph`].
@@ -341,6 +363,8 @@ pub struct Model {
     pub initial: Vec<(String, ExprId)>,
     /// Scenes.
     pub scenes: Vec<Scene>,
+    /// Where its items stand.
+    pub places: Places,
     /// The text, when the model was read from one.
     pub origin: Option<Origin>,
 }
@@ -350,6 +374,48 @@ impl Model {
     pub fn all_velocities(&self) -> Vec<(&str, SymbolId)> {
         let base = self.base.iter().map(|c| (c.velocity_name.as_str(), c.velocity));
         base.chain(self.velocities.iter().map(|v| (v.name.as_str(), v.symbol))).collect()
+    }
+
+    /// An error of a later phase as a problem at the item of the text that causes it.
+    pub fn diagnose(&self, error: &Error) -> Diagnostic {
+        let (message, help) = error.message_and_help();
+        diagnose(self, self.place_of(error), message, help)
+    }
+
+    fn place_of(&self, error: &Error) -> Option<Span> {
+        let constraints = self.constraints.iter().map(|c| (&c.text, c.span));
+        let conditions = self.virtual_constraints.iter().map(|v| (&v.text, v.span));
+        match error {
+            Error::SingularMassMatrix { .. }
+            | Error::TooLarge { .. }
+            | Error::OutOfRange { .. }
+            | Error::DivisionByZero { .. } => self.places.lagrangian,
+            Error::NotConserved { name, .. } => self.places.outputs.get(name).copied(),
+            Error::DependentConstraint { constraint } | Error::InconsistentConstraint { constraint } => {
+                constraints.chain(conditions).find(|(text, _)| *text == constraint).and_then(|(_, span)| span)
+            }
+            Error::NotSolvable { .. } | Error::WrongNumberOfIndependent { .. } => {
+                self.places.independent.or(self.constraints.first().and_then(|c| c.span))
+            }
+            Error::WrongNumberOfDisplacements { .. } => self.virtual_constraints.first().and_then(|v| v.span),
+            Error::DegenerateInnerProduct { stage } => {
+                self.places.inner_product.or_else(|| self.place_of_stage(stage))
+            }
+            Error::NotNested { stage, .. }
+            | Error::NotAnIdeal { stage, .. }
+            | Error::EmptyStage { stage } => self.place_of_stage(stage),
+            Error::AnchorViolated { component, .. } => {
+                let moved = |a: &&Advected| a.components.iter().any(|(name, _)| name == component);
+                self.advected.iter().find(moved).and_then(|a| a.span)
+            }
+            _ => None,
+        }
+    }
+
+    fn place_of_stage(&self, stage: &str) -> Option<Span> {
+        let stages = self.stages.as_ref()?;
+        let at = stages.names.iter().position(|name| name == stage)?;
+        stages.spans.get(at).copied().flatten()
     }
 
     /// Problems of a later phase, ready to be shown with the model's text.

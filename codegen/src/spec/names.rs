@@ -1,33 +1,61 @@
 //! Legal names, reserved names and "did you mean".
 
-/// First words of the items of a model.
-pub(super) const ITEMS: &[&str] = &[
-    "source",
-    "param",
-    "require",
-    "let",
-    "algebra",
-    "representation",
-    "velocity",
-    "quasi_velocity",
-    "connection",
-    "action",
-    "stage",
-    "inner_product",
-    "coordinate",
-    "advected",
-    "lagrangian",
-    "constraint",
-    "virtual",
-    "independent",
-    "multipliers",
-    "force",
-    "casimir",
-    "output",
-    "reconstruct",
-    "initial",
-    "scene",
+/// First words of the items of a model, each with the form of the item.
+pub(super) const ITEMS: &[(&str, &str)] = &[
+    ("source", "source \"Author, year\";"),
+    ("param", "param m = 1 where m > 0;` or `param chi: vector(3) = [0, 0, 1];"),
+    ("require", "require a > b, c != 0;"),
+    ("let", "let name = expression;"),
+    ("algebra", "algebra g = so(3);` or `algebra g { basis a, b; [a, b] = a; }"),
+    ("representation", "representation r of so(3) on R^3 { e1 = [[..], ..]; .. }"),
+    ("velocity", "velocity Omega, V in se(3);"),
+    ("quasi_velocity", "quasi_velocity s;"),
+    ("connection", "connection Omega = A*x_dot;` or `connection mechanical;"),
+    ("action", "action left;"),
+    ("stage", "stage whole;` or `stage translation = ideal(V);"),
+    ("inner_product", "inner_product = diag([1, 1, 2]);"),
+    ("coordinate", "coordinate theta in angle;` or `coordinate x: vector(2) in (0, 1);"),
+    ("advected", "advected Gamma in R^3 by cross(Omega, Gamma);"),
+    ("lagrangian", "lagrangian = expression;"),
+    ("constraint", "constraint name: dot(Omega, Gamma) = 0;"),
+    ("virtual", "virtual delta(v1) + delta(v2) = 0;"),
+    ("independent", "independent Omega, x_dot;"),
+    ("multipliers", "multipliers;"),
+    ("force", "force Omega = -c*Omega;"),
+    ("casimir", "casimir name = expression;"),
+    ("output", "output name = expression;"),
+    ("reconstruct", "reconstruct q in SO(3) from Omega;` or `reconstruct x by v;"),
+    ("initial", "initial Omega = [0, 0, 1];"),
+    ("scene", "scene name { fix m = 1; want energy; drop x; }"),
 ];
+
+/// Whether a word begins an item.
+pub(super) fn is_item(word: &str) -> bool {
+    ITEMS.iter().any(|(item, _)| *item == word)
+}
+
+/// What an item looks like, as a hint; nothing for other words.
+pub(super) fn item_form(word: &str) -> Option<String> {
+    ITEMS.iter().find(|(item, _)| *item == word).map(|(_, form)| format!("written as `{form}`"))
+}
+
+/// The item that a word of another language or of the literature stands for.
+pub(super) fn item_meant_by(word: &str) -> String {
+    let advice = match word {
+        "parameter" | "parameters" | "const" | "constant" => "write `param name = value;`",
+        "hamiltonian" | "kinetic" | "potential" => {
+            "name it with `let`; the system is given by `lagrangian = ..;`"
+        }
+        "variable" | "var" | "state" => {
+            "write `coordinate` for the base, `velocity` for the algebra, `advected` for what the group moves"
+        }
+        "group" => "write the algebra: `velocity Omega in so(3);`, and `reconstruct` for the group",
+        "constraints" | "nonholonomic" | "holonomic" => "write `constraint dot(Omega, Gamma) = 0;`",
+        "equation" | "equations" => "equations of motion are derived, not written",
+        _ => return suggest(word, ITEMS.iter().map(|(item, _)| *item)),
+    };
+    advice.to_owned()
+}
 
 /// Functions of the expression language.
 pub(super) const FUNCTIONS: &[&str] = &[

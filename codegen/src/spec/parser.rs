@@ -13,7 +13,7 @@ use syn::buffer::{Cursor, TokenBuffer};
 use super::ast::*;
 use super::diagnostic::{Diagnostic, Span};
 use super::model::ConnectionKind;
-use super::names::{self, ITEMS};
+use super::names;
 use crate::expr::Rational;
 
 /// Largest model file in bytes.
@@ -75,6 +75,11 @@ fn lex(text: &str, problems: &mut Vec<Diagnostic>) -> Option<TokenStream> {
         while !patched.is_char_boundary(at) {
             at -= 1;
         }
+        // Rust reads `b'`, `c'` and the like as prefixes; the quote is what does not belong there.
+        let prefix = patched[at..].bytes().take_while(u8::is_ascii_alphanumeric).count();
+        if patched[at + prefix..].starts_with('\'') {
+            at += prefix;
+        }
         let found = patched[at..].chars().next();
         let span = Span::new(at, at + found.map_or(0, char::len_utf8));
         let problem = |message: String, help: &str| Diagnostic::new(Some(span), message).with_help(help);
@@ -91,10 +96,7 @@ fn lex(text: &str, problems: &mut Vec<Diagnostic>) -> Option<TokenStream> {
                 return None;
             }
             Some('"') => {
-                problems.push(problem(
-                    "text is not closed".into(),
-                    "end it with `\"` and escape inner quotes as `\\\"`",
-                ));
+                problems.push(open_text(at));
                 return None;
             }
             Some('/') if patched[at..].starts_with("/*") => {
@@ -107,15 +109,19 @@ fn lex(text: &str, problems: &mut Vec<Diagnostic>) -> Option<TokenStream> {
                     '·' | '×' | '⋅' => "write `*`, `dot(a, b)` or `cross(a, b)`",
                     '−' => "write `-`",
                     '\\' => "names are plain words such as `Omega`",
+                    '“' | '”' | '„' | '‟' => "write plain quotes: `\"`",
                     _ if c.is_ascii_digit() => "numbers look like `3`, `0.25` or `1e-3`",
                     _ => "names are ASCII letters, digits and underscores",
                 };
                 let shown = if c.is_control() { format!("\\u{{{:x}}}", c as u32) } else { c.to_string() };
-                problems.push(problem(format!("`{shown}` cannot begin a token"), help));
+                problems.push(problem(format!("`{shown}` is not part of the language"), help));
                 // Obvious replacements avoid a second complaint about the same place.
                 let stand_in = match c {
                     '·' | '×' | '⋅' => '*',
                     '−' => '-',
+                    '“' | '”' | '„' | '‟' => '"',
+                    // Keeps `Omega'` apart from `Omega`.
+                    '\'' => '_',
                     _ => ' ',
                 };
                 patched.replace_range(
@@ -132,12 +138,19 @@ fn lex(text: &str, problems: &mut Vec<Diagnostic>) -> Option<TokenStream> {
     None
 }
 
+fn open_text(start: usize) -> Diagnostic {
+    let span = Span::new(start, start + 1);
+    Diagnostic::new(Some(span), "text is not closed").with_help("end it with `\"`; inner quotes are `\\\"`")
+}
+
 /// Finds the bracket that is not closed or not opened; the lexer would only name the place where it noticed.
 ///
 /// Texts and comments are skipped as the lexer does; what it would reject (a stray quote) ends the search.
 fn check_brackets(text: &str) -> Parsed<()> {
     let bytes = text.as_bytes();
     let mut stack: Vec<(u8, usize)> = Vec::new();
+    // The first pair of braces that are not indented alike: where one of them is missing, most likely.
+    let mut crooked: Option<(usize, usize)> = None;
     let mut at = 0;
     while let Some(byte) = bytes.get(at) {
         match byte {
@@ -161,12 +174,14 @@ fn check_brackets(text: &str) -> Parsed<()> {
                 continue;
             }
             b'"' => {
+                let start = at;
                 at += 1;
-                while let Some(inside) = bytes.get(at) {
-                    match inside {
-                        b'\\' => at += 2,
-                        b'"' => break,
-                        _ => at += 1,
+                loop {
+                    match bytes.get(at) {
+                        Some(b'\\') => at += 2,
+                        Some(b'"') => break,
+                        Some(_) => at += 1,
+                        None => return Err(Box::new(open_text(start))),
                     }
                 }
             }
@@ -178,7 +193,15 @@ fn check_brackets(text: &str) -> Parsed<()> {
                 let problem = match stack.pop() {
                     Some((b'(', _)) if *byte == b')' => None,
                     Some((b'[', _)) if *byte == b']' => None,
-                    Some((b'{', _)) if *byte == b'}' => None,
+                    Some((b'{', start)) if *byte == b'}' => {
+                        let (open, close) = (indent(text, start), indent(text, at));
+                        // Only a brace that begins its line is indented on purpose.
+                        let begins_line = text[..at].trim_end_matches([' ', '\t']).ends_with('\n');
+                        if crooked.is_none() && begins_line && open != close {
+                            crooked = Some((start, at));
+                        }
+                        None
+                    }
                     Some((open, start)) => {
                         let place = Span::new(start, start + 1);
                         let message = format!("`{}` is not closed", char::from(open));
@@ -202,11 +225,21 @@ fn check_brackets(text: &str) -> Parsed<()> {
     match stack.pop() {
         Some((open, start)) => {
             let message = format!("`{}` is not closed", char::from(open));
-            let problem = Diagnostic::new(Some(Span::new(start, start + 1)), message);
+            let (start, other) = crooked.map_or((start, None), |(start, end)| (start, Some(end)));
+            let place = other.map(|end| Span::new(end, end + 1));
+            let problem = Diagnostic::new(Some(Span::new(start, start + 1)), message)
+                .with_place(place, "by its indentation, this closes another one");
             Err(Box::new(problem.with_help("add the closing bracket")))
         }
         None => Ok(()),
     }
+}
+
+/// The blanks before the line that contains an offset.
+fn indent(text: &str, offset: usize) -> &str {
+    let line = text[..offset].rfind('\n').map_or(0, |newline| newline + 1);
+    let rest = &text[line..];
+    &rest[..rest.len() - rest.trim_start_matches([' ', '\t']).len()]
 }
 
 /// The lexer does not recurse but everything after it would.
@@ -450,6 +483,7 @@ impl<'a> Parser<'a> {
                 continue;
             }
             let keyword = self.here();
+            let form = self.peek_ident().and_then(|word| names::item_form(&word));
             let parsed = doc.and_then(|doc| Ok((doc, self.item()?)));
             match parsed {
                 Ok((doc, (kind, block))) => {
@@ -459,14 +493,17 @@ impl<'a> Parser<'a> {
                         let at = Span::new(self.last, self.last);
                         let found = self.found();
                         let problem = Diagnostic::new(Some(at), format!("expected `;`, found {found}"));
-                        outcome.problems.push(problem.with_help("every item ends with `;`"));
+                        outcome.problems.push(problem.with_help(self.after_item(form)));
                         // Before another item only the `;` is missing.
-                        if !self.peek_ident().is_some_and(|word| ITEMS.contains(&word.as_str())) {
+                        if !self.peek_ident().is_some_and(|word| names::is_item(&word)) {
                             self.skip_item();
                         }
                     }
                 }
-                Err(problem) => {
+                Err(mut problem) => {
+                    if problem.message.starts_with("expected") {
+                        problem.help = problem.help.or(form);
+                    }
                     outcome.problems.push(*problem);
                     // Always step over at least one token.
                     if self.cursor == start
@@ -482,12 +519,26 @@ impl<'a> Parser<'a> {
         }
     }
 
+    /// What to change when an item goes on where it should end.
+    fn after_item(&self, form: Option<String>) -> String {
+        match (self.cursor.punct(), self.peek_ident()) {
+            (Some((punct, _)), _) if matches!(punct.as_char(), '<' | '>' | '=' | '!') => {
+                "conditions stand after `where` or in `require`, equations in `constraint`".into()
+            }
+            (Some(_), _) => "the operators are `+`, `-`, `*`, `/` and `^`".into(),
+            (None, Some(word)) if !names::is_item(&word) => form.unwrap_or_default(),
+            _ => "every item ends with `;`".into(),
+        }
+    }
+
     /// Skips to the end of a broken item: past `;`, or before a word that begins an item and a line.
     fn skip_item(&mut self) {
         while let Some((tree, rest)) = self.cursor.token_tree() {
             let span = span_of(tree.span());
             match &tree {
-                TokenTree::Ident(word) if self.begins_line(span.start) && ITEMS.iter().any(|k| word == k) => {
+                TokenTree::Ident(word)
+                    if self.begins_line(span.start) && names::is_item(&word.to_string()) =>
+                {
                     return;
                 }
                 // A doc comment begins the next item.
@@ -635,7 +686,7 @@ impl<'a> Parser<'a> {
             }
             other => {
                 let problem = Diagnostic::new(Some(keyword.span), format!("`{other}` begins no item"));
-                return Err(Box::new(problem.with_help(names::suggest(other, ITEMS.iter().copied()))));
+                return Err(Box::new(problem.with_help(names::item_meant_by(other))));
             }
         };
         Ok((kind, false))
@@ -1070,6 +1121,10 @@ impl<'a> Parser<'a> {
             }
             return Ok(Expr { node: Node::List(list), span });
         }
+        if self.peek_punct('|') {
+            let problem = Diagnostic::new(Some(start), "expected an expression, found `|`");
+            return Err(Box::new(problem.with_help("write `abs(x)` for a number, `norm(v)` for a vector")));
+        }
         let name = self.ident("an expression")?;
         if let Some((mut inside, span)) = self.group(Delimiter::Parenthesis) {
             let arguments = inside.comma_list(|p| p.expr())?;
@@ -1124,14 +1179,15 @@ fn number(text: &str, span: Span) -> Parsed<Rational> {
         );
     }
     if digits.len() > MAX_DIGITS {
-        return problem(format!("number has {} digits, the limit is {MAX_DIGITS}", digits.len()), "");
+        let message = format!("number has {} digits, the limit is {MAX_DIGITS}", digits.len());
+        return problem(message, "round it: generated code computes with 16 digits");
     }
     let exponent: i64 = match exponent.parse::<i64>() {
         Ok(e) if e.unsigned_abs() <= MAX_DIGITS as u64 => e,
         _ => {
             return problem(
                 format!("exponent of the number is not between -{MAX_DIGITS} and {MAX_DIGITS}"),
-                "",
+                "choose units in which the value is moderate",
             );
         }
     };

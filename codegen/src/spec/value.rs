@@ -57,6 +57,8 @@ pub enum ValueError {
     },
     /// Division by an expression that is identically zero.
     DivisionByZero,
+    /// The logarithm of an expression that is identically zero.
+    LogarithmOfZero,
     /// An exponent beyond the limits.
     Exponent(Rational),
     /// An index outside `1..=len`.
@@ -101,10 +103,14 @@ impl fmt::Display for ValueError {
                 write!(f, "cannot {operation} {left} and {right}")
             }
             ValueError::Shapes { operation, left, right } => write!(f, "`{operation}` of {left} and {right}"),
+            ValueError::Argument { function, expected, found } if function == "[ ]" => {
+                write!(f, "expected {expected}, found {found}")
+            }
             ValueError::Argument { function, expected, found } => {
                 write!(f, "`{function}` takes {expected}, found {found}")
             }
             ValueError::DivisionByZero => f.write_str("division by zero"),
+            ValueError::LogarithmOfZero => f.write_str("logarithm of zero"),
             ValueError::Exponent(q) => {
                 let shown: String = q.to_string().chars().take(40).collect();
                 write!(f, "exponent {shown} is too large, the limit is {MAX_EXPONENT}")
@@ -155,9 +161,19 @@ impl ValueError {
             ValueError::Shapes { operation: "divide", .. } => {
                 "only a number can divide: solve by hand or use `dot`".into()
             }
-            ValueError::Shapes { operation: "raise", .. } => {
-                "powers are for numbers: write `dot(v, v)` or `A * A`".into()
+            ValueError::Shapes { operation: "raise", left: Shape::Vector(_), .. } => {
+                "powers are for numbers: write `dot(v, v)`, or `[v1^2, v2^2]` component by component".into()
             }
+            ValueError::Shapes { operation: "raise", left: Shape::Matrix(..), .. } => {
+                "powers are for numbers: write `A * A`; matrices are not inverted".into()
+            }
+            ValueError::Shapes { operation: "raise", .. } => "an exponent is a number".into(),
+            ValueError::DivisionByZero => {
+                "the divisor vanishes identically, whatever the names in it stand for".into()
+            }
+            ValueError::LogarithmOfZero => "its argument vanishes identically".into(),
+            ValueError::Exponent(_) => "powers are computed exactly".into(),
+            ValueError::Ragged { .. } => "a vector holds numbers, a matrix rows of one length".into(),
             ValueError::NotAVelocity { function } => {
                 format!(
                     "name a velocity of the base or of the algebra: `{function}(Omega)`, `{function}(q_dot)`"
@@ -174,8 +190,13 @@ impl ValueError {
                     _ => "both sides must have the same shape".into(),
                 }
             }
-            ValueError::Argument { expected: "a number", .. } => {
-                "apply it to each component, as in `[sin(a), sin(b)]`".into()
+            ValueError::Argument { function, expected: "a number", .. } => {
+                format!("apply it to each component, as in `[{function}(a), {function}(b)]`")
+            }
+            ValueError::Argument { function, expected: "a vector", found: Shape::Scalar }
+                if function == "norm" =>
+            {
+                "write `abs(x)` for a number".into()
             }
             _ => String::new(),
         }
@@ -584,11 +605,11 @@ impl Value {
     /// An elementary function of a number.
     ///
     /// # Errors
-    /// [`ValueError::Argument`] unless it is a number, [`ValueError::DivisionByZero`] for `ln(0)`.
+    /// [`ValueError::Argument`] unless it is a number, [`ValueError::LogarithmOfZero`].
     pub fn func(&self, g: &mut Graph, f: Func) -> Outcome {
         let a = self.scalar(f.name())?;
         if f == Func::Ln && g.as_rational(a).is_some_and(Zero::is_zero) {
-            return Err(ValueError::DivisionByZero);
+            return Err(ValueError::LogarithmOfZero);
         }
         Ok(Value::Scalar(g.func(f, a)))
     }

@@ -100,6 +100,21 @@ impl ModelBuilder {
 
     /// A condition `left = right` on virtual displacements, linear in [`ModelBuilder::delta`]; a vector equation gives one
     /// condition per component. Without any, the displacements are those that the constraints allow.
+    ///
+    /// ```
+    /// use hamel_codegen::algebra::LieAlgebra;
+    /// use hamel_codegen::spec::{ModelBuilder, Value};
+    ///
+    /// let mut b = ModelBuilder::new("servo");
+    /// let v = b.velocities(LieAlgebra::abelian(2), &["v"]).remove(0);
+    /// let energy = v.dot(b.graph(), &v).unwrap();
+    /// let zero = Value::Scalar(b.graph().zero());
+    /// let (first, second) = (v.row(1).unwrap(), v.row(2).unwrap());
+    /// let (acceleration, displacement) = (b.ddt(&first).unwrap(), b.delta(&second).unwrap());
+    /// b.lagrangian(&energy).constraint(None, "ddt(v1) = 0", &acceleration, &zero);
+    /// b.virtual_constraint(None, "delta(v2) = 0", &displacement, &zero);
+    /// assert_eq!(b.build().unwrap().virtual_constraints.len(), 1);
+    /// ```
     pub fn virtual_constraint(
         &mut self,
         name: Option<&str>,
@@ -294,7 +309,7 @@ impl ModelBuilder {
         draft: &ConstraintDraft,
         what: &str,
         prefix: &str,
-        taken: &mut BTreeSet<String>,
+        taken: &mut BTreeMap<String, Option<Span>>,
         n_unnamed: &mut usize,
     ) -> Vec<(String, String, ExprId)> {
         let (left, right) = broadcast_zero(&mut self.graph, &draft.left, &draft.right);
@@ -317,8 +332,11 @@ impl ModelBuilder {
             if let Some(reason) = names::refusal(&name) {
                 self.problem(draft.span, format!("`{name}` cannot be used as a name"), reason);
             }
-            if !taken.insert(name.clone()) {
-                self.problem(draft.span, format!("{what} `{name}` is declared twice"), "rename one of them");
+            if let Some(first) = taken.insert(name.clone(), draft.span) {
+                let problem = Diagnostic::new(draft.span, format!("{what} `{name}` is declared twice"))
+                    .with_place(first, "first here")
+                    .with_help("rename one of them");
+                self.problems.push(problem);
             }
             let text = &draft.text;
             let place = if n > 1 {
@@ -337,7 +355,7 @@ impl ModelBuilder {
 
     pub(super) fn check_constraints(&mut self) -> Vec<Constraint> {
         let mut result = Vec::new();
-        let mut taken = BTreeSet::new();
+        let mut taken = BTreeMap::new();
         let mut n_unnamed = 0;
         for draft in self.constraints.clone() {
             for (name, place, e) in self.rows(&draft, "constraint", "c", &mut taken, &mut n_unnamed) {
@@ -400,7 +418,7 @@ impl ModelBuilder {
         let unknowns: Vec<SymbolId> =
             velocities.iter().filter_map(|v| self.displacements.get(v)).copied().collect();
         let mut result = Vec::new();
-        let mut taken = BTreeSet::new();
+        let mut taken = BTreeMap::new();
         let mut n_unnamed = 0;
         for draft in self.virtual_constraints.clone() {
             let span = draft.span;
@@ -437,6 +455,7 @@ impl ModelBuilder {
         let (names, span) = self.independent.clone()?;
         let n_velocities = self.base.len() + self.velocities.len();
         let mut chosen = Vec::new();
+        let before = self.problems.len();
         for (name, span) in names {
             let quasi = self.quasi_velocities.iter().position(|v| v.name == name);
             let indices = match quasi {
@@ -445,15 +464,16 @@ impl ModelBuilder {
             };
             if indices.is_empty() {
                 self.unknown_velocity(&name, span);
-                return None;
+                continue;
             }
-            for k in indices {
-                if chosen.contains(&k) {
-                    self.problem(span, format!("`{name}` is named twice"), "name every velocity once");
-                    return None;
-                }
-                chosen.push(k);
+            if indices.iter().any(|k| chosen.contains(k)) {
+                self.problem(span, format!("`{name}` is named twice"), "name every velocity once");
+                continue;
             }
+            chosen.extend(indices);
+        }
+        if self.problems.len() > before {
+            return None;
         }
         // Broken constraints are not counted, so the count means nothing then.
         if !self.problems.is_empty() {

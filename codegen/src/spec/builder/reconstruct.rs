@@ -349,9 +349,17 @@ impl ModelBuilder {
                 counted(indices.len(), "velocity", "velocities"),
                 group.dim()
             );
-            let blocks: BTreeSet<&str> = self.velocities.iter().map(|v| v.block.as_str()).collect();
-            let help = match (from.first(), blocks.first()) {
+            // A slot of the right dimension, or the first components.
+            let mut blocks: BTreeMap<&str, usize> = BTreeMap::new();
+            self.velocities.iter().for_each(|v| *blocks.entry(&v.block).or_default() += 1);
+            let fitting = blocks.iter().find(|(_, size)| **size == group.dim()).map(|(block, _)| *block);
+            let first: Vec<&str> =
+                self.velocities.iter().take(group.dim()).map(|v| v.name.as_str()).collect();
+            let help = match (from.first(), fitting) {
                 (None, Some(block)) => format!("say which: `in {group} from {block};`"),
+                (None, None) if first.len() == group.dim() => {
+                    format!("say which, for example `in {group} from {};`", first.join(", "))
+                }
                 _ => "name the velocities of the algebra that move it".to_owned(),
             };
             self.problem(span, message, help);
