@@ -237,7 +237,7 @@ impl Div for DoubleDouble {
     #[inline]
     fn div(self, other: Self) -> Self {
         let first = self.hi / other.hi;
-        if !first.is_finite() || !other.hi.is_finite() {
+        if first == 0.0 || !first.is_finite() || !other.hi.is_finite() {
             return first.into();
         }
         // Long division by three digits in the base 2^53.

@@ -62,6 +62,12 @@ macro_rules! lanes {
             fn map(self, f: impl FnMut(f64) -> f64) -> Self {
                 Self::new(self.to_array().map(f))
             }
+
+            #[cold]
+            #[inline(never)]
+            fn lanewise_sin_cos(self) -> (Self, Self) {
+                (self.map(math::sin), self.map(math::cos))
+            }
         }
 
         impl From<[f64; $n]> for $name {
@@ -139,7 +145,7 @@ macro_rules! lanes {
             #[inline]
             fn sin_cos(self) -> (Self, Self) {
                 if self.0.abs().simd_gt($floats::splat(trig::BOUND)).any() {
-                    (self.map(math::sin), self.map(math::cos))
+                    self.lanewise_sin_cos()
                 } else {
                     trig::reduced(self)
                 }

@@ -9,6 +9,7 @@ pub mod errata;
 pub mod linear;
 pub mod models;
 pub mod problem;
+pub mod random;
 pub mod reference;
 pub mod tracked;
 

@@ -3,19 +3,7 @@
 use hamel_codegen::scene::{self, BuiltScene};
 use hamel_runtime::{Scene, StateVector};
 use hamel_tests::models::{build, model, names};
-
-/// SplitMix64 (Steele, Lea, Flood 2014), mapped to `[-1, 1)`.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        (z ^ (z >> 31)) as f64 / (1u64 << 63) as f64 - 1.0
-    }
-}
+use hamel_tests::random::Random;
 
 fn same_bits(what: &str, compiled: &[f64], interpreted: &[f64]) {
     for (k, (a, b)) in compiled.iter().zip(interpreted).enumerate() {
@@ -34,13 +22,13 @@ fn compare<S: Scene<f64>>(built: &BuiltScene, zeros: S::State) -> usize {
     for round in 0..40 {
         let spread = if round == 0 { 0.0 } else { 0.05 };
         let params: Vec<f64> =
-            info.params.iter().map(|p| p.default * (1.0 + spread * random.next())).collect();
+            info.params.iter().map(|p| p.default * (1.0 + spread * random.number())).collect();
         let interpreter = built.prepare(&params).unwrap_or_else(|e| panic!("{label}: {e}"));
         let compiled = S::prepare(&params).unwrap_or_else(|e| panic!("{label}: {e}"));
         let mut y = zeros.clone();
         // Inside (0, 1): every coordinate is in its domain there.
-        y.as_mut_slice().iter_mut().for_each(|x| *x = 0.5 + 0.45 * random.next());
-        let t = random.next();
+        y.as_mut_slice().iter_mut().for_each(|x| *x = 0.5 + 0.45 * random.number());
+        let t = random.number();
         let mut dy = zeros.clone();
         compiled.rhs(t, &y, &mut dy);
         let mut expected = vec![0.0; info.state.len()];

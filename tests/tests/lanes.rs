@@ -3,19 +3,7 @@
 use std::array;
 
 use hamel_runtime::{F64x4, F64x8, Real, Scene, StateVector};
-
-/// SplitMix64 (Steele, Lea, Flood 2014), mapped to `[-1, 1)`.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        (z ^ (z >> 31)) as f64 / (1u64 << 63) as f64 - 1.0
-    }
-}
+use hamel_tests::random::Random;
 
 /// Right-hand side, energy and outputs, one after the other.
 fn values<R: Real, S: Scene<R>>(params: &[R], t: R, state: &[R], zeros: &S::State) -> Vec<R>
@@ -44,7 +32,7 @@ where
     let mut random = Random(20_261_122);
     let mut compared = 0;
     for _ in 0..5 {
-        let mut lanes = |f: &dyn Fn(f64) -> f64| -> [f64; N] { array::from_fn(|_| f(random.next())) };
+        let mut lanes = |f: &dyn Fn(f64) -> f64| -> [f64; N] { array::from_fn(|_| f(random.number())) };
         let params: Vec<[f64; N]> =
             info.params.iter().map(|p| lanes(&|x| p.default * (1.0 + 0.05 * x))).collect();
         // Inside (0, 1): every coordinate is in its domain there.
