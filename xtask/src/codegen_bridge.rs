@@ -130,39 +130,6 @@ fn forever(name: String) -> &'static str {
     name
 }
 
-/// A generated module.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Module {
-    /// Its entry in the index.
-    pub entry: Entry,
-    /// The whole file.
-    pub text: String,
-}
-
-/// Emits the modules of all scenes of a model.
-///
-/// # Errors
-/// [`Error::Models`] with the problems of the first scene that has any, [`Error::Emission`].
-pub fn emit(model: &Model) -> Result<Vec<Module>, Error> {
-    let mut modules = Vec::new();
-    for name in scene_names(model) {
-        let built = scene::build(model, &name)?;
-        let fail = |source| Error::Emission { model: model.name.clone(), source: Box::new(source) };
-        let text = built.emit().map_err(fail)?;
-        modules.push(Module { entry: built.entry(), text });
-    }
-    Ok(modules)
-}
-
-/// Emits the index of generated modules.
-///
-/// # Errors
-/// [`Error::Emission`].
-pub fn emit_index(entries: &[Entry]) -> Result<String, Error> {
-    scene::emit_index(entries)
-        .map_err(|source| Error::Emission { model: "the index".into(), source: Box::new(source) })
-}
-
 /// The same system written with another connection: `trivial`, `mechanical` or `nonholonomic`.
 ///
 /// # Errors
