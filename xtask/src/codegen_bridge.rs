@@ -9,7 +9,7 @@ pub use hamel_codegen::emit::SceneEntry as Entry;
 use hamel_codegen::expr::{Graph, Style, rational_to_f64};
 use hamel_codegen::reduction;
 use hamel_codegen::scene::{self, BuiltScene, Interpreter};
-pub use hamel_codegen::spec::Model;
+pub use hamel_codegen::spec::{Kind, Model};
 use hamel_codegen::spec::{self, ConnectionKind, Domain, ReconstructionKind};
 use hamel_runtime::Failure;
 
@@ -27,11 +27,19 @@ pub const DEFAULT_SCENE: &str = scene::DEFAULT;
 pub fn read(workspace: &Workspace, spec: &Spec) -> Result<Model, Error> {
     let shown = workspace.shown(&spec.path);
     let text = std::fs::read_to_string(&spec.path).map_err(|e| Error::io(shown.clone(), e))?;
-    let model = spec::parse(&shown, &text)?;
+    let model = parse(&shown, &text)?;
     if spec.in_repository && model.name != spec.name {
         return Err(Error::Misnamed { file: shown, model: model.name });
     }
     Ok(model)
+}
+
+/// Reads and checks the text of a model; `file` is shown in messages.
+///
+/// # Errors
+/// [`Error::Models`] with every problem of the text.
+pub fn parse(file: &str, text: &str) -> Result<Model, Error> {
+    Ok(spec::parse(file, text)?)
 }
 
 /// Names of a model's scenes, the default first.

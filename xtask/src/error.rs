@@ -20,6 +20,23 @@ pub enum Error {
         /// The models there are.
         known: Vec<String>,
     },
+    /// No command of this name.
+    UnknownCommand {
+        /// The name.
+        name: String,
+        /// The commands there are.
+        known: Vec<String>,
+    },
+    /// A file that would have been overwritten.
+    Exists {
+        /// The file.
+        file: String,
+    },
+    /// A crate that cannot be published as it is.
+    Unpublishable {
+        /// What is wrong, a crate and a reason each.
+        problems: Vec<(String, String)>,
+    },
     /// A model has no scene of this name.
     UnknownScene {
         /// The model.
@@ -199,6 +216,7 @@ impl Error {
         match self {
             Error::Stopped { .. }
             | Error::Stale { .. }
+            | Error::Unpublishable { .. }
             | Error::NotCompiled { .. }
             | Error::Io { .. }
             | Error::Failed { .. } => 1,
@@ -294,6 +312,16 @@ impl fmt::Display for Error {
                 hint(name, known),
                 quoted(known)
             ),
+            Error::UnknownCommand { name, known } => {
+                write!(f, "no command `{name}`{}\n  commands: {}", hint(name, known), quoted(known))
+            }
+            Error::Exists { file } => {
+                write!(f, "{file} exists and is left as it is: choose another name, or remove it")
+            }
+            Error::Unpublishable { problems } => {
+                f.write_str("crates cannot be published as they are:")?;
+                problems.iter().try_for_each(|(name, reason)| write!(f, "\n  {name} {reason}"))
+            }
             Error::UnknownScene { model, name, known } => {
                 write!(f, "{model} has no scene `{name}`{}\n  scenes: {}", hint(name, known), quoted(known))
             }
