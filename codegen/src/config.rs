@@ -7,6 +7,7 @@
 //! Deliberately does not know: how a scene becomes text, what is in the text.
 
 use std::collections::BTreeMap;
+use std::ffi::OsString;
 use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -132,7 +133,7 @@ impl Config {
                 println!("cargo::rerun-if-changed={}", path.as_ref().display());
             }
         }
-        let folder = self.folder()?;
+        let folder = self.folder(std::env::var_os("OUT_DIR"))?;
         let models: Vec<Model> = collect(paths.iter().map(|path| read(path).map_err(Problems::from)))?;
         self.generate(&models)?.write(&folder)?;
         Ok(())
@@ -145,14 +146,14 @@ impl Config {
     /// # Errors
     /// As [`Config::compile`].
     pub fn compile_models(&mut self, models: &[Model]) -> Result<(), Problems> {
-        let folder = self.folder()?;
+        let folder = self.folder(std::env::var_os("OUT_DIR"))?;
         self.generate(models)?.write(&folder)?;
         Ok(())
     }
 
-    fn folder(&self) -> Result<PathBuf, Problem> {
-        let from_cargo = || std::env::var_os("OUT_DIR").map(PathBuf::from);
-        self.out_dir.clone().or_else(from_cargo).ok_or(Problem::NoOutDir)
+    /// The directory to write to; `from_cargo` is the value of `OUT_DIR`.
+    fn folder(&self, from_cargo: Option<OsString>) -> Result<PathBuf, Problem> {
+        self.out_dir.clone().or(from_cargo.map(PathBuf::from)).ok_or(Problem::NoOutDir)
     }
 
     /// The files of all scenes as text. Reads no files and no environment, and writes nothing.

@@ -34,3 +34,7 @@ pub mod scene;
 pub mod spec;
 
 pub use config::{Config, compile};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

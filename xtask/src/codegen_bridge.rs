@@ -9,8 +9,8 @@ pub use hamel_codegen::emit::SceneEntry as Entry;
 use hamel_codegen::expr::{Graph, Style, rational_to_f64};
 use hamel_codegen::reduction;
 use hamel_codegen::scene::{self, BuiltScene, Interpreter};
-pub use hamel_codegen::spec::{Kind, Model};
 use hamel_codegen::spec::{self, ConnectionKind, Domain, ReconstructionKind};
+pub use hamel_codegen::spec::{Kind, Model};
 use hamel_runtime::Failure;
 
 use crate::dynamics::{BadParams, Dynamics, Factory, Info, OutputEntry, ParamEntry};

@@ -145,17 +145,18 @@ pub fn new(workspace: &Workspace, model: &str) -> Result<String, Error> {
     let mut file = std::fs::File::create_new(&path).map_err(fail)?;
     file.write_all(text.as_bytes()).map_err(fail)?;
     let is_ours = path.parent() == Some(&workspace.specs_folder());
-    let argument = if is_ours { name } else { model };
-    let mut lines = vec![
-        format!("{shown} is a model to start from. Look at it, change it, and try:"),
-        format!("  cargo xtask explain {argument}"),
-        format!("  cargo xtask simulate {argument} --via interpreter --reconstruct -o {name}.svg"),
+    // A model of the repository is compiled only after `generate`; any other one is interpreted anyway.
+    let (argument, via) = if is_ours { (name, " --via interpreter") } else { (model, "") };
+    let last = match is_ours {
+        true => "  cargo xtask generate",
+        false => "In a crate of its own, a build script generates it: docs/build-rs.md",
+    };
+    let lines = [
+        &format!("{shown} is a model to start from. Look at it, change it, and try:"),
+        &format!("  cargo xtask explain {argument}"),
+        &format!("  cargo xtask simulate {argument}{via} --reconstruct -o {name}.svg"),
+        last,
     ];
-    if is_ours {
-        lines.push("  cargo xtask generate".into());
-    } else {
-        lines.push("A build script generates it: docs/build-rs.md".into());
-    }
     Ok(lines.join("\n"))
 }
 

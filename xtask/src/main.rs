@@ -37,10 +37,13 @@ enum Task {
     ///
     /// The model can be explained, simulated and generated as it is. A name is written to models/specs; a file that is
     /// there already is never touched.
-    #[command(arg_required_else_help = true, after_help = "\
+    #[command(
+        arg_required_else_help = true,
+        after_help = "\
 Examples:
   cargo xtask new my_model              models/specs/my_model.hamel
-  cargo xtask new ../robot/arm.hamel    a file of another crate, for its build script")]
+  cargo xtask new ../robot/arm.hamel    a file of another crate, for its build script"
+    )]
     New {
         /// Name of the model, or a path that ends in .hamel
         model: String,
@@ -75,12 +78,15 @@ Examples:
         models: Vec<String>,
     },
     /// Show algebra, stage forms, connection, equations and operation counts of a model
-    #[command(arg_required_else_help = true, after_help = "\
+    #[command(
+        arg_required_else_help = true,
+        after_help = "\
 Examples:
   cargo xtask explain kirchhoff_body
   cargo xtask explain heavy_top --scene lagrange
   cargo xtask explain two_arm_satellite --ops
-  cargo xtask explain euler_disk --latex > euler_disk.tex")]
+  cargo xtask explain euler_disk --latex > euler_disk.tex"
+    )]
     Explain {
         /// Name of a model, or a path that ends in .hamel
         model: String,
@@ -103,10 +109,13 @@ Examples:
     /// Missing parameters take the model's defaults, a missing t is 0, and every state names all state variables.
     /// Prints one line: {"model", "state": [names], "derivatives": [[..], ..], "energy": [..] or null,
     /// "outputs": {group: [{component: number, ..}, ..], ..}}, with one entry per state throughout.
-    #[command(arg_required_else_help = true, after_help = "\
+    #[command(
+        arg_required_else_help = true,
+        after_help = "\
 Examples:
   echo '{\"states\": [{\"Omega1\": 1, \"Omega2\": 0.2, \"Omega3\": 0.1}]}' | cargo xtask eval free_rigid_body
-  cargo xtask eval heavy_top --scene lagrange --via interpreter < request.json")]
+  cargo xtask eval heavy_top --scene lagrange --via interpreter < request.json"
+    )]
     Eval(SceneArgs),
     /// Integrate a model from an initial state; print a summary and write files
     ///
@@ -120,7 +129,9 @@ Examples:
     /// With "reconstruct", the coordinates of the group start from the values in it, all of them or none for the
     /// defaults, and "reconstruction" has their final values; "final" and "samples" hold the model's own state only.
     /// `cargo xtask list` shows their names as the state of scene reconstruction beyond the default one.
-    #[command(arg_required_else_help = true, after_help = "\
+    #[command(
+        arg_required_else_help = true,
+        after_help = "\
 Examples:
   cargo xtask simulate heavy_top -o heavy_top.svg
   cargo xtask simulate heavy_top --set m=2 l=0.1 --initial Omega3=20 --t-final 5 -o top.csv -o top.svg
@@ -130,7 +141,8 @@ Examples:
   echo '{\"initial\": {\"Omega1\": 1, \"Omega2\": 0.2, \"Omega3\": 0.1}, \"t_final\": 10, \"samples\": 5}' \\
     | cargo xtask simulate free_rigid_body --json
   echo '{\"initial\": {\"omega\": 1, \"v1\": 0.5}, \"t_final\": 5, \"reconstruct\": {\"theta\": 0, \"x\": 1, \"y\": 2}}' \\
-    | cargo xtask simulate chaplygin_sleigh --json")]
+    | cargo xtask simulate chaplygin_sleigh --json"
+    )]
     Simulate(SimulateArgs),
     /// Run the whole test suite: the workspace, then crates that use hamel as others do
     #[command(after_help = "Example:\n  cargo xtask test")]
@@ -149,10 +161,13 @@ Examples:
     ///
     /// They complete a command `xtask`, such as the shell function `xtask() { cargo xtask \"$@\"; }`, because cargo's own
     /// completions do not ask its aliases.
-    #[command(arg_required_else_help = true, after_help = "\
+    #[command(
+        arg_required_else_help = true,
+        after_help = "\
 Examples:
   source <(cargo xtask completions bash)
-  cargo xtask completions fish > ~/.config/fish/completions/xtask.fish")]
+  cargo xtask completions fish > ~/.config/fish/completions/xtask.fish"
+    )]
     Completions {
         /// The shell
         shell: Shell,

@@ -159,3 +159,14 @@ fn every_model_is_told_when_it_begins_and_ends() {
     assert_eq!(told, ["spring_a", "spring_a", "spring_b", "spring_b", "spring_c", "spring_c"]);
     assert_eq!(bundle, Config::new().generate(&models).unwrap());
 }
+
+#[test]
+fn files_go_where_cargo_says_unless_a_directory_is_given() {
+    let mut config = Config::new();
+    assert_eq!(config.folder(Some("build/out".into())).unwrap(), Path::new("build/out"));
+    let problem = config.folder(None).unwrap_err();
+    assert!(matches!(problem, Problem::NoOutDir));
+    assert!(problem.to_string().starts_with("OUT_DIR is not set: call this from a build script"));
+    config.out_dir("src/generated");
+    assert_eq!(config.folder(Some("build/out".into())).unwrap(), Path::new("src/generated"));
+}

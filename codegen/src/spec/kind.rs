@@ -61,7 +61,8 @@ impl Model {
         };
         let mut graph = self.graph.clone();
         let own = self.quasi_velocities.iter().map(|v| v.symbol);
-        let velocities: Vec<SymbolId> = self.all_velocities().into_iter().map(|(_, s)| s).chain(own).collect();
+        let velocities: Vec<SymbolId> =
+            self.all_velocities().into_iter().map(|(_, s)| s).chain(own).collect();
         let restrictions = self.constraints.iter().map(|c| match c.kind {
             ConstraintKind::Nonlinear => Restriction::Nonlinear,
             ConstraintKind::SecondOrder { .. } => Restriction::SecondOrder,
@@ -129,7 +130,11 @@ mod tests {
             (body, "advected G in R^3 by cross(w, G);", "Euler-Poincaré, advected parameters"),
             (disk, "", "Lagrange-Poincaré"),
             (disk, "constraint w1 = s_dot;", "Lagrange-d'Alembert-Poincaré"),
-            (disk, "constraint w1 = s_dot; constraint w2 = 1;", "Lagrange-d'Alembert-Poincaré, affine constraints"),
+            (
+                disk,
+                "constraint w1 = s_dot; constraint w2 = 1;",
+                "Lagrange-d'Alembert-Poincaré, affine constraints",
+            ),
             (free, "", "Lagrange"),
             (free, "constraint r_dot = s*s_dot;", "Lagrange-d'Alembert"),
         ];

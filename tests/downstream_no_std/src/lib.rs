@@ -7,7 +7,7 @@
 #![deny(missing_docs, unreachable_pub, warnings)]
 #![deny(clippy::all)]
 
-use hamel_runtime::{Dop853, Error, Integrator, Options, Rk4, Tsit5, math};
+use hamel_runtime::{math, Dop853, Error, Integrator, Options, Rk4, Tsit5};
 
 /// The generated module.
 pub mod pendulum {
