@@ -205,7 +205,7 @@ impl Config {
             }
             let command = self.writing.command.as_deref().unwrap_or("do not edit, change the models");
             let text = emit::emit_include(&bundle.entries, command, self.out_dir.is_some())
-                .map_err(|source| Problem::Emission { model: name.clone(), source })?;
+                .map_err(|source| emission(name, source))?;
             bundle.files.insert(name.clone(), text);
         }
         Ok(bundle)
@@ -219,9 +219,7 @@ impl Config {
         let mut files = Vec::new();
         for name in names {
             let built = scene::build(model, &name).map_err(Problem::Model)?;
-            let text = built
-                .emit_as(&self.writing)
-                .map_err(|source| Problem::Emission { model: model.name.clone(), source })?;
+            let text = built.emit_as(&self.writing).map_err(|source| emission(&model.name, source))?;
             files.push((built.entry(), text));
         }
         Ok(files)
@@ -299,8 +297,7 @@ impl Bundle {
     pub fn add_index(&mut self, kept: &[SceneEntry], command: &str) -> Result<(), Problems> {
         let all = [kept, &self.entries].concat();
         unique(&all)?;
-        let text = emit::emit_index(&all, command)
-            .map_err(|source| Problem::Emission { model: "mod.rs".into(), source })?;
+        let text = emit::emit_index(&all, command).map_err(|source| emission("mod.rs", source))?;
         self.files.insert("mod.rs".into(), text);
         Ok(())
     }
@@ -327,6 +324,10 @@ impl Bundle {
         }
         Ok(changed.into_iter().map(|(path, _)| path).collect())
     }
+}
+
+fn emission(model: &str, source: Error) -> Problem {
+    Problem::Emission { model: model.to_owned(), source: Box::new(source) }
 }
 
 fn unique(entries: &[SceneEntry]) -> Result<(), Problem> {
@@ -391,7 +392,7 @@ pub enum Problem {
         /// The model.
         model: String,
         /// Why.
-        source: Error,
+        source: Box<Error>,
     },
     /// No directory to write to.
     NoOutDir,
@@ -442,7 +443,7 @@ impl std::error::Error for Problem {
     fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
         match self {
             Problem::Read { source, .. } | Problem::Write { source, .. } => Some(source),
-            Problem::Emission { source, .. } => Some(source),
+            Problem::Emission { source, .. } => Some(&**source),
             Problem::Model(diagnostics) => Some(diagnostics),
             _ => None,
         }
