@@ -158,6 +158,11 @@ pub enum Error {
         /// Where it happened.
         place: String,
     },
+    /// What should name the runtime in emitted code is no path.
+    NotAPath {
+        /// What was given.
+        text: String,
+    },
     /// Emitted text does not parse as Rust; a bug of the emitter, never of the model.
     Emission {
         /// The model.
@@ -259,6 +264,9 @@ impl fmt::Display for Error {
             }
             Error::DivisionByZero { place } => {
                 write!(f, "division by an expression that is identically zero in {place}")
+            }
+            Error::NotAPath { text } => {
+                write!(f, "`{text}` is not a path of a module; write `::hamel_runtime` or `crate::runtime`")
             }
             Error::Emission { model, reason } => {
                 write!(f, "code emitted for {model} is not Rust: {reason}; please report this")

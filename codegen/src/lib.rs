@@ -2,7 +2,8 @@
 //!
 //! A model file is parsed and checked ([`spec`]), reduced to a Lie algebroid with Lagrangian, constraint and force
 //! ([`reduction`]), its equations of motion are derived once and for all kinds of systems ([`mechanics`]), a [`scene`]
-//! says what is wanted of them, [`lower`] makes a flat program and [`emit`] writes Rust.
+//! says what is wanted of them, [`lower`] makes a flat program and [`emit`] writes Rust. [`Config`] runs all of it from a
+//! build script.
 //!
 //! ```
 //! use hamel_codegen::{scene, spec};
@@ -21,6 +22,7 @@
 //! ```
 
 pub mod algebra;
+pub mod config;
 pub mod emit;
 pub mod error;
 pub mod explain;
@@ -30,3 +32,9 @@ pub mod mechanics;
 pub mod reduction;
 pub mod scene;
 pub mod spec;
+
+pub use config::{Config, compile};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

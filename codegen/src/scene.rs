@@ -34,12 +34,14 @@ pub struct BuiltScene {
     doc: String,
 }
 
-/// Text of the index of modules, with a macro that visits every scene.
-///
-/// # Errors
-/// [`Error::Emission`], a bug of the emitter.
-pub fn emit_index(entries: &[SceneEntry]) -> Result<String, Error> {
-    emit::emit_index(entries, "cargo xtask generate")
+/// How a scene's module is written down.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Writing {
+    /// Command that writes the module again when the model's name follows, such as `cargo xtask generate`; without one,
+    /// the first line says to change the model.
+    pub command: Option<String>,
+    /// Path of the runtime in the crate that the module is for; `::hamel_runtime` unless given.
+    pub runtime: Option<String>,
 }
 
 /// Name of the scene without the coordinates that nothing asks for; a model has it when there are such coordinates.
@@ -412,7 +414,15 @@ impl BuiltScene {
     /// # Errors
     /// [`Error::Emission`], a bug of the emitter.
     pub fn emit(&self) -> Result<String, Error> {
-        emit::emit_scene(&self.program, &self.text())
+        self.emit_as(&Writing::default())
+    }
+
+    /// The text of the scene's Rust module, written down in a given way.
+    ///
+    /// # Errors
+    /// [`Error::NotAPath`] for the runtime; [`Error::Emission`], a bug of the emitter.
+    pub fn emit_as(&self, writing: &Writing) -> Result<String, Error> {
+        emit::emit_scene(&self.program, &self.text(writing))
     }
 
     /// The entry of the scene in the index of modules.
@@ -426,8 +436,12 @@ impl BuiltScene {
         }
     }
 
-    fn text(&self) -> SceneText {
+    fn text(&self, writing: &Writing) -> SceneText {
         let system = &self.equations.system;
+        let command = match &writing.command {
+            Some(command) => format!("{command} {}", system.name),
+            None => format!("do not edit, change the model {}", system.name),
+        };
         let mut doc = system.doc.clone();
         if !self.doc.is_empty() {
             doc.push(String::new());
@@ -441,7 +455,8 @@ impl BuiltScene {
         SceneText {
             model: system.name.clone(),
             scene: self.name.clone(),
-            command: format!("cargo xtask generate {}", system.name),
+            command,
+            runtime: writing.runtime.clone().unwrap_or_default(),
             doc,
             sources: system.sources.clone(),
             params: system

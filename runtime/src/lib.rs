@@ -79,6 +79,28 @@ pub use options::{Norm, Options, StepSize};
 pub use real::Real;
 pub use system::{OutputInfo, ParamInfo, Scene, SceneInfo, StateVector, System};
 
+/// Includes a module that a build script generated with `hamel_codegen`, by the name of the file in `OUT_DIR` without
+/// its extension: a model's name, `<model>_<scene>` for its other scenes, or the file of `Config::include_file`.
+///
+/// ```ignore
+/// pub mod spinning_plate {
+///     hamel_runtime::include_model!("spinning_plate");
+/// }
+/// ```
+///
+/// It is short for `include!(concat!(env!("OUT_DIR"), "/spinning_plate.rs"));`.
+#[macro_export]
+macro_rules! include_model {
+    ($name:literal) => {
+        ::core::include!(::core::concat!(
+            ::core::env!("OUT_DIR", "include_model! needs a build script that generates the model, build.rs"),
+            "/",
+            $name,
+            ".rs"
+        ));
+    };
+}
+
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 struct Readme;

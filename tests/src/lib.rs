@@ -17,3 +17,8 @@ pub mod tracked;
 pub mod included {
     include!("../../models/src/generated/heavy_top.rs");
 }
+
+/// The examples of the page compile and run.
+#[cfg(doctest)]
+#[doc = include_str!("../../docs/build-rs.md")]
+pub struct BuildScripts;

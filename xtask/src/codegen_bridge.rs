@@ -9,8 +9,8 @@ pub use hamel_codegen::emit::SceneEntry as Entry;
 use hamel_codegen::expr::{Graph, Style, rational_to_f64};
 use hamel_codegen::reduction;
 use hamel_codegen::scene::{self, BuiltScene, Interpreter};
-pub use hamel_codegen::spec::Model;
 use hamel_codegen::spec::{self, ConnectionKind, Domain, ReconstructionKind};
+pub use hamel_codegen::spec::{Kind, Model};
 use hamel_runtime::Failure;
 
 use crate::dynamics::{BadParams, Dynamics, Factory, Info, OutputEntry, ParamEntry};
@@ -27,11 +27,19 @@ pub const DEFAULT_SCENE: &str = scene::DEFAULT;
 pub fn read(workspace: &Workspace, spec: &Spec) -> Result<Model, Error> {
     let shown = workspace.shown(&spec.path);
     let text = std::fs::read_to_string(&spec.path).map_err(|e| Error::io(shown.clone(), e))?;
-    let model = spec::parse(&shown, &text)?;
+    let model = parse(&shown, &text)?;
     if spec.in_repository && model.name != spec.name {
         return Err(Error::Misnamed { file: shown, model: model.name });
     }
     Ok(model)
+}
+
+/// Reads and checks the text of a model; `file` is shown in messages.
+///
+/// # Errors
+/// [`Error::Models`] with every problem of the text.
+pub fn parse(file: &str, text: &str) -> Result<Model, Error> {
+    Ok(spec::parse(file, text)?)
 }
 
 /// Names of a model's scenes, the default first.
@@ -128,38 +136,6 @@ fn forever(name: String) -> &'static str {
     let name: &'static str = name.leak();
     kept.insert(name);
     name
-}
-
-/// A generated module.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Module {
-    /// Its entry in the index.
-    pub entry: Entry,
-    /// The whole file.
-    pub text: String,
-}
-
-/// Emits the modules of all scenes of a model.
-///
-/// # Errors
-/// [`Error::Models`] with the problems of all scenes, [`Error::Emission`].
-pub fn emit(model: &Model) -> Result<Vec<Module>, Error> {
-    let mut modules = Vec::new();
-    for built in scene::build_all(model)? {
-        let fail = |source| Error::Emission { model: model.name.clone(), source: Box::new(source) };
-        let text = built.emit().map_err(fail)?;
-        modules.push(Module { entry: built.entry(), text });
-    }
-    Ok(modules)
-}
-
-/// Emits the index of generated modules.
-///
-/// # Errors
-/// [`Error::Emission`].
-pub fn emit_index(entries: &[Entry]) -> Result<String, Error> {
-    scene::emit_index(entries)
-        .map_err(|source| Error::Emission { model: "the index".into(), source: Box::new(source) })
 }
 
 /// The same system written with another connection: `trivial`, `mechanical` or `nonholonomic`.

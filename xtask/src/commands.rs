@@ -4,15 +4,15 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::io::{IsTerminal as _, Read as _};
-use std::path::PathBuf;
+use std::io::{IsTerminal as _, Read as _, Write as _};
+use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Instant;
 
 use serde_json::{Map, Value};
 
 use crate::backend::{Backend, Local};
-use crate::codegen_bridge::{self as bridge, Model};
+use crate::codegen_bridge::{self as bridge, Kind, Model};
 use crate::compiled::Remote;
 use crate::dynamics::Info;
 use crate::error::{Error, Problem};
@@ -122,8 +122,47 @@ pub fn generate(workspace: &Workspace, models: &[String], check: bool) -> Result
     Ok(line)
 }
 
+/// A model to start from, with `NAME` for its name.
+const STARTER: &str = include_str!("starter.hamel");
+
+/// `new`: writes a model to start from, and says what to do with it.
+///
+/// # Errors
+/// [`Error::Models`] for a name that a model cannot have; [`Error::Exists`]; [`Error::Io`].
+pub fn new(workspace: &Workspace, model: &str) -> Result<String, Error> {
+    let path = match model.strip_suffix(".hamel") {
+        Some(_) => PathBuf::from(model),
+        None => workspace.specs_folder().join(format!("{model}.hamel")),
+    };
+    let name = path.file_stem().and_then(|s| s.to_str()).unwrap_or_default();
+    let text = STARTER.replace("NAME", name);
+    let shown = workspace.shown(&path);
+    bridge::parse(&shown, &text)?;
+    let fail = |e: std::io::Error| match e.kind() {
+        std::io::ErrorKind::AlreadyExists => Error::Exists { file: shown.clone() },
+        _ => Error::io(shown.clone(), e),
+    };
+    let mut file = std::fs::File::create_new(&path).map_err(fail)?;
+    file.write_all(text.as_bytes()).map_err(fail)?;
+    let is_ours = path.parent() == Some(&workspace.specs_folder());
+    // A model of the repository is compiled only after `generate`; any other one is interpreted anyway.
+    let (argument, via) = if is_ours { (name, " --via interpreter") } else { (model, "") };
+    let last = match is_ours {
+        true => "  cargo xtask generate",
+        false => "In a crate of its own, a build script generates it: docs/build-rs.md",
+    };
+    let lines = [
+        &format!("{shown} is a model to start from. Look at it, change it, and try:"),
+        &format!("  cargo xtask explain {argument}"),
+        &format!("  cargo xtask simulate {argument}{via} --reconstruct -o {name}.svg"),
+        last,
+    ];
+    Ok(lines.join("\n"))
+}
+
 struct Listed {
     name: String,
+    kind: Kind,
     title: String,
     sources: Vec<String>,
     scenes: Vec<(String, Info)>,
@@ -154,8 +193,15 @@ pub fn list(workspace: &Workspace, models: &[String], json: bool) -> Result<Stri
         return Ok(Value::from_iter(listed.iter().map(Listed::to_json)).to_string());
     }
     let width = terminal_width();
-    let texts: Vec<String> = listed.iter().map(|entry| entry.to_text(width)).collect();
-    Ok(texts.join("\n").trim_end().to_owned())
+    listed.sort_by_key(|entry| entry.kind);
+    let mut text = String::new();
+    for group in listed.chunk_by(|a, b| a.kind == b.kind) {
+        let _ = writeln!(text, "{}\n", bold(&format!("[{}]", group[0].kind)));
+        for entry in group {
+            let _ = writeln!(text, "{}", entry.to_text(width));
+        }
+    }
+    Ok(text.trim_end().to_owned())
 }
 
 fn describe(workspace: &Workspace, spec: &Spec) -> Result<Listed, Error> {
@@ -165,7 +211,13 @@ fn describe(workspace: &Workspace, spec: &Spec) -> Result<Listed, Error> {
         let built = bridge::build(&model, &name)?;
         scenes.push((name, crate::dynamics::Factory::info(&built).clone()));
     }
-    Ok(Listed { name: model.name.clone(), title: title(&model.doc), sources: model.sources.clone(), scenes })
+    Ok(Listed {
+        name: model.name.clone(),
+        kind: model.kind(),
+        title: title(&model.doc),
+        sources: model.sources.clone(),
+        scenes,
+    })
 }
 
 impl Listed {
@@ -564,25 +616,32 @@ fn summary(info: &Info, title: &str, request: &SimulateRequest, response: &Simul
     text
 }
 
-/// `test`: the whole test suite, then the crate without the standard library.
+/// `test`: the whole test suite, then crates outside the workspace that use hamel as others do.
 ///
 /// # Errors
 /// [`Error::Failed`] with the step that failed; later steps are not run.
 pub fn test(workspace: &Workspace) -> Result<String, Error> {
-    let steps: [(&str, PathBuf, &[&str]); 2] = [
-        ("cargo test --workspace", workspace.root().to_owned(), &["test", "--workspace"]),
-        ("cargo run --locked in tests/no_std", workspace.root().join("tests/no_std"), &["run", "--locked"]),
+    let downstream = workspace.root().join("tests/downstream");
+    // They share one directory for what they compile: the generator above all.
+    let compiled = workspace.root().join("target/downstream");
+    let steps: [(&str, &Path, &[&str], Option<&Path>); 3] = [
+        ("cargo test --workspace", workspace.root(), &["test", "--workspace"], None),
+        ("cargo test in tests/downstream", &downstream, &["test", "--locked"], Some(&compiled)),
+        (
+            "cargo run in tests/downstream_no_std",
+            &downstream,
+            &["run", "--locked", "--package", "hamel-downstream-no-std"],
+            Some(&compiled),
+        ),
     ];
     let mut lines = Vec::new();
-    for (name, folder, arguments) in steps {
+    for (name, folder, arguments, target) in steps {
         eprintln!("{}", bold(&format!("running {name}")));
         let clock = Instant::now();
         let mut command = Command::new(Workspace::cargo());
-        let status = command
-            .args(arguments)
-            .current_dir(folder)
-            .status()
-            .map_err(|e| Error::io("cargo could not be started", e))?;
+        command.args(arguments).current_dir(folder);
+        command.envs(target.map(|target| ("CARGO_TARGET_DIR", target)));
+        let status = command.status().map_err(|e| Error::io("cargo could not be started", e))?;
         if !status.success() {
             let status = format!("{status}; the steps before it passed, later ones were not run");
             return Err(Error::Failed { step: name.into(), status });

@@ -3,6 +3,7 @@
 use std::fmt;
 use std::path::PathBuf;
 
+use hamel_codegen::config::{Problem as GenerationProblem, Problems};
 use hamel_codegen::spec::Diagnostics;
 use serde::{Deserialize, Serialize};
 
@@ -18,6 +19,23 @@ pub enum Error {
         name: String,
         /// The models there are.
         known: Vec<String>,
+    },
+    /// No command of this name.
+    UnknownCommand {
+        /// The name.
+        name: String,
+        /// The commands there are.
+        known: Vec<String>,
+    },
+    /// A file that would have been overwritten.
+    Exists {
+        /// The file.
+        file: String,
+    },
+    /// A crate that cannot be published as it is.
+    Unpublishable {
+        /// What is wrong, a crate and a reason each.
+        problems: Vec<(String, String)>,
     },
     /// A model has no scene of this name.
     UnknownScene {
@@ -40,19 +58,10 @@ pub enum Error {
         /// Name of the model in it.
         model: String,
     },
-    /// Two scenes whose generated modules would have the same name.
-    SameModule {
-        /// Name of the module.
-        module: String,
-        /// The scenes.
-        scenes: [String; 2],
-    },
-    /// Generation failed for another reason than the model's text.
-    Emission {
-        /// The model.
-        model: String,
-        /// The reason.
-        source: Box<hamel_codegen::error::Error>,
+    /// Models that could not be generated.
+    Generation {
+        /// All problems.
+        problems: Problems,
     },
     /// Input that is not JSON.
     NotJson {
@@ -207,10 +216,17 @@ impl Error {
         match self {
             Error::Stopped { .. }
             | Error::Stale { .. }
+            | Error::Unpublishable { .. }
             | Error::NotCompiled { .. }
             | Error::Io { .. }
-            | Error::Emission { .. }
             | Error::Failed { .. } => 1,
+            Error::Generation { problems } => {
+                let is_input = |p: &GenerationProblem| {
+                    use GenerationProblem::{Emission, Write};
+                    !matches!(p, Emission { .. } | Write { .. })
+                };
+                if problems.iter().all(is_input) { 2 } else { 1 }
+            }
             Error::Remote { code, .. } => *code,
             Error::Several { errors } => errors.iter().map(Error::exit_code).max().unwrap_or(1),
             _ => 2,
@@ -228,6 +244,7 @@ impl Error {
             Error::Models { problems } => {
                 problems.iter().map(|d| d.render(color)).collect::<Vec<_>>().join("\n").trim_end().to_owned()
             }
+            Error::Generation { problems } => problems.render(color),
             Error::Several { errors } => {
                 errors.iter().map(|e| e.render(color)).collect::<Vec<_>>().join("\n\n")
             }
@@ -240,6 +257,12 @@ impl Error {
 impl From<Diagnostics> for Error {
     fn from(problems: Diagnostics) -> Error {
         Error::Models { problems: vec![problems] }
+    }
+}
+
+impl From<Problems> for Error {
+    fn from(problems: Problems) -> Error {
+        Error::Generation { problems }
     }
 }
 
@@ -289,20 +312,28 @@ impl fmt::Display for Error {
                 hint(name, known),
                 quoted(known)
             ),
+            Error::UnknownCommand { name, known } => {
+                write!(f, "no command `{name}`{}\n  commands: {}", hint(name, known), quoted(known))
+            }
+            Error::Exists { file } => {
+                write!(f, "{file} exists and is left as it is: choose another name, or remove it")
+            }
+            Error::Unpublishable { problems } => {
+                f.write_str("crates cannot be published as they are:")?;
+                problems.iter().try_for_each(|(name, reason)| write!(f, "\n  {name} {reason}"))
+            }
             Error::UnknownScene { model, name, known } => {
                 write!(f, "{model} has no scene `{name}`{}\n  scenes: {}", hint(name, known), quoted(known))
             }
-            Error::Models { .. } | Error::Several { .. } => f.write_str(&self.render(false)),
+            Error::Models { .. } | Error::Generation { .. } | Error::Several { .. } => {
+                f.write_str(&self.render(false))
+            }
             Error::Misnamed { file, model } => {
                 write!(
                     f,
                     "{file} contains the model `{model}`: name the file {model}.hamel, or the model like the file"
                 )
             }
-            Error::SameModule { module, scenes: [a, b] } => {
-                write!(f, "{a} and {b} would both be generated as {module}.rs: rename one of them")
-            }
-            Error::Emission { model, source } => write!(f, "{model} could not be emitted: {source}"),
             Error::NotJson { empty: true, .. } => {
                 f.write_str("standard input is empty: give a JSON request, see --help for an example")
             }
@@ -352,7 +383,7 @@ impl std::error::Error for Error {
     fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
         match self {
             Error::Io { source, .. } => Some(source),
-            Error::Emission { source, .. } => Some(&**source),
+            Error::Generation { problems } => Some(problems),
             _ => None,
         }
     }

@@ -5,10 +5,11 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use hamel_codegen::config::write_atomically;
+
 use crate::codegen_bridge::Block;
 use crate::dynamics::Info;
 use crate::error::{Error, Problem};
-use crate::generate::write_atomically;
 use crate::plot::{self, Figure, MAX_LINES, Panel, svg};
 use crate::simulate::{SimulateRequest, SimulateResponse, Steps};
 
@@ -82,6 +83,7 @@ impl Target {
             })?,
         };
         write_atomically(&self.path, text.as_bytes())
+            .map_err(|e| Error::io(self.path.display().to_string(), e))
     }
 }
 

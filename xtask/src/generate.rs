@@ -2,18 +2,21 @@
 //!
 //! Deliberately does not know: what is in a generated module, except the name of its model in the first line.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
+use hamel_codegen::config::{Bundle, Config, Problems, Progress};
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::codegen_bridge::{self as bridge, Entry, Module};
+use crate::codegen_bridge::{self as bridge, Entry};
 use crate::error::Error;
 use crate::workspace::{Spec, Workspace};
+
+/// Writes the modules again; in the first line of each, with the name of its model.
+const COMMAND: &str = "cargo xtask generate";
 
 /// What a run did.
 #[derive(Debug)]
@@ -72,58 +75,40 @@ pub fn generate(workspace: &Workspace, names: &[String], check: bool) -> Result<
         .filter(|s| names.is_empty() || chosen.contains(s) || !kept.iter().any(|e| e.model == s.name))
         .collect();
 
-    let results = derive_all(workspace, &chosen);
-    let slowest = results
-        .iter()
-        .max_by(|a, b| a.seconds.total_cmp(&b.seconds))
-        .map(|made| (made.name.clone(), made.seconds));
-    let mut modules = Vec::new();
-    let mut errors = Vec::new();
-    for made in results {
-        match made.modules {
-            Ok(of_model) => modules.extend(of_model),
+    let (mut models, mut errors) = (Vec::new(), Vec::new());
+    for spec in &chosen {
+        match bridge::read(workspace, spec) {
+            Ok(model) => models.push(model),
             Err(error) => errors.push(error),
         }
     }
-    fail_on(errors)?;
-    let n_modules = modules.len();
-
-    let mut files: BTreeMap<String, String> = BTreeMap::new();
-    let mut entries = kept;
-    for Module { entry, text } in modules {
-        if let Some(other) = entries.iter().find(|e| e.module == entry.module) {
-            let scenes = [other, &entry].map(|e| format!("scene {} of {}", e.scene, e.model));
-            return Err(Error::SameModule { module: entry.module, scenes });
+    // The others are derived all the same, so that the problems of all models are told.
+    let (generated, slowest) = generate_all(&models);
+    let mut bundle = match generated {
+        Ok(bundle) => bundle,
+        Err(problems) => {
+            errors.push(problems.into());
+            Bundle::default()
         }
-        files.insert(format!("{}.rs", entry.module), text);
-        entries.push(entry);
-    }
-    entries.sort_by(|a, b| a.module.cmp(&b.module));
-    files.insert("mod.rs".into(), bridge::emit_index(&entries)?);
-    let stale = stale_files(&folder, &entries)?;
+    };
+    fail_on(errors)?;
+    let n_modules = bundle.entries.len();
+    bundle.add_index(&kept, COMMAND)?;
+    let stale = stale_files(&folder, bundle.entries.iter().chain(&kept))?;
 
-    let changed: Vec<(PathBuf, &String)> = files
-        .iter()
-        .map(|(name, text)| (folder.join(name), text))
-        .filter(|(path, text)| std::fs::read(path).ok().as_deref() != Some(text.as_bytes()))
-        .collect();
+    let mut written = Vec::new();
     if check {
         let wrong = |path: &Path| if path.is_file() { "is out of date" } else { "is missing" };
         let shown = |path: &Path| PathBuf::from(workspace.shown(path));
         let mut files: Vec<(PathBuf, &'static str)> =
-            changed.iter().map(|(path, _)| (shown(path), wrong(path))).collect();
+            bundle.changed(&folder).iter().map(|(path, _)| (shown(path), wrong(path))).collect();
         files.extend(stale.iter().map(|path| (shown(path), "belongs to no scene")));
         if !files.is_empty() {
-            let command = ["cargo xtask generate"].into_iter().chain(names.iter().map(String::as_str));
+            let command = [COMMAND].into_iter().chain(names.iter().map(String::as_str));
             return Err(Error::Stale { files, command: command.collect::<Vec<_>>().join(" ") });
         }
     } else {
-        if !changed.is_empty() {
-            std::fs::create_dir_all(&folder).map_err(|e| Error::io(workspace.shown(&folder), e))?;
-        }
-        for (path, text) in &changed {
-            write_atomically(path, text.as_bytes())?;
-        }
+        written = bundle.write(&folder)?;
         for path in &stale {
             std::fs::remove_file(path).map_err(|e| Error::io(workspace.shown(path), e))?;
         }
@@ -131,7 +116,7 @@ pub fn generate(workspace: &Workspace, names: &[String], check: bool) -> Result<
     Ok(Summary {
         n_models: chosen.len(),
         n_modules,
-        written: changed.into_iter().map(|(path, _)| path).collect(),
+        written,
         removed: stale,
         seconds: start.elapsed().as_secs_f64(),
         slowest,
@@ -146,16 +131,10 @@ fn fail_on(mut errors: Vec<Error>) -> Result<(), Error> {
     }
 }
 
-struct Made {
-    name: String,
-    modules: Result<Vec<Module>, Error>,
-    seconds: f64,
-}
-
-/// Derives models side by side; results are in the order of `specs`.
-fn derive_all(workspace: &Workspace, specs: &[Spec]) -> Vec<Made> {
-    let bar = if std::io::stderr().is_terminal() && !specs.is_empty() {
-        let bar = ProgressBar::new(specs.len() as u64);
+/// All scenes of the models under a progress bar, and the model that took longest, with its seconds.
+fn generate_all(models: &[bridge::Model]) -> (Result<Bundle, Problems>, Option<(String, f64)>) {
+    let bar = if std::io::stderr().is_terminal() && !models.is_empty() {
+        let bar = ProgressBar::new(models.len() as u64);
         let template = "  {bar:40.cyan/blue} {pos}/{len} models  {msg}";
         // The template is a constant that indicatif accepts.
         bar.set_style(ProgressStyle::with_template(template).expect("valid template"));
@@ -163,30 +142,19 @@ fn derive_all(workspace: &Workspace, specs: &[Spec]) -> Vec<Made> {
     } else {
         ProgressBar::hidden()
     };
-    let next = AtomicUsize::new(0);
-    let done: Mutex<Vec<(usize, Made)>> = Mutex::new(Vec::new());
-    let n_workers = std::thread::available_parallelism().map_or(1, usize::from).min(specs.len().max(1));
-    std::thread::scope(|scope| {
-        for _ in 0..n_workers {
-            scope.spawn(|| {
-                loop {
-                    let at = next.fetch_add(1, Ordering::Relaxed);
-                    let Some(spec) = specs.get(at) else { break };
-                    bar.set_message(spec.name.clone());
-                    let clock = Instant::now();
-                    let modules = bridge::read(workspace, spec).and_then(|model| bridge::emit(&model));
-                    let made =
-                        Made { name: spec.name.clone(), modules, seconds: clock.elapsed().as_secs_f64() };
-                    done.lock().unwrap_or_else(std::sync::PoisonError::into_inner).push((at, made));
-                    bar.inc(1);
-                }
-            });
+    let times: Mutex<Vec<(String, f64)>> = Mutex::new(Vec::new());
+    let bundle = Config::new().command(COMMAND).generate_with(models, &|progress| match progress {
+        Progress::Begun { model } => bar.set_message(model.to_owned()),
+        Progress::Done { model, elapsed } => {
+            bar.inc(1);
+            let mut times = times.lock().unwrap_or_else(PoisonError::into_inner);
+            times.push((model.to_owned(), elapsed.as_secs_f64()));
         }
+        _ => {}
     });
     bar.finish_and_clear();
-    let mut done = done.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
-    done.sort_by_key(|(at, _)| *at);
-    done.into_iter().map(|(_, made)| made).collect()
+    let times = times.into_inner().unwrap_or_else(PoisonError::into_inner);
+    (bundle, times.into_iter().max_by(|(_, a), (_, b)| a.total_cmp(b)))
 }
 
 /// The entries of an index written earlier; none when there is no such file.
@@ -225,7 +193,8 @@ fn read_index(path: &Path) -> Vec<Entry> {
 /// Generated files that no entry of the index stands for.
 ///
 /// A file without the first line of generated files was written by somebody and stays.
-fn stale_files(folder: &Path, entries: &[Entry]) -> Result<Vec<PathBuf>, Error> {
+fn stale_files<'a>(folder: &Path, entries: impl Iterator<Item = &'a Entry>) -> Result<Vec<PathBuf>, Error> {
+    let modules: BTreeSet<&str> = entries.map(|e| e.module.as_str()).collect();
     let mut stale = Vec::new();
     let Ok(listing) = std::fs::read_dir(folder) else { return Ok(stale) };
     for file in listing {
@@ -235,7 +204,7 @@ fn stale_files(folder: &Path, entries: &[Entry]) -> Result<Vec<PathBuf>, Error> 
         else {
             continue;
         };
-        if stem == "mod" || entries.iter().any(|e| e.module == stem) {
+        if stem == "mod" || modules.contains(stem) {
             continue;
         }
         let text = std::fs::read_to_string(&path).unwrap_or_default();
@@ -245,21 +214,6 @@ fn stale_files(folder: &Path, entries: &[Entry]) -> Result<Vec<PathBuf>, Error> 
     }
     stale.sort();
     Ok(stale)
-}
-
-/// Writes a file such that it is there whole or not at all.
-///
-/// # Errors
-/// [`Error::Io`].
-pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), Error> {
-    let fail = |e| Error::io(path.display().to_string(), e);
-    let name = path.file_name().and_then(|n| n.to_str()).unwrap_or("file");
-    let temporary = path.with_file_name(format!(".{name}.{}.tmp", std::process::id()));
-    let moved = std::fs::write(&temporary, bytes).and_then(|()| std::fs::rename(&temporary, path));
-    if moved.is_err() {
-        let _ = std::fs::remove_file(&temporary);
-    }
-    moved.map_err(fail)
 }
 
 #[cfg(test)]

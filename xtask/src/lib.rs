@@ -18,6 +18,7 @@ pub mod generate;
 pub mod initial;
 pub mod json;
 pub mod names;
+pub mod package;
 pub mod plot;
 pub mod simulate;
 pub mod workspace;

@@ -4,9 +4,11 @@ use std::io::{IsTerminal as _, Write as _};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, CommandFactory as _, Parser, Subcommand};
+use clap_complete::Shell;
 use xtask::commands::{self, Aspect, Choice, Simulation, Via};
 use xtask::error::Error;
+use xtask::package;
 use xtask::simulate::MethodName;
 use xtask::workspace::Workspace;
 
@@ -26,10 +28,26 @@ Examples:
   cargo xtask list
   cargo xtask explain heavy_top
   cargo xtask simulate heavy_top -o heavy_top.svg
+  cargo xtask new my_model
   cargo xtask generate";
 
 #[derive(Subcommand)]
 enum Task {
+    /// Write a commented model to start from
+    ///
+    /// The model can be explained, simulated and generated as it is. A name is written to models/specs; a file that is
+    /// there already is never touched.
+    #[command(
+        arg_required_else_help = true,
+        after_help = "\
+Examples:
+  cargo xtask new my_model              models/specs/my_model.hamel
+  cargo xtask new ../robot/arm.hamel    a file of another crate, for its build script"
+    )]
+    New {
+        /// Name of the model, or a path that ends in .hamel
+        model: String,
+    },
     /// Write models/src/generated from models/specs, or check that it is up to date
     ///
     /// All scenes of the models are parsed, derived and emitted first; when any model has a problem, nothing is
@@ -46,7 +64,7 @@ Examples:
         /// Names of models; all when none is given
         models: Vec<String>,
     },
-    /// Show models with their scenes, state variables, parameters and sources
+    /// Show models by kind, with their scenes, state variables, parameters and sources
     #[command(after_help = "\
 Examples:
   cargo xtask list
@@ -60,12 +78,15 @@ Examples:
         models: Vec<String>,
     },
     /// Show algebra, stage forms, connection, equations and operation counts of a model
-    #[command(after_help = "\
+    #[command(
+        arg_required_else_help = true,
+        after_help = "\
 Examples:
   cargo xtask explain kirchhoff_body
   cargo xtask explain heavy_top --scene lagrange
   cargo xtask explain two_arm_satellite --ops
-  cargo xtask explain euler_disk --latex > euler_disk.tex")]
+  cargo xtask explain euler_disk --latex > euler_disk.tex"
+    )]
     Explain {
         /// Name of a model, or a path that ends in .hamel
         model: String,
@@ -88,10 +109,13 @@ Examples:
     /// Missing parameters take the model's defaults, a missing t is 0, and every state names all state variables.
     /// Prints one line: {"model", "state": [names], "derivatives": [[..], ..], "energy": [..] or null,
     /// "outputs": {group: [{component: number, ..}, ..], ..}}, with one entry per state throughout.
-    #[command(after_help = "\
+    #[command(
+        arg_required_else_help = true,
+        after_help = "\
 Examples:
   echo '{\"states\": [{\"Omega1\": 1, \"Omega2\": 0.2, \"Omega3\": 0.1}]}' | cargo xtask eval free_rigid_body
-  cargo xtask eval heavy_top --scene lagrange --via interpreter < request.json")]
+  cargo xtask eval heavy_top --scene lagrange --via interpreter < request.json"
+    )]
     Eval(SceneArgs),
     /// Integrate a model from an initial state; print a summary and write files
     ///
@@ -105,7 +129,9 @@ Examples:
     /// With "reconstruct", the coordinates of the group start from the values in it, all of them or none for the
     /// defaults, and "reconstruction" has their final values; "final" and "samples" hold the model's own state only.
     /// `cargo xtask list` shows their names as the state of scene reconstruction beyond the default one.
-    #[command(after_help = "\
+    #[command(
+        arg_required_else_help = true,
+        after_help = "\
 Examples:
   cargo xtask simulate heavy_top -o heavy_top.svg
   cargo xtask simulate heavy_top --set m=2 l=0.1 --initial Omega3=20 --t-final 5 -o top.csv -o top.svg
@@ -115,11 +141,46 @@ Examples:
   echo '{\"initial\": {\"Omega1\": 1, \"Omega2\": 0.2, \"Omega3\": 0.1}, \"t_final\": 10, \"samples\": 5}' \\
     | cargo xtask simulate free_rigid_body --json
   echo '{\"initial\": {\"omega\": 1, \"v1\": 0.5}, \"t_final\": 5, \"reconstruct\": {\"theta\": 0, \"x\": 1, \"y\": 2}}' \\
-    | cargo xtask simulate chaplygin_sleigh --json")]
+    | cargo xtask simulate chaplygin_sleigh --json"
+    )]
     Simulate(SimulateArgs),
-    /// Run the whole test suite: the workspace, then the crate without the standard library
+    /// Run the whole test suite: the workspace, then crates that use hamel as others do
     #[command(after_help = "Example:\n  cargo xtask test")]
     Test,
+    /// Check that the crates can be published: metadata, files, and a build of what was packaged
+    #[command(after_help = "\
+Examples:
+  cargo xtask package
+  cargo xtask package --no-verify       metadata and files only")]
+    Package {
+        /// Do not build what was packaged
+        #[arg(long)]
+        no_verify: bool,
+    },
+    /// Print completions for a shell
+    ///
+    /// They complete a command `xtask`, such as the shell function `xtask() { cargo xtask \"$@\"; }`, because cargo's own
+    /// completions do not ask its aliases.
+    #[command(
+        arg_required_else_help = true,
+        after_help = "\
+Examples:
+  source <(cargo xtask completions bash)
+  cargo xtask completions fish > ~/.config/fish/completions/xtask.fish"
+    )]
+    Completions {
+        /// The shell
+        shell: Shell,
+    },
+    /// Print the manual page of the program, or of a command
+    #[command(after_help = "\
+Examples:
+  cargo xtask man | man -l -
+  cargo xtask man simulate | man -l -")]
+    Man {
+        /// Name of a command
+        command: Option<String>,
+    },
 }
 
 #[derive(Args)]
@@ -190,9 +251,34 @@ fn assignment(text: &str) -> Result<(String, f64), String> {
     }
 }
 
+fn completions(shell: Shell) -> String {
+    let mut text = Vec::new();
+    clap_complete::generate(shell, &mut Cli::command(), "xtask", &mut text);
+    String::from_utf8_lossy(&text).into_owned()
+}
+
+/// # Errors
+/// [`Error::UnknownCommand`].
+fn manual(name: Option<&str>) -> Result<String, Error> {
+    let mut command = Cli::command();
+    // Makes usage lines start with `cargo xtask`.
+    command.build();
+    if let Some(name) = name {
+        let found = command.find_subcommand(name).cloned();
+        command = found.ok_or_else(|| Error::UnknownCommand {
+            name: name.to_owned(),
+            known: command.get_subcommands().map(|c| c.get_name().to_owned()).collect(),
+        })?;
+    }
+    let mut text = Vec::new();
+    clap_mangen::Man::new(command).render(&mut text).map_err(|e| Error::io("manual page", e))?;
+    Ok(String::from_utf8_lossy(&text).into_owned())
+}
+
 fn run(task: Task) -> Result<String, Error> {
     let workspace = Workspace::find()?;
     match task {
+        Task::New { model } => commands::new(&workspace, &model),
         Task::Generate { check, models } => commands::generate(&workspace, &models, check),
         Task::List { json, models } => commands::list(&workspace, &models, json),
         Task::Explain { model, scene, latex, ops, connection } => {
@@ -221,6 +307,9 @@ fn run(task: Task) -> Result<String, Error> {
             commands::simulate(&workspace, &args.scene.choice(), &simulation)
         }
         Task::Test => commands::test(&workspace),
+        Task::Package { no_verify } => package::package(&workspace, !no_verify),
+        Task::Completions { shell } => Ok(completions(shell)),
+        Task::Man { command } => manual(command.as_deref()),
     }
 }
 

@@ -63,6 +63,11 @@ impl Workspace {
         self.root.join("models/src/generated")
     }
 
+    /// Directory of the model files.
+    pub fn specs_folder(&self) -> PathBuf {
+        self.root.join("models/specs")
+    }
+
     /// A path as shown to people: relative to the repository when it is inside.
     pub fn shown(&self, path: &Path) -> String {
         path.strip_prefix(&self.root).unwrap_or(path).display().to_string()
@@ -78,7 +83,7 @@ impl Workspace {
     /// # Errors
     /// [`Error::Io`] when the directory cannot be read.
     pub fn specs(&self) -> Result<Vec<Spec>, Error> {
-        let folder = self.root.join("models/specs");
+        let folder = self.specs_folder();
         let fail = |e| Error::io(folder.display().to_string(), e);
         let mut specs = Vec::new();
         for entry in std::fs::read_dir(&folder).map_err(fail)? {
@@ -101,7 +106,7 @@ impl Workspace {
         if argument.ends_with(".hamel") {
             let path = PathBuf::from(argument);
             let real = path.canonicalize().map_err(|e| Error::io(argument, e))?;
-            let folder = self.root.join("models/specs");
+            let folder = self.specs_folder();
             let in_repository =
                 folder.canonicalize().is_ok_and(|folder| real.parent() == Some(folder.as_path()));
             let name = path.file_stem().and_then(|s| s.to_str()).unwrap_or_default().to_owned();

@@ -122,3 +122,16 @@ fn names_are_checked() {
     let error = generate(&repository.workspace, &[], false).unwrap_err();
     assert!(matches!(&error, Error::Misnamed { model, .. } if model == "two"), "{error}");
 }
+
+#[test]
+fn a_new_model_is_generated_with_the_others() {
+    let repository = Repository::new("new");
+    repository.spec("one", ONE);
+    xtask::commands::new(&repository.workspace, "sled").unwrap();
+    assert!(matches!(xtask::commands::new(&repository.workspace, "sled"), Err(Error::Exists { .. })));
+    generate(&repository.workspace, &["sled".into()], false).unwrap();
+    let files = repository.files();
+    for name in ["one.rs", "sled.rs", "sled_frictionless.rs", "sled_minimal.rs", "sled_reconstruction.rs"] {
+        assert!(files.iter().any(|f| f == name), "{files:?}");
+    }
+}

@@ -135,9 +135,86 @@ fn a_reconstructed_simulation_draws_the_path() {
 
 #[test]
 fn every_command_has_help_with_an_example() {
-    for command in ["generate", "list", "explain", "eval", "simulate", "test"] {
+    let commands =
+        ["new", "generate", "list", "explain", "eval", "simulate", "test", "package", "completions", "man"];
+    for command in commands {
         let out = xtask(&[command, "--help"], "");
         assert!(out.status.success());
         assert!(text(&out.stdout).contains(&format!("cargo xtask {command}")), "{command}");
     }
+}
+
+#[test]
+fn a_command_without_arguments_explains_itself() {
+    for command in ["new", "explain", "eval", "simulate"] {
+        let out = xtask(&[command], "");
+        assert_eq!(out.status.code(), Some(2));
+        assert_eq!(text(&out.stdout), "");
+        let help = text(&out.stderr);
+        assert!(help.contains("Examples:\n") && help.contains(&format!("cargo xtask {command} ")), "{help}");
+    }
+}
+
+#[test]
+fn a_new_model_can_be_explained_and_simulated_and_is_never_overwritten() {
+    let folder = Folder::new("new");
+    let path = folder.file("my_sled.hamel");
+    let out = xtask(&["new", &path], "");
+    assert!(out.status.success(), "{}", text(&out.stderr));
+    assert!(text(&out.stdout).contains(&format!("cargo xtask explain {path}")), "{}", text(&out.stdout));
+
+    let out = xtask(&["explain", &path], "");
+    assert!(text(&out.stdout).contains("my_sled"), "{}", text(&out.stderr));
+    let figure = folder.file("sled.svg");
+    let out = xtask(&["simulate", &path, "--reconstruct", "-o", &figure], "");
+    assert!(out.status.success(), "{}", text(&out.stderr));
+    assert!(std::fs::read_to_string(&figure).unwrap().contains("Path: position of the contact"));
+
+    std::fs::write(&path, "mine").unwrap();
+    let out = xtask(&["new", &path], "");
+    assert_eq!(out.status.code(), Some(2));
+    assert!(text(&out.stderr).contains("exists and is left as it is"), "{}", text(&out.stderr));
+    assert_eq!(std::fs::read_to_string(&path).unwrap(), "mine");
+
+    // A name that no model can have, and a folder that is not there.
+    let out = xtask(&["new", &folder.file("my-sled.hamel")], "");
+    assert_eq!(out.status.code(), Some(2), "{}", text(&out.stdout));
+    assert!(!std::path::Path::new(&folder.file("my-sled.hamel")).exists());
+    assert_eq!(xtask(&["new", &folder.file("nowhere/sled.hamel")], "").status.code(), Some(1));
+    assert_eq!(xtask(&["new", "heavy_top"], "").status.code(), Some(2));
+}
+
+#[test]
+fn models_are_listed_by_kind() {
+    let out = xtask(&["list", "suslov", "heavy_top", "free_rigid_body", "veselova"], "");
+    let list = text(&out.stdout);
+    let at = |part: &str| list.find(part).unwrap_or_else(|| panic!("{part} in {list}"));
+    let order = ["[Euler-Poincaré]", "free_rigid_body", "[Euler-Poincaré, advected parameters]", "heavy_top"];
+    assert!(order.windows(2).all(|pair| at(pair[0]) < at(pair[1])), "{list}");
+    assert!(at("[Euler-Poincaré-Suslov]") < at("suslov  "), "{list}");
+
+    // Programs read this; a key may be added, none goes, and the order is the one that was asked for.
+    let out = xtask(&["list", "--json", "suslov", "free_rigid_body"], "");
+    let json: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
+    let keys = |value: &serde_json::Value| value.as_object().unwrap().keys().cloned().collect::<Vec<_>>();
+    assert_eq!((&json[0]["model"], &json[1]["model"]), (&"suslov".into(), &"free_rigid_body".into()));
+    assert_eq!(keys(&json[0]), ["model", "title", "sources", "scenes"]);
+    assert_eq!(keys(&json[0]["scenes"][0]), ["scene", "state", "params", "outputs", "has_energy"]);
+}
+
+#[test]
+fn completions_and_manual_pages_know_every_command() {
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        let out = xtask(&["completions", shell], "");
+        let script = text(&out.stdout);
+        assert!(out.status.success() && script.contains("xtask") && script.contains("simulate"), "{shell}");
+        assert!(script.contains("reconstruct"), "{shell}");
+    }
+    let page = text(&xtask(&["man"], "").stdout);
+    assert!(page.contains(".TH") && page.contains("generate") && page.contains("completions"), "{page}");
+    let page = text(&xtask(&["man", "simulate"], "").stdout);
+    assert!(page.contains("reconstruct") && page.contains("cargo xtask simulate heavy_top"), "{page}");
+    let out = xtask(&["man", "simulat"], "");
+    assert_eq!(out.status.code(), Some(2));
+    assert!(text(&out.stderr).contains("did you mean `simulate`?"));
 }

@@ -1,5 +1,6 @@
 //! The file that lists the generated modules, and the macro that visits all scenes.
 
+use proc_macro2::TokenStream;
 use quote::{format_ident, quote};
 
 use super::{doc_attributes, escaped, format_file, header};
@@ -34,18 +35,9 @@ impl SceneEntry {
 /// # Errors
 /// [`Error::Emission`] when a module name is no identifier.
 pub fn emit_index(scenes: &[SceneEntry], command: &str) -> Result<String, Error> {
-    let mut sorted: Vec<&SceneEntry> = scenes.iter().collect();
-    sorted.sort_by(|a, b| a.module.cmp(&b.module));
-    let mut modules = proc_macro2::TokenStream::new();
+    let modules = modules(scenes, |_| quote! { ; })?;
     let mut list = String::new();
-    for entry in sorted {
-        let SceneEntry { module, model, scene, n_state, doc } = entry;
-        syn::parse_str::<syn::Ident>(module)
-            .map_err(|e| Error::Emission { model: model.clone(), reason: format!("module {module}: {e}") })?;
-        let name = format_ident!("{module}");
-        let fallback = format!("Model `{model}`, scene `{scene}`.");
-        let doc = doc_attributes([escaped(if doc.trim().is_empty() { &fallback } else { doc })]);
-        modules.extend(quote! { #doc pub mod #name; });
+    for SceneEntry { module, model, scene, n_state, .. } in sorted(scenes) {
         list.push_str(&format!("            ({module}, {model:?}, {scene:?}, {n_state})\n"));
     }
     // Written by hand: the formatter leaves macros as it finds them.
@@ -64,4 +56,44 @@ pub fn emit_index(scenes: &[SceneEntry], command: &str) -> Result<String, Error>
     syn::parse_file(&text)
         .map_err(|e| Error::Emission { model: "the index".to_owned(), reason: e.to_string() })?;
     Ok(text)
+}
+
+/// Emits a file for `include!`: a module for each scene, which includes the scene's own file.
+///
+/// The file is looked for in the crate's `OUT_DIR`, or beside this file when `beside` is set.
+///
+/// # Errors
+/// [`Error::Emission`] when a module name is no identifier.
+pub fn emit_include(scenes: &[SceneEntry], command: &str, beside: bool) -> Result<String, Error> {
+    let modules = modules(scenes, |entry| {
+        let file = format!("{}.rs", entry.module);
+        if beside {
+            return quote! { { include!(#file); } };
+        }
+        let file = format!("/{file}");
+        quote! { { include!(concat!(env!("OUT_DIR"), #file)); } }
+    })?;
+    Ok(format!("{}{}", header(command), format_file(modules)?))
+}
+
+fn sorted(scenes: &[SceneEntry]) -> Vec<&SceneEntry> {
+    let mut sorted: Vec<&SceneEntry> = scenes.iter().collect();
+    sorted.sort_by(|a, b| a.module.cmp(&b.module));
+    sorted
+}
+
+/// `pub mod` for each scene, documented, followed by `body`.
+fn modules(scenes: &[SceneEntry], body: impl Fn(&SceneEntry) -> TokenStream) -> Result<TokenStream, Error> {
+    let mut modules = TokenStream::new();
+    for entry in sorted(scenes) {
+        let SceneEntry { module, model, scene, doc, .. } = entry;
+        syn::parse_str::<syn::Ident>(module)
+            .map_err(|e| Error::Emission { model: model.clone(), reason: format!("module {module}: {e}") })?;
+        let name = format_ident!("{module}");
+        let fallback = format!("Model `{model}`, scene `{scene}`.");
+        let doc = doc_attributes([escaped(if doc.trim().is_empty() { &fallback } else { doc })]);
+        let body = body(entry);
+        modules.extend(quote! { #doc pub mod #name #body });
+    }
+    Ok(modules)
 }

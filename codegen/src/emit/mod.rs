@@ -9,11 +9,15 @@ mod scene;
 
 use std::collections::BTreeMap;
 
+use proc_macro2::{Group, TokenStream, TokenTree};
+use quote::ToTokens as _;
+use syn::parse::Parser as _;
+
 use crate::error::Error;
 use crate::expr::Rational;
 use crate::lower::Program;
 
-pub use index::{SceneEntry, emit_index};
+pub use index::{SceneEntry, emit_include, emit_index};
 
 /// What the documentation of a scene says.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -22,8 +26,10 @@ pub struct SceneText {
     pub model: String,
     /// Name of the scene.
     pub scene: String,
-    /// Command that writes the file again, such as `cargo xtask generate heavy_top`.
+    /// What the first line says after the version: the command that writes the file again, or what to edit instead.
     pub command: String,
+    /// Path of the runtime in the crate that the module is for; empty for `::hamel_runtime`.
+    pub runtime: String,
     /// What the system is, a paragraph.
     pub doc: Vec<String>,
     /// Where the equations come from.
@@ -92,10 +98,74 @@ fn header(command: &str) -> String {
 }
 
 /// Tokens to formatted text.
-fn format_file(tokens: proc_macro2::TokenStream) -> Result<String, Error> {
-    let file: syn::File =
-        syn::parse2(tokens).map_err(|e| Error::Emission { model: String::new(), reason: e.to_string() })?;
-    Ok(with_blank_lines(&prettyplease::unparse(&file)))
+fn format_file(tokens: TokenStream) -> Result<String, Error> {
+    Ok(format(&parse_file(tokens)?))
+}
+
+/// The items of a scene to formatted text that fits any crate: the runtime goes by `runtime`, and a crate that keeps the
+/// module to itself and uses some of its items gets no warnings for the others.
+fn format_module(tokens: TokenStream, runtime: &str) -> Result<String, Error> {
+    let tokens = match runtime {
+        "" | RUNTIME => tokens,
+        other => with_runtime(tokens, &runtime_path(other)?),
+    };
+    let mut file = parse_file(tokens)?;
+    for item in &mut file.items {
+        let attributes = match item {
+            syn::Item::Const(item) => &mut item.attrs,
+            syn::Item::Fn(item) => &mut item.attrs,
+            syn::Item::Struct(item) => &mut item.attrs,
+            syn::Item::Impl(item) if item.trait_.is_none() => &mut item.attrs,
+            _ => continue,
+        };
+        attributes.push(syn::parse_quote! {
+            #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
+        });
+    }
+    Ok(format(&file))
+}
+
+/// Where emitted code finds the runtime unless told otherwise.
+const RUNTIME: &str = "::hamel_runtime";
+
+/// A path as tokens.
+///
+/// # Errors
+/// [`Error::NotAPath`].
+fn runtime_path(text: &str) -> Result<TokenStream, Error> {
+    syn::parse_str(text)
+        .and_then(|path| syn::Path::parse_mod_style.parse2(path))
+        .map(|path| path.into_token_stream())
+        .map_err(|_| Error::NotAPath { text: text.to_owned() })
+}
+
+/// The same tokens with `path` for each [`RUNTIME`].
+fn with_runtime(tokens: TokenStream, path: &TokenStream) -> TokenStream {
+    let mut out: Vec<TokenTree> = Vec::new();
+    for token in tokens {
+        match token {
+            TokenTree::Group(group) => {
+                let mut inner = Group::new(group.delimiter(), with_runtime(group.stream(), path));
+                inner.set_span(group.span());
+                out.push(inner.into());
+            }
+            TokenTree::Ident(name) if name == "hamel_runtime" => {
+                // The two colons before it.
+                out.truncate(out.len().saturating_sub(2));
+                out.extend(path.clone());
+            }
+            other => out.push(other),
+        }
+    }
+    out.into_iter().collect()
+}
+
+fn parse_file(tokens: TokenStream) -> Result<syn::File, Error> {
+    syn::parse2(tokens).map_err(|e| Error::Emission { model: String::new(), reason: e.to_string() })
+}
+
+fn format(file: &syn::File) -> String {
+    with_blank_lines(&prettyplease::unparse(file))
 }
 
 /// Sets items and methods apart, which the formatter does not.
@@ -133,8 +203,8 @@ fn escaped(text: &str) -> String {
 }
 
 /// A doc attribute for each line.
-fn doc_attributes<S: AsRef<str>>(lines: impl IntoIterator<Item = S>) -> proc_macro2::TokenStream {
-    let mut tokens = proc_macro2::TokenStream::new();
+fn doc_attributes<S: AsRef<str>>(lines: impl IntoIterator<Item = S>) -> TokenStream {
+    let mut tokens = TokenStream::new();
     for line in lines.into_iter() {
         for line in line.as_ref().split('\n') {
             let line = if line.is_empty() { String::new() } else { format!(" {}", line.trim_end()) };

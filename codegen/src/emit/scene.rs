@@ -7,7 +7,7 @@ use quote::quote;
 
 use super::body::{self, Body, Text, parse, segments};
 use super::names::{Scope, is_unusual, legal};
-use super::{SceneText, doc_attributes, escaped, format_file, header};
+use super::{SceneText, doc_attributes, escaped, format_module, header};
 use crate::error::Error;
 use crate::expr::rational_to_f64;
 use crate::lower::{Function, Operand, Program, Relation};
@@ -36,7 +36,7 @@ pub(super) fn emit(program: &Program, text: &SceneText) -> Result<String, Error>
         module.traits()?,
     ];
     let tokens = items.into_iter().collect();
-    Ok(format!("{}{}", header(&text.command), format_file(tokens)?))
+    Ok(format!("{}{}", header(&text.command), format_module(tokens, &text.runtime)?))
 }
 
 struct Module<'a> {

@@ -98,7 +98,7 @@ fn module_of_a_pendulum() {
         let _ = t;
         /// momentum p = dL/d(omega)
         let p = self.I * omega;
-        *dy = [omega, (-self.c0).mul_add(theta.sin(), -(R::from_f64(0.5) * p.tanh()))];
+        *dy = [omega, (-R::from_f64(0.5)).mul_add(p.tanh(), -(self.c0 * theta.sin()))];
     }
 ";
     let found = between(&emitted, "pub fn rhs", "    /// Output");
@@ -110,14 +110,19 @@ fn module_of_a_pendulum() {
 
 #[test]
 fn a_pair_is_one_statement_and_a_block_of_many_bindings_does_not_part_it() {
-    // 399 sums before a pair: its cosine would be the first binding of the next block.
+    // 399 values before a pair: its cosine would be the first binding of the next block.
     let mut g = Graph::new();
     let (time, x) = (g.symbol("t"), g.symbol("x"));
     let state = g.sym(x);
     let mut definitions = Vec::new();
     for k in 1..=450i64 {
         let shift = g.int(k);
-        let expr = if k == 400 { g.func(crate::expr::Func::Sin, state) } else { g.add(state, shift) };
+        let shifted = g.add(state, shift);
+        let expr = if k == 400 {
+            g.func(crate::expr::Func::Sin, state)
+        } else {
+            g.func(crate::expr::Func::Tanh, shifted)
+        };
         definitions.push(Definition { symbol: g.define(&format!("d{k}"), expr), expr });
     }
     let values: Vec<_> = definitions.iter().map(|d| g.sym(d.symbol)).collect();

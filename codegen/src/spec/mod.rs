@@ -13,6 +13,7 @@ mod builder;
 mod check;
 mod diagnostic;
 mod eval;
+mod kind;
 mod model;
 mod names;
 mod parser;
@@ -21,6 +22,7 @@ mod value;
 pub use ast::Compare;
 pub use builder::{Group, Layout, ModelBuilder};
 pub use diagnostic::{Diagnostic, Diagnostics, Origin, Span};
+pub use kind::{Kind, Restriction, Setting};
 pub use model::{
     Advected, Condition, ConnectionKind, Constraint, ConstraintKind, Coordinate, Domain, Model, Named,
     NamedVector, Param, Places, Reconstruction, ReconstructionKind, Relation, Scene, Side, Stages, Velocity,

@@ -1,0 +1,147 @@
+//! What kind of system a model is, by the names that the literature has for its equations.
+//!
+//! Deliberately does not know: the equations.
+
+use std::fmt;
+
+use super::model::{ConstraintKind, Model};
+use crate::expr::SymbolId;
+
+/// What moves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[non_exhaustive]
+pub enum Setting {
+    /// A group alone: `Q = G`.
+    Group,
+    /// A group and a shape space: `Q = M x G`, or a bundle over `M`.
+    Bundle,
+    /// A configuration space without symmetry.
+    Base,
+}
+
+/// The least special class that contains all constraints of a model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[non_exhaustive]
+pub enum Restriction {
+    /// No constraints.
+    None,
+    /// Linear in the velocities.
+    Linear,
+    /// Affine in the velocities: something drives the constraint.
+    Affine,
+    /// Nonlinear in the velocities.
+    Nonlinear,
+    /// On accelerations.
+    SecondOrder,
+}
+
+/// Kind of a system; the order is the one in which to list them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[non_exhaustive]
+pub struct Kind {
+    /// What moves.
+    pub setting: Setting,
+    /// Its constraints.
+    pub restriction: Restriction,
+    /// Whether virtual displacements are not those of the constraints: servo constraints.
+    pub is_servo: bool,
+    /// Whether the group moves parameters.
+    pub has_advected: bool,
+    /// Whether the algebra is reduced by stages.
+    pub by_stages: bool,
+}
+
+impl Model {
+    /// The kind of system that the model describes.
+    pub fn kind(&self) -> Kind {
+        let setting = match (self.velocities.is_empty(), self.base.is_empty()) {
+            (false, true) => Setting::Group,
+            (false, false) => Setting::Bundle,
+            (true, _) => Setting::Base,
+        };
+        let mut graph = self.graph.clone();
+        let own = self.quasi_velocities.iter().map(|v| v.symbol);
+        let velocities: Vec<SymbolId> =
+            self.all_velocities().into_iter().map(|(_, s)| s).chain(own).collect();
+        let restrictions = self.constraints.iter().map(|c| match c.kind {
+            ConstraintKind::Nonlinear => Restriction::Nonlinear,
+            ConstraintKind::SecondOrder { .. } => Restriction::SecondOrder,
+            ConstraintKind::Linear => match graph.affine_parts(c.residual, &velocities) {
+                Some((_, rest)) if graph.is_zero(rest) => Restriction::Linear,
+                _ => Restriction::Affine,
+            },
+        });
+        Kind {
+            setting,
+            restriction: restrictions.max().unwrap_or(Restriction::None),
+            is_servo: !self.virtual_constraints.is_empty(),
+            has_advected: !self.advected.is_empty(),
+            by_stages: self.stages.is_some(),
+        }
+    }
+}
+
+impl fmt::Display for Kind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let is_free = self.restriction == Restriction::None && !self.is_servo;
+        f.write_str(match (self.setting, is_free) {
+            (Setting::Group, true) => "Euler-Poincaré",
+            (Setting::Group, false) => "Euler-Poincaré-Suslov",
+            (Setting::Bundle, true) => "Lagrange-Poincaré",
+            (Setting::Bundle, false) => "Lagrange-d'Alembert-Poincaré",
+            (Setting::Base, true) => "Lagrange",
+            (Setting::Base, false) => "Lagrange-d'Alembert",
+        })?;
+        let qualifiers = [
+            (self.restriction == Restriction::Affine, "affine constraints"),
+            (self.restriction == Restriction::Nonlinear, "nonlinear constraints"),
+            (self.restriction == Restriction::SecondOrder, "second-order constraints"),
+            (self.is_servo, "servo constraints"),
+            (self.has_advected, "advected parameters"),
+            (self.by_stages, "by stages"),
+        ];
+        for (_, words) in qualifiers.iter().filter(|(holds, _)| *holds) {
+            write!(f, ", {words}")?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::spec::parse;
+
+    fn kind(items: &str) -> String {
+        let text = format!("model m {{ {items} }}");
+        parse("m.hamel", &text).unwrap_or_else(|e| panic!("{e}")).kind().to_string()
+    }
+
+    #[test]
+    fn kinds_have_the_names_of_the_literature() {
+        let body = "velocity w in so(3); lagrangian = dot(w, w);";
+        let disk = "coordinate s in angle; velocity w in so(3); lagrangian = dot(w, w) + s_dot^2;";
+        let free = "coordinate s in real; coordinate r in real; lagrangian = r_dot^2 + s_dot^2 + (s - r);";
+        let cases = [
+            (body, "", "Euler-Poincaré"),
+            (body, "constraint w3 = 0;", "Euler-Poincaré-Suslov"),
+            (body, "constraint w3 = 2;", "Euler-Poincaré-Suslov, affine constraints"),
+            (body, "constraint w1*w2 = w3^2;", "Euler-Poincaré-Suslov, nonlinear constraints"),
+            (body, "constraint w3 = 0; virtual delta(w1) = 0;", "Euler-Poincaré-Suslov, servo constraints"),
+            (body, "advected G in R^3 by cross(w, G);", "Euler-Poincaré, advected parameters"),
+            (disk, "", "Lagrange-Poincaré"),
+            (disk, "constraint w1 = s_dot;", "Lagrange-d'Alembert-Poincaré"),
+            (
+                disk,
+                "constraint w1 = s_dot; constraint w2 = 1;",
+                "Lagrange-d'Alembert-Poincaré, affine constraints",
+            ),
+            (free, "", "Lagrange"),
+            (free, "constraint r_dot = s*s_dot;", "Lagrange-d'Alembert"),
+        ];
+        for (model, items, expected) in cases {
+            assert_eq!(kind(&format!("{model} {items}")), expected, "{items}");
+        }
+        let stages = "velocity v in R^2; stage a; stage b = ideal(v1); lagrangian = dot(v, v);";
+        assert_eq!(kind(stages), "Euler-Poincaré, by stages");
+    }
+}

@@ -1,0 +1,8 @@
+//! Generates the crate's models into `OUT_DIR`.
+
+fn main() -> Result<(), hamel_codegen::config::Problems> {
+    hamel_codegen::Config::new()
+        .include_file("models.rs")
+        .emit_rerun_if_changed(true)
+        .compile(&["models/suslov_gyrostat.hamel"])
+}

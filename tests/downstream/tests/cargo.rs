@@ -1,0 +1,117 @@
+//! What cargo does with a crate that generates its model: when it builds, when it does not, what it says.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+/// A crate like this one in a directory of its own; it shares the target directory, and so the compiled generator.
+struct Package {
+    root: PathBuf,
+    name: String,
+}
+
+impl Package {
+    fn new(name: &str) -> Package {
+        let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+        let root = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+        let _ = std::fs::remove_dir_all(&root);
+        for folder in ["src", "models"] {
+            std::fs::create_dir_all(root.join(folder)).unwrap();
+        }
+        for file in ["build.rs", "Cargo.lock", "models/suslov_gyrostat.hamel"] {
+            std::fs::copy(here.join(file), root.join(file)).unwrap();
+        }
+        let repository = here.ancestors().nth(2).unwrap().display();
+        let manifest = format!(
+            "[package]\nname = \"{name}\"\nedition = \"2021\"\n[workspace]\n\
+             [dependencies]\nhamel-runtime = {{ path = \"{repository}/runtime\" }}\n\
+             [build-dependencies]\nhamel-codegen = {{ path = \"{repository}/codegen\" }}\n"
+        );
+        std::fs::write(root.join("Cargo.toml"), manifest).unwrap();
+        let library = "#![forbid(unsafe_code)]\n#![deny(warnings)]\nmod model { \
+                       hamel_runtime::include_model!(\"suslov_gyrostat\"); }\n\
+                       pub fn title() -> &'static str { model::INFO.params[6].doc }\n";
+        std::fs::write(root.join("src/lib.rs"), library).unwrap();
+        Package { root, name: name.to_owned() }
+    }
+
+    fn build(&self) -> Output {
+        let target = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().unwrap();
+        Command::new(env!("CARGO"))
+            .args(["build", "--offline", "--message-format=json"])
+            .current_dir(&self.root)
+            .env("CARGO_TARGET_DIR", target)
+            .output()
+            .unwrap()
+    }
+
+    /// Builds, and says whether the library was there already.
+    fn is_fresh(&self) -> bool {
+        let output = self.build();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let messages = String::from_utf8(output.stdout).unwrap();
+        let artifacts = messages.lines().map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap());
+        let library = artifacts
+            .filter(|m| m["reason"] == "compiler-artifact" && m["target"]["name"] == self.name)
+            .find(|m| m["target"]["kind"][0] == "lib");
+        library.unwrap()["fresh"].as_bool().unwrap()
+    }
+
+    fn edit(&self, from: &str, to: &str) {
+        let path = self.root.join("models/suslov_gyrostat.hamel");
+        let text = std::fs::read_to_string(&path).unwrap();
+        assert!(text.contains(from));
+        std::fs::write(path, text.replace(from, to)).unwrap();
+    }
+
+    fn files(&self) -> BTreeSet<PathBuf> {
+        let mut files = BTreeSet::new();
+        let mut open = vec![self.root.clone()];
+        while let Some(folder) = open.pop() {
+            for entry in std::fs::read_dir(folder).unwrap() {
+                let path = entry.unwrap().path();
+                if path.is_dir() {
+                    open.push(path);
+                } else {
+                    files.insert(path);
+                }
+            }
+        }
+        files
+    }
+}
+
+#[test]
+fn cargo_builds_again_when_the_model_changes_and_only_then() {
+    let package = Package::new("hamel_rebuild");
+    let before = package.files();
+    assert!(!package.is_fresh());
+    assert_eq!(package.files(), before, "everything goes to OUT_DIR");
+    assert!(package.is_fresh());
+    // A file of the package that is no model.
+    std::fs::write(package.root.join("notes.txt"), "").unwrap();
+    assert!(package.is_fresh());
+    package.edit("about its axis", "about E3");
+    assert!(!package.is_fresh());
+    assert!(package.is_fresh());
+}
+
+#[test]
+fn a_wrong_model_fails_the_build_with_its_place_and_a_hint() {
+    let package = Package::new("hamel_wrong");
+    package.edit("I*Omega)", "I*Omgea)");
+    package.edit("Omega3 = 0", "Omega4 = 0");
+    let output = package.build();
+    assert!(!output.status.success());
+    let message = String::from_utf8(output.stderr).unwrap();
+    for part in [
+        "Error: hamel generated nothing",
+        "models/suslov_gyrostat.hamel:17:",
+        "did you mean `Omega`?",
+        "models/suslov_gyrostat.hamel:20:",
+        "^^^^^",
+    ] {
+        assert!(message.contains(part), "{part} in {message}");
+    }
+    assert!(!message.contains("panicked"), "{message}");
+}
