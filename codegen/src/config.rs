@@ -217,8 +217,7 @@ impl Config {
             None => scene::names(model),
         };
         let mut files = Vec::new();
-        for name in names {
-            let built = scene::build(model, &name).map_err(Problem::Model)?;
+        for built in scene::build_several(model, &names).map_err(Problem::Model)? {
             let text = built.emit_as(&self.writing).map_err(|source| emission(&model.name, source))?;
             files.push((built.entry(), text));
         }

@@ -225,15 +225,15 @@ fn build_scene(model: &Model, scene: &str) -> Result<BuiltScene, Diagnostics> {
     built.map_err(|e| model.diagnostics(vec![model.diagnose(&e)]))
 }
 
-/// Builds every scene of a model, in the order of [`names`].
+/// Builds scenes of a model, by their names: see [`names`].
 ///
 /// # Errors
 /// The problems of all scenes; what several have in common is reported once.
-pub fn build_all(model: &Model) -> Result<Vec<BuiltScene>, Diagnostics> {
+pub fn build_several(model: &Model, scenes: &[String]) -> Result<Vec<BuiltScene>, Diagnostics> {
     let mut built = Vec::new();
     let mut problems: Vec<spec::Diagnostic> = Vec::new();
-    for name in names(model) {
-        match build(model, &name) {
+    for name in scenes {
+        match build(model, name) {
             Ok(scene) => built.push(scene),
             Err(found) => {
                 for problem in &found {

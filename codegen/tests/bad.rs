@@ -9,7 +9,8 @@ use hamel_codegen::{scene, spec};
 
 /// The report about a file, rendered without colour.
 fn report(file: &str, text: &str) -> Option<String> {
-    let outcome = spec::parse(file, text).and_then(|model| scene::build_all(&model));
+    let outcome =
+        spec::parse(file, text).and_then(|model| scene::build_several(&model, &scene::names(&model)));
     outcome.err().map(|problems| problems.to_string())
 }
 

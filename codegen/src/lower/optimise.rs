@@ -227,8 +227,12 @@ impl Writer<'_> {
                 }
                 let value = self.expression(k)?;
                 let name = self.entries[k].definition.map(|(symbol, _)| self.graph.name(symbol).to_owned());
-                let is_compound = matches!(self.graph.node(value), Node::Sum { .. } | Node::Product { .. });
-                let stands = if is_compound {
+                let is_value = match self.graph.node(value) {
+                    Node::Sum { .. } | Node::Product { .. } => true,
+                    Node::Function(..) => name.is_some(),
+                    _ => false,
+                };
+                let stands = if is_value {
                     let symbol = self.graph.define(name.as_deref().unwrap_or(""), value);
                     sections[last_section].definitions.push(Definition { symbol, expr: value });
                     self.graph.sym(symbol)
