@@ -50,7 +50,8 @@ fn a_broken_jacobi_identity_names_its_triple() {
     let brackets = [(0, 1, vec![(0, q(2))]), (0, 2, vec![(1, q(1))]), (1, 2, vec![])];
     let errors = LieAlgebra::from_brackets("broken", basis, &brackets).unwrap_err();
     assert_eq!(errors.len(), 1);
-    assert_eq!(errors[0].to_string(), "bracket [e1, e2] fails Jacobi with e3: residual 2 e2");
+    let message = errors[0].to_string();
+    assert!(message.starts_with("bracket [e1, e2] fails Jacobi with e3: residual 2 e2;"), "{message}");
 }
 
 #[test]
