@@ -115,15 +115,20 @@ pub mod kirchhoff_body {
     #[inline(never)]
     pub fn rhs(p: &Prepared, _: f64, y: &[f64; 6], dy: &mut [f64; 6]) {
         let (o, v) = ([y[0], y[1], y[2]], [y[3], y[4], y[5]]);
-        let angular = [0, 1, 2].map(|a| dot(p.c[a], v, p.j[a] * o[a]));
-        let linear = [0, 1, 2].map(|a| dot([p.c[0][a], p.c[1][a], p.c[2][a]], o, p.m[a] * v[a]));
+        let (j, c, m) = (&p.j, &p.c, &p.m);
+        let angular = [dot(c[0], v, j[0] * o[0]), dot(c[1], v, j[1] * o[1]), dot(c[2], v, j[2] * o[2])];
+        let column = |a: usize| [c[0][a], c[1][a], c[2][a]];
+        let linear =
+            [dot(column(0), o, m[0] * v[0]), dot(column(1), o, m[1] * v[1]), dot(column(2), o, m[2] * v[2])];
         let torque = cross(angular, o, cross(linear, v, [0.0; 3]));
         let force = cross(linear, o, [0.0; 3]);
         let f = [torque[0], torque[1], torque[2], force[0], force[1], force[2]];
-        *dy = p.inverse.map(|k| {
+        // Loops and indices, not `map` of an array, which stays a call.
+        for a in 0..6 {
+            let k = &p.inverse[a];
             let tail = mul_add(k[3], f[3], mul_add(k[4], f[4], k[5] * f[5]));
-            mul_add(k[0], f[0], mul_add(k[1], f[1], mul_add(k[2], f[2], tail)))
-        });
+            dy[a] = mul_add(k[0], f[0], mul_add(k[1], f[1], mul_add(k[2], f[2], tail)));
+        }
     }
 }
 
