@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand};
+use xtask::bench::{self, TargetCpu};
 use xtask::commands::{self, Aspect, Choice, Simulation, Via};
 use xtask::error::Error;
 use xtask::simulate::MethodName;
@@ -117,9 +118,42 @@ Examples:
   echo '{\"initial\": {\"omega\": 1, \"v1\": 0.5}, \"t_final\": 5, \"reconstruct\": {\"theta\": 0, \"x\": 1, \"y\": 2}}' \\
     | cargo xtask simulate chaplygin_sleigh --json")]
     Simulate(SimulateArgs),
+    /// Measure the generated code beside other ways to the same numbers
+    Bench {
+        #[command(subcommand)]
+        what: Bench,
+    },
     /// Run the whole test suite: the workspace, then the crate without the standard library
     #[command(after_help = "Example:\n  cargo xtask test")]
     Test,
+}
+
+#[derive(Subcommand)]
+enum Bench {
+    /// Right-hand sides: time, executed instructions and operations of one call
+    ///
+    /// Measures every generated right-hand side and, for eight systems, the same equations written by an expert, by vector
+    /// algebra with nalgebra, and without reduction with multipliers; prints a table, with the best other generators
+    /// beside it as they were measured elsewhere. Times are those of the fastest and the median of all rounds, in each of
+    /// which all right-hand sides are called in turn. Instructions are counted by valgrind's callgrind where that is
+    /// installed. When all models are measured, docs/benchmarks/rhs.md, rhs.csv and rhs.svg are written.
+    ///
+    /// The measuring program is built in target/bench, which takes a minute or two the first time.
+    #[command(after_help = "\
+Examples:
+  cargo xtask bench rhs                                  everything; writes docs/benchmarks
+  cargo xtask bench rhs heavy_top euler_disk             two models; writes nothing
+  cargo xtask bench rhs --target-cpu native --rounds 500 the instructions of this machine, and a longer measurement")]
+    Rhs {
+        /// Names of models; all when none is given
+        models: Vec<String>,
+        /// Rounds of measurement, each about 0.4 ms a right-hand side
+        #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..))]
+        rounds: u32,
+        /// Instruction set to compile for [default: x86-64-v3 where this machine has it, otherwise baseline]
+        #[arg(long, value_enum)]
+        target_cpu: Option<TargetCpu>,
+    },
 }
 
 #[derive(Args)]
@@ -219,6 +253,10 @@ fn run(task: Task) -> Result<String, Error> {
                 outputs: args.output,
             };
             commands::simulate(&workspace, &args.scene.choice(), &simulation)
+        }
+        Task::Bench { what: Bench::Rhs { models, rounds, target_cpu } } => {
+            let target_cpu = target_cpu.unwrap_or_else(TargetCpu::of_host);
+            bench::rhs(&workspace, &bench::Options { models, rounds, target_cpu })
         }
         Task::Test => commands::test(&workspace),
     }
