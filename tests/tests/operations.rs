@@ -55,7 +55,8 @@ fn no_right_hand_side_takes_more_operations_than_the_table_says() {
                 Some(bound) => {
                     for ((what, now), most) in COLUMNS.iter().zip(numbers).zip(bound.most) {
                         if now > most {
-                            let _ = write!(problems, "{name} {scene}: {now} {what}, at most {most}; now\n{own}");
+                            let _ =
+                                write!(problems, "{name} {scene}: {now} {what}, at most {most}; now\n{own}");
                         }
                     }
                 }

@@ -6,9 +6,12 @@
 //!
 //! Deliberately does not know: the generator, operation counts, how results are shown.
 
+#[cfg(feature = "opponents")]
 pub mod expert;
 pub mod kernel;
+#[cfg(feature = "opponents")]
 pub mod multipliers;
+#[cfg(feature = "opponents")]
 pub mod naive;
 pub mod ours;
 
@@ -18,8 +21,7 @@ pub use kernel::{Kernel, Timing};
 pub fn kernels() -> Vec<Kernel> {
     let mut kernels = vec![kernel::copy()];
     kernels.extend(ours::kernels());
-    kernels.extend(expert::kernels());
-    kernels.extend(naive::kernels());
-    kernels.extend(multipliers::kernels());
+    #[cfg(feature = "opponents")]
+    kernels.extend([expert::kernels(), naive::kernels(), multipliers::kernels()].into_iter().flatten());
     kernels
 }
