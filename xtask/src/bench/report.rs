@@ -7,6 +7,8 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use hamel_codegen::lower::Counts;
+
 use super::peers::{self, PEERS, Peer};
 use super::{Kernel, Row};
 use crate::error::Error;
@@ -142,6 +144,7 @@ impl Report {
             "by",
             "add",
             "mul",
+            "fused",
             "div",
             "sqrt",
             "functions",
@@ -154,9 +157,8 @@ impl Report {
         ])];
         for row in self.sorted() {
             let kernel = &row.kernel;
-            let count = |n: fn(&hamel_codegen::lower::Counts) -> usize| {
-                row.counts.as_ref().map_or_else(String::new, |c| n(c).to_string())
-            };
+            let count =
+                |n: fn(&Counts) -> usize| row.counts.as_ref().map_or_else(String::new, |c| n(c).to_string());
             let own = self.generated(row);
             let ratio =
                 |of: &dyn Fn(&Row) -> Option<f64>| number(own.and_then(|o| Some(of(row)? / of(o)?)), 2);
@@ -171,6 +173,7 @@ impl Report {
                 },
                 count(|c| c.add),
                 count(|c| c.mul),
+                count(|c| c.fma),
                 count(|c| c.div),
                 count(|c| c.sqrt),
                 count(|c| c.transcendental),
@@ -246,15 +249,17 @@ impl Report {
 
     fn csv(&self) -> String {
         let mut text = format!(
-            "# {}\n# {}\n# {}\nmodel,scene,by,lanes,add,mul,div,neg,sqrt,functions,instructions,ns_min,ns_median,\
+            "# {}\n# {}\n# {}\nmodel,scene,by,lanes,add,mul,fused,div,neg,sqrt,functions,instructions,ns_min,ns_median,\
              ns_above_copy\n",
             self.command, self.cpu, self.rustc
         );
         for row in self.sorted() {
             let (kernel, counts) = (&row.kernel, row.counts.as_ref());
             let counts = counts.map_or_else(
-                || ",".repeat(5),
-                |c| format!("{},{},{},{},{},{}", c.add, c.mul, c.div, c.neg, c.sqrt, c.transcendental),
+                || ",".repeat(6),
+                |Counts { add, mul, fma, div, neg, sqrt, transcendental }| {
+                    format!("{add},{mul},{fma},{div},{neg},{sqrt},{transcendental}")
+                },
             );
             let _ = writeln!(
                 text,
@@ -308,15 +313,14 @@ One call of each right-hand side through a pointer, with 64 independent states t
 * **multipliers**: no reduction: all velocities, the full mass matrix, a multiplier for each constraint, one LU factorisation.
 
 All of them meet the reference data of `tests/reference` (`cargo test -p hamel-bench`). `add` to `functions` are operations of
-the generated program. `instructions` are executed by one call, counted by valgrind's callgrind: the mathematical library
+the generated program; `fused` is how many of the additions are one instruction with a multiplication. `instructions` are executed by one call, counted by valgrind's callgrind: the mathematical library
 and the loop around the call are included. `ns` is the fastest of all rounds, `median` the median one, `above copy` the
 fastest less that of the kernel `copy`, which copies six numbers through the same call. Trust ratios of one run.";
 
 #[cfg(test)]
 mod tests {
-    use super::{Report, Row};
+    use super::{Counts, Report, Row};
     use crate::bench::Kernel;
-    use hamel_codegen::lower::Counts;
 
     fn row(model: &str, kind: &str, instructions: Option<f64>, min: f64) -> Row {
         let kernel = Kernel { model: model.into(), scene: "default".into(), kind: kind.into(), lanes: 1 };
