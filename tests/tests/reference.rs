@@ -1,14 +1,14 @@
 //! Right-hand sides, energies, multipliers and trajectories against values computed without any reduced theory.
 //!
 //! The bound on a component is 64 units in the last place of the larger of the reference component and the largest term
-//! that enters it. The largest term is computed by running the very program on [`Tracked`] numbers, which propagate it
+//! that enters it. The largest term is computed by running the very program on `Tracked` numbers, which propagate it
 //! through every operation (its documentation says how); the distance to the 40-digit reference is taken exactly.
 
 use hamel_codegen::scene::{self, BuiltScene};
 use hamel_runtime::{Dop853, Integrator, Options};
 use hamel_tests::models::{self, Interpreted, State};
 use hamel_tests::reference::{self, MODELS, Numbers, Reference};
-use hamel_tests::tracked::{Tracked, unit_in_the_last_place};
+use hamel_tests::tracked::{tracked, units_off};
 
 /// Units in the last place that a component may be off.
 const BOUND: f64 = 64.0;
@@ -21,24 +21,6 @@ fn params(scene: &BuiltScene, numbers: &Numbers) -> Vec<f64> {
     let names: Vec<String> = scene.params().iter().map(|p| p.name.clone()).collect();
     assert_eq!(numbers.len(), names.len(), "parameters of the model and of the reference");
     reference::in_order(numbers, &names)
-}
-
-/// Runs one function of the program on tracked numbers.
-fn tracked(scene: &BuiltScene, function: &str, params: &[f64], state: &[f64]) -> Vec<Tracked> {
-    let program = &scene.program;
-    let lift = |values: &[f64]| values.iter().map(|x| Tracked::input(*x)).collect::<Vec<_>>();
-    let (params, state) = (lift(params), lift(state));
-    let prepared = program.prepare(&params).unwrap_or_else(|e| panic!("{e}"));
-    let k = program.function_idx(function).unwrap_or_else(|| panic!("the scene has no {function}"));
-    let mut out = vec![Tracked::default(); program.functions[k].results.len()];
-    program.run(k, &params, &prepared, Tracked::input(0.0), &state, &mut out);
-    out
-}
-
-/// How many units in the last place of the larger of component and largest term a value is off.
-fn units_off(computed: Tracked, expected: &str) -> f64 {
-    let scale = computed.term.max(reference::number(expected).abs());
-    reference::distance(computed.value, expected) / unit_in_the_last_place(scale)
 }
 
 fn check_points(model: &str, Reference { points, .. }: &Reference) -> f64 {

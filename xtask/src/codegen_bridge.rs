@@ -7,6 +7,7 @@ use std::sync::Mutex;
 
 pub use hamel_codegen::emit::SceneEntry as Entry;
 use hamel_codegen::expr::{Graph, Style, rational_to_f64};
+use hamel_codegen::lower::Counts;
 use hamel_codegen::reduction;
 use hamel_codegen::scene::{self, BuiltScene, Interpreter};
 use hamel_codegen::spec::{self, ConnectionKind, Domain, ReconstructionKind};
@@ -83,6 +84,15 @@ pub fn build(model: &Model, scene_name: &str) -> Result<Built, Error> {
         has_energy: scene.has_energy(),
     };
     Ok(Built { scene, info })
+}
+
+impl Built {
+    /// Operations of one evaluation of the right-hand side.
+    pub fn rhs_counts(&self) -> Counts {
+        let program = &self.scene.program;
+        // Every scene has a right-hand side.
+        program.function_idx("rhs").map_or_else(Counts::default, |k| program.functions[k].counts())
+    }
 }
 
 impl Factory for Built {

@@ -172,51 +172,59 @@ impl Drop for Process {
 }
 
 /// Builds the program with the compiled models, which takes no time when nothing changed, and returns its path.
-///
-/// What the compiler says is shown when the build fails, and is of no interest otherwise.
 fn build(workspace: &Workspace, model: &str) -> Result<PathBuf, Error> {
+    run_build(cargo_build(workspace, PACKAGE), PACKAGE, "building the compiled models")?.ok_or_else(|| {
+        Error::NotCompiled { what: model.to_owned(), reason: "the compiled models do not build".into() }
+    })
+}
+
+/// The command that builds a package of the workspace, optimised; for [`run_build`].
+pub(crate) fn cargo_build(workspace: &Workspace, package: &str) -> Command {
     let mut command = Command::new(Workspace::cargo());
     command
-        .args([
-            "build",
-            "--quiet",
-            "--release",
-            "--package",
-            PACKAGE,
-            "--message-format",
-            "json",
-            "--manifest-path",
-        ])
+        .args(["build", "--quiet", "--release", "--message-format", "json", "--package", package])
+        .arg("--manifest-path")
         .arg(workspace.manifest())
         .stdin(Stdio::null());
-    let spinner = Spinner::start();
+    command
+}
+
+/// Runs a [`cargo_build`] and returns the path of its program, or nothing when it does not build.
+///
+/// What the compiler says is shown when the build fails, and is of no interest otherwise; `doing` is shown meanwhile.
+pub(crate) fn run_build(
+    mut command: Command,
+    program: &str,
+    doing: &'static str,
+) -> Result<Option<PathBuf>, Error> {
+    let spinner = Spinner::start(doing);
     let output = command.output();
     spinner.stop();
     let output = output.map_err(|e| Error::io("cargo could not be started", e))?;
     let messages: Vec<serde_json::Value> =
         output.stdout.split(|b| *b == b'\n').filter_map(|line| serde_json::from_slice(line).ok()).collect();
-    let program = messages.iter().find_map(|message| {
-        let is_program = message["target"]["name"] == PACKAGE;
+    let path = messages.iter().find_map(|message| {
+        let is_program = message["target"]["name"] == program;
         message["executable"].as_str().filter(|_| is_program).map(PathBuf::from)
     });
-    if let (true, Some(program)) = (output.status.success(), program) {
-        return Ok(program);
+    if output.status.success() && path.is_some() {
+        return Ok(path);
     }
     for message in messages.iter().filter(|m| m["message"]["level"] == "error") {
         eprint!("{}", message["message"]["rendered"].as_str().unwrap_or_default());
     }
     eprint!("{}", String::from_utf8_lossy(&output.stderr));
-    Err(Error::NotCompiled { what: model.to_owned(), reason: "the compiled models do not build".into() })
+    Ok(None)
 }
 
-/// Says that the models are being built, when that takes long and somebody watches.
+/// Says what is being built, when that takes long and somebody watches.
 struct Spinner {
     done: std::sync::mpsc::Sender<()>,
     thread: Option<std::thread::JoinHandle<()>>,
 }
 
 impl Spinner {
-    fn start() -> Spinner {
+    fn start(doing: &'static str) -> Spinner {
         let (done, wait) = std::sync::mpsc::channel::<()>();
         let show = move || {
             let ended = |r| !matches!(r, Err(std::sync::mpsc::RecvTimeoutError::Timeout));
@@ -228,7 +236,7 @@ impl Spinner {
             bar.set_style(
                 ProgressStyle::with_template("  {spinner} {msg} {elapsed}").expect("valid template"),
             );
-            bar.set_message("building the compiled models");
+            bar.set_message(doing);
             while !ended(wait.recv_timeout(Duration::from_millis(120))) {
                 bar.tick();
             }

@@ -7,6 +7,7 @@
 //! depends on it; compiled models are reached through another process ([`compiled`]).
 
 pub mod backend;
+pub mod bench;
 pub mod codegen_bridge;
 pub mod commands;
 pub mod compiled;

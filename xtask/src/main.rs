@@ -6,6 +6,7 @@ use std::process::ExitCode;
 
 use clap::{Args, CommandFactory as _, Parser, Subcommand};
 use clap_complete::Shell;
+use xtask::bench::{self, TargetCpu};
 use xtask::commands::{self, Aspect, Choice, Simulation, Via};
 use xtask::error::Error;
 use xtask::package;
@@ -144,6 +145,11 @@ Examples:
     | cargo xtask simulate chaplygin_sleigh --json"
     )]
     Simulate(SimulateArgs),
+    /// Measure the generated code beside other ways to the same numbers
+    Bench {
+        #[command(subcommand)]
+        what: Bench,
+    },
     /// Run the whole test suite: the workspace, then crates that use hamel as others do
     #[command(after_help = "Example:\n  cargo xtask test")]
     Test,
@@ -180,6 +186,34 @@ Examples:
     Man {
         /// Name of a command
         command: Option<String>,
+    },
+}
+
+#[derive(Subcommand)]
+enum Bench {
+    /// Right-hand sides: time, executed instructions and operations of one call
+    ///
+    /// Measures every generated right-hand side and, for eight systems, the same equations written by an expert, by vector
+    /// algebra with nalgebra, and without reduction with multipliers; prints a table, with the best other generators
+    /// beside it as they were measured elsewhere. Times are those of the fastest and the median of all rounds, in each of
+    /// which all right-hand sides are called in turn. Instructions are counted by valgrind's callgrind where that is
+    /// installed. When all models are measured, docs/benchmarks/rhs.md, rhs.csv and rhs.svg are written.
+    ///
+    /// The measuring program is built in target/bench, which takes a minute or two the first time.
+    #[command(after_help = "\
+Examples:
+  cargo xtask bench rhs                                  everything; writes docs/benchmarks
+  cargo xtask bench rhs heavy_top euler_disk             two models; writes nothing
+  cargo xtask bench rhs --target-cpu native --rounds 500 the instructions of this machine, and a longer measurement")]
+    Rhs {
+        /// Names of models; all when none is given
+        models: Vec<String>,
+        /// Rounds of measurement, each about 0.4 ms a right-hand side
+        #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..))]
+        rounds: u32,
+        /// Instruction set to compile for [default: x86-64-v3 where this machine has it, otherwise baseline]
+        #[arg(long, value_enum)]
+        target_cpu: Option<TargetCpu>,
     },
 }
 
@@ -305,6 +339,10 @@ fn run(task: Task) -> Result<String, Error> {
                 outputs: args.output,
             };
             commands::simulate(&workspace, &args.scene.choice(), &simulation)
+        }
+        Task::Bench { what: Bench::Rhs { models, rounds, target_cpu } } => {
+            let target_cpu = target_cpu.unwrap_or_else(TargetCpu::of_host);
+            bench::rhs(&workspace, &bench::Options { models, rounds, target_cpu })
         }
         Task::Test => commands::test(&workspace),
         Task::Package { no_verify } => package::package(&workspace, !no_verify),

@@ -2,6 +2,8 @@
 //!
 //! Deliberately does not know: scenes, integrators.
 
+pub mod bars;
+
 use plotters::backend::SVGBackend;
 use plotters::drawing::{DrawingArea, IntoDrawingArea};
 use plotters::element::{Circle, PathElement, Text};
@@ -97,12 +99,17 @@ pub fn svg(figure: &Figure) -> Result<String, DrawError> {
     if let Some(path) = &figure.path {
         height += PATH_GAP + Frame::of(path).height + BOTTOM;
     }
+    drawn(height, |area| draw(area, figure))
+}
+
+/// An SVG file of the figures' width, with what `draw` draws.
+fn drawn(height: f64, draw: impl for<'a> Fn(&Area<'a>) -> Drawn<'a>) -> Result<String, DrawError> {
     let mut text = String::new();
     {
         let size = (scaled(WIDTH) as u32, scaled(height) as u32);
         let area = SVGBackend::with_string(&mut text, size).into_drawing_area();
         area.fill(&plotters::style::WHITE).map_err(describe)?;
-        draw(&area, figure).map_err(describe)?;
+        draw(&area).map_err(describe)?;
         area.present().map_err(describe)?;
     }
     // Shown at the intended size; the view box keeps the fine coordinates.

@@ -1,0 +1,105 @@
+//! Operations of every right-hand side, bounded from above.
+//!
+//! A change of derivation or lowering that costs operations fails here. One that saves some may lower the bounds: the test
+//! prints the table as it would be now with `cargo test -p hamel-tests --test operations -- --nocapture`.
+
+use std::fmt::Write as _;
+
+use hamel_codegen::lower::Counts;
+use hamel_codegen::scene;
+use hamel_tests::models::{build, model, names};
+
+/// The most operations of the default and the minimal scene of every model.
+#[rustfmt::skip]
+const BOUNDS: &[Bound] = &[
+    //    model, scene                            add, mul, div, functions, all
+    most("appell_machine", "default",          [  3,  10,  1,  0,  16]),
+    most("appell_machine", "minimal",          [  3,  10,  1,  0,  16]),
+    most("ball_on_rotating_table", "default",  [  0,   2,  0,  0,   2]),
+    most("chaplygin_ball", "default",          [ 40,  66,  3,  0, 109]),
+    most("chaplygin_gyro", "default",          [174, 259,  4,  2, 439]),
+    most("chaplygin_sleigh", "default",        [  2,   6,  0,  0,   8]),
+    most("euler_disk", "default",              [ 11,  20,  1,  1,  33]),
+    most("euler_disk", "minimal",              [ 11,  20,  1,  1,  33]),
+    most("euler_disk_advected", "default",     [ 18,  53,  3,  1,  75]),
+    most("extended_pose", "default",           [165, 192,  0,  0, 357]),
+    most("free_rigid_body", "default",         [  0,   6,  0,  0,   6]),
+    most("heavy_top", "default",               [  9,  18,  0,  0,  27]),
+    most("heavy_top", "lagrange",              [  5,  14,  0,  0,  19]),
+    most("kirchhoff_body", "default",          [ 54,  72,  0,  0, 126]),
+    most("mobile_robot", "default",            [  4,   8,  0,  0,  12]),
+    most("mobile_robot", "minimal",            [  4,   8,  0,  0,  12]),
+    most("rolling_ball", "default",            [  0,   0,  0,  0,   0]),
+    most("rolling_ball", "minimal",            [  0,   0,  0,  0,   0]),
+    most("rolling_disk", "default",            [  0,   0,  0,  0,   0]),
+    most("servo_ball", "default",              [  4,  11,  1,  0,  19]),
+    most("servo_ball", "minimal",              [  4,  11,  1,  0,  19]),
+    most("skew_sleigh", "default",             [  2,   6,  0,  0,   8]),
+    most("snakeboard", "default",              [  2,   9,  1,  1,  14]),
+    most("snakeboard", "minimal",              [  2,   9,  1,  1,  14]),
+    most("suslov", "default",                  [  3,   8,  0,  0,  11]),
+    most("tethered_body", "default",           [ 12,  21,  0,  0,  33]),
+    most("two_arm_satellite", "default",       [ 65, 121,  3,  2, 191]),
+    most("veselova", "default",                [ 16,  30,  1,  0,  47]),
+    most("wong_particle", "default",           [ 25,  51,  1,  0,  77]),
+];
+
+/// The most operations of a right-hand side.
+struct Bound {
+    model: &'static str,
+    scene: &'static str,
+    most: [usize; 5],
+}
+
+const fn most(model: &'static str, scene: &'static str, most: [usize; 5]) -> Bound {
+    Bound { model, scene, most }
+}
+
+/// Additions and subtractions; multiplications; divisions; square roots and elementary functions; all, with sign changes.
+/// Fused pairs count as two, so the bounds do not depend on what is fused.
+fn numbers(c: &Counts) -> [usize; 5] {
+    [c.add, c.mul, c.div, c.sqrt + c.transcendental, c.total()]
+}
+
+const COLUMNS: [&str; 5] =
+    ["additions", "multiplications", "divisions", "roots and functions", "operations in all"];
+
+/// A line of the table.
+fn line(model: &str, scene: &str, [add, mul, div, functions, all]: [usize; 5]) -> String {
+    let names = format!("most(\"{model}\", \"{scene}\",");
+    format!("    {names:<42} [{add:>3}, {mul:>3}, {div:>2}, {functions:>2}, {all:>3}]),\n")
+}
+
+#[test]
+fn no_right_hand_side_takes_more_operations_than_the_table_says() {
+    let (mut table, mut problems) = (String::new(), String::new());
+    let mut found = Vec::new();
+    for name in names() {
+        for scene in scene::names(&model(&name)).into_iter().filter(|s| s != scene::RECONSTRUCTION) {
+            let program = build(&name, &scene).program;
+            let k = program.function_idx("rhs").unwrap_or_else(|| panic!("{name} {scene} has no rhs"));
+            let numbers = numbers(&program.functions[k].counts());
+            let own = line(&name, &scene, numbers);
+            match BOUNDS.iter().find(|b| b.model == name && b.scene == scene) {
+                None => drop(write!(problems, "{name} {scene} is not in the table; add\n{own}")),
+                Some(bound) => {
+                    for ((what, now), most) in COLUMNS.iter().zip(numbers).zip(bound.most) {
+                        if now > most {
+                            let _ =
+                                write!(problems, "{name} {scene}: {now} {what}, at most {most}; now\n{own}");
+                        }
+                    }
+                }
+            }
+            table.push_str(&own);
+            found.push((name.clone(), scene));
+        }
+    }
+    for Bound { model, scene, .. } in BOUNDS {
+        if !found.iter().any(|(m, s)| m == model && s == scene) {
+            let _ = writeln!(problems, "{model} {scene} is in the table, but there is no such scene");
+        }
+    }
+    println!("{table}");
+    assert!(problems.is_empty(), "\n{problems}");
+}

@@ -1,0 +1,27 @@
+//! Right-hand sides to be measured: the generated ones, and the same equations written by other means.
+//!
+//! Every right-hand side is a [`Kernel`]: a function that is called through a pointer, so that nothing of it is moved
+//! out of the loop that measures it. The opponents are derived by hand from the model files, and the tests compare all
+//! of them with the generated code and the reference data before any number about them means something.
+//!
+//! Deliberately does not know: the generator, operation counts, how results are shown.
+
+#[cfg(feature = "opponents")]
+pub mod expert;
+pub mod kernel;
+#[cfg(feature = "opponents")]
+pub mod multipliers;
+#[cfg(feature = "opponents")]
+pub mod naive;
+pub mod ours;
+
+pub use kernel::{Kernel, Timing};
+
+/// All right-hand sides: the copy that is the floor of every measurement, the generated ones, the opponents.
+pub fn kernels() -> Vec<Kernel> {
+    let mut kernels = vec![kernel::copy()];
+    kernels.extend(ours::kernels());
+    #[cfg(feature = "opponents")]
+    kernels.extend([expert::kernels(), naive::kernels(), multipliers::kernels()].into_iter().flatten());
+    kernels
+}

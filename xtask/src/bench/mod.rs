@@ -1,0 +1,292 @@
+//! `bench rhs`: the generated right-hand sides beside opponents, in nanoseconds, executed instructions and operations.
+//!
+//! The measuring program is another process (package `hamel-bench`), built for the chosen instruction set in a target
+//! directory of its own, so that the flags do not rebuild everything else.
+//!
+//! Deliberately does not know: generated code and opponents, what they compute, how a table is drawn ([`report`]).
+
+mod instructions;
+pub mod peers;
+pub mod report;
+
+use std::io::{BufRead, BufReader, IsTerminal as _, Read as _};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use hamel_codegen::lower::Counts;
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::codegen_bridge as bridge;
+use crate::compiled;
+use crate::error::Error;
+use crate::workspace::{Spec, Workspace};
+use report::Report;
+
+/// Name of the package and program that measures.
+pub const PACKAGE: &str = "hamel-bench";
+
+/// The instruction set to compile for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum TargetCpu {
+    /// That of this machine; not counted where valgrind does not know its instructions, such as AVX-512.
+    Native,
+    /// AVX2 and fused multiply-add, as the peers were measured.
+    #[value(name = "x86-64-v3")]
+    X86_64V3,
+    /// The least that the target has.
+    Baseline,
+}
+
+impl TargetCpu {
+    /// `x86-64-v3` where this machine has it, so that counts can be compared with those of the peers.
+    pub fn of_host() -> TargetCpu {
+        #[cfg(target_arch = "x86_64")]
+        if std::is_x86_feature_detected!("avx2") && std::is_x86_feature_detected!("fma") {
+            return TargetCpu::X86_64V3;
+        }
+        TargetCpu::Baseline
+    }
+
+    /// As it is written on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            TargetCpu::Native => "native",
+            TargetCpu::X86_64V3 => "x86-64-v3",
+            TargetCpu::Baseline => "baseline",
+        }
+    }
+
+    /// `RUSTFLAGS` for it, added to those of the user.
+    pub fn rustflags(self) -> String {
+        let own = match self {
+            TargetCpu::Native | TargetCpu::X86_64V3 => format!("-C target-cpu={}", self.name()),
+            TargetCpu::Baseline => String::new(),
+        };
+        let given = std::env::var("RUSTFLAGS").unwrap_or_default();
+        format!("{given} {own}").trim().to_owned()
+    }
+}
+
+/// What to measure, and how.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Names of models; all when empty.
+    pub models: Vec<String>,
+    /// Rounds; the fastest and the median one are shown.
+    pub rounds: u32,
+    /// The instruction set.
+    pub target_cpu: TargetCpu,
+}
+
+impl Options {
+    /// The command that repeats the measurement.
+    fn command(&self) -> String {
+        let mut words = vec!["cargo xtask bench rhs".to_owned()];
+        words.extend(self.models.iter().cloned());
+        words.push(format!("--rounds {} --target-cpu {}", self.rounds, self.target_cpu.name()));
+        words.join(" ")
+    }
+}
+
+/// A right-hand side of the measuring program.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Kernel {
+    /// Name of the model; `-` for the copy that is the floor of every measurement.
+    pub model: String,
+    /// Name of the scene.
+    pub scene: String,
+    /// By what means it is written.
+    pub kind: String,
+    /// States of one call.
+    pub lanes: u32,
+}
+
+impl Kernel {
+    /// The copy kernel.
+    pub fn is_copy(&self) -> bool {
+        self.kind == "copy"
+    }
+
+    /// Its name in the measuring program.
+    fn name(&self) -> String {
+        let lanes = if self.lanes > 1 { format!("-{}", self.lanes) } else { String::new() };
+        format!("{}/{}/{}{lanes}", self.model, self.scene, self.kind)
+    }
+
+    /// The kernel of a line of `hamel-bench list`.
+    fn parse(line: &str) -> Option<Kernel> {
+        let (name, lanes) = line.split_once(' ')?;
+        let lanes: u32 = lanes.parse().ok()?;
+        let mut parts = name.split('/').map(str::to_owned);
+        let (model, scene, kind) = (parts.next()?, parts.next()?, parts.next()?);
+        let kind = kind.strip_suffix(&format!("-{lanes}")).unwrap_or(&kind).to_owned();
+        Some(Kernel { model, scene, kind, lanes })
+    }
+}
+
+/// What was measured of a kernel; times and instructions are those of one lane of one call.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Row {
+    /// The kernel.
+    pub kernel: Kernel,
+    /// Operations of the generated program.
+    pub counts: Option<Counts>,
+    /// Executed instructions, functions of the mathematical library and the loop around the call included.
+    pub instructions: Option<f64>,
+    /// Nanoseconds in the fastest round.
+    pub min: f64,
+    /// Nanoseconds in the median round.
+    pub median: f64,
+}
+
+/// Measures, writes `docs/benchmarks` when all models were measured, and returns the table.
+///
+/// # Errors
+/// Unknown models and problems of them, [`Error::Failed`] when the measuring program does not build or run, [`Error::Io`].
+pub fn rhs(workspace: &Workspace, options: &Options) -> Result<String, Error> {
+    let specs = if options.models.is_empty() {
+        workspace.specs()?
+    } else {
+        options.models.iter().map(|m| workspace.spec(m)).collect::<Result<_, _>>()?
+    };
+    let program = build(workspace, options.target_cpu)?;
+    let kernels: Vec<Kernel> = list(&program)?
+        .into_iter()
+        .filter(|k| k.is_copy() || specs.iter().any(|s| s.name == k.model))
+        .filter(|k| k.scene != bridge::RECONSTRUCTION_SCENE)
+        .collect();
+    let (counter, mut notes) = match instructions::Counter::find(&program) {
+        Ok(counter) => (Some(counter), Vec::new()),
+        Err(note) => (None, vec![note]),
+    };
+    let n_counted = if counter.is_some() { kernels.len() } else { 0 };
+    let bar = progress(u64::from(options.rounds) + n_counted as u64);
+    let timings = time(&program, &kernels, options.rounds, &bar)?;
+    let counted = counter.map_or_else(|| vec![None; kernels.len()], |c| c.count(&kernels, &bar));
+    bar.finish_and_clear();
+    if n_counted > 0 && counted.iter().any(Option::is_none) {
+        notes.push("valgrind could not run every kernel: choose --target-cpu x86-64-v3 or baseline".into());
+    }
+    let mut rows = Vec::new();
+    for ((kernel, [min, median]), instructions) in kernels.into_iter().zip(timings).zip(counted) {
+        let lanes = f64::from(kernel.lanes);
+        let counts = match specs.iter().find(|s| s.name == kernel.model && kernel.kind == "hamel") {
+            Some(spec) => Some(operations(workspace, spec, &kernel.scene)?),
+            None => None,
+        };
+        let instructions = instructions.map(|n| n / lanes);
+        rows.push(Row { kernel, counts, instructions, min: min / lanes, median: median / lanes });
+    }
+    let report = Report { command: options.command(), cpu: cpu(), rustc: rustc(), rows, notes };
+    let mut text = report.text();
+    if options.models.is_empty() {
+        for path in report.write(&workspace.root().join("docs/benchmarks"))? {
+            text.push_str(&format!("wrote {}\n", workspace.shown(&path)));
+        }
+    } else {
+        text.push_str("docs/benchmarks is written when all models are measured\n");
+    }
+    Ok(text)
+}
+
+/// Operations of the right-hand side of a scene.
+fn operations(workspace: &Workspace, spec: &Spec, scene: &str) -> Result<Counts, Error> {
+    bridge::build(&bridge::read(workspace, spec)?, scene).map(|built| built.rhs_counts())
+}
+
+/// Where the measuring program is built: apart, for other flags would rebuild everything else.
+pub fn target_dir(workspace: &Workspace) -> PathBuf {
+    workspace.root().join("target/bench")
+}
+
+fn build(workspace: &Workspace, cpu: TargetCpu) -> Result<PathBuf, Error> {
+    let mut cargo = compiled::cargo_build(workspace, PACKAGE);
+    cargo.arg("--target-dir").arg(target_dir(workspace)).env("RUSTFLAGS", cpu.rustflags());
+    compiled::run_build(cargo, PACKAGE, "building the benchmarks")?.ok_or_else(|| Error::Failed {
+        step: format!("building {PACKAGE}"),
+        status: "see above; `cargo xtask generate` writes the generated files anew".into(),
+    })
+}
+
+fn failed(status: impl std::fmt::Display) -> Error {
+    Error::Failed { step: PACKAGE.into(), status: status.to_string() }
+}
+
+fn list(program: &Path) -> Result<Vec<Kernel>, Error> {
+    let output = Command::new(program).arg("list").output();
+    let output = output.map_err(|e| Error::io(PACKAGE, e))?;
+    let text = String::from_utf8_lossy(&output.stdout);
+    text.lines()
+        .map(|line| Kernel::parse(line).ok_or_else(|| failed(format!("unexpected {line:?}"))))
+        .collect()
+}
+
+/// Nanoseconds of a call, in the fastest and the median round.
+fn time(program: &Path, kernels: &[Kernel], rounds: u32, bar: &ProgressBar) -> Result<Vec<[f64; 2]>, Error> {
+    bar.set_message("timing");
+    let mut command = Command::new(program);
+    command.arg("time").arg(rounds.to_string()).args(kernels.iter().map(Kernel::name));
+    let mut child =
+        command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().map_err(|e| Error::io(PACKAGE, e))?;
+    let mut timings = Vec::new();
+    // Piped above.
+    for line in BufReader::new(child.stdout.take().expect("piped standard output")).lines() {
+        let line = line.map_err(|e| Error::io(PACKAGE, e))?;
+        let words: Vec<&str> = line.split(' ').collect();
+        match words[..] {
+            ["round"] => bar.inc(1),
+            [_, min, median] => timings.push([min, median].map(|x| x.parse().unwrap_or(f64::NAN))),
+            _ => return Err(failed(format!("unexpected {line:?}"))),
+        }
+    }
+    let mut said = String::new();
+    let _ = child.stderr.take().expect("piped standard error").read_to_string(&mut said);
+    let status = child.wait().map_err(|e| Error::io(PACKAGE, e))?;
+    if status.success() && timings.len() == kernels.len() { Ok(timings) } else { Err(failed(said.trim())) }
+}
+
+fn progress(length: u64) -> ProgressBar {
+    if !std::io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::new(length);
+    // The template is a constant that indicatif accepts.
+    bar.set_style(
+        ProgressStyle::with_template("  {msg:22} {bar:40} {percent:>3} % {elapsed}").expect("valid template"),
+    );
+    bar
+}
+
+/// What the system calls its processor.
+fn cpu() -> String {
+    let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let model = info.lines().find_map(|line| line.strip_prefix("model name")?.split_once(": "));
+    let of_macos = || {
+        let output = Command::new("sysctl").args(["-n", "machdep.cpu.brand_string"]).output().ok()?;
+        let text = String::from_utf8_lossy(&output.stdout).trim().to_owned();
+        (output.status.success() && !text.is_empty()).then_some(text)
+    };
+    let name = model.map(|(_, name)| name.trim().to_owned()).or_else(of_macos);
+    name.unwrap_or_else(|| format!("unknown {}", std::env::consts::ARCH))
+}
+
+fn rustc() -> String {
+    let rustc = std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
+    let output = Command::new(rustc).arg("--version").output();
+    output.map_or_else(|_| "rustc".into(), |o| String::from_utf8_lossy(&o.stdout).trim().to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Kernel;
+
+    #[test]
+    fn kernels_are_read_as_they_are_named() {
+        for line in ["heavy_top/default/hamel 1", "heavy_top/default/hamel-8 8", "-/-/copy 1"] {
+            let kernel = Kernel::parse(line).unwrap_or_else(|| panic!("{line}"));
+            assert_eq!(format!("{} {}", kernel.name(), kernel.lanes), line);
+        }
+        assert_eq!(Kernel::parse("heavy_top/default/hamel-8 8").map(|k| k.kind), Some("hamel".to_owned()));
+        assert_eq!(Kernel::parse("heavy_top 1"), None);
+    }
+}

@@ -1,0 +1,380 @@
+//! Measurements as a table on the terminal, a Markdown page, a CSV file and a bar chart.
+//!
+//! No dates and no paths are written: the command, the processor and the compiler say where numbers come from.
+//!
+//! Deliberately does not know: how anything was measured.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use hamel_codegen::lower::Counts;
+
+use super::peers::{self, PEERS, Peer};
+use super::{Kernel, Row};
+use crate::error::Error;
+use crate::plot::bars::{self, Bars};
+
+/// All that was measured, and on what.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Report {
+    /// The command that repeats it.
+    pub command: String,
+    /// The processor.
+    pub cpu: String,
+    /// The compiler.
+    pub rustc: String,
+    /// The measurements.
+    pub rows: Vec<Row>,
+    /// What could not be measured, and why.
+    pub notes: Vec<String>,
+}
+
+/// A table of text; the first line is its head.
+struct Table {
+    lines: Vec<Vec<String>>,
+    /// How many columns from the left hold words.
+    n_words: usize,
+}
+
+impl Table {
+    /// Columns aligned with spaces: words to the left, numbers to the right.
+    fn text(&self) -> String {
+        self.joined("  ", "")
+    }
+
+    fn markdown(&self) -> String {
+        let mut lines: Vec<String> = self.joined(" | ", "|").lines().map(str::to_owned).collect();
+        let rule = |k| if k < self.n_words { "---|" } else { "--:|" };
+        let rule = (0..self.lines[0].len()).map(rule).collect::<String>();
+        lines.insert(1, format!("|{rule}"));
+        lines.join("\n") + "\n"
+    }
+
+    fn joined(&self, separator: &str, edge: &str) -> String {
+        let width = |k: usize| self.lines.iter().map(|l| l[k].chars().count()).max().unwrap_or(0);
+        let mut text = String::new();
+        for line in &self.lines {
+            let cells = line.iter().enumerate().map(|(k, cell)| {
+                let width = width(k);
+                if k < self.n_words { format!("{cell:width$}") } else { format!("{cell:>width$}") }
+            });
+            let cells = cells.collect::<Vec<_>>().join(separator);
+            let line = if edge.is_empty() { cells } else { format!("{edge} {cells} {edge}") };
+            let _ = writeln!(text, "{}", line.trim_end());
+        }
+        text
+    }
+}
+
+fn cells<const N: usize>(cells: [&str; N]) -> Vec<String> {
+    cells.map(str::to_owned).to_vec()
+}
+
+/// A number, or an empty cell.
+fn number(x: Option<f64>, digits: usize) -> String {
+    x.filter(|x| x.is_finite()).map_or_else(String::new, |x| format!("{x:.digits$}"))
+}
+
+impl Report {
+    /// The report for a terminal.
+    pub fn text(&self) -> String {
+        let mut text =
+            format!("{}\n{}, {}\n\n{}", self.command, self.cpu, self.rustc, self.measured().text());
+        if let Some(peers) = self.beside_peers() {
+            let _ = write!(
+                text,
+                "\nThe best peer, measured elsewhere ({}):\n\n{}",
+                peers::CITATION,
+                peers.text()
+            );
+        }
+        for note in &self.notes {
+            let _ = write!(text, "\nnote: {note}\n");
+        }
+        text
+    }
+
+    /// Writes `rhs.md`, `rhs.csv` and `rhs.svg`; the files written.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>, Error> {
+        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder.display().to_string(), e))?;
+        let chart = bars::svg(&self.chart()).map_err(|e| Error::io("the chart", std::io::Error::other(e)))?;
+        let files = [("rhs.md", self.markdown()), ("rhs.csv", self.csv()), ("rhs.svg", chart)];
+        let mut written = Vec::new();
+        for (name, text) in files {
+            let path = folder.join(name);
+            std::fs::write(&path, text).map_err(|e| Error::io(path.display().to_string(), e))?;
+            written.push(path);
+        }
+        Ok(written)
+    }
+
+    fn copy(&self) -> f64 {
+        self.rows.iter().find(|r| r.kernel.is_copy()).map_or(0.0, |r| r.min)
+    }
+
+    /// Nanoseconds above those of the copy kernel; none for several lanes, whose calls the copy kernel does not resemble.
+    fn above_copy(&self, row: &Row) -> Option<f64> {
+        (row.kernel.lanes == 1 && !row.kernel.is_copy()).then_some(row.min - self.copy())
+    }
+
+    fn find(&self, model: &str, scene: &str, kind: &str, lanes: u32) -> Option<&Row> {
+        let is = |k: &Kernel| k.model == model && k.scene == scene && k.kind == kind && k.lanes == lanes;
+        self.rows.iter().find(|r| is(&r.kernel))
+    }
+
+    /// The generated right-hand side that a row is compared with.
+    fn generated(&self, row: &Row) -> Option<&Row> {
+        self.find(&row.kernel.model, &row.kernel.scene, "hamel", 1).filter(|own| *own != row)
+    }
+
+    /// Rows of a model together: the generated ones, then opponents in the order of their kinds.
+    fn sorted(&self) -> Vec<&Row> {
+        let mut rows: Vec<&Row> = self.rows.iter().collect();
+        rows.sort_by(|a, b| a.kernel.model.cmp(&b.kernel.model));
+        rows
+    }
+
+    fn measured(&self) -> Table {
+        let mut lines = vec![cells([
+            "model",
+            "scene",
+            "by",
+            "add",
+            "mul",
+            "fused",
+            "div",
+            "sqrt",
+            "functions",
+            "instructions",
+            "ns",
+            "median",
+            "above copy",
+            "instructions/hamel",
+            "ns/hamel",
+        ])];
+        for row in self.sorted() {
+            let kernel = &row.kernel;
+            let count =
+                |n: fn(&Counts) -> usize| row.counts.as_ref().map_or_else(String::new, |c| n(c).to_string());
+            let own = self.generated(row);
+            let ratio =
+                |of: &dyn Fn(&Row) -> Option<f64>| number(own.and_then(|o| Some(of(row)? / of(o)?)), 2);
+            let above = |r: &Row| self.above_copy(r).filter(|ns| *ns > RESOLUTION);
+            lines.push(vec![
+                kernel.model.clone(),
+                kernel.scene.clone(),
+                if kernel.lanes > 1 {
+                    format!("{}, {} lanes", kernel.kind, kernel.lanes)
+                } else {
+                    kernel.kind.clone()
+                },
+                count(|c| c.add),
+                count(|c| c.mul),
+                count(|c| c.fma),
+                count(|c| c.div),
+                count(|c| c.sqrt),
+                count(|c| c.transcendental),
+                number(row.instructions, 0),
+                number(Some(row.min), 2),
+                number(Some(row.median), 2),
+                number(self.above_copy(row), 2),
+                ratio(&|r| r.instructions),
+                ratio(&above),
+            ]);
+        }
+        Table { lines, n_words: 3 }
+    }
+
+    /// The generated right-hand sides of the default scenes beside the best peers; none when no model has a peer.
+    fn beside_peers(&self) -> Option<Table> {
+        let mut lines = vec![cells([
+            "model",
+            "instructions",
+            "peer",
+            "ratio",
+            "ns above copy",
+            "peer",
+            "ratio",
+            "ns a lane of 8",
+            "peer",
+        ])];
+        for peer in PEERS {
+            let Some(row) = self.find(peer.model, "default", "hamel", 1) else { continue };
+            let (ns, theirs) = (self.above_copy(row), peer.ns - peers::COPY);
+            let lanes = self.find(peer.model, "default", "hamel", 8).map(|r| r.min);
+            lines.push(vec![
+                peer.model.to_owned(),
+                number(row.instructions, 0),
+                number(Some(peer.instructions), 0),
+                number(row.instructions.map(|n| n / peer.instructions), 2),
+                number(ns, 2),
+                number(Some(theirs), 1),
+                number(ns.map(|ns| ns / theirs), 2),
+                number(lanes, 2),
+                number(Some(peer.ns_of_8_lanes), 1),
+            ]);
+        }
+        (lines.len() > 1).then_some(Table { lines, n_words: 1 })
+    }
+
+    fn markdown(&self) -> String {
+        let mut text = format!(
+            "# Right-hand sides\n\n{INTRODUCTION}\n\nWritten by `{}` on {} with {}.\n\n![Executed instructions of one call]\
+             (rhs.svg)\n\n{}",
+            self.command,
+            self.cpu,
+            self.rustc,
+            self.measured().markdown()
+        );
+        if let Some(peers) = self.beside_peers() {
+            let _ = write!(
+                text,
+                "\n## Beside other generators\n\nThe best peer for each system, **measured elsewhere**: {}. Instructions of \
+                 the same instruction set can be compared; nanoseconds of two machines only roughly, as what a call takes \
+                 above the copy kernel ({:.2} ns here, {:.1} ns there).\n\n{}",
+                peers::CITATION,
+                self.copy(),
+                peers::COPY,
+                peers.markdown()
+            );
+        }
+        for note in &self.notes {
+            let _ = write!(text, "\nNote: {note}.\n");
+        }
+        text
+    }
+
+    fn csv(&self) -> String {
+        let mut text = format!(
+            "# {}\n# {}\n# {}\nmodel,scene,by,lanes,add,mul,fused,div,neg,sqrt,functions,instructions,ns_min,ns_median,\
+             ns_above_copy\n",
+            self.command, self.cpu, self.rustc
+        );
+        for row in self.sorted() {
+            let (kernel, counts) = (&row.kernel, row.counts.as_ref());
+            let counts = counts.map_or_else(
+                || ",".repeat(6),
+                |Counts { add, mul, fma, div, neg, sqrt, transcendental }| {
+                    format!("{add},{mul},{fma},{div},{neg},{sqrt},{transcendental}")
+                },
+            );
+            let _ = writeln!(
+                text,
+                "{},{},{},{},{counts},{},{},{},{}",
+                kernel.model,
+                kernel.scene,
+                kernel.kind,
+                kernel.lanes,
+                number(row.instructions, 1),
+                number(Some(row.min), 3),
+                number(Some(row.median), 3),
+                number(self.above_copy(row), 3)
+            );
+        }
+        text
+    }
+
+    /// Instructions of the models that have peers; nanoseconds where nothing was counted.
+    fn chart(&self) -> Bars {
+        let counted = self.rows.iter().any(|r| r.instructions.is_some());
+        let value = |row: &Row| if counted { row.instructions } else { Some(row.min) };
+        let of = |peer: &Peer, kind| self.find(peer.model, "default", kind, 1).and_then(value);
+        let groups = PEERS.iter().map(|peer| {
+            let theirs = counted.then_some(peer.instructions);
+            let own = ["hamel", "expert"].map(|kind| of(peer, kind));
+            let others = ["naive", "multipliers"].map(|kind| of(peer, kind));
+            (peer.model.to_owned(), [own[0], own[1], theirs, others[0], others[1]].to_vec())
+        });
+        let series =
+            ["hamel", "by hand, expert", "best peer, measured elsewhere", "vector algebra", "multipliers"];
+        Bars {
+            title: "One evaluation of a right-hand side".into(),
+            subtitle: format!("{}, {}", self.cpu, self.rustc),
+            x_label: if counted { "executed instructions" } else { "nanoseconds" }.into(),
+            series: series.map(str::to_owned).to_vec(),
+            groups: groups.collect(),
+        }
+    }
+}
+
+/// Nanoseconds above the copy kernel that cannot be told from nothing: no ratio is made of less.
+const RESOLUTION: f64 = 0.2;
+
+const INTRODUCTION: &str = "\
+One call of each right-hand side through a pointer, with 64 independent states that stay in the first cache.
+
+* **hamel**: the generated code, monomorphised for `f64`.
+* **expert**: the same equations by hand: the best frame, everything that depends on parameters alone computed once, one sine
+  and cosine an angle, fused multiply-add.
+* **naive**: vector algebra with nalgebra, matrices inverted in every call, parameters read in every call.
+* **multipliers**: no reduction: all velocities, the full mass matrix, a multiplier for each constraint, one LU factorisation.
+
+All of them meet the reference data of `tests/reference` (`cargo test -p hamel-bench`). `add` to `functions` are operations of
+the generated program; `fused` is how many of the additions are one instruction with a multiplication. `instructions` are executed by one call, counted by valgrind's callgrind: the mathematical library
+and the loop around the call are included. `ns` is the fastest of all rounds, `median` the median one, `above copy` the
+fastest less that of the kernel `copy`, which copies six numbers through the same call. Trust ratios of one run.";
+
+#[cfg(test)]
+mod tests {
+    use super::{Counts, Report, Row};
+    use crate::bench::Kernel;
+
+    fn row(model: &str, kind: &str, instructions: Option<f64>, min: f64) -> Row {
+        let kernel = Kernel { model: model.into(), scene: "default".into(), kind: kind.into(), lanes: 1 };
+        let counts = (kind == "hamel").then(|| Counts { add: 10, mul: 12, ..Counts::default() });
+        Row { kernel, counts, instructions, min, median: min }
+    }
+
+    fn report(counted: bool) -> Report {
+        let some = |n| counted.then_some(n);
+        Report {
+            command: "cargo xtask bench rhs".into(),
+            cpu: "a processor".into(),
+            rustc: "rustc 1.0".into(),
+            rows: vec![
+                row("-", "copy", some(15.0), 1.5),
+                row("heavy_top", "hamel", some(40.0), 2.5),
+                row("heavy_top", "expert", some(30.0), 2.0),
+            ],
+            notes: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn ratios_are_to_the_generated_code_and_above_the_copy() {
+        let text = report(true).text();
+        let of = |name: &str| {
+            let line = text.lines().find(|l| l.contains(name)).unwrap_or_else(|| panic!("{name} in {text}"));
+            line.split_whitespace().map(str::to_owned).collect::<Vec<_>>()
+        };
+        assert_eq!(of("expert").last_chunk(), Some(&["0.50", "0.75", "0.50"].map(str::to_owned)));
+        assert_eq!(of("hamel  ").last_chunk(), Some(&["2.50", "2.50", "1.00"].map(str::to_owned)));
+        let peer = text.lines().rfind(|l| l.starts_with("heavy_top")).unwrap();
+        assert!(
+            peer.split_whitespace().eq(["heavy_top", "40", "60", "0.67", "1.00", "0.9", "1.11", "0.7"]),
+            "{peer}"
+        );
+    }
+
+    #[test]
+    fn every_csv_line_has_all_columns() {
+        for counted in [true, false] {
+            let text = report(counted).csv();
+            let lines: Vec<&str> = text.lines().filter(|l| !l.starts_with('#')).collect();
+            assert_eq!(lines.len(), 4);
+            let n_columns = |line: &str| line.split(',').count();
+            assert!(lines.iter().all(|l| n_columns(l) == n_columns(lines[0])), "{text}");
+        }
+    }
+
+    #[test]
+    fn without_counts_the_chart_shows_times() {
+        assert_eq!(report(true).chart().x_label, "executed instructions");
+        let chart = report(false).chart();
+        assert_eq!(chart.x_label, "nanoseconds");
+        assert_eq!(chart.groups[0].1, [Some(2.5), Some(2.0), None, None, None]);
+    }
+}
