@@ -5,8 +5,7 @@
 //! of these step by step. This is fast extraction from logic synthesis (Rajski and Vasudevamurthi, 1990), with
 //! coefficients (Hosangadi, Fallah and Kastner, 2006). Deliberately does not know which polynomials were multiplied out.
 
-use std::cmp::Reverse;
-use std::collections::{BTreeSet, BinaryHeap};
+use std::collections::BTreeSet;
 use std::rc::Rc;
 
 use num_traits::{Signed, Zero};
@@ -185,7 +184,7 @@ impl Extractor {
             extractor: self,
             known: FxHashMap::default(),
             totals: FxHashMap::default(),
-            heap: BinaryHeap::new(),
+            queue: Vec::new(),
             candidates: vec![None; entries.len()],
             active,
         };
@@ -207,8 +206,8 @@ struct Pass<'a> {
     known: FxHashMap<u32, Known>,
     /// What replacing a divisor everywhere would save, its own cost apart.
     totals: FxHashMap<u32, i64>,
-    /// Gains of divisors, outdated ones among them.
-    heap: BinaryHeap<(i64, Reverse<u32>)>,
+    /// Divisors by their gain; a gain that fell since is corrected when it is met.
+    queue: Vec<Vec<u32>>,
     candidates: Vec<Option<Rc<Candidates>>>,
     active: Vec<usize>,
 }
@@ -224,12 +223,30 @@ impl Pass<'_> {
 
     /// The divisor that saves most.
     fn best(&mut self) -> Option<u32> {
-        while let Some((gain, Reverse(divisor))) = self.heap.pop() {
-            if gain == self.gain(divisor) {
-                return Some(divisor);
+        while let Some(bucket) = self.queue.last_mut() {
+            let Some(divisor) = bucket.pop() else {
+                self.queue.pop();
+                continue;
+            };
+            let met = self.queue.len() - 1;
+            match usize::try_from(self.gain(divisor)) {
+                Ok(gain) if gain == met => return Some(divisor),
+                Ok(gain) if gain > 0 && gain < met => self.queue[gain].push(divisor),
+                _ => {}
             }
         }
         None
+    }
+
+    /// Queues a divisor whose gain has risen.
+    fn queue(&mut self, divisor: u32) {
+        let Ok(gain) = usize::try_from(self.gain(divisor)) else { return };
+        if gain > 0 {
+            if self.queue.len() <= gain {
+                self.queue.resize_with(gain + 1, Vec::new);
+            }
+            self.queue[gain].push(divisor);
+        }
     }
 
     /// Counts the savings in polynomial `k`, or stops counting them.
@@ -240,9 +257,8 @@ impl Pass<'_> {
                 continue;
             }
             *self.totals.entry(*divisor).or_insert(0) += sign * saves;
-            let gain = self.gain(*divisor);
-            if gain > 0 {
-                self.heap.push((gain, Reverse(*divisor)));
+            if sign > 0 {
+                self.queue(*divisor);
             }
         }
     }
@@ -340,10 +356,7 @@ impl Pass<'_> {
         let id = self.id(divisor);
         if let std::collections::hash_map::Entry::Vacant(unknown) = self.known.entry(id) {
             unknown.insert(Known::Entry { k, scale });
-            let gain = self.gain(id);
-            if gain > 0 {
-                self.heap.push((gain, Reverse(id)));
-            }
+            self.queue(id);
         }
     }
 

@@ -16,6 +16,8 @@ use crate::expr::{ExprId, Graph, Node, Rational, Sign, SymbolId};
 
 /// The search stops when this many divisors, or a tenth of it in terms, have been looked at.
 const MAX_WORK: usize = 4_000_000;
+/// A definition is not multiplied out where that takes more than so many times the terms.
+const MAX_GROWTH: usize = 1;
 /// Rounds over all definitions.
 const MAX_ROUNDS: usize = 3;
 
@@ -139,6 +141,11 @@ impl Search<'_> {
 
     fn flat(&mut self, entries: &[Entry], k: usize) -> Option<Vec<Entry>> {
         let value = self.flattened(entries, k)?;
+        // Where hardly anything cancels the definitions say it shorter, and a trial would cost more than it can tell.
+        let behind = needed(self.system, entries, &[k]);
+        if value.len() > MAX_GROWTH * behind.iter().map(|j| entries[*j].value.len()).sum::<usize>() {
+            return None;
+        }
         let mut candidate = entries.to_vec();
         candidate[k].value = value;
         Some(candidate)
@@ -166,15 +173,18 @@ impl Search<'_> {
     /// Polynomial `k` multiplied out in everything that uses it.
     fn inlined(&mut self, entries: &[Entry], k: usize) -> Option<Vec<Entry>> {
         let mut candidate: Option<Vec<Entry>> = None;
+        let (mut before, mut after) = (entries[k].value.len(), 0);
         for user in needed(self.system, entries, self.roots) {
             let uses = |(atom, _): &(u32, Exponent)| self.system.atom(*atom) == Atom::Poly(k as u32);
             if !entries[user].value.iter().any(|(m, _)| m.iter().any(uses)) {
                 continue;
             }
             let value = self.system.substitute(self.graph, &entries[user].value, k, &entries[k].value)?;
+            before += entries[user].value.len();
+            after += value.len();
             candidate.get_or_insert_with(|| entries.to_vec())[user].value = value;
         }
-        candidate
+        candidate.filter(|_| after <= MAX_GROWTH * before)
     }
 }
 

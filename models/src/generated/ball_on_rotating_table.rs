@@ -163,20 +163,18 @@ pub struct Prepared<R = f64> {
     c0: R,
     /// `k2 * Omega / (r * r * (1 + k2 / (r * r)))`
     c1: R,
-    /// `0.5 * Omega`
+    /// `Omega / r`
     c2: R,
-    /// `0.5 * k2`
+    /// `1 / r`
     c3: R,
-    /// `0.5 * (1 + k2 / (r * r))`
-    c4: R,
-    /// `k2 * Omega / (r * r)`
-    c5: R,
     /// `k2 * Omega * (Omega / r - k2 * Omega / (r * r * r * (1 + k2 / (r * r)))) / r`
-    c6: R,
+    c4: R,
     /// `k2 * Omega / r`
-    c7: R,
+    c5: R,
     /// `k2 / r`
-    c8: R,
+    c6: R,
+    /// `k2 * Omega / (r * r)`
+    c7: R,
     /// `1 + k2 / (r * r)`
     A_x_dot_x_dot: R,
 }
@@ -192,7 +190,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 9 multiplications, 8 divisions, 1 sign change.
+    /// 2 additions, 6 multiplications, 9 divisions, 1 sign change.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { r, k2, Omega } = *params;
         for (value, condition, meaning) in [
@@ -211,6 +209,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let A_x_dot_x_dot = R::ONE + k2 / t0;
         let t1 = k2 * Omega;
         let t2 = t1 / (t0 * A_x_dot_x_dot);
+        let t3 = Omega / r;
         if !r.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "r > 0",
@@ -239,18 +238,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             k2,
             c0: -t2,
             c1: t2,
-            c2: R::from_f64(0.5) * Omega,
-            c3: R::from_f64(0.5) * k2,
-            c4: R::from_f64(0.5) * A_x_dot_x_dot,
-            c5: t1 / t0,
-            c6: t1 * (Omega / r - t1 / (t0 * r * A_x_dot_x_dot)) / r,
-            c7: t1 / r,
-            c8: k2 / r,
+            c2: t3,
+            c3: r.recip(),
+            c4: t1 * (t3 - t1 / (t0 * r * A_x_dot_x_dot)) / r,
+            c5: t1 / r,
+            c6: k2 / r,
+            c7: t1 / t0,
             A_x_dot_x_dot,
         })
     }
 }
 
+#[allow(
+    unused_doc_comments,
+    reason = "comments on statements say which formula they are"
+)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Writes the derivative of the state to `dy`.
@@ -283,26 +285,25 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 6 additions, 10 multiplications (6 fused).
+    /// 6 additions, 11 multiplications (6 fused).
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 5]) -> R {
         let [x, y, x_dot, y_dot, omega_z] = *y;
         let _ = t;
-        (-self.c5)
-            .mul_add(
-                (-y)
-                    .mul_add(
-                        y.mul_add(self.c2, x_dot),
-                        x * (-x).mul_add(self.c2, y_dot),
-                    ),
-                self
-                    .c4
-                    .mul_add(
-                        y_dot.mul_add(y_dot, x_dot * x_dot),
-                        self.c3 * (omega_z * omega_z),
-                    ),
-            )
+        /// velocities y = Psi u + psi0
+        let [omega_x, omega_y] = [
+            (-y_dot).mul_add(self.c3, self.c2 * x),
+            x_dot.mul_add(self.c3, self.c2 * y),
+        ];
+        R::from_f64(0.5)
+            * self
+                .k2
+                .mul_add(
+                    omega_y
+                        .mul_add(omega_y, omega_x.mul_add(omega_x, omega_z * omega_z)),
+                    y_dot.mul_add(y_dot, x_dot * x_dot),
+                )
     }
 
     /// Rate of energy dE/dt along the motion.
@@ -315,7 +316,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn energy_rate(&self, t: R, y: &[R; 5]) -> R {
         let [x, y, x_dot, y_dot, _] = *y;
         let _ = t;
-        self.c6 * y.mul_add(y_dot, x * x_dot)
+        self.c4 * y.mul_add(y_dot, x * x_dot)
     }
 
     /// Momenta p = dL/dy.
@@ -337,8 +338,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         [
             x_dot,
             y_dot,
-            (-y_dot).mul_add(self.c8, self.c7 * x),
-            x_dot.mul_add(self.c8, self.c7 * y),
+            (-y_dot).mul_add(self.c6, self.c5 * x),
+            x_dot.mul_add(self.c6, self.c5 * y),
             self.k2 * omega_z,
         ]
     }
@@ -379,8 +380,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [x, y, x_dot, y_dot, omega_z] = *y;
         let _ = t;
         [
-            x_dot.mul_add(self.A_x_dot_x_dot, self.c5 * y),
-            (-x).mul_add(self.c5, self.A_x_dot_x_dot * y_dot),
+            x_dot.mul_add(self.A_x_dot_x_dot, self.c7 * y),
+            (-x).mul_add(self.c7, self.A_x_dot_x_dot * y_dot),
             self.k2 * omega_z,
         ]
     }

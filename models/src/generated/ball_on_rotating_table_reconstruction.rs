@@ -191,20 +191,18 @@ pub struct Prepared<R = f64> {
     c1: R,
     /// `0.5 / r`
     c2: R,
-    /// `0.5 * Omega`
+    /// `Omega / r`
     c3: R,
-    /// `0.5 * k2`
+    /// `1 / r`
     c4: R,
-    /// `0.5 * (1 + k2 / (r * r))`
-    c5: R,
-    /// `k2 * Omega / (r * r)`
-    c6: R,
     /// `k2 * Omega * (Omega / r - k2 * Omega / (r * r * r * (1 + k2 / (r * r)))) / r`
-    c7: R,
+    c5: R,
     /// `k2 * Omega / r`
-    c8: R,
+    c6: R,
     /// `k2 / r`
-    c9: R,
+    c7: R,
+    /// `k2 * Omega / (r * r)`
+    c8: R,
     /// `1 + k2 / (r * r)`
     A_x_dot_x_dot: R,
 }
@@ -220,7 +218,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 9 multiplications, 9 divisions, 1 sign change.
+    /// 2 additions, 6 multiplications, 10 divisions, 1 sign change.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { r, k2, Omega } = *params;
         for (value, condition, meaning) in [
@@ -239,6 +237,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let A_x_dot_x_dot = R::ONE + k2 / t0;
         let t1 = k2 * Omega;
         let t2 = t1 / (t0 * A_x_dot_x_dot);
+        let t3 = Omega / r;
         if !r.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "r > 0",
@@ -269,18 +268,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c0: -t2,
             c1: t2,
             c2: R::from_f64(0.5) / r,
-            c3: R::from_f64(0.5) * Omega,
-            c4: R::from_f64(0.5) * k2,
-            c5: R::from_f64(0.5) * A_x_dot_x_dot,
-            c6: t1 / t0,
-            c7: t1 * (Omega / r - t1 / (t0 * r * A_x_dot_x_dot)) / r,
-            c8: t1 / r,
-            c9: k2 / r,
+            c3: t3,
+            c4: r.recip(),
+            c5: t1 * (t3 - t1 / (t0 * r * A_x_dot_x_dot)) / r,
+            c6: t1 / r,
+            c7: k2 / r,
+            c8: t1 / t0,
             A_x_dot_x_dot,
         })
     }
 }
 
+#[allow(
+    unused_doc_comments,
+    reason = "comments on statements say which formula they are"
+)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Writes the derivative of the state to `dy`.
@@ -326,26 +328,25 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 6 additions, 10 multiplications (6 fused).
+    /// 6 additions, 11 multiplications (6 fused).
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 9]) -> R {
         let [x, y, x_dot, y_dot, omega_z, _, _, _, _] = *y;
         let _ = t;
-        (-self.c6)
-            .mul_add(
-                (-y)
-                    .mul_add(
-                        y.mul_add(self.c3, x_dot),
-                        x * (-x).mul_add(self.c3, y_dot),
-                    ),
-                self
-                    .c5
-                    .mul_add(
-                        y_dot.mul_add(y_dot, x_dot * x_dot),
-                        self.c4 * (omega_z * omega_z),
-                    ),
-            )
+        /// velocities y = Psi u + psi0
+        let [omega_x, omega_y] = [
+            (-y_dot).mul_add(self.c4, self.c3 * x),
+            x_dot.mul_add(self.c4, self.c3 * y),
+        ];
+        R::from_f64(0.5)
+            * self
+                .k2
+                .mul_add(
+                    omega_y
+                        .mul_add(omega_y, omega_x.mul_add(omega_x, omega_z * omega_z)),
+                    y_dot.mul_add(y_dot, x_dot * x_dot),
+                )
     }
 
     /// Rate of energy dE/dt along the motion.
@@ -358,7 +359,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn energy_rate(&self, t: R, y: &[R; 9]) -> R {
         let [x, y, x_dot, y_dot, _, _, _, _, _] = *y;
         let _ = t;
-        self.c7 * y.mul_add(y_dot, x * x_dot)
+        self.c5 * y.mul_add(y_dot, x * x_dot)
     }
 
     /// Momenta p = dL/dy.
@@ -380,8 +381,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         [
             x_dot,
             y_dot,
-            (-y_dot).mul_add(self.c9, self.c8 * x),
-            x_dot.mul_add(self.c9, self.c8 * y),
+            (-y_dot).mul_add(self.c7, self.c6 * x),
+            x_dot.mul_add(self.c7, self.c6 * y),
             self.k2 * omega_z,
         ]
     }
@@ -422,8 +423,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [x, y, x_dot, y_dot, omega_z, _, _, _, _] = *y;
         let _ = t;
         [
-            x_dot.mul_add(self.A_x_dot_x_dot, self.c6 * y),
-            (-x).mul_add(self.c6, self.A_x_dot_x_dot * y_dot),
+            x_dot.mul_add(self.A_x_dot_x_dot, self.c8 * y),
+            (-x).mul_add(self.c8, self.A_x_dot_x_dot * y_dot),
             self.k2 * omega_z,
         ]
     }

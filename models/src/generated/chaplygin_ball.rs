@@ -479,34 +479,32 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 .mul_add(Omega1 * Omega2, (-Gamma2).mul_add(self.c3, self.c1 * Gamma1)),
         ];
         /// mass matrix A = W^T L_yy Psi
-        let [t0, t1, t2, A_Omega1_Omega1, t4, t5, t6, A_Omega2_Omega2, A_Omega3_Omega3,
-        ] = {
+        let [t0, t1, t2, A_Omega1_Omega1, t4, t6, A_Omega2_Omega2, A_Omega3_Omega3] = {
             let t0 = Gamma3.mul_add(self.r, self.c6);
             let t1 = self.m * t0;
             let t2 = Gamma2.mul_add(self.r, self.c7);
             let t3 = self.m * t2;
             let t4 = Gamma1.mul_add(self.r, self.c8);
-            let t7 = self.m * t4;
+            let t5 = self.m * t4;
             [
                 t0,
                 t1,
                 t2,
                 t2.mul_add(t3, t0.mul_add(t1, self.I1)),
                 t4,
-                t3 * t4,
-                t1 * t4,
-                t4.mul_add(t7, t0.mul_add(t1, self.I2)),
-                t4.mul_add(t7, t2.mul_add(t3, self.I3)),
+                t2 * t5,
+                t4.mul_add(t5, t0.mul_add(t1, self.I2)),
+                t4.mul_add(t5, t2.mul_add(t3, self.I3)),
             ]
         };
         /// right side f = W^T (r - L_yy lag)
         let [f_Omega1, f_Omega2, f_Omega3] = {
-            let t8 = (-Omega1).mul_add(self.c10, self.c9 * Omega2);
-            let t9 = (-Omega1).mul_add(self.c11, self.c9 * Omega3);
-            let n_X1 = Omega3.mul_add(t9, Omega2 * t8);
-            let t10 = (-Omega3).mul_add(self.c10, self.c11 * Omega2);
-            let n_X2 = (-Omega1).mul_add(t8, -(Omega3 * t10));
-            let n_X3 = (-Omega1).mul_add(t9, Omega2 * t10);
+            let t7 = (-Omega1).mul_add(self.c10, self.c9 * Omega2);
+            let t8 = (-Omega1).mul_add(self.c11, self.c9 * Omega3);
+            let n_X1 = Omega3.mul_add(t8, Omega2 * t7);
+            let t9 = (-Omega3).mul_add(self.c10, self.c11 * Omega2);
+            let n_X2 = (-Omega1).mul_add(t7, -(Omega3 * t9));
+            let n_X3 = (-Omega1).mul_add(t8, Omega2 * t9);
             [
                 (-t0).mul_add(n_X2, t2.mul_add(n_X3, r_Omega1)),
                 (-t4).mul_add(n_X3, t0.mul_add(n_X1, r_Omega2)),
@@ -514,27 +512,28 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             ]
         };
         /// factors of A
-        let [t11, t12, t13, t14, A_l3_2, A_s2_3_3] = {
-            let t11 = A_Omega1_Omega1.recip();
-            let t12 = t5 * t11;
-            let t13 = t6 * t11;
-            let A_s1_2_2 = (-t5).mul_add(t12, A_Omega2_Omega2);
-            let A_s1_2_3 = (-t6).mul_add(t12, -(t1 * t2));
-            let A_s1_3_3 = (-t6).mul_add(t13, A_Omega3_Omega3);
+        let [t10, t11, t13, t14, A_l3_2, A_s2_3_3] = {
+            let t10 = A_Omega1_Omega1.recip();
+            let t11 = t6 * t10;
+            let t12 = t1 * t4;
+            let t13 = t12 * t10;
+            let A_s1_2_2 = (-t6).mul_add(t11, A_Omega2_Omega2);
+            let A_s1_2_3 = (-t11).mul_add(t12, -(t1 * t2));
+            let A_s1_3_3 = (-t12).mul_add(t13, A_Omega3_Omega3);
             let t14 = A_s1_2_2.recip();
             let A_l3_2 = A_s1_2_3 * t14;
-            [t11, t12, t13, t14, A_l3_2, (-A_s1_2_3).mul_add(A_l3_2, A_s1_3_3)]
+            [t10, t11, t13, t14, A_l3_2, (-A_s1_2_3).mul_add(A_l3_2, A_s1_3_3)]
         };
         /// substitution through the factors of A
         let [dot_Omega3, dot_Omega2, dot_Omega1] = {
-            let z_Omega2 = f_Omega1.mul_add(t12, f_Omega2);
+            let z_Omega2 = f_Omega1.mul_add(t11, f_Omega2);
             let z_Omega3 = (-A_l3_2).mul_add(z_Omega2, f_Omega1.mul_add(t13, f_Omega3));
             let dot_Omega3 = z_Omega3 / A_s2_3_3;
             let dot_Omega2 = (-A_l3_2).mul_add(dot_Omega3, z_Omega2 * t14);
             [
                 dot_Omega3,
                 dot_Omega2,
-                t12.mul_add(dot_Omega2, t13.mul_add(dot_Omega3, f_Omega1 * t11)),
+                t11.mul_add(dot_Omega2, t13.mul_add(dot_Omega3, f_Omega1 * t10)),
             ]
         };
         *dy = [dot_Omega1, dot_Omega2, dot_Omega3, dot_Gamma1, dot_Gamma2, dot_Gamma3];
@@ -601,19 +600,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn momentum(&self, t: R, y: &[R; 6]) -> [R; 6] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
-        let t0 = self.c16 + Gamma3;
-        let t1 = self.c17 * Omega2;
-        let t2 = self.c18 + Gamma2;
-        let t3 = self.c17 * Omega3;
-        let t4 = self.c19 + Gamma1;
-        let t5 = self.c17 * Omega1;
+        let t0 = self.c17 * (self.c16 + Gamma3);
+        let t1 = self.c17 * (self.c18 + Gamma2);
+        let t2 = self.c17 * (self.c19 + Gamma1);
         [
             self.I1 * Omega1,
             self.I2 * Omega2,
             self.I3 * Omega3,
-            (-t2).mul_add(t3, t0 * t1),
-            (-t0).mul_add(t5, t3 * t4),
-            (-t1).mul_add(t4, t2 * t5),
+            (-Omega3).mul_add(t1, Omega2 * t0),
+            (-Omega1).mul_add(t0, Omega3 * t2),
+            (-Omega2).mul_add(t2, Omega1 * t1),
         ]
     }
 
@@ -627,12 +623,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 52 additions, 83 multiplications (52 fused), 3 divisions.
+    /// 52 additions, 84 multiplications (52 fused), 3 divisions.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 6]) -> [R; 3] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
+        /// velocities y = Psi u + psi0
+        let [t0, t1, X1] = {
+            let t0 = Gamma3.mul_add(self.r, self.c6);
+            let t1 = Gamma2.mul_add(self.r, self.c7);
+            [t0, t1, (-Omega3).mul_add(t1, Omega2 * t0)]
+        };
         /// kinematics xdot = rho y
         let [dot_Gamma1, dot_Gamma2, dot_Gamma3] = [
             (-Omega2).mul_add(Gamma3, Omega3 * Gamma2),
@@ -640,16 +642,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             (-Omega1).mul_add(Gamma2, Omega2 * Gamma1),
         ];
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [r_Omega1, r_Omega2, r_Omega3, t0, t1, t2, t3, t5, t6, r_X1, r_X2, r_X3] = {
-            let t0 = Gamma1.mul_add(self.r, self.c8);
-            let t1 = self.m * t0;
-            let t2 = Gamma2.mul_add(self.r, self.c7);
+        let [r_Omega1, r_Omega2, r_Omega3, t2, t3, t4, t6, r_X1, r_X2, r_X3] = {
+            let t2 = Gamma1.mul_add(self.r, self.c8);
             let t3 = self.m * t2;
-            let t4 = (-Omega1).mul_add(t3, Omega2 * t1);
-            let t5 = Gamma3.mul_add(self.r, self.c6);
-            let t6 = self.m * t5;
-            let t7 = (-Omega1).mul_add(t6, Omega3 * t1);
-            let t8 = (-Omega3).mul_add(t3, Omega2 * t6);
+            let t4 = self.m * t1;
+            let t5 = (-Omega1).mul_add(t4, Omega2 * t3);
+            let t6 = self.m * t0;
+            let t7 = (-Omega1).mul_add(t6, Omega3 * t3);
+            let t8 = self.m * X1;
             [
                 self
                     .c2
@@ -668,47 +668,45 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         Omega1 * Omega2,
                         (-Gamma2).mul_add(self.c3, self.c1 * Gamma1),
                     ),
-                t0,
-                t1,
                 t2,
                 t3,
-                t5,
+                t4,
                 t6,
-                Omega3.mul_add(t7, Omega2 * t4),
-                (-Omega1).mul_add(t4, -(Omega3 * t8)),
+                Omega3.mul_add(t7, Omega2 * t5),
+                (-Omega1).mul_add(t5, -(Omega3 * t8)),
                 (-Omega1).mul_add(t7, Omega2 * t8),
             ]
         };
         /// accelerations of the dependent velocities at udot = 0
-        let [lag_X1, lag_X3] = {
-            let t9 = self.r * Omega2;
-            let t10 = self.r * dot_Gamma2;
+        let [lag_X2, lag_X3] = {
+            let t9 = self.r * dot_Gamma1;
+            let t10 = self.r * Omega1;
             [
-                (-Omega3).mul_add(t10, dot_Gamma3 * t9),
-                Omega1.mul_add(t10, -(dot_Gamma1 * t9)),
+                Omega3.mul_add(t9, -(dot_Gamma3 * t10)),
+                (-Omega2).mul_add(t9, dot_Gamma2 * t10),
             ]
         };
         /// mass matrix A = W^T L_yy Psi
         let [A_Omega1_Omega1, t11, t12, A_Omega2_Omega2, A_Omega3_Omega3] = [
-            t2.mul_add(t3, t5.mul_add(t6, self.I1)),
-            t3 * t0,
-            t1 * t5,
-            t0.mul_add(t1, t5.mul_add(t6, self.I2)),
-            t0.mul_add(t1, t2.mul_add(t3, self.I3)),
+            t1.mul_add(t4, t0.mul_add(t6, self.I1)),
+            t1 * t3,
+            t0 * t3,
+            t2.mul_add(t3, t0.mul_add(t6, self.I2)),
+            t2.mul_add(t3, t1.mul_add(t4, self.I3)),
         ];
         /// right side f = W^T (r - L_yy lag)
         let [n_X1, n_X2, n_X3, f_Omega1, f_Omega2, f_Omega3] = {
-            let n_X1 = (-lag_X1).mul_add(self.m, r_X1);
-            let n_X2 = (-self.c17)
-                .mul_add((-Omega1).mul_add(dot_Gamma3, Omega3 * dot_Gamma1), r_X2);
+            let n_X1 = (-self.c17)
+                .mul_add((-Omega3).mul_add(dot_Gamma2, Omega2 * dot_Gamma3), r_X1);
+            let n_X2 = (-lag_X2).mul_add(self.m, r_X2);
             let n_X3 = (-lag_X3).mul_add(self.m, r_X3);
             [
                 n_X1,
                 n_X2,
                 n_X3,
-                (-t5).mul_add(n_X2, t2.mul_add(n_X3, r_Omega1)),
-                (-t0).mul_add(n_X3, t5.mul_add(n_X1, r_Omega2)),
-                (-t2).mul_add(n_X1, t0.mul_add(n_X2, r_Omega3)),
+                (-t0).mul_add(n_X2, t1.mul_add(n_X3, r_Omega1)),
+                (-t2).mul_add(n_X3, t0.mul_add(n_X1, r_Omega2)),
+                (-t1).mul_add(n_X1, t2.mul_add(n_X2, r_Omega3)),
             ]
         };
         /// factors of A
@@ -717,7 +715,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t14 = t11 * t13;
             let t15 = t12 * t13;
             let A_s1_2_2 = (-t11).mul_add(t14, A_Omega2_Omega2);
-            let A_s1_2_3 = (-t12).mul_add(t14, -(t3 * t5));
+            let A_s1_2_3 = (-t12).mul_add(t14, -(t6 * t1));
             let A_s1_3_3 = (-t12).mul_add(t15, A_Omega3_Omega3);
             let t16 = A_s1_2_2.recip();
             let A_l3_2 = A_s1_2_3 * t16;
@@ -736,9 +734,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             ]
         };
         [
-            t6.mul_add(dot_Omega2, (-t3).mul_add(dot_Omega3, -n_X1)),
-            (-t6).mul_add(dot_Omega1, t1.mul_add(dot_Omega3, -n_X2)),
-            t3.mul_add(dot_Omega1, (-t1).mul_add(dot_Omega2, -n_X3)),
+            t6.mul_add(dot_Omega2, (-t4).mul_add(dot_Omega3, -n_X1)),
+            (-t6).mul_add(dot_Omega1, t3.mul_add(dot_Omega3, -n_X2)),
+            t4.mul_add(dot_Omega1, (-t3).mul_add(dot_Omega2, -n_X3)),
         ]
     }
 
@@ -772,13 +770,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 (-Omega2).mul_add(t2, Omega1 * t1),
             ]
         };
-        let t3 = self.m * t1;
-        let t4 = self.m * t0;
-        let t5 = self.m * t2;
         [
-            (-X2).mul_add(t4, X3.mul_add(t3, self.I1 * Omega1)),
-            (-X3).mul_add(t5, X1.mul_add(t4, self.I2 * Omega2)),
-            (-X1).mul_add(t3, X2.mul_add(t5, self.I3 * Omega3)),
+            (-self.m).mul_add((-t1).mul_add(X3, t0 * X2), self.I1 * Omega1),
+            self.m.mul_add((-t2).mul_add(X3, t0 * X1), self.I2 * Omega2),
+            (-self.m).mul_add((-t2).mul_add(X2, t1 * X1), self.I3 * Omega3),
         ]
     }
 
@@ -819,10 +814,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             (-Omega1).mul_add(Gamma2, Omega2 * Gamma1),
         ];
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [r_Omega1, r_Omega2, r_Omega3, r_X1, r_X2, r_X3] = {
-            let t3 = self.m * Omega3;
+        let [r_Omega1, r_Omega2, r_Omega3, r_X1, r_X3] = {
+            let t3 = self.m * X2;
             let t4 = self.m * Omega2;
-            let t5 = self.m * Omega1;
             [
                 self
                     .c2
@@ -841,40 +835,36 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         Omega1 * Omega2,
                         (-Gamma2).mul_add(self.c3, self.c1 * Gamma1),
                     ),
-                (-X3).mul_add(t4, X2 * t3),
-                (-X1).mul_add(t3, X3 * t5),
-                (-X2).mul_add(t5, X1 * t4),
+                Omega3.mul_add(t3, -(X3 * t4)),
+                (-Omega1).mul_add(t3, X1 * t4),
             ]
         };
+        let t5 = self.m * (-Omega1).mul_add(X3, Omega3 * X1);
         let t6 = self.c17 * X3;
-        let t7 = self.c17 * X2;
-        let t8 = self.c17 * X1;
+        let t7 = self.c17 * dot_Gamma3;
         [
-            (-t0)
+            t0
                 .mul_add(
-                    r_X2,
-                    t1
-                        .mul_add(
-                            r_X3,
-                            (-dot_Gamma3).mul_add(t7, dot_Gamma2.mul_add(t6, r_Omega1)),
-                        ),
+                    t5,
+                    t1.mul_add(r_X3, dot_Gamma2.mul_add(t6, (-X2).mul_add(t7, r_Omega1))),
                 ),
             (-t2)
                 .mul_add(
                     r_X3,
-                    t0
+                    t0.mul_add(r_X1, (-dot_Gamma1).mul_add(t6, X1.mul_add(t7, r_Omega2))),
+                ),
+            (-t2)
+                .mul_add(
+                    t5,
+                    (-t1)
                         .mul_add(
                             r_X1,
-                            (-dot_Gamma1).mul_add(t6, dot_Gamma3.mul_add(t8, r_Omega2)),
-                        ),
-                ),
-            (-t1)
-                .mul_add(
-                    r_X1,
-                    t2
-                        .mul_add(
-                            r_X2,
-                            (-dot_Gamma2).mul_add(t8, dot_Gamma1.mul_add(t7, r_Omega3)),
+                            self
+                                .c17
+                                .mul_add(
+                                    (-X1).mul_add(dot_Gamma2, X2 * dot_Gamma1),
+                                    r_Omega3,
+                                ),
                         ),
                 ),
         ]
@@ -911,30 +901,30 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn check(&self, t: R, y: &[R; 6]) -> Result<(), ::hamel_runtime::Failure> {
         let [_, _, _, Gamma1, Gamma2, Gamma3] = *y;
         /// mass matrix A = W^T L_yy Psi
-        let [t1, t2, A_Omega1_Omega1, t5, t6, A_Omega2_Omega2, A_Omega3_Omega3] = {
+        let [t1, t2, A_Omega1_Omega1, t6, t7, A_Omega2_Omega2, A_Omega3_Omega3] = {
             let t0 = Gamma3.mul_add(self.r, self.c6);
             let t1 = self.m * t0;
             let t2 = Gamma2.mul_add(self.r, self.c7);
             let t3 = self.m * t2;
             let t4 = Gamma1.mul_add(self.r, self.c8);
-            let t7 = self.m * t4;
+            let t5 = self.m * t4;
             [
                 t1,
                 t2,
                 t2.mul_add(t3, t0.mul_add(t1, self.I1)),
-                t3 * t4,
-                t1 * t4,
-                t4.mul_add(t7, t0.mul_add(t1, self.I2)),
-                t4.mul_add(t7, t2.mul_add(t3, self.I3)),
+                t2 * t5,
+                t0 * t5,
+                t4.mul_add(t5, t0.mul_add(t1, self.I2)),
+                t4.mul_add(t5, t2.mul_add(t3, self.I3)),
             ]
         };
         /// factors of A
         let [A_s1_2_2, A_s2_3_3] = {
             let t8 = A_Omega1_Omega1.recip();
-            let t9 = t5 * t8;
-            let A_s1_2_2 = (-t5).mul_add(t9, A_Omega2_Omega2);
-            let A_s1_2_3 = (-t6).mul_add(t9, -(t1 * t2));
-            let A_s1_3_3 = (-t6).mul_add(t6 * t8, A_Omega3_Omega3);
+            let t9 = t6 * t8;
+            let A_s1_2_2 = (-t6).mul_add(t9, A_Omega2_Omega2);
+            let A_s1_2_3 = (-t7).mul_add(t9, -(t1 * t2));
+            let A_s1_3_3 = (-t7).mul_add(t7 * t8, A_Omega3_Omega3);
             let A_l3_2 = A_s1_2_3 / A_s1_2_2;
             [A_s1_2_2, (-A_s1_2_3).mul_add(A_l3_2, A_s1_3_3)]
         };

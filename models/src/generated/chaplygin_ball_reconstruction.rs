@@ -335,28 +335,22 @@ pub struct Prepared<R = f64> {
     c7: R,
     /// `I1 - I2`
     c8: R,
-    /// `m * l * chi1`
-    c9: R,
-    /// `m * l * chi2`
-    c10: R,
-    /// `m * l * chi3`
-    c11: R,
     /// `0.5 * I1`
-    c12: R,
+    c9: R,
     /// `0.5 * I2`
-    c13: R,
+    c10: R,
     /// `0.5 * I3`
-    c14: R,
+    c11: R,
     /// `0.5 * m`
-    c15: R,
+    c12: R,
     /// `l * chi3 / r`
-    c16: R,
+    c13: R,
     /// `m * r`
-    c17: R,
+    c14: R,
     /// `l * chi2 / r`
-    c18: R,
+    c15: R,
     /// `l * chi1 / r`
-    c19: R,
+    c16: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -424,9 +418,6 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t1 = l * chi2;
         let t2 = l * chi1;
         let t3 = m * l;
-        let t4 = t3 * chi3;
-        let t5 = t3 * chi2;
-        let t6 = t3 * chi1;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -466,23 +457,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c0: t0,
             c1: t1,
             c2: t2,
-            c3: t4 * g,
-            c4: t5 * g,
+            c3: t3 * chi3 * g,
+            c4: t3 * chi2 * g,
             c5: I2 - I3,
-            c6: t6 * g,
+            c6: t3 * chi1 * g,
             c7: I1 - I3,
             c8: I1 - I2,
-            c9: t6,
-            c10: t5,
-            c11: t4,
-            c12: R::from_f64(0.5) * I1,
-            c13: R::from_f64(0.5) * I2,
-            c14: R::from_f64(0.5) * I3,
-            c15: R::from_f64(0.5) * m,
-            c16: t0 / r,
-            c17: m * r,
-            c18: t1 / r,
-            c19: t2 / r,
+            c9: R::from_f64(0.5) * I1,
+            c10: R::from_f64(0.5) * I2,
+            c11: R::from_f64(0.5) * I3,
+            c12: R::from_f64(0.5) * m,
+            c13: t0 / r,
+            c14: m * r,
+            c15: t1 / r,
+            c16: t2 / r,
         })
     }
 }
@@ -508,100 +496,126 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 63 additions, 105 multiplications (63 fused), 3 divisions.
+    /// 67 additions, 113 multiplications (67 fused), 3 divisions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 13], dy: &mut [R; 13]) {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3, qw, qx, qy, qz, _, _, _] = *y;
         let _ = t;
         /// velocities y = Psi u + psi0
-        let [t0, t1, X1, t2, X2, X3] = {
-            let t0 = Gamma3.mul_add(self.r, self.c0);
-            let t1 = Gamma2.mul_add(self.r, self.c1);
-            let t2 = Gamma1.mul_add(self.r, self.c2);
+        let [dot_Gamma1, t0, X1, t1, t2, X2, t3, X3] = {
+            let dot_Gamma1 = (-Omega2).mul_add(Gamma3, Omega3 * Gamma2);
+            let t0 = self.r * dot_Gamma1;
+            let t1 = Gamma1.mul_add(self.r, self.c2);
+            let t2 = Gamma3.mul_add(self.r, self.c0);
+            let t3 = Gamma2.mul_add(self.r, self.c1);
             [
+                dot_Gamma1,
                 t0,
+                (-Omega3).mul_add(self.c1, Omega2.mul_add(self.c0, -t0)),
                 t1,
-                (-Omega3).mul_add(t1, Omega2 * t0),
                 t2,
-                (-Omega1).mul_add(t0, Omega3 * t2),
-                (-Omega2).mul_add(t2, Omega1 * t1),
+                (-Omega1).mul_add(t2, Omega3 * t1),
+                t3,
+                (-Omega2).mul_add(t1, Omega1 * t3),
             ]
         };
         /// kinematics xdot = rho y
-        let [dot_Gamma1, dot_Gamma2, dot_Gamma3] = [
-            (-Omega2).mul_add(Gamma3, Omega3 * Gamma2),
+        let [dot_Gamma2, dot_Gamma3] = [
             (-Omega3).mul_add(Gamma1, Omega1 * Gamma3),
             (-Omega1).mul_add(Gamma2, Omega2 * Gamma1),
         ];
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [r_Omega1, r_Omega2, r_Omega3] = [
-            self
-                .c5
-                .mul_add(Omega2 * Omega3, (-Gamma3).mul_add(self.c4, self.c3 * Gamma2)),
-            (-self.c7)
-                .mul_add(Omega1 * Omega3, (-Gamma1).mul_add(self.c3, self.c6 * Gamma3)),
-            self
-                .c8
-                .mul_add(Omega1 * Omega2, (-Gamma2).mul_add(self.c6, self.c4 * Gamma1)),
-        ];
-        /// mass matrix A = W^T L_yy Psi
-        let [t3, A_Omega1_Omega1, t5, t6, A_Omega2_Omega2, A_Omega3_Omega3] = {
-            let t3 = self.m * t0;
-            let t4 = self.m * t1;
-            let t7 = self.m * t2;
+        let [r_Omega1, r_Omega2, r_Omega3, t4, t5, r_X3] = {
+            let t4 = self.m * Omega2;
+            let t5 = self.m * Omega1;
             [
-                t3,
-                t1.mul_add(t4, t0.mul_add(t3, self.I1)),
-                t2 * t4,
-                t2 * t3,
-                t2.mul_add(t7, t0.mul_add(t3, self.I2)),
-                t2.mul_add(t7, t1.mul_add(t4, self.I3)),
+                self
+                    .c5
+                    .mul_add(
+                        Omega2 * Omega3,
+                        (-Gamma3).mul_add(self.c4, self.c3 * Gamma2),
+                    ),
+                (-self.c7)
+                    .mul_add(
+                        Omega1 * Omega3,
+                        (-Gamma1).mul_add(self.c3, self.c6 * Gamma3),
+                    ),
+                self
+                    .c8
+                    .mul_add(
+                        Omega1 * Omega2,
+                        (-Gamma2).mul_add(self.c6, self.c4 * Gamma1),
+                    ),
+                t4,
+                t5,
+                X1.mul_add(t4, -(X2 * t5)),
+            ]
+        };
+        /// accelerations of the dependent velocities at udot = 0
+        let [lag_X1, lag_X2, lag_X3] = {
+            let t6 = self.r * dot_Gamma3;
+            let t7 = self.r * dot_Gamma2;
+            [
+                (-Omega3).mul_add(t7, Omega2 * t6),
+                (-Omega1).mul_add(t6, Omega3 * t0),
+                (-Omega2).mul_add(t0, Omega1 * t7),
+            ]
+        };
+        /// mass matrix A = W^T L_yy Psi
+        let [t8, A_Omega1_Omega1, t11, t12, A_Omega2_Omega2, A_Omega3_Omega3] = {
+            let t8 = self.m * t2;
+            let t9 = self.m * t3;
+            let t10 = self.m * t1;
+            [
+                t8,
+                t3.mul_add(t9, t2.mul_add(t8, self.I1)),
+                t3 * t10,
+                t2 * t10,
+                t1.mul_add(t10, t2.mul_add(t8, self.I2)),
+                t1.mul_add(t10, t3.mul_add(t9, self.I3)),
             ]
         };
         /// right side f = W^T (r - L_yy lag)
         let [f_Omega1, f_Omega2, f_Omega3] = {
-            let t8 = (-Omega1).mul_add(self.c10, self.c9 * Omega2);
-            let t9 = (-Omega1).mul_add(self.c11, self.c9 * Omega3);
-            let n_X1 = Omega3.mul_add(t9, Omega2 * t8);
-            let t10 = (-Omega3).mul_add(self.c10, self.c11 * Omega2);
-            let n_X2 = (-Omega1).mul_add(t8, -(Omega3 * t10));
-            let n_X3 = (-Omega1).mul_add(t9, Omega2 * t10);
+            let n_X1 = self.m.mul_add(Omega3.mul_add(X2, -lag_X1), -(X3 * t4));
+            let n_X2 = (-self.m).mul_add(Omega3.mul_add(X1, lag_X2), X3 * t5);
+            let n_X3 = (-lag_X3).mul_add(self.m, r_X3);
             [
-                (-t0).mul_add(n_X2, t1.mul_add(n_X3, r_Omega1)),
-                (-t2).mul_add(n_X3, t0.mul_add(n_X1, r_Omega2)),
-                (-t1).mul_add(n_X1, t2.mul_add(n_X2, r_Omega3)),
+                (-t2).mul_add(n_X2, t3.mul_add(n_X3, r_Omega1)),
+                (-t1).mul_add(n_X3, t2.mul_add(n_X1, r_Omega2)),
+                (-t3).mul_add(n_X1, t1.mul_add(n_X2, r_Omega3)),
             ]
         };
         /// factors of A
-        let [t11, t12, t13, t14, A_l3_2, A_s2_3_3] = {
-            let t11 = A_Omega1_Omega1.recip();
-            let t12 = t5 * t11;
-            let t13 = t6 * t11;
-            let A_s1_2_2 = (-t5).mul_add(t12, A_Omega2_Omega2);
-            let A_s1_2_3 = (-t6).mul_add(t12, -(t1 * t3));
-            let A_s1_3_3 = (-t6).mul_add(t13, A_Omega3_Omega3);
-            let t14 = A_s1_2_2.recip();
-            let A_l3_2 = A_s1_2_3 * t14;
-            [t11, t12, t13, t14, A_l3_2, (-A_s1_2_3).mul_add(A_l3_2, A_s1_3_3)]
+        let [t13, t14, t15, t16, A_l3_2, A_s2_3_3] = {
+            let t13 = A_Omega1_Omega1.recip();
+            let t14 = t11 * t13;
+            let t15 = t12 * t13;
+            let A_s1_2_2 = (-t11).mul_add(t14, A_Omega2_Omega2);
+            let A_s1_2_3 = (-t12).mul_add(t14, -(t3 * t8));
+            let A_s1_3_3 = (-t12).mul_add(t15, A_Omega3_Omega3);
+            let t16 = A_s1_2_2.recip();
+            let A_l3_2 = A_s1_2_3 * t16;
+            [t13, t14, t15, t16, A_l3_2, (-A_s1_2_3).mul_add(A_l3_2, A_s1_3_3)]
         };
         /// substitution through the factors of A
         let [dot_Omega3, dot_Omega2, dot_Omega1] = {
-            let z_Omega2 = f_Omega1.mul_add(t12, f_Omega2);
-            let z_Omega3 = (-A_l3_2).mul_add(z_Omega2, f_Omega1.mul_add(t13, f_Omega3));
+            let z_Omega2 = f_Omega1.mul_add(t14, f_Omega2);
+            let z_Omega3 = (-A_l3_2).mul_add(z_Omega2, f_Omega1.mul_add(t15, f_Omega3));
             let dot_Omega3 = z_Omega3 / A_s2_3_3;
-            let dot_Omega2 = (-A_l3_2).mul_add(dot_Omega3, z_Omega2 * t14);
+            let dot_Omega2 = (-A_l3_2).mul_add(dot_Omega3, z_Omega2 * t16);
             [
                 dot_Omega3,
                 dot_Omega2,
-                t12.mul_add(dot_Omega2, t13.mul_add(dot_Omega3, f_Omega1 * t11)),
+                t14.mul_add(dot_Omega2, t15.mul_add(dot_Omega3, f_Omega1 * t13)),
             ]
         };
-        let t15 = R::from_f64(0.5) * Omega1;
-        let t16 = R::from_f64(0.5) * Omega2;
-        let t17 = R::from_f64(0.5) * Omega3;
-        let t18 = R::from_f64(2.0) * (-qy).mul_add(X1, qx * X2);
-        let t19 = R::from_f64(2.0) * (-qz).mul_add(X2, qy * X3);
-        let t20 = R::from_f64(2.0) * (-qx).mul_add(X3, qz * X1);
+        let t17 = R::from_f64(0.5) * Omega1;
+        let t18 = R::from_f64(0.5) * Omega2;
+        let t19 = R::from_f64(0.5) * Omega3;
+        let t20 = R::from_f64(2.0) * (-qy).mul_add(X1, qx * X2);
+        let t21 = R::from_f64(2.0) * (-qz).mul_add(X2, qy * X3);
+        let t22 = R::from_f64(2.0) * qz.mul_add(X1, -(qx * X3));
         *dy = [
             dot_Omega1,
             dot_Omega2,
@@ -609,13 +623,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             dot_Gamma1,
             dot_Gamma2,
             dot_Gamma3,
-            (-qz).mul_add(t17, (-qy).mul_add(t16, -(qx * t15))),
-            (-qz).mul_add(t16, qw.mul_add(t15, qy * t17)),
-            (-qx).mul_add(t17, qw.mul_add(t16, qz * t15)),
-            (-qy).mul_add(t15, qw.mul_add(t17, qx * t16)),
-            (-qz).mul_add(t20, qw.mul_add(t19, qy.mul_add(t18, X1))),
-            (-qx).mul_add(t18, qw.mul_add(t20, qz.mul_add(t19, X2))),
-            (-qy).mul_add(t19, qw.mul_add(t18, qx.mul_add(t20, X3))),
+            (-qz).mul_add(t19, (-qy).mul_add(t18, -(qx * t17))),
+            (-qz).mul_add(t18, qw.mul_add(t17, qy * t19)),
+            (-qx).mul_add(t19, qw.mul_add(t18, qz * t17)),
+            (-qy).mul_add(t17, qw.mul_add(t19, qx * t18)),
+            (-qz).mul_add(t22, qy.mul_add(t20, qw.mul_add(t21, X1))),
+            (-qx).mul_add(t20, qw.mul_add(t22, qz.mul_add(t21, X2))),
+            qw.mul_add(t20, qx.mul_add(t22, (-qy).mul_add(t21, X3))),
         ];
     }
 
@@ -645,15 +659,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             ]
         };
         let t3 = self
-            .c14
+            .c11
             .mul_add(
                 Omega3 * Omega3,
                 self
-                    .c13
+                    .c10
                     .mul_add(
                         Omega2 * Omega2,
                         self
-                            .c12
+                            .c9
                             .mul_add(
                                 Omega1 * Omega1,
                                 Gamma1
@@ -661,7 +675,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                             ),
                     ),
             );
-        self.c15.mul_add(X3.mul_add(X3, X2.mul_add(X2, X1 * X1)), t3)
+        self.c12.mul_add(X3.mul_add(X3, X2.mul_add(X2, X1 * X1)), t3)
     }
 
     /// Momenta p = dL/dy.
@@ -680,19 +694,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn momentum(&self, t: R, y: &[R; 13]) -> [R; 6] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3, _, _, _, _, _, _, _] = *y;
         let _ = t;
-        let t0 = self.c16 + Gamma3;
-        let t1 = self.c17 * Omega2;
-        let t2 = self.c18 + Gamma2;
-        let t3 = self.c17 * Omega3;
-        let t4 = self.c19 + Gamma1;
-        let t5 = self.c17 * Omega1;
+        let t0 = self.c14 * (self.c13 + Gamma3);
+        let t1 = self.c14 * (self.c15 + Gamma2);
+        let t2 = self.c14 * (self.c16 + Gamma1);
         [
             self.I1 * Omega1,
             self.I2 * Omega2,
             self.I3 * Omega3,
-            (-t2).mul_add(t3, t0 * t1),
-            (-t0).mul_add(t5, t3 * t4),
-            (-t1).mul_add(t4, t2 * t5),
+            (-Omega3).mul_add(t1, Omega2 * t0),
+            (-Omega1).mul_add(t0, Omega3 * t2),
+            (-Omega2).mul_add(t2, Omega1 * t1),
         ]
     }
 
@@ -706,12 +717,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 52 additions, 83 multiplications (52 fused), 3 divisions.
+    /// 52 additions, 84 multiplications (52 fused), 3 divisions.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 13]) -> [R; 3] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3, _, _, _, _, _, _, _] = *y;
         let _ = t;
+        /// velocities y = Psi u + psi0
+        let [t0, t1, X1] = {
+            let t0 = Gamma3.mul_add(self.r, self.c0);
+            let t1 = Gamma2.mul_add(self.r, self.c1);
+            [t0, t1, (-Omega3).mul_add(t1, Omega2 * t0)]
+        };
         /// kinematics xdot = rho y
         let [dot_Gamma1, dot_Gamma2, dot_Gamma3] = [
             (-Omega2).mul_add(Gamma3, Omega3 * Gamma2),
@@ -719,16 +736,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             (-Omega1).mul_add(Gamma2, Omega2 * Gamma1),
         ];
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [r_Omega1, r_Omega2, r_Omega3, t0, t1, t2, t3, t5, t6, r_X1, r_X2, r_X3] = {
-            let t0 = Gamma1.mul_add(self.r, self.c2);
-            let t1 = self.m * t0;
-            let t2 = Gamma2.mul_add(self.r, self.c1);
+        let [r_Omega1, r_Omega2, r_Omega3, t2, t3, t4, t6, r_X1, r_X2, r_X3] = {
+            let t2 = Gamma1.mul_add(self.r, self.c2);
             let t3 = self.m * t2;
-            let t4 = (-Omega1).mul_add(t3, Omega2 * t1);
-            let t5 = Gamma3.mul_add(self.r, self.c0);
-            let t6 = self.m * t5;
-            let t7 = (-Omega1).mul_add(t6, Omega3 * t1);
-            let t8 = (-Omega3).mul_add(t3, Omega2 * t6);
+            let t4 = self.m * t1;
+            let t5 = (-Omega1).mul_add(t4, Omega2 * t3);
+            let t6 = self.m * t0;
+            let t7 = (-Omega1).mul_add(t6, Omega3 * t3);
+            let t8 = self.m * X1;
             [
                 self
                     .c5
@@ -747,47 +762,45 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         Omega1 * Omega2,
                         (-Gamma2).mul_add(self.c6, self.c4 * Gamma1),
                     ),
-                t0,
-                t1,
                 t2,
                 t3,
-                t5,
+                t4,
                 t6,
-                Omega3.mul_add(t7, Omega2 * t4),
-                (-Omega1).mul_add(t4, -(Omega3 * t8)),
+                Omega3.mul_add(t7, Omega2 * t5),
+                (-Omega1).mul_add(t5, -(Omega3 * t8)),
                 (-Omega1).mul_add(t7, Omega2 * t8),
             ]
         };
         /// accelerations of the dependent velocities at udot = 0
-        let [lag_X1, lag_X3] = {
-            let t9 = self.r * Omega2;
-            let t10 = self.r * dot_Gamma2;
+        let [lag_X2, lag_X3] = {
+            let t9 = self.r * dot_Gamma1;
+            let t10 = self.r * Omega1;
             [
-                (-Omega3).mul_add(t10, dot_Gamma3 * t9),
-                Omega1.mul_add(t10, -(dot_Gamma1 * t9)),
+                Omega3.mul_add(t9, -(dot_Gamma3 * t10)),
+                (-Omega2).mul_add(t9, dot_Gamma2 * t10),
             ]
         };
         /// mass matrix A = W^T L_yy Psi
         let [A_Omega1_Omega1, t11, t12, A_Omega2_Omega2, A_Omega3_Omega3] = [
-            t2.mul_add(t3, t5.mul_add(t6, self.I1)),
+            t1.mul_add(t4, t0.mul_add(t6, self.I1)),
+            t1 * t3,
             t0 * t3,
-            t1 * t5,
-            t0.mul_add(t1, t5.mul_add(t6, self.I2)),
-            t0.mul_add(t1, t2.mul_add(t3, self.I3)),
+            t2.mul_add(t3, t0.mul_add(t6, self.I2)),
+            t2.mul_add(t3, t1.mul_add(t4, self.I3)),
         ];
         /// right side f = W^T (r - L_yy lag)
         let [n_X1, n_X2, n_X3, f_Omega1, f_Omega2, f_Omega3] = {
-            let n_X1 = (-lag_X1).mul_add(self.m, r_X1);
-            let n_X2 = (-self.c17)
-                .mul_add((-Omega1).mul_add(dot_Gamma3, Omega3 * dot_Gamma1), r_X2);
+            let n_X1 = (-self.c14)
+                .mul_add((-Omega3).mul_add(dot_Gamma2, Omega2 * dot_Gamma3), r_X1);
+            let n_X2 = (-lag_X2).mul_add(self.m, r_X2);
             let n_X3 = (-lag_X3).mul_add(self.m, r_X3);
             [
                 n_X1,
                 n_X2,
                 n_X3,
-                (-t5).mul_add(n_X2, t2.mul_add(n_X3, r_Omega1)),
-                (-t0).mul_add(n_X3, t5.mul_add(n_X1, r_Omega2)),
-                (-t2).mul_add(n_X1, t0.mul_add(n_X2, r_Omega3)),
+                (-t0).mul_add(n_X2, t1.mul_add(n_X3, r_Omega1)),
+                (-t2).mul_add(n_X3, t0.mul_add(n_X1, r_Omega2)),
+                (-t1).mul_add(n_X1, t2.mul_add(n_X2, r_Omega3)),
             ]
         };
         /// factors of A
@@ -796,7 +809,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t14 = t11 * t13;
             let t15 = t12 * t13;
             let A_s1_2_2 = (-t11).mul_add(t14, A_Omega2_Omega2);
-            let A_s1_2_3 = (-t12).mul_add(t14, -(t3 * t5));
+            let A_s1_2_3 = (-t12).mul_add(t14, -(t1 * t6));
             let A_s1_3_3 = (-t12).mul_add(t15, A_Omega3_Omega3);
             let t16 = A_s1_2_2.recip();
             let A_l3_2 = A_s1_2_3 * t16;
@@ -815,9 +828,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             ]
         };
         [
-            t6.mul_add(dot_Omega2, (-t3).mul_add(dot_Omega3, -n_X1)),
-            (-t6).mul_add(dot_Omega1, t1.mul_add(dot_Omega3, -n_X2)),
-            t3.mul_add(dot_Omega1, (-t1).mul_add(dot_Omega2, -n_X3)),
+            t6.mul_add(dot_Omega2, (-t4).mul_add(dot_Omega3, -n_X1)),
+            (-t6).mul_add(dot_Omega1, t3.mul_add(dot_Omega3, -n_X2)),
+            t4.mul_add(dot_Omega1, (-t3).mul_add(dot_Omega2, -n_X3)),
         ]
     }
 
@@ -851,13 +864,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 (-Omega2).mul_add(t2, Omega1 * t1),
             ]
         };
-        let t3 = self.m * t1;
-        let t4 = self.m * t0;
-        let t5 = self.m * t2;
         [
-            (-X2).mul_add(t4, X3.mul_add(t3, self.I1 * Omega1)),
-            (-X3).mul_add(t5, X1.mul_add(t4, self.I2 * Omega2)),
-            (-X1).mul_add(t3, X2.mul_add(t5, self.I3 * Omega3)),
+            (-self.m).mul_add((-t1).mul_add(X3, t0 * X2), self.I1 * Omega1),
+            self.m.mul_add((-t2).mul_add(X3, t0 * X1), self.I2 * Omega2),
+            (-self.m).mul_add((-t2).mul_add(X2, t1 * X1), self.I3 * Omega3),
         ]
     }
 
@@ -898,10 +908,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             (-Omega1).mul_add(Gamma2, Omega2 * Gamma1),
         ];
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [r_Omega1, r_Omega2, r_Omega3, r_X1, r_X2, r_X3] = {
-            let t3 = self.m * Omega3;
+        let [r_Omega1, r_Omega2, r_Omega3, r_X1, r_X3] = {
+            let t3 = self.m * X2;
             let t4 = self.m * Omega2;
-            let t5 = self.m * Omega1;
             [
                 self
                     .c5
@@ -920,40 +929,36 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         Omega1 * Omega2,
                         (-Gamma2).mul_add(self.c6, self.c4 * Gamma1),
                     ),
-                (-X3).mul_add(t4, X2 * t3),
-                (-X1).mul_add(t3, X3 * t5),
-                (-X2).mul_add(t5, X1 * t4),
+                Omega3.mul_add(t3, -(X3 * t4)),
+                (-Omega1).mul_add(t3, X1 * t4),
             ]
         };
-        let t6 = self.c17 * X3;
-        let t7 = self.c17 * X2;
-        let t8 = self.c17 * X1;
+        let t5 = self.m * (-Omega1).mul_add(X3, Omega3 * X1);
+        let t6 = self.c14 * X3;
+        let t7 = self.c14 * dot_Gamma3;
         [
-            (-t0)
+            t0
                 .mul_add(
-                    r_X2,
-                    t1
-                        .mul_add(
-                            r_X3,
-                            (-dot_Gamma3).mul_add(t7, dot_Gamma2.mul_add(t6, r_Omega1)),
-                        ),
+                    t5,
+                    t1.mul_add(r_X3, dot_Gamma2.mul_add(t6, (-X2).mul_add(t7, r_Omega1))),
                 ),
             (-t2)
                 .mul_add(
                     r_X3,
-                    t0
+                    t0.mul_add(r_X1, (-dot_Gamma1).mul_add(t6, X1.mul_add(t7, r_Omega2))),
+                ),
+            (-t2)
+                .mul_add(
+                    t5,
+                    (-t1)
                         .mul_add(
                             r_X1,
-                            (-dot_Gamma1).mul_add(t6, dot_Gamma3.mul_add(t8, r_Omega2)),
-                        ),
-                ),
-            (-t1)
-                .mul_add(
-                    r_X1,
-                    t2
-                        .mul_add(
-                            r_X2,
-                            (-dot_Gamma2).mul_add(t8, dot_Gamma1.mul_add(t7, r_Omega3)),
+                            self
+                                .c14
+                                .mul_add(
+                                    (-X1).mul_add(dot_Gamma2, X2 * dot_Gamma1),
+                                    r_Omega3,
+                                ),
                         ),
                 ),
         ]
@@ -990,30 +995,30 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn check(&self, t: R, y: &[R; 13]) -> Result<(), ::hamel_runtime::Failure> {
         let [_, _, _, Gamma1, Gamma2, Gamma3, _, _, _, _, _, _, _] = *y;
         /// mass matrix A = W^T L_yy Psi
-        let [t1, t2, A_Omega1_Omega1, t5, t6, A_Omega2_Omega2, A_Omega3_Omega3] = {
+        let [t1, t2, A_Omega1_Omega1, t6, t7, A_Omega2_Omega2, A_Omega3_Omega3] = {
             let t0 = Gamma3.mul_add(self.r, self.c0);
             let t1 = self.m * t0;
             let t2 = Gamma2.mul_add(self.r, self.c1);
             let t3 = self.m * t2;
             let t4 = Gamma1.mul_add(self.r, self.c2);
-            let t7 = self.m * t4;
+            let t5 = self.m * t4;
             [
                 t1,
                 t2,
                 t2.mul_add(t3, t0.mul_add(t1, self.I1)),
-                t4 * t3,
-                t4 * t1,
-                t4.mul_add(t7, t0.mul_add(t1, self.I2)),
-                t4.mul_add(t7, t2.mul_add(t3, self.I3)),
+                t2 * t5,
+                t0 * t5,
+                t4.mul_add(t5, t0.mul_add(t1, self.I2)),
+                t4.mul_add(t5, t2.mul_add(t3, self.I3)),
             ]
         };
         /// factors of A
         let [A_s1_2_2, A_s2_3_3] = {
             let t8 = A_Omega1_Omega1.recip();
-            let t9 = t5 * t8;
-            let A_s1_2_2 = (-t5).mul_add(t9, A_Omega2_Omega2);
-            let A_s1_2_3 = (-t6).mul_add(t9, -(t2 * t1));
-            let A_s1_3_3 = (-t6).mul_add(t6 * t8, A_Omega3_Omega3);
+            let t9 = t6 * t8;
+            let A_s1_2_2 = (-t6).mul_add(t9, A_Omega2_Omega2);
+            let A_s1_2_3 = (-t7).mul_add(t9, -(t2 * t1));
+            let A_s1_3_3 = (-t7).mul_add(t7 * t8, A_Omega3_Omega3);
             let A_l3_2 = A_s1_2_3 / A_s1_2_2;
             [A_s1_2_2, (-A_s1_2_3).mul_add(A_l3_2, A_s1_3_3)]
         };

@@ -329,64 +329,62 @@ pub struct Prepared<R = f64> {
     c0: R,
     /// `mu * rho * g`
     c1: R,
-    /// `r * rho`
-    c2: R,
-    /// `rho * rho`
-    c3: R,
-    /// `rho / r`
-    c4: R,
-    /// `mu * r * rho`
-    c5: R,
     /// `mu * (rho * rho)`
-    c6: R,
+    c2: R,
+    /// `rho / r`
+    c3: R,
+    /// `mu * r * rho`
+    c4: R,
+    /// `rho * rho`
+    c5: R,
     /// `2 * mu * rho / (r * (M + mu))`
-    c7: R,
+    c6: R,
     /// `r * r * (M + mu)`
+    c7: R,
+    /// `2 * mu * r * rho`
     c8: R,
     /// `mu * rho`
     c9: R,
-    /// `mu * r + M * r`
-    c10: R,
     /// `M + mu`
-    c11: R,
+    c10: R,
     /// `1 / (mu * (rho * rho))`
-    c12: R,
+    c11: R,
     /// `0.5 * I1`
-    c13: R,
+    c12: R,
     /// `0.5 * I2`
-    c14: R,
+    c13: R,
     /// `0.5 * I3`
-    c15: R,
+    c14: R,
     /// `0.5 * M`
-    c16: R,
+    c15: R,
     /// `0.5 * mu`
-    c17: R,
+    c16: R,
     /// `r / rho`
-    c18: R,
-    /// `r * (M + mu) / (mu * rho)`
-    c19: R,
-    /// `2 * mu * r * rho`
-    c20: R,
-    /// `0.5 * r * (M + mu) / (mu * rho)`
-    c21: R,
+    c17: R,
     /// `2 * r / rho`
-    c22: R,
+    c18: R,
+    /// `r * r * (M + mu) / (mu * (rho * rho))`
+    c19: R,
+    /// `r * (M + mu) / (mu * rho)`
+    c20: R,
     /// `mu * (r * r)`
-    c23: R,
+    c21: R,
+    /// `M * r`
+    c22: R,
     /// `2 * mu * (rho * rho)`
-    c24: R,
-    /// `I2 - I3`
-    c25: R,
+    c23: R,
     /// `0.5 * rho / r`
-    c26: R,
+    c24: R,
     /// `2 * mu * rho / (mu * r + M * r)`
-    c27: R,
+    c25: R,
     /// `r * (mu * r + M * r)`
-    c28: R,
+    c26: R,
+    /// `I2 - I3`
+    c27: R,
     /// `I1 - I3`
+    c28: R,
+    /// `I2 - I1`
     c29: R,
-    /// `I1 - I2`
-    c30: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -400,7 +398,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 5 additions, 28 multiplications, 9 divisions.
+    /// 5 additions, 25 multiplications, 9 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, M, mu, r, rho, g } = *params;
         for (value, condition, meaning) in [
@@ -434,14 +432,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         let t0 = mu * rho;
         let t1 = rho * rho;
-        let t2 = mu * r;
-        let t3 = mu * t1;
+        let t2 = mu * t1;
+        let t3 = mu * r;
         let t4 = R::from_f64(2.0) * mu;
         let t5 = t4 * rho;
         let t6 = M + mu;
         let t7 = r * t6;
         let t8 = r * r;
-        let t9 = t2 + M * r;
+        let t9 = t8 * t6;
+        let t10 = M * r;
+        let t11 = t3 + t10;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -494,35 +494,34 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             rho,
             c0: mu * g,
             c1: t0 * g,
-            c2: r * rho,
-            c3: t1,
-            c4: rho / r,
-            c5: t2 * rho,
-            c6: t3,
-            c7: t5 / t7,
-            c8: t8 * t6,
+            c2: t2,
+            c3: rho / r,
+            c4: t3 * rho,
+            c5: t1,
+            c6: t5 / t7,
+            c7: t9,
+            c8: t4 * r * rho,
             c9: t0,
-            c10: t9,
-            c11: t6,
-            c12: t3.recip(),
-            c13: R::from_f64(0.5) * I1,
-            c14: R::from_f64(0.5) * I2,
-            c15: R::from_f64(0.5) * I3,
-            c16: R::from_f64(0.5) * M,
-            c17: R::from_f64(0.5) * mu,
-            c18: r / rho,
-            c19: t7 / t0,
-            c20: t4 * r * rho,
-            c21: R::from_f64(0.5) * r * t6 / t0,
-            c22: R::from_f64(2.0) * r / rho,
-            c23: mu * t8,
-            c24: t4 * t1,
-            c25: I2 - I3,
-            c26: R::from_f64(0.5) * rho / r,
-            c27: t5 / t9,
-            c28: r * t9,
-            c29: I1 - I3,
-            c30: I1 - I2,
+            c10: t6,
+            c11: t2.recip(),
+            c12: R::from_f64(0.5) * I1,
+            c13: R::from_f64(0.5) * I2,
+            c14: R::from_f64(0.5) * I3,
+            c15: R::from_f64(0.5) * M,
+            c16: R::from_f64(0.5) * mu,
+            c17: r / rho,
+            c18: R::from_f64(2.0) * r / rho,
+            c19: t9 / t2,
+            c20: t7 / t0,
+            c21: mu * t8,
+            c22: t10,
+            c23: t4 * t1,
+            c24: R::from_f64(0.5) * rho / r,
+            c25: t5 / t11,
+            c26: r * t11,
+            c27: I2 - I3,
+            c28: I1 - I3,
+            c29: I2 - I1,
         })
     }
 }
@@ -549,7 +548,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 193 additions, 295 multiplications (183 fused), 4 divisions, 2 elementary functions.
+    /// 197 additions, 299 multiplications (190 fused), 4 divisions, 2 elementary functions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 16], dy: &mut [R; 16]) {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, Gamma1, Gamma2,
@@ -571,7 +570,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         };
         /// momenta p = dL/dy
         let [t3, t4, t5, t6, t7, t8, t9, t10, t11, t12, t13, t14, t15, t16, p_Omega1,
-        t17, t18, t19, t20, p_Omega2, p_Omega3, p_X1, p_X2, p_X3] = {
+        t17, t18, t19, t20, p_Omega2, p_Omega3, t21, p_X1, t22, p_X2, t23, p_X3] = {
             let (t3, t4) = beta.sin_cos();
             let t5 = self.rho * t4;
             let (t6, t7) = alpha.sin_cos();
@@ -589,6 +588,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t18 = (-beta_dot).mul_add(t17, t11 * t14);
             let t19 = Omega2.mul_add(t5, -t0) - t18;
             let t20 = t10 * t15;
+            let t21 = self.mu * t19;
+            let t22 = self.mu * t13;
+            let t23 = self.mu * t15;
             [
                 t3,
                 t4,
@@ -611,249 +613,303 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t20,
                 self.mu.mul_add(t5.mul_add(t19, -t20), self.I2 * Omega2),
                 (-self.mu).mul_add((-t10).mul_add(t13, t14 * t19), self.I3 * Omega3),
-                t19.mul_add(self.mu, -(self.M * t0)),
-                t13.mul_add(self.mu, -(self.M * t1)),
-                t15.mul_add(self.mu, -(self.M * t2)),
+                t21,
+                (-t0).mul_add(self.M, t21),
+                t22,
+                (-t1).mul_add(self.M, t22),
+                t23,
+                (-t2).mul_add(self.M, t23),
             ]
         };
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [t24, t26, r_alpha_dot, r_beta_dot, r_Omega1, r_Omega2, r_Omega3, r_X1, r_X2,
-        r_X3] = {
-            let t21 = t8.mul_add(t11, beta_dot.mul_add(t10, Omega2 * t9));
-            let t22 = (-beta_dot).mul_add(t14, t11.mul_add(t17, Omega1 * t9));
-            let t23 = (-Omega2).mul_add(t17, Omega1.mul_add(t8, -(beta_dot * t5)));
-            let dL_dbeta = (-self.mu)
+        let [t24, t25, t27, t29, t31, t32, t33, t35, t37, r_alpha_dot, r_beta_dot,
+        r_Omega2, r_Omega3, r_X1, r_X2, r_X3] = {
+            let t24 = (-beta_dot).mul_add(t14, t11.mul_add(t17, Omega1 * t9));
+            let t25 = (-Omega2).mul_add(t17, Omega1.mul_add(t8, -(beta_dot * t5)));
+            let t26 = t8.mul_add(t11, beta_dot.mul_add(t10, Omega2 * t9));
+            let dL_dbeta = (-t21)
                 .mul_add(
-                    (-t13).mul_add(t22, t19.mul_add(t21, -(t15 * t23))),
-                    -(self.c0 * Gamma1.mul_add(t17, Gamma2.mul_add(t8, -(Gamma3 * t9)))),
-                );
-            let t24 = t3 * t7;
-            let t25 = self.c1 * t24;
-            let t26 = t3 * t6;
-            let t27 = self.c1 * t26;
-            let t28 = self.c1 * t4;
-            let t29 = self.mu * alpha_dot;
-            let t30 = (-t8).mul_add(t19, t13 * t17);
-            let t31 = self.mu * beta_dot;
-            let t32 = (-t31)
-                .mul_add(
-                    t10.mul_add(t22, t14.mul_add(t21, t30)),
-                    (-t29)
+                    t26,
+                    t22
                         .mul_add(
-                            (-t10).mul_add(t18 + t19, -(t14 * (t13 - t12))),
-                            Gamma1.mul_add(t27, -(Gamma2 * t25)),
-                        ),
-                );
-            let t33 = Omega1.mul_add(t10, Omega2 * t14);
-            let t34 = t31
-                .mul_add(
-                    (-t9)
-                        .mul_add(t13, (-t14).mul_add(t23, (-t8).mul_add(t15, t5 * t22))),
-                    (-t29)
-                        .mul_add(
-                            t14.mul_add(t33, t5.mul_add(t18, t20)),
-                            Omega3
+                            t24,
+                            t23
                                 .mul_add(
-                                    p_Omega2,
-                                    (-t2)
-                                        .mul_add(
-                                            p_X2,
-                                            t1.mul_add(p_X3, (-Gamma3).mul_add(t27, Gamma2 * t28)),
-                                        ),
+                                    t25,
+                                    -(self.c0
+                                        * Gamma1.mul_add(t17, Gamma2.mul_add(t8, -(Gamma3 * t9)))),
                                 ),
                         ),
                 );
-            let t35 = (-t29)
+            let t27 = t3 * t7;
+            let t28 = self.c1 * t27;
+            let t29 = self.c1 * t4;
+            let t30 = t10.mul_add(t19, t13 * t14);
+            let t31 = self.mu * alpha_dot;
+            let t32 = t3 * t6;
+            let t33 = Gamma1 * t32;
+            let t34 = (-t8).mul_add(t19, t13 * t17);
+            let t35 = self.mu * beta_dot;
+            let t36 = (-t35)
                 .mul_add(
-                    (-t10).mul_add(t33, (-t5).mul_add(t12, t16)),
-                    (-Omega3)
+                    t10.mul_add(t24, t14.mul_add(t26, t34)),
+                    (-t31)
                         .mul_add(
-                            p_Omega1,
-                            t2
+                            (-t10).mul_add(t18, t12.mul_add(t14, -t30)),
+                            t33.mul_add(self.c1, -(Gamma2 * t28)),
+                        ),
+                );
+            let t37 = Omega1.mul_add(t10, Omega2 * t14);
+            let t38 = (-t31)
+                .mul_add(
+                    (-t10).mul_add(t37, (-t5).mul_add(t12, t16)),
+                    t2
+                        .mul_add(
+                            p_X1,
+                            (-Omega3)
                                 .mul_add(
-                                    p_X1,
-                                    (-t0).mul_add(p_X3, Gamma3.mul_add(t25, -(Gamma1 * t28))),
+                                    p_Omega1,
+                                    (-t0).mul_add(p_X3, Gamma3.mul_add(t28, -(Gamma1 * t29))),
                                 ),
                         ),
                 );
             [
                 t24,
-                t26,
-                (-self.mu)
-                    .mul_add(t12.mul_add(t19, t13.mul_add(t18, -(t15 * t33))), t32),
-                t29
+                t25,
+                t27,
+                t29,
+                t31,
+                t32,
+                t33,
+                t35,
+                t37,
+                (-t18).mul_add(t22, (-t12).mul_add(t21, t23.mul_add(t37, t36))),
+                t35
                     .mul_add(
-                        t9.mul_add(t33, t8.mul_add(t18, t12.mul_add(t17, -t30))),
+                        (-t8)
+                            .mul_add(
+                                t24,
+                                t9.mul_add(t25, t17.mul_add(t26, t5.mul_add(t15, t30))),
+                            ),
                         t31
                             .mul_add(
-                                (-self.c2)
-                                    .mul_add(
-                                        dot_Gamma1.mul_add(t24, dot_Gamma2 * t26),
-                                        -(self.c2 * (t4 * dot_Gamma3)),
-                                    ),
+                                t9.mul_add(t37, t8.mul_add(t18, t12.mul_add(t17, -t34))),
                                 dL_dbeta,
                             ),
                     ),
-                (-Omega2).mul_add(p_Omega3, t34),
-                t31
+                t35
                     .mul_add(
-                        t9.mul_add(t19, t10.mul_add(t23, t5.mul_add(t21, t15 * t17))),
-                        Omega1.mul_add(p_Omega3, t35),
+                        t9.mul_add(t19, t10.mul_add(t25, t5.mul_add(t26, t15 * t17))),
+                        Omega1.mul_add(p_Omega3, t38),
                     ),
-                (-Omega1)
+                t0
                     .mul_add(
-                        p_Omega2,
-                        Omega2
+                        p_X2,
+                        (-Omega1)
                             .mul_add(
-                                p_Omega1,
-                                t0.mul_add(p_X2, (-t1).mul_add(p_X1, t32)),
+                                p_Omega2,
+                                (-t1).mul_add(p_X1, Omega2.mul_add(p_Omega1, t36)),
                             ),
                     ),
                 Omega3
-                    .mul_add(p_X2, (-Omega2).mul_add(p_X3, t21.mul_add(t31, t12 * t29))),
+                    .mul_add(p_X2, (-Omega2).mul_add(p_X3, t26.mul_add(t35, t12 * t31))),
                 (-Omega3)
-                    .mul_add(p_X1, Omega1.mul_add(p_X3, (-t22).mul_add(t31, t18 * t29))),
+                    .mul_add(p_X1, Omega1.mul_add(p_X3, (-t24).mul_add(t35, t18 * t31))),
                 (-Omega1)
                     .mul_add(
                         p_X2,
-                        Omega2.mul_add(p_X1, (-t23).mul_add(t31, -(t33 * t29))),
+                        Omega2.mul_add(p_X1, (-t25).mul_add(t35, -(t37 * t31))),
                     ),
             ]
         };
         /// accelerations of the dependent velocities at udot = 0
-        let lag_X3 = Omega1.mul_add(t1, -(Omega2 * t0));
+        let [lag_X1, lag_X2, lag_X3] = [
+            Omega2.mul_add(t2, -(Omega3 * t1)),
+            Omega3.mul_add(t0, -(Omega1 * t2)),
+            Omega1.mul_add(t1, -(Omega2 * t0)),
+        ];
         /// mass matrix A = W^T L_yy Psi
-        let [A_alpha_dot_alpha_dot, t38, t39, t40, t41, A_alpha_dot_Omega3, t42, t43,
-        A_beta_dot_Omega1, t45, A_beta_dot_Omega2, A_beta_dot_Omega3, A_Omega1_Omega1,
-        A_Omega1_Omega2, A_Omega1_Omega3, A_Omega2_Omega2, A_Omega2_Omega3,
-        A_Omega3_Omega3] = {
-            let t36 = self.c3 * t3;
-            let A_alpha_dot_alpha_dot = self.mu * (t3 * t36);
-            let t37 = t4.mul_add(self.c4, Gamma3);
-            let t38 = self.c5 * t24;
-            let t39 = t37 * t38;
-            let t40 = self.c5 * t26;
-            let t41 = t37 * t40;
-            let t42 = self.c5 * t4;
-            let t43 = t6 * t42;
-            let t44 = self.c5 * t3;
-            let t45 = t7 * t42;
-            let t46 = self.c6 * t26;
-            let t47 = t4.mul_add(self.c7, Gamma3);
-            let t48 = self.c8 * Gamma3;
-            let t49 = t26.mul_add(self.c7, Gamma2);
-            let t50 = self.c8 * Gamma2;
-            let t51 = t4 * t4;
-            let t52 = t48 + t42;
-            let t53 = t24.mul_add(self.c7, Gamma1);
-            let t54 = self.c8 * Gamma1;
+        let [A_alpha_dot_alpha_dot, t41, t42, A_alpha_dot_Omega3, A_beta_dot_Omega1,
+        A_beta_dot_Omega2, t50, A_Omega1_Omega1, A_Omega1_Omega2, A_Omega1_Omega3,
+        A_Omega2_Omega2, A_Omega2_Omega3, A_Omega3_Omega3] = {
+            let t39 = self.c2 * t3;
+            let A_alpha_dot_alpha_dot = t3 * t39;
+            let t40 = self.c4 * t4.mul_add(self.c3, Gamma3);
+            let t41 = t27 * t40;
+            let t42 = t32 * t40;
+            let t43 = Gamma2 * t32;
+            let t44 = Gamma1 * t27;
+            let t45 = t43 + t44;
+            let t46 = self.c4 * t3;
+            let t47 = self.c4 * t4;
+            let t48 = Gamma3 * t47;
+            let t49 = self.c5 * t7;
+            let t51 = t4.mul_add(self.c6, Gamma3);
+            let t52 = self.c7 * Gamma3;
+            let t53 = Gamma2 * Gamma2;
+            let t54 = t4 * t4;
+            let t55 = self.c7 * Gamma1;
             [
                 A_alpha_dot_alpha_dot,
-                t38,
-                t39,
-                t40,
                 t41,
-                Gamma1.mul_add(t38, Gamma2.mul_add(t40, A_alpha_dot_alpha_dot)),
                 t42,
-                t43,
-                (-Gamma3).mul_add(t43, (-Gamma2).mul_add(t44, -(self.c6 * t6))),
-                t45,
-                Gamma3.mul_add(t45, self.mu.mul_add(self.c3 * t7, Gamma1 * t44)),
-                (-Gamma2).mul_add(t45, Gamma1 * t43),
-                t49
+                t45.mul_add(self.c4, A_alpha_dot_alpha_dot),
+                (-t6).mul_add(t48, (-Gamma2).mul_add(t46, -(self.c2 * t6))),
+                t7.mul_add(t48, t49.mul_add(self.mu, Gamma1 * t46)),
+                t47 * (-Gamma1).mul_add(t6, Gamma2 * t7),
+                t43
                     .mul_add(
-                        t50,
-                        t26.mul_add(t46, t51.mul_add(self.c6, t47.mul_add(t48, self.I1))),
+                        self.c8,
+                        t39
+                            .mul_add(
+                                t6 * t32,
+                                t54
+                                    .mul_add(
+                                        self.c2,
+                                        t51.mul_add(t52, t53.mul_add(self.c7, self.I1)),
+                                    ),
+                            ),
                     ),
-                (-Gamma1).mul_add(t50 + t40, (-t24).mul_add(t46, -(Gamma2 * t38))),
-                (-Gamma1).mul_add(t52, -t39),
+                (-self.c4)
+                    .mul_add(
+                        t27.mul_add(t32.mul_add(self.c3, Gamma2), t33),
+                        -(Gamma2 * t55),
+                    ),
+                (-Gamma1).mul_add(t47, (-Gamma3).mul_add(t55, -t41)),
                 self
                     .mu
                     .mul_add(
-                        t36.mul_add(t7 * t24, self.c3 * t51),
-                        t53.mul_add(t54, t47.mul_add(t48, self.I2)),
+                        t49.mul_add(t3 * t27, self.c5 * t54),
+                        t44
+                            .mul_add(
+                                self.c8,
+                                t51.mul_add(t52, Gamma1.mul_add(t55, self.I2)),
+                            ),
                     ),
-                (-Gamma2).mul_add(t52, -t41),
-                t53.mul_add(t54, t49.mul_add(t50, self.I3)) + A_alpha_dot_alpha_dot,
+                (-Gamma2).mul_add(t52 + t47, -t42),
+                t45
+                    .mul_add(
+                        self.c8,
+                        Gamma1.mul_add(t55, t53.mul_add(self.c7, self.I3))
+                            + A_alpha_dot_alpha_dot,
+                    ),
             ]
         };
         /// right side f = W^T (r - L_yy lag)
         let [n_alpha_dot, n_beta_dot, f_Omega1, f_Omega2, f_Omega3] = {
-            let t55 = (-Omega1).mul_add(dot_Gamma3, Omega3 * dot_Gamma1);
-            let t56 = (-Omega3).mul_add(dot_Gamma2, Omega2 * dot_Gamma3);
-            let t57 = (-t40).mul_add(t56, t38 * t55);
-            let t58 = self.c9 * lag_X3;
-            let n_Omega1 = (-t26).mul_add(t58, t42.mul_add(t55, r_Omega1));
-            let n_Omega2 = (-t42).mul_add(t56, t24.mul_add(t58, r_Omega2));
-            let n_Omega3 = r_Omega3 - t57;
-            let n_X1 = (-t56).mul_add(self.c10, r_X1);
-            let n_X2 = (-t55).mul_add(self.c10, r_X2);
-            let n_X3 = (-lag_X3).mul_add(self.c11, r_X3);
-            let t59 = self.r * Gamma2;
+            let t56 = (-t27).mul_add(lag_X2, t32 * lag_X1);
+            let t57 = self.c9 * lag_X3;
+            let t58 = self.c9 * t4;
+            let n_Omega2 = (-lag_X1).mul_add(t58, t27.mul_add(t57, r_Omega2));
+            let n_Omega3 = t56.mul_add(self.c9, r_Omega3);
+            let n_X1 = (-lag_X1).mul_add(self.c10, r_X1);
+            let n_X2 = (-lag_X2).mul_add(self.c10, r_X2);
+            let n_X3 = (-lag_X3).mul_add(self.c10, r_X3);
+            let t59 = self.r * n_X3;
             let t60 = self.r * Gamma3;
-            let t61 = self.r * Gamma1;
+            let t61 = (-t31)
+                .mul_add(
+                    t14.mul_add(t37, t5.mul_add(t18, t20)),
+                    (-t2)
+                        .mul_add(
+                            p_X2,
+                            Omega3
+                                .mul_add(
+                                    p_Omega2,
+                                    t1
+                                        .mul_add(
+                                            p_X3,
+                                            (-t32).mul_add(Gamma3.mul_add(self.c1, t57), lag_X2 * t58),
+                                        ),
+                                ),
+                        ),
+                );
             [
-                r_alpha_dot - t57,
-                (-t45).mul_add(t56, (-t43).mul_add(t55, t3.mul_add(t58, r_beta_dot))),
-                (-n_X2).mul_add(t60, n_X3.mul_add(t59, n_Omega1)),
-                (-n_X3).mul_add(t61, n_X1.mul_add(t60, n_Omega2)),
-                (-n_X1).mul_add(t59, n_X2.mul_add(t61, n_Omega3)),
+                t56.mul_add(self.c9, r_alpha_dot),
+                (-t58)
+                    .mul_add(
+                        t6.mul_add(lag_X2, t7 * lag_X1),
+                        t3.mul_add(t57, r_beta_dot),
+                    ),
+                Gamma2
+                    .mul_add(
+                        t29 + t59,
+                        (-n_X2)
+                            .mul_add(
+                                t60,
+                                (-Omega2)
+                                    .mul_add(
+                                        p_Omega3,
+                                        t35
+                                            .mul_add(
+                                                (-t9)
+                                                    .mul_add(
+                                                        t13,
+                                                        (-t14).mul_add(t25, (-t8).mul_add(t15, t5 * t24)),
+                                                    ),
+                                                t61,
+                                            ),
+                                    ),
+                            ),
+                    ),
+                (-Gamma1).mul_add(t59, n_X1.mul_add(t60, n_Omega2)),
+                (-self.r).mul_add((-Gamma1).mul_add(n_X2, Gamma2 * n_X1), n_Omega3),
             ]
         };
         /// factors of A
-        let [A_l3_2, A_l4_2, A_l5_2, t62, t63, t64, A_l5_1, t65, A_l4_3, A_l5_3, t66,
+        let [A_l3_2, A_l4_2, t62, t63, t64, t65, A_l5_1, t66, A_l4_3, A_l5_3, t67,
         A_l5_4, A_s4_5_5] = {
-            let A_l3_2 = self.c12 * A_beta_dot_Omega1;
-            let A_l4_2 = self.c12 * A_beta_dot_Omega2;
-            let A_l5_2 = self.c12 * A_beta_dot_Omega3;
+            let A_l3_2 = self.c11 * A_beta_dot_Omega1;
+            let A_l4_2 = self.c11 * A_beta_dot_Omega2;
+            let t62 = self.c11 * t50;
             let A_s2_3_3 = (-A_beta_dot_Omega1).mul_add(A_l3_2, A_Omega1_Omega1);
             let A_s2_3_4 = (-A_beta_dot_Omega2).mul_add(A_l3_2, A_Omega1_Omega2);
-            let A_s2_3_5 = (-A_beta_dot_Omega3).mul_add(A_l3_2, A_Omega1_Omega3);
+            let A_s2_3_5 = t50.mul_add(A_l3_2, A_Omega1_Omega3);
             let A_s2_4_4 = (-A_beta_dot_Omega2).mul_add(A_l4_2, A_Omega2_Omega2);
-            let A_s2_4_5 = (-A_beta_dot_Omega3).mul_add(A_l4_2, A_Omega2_Omega3);
-            let A_s2_5_5 = (-A_beta_dot_Omega3).mul_add(A_l5_2, A_Omega3_Omega3);
-            let t62 = A_alpha_dot_alpha_dot.recip();
-            let t63 = t39 * t62;
-            let t64 = t41 * t62;
-            let A_l5_1 = A_alpha_dot_Omega3 * t62;
-            let A_s1_3_3 = (-t39).mul_add(t63, A_s2_3_3);
-            let A_s1_3_4 = (-t41).mul_add(t63, A_s2_3_4);
-            let A_s1_3_5 = A_alpha_dot_Omega3.mul_add(t63, A_s2_3_5);
-            let A_s1_4_4 = (-t41).mul_add(t64, A_s2_4_4);
-            let A_s1_4_5 = A_alpha_dot_Omega3.mul_add(t64, A_s2_4_5);
+            let A_s2_4_5 = t50.mul_add(A_l4_2, A_Omega2_Omega3);
+            let A_s2_5_5 = (-t50).mul_add(t62, A_Omega3_Omega3);
+            let t63 = A_alpha_dot_alpha_dot.recip();
+            let t64 = t41 * t63;
+            let t65 = t42 * t63;
+            let A_l5_1 = A_alpha_dot_Omega3 * t63;
+            let A_s1_3_3 = (-t41).mul_add(t64, A_s2_3_3);
+            let A_s1_3_4 = (-t42).mul_add(t64, A_s2_3_4);
+            let A_s1_3_5 = A_alpha_dot_Omega3.mul_add(t64, A_s2_3_5);
+            let A_s1_4_4 = (-t42).mul_add(t65, A_s2_4_4);
+            let A_s1_4_5 = A_alpha_dot_Omega3.mul_add(t65, A_s2_4_5);
             let A_s1_5_5 = (-A_alpha_dot_Omega3).mul_add(A_l5_1, A_s2_5_5);
-            let t65 = A_s1_3_3.recip();
-            let A_l4_3 = A_s1_3_4 * t65;
-            let A_l5_3 = A_s1_3_5 * t65;
+            let t66 = A_s1_3_3.recip();
+            let A_l4_3 = A_s1_3_4 * t66;
+            let A_l5_3 = A_s1_3_5 * t66;
             let A_s3_4_4 = (-A_s1_3_4).mul_add(A_l4_3, A_s1_4_4);
             let A_s3_4_5 = (-A_s1_3_5).mul_add(A_l4_3, A_s1_4_5);
             let A_s3_5_5 = (-A_s1_3_5).mul_add(A_l5_3, A_s1_5_5);
-            let t66 = A_s3_4_4.recip();
-            let A_l5_4 = A_s3_4_5 * t66;
+            let t67 = A_s3_4_4.recip();
+            let A_l5_4 = A_s3_4_5 * t67;
             [
                 A_l3_2,
                 A_l4_2,
-                A_l5_2,
                 t62,
                 t63,
                 t64,
-                A_l5_1,
                 t65,
+                A_l5_1,
+                t66,
                 A_l4_3,
                 A_l5_3,
-                t66,
+                t67,
                 A_l5_4,
                 (-A_s3_4_5).mul_add(A_l5_4, A_s3_5_5),
             ]
         };
         /// substitution through the factors of A
         let [dot_Omega3, dot_Omega2, dot_Omega1, dot_alpha_dot, dot_beta_dot] = {
-            let z_Omega1 = (-n_beta_dot)
-                .mul_add(A_l3_2, n_alpha_dot.mul_add(t63, f_Omega1));
+            let z_Omega1 = n_alpha_dot
+                .mul_add(t64, (-n_beta_dot).mul_add(A_l3_2, f_Omega1));
             let z_Omega2 = (-A_l4_3)
                 .mul_add(
                     z_Omega1,
-                    (-n_beta_dot).mul_add(A_l4_2, n_alpha_dot.mul_add(t64, f_Omega2)),
+                    n_alpha_dot.mul_add(t65, (-n_beta_dot).mul_add(A_l4_2, f_Omega2)),
                 );
             let z_Omega3 = (-A_l5_4)
                 .mul_add(
@@ -861,25 +917,25 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     (-A_l5_3)
                         .mul_add(
                             z_Omega1,
-                            (-n_beta_dot)
-                                .mul_add(A_l5_2, (-n_alpha_dot).mul_add(A_l5_1, f_Omega3)),
+                            (-n_alpha_dot)
+                                .mul_add(A_l5_1, n_beta_dot.mul_add(t62, f_Omega3)),
                         ),
                 );
             let dot_Omega3 = z_Omega3 / A_s4_5_5;
-            let dot_Omega2 = (-A_l5_4).mul_add(dot_Omega3, z_Omega2 * t66);
+            let dot_Omega2 = (-A_l5_4).mul_add(dot_Omega3, z_Omega2 * t67);
             let dot_Omega1 = (-A_l4_3)
-                .mul_add(dot_Omega2, (-A_l5_3).mul_add(dot_Omega3, z_Omega1 * t65));
+                .mul_add(dot_Omega2, (-A_l5_3).mul_add(dot_Omega3, z_Omega1 * t66));
             [
                 dot_Omega3,
                 dot_Omega2,
                 dot_Omega1,
-                t63
+                t64
                     .mul_add(
                         dot_Omega1,
-                        t64
+                        t65
                             .mul_add(
                                 dot_Omega2,
-                                (-A_l5_1).mul_add(dot_Omega3, n_alpha_dot * t62),
+                                (-A_l5_1).mul_add(dot_Omega3, n_alpha_dot * t63),
                             ),
                     ),
                 (-A_l3_2)
@@ -888,16 +944,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         (-A_l4_2)
                             .mul_add(
                                 dot_Omega2,
-                                (-A_l5_2).mul_add(dot_Omega3, self.c12 * n_beta_dot),
+                                t62.mul_add(dot_Omega3, self.c11 * n_beta_dot),
                             ),
                     ),
             ]
         };
-        let t67 = R::from_f64(0.5) * Omega1;
-        let t68 = R::from_f64(0.5) * Omega2;
-        let t69 = R::from_f64(0.5) * Omega3;
-        let t70 = qw * qz;
-        let t71 = (-R::from_f64(2.0)).mul_add(qz * qz, R::ONE);
+        let t68 = R::from_f64(0.5) * Omega1;
+        let t69 = R::from_f64(0.5) * Omega2;
+        let t70 = R::from_f64(0.5) * Omega3;
+        let t71 = qw * qz;
+        let t72 = (-R::from_f64(2.0)).mul_add(qz * qz, R::ONE);
         *dy = [
             alpha_dot,
             beta_dot,
@@ -909,23 +965,23 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             dot_Gamma1,
             dot_Gamma2,
             dot_Gamma3,
-            (-qz).mul_add(t69, (-qy).mul_add(t68, -(qx * t67))),
-            (-qz).mul_add(t68, qw.mul_add(t67, qy * t69)),
-            (-qx).mul_add(t69, qw.mul_add(t68, qz * t67)),
-            (-qy).mul_add(t67, qw.mul_add(t69, qx * t68)),
+            (-qz).mul_add(t70, (-qy).mul_add(t69, -(qx * t68))),
+            (-qz).mul_add(t69, qw.mul_add(t68, qy * t70)),
+            (-qx).mul_add(t70, qw.mul_add(t69, qz * t68)),
+            (-qy).mul_add(t68, qw.mul_add(t70, qx * t69)),
             R::from_f64(2.0)
                 .mul_add(
-                    (-t2).mul_add(qw.mul_add(qy, qx * qz), -(t1 * qx.mul_add(qy, -t70))),
-                    t0 * R::from_f64(2.0).mul_add(qy * qy, -t71),
+                    (-t2).mul_add(qw.mul_add(qy, qx * qz), -(t1 * qx.mul_add(qy, -t71))),
+                    t0 * R::from_f64(2.0).mul_add(qy * qy, -t72),
                 ),
             R::from_f64(2.0)
                 .mul_add(
                     (-t0)
                         .mul_add(
-                            qx.mul_add(qy, t70),
+                            qx.mul_add(qy, t71),
                             -(t2 * (-qw).mul_add(qx, qy * qz)),
                         ),
-                    t1 * R::from_f64(2.0).mul_add(qx * qx, -t71),
+                    t1 * R::from_f64(2.0).mul_add(qx * qx, -t72),
                 ),
         ];
     }
@@ -972,20 +1028,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             .mul_add(
                 Gamma1.mul_add(t10, Gamma2.mul_add(t9, Gamma3 * t5)),
                 self
-                    .c16
+                    .c15
                     .mul_add(
                         X3.mul_add(X3, X2.mul_add(X2, X1 * X1)),
                         self
-                            .c15
+                            .c14
                             .mul_add(
                                 Omega3 * Omega3,
                                 self
-                                    .c14
-                                    .mul_add(Omega2 * Omega2, self.c13 * (Omega1 * Omega1)),
+                                    .c13
+                                    .mul_add(Omega2 * Omega2, self.c12 * (Omega1 * Omega1)),
                             ),
                     ),
             );
-        self.c17.mul_add(t14.mul_add(t14, t13.mul_add(t13, t12 * t12)), t15)
+        self.c16.mul_add(t14.mul_add(t14, t13.mul_add(t13, t12 * t12)), t15)
     }
 
     /// Momenta p = dL/dy.
@@ -1006,40 +1062,38 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Gamma3, _, _, _, _, _, _] = *y;
         let _ = t;
         /// velocities y = Psi u + psi0
-        let [X1, X2, X3] = {
-            let t0 = self.r * Omega2;
-            let t1 = self.r * Omega3;
-            let t2 = self.r * Omega1;
-            [
-                (-Gamma2).mul_add(t1, Gamma3 * t0),
-                (-Gamma3).mul_add(t2, Gamma1 * t1),
-                (-Gamma1).mul_add(t0, Gamma2 * t2),
-            ]
+        let [X2, X3] = {
+            let t0 = self.r * Gamma1;
+            let t1 = self.r * Omega1;
+            [(-Gamma3).mul_add(t1, Omega3 * t0), (-Omega2).mul_add(t0, Gamma2 * t1)]
         };
         /// momenta p = dL/dy
         let [p_beta_dot, p_Omega1, p_Omega2, p_Omega3, p_X1, p_X2, p_X3, p_alpha_dot] = {
-            let (t3, t4) = alpha.sin_cos();
-            let (t5, t6) = beta.sin_cos();
-            let t7 = self.rho * t5;
-            let t8 = t3 * t7;
-            let t9 = self.rho * t6;
+            let (t2, t3) = alpha.sin_cos();
+            let (t4, t5) = beta.sin_cos();
+            let t6 = self.rho * t4;
+            let t7 = t2 * t6;
+            let t8 = self.rho * t5;
+            let t9 = (-Omega3).mul_add(Gamma2, Omega2 * Gamma3);
             let t10 = alpha_dot + Omega3;
-            let t11 = (-t10).mul_add(t8, t9.mul_add(beta_dot.mul_add(t4, Omega2), X1));
-            let t12 = t4 * t7;
-            let t13 = t12
-                .mul_add(t10, (-t9).mul_add((-beta_dot).mul_add(t3, Omega1), X2));
-            let t14 = self.mu * (-t12).mul_add(t13, t8 * t11);
-            let t15 = (-Omega2)
-                .mul_add(t12, Omega1.mul_add(t8, (-beta_dot).mul_add(t7, X3)));
+            let t11 = (-t10)
+                .mul_add(t7, t8.mul_add(beta_dot.mul_add(t3, Omega2), self.r * t9));
+            let t12 = t3 * t6;
+            let t13 = t2 * t8;
+            let t14 = t12.mul_add(t10, beta_dot.mul_add(t13, (-Omega1).mul_add(t8, X2)));
+            let t15 = self.mu * (-t12).mul_add(t14, t7 * t11);
+            let t16 = t8 * t11;
+            let t17 = (-Omega2)
+                .mul_add(t12, Omega1.mul_add(t7, (-beta_dot).mul_add(t6, X3)));
             [
-                self.mu * t9.mul_add(t4.mul_add(t11, t3 * t13), -(t7 * t15)),
-                (-self.mu).mul_add((-t8).mul_add(t15, t9 * t13), self.I1 * Omega1),
-                self.mu.mul_add((-t12).mul_add(t15, t9 * t11), self.I2 * Omega2),
-                Omega3.mul_add(self.I3, -t14),
-                t11.mul_add(self.mu, self.M * X1),
-                t13.mul_add(self.mu, self.M * X2),
-                t15.mul_add(self.mu, self.M * X3),
-                -t14,
+                self.mu * (-t6).mul_add(t17, t13.mul_add(t14, t3 * t16)),
+                (-self.mu).mul_add((-t7).mul_add(t17, t8 * t14), self.I1 * Omega1),
+                self.mu.mul_add((-t12).mul_add(t17, t16), self.I2 * Omega2),
+                Omega3.mul_add(self.I3, -t15),
+                t11.mul_add(self.mu, self.c22 * t9),
+                t14.mul_add(self.mu, self.M * X2),
+                t17.mul_add(self.mu, self.M * X3),
+                -t15,
             ]
         };
         [p_alpha_dot, p_beta_dot, p_Omega1, p_Omega2, p_Omega3, p_X1, p_X2, p_X3]
@@ -1055,7 +1109,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 200 additions, 293 multiplications (189 fused), 4 divisions, 2 elementary functions.
+    /// 202 additions, 294 multiplications (192 fused), 4 divisions, 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 16]) -> [R; 3] {
@@ -1130,91 +1184,89 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             ]
         };
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [t21, t26, t28, r_alpha_dot, r_beta_dot, r_Omega1, r_Omega2, r_Omega3, r_X1,
-        r_X2, r_X3] = {
-            let t21 = (-Gamma1).mul_add(t6, Gamma2 * t7);
-            let t22 = Omega1.mul_add(t10, Omega2 * t14);
+        let [t25, t27, r_alpha_dot, r_beta_dot, r_Omega1, r_Omega2, r_Omega3, r_X1, r_X2,
+        r_X3] = {
+            let t21 = Omega1.mul_add(t10, Omega2 * t14);
             let dL_dalpha = (-self.mu)
                 .mul_add(
-                    t12.mul_add(t19, t13.mul_add(t18, -(t15 * t22))),
-                    -(self.c0 * (t9 * t21)),
+                    t12.mul_add(t19, t13.mul_add(t18, -(t15 * t21))),
+                    self.c0 * (-Gamma2).mul_add(t10, Gamma1 * t14),
                 );
-            let t23 = t8.mul_add(t11, beta_dot.mul_add(t10, Omega2 * t9));
-            let t24 = (-beta_dot).mul_add(t14, t11.mul_add(t17, Omega1 * t9));
-            let t25 = (-Omega2).mul_add(t17, Omega1.mul_add(t8, -(beta_dot * t5)));
+            let t22 = t8.mul_add(t11, beta_dot.mul_add(t10, Omega2 * t9));
+            let t23 = (-beta_dot).mul_add(t14, t11.mul_add(t17, Omega1 * t9));
+            let t24 = (-Omega2).mul_add(t17, Omega1.mul_add(t8, -(beta_dot * t5)));
             let dL_dbeta = (-self.mu)
                 .mul_add(
-                    (-t13).mul_add(t24, t19.mul_add(t23, -(t15 * t25))),
+                    (-t13).mul_add(t23, t19.mul_add(t22, -(t15 * t24))),
                     -(self.c0 * Gamma1.mul_add(t17, Gamma2.mul_add(t8, -(Gamma3 * t9)))),
                 );
-            let t26 = t3 * t7;
-            let t27 = self.c1 * t26;
-            let t28 = t3 * t6;
-            let t29 = self.c1 * t28;
-            let t30 = self.c1 * t4;
-            let t31 = t10.mul_add(t19, t13 * t14);
-            let t32 = self.mu * alpha_dot;
-            let t33 = (-t8).mul_add(t19, t13 * t17);
-            let t34 = self.mu * beta_dot;
-            let t35 = t34
+            let t25 = t3 * t7;
+            let t26 = self.c1 * t25;
+            let t27 = t3 * t6;
+            let t28 = self.c1 * t27;
+            let t29 = self.c1 * t4;
+            let t30 = t10.mul_add(t19, t13 * t14);
+            let t31 = self.mu * alpha_dot;
+            let t32 = (-t8).mul_add(t19, t13 * t17);
+            let t33 = self.mu * beta_dot;
+            let t34 = t33
                 .mul_add(
-                    t10.mul_add(t24, t14.mul_add(t23, t33)),
-                    (-t10).mul_add(t18, t12.mul_add(t14, -t31)) * t32,
+                    t10.mul_add(t23, t14.mul_add(t22, t32)),
+                    (-t10).mul_add(t18, t12.mul_add(t14, -t30)) * t31,
                 );
-            let t36 = t34
+            let t35 = t33
                 .mul_add(
                     (-t9)
-                        .mul_add(t13, (-t14).mul_add(t25, (-t8).mul_add(t15, t5 * t24))),
-                    (-t32)
+                        .mul_add(t13, (-t14).mul_add(t24, (-t8).mul_add(t15, t5 * t23))),
+                    (-t31)
                         .mul_add(
-                            t14.mul_add(t22, t5.mul_add(t18, t20)),
+                            t14.mul_add(t21, t5.mul_add(t18, t20)),
                             Omega3
                                 .mul_add(
                                     p_Omega2,
                                     X3
                                         .mul_add(
                                             p_X2,
-                                            (-X2).mul_add(p_X3, (-Gamma3).mul_add(t29, Gamma2 * t30)),
+                                            (-X2).mul_add(p_X3, (-Gamma3).mul_add(t28, Gamma2 * t29)),
                                         ),
                                 ),
                         ),
                 );
-            let t37 = (-t32)
+            let t36 = (-t31)
                 .mul_add(
-                    (-t10).mul_add(t22, (-t5).mul_add(t12, t16)),
+                    (-t10).mul_add(t21, (-t5).mul_add(t12, t16)),
                     (-Omega3)
                         .mul_add(
                             p_Omega1,
                             (-X3)
                                 .mul_add(
                                     p_X1,
-                                    X1.mul_add(p_X3, Gamma3.mul_add(t27, -(Gamma1 * t30))),
+                                    X1.mul_add(p_X3, Gamma3.mul_add(t26, -(Gamma1 * t29))),
                                 ),
                         ),
                 );
             [
-                t21,
-                t26,
-                t28,
-                dL_dalpha - t35,
-                t34
+                t25,
+                t27,
+                dL_dalpha - t34,
+                t33
                     .mul_add(
                         (-t8)
                             .mul_add(
-                                t24,
-                                t9.mul_add(t25, t17.mul_add(t23, t5.mul_add(t15, t31))),
+                                t23,
+                                t9.mul_add(t24, t17.mul_add(t22, t5.mul_add(t15, t30))),
                             ),
-                        t32
+                        t31
                             .mul_add(
-                                t9.mul_add(t22, t8.mul_add(t18, t12.mul_add(t17, -t33))),
+                                t9.mul_add(t21, t8.mul_add(t18, t12.mul_add(t17, -t32))),
                                 dL_dbeta,
                             ),
                     ),
-                (-Omega2).mul_add(p_Omega3, t36),
-                t34
+                (-Omega2).mul_add(p_Omega3, t35),
+                t33
                     .mul_add(
-                        t9.mul_add(t19, t10.mul_add(t25, t5.mul_add(t23, t15 * t17))),
-                        Omega1.mul_add(p_Omega3, t37),
+                        t9.mul_add(t19, t10.mul_add(t24, t5.mul_add(t22, t15 * t17))),
+                        Omega1.mul_add(p_Omega3, t36),
                     ),
                 (-Omega1)
                     .mul_add(
@@ -1228,122 +1280,123 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                         X2
                                             .mul_add(
                                                 p_X1,
-                                                Gamma1.mul_add(t29, (-Gamma2).mul_add(t27, -t35)),
+                                                Gamma1.mul_add(t28, (-Gamma2).mul_add(t26, -t34)),
                                             ),
                                     ),
                             ),
                     ),
                 Omega3
-                    .mul_add(p_X2, (-Omega2).mul_add(p_X3, t23.mul_add(t34, t12 * t32))),
+                    .mul_add(p_X2, (-Omega2).mul_add(p_X3, t22.mul_add(t33, t12 * t31))),
                 (-Omega3)
-                    .mul_add(p_X1, Omega1.mul_add(p_X3, (-t24).mul_add(t34, t18 * t32))),
+                    .mul_add(p_X1, Omega1.mul_add(p_X3, (-t23).mul_add(t33, t18 * t31))),
                 (-Omega1)
                     .mul_add(
                         p_X2,
-                        Omega2.mul_add(p_X1, (-t25).mul_add(t34, -(t22 * t32))),
+                        Omega2.mul_add(p_X1, (-t24).mul_add(t33, -(t21 * t31))),
                     ),
             ]
         };
         /// accelerations of the dependent velocities at udot = 0
         let [lag_X1, lag_X2, lag_X3] = {
-            let t38 = self.r * Omega2;
-            let t39 = self.r * Omega3;
-            let t40 = self.r * Omega1;
+            let t37 = self.r * Omega2;
+            let t38 = self.r * Omega3;
+            let t39 = self.r * Omega1;
             [
-                (-dot_Gamma2).mul_add(t39, dot_Gamma3 * t38),
-                (-dot_Gamma3).mul_add(t40, dot_Gamma1 * t39),
-                (-dot_Gamma1).mul_add(t38, dot_Gamma2 * t40),
+                (-dot_Gamma2).mul_add(t38, dot_Gamma3 * t37),
+                (-dot_Gamma3).mul_add(t39, dot_Gamma1 * t38),
+                (-dot_Gamma1).mul_add(t37, dot_Gamma2 * t39),
             ]
         };
         /// mass matrix A = W^T L_yy Psi
-        let [A_alpha_dot_alpha_dot, t43, t44, A_alpha_dot_Omega3, t49, A_beta_dot_Omega1,
-        A_beta_dot_Omega2, A_Omega1_Omega1, A_Omega1_Omega2, A_Omega1_Omega3,
+        let [A_alpha_dot_alpha_dot, t42, t43, A_alpha_dot_Omega3, A_beta_dot_Omega1,
+        A_beta_dot_Omega2, t50, A_Omega1_Omega1, A_Omega1_Omega2, A_Omega1_Omega3,
         A_Omega2_Omega2, A_Omega2_Omega3, A_Omega3_Omega3] = {
-            let t41 = self.c3 * t3;
-            let A_alpha_dot_alpha_dot = self.mu * (t3 * t41);
-            let t42 = self.c5 * t4.mul_add(self.c4, Gamma3);
-            let t43 = t26 * t42;
-            let t44 = t28 * t42;
-            let t45 = Gamma2 * t28;
-            let t46 = Gamma1 * t26;
-            let t47 = t45 + t46;
-            let t48 = self.c5 * Gamma2;
-            let t49 = self.c5 * t4;
-            let t50 = Gamma3 * t49;
-            let t51 = self.c5 * Gamma1;
-            let t52 = self.c8 * Gamma2;
-            let t53 = self.c6 * t28;
-            let t54 = t4.mul_add(self.c7, Gamma3);
-            let t55 = self.c8 * Gamma3;
-            let t56 = t4 * t4;
-            let t57 = self.c8 * Gamma1;
-            let t58 = t55 + t49;
+            let t40 = self.c2 * t3;
+            let A_alpha_dot_alpha_dot = t3 * t40;
+            let t41 = self.c4 * t4.mul_add(self.c3, Gamma3);
+            let t42 = t25 * t41;
+            let t43 = t27 * t41;
+            let t44 = Gamma2 * t27;
+            let t45 = Gamma1 * t25;
+            let t46 = t44 + t45;
+            let t47 = self.c4 * t3;
+            let t48 = self.c4 * t4;
+            let t49 = Gamma3 * t48;
+            let t51 = t4.mul_add(self.c6, Gamma3);
+            let t52 = self.c7 * Gamma3;
+            let t53 = Gamma2 * Gamma2;
+            let t54 = t4 * t4;
+            let t55 = self.c7 * Gamma1;
             [
                 A_alpha_dot_alpha_dot,
+                t42,
                 t43,
-                t44,
-                t47.mul_add(self.c5, A_alpha_dot_alpha_dot),
-                t49,
-                (-t6).mul_add(t50, (-t3).mul_add(t48, -(self.c6 * t6))),
-                t7.mul_add(t50, self.mu.mul_add(self.c3 * t7, t3 * t51)),
-                t45
+                t46.mul_add(self.c4, A_alpha_dot_alpha_dot),
+                (-t6).mul_add(t49, (-Gamma2).mul_add(t47, -(self.c2 * t6))),
+                t7.mul_add(t49, Gamma1.mul_add(t47, self.c2 * t7)),
+                t48 * (-Gamma1).mul_add(t6, Gamma2 * t7),
+                t44
                     .mul_add(
-                        self.c20,
-                        t28
+                        self.c8,
+                        t40
                             .mul_add(
-                                t53,
-                                t56
+                                t6 * t27,
+                                t54
                                     .mul_add(
-                                        self.c6,
-                                        t54.mul_add(t55, Gamma2.mul_add(t52, self.I1)),
+                                        self.c2,
+                                        t51.mul_add(t52, t53.mul_add(self.c7, self.I1)),
                                     ),
                             ),
                     ),
-                (-t26).mul_add(t48 + t53, (-t28).mul_add(t51, -(Gamma2 * t57))),
-                (-Gamma1).mul_add(t58, -t43),
+                (-self.c4)
+                    .mul_add(
+                        t25.mul_add(t27.mul_add(self.c3, Gamma2), Gamma1 * t27),
+                        -(Gamma2 * t55),
+                    ),
+                (-Gamma1).mul_add(t48, (-Gamma3).mul_add(t55, -t42)),
                 self
                     .mu
                     .mul_add(
-                        t41.mul_add(t7 * t26, self.c3 * t56),
-                        t46
+                        self.c5.mul_add(t25 * t25, self.c5 * t54),
+                        t45
                             .mul_add(
-                                self.c20,
-                                t54.mul_add(t55, Gamma1.mul_add(t57, self.I2)),
+                                self.c8,
+                                t51.mul_add(t52, Gamma1.mul_add(t55, self.I2)),
                             ),
                     ),
-                (-Gamma2).mul_add(t58, -t44),
-                t47
+                (-Gamma2).mul_add(t52 + t48, -t43),
+                t46
                     .mul_add(
-                        self.c20,
-                        Gamma1.mul_add(t57, Gamma2.mul_add(t52, self.I3))
+                        self.c8,
+                        Gamma1.mul_add(t55, t53.mul_add(self.c7, self.I3))
                             + A_alpha_dot_alpha_dot,
                     ),
             ]
         };
         /// right side f = W^T (r - L_yy lag)
-        let [t59, t60, n_alpha_dot, t62, t63, n_beta_dot, f_Omega1, f_Omega2, f_Omega3,
+        let [t56, t57, n_alpha_dot, t59, t60, n_beta_dot, f_Omega1, f_Omega2, f_Omega3,
         ] = {
-            let t59 = self.c9 * t28;
-            let t60 = self.c9 * t26;
-            let t61 = (-lag_X2).mul_add(t60, lag_X1 * t59);
-            let t62 = self.c9 * t3;
-            let t63 = self.c9 * t4;
-            let n_Omega1 = (-lag_X3).mul_add(t59, lag_X2.mul_add(t63, r_Omega1));
-            let n_Omega2 = lag_X3.mul_add(t60, (-lag_X1).mul_add(t63, r_Omega2));
-            let n_Omega3 = t61 + r_Omega3;
-            let n_X1 = (-lag_X1).mul_add(self.c11, r_X1);
-            let n_X2 = (-lag_X2).mul_add(self.c11, r_X2);
-            let n_X3 = (-lag_X3).mul_add(self.c11, r_X3);
+            let t56 = self.c9 * t27;
+            let t57 = self.c9 * t25;
+            let t58 = (-lag_X2).mul_add(t57, lag_X1 * t56);
+            let t59 = self.c9 * t3;
+            let t60 = self.c9 * t4;
+            let n_Omega1 = (-lag_X3).mul_add(t56, lag_X2.mul_add(t60, r_Omega1));
+            let n_Omega2 = lag_X3.mul_add(t57, (-lag_X1).mul_add(t60, r_Omega2));
+            let n_Omega3 = t58 + r_Omega3;
+            let n_X1 = (-lag_X1).mul_add(self.c10, r_X1);
+            let n_X2 = (-lag_X2).mul_add(self.c10, r_X2);
+            let n_X3 = (-lag_X3).mul_add(self.c10, r_X3);
             [
+                t56,
+                t57,
+                t58 + r_alpha_dot,
                 t59,
                 t60,
-                t61 + r_alpha_dot,
-                t62,
-                t63,
-                (-t63)
+                (-t60)
                     .mul_add(
                         t6.mul_add(lag_X2, t7 * lag_X1),
-                        lag_X3.mul_add(t62, r_beta_dot),
+                        lag_X3.mul_add(t59, r_beta_dot),
                     ),
                 (-t0).mul_add(n_X2, t1.mul_add(n_X3, n_Omega1)),
                 (-t2).mul_add(n_X3, t0.mul_add(n_X1, n_Omega2)),
@@ -1351,48 +1404,47 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             ]
         };
         /// factors of A
-        let [A_l3_2, A_l4_2, t64, t66, t67, t68, A_l5_1, t69, A_l4_3, A_l5_3, t70,
+        let [A_l3_2, A_l4_2, t61, t62, t63, t64, A_l5_1, t65, A_l4_3, A_l5_3, t66,
         A_l5_4, A_s4_5_5] = {
-            let A_l3_2 = self.c12 * A_beta_dot_Omega1;
-            let A_l4_2 = self.c12 * A_beta_dot_Omega2;
-            let t64 = self.c18 * (t4 * t21);
+            let A_l3_2 = self.c11 * A_beta_dot_Omega1;
+            let A_l4_2 = self.c11 * A_beta_dot_Omega2;
+            let t61 = self.c11 * t50;
             let A_s2_3_3 = (-A_beta_dot_Omega1).mul_add(A_l3_2, A_Omega1_Omega1);
             let A_s2_3_4 = (-A_beta_dot_Omega2).mul_add(A_l3_2, A_Omega1_Omega2);
-            let t65 = t21 * t49;
-            let A_s2_3_5 = A_l3_2.mul_add(t65, A_Omega1_Omega3);
+            let A_s2_3_5 = t50.mul_add(A_l3_2, A_Omega1_Omega3);
             let A_s2_4_4 = (-A_beta_dot_Omega2).mul_add(A_l4_2, A_Omega2_Omega2);
-            let A_s2_4_5 = A_l4_2.mul_add(t65, A_Omega2_Omega3);
-            let A_s2_5_5 = (-t64).mul_add(t65, A_Omega3_Omega3);
-            let t66 = A_alpha_dot_alpha_dot.recip();
-            let t67 = t43 * t66;
-            let t68 = t44 * t66;
-            let A_l5_1 = A_alpha_dot_Omega3 * t66;
-            let A_s1_3_3 = (-t43).mul_add(t67, A_s2_3_3);
-            let A_s1_3_4 = (-t44).mul_add(t67, A_s2_3_4);
-            let A_s1_3_5 = A_alpha_dot_Omega3.mul_add(t67, A_s2_3_5);
-            let A_s1_4_4 = (-t44).mul_add(t68, A_s2_4_4);
-            let A_s1_4_5 = A_alpha_dot_Omega3.mul_add(t68, A_s2_4_5);
+            let A_s2_4_5 = t50.mul_add(A_l4_2, A_Omega2_Omega3);
+            let A_s2_5_5 = (-t50).mul_add(t61, A_Omega3_Omega3);
+            let t62 = A_alpha_dot_alpha_dot.recip();
+            let t63 = t42 * t62;
+            let t64 = t43 * t62;
+            let A_l5_1 = A_alpha_dot_Omega3 * t62;
+            let A_s1_3_3 = (-t42).mul_add(t63, A_s2_3_3);
+            let A_s1_3_4 = (-t43).mul_add(t63, A_s2_3_4);
+            let A_s1_3_5 = A_alpha_dot_Omega3.mul_add(t63, A_s2_3_5);
+            let A_s1_4_4 = (-t43).mul_add(t64, A_s2_4_4);
+            let A_s1_4_5 = A_alpha_dot_Omega3.mul_add(t64, A_s2_4_5);
             let A_s1_5_5 = (-A_alpha_dot_Omega3).mul_add(A_l5_1, A_s2_5_5);
-            let t69 = A_s1_3_3.recip();
-            let A_l4_3 = A_s1_3_4 * t69;
-            let A_l5_3 = A_s1_3_5 * t69;
+            let t65 = A_s1_3_3.recip();
+            let A_l4_3 = A_s1_3_4 * t65;
+            let A_l5_3 = A_s1_3_5 * t65;
             let A_s3_4_4 = (-A_s1_3_4).mul_add(A_l4_3, A_s1_4_4);
             let A_s3_4_5 = (-A_s1_3_5).mul_add(A_l4_3, A_s1_4_5);
             let A_s3_5_5 = (-A_s1_3_5).mul_add(A_l5_3, A_s1_5_5);
-            let t70 = A_s3_4_4.recip();
-            let A_l5_4 = A_s3_4_5 * t70;
+            let t66 = A_s3_4_4.recip();
+            let A_l5_4 = A_s3_4_5 * t66;
             [
                 A_l3_2,
                 A_l4_2,
+                t61,
+                t62,
+                t63,
                 t64,
-                t66,
-                t67,
-                t68,
                 A_l5_1,
-                t69,
+                t65,
                 A_l4_3,
                 A_l5_3,
-                t70,
+                t66,
                 A_l5_4,
                 (-A_s3_4_5).mul_add(A_l5_4, A_s3_5_5),
             ]
@@ -1400,11 +1452,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         /// substitution through the factors of A
         let [dot_Omega3, dot_Omega2, dot_Omega1, dot_alpha_dot, dot_beta_dot] = {
             let z_Omega1 = (-n_beta_dot)
-                .mul_add(A_l3_2, n_alpha_dot.mul_add(t67, f_Omega1));
+                .mul_add(A_l3_2, n_alpha_dot.mul_add(t63, f_Omega1));
             let z_Omega2 = (-A_l4_3)
                 .mul_add(
                     z_Omega1,
-                    (-n_beta_dot).mul_add(A_l4_2, n_alpha_dot.mul_add(t68, f_Omega2)),
+                    (-n_beta_dot).mul_add(A_l4_2, n_alpha_dot.mul_add(t64, f_Omega2)),
                 );
             let z_Omega3 = (-A_l5_4)
                 .mul_add(
@@ -1413,24 +1465,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         .mul_add(
                             z_Omega1,
                             n_beta_dot
-                                .mul_add(t64, (-n_alpha_dot).mul_add(A_l5_1, f_Omega3)),
+                                .mul_add(t61, (-n_alpha_dot).mul_add(A_l5_1, f_Omega3)),
                         ),
                 );
             let dot_Omega3 = z_Omega3 / A_s4_5_5;
-            let dot_Omega2 = (-A_l5_4).mul_add(dot_Omega3, z_Omega2 * t70);
+            let dot_Omega2 = (-A_l5_4).mul_add(dot_Omega3, z_Omega2 * t66);
             let dot_Omega1 = (-A_l4_3)
-                .mul_add(dot_Omega2, (-A_l5_3).mul_add(dot_Omega3, z_Omega1 * t69));
+                .mul_add(dot_Omega2, (-A_l5_3).mul_add(dot_Omega3, z_Omega1 * t65));
             [
                 dot_Omega3,
                 dot_Omega2,
                 dot_Omega1,
-                t67
+                t63
                     .mul_add(
                         dot_Omega1,
-                        t68
+                        t64
                             .mul_add(
                                 dot_Omega2,
-                                (-A_l5_1).mul_add(dot_Omega3, n_alpha_dot * t66),
+                                (-A_l5_1).mul_add(dot_Omega3, n_alpha_dot * t62),
                             ),
                     ),
                 (-A_l3_2)
@@ -1439,7 +1491,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         (-A_l4_2)
                             .mul_add(
                                 dot_Omega2,
-                                t64.mul_add(dot_Omega3, self.c12 * n_beta_dot),
+                                t61.mul_add(dot_Omega3, self.c11 * n_beta_dot),
                             ),
                     ),
             ]
@@ -1450,33 +1502,34 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             (-t0).mul_add(dot_Omega1, t2.mul_add(dot_Omega3, lag_X2)),
             t1.mul_add(dot_Omega1, (-t2).mul_add(dot_Omega2, lag_X3)),
         ];
-        let t71 = dot_Omega3 + dot_alpha_dot;
+        let t67 = t60 * dot_beta_dot;
+        let t68 = dot_Omega3 + dot_alpha_dot;
         [
+            (-t56)
+                .mul_add(
+                    t68,
+                    t7
+                        .mul_add(
+                            t67,
+                            dot_X1.mul_add(self.c10, t60.mul_add(dot_Omega2, -r_X1)),
+                        ),
+                ),
+            t57
+                .mul_add(
+                    t68,
+                    t6
+                        .mul_add(
+                            t67,
+                            dot_X2.mul_add(self.c10, (-t60).mul_add(dot_Omega1, -r_X2)),
+                        ),
+                ),
             (-t59)
-                .mul_add(
-                    t71,
-                    t63
-                        .mul_add(
-                            t7.mul_add(dot_beta_dot, dot_Omega2),
-                            dot_X1.mul_add(self.c11, -r_X1),
-                        ),
-                ),
-            t60
-                .mul_add(
-                    t71,
-                    t63
-                        .mul_add(
-                            t6.mul_add(dot_beta_dot, -dot_Omega1),
-                            dot_X2.mul_add(self.c11, -r_X2),
-                        ),
-                ),
-            (-t62)
                 .mul_add(
                     dot_beta_dot,
                     dot_X3
                         .mul_add(
-                            self.c11,
-                            t59.mul_add(dot_Omega1, (-t60).mul_add(dot_Omega2, -r_X3)),
+                            self.c10,
+                            t56.mul_add(dot_Omega1, (-t57).mul_add(dot_Omega2, -r_X3)),
                         ),
                 ),
         ]
@@ -1514,7 +1567,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             ]
         };
         /// momenta p = dL/dy
-        let [t14, p_beta_dot, p_Omega1, p_Omega2, p_Omega3, p_X1, p_X2, p_X3] = {
+        let [t15, p_beta_dot, p_Omega1, p_Omega2, p_Omega3, p_X1, p_X2, p_X3] = {
             let (t3, t4) = alpha.sin_cos();
             let (t5, t6) = beta.sin_cos();
             let t7 = self.rho * t5;
@@ -1523,29 +1576,30 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t10 = alpha_dot + Omega3;
             let t11 = (-t10).mul_add(t8, t9.mul_add(beta_dot.mul_add(t4, Omega2), X1));
             let t12 = t4 * t7;
-            let t13 = t12
-                .mul_add(t10, (-t9).mul_add((-beta_dot).mul_add(t3, Omega1), X2));
-            let t14 = self.mu * (-t12).mul_add(t13, t8 * t11);
-            let t15 = (-Omega2)
+            let t13 = t3 * t9;
+            let t14 = t12.mul_add(t10, beta_dot.mul_add(t13, (-Omega1).mul_add(t9, X2)));
+            let t15 = self.mu * (-t12).mul_add(t14, t8 * t11);
+            let t16 = t9 * t11;
+            let t17 = (-Omega2)
                 .mul_add(t12, Omega1.mul_add(t8, (-beta_dot).mul_add(t7, X3)));
             [
-                t14,
-                self.mu * t9.mul_add(t4.mul_add(t11, t3 * t13), -(t7 * t15)),
-                (-self.mu).mul_add((-t8).mul_add(t15, t9 * t13), self.I1 * Omega1),
-                self.mu.mul_add((-t12).mul_add(t15, t9 * t11), self.I2 * Omega2),
-                Omega3.mul_add(self.I3, -t14),
+                t15,
+                self.mu * (-t7).mul_add(t17, t13.mul_add(t14, t4 * t16)),
+                (-self.mu).mul_add((-t8).mul_add(t17, t9 * t14), self.I1 * Omega1),
+                self.mu.mul_add((-t12).mul_add(t17, t16), self.I2 * Omega2),
+                Omega3.mul_add(self.I3, -t15),
                 t11.mul_add(self.mu, self.M * X1),
-                t13.mul_add(self.mu, self.M * X2),
-                t15.mul_add(self.mu, self.M * X3),
+                t14.mul_add(self.mu, self.M * X2),
+                t17.mul_add(self.mu, self.M * X3),
             ]
         };
-        let p_alpha_dot = -t14;
+        let p_alpha_dot = -t15;
         [
             p_alpha_dot,
             p_beta_dot,
-            t1.mul_add(p_X3, (-t0).mul_add(p_X2, p_Omega1)),
+            (-t0).mul_add(p_X2, t1.mul_add(p_X3, p_Omega1)),
             (-t2).mul_add(p_X3, t0.mul_add(p_X1, p_Omega2)),
-            (-t1).mul_add(p_X1, t2.mul_add(p_X2, p_Omega3)),
+            t2.mul_add(p_X2, (-t1).mul_add(p_X1, p_Omega3)),
         ]
     }
 
@@ -1559,144 +1613,167 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 78 additions, 129 multiplications (72 fused), 2 elementary functions.
+    /// 78 additions, 134 multiplications (74 fused), 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn momentum_equation(&self, t: R, y: &[R; 16]) -> [R; 5] {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, Gamma1, Gamma2,
         Gamma3, _, _, _, _, _, _] = *y;
         let _ = t;
-        let t0 = alpha_dot + Omega3;
-        let (t1, t2) = beta.sin_cos();
-        let t3 = self.c5 * t1;
+        let (t0, t1) = beta.sin_cos();
+        let t2 = self.c4 * t0;
+        let t3 = alpha_dot + Omega3;
         let (t4, t5) = alpha.sin_cos();
-        let t6 = Gamma1 * t4;
-        let t7 = Gamma2.mul_add(t5, -t6);
-        let t8 = t3 * t7;
-        let t9 = Gamma1.mul_add(t5, Gamma2 * t4);
-        let t10 = self.c5 * t2;
-        let t11 = beta_dot * t10;
-        let t12 = self.c1 * t1;
-        let t13 = Omega3.mul_add(t0.mul_add(t8, t9 * t11), -(t7 * t12));
-        let t14 = Omega1 * t5;
-        let t15 = Omega2.mul_add(t4, t14);
-        let t16 = Omega2 * t5;
-        let t17 = Omega1 * t4;
-        let t18 = t16 - t17;
-        let t19 = self.c6 * t18.mul_add(t1 * t1, beta_dot);
-        let t20 = beta_dot * Gamma3;
-        let t21 = t10.mul_add(t20, t19);
-        let t22 = Omega2 * Gamma1;
-        let t23 = (-Omega1).mul_add(Gamma2, t22);
-        let t24 = self.c6 * t1;
-        let t25 = t2 * t24;
-        let t26 = Gamma3 * t3;
-        let t27 = t25 + t26;
-        let t28 = t18 * t0;
-        let t29 = Gamma3 * t12;
-        let t30 = Omega1.mul_add(Gamma1, Omega2 * Gamma2);
-        let t31 = Omega3 * t30;
-        let t32 = Omega3 * t0;
-        let t33 = self.c1 * t2;
-        let t34 = beta_dot * Omega3;
-        let t35 = t3 * t20;
-        let t36 = Omega1 * Omega1;
-        let t37 = Omega2.mul_add(Omega2, t36);
-        let t38 = t25
+        let t6 = Gamma2 * t5;
+        let t7 = (-Gamma1).mul_add(t4, t6);
+        let t8 = self.c4 * t1;
+        let t9 = beta_dot * t8;
+        let t10 = Gamma2.mul_add(t4, Gamma1 * t5);
+        let t11 = self.c1 * t0;
+        let t12 = Omega3.mul_add(t9.mul_add(t10, t2 * t3 * t7), -(t7 * t11));
+        let t13 = Omega2 * t4;
+        let t14 = Omega1.mul_add(t5, t13);
+        let t15 = Omega1 * t4;
+        let t16 = Omega2.mul_add(t5, -t15);
+        let t17 = self.c2 * t16.mul_add(t0 * t0, beta_dot);
+        let t18 = Gamma3.mul_add(t9, t17);
+        let t19 = (-Omega1).mul_add(Gamma2, Omega2 * Gamma1);
+        let t20 = self.c2 * t0;
+        let t21 = t1 * t20;
+        let t22 = Gamma3.mul_add(t2, t21);
+        let t23 = t16 * t3;
+        let t24 = Omega1.mul_add(Gamma1, Omega2 * Gamma2);
+        let t25 = beta_dot * t2;
+        let t26 = Gamma3 * t25;
+        let t27 = Omega3 * t8;
+        let t28 = self.c1 * t1;
+        let t29 = Omega2 * Omega2;
+        let t30 = Omega1 * Omega2;
+        let t31 = Omega1.mul_add(Omega1, t29);
+        let t32 = t21
             .mul_add(
-                t17
+                t15
                     .mul_add(
-                        t17,
-                        t16.mul_add(t16, alpha_dot.mul_add(alpha_dot, Omega3 * Omega3)),
+                        t15,
+                        t29
+                            .mul_add(
+                                t5 * t5,
+                                Omega3.mul_add(Omega3, alpha_dot * alpha_dot),
+                            ),
                     ),
-                t23
+                t10
                     .mul_add(
-                        t10.mul_add(t18, t11),
-                        (-t18)
+                        t3.mul_add(t27, -t28),
+                        Omega3
+                            .mul_add(
+                                t7.mul_add(t25, t2 * t24),
+                                t19.mul_add(t9, Gamma3 * t11),
+                            ),
+                    ),
+            );
+        let t33 = Omega3 * t18;
+        let t34 = self.c8 * t0;
+        let t35 = (-Omega3)
+            .mul_add(t22.mul_add(t3, t24 * t34), Gamma3 * t2.mul_add(t31, -t11));
+        let t36 = Omega3.mul_add(Gamma3, t24);
+        let t37 = t1.mul_add(self.c24, Gamma3);
+        let t38 = (-self.c26)
+            .mul_add(
+                self.c25.mul_add(Omega3 * t1 * t37, Gamma3 * t36),
+                t20 * (-t1).mul_add(t14, t0 * t3),
+            );
+        let t39 = self.c26 * t36;
+        let t40 = Omega3.mul_add(t39 + t27, -t28);
+        let t41 = (-Omega1).mul_add(Omega1, t29);
+        let t42 = alpha_dot * t5;
+        let t43 = Omega1
+            .mul_add(
+                t4.mul_add(t9, t2 * t42),
+                Omega2.mul_add(t5.mul_add(t9, -(alpha_dot * t4 * t2)), t8 * t41),
+            );
+        let t44 = self.c8 * t1;
+        let t45 = beta_dot * t44;
+        let t46 = t30 * t44;
+        let t47 = Gamma1 * t34;
+        let t48 = beta_dot * Omega3;
+        let t49 = (-Omega2)
+            .mul_add(
+                (-Omega3).mul_add(self.c27, t38),
+                t5
+                    .mul_add(
+                        t33,
+                        t4
                             .mul_add(
                                 t35,
-                                t9.mul_add(t10.mul_add(t32, -t33), t3.mul_add(t31, t29)),
-                            ),
-                    ),
-            );
-        let t39 = self.c20 * t2;
-        let t40 = Omega3.mul_add(Gamma3, t30);
-        let t41 = t2.mul_add(self.c26, Gamma3);
-        let t42 = (-self.c28)
-            .mul_add(
-                self.c27.mul_add(Omega3 * t2 * t41, Gamma3 * t40),
-                t24 * (-t2).mul_add(t15, t1 * t0),
-            );
-        let t43 = self.c28 * t40;
-        let t44 = Omega3.mul_add(Omega3.mul_add(t10, t43), -t33);
-        let t45 = Omega2.mul_add(Omega2, -t36);
-        let t46 = t11
-            .mul_add(
-                t16 + t17,
-                (-(alpha_dot * t3)).mul_add(Omega2.mul_add(t4, -t14), t10 * t45),
-            );
-        let t47 = self.c20 * t1;
-        let t48 = t27.mul_add(t32, (-t26).mul_add(t37, t31.mul_add(t47, t29)));
-        let t49 = Gamma1 * t47;
-        let t50 = (-Gamma2)
-            .mul_add(
-                t44 - t46,
-                (-Omega2)
-                    .mul_add(
-                        t42,
-                        (-t49)
-                            .mul_add(
-                                alpha_dot.mul_add(t16, -t34),
                                 (-Omega1)
-                                    .mul_add(t35, t22 * (-beta_dot).mul_add(t4, Omega1) * t39),
+                                    .mul_add(
+                                        t26,
+                                        (-Gamma1)
+                                            .mul_add(
+                                                t13.mul_add(t45, -t46),
+                                                -(t47 * Omega2.mul_add(t42, -t48)),
+                                            ),
+                                    ),
                             ),
                     ),
             );
-        let t51 = Gamma2 * t47;
-        let t52 = (-t3)
+        let t50 = Gamma2 * t34;
+        let t51 = (-t34)
             .mul_add(
-                t45.mul_add(Gamma2.mul_add(t5, t6), beta_dot * t30),
-                (-Omega1)
+                t23 * t37,
+                t30
                     .mul_add(
-                        t16.mul_add(t49, -(self.c30 * Omega2)),
-                        t51.mul_add(Omega2 * t17, (-t23).mul_add(t43, t13)),
+                        (-t5).mul_add(t47, t4.mul_add(t50, -self.c29)),
+                        (-(t2 * t41))
+                            .mul_add(
+                                Gamma1.mul_add(t4, t6),
+                                (-t24).mul_add(t25, (-t19).mul_add(t39, t12)),
+                            ),
                     ),
             );
         [
-            (-t15).mul_add(t3.mul_add(t23, t21), (-t27).mul_add(t28, t13)),
-            (t15 * t0)
+            (-t14).mul_add(t2.mul_add(t19, t18), (-t22).mul_add(t23, t12)),
+            (-(t14 * t3))
                 .mul_add(
-                    (-Gamma3).mul_add(t10, (-self.c6).mul_add(t2 * t2, t1 * t24)),
-                    (-t27)
+                    self.c2.mul_add(t1 * t1, (-t0).mul_add(t20, Gamma3 * t8)),
+                    t16
                         .mul_add(
-                            t37,
-                            self
-                                .c24
+                            t19.mul_add(t8, -t26),
+                            (-t22)
                                 .mul_add(
-                                    t1 * t2 * (-t16).mul_add(t17, alpha_dot * Omega3),
-                                    t8.mul_add(t34, t38),
-                                ),
-                        ),
-                ),
-            Omega3.mul_add(t5.mul_add(t21, self.c25 * Omega2), (-t4).mul_add(t48, t50)),
-            (-Omega1)
-                .mul_add(
-                    (Gamma2 * t39).mul_add(beta_dot.mul_add(t5, Omega2), -t42),
-                    Omega3
-                        .mul_add(
-                            t4.mul_add(t21, -(self.c29 * Omega1)),
-                            t5
-                                .mul_add(
-                                    t48,
-                                    Gamma1
+                                    t31,
+                                    self
+                                        .c23
                                         .mul_add(
-                                            t44 + t46,
-                                            (-Omega2).mul_add(t35, t51 * alpha_dot.mul_add(t17, t34)),
+                                            t0 * t1 * (-t30).mul_add(t5 * t4, alpha_dot * Omega3),
+                                            t32,
                                         ),
                                 ),
                         ),
                 ),
-            (-t15).mul_add(t20.mul_add(t39, t19), (-t47).mul_add(t28 * t41, t52)),
+            (-Gamma2).mul_add(t40 - t43, t49),
+            Omega1
+                .mul_add(
+                    (-t6).mul_add(t45, (-Omega3).mul_add(self.c28, t38)),
+                    t4
+                        .mul_add(
+                            t33,
+                            Gamma1
+                                .mul_add(
+                                    t40 + t43,
+                                    (-t5)
+                                        .mul_add(
+                                            t35,
+                                            (-Omega2)
+                                                .mul_add(
+                                                    t26,
+                                                    (-Gamma2).mul_add(t46, t50 * alpha_dot.mul_add(t15, t48)),
+                                                ),
+                                        ),
+                                ),
+                        ),
+                ),
+            (-t14).mul_add(Gamma3.mul_add(t45, t17), t51),
         ]
     }
 
@@ -1727,88 +1804,93 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 41 additions, 70 multiplications (40 fused), 3 divisions, 2 elementary functions.
+    /// 41 additions, 74 multiplications (40 fused), 3 divisions, 2 elementary functions.
     pub fn check(&self, t: R, y: &[R; 16]) -> Result<(), ::hamel_runtime::Failure> {
         let [alpha, beta, _, _, _, _, _, Gamma1, Gamma2, Gamma3, _, _, _, _, _, _] = *y;
         /// mass matrix A = W^T L_yy Psi
-        let [t0, t1, A_alpha_dot_alpha_dot, t3, t4, t6, t7, t8, A_alpha_dot_Omega3,
-        A_beta_dot_Omega3, A_Omega1_Omega3, A_Omega2_Omega3, t11, t12, t13,
+        let [A_alpha_dot_alpha_dot, t3, t4, t6, A_alpha_dot_Omega3, t10,
+        A_beta_dot_Omega1, t11, A_beta_dot_Omega2, A_beta_dot_Omega3, t14,
+        A_Omega1_Omega1, t16, A_Omega1_Omega3, t18, A_Omega2_Omega2, A_Omega2_Omega3,
         A_Omega3_Omega3] = {
             let (t0, t1) = beta.sin_cos();
-            let t2 = self.c6 * t0;
+            let t2 = self.c2 * t0;
             let A_alpha_dot_alpha_dot = t0 * t2;
             let (t3, t4) = alpha.sin_cos();
-            let t5 = t2 * Gamma3.mul_add(self.c18, t1);
-            let t6 = t4 * t5;
-            let t7 = t3 * t5;
-            let t8 = Gamma2 * t3;
-            let t9 = Gamma1.mul_add(t4, t8);
-            let t10 = self.c5 * Gamma3.mul_add(self.c19, t1);
-            let t11 = self.c8 * Gamma2;
-            let t12 = self.c8 * Gamma1;
-            let t13 = self.c20 * t0;
+            let t5 = t2 * Gamma3.mul_add(self.c17, t1);
+            let t6 = t3 * t5;
+            let t7 = Gamma1 * t4;
+            let t8 = Gamma2.mul_add(t3, t7);
+            let t9 = Gamma3 * t1;
+            let t10 = t3.mul_add(t9, Gamma2 * t0);
+            let t11 = t4.mul_add(t9, Gamma1 * t0);
+            let t12 = self.c7 * Gamma2;
+            let t13 = self.c8 * t0;
+            let t14 = Gamma3 * Gamma3;
+            let t15 = t1.mul_add(Gamma3.mul_add(self.c18, t1), self.c19 * t14);
+            let t16 = t4 * t5;
+            let t17 = self.c4 * Gamma3.mul_add(self.c20, t1);
+            let t18 = self.c7 * Gamma1;
             [
-                t0,
-                t1,
                 A_alpha_dot_alpha_dot,
                 t3,
                 t4,
                 t6,
-                t7,
-                t8,
-                self.c5.mul_add(t0 * t9, A_alpha_dot_alpha_dot),
-                self.c5 * (t1 * (-Gamma2).mul_add(t4, Gamma1 * t3)),
-                (-Gamma1).mul_add(t10, -t6),
-                (-Gamma2).mul_add(t10, -t7),
+                self.c4.mul_add(t0 * t8, A_alpha_dot_alpha_dot),
+                t10,
+                (-t10).mul_add(self.c4, -(self.c2 * t3)),
                 t11,
-                t12,
-                t13,
-                t9
+                t11.mul_add(self.c4, self.c2 * t4),
+                self.c4 * (t1 * (-Gamma2).mul_add(t4, Gamma1 * t3)),
+                t14,
+                t15
+                    .mul_add(
+                        self.c2,
+                        Gamma2
+                            .mul_add(
+                                t3.mul_add(t13, t12),
+                                A_alpha_dot_alpha_dot.mul_add(t3 * t3, self.I1),
+                            ),
+                    ),
+                t16,
+                (-Gamma1).mul_add(t17, -t16),
+                t18,
+                A_alpha_dot_alpha_dot
+                    .mul_add(
+                        t4 * t4,
+                        t15
+                            .mul_add(
+                                self.c2,
+                                t7.mul_add(t13, Gamma1.mul_add(t18, self.I2)),
+                            ),
+                    ),
+                (-Gamma2).mul_add(t17, -t6),
+                t8
                     .mul_add(
                         t13,
-                        Gamma1.mul_add(t12, Gamma2.mul_add(t11, self.I3))
+                        Gamma2.mul_add(t12, Gamma1.mul_add(t18, self.I3))
                             + A_alpha_dot_alpha_dot,
                     ),
             ]
         };
         /// factors of A
         let [A_s1_3_3, A_s3_4_4, A_s4_5_5] = {
-            let t14 = Gamma3 * t3;
-            let t15 = t1.mul_add(t14, Gamma2 * t0);
-            let A_l3_2 = (-t15).mul_add(self.c18, -t3);
-            let t16 = Gamma3 * t4;
-            let t17 = t1.mul_add(t16, Gamma1 * t0);
-            let A_l4_2 = t17.mul_add(self.c18, t4);
-            let A_l5_2 = self.c12 * A_beta_dot_Omega3;
-            let t18 = self.c22.mul_add(Gamma3 * Gamma3.mul_add(self.c21, t1), t1 * t1);
-            let A_s2_3_3 = (-self.c6)
-                .mul_add(
-                    A_l3_2.mul_add(A_l3_2, -t18),
-                    A_alpha_dot_alpha_dot
-                        .mul_add(t3 * t3, t8.mul_add(t13, Gamma2.mul_add(t11, self.I1))),
-                );
+            let A_l3_2 = self.c11 * A_beta_dot_Omega1;
+            let A_l4_2 = self.c11 * A_beta_dot_Omega2;
+            let A_l5_2 = self.c11 * A_beta_dot_Omega3;
+            let A_s2_3_3 = (-A_beta_dot_Omega1).mul_add(A_l3_2, A_Omega1_Omega1);
             let A_s2_3_5 = (-A_beta_dot_Omega3).mul_add(A_l3_2, A_Omega1_Omega3);
-            let A_s2_4_4 = (-self.c6)
-                .mul_add(
-                    A_l4_2.mul_add(A_l4_2, -t18),
-                    Gamma1
-                        .mul_add(
-                            t4.mul_add(t13, t12),
-                            A_alpha_dot_alpha_dot.mul_add(t4 * t4, self.I2),
-                        ),
-                );
+            let A_s2_4_4 = (-A_beta_dot_Omega2).mul_add(A_l4_2, A_Omega2_Omega2);
             let A_s2_4_5 = (-A_beta_dot_Omega3).mul_add(A_l4_2, A_Omega2_Omega3);
             let A_s2_5_5 = (-A_beta_dot_Omega3).mul_add(A_l5_2, A_Omega3_Omega3);
             let t19 = A_alpha_dot_alpha_dot.recip();
-            let t20 = t6 * t19;
-            let t21 = t7 * t19;
+            let t20 = t16 * t19;
+            let t21 = t6 * t19;
             let A_l5_1 = A_alpha_dot_Omega3 * t19;
-            let A_s1_3_3 = (-t6).mul_add(t20, A_s2_3_3);
-            let A_s1_3_4 = self
-                .c23
-                .mul_add(t15.mul_add(t17, -(t14 * t16)), -(Gamma1 * t11));
+            let A_s1_3_3 = (-t16).mul_add(t20, A_s2_3_3);
+            let A_s1_3_4 = (-self.c21)
+                .mul_add((-t10).mul_add(t11, t4 * t3 * t14), -(Gamma2 * t18));
             let A_s1_3_5 = A_alpha_dot_Omega3.mul_add(t20, A_s2_3_5);
-            let A_s1_4_4 = (-t7).mul_add(t21, A_s2_4_4);
+            let A_s1_4_4 = (-t6).mul_add(t21, A_s2_4_4);
             let A_s1_4_5 = A_alpha_dot_Omega3.mul_add(t21, A_s2_4_5);
             let A_s1_5_5 = (-A_alpha_dot_Omega3).mul_add(A_l5_1, A_s2_5_5);
             let t22 = A_s1_3_3.recip();

@@ -158,7 +158,6 @@ impl<R: ::hamel_runtime::Real> State<R> {
 ///
 /// - Cendra and Diaz, Lagrange-d'Alembert-Poincare equations by several stages, section 6
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[allow(non_snake_case, reason = "names are those of the model")]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
 pub struct Prepared<R = f64> {
     /// `0.25 * (4 * I1 - 4 * I3 - 4 * M * (r * r) + M * (r * r) * (e * e)) / (I3 + M * (r * r))`
@@ -181,21 +180,19 @@ pub struct Prepared<R = f64> {
     c8: R,
     /// A longer expression in the parameters.
     c9: R,
-    /// `0.5 * M * (r * r) * e`
+    /// `4 * M * (r * r) * e / (4 * I1 + M * (r * r) * (e * e))`
     c10: R,
-    /// `M * r * g`
+    /// `M * (r * r) * e / (I3 + M * (r * r))`
     c11: R,
-    /// `0.5 * M * r * e * g / (I3 + M * (r * r))`
-    c12: R,
-    /// `4 * (I3 + M * (r * r)) / (4 * I1 + M * (r * r) * (e * e))`
-    c13: R,
     /// `0.125 * (4 * I1 + M * (r * r * (e * e) + 4 * (r * r)))`
+    c12: R,
+    /// `M * r * g`
+    c13: R,
+    /// `0.5 * M * r * e * g`
     c14: R,
-    /// `0.5 * (I3 + M * (r * r))`
-    c15: R,
-    /// `I3 + M * (r * r)`
-    A_psi_dot_psi_dot: R,
     /// `0.125 * (4 * I1 + M * (r * r) * (e * e))`
+    c15: R,
+    /// `0.5 * (I3 + M * (r * r))`
     c16: R,
     /// A longer expression in the parameters.
     c17: R,
@@ -212,7 +209,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 19 additions, 43 multiplications, 16 divisions.
+    /// 19 additions, 43 multiplications, 15 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { M, r, e, I1, I3, g } = *params;
         for (value, condition, meaning) in [
@@ -249,17 +246,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t10 = R::from_f64(4.0) * I3;
         let t11 = R::from_f64(4.0) * M * t0;
         let t12 = t5 * t1;
-        let t13 = t6 * t0 * e;
-        let t14 = M * M * (t0 * t0) * t1 / A_psi_dot_psi_dot;
-        let t15 = t9 - R::from_f64(2.0) * I3 + t11 + M * (t2 - t3) - t14;
-        let t16 = t9 + t12;
-        let t17 = t16 - t14;
-        let t18 = R::from_f64(2.0) * M * t0;
-        let t19 = t5 * e;
-        let t20 = I3 + t18;
-        let t21 = t18 * e - t19 * t20 / A_psi_dot_psi_dot;
-        let t22 = R::from_f64(2.0) * t21 / t17;
-        let t23 = A_psi_dot_psi_dot * t17;
+        let t13 = M * M * (t0 * t0) * t1 / A_psi_dot_psi_dot;
+        let t14 = t9 - R::from_f64(2.0) * I3 + t11 + M * (t2 - t3) - t13;
+        let t15 = t9 + t12;
+        let t16 = t15 - t13;
+        let t17 = R::from_f64(2.0) * M * t0;
+        let t18 = t5 * e;
+        let t19 = I3 + t17;
+        let t20 = t17 * e - t18 * t19 / A_psi_dot_psi_dot;
+        let t21 = R::from_f64(2.0) * t20 / t16;
+        let t22 = A_psi_dot_psi_dot * t16;
+        let t23 = t18 / A_psi_dot_psi_dot;
         if !M.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "M > 0",
@@ -307,21 +304,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c1: t7 / A_theta_dot_theta_dot,
             c2: t8 / A_theta_dot_theta_dot,
             c3: A_psi_dot_psi_dot / A_theta_dot_theta_dot,
-            c4: t13 / A_theta_dot_theta_dot,
-            c5: R::from_f64(0.5) * t15 / I3,
-            c6: t10 / t17,
-            c7: t22,
-            c8: t19 * t15 / t23 - t22 - t19 / A_psi_dot_psi_dot,
-            c9: t19 * t21 / t23 - t20 / A_psi_dot_psi_dot,
-            c10: t13,
-            c11: t8,
-            c12: t7 / A_psi_dot_psi_dot,
-            c13: R::from_f64(4.0) * A_psi_dot_psi_dot / t16,
-            c14: R::from_f64(0.125) * (t9 + M * t4),
-            c15: R::from_f64(0.5) * A_psi_dot_psi_dot,
-            A_psi_dot_psi_dot,
-            c16: R::from_f64(0.125) * t16,
-            c17: R::from_f64(0.25) * t17,
+            c4: t6 * t0 * e / A_theta_dot_theta_dot,
+            c5: R::from_f64(0.5) * t14 / I3,
+            c6: t10 / t16,
+            c7: t21,
+            c8: t18 * t14 / t22 - t21 - t23,
+            c9: t18 * t20 / t22 - t19 / A_psi_dot_psi_dot,
+            c10: t11 * e / t15,
+            c11: t23,
+            c12: R::from_f64(0.125) * (t9 + M * t4),
+            c13: t8,
+            c14: t7,
+            c15: R::from_f64(0.125) * t15,
+            c16: R::from_f64(0.5) * A_psi_dot_psi_dot,
+            c17: R::from_f64(0.25) * t16,
         })
     }
 }
@@ -350,8 +346,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let (t0, t1) = theta.sin_cos();
         let t2 = phi_dot * t0;
         let t3 = phi_dot * t1;
-        let t4 = theta_dot * (-t3).mul_add(self.c5, psi_dot) * (self.c6 / t0);
-        let t5 = self.c7 * theta_dot;
+        let t4 = self.c6 * ((-t3).mul_add(self.c5, psi_dot) * (theta_dot / t0));
         *dy = [
             theta_dot,
             (-self.c4)
@@ -363,12 +358,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                             (-t1).mul_add(self.c2, self.c1 * t0),
                         ),
                 ),
-            (-phi_dot).mul_add(t5, t4),
+            (-self.c7).mul_add(theta_dot * phi_dot, t4),
             (-t1)
                 .mul_add(
                     t4,
                     theta_dot
-                        .mul_add((-t2).mul_add(self.c9, -(self.c8 * t3)), psi_dot * t5),
+                        * (-t2)
+                            .mul_add(self.c9, (-t3).mul_add(self.c8, self.c7 * psi_dot)),
                 ),
         ];
     }
@@ -381,29 +377,36 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 8 additions, 17 multiplications (8 fused), 1 elementary function.
+    /// 8 additions, 15 multiplications (8 fused), 1 elementary function.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 4]) -> R {
         let [theta, theta_dot, phi_dot, psi_dot] = *y;
         let _ = t;
         let (t0, t1) = theta.sin_cos();
-        let t2 = t0
+        let t2 = phi_dot * t0;
+        self.c16
             .mul_add(
-                (-self.c10).mul_add(phi_dot * phi_dot.mul_add(t1, psi_dot), self.c11),
-                self
-                    .A_psi_dot_psi_dot
+                (phi_dot * t1)
                     .mul_add(
-                        t1 * phi_dot.mul_add(psi_dot, self.c12),
-                        self
-                            .c15
+                        phi_dot
                             .mul_add(
-                                psi_dot * psi_dot,
-                                self.c14 * (theta_dot * theta_dot),
+                                (-t0).mul_add(self.c11, t1),
+                                R::from_f64(2.0) * psi_dot,
+                            ),
+                        psi_dot * psi_dot,
+                    ),
+                self
+                    .c15
+                    .mul_add(
+                        t2 * (-psi_dot).mul_add(self.c10, t2),
+                        t1
+                            .mul_add(
+                                self.c14,
+                                t0.mul_add(self.c13, self.c12 * (theta_dot * theta_dot)),
                             ),
                     ),
-            );
-        self.c16.mul_add(phi_dot * phi_dot * self.c13.mul_add(t1 * t1, t0 * t0), t2)
+            )
     }
 
     /// Says which pivot vanishes at a point.

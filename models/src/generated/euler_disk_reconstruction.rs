@@ -227,27 +227,25 @@ pub struct Prepared<R = f64> {
     c8: R,
     /// A longer expression in the parameters.
     c9: R,
-    /// `0.5 * M * (r * r) * e`
+    /// `4 * M * (r * r) * e / (4 * I1 + M * (r * r) * (e * e))`
     c10: R,
-    /// `M * r * g`
+    /// `M * (r * r) * e / (I3 + M * (r * r))`
     c11: R,
-    /// `0.5 * M * r * e * g / (I3 + M * (r * r))`
-    c12: R,
-    /// `4 * (I3 + M * (r * r)) / (4 * I1 + M * (r * r) * (e * e))`
-    c13: R,
     /// `0.125 * (4 * I1 + M * (r * r * (e * e) + 4 * (r * r)))`
+    c12: R,
+    /// `M * r * g`
+    c13: R,
+    /// `0.5 * M * r * e * g`
     c14: R,
-    /// `0.5 * (I3 + M * (r * r))`
-    c15: R,
-    /// `I3 + M * (r * r)`
-    A_psi_dot_psi_dot: R,
     /// `0.125 * (4 * I1 + M * (r * r) * (e * e))`
+    c15: R,
+    /// `0.5 * (I3 + M * (r * r))`
     c16: R,
     /// A longer expression in the parameters.
     c17: R,
     /// `0.25 * (4 * I1 + M * (r * r * (e * e) + 4 * (r * r)))`
     c18: R,
-    /// `4 * M * (r * r) * e / (4 * I1 + M * (r * r) * (e * e))`
+    /// `0.5 * M * (r * r) * e`
     c19: R,
     /// `0.25 * (4 * I1 + M * (r * r) * (e * e))`
     c20: R,
@@ -267,28 +265,28 @@ pub struct Prepared<R = f64> {
     c27: R,
     /// A longer expression in the parameters.
     c28: R,
-    /// `0.5 * (M * M) * (r * r * r) * e / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    /// A longer expression in the parameters.
     c29: R,
-    /// `(I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r))) / (I3 + M * (r * r))`
-    c30: R,
-    /// `0.5 * (M * M) * (r * r) * e * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
-    c31: R,
-    /// A longer expression in the parameters.
-    c32: R,
-    /// A longer expression in the parameters.
-    c33: R,
-    /// A longer expression in the parameters.
-    c34: R,
     /// `0.25 * (M * M) * (r * r * r) * (e * e) / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    c30: R,
+    /// A longer expression in the parameters.
+    c31: R,
+    /// `0.5 * (M * M) * (r * r * r) * e / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    c32: R,
+    /// `(I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r))) / (I3 + M * (r * r))`
+    c33: R,
+    /// `0.5 * M * r * e`
+    c34: R,
+    /// A longer expression in the parameters.
     c35: R,
-    /// `M * r * (I3 + M * (r * r)) / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    /// `0.5 * (M * M) * (r * r) * e * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
     c36: R,
-    /// `0.25 * (4 * I1 - 4 * I3 - 4 * M * (r * r) + M * (r * r) * (e * e))`
+    /// `I3 + M * (r * r)`
+    A_psi_dot_psi_dot: R,
+    /// `0.5 * M * (r * r) * e / (I3 + M * (r * r))`
     c37: R,
-    /// `0.5 * M * r * e * g`
-    c38: R,
     /// `M * (r * r)`
-    c39: R,
+    c38: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -302,7 +300,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 27 additions, 84 multiplications, 35 divisions.
+    /// 27 additions, 82 multiplications, 33 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { M, r, e, I1, I3, g } = *params;
         for (value, condition, meaning) in [
@@ -333,21 +331,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t5 = M * t0;
         let A_psi_dot_psi_dot = I3 + t5;
         let t6 = R::from_f64(0.5) * M;
-        let t7 = t6 * r * e * g;
-        let t8 = M * r;
-        let t9 = t8 * g;
-        let t10 = R::from_f64(4.0) * I1;
-        let t11 = R::from_f64(4.0) * I3;
-        let t12 = t10 - t11;
-        let t13 = R::from_f64(4.0) * M * t0;
-        let t14 = t5 * t1;
-        let t15 = R::from_f64(0.25) * (t12 - t13 + t14);
+        let t7 = t6 * r * e;
+        let t8 = t7 * g;
+        let t9 = M * r;
+        let t10 = t9 * g;
+        let t11 = R::from_f64(4.0) * I1;
+        let t12 = R::from_f64(4.0) * I3;
+        let t13 = t11 - t12;
+        let t14 = R::from_f64(4.0) * M * t0;
+        let t15 = t5 * t1;
         let t16 = t6 * t0 * e;
         let t17 = M * (t2 - t3);
         let t18 = M * M;
         let t19 = t18 * (t0 * t0) * t1 / A_psi_dot_psi_dot;
-        let t20 = t10 - R::from_f64(2.0) * I3 + t13 + t17 - t19;
-        let t21 = t10 + t14;
+        let t20 = t11 - R::from_f64(2.0) * I3 + t14 + t17 - t19;
+        let t21 = t11 + t15;
         let t22 = t21 - t19;
         let t23 = R::from_f64(2.0) * M;
         let t24 = t23 * t0;
@@ -356,15 +354,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t27 = t24 * e - t25 * t26 / A_psi_dot_psi_dot;
         let t28 = R::from_f64(2.0) * t27 / t22;
         let t29 = A_psi_dot_psi_dot * t22;
-        let t30 = t25 * t27 / t29 - t26 / A_psi_dot_psi_dot;
-        let t31 = t10 + M * t4;
-        let t32 = R::from_f64(0.5) * e;
-        let t33 = t8 * e;
-        let t34 = t0 * r;
-        let t35 = t18 * t34;
-        let t36 = R::from_f64(0.5) * t18;
-        let t37 = R::from_f64(4.0) * t18;
-        let t38 = t12 + t17;
+        let t30 = t25 / A_psi_dot_psi_dot;
+        let t31 = t25 * t27 / t29 - t26 / A_psi_dot_psi_dot;
+        let t32 = t11 + M * t4;
+        let t33 = R::from_f64(0.5) * e;
+        let t34 = t9 * e;
+        let t35 = t13 + t17;
+        let t36 = t0 * r;
+        let t37 = t18 * t36;
+        let t38 = R::from_f64(4.0) * t18;
+        let t39 = R::from_f64(0.5) * t18;
         if !M.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "M > 0",
@@ -410,54 +409,53 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Ok(Self {
             r,
             I3,
-            c0: t15 / A_psi_dot_psi_dot,
-            c1: t7 / A_theta_dot_theta_dot,
-            c2: t9 / A_theta_dot_theta_dot,
+            c0: R::from_f64(0.25) * (t13 - t14 + t15) / A_psi_dot_psi_dot,
+            c1: t8 / A_theta_dot_theta_dot,
+            c2: t10 / A_theta_dot_theta_dot,
             c3: A_psi_dot_psi_dot / A_theta_dot_theta_dot,
             c4: t16 / A_theta_dot_theta_dot,
             c5: R::from_f64(0.5) * t20 / I3,
-            c6: t11 / t22,
+            c6: t12 / t22,
             c7: t28,
-            c8: t25 * t20 / t29 - t28 - t25 / A_psi_dot_psi_dot,
-            c9: t30,
-            c10: t16,
-            c11: t9,
-            c12: t7 / A_psi_dot_psi_dot,
-            c13: R::from_f64(4.0) * A_psi_dot_psi_dot / t21,
-            c14: R::from_f64(0.125) * t31,
-            c15: R::from_f64(0.5) * A_psi_dot_psi_dot,
-            A_psi_dot_psi_dot,
-            c16: R::from_f64(0.125) * t21,
+            c8: t25 * t20 / t29 - t28 - t30,
+            c9: t31,
+            c10: t14 * e / t21,
+            c11: t30,
+            c12: R::from_f64(0.125) * t32,
+            c13: t10,
+            c14: t8,
+            c15: R::from_f64(0.125) * t21,
+            c16: R::from_f64(0.5) * A_psi_dot_psi_dot,
             c17: R::from_f64(0.25) * t22,
-            c18: R::from_f64(0.25) * t31,
-            c19: t13 * e / t21,
+            c18: R::from_f64(0.25) * t32,
+            c19: t16,
             c20: R::from_f64(0.25) * t21,
             c21: A_psi_dot_psi_dot / I3,
-            c22: t32,
-            c23: t8,
-            c24: t32 * I3,
-            c25: t8 / I3,
-            c26: t23 * r + t8 * t30 - t33 * t27 / t22,
-            c27: R::from_f64(2.0) * (t8 * t27 / t22 - t33 * I3 / t22),
-            c28: R::from_f64(0.5)
-                * (t33 * A_psi_dot_psi_dot / A_theta_dot_theta_dot
-                    + t35 * e / A_theta_dot_theta_dot),
-            c29: t36 * t34 * e / A_theta_dot_theta_dot,
-            c30: A_theta_dot_theta_dot / A_psi_dot_psi_dot,
-            c31: t36 * t0 * e * g / A_theta_dot_theta_dot,
-            c32: R::from_f64(0.25)
-                * (t37 * t0 * g / A_theta_dot_theta_dot
+            c22: t33,
+            c23: t9,
+            c24: t33 * I3,
+            c25: t9 / I3,
+            c26: t23 * r + t9 * t31 - t34 * t27 / t22,
+            c27: R::from_f64(2.0) * (t9 * t27 / t22 - t34 * I3 / t22),
+            c28: R::from_f64(0.25)
+                * (t9 * t35 / A_theta_dot_theta_dot + t37 * t1 / A_theta_dot_theta_dot),
+            c29: R::from_f64(0.125)
+                * (t38 * t36 * e / A_theta_dot_theta_dot
+                    - t34 * t35 / A_theta_dot_theta_dot),
+            c30: R::from_f64(0.25) * t18 * t36 * t1 / A_theta_dot_theta_dot,
+            c31: R::from_f64(0.5)
+                * (t34 * A_psi_dot_psi_dot / A_theta_dot_theta_dot
+                    + t37 * e / A_theta_dot_theta_dot),
+            c32: t39 * t36 * e / A_theta_dot_theta_dot,
+            c33: A_theta_dot_theta_dot / A_psi_dot_psi_dot,
+            c34: t7,
+            c35: R::from_f64(0.25)
+                * (t38 * t0 * g / A_theta_dot_theta_dot
                     - t18 * t0 * t1 * g / A_theta_dot_theta_dot),
-            c33: R::from_f64(0.25)
-                * (t8 * t38 / A_theta_dot_theta_dot + t35 * t1 / A_theta_dot_theta_dot),
-            c34: R::from_f64(0.125)
-                * (t37 * t34 * e / A_theta_dot_theta_dot
-                    - t33 * t38 / A_theta_dot_theta_dot),
-            c35: R::from_f64(0.25) * t18 * t34 * t1 / A_theta_dot_theta_dot,
-            c36: t8 * A_psi_dot_psi_dot / A_theta_dot_theta_dot,
-            c37: t15,
-            c38: t7,
-            c39: t5,
+            c36: t39 * t0 * e * g / A_theta_dot_theta_dot,
+            A_psi_dot_psi_dot,
+            c37: t16 / A_psi_dot_psi_dot,
+            c38: t5,
         })
     }
 }
@@ -486,10 +484,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let (t0, t1) = theta.sin_cos();
         let t2 = phi_dot * t0;
         let t3 = phi_dot * t1;
-        let t4 = theta_dot * (-t3).mul_add(self.c5, psi_dot) * (self.c6 / t0);
-        let t5 = self.c7 * theta_dot;
-        let (t6, t7) = phi.sin_cos();
-        let t8 = self.r * psi_dot;
+        let t4 = self.c6 * ((-t3).mul_add(self.c5, psi_dot) * (theta_dot / t0));
+        let (t5, t6) = phi.sin_cos();
+        let t7 = self.r * psi_dot;
         *dy = [
             theta_dot,
             phi_dot,
@@ -502,16 +499,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                             (-t1).mul_add(self.c2, self.c1 * t0),
                         ),
                 ),
-            (-phi_dot).mul_add(t5, t4),
+            (-self.c7).mul_add(theta_dot * phi_dot, t4),
             (-t1)
                 .mul_add(
                     t4,
                     theta_dot
-                        .mul_add((-t2).mul_add(self.c9, -(self.c8 * t3)), psi_dot * t5),
+                        * (-t2)
+                            .mul_add(self.c9, (-t3).mul_add(self.c8, self.c7 * psi_dot)),
                 ),
             psi_dot,
-            -(t7 * t8),
-            -(t6 * t8),
+            -(t6 * t7),
+            -(t5 * t7),
         ];
     }
 
@@ -523,29 +521,36 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 8 additions, 17 multiplications (8 fused), 1 elementary function.
+    /// 8 additions, 15 multiplications (8 fused), 1 elementary function.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 8]) -> R {
         let [theta, _, theta_dot, phi_dot, psi_dot, _, _, _] = *y;
         let _ = t;
         let (t0, t1) = theta.sin_cos();
-        let t2 = t0
+        let t2 = phi_dot * t0;
+        self.c16
             .mul_add(
-                (-self.c10).mul_add(phi_dot * phi_dot.mul_add(t1, psi_dot), self.c11),
-                self
-                    .A_psi_dot_psi_dot
+                (phi_dot * t1)
                     .mul_add(
-                        t1 * phi_dot.mul_add(psi_dot, self.c12),
-                        self
-                            .c15
+                        phi_dot
                             .mul_add(
-                                psi_dot * psi_dot,
-                                self.c14 * (theta_dot * theta_dot),
+                                (-t0).mul_add(self.c11, t1),
+                                R::from_f64(2.0) * psi_dot,
+                            ),
+                        psi_dot * psi_dot,
+                    ),
+                self
+                    .c15
+                    .mul_add(
+                        t2 * (-psi_dot).mul_add(self.c10, t2),
+                        t1
+                            .mul_add(
+                                self.c14,
+                                t0.mul_add(self.c13, self.c12 * (theta_dot * theta_dot)),
                             ),
                     ),
-            );
-        self.c16.mul_add(phi_dot * phi_dot * self.c13.mul_add(t1 * t1, t0 * t0), t2)
+            )
     }
 
     /// Momenta p = dL/dy.
@@ -568,7 +573,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t2 = self.I3.mul_add(phi_dot * t1, self.I3 * psi_dot);
         let t3 = phi_dot * t0;
         let (t4, t5) = phi.sin_cos();
-        let t6 = t1.mul_add(self.c22, t0) * (self.c23 * theta_dot);
+        let t6 = self.c23 * (theta_dot * t1.mul_add(self.c22, t0));
         let t7 = self.c25 * (-t3).mul_add(self.c24, t2);
         [
             self.c18 * theta_dot,
@@ -579,8 +584,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     self
                         .c20
                         .mul_add(
-                            t3 * (-t1).mul_add(self.c19, t0),
-                            -(self.c10 * (psi_dot * t0)),
+                            t3 * (-t1).mul_add(self.c10, t0),
+                            -(self.c19 * (psi_dot * t0)),
                         ),
                 ),
             t2,
@@ -599,7 +604,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 16 additions, 34 multiplications (16 fused), 2 elementary functions.
+    /// 16 additions, 36 multiplications (15 fused), 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 8]) -> [R; 2] {
@@ -608,41 +613,41 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let (t0, t1) = phi.sin_cos();
         let (t2, t3) = theta.sin_cos();
         let t4 = phi_dot * t2;
-        let t5 = phi_dot.mul_add(t3, psi_dot);
-        let t6 = theta_dot * (-t5).mul_add(self.c27, self.c26 * t4);
-        let t7 = t2 * t4;
-        let t8 = (-self.c23)
+        let t5 = phi_dot * t3;
+        let t6 = psi_dot + t5;
+        let t7 = theta_dot * (-t6).mul_add(self.c27, self.c26 * t4);
+        let t8 = theta_dot * theta_dot;
+        let t9 = t2 * t4;
+        let t10 = (-t4)
             .mul_add(
-                phi_dot * (-t4).mul_add(self.c22, t5),
-                t4
-                    .mul_add(
-                        (-t7).mul_add(self.c29, self.c28 * (psi_dot * t3)),
-                        -(t2 * (-t3).mul_add(self.c32, self.c31 * t2)),
-                    ),
-            );
-        let t9 = (-t3)
-            .mul_add(
-                phi_dot
-                    .mul_add(
-                        (-self.c35)
-                            .mul_add(
-                                t3 * t5,
-                                t4 * (-t3).mul_add(self.c34, self.c33 * t2),
-                            ),
-                        -(self.c31 * t3),
-                    ),
+                (-t9).mul_add(self.c32, self.c31 * (psi_dot * t3)),
                 self
                     .c36
                     .mul_add(
-                        (-self.c30)
+                        (-t3).mul_add(t3, t2 * t2),
+                        (-self.c34)
                             .mul_add(
-                                theta_dot * theta_dot * (-t2).mul_add(self.c22, t3),
-                                psi_dot * t7,
+                                phi_dot * t4,
+                                (-self.c35).mul_add(t2 * t3, -(self.c34 * (t2 * t8))),
                             ),
-                        t8,
                     ),
             );
-        [(-t0).mul_add(t9, t1 * t6), t1.mul_add(t9, t0 * t6)]
+        let t11 = self
+            .c23
+            .mul_add(
+                (-self.c3)
+                    .mul_add(psi_dot.mul_add(t9, -(self.c33 * (t3 * t8))), phi_dot * t6),
+                t5
+                    .mul_add(
+                        (-self.c30)
+                            .mul_add(
+                                t3 * t6,
+                                t4 * (-t3).mul_add(self.c29, self.c28 * t2),
+                            ),
+                        t10,
+                    ),
+            );
+        [t0.mul_add(t11, t1 * t7), (-t1).mul_add(t11, t0 * t7)]
     }
 
     /// Momenta \<p, W_b\> along the sections of virtual displacements.
@@ -669,10 +674,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             self
                 .c20
                 .mul_add(
-                    t3 * (-t1).mul_add(self.c19, t0),
-                    t1.mul_add(t2, -(self.c10 * (psi_dot * t0))),
+                    t3 * (-t1).mul_add(self.c10, t0),
+                    t1.mul_add(t2, -(self.c19 * (psi_dot * t0))),
                 ),
-            (-t3).mul_add(self.c10, t2),
+            (-t3).mul_add(self.c19, t2),
         ]
     }
 
@@ -686,30 +691,26 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 7 additions, 15 multiplications (7 fused), 1 sign change, 1 elementary function.
+    /// 7 additions, 17 multiplications (7 fused), 1 sign change, 1 elementary function.
     #[inline]
     #[must_use]
     pub fn momentum_equation(&self, t: R, y: &[R; 8]) -> [R; 3] {
         let [theta, _, theta_dot, phi_dot, psi_dot, _, _, _] = *y;
         let _ = t;
         let (t0, t1) = theta.sin_cos();
-        let t2 = self.c39 * (theta_dot * t1.mul_add(self.c22, t0));
+        let t2 = theta_dot * (self.c38 * t1.mul_add(self.c22, t0));
         [
-            t0
+            (-self.A_psi_dot_psi_dot)
                 .mul_add(
                     phi_dot
-                        .mul_add(
-                            phi_dot
-                                .mul_add(
-                                    t1.mul_add(self.c37, self.c10 * t0),
-                                    -(self.A_psi_dot_psi_dot * psi_dot),
-                                ),
-                            self.c38,
-                        ),
-                    -(t1
                         * self
-                            .c10
-                            .mul_add(phi_dot * phi_dot.mul_add(t1, psi_dot), self.c11)),
+                            .c37
+                            .mul_add(
+                                (-phi_dot)
+                                    .mul_add((-t1).mul_add(t1, t0 * t0), psi_dot * t1),
+                                t0 * (-self.c0).mul_add(phi_dot * t1, psi_dot),
+                            ),
+                    (-t1).mul_add(self.c13, self.c14 * t0),
                 ),
             -(psi_dot * t2),
             phi_dot * t2,

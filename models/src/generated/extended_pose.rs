@@ -882,11 +882,11 @@ pub struct Prepared<R = f64> {
     c13: R,
     /// `0.5 * G77`
     c14: R,
-    /// `0.5 * G99`
-    c15: R,
-    /// `0.5 * G11`
-    c16: R,
     /// `0.5 * G88`
+    c15: R,
+    /// `0.5 * G99`
+    c16: R,
+    /// `0.5 * G11`
     c17: R,
 }
 
@@ -1311,9 +1311,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c12: R::from_f64(0.5) * G55,
             c13: R::from_f64(0.5) * G66,
             c14: R::from_f64(0.5) * G77,
-            c15: R::from_f64(0.5) * G99,
-            c16: R::from_f64(0.5) * G11,
-            c17: R::from_f64(0.5) * G88,
+            c15: R::from_f64(0.5) * G88,
+            c16: R::from_f64(0.5) * G99,
+            c17: R::from_f64(0.5) * G11,
         })
     }
 }
@@ -1866,131 +1866,146 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 44 additions, 55 multiplications (44 fused).
+    /// 44 additions, 54 multiplications (44 fused).
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 9]) -> R {
         let [Omega1, Omega2, Omega3, V1, V2, V3, U1, U2, U3] = *y;
         let _ = t;
-        let t0 = U3
+        let t0 = U2
             .mul_add(
-                self.G19,
-                U2
+                self.c15,
+                U1
                     .mul_add(
-                        self.G18,
-                        U1
+                        self.G78,
+                        V3
                             .mul_add(
-                                self.G17,
-                                V3
+                                self.G68,
+                                V2
                                     .mul_add(
-                                        self.G16,
-                                        V2
+                                        self.G58,
+                                        V1
                                             .mul_add(
-                                                self.G15,
-                                                V1
+                                                self.G48,
+                                                Omega3
                                                     .mul_add(
-                                                        self.G14,
-                                                        Omega3.mul_add(self.G13, self.G12 * Omega2),
+                                                        self.G38,
+                                                        Omega2.mul_add(self.G28, self.G18 * Omega1),
                                                     ),
                                             ),
                                     ),
                             ),
                     ),
             );
-        let t1 = U1
+        let t1 = U2
             .mul_add(
-                U3.mul_add(self.G79, U2.mul_add(self.G78, self.c14 * U1)),
-                V3
-                    .mul_add(
-                        U2.mul_add(self.G68, U1.mul_add(self.G67, self.c13 * V3)),
-                        self.c17.mul_add(U2 * U2, self.c16 * (Omega1 * Omega1)),
-                    ),
-            );
-        let t2 = V2
-            .mul_add(
+                self.G89,
                 U1
                     .mul_add(
-                        self.G57,
+                        self.G79,
                         V3
                             .mul_add(
-                                self.G56,
-                                V2.mul_add(self.c12, U3.mul_add(self.G59, self.G58 * U2)),
+                                self.G69,
+                                V2
+                                    .mul_add(
+                                        self.G59,
+                                        V1
+                                            .mul_add(
+                                                self.G49,
+                                                Omega3
+                                                    .mul_add(
+                                                        self.G39,
+                                                        Omega2.mul_add(self.G29, self.G19 * Omega1),
+                                                    ),
+                                            ),
+                                    ),
+                            ),
+                    ),
+            );
+        let t2 = Omega3
+            .mul_add(
+                Omega3.mul_add(self.c10, Omega2.mul_add(self.G23, self.G13 * Omega1)),
+                Omega2
+                    .mul_add(
+                        Omega2.mul_add(self.c9, self.G12 * Omega1),
+                        self.c17 * (Omega1 * Omega1),
+                    ),
+            );
+        let t3 = V2
+            .mul_add(
+                V2
+                    .mul_add(
+                        self.c12,
+                        V1
+                            .mul_add(
+                                self.G45,
+                                Omega3
+                                    .mul_add(
+                                        self.G35,
+                                        Omega2.mul_add(self.G25, self.G15 * Omega1),
+                                    ),
                             ),
                     ),
                 V1
                     .mul_add(
-                        V3
-                            .mul_add(
-                                self.G46,
-                                V2
-                                    .mul_add(
-                                        self.G45,
-                                        V1.mul_add(self.c11, U2.mul_add(self.G48, self.G47 * U1)),
-                                    ),
-                            ),
-                        t1,
-                    ),
-            );
-        let t3 = Omega2
-            .mul_add(
-                U2
-                    .mul_add(
-                        self.G28,
-                        U1
-                            .mul_add(
-                                self.G27,
-                                V3
-                                    .mul_add(
-                                        self.G26,
-                                        V2
-                                            .mul_add(
-                                                self.G25,
-                                                V1
-                                                    .mul_add(
-                                                        self.G24,
-                                                        Omega3.mul_add(self.G23, self.c9 * Omega2),
-                                                    ),
-                                            ),
-                                    ),
-                            ),
-                    ),
-                U3
-                    .mul_add(
                         V1
                             .mul_add(
-                                self.G49,
-                                Omega2
+                                self.c11,
+                                Omega3
                                     .mul_add(
-                                        self.G29,
-                                        U3.mul_add(self.c15, U2.mul_add(self.G89, self.G69 * V3)),
+                                        self.G34,
+                                        Omega2.mul_add(self.G24, self.G14 * Omega1),
                                     ),
                             ),
                         t2,
                     ),
             );
-        let t4 = Omega3
+        let t4 = U1
             .mul_add(
-                U3
+                U1
                     .mul_add(
-                        self.G39,
-                        U2
+                        self.c14,
+                        V3
                             .mul_add(
-                                self.G38,
-                                U1
+                                self.G67,
+                                V2
                                     .mul_add(
-                                        self.G37,
-                                        V3
+                                        self.G57,
+                                        V1
                                             .mul_add(
-                                                self.G36,
-                                                V2
-                                                    .mul_add(self.G35, V1.mul_add(self.G34, self.c10 * Omega3)),
+                                                self.G47,
+                                                Omega3
+                                                    .mul_add(
+                                                        self.G37,
+                                                        Omega2.mul_add(self.G27, self.G17 * Omega1),
+                                                    ),
                                             ),
                                     ),
                             ),
                     ),
-                t3,
+                V3
+                    .mul_add(
+                        V3
+                            .mul_add(
+                                self.c13,
+                                V2
+                                    .mul_add(
+                                        self.G56,
+                                        V1
+                                            .mul_add(
+                                                self.G46,
+                                                Omega3
+                                                    .mul_add(
+                                                        self.G36,
+                                                        Omega2.mul_add(self.G26, self.G16 * Omega1),
+                                                    ),
+                                            ),
+                                    ),
+                            ),
+                        t3,
+                    ),
             );
-        Omega1.mul_add(t0, t4)
+        U3.mul_add(U3.mul_add(self.c16, t1), U2.mul_add(t0, t4))
     }
 
     /// Momenta p = dL/dy.

@@ -417,18 +417,36 @@ pub struct Prepared<R = f64> {
     c4: R,
     /// `1 / J1`
     c5: R,
-    /// `0.5 * J1`
+    /// `2 * C13 / J1`
     c6: R,
-    /// `0.5 * J2`
+    /// `2 * C12 / J1`
     c7: R,
-    /// `0.5 * J3`
+    /// `2 * C11 / J1`
     c8: R,
-    /// `0.5 * M1`
+    /// `2 * C23 / J2`
     c9: R,
-    /// `0.5 * M2`
+    /// `2 * C22 / J2`
     c10: R,
-    /// `0.5 * M3`
+    /// `2 * C21 / J2`
     c11: R,
+    /// `2 * C33 / J3`
+    c12: R,
+    /// `2 * C32 / J3`
+    c13: R,
+    /// `2 * C31 / J3`
+    c14: R,
+    /// `0.5 * M1`
+    c15: R,
+    /// `0.5 * M2`
+    c16: R,
+    /// `0.5 * M3`
+    c17: R,
+    /// `0.5 * J1`
+    c18: R,
+    /// `0.5 * J2`
+    c19: R,
+    /// `0.5 * J3`
+    c20: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -442,7 +460,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 19 additions, 28 multiplications, 18 divisions, 3 sign changes.
+    /// 19 additions, 37 multiplications, 27 divisions, 3 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params {
             J1,
@@ -640,12 +658,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c3: J3.recip(),
             c4: J2.recip(),
             c5: J1.recip(),
-            c6: R::from_f64(0.5) * J1,
-            c7: R::from_f64(0.5) * J2,
-            c8: R::from_f64(0.5) * J3,
-            c9: R::from_f64(0.5) * M1,
-            c10: R::from_f64(0.5) * M2,
-            c11: R::from_f64(0.5) * M3,
+            c6: R::from_f64(2.0) * C13 / J1,
+            c7: R::from_f64(2.0) * C12 / J1,
+            c8: R::from_f64(2.0) * C11 / J1,
+            c9: R::from_f64(2.0) * C23 / J2,
+            c10: R::from_f64(2.0) * C22 / J2,
+            c11: R::from_f64(2.0) * C21 / J2,
+            c12: R::from_f64(2.0) * C33 / J3,
+            c13: R::from_f64(2.0) * C32 / J3,
+            c14: R::from_f64(2.0) * C31 / J3,
+            c15: R::from_f64(0.5) * M1,
+            c16: R::from_f64(0.5) * M2,
+            c17: R::from_f64(0.5) * M3,
+            c18: R::from_f64(0.5) * J1,
+            c19: R::from_f64(0.5) * J2,
+            c20: R::from_f64(0.5) * J3,
         })
     }
 }
@@ -836,46 +863,43 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 14 additions, 24 multiplications (14 fused).
+    /// 14 additions, 21 multiplications (14 fused).
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 13]) -> R {
         let [Omega1, Omega2, Omega3, V1, V2, V3, _, _, _, _, _, _, _] = *y;
         let _ = t;
         let t0 = self
-            .c11
+            .c18
             .mul_add(
-                V3 * V3,
+                Omega1
+                    * V1
+                        .mul_add(
+                            self.c8,
+                            V2.mul_add(self.c7, V3.mul_add(self.c6, Omega1)),
+                        ),
                 self
-                    .c10
-                    .mul_add(
-                        V2 * V2,
-                        self
-                            .c9
-                            .mul_add(
-                                V1 * V1,
-                                self
-                                    .c8
-                                    .mul_add(
-                                        Omega3 * Omega3,
-                                        self
-                                            .c7
-                                            .mul_add(Omega2 * Omega2, self.c6 * (Omega1 * Omega1)),
-                                    ),
-                            ),
-                    ),
+                    .c17
+                    .mul_add(V3 * V3, self.c16.mul_add(V2 * V2, self.c15 * (V1 * V1))),
             );
-        Omega3
+        self.c20
             .mul_add(
-                V3.mul_add(self.C33, V2.mul_add(self.C32, self.C31 * V1)),
-                Omega2
+                Omega3
+                    * V1
+                        .mul_add(
+                            self.c14,
+                            V2.mul_add(self.c13, V3.mul_add(self.c12, Omega3)),
+                        ),
+                self
+                    .c19
                     .mul_add(
-                        V3.mul_add(self.C23, V2.mul_add(self.C22, self.C21 * V1)),
-                        Omega1
-                            .mul_add(
-                                V3.mul_add(self.C13, V2.mul_add(self.C12, self.C11 * V1)),
-                                t0,
-                            ),
+                        Omega2
+                            * V1
+                                .mul_add(
+                                    self.c11,
+                                    V2.mul_add(self.c10, V3.mul_add(self.c9, Omega2)),
+                                ),
+                        t0,
                     ),
             )
     }

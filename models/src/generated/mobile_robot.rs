@@ -197,7 +197,7 @@ pub struct Prepared<R = f64> {
     c1: R,
     /// A longer expression in the parameters.
     c2: R,
-    /// `0.25 * (J * (R * R) / (c * c) - R * R * (m0 + 2 * m1))`
+    /// A longer expression in the parameters.
     c3: R,
     /// `0.125 * (4 * J2 + J * (R * R) / (c * c) + R * R * (m0 + 2 * m1))`
     c4: R,
@@ -217,8 +217,10 @@ pub struct Prepared<R = f64> {
     c11: R,
     /// `0.25 * (4 * J2 + J * (R * R) / (c * c) + R * R * (m0 + 2 * m1))`
     c12: R,
-    /// `0.25 * m0 * l * (R * R * R) / (c * c)`
+    /// `0.25 * (J * (R * R) / (c * c) - R * R * (m0 + 2 * m1))`
     c13: R,
+    /// `0.25 * m0 * l * (R * R * R) / (c * c)`
+    c14: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -232,7 +234,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 16 additions, 52 multiplications, 19 divisions.
+    /// 16 additions, 53 multiplications, 20 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m0, m1, J, J2, l, R_, c } = *params;
         for (value, condition, meaning) in [
@@ -272,14 +274,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t9 = R::from_f64(0.25) * m0 * l * t6;
         let t10 = t2 * A_s1_2_2;
         let t11 = R::from_f64(4.0) * J2 + t4 + t3;
-        let t12 = t5 * (t1 * t1);
-        let t13 = t2 * c * A_s1_2_2;
-        let t14 = t12 * A_l2_1 / t13 + t12 / t13;
-        let t15 = R::from_f64(2.0) * m0 * l * t1;
-        let t16 = R_ * t0 * t8 / A_s1_2_2 - t15 / t2;
-        let t17 = c * t16;
-        let t18 = J * t14;
-        let t19 = t15 / c;
+        let t12 = t4 - t3;
+        let t13 = t5 * (t1 * t1);
+        let t14 = t2 * c * A_s1_2_2;
+        let t15 = t13 * A_l2_1 / t14 + t13 / t14;
+        let t16 = R::from_f64(2.0) * m0 * l * t1;
+        let t17 = R_ * t0 * t8 / A_s1_2_2 - t16 / t2;
+        let t18 = c * t17;
+        let t19 = J * t15;
+        let t20 = t16 / c;
         if !m0.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m0 > 0",
@@ -337,19 +340,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Ok(Self {
             J2,
             c0: R::from_f64(0.25) * t8 / A_s1_2_2,
-            c1: t9 * A_l2_1 / t10,
-            c2: t9 / t10,
-            c3: R::from_f64(0.25) * (t4 - t3),
+            c1: t9 / t10,
+            c2: t9 * A_l2_1 / t10,
+            c3: R::from_f64(2.0) * t12 / t11,
             c4: R::from_f64(0.125) * t11,
             c5: R::from_f64(0.5) * J * R_ / c,
             c6: R::from_f64(0.5) * R_ * t0,
             c7: t5 / J,
-            c8: R::from_f64(0.125) * (R::from_f64(2.0) * t1 * t0 / c - t5 * t14),
-            c9: R::from_f64(0.125) * t16,
-            c10: R::from_f64(0.0625) * (t17 - t18 + t19) / c,
-            c11: R::from_f64(0.0625) * (t17 + t18 - t19) / c,
+            c8: R::from_f64(0.125) * (R::from_f64(2.0) * t1 * t0 / c - t5 * t15),
+            c9: R::from_f64(0.125) * t17,
+            c10: R::from_f64(0.0625) * (t18 + t19 - t20) / c,
+            c11: R::from_f64(0.0625) * (t18 - t19 + t20) / c,
             c12: R::from_f64(0.25) * t11,
-            c13: t9 / t2,
+            c13: R::from_f64(0.25) * t12,
+            c14: t9 / t2,
         })
     }
 }
@@ -375,14 +379,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn rhs(&self, t: R, y: &[R; 4], dy: &mut [R; 4]) {
         let [_, _, psi1_dot, psi2_dot] = *y;
         let _ = t;
-        let t0 = psi2_dot * (self.c0 * psi1_dot);
+        let t0 = self.c0 * psi1_dot;
         let t1 = psi1_dot * psi1_dot;
-        let t2 = psi2_dot * psi2_dot;
         *dy = [
             psi1_dot,
             psi2_dot,
-            (-t2).mul_add(self.c2, t1.mul_add(self.c1, t0)),
-            t2.mul_add(self.c1, (-t1).mul_add(self.c2, t0)),
+            psi2_dot.mul_add((-psi2_dot).mul_add(self.c1, t0), self.c2 * t1),
+            psi2_dot.mul_add(psi2_dot.mul_add(self.c2, t0), -(self.c1 * t1)),
         ];
     }
 
@@ -402,8 +405,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         self.c4
             .mul_add(
-                psi2_dot.mul_add(psi2_dot, psi1_dot * psi1_dot),
-                -(self.c3 * (psi1_dot * psi2_dot)),
+                psi2_dot * (-psi1_dot).mul_add(self.c3, psi2_dot),
+                self.c4 * (psi1_dot * psi1_dot),
             )
     }
 
@@ -449,11 +452,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn multipliers(&self, t: R, y: &[R; 4]) -> [R; 3] {
         let [_, _, psi1_dot, psi2_dot] = *y;
         let _ = t;
-        let t0 = psi1_dot * psi1_dot;
-        let t1 = psi2_dot * psi2_dot;
-        let t2 = psi2_dot * (self.c9 * psi1_dot);
+        let t0 = psi2_dot * psi2_dot;
+        let t1 = psi1_dot * psi1_dot;
+        let t2 = self.c9 * (psi1_dot * psi2_dot);
         [
-            self.c8 * (t0 - t1),
+            self.c8 * (t1 - t0),
             t1.mul_add(self.c11, t0.mul_add(self.c10, -t2)),
             t1.mul_add(self.c10, t0.mul_add(self.c11, -t2)),
         ]
@@ -476,8 +479,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [_, _, psi1_dot, psi2_dot] = *y;
         let _ = t;
         [
-            (-psi2_dot).mul_add(self.c3, self.c12 * psi1_dot),
-            (-psi1_dot).mul_add(self.c3, self.c12 * psi2_dot),
+            (-psi2_dot).mul_add(self.c13, self.c12 * psi1_dot),
+            (-psi1_dot).mul_add(self.c13, self.c12 * psi2_dot),
         ]
     }
 
@@ -497,7 +500,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn momentum_equation(&self, t: R, y: &[R; 4]) -> [R; 2] {
         let [_, _, psi1_dot, psi2_dot] = *y;
         let _ = t;
-        let t0 = self.c13 * (psi1_dot - psi2_dot);
+        let t0 = self.c14 * (psi1_dot - psi2_dot);
         [psi2_dot * t0, -(psi1_dot * t0)]
     }
 }

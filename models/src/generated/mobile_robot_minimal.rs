@@ -166,7 +166,7 @@ pub struct Prepared<R = f64> {
     c1: R,
     /// A longer expression in the parameters.
     c2: R,
-    /// `0.25 * (J * (R * R) / (c * c) - R * R * (m0 + 2 * m1))`
+    /// A longer expression in the parameters.
     c3: R,
     /// `0.125 * (4 * J2 + J * (R * R) / (c * c) + R * R * (m0 + 2 * m1))`
     c4: R,
@@ -183,7 +183,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 9 additions, 28 multiplications, 8 divisions.
+    /// 9 additions, 28 multiplications, 9 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m0, m1, J, J2, l, R_, c } = *params;
         for (value, condition, meaning) in [
@@ -220,6 +220,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t6 = m0 * l * t5;
         let t7 = R::from_f64(0.25) * m0 * l * t5;
         let t8 = t2 * A_s1_2_2;
+        let t9 = R::from_f64(4.0) * J2 + t4 + t3;
         if !m0.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m0 > 0",
@@ -276,10 +277,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(Self {
             c0: R::from_f64(0.25) * (t6 / t2 - t6 * A_l2_1 / t2) / A_s1_2_2,
-            c1: t7 * A_l2_1 / t8,
-            c2: t7 / t8,
-            c3: R::from_f64(0.25) * (t4 - t3),
-            c4: R::from_f64(0.125) * (R::from_f64(4.0) * J2 + t4 + t3),
+            c1: t7 / t8,
+            c2: t7 * A_l2_1 / t8,
+            c3: R::from_f64(2.0) * (t4 - t3) / t9,
+            c4: R::from_f64(0.125) * t9,
         })
     }
 }
@@ -305,12 +306,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn rhs(&self, t: R, y: &[R; 2], dy: &mut [R; 2]) {
         let [psi1_dot, psi2_dot] = *y;
         let _ = t;
-        let t0 = psi2_dot * (self.c0 * psi1_dot);
+        let t0 = self.c0 * psi1_dot;
         let t1 = psi1_dot * psi1_dot;
-        let t2 = psi2_dot * psi2_dot;
         *dy = [
-            (-t2).mul_add(self.c2, t1.mul_add(self.c1, t0)),
-            t2.mul_add(self.c1, (-t1).mul_add(self.c2, t0)),
+            psi2_dot.mul_add((-psi2_dot).mul_add(self.c1, t0), self.c2 * t1),
+            psi2_dot.mul_add(psi2_dot.mul_add(self.c2, t0), -(self.c1 * t1)),
         ];
     }
 
@@ -330,8 +330,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         self.c4
             .mul_add(
-                psi2_dot.mul_add(psi2_dot, psi1_dot * psi1_dot),
-                -(self.c3 * (psi1_dot * psi2_dot)),
+                psi2_dot * (-psi1_dot).mul_add(self.c3, psi2_dot),
+                self.c4 * (psi1_dot * psi1_dot),
             )
     }
 }

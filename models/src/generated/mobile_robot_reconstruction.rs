@@ -212,7 +212,7 @@ pub struct Prepared<R = f64> {
     c3: R,
     /// `0.5 * R`
     c4: R,
-    /// `0.25 * (J * (R * R) / (c * c) - R * R * (m0 + 2 * m1))`
+    /// A longer expression in the parameters.
     c5: R,
     /// `0.125 * (4 * J2 + J * (R * R) / (c * c) + R * R * (m0 + 2 * m1))`
     c6: R,
@@ -232,8 +232,10 @@ pub struct Prepared<R = f64> {
     c13: R,
     /// `0.25 * (4 * J2 + J * (R * R) / (c * c) + R * R * (m0 + 2 * m1))`
     c14: R,
-    /// `0.25 * m0 * l * (R * R * R) / (c * c)`
+    /// `0.25 * (J * (R * R) / (c * c) - R * R * (m0 + 2 * m1))`
     c15: R,
+    /// `0.25 * m0 * l * (R * R * R) / (c * c)`
+    c16: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -247,7 +249,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 16 additions, 52 multiplications, 20 divisions.
+    /// 16 additions, 53 multiplications, 21 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m0, m1, J, J2, l, R_, c } = *params;
         for (value, condition, meaning) in [
@@ -288,14 +290,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t10 = t2 * A_s1_2_2;
         let t11 = R::from_f64(0.5) * R_;
         let t12 = R::from_f64(4.0) * J2 + t4 + t3;
-        let t13 = t5 * (t1 * t1);
-        let t14 = t2 * c * A_s1_2_2;
-        let t15 = t13 * A_l2_1 / t14 + t13 / t14;
-        let t16 = R::from_f64(2.0) * m0 * l * t1;
-        let t17 = R_ * t0 * t8 / A_s1_2_2 - t16 / t2;
-        let t18 = c * t17;
-        let t19 = J * t15;
-        let t20 = t16 / c;
+        let t13 = t4 - t3;
+        let t14 = t5 * (t1 * t1);
+        let t15 = t2 * c * A_s1_2_2;
+        let t16 = t14 * A_l2_1 / t15 + t14 / t15;
+        let t17 = R::from_f64(2.0) * m0 * l * t1;
+        let t18 = R_ * t0 * t8 / A_s1_2_2 - t17 / t2;
+        let t19 = c * t18;
+        let t20 = J * t16;
+        let t21 = t17 / c;
         if !m0.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m0 > 0",
@@ -353,21 +356,22 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Ok(Self {
             J2,
             c0: R::from_f64(0.25) * t8 / A_s1_2_2,
-            c1: t9 * A_l2_1 / t10,
-            c2: t9 / t10,
+            c1: t9 / t10,
+            c2: t9 * A_l2_1 / t10,
             c3: t11 / c,
             c4: t11,
-            c5: R::from_f64(0.25) * (t4 - t3),
+            c5: R::from_f64(2.0) * t13 / t12,
             c6: R::from_f64(0.125) * t12,
             c7: R::from_f64(0.5) * J * R_ / c,
             c8: t11 * t0,
             c9: t5 / J,
-            c10: R::from_f64(0.125) * (R::from_f64(2.0) * t1 * t0 / c - t5 * t15),
-            c11: R::from_f64(0.125) * t17,
-            c12: R::from_f64(0.0625) * (t18 - t19 + t20) / c,
-            c13: R::from_f64(0.0625) * (t18 + t19 - t20) / c,
+            c10: R::from_f64(0.125) * (R::from_f64(2.0) * t1 * t0 / c - t5 * t16),
+            c11: R::from_f64(0.125) * t18,
+            c12: R::from_f64(0.0625) * (t19 + t20 - t21) / c,
+            c13: R::from_f64(0.0625) * (t19 - t20 + t21) / c,
             c14: R::from_f64(0.25) * t12,
-            c15: t9 / t2,
+            c15: R::from_f64(0.25) * t13,
+            c16: t9 / t2,
         })
     }
 }
@@ -393,19 +397,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn rhs(&self, t: R, y: &[R; 7], dy: &mut [R; 7]) {
         let [_, _, psi1_dot, psi2_dot, theta, _, _] = *y;
         let _ = t;
-        let t0 = psi2_dot * (self.c0 * psi1_dot);
+        let t0 = self.c0 * psi1_dot;
         let t1 = psi1_dot * psi1_dot;
-        let t2 = psi2_dot * psi2_dot;
-        let (t3, t4) = theta.sin_cos();
-        let t5 = self.c4 * (psi1_dot + psi2_dot);
+        let (t2, t3) = theta.sin_cos();
+        let t4 = self.c4 * (psi1_dot + psi2_dot);
         *dy = [
             psi1_dot,
             psi2_dot,
-            (-t2).mul_add(self.c2, t1.mul_add(self.c1, t0)),
-            t2.mul_add(self.c1, (-t1).mul_add(self.c2, t0)),
+            psi2_dot.mul_add((-psi2_dot).mul_add(self.c1, t0), self.c2 * t1),
+            psi2_dot.mul_add(psi2_dot.mul_add(self.c2, t0), -(self.c1 * t1)),
             (-psi1_dot).mul_add(self.c3, self.c3 * psi2_dot),
-            -(t4 * t5),
-            -(t3 * t5),
+            -(t3 * t4),
+            -(t2 * t4),
         ];
     }
 
@@ -425,8 +428,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         self.c6
             .mul_add(
-                psi2_dot.mul_add(psi2_dot, psi1_dot * psi1_dot),
-                -(self.c5 * (psi1_dot * psi2_dot)),
+                psi2_dot * (-psi1_dot).mul_add(self.c5, psi2_dot),
+                self.c6 * (psi1_dot * psi1_dot),
             )
     }
 
@@ -472,11 +475,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn multipliers(&self, t: R, y: &[R; 7]) -> [R; 3] {
         let [_, _, psi1_dot, psi2_dot, _, _, _] = *y;
         let _ = t;
-        let t0 = psi1_dot * psi1_dot;
-        let t1 = psi2_dot * psi2_dot;
-        let t2 = psi2_dot * (self.c11 * psi1_dot);
+        let t0 = psi2_dot * psi2_dot;
+        let t1 = psi1_dot * psi1_dot;
+        let t2 = self.c11 * (psi1_dot * psi2_dot);
         [
-            self.c10 * (t0 - t1),
+            self.c10 * (t1 - t0),
             t1.mul_add(self.c13, t0.mul_add(self.c12, -t2)),
             t1.mul_add(self.c12, t0.mul_add(self.c13, -t2)),
         ]
@@ -499,8 +502,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [_, _, psi1_dot, psi2_dot, _, _, _] = *y;
         let _ = t;
         [
-            (-psi2_dot).mul_add(self.c5, self.c14 * psi1_dot),
-            (-psi1_dot).mul_add(self.c5, self.c14 * psi2_dot),
+            (-psi2_dot).mul_add(self.c15, self.c14 * psi1_dot),
+            (-psi1_dot).mul_add(self.c15, self.c14 * psi2_dot),
         ]
     }
 
@@ -520,7 +523,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn momentum_equation(&self, t: R, y: &[R; 7]) -> [R; 2] {
         let [_, _, psi1_dot, psi2_dot, _, _, _] = *y;
         let _ = t;
-        let t0 = self.c15 * (psi1_dot - psi2_dot);
+        let t0 = self.c16 * (psi1_dot - psi2_dot);
         [psi2_dot * t0, -(psi1_dot * t0)]
     }
 }

@@ -380,7 +380,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ];
         /// substitution through the factors of S
         let lambda_servo = g_1 / S_1_1;
-        lambda_servo * xi3.mul_add(a2_dot + z_Z1_xi3, a2_dot.mul_add(xi1, a1_dot))
+        lambda_servo * a2_dot.mul_add(xi1 + xi3, xi3.mul_add(z_Z1_xi3, a1_dot))
     }
 
     /// Momenta p = dL/dy.

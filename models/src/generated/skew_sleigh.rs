@@ -185,11 +185,11 @@ pub struct Prepared<R = f64> {
     c2: R,
     /// A longer expression in the parameters.
     c3: R,
-    /// `2 * m * b / (J + m * (a * a + b * b))`
+    /// `2 * b`
     c4: R,
-    /// `0.5 * m`
-    c5: R,
     /// `0.5 * (J + m * (a * a + b * b))`
+    c5: R,
+    /// `0.5 * m`
     c6: R,
     /// A longer expression in the parameters.
     c7: R,
@@ -232,7 +232,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 14 additions, 26 multiplications, 9 divisions, 2 sign changes.
+    /// 14 additions, 25 multiplications, 8 divisions, 2 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { J, m, a, b, tau, mu } = *params;
         for (value, condition, meaning) in [
@@ -299,12 +299,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c1: t11,
             c2: t6 / A_s1_2_2,
             c3: t10 / A_s1_2_2,
-            c4: R::from_f64(2.0) * m * b / t0,
-            c5: R::from_f64(0.5) * m,
-            c6: R::from_f64(0.5) * t0,
-            c7: mu * t12,
-            c8: mu * t13 - tau * t12,
-            c9: tau * t13,
+            c4: R::from_f64(2.0) * b,
+            c5: R::from_f64(0.5) * t0,
+            c6: R::from_f64(0.5) * m,
+            c7: mu * t13 - tau * t12,
+            c8: tau * t13,
+            c9: mu * t12,
             c10: t0,
             c11: t2,
             c12: t1,
@@ -345,11 +345,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn rhs(&self, t: R, y: &[R; 2], dy: &mut [R; 2]) {
         let [omega, v1] = *y;
         let _ = t;
-        let t0 = omega * v1;
-        let t1 = omega * omega;
         *dy = [
-            (-t1).mul_add(self.c1, -(self.c0 * t0)),
-            t1.mul_add(self.c3, self.c2 * t0),
+            omega * (-omega).mul_add(self.c1, -(self.c0 * v1)),
+            omega * omega.mul_add(self.c3, self.c2 * v1),
         ];
     }
 
@@ -367,7 +365,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn energy(&self, t: R, y: &[R; 2]) -> R {
         let [omega, v1] = *y;
         let _ = t;
-        self.c6.mul_add(omega * (-v1).mul_add(self.c4, omega), self.c5 * (v1 * v1))
+        self.c6.mul_add(v1 * (-omega).mul_add(self.c4, v1), self.c5 * (omega * omega))
     }
 
     /// Rate of energy dE/dt along the motion.
@@ -381,11 +379,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [omega, v1] = *y;
         let _ = t;
         omega
-            * v1
-                .mul_add(
-                    (-omega).mul_add(self.c8, self.c7 * v1),
-                    -(self.c9 * (omega * omega)),
-                )
+            * omega
+                .mul_add((-omega).mul_add(self.c8, -(self.c7 * v1)), self.c9 * (v1 * v1))
     }
 
     /// Momenta p = dL/dy.
@@ -469,9 +464,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn momentum_equation(&self, t: R, y: &[R; 2]) -> [R; 2] {
         let [omega, v1] = *y;
         let _ = t;
-        let t0 = omega * v1;
-        let t1 = omega * omega;
-        [(-t1).mul_add(self.c17, -(self.c16 * t0)), t1.mul_add(self.c19, self.c18 * t0)]
+        [
+            omega * (-omega).mul_add(self.c17, -(self.c16 * v1)),
+            omega * omega.mul_add(self.c19, self.c18 * v1),
+        ]
     }
 }
 

@@ -185,30 +185,32 @@ pub struct Prepared<R = f64> {
     c0: R,
     /// `J + 2 * J1`
     c1: R,
-    /// `-(J + 2 * J1 - m * (r * r))`
+    /// `-(m * (r * r))`
     c2: R,
-    /// `2 * J0 / (J + J0 + 2 * J1)`
+    /// `-(J + 2 * J1 - m * (r * r))`
     c3: R,
-    /// `0.5 * J0`
-    c4: R,
-    /// `0.5 * m * (r * r)`
-    c5: R,
-    /// `0.5 * (J + J0 + 2 * J1)`
-    c6: R,
-    /// `2 * J1`
-    c7: R,
-    /// `J + J0 + 2 * J1`
-    c8: R,
-    /// `-(m * r)`
-    c9: R,
-    /// `m * r * (J + 2 * J1)`
-    c10: R,
-    /// `m * (r * r) * (J + 2 * J1)`
-    c11: R,
-    /// `(J + J0 + 2 * J1 - m * (r * r)) / J0`
-    c12: R,
     /// `m * (r * r) / (J + J0 + 2 * J1)`
+    c4: R,
+    /// `2 * J0 / (J + J0 + 2 * J1)`
+    c5: R,
+    /// `0.5 * J0`
+    c6: R,
+    /// `0.5 * (J + J0 + 2 * J1)`
+    c7: R,
+    /// `2 * J1`
+    c8: R,
+    /// `J + J0 + 2 * J1`
+    c9: R,
+    /// `-(m * r)`
+    c10: R,
+    /// `m * r * (J + 2 * J1)`
+    c11: R,
+    /// `m * (r * r) * (J + 2 * J1)`
+    c12: R,
+    /// `J0 / (J + J0 + 2 * J1)`
     c13: R,
+    /// `(J + J0 + 2 * J1 - m * (r * r)) / J0`
+    c14: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -222,7 +224,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 5 additions, 11 multiplications, 3 divisions, 2 sign changes.
+    /// 5 additions, 9 multiplications, 4 divisions, 3 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m, r, J, J0, J1 } = *params;
         for (value, condition, meaning) in [
@@ -239,12 +241,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let t0 = r * r;
-        let t1 = m * t0;
-        let t2 = R::from_f64(2.0) * J1;
-        let t3 = J + t2;
-        let t4 = J + J0 + t2;
-        let t5 = m * r;
+        let t0 = m * (r * r);
+        let t1 = R::from_f64(2.0) * J1;
+        let t2 = J + t1;
+        let t3 = J + J0 + t1;
+        let t4 = m * r;
         if !m.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m > 0",
@@ -278,20 +279,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Ok(Self {
             J0,
             J1,
-            c0: t1,
-            c1: t3,
-            c2: -(t3 - t1),
-            c3: R::from_f64(2.0) * J0 / t4,
-            c4: R::from_f64(0.5) * J0,
-            c5: R::from_f64(0.5) * m * t0,
-            c6: R::from_f64(0.5) * t4,
-            c7: t2,
-            c8: t4,
-            c9: -t5,
-            c10: t5 * t3,
-            c11: t1 * t3,
-            c12: (t4 - t1) / J0,
-            c13: t1 / t4,
+            c0: t0,
+            c1: t2,
+            c2: -t0,
+            c3: -(t2 - t0),
+            c4: t0 / t3,
+            c5: R::from_f64(2.0) * J0 / t3,
+            c6: R::from_f64(0.5) * J0,
+            c7: R::from_f64(0.5) * t3,
+            c8: t1,
+            c9: t3,
+            c10: -t4,
+            c11: t4 * t2,
+            c12: t0 * t2,
+            c13: J0 / t3,
+            c14: (t3 - t0) / J0,
         })
     }
 }
@@ -317,19 +319,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 9 multiplications (1 fused), 1 division, 1 sign change, 1 elementary function.
+    /// 1 addition, 9 multiplications (1 fused), 1 division, 1 elementary function.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 5], dy: &mut [R; 5]) {
         let [_, phi, psi_dot, phi_dot, s] = *y;
         let _ = t;
         /// factors of A
-        let [t0, t1, t2, A_s1_3_3] = {
+        let [t0, t1, A_s1_3_3] = {
             let (t0, t1) = phi.sin_cos();
-            let t2 = self.c0 * t1;
-            [t0, t1, t2, self.c1.mul_add(t0 * t0, t1 * t2)]
+            [t0, t1, self.c1.mul_add(t0 * t0, self.c0 * (t1 * t1))]
         };
-        let t3 = phi_dot * s / A_s1_3_3;
-        *dy = [psi_dot, phi_dot, -(t2 * t3), R::ZERO, self.c2 * (t1 * t0 * t3)];
+        let t2 = phi_dot * (s * (t1 / A_s1_3_3));
+        *dy = [psi_dot, phi_dot, self.c2 * t2, R::ZERO, self.c3 * (t0 * t2)];
     }
 
     /// Energy.
@@ -347,16 +348,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [_, phi, psi_dot, phi_dot, s] = *y;
         let _ = t;
         let (t0, t1) = phi.sin_cos();
-        let t2 = s * t0;
-        self.c6
+        self.c7
             .mul_add(
-                t2 * psi_dot.mul_add(self.c3, t2),
-                self
-                    .c5
-                    .mul_add(
-                        s * s * (t1 * t1),
-                        self.J1.mul_add(phi_dot * phi_dot, self.c4 * (psi_dot * psi_dot)),
-                    ),
+                s
+                    * s
+                        .mul_add(
+                            self.c4.mul_add(t1 * t1, t0 * t0),
+                            self.c5 * (psi_dot * t0),
+                        ),
+                self.J1.mul_add(phi_dot * phi_dot, self.c6 * (psi_dot * psi_dot)),
             )
     }
 
@@ -381,9 +381,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t3 = s * t1;
         [
             t3.mul_add(self.J0, t0),
-            self.c7 * phi_dot,
-            t3.mul_add(self.c8, t0),
-            self.c9 * (s * t2),
+            self.c8 * phi_dot,
+            t3.mul_add(self.c9, t0),
+            self.c10 * (s * t2),
             R::ZERO,
         ]
     }
@@ -398,7 +398,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 12 multiplications (1 fused), 1 division, 1 elementary function.
+    /// 1 addition, 13 multiplications (1 fused), 1 division, 1 elementary function.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 5]) -> [R; 3] {
@@ -409,10 +409,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let (t0, t1) = phi.sin_cos();
             [t0, t1, self.c1.mul_add(t0 * t0, self.c0 * (t1 * t1))]
         };
-        let t2 = s * t0;
-        let t3 = phi_dot / A_s1_3_3;
-        let t4 = s * t1;
-        [self.c10 * (t2 * t3), self.c9 * (t2 * t4), self.c11 * (t3 * t4)]
+        let t2 = s * (phi_dot / A_s1_3_3);
+        [self.c11 * (t0 * t2), self.c10 * (s * s * t1 * t0), self.c12 * (t1 * t2)]
     }
 
     /// Momenta \<p, W_b\> along the sections of virtual displacements.
@@ -431,13 +429,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn nonholonomic_momentum(&self, t: R, y: &[R; 5]) -> [R; 3] {
         let [_, phi, psi_dot, phi_dot, s] = *y;
         let _ = t;
-        let t0 = self.J0 * psi_dot;
-        let (t1, t2) = phi.sin_cos();
-        let t3 = s * t1;
+        let (t0, t1) = phi.sin_cos();
+        let t2 = s * t0;
         [
-            t3.mul_add(self.J0, t0),
-            self.c7 * phi_dot,
-            self.c8.mul_add(t1 * t3, self.c0.mul_add(s * (t2 * t2), t1 * t0)),
+            t2.mul_add(self.J0, self.J0 * psi_dot),
+            self.c8 * phi_dot,
+            self
+                .c9
+                .mul_add(t0 * psi_dot.mul_add(self.c13, t2), self.c0 * (s * (t1 * t1))),
         ]
     }
 
@@ -458,7 +457,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [_, phi, psi_dot, phi_dot, s] = *y;
         let _ = t;
         let (t0, t1) = phi.sin_cos();
-        [R::ZERO, R::ZERO, self.J0 * (phi_dot * t1 * self.c12.mul_add(s * t0, psi_dot))]
+        [R::ZERO, R::ZERO, self.J0 * (phi_dot * t1 * self.c14.mul_add(s * t0, psi_dot))]
     }
 
     /// Nonholonomic momentum `<dL/dxi, (-r cos phi, 0, sin phi)>` \[kg m^2/s\].
@@ -472,7 +471,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [_, phi, psi_dot, _, s] = *y;
         let _ = t;
         let (t0, t1) = phi.sin_cos();
-        self.c8.mul_add(s * self.c13.mul_add(t1 * t1, t0 * t0), self.J0 * (psi_dot * t0))
+        self.c9
+            .mul_add(t0 * s.mul_add(t0, self.c13 * psi_dot), self.c0 * (s * (t1 * t1)))
     }
 
     /// Says which pivot vanishes at a point.

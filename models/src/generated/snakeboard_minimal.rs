@@ -151,16 +151,18 @@ pub struct Prepared<R = f64> {
     c0: R,
     /// `J + 2 * J1`
     c1: R,
-    /// `-(J + 2 * J1 - m * (r * r))`
+    /// `-(m * (r * r))`
     c2: R,
-    /// `2 * J0 / (J + J0 + 2 * J1)`
+    /// `-(J + 2 * J1 - m * (r * r))`
     c3: R,
-    /// `0.5 * J0`
+    /// `m * (r * r) / (J + J0 + 2 * J1)`
     c4: R,
-    /// `0.5 * m * (r * r)`
+    /// `2 * J0 / (J + J0 + 2 * J1)`
     c5: R,
-    /// `0.5 * (J + J0 + 2 * J1)`
+    /// `0.5 * J0`
     c6: R,
+    /// `0.5 * (J + J0 + 2 * J1)`
+    c7: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -174,7 +176,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 additions, 8 multiplications, 1 division, 1 sign change.
+    /// 4 additions, 6 multiplications, 2 divisions, 2 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m, r, J, J0, J1 } = *params;
         for (value, condition, meaning) in [
@@ -191,11 +193,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let t0 = r * r;
-        let t1 = m * t0;
-        let t2 = R::from_f64(2.0) * J1;
-        let t3 = J + t2;
-        let t4 = J + J0 + t2;
+        let t0 = m * (r * r);
+        let t1 = R::from_f64(2.0) * J1;
+        let t2 = J + t1;
+        let t3 = J + J0 + t1;
         if !m.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m > 0",
@@ -228,13 +229,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(Self {
             J1,
-            c0: t1,
-            c1: t3,
-            c2: -(t3 - t1),
-            c3: R::from_f64(2.0) * J0 / t4,
-            c4: R::from_f64(0.5) * J0,
-            c5: R::from_f64(0.5) * m * t0,
-            c6: R::from_f64(0.5) * t4,
+            c0: t0,
+            c1: t2,
+            c2: -t0,
+            c3: -(t2 - t0),
+            c4: t0 / t3,
+            c5: R::from_f64(2.0) * J0 / t3,
+            c6: R::from_f64(0.5) * J0,
+            c7: R::from_f64(0.5) * t3,
         })
     }
 }
@@ -260,19 +262,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 9 multiplications (1 fused), 1 division, 1 sign change, 1 elementary function.
+    /// 1 addition, 9 multiplications (1 fused), 1 division, 1 elementary function.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 4], dy: &mut [R; 4]) {
         let [phi, _, phi_dot, s] = *y;
         let _ = t;
         /// factors of A
-        let [t0, t1, t2, A_s1_3_3] = {
+        let [t0, t1, A_s1_3_3] = {
             let (t0, t1) = phi.sin_cos();
-            let t2 = self.c0 * t1;
-            [t0, t1, t2, self.c1.mul_add(t0 * t0, t1 * t2)]
+            [t0, t1, self.c1.mul_add(t0 * t0, self.c0 * (t1 * t1))]
         };
-        let t3 = phi_dot * s / A_s1_3_3;
-        *dy = [phi_dot, -(t2 * t3), R::ZERO, self.c2 * (t1 * t0 * t3)];
+        let t2 = phi_dot * (s * (t1 / A_s1_3_3));
+        *dy = [phi_dot, self.c2 * t2, R::ZERO, self.c3 * (t0 * t2)];
     }
 
     /// Energy.
@@ -290,16 +291,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [phi, psi_dot, phi_dot, s] = *y;
         let _ = t;
         let (t0, t1) = phi.sin_cos();
-        let t2 = s * t0;
-        self.c6
+        self.c7
             .mul_add(
-                t2 * psi_dot.mul_add(self.c3, t2),
-                self
-                    .c5
-                    .mul_add(
-                        s * s * (t1 * t1),
-                        self.J1.mul_add(phi_dot * phi_dot, self.c4 * (psi_dot * psi_dot)),
-                    ),
+                s
+                    * s
+                        .mul_add(
+                            self.c4.mul_add(t1 * t1, t0 * t0),
+                            self.c5 * (psi_dot * t0),
+                        ),
+                self.J1.mul_add(phi_dot * phi_dot, self.c6 * (psi_dot * psi_dot)),
             )
     }
 

@@ -211,18 +211,16 @@ pub struct Prepared<R = f64> {
     c0: R,
     /// `1 / I11`
     c1: R,
-    /// `2 * I12 / I11`
-    c2: R,
     /// `0.5 * I22`
-    c3: R,
+    c2: R,
     /// `0.5 * I11`
+    c3: R,
+    /// A longer expression in the parameters.
     c4: R,
     /// A longer expression in the parameters.
     c5: R,
     /// A longer expression in the parameters.
     c6: R,
-    /// A longer expression in the parameters.
-    c7: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -236,7 +234,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 16 additions, 25 multiplications, 12 divisions.
+    /// 16 additions, 24 multiplications, 11 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I11, I12, I13, I22, I23, I33 } = *params;
         for (value, condition, meaning) in [
@@ -317,14 +315,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             A_l2_1,
             c0: A_s1_2_2.recip(),
             c1: I11.recip(),
-            c2: R::from_f64(2.0) * I12 / I11,
-            c3: R::from_f64(0.5) * I22,
-            c4: R::from_f64(0.5) * I11,
-            c5: I12 - I13 * I13 * A_l2_1 / A_s1_2_2 + I13 * I23 / A_s1_2_2,
-            c6: I11 - I22 + I13 * (A_l2_1 * t1 / A_s1_2_2 + I13 / I11)
+            c2: R::from_f64(0.5) * I22,
+            c3: R::from_f64(0.5) * I11,
+            c4: I11 - I22 + I13 * (A_l2_1 * t1 / A_s1_2_2 + I13 / I11)
                 - I23 * t1 / A_s1_2_2,
-            c7: I12 + I13 * (I23 * (A_l2_1 * A_l2_1) / A_s1_2_2 + I23 / I11)
+            c5: I12 + I13 * (I23 * (A_l2_1 * A_l2_1) / A_s1_2_2 + I23 / I11)
                 - I23 * I23 * A_l2_1 / A_s1_2_2,
+            c6: I12 - I13 * I13 * A_l2_1 / A_s1_2_2 + I13 * I23 / A_s1_2_2,
         })
     }
 }
@@ -359,22 +356,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let p_Omega3 = Omega2.mul_add(self.I23, self.I13 * Omega1);
         /// substitution through the factors of A
         let [dot_Omega2, dot_Omega1] = {
-            let z_Omega2 = p_Omega3 * Omega2.mul_add(self.A_l2_1, Omega1);
+            let t0 = Omega2 * p_Omega3;
+            let z_Omega2 = t0.mul_add(self.A_l2_1, Omega1 * p_Omega3);
             let dot_Omega2 = self.c0 * z_Omega2;
-            [
-                dot_Omega2,
-                (-dot_Omega2).mul_add(self.A_l2_1, -(self.c1 * (Omega2 * p_Omega3))),
-            ]
+            [dot_Omega2, (-dot_Omega2).mul_add(self.A_l2_1, -(self.c1 * t0))]
         };
-        let t0 = R::from_f64(0.5) * Omega1;
-        let t1 = R::from_f64(0.5) * Omega2;
+        let t1 = R::from_f64(0.5) * Omega1;
+        let t2 = R::from_f64(0.5) * Omega2;
         *dy = [
             dot_Omega1,
             dot_Omega2,
-            (-qy).mul_add(t1, -(qx * t0)),
-            (-qz).mul_add(t1, qw * t0),
-            qw.mul_add(t1, qz * t0),
-            (-qy).mul_add(t0, qx * t1),
+            (-qy).mul_add(t2, -(qx * t1)),
+            (-qz).mul_add(t2, qw * t1),
+            qw.mul_add(t2, qz * t1),
+            (-qy).mul_add(t1, qx * t2),
         ];
     }
 
@@ -392,10 +387,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn energy(&self, t: R, y: &[R; 6]) -> R {
         let [Omega1, Omega2, _, _, _, _] = *y;
         let _ = t;
-        self.c4
+        Omega2
             .mul_add(
-                Omega1 * Omega2.mul_add(self.c2, Omega1),
-                self.c3 * (Omega2 * Omega2),
+                Omega2.mul_add(self.c2, self.I12 * Omega1),
+                self.c3 * (Omega1 * Omega1),
             )
     }
 
@@ -441,10 +436,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [Omega1, Omega2, _, _, _, _] = *y;
         let _ = t;
         [
-            Omega1
+            Omega2
                 .mul_add(
-                    (-Omega2).mul_add(self.c6, self.c5 * Omega1),
-                    -(self.c7 * (Omega2 * Omega2)),
+                    (-Omega2).mul_add(self.c5, -(self.c4 * Omega1)),
+                    self.c6 * (Omega1 * Omega1),
                 ),
         ]
     }

@@ -378,13 +378,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t0 = R::from_f64(0.5) * Omega1;
         let t1 = R::from_f64(0.5) * Omega2;
         let t2 = R::from_f64(0.5) * Omega3;
-        let t3 = (-V2).mul_add(qx, V1 * qy);
-        let t4 = R::from_f64(2.0) * qy;
-        let t5 = (-V3).mul_add(qx, V1 * qz);
-        let t6 = R::from_f64(2.0) * qz;
-        let t7 = (-V3).mul_add(qy, V2 * qz);
-        let t8 = R::from_f64(2.0) * qw;
-        let t9 = R::from_f64(2.0) * qx;
+        let t3 = (-V3).mul_add(qx, V1 * qz);
+        let t4 = R::from_f64(2.0) * t3;
+        let t5 = (-V3).mul_add(qy, V2 * qz);
+        let t6 = R::from_f64(2.0) * qw;
+        let t7 = (-V2).mul_add(qx, V1 * qy);
+        let t8 = R::from_f64(2.0) * qy;
         *dy = [
             self.c0 * (Omega2 * Omega3),
             self.c1 * (Omega1 * Omega3),
@@ -399,9 +398,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             (-qz).mul_add(t1, qw.mul_add(t0, qy * t2)),
             (-qx).mul_add(t2, qw.mul_add(t1, qz * t0)),
             (-qy).mul_add(t0, qw.mul_add(t2, qx * t1)),
-            (-t7).mul_add(t8, (-t5).mul_add(t6, (-t3).mul_add(t4, V1))),
-            (-t6).mul_add(t7, t5.mul_add(t8, t3.mul_add(t9, V2))),
-            (-t3).mul_add(t8, t4.mul_add(t7, t5.mul_add(t9, V3))),
+            (-qz).mul_add(t4, (-t7).mul_add(t8, (-t5).mul_add(t6, V1))),
+            R::from_f64(2.0).mul_add((-qz).mul_add(t5, qx * t7), t3.mul_add(t6, V2)),
+            qx.mul_add(t4, (-t6).mul_add(t7, t5.mul_add(t8, V3))),
         ];
     }
 

@@ -233,8 +233,6 @@ pub struct Prepared<R = f64> {
     I2: R,
     /// Parameter `I3`.
     I3: R,
-    /// Parameter `ma`.
-    ma: R,
     /// Parameter `la`.
     la: R,
     /// Parameter `lb`.
@@ -243,102 +241,104 @@ pub struct Prepared<R = f64> {
     ka: R,
     /// Parameter `kb`.
     kb: R,
-    /// `(2/5) * mb * lb / (ma * (la * la))`
-    c0: R,
-    /// `ma * (la * la)`
-    c1: R,
-    /// `I1 + (1/100) * mb * (29 + 100 * (lb * lb))`
-    c2: R,
-    /// `(1/5) * mb * lb`
-    c3: R,
-    /// `mb * (lb * lb)`
-    c4: R,
-    /// `(1/5) * ma * la`
-    c5: R,
     /// `5 * la`
-    c6: R,
-    /// `5 * lb`
-    c7: R,
-    /// `2 * lb`
-    c8: R,
-    /// `(1/25) * mb`
-    c9: R,
-    /// `(1/25) * ma`
-    c10: R,
-    /// `(1/10) * mb`
-    c11: R,
-    /// `ma * la`
-    c12: R,
-    /// `(1/5) * ma`
-    c13: R,
-    /// `5 * ma * la`
-    c14: R,
-    /// `2 * mb * lb`
-    c15: R,
-    /// `2 * mb`
-    c16: R,
-    /// `5 * mb`
-    c17: R,
-    /// `(3/5) * ma * la`
-    c18: R,
-    /// `1 / (ma * (la * la))`
-    c19: R,
-    /// `mb * lb`
-    c20: R,
-    /// `I3 + 0.25 * mb - ma * (la * la) + (1/25) * ma * (9 + 25 * (la * la))`
-    c21: R,
-    /// `(9/25) * ma`
-    c22: R,
-    /// `1 / (mb * (lb * lb))`
-    c23: R,
-    /// `0.5 * I1`
-    c24: R,
-    /// `0.5 * I2`
-    c25: R,
-    /// `0.5 * I3`
-    c26: R,
-    /// `0.5 * ka`
-    c27: R,
-    /// `0.5 * kb`
-    c28: R,
-    /// `(1/50) * ma`
-    c29: R,
-    /// `(1/200) * mb`
-    c30: R,
-    /// `(1/5) * mb / (ma * (la * la))`
-    c31: R,
-    /// `(1/25) * mb / (ma * (la * la))`
-    c32: R,
-    /// `I1 - mb * (lb * lb) + (1/100) * mb * (29 + 100 * (lb * lb))`
-    c33: R,
-    /// `2.5 * lb`
-    c34: R,
-    /// `(1/3) * mb * lb / (ma * la)`
-    c35: R,
-    /// `(6/5) / la`
-    c36: R,
-    /// `I2 + (9/25) * ma + (1/25) * mb`
-    c37: R,
-    /// `10 * lb`
-    c38: R,
-    /// `(1/100) * (mb * mb)`
-    c39: R,
-    /// `(3/5) / la`
-    c40: R,
-    /// `(1/5) / lb`
-    c41: R,
-    /// `(5/3) * la`
-    c42: R,
-    /// `(1/100) * (100 * I1 + mb * (29 + 100 * (lb * lb)))`
-    c43: R,
+    c0: R,
+    /// `(1/5) * ma * la`
+    c1: R,
     /// `(2/5) * mb * lb`
+    c2: R,
+    /// `mb * (lb * lb)`
+    c3: R,
+    /// `(1/100) * (100 * I1 + mb * (29 + 100 * (lb * lb)))`
+    c4: R,
+    /// `5 * lb`
+    c5: R,
+    /// `2 * lb`
+    c6: R,
+    /// `(1/25) * ma`
+    c7: R,
+    /// `(1/50) * mb`
+    c8: R,
+    /// `ma * la`
+    c9: R,
+    /// `(1/20) * mb`
+    c10: R,
+    /// `(1/5) * ma`
+    c11: R,
+    /// `0.5 * mb * lb`
+    c12: R,
+    /// `(1/10) * mb`
+    c13: R,
+    /// `10 * lb`
+    c14: R,
+    /// `5 * ma * la`
+    c15: R,
+    /// `mb * lb`
+    c16: R,
+    /// `2 * mb`
+    c17: R,
+    /// `5 * mb`
+    c18: R,
+    /// `(3/5) * ma * la`
+    c19: R,
+    /// `ma * (la * la)`
+    c20: R,
+    /// `(1/5) * mb * lb`
+    c21: R,
+    /// `I1 + (1/100) * mb * (29 + 100 * (lb * lb))`
+    c22: R,
+    /// `(1/25) * mb`
+    c23: R,
+    /// `1 / (ma * (la * la))`
+    c24: R,
+    /// `I3 + 0.25 * mb - ma * (la * la) + (1/25) * ma * (9 + 25 * (la * la))`
+    c25: R,
+    /// `(9/25) * ma`
+    c26: R,
+    /// `1 / (mb * (lb * lb))`
+    c27: R,
+    /// `0.5 * I1`
+    c28: R,
+    /// `0.5 * I2`
+    c29: R,
+    /// `0.5 * I3`
+    c30: R,
+    /// `0.5 * ka`
+    c31: R,
+    /// `0.5 * kb`
+    c32: R,
+    /// `(1/50) * ma`
+    c33: R,
+    /// `(1/200) * mb`
+    c34: R,
+    /// `(1/5) * mb / (ma * (la * la))`
+    c35: R,
+    /// `25 * ma * (la * la) / mb`
+    c36: R,
+    /// `I1 - mb * (lb * lb) + (1/100) * mb * (29 + 100 * (lb * lb))`
+    c37: R,
+    /// `2.5 * lb`
+    c38: R,
+    /// `(1/3) * mb * lb / (ma * la)`
+    c39: R,
+    /// `(6/5) / la`
+    c40: R,
+    /// `I2 + (9/25) * ma + (1/25) * mb`
+    c41: R,
+    /// `4 * lb`
+    c42: R,
+    /// `(1/100) * (mb * mb)`
+    c43: R,
+    /// `(3/5) / la`
     c44: R,
-    /// `(6/5) * ma * la`
+    /// `(1/5) / lb`
     c45: R,
-    /// `(1/25) * (25 * I2 + 9 * ma + mb)`
+    /// `(6/5) * ma * la`
     c46: R,
-    /// `(1/100) * (100 * I3 + 25 * mb + 4 * ma * (9 + 25 * (la * la)))`
+    /// `(1/25) * (25 * I2 + 9 * ma + mb)`
     c47: R,
+    /// `(1/100) * (100 * I3 + 25 * mb + 4 * ma * (9 + 25 * (la * la)))`
+    c48: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -352,7 +352,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 15 additions, 59 multiplications, 9 divisions.
+    /// 15 additions, 64 multiplications, 8 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, ma, la, mb, lb, ka, kb } = *params;
         for (value, condition, meaning) in [
@@ -373,21 +373,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let t0 = R::ratio(2.0, 5.0) * mb * lb;
-        let t1 = la * la;
-        let t2 = ma * t1;
-        let t3 = lb * lb;
-        let t4 = R::from_f64(29.0) + R::from_f64(100.0) * t3;
-        let t5 = R::ratio(1.0, 100.0) * mb * t4;
-        let t6 = R::ratio(1.0, 5.0) * mb;
-        let t7 = mb * t3;
-        let t8 = R::ratio(1.0, 5.0) * ma;
-        let t9 = R::ratio(1.0, 25.0) * mb;
-        let t10 = R::ratio(1.0, 25.0) * ma;
-        let t11 = ma * la;
-        let t12 = R::from_f64(2.0) * mb;
-        let t13 = R::ratio(9.0, 25.0) * ma;
-        let t14 = R::from_f64(9.0) + R::from_f64(25.0) * t1;
+        let t0 = R::ratio(1.0, 5.0) * ma;
+        let t1 = lb * lb;
+        let t2 = mb * t1;
+        let t3 = R::from_f64(29.0) + R::from_f64(100.0) * t1;
+        let t4 = R::ratio(1.0, 25.0) * ma;
+        let t5 = ma * la;
+        let t6 = la * la;
+        let t7 = ma * t6;
+        let t8 = R::ratio(1.0, 5.0) * mb;
+        let t9 = R::ratio(1.0, 100.0) * mb * t3;
+        let t10 = R::ratio(1.0, 25.0) * mb;
+        let t11 = R::ratio(9.0, 25.0) * ma;
+        let t12 = R::from_f64(9.0) + R::from_f64(25.0) * t6;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -433,62 +431,62 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Ok(Self {
             I2,
             I3,
-            ma,
             la,
             lb,
             ka,
             kb,
-            c0: t0 / t2,
-            c1: t2,
-            c2: I1 + t5,
-            c3: t6 * lb,
-            c4: t7,
-            c5: t8 * la,
-            c6: R::from_f64(5.0) * la,
-            c7: R::from_f64(5.0) * lb,
-            c8: R::from_f64(2.0) * lb,
-            c9: t9,
-            c10: t10,
-            c11: R::ratio(1.0, 10.0) * mb,
-            c12: t11,
-            c13: t8,
-            c14: R::from_f64(5.0) * ma * la,
-            c15: t12 * lb,
-            c16: t12,
-            c17: R::from_f64(5.0) * mb,
-            c18: R::ratio(3.0, 5.0) * ma * la,
-            c19: t2.recip(),
-            c20: mb * lb,
-            c21: I3 + R::from_f64(0.25) * mb - t2 + t10 * t14,
-            c22: t13,
-            c23: t7.recip(),
-            c24: R::from_f64(0.5) * I1,
-            c25: R::from_f64(0.5) * I2,
-            c26: R::from_f64(0.5) * I3,
-            c27: R::from_f64(0.5) * ka,
-            c28: R::from_f64(0.5) * kb,
-            c29: R::ratio(1.0, 50.0) * ma,
-            c30: R::ratio(1.0, 200.0) * mb,
-            c31: t6 / t2,
-            c32: t9 / t2,
-            c33: I1 - t7 + t5,
-            c34: R::from_f64(2.5) * lb,
-            c35: R::ratio(1.0, 3.0) * mb * lb / t11,
-            c36: R::ratio(6.0, 5.0) / la,
-            c37: I2 + t13 + t9,
-            c38: R::from_f64(10.0) * lb,
-            c39: R::ratio(1.0, 100.0) * (mb * mb),
-            c40: R::ratio(3.0, 5.0) / la,
-            c41: R::ratio(1.0, 5.0) / lb,
-            c42: R::ratio(5.0, 3.0) * la,
-            c43: R::ratio(1.0, 100.0) * (R::from_f64(100.0) * I1 + mb * t4),
-            c44: t0,
-            c45: R::ratio(6.0, 5.0) * ma * la,
-            c46: R::ratio(1.0, 25.0)
+            c0: R::from_f64(5.0) * la,
+            c1: t0 * la,
+            c2: R::ratio(2.0, 5.0) * mb * lb,
+            c3: t2,
+            c4: R::ratio(1.0, 100.0) * (R::from_f64(100.0) * I1 + mb * t3),
+            c5: R::from_f64(5.0) * lb,
+            c6: R::from_f64(2.0) * lb,
+            c7: t4,
+            c8: R::ratio(1.0, 50.0) * mb,
+            c9: t5,
+            c10: R::ratio(1.0, 20.0) * mb,
+            c11: t0,
+            c12: R::from_f64(0.5) * mb * lb,
+            c13: R::ratio(1.0, 10.0) * mb,
+            c14: R::from_f64(10.0) * lb,
+            c15: R::from_f64(5.0) * ma * la,
+            c16: mb * lb,
+            c17: R::from_f64(2.0) * mb,
+            c18: R::from_f64(5.0) * mb,
+            c19: R::ratio(3.0, 5.0) * ma * la,
+            c20: t7,
+            c21: t8 * lb,
+            c22: I1 + t9,
+            c23: t10,
+            c24: t7.recip(),
+            c25: I3 + R::from_f64(0.25) * mb - t7 + t4 * t12,
+            c26: t11,
+            c27: t2.recip(),
+            c28: R::from_f64(0.5) * I1,
+            c29: R::from_f64(0.5) * I2,
+            c30: R::from_f64(0.5) * I3,
+            c31: R::from_f64(0.5) * ka,
+            c32: R::from_f64(0.5) * kb,
+            c33: R::ratio(1.0, 50.0) * ma,
+            c34: R::ratio(1.0, 200.0) * mb,
+            c35: t8 / t7,
+            c36: R::from_f64(25.0) * ma * t6 / mb,
+            c37: I1 - t2 + t9,
+            c38: R::from_f64(2.5) * lb,
+            c39: R::ratio(1.0, 3.0) * mb * lb / t5,
+            c40: R::ratio(6.0, 5.0) / la,
+            c41: I2 + t11 + t10,
+            c42: R::from_f64(4.0) * lb,
+            c43: R::ratio(1.0, 100.0) * (mb * mb),
+            c44: R::ratio(3.0, 5.0) / la,
+            c45: R::ratio(1.0, 5.0) / lb,
+            c46: R::ratio(6.0, 5.0) * ma * la,
+            c47: R::ratio(1.0, 25.0)
                 * (R::from_f64(25.0) * I2 + R::from_f64(9.0) * ma + mb),
-            c47: R::ratio(1.0, 100.0)
+            c48: R::ratio(1.0, 100.0)
                 * (R::from_f64(100.0) * I3 + R::from_f64(25.0) * mb
-                    + R::from_f64(4.0) * ma * t14),
+                    + R::from_f64(4.0) * ma * t12),
         })
     }
 }
@@ -514,180 +512,172 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 65 additions, 121 multiplications (59 fused), 3 divisions, 2 elementary functions.
+    /// 61 additions, 121 multiplications (57 fused), 3 divisions, 2 elementary functions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 7], dy: &mut [R; 7]) {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3] = *y;
         let _ = t;
         /// momenta p = dL/dy
-        let [t0, t1, t2, t3, A_Omega1_Omega1, A_beta_dot_Omega1, t5, t6, t7, p_Omega1,
-        t9, t10, t11, t12, t13, t14, t15, t16, p_Omega2, t17, t18, t19, t20, t21,
-        p_Omega3] = {
+        let [t0, t1, t2, t3, t4, t5, t6, t7, t8, t9, t10, t11, p_Omega1, t12, t13, t14,
+        t15, p_Omega2, t16, t17, t18, t19, p_Omega3] = {
             let (t0, t1) = alpha.sin_cos();
-            let (t2, t3) = beta.sin_cos();
-            let t4 = t3.mul_add(R::from_f64(2.5), t2);
-            let A_Omega1_Omega1 = self.c1.mul_add(t4.mul_add(self.c0, t0 * t0), self.c2);
-            let A_beta_dot_Omega1 = t4.mul_add(self.c3, self.c4);
-            let t5 = self.c5 * t0;
-            let t6 = self.c6 * t1;
-            let t7 = R::from_f64(3.0) + t6;
-            let t8 = Omega2 * t7;
-            let t9 = self.c7 * t2;
-            let t10 = R::ONE + t9;
-            let t11 = self.c8 * t3;
-            let t12 = R::ONE + t11;
-            let t13 = (-R::from_f64(2.5)).mul_add(Omega3 * t12, Omega2 * t10);
-            let t14 = self.c9 * t10;
-            let t15 = self.c6.mul_add(Omega1 * t0, -t8);
-            let t16 = self.c10 * t7;
-            let t17 = self.la * t0;
-            let t18 = alpha_dot + Omega3;
-            let t19 = t17 * t18;
-            let t20 = Omega3.mul_add(t7, alpha_dot * t6);
-            let t21 = self.c11 * t12;
+            let t2 = self.c0 * t1;
+            let t3 = R::from_f64(3.0) + t2;
+            let t4 = (-Omega2).mul_add(t3, self.c0 * (Omega1 * t0));
+            let t5 = self.c1 * t0;
+            let t6 = t4 * t5;
+            let t7 = beta_dot.mul_add(R::from_f64(0.5), Omega1);
+            let (t8, t9) = beta.sin_cos();
+            let t10 = t9.mul_add(R::from_f64(2.5), t8);
+            let t11 = self.c2 * t10;
+            let t12 = t8.mul_add(self.c5, R::ONE);
+            let t13 = t9.mul_add(self.c6, R::ONE);
+            let t14 = (-R::from_f64(5.0))
+                .mul_add(Omega3 * t13, R::from_f64(2.0) * (Omega2 * t12));
+            let t15 = self.c7 * t3;
+            let t16 = self.la * t0;
+            let t17 = alpha_dot + Omega3;
+            let t18 = t16 * t17;
+            let t19 = Omega3.mul_add(t3, alpha_dot * t2);
             [
                 t0,
                 t1,
                 t2,
                 t3,
-                A_Omega1_Omega1,
-                A_beta_dot_Omega1,
+                t4,
                 t5,
                 t6,
                 t7,
-                (-t5)
-                    .mul_add(
-                        t8,
-                        Omega1.mul_add(A_Omega1_Omega1, beta_dot * A_beta_dot_Omega1),
-                    ),
+                t8,
                 t9,
                 t10,
                 t11,
+                t7.mul_add(t11, Omega1.mul_add(self.c4, beta_dot.mul_add(self.c3, t6))),
                 t12,
                 t13,
                 t14,
                 t15,
+                self.c8.mul_add(t12 * t14, (-t4).mul_add(t15, self.I2 * Omega2)),
                 t16,
-                (-t15).mul_add(t16, t13.mul_add(t14, self.I2 * Omega2)),
                 t17,
                 t18,
                 t19,
-                t20,
-                t21,
-                (-t13)
+                (-self.c10)
                     .mul_add(
-                        t21,
-                        t16.mul_add(t20, self.c12.mul_add(t0 * t19, self.I3 * Omega3)),
+                        t13 * t14,
+                        t15.mul_add(t19, self.c9.mul_add(t0 * t18, self.I3 * Omega3)),
                     ),
             ]
         };
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
         let [r_alpha_dot, r_beta_dot, r_Omega1, r_Omega2, r_Omega3] = {
-            let t22 = self.la * t1;
-            let t23 = Omega2.mul_add(t17, Omega1 * t22);
-            let t24 = (-R::from_f64(5.0)).mul_add(t18 * t22, t20);
+            let t20 = self.la * t1;
+            let t21 = Omega2.mul_add(t16, Omega1 * t20);
+            let t22 = (-R::from_f64(5.0)).mul_add(t17 * t20, t19);
             let dL_dalpha = self
-                .c13
-                .mul_add((-t19).mul_add(t24, t15 * t23), -(self.ka * alpha));
-            let t25 = beta_dot + Omega1;
-            let t26 = (-t9)
-                .mul_add(t11.mul_add(t25, Omega1), t11 * t9.mul_add(t25, Omega1));
-            let t27 = self.lb.mul_add(Omega3 * t2, self.lb * (Omega2 * t3));
-            let dL_dbeta = self
                 .c11
-                .mul_add(
-                    R::from_f64(2.0).mul_add(t13 * t27, t25 * t26),
-                    -(self.kb * beta),
-                );
-            let t28 = t17 * t24;
-            let t29 = self.c13 * alpha_dot;
-            let t30 = self.c11 * beta_dot;
-            let t31 = self.c12 * t15;
-            let t32 = R::ratio(1.0, 5.0) * alpha_dot;
-            let t33 = self.c15 * t13;
-            let t34 = R::ratio(1.0, 10.0) * beta_dot;
+                .mul_add((-t18).mul_add(t22, t4 * t21), -(self.ka * alpha));
+            let t23 = t16 * t22;
+            let t24 = self.c11 * alpha_dot;
+            let t25 = self.lb.mul_add(Omega3 * t8, self.lb * (Omega2 * t9));
+            let t26 = (-t9).mul_add(R::ratio(2.0, 5.0), t8);
+            let t27 = self.c16 * t14;
+            let t28 = R::ratio(1.0, 10.0) * beta_dot;
             [
-                t28.mul_add(t29, dL_dalpha),
-                (-t26).mul_add(t30, dL_dbeta),
-                (-t32)
+                t23.mul_add(t24, dL_dalpha),
+                self
+                    .c13
                     .mul_add(
-                        t1.mul_add(t31, self.c14 * (t0 * t23)),
+                        t14 * t25,
+                        (-self.c12).mul_add(Omega1 * Omega1 * t26, -(self.kb * beta)),
+                    ),
+                (-R::ratio(1.0, 5.0))
+                    .mul_add(
+                        alpha_dot * self.c15.mul_add(t0 * t21, self.c9 * (t1 * t4)),
                         (-Omega2)
                             .mul_add(
                                 p_Omega3,
                                 Omega3
                                     .mul_add(
                                         p_Omega2,
-                                        -(t30 * t25.mul_add((-t9).mul_add(t12, t10 * t11), t26)),
+                                        self.c13 * (beta_dot * (self.c14 * (t7 * t26))),
                                     ),
                             ),
                     ),
-                (-t34)
+                (-Omega3)
                     .mul_add(
-                        t3.mul_add(t33, self.c16 * (t10 * t27)),
-                        (-t32)
+                        p_Omega1,
+                        (-t28)
                             .mul_add(
-                                t0.mul_add(t31, -(self.ma * (t7 * t23))),
-                                Omega1.mul_add(p_Omega3, -(Omega3 * p_Omega1)),
+                                t9.mul_add(t27, self.c17 * (t12 * t25)),
+                                Omega1
+                                    .mul_add(p_Omega3, (-alpha_dot).mul_add(t6, t3 * t21 * t24)),
                             ),
                     ),
-                (-t34)
+                Omega2
                     .mul_add(
-                        t2.mul_add(t33, -(self.c17 * (t12 * t27))),
-                        (-t29)
+                        p_Omega1,
+                        (-t28)
                             .mul_add(
-                                (-t19).mul_add(t7 - t6, -t28),
-                                (-Omega1).mul_add(p_Omega2, Omega2 * p_Omega1),
+                                t8.mul_add(t27, -(self.c18 * (t13 * t25))),
+                                (-t24)
+                                    .mul_add(
+                                        (-t18).mul_add(t3 - t2, -t23),
+                                        -(Omega1 * p_Omega2),
+                                    ),
                             ),
                     ),
             ]
         };
         /// mass matrix A = W^T L_yy Psi
-        let [A_alpha_dot_Omega3, t35, A_Omega2_Omega2, t36] = [
-            t1.mul_add(self.c18, self.c1),
-            t5 * t7,
-            t10.mul_add(t14, t7.mul_add(t16, self.I2)),
-            t10 * t21,
+        let [A_alpha_dot_Omega3, A_beta_dot_Omega1, A_Omega1_Omega1, t29,
+        A_Omega2_Omega2, t30] = [
+            t1.mul_add(self.c19, self.c20),
+            t10.mul_add(self.c21, self.c3),
+            self.c20.mul_add(t0 * t0, self.c22) + t11,
+            t3 * t5,
+            t3.mul_add(t15, self.c23.mul_add(t12 * t12, self.I2)),
+            self.c13 * (t12 * t13),
         ];
         /// factors of A
-        let [A_l5_1, A_l3_2, t37, t38, t39, t40, A_s4_5_5] = {
-            let A_s1_5_5 = (-self.c22)
+        let [A_l5_1, A_l3_2, t31, t32, t33, t34, A_s4_5_5] = {
+            let A_s1_5_5 = (-self.c26)
                 .mul_add(
                     t1 * t1,
-                    self.c4.mul_add(t3 * t3, t3.mul_add(self.c20, self.c21)),
+                    self.c3.mul_add(t9 * t9, t9.mul_add(self.c16, self.c25)),
                 );
-            let A_l3_2 = self.c23 * A_beta_dot_Omega1;
+            let A_l3_2 = self.c27 * A_beta_dot_Omega1;
             let A_s2_3_3 = (-A_beta_dot_Omega1).mul_add(A_l3_2, A_Omega1_Omega1);
-            let t37 = A_s2_3_3.recip();
-            let t38 = t35 * t37;
-            let A_s3_4_4 = (-t35).mul_add(t38, A_Omega2_Omega2);
-            let t39 = A_s3_4_4.recip();
-            let t40 = t36 * t39;
+            let t31 = A_s2_3_3.recip();
+            let t32 = t29 * t31;
+            let A_s3_4_4 = (-t29).mul_add(t32, A_Omega2_Omega2);
+            let t33 = A_s3_4_4.recip();
+            let t34 = t30 * t33;
             [
-                self.c19 * A_alpha_dot_Omega3,
+                self.c24 * A_alpha_dot_Omega3,
                 A_l3_2,
-                t37,
-                t38,
-                t39,
-                t40,
-                (-t36).mul_add(t40, A_s1_5_5),
+                t31,
+                t32,
+                t33,
+                t34,
+                (-t30).mul_add(t34, A_s1_5_5),
             ]
         };
         /// substitution through the factors of A
         let [dot_Omega3, dot_Omega2, dot_Omega1, dot_beta_dot, dot_alpha_dot] = {
             let z_Omega1 = (-r_beta_dot).mul_add(A_l3_2, r_Omega1);
-            let z_Omega2 = t38.mul_add(z_Omega1, r_Omega2);
-            let z_Omega3 = t40
+            let z_Omega2 = t32.mul_add(z_Omega1, r_Omega2);
+            let z_Omega3 = t34
                 .mul_add(z_Omega2, (-r_alpha_dot).mul_add(A_l5_1, r_Omega3));
             let dot_Omega3 = z_Omega3 / A_s4_5_5;
-            let dot_Omega2 = t40.mul_add(dot_Omega3, z_Omega2 * t39);
-            let dot_Omega1 = t38.mul_add(dot_Omega2, z_Omega1 * t37);
+            let dot_Omega2 = t34.mul_add(dot_Omega3, z_Omega2 * t33);
+            let dot_Omega1 = t32.mul_add(dot_Omega2, z_Omega1 * t31);
             [
                 dot_Omega3,
                 dot_Omega2,
                 dot_Omega1,
-                (-A_l3_2).mul_add(dot_Omega1, self.c23 * r_beta_dot),
-                (-A_l5_1).mul_add(dot_Omega3, self.c19 * r_alpha_dot),
+                (-A_l3_2).mul_add(dot_Omega1, self.c27 * r_beta_dot),
+                (-A_l5_1).mul_add(dot_Omega3, self.c24 * r_alpha_dot),
             ]
         };
         *dy = [
@@ -716,39 +706,39 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3] = *y;
         let _ = t;
         let (t0, t1) = alpha.sin_cos();
-        let t2 = self.c6 * t1;
+        let t2 = self.c0 * t1;
         let t3 = R::from_f64(3.0) + t2;
         let t4 = Omega3.mul_add(t3, alpha_dot * t2);
-        let t5 = (-Omega2).mul_add(t3, self.c6 * (Omega1 * t0));
+        let t5 = (-Omega2).mul_add(t3, self.c0 * (Omega1 * t0));
         let t6 = self.la * (t0 * (alpha_dot + Omega3));
         let (t7, t8) = beta.sin_cos();
-        let t9 = self.c7 * t7;
+        let t9 = self.c5 * t7;
         let t10 = R::ONE + t9;
-        let t11 = self.c8 * t8;
+        let t11 = self.c6 * t8;
         let t12 = R::ONE + t11;
         let t13 = (-R::from_f64(5.0))
             .mul_add(Omega3 * t12, R::from_f64(2.0) * (Omega2 * t10));
         let t14 = Omega1.mul_add(t10, beta_dot * t9);
         let t15 = Omega1.mul_add(t12, beta_dot * t11);
         let t16 = self
-            .c28
+            .c32
             .mul_add(
                 beta * beta,
                 self
-                    .c27
+                    .c31
                     .mul_add(
                         alpha * alpha,
                         self
-                            .c26
+                            .c30
                             .mul_add(
                                 Omega3 * Omega3,
                                 self
-                                    .c25
-                                    .mul_add(Omega2 * Omega2, self.c24 * (Omega1 * Omega1)),
+                                    .c29
+                                    .mul_add(Omega2 * Omega2, self.c28 * (Omega1 * Omega1)),
                             ),
                     ),
             );
-        self.c30
+        self.c34
             .mul_add(
                 t13
                     .mul_add(
@@ -757,7 +747,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                             .mul_add(t15 * t15, R::from_f64(4.0) * (t14 * t14)),
                     ),
                 self
-                    .c29
+                    .c33
                     .mul_add(
                         R::from_f64(25.0).mul_add(t6 * t6, t5.mul_add(t5, t4 * t4)),
                         t16,
@@ -781,55 +771,55 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn momentum(&self, t: R, y: &[R; 7]) -> [R; 5] {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3] = *y;
         let _ = t;
-        let t0 = self.c1 * alpha_dot;
-        let (t1, t2) = alpha.sin_cos();
-        let t3 = t2.mul_add(self.c40, R::ONE);
-        let t4 = self.c4 * beta_dot;
-        let (t5, t6) = beta.sin_cos();
-        let t7 = t6.mul_add(R::from_f64(2.5), t5);
-        let t8 = t7.mul_add(self.c41, R::ONE);
-        let t9 = Omega1 * t1;
-        let t10 = Omega2.mul_add(t2, -t9);
-        let t11 = self.c45 * t2;
-        let t12 = self.c11 * self.c7.mul_add(t6.mul_add(R::ratio(2.0, 5.0), t5), R::ONE);
-        let t13 = Omega3 * t6;
-        let t14 = (-Omega2).mul_add(t5, t13);
+        let (t0, t1) = alpha.sin_cos();
+        let t2 = self.c20 * t1.mul_add(self.c44, R::ONE);
+        let (t3, t4) = beta.sin_cos();
+        let t5 = t4.mul_add(R::from_f64(2.5), t3);
+        let t6 = self.c3 * t5.mul_add(self.c45, R::ONE);
+        let t7 = self.c20 * (-Omega1).mul_add(t0, Omega2 * t1);
+        let t8 = self.c19 * t0;
+        let t9 = self.c46 * t1;
+        let t10 = self.c13 * self.c5.mul_add(t4.mul_add(R::ratio(2.0, 5.0), t3), R::ONE);
+        let t11 = (-Omega2).mul_add(t3, Omega3 * t4);
         [
-            self.c1.mul_add(Omega3 * t3, t0),
-            self.c4.mul_add(Omega1 * t8, t4),
-            (-self.c18)
+            Omega3.mul_add(t2, self.c20 * alpha_dot),
+            Omega1.mul_add(t6, self.c3 * beta_dot),
+            (-t0)
                 .mul_add(
-                    t1 * t10.mul_add(self.c42, Omega2),
-                    self.c44.mul_add(Omega1 * t7, t8.mul_add(t4, self.c43 * Omega1)),
-                ),
-            self
-                .c44
-                .mul_add(
-                    t5 * (-t14).mul_add(self.c34, Omega2),
-                    (-Omega3)
+                    t7,
+                    beta_dot
                         .mul_add(
-                            t12,
+                            t6,
                             self
-                                .c1
+                                .c2
                                 .mul_add(
-                                    t2 * t10,
-                                    (-t9)
-                                        .mul_add(self.c18, Omega2.mul_add(t11, self.c46 * Omega2)),
+                                    Omega1 * t5,
+                                    (-Omega2).mul_add(t8, self.c4 * Omega1),
                                 ),
                         ),
                 ),
-            (-Omega2)
+            self
+                .c2
                 .mul_add(
-                    t12,
-                    self
-                        .c4
+                    t3 * (-t11).mul_add(self.c38, Omega2),
+                    (-Omega3)
                         .mul_add(
-                            t6 * t14,
-                            t13
+                            t10,
+                            t1
                                 .mul_add(
-                                    self.c20,
-                                    t3.mul_add(t0, Omega3.mul_add(t11, self.c47 * Omega3)),
+                                    t7,
+                                    (-Omega1).mul_add(t8, Omega2.mul_add(t9, self.c47 * Omega2)),
                                 ),
+                        ),
+                ),
+            self
+                .c16
+                .mul_add(
+                    t4 * t11.mul_add(self.lb, Omega3),
+                    (-Omega2)
+                        .mul_add(
+                            t10,
+                            alpha_dot.mul_add(t2, Omega3.mul_add(t9, self.c48 * Omega3)),
                         ),
                 ),
         ]
@@ -843,49 +833,45 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 16 additions, 26 multiplications (16 fused), 2 divisions, 2 elementary functions.
+    /// 16 additions, 26 multiplications (15 fused), 2 divisions, 2 elementary functions.
     pub fn check(&self, t: R, y: &[R; 7]) -> Result<(), ::hamel_runtime::Failure> {
         let [alpha, beta, _, _, _, _, _] = *y;
-        let (t0, t1) = alpha.sin_cos();
-        let t2 = t0 * t0;
-        let (t3, t4) = beta.sin_cos();
-        let t5 = self
-            .c1
+        let (t0, t1) = beta.sin_cos();
+        let (t2, t3) = alpha.sin_cos();
+        let t4 = t2 * t2;
+        let t5 = (-self.c23)
             .mul_add(
-                (-self.c32)
+                (-self.c36)
                     .mul_add(
-                        R::from_f64(6.25).mul_add(t4 * t4, t3 * t3),
-                        (-self.c31).mul_add(t4 * t3, t2),
-                    ),
-                self.c33,
-            );
-        let t6 = t2 / t5;
-        let t7 = (-t6).mul_add(self.c1, R::ONE);
-        let t8 = t1 * t1;
-        let t9 = t3 * t3.mul_add(self.c34, R::ONE);
-        let t10 = self
-            .c1
-            .mul_add(
-                self
-                    .c36
-                    .mul_add(
-                        t1.mul_add(t7, self.c35 * t9),
-                        t7.mul_add(t8, -(self.c22 * t6)),
+                        (-self.c35).mul_add(t1 * t0, t4),
+                        R::from_f64(6.25).mul_add(t1 * t1, t0 * t0),
                     ),
                 self.c37,
             );
-        let t11 = t9.mul_add(self.c38, R::ONE) / t10;
+        let t6 = t4 / t5;
+        let t7 = (-t6).mul_add(self.c20, R::ONE);
+        let t8 = t3 * t3;
+        let t9 = t0 * t0.mul_add(self.c38, R::ONE);
+        let t10 = self
+            .c20
+            .mul_add(
+                self
+                    .c40
+                    .mul_add(
+                        t3.mul_add(t7, self.c39 * t9),
+                        t7.mul_add(t8, -(self.c26 * t6)),
+                    ),
+                self.c41,
+            );
+        let t11 = t1 * t1.mul_add(self.lb, R::ONE);
         for (value, pivot) in [
             (t5, "inertia along Omega1"),
             (t10, "inertia along Omega2"),
             (
-                self
-                    .c20
-                    .mul_add(
-                        t4 * t4.mul_add(self.lb, R::ONE)
-                            * (-t11).mul_add(self.c9, R::ONE),
-                        (-t11).mul_add(self.c39, (-t8).mul_add(self.c22, self.c21)),
-                    ),
+                t11.mul_add(self.c16, (-t8).mul_add(self.c26, self.c25))
+                    - self.c43
+                        * (t9.mul_add(self.c14, R::ONE) * t11.mul_add(self.c42, R::ONE))
+                        / t10,
                 "inertia along Omega3",
             ),
         ] {

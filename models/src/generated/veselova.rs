@@ -252,9 +252,9 @@ pub struct Prepared<R = f64> {
     c16: R,
     /// `0.5 * I3`
     c17: R,
-    /// `k * chi2 / I3 - k * chi2 / I1`
-    c18: R,
     /// `k * chi1 / I3 - k * chi1 / I2`
+    c18: R,
+    /// `k * chi2 / I3 - k * chi2 / I1`
     c19: R,
     /// `k * chi3 / I2 - k * chi3 / I1`
     c20: R,
@@ -351,8 +351,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c15: R::from_f64(0.5) * I1,
             c16: R::from_f64(0.5) * I2,
             c17: R::from_f64(0.5) * I3,
-            c18: t1 - t8,
-            c19: t3 - t4,
+            c18: t3 - t4,
+            c19: t1 - t8,
             c20: t6 - t7,
         })
     }
@@ -479,16 +479,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 gamma1 * gamma1,
                 self.c9.mul_add(gamma3 * gamma3, self.c10 * (gamma2 * gamma2)),
             );
-        let t0 = Omega1
+        let t0 = (-gamma1)
             .mul_add(
-                (-self.c2).mul_add(Omega2 * gamma3, self.c5 * (Omega3 * gamma2)),
-                gamma2
+                self
+                    .c8
                     .mul_add(
-                        gamma1.mul_add(self.c20, self.c19 * gamma3),
-                        -(gamma1 * self.c8.mul_add(Omega2 * Omega3, self.c18 * gamma3)),
+                        Omega2 * Omega3,
+                        (-gamma2).mul_add(self.c20, self.c19 * gamma3),
+                    ),
+                (-self.c2)
+                    .mul_add(
+                        Omega1 * Omega2 * gamma3,
+                        gamma2 * self.c5.mul_add(Omega1 * Omega3, self.c18 * gamma3),
                     ),
             );
-        Omega3.mul_add(gamma3, Omega2.mul_add(gamma2, Omega1 * gamma1)) / S_1_1 * t0
+        Omega3.mul_add(gamma3, Omega1.mul_add(gamma1, Omega2 * gamma2)) / S_1_1 * t0
     }
 
     /// Momenta p = dL/dy.
@@ -520,7 +525,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 7 additions, 21 multiplications (7 fused), 1 division.
+    /// 7 additions, 18 multiplications (7 fused), 1 division.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 6]) -> [R; 1] {
@@ -533,22 +538,22 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 gamma1 * gamma1,
                 self.c9.mul_add(gamma3 * gamma3, self.c10 * (gamma2 * gamma2)),
             );
-        let t0 = S_1_1.recip();
-        let t1 = gamma2 * t0;
-        [
-            gamma1
-                .mul_add(
-                    t1.mul_add(self.c20, -(self.c18 * gamma3 * t0)),
-                    t1
-                        .mul_add(
-                            self.c5.mul_add(Omega1 * Omega3, self.c19 * gamma3),
-                            -(Omega2
-                                * self
-                                    .c2
-                                    .mul_add(Omega1 * gamma3, self.c8 * (Omega3 * gamma1)) * t0),
-                        ),
-                ),
-        ]
+        let t0 = (-gamma3)
+            .mul_add(
+                self
+                    .c2
+                    .mul_add(
+                        Omega1 * Omega2,
+                        (-gamma2).mul_add(self.c18, self.c19 * gamma1),
+                    ),
+                -(-self.c5)
+                    .mul_add(
+                        Omega1 * Omega3 * gamma2,
+                        -(gamma1
+                            * (-self.c8).mul_add(Omega2 * Omega3, self.c20 * gamma2)),
+                    ),
+            );
+        [t0 / S_1_1]
     }
 
     /// Residual of the constraints, zero along the motion.

@@ -161,9 +161,9 @@ pub struct Prepared<R = f64> {
     kappa: R,
     /// `rho * rho`
     c0: R,
-    /// `2 * kappa / m`
+    /// `3 * kappa / m`
     c1: R,
-    /// `kappa / m`
+    /// `2 * kappa / m`
     c2: R,
     /// `0.5 * m`
     c3: R,
@@ -181,7 +181,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 multiplications, 2 divisions.
+    /// 5 multiplications, 2 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m, kappa, rho } = *params;
         for (value, condition, meaning) in [
@@ -218,8 +218,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             m,
             kappa,
             c0: rho * rho,
-            c1: R::from_f64(2.0) * kappa / m,
-            c2: kappa / m,
+            c1: R::from_f64(3.0) * kappa / m,
+            c2: R::from_f64(2.0) * kappa / m,
             c3: R::from_f64(0.5) * m,
             c4: R::from_f64(0.5) * kappa,
         })
@@ -242,59 +242,57 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 25 additions, 51 multiplications (21 fused), 1 division.
+    /// 25 additions, 53 multiplications (20 fused), 1 division.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 9], dy: &mut [R; 9]) {
         let [x1, x2, x3, x1_dot, x2_dot, x3_dot, v1, v2, v3] = *y;
         let _ = t;
-        let t0 = x2 * x2;
-        let t1 = x3 * x3;
+        let t0 = x1 * x1;
+        let t1 = x2 * x2;
         let t2 = t0 + t1;
-        let t3 = (x1.mul_add(x1, self.c0) + t2).recip();
-        let t4 = t3 * t3;
-        let t5 = x1 * t4;
-        let t6 = x1.mul_add(t5, -t3);
-        let t7 = x1 * v1;
-        let t8 = x2.mul_add(v2, t7);
-        let t9 = R::from_f64(1.5) * t4;
-        let t10 = v3
-            .mul_add(
-                t6,
-                -((-R::ratio(2.0, 3.0))
-                    .mul_add(v3 * (-t1).mul_add(R::from_f64(0.5), t0), x3 * t8) * t9),
-            );
-        let t11 = x3 * v3;
-        let t12 = t7 + t11;
-        let t13 = v2
-            .mul_add(
-                t6,
-                -(t9
-                    * R::ratio(1.0, 3.0)
-                        .mul_add(v2 * (-t1).mul_add(R::from_f64(2.0), t0), x2 * t12)),
-            );
-        let t14 = x2.mul_add(v2, t11);
-        let t15 = self.c2
-            * R::from_f64(2.0)
+        let t3 = x3 * x3;
+        let t4 = (self.c0 + t3 + t2).recip();
+        let t5 = t4 * t4;
+        let t6 = x3 * v3;
+        let t7 = x1.mul_add(v1, t6);
+        let t8 = t3.mul_add(t5, -t4);
+        let t9 = self.c1
+            * (-R::ratio(2.0, 3.0))
                 .mul_add(
-                    v1 * (-t2).mul_add(t4, t3),
-                    t5 * t14.mul_add(R::from_f64(3.0), t7),
+                    v2 * t5.mul_add((-t1).mul_add(R::from_f64(0.5), t0), t8),
+                    x2 * t5 * t7,
                 );
-        let t16 = self.c1 * x1_dot;
-        let t17 = x3_dot * t3;
-        let t18 = x2_dot * t3;
-        let t19 = v2 * t18;
-        let t20 = x1_dot * t3;
-        let t21 = v1 * t20;
+        let t10 = x2 * v2;
+        let t11 = x1.mul_add(v1, t10);
+        let t12 = R::from_f64(1.5) * t5;
+        let t13 = t12
+            .mul_add(
+                R::ratio(1.0, 3.0)
+                    .mul_add(v3 * (-t2).mul_add(R::from_f64(2.0), t3), x3 * t11),
+                v3 * t4,
+            );
+        let t14 = self.c2 * x2_dot;
+        let t15 = t6 + t10;
+        let t16 = (-t12)
+            .mul_add(
+                R::ratio(1.0, 3.0)
+                    .mul_add(v1 * (-t1).mul_add(R::from_f64(2.0), t0), x1 * t15),
+                v1 * t8,
+            );
+        let t17 = x3_dot * t4;
+        let t18 = v3 * t17;
+        let t19 = x2_dot * v2;
+        let t20 = x1_dot * v1;
         *dy = [
             x1_dot,
             x2_dot,
             x3_dot,
-            (-self.c1).mul_add(x3_dot * t13, self.c1 * (x2_dot * t10)),
-            (-x3_dot).mul_add(t15, -(t10 * t16)),
-            x2_dot.mul_add(t15, t13 * t16),
-            x1.mul_add(v3.mul_add(t17, t19), -(t14 * t20)),
-            x2.mul_add(v3.mul_add(t17, t21), -(t12 * t18)),
-            x3.mul_add(t19 + t21, -(t8 * t17)),
+            x3_dot.mul_add(t9, -(t13 * t14)),
+            self.c2.mul_add(x3_dot * t16, self.c2 * (x1_dot * t13)),
+            (-x1_dot).mul_add(t9, -(t14 * t16)),
+            x1.mul_add(t18, (-x1_dot).mul_add(t15, x1 * t19) * t4),
+            x2.mul_add(t20.mul_add(t4, t18), -(x2_dot * t7 * t4)),
+            (-t11).mul_add(t17, x3 * (t19 + t20) * t4),
         ];
     }
 

@@ -193,11 +193,11 @@ pub struct Prepared<R = f64> {
     kappa: R,
     /// `rho * rho`
     c0: R,
-    /// `kappa / m`
-    c1: R,
     /// `3 * kappa / m`
-    c2: R,
+    c1: R,
     /// `2 * kappa / m`
+    c2: R,
+    /// `kappa / m`
     c3: R,
     /// `0.5 * m`
     c4: R,
@@ -252,9 +252,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             m,
             kappa,
             c0: rho * rho,
-            c1: kappa / m,
-            c2: R::from_f64(3.0) * kappa / m,
-            c3: R::from_f64(2.0) * kappa / m,
+            c1: R::from_f64(3.0) * kappa / m,
+            c2: R::from_f64(2.0) * kappa / m,
+            c3: kappa / m,
             c4: R::from_f64(0.5) * m,
             c5: R::from_f64(0.5) * kappa,
         })
@@ -282,69 +282,73 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn rhs(&self, t: R, y: &[R; 13], dy: &mut [R; 13]) {
         let [x1, x2, x3, x1_dot, x2_dot, x3_dot, v1, v2, v3, qw, qx, qy, qz] = *y;
         let _ = t;
-        let t0 = x2 * x2;
-        let t1 = x3 * x3;
-        let t2 = t0 + t1;
-        let t3 = x1 * x1;
-        let t4 = (self.c0 + t3 + t2).recip();
-        let t5 = t4 * t4;
-        let t6 = t3.mul_add(t5, -t4);
-        let t7 = (-t6)
-            .mul_add(R::from_f64(2.0), t5 * (-t1).mul_add(R::from_f64(2.0), t0))
-            * (self.c1 * v2);
-        let t8 = (-x2_dot).mul_add(x3, x2 * x3_dot);
-        let t9 = self.c2 * t5;
-        let t10 = x1 * t9;
-        let t11 = self.c3 * x2_dot;
-        let t12 = v3 * t5.mul_add((-t1).mul_add(R::from_f64(0.5), t0), t6);
-        let t13 = x3_dot * v3;
-        let t14 = x2 * t9;
-        let t15 = x1_dot * v1;
-        let t16 = (-x1_dot).mul_add(x3, x1 * x3_dot);
-        let t17 = v1
-            * R::from_f64(0.5).mul_add(t5 * (-t2).mul_add(R::from_f64(2.0), t3), t4);
-        let t18 = (-x1_dot).mul_add(x2, x1 * x2_dot);
-        let t19 = t16 * t4;
-        let t20 = t18 * t4;
-        let t21 = t8 * t4;
-        let t22 = R::from_f64(0.5) * (t19 - v2);
-        let t23 = R::from_f64(0.5) * (v1 + t21);
-        let t24 = R::from_f64(0.5) * (v3 + t20);
+        let t0 = (-x2_dot).mul_add(x3, x2 * x3_dot);
+        let t1 = x1 * x1;
+        let t2 = x2 * x2;
+        let t3 = t1 + t2;
+        let t4 = x3 * x3;
+        let t5 = (self.c0 + t4 + t3).recip();
+        let t6 = t5 * t5;
+        let t7 = self.c1 * t6;
+        let t8 = x3 * t7;
+        let t9 = x3_dot * v3;
+        let t10 = R::from_f64(0.5).mul_add(t6 * (-t3).mul_add(R::from_f64(2.0), t4), t5)
+            * (self.c2 * v3);
+        let t11 = t4.mul_add(t6, -t5);
+        let t12 = self.c2 * (v2 * t6.mul_add((-t2).mul_add(R::from_f64(0.5), t1), t11));
+        let t13 = x1_dot * v1;
+        let t14 = self.c3
+            * (v1
+                * (-t11)
+                    .mul_add(
+                        R::from_f64(2.0),
+                        t6 * (-t2).mul_add(R::from_f64(2.0), t1),
+                    ));
+        let t15 = (-x1_dot).mul_add(x3, x1 * x3_dot);
+        let t16 = x2 * t7;
+        let t17 = (-x1_dot).mul_add(x2, x1 * x2_dot);
+        let t18 = t15 * t5;
+        let t19 = t17 * t5;
+        let t20 = t0 * t5;
+        let t21 = R::from_f64(0.5) * (t18 - v2);
+        let t22 = R::from_f64(0.5) * (v1 + t20);
+        let t23 = R::from_f64(0.5) * (v3 + t19);
         *dy = [
             x1_dot,
             x2_dot,
             x3_dot,
-            t11
+            (-x3_dot)
                 .mul_add(
                     t12,
-                    x3_dot
+                    (-x2_dot)
                         .mul_add(
-                            t7,
-                            (-t14).mul_add(x3 * x2_dot.mul_add(v2, -t13), v1 * t8 * t10),
+                            t10,
+                            (-(x2 * t8))
+                                .mul_add(x2_dot.mul_add(v2, -t9), x1 * v1 * t0 * t7),
                         ),
                 ),
-            (-self.c3)
+            (-x3_dot)
                 .mul_add(
-                    x1_dot.mul_add(t12, x3_dot * t17),
-                    (-t16).mul_add(v2 * t14, -(x3 * t10 * (t13 - t15))),
+                    t14,
+                    (-(x1 * t8))
+                        .mul_add(t9 - t13, x1_dot.mul_add(t10, -(v2 * t15 * t16))),
                 ),
-            (-x1_dot)
+            x1_dot
                 .mul_add(
-                    t7,
-                    t11
+                    t12,
+                    x2_dot
                         .mul_add(
-                            t17,
-                            (x2 * t10)
-                                .mul_add(x2_dot.mul_add(v2, -t15), x3 * v3 * t9 * t18),
+                            t14,
+                            t17.mul_add(v3 * t8, x1 * t16 * x2_dot.mul_add(v2, -t13)),
                         ),
                 ),
-            v2.mul_add(t20, v3 * t19),
-            (-v1).mul_add(t20, v3 * t21),
-            (-v1).mul_add(t19, -(v2 * t21)),
-            (-qz).mul_add(t24, (-qx).mul_add(t23, qy * t22)),
-            qw.mul_add(t23, qz.mul_add(t22, qy * t24)),
-            (-qw).mul_add(t22, (-qx).mul_add(t24, qz * t23)),
-            (-qy).mul_add(t23, (-qx).mul_add(t22, qw * t24)),
+            v2.mul_add(t19, v3 * t18),
+            (-v1).mul_add(t19, v3 * t20),
+            (-v1).mul_add(t18, -(v2 * t20)),
+            (-qz).mul_add(t23, (-qx).mul_add(t22, qy * t21)),
+            qw.mul_add(t22, qz.mul_add(t21, qy * t23)),
+            (-qw).mul_add(t21, (-qx).mul_add(t23, qz * t22)),
+            (-qy).mul_add(t22, (-qx).mul_add(t21, qw * t23)),
         ];
     }
 
