@@ -77,7 +77,7 @@ pub use lanes::{F64x4, F64x8};
 pub use methods::{Dop853, Dopri5, Estimate, Method, Rk4, Tableau, Tsit5};
 pub use options::{Norm, Options, StepSize};
 pub use real::Real;
-pub use system::{OutputInfo, ParamInfo, Scene, SceneInfo, StateVector, System};
+pub use system::{Differentiable, OutputInfo, ParamInfo, Scene, SceneInfo, StateVector, System};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
