@@ -21,6 +21,7 @@
 //! ```
 
 pub mod algebra;
+pub mod differentiate;
 pub mod emit;
 pub mod error;
 pub mod explain;

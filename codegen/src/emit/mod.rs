@@ -34,6 +34,10 @@ pub struct SceneText {
     pub state: Vec<StateText>,
     /// Outputs: functions of the program besides `rhs`, `energy` and `check`.
     pub outputs: Vec<OutputText>,
+    /// Outputs that are the entries of a matrix.
+    pub matrices: Vec<MatrixText>,
+    /// Functions of a vector besides time and state.
+    pub products: Vec<ProductText>,
     /// Formula lines of functions, by name.
     pub formulas: BTreeMap<String, Vec<String>>,
 }
@@ -66,6 +70,32 @@ pub struct OutputText {
     /// Names of the components; a scalar has one.
     pub components: Vec<String>,
     /// Meaning and unit.
+    pub doc: String,
+}
+
+/// A matrix, the output of the same name being its entries.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MatrixText {
+    /// Name of the matrix and of its output.
+    pub name: String,
+    /// Numbers of rows and columns.
+    pub shape: (usize, usize),
+    /// Row and column of each entry; the others are zero.
+    pub pattern: Vec<(usize, usize)>,
+    /// Meaning.
+    pub doc: String,
+}
+
+/// A function that takes a vector besides time and state.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ProductText {
+    /// Name of the function.
+    pub name: String,
+    /// Name of the vector.
+    pub vector: String,
+    /// Names of the results.
+    pub components: Vec<String>,
+    /// Meaning.
     pub doc: String,
 }
 
