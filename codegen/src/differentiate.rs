@@ -44,12 +44,7 @@ pub struct Linearisation {
 
 impl Linearisation {
     /// Linearises `roots`, which are written in terms of inputs and the definitions of `sections`.
-    pub fn new(
-        g: &mut Graph,
-        sections: &[Section],
-        roots: &[ExprId],
-        inputs: &[SymbolId],
-    ) -> Linearisation {
+    pub fn new(g: &mut Graph, sections: &[Section], roots: &[ExprId], inputs: &[SymbolId]) -> Linearisation {
         let mut builder = Builder { vertices: Vec::new(), symbols: HashMap::new(), parts: HashMap::new() };
         for input in inputs {
             let position = builder.push(Vertex { symbol: Some(*input), section: 0, partials: Vec::new() });
@@ -255,8 +250,7 @@ impl Builder {
             return *known;
         }
         let partials = self.partials(g, e, e);
-        let position =
-            (!partials.is_empty()).then(|| self.push(Vertex { symbol: None, section, partials }));
+        let position = (!partials.is_empty()).then(|| self.push(Vertex { symbol: None, section, partials }));
         self.parts.insert(e, position);
         position
     }

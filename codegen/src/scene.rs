@@ -465,14 +465,16 @@ impl BuiltScene {
 
     fn matrix_text(&self, matrix: &Matrix) -> MatrixText {
         let (symbol, by) = match matrix.derivative {
-            Derivative::Sensitivity => ("p", "the parameters, in the order of `INFO.params`"),
+            Derivative::Sensitivity => ("p", "the parameters in the order of `INFO.params`"),
             _ => ("y", "the state"),
         };
         MatrixText {
             name: matrix.derivative.name().to_owned(),
             shape: (self.state.len(), matrix.n_columns),
             pattern: matrix.pattern.clone(),
-            doc: format!("matrix `df_i/d{symbol}_j` of the derivatives of the right-hand side by {by}; row `i`"),
+            doc: format!(
+                "matrix `df_i/d{symbol}_j` of the derivatives of the right-hand side by {by}, a row for each rate"
+            ),
         }
     }
 

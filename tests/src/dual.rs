@@ -40,10 +40,7 @@ impl<R: Real> Sub for Dual<R> {
 impl<R: Real> Mul for Dual<R> {
     type Output = Self;
     fn mul(self, other: Self) -> Self {
-        Dual {
-            value: self.value * other.value,
-            slope: self.slope * other.value + self.value * other.slope,
-        }
+        Dual { value: self.value * other.value, slope: self.slope * other.value + self.value * other.slope }
     }
 }
 

@@ -67,7 +67,14 @@ fn points(built: &BuiltScene, n_random: usize) -> Vec<At> {
     points
 }
 
-fn run<R: Real>(program: &Program, function: &str, params: &[R], t: R, state: &[R], argument: &[R]) -> Vec<R> {
+fn run<R: Real>(
+    program: &Program,
+    function: &str,
+    params: &[R],
+    t: R,
+    state: &[R],
+    argument: &[R],
+) -> Vec<R> {
     let prepared = program.prepare(params).unwrap_or_else(|e| panic!("{e}"));
     let k = program.function_idx(function).unwrap_or_else(|| panic!("no function {function}"));
     let mut out = vec![R::ZERO; program.functions[k].results.len()];
@@ -108,9 +115,8 @@ fn check_against_duals(built: &BuiltScene, at: &At, random: &mut Random) -> f64 
     let (n, n_params) = (at.state.len(), at.params.len());
     let (still, fixed) = (vec![0.0; n], vec![0.0; n_params]);
     let (params, t, state) = (lifted(&at.params), Tracked::input(at.t), lifted(&at.state));
-    let call = |function: &str, argument: &[f64]| {
-        run(program, function, &params, t, &state, &lifted(argument))
-    };
+    let call =
+        |function: &str, argument: &[f64]| run(program, function, &params, t, &state, &lifted(argument));
     let mut worst: f64 = 0.0;
     for matrix in built.matrices() {
         let name = matrix.derivative.name();
@@ -391,8 +397,10 @@ fn a_scene_without_derivatives_does_not_pay_for_them() {
 }
 
 /// A compiled scene with a Jacobian against the interpreter and against dual numbers run through compiled code.
-fn compare_compiled<S, D, const N: usize>(model: &str, compiled_products: impl Fn(&S, f64, &[f64; N], &[f64; N]) -> Vec<(Derivative, Vec<f64>)>)
-where
+fn compare_compiled<S, D, const N: usize>(
+    model: &str,
+    compiled_products: impl Fn(&S, f64, &[f64; N], &[f64; N]) -> Vec<(Derivative, Vec<f64>)>,
+) where
     S: Scene<f64> + Differentiable<f64, State = [f64; N]>,
     D: Scene<Dual<f64>, State = [Dual<f64>; N]>,
 {

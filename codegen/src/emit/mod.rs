@@ -136,8 +136,10 @@ fn with_blank_lines(text: &str) -> String {
         let ends_item = matches!(previous, "}" | "};" | "];" | "    }");
         let closes = line.trim_start().starts_with(['}', ')', ']']);
         let same_level = previous.starts_with(' ') == line.starts_with(' ');
-        let ends_line = matches!(previous.trim_start().trim_start_matches("pub ").split(' ').next(), Some("type" | "const"))
-            && previous.ends_with(';');
+        let ends_line = matches!(
+            previous.trim_start().trim_start_matches("pub ").split(' ').next(),
+            Some("type" | "const")
+        ) && previous.ends_with(';');
         if (ends_item || ends_line) && !closes && same_level {
             spaced.push('\n');
         }

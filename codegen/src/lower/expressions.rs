@@ -26,23 +26,13 @@ impl Program {
             let place = Place { name: &function.name, inputs, slots: &slots };
             let values = self.evaluate(graph, &place, &function.instructions)?;
             all.push(
-                function
-                    .results
-                    .iter()
-                    .map(|(_, o)| self.operand(graph, &place, &values, *o))
-                    .collect(),
+                function.results.iter().map(|(_, o)| self.operand(graph, &place, &values, *o)).collect(),
             );
         }
         Ok(all)
     }
 
-    fn operand(
-        &self,
-        graph: &mut Graph,
-        place: &Place<'_>,
-        values: &[ExprId],
-        operand: Operand,
-    ) -> ExprId {
+    fn operand(&self, graph: &mut Graph, place: &Place<'_>, values: &[ExprId], operand: Operand) -> ExprId {
         let Place { name, inputs, slots } = place;
         match operand {
             Operand::Value(i) => values[i as usize],
@@ -92,7 +82,9 @@ impl Program {
                     Ok(if signs.addend { graph.sub(product, addend) } else { graph.add(product, addend) })
                 }
             };
-            values.push(value.map_err(|DivisionByZero| Error::DivisionByZero { place: place.name.to_owned() })?);
+            values.push(
+                value.map_err(|DivisionByZero| Error::DivisionByZero { place: place.name.to_owned() })?,
+            );
         }
         Ok(values)
     }

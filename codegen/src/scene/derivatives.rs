@@ -56,15 +56,23 @@ impl Derivative {
 
     fn doc(self) -> &'static str {
         match self {
-            Derivative::Jacobian => "entries `df_i/dy_j` of the Jacobian that do not vanish identically, row by row",
-            Derivative::Jvp => "product `J v` of the Jacobian `df_i/dy_j` with a direction `v` of the state",
-            Derivative::Vjp => "product `J^T w` of the transposed Jacobian `df_i/dy_j` with a covector `w`",
-            Derivative::TimeDerivative => "derivative `df/dt` of the right-hand side by time at a fixed state",
+            Derivative::Jacobian => {
+                "entries `df_i/dy_j` of the Jacobian that do not vanish identically, row by row"
+            }
+            Derivative::Jvp => {
+                "product `J v` of the Jacobian `J_ij = df_i/dy_j` and a direction `v` of the state, the derivative along it"
+            }
+            Derivative::Vjp => {
+                "product `J^T w` of the transposed Jacobian `J_ij = df_i/dy_j` and a covector `w`, a weight for each rate"
+            }
+            Derivative::TimeDerivative => {
+                "derivative `df/dt` of the right-hand side by time at a fixed state"
+            }
             Derivative::Sensitivity => {
                 "derivatives `df_i/dp_j` by the parameters that do not vanish identically, row by row"
             }
             Derivative::SensitivityJvp => {
-                "product of the derivatives `df_i/dp_j` by the parameters with a direction `v` of the parameters"
+                "product of the derivatives `df_i/dp_j` by the parameters and a direction `v` of the parameters, in their order"
             }
         }
     }

@@ -130,6 +130,7 @@ impl<R: ::hamel_runtime::Real> State<R> {
 
 /// Row and column of each entry that [`Prepared::jacobian_nonzeros`] computes; the others vanish identically.
 pub const JACOBIAN_PATTERN: [(usize, usize); 4] = [(0, 0), (0, 1), (1, 0), (1, 1)];
+
 /// Row and column of each entry that [`Prepared::sensitivity_nonzeros`] computes; the others vanish identically.
 pub const SENSITIVITY_PATTERN: [(usize, usize); 8] = [
     (0, 0),
@@ -141,6 +142,7 @@ pub const SENSITIVITY_PATTERN: [(usize, usize); 8] = [
     (1, 2),
     (1, 3),
 ];
+
 /// Equations of `chaplygin_sleigh`, scene `derivatives` with everything computed that depends on parameters alone.
 ///
 /// Chaplygin sleigh
@@ -454,7 +456,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ]
     }
 
-    /// Matrix `df_i/dy_j` of the derivatives of the right-hand side by the state; row `i`
+    /// Matrix `df_i/dy_j` of the derivatives of the right-hand side by the state, a row for each rate.
     ///
     /// The entries of [`Self::jacobian_nonzeros`] at the places [`JACOBIAN_PATTERN`], zero elsewhere.
     #[inline]
@@ -464,7 +466,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         [[e0, e1], [e2, e3]]
     }
 
-    /// Matrix `df_i/dp_j` of the derivatives of the right-hand side by the parameters, in the order of `INFO.params`; row `i`
+    /// Matrix `df_i/dp_j` of the derivatives of the right-hand side by the parameters in the order of `INFO.params`, a row for each rate.
     ///
     /// The entries of [`Self::sensitivity_nonzeros`] at the places [`SENSITIVITY_PATTERN`], zero elsewhere.
     #[inline]

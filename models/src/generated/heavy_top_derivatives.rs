@@ -290,6 +290,7 @@ pub const JACOBIAN_PATTERN: [(usize, usize); 24] = [
     (5, 3),
     (5, 4),
 ];
+
 /// Row and column of each entry that [`Prepared::sensitivity_nonzeros`] computes; the others vanish identically.
 pub const SENSITIVITY_PATTERN: [(usize, usize); 24] = [
     (0, 0),
@@ -317,6 +318,7 @@ pub const SENSITIVITY_PATTERN: [(usize, usize); 24] = [
     (2, 6),
     (2, 7),
 ];
+
 /// Equations of `heavy_top`, scene `derivatives` with everything computed that depends on parameters alone.
 ///
 /// Heavy top
@@ -879,7 +881,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ]
     }
 
-    /// Matrix `df_i/dy_j` of the derivatives of the right-hand side by the state; row `i`
+    /// Matrix `df_i/dy_j` of the derivatives of the right-hand side by the state, a row for each rate.
     ///
     /// The entries of [`Self::jacobian_nonzeros`] at the places [`JACOBIAN_PATTERN`], zero elsewhere.
     #[inline]
@@ -897,7 +899,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ]
     }
 
-    /// Matrix `df_i/dp_j` of the derivatives of the right-hand side by the parameters, in the order of `INFO.params`; row `i`
+    /// Matrix `df_i/dp_j` of the derivatives of the right-hand side by the parameters in the order of `INFO.params`, a row for each rate.
     ///
     /// The entries of [`Self::sensitivity_nonzeros`] at the places [`SENSITIVITY_PATTERN`], zero elsewhere.
     #[inline]
@@ -945,7 +947,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ]
     }
 
-    /// Product `J v` of the Jacobian `df_i/dy_j` with a direction `v` of the state.
+    /// Product `J v` of the Jacobian `J_ij = df_i/dy_j` and a direction `v` of the state, the derivative along it.
     ///
     /// # Operations
     ///
@@ -983,7 +985,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ]
     }
 
-    /// Product `J^T w` of the transposed Jacobian `df_i/dy_j` with a covector `w`
+    /// Product `J^T w` of the transposed Jacobian `J_ij = df_i/dy_j` and a covector `w`, a weight for each rate.
     ///
     /// # Operations
     ///
@@ -1017,7 +1019,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ]
     }
 
-    /// Product of the derivatives `df_i/dp_j` by the parameters with a direction `v` of the parameters.
+    /// Product of the derivatives `df_i/dp_j` by the parameters and a direction `v` of the parameters, in their order.
     ///
     /// # Operations
     ///

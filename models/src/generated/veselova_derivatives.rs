@@ -228,6 +228,7 @@ pub const JACOBIAN_PATTERN: [(usize, usize); 30] = [
     (5, 3),
     (5, 4),
 ];
+
 /// Equations of `veselova`, scene `derivatives` with everything computed that depends on parameters alone.
 ///
 /// Veselova system
@@ -630,7 +631,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ]
     }
 
-    /// Matrix `df_i/dy_j` of the derivatives of the right-hand side by the state; row `i`
+    /// Matrix `df_i/dy_j` of the derivatives of the right-hand side by the state, a row for each rate.
     ///
     /// The entries of [`Self::jacobian_nonzeros`] at the places [`JACOBIAN_PATTERN`], zero elsewhere.
     #[inline]
@@ -649,7 +650,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ]
     }
 
-    /// Product `J v` of the Jacobian `df_i/dy_j` with a direction `v` of the state.
+    /// Product `J v` of the Jacobian `J_ij = df_i/dy_j` and a direction `v` of the state, the derivative along it.
     ///
     /// # Operations
     ///
@@ -734,7 +735,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ]
     }
 
-    /// Product `J^T w` of the transposed Jacobian `df_i/dy_j` with a covector `w`
+    /// Product `J^T w` of the transposed Jacobian `J_ij = df_i/dy_j` and a covector `w`, a weight for each rate.
     ///
     /// # Operations
     ///
