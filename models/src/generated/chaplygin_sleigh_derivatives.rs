@@ -38,6 +38,11 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
             doc: "entries `df_i/dy_j` of the Jacobian that do not vanish identically, row by row",
         },
         ::hamel_runtime::OutputInfo {
+            name: "time_derivative",
+            components: &["d_dot_omega_d_t", "d_dot_v1_d_t"],
+            doc: "derivative `df/dt` of the right-hand side by time at a fixed state",
+        },
+        ::hamel_runtime::OutputInfo {
             name: "sensitivity",
             components: &[
                 "d_dot_omega_d_J",
@@ -151,7 +156,7 @@ pub const SENSITIVITY_PATTERN: [(usize, usize); 8] = [
 /// equations on se(2). The frame sits at the contact of the edge, its first axis along the edge; the mass centre is at
 /// `(a, b)` in this frame and `J` is the moment of inertia about the mass centre.
 ///
-/// Scene `derivatives`: The Jacobian and the derivatives by the parameters.
+/// Scene `derivatives`: All derivatives of the right-hand side, for implicit methods and variational equations.
 ///
 /// # State
 ///
@@ -217,6 +222,30 @@ pub struct Prepared<R = f64> {
     c17: R,
     /// A longer expression in the parameters.
     d_A_l2_1_d_b: R,
+    /// `2 * m * a`
+    c18: R,
+    /// `m * a * -(m * b / (J + m * (a * a + b * b)))`
+    c19: R,
+    /// `a * a + b * b`
+    d_A_omega_omega_d_m: R,
+    /// `b / (J + m * (a * a + b * b))`
+    c20: R,
+    /// `m / (J + m * (a * a + b * b))`
+    c21: R,
+    /// `-(m * b / (J + m * (a * a + b * b))) / (J + m * (a * a + b * b))`
+    c22: R,
+    /// `1 + b * -(m * b / (J + m * (a * a + b * b)))`
+    c23: R,
+    /// `m * -(m * b / (J + m * (a * a + b * b)))`
+    c24: R,
+    /// `m * b`
+    c25: R,
+    /// `a * -(m * b / (J + m * (a * a + b * b)))`
+    c26: R,
+    /// `m * a`
+    c27: R,
+    /// `a / (J + m * (a * a + b * b))`
+    c28: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -229,7 +258,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 12 additions, 34 multiplications, 23 divisions, 5 sign changes.
+    /// 13 additions, 35 multiplications, 24 divisions, 5 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { J, m, a, b } = *params;
         for (value, condition, meaning) in [
@@ -252,17 +281,23 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let A_l2_1 = -(t1 / A_omega_omega);
         let A_s1_2_2 = m + t1 * A_l2_1;
         let t2 = m * a;
-        let t3 = R::from_f64(2.0) * m;
-        let t4 = t3 * a;
+        let t3 = t2 * A_l2_1;
+        let t4 = R::from_f64(2.0) * m;
+        let t5 = t4 * a;
+        let t6 = a * A_l2_1;
         let d_A_l2_1_d_m = -((b + A_l2_1 * d_A_omega_omega_d_m) / A_omega_omega);
-        let d_A_l2_1_d_a = -(t4 * A_l2_1 / A_omega_omega);
-        let d_A_l2_1_d_J = -(A_l2_1 / A_omega_omega);
+        let t7 = m * A_l2_1;
+        let d_A_l2_1_d_a = -(t5 * A_l2_1 / A_omega_omega);
+        let t8 = A_l2_1 / A_omega_omega;
+        let d_A_l2_1_d_J = -t8;
         let d_A_s1_2_2_d_m = R::ONE + b * (A_l2_1 + m * d_A_l2_1_d_m);
         let d_A_l2_1_d_b = -(m
             * (A_omega_omega.recip() + R::from_f64(2.0) * b * A_l2_1 / A_omega_omega));
         let d_A_s1_2_2_d_b = m * (A_l2_1 + b * d_A_l2_1_d_b);
-        let t5 = A_omega_omega * A_omega_omega;
-        let t6 = R::from_f64(2.0) * (m * m);
+        let t9 = A_omega_omega * A_omega_omega;
+        let t10 = a / A_omega_omega;
+        let t11 = m / A_omega_omega;
+        let t12 = R::from_f64(2.0) * (m * m);
         if !J.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "J > 0",
@@ -291,14 +326,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             m,
             a,
             c0: t2 / A_s1_2_2,
-            c1: t2 * A_l2_1 / A_s1_2_2,
+            c1: t3 / A_s1_2_2,
             A_l2_1,
             c2: t2 / A_omega_omega,
             A_omega_omega,
-            c3: t3 * b,
-            c4: t4 / A_s1_2_2,
-            c5: a * A_l2_1 + t2 * d_A_l2_1_d_m,
-            c6: m * A_l2_1 + t2 * d_A_l2_1_d_a,
+            c3: t4 * b,
+            c4: t5 / A_s1_2_2,
+            c5: t6 + t2 * d_A_l2_1_d_m,
+            c6: t7 + t2 * d_A_l2_1_d_a,
             c7: t2 * d_A_l2_1_d_J / A_s1_2_2,
             c8: t1 * d_A_l2_1_d_J / A_s1_2_2,
             c9: A_s1_2_2.recip(),
@@ -306,14 +341,26 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c11: t1 * d_A_l2_1_d_a / A_s1_2_2,
             c12: t2 * d_A_l2_1_d_b / A_s1_2_2,
             c13: d_A_s1_2_2_d_b / A_s1_2_2,
-            c14: t2 / t5,
+            c14: t2 / t9,
             d_A_l2_1_d_J,
             d_A_l2_1_d_m,
-            c15: a / A_omega_omega - t2 * d_A_omega_omega_d_m / t5,
+            c15: t10 - t2 * d_A_omega_omega_d_m / t9,
             d_A_l2_1_d_a,
-            c16: m / A_omega_omega - t6 * t0 / t5,
-            c17: t6 * a * b / t5,
+            c16: t11 - t12 * t0 / t9,
+            c17: t12 * a * b / t9,
             d_A_l2_1_d_b,
+            c18: t5,
+            c19: t3,
+            d_A_omega_omega_d_m,
+            c20: b / A_omega_omega,
+            c21: t11,
+            c22: t8,
+            c23: R::ONE + b * A_l2_1,
+            c24: t7,
+            c25: t1,
+            c26: t6,
+            c27: t2,
+            c28: t10,
         })
     }
 }
@@ -400,6 +447,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         [d_dot_omega_d_omega, d_dot_omega_d_v1, d_dot_v1_d_omega, d_dot_v1_d_v1]
     }
 
+    /// Derivative `df/dt` of the right-hand side by time at a fixed state.
+    ///
+    /// # Components
+    ///
+    /// ```text
+    /// [d_dot_omega_d_t, d_dot_v1_d_t]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// No operations.
+    #[inline]
+    #[must_use]
+    pub fn time_derivative(&self, t: R, y: &[R; 2]) -> [R; 2] {
+        let _ = (t, y);
+        [R::ZERO, R::ZERO]
+    }
+
     /// Derivatives `df_i/dp_j` by the parameters that do not vanish identically, row by row.
     ///
     /// # Components
@@ -475,6 +540,90 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [e0, e1, e2, e3, e4, e5, e6, e7] = self.sensitivity_nonzeros(t, y);
         [[e0, e1, e2, e3], [e4, e5, e6, e7]]
     }
+
+    /// Product `J v` of the Jacobian `J_ij = df_i/dy_j` and a direction `v` of the state, the derivative along it.
+    ///
+    /// # Operations
+    ///
+    /// 4 additions, 9 multiplications, 1 sign change.
+    #[inline]
+    #[must_use]
+    pub fn jvp(&self, t: R, y: &[R; 2], v: &[R; 2]) -> [R; 2] {
+        let [v_omega, v_v1] = *v;
+        let [omega, v1] = *y;
+        let _ = t;
+        /// tangents of: substitution through the factors of A
+        let [v_dot_v1, v_dot_omega] = {
+            let t0 = omega * v_v1;
+            let v_z_v1 = (self.c18 * omega + self.c19 * v1) * v_omega + self.c19 * t0;
+            let v_dot_v1 = self.c9 * v_z_v1;
+            [v_dot_v1, -(self.A_l2_1 * v_dot_v1 + self.c2 * (v1 * v_omega + t0))]
+        };
+        [v_dot_omega, v_dot_v1]
+    }
+
+    /// Product `J^T w` of the transposed Jacobian `J_ij = df_i/dy_j` and a covector `w`, a weight for each rate.
+    ///
+    /// # Operations
+    ///
+    /// 4 additions, 10 multiplications.
+    #[inline]
+    #[must_use]
+    pub fn vjp(&self, t: R, y: &[R; 2], w: &[R; 2]) -> [R; 2] {
+        let [w_dot_omega, w_dot_v1] = *w;
+        let [omega, v1] = *y;
+        let _ = t;
+        /// adjoints of: substitution through the factors of A
+        let w_z_v1 = {
+            let w_dot_v1_2 = w_dot_v1 - self.A_l2_1 * w_dot_omega;
+            self.c9 * w_dot_v1_2
+        };
+        [
+            (self.c18 * omega + self.c19 * v1) * w_z_v1 - self.c2 * (v1 * w_dot_omega),
+            omega * (self.c19 * w_z_v1 - self.c2 * w_dot_omega),
+        ]
+    }
+
+    /// Product of the derivatives `df_i/dp_j` by the parameters and a direction `v` of the parameters, in their order.
+    ///
+    /// # Operations
+    ///
+    /// 17 additions, 30 multiplications, 1 sign change.
+    #[inline]
+    #[must_use]
+    pub fn sensitivity_jvp(&self, t: R, y: &[R; 2], v: &[R; 4]) -> [R; 2] {
+        let [v_J, v_m, v_a, v_b] = *v;
+        let [omega, v1] = *y;
+        let _ = t;
+        /// substitution through the factors of A
+        let [t0, dot_v1] = {
+            let t0 = omega * v1;
+            [t0, self.c0 * (omega * omega) + self.c1 * t0]
+        };
+        /// tangents of: mass matrix A = W^T L_yy Psi
+        let v_A_omega_omega = v_J + self.d_A_omega_omega_d_m * v_m + self.c18 * v_a
+            + self.c3 * v_b;
+        /// tangents of: factors of A
+        let [v_A_l2_1, v_A_s1_2_2] = {
+            let v_A_l2_1 = -(self.c20 * v_m + self.c21 * v_b
+                + self.c22 * v_A_omega_omega);
+            [v_A_l2_1, self.c23 * v_m + self.c24 * v_b + self.c25 * v_A_l2_1]
+        };
+        /// tangents of: substitution through the factors of A
+        let [v_dot_v1, v_dot_omega] = {
+            let v_z_v1 = omega
+                * (v_m * (self.a * omega + self.c26 * v1)
+                    + v_a * (self.m * omega + self.c24 * v1)
+                    + self.c27 * (v1 * v_A_l2_1));
+            let v_dot_v1 = self.c9 * (v_z_v1 - dot_v1 * v_A_s1_2_2);
+            [
+                v_dot_v1,
+                t0 * (self.c14 * v_A_omega_omega - self.c28 * v_m - self.c21 * v_a)
+                    - dot_v1 * v_A_l2_1 - self.A_l2_1 * v_dot_v1,
+            ]
+        };
+        [v_dot_omega, v_dot_v1]
+    }
 }
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
@@ -504,10 +653,11 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     }
 
     fn outputs_of(&self, t: R, y: &[R; 2], out: &mut [R]) {
-        if let Ok(out) = <&mut [R; 12]>::try_from(out) {
+        if let Ok(out) = <&mut [R; 14]>::try_from(out) {
             let [v0, v1, v2, v3] = self.jacobian_nonzeros(t, y);
-            let [v4, v5, v6, v7, v8, v9, v10, v11] = self.sensitivity_nonzeros(t, y);
-            *out = [v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10, v11];
+            let [v4, v5] = self.time_derivative(t, y);
+            let [v6, v7, v8, v9, v10, v11, v12, v13] = self.sensitivity_nonzeros(t, y);
+            *out = [v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10, v11, v12, v13];
         }
     }
 }

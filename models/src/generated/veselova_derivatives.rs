@@ -78,6 +78,45 @@ pub const INFO: ::hamel_runtime::SceneInfo = ::hamel_runtime::SceneInfo {
             ],
             doc: "entries `df_i/dy_j` of the Jacobian that do not vanish identically, row by row",
         },
+        ::hamel_runtime::OutputInfo {
+            name: "time_derivative",
+            components: &[
+                "d_dot_Omega1_d_t",
+                "d_dot_Omega2_d_t",
+                "d_dot_Omega3_d_t",
+                "d_dot_gamma1_d_t",
+                "d_dot_gamma2_d_t",
+                "d_dot_gamma3_d_t",
+            ],
+            doc: "derivative `df/dt` of the right-hand side by time at a fixed state",
+        },
+        ::hamel_runtime::OutputInfo {
+            name: "sensitivity",
+            components: &[
+                "d_dot_Omega1_d_I1",
+                "d_dot_Omega1_d_I2",
+                "d_dot_Omega1_d_I3",
+                "d_dot_Omega1_d_k",
+                "d_dot_Omega1_d_chi1",
+                "d_dot_Omega1_d_chi2",
+                "d_dot_Omega1_d_chi3",
+                "d_dot_Omega2_d_I1",
+                "d_dot_Omega2_d_I2",
+                "d_dot_Omega2_d_I3",
+                "d_dot_Omega2_d_k",
+                "d_dot_Omega2_d_chi1",
+                "d_dot_Omega2_d_chi2",
+                "d_dot_Omega2_d_chi3",
+                "d_dot_Omega3_d_I1",
+                "d_dot_Omega3_d_I2",
+                "d_dot_Omega3_d_I3",
+                "d_dot_Omega3_d_k",
+                "d_dot_Omega3_d_chi1",
+                "d_dot_Omega3_d_chi2",
+                "d_dot_Omega3_d_chi3",
+            ],
+            doc: "derivatives `df_i/dp_j` by the parameters that do not vanish identically, row by row",
+        },
     ],
     has_energy: true,
 };
@@ -229,6 +268,31 @@ pub const JACOBIAN_PATTERN: [(usize, usize); 30] = [
     (5, 4),
 ];
 
+/// Row and column of each entry that [`Prepared::sensitivity_nonzeros`] computes; the others vanish identically.
+pub const SENSITIVITY_PATTERN: [(usize, usize); 21] = [
+    (0, 0),
+    (0, 1),
+    (0, 2),
+    (0, 3),
+    (0, 4),
+    (0, 5),
+    (0, 6),
+    (1, 0),
+    (1, 1),
+    (1, 2),
+    (1, 3),
+    (1, 4),
+    (1, 5),
+    (1, 6),
+    (2, 0),
+    (2, 1),
+    (2, 2),
+    (2, 3),
+    (2, 4),
+    (2, 5),
+    (2, 6),
+];
+
 /// Equations of `veselova`, scene `derivatives` with everything computed that depends on parameters alone.
 ///
 /// Veselova system
@@ -237,7 +301,7 @@ pub const JACOBIAN_PATTERN: [(usize, usize); 30] = [
 /// in the potential `V(gamma) = k chi . gamma`: an LR system, written with `gamma` as advected parameter,
 /// `gamma' = gamma x Omega`. The constraint `Omega . gamma = 0` depends on the state.
 ///
-/// Scene `derivatives`: The Jacobian and its products with vectors.
+/// Scene `derivatives`: All derivatives of the right-hand side, for implicit methods and variational equations.
 ///
 /// # State
 ///
@@ -251,6 +315,14 @@ pub const JACOBIAN_PATTERN: [(usize, usize); 30] = [
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(non_snake_case, reason = "names are those of the model")]
 pub struct Prepared<R = f64> {
+    /// Parameter `k`.
+    k: R,
+    /// Parameter `chi1`.
+    chi1: R,
+    /// Parameter `chi2`.
+    chi2: R,
+    /// Parameter `chi3`.
+    chi3: R,
     /// `k * chi2 / I3`
     d_free_Omega3_d_gamma1: R,
     /// `k * chi1 / I3`
@@ -293,12 +365,30 @@ pub struct Prepared<R = f64> {
     d_free_Omega3_d_gamma2: R,
     /// `-(k * chi2 / I1)`
     d_free_Omega1_d_gamma3: R,
-    /// `I1 - I3`
+    /// `chi2 / I3`
     c12: R,
-    /// `I1 - I2`
+    /// `chi1 / I3`
     c13: R,
-    /// `I2 - I3`
+    /// `k / I3`
     c14: R,
+    /// `chi1 / I2`
+    c15: R,
+    /// `chi3 / I2`
+    c16: R,
+    /// `k / I2`
+    c17: R,
+    /// `chi3 / I1`
+    c18: R,
+    /// `chi2 / I1`
+    c19: R,
+    /// `k / I1`
+    c20: R,
+    /// `I1 - I3`
+    c21: R,
+    /// `I1 - I2`
+    c22: R,
+    /// `I2 - I3`
+    c23: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -311,7 +401,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 6 multiplications, 12 divisions, 3 sign changes.
+    /// 3 additions, 6 multiplications, 21 divisions, 3 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, k, chi1, chi2, chi3 } = *params;
         for (value, condition, meaning) in [
@@ -379,6 +469,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             });
         }
         Ok(Self {
+            k,
+            chi1,
+            chi2,
+            chi3,
             d_free_Omega3_d_gamma1,
             c0: t2,
             c1: t3 / I3,
@@ -400,9 +494,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             d_free_Omega2_d_gamma1,
             d_free_Omega3_d_gamma2,
             d_free_Omega1_d_gamma3,
-            c12: t6,
-            c13: t3,
-            c14: t8,
+            c12: chi2 / I3,
+            c13: chi1 / I3,
+            c14: k / I3,
+            c15: chi1 / I2,
+            c16: chi3 / I2,
+            c17: k / I2,
+            c18: chi3 / I1,
+            c19: chi2 / I1,
+            c20: k / I1,
+            c21: t6,
+            c22: t3,
+            c23: t8,
         })
     }
 }
@@ -631,6 +734,192 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ]
     }
 
+    /// Derivative `df/dt` of the right-hand side by time at a fixed state.
+    ///
+    /// # Components
+    ///
+    /// ```text
+    /// [d_dot_Omega1_d_t, d_dot_Omega2_d_t, d_dot_Omega3_d_t, d_dot_gamma1_d_t, d_dot_gamma2_d_t,
+    ///      d_dot_gamma3_d_t]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// No operations.
+    #[inline]
+    #[must_use]
+    pub fn time_derivative(&self, t: R, y: &[R; 6]) -> [R; 6] {
+        let _ = (t, y);
+        [R::ZERO, R::ZERO, R::ZERO, R::ZERO, R::ZERO, R::ZERO]
+    }
+
+    /// Derivatives `df_i/dp_j` by the parameters that do not vanish identically, row by row.
+    ///
+    /// # Components
+    ///
+    /// ```text
+    /// [d_dot_Omega1_d_I1, d_dot_Omega1_d_I2, d_dot_Omega1_d_I3, d_dot_Omega1_d_k,
+    ///      d_dot_Omega1_d_chi1, d_dot_Omega1_d_chi2, d_dot_Omega1_d_chi3, d_dot_Omega2_d_I1,
+    ///      d_dot_Omega2_d_I2, d_dot_Omega2_d_I3, d_dot_Omega2_d_k, d_dot_Omega2_d_chi1,
+    ///      d_dot_Omega2_d_chi2, d_dot_Omega2_d_chi3, d_dot_Omega3_d_I1, d_dot_Omega3_d_I2,
+    ///      d_dot_Omega3_d_I3, d_dot_Omega3_d_k, d_dot_Omega3_d_chi1, d_dot_Omega3_d_chi2,
+    ///      d_dot_Omega3_d_chi3]
+    /// ```
+    ///
+    /// # Operations
+    ///
+    /// 48 additions, 98 multiplications, 1 division, 20 sign changes.
+    #[inline]
+    #[must_use]
+    pub fn sensitivity_nonzeros(&self, t: R, y: &[R; 6]) -> [R; 21] {
+        let [Omega1, Omega2, Omega3, gamma1, gamma2, gamma3] = *y;
+        let _ = t;
+        /// free acceleration L_yy^-1 r
+        let [t0, free_Omega3, t1, free_Omega2, t2, free_Omega1] = {
+            let t0 = Omega1 * Omega2;
+            let t1 = Omega1 * Omega3;
+            let t2 = Omega2 * Omega3;
+            [
+                t0,
+                self.d_free_Omega3_d_gamma1 * gamma1 - self.c0 * gamma2 + self.c1 * t0,
+                t1,
+                self.d_free_Omega2_d_gamma3 * gamma3 - self.c2 * gamma1 - self.c3 * t1,
+                t2,
+                self.d_free_Omega1_d_gamma2 * gamma2 - self.c4 * gamma3 + self.c5 * t2,
+            ]
+        };
+        /// response to the multipliers L_yy^-1 Lambda^T
+        let [Z1_Omega3, Z1_Omega2, Z1_Omega1] = [
+            self.d_Z1_Omega3_d_gamma3 * gamma3,
+            self.d_Z1_Omega2_d_gamma2 * gamma2,
+            self.d_Z1_Omega1_d_gamma1 * gamma1,
+        ];
+        /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
+        let [S_1_1, g_1] = [
+            gamma1 * Z1_Omega1 + gamma2 * Z1_Omega2 + gamma3 * Z1_Omega3,
+            -(gamma1 * free_Omega1 + gamma2 * free_Omega2 + gamma3 * free_Omega3),
+        ];
+        /// substitution through the factors of S
+        let [t3, lambda_c1] = {
+            let t3 = S_1_1.recip();
+            [t3, g_1 * t3]
+        };
+        /// derivatives of: free acceleration L_yy^-1 r
+        let [d_free_Omega3_d_I1, d_free_Omega3_d_I2, d_free_Omega3_d_I3,
+        d_free_Omega3_d_k, d_free_Omega3_d_chi1, d_free_Omega3_d_chi2,
+        d_free_Omega2_d_I3, d_free_Omega2_d_I1, d_free_Omega2_d_I2, d_free_Omega2_d_k,
+        d_free_Omega2_d_chi1, d_free_Omega2_d_chi3, d_free_Omega1_d_I1,
+        d_free_Omega1_d_I2, d_free_Omega1_d_I3, d_free_Omega1_d_k, d_free_Omega1_d_chi2,
+        d_free_Omega1_d_chi3] = {
+            let d_free_Omega3_d_I1 = self.d_Z1_Omega3_d_gamma3 * t0;
+            let d_free_Omega2_d_I3 = self.d_Z1_Omega2_d_gamma2 * t1;
+            let d_free_Omega1_d_I2 = self.d_Z1_Omega1_d_gamma1 * t2;
+            [
+                d_free_Omega3_d_I1,
+                -d_free_Omega3_d_I1,
+                -(self.d_Z1_Omega3_d_gamma3 * free_Omega3),
+                self.c12 * gamma1 - self.c13 * gamma2,
+                -(self.c14 * gamma2),
+                self.c14 * gamma1,
+                d_free_Omega2_d_I3,
+                -d_free_Omega2_d_I3,
+                -(self.d_Z1_Omega2_d_gamma2 * free_Omega2),
+                self.c15 * gamma3 - self.c16 * gamma1,
+                self.c17 * gamma3,
+                -(self.c17 * gamma1),
+                -(self.d_Z1_Omega1_d_gamma1 * free_Omega1),
+                d_free_Omega1_d_I2,
+                -d_free_Omega1_d_I2,
+                self.c18 * gamma2 - self.c19 * gamma3,
+                -(self.c20 * gamma3),
+                self.c20 * gamma2,
+            ]
+        };
+        /// derivatives of: response to the multipliers L_yy^-1 Lambda^T
+        let [d_Z1_Omega3_d_I3, d_Z1_Omega2_d_I2, d_Z1_Omega1_d_I1] = [
+            -(self.d_Z1_Omega3_d_gamma3 * Z1_Omega3),
+            -(self.d_Z1_Omega2_d_gamma2 * Z1_Omega2),
+            -(self.d_Z1_Omega1_d_gamma1 * Z1_Omega1),
+        ];
+        /// derivatives of: multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
+        let [d_g_1_d_I1, d_g_1_d_I2, d_g_1_d_I3, d_g_1_d_k, d_g_1_d_chi1, d_g_1_d_chi2,
+        d_g_1_d_chi3] = [
+            -(gamma3 * d_free_Omega3_d_I1 + gamma2 * d_free_Omega2_d_I1
+                + gamma1 * d_free_Omega1_d_I1),
+            -(gamma3 * d_free_Omega3_d_I2 + gamma2 * d_free_Omega2_d_I2
+                + gamma1 * d_free_Omega1_d_I2),
+            -(gamma3 * d_free_Omega3_d_I3 + gamma2 * d_free_Omega2_d_I3
+                + gamma1 * d_free_Omega1_d_I3),
+            -(gamma3 * d_free_Omega3_d_k + gamma2 * d_free_Omega2_d_k
+                + gamma1 * d_free_Omega1_d_k),
+            -(gamma3 * d_free_Omega3_d_chi1 + gamma2 * d_free_Omega2_d_chi1),
+            -(gamma3 * d_free_Omega3_d_chi2 + gamma1 * d_free_Omega1_d_chi2),
+            -(gamma2 * d_free_Omega2_d_chi3 + gamma1 * d_free_Omega1_d_chi3),
+        ];
+        /// derivatives of: substitution through the factors of S
+        let [d_lambda_c1_d_I1, d_lambda_c1_d_I2, d_lambda_c1_d_I3, d_lambda_c1_d_k,
+        d_lambda_c1_d_chi1, d_lambda_c1_d_chi2, d_lambda_c1_d_chi3] = [
+            (d_g_1_d_I1 - gamma1 * lambda_c1 * d_Z1_Omega1_d_I1) * t3,
+            (d_g_1_d_I2 - gamma2 * lambda_c1 * d_Z1_Omega2_d_I2) * t3,
+            (d_g_1_d_I3 - gamma3 * lambda_c1 * d_Z1_Omega3_d_I3) * t3,
+            d_g_1_d_k * t3,
+            d_g_1_d_chi1 * t3,
+            d_g_1_d_chi2 * t3,
+            d_g_1_d_chi3 * t3,
+        ];
+        /// derivatives of: accelerations ydot = L_yy^-1 (r + Lambda^T lambda)
+        let [d_dot_Omega1_d_I1, d_dot_Omega1_d_I2, d_dot_Omega1_d_I3, d_dot_Omega1_d_k,
+        d_dot_Omega1_d_chi2, d_dot_Omega1_d_chi3, d_dot_Omega2_d_I1, d_dot_Omega2_d_I2,
+        d_dot_Omega2_d_I3, d_dot_Omega2_d_k, d_dot_Omega2_d_chi1, d_dot_Omega2_d_chi3,
+        d_dot_Omega3_d_I1, d_dot_Omega3_d_I2, d_dot_Omega3_d_I3, d_dot_Omega3_d_k,
+        d_dot_Omega3_d_chi1, d_dot_Omega3_d_chi2] = [
+            d_free_Omega1_d_I1 + lambda_c1 * d_Z1_Omega1_d_I1
+                + Z1_Omega1 * d_lambda_c1_d_I1,
+            d_free_Omega1_d_I2 + Z1_Omega1 * d_lambda_c1_d_I2,
+            d_free_Omega1_d_I3 + Z1_Omega1 * d_lambda_c1_d_I3,
+            d_free_Omega1_d_k + Z1_Omega1 * d_lambda_c1_d_k,
+            d_free_Omega1_d_chi2 + Z1_Omega1 * d_lambda_c1_d_chi2,
+            d_free_Omega1_d_chi3 + Z1_Omega1 * d_lambda_c1_d_chi3,
+            d_free_Omega2_d_I1 + Z1_Omega2 * d_lambda_c1_d_I1,
+            d_free_Omega2_d_I2 + lambda_c1 * d_Z1_Omega2_d_I2
+                + Z1_Omega2 * d_lambda_c1_d_I2,
+            d_free_Omega2_d_I3 + Z1_Omega2 * d_lambda_c1_d_I3,
+            d_free_Omega2_d_k + Z1_Omega2 * d_lambda_c1_d_k,
+            d_free_Omega2_d_chi1 + Z1_Omega2 * d_lambda_c1_d_chi1,
+            d_free_Omega2_d_chi3 + Z1_Omega2 * d_lambda_c1_d_chi3,
+            d_free_Omega3_d_I1 + Z1_Omega3 * d_lambda_c1_d_I1,
+            d_free_Omega3_d_I2 + Z1_Omega3 * d_lambda_c1_d_I2,
+            d_free_Omega3_d_I3 + lambda_c1 * d_Z1_Omega3_d_I3
+                + Z1_Omega3 * d_lambda_c1_d_I3,
+            d_free_Omega3_d_k + Z1_Omega3 * d_lambda_c1_d_k,
+            d_free_Omega3_d_chi1 + Z1_Omega3 * d_lambda_c1_d_chi1,
+            d_free_Omega3_d_chi2 + Z1_Omega3 * d_lambda_c1_d_chi2,
+        ];
+        [
+            d_dot_Omega1_d_I1,
+            d_dot_Omega1_d_I2,
+            d_dot_Omega1_d_I3,
+            d_dot_Omega1_d_k,
+            Z1_Omega1 * d_lambda_c1_d_chi1,
+            d_dot_Omega1_d_chi2,
+            d_dot_Omega1_d_chi3,
+            d_dot_Omega2_d_I1,
+            d_dot_Omega2_d_I2,
+            d_dot_Omega2_d_I3,
+            d_dot_Omega2_d_k,
+            d_dot_Omega2_d_chi1,
+            Z1_Omega2 * d_lambda_c1_d_chi2,
+            d_dot_Omega2_d_chi3,
+            d_dot_Omega3_d_I1,
+            d_dot_Omega3_d_I2,
+            d_dot_Omega3_d_I3,
+            d_dot_Omega3_d_k,
+            d_dot_Omega3_d_chi1,
+            d_dot_Omega3_d_chi2,
+            Z1_Omega3 * d_lambda_c1_d_chi3,
+        ]
+    }
+
     /// Matrix `df_i/dy_j` of the derivatives of the right-hand side by the state, a row for each rate.
     ///
     /// The entries of [`Self::jacobian_nonzeros`] at the places [`JACOBIAN_PATTERN`], zero elsewhere.
@@ -647,6 +936,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             [R::ZERO, e18, e19, R::ZERO, e20, e21],
             [e22, R::ZERO, e23, e24, R::ZERO, e25],
             [e26, e27, R::ZERO, e28, e29, R::ZERO],
+        ]
+    }
+
+    /// Matrix `df_i/dp_j` of the derivatives of the right-hand side by the parameters in the order of `INFO.params`, a row for each rate.
+    ///
+    /// The entries of [`Self::sensitivity_nonzeros`] at the places [`SENSITIVITY_PATTERN`], zero elsewhere.
+    #[inline]
+    #[must_use]
+    pub fn sensitivity(&self, t: R, y: &[R; 6]) -> [[R; 7]; 6] {
+        let [e0, e1, e2, e3, e4, e5, e6, e7, e8, e9, e10, e11, e12, e13, e14, e15, e16,
+        e17, e18, e19, e20] = self.sensitivity_nonzeros(t, y);
+        [
+            [e0, e1, e2, e3, e4, e5, e6],
+            [e7, e8, e9, e10, e11, e12, e13],
+            [e14, e15, e16, e17, e18, e19, e20],
+            [R::ZERO, R::ZERO, R::ZERO, R::ZERO, R::ZERO, R::ZERO, R::ZERO],
+            [R::ZERO, R::ZERO, R::ZERO, R::ZERO, R::ZERO, R::ZERO, R::ZERO],
+            [R::ZERO, R::ZERO, R::ZERO, R::ZERO, R::ZERO, R::ZERO, R::ZERO],
         ]
     }
 
@@ -797,11 +1104,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ];
         [
             gamma3 * w_dot_gamma2 - gamma2 * w_dot_gamma3
-                - self.c12 * (Omega3 * w_r_Omega2) + self.c13 * (Omega2 * w_r_Omega3),
+                - self.c21 * (Omega3 * w_r_Omega2) + self.c22 * (Omega2 * w_r_Omega3),
             gamma1 * w_dot_gamma3 - gamma3 * w_dot_gamma1
-                + self.c13 * (Omega1 * w_r_Omega3) + self.c14 * (Omega3 * w_r_Omega1),
+                + self.c22 * (Omega1 * w_r_Omega3) + self.c23 * (Omega3 * w_r_Omega1),
             gamma2 * w_dot_gamma1 - gamma1 * w_dot_gamma2
-                + self.c14 * (Omega2 * w_r_Omega1) - self.c12 * (Omega1 * w_r_Omega2),
+                + self.c23 * (Omega2 * w_r_Omega1) - self.c21 * (Omega1 * w_r_Omega2),
             Z1_Omega1 * w_S_1_1 + self.d_Z1_Omega1_d_gamma1 * w_Z1_Omega1
                 + self.c10 * w_r_Omega3 + Omega2 * w_dot_gamma3 - free_Omega1 * w_g_1
                 - self.c11 * w_r_Omega2 - Omega3 * w_dot_gamma2,
@@ -812,6 +1119,84 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 + self.c9 * w_r_Omega2 + Omega1 * w_dot_gamma2 - free_Omega3 * w_g_1
                 - self.c10 * w_r_Omega1 - Omega2 * w_dot_gamma1,
         ]
+    }
+
+    /// Product of the derivatives `df_i/dp_j` by the parameters and a direction `v` of the parameters, in their order.
+    ///
+    /// # Operations
+    ///
+    /// 39 additions, 69 multiplications, 1 division, 5 sign changes.
+    #[inline]
+    #[must_use]
+    pub fn sensitivity_jvp(&self, t: R, y: &[R; 6], v: &[R; 7]) -> [R; 6] {
+        let [v_I1, v_I2, v_I3, v_k, v_chi1, v_chi2, v_chi3] = *v;
+        let [Omega1, Omega2, Omega3, gamma1, gamma2, gamma3] = *y;
+        let _ = t;
+        /// free acceleration L_yy^-1 r
+        let [t0, free_Omega3, t1, free_Omega2, t2, free_Omega1] = {
+            let t0 = Omega1 * Omega2;
+            let t1 = Omega1 * Omega3;
+            let t2 = Omega2 * Omega3;
+            [
+                t0,
+                self.d_free_Omega3_d_gamma1 * gamma1 - self.c0 * gamma2 + self.c1 * t0,
+                t1,
+                self.d_free_Omega2_d_gamma3 * gamma3 - self.c2 * gamma1 - self.c3 * t1,
+                t2,
+                self.d_free_Omega1_d_gamma2 * gamma2 - self.c4 * gamma3 + self.c5 * t2,
+            ]
+        };
+        /// response to the multipliers L_yy^-1 Lambda^T
+        let [Z1_Omega3, Z1_Omega2, Z1_Omega1] = [
+            self.d_Z1_Omega3_d_gamma3 * gamma3,
+            self.d_Z1_Omega2_d_gamma2 * gamma2,
+            self.d_Z1_Omega1_d_gamma1 * gamma1,
+        ];
+        /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
+        let [S_1_1, g_1] = [
+            gamma1 * Z1_Omega1 + gamma2 * Z1_Omega2 + gamma3 * Z1_Omega3,
+            -(gamma1 * free_Omega1 + gamma2 * free_Omega2 + gamma3 * free_Omega3),
+        ];
+        /// substitution through the factors of S
+        let [t3, lambda_c1] = {
+            let t3 = S_1_1.recip();
+            [t3, g_1 * t3]
+        };
+        /// tangents of: forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
+        let [v_r_Omega1, v_r_Omega2, v_r_Omega3] = [
+            (self.chi3 * gamma2 - self.chi2 * gamma3) * v_k + t2 * (v_I2 - v_I3)
+                + self.k * (gamma2 * v_chi3 - gamma3 * v_chi2),
+            (self.chi1 * gamma3 - self.chi3 * gamma1) * v_k - t1 * (v_I1 - v_I3)
+                + self.k * (gamma3 * v_chi1 - gamma1 * v_chi3),
+            (self.chi2 * gamma1 - self.chi1 * gamma2) * v_k + t0 * (v_I1 - v_I2)
+                + self.k * (gamma1 * v_chi2 - gamma2 * v_chi1),
+        ];
+        /// tangents of: free acceleration L_yy^-1 r
+        let [v_free_Omega3, v_free_Omega2, v_free_Omega1] = [
+            self.d_Z1_Omega3_d_gamma3 * (v_r_Omega3 - free_Omega3 * v_I3),
+            self.d_Z1_Omega2_d_gamma2 * (v_r_Omega2 - free_Omega2 * v_I2),
+            self.d_Z1_Omega1_d_gamma1 * (v_r_Omega1 - free_Omega1 * v_I1),
+        ];
+        /// tangents of: response to the multipliers L_yy^-1 Lambda^T
+        let [v_Z1_Omega3, v_Z1_Omega2, v_Z1_Omega1] = [
+            -(self.d_Z1_Omega3_d_gamma3 * (Z1_Omega3 * v_I3)),
+            -(self.d_Z1_Omega2_d_gamma2 * (Z1_Omega2 * v_I2)),
+            -(self.d_Z1_Omega1_d_gamma1 * (Z1_Omega1 * v_I1)),
+        ];
+        /// tangents of: multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
+        let [v_S_1_1, v_g_1] = [
+            gamma3 * v_Z1_Omega3 + gamma2 * v_Z1_Omega2 + gamma1 * v_Z1_Omega1,
+            -(gamma3 * v_free_Omega3 + gamma2 * v_free_Omega2 + gamma1 * v_free_Omega1),
+        ];
+        /// tangents of: substitution through the factors of S
+        let v_lambda_c1 = (v_g_1 - lambda_c1 * v_S_1_1) * t3;
+        /// tangents of: accelerations ydot = L_yy^-1 (r + Lambda^T lambda)
+        let [v_dot_Omega1, v_dot_Omega2, v_dot_Omega3] = [
+            v_free_Omega1 + lambda_c1 * v_Z1_Omega1 + Z1_Omega1 * v_lambda_c1,
+            v_free_Omega2 + lambda_c1 * v_Z1_Omega2 + Z1_Omega2 * v_lambda_c1,
+            v_free_Omega3 + lambda_c1 * v_Z1_Omega3 + Z1_Omega3 * v_lambda_c1,
+        ];
+        [v_dot_Omega1, v_dot_Omega2, v_dot_Omega3, R::ZERO, R::ZERO, R::ZERO]
     }
 
     /// Says which pivot vanishes at a point.
@@ -876,10 +1261,13 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     }
 
     fn outputs_of(&self, t: R, y: &[R; 6], out: &mut [R]) {
-        if let Ok(out) = <&mut [R; 30]>::try_from(out) {
+        if let Ok(out) = <&mut [R; 57]>::try_from(out) {
             let [v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10, v11, v12, v13, v14, v15,
             v16, v17, v18, v19, v20, v21, v22, v23, v24, v25, v26, v27, v28, v29] = self
                 .jacobian_nonzeros(t, y);
+            let [v30, v31, v32, v33, v34, v35] = self.time_derivative(t, y);
+            let [v36, v37, v38, v39, v40, v41, v42, v43, v44, v45, v46, v47, v48, v49,
+            v50, v51, v52, v53, v54, v55, v56] = self.sensitivity_nonzeros(t, y);
             *out = [
                 v0,
                 v1,
@@ -911,6 +1299,33 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
                 v27,
                 v28,
                 v29,
+                v30,
+                v31,
+                v32,
+                v33,
+                v34,
+                v35,
+                v36,
+                v37,
+                v38,
+                v39,
+                v40,
+                v41,
+                v42,
+                v43,
+                v44,
+                v45,
+                v46,
+                v47,
+                v48,
+                v49,
+                v50,
+                v51,
+                v52,
+                v53,
+                v54,
+                v55,
+                v56,
             ];
         }
     }
