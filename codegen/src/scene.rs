@@ -13,7 +13,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::emit::{self, MatrixText, OutputText, ParamText, ProductText, SceneEntry, SceneText, StateText};
 use crate::error::Error;
 use crate::expr::{ExprId, Rational, SymbolId, needed_sections, sign_of};
-use crate::lower::{self, Counts, Inputs, ParamCondition, Point, Program, Relation, Request, ViolatedCondition};
+use crate::lower::{
+    self, Counts, Inputs, ParamCondition, Point, Program, Relation, Request, ViolatedCondition,
+};
 use crate::mechanics::{Equations, Output, StateEquation, derive};
 use crate::reduction::reduce;
 use crate::spec::{self, Diagnostics, Model, Param};
