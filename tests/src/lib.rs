@@ -5,7 +5,6 @@
 pub mod algebras;
 pub mod bundle;
 pub mod draws;
-pub mod dual;
 pub mod errata;
 pub mod linear;
 pub mod models;

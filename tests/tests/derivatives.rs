@@ -8,8 +8,9 @@ use hamel_codegen::expr::{ExprId, Graph, SymbolId};
 use hamel_codegen::lower::{Inputs, Point, Program};
 use hamel_codegen::scene::{self, BuiltScene, Derivative};
 use hamel_codegen::spec;
-use hamel_runtime::{Differentiable, Dop853, Integrator, Options, Real, Scene, StateVector, System};
-use hamel_tests::dual::Dual;
+use hamel_runtime::{
+    Differentiable, Dop853, DoubleDouble, Dual, Integrator, Options, Real, Scene, StateVector, System,
+};
 use hamel_tests::models::{self, build, names, params};
 use hamel_tests::reference;
 use hamel_tests::tracked::{Tracked, unit_in_the_last_place};
@@ -88,13 +89,13 @@ fn lifted(values: &[f64]) -> Vec<Tracked> {
 
 /// `df/dx` along a direction of parameters, time and state, by dual numbers.
 fn slopes(program: &Program, at: &At, direction: (&[f64], f64, &[f64])) -> Vec<Tracked> {
-    let dual = |value: f64, slope: f64| Dual { value: Tracked::input(value), slope: Tracked::input(slope) };
+    let dual = |value: f64, slope: f64| Dual::new(Tracked::input(value), Tracked::input(slope));
     let list = |values: &[f64], slopes: &[f64]| -> Vec<Dual<Tracked>> {
         values.iter().zip(slopes).map(|(x, v)| dual(*x, *v)).collect()
     };
     let (params, state) = (list(&at.params, direction.0), list(&at.state, direction.2));
     let rates = run(program, "rhs", &params, dual(at.t, direction.1), &state, &[]);
-    rates.into_iter().map(|d| d.slope).collect()
+    rates.into_iter().map(|d| d.derivative).collect()
 }
 
 fn unit(n: usize, k: usize) -> Vec<f64> {
@@ -182,7 +183,7 @@ impl Exact {
         let time = symbols(std::slice::from_ref(&program.time))[0];
         let with_argument = program.functions.iter().filter(|f| !f.argument.is_empty());
         let arguments = with_argument.map(|f| (f.name.clone(), symbols(&f.argument))).collect();
-        let inputs = Inputs { params, time, state, arguments };
+        let inputs = Inputs { params, time, state, signs: Default::default(), arguments };
         let results = program.to_expressions(&mut g, &inputs).unwrap_or_else(|e| panic!("{e}"));
         let names = program.functions.iter().map(|f| f.name.clone());
         Exact { functions: names.zip(results).collect(), g, inputs }
@@ -257,46 +258,38 @@ fn derivatives_and_patterns_are_exact_where_the_whole_expression_can_be_differen
     }
 }
 
-/// `df/dx_j` by central differences at steps `h, h/2, h/4, h/8`, extrapolated to `h = 0` (Richardson).
-fn extrapolated(mut f: impl FnMut(f64) -> Vec<f64>) -> Vec<f64> {
-    let mut previous: Vec<Vec<f64>> = Vec::new();
-    for level in 0..4 {
-        let h = 0.02 / f64::from(1 << level);
-        let (above, below) = (f(h), f(-h));
-        let mut row: Vec<Vec<f64>> =
-            vec![above.iter().zip(&below).map(|(a, b)| (a - b) / (2.0 * h)).collect()];
-        for (k, coarse) in previous.iter().enumerate() {
-            let weight = f64::from(4_u32.pow(k as u32 + 1));
-            let fine = &row[k];
-            let better = fine.iter().zip(coarse).map(|(a, b)| a + (a - b) / (weight - 1.0)).collect();
-            row.push(better);
-        }
-        previous = row;
-    }
-    previous.pop().unwrap_or_default()
-}
-
 #[test]
-fn the_jacobian_agrees_with_extrapolated_differences() {
-    // The extrapolation is of order 8 and its rounding a few 1e-13; 1e-8 leaves room for large higher derivatives and is
-    // far below any entry that was forgotten or misplaced.
+fn the_jacobian_agrees_with_differences_of_double_doubles() {
+    // With h = 2^-40 the truncation is h^2 f'''/6 = 1e-25 f''' and the rounding 1e-32/h = 1e-20 f: what is left is the rounding of
+    // the entries themselves, as against dual numbers.
+    let h = 2.0_f64.powi(-40);
     for name in names() {
         let built = build(&name, scene::DERIVATIVES);
-        for at in points(&built, 3).iter().rev().take(3) {
-            let interpreter = built.prepare(&at.params).unwrap_or_else(|e| panic!("{e}"));
-            let rows = interpreter.matrix(Derivative::Jacobian, at.t, &at.state).unwrap();
-            let size = rows.iter().flatten().fold(1.0_f64, |m, x| m.max(x.abs()));
+        let matrix = built.matrices().iter().find(|m| m.derivative == Derivative::Jacobian).unwrap();
+        for at in points(&built, 4) {
+            let wide = |values: &[f64]| values.iter().map(|x| DoubleDouble::from(*x)).collect::<Vec<_>>();
+            let (params, t) = (wide(&at.params), DoubleDouble::from(at.t));
+            let entries = run(
+                &built.program,
+                "jacobian",
+                &lifted(&at.params),
+                Tracked::input(at.t),
+                &lifted(&at.state),
+                &[],
+            );
             for j in 0..at.state.len() {
-                let column = extrapolated(|h| {
-                    let mut moved = at.state.clone();
-                    moved[j] += h;
-                    let mut rates = vec![0.0; moved.len()];
-                    interpreter.rhs(at.t, &moved, &mut rates);
-                    rates
-                });
-                for (i, expected) in column.into_iter().enumerate() {
-                    let error = (rows[i][j] - expected).abs() / size;
-                    assert!(error <= 1e-8, "{name}: J[{i}][{j}] = {} is not {expected}", rows[i][j]);
+                let rates = |h: f64| {
+                    let mut moved = wide(&at.state);
+                    moved[j] += DoubleDouble::from(h);
+                    run(&built.program, "rhs", &params, t, &moved, &[])
+                };
+                for (i, (above, below)) in rates(h).into_iter().zip(rates(-h)).enumerate() {
+                    let expected = ((above - below) / DoubleDouble::from(2.0 * h)).hi();
+                    let place = matrix.pattern.iter().position(|p| *p == (i, j));
+                    let found = place.map_or(Tracked::ZERO, |k| entries[k]);
+                    // Of an entry that vanishes, or is the difference of two rates of size one, nothing below is seen.
+                    let floor = Tracked { value: expected, term: found.term.max(1e-3) };
+                    agree(&format!("{name}: J[{i}][{j}]"), found, floor);
                 }
             }
         }
@@ -427,12 +420,12 @@ fn compare_compiled<S, D, const N: usize>(
         let size = rows.as_flattened().iter().fold(1.0_f64, |m, x| m.max(x.abs()));
         for j in 0..N {
             let mut moved = y.map(Dual::constant);
-            moved[j].slope = 1.0;
+            moved[j].derivative = 1.0;
             let mut rates = moved.zeros_like();
             system.rhs(Dual::constant(at.t), &moved, &mut rates);
             for (i, rate) in rates.iter().enumerate() {
                 // Both sum products of numbers of that size; a few hundred units in the last place.
-                let error = (rate.slope - rows[i][j]).abs();
+                let error = (rate.derivative - rows[i][j]).abs();
                 assert!(error <= 1e-13 * size, "{model}: J[{i}][{j}] is off by {error:e}");
             }
         }
@@ -522,6 +515,25 @@ mod variational {
         integrator.state().clone()
     }
 
+    /// `df/dh` at zero by central differences at steps `h, h/2, h/4, h/8`, extrapolated to `h = 0` (Richardson).
+    fn extrapolated(mut f: impl FnMut(f64) -> Vec<f64>) -> Vec<f64> {
+        let mut previous: Vec<Vec<f64>> = Vec::new();
+        for level in 0..4 {
+            let h = 0.02 / f64::from(1 << level);
+            let (above, below) = (f(h), f(-h));
+            let mut row: Vec<Vec<f64>> =
+                vec![above.iter().zip(&below).map(|(a, b)| (a - b) / (2.0 * h)).collect()];
+            for (k, coarse) in previous.iter().enumerate() {
+                let weight = f64::from(4_u32.pow(k as u32 + 1));
+                let fine = &row[k];
+                let better = fine.iter().zip(coarse).map(|(a, b)| a + (a - b) / (weight - 1.0)).collect();
+                row.push(better);
+            }
+            previous = row;
+        }
+        previous.pop().unwrap_or_default()
+    }
+
     #[test]
     fn variational_equations_give_the_derivative_of_the_motion() {
         let params = <Prepared as Scene<f64>>::INFO.params.iter().map(|p| p.default).collect::<Vec<f64>>();
@@ -543,7 +555,7 @@ mod variational {
             motion(&prepared(h), moved).to_vec()
         });
         assert!(expected.iter().all(|d| d.abs() > 1e-3));
-        // As for the Jacobian: extrapolation of order 8, and the integration's tolerance over the smallest step.
+        // The extrapolation is of order 8; the integration's tolerance over the smallest step is a few 1e-10.
         models::close("derivative of the motion", &found[N..], &expected, 1e-8);
     }
 }
