@@ -23,6 +23,7 @@
 
 pub mod algebra;
 pub mod config;
+pub mod differentiate;
 pub mod emit;
 pub mod error;
 pub mod explain;

@@ -6,15 +6,21 @@
 //!
 //! Deliberately does not know: how equations are derived, how programs are lowered, how text is emitted.
 
+mod derivatives;
+
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::emit::{self, OutputText, ParamText, SceneEntry, SceneText, StateText};
+use crate::emit::{self, MatrixText, OutputText, ParamText, ProductText, SceneEntry, SceneText, StateText};
 use crate::error::Error;
 use crate::expr::{ExprId, Rational, SymbolId, needed_sections, sign_of};
-use crate::lower::{self, Counts, Inputs, ParamCondition, Program, Relation, Request, ViolatedCondition};
+use crate::lower::{
+    self, Counts, Inputs, ParamCondition, Point, Program, Relation, Request, ViolatedCondition,
+};
 use crate::mechanics::{Equations, Output, StateEquation, derive};
 use crate::reduction::reduce;
 use crate::spec::{self, Diagnostics, Model, Param};
+
+pub use derivatives::{Derivative, Matrix, Product};
 
 /// Name of the scene that every model has.
 pub const DEFAULT: &str = "default";
@@ -26,11 +32,13 @@ pub struct BuiltScene {
     pub name: String,
     /// What was derived.
     pub equations: Equations,
-    /// What was lowered: functions `rhs`, `energy` (when wanted), `check`, then one per output.
+    /// What was lowered: functions `rhs`, `energy` (when wanted), `check`, then one per output and per product.
     pub program: Program,
     /// The state of this scene: that of the model without what is left out, with what is reconstructed.
     pub state: Vec<StateEquation>,
     outputs: Vec<Output>,
+    matrices: Vec<Matrix>,
+    products: Vec<Product>,
     doc: String,
 }
 
@@ -50,6 +58,9 @@ pub const MINIMAL: &str = "minimal";
 /// Name of the scene with the coordinates of the group; a model has it when it says how to reconstruct them.
 pub const RECONSTRUCTION: &str = "reconstruction";
 
+/// Name of the scene with all derivatives of the right-hand side; every model has it, built when it is asked for.
+pub const DERIVATIVES: &str = "derivatives";
+
 /// What a scene asks for.
 struct Plan {
     name: String,
@@ -67,7 +78,7 @@ enum Drops {
     Named(Vec<String>),
 }
 
-/// Names of a model's scenes, the default first.
+/// Names of a model's scenes that are emitted, the default first; [`DERIVATIVES`] is one only if the model says so.
 ///
 /// Every model has [`DEFAULT`]; [`MINIMAL`] and [`RECONSTRUCTION`] where they differ from it; then its own.
 pub fn names(model: &Model) -> Vec<String> {
@@ -114,6 +125,11 @@ fn plan(model: &Model, scene: &str) -> Option<Plan> {
             let doc = "without the coordinates on which nothing depends";
             automatic(Some(vec!["energy".to_owned()]), Drops::Ignorable, false, doc)
         }
+        DERIVATIVES => {
+            let wants = ["energy"].into_iter().chain(Derivative::ALL.map(Derivative::name));
+            let wants = wants.map(str::to_owned).collect();
+            automatic(Some(wants), Drops::Nothing, false, "with the derivatives of the right-hand side")
+        }
         RECONSTRUCTION => automatic(None, Drops::Nothing, true, "with the coordinates of the group"),
         _ => None,
     }
@@ -159,12 +175,17 @@ fn build_scene(model: &Model, scene: &str) -> Result<BuiltScene, Diagnostics> {
     let equations = derive(&system).map_err(|e| model.diagnostics(vec![model.diagnose(&e)]))?;
     let available = available_outputs(&equations);
     let mut wants_energy = true;
+    let mut derivatives = BTreeSet::new();
     let outputs = match &plan.wants {
         None => available,
         Some(wants) => {
             wants_energy = wants.iter().any(|w| w == "energy");
             let mut selected = Vec::new();
             for want in wants.iter().filter(|w| *w != "energy" && *w != "rhs") {
+                if let Some(derivative) = Derivative::from_name(want) {
+                    derivatives.insert(derivative);
+                    continue;
+                }
                 let found = wanted_outputs(&equations, &available, want);
                 if found.is_empty() {
                     let known: Vec<&str> = available.iter().map(|o| o.name.as_str()).collect();
@@ -221,7 +242,7 @@ fn build_scene(model: &Model, scene: &str) -> Result<BuiltScene, Diagnostics> {
     if plan.reconstructs {
         state.extend(equations.reconstruction.iter().cloned());
     }
-    let built = lower_scene(equations, plan, state, outputs, wants_energy);
+    let built = lower_scene(equations, plan, state, outputs, wants_energy, &derivatives);
     built.map_err(|e| model.diagnostics(vec![model.diagnose(&e)]))
 }
 
@@ -320,17 +341,23 @@ fn lower_scene(
     equations: Equations,
     plan: Plan,
     state: Vec<StateEquation>,
-    outputs: Vec<Output>,
+    mut outputs: Vec<Output>,
     wants_energy: bool,
+    derivatives: &BTreeSet<Derivative>,
 ) -> Result<BuiltScene, Error> {
     let system = &equations.system;
     let mut graph = system.graph.clone();
-    let inputs = Inputs {
+    let mut inputs = Inputs {
         params: system.params.iter().map(|p| p.symbol).collect(),
         time: system.time,
         state: state.iter().map(|s| s.symbol).collect(),
         signs: system.signs.clone(),
+        arguments: BTreeMap::new(),
     };
+    let derivatives =
+        derivatives::differentiate(&mut graph, &equations.sections, &state, &inputs, derivatives);
+    inputs.arguments = derivatives.arguments;
+    outputs.extend(derivatives.outputs);
     let mut conditions: Vec<ParamCondition> = system
         .conditions
         .iter()
@@ -371,11 +398,15 @@ fn lower_scene(
     for output in &outputs {
         requests.push(Request { name: output.name.clone(), results: output.components.clone() });
     }
+    requests.extend(derivatives.requests);
     let results = requests.iter().flat_map(|r| r.results.iter().map(|(_, e)| *e));
     let roots: Vec<ExprId> = results.chain(conditions.iter().flat_map(|c| [c.greater, c.less])).collect();
-    let sections = needed_sections(&graph, &equations.sections, &roots);
+    let mut sections = equations.sections.clone();
+    sections.extend(derivatives.sections);
+    let sections = needed_sections(&graph, &sections, &roots);
     let program = lower::lower(&mut graph, &inputs, &sections, &conditions, &requests)?;
-    Ok(BuiltScene { name: plan.name, equations, program, state, outputs, doc: plan.doc })
+    let (matrices, products) = (derivatives.matrices, derivatives.products);
+    Ok(BuiltScene { name: plan.name, equations, program, state, outputs, matrices, products, doc: plan.doc })
 }
 
 impl BuiltScene {
@@ -392,6 +423,16 @@ impl BuiltScene {
     /// Outputs of the scene, besides the right-hand side and the energy.
     pub fn outputs(&self) -> &[Output] {
         &self.outputs
+    }
+
+    /// Derivatives that are matrices; their entries are outputs.
+    pub fn matrices(&self) -> &[Matrix] {
+        &self.matrices
+    }
+
+    /// Derivatives that are products with a vector.
+    pub fn products(&self) -> &[Product] {
+        &self.products
     }
 
     /// Whether the scene computes the energy.
@@ -478,7 +519,24 @@ impl BuiltScene {
                     doc: o.doc.clone(),
                 })
                 .collect(),
+            matrices: self.matrices.iter().map(|m| self.matrix_text(m)).collect(),
+            products: self.products.iter().map(product_text).collect(),
             formulas: BTreeMap::from(formulas),
+        }
+    }
+
+    fn matrix_text(&self, matrix: &Matrix) -> MatrixText {
+        let (symbol, by) = match matrix.derivative {
+            Derivative::Sensitivity => ("p", "the parameters in the order of `INFO.params`"),
+            _ => ("y", "the state"),
+        };
+        MatrixText {
+            name: matrix.derivative.name().to_owned(),
+            shape: (self.state.len(), matrix.n_columns),
+            pattern: matrix.pattern.clone(),
+            doc: format!(
+                "matrix `df_i/d{symbol}_j` of the derivatives of the right-hand side by {by}, a row for each rate"
+            ),
         }
     }
 
@@ -545,6 +603,15 @@ fn table(rows: impl Iterator<Item = (String, Vec<String>)>) -> String {
     rows.iter().map(line).collect()
 }
 
+fn product_text(product: &Product) -> ProductText {
+    ProductText {
+        name: product.derivative.name().to_owned(),
+        vector: product.vector.to_owned(),
+        components: product.components.clone(),
+        doc: product.doc.to_owned(),
+    }
+}
+
 /// A scene's program with prepared parameters, run operation by operation.
 #[derive(Clone, Debug)]
 pub struct Interpreter<'a> {
@@ -588,6 +655,34 @@ impl Interpreter<'_> {
             all.extend(out);
         }
         all
+    }
+
+    /// A derivative that is a matrix, row by row, when the scene wants it.
+    ///
+    /// # Panics
+    /// When the size of `y` is wrong.
+    pub fn matrix(&self, derivative: Derivative, t: f64, y: &[f64]) -> Option<Vec<Vec<f64>>> {
+        let matrix = self.scene.matrices.iter().find(|m| m.derivative == derivative)?;
+        let mut entries = vec![0.0; matrix.pattern.len()];
+        self.call(derivative.name(), t, y, &mut entries);
+        let mut rows = vec![vec![0.0; matrix.n_columns]; self.scene.state.len()];
+        for ((i, j), entry) in matrix.pattern.iter().zip(entries) {
+            rows[*i][*j] = entry;
+        }
+        Some(rows)
+    }
+
+    /// A derivative that is a product with `vector`, when the scene wants it.
+    ///
+    /// # Panics
+    /// When a size is wrong.
+    pub fn product(&self, derivative: Derivative, t: f64, y: &[f64], vector: &[f64]) -> Option<Vec<f64>> {
+        let product = self.scene.products.iter().find(|p| p.derivative == derivative)?;
+        let k = self.scene.program.function_idx(derivative.name())?;
+        let mut out = vec![0.0; product.components.len()];
+        let point = Point { t, state: y, argument: vector };
+        self.scene.program.run_at(k, &self.params, &self.prepared, point, &mut out);
+        Some(out)
     }
 
     /// Why the right-hand side cannot be evaluated here.

@@ -81,6 +81,23 @@ impl<R: Real, S: System<R> + ?Sized> System<R> for &S {
     }
 }
 
+/// A system that computes the derivatives of its right-hand side, as implicit methods need them.
+pub trait Differentiable<R: Real>: System<R> {
+    /// Writes df_i/dy_j to row i of `jacobian`.
+    ///
+    /// # Shapes
+    ///
+    /// jacobian: \[n\] rows of n components, n the dimension of the state.
+    fn jacobian(&self, t: R, y: &Self::State, jacobian: &mut [Self::State]);
+}
+
+impl<R: Real, S: Differentiable<R> + ?Sized> Differentiable<R> for &S {
+    #[inline]
+    fn jacobian(&self, t: R, y: &Self::State, jacobian: &mut [Self::State]) {
+        (**self).jacobian(t, y, jacobian);
+    }
+}
+
 /// A parameter of a scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ParamInfo {

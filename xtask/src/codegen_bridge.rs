@@ -60,7 +60,11 @@ pub struct Built {
 /// # Errors
 /// [`Error::UnknownScene`], [`Error::Models`].
 pub fn build(model: &Model, scene_name: &str) -> Result<Built, Error> {
-    let known = scene_names(model);
+    let mut known = scene_names(model);
+    if !known.iter().any(|k| k == scene::DERIVATIVES) {
+        // Built when it is asked for: it is emitted only for models that declare it.
+        known.push(scene::DERIVATIVES.to_owned());
+    }
     if !known.iter().any(|k| k == scene_name) {
         return Err(Error::UnknownScene { model: model.name.clone(), name: scene_name.into(), known });
     }

@@ -97,6 +97,18 @@ fn a_scene_without_energy_answers_null() {
 }
 
 #[test]
+fn every_model_has_a_scene_of_derivatives() {
+    let request = json!({"states": [state([1.0, 2.0, 3.0])]}).to_string();
+    let answer = eval_text(&mut backend(TOP, "derivatives"), &request).unwrap();
+    let answer: Value = serde_json::from_str(&answer).unwrap();
+    let entry = &answer["outputs"]["jacobian"][0]["d_dot_Omega1_d_Omega2"];
+    assert_eq!(entry.as_f64(), Some((1.5 - 0.8) / 2.0 * 3.0));
+    assert_eq!(keys(&answer["outputs"]["jacobian"][0]).len(), 6);
+    assert_eq!(answer["outputs"]["time_derivative"][0]["d_dot_Omega1_d_t"], 0.0);
+    assert_eq!(keys(&answer["outputs"]["sensitivity"][0]).len(), 9);
+}
+
+#[test]
 fn unknown_and_missing_names_list_the_right_ones() {
     let request = json!({"params": {"I4": 1, "I1": 1}, "states": [{"Omega1": 1, "omega2": 1}]});
     let problems = problems(eval(TOP, &request));

@@ -40,6 +40,10 @@ pub struct SceneText {
     pub state: Vec<StateText>,
     /// Outputs: functions of the program besides `rhs`, `energy` and `check`.
     pub outputs: Vec<OutputText>,
+    /// Outputs that are the entries of a matrix.
+    pub matrices: Vec<MatrixText>,
+    /// Functions of a vector besides time and state.
+    pub products: Vec<ProductText>,
     /// Formula lines of functions, by name.
     pub formulas: BTreeMap<String, Vec<String>>,
 }
@@ -72,6 +76,32 @@ pub struct OutputText {
     /// Names of the components; a scalar has one.
     pub components: Vec<String>,
     /// Meaning and unit.
+    pub doc: String,
+}
+
+/// A matrix, the output of the same name being its entries.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MatrixText {
+    /// Name of the matrix and of its output.
+    pub name: String,
+    /// Numbers of rows and columns.
+    pub shape: (usize, usize),
+    /// Row and column of each entry; the others are zero.
+    pub pattern: Vec<(usize, usize)>,
+    /// Meaning.
+    pub doc: String,
+}
+
+/// A function that takes a vector besides time and state.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ProductText {
+    /// Name of the function.
+    pub name: String,
+    /// Name of the vector.
+    pub vector: String,
+    /// Names of the results.
+    pub components: Vec<String>,
+    /// Meaning.
     pub doc: String,
 }
 
@@ -173,11 +203,13 @@ fn with_blank_lines(text: &str) -> String {
     let mut spaced = String::with_capacity(text.len() + text.len() / 50);
     let mut previous = "";
     for line in text.lines() {
-        let ends_item = matches!(previous, "}" | "};" | "    }");
+        let ends_item = matches!(previous, "}" | "};" | "];" | "    }");
         let closes = line.trim_start().starts_with(['}', ')', ']']);
         let same_level = previous.starts_with(' ') == line.starts_with(' ');
-        let ends_line = matches!(previous.trim_start().split(' ').next(), Some("type" | "const"))
-            && previous.ends_with(';');
+        let ends_line = matches!(
+            previous.trim_start().trim_start_matches("pub ").split(' ').next(),
+            Some("type" | "const")
+        ) && previous.ends_with(';');
         if (ends_item || ends_line) && !closes && same_level {
             spaced.push('\n');
         }

@@ -1,5 +1,7 @@
 //! The items of one scene's module.
 
+mod derivatives;
+
 use std::collections::{BTreeMap, BTreeSet};
 
 use proc_macro2::{Ident, Literal, Span, TokenStream};
@@ -31,9 +33,11 @@ pub(super) fn emit(program: &Program, text: &SceneText) -> Result<String, Error>
         module.info()?,
         module.params()?,
         module.state()?,
+        module.patterns(),
         module.prepared()?,
         module.functions()?,
         module.traits()?,
+        module.differentiable(),
     ];
     let tokens = items.into_iter().collect();
     Ok(format!("{}{}", header(&text.command), format_module(tokens, &text.runtime)?))
@@ -152,7 +156,10 @@ impl<'a> Module<'a> {
         for output in &text.outputs {
             let function = find(&output.name).ok_or_else(|| missing(&output.name))?;
             expect_size(&format!("output {}", output.name), output.components.len(), function.results.len())?;
-            outputs.push((output, function, ident(&methods.add(&output.name))));
+            let is_matrix = text.matrices.iter().any(|m| m.name == output.name);
+            let entries = derivatives::entries_method(&output.name);
+            let method = methods.add(if is_matrix { &entries } else { &output.name });
+            outputs.push((output, function, ident(&method)));
         }
 
         let mut read_params = BTreeSet::new();
@@ -611,6 +618,13 @@ impl<'a> Module<'a> {
                 }
             });
         }
+        methods.extend(self.dense_matrices()?);
+        for product in &self.text.products {
+            let function = self.product(product)?;
+            let written = self.write(function)?;
+            names_of(&written);
+            methods.extend(self.product_method(product, function, written));
+        }
         if let Some(check) = self.checked() {
             let written = self.write(check)?;
             names_of(&written);
@@ -684,7 +698,9 @@ impl<'a> Module<'a> {
         for (name, i) in self.program.state.iter().zip(0u32..) {
             state.insert(i, scope.add(name));
         }
+        let argument: Vec<String> = function.argument.iter().map(|name| scope.add(name)).collect();
         let spell = |operand: Operand| match operand {
+            Operand::Argument(i) => argument[i as usize].clone(),
             Operand::Param(i) => format!("self.{}", self.fields[i as usize]),
             Operand::Slot(i) => format!("self.{}", self.slot_fields[i as usize]),
             Operand::State(i) => state[&i].clone(),
@@ -693,7 +709,7 @@ impl<'a> Module<'a> {
         };
         let body = Body::new(self.program, &function.instructions, &results, &mut scope, "t", spell);
 
-        let mut statements = TokenStream::new();
+        let mut statements = self.vector(function, &argument, &used);
         let reads_state = used.iter().any(|o| matches!(o, Operand::State(_)));
         if reads_state {
             let names = state.iter().map(|(i, name)| {
@@ -723,7 +739,27 @@ impl<'a> Module<'a> {
             })?);
         }
         let named = function.instructions.iter().filter_map(|i| i.name.as_deref().map(legal));
-        Ok(Written { statements, results: values, locals: named.collect() })
+        Ok(Written { statements, results: values, locals: named.chain(argument).collect() })
+    }
+
+    /// Takes the vector of a function apart. This comes first: a component of the state may have the vector's name.
+    fn vector(&self, function: &Function, argument: &[String], used: &BTreeSet<Operand>) -> TokenStream {
+        let Some(product) = self.text.products.iter().find(|p| p.name == function.name) else {
+            return TokenStream::new();
+        };
+        let vector = ident(&product.vector);
+        if !used.iter().any(|o| matches!(o, Operand::Argument(_))) {
+            return quote! { let _ = #vector; };
+        }
+        let names = argument.iter().zip(0u32..).map(|(name, i)| {
+            if used.contains(&Operand::Argument(i)) {
+                let name = ident(name);
+                quote! { #name }
+            } else {
+                quote! { _ }
+            }
+        });
+        quote! { let [#(#names),*] = *#vector; }
     }
 
     fn function_doc(&self, function: &Function, title: &str, results: &[String]) -> TokenStream {

@@ -11,6 +11,7 @@ mod definition;
 mod expand;
 mod fingerprint;
 mod graph;
+mod partials;
 mod print;
 mod rational;
 mod sign;

@@ -128,7 +128,7 @@ fn assemble_function(
         .iter()
         .map(|(name, o)| (name.clone(), constants.keep(slots.hoisted(list.local(*o), *o))))
         .collect();
-    Function { name: function.name.clone(), instructions, results }
+    Function { name: function.name.clone(), argument: function.argument.clone(), instructions, results }
 }
 
 /// Values in an order of evaluation.

@@ -37,6 +37,7 @@ impl Classes {
         symbols.extend(inputs.params.iter().map(|s| (*s, Class::Param)));
         symbols.insert(inputs.time, Class::Time);
         symbols.extend(inputs.state.iter().map(|s| (*s, Class::State)));
+        symbols.extend(inputs.arguments.values().flatten().map(|s| (*s, Class::State)));
         let mut classes = Classes { symbols, expressions: HashMap::new() };
         for definition in sections.iter().flat_map(|s| &s.definitions) {
             let class = classes.add(graph, definition.expr)?;

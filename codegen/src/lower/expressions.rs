@@ -5,36 +5,35 @@ use super::program::{Constant, Instruction, Op, Operand, Program};
 use crate::error::Error;
 use crate::expr::{DivisionByZero, ExprId, Graph};
 
+/// Where instructions stand, and what they read.
+struct Place<'a> {
+    name: &'a str,
+    inputs: &'a Inputs,
+    slots: &'a [ExprId],
+}
+
 impl Program {
     /// Results of every function as expressions in the inputs, in the order of functions and results.
     ///
     /// # Errors
     /// [`Error::DivisionByZero`] when a denominator vanishes identically.
     pub fn to_expressions(&self, graph: &mut Graph, inputs: &Inputs) -> Result<Vec<Vec<ExprId>>, Error> {
-        let values = self.evaluate(graph, inputs, &[], &self.prepare.instructions, "prepare")?;
+        let prepare = Place { name: "prepare", inputs, slots: &[] };
+        let values = self.evaluate(graph, &prepare, &self.prepare.instructions)?;
         let slots: Vec<ExprId> = self.prepare.slots.iter().map(|slot| values[slot.value as usize]).collect();
         let mut all = Vec::with_capacity(self.functions.len());
         for function in &self.functions {
-            let values = self.evaluate(graph, inputs, &slots, &function.instructions, &function.name)?;
+            let place = Place { name: &function.name, inputs, slots: &slots };
+            let values = self.evaluate(graph, &place, &function.instructions)?;
             all.push(
-                function
-                    .results
-                    .iter()
-                    .map(|(_, o)| self.operand(graph, inputs, &slots, &values, *o))
-                    .collect(),
+                function.results.iter().map(|(_, o)| self.operand(graph, &place, &values, *o)).collect(),
             );
         }
         Ok(all)
     }
 
-    fn operand(
-        &self,
-        graph: &mut Graph,
-        inputs: &Inputs,
-        slots: &[ExprId],
-        values: &[ExprId],
-        operand: Operand,
-    ) -> ExprId {
+    fn operand(&self, graph: &mut Graph, place: &Place<'_>, values: &[ExprId], operand: Operand) -> ExprId {
+        let Place { name, inputs, slots } = place;
         match operand {
             Operand::Value(i) => values[i as usize],
             Operand::Constant(i) => match &self.constants[i as usize] {
@@ -45,21 +44,20 @@ impl Program {
             Operand::Slot(i) => slots[i as usize],
             Operand::Time => graph.sym(inputs.time),
             Operand::State(i) => graph.sym(inputs.state[i as usize]),
+            Operand::Argument(i) => graph.sym(inputs.argument(name)[i as usize]),
         }
     }
 
     fn evaluate(
         &self,
         graph: &mut Graph,
-        inputs: &Inputs,
-        slots: &[ExprId],
+        place: &Place<'_>,
         instructions: &[Instruction],
-        place: &str,
     ) -> Result<Vec<ExprId>, Error> {
         let mut values: Vec<ExprId> = Vec::with_capacity(instructions.len());
         for instruction in instructions {
             let operands: Vec<ExprId> =
-                instruction.op.operands().map(|o| self.operand(graph, inputs, slots, &values, o)).collect();
+                instruction.op.operands().map(|o| self.operand(graph, place, &values, o)).collect();
             let a = operands[0];
             let b = *operands.get(1).unwrap_or(&a);
             let value = match instruction.op {
@@ -84,7 +82,9 @@ impl Program {
                     Ok(if signs.addend { graph.sub(product, addend) } else { graph.add(product, addend) })
                 }
             };
-            values.push(value.map_err(|DivisionByZero| Error::DivisionByZero { place: place.to_owned() })?);
+            values.push(
+                value.map_err(|DivisionByZero| Error::DivisionByZero { place: place.name.to_owned() })?,
+            );
         }
         Ok(values)
     }

@@ -389,7 +389,7 @@ fn negated(program: &mut Program, operand: Operand, may_prepare: bool) -> Option
         },
         Operand::Slot(i) => Operand::Value(program.prepare.slots[i as usize].value),
         Operand::Param(_) => operand,
-        Operand::Value(_) | Operand::Time | Operand::State(_) => return None,
+        Operand::Value(_) | Operand::Time | Operand::State(_) | Operand::Argument(_) => return None,
     };
     if !may_prepare {
         return None;

@@ -35,12 +35,24 @@ impl Constant {
     }
 }
 
+/// Where a function is evaluated.
+#[derive(Clone, Copy, Debug)]
+pub struct Point<'a, R> {
+    /// Time.
+    pub t: R,
+    /// The state.
+    pub state: &'a [R],
+    /// The vector that the function takes besides, empty for most.
+    pub argument: &'a [R],
+}
+
 struct Memory<'a, R> {
     constants: Vec<R>,
     params: &'a [R],
     prepared: &'a [R],
     t: R,
     state: &'a [R],
+    argument: &'a [R],
     values: Vec<R>,
 }
 
@@ -53,6 +65,7 @@ impl<R: Real> Memory<'_, R> {
             Operand::Slot(i) => self.prepared[i as usize],
             Operand::Time => self.t,
             Operand::State(i) => self.state[i as usize],
+            Operand::Argument(i) => self.argument[i as usize],
         }
     }
 
@@ -113,8 +126,8 @@ impl Program {
             }
         }
         let constants = self.constants.iter().map(Constant::value).collect();
-        let mut memory =
-            Memory { constants, params, prepared: &[], t: R::ZERO, state: &[], values: Vec::new() };
+        let (t, values) = (R::ZERO, Vec::new());
+        let mut memory = Memory { constants, params, prepared: &[], t, state: &[], argument: &[], values };
         memory.run(&self.prepare.instructions);
         for condition in &self.prepare.conditions {
             let (greater, less) = (memory.read(condition.greater), memory.read(condition.less));
@@ -130,7 +143,7 @@ impl Program {
         Ok(self.prepare.slots.iter().map(|slot| memory.values[slot.value as usize]).collect())
     }
 
-    /// Calls a function.
+    /// Calls a function of time and state.
     ///
     /// # Shapes
     /// params: \[n_params\], prepared: what [`Program::prepare`] returned, state: \[n_state\], out: \[n_results\].
@@ -146,13 +159,33 @@ impl Program {
         state: &[R],
         out: &mut [R],
     ) {
+        self.run_at(function_idx, params, prepared, Point { t, state, argument: &[] }, out);
+    }
+
+    /// Calls a function at a point.
+    ///
+    /// # Shapes
+    /// As [`Program::run`]; argument: \[n_argument\].
+    ///
+    /// # Panics
+    /// When the function does not exist or a size is wrong.
+    pub fn run_at<R: Real>(
+        &self,
+        function_idx: usize,
+        params: &[R],
+        prepared: &[R],
+        point: Point<'_, R>,
+        out: &mut [R],
+    ) {
+        let Point { t, state, argument } = point;
         let function = &self.functions[function_idx];
         assert_eq!(params.len(), self.params.len(), "number of parameters");
         assert_eq!(prepared.len(), self.prepare.slots.len(), "number of prepared values");
         assert_eq!(state.len(), self.state.len(), "dimension of the state");
+        assert_eq!(argument.len(), function.argument.len(), "dimension of the argument");
         assert_eq!(out.len(), function.results.len(), "number of results");
         let constants = self.constants.iter().map(Constant::value).collect();
-        let mut memory = Memory { constants, params, prepared, t, state, values: Vec::new() };
+        let mut memory = Memory { constants, params, prepared, t, state, argument, values: Vec::new() };
         memory.run(&function.instructions);
         for (slot, (_, operand)) in out.iter_mut().zip(&function.results) {
             *slot = memory.read(*operand);

@@ -24,7 +24,7 @@ use crate::expr::{ExprId, Graph, Sign, SymbolId, sign_of};
 
 pub use crate::expr::{Definition, Section};
 
-pub use interpret::ViolatedCondition;
+pub use interpret::{Point, ViolatedCondition};
 pub use program::{
     Condition, Constant, Counts, Function, Instruction, Literal, Op, Operand, Prepare, Program, Relation,
     Signs, Slot, completes_pair,
@@ -44,6 +44,15 @@ pub struct Inputs {
     pub state: Vec<SymbolId>,
     /// Signs of expressions in the parameters: what may be divided by.
     pub signs: BTreeMap<ExprId, Sign>,
+    /// Components of the vector that a function takes besides, by the function's name.
+    pub arguments: BTreeMap<String, Vec<SymbolId>>,
+}
+
+impl Inputs {
+    /// Components of the vector that a function takes besides time and state; most take none.
+    fn argument(&self, function: &str) -> &[SymbolId] {
+        self.arguments.get(function).map_or(&[], Vec::as_slice)
+    }
 }
 
 /// A function to make: its name and its named results.
@@ -83,6 +92,7 @@ pub fn lower(
     let classes = Classes::of(graph, inputs, sections, requests)?;
     let source = Source { inputs, sections, conditions, classes };
     source.check_conditions(graph)?;
+    source.check_arguments(graph, requests)?;
     let signs = source.signs(graph);
     let mut pool = number::Pool::new();
     let mut functions = Vec::with_capacity(requests.len());
@@ -117,6 +127,31 @@ impl Source<'_> {
                         reason: format!("condition {} depends on time or state", condition.text),
                     });
                 }
+            }
+        }
+        Ok(())
+    }
+
+    /// A function sees its own argument only.
+    fn check_arguments(&self, graph: &Graph, requests: &[Request]) -> Result<(), Error> {
+        if self.inputs.arguments.is_empty() {
+            return Ok(());
+        }
+        for request in requests {
+            let roots: Vec<ExprId> = request.results.iter().map(|(_, e)| *e).collect();
+            let needed = self.needed_definitions(graph, &roots);
+            let definitions = self.sections.iter().flat_map(|s| &s.definitions);
+            let used = definitions.filter(|d| needed.contains(&d.symbol)).map(|d| d.expr).chain(roots);
+            let used: BTreeSet<SymbolId> = used.flat_map(|e| graph.free_symbols(e)).collect();
+            let others = self.inputs.arguments.iter().filter(|(name, _)| **name != request.name);
+            if let Some(foreign) = others.flat_map(|(_, symbols)| symbols).find(|s| used.contains(s)) {
+                return Err(Error::Program {
+                    reason: format!(
+                        "{} depends on {}, which is no argument of it",
+                        request.name,
+                        graph.name(*foreign)
+                    ),
+                });
             }
         }
         Ok(())

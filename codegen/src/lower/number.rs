@@ -40,7 +40,7 @@ impl Pool {
             Operand::Constant(_) => Class::Constant,
             Operand::Param(_) | Operand::Slot(_) => Class::Param,
             Operand::Time => Class::Time,
-            Operand::State(_) => Class::State,
+            Operand::State(_) | Operand::Argument(_) => Class::State,
         }
     }
 
@@ -81,6 +81,7 @@ impl Pool {
 /// A function in terms of the pool.
 pub(super) struct Numbered {
     pub(super) name: String,
+    pub(super) argument: Vec<String>,
     /// Section, name and value of each definition that is needed, in order.
     pub(super) definitions: Vec<(u32, String, Operand)>,
     pub(super) results: Vec<(String, Operand)>,
@@ -94,9 +95,15 @@ pub(super) fn number_function(
     pool: &mut Pool,
 ) -> Result<Numbered, Error> {
     let roots: Vec<ExprId> = request.results.iter().map(|(_, e)| *e).collect();
-    let (definitions, operands) = number(graph, source, &source.classes, &roots, pool);
+    let argument = source.inputs.argument(&request.name);
+    let (definitions, operands) = number(graph, source, &source.classes, argument, &roots, pool);
     let names = request.results.iter().map(|(name, _)| name.clone());
-    Ok(Numbered { name: request.name.clone(), definitions, results: names.zip(operands).collect() })
+    Ok(Numbered {
+        name: request.name.clone(),
+        argument: argument.iter().map(|s| graph.name(*s).to_owned()).collect(),
+        definitions,
+        results: names.zip(operands).collect(),
+    })
 }
 
 /// Numbers both sides of the conditions, in order: greater, less, greater, less.
@@ -110,13 +117,14 @@ pub(super) fn number_conditions(
     for root in &roots {
         classes.add(graph, *root)?;
     }
-    Ok(number(graph, source, &classes, &roots, pool).1)
+    Ok(number(graph, source, &classes, &[], &roots, pool).1)
 }
 
 fn number(
     graph: &Graph,
     source: &Source<'_>,
     classes: &Classes,
+    argument: &[SymbolId],
     roots: &[ExprId],
     pool: &mut Pool,
 ) -> (Vec<(u32, String, Operand)>, Vec<Operand>) {
@@ -133,6 +141,7 @@ fn number(
     symbols.extend(source.inputs.params.iter().zip(0u32..).map(|(s, i)| (*s, Operand::Param(i))));
     symbols.insert(source.inputs.time, Operand::Time);
     symbols.extend(source.inputs.state.iter().zip(0u32..).map(|(s, i)| (*s, Operand::State(i))));
+    symbols.extend(argument.iter().zip(0u32..).map(|(s, i)| (*s, Operand::Argument(i))));
 
     let everything: Vec<ExprId> =
         definitions.iter().map(|(_, d)| d.expr).chain(roots.iter().copied()).collect();

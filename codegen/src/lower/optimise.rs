@@ -207,16 +207,15 @@ impl Writer<'_> {
         let mut sections: Vec<Section> = source
             .sections
             .iter()
-            .map(|s| {
-                let hoisted = |d: &&Definition| {
-                    needed_symbols.contains(&d.symbol) && source.classes.get(d.expr) <= Class::Param
-                };
-                Section {
-                    title: s.title.clone(),
-                    definitions: s.definitions.iter().filter(hoisted).copied().collect(),
-                }
-            })
+            .map(|s| Section { title: s.title.clone(), definitions: Vec::new() })
             .collect();
+        // Definitions in the parameters alone come first: a number may be written by any of them, a later one included.
+        if let Some(first) = sections.first_mut() {
+            let all = source.sections.iter().flat_map(|s| &s.definitions);
+            let hoisted = all
+                .filter(|d| needed_symbols.contains(&d.symbol) && source.classes.get(d.expr) <= Class::Param);
+            first.definitions.extend(hoisted.copied());
+        }
         let alive = needed(self.system, self.entries, roots);
         // Named values in their old order, each after what it needs.
         let mut named: Vec<usize> =

@@ -83,6 +83,8 @@ pub enum Operand {
     Time,
     /// A component of the state; not in the prepare part.
     State(u32),
+    /// A component of the function's own vector besides time and state; see [`Function::argument`].
+    Argument(u32),
 }
 
 /// An operation on operands.
@@ -209,6 +211,8 @@ pub struct Prepare {
 pub struct Function {
     /// Its name.
     pub name: String,
+    /// Names of the components of the vector that it takes besides time and state; mostly none.
+    pub argument: Vec<String>,
     /// Straight-line code; sections ascend.
     pub instructions: Vec<Instruction>,
     /// Names and values of the results.

@@ -26,7 +26,13 @@ fn fixture() -> Fixture {
     let (p, t, x) = (params.map(|s| g.sym(s)), g.sym(time), state.map(|s| g.sym(s)));
     Fixture {
         g,
-        inputs: Inputs { params: params.to_vec(), time, state: state.to_vec(), signs: BTreeMap::new() },
+        inputs: Inputs {
+            params: params.to_vec(),
+            time,
+            state: state.to_vec(),
+            signs: BTreeMap::new(),
+            arguments: BTreeMap::new(),
+        },
         p,
         t,
         x,
@@ -512,4 +518,35 @@ fn values_of_constants_are_those_of_the_expressions() {
     assert_eq!(Constant::Rational(Rational::one()).literal(), Literal::One);
     let f = fixture();
     assert_eq!(f.values().len(), 7);
+}
+
+#[test]
+fn a_function_takes_a_vector_of_its_own() {
+    // f(x; v) = (x y) v0 + v1 and g(x; w) = (x y) w0 share x y in the pool and keep their vectors apart.
+    let Fixture { mut g, mut inputs, x: [x, y, _], .. } = fixture();
+    let [v0, v1, w0] = ["v0", "v1", "w0"].map(|n| g.symbol(n));
+    inputs.arguments = BTreeMap::from([("f".to_owned(), vec![v0, v1]), ("g".to_owned(), vec![w0])]);
+    let [e0, e1, f0] = [v0, v1, w0].map(|s| g.sym(s));
+    let (along_v, along_w) = (g.product(&[x, y, e0]), g.product(&[x, y, f0]));
+    let sum = g.add(along_v, e1);
+    let requests = [request("f", &[sum]), request("g", &[along_w])];
+    let program = lower(&mut g, &inputs, &[], &[], &requests).unwrap();
+    assert_eq!(program.functions[0].argument, ["v0", "v1"]);
+    assert_eq!(program.functions[1].argument, ["w0"]);
+    let prepared = program.prepare(&PARAMS).unwrap();
+    let mut out = [0.0];
+    let point = |argument| Point { t: TIME, state: &STATE, argument };
+    program.run_at(0, &PARAMS, &prepared, point(&[2.0, 5.0]), &mut out);
+    assert_eq!(out, [STATE[0] * STATE[1] * 2.0 + 5.0]);
+    program.run_at(1, &PARAMS, &prepared, point(&[3.0]), &mut out);
+    assert_eq!(out, [STATE[0] * STATE[1] * 3.0]);
+    assert_eq!(program.to_expressions(&mut g, &inputs).unwrap(), [[sum], [along_w]]);
+
+    // A component that the vector does not have, and a vector of another function.
+    let mut short = program.clone();
+    short.functions[0].argument.pop();
+    assert!(verify(&short).is_err());
+    let foreign = [request("f", &[sum]), request("g", &[along_v])];
+    let error = lower(&mut g, &inputs, &[], &[], &foreign).unwrap_err();
+    assert!(error.to_string().contains("g depends on v0"), "{error}");
 }

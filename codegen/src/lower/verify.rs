@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::program::{Instruction, Literal, Op, Operand, Program};
+use super::program::{Function, Instruction, Literal, Op, Operand, Program};
 use crate::error::Error;
 use crate::expr::Func;
 
@@ -24,7 +24,7 @@ pub fn verify(program: &Program) -> Result<(), Error> {
         }
     }
     let prepare = &program.prepare;
-    let mut used = verify_list(program, "prepare", &prepare.instructions, true)?;
+    let mut used = verify_list(program, "prepare", &prepare.instructions, None)?;
     for slot in &prepare.slots {
         match used.get_mut(slot.value as usize) {
             Some(used) => *used = true,
@@ -33,7 +33,7 @@ pub fn verify(program: &Program) -> Result<(), Error> {
     }
     for condition in &prepare.conditions {
         for side in [condition.greater, condition.less] {
-            check_operand(program, "prepare", side, prepare.instructions.len(), true)?;
+            check_operand(program, "prepare", side, prepare.instructions.len(), None)?;
             if let Operand::Value(i) = side {
                 used[i as usize] = true;
             }
@@ -45,7 +45,7 @@ pub fn verify(program: &Program) -> Result<(), Error> {
     let mut slot_used = vec![false; prepare.slots.len()];
     for function in &program.functions {
         let name = &function.name;
-        let mut used = verify_list(program, name, &function.instructions, false)?;
+        let mut used = verify_list(program, name, &function.instructions, Some(function))?;
         if let Some(i) = lonely_half(&function.instructions) {
             return fail(format!("value {i} of {name} stands apart from the other half of its pair"));
         }
@@ -66,7 +66,7 @@ pub fn verify(program: &Program) -> Result<(), Error> {
                 &format!("{name}.{result}"),
                 *operand,
                 function.instructions.len(),
-                false,
+                Some(function),
             )?;
             if let Operand::Value(i) = operand {
                 used[*i as usize] = true;
@@ -103,17 +103,17 @@ fn lonely_half(instructions: &[Instruction]) -> Option<usize> {
     sines.iter().find_map(apart)
 }
 
-/// Checks operands of a list and returns which values are used within it.
+/// Checks operands of a list and returns which values are used within it; `function` is none for the prepare part.
 fn verify_list(
     program: &Program,
     place: &str,
     instructions: &[Instruction],
-    in_prepare: bool,
+    function: Option<&Function>,
 ) -> Result<Vec<bool>, Error> {
     let mut used = vec![false; instructions.len()];
     for (i, instruction) in instructions.iter().enumerate() {
         for operand in instruction.op.operands() {
-            check_operand(program, place, operand, i, in_prepare)?;
+            check_operand(program, place, operand, i, function)?;
             if let Operand::Value(v) = operand {
                 used[v as usize] = true;
             }
@@ -134,15 +134,16 @@ fn check_operand(
     place: &str,
     operand: Operand,
     n_values: usize,
-    in_prepare: bool,
+    function: Option<&Function>,
 ) -> Result<(), Error> {
     let fits = match operand {
         Operand::Value(i) => (i as usize) < n_values,
         Operand::Constant(i) => (i as usize) < program.constants.len(),
         Operand::Param(i) => (i as usize) < program.params.len(),
-        Operand::Slot(i) => !in_prepare && (i as usize) < program.prepare.slots.len(),
-        Operand::Time => !in_prepare,
-        Operand::State(i) => !in_prepare && (i as usize) < program.state.len(),
+        Operand::Slot(i) => function.is_some() && (i as usize) < program.prepare.slots.len(),
+        Operand::Time => function.is_some(),
+        Operand::State(i) => function.is_some() && (i as usize) < program.state.len(),
+        Operand::Argument(i) => function.is_some_and(|f| (i as usize) < f.argument.len()),
     };
     if fits {
         Ok(())

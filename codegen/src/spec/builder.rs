@@ -797,7 +797,8 @@ impl ModelBuilder {
         self
     }
 
-    /// A scene: parameters fixed to numbers (in the order of their components) and outputs wanted.
+    /// A scene: parameters fixed to numbers (in the order of their components) and what is wanted: names of outputs, or
+    /// derivatives of the right-hand side such as `jacobian`.
     pub fn scene(
         &mut self,
         name: &str,

@@ -18,6 +18,8 @@ pub mod chaplygin_gyro_reconstruction;
 /// Chaplygin sleigh
 pub mod chaplygin_sleigh;
 /// Chaplygin sleigh
+pub mod chaplygin_sleigh_derivatives;
+/// Chaplygin sleigh
 pub mod chaplygin_sleigh_reconstruction;
 /// Euler's disk
 pub mod euler_disk;
@@ -39,6 +41,8 @@ pub mod free_rigid_body;
 pub mod free_rigid_body_reconstruction;
 /// Heavy top
 pub mod heavy_top;
+/// Heavy top
+pub mod heavy_top_derivatives;
 /// Heavy top
 pub mod heavy_top_lagrange;
 /// Heavy top
@@ -94,6 +98,8 @@ pub mod two_arm_satellite_reconstruction;
 /// Veselova system
 pub mod veselova;
 /// Veselova system
+pub mod veselova_derivatives;
+/// Veselova system
 pub mod veselova_reconstruction;
 /// Particle with non-abelian charge
 pub mod wong_particle;
@@ -116,6 +122,7 @@ macro_rules! for_each_scene {
             (chaplygin_gyro, "chaplygin_gyro", "default", 10)
             (chaplygin_gyro_reconstruction, "chaplygin_gyro", "reconstruction", 16)
             (chaplygin_sleigh, "chaplygin_sleigh", "default", 2)
+            (chaplygin_sleigh_derivatives, "chaplygin_sleigh", "derivatives", 2)
             (chaplygin_sleigh_reconstruction, "chaplygin_sleigh", "reconstruction", 5)
             (euler_disk, "euler_disk", "default", 5)
             (euler_disk_advected, "euler_disk_advected", "default", 6)
@@ -127,6 +134,7 @@ macro_rules! for_each_scene {
             (free_rigid_body, "free_rigid_body", "default", 3)
             (free_rigid_body_reconstruction, "free_rigid_body", "reconstruction", 7)
             (heavy_top, "heavy_top", "default", 6)
+            (heavy_top_derivatives, "heavy_top", "derivatives", 6)
             (heavy_top_lagrange, "heavy_top", "lagrange", 6)
             (heavy_top_reconstruction, "heavy_top", "reconstruction", 10)
             (kirchhoff_body, "kirchhoff_body", "default", 6)
@@ -154,6 +162,7 @@ macro_rules! for_each_scene {
             (two_arm_satellite, "two_arm_satellite", "default", 7)
             (two_arm_satellite_reconstruction, "two_arm_satellite", "reconstruction", 11)
             (veselova, "veselova", "default", 6)
+            (veselova_derivatives, "veselova", "derivatives", 6)
             (veselova_reconstruction, "veselova", "reconstruction", 10)
             (wong_particle, "wong_particle", "default", 9)
             (wong_particle_reconstruction, "wong_particle", "reconstruction", 13)

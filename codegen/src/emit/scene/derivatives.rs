@@ -1,0 +1,159 @@
+//! Matrices from their entries, and functions that take a vector besides time and state.
+
+use proc_macro2::TokenStream;
+use quote::quote;
+
+use super::{Ident, Module, Written, doc_attributes, expect_size, ident, sentence, size};
+use crate::emit::{MatrixText, ProductText};
+use crate::error::Error;
+use crate::lower::Function;
+
+/// The matrix that [`hamel_runtime::Differentiable`] is about.
+const JACOBIAN: &str = "jacobian";
+
+/// Name of the method that computes the entries of a matrix.
+pub(super) fn entries_method(matrix: &str) -> String {
+    format!("{matrix}_nonzeros")
+}
+
+fn pattern_constant(matrix: &MatrixText) -> Ident {
+    ident(&format!("{}_PATTERN", matrix.name.to_ascii_uppercase()))
+}
+
+impl<'a> Module<'a> {
+    /// Whether an output is the entries of a matrix.
+    pub(super) fn matrix(&self, output: &str) -> Option<&'a MatrixText> {
+        self.text.matrices.iter().find(|m| m.name == output)
+    }
+
+    /// The entries' method and the matrix's.
+    fn matrix_methods(&self, matrix: &MatrixText) -> Result<(&Ident, Ident), Error> {
+        let found = self.outputs.iter().find(|(output, ..)| output.name == matrix.name);
+        let (output, _, entries) = found.ok_or_else(|| Error::UnknownName {
+            name: matrix.name.clone(),
+            kind: "output with the entries of a matrix",
+            known: self.text.outputs.iter().map(|o| o.name.clone()).collect(),
+        })?;
+        let what = format!("pattern of {}", matrix.name);
+        expect_size(&what, matrix.pattern.len(), output.components.len())?;
+        Ok((entries, ident(&matrix.name)))
+    }
+
+    /// Where the entries of each matrix are.
+    pub(super) fn patterns(&self) -> TokenStream {
+        let mut constants = TokenStream::new();
+        for matrix in &self.text.matrices {
+            let (name, n) = (pattern_constant(matrix), size(matrix.pattern.len()));
+            let pairs = matrix.pattern.iter().map(|(i, j)| {
+                let (i, j) = (size(*i), size(*j));
+                quote! { (#i, #j) }
+            });
+            let title = format!(
+                "Row and column of each entry that [`Prepared::{}`] computes; the others vanish identically.",
+                entries_method(&matrix.name)
+            );
+            let doc = doc_attributes([title]);
+            constants.extend(quote! {
+                #doc
+                pub const #name: [(usize, usize); #n] = [#(#pairs),*];
+            });
+        }
+        constants
+    }
+
+    /// Each matrix with its zeros.
+    pub(super) fn dense_matrices(&self) -> Result<TokenStream, Error> {
+        let mut methods = TokenStream::new();
+        let n = size(self.state.len());
+        for matrix in &self.text.matrices {
+            let (entries, method) = self.matrix_methods(matrix)?;
+            let (n_rows, n_columns) = matrix.shape;
+            let names: Vec<Ident> = (0..matrix.pattern.len()).map(|k| ident(&format!("e{k}"))).collect();
+            let mut values = vec![vec![quote! { R::ZERO }; n_columns]; n_rows];
+            for ((i, j), name) in matrix.pattern.iter().zip(&names) {
+                let place = values.get_mut(*i).and_then(|row| row.get_mut(*j));
+                let place = place.ok_or_else(|| Error::ShapeMismatch {
+                    what: format!("row or column of an entry of {}", matrix.name),
+                    found: *i.max(j),
+                    expected: n_rows.max(n_columns),
+                })?;
+                *place = quote! { #name };
+            }
+            let rows = values.iter().map(|row| quote! { [#(#row),*] });
+            let (n_rows, n_columns) = (size(n_rows), size(n_columns));
+            let constant = pattern_constant(matrix);
+            let doc = doc_attributes([
+                sentence(&matrix.doc),
+                String::new(),
+                format!("The entries of [`Self::{entries}`] at the places [`{constant}`], zero elsewhere."),
+            ]);
+            let call = if names.is_empty() {
+                quote! { let _ = (t, y); }
+            } else {
+                quote! { let [#(#names),*] = self.#entries(t, y); }
+            };
+            methods.extend(quote! {
+                #doc
+                #[inline]
+                #[must_use]
+                pub fn #method(&self, t: R, y: &[R; #n]) -> [[R; #n_columns]; #n_rows] {
+                    #call
+                    [#(#rows),*]
+                }
+            });
+        }
+        Ok(methods)
+    }
+
+    /// The function of a product, its sizes checked.
+    pub(super) fn product(&self, product: &ProductText) -> Result<&'a Function, Error> {
+        let function = self.function(&product.name).ok_or_else(|| Error::UnknownName {
+            name: product.name.clone(),
+            kind: "function of the program",
+            known: self.program.functions.iter().map(|f| f.name.clone()).collect(),
+        })?;
+        expect_size(&format!("product {}", product.name), product.components.len(), function.results.len())?;
+        Ok(function)
+    }
+
+    /// The method of a product.
+    pub(super) fn product_method(
+        &self,
+        product: &ProductText,
+        function: &Function,
+        written: Written,
+    ) -> TokenStream {
+        let (n, n_vector, n_results) =
+            (size(self.state.len()), size(function.argument.len()), size(function.results.len()));
+        let (method, vector) = (ident(&product.name), ident(&product.vector));
+        let doc = self.function_doc(function, &sentence(&product.doc), &[]);
+        let Written { statements, results, .. } = written;
+        quote! {
+            #doc
+            #[inline]
+            #[must_use]
+            pub fn #method(&self, t: R, y: &[R; #n], #vector: &[R; #n_vector]) -> [R; #n_results] {
+                #statements
+                [#(#results),*]
+            }
+        }
+    }
+
+    /// What implicit methods ask for.
+    pub(super) fn differentiable(&self) -> TokenStream {
+        if self.matrix(JACOBIAN).is_none() {
+            return TokenStream::new();
+        }
+        let n = size(self.state.len());
+        quote! {
+            impl<R: ::hamel_runtime::Real> ::hamel_runtime::Differentiable<R> for Prepared<R> {
+                #[inline]
+                fn jacobian(&self, t: R, y: &[R; #n], jacobian: &mut [[R; #n]]) {
+                    for (row, values) in jacobian.iter_mut().zip(self.jacobian(t, y)) {
+                        *row = values;
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,251 @@
+//! Derivatives of the right-hand side that a scene can want, as functions beside it.
+//!
+//! Deliberately does not know: how anything is differentiated, lowered or emitted.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::differentiate::Linearisation;
+use crate::expr::{ExprId, Graph, Section, SectionWriter, SymbolId, needed_sections};
+use crate::lower::{Inputs, Request};
+use crate::mechanics::{Output, StateEquation};
+
+/// A derivative of `dy/dt = f(t, y; p)`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Derivative {
+    /// The matrix `df_i/dy_j`.
+    Jacobian,
+    /// Its product `J v` with a direction of the state.
+    Jvp,
+    /// The product `J^T w` of its transpose with a covector.
+    Vjp,
+    /// `df/dt` at a fixed state.
+    TimeDerivative,
+    /// The matrix `df_i/dp_j` for the parameters that the scene leaves free.
+    Sensitivity,
+    /// Its product with a direction of the parameters.
+    SensitivityJvp,
+}
+
+impl Derivative {
+    /// All of them, in the order in which they are emitted.
+    pub const ALL: [Derivative; 6] = [
+        Derivative::Jacobian,
+        Derivative::Jvp,
+        Derivative::Vjp,
+        Derivative::TimeDerivative,
+        Derivative::Sensitivity,
+        Derivative::SensitivityJvp,
+    ];
+
+    /// What a scene wants, and the name of the function.
+    pub fn name(self) -> &'static str {
+        match self {
+            Derivative::Jacobian => "jacobian",
+            Derivative::Jvp => "jvp",
+            Derivative::Vjp => "vjp",
+            Derivative::TimeDerivative => "time_derivative",
+            Derivative::Sensitivity => "sensitivity",
+            Derivative::SensitivityJvp => "sensitivity_jvp",
+        }
+    }
+
+    /// The derivative of that name.
+    pub fn from_name(name: &str) -> Option<Derivative> {
+        Derivative::ALL.into_iter().find(|d| d.name() == name)
+    }
+
+    fn doc(self) -> &'static str {
+        match self {
+            Derivative::Jacobian => {
+                "entries `df_i/dy_j` of the Jacobian that do not vanish identically, row by row"
+            }
+            Derivative::Jvp => {
+                "product `J v` of the Jacobian `J_ij = df_i/dy_j` and a direction `v` of the state, the derivative along it"
+            }
+            Derivative::Vjp => {
+                "product `J^T w` of the transposed Jacobian `J_ij = df_i/dy_j` and a covector `w`, a weight for each rate"
+            }
+            Derivative::TimeDerivative => {
+                "derivative `df/dt` of the right-hand side by time at a fixed state"
+            }
+            Derivative::Sensitivity => {
+                "derivatives `df_i/dp_j` by the parameters that do not vanish identically, row by row"
+            }
+            Derivative::SensitivityJvp => {
+                "product of the derivatives `df_i/dp_j` by the parameters and a direction `v` of the parameters, in their order"
+            }
+        }
+    }
+}
+
+/// A matrix, of which the entries that do not vanish identically are computed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Matrix {
+    /// Which one; its entries are the output of that name.
+    pub derivative: Derivative,
+    /// Number of columns; there is a row for each component of the state.
+    pub n_columns: usize,
+    /// Row and column of each entry, in the order of the output's components.
+    pub pattern: Vec<(usize, usize)>,
+}
+
+/// A product with a vector that the function takes besides time and state.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Product {
+    /// Which one.
+    pub derivative: Derivative,
+    /// What is multiplied with, `v` or `w`.
+    pub vector: &'static str,
+    /// Dimension of that vector.
+    pub n_vector: usize,
+    /// Names of the results.
+    pub components: Vec<String>,
+    /// What it is.
+    pub doc: &'static str,
+}
+
+/// Wanted derivatives, and what has to be lowered for them.
+#[derive(Default)]
+pub(super) struct Derivatives {
+    /// Matrices by their entries, and the derivative by time.
+    pub(super) outputs: Vec<Output>,
+    pub(super) matrices: Vec<Matrix>,
+    pub(super) products: Vec<Product>,
+    /// The functions of products.
+    pub(super) requests: Vec<Request>,
+    pub(super) arguments: BTreeMap<String, Vec<SymbolId>>,
+    /// To come after the sections that were differentiated.
+    pub(super) sections: Vec<Section>,
+}
+
+/// Differentiates the rates of `state`, written in terms of `inputs` and the definitions of `sections`.
+pub(super) fn differentiate(
+    g: &mut Graph,
+    sections: &[Section],
+    state: &[StateEquation],
+    inputs: &Inputs,
+    wanted: &BTreeSet<Derivative>,
+) -> Derivatives {
+    let rates: Vec<ExprId> = state.iter().map(|s| s.derivative).collect();
+    let sections = needed_sections(g, sections, &rates);
+    let writer = SectionWriter::new(g, BTreeSet::new());
+    let mut pass = Pass {
+        rate_names: state.iter().map(|s| format!("dot_{}", s.name)).collect(),
+        g,
+        sections: &sections,
+        rates,
+        writer,
+        result: Derivatives::default(),
+    };
+    for derivative in wanted {
+        match derivative {
+            Derivative::Jacobian => pass.matrix(*derivative, &inputs.state),
+            Derivative::Sensitivity => pass.matrix(*derivative, &inputs.params),
+            Derivative::Jvp => pass.forward(*derivative, &inputs.state),
+            Derivative::SensitivityJvp => pass.forward(*derivative, &inputs.params),
+            Derivative::Vjp => pass.reverse(*derivative, &inputs.state),
+            Derivative::TimeDerivative => {
+                let (names, column) = pass.entries(&[inputs.time]);
+                let components = names.into_iter().zip(column).map(|((_, _, name), e)| (name, e)).collect();
+                pass.output(*derivative, components);
+            }
+        }
+    }
+    let Pass { writer, mut result, .. } = pass;
+    (result.sections, _) = writer.finish();
+    result
+}
+
+struct Pass<'a> {
+    g: &'a mut Graph,
+    sections: &'a [Section],
+    rates: Vec<ExprId>,
+    rate_names: Vec<String>,
+    writer: SectionWriter,
+    result: Derivatives,
+}
+
+impl Pass<'_> {
+    fn linearise(&mut self, by: &[SymbolId]) -> Linearisation {
+        Linearisation::new(self.g, self.sections, &self.rates, by)
+    }
+
+    /// Positions, names and values of all entries `df_i/dx_j`, row by row.
+    #[expect(clippy::type_complexity, reason = "two parallel lists, taken apart at once")]
+    fn entries(&mut self, by: &[SymbolId]) -> (Vec<(usize, usize, String)>, Vec<ExprId>) {
+        let linear = self.linearise(by);
+        let name = |value: &str, input: &str| format!("d_{value}_d_{input}");
+        let title = |section: &str| format!("derivatives of: {section}");
+        let rows = linear.jacobian(self.g, &mut self.writer, name, title);
+        let mut places = Vec::new();
+        for (i, rate) in self.rate_names.iter().enumerate() {
+            for (j, x) in by.iter().enumerate() {
+                places.push((i, j, name(rate, self.g.name(*x))));
+            }
+        }
+        (places, rows.into_iter().flatten().collect())
+    }
+
+    fn output(&mut self, derivative: Derivative, components: Vec<(String, ExprId)>) {
+        let (name, doc) = (derivative.name().to_owned(), derivative.doc().to_owned());
+        self.result.outputs.push(Output { name, components, doc });
+    }
+
+    fn matrix(&mut self, derivative: Derivative, by: &[SymbolId]) {
+        let (places, values) = self.entries(by);
+        let (mut pattern, mut components) = (Vec::new(), Vec::new());
+        for ((i, j, name), e) in places.into_iter().zip(values) {
+            if e != self.g.zero() {
+                pattern.push((i, j));
+                components.push((name, e));
+            }
+        }
+        self.output(derivative, components);
+        self.result.matrices.push(Matrix { derivative, n_columns: by.len(), pattern });
+    }
+
+    /// New symbols `v_x` for the components of a vector.
+    fn vector(&mut self, letter: &str, names: &[String]) -> (Vec<SymbolId>, Vec<ExprId>) {
+        let symbols: Vec<SymbolId> =
+            names.iter().map(|name| self.g.symbol(&format!("{letter}_{name}"))).collect();
+        let values = symbols.iter().map(|s| self.g.sym(*s)).collect();
+        (symbols, values)
+    }
+
+    fn forward(&mut self, derivative: Derivative, by: &[SymbolId]) {
+        let linear = self.linearise(by);
+        let names: Vec<String> = by.iter().map(|s| self.g.name(*s).to_owned()).collect();
+        let (symbols, direction) = self.vector("v", &names);
+        let name = |value: &str, _| format!("v_{value}");
+        let title = |section: &str| format!("tangents of: {section}");
+        let rows = linear.forward(self.g, &mut self.writer, &[direction], name, title);
+        let components = self.rate_names.iter().map(|rate| format!("v_{rate}")).collect();
+        self.product(derivative, "v", symbols, components, rows.into_iter().flatten().collect());
+    }
+
+    fn reverse(&mut self, derivative: Derivative, by: &[SymbolId]) {
+        let linear = self.linearise(by);
+        let (symbols, covector) = self.vector("w", &self.rate_names.clone());
+        let name = |value: &str| format!("w_{value}");
+        let title = |section: &str| format!("adjoints of: {section}");
+        let results = linear.reverse(self.g, &mut self.writer, &covector, name, title);
+        let components = by.iter().map(|s| format!("w_{}", self.g.name(*s))).collect();
+        self.product(derivative, "w", symbols, components, results);
+    }
+
+    fn product(
+        &mut self,
+        derivative: Derivative,
+        vector: &'static str,
+        symbols: Vec<SymbolId>,
+        components: Vec<String>,
+        values: Vec<ExprId>,
+    ) {
+        let name = derivative.name().to_owned();
+        let (n_vector, doc) = (symbols.len(), derivative.doc());
+        let results = components.iter().cloned().zip(values).collect();
+        self.result.requests.push(Request { name: name.clone(), results });
+        self.result.arguments.insert(name, symbols);
+        self.result.products.push(Product { derivative, vector, n_vector, components, doc });
+    }
+}

@@ -1,0 +1,561 @@
+//! Derivatives of the right-hand side: against exact differentiation, against dual numbers, against differences, and
+//! against each other.
+//!
+//! Rounding: a value and its counterpart by dual numbers are computed with different operations, each run on [`Tracked`]
+//! numbers; they may differ by 16 units in the last place of the larger of their largest terms.
+
+use hamel_codegen::expr::{ExprId, Graph, SymbolId};
+use hamel_codegen::lower::{Inputs, Point, Program};
+use hamel_codegen::scene::{self, BuiltScene, Derivative};
+use hamel_codegen::spec;
+use hamel_runtime::{
+    Differentiable, Dop853, DoubleDouble, Dual, Integrator, Options, Real, Scene, StateVector, System,
+};
+use hamel_tests::models::{self, build, names, params};
+use hamel_tests::reference;
+use hamel_tests::tracked::{Tracked, unit_in_the_last_place};
+
+/// Units in the last place of the largest term; measured over all models and points: 5.
+const BOUND: f64 = 16.0;
+
+/// SplitMix64 (Steele, Lea, Flood 2014), mapped to `[-1, 1)`.
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        (z ^ (z >> 31)) as f64 / (1u64 << 63) as f64 - 1.0
+    }
+
+    fn vector(&mut self, n: usize) -> Vec<f64> {
+        (0..n).map(|_| self.next()).collect()
+    }
+}
+
+/// Parameters, time and state.
+struct At {
+    params: Vec<f64>,
+    t: f64,
+    state: Vec<f64>,
+}
+
+/// All reference points of a model, and random points near its default parameters.
+fn points(built: &BuiltScene, n_random: usize) -> Vec<At> {
+    let model = &built.equations.system.name;
+    let names = built.state_names();
+    let param_names: Vec<String> = built.params().iter().map(|p| p.name.clone()).collect();
+    let mut points = Vec::new();
+    if reference::MODELS.contains(&model.as_str()) {
+        for point in reference::read(model).points {
+            points.push(At {
+                params: reference::in_order(&point.params, &param_names),
+                t: 0.0,
+                state: reference::in_order(&point.state, &names),
+            });
+        }
+    }
+    let mut random = Random(20_261_121);
+    for _ in 0..n_random {
+        let mut near = params(built, &[]);
+        near.iter_mut().for_each(|p| *p *= 1.0 + 0.05 * random.next());
+        // Inside (0, 1): every coordinate is in its domain there.
+        let state = names.iter().map(|_| 0.5 + 0.45 * random.next()).collect();
+        points.push(At { params: near, t: random.next(), state });
+    }
+    points
+}
+
+fn run<R: Real>(
+    program: &Program,
+    function: &str,
+    params: &[R],
+    t: R,
+    state: &[R],
+    argument: &[R],
+) -> Vec<R> {
+    let prepared = program.prepare(params).unwrap_or_else(|e| panic!("{e}"));
+    let k = program.function_idx(function).unwrap_or_else(|| panic!("no function {function}"));
+    let mut out = vec![R::ZERO; program.functions[k].results.len()];
+    program.run_at(k, params, &prepared, Point { t, state, argument }, &mut out);
+    out
+}
+
+fn lifted(values: &[f64]) -> Vec<Tracked> {
+    values.iter().map(|x| Tracked::input(*x)).collect()
+}
+
+/// `df/dx` along a direction of parameters, time and state, by dual numbers.
+fn slopes(program: &Program, at: &At, direction: (&[f64], f64, &[f64])) -> Vec<Tracked> {
+    let dual = |value: f64, slope: f64| Dual::new(Tracked::input(value), Tracked::input(slope));
+    let list = |values: &[f64], slopes: &[f64]| -> Vec<Dual<Tracked>> {
+        values.iter().zip(slopes).map(|(x, v)| dual(*x, *v)).collect()
+    };
+    let (params, state) = (list(&at.params, direction.0), list(&at.state, direction.2));
+    let rates = run(program, "rhs", &params, dual(at.t, direction.1), &state, &[]);
+    rates.into_iter().map(|d| d.derivative).collect()
+}
+
+fn unit(n: usize, k: usize) -> Vec<f64> {
+    (0..n).map(|j| if j == k { 1.0 } else { 0.0 }).collect()
+}
+
+fn agree(what: &str, found: Tracked, expected: Tracked) -> f64 {
+    let scale = found.term.max(expected.term);
+    let off = (found.value - expected.value).abs() / unit_in_the_last_place(scale);
+    assert!(off <= BOUND, "{what} is {off} units off: {found:?} instead of {expected:?}");
+    off
+}
+
+/// Every derivative at a point against dual numbers; the largest distance in units.
+fn check_against_duals(built: &BuiltScene, at: &At, random: &mut Random) -> f64 {
+    let program = &built.program;
+    let label = &built.equations.system.name;
+    let (n, n_params) = (at.state.len(), at.params.len());
+    let (still, fixed) = (vec![0.0; n], vec![0.0; n_params]);
+    let (params, t, state) = (lifted(&at.params), Tracked::input(at.t), lifted(&at.state));
+    let call =
+        |function: &str, argument: &[f64]| run(program, function, &params, t, &state, &lifted(argument));
+    let mut worst: f64 = 0.0;
+    for matrix in built.matrices() {
+        let name = matrix.derivative.name();
+        let entries = call(name, &[]);
+        for j in 0..matrix.n_columns {
+            let column = match matrix.derivative {
+                Derivative::Sensitivity => slopes(program, at, (&unit(n_params, j), 0.0, &still)),
+                _ => slopes(program, at, (&fixed, 0.0, &unit(n, j))),
+            };
+            for (i, expected) in column.into_iter().enumerate() {
+                let place = matrix.pattern.iter().position(|p| *p == (i, j));
+                let found = place.map_or(Tracked::ZERO, |k| entries[k]);
+                worst = worst.max(agree(&format!("{label}: {name}[{i}][{j}]"), found, expected));
+            }
+        }
+    }
+    let mut compare = |name: &str, found: Vec<Tracked>, expected: Vec<Tracked>| {
+        assert_eq!(found.len(), n, "{label}: {name}");
+        for (i, (found, expected)) in found.into_iter().zip(expected).enumerate() {
+            worst = worst.max(agree(&format!("{label}: {name}[{i}]"), found, expected));
+        }
+    };
+    compare("time_derivative", call("time_derivative", &[]), slopes(program, at, (&fixed, 1.0, &still)));
+    let v = random.vector(n);
+    compare("jvp", call("jvp", &v), slopes(program, at, (&fixed, 0.0, &v)));
+    let v = random.vector(n_params);
+    compare("sensitivity_jvp", call("sensitivity_jvp", &v), slopes(program, at, (&v, 0.0, &still)));
+    // Column by column, since w^T J e_j = (J^T w)_j.
+    let w = random.vector(n);
+    let weighted = |column: Vec<Tracked>| {
+        let terms = column.into_iter().zip(&w).map(|(d, w)| d * Tracked::input(*w));
+        terms.fold(Tracked::ZERO, |sum, term| sum + term)
+    };
+    let expected = (0..n).map(|j| weighted(slopes(program, at, (&fixed, 0.0, &unit(n, j))))).collect();
+    compare("vjp", call("vjp", &w), expected);
+    worst
+}
+
+#[test]
+fn every_derivative_of_every_model_agrees_with_dual_numbers() {
+    for name in names() {
+        let built = build(&name, scene::DERIVATIVES);
+        let mut random = Random(7);
+        let points = points(&built, 8);
+        let worst = points.iter().map(|at| check_against_duals(&built, at, &mut random)).fold(0.0, f64::max);
+        println!("{name}: {} points, worst {worst:.1} units in the last place", points.len());
+    }
+}
+
+/// The program's functions as expressions in fresh symbols.
+struct Exact {
+    g: Graph,
+    inputs: Inputs,
+    functions: Vec<(String, Vec<ExprId>)>,
+}
+
+impl Exact {
+    fn new(built: &BuiltScene) -> Exact {
+        let program = &built.program;
+        let mut g = Graph::new();
+        let mut symbols = |names: &[String]| -> Vec<SymbolId> { names.iter().map(|n| g.symbol(n)).collect() };
+        let (params, state) = (symbols(&program.params), symbols(&program.state));
+        let time = symbols(std::slice::from_ref(&program.time))[0];
+        let with_argument = program.functions.iter().filter(|f| !f.argument.is_empty());
+        let arguments = with_argument.map(|f| (f.name.clone(), symbols(&f.argument))).collect();
+        let inputs = Inputs { params, time, state, signs: Default::default(), arguments };
+        let results = program.to_expressions(&mut g, &inputs).unwrap_or_else(|e| panic!("{e}"));
+        let names = program.functions.iter().map(|f| f.name.clone());
+        Exact { functions: names.zip(results).collect(), g, inputs }
+    }
+
+    fn results(&self, name: &str) -> Vec<ExprId> {
+        let found = self.functions.iter().find(|(n, _)| n == name);
+        found.unwrap_or_else(|| panic!("no function {name}")).1.clone()
+    }
+
+    /// `sum_k factor_k symbol_k`.
+    fn combination(&mut self, factors: &[ExprId], symbols: &[SymbolId]) -> ExprId {
+        let mut terms = Vec::new();
+        for (e, s) in factors.iter().zip(symbols) {
+            let s = self.g.sym(*s);
+            terms.push(self.g.mul(*e, s));
+        }
+        self.g.sum(&terms)
+    }
+}
+
+#[test]
+fn derivatives_and_patterns_are_exact_where_the_whole_expression_can_be_differentiated() {
+    // The right-hand side with every definition put in, differentiated as one expression and compared in exact
+    // arithmetic: nothing of the linearisation is used on that side.
+    for name in names() {
+        let built = build(&name, scene::DERIVATIVES);
+        let mut exact = Exact::new(&built);
+        let rates = exact.results("rhs");
+        let inputs = exact.inputs.clone();
+        let mut columns = |by: &[SymbolId]| -> Vec<Vec<ExprId>> {
+            by.iter().map(|x| exact.g.diff_all(&rates, *x)).collect()
+        };
+        let by_state = columns(&inputs.state);
+        let by_params = columns(&inputs.params);
+        let by_time = columns(&[inputs.time]).remove(0);
+        let equal = |exact: &mut Exact, what: &str, found: ExprId, expected: ExprId| {
+            assert!(exact.g.is_equal(found, expected), "{name}: {what}");
+        };
+        for matrix in built.matrices() {
+            let expected = match matrix.derivative {
+                Derivative::Sensitivity => &by_params,
+                _ => &by_state,
+            };
+            let entries = exact.results(matrix.derivative.name());
+            for (i, j) in (0..rates.len()).flat_map(|i| (0..matrix.n_columns).map(move |j| (i, j))) {
+                let what = format!("{}[{i}][{j}]", matrix.derivative.name());
+                match matrix.pattern.iter().position(|p| *p == (i, j)) {
+                    Some(k) => {
+                        equal(&mut exact, &what, entries[k], expected[j][i]);
+                        assert!(!exact.g.is_zero(entries[k]), "{name}: {what} vanishes identically");
+                    }
+                    None => assert!(exact.g.is_zero(expected[j][i]), "{name}: {what} does not vanish"),
+                }
+            }
+        }
+        for (i, found) in exact.results("time_derivative").into_iter().enumerate() {
+            equal(&mut exact, "time_derivative", found, by_time[i]);
+        }
+        for (product, columns) in [("jvp", &by_state), ("sensitivity_jvp", &by_params)] {
+            let Some(v) = inputs.arguments.get(product) else { continue };
+            for (i, found) in exact.results(product).into_iter().enumerate() {
+                let row: Vec<ExprId> = columns.iter().map(|column| column[i]).collect();
+                let expected = exact.combination(&row, v);
+                equal(&mut exact, product, found, expected);
+            }
+        }
+        for (j, found) in exact.results("vjp").into_iter().enumerate() {
+            let expected = exact.combination(&by_state[j], &inputs.arguments["vjp"]);
+            equal(&mut exact, "vjp", found, expected);
+        }
+    }
+}
+
+#[test]
+fn the_jacobian_agrees_with_differences_of_double_doubles() {
+    // With h = 2^-40 the truncation is h^2 f'''/6 = 1e-25 f''' and the rounding 1e-32/h = 1e-20 f: what is left is the rounding of
+    // the entries themselves, as against dual numbers.
+    let h = 2.0_f64.powi(-40);
+    for name in names() {
+        let built = build(&name, scene::DERIVATIVES);
+        let matrix = built.matrices().iter().find(|m| m.derivative == Derivative::Jacobian).unwrap();
+        for at in points(&built, 4) {
+            let wide = |values: &[f64]| values.iter().map(|x| DoubleDouble::from(*x)).collect::<Vec<_>>();
+            let (params, t) = (wide(&at.params), DoubleDouble::from(at.t));
+            let entries = run(
+                &built.program,
+                "jacobian",
+                &lifted(&at.params),
+                Tracked::input(at.t),
+                &lifted(&at.state),
+                &[],
+            );
+            for j in 0..at.state.len() {
+                let rates = |h: f64| {
+                    let mut moved = wide(&at.state);
+                    moved[j] += DoubleDouble::from(h);
+                    run(&built.program, "rhs", &params, t, &moved, &[])
+                };
+                for (i, (above, below)) in rates(h).into_iter().zip(rates(-h)).enumerate() {
+                    let expected = ((above - below) / DoubleDouble::from(2.0 * h)).hi();
+                    let place = matrix.pattern.iter().position(|p| *p == (i, j));
+                    let found = place.map_or(Tracked::ZERO, |k| entries[k]);
+                    // Of an entry that vanishes, or is the difference of two rates of size one, nothing below is seen.
+                    let floor = Tracked { value: expected, term: found.term.max(1e-3) };
+                    agree(&format!("{name}: J[{i}][{j}]"), found, floor);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn products_agree_with_each_other() {
+    // w.(J v) = (J^T w).v, each side a sum of at most n^2 products.
+    for name in names() {
+        let built = build(&name, scene::DERIVATIVES);
+        let mut random = Random(11);
+        let n = built.state.len();
+        for at in points(&built, 4) {
+            let interpreter = built.prepare(&at.params).unwrap_or_else(|e| panic!("{e}"));
+            let (v, w) = (random.vector(n), random.vector(n));
+            let tangent = interpreter.product(Derivative::Jvp, at.t, &at.state, &v).unwrap();
+            let adjoint = interpreter.product(Derivative::Vjp, at.t, &at.state, &w).unwrap();
+            let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
+            let rows = interpreter.matrix(Derivative::Jacobian, at.t, &at.state).unwrap();
+            let size = rows.iter().flatten().fold(1.0_f64, |m, x| m.max(x.abs())) * (n * n) as f64;
+            let (left, right) = (dot(&w, &tangent), dot(&adjoint, &v));
+            assert!((left - right).abs() <= 1e-14 * size, "{name}: {left} and {right}");
+        }
+    }
+}
+
+fn operations(built: &BuiltScene, function: &str) -> usize {
+    let k = built.program.function_idx(function).unwrap_or_else(|| panic!("no function {function}"));
+    built.program.functions[k].counts().total()
+}
+
+#[test]
+fn products_cost_a_small_multiple_of_the_right_hand_side() {
+    // Griewank and Walther 2008 bound both by 4 to 5 evaluations; measured over all models: 3.6 and 3.8.
+    for name in names() {
+        let built = build(&name, scene::DERIVATIVES);
+        let (rhs, n) = (operations(&built, "rhs"), built.state.len());
+        // A right-hand side of a few operations has products of a few operations per component.
+        let bound = |factor: usize| factor * rhs + 2 * n;
+        let (jvp, vjp, jacobian) = ["jvp", "vjp", "jacobian"].map(|f| operations(&built, f)).into();
+        assert!(jvp <= bound(4), "{name}: jvp has {jvp} operations, rhs {rhs}");
+        assert!(vjp <= bound(4), "{name}: vjp has {vjp} operations, rhs {rhs}");
+        // Differences would cost n + 1 right-hand sides.
+        assert!(jacobian <= bound(6), "{name}: jacobian has {jacobian} operations, rhs {rhs}");
+    }
+    // What does not depend on the state is not computed with it.
+    let top = build("heavy_top", scene::DERIVATIVES);
+    assert!(operations(&top, "jacobian") <= 14);
+    assert_eq!(operations(&build("rolling_disk", scene::DERIVATIVES), "jacobian"), 0);
+}
+
+#[test]
+fn time_fixed_parameters_and_every_function_are_differentiated() {
+    let text = "model forced {
+        param k = 1.5 where k > 0;
+        param c = 0.25;
+        coordinate q in real;
+        velocity v in R;
+        lagrangian = (1 + q^2)*q_dot^2/2 + exp(c*q)*v^2/2 + k*cos(q)*sin(2*t) + ln(2 + q)*atan(q*t);
+        force v = -tanh(v)*sqrt(1 + q_dot^2);
+        scene stiff { fix k = 2; want jacobian, sensitivity, time_derivative; }
+    }";
+    let model = spec::parse("forced.hamel", text).unwrap_or_else(|e| panic!("{e}"));
+    let built = scene::build(&model, scene::DERIVATIVES).unwrap_or_else(|e| panic!("{e}"));
+    let mut random = Random(3);
+    for at in points(&built, 8) {
+        check_against_duals(&built, &at, &mut random);
+        let prepared = built.prepare(&at.params).unwrap();
+        let start = built.outputs().iter().take_while(|o| o.name != "time_derivative");
+        let start: usize = start.map(|o| o.components.len()).sum();
+        assert_ne!(prepared.outputs(at.t, &at.state)[start + 1..start + 3], [0.0, 0.0]);
+    }
+    // Fixed parameters have no column.
+    let stiff = scene::build(&model, "stiff").unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(stiff.params().len(), 1);
+    let interpreter = stiff.prepare(&[0.25]).unwrap();
+    let y = [0.3, -0.4, 0.6];
+    let stiff_rows = interpreter.matrix(Derivative::Sensitivity, 0.7, &y).unwrap();
+    let whole_rows = built.prepare(&[2.0, 0.25]).unwrap().matrix(Derivative::Sensitivity, 0.7, &y).unwrap();
+    assert_eq!((stiff_rows[0].len(), whole_rows[0].len()), (1, 2));
+    let column = |rows: &[Vec<f64>], j: usize| rows.iter().map(|row| row[j]).collect::<Vec<_>>();
+    models::close("df/dc", &column(&stiff_rows, 0), &column(&whole_rows, 1), 1e-14);
+    // A scene that wants no products has none.
+    assert!(stiff.products().is_empty() && stiff.program.function_idx("jvp").is_none());
+    assert!(interpreter.product(Derivative::Jvp, 0.0, &y, &y).is_none());
+}
+
+#[test]
+fn a_scene_without_derivatives_does_not_pay_for_them() {
+    for name in ["heavy_top", "veselova"] {
+        let plain = build(name, scene::DEFAULT);
+        assert!(plain.matrices().is_empty() && plain.products().is_empty());
+        assert!(Derivative::ALL.iter().all(|d| plain.program.function_idx(d.name()).is_none()));
+        assert!(plain.program.functions.iter().all(|f| f.argument.is_empty()));
+        assert_eq!(operations(&plain, "rhs"), operations(&build(name, scene::DERIVATIVES), "rhs"));
+    }
+}
+
+/// A compiled scene with a Jacobian against the interpreter and against dual numbers run through compiled code.
+fn compare_compiled<S, D, const N: usize>(
+    model: &str,
+    compiled_products: impl Fn(&S, f64, &[f64; N], &[f64; N]) -> Vec<(Derivative, Vec<f64>)>,
+) where
+    S: Scene<f64> + Differentiable<f64, State = [f64; N]>,
+    D: Scene<Dual<f64>, State = [Dual<f64>; N]>,
+{
+    let built = build(model, scene::DERIVATIVES);
+    let mut random = Random(5);
+    for at in points(&built, 20) {
+        let compiled = S::prepare(&at.params).unwrap_or_else(|e| panic!("{e}"));
+        let interpreter = built.prepare(&at.params).unwrap_or_else(|e| panic!("{e}"));
+        let y: [f64; N] = at.state.as_slice().try_into().unwrap();
+        let mut rows = vec![[f64::NAN; N]; N];
+        compiled.jacobian(at.t, &y, &mut rows);
+        let expected = interpreter.matrix(Derivative::Jacobian, at.t, &y).unwrap();
+        for (row, expected) in rows.iter().zip(&expected) {
+            assert_eq!(row.map(f64::to_bits).as_slice(), bits(expected), "{model}");
+        }
+        let v: [f64; N] = random.vector(N).try_into().unwrap();
+        for (derivative, found) in compiled_products(&compiled, at.t, &y, &v) {
+            let expected = interpreter.product(derivative, at.t, &y, &v).unwrap();
+            assert_eq!(bits(&found), bits(&expected), "{model}: {}", derivative.name());
+        }
+        // The compiled right-hand side on dual numbers.
+        let params: Vec<Dual<f64>> = at.params.iter().map(|p| Dual::constant(*p)).collect();
+        let system = D::prepare(&params).unwrap_or_else(|e| panic!("{e}"));
+        let size = rows.as_flattened().iter().fold(1.0_f64, |m, x| m.max(x.abs()));
+        for j in 0..N {
+            let mut moved = y.map(Dual::constant);
+            moved[j].derivative = 1.0;
+            let mut rates = moved.zeros_like();
+            system.rhs(Dual::constant(at.t), &moved, &mut rates);
+            for (i, rate) in rates.iter().enumerate() {
+                // Both sum products of numbers of that size; a few hundred units in the last place.
+                let error = (rate.derivative - rows[i][j]).abs();
+                assert!(error <= 1e-13 * size, "{model}: J[{i}][{j}] is off by {error:e}");
+            }
+        }
+    }
+}
+
+fn bits(values: &[f64]) -> Vec<u64> {
+    values.iter().map(|x| x.to_bits()).collect()
+}
+
+#[test]
+fn compiled_derivatives_equal_the_interpreter_bit_for_bit() {
+    use hamel_models::generated::{chaplygin_sleigh, chaplygin_sleigh_derivatives as sleigh};
+    use hamel_models::generated::{heavy_top, heavy_top_derivatives as top};
+    use hamel_models::generated::{veselova, veselova_derivatives as body};
+    macro_rules! compare {
+        ($derivatives:ident, $plain:ident, $n:literal) => {
+            compare_compiled::<$derivatives::Prepared, $plain::Prepared<Dual<f64>>, $n>(
+                stringify!($plain),
+                |s, t, y, v| {
+                    vec![
+                        (Derivative::Jvp, s.jvp(t, y, v).to_vec()),
+                        (Derivative::Vjp, s.vjp(t, y, v).to_vec()),
+                    ]
+                },
+            );
+        };
+    }
+    compare!(sleigh, chaplygin_sleigh, 2);
+    compare!(top, heavy_top, 6);
+    compare!(body, veselova, 6);
+    // A direction of the parameters, and the dense matrix beside its entries.
+    let built = build("heavy_top", scene::DERIVATIVES);
+    let at = &points(&built, 1)[0];
+    let v: Vec<f64> = Random(9).vector(at.params.len());
+    let compiled = <top::Prepared as Scene<f64>>::prepare(&at.params).unwrap();
+    let (interpreter, y) = (built.prepare(&at.params).unwrap(), at.state.as_slice().try_into().unwrap());
+    let product = compiled.sensitivity_jvp(at.t, &y, v.as_slice().try_into().unwrap());
+    let expected = interpreter.product(Derivative::SensitivityJvp, at.t, &y, &v).unwrap();
+    assert_eq!(bits(&product), bits(&expected));
+    let dense = compiled.sensitivity(at.t, &y);
+    let entries = compiled.sensitivity_nonzeros(at.t, &y);
+    for ((i, j), entry) in top::SENSITIVITY_PATTERN.into_iter().zip(entries) {
+        assert_eq!(dense[i][j].to_bits(), entry.to_bits());
+    }
+    let n_zeros = dense.as_flattened().iter().filter(|x| **x == 0.0).count();
+    assert!(n_zeros >= dense.as_flattened().len() - top::SENSITIVITY_PATTERN.len());
+}
+
+mod variational {
+    use super::*;
+    use hamel_models::generated::heavy_top_derivatives::Prepared;
+
+    const N: usize = 6;
+    const N_PARAMS: usize = 9;
+
+    /// `y' = f(t, y; p)` with `s' = J s + (df/dp) q`, the derivative of the motion along a direction of initial state and
+    /// parameters.
+    struct Variational {
+        top: Prepared,
+        direction: [f64; N_PARAMS],
+    }
+
+    impl System<f64> for Variational {
+        type State = [f64; 2 * N];
+
+        fn rhs(&self, t: f64, z: &[f64; 2 * N], dz: &mut [f64; 2 * N]) {
+            let (y, s) = (first(z), z[N..].try_into().expect("six of twelve"));
+            let mut dy = [0.0; N];
+            self.top.rhs(t, &y, &mut dy);
+            dz[..N].copy_from_slice(&dy);
+            let (moved, forced) = (self.top.jvp(t, &y, &s), self.top.sensitivity_jvp(t, &y, &self.direction));
+            for (slot, (a, b)) in dz[N..].iter_mut().zip(moved.into_iter().zip(forced)) {
+                *slot = a + b;
+            }
+        }
+    }
+
+    fn first(z: &[f64; 2 * N]) -> [f64; N] {
+        z[..N].try_into().expect("six of twelve")
+    }
+
+    fn motion<S: System<f64>>(system: &S, initial: S::State) -> S::State {
+        let options = Options::adaptive(1e-13, 1e-13);
+        let mut integrator = Integrator::new(system, Dop853, 0.0, initial, options).unwrap();
+        integrator.integrate_to(1.0).unwrap();
+        integrator.state().clone()
+    }
+
+    /// `df/dh` at zero by central differences at steps `h, h/2, h/4, h/8`, extrapolated to `h = 0` (Richardson).
+    fn extrapolated(mut f: impl FnMut(f64) -> Vec<f64>) -> Vec<f64> {
+        let mut previous: Vec<Vec<f64>> = Vec::new();
+        for level in 0..4 {
+            let h = 0.02 / f64::from(1 << level);
+            let (above, below) = (f(h), f(-h));
+            let mut row: Vec<Vec<f64>> =
+                vec![above.iter().zip(&below).map(|(a, b)| (a - b) / (2.0 * h)).collect()];
+            for (k, coarse) in previous.iter().enumerate() {
+                let weight = f64::from(4_u32.pow(k as u32 + 1));
+                let fine = &row[k];
+                let better = fine.iter().zip(coarse).map(|(a, b)| a + (a - b) / (weight - 1.0)).collect();
+                row.push(better);
+            }
+            previous = row;
+        }
+        previous.pop().unwrap_or_default()
+    }
+
+    #[test]
+    fn variational_equations_give_the_derivative_of_the_motion() {
+        let params = <Prepared as Scene<f64>>::INFO.params.iter().map(|p| p.default).collect::<Vec<f64>>();
+        let mut random = Random(13);
+        let direction: [f64; N_PARAMS] = random.vector(N_PARAMS).try_into().unwrap();
+        let v = random.vector(N);
+        let y = [0.4, -0.3, 2.0, 0.0, 0.6, 0.8];
+        let prepared = |h: f64| -> Prepared {
+            let values: Vec<f64> = params.iter().zip(direction).map(|(p, q)| p + h * q).collect();
+            Scene::prepare(&values).unwrap()
+        };
+        let mut z = [0.0; 2 * N];
+        z[..N].copy_from_slice(&y);
+        z[N..].copy_from_slice(&v);
+        let found = motion(&Variational { top: prepared(0.0), direction }, z);
+        let expected = extrapolated(|h| {
+            let mut moved = y;
+            moved.iter_mut().zip(&v).for_each(|(y, v)| *y += h * v);
+            motion(&prepared(h), moved).to_vec()
+        });
+        assert!(expected.iter().all(|d| d.abs() > 1e-3));
+        // The extrapolation is of order 8; the integration's tolerance over the smallest step is a few 1e-10.
+        models::close("derivative of the motion", &found[N..], &expected, 1e-8);
+    }
+}
