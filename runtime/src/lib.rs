@@ -59,6 +59,7 @@ mod controller;
 mod double_double;
 mod dual;
 mod error;
+mod events;
 mod integrator;
 #[cfg(feature = "lanes")]
 mod lanes;
@@ -71,13 +72,17 @@ mod system;
 pub use double_double::DoubleDouble;
 pub use dual::Dual;
 pub use error::{Error, Failure, ParamError};
+pub use events::{Direction, Event};
 pub use integrator::{Integrator, Progress, Stats};
 #[cfg(feature = "lanes")]
 pub use lanes::{F64x4, F64x8};
-pub use methods::{Dop853, Dopri5, Estimate, Method, Rk4, Tableau, Tsit5};
+pub use methods::{
+    Dop853, Dopri5, Estimate, FixedPoint, Gauss, Gauss4, Gauss6, Gauss8, Invariants, Method, Newton, Point,
+    Projected, Projection, Rk4, Step, Tableau, Tsit5, Vern9,
+};
 pub use options::{Norm, Options, StepSize};
 pub use real::Real;
-pub use system::{OutputInfo, ParamInfo, Scene, SceneInfo, StateVector, System};
+pub use system::{Differentiable, OutputInfo, ParamInfo, Scene, SceneInfo, StateVector, System};
 
 /// Includes a module that a build script generated with `hamel_codegen`, by the name of the file in `OUT_DIR` without
 /// its extension: a model's name, `<model>_<scene>` for its other scenes, or the file of `Config::include_file`.
