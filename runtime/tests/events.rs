@@ -70,7 +70,7 @@ fn a_function_of_time_is_located_to_round_off() {
     let options = Options::fixed(0.7);
     let mut solver = Integrator::new(&Circle, Rk4, 0.0, [1.0, 0.0], options).unwrap();
     let mut found = vec![];
-    solver
+    let _ = solver
         .integrate_with_events(
             3.0,
             [Direction::Rising; 2],
@@ -218,7 +218,7 @@ fn components_have_their_own_tolerances() {
     let (first_error, first) = steps([1e-10, 0.0], [1e-10, 1e9]);
     let (second_error, second) = steps([0.0, 1e-10], [1e9, 1e-10]);
     assert!(both_error < 1e-9 && first_error < 1e-8 && second_error < 1e-2);
-    assert!(3 * first < both && second <= both, "{first}, {second} and {both}");
+    assert!(3 * first < both && 3 * first < second, "{first}, {second} and {both}");
     let wrong = new().with_tolerances([1e-6; 2], [0.0, f64::NAN]).map(|_| ()).unwrap_err();
     assert!(matches!(wrong, Error::ComponentTolerances { index: 1, rtol: 1e-6, atol } if atol.is_nan()));
     let zero = new().with_tolerances([0.0; 2], [0.0, 1.0]).map(|_| ());
