@@ -96,13 +96,9 @@ mod tests {
 
     #[test]
     fn roots_are_located_to_the_resolution_in_few_evaluations() {
-        let functions: [(fn(f64) -> f64, f64); 4] = [
-            (|x| x - 0.3, 0.3),
-            (|x| x * x * x - 0.001, 0.1),
-            (|x| 0.7_f64.exp() - x.exp(), 0.7),
-            (|x| (x - 0.9).powi(9), 0.9),
-        ];
-        for (index, (f, root)) in functions.into_iter().enumerate() {
+        let functions: [fn(f64) -> f64; 4] =
+            [|x| x - 0.3, |x| x * x * x - 0.001, |x| 0.7_f64.exp() - x.exp(), |x| (x - 0.9).powi(9)];
+        for (index, (f, root)) in functions.into_iter().zip([0.3, 0.1, 0.7, 0.9]).enumerate() {
             let mut n_evals = 0;
             let counted = |x| {
                 n_evals += 1;

@@ -78,16 +78,21 @@ impl<const STAGES: usize, I> Gauss<STAGES, I> {
         b
     };
 
-    /// Coefficients `mu_ij = a_ij / b_j` with `mu_ij + mu_ji = 1` exactly.
-    const MU: [[f64; STAGES]; STAGES] = {
-        let mut mu = [[0.5; STAGES]; STAGES];
+    /// Rows `(j + 1, mu_ij)` of coefficients `mu_ij = a_ij / b_j` with `mu_ij + mu_ji = 1` exactly.
+    const MU: [[(usize, f64); STAGES]; STAGES] = {
+        let mut mu = [[(0, 0.5); STAGES]; STAGES];
         let mut i = 0;
         while i < STAGES {
-            let mut j = i + 1;
+            let mut j = 0;
+            while j < STAGES {
+                mu[i][j].0 = j + 1;
+                j += 1;
+            }
+            j = i + 1;
             while j < STAGES {
                 // The sum lies between one and two, and rounds to a multiple of 2^-52: so do both coefficients.
                 let above = (Self::TABLEAU.stages[i + 1][j].1 / Self::B[j] + 1.5) - 1.5;
-                (mu[i][j], mu[j][i]) = (above, 1.0 - above);
+                (mu[i][j].1, mu[j][i].1) = (above, 1.0 - above);
                 j += 1;
             }
             i += 1;
@@ -125,6 +130,8 @@ impl<const STAGES: usize, I> Gauss<STAGES, I> {
 #[derive(Clone, Debug)]
 pub struct GaussStorage<R, V, W, const STAGES: usize> {
     stages: [V; STAGES],
+    /// The stages times their weights.
+    increments: [V; STAGES],
     /// Ratio of step sizes that `inner` and `ends` belong to.
     ratio: R,
     /// Weights of the old stages in each starting value.
@@ -138,6 +145,7 @@ impl<R: Real, V: StateVector<R>, W, const STAGES: usize> GaussStorage<R, V, W, S
     fn new(y0: &V, workspace: W) -> Self {
         Self {
             stages: core::array::from_fn(|_| y0.zeros_like()),
+            increments: core::array::from_fn(|_| y0.zeros_like()),
             ratio: R::ZERO,
             inner: [[R::ZERO; STAGES]; STAGES],
             ends: [[R::ZERO; 2]; STAGES],
@@ -147,6 +155,13 @@ impl<R: Real, V: StateVector<R>, W, const STAGES: usize> GaussStorage<R, V, W, S
 
     /// Starting values: the polynomial through all derivatives of the last step, or the derivative at the start.
     fn predict<S: System<R, State = V>, I>(&mut self, step: &Step<'_, R, S>) {
+        self.predict_stages::<S, I>(step);
+        for (i, (stage, increment)) in self.stages.iter().zip(&mut self.increments).enumerate() {
+            weigh::<R, V, STAGES, I>(i, stage, increment);
+        }
+    }
+
+    fn predict_stages<S: System<R, State = V>, I>(&mut self, step: &Step<'_, R, S>) {
         let slope = step.from.slope.as_slice();
         let ratio = step.last_h.map_or(R::ZERO, |last| step.h / last);
         if !(ratio.all_gt(R::ZERO) && R::from_f64(1.5).all_gt(ratio)) {
@@ -182,34 +197,32 @@ impl<R: Real, V: StateVector<R>, W, const STAGES: usize> GaussStorage<R, V, W, S
     }
 }
 
-/// `sum_j mu_ij b_j k_j`, component `c`.
-#[inline(always)]
-fn stage_sum<R: Real, V: StateVector<R>, const STAGES: usize, I>(
-    stages: &[V; STAGES],
-    i: usize,
-    c: usize,
-) -> R {
-    (0..STAGES).fold(R::ZERO, |sum, j| {
-        let increment = R::from_f64(Gauss::<STAGES, I>::B[j]) * stages[j].as_slice()[c];
-        R::from_f64(Gauss::<STAGES, I>::MU[i][j]).mul_add(increment, sum)
-    })
-}
-
 /// Evaluates the right-hand side at stage `i` into `out`.
+///
+/// `increments` are `b_j k_j`.
 #[inline(always)]
 fn evaluate_stage<R: Real, S: System<R>, const STAGES: usize, I>(
-    stages: &[S::State; STAGES],
+    increments: &[S::State; STAGES],
     i: usize,
     step: &mut Step<'_, R, S>,
     out: &mut S::State,
 ) {
-    let y = step.from.state.as_slice();
-    for (c, work) in step.work.as_mut_slice().iter_mut().enumerate() {
-        *work = step.h.mul_add(stage_sum::<R, _, STAGES, I>(stages, i, c), y[c]);
-    }
+    let first = &step.from.slope;
+    let k = Derivatives { n_stages: STAGES + 1, first, stored: increments, last: first };
+    let (y, h, work) = (step.from.state.as_slice(), step.h, step.work.as_mut_slice());
+    k.for_each_sum(&Gauss::<STAGES, I>::MU[i], y.len(), |c, slope| work[c] = h.mul_add(slope, y[c]));
     let node = R::from_f64(Gauss::<STAGES, I>::TABLEAU.nodes[i + 1]);
-    step.system.rhs(step.t + node * step.h, step.work, out);
+    step.system.rhs(step.t + node * h, step.work, out);
     *step.rhs_evals += 1;
+}
+
+/// `increment = b_i k_i`.
+#[inline(always)]
+fn weigh<R: Real, V: StateVector<R>, const STAGES: usize, I>(i: usize, stage: &V, increment: &mut V) {
+    let weight = R::from_f64(Gauss::<STAGES, I>::B[i]);
+    for (increment, &k) in increment.as_mut_slice().iter_mut().zip(stage.as_slice()) {
+        *increment = weight * k;
+    }
 }
 
 /// Size of a change of the stage derivatives, and of what it changes: both of the order of a state.
@@ -224,13 +237,9 @@ impl Change {
     fn add<R: Real>(&mut self, h: f64, y: R, k: R, difference: R) {
         let change = h * difference.magnitude();
         let size = y.magnitude() + h * k.magnitude();
-        // A NaN is kept, since it is not below anything.
-        if !(change <= self.change) {
-            self.change = change;
-        }
-        if size > self.size {
-            self.size = size;
-        }
+        // A NaN is kept, since nothing is above it.
+        self.change = if change.is_nan() || change > self.change { change } else { self.change };
+        self.size = if size > self.size { size } else { self.size };
     }
 }
 
@@ -298,18 +307,19 @@ impl<R: Real, S: System<R>, const STAGES: usize> Method<R, S> for Gauss<STAGES, 
 
     fn advance(&self, storage: &mut Self::Storage, step: &mut Step<'_, R, S>) -> Result<(), Error> {
         storage.predict::<S, FixedPoint>(step);
-        let GaussStorage { stages, workspace: fresh, .. } = storage;
+        let GaussStorage { stages, increments, workspace: fresh, .. } = storage;
         let h = step.h.magnitude();
         iterate(step, |step| {
             let mut sum = Change::default();
             for i in 0..STAGES {
-                evaluate_stage::<R, S, STAGES, FixedPoint>(stages, i, step, fresh);
+                evaluate_stage::<R, S, STAGES, FixedPoint>(increments, i, step, fresh);
                 let y = step.from.state.as_slice();
                 let values = stages[i].as_mut_slice().iter_mut().zip(fresh.as_slice());
                 for ((stage, &value), &y) in values.zip(y) {
                     sum.add(h, y, value, value - *stage);
                     *stage = value;
                 }
+                weigh::<R, _, STAGES, FixedPoint>(i, fresh, &mut increments[i]);
             }
             sum
         })?;
@@ -432,7 +442,7 @@ impl<R: Real, S: Differentiable<R, State = [R; N]>, const N: usize, const STAGES
 
     fn advance(&self, storage: &mut Self::Storage, step: &mut Step<'_, R, S>) -> Result<(), Error> {
         storage.predict::<S, Newton>(step);
-        let GaussStorage { stages, workspace, .. } = storage;
+        let GaussStorage { stages, increments, workspace, .. } = storage;
         step.system.jacobian(step.t, &step.from.state, &mut workspace.jacobian);
         *step.jacobian_evals += 1;
         if !workspace.factor(step.h, Self::TABLEAU) {
@@ -441,19 +451,19 @@ impl<R: Real, S: Differentiable<R, State = [R; N]>, const N: usize, const STAGES
         let h = step.h.magnitude();
         iterate(step, |step| {
             let mut sum = Change::default();
-            for i in 0..STAGES {
-                let residual = &mut workspace.residuals[i];
-                evaluate_stage::<R, S, STAGES, Newton>(stages, i, step, residual);
-                for (residual, &stage) in residual.iter_mut().zip(&stages[i]) {
+            for (i, (residual, stage)) in workspace.residuals.iter_mut().zip(&*stages).enumerate() {
+                evaluate_stage::<R, S, STAGES, Newton>(increments, i, step, residual);
+                for (residual, &stage) in residual.iter_mut().zip(stage) {
                     *residual -= stage;
                 }
             }
             workspace.solve();
-            for (stage, correction) in stages.iter_mut().zip(&workspace.residuals) {
+            for (i, (stage, correction)) in stages.iter_mut().zip(&workspace.residuals).enumerate() {
                 for ((k, &correction), &y) in stage.iter_mut().zip(correction).zip(&step.from.state) {
                     *k += correction;
                     sum.add(h, y, *k, correction);
                 }
+                weigh::<R, _, STAGES, Newton>(i, stage, &mut increments[i]);
             }
             sum
         })?;
