@@ -1,13 +1,13 @@
 //! Choice of the next step size from the error of the last.
 //!
-//! The module deliberately does not know states or methods: it sees sizes and norms.
-
-use crate::math;
+//! The module deliberately does not know states or methods: it sees sizes and squares of norms. Powers are
+//! approximate, without functions of a library: every step waits for them, and sequences of steps are the same on
+//! every platform.
 
 /// Proportional-integral control of the step size.
 ///
 /// ```text
-/// h_new = h / clamp(err^(1/q - 0.75 beta) / err_previous^beta / safety)
+/// h_new = h * clamp(safety err_previous^beta / err^(1/q - 0.75 beta))
 /// ```
 ///
 /// # Source
@@ -18,7 +18,8 @@ use crate::math;
 pub(crate) struct Controller {
     exponent: f64,
     beta: f64,
-    previous_error: f64,
+    /// `log2 err_previous`.
+    previous_log: f64,
     after_rejection: bool,
 }
 
@@ -26,8 +27,8 @@ impl Controller {
     const SAFETY: f64 = 0.9;
     const SHRINK: f64 = 0.2;
     const GROW: f64 = 10.0;
-    /// A smaller error of the step before is luck, and not to be built upon.
-    const LEAST_ERROR: f64 = 1e-4;
+    /// Logarithm of `1e-4`: a smaller error of the step before is luck, and not to be built upon.
+    const LEAST_LOG: f64 = -4.0 * core::f64::consts::LOG2_10;
 
     /// A controller for an error estimate which is `O(h^order)`.
     pub(crate) fn new(order: u32) -> Self {
@@ -36,24 +37,25 @@ impl Controller {
         Self {
             exponent: 1.0 / order - 0.75 * beta,
             beta,
-            previous_error: Self::LEAST_ERROR,
+            previous_log: Self::LEAST_LOG,
             after_rejection: false,
         }
     }
 
-    /// The step to take after a step `h` with `error <= 1`.
-    pub(crate) fn accept(&mut self, h: f64, error: f64) -> f64 {
-        let divisor =
-            math::pow(error, self.exponent) / math::pow(self.previous_error, self.beta) / Self::SAFETY;
-        let next = h / divisor.clamp(1.0 / Self::GROW, 1.0 / Self::SHRINK);
-        self.previous_error = error.max(Self::LEAST_ERROR);
+    /// The step to take after a step `h` whose error has a square of at most one.
+    #[inline]
+    pub(crate) fn accept(&mut self, h: f64, square: f64) -> f64 {
+        let log = 0.5 * log2(square);
+        let factor = Self::SAFETY * exp2(self.beta * self.previous_log - self.exponent * log);
+        let next = h * factor.clamp(Self::SHRINK, Self::GROW);
+        self.previous_log = log.max(Self::LEAST_LOG);
         if core::mem::take(&mut self.after_rejection) { next.min(h) } else { next }
     }
 
-    /// The step to try after a step `h` with `error > 1`, infinite included.
-    pub(crate) fn reject(&mut self, h: f64, error: f64) -> f64 {
+    /// The step to try after a step `h` whose error has a square above one, infinite included.
+    pub(crate) fn reject(&mut self, h: f64, square: f64) -> f64 {
         self.after_rejection = true;
-        h / (math::pow(error, self.exponent) / Self::SAFETY).min(1.0 / Self::SHRINK)
+        h * (Self::SAFETY * exp2(-self.exponent * 0.5 * log2(square))).max(Self::SHRINK)
     }
 
     /// The step to try after a step `h` which left the domain of the equations.
@@ -63,18 +65,50 @@ impl Controller {
     }
 }
 
+/// Logarithm to base two of a non-negative number within 4e-4; at least that of a tiny number, and 1024 of infinity.
+#[inline]
+fn log2(x: f64) -> f64 {
+    let bits = x.to_bits();
+    let exponent = (bits >> 52) as i32 - 1023;
+    // In [0, 1). The polynomial vanishes at both ends, so that the function is continuous.
+    let f = f64::from_bits((bits & ((1 << 52) - 1)) | 1.0_f64.to_bits()) - 1.0;
+    let bend = 0.440_780_8 + f * (-0.242_669_5 + f * 0.081_615_7);
+    f64::from(exponent) + f + f * (1.0 - f) * bend
+}
+
+/// Power of two within a relative 5e-4, for exponents between -1000 and 1000; of others that of the nearer end.
+#[inline]
+fn exp2(x: f64) -> f64 {
+    let x = x.clamp(-1000.0, 1000.0) + 1023.0;
+    // Positive, so that the conversion rounds down.
+    let whole = x as u64;
+    let f = x - whole as f64;
+    f64::from_bits(whole << 52) * (1.0 + f + f * (1.0 - f) * (-0.305_254_2 - f * 0.079_204_1))
+}
+
 #[cfg(test)]
 mod tests {
-    use super::Controller;
+    use super::{Controller, exp2, log2};
 
     #[test]
     fn steps_follow_errors() {
         let mut controller = Controller::new(5);
-        assert!(controller.reject(1.0, 32.0) < 0.9);
+        assert!(controller.reject(1.0, 32.0 * 32.0) < 0.9);
         assert_eq!(controller.reject(1.0, f64::INFINITY), Controller::SHRINK);
         // After a rejection the step does not grow at once, though the error would allow it.
-        assert_eq!(controller.accept(1.0, 1e-9), 1.0);
+        assert_eq!(controller.accept(1.0, 1e-18), 1.0);
         assert_eq!(controller.accept(1.0, 0.0), Controller::GROW);
         assert!(controller.accept(1.0, 1.0) < 1.0);
+    }
+
+    #[test]
+    fn approximate_powers_are_close() {
+        for i in -2000..2000 {
+            let x = f64::from(i) * 0.37;
+            assert!((exp2(x) / x.exp2() - 1.0).abs() < 5e-4, "{x}");
+            assert!((log2(x.exp2()) - x).abs() < 4e-4, "{x}");
+        }
+        assert_eq!((log2(1.0), log2(f64::INFINITY), exp2(0.0)), (0.0, 1024.0, 1.0));
+        assert!(log2(0.0) <= -1022.0 && exp2(f64::INFINITY) > 1e300 && exp2(f64::NEG_INFINITY) > 0.0);
     }
 }

@@ -88,6 +88,15 @@ pub enum Error {
         /// The least relative tolerance allowed for the scalar in use.
         least: f64,
     },
+    /// The tolerances of a component are not allowed, each by the rules for all.
+    ComponentTolerances {
+        /// Position of the component in the state.
+        index: usize,
+        /// The relative tolerance asked for.
+        rtol: f64,
+        /// The absolute tolerance asked for.
+        atol: f64,
+    },
     /// A step size (fixed, initial or maximal) is not a positive finite number.
     StepSize {
         /// The step size asked for.
@@ -112,7 +121,24 @@ pub enum Error {
         /// End of the interval.
         to: f64,
     },
-    /// Dense output was asked for after a failed step, which overwrote the stages it needs.
+    /// The iteration for the stages of an implicit method did not converge.
+    NotConverged {
+        /// Time at the start of the step.
+        t: f64,
+        /// The step, signed.
+        h: f64,
+        /// Number of iterations done.
+        iterations: u32,
+    },
+    /// A function whose changes of sign are events is infinite or NaN.
+    EventNotFinite {
+        /// Time of the evaluation.
+        t: f64,
+        /// Position of the function.
+        index: usize,
+    },
+    /// Dense output was asked for after a failed step, which overwrote the stages it needs, or after a stop at an
+    /// event.
     NoDenseOutput {
         /// Time of the last accepted state.
         t: f64,
@@ -147,6 +173,13 @@ impl fmt::Display for Error {
             Self::ZeroTolerances { least } => {
                 write!(f, "both tolerances are zero: take a relative tolerance of at least {least:e}")
             }
+            Self::ComponentTolerances { index, rtol, atol } => {
+                write!(
+                    f,
+                    "tolerances of component {index} (relative {rtol:e}, absolute {atol:e}) are not allowed: take \
+                     finite values, not both zero, the relative one zero or above round-off"
+                )
+            }
             Self::StepSize { value } => {
                 write!(f, "step size {value:e} is not allowed: take a positive finite value")
             }
@@ -159,10 +192,24 @@ impl fmt::Display for Error {
             Self::OutsideInterval { t, from, to } => {
                 write!(f, "time {t} lies outside the interval from {from} to {to} of the dense output")
             }
+            Self::NotConverged { t, h, iterations } => {
+                write!(
+                    f,
+                    "stages of the step {h:e} from t = {t} did not converge in {iterations} iterations: take a \
+                     smaller step, or Newton's method"
+                )
+            }
+            Self::EventNotFinite { t, index } => {
+                write!(
+                    f,
+                    "event function {index} is not finite at t = {t}: let it have a value on the whole way"
+                )
+            }
             Self::NoDenseOutput { t } => {
                 write!(
                     f,
-                    "dense output up to t = {t} was lost to the failed step after it: sample before stepping"
+                    "dense output up to t = {t} was lost to the failed step or the stop after it: sample before \
+                     stepping"
                 )
             }
         }
@@ -223,10 +270,13 @@ mod tests {
             Error::RelativeTolerance { value: 1e-20, least: 2e-15 },
             Error::AbsoluteTolerance { value: -1.0, least: 0.0 },
             Error::ZeroTolerances { least: 2e-15 },
+            Error::ComponentTolerances { index: 2, rtol: -1.0, atol: 0.0 },
             Error::StepSize { value: -1.0 },
             Error::NoErrorEstimate { method: "rk4" },
             Error::TimeNotFinite { value: f64::NAN },
             Error::OutsideInterval { t: 3.0, from: 1.0, to: 2.0 },
+            Error::NotConverged { t: 1.0, h: 0.1, iterations: 100 },
+            Error::EventNotFinite { t: 1.0, index: 0 },
             Error::NoDenseOutput { t: 1.0 },
         ];
         for error in errors {

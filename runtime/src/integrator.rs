@@ -1,13 +1,15 @@
 //! The one driver and stepping loop of all methods.
 //!
-//! The module deliberately does not know any method: it reads a tableau.
+//! The module deliberately does not know any method: it reads a tableau and has the stages computed.
 
 use core::fmt;
+use core::ops::ControlFlow;
 
 use crate::controller::Controller;
 use crate::error::{Error, Failure};
-use crate::methods::{Estimate, Method};
-use crate::options::{Norm, Options, StepSize, signed};
+use crate::events::{Direction, Event, locate};
+use crate::methods::{Derivatives, Estimate, Method, Point, Step, two_sum};
+use crate::options::{Norm, Options, StepSize, signed, validate_tolerances};
 use crate::real::Real;
 use crate::system::{StateVector, System};
 
@@ -20,6 +22,8 @@ pub struct Stats {
     pub rejected: u64,
     /// Evaluations of the right-hand side, those for dense output included.
     pub rhs_evals: u64,
+    /// Evaluations of the Jacobian, of implicit methods only.
+    pub jacobian_evals: u64,
 }
 
 /// Where a step led to.
@@ -55,10 +59,10 @@ enum Dense {
 
 /// Why a trial step is not taken.
 enum Rejection {
-    /// The norm of the error, above one.
+    /// The square of the norm of the error, above one.
     Inaccurate(f64),
-    /// Something was not finite.
-    NonFinite(Failure),
+    /// Something was not finite, the state left its domain, or the stages could not be computed.
+    Failed(Error),
 }
 
 /// Integrates a system with a method from an initial state, step by step in either direction of time.
@@ -70,9 +74,14 @@ enum Rejection {
 ///
 /// Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I (1993), section II.4; Knuth, The Art
 /// of Computer Programming 2 (1997), section 4.2.2, theorem B, for the sums.
-pub struct Integrator<'s, R: Real, S: System<R>, M: Method> {
+pub struct Integrator<'s, R: Real, S: System<R>, M: Method<R, S>> {
     system: &'s S,
+    method: M,
     options: Options<R>,
+    /// Relative tolerances of the components.
+    rtol: S::State,
+    /// Absolute tolerances of the components.
+    atol: S::State,
     control: Controller,
     /// Size of the next adaptive step, positive; none before the first.
     next_step: Option<f64>,
@@ -82,34 +91,32 @@ pub struct Integrator<'s, R: Real, S: System<R>, M: Method> {
     t_residue: R,
     /// The last accepted step, signed.
     h: R,
-    y: S::State,
-    y_previous: S::State,
-    /// What the sum `y` lacks.
-    y_residue: S::State,
-    trial: S::State,
-    trial_residue: S::State,
+    /// The last accepted state and, unless a step has failed since, the one before.
+    points: [Point<S::State>; 2],
+    /// Which of `points` is the last accepted state.
+    current: bool,
+    /// Reciprocal scales of the components of an error.
+    scales: S::State,
     work: S::State,
-    stages: M::Stages<S::State>,
-    /// Whether the derivative at `y` is the last stage of the step before, and not yet the first of the next.
-    derivative_is_last: bool,
+    storage: M::Storage,
     dense: Dense,
     stats: Stats,
 }
 
-impl<'s, R: Real, S: System<R>, M: Method> Integrator<'s, R, S, M> {
+impl<'s, R: Real, S: System<R>, M: Method<R, S>> Integrator<'s, R, S, M> {
     /// Places `system` at the state `y0` at time `t0`.
     ///
     /// # Errors
     ///
     /// Those of [`Options::validate`]; [`Error::NoErrorEstimate`] for adaptive steps with a method for fixed
     /// ones; [`Error::TimeNotFinite`]; [`Error::Failure`] if the right-hand side has no value at `y0`.
-    pub fn new(system: &'s S, _method: M, t0: R, y0: S::State, options: Options<R>) -> Result<Self, Error> {
+    pub fn new(system: &'s S, method: M, t0: R, y0: S::State, options: Options<R>) -> Result<Self, Error> {
         options.validate()?;
-        let estimate_order = match (M::TABLEAU.estimate, options.step) {
-            (Estimate::Embedded { order, .. } | Estimate::Combined { order, .. }, _) => order,
+        let estimate_order = match (M::TABLEAU.estimate_order(), options.step) {
+            (Some(order), _) => order,
             // Unused with fixed steps.
-            (Estimate::None, StepSize::Fixed(_)) => M::TABLEAU.order,
-            (Estimate::None, StepSize::Adaptive { .. }) => {
+            (None, StepSize::Fixed(_)) => M::TABLEAU.order,
+            (None, StepSize::Adaptive { .. }) => {
                 return Err(Error::NoErrorEstimate { method: M::TABLEAU.name });
             }
         };
@@ -119,33 +126,58 @@ impl<'s, R: Real, S: System<R>, M: Method> Integrator<'s, R, S, M> {
         if let Some(index) = non_finite(&y0) {
             return Err(Failure::NonFinite { t: signed(t0), index }.into());
         }
+        system.domain(t0, &y0)?;
         system.check(t0, &y0)?;
         let zeros = y0.zeros_like();
-        let mut stages = M::stages(&zeros);
-        system.rhs(t0, &y0, &mut stages.as_mut()[0]);
-        if let Some(index) = non_finite(&stages.as_ref()[0]) {
+        let storage = method.storage(system, t0, &y0);
+        let mut slope = zeros.clone();
+        system.rhs(t0, &y0, &mut slope);
+        if let Some(index) = non_finite(&slope) {
             return Err(Failure::NonFinite { t: signed(t0), index }.into());
         }
+        let filled = |value: R| {
+            let mut state = zeros.clone();
+            state.as_mut_slice().fill(value);
+            state
+        };
+        let start = Point { state: y0, residue: zeros.clone(), slope };
         Ok(Self {
             system,
+            method,
             options,
+            rtol: filled(options.rtol),
+            atol: filled(options.atol),
             control: Controller::new(estimate_order),
             next_step: None,
             t: t0,
             t_previous: t0,
             t_residue: R::ZERO,
             h: R::ZERO,
-            y_previous: y0.clone(),
-            y: y0,
-            y_residue: zeros.clone(),
-            trial: zeros.clone(),
-            trial_residue: zeros.clone(),
+            points: [start.clone(), start],
+            current: false,
+            scales: zeros.clone(),
             work: zeros,
-            stages,
-            derivative_is_last: false,
+            storage,
             dense: Dense::NoStep,
             stats: Stats { rhs_evals: 1, ..Stats::default() },
         })
+    }
+
+    /// Replaces the tolerances of the options by those of each component; no effect with fixed steps.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::ComponentTolerances`] for the first component whose tolerances [`Options::validate`] would reject.
+    pub fn with_tolerances(mut self, rtol: S::State, atol: S::State) -> Result<Self, Error> {
+        for (index, (&rtol, &atol)) in rtol.as_slice().iter().zip(atol.as_slice()).enumerate() {
+            validate_tolerances(rtol, atol).map_err(|_| Error::ComponentTolerances {
+                index,
+                rtol: signed(rtol),
+                atol: signed(atol),
+            })?;
+        }
+        (self.rtol, self.atol) = (rtol, atol);
+        Ok(self)
     }
 
     /// Time of the last accepted state.
@@ -155,7 +187,7 @@ impl<'s, R: Real, S: System<R>, M: Method> Integrator<'s, R, S, M> {
 
     /// The last accepted state.
     pub fn state(&self) -> &S::State {
-        &self.y
+        &self.here().state
     }
 
     /// Time of the state before the last step; [`t`](Self::t) before the first.
@@ -209,33 +241,84 @@ impl<'s, R: Real, S: System<R>, M: Method> Integrator<'s, R, S, M> {
         &mut self,
         t_end: R,
         times: impl IntoIterator<Item = R>,
-        mut output: impl FnMut(R, &S::State),
+        output: impl FnMut(R, &S::State),
     ) -> Result<(), Error> {
+        let never = |_: Event<'_, R, S::State>| ControlFlow::Continue(());
+        self.sample_with_events(t_end, times, output, [], |_, _| [], never).map(|_| ())
+    }
+
+    /// Integrates to `t_end` and calls `on_event` wherever one of `functions` changes its sign in the
+    /// direction asked for.
+    ///
+    /// Events are located on dense output up to the spacing of times, and told in the order of time, just after the
+    /// change of sign. Where `on_event` breaks, the integration stops: time and state are those of the event, and
+    /// the answer is [`Progress::Running`] unless that is the end. A function that is zero at the start has no
+    /// event there. Of several changes of one function within one step, an even number is overlooked and one of an
+    /// odd number is found; [`Options::with_max_step`] bounds the step.
+    ///
+    /// With a scalar of several lanes, the lanes are to change sign together.
+    ///
+    /// # Errors
+    ///
+    /// As [`step_towards`](Self::step_towards); [`Error::EventNotFinite`] if a function has no value.
+    pub fn integrate_with_events<const K: usize>(
+        &mut self,
+        t_end: R,
+        directions: [Direction; K],
+        functions: impl FnMut(R, &S::State) -> [R; K],
+        on_event: impl FnMut(Event<'_, R, S::State>) -> ControlFlow<()>,
+    ) -> Result<Progress, Error> {
+        self.sample_with_events(t_end, [], |_, _| {}, directions, functions, on_event)
+    }
+
+    /// [`sample`](Self::sample) and [`integrate_with_events`](Self::integrate_with_events) at once: states and
+    /// events are told in the order of time.
+    ///
+    /// # Errors
+    ///
+    /// Those of both.
+    pub fn sample_with_events<const K: usize>(
+        &mut self,
+        t_end: R,
+        times: impl IntoIterator<Item = R>,
+        mut output: impl FnMut(R, &S::State),
+        directions: [Direction; K],
+        mut functions: impl FnMut(R, &S::State) -> [R; K],
+        mut on_event: impl FnMut(Event<'_, R, S::State>) -> ControlFlow<()>,
+    ) -> Result<Progress, Error> {
         let mut budget = self.options.max_steps;
         if !t_end.all_finite() {
             return Err(Error::TimeNotFinite { value: signed(t_end) });
         }
-        let backward = self.t.all_gt(t_end);
-        let ahead = |time: R, of: R| if backward { of.all_gt(time) } else { time.all_gt(of) };
-        for time in times {
-            if !time.all_finite() {
-                return Err(Error::TimeNotFinite { value: signed(time) });
+        let mut samples =
+            Samples { times: times.into_iter(), next: None, t_end, backward: self.t.all_gt(t_end) };
+        samples.draw(self.t)?;
+        self.output_until(self.t, &mut samples, &mut output)?;
+        let mut before = finite_values(self.t, functions(self.t, self.state()))?;
+        loop {
+            let progress = self.step_within(t_end, &mut budget)?;
+            let after = finite_values(self.t, functions(self.t, self.state()))?;
+            let mut found = [None; K];
+            for (index, found) in found.iter_mut().enumerate() {
+                if directions[index].is_change(before[index], after[index]) {
+                    *found = Some(self.locate_event(&mut functions, index, (before[index], after[index]))?);
+                }
             }
-            if ahead(time, t_end) {
-                return Err(Error::OutsideInterval {
-                    t: signed(time),
-                    from: signed(self.t),
-                    to: signed(t_end),
-                });
+            while let Some((index, t)) = earliest(&found, samples.backward) {
+                found[index] = None;
+                self.output_until(t, &mut samples, &mut output)?;
+                self.evaluate_dense(t)?;
+                if on_event(Event { index, t, state: &self.work }).is_break() {
+                    self.stop_at(t)?;
+                    return Ok(if t == t_end { Progress::Reached } else { Progress::Running });
+                }
             }
-            while ahead(time, self.t) {
-                let _ = self.step_within(t_end, &mut budget)?;
+            self.output_until(self.t, &mut samples, &mut output)?;
+            before = after;
+            if progress.reached() {
+                return Ok(Progress::Reached);
             }
-            self.evaluate_dense(time)?;
-            output(time, &self.trial);
         }
-        while !self.step_within(t_end, &mut budget)?.reached() {}
-        Ok(())
     }
 
     /// Writes the state at a time within the last step to `out`.
@@ -245,12 +328,65 @@ impl<'s, R: Real, S: System<R>, M: Method> Integrator<'s, R, S, M> {
     /// # Errors
     ///
     /// [`Error::OutsideInterval`] unless `t` lies between [`previous_t`](Self::previous_t) and
-    /// [`t`](Self::t); [`Error::NoDenseOutput`] after a failed step; [`Error::Failure`] if a stage for dense
-    /// output has no value.
+    /// [`t`](Self::t); [`Error::NoDenseOutput`] after a failed step or a stop at an event; [`Error::Failure`] if a
+    /// stage for dense output has no value.
     pub fn interpolate(&mut self, t: R, out: &mut S::State) -> Result<(), Error> {
         self.evaluate_dense(t)?;
-        copy(&self.trial, out);
+        copy(&self.work, out);
         Ok(())
+    }
+
+    /// The last accepted state.
+    fn here(&self) -> &Point<S::State> {
+        &self.points[usize::from(self.current)]
+    }
+
+    /// Calls `output` at the times up to `t`.
+    fn output_until(
+        &mut self,
+        t: R,
+        samples: &mut Samples<R, impl Iterator<Item = R>>,
+        output: &mut impl FnMut(R, &S::State),
+    ) -> Result<(), Error> {
+        while let Some(time) = samples.next.filter(|&time| !samples.is_ahead(time, t)) {
+            self.evaluate_dense(time)?;
+            output(time, &self.work);
+            samples.draw(self.t)?;
+        }
+        Ok(())
+    }
+
+    /// The first time known to be after a change of sign of a function within the last step.
+    fn locate_event<const K: usize>(
+        &mut self,
+        functions: &mut impl FnMut(R, &S::State) -> [R; K],
+        index: usize,
+        (before, after): (R, R),
+    ) -> Result<R, Error> {
+        let (from, to) = (self.t_previous, self.t);
+        let time = |x: f64| if x == 1.0 { to } else { from + R::from_f64(x) * (to - from) };
+        let resolution = R::EPSILON * (1.0 + from.magnitude().max(to.magnitude()) / (to - from).magnitude());
+        let value = |x: f64| {
+            let t = time(x);
+            self.evaluate_dense(t)?;
+            finite_values(t, functions(t, &self.work)).map(|values| signed(values[index]))
+        };
+        locate(value, (signed(before), signed(after)), resolution).map(time)
+    }
+
+    /// Makes the state in `work` the last accepted one, at a time within the last step.
+    fn stop_at(&mut self, t: R) -> Result<(), Error> {
+        if t == self.t {
+            return Ok(());
+        }
+        let point = &mut self.points[usize::from(self.current)];
+        copy(&self.work, &mut point.state);
+        point.residue.as_mut_slice().fill(R::ZERO);
+        (self.t, self.t_residue, self.dense) = (t, R::ZERO, Dense::Lost);
+        self.system.rhs(t, &point.state, &mut point.slope);
+        self.stats.rhs_evals += 1;
+        let here = self.here();
+        self.point_failure(t, &here.state, Some(&here.slope)).map_or(Ok(()), |failure| Err(failure.into()))
     }
 
     fn step_within(&mut self, t_end: R, budget: &mut u64) -> Result<Progress, Error> {
@@ -297,18 +433,12 @@ impl<'s, R: Real, S: System<R>, M: Method> Integrator<'s, R, S, M> {
             if !landing && !self.changes_time(h) {
                 return Err(failure.unwrap_or(Error::StepTooSmall { t: signed(self.t), h: signed(h) }));
             }
-            self.dense = Dense::Lost;
-            if self.derivative_is_last {
-                let (first, last) = self.stages.as_mut().split_at_mut(M::TABLEAU.n_stages());
-                copy(&last[0], &mut first[0]);
-                self.derivative_is_last = false;
-            }
             match self.attempt(h, t) {
-                Ok(error) => {
+                Ok(square) => {
                     self.accept(h, t, t_residue);
                     if let StepSize::Adaptive { .. } = self.options.step {
                         let mut control = self.control;
-                        let next = control.accept(h.magnitude(), error);
+                        let next = control.accept(h.magnitude(), square);
                         if landing {
                             // A shortened step says nothing against longer ones: keep at least the size it was
                             // cut from, and the memory of the control.
@@ -320,19 +450,19 @@ impl<'s, R: Real, S: System<R>, M: Method> Integrator<'s, R, S, M> {
                     }
                     return Ok(if landing { Progress::Reached } else { Progress::Running });
                 }
-                Err(Rejection::NonFinite(reason)) => {
+                Err(Rejection::Failed(reason)) => {
                     if let StepSize::Fixed(_) = self.options.step {
-                        return Err(reason.into());
+                        return Err(reason);
                     }
-                    failure = Some(reason.into());
+                    failure = Some(reason);
                     step = self.control.reject_non_finite(h.magnitude());
                 }
-                Err(Rejection::Inaccurate(error)) => {
+                Err(Rejection::Inaccurate(square)) => {
                     // The equations hold here; only a reason that the system itself has named is kept.
                     if let Some(Error::Failure(Failure::NonFinite { .. })) = failure {
                         failure = None;
                     }
-                    step = self.control.reject(h.magnitude(), error);
+                    step = self.control.reject(h.magnitude(), square);
                 }
             }
             self.stats.rejected += 1;
@@ -361,73 +491,73 @@ impl<'s, R: Real, S: System<R>, M: Method> Integrator<'s, R, S, M> {
         }
     }
 
-    /// Computes stages, the trial state and the norm of its error.
+    /// Computes stages, the trial state and the square of the norm of its error.
+    ///
+    /// The square, since the steps wait for it: every root on this way costs ten nanoseconds.
     fn attempt(&mut self, h: R, t_new: R) -> Result<f64, Rejection> {
-        let tableau = M::TABLEAU;
-        let n_stages = tableau.n_stages();
-        let stages = self.stages.as_mut();
-        for (index, (row, node)) in tableau.stages.iter().zip(tableau.nodes).enumerate().skip(1) {
-            let (known, next) = stages.split_at_mut(index);
-            weighted_sum(row, known, &mut self.work);
-            advance(&self.y, h, &mut self.work);
-            self.system.rhs(self.t + R::from_f64(*node) * h, &self.work, &mut next[0]);
-        }
-        weighted_sum(tableau.weights, stages, &mut self.work);
-        compensated_advance(
-            (&self.y, &self.y_residue),
+        let last_h = matches!(self.dense, Dense::Ready | Dense::StagesMissing).then_some(self.h);
+        self.dense = Dense::Lost;
+        let [one, two] = &mut self.points;
+        let (from, to) = if self.current { (two, one) } else { (one, two) };
+        let from = &*from;
+        let mut step = Step {
+            system: self.system,
+            t: self.t,
             h,
-            &self.work,
-            (&mut self.trial, &mut self.trial_residue),
-        );
-        self.stats.rhs_evals += n_stages as u64 - 1;
-        if !all_finite(&self.trial) {
-            return Err(Rejection::NonFinite(self.diagnose(h, t_new)));
+            from,
+            to,
+            work: &mut self.work,
+            last_h,
+            rhs_evals: &mut self.stats.rhs_evals,
+            jacobian_evals: &mut self.stats.jacobian_evals,
+        };
+        self.method.advance(&mut self.storage, &mut step).map_err(Rejection::Failed)?;
+        let Step { to, work, rhs_evals, .. } = step;
+        self.system.rhs(t_new, &to.state, &mut to.slope);
+        *rhs_evals += 1;
+        if !all_finite(&to.state) || !all_finite(&to.slope) {
+            return Err(Rejection::Failed(self.diagnose(h, t_new).into()));
         }
-        self.system.rhs(t_new, &self.trial, &mut stages[n_stages]);
-        self.stats.rhs_evals += 1;
-        if !all_finite(&stages[n_stages]) {
-            return Err(Rejection::NonFinite(self.diagnose(h, t_new)));
-        }
+        self.system.domain(t_new, &to.state).map_err(|failure| Rejection::Failed(failure.into()))?;
         if let StepSize::Fixed(_) = self.options.step {
             return Ok(0.0);
         }
-        let error = match tableau.estimate {
+        let k = Derivatives {
+            n_stages: const { M::TABLEAU.n_stages() },
+            first: &from.slope,
+            stored: M::stages(&self.storage),
+            last: &to.slope,
+        };
+        write_scales(&self.rtol, &self.atol, &from.state, &to.state, &mut self.scales);
+        let norm = self.options.norm;
+        let square = match M::TABLEAU.estimate {
             Estimate::None => 0.0,
-            Estimate::Embedded { weights, .. } => self.error_norm(weights),
-            Estimate::Combined { fifth, third, .. } => {
-                let fifth = self.error_norm(fifth);
-                if fifth == 0.0 {
-                    0.0
-                } else {
-                    let ratio = self.error_norm(third) / fifth;
-                    fifth / crate::math::sqrt(1.0 + 0.01 * ratio * ratio)
-                }
+            Estimate::Embedded { .. } => {
+                weighted_square(norm, const { M::TABLEAU.error_weights()[0] }, &k, &self.scales, work)
             }
-        } * h.magnitude();
-        if error <= 1.0 {
-            Ok(error)
-        } else if error.is_finite() {
-            Err(Rejection::Inaccurate(error))
+            Estimate::Combined { .. } => {
+                let fifth =
+                    weighted_square(norm, const { M::TABLEAU.error_weights()[0] }, &k, &self.scales, work);
+                let third =
+                    weighted_square(norm, const { M::TABLEAU.error_weights()[1] }, &k, &self.scales, work);
+                if fifth == 0.0 { 0.0 } else { fifth * (fifth / (fifth + 0.01 * third)) }
+            }
+        } * (h.magnitude() * h.magnitude());
+        if square <= 1.0 {
+            Ok(square)
+        } else if square.is_finite() {
+            Err(Rejection::Inaccurate(square))
         } else {
             Err(Rejection::Inaccurate(f64::INFINITY))
         }
     }
 
-    /// Norm of `sum_i e_i k_i` relative to the tolerances.
-    fn error_norm(&mut self, weights: &[(usize, f64)]) -> f64 {
-        weighted_sum(weights, self.stages.as_ref(), &mut self.work);
-        scaled_norm(&self.options, &self.work, &self.y, &self.trial)
-    }
-
     fn accept(&mut self, h: R, t: R, t_residue: R) {
-        copy(&self.y, &mut self.y_previous);
-        copy(&self.trial, &mut self.y);
-        copy(&self.trial_residue, &mut self.y_residue);
+        self.current = !self.current;
         self.t_previous = self.t;
         self.t = t;
         self.t_residue = t_residue;
         self.h = h;
-        self.derivative_is_last = true;
         self.dense = if M::TABLEAU.dense_stages.is_empty() { Dense::Ready } else { Dense::StagesMissing };
         self.stats.steps += 1;
     }
@@ -436,16 +566,17 @@ impl<'s, R: Real, S: System<R>, M: Method> Integrator<'s, R, S, M> {
     #[cold]
     fn diagnose(&mut self, h: R, t_new: R) -> Failure {
         let tableau = M::TABLEAU;
-        let stages = self.stages.as_ref();
+        let (from, to) = (&self.points[usize::from(self.current)], &self.points[usize::from(!self.current)]);
+        let stored = M::stages(&self.storage);
+        let k = Derivatives { n_stages: tableau.n_stages(), first: &from.slope, stored, last: &to.slope };
         for (index, (row, node)) in tableau.stages.iter().zip(tableau.nodes).enumerate() {
-            weighted_sum(row, stages, &mut self.work);
-            advance(&self.y, h, &mut self.work);
+            stage_point(&k, row, &from.state, h, &mut self.work);
             let t = self.t + R::from_f64(*node) * h;
-            if let Some(failure) = self.point_failure(t, &self.work, Some(&stages[index])) {
+            if let Some(failure) = self.point_failure(t, &self.work, Some(k.get(index))) {
                 return failure;
             }
         }
-        self.point_failure(t_new, &self.trial, Some(&stages[tableau.n_stages()]))
+        self.point_failure(t_new, &to.state, Some(&to.slope))
             .unwrap_or(Failure::NonFinite { t: signed(t_new), index: 0 })
     }
 
@@ -466,30 +597,30 @@ impl<'s, R: Real, S: System<R>, M: Method> Integrator<'s, R, S, M> {
     fn select_initial_step(&mut self, remaining: R) -> f64 {
         const SMALL: f64 = 1e-6;
         let distance = remaining.magnitude();
-        let n_stages = M::TABLEAU.n_stages();
-        let (first, last) = self.stages.as_mut().split_at_mut(n_stages);
-        let (slope, probe) = (&first[0], &mut last[0]);
-        let state_norm = scaled_norm(&self.options, &self.y, &self.y, &self.y);
-        let slope_norm = scaled_norm(&self.options, slope, &self.y, &self.y);
+        let [one, two] = &mut self.points;
+        let (here, free) = if self.current { (two, one) } else { (one, two) };
+        let (y, slope) = (here.state.as_slice(), here.slope.as_slice());
+        write_scales(&self.rtol, &self.atol, &here.state, &here.state, &mut self.scales);
+        let scales = self.scales.as_slice();
+        let (norm, out) = (self.options.norm, self.work.as_mut_slice());
+        let state_norm = scaled_norm(norm, scales, out, |c| y[c]);
+        let slope_norm = scaled_norm(norm, scales, out, |c| slope[c]);
         let quotient = 0.01 * (state_norm / slope_norm);
         let usable = state_norm >= 1e-5 && slope_norm >= 1e-5 && quotient.is_finite() && quotient > 0.0;
         let guess = (if usable { quotient } else { SMALL }).min(distance);
         let h = if R::ZERO.all_gt(remaining) { R::from_f64(-guess) } else { R::from_f64(guess) };
-        copy(slope, &mut self.work);
-        advance(&self.y, h, &mut self.work);
-        self.system.rhs(self.t + h, &self.work, probe);
-        self.stats.rhs_evals += 1;
-        for ((out, &probe), &slope) in
-            self.work.as_mut_slice().iter_mut().zip(probe.as_slice()).zip(slope.as_slice())
-        {
-            *out = probe - slope;
+        for (c, out) in self.work.as_mut_slice().iter_mut().enumerate() {
+            *out = y[c] + h * slope[c];
         }
-        let bend_norm = scaled_norm(&self.options, &self.work, &self.y, &self.y) / guess;
+        // The point that a first step overwrites, and which no dense output needs any more.
+        self.dense = Dense::Lost;
+        self.system.rhs(self.t + h, &self.work, &mut free.slope);
+        self.stats.rhs_evals += 1;
+        let probe = free.slope.as_slice();
+        let out = self.work.as_mut_slice();
+        let bend_norm = scaled_norm(norm, scales, out, |c| probe[c] - slope[c]) / guess;
         let steepest = if bend_norm > slope_norm { bend_norm } else { slope_norm };
-        let order = match M::TABLEAU.estimate {
-            Estimate::Embedded { order, .. } | Estimate::Combined { order, .. } => order,
-            Estimate::None => M::TABLEAU.order,
-        };
+        let order = M::TABLEAU.estimate_order().unwrap_or(M::TABLEAU.order);
         let refined = if steepest <= 1e-15 {
             SMALL.max(guess * 1e-3)
         } else {
@@ -502,10 +633,11 @@ impl<'s, R: Real, S: System<R>, M: Method> Integrator<'s, R, S, M> {
         if bend_norm.is_finite() && step.is_finite() { step.max(least) } else { guess.max(least) }
     }
 
-    /// Writes the state at a time within the last step to `trial`, which is free between steps.
+    /// Writes the state at a time within the last step to `work`, which is free between steps.
     fn evaluate_dense(&mut self, t: R) -> Result<(), Error> {
+        let (here, other) = (usize::from(self.current), usize::from(!self.current));
         if t == self.t {
-            copy(&self.y, &mut self.trial);
+            copy(&self.points[here].state, &mut self.work);
             return Ok(());
         }
         let (from, to) = (self.t_previous, self.t);
@@ -513,30 +645,33 @@ impl<'s, R: Real, S: System<R>, M: Method> Integrator<'s, R, S, M> {
         if !inside {
             return Err(Error::OutsideInterval { t: signed(t), from: signed(from), to: signed(to) });
         }
-        if t == from {
-            copy(&self.y_previous, &mut self.trial);
-            return Ok(());
-        }
         match self.dense {
-            Dense::Ready => {}
-            Dense::StagesMissing => self.complete_dense_stages()?,
+            Dense::Ready | Dense::StagesMissing => {}
             Dense::NoStep | Dense::Lost => return Err(Error::NoDenseOutput { t: signed(self.t) }),
         }
+        if t == from {
+            copy(&self.points[other].state, &mut self.work);
+            return Ok(());
+        }
+        if self.dense == Dense::StagesMissing {
+            self.complete_dense_stages()?;
+        }
         let tableau = M::TABLEAU;
+        let (start, end) = (&self.points[other], &self.points[here]);
+        let stored = M::stages(&self.storage);
+        let k = Derivatives { n_stages: tableau.n_stages(), first: &start.slope, stored, last: &end.slope };
         let x = (t - from) / (to - from);
         let rest = R::ONE - x;
-        let stages = self.stages.as_ref();
-        let out = self.trial.as_mut_slice();
+        let out = self.work.as_mut_slice();
         out.fill(R::ZERO);
-        for &(index, d) in tableau.dense {
-            let [d0, d1, d2, d3] = d.map(R::from_f64);
-            let weight = d0 + x * (d1 + rest * (d2 + x * d3));
-            for (out, &derivative) in out.iter_mut().zip(stages[index].as_slice()) {
+        for &(index, coefficients) in tableau.dense {
+            let weight = alternating(coefficients, x, rest);
+            for (out, &derivative) in out.iter_mut().zip(k.get(index).as_slice()) {
                 *out += weight * derivative;
             }
         }
-        let ends = self.y_previous.as_slice().iter().zip(self.y.as_slice());
-        let slopes = stages[0].as_slice().iter().zip(stages[tableau.n_stages()].as_slice());
+        let ends = start.state.as_slice().iter().zip(end.state.as_slice());
+        let slopes = start.slope.as_slice().iter().zip(end.slope.as_slice());
         for ((out, (&start, &end)), (&first, &last)) in out.iter_mut().zip(ends).zip(slopes) {
             let difference = end - start;
             let (first, last) = (self.h * first, self.h * last);
@@ -548,15 +683,17 @@ impl<'s, R: Real, S: System<R>, M: Method> Integrator<'s, R, S, M> {
 
     fn complete_dense_stages(&mut self) -> Result<(), Error> {
         let tableau = M::TABLEAU;
-        let start = tableau.n_stages() + 1;
-        for (offset, (row, node)) in tableau.dense_stages.iter().zip(tableau.dense_nodes).enumerate() {
-            let (known, next) = self.stages.as_mut().split_at_mut(start + offset);
-            weighted_sum(row, known, &mut self.work);
-            advance(&self.y_previous, self.h, &mut self.work);
+        let (end, start) =
+            (&self.points[usize::from(self.current)], &self.points[usize::from(!self.current)]);
+        let offset = tableau.n_stages() - 1;
+        for (index, (row, node)) in tableau.dense_stages.iter().zip(tableau.dense_nodes).enumerate() {
+            let (stored, next) = M::stages_mut(&mut self.storage).split_at_mut(offset + index);
+            let k = Derivatives { n_stages: offset + 1, first: &start.slope, stored, last: &end.slope };
+            stage_point(&k, row, &start.state, self.h, &mut self.work);
             let t = self.t_previous + R::from_f64(*node) * self.h;
             self.system.rhs(t, &self.work, &mut next[0]);
             self.stats.rhs_evals += 1;
-            let stage = &self.stages.as_ref()[start + offset];
+            let stage = &M::stages(&self.storage)[offset + index];
             if let Some(failure) = self.point_failure(t, &self.work, Some(stage)) {
                 return Err(failure.into());
             }
@@ -566,16 +703,59 @@ impl<'s, R: Real, S: System<R>, M: Method> Integrator<'s, R, S, M> {
     }
 }
 
-impl<R: Real, S: System<R>, M: Method> fmt::Debug for Integrator<'_, R, S, M> {
+impl<R: Real, S: System<R>, M: Method<R, S>> fmt::Debug for Integrator<'_, R, S, M> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Integrator")
             .field("method", &M::TABLEAU.name)
             .field("t", &self.t)
-            .field("state", &self.y.as_slice())
+            .field("state", &self.state().as_slice())
             .field("options", &self.options)
             .field("stats", &self.stats)
             .finish_non_exhaustive()
     }
+}
+
+/// Times still to be sampled.
+struct Samples<R, I> {
+    times: I,
+    next: Option<R>,
+    t_end: R,
+    backward: bool,
+}
+
+impl<R: Real, I: Iterator<Item = R>> Samples<R, I> {
+    fn is_ahead(&self, time: R, of: R) -> bool {
+        if self.backward { of.all_gt(time) } else { time.all_gt(of) }
+    }
+
+    /// Takes the next time from the iterator.
+    fn draw(&mut self, now: R) -> Result<(), Error> {
+        self.next = self.times.next();
+        match self.next {
+            Some(time) if !time.all_finite() => Err(Error::TimeNotFinite { value: signed(time) }),
+            Some(time) if self.is_ahead(time, self.t_end) => {
+                Err(Error::OutsideInterval { t: signed(time), from: signed(now), to: signed(self.t_end) })
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Passes values of event functions on if they are finite.
+fn finite_values<R: Real, const K: usize>(t: R, values: [R; K]) -> Result<[R; K], Error> {
+    match values.iter().position(|value| !value.all_finite()) {
+        Some(index) => Err(Error::EventNotFinite { t: signed(t), index }),
+        None => Ok(values),
+    }
+}
+
+/// The first of the times in the direction of integration, and its position.
+fn earliest<R: Real>(times: &[Option<R>], backward: bool) -> Option<(usize, R)> {
+    let times = times.iter().enumerate().filter_map(|(index, time)| time.map(|time| (index, time)));
+    times.reduce(|best, next| {
+        let sooner = if backward { next.1.all_gt(best.1) } else { best.1.all_gt(next.1) };
+        if sooner { next } else { best }
+    })
 }
 
 /// Smallest step, and smallest scale of a component: the least normal `f32`, so that it exists in any scalar.
@@ -597,61 +777,81 @@ fn non_finite<R: Real, V: StateVector<R>>(v: &V) -> Option<usize> {
     v.as_slice().iter().position(|x| !x.all_finite())
 }
 
-/// The rounded sum and its rounding error: `a + b = sum + residue` exactly.
-fn two_sum<R: Real>(a: R, b: R) -> (R, R) {
-    let sum = a + b;
-    let b_part = sum - a;
-    (sum, (a - (sum - b_part)) + (b - b_part))
-}
-
-/// `out = sum_j row_j k_j`.
-fn weighted_sum<R: Real, V: StateVector<R>>(row: &[(usize, f64)], stages: &[V], out: &mut V) {
-    let out = out.as_mut_slice();
-    out.fill(R::ZERO);
-    for &(index, weight) in row {
-        let weight = R::from_f64(weight);
-        for (out, &derivative) in out.iter_mut().zip(stages[index].as_slice()) {
-            *out += weight * derivative;
-        }
-    }
-}
-
-/// `slope = y + h slope`.
-fn advance<R: Real, V: StateVector<R>>(y: &V, h: R, slope: &mut V) {
-    for (slope, &y) in slope.as_mut_slice().iter_mut().zip(y.as_slice()) {
-        *slope = y + h * *slope;
-    }
-}
-
-/// `out + out_residue = y + y_residue + h slope`.
-fn compensated_advance<R: Real, V: StateVector<R>>(
-    (y, y_residue): (&V, &V),
+/// `out = y + h sum_j row_j k_j`, for rows that are not known to the compiler.
+fn stage_point<R: Real, V: StateVector<R>>(
+    k: &Derivatives<'_, V>,
+    row: &[(usize, f64)],
+    y: &V,
     h: R,
-    slope: &V,
-    (out, out_residue): (&mut V, &mut V),
+    out: &mut V,
 ) {
-    let from = y.as_slice().iter().zip(y_residue.as_slice()).zip(slope.as_slice());
-    let to = out.as_mut_slice().iter_mut().zip(out_residue.as_mut_slice());
-    for (((&y, &y_residue), &slope), (out, out_residue)) in from.zip(to) {
-        (*out, *out_residue) = two_sum(y, h * slope + y_residue);
-    }
+    let (y, out) = (y.as_slice(), out.as_mut_slice());
+    k.for_each_sum(row, y.len(), |c, slope| out[c] = h.mul_add(slope, y[c]));
 }
 
-/// Norm of `v_i / (atol + rtol max(|a_i|, |b_i|))`; NaN if a component is.
-fn scaled_norm<R: Real, V: StateVector<R>>(options: &Options<R>, v: &V, a: &V, b: &V) -> f64 {
+/// `d_0 + x (d_1 + rest (d_2 + x (d_3 + ...)))`.
+fn alternating<R: Real>(coefficients: &[f64], x: R, rest: R) -> R {
+    let terms = coefficients.iter().enumerate().rev();
+    terms.fold(R::ZERO, |sum, (index, &d)| sum.mul_add(if index % 2 == 0 { x } else { rest }, R::from_f64(d)))
+}
+
+/// `out_i = 1 / (atol_i + rtol_i max(|a_i|, |b_i|))`.
+#[inline(always)]
+fn write_scales<R: Real, V: StateVector<R>>(rtol: &V, atol: &V, a: &V, b: &V, out: &mut V) {
     let half = R::from_f64(0.5);
     let tiny = R::from_f64(TINY);
-    let components = v.as_slice().iter().zip(a.as_slice()).zip(b.as_slice()).map(|((&v, &a), &b)| {
+    let tolerances = rtol.as_slice().iter().zip(atol.as_slice());
+    let states = a.as_slice().iter().zip(b.as_slice());
+    for ((out, (&rtol, &atol)), (&a, &b)) in out.as_mut_slice().iter_mut().zip(tolerances).zip(states) {
         let (a, b) = (a.abs(), b.abs());
         // The larger of the two on every lane.
         let larger = half * (a + b + (a - b).abs());
-        (v / (options.atol + options.rtol * larger + tiny)).magnitude()
-    });
-    match options.norm {
+        *out = (rtol.mul_add(larger, atol) + tiny).recip();
+    }
+}
+
+/// Square of the norm of the scaled `sum_j row_j k_j`.
+#[inline(always)]
+fn weighted_square<R: Real, V: StateVector<R>>(
+    norm: Norm,
+    row: &[(usize, f64)],
+    k: &Derivatives<'_, V>,
+    scales: &V,
+    work: &mut V,
+) -> f64 {
+    let (scales, out) = (scales.as_slice(), work.as_mut_slice());
+    k.for_each_sum(row, scales.len(), |c, error| out[c] = error * scales[c]);
+    square_of_norm(norm, out)
+}
+
+/// Norm of `component(c)` after scaling.
+fn scaled_norm<R: Real>(norm: Norm, scales: &[R], out: &mut [R], component: impl Fn(usize) -> R) -> f64 {
+    for (c, (out, &scale)) in out.iter_mut().zip(scales).enumerate() {
+        *out = component(c) * scale;
+    }
+    crate::math::sqrt(square_of_norm(norm, out))
+}
+
+/// Square of the norm of scaled components; NaN if one is.
+#[inline(always)]
+fn square_of_norm<R: Real>(norm: Norm, components: &[R]) -> f64 {
+    match norm {
         Norm::Rms => {
-            let (sum, n) = components.fold((0.0, 0u32), |(sum, n), x| (sum + x * x, n + 1));
-            if n == 0 { 0.0 } else { crate::math::sqrt(sum / f64::from(n)) }
+            // Two sums side by side wait half as long for their additions.
+            let square = |x: R| x.magnitude() * x.magnitude();
+            let mut pairs = components.chunks_exact(2);
+            let mut sums = [0.0, 0.0];
+            for pair in &mut pairs {
+                sums[0] += square(pair[0]);
+                sums[1] += square(pair[1]);
+            }
+            let last: f64 = pairs.remainder().iter().map(|&x| square(x)).sum();
+            (sums[0] + sums[1] + last) / components.len().max(1) as f64
         }
-        Norm::Max => components.fold(0.0, |max: f64, x| if x.is_nan() || x > max { x } else { max }),
+        Norm::Max => {
+            let sizes = components.iter().map(|x| x.magnitude());
+            let max = sizes.fold(0.0, |max: f64, x| if x.is_nan() || x > max { x } else { max });
+            max * max
+        }
     }
 }

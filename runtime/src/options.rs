@@ -115,20 +115,26 @@ impl<R: Real> Options<R> {
             StepSize::Fixed(h) => return positive(h),
             StepSize::Adaptive { initial, max } => (initial, max),
         };
-        let least = 10.0 * R::EPSILON;
-        let rtol_is_zero = self.rtol == R::ZERO;
-        if !self.rtol.all_finite() || !(rtol_is_zero || self.rtol.all_ge(R::from_f64(least))) {
-            return Err(Error::RelativeTolerance { value: signed(self.rtol), least });
-        }
-        if !self.atol.all_finite() || !self.atol.all_ge(R::ZERO) {
-            return Err(Error::AbsoluteTolerance { value: signed(self.atol), least: 0.0 });
-        }
-        if rtol_is_zero && !self.atol.all_gt(R::ZERO) {
-            return Err(Error::ZeroTolerances { least });
-        }
+        validate_tolerances(self.rtol, self.atol)?;
         initial.map_or(Ok(()), positive)?;
         max.map_or(Ok(()), positive)
     }
+}
+
+/// Checks a pair of tolerances.
+pub(crate) fn validate_tolerances<R: Real>(rtol: R, atol: R) -> Result<(), Error> {
+    let least = 10.0 * R::EPSILON;
+    let rtol_is_zero = rtol == R::ZERO;
+    if !rtol.all_finite() || !(rtol_is_zero || rtol.all_ge(R::from_f64(least))) {
+        return Err(Error::RelativeTolerance { value: signed(rtol), least });
+    }
+    if !atol.all_finite() || !atol.all_ge(R::ZERO) {
+        return Err(Error::AbsoluteTolerance { value: signed(atol), least: 0.0 });
+    }
+    if rtol_is_zero && !atol.all_gt(R::ZERO) {
+        return Err(Error::ZeroTolerances { least });
+    }
+    Ok(())
 }
 
 /// The value with the largest magnitude and its sign, for messages.

@@ -65,6 +65,27 @@ pub trait System<R: Real> {
         let _ = (t, y);
         Ok(())
     }
+
+    /// Says whether a point lies outside the domain of the coordinates, such as `0 < theta < pi/2`, even where the
+    /// right-hand side has a value.
+    ///
+    /// The integrators call it at every state that they would accept, so that it is to be cheap. A step out of the
+    /// domain is tried again shorter, or ends the integration with fixed steps.
+    ///
+    /// # Errors
+    ///
+    /// [`Failure::OutsideDomain`] with the first condition that does not hold.
+    #[inline]
+    fn domain(&self, t: R, y: &Self::State) -> Result<(), Failure> {
+        let _ = (t, y);
+        Ok(())
+    }
+}
+
+/// A system with a known Jacobian of its right-hand side.
+pub trait Differentiable<R: Real>: System<R> {
+    /// Writes df_i/dy_j to row i of `jacobian`.
+    fn jacobian(&self, t: R, y: &Self::State, jacobian: &mut [Self::State]);
 }
 
 impl<R: Real, S: System<R> + ?Sized> System<R> for &S {
@@ -78,6 +99,18 @@ impl<R: Real, S: System<R> + ?Sized> System<R> for &S {
     #[inline]
     fn check(&self, t: R, y: &Self::State) -> Result<(), Failure> {
         (**self).check(t, y)
+    }
+
+    #[inline]
+    fn domain(&self, t: R, y: &Self::State) -> Result<(), Failure> {
+        (**self).domain(t, y)
+    }
+}
+
+impl<R: Real, S: Differentiable<R> + ?Sized> Differentiable<R> for &S {
+    #[inline]
+    fn jacobian(&self, t: R, y: &Self::State, jacobian: &mut [Self::State]) {
+        (**self).jacobian(t, y, jacobian);
     }
 }
 

@@ -4,8 +4,12 @@
 
 use std::alloc::{GlobalAlloc, Layout, System as SystemAllocator};
 use std::cell::Cell;
+use std::ops::ControlFlow;
 
-use hamel_runtime::{Dop853, Dopri5, Integrator, Method, Options, Rk4, System, Tsit5};
+use hamel_runtime::{
+    Differentiable, Direction, Dop853, Dopri5, Gauss4, Gauss6, Gauss8, Integrator, Invariants, Method,
+    Options, Progress, Projected, Rk4, System, Tsit5, Vern9,
+};
 
 /// Counts the allocations of each thread and leaves the work to the system.
 struct Counting;
@@ -50,16 +54,42 @@ impl System<f64> for Pendulum {
     }
 }
 
-/// Allocations while a solver is made, run, sampled and driven into an error.
-fn allocations<M: Method>(method: M, options: Options<f64>) -> u64 {
+impl Differentiable<f64> for Pendulum {
+    fn jacobian(&self, _t: f64, y: &[f64; 2], jacobian: &mut [[f64; 2]]) {
+        jacobian.copy_from_slice(&[[0.0, 1.0], [-y[0].cos(), 0.0]]);
+    }
+}
+
+impl Invariants<f64, 1> for Pendulum {
+    fn values(&self, _t: f64, y: &[f64; 2]) -> [f64; 1] {
+        [0.5 * y[1] * y[1] - y[0].cos()]
+    }
+    fn gradients(&self, _t: f64, y: &[f64; 2], gradients: &mut [[f64; 2]; 1]) {
+        gradients[0] = [y[0].sin(), y[1]];
+    }
+}
+
+/// Allocations while a solver is made, run, sampled, stopped at events and driven into an error.
+fn allocations<M: Method<f64, Pendulum>>(method: M, options: Options<f64>) -> u64 {
     let before = N_ALLOCATIONS.with(Cell::get);
     let mut solver = Integrator::new(&Pendulum, method, 0.0, [1.0, 0.0], options).unwrap();
     solver.integrate_to(1.0).unwrap();
     let mut sum = 0.0;
     solver.sample(5.0, (1..400).map(|i| 1.0 + f64::from(i) * 0.01), |_, y| sum += y[0]).unwrap();
+    let mut n_events = 0;
+    let progress = solver.integrate_with_events(
+        20.0,
+        [Direction::Either; 2],
+        |_, y| [y[0], y[1]],
+        |_| {
+            n_events += 1;
+            if n_events == 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        },
+    );
+    let stopped = progress == Ok(Progress::Running) && n_events == 3;
     let failed = solver.integrate_to(f64::NAN).is_err();
     let after = N_ALLOCATIONS.with(Cell::get);
-    assert!(failed && sum.is_finite() && sum != 0.0);
+    assert!(stopped && failed && sum.is_finite() && sum != 0.0);
     after - before
 }
 
@@ -74,4 +104,9 @@ fn integration_allocates_nothing() {
     assert_eq!(allocations(Dopri5, Options::adaptive(1e-9, 1e-9)), 0);
     assert_eq!(allocations(Tsit5, Options::adaptive(1e-9, 1e-9)), 0);
     assert_eq!(allocations(Dop853, Options::adaptive(1e-12, 1e-12)), 0);
+    assert_eq!(allocations(Vern9, Options::adaptive(1e-12, 1e-12)), 0);
+    assert_eq!(allocations(Gauss4::fixed_point(), Options::fixed(0.05)), 0);
+    assert_eq!(allocations(Gauss6::newton(), Options::fixed(0.05)), 0);
+    assert_eq!(allocations(Gauss8::fixed_point(), Options::fixed(0.05)), 0);
+    assert_eq!(allocations(Projected::<_, 1>::new(Rk4), Options::fixed(0.05)), 0);
 }

@@ -1,8 +1,8 @@
 //! Order, accuracy, direction, landing and failures of the integrators, on problems with a closed form.
 
 use hamel_runtime::{
-    Dop853, Dopri5, Error, Failure, Integrator, Method, Norm, Options, Progress, Real, Rk4, StateVector,
-    System, Tsit5,
+    Dop853, Dopri5, Error, Failure, Gauss4, Gauss6, Gauss8, Integrator, Method, Norm, Options, Progress,
+    Real, Rk4, StateVector, System, Tsit5, Vern9,
 };
 
 /// A nonlinear system that depends on time.
@@ -42,28 +42,28 @@ fn slope(points: &[(f64, f64)]) -> f64 {
 /// Step sizes and the errors that they lead to.
 type Errors = Vec<(f64, f64)>;
 
-/// Errors at the end of `[0, 2]` and of dense output within, for step sizes `2/n`.
-fn errors<M: Method>(method: M, counts: &[u32]) -> (Errors, Errors) {
+/// Errors at the end of `[0, end]` and of dense output within, for step sizes `end/n`.
+fn errors<M: Method<f64, Mixed>>(method: M, end: f64, counts: &[u32]) -> (Errors, Errors) {
     let mut at_end = vec![];
     let mut between = vec![];
     for &n in counts {
-        let h = 2.0 / f64::from(n);
+        let h = end / f64::from(n);
         let mut solver =
             Integrator::new(&Mixed, method, 0.0, mixed_solution(0.0), Options::fixed(h)).unwrap();
         let mut worst = 0.0_f64;
         let times = (0..n).flat_map(|i| [0.3, 0.5, 0.77].map(|x| (f64::from(i) + x) * h));
-        solver.sample(2.0, times, |t, y| worst = worst.max(distance(y, &mixed_solution(t)))).unwrap();
-        assert_eq!(solver.t(), 2.0);
+        solver.sample(end, times, |t, y| worst = worst.max(distance(y, &mixed_solution(t)))).unwrap();
+        assert_eq!(solver.t(), end);
         assert_eq!(solver.stats().steps, u64::from(n));
-        at_end.push((h, distance(solver.state(), &mixed_solution(2.0))));
+        at_end.push((h, distance(solver.state(), &mixed_solution(end))));
         between.push((h, worst));
     }
     (at_end, between)
 }
 
-fn check_orders<M: Method>(method: M, counts: &[u32], order: f64, dense_order: f64) {
+fn check_orders<M: Method<f64, Mixed>>(method: M, end: f64, counts: &[u32], order: f64, dense_order: f64) {
     let name = M::TABLEAU.name;
-    let (at_end, between) = errors(method, counts);
+    let (at_end, between) = errors(method, end, counts);
     println!("{name}: steps {:.3}, dense output {:.3}", slope(&at_end), slope(&between));
     println!("  {at_end:?}\n  {between:?}");
     for (what, points, order) in [("steps", at_end, order), ("dense output", between, dense_order)] {
@@ -79,13 +79,17 @@ fn check_orders<M: Method>(method: M, counts: &[u32], order: f64, dense_order: f
 #[test]
 fn observed_orders_are_those_of_the_methods() {
     // Dense output of order p has local errors O(h^(p+1)), which is also the order of what is observed.
-    check_orders(Rk4, &[40, 60, 90, 135, 200], 4.0, 4.0);
-    check_orders(Dopri5, &[40, 60, 90, 135, 200], 5.0, 5.0);
-    check_orders(Tsit5, &[40, 60, 90, 135, 200], 5.0, 5.0);
-    check_orders(Dop853, &[12, 15, 19, 24, 30], 8.0, 8.0);
+    check_orders(Rk4, 2.0, &[40, 60, 90, 135, 200], 4.0, 4.0);
+    check_orders(Dopri5, 2.0, &[40, 60, 90, 135, 200], 5.0, 5.0);
+    check_orders(Tsit5, 2.0, &[40, 60, 90, 135, 200], 5.0, 5.0);
+    check_orders(Dop853, 2.0, &[12, 15, 19, 24, 30], 8.0, 8.0);
+    check_orders(Vern9, 40.0, &[420, 460, 500, 550, 600], 9.0, 9.0);
+    check_orders(Gauss4::fixed_point(), 2.0, &[40, 60, 90, 135, 200], 4.0, 4.0);
+    check_orders(Gauss6::fixed_point(), 2.0, &[20, 30, 45, 60], 6.0, 5.0);
+    check_orders(Gauss8::fixed_point(), 2.0, &[8, 10, 13, 16, 20], 8.0, 6.0);
 }
 
-fn check_adaptive<M: Method>(method: M, norm: Norm) {
+fn check_adaptive<M: Method<f64, Mixed>>(method: M, norm: Norm) {
     let name = M::TABLEAU.name;
     let mut previous = f64::INFINITY;
     for exponent in [4, 6, 8, 10, 12] {
@@ -112,12 +116,13 @@ fn adaptive_errors_follow_the_tolerance() {
         check_adaptive(Dopri5, norm);
         check_adaptive(Tsit5, norm);
         check_adaptive(Dop853, norm);
+        check_adaptive(Vern9, norm);
     }
 }
 
 #[test]
 fn integration_runs_backward_and_returns() {
-    fn check<M: Method>(method: M, options: Options<f64>) {
+    fn check<M: Method<f64, Mixed>>(method: M, options: Options<f64>) {
         let name = M::TABLEAU.name;
         let start = mixed_solution(2.0);
         let mut solver = Integrator::new(&Mixed, method, 2.0, start, options).unwrap();
@@ -141,6 +146,8 @@ fn integration_runs_backward_and_returns() {
     check(Dopri5, Options::adaptive(1e-10, 1e-10));
     check(Tsit5, Options::adaptive(1e-10, 1e-10));
     check(Dop853, Options::adaptive(1e-10, 1e-10));
+    check(Vern9, Options::adaptive(1e-10, 1e-10));
+    check(Gauss6::fixed_point(), Options::fixed(0.02));
 }
 
 #[test]
@@ -341,7 +348,7 @@ impl System<f64> for BlowUp {
 
 #[test]
 fn blow_up_ends_in_step_too_small() {
-    fn check<M: Method>(method: M) {
+    fn check<M: Method<f64, BlowUp>>(method: M) {
         let options = Options::adaptive(1e-8, 1e-8);
         let mut solver = Integrator::new(&BlowUp, method, 0.0, [1.0], options).unwrap();
         let error = solver.integrate_to(2.0).unwrap_err();
@@ -357,6 +364,7 @@ fn blow_up_ends_in_step_too_small() {
     check(Dopri5);
     check(Tsit5);
     check(Dop853);
+    check(Vern9);
 }
 
 #[test]
@@ -407,7 +415,7 @@ fn failures_are_explained_by_the_system() {
         Integrator::new(&Pivot { explains: false }, Tsit5, 0.0, [3.0, 0.0], options).map(|_| ());
     assert_eq!(unexplained, Err(Error::Failure(Failure::NonFinite { t: 0.0, index: 1 })));
 
-    fn check<M: Method>(method: M, options: Options<f64>, explains: bool) {
+    fn check<M: Method<f64, Pivot>>(method: M, options: Options<f64>, explains: bool) {
         let name = M::TABLEAU.name;
         let system = Pivot { explains };
         let mut solver = Integrator::new(&system, method, 0.0, [3.0, 1.0], options).unwrap();
@@ -428,6 +436,7 @@ fn failures_are_explained_by_the_system() {
         check(Dopri5, options, explains);
         check(Tsit5, options, explains);
         check(Dop853, options, explains);
+        check(Vern9, options, explains);
     }
 }
 

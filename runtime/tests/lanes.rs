@@ -2,7 +2,7 @@
 
 use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
-use hamel_runtime::{Dop853, Integrator, Method, Options, Real, Rk4, System, Tsit5};
+use hamel_runtime::{Dop853, Integrator, Method, Options, Real, Rk4, System, Tsit5, Vern9};
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Pair(f64, f64);
@@ -83,14 +83,18 @@ impl<R: Real> System<R> for Pendulum {
     }
 }
 
-fn alone<M: Method>(method: M, start: f64, options: Options<f64>) -> ([f64; 2], [f64; 2]) {
+fn alone<M: Method<f64, Pendulum>>(method: M, start: f64, options: Options<f64>) -> ([f64; 2], [f64; 2]) {
     let mut solver = Integrator::new(&Pendulum, method, 0.0, [start, 0.0], options).unwrap();
     let mut middle = [0.0; 2];
     solver.sample(4.0, [1.27], |_, y| middle = *y).unwrap();
     (middle, *solver.state())
 }
 
-fn together<M: Method>(method: M, starts: Pair, options: Options<Pair>) -> ([Pair; 2], [Pair; 2]) {
+fn together<M: Method<Pair, Pendulum>>(
+    method: M,
+    starts: Pair,
+    options: Options<Pair>,
+) -> ([Pair; 2], [Pair; 2]) {
     let zero = Pair::ZERO;
     let mut solver = Integrator::new(&Pendulum, method, zero, [starts, zero], options).unwrap();
     let mut middle = [zero; 2];
@@ -100,7 +104,7 @@ fn together<M: Method>(method: M, starts: Pair, options: Options<Pair>) -> ([Pai
 
 #[test]
 fn fixed_steps_of_lanes_are_those_of_scalars() {
-    fn check<M: Method>(method: M) {
+    fn check<M: Method<f64, Pendulum> + Method<Pair, Pendulum>>(method: M) {
         let first = alone(method, 0.5, Options::fixed(0.1));
         let second = alone(method, 2.5, Options::fixed(0.1));
         let both = together(method, Pair(0.5, 2.5), Options::fixed(Pair(0.1, 0.1)));
@@ -111,6 +115,7 @@ fn fixed_steps_of_lanes_are_those_of_scalars() {
     check(Rk4);
     check(Tsit5);
     check(Dop853);
+    check(Vern9);
 }
 
 #[test]

@@ -4,7 +4,10 @@
 
 use std::collections::BTreeMap;
 
-use hamel_runtime::{Dop853, Dopri5, Error as SolverError, Integrator, Method, Options, Rk4, Tsit5};
+use hamel_runtime::{
+    Dop853, Dopri5, Error as SolverError, Gauss4, Gauss6, Gauss8, Integrator, Method, Options, Rk4, Tsit5,
+    Vern9,
+};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
@@ -23,25 +26,51 @@ pub enum MethodName {
     /// Dormand and Prince, eighth order.
     #[default]
     Dop853,
+    /// Verner, ninth order.
+    Vern9,
     /// Dormand and Prince, fifth order.
     Dopri5,
     /// The classical fourth-order method, fixed steps only.
     Rk4,
+    /// Gauss collocation of fourth order: symplectic, fixed steps only.
+    Gauss4,
+    /// Gauss collocation of sixth order: symplectic, fixed steps only.
+    Gauss6,
+    /// Gauss collocation of eighth order: symplectic, fixed steps only.
+    Gauss8,
 }
 
 impl MethodName {
     /// All methods.
-    pub const ALL: [MethodName; 4] =
-        [MethodName::Tsit5, MethodName::Dop853, MethodName::Dopri5, MethodName::Rk4];
+    pub const ALL: [MethodName; 8] = [
+        MethodName::Tsit5,
+        MethodName::Dop853,
+        MethodName::Vern9,
+        MethodName::Dopri5,
+        MethodName::Rk4,
+        MethodName::Gauss4,
+        MethodName::Gauss6,
+        MethodName::Gauss8,
+    ];
 
     /// The name in requests.
     pub fn name(self) -> &'static str {
         match self {
             MethodName::Tsit5 => "tsit5",
             MethodName::Dop853 => "dop853",
+            MethodName::Vern9 => "vern9",
             MethodName::Dopri5 => "dopri5",
             MethodName::Rk4 => "rk4",
+            MethodName::Gauss4 => "gauss4",
+            MethodName::Gauss6 => "gauss6",
+            MethodName::Gauss8 => "gauss8",
         }
+    }
+
+    /// Whether the method takes fixed steps only.
+    fn has_fixed_steps(self) -> bool {
+        use MethodName::{Gauss4, Gauss6, Gauss8, Rk4};
+        matches!(self, Rk4 | Gauss4 | Gauss6 | Gauss8)
     }
 }
 
@@ -84,10 +113,10 @@ impl Steps {
             (Some(_), ..) => {
                 Err("is given together with a tolerance: give either step, or rtol and atol".into())
             }
-            (None, ..) if method == MethodName::Rk4 => {
-                Err("is missing: rk4 has no error estimate, give a step or choose tsit5, dop853 or dopri5"
-                    .into())
-            }
+            (None, ..) if method.has_fixed_steps() => Err(format!(
+                "is missing: {} has no error estimate, give a step or choose tsit5, dop853, vern9 or dopri5",
+                method.name()
+            )),
             (None, rtol, atol) => {
                 Ok(Steps::Adaptive { rtol: rtol.unwrap_or(Self::RTOL), atol: atol.unwrap_or(Self::ATOL) })
             }
@@ -353,14 +382,18 @@ pub fn simulate(
     match request.method {
         MethodName::Tsit5 => run(Tsit5, &*dynamics, request, progress),
         MethodName::Dop853 => run(Dop853, &*dynamics, request, progress),
+        MethodName::Vern9 => run(Vern9, &*dynamics, request, progress),
         MethodName::Dopri5 => run(Dopri5, &*dynamics, request, progress),
         MethodName::Rk4 => run(Rk4, &*dynamics, request, progress),
+        MethodName::Gauss4 => run(Gauss4::fixed_point(), &*dynamics, request, progress),
+        MethodName::Gauss6 => run(Gauss6::fixed_point(), &*dynamics, request, progress),
+        MethodName::Gauss8 => run(Gauss8::fixed_point(), &*dynamics, request, progress),
     }
 }
 
-fn run<M: Method>(
+fn run<'d, M: Method<f64, &'d dyn Dynamics>>(
     method: M,
-    dynamics: &dyn Dynamics,
+    dynamics: &'d dyn Dynamics,
     request: &SimulateRequest,
     progress: &mut dyn FnMut(f64),
 ) -> Result<SimulateResponse, Error> {

@@ -225,7 +225,17 @@ fn simulate_takes_defaults_and_all_methods() {
     let initial = state([1.0, 0.2, 0.1]);
     let reference = simulate(TOP, &json!({"initial": initial, "t_final": 2})).unwrap();
     assert_eq!(reference["samples"], json!([]));
-    for (method, step) in [("rk4", Some(1e-3)), ("dop853", Some(0.05)), ("dopri5", None), ("tsit5", None)] {
+    let methods = [
+        ("rk4", Some(1e-3)),
+        ("dop853", Some(0.05)),
+        ("dopri5", None),
+        ("tsit5", None),
+        ("vern9", None),
+        ("gauss4", Some(1e-3)),
+        ("gauss6", Some(0.01)),
+        ("gauss8", Some(0.02)),
+    ];
+    for (method, step) in methods {
         let mut request = json!({"initial": initial, "t_final": 2, "method": method});
         if let Some(step) = step {
             request["step"] = json!(step);
@@ -259,8 +269,12 @@ fn simulate_rejects_contradictions_and_what_it_cannot_do() {
             Ok(answer) => panic!("{answer}"),
         }
     };
-    assert!(text(json!({"method": "rk45"})).contains("methods: tsit5, dop853, dopri5, rk4"));
-    assert!(text(json!({"method": "rk4"})).contains("step is missing"));
+    assert!(
+        text(json!({"method": "rk45"}))
+            .contains("methods: tsit5, dop853, vern9, dopri5, rk4, gauss4, gauss6")
+    );
+    assert!(text(json!({"method": "rk4"})).contains("step is missing: rk4"));
+    assert!(text(json!({"method": "gauss6"})).contains("step is missing: gauss6"));
     assert!(text(json!({"step": 0.1, "rtol": 1e-6})).contains("either step, or rtol and atol"));
     assert!(text(json!({"samples": -1})).contains("samples is -1.0"));
     assert!(text(json!({"samples": 1.5})).contains("whole number"));

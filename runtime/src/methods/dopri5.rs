@@ -1,25 +1,18 @@
 //! The method of Dormand and Prince.
 
-use super::{Estimate, Method, Tableau};
+use super::explicit::explicit_method;
+use super::{Estimate, Tableau};
 
-/// The method of order 5(4) of Dormand and Prince, with 6 evaluations a step.
-///
-/// Dense output is of order 4 and needs no further evaluation.
-///
-/// # Source
-///
-/// Dormand and Prince, A family of embedded Runge-Kutta formulae (1980); dense output of Shampine in Hairer,
-/// Norsett and Wanner, Solving Ordinary Differential Equations I (1993), section II.6.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Dopri5;
-
-impl Method for Dopri5 {
-    type Stages<V> = [V; 7];
-    const TABLEAU: &'static Tableau = &TABLEAU;
-
-    fn stages<V: Clone>(zeros: &V) -> [V; 7] {
-        core::array::from_fn(|_| zeros.clone())
-    }
+explicit_method! {
+    /// The method of order 5(4) of Dormand and Prince, with 6 evaluations a step.
+    ///
+    /// Dense output is of order 4 and needs no further evaluation.
+    ///
+    /// # Source
+    ///
+    /// Dormand and Prince, A family of embedded Runge-Kutta formulae (1980); dense output of Shampine in Hairer,
+    /// Norsett and Wanner, Solving Ordinary Differential Equations I (1993), section II.6.
+    Dopri5, TABLEAU, 5
 }
 
 const TABLEAU: Tableau = Tableau {
@@ -66,11 +59,11 @@ const TABLEAU: Tableau = Tableau {
     dense_nodes: &[],
     dense_stages: &[],
     dense: &[
-        (0, [-1.1270175653862835, 0.0, 0.0, 0.0]),
-        (2, [2.675424484351598, 0.0, 0.0, 0.0]),
-        (3, [-5.685526961588504, 0.0, 0.0, 0.0]),
-        (4, [3.5219323679207912, 0.0, 0.0, 0.0]),
-        (5, [-1.7672812570757455, 0.0, 0.0, 0.0]),
-        (6, [2.382468931778144, 0.0, 0.0, 0.0]),
+        (0, &[-1.1270175653862835]),
+        (2, &[2.675424484351598]),
+        (3, &[-5.685526961588504]),
+        (4, &[3.5219323679207912]),
+        (5, &[-1.7672812570757455]),
+        (6, &[2.382468931778144]),
     ],
 };

@@ -1,24 +1,17 @@
 //! The classical Runge-Kutta method.
 
-use super::{Estimate, Method, Tableau};
+use super::explicit::explicit_method;
+use super::{Estimate, Tableau};
 
-/// The classical method of order 4, for fixed steps.
-///
-/// Dense output is the cubic Hermite interpolant, with an error of order 4.
-///
-/// # Source
-///
-/// Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I (1993), table II.1.2.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Rk4;
-
-impl Method for Rk4 {
-    type Stages<V> = [V; 5];
-    const TABLEAU: &'static Tableau = &TABLEAU;
-
-    fn stages<V: Clone>(zeros: &V) -> [V; 5] {
-        core::array::from_fn(|_| zeros.clone())
-    }
+explicit_method! {
+    /// The classical method of order 4, for fixed steps.
+    ///
+    /// Dense output is the cubic Hermite interpolant, with an error of order 4.
+    ///
+    /// # Source
+    ///
+    /// Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I (1993), table II.1.2.
+    Rk4, TABLEAU, 3
 }
 
 const TABLEAU: Tableau = Tableau {

@@ -1,24 +1,17 @@
 //! The method of Tsitouras.
 
-use super::{Estimate, Method, Tableau};
+use super::explicit::explicit_method;
+use super::{Estimate, Tableau};
 
-/// The method of order 5(4) of Tsitouras, with 6 evaluations a step: the one to try first.
-///
-/// Dense output is of order 4 and needs no further evaluation.
-///
-/// # Source
-///
-/// Tsitouras, Runge-Kutta pairs of order 5(4) satisfying only the first column simplifying assumption (2011).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Tsit5;
-
-impl Method for Tsit5 {
-    type Stages<V> = [V; 7];
-    const TABLEAU: &'static Tableau = &TABLEAU;
-
-    fn stages<V: Clone>(zeros: &V) -> [V; 7] {
-        core::array::from_fn(|_| zeros.clone())
-    }
+explicit_method! {
+    /// The method of order 5(4) of Tsitouras, with 6 evaluations a step: the one to try first.
+    ///
+    /// Dense output is of order 4 and needs no further evaluation.
+    ///
+    /// # Source
+    ///
+    /// Tsitouras, Runge-Kutta pairs of order 5(4) satisfying only the first column simplifying assumption (2011).
+    Tsit5, TABLEAU, 5
 }
 
 const TABLEAU: Tableau = Tableau {
@@ -67,12 +60,12 @@ const TABLEAU: Tableau = Tableau {
     dense_nodes: &[],
     dense_stages: &[],
     dense: &[
-        (0, [-1.0530884977290216, 0.0, 0.0, 0.0]),
-        (1, [0.1017, 0.0, 0.0, 0.0]),
-        (2, [2.490627285651253, 0.0, 0.0, 0.0]),
-        (3, [-16.548102889244902, 0.0, 0.0, 0.0]),
-        (4, [47.37952196281928, 0.0, 0.0, 0.0]),
-        (5, [-34.87065786149661, 0.0, 0.0, 0.0]),
-        (6, [2.5, 0.0, 0.0, 0.0]),
+        (0, &[-1.0530884977290216]),
+        (1, &[0.1017]),
+        (2, &[2.490627285651253]),
+        (3, &[-16.548102889244902]),
+        (4, &[47.37952196281928]),
+        (5, &[-34.87065786149661]),
+        (6, &[2.5]),
     ],
 };

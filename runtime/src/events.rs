@@ -1,0 +1,137 @@
+//! Events: changes of sign of functions of time and state, located within a step.
+//!
+//! The module deliberately does not know states or how they are interpolated: it sees values of one function.
+
+use crate::options::signed;
+use crate::real::Real;
+
+/// Which changes of sign are events.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Direction {
+    /// From negative to zero or positive, in the direction of integration.
+    Rising,
+    /// From positive to zero or negative.
+    Falling,
+    /// Both.
+    #[default]
+    Either,
+}
+
+impl Direction {
+    /// Whether the values at both ends of a step are a change of sign of this direction.
+    pub(crate) fn is_change<R: Real>(self, before: R, after: R) -> bool {
+        let (before, after) = (signed(before), signed(after));
+        let rising = before < 0.0 && after >= 0.0;
+        let falling = before > 0.0 && after <= 0.0;
+        match self {
+            Self::Rising => rising,
+            Self::Falling => falling,
+            Self::Either => rising || falling,
+        }
+    }
+}
+
+/// An event that was found.
+#[derive(Debug)]
+pub struct Event<'a, R, V> {
+    /// Position of its function.
+    pub index: usize,
+    /// Its time, just after the change of sign.
+    pub t: R,
+    /// The state then.
+    pub state: &'a V,
+}
+
+/// The end of a bracket of at most the width `resolution` around a change of sign of `f` in `[0, 1]`, by the
+/// method ITP.
+///
+/// `before` and `after` are `f(0)` and `f(1)`. The sign at the answer is that of `after`, or zero.
+///
+/// # Source
+///
+/// Oliveira and Takahashi, An enhancement of the bisection method average performance preserving minmax optimality
+/// (2020), with `k1 = 0.2`, `k2 = 2`, `n0 = 1`.
+pub(crate) fn locate<E>(
+    mut f: impl FnMut(f64) -> Result<f64, E>,
+    (before, after): (f64, f64),
+    resolution: f64,
+) -> Result<f64, E> {
+    let (mut a, mut b) = (0.0, 1.0_f64);
+    let sign = if after > before { 1.0 } else { -1.0 };
+    let (mut f_a, mut f_b) = (sign * before, sign * after);
+    // The width that bisection would have reached, with one halving to spare.
+    let mut width = resolution;
+    while width < 2.0 {
+        width *= 2.0;
+    }
+    while b - a > resolution && f_b != 0.0 {
+        let middle = 0.5 * (a + b);
+        let secant = (f_b * a - f_a * b) / (f_b - f_a);
+        let towards = if middle >= secant { 1.0 } else { -1.0 };
+        // Not below the resolution, so that the bracket closes from both sides.
+        let shift = (0.2 * (b - a) * (b - a)).max(0.5 * resolution);
+        let truncated = if shift <= (middle - secant).abs() { secant + towards * shift } else { middle };
+        let radius = 0.5 * (width - (b - a)).max(0.0);
+        let x = if (truncated - middle).abs() <= radius { truncated } else { middle - towards * radius };
+        // Between adjacent numbers there is nothing left to find.
+        if x <= a || x >= b {
+            break;
+        }
+        let value = sign * f(x)?;
+        if value < 0.0 {
+            (a, f_a) = (x, value);
+        } else {
+            (b, f_b) = (x, value);
+        }
+        width *= 0.5;
+    }
+    Ok(b)
+}
+
+#[cfg(test)]
+mod tests {
+    use core::convert::Infallible;
+
+    use super::{Direction, locate};
+
+    #[test]
+    fn roots_are_located_to_the_resolution_in_few_evaluations() {
+        let functions: [fn(f64) -> f64; 4] =
+            [|x| x - 0.3, |x| x * x * x - 0.001, |x| 0.7_f64.exp() - x.exp(), |x| (x - 0.9).powi(9)];
+        for (index, (f, root)) in functions.into_iter().zip([0.3, 0.1, 0.7, 0.9]).enumerate() {
+            let mut n_evals = 0;
+            let counted = |x| {
+                n_evals += 1;
+                Ok::<_, Infallible>(f(x))
+            };
+            let Ok(found) = locate(counted, (f(0.0), f(1.0)), 1e-14);
+            // A root of order nine is known only up to the ninth root of the smallest numbers, which is fine.
+            assert!((found - root).abs() < 2e-14, "function {index}: {found}");
+            assert!(f(found) * f(1.0) >= 0.0, "function {index}: before the change of sign");
+            assert!(n_evals <= 49, "function {index}: {n_evals} evaluations");
+            assert!(index == 3 || n_evals <= 14, "function {index}: {n_evals} evaluations");
+        }
+    }
+
+    #[test]
+    fn a_step_function_is_bisected() {
+        let f = |x: f64| Ok::<_, Infallible>(if x < 0.123 { -1.0 } else { 1e9 });
+        let Ok(found) = locate(f, (-1.0, 1e9), 1e-12);
+        assert!((0.123..0.123 + 1e-12).contains(&found), "{found}");
+    }
+
+    #[test]
+    fn directions_are_told_apart() {
+        use Direction::{Either, Falling, Rising};
+        for (before, after, rising, falling) in [
+            (-1.0, 2.0, true, false),
+            (1.0, 0.0, false, true),
+            (0.0, 1.0, false, false),
+            (1.0, 2.0, false, false),
+        ] {
+            assert_eq!(Rising.is_change(before, after), rising);
+            assert_eq!(Falling.is_change(before, after), falling);
+            assert_eq!(Either.is_change(before, after), rising || falling);
+        }
+    }
+}

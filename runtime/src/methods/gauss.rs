@@ -1,0 +1,561 @@
+//! Collocation at Gauss points, and the iterations for its stages.
+//!
+//! The module deliberately does not know step sizes or tolerances: stages are solved to round-off.
+
+use super::{Derivatives, Estimate, Method, Step, Tableau, compensated_advance};
+use crate::error::Error;
+use crate::options::signed;
+use crate::real::Real;
+use crate::system::{Differentiable, StateVector, System};
+
+/// The implicit method of order `2 STAGES` that collocates at the `STAGES` Gauss points, for fixed steps.
+///
+/// It is symmetric and symplectic and keeps quadratic invariants; rounding of its coefficients does not spoil
+/// that, because they are stored such that `b_i a_ij + b_j a_ji = b_i b_j` holds exactly. There is no error
+/// estimate: steps that vary would lose these properties. Dense output is of order `STAGES + 1`.
+///
+/// The stages are iterated from extrapolated starting values until round-off stops the progress.
+///
+/// # Source
+///
+/// Hairer, Lubich and Wanner, Geometric Numerical Integration (2006), sections II.1.3, VI.4, VIII.6; the exact
+/// symplecticity after Antonana, Makazaga and Murua, Reducing and monitoring round-off error propagation for
+/// symplectic implicit Runge-Kutta schemes (2017), equation 12.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Gauss<const STAGES: usize, I = FixedPoint> {
+    iteration: I,
+}
+
+/// Collocation at two Gauss points, of order 4.
+pub type Gauss4<I = FixedPoint> = Gauss<2, I>;
+/// Collocation at three Gauss points, of order 6.
+pub type Gauss6<I = FixedPoint> = Gauss<3, I>;
+/// Collocation at four Gauss points, of order 8.
+pub type Gauss8<I = FixedPoint> = Gauss<4, I>;
+
+/// Fixed-point iteration: for steps well below the time scales of the system.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FixedPoint;
+
+/// Newton's iteration with the Jacobian at the start of the step, for stiff systems and long steps.
+///
+/// It needs a [`Differentiable`] system whose state is an array.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Newton;
+
+impl<const STAGES: usize> Gauss<STAGES> {
+    /// The method with stages from fixed-point iteration.
+    #[must_use]
+    pub const fn fixed_point() -> Self {
+        Self { iteration: FixedPoint }
+    }
+}
+
+impl<const STAGES: usize> Gauss<STAGES, Newton> {
+    /// The method with stages from Newton's iteration.
+    #[must_use]
+    pub const fn newton() -> Self {
+        Self { iteration: Newton }
+    }
+}
+
+impl<const STAGES: usize, I> Gauss<STAGES, I> {
+    const TABLEAU: &'static Tableau = match STAGES {
+        2 => &GAUSS4,
+        3 => &GAUSS6,
+        4 => &GAUSS8,
+        _ => panic!("Gauss methods have 2, 3 or 4 stages"),
+    };
+
+    /// Weights `b_j`.
+    const B: [f64; STAGES] = {
+        let mut b = [0.0; STAGES];
+        let mut j = 0;
+        while j < STAGES {
+            b[j] = Self::TABLEAU.weights[j].1;
+            j += 1;
+        }
+        b
+    };
+
+    /// Rows `(j + 1, mu_ij)` of coefficients `mu_ij = a_ij / b_j` with `mu_ij + mu_ji = 1` exactly.
+    const MU: [[(usize, f64); STAGES]; STAGES] = {
+        let mut mu = [[(0, 0.5); STAGES]; STAGES];
+        let mut i = 0;
+        while i < STAGES {
+            let mut j = 0;
+            while j < STAGES {
+                mu[i][j].0 = j + 1;
+                j += 1;
+            }
+            j = i + 1;
+            while j < STAGES {
+                // The sum lies between one and two, and rounds to a multiple of 2^-52: so do both coefficients.
+                let above = (Self::TABLEAU.stages[i + 1][j].1 / Self::B[j] + 1.5) - 1.5;
+                (mu[i][j].1, mu[j][i].1) = (above, 1.0 - above);
+                j += 1;
+            }
+            i += 1;
+        }
+        mu
+    };
+
+    /// Weights `1 / prod_m (x_j - x_m)` of interpolation at the nodes `x_j`: zero, the Gauss points, one.
+    const BARYCENTRIC: ([f64; STAGES], [f64; 2]) = {
+        let (mut inner, mut ends) = ([0.0; STAGES], [0.0; 2]);
+        let nodes = Self::TABLEAU.nodes;
+        let mut j = 0;
+        while j <= STAGES + 1 {
+            let x = if j <= STAGES { nodes[j] } else { 1.0 };
+            let mut product = 1.0;
+            let mut m = 0;
+            while m <= STAGES + 1 {
+                if m != j {
+                    product *= x - if m <= STAGES { nodes[m] } else { 1.0 };
+                }
+                m += 1;
+            }
+            if j == 0 || j == STAGES + 1 {
+                ends[if j == 0 { 0 } else { 1 }] = 1.0 / product;
+            } else {
+                inner[j - 1] = 1.0 / product;
+            }
+            j += 1;
+        }
+        (inner, ends)
+    };
+}
+
+/// What a Gauss method keeps between steps: the stages, and weights that extrapolate them.
+#[derive(Clone, Debug)]
+pub struct GaussStorage<R, V, W, const STAGES: usize> {
+    stages: [V; STAGES],
+    /// The stages times their weights.
+    increments: [V; STAGES],
+    /// Ratio of step sizes that `inner` and `ends` belong to.
+    ratio: R,
+    /// Weights of the old stages in each starting value.
+    inner: [[R; STAGES]; STAGES],
+    /// Weights of the derivatives at both ends of the old step.
+    ends: [[R; 2]; STAGES],
+    workspace: W,
+}
+
+impl<R: Real, V: StateVector<R>, W, const STAGES: usize> GaussStorage<R, V, W, STAGES> {
+    fn new(y0: &V, workspace: W) -> Self {
+        Self {
+            stages: core::array::from_fn(|_| y0.zeros_like()),
+            increments: core::array::from_fn(|_| y0.zeros_like()),
+            ratio: R::ZERO,
+            inner: [[R::ZERO; STAGES]; STAGES],
+            ends: [[R::ZERO; 2]; STAGES],
+            workspace,
+        }
+    }
+
+    /// Starting values: the polynomial through all derivatives of the last step, or the derivative at the start.
+    fn predict<S: System<R, State = V>, I>(&mut self, step: &Step<'_, R, S>) {
+        self.predict_stages::<S, I>(step);
+        for (i, (stage, increment)) in self.stages.iter().zip(&mut self.increments).enumerate() {
+            weigh::<R, V, STAGES, I>(i, stage, increment);
+        }
+    }
+
+    fn predict_stages<S: System<R, State = V>, I>(&mut self, step: &Step<'_, R, S>) {
+        let slope = step.from.slope.as_slice();
+        let ratio = step.last_h.map_or(R::ZERO, |last| step.h / last);
+        if !(ratio.all_gt(R::ZERO) && R::from_f64(1.5).all_gt(ratio)) {
+            for stage in &mut self.stages {
+                stage.as_mut_slice().copy_from_slice(slope);
+            }
+            return;
+        }
+        if ratio != self.ratio {
+            self.ratio = ratio;
+            let (inner, ends) = Gauss::<STAGES, I>::BARYCENTRIC;
+            let nodes = Gauss::<STAGES, I>::TABLEAU.nodes;
+            for i in 0..STAGES {
+                let beyond = ratio * R::from_f64(nodes[i + 1]);
+                let x = R::ONE + beyond;
+                let product =
+                    nodes[1..].iter().fold(x * beyond, |product, &node| product * (x - R::from_f64(node)));
+                self.inner[i] = core::array::from_fn(|j| {
+                    product * R::from_f64(inner[j]) / (x - R::from_f64(nodes[j + 1]))
+                });
+                self.ends[i] = [product * R::from_f64(ends[0]) / x, product * R::from_f64(ends[1]) / beyond];
+            }
+        }
+        let before = step.to.slope.as_slice();
+        for c in 0..slope.len() {
+            let old: [R; STAGES] = core::array::from_fn(|j| self.stages[j].as_slice()[c]);
+            for (i, stage) in self.stages.iter_mut().enumerate() {
+                let start = self.ends[i][0] * before[c] + self.ends[i][1] * slope[c];
+                let terms = self.inner[i].iter().zip(&old);
+                stage.as_mut_slice()[c] = terms.fold(start, |sum, (&weight, &k)| weight.mul_add(k, sum));
+            }
+        }
+    }
+}
+
+/// Evaluates the right-hand side at stage `i` into `out`.
+///
+/// `increments` are `b_j k_j`.
+#[inline(always)]
+fn evaluate_stage<R: Real, S: System<R>, const STAGES: usize, I>(
+    increments: &[S::State; STAGES],
+    i: usize,
+    step: &mut Step<'_, R, S>,
+    out: &mut S::State,
+) {
+    let first = &step.from.slope;
+    let k = Derivatives { n_stages: STAGES + 1, first, stored: increments, last: first };
+    let (y, h, work) = (step.from.state.as_slice(), step.h, step.work.as_mut_slice());
+    k.for_each_sum(&Gauss::<STAGES, I>::MU[i], y.len(), |c, slope| work[c] = h.mul_add(slope, y[c]));
+    let node = R::from_f64(Gauss::<STAGES, I>::TABLEAU.nodes[i + 1]);
+    step.system.rhs(step.t + node * h, step.work, out);
+    *step.rhs_evals += 1;
+}
+
+/// `increment = b_i k_i`.
+#[inline(always)]
+fn weigh<R: Real, V: StateVector<R>, const STAGES: usize, I>(i: usize, stage: &V, increment: &mut V) {
+    let weight = R::from_f64(Gauss::<STAGES, I>::B[i]);
+    for (increment, &k) in increment.as_mut_slice().iter_mut().zip(stage.as_slice()) {
+        *increment = weight * k;
+    }
+}
+
+/// Size of a change of the stage derivatives, and of what it changes: both of the order of a state.
+#[derive(Clone, Copy, Default)]
+struct Change {
+    change: f64,
+    size: f64,
+}
+
+impl Change {
+    #[inline(always)]
+    fn add<R: Real>(&mut self, h: f64, y: R, k: R, difference: R) {
+        let change = h * difference.magnitude();
+        let size = y.magnitude() + h * k.magnitude();
+        // A NaN is kept, since nothing is above it.
+        self.change = if change.is_nan() || change > self.change { change } else { self.change };
+        self.size = if size > self.size { size } else { self.size };
+    }
+}
+
+/// Repeats `sweep` until the stages do not change, or until the changes stop to decrease in round-off.
+///
+/// # Source
+///
+/// Hairer, McLachlan and Razakarivony, Achieving Brouwer's law with implicit Runge-Kutta methods (2008), section 4.
+fn iterate<R: Real, S: System<R>>(
+    step: &mut Step<'_, R, S>,
+    mut sweep: impl FnMut(&mut Step<'_, R, S>) -> Change,
+) -> Result<(), Error> {
+    const MAX_ITERATIONS: u32 = 100;
+    /// Changes that stop to decrease above this many units of round-off are no round-off.
+    const ROUND_OFF: f64 = 1e3;
+    /// Changes may grow at first.
+    const PATIENCE: u32 = 10;
+    let mut previous = f64::INFINITY;
+    for iterations in 1..=MAX_ITERATIONS {
+        let Change { change, size } = sweep(step);
+        // What is not finite is found, and explained, by the integrator.
+        if change == 0.0 || !change.is_finite() {
+            return Ok(());
+        }
+        if change >= previous {
+            if change <= ROUND_OFF * R::EPSILON * size {
+                return Ok(());
+            }
+            if iterations > PATIENCE {
+                return Err(Error::NotConverged { t: signed(step.t), h: signed(step.h), iterations });
+            }
+        }
+        previous = change;
+    }
+    Err(Error::NotConverged { t: signed(step.t), h: signed(step.h), iterations: MAX_ITERATIONS })
+}
+
+/// The new state from the stages.
+fn finish<R: Real, S: System<R>, const STAGES: usize>(
+    tableau: &Tableau,
+    stages: &[S::State; STAGES],
+    step: &mut Step<'_, R, S>,
+) {
+    let (from, h) = (step.from, step.h);
+    let k = Derivatives { n_stages: STAGES + 1, first: &from.slope, stored: stages, last: &from.slope };
+    compensated_advance((from, step.to), h, tableau.weights, &k);
+}
+
+impl<R: Real, S: System<R>, const STAGES: usize> Method<R, S> for Gauss<STAGES, FixedPoint> {
+    const TABLEAU: &'static Tableau = Self::TABLEAU;
+
+    type Storage = GaussStorage<R, S::State, S::State, STAGES>;
+
+    fn storage(&self, _system: &S, _t0: R, y0: &S::State) -> Self::Storage {
+        GaussStorage::new(y0, y0.zeros_like())
+    }
+
+    fn stages(storage: &Self::Storage) -> &[S::State] {
+        &storage.stages
+    }
+
+    fn stages_mut(storage: &mut Self::Storage) -> &mut [S::State] {
+        &mut storage.stages
+    }
+
+    fn advance(&self, storage: &mut Self::Storage, step: &mut Step<'_, R, S>) -> Result<(), Error> {
+        storage.predict::<S, FixedPoint>(step);
+        let GaussStorage { stages, increments, workspace: fresh, .. } = storage;
+        let h = step.h.magnitude();
+        iterate(step, |step| {
+            let mut sum = Change::default();
+            for i in 0..STAGES {
+                evaluate_stage::<R, S, STAGES, FixedPoint>(increments, i, step, fresh);
+                let y = step.from.state.as_slice();
+                let values = stages[i].as_mut_slice().iter_mut().zip(fresh.as_slice());
+                for ((stage, &value), &y) in values.zip(y) {
+                    sum.add(h, y, value, value - *stage);
+                    *stage = value;
+                }
+                weigh::<R, _, STAGES, FixedPoint>(i, fresh, &mut increments[i]);
+            }
+            sum
+        })?;
+        finish(Self::TABLEAU, stages, step);
+        Ok(())
+    }
+}
+
+/// What Newton's iteration needs: the Jacobian, the matrix `1 - h A x J` and its factors, and residuals.
+#[derive(Clone, Debug)]
+pub struct NewtonWorkspace<R, const N: usize, const STAGES: usize> {
+    jacobian: [[R; N]; N],
+    /// Rows and columns are those of a stage and of a component.
+    factors: [[[[R; N]; STAGES]; N]; STAGES],
+    /// Row that was exchanged with each row.
+    pivots: [[usize; N]; STAGES],
+    residuals: [[R; N]; STAGES],
+}
+
+impl<R: Real, const N: usize, const STAGES: usize> NewtonWorkspace<R, N, STAGES> {
+    /// Writes `1 - h A x J` and factors it by elimination with the largest pivots; false if one vanishes.
+    fn factor(&mut self, h: R, tableau: &Tableau) -> bool {
+        for i in 0..STAGES {
+            for j in 0..STAGES {
+                let a = h * R::from_f64(tableau.stages[i + 1][j].1);
+                for row in 0..N {
+                    for column in 0..N {
+                        let one = if i == j && row == column { R::ONE } else { R::ZERO };
+                        self.factors[i][row][j][column] = one - a * self.jacobian[row][column];
+                    }
+                }
+            }
+        }
+        let split = |index: usize| (index / N, index % N);
+        for p in 0..STAGES * N {
+            let (i, row) = split(p);
+            let size = |&q: &usize| self.factors[split(q).0][split(q).1][i][row].magnitude();
+            let largest =
+                (p + 1..STAGES * N).fold(p, |best, q| if size(&q) > size(&best) { q } else { best });
+            self.pivots[i][row] = largest;
+            if largest != p {
+                let (other, other_row) = split(largest);
+                let saved = self.factors[i][row];
+                self.factors[i][row] = self.factors[other][other_row];
+                self.factors[other][other_row] = saved;
+            }
+            let pivot_row = self.factors[i][row];
+            let pivot = pivot_row[i][row];
+            if !pivot.all_ne(R::ZERO) || !pivot.all_finite() {
+                return false;
+            }
+            for q in p + 1..STAGES * N {
+                let target = &mut self.factors[split(q).0][split(q).1];
+                let ratio = target[i][row] / pivot;
+                target[i][row] = ratio;
+                for s in p + 1..STAGES * N {
+                    let (j, column) = split(s);
+                    target[j][column] -= ratio * pivot_row[j][column];
+                }
+            }
+        }
+        true
+    }
+
+    /// Replaces the residuals by the solution.
+    fn solve(&mut self) {
+        let split = |index: usize| (index / N, index % N);
+        let n = STAGES * N;
+        for p in 0..n {
+            let (i, row) = split(p);
+            let (other, other_row) = split(self.pivots[i][row]);
+            let saved = self.residuals[i][row];
+            self.residuals[i][row] = self.residuals[other][other_row];
+            self.residuals[other][other_row] = saved;
+            // Exchanges before elimination: later exchanges have permuted the multipliers too.
+        }
+        for p in 0..n {
+            let (i, row) = split(p);
+            let known = (0..p).fold(R::ZERO, |sum, q| {
+                let (j, column) = split(q);
+                sum + self.factors[i][row][j][column] * self.residuals[j][column]
+            });
+            self.residuals[i][row] -= known;
+        }
+        for p in (0..n).rev() {
+            let (i, row) = split(p);
+            let known = (p + 1..n).fold(R::ZERO, |sum, q| {
+                let (j, column) = split(q);
+                sum + self.factors[i][row][j][column] * self.residuals[j][column]
+            });
+            self.residuals[i][row] = (self.residuals[i][row] - known) / self.factors[i][row][i][row];
+        }
+    }
+}
+
+impl<R: Real, S: Differentiable<R, State = [R; N]>, const N: usize, const STAGES: usize> Method<R, S>
+    for Gauss<STAGES, Newton>
+{
+    const TABLEAU: &'static Tableau = Self::TABLEAU;
+
+    type Storage = GaussStorage<R, [R; N], NewtonWorkspace<R, N, STAGES>, STAGES>;
+
+    fn storage(&self, _system: &S, _t0: R, y0: &[R; N]) -> Self::Storage {
+        let workspace = NewtonWorkspace {
+            jacobian: [[R::ZERO; N]; N],
+            factors: [[[[R::ZERO; N]; STAGES]; N]; STAGES],
+            pivots: [[0; N]; STAGES],
+            residuals: [[R::ZERO; N]; STAGES],
+        };
+        GaussStorage::new(y0, workspace)
+    }
+
+    fn stages(storage: &Self::Storage) -> &[[R; N]] {
+        &storage.stages
+    }
+
+    fn stages_mut(storage: &mut Self::Storage) -> &mut [[R; N]] {
+        &mut storage.stages
+    }
+
+    fn advance(&self, storage: &mut Self::Storage, step: &mut Step<'_, R, S>) -> Result<(), Error> {
+        storage.predict::<S, Newton>(step);
+        let GaussStorage { stages, increments, workspace, .. } = storage;
+        step.system.jacobian(step.t, &step.from.state, &mut workspace.jacobian);
+        *step.jacobian_evals += 1;
+        if !workspace.factor(step.h, Self::TABLEAU) {
+            return Err(Error::NotConverged { t: signed(step.t), h: signed(step.h), iterations: 0 });
+        }
+        let h = step.h.magnitude();
+        iterate(step, |step| {
+            let mut sum = Change::default();
+            for (i, (residual, stage)) in workspace.residuals.iter_mut().zip(&*stages).enumerate() {
+                evaluate_stage::<R, S, STAGES, Newton>(increments, i, step, residual);
+                for (residual, &stage) in residual.iter_mut().zip(stage) {
+                    *residual -= stage;
+                }
+            }
+            workspace.solve();
+            for (i, (stage, correction)) in stages.iter_mut().zip(&workspace.residuals).enumerate() {
+                for ((k, &correction), &y) in stage.iter_mut().zip(correction).zip(&step.from.state) {
+                    *k += correction;
+                    sum.add(h, y, *k, correction);
+                }
+                weigh::<R, _, STAGES, Newton>(i, stage, &mut increments[i]);
+            }
+            sum
+        })?;
+        finish(Self::TABLEAU, stages, step);
+        Ok(())
+    }
+}
+
+/// The method of order 4.
+const GAUSS4: Tableau = Tableau {
+    name: "gauss4",
+    order: 4,
+    nodes: &[0.0, 0.2113248654051871, 0.7886751345948129],
+    stages: &[&[], &[(1, 0.25), (2, -0.03867513459481288)], &[(1, 0.5386751345948129), (2, 0.25)]],
+    weights: &[(1, 0.5), (2, 0.5)],
+    estimate: Estimate::None,
+    dense_nodes: &[],
+    dense_stages: &[],
+    dense: &[(0, &[-1.5]), (1, &[2.598076211353316]), (2, &[-2.598076211353316]), (3, &[1.5])],
+};
+
+/// The method of order 6.
+const GAUSS6: Tableau = Tableau {
+    name: "gauss6",
+    order: 6,
+    nodes: &[0.0, 0.11270166537925831, 0.5, 0.8872983346207417],
+    stages: &[
+        &[],
+        &[(1, 0.1388888888888889), (2, -0.0359766675249389), (3, 0.009789444015308325)],
+        &[(1, 0.30026319498086457), (2, 0.2222222222222222), (3, -0.022485417203086815)],
+        &[(1, 0.26798833376246944), (2, 0.48042111196938336), (3, 0.1388888888888889)],
+    ],
+    weights: &[(1, 0.2777777777777778), (2, 0.4444444444444444), (3, 0.2777777777777778)],
+    estimate: Estimate::None,
+    dense_nodes: &[],
+    dense_stages: &[],
+    dense: &[
+        (0, &[-4.5, 4.0]),
+        (1, &[6.560819455172847, -6.666666666666667]),
+        (2, &[-2.6666666666666665, 5.333333333333333]),
+        (3, &[0.10584721149381926, -6.666666666666667]),
+        (4, &[0.5, 4.0]),
+    ],
+};
+
+/// The method of order 8.
+const GAUSS8: Tableau = Tableau {
+    name: "gauss8",
+    order: 8,
+    nodes: &[0.0, 0.06943184420297371, 0.33000947820757187, 0.6699905217924281, 0.9305681557970263],
+    stages: &[
+        &[],
+        &[
+            (1, 0.08696371128436346),
+            (2, -0.026604180084998794),
+            (3, 0.012627462689404725),
+            (4, -0.0035551496857956833),
+        ],
+        &[
+            (1, 0.18811811749986806),
+            (2, 0.16303628871563652),
+            (3, -0.027880428602470895),
+            (4, 0.006735500594538156),
+        ],
+        &[
+            (1, 0.16719192197418878),
+            (2, 0.35395300603374397),
+            (3, 0.16303628871563652),
+            (4, -0.014190694931141144),
+        ],
+        &[
+            (1, 0.1774825722545226),
+            (2, 0.31344511474186837),
+            (3, 0.35267675751627187),
+            (4, 0.08696371128436346),
+        ],
+    ],
+    weights: &[
+        (1, 0.17392742256872692),
+        (2, 0.32607257743127305),
+        (3, 0.32607257743127305),
+        (4, 0.17392742256872692),
+    ],
+    estimate: Estimate::None,
+    dense_nodes: &[],
+    dense_stages: &[],
+    dense: &[
+        (0, &[-8.5, 7.0, 11.666666666666666]),
+        (1, &[11.293439843800016, -9.890096504226937, -19.141562086957997]),
+        (2, &[-2.818155749217592, 2.890096504226938, 14.167929647650073]),
+        (3, &[-0.07194075500934587, 2.890096504226938, -14.167929647650073]),
+        (4, &[-1.403343339573078, -9.890096504226937, 19.141562086957997]),
+        (5, &[1.5, 7.0, -11.666666666666666]),
+    ],
+};

@@ -1,0 +1,226 @@
+//! Events: times, order, direction, stops and what cannot be located.
+
+use std::ops::ControlFlow::{Break, Continue};
+
+use hamel_runtime::{
+    Direction, Dop853, Error, Failure, Gauss8, Integrator, Method, Options, Progress, Rk4, System, Tsit5,
+    Vern9,
+};
+
+/// `y = (cos t, -sin t)`.
+struct Circle;
+
+impl System<f64> for Circle {
+    type State = [f64; 2];
+    fn rhs(&self, _t: f64, y: &[f64; 2], dy: &mut [f64; 2]) {
+        *dy = [y[1], -y[0]];
+    }
+}
+
+const PI: f64 = std::f64::consts::PI;
+
+/// Indices and times of the events of `cos t`, `sin t` and `t - 2` up to `end`.
+fn events<M: Method<f64, Circle>>(method: M, options: Options<f64>, end: f64) -> Vec<(usize, f64)> {
+    let mut found = vec![];
+    let mut solver = Integrator::new(&Circle, method, 0.0, [1.0, 0.0], options).unwrap();
+    let directions = [Direction::Either, Direction::Rising, Direction::Falling];
+    let reached = solver.integrate_with_events(
+        end,
+        directions,
+        |t, y| [y[0], -y[1], if end > 0.0 { 2.0 - t } else { t + 2.0 }],
+        |event| {
+            assert!(found.len() < 100);
+            found.push((event.index, event.t));
+            Continue(())
+        },
+    );
+    assert_eq!((reached, solver.t()), (Ok(Progress::Reached), end));
+    found
+}
+
+#[test]
+fn events_are_located_in_the_order_of_time() {
+    fn check<M: Method<f64, Circle>>(method: M, options: Options<f64>, tolerance: f64) {
+        // At zero the sine is zero, which is not a change of sign; at pi it falls.
+        let forward = [(0, 0.5 * PI), (2, 2.0), (0, 1.5 * PI), (1, 2.0 * PI), (0, 2.5 * PI)];
+        // Backward in time the sine falls from zero to negative, and rises at -pi.
+        let backward = [(0, -0.5 * PI), (2, -2.0), (1, -PI), (0, -1.5 * PI), (0, -2.5 * PI)];
+        for (end, expected) in [(9.0, forward), (-9.0, backward)] {
+            let found = events(method, options, end);
+            let name = M::TABLEAU.name;
+            assert_eq!(found.len(), expected.len(), "{name}: {found:?}");
+            for (&(index, t), (expected_index, expected_t)) in found.iter().zip(expected) {
+                assert_eq!(index, expected_index, "{name}: {found:?}");
+                assert!((t - expected_t).abs() < tolerance, "{name}: {found:?}");
+            }
+        }
+    }
+    // Errors of steps and of dense output, of some tens of tolerances.
+    check(Rk4, Options::fixed(0.01), 1e-8);
+    check(Gauss8::fixed_point(), Options::fixed(0.1), 1e-8);
+    check(Tsit5, Options::adaptive(1e-10, 1e-10), 1e-8);
+    check(Dop853, Options::adaptive(1e-10, 1e-10), 1e-8);
+    check(Vern9, Options::adaptive(1e-12, 1e-12), 1e-10);
+    // All events of one function within one step, and several of different ones in one step.
+    check(Vern9, Options::fixed(1.5), 1e-3);
+}
+
+#[test]
+fn a_function_of_time_is_located_to_round_off() {
+    let options = Options::fixed(0.7);
+    let mut solver = Integrator::new(&Circle, Rk4, 0.0, [1.0, 0.0], options).unwrap();
+    let mut found = vec![];
+    let _ = solver
+        .integrate_with_events(
+            3.0,
+            [Direction::Rising; 2],
+            |t, _| [t - 1.23, t.powi(3) - 8.0],
+            |event| {
+                found.push(event.t);
+                Continue(())
+            },
+        )
+        .unwrap();
+    assert_eq!(found.len(), 2);
+    for (t, expected) in found.into_iter().zip([1.23, 2.0]) {
+        assert!((0.0..1e-15).contains(&(t - expected)), "{:e}", t - expected);
+    }
+}
+
+#[test]
+fn a_stop_leaves_the_integrator_at_the_event() {
+    let mut solver =
+        Integrator::new(&Circle, Vern9, 0.0, [1.0, 0.0], Options::adaptive(1e-12, 1e-12)).unwrap();
+    let zero_of_cosine = |_: f64, y: &[f64; 2]| [y[0]];
+    let mut times = vec![];
+    // Every stop is left again without finding the same event twice.
+    for n in 1..=3 {
+        let progress = solver.integrate_with_events(20.0, [Direction::Either], zero_of_cosine, |event| {
+            times.push((event.t, *event.state));
+            Break(())
+        });
+        assert_eq!((progress, times.len()), (Ok(Progress::Running), n));
+        assert_eq!((solver.t(), *solver.state()), times[n - 1]);
+        let expected = (n as f64 - 0.5) * PI;
+        assert!((solver.t() - expected).abs() < 1e-10 && solver.state()[0].abs() < 1e-10);
+    }
+    let mut out = [0.0; 2];
+    let middle = 0.5 * (solver.previous_t() + solver.t());
+    let lost = Error::NoDenseOutput { t: solver.t() };
+    assert_eq!(solver.interpolate(middle, &mut out), Err(lost));
+    solver.integrate_to(10.0).unwrap();
+    assert!((solver.state()[0] - 10.0_f64.cos()).abs() < 1e-10);
+}
+
+#[test]
+fn samples_and_events_are_told_in_the_order_of_time() {
+    use std::cell::RefCell;
+    let told = RefCell::new(vec![]);
+    let mut solver = Integrator::new(&Circle, Dop853, 0.0, [1.0, 0.0], Options::fixed(1.0)).unwrap();
+    let progress = solver.sample_with_events(
+        5.0,
+        [0.0, 1.5, 1.6, 4.0, 4.9],
+        |t, _| told.borrow_mut().push((t * 10.0).round() / 10.0),
+        [Direction::Falling, Direction::Rising],
+        |_, y| [y[0], y[0]],
+        |event| {
+            told.borrow_mut().push(event.index as f64 + 100.0);
+            if event.index == 1 { Break(()) } else { Continue(()) }
+        },
+    );
+    assert_eq!(progress, Ok(Progress::Running));
+    assert_eq!(told.into_inner(), [0.0, 1.5, 100.0, 1.6, 4.0, 101.0]);
+    assert!((solver.t() - 1.5 * PI).abs() < 1e-5);
+}
+
+#[test]
+fn an_event_at_the_end_of_a_step_is_found_once() {
+    let mut solver = Integrator::new(&Circle, Rk4, 0.0, [1.0, 0.0], Options::fixed(0.25)).unwrap();
+    let mut found = vec![];
+    for end in [0.5, 1.0] {
+        let progress = solver.integrate_with_events(
+            end,
+            [Direction::Either],
+            |t, _| [t - 0.5],
+            |event| {
+                found.push(event.t);
+                Break(())
+            },
+        );
+        assert_eq!((progress, solver.t()), (Ok(Progress::Reached), end));
+    }
+    assert_eq!(found, [0.5]);
+}
+
+#[test]
+fn event_functions_without_value_are_reported() {
+    let mut solver = Integrator::new(&Circle, Rk4, 0.0, [1.0, 0.0], Options::fixed(0.25)).unwrap();
+    let functions = |_: f64, y: &[f64; 2]| [1.0, (y[0] - 0.9).sqrt()];
+    let error =
+        solver.integrate_with_events(9.0, [Direction::Either; 2], functions, |_| Continue(())).unwrap_err();
+    assert_eq!(error, Error::EventNotFinite { t: 0.5, index: 1 });
+    assert_eq!(solver.t(), 0.5);
+    assert!((solver.state()[0] - 0.5_f64.cos()).abs() < 1e-4);
+}
+
+/// `y' = -1` on the half line `y > 0`.
+struct HalfLine;
+
+impl System<f64> for HalfLine {
+    type State = [f64; 1];
+    fn rhs(&self, _t: f64, _y: &[f64; 1], dy: &mut [f64; 1]) {
+        dy[0] = -1.0;
+    }
+    fn domain(&self, t: f64, y: &[f64; 1]) -> Result<(), Failure> {
+        if y[0] > 0.0 { Ok(()) } else { Err(Failure::OutsideDomain { t, condition: "y > 0" }) }
+    }
+}
+
+#[test]
+fn leaving_the_domain_is_an_error_and_keeps_the_last_state_inside() {
+    let outside = Integrator::new(&HalfLine, Tsit5, 0.0, [-1.0], Options::fixed(0.1)).map(|_| ());
+    assert_eq!(outside, Err(Failure::OutsideDomain { t: 0.0, condition: "y > 0" }.into()));
+
+    let mut solver = Integrator::new(&HalfLine, Rk4, 0.0, [1.0], Options::fixed(0.3)).unwrap();
+    let error = solver.integrate_to(2.0).unwrap_err();
+    assert!(
+        matches!(error, Error::Failure(Failure::OutsideDomain { t, .. }) if (t - 1.2).abs() < 1e-14),
+        "{error:?}"
+    );
+    assert!((solver.t() - 0.9).abs() < 1e-14 && (solver.state()[0] - 0.1).abs() < 1e-14);
+
+    // Error control comes as close to the boundary as steps change the time.
+    let mut solver = Integrator::new(&HalfLine, Tsit5, 0.0, [1.0], Options::adaptive(1e-6, 1e-6)).unwrap();
+    let error = solver.integrate_to(2.0).unwrap_err();
+    assert!(matches!(error, Error::Failure(Failure::OutsideDomain { .. })), "{error:?}");
+    assert!(solver.state()[0] > 0.0 && solver.state()[0] < 1e-13, "{:e}", solver.state()[0]);
+    assert!(solver.stats().rejected < 200, "{:?}", solver.stats());
+}
+
+#[test]
+fn components_have_their_own_tolerances() {
+    // Two copies of one equation, the second of which is allowed to be wrong.
+    struct Twice;
+    impl System<f64> for Twice {
+        type State = [f64; 2];
+        fn rhs(&self, t: f64, y: &[f64; 2], dy: &mut [f64; 2]) {
+            *dy = [y[0] * t.cos(), (20.0 * t).sin()];
+        }
+    }
+    let options = Options::adaptive(1e-3, 1e-3);
+    let new = || Integrator::new(&Twice, Tsit5, 0.0, [1.0, 0.0], options).unwrap();
+    let steps = |rtol, atol| {
+        let mut solver = new().with_tolerances(rtol, atol).unwrap();
+        solver.integrate_to(5.0).unwrap();
+        ((solver.state()[0] / 5.0_f64.sin().exp() - 1.0).abs(), solver.stats().steps)
+    };
+    let (both_error, both) = steps([1e-10; 2], [1e-10; 2]);
+    let (first_error, first) = steps([1e-10, 0.0], [1e-10, 1e9]);
+    let (second_error, second) = steps([0.0, 1e-10], [1e9, 1e-10]);
+    assert!(both_error < 1e-9 && first_error < 1e-8 && second_error < 1e-2);
+    assert!(3 * first < both && 3 * first < second, "{first}, {second} and {both}");
+    let wrong = new().with_tolerances([1e-6; 2], [0.0, f64::NAN]).map(|_| ()).unwrap_err();
+    assert!(matches!(wrong, Error::ComponentTolerances { index: 1, rtol: 1e-6, atol } if atol.is_nan()));
+    let zero = new().with_tolerances([0.0; 2], [0.0, 1.0]).map(|_| ());
+    assert_eq!(zero, Err(Error::ComponentTolerances { index: 0, rtol: 0.0, atol: 0.0 }));
+}
