@@ -82,12 +82,6 @@ pub trait System<R: Real> {
     }
 }
 
-/// A system with a known Jacobian of its right-hand side.
-pub trait Differentiable<R: Real>: System<R> {
-    /// Writes df_i/dy_j to row i of `jacobian`.
-    fn jacobian(&self, t: R, y: &Self::State, jacobian: &mut [Self::State]);
-}
-
 impl<R: Real, S: System<R> + ?Sized> System<R> for &S {
     type State = S::State;
 
@@ -122,13 +116,6 @@ pub trait Differentiable<R: Real>: System<R> {
     ///
     /// jacobian: \[n\] rows of n components, n the dimension of the state.
     fn jacobian(&self, t: R, y: &Self::State, jacobian: &mut [Self::State]);
-}
-
-impl<R: Real, S: Differentiable<R> + ?Sized> Differentiable<R> for &S {
-    #[inline]
-    fn jacobian(&self, t: R, y: &Self::State, jacobian: &mut [Self::State]) {
-        (**self).jacobian(t, y, jacobian);
-    }
 }
 
 /// A parameter of a scene.
