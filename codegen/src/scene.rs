@@ -11,7 +11,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::emit::{self, OutputText, ParamText, SceneEntry, SceneText, StateText};
 use crate::error::Error;
 use crate::expr::{ExprId, Rational, SymbolId, needed_sections, sign_of};
-use crate::lower::{self, Counts, Inputs, ParamCondition, Program, Relation, Request, ViolatedCondition};
+use crate::lower::{
+    self, Counts, Inputs, Jet, ParamCondition, Program, Relation, Request, ViolatedCondition,
+};
 use crate::mechanics::{Equations, Output, StateEquation, derive};
 use crate::reduction::reduce;
 use crate::spec::{self, Diagnostics, Model, Param};
@@ -31,6 +33,8 @@ pub struct BuiltScene {
     /// The state of this scene: that of the model without what is left out, with what is reconstructed.
     pub state: Vec<StateEquation>,
     outputs: Vec<Output>,
+    /// Whether the emitted module has the Taylor coefficients of solutions.
+    wants_taylor: bool,
     doc: String,
 }
 
@@ -48,6 +52,9 @@ pub const MINIMAL: &str = "minimal";
 /// Name of the scene with the coordinates of the group; a model has it when it says how to reconstruct them.
 pub const RECONSTRUCTION: &str = "reconstruction";
 
+/// What a scene wants whose module has the Taylor coefficients of solutions.
+const TAYLOR: &str = "taylor";
+
 /// What a scene asks for.
 struct Plan {
     name: String,
@@ -56,6 +63,7 @@ struct Plan {
     wants: Option<Vec<String>>,
     drops: Drops,
     reconstructs: bool,
+    wants_taylor: bool,
     doc: String,
 }
 
@@ -93,18 +101,21 @@ fn plan(model: &Model, scene: &str) -> Option<Plan> {
     if let Some(own) = model.scenes.iter().find(|s| s.name == scene) {
         let drops = if own.drops.is_empty() { Drops::Nothing } else { Drops::Named(own.drops.clone()) };
         let reconstructs = own.wants.iter().any(|w| w == RECONSTRUCTION);
-        let wants = own.wants.iter().filter(|w| *w != RECONSTRUCTION).cloned().collect();
+        let wants_taylor = own.wants.iter().any(|w| w == TAYLOR);
+        let wants = own.wants.iter().filter(|w| *w != RECONSTRUCTION && *w != TAYLOR).cloned().collect();
         return Some(Plan {
             name,
             fixed: own.fixed.clone(),
             wants: Some(wants),
             drops,
             reconstructs,
+            wants_taylor,
             doc: own.doc.clone(),
         });
     }
     let automatic = |wants, drops, reconstructs, doc: &str| {
-        Some(Plan { name, fixed: Vec::new(), wants, drops, reconstructs, doc: doc.to_owned() })
+        let (fixed, wants_taylor) = (Vec::new(), false);
+        Some(Plan { name, fixed, wants, drops, reconstructs, wants_taylor, doc: doc.to_owned() })
     };
     match scene {
         DEFAULT => automatic(None, Drops::Nothing, false, ""),
@@ -328,7 +339,8 @@ fn lower_scene(
     let roots: Vec<ExprId> = results.chain(conditions.iter().flat_map(|c| [c.greater, c.less])).collect();
     let sections = needed_sections(&graph, &equations.sections, &roots);
     let program = lower::lower(&mut graph, &inputs, &sections, &conditions, &requests)?;
-    Ok(BuiltScene { name: plan.name, equations, program, state, outputs, doc: plan.doc })
+    let Plan { name, wants_taylor, doc, .. } = plan;
+    Ok(BuiltScene { name, equations, program, state, outputs, wants_taylor, doc })
 }
 
 impl BuiltScene {
@@ -367,7 +379,22 @@ impl BuiltScene {
     /// # Errors
     /// [`Error::Emission`], a bug of the emitter.
     pub fn emit(&self) -> Result<String, Error> {
-        emit::emit_scene(&self.program, &self.text())
+        let jet = if self.wants_taylor { Some(self.jet()?) } else { None };
+        emit::emit_scene(&self.program, jet.as_ref(), &self.text())
+    }
+
+    /// The recurrence of the Taylor coefficients of solutions, whether or not the scene wants it in its module.
+    ///
+    /// # Errors
+    /// [`Error::UnknownName`], a bug: every scene has a right-hand side.
+    pub fn jet(&self) -> Result<Jet, Error> {
+        let known = || self.program.functions.iter().map(|f| f.name.clone()).collect();
+        let rhs = self.program.function_idx("rhs").ok_or_else(|| Error::UnknownName {
+            name: "rhs".to_owned(),
+            kind: "function of the program",
+            known: known(),
+        })?;
+        Jet::new(&self.program, rhs)
     }
 
     /// The entry of the scene in the index of modules.
@@ -511,6 +538,14 @@ impl Interpreter<'_> {
     /// When a size is wrong.
     pub fn rhs(&self, t: f64, y: &[f64], dy: &mut [f64]) {
         self.call("rhs", t, y, dy);
+    }
+
+    /// Taylor coefficients of the solution through a state, by the recurrence of [`BuiltScene::jet`].
+    ///
+    /// # Panics
+    /// When a size is wrong.
+    pub fn series(&self, jet: &Jet, t: f64, y: &[f64], out: &mut [&mut [f64]]) {
+        jet.series(&self.params, &self.prepared, t, y, out);
     }
 
     /// Energy, when the scene wants it.

@@ -112,6 +112,15 @@ pub enum Error {
         /// End of the interval.
         to: f64,
     },
+    /// There is no Taylor method of this order.
+    Order {
+        /// The order asked for.
+        order: usize,
+        /// The least order.
+        least: usize,
+        /// The highest order.
+        most: usize,
+    },
     /// Dense output was asked for after a failed step, which overwrote the stages it needs.
     NoDenseOutput {
         /// Time of the last accepted state.
@@ -158,6 +167,9 @@ impl fmt::Display for Error {
             }
             Self::OutsideInterval { t, from, to } => {
                 write!(f, "time {t} lies outside the interval from {from} to {to} of the dense output")
+            }
+            Self::Order { order, least, most } => {
+                write!(f, "order {order} is not available: take one from {least} to {most}")
             }
             Self::NoDenseOutput { t } => {
                 write!(
@@ -227,6 +239,7 @@ mod tests {
             Error::NoErrorEstimate { method: "rk4" },
             Error::TimeNotFinite { value: f64::NAN },
             Error::OutsideInterval { t: 3.0, from: 1.0, to: 2.0 },
+            Error::Order { order: 40, least: 2, most: 32 },
             Error::NoDenseOutput { t: 1.0 },
         ];
         for error in errors {

@@ -60,6 +60,7 @@ mod double_double;
 mod dual;
 mod error;
 mod integrator;
+mod jet;
 #[cfg(feature = "lanes")]
 mod lanes;
 pub mod math;
@@ -67,17 +68,20 @@ mod methods;
 mod options;
 mod real;
 mod system;
+mod taylor;
 
 pub use double_double::DoubleDouble;
 pub use dual::Dual;
 pub use error::{Error, Failure, ParamError};
 pub use integrator::{Integrator, Progress, Stats};
+pub use jet::{Convolutions, Jet, MAX_ORDER};
 #[cfg(feature = "lanes")]
 pub use lanes::{F64x4, F64x8};
 pub use methods::{Dop853, Dopri5, Estimate, Method, Rk4, Tableau, Tsit5};
 pub use options::{Norm, Options, StepSize};
 pub use real::Real;
 pub use system::{OutputInfo, ParamInfo, Scene, SceneInfo, StateVector, System};
+pub use taylor::{Taylor, TaylorIntegrator};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

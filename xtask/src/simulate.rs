@@ -4,7 +4,10 @@
 
 use std::collections::BTreeMap;
 
-use hamel_runtime::{Dop853, Dopri5, Error as SolverError, Integrator, Method, Options, Rk4, Tsit5};
+use hamel_runtime::{
+    Dop853, Dopri5, Error as SolverError, Integrator, Method, Options, Progress, Rk4, Stats, Taylor,
+    TaylorIntegrator, Tsit5,
+};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
@@ -27,12 +30,14 @@ pub enum MethodName {
     Dopri5,
     /// The classical fourth-order method, fixed steps only.
     Rk4,
+    /// Taylor series of an order that suits the tolerances.
+    Taylor,
 }
 
 impl MethodName {
     /// All methods.
-    pub const ALL: [MethodName; 4] =
-        [MethodName::Tsit5, MethodName::Dop853, MethodName::Dopri5, MethodName::Rk4];
+    pub const ALL: [MethodName; 5] =
+        [MethodName::Tsit5, MethodName::Dop853, MethodName::Dopri5, MethodName::Rk4, MethodName::Taylor];
 
     /// The name in requests.
     pub fn name(self) -> &'static str {
@@ -41,6 +46,7 @@ impl MethodName {
             MethodName::Dop853 => "dop853",
             MethodName::Dopri5 => "dopri5",
             MethodName::Rk4 => "rk4",
+            MethodName::Taylor => "taylor",
         }
     }
 }
@@ -351,15 +357,73 @@ pub fn simulate(
 ) -> Result<SimulateResponse, Error> {
     let dynamics = prepare(factory, &request.params)?;
     match request.method {
-        MethodName::Tsit5 => run(Tsit5, &*dynamics, request, progress),
-        MethodName::Dop853 => run(Dop853, &*dynamics, request, progress),
-        MethodName::Dopri5 => run(Dopri5, &*dynamics, request, progress),
-        MethodName::Rk4 => run(Rk4, &*dynamics, request, progress),
+        MethodName::Tsit5 => run_with(Tsit5, &*dynamics, request, progress),
+        MethodName::Dop853 => run_with(Dop853, &*dynamics, request, progress),
+        MethodName::Dopri5 => run_with(Dopri5, &*dynamics, request, progress),
+        MethodName::Rk4 => run_with(Rk4, &*dynamics, request, progress),
+        MethodName::Taylor => {
+            let dynamics = &*dynamics;
+            if !dynamics.series(0.0, &request.initial, &mut []) {
+                let info = dynamics.info();
+                let reason = format!(
+                    "method taylor: scene {} of {} was compiled without Taylor series: choose a scene that wants \
+                     `taylor`, or --via interpreter",
+                    info.scene, info.model
+                );
+                return Err(Error::Options { reason });
+            }
+            let make = |start, options| TaylorIntegrator::new(&dynamics, Taylor::new(), 0.0, start, options);
+            run(make, dynamics, request, progress)
+        }
     }
 }
 
-fn run<M: Method>(
+/// An integrator of the runtime.
+trait Solver {
+    fn t(&self) -> f64;
+    fn state(&self) -> &VecState;
+    fn stats(&self) -> Stats;
+    fn step_towards(&mut self, t_end: f64) -> Result<Progress, SolverError>;
+    fn interpolate(&mut self, t: f64, out: &mut VecState) -> Result<(), SolverError>;
+}
+
+/// Hands the methods of the trait to those of the integrator.
+macro_rules! solver {
+    ($integrator:ty $(, $method:ident: $bound:path)?) => {
+        impl$(<$method: $bound>)? Solver for $integrator {
+            fn t(&self) -> f64 {
+                self.t()
+            }
+            fn state(&self) -> &VecState {
+                self.state()
+            }
+            fn stats(&self) -> Stats {
+                self.stats()
+            }
+            fn step_towards(&mut self, t_end: f64) -> Result<Progress, SolverError> {
+                self.step_towards(t_end)
+            }
+            fn interpolate(&mut self, t: f64, out: &mut VecState) -> Result<(), SolverError> {
+                self.interpolate(t, out)
+            }
+        }
+    };
+}
+
+solver! { Integrator<'_, f64, &dyn Dynamics, M>, M: Method }
+solver! { TaylorIntegrator<'_, f64, &dyn Dynamics> }
+
+fn run_with<M: Method>(
     method: M,
+    dynamics: &dyn Dynamics,
+    request: &SimulateRequest,
+    progress: &mut dyn FnMut(f64),
+) -> Result<SimulateResponse, Error> {
+    run(|start, options| Integrator::new(&dynamics, method, 0.0, start, options), dynamics, request, progress)
+}
+
+fn run<S: Solver>(
+    make: impl FnOnce(VecState, Options<f64>) -> Result<S, SolverError>,
     dynamics: &dyn Dynamics,
     request: &SimulateRequest,
     progress: &mut dyn FnMut(f64),
@@ -389,8 +453,7 @@ fn run<M: Method>(
         other => Error::Options { reason: other.to_string() },
     };
     let clock = std::time::Instant::now();
-    let mut solver =
-        Integrator::new(&dynamics, method, 0.0, VecState(request.initial.clone()), options).map_err(start)?;
+    let mut solver = make(VecState(request.initial.clone()), options).map_err(start)?;
     let mut record = Record::new(dynamics, request)?;
     let mut interpolated = VecState(request.initial.clone());
     let mut next = 0;
