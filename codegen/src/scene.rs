@@ -14,7 +14,7 @@ use crate::emit::{self, MatrixText, OutputText, ParamText, ProductText, SceneEnt
 use crate::error::Error;
 use crate::expr::{ExprId, Rational, SymbolId, needed_sections, sign_of};
 use crate::lower::{
-    self, Counts, Inputs, ParamCondition, Point, Program, Relation, Request, ViolatedCondition,
+    self, Counts, Inputs, Jet, ParamCondition, Point, Program, Relation, Request, ViolatedCondition,
 };
 use crate::mechanics::{Equations, Output, StateEquation, derive};
 use crate::reduction::reduce;
@@ -39,6 +39,8 @@ pub struct BuiltScene {
     outputs: Vec<Output>,
     matrices: Vec<Matrix>,
     products: Vec<Product>,
+    /// Whether the emitted module has the Taylor coefficients of solutions.
+    wants_taylor: bool,
     doc: String,
 }
 
@@ -60,6 +62,8 @@ pub const RECONSTRUCTION: &str = "reconstruction";
 
 /// Name of the scene with all derivatives of the right-hand side; every model has it, built when it is asked for.
 pub const DERIVATIVES: &str = "derivatives";
+/// What a scene wants whose module has the Taylor coefficients of solutions.
+const TAYLOR: &str = "taylor";
 
 /// What a scene asks for.
 struct Plan {
@@ -69,6 +73,7 @@ struct Plan {
     wants: Option<Vec<String>>,
     drops: Drops,
     reconstructs: bool,
+    wants_taylor: bool,
     doc: String,
 }
 
@@ -106,18 +111,21 @@ fn plan(model: &Model, scene: &str) -> Option<Plan> {
     if let Some(own) = model.scenes.iter().find(|s| s.name == scene) {
         let drops = if own.drops.is_empty() { Drops::Nothing } else { Drops::Named(own.drops.clone()) };
         let reconstructs = own.wants.iter().any(|w| w == RECONSTRUCTION);
-        let wants = own.wants.iter().filter(|w| *w != RECONSTRUCTION).cloned().collect();
+        let wants_taylor = own.wants.iter().any(|w| w == TAYLOR);
+        let wants = own.wants.iter().filter(|w| *w != RECONSTRUCTION && *w != TAYLOR).cloned().collect();
         return Some(Plan {
             name,
             fixed: own.fixed.clone(),
             wants: Some(wants),
             drops,
             reconstructs,
+            wants_taylor,
             doc: own.doc.clone(),
         });
     }
     let automatic = |wants, drops, reconstructs, doc: &str| {
-        Some(Plan { name, fixed: Vec::new(), wants, drops, reconstructs, doc: doc.to_owned() })
+        let (fixed, wants_taylor) = (Vec::new(), false);
+        Some(Plan { name, fixed, wants, drops, reconstructs, wants_taylor, doc: doc.to_owned() })
     };
     match scene {
         DEFAULT => automatic(None, Drops::Nothing, false, ""),
@@ -406,7 +414,8 @@ fn lower_scene(
     let sections = needed_sections(&graph, &sections, &roots);
     let program = lower::lower(&mut graph, &inputs, &sections, &conditions, &requests)?;
     let (matrices, products) = (derivatives.matrices, derivatives.products);
-    Ok(BuiltScene { name: plan.name, equations, program, state, outputs, matrices, products, doc: plan.doc })
+    let Plan { name, wants_taylor, doc, .. } = plan;
+    Ok(BuiltScene { name, equations, program, state, outputs, matrices, products, wants_taylor, doc })
 }
 
 impl BuiltScene {
@@ -463,7 +472,22 @@ impl BuiltScene {
     /// # Errors
     /// [`Error::NotAPath`] for the runtime; [`Error::Emission`], a bug of the emitter.
     pub fn emit_as(&self, writing: &Writing) -> Result<String, Error> {
-        emit::emit_scene(&self.program, &self.text(writing))
+        let jet = if self.wants_taylor { Some(self.jet()?) } else { None };
+        emit::emit_scene(&self.program, jet.as_ref(), &self.text(writing))
+    }
+
+    /// The recurrence of the Taylor coefficients of solutions, whether or not the scene wants it in its module.
+    ///
+    /// # Errors
+    /// [`Error::UnknownName`], a bug: every scene has a right-hand side.
+    pub fn jet(&self) -> Result<Jet, Error> {
+        let known = || self.program.functions.iter().map(|f| f.name.clone()).collect();
+        let rhs = self.program.function_idx("rhs").ok_or_else(|| Error::UnknownName {
+            name: "rhs".to_owned(),
+            kind: "function of the program",
+            known: known(),
+        })?;
+        Jet::new(&self.program, rhs)
     }
 
     /// The entry of the scene in the index of modules.
@@ -638,6 +662,14 @@ impl Interpreter<'_> {
     /// When a size is wrong.
     pub fn rhs(&self, t: f64, y: &[f64], dy: &mut [f64]) {
         self.call("rhs", t, y, dy);
+    }
+
+    /// Taylor coefficients of the solution through a state, by the recurrence of [`BuiltScene::jet`].
+    ///
+    /// # Panics
+    /// When a size is wrong.
+    pub fn series(&self, jet: &Jet, t: f64, y: &[f64], out: &mut [&mut [f64]]) {
+        jet.series(&self.params, &self.prepared, t, y, out);
     }
 
     /// Energy, when the scene wants it.

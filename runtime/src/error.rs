@@ -137,6 +137,15 @@ pub enum Error {
         /// Position of the function.
         index: usize,
     },
+    /// There is no Taylor method of this order.
+    Order {
+        /// The order asked for.
+        order: usize,
+        /// The least order.
+        least: usize,
+        /// The highest order.
+        most: usize,
+    },
     /// Dense output was asked for after a failed step, which overwrote the stages it needs, or after a stop at an
     /// event.
     NoDenseOutput {
@@ -204,6 +213,9 @@ impl fmt::Display for Error {
                     f,
                     "event function {index} is not finite at t = {t}: let it have a value on the whole way"
                 )
+            }
+            Self::Order { order, least, most } => {
+                write!(f, "order {order} is not available: take one from {least} to {most}")
             }
             Self::NoDenseOutput { t } => {
                 write!(
@@ -277,6 +289,7 @@ mod tests {
             Error::OutsideInterval { t: 3.0, from: 1.0, to: 2.0 },
             Error::NotConverged { t: 1.0, h: 0.1, iterations: 100 },
             Error::EventNotFinite { t: 1.0, index: 0 },
+            Error::Order { order: 40, least: 2, most: 32 },
             Error::NoDenseOutput { t: 1.0 },
         ];
         for error in errors {

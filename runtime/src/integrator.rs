@@ -759,9 +759,9 @@ fn earliest<R: Real>(times: &[Option<R>], backward: bool) -> Option<(usize, R)> 
 }
 
 /// Smallest step, and smallest scale of a component: the least normal `f32`, so that it exists in any scalar.
-const TINY: f64 = f32::MIN_POSITIVE as f64;
+pub(crate) const TINY: f64 = f32::MIN_POSITIVE as f64;
 
-fn copy<R: Real, V: StateVector<R>>(from: &V, to: &mut V) {
+pub(crate) fn copy<R: Real, V: StateVector<R>>(from: &V, to: &mut V) {
     for (to, from) in to.as_mut_slice().iter_mut().zip(from.as_slice()) {
         *to = *from;
     }
@@ -773,7 +773,7 @@ fn all_finite<R: Real, V: StateVector<R>>(v: &V) -> bool {
 }
 
 /// Position of the first component that is infinite or NaN.
-fn non_finite<R: Real, V: StateVector<R>>(v: &V) -> Option<usize> {
+pub(crate) fn non_finite<R: Real, V: StateVector<R>>(v: &V) -> Option<usize> {
     v.as_slice().iter().position(|x| !x.all_finite())
 }
 

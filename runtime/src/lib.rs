@@ -70,6 +70,7 @@ mod dual;
 mod error;
 mod events;
 mod integrator;
+mod jet;
 #[cfg(feature = "lanes")]
 mod lanes;
 pub mod math;
@@ -77,12 +78,14 @@ mod methods;
 mod options;
 mod real;
 mod system;
+mod taylor;
 
 pub use double_double::DoubleDouble;
 pub use dual::Dual;
 pub use error::{Error, Failure, ParamError};
 pub use events::{Direction, Event};
 pub use integrator::{Integrator, Progress, Stats};
+pub use jet::{Convolutions, Jet, MAX_ORDER};
 #[cfg(feature = "lanes")]
 pub use lanes::{F64x4, F64x8};
 pub use methods::{
@@ -92,6 +95,7 @@ pub use methods::{
 pub use options::{Norm, Options, StepSize};
 pub use real::Real;
 pub use system::{Differentiable, OutputInfo, ParamInfo, Scene, SceneInfo, StateVector, System};
+pub use taylor::{Taylor, TaylorIntegrator};
 
 /// Includes a module that a build script generated with `hamel_codegen`, by the name of the file in `OUT_DIR` without
 /// its extension: a model's name, `<model>_<scene>` for its other scenes, or the file of `Config::include_file`.

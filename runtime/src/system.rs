@@ -196,6 +196,15 @@ pub trait Scene<R: Real>: System<R> + Sized {
     ///
     /// out: \[[`INFO.n_outputs()`](SceneInfo::n_outputs)\].
     fn outputs_of(&self, t: R, y: &Self::State, out: &mut [R]);
+
+    /// Writes the Taylor coefficients of the solution through a state, as [`Jet::series`](crate::Jet::series) does;
+    /// false if the scene was generated without them.
+    ///
+    /// For drivers that serve any scene: it makes a new workspace in every call.
+    fn series_of(&self, t: R, y: &Self::State, out: &mut [Self::State]) -> bool {
+        let _ = (t, y, out);
+        false
+    }
 }
 
 #[cfg(test)]

@@ -2,19 +2,20 @@
 //!
 //! Deliberately does not know: commands, files that are written, JSON.
 
+use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Mutex;
 
 pub use hamel_codegen::emit::SceneEntry as Entry;
 use hamel_codegen::expr::{Graph, Style, rational_to_f64};
-use hamel_codegen::lower::Counts;
+use hamel_codegen::lower::{Counts, Jet};
 use hamel_codegen::reduction;
 use hamel_codegen::scene::{self, BuiltScene, Interpreter};
 use hamel_codegen::spec::{self, ConnectionKind, Domain, ReconstructionKind};
 pub use hamel_codegen::spec::{Kind, Model};
 use hamel_runtime::Failure;
 
-use crate::dynamics::{BadParams, Dynamics, Factory, Info, OutputEntry, ParamEntry};
+use crate::dynamics::{BadParams, Dynamics, Factory, Info, OutputEntry, ParamEntry, VecState};
 use crate::error::Error;
 use crate::workspace::{Spec, Workspace};
 
@@ -109,13 +110,15 @@ impl Factory for Built {
             .scene
             .prepare(values)
             .map_err(|bad| BadParams { condition: bad.condition, meaning: String::new() })?;
-        Ok(Box::new(Interpreted { info: &self.info, interpreter }))
+        Ok(Box::new(Interpreted { info: &self.info, interpreter, jet: OnceCell::new() }))
     }
 }
 
 struct Interpreted<'a> {
     info: &'a Info,
     interpreter: Interpreter<'a>,
+    /// The recurrence of Taylor coefficients, derived when first asked for; none only by a bug of the generator.
+    jet: OnceCell<Option<Jet>>,
 }
 
 impl Dynamics for Interpreted<'_> {
@@ -133,6 +136,13 @@ impl Dynamics for Interpreted<'_> {
 
     fn outputs(&self, t: f64, y: &[f64]) -> Vec<f64> {
         self.interpreter.outputs(t, y)
+    }
+
+    fn series(&self, t: f64, y: &[f64], out: &mut [VecState]) -> bool {
+        let Some(jet) = self.jet.get_or_init(|| self.interpreter.scene().jet().ok()) else { return false };
+        let mut out: Vec<&mut [f64]> = out.iter_mut().map(|state| state.0.as_mut_slice()).collect();
+        self.interpreter.series(jet, t, y, &mut out);
+        true
     }
 
     fn check(&self, t: f64, y: &[f64]) -> Result<(), Failure> {

@@ -4,7 +4,7 @@
 
 use std::fmt;
 
-use hamel_runtime::{Failure, ParamError, Scene, SceneInfo, StateVector, System};
+use hamel_runtime::{Failure, Jet, MAX_ORDER, ParamError, Scene, SceneInfo, StateVector, System};
 use serde::{Deserialize, Serialize};
 
 /// Names and meanings of all that a scene has.
@@ -127,6 +127,9 @@ pub trait Dynamics {
     /// All outputs, one after the other.
     fn outputs(&self, t: f64, y: &[f64]) -> Vec<f64>;
 
+    /// Writes the Taylor coefficients of the solution through a state; false when the scene has none.
+    fn series(&self, t: f64, y: &[f64], out: &mut [VecState]) -> bool;
+
     /// Says why the right-hand side has no value at a point.
     ///
     /// # Errors
@@ -194,6 +197,19 @@ impl System<f64> for dyn Dynamics + '_ {
     }
 }
 
+impl Jet<f64> for dyn Dynamics + '_ {
+    type Workspace = ();
+
+    fn workspace(&self) {}
+
+    fn series(&self, t: f64, y: &VecState, (): &mut (), out: &mut [VecState]) {
+        if !Dynamics::series(self, t, &y.0, out) {
+            // The integrator reports what is not finite; who drives it asks first whether there are series.
+            out.iter_mut().for_each(|state| state.0.fill(f64::NAN));
+        }
+    }
+}
+
 /// A scene known at compile time, such as a generated one, behind [`Factory`].
 #[derive(Debug)]
 pub struct Typed<S, const N: usize> {
@@ -251,6 +267,16 @@ impl<S: Scene<f64> + System<f64, State = [f64; N]>, const N: usize> Dynamics for
         let mut out = vec![0.0; S::INFO.n_outputs()];
         self.scene.outputs_of(t, array(y), &mut out);
         out
+    }
+
+    fn series(&self, t: f64, y: &[f64], out: &mut [VecState]) -> bool {
+        let mut series = [[0.0; N]; MAX_ORDER + 1];
+        let n = out.len().min(series.len());
+        let known = self.scene.series_of(t, array(y), &mut series[..n]);
+        for (out, coefficient) in out.iter_mut().zip(&series) {
+            out.0.copy_from_slice(coefficient);
+        }
+        known
     }
 
     fn check(&self, t: f64, y: &[f64]) -> Result<(), Failure> {

@@ -4,6 +4,7 @@
 
 mod body;
 mod index;
+mod jet;
 mod names;
 mod scene;
 
@@ -15,7 +16,7 @@ use syn::parse::Parser as _;
 
 use crate::error::Error;
 use crate::expr::Rational;
-use crate::lower::Program;
+use crate::lower::{Jet, Program};
 
 pub use index::{SceneEntry, emit_include, emit_index};
 
@@ -108,13 +109,14 @@ pub struct ProductText {
 /// Emits the module of one scene.
 ///
 /// The program has a function `rhs` with one result for each component of the state, possibly `energy` with one
-/// result, possibly `check` whose results are pivots that must not vanish, and one function for each output.
+/// result, possibly `check` whose results are pivots that must not vanish, and one function for each output. With a `jet`, made
+/// from `rhs`, the module has the Taylor coefficients of solutions.
 ///
 /// # Errors
 /// [`Error::ShapeMismatch`] when text and program disagree on a number, [`Error::UnknownName`] when a function is
 /// missing, [`Error::Emission`] when the result is not Rust.
-pub fn emit_scene(program: &Program, text: &SceneText) -> Result<String, Error> {
-    scene::emit(program, text).map_err(|e| match e {
+pub fn emit_scene(program: &Program, jet: Option<&Jet>, text: &SceneText) -> Result<String, Error> {
+    scene::emit(program, jet, text).map_err(|e| match e {
         Error::Emission { reason, .. } => {
             Error::Emission { model: format!("{} {}", text.model, text.scene), reason }
         }

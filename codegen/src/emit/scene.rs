@@ -12,7 +12,7 @@ use super::names::{Scope, is_unusual, legal};
 use super::{SceneText, doc_attributes, escaped, format_module, header};
 use crate::error::Error;
 use crate::expr::rational_to_f64;
-use crate::lower::{Function, Operand, Program, Relation};
+use crate::lower::{Function, Jet, Operand, Program, Relation};
 
 /// Functions with a meaning of their own; every other one is an output.
 const RHS: &str = "rhs";
@@ -20,14 +20,14 @@ const ENERGY: &str = "energy";
 const CHECK: &str = "check";
 
 /// Names of methods and arguments that locals must not hide.
-const ARGUMENTS: [&str; 4] = ["t", "dy", "params", "out"];
+pub(super) const ARGUMENTS: [&str; 4] = ["t", "dy", "params", "out"];
 /// Names that no method of an output can have.
 const METHODS: [&str; 9] =
     ["new", "rhs", "energy", "check", "prepare", "energy_of", "outputs_of", "clone", "fmt"];
 /// Longer formulas say less than a sentence.
 const MAX_DOC_FORMULA: usize = 90;
 
-pub(super) fn emit(program: &Program, text: &SceneText) -> Result<String, Error> {
+pub(super) fn emit(program: &Program, jet: Option<&Jet>, text: &SceneText) -> Result<String, Error> {
     let module = Module::new(program, text)?;
     let items = [
         module.info()?,
@@ -36,28 +36,29 @@ pub(super) fn emit(program: &Program, text: &SceneText) -> Result<String, Error>
         module.patterns(),
         module.prepared()?,
         module.functions()?,
-        module.traits()?,
+        module.traits(jet.is_some())?,
         module.differentiable(),
+        jet.map_or(Ok(TokenStream::new()), |jet| super::jet::emit(&module, jet))?,
     ];
     let tokens = items.into_iter().collect();
     Ok(format!("{}{}", header(&text.command), format_module(tokens, &text.runtime)?))
 }
 
-struct Module<'a> {
+pub(super) struct Module<'a> {
     program: &'a Program,
     text: &'a SceneText,
     /// Identifiers of parameters and components of the state.
     params: Vec<Ident>,
-    state: Vec<Ident>,
+    pub(super) state: Vec<Ident>,
     /// Which parameters functions read, and the fields of slots.
     read_params: BTreeSet<u32>,
-    fields: Vec<Ident>,
-    slot_fields: Vec<Ident>,
+    pub(super) fields: Vec<Ident>,
+    pub(super) slot_fields: Vec<Ident>,
     /// Outputs with their functions and methods.
     outputs: Vec<(&'a super::OutputText, &'a Function, Ident)>,
 }
 
-fn ident(name: &str) -> Ident {
+pub(super) fn ident(name: &str) -> Ident {
     Ident::new(name, Span::call_site())
 }
 
@@ -74,13 +75,13 @@ fn expect_size(what: &str, found: usize, expected: usize) -> Result<(), Error> {
 }
 
 /// `#[allow(..)]` for what the names and numbers of the model need.
-fn allow(lint: &str, reason: &str) -> TokenStream {
+pub(super) fn allow(lint: &str, reason: &str) -> TokenStream {
     // `clippy::approx_constant` is a path.
     let path: syn::Path = syn::parse_str(lint).expect("lints are constants of this module");
     quote! { #[allow(#path, reason = #reason)] }
 }
 
-fn allow_names<'i>(identifiers: impl IntoIterator<Item = &'i Ident>) -> TokenStream {
+pub(super) fn allow_names<'i>(identifiers: impl IntoIterator<Item = &'i Ident>) -> TokenStream {
     if identifiers.into_iter().any(|i| is_unusual(&i.to_string())) {
         allow("non_snake_case", "names are those of the model")
     } else {
@@ -89,7 +90,7 @@ fn allow_names<'i>(identifiers: impl IntoIterator<Item = &'i Ident>) -> TokenStr
 }
 
 /// Whether clippy takes one of the numbers for a rounded mathematical constant.
-fn allow_numbers(numbers: impl IntoIterator<Item = f64>) -> TokenStream {
+pub(super) fn allow_numbers(numbers: impl IntoIterator<Item = f64>) -> TokenStream {
     use std::f64::consts as c;
     let known = [
         c::E,
@@ -122,7 +123,7 @@ fn allow_numbers(numbers: impl IntoIterator<Item = f64>) -> TokenStream {
 }
 
 /// The length of an array, without a suffix.
-fn size(n: usize) -> Literal {
+pub(super) fn size(n: usize) -> Literal {
     Literal::usize_unsuffixed(n)
 }
 
@@ -787,7 +788,7 @@ impl<'a> Module<'a> {
 
     // ---- traits -----------------------------------------------------------------------------------------------------
 
-    fn traits(&self) -> Result<TokenStream, Error> {
+    fn traits(&self, has_jet: bool) -> Result<TokenStream, Error> {
         let (n, n_params) = (size(self.state.len()), size(self.params.len()));
         let arguments = quote! { &self, t: R, y: &[R; #n] };
         let check = self.checked().map(|_| {
@@ -804,6 +805,15 @@ impl<'a> Module<'a> {
         };
         let wrong_number = format!("the number of values is {n_params}");
         let outputs = self.outputs_of();
+        let series = has_jet.then(|| {
+            quote! {
+                fn series_of(#arguments, out: &mut [[R; #n]]) -> bool {
+                    let mut workspace = ::hamel_runtime::Jet::workspace(self);
+                    ::hamel_runtime::Jet::series(self, t, y, &mut workspace, out);
+                    true
+                }
+            }
+        });
         Ok(quote! {
             impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
                 type State = [R; #n];
@@ -836,6 +846,8 @@ impl<'a> Module<'a> {
                 fn outputs_of(#arguments, out: &mut [R]) {
                     #outputs
                 }
+
+                #series
             }
         })
     }

@@ -10,6 +10,7 @@ mod expressions;
 mod extract;
 mod fuse;
 mod interpret;
+mod jet;
 mod number;
 mod optimise;
 mod pair;
@@ -25,6 +26,7 @@ use crate::expr::{ExprId, Graph, Sign, SymbolId, sign_of};
 pub use crate::expr::{Definition, Section};
 
 pub use interpret::{Point, ViolatedCondition};
+pub use jet::Jet;
 pub use program::{
     Condition, Constant, Counts, Function, Instruction, Literal, Op, Operand, Prepare, Program, Relation,
     Signs, Slot, completes_pair,

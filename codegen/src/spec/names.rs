@@ -107,6 +107,7 @@ pub(super) const WANTS: &[&str] = &[
     "reconstruction",
     "casimirs",
     "outputs",
+    "taylor",
 ];
 
 const KEYWORDS: &[&str] = &[

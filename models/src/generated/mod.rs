@@ -11,6 +11,8 @@ pub mod ball_on_rotating_table_reconstruction;
 pub mod chaplygin_ball;
 /// Chaplygin ball
 pub mod chaplygin_ball_reconstruction;
+/// Chaplygin ball
+pub mod chaplygin_ball_taylor;
 /// Chaplygin gyro
 pub mod chaplygin_gyro;
 /// Chaplygin gyro
@@ -31,6 +33,8 @@ pub mod euler_disk_advected_reconstruction;
 pub mod euler_disk_minimal;
 /// Euler's disk
 pub mod euler_disk_reconstruction;
+/// Euler's disk
+pub mod euler_disk_taylor;
 /// Extended pose
 pub mod extended_pose;
 /// Extended pose
@@ -47,6 +51,8 @@ pub mod heavy_top_derivatives;
 pub mod heavy_top_lagrange;
 /// Heavy top
 pub mod heavy_top_reconstruction;
+/// Heavy top
+pub mod heavy_top_taylor;
 /// Kirchhoff's underwater body
 pub mod kirchhoff_body;
 /// Kirchhoff's underwater body
@@ -83,6 +89,8 @@ pub mod snakeboard;
 pub mod snakeboard_minimal;
 /// Snakeboard
 pub mod snakeboard_reconstruction;
+/// Snakeboard
+pub mod snakeboard_taylor;
 /// Suslov problem
 pub mod suslov;
 /// Suslov problem
@@ -95,6 +103,8 @@ pub mod tethered_body_reconstruction;
 pub mod two_arm_satellite;
 /// Satellite with two arms
 pub mod two_arm_satellite_reconstruction;
+/// Satellite with two arms
+pub mod two_arm_satellite_taylor;
 /// Veselova system
 pub mod veselova;
 /// Veselova system
@@ -119,6 +129,7 @@ macro_rules! for_each_scene {
             (ball_on_rotating_table_reconstruction, "ball_on_rotating_table", "reconstruction", 9)
             (chaplygin_ball, "chaplygin_ball", "default", 6)
             (chaplygin_ball_reconstruction, "chaplygin_ball", "reconstruction", 13)
+            (chaplygin_ball_taylor, "chaplygin_ball", "taylor", 6)
             (chaplygin_gyro, "chaplygin_gyro", "default", 10)
             (chaplygin_gyro_reconstruction, "chaplygin_gyro", "reconstruction", 16)
             (chaplygin_sleigh, "chaplygin_sleigh", "default", 2)
@@ -129,6 +140,7 @@ macro_rules! for_each_scene {
             (euler_disk_advected_reconstruction, "euler_disk_advected", "reconstruction", 13)
             (euler_disk_minimal, "euler_disk", "minimal", 4)
             (euler_disk_reconstruction, "euler_disk", "reconstruction", 8)
+            (euler_disk_taylor, "euler_disk", "taylor", 5)
             (extended_pose, "extended_pose", "default", 9)
             (extended_pose_reconstruction, "extended_pose", "reconstruction", 19)
             (free_rigid_body, "free_rigid_body", "default", 3)
@@ -137,6 +149,7 @@ macro_rules! for_each_scene {
             (heavy_top_derivatives, "heavy_top", "derivatives", 6)
             (heavy_top_lagrange, "heavy_top", "lagrange", 6)
             (heavy_top_reconstruction, "heavy_top", "reconstruction", 10)
+            (heavy_top_taylor, "heavy_top", "taylor", 6)
             (kirchhoff_body, "kirchhoff_body", "default", 6)
             (kirchhoff_body_reconstruction, "kirchhoff_body", "reconstruction", 13)
             (mobile_robot, "mobile_robot", "default", 4)
@@ -155,12 +168,14 @@ macro_rules! for_each_scene {
             (snakeboard, "snakeboard", "default", 5)
             (snakeboard_minimal, "snakeboard", "minimal", 4)
             (snakeboard_reconstruction, "snakeboard", "reconstruction", 8)
+            (snakeboard_taylor, "snakeboard", "taylor", 5)
             (suslov, "suslov", "default", 2)
             (suslov_reconstruction, "suslov", "reconstruction", 6)
             (tethered_body, "tethered_body", "default", 9)
             (tethered_body_reconstruction, "tethered_body", "reconstruction", 16)
             (two_arm_satellite, "two_arm_satellite", "default", 7)
             (two_arm_satellite_reconstruction, "two_arm_satellite", "reconstruction", 11)
+            (two_arm_satellite_taylor, "two_arm_satellite", "taylor", 7)
             (veselova, "veselova", "default", 6)
             (veselova_derivatives, "veselova", "derivatives", 6)
             (veselova_reconstruction, "veselova", "reconstruction", 10)

@@ -1,0 +1,110 @@
+//! What the Taylor method asks of a system, and the sums that the Taylor coefficients of its solutions need.
+//!
+//! The module deliberately does not know step sizes, nor which operations a system consists of.
+
+use crate::real::Real;
+use crate::system::System;
+
+/// The highest order of Taylor coefficients that can be computed: for tolerances down to 1e-27.
+pub const MAX_ORDER: usize = 32;
+
+/// A system that knows the Taylor coefficients of its solutions.
+pub trait Jet<R: Real>: System<R> {
+    /// Storage of the series behind the coefficients, worth keeping from one call to the next.
+    type Workspace;
+
+    /// A workspace, whose contents do not matter.
+    fn workspace(&self) -> Self::Workspace;
+
+    /// Writes the normalised Taylor coefficients of the solution `y(t)` that passes through `y`.
+    ///
+    /// ```text
+    /// y(t + h) = sum_k out_k h^k
+    /// ```
+    ///
+    /// # Shapes
+    ///
+    /// out: \[order + 1\], with an order of at most [`MAX_ORDER`]; what is beyond is left as it is.
+    fn series(&self, t: R, y: &Self::State, workspace: &mut Self::Workspace, out: &mut [Self::State]);
+}
+
+impl<R: Real, S: Jet<R> + ?Sized> Jet<R> for &S {
+    type Workspace = S::Workspace;
+
+    fn workspace(&self) -> Self::Workspace {
+        (**self).workspace()
+    }
+
+    #[inline]
+    fn series(&self, t: R, y: &Self::State, workspace: &mut Self::Workspace, out: &mut [Self::State]) {
+        (**self).series(t, y, workspace, out);
+    }
+}
+
+/// The inner parts of `N` Cauchy products of series, side by side, order after order.
+///
+/// ```text
+/// sum_k = sum_{j=1}^{k-1} left_j right_{k-j}
+/// ```
+///
+/// Rows of the orders 1, 2, .. are pushed one after the other; the sums belong to the order after the last.
+#[derive(Clone, Copy, Debug)]
+pub struct Convolutions<R, const N: usize> {
+    left: [[R; N]; MAX_ORDER],
+    right: [[R; N]; MAX_ORDER],
+    n_rows: usize,
+}
+
+impl<R: Real, const N: usize> Default for Convolutions<R, N> {
+    fn default() -> Self {
+        Self { left: [[R::ZERO; N]; MAX_ORDER], right: [[R::ZERO; N]; MAX_ORDER], n_rows: 0 }
+    }
+}
+
+impl<R: Real, const N: usize> Convolutions<R, N> {
+    /// Forgets all rows.
+    #[inline]
+    pub fn clear(&mut self) {
+        self.n_rows = 0;
+    }
+
+    /// Adds the rows of the next order; beyond [`MAX_ORDER`] rows nothing happens.
+    #[inline]
+    pub fn push(&mut self, left: [R; N], right: [R; N]) {
+        if let (Some(left_row), Some(right_row)) =
+            (self.left.get_mut(self.n_rows), self.right.get_mut(self.n_rows))
+        {
+            (*left_row, *right_row) = (left, right);
+            self.n_rows += 1;
+        }
+    }
+
+    /// The sums of the order after the last row.
+    ///
+    /// The terms with the newest rows come last, so that all others can be summed before those are there.
+    #[inline]
+    #[must_use]
+    pub fn sums(&self) -> [R; N] {
+        let mut sums = [R::ZERO; N];
+        let (Some(left), Some(right)) = (self.left.get(..self.n_rows), self.right.get(..self.n_rows)) else {
+            return sums;
+        };
+        let mut add = |left: &[R; N], right: &[R; N]| {
+            for ((sum, left), right) in sums.iter_mut().zip(left).zip(right) {
+                *sum = left.mul_add(*right, *sum);
+            }
+        };
+        match (left, right) {
+            ([oldest_left, left @ .., newest_left], [oldest_right, right @ .., newest_right]) => {
+                for (left, right) in left.iter().zip(right.iter().rev()) {
+                    add(left, right);
+                }
+                add(oldest_left, newest_right);
+                add(newest_left, oldest_right);
+            }
+            ([left], [right]) => add(left, right),
+            _ => {}
+        }
+        sums
+    }
+}
