@@ -67,7 +67,7 @@ impl Controller {
 
 /// Logarithm to base two of a non-negative number within 4e-4; at least that of a tiny number, and 1024 of infinity.
 #[inline]
-fn log2(x: f64) -> f64 {
+pub(crate) fn log2(x: f64) -> f64 {
     let bits = x.to_bits();
     let exponent = (bits >> 52) as i32 - 1023;
     // In [0, 1). The polynomial vanishes at both ends, so that the function is continuous.
@@ -78,7 +78,7 @@ fn log2(x: f64) -> f64 {
 
 /// Power of two within a relative 5e-4, for exponents between -1000 and 1000; of others that of the nearer end.
 #[inline]
-fn exp2(x: f64) -> f64 {
+pub(crate) fn exp2(x: f64) -> f64 {
     let x = x.clamp(-1000.0, 1000.0) + 1023.0;
     // Positive, so that the conversion rounds down.
     let whole = x as u64;

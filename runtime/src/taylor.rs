@@ -4,6 +4,7 @@
 
 use core::fmt;
 
+use crate::controller::{exp2, log2};
 use crate::error::{Error, Failure};
 use crate::integrator::{Progress, Stats, TINY, copy, non_finite};
 use crate::jet::{Jet, MAX_ORDER};
@@ -461,27 +462,4 @@ fn blocks<R: Real, V: StateVector<R>, const WIDTH: usize>(
         }
         *start += WIDTH;
     }
-}
-
-/// Logarithm to base two of a non-negative number within 4e-4; at least that of a tiny number, and 1024 of infinity.
-///
-/// Every step waits for it, and three digits of a step size are plenty.
-#[inline]
-fn log2(x: f64) -> f64 {
-    let bits = x.to_bits();
-    let exponent = (bits >> 52) as i32 - 1023;
-    // In [0, 1). The polynomial vanishes at both ends, so that the function is continuous.
-    let f = f64::from_bits((bits & ((1 << 52) - 1)) | 1.0_f64.to_bits()) - 1.0;
-    let bend = 0.440_780_8 + f * (-0.242_669_5 + f * 0.081_615_7);
-    f64::from(exponent) + f + f * (1.0 - f) * bend
-}
-
-/// Power of two within a relative 5e-4, for exponents between -1000 and 1000; of others that of the nearer end.
-#[inline]
-fn exp2(x: f64) -> f64 {
-    let x = x.clamp(-1000.0, 1000.0) + 1023.0;
-    // Positive, so that the conversion rounds down.
-    let whole = x as u64;
-    let f = x - whole as f64;
-    f64::from_bits(whole << 52) * (1.0 + f + f * (1.0 - f) * (-0.305_254_2 - f * 0.079_204_1))
 }
