@@ -10,7 +10,7 @@ use super::rational::Rational;
 /// Largest positive power of a sum that is multiplied out.
 const MAX_POWER: i64 = 16;
 /// Most products that one multiplication of two sums may make; larger ones are kept as they are.
-const MAX_PRODUCTS: usize = 1 << 16;
+const MAX_PRODUCTS: usize = 1 << 12;
 
 impl Graph {
     /// Multiplies products and small positive powers of sums out; everything else is kept.

@@ -190,6 +190,8 @@ pub struct Graph {
     fingerprints: Vec<Fingerprint>,
     index: HashMap<Node, ExprId>,
     symbols: Vec<SymbolEntry>,
+    /// Sums whose content was found to be one.
+    primitive: HashSet<ExprId>,
     zero: ExprId,
     one: ExprId,
 }
@@ -208,6 +210,7 @@ impl Graph {
             fingerprints: Vec::new(),
             index: HashMap::new(),
             symbols: Vec::new(),
+            primitive: HashSet::new(),
             zero: ExprId(0),
             one: ExprId(1),
         };
@@ -453,7 +456,7 @@ impl Graph {
                         coefficient *= rational_power(&c, &q);
                         pending.extend(factors.iter().rev().map(|(base, exponent)| (*base, exponent * &q)));
                     }
-                    Node::Sum { .. } if q.is_integer() => {
+                    Node::Sum { .. } if q.is_integer() && !self.primitive.contains(&e) => {
                         let (content, primitive) = self.primitive_part(e);
                         coefficient *= rational_power(&content, &q);
                         *merged.entry(primitive).or_insert_with(Rational::zero) += q;
@@ -467,7 +470,9 @@ impl Graph {
                 .filter(|(e, q)| match self.node(**e) {
                     Node::Constant(_) => q.is_integer() || **q >= Rational::one() || q.is_negative(),
                     Node::Product { .. } => q.is_integer(),
-                    Node::Sum { .. } => q.is_integer() && !self.is_primitive(**e),
+                    Node::Sum { .. } => {
+                        q.is_integer() && !self.primitive.contains(*e) && !self.is_primitive(**e)
+                    }
                     _ => q.is_zero(),
                 })
                 .map(|(e, _)| *e)
@@ -504,6 +509,7 @@ impl Graph {
         let Node::Sum { constant, terms } = self.node(e) else { return (Rational::one(), e) };
         let q = content(constant, terms);
         let primitive = self.scale(e, &q.recip());
+        self.primitive.insert(primitive);
         (q, primitive)
     }
 
@@ -702,6 +708,12 @@ impl Graph {
             let difference = self.sub(a, b);
             self.is_zero(difference)
         }
+    }
+
+    /// As [`Graph::is_equal`], from the fingerprints alone: false where these say nothing, and never dear.
+    pub(crate) fn is_seen_to_be_equal(&self, a: ExprId, b: ExprId) -> bool {
+        let points = || self.fingerprint(a).iter().zip(self.fingerprint(b));
+        a == b || points().all(|(x, y)| x == y) && points().filter(|(x, _)| x.is_some()).count() >= 2
     }
 
     /// The value of a constant node.

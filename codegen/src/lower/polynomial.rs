@@ -95,7 +95,8 @@ impl Numbers {
     }
 
     fn find(&mut self, graph: &mut Graph, e: ExprId) -> Option<Coefficient> {
-        if graph.is_zero(e) {
+        let zero = graph.zero();
+        if graph.is_seen_to_be_equal(e, zero) {
             return None;
         }
         let negated = graph.neg(e);
@@ -184,7 +185,7 @@ impl Numbers {
     }
 
     fn quotient(&mut self, graph: &mut Graph, a: ExprId, b: ExprId) -> Option<Coefficient> {
-        let inverse = graph.powi(b, -1);
+        let inverse = graph.power_product(&[(b, -Rational::one())]).ok()?;
         let e = graph.mul(a, inverse);
         let denominators = |e: ExprId| -> Vec<(ExprId, Rational)> {
             match graph.node(e) {

@@ -172,6 +172,7 @@ fn builder_and_file_give_one_heavy_top() {
     b.scene("lagrange", &[("chi1", &[q("0")]), ("chi2", &[q("0")])], &["energy", "momentum"], "");
     let derivatives = ["jacobian", "jvp", "vjp", "time_derivative", "sensitivity", "sensitivity_jvp"];
     b.scene("derivatives", &[], &[&["energy"], derivatives.as_slice()].concat(), "");
+    b.scene("taylor", &[], &["rhs", "energy", "taylor"], "");
     let built = b.build().unwrap();
 
     let names = |m: &Model| m.params.iter().map(|p| (p.name.clone(), p.default.clone())).collect::<Vec<_>>();
