@@ -6,22 +6,24 @@
 //!
 //! Deliberately does not know: the generator, operation counts, how results are shown.
 
-#[cfg(feature = "opponents")]
+#[cfg(feature = "measure")]
 pub mod expert;
+#[cfg(feature = "measure")]
 pub mod kernel;
-#[cfg(feature = "opponents")]
+#[cfg(feature = "measure")]
 pub mod multipliers;
-#[cfg(feature = "opponents")]
+#[cfg(feature = "measure")]
 pub mod naive;
 pub mod ours;
 
+#[cfg(feature = "measure")]
 pub use kernel::{Kernel, Timing};
 
 /// All right-hand sides: the copy that is the floor of every measurement, the generated ones, the opponents.
+#[cfg(feature = "measure")]
 pub fn kernels() -> Vec<Kernel> {
     let mut kernels = vec![kernel::copy()];
     kernels.extend(ours::kernels());
-    #[cfg(feature = "opponents")]
     kernels.extend([expert::kernels(), naive::kernels(), multipliers::kernels()].into_iter().flatten());
     kernels
 }

@@ -6,33 +6,8 @@
 
 use hamel_models::generated;
 
-use hamel_runtime::{F64x4, F64x8, Real, Scene, SceneInfo};
-
-use crate::kernel::Kernel;
-
-fn prepare<R: Real, S: Scene<R>>(params: &[f64]) -> S {
-    let params: Vec<R> = params.iter().map(|x| R::from_f64(*x)).collect();
-    S::prepare(&params).unwrap_or_else(|e| panic!("{} {}: {e}", S::INFO.model, S::INFO.scene))
-}
-
-/// `rhs` on several states side by side.
-#[inline(never)]
-fn side_by_side<R, S, const N: usize>(scene: &S, t: R, y: &[R; N], dy: &mut [R; N])
-where
-    R: Real,
-    S: Scene<R, State = [R; N]>,
-{
-    scene.rhs(t, y, dy);
-}
-
-/// The kernel of a scene on a scalar with several lanes.
-fn lanes<R, S, const N: usize>(info: &'static SceneInfo, n: usize) -> Kernel
-where
-    R: Real + 'static,
-    S: Scene<R, State = [R; N]> + 'static,
-{
-    Kernel::new(info, "hamel", n, prepare, side_by_side::<R, S, N>)
-}
+#[cfg(feature = "measure")]
+pub use measured::kernels;
 
 macro_rules! wrappers {
     ($(($module:ident, $model:literal, $scene:literal, $n:literal))*) => {
@@ -43,19 +18,58 @@ macro_rules! wrappers {
                 p.rhs(t, y, dy);
             }
         )*
-
-        /// The generated right-hand sides of all scenes.
-        pub fn kernels() -> Vec<Kernel> {
-            let mut kernels = Vec::new();
-            $({
-                use generated::$module::{INFO, Prepared};
-                kernels.push(Kernel::new(&INFO, "hamel", 1, prepare, $module));
-                kernels.push(lanes::<F64x4, Prepared<F64x4>, $n>(&INFO, F64x4::LANES));
-                kernels.push(lanes::<F64x8, Prepared<F64x8>, $n>(&INFO, F64x8::LANES));
-            })*
-            kernels
-        }
     };
 }
 
 hamel_models::for_each_scene!(wrappers);
+
+/// The functions as kernels, on one lane and on several.
+#[cfg(feature = "measure")]
+mod measured {
+    use hamel_models::generated;
+    use hamel_runtime::{F64x4, F64x8, Real, Scene, SceneInfo};
+
+    use crate::kernel::Kernel;
+
+    fn prepare<R: Real, S: Scene<R>>(params: &[f64]) -> S {
+        let params: Vec<R> = params.iter().map(|x| R::from_f64(*x)).collect();
+        S::prepare(&params).unwrap_or_else(|e| panic!("{} {}: {e}", S::INFO.model, S::INFO.scene))
+    }
+
+    /// `rhs` on several states side by side.
+    #[inline(never)]
+    fn side_by_side<R, S, const N: usize>(scene: &S, t: R, y: &[R; N], dy: &mut [R; N])
+    where
+        R: Real,
+        S: Scene<R, State = [R; N]>,
+    {
+        scene.rhs(t, y, dy);
+    }
+
+    /// The kernel of a scene on a scalar with several lanes.
+    fn lanes<R, S, const N: usize>(info: &'static SceneInfo, n: usize) -> Kernel
+    where
+        R: Real + 'static,
+        S: Scene<R, State = [R; N]> + 'static,
+    {
+        Kernel::new(info, "hamel", n, prepare, side_by_side::<R, S, N>)
+    }
+
+    macro_rules! kernels {
+        ($(($module:ident, $model:literal, $scene:literal, $n:literal))*) => {
+            /// The generated right-hand sides of all scenes.
+            pub fn kernels() -> Vec<Kernel> {
+                let mut kernels = Vec::new();
+                $({
+                    use generated::$module::{INFO, Prepared};
+                    kernels.push(Kernel::new(&INFO, "hamel", 1, prepare, super::$module));
+                    kernels.push(lanes::<F64x4, Prepared<F64x4>, $n>(&INFO, F64x4::LANES));
+                    kernels.push(lanes::<F64x8, Prepared<F64x8>, $n>(&INFO, F64x8::LANES));
+                })*
+                kernels
+            }
+        };
+    }
+
+    hamel_models::for_each_scene!(kernels);
+}
