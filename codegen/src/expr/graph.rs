@@ -712,8 +712,9 @@ impl Graph {
 
     /// As [`Graph::is_equal`], from the fingerprints alone: false where these say nothing, and never dear.
     pub(crate) fn is_seen_to_be_equal(&self, a: ExprId, b: ExprId) -> bool {
-        let points = || self.fingerprint(a).iter().zip(self.fingerprint(b));
-        a == b || points().all(|(x, y)| x == y) && points().filter(|(x, _)| x.is_some()).count() >= 2
+        let points = self.fingerprint(a).iter().zip(self.fingerprint(b));
+        let valid: Vec<bool> = points.filter_map(|(x, y)| Some((*x)? == (*y)?)).collect();
+        a == b || valid.len() >= 2 && valid.iter().all(|equal| *equal)
     }
 
     /// The value of a constant node.

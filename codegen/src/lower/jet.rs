@@ -341,6 +341,7 @@ impl<'p> Builder<'p> {
 
     fn subtract(&mut self, a: Option<Operand>, b: Option<Operand>) -> Option<Operand> {
         match (a, b) {
+            (Some(a), Some(b)) if a == b => None,
             (Some(a), Some(b)) => Some(self.at_order(Op::Sub(a, b))),
             (None, Some(b)) => Some(self.at_order(Op::Neg(b))),
             (a, None) => a,

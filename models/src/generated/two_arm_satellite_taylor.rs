@@ -841,7 +841,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
         ::hamel_runtime::Convolutions<R, 16>,
         ::hamel_runtime::Convolutions<R, 16>,
         ::hamel_runtime::Convolutions<R, 16>,
-        ::hamel_runtime::Convolutions<R, 11>,
+        ::hamel_runtime::Convolutions<R, 10>,
     );
     fn workspace(&self) -> Self::Workspace {
         (
@@ -857,7 +857,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
     ///
     /// # Operations
     ///
-    /// At each order k: 194 additions, 198 multiplications (163 fused), 5 sign changes, and 75 sums of k - 1 products.
+    /// At each order k: 191 additions, 197 multiplications (162 fused), 5 sign changes, and 74 sums of k - 1 products.
     fn series(
         &self,
         t: R,
@@ -1232,8 +1232,9 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             sum42, sum43, sum44, sum45, sum46, sum47] = workspace.2.sums();
             let [sum48, sum49, sum50, sum51, sum52, sum53, sum54, sum55, sum56, sum57,
             sum58, sum59, sum60, sum61, sum62, sum63] = workspace.3.sums();
-            let [sum64, sum65, sum66, sum67, sum68, sum69, sum70, sum71, sum72, sum73,
-            sum74] = workspace.4.sums();
+            let [sum64, sum65, sum66, sum67, sum68, sum69, sum70, sum71, sum72, sum73] = workspace
+                .4
+                .sums();
             /// momenta p = dL/dy
             let [t0, t1, t2, t3, t4, t5, t6, t7, t8, t9, t10, t11, t12, t13, t14, t15,
             t16, t17, t18, t19, t20, t21] = {
@@ -1313,7 +1314,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             };
             /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
             let [t22, t23, t24, t25, t26, t27, t28, t29, t30, t31, t32, t33, t34, t35,
-            t36, t37, t38, t39, t40, t41, t42, t43] = {
+            t36, t37, t38, t39, t40, t41, t42] = {
                 let t22 = self.la * t1;
                 let t23 = kept3.mul_add(t17, kept16.mul_add(Omega2, sum19))
                     + kept2.mul_add(t22, kept22.mul_add(Omega1, sum18));
@@ -1339,12 +1340,11 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                         kept8.mul_add(t36, kept36.mul_add(t8, sum39)),
                     );
                 let t38 = R::ratio(1.0, 10.0) * beta_dot;
-                let t40 = t2 - t2;
-                let t41 = -(kept18.mul_add(t40, kept42.mul_add(t19, sum45)) + t25);
-                let t42 = (-self.c18)
+                let t40 = -kept42.mul_add(t19, t25);
+                let t41 = (-self.c18)
                     .mul_add(
-                        kept13.mul_add(t28, kept27.mul_add(t13, sum46)),
-                        kept7.mul_add(t36, kept36.mul_add(t7, sum47)),
+                        kept13.mul_add(t28, kept27.mul_add(t13, sum45)),
+                        kept7.mul_add(t36, kept36.mul_add(t7, sum46)),
                     );
                 [
                     t22,
@@ -1396,87 +1396,86 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                         - kept39.mul_add(t38, kept40.mul_add(t37, sum43)),
                     t40,
                     t41,
-                    t42,
-                    kept3.mul_add(t11, kept41.mul_add(Omega2, sum51))
-                        + (-(kept26.mul_add(t41, kept43.mul_add(t26, sum49))
-                            + kept2.mul_add(t16, kept34.mul_add(Omega1, sum48)))
-                            - kept40.mul_add(t42, kept44.mul_add(t38, sum50))),
+                    kept3.mul_add(t11, kept41.mul_add(Omega2, sum50))
+                        + (-(kept26.mul_add(t40, kept43.mul_add(t26, sum48))
+                            + kept2.mul_add(t16, kept34.mul_add(Omega1, sum47)))
+                            - kept40.mul_add(t41, kept44.mul_add(t38, sum49))),
                 ]
             };
             /// mass matrix A = W^T L_yy Psi
-            let [t44, t45, t46] = [
+            let [t43, t44, t45] = [
                 self.c21 * t9,
-                kept4.mul_add(t4, kept6.mul_add(t2, sum53)),
-                self.c13 * kept11.mul_add(t13, kept13.mul_add(t12, sum56)),
+                kept4.mul_add(t4, kept6.mul_add(t2, sum52)),
+                self.c13 * kept11.mul_add(t13, kept13.mul_add(t12, sum55)),
             ];
             /// factors of A
-            let [t47, t48, t49, t50, t51, t52, t53] = {
-                let t48 = self.c27 * t44;
-                let t49 = self.c20.mul_add(kept45.mul_add(t0, sum52), t10)
-                    - kept49.mul_add(t48, kept50.mul_add(t44, sum59));
-                let t50 = kept51 * (-kept52).mul_add(t49, t45 - sum60);
-                let t51 = self
+            let [t46, t47, t48, t49, t50, t51, t52] = {
+                let t47 = self.c27 * t43;
+                let t48 = self.c20.mul_add(kept45.mul_add(t0, sum51), t10)
+                    - kept49.mul_add(t47, kept50.mul_add(t43, sum58));
+                let t49 = kept51 * (-kept52).mul_add(t48, t44 - sum59);
+                let t50 = self
                     .c23
                     .mul_add(
-                        kept46.mul_add(t12, sum54),
-                        kept4.mul_add(t15, kept15.mul_add(t2, sum55)),
-                    ) - kept53.mul_add(t50, kept52.mul_add(t45, sum61));
-                let t52 = kept54 * (-kept55).mul_add(t51, t46 - sum62);
+                        kept46.mul_add(t12, sum53),
+                        kept4.mul_add(t15, kept15.mul_add(t2, sum54)),
+                    ) - kept53.mul_add(t49, kept52.mul_add(t44, sum60));
+                let t51 = kept54 * (-kept55).mul_add(t50, t45 - sum61);
                 [
                     self.c24 * (self.c19 * t1),
+                    t47,
                     t48,
                     t49,
                     t50,
                     t51,
-                    t52,
                     (-self.c26)
                         .mul_add(
-                            kept48.mul_add(t1, sum58),
-                            t8.mul_add(self.c16, self.c3 * kept47.mul_add(t8, sum57)),
-                        ) - kept56.mul_add(t52, kept55.mul_add(t46, sum63)),
+                            kept48.mul_add(t1, sum57),
+                            t8.mul_add(self.c16, self.c3 * kept47.mul_add(t8, sum56)),
+                        ) - kept56.mul_add(t51, kept55.mul_add(t45, sum62)),
                 ]
             };
             /// substitution through the factors of A
-            let [t54, t55, t56, t57, t58, t59, t60] = {
-                let t54 = (-R::ratio(1.0, 5.0))
+            let [t53, t54, t55, t56, t57, t58, t59] = {
+                let t53 = (-R::ratio(1.0, 5.0))
                     .mul_add(kept19.mul_add(t33, kept33.mul_add(alpha_dot, sum34)), t34)
-                    - kept57.mul_add(t48, kept50.mul_add(t31, sum64));
-                let t55 = kept52.mul_add(t54, kept58.mul_add(t50, sum65))
+                    - kept57.mul_add(t47, kept50.mul_add(t31, sum63));
+                let t54 = kept52.mul_add(t53, kept58.mul_add(t49, sum64))
                     + (t39 - kept12.mul_add(t11, kept41.mul_add(Omega3, sum44)));
-                let t56 = kept63
+                let t55 = kept63
                     * (-kept62)
                         .mul_add(
-                            t53,
-                            kept55.mul_add(t55, kept61.mul_add(t52, sum67))
-                                + (t43 - kept59.mul_add(t47, kept60.mul_add(t27, sum66)))
-                                - sum68,
+                            t52,
+                            kept55.mul_add(t54, kept61.mul_add(t51, sum66))
+                                + (t42 - kept59.mul_add(t46, kept60.mul_add(t27, sum65)))
+                                - sum67,
                         );
-                let t57 = kept54 * (-kept64).mul_add(t51, t55 - sum69);
-                let t58 = kept55.mul_add(t56, kept62.mul_add(t52, sum70)) + t57;
-                let t59 = kept51 * (-kept65).mul_add(t49, t54 - sum71);
+                let t56 = kept54 * (-kept64).mul_add(t50, t54 - sum68);
+                let t57 = kept55.mul_add(t55, kept62.mul_add(t51, sum69)) + t56;
+                let t58 = kept51 * (-kept65).mul_add(t48, t53 - sum70);
                 [
+                    t53,
                     t54,
                     t55,
                     t56,
                     t57,
                     t58,
-                    t59,
-                    kept52.mul_add(t58, kept66.mul_add(t50, sum72)) + t59,
+                    kept52.mul_add(t57, kept66.mul_add(t49, sum71)) + t58,
                 ]
             };
-            let t61 = order * alpha;
-            let t62 = order * beta;
+            let t60 = order * alpha;
+            let t61 = order * beta;
             workspace
                 .0
                 .push(
                     [
-                        t61,
-                        t61,
+                        t60,
+                        t60,
                         t0,
                         t2,
                         t3,
-                        t62,
-                        t62,
+                        t61,
+                        t61,
                         t6,
                         t12,
                         t13,
@@ -1563,9 +1562,9 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                         t21,
                         t37,
                         t11,
-                        t19,
                         t13,
                         t7,
+                        t16,
                     ],
                     [
                         t3,
@@ -1581,16 +1580,15 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                         Omega1,
                         t38,
                         Omega3,
-                        t40,
                         t28,
                         t36,
+                        Omega1,
                     ],
                 );
             workspace
                 .3
                 .push(
                     [
-                        t16,
                         t26,
                         t38,
                         t11,
@@ -1601,16 +1599,16 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                         t12,
                         t8,
                         t1,
+                        t43,
+                        t48,
                         t44,
-                        t49,
+                        t50,
                         t45,
-                        t51,
-                        t46,
+                        t31,
                     ],
                     [
-                        Omega1,
+                        t40,
                         t41,
-                        t42,
                         Omega2,
                         t0,
                         t4,
@@ -1619,27 +1617,28 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                         t13,
                         t8,
                         t1,
-                        t48,
-                        t50,
-                        t50,
-                        t52,
-                        t52,
+                        t47,
+                        t49,
+                        t49,
+                        t51,
+                        t51,
+                        t47,
                     ],
                 );
             workspace
                 .4
                 .push(
-                    [t31, t50, t27, t52, t53, t51, t52, t49, t50, t48, t47],
-                    [t48, t54, t47, t55, t56, t57, t56, t59, t58, t60, t56],
+                    [t49, t27, t51, t52, t50, t51, t48, t49, t47, t46],
+                    [t53, t46, t54, t55, t56, t55, t58, t57, t59, t55],
                 );
             let derivative = [
                 alpha_dot,
                 beta_dot,
-                t27.mul_add(self.c24, -kept60.mul_add(t56, kept62.mul_add(t47, sum74))),
-                t31.mul_add(self.c27, -kept50.mul_add(t60, kept67.mul_add(t48, sum73))),
-                t60,
-                t58,
-                t56,
+                t27.mul_add(self.c24, -kept60.mul_add(t55, kept62.mul_add(t46, sum73))),
+                t31.mul_add(self.c27, -kept50.mul_add(t59, kept67.mul_add(t47, sum72))),
+                t59,
+                t57,
+                t55,
             ];
             let scale = R::ratio(1.0, f64::from(k + 1));
             coefficient = derivative.map(|derivative| derivative * scale);
