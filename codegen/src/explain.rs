@@ -98,7 +98,15 @@ impl Page {
         }
         if self.html() {
             let row = |(left, right): &(String, String)| {
-                let right: Vec<String> = terms(right).iter().map(|t| format!("<math>{t}</math>")).collect();
+                let right: Vec<String> = terms(right)
+                    .iter()
+                    // A sign that begins a line is still one between two terms.
+                    .enumerate()
+                    .map(|(k, t)| match k {
+                        0 => format!("<math>{t}</math>"),
+                        _ => format!("<math>{}</math>", t.replacen("<mo>", "<mo form=\"infix\">", 1)),
+                    })
+                    .collect();
                 let right = right.join("<wbr/>");
                 format!(
                     "<tr><td><math>{left}</math></td><td><math><mo>=</mo></math></td><td>{right}</td></tr>\n"
@@ -211,7 +219,9 @@ impl Page {
     fn remark(&self, doc: &str) -> String {
         match (doc.is_empty(), self.latex()) {
             (true, _) => String::new(),
-            (false, _) if self.html() => format!("<mspace width=\"1em\"/><mtext>{}</mtext>", escape_html(doc)),
+            (false, _) if self.html() => {
+                format!("<mspace width=\"1em\"/><mtext>{}</mtext>", escape_html(doc))
+            }
             (false, true) => format!(" \\quad\\text{{{}}}", escape(doc)),
             (false, false) => format!("   {doc}"),
         }

@@ -221,7 +221,11 @@ pub fn page(model: &Model, scene_name: &str) -> Result<Page, Error> {
         doc: model.doc.iter().skip(1).cloned().collect(),
         kind: model.kind().to_string(),
         sources: model.sources.clone(),
-        params: scene.params().iter().map(|p| quantity(&p.name, Some(rational_to_f64(&p.default)), &p.doc)).collect(),
+        params: scene
+            .params()
+            .iter()
+            .map(|p| quantity(&p.name, Some(rational_to_f64(&p.default)), &p.doc))
+            .collect(),
         conditions: scene.equations.system.conditions.iter().map(|c| c.text.clone()).collect(),
         state: scene.state.iter().map(|s| quantity(&s.name, None, &s.doc)).collect(),
         text: model.origin.as_ref().map(|o| o.text.clone()).unwrap_or_default(),

@@ -617,12 +617,8 @@ fn motion(model: &Model, arguments: &Report) -> Result<report::Motion, Error> {
         let at = info.state.iter().position(|s| s == name);
         at.map_or(0.0, |at| request.initial[at])
     });
-    let bare_request = SimulateRequest {
-        initial: start.collect(),
-        samples: 0,
-        with_outputs: false,
-        ..request.clone()
-    };
+    let bare_request =
+        SimulateRequest { initial: start.collect(), samples: 0, with_outputs: false, ..request.clone() };
     let precision = report::Precision::measure(arguments.t_final, |method, steps| {
         bare.simulate(&SimulateRequest { method, steps, ..bare_request.clone() })
     });

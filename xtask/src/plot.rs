@@ -192,7 +192,11 @@ fn draw<'a>(area: &Area<'a>, figure: &Figure) -> Drawn<'a> {
                 .collect();
             if points.len() <= MARKED {
                 for point in &points {
-                    area.draw(&Circle::new(*point, scaled(3.0), ShapeStyle { filled: true, ..stroke(colour, 1.0) }))?;
+                    area.draw(&Circle::new(
+                        *point,
+                        scaled(3.0),
+                        ShapeStyle { filled: true, ..stroke(colour, 1.0) },
+                    ))?;
                 }
             }
             path(points, stroke(colour, 1.5))?;

@@ -61,7 +61,8 @@ impl Precision {
         mut solve: impl FnMut(MethodName, Steps) -> Result<SimulateResponse, Error>,
     ) -> Precision {
         let adaptive = |rtol: f64| Steps::Adaptive { rtol, atol: rtol / 100.0 };
-        let [Ok(reference), Ok(other)] = REFERENCE.map(|rtol| solve(MethodName::Dop853, adaptive(rtol))) else {
+        let [Ok(reference), Ok(other)] = REFERENCE.map(|rtol| solve(MethodName::Dop853, adaptive(rtol)))
+        else {
             return Precision::default();
         };
         let error = |y: &[f64]| {
@@ -168,7 +169,7 @@ pub fn page(page: &Page, motion: Option<&Motion>) -> Result<String, Error> {
     }
     html.push_str("</main>\n");
     if let Some(data) = data {
-        let _ = writeln!(html, "<script type=\"application/json\" id=\"motion\">{data}</script>");
+        let _ = writeln!(html, "<script type=\"application/json\" id=\"motion-data\">{data}</script>");
         let _ = writeln!(html, "<script>\n{SCRIPT}</script>");
     }
     html.push_str("</body>\n</html>\n");
@@ -192,13 +193,18 @@ fn definition(page: &Page) -> String {
         text.push_str("</ul>\n");
     }
     let rows = |rows: &[crate::codegen_bridge::Quantity], with_value: bool| {
-        let mut text = String::from("<div class=\"wide\"><table class=\"data\">\n<thead><tr><th></th><th>name</th>");
+        let mut text =
+            String::from("<div class=\"wide\"><table class=\"data\">\n<thead><tr><th></th><th>name</th>");
         text.push_str(if with_value { "<th>default</th>" } else { "" });
         text.push_str("<th>unit</th><th>meaning</th></tr></thead>\n<tbody>\n");
         for q in rows {
             let _ = write!(text, "<tr><td><math>{}</math></td><td><code>{}</code></td>", q.math, q.name);
             if with_value {
-                let _ = write!(text, "<td class=\"number\">{}</td>", q.value.map_or(String::new(), |x| x.to_string()));
+                let _ = write!(
+                    text,
+                    "<td class=\"number\">{}</td>",
+                    q.value.map_or(String::new(), |x| x.to_string())
+                );
             }
             let _ = writeln!(text, "<td>{}</td><td>{}</td></tr>", escape(&q.unit), prose(&q.doc));
         }
@@ -209,7 +215,8 @@ fn definition(page: &Page) -> String {
         let _ = write!(text, "<h3>Parameters</h3>\n{}", rows(&page.params, true));
     }
     if !page.conditions.is_empty() {
-        let list: Vec<String> = page.conditions.iter().map(|c| format!("<code>{}</code>", escape(c))).collect();
+        let list: Vec<String> =
+            page.conditions.iter().map(|c| format!("<code>{}</code>", escape(c))).collect();
         let _ = writeln!(text, "<p>Valid for {}.</p>", list.join(", "));
     }
     let _ = write!(text, "<h3>State</h3>\n{}", rows(&page.state, false));
@@ -247,15 +254,21 @@ fn motion_sections(page: &Page, motion: &Motion, sections: &mut Vec<(String, Str
     let Motion { info, blocks, request, response, .. } = motion;
     let run = Run { info, title: &page.title, blocks, request, response };
     let mut state = figure(&run);
-    let mut conserved = Figure { times: state.times.clone(), x_label: state.x_label.clone(), ..Figure::default() };
+    let mut conserved =
+        Figure { times: state.times.clone(), x_label: state.x_label.clone(), ..Figure::default() };
     if response.initial_energy.is_some() {
         conserved.panels.extend(state.panels.pop());
     }
     let samples = &response.samples;
     if let Some(range) = info.output_range("constraint").filter(|r| !r.is_empty()) {
-        let largest = |outputs: &[f64]| outputs[range.clone()].iter().fold(0.0, |max: f64, x| max.max(x.abs()));
+        let largest =
+            |outputs: &[f64]| outputs[range.clone()].iter().fold(0.0, |max: f64, x| max.max(x.abs()));
         let lines = vec![(String::new(), samples.iter().map(|s| largest(&s.outputs)).collect())];
-        conserved.panels.push(Panel { title: "Largest residual of the constraint".into(), lines, times: None });
+        conserved.panels.push(Panel {
+            title: "Largest residual of the constraint".into(),
+            lines,
+            times: None,
+        });
     }
     if let Some(range) = info.output_range("casimirs").filter(|r| !r.is_empty()) {
         let names = info.outputs.iter().find(|o| o.name == "casimirs").map(|o| o.components.clone());
@@ -302,7 +315,7 @@ fn drawn(figure: &Figure) -> Result<String, Error> {
 
 fn view_panel(page: &Page) -> String {
     let mut text = String::from(
-        "<div class=\"viewer\">\n<canvas id=\"view\" width=\"960\" height=\"600\" tabindex=\"0\" role=\"img\" \
+        "<div class=\"viewer\">\n<canvas id=\"view\" width=\"1152\" height=\"580\" tabindex=\"0\" role=\"img\" \
          aria-label=\"The motion in space; arrow keys turn it\"></canvas>\n<div class=\"controls\">\n\
          <button id=\"play\" type=\"button\">Play</button>\n\
          <label>Time <input id=\"time\" type=\"range\" min=\"0\" max=\"1\" step=\"any\" value=\"0\"/></label>\n\
@@ -344,7 +357,11 @@ fn motion_data(page: &Page, motion: &Motion) -> String {
             ViewKind::Point => "point",
             ViewKind::Path => "path",
         };
-        views.push(format!("{{\"name\":\"{}\",\"shape\":\"{kind}\",\"columns\":[{}]}}", view.name, columns.join(",")));
+        views.push(format!(
+            "{{\"name\":\"{}\",\"shape\":\"{kind}\",\"columns\":[{}]}}",
+            view.name,
+            columns.join(",")
+        ));
     }
     format!(
         "{{\"t\":{},\"n\":{},\"views\":[\n{}\n]}}",
@@ -391,8 +408,8 @@ fn prose(text: &str) -> String {
 }
 
 const RUST: &[&str] = &[
-    "pub", "fn", "let", "impl", "struct", "for", "if", "else", "match", "return", "self", "Self", "const", "use",
-    "where", "mut", "type", "mod", "crate",
+    "pub", "fn", "let", "impl", "struct", "for", "if", "else", "match", "return", "self", "Self", "const",
+    "use", "where", "mut", "type", "mod", "crate",
 ];
 
 /// Code with its comments, strings, numbers and keywords marked.
@@ -417,7 +434,11 @@ fn highlight(code: &str, keywords: &[&str]) -> String {
         };
         let (token, tail) = rest.split_at(length);
         let token = escape(token);
-        html.push_str(&if class.is_empty() { token } else { format!("<span class=\"{class}\">{token}</span>") });
+        html.push_str(&if class.is_empty() {
+            token
+        } else {
+            format!("<span class=\"{class}\">{token}</span>")
+        });
         rest = tail;
     }
     html
@@ -441,7 +462,9 @@ mod tests {
 
     #[test]
     fn short_numbers_keep_five_digits() {
-        for (x, text) in [(0.0, "0"), (-1e-9, "0"), (0.123456, "0.12346"), (-12.5, "-12.5"), (1234567.8, "1234568")] {
+        for (x, text) in
+            [(0.0, "0"), (-1e-9, "0"), (0.123456, "0.12346"), (-12.5, "-12.5"), (1234567.8, "1234568")]
+        {
             assert_eq!(short(x), text);
         }
     }

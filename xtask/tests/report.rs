@@ -83,6 +83,7 @@ fn a_page_has_every_section() {
     let sections = [
         "Definition",
         "Lie algebra",
+        "Kinematics (anchor)",
         "Equations of motion",
         "Found exactly",
         "Operation counts",
@@ -93,8 +94,22 @@ fn a_page_has_every_section() {
         "Generated module",
     ];
     assert_eq!(headings(&html), sections);
-    for text in ["<msub><mi>Ω</mi><mn>1</mn></msub>", "pub fn rhs(", "kg m^2", "advected", "dop853", "rk4", "id=\"view\""] {
-        assert!(html.contains(text) || html.contains(&text.replace("pub fn", "<span class=\"k\">pub</span> <span class=\"k\">fn</span>")), "{text}");
+    for text in [
+        "<msub><mi>Ω</mi><mn>1</mn></msub>",
+        "pub fn rhs(",
+        "kg m^2",
+        "advected",
+        "dop853",
+        "rk4",
+        "id=\"view\"",
+    ] {
+        assert!(
+            html.contains(text)
+                || html.contains(
+                    &text.replace("pub fn", "<span class=\"k\">pub</span> <span class=\"k\">fn</span>")
+                ),
+            "{text}"
+        );
     }
     assert_eq!(html.matches("<svg").count(), 3);
     assert!(!html.contains("NaN") && !html.contains("null"), "a number is missing");
@@ -105,7 +120,14 @@ fn a_page_has_every_section() {
 fn pages_are_well_formed_and_load_nothing() {
     let folder = Folder::new("forms");
     // Stages and curvature, connections, multipliers, quasi-velocities, constraints solved for.
-    for model in ["euler_disk", "mobile_robot", "snakeboard", "ball_on_rotating_table", "kirchhoff_body", "wong_particle"] {
+    for model in [
+        "euler_disk",
+        "mobile_robot",
+        "snakeboard",
+        "ball_on_rotating_table",
+        "kirchhoff_body",
+        "wong_particle",
+    ] {
         let html = report(&[model, "--no-run"], &folder.0.join("page.html"));
         assert_well_formed(&html);
         assert_self_contained(&html);
@@ -144,7 +166,9 @@ window.addEventListener("load", () => {
 #[test]
 fn the_figure_in_space_moves_in_a_browser() {
     let names = ["chromium", "chromium-browser", "google-chrome", "chrome"];
-    let is_there = |name: &&&str| Command::new(name).arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok();
+    let is_there = |name: &&&str| {
+        Command::new(name).arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok()
+    };
     let Some(browser) = names.iter().find(is_there) else {
         eprintln!("skipped: no browser (looked for {})", names.join(", "));
         return;
@@ -174,7 +198,8 @@ fn the_figure_in_space_moves_in_a_browser() {
             std::thread::sleep(Duration::from_millis(50));
         }
         let dom = std::fs::read_to_string(&dump).unwrap();
-        let probe = dom.split("data-probe=\"").nth(1).unwrap_or_else(|| panic!("{model}: the page did not load"));
+        let probe =
+            dom.split("data-probe=\"").nth(1).unwrap_or_else(|| panic!("{model}: the page did not load"));
         let probe = probe.split('"').next().unwrap().replace("&quot;", "\"");
         let probe: serde_json::Value = serde_json::from_str(&probe).unwrap();
         assert_eq!(probe["faults"].as_array().map(Vec::len), Some(0), "{model}: {probe}");

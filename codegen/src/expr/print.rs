@@ -154,7 +154,13 @@ fn letter(stem: &str, style: Style) -> String {
     match (greek, style) {
         (Some((_, letter)), Style::Unicode) => (*letter).to_owned(),
         (Some((_, letter)), Style::MathMl) => format!("<mi>{letter}</mi>"),
-        (None, Style::MathMl) => if stem.is_empty() { String::new() } else { format!("<mi>{stem}</mi>") },
+        (None, Style::MathMl) => {
+            if stem.is_empty() {
+                String::new()
+            } else {
+                format!("<mi>{stem}</mi>")
+            }
+        }
         (Some((word, _)), _) => format!("\\{word}"),
         (None, Style::Latex) if stem.chars().count() > 1 => format!("\\mathrm{{{stem}}}"),
         _ => stem.to_owned(),
@@ -199,7 +205,11 @@ impl Graph {
             Node::Function(f, a) => atom(match style {
                 Style::Latex => format!("\\{}\\left({}\\right)", latex_function(f.name()), memo[a].text),
                 Style::MathMl => {
-                    format!("<mrow><mi>{}</mi><mo>&#x2061;</mo>{}</mrow>", f.name(), parenthesised(&memo[a].text, style))
+                    format!(
+                        "<mrow><mi>{}</mi><mo>&#x2061;</mo>{}</mrow>",
+                        f.name(),
+                        parenthesised(&memo[a].text, style)
+                    )
                 }
                 _ => format!("{}({})", f.name(), memo[a].text),
             }),
@@ -336,6 +346,10 @@ fn constant_text(c: &Rational, style: Style) -> Text {
 fn parenthesised(text: &str, style: Style) -> String {
     match style {
         Style::Latex => format!("\\left({text}\\right)"),
+        // Parentheses grow around fractions only; without a mathematical font they grow too much around anything.
+        Style::MathMl if !text.contains("<mfrac") => {
+            format!("<mrow><mo stretchy=\"false\">(</mo>{text}<mo stretchy=\"false\">)</mo></mrow>")
+        }
         Style::MathMl => format!("<mrow><mo>(</mo>{text}<mo>)</mo></mrow>"),
         _ => format!("({text})"),
     }

@@ -1135,7 +1135,8 @@ impl Checker<'_> {
             is_complete &= value.is_some();
             value
         });
-        let Some(arguments) = arguments.into_iter().collect::<Option<Vec<_>>>().filter(|_| is_complete) else {
+        let Some(arguments) = arguments.into_iter().collect::<Option<Vec<_>>>().filter(|_| is_complete)
+        else {
             return;
         };
         let shape = (shape.text.as_str(), Some(shape.span));

@@ -36,7 +36,8 @@ mod tests;
 /// The words that begin items and their parts, for those who show the text of a model.
 pub fn keywords() -> Vec<&'static str> {
     let parts = [
-        "model", "in", "by", "of", "on", "where", "from", "around", "at", "attitude", "fix", "want", "drop", "basis",
+        "model", "in", "by", "of", "on", "where", "from", "around", "at", "attitude", "fix", "want", "drop",
+        "basis",
     ];
     names::ITEMS.iter().map(|(item, _)| *item).chain(parts).collect()
 }

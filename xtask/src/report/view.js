@@ -1,7 +1,7 @@
 "use strict";
 // Draws the views over time on a canvas: faces are sorted from back to front, nothing else is needed.
 (() => {
-  const motion = JSON.parse(document.getElementById("motion").textContent);
+  const motion = JSON.parse(document.getElementById("motion-data").textContent);
   const canvas = document.getElementById("view");
   const pen = canvas.getContext("2d");
   const slider = document.getElementById("time");
@@ -88,11 +88,23 @@
     const u = b.map((x, i) => x - a[i]), v = c.map((x, i) => x - a[i]);
     const n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
     const size = Math.hypot(...n) || 1;
-    return 0.72 + 0.3 * Math.abs((0.3 * n[0] - 0.4 * n[1] + 0.87 * n[2]) / size);
+    return 0.52 + 0.52 * Math.abs((0.3 * n[0] - 0.4 * n[1] + 0.87 * n[2]) / size);
   };
 
-  const solidFaces = (view, colour, add) => {
-    const { sizes, place } = shapeAt(view, frame);
+  const solidFaces = (view, colour, show) => {
+    const { sizes, points, place } = shapeAt(view, frame);
+    const ahead = [Math.cos(pitch) * Math.sin(yaw), Math.cos(pitch) * Math.cos(yaw), -Math.sin(pitch)];
+    const isThin = view.shape === "disk" && sizes[1] === 0;
+    // Faces of a convex body that look away from the viewer are hidden by the others.
+    const add = (face, tone) => {
+      const [a, b, c] = [face[0], face[1], face[Math.min(2, face.length - 1)]];
+      const u = b.map((x, i) => x - a[i]), v = c.map((x, i) => x - b[i]);
+      const n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+      const size = Math.hypot(...n);
+      const outward = n.reduce((sum, x, i) => sum + x * (b[i] - points[0][i]), 0) < 0 ? -1 : 1;
+      const away = outward * n.reduce((sum, x, i) => sum + x * ahead[i], 0);
+      if (isThin || size === 0 || away < 0.3 * size) show(face, tone);
+    };
     const pale = colour.map((x) => x + 0.62 * (255 - x));
     if (view.shape === "box") {
       const c = corners(sizes).map(place);
@@ -134,7 +146,7 @@
   const ground = (project) => {
     const raw = extent / 10, decade = 10 ** Math.floor(Math.log10(raw));
     const step = [1, 2, 5, 10].map((m) => m * decade).find((s) => s >= raw);
-    const [x0, x1, y0, y1] = [low[0], high[0], low[1], high[1]].map((x, k) => step * (k % 2 ? Math.ceil(x / step) + 1 : Math.floor(x / step) - 1));
+    const [x0, x1, y0, y1] = [low[0], high[0], low[1], high[1]].map((x, k) => step * (k % 2 ? Math.ceil(x / step) : Math.floor(x / step)));
     pen.globalAlpha = 0.22;
     for (let x = x0; x <= x1 + step / 2; x += step) line([project([x, y0, 0]), project([x, y1, 0])], ink, 1);
     for (let y = y0; y <= y1 + step / 2; y += step) line([project([x0, y, 0]), project([x1, y, 0])], ink, 1);
