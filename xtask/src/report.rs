@@ -182,8 +182,8 @@ fn anchor(title: &str) -> String {
 
 fn definition(page: &Page) -> String {
     let mut text = String::new();
-    for line in page.doc.iter().filter(|l| !l.trim().is_empty()) {
-        let _ = writeln!(text, "<p>{}</p>", prose(line));
+    for paragraph in page.doc.split(|line| line.trim().is_empty()).filter(|lines| !lines.is_empty()) {
+        let _ = writeln!(text, "<p>{}</p>", prose(&paragraph.join(" ")));
     }
     if !page.sources.is_empty() {
         text.push_str("<p>Sources:</p>\n<ul>\n");
