@@ -1,4 +1,4 @@
-//! A derived scene as text for people: algebra, stage forms, constraint, equations, what was found, operation counts.
+//! A derived scene as text for people (Unicode, LaTeX, HTML with MathML): algebra, stage forms, constraint, equations, what was found, operation counts.
 //!
 //! Deliberately does not know: how any of it was computed.
 
@@ -13,9 +13,34 @@ use crate::reduction::{KinematicConstraint, Stages, Tensor};
 use crate::scene::BuiltScene;
 use crate::spec::{Model, Side};
 
+/// A part of an explanation.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Section {
+    /// What it is about; empty for the head.
+    pub title: String,
+    /// Its text in the style asked for; in [`Style::MathMl`] block elements of HTML, well-formed as XML.
+    pub text: String,
+}
+
 /// Explains a scene in Unicode ([`Style::Unicode`]) or LaTeX ([`Style::Latex`], a fragment that needs `amsmath`).
 pub fn explain(model: &Model, scene: &BuiltScene, style: Style) -> String {
-    let mut page = Page { style, text: String::new() };
+    let mut text = String::new();
+    for Section { title, text: body } in sections(model, scene, style) {
+        let _ = match style {
+            _ if title.is_empty() => Ok(()),
+            Style::Latex => writeln!(text, "\n\\subsection*{{{title}}}"),
+            Style::MathMl => writeln!(text, "<h3>{title}</h3>"),
+            _ => writeln!(text, "\n{title}\n{}", "─".repeat(title.chars().count())),
+        };
+        text.push_str(&body);
+    }
+    text
+}
+
+/// The same by sections: the head first, then those that the scene has.
+pub fn sections(model: &Model, scene: &BuiltScene, style: Style) -> Vec<Section> {
+    let head = Section { title: String::new(), text: String::new() };
+    let mut page = Page { style, head, rest: Vec::new() };
     page.header(model, scene);
     page.parameters(scene);
     page.algebra(model);
@@ -28,12 +53,13 @@ pub fn explain(model: &Model, scene: &BuiltScene, style: Style) -> String {
     page.equations(&scene.equations);
     page.findings(&scene.equations);
     page.counts(scene);
-    page.text
+    std::iter::once(page.head).chain(page.rest).collect()
 }
 
 struct Page {
     style: Style,
-    text: String,
+    head: Section,
+    rest: Vec<Section>,
 }
 
 impl Page {
@@ -41,17 +67,23 @@ impl Page {
         self.style == Style::Latex
     }
 
+    fn html(&self) -> bool {
+        self.style == Style::MathMl
+    }
+
+    fn raw(&mut self, text: &str) {
+        self.rest.last_mut().unwrap_or(&mut self.head).text.push_str(text);
+    }
+
     fn line(&mut self, text: &str) {
-        self.text.push_str(text);
-        self.text.push('\n');
+        match self.html() {
+            true => self.raw(&format!("<p>{}</p>\n", text.trim())),
+            false => self.raw(&format!("{text}\n")),
+        }
     }
 
     fn title(&mut self, title: &str) {
-        if self.latex() {
-            self.line(&format!("\n\\subsection*{{{title}}}"));
-        } else {
-            self.line(&format!("\n{title}\n{}", "─".repeat(title.chars().count())));
-        }
+        self.rest.push(Section { title: title.to_owned(), text: String::new() });
     }
 
     /// A list of formulas, aligned at the first equals sign in LaTeX.
@@ -64,6 +96,26 @@ impl Page {
             self.line(&format!("\\begin{{align*}}\n{}\n\\end{{align*}}", body.join(" \\\\\n")));
             return;
         }
+        if self.html() {
+            let row = |(left, right): &(String, String)| {
+                let right: Vec<String> = terms(right)
+                    .iter()
+                    // A sign that begins a line is still one between two terms.
+                    .enumerate()
+                    .map(|(k, t)| match k {
+                        0 => format!("<math>{t}</math>"),
+                        _ => format!("<math>{}</math>", t.replacen("<mo>", "<mo form=\"infix\">", 1)),
+                    })
+                    .collect();
+                let right = right.join("<wbr/>");
+                format!(
+                    "<tr><td><math>{left}</math></td><td><math><mo>=</mo></math></td><td>{right}</td></tr>\n"
+                )
+            };
+            let body: String = rows.iter().map(row).collect();
+            self.raw(&format!("<div class=\"formulas\"><table>\n{body}</table></div>\n"));
+            return;
+        }
         let width = rows.iter().map(|(l, _)| visible_width(l)).max().unwrap_or(0);
         for (left, right) in rows {
             let pad = " ".repeat(width - visible_width(left));
@@ -72,7 +124,37 @@ impl Page {
     }
 
     fn prose(&self, text: &str) -> String {
-        if self.latex() { escape(text) } else { text.to_owned() }
+        match self.style {
+            Style::Latex => escape(text),
+            Style::MathMl => escape_html(text),
+            _ => text.to_owned(),
+        }
+    }
+
+    fn bracket(&self, a: &str, b: &str) -> String {
+        match self.html() {
+            true => format!("<mo>[</mo>{a}<mo>,</mo>{b}<mo>]</mo>"),
+            false => format!("[{a}, {b}]"),
+        }
+    }
+
+    fn rate(&self, of: &str) -> String {
+        match self.html() {
+            true => format!("<mfrac><mi>d</mi><mrow><mi>d</mi><mi>t</mi></mrow></mfrac>{of}"),
+            false => format!("d/dt {of}"),
+        }
+    }
+
+    fn list(&self, formulas: &[String]) -> String {
+        formulas.join(if self.html() { "<mo>,</mo><mspace width=\"0.3em\"/>" } else { ", " })
+    }
+
+    fn sum(&self, terms: &[String]) -> String {
+        let mut text = String::new();
+        for term in terms {
+            if text.is_empty() { text.push_str(term) } else { self.style.append_term(&mut text, term) }
+        }
+        text
     }
 
     fn name(&self, name: &str) -> String {
@@ -80,7 +162,11 @@ impl Page {
     }
 
     fn inline(&self, formula: &str) -> String {
-        if self.latex() { format!("${formula}$") } else { formula.to_owned() }
+        match self.style {
+            Style::Latex => format!("${formula}$"),
+            Style::MathMl => format!("<math>{formula}</math>"),
+            _ => formula.to_owned(),
+        }
     }
 
     fn header(&mut self, model: &Model, scene: &BuiltScene) {
@@ -88,6 +174,8 @@ impl Page {
         let title = format!("{} ({}, scene {})", title, model.name, scene.name);
         if self.latex() {
             self.line(&format!("\\section*{{{}}}", escape(&title)));
+        } else if self.html() {
+            self.raw(&format!("<h2>{}</h2>\n", escape_html(&title)));
         } else {
             self.line(&format!("{title}\n{}", "═".repeat(title.chars().count())));
         }
@@ -111,7 +199,7 @@ impl Page {
         for p in &system.params {
             rows.push((
                 self.name(&p.name),
-                format!("{}{}", rational_to_f64(&p.default), self.remark(&p.doc)),
+                format!("{}{}", self.number(rational_to_f64(&p.default)), self.remark(&p.doc)),
             ));
         }
         self.formulas(&rows);
@@ -120,13 +208,20 @@ impl Page {
             self.line(&format!("Valid for {}.", list.join(", ")));
         }
         let names: Vec<String> = scene.equations.state.iter().map(|s| self.name(&s.name)).collect();
-        let list = self.inline(&names.join(", "));
+        let list = self.inline(&self.list(&names));
         self.line(&format!("State: {list}."));
+    }
+
+    fn number(&self, x: f64) -> String {
+        if self.html() { format!("<mn>{x}</mn>") } else { x.to_string() }
     }
 
     fn remark(&self, doc: &str) -> String {
         match (doc.is_empty(), self.latex()) {
             (true, _) => String::new(),
+            (false, _) if self.html() => {
+                format!("<mspace width=\"1em\"/><mtext>{}</mtext>", escape_html(doc))
+            }
             (false, true) => format!(" \\quad\\text{{{}}}", escape(doc)),
             (false, false) => format!("   {doc}"),
         }
@@ -155,16 +250,39 @@ impl Page {
         self.line(&format!("{name}, dimension {}, {side}.", algebra.dim()));
         let velocities: Vec<String> = model.velocities.iter().map(|v| self.name(&v.name)).collect();
         let basis: Vec<String> = algebra.basis().iter().map(|b| self.name(b)).collect();
-        let pairs: Vec<String> = velocities.iter().zip(&basis).map(|(v, b)| format!("{v} {b}")).collect();
-        let sum =
-            self.inline(&format!("{} = {}", if self.latex() { "\\xi" } else { "ξ" }, pairs.join(" + ")));
+        let pairs = velocities.iter().zip(&basis);
+        let sum = match self.style {
+            Style::MathMl => {
+                let pairs: Vec<String> =
+                    pairs.map(|(v, b)| self.style.product(&[v.clone(), b.clone()])).collect();
+                format!("<mi>ξ</mi><mo>=</mo>{}", self.sum(&pairs))
+            }
+            _ => {
+                let pairs: Vec<String> = pairs.map(|(v, b)| format!("{v} {b}")).collect();
+                format!("{} = {}", if self.latex() { "\\xi" } else { "ξ" }, pairs.join(" + "))
+            }
+        };
+        let sum = self.inline(&sum);
         self.line(&sum);
+        let mut g = model.graph.clone();
         let rows: Vec<(String, String)> = algebra
             .brackets()
             .map(|(a, b, value)| {
-                let mut dense = vec![crate::expr::Rational::from_integer(0.into()); algebra.dim()];
-                value.iter().for_each(|(c, q)| dense[*c] = q.clone());
-                (format!("[{}, {}]", basis[a], basis[b]), spell_vector(&basis, &dense))
+                let right = if self.html() {
+                    let terms: Vec<String> = value
+                        .iter()
+                        .map(|(c, q)| {
+                            let q = g.rational(q.clone());
+                            self.term(&g, q, &basis[*c])
+                        })
+                        .collect();
+                    self.sum(&terms)
+                } else {
+                    let mut dense = vec![crate::expr::Rational::from_integer(0.into()); algebra.dim()];
+                    value.iter().for_each(|(c, q)| dense[*c] = q.clone());
+                    spell_vector(&basis, &dense)
+                };
+                (self.bracket(&basis[a], &basis[b]), right)
             })
             .collect();
         if rows.is_empty() {
@@ -197,7 +315,7 @@ impl Page {
         }
         for (j, level) in stages.levels.iter().enumerate() {
             let members: Vec<String> = level.range.clone().map(|k| self.name(&symbol(k))).collect();
-            let members = self.inline(&members.join(", "));
+            let members = self.inline(&self.list(&members));
             let name = self.prose(&level.name);
             self.line(&format!("\nLevel {j}, {name}: spanned by {members}"));
             self.form("quotient bracket", "", j, &level.quotient_bracket, &g);
@@ -249,16 +367,16 @@ impl Page {
             let term = self.term(g, *value, &self.name(&format!("f{}", c + 1)));
             if last == Some((a, b)) {
                 if let Some((_, right)) = rows.last_mut() {
-                    let _ = match term.strip_prefix('-') {
-                        Some(rest) => write!(right, " - {rest}"),
-                        None => write!(right, " + {term}"),
-                    };
+                    self.style.append_term(right, &term);
                 }
                 continue;
             }
             last = Some((a, b));
             let left = if letter.is_empty() {
-                format!("[{fa}, {fb}]")
+                self.bracket(&fa, &fb)
+            } else if self.html() {
+                let form = self.name(&format!("{letter}{level}"));
+                format!("{form}<mo>(</mo>{fa}<mo>,</mo>{fb}<mo>)</mo>")
             } else {
                 format!("{}({fa}, {fb})", self.name(&format!("{letter}{level}")))
             };
@@ -270,7 +388,13 @@ impl Page {
     fn term(&self, g: &Graph, value: ExprId, element: &str) -> String {
         match g.as_rational(value) {
             Some(q) if q.is_one() => element.to_owned(),
+            Some(q) if (-q).is_one() && self.html() => format!("<mo>−</mo>{element}"),
             Some(q) if (-q).is_one() => format!("-{element}"),
+            Some(_) if self.html() => self.style.product(&[g.display(value, self.style), element.to_owned()]),
+            None if self.html() => {
+                let factor = format!("<mrow><mo>(</mo>{}<mo>)</mo></mrow>", g.display(value, self.style));
+                self.style.product(&[factor, element.to_owned()])
+            }
             Some(_) => format!("{} {element}", g.display(value, self.style)),
             None => format!("({}) {element}", g.display(value, self.style)),
         }
@@ -281,7 +405,10 @@ impl Page {
         let n = model.base.len();
         let algebroid = &equations.system.algebroid;
         let mut g = equations.system.graph.clone();
-        let lift = |page: &Page, i: usize| format!("D_{}", page.name(&model.base[i].name));
+        let lift = |page: &Page, i: usize| match page.html() {
+            true => format!("<msub><mi>D</mi>{}</msub>", page.name(&model.base[i].name)),
+            false => format!("D_{}", page.name(&model.base[i].name)),
+        };
         let basis: Vec<String> = model.algebra.basis().iter().map(|b| self.name(b)).collect();
         let mut rows = Vec::new();
         let mut curved = false;
@@ -295,7 +422,8 @@ impl Page {
                 let right: Vec<String> =
                     bracket.iter().map(|(c, e)| self.term(&g, *e, &basis[c - n])).collect();
                 let other = if beta < n { lift(self, beta) } else { basis[beta - n].clone() };
-                rows.push((format!("[{}, {other}]", lift(self, i)), right.join(" + ")));
+                let right = if self.html() { self.sum(&right) } else { right.join(" + ") };
+                rows.push((self.bracket(&lift(self, i), &other), right));
             }
         }
         if rows.is_empty() {
@@ -346,7 +474,7 @@ impl Page {
                     ));
                 }
                 let list: Vec<String> = s.unknowns.iter().map(|u| self.name(&u.name)).collect();
-                let list = self.inline(&list.join(", "));
+                let list = self.inline(&self.list(&list));
                 self.line(&format!("Solved with independent velocities {list}:"));
                 let mut g = system.graph.clone();
                 let rows: Vec<(String, String)> = s
@@ -391,12 +519,13 @@ impl Page {
         let rows: Vec<(String, String)> = equations
             .state
             .iter()
-            .map(|s| (format!("d/dt {}", self.name(&s.name)), g.display(s.derivative, self.style)))
+            .map(|s| (self.rate(&self.name(&s.name)), g.display(s.derivative, self.style)))
             .collect();
         self.formulas(&rows);
         self.line("energy E = p.y - L");
-        let mut rows = vec![("E".to_owned(), g.display(equations.energy, self.style))];
-        rows.push(("d/dt E".to_owned(), g.display(equations.energy_rate, self.style)));
+        let energy = self.name("E");
+        let mut rows = vec![(energy.clone(), g.display(equations.energy, self.style))];
+        rows.push((self.rate(&energy), g.display(equations.energy_rate, self.style)));
         self.formulas(&rows);
     }
 
@@ -413,7 +542,7 @@ impl Page {
         self.line(energy);
         if !facts.constants.is_empty() {
             let list: Vec<String> = facts.constants.iter().map(|n| self.name(n)).collect();
-            let list = self.inline(&list.join(", "));
+            let list = self.inline(&self.list(&list));
             self.line(&format!("Constant along every motion: {list}."));
         }
         if !facts.casimirs.is_empty() {
@@ -448,7 +577,11 @@ impl Page {
     }
 
     fn prose_in_formula(&self, text: &str) -> String {
-        if self.latex() { format!("\\text{{{}}}", escape(text)) } else { text.to_owned() }
+        match self.style {
+            Style::Latex => format!("\\text{{{}}}", escape(text)),
+            Style::MathMl => format!("<mtext>{}</mtext>", escape_html(text)),
+            _ => text.to_owned(),
+        }
     }
 
     fn counts(&mut self, scene: &BuiltScene) {
@@ -456,8 +589,10 @@ impl Page {
         let table = scene.operation_table();
         if self.latex() {
             self.line(&format!("\\begin{{verbatim}}\n{table}\\end{{verbatim}}"));
+        } else if self.html() {
+            self.raw(&format!("<pre>{}</pre>\n", escape_html(&table)));
         } else {
-            self.text.push_str(&table);
+            self.raw(&table);
         }
     }
 }
@@ -465,6 +600,32 @@ impl Page {
 /// Characters that take a column: combining dots do not.
 fn visible_width(text: &str) -> usize {
     text.chars().filter(|c| !matches!(c, '\u{307}' | '\u{308}')).count()
+}
+
+/// A sum in MathML cut in front of its outermost signs, so that a browser can break the line there.
+fn terms(formula: &str) -> Vec<&str> {
+    let mut cuts = vec![0];
+    let mut depth = 0_usize;
+    for (at, _) in formula.match_indices('<') {
+        let tag = &formula[at..];
+        if tag.starts_with("</") {
+            depth = depth.saturating_sub(1);
+            continue;
+        }
+        if depth == 0 && at > 0 && (tag.starts_with("<mo>+</mo>") || tag.starts_with("<mo>−</mo>")) {
+            cuts.push(at);
+        }
+        if !tag.split('>').next().is_some_and(|tag| tag.ends_with('/')) {
+            depth += 1;
+        }
+    }
+    cuts.push(formula.len());
+    cuts.windows(2).map(|w| &formula[w[0]..w[1]]).collect()
+}
+
+/// Text as the content of an element.
+fn escape_html(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
 
 fn escape(text: &str) -> String {

@@ -4,6 +4,8 @@
 //! out coordinates that nothing asks for, `reconstruction` adds those of the group; a `scene` block of the model fixes
 //! parameters (folded exactly before the derivation), names the outputs it wants and the coordinates it drops.
 //!
+//! [`build_pictured`] adds what figures in space show, which no other scene carries.
+//!
 //! Deliberately does not know: how equations are derived, how programs are lowered, how text is emitted.
 
 mod derivatives;
@@ -149,7 +151,41 @@ fn plan(model: &Model, scene: &str) -> Option<Plan> {
 /// Unknown scene or output, a coordinate that cannot be left out, and everything that reduction, derivation and
 /// lowering can find.
 pub fn build(model: &Model, scene: &str) -> Result<BuiltScene, Diagnostics> {
-    build_scene(model, scene).map_err(|problems| {
+    build_located(model, scene, |plan| plan)
+}
+
+/// Name of the output with the numbers of a view, see [`spec::View::numbers`]; no output of a model has such a name.
+pub fn view_output(view: &str) -> String {
+    format!("view {view}")
+}
+
+/// Builds a scene with everything that a report shows: the parameters that `scene` fixes, every coordinate, those of the
+/// group when the model reconstructs them, every output, and the views, each as the output [`view_output`].
+///
+/// # Errors
+/// As [`build`].
+pub fn build_pictured(model: &Model, scene: &str) -> Result<BuiltScene, Diagnostics> {
+    let mut pictured = model.clone();
+    for view in &model.views.list {
+        let numbers = pictured.graph.import(&model.views.graph, &view.numbers());
+        let numbers = numbers.map_err(|_| {
+            let message = format!("view {} divides by zero", view.name);
+            model.diagnostics(vec![spec::diagnose(model, view.span, message, "")])
+        })?;
+        let name = view_output(&view.name);
+        let components = numbers.into_iter().enumerate().map(|(k, e)| (format!("{name} {k}"), e)).collect();
+        pictured.outputs.push(spec::NamedVector { name, components, doc: view.doc.clone() });
+    }
+    let reconstructs = !model.reconstruction.is_empty();
+    build_located(&pictured, scene, |plan| Plan { wants: None, drops: Drops::Nothing, reconstructs, ..plan })
+}
+
+fn build_located(
+    model: &Model,
+    scene: &str,
+    change: impl FnOnce(Plan) -> Plan,
+) -> Result<BuiltScene, Diagnostics> {
+    build_scene(model, scene, change).map_err(|problems| {
         let Some(own) = model.scenes.iter().find(|s| s.name == scene) else { return problems };
         let located = problems.iter().map(|problem| {
             if problem.span.is_none() {
@@ -164,7 +200,11 @@ pub fn build(model: &Model, scene: &str) -> Result<BuiltScene, Diagnostics> {
     })
 }
 
-fn build_scene(model: &Model, scene: &str) -> Result<BuiltScene, Diagnostics> {
+fn build_scene(
+    model: &Model,
+    scene: &str,
+    change: impl FnOnce(Plan) -> Plan,
+) -> Result<BuiltScene, Diagnostics> {
     let own = model.scenes.iter().find(|s| s.name == scene);
     let place_of = |name: &str| own.and_then(|s| s.places.get(name).copied());
     let fail_at = |span: Option<spec::Span>, message: String, help: String| {
@@ -175,6 +215,7 @@ fn build_scene(model: &Model, scene: &str) -> Result<BuiltScene, Diagnostics> {
         let known = names(model).join(", ");
         return Err(fail(format!("{} has no scene {scene}", model.name), format!("scenes: {known}")));
     };
+    let plan = change(plan);
     if plan.reconstructs && model.reconstruction.is_empty() {
         let help = "say how with `reconstruct .. in ..;`".to_owned();
         return Err(fail(format!("{} does not say how to reconstruct the group motion", model.name), help));
@@ -590,12 +631,19 @@ impl BuiltScene {
             let numbers = numbers.into_iter().map(|n| n as u64).chain([c.cost()]);
             numbers.map(|n| format!("{n:>5}")).collect::<Vec<_>>()
         };
+        let rows = self.operation_counts();
+        let head = (String::new(), heads.map(|head| format!("{head:>5}")).to_vec());
+        table(std::iter::once(head).chain(rows.into_iter().map(|(name, c)| (name, cells(c)))))
+    }
+
+    /// Operations of the part that runs once, of all functions together, and of every function, followed by those of its
+    /// sections, whose names begin with spaces.
+    pub fn operation_counts(&self) -> Vec<(String, Counts)> {
         let mut total = Counts::default();
         self.program.functions.iter().for_each(|f| total += f.counts());
         let mut rows = self.operations(|_| true);
         rows.insert(1, ("all functions, once each".into(), total));
-        let head = (String::new(), heads.map(|head| format!("{head:>5}")).to_vec());
-        table(std::iter::once(head).chain(rows.into_iter().map(|(name, c)| (name, cells(c)))))
+        rows
     }
 
     /// Operations of the part that runs once and of every function, and of the sections of some.

@@ -313,6 +313,8 @@ fn item() -> impl Strategy<Value = String> {
         )
         .prop_map(|r| format!("reconstruct {r};")),
         (stem(), number()).prop_map(|(n, e)| format!("initial {n} = {e};")),
+        (select(&["box", "disk", "ball", "segment", "path", "cone"][..]), expression(), expression())
+            .prop_map(|(shape, a, b)| format!("view shown = {shape}({a}) at {b} attitude {a};")),
         (stem(), select(&["0", "1", "-2", "[1, 2]", "1/3"][..]))
             .prop_map(|(n, q)| format!("scene one {{ fix {n} = {q}; want energy; }}")),
         (

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Instant;
 
+use hamel_codegen::config::write_atomically;
 use serde_json::{Map, Value};
 
 use crate::backend::{Backend, Local};
@@ -21,6 +22,7 @@ use crate::files::{Run, Target};
 use crate::generate;
 use crate::initial;
 use crate::json::number;
+use crate::report;
 use crate::simulate::{MethodName, SimulateRequest, SimulateResponse, Steps};
 use crate::workspace::{Spec, Workspace};
 
@@ -554,6 +556,73 @@ pub fn simulate(workspace: &Workspace, choice: &Choice, arguments: &Simulation) 
         let _ = write!(text, "\nwrote {} ({} samples)", target.path().display(), response.samples.len());
     }
     Ok(text)
+}
+
+/// Arguments of `report`.
+#[derive(Clone, Debug)]
+pub struct Report {
+    /// A model's name or a path that ends in `.hamel`.
+    pub model: String,
+    /// Name of the scene.
+    pub scene: String,
+    /// The file; the model's name with `.html` unless given.
+    pub output: Option<PathBuf>,
+    /// Whether a motion is integrated and shown.
+    pub run: bool,
+    /// Time to reach.
+    pub t_final: f64,
+}
+
+/// `report`: writes one page about a scene and says where.
+///
+/// The motion is that of the scene with every coordinate and output, by the interpreter, so that nothing is compiled.
+///
+/// # Errors
+/// Unknown names, problems of the model, a motion that cannot be integrated, and files.
+pub fn report(workspace: &Workspace, arguments: &Report) -> Result<String, Error> {
+    let clock = Instant::now();
+    let spec = workspace.spec(&arguments.model)?;
+    let model = bridge::read(workspace, &spec)?;
+    let page = bridge::page(&model, &arguments.scene)?;
+    let motion = if arguments.run { Some(motion(&model, arguments)?) } else { None };
+    let text = report::page(&page, motion.as_ref())?;
+    let path = arguments.output.clone().unwrap_or_else(|| PathBuf::from(format!("{}.html", model.name)));
+    let shown = path.display().to_string();
+    write_atomically(&path, text.as_bytes()).map_err(|e| Error::io(shown.clone(), e))?;
+    let (size, seconds) = (text.len() as f64 / 1e3, clock.elapsed().as_secs_f64());
+    Ok(format!("wrote {shown} ({size:.0} kB, {seconds:.1} s)"))
+}
+
+fn motion(model: &Model, arguments: &Report) -> Result<report::Motion, Error> {
+    let params = bridge::all_params(model, &arguments.scene, &BTreeMap::new());
+    let (roles, preferred) = (bridge::roles(model, &params), bridge::initial_values(model, &params));
+    let mut full = Local::new(bridge::build_pictured(model, &arguments.scene)?);
+    let info = full.info().clone();
+    let values = info.defaults();
+    let initial = initial::state(&mut full, None, (&values, &[]), &roles, &preferred, &BTreeMap::new())?;
+    let request = SimulateRequest {
+        params: values,
+        initial,
+        t_final: arguments.t_final,
+        method: MethodName::Dop853,
+        steps: Steps::Adaptive { rtol: Steps::RTOL, atol: Steps::ATOL },
+        samples: report::SAMPLES,
+        with_outputs: true,
+        n_group: 0,
+    };
+    let response = full.simulate(&request)?;
+    // Accuracy is compared without outputs and without the coordinates of the group.
+    let mut bare = Local::new(bridge::build(model, &arguments.scene)?);
+    let start = bare.info().state.iter().map(|name| {
+        let at = info.state.iter().position(|s| s == name);
+        at.map_or(0.0, |at| request.initial[at])
+    });
+    let bare_request =
+        SimulateRequest { initial: start.collect(), samples: 0, with_outputs: false, ..request.clone() };
+    let precision = report::Precision::measure(arguments.t_final, |method, steps| {
+        bare.simulate(&SimulateRequest { method, steps, ..bare_request.clone() })
+    });
+    Ok(report::Motion { info, blocks: bridge::blocks(model), request, response, precision })
 }
 
 fn assignments(

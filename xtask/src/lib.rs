@@ -21,6 +21,7 @@ pub mod json;
 pub mod names;
 pub mod package;
 pub mod plot;
+pub mod report;
 pub mod simulate;
 pub mod workspace;
 

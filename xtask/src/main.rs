@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use clap::{Args, CommandFactory as _, Parser, Subcommand};
 use clap_complete::Shell;
 use xtask::bench::{self, TargetCpu};
-use xtask::commands::{self, Aspect, Choice, Simulation, Via};
+use xtask::commands::{self, Aspect, Choice, Report, Simulation, Via};
 use xtask::error::Error;
 use xtask::package;
 use xtask::simulate::MethodName;
@@ -150,6 +150,34 @@ Examples:
         #[command(subcommand)]
         what: Bench,
     },
+    /// Write one HTML page about a model: definition, equations, operations, code, a motion and how accurate it is
+    ///
+    /// The page loads nothing and opens from disk. A model that says what to draw (`view`) gets a figure in space that
+    /// plays the motion. Everything is computed by the interpreter.
+    #[command(
+        arg_required_else_help = true,
+        after_help = "\
+Examples:
+  cargo xtask report heavy_top
+  cargo xtask report euler_disk --t-final 4 -o disk.html
+  cargo xtask report ./my_model.hamel --no-run"
+    )]
+    Report {
+        /// Name of a model, or a path that ends in .hamel
+        model: String,
+        /// Name of the scene
+        #[arg(long, default_value = "default")]
+        scene: String,
+        /// File to write [default: the model's name with .html]
+        #[arg(short, long, value_name = "FILE")]
+        output: Option<PathBuf>,
+        /// Leave the motion out
+        #[arg(long)]
+        no_run: bool,
+        /// Time of the motion, from 0
+        #[arg(long, value_name = "T", default_value_t = 10.0, value_parser = duration, conflicts_with = "no_run")]
+        t_final: f64,
+    },
     /// Run the whole test suite: the workspace, then crates that use hamel as others do
     #[command(after_help = "Example:\n  cargo xtask test")]
     Test,
@@ -285,6 +313,13 @@ fn assignment(text: &str) -> Result<(String, f64), String> {
     }
 }
 
+fn duration(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(t) if t.is_finite() && t > 0.0 => Ok(t),
+        _ => Err("give a time above zero".into()),
+    }
+}
+
 fn completions(shell: Shell) -> String {
     let mut text = Vec::new();
     clap_complete::generate(shell, &mut Cli::command(), "xtask", &mut text);
@@ -343,6 +378,9 @@ fn run(task: Task) -> Result<String, Error> {
         Task::Bench { what: Bench::Rhs { models, rounds, target_cpu } } => {
             let target_cpu = target_cpu.unwrap_or_else(TargetCpu::of_host);
             bench::rhs(&workspace, &bench::Options { models, rounds, target_cpu })
+        }
+        Task::Report { model, scene, output, no_run, t_final } => {
+            commands::report(&workspace, &Report { model, scene, output, run: !no_run, t_final })
         }
         Task::Test => commands::test(&workspace),
         Task::Package { no_verify } => package::package(&workspace, !no_verify),

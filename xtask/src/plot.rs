@@ -83,6 +83,9 @@ const COLOURS: [RGBColor; 8] = [
     RGBColor(130, 60, 190),
 ];
 
+/// Lines of at most so many points show each of them.
+const MARKED: usize = 16;
+
 /// Most curves of one panel.
 pub const MAX_LINES: usize = COLOURS.len();
 
@@ -184,14 +187,25 @@ fn draw<'a>(area: &Area<'a>, figure: &Figure) -> Drawn<'a> {
         let legend_height = panel.lines.len() as f64 * LINE_HEIGHT;
         let mut legend_y = (top + bottom - legend_height) / 2.0 + LINE_HEIGHT / 2.0;
         for ((name, values), colour) in panel.lines.iter().zip(COLOURS.into_iter().cycle()) {
-            let points = panel
+            let points: Vec<(i32, i32)> = panel
                 .times
                 .as_ref()
                 .unwrap_or(&figure.times)
                 .iter()
                 .zip(values)
+                // A line may lack values at times that another one has.
+                .filter(|(_, y)| y.is_finite())
                 .map(|(t, y)| at(x_of(*t), y_of(*y)))
                 .collect();
+            if points.len() <= MARKED {
+                for point in &points {
+                    area.draw(&Circle::new(
+                        *point,
+                        scaled(3.0),
+                        ShapeStyle { filled: true, ..stroke(colour, 1.0) },
+                    ))?;
+                }
+            }
             path(points, stroke(colour, 1.5))?;
             if !name.is_empty() {
                 path(vec![at(right + 12.0, legend_y), at(right + 32.0, legend_y)], stroke(colour, 2.2))?;

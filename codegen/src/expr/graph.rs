@@ -739,6 +739,37 @@ impl Graph {
         ordered
     }
 
+    /// Expressions of another graph in this one. Their symbols are those of a graph that both were cloned from.
+    ///
+    /// # Errors
+    /// [`DivisionByZero`] never happens for expressions that exist in `other`.
+    pub fn import(&mut self, other: &Graph, roots: &[ExprId]) -> Result<Vec<ExprId>, DivisionByZero> {
+        let mut here: HashMap<ExprId, ExprId> = HashMap::new();
+        for e in other.reachable(roots) {
+            let moved = |list: &[(ExprId, Rational)]| -> Vec<(ExprId, Rational)> {
+                list.iter().map(|(e, q)| (here[e], q.clone())).collect()
+            };
+            let copy = match other.node(e) {
+                Node::Constant(q) => self.rational(q.clone()),
+                Node::Pi => self.pi(),
+                Node::Symbol(s) => self.sym(*s),
+                Node::Sum { constant, terms } => {
+                    let constant = self.rational(constant.clone());
+                    let mut all = moved(terms);
+                    all.push((constant, Rational::one()));
+                    self.linear_combination(&all)
+                }
+                Node::Product { coefficient, factors } => {
+                    let product = self.power_product(&moved(factors))?;
+                    self.scale(product, coefficient)
+                }
+                Node::Function(f, a) => self.func(*f, here[a]),
+            };
+            here.insert(e, copy);
+        }
+        Ok(roots.iter().map(|e| here[e]).collect())
+    }
+
     /// The symbols an expression depends on structurally.
     pub fn free_symbols(&self, e: ExprId) -> BTreeSet<SymbolId> {
         self.reachable(&[e])

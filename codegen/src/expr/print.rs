@@ -1,4 +1,4 @@
-//! Expressions as text: the model language's own spelling, Unicode for reading, LaTeX for papers.
+//! Expressions as text: the model language's own spelling, Unicode for reading, LaTeX for papers, MathML for pages.
 
 use std::collections::HashMap;
 
@@ -16,6 +16,8 @@ pub enum Style {
     Unicode,
     /// `\tfrac{1}{2} I_{1} \Omega_{1}^{2}`.
     Latex,
+    /// `<msup><mi>x</mi><mn>2</mn></msup>`: the inside of a `math` element, in the presentation elements of MathML Core.
+    MathMl,
 }
 
 /// How tightly a piece of text holds together.
@@ -110,7 +112,7 @@ pub(crate) fn identifier(name: &str, style: Style) -> String {
         let (stem, digits) = stem_and_digits(part);
         with_digits(dotted(letter(stem, style), *dots, style), digits, style)
     };
-    let Some((first, rest)) = parts.split_first() else { return name.to_owned() };
+    let Some((first, rest)) = parts.split_first() else { return letter(name, style) };
     let tail: Vec<String> = rest.iter().map(spelled).collect();
     match (style, tail.is_empty()) {
         (_, true) => spelled(first),
@@ -119,6 +121,13 @@ pub(crate) fn identifier(name: &str, style: Style) -> String {
             let own = (!digits.is_empty()).then(|| digits.to_owned());
             let index: Vec<String> = own.into_iter().chain(tail).collect();
             format!("{}_{{{}}}", dotted(letter(stem, style), first.1, style), index.join(","))
+        }
+        (Style::MathMl, false) => {
+            let (stem, digits) = stem_and_digits(first.0);
+            let own = (!digits.is_empty()).then(|| format!("<mn>{digits}</mn>"));
+            let index: Vec<String> = own.into_iter().chain(tail).collect();
+            let stem = dotted(letter(stem, style), first.1, style);
+            format!("<msub>{stem}<mrow>{}</mrow></msub>", index.join("<mo>,</mo>"))
         }
         _ => format!("{}_{}", spelled(first), tail.join(",")),
     }
@@ -129,6 +138,8 @@ fn dotted(stem: String, dots: usize, style: Style) -> String {
         (0, _) => stem,
         (1, Style::Latex) => format!("\\dot{{{stem}}}"),
         (_, Style::Latex) => format!("\\ddot{{{stem}}}"),
+        (1, Style::MathMl) => format!("<mover accent=\"true\">{stem}<mo>˙</mo></mover>"),
+        (_, Style::MathMl) => format!("<mover accent=\"true\">{stem}<mo>¨</mo></mover>"),
         (1, _) => format!("{stem}\u{307}"),
         (_, _) => format!("{stem}\u{308}"),
     }
@@ -142,6 +153,14 @@ fn letter(stem: &str, style: Style) -> String {
     let greek = GREEK.iter().find(|(word, _)| *word == stem);
     match (greek, style) {
         (Some((_, letter)), Style::Unicode) => (*letter).to_owned(),
+        (Some((_, letter)), Style::MathMl) => format!("<mi>{letter}</mi>"),
+        (None, Style::MathMl) => {
+            if stem.is_empty() {
+                String::new()
+            } else {
+                format!("<mi>{stem}</mi>")
+            }
+        }
         (Some((word, _)), _) => format!("\\{word}"),
         (None, Style::Latex) if stem.chars().count() > 1 => format!("\\mathrm{{{stem}}}"),
         _ => stem.to_owned(),
@@ -151,7 +170,9 @@ fn letter(stem: &str, style: Style) -> String {
 fn with_digits(stem: String, digits: &str, style: Style) -> String {
     match style {
         _ if digits.is_empty() => stem,
+        Style::MathMl if stem.is_empty() => format!("<mn>{digits}</mn>"),
         _ if stem.is_empty() => digits.to_owned(),
+        Style::MathMl => format!("<msub>{stem}<mn>{digits}</mn></msub>"),
         Style::Latex => format!("{stem}_{{{digits}}}"),
         _ => format!("{stem}{}", subscript(digits).unwrap_or_else(|| digits.to_owned())),
     }
@@ -176,12 +197,20 @@ impl Graph {
                 Style::Plain => "pi".into(),
                 Style::Unicode => "π".into(),
                 Style::Latex => "\\pi".into(),
+                Style::MathMl => "<mi>π</mi>".into(),
             }),
             Node::Symbol(s) => atom(identifier(self.name(*s), style)),
             Node::Sum { constant, terms } => self.sum_text(constant, terms, style, memo),
             Node::Product { coefficient, factors } => self.product_text(coefficient, factors, style, memo),
             Node::Function(f, a) => atom(match style {
                 Style::Latex => format!("\\{}\\left({}\\right)", latex_function(f.name()), memo[a].text),
+                Style::MathMl => {
+                    format!(
+                        "<mrow><mi>{}</mi><mo>&#x2061;</mo>{}</mrow>",
+                        f.name(),
+                        parenthesised(&memo[a].text, style)
+                    )
+                }
                 _ => format!("{}({})", f.name(), memo[a].text),
             }),
         }
@@ -200,8 +229,10 @@ impl Graph {
         let mut text = String::new();
         let mut push = |piece: &str, negative: bool| {
             match (text.is_empty(), negative) {
-                (true, true) => text.push('-'),
+                (true, true) => text.push_str(minus(style)),
                 (true, false) => {}
+                (false, true) if style == Style::MathMl => text.push_str(minus(style)),
+                (false, false) if style == Style::MathMl => text.push_str("<mo>+</mo>"),
                 (false, true) => text.push_str(" - "),
                 (false, false) => text.push_str(" + "),
             }
@@ -243,10 +274,10 @@ impl Graph {
         let whole_fraction = factors.iter().any(|(_, q)| q.is_negative());
         if whole_fraction {
             if !numerator.is_one() {
-                above.push(numerator.to_string());
+                above.push(constant_text(&numerator, style).text);
             }
             if !denominator.is_one() {
-                below.push(denominator.to_string());
+                below.push(constant_text(&denominator, style).text);
             }
         } else if !magnitude.is_one() {
             above.push(guarded_text(&constant_text(&magnitude, style), style));
@@ -255,12 +286,15 @@ impl Graph {
             let piece = power_text(&memo[base], &q.abs(), style);
             if q.is_negative() { below.push(piece) } else { above.push(piece) }
         }
-        let sign = if coefficient.is_negative() { "-" } else { "" };
-        let numerator_text = if above.is_empty() { "1".to_owned() } else { join(&above, style) };
+        let sign = if coefficient.is_negative() { minus(style) } else { "" };
+        let numerator_text =
+            if above.is_empty() { constant_text(&Rational::one(), style).text } else { join(&above, style) };
         let text = if below.is_empty() {
             numerator_text
         } else if style == Style::Latex {
             format!("\\frac{{{numerator_text}}}{{{}}}", join(&below, style))
+        } else if style == Style::MathMl {
+            format!("<mfrac><mrow>{numerator_text}</mrow><mrow>{}</mrow></mfrac>", join(&below, style))
         } else if below.len() == 1 {
             format!("{numerator_text}/{}", below[0])
         } else {
@@ -284,18 +318,25 @@ fn latex_function(name: &str) -> String {
 fn constant_text(c: &Rational, style: Style) -> Text {
     if c.is_integer() {
         let binding = if c.is_negative() { Binding::Sum } else { Binding::Atom };
-        return Text { text: c.to_string(), binding };
+        let text = match style {
+            Style::MathMl => {
+                format!("{}<mn>{}</mn>", if c.is_negative() { minus(style) } else { "" }, c.abs())
+            }
+            _ => c.to_string(),
+        };
+        return Text { text, binding };
     }
-    let sign = if c.is_negative() { "-" } else { "" };
+    let sign = if c.is_negative() { minus(style) } else { "" };
     let (n, d) = (c.numer().abs(), c.denom());
     let text = match style {
         Style::Latex => format!("{sign}\\tfrac{{{n}}}{{{d}}}"),
+        Style::MathMl => format!("{sign}<mfrac><mn>{n}</mn><mn>{d}</mn></mfrac>"),
         Style::Unicode if n.is_one() && *d == 2.into() => format!("{sign}½"),
         _ => format!("{sign}{n}/{d}"),
     };
     let binding = match (style, sign.is_empty()) {
         (_, false) => Binding::Sum,
-        (Style::Latex, _) => Binding::Atom,
+        (Style::Latex | Style::MathMl, _) => Binding::Atom,
         (Style::Unicode, _) if text == "½" => Binding::Atom,
         _ => Binding::Product,
     };
@@ -303,7 +344,47 @@ fn constant_text(c: &Rational, style: Style) -> Text {
 }
 
 fn parenthesised(text: &str, style: Style) -> String {
-    if style == Style::Latex { format!("\\left({text}\\right)") } else { format!("({text})") }
+    match style {
+        Style::Latex => format!("\\left({text}\\right)"),
+        // Parentheses grow around fractions only; without a mathematical font they grow too much around anything.
+        Style::MathMl if !text.contains("<mfrac") => {
+            format!("<mrow><mo stretchy=\"false\">(</mo>{text}<mo stretchy=\"false\">)</mo></mrow>")
+        }
+        Style::MathMl => format!("<mrow><mo>(</mo>{text}<mo>)</mo></mrow>"),
+        _ => format!("({text})"),
+    }
+}
+
+/// The sign in front of a negative number; in MathML also the operator between two.
+fn minus(style: Style) -> &'static str {
+    if style == Style::MathMl { "<mo>−</mo>" } else { "-" }
+}
+
+impl Style {
+    /// A term without the minus sign that it begins with, or nothing when it begins with none.
+    pub(crate) fn strip_minus(self, term: &str) -> Option<&str> {
+        term.strip_prefix(minus(self))
+    }
+
+    /// One more term at the end of a sum.
+    pub(crate) fn append_term(self, sum: &mut String, term: &str) {
+        let (negative, rest) = match self.strip_minus(term) {
+            Some(rest) => (true, rest),
+            None => (false, term),
+        };
+        sum.push_str(match (self, negative) {
+            (Style::MathMl, true) => minus(self),
+            (Style::MathMl, false) => "<mo>+</mo>",
+            (_, true) => " - ",
+            (_, false) => " + ",
+        });
+        sum.push_str(rest);
+    }
+
+    /// Factors side by side.
+    pub(crate) fn product(self, factors: &[String]) -> String {
+        join(factors, self)
+    }
 }
 
 fn guarded(piece: &Text, least: Binding, style: Style) -> String {
@@ -325,12 +406,16 @@ fn power_text(base: &Text, exponent: &Rational, style: Style) -> String {
         return match style {
             Style::Latex => format!("\\sqrt{{{}}}", base.text),
             Style::Unicode => format!("√({})", base.text),
+            Style::MathMl => format!("<msqrt>{}</msqrt>", base.text),
             Style::Plain => format!("sqrt({})", base.text),
         };
     }
     let base = guarded(base, Binding::Atom, style);
     match style {
         Style::Latex => format!("{base}^{{{exponent}}}"),
+        Style::MathMl => {
+            format!("<msup><mrow>{base}</mrow><mrow>{}</mrow></msup>", constant_text(exponent, style).text)
+        }
         Style::Unicode => match superscript(&exponent.to_string()) {
             Some(raised) => format!("{base}{raised}"),
             None => format!("{base}^({exponent})"),
@@ -345,5 +430,6 @@ fn join(pieces: &[String], style: Style) -> String {
         Style::Plain => pieces.join("*"),
         Style::Unicode => pieces.join(" "),
         Style::Latex => pieces.join("\\, "),
+        Style::MathMl => pieces.join("<mspace width=\"0.17em\"/>"),
     }
 }

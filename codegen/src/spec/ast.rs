@@ -195,6 +195,14 @@ pub(super) enum ItemKind {
         name: Name,
         value: Expr,
     },
+    View {
+        name: Name,
+        shape: Name,
+        arguments: Vec<Expr>,
+        around: Option<Expr>,
+        at: Option<Expr>,
+        attitude: Option<Expr>,
+    },
     Scene {
         name: Name,
         fixed: Vec<(Name, Expr)>,

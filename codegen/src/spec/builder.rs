@@ -6,8 +6,10 @@ use num_traits::{Signed, Zero};
 
 mod motion;
 mod reconstruct;
+mod view;
 
 pub use reconstruct::Group;
+pub use view::Placement;
 
 pub(super) use self::motion::look_up;
 use self::reconstruct::ReconstructionDraft;
@@ -173,6 +175,9 @@ pub struct ModelBuilder {
     reconstructions: Vec<ReconstructionDraft>,
     initial: Vec<(String, Value, Option<Span>)>,
     scenes: Vec<SceneDraft>,
+    views: Vec<View>,
+    /// The graph without the views while they are declared, the one with them afterwards.
+    views_graph: Option<Graph>,
 }
 
 impl ModelBuilder {
@@ -223,6 +228,20 @@ impl ModelBuilder {
             reconstructions: Vec::new(),
             initial: Vec::new(),
             scenes: Vec::new(),
+            views: Vec::new(),
+            views_graph: None,
+        }
+    }
+
+    /// From here on expressions go to a copy of the graph.
+    pub(super) fn begin_views(&mut self) {
+        self.views_graph = Some(self.graph.clone());
+    }
+
+    /// The graph is the one without the copy's new expressions again.
+    pub(super) fn end_views(&mut self) {
+        if let Some(graph) = &mut self.views_graph {
+            std::mem::swap(graph, &mut self.graph);
         }
     }
 
@@ -880,7 +899,12 @@ impl ModelBuilder {
             connection: self.derived_connection.and_then(|(_, span)| span),
             outputs: self.output_names.into_iter().filter_map(|(name, span)| Some((name, span?))).collect(),
         };
+        let views_graph = self.views_graph.unwrap_or_else(|| match self.views.is_empty() {
+            true => Graph::new(),
+            false => self.graph.clone(),
+        });
         Ok(Model {
+            views: Views { graph: views_graph, list: self.views },
             name: self.name,
             doc: self.doc,
             sources: self.sources,

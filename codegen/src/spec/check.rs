@@ -8,7 +8,7 @@ use super::ast::{
     self, AlgebraExpr, AlgebraNode, Comparison, DomainExpr, Expr, File, Item, ItemKind, Name, Node,
     ReconstructWay,
 };
-use super::builder::{Group, Layout, ModelBuilder, component_help};
+use super::builder::{Group, Layout, ModelBuilder, Placement, component_help};
 use super::diagnostic::{Diagnostic, Diagnostics, Origin, Span};
 use super::eval::{Evaluator, is_poisoned};
 use super::model::{ConnectionKind, Domain, Model, Side};
@@ -96,6 +96,14 @@ impl Checker<'_> {
                 Some(value) => _ = self.builder.at(Some(name.span)).initial(&name.text, &value),
                 None => _ = self.builder.broken.insert("initial"),
             }
+        }
+        // What figures show lives in a graph of its own, so that it leaves no trace in generated code.
+        if items_have_views(&file.items) {
+            self.builder.begin_views();
+            for item in &file.items {
+                self.view(item);
+            }
+            self.builder.end_views();
         }
     }
 
@@ -1041,6 +1049,7 @@ impl Checker<'_> {
             | ItemKind::QuasiVelocity(_)
             | ItemKind::Reconstruct { .. }
             | ItemKind::Initial { .. }
+            | ItemKind::View { .. }
             | ItemKind::Coordinate { .. } => {}
         }
     }
@@ -1116,6 +1125,30 @@ impl Checker<'_> {
         }
     }
 
+    /// Everything of the model is known where a view is evaluated.
+    fn view(&mut self, item: &Item) {
+        let ItemKind::View { name, shape, arguments, around, at, attitude } = &item.kind else { return };
+        let arguments: Vec<Option<_>> = arguments.iter().map(|e| self.located(e)).collect();
+        let mut is_complete = true;
+        let [around, at, attitude] = [around, at, attitude].map(|part| {
+            let value = self.located(part.as_ref()?);
+            is_complete &= value.is_some();
+            value
+        });
+        let Some(arguments) = arguments.into_iter().collect::<Option<Vec<_>>>().filter(|_| is_complete)
+        else {
+            return;
+        };
+        let shape = (shape.text.as_str(), Some(shape.span));
+        let placement = Placement { around, at, attitude };
+        let doc = item.doc.join("\n");
+        self.builder.at(Some(name.span)).located_view(&name.text, shape, &arguments, placement, &doc);
+    }
+
+    fn located(&mut self, expr: &Expr) -> Option<(Value, Option<Span>)> {
+        Some((self.eval(expr)?, Some(expr.span)))
+    }
+
     fn scene(&mut self, item: &Item, name: &Name, fixed: &[(Name, Expr)], wants: &[Name], drops: &[Name]) {
         let mut numbers = Vec::new();
         for (name, expr) in fixed {
@@ -1130,6 +1163,10 @@ impl Checker<'_> {
         let builder = self.builder.at(Some(name.span));
         builder.located_scene(&name.text, numbers, located(wants), located(drops), &doc);
     }
+}
+
+fn items_have_views(items: &[Item]) -> bool {
+    items.iter().any(|item| matches!(item.kind, ItemKind::View { .. }))
 }
 
 /// Families of algebras, one for each number.

@@ -20,18 +20,27 @@ mod parser;
 mod value;
 
 pub use ast::Compare;
-pub use builder::{Group, Layout, ModelBuilder};
+pub use builder::{Group, Layout, ModelBuilder, Placement};
 pub use diagnostic::{Diagnostic, Diagnostics, Origin, Span};
 pub use kind::{Kind, Restriction, Setting};
 pub use model::{
     Advected, Condition, ConnectionKind, Constraint, ConstraintKind, Coordinate, Domain, Model, Named,
     NamedVector, Param, Places, Reconstruction, ReconstructionKind, Relation, Scene, Side, Stages, Velocity,
-    VirtualConstraint, diagnose,
+    View, ViewShape, Views, VirtualConstraint, diagnose,
 };
 pub use value::{Shape, Value, ValueError};
 
 #[cfg(test)]
 mod tests;
+
+/// The words that begin items and their parts, for those who show the text of a model.
+pub fn keywords() -> Vec<&'static str> {
+    let parts = [
+        "model", "in", "by", "of", "on", "where", "from", "around", "at", "attitude", "fix", "want", "drop",
+        "basis",
+    ];
+    names::ITEMS.iter().map(|(item, _)| *item).chain(parts).collect()
+}
 
 /// Reads and checks a model.
 ///

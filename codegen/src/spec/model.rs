@@ -288,6 +288,77 @@ pub struct Scene {
     pub places: BTreeMap<String, Span>,
 }
 
+/// What a [`View`] draws; sizes in metres.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ViewShape {
+    /// A cuboid along the axes of its frame.
+    Box {
+        /// Its lengths along them.
+        edges: [ExprId; 3],
+    },
+    /// A disk about the third axis of its frame.
+    Disk {
+        /// Radius.
+        radius: ExprId,
+        /// Height along the axis.
+        thickness: ExprId,
+    },
+    /// A ball with a pattern that shows how it turns.
+    Ball {
+        /// Radius.
+        radius: ExprId,
+    },
+    /// A line between two points.
+    Segment,
+    /// A point.
+    Point,
+    /// The curve that a point leaves behind.
+    Path,
+}
+
+/// A shape that a figure in space shows; its expressions live in [`Views::graph`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct View {
+    /// Name.
+    pub name: String,
+    /// What is drawn.
+    pub shape: ViewShape,
+    /// In space: the centre of a solid, both ends of a segment, or the point.
+    pub points: Vec<[ExprId; 3]>,
+    /// From the shape's frame to space, by rows.
+    pub rotation: [[ExprId; 3]; 3],
+    /// Documentation.
+    pub doc: String,
+    /// Where its name stands.
+    pub span: Option<Span>,
+}
+
+impl View {
+    /// Sizes, points and, for solids, the rotation by rows: what has to be known at an instant, in this order.
+    pub fn numbers(&self) -> Vec<ExprId> {
+        let (mut numbers, is_solid) = match self.shape {
+            ViewShape::Box { edges } => (edges.to_vec(), true),
+            ViewShape::Disk { radius, thickness } => (vec![radius, thickness], true),
+            ViewShape::Ball { radius } => (vec![radius], true),
+            ViewShape::Segment | ViewShape::Point | ViewShape::Path => (Vec::new(), false),
+        };
+        numbers.extend(self.points.iter().flatten());
+        if is_solid {
+            numbers.extend(self.rotation.iter().flatten());
+        }
+        numbers
+    }
+}
+
+/// What figures in space show of a model. It has no part in equations and generated code.
+#[derive(Clone, Debug, Default)]
+pub struct Views {
+    /// Owner of the expressions, apart from [`Model::graph`].
+    pub graph: Graph,
+    /// The views in the order of the text.
+    pub list: Vec<View>,
+}
+
 /// Where items of a model stand in its text, for problems that show only when equations are derived.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Places {
@@ -363,6 +434,8 @@ pub struct Model {
     pub initial: Vec<(String, ExprId)>,
     /// Scenes.
     pub scenes: Vec<Scene>,
+    /// What figures show.
+    pub views: Views,
     /// Where its items stand.
     pub places: Places,
     /// The text, when the model was read from one.

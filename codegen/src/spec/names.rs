@@ -26,6 +26,7 @@ pub(super) const ITEMS: &[(&str, &str)] = &[
     ("output", "output name = expression;"),
     ("reconstruct", "reconstruct q in SO(3) from Omega;` or `reconstruct x by v;"),
     ("initial", "initial Omega = [0, 0, 1];"),
+    ("view", "view name = ball(r) at [x, y, r] attitude q;"),
     ("scene", "scene name { fix m = 1; want energy; drop x; }"),
 ];
 

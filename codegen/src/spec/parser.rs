@@ -679,6 +679,7 @@ impl<'a> Parser<'a> {
                 self.equals()?;
                 ItemKind::Initial { name, value: self.expr()? }
             }
+            "view" => self.view()?,
             "scene" => return self.scene().map(|kind| (kind, true)),
             "model" => {
                 let problem = Diagnostic::new(Some(keyword.span), "`model` inside a model");
@@ -982,6 +983,30 @@ impl<'a> Parser<'a> {
             None => Vec::new(),
         };
         Ok(ItemKind::Reconstruct { names, way: ReconstructWay::Group { group, from } })
+    }
+
+    fn view(&mut self) -> Parsed<ItemKind> {
+        let name = self.ident("the name of the view")?;
+        self.equals()?;
+        let shape = self.ident("a shape such as `ball`")?;
+        let (mut inside, _) = self.require_group(Delimiter::Parenthesis, "`(` with the sizes or places")?;
+        let arguments = inside.comma_list(|p| p.expr())?;
+        let mut placement: [(&str, Option<Expr>); 3] = [("around", None), ("at", None), ("attitude", None)];
+        loop {
+            let span = self.here();
+            let Some((word, place)) = placement.iter_mut().find(|(word, _)| self.word(word).is_some()) else {
+                break;
+            };
+            if place.is_some() {
+                return Err(Box::new(Diagnostic::new(Some(span), format!("`{word}` is written twice"))));
+            }
+            *place = Some(self.expr()?);
+        }
+        if !self.at_end() && !self.peek_punct(';') {
+            return self.expected("`around`, `at`, `attitude` or `;`");
+        }
+        let [around, at, attitude] = placement.map(|(_, expr)| expr);
+        Ok(ItemKind::View { name, shape, arguments, around, at, attitude })
     }
 
     fn scene(&mut self) -> Parsed<ItemKind> {
