@@ -13,7 +13,7 @@ use crate::error::Error;
 use crate::expr::{ExprId, Rational, SymbolId, needed_sections, sign_of};
 use crate::lower::{self, Counts, Inputs, ParamCondition, Program, Relation, Request, ViolatedCondition};
 use crate::mechanics::{Equations, Output, StateEquation, derive};
-use crate::reduction::reduce;
+use crate::reduction::{reduce, with_circles};
 use crate::spec::{self, Diagnostics, Model, Param};
 
 /// Name of the scene that every model has.
@@ -57,6 +57,7 @@ struct Plan {
     /// `None`: every output.
     wants: Option<Vec<String>>,
     drops: Drops,
+    circles: Vec<String>,
     reconstructs: bool,
     doc: String,
 }
@@ -101,12 +102,14 @@ fn plan(model: &Model, scene: &str) -> Option<Plan> {
             fixed: own.fixed.clone(),
             wants: Some(wants),
             drops,
+            circles: own.circles.clone(),
             reconstructs,
             doc: own.doc.clone(),
         });
     }
     let automatic = |wants, drops, reconstructs, doc: &str| {
-        Some(Plan { name, fixed: Vec::new(), wants, drops, reconstructs, doc: doc.to_owned() })
+        let (fixed, circles) = (Vec::new(), Vec::new());
+        Some(Plan { name, fixed, wants, drops, circles, reconstructs, doc: doc.to_owned() })
     };
     match scene {
         DEFAULT => automatic(None, Drops::Nothing, false, ""),
@@ -155,7 +158,15 @@ fn build_scene(model: &Model, scene: &str) -> Result<BuiltScene, Diagnostics> {
         let help = "say how with `reconstruct .. in ..;`".to_owned();
         return Err(fail(format!("{} does not say how to reconstruct the group motion", model.name), help));
     }
-    let system = reduce(model, &plan.fixed)?;
+    let system = with_circles(model, reduce(model, &plan.fixed)?, &plan.circles).map_err(|problems| {
+        // At the angle in the scene where the model has no text for the place itself.
+        let here = plan.circles.iter().find_map(|angle| place_of(angle));
+        let located = problems.iter().map(|problem| match problem.span {
+            None => spec::Diagnostic { span: here, ..problem.clone() },
+            Some(_) => problem.clone().with_place(here, "on the circle in this scene"),
+        });
+        model.diagnostics(located.collect())
+    })?;
     let equations = derive(&system).map_err(|e| model.diagnostics(vec![model.diagnose(&e)]))?;
     let available = available_outputs(&equations);
     let mut wants_energy = true;
@@ -330,6 +341,7 @@ fn lower_scene(
         time: system.time,
         state: state.iter().map(|s| s.symbol).collect(),
         signs: system.signs.clone(),
+        circles: system.circles.iter().map(|c| [c.cosine, c.sine]).collect(),
     };
     let mut conditions: Vec<ParamCondition> = system
         .conditions

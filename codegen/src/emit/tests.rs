@@ -72,7 +72,7 @@ fn pendulum() -> (Program, SceneText) {
         Request { name: "check".into(), results: vec![("theta".into(), theta)] },
         Request { name: "momentum".into(), results: vec![("momentum".into(), p)] },
     ];
-    let inputs = Inputs { params: params.to_vec(), time, state: state.to_vec(), signs: Default::default() };
+    let inputs = Inputs { params: params.to_vec(), time, state: state.to_vec(), signs: Default::default(), circles: vec![] };
     let program = lower(&mut g, &inputs, &sections, &conditions, &requests).unwrap();
     let mut text = plain_text(&program, &["momentum"]);
     text.formulas.insert("rhs".into(), vec!["I omega' = -k sin(theta) - tanh(p)/2".into()]);
@@ -130,7 +130,7 @@ fn a_pair_is_one_statement_and_a_block_of_many_bindings_does_not_part_it() {
     let cosine = g.func(crate::expr::Func::Cos, state);
     let sum = g.sum(&squares);
     let product = g.mul(cosine, sum);
-    let inputs = Inputs { params: vec![], time, state: vec![x], signs: Default::default() };
+    let inputs = Inputs { params: vec![], time, state: vec![x], signs: Default::default(), circles: vec![] };
     let requests = [Request { name: "rhs".into(), results: vec![("x".into(), product)] }];
     let sections = [Section { title: "shifts".into(), definitions }];
     let program = lower(&mut g, &inputs, &sections, &[], &requests).unwrap();
@@ -180,7 +180,7 @@ fn long_functions_are_split_into_blocks_and_long_sums_into_variables() {
     let sections = [Section { title: "shifts".into(), definitions }];
     let squares: Vec<_> = terms.iter().map(|e| g.powi(*e, 2)).collect();
     let sum = g.sum(&squares);
-    let inputs = Inputs { params: vec![], time, state: vec![x], signs: Default::default() };
+    let inputs = Inputs { params: vec![], time, state: vec![x], signs: Default::default(), circles: vec![] };
     let requests = [Request { name: "rhs".into(), results: vec![("x".into(), sum)] }];
     let program = lower(&mut g, &inputs, &sections, &[], &requests).unwrap();
     let emitted = emit_scene(&program, &plain_text(&program, &[])).unwrap();

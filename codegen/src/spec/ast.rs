@@ -200,6 +200,7 @@ pub(super) enum ItemKind {
         fixed: Vec<(Name, Expr)>,
         wants: Vec<Name>,
         drops: Vec<Name>,
+        circles: Vec<Name>,
     },
 }
 

@@ -102,6 +102,7 @@ pub(super) const WANTS: &[&str] = &[
     "jvp",
     "reconstruction",
     "casimirs",
+    "circles",
     "outputs",
 ];
 
