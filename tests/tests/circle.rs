@@ -68,7 +68,8 @@ fn rates_are_those_of_the_angle_by_the_chain_rule() {
             // Inside (0, 1): every coordinate is in its domain there.
             let y: Vec<f64> = scenes[0].state.iter().map(|_| 0.5 + 0.45 * random.number()).collect();
             let straight = tracked_rates(&scenes[0], &y);
-            let rate = |k: usize, is_sine: bool| straight[k].value * if is_sine { y[k].cos() } else { -y[k].sin() };
+            let rate =
+                |k: usize, is_sine: bool| straight[k].value * if is_sine { y[k].cos() } else { -y[k].sin() };
             let own: Vec<f64> = straight.iter().map(|x| x.value).collect();
             let terms: Vec<f64> = straight.iter().map(|x| x.term).collect();
             let (expected, terms) = (carried(&scenes, rate, &own), carried(&scenes, |k, _| terms[k], &terms));
@@ -76,7 +77,10 @@ fn rates_are_those_of_the_angle_by_the_chain_rule() {
                 let scale = value.term.max(terms[k]).max(expected[k].abs());
                 let off = (value.value - expected[k]).abs() / unit_in_the_last_place(scale);
                 let name = &scenes[1].state[k].name;
-                assert!(off <= BOUND, "{model} {angles} {items} {round}: {name} is {off} units off: {value:?}");
+                assert!(
+                    off <= BOUND,
+                    "{model} {angles} {items} {round}: {name} is {off} units off: {value:?}"
+                );
             }
         }
     }
@@ -121,8 +125,8 @@ fn trajectories_agree_and_stay_on_the_circle() {
     ];
     for (name, angle, start) in starts {
         let model = models::model(name);
-        let scenes = ["minimal", "circle"]
-            .map(|scene| scene::build(&model, scene).unwrap_or_else(|e| panic!("{e}")));
+        let scenes =
+            ["minimal", "circle"].map(|scene| scene::build(&model, scene).unwrap_or_else(|e| panic!("{e}")));
         assert_eq!(scenes[0].state.len(), start.len(), "{name}: {:?}", scenes[0].state_names());
         let expected = on_circles(&scenes, &integrated(&scenes[0], start.to_vec(), 5.0));
         let last = integrated(&scenes[1], on_circles(&scenes, start), 5.0);
@@ -132,7 +136,8 @@ fn trajectories_agree_and_stay_on_the_circle() {
         let interpreter = scenes[1].prepare(&params(&scenes[1], &[])).unwrap_or_else(|e| panic!("{e}"));
         let names: Vec<&String> =
             scenes[1].outputs().iter().flat_map(|o| o.components.iter().map(|(n, _)| n)).collect();
-        let circle = names.iter().position(|n| **n == format!("{angle}_circle")).expect("the circle's output");
+        let circle =
+            names.iter().position(|n| **n == format!("{angle}_circle")).expect("the circle's output");
         let radius = interpreter.outputs(0.0, &last)[circle];
         // A thousand steps at tolerance 1e-12 leave some 1e-12 each at most.
         assert!((radius - 1.0).abs() < 1e-9, "{name}: {radius}");
@@ -176,6 +181,9 @@ fn an_angle_outside_sine_and_cosine_stays_an_angle() {
     let text = text_with("two_arm_satellite", "scene round { circle alpha; }");
     let model = spec::parse("satellite", &text).unwrap_or_else(|e| panic!("{e}"));
     let message = scene::build(&model, "round").unwrap_err().to_string();
-    assert!(message.contains("the lagrangian contains `alpha` other than in its sine and cosine"), "{message}");
+    assert!(
+        message.contains("the lagrangian contains `alpha` other than in its sine and cosine"),
+        "{message}"
+    );
     assert!(message.contains("lagrangian = 1/2*dot(Omega"), "{message}");
 }

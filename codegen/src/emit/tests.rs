@@ -72,7 +72,13 @@ fn pendulum() -> (Program, SceneText) {
         Request { name: "check".into(), results: vec![("theta".into(), theta)] },
         Request { name: "momentum".into(), results: vec![("momentum".into(), p)] },
     ];
-    let inputs = Inputs { params: params.to_vec(), time, state: state.to_vec(), signs: Default::default(), circles: vec![] };
+    let inputs = Inputs {
+        params: params.to_vec(),
+        time,
+        state: state.to_vec(),
+        signs: Default::default(),
+        circles: vec![],
+    };
     let program = lower(&mut g, &inputs, &sections, &conditions, &requests).unwrap();
     let mut text = plain_text(&program, &["momentum"]);
     text.formulas.insert("rhs".into(), vec!["I omega' = -k sin(theta) - tanh(p)/2".into()]);

@@ -26,7 +26,13 @@ fn fixture() -> Fixture {
     let (p, t, x) = (params.map(|s| g.sym(s)), g.sym(time), state.map(|s| g.sym(s)));
     Fixture {
         g,
-        inputs: Inputs { params: params.to_vec(), time, state: state.to_vec(), signs: BTreeMap::new(), circles: vec![] },
+        inputs: Inputs {
+            params: params.to_vec(),
+            time,
+            state: state.to_vec(),
+            signs: BTreeMap::new(),
+            circles: vec![],
+        },
         p,
         t,
         x,

@@ -169,9 +169,7 @@ fn on_circles(g: &mut Graph, turned: &[Turned], e: ExprId) -> Result<ExprId, Div
 /// Cosine and sine of `sum_i k_i theta_i + b` with whole `k_i`: the product of the points' powers with that of `b`.
 fn turn(g: &mut Graph, turned: &[Turned], a: ExprId) -> [ExprId; 2] {
     let terms: Vec<(ExprId, Rational)> = match g.node(a).clone() {
-        Node::Sum { constant, terms } => {
-            terms.iter().cloned().chain([(g.one(), constant)]).collect()
-        }
+        Node::Sum { constant, terms } => terms.iter().cloned().chain([(g.one(), constant)]).collect(),
         _ => {
             let (q, rest) = g.split_coefficient(a);
             vec![(rest, q)]
@@ -270,10 +268,7 @@ fn anchored(system: &mut ReducedSystem, turned: &[Turned]) -> Option<Algebroid> 
 }
 
 /// Every expression of a system besides its algebroid and signs: what it belongs to, where that stands, and itself.
-fn places<'a>(
-    model: &Model,
-    system: &'a mut ReducedSystem,
-) -> Vec<(String, Option<Span>, &'a mut ExprId)> {
+fn places<'a>(model: &Model, system: &'a mut ReducedSystem) -> Vec<(String, Option<Span>, &'a mut ExprId)> {
     let mut list: Vec<(String, Option<Span>, &mut ExprId)> =
         vec![("the lagrangian".to_owned(), model.places.lagrangian, &mut system.lagrangian)];
     let frame = system.algebroid.frame();

@@ -1325,7 +1325,8 @@ impl ModelBuilder {
             let drops = self.check_drops(&draft);
             let circles = self.check_circles(&draft);
             let fixes = draft.fixed.iter().map(|(name, _, span)| (name, span));
-            let named = draft.wants.iter().chain(&draft.drops).chain(&circles).map(|(name, span)| (name, span));
+            let named =
+                draft.wants.iter().chain(&draft.drops).chain(&circles).map(|(name, span)| (name, span));
             let places =
                 fixes.chain(named).filter_map(|(name, span)| Some((name.clone(), (*span)?))).collect();
             let circles = circles.into_iter().map(|(name, _)| name).collect();

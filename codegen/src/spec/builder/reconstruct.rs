@@ -538,8 +538,9 @@ impl ModelBuilder {
             let Some(entries) = entries else {
                 if !self.broken.contains("coordinate") {
                     let help = names::suggest(name, self.base.iter().map(|c| c.name.as_str()));
-                    let message =
-                        format!("scene `{scene}` carries `{name}` on a circle, which is not a base coordinate");
+                    let message = format!(
+                        "scene `{scene}` carries `{name}` on a circle, which is not a base coordinate"
+                    );
                     self.problem(*span, message, help);
                 }
                 continue;
@@ -552,9 +553,9 @@ impl ModelBuilder {
                 let angle = coordinate.name;
                 let dropped =
                     draft.drops.iter().any(|(d, _)| *d == angle || d == name || self.is_part(&angle, d));
-                let taken = circle_names(&angle).into_iter().find(|n| {
-                    self.names.contains_key(n) || names::refusal(n).is_some()
-                });
+                let taken = circle_names(&angle)
+                    .into_iter()
+                    .find(|n| self.names.contains_key(n) || names::refusal(n).is_some());
                 let problem = if circles.iter().any(|(known, _)| *known == angle) {
                     Some((format!("scene `{scene}` carries `{angle}` on a circle twice"), "keep one of them"))
                 } else if coordinate.domain == Domain::Real {
@@ -568,7 +569,8 @@ impl ModelBuilder {
                         format!("scene `{scene}` needs the name `{taken}` for a point of the circle");
                     Some((message, "rename what has that name"))
                 } else if self.output_names.contains_key(&angle) {
-                    let message = format!("scene `{scene}` needs the name `{angle}` for an output, the angle");
+                    let message =
+                        format!("scene `{scene}` needs the name `{angle}` for an output, the angle");
                     Some((message, "rename the output of that name"))
                 } else {
                     None
