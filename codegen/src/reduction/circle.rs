@@ -56,6 +56,15 @@ pub fn with_circles(
     let turned: Vec<Turned> = chosen.map(|c| Turned::new(&mut system.graph, c)).collect();
     let mut problems: Vec<spec::Diagnostic> = Vec::new();
     let mut graph = std::mem::take(&mut system.graph);
+    // Outputs may use the angle as a number, where it is a function of the point.
+    let values: BTreeMap<SymbolId, ExprId> =
+        turned.iter().filter_map(|t| Some((t.angle, t.value?))).collect();
+    for (_, e) in system.outputs.iter_mut().flat_map(|o| &mut o.components) {
+        let rewritten = on_circles(&mut graph, &turned, *e);
+        if let Ok(value) = rewritten.and_then(|e| graph.subs(e, &values)) {
+            *e = value;
+        }
+    }
     for (what, span, place) in places(model, &mut system) {
         let rewritten = on_circles(&mut graph, &turned, *place).ok();
         let left = rewritten.map_or(turned.first(), |e| still_in(&graph, &turned, e));
