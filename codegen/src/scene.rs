@@ -19,7 +19,7 @@ use crate::lower::{
     self, Counts, Inputs, Jet, ParamCondition, Point, Program, Relation, Request, ViolatedCondition,
 };
 use crate::mechanics::{Equations, Output, StateEquation, derive};
-use crate::reduction::reduce;
+use crate::reduction::{reduce, with_circles};
 use crate::spec::{self, Diagnostics, Model, Param};
 
 pub use derivatives::{Derivative, Matrix, Product};
@@ -74,6 +74,7 @@ struct Plan {
     /// `None`: every output.
     wants: Option<Vec<String>>,
     drops: Drops,
+    circles: Vec<String>,
     reconstructs: bool,
     wants_taylor: bool,
     doc: String,
@@ -120,14 +121,15 @@ fn plan(model: &Model, scene: &str) -> Option<Plan> {
             fixed: own.fixed.clone(),
             wants: Some(wants),
             drops,
+            circles: own.circles.clone(),
             reconstructs,
             wants_taylor,
             doc: own.doc.clone(),
         });
     }
     let automatic = |wants, drops, reconstructs, doc: &str| {
-        let (fixed, wants_taylor) = (Vec::new(), false);
-        Some(Plan { name, fixed, wants, drops, reconstructs, wants_taylor, doc: doc.to_owned() })
+        let (fixed, circles, wants_taylor) = (Vec::new(), Vec::new(), false);
+        Some(Plan { name, fixed, wants, drops, circles, reconstructs, wants_taylor, doc: doc.to_owned() })
     };
     match scene {
         DEFAULT => automatic(None, Drops::Nothing, false, ""),
@@ -220,7 +222,15 @@ fn build_scene(
         let help = "say how with `reconstruct .. in ..;`".to_owned();
         return Err(fail(format!("{} does not say how to reconstruct the group motion", model.name), help));
     }
-    let system = reduce(model, &plan.fixed)?;
+    let system = with_circles(model, reduce(model, &plan.fixed)?, &plan.circles).map_err(|problems| {
+        // At the angle in the scene where the model has no text for the place itself.
+        let here = plan.circles.iter().find_map(|angle| place_of(angle));
+        let located = problems.iter().map(|problem| match problem.span {
+            None => spec::Diagnostic { span: here, ..problem.clone() },
+            Some(_) => problem.clone().with_place(here, "on the circle in this scene"),
+        });
+        model.diagnostics(located.collect())
+    })?;
     let equations = derive(&system).map_err(|e| model.diagnostics(vec![model.diagnose(&e)]))?;
     let available = available_outputs(&equations);
     let mut wants_energy = true;
@@ -402,6 +412,7 @@ fn lower_scene(
         state: state.iter().map(|s| s.symbol).collect(),
         signs: system.signs.clone(),
         arguments: BTreeMap::new(),
+        circles: system.circles.iter().map(|c| [c.cosine, c.sine]).collect(),
     };
     let derivatives =
         derivatives::differentiate(&mut graph, &equations.sections, &state, &inputs, derivatives);

@@ -16,8 +16,14 @@ fn of_time(t: f64, f: impl FnOnce(&mut Graph, ExprId) -> Vec<ExprId>) -> Vec<Vec
     let n = rates.len();
     let state: Vec<_> = (0..n).map(|i| g.symbol(&format!("y{i}"))).collect();
     let results = rates.into_iter().enumerate().map(|(i, e)| (format!("y{i}"), e)).collect();
-    let inputs =
-        Inputs { params: vec![], time, state, signs: Default::default(), arguments: Default::default() };
+    let inputs = Inputs {
+        params: vec![],
+        time,
+        state,
+        signs: Default::default(),
+        circles: vec![],
+        arguments: Default::default(),
+    };
     let program = lower(&mut g, &inputs, &[], &[], &[Request { name: "rhs".into(), results }]).unwrap();
     let mut out = vec![vec![0.0; n]; ORDER + 2];
     let mut slices: Vec<&mut [f64]> = out.iter_mut().map(Vec::as_mut_slice).collect();

@@ -11,7 +11,7 @@ use hamel_codegen::expr::{Graph, Style, rational_to_f64};
 use hamel_codegen::lower::{Counts, Jet};
 use hamel_codegen::reduction;
 use hamel_codegen::scene::{self, BuiltScene, Interpreter};
-use hamel_codegen::spec::{self, ConnectionKind, Domain, ReconstructionKind};
+use hamel_codegen::spec::{self, ConnectionKind, Domain, ReconstructionKind, circle_names};
 pub use hamel_codegen::spec::{Kind, Model};
 use hamel_runtime::Failure;
 
@@ -417,6 +417,10 @@ pub fn roles(model: &Model, params: &BTreeMap<String, f64>) -> BTreeMap<String, 
             Domain::Angle | Domain::Real => Role::Unbounded,
         };
         roles.insert(coordinate.name.clone(), role);
+        // A scene may carry it as a point of the circle.
+        for (index, name) in circle_names(&coordinate.name).into_iter().enumerate() {
+            roles.insert(name, Role::Advected { index, n: 2 });
+        }
     }
     for (name, _) in model.all_velocities() {
         roles.insert(name.to_owned(), Role::Velocity);
@@ -462,11 +466,22 @@ pub fn group_start(model: &Model, params: &BTreeMap<String, f64>) -> Vec<f64> {
     group_coordinates(model).iter().map(start).collect()
 }
 
-/// The initial values that a model gives.
+/// The initial values that a model gives, those of angles also as points of the circle.
 pub fn initial_values(model: &Model, params: &BTreeMap<String, f64>) -> BTreeMap<String, f64> {
     let symbols = model.params.iter().filter_map(|p| Some((p.symbol, *params.get(&p.name)?))).collect();
     let value = |e| model.graph.eval_f64(e, &symbols).filter(|x| x.is_finite());
-    model.initial.iter().filter_map(|(name, e)| Some((name.clone(), value(*e)?))).collect()
+    let given = model.initial.iter().filter_map(|(name, e)| Some((name.clone(), value(*e)?)));
+    let mut values: BTreeMap<String, f64> = given.collect();
+    for coordinate in &model.base {
+        let middle = || match coordinate.domain {
+            Domain::Interval(from, to) => Some((value(from)? + value(to)?) / 2.0),
+            Domain::Angle | Domain::Real => None,
+        };
+        if let Some(angle) = values.get(&coordinate.name).copied().or_else(middle) {
+            values.extend(circle_names(&coordinate.name).into_iter().zip([angle.cos(), angle.sin()]));
+        }
+    }
+    values
 }
 
 /// State variables that belong together in a figure.

@@ -78,7 +78,7 @@ fn title(of: &str) -> String {
 fn the_jacobian_is_the_matrix_of_partial_derivatives() {
     let Fixture { mut g, inputs, sections, roots } = fixture();
     let plain = explicit(&mut g, &sections, &roots);
-    let mut writer = SectionWriter::new(&g, inputs.iter().copied().collect());
+    let mut writer = SectionWriter::new(&g, inputs.iter().copied().collect(), &[]);
     let linear = Linearisation::new(&mut g, &sections, &roots, &inputs);
     let rows = linear.jacobian(&mut g, &mut writer, |value, x| format!("d_{value}_d_{x}"), title);
     let sections = with_derivatives(&sections, writer);
@@ -105,7 +105,7 @@ fn tangents_and_adjoints_are_products_with_the_jacobian() {
         symbols.into_iter().map(|s| g.sym(s)).collect()
     };
     let (v, w) = (symbols(&mut g, "v", inputs.len()), symbols(&mut g, "w", roots.len()));
-    let mut writer = SectionWriter::new(&g, inputs.iter().copied().collect());
+    let mut writer = SectionWriter::new(&g, inputs.iter().copied().collect(), &[]);
     let linear = Linearisation::new(&mut g, &sections, &roots, &inputs);
     let name = |value: &str| format!("v_{value}");
     let tangents =
@@ -148,7 +148,7 @@ fn a_derivative_that_cancels_costs_nothing() {
     let (sine, cosine) = (g.func(Func::Sin, e), g.func(Func::Cos, e));
     let squares = [g.powi(sine, 2), g.powi(cosine, 2)];
     let one = g.sum(&squares);
-    let mut writer = SectionWriter::new(&g, [x].into());
+    let mut writer = SectionWriter::new(&g, [x].into(), &[]);
     let linear = Linearisation::new(&mut g, &[], &[one], &[x]);
     let rows = linear.jacobian(&mut g, &mut writer, |value, x| format!("d_{value}_d_{x}"), title);
     assert_eq!(rows, [[g.zero()]]);

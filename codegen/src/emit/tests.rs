@@ -78,6 +78,7 @@ fn pendulum() -> (Program, SceneText) {
         state: state.to_vec(),
         signs: Default::default(),
         arguments: Default::default(),
+        circles: vec![],
     };
     let program = lower(&mut g, &inputs, &sections, &conditions, &requests).unwrap();
     let mut text = plain_text(&program, &["momentum"]);
@@ -141,6 +142,7 @@ fn a_pair_is_one_statement_and_a_block_of_many_bindings_does_not_part_it() {
         time,
         state: vec![x],
         signs: Default::default(),
+        circles: vec![],
         arguments: Default::default(),
     };
     let requests = [Request { name: "rhs".into(), results: vec![("x".into(), product)] }];
@@ -197,6 +199,7 @@ fn long_functions_are_split_into_blocks_and_long_sums_into_variables() {
         time,
         state: vec![x],
         signs: Default::default(),
+        circles: vec![],
         arguments: Default::default(),
     };
     let requests = [Request { name: "rhs".into(), results: vec![("x".into(), sum)] }];

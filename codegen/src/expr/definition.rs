@@ -30,15 +30,17 @@ pub struct SectionWriter {
     sections: Vec<Section>,
     named: HashMap<ExprId, SymbolId>,
     varying: BTreeSet<SymbolId>,
-    /// Values at zero of what varies.
-    at_zero: BTreeMap<SymbolId, ExprId>,
+    /// Values of what varies at one point: zero, unless the inputs have none there.
+    at_origin: BTreeMap<SymbolId, ExprId>,
 }
 
 impl SectionWriter {
-    /// No sections yet; `varying` are the inputs that change from call to call, everything else is a parameter.
-    pub fn new(g: &Graph, varying: BTreeSet<SymbolId>) -> SectionWriter {
-        let at_zero = varying.iter().map(|s| (*s, g.zero())).collect();
-        SectionWriter { sections: Vec::new(), named: HashMap::new(), varying, at_zero }
+    /// No sections yet; `varying` are the inputs that change from call to call, everything else is a parameter. A point of
+    /// the inputs is zero in all of them but the `units`, which are one.
+    pub fn new(g: &Graph, varying: BTreeSet<SymbolId>, units: &[SymbolId]) -> SectionWriter {
+        let mut at_origin: BTreeMap<SymbolId, ExprId> = varying.iter().map(|s| (*s, g.zero())).collect();
+        at_origin.extend(units.iter().map(|s| (*s, g.one())));
+        SectionWriter { sections: Vec::new(), named: HashMap::new(), varying, at_origin }
     }
 
     /// Whether an expression changes from call to call, also through definitions.
@@ -54,7 +56,7 @@ impl SectionWriter {
     /// Gives `e` a name, unless it is zero, a constant, a symbol or a monomial in symbols, which are used as they are.
     pub fn define(&mut self, g: &mut Graph, name: &str, e: ExprId) -> ExprId {
         let e = g.cancel_zero(e);
-        let (e, at_zero) = self.settled(g, e);
+        let (e, at_origin) = self.settled(g, e);
         if g.is_trivial(e) {
             return e;
         }
@@ -65,7 +67,7 @@ impl SectionWriter {
         self.named.insert(e, symbol);
         if self.varies(g, e) {
             self.varying.insert(symbol);
-            self.at_zero.extend(at_zero.map(|value| (symbol, value)));
+            self.at_origin.extend(at_origin.map(|value| (symbol, value)));
         }
         if self.sections.is_empty() {
             self.begin("definitions");
@@ -76,13 +78,13 @@ impl SectionWriter {
         g.sym(symbol)
     }
 
-    /// An expression that is constant however it is written (`sin^2 x + cos^2 x`) as its value where everything that
-    /// varies is zero; that value in any case, where there is one.
+    /// An expression that is constant however it is written (`sin^2 x + cos^2 x`) as its value at the one point where
+    /// everything that varies has one; that value in any case, where there is one.
     fn settled(&self, g: &mut Graph, e: ExprId) -> (ExprId, Option<ExprId>) {
         if !self.varies(g, e) {
             return (e, None);
         }
-        match g.subs(e, &self.at_zero) {
+        match g.subs(e, &self.at_origin) {
             Ok(value) if !self.varies(g, value) => {
                 let e = if g.is_seen_to_be_equal(e, value) { value } else { e };
                 (e, Some(value))

@@ -940,6 +940,27 @@ impl Graph {
         roots: &[ExprId],
         replacements: &BTreeMap<SymbolId, ExprId>,
     ) -> Result<Vec<ExprId>, DivisionByZero> {
+        self.rebuild_all(roots, replacements, Graph::func)
+    }
+
+    /// The expression with every function of it, innermost first, made by `function` from its new argument.
+    ///
+    /// # Errors
+    /// [`DivisionByZero`] when a new denominator vanishes identically.
+    pub(crate) fn rebuild(
+        &mut self,
+        e: ExprId,
+        function: impl FnMut(&mut Graph, Func, ExprId) -> ExprId,
+    ) -> Result<ExprId, DivisionByZero> {
+        Ok(self.rebuild_all(&[e], &BTreeMap::new(), function)?[0])
+    }
+
+    fn rebuild_all(
+        &mut self,
+        roots: &[ExprId],
+        replacements: &BTreeMap<SymbolId, ExprId>,
+        mut function: impl FnMut(&mut Graph, Func, ExprId) -> ExprId,
+    ) -> Result<Vec<ExprId>, DivisionByZero> {
         let mut image: HashMap<ExprId, ExprId> = HashMap::new();
         for e in self.reachable(roots) {
             let replaced = match self.node(e).clone() {
@@ -966,13 +987,7 @@ impl Graph {
                         self.scale(product, &coefficient)
                     }
                 }
-                Node::Function(f, a) => {
-                    if image[&a] == a {
-                        e
-                    } else {
-                        self.func(f, image[&a])
-                    }
-                }
+                Node::Function(f, a) => function(self, f, image[&a]),
             };
             image.insert(e, replaced);
         }

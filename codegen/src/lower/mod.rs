@@ -46,6 +46,8 @@ pub struct Inputs {
     pub state: Vec<SymbolId>,
     /// Signs of expressions in the parameters: what may be divided by.
     pub signs: BTreeMap<ExprId, Sign>,
+    /// Pairs of components of the state, cosine and sine, whose squares add up to one.
+    pub circles: Vec<[SymbolId; 2]>,
     /// Components of the vector that a function takes besides, by the function's name.
     pub arguments: BTreeMap<String, Vec<SymbolId>>,
 }
@@ -177,6 +179,14 @@ impl Source<'_> {
             }
         }
         signs
+    }
+
+    /// The circles whose relation a function may use: all of them, unless it speaks of nothing but the circles, as one does
+    /// that asks how far the state has drifted off them.
+    fn circles_for(&self, graph: &Graph, roots: &[ExprId]) -> Vec<[SymbolId; 2]> {
+        let own: BTreeSet<SymbolId> = self.inputs.circles.iter().flatten().copied().collect();
+        let is_about_circles = roots.iter().all(|e| graph.free_symbols(*e).is_subset(&own));
+        if is_about_circles { Vec::new() } else { self.inputs.circles.clone() }
     }
 
     /// The definitions a function needs, by symbol, found from its results backwards.

@@ -37,6 +37,10 @@ pub(super) fn optimise(
     let roots: Vec<ExprId> = request.results.iter().map(|(_, e)| *e).collect();
     let needed_symbols = source.needed_definitions(graph, &roots);
     let mut reader = Reader::new(graph, &source.classes, signs);
+    for [cosine, sine] in source.circles_for(graph, &roots) {
+        let [cosine, sine] = [cosine, sine].map(|s| graph.sym(s));
+        reader.system.relate(cosine, sine);
+    }
     for (section, s) in source.sections.iter().enumerate() {
         for definition in &s.definitions {
             if needed_symbols.contains(&definition.symbol)

@@ -256,7 +256,7 @@ pub(super) struct System {
     pub(super) numbers: Numbers,
     atoms: Vec<Atom>,
     atom_index: HashMap<Atom, u32>,
-    /// Pairs of atoms `sin a`, `cos a`.
+    /// Pairs of atoms `sin a`, `cos a`, and of inputs that lie on a circle.
     circles: Vec<(u32, u32)>,
     /// Terms summed so far: a measure of work that is the same on every machine.
     pub(super) work: usize,
@@ -296,6 +296,12 @@ impl System {
             }
         }
         k
+    }
+
+    /// Two inputs with `cosine^2 + sine^2 = 1`.
+    pub(super) fn relate(&mut self, cosine: ExprId, sine: ExprId) {
+        let pair = (self.atom_of(Atom::Input(sine)), self.atom_of(Atom::Input(cosine)));
+        self.circles.push(pair);
     }
 
     /// The polynomial that an atom needs, if it needs one.

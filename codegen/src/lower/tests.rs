@@ -32,6 +32,7 @@ fn fixture() -> Fixture {
             state: state.to_vec(),
             signs: BTreeMap::new(),
             arguments: BTreeMap::new(),
+            circles: vec![],
         },
         p,
         t,

@@ -152,7 +152,8 @@ impl<'a> Derivation<'a> {
         let y = system.velocities.iter().map(|s| g.sym(*s)).collect();
         let varying =
             system.velocities.iter().chain(system.algebroid.base()).chain([&system.time]).copied().collect();
-        let writer = SectionWriter::new(&g, varying);
+        let cosines: Vec<SymbolId> = system.circles.iter().map(|c| c.cosine).collect();
+        let writer = SectionWriter::new(&g, varying, &cosines);
         Derivation {
             system,
             g,
@@ -729,6 +730,7 @@ impl<'a> Derivation<'a> {
             let (symbol, name, doc) = (coordinate.symbol, coordinate.name.clone(), coordinate.doc.clone());
             reconstruction.push(StateEquation { symbol, name, doc, derivative });
         }
+        let circles = self.circles(&motion, &mut facts)?;
         let pivots = motion.pivots.into_iter().filter(|p| self.g.as_rational(p.expr).is_none()).collect();
         let mut system = self.system.clone();
         system.graph = self.g;
@@ -749,7 +751,31 @@ impl<'a> Derivation<'a> {
             varying,
         };
         super::ignorable::settle(&mut equations);
+        // Equal to one on the circle, hence not to be settled.
+        equations.outputs.extend(circles);
         Ok(equations)
+    }
+
+    /// `c^2 + s^2` of every angle that is carried as a point of the circle: conserved, on the circle and off it.
+    fn circles(&mut self, motion: &Motion, facts: &mut Facts) -> Result<Option<Output>, Error> {
+        let mut components = Vec::new();
+        for circle in &self.system.circles {
+            let squares = [circle.cosine, circle.sine].map(|s| {
+                let x = self.g.sym(s);
+                self.g.powi(x, 2)
+            });
+            let square = self.g.sum(&squares);
+            let name = format!("{}_circle", circle.angle);
+            let rate = self.rate_of(square, &motion.acceleration)?;
+            if rate != self.g.zero() {
+                let rate = shortened(&self.g.display(rate, Style::Plain));
+                return Err(Error::NotConserved { name, rate });
+            }
+            facts.casimirs.push(name.clone());
+            components.push((name, square));
+        }
+        let doc = "c^2 + s^2 of the angles carried as points (c, s) of the circle, 1 along the motion".into();
+        Ok((!components.is_empty()).then_some(Output { name: "circles".into(), components, doc }))
     }
 }
 

@@ -1,8 +1,9 @@
-//! Ignorable coordinates: where a result does not depend on a base coordinate, it is computed at the value zero.
+//! Ignorable coordinates: where a result does not depend on a base coordinate, it is computed at the value zero; where it
+//! does not depend on an angle that is carried as a point of the circle, at `(1, 0)`.
 //!
 //! A constraint or a Lagrangian written in a space frame mentions coordinates (the azimuth of a disk, the heading of a
 //! robot) on which, by symmetry, the rates do not depend. The dependence is tested, not guessed: a result is replaced by
-//! its value at zero when the two are equal as functions.
+//! its value there when the two are equal as functions.
 
 use std::collections::BTreeMap;
 
@@ -10,24 +11,31 @@ use crate::expr::{Definition, ExprId, Graph, Section, SymbolId, needed_sections}
 
 use super::derive::Equations;
 
-/// Sets every base coordinate to zero in the results that do not depend on it, and drops definitions that nothing needs.
+/// Sets every base coordinate to such a value in the results that do not depend on it, and drops definitions that nothing needs.
 pub(super) fn settle(equations: &mut Equations) {
+    let (zero, one) = (equations.system.graph.zero(), equations.system.graph.one());
+    let circles = equations.system.circles.clone();
     for x in equations.system.algebroid.base().to_vec() {
-        set_to_zero(equations, x);
+        match circles.iter().find(|c| [c.cosine, c.sine].contains(&x)) {
+            None => set_to(equations, BTreeMap::from([(x, zero)])),
+            Some(circle) if x == circle.cosine => {
+                set_to(equations, BTreeMap::from([(circle.cosine, one), (circle.sine, zero)]));
+            }
+            Some(_) => {}
+        }
     }
     let roots: Vec<ExprId> = equations.roots().into_iter().copied().collect();
     equations.sections = needed_sections(&equations.system.graph, &equations.sections, &roots);
 }
 
-fn set_to_zero(equations: &mut Equations, x: SymbolId) {
+fn set_to(equations: &mut Equations, values: BTreeMap<SymbolId, ExprId>) {
     let mut g = std::mem::take(&mut equations.system.graph);
-    let zero = g.zero();
-    let mut image: BTreeMap<SymbolId, ExprId> = BTreeMap::from([(x, zero)]);
+    let mut image = values.clone();
     let mut sections = Vec::new();
     for section in &equations.sections {
         let mut definitions = section.definitions.clone();
         for definition in &section.definitions {
-            // A definition without a value at zero is left alone; what needs it will not come out equal.
+            // A definition without a value there is left alone; what needs it will not come out equal.
             let Ok(value) = g.subs(definition.expr, &image) else { continue };
             if value == definition.expr {
                 continue;
@@ -48,7 +56,8 @@ fn set_to_zero(equations: &mut Equations, x: SymbolId) {
         }
         sections.push(Section { title: section.title.clone(), definitions });
     }
-    if image.len() > 1 || equations.roots().iter().any(|e| g.free_symbols(**e).contains(&x)) {
+    let names_one = |e: &ExprId| g.free_symbols(*e).iter().any(|s| values.contains_key(s));
+    if image.len() > values.len() || equations.roots().into_iter().any(names_one) {
         equations.sections = sections;
         for root in equations.roots_mut() {
             *root = settled(&mut g, *root, &image);

@@ -9,6 +9,7 @@ use crate::spec::{
     self, Condition, ConstraintKind, Diagnostics, Model, Named, NamedVector, Param, Relation, Side,
 };
 
+use super::circle::Circle;
 use super::connection::with_connection;
 use super::constraint::{
     AccelerationRow, AccelerationSource, ConstraintRow, KinematicConstraint, Reactions, SolvedConstraint,
@@ -70,6 +71,8 @@ pub struct ReducedSystem {
     pub stages: Option<Stages>,
     /// Known signs of expressions, from the conditions and domains.
     pub signs: BTreeMap<ExprId, Sign>,
+    /// Angles that the base carries as points of the circle.
+    pub circles: Vec<Circle>,
 }
 
 /// Reduces a model, with some parameters fixed to numbers.
@@ -139,6 +142,7 @@ impl FrontEnd {
             reconstruction,
             stages: stages?,
             signs,
+            circles: Vec::new(),
         })
     }
 

@@ -5,12 +5,14 @@
 //!
 //! Deliberately does not know: equations of motion, programs, text files.
 
+mod circle;
 mod connection;
 mod constraint;
 mod front_end;
 mod reconstruction;
 mod stages;
 
+pub use circle::{Circle, with_circles};
 pub use connection::with_connection;
 pub use constraint::{
     AccelerationRow, AccelerationSource, ConstraintRow, KinematicConstraint, Reactions, SolvedConstraint,

@@ -128,7 +128,7 @@ pub(super) fn differentiate(
 ) -> Derivatives {
     let rates: Vec<ExprId> = state.iter().map(|s| s.derivative).collect();
     let sections = needed_sections(g, sections, &rates);
-    let writer = SectionWriter::new(g, BTreeSet::new());
+    let writer = SectionWriter::new(g, BTreeSet::new(), &[]);
     let mut pass = Pass {
         rate_names: state.iter().map(|s| format!("dot_{}", s.name)).collect(),
         g,

@@ -208,6 +208,7 @@ pub(super) enum ItemKind {
         fixed: Vec<(Name, Expr)>,
         wants: Vec<Name>,
         drops: Vec<Name>,
+        circles: Vec<Name>,
     },
 }
 

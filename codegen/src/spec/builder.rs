@@ -108,6 +108,7 @@ struct SceneDraft {
     fixed: Vec<(String, Vec<Rational>, Option<Span>)>,
     wants: Vec<Located>,
     drops: Vec<Located>,
+    circles: Vec<Located>,
 }
 
 /// Builds a [`Model`] from Rust; [`parse`](super::parse) uses it too, so both report the same errors.
@@ -828,15 +829,14 @@ impl ModelBuilder {
         let here = self.here;
         let fixed = fixed.iter().map(|(n, v)| ((*n).to_owned(), v.to_vec(), here)).collect();
         let wants = wants.iter().map(|n| ((*n).to_owned(), here)).collect();
-        self.located_scene(name, fixed, wants, Vec::new(), doc)
+        self.located_scene(name, fixed, [wants, Vec::new(), Vec::new()], doc)
     }
 
     pub(super) fn located_scene(
         &mut self,
         name: &str,
         fixed: Vec<(String, Vec<Rational>, Option<Span>)>,
-        wants: Vec<Located>,
-        drops: Vec<Located>,
+        [wants, drops, circles]: [Vec<Located>; 3],
         doc: &str,
     ) -> &mut Self {
         let here = self.here;
@@ -854,11 +854,12 @@ impl ModelBuilder {
             fixed: Vec::new(),
             wants: Vec::new(),
             drops: Vec::new(),
+            circles: Vec::new(),
             doc: doc.to_owned(),
             span: here,
             places: BTreeMap::new(),
         };
-        self.scenes.push(SceneDraft { scene, fixed, wants, drops });
+        self.scenes.push(SceneDraft { scene, fixed, wants, drops, circles });
         self
     }
 
@@ -1347,11 +1348,14 @@ impl ModelBuilder {
         let mut result = Vec::new();
         for draft in self.scenes.clone() {
             let drops = self.check_drops(&draft);
+            let circles = self.check_circles(&draft);
             let fixes = draft.fixed.iter().map(|(name, _, span)| (name, span));
-            let named = draft.wants.iter().chain(&draft.drops).map(|(name, span)| (name, span));
+            let named =
+                draft.wants.iter().chain(&draft.drops).chain(&circles).map(|(name, span)| (name, span));
             let places =
                 fixes.chain(named).filter_map(|(name, span)| Some((name.clone(), (*span)?))).collect();
-            let mut scene = Scene { drops, places, ..draft.scene };
+            let circles = circles.into_iter().map(|(name, _)| name).collect();
+            let mut scene = Scene { drops, circles, places, ..draft.scene };
             let mut values = defaults.clone();
             let mut places: BTreeMap<SymbolId, Option<Span>> = BTreeMap::new();
             for (name, numbers, span) in draft.fixed {
@@ -1391,11 +1395,12 @@ impl ModelBuilder {
                 let named = |n: &String| *n == name;
                 let known = WANTS.contains(&name.as_str())
                     || self.casimirs.iter().map(|c| &c.name).any(named)
-                    || self.outputs.iter().map(|o| &o.name).any(named);
+                    || self.outputs.iter().map(|o| &o.name).chain(&scene.circles).any(named);
                 if !(known || self.broken.contains("output") || self.broken.contains("casimir")) {
                     let mut names: Vec<&str> = WANTS.to_vec();
                     names.extend(self.casimirs.iter().map(|c| c.name.as_str()));
                     names.extend(self.outputs.iter().map(|o| o.name.as_str()));
+                    names.extend(scene.circles.iter().map(String::as_str));
                     let help = names::suggest(&name, names);
                     self.problem(span, format!("`{name}` is not an output"), help);
                 } else if name == "reconstruction"

@@ -1039,7 +1039,9 @@ impl Checker<'_> {
                 }
                 None => _ = self.builder.broken.insert("output"),
             },
-            ItemKind::Scene { name, fixed, wants, drops } => self.scene(item, name, fixed, wants, drops),
+            ItemKind::Scene { name, fixed, wants, drops, circles } => {
+                self.scene(item, name, fixed, [wants, drops, circles]);
+            }
             ItemKind::Source(_)
             | ItemKind::Let { .. }
             | ItemKind::AlgebraName { .. }
@@ -1149,7 +1151,8 @@ impl Checker<'_> {
         Some((self.eval(expr)?, Some(expr.span)))
     }
 
-    fn scene(&mut self, item: &Item, name: &Name, fixed: &[(Name, Expr)], wants: &[Name], drops: &[Name]) {
+    /// `lists`: outputs wanted, coordinates left out, angles carried as points of the circle.
+    fn scene(&mut self, item: &Item, name: &Name, fixed: &[(Name, Expr)], lists: [&[Name]; 3]) {
         let mut numbers = Vec::new();
         for (name, expr) in fixed {
             if let Some(values) = self.constant(expr, "parameters are fixed to numbers")
@@ -1159,9 +1162,10 @@ impl Checker<'_> {
             }
         }
         let located = |names: &[Name]| names.iter().map(|w| (w.text.clone(), Some(w.span))).collect();
+        let lists = lists.map(located);
         let doc = item.doc.join("\n");
         let builder = self.builder.at(Some(name.span));
-        builder.located_scene(&name.text, numbers, located(wants), located(drops), &doc);
+        builder.located_scene(&name.text, numbers, lists, &doc);
     }
 }
 

@@ -26,7 +26,7 @@ pub use kind::{Kind, Restriction, Setting};
 pub use model::{
     Advected, Condition, ConnectionKind, Constraint, ConstraintKind, Coordinate, Domain, Model, Named,
     NamedVector, Param, Places, Reconstruction, ReconstructionKind, Relation, Scene, Side, Stages, Velocity,
-    View, ViewShape, Views, VirtualConstraint, diagnose,
+    View, ViewShape, Views, VirtualConstraint, circle_names, diagnose,
 };
 pub use value::{Shape, Value, ValueError};
 

@@ -280,6 +280,8 @@ pub struct Scene {
     pub wants: Vec<String>,
     /// Base coordinates (vectors or components) and advected parameters that are left out.
     pub drops: Vec<String>,
+    /// Base coordinates, by component, that are carried as points of the circle.
+    pub circles: Vec<String>,
     /// Documentation.
     pub doc: String,
     /// Where its name stands.
@@ -495,6 +497,11 @@ impl Model {
     pub fn diagnostics(&self, problems: Vec<Diagnostic>) -> Diagnostics {
         Diagnostics::new(self.origin.clone(), problems)
     }
+}
+
+/// Names of the cosine and the sine that carry an angle as a point of the circle: `theta_c`, `theta_s`.
+pub fn circle_names(angle: &str) -> [String; 2] {
+    [format!("{angle}_c"), format!("{angle}_s")]
 }
 
 /// A problem that a later phase found, at a span of the model's text.

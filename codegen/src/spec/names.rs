@@ -107,6 +107,7 @@ pub(super) const WANTS: &[&str] = &[
     "sensitivity_jvp",
     "reconstruction",
     "casimirs",
+    "circles",
     "outputs",
     "taylor",
 ];

@@ -1012,7 +1012,8 @@ impl<'a> Parser<'a> {
     fn scene(&mut self) -> Parsed<ItemKind> {
         let name = self.ident("the name of the scene")?;
         let (mut body, _) = self.require_group(Delimiter::Brace, "`{`")?;
-        let (mut fixed, mut wants, mut drops) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut fixed, mut wants) = (Vec::new(), Vec::new());
+        let (mut drops, mut circles) = (Vec::new(), Vec::new());
         while !body.at_end() {
             if body.word("fix").is_some() {
                 fixed.extend(body.comma_separated(|p| {
@@ -1024,12 +1025,14 @@ impl<'a> Parser<'a> {
                 wants.extend(body.comma_separated(|p| p.ident("the name of an output"))?);
             } else if body.word("drop").is_some() {
                 drops.extend(body.comma_separated(|p| p.ident("the name of a coordinate"))?);
+            } else if body.word("circle").is_some() {
+                circles.extend(body.comma_separated(|p| p.ident("the name of an angle"))?);
             } else {
-                return body.expected("`fix`, `want` or `drop`");
+                return body.expected("`fix`, `want`, `drop` or `circle`");
             }
             body.require_punct(";")?;
         }
-        Ok(ItemKind::Scene { name, fixed, wants, drops })
+        Ok(ItemKind::Scene { name, fixed, wants, drops, circles })
     }
 
     // Expressions, by precedence: sum, product, sign, power, index, atom.

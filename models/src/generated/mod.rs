@@ -30,6 +30,8 @@ pub mod euler_disk_advected;
 /// Euler's disk with an advected parameter
 pub mod euler_disk_advected_reconstruction;
 /// Euler's disk
+pub mod euler_disk_circle;
+/// Euler's disk
 pub mod euler_disk_minimal;
 /// Euler's disk
 pub mod euler_disk_reconstruction;
@@ -86,6 +88,8 @@ pub mod skew_sleigh_reconstruction;
 /// Snakeboard
 pub mod snakeboard;
 /// Snakeboard
+pub mod snakeboard_circle;
+/// Snakeboard
 pub mod snakeboard_minimal;
 /// Snakeboard
 pub mod snakeboard_reconstruction;
@@ -138,6 +142,7 @@ macro_rules! for_each_scene {
             (euler_disk, "euler_disk", "default", 5)
             (euler_disk_advected, "euler_disk_advected", "default", 6)
             (euler_disk_advected_reconstruction, "euler_disk_advected", "reconstruction", 13)
+            (euler_disk_circle, "euler_disk", "circle", 5)
             (euler_disk_minimal, "euler_disk", "minimal", 4)
             (euler_disk_reconstruction, "euler_disk", "reconstruction", 8)
             (euler_disk_taylor, "euler_disk", "taylor", 5)
@@ -166,6 +171,7 @@ macro_rules! for_each_scene {
             (skew_sleigh, "skew_sleigh", "default", 2)
             (skew_sleigh_reconstruction, "skew_sleigh", "reconstruction", 5)
             (snakeboard, "snakeboard", "default", 5)
+            (snakeboard_circle, "snakeboard", "circle", 5)
             (snakeboard_minimal, "snakeboard", "minimal", 4)
             (snakeboard_reconstruction, "snakeboard", "reconstruction", 8)
             (snakeboard_taylor, "snakeboard", "taylor", 5)

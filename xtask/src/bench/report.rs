@@ -347,7 +347,10 @@ mod tests {
     fn ratios_are_to_the_generated_code_and_above_the_copy() {
         let text = report(true).text();
         let of = |name: &str| {
-            let line = text.lines().find(|l| l.starts_with("heavy_top") && l.contains(name)).unwrap_or_else(|| panic!("{name} in {text}"));
+            let line = text
+                .lines()
+                .find(|l| l.starts_with("heavy_top") && l.contains(name))
+                .unwrap_or_else(|| panic!("{name} in {text}"));
             line.split_whitespace().map(str::to_owned).collect::<Vec<_>>()
         };
         assert_eq!(of("expert").last_chunk(), Some(&["0.50", "0.75", "0.50"].map(str::to_owned)));

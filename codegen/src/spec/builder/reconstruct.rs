@@ -265,6 +265,17 @@ impl ModelBuilder {
         self
     }
 
+    /// Base coordinates (vectors or components) that a scene carries as points `(cos, sin)` of the circle: in the state,
+    /// `theta_c` and `theta_s` stand for `theta`, and no sine and cosine of it is computed.
+    pub fn scene_circles(&mut self, scene: &str, names: &[&str]) -> &mut Self {
+        let here = self.here;
+        match self.scenes.iter_mut().find(|s| s.scene.name == scene) {
+            Some(draft) => draft.circles.extend(names.iter().map(|n| ((*n).to_owned(), here))),
+            None => self.problem(here, format!("`{scene}` is not a scene"), "declare it first"),
+        }
+        self
+    }
+
     pub(super) fn check_reconstructions(
         &mut self,
         connection: Option<&[Vec<ExprId>]>,
@@ -515,6 +526,69 @@ impl ModelBuilder {
             }
         }
         drops
+    }
+
+    /// The components of what a scene carries as points of the circle.
+    pub(super) fn check_circles(&mut self, draft: &SceneDraft) -> Vec<(String, Option<Span>)> {
+        let scene = &draft.scene.name;
+        let mut circles: Vec<(String, Option<Span>)> = Vec::new();
+        for (name, span) in &draft.circles {
+            let is_base = self.names.get(name).is_some_and(|d| d.what == "a coordinate");
+            let entries = self.values.get(name).filter(|_| is_base).map(|v| v.entries().to_vec());
+            let Some(entries) = entries else {
+                if !self.broken.contains("coordinate") {
+                    let help = names::suggest(name, self.base.iter().map(|c| c.name.as_str()));
+                    let message = format!(
+                        "scene `{scene}` carries `{name}` on a circle, which is not a base coordinate"
+                    );
+                    self.problem(*span, message, help);
+                }
+                continue;
+            };
+            for coordinate in self.base.clone() {
+                let symbol = self.graph.sym(coordinate.symbol);
+                if !entries.contains(&symbol) {
+                    continue;
+                }
+                let angle = coordinate.name;
+                let dropped =
+                    draft.drops.iter().any(|(d, _)| *d == angle || d == name || self.is_part(&angle, d));
+                let taken = circle_names(&angle)
+                    .into_iter()
+                    .find(|n| self.names.contains_key(n) || names::refusal(n).is_some());
+                let problem = if circles.iter().any(|(known, _)| *known == angle) {
+                    Some((format!("scene `{scene}` carries `{angle}` on a circle twice"), "keep one of them"))
+                } else if coordinate.domain == Domain::Real {
+                    let message = format!("scene `{scene}` carries `{angle}` on a circle, which is no angle");
+                    Some((message, "declare the coordinate `in angle`, or in an interval of radians"))
+                } else if dropped {
+                    let message = format!("scene `{scene}` both drops `{angle}` and carries it on a circle");
+                    Some((message, "keep one of them"))
+                } else if let Some(taken) = taken {
+                    let message =
+                        format!("scene `{scene}` needs the name `{taken}` for a point of the circle");
+                    Some((message, "rename what has that name"))
+                } else if self.output_names.contains_key(&angle) {
+                    let message =
+                        format!("scene `{scene}` needs the name `{angle}` for an output, the angle");
+                    Some((message, "rename the output of that name"))
+                } else {
+                    None
+                };
+                match problem {
+                    Some((message, help)) => self.problem(*span, message, help),
+                    None => circles.push((angle, *span)),
+                }
+            }
+        }
+        circles
+    }
+
+    /// Whether a coordinate is a component of the vector of that name.
+    fn is_part(&mut self, component: &str, block: &str) -> bool {
+        let entries = self.values.get(block).map(|v| v.entries().to_vec()).unwrap_or_default();
+        let symbol = self.base.iter().find(|c| c.name == component).map(|c| c.symbol);
+        symbol.is_some_and(|s| entries.contains(&self.graph.sym(s)))
     }
 }
 

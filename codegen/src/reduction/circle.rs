@@ -1,0 +1,325 @@
+//! Angles as points `(c, s)` of the circle: one more state variable each, no sine and cosine on the right side.
+//!
+//! The circle is to an angle `theta` what an advected parameter in R^2 is to a rotation: the anchor turns the point,
+//! `c' = -s theta'`, `s' = c theta'`, and what was `d/dtheta` of a function is the anchor applied to it. Nothing else of
+//! the system changes: the frame, its brackets and the derivation stay as they are.
+
+use std::collections::BTreeMap;
+use std::f64::consts::{FRAC_PI_2, PI};
+
+use num_traits::{Signed, ToPrimitive};
+
+use crate::algebra::Algebroid;
+use crate::expr::{DivisionByZero, ExprId, Func, Graph, Node, Rational, SymbolId};
+use crate::spec::{self, Coordinate, Diagnostics, Domain, Model, NamedVector, Span, circle_names};
+
+use super::constraint::{AccelerationSource, KinematicConstraint};
+use super::front_end::{ReducedSystem, StateKind};
+
+/// An angle that a base carries as the point `(cos, sin)` of the unit circle.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Circle {
+    /// Name of the angle.
+    pub angle: String,
+    /// Base coordinate `c`; zero tests know that `c^2 + s^2 = 1`.
+    pub cosine: SymbolId,
+    /// Base coordinate `s`.
+    pub sine: SymbolId,
+}
+
+/// A higher multiple of an angle is not written in its sine and cosine.
+const MAX_MULTIPLE: u64 = 64;
+
+/// Carries `angles`, base coordinates of the model, as points of the circle.
+///
+/// `cos(k theta + b)` and `sin(k theta + b)` become polynomials in `c` and `s` by the addition theorems. The relation
+/// `c^2 + s^2 = 1` holds along every motion that begins on the circle, as both sides are constant on any motion; results
+/// make use of it, as those in angles use `sin^2 + cos^2 = 1`, so they are those of the angle on the circle and differ
+/// from them by the order of the distance to it elsewhere.
+///
+/// # Errors
+/// Every place at which an angle occurs other than in the sine and cosine of whole multiples.
+///
+/// # Source
+/// Action algebroid of the circle group on R^2: Cortes, de Leon, Marrero, Martinez 2009, section 2; Cendra, Marsden,
+/// Ratiu 2001 for advected parameters.
+pub fn with_circles(
+    model: &Model,
+    system: ReducedSystem,
+    angles: &[String],
+) -> Result<ReducedSystem, Diagnostics> {
+    if angles.is_empty() {
+        return Ok(system);
+    }
+    let mut system = system;
+    let chosen = model.base.iter().filter(|c| angles.contains(&c.name));
+    let turned: Vec<Turned> = chosen.map(|c| Turned::new(&mut system.graph, c)).collect();
+    let mut problems: Vec<spec::Diagnostic> = Vec::new();
+    let mut graph = std::mem::take(&mut system.graph);
+    // Outputs may use the angle as a number, where it is a function of the point.
+    let values: BTreeMap<SymbolId, ExprId> =
+        turned.iter().filter_map(|t| Some((t.angle, t.value?))).collect();
+    for (_, e) in system.outputs.iter_mut().flat_map(|o| &mut o.components) {
+        let rewritten = on_circles(&mut graph, &turned, *e);
+        if let Ok(value) = rewritten.and_then(|e| graph.subs(e, &values)) {
+            *e = value;
+        }
+    }
+    for (what, span, place) in places(model, &mut system) {
+        let rewritten = on_circles(&mut graph, &turned, *place).ok();
+        let left = rewritten.map_or(turned.first(), |e| still_in(&graph, &turned, e));
+        match (left, rewritten) {
+            (None, Some(e)) => *place = e,
+            (Some(angle), _) => {
+                let name = &angle.circle.angle;
+                let message = format!("{what} contains `{name}` other than in its sine and cosine");
+                let help = format!(
+                    "a point of the circle knows sin(k*{name}) and cos(k*{name}) for whole k; leave `{name}` an angle"
+                );
+                if !problems.iter().any(|p| p.message == message) {
+                    problems.push(spec::diagnose(model, span, message, help));
+                }
+            }
+            (None, None) => {}
+        }
+    }
+    let signs = std::mem::take(&mut system.signs);
+    for (e, sign) in signs {
+        // What is known about the angle as a number is of no use any more.
+        let rewritten = on_circles(&mut graph, &turned, e).ok();
+        let rewritten = rewritten.filter(|e| still_in(&graph, &turned, *e).is_none());
+        system.signs.extend(rewritten.map(|e| (e, sign)));
+    }
+    system.graph = graph;
+    if !problems.is_empty() {
+        return Err(model.diagnostics(problems));
+    }
+    match anchored(&mut system, &turned) {
+        Some(algebroid) => system.algebroid = algebroid,
+        None => {
+            let name = &turned[0].circle.angle;
+            let message = format!("the connection contains `{name}` other than in its sine and cosine");
+            let problem = spec::diagnose(model, model.places.connection, message, "leave it an angle");
+            return Err(model.diagnostics(vec![problem]));
+        }
+    }
+    system.outputs.extend(turned.iter().filter_map(|t| {
+        let components = vec![(t.circle.angle.clone(), t.value?)];
+        Some(NamedVector { name: t.circle.angle.clone(), components, doc: t.doc.clone() })
+    }));
+    system.circles = turned.into_iter().map(|t| t.circle).collect();
+    Ok(system)
+}
+
+/// An angle and what replaces it.
+struct Turned {
+    angle: SymbolId,
+    circle: Circle,
+    /// `c`, `s`.
+    point: [ExprId; 2],
+    /// The angle as a function of the point, where its domain has a continuous one.
+    value: Option<ExprId>,
+    doc: String,
+}
+
+impl Turned {
+    fn new(g: &mut Graph, coordinate: &Coordinate) -> Turned {
+        let theta = g.sym(coordinate.symbol);
+        let names = circle_names(&coordinate.name);
+        // Defined by the angle, so that zero tests see the circle through them.
+        let [cosine, sine] = [(Func::Cos, &names[0]), (Func::Sin, &names[1])].map(|(f, name)| {
+            let value = g.func(f, theta);
+            g.define(name, value)
+        });
+        let point = [g.sym(cosine), g.sym(sine)];
+        let value = angle_of(g, point, coordinate.domain);
+        let circle = Circle { angle: coordinate.name.clone(), cosine, sine };
+        Turned { angle: coordinate.symbol, circle, point, value, doc: coordinate.doc.clone() }
+    }
+}
+
+/// `theta = m + 2 atan(sin(theta - m) / (1 + cos(theta - m)))` for the quarter turn `m` next to the middle of the domain,
+/// when that is no longer than half a turn: well away from `theta - m = pi`, where the quotient has no value.
+fn angle_of(g: &mut Graph, [c, s]: [ExprId; 2], domain: Domain) -> Option<ExprId> {
+    let Domain::Interval(low, high) = domain else { return None };
+    let none = BTreeMap::new();
+    let (low, high) = (g.eval_f64(low, &none)?, g.eval_f64(high, &none)?);
+    if high - low > PI * (1.0 + f64::EPSILON) {
+        return None;
+    }
+    let quarters = ((low + high) / 2.0 / FRAC_PI_2).round().to_i64()?;
+    let (minus_c, minus_s) = (g.neg(c), g.neg(s));
+    let (cosine, sine) = match quarters.rem_euclid(4) {
+        0 => (c, s),
+        1 => (s, minus_c),
+        2 => (minus_c, minus_s),
+        _ => (minus_s, c),
+    };
+    let one = g.one();
+    let below = g.add(one, cosine);
+    let tangent = g.div(sine, below).ok()?;
+    let half = g.func(Func::Atan, tangent);
+    let pi = g.pi();
+    let middle = (pi, Rational::new(quarters.into(), 2.into()));
+    Some(g.linear_combination(&[middle, (half, Rational::from_integer(2.into()))]))
+}
+
+/// `e` with sines and cosines of the angles as polynomials in the points.
+fn on_circles(g: &mut Graph, turned: &[Turned], e: ExprId) -> Result<ExprId, DivisionByZero> {
+    g.rebuild(e, |g, f, a| match f {
+        Func::Sin | Func::Cos => {
+            let [cosine, sine] = turn(g, turned, a);
+            if f == Func::Cos { cosine } else { sine }
+        }
+        _ => g.func(f, a),
+    })
+}
+
+/// Cosine and sine of `sum_i k_i theta_i + b` with whole `k_i`: the product of the points' powers with that of `b`.
+fn turn(g: &mut Graph, turned: &[Turned], a: ExprId) -> [ExprId; 2] {
+    let terms: Vec<(ExprId, Rational)> = match g.node(a).clone() {
+        Node::Sum { constant, terms } => terms.iter().cloned().chain([(g.one(), constant)]).collect(),
+        _ => {
+            let (q, rest) = g.split_coefficient(a);
+            vec![(rest, q)]
+        }
+    };
+    let mut point = None;
+    let mut rest = Vec::new();
+    for (term, q) in terms {
+        let own = turned.iter().find(|t| *g.node(term) == Node::Symbol(t.angle));
+        let times = q.is_integer().then(|| q.abs().to_integer().to_u64()).flatten();
+        match (own, times.filter(|n| *n <= MAX_MULTIPLE)) {
+            (Some(t), Some(n)) => {
+                let base = if q.is_negative() { [t.point[0], g.neg(t.point[1])] } else { t.point };
+                for _ in 0..n {
+                    point = Some(point.map_or(base, |z| times_point(g, z, base)));
+                }
+            }
+            _ => rest.push((term, q)),
+        }
+    }
+    let Some(point) = point else { return [g.func(Func::Cos, a), g.func(Func::Sin, a)] };
+    let rest = g.linear_combination(&rest);
+    let other = [g.func(Func::Cos, rest), g.func(Func::Sin, rest)];
+    times_point(g, point, other)
+}
+
+/// `(c, s)(c', s') = (c c' - s s', s c' + c s')`.
+fn times_point(g: &mut Graph, [c, s]: [ExprId; 2], [other_c, other_s]: [ExprId; 2]) -> [ExprId; 2] {
+    let products = [(c, other_c), (s, other_s), (s, other_c), (c, other_s)].map(|(a, b)| g.mul(a, b));
+    [g.sub(products[0], products[1]), g.add(products[2], products[3])]
+}
+
+/// The angle that an expression still contains as a number.
+fn still_in<'a>(g: &Graph, turned: &'a [Turned], e: ExprId) -> Option<&'a Turned> {
+    let free = g.free_symbols(e);
+    turned.iter().find(|t| free.contains(&t.angle))
+}
+
+/// The algebroid over the base in which each angle has made way for its point, `rho(c) = -s rho(theta)`,
+/// `rho(s) = c rho(theta)`, and the state with it.
+fn anchored(system: &mut ReducedSystem, turned: &[Turned]) -> Option<Algebroid> {
+    let g = &mut system.graph;
+    let old = &system.algebroid;
+    let mut base: Vec<SymbolId> = Vec::new();
+    // Where each coordinate of the old base begins in the new one.
+    let mut starts = Vec::new();
+    for x in old.base() {
+        starts.push(base.len());
+        match turned.iter().find(|t| t.angle == *x) {
+            Some(t) => base.extend([t.circle.cosine, t.circle.sine]),
+            None => base.push(*x),
+        }
+    }
+    let convert = |g: &mut Graph, e: ExprId| {
+        let e = on_circles(g, turned, e).ok()?;
+        still_in(g, turned, e).is_none().then_some(e)
+    };
+    let mut algebroid = Algebroid::new(g, base, old.frame().to_vec());
+    for alpha in 0..old.rank() {
+        for (i, x) in old.base().iter().enumerate() {
+            let rho = convert(g, old.anchor(i, alpha))?;
+            match turned.iter().find(|t| t.angle == *x) {
+                Some(t) => {
+                    let along = g.mul(t.point[1], rho);
+                    let along = g.neg(along);
+                    algebroid.set_anchor(starts[i], alpha, along);
+                    algebroid.set_anchor(starts[i] + 1, alpha, g.mul(t.point[0], rho));
+                }
+                None => algebroid.set_anchor(starts[i], alpha, rho),
+            }
+        }
+        for beta in alpha + 1..old.rank() {
+            let mut bracket = Vec::new();
+            for (gamma, e) in old.bracket(g, alpha, beta) {
+                bracket.push((gamma, convert(g, e)?));
+            }
+            if !bracket.is_empty() {
+                algebroid.set_bracket(alpha, beta, bracket);
+            }
+        }
+    }
+    let mut state = Vec::new();
+    for (kind, doc) in &system.state {
+        match *kind {
+            StateKind::Base(i) => match turned.iter().find(|t| t.angle == old.base()[i]) {
+                Some(t) => state.extend(["cosine", "sine"].iter().enumerate().map(|(k, f)| {
+                    (StateKind::Base(starts[i] + k), format!("{f} of `{}` [-]", t.circle.angle))
+                })),
+                None => state.push((StateKind::Base(starts[i]), doc.clone())),
+            },
+            StateKind::Unknown(_) => state.push((*kind, doc.clone())),
+        }
+    }
+    system.state = state;
+    Some(algebroid)
+}
+
+/// Every expression of a system besides its algebroid and signs: what it belongs to, where that stands, and itself.
+fn places<'a>(model: &Model, system: &'a mut ReducedSystem) -> Vec<(String, Option<Span>, &'a mut ExprId)> {
+    let mut list: Vec<(String, Option<Span>, &mut ExprId)> =
+        vec![("the lagrangian".to_owned(), model.places.lagrangian, &mut system.lagrangian)];
+    let frame = system.algebroid.frame();
+    list.extend(frame.iter().zip(&mut system.forces).map(|(n, e)| (format!("the force on `{n}`"), None, e)));
+    let constraint_span = |text: &str| model.constraints.iter().find(|c| c.text == text).and_then(|c| c.span);
+    let condition_span = model.virtual_constraints.first().and_then(|v| v.span);
+    match &mut system.constraint {
+        KinematicConstraint::Solved(solved) => {
+            for row in &mut solved.rows {
+                let (what, span) = (format!("constraint `{}`", row.text), constraint_span(&row.text));
+                let parts = row.one_form.iter_mut().chain([&mut row.offset]);
+                list.extend(parts.map(|e| (what.clone(), span, e)));
+            }
+            let first = model.constraints.first().and_then(|c| c.span);
+            let parts = solved.psi.iter_mut().flatten().chain(&mut solved.psi0);
+            let parts = parts.chain(solved.pivots.iter_mut().map(|(_, e)| e));
+            list.extend(parts.map(|e| ("the constraints".to_owned(), first, e)));
+            let displaced = solved.virtual_displacements.iter_mut().flatten();
+            let parts = displaced.chain(solved.reactions.one_forms.iter_mut().flatten());
+            list.extend(parts.map(|e| ("the virtual displacements".to_owned(), condition_span.or(first), e)));
+        }
+        KinematicConstraint::Multipliers { rows, reactions } => {
+            for row in rows {
+                let (what, span) = (format!("constraint `{}`", row.text), constraint_span(&row.text));
+                let (AccelerationSource::Differentiated(e) | AccelerationSource::Servo(e)) = &mut row.source;
+                list.extend(row.one_form.iter_mut().chain([e]).map(|e| (what.clone(), span, e)));
+            }
+            let parts = reactions.iter_mut().flatten();
+            list.extend(parts.map(|e| ("the virtual displacements".to_owned(), condition_span, e)));
+        }
+    }
+    let span_of = |name: &str| model.places.outputs.get(name).copied();
+    let casimirs = system.casimirs.iter_mut();
+    list.extend(casimirs.map(|c| (format!("casimir `{}`", c.name), span_of(&c.name), &mut c.expr)));
+    for output in &mut system.outputs {
+        let (what, span) = (format!("output `{}`", output.name), span_of(&output.name));
+        list.extend(output.components.iter_mut().map(|(_, e)| (what.clone(), span, e)));
+    }
+    for coordinate in &mut system.reconstruction {
+        let item = model.reconstruction.iter().find(|r| r.names.contains(&coordinate.name));
+        let what = format!("the rate of `{}`", coordinate.name);
+        list.push((what, item.and_then(|r| r.span), &mut coordinate.rate));
+    }
+    list
+}
