@@ -22,7 +22,10 @@ fn cost(model: &str, scene: &str) -> Cost {
 fn falls(model: &str, general: &str, special: &str, by_hand: Cost) {
     let (before, after) = (cost(model, general), cost(model, special));
     assert_eq!(after, by_hand, "{model} {special}: additions, multiplications, divisions, functions");
-    assert!(before.iter().sum::<usize>() > after.iter().sum(), "{model}: {before:?} {general}, {after:?} {special}");
+    assert!(
+        before.iter().sum::<usize>() > after.iter().sum(),
+        "{model}: {before:?} {general}, {after:?} {special}"
+    );
 }
 
 /// A cross product.

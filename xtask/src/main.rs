@@ -381,7 +381,9 @@ mod tests {
     fn documented_commands_parse() {
         let mut n = 0;
         for page in pages::pages() {
-            for block in pages::blocks(&page.text).into_iter().filter(|b| ["sh", "console"].contains(&b.language)) {
+            for block in
+                pages::blocks(&page.text).into_iter().filter(|b| ["sh", "console"].contains(&b.language))
+            {
                 for words in pages::commands(block.text) {
                     // `xtask() { cargo xtask "$@"; }`
                     if words.iter().any(|word| word.starts_with("$@")) {

@@ -43,7 +43,9 @@ fn patterns_match_what_they_should_and_nothing_else() {
     assert!(line_matches("a[..]c[..]", "abcd") && line_matches("[..]", "") && line_matches("a", "a"));
     assert!(!line_matches("a[..]c", "ab") && !line_matches("a", "ab") && !line_matches("ab[..]b", "ab"));
     assert!(matches(&["a", "...", "d"], &["a", "b", "c", "d"]) && matches(&["...", "a"], &["a"]));
-    assert!(!matches(&["a", "...", "d"], &["a", "b"]) && !matches(&["a"], &["a", "b"]) && !matches(&["a"], &[]));
+    assert!(
+        !matches(&["a", "...", "d"], &["a", "b"]) && !matches(&["a"], &["a", "b"]) && !matches(&["a"], &[])
+    );
 }
 
 fn run(arguments: &[String]) -> String {
@@ -63,7 +65,8 @@ fn transcripts_show_what_commands_print() {
             let mut now = String::new();
             for part in block.text.split("$ ").skip(1) {
                 let (command, shown) = part.split_once('\n').unwrap_or((part, ""));
-                let arguments = commands(command).pop().unwrap_or_else(|| panic!("no cargo xtask: {command}"));
+                let arguments =
+                    commands(command).pop().unwrap_or_else(|| panic!("no cargo xtask: {command}"));
                 let printed = run(&arguments);
                 n += 1;
                 let is_partial = shown.contains("[..]") || lines(shown).contains(&"...");
@@ -73,7 +76,10 @@ fn transcripts_show_what_commands_print() {
                 }
                 now.push_str(&format!("$ {part}"));
                 let page = page.path.display();
-                assert!(matches(&lines(shown), &lines(&printed)), "{page}: {command} prints\n{printed}\nnot\n{shown}");
+                assert!(
+                    matches(&lines(shown), &lines(&printed)),
+                    "{page}: {command} prints\n{printed}\nnot\n{shown}"
+                );
             }
             text = text.replacen(block.text, &now, 1);
         }
@@ -144,7 +150,8 @@ fn anchors(text: &str) -> BTreeSet<String> {
     for block in blocks(&text.clone()) {
         text = text.replacen(block.text, "", 1);
     }
-    let headings = text.lines().filter_map(|line| Some(line.strip_prefix('#')?.trim_start_matches('#').trim()));
+    let headings =
+        text.lines().filter_map(|line| Some(line.strip_prefix('#')?.trim_start_matches('#').trim()));
     let mut seen = BTreeMap::new();
     let mut found = BTreeSet::new();
     for heading in headings {
@@ -185,7 +192,9 @@ fn links_lead_to_files_and_headings() {
             let shown = page.path.strip_prefix(root()).unwrap().display();
             if !path.starts_with(root()) || !path.exists() {
                 problems.push(format!("{shown}: {target} leads nowhere"));
-            } else if !anchor.is_empty() && !anchors(&std::fs::read_to_string(&path).unwrap()).contains(anchor) {
+            } else if !anchor.is_empty()
+                && !anchors(&std::fs::read_to_string(&path).unwrap()).contains(anchor)
+            {
                 problems.push(format!("{shown}: {target} is no heading there"));
             }
         }

@@ -39,10 +39,7 @@ pub(crate) fn pages() -> Vec<Page> {
         }
     }
     paths.sort();
-    paths
-        .into_iter()
-        .map(|path| Page { text: std::fs::read_to_string(&path).unwrap(), path })
-        .collect()
+    paths.into_iter().map(|path| Page { text: std::fs::read_to_string(&path).unwrap(), path }).collect()
 }
 
 /// The code blocks of a text.
