@@ -149,6 +149,22 @@ fn plan(model: &Model, scene: &str) -> Option<Plan> {
 
 /// Builds one scene of a model.
 ///
+/// ```
+/// use hamel_codegen::{scene, spec};
+///
+/// let text = "model top {
+///     param I: diagonal(3) = [2, 1.5, 0.8] where I1 > 0, I2 > 0, I3 > 0;
+///     velocity Omega in so(3);
+///     lagrangian = 1/2*dot(Omega, I*Omega);
+///     scene ball { fix I = [1, 1, 1]; want rhs; }
+/// }";
+/// let model = spec::parse("top.hamel", text)?;
+/// let ball = scene::build(&model, "ball")?;
+/// let rhs = ball.program.function_idx("rhs").unwrap();
+/// assert_eq!(ball.program.functions[rhs].counts().total(), 0);
+/// # Ok::<(), spec::Diagnostics>(())
+/// ```
+///
 /// # Errors
 /// Unknown scene or output, a coordinate that cannot be left out, and everything that reduction, derivation and
 /// lowering can find.

@@ -32,6 +32,29 @@ impl Direction {
 }
 
 /// An event that was found.
+///
+/// ```
+/// use core::ops::ControlFlow;
+/// use hamel_runtime::{Direction, Dop853, Event, Integrator, Options, System};
+///
+/// struct Clock;
+///
+/// impl System<f64> for Clock {
+///     type State = [f64; 2];
+///     fn rhs(&self, _t: f64, y: &[f64; 2], dy: &mut [f64; 2]) {
+///         *dy = [y[1], -y[0]];
+///     }
+/// }
+///
+/// let mut solver = Integrator::new(&Clock, Dop853, 0.0, [1.0, 0.0], Options::adaptive(1e-12, 1e-12))?;
+/// let stop = |event: Event<'_, f64, [f64; 2]>| {
+///     assert_eq!(event.index, 0);
+///     assert!((event.t - core::f64::consts::FRAC_PI_2).abs() < 1e-10);
+///     ControlFlow::Break(())
+/// };
+/// solver.integrate_with_events(10.0, [Direction::Falling], |_, y| [y[0]], stop)?;
+/// # Ok::<(), hamel_runtime::Error>(())
+/// ```
 #[derive(Debug)]
 pub struct Event<'a, R, V> {
     /// Position of its function.

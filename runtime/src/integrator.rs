@@ -70,6 +70,27 @@ enum Rejection {
 /// Time and state are summed with compensation, so that round-off does not grow with the number of steps.
 /// After an error the last accepted time and state are kept.
 ///
+/// ```
+/// use hamel_runtime::{Integrator, Options, System, Tsit5};
+///
+/// struct Growth;
+///
+/// impl System<f64> for Growth {
+///     type State = [f64; 1];
+///     fn rhs(&self, _t: f64, y: &[f64; 1], dy: &mut [f64; 1]) {
+///         *dy = *y;
+///     }
+/// }
+///
+/// let mut solver = Integrator::new(&Growth, Tsit5, 0.0, [1.0], Options::adaptive(1e-8, 1e-10))?;
+/// while !solver.step_towards(1.0)?.reached() {
+///     println!("{}: {}", solver.t(), solver.state()[0]);
+/// }
+/// assert!((solver.state()[0] - 1.0_f64.exp()).abs() < 1e-7);
+/// assert!(solver.stats().steps > 1);
+/// # Ok::<(), hamel_runtime::Error>(())
+/// ```
+///
 /// # Source
 ///
 /// Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I (1993), section II.4; Knuth, The Art

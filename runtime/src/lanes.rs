@@ -19,6 +19,13 @@ macro_rules! lanes {
         /// Arithmetic, roots, sine and cosine are done on all lanes at once; the other functions, and sine and
         /// cosine where a lane is beyond `4e5`, one lane after the other. Every lane of a result has the bits of
         /// the same operation on `f64`.
+        ///
+        /// ```
+        #[doc = concat!("use hamel_runtime::{Real, ", stringify!($name), "};")]
+        ///
+        #[doc = concat!("let x = ", stringify!($name), "::splat(0.5);")]
+        /// assert_eq!(x.sin().lane(3), hamel_runtime::math::sin(0.5));
+        /// ```
         #[derive(Clone, Copy, Debug, Default, PartialEq)]
         #[repr(transparent)]
         pub struct $name($floats);

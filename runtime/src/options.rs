@@ -31,6 +31,14 @@ pub enum StepSize<R> {
 ///
 /// A step is accepted if the norm of `error_i / (atol + rtol max(|y0_i|, |y1_i|))` is at most one. The least
 /// normal `f32`, 1.2e-38, is added to the scale, so that a component may be zero where `atol` is.
+///
+/// ```
+/// use hamel_runtime::{Error, Norm, Options};
+///
+/// let options = Options::adaptive(1e-9, 1e-12).with_max_step(0.1).with_norm(Norm::Max);
+/// assert_eq!(options.validate(), Ok(()));
+/// assert!(matches!(Options::fixed(-0.1).validate(), Err(Error::StepSize { .. })));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options<R> {
     /// Relative tolerance; unused with fixed steps.

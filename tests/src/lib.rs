@@ -18,7 +18,23 @@ pub mod included {
     include!("../../models/src/generated/heavy_top.rs");
 }
 
-/// The examples of the page compile and run.
+/// The examples of the documentation compile and run.
 #[cfg(doctest)]
-#[doc = include_str!("../../docs/build-rs.md")]
-pub struct BuildScripts;
+mod docs {
+    #[doc = include_str!("../../docs/build-rs.md")]
+    pub struct BuildScripts;
+    #[doc = include_str!("../../docs/book/start.md")]
+    pub struct Start;
+    #[doc = include_str!("../../docs/book/scenes.md")]
+    pub struct Scenes;
+    #[doc = include_str!("../../docs/book/emitted-code.md")]
+    pub struct EmittedCode;
+    #[doc = include_str!("../../docs/book/integrators.md")]
+    pub struct Integrators;
+    #[doc = include_str!("../../docs/book/no-std.md")]
+    pub struct NoStd;
+    #[doc = include_str!("../../docs/book/theory.md")]
+    pub struct Theory;
+    #[doc = include_str!("../../docs/book/accuracy.md")]
+    pub struct Accuracy;
+}

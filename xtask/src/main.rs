@@ -403,3 +403,38 @@ fn main() -> ExitCode {
         }
     }
 }
+
+#[cfg(test)]
+#[path = "../tests/common/pages.rs"]
+mod pages;
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser as _;
+
+    use super::{Cli, pages};
+
+    /// Every `cargo xtask` in a shell block of the documentation has arguments that the program takes.
+    #[test]
+    fn documented_commands_parse() {
+        let mut n = 0;
+        for page in pages::pages() {
+            for block in
+                pages::blocks(&page.text).into_iter().filter(|b| ["sh", "console"].contains(&b.language))
+            {
+                for words in pages::commands(block.text) {
+                    // `xtask() { cargo xtask "$@"; }`
+                    if words.iter().any(|word| word.starts_with("$@")) {
+                        continue;
+                    }
+                    let arguments = ["cargo xtask".to_owned()].into_iter().chain(words.clone());
+                    if let Err(error) = Cli::try_parse_from(arguments) {
+                        panic!("{}: {words:?}\n{error}", page.path.display());
+                    }
+                    n += 1;
+                }
+            }
+        }
+        assert!(n > 20, "only {n} commands found");
+    }
+}

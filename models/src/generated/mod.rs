@@ -32,6 +32,8 @@ pub mod euler_disk_advected_reconstruction;
 /// Euler's disk
 pub mod euler_disk_circle;
 /// Euler's disk
+pub mod euler_disk_flat;
+/// Euler's disk
 pub mod euler_disk_minimal;
 /// Euler's disk
 pub mod euler_disk_reconstruction;
@@ -39,6 +41,8 @@ pub mod euler_disk_reconstruction;
 pub mod euler_disk_taylor;
 /// Extended pose
 pub mod extended_pose;
+/// Extended pose
+pub mod extended_pose_block_diagonal;
 /// Extended pose
 pub mod extended_pose_reconstruction;
 /// Free rigid body
@@ -54,11 +58,15 @@ pub mod heavy_top_lagrange;
 /// Heavy top
 pub mod heavy_top_reconstruction;
 /// Heavy top
+pub mod heavy_top_symmetric;
+/// Heavy top
 pub mod heavy_top_taylor;
 /// Kirchhoff's underwater body
 pub mod kirchhoff_body;
 /// Kirchhoff's underwater body
 pub mod kirchhoff_body_reconstruction;
+/// Kirchhoff's underwater body
+pub mod kirchhoff_body_uncoupled;
 /// Two-wheeled mobile robot
 pub mod mobile_robot;
 /// Two-wheeled mobile robot
@@ -143,10 +151,12 @@ macro_rules! for_each_scene {
             (euler_disk_advected, "euler_disk_advected", "default", 6)
             (euler_disk_advected_reconstruction, "euler_disk_advected", "reconstruction", 13)
             (euler_disk_circle, "euler_disk", "circle", 5)
+            (euler_disk_flat, "euler_disk", "flat", 4)
             (euler_disk_minimal, "euler_disk", "minimal", 4)
             (euler_disk_reconstruction, "euler_disk", "reconstruction", 8)
             (euler_disk_taylor, "euler_disk", "taylor", 5)
             (extended_pose, "extended_pose", "default", 9)
+            (extended_pose_block_diagonal, "extended_pose", "block_diagonal", 9)
             (extended_pose_reconstruction, "extended_pose", "reconstruction", 19)
             (free_rigid_body, "free_rigid_body", "default", 3)
             (free_rigid_body_reconstruction, "free_rigid_body", "reconstruction", 7)
@@ -154,9 +164,11 @@ macro_rules! for_each_scene {
             (heavy_top_derivatives, "heavy_top", "derivatives", 6)
             (heavy_top_lagrange, "heavy_top", "lagrange", 6)
             (heavy_top_reconstruction, "heavy_top", "reconstruction", 10)
+            (heavy_top_symmetric, "heavy_top", "symmetric", 6)
             (heavy_top_taylor, "heavy_top", "taylor", 6)
             (kirchhoff_body, "kirchhoff_body", "default", 6)
             (kirchhoff_body_reconstruction, "kirchhoff_body", "reconstruction", 13)
+            (kirchhoff_body_uncoupled, "kirchhoff_body", "uncoupled", 6)
             (mobile_robot, "mobile_robot", "default", 4)
             (mobile_robot_minimal, "mobile_robot", "minimal", 2)
             (mobile_robot_reconstruction, "mobile_robot", "reconstruction", 7)

@@ -16,6 +16,26 @@ use crate::system::{Differentiable, StateVector, System};
 ///
 /// The stages are iterated from extrapolated starting values until round-off stops the progress.
 ///
+/// ```
+/// use hamel_runtime::{Gauss6, Integrator, Options, System};
+///
+/// struct Oscillator;
+///
+/// impl System<f64> for Oscillator {
+///     type State = [f64; 2];
+///     fn rhs(&self, _t: f64, y: &[f64; 2], dy: &mut [f64; 2]) {
+///         *dy = [y[1], -y[0]];
+///     }
+/// }
+///
+/// let method = Gauss6::fixed_point();
+/// let mut solver = Integrator::new(&Oscillator, method, 0.0, [1.0, 0.0], Options::fixed(0.1))?;
+/// solver.integrate_to(1000.0)?;
+/// let [q, p] = *solver.state();
+/// assert!((q * q + p * p - 1.0).abs() < 1e-14);
+/// # Ok::<(), hamel_runtime::Error>(())
+/// ```
+///
 /// # Source
 ///
 /// Hairer, Lubich and Wanner, Geometric Numerical Integration (2006), sections II.1.3, VI.4, VIII.6; the exact

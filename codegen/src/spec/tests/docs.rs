@@ -1,8 +1,14 @@
-//! The examples and the messages of `docs/model-language.md` are true.
+//! The examples and the messages of `docs/model-language.md` are true, and the models of the book.
 
 use crate::spec::parse;
 
 const DOC: &str = include_str!("../../../../docs/model-language.md");
+/// Pages with models, and how many they have at least.
+const PAGES: [(&str, &str, usize); 3] = [
+    ("model-language.md", DOC, 16),
+    ("tour.md", include_str!("../../../../docs/book/tour.md"), 7),
+    ("scenes.md", include_str!("../../../../docs/book/scenes.md"), 1),
+];
 
 /// Items as a model; a velocity and a Lagrangian are added where they are not what the example is about.
 fn wrap(items: &str) -> String {
@@ -31,17 +37,19 @@ fn wrap(items: &str) -> String {
 
 #[test]
 fn examples_parse() {
-    let mut n = 0;
-    for block in DOC.split("```hamel\n").skip(1) {
-        let items = block.split("```").next().unwrap();
-        // The added Lagrangian is a number or, for vectors, its first entry.
-        let text = wrap(items);
-        if let Err(problems) = parse("model-language.md", &text) {
-            panic!("{text}\n{problems}");
+    for (page, text, least) in PAGES {
+        let mut n = 0;
+        for block in text.split("```hamel\n").skip(1) {
+            let items = block.split("```").next().unwrap();
+            // The added Lagrangian is a number or, for vectors, its first entry.
+            let text = wrap(items);
+            if let Err(problems) = parse(page, &text) {
+                panic!("{text}\n{problems}");
+            }
+            n += 1;
         }
-        n += 1;
+        assert!(n >= least, "only {n} examples found in {page}");
     }
-    assert!(n > 15, "only {n} examples found");
 }
 
 #[test]
