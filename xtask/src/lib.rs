@@ -22,6 +22,7 @@ pub mod names;
 pub mod package;
 pub mod plot;
 pub mod simulate;
+pub mod stress;
 pub mod workspace;
 
 pub use backend::{Backend, Local};
