@@ -58,6 +58,9 @@ const RUNS: &str = "
 Default parameters, from the model's initial state. Slopes are those of least squares against time.
 ";
 
+/// What the tables mean for the models.
+const FINDINGS: &str = include_str!("findings.md");
+
 /// A multiple in at most five characters.
 fn short(x: f64) -> String {
     if x < 100.0 { format!("{x:.1}") } else { format!("{x:.0e}") }
@@ -173,6 +176,7 @@ pub fn markdown(results: &Results, samples: u64) -> String {
             );
         }
     }
+    text.push_str(FINDINGS);
     text
 }
 
