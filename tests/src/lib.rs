@@ -9,9 +9,8 @@ pub mod errata;
 pub mod linear;
 pub mod models;
 pub mod problem;
-pub mod random;
 pub mod reference;
-pub mod tracked;
+pub use hamel_measure::{random, tracked};
 
 /// The heavy top's generated file under `include!`, the other way of using it besides `mod`.
 pub mod included {

@@ -364,7 +364,7 @@ pub fn operations(model: &Model, scene_name: &str) -> Result<String, Error> {
 }
 
 /// What a state variable is.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub enum Role {
     /// A coordinate in an open interval.
     Bounded {

@@ -23,6 +23,7 @@ pub mod package;
 pub mod plot;
 pub mod report;
 pub mod simulate;
+pub mod stress;
 pub mod workspace;
 
 pub use backend::{Backend, Local};

@@ -11,6 +11,7 @@ use xtask::commands::{self, Aspect, Choice, Report, Simulation, Via};
 use xtask::error::Error;
 use xtask::package;
 use xtask::simulate::MethodName;
+use xtask::stress;
 use xtask::workspace::Workspace;
 
 /// Generates, lists, explains, evaluates and simulates models of mechanics with symmetry.
@@ -190,6 +191,26 @@ Examples:
         /// Do not build what was packaged
         #[arg(long)]
         no_verify: bool,
+    },
+    /// Measure rounding errors of all right-hand sides and drifts of long runs
+    ///
+    /// Every scene is evaluated in f64 and in double-double numbers at random states, at extreme parameters and next to
+    /// singularities; selected models are integrated for long. A run of all models that is not short writes
+    /// docs/stress.md and docs/stress.csv. A short run compares the errors with pinned bounds and fails above them.
+    #[command(after_help = "\
+Examples:
+  cargo xtask stress --short            what continuous integration runs
+  cargo xtask stress euler_disk         one model; writes nothing
+  cargo xtask stress                    all models; takes an hour")]
+    Stress {
+        /// Few states and short runs, against pinned bounds
+        #[arg(long)]
+        short: bool,
+        /// Number of random states per scene [default: 1000000, short: 2000]
+        #[arg(long, value_name = "N")]
+        samples: Option<u64>,
+        /// Names of models; all when none is given
+        models: Vec<String>,
     },
     /// Print completions for a shell
     ///
@@ -384,6 +405,7 @@ fn run(task: Task) -> Result<String, Error> {
         }
         Task::Test => commands::test(&workspace),
         Task::Package { no_verify } => package::package(&workspace, !no_verify),
+        Task::Stress { short, samples, models } => stress::stress(&workspace, &models, short, samples),
         Task::Completions { shell } => Ok(completions(shell)),
         Task::Man { command } => manual(command.as_deref()),
     }

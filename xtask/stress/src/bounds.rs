@@ -1,0 +1,93 @@
+//! Bounds on the errors of short runs, which are repeatable: a change that loses digits fails here.
+//!
+//! Deliberately does not know: how errors are measured.
+
+use crate::run::Results;
+
+/// Largest allowed multiples for model and scene: right-hand side by terms, by inputs; outputs by terms, by inputs.
+///
+/// By terms, each is twice what was measured. By inputs it is 32 where nothing above 16 was measured (below that the derivatives
+/// are not asked for), and otherwise a power of ten at least 20 times larger: how close a random state comes to a
+/// cancellation is a matter of luck, whether there is one is not.
+const BOUNDS: &[(&str, &str, [f64; 4])] = &[
+    ("appell_machine", "default", [5.0, 1e15, 5.0, 32.0]),
+    ("appell_machine", "minimal", [5.0, 1e16, 4.0, 32.0]),
+    ("ball_on_rotating_table", "default", [4.0, 32.0, 4.0, 32.0]),
+    ("ball_on_rotating_table", "reconstruction", [4.0, 32.0, 4.0, 32.0]),
+    ("chaplygin_ball", "default", [7.0, 32.0, 5.0, 32.0]),
+    ("chaplygin_ball", "reconstruction", [8.0, 32.0, 5.0, 32.0]),
+    ("chaplygin_gyro", "default", [8.0, 1e13, 7.0, 1e12]),
+    ("chaplygin_gyro", "reconstruction", [10.0, 1e13, 7.0, 1e13]),
+    ("chaplygin_sleigh", "default", [5.0, 32.0, 4.0, 32.0]),
+    ("chaplygin_sleigh", "reconstruction", [6.0, 32.0, 4.0, 32.0]),
+    ("euler_disk", "default", [6.0, 32.0, 5.0, 32.0]),
+    ("euler_disk_advected", "default", [7.0, 10000.0, 9.0, 10000.0]),
+    ("euler_disk_advected", "reconstruction", [7.0, 10000.0, 7.0, 1000.0]),
+    ("euler_disk", "minimal", [5.0, 32.0, 4.0, 32.0]),
+    ("euler_disk", "reconstruction", [5.0, 32.0, 6.0, 32.0]),
+    ("extended_pose", "default", [10.0, 32.0, 7.0, 32.0]),
+    ("extended_pose", "reconstruction", [10.0, 32.0, 6.0, 32.0]),
+    ("free_rigid_body", "default", [4.0, 32.0, 4.0, 32.0]),
+    ("free_rigid_body", "reconstruction", [4.0, 32.0, 4.0, 32.0]),
+    ("heavy_top", "default", [4.0, 32.0, 4.0, 32.0]),
+    ("heavy_top", "lagrange", [4.0, 32.0, 4.0, 32.0]),
+    ("heavy_top", "reconstruction", [4.0, 32.0, 4.0, 32.0]),
+    ("kirchhoff_body", "default", [8.0, 32.0, 5.0, 32.0]),
+    ("kirchhoff_body", "reconstruction", [8.0, 32.0, 5.0, 32.0]),
+    ("mobile_robot", "default", [7.0, 32.0, 8.0, 32.0]),
+    ("mobile_robot", "minimal", [8.0, 1000.0, 4.0, 32.0]),
+    ("mobile_robot", "reconstruction", [9.0, 32.0, 6.0, 32.0]),
+    ("rolling_ball", "default", [4.0, 32.0, 4.0, 32.0]),
+    ("rolling_ball", "minimal", [4.0, 32.0, 4.0, 32.0]),
+    ("rolling_ball", "reconstruction", [4.0, 32.0, 4.0, 32.0]),
+    ("rolling_disk", "default", [4.0, 32.0, 4.0, 32.0]),
+    ("rolling_disk", "reconstruction", [4.0, 32.0, 4.0, 32.0]),
+    ("servo_ball", "default", [5.0, 32.0, 4.0, 32.0]),
+    ("servo_ball", "minimal", [5.0, 32.0, 4.0, 32.0]),
+    ("servo_ball", "reconstruction", [5.0, 32.0, 4.0, 32.0]),
+    ("skew_sleigh", "default", [7.0, 32.0, 4.0, 32.0]),
+    ("skew_sleigh", "reconstruction", [6.0, 32.0, 4.0, 32.0]),
+    ("snakeboard", "default", [4.0, 32.0, 5.0, 32.0]),
+    ("snakeboard", "minimal", [5.0, 32.0, 4.0, 32.0]),
+    ("snakeboard", "reconstruction", [4.0, 32.0, 6.0, 32.0]),
+    ("suslov", "default", [4.0, 32.0, 4.0, 32.0]),
+    ("suslov", "reconstruction", [4.0, 32.0, 4.0, 32.0]),
+    ("tethered_body", "default", [4.0, 32.0, 4.0, 32.0]),
+    ("tethered_body", "reconstruction", [4.0, 32.0, 4.0, 32.0]),
+    ("two_arm_satellite", "default", [8.0, 1000.0, 6.0, 32.0]),
+    ("two_arm_satellite", "reconstruction", [9.0, 10000.0, 4.0, 32.0]),
+    ("veselova", "default", [4.0, 1e13, 4.0, 32.0]),
+    ("veselova", "reconstruction", [4.0, 1e13, 4.0, 32.0]),
+    ("wong_particle", "default", [8.0, 1e17, 4.0, 32.0]),
+    ("wong_particle", "reconstruction", [8.0, 1e15, 4.0, 32.0]),
+];
+
+/// What exceeds its bound or has none, one line each.
+pub fn excesses(results: &Results) -> Vec<String> {
+    let mut lines = Vec::new();
+    for scene in &results.scenes {
+        let (model, name) = (scene.info.model, scene.info.scene);
+        let of = [&scene.rhs.terms, &scene.rhs.inputs, &scene.outputs.terms, &scene.outputs.inputs];
+        let measured = of.map(|m| m.max());
+        let Some((_, _, bounds)) = BOUNDS.iter().find(|b| (b.0, b.1) == (model, name)) else {
+            let bounds = measured.map(|m| (2.0 * m).ceil().max(2.0));
+            lines.push(format!("no bound: (\"{model}\", \"{name}\", {bounds:?}),"));
+            continue;
+        };
+        let kinds = ["rhs by terms", "rhs by inputs", "outputs by terms", "outputs by inputs"];
+        for (((measured, bound), kind), of) in measured.iter().zip(bounds).zip(kinds).zip(of) {
+            if measured > bound {
+                let place = of.worst.as_ref().map_or_else(String::new, |w| {
+                    format!("{} = {}, exactly {}", w.component, w.value, w.exact)
+                });
+                lines.push(format!(
+                    "{model} {name}, {kind}: {measured:.1} eps, at most {bound} allowed; {place}"
+                ));
+            }
+        }
+        if scene.rhs.silent + scene.outputs.silent > 0 {
+            lines.push(format!("{model} {name}: results that are not finite without a reason"));
+        }
+    }
+    lines
+}

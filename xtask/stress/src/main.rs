@@ -1,0 +1,55 @@
+//! Measures the compiled models for `cargo xtask stress`; started by it, not by hand.
+
+use std::process::ExitCode;
+
+use hamel_measure::both::Both;
+use hamel_stress::run;
+use hamel_stress::subject::{Subject, Typed};
+use xtask::dynamics::{Factory, Typed as Plain};
+use xtask::error::Error;
+
+/// Collects every scene that was generated.
+macro_rules! subjects {
+    ($(($module:ident, $model:literal, $scene:literal, $n:literal))*) => {
+        vec![$(Box::new(Typed::<hamel_models::generated::$module::Prepared<Both>, $n>::new()) as Box<dyn Subject>),*]
+    };
+}
+
+/// The scenes of the long runs: model module and dimension.
+macro_rules! long {
+    ($($module:ident $n:literal),* $(,)?) => {
+        vec![$(Box::new(Plain::<hamel_models::generated::$module::Prepared<f64>, $n>::new())
+            as Box<dyn Factory + Sync>),*]
+    };
+}
+
+fn stress() -> Result<(), Error> {
+    let text = std::io::read_to_string(std::io::stdin()).map_err(|e| Error::io("the request", e))?;
+    let request = serde_json::from_str(&text)
+        .map_err(|e| Error::NotJson { reason: e.to_string(), empty: text.is_empty() })?;
+    let subjects: Vec<Box<dyn Subject>> = hamel_models::for_each_scene!(subjects);
+    let long = long! {
+        free_rigid_body_reconstruction 7,
+        heavy_top 6,
+        heavy_top_reconstruction 10,
+        kirchhoff_body 6,
+        chaplygin_ball 6,
+        chaplygin_sleigh 2,
+        euler_disk_advected 6,
+        snakeboard 5,
+        suslov 2,
+        veselova 6,
+        two_arm_satellite 7,
+    };
+    run::run(&subjects, &long, request)
+}
+
+fn main() -> ExitCode {
+    match stress() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("hamel-stress: {error}");
+            ExitCode::from(error.exit_code())
+        }
+    }
+}

@@ -1,0 +1,257 @@
+//! Results as text, Markdown and CSV.
+//!
+//! Deliberately does not know: how they were measured.
+
+use std::fmt::Write as _;
+
+use crate::accuracy::{Accuracy, Multiples};
+use crate::run::{Results, SceneResult, SweepResult};
+use crate::sweeps::DISTANCES;
+
+/// What is said before the tables.
+const INTRODUCTION: &str = "\
+# Stress tests
+
+Written by `cargo xtask stress`; `stress.csv` has the same numbers. `cargo xtask stress --short` repeats the first part with
+fewer states and fails above pinned bounds.
+
+Every generated function is evaluated in `f64` and, by the same operations, in double-double numbers (31 digits). Errors are
+multiples of the machine epsilon 2.2e-16 times a scale:
+
+- by *terms*: the largest term that entered the result. More than a few is a fault of the arithmetic.
+- by *inputs*: `|f| + sum_i |df/dx_i| |x_i|` over parameters, state and time: what rounding the inputs would do to the exact
+  function. A large multiple means that another way of writing the same function would have more digits.
+";
+
+const ACCURACY: &str = "
+## Right-hand sides
+
+Parameters within a factor 2 of the defaults. States: near the initial one, of order one, velocities from 1e-8 to 1e8,
+coordinates and advected vectors closer than 1e-12 to the ends of their intervals and to axes, velocities zero. Each cell:
+median, 99.9 % of the states, largest.
+";
+
+const OUTPUTS: &str = "
+## Outputs and energy
+
+The same at one state in eight.
+";
+
+const EXTREME: &str = "
+## Extreme parameters
+
+Every parameter times a factor from 1e-8 to 1e8 of its own. *Rejected*: the parameters are refused with a reason. *Refused*: the
+state is, by `check`. *Beyond*: next to underflow or beyond the range in which double-double numbers have digits. *Silent*: a result
+that is not finite although `check` names no reason; the integrators stop there with `NonFinite`.
+";
+
+const SWEEPS: &str = "
+## Ways towards singular places
+
+States and parameters of order one, moved to the distance `d`. Each cell: largest error by inputs, and in parentheses the decimal
+digits lost relative to the largest component of the derivative.
+";
+
+const RUNS: &str = "
+## Long runs
+
+Default parameters, from the model's initial state. Slopes are those of least squares against time.
+";
+
+/// What the tables mean for the models.
+const FINDINGS: &str = include_str!("findings.md");
+
+/// A multiple in at most five characters.
+fn short(x: f64) -> String {
+    if x < 100.0 { format!("{x:.1}") } else { format!("{x:.0e}") }
+}
+
+fn cell(m: &Multiples) -> String {
+    format!("{}, {}, {}", short(m.median()), short(m.most()), short(m.max()))
+}
+
+fn title(scene: &SceneResult) -> String {
+    format!("{} {}", scene.info.model, scene.info.scene)
+}
+
+fn places(text: &mut String, scenes: &[SceneResult], of: impl Fn(&SceneResult) -> &Accuracy) {
+    text.push_str("\nWhere the largest error by inputs is, as `cargo xtask eval` reads it:\n\n");
+    for scene in scenes {
+        let Some(worst) = &of(scene).inputs.worst else { continue };
+        let _ = writeln!(
+            text,
+            "- {}, {} = {:e} instead of {}: `{}`",
+            title(scene),
+            worst.component,
+            worst.value,
+            worst.exact,
+            worst.sample.request(scene.info)
+        );
+    }
+}
+
+fn digits(accuracy: &Accuracy) -> String {
+    if accuracy.measured() == 0 {
+        return "refused".into();
+    }
+    format!("{} ({:.1})", short(accuracy.inputs.max()), accuracy.norm.max(1.0).log10())
+}
+
+fn sweep_rows(text: &mut String, sweeps: &[SweepResult]) {
+    let shown: Vec<usize> = (0..DISTANCES.len()).filter(|k| k % 2 == 1 || *k == 0).collect();
+    let heads: String = shown.iter().map(|k| format!(" {:e} |", DISTANCES[*k])).collect();
+    let _ = writeln!(text, "\n| scene | way |{heads}\n|---|---|{}", "---|".repeat(shown.len()));
+    for result in sweeps {
+        let (model, scene) = result.sweep.scene;
+        let cells: String = shown.iter().map(|k| format!(" {} |", digits(&result.at[*k]))).collect();
+        let _ = writeln!(text, "| {model} {scene} | {} |{cells}", result.sweep.what);
+    }
+}
+
+/// Everything as a page.
+pub fn markdown(results: &Results, samples: u64) -> String {
+    let mut text = format!("{INTRODUCTION}\n{samples} states per scene.\n");
+    for (head, of) in [(ACCURACY, (|s| &s.rhs) as fn(&SceneResult) -> &Accuracy), (OUTPUTS, |s| &s.outputs)] {
+        text.push_str(head);
+        text.push_str(
+            "\n| scene | by terms | by inputs | measured | refused | beyond |\n|---|---|---|---|---|---|\n",
+        );
+        for scene in &results.scenes {
+            let a = of(scene);
+            let _ = writeln!(
+                text,
+                "| {} | {} | {} | {} | {} | {} |",
+                title(scene),
+                cell(&a.terms),
+                cell(&a.inputs),
+                a.measured(),
+                a.refused,
+                a.unmeasured
+            );
+        }
+        places(&mut text, &results.scenes, of);
+    }
+    text.push_str(EXTREME);
+    text.push_str("\n| scene | by inputs | measured | rejected | refused | beyond | silent |\n|---|---|---|---|---|---|---|\n");
+    for scene in &results.scenes {
+        let a = &scene.extreme;
+        let _ = writeln!(
+            text,
+            "| {} | {} | {} | {} | {} | {} | {} |",
+            title(scene),
+            cell(&a.inputs),
+            a.measured(),
+            a.rejected,
+            a.refused,
+            a.unmeasured,
+            a.silent
+        );
+    }
+    text.push_str(SWEEPS);
+    sweep_rows(&mut text, &results.sweeps);
+    text.push_str(RUNS);
+    text.push_str("\n| scene | method | steps | t | quantity | at the start | largest drift | slope |\n|---|---|---|---|---|---|---|---|\n");
+    for run in &results.runs {
+        for drift in &run.drifts {
+            let _ = writeln!(
+                text,
+                "| {} {} | {}, {} | {} | {:.3e} | {} | {:.3e} | {:.1e} | {:.1e} |",
+                run.name.0,
+                run.name.1,
+                run.runner.name,
+                run.runner.stepping,
+                run.steps,
+                run.t,
+                drift.quantity,
+                drift.start,
+                drift.max,
+                drift.slope
+            );
+        }
+        if let Some(why) = &run.stopped {
+            let _ = writeln!(
+                text,
+                "| {} {} | {}, {} | {} | {:.3e} | stopped: {why} | | | |",
+                run.name.0, run.name.1, run.runner.name, run.runner.stepping, run.steps, run.t
+            );
+        }
+    }
+    text.push_str(FINDINGS);
+    text
+}
+
+/// Everything as a table: one line per scene and function, distance of a sweep, or quantity of a run.
+pub fn csv(results: &Results) -> String {
+    let mut text = String::from(
+        "part,model,scene,what,measured,rejected,refused,beyond,silent,terms_median,terms_999,terms_max,\
+         inputs_median,inputs_999,inputs_max,norm_max\n",
+    );
+    let mut line = |part: &str, model: &str, scene: &str, what: &str, a: &Accuracy| {
+        let _ = write!(
+            text,
+            "{part},{model},{scene},\"{what}\",{},{},{},{},{}",
+            a.measured(),
+            a.rejected,
+            a.refused,
+            a.unmeasured,
+            a.silent
+        );
+        for m in [&a.terms, &a.inputs] {
+            let _ = write!(text, ",{:.4e},{:.4e},{:.4e}", m.median(), m.most(), m.max());
+        }
+        let _ = writeln!(text, ",{:.4e}", a.norm);
+    };
+    for scene in &results.scenes {
+        for (part, a) in [("rhs", &scene.rhs), ("outputs", &scene.outputs), ("extreme", &scene.extreme)] {
+            line(part, scene.info.model, scene.info.scene, "", a);
+        }
+    }
+    for result in &results.sweeps {
+        let (model, scene) = result.sweep.scene;
+        for (distance, a) in DISTANCES.iter().zip(&result.at) {
+            line("sweep", model, scene, &format!("{}; d = {distance:e}", result.sweep.what), a);
+        }
+    }
+    text
+}
+
+/// The largest errors, one line per scene.
+pub fn summary(results: &Results) -> String {
+    let mut text = format!(
+        "{:42} {:>24} {:>24} {:>24}\n{:42} {:>24} {:>24} {:>24}",
+        "largest errors in multiples of epsilon",
+        "right-hand side",
+        "outputs",
+        "extreme parameters",
+        "",
+        "terms / inputs",
+        "terms / inputs",
+        "inputs / silent"
+    );
+    for scene in &results.scenes {
+        let pair = |a: &Accuracy| format!("{} / {}", short(a.terms.max()), short(a.inputs.max()));
+        let extreme = format!("{} / {}", short(scene.extreme.inputs.max()), scene.extreme.silent);
+        let _ = write!(
+            text,
+            "\n{:42} {:>24} {:>24} {extreme:>24}",
+            title(scene),
+            pair(&scene.rhs),
+            pair(&scene.outputs)
+        );
+    }
+    for result in &results.sweeps {
+        let (model, scene) = result.sweep.scene;
+        let largest = result.at.iter().map(|a| a.inputs.max()).fold(0.0, f64::max);
+        let _ = write!(text, "\n{model} {scene}, {}: {}", result.sweep.what, short(largest));
+    }
+    for run in &results.runs {
+        let _ = write!(text, "\n{} {}, {} {}:", run.name.0, run.name.1, run.runner.name, run.runner.stepping);
+        for drift in &run.drifts {
+            let _ = write!(text, " {} {:.1e} ({:+.1e}/s)", drift.quantity, drift.max, drift.slope);
+        }
+        if let Some(why) = &run.stopped {
+            let _ = write!(text, " stopped at t = {}: {why}", run.t);
+        }
+    }
+    text
+}

@@ -1,0 +1,232 @@
+//! What is measured, scene by scene on all cores, under a progress bar.
+//!
+//! Deliberately does not know: how results are shown.
+
+use std::sync::Mutex;
+
+use hamel_measure::random::Random;
+use hamel_runtime::SceneInfo;
+use indicatif::{ProgressBar, ProgressStyle};
+use xtask::dynamics::Factory;
+use xtask::error::Error;
+use xtask::stress::{SceneRequest, StressRequest};
+
+use crate::accuracy::{Accuracy, Function, Sample};
+use crate::bounds;
+use crate::motion::{self, METHODS, RunResult};
+use crate::report;
+use crate::sample::{Region, extreme_params, magnitude, ordinary_params, state};
+use crate::subject::Subject;
+use crate::sweeps::{DISTANCES, Place, SWEEPS, Sweep};
+
+/// States per scene.
+const SAMPLES: u64 = 1_000_000;
+/// States per scene of a short run.
+const SHORT: u64 = 2_000;
+/// Steps of a long run.
+const STEPS: u64 = 10_000_000;
+/// Steps of a long run of a short one.
+const SHORT_STEPS: u64 = 100_000;
+/// Outputs are evaluated at one state in so many.
+const OUTPUTS_EVERY: u64 = 8;
+/// Parameters far from the defaults are tried at one state in so many.
+const EXTREME_EVERY: u64 = 4;
+
+/// What was found for a scene.
+#[derive(Debug)]
+pub struct SceneResult {
+    /// Names and defaults.
+    pub info: &'static SceneInfo,
+    /// The right-hand side near the default parameters.
+    pub rhs: Accuracy,
+    /// Outputs and energy there.
+    pub outputs: Accuracy,
+    /// The right-hand side at extreme parameters.
+    pub extreme: Accuracy,
+}
+
+/// What was found on the way to a singular place: one result for each of [`DISTANCES`].
+#[derive(Debug)]
+pub struct SweepResult {
+    /// The way.
+    pub sweep: &'static Sweep,
+    /// The right-hand side, by distance.
+    pub at: Vec<Accuracy>,
+}
+
+/// Everything.
+#[derive(Debug, Default)]
+pub struct Results {
+    /// By scene.
+    pub scenes: Vec<SceneResult>,
+    /// By sweep.
+    pub sweeps: Vec<SweepResult>,
+    /// Long runs.
+    pub runs: Vec<RunResult>,
+}
+
+/// Applies `work` to all of `items` on all cores, in order.
+fn parallel<T: Sync, R: Send>(items: &[T], bar: &ProgressBar, work: impl Fn(&T) -> R + Sync) -> Vec<R> {
+    let next = Mutex::new(0);
+    let results = Mutex::new(Vec::new());
+    let n = std::thread::available_parallelism().map_or(1, usize::from);
+    std::thread::scope(|scope| {
+        for _ in 0..n {
+            scope.spawn(|| {
+                loop {
+                    let at = {
+                        let mut next = next.lock().expect("no thread panics");
+                        *next += 1;
+                        *next - 1
+                    };
+                    let Some(item) = items.get(at) else { return };
+                    let result = work(item);
+                    results.lock().expect("no thread panics").push((at, result));
+                    bar.inc(1);
+                }
+            });
+        }
+    });
+    let mut results = results.into_inner().expect("no thread panics");
+    results.sort_by_key(|(at, _)| *at);
+    results.into_iter().map(|(_, result)| result).collect()
+}
+
+/// A random sequence of its own for everything that has a name: the 64-bit FNV-1a hash of it.
+fn random(name: &str) -> Random {
+    Random(name.bytes().fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3)))
+}
+
+fn scene_result(subject: &dyn Subject, scene: &SceneRequest, samples: u64) -> SceneResult {
+    let info = subject.info();
+    let defaults: Vec<f64> = info.params.iter().map(|p| p.default).collect();
+    let mut random = random(&format!("{} {}", info.model, info.scene));
+    let [rhs, outputs, extreme] = [(); 3].map(|()| Accuracy::default());
+    let mut result = SceneResult { info, rhs, outputs, extreme };
+    for k in 0..samples {
+        let region = Region::ALL[k as usize % Region::ALL.len()];
+        let y = state(scene, region, &mut random);
+        let t = random.number();
+        let params = ordinary_params(&defaults, &mut random);
+        let sample = Sample { params, y, t, origin: format!("{region:?}") };
+        result.rhs.add(subject, Function::Rhs, &sample);
+        if k % OUTPUTS_EVERY == 0 {
+            result.outputs.add(subject, Function::Outputs, &sample);
+        }
+        if k % EXTREME_EVERY == 0 {
+            let params = extreme_params(&defaults, &mut random);
+            result.extreme.add(subject, Function::Rhs, &Sample { params, ..sample });
+        }
+    }
+    for accuracy in [&mut result.rhs, &mut result.outputs, &mut result.extreme] {
+        accuracy.finish();
+    }
+    result
+}
+
+fn sweep_result(
+    subject: &dyn Subject,
+    scene: &SceneRequest,
+    sweep: &'static Sweep,
+    samples: u64,
+) -> SweepResult {
+    let info = subject.info();
+    let defaults: Vec<f64> = info.params.iter().map(|p| p.default).collect();
+    let param_names: Vec<&str> = info.params.iter().map(|p| p.name).collect();
+    let mut random = random(sweep.what);
+    let at = DISTANCES.map(|distance| {
+        let mut accuracy = Accuracy::default();
+        for _ in 0..samples {
+            let mut y = state(scene, Region::Ordinary, &mut random);
+            let mut params = ordinary_params(&defaults, &mut random);
+            // Not the power of ten itself, whose digits may be lucky.
+            let distance = distance * magnitude(&mut random, -0.1, 0.1).abs();
+            let mut place =
+                Place { names: info.state, y: &mut y, param_names: &param_names, params: &mut params };
+            (sweep.place)(&mut place, distance);
+            let sample = Sample { params, y, t: 0.0, origin: format!("d = {distance:e}") };
+            accuracy.add(subject, Function::Rhs, &sample);
+        }
+        accuracy.finish();
+        accuracy
+    });
+    SweepResult { sweep, at: at.into() }
+}
+
+/// Measures what the request asks for, with long runs of the scenes in `long`, prints a summary and writes the files.
+///
+/// # Errors
+/// [`Error::Failed`] when a bound of a short run is exceeded or missing; [`Error::NotCompiled`] for a scene that was not
+/// generated; [`Error::Io`].
+pub fn run(
+    subjects: &[Box<dyn Subject>],
+    long: &[Box<dyn Factory + Sync>],
+    request: StressRequest,
+) -> Result<(), Error> {
+    let StressRequest { mut scenes, short, samples, folder } = request;
+    let samples = samples.unwrap_or(if short { SHORT } else { SAMPLES });
+    let mut chosen: Vec<(&dyn Subject, &SceneRequest)> = Vec::new();
+    for scene in &mut scenes {
+        let is_it = |s: &&Box<dyn Subject>| s.info().model == scene.model && s.info().scene == scene.scene;
+        let subject = subjects.iter().find(is_it).ok_or_else(|| Error::NotCompiled {
+            what: format!("{} {}", scene.model, scene.scene),
+            reason: "it has not been generated".into(),
+        })?;
+        scene.order(subject.info().state);
+        chosen.push((&**subject, scene));
+    }
+    let sweeps: Vec<_> = SWEEPS
+        .iter()
+        .filter_map(|sweep| {
+            let found = chosen.iter().find(|(s, _)| (s.info().model, s.info().scene) == sweep.scene)?;
+            Some((found.0, found.1, sweep))
+        })
+        .collect();
+
+    let mut runs = Vec::new();
+    for factory in long {
+        let info = factory.info();
+        let is_it = |(_, scene): &&(&dyn Subject, &SceneRequest)| {
+            (&scene.model, &scene.scene) == (&info.model, &info.scene)
+        };
+        if let Some((_, scene)) = chosen.iter().find(is_it) {
+            runs.extend(METHODS.iter().map(|method| (&**factory, *scene, *method)));
+        }
+    }
+    let steps = if short { SHORT_STEPS } else { STEPS };
+
+    let bar = ProgressBar::new((chosen.len() + sweeps.len() + runs.len()) as u64);
+    let template = "  {bar:40.cyan/blue} {pos}/{len}  {elapsed}  {eta} left";
+    // The template is a constant that indicatif accepts.
+    bar.set_style(ProgressStyle::with_template(template).expect("valid template"));
+    let results = Results {
+        scenes: parallel(&chosen, &bar, |(subject, scene)| scene_result(*subject, scene, samples)),
+        sweeps: parallel(&sweeps, &bar, |(subject, scene, sweep)| {
+            sweep_result(*subject, scene, sweep, (samples / 20).min(2_000))
+        }),
+        runs: parallel(&runs, &bar, |(factory, scene, method)| {
+            motion::run(*factory, &scene.initial, *method, steps)
+        })
+        .into_iter()
+        .collect::<Result<_, _>>()?,
+    };
+    bar.finish_and_clear();
+
+    println!("{}", report::summary(&results));
+    if let Some(folder) = folder {
+        for (name, text) in
+            [("stress.md", report::markdown(&results, samples)), ("stress.csv", report::csv(&results))]
+        {
+            let path = folder.join(name);
+            std::fs::write(&path, text).map_err(|e| Error::io(path.display().to_string(), e))?;
+            println!("wrote {}", path.display());
+        }
+    }
+    if short && samples == SHORT {
+        let excesses = bounds::excesses(&results);
+        if !excesses.is_empty() {
+            return Err(Error::Failed { step: "bounds".into(), status: excesses.join("\n  ") });
+        }
+    }
+    Ok(())
+}

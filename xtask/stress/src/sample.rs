@@ -1,0 +1,103 @@
+//! States and parameters at which scenes are evaluated: ordinary, extreme, and next to where something vanishes.
+//!
+//! Deliberately does not know: what is evaluated there.
+
+use std::f64::consts::{FRAC_PI_2, PI};
+
+use hamel_measure::random::Random;
+use xtask::codegen_bridge::Role;
+use xtask::stress::SceneRequest;
+
+/// Where in the space of states.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Region {
+    /// About the initial state of the model.
+    Initial,
+    /// Anywhere, velocities of order one.
+    Ordinary,
+    /// Velocities of magnitudes from 1e-8 to 1e8, each its own.
+    Magnitudes,
+    /// Velocities of one common magnitude from 1e-8 to 1e8.
+    Scaled,
+    /// Coordinates near the ends of their intervals, angles near multiples of pi/2, advected vectors near an axis:
+    /// closer by up to 1e-12.
+    Edge,
+    /// Some velocities zero or nearly so.
+    Still,
+}
+
+impl Region {
+    /// All of them; samples go round.
+    pub const ALL: [Region; 6] =
+        [Region::Initial, Region::Ordinary, Region::Magnitudes, Region::Scaled, Region::Edge, Region::Still];
+}
+
+/// A number in `[0, 1)`.
+fn unit(random: &mut Random) -> f64 {
+    0.5 * (1.0 + random.number())
+}
+
+/// A number of either sign with a magnitude from `10^from` to `10^to`, log-uniformly.
+pub fn magnitude(random: &mut Random, from: f64, to: f64) -> f64 {
+    let sign = if random.number() < 0.0 { -1.0 } else { 1.0 };
+    sign * 10f64.powf(from + (to - from) * unit(random))
+}
+
+/// A unit vector; near an axis with `edge`.
+fn unit_vector(random: &mut Random, n: usize, edge: bool) -> Vec<f64> {
+    let spread = if edge { magnitude(random, -12.0, -1.0) } else { 1.0 };
+    let mut x: Vec<f64> = (0..n).map(|_| spread * random.number()).collect();
+    if edge {
+        let axis = (n as f64 * unit(random)) as usize;
+        x[axis] = if random.number() < 0.0 { -1.0 } else { 1.0 };
+    }
+    let length = x.iter().map(|x| x * x).sum::<f64>().sqrt().max(f64::MIN_POSITIVE);
+    x.iter().map(|x| x / length).collect()
+}
+
+/// A state of a scene in a region.
+pub fn state(scene: &SceneRequest, region: Region, random: &mut Random) -> Vec<f64> {
+    let edge = region == Region::Edge;
+    let common = magnitude(random, -8.0, 8.0);
+    let mut advected = Vec::new();
+    let mut component = |role: &Role, initial: f64| match *role {
+        _ if region == Region::Initial => initial * (1.0 + 0.2 * random.number()) + 0.2 * random.number(),
+        Role::Bounded { from, to } if edge => {
+            let distance = (to - from) * magnitude(random, -12.0, -1.0);
+            if distance > 0.0 { from + distance } else { to + distance }
+        }
+        Role::Bounded { from, to } => from + (to - from) * unit(random),
+        Role::Unbounded if edge => {
+            FRAC_PI_2 * (4.0 * random.number()).round() + magnitude(random, -12.0, -1.0)
+        }
+        Role::Unbounded => PI * random.number(),
+        Role::Group { .. } => random.number(),
+        Role::Advected { index, n } => {
+            if index == 0 {
+                advected = unit_vector(random, n, edge);
+            }
+            advected.get(index).copied().unwrap_or_default()
+        }
+        Role::Velocity => match region {
+            Region::Magnitudes => magnitude(random, -8.0, 8.0),
+            Region::Scaled => common * random.number(),
+            Region::Still if random.number() < 0.0 => 0.0,
+            Region::Still => magnitude(random, -8.0, 0.0),
+            _ => 3.0 * random.number(),
+        },
+    };
+    scene.roles.iter().zip(&scene.initial).map(|(role, initial)| component(role, *initial)).collect()
+}
+
+/// Parameters within a factor two of the defaults, exact defaults one time in four.
+pub fn ordinary_params(defaults: &[f64], random: &mut Random) -> Vec<f64> {
+    if random.number() < -0.5 {
+        return defaults.to_vec();
+    }
+    defaults.iter().map(|p| p * 2f64.powf(random.number())).collect()
+}
+
+/// Parameters within factors 1e-8 to 1e8 of the defaults.
+pub fn extreme_params(defaults: &[f64], random: &mut Random) -> Vec<f64> {
+    defaults.iter().map(|p| p * magnitude(random, -8.0, 8.0).abs()).collect()
+}
