@@ -13,13 +13,17 @@ pub mod kernel;
 pub mod multipliers;
 #[cfg(feature = "opponents")]
 pub mod naive;
+#[cfg(feature = "rhs")]
 pub mod ours;
+#[cfg(feature = "integrators")]
+pub mod wp;
 
 pub use kernel::{Kernel, Timing};
 
 /// All right-hand sides: the copy that is the floor of every measurement, the generated ones, the opponents.
 pub fn kernels() -> Vec<Kernel> {
     let mut kernels = vec![kernel::copy()];
+    #[cfg(feature = "rhs")]
     kernels.extend(ours::kernels());
     #[cfg(feature = "opponents")]
     kernels.extend([expert::kernels(), naive::kernels(), multipliers::kernels()].into_iter().flatten());
