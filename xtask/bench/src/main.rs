@@ -40,7 +40,8 @@ fn number(text: &str) -> Result<u64, String> {
 fn numbers(text: &str) -> Result<wp::Numbers, String> {
     let pair = |pair: &str| {
         let (name, value) = pair.split_once('=').ok_or(format!("{pair}: no ="))?;
-        Ok((name.to_owned(), value.parse().map_err(|e| format!("{pair}: {e}"))?))
+        let value = value.parse::<f64>().map_err(|e| format!("{pair}: {e}"))?;
+        Ok((name.to_owned(), value))
     };
     text.split(',').map(pair).collect()
 }
@@ -70,7 +71,7 @@ fn run(arguments: &[String]) -> Result<(), String> {
         ["solvers"] => wp::MODELS.iter().for_each(|model| println!("{model}")),
         #[cfg(feature = "integrators")]
         ["solve", rounds, model, t_end, params, initial, last] => {
-            let t_end = t_end.parse().map_err(|e| format!("{t_end}: {e}"))?;
+            let t_end = t_end.parse::<f64>().map_err(|e| format!("{t_end}: {e}"))?;
             let (params, initial, last) = (numbers(params)?, numbers(initial)?, numbers(last)?);
             let solvers = wp::solvers(&wp::Problem { model: model.to_owned(), params, t_end, initial })?;
             let rounds = number(rounds)? as usize;

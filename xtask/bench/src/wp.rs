@@ -13,8 +13,8 @@ use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 use hamel_runtime::{
-    Dop853, Dopri5, FixedPoint, Gauss, Gauss4, Gauss6, Gauss8, Integrator, Jet, Method, Options, Scene,
-    Stats, System, Taylor, TaylorIntegrator, Tsit5, Vern9,
+    Dop853, Dopri5, Gauss4, Gauss6, Gauss8, Integrator, Jet, Method, Options, Scene, Stats, System, Taylor,
+    TaylorIntegrator, Tsit5, Vern9,
 };
 
 use crate::kernel;
@@ -148,12 +148,7 @@ fn taylor<S: Jet<f64, State = [f64; N]> + 'static, const N: usize>(scene: S, spa
 fn of_runtime<S: System<f64, State = [f64; N]> + 'static, const N: usize>(
     scene: &Rc<S>,
     span: Span<N>,
-) -> Vec<Solver>
-where
-    Gauss<2, FixedPoint>: Method<f64, S>,
-    Gauss<3, FixedPoint>: Method<f64, S>,
-    Gauss<4, FixedPoint>: Method<f64, S>,
-{
+) -> Vec<Solver> {
     vec![
         runge_kutta("tsit5", scene, span, Tsit5),
         runge_kutta("dopri5", scene, span, Dopri5),
