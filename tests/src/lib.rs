@@ -10,7 +10,8 @@ pub mod linear;
 pub mod models;
 pub mod problem;
 pub mod reference;
-pub use hamel_measure::{random, tracked};
+pub mod tracked;
+pub use hamel_measure::random;
 
 /// The heavy top's generated file under `include!`, the other way of using it besides `mod`.
 pub mod included {

@@ -264,6 +264,32 @@ Examples:
         #[arg(long, value_enum)]
         target_cpu: Option<TargetCpu>,
     },
+    /// Whole integrations: time against the error at the end
+    ///
+    /// Integrates the first trajectory of the reference files by every method of the runtime and by those of the crates
+    /// ode_solvers and differential-equations, over tolerances from 1e-3 to 1e-15, and prints the time to errors of 1e-6,
+    /// 1e-9 and 1e-12. When no models are named, docs/benchmarks/wp.md, wp.html, wp_<model>.csv and wp_<model>.svg are
+    /// written.
+    ///
+    /// The measuring program is built in target/bench, which takes some minutes the first time.
+    #[command(after_help = "\
+Examples:
+  cargo xtask bench wp                       five models; writes docs/benchmarks
+  cargo xtask bench wp heavy_top             one model; writes nothing
+  cargo xtask bench wp --peers               integrators in Python as well; see tests/peers/README.md")]
+    Wp {
+        /// Names of models; heavy_top, euler_disk, chaplygin_ball, two_arm_satellite and snakeboard when none is given
+        models: Vec<String>,
+        /// Rounds of measurement, each about 0.1 ms a method and tolerance
+        #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..))]
+        rounds: u32,
+        /// Instruction set to compile for [default: x86-64-v3 where this machine has it, otherwise baseline]
+        #[arg(long, value_enum)]
+        target_cpu: Option<TargetCpu>,
+        /// Measure integrators in Python, too, where they are installed; PYTHON names the interpreter
+        #[arg(long)]
+        peers: bool,
+    },
 }
 
 #[derive(Args)]
@@ -399,6 +425,10 @@ fn run(task: Task) -> Result<String, Error> {
         Task::Bench { what: Bench::Rhs { models, rounds, target_cpu } } => {
             let target_cpu = target_cpu.unwrap_or_else(TargetCpu::of_host);
             bench::rhs(&workspace, &bench::Options { models, rounds, target_cpu })
+        }
+        Task::Bench { what: Bench::Wp { models, rounds, target_cpu, peers } } => {
+            let target_cpu = target_cpu.unwrap_or_else(TargetCpu::of_host);
+            bench::wp::wp(&workspace, &bench::wp::Options { models, rounds, target_cpu, peers })
         }
         Task::Report { model, scene, output, no_run, t_final } => {
             commands::report(&workspace, &Report { model, scene, output, run: !no_run, t_final })

@@ -3,6 +3,7 @@
 //! Deliberately does not know: scenes, integrators.
 
 pub mod bars;
+pub mod loglog;
 
 use plotters::backend::SVGBackend;
 use plotters::drawing::{DrawingArea, IntoDrawingArea};

@@ -2,10 +2,7 @@
 
 use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
-use hamel_codegen::scene::BuiltScene;
 use hamel_runtime::Real;
-
-use crate::reference;
 
 /// A number together with the largest term that enters it.
 ///
@@ -170,28 +167,4 @@ impl Real for Tracked {
 pub fn unit_in_the_last_place(x: f64) -> f64 {
     let x = x.abs();
     f64::from_bits(x.to_bits() + 1) - x
-}
-
-/// Runs one function of a scene's program on tracked numbers, at time zero.
-///
-/// # Panics
-/// When the scene has no such function or refuses the parameters.
-pub fn tracked(scene: &BuiltScene, function: &str, params: &[f64], state: &[f64]) -> Vec<Tracked> {
-    let program = &scene.program;
-    let lift = |values: &[f64]| values.iter().map(|x| Tracked::input(*x)).collect::<Vec<_>>();
-    let (params, state) = (lift(params), lift(state));
-    let prepared = program.prepare(&params).unwrap_or_else(|e| panic!("{e}"));
-    let k = program.function_idx(function).unwrap_or_else(|| panic!("the scene has no {function}"));
-    let mut out = vec![Tracked::default(); program.functions[k].results.len()];
-    program.run(k, &params, &prepared, Tracked::input(0.0), &state, &mut out);
-    out
-}
-
-/// How many units in the last place of the larger of component and largest term a value is off.
-///
-/// # Panics
-/// When the value is not finite.
-pub fn units_off(computed: Tracked, expected: &str) -> f64 {
-    let scale = computed.term.max(reference::number(expected).abs());
-    reference::distance(computed.value, expected) / unit_in_the_last_place(scale)
 }

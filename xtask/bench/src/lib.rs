@@ -14,7 +14,10 @@ pub mod kernel;
 pub mod multipliers;
 #[cfg(feature = "measure")]
 pub mod naive;
+#[cfg(feature = "rhs")]
 pub mod ours;
+#[cfg(feature = "integrators")]
+pub mod wp;
 
 #[cfg(feature = "measure")]
 pub use kernel::{Kernel, Timing};
@@ -23,6 +26,7 @@ pub use kernel::{Kernel, Timing};
 #[cfg(feature = "measure")]
 pub fn kernels() -> Vec<Kernel> {
     let mut kernels = vec![kernel::copy()];
+    #[cfg(feature = "rhs")]
     kernels.extend(ours::kernels());
     kernels.extend([expert::kernels(), naive::kernels(), multipliers::kernels()].into_iter().flatten());
     kernels

@@ -1,18 +1,27 @@
-//! Measures right-hand sides for `cargo xtask bench rhs`; started by it, not by hand.
+//! Measures for `cargo xtask bench`; started by it, not by hand.
 //!
 //! ```text
 //! hamel-bench list                            one line a kernel: model/scene/kind and the number of lanes
 //! hamel-bench time <rounds> <kernel>..        a line `round` after each round, then `<kernel> <min> <median>` in ns
 //! hamel-bench call <n> <kernel>               sweeps n times over the inputs and prints the number of calls
+//! hamel-bench solvers                         names of the models whose integration can be timed
+//! hamel-bench solve <rounds> <model> <t> <params> <initial> <final>
+//!                                             `<name>=<value>` joined by commas; a line `round` after each round, then
+//!                                             `<by>;<method>;<knob>;<error>;<evals>;<steps>;<ns>` a solution
 //! ```
 
 use std::process::ExitCode;
 use std::time::Duration;
 
+#[cfg(feature = "integrators")]
+use hamel_bench::wp;
 use hamel_bench::{Kernel, kernel, kernels};
 
 /// How long one round of one kernel takes.
 const ROUND: Duration = Duration::from_micros(400);
+/// How long one round of one integration takes at least.
+#[cfg(feature = "integrators")]
+const ROUND_OF_SOLUTIONS: Duration = Duration::from_micros(100);
 
 fn select(names: &[String]) -> Result<Vec<Kernel>, String> {
     let mut all = kernels();
@@ -25,6 +34,16 @@ fn select(names: &[String]) -> Result<Vec<Kernel>, String> {
 
 fn number(text: &str) -> Result<u64, String> {
     text.parse().map_err(|e| format!("{text}: {e}"))
+}
+
+#[cfg(feature = "integrators")]
+fn numbers(text: &str) -> Result<wp::Numbers, String> {
+    let pair = |pair: &str| {
+        let (name, value) = pair.split_once('=').ok_or(format!("{pair}: no ="))?;
+        let value = value.parse::<f64>().map_err(|e| format!("{pair}: {e}"))?;
+        Ok((name.to_owned(), value))
+    };
+    text.split(',').map(pair).collect()
 }
 
 fn run(arguments: &[String]) -> Result<(), String> {
@@ -48,7 +67,21 @@ fn run(arguments: &[String]) -> Result<(), String> {
             let n = number(n)?;
             println!("{}", kernels[0].sweep(n));
         }
-        _ => return Err("started by `cargo xtask bench rhs`, not by hand".into()),
+        #[cfg(feature = "integrators")]
+        ["solvers"] => wp::MODELS.iter().for_each(|model| println!("{model}")),
+        #[cfg(feature = "integrators")]
+        ["solve", rounds, model, t_end, params, initial, last] => {
+            let t_end = t_end.parse::<f64>().map_err(|e| format!("{t_end}: {e}"))?;
+            let (params, initial, last) = (numbers(params)?, numbers(initial)?, numbers(last)?);
+            let solvers = wp::solvers(&wp::Problem { model: model.to_owned(), params, t_end, initial })?;
+            let rounds = number(rounds)? as usize;
+            for point in wp::time(&solvers, &last, rounds, ROUND_OF_SOLUTIONS, || println!("round"))? {
+                let wp::Point { solver, knob, error, work, ns } = point;
+                let wp::Solver { by, method, .. } = solvers.all[solver];
+                println!("{by};{method};{knob:e};{error:e};{};{};{ns}", work.evals, work.steps);
+            }
+        }
+        _ => return Err("started by `cargo xtask bench`, not by hand".into()),
     }
     Ok(())
 }

@@ -134,7 +134,16 @@ fn no_right_hand_side_refers_to_anything_but_mathematical_functions() {
     let file = folder.join("rhs.s");
     let manifest = concat!(env!("CARGO_MANIFEST_DIR"), "/Cargo.toml");
     let output = Command::new(env!("CARGO"))
-        .args(["rustc", "--release", "--lib", "--no-default-features", "--manifest-path", manifest])
+        .args([
+            "rustc",
+            "--release",
+            "--lib",
+            "--no-default-features",
+            "--features",
+            "rhs",
+            "--manifest-path",
+            manifest,
+        ])
         .arg("--target-dir")
         .arg(folder.join("assembly"))
         .args(["--", "-C", "codegen-units=1"])

@@ -1,3 +1,5 @@
+//! `bench`: `rhs` here, `wp` in [`wp`](mod@wp).
+//!
 //! `bench rhs`: the generated right-hand sides beside opponents, in nanoseconds, executed instructions and operations.
 //!
 //! The measuring program is another process (package `hamel-bench`), built for the chosen instruction set in a target
@@ -8,6 +10,8 @@
 mod instructions;
 pub mod peers;
 pub mod report;
+pub mod wp;
+pub mod wp_report;
 
 use std::io::{BufRead, BufReader, IsTerminal as _, Read as _};
 use std::path::{Path, PathBuf};
@@ -149,7 +153,7 @@ pub fn rhs(workspace: &Workspace, options: &Options) -> Result<String, Error> {
     } else {
         options.models.iter().map(|m| workspace.spec(m)).collect::<Result<_, _>>()?
     };
-    let program = build(workspace, options.target_cpu)?;
+    let program = build(workspace, options.target_cpu, &[])?;
     let kernels: Vec<Kernel> = list(&program)?
         .into_iter()
         .filter(|k| k.is_copy() || specs.iter().any(|s| s.name == k.model))
@@ -199,9 +203,9 @@ pub fn target_dir(workspace: &Workspace) -> PathBuf {
     workspace.root().join("target/bench")
 }
 
-fn build(workspace: &Workspace, cpu: TargetCpu) -> Result<PathBuf, Error> {
+fn build(workspace: &Workspace, cpu: TargetCpu, features: &[&str]) -> Result<PathBuf, Error> {
     let mut cargo = compiled::cargo_build(workspace, PACKAGE);
-    cargo.arg("--target-dir").arg(target_dir(workspace)).env("RUSTFLAGS", cpu.rustflags());
+    cargo.args(features).arg("--target-dir").arg(target_dir(workspace)).env("RUSTFLAGS", cpu.rustflags());
     compiled::run_build(cargo, PACKAGE, "building the benchmarks")?.ok_or_else(|| Error::Failed {
         step: format!("building {PACKAGE}"),
         status: "see above; `cargo xtask generate` writes the generated files anew".into(),
@@ -226,23 +230,38 @@ fn time(program: &Path, kernels: &[Kernel], rounds: u32, bar: &ProgressBar) -> R
     bar.set_message("timing");
     let mut command = Command::new(program);
     command.arg("time").arg(rounds.to_string()).args(kernels.iter().map(Kernel::name));
-    let mut child =
-        command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().map_err(|e| Error::io(PACKAGE, e))?;
     let mut timings = Vec::new();
+    converse(command, PACKAGE, bar, |line| {
+        let words: Vec<&str> = line.split(' ').collect();
+        let [_, min, median] = words[..] else { return None };
+        timings.push([min, median].map(|x| x.parse().unwrap_or(f64::NAN)));
+        Some(())
+    })?;
+    if timings.len() == kernels.len() { Ok(timings) } else { Err(failed("not every kernel was timed")) }
+}
+
+/// Runs a program that measures: lines `round` move the bar, the others are results, which `take` has to understand.
+fn converse(
+    mut command: Command,
+    name: &str,
+    bar: &ProgressBar,
+    mut take: impl FnMut(&str) -> Option<()>,
+) -> Result<(), Error> {
+    let spawned = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
+    let mut child = spawned.map_err(|e| Error::io(name, e))?;
     // Piped above.
     for line in BufReader::new(child.stdout.take().expect("piped standard output")).lines() {
-        let line = line.map_err(|e| Error::io(PACKAGE, e))?;
-        let words: Vec<&str> = line.split(' ').collect();
-        match words[..] {
-            ["round"] => bar.inc(1),
-            [_, min, median] => timings.push([min, median].map(|x| x.parse().unwrap_or(f64::NAN))),
-            _ => return Err(failed(format!("unexpected {line:?}"))),
+        let line = line.map_err(|e| Error::io(name, e))?;
+        if line == "round" {
+            bar.inc(1);
+        } else if take(&line).is_none() {
+            return Err(failed(format!("unexpected {line:?}")));
         }
     }
     let mut said = String::new();
     let _ = child.stderr.take().expect("piped standard error").read_to_string(&mut said);
-    let status = child.wait().map_err(|e| Error::io(PACKAGE, e))?;
-    if status.success() && timings.len() == kernels.len() { Ok(timings) } else { Err(failed(said.trim())) }
+    let status = child.wait().map_err(|e| Error::io(name, e))?;
+    if status.success() { Ok(()) } else { Err(failed(said.trim())) }
 }
 
 fn progress(length: u64) -> ProgressBar {

@@ -30,19 +30,19 @@ pub struct Report {
 }
 
 /// A table of text; the first line is its head.
-struct Table {
-    lines: Vec<Vec<String>>,
+pub(super) struct Table {
+    pub(super) lines: Vec<Vec<String>>,
     /// How many columns from the left hold words.
-    n_words: usize,
+    pub(super) n_words: usize,
 }
 
 impl Table {
     /// Columns aligned with spaces: words to the left, numbers to the right.
-    fn text(&self) -> String {
+    pub(super) fn text(&self) -> String {
         self.joined("  ", "")
     }
 
-    fn markdown(&self) -> String {
+    pub(super) fn markdown(&self) -> String {
         let mut lines: Vec<String> = self.joined(" | ", "|").lines().map(str::to_owned).collect();
         let rule = |k| if k < self.n_words { "---|" } else { "--:|" };
         let rule = (0..self.lines[0].len()).map(rule).collect::<String>();
@@ -66,13 +66,30 @@ impl Table {
     }
 }
 
-fn cells<const N: usize>(cells: [&str; N]) -> Vec<String> {
+pub(super) fn cells<const N: usize>(cells: [&str; N]) -> Vec<String> {
     cells.map(str::to_owned).to_vec()
 }
 
 /// A number, or an empty cell.
-fn number(x: Option<f64>, digits: usize) -> String {
+pub(super) fn number(x: Option<f64>, digits: usize) -> String {
     x.filter(|x| x.is_finite()).map_or_else(String::new, |x| format!("{x:.digits$}"))
+}
+
+/// Writes files into a folder and returns their paths.
+///
+/// # Errors
+/// [`Error::Io`].
+pub(super) fn write_files(
+    folder: &Path,
+    files: impl IntoIterator<Item = (String, String)>,
+) -> Result<Vec<PathBuf>, Error> {
+    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder.display().to_string(), e))?;
+    let write = |(name, text): (String, String)| {
+        let path = folder.join(name);
+        std::fs::write(&path, text).map_err(|e| Error::io(path.display().to_string(), e))?;
+        Ok(path)
+    };
+    files.into_iter().map(write).collect()
 }
 
 impl Report {
@@ -99,16 +116,9 @@ impl Report {
     /// # Errors
     /// [`Error::Io`].
     pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>, Error> {
-        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder.display().to_string(), e))?;
         let chart = bars::svg(&self.chart()).map_err(|e| Error::io("the chart", std::io::Error::other(e)))?;
         let files = [("rhs.md", self.markdown()), ("rhs.csv", self.csv()), ("rhs.svg", chart)];
-        let mut written = Vec::new();
-        for (name, text) in files {
-            let path = folder.join(name);
-            std::fs::write(&path, text).map_err(|e| Error::io(path.display().to_string(), e))?;
-            written.push(path);
-        }
-        Ok(written)
+        write_files(folder, files.map(|(name, text)| (name.to_owned(), text)))
     }
 
     fn copy(&self) -> f64 {

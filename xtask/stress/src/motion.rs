@@ -84,9 +84,9 @@ pub const METHODS: [Runner; 6] = [
 ];
 
 /// Makes `steps` steps from `y0` and shows about [`N_SAMPLES`] of them.
-fn follow<M: Method>(
+fn follow<'d, M: Method<f64, &'d dyn Dynamics>>(
     method: M,
-    dynamics: &dyn Dynamics,
+    dynamics: &'d dyn Dynamics,
     y0: &[f64],
     stepping: Stepping,
     steps: u64,
