@@ -22,3 +22,8 @@ pub mod included {
 #[cfg(doctest)]
 #[doc = include_str!("../../docs/build-rs.md")]
 pub struct BuildScripts;
+
+/// The same for the page on ensembles.
+#[cfg(doctest)]
+#[doc = include_str!("../../docs/ensembles.md")]
+pub struct Ensembles;
