@@ -3,11 +3,10 @@
 use hamel_ensemble::{
     Dop853, Ensemble, Error, F64x8, Family, Lanes, Options, Rk4, Stop, Trajectory, Tsit5, family,
 };
-use hamel_models::generated::{euler_disk, heavy_top};
+use hamel_models::generated::heavy_top;
 use hamel_runtime::{Error as IntegrationError, Failure, Integrator, Method, Scene};
 
 family! { HeavyTop, 6 = hamel_models::generated::heavy_top::Prepared }
-family! { EulerDisk, 5 = hamel_models::generated::euler_disk::Prepared }
 
 const TIMES: [f64; 3] = [0.0, 0.7, 1.5];
 
@@ -131,26 +130,28 @@ fn a_failure_spoils_no_other_trajectory() {
     assert_eq!(results[8..], whole[8..]);
 }
 
-/// A disk that falls flat leaves the domain of its inclination on the way.
+/// A fast top spends a limit on steps that is enough for a slow one beside it.
 #[test]
 fn a_trajectory_that_stops_keeps_its_state_and_samples() {
-    let params: Vec<f64> = euler_disk::INFO.params.iter().map(|p| p.default).collect();
-    let at = |name: &str| euler_disk::INFO.state.iter().position(|s| *s == name).unwrap();
-    let mut falling = [0.0; 5];
-    falling[at("theta")] = 0.5;
-    let mut rolling = falling;
-    rolling[at("phi_dot")] = 3.0;
-    rolling[at("psi_dot")] = 8.0;
-    let times: Vec<f64> = (0..100).map(|k| 0.02 * f64::from(k)).collect();
-    let ensemble = Ensemble::new(Dop853, Options::adaptive(1e-9, 1e-11));
-    let results = ensemble.run::<EulerDisk, _>(&[params], &[rolling, falling], 1.98, &times).unwrap();
+    let params: [f64; 9] = defaults(&heavy_top::INFO);
+    let [slow, fast] = [0.0, 90.0].map(|spin| [0.3, -0.2, spin, 0.6, 0.0, 0.8]);
+    let options = Options::adaptive(1e-9, 1e-11);
+    let unlimited = alone::<HeavyTop, _, 6>(Dop853, options, &params, slow);
+    let limit = unlimited.stats.steps + unlimited.stats.rejected;
+    let times: Vec<f64> = (0..1500).map(|k| 0.001 * f64::from(k)).collect();
+    let ensemble = Ensemble::new(Dop853, options.with_max_steps(limit));
+    let results = ensemble.run::<HeavyTop, _>(&[params], &[slow, fast], 1.5, &times).unwrap();
+    assert_eq!(
+        (results[0].state, results[0].samples.len(), &results[0].stop),
+        (unlimited.state, 1500, &None)
+    );
     let stopped = &results[1];
-    assert!(matches!(stopped.stop, Some(Stop::Integration(_))), "{stopped:?}");
-    assert!(stopped.t > 0.0 && stopped.t < 1.98 && stopped.state.iter().all(|x| x.is_finite()));
+    let expected = IntegrationError::TooManySteps { t: stopped.t, limit };
+    assert_eq!(stopped.stop, Some(Stop::Integration(expected)));
+    assert!(stopped.t > 0.0 && stopped.t < 1.5 && stopped.state.iter().all(|x| x.is_finite()));
     let reached = times.iter().filter(|&&t| t <= stopped.t).count();
     assert!(reached > 1);
     assert_eq!(stopped.samples.len(), reached);
-    assert_eq!((results[0].t, results[0].samples.len(), &results[0].stop), (1.98, 100, &None));
 }
 
 #[test]
