@@ -37,4 +37,6 @@ mod docs {
     pub struct Theory;
     #[doc = include_str!("../../docs/book/accuracy.md")]
     pub struct Accuracy;
+    #[doc = include_str!("../../docs/ensembles.md")]
+    pub struct Ensembles;
 }

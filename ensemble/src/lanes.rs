@@ -1,0 +1,87 @@
+//! One scene on any scalar, and the scalars that hold several trajectories.
+//!
+//! The module deliberately does not know how anything is integrated.
+
+use hamel_runtime::{F64x4, F64x8, Real, Scene, System};
+
+/// A scene with a state of `N` components on every scalar, as hamel generates it; made by [`family!`](crate::family).
+pub trait Family<const N: usize> {
+    /// The scene on the scalar `R`.
+    type Of<R: Real>: Scene<R> + System<R, State = [R; N]>;
+}
+
+/// Declares a type that stands for a generated scene on every scalar: its name, the number of components of its state, and
+/// the path of the generated `Prepared`.
+///
+/// ```
+/// hamel_ensemble::family! {
+///     /// Euler's disk.
+///     pub EulerDisk, 5 = hamel_models::generated::euler_disk::Prepared
+/// }
+/// ```
+#[macro_export]
+macro_rules! family {
+    ($(#[$attribute:meta])* $visibility:vis $name:ident, $n:literal = $($prepared:ident)::+) => {
+        $(#[$attribute])*
+        #[derive(Clone, Copy, Debug)]
+        $visibility enum $name {}
+
+        impl $crate::Family<$n> for $name {
+            type Of<R: $crate::__runtime::Real> = $($prepared)::+<R>;
+        }
+    };
+}
+
+/// A scalar that holds one trajectory or several: `f64`, [`F64x4`], [`F64x8`].
+pub trait Lanes: Real + sealed::Sealed {
+    /// How many.
+    const LANES: usize;
+
+    /// The number whose lane `k` is `lane(k)`.
+    #[must_use]
+    fn gather(lane: impl FnMut(usize) -> f64) -> Self;
+
+    /// Lane `k`.
+    ///
+    /// # Panics
+    /// When there is no such lane.
+    #[must_use]
+    fn lane(self, k: usize) -> f64;
+}
+
+mod sealed {
+    pub trait Sealed {}
+    impl Sealed for f64 {}
+    impl Sealed for hamel_runtime::F64x4 {}
+    impl Sealed for hamel_runtime::F64x8 {}
+}
+
+impl Lanes for f64 {
+    const LANES: usize = 1;
+
+    fn gather(mut lane: impl FnMut(usize) -> f64) -> Self {
+        lane(0)
+    }
+
+    fn lane(self, k: usize) -> f64 {
+        [self][k]
+    }
+}
+
+macro_rules! lanes {
+    ($($name:ident)*) => {$(
+        impl Lanes for $name {
+            const LANES: usize = $name::LANES;
+
+            fn gather(lane: impl FnMut(usize) -> f64) -> Self {
+                $name::new(std::array::from_fn(lane))
+            }
+
+            fn lane(self, k: usize) -> f64 {
+                $name::lane(self, k)
+            }
+        }
+    )*};
+}
+
+lanes! { F64x4 F64x8 }
