@@ -114,6 +114,7 @@ impl<'s, R: Real, S: System<R>, M: Method<R, S>> Integrator<'s, R, S, M> {
     /// ones; [`Error::Order`]; [`Error::TimeNotFinite`]; [`Error::Failure`] if the right-hand side has no value at `y0`.
     pub fn new(system: &'s S, method: M, t0: R, y0: S::State, options: Options<R>) -> Result<Self, Error> {
         options.validate()?;
+        method.validate(&options)?;
         let estimate_order = match (M::TABLEAU.estimate_order(), options.step) {
             (Some(order), _) => order,
             // Unused with fixed steps.
@@ -131,7 +132,7 @@ impl<'s, R: Real, S: System<R>, M: Method<R, S>> Integrator<'s, R, S, M> {
         system.domain(t0, &y0)?;
         system.check(t0, &y0)?;
         let zeros = y0.zeros_like();
-        let storage = method.storage(system, t0, &y0, &options)?;
+        let storage = method.storage(system, t0, &y0, &options);
         let mut slope = zeros.clone();
         system.rhs(t0, &y0, &mut slope);
         if let Some(index) = non_finite(&slope) {

@@ -24,9 +24,9 @@ macro_rules! explicit_method {
                 _t0: R,
                 y0: &S::State,
                 _options: &crate::options::Options<R>,
-            ) -> Result<Self::Storage, crate::error::Error> {
+            ) -> Self::Storage {
                 const { assert!($n_stored == $tableau.n_stored()) }
-                Ok(core::array::from_fn(|_| crate::system::StateVector::zeros_like(y0)))
+                core::array::from_fn(|_| crate::system::StateVector::zeros_like(y0))
             }
 
             #[inline]

@@ -293,14 +293,8 @@ impl<R: Real, S: System<R>, const STAGES: usize> Method<R, S> for Gauss<STAGES, 
 
     type Storage = GaussStorage<R, S::State, S::State, STAGES>;
 
-    fn storage(
-        &self,
-        _system: &S,
-        _t0: R,
-        y0: &S::State,
-        _options: &Options<R>,
-    ) -> Result<Self::Storage, Error> {
-        Ok(GaussStorage::new(y0, y0.zeros_like()))
+    fn storage(&self, _system: &S, _t0: R, y0: &S::State, _options: &Options<R>) -> Self::Storage {
+        GaussStorage::new(y0, y0.zeros_like())
     }
 
     fn stages(storage: &Self::Storage) -> &[S::State] {
@@ -428,20 +422,14 @@ impl<R: Real, S: Differentiable<R, State = [R; N]>, const N: usize, const STAGES
 
     type Storage = GaussStorage<R, [R; N], NewtonWorkspace<R, N, STAGES>, STAGES>;
 
-    fn storage(
-        &self,
-        _system: &S,
-        _t0: R,
-        y0: &[R; N],
-        _options: &Options<R>,
-    ) -> Result<Self::Storage, Error> {
+    fn storage(&self, _system: &S, _t0: R, y0: &[R; N], _options: &Options<R>) -> Self::Storage {
         let workspace = NewtonWorkspace {
             jacobian: [[R::ZERO; N]; N],
             factors: [[[[R::ZERO; N]; STAGES]; N]; STAGES],
             pivots: [[0; N]; STAGES],
             residuals: [[R::ZERO; N]; STAGES],
         };
-        Ok(GaussStorage::new(y0, workspace))
+        GaussStorage::new(y0, workspace)
     }
 
     fn stages(storage: &Self::Storage) -> &[[R; N]] {

@@ -40,13 +40,17 @@ pub trait Method<R: Real, S: System<R>>: Copy {
     /// What the method keeps from one step to the next.
     type Storage;
 
-    /// Storage for an integration that starts at the state `y0` at time `t0`.
+    /// Says whether the method can integrate with these options.
     ///
     /// # Errors
     ///
     /// [`Error::Order`] of methods of any order.
-    fn storage(&self, system: &S, t0: R, y0: &S::State, options: &Options<R>)
-    -> Result<Self::Storage, Error>;
+    fn validate(&self, _options: &Options<R>) -> Result<(), Error> {
+        Ok(())
+    }
+
+    /// Storage for an integration with valid options that starts at the state `y0` at time `t0`.
+    fn storage(&self, system: &S, t0: R, y0: &S::State, options: &Options<R>) -> Self::Storage;
 
     /// The stage derivatives: `k_1` to `k_(s-1)`, then those for dense output alone; of a series its coefficients, from
     /// the state at the start of the step to the last order.

@@ -78,18 +78,16 @@ impl<R: Real, M: Method<R, S>, const K: usize, S: Invariants<R, K>> Method<R, S>
 
     type Storage = Projection<R, S::State, M::Storage, K>;
 
-    fn storage(
-        &self,
-        system: &S,
-        t0: R,
-        y0: &S::State,
-        options: &Options<R>,
-    ) -> Result<Self::Storage, Error> {
-        Ok(Projection {
-            inner: self.method.storage(system, t0, y0, options)?,
+    fn validate(&self, options: &Options<R>) -> Result<(), Error> {
+        self.method.validate(options)
+    }
+
+    fn storage(&self, system: &S, t0: R, y0: &S::State, options: &Options<R>) -> Self::Storage {
+        Projection {
+            inner: self.method.storage(system, t0, y0, options),
             levels: system.values(t0, y0),
             gradients: core::array::from_fn(|_| y0.zeros_like()),
-        })
+        }
     }
 
     #[inline]

@@ -20,7 +20,8 @@ use crate::system::StateVector;
 /// The step is the largest for which each of the last two terms is within the tolerances: the norm of
 /// `c_k h^k / (atol + rtol |y|)` is at most one for `k = p - 1` and `k = p`. What is left out is smaller than the
 /// last term by about `e^2`. No step is rejected for its error. Dense output is the polynomial itself, as accurate
-/// as the steps. [`Stats::rhs_evals`](crate::Stats::rhs_evals) counts expansions.
+/// as the steps. [`Stats::rhs_evals`](crate::Stats::rhs_evals) counts expansions and the derivative at
+/// the start.
 ///
 /// ```
 /// # use hamel_runtime::{Convolutions, Integrator, Jet, Options, System, Taylor};
@@ -125,8 +126,8 @@ pub struct Expansion<R, V, W> {
     order: usize,
     coefficients: [V; MAX_ORDER + 1],
     workspace: W,
-    /// Time of the coefficients.
-    t: R,
+    /// Time of the coefficients, once there are any.
+    t: Option<R>,
     /// Step size that the coefficients before allowed; zero at first.
     previous_step: f64,
 }
@@ -135,9 +136,9 @@ impl<R: Real, V: StateVector<R>, W> Expansion<R, V, W> {
     /// The coefficients at a point, unless they are there.
     #[inline]
     fn expand<S: Jet<R, State = V, Workspace = W>>(&mut self, system: &S, t: R, y: &V, n_evals: &mut u64) {
-        if self.t != t {
+        if self.t != Some(t) {
             system.series(t, y, &mut self.workspace, &mut self.coefficients[..=self.order]);
-            self.t = t;
+            self.t = Some(t);
             *n_evals += 1;
         }
     }
@@ -158,25 +159,19 @@ impl<R: Real, S: Jet<R>> Method<R, S> for Taylor {
 
     type Storage = Expansion<R, S::State, S::Workspace>;
 
+    fn validate(&self, options: &Options<R>) -> Result<(), Error> {
+        self.order(options).map(|_| ())
+    }
+
     #[inline]
-    fn storage(
-        &self,
-        system: &S,
-        t0: R,
-        y0: &S::State,
-        options: &Options<R>,
-    ) -> Result<Self::Storage, Error> {
-        let zeros = y0.zeros_like();
-        let mut expansion = Expansion {
-            order: self.order(options)?,
-            coefficients: core::array::from_fn(|_| zeros.clone()),
+    fn storage(&self, system: &S, _t0: R, y0: &S::State, options: &Options<R>) -> Self::Storage {
+        Expansion {
+            order: self.order(options).unwrap_or(Self::LEAST_ORDER),
+            coefficients: core::array::from_fn(|_| y0.zeros_like()),
             workspace: system.workspace(),
-            t: t0,
+            t: None,
             previous_step: 0.0,
-        };
-        let Expansion { order, coefficients, workspace, .. } = &mut expansion;
-        system.series(t0, y0, workspace, &mut coefficients[..=*order]);
-        Ok(expansion)
+        }
     }
 
     #[inline]
