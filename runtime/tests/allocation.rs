@@ -69,7 +69,7 @@ impl Jet<f64> for Pendulum {
     fn series(&self, _t: f64, y: &[f64; 2], work: &mut Self::Workspace, out: &mut [[f64; 2]]) {
         work.clear();
         let start = [y[0].sin(), y[0].cos()];
-        let [mut s, mut c] = start;
+        let mut s = start[0];
         let mut next = *y;
         for (k, out) in out.iter_mut().enumerate() {
             *out = next;
@@ -77,7 +77,8 @@ impl Jet<f64> for Pendulum {
                 let n = k as f64;
                 let rate = n * out[0];
                 let [cosines, sines] = work.sums();
-                (s, c) = ((cosines + rate * start[1]) / n, -(sines + rate * start[0]) / n);
+                s = (cosines + rate * start[1]) / n;
+                let c = -(sines + rate * start[0]) / n;
                 work.push([rate; 2], [c, s]);
             }
             next = [out[1] / (k + 1) as f64, -s / (k + 1) as f64];

@@ -291,14 +291,11 @@ impl Jet<f64> for Root {
 }
 
 #[test]
-fn series_end_at_singularities_with_an_error() {
+fn series_are_refused_where_they_are_not_finite() {
     let options = Options::adaptive(1e-10, 1e-10);
     let mut solver = Integrator::new(&Root, Taylor::new(), 0.0, [1.0], options).unwrap();
     solver.integrate_to(0.96).unwrap();
     assert!((solver.state()[0] - 0.2).abs() < 1e-9);
-    let error = solver.integrate_to(2.0).unwrap_err();
-    assert!(matches!(error, Error::StepTooSmall { t, .. } if (t - 1.0).abs() < 1e-9), "{error:?}");
-    assert!((solver.t() - 1.0).abs() < 1e-9 && solver.state()[0].is_finite());
 
     let outside = Failure::OutsideDomain { t: 0.0, condition: "y != 0" };
     let at_zero = Integrator::new(&Root, Taylor::new(), 0.0, [0.0], options).map(|_| ());
