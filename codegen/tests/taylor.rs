@@ -3,7 +3,7 @@
 use hamel_codegen::expr::{ExprId, Func, Graph, Rational};
 use hamel_codegen::lower::{Inputs, Jet, Request, lower};
 use hamel_codegen::{scene, spec};
-use hamel_runtime::{Dop853, Error, Integrator, Options, Scene, System, Taylor, TaylorIntegrator};
+use hamel_runtime::{Dop853, Error, Integrator, Options, Scene, System, Taylor};
 
 const ORDER: usize = 24;
 
@@ -201,7 +201,7 @@ fn trajectories_agree_with_another_method() {
     // The last bound is the round-off of the comparison.
     for (tolerance, bound) in [(1e-6, 2e-6), (1e-9, 2e-9), (1e-12, 2e-12), (1e-14, 2e-13)] {
         let options = Options::adaptive(tolerance, tolerance);
-        let mut solver = TaylorIntegrator::new(&top, Taylor::new(), 0.0, START, options).unwrap();
+        let mut solver = Integrator::new(&top, Taylor::new(), 0.0, START, options).unwrap();
         solver.integrate_to(5.0).unwrap();
         let error = distance(solver.state(), exact.state());
         assert!(error < bound && error < previous, "{tolerance:e}: {error:e}");
@@ -214,7 +214,7 @@ fn fixed_steps_have_the_order_and_dense_output_is_as_accurate() {
     let top = top();
     let at = |order: usize, h: f64| {
         let method = Taylor::of_order(order);
-        let mut solver = TaylorIntegrator::new(&top, method, 0.0, START, Options::fixed(h)).unwrap();
+        let mut solver = Integrator::new(&top, method, 0.0, START, Options::fixed(h)).unwrap();
         solver.integrate_to(1.0).unwrap();
         let mut between = [0.0; 6];
         solver.interpolate(0.975, &mut between).unwrap();
@@ -226,7 +226,7 @@ fn fixed_steps_have_the_order_and_dense_output_is_as_accurate() {
         let slope = (distance(&coarse, &exact) / distance(&fine, &exact)).log2();
         assert!((slope - order as f64).abs() < 1.0, "order {order}: {slope}");
     }
-    let mut solver = TaylorIntegrator::new(&top, Taylor::new(), 0.0, START, Options::fixed(0.025)).unwrap();
+    let mut solver = Integrator::new(&top, Taylor::new(), 0.0, START, Options::fixed(0.025)).unwrap();
     solver.integrate_to(0.975).unwrap();
     assert!(distance(&between, solver.state()) < 1e-14);
 }
@@ -234,7 +234,6 @@ fn fixed_steps_have_the_order_and_dense_output_is_as_accurate() {
 #[test]
 fn an_order_out_of_range_is_refused() {
     let top = top();
-    let refused =
-        TaylorIntegrator::new(&top, Taylor::of_order(33), 0.0, START, Options::adaptive(1e-9, 1e-9));
+    let refused = Integrator::new(&top, Taylor::of_order(33), 0.0, START, Options::adaptive(1e-9, 1e-9));
     assert_eq!(refused.unwrap_err(), Error::Order { order: 33, least: 2, most: 32 });
 }

@@ -1,6 +1,6 @@
 //! The one driver and stepping loop of all methods.
 //!
-//! The module deliberately does not know any method: it reads a tableau and has the stages computed.
+//! The module deliberately does not know any method: it reads a tableau and has the stages, or a series, computed.
 
 use core::fmt;
 use core::ops::ControlFlow;
@@ -8,7 +8,9 @@ use core::ops::ControlFlow;
 use crate::controller::Controller;
 use crate::error::{Error, Failure};
 use crate::events::{Direction, Event, locate};
-use crate::methods::{Derivatives, Estimate, Method, Point, Step, two_sum};
+use crate::methods::{
+    Derivatives, Estimate, Method, Point, Start, Step, increments, square_of_norm, two_sum,
+};
 use crate::options::{Norm, Options, StepSize, signed, validate_tolerances};
 use crate::real::Real;
 use crate::system::{StateVector, System};
@@ -20,7 +22,7 @@ pub struct Stats {
     pub steps: u64,
     /// Rejected steps.
     pub rejected: u64,
-    /// Evaluations of the right-hand side, those for dense output included.
+    /// Evaluations of the right-hand side, those for dense output included; of methods by series, expansions.
     pub rhs_evals: u64,
     /// Evaluations of the Jacobian, of implicit methods only.
     pub jacobian_evals: u64,
@@ -130,9 +132,10 @@ impl<'s, R: Real, S: System<R>, M: Method<R, S>> Integrator<'s, R, S, M> {
     /// # Errors
     ///
     /// Those of [`Options::validate`]; [`Error::NoErrorEstimate`] for adaptive steps with a method for fixed
-    /// ones; [`Error::TimeNotFinite`]; [`Error::Failure`] if the right-hand side has no value at `y0`.
+    /// ones; [`Error::Order`]; [`Error::TimeNotFinite`]; [`Error::Failure`] if the right-hand side has no value at `y0`.
     pub fn new(system: &'s S, method: M, t0: R, y0: S::State, options: Options<R>) -> Result<Self, Error> {
         options.validate()?;
+        method.validate(&options)?;
         let estimate_order = match (M::TABLEAU.estimate_order(), options.step) {
             (Some(order), _) => order,
             // Unused with fixed steps.
@@ -150,7 +153,7 @@ impl<'s, R: Real, S: System<R>, M: Method<R, S>> Integrator<'s, R, S, M> {
         system.domain(t0, &y0)?;
         system.check(t0, &y0)?;
         let zeros = y0.zeros_like();
-        let storage = method.storage(system, t0, &y0);
+        let storage = method.storage(system, t0, &y0, &options);
         let mut slope = zeros.clone();
         system.rhs(t0, &y0, &mut slope);
         if let Some(index) = non_finite(&slope) {
@@ -428,12 +431,14 @@ impl<'s, R: Real, S: System<R>, M: Method<R, S>> Integrator<'s, R, S, M> {
         let mut step = match self.options.step {
             StepSize::Fixed(h) => h.magnitude(),
             StepSize::Adaptive { initial, max } => {
+                let longest = self.longest_step();
                 let step = match (self.next_step, initial) {
                     (Some(step), _) => step,
                     (None, Some(initial)) => initial.magnitude(),
+                    (None, None) if longest.is_finite() => longest,
                     (None, None) => self.select_initial_step(remaining),
                 };
-                max.map_or(step, |max| step.min(max.magnitude()))
+                max.map_or(step, |max| step.min(max.magnitude())).min(longest)
             }
         };
         let mut failure = None;
@@ -490,6 +495,28 @@ impl<'s, R: Real, S: System<R>, M: Method<R, S>> Integrator<'s, R, S, M> {
         }
     }
 
+    /// The longest step that the method knows to be accurate; infinity if it knows none.
+    #[inline]
+    fn longest_step(&mut self) -> f64 {
+        if const { !M::TABLEAU.is_series() } {
+            return f64::INFINITY;
+        }
+        // The series at the current point takes the place of that of the last step.
+        self.dense = Dense::Lost;
+        let point = &self.points[usize::from(self.current)];
+        write_scales(&self.rtol, &self.atol, &point.state, &point.state, &mut self.scales);
+        let start = Start {
+            system: self.system,
+            t: self.t,
+            point,
+            scales: &self.scales,
+            norm: self.options.norm,
+            work: &mut self.work,
+            rhs_evals: &mut self.stats.rhs_evals,
+        };
+        self.method.longest_step(&mut self.storage, start)
+    }
+
     /// The largest distance to the end that a step of size `step` is stretched to cover, so that no sliver
     /// of a step is left.
     fn landing_range(&self, step: f64) -> f64 {
@@ -534,13 +561,16 @@ impl<'s, R: Real, S: System<R>, M: Method<R, S>> Integrator<'s, R, S, M> {
         };
         self.method.advance(&mut self.storage, &mut step).map_err(Rejection::Failed)?;
         let Step { to, work, rhs_evals, .. } = step;
-        self.system.rhs(t_new, &to.state, &mut to.slope);
-        *rhs_evals += 1;
-        if !all_finite(&to.state) || !all_finite(&to.slope) {
+        let has_slopes = const { !M::TABLEAU.is_series() };
+        if has_slopes {
+            self.system.rhs(t_new, &to.state, &mut to.slope);
+            *rhs_evals += 1;
+        }
+        if !all_finite(&to.state) || has_slopes && !all_finite(&to.slope) {
             return Err(Rejection::Failed(self.diagnose(h, t_new).into()));
         }
         self.system.domain(t_new, &to.state).map_err(|failure| Rejection::Failed(failure.into()))?;
-        if let StepSize::Fixed(_) = self.options.step {
+        if matches!(self.options.step, StepSize::Fixed(_)) || !has_slopes {
             return Ok(0.0);
         }
         let k = Derivatives {
@@ -552,7 +582,7 @@ impl<'s, R: Real, S: System<R>, M: Method<R, S>> Integrator<'s, R, S, M> {
         write_scales(&self.rtol, &self.atol, &from.state, &to.state, &mut self.scales);
         let norm = self.options.norm;
         let square = match M::TABLEAU.estimate {
-            Estimate::None => 0.0,
+            Estimate::None | Estimate::Series => 0.0,
             Estimate::Embedded { .. } => {
                 weighted_square(norm, const { M::TABLEAU.error_weights()[0] }, &k, &self.scales, work)
             }
@@ -589,6 +619,13 @@ impl<'s, R: Real, S: System<R>, M: Method<R, S>> Integrator<'s, R, S, M> {
         let tableau = M::TABLEAU;
         let (from, to) = (&self.points[usize::from(self.current)], &self.points[usize::from(!self.current)]);
         let stored = M::stages(&self.storage);
+        if tableau.is_series() {
+            let coefficients = stored.iter().find(|coefficient| non_finite(*coefficient).is_some());
+            let failure = self.point_failure(self.t, &from.state, coefficients);
+            return failure
+                .or_else(|| self.point_failure(t_new, &to.state, None))
+                .unwrap_or(Failure::NonFinite { t: signed(t_new), index: 0 });
+        }
         let k = Derivatives { n_stages: tableau.n_stages(), first: &from.slope, stored, last: &to.slope };
         for (index, (row, node)) in tableau.stages.iter().zip(tableau.nodes).enumerate() {
             stage_point(&k, row, &from.state, h, &mut self.work);
@@ -680,6 +717,12 @@ impl<'s, R: Real, S: System<R>, M: Method<R, S>> Integrator<'s, R, S, M> {
         let tableau = M::TABLEAU;
         let (start, end) = (&self.points[other], &self.points[here]);
         let stored = M::stages(&self.storage);
+        if tableau.is_series() {
+            let (out, y) = (self.work.as_mut_slice(), start.state.as_slice());
+            let terms = stored.get(1..).unwrap_or_default();
+            increments(terms, t - from, y.len(), |c, increment| out[c] = y[c] + increment);
+            return Ok(());
+        }
         let k = Derivatives { n_stages: tableau.n_stages(), first: &start.slope, stored, last: &end.slope };
         let x = (t - from) / (to - from);
         let rest = R::ONE - x;
@@ -780,9 +823,9 @@ fn earliest<R: Real>(times: &[Option<R>], backward: bool) -> Option<(usize, R)> 
 }
 
 /// Smallest step, and smallest scale of a component: the least normal `f32`, so that it exists in any scalar.
-pub(crate) const TINY: f64 = f32::MIN_POSITIVE as f64;
+const TINY: f64 = f32::MIN_POSITIVE as f64;
 
-pub(crate) fn copy<R: Real, V: StateVector<R>>(from: &V, to: &mut V) {
+fn copy<R: Real, V: StateVector<R>>(from: &V, to: &mut V) {
     for (to, from) in to.as_mut_slice().iter_mut().zip(from.as_slice()) {
         *to = *from;
     }
@@ -794,7 +837,7 @@ fn all_finite<R: Real, V: StateVector<R>>(v: &V) -> bool {
 }
 
 /// Position of the first component that is infinite or NaN.
-pub(crate) fn non_finite<R: Real, V: StateVector<R>>(v: &V) -> Option<usize> {
+fn non_finite<R: Real, V: StateVector<R>>(v: &V) -> Option<usize> {
     v.as_slice().iter().position(|x| !x.all_finite())
 }
 
@@ -851,28 +894,4 @@ fn scaled_norm<R: Real>(norm: Norm, scales: &[R], out: &mut [R], component: impl
         *out = component(c) * scale;
     }
     crate::math::sqrt(square_of_norm(norm, out))
-}
-
-/// Square of the norm of scaled components; NaN if one is.
-#[inline(always)]
-fn square_of_norm<R: Real>(norm: Norm, components: &[R]) -> f64 {
-    match norm {
-        Norm::Rms => {
-            // Two sums side by side wait half as long for their additions.
-            let square = |x: R| x.magnitude() * x.magnitude();
-            let mut pairs = components.chunks_exact(2);
-            let mut sums = [0.0, 0.0];
-            for pair in &mut pairs {
-                sums[0] += square(pair[0]);
-                sums[1] += square(pair[1]);
-            }
-            let last: f64 = pairs.remainder().iter().map(|&x| square(x)).sum();
-            (sums[0] + sums[1] + last) / components.len().max(1) as f64
-        }
-        Norm::Max => {
-            let sizes = components.iter().map(|x| x.magnitude());
-            let max = sizes.fold(0.0, |max: f64, x| if x.is_nan() || x > max { x } else { max });
-            max * max
-        }
-    }
 }

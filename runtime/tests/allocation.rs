@@ -7,8 +7,8 @@ use std::cell::Cell;
 use std::ops::ControlFlow;
 
 use hamel_runtime::{
-    Differentiable, Direction, Dop853, Dopri5, Gauss4, Gauss6, Gauss8, Integrator, Invariants, Method,
-    Options, Progress, Projected, Rk4, System, Tsit5, Vern9,
+    Convolutions, Differentiable, Direction, Dop853, Dopri5, Gauss4, Gauss6, Gauss8, Integrator, Invariants,
+    Jet, Method, Options, Progress, Projected, Rk4, System, Taylor, Tsit5, Vern9,
 };
 
 /// Counts the allocations of each thread and leaves the work to the system.
@@ -57,6 +57,32 @@ impl System<f64> for Pendulum {
 impl Differentiable<f64> for Pendulum {
     fn jacobian(&self, _t: f64, y: &[f64; 2], jacobian: &mut [[f64; 2]]) {
         jacobian.copy_from_slice(&[[0.0, 1.0], [-y[0].cos(), 0.0]]);
+    }
+}
+
+impl Jet<f64> for Pendulum {
+    type Workspace = Convolutions<f64, 2>;
+    fn workspace(&self) -> Self::Workspace {
+        Convolutions::default()
+    }
+    /// `k s_k = sum_j j y_j c_(k-j)` and `k c_k = -sum_j j y_j s_(k-j)` for `s = sin y`, `c = cos y`.
+    fn series(&self, _t: f64, y: &[f64; 2], work: &mut Self::Workspace, out: &mut [[f64; 2]]) {
+        work.clear();
+        let start = [y[0].sin(), y[0].cos()];
+        let mut s = start[0];
+        let mut next = *y;
+        for (k, out) in out.iter_mut().enumerate() {
+            *out = next;
+            if k > 0 {
+                let n = k as f64;
+                let rate = n * out[0];
+                let [cosines, sines] = work.sums();
+                s = (cosines + rate * start[1]) / n;
+                let c = -(sines + rate * start[0]) / n;
+                work.push([rate; 2], [c, s]);
+            }
+            next = [out[1] / (k + 1) as f64, -s / (k + 1) as f64];
+        }
     }
 }
 
@@ -109,4 +135,7 @@ fn integration_allocates_nothing() {
     assert_eq!(allocations(Gauss6::newton(), Options::fixed(0.05)), 0);
     assert_eq!(allocations(Gauss8::fixed_point(), Options::fixed(0.05)), 0);
     assert_eq!(allocations(Projected::<_, 1>::new(Rk4), Options::fixed(0.05)), 0);
+    assert_eq!(allocations(Taylor::new(), Options::adaptive(1e-12, 1e-12)), 0);
+    assert_eq!(allocations(Taylor::of_order(8), Options::fixed(0.05)), 0);
+    assert_eq!(allocations(Projected::<_, 1>::new(Taylor::new()), Options::adaptive(1e-12, 1e-12)), 0);
 }

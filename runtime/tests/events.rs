@@ -3,8 +3,8 @@
 use std::ops::ControlFlow::{Break, Continue};
 
 use hamel_runtime::{
-    Direction, Dop853, Error, Failure, Gauss8, Integrator, Method, Options, Progress, Rk4, System, Tsit5,
-    Vern9,
+    Direction, Dop853, Error, Failure, Gauss8, Integrator, Jet, Method, Options, Progress, Rk4, System,
+    Taylor, Tsit5, Vern9,
 };
 
 /// `y = (cos t, -sin t)`.
@@ -14,6 +14,19 @@ impl System<f64> for Circle {
     type State = [f64; 2];
     fn rhs(&self, _t: f64, y: &[f64; 2], dy: &mut [f64; 2]) {
         *dy = [y[1], -y[0]];
+    }
+}
+
+impl Jet<f64> for Circle {
+    type Workspace = ();
+    fn workspace(&self) {}
+    fn series(&self, _t: f64, y: &[f64; 2], (): &mut (), out: &mut [[f64; 2]]) {
+        let mut c = *y;
+        for (k, out) in out.iter_mut().enumerate() {
+            *out = c;
+            let n = (k + 1) as f64;
+            c = [c[1] / n, -c[0] / n];
+        }
     }
 }
 
@@ -61,8 +74,11 @@ fn events_are_located_in_the_order_of_time() {
     check(Tsit5, Options::adaptive(1e-10, 1e-10), 1e-8);
     check(Dop853, Options::adaptive(1e-10, 1e-10), 1e-8);
     check(Vern9, Options::adaptive(1e-12, 1e-12), 1e-10);
+    check(Taylor::new(), Options::adaptive(1e-12, 1e-12), 1e-11);
+    check(Taylor::of_order(8), Options::fixed(0.1), 1e-9);
     // All events of one function within one step, and several of different ones in one step.
     check(Vern9, Options::fixed(1.5), 1e-3);
+    check(Taylor::new(), Options::fixed(1.5), 1e-12);
 }
 
 #[test]
@@ -89,8 +105,13 @@ fn a_function_of_time_is_located_to_round_off() {
 
 #[test]
 fn a_stop_leaves_the_integrator_at_the_event() {
+    stops_at_events(Vern9);
+    stops_at_events(Taylor::new());
+}
+
+fn stops_at_events(method: impl Method<f64, Circle>) {
     let mut solver =
-        Integrator::new(&Circle, Vern9, 0.0, [1.0, 0.0], Options::adaptive(1e-12, 1e-12)).unwrap();
+        Integrator::new(&Circle, method, 0.0, [1.0, 0.0], Options::adaptive(1e-12, 1e-12)).unwrap();
     let zero_of_cosine = |_: f64, y: &[f64; 2]| [y[0]];
     let mut times = vec![];
     // Every stop is left again without finding the same event twice.
@@ -114,9 +135,14 @@ fn a_stop_leaves_the_integrator_at_the_event() {
 
 #[test]
 fn samples_and_events_are_told_in_the_order_of_time() {
+    tells_in_order(Dop853);
+    tells_in_order(Taylor::new());
+}
+
+fn tells_in_order(method: impl Method<f64, Circle>) {
     use std::cell::RefCell;
     let told = RefCell::new(vec![]);
-    let mut solver = Integrator::new(&Circle, Dop853, 0.0, [1.0, 0.0], Options::fixed(1.0)).unwrap();
+    let mut solver = Integrator::new(&Circle, method, 0.0, [1.0, 0.0], Options::fixed(1.0)).unwrap();
     let progress = solver.sample_with_events(
         5.0,
         [0.0, 1.5, 1.6, 4.0, 4.9],
@@ -176,6 +202,15 @@ impl System<f64> for HalfLine {
     }
 }
 
+impl Jet<f64> for HalfLine {
+    type Workspace = ();
+    fn workspace(&self) {}
+    fn series(&self, _t: f64, y: &[f64; 1], (): &mut (), out: &mut [[f64; 1]]) {
+        out.fill([0.0]);
+        (out[0], out[1]) = (*y, [-1.0]);
+    }
+}
+
 #[test]
 fn leaving_the_domain_is_an_error_and_keeps_the_last_state_inside() {
     let outside = Integrator::new(&HalfLine, Tsit5, 0.0, [-1.0], Options::fixed(0.1)).map(|_| ());
@@ -190,7 +225,12 @@ fn leaving_the_domain_is_an_error_and_keeps_the_last_state_inside() {
     assert!((solver.t() - 0.9).abs() < 1e-14 && (solver.state()[0] - 0.1).abs() < 1e-14);
 
     // Error control comes as close to the boundary as steps change the time.
-    let mut solver = Integrator::new(&HalfLine, Tsit5, 0.0, [1.0], Options::adaptive(1e-6, 1e-6)).unwrap();
+    ends_at_the_boundary(Tsit5);
+    ends_at_the_boundary(Taylor::new());
+}
+
+fn ends_at_the_boundary(method: impl Method<f64, HalfLine>) {
+    let mut solver = Integrator::new(&HalfLine, method, 0.0, [1.0], Options::adaptive(1e-6, 1e-6)).unwrap();
     let error = solver.integrate_to(2.0).unwrap_err();
     assert!(matches!(error, Error::Failure(Failure::OutsideDomain { .. })), "{error:?}");
     assert!(solver.state()[0] > 0.0 && solver.state()[0] < 1e-13, "{:e}", solver.state()[0]);
@@ -223,4 +263,45 @@ fn components_have_their_own_tolerances() {
     assert!(matches!(wrong, Error::ComponentTolerances { index: 1, rtol: 1e-6, atol } if atol.is_nan()));
     let zero = new().with_tolerances([0.0; 2], [0.0, 1.0]).map(|_| ());
     assert_eq!(zero, Err(Error::ComponentTolerances { index: 0, rtol: 0.0, atol: 0.0 }));
+}
+
+/// `y' = -1 / (2 y)`, so that `y^2 = 1 - t` ends at `t = 1`; its series has the radius `y^2`.
+struct Root;
+
+impl System<f64> for Root {
+    type State = [f64; 1];
+    fn rhs(&self, _t: f64, y: &[f64; 1], dy: &mut [f64; 1]) {
+        dy[0] = -0.5 / y[0];
+    }
+    fn check(&self, t: f64, y: &[f64; 1]) -> Result<(), Failure> {
+        if y[0] == 0.0 { Err(Failure::OutsideDomain { t, condition: "y != 0" }) } else { Ok(()) }
+    }
+}
+
+impl Jet<f64> for Root {
+    type Workspace = ();
+    fn workspace(&self) {}
+    fn series(&self, _t: f64, y: &[f64; 1], (): &mut (), out: &mut [[f64; 1]]) {
+        let (mut c, square) = (y[0], y[0] * y[0]);
+        for (k, out) in out.iter_mut().enumerate() {
+            *out = [c];
+            c *= (k as f64 - 0.5) / ((k + 1) as f64 * square);
+        }
+    }
+}
+
+#[test]
+fn series_are_refused_where_they_are_not_finite() {
+    let options = Options::adaptive(1e-10, 1e-10);
+    let mut solver = Integrator::new(&Root, Taylor::new(), 0.0, [1.0], options).unwrap();
+    solver.integrate_to(0.96).unwrap();
+    assert!((solver.state()[0] - 0.2).abs() < 1e-9);
+
+    let outside = Failure::OutsideDomain { t: 0.0, condition: "y != 0" };
+    let at_zero = Integrator::new(&Root, Taylor::new(), 0.0, [0.0], options).map(|_| ());
+    assert_eq!(at_zero, Err(outside.into()));
+    // The derivative is finite here, higher coefficients are not.
+    let mut solver = Integrator::new(&Root, Taylor::new(), 0.0, [1e-100], Options::fixed(1e-3)).unwrap();
+    assert!(matches!(solver.integrate_to(1.0), Err(Error::Failure(Failure::NonFinite { t: 0.0, index: 0 }))));
+    assert_eq!((solver.t(), *solver.state()), (0.0, [1e-100]));
 }

@@ -5,8 +5,8 @@
 use std::collections::BTreeMap;
 
 use hamel_runtime::{
-    Dop853, Dopri5, Error as SolverError, Gauss4, Gauss6, Gauss8, Integrator, Method, Options, Progress, Rk4,
-    Stats, Taylor, TaylorIntegrator, Tsit5, Vern9,
+    Dop853, Dopri5, Error as SolverError, Gauss4, Gauss6, Gauss8, Integrator, Method, Options, Rk4, Taylor,
+    Tsit5, Vern9,
 };
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
@@ -383,79 +383,32 @@ pub fn simulate(
     progress: &mut dyn FnMut(f64),
 ) -> Result<SimulateResponse, Error> {
     let dynamics = prepare(factory, &request.params)?;
+    let dynamics = &*dynamics;
     match request.method {
-        MethodName::Tsit5 => run_with(Tsit5, &*dynamics, request, progress),
-        MethodName::Dop853 => run_with(Dop853, &*dynamics, request, progress),
-        MethodName::Vern9 => run_with(Vern9, &*dynamics, request, progress),
-        MethodName::Gauss4 => run_with(Gauss4::fixed_point(), &*dynamics, request, progress),
-        MethodName::Gauss6 => run_with(Gauss6::fixed_point(), &*dynamics, request, progress),
-        MethodName::Gauss8 => run_with(Gauss8::fixed_point(), &*dynamics, request, progress),
-        MethodName::Dopri5 => run_with(Dopri5, &*dynamics, request, progress),
-        MethodName::Rk4 => run_with(Rk4, &*dynamics, request, progress),
-        MethodName::Taylor => {
-            let dynamics = &*dynamics;
-            if !dynamics.series(0.0, &request.initial, &mut []) {
-                let info = dynamics.info();
-                let reason = format!(
-                    "method taylor: scene {} of {} was compiled without Taylor series: choose a scene that wants \
-                     `taylor`, or --via interpreter",
-                    info.scene, info.model
-                );
-                return Err(Error::Options { reason });
-            }
-            let make = |start, options| TaylorIntegrator::new(&dynamics, Taylor::new(), 0.0, start, options);
-            run(make, dynamics, request, progress)
+        MethodName::Tsit5 => run(Tsit5, dynamics, request, progress),
+        MethodName::Dop853 => run(Dop853, dynamics, request, progress),
+        MethodName::Vern9 => run(Vern9, dynamics, request, progress),
+        MethodName::Gauss4 => run(Gauss4::fixed_point(), dynamics, request, progress),
+        MethodName::Gauss6 => run(Gauss6::fixed_point(), dynamics, request, progress),
+        MethodName::Gauss8 => run(Gauss8::fixed_point(), dynamics, request, progress),
+        MethodName::Dopri5 => run(Dopri5, dynamics, request, progress),
+        MethodName::Rk4 => run(Rk4, dynamics, request, progress),
+        MethodName::Taylor if !dynamics.series(0.0, &request.initial, &mut []) => {
+            let info = dynamics.info();
+            let reason = format!(
+                "method taylor: scene {} of {} was compiled without Taylor series: choose a scene that wants \
+                 `taylor`, or --via interpreter",
+                info.scene, info.model
+            );
+            Err(Error::Options { reason })
         }
+        MethodName::Taylor => run(Taylor::new(), dynamics, request, progress),
     }
 }
 
-/// An integrator of the runtime.
-trait Solver {
-    fn t(&self) -> f64;
-    fn state(&self) -> &VecState;
-    fn stats(&self) -> Stats;
-    fn step_towards(&mut self, t_end: f64) -> Result<Progress, SolverError>;
-    fn interpolate(&mut self, t: f64, out: &mut VecState) -> Result<(), SolverError>;
-}
-
-/// Hands the methods of the trait to those of the integrator.
-macro_rules! solver {
-    ($integrator:ty $(, $method:ident: $bound:path)?) => {
-        impl<'s, 'd: 's $(, $method: $bound)?> Solver for $integrator {
-            fn t(&self) -> f64 {
-                self.t()
-            }
-            fn state(&self) -> &VecState {
-                self.state()
-            }
-            fn stats(&self) -> Stats {
-                self.stats()
-            }
-            fn step_towards(&mut self, t_end: f64) -> Result<Progress, SolverError> {
-                self.step_towards(t_end)
-            }
-            fn interpolate(&mut self, t: f64, out: &mut VecState) -> Result<(), SolverError> {
-                self.interpolate(t, out)
-            }
-        }
-    };
-}
-
-solver! { Integrator<'s, f64, &'d dyn Dynamics, M>, M: Method<f64, &'d dyn Dynamics> }
-solver! { TaylorIntegrator<'s, f64, &'d dyn Dynamics> }
-
-fn run_with<'d, M: Method<f64, &'d dyn Dynamics>>(
+fn run<'d, M: Method<f64, &'d dyn Dynamics>>(
     method: M,
     dynamics: &'d dyn Dynamics,
-    request: &SimulateRequest,
-    progress: &mut dyn FnMut(f64),
-) -> Result<SimulateResponse, Error> {
-    run(|start, options| Integrator::new(&dynamics, method, 0.0, start, options), dynamics, request, progress)
-}
-
-fn run<S: Solver>(
-    make: impl FnOnce(VecState, Options<f64>) -> Result<S, SolverError>,
-    dynamics: &dyn Dynamics,
     request: &SimulateRequest,
     progress: &mut dyn FnMut(f64),
 ) -> Result<SimulateResponse, Error> {
@@ -484,7 +437,8 @@ fn run<S: Solver>(
         other => Error::Options { reason: other.to_string() },
     };
     let clock = std::time::Instant::now();
-    let mut solver = make(VecState(request.initial.clone()), options).map_err(start)?;
+    let initial = VecState(request.initial.clone());
+    let mut solver = Integrator::new(&dynamics, method, 0.0, initial, options).map_err(start)?;
     let mut record = Record::new(dynamics, request)?;
     let mut interpolated = VecState(request.initial.clone());
     let mut next = 0;

@@ -18,7 +18,13 @@ macro_rules! explicit_method {
 
             type Storage = [S::State; $n_stored];
 
-            fn storage(&self, _system: &S, _t0: R, y0: &S::State) -> Self::Storage {
+            fn storage(
+                &self,
+                _system: &S,
+                _t0: R,
+                y0: &S::State,
+                _options: &crate::options::Options<R>,
+            ) -> Self::Storage {
                 const { assert!($n_stored == $tableau.n_stored()) }
                 core::array::from_fn(|_| crate::system::StateVector::zeros_like(y0))
             }

@@ -4,7 +4,7 @@
 
 use super::{Derivatives, Estimate, Method, Step, Tableau, compensated_advance};
 use crate::error::Error;
-use crate::options::signed;
+use crate::options::{Options, signed};
 use crate::real::Real;
 use crate::system::{Differentiable, StateVector, System};
 
@@ -313,7 +313,7 @@ impl<R: Real, S: System<R>, const STAGES: usize> Method<R, S> for Gauss<STAGES, 
 
     type Storage = GaussStorage<R, S::State, S::State, STAGES>;
 
-    fn storage(&self, _system: &S, _t0: R, y0: &S::State) -> Self::Storage {
+    fn storage(&self, _system: &S, _t0: R, y0: &S::State, _options: &Options<R>) -> Self::Storage {
         GaussStorage::new(y0, y0.zeros_like())
     }
 
@@ -442,7 +442,7 @@ impl<R: Real, S: Differentiable<R, State = [R; N]>, const N: usize, const STAGES
 
     type Storage = GaussStorage<R, [R; N], NewtonWorkspace<R, N, STAGES>, STAGES>;
 
-    fn storage(&self, _system: &S, _t0: R, y0: &[R; N]) -> Self::Storage {
+    fn storage(&self, _system: &S, _t0: R, y0: &[R; N], _options: &Options<R>) -> Self::Storage {
         let workspace = NewtonWorkspace {
             jacobian: [[R::ZERO; N]; N],
             factors: [[[[R::ZERO; N]; STAGES]; N]; STAGES],

@@ -9,6 +9,7 @@ mod explicit;
 mod gauss;
 mod projected;
 mod rk4;
+mod taylor;
 mod tsit5;
 mod vern9;
 
@@ -17,39 +18,62 @@ pub use dopri5::Dopri5;
 pub use gauss::{FixedPoint, Gauss, Gauss4, Gauss6, Gauss8, Newton};
 pub use projected::{Invariants, Projected, Projection};
 pub use rk4::Rk4;
+pub use taylor::Taylor;
+pub(crate) use taylor::increments;
 pub use tsit5::Tsit5;
 pub use vern9::Vern9;
 
 use crate::error::Error;
+use crate::options::{Norm, Options};
 use crate::real::Real;
 use crate::system::{StateVector, System};
 
-/// A Runge-Kutta method with continuous output for a system `S`.
+/// A one-step method with continuous output for a system `S`: of Runge and Kutta, or of the series of the solution.
 ///
-/// A method computes the stages and the new state of one step. Everything else, such as time, step sizes, errors,
-/// dense output, events and counts, is the work of the [`Integrator`](crate::Integrator), which is the same for
-/// all methods.
+/// A method computes the stages or coefficients and the new state of one step. Everything else, such as time, step
+/// sizes, errors, dense output, events and counts, is the work of the [`Integrator`](crate::Integrator), which is the
+/// same for all methods.
 pub trait Method<R: Real, S: System<R>>: Copy {
-    /// Coefficients of the method.
+    /// Coefficients of the method; without stages for a series.
     const TABLEAU: &'static Tableau;
 
     /// What the method keeps from one step to the next.
     type Storage;
 
-    /// Storage for an integration that starts at the state `y0` at time `t0`.
-    fn storage(&self, system: &S, t0: R, y0: &S::State) -> Self::Storage;
+    /// Says whether the method can integrate with these options.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Order`] of methods of any order.
+    fn validate(&self, _options: &Options<R>) -> Result<(), Error> {
+        Ok(())
+    }
 
-    /// The stage derivatives: `k_1` to `k_(s-1)`, then those for dense output alone.
+    /// Storage for an integration with valid options that starts at the state `y0` at time `t0`.
+    fn storage(&self, system: &S, t0: R, y0: &S::State, options: &Options<R>) -> Self::Storage;
+
+    /// The stage derivatives: `k_1` to `k_(s-1)`, then those for dense output alone; of a series its coefficients, from
+    /// the state at the start of the step to the last order.
     ///
     /// # Shapes
     ///
-    /// \[[`Tableau::n_stored`]\]; `k_0` and `k_s` are the [`Point::slope`] of the two ends of the step.
+    /// \[[`Tableau::n_stored`]\], \[order + 1\] of a series; `k_0` and `k_s` are the [`Point::slope`] of the two ends
+    /// of the step.
     fn stages(storage: &Self::Storage) -> &[S::State];
 
     /// [`stages`](Self::stages) for writing.
     fn stages_mut(storage: &mut Self::Storage) -> &mut [S::State];
 
-    /// Computes the stages `k_1` to `k_(s-1)`, the new state and what it lacks.
+    /// The longest step from a point that is accurate, as far as the method knows before it takes the step; asked once
+    /// before each adaptive step.
+    ///
+    /// Most methods know none, which is infinity, and are judged by their error after the step.
+    #[inline]
+    fn longest_step(&self, _storage: &mut Self::Storage, _start: Start<'_, R, S>) -> f64 {
+        f64::INFINITY
+    }
+
+    /// Computes the stages `k_1` to `k_(s-1)`, or the series, the new state and what it lacks.
     ///
     /// Values that are not finite are passed on: the integrator looks for them.
     ///
@@ -66,8 +90,27 @@ pub struct Point<V> {
     pub state: V,
     /// What the sum `state` lacks.
     pub residue: V,
-    /// The derivative there.
+    /// The derivative there; methods by series do without, beyond the first point.
     pub slope: V,
+}
+
+/// The start of a step whose size is to be chosen, as a method sees it.
+#[derive(Debug)]
+pub struct Start<'a, R: Real, S: System<R>> {
+    /// The system that is integrated.
+    pub system: &'a S,
+    /// Time at the start.
+    pub t: R,
+    /// The start; its slope is complete for methods with stages.
+    pub point: &'a Point<S::State>,
+    /// Reciprocals of the tolerances of the components there.
+    pub scales: &'a S::State,
+    /// The norm of scaled components that is to be at most one.
+    pub norm: Norm,
+    /// Space for one state.
+    pub work: &'a mut S::State,
+    /// Count of evaluations of the right-hand side, to be kept up to date.
+    pub rhs_evals: &'a mut u64,
 }
 
 /// One trial step, as a method sees it.
@@ -109,7 +152,8 @@ pub struct Step<'a, R: Real, S: System<R>> {
 ///
 /// with `x = (t - t0)/h` and `D = y1 - y0`: the cubic Hermite interpolant where there is no `d`.
 /// Rows list `(j, coefficient)` of the coefficients that are not zero. A method is explicit if `j < i` in every
-/// row; collocation methods are written with an explicit first stage of weight zero.
+/// row; collocation methods are written with an explicit first stage of weight zero. A method by series has a name,
+/// its least order and no coefficients here; its dense output is the sum of the series.
 ///
 /// # Source
 ///
@@ -147,13 +191,18 @@ impl Tableau {
     /// Number of stage derivatives to store: `s - 1` and those of dense output.
     #[must_use]
     pub const fn n_stored(&self) -> usize {
-        self.stages.len() - 1 + self.dense_stages.len()
+        self.stages.len().saturating_sub(1) + self.dense_stages.len()
+    }
+
+    /// Whether the method is that of a series instead of stages.
+    pub(crate) const fn is_series(&self) -> bool {
+        matches!(self.estimate, Estimate::Series)
     }
 
     /// The rows of weights of the error estimate.
     pub(crate) const fn error_weights(&self) -> [&'static [(usize, f64)]; 2] {
         match self.estimate {
-            Estimate::None => [&[], &[]],
+            Estimate::None | Estimate::Series => [&[], &[]],
             Estimate::Embedded { weights, .. } => [weights, &[]],
             Estimate::Combined { fifth, third, .. } => [fifth, third],
         }
@@ -164,6 +213,7 @@ impl Tableau {
     pub const fn estimate_order(&self) -> Option<u32> {
         match self.estimate {
             Estimate::None => None,
+            Estimate::Series => Some(self.order),
             Estimate::Embedded { order, .. } | Estimate::Combined { order, .. } => Some(order),
         }
     }
@@ -175,6 +225,8 @@ impl Tableau {
 pub enum Estimate {
     /// None: the method takes fixed steps only.
     None,
+    /// The last terms of the series of the solution, known before the step: [`Method::longest_step`].
+    Series,
     /// The difference from one embedded method.
     Embedded {
         /// The `q` of an estimate `O(h^q)`.
@@ -284,6 +336,30 @@ pub(crate) fn compensated_advance<R: Real, V: StateVector<R>>(
     k.for_each_sum(weights, y.len(), |c, slope| {
         (out[c], out_residue[c]) = two_sum(y[c], h.mul_add(slope, residue[c]));
     });
+}
+
+/// Square of the norm of scaled components; NaN if one is.
+#[inline(always)]
+pub(crate) fn square_of_norm<R: Real>(norm: Norm, components: &[R]) -> f64 {
+    match norm {
+        Norm::Rms => {
+            // Two sums side by side wait half as long for their additions.
+            let square = |x: R| x.magnitude() * x.magnitude();
+            let mut pairs = components.chunks_exact(2);
+            let mut sums = [0.0, 0.0];
+            for pair in &mut pairs {
+                sums[0] += square(pair[0]);
+                sums[1] += square(pair[1]);
+            }
+            let last: f64 = pairs.remainder().iter().map(|&x| square(x)).sum();
+            (sums[0] + sums[1] + last) / components.len().max(1) as f64
+        }
+        Norm::Max => {
+            let sizes = components.iter().map(|x| x.magnitude());
+            let max = sizes.fold(0.0, |max: f64, x| if x.is_nan() || x > max { x } else { max });
+            max * max
+        }
+    }
 }
 
 #[cfg(test)]
@@ -445,6 +521,7 @@ mod tests {
         };
         for tableau in TABLEAUX {
             match tableau.estimate {
+                Estimate::Series => panic!("{} has no stages", tableau.name),
                 Estimate::None => assert!(tableau.name == "rk4" || tableau.name.starts_with("gauss")),
                 Estimate::Embedded { order, weights } => check(tableau, weights, order as usize),
                 Estimate::Combined { order, fifth, third } => {

@@ -3,8 +3,9 @@
 //! The module deliberately does not know what an invariant means: energy, Casimir, constraint, or the equations of a
 //! group in its coordinates.
 
-use super::{Method, Step, Tableau, two_sum};
+use super::{Method, Start, Step, Tableau, two_sum};
 use crate::error::Error;
+use crate::options::Options;
 use crate::real::Real;
 use crate::system::{StateVector, System};
 
@@ -77,9 +78,13 @@ impl<R: Real, M: Method<R, S>, const K: usize, S: Invariants<R, K>> Method<R, S>
 
     type Storage = Projection<R, S::State, M::Storage, K>;
 
-    fn storage(&self, system: &S, t0: R, y0: &S::State) -> Self::Storage {
+    fn validate(&self, options: &Options<R>) -> Result<(), Error> {
+        self.method.validate(options)
+    }
+
+    fn storage(&self, system: &S, t0: R, y0: &S::State, options: &Options<R>) -> Self::Storage {
         Projection {
-            inner: self.method.storage(system, t0, y0),
+            inner: self.method.storage(system, t0, y0, options),
             levels: system.values(t0, y0),
             gradients: core::array::from_fn(|_| y0.zeros_like()),
         }
@@ -93,6 +98,11 @@ impl<R: Real, M: Method<R, S>, const K: usize, S: Invariants<R, K>> Method<R, S>
     #[inline]
     fn stages_mut(storage: &mut Self::Storage) -> &mut [S::State] {
         M::stages_mut(&mut storage.inner)
+    }
+
+    #[inline]
+    fn longest_step(&self, storage: &mut Self::Storage, start: Start<'_, R, S>) -> f64 {
+        self.method.longest_step(&mut storage.inner, start)
     }
 
     fn advance(&self, storage: &mut Self::Storage, step: &mut Step<'_, R, S>) -> Result<(), Error> {
