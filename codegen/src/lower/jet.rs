@@ -675,12 +675,10 @@ impl<'p> Builder<'p> {
                 Operand::Value(v) if !std::mem::replace(&mut live[v as usize], true) => {
                     pending.extend(instructions[v as usize].op.operands());
                 }
-                Operand::State(i) if i >= SUMS => {
-                    if live_sums.insert(i - SUMS) {
-                        pending.extend(rows[(i - SUMS) as usize]);
-                    }
+                Operand::State(i) if i >= SUMS && live_sums.insert(i - SUMS) => {
+                    pending.extend(rows[(i - SUMS) as usize]);
                 }
-                Operand::State(i) if i >= KEPT => {
+                Operand::State(i) if (KEPT..SUMS).contains(&i) => {
                     live_kept.insert(i - KEPT);
                 }
                 _ => {}

@@ -171,7 +171,6 @@ impl Pass<'_> {
     }
 
     /// Positions, names and values of all entries `df_i/dx_j`, row by row.
-    #[expect(clippy::type_complexity, reason = "two parallel lists, taken apart at once")]
     fn entries(&mut self, by: &[SymbolId]) -> (Vec<(usize, usize, String)>, Vec<ExprId>) {
         let linear = self.linearise(by);
         let name = |value: &str, input: &str| format!("d_{value}_d_{input}");

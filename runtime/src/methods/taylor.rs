@@ -62,6 +62,12 @@ use crate::system::StateVector;
 /// # Ok::<(), hamel_runtime::Error>(())
 /// ```
 ///
+/// # Errors
+///
+/// Near a singularity that the solution reaches with a size like that of the absolute tolerance, the terms say nothing
+/// about the radius of convergence and a step can pass it unseen: give such a system a
+/// [`domain`](crate::System::domain), or a tolerance below the size that matters.
+///
 /// # Source
 ///
 /// Jorba and Zou, A software package for the numerical integration of ODEs by means of high-order Taylor methods

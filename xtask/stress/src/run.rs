@@ -167,13 +167,13 @@ pub fn run(
     let samples = samples.unwrap_or(if short { SHORT } else { SAMPLES });
     let mut chosen: Vec<(&dyn Subject, &SceneRequest)> = Vec::new();
     for scene in &mut scenes {
-        let is_it = |s: &&Box<dyn Subject>| s.info().model == scene.model && s.info().scene == scene.scene;
-        let subject = subjects.iter().find(is_it).ok_or_else(|| Error::NotCompiled {
+        let is_it = |s: &&dyn Subject| s.info().model == scene.model && s.info().scene == scene.scene;
+        let subject = subjects.iter().map(|s| &**s).find(is_it).ok_or_else(|| Error::NotCompiled {
             what: format!("{} {}", scene.model, scene.scene),
             reason: "it has not been generated".into(),
         })?;
         scene.order(subject.info().state);
-        chosen.push((&**subject, scene));
+        chosen.push((subject, scene));
     }
     let sweeps: Vec<_> = SWEEPS
         .iter()
