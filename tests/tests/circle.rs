@@ -102,7 +102,8 @@ fn no_sine_is_computed_and_the_pivots_stay_definite() {
             let k = scene.program.function_idx("check").expect("every scene has its check");
             scene.program.functions[k].results.len()
         });
-        assert_eq!(checked[1], checked[0], "{model} {angles} {items}");
+        // A pivot may become definite, none may cease to be.
+        assert!(checked[1] <= checked[0], "{model} {angles} {items}: {checked:?}");
     }
 }
 
