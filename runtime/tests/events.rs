@@ -291,6 +291,19 @@ impl Jet<f64> for Root {
 }
 
 #[test]
+fn series_do_not_pass_a_singularity() {
+    // y^2 = 1 - t: the solution ends at t = 1.
+    for tolerance in [1e-4, 1e-7, 1e-10, 1e-13] {
+        let options = Options::adaptive(tolerance, tolerance);
+        let mut solver = Integrator::new(&Root, Taylor::new(), 0.0, [1.0], options).unwrap();
+        let end = solver.integrate_to(2.0).unwrap_err();
+        assert!(matches!(end, Error::StepTooSmall { .. }), "{tolerance:e}: {end:?}");
+        // What is known of the square at the end is the error made on the way.
+        assert!((solver.t() - 1.0).abs() < 100.0 * tolerance, "{tolerance:e}: {}", solver.t());
+    }
+}
+
+#[test]
 fn series_are_refused_where_they_are_not_finite() {
     let options = Options::adaptive(1e-10, 1e-10);
     let mut solver = Integrator::new(&Root, Taylor::new(), 0.0, [1.0], options).unwrap();

@@ -62,12 +62,6 @@ use crate::system::StateVector;
 /// # Ok::<(), hamel_runtime::Error>(())
 /// ```
 ///
-/// # Errors
-///
-/// Near a singularity that the solution reaches with a size like that of the absolute tolerance, the terms say nothing
-/// about the radius of convergence and a step can pass it unseen: give such a system a
-/// [`domain`](crate::System::domain), or a tolerance below the size that matters.
-///
 /// # Source
 ///
 /// Jorba and Zou, A software package for the numerical integration of ODEs by means of high-order Taylor methods
@@ -215,6 +209,15 @@ impl<R: Real, S: Jet<R>> Method<R, S> for Taylor {
                 log = log.min(rho - size / p as f64);
             }
             step = exp2(log);
+        }
+        // Where the solution is no larger than the tolerance the terms allow more than the radius of convergence, and a step
+        // would pass a singularity unseen. The root test gives the radius of a pole, and 1.4 to 1.8 times that of a square
+        // root for the orders 15 to 7: half of it is inside either.
+        let slope = square(1);
+        if slope > 0.0 {
+            for k in [p - 1, p].into_iter().filter(|k| *k > 1) {
+                step = step.min(0.5 * exp2(0.5 * log2(slope / square(k)) / (k - 1) as f64));
+            }
         }
         storage.previous_step = step;
         step
