@@ -14,7 +14,8 @@ use rustc_hash::FxHashMap;
 use super::polynomial::{Atom, Coefficient, Entry, Exponent, Monomial, Polynomial, System, times};
 use crate::expr::{Func, Graph};
 
-/// Cost units: an operation of the fused kind, and in addition a floating-point operation.
+/// Cost units, thirds of those of [`Counts::cost`](super::Counts::cost): an operation of the fused kind, and in addition a
+/// floating-point operation.
 ///
 /// A target with fused multiply-add executes one instruction for a product with its sum, other targets two.
 const OPERATION: i64 = 2;

@@ -6,6 +6,7 @@
 use std::collections::HashMap;
 
 use super::number::Signed;
+use super::pack;
 use super::program::{Constant, Function, Instruction, Op, Operand, Program, Signs, Slot};
 
 /// Rewrites every function; the part that depends on parameters alone runs once and keeps its products.
@@ -14,13 +15,23 @@ pub(super) fn fuse(program: &mut Program) {
         fuse_function(function);
     }
     for function_idx in 0..program.functions.len() {
-        absorb_signs(program, function_idx);
+        let function = &mut program.functions[function_idx];
+        let mut instructions = std::mem::take(&mut function.instructions);
+        let mut outputs: Vec<Operand> = function.results.iter().map(|(_, o)| *o).collect();
+        absorb_signs(program, &mut instructions, &mut outputs, true);
+        let function = &mut program.functions[function_idx];
+        function.instructions = instructions;
+        function.results.iter_mut().zip(outputs).for_each(|((_, o), new)| *o = new);
     }
-    prune(program);
+    pack::turn_slots(program);
+    absorb_signs_in_prepare(program);
+    program.functions.iter_mut().for_each(pack::order_factors);
+    let order = pack::slot_order(program);
+    prune(program, order);
 }
 
 /// Position of a value in its list.
-fn position(operand: Operand) -> Option<usize> {
+pub(super) fn position(operand: Operand) -> Option<usize> {
     match operand {
         Operand::Value(v) => Some(v as usize),
         _ => None,
@@ -34,7 +45,7 @@ fn operand(position: usize) -> Operand {
 // ---- sums of products -----------------------------------------------------------------------------------------------
 
 /// Cycles from operands to result on current processors; only their order of magnitude matters.
-fn latency(op: &Op) -> u32 {
+pub(super) fn latency(op: &Op) -> u32 {
     match op {
         Op::Neg(_) => 1,
         Op::Add(..) | Op::Sub(..) | Op::Mul(..) | Op::MulAdd(..) => 4,
@@ -287,12 +298,15 @@ impl Fusion<'_> {
 
 /// `-(a - b) = b - a`, `-(a*b + c) = -(a*b) - c`, `-((a - b)*c) = (b - a)*c`, and for a constant or prepared `p`
 /// `-(p*x) = (-p)*x` and `-(p + x) = -p - x`: takes away negations of values that nothing else uses.
-fn absorb_signs(program: &mut Program, function_idx: usize) {
-    let mut instructions = std::mem::take(&mut program.functions[function_idx].instructions);
+fn absorb_signs(
+    program: &mut Program,
+    instructions: &mut Vec<Instruction>,
+    outputs: &mut [Operand],
+    may_prepare: bool,
+) {
     let mut n_uses = vec![0usize; instructions.len()];
-    let results = program.functions[function_idx].results.iter().map(|(_, o)| *o);
     let operands = instructions.iter().flat_map(|i| i.op.operands());
-    operands.chain(results).filter_map(position).for_each(|v| n_uses[v] += 1);
+    operands.chain(outputs.iter().copied()).filter_map(position).for_each(|v| n_uses[v] += 1);
 
     let mut stands_for: Vec<usize> = (0..instructions.len()).collect();
     for k in 0..instructions.len() {
@@ -302,8 +316,8 @@ fn absorb_signs(program: &mut Program, function_idx: usize) {
             continue;
         }
         // What costs nothing anywhere first; then what adds to the part that runs once.
-        let Some((changed, op)) = [false, true].into_iter().find_map(|may_prepare| {
-            factors(&instructions, &n_uses, &stands_for, negated)
+        let Some((changed, op)) = [false, may_prepare].into_iter().find_map(|may_prepare| {
+            factors(instructions, &n_uses, &stands_for, negated)
                 .into_iter()
                 .find_map(|v| Some((v, opposite(instructions[v].op, program, may_prepare)?)))
         }) else {
@@ -318,16 +332,36 @@ fn absorb_signs(program: &mut Program, function_idx: usize) {
     let mut moved_to = vec![0; instructions.len()];
     let mut kept: Vec<Instruction> = Vec::with_capacity(instructions.len());
     let moved = |o: Operand, moved_to: &[usize]| position(o).map_or(o, |v| operand(moved_to[stands_for[v]]));
-    for (k, mut instruction) in instructions.into_iter().enumerate() {
+    for (k, mut instruction) in instructions.drain(..).enumerate() {
         if stands_for[k] == k {
             moved_to[k] = kept.len();
             instruction.op = instruction.op.map(|o| moved(o, &moved_to));
             kept.push(instruction);
         }
     }
-    let function = &mut program.functions[function_idx];
-    function.results.iter_mut().for_each(|(_, o)| *o = moved(*o, &moved_to));
-    function.instructions = kept;
+    outputs.iter_mut().for_each(|o| *o = moved(*o, &moved_to));
+    *instructions = kept;
+}
+
+/// The same for the part that runs once.
+fn absorb_signs_in_prepare(program: &mut Program) {
+    let mut instructions = std::mem::take(&mut program.prepare.instructions);
+    let slots = program.prepare.slots.iter().map(|slot| Operand::Value(slot.value));
+    let sides = program.prepare.conditions.iter().flat_map(|c| [c.greater, c.less]);
+    let mut outputs: Vec<Operand> = slots.chain(sides).collect();
+    absorb_signs(program, &mut instructions, &mut outputs, false);
+    let mut outputs = outputs.into_iter();
+    for (slot, new) in program.prepare.slots.iter_mut().zip(&mut outputs) {
+        if let Operand::Value(v) = new {
+            slot.value = v;
+        }
+    }
+    for condition in &mut program.prepare.conditions {
+        for (side, new) in [&mut condition.greater, &mut condition.less].into_iter().zip(&mut outputs) {
+            *side = new;
+        }
+    }
+    program.prepare.instructions = instructions;
 }
 
 /// The value and the factors of it, and theirs, that nothing else uses: the opposite of one is the opposite of all.
@@ -399,18 +433,18 @@ fn negated(program: &mut Program, operand: Operand, may_prepare: bool) -> Option
     Some(Operand::Slot(place(&mut program.prepare.slots, Slot { value, name: None })?))
 }
 
-/// Leaves out slots and constants that no longer occur, and orders them by their first use.
-fn prune(program: &mut Program) {
+/// Leaves out slots and constants that no longer occur: slots in the given order, constants by their first use.
+fn prune(program: &mut Program, slots: Vec<u32>) {
     fn keep(order: &mut Vec<u32>, index: &mut HashMap<u32, u32>, old: u32) -> u32 {
         *index.entry(old).or_insert_with(|| {
             order.push(old);
             u32::try_from(order.len() - 1).expect("no more than before")
         })
     }
-    let (mut slots, mut slot_index) = (Vec::new(), HashMap::new());
+    let slot_index: HashMap<u32, u32> = slots.iter().copied().zip(0..).collect();
     let (mut constants, mut constant_index) = (Vec::new(), HashMap::new());
     let mut kept = |o: Operand| match o {
-        Operand::Slot(i) => Operand::Slot(keep(&mut slots, &mut slot_index, i)),
+        Operand::Slot(i) => Operand::Slot(slot_index[&i]),
         Operand::Constant(i) => Operand::Constant(keep(&mut constants, &mut constant_index, i)),
         other => other,
     };

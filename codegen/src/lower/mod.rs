@@ -13,6 +13,7 @@ mod interpret;
 mod jet;
 mod number;
 mod optimise;
+mod pack;
 mod pair;
 mod polynomial;
 mod program;

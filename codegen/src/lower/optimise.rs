@@ -9,15 +9,13 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use super::class::Class;
 use super::extract::{Extractor, cost, needed};
-use super::polynomial::{Atom, Entry, Exponent, Polynomial, Reader, System};
+use super::polynomial::{Atom, Coefficient, Entry, Exponent, Polynomial, Reader, System};
 use super::{Definition, Request, Section, Source};
 use crate::error::Error;
 use crate::expr::{ExprId, Graph, Node, Rational, Sign, SymbolId};
 
 /// The search stops when this many divisors, or a tenth of it in terms, have been looked at.
 const MAX_WORK: usize = 4_000_000;
-/// A definition is not multiplied out where that takes more than so many times the terms.
-const MAX_GROWTH: usize = 1;
 /// Rounds over all definitions.
 const MAX_ROUNDS: usize = 3;
 
@@ -98,8 +96,12 @@ impl Search<'_> {
                 if self.extractor.work + 10 * self.system.work > MAX_WORK {
                     return best.1;
                 }
-                let candidates =
-                    [self.flat(&current, k), self.inlined(&current, k), self.gathered(&current, k)];
+                let candidates = [
+                    self.flat(&current, k),
+                    self.inlined(&current, k),
+                    self.gathered(&current, k),
+                    self.scaled(&current, k),
+                ];
                 for candidate in candidates.into_iter().flatten() {
                     let trial = self.extracted(&candidate);
                     if trial.0 < best.0 {
@@ -147,7 +149,7 @@ impl Search<'_> {
         let value = self.flattened(entries, k)?;
         // Where hardly anything cancels the definitions say it shorter, and a trial would cost more than it can tell.
         let behind = needed(self.system, entries, &[k]);
-        if value.len() > MAX_GROWTH * behind.iter().map(|j| entries[*j].value.len()).sum::<usize>() {
+        if value.len() > behind.iter().map(|j| entries[*j].value.len()).sum() {
             return None;
         }
         let mut candidate = entries.to_vec();
@@ -162,6 +164,47 @@ impl Search<'_> {
         let mut candidate = entries.to_vec();
         candidate[k].value = value;
         Some(candidate)
+    }
+
+    /// `k = c k'` with the number `c` that leaves the most terms of `k'` and of its users without a number.
+    fn scaled(&mut self, entries: &[Entry], k: usize) -> Option<Vec<Entry>> {
+        if self.roots.contains(&k) {
+            return None;
+        }
+        let users = needed(self.system, entries, self.roots);
+        let atom = self.system.atom_of(Atom::Poly(k as u32));
+        let mut scales: BTreeSet<Coefficient> = entries[k].value.iter().map(|(_, c)| *c).collect();
+        for user in &users {
+            for (m, c) in &entries[*user].value {
+                scales.extend(m.iter().any(|(a, _)| *a == atom).then_some(*c));
+                // The name of what a function is applied to stays.
+                let is_argument = |(a, _): &(u32, Exponent)| matches!(self.system.atom(*a), Atom::Function(_, j) if j as usize == k);
+                if m.iter().any(is_argument) {
+                    return None;
+                }
+            }
+        }
+        let n_numbers = |value: &Polynomial| value.iter().filter(|(_, c)| !c.is_unit()).count();
+        let mut best: Option<(usize, Vec<Entry>)> = None;
+        for scale in scales.into_iter().filter(|c| !c.is_unit() && !c.negative) {
+            let Some(value) = self.system.over_number(self.graph, &entries[k].value, scale) else { continue };
+            let mut candidate = entries.to_vec();
+            candidate[k] = Entry { value, definition: None };
+            let (mut before, mut after) = (n_numbers(&entries[k].value), n_numbers(&candidate[k].value));
+            let mut is_possible = true;
+            for user in users.iter().copied().filter(|user| *user != k) {
+                match self.system.times_number(self.graph, &entries[user].value, atom, scale) {
+                    Some(value) => candidate[user].value = value,
+                    None => is_possible = false,
+                }
+                before += n_numbers(&entries[user].value);
+                after += n_numbers(&candidate[user].value);
+            }
+            if is_possible && after < best.as_ref().map_or(before, |(n, _)| *n) {
+                best = Some((after, candidate));
+            }
+        }
+        best.map(|(_, candidate)| candidate)
     }
 
     fn all_flat(&mut self, entries: &[Entry]) -> Vec<Entry> {
@@ -188,7 +231,7 @@ impl Search<'_> {
             after += value.len();
             candidate.get_or_insert_with(|| entries.to_vec())[user].value = value;
         }
-        candidate.filter(|_| after <= MAX_GROWTH * before)
+        candidate.filter(|_| after <= before)
     }
 }
 

@@ -174,14 +174,14 @@ impl Numbers {
     }
 
     /// `c / d^n` where the value is infinite for `d = 0` anyway.
-    fn over(&mut self, graph: &mut Graph, c: Coefficient, d: Coefficient, n: u32) -> Coefficient {
+    fn over(&mut self, graph: &mut Graph, c: Coefficient, d: Coefficient, n: u32) -> Option<Coefficient> {
         if d.number == 0 {
-            return c.signed_by(d.negative && n % 2 == 1);
+            return Some(c.signed_by(d.negative && n % 2 == 1));
         }
         let (c, d) = (self.expr(graph, c), self.expr(graph, d));
-        let power = graph.powi(d, -i64::from(n));
+        let power = graph.power_product(&[(d, -Rational::from_integer(n.into()))]).ok()?;
         let e = graph.mul(c, power);
-        self.of(graph, e).expect("a quotient of numbers that are not zero")
+        self.of(graph, e)
     }
 
     fn quotient(&mut self, graph: &mut Graph, a: ExprId, b: ExprId) -> Option<Coefficient> {
@@ -401,7 +401,7 @@ impl System {
                     let total = if q.is_positive() {
                         (0..n).fold(*c, |total, _| self.numbers.mul(graph, total, *number))
                     } else {
-                        self.numbers.over(graph, *c, *number, n)
+                        self.numbers.over(graph, *c, *number, n)?
                     };
                     terms.push((times(&rest, &raised(inner, q)), total));
                 }
@@ -431,9 +431,38 @@ impl System {
         let sum = self.collect(graph, terms);
         (sum.len() <= MAX_TERMS).then_some(sum)
     }
-}
 
-impl System {
+    /// The polynomial divided by a number; none where that could make a denominator vanish.
+    pub(super) fn over_number(
+        &mut self,
+        graph: &mut Graph,
+        target: &Polynomial,
+        c: Coefficient,
+    ) -> Option<Polynomial> {
+        target.iter().map(|(m, r)| Some((m.clone(), self.numbers.div(graph, *r, c)?))).collect()
+    }
+
+    /// The polynomial with `c` times the atom in its place.
+    pub(super) fn times_number(
+        &mut self,
+        graph: &mut Graph,
+        target: &Polynomial,
+        atom: u32,
+        c: Coefficient,
+    ) -> Option<Polynomial> {
+        let mut scaled = |(m, r): &(Monomial, Coefficient)| {
+            let Some((_, q)) = m.iter().find(|(a, _)| *a == atom) else { return Some((m.clone(), *r)) };
+            let n = q.is_integer().then(|| q.to_integer().unsigned_abs())?;
+            let total = if q.is_positive() {
+                (0..n).fold(*r, |total, _| self.numbers.mul(graph, total, c))
+            } else {
+                (0..n).try_fold(*r, |total, _| self.numbers.div(graph, total, c))?
+            };
+            Some((m.clone(), total))
+        };
+        target.iter().map(&mut scaled).collect()
+    }
+
     /// `a + b/d = (a d + b)/d` with `d` multiplied out in `a d`, where the sum has fewer terms for it.
     pub(super) fn over_common_denominator(
         &mut self,
@@ -451,7 +480,7 @@ impl System {
         denominators.sort_unstable();
         denominators.dedup();
         let mut best: Option<Polynomial> = None;
-        for atom in denominators {
+        'denominators: for atom in denominators {
             let current = best.as_ref().unwrap_or(target);
             let Atom::Poly(k) = self.atom(atom) else { continue };
             let denominator = &entries[k as usize].value;
@@ -459,7 +488,7 @@ impl System {
             for (m, c) in current {
                 match m.iter().find(|(a, _)| *a == atom) {
                     Some((_, q)) if *q == minus_one => terms.push((times(m, &vec![(atom, -minus_one)]), *c)),
-                    Some(_) => return best,
+                    Some(_) => continue 'denominators,
                     None => {
                         for (x, r) in denominator {
                             terms.push((times(m, x), self.numbers.mul(graph, *c, *r)));

@@ -354,6 +354,72 @@ fn signs_cost_nothing_where_a_sum_a_constant_or_a_slot_takes_them() {
 }
 
 #[test]
+fn numbers_of_components_stand_side_by_side_and_products_of_them_are_added() {
+    // ab y z - aa x, bc z x - bb y, ca x y - cc z: one shape, six prepared numbers.
+    let mut f = fixture();
+    let ([a, b, c], [x, y, z]) = (f.p, f.x);
+    let component = |g: &mut Graph, [p, q, x, y, z]: [ExprId; 5]| {
+        let (first, second) = (g.product(&[p, q, y, z]), g.product(&[p, p, x]));
+        g.sub(first, second)
+    };
+    let e = [[a, b, x, y, z], [b, c, y, z, x], [c, a, z, x, y]].map(|operands| component(&mut f.g, operands));
+    let program = f.lower(&e);
+    let function = &program.functions[0];
+    assert_eq!(program.prepare.slots.len(), 6);
+    let mut read: Vec<[u32; 2]> = Vec::new();
+    for (_, result) in &function.results {
+        let Operand::Value(last) = result else { panic!("{function:?}") };
+        let Op::MulAdd(signs, p, q, r) = function.instructions[*last as usize].op else {
+            panic!("{function:?}")
+        };
+        assert_eq!(signs, Signs::default());
+        let behind = [p, q, r].into_iter().flat_map(|o| match o {
+            Operand::Value(v) => function.instructions[v as usize].op.operands().collect(),
+            other => vec![other],
+        });
+        let slots: Vec<u32> =
+            behind.filter_map(|o| if let Operand::Slot(i) = o { Some(i) } else { None }).collect();
+        read.push(slots.try_into().unwrap());
+    }
+    read.iter().enumerate().for_each(|(lane, slots)| {
+        slots.iter().for_each(|i| assert_eq!(i % 3, lane as u32, "{read:?}"));
+    });
+    check(&mut f, &program, &e);
+}
+
+#[test]
+fn factors_that_are_there_first_are_multiplied_first() {
+    // a x sin(y) / (1 + cos(y)): a x while the functions are computed, the division last.
+    let mut f = fixture();
+    let [x, y, _] = f.x;
+    let (sine, cosine, one) = (f.g.func(Func::Sin, y), f.g.func(Func::Cos, y), f.g.one());
+    let divisor = f.g.add(one, cosine);
+    let numerator = f.g.product(&[f.p[0], x, sine]);
+    let e = f.g.div(numerator, divisor).unwrap();
+    let program = f.lower(&[e]);
+    let ops: Vec<Op> = program.functions[0].instructions.iter().map(|i| i.op).collect();
+    assert!(matches!(ops.last(), Some(Op::Div(..))), "{ops:?}");
+    assert!(ops.iter().any(|op| matches!(op, Op::Mul(Operand::Param(_), Operand::State(_)))), "{ops:?}");
+    check(&mut f, &program, &[e]);
+}
+
+#[test]
+fn a_divisor_is_scaled_where_that_saves_numbers() {
+    // x / (a y^2 + b z^2) = (1/b) x / ((a/b) y^2 + z^2) once b is known to be positive.
+    let mut f = fixture();
+    let ([a, b, _], [x, y, z]) = (f.p, f.x);
+    f.inputs.signs.extend([(a, Sign::Positive), (b, Sign::Positive)]);
+    let (yy, zz) = (f.g.product(&[a, y, y]), f.g.product(&[b, z, z]));
+    let divisor = f.g.add(yy, zz);
+    let numerator = f.g.product(&[f.p[2], x]);
+    let e = f.g.div(numerator, divisor).unwrap();
+    let program = f.lower(&[e]);
+    // c/b x, y^2, z^2 and (a/b) y^2 + z^2.
+    assert_eq!(program.functions[0].counts(), Counts { add: 1, mul: 4, fma: 1, div: 1, ..Counts::default() });
+    check(&mut f, &program, &[e]);
+}
+
+#[test]
 fn sine_and_cosine_of_one_angle_are_one_call() {
     let mut f = fixture();
     let [x, y, _] = f.x;
@@ -536,11 +602,13 @@ fn a_function_takes_a_vector_of_its_own() {
     assert_eq!(program.functions[1].argument, ["w0"]);
     let prepared = program.prepare(&PARAMS).unwrap();
     let mut out = [0.0];
-    let point = |argument| Point { t: TIME, state: &STATE, argument };
+    // Exact products: their order does not matter.
+    let state = [0.5, 1.5, 0.0];
+    let point = |argument| Point { t: TIME, state: &state, argument };
     program.run_at(0, &PARAMS, &prepared, point(&[2.0, 5.0]), &mut out);
-    assert_eq!(out, [STATE[0] * STATE[1] * 2.0 + 5.0]);
+    assert_eq!(out, [6.5]);
     program.run_at(1, &PARAMS, &prepared, point(&[3.0]), &mut out);
-    assert_eq!(out, [STATE[0] * STATE[1] * 3.0]);
+    assert_eq!(out, [2.25]);
     assert_eq!(program.to_expressions(&mut g, &inputs).unwrap(), [[sum], [along_w]]);
 
     // A component that the vector does not have, and a vector of another function.

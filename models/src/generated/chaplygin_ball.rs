@@ -273,7 +273,7 @@ pub struct Prepared<R = f64> {
     c2: R,
     /// `m * l * chi1 * g`
     c3: R,
-    /// `I1 - I3`
+    /// `I3 - I1`
     c4: R,
     /// `I1 - I2`
     c5: R,
@@ -285,7 +285,7 @@ pub struct Prepared<R = f64> {
     c8: R,
     /// `m * l * chi1`
     c9: R,
-    /// `m * l * chi2`
+    /// `-(m * l * chi2)`
     c10: R,
     /// `m * l * chi3`
     c11: R,
@@ -318,7 +318,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 15 multiplications, 3 divisions.
+    /// 3 additions, 15 multiplications, 3 divisions, 1 sign change.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, m, r, l, chi1, chi2, chi3, g } = *params;
         for (value, condition, meaning) in [
@@ -415,13 +415,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c1: t2 * g,
             c2: I2 - I3,
             c3: t3 * g,
-            c4: I1 - I3,
+            c4: I3 - I1,
             c5: I1 - I2,
             c6: t4,
             c7: t5,
             c8: t6,
             c9: t3,
-            c10: t2,
+            c10: -t2,
             c11: t1,
             c12: R::from_f64(0.5) * I1,
             c13: R::from_f64(0.5) * I2,
@@ -469,14 +469,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ];
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
         let [r_Omega1, r_Omega2, r_Omega3] = [
-            self
-                .c2
-                .mul_add(Omega2 * Omega3, (-Gamma3).mul_add(self.c1, self.c0 * Gamma2)),
-            (-self.c4)
-                .mul_add(Omega1 * Omega3, (-Gamma1).mul_add(self.c0, self.c3 * Gamma3)),
-            self
-                .c5
-                .mul_add(Omega1 * Omega2, (-Gamma2).mul_add(self.c3, self.c1 * Gamma1)),
+            Omega2
+                .mul_add(self.c2 * Omega3, (-Gamma3).mul_add(self.c1, self.c0 * Gamma2)),
+            Omega1
+                .mul_add(self.c4 * Omega3, (-Gamma1).mul_add(self.c0, self.c3 * Gamma3)),
+            Omega1
+                .mul_add(self.c5 * Omega2, (-Gamma2).mul_add(self.c3, self.c1 * Gamma1)),
         ];
         /// mass matrix A = W^T L_yy Psi
         let [t0, t1, t2, A_Omega1_Omega1, t4, t6, A_Omega2_Omega2, A_Omega3_Omega3] = {
@@ -499,10 +497,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         };
         /// right side f = W^T (r - L_yy lag)
         let [f_Omega1, f_Omega2, f_Omega3] = {
-            let t7 = (-Omega1).mul_add(self.c10, self.c9 * Omega2);
+            let t7 = Omega1.mul_add(self.c10, self.c9 * Omega2);
             let t8 = (-Omega1).mul_add(self.c11, self.c9 * Omega3);
             let n_X1 = Omega3.mul_add(t8, Omega2 * t7);
-            let t9 = (-Omega3).mul_add(self.c10, self.c11 * Omega2);
+            let t9 = Omega3.mul_add(self.c10, self.c11 * Omega2);
             let n_X2 = (-Omega1).mul_add(t7, -(Omega3 * t9));
             let n_X3 = (-Omega1).mul_add(t8, Omega2 * t9);
             [
@@ -651,21 +649,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t7 = (-Omega1).mul_add(t6, Omega3 * t3);
             let t8 = self.m * X1;
             [
-                self
-                    .c2
+                Omega2
                     .mul_add(
-                        Omega2 * Omega3,
+                        self.c2 * Omega3,
                         (-Gamma3).mul_add(self.c1, self.c0 * Gamma2),
                     ),
-                (-self.c4)
+                Omega1
                     .mul_add(
-                        Omega1 * Omega3,
+                        self.c4 * Omega3,
                         (-Gamma1).mul_add(self.c0, self.c3 * Gamma3),
                     ),
-                self
-                    .c5
+                Omega1
                     .mul_add(
-                        Omega1 * Omega2,
+                        self.c5 * Omega2,
                         (-Gamma2).mul_add(self.c3, self.c1 * Gamma1),
                     ),
                 t2,
@@ -818,21 +814,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t3 = self.m * X2;
             let t4 = self.m * Omega2;
             [
-                self
-                    .c2
+                Omega2
                     .mul_add(
-                        Omega2 * Omega3,
+                        self.c2 * Omega3,
                         (-Gamma3).mul_add(self.c1, self.c0 * Gamma2),
                     ),
-                (-self.c4)
+                Omega1
                     .mul_add(
-                        Omega1 * Omega3,
+                        self.c4 * Omega3,
                         (-Gamma1).mul_add(self.c0, self.c3 * Gamma3),
                     ),
-                self
-                    .c5
+                Omega1
                     .mul_add(
-                        Omega1 * Omega2,
+                        self.c5 * Omega2,
                         (-Gamma2).mul_add(self.c3, self.c1 * Gamma1),
                     ),
                 Omega3.mul_add(t3, -(X3 * t4)),
@@ -924,7 +918,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t9 = t6 * t8;
             let A_s1_2_2 = (-t6).mul_add(t9, A_Omega2_Omega2);
             let A_s1_2_3 = (-t7).mul_add(t9, -(t1 * t2));
-            let A_s1_3_3 = (-t7).mul_add(t7 * t8, A_Omega3_Omega3);
+            let A_s1_3_3 = (-t8).mul_add(t7 * t7, A_Omega3_Omega3);
             let A_l3_2 = A_s1_2_3 / A_s1_2_2;
             [A_s1_2_2, (-A_s1_2_3).mul_add(A_l3_2, A_s1_3_3)]
         };

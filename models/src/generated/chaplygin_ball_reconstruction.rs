@@ -331,7 +331,7 @@ pub struct Prepared<R = f64> {
     c5: R,
     /// `m * l * chi1 * g`
     c6: R,
-    /// `I1 - I3`
+    /// `I3 - I1`
     c7: R,
     /// `I1 - I2`
     c8: R,
@@ -461,7 +461,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c4: t3 * chi2 * g,
             c5: I2 - I3,
             c6: t3 * chi1 * g,
-            c7: I1 - I3,
+            c7: I3 - I1,
             c8: I1 - I2,
             c9: R::from_f64(0.5) * I1,
             c10: R::from_f64(0.5) * I2,
@@ -496,7 +496,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 67 additions, 113 multiplications (67 fused), 3 divisions.
+    /// 64 additions, 104 multiplications (63 fused), 3 divisions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 13], dy: &mut [R; 13]) {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3, qw, qx, qy, qz, _, _, _] = *y;
@@ -525,97 +525,74 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             (-Omega1).mul_add(Gamma2, Omega2 * Gamma1),
         ];
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [r_Omega1, r_Omega2, r_Omega3, t4, t5, r_X3] = {
-            let t4 = self.m * Omega2;
-            let t5 = self.m * Omega1;
-            [
-                self
-                    .c5
-                    .mul_add(
-                        Omega2 * Omega3,
-                        (-Gamma3).mul_add(self.c4, self.c3 * Gamma2),
-                    ),
-                (-self.c7)
-                    .mul_add(
-                        Omega1 * Omega3,
-                        (-Gamma1).mul_add(self.c3, self.c6 * Gamma3),
-                    ),
-                self
-                    .c8
-                    .mul_add(
-                        Omega1 * Omega2,
-                        (-Gamma2).mul_add(self.c6, self.c4 * Gamma1),
-                    ),
-                t4,
-                t5,
-                X1.mul_add(t4, -(X2 * t5)),
-            ]
-        };
-        /// accelerations of the dependent velocities at udot = 0
-        let [lag_X1, lag_X2, lag_X3] = {
-            let t6 = self.r * dot_Gamma3;
-            let t7 = self.r * dot_Gamma2;
-            [
-                (-Omega3).mul_add(t7, Omega2 * t6),
-                (-Omega1).mul_add(t6, Omega3 * t0),
-                (-Omega2).mul_add(t0, Omega1 * t7),
-            ]
-        };
+        let [r_Omega1, r_Omega2, r_Omega3] = [
+            Omega2
+                .mul_add(self.c5 * Omega3, (-Gamma3).mul_add(self.c4, self.c3 * Gamma2)),
+            Omega1
+                .mul_add(self.c7 * Omega3, (-Gamma1).mul_add(self.c3, self.c6 * Gamma3)),
+            Omega1
+                .mul_add(self.c8 * Omega2, (-Gamma2).mul_add(self.c6, self.c4 * Gamma1)),
+        ];
         /// mass matrix A = W^T L_yy Psi
-        let [t8, A_Omega1_Omega1, t11, t12, A_Omega2_Omega2, A_Omega3_Omega3] = {
-            let t8 = self.m * t2;
-            let t9 = self.m * t3;
-            let t10 = self.m * t1;
+        let [t4, A_Omega1_Omega1, t6, t7, t8, A_Omega2_Omega2, A_Omega3_Omega3] = {
+            let t4 = self.m * t2;
+            let t5 = self.m * t3;
+            let t6 = self.m * t1;
             [
-                t8,
-                t3.mul_add(t9, t2.mul_add(t8, self.I1)),
-                t3 * t10,
-                t2 * t10,
-                t1.mul_add(t10, t2.mul_add(t8, self.I2)),
-                t1.mul_add(t10, t3.mul_add(t9, self.I3)),
+                t4,
+                t3.mul_add(t5, t2.mul_add(t4, self.I1)),
+                t6,
+                t3 * t6,
+                t2 * t6,
+                t1.mul_add(t6, t2.mul_add(t4, self.I2)),
+                t1.mul_add(t6, t3.mul_add(t5, self.I3)),
             ]
         };
         /// right side f = W^T (r - L_yy lag)
         let [f_Omega1, f_Omega2, f_Omega3] = {
-            let n_X1 = self.m.mul_add(Omega3.mul_add(X2, -lag_X1), -(X3 * t4));
-            let n_X2 = (-self.m).mul_add(Omega3.mul_add(X1, lag_X2), X3 * t5);
-            let n_X3 = (-lag_X3).mul_add(self.m, r_X3);
+            let t9 = self.m * dot_Gamma2.mul_add(self.r, X2);
+            let t10 = dot_Gamma3.mul_add(self.r, X3);
+            let t11 = self.m * Omega2;
+            let n_X1 = Omega3.mul_add(t9, -(t10 * t11));
+            let t12 = t0 + X1;
+            let n_X3 = t11.mul_add(t12, -(Omega1 * t9));
+            let t13 = (-Omega3).mul_add(t12, Omega1 * t10);
             [
-                (-t2).mul_add(n_X2, t3.mul_add(n_X3, r_Omega1)),
+                (-t4).mul_add(t13, t3.mul_add(n_X3, r_Omega1)),
                 (-t1).mul_add(n_X3, t2.mul_add(n_X1, r_Omega2)),
-                (-t3).mul_add(n_X1, t1.mul_add(n_X2, r_Omega3)),
+                t6.mul_add(t13, (-t3).mul_add(n_X1, r_Omega3)),
             ]
         };
         /// factors of A
-        let [t13, t14, t15, t16, A_l3_2, A_s2_3_3] = {
-            let t13 = A_Omega1_Omega1.recip();
-            let t14 = t11 * t13;
-            let t15 = t12 * t13;
-            let A_s1_2_2 = (-t11).mul_add(t14, A_Omega2_Omega2);
-            let A_s1_2_3 = (-t12).mul_add(t14, -(t3 * t8));
-            let A_s1_3_3 = (-t12).mul_add(t15, A_Omega3_Omega3);
-            let t16 = A_s1_2_2.recip();
-            let A_l3_2 = A_s1_2_3 * t16;
-            [t13, t14, t15, t16, A_l3_2, (-A_s1_2_3).mul_add(A_l3_2, A_s1_3_3)]
+        let [t14, t15, t16, t17, A_l3_2, A_s2_3_3] = {
+            let t14 = A_Omega1_Omega1.recip();
+            let t15 = t7 * t14;
+            let t16 = t8 * t14;
+            let A_s1_2_2 = (-t7).mul_add(t15, A_Omega2_Omega2);
+            let A_s1_2_3 = (-t8).mul_add(t15, -(t3 * t4));
+            let A_s1_3_3 = (-t8).mul_add(t16, A_Omega3_Omega3);
+            let t17 = A_s1_2_2.recip();
+            let A_l3_2 = A_s1_2_3 * t17;
+            [t14, t15, t16, t17, A_l3_2, (-A_s1_2_3).mul_add(A_l3_2, A_s1_3_3)]
         };
         /// substitution through the factors of A
         let [dot_Omega3, dot_Omega2, dot_Omega1] = {
-            let z_Omega2 = f_Omega1.mul_add(t14, f_Omega2);
-            let z_Omega3 = (-A_l3_2).mul_add(z_Omega2, f_Omega1.mul_add(t15, f_Omega3));
+            let z_Omega2 = f_Omega1.mul_add(t15, f_Omega2);
+            let z_Omega3 = (-A_l3_2).mul_add(z_Omega2, f_Omega1.mul_add(t16, f_Omega3));
             let dot_Omega3 = z_Omega3 / A_s2_3_3;
-            let dot_Omega2 = (-A_l3_2).mul_add(dot_Omega3, z_Omega2 * t16);
+            let dot_Omega2 = (-A_l3_2).mul_add(dot_Omega3, z_Omega2 * t17);
             [
                 dot_Omega3,
                 dot_Omega2,
-                t14.mul_add(dot_Omega2, t15.mul_add(dot_Omega3, f_Omega1 * t13)),
+                t15.mul_add(dot_Omega2, t16.mul_add(dot_Omega3, f_Omega1 * t14)),
             ]
         };
-        let t17 = R::from_f64(0.5) * Omega1;
-        let t18 = R::from_f64(0.5) * Omega2;
-        let t19 = R::from_f64(0.5) * Omega3;
-        let t20 = R::from_f64(2.0) * (-qy).mul_add(X1, qx * X2);
-        let t21 = R::from_f64(2.0) * (-qz).mul_add(X2, qy * X3);
-        let t22 = R::from_f64(2.0) * qz.mul_add(X1, -(qx * X3));
+        let t18 = R::from_f64(0.5) * Omega1;
+        let t19 = R::from_f64(0.5) * Omega2;
+        let t20 = R::from_f64(0.5) * Omega3;
+        let t21 = R::from_f64(2.0) * (-qy).mul_add(X1, qx * X2);
+        let t22 = R::from_f64(2.0) * (-qz).mul_add(X2, qy * X3);
+        let t23 = R::from_f64(2.0) * qz.mul_add(X1, -(qx * X3));
         *dy = [
             dot_Omega1,
             dot_Omega2,
@@ -623,13 +600,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             dot_Gamma1,
             dot_Gamma2,
             dot_Gamma3,
-            (-qz).mul_add(t19, (-qy).mul_add(t18, -(qx * t17))),
-            (-qz).mul_add(t18, qw.mul_add(t17, qy * t19)),
-            (-qx).mul_add(t19, qw.mul_add(t18, qz * t17)),
-            (-qy).mul_add(t17, qw.mul_add(t19, qx * t18)),
-            (-qz).mul_add(t22, qy.mul_add(t20, qw.mul_add(t21, X1))),
-            (-qx).mul_add(t20, qw.mul_add(t22, qz.mul_add(t21, X2))),
-            qw.mul_add(t20, qx.mul_add(t22, (-qy).mul_add(t21, X3))),
+            (-qz).mul_add(t20, (-qy).mul_add(t19, -(qx * t18))),
+            (-qz).mul_add(t19, qw.mul_add(t18, qy * t20)),
+            (-qx).mul_add(t20, qw.mul_add(t19, qz * t18)),
+            (-qy).mul_add(t18, qw.mul_add(t20, qx * t19)),
+            (-qz).mul_add(t23, qy.mul_add(t21, qw.mul_add(t22, X1))),
+            (-qx).mul_add(t21, qw.mul_add(t23, qz.mul_add(t22, X2))),
+            qw.mul_add(t21, qx.mul_add(t23, (-qy).mul_add(t22, X3))),
         ];
     }
 
@@ -745,21 +722,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t7 = (-Omega1).mul_add(t6, Omega3 * t3);
             let t8 = self.m * X1;
             [
-                self
-                    .c5
+                Omega2
                     .mul_add(
-                        Omega2 * Omega3,
+                        self.c5 * Omega3,
                         (-Gamma3).mul_add(self.c4, self.c3 * Gamma2),
                     ),
-                (-self.c7)
+                Omega1
                     .mul_add(
-                        Omega1 * Omega3,
+                        self.c7 * Omega3,
                         (-Gamma1).mul_add(self.c3, self.c6 * Gamma3),
                     ),
-                self
-                    .c8
+                Omega1
                     .mul_add(
-                        Omega1 * Omega2,
+                        self.c8 * Omega2,
                         (-Gamma2).mul_add(self.c6, self.c4 * Gamma1),
                     ),
                 t2,
@@ -912,21 +887,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t3 = self.m * X2;
             let t4 = self.m * Omega2;
             [
-                self
-                    .c5
+                Omega2
                     .mul_add(
-                        Omega2 * Omega3,
+                        self.c5 * Omega3,
                         (-Gamma3).mul_add(self.c4, self.c3 * Gamma2),
                     ),
-                (-self.c7)
+                Omega1
                     .mul_add(
-                        Omega1 * Omega3,
+                        self.c7 * Omega3,
                         (-Gamma1).mul_add(self.c3, self.c6 * Gamma3),
                     ),
-                self
-                    .c8
+                Omega1
                     .mul_add(
-                        Omega1 * Omega2,
+                        self.c8 * Omega2,
                         (-Gamma2).mul_add(self.c6, self.c4 * Gamma1),
                     ),
                 Omega3.mul_add(t3, -(X3 * t4)),
@@ -1018,7 +991,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t9 = t6 * t8;
             let A_s1_2_2 = (-t6).mul_add(t9, A_Omega2_Omega2);
             let A_s1_2_3 = (-t7).mul_add(t9, -(t2 * t1));
-            let A_s1_3_3 = (-t7).mul_add(t7 * t8, A_Omega3_Omega3);
+            let A_s1_3_3 = (-t8).mul_add(t7 * t7, A_Omega3_Omega3);
             let A_l3_2 = A_s1_2_3 / A_s1_2_2;
             [A_s1_2_2, (-A_s1_2_3).mul_add(A_l3_2, A_s1_3_3)]
         };

@@ -249,7 +249,7 @@ pub struct Prepared<R = f64> {
     c2: R,
     /// `m * l * chi1 * g`
     c3: R,
-    /// `I1 - I3`
+    /// `I3 - I1`
     c4: R,
     /// `I1 - I2`
     c5: R,
@@ -261,7 +261,7 @@ pub struct Prepared<R = f64> {
     c8: R,
     /// `m * l * chi1`
     c9: R,
-    /// `m * l * chi2`
+    /// `-(m * l * chi2)`
     c10: R,
     /// `m * l * chi3`
     c11: R,
@@ -286,7 +286,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 14 multiplications.
+    /// 3 additions, 14 multiplications, 1 sign change.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, m, r, l, chi1, chi2, chi3, g } = *params;
         for (value, condition, meaning) in [
@@ -380,13 +380,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c1: t2 * g,
             c2: I2 - I3,
             c3: t3 * g,
-            c4: I1 - I3,
+            c4: I3 - I1,
             c5: I1 - I2,
             c6: l * chi3,
             c7: l * chi2,
             c8: l * chi1,
             c9: t3,
-            c10: t2,
+            c10: -t2,
             c11: t1,
             c12: R::from_f64(0.5) * I1,
             c13: R::from_f64(0.5) * I2,
@@ -430,14 +430,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ];
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
         let [r_Omega1, r_Omega2, r_Omega3] = [
-            self
-                .c2
-                .mul_add(Omega2 * Omega3, (-Gamma3).mul_add(self.c1, self.c0 * Gamma2)),
-            (-self.c4)
-                .mul_add(Omega1 * Omega3, (-Gamma1).mul_add(self.c0, self.c3 * Gamma3)),
-            self
-                .c5
-                .mul_add(Omega1 * Omega2, (-Gamma2).mul_add(self.c3, self.c1 * Gamma1)),
+            Omega2
+                .mul_add(self.c2 * Omega3, (-Gamma3).mul_add(self.c1, self.c0 * Gamma2)),
+            Omega1
+                .mul_add(self.c4 * Omega3, (-Gamma1).mul_add(self.c0, self.c3 * Gamma3)),
+            Omega1
+                .mul_add(self.c5 * Omega2, (-Gamma2).mul_add(self.c3, self.c1 * Gamma1)),
         ];
         /// mass matrix A = W^T L_yy Psi
         let [t0, t1, t2, A_Omega1_Omega1, t4, t6, A_Omega2_Omega2, A_Omega3_Omega3] = {
@@ -460,10 +458,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         };
         /// right side f = W^T (r - L_yy lag)
         let [f_Omega1, f_Omega2, f_Omega3] = {
-            let t7 = (-Omega1).mul_add(self.c10, self.c9 * Omega2);
+            let t7 = Omega1.mul_add(self.c10, self.c9 * Omega2);
             let t8 = (-Omega1).mul_add(self.c11, self.c9 * Omega3);
             let n_X1 = Omega3.mul_add(t8, Omega2 * t7);
-            let t9 = (-Omega3).mul_add(self.c10, self.c11 * Omega2);
+            let t9 = Omega3.mul_add(self.c10, self.c11 * Omega2);
             let n_X2 = (-Omega1).mul_add(t7, -(Omega3 * t9));
             let n_X3 = (-Omega1).mul_add(t8, Omega2 * t9);
             [
@@ -580,7 +578,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t9 = t6 * t8;
             let A_s1_2_2 = (-t6).mul_add(t9, A_Omega2_Omega2);
             let A_s1_2_3 = (-t7).mul_add(t9, -(t1 * t2));
-            let A_s1_3_3 = (-t7).mul_add(t7 * t8, A_Omega3_Omega3);
+            let A_s1_3_3 = (-t8).mul_add(t7 * t7, A_Omega3_Omega3);
             let A_l3_2 = A_s1_2_3 / A_s1_2_2;
             [A_s1_2_2, (-A_s1_2_3).mul_add(A_l3_2, A_s1_3_3)]
         };
@@ -665,7 +663,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
     ///
     /// # Operations
     ///
-    /// At each order k: 120 additions, 107 multiplications (89 fused), 2 sign changes, and 43 sums of k - 1 products.
+    /// At each order k: 120 additions, 107 multiplications (86 fused), 2 sign changes, and 43 sums of k - 1 products.
     fn series(
         &self,
         t: R,
@@ -712,6 +710,9 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             kept30,
             kept31,
             kept32,
+            kept33,
+            kept34,
+            kept35,
             ],
         ) = {
             let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
@@ -723,105 +724,99 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                 (-Omega1).mul_add(Gamma2, Omega2 * Gamma1),
             ];
             /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-            let [r_Omega1, r_Omega2, r_Omega3] = [
-                self
-                    .c2
-                    .mul_add(
-                        Omega2 * Omega3,
-                        (-Gamma3).mul_add(self.c1, self.c0 * Gamma2),
-                    ),
-                (-self.c4)
-                    .mul_add(
-                        Omega1 * Omega3,
-                        (-Gamma1).mul_add(self.c0, self.c3 * Gamma3),
-                    ),
-                self
-                    .c5
-                    .mul_add(
-                        Omega1 * Omega2,
-                        (-Gamma2).mul_add(self.c3, self.c1 * Gamma1),
-                    ),
-            ];
-            /// mass matrix A = W^T L_yy Psi
-            let [t0, t1, t2, t3, A_Omega1_Omega1, t4, t5, t6, A_Omega2_Omega2,
-            A_Omega3_Omega3] = {
-                let t0 = Gamma3.mul_add(self.r, self.c6);
-                let t1 = self.m * t0;
-                let t2 = Gamma2.mul_add(self.r, self.c7);
-                let t3 = self.m * t2;
-                let t4 = Gamma1.mul_add(self.r, self.c8);
-                let t5 = self.m * t4;
+            let [t0, r_Omega1, t1, r_Omega2, t2, r_Omega3] = {
+                let t0 = self.c2 * Omega3;
+                let t1 = self.c4 * Omega3;
+                let t2 = self.c5 * Omega2;
                 [
                     t0,
+                    t0.mul_add(Omega2, (-Gamma3).mul_add(self.c1, self.c0 * Gamma2)),
                     t1,
+                    t1.mul_add(Omega1, (-Gamma1).mul_add(self.c0, self.c3 * Gamma3)),
                     t2,
+                    t2.mul_add(Omega1, (-Gamma2).mul_add(self.c3, self.c1 * Gamma1)),
+                ]
+            };
+            /// mass matrix A = W^T L_yy Psi
+            let [t3, t4, t5, t6, A_Omega1_Omega1, t7, t8, t9, A_Omega2_Omega2,
+            A_Omega3_Omega3] = {
+                let t3 = Gamma3.mul_add(self.r, self.c6);
+                let t4 = self.m * t3;
+                let t5 = Gamma2.mul_add(self.r, self.c7);
+                let t6 = self.m * t5;
+                let t7 = Gamma1.mul_add(self.r, self.c8);
+                let t8 = self.m * t7;
+                [
                     t3,
-                    t2.mul_add(t3, t0.mul_add(t1, self.I1)),
                     t4,
                     t5,
-                    t2 * t5,
-                    t4.mul_add(t5, t0.mul_add(t1, self.I2)),
-                    t4.mul_add(t5, t2.mul_add(t3, self.I3)),
+                    t6,
+                    t5.mul_add(t6, t3.mul_add(t4, self.I1)),
+                    t7,
+                    t8,
+                    t5 * t8,
+                    t7.mul_add(t8, t3.mul_add(t4, self.I2)),
+                    t7.mul_add(t8, t5.mul_add(t6, self.I3)),
                 ]
             };
             /// right side f = W^T (r - L_yy lag)
-            let [t7, t8, n_X1, t9, n_X2, n_X3, f_Omega1, f_Omega2, f_Omega3] = {
-                let t7 = (-Omega1).mul_add(self.c10, self.c9 * Omega2);
-                let t8 = (-Omega1).mul_add(self.c11, self.c9 * Omega3);
-                let n_X1 = Omega3.mul_add(t8, Omega2 * t7);
-                let t9 = (-Omega3).mul_add(self.c10, self.c11 * Omega2);
-                let n_X2 = (-Omega1).mul_add(t7, -(Omega3 * t9));
-                let n_X3 = (-Omega1).mul_add(t8, Omega2 * t9);
-                [
-                    t7,
-                    t8,
-                    n_X1,
-                    t9,
-                    n_X2,
-                    n_X3,
-                    (-t0).mul_add(n_X2, t2.mul_add(n_X3, r_Omega1)),
-                    (-t4).mul_add(n_X3, t0.mul_add(n_X1, r_Omega2)),
-                    (-t2).mul_add(n_X1, t4.mul_add(n_X2, r_Omega3)),
-                ]
-            };
-            /// factors of A
-            let [t10, t11, t12, t13, A_s1_2_3, t14, A_l3_2, A_s2_3_3] = {
-                let t10 = A_Omega1_Omega1.recip();
-                let t11 = t6 * t10;
-                let t12 = t1 * t4;
-                let t13 = t12 * t10;
-                let A_s1_2_2 = (-t6).mul_add(t11, A_Omega2_Omega2);
-                let A_s1_2_3 = (-t11).mul_add(t12, -(t1 * t2));
-                let A_s1_3_3 = (-t12).mul_add(t13, A_Omega3_Omega3);
-                let t14 = A_s1_2_2.recip();
-                let A_l3_2 = A_s1_2_3 * t14;
+            let [t10, t11, n_X1, t12, n_X2, n_X3, f_Omega1, f_Omega2, f_Omega3] = {
+                let t10 = Omega1.mul_add(self.c10, self.c9 * Omega2);
+                let t11 = (-Omega1).mul_add(self.c11, self.c9 * Omega3);
+                let n_X1 = Omega3.mul_add(t11, Omega2 * t10);
+                let t12 = Omega3.mul_add(self.c10, self.c11 * Omega2);
+                let n_X2 = (-Omega1).mul_add(t10, -(Omega3 * t12));
+                let n_X3 = (-Omega1).mul_add(t11, Omega2 * t12);
                 [
                     t10,
                     t11,
+                    n_X1,
                     t12,
+                    n_X2,
+                    n_X3,
+                    (-t3).mul_add(n_X2, t5.mul_add(n_X3, r_Omega1)),
+                    (-t7).mul_add(n_X3, t3.mul_add(n_X1, r_Omega2)),
+                    (-t5).mul_add(n_X1, t7.mul_add(n_X2, r_Omega3)),
+                ]
+            };
+            /// factors of A
+            let [t13, t14, t15, t16, A_s1_2_3, t17, A_l3_2, A_s2_3_3] = {
+                let t13 = A_Omega1_Omega1.recip();
+                let t14 = t9 * t13;
+                let t15 = t4 * t7;
+                let t16 = t15 * t13;
+                let A_s1_2_2 = (-t9).mul_add(t14, A_Omega2_Omega2);
+                let A_s1_2_3 = (-t14).mul_add(t15, -(t4 * t5));
+                let A_s1_3_3 = (-t15).mul_add(t16, A_Omega3_Omega3);
+                let t17 = A_s1_2_2.recip();
+                let A_l3_2 = A_s1_2_3 * t17;
+                [
                     t13,
-                    A_s1_2_3,
                     t14,
+                    t15,
+                    t16,
+                    A_s1_2_3,
+                    t17,
                     A_l3_2,
                     (-A_s1_2_3).mul_add(A_l3_2, A_s1_3_3),
                 ]
             };
             /// substitution through the factors of A
-            let [z_Omega2, dot_Omega3, t15, dot_Omega2, t16, dot_Omega1] = {
-                let z_Omega2 = f_Omega1.mul_add(t11, f_Omega2);
+            let [z_Omega2, dot_Omega3, t18, dot_Omega2, t19, dot_Omega1] = {
+                let z_Omega2 = f_Omega1.mul_add(t14, f_Omega2);
                 let z_Omega3 = (-A_l3_2)
-                    .mul_add(z_Omega2, f_Omega1.mul_add(t13, f_Omega3));
+                    .mul_add(z_Omega2, f_Omega1.mul_add(t16, f_Omega3));
                 let dot_Omega3 = z_Omega3 / A_s2_3_3;
-                let t15 = z_Omega2 * t14;
-                let dot_Omega2 = (-A_l3_2).mul_add(dot_Omega3, t15);
-                let t16 = f_Omega1 * t10;
+                let t18 = z_Omega2 * t17;
+                let dot_Omega2 = (-A_l3_2).mul_add(dot_Omega3, t18);
+                let t19 = f_Omega1 * t13;
                 [
                     z_Omega2,
                     dot_Omega3,
-                    t15,
+                    t18,
                     dot_Omega2,
-                    t16,
-                    t11.mul_add(dot_Omega2, t13.mul_add(dot_Omega3, t16)),
+                    t19,
+                    t14.mul_add(dot_Omega2, t16.mul_add(dot_Omega3, t19)),
                 ]
             };
             (
@@ -837,28 +832,31 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                     t1,
                     t2,
                     t3,
-                    t5,
                     t4,
-                    t7,
+                    t5,
+                    t6,
                     t8,
-                    t9,
+                    t7,
+                    t10,
+                    t11,
+                    t12,
                     n_X3,
                     n_X2,
                     n_X1,
-                    t10,
-                    t11,
                     t13,
-                    t6,
-                    t12,
                     t14,
+                    t16,
+                    t9,
+                    t15,
+                    t17,
                     A_l3_2,
                     A_s1_2_3,
                     f_Omega1,
                     z_Omega2,
                     dot_Omega3,
                     A_s2_3_3.recip(),
-                    t15,
-                    t16,
+                    t18,
+                    t19,
                     dot_Omega2,
                 ],
             )
@@ -875,106 +873,101 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             sum26, sum27, sum28, sum29, sum30, sum31] = workspace.1.sums();
             let [sum32, sum33, sum34, sum35, sum36, sum37, sum38, sum39, sum40, sum41,
             sum42] = workspace.2.sums();
+            /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
+            let [t0, t1, t2] = [self.c2 * Omega3, self.c4 * Omega3, self.c5 * Omega2];
             /// mass matrix A = W^T L_yy Psi
-            let [t0, t1, t2, t3, t4, t5, t6, t7, t8, t9, t10] = {
-                let t0 = self.r * Gamma3;
-                let t1 = self.m * t0;
-                let t2 = self.r * Gamma2;
-                let t3 = self.m * t2;
-                let t4 = kept6.mul_add(t1, kept7.mul_add(t0, sum9));
-                let t5 = kept8.mul_add(t3, kept9.mul_add(t2, sum10));
-                let t7 = self.r * Gamma1;
-                let t8 = self.m * t7;
+            let [t3, t4, t5, t6, t7, t8, t9, t10, t11, t12, t13] = {
+                let t3 = self.r * Gamma3;
+                let t4 = self.m * t3;
+                let t5 = self.r * Gamma2;
+                let t6 = self.m * t5;
+                let t7 = kept9.mul_add(t4, kept10.mul_add(t3, sum9));
+                let t8 = kept11.mul_add(t6, kept12.mul_add(t5, sum10));
+                let t10 = self.r * Gamma1;
+                let t11 = self.m * t10;
                 [
-                    t0,
-                    t1,
-                    t2,
                     t3,
                     t4,
                     t5,
-                    t5 + t4,
+                    t6,
                     t7,
                     t8,
-                    kept8.mul_add(t8, kept10.mul_add(t2, sum11)),
-                    kept11.mul_add(t8, kept10.mul_add(t7, sum12)),
+                    t8 + t7,
+                    t10,
+                    t11,
+                    kept11.mul_add(t11, kept13.mul_add(t5, sum11)),
+                    kept14.mul_add(t11, kept13.mul_add(t10, sum12)),
                 ]
             };
             /// right side f = W^T (r - L_yy lag)
-            let [t11, t12, t13, t14, t15, t16, t18, t19, t20] = {
-                let t11 = (-Omega1).mul_add(self.c10, self.c9 * Omega2);
-                let t12 = (-Omega1).mul_add(self.c11, self.c9 * Omega3);
-                let t13 = kept0.mul_add(t12, kept13.mul_add(Omega3, sum15))
-                    + kept2.mul_add(t11, kept12.mul_add(Omega2, sum14));
-                let t14 = (-Omega3).mul_add(self.c10, self.c11 * Omega2);
-                let t15 = -(kept4.mul_add(t11, kept12.mul_add(Omega1, sum17))
-                    + kept0.mul_add(t14, kept14.mul_add(Omega3, sum16)));
-                let t16 = kept2.mul_add(t14, kept14.mul_add(Omega2, sum18))
-                    - kept4.mul_add(t12, kept13.mul_add(Omega1, sum19));
-                let t17 = kept8.mul_add(t16, kept15.mul_add(t2, sum20))
-                    + self
-                        .c2
-                        .mul_add(
-                            kept2.mul_add(Omega3, kept0.mul_add(Omega2, sum6)),
-                            (-Gamma3).mul_add(self.c1, self.c0 * Gamma2),
-                        );
+            let [t14, t15, t16, t17, t18, t19, t20, t21, t22] = {
+                let t14 = Omega2.mul_add(self.c9, self.c10 * Omega1);
+                let t15 = (-Omega1).mul_add(self.c11, self.c9 * Omega3);
+                let t16 = kept0.mul_add(t15, kept16.mul_add(Omega3, sum15))
+                    + kept2.mul_add(t14, kept15.mul_add(Omega2, sum14));
+                let t17 = Omega2.mul_add(self.c11, self.c10 * Omega3);
+                let t18 = -(kept4.mul_add(t14, kept15.mul_add(Omega1, sum17))
+                    + kept0.mul_add(t17, kept17.mul_add(Omega3, sum16)));
+                let t19 = kept2.mul_add(t17, kept17.mul_add(Omega2, sum18))
+                    - kept4.mul_add(t15, kept16.mul_add(Omega1, sum19));
                 [
-                    t11,
-                    t12,
-                    t13,
                     t14,
                     t15,
                     t16,
-                    t17 - kept6.mul_add(t15, kept16.mul_add(t0, sum21)),
-                    kept6.mul_add(t13, kept17.mul_add(t0, sum22))
-                        + (-self.c4)
-                            .mul_add(
-                                kept4.mul_add(Omega3, kept0.mul_add(Omega1, sum7)),
-                                (-Gamma1).mul_add(self.c0, self.c3 * Gamma3),
-                            ),
-                    kept11.mul_add(t15, kept16.mul_add(t7, sum24))
-                        + self
-                            .c5
-                            .mul_add(
-                                kept4.mul_add(Omega2, kept2.mul_add(Omega1, sum8)),
-                                (-Gamma2).mul_add(self.c3, self.c1 * Gamma1),
-                            ),
+                    t17,
+                    t18,
+                    t19,
+                    kept11.mul_add(t19, kept18.mul_add(t5, sum20))
+                        + (kept6.mul_add(Omega2, kept2.mul_add(t0, sum6))
+                            + (-Gamma3).mul_add(self.c1, self.c0 * Gamma2))
+                        - kept9.mul_add(t18, kept19.mul_add(t3, sum21)),
+                    kept9.mul_add(t16, kept20.mul_add(t3, sum22))
+                        + (kept7.mul_add(Omega1, kept4.mul_add(t1, sum7))
+                            + (-Gamma1).mul_add(self.c0, self.c3 * Gamma3))
+                        - kept14.mul_add(t19, kept18.mul_add(t10, sum23)),
+                    kept14.mul_add(t18, kept19.mul_add(t10, sum24))
+                        + (kept8.mul_add(Omega1, kept4.mul_add(t2, sum8))
+                            + (-Gamma2).mul_add(self.c3, self.c1 * Gamma1))
+                        - kept11.mul_add(t16, kept20.mul_add(t5, sum25)),
                 ]
             };
             /// factors of A
-            let [t21, t22, t23, t24, t25, t26, t27] = {
-                let t21 = kept18 * (-kept19).mul_add(t6, t9 - sum26);
-                let t22 = kept7.mul_add(t7, kept11.mul_add(t1, sum27));
-                let t23 = kept18 * (-kept20).mul_add(t6, t22 - sum28);
-                let t24 = t10 + t4 - kept21.mul_add(t21, kept19.mul_add(t9, sum29));
-                let t25 = -(kept19.mul_add(t22, kept22.mul_add(t21, sum30))
-                    + kept7.mul_add(t2, kept8.mul_add(t1, sum13)));
-                let t26 = kept23 * (-kept24).mul_add(t24, t25 - sum32);
+            let [t23, t24, t25, t26, t27, t28, t29] = {
+                let t23 = kept21 * (-kept22).mul_add(t9, t12 - sum26);
+                let t24 = kept10.mul_add(t10, kept14.mul_add(t4, sum27));
+                let t25 = kept21 * (-kept23).mul_add(t9, t24 - sum28);
+                let t26 = t13 + t7 - kept24.mul_add(t23, kept22.mul_add(t12, sum29));
+                let t27 = -(kept22.mul_add(t24, kept25.mul_add(t23, sum30))
+                    + kept10.mul_add(t5, kept11.mul_add(t4, sum13)));
+                let t28 = kept26 * (-kept27).mul_add(t26, t27 - sum32);
                 [
-                    t21,
-                    t22,
                     t23,
                     t24,
                     t25,
                     t26,
-                    t10 + t5 - kept22.mul_add(t23, kept20.mul_add(t22, sum31))
-                        - kept25.mul_add(t26, kept24.mul_add(t25, sum33)),
+                    t27,
+                    t28,
+                    t13 + t8 - kept25.mul_add(t25, kept23.mul_add(t24, sum31))
+                        - kept28.mul_add(t28, kept27.mul_add(t27, sum33)),
                 ]
             };
             /// substitution through the factors of A
-            let [t28, t30, t31, t32, t33] = {
-                let t28 = kept26.mul_add(t21, kept19.mul_add(t18, sum34))
-                    + (t19 - kept11.mul_add(t16, kept15.mul_add(t7, sum23)));
-                let t29 = kept26.mul_add(t23, kept20.mul_add(t18, sum35))
-                    + (t20 - kept8.mul_add(t13, kept17.mul_add(t2, sum25)))
-                    - kept24.mul_add(t28, kept27.mul_add(t26, sum36)) - sum37;
-                let t30 = kept29 * (-kept28).mul_add(t27, t29);
-                let t31 = kept23 * (-kept30).mul_add(t24, t28 - sum38);
+            let [t30, t31, t32, t33, t34] = {
+                let t30 = kept29.mul_add(t23, kept22.mul_add(t20, sum34)) + t21;
+                let t31 = kept32
+                    * (-kept31)
+                        .mul_add(
+                            t29,
+                            kept29.mul_add(t25, kept23.mul_add(t20, sum35)) + t22
+                                - kept27.mul_add(t30, kept30.mul_add(t28, sum36)) - sum37,
+                        );
+                let t32 = kept26 * (-kept33).mul_add(t26, t30 - sum38);
                 [
-                    t28,
                     t30,
                     t31,
-                    t31 - kept24.mul_add(t30, kept28.mul_add(t26, sum39)),
-                    kept18 * (-kept31).mul_add(t6, t18 - sum40),
+                    t32,
+                    t32 - kept27.mul_add(t31, kept31.mul_add(t28, sum39)),
+                    kept21 * (-kept34).mul_add(t9, t20 - sum40),
                 ]
             };
             workspace
@@ -987,16 +980,16 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                         Omega3,
                         Omega2,
                         Omega1,
-                        Omega2,
-                        Omega1,
-                        Omega1,
                         t0,
-                        t2,
-                        t2,
-                        t7,
                         t1,
-                        t11,
-                        t12,
+                        t2,
+                        t3,
+                        t5,
+                        t5,
+                        t10,
+                        t4,
+                        t14,
+                        t15,
                     ],
                     [
                         Gamma2,
@@ -1005,14 +998,14 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                         Gamma1,
                         Gamma1,
                         Gamma2,
-                        Omega3,
-                        Omega3,
                         Omega2,
-                        t1,
-                        t3,
-                        t8,
-                        t8,
-                        t2,
+                        Omega1,
+                        Omega1,
+                        t4,
+                        t6,
+                        t11,
+                        t11,
+                        t5,
                         Omega2,
                         Omega3,
                     ],
@@ -1021,53 +1014,53 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                 .1
                 .push(
                     [
+                        t17,
                         t14,
-                        t11,
-                        t14,
-                        t12,
-                        t2,
-                        t0,
-                        t0,
-                        t7,
-                        t7,
-                        t2,
-                        t6,
-                        t1,
-                        t6,
+                        t17,
+                        t15,
+                        t5,
+                        t3,
+                        t3,
+                        t10,
+                        t10,
+                        t5,
                         t9,
-                        t21,
-                        t22,
+                        t4,
+                        t9,
+                        t12,
+                        t23,
+                        t24,
                     ],
                     [
                         Omega3,
                         Omega1,
                         Omega2,
                         Omega1,
+                        t19,
+                        t18,
                         t16,
-                        t15,
-                        t13,
+                        t19,
+                        t18,
                         t16,
-                        t15,
-                        t13,
-                        t21,
-                        t7,
                         t23,
-                        t21,
-                        t22,
+                        t10,
+                        t25,
                         t23,
+                        t24,
+                        t25,
                     ],
                 );
             workspace
                 .2
                 .push(
-                    [t24, t25, t18, t18, t26, t27, t24, t26, t6, t23, t21],
-                    [t26, t26, t21, t23, t28, t30, t31, t30, t33, t30, t32],
+                    [t26, t27, t20, t20, t28, t29, t26, t28, t9, t25, t23],
+                    [t28, t28, t23, t25, t30, t31, t32, t31, t34, t31, t33],
                 );
             let derivative = [
-                kept19.mul_add(t32, kept32.mul_add(t21, sum42))
-                    + (kept20.mul_add(t30, kept28.mul_add(t23, sum41)) + t33),
-                t32,
-                t30,
+                kept22.mul_add(t33, kept35.mul_add(t23, sum42))
+                    + (kept23.mul_add(t31, kept31.mul_add(t25, sum41)) + t34),
+                t33,
+                t31,
                 kept0.mul_add(Gamma2, kept1.mul_add(Omega3, sum0))
                     - kept2.mul_add(Gamma3, kept3.mul_add(Omega2, sum1)),
                 kept4.mul_add(Gamma3, kept3.mul_add(Omega1, sum2))

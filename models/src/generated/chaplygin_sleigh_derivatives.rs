@@ -184,7 +184,7 @@ pub struct Prepared<R = f64> {
     c1: R,
     /// `m * a / (m + m * b * -(m * b / (J + m * (a * a + b * b))))`
     c2: R,
-    /// `2 * b`
+    /// `-2 * b`
     c3: R,
     /// `0.5 * (J + m * (a * a + b * b))`
     c4: R,
@@ -255,7 +255,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 42 additions, 75 multiplications, 50 divisions, 6 sign changes.
+    /// 42 additions, 75 multiplications, 50 divisions, 13 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { J, m, a, b } = *params;
         for (value, condition, meaning) in [
@@ -346,36 +346,36 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(Self {
             c0: t3 / A_s1_2_2,
-            c1: t6,
+            c1: -t6,
             c2: t2 / A_s1_2_2,
-            c3: R::from_f64(2.0) * b,
+            c3: R::from_f64(-2.0) * b,
             c4: R::from_f64(0.5) * A_omega_omega,
             c5: R::from_f64(0.5) * m,
-            c6: t9 / A_s1_2_2,
-            c7: -t6,
+            c6: -t6,
+            c7: -(t9 / A_s1_2_2),
             c8: t8 / A_s1_2_2,
-            c9: t11 - A_l2_1 * t16 - t3 * d_A_l2_1_d_J / A_s1_2_2,
-            c10: t16,
-            c11: t20,
-            c12: t21 - t22 + A_l2_1 * t20 + t3 * d_A_l2_1_d_m / A_s1_2_2,
-            c13: t24,
-            c14: t28 + A_l2_1 * t24 + t3 * d_A_l2_1_d_a / A_s1_2_2,
-            c15: t1 * d_A_l2_1_d_a / A_s1_2_2 - t2 * d_A_l2_1_d_b / A_s1_2_2,
-            c16: t13 * d_A_l2_1_d_J / t15,
-            c17: t30 - t2 * d_A_s1_2_2_d_m / t15,
-            c18: t31 - t13 * d_A_l2_1_d_a / t15,
-            c19: t2 * d_A_s1_2_2_d_b / t15,
+            c9: t16,
+            c10: t30 - t2 * d_A_s1_2_2_d_m / t15,
+            c11: t31 - t13 * d_A_l2_1_d_a / t15,
+            c12: -(t13 * d_A_l2_1_d_J / t15),
+            c13: t20,
+            c14: t24,
+            c15: -(t21 - t22 + A_l2_1 * t20 + t3 * d_A_l2_1_d_m / A_s1_2_2),
+            c16: -(t28 + A_l2_1 * t24 + t3 * d_A_l2_1_d_a / A_s1_2_2),
+            c17: t11 - A_l2_1 * t16 - t3 * d_A_l2_1_d_J / A_s1_2_2,
+            c18: -(t2 * d_A_s1_2_2_d_b / t15),
+            c19: t1 * d_A_l2_1_d_a / A_s1_2_2 - t2 * d_A_l2_1_d_b / A_s1_2_2,
             A_l2_1,
             c20: t11 + A_l2_1 * t34 + t5 / t32,
-            c21: t21 + A_l2_1 * t36 - t22 - t3 * t18 / A_s1_2_2,
-            c22: t28 + A_l2_1 * t38 - t27 * t4 / t32,
+            c21: t3 * t18 / A_s1_2_2 - (t21 + A_l2_1 * t36 - t22),
+            c22: t27 * t4 / t32 - (t28 + A_l2_1 * t38),
             c23: t38,
-            c24: t2 * t29 / A_s1_2_2 - t26 * a * b * A_l2_1 / t32,
+            c24: t26 * a * b * A_l2_1 / t32 - t2 * t29 / A_s1_2_2,
             c25: t36,
-            c26: t34,
+            c26: -t34,
             c27: t14 / t33,
             c28: t30 - t2 * t35 / t15,
-            c29: t2 * (t23 - t1 * t29) / t15,
+            c29: t2 * (t1 * t29 - t23) / t15,
             c30: t31 + t37 * A_l2_1 / t33,
         })
     }
@@ -405,7 +405,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         let t0 = self.c0 * omega;
         *dy = [
-            omega * (-v1).mul_add(self.c1, -t0),
+            omega * v1.mul_add(self.c1, -t0),
             v1.mul_add(t0, self.c2 * (omega * omega)),
         ];
     }
@@ -424,7 +424,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn energy(&self, t: R, y: &[R; 2]) -> R {
         let [omega, v1] = *y;
         let _ = t;
-        self.c5.mul_add(v1 * (-omega).mul_add(self.c3, v1), self.c4 * (omega * omega))
+        (self.c5 * v1).mul_add(omega.mul_add(self.c3, v1), self.c4 * (omega * omega))
     }
 
     /// Entries `df_i/dy_j` of the Jacobian that do not vanish identically, row by row.
@@ -444,8 +444,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [omega, v1] = *y;
         let _ = t;
         [
-            (-v1).mul_add(self.c1, -(self.c6 * omega)),
-            self.c7 * omega,
+            v1.mul_add(self.c1, self.c7 * omega),
+            self.c6 * omega,
             omega.mul_add(self.c8, self.c0 * v1),
             self.c0 * omega,
         ]
@@ -489,14 +489,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t0 = omega * v1;
         let t1 = omega * omega;
         [
-            (-t1).mul_add(self.c10, self.c9 * t0),
-            (-t0).mul_add(self.c12, -(self.c11 * t1)),
-            (-t0).mul_add(self.c14, -(self.c13 * t1)),
-            self.c15 * t1,
-            (-t1).mul_add(self.c16, self.c10 * t0),
-            t0.mul_add(self.c11, self.c17 * t1),
-            t0.mul_add(self.c13, self.c18 * t1),
-            (-t0).mul_add(self.c15, -(self.c19 * t1)),
+            (-t1).mul_add(self.c9, self.c17 * t0),
+            t0.mul_add(self.c15, -(self.c13 * t1)),
+            t0.mul_add(self.c16, -(self.c14 * t1)),
+            self.c19 * t1,
+            t1.mul_add(self.c12, self.c9 * t0),
+            t0.mul_add(self.c13, self.c10 * t1),
+            t0.mul_add(self.c14, self.c11 * t1),
+            (-t0).mul_add(self.c19, self.c18 * t1),
         ]
     }
 
@@ -533,7 +533,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         let t0 = v1.mul_add(v_omega, omega * v_v1);
         let t1 = omega * v_omega;
-        [(-t0).mul_add(self.c1, -(self.c6 * t1)), t0.mul_add(self.c0, self.c8 * t1)]
+        [t0.mul_add(self.c1, self.c7 * t1), t0.mul_add(self.c0, self.c8 * t1)]
     }
 
     /// Product `J^T w` of the transposed Jacobian `J_ij = df_i/dy_j` and a covector `w`, a weight for each rate.
@@ -547,11 +547,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [w_dot_omega, w_dot_v1] = *w;
         let [omega, v1] = *y;
         let _ = t;
-        let t0 = (-w_dot_omega).mul_add(self.c1, self.c0 * w_dot_v1);
+        let t0 = w_dot_omega.mul_add(self.c1, self.c0 * w_dot_v1);
         [
-            self
-                .c8
-                .mul_add(omega * (-w_dot_omega).mul_add(self.A_l2_1, w_dot_v1), v1 * t0),
+            (self.c8 * omega)
+                .mul_add((-w_dot_omega).mul_add(self.A_l2_1, w_dot_v1), v1 * t0),
             omega * t0,
         ]
     }
@@ -569,18 +568,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         let t0 = omega * v1;
         let t1 = omega * omega;
-        let t2 = (-v_J)
+        let t2 = v_J
             .mul_add(
                 self.c26,
-                v_m.mul_add(self.c25, (-v_b).mul_add(self.c24, self.c23 * v_a)),
+                v_m.mul_add(self.c25, v_b.mul_add(self.c24, self.c23 * v_a)),
             );
         [
             (-t1)
                 .mul_add(
                     t2,
-                    t0
-                        * (-v_a)
-                            .mul_add(self.c22, (-v_m).mul_add(self.c21, self.c20 * v_J)),
+                    t0 * v_a.mul_add(self.c22, v_m.mul_add(self.c21, self.c20 * v_J)),
                 ),
             t2
                 .mul_add(
@@ -589,8 +586,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         * v_a
                             .mul_add(
                                 self.c30,
-                                (-v_b)
-                                    .mul_add(self.c29, v_m.mul_add(self.c28, self.c27 * v_J)),
+                                v_b.mul_add(self.c29, v_m.mul_add(self.c28, self.c27 * v_J)),
                             ),
                 ),
         ]

@@ -188,21 +188,21 @@ pub struct Prepared<R = f64> {
     I1: R,
     /// Parameter `I3`.
     I3: R,
-    /// `m * (r * r)`
+    /// `1 / I1`
     c0: R,
-    /// `1 / (m * m * (r * r * (r * r)))`
-    c1: R,
     /// `1 / (m * (r * r))`
+    c1: R,
+    /// `m * (r * r)`
     c2: R,
-    /// `0.5 * g / r`
+    /// `(I1 - I3) / I1`
     c3: R,
-    /// `2 * m * (r * r)`
+    /// `g / r`
     c4: R,
-    /// `m * m * (r * r * (r * r)) * (I1 - I3)`
+    /// `(I1 - I3) / (m * (r * r))`
     c5: R,
-    /// `m * (r * r) * (I1 - I3)`
+    /// `-(I1 / (m * (r * r)))`
     c6: R,
-    /// `1 / (I3 + m * (r * r))`
+    /// `1 / (1 + I3 / (m * (r * r)))`
     c7: R,
     /// `0.5 * (I3 + m * (r * r))`
     c8: R,
@@ -214,22 +214,24 @@ pub struct Prepared<R = f64> {
     A_Omega3_Omega3: R,
     /// `m * r`
     c11: R,
-    /// `m * (r * r) / (I3 + m * (r * r))`
+    /// `1 / (I1 * m * r)`
     c12: R,
-    /// `m * m * (r * r * (r * r))`
+    /// `1 / (m * m * (r * r * r))`
     c13: R,
-    /// `0.5 / (m * (r * r))`
+    /// `r / I1`
     c14: R,
-    /// `0.5 * m * r * g`
+    /// `-(m * (r * r) / (I3 + m * (r * r)))`
     c15: R,
-    /// `0.5 * (I1 - I3)`
+    /// `m * r * g / I1`
     c16: R,
-    /// `2 * m * r`
+    /// `-(2 * m * r * g / I1)`
     c17: R,
     /// `I1 - I3`
     c18: R,
-    /// `I3 - I1`
+    /// `2 * m * (r * r)`
     c19: R,
+    /// `I3 - I1`
+    c20: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -243,7 +245,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 19 multiplications, 6 divisions.
+    /// 4 additions, 15 multiplications, 14 divisions, 3 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I3, m, r, g } = *params;
         for (value, condition, meaning) in [
@@ -262,11 +264,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         let t0 = r * r;
         let t1 = m * t0;
-        let t2 = m * m * (t0 * t0);
-        let t3 = I1 - I3;
-        let t4 = R::from_f64(2.0) * m;
+        let t2 = I1 - I3;
+        let t3 = m * r;
+        let t4 = t3 * g;
         let A_Omega3_Omega3 = I3 + t1;
-        let t5 = m * r;
+        let t5 = R::from_f64(2.0) * m;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -294,27 +296,28 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Ok(Self {
             I1,
             I3,
-            c0: t1,
-            c1: t2.recip(),
-            c2: t1.recip(),
-            c3: R::from_f64(0.5) * g / r,
-            c4: t4 * t0,
-            c5: t2 * t3,
-            c6: t1 * t3,
-            c7: A_Omega3_Omega3.recip(),
+            c0: I1.recip(),
+            c1: t1.recip(),
+            c2: t1,
+            c3: t2 / I1,
+            c4: g / r,
+            c5: t2 / t1,
+            c6: -(I1 / t1),
+            c7: (R::ONE + I3 / t1).recip(),
             c8: R::from_f64(0.5) * A_Omega3_Omega3,
             c9: R::from_f64(0.5) * I1,
-            c10: t5 * g,
+            c10: t4,
             A_Omega3_Omega3,
-            c11: t5,
-            c12: t1 / A_Omega3_Omega3,
-            c13: t2,
-            c14: R::from_f64(0.5) / t1,
-            c15: R::from_f64(0.5) * m * r * g,
-            c16: R::from_f64(0.5) * t3,
-            c17: t4 * r,
-            c18: t3,
-            c19: I3 - I1,
+            c11: t3,
+            c12: (I1 * m * r).recip(),
+            c13: (m * m * (t0 * r)).recip(),
+            c14: r / I1,
+            c15: -(t1 / A_Omega3_Omega3),
+            c16: t4 / I1,
+            c17: -(t5 * r * g / I1),
+            c18: t2,
+            c19: t5 * t0,
+            c20: I3 - I1,
         })
     }
 }
@@ -340,59 +343,54 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 18 additions, 52 multiplications (16 fused), 3 divisions, 1 square root.
+    /// 17 additions, 43 multiplications (14 fused), 3 divisions, 1 square root.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 6], dy: &mut [R; 6]) {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
-        /// mass matrix A = W^T L_yy Psi
-        let [t0, t1, t2, t3, t4, A_Omega1_Omega1] = {
-            let t0 = Gamma1 * Gamma1;
-            let t1 = Gamma2.mul_add(Gamma2, t0).sqrt().recip();
-            let t2 = t1 * t1;
-            let t3 = self.c0 * t2;
-            let t4 = Gamma2 * t3;
-            [t0, t1, t2, t3, t4, Gamma2.mul_add(t4, self.I1)]
-        };
         /// factors of A
-        let [t5, t6, t7, t8, A_s1_2_2] = {
-            let t5 = A_Omega1_Omega1.recip();
-            let t6 = Gamma2 * t5;
-            let t7 = (-t4).mul_add(t6, R::ONE);
-            let t8 = t7 * (t0 * t3);
-            [t5, t6, t7, t8, self.I1 + t8]
+        let [t0, t1, t2, t3, t5, A_s1_2_2] = {
+            let t0 = Gamma2 * Gamma2;
+            let t1 = Gamma1.mul_add(Gamma1, t0).sqrt().recip();
+            let t2 = t1 * t1;
+            let t3 = Gamma1 * t2;
+            let t4 = t2 * (self.c0 * t0);
+            let t5 = self.c1 + t4;
+            [
+                t0,
+                t1,
+                t2,
+                t3,
+                t5,
+                (R::ONE - t4 / t5).mul_add(self.c2 * Gamma1 * t3, self.I1),
+            ]
         };
-        let t9 = t6 * t2;
-        let t10 = Omega2 * Gamma1;
-        let t11 = t10.mul_add(t9, -(self.c2 * Omega1));
-        let t12 = A_s1_2_2.recip();
-        let t13 = Gamma1 * t12;
-        let t14 = Omega2 * Omega2;
-        let t15 = Omega1 * Gamma2;
-        let t16 = self.c4
+        let t6 = (t5 * A_s1_2_2).recip();
+        let t7 = Omega3 * t6;
+        let t8 = self.c3 * t7;
+        let t9 = Omega2 * Gamma1;
+        let t10 = Omega1 * Gamma2;
+        let t11 = t9 - t10;
+        let t12 = Omega1 * Omega1;
+        let t13 = t6
             * (Gamma3
                 * t1
                     .mul_add(
-                        t2
+                        (-t2)
                             .mul_add(
-                                (-R::from_f64(0.5))
-                                    .mul_add(t15.mul_add(t15, t0 * t14), t10 * t15),
-                                R::from_f64(0.5) * Omega1.mul_add(Omega1, t14),
+                                t9.mul_add((-t10).mul_add(R::from_f64(2.0), t9), t0 * t12),
+                                Omega2.mul_add(Omega2, t12),
                             ),
-                        self.c3,
+                        self.c4,
                     ));
-        let t17 = t10 - t15;
+        let t14 = Gamma2 * t2;
         *dy = [
-            (-t1)
-                .mul_add(
-                    t6 * (-t8).mul_add(t12, R::ONE) * t16,
-                    self.c5 * (Omega3 * t13.mul_add(t9 * t11, self.c1 * Omega2 * t5)),
-                ),
-            t1.mul_add(t7 * t13 * t16, self.c6 * (Omega3 * t11) * t12),
-            self.c7 * (t3 * (-Omega2).mul_add(Gamma2, -(Omega1 * Gamma1)) * t17),
+            (-t13).mul_add(Gamma2 * t1, t8.mul_add(t11 * t3, t7 * (self.c5 * Omega2))),
+            t13.mul_add(Gamma1 * t1, t8 * t11.mul_add(t14, self.c6 * Omega1)),
+            (-Omega2).mul_add(t14, -(Omega1 * t3)) * (self.c7 * t11),
             (-Omega2).mul_add(Gamma3, Omega3 * Gamma2),
             (-Omega3).mul_add(Gamma1, Omega1 * Gamma3),
-            t17,
+            t11,
         ];
     }
 
@@ -410,21 +408,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn energy(&self, t: R, y: &[R; 6]) -> R {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, _] = *y;
         let _ = t;
-        let t0 = Gamma1.mul_add(Gamma1, Gamma2 * Gamma2);
+        let t0 = Gamma2.mul_add(Gamma2, Gamma1 * Gamma1);
         let t1 = Omega1 * Gamma2;
         let t2 = Omega2 * Gamma1;
         let t3 = self
             .c9
             .mul_add(
-                Omega1.mul_add(Omega1, Omega2 * Omega2),
+                Omega2.mul_add(Omega2, Omega1 * Omega1),
                 self
                     .c8
                     .mul_add(
                         Omega3 * Omega3,
-                        -(self.c0
+                        -(self.c2 / t0
                             * (-R::from_f64(0.5))
-                                .mul_add(t2 * t2, t1 * (-t1).mul_add(R::from_f64(0.5), t2))
-                            / t0),
+                                .mul_add(t2 * t2, t1 * (-t1).mul_add(R::from_f64(0.5), t2))),
                     ),
             );
         self.c10.mul_add(t0.sqrt(), t3)
@@ -447,14 +444,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, _] = *y;
         let _ = t;
         let t0 = self.c11 * Omega3;
-        let t1 = Gamma1.mul_add(Gamma1, Gamma2 * Gamma2).sqrt().recip();
+        let t1 = Gamma2.mul_add(Gamma2, Gamma1 * Gamma1).sqrt().recip();
         [
             self.I1 * Omega1,
             self.I1 * Omega2,
             self.I3 * Omega3,
-            -(Gamma2 * t0 * t1),
-            Gamma1 * t0 * t1,
-            self.c11 * Omega1.mul_add(Gamma2, -(Omega2 * Gamma1)) * t1,
+            -(t1 * (Gamma2 * t0)),
+            t1 * (Gamma1 * t0),
+            t1 * (self.c11 * Omega1.mul_add(Gamma2, -(Omega2 * Gamma1))),
         ]
     }
 
@@ -468,64 +465,60 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 23 additions, 60 multiplications (22 fused), 3 divisions, 1 square root.
+    /// 20 additions, 46 multiplications (16 fused), 3 divisions, 1 square root.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 6]) -> [R; 3] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
-        /// mass matrix A = W^T L_yy Psi
-        let [t0, t1, t2, t3, t4, A_Omega1_Omega1] = {
-            let t0 = Gamma1 * Gamma1;
-            let t1 = Gamma2.mul_add(Gamma2, t0).sqrt().recip();
-            let t2 = t1 * t1;
-            let t3 = Gamma2 * t2;
-            let t4 = self.c0 * t3;
-            [t0, t1, t2, t3, t4, Gamma2.mul_add(t4, self.I1)]
-        };
         /// factors of A
-        let [t5, t6, t7, t8, A_s1_2_2] = {
-            let t5 = A_Omega1_Omega1.recip();
-            let t6 = Gamma2 * t5;
-            let t7 = (-t4).mul_add(t6, R::ONE);
-            let t8 = self.c0 * t2;
-            [t5, t6, t7, t8, t8.mul_add(t0 * t7, self.I1)]
+        let [t0, t1, t2, t3, t4, t5, t6, t7, A_s1_2_2] = {
+            let t0 = Gamma1 * Gamma1;
+            let t1 = Gamma2 * Gamma2;
+            let t2 = (t0 + t1).sqrt().recip();
+            let t3 = t2 * t2;
+            let t4 = Gamma1 * t3;
+            let t5 = Gamma1 * t4;
+            let t6 = t1 * t3;
+            let t7 = t6.mul_add(self.c12, self.c13);
+            [
+                t0,
+                t1,
+                t2,
+                t3,
+                t4,
+                t5,
+                t6,
+                t7,
+                t5.mul_add(self.c2, self.I1) - t5 * (self.c14 * t6) / t7,
+            ]
         };
-        let t9 = Omega3 * Gamma3;
-        let t10 = Omega2 * Gamma1;
-        let t11 = Omega1 * Gamma2;
-        let t12 = t10 - t11;
-        let t13 = Omega1 * Gamma1;
-        let t14 = (-self.c12).mul_add(Omega2.mul_add(Gamma2, t13), t9);
-        let t15 = A_s1_2_2.recip();
-        let t16 = t0 * t15;
-        let t17 = t16 * t2;
-        let t18 = self.c13.mul_add(t3 * t6 * t17, R::ONE);
-        let t19 = (-self.c4).mul_add(Gamma2 * t6 * (-t18).mul_add(self.c14, t17), t16);
-        let t20 = (-t8).mul_add(t19, R::ONE)
-            * (Omega1 * t3)
-                .mul_add(
-                    (-t11).mul_add(R::from_f64(0.5), t10),
-                    R::from_f64(0.5)
-                        * (Omega2 * Omega2)
-                            .mul_add((-t0).mul_add(t2, R::ONE), Omega1 * Omega1),
-                );
-        [
-            self.c11 * (-t12).mul_add(t3.mul_add(t14, Omega2), -(Omega1 * t9)) * t1,
-            self.c11 * t12.mul_add(t2.mul_add(Gamma1 * t14, Omega1), -(Omega2 * t9))
-                * t1,
-            self.c17
-                * Gamma3
+        let t8 = Omega3 * Gamma3;
+        let t9 = Omega2 * Gamma1;
+        let t10 = Omega1 * Gamma2;
+        let t11 = t9 - t10;
+        let t12 = Omega2.mul_add(Gamma2, Omega1 * Gamma1);
+        let t13 = t12.mul_add(self.c15, t8);
+        let t14 = (t7 * A_s1_2_2).recip();
+        let t15 = t5
+            .mul_add(t1.mul_add(R::from_f64(2.0), t0), t1 * t6)
+            .mul_add(
+                self.c16 * t2,
+                Omega2
                     .mul_add(
-                        (-t1).mul_add(self.c15 * t19, t20),
-                        self.c16
-                            * (Omega3
-                                * t5
-                                    .mul_add(
-                                        Omega2 * Gamma2.mul_add(t18, -(t4 * t16)),
-                                        t7 * t13 * t15,
-                                    )),
-                    ) * t1,
+                        (-t4).mul_add((-t10).mul_add(R::from_f64(2.0), t9), Omega2),
+                        Omega1 * Omega1 * (R::ONE - t6),
+                    ),
+            );
+        [
+            (-t11).mul_add(t3.mul_add(Gamma2 * t13, Omega2), -(Omega1 * t8))
+                * (self.c11 * t2),
+            t11.mul_add(t4.mul_add(t13, Omega1), -(Omega2 * t8)) * (self.c11 * t2),
+            (-t14)
+                .mul_add(
+                    self.c6 * Gamma3 * t15.mul_add(t2, self.c17),
+                    t14 * (self.c5 * Omega3 * t12 * t2),
+                ),
         ]
     }
 
@@ -545,8 +538,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn nonholonomic_momentum(&self, t: R, y: &[R; 6]) -> [R; 3] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, _] = *y;
         let _ = t;
-        let t0 = (-Omega1).mul_add(Gamma2, Omega2 * Gamma1)
-            * (self.c0 / Gamma1.mul_add(Gamma1, Gamma2 * Gamma2));
+        let t0 = self.c2 * (-Omega1).mul_add(Gamma2, Omega2 * Gamma1)
+            / Gamma2.mul_add(Gamma2, Gamma1 * Gamma1);
         [
             (-Gamma2).mul_add(t0, self.I1 * Omega1),
             Gamma1.mul_add(t0, self.I1 * Omega2),
@@ -573,34 +566,34 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t0 = Gamma1 * Gamma1;
         let t1 = Gamma2.mul_add(Gamma2, t0).sqrt().recip();
         let t2 = t1 * t1;
-        let t3 = self.c0 * t2;
+        let t3 = self.c2 * t2;
         let t4 = Omega1 * Gamma2;
-        let t5 = self.c4 * (Omega3 * t2);
+        let t5 = t2 * (self.c19 * Omega3);
         let t6 = Omega2 * Gamma1;
         let t7 = t3 * (t6 - t4);
         let t8 = Omega1 * t7;
         let t9 = (-t4).mul_add(R::from_f64(0.5), t6);
-        let t10 = t1
+        let t10 = t3
             .mul_add(
-                t3 * (-R::from_f64(2.0)).mul_add(t4 * t9, t0 * (Omega2 * Omega2)),
+                (-t9).mul_add(R::from_f64(2.0) * t4, Omega2 * Omega2 * t0) * t1,
                 self.c10,
             );
         let t11 = Omega2 * t7;
         [
             (-Gamma3)
                 .mul_add(
-                    t1.mul_add(Gamma2 * t10, t8),
+                    t10.mul_add(Gamma2 * t1, t8),
                     (-t5)
                         .mul_add(
                             Gamma1 * t4,
-                            Omega2 * Omega3
-                                * t3.mul_add((-Gamma2).mul_add(Gamma2, t0), self.c18),
+                            t3.mul_add((-Gamma2).mul_add(Gamma2, t0), self.c18)
+                                * (Omega3 * Omega2),
                         ),
                 ),
             Gamma3
                 .mul_add(
-                    t1.mul_add(Gamma1 * t10, -t11),
-                    t9.mul_add(Gamma2 * t5, Omega1 * Omega3 * t0.mul_add(t3, self.c19)),
+                    t10.mul_add(Gamma1 * t1, -t11),
+                    t5.mul_add(Gamma2 * t9, t0.mul_add(t3, self.c20) * (Omega3 * Omega1)),
                 ),
             (-Gamma2).mul_add(t11, -(Gamma1 * t8)),
         ]
@@ -622,7 +615,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn casimirs(&self, t: R, y: &[R; 6]) -> [R; 1] {
         let [_, _, _, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
-        [Gamma3.mul_add(Gamma3, Gamma1.mul_add(Gamma1, Gamma2 * Gamma2))]
+        [Gamma3.mul_add(Gamma3, Gamma2.mul_add(Gamma2, Gamma1 * Gamma1))]
     }
 
     /// Says which pivot vanishes at a point.
@@ -640,12 +633,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [t1, t2, t3, A_Omega1_Omega1] = {
             let t0 = Gamma2 * Gamma2;
             let t1 = Gamma1 * Gamma1;
-            let t2 = self.c0 / (t0 + t1);
+            let t2 = self.c2 / (t1 + t0);
             let t3 = t0 * t2;
             [t1, t2, t3, self.I1 + t3]
         };
         /// factors of A
-        let A_s1_2_2 = (t1 * t2).mul_add(R::ONE - t3 / A_Omega1_Omega1, self.I1);
+        let A_s1_2_2 = (R::ONE - t3 / A_Omega1_Omega1).mul_add(t1 * t2, self.I1);
         for (value, pivot) in [
             (self.A_Omega3_Omega3, "inertia along Omega3"),
             (A_Omega1_Omega1, "inertia along Omega1"),

@@ -174,15 +174,15 @@ impl<R: ::hamel_runtime::Real> State<R> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
 pub struct Prepared<R = f64> {
-    /// `0.25 * (4 * I1 - 4 * I3 - 4 * M * (r * r) + M * (r * r) * (e * e)) / (I3 + M * (r * r))`
+    /// `-0.25 * (4 * I1 - 4 * I3 - 4 * M * (r * r) + M * (r * r) * (e * e)) / (I3 + M * (r * r))`
     c0: R,
     /// `0.5 * M * r * e * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
     c1: R,
-    /// `M * r * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    /// `-(M * r * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r))))`
     c2: R,
-    /// `(I3 + M * (r * r)) / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    /// `-((I3 + M * (r * r)) / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r))))`
     c3: R,
-    /// `0.5 * M * (r * r) * e / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    /// `-(0.5 * M * (r * r) * e / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r))))`
     c4: R,
     /// A longer expression in the parameters.
     c5: R,
@@ -194,9 +194,9 @@ pub struct Prepared<R = f64> {
     c8: R,
     /// A longer expression in the parameters.
     c9: R,
-    /// `4 * M * (r * r) * e / (4 * I1 + M * (r * r) * (e * e))`
+    /// `-(4 * M * (r * r) * e / (4 * I1 + M * (r * r) * (e * e)))`
     c10: R,
-    /// `M * (r * r) * e / (I3 + M * (r * r))`
+    /// `-(M * (r * r) * e / (I3 + M * (r * r)))`
     c11: R,
     /// `M * r * g`
     c12: R,
@@ -225,7 +225,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 17 additions, 43 multiplications, 15 divisions.
+    /// 17 additions, 43 multiplications, 15 divisions, 5 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { M, r, e, I1, I3, g } = *params;
         for (value, condition, meaning) in [
@@ -314,18 +314,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             });
         }
         Ok(Self {
-            c0: R::from_f64(0.25) * (t7 - t8 - t9 + t10) / A_psi_dot_psi_dot,
+            c0: R::from_f64(-0.25) * (t7 - t8 - t9 + t10) / A_psi_dot_psi_dot,
             c1: t5 / A_theta_dot_theta_dot,
-            c2: t6 / A_theta_dot_theta_dot,
-            c3: A_psi_dot_psi_dot / A_theta_dot_theta_dot,
-            c4: t4 * t0 * e / A_theta_dot_theta_dot,
-            c5: R::from_f64(0.5) * t12 / I3,
+            c2: -(t6 / A_theta_dot_theta_dot),
+            c3: -(A_psi_dot_psi_dot / A_theta_dot_theta_dot),
+            c4: -(t4 * t0 * e / A_theta_dot_theta_dot),
+            c5: R::from_f64(-0.5) * t12 / I3,
             c6: t8 / t14,
             c7: t19,
-            c8: t16 * t12 / t20 - t19 - t21,
-            c9: t16 * t18 / t20 - t17 / A_psi_dot_psi_dot,
-            c10: t9 * e / t13,
-            c11: t21,
+            c8: t21 - (t16 * t12 / t20 - t19),
+            c9: t17 / A_psi_dot_psi_dot - t16 * t18 / t20,
+            c10: -(t9 * e / t13),
+            c11: -t21,
             c12: t6,
             c13: t5,
             c14: R::from_f64(0.125) * (t7 + M * t2),
@@ -360,26 +360,26 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         let t0 = phi_dot * theta_s;
         let t1 = phi_dot * theta_c;
-        let t2 = self.c6 * ((-t1).mul_add(self.c5, psi_dot) * (theta_dot / theta_s));
+        let t2 = self.c6 * theta_dot / theta_s * t1.mul_add(self.c5, psi_dot);
         *dy = [
             -(theta_dot * theta_s),
             theta_dot * theta_c,
-            (-self.c4)
+            self
+                .c4
                 .mul_add(
                     t1.mul_add(psi_dot + t1, -(t0 * t0)),
-                    (-self.c3)
+                    (self.c3 * t0)
                         .mul_add(
-                            t0 * (-t1).mul_add(self.c0, psi_dot),
-                            (-theta_c).mul_add(self.c2, self.c1 * theta_s),
+                            t1.mul_add(self.c0, psi_dot),
+                            theta_c.mul_add(self.c2, self.c1 * theta_s),
                         ),
                 ),
-            (-self.c7).mul_add(theta_dot * phi_dot, t2),
+            (-theta_dot).mul_add(self.c7 * phi_dot, t2),
             (-theta_c)
                 .mul_add(
                     t2,
                     theta_dot
-                        * (-t0)
-                            .mul_add(self.c9, (-t1).mul_add(self.c8, self.c7 * psi_dot)),
+                        * t0.mul_add(self.c9, t1.mul_add(self.c8, self.c7 * psi_dot)),
                 ),
         ];
     }
@@ -401,19 +401,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t0 = phi_dot * theta_s;
         self.c16
             .mul_add(
-                (phi_dot * theta_c)
+                phi_dot
                     .mul_add(
-                        phi_dot
-                            .mul_add(
-                                (-theta_s).mul_add(self.c11, theta_c),
-                                R::from_f64(2.0) * psi_dot,
-                            ),
-                        psi_dot * psi_dot,
-                    ),
-                self
-                    .c15
+                        theta_s.mul_add(self.c11, theta_c),
+                        R::from_f64(2.0) * psi_dot,
+                    )
+                    .mul_add(theta_c * phi_dot, psi_dot * psi_dot),
+                (self.c15 * t0)
                     .mul_add(
-                        t0 * (-psi_dot).mul_add(self.c10, t0),
+                        psi_dot.mul_add(self.c10, t0),
                         self
                             .c14
                             .mul_add(

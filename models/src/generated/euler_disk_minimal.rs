@@ -160,15 +160,15 @@ impl<R: ::hamel_runtime::Real> State<R> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
 pub struct Prepared<R = f64> {
-    /// `0.25 * (4 * I1 - 4 * I3 - 4 * M * (r * r) + M * (r * r) * (e * e)) / (I3 + M * (r * r))`
+    /// `-0.25 * (4 * I1 - 4 * I3 - 4 * M * (r * r) + M * (r * r) * (e * e)) / (I3 + M * (r * r))`
     c0: R,
     /// `0.5 * M * r * e * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
     c1: R,
-    /// `M * r * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    /// `-(M * r * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r))))`
     c2: R,
-    /// `(I3 + M * (r * r)) / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    /// `-((I3 + M * (r * r)) / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r))))`
     c3: R,
-    /// `0.5 * M * (r * r) * e / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    /// `-(0.5 * M * (r * r) * e / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r))))`
     c4: R,
     /// A longer expression in the parameters.
     c5: R,
@@ -180,9 +180,9 @@ pub struct Prepared<R = f64> {
     c8: R,
     /// A longer expression in the parameters.
     c9: R,
-    /// `4 * M * (r * r) * e / (4 * I1 + M * (r * r) * (e * e))`
+    /// `-(4 * M * (r * r) * e / (4 * I1 + M * (r * r) * (e * e)))`
     c10: R,
-    /// `M * (r * r) * e / (I3 + M * (r * r))`
+    /// `-(M * (r * r) * e / (I3 + M * (r * r)))`
     c11: R,
     /// `0.125 * (4 * I1 + M * (r * r * (e * e) + 4 * (r * r)))`
     c12: R,
@@ -209,7 +209,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 19 additions, 43 multiplications, 15 divisions.
+    /// 19 additions, 43 multiplications, 15 divisions, 5 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { M, r, e, I1, I3, g } = *params;
         for (value, condition, meaning) in [
@@ -300,18 +300,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             });
         }
         Ok(Self {
-            c0: R::from_f64(0.25) * (t9 - t10 - t11 + t12) / A_psi_dot_psi_dot,
+            c0: R::from_f64(-0.25) * (t9 - t10 - t11 + t12) / A_psi_dot_psi_dot,
             c1: t7 / A_theta_dot_theta_dot,
-            c2: t8 / A_theta_dot_theta_dot,
-            c3: A_psi_dot_psi_dot / A_theta_dot_theta_dot,
-            c4: t6 * t0 * e / A_theta_dot_theta_dot,
-            c5: R::from_f64(0.5) * t14 / I3,
+            c2: -(t8 / A_theta_dot_theta_dot),
+            c3: -(A_psi_dot_psi_dot / A_theta_dot_theta_dot),
+            c4: -(t6 * t0 * e / A_theta_dot_theta_dot),
+            c5: R::from_f64(-0.5) * t14 / I3,
             c6: t10 / t16,
             c7: t21,
-            c8: t18 * t14 / t22 - t21 - t23,
-            c9: t18 * t20 / t22 - t19 / A_psi_dot_psi_dot,
-            c10: t11 * e / t15,
-            c11: t23,
+            c8: t23 - (t18 * t14 / t22 - t21),
+            c9: t19 / A_psi_dot_psi_dot - t18 * t20 / t22,
+            c10: -(t11 * e / t15),
+            c11: -t23,
             c12: R::from_f64(0.125) * (t9 + M * t4),
             c13: t8,
             c14: t7,
@@ -346,25 +346,25 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let (t0, t1) = theta.sin_cos();
         let t2 = phi_dot * t0;
         let t3 = phi_dot * t1;
-        let t4 = self.c6 * ((-t3).mul_add(self.c5, psi_dot) * (theta_dot / t0));
+        let t4 = self.c6 * theta_dot / t0 * t3.mul_add(self.c5, psi_dot);
         *dy = [
             theta_dot,
-            (-self.c4)
+            self
+                .c4
                 .mul_add(
                     t3.mul_add(psi_dot + t3, -(t2 * t2)),
-                    (-self.c3)
+                    (self.c3 * t2)
                         .mul_add(
-                            t2 * (-t3).mul_add(self.c0, psi_dot),
-                            (-t1).mul_add(self.c2, self.c1 * t0),
+                            t3.mul_add(self.c0, psi_dot),
+                            t1.mul_add(self.c2, self.c1 * t0),
                         ),
                 ),
-            (-self.c7).mul_add(theta_dot * phi_dot, t4),
+            (-theta_dot).mul_add(self.c7 * phi_dot, t4),
             (-t1)
                 .mul_add(
                     t4,
                     theta_dot
-                        * (-t2)
-                            .mul_add(self.c9, (-t3).mul_add(self.c8, self.c7 * psi_dot)),
+                        * t2.mul_add(self.c9, t3.mul_add(self.c8, self.c7 * psi_dot)),
                 ),
         ];
     }
@@ -387,19 +387,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t2 = phi_dot * t0;
         self.c16
             .mul_add(
-                (phi_dot * t1)
+                phi_dot
+                    .mul_add(t0.mul_add(self.c11, t1), R::from_f64(2.0) * psi_dot)
+                    .mul_add(phi_dot * t1, psi_dot * psi_dot),
+                (self.c15 * t2)
                     .mul_add(
-                        phi_dot
-                            .mul_add(
-                                (-t0).mul_add(self.c11, t1),
-                                R::from_f64(2.0) * psi_dot,
-                            ),
-                        psi_dot * psi_dot,
-                    ),
-                self
-                    .c15
-                    .mul_add(
-                        t2 * (-psi_dot).mul_add(self.c10, t2),
+                        psi_dot.mul_add(self.c10, t2),
                         t1
                             .mul_add(
                                 self.c14,

@@ -207,15 +207,15 @@ pub struct Prepared<R = f64> {
     r: R,
     /// Parameter `I3`.
     I3: R,
-    /// `0.25 * (4 * I1 - 4 * I3 - 4 * M * (r * r) + M * (r * r) * (e * e)) / (I3 + M * (r * r))`
+    /// `-0.25 * (4 * I1 - 4 * I3 - 4 * M * (r * r) + M * (r * r) * (e * e)) / (I3 + M * (r * r))`
     c0: R,
     /// `0.5 * M * r * e * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
     c1: R,
-    /// `M * r * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    /// `-(M * r * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r))))`
     c2: R,
-    /// `(I3 + M * (r * r)) / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    /// `-((I3 + M * (r * r)) / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r))))`
     c3: R,
-    /// `0.5 * M * (r * r) * e / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    /// `-(0.5 * M * (r * r) * e / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r))))`
     c4: R,
     /// A longer expression in the parameters.
     c5: R,
@@ -227,9 +227,9 @@ pub struct Prepared<R = f64> {
     c8: R,
     /// A longer expression in the parameters.
     c9: R,
-    /// `4 * M * (r * r) * e / (4 * I1 + M * (r * r) * (e * e))`
+    /// `-(4 * M * (r * r) * e / (4 * I1 + M * (r * r) * (e * e)))`
     c10: R,
-    /// `M * (r * r) * e / (I3 + M * (r * r))`
+    /// `-(M * (r * r) * e / (I3 + M * (r * r)))`
     c11: R,
     /// `0.125 * (4 * I1 + M * (r * r * (e * e) + 4 * (r * r)))`
     c12: R,
@@ -245,7 +245,7 @@ pub struct Prepared<R = f64> {
     c17: R,
     /// `0.25 * (4 * I1 + M * (r * r * (e * e) + 4 * (r * r)))`
     c18: R,
-    /// `0.5 * M * (r * r) * e`
+    /// `-(0.5 * M * (r * r) * e)`
     c19: R,
     /// `0.25 * (4 * I1 + M * (r * r) * (e * e))`
     c20: R,
@@ -255,7 +255,7 @@ pub struct Prepared<R = f64> {
     c22: R,
     /// `M * r`
     c23: R,
-    /// `0.5 * e * I3`
+    /// `-(0.5 * e * I3)`
     c24: R,
     /// `M * r / I3`
     c25: R,
@@ -267,15 +267,15 @@ pub struct Prepared<R = f64> {
     c28: R,
     /// A longer expression in the parameters.
     c29: R,
-    /// `0.25 * (M * M) * (r * r * r) * (e * e) / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    /// A longer expression in the parameters.
     c30: R,
     /// A longer expression in the parameters.
     c31: R,
-    /// `0.5 * (M * M) * (r * r * r) * e / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    /// `-(0.5 * (M * M) * (r * r * r) * e / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r))))`
     c32: R,
-    /// `(I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r))) / (I3 + M * (r * r))`
+    /// `-((I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r))) / (I3 + M * (r * r)))`
     c33: R,
-    /// `0.5 * M * r * e`
+    /// `-(0.5 * M * r * e)`
     c34: R,
     /// A longer expression in the parameters.
     c35: R,
@@ -300,7 +300,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 27 additions, 82 multiplications, 33 divisions.
+    /// 27 additions, 82 multiplications, 33 divisions, 11 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { M, r, e, I1, I3, g } = *params;
         for (value, condition, meaning) in [
@@ -409,18 +409,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Ok(Self {
             r,
             I3,
-            c0: R::from_f64(0.25) * (t13 - t14 + t15) / A_psi_dot_psi_dot,
+            c0: R::from_f64(-0.25) * (t13 - t14 + t15) / A_psi_dot_psi_dot,
             c1: t8 / A_theta_dot_theta_dot,
-            c2: t10 / A_theta_dot_theta_dot,
-            c3: A_psi_dot_psi_dot / A_theta_dot_theta_dot,
-            c4: t16 / A_theta_dot_theta_dot,
-            c5: R::from_f64(0.5) * t20 / I3,
+            c2: -(t10 / A_theta_dot_theta_dot),
+            c3: -(A_psi_dot_psi_dot / A_theta_dot_theta_dot),
+            c4: -(t16 / A_theta_dot_theta_dot),
+            c5: R::from_f64(-0.5) * t20 / I3,
             c6: t12 / t22,
             c7: t28,
-            c8: t25 * t20 / t29 - t28 - t30,
-            c9: t31,
-            c10: t14 * e / t21,
-            c11: t30,
+            c8: t30 - (t25 * t20 / t29 - t28),
+            c9: -t31,
+            c10: -(t14 * e / t21),
+            c11: -t30,
             c12: R::from_f64(0.125) * t32,
             c13: t10,
             c14: t8,
@@ -428,28 +428,28 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c16: R::from_f64(0.5) * A_psi_dot_psi_dot,
             c17: R::from_f64(0.25) * t22,
             c18: R::from_f64(0.25) * t32,
-            c19: t16,
+            c19: -t16,
             c20: R::from_f64(0.25) * t21,
             c21: A_psi_dot_psi_dot / I3,
             c22: t33,
             c23: t9,
-            c24: t33 * I3,
+            c24: -(t33 * I3),
             c25: t9 / I3,
             c26: t23 * r + t9 * t31 - t34 * t27 / t22,
-            c27: R::from_f64(2.0) * (t9 * t27 / t22 - t34 * I3 / t22),
+            c27: R::from_f64(-2.0) * (t9 * t27 / t22 - t34 * I3 / t22),
             c28: R::from_f64(0.25)
                 * (t9 * t35 / A_theta_dot_theta_dot + t37 * t1 / A_theta_dot_theta_dot),
-            c29: R::from_f64(0.125)
+            c29: R::from_f64(-0.125)
                 * (t38 * t36 * e / A_theta_dot_theta_dot
                     - t34 * t35 / A_theta_dot_theta_dot),
-            c30: R::from_f64(0.25) * t18 * t36 * t1 / A_theta_dot_theta_dot,
+            c30: R::from_f64(-0.25) * t18 * t36 * t1 / A_theta_dot_theta_dot,
             c31: R::from_f64(0.5)
                 * (t34 * A_psi_dot_psi_dot / A_theta_dot_theta_dot
                     + t37 * e / A_theta_dot_theta_dot),
-            c32: t39 * t36 * e / A_theta_dot_theta_dot,
-            c33: A_theta_dot_theta_dot / A_psi_dot_psi_dot,
-            c34: t7,
-            c35: R::from_f64(0.25)
+            c32: -(t39 * t36 * e / A_theta_dot_theta_dot),
+            c33: -(A_theta_dot_theta_dot / A_psi_dot_psi_dot),
+            c34: -t7,
+            c35: R::from_f64(-0.25)
                 * (t38 * t0 * g / A_theta_dot_theta_dot
                     - t18 * t0 * t1 * g / A_theta_dot_theta_dot),
             c36: t39 * t0 * e * g / A_theta_dot_theta_dot,
@@ -484,28 +484,28 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let (t0, t1) = theta.sin_cos();
         let t2 = phi_dot * t0;
         let t3 = phi_dot * t1;
-        let t4 = self.c6 * ((-t3).mul_add(self.c5, psi_dot) * (theta_dot / t0));
+        let t4 = self.c6 * theta_dot / t0 * t3.mul_add(self.c5, psi_dot);
         let (t5, t6) = phi.sin_cos();
         let t7 = self.r * psi_dot;
         *dy = [
             theta_dot,
             phi_dot,
-            (-self.c4)
+            self
+                .c4
                 .mul_add(
                     t3.mul_add(psi_dot + t3, -(t2 * t2)),
-                    (-self.c3)
+                    (self.c3 * t2)
                         .mul_add(
-                            t2 * (-t3).mul_add(self.c0, psi_dot),
-                            (-t1).mul_add(self.c2, self.c1 * t0),
+                            t3.mul_add(self.c0, psi_dot),
+                            t1.mul_add(self.c2, self.c1 * t0),
                         ),
                 ),
-            (-self.c7).mul_add(theta_dot * phi_dot, t4),
+            (-theta_dot).mul_add(self.c7 * phi_dot, t4),
             (-t1)
                 .mul_add(
                     t4,
                     theta_dot
-                        * (-t2)
-                            .mul_add(self.c9, (-t3).mul_add(self.c8, self.c7 * psi_dot)),
+                        * t2.mul_add(self.c9, t3.mul_add(self.c8, self.c7 * psi_dot)),
                 ),
             psi_dot,
             -(t6 * t7),
@@ -531,19 +531,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t2 = phi_dot * t0;
         self.c16
             .mul_add(
-                (phi_dot * t1)
+                phi_dot
+                    .mul_add(t0.mul_add(self.c11, t1), R::from_f64(2.0) * psi_dot)
+                    .mul_add(phi_dot * t1, psi_dot * psi_dot),
+                (self.c15 * t2)
                     .mul_add(
-                        phi_dot
-                            .mul_add(
-                                (-t0).mul_add(self.c11, t1),
-                                R::from_f64(2.0) * psi_dot,
-                            ),
-                        psi_dot * psi_dot,
-                    ),
-                self
-                    .c15
-                    .mul_add(
-                        t2 * (-psi_dot).mul_add(self.c10, t2),
+                        psi_dot.mul_add(self.c10, t2),
                         t1
                             .mul_add(
                                 self.c14,
@@ -570,22 +563,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [theta, phi, theta_dot, phi_dot, psi_dot, _, _, _] = *y;
         let _ = t;
         let (t0, t1) = theta.sin_cos();
-        let t2 = self.I3.mul_add(phi_dot * t1, self.I3 * psi_dot);
+        let t2 = t1.mul_add(self.I3 * phi_dot, self.I3 * psi_dot);
         let t3 = phi_dot * t0;
         let (t4, t5) = phi.sin_cos();
-        let t6 = self.c23 * (theta_dot * t1.mul_add(self.c22, t0));
-        let t7 = self.c25 * (-t3).mul_add(self.c24, t2);
+        let t6 = t1.mul_add(self.c22, t0) * (self.c23 * theta_dot);
+        let t7 = self.c25 * t3.mul_add(self.c24, t2);
         [
             self.c18 * theta_dot,
-            self
-                .c21
+            t2
                 .mul_add(
-                    t1 * t2,
-                    self
-                        .c20
+                    self.c21 * t1,
+                    t3
                         .mul_add(
-                            t3 * (-t1).mul_add(self.c10, t0),
-                            -(self.c19 * (psi_dot * t0)),
+                            self.c20 * t1.mul_add(self.c10, t0),
+                            t0 * (self.c19 * psi_dot),
                         ),
                 ),
             t2,
@@ -615,34 +606,33 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t4 = phi_dot * t2;
         let t5 = phi_dot * t3;
         let t6 = psi_dot + t5;
-        let t7 = theta_dot * (-t6).mul_add(self.c27, self.c26 * t4);
+        let t7 = theta_dot * t6.mul_add(self.c27, self.c26 * t4);
         let t8 = theta_dot * theta_dot;
         let t9 = t2 * t4;
         let t10 = (-t4)
             .mul_add(
-                (-t9).mul_add(self.c32, self.c31 * (psi_dot * t3)),
+                t9.mul_add(self.c32, t3 * (self.c31 * psi_dot)),
                 self
                     .c36
                     .mul_add(
                         (-t3).mul_add(t3, t2 * t2),
-                        (-self.c34)
+                        t4
                             .mul_add(
-                                phi_dot * t4,
-                                (-self.c35).mul_add(t2 * t3, -(self.c34 * (t2 * t8))),
+                                self.c34 * phi_dot,
+                                t2.mul_add(self.c35 * t3, t2 * (self.c34 * t8)),
                             ),
                     ),
             );
         let t11 = self
             .c23
             .mul_add(
-                (-self.c3)
-                    .mul_add(psi_dot.mul_add(t9, -(self.c33 * (t3 * t8))), phi_dot * t6),
+                self.c3.mul_add(psi_dot.mul_add(t9, t3 * (self.c33 * t8)), phi_dot * t6),
                 t5
                     .mul_add(
-                        (-self.c30)
+                        t6
                             .mul_add(
-                                t3 * t6,
-                                t4 * (-t3).mul_add(self.c29, self.c28 * t2),
+                                self.c30 * t3,
+                                t4 * t3.mul_add(self.c29, self.c28 * t2),
                             ),
                         t10,
                     ),
@@ -671,13 +661,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t3 = phi_dot * t0;
         [
             self.c18 * theta_dot,
-            self
-                .c20
+            t3
                 .mul_add(
-                    t3 * (-t1).mul_add(self.c10, t0),
-                    t1.mul_add(t2, -(self.c19 * (psi_dot * t0))),
+                    self.c20 * t1.mul_add(self.c10, t0),
+                    t1.mul_add(t2, t0 * (self.c19 * psi_dot)),
                 ),
-            (-t3).mul_add(self.c19, t2),
+            t3.mul_add(self.c19, t2),
         ]
     }
 
@@ -698,18 +687,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [theta, _, theta_dot, phi_dot, psi_dot, _, _, _] = *y;
         let _ = t;
         let (t0, t1) = theta.sin_cos();
-        let t2 = theta_dot * (self.c38 * t1.mul_add(self.c22, t0));
+        let t2 = t1.mul_add(self.c22, t0) * (self.c38 * theta_dot);
         [
-            (-self.A_psi_dot_psi_dot)
+            (-self
+                .c37
                 .mul_add(
-                    phi_dot
-                        * self
-                            .c37
-                            .mul_add(
-                                (-phi_dot)
-                                    .mul_add((-t1).mul_add(t1, t0 * t0), psi_dot * t1),
-                                t0 * (-self.c0).mul_add(phi_dot * t1, psi_dot),
-                            ),
+                    (-phi_dot).mul_add((-t1).mul_add(t1, t0 * t0), psi_dot * t1),
+                    t0 * t1.mul_add(self.c0 * phi_dot, psi_dot),
+                ))
+                .mul_add(
+                    self.A_psi_dot_psi_dot * phi_dot,
                     (-t1).mul_add(self.c13, self.c14 * t0),
                 ),
             -(psi_dot * t2),

@@ -163,15 +163,15 @@ impl<R: ::hamel_runtime::Real> State<R> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
 pub struct Prepared<R = f64> {
-    /// `0.25 * (4 * I1 - 4 * I3 - 4 * M * (r * r) + M * (r * r) * (e * e)) / (I3 + M * (r * r))`
+    /// `-0.25 * (4 * I1 - 4 * I3 - 4 * M * (r * r) + M * (r * r) * (e * e)) / (I3 + M * (r * r))`
     c0: R,
     /// `0.5 * M * r * e * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
     c1: R,
-    /// `M * r * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    /// `-(M * r * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r))))`
     c2: R,
-    /// `(I3 + M * (r * r)) / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    /// `-((I3 + M * (r * r)) / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r))))`
     c3: R,
-    /// `0.5 * M * (r * r) * e / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    /// `-(0.5 * M * (r * r) * e / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r))))`
     c4: R,
     /// A longer expression in the parameters.
     c5: R,
@@ -183,9 +183,9 @@ pub struct Prepared<R = f64> {
     c8: R,
     /// A longer expression in the parameters.
     c9: R,
-    /// `4 * M * (r * r) * e / (4 * I1 + M * (r * r) * (e * e))`
+    /// `-(4 * M * (r * r) * e / (4 * I1 + M * (r * r) * (e * e)))`
     c10: R,
-    /// `M * (r * r) * e / (I3 + M * (r * r))`
+    /// `-(M * (r * r) * e / (I3 + M * (r * r)))`
     c11: R,
     /// `0.125 * (4 * I1 + M * (r * r * (e * e) + 4 * (r * r)))`
     c12: R,
@@ -212,7 +212,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 19 additions, 43 multiplications, 15 divisions.
+    /// 19 additions, 43 multiplications, 15 divisions, 5 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { M, r, e, I1, I3, g } = *params;
         for (value, condition, meaning) in [
@@ -303,18 +303,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             });
         }
         Ok(Self {
-            c0: R::from_f64(0.25) * (t9 - t10 - t11 + t12) / A_psi_dot_psi_dot,
+            c0: R::from_f64(-0.25) * (t9 - t10 - t11 + t12) / A_psi_dot_psi_dot,
             c1: t7 / A_theta_dot_theta_dot,
-            c2: t8 / A_theta_dot_theta_dot,
-            c3: A_psi_dot_psi_dot / A_theta_dot_theta_dot,
-            c4: t6 * t0 * e / A_theta_dot_theta_dot,
-            c5: R::from_f64(0.5) * t14 / I3,
+            c2: -(t8 / A_theta_dot_theta_dot),
+            c3: -(A_psi_dot_psi_dot / A_theta_dot_theta_dot),
+            c4: -(t6 * t0 * e / A_theta_dot_theta_dot),
+            c5: R::from_f64(-0.5) * t14 / I3,
             c6: t10 / t16,
             c7: t21,
-            c8: t18 * t14 / t22 - t21 - t23,
-            c9: t18 * t20 / t22 - t19 / A_psi_dot_psi_dot,
-            c10: t11 * e / t15,
-            c11: t23,
+            c8: t23 - (t18 * t14 / t22 - t21),
+            c9: t19 / A_psi_dot_psi_dot - t18 * t20 / t22,
+            c10: -(t11 * e / t15),
+            c11: -t23,
             c12: R::from_f64(0.125) * (t9 + M * t4),
             c13: t8,
             c14: t7,
@@ -349,26 +349,26 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let (t0, t1) = theta.sin_cos();
         let t2 = phi_dot * t0;
         let t3 = phi_dot * t1;
-        let t4 = self.c6 * ((-t3).mul_add(self.c5, psi_dot) * (theta_dot / t0));
+        let t4 = self.c6 * theta_dot / t0 * t3.mul_add(self.c5, psi_dot);
         *dy = [
             theta_dot,
             phi_dot,
-            (-self.c4)
+            self
+                .c4
                 .mul_add(
                     t3.mul_add(psi_dot + t3, -(t2 * t2)),
-                    (-self.c3)
+                    (self.c3 * t2)
                         .mul_add(
-                            t2 * (-t3).mul_add(self.c0, psi_dot),
-                            (-t1).mul_add(self.c2, self.c1 * t0),
+                            t3.mul_add(self.c0, psi_dot),
+                            t1.mul_add(self.c2, self.c1 * t0),
                         ),
                 ),
-            (-self.c7).mul_add(theta_dot * phi_dot, t4),
+            (-theta_dot).mul_add(self.c7 * phi_dot, t4),
             (-t1)
                 .mul_add(
                     t4,
                     theta_dot
-                        * (-t2)
-                            .mul_add(self.c9, (-t3).mul_add(self.c8, self.c7 * psi_dot)),
+                        * t2.mul_add(self.c9, t3.mul_add(self.c8, self.c7 * psi_dot)),
                 ),
         ];
     }
@@ -391,19 +391,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t2 = phi_dot * t0;
         self.c16
             .mul_add(
-                (phi_dot * t1)
+                phi_dot
+                    .mul_add(t0.mul_add(self.c11, t1), R::from_f64(2.0) * psi_dot)
+                    .mul_add(phi_dot * t1, psi_dot * psi_dot),
+                (self.c15 * t2)
                     .mul_add(
-                        phi_dot
-                            .mul_add(
-                                (-t0).mul_add(self.c11, t1),
-                                R::from_f64(2.0) * psi_dot,
-                            ),
-                        psi_dot * psi_dot,
-                    ),
-                self
-                    .c15
-                    .mul_add(
-                        t2 * (-psi_dot).mul_add(self.c10, t2),
+                        psi_dot.mul_add(self.c10, t2),
                         t1
                             .mul_add(
                                 self.c14,
@@ -493,7 +486,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
     ///
     /// # Operations
     ///
-    /// At each order k: 32 additions, 35 multiplications (28 fused), 1 sign change, and 12 sums of k - 1 products.
+    /// At each order k: 32 additions, 35 multiplications (27 fused), 1 sign change, and 12 sums of k - 1 products.
     fn series(
         &self,
         t: R,
@@ -521,6 +514,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             kept11,
             kept12,
             kept13,
+            kept14,
             ],
         ) = {
             let [theta, _, theta_dot, phi_dot, psi_dot] = *y;
@@ -528,40 +522,43 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             let (t0, t1) = theta.sin_cos();
             let t2 = phi_dot * t0;
             let t3 = phi_dot * t1;
-            let t4 = (-t3).mul_add(self.c0, psi_dot);
+            let t4 = t3.mul_add(self.c0, psi_dot);
             let t5 = psi_dot + t3;
-            let t6 = (-t3).mul_add(self.c5, psi_dot);
-            let t7 = theta_dot / t0;
-            let t8 = self.c6 * (t6 * t7);
-            let t9 = (-t2).mul_add(self.c9, (-t3).mul_add(self.c8, self.c7 * psi_dot));
+            let t6 = self.c3 * t2;
+            let t7 = t3.mul_add(self.c5, psi_dot);
+            let t8 = self.c6 * theta_dot / t0;
+            let t9 = t8 * t7;
+            let t10 = self.c7 * phi_dot;
+            let t11 = t2.mul_add(self.c9, t3.mul_add(self.c8, self.c7 * psi_dot));
             (
                 [
                     theta_dot,
                     phi_dot,
-                    (-self.c4)
+                    self
+                        .c4
                         .mul_add(
                             t3.mul_add(t5, -(t2 * t2)),
-                            (-self.c3)
-                                .mul_add(t2 * t4, (-t1).mul_add(self.c2, self.c1 * t0)),
+                            t6.mul_add(t4, t1.mul_add(self.c2, self.c1 * t0)),
                         ),
-                    (-self.c7).mul_add(theta_dot * phi_dot, t8),
-                    (-t1).mul_add(t8, theta_dot * t9),
+                    (-t10).mul_add(theta_dot, t9),
+                    (-t1).mul_add(t9, theta_dot * t11),
                 ],
                 [
                     t0,
                     t1,
                     phi_dot,
-                    t2,
-                    t4,
                     t2 + t2,
                     t3,
                     t5,
-                    t7,
-                    t0.recip(),
                     t6,
-                    theta_dot,
-                    t9,
+                    t4,
                     t8,
+                    t0.recip(),
+                    t7,
+                    t10,
+                    theta_dot,
+                    t11,
+                    t9,
                 ],
             )
         };
@@ -577,52 +574,48 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             let t1 = -kept0.mul_add(theta, inverse * sum1);
             let t2 = kept2.mul_add(t0, kept0.mul_add(phi_dot, sum2));
             let t3 = kept2.mul_add(t1, kept1.mul_add(phi_dot, sum3));
-            let t4 = (-t3).mul_add(self.c0, psi_dot);
+            let t4 = t3.mul_add(self.c0, psi_dot);
             let t5 = psi_dot + t3;
-            let t6 = (-t3).mul_add(self.c5, psi_dot);
-            let t7 = kept9 * (-kept8).mul_add(t0, theta_dot - sum7);
-            let t8 = self.c6 * kept10.mul_add(t7, kept8.mul_add(t6, sum8));
-            let t9 = (-t2).mul_add(self.c9, (-t3).mul_add(self.c8, self.c7 * psi_dot));
-            let t10 = order * theta;
+            let t6 = self.c3 * t2;
+            let t7 = t3.mul_add(self.c5, psi_dot);
+            let t8 = kept9 * (-kept8).mul_add(t0, theta_dot.mul_add(self.c6, -sum7));
+            let t9 = kept8.mul_add(t7, kept10.mul_add(t8, sum8));
+            let t10 = self.c7 * phi_dot;
+            let t11 = t2.mul_add(self.c9, psi_dot.mul_add(self.c7, self.c8 * t3));
+            let t12 = order * theta;
             workspace
                 .0
                 .push(
-                    [t10, t10, t0, t1, t2, t2, t3, t0, t6, theta_dot, t9, t1],
+                    [t12, t12, t0, t1, t2, t3, t4, t0, t7, t10, t11, t1],
                     [
                         t1,
                         t0,
                         phi_dot,
                         phi_dot,
-                        t4,
                         t2,
                         t5,
-                        t7,
-                        t7,
-                        phi_dot,
-                        theta_dot,
+                        t6,
                         t8,
+                        t8,
+                        theta_dot,
+                        theta_dot,
+                        t9,
                     ],
                 );
             let derivative = [
                 theta_dot,
                 phi_dot,
-                (-self.c4)
+                self
+                    .c4
                     .mul_add(
-                        kept6.mul_add(t5, kept7.mul_add(t3, sum6))
-                            - kept5.mul_add(t2, sum5),
-                        (-self.c3)
-                            .mul_add(
-                                kept3.mul_add(t4, kept4.mul_add(t2, sum4)),
-                                (-t1).mul_add(self.c2, self.c1 * t0),
-                            ),
+                        kept4.mul_add(t5, kept5.mul_add(t3, sum5))
+                            - kept3.mul_add(t2, sum4),
+                        kept6.mul_add(t4, kept7.mul_add(t6, sum6))
+                            + t0.mul_add(self.c1, self.c2 * t1),
                     ),
-                (-self.c7)
-                    .mul_add(
-                        kept11.mul_add(phi_dot, kept2.mul_add(theta_dot, sum9)),
-                        t8,
-                    ),
-                kept11.mul_add(t9, kept12.mul_add(theta_dot, sum10))
-                    - kept1.mul_add(t8, kept13.mul_add(t1, sum11)),
+                t9 - kept11.mul_add(theta_dot, kept12.mul_add(t10, sum9)),
+                kept12.mul_add(t11, kept13.mul_add(theta_dot, sum10))
+                    - kept1.mul_add(t9, kept14.mul_add(t1, sum11)),
             ];
             let scale = R::ratio(1.0, f64::from(k + 1));
             coefficient = derivative.map(|derivative| derivative * scale);

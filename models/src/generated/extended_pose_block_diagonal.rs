@@ -382,41 +382,41 @@ pub struct Prepared<R = f64> {
     G89: R,
     /// Parameter `G99`.
     G99: R,
-    /// `G12 / G11`
-    A_l2_1: R,
-    /// `G13 / G11`
-    A_l3_1: R,
-    /// `(G23 - G13 * (G12 / G11)) / (G22 - G12 * (G12 / G11))`
-    A_l3_2: R,
-    /// `G45 / G44`
-    A_l5_4: R,
-    /// `G46 / G44`
-    A_l6_4: R,
-    /// `(G56 - G46 * (G45 / G44)) / (G55 - G45 * (G45 / G44))`
-    A_l6_5: R,
-    /// `G78 / G77`
-    A_l8_7: R,
-    /// `G79 / G77`
-    A_l9_7: R,
-    /// `(G89 - G79 * (G78 / G77)) / (G88 - G78 * (G78 / G77))`
-    A_l9_8: R,
-    /// A longer expression in the parameters.
+    /// `1 / G11`
     c0: R,
-    /// `1 / (G88 - G78 * (G78 / G77))`
+    /// `1 / G44`
     c1: R,
     /// `1 / G77`
     c2: R,
+    /// `G13 / G11`
+    A_l3_1: R,
+    /// `G46 / G44`
+    A_l6_4: R,
+    /// `G79 / G77`
+    A_l9_7: R,
+    /// `G12 / G11`
+    A_l2_1: R,
+    /// `G45 / G44`
+    A_l5_4: R,
+    /// `G78 / G77`
+    A_l8_7: R,
+    /// `(G23 - G13 * (G12 / G11)) / (G22 - G12 * (G12 / G11))`
+    A_l3_2: R,
+    /// `(G56 - G46 * (G45 / G44)) / (G55 - G45 * (G45 / G44))`
+    A_l6_5: R,
+    /// `(G89 - G79 * (G78 / G77)) / (G88 - G78 * (G78 / G77))`
+    A_l9_8: R,
     /// A longer expression in the parameters.
     c3: R,
-    /// `1 / (G55 - G45 * (G45 / G44))`
+    /// `1 / (G88 - G78 * (G78 / G77))`
     c4: R,
-    /// `1 / G44`
-    c5: R,
     /// A longer expression in the parameters.
+    c5: R,
+    /// `1 / (G55 - G45 * (G45 / G44))`
     c6: R,
-    /// `1 / (G22 - G12 * (G12 / G11))`
+    /// A longer expression in the parameters.
     c7: R,
-    /// `1 / G11`
+    /// `1 / (G22 - G12 * (G12 / G11))`
     c8: R,
     /// `0.5 * G22`
     c9: R,
@@ -592,24 +592,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             G88,
             G89,
             G99,
-            A_l2_1,
-            A_l3_1,
-            A_l3_2,
-            A_l5_4,
-            A_l6_4,
-            A_l6_5,
-            A_l8_7,
-            A_l9_7,
-            A_l9_8,
-            c0: A_s8_9_9.recip(),
-            c1: A_s7_8_8.recip(),
+            c0: G11.recip(),
+            c1: G44.recip(),
             c2: G77.recip(),
-            c3: A_s5_6_6.recip(),
-            c4: A_s4_5_5.recip(),
-            c5: G44.recip(),
-            c6: A_s2_3_3.recip(),
-            c7: A_s1_2_2.recip(),
-            c8: G11.recip(),
+            A_l3_1,
+            A_l6_4,
+            A_l9_7,
+            A_l2_1,
+            A_l5_4,
+            A_l8_7,
+            A_l3_2,
+            A_l6_5,
+            A_l9_8,
+            c3: A_s8_9_9.recip(),
+            c4: A_s7_8_8.recip(),
+            c5: A_s5_6_6.recip(),
+            c6: A_s4_5_5.recip(),
+            c7: A_s2_3_3.recip(),
+            c8: A_s1_2_2.recip(),
             c9: R::from_f64(0.5) * G22,
             c10: R::from_f64(0.5) * G33,
             c11: R::from_f64(0.5) * G55,
@@ -719,12 +719,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let z_V3 = (-z_V2).mul_add(self.A_l6_5, (-r_V1).mul_add(self.A_l6_4, r_V3));
             let z_U2 = (-r_U1).mul_add(self.A_l8_7, r_U2);
             let z_U3 = (-z_U2).mul_add(self.A_l9_8, (-r_U1).mul_add(self.A_l9_7, r_U3));
-            let dot_U3 = self.c0 * z_U3;
-            let dot_U2 = (-dot_U3).mul_add(self.A_l9_8, self.c1 * z_U2);
-            let dot_V3 = self.c3 * z_V3;
-            let dot_V2 = (-dot_V3).mul_add(self.A_l6_5, self.c4 * z_V2);
-            let dot_Omega3 = self.c6 * z_Omega3;
-            let dot_Omega2 = (-dot_Omega3).mul_add(self.A_l3_2, self.c7 * z_Omega2);
+            let dot_U3 = self.c3 * z_U3;
+            let dot_U2 = (-dot_U3).mul_add(self.A_l9_8, self.c4 * z_U2);
+            let dot_V3 = self.c5 * z_V3;
+            let dot_V2 = (-dot_V3).mul_add(self.A_l6_5, self.c6 * z_V2);
+            let dot_Omega3 = self.c7 * z_Omega3;
+            let dot_Omega2 = (-dot_Omega3).mul_add(self.A_l3_2, self.c8 * z_Omega2);
             [
                 dot_U3,
                 dot_U2,
@@ -738,14 +738,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 (-dot_V2)
                     .mul_add(
                         self.A_l5_4,
-                        (-dot_V3).mul_add(self.A_l6_4, self.c5 * r_V1),
+                        (-dot_V3).mul_add(self.A_l6_4, self.c1 * r_V1),
                     ),
                 dot_Omega3,
                 dot_Omega2,
                 (-dot_Omega2)
                     .mul_add(
                         self.A_l2_1,
-                        (-dot_Omega3).mul_add(self.A_l3_1, self.c8 * r_Omega1),
+                        (-dot_Omega3).mul_add(self.A_l3_1, self.c0 * r_Omega1),
                     ),
             ]
         };

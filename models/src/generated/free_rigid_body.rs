@@ -257,9 +257,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [Omega1, Omega2, Omega3] = *y;
         let _ = t;
         *dy = [
-            self.c0 * (Omega2 * Omega3),
-            self.c1 * (Omega1 * Omega3),
-            self.c2 * (Omega1 * Omega2),
+            self.c0 * Omega3 * Omega2,
+            self.c1 * Omega3 * Omega1,
+            self.c2 * Omega2 * Omega1,
         ];
     }
 

@@ -278,9 +278,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t1 = R::from_f64(0.5) * Omega2;
         let t2 = R::from_f64(0.5) * Omega3;
         *dy = [
-            self.c0 * (Omega2 * Omega3),
-            self.c1 * (Omega1 * Omega3),
-            self.c2 * (Omega1 * Omega2),
+            self.c0 * Omega3 * Omega2,
+            self.c1 * Omega3 * Omega1,
+            self.c2 * Omega2 * Omega1,
             (-qz).mul_add(t2, (-qy).mul_add(t1, -(qx * t0))),
             (-qz).mul_add(t1, qw.mul_add(t0, qy * t2)),
             (-qx).mul_add(t2, qw.mul_add(t1, qz * t0)),

@@ -351,21 +351,21 @@ pub const SENSITIVITY_PATTERN: [(usize, usize); 24] = [
 pub struct Prepared<R = f64> {
     /// `m * g * l * chi3 / I1`
     d_dot_Omega1_d_Gamma2: R,
-    /// `m * g * l * chi2 / I1`
-    c0: R,
-    /// `(I2 - I3) / I1`
-    c1: R,
-    /// `m * g * l * chi1 / I2`
-    d_dot_Omega2_d_Gamma3: R,
-    /// `m * g * l * chi3 / I2`
-    c2: R,
-    /// `(I1 - I3) / I2`
-    c3: R,
     /// `m * g * l * chi2 / I3`
     d_dot_Omega3_d_Gamma1: R,
-    /// `m * g * l * chi1 / I3`
-    c4: R,
+    /// `-(m * g * l * chi2 / I1)`
+    c0: R,
+    /// `-(m * g * l * chi1 / I3)`
+    c1: R,
+    /// `(I2 - I3) / I1`
+    c2: R,
     /// `(I1 - I2) / I3`
+    c3: R,
+    /// `m * g * l * chi1 / I2`
+    d_dot_Omega2_d_Gamma3: R,
+    /// `-(m * g * l * chi3 / I2)`
+    c4: R,
+    /// `(I1 - I3) / I2`
     c5: R,
     /// `m * g * l * chi1`
     c6: R,
@@ -379,93 +379,93 @@ pub struct Prepared<R = f64> {
     c10: R,
     /// `0.5 * I3`
     c11: R,
-    /// `-((I1 - I3) / I2)`
-    c12: R,
     /// `-(m * g * l * chi2 / I1)`
     d_dot_Omega1_d_Gamma3: R,
     /// `-(m * g * l * chi3 / I2)`
     d_dot_Omega2_d_Gamma1: R,
     /// `-(m * g * l * chi1 / I3)`
     d_dot_Omega3_d_Gamma2: R,
-    /// `m * g * l * chi2 / (I1 * I1)`
+    /// `-((I1 - I3) / I2)`
+    c12: R,
+    /// `-(m * g * l / I1)`
     c13: R,
-    /// `m * g * l * chi3 / (I1 * I1)`
+    /// `m * g * l / I1`
     c14: R,
-    /// `(I2 - I3) / (I1 * I1)`
+    /// `m * g * l / I2`
     c15: R,
-    /// `1 / I1`
+    /// `-(m * g * l / I2)`
     c16: R,
-    /// `g * l * chi3 / I1`
+    /// `-(m * g * l / I3)`
     c17: R,
-    /// `g * l * chi2 / I1`
+    /// `m * g * l / I3`
     c18: R,
-    /// `m * l * chi3 / I1`
+    /// `g * l * chi3 / I1`
     c19: R,
-    /// `m * l * chi2 / I1`
+    /// `m * l * chi3 / I1`
     c20: R,
     /// `m * g * chi3 / I1`
     c21: R,
-    /// `m * g * chi2 / I1`
-    c22: R,
-    /// `-(m * g * l / I1)`
-    c23: R,
-    /// `m * g * l / I1`
-    c24: R,
-    /// `1 / I2`
-    c25: R,
-    /// `m * g * l * chi3 / (I2 * I2)`
-    c26: R,
-    /// `m * g * l * chi1 / (I2 * I2)`
-    c27: R,
-    /// `(I1 - I3) / (I2 * I2)`
-    c28: R,
     /// `g * l * chi1 / I2`
-    c29: R,
-    /// `g * l * chi3 / I2`
-    c30: R,
+    c22: R,
     /// `m * l * chi1 / I2`
-    c31: R,
-    /// `m * l * chi3 / I2`
-    c32: R,
+    c23: R,
     /// `m * g * chi1 / I2`
-    c33: R,
-    /// `m * g * chi3 / I2`
-    c34: R,
-    /// `m * g * l / I2`
-    c35: R,
-    /// `-(m * g * l / I2)`
-    c36: R,
-    /// `1 / I3`
-    c37: R,
-    /// `m * g * l * chi1 / (I3 * I3)`
-    c38: R,
-    /// `m * g * l * chi2 / (I3 * I3)`
-    c39: R,
-    /// `(I1 - I2) / (I3 * I3)`
-    c40: R,
+    c24: R,
     /// `g * l * chi2 / I3`
-    c41: R,
-    /// `g * l * chi1 / I3`
-    c42: R,
+    c25: R,
     /// `m * l * chi2 / I3`
-    c43: R,
-    /// `m * l * chi1 / I3`
-    c44: R,
+    c26: R,
     /// `m * g * chi2 / I3`
+    c27: R,
+    /// `-(g * l * chi2 / I1)`
+    c28: R,
+    /// `-(m * l * chi2 / I1)`
+    c29: R,
+    /// `-(m * g * chi2 / I1)`
+    c30: R,
+    /// `-(g * l * chi3 / I2)`
+    c31: R,
+    /// `-(m * l * chi3 / I2)`
+    c32: R,
+    /// `-(m * g * chi3 / I2)`
+    c33: R,
+    /// `-(g * l * chi1 / I3)`
+    c34: R,
+    /// `-(m * l * chi1 / I3)`
+    c35: R,
+    /// `-(m * g * chi1 / I3)`
+    c36: R,
+    /// `m * g * l * chi2 / (I1 * I1)`
+    c37: R,
+    /// `m * g * l * chi3 / (I2 * I2)`
+    c38: R,
+    /// `m * g * l * chi1 / (I3 * I3)`
+    c39: R,
+    /// `-(m * g * l * chi3 / (I1 * I1))`
+    c40: R,
+    /// `-(m * g * l * chi1 / (I2 * I2))`
+    c41: R,
+    /// `-(m * g * l * chi2 / (I3 * I3))`
+    c42: R,
+    /// `-((I2 - I3) / (I1 * I1))`
+    c43: R,
+    /// `(I1 - I3) / (I2 * I2)`
+    c44: R,
+    /// `-((I1 - I2) / (I3 * I3))`
     c45: R,
-    /// `m * g * chi1 / I3`
+    /// `1 / I1`
     c46: R,
-    /// `-(m * g * l / I3)`
+    /// `1 / I2`
     c47: R,
-    /// `m * g * l / I3`
+    /// `1 / I3`
     c48: R,
     /// `l / m`
     c49: R,
-    /// `l / I1`
+    /// `-(l / I1)`
     c50: R,
-    /// `l / I2`
+    /// `-(l / I2)`
     c51: R,
-    /// `l / I3`
+    /// `-(l / I3)`
     c52: R,
 }
 
@@ -480,7 +480,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 22 multiplications, 46 divisions, 7 sign changes.
+    /// 3 additions, 22 multiplications, 46 divisions, 27 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, m, g, l, chi1, chi2, chi3 } = *params;
         for (value, condition, meaning) in [
@@ -586,64 +586,64 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(Self {
             d_dot_Omega1_d_Gamma2,
-            c0: t5,
-            c1: t0 / I1,
-            d_dot_Omega2_d_Gamma3,
-            c2: t9,
-            c3: t8,
             d_dot_Omega3_d_Gamma1,
-            c4: t11,
-            c5: t10 / I3,
+            c0: -t5,
+            c1: -t11,
+            c2: t0 / I1,
+            c3: t10 / I3,
+            d_dot_Omega2_d_Gamma3,
+            c4: -t9,
+            c5: t8,
             c6: t6,
             c7: t4,
             c8: t3,
             c9: R::from_f64(0.5) * I1,
             c10: R::from_f64(0.5) * I2,
             c11: R::from_f64(0.5) * I3,
-            c12: -t8,
             d_dot_Omega1_d_Gamma3,
             d_dot_Omega2_d_Gamma1,
             d_dot_Omega3_d_Gamma2,
-            c13: t4 / t12,
-            c14: t3 / t12,
-            c15: t0 / t12,
-            c16: I1.recip(),
-            c17: t14 / I1,
-            c18: t15 / I1,
-            c19: t17 / I1,
-            c20: t18 / I1,
+            c12: -t8,
+            c13: -t21,
+            c14: t21,
+            c15: t26,
+            c16: -t26,
+            c17: -t28,
+            c18: t28,
+            c19: t14 / I1,
+            c20: t17 / I1,
             c21: t19 / I1,
-            c22: t20 / I1,
-            c23: -t21,
-            c24: t21,
-            c25: I2.recip(),
-            c26: t3 / t22,
-            c27: t6 / t22,
-            c28: t7 / t22,
-            c29: t23 / I2,
-            c30: t14 / I2,
-            c31: t24 / I2,
-            c32: t17 / I2,
-            c33: t25 / I2,
-            c34: t19 / I2,
-            c35: t26,
-            c36: -t26,
-            c37: I3.recip(),
-            c38: t6 / t27,
-            c39: t4 / t27,
-            c40: t10 / t27,
-            c41: t15 / I3,
-            c42: t23 / I3,
-            c43: t18 / I3,
-            c44: t24 / I3,
-            c45: t20 / I3,
-            c46: t25 / I3,
-            c47: -t28,
-            c48: t28,
+            c22: t23 / I2,
+            c23: t24 / I2,
+            c24: t25 / I2,
+            c25: t15 / I3,
+            c26: t18 / I3,
+            c27: t20 / I3,
+            c28: -(t15 / I1),
+            c29: -(t18 / I1),
+            c30: -(t20 / I1),
+            c31: -(t14 / I2),
+            c32: -(t17 / I2),
+            c33: -(t19 / I2),
+            c34: -(t23 / I3),
+            c35: -(t24 / I3),
+            c36: -(t25 / I3),
+            c37: t4 / t12,
+            c38: t3 / t22,
+            c39: t6 / t27,
+            c40: -(t3 / t12),
+            c41: -(t6 / t22),
+            c42: -(t4 / t27),
+            c43: -(t0 / t12),
+            c44: t7 / t22,
+            c45: -(t10 / t27),
+            c46: I1.recip(),
+            c47: I2.recip(),
+            c48: I3.recip(),
             c49: l / m,
-            c50: l / I1,
-            c51: l / I2,
-            c52: l / I3,
+            c50: -(l / I1),
+            c51: -(l / I2),
+            c52: -(l / I3),
         })
     }
 }
@@ -671,22 +671,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
         *dy = [
-            self
-                .c1
+            Omega2
                 .mul_add(
-                    Omega2 * Omega3,
-                    (-Gamma3).mul_add(self.c0, self.d_dot_Omega1_d_Gamma2 * Gamma2),
+                    self.c2 * Omega3,
+                    Gamma3.mul_add(self.c0, self.d_dot_Omega1_d_Gamma2 * Gamma2),
                 ),
-            (-self.c3)
+            (-Omega1)
                 .mul_add(
-                    Omega1 * Omega3,
-                    (-Gamma1).mul_add(self.c2, self.d_dot_Omega2_d_Gamma3 * Gamma3),
+                    self.c5 * Omega3,
+                    Gamma1.mul_add(self.c4, self.d_dot_Omega2_d_Gamma3 * Gamma3),
                 ),
-            self
-                .c5
+            Omega1
                 .mul_add(
-                    Omega1 * Omega2,
-                    (-Gamma2).mul_add(self.c4, self.d_dot_Omega3_d_Gamma1 * Gamma1),
+                    self.c3 * Omega2,
+                    Gamma2.mul_add(self.c1, self.d_dot_Omega3_d_Gamma1 * Gamma1),
                 ),
             (-Omega2).mul_add(Gamma3, Omega3 * Gamma2),
             (-Omega3).mul_add(Gamma1, Omega1 * Gamma3),
@@ -750,16 +748,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
         [
-            self.c1 * Omega3,
-            self.c1 * Omega2,
+            self.c2 * Omega3,
+            self.c2 * Omega2,
             self.d_dot_Omega1_d_Gamma2,
             self.d_dot_Omega1_d_Gamma3,
             self.c12 * Omega3,
             self.c12 * Omega1,
             self.d_dot_Omega2_d_Gamma1,
             self.d_dot_Omega2_d_Gamma3,
-            self.c5 * Omega2,
-            self.c5 * Omega1,
+            self.c3 * Omega2,
+            self.c3 * Omega1,
             self.d_dot_Omega3_d_Gamma1,
             self.d_dot_Omega3_d_Gamma2,
             -Gamma3,
@@ -818,36 +816,36 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
         let t0 = Omega2 * Omega3;
-        let t1 = self.c16 * t0;
+        let t1 = self.c46 * t0;
         let t2 = Omega1 * Omega3;
-        let t3 = self.c25 * t2;
+        let t3 = self.c47 * t2;
         let t4 = Omega1 * Omega2;
-        let t5 = self.c37 * t4;
+        let t5 = self.c48 * t4;
         [
-            (-t0).mul_add(self.c15, (-Gamma2).mul_add(self.c14, self.c13 * Gamma3)),
+            t0.mul_add(self.c43, Gamma2.mul_add(self.c40, self.c37 * Gamma3)),
             t1,
             -t1,
-            (-Gamma3).mul_add(self.c18, self.c17 * Gamma2),
-            (-Gamma3).mul_add(self.c20, self.c19 * Gamma2),
-            (-Gamma3).mul_add(self.c22, self.c21 * Gamma2),
-            self.c23 * Gamma3,
-            self.c24 * Gamma2,
+            Gamma3.mul_add(self.c28, self.c19 * Gamma2),
+            Gamma3.mul_add(self.c29, self.c20 * Gamma2),
+            Gamma3.mul_add(self.c30, self.c21 * Gamma2),
+            self.c13 * Gamma3,
+            self.c14 * Gamma2,
             -t3,
-            t2.mul_add(self.c28, (-Gamma3).mul_add(self.c27, self.c26 * Gamma1)),
+            t2.mul_add(self.c44, Gamma3.mul_add(self.c41, self.c38 * Gamma1)),
             t3,
-            (-Gamma1).mul_add(self.c30, self.c29 * Gamma3),
-            (-Gamma1).mul_add(self.c32, self.c31 * Gamma3),
-            (-Gamma1).mul_add(self.c34, self.c33 * Gamma3),
-            self.c35 * Gamma3,
-            self.c36 * Gamma1,
+            Gamma1.mul_add(self.c31, self.c22 * Gamma3),
+            Gamma1.mul_add(self.c32, self.c23 * Gamma3),
+            Gamma1.mul_add(self.c33, self.c24 * Gamma3),
+            self.c15 * Gamma3,
+            self.c16 * Gamma1,
             t5,
             -t5,
-            (-t4).mul_add(self.c40, (-Gamma1).mul_add(self.c39, self.c38 * Gamma2)),
-            (-Gamma2).mul_add(self.c42, self.c41 * Gamma1),
-            (-Gamma2).mul_add(self.c44, self.c43 * Gamma1),
-            (-Gamma2).mul_add(self.c46, self.c45 * Gamma1),
-            self.c47 * Gamma2,
-            self.c48 * Gamma1,
+            t4.mul_add(self.c45, Gamma1.mul_add(self.c42, self.c39 * Gamma2)),
+            Gamma2.mul_add(self.c34, self.c25 * Gamma1),
+            Gamma2.mul_add(self.c35, self.c26 * Gamma1),
+            Gamma2.mul_add(self.c36, self.c27 * Gamma1),
+            self.c17 * Gamma2,
+            self.c18 * Gamma1,
         ]
     }
 
@@ -930,21 +928,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         [
             self
-                .c1
+                .c2
                 .mul_add(
                     Omega3.mul_add(v_Omega2, Omega2 * v_Omega3),
-                    (-v_Gamma3).mul_add(self.c0, self.d_dot_Omega1_d_Gamma2 * v_Gamma2),
+                    v_Gamma3.mul_add(self.c0, self.d_dot_Omega1_d_Gamma2 * v_Gamma2),
                 ),
-            (-self.c3)
+            (-self.c5)
                 .mul_add(
                     Omega3.mul_add(v_Omega1, Omega1 * v_Omega3),
-                    (-v_Gamma1).mul_add(self.c2, self.d_dot_Omega2_d_Gamma3 * v_Gamma3),
+                    v_Gamma1.mul_add(self.c4, self.d_dot_Omega2_d_Gamma3 * v_Gamma3),
                 ),
             self
-                .c5
+                .c3
                 .mul_add(
                     Omega2.mul_add(v_Omega1, Omega1 * v_Omega2),
-                    (-v_Gamma2).mul_add(self.c4, self.d_dot_Omega3_d_Gamma1 * v_Gamma1),
+                    v_Gamma2.mul_add(self.c1, self.d_dot_Omega3_d_Gamma1 * v_Gamma1),
                 ),
             (-Omega2)
                 .mul_add(
@@ -979,9 +977,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         w_dot_Gamma3] = *w;
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
-        let t0 = self.c5 * w_dot_Omega3;
-        let t1 = self.c3 * w_dot_Omega2;
-        let t2 = self.c1 * w_dot_Omega1;
+        let t0 = self.c3 * w_dot_Omega3;
+        let t1 = self.c5 * w_dot_Omega2;
+        let t2 = self.c2 * w_dot_Omega1;
         [
             (-Omega3)
                 .mul_add(
@@ -1010,25 +1008,25 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                             (-Gamma1).mul_add(w_dot_Gamma2, Gamma2 * w_dot_Gamma1),
                         ),
                 ),
-            (-w_dot_Omega2)
+            w_dot_Omega2
                 .mul_add(
-                    self.c2,
+                    self.c4,
                     w_dot_Omega3
                         .mul_add(
                             self.d_dot_Omega3_d_Gamma1,
                             (-Omega3).mul_add(w_dot_Gamma2, Omega2 * w_dot_Gamma3),
                         ),
                 ),
-            (-w_dot_Omega3)
+            w_dot_Omega3
                 .mul_add(
-                    self.c4,
+                    self.c1,
                     w_dot_Omega1
                         .mul_add(
                             self.d_dot_Omega1_d_Gamma2,
                             (-Omega1).mul_add(w_dot_Gamma3, Omega3 * w_dot_Gamma1),
                         ),
                 ),
-            (-w_dot_Omega1)
+            w_dot_Omega1
                 .mul_add(
                     self.c0,
                     w_dot_Omega2
@@ -1052,49 +1050,48 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
         let t0 = v_m.mul_add(self.c49, v_l);
-        let t1 = (-v_I1).mul_add(self.c50, t0);
-        let t2 = (-v_I2).mul_add(self.c51, t0);
-        let t3 = (-v_I3).mul_add(self.c52, t0);
+        let t1 = v_I1.mul_add(self.c50, t0);
+        let t2 = v_I2.mul_add(self.c51, t0);
+        let t3 = v_I3.mul_add(self.c52, t0);
         [
             (-Gamma3)
                 .mul_add(
-                    t1.mul_add(self.c22, v_g.mul_add(self.c20, self.c24 * v_chi2)),
-                    self
-                        .c16
+                    (-t1).mul_add(self.c30, (-v_g).mul_add(self.c29, self.c14 * v_chi2)),
+                    (Omega2 * (self.c46 * Omega3))
                         .mul_add(
-                            Omega2 * Omega3 * (-v_I1).mul_add(self.c1, v_I2 - v_I3),
+                            (-v_I1).mul_add(self.c2, v_I2 - v_I3),
                             Gamma2
                                 * t1
-                                    .mul_add(self.c21, v_g.mul_add(self.c19, self.c24 * v_chi3)),
+                                    .mul_add(self.c21, v_g.mul_add(self.c20, self.c14 * v_chi3)),
                         ),
                 ),
             (-Gamma1)
                 .mul_add(
-                    t2.mul_add(self.c34, v_g.mul_add(self.c32, self.c35 * v_chi3)),
+                    (-t2).mul_add(self.c33, (-v_g).mul_add(self.c32, self.c15 * v_chi3)),
                     Gamma3
                         .mul_add(
                             t2
                                 .mul_add(
-                                    self.c33,
-                                    v_g.mul_add(self.c31, self.c35 * v_chi1),
+                                    self.c24,
+                                    v_g.mul_add(self.c23, self.c15 * v_chi1),
                                 ),
-                            self.c25
-                                * (Omega1 * Omega3 * v_I2.mul_add(self.c3, v_I3 - v_I1)),
+                            Omega1 * (self.c47 * Omega3)
+                                * v_I2.mul_add(self.c5, v_I3 - v_I1),
                         ),
                 ),
-            (-self.c37)
+            (-(Omega1 * (self.c48 * Omega2)))
                 .mul_add(
-                    Omega1 * Omega2 * v_I3.mul_add(self.c5, v_I2 - v_I1),
+                    v_I3.mul_add(self.c3, v_I2 - v_I1),
                     (-Gamma2)
                         .mul_add(
-                            t3
+                            (-t3)
                                 .mul_add(
-                                    self.c46,
-                                    v_g.mul_add(self.c44, self.c48 * v_chi1),
+                                    self.c36,
+                                    (-v_g).mul_add(self.c35, self.c18 * v_chi1),
                                 ),
                             Gamma1
                                 * t3
-                                    .mul_add(self.c45, v_g.mul_add(self.c43, self.c48 * v_chi2)),
+                                    .mul_add(self.c27, v_g.mul_add(self.c26, self.c18 * v_chi2)),
                         ),
                 ),
             R::ZERO,

@@ -192,11 +192,11 @@ pub struct Prepared<R = f64> {
     I3: R,
     /// `m * g * l * chi3 / I1`
     c0: R,
-    /// `(I2 - I3) / I1`
+    /// `-(m * g * l * chi3 / I2)`
     c1: R,
-    /// `m * g * l * chi3 / I2`
+    /// `(I2 - I3) / I1`
     c2: R,
-    /// `(I1 - I3) / I2`
+    /// `(I3 - I1) / I2`
     c3: R,
     /// `(I1 - I2) / I3`
     c4: R,
@@ -221,7 +221,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 6 multiplications, 5 divisions.
+    /// 3 additions, 6 multiplications, 5 divisions, 1 sign change.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, m, g, l, chi3 } = *params;
         for (value, condition, meaning) in [
@@ -286,9 +286,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             I2,
             I3,
             c0: t0 / I1,
-            c1: (I2 - I3) / I1,
-            c2: t0 / I2,
-            c3: (I1 - I3) / I2,
+            c1: -(t0 / I2),
+            c2: (I2 - I3) / I1,
+            c3: (I3 - I1) / I2,
             c4: (I1 - I2) / I3,
             c5: t0,
             c6: R::from_f64(0.5) * I1,
@@ -321,9 +321,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
         *dy = [
-            self.c1.mul_add(Omega2 * Omega3, self.c0 * Gamma2),
-            (-self.c3).mul_add(Omega1 * Omega3, -(self.c2 * Gamma1)),
-            self.c4 * (Omega1 * Omega2),
+            Omega2.mul_add(self.c2 * Omega3, self.c0 * Gamma2),
+            Omega1.mul_add(self.c3 * Omega3, self.c1 * Gamma1),
+            self.c4 * Omega2 * Omega1,
             (-Omega2).mul_add(Gamma3, Omega3 * Gamma2),
             (-Omega3).mul_add(Gamma1, Omega1 * Gamma3),
             (-Omega1).mul_add(Gamma2, Omega2 * Gamma1),

@@ -271,19 +271,19 @@ pub struct Prepared<R = f64> {
     I3: R,
     /// `m * g * l * chi3 / I1`
     c0: R,
-    /// `m * g * l * chi2 / I1`
-    c1: R,
-    /// `(I2 - I3) / I1`
-    c2: R,
     /// `m * g * l * chi1 / I2`
-    c3: R,
-    /// `m * g * l * chi3 / I2`
-    c4: R,
-    /// `(I1 - I3) / I2`
-    c5: R,
+    c1: R,
     /// `m * g * l * chi2 / I3`
+    c2: R,
+    /// `-(m * g * l * chi2 / I1)`
+    c3: R,
+    /// `-(m * g * l * chi3 / I2)`
+    c4: R,
+    /// `-(m * g * l * chi1 / I3)`
+    c5: R,
+    /// `(I2 - I3) / I1`
     c6: R,
-    /// `m * g * l * chi1 / I3`
+    /// `(I3 - I1) / I2`
     c7: R,
     /// `(I1 - I2) / I3`
     c8: R,
@@ -312,7 +312,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 8 multiplications, 9 divisions.
+    /// 3 additions, 8 multiplications, 9 divisions, 3 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, m, g, l, chi1, chi2, chi3 } = *params;
         for (value, condition, meaning) in [
@@ -390,13 +390,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             I2,
             I3,
             c0: t1 / I1,
-            c1: t2 / I1,
-            c2: (I2 - I3) / I1,
-            c3: t3 / I2,
-            c4: t1 / I2,
-            c5: (I1 - I3) / I2,
-            c6: t2 / I3,
-            c7: t3 / I3,
+            c1: t3 / I2,
+            c2: t2 / I3,
+            c3: -(t2 / I1),
+            c4: -(t1 / I2),
+            c5: -(t3 / I3),
+            c6: (I2 - I3) / I1,
+            c7: (I3 - I1) / I2,
             c8: (I1 - I2) / I3,
             c9: t3,
             c10: t2,
@@ -434,14 +434,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t1 = R::from_f64(0.5) * Omega2;
         let t2 = R::from_f64(0.5) * Omega3;
         *dy = [
-            self
-                .c2
-                .mul_add(Omega2 * Omega3, (-Gamma3).mul_add(self.c1, self.c0 * Gamma2)),
-            (-self.c5)
-                .mul_add(Omega1 * Omega3, (-Gamma1).mul_add(self.c4, self.c3 * Gamma3)),
-            self
-                .c8
-                .mul_add(Omega1 * Omega2, (-Gamma2).mul_add(self.c7, self.c6 * Gamma1)),
+            Omega2.mul_add(self.c6 * Omega3, Gamma3.mul_add(self.c3, self.c0 * Gamma2)),
+            Omega1.mul_add(self.c7 * Omega3, Gamma1.mul_add(self.c4, self.c1 * Gamma3)),
+            Omega1.mul_add(self.c8 * Omega2, Gamma2.mul_add(self.c5, self.c2 * Gamma1)),
             (-Omega2).mul_add(Gamma3, Omega3 * Gamma2),
             (-Omega3).mul_add(Gamma1, Omega1 * Gamma3),
             (-Omega1).mul_add(Gamma2, Omega2 * Gamma1),
@@ -524,11 +519,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         [
             Gamma3.mul_add(Gamma3, Gamma2.mul_add(Gamma2, Gamma1 * Gamma1)),
-            self
-                .I3
+            Omega3
                 .mul_add(
-                    Omega3 * Gamma3,
-                    self.I2.mul_add(Omega2 * Gamma2, self.I1 * (Omega1 * Gamma1)),
+                    self.I3 * Gamma3,
+                    Omega2.mul_add(self.I2 * Gamma2, self.I1 * Gamma1 * Omega1),
                 ),
         ]
     }

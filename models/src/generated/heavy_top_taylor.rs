@@ -219,19 +219,19 @@ impl<R: ::hamel_runtime::Real> State<R> {
 pub struct Prepared<R = f64> {
     /// `m * g * l * chi3 / I1`
     c0: R,
-    /// `m * g * l * chi2 / I1`
-    c1: R,
-    /// `(I2 - I3) / I1`
-    c2: R,
     /// `m * g * l * chi1 / I2`
-    c3: R,
-    /// `m * g * l * chi3 / I2`
-    c4: R,
-    /// `(I1 - I3) / I2`
-    c5: R,
+    c1: R,
     /// `m * g * l * chi2 / I3`
+    c2: R,
+    /// `-(m * g * l * chi2 / I1)`
+    c3: R,
+    /// `-(m * g * l * chi3 / I2)`
+    c4: R,
+    /// `-(m * g * l * chi1 / I3)`
+    c5: R,
+    /// `(I2 - I3) / I1`
     c6: R,
-    /// `m * g * l * chi1 / I3`
+    /// `(I3 - I1) / I2`
     c7: R,
     /// `(I1 - I2) / I3`
     c8: R,
@@ -260,7 +260,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 8 multiplications, 9 divisions.
+    /// 3 additions, 8 multiplications, 9 divisions, 3 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, m, g, l, chi1, chi2, chi3 } = *params;
         for (value, condition, meaning) in [
@@ -335,13 +335,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(Self {
             c0: t1 / I1,
-            c1: t2 / I1,
-            c2: (I2 - I3) / I1,
-            c3: t3 / I2,
-            c4: t1 / I2,
-            c5: (I1 - I3) / I2,
-            c6: t2 / I3,
-            c7: t3 / I3,
+            c1: t3 / I2,
+            c2: t2 / I3,
+            c3: -(t2 / I1),
+            c4: -(t1 / I2),
+            c5: -(t3 / I3),
+            c6: (I2 - I3) / I1,
+            c7: (I3 - I1) / I2,
             c8: (I1 - I2) / I3,
             c9: t3,
             c10: t2,
@@ -376,14 +376,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
         *dy = [
-            self
-                .c2
-                .mul_add(Omega2 * Omega3, (-Gamma3).mul_add(self.c1, self.c0 * Gamma2)),
-            (-self.c5)
-                .mul_add(Omega1 * Omega3, (-Gamma1).mul_add(self.c4, self.c3 * Gamma3)),
-            self
-                .c8
-                .mul_add(Omega1 * Omega2, (-Gamma2).mul_add(self.c7, self.c6 * Gamma1)),
+            Omega2.mul_add(self.c6 * Omega3, Gamma3.mul_add(self.c3, self.c0 * Gamma2)),
+            Omega1.mul_add(self.c7 * Omega3, Gamma1.mul_add(self.c4, self.c1 * Gamma3)),
+            Omega1.mul_add(self.c8 * Omega2, Gamma2.mul_add(self.c5, self.c2 * Gamma1)),
             (-Omega2).mul_add(Gamma3, Omega3 * Gamma2),
             (-Omega3).mul_add(Gamma1, Omega1 * Gamma3),
             (-Omega1).mul_add(Gamma2, Omega2 * Gamma1),
@@ -479,7 +474,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
     ///
     /// # Operations
     ///
-    /// At each order k: 27 additions, 27 multiplications (24 fused), and 9 sums of k - 1 products.
+    /// At each order k: 27 additions, 27 multiplications (21 fused), and 9 sums of k - 1 products.
     fn series(
         &self,
         t: R,
@@ -491,33 +486,34 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
         if let Some(first) = orders.next() {
             *first = *y;
         }
-        let (mut coefficient, [kept0, kept1, kept2, kept3, kept4, kept5]) = {
+        let (
+            mut coefficient,
+            [kept0,
+            kept1,
+            kept2,
+            kept3,
+            kept4,
+            kept5,
+            kept6,
+            kept7,
+            kept8,
+            ],
+        ) = {
             let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
             let _ = t;
+            let t0 = self.c6 * Omega3;
+            let t1 = self.c7 * Omega3;
+            let t2 = self.c8 * Omega2;
             (
                 [
-                    self
-                        .c2
-                        .mul_add(
-                            Omega2 * Omega3,
-                            (-Gamma3).mul_add(self.c1, self.c0 * Gamma2),
-                        ),
-                    (-self.c5)
-                        .mul_add(
-                            Omega1 * Omega3,
-                            (-Gamma1).mul_add(self.c4, self.c3 * Gamma3),
-                        ),
-                    self
-                        .c8
-                        .mul_add(
-                            Omega1 * Omega2,
-                            (-Gamma2).mul_add(self.c7, self.c6 * Gamma1),
-                        ),
+                    t0.mul_add(Omega2, Gamma3.mul_add(self.c3, self.c0 * Gamma2)),
+                    t1.mul_add(Omega1, Gamma1.mul_add(self.c4, self.c1 * Gamma3)),
+                    t2.mul_add(Omega1, Gamma2.mul_add(self.c5, self.c2 * Gamma1)),
                     (-Omega2).mul_add(Gamma3, Omega3 * Gamma2),
                     (-Omega3).mul_add(Gamma1, Omega1 * Gamma3),
                     (-Omega1).mul_add(Gamma2, Omega2 * Gamma1),
                 ],
-                [Omega2, Omega3, Omega1, Gamma2, Gamma3, Gamma1],
+                [t0, Omega2, t1, Omega1, t2, Omega3, Gamma2, Gamma3, Gamma1],
             )
         };
         workspace.0.clear();
@@ -527,24 +523,17 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             let [sum0, sum1, sum2, sum3, sum4, sum5, sum6, sum7, sum8] = workspace
                 .0
                 .sums();
+            let t0 = self.c6 * Omega3;
+            let t1 = self.c7 * Omega3;
+            let t2 = self.c8 * Omega2;
             workspace
                 .0
                 .push(
+                    [t0, t1, t2, Omega3, Omega2, Omega1, Omega3, Omega2, Omega1],
                     [
                         Omega2,
                         Omega1,
                         Omega1,
-                        Omega3,
-                        Omega2,
-                        Omega1,
-                        Omega3,
-                        Omega2,
-                        Omega1,
-                    ],
-                    [
-                        Omega3,
-                        Omega3,
-                        Omega2,
                         Gamma2,
                         Gamma3,
                         Gamma3,
@@ -554,29 +543,18 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                     ],
                 );
             let derivative = [
-                self
-                    .c2
-                    .mul_add(
-                        kept0.mul_add(Omega3, kept1.mul_add(Omega2, sum0)),
-                        (-Gamma3).mul_add(self.c1, self.c0 * Gamma2),
-                    ),
-                (-self.c5)
-                    .mul_add(
-                        kept2.mul_add(Omega3, kept1.mul_add(Omega1, sum1)),
-                        (-Gamma1).mul_add(self.c4, self.c3 * Gamma3),
-                    ),
-                self
-                    .c8
-                    .mul_add(
-                        kept2.mul_add(Omega2, kept0.mul_add(Omega1, sum2)),
-                        (-Gamma2).mul_add(self.c7, self.c6 * Gamma1),
-                    ),
-                kept1.mul_add(Gamma2, kept3.mul_add(Omega3, sum3))
-                    - kept0.mul_add(Gamma3, kept4.mul_add(Omega2, sum4)),
-                kept2.mul_add(Gamma3, kept4.mul_add(Omega1, sum5))
-                    - kept1.mul_add(Gamma1, kept5.mul_add(Omega3, sum6)),
-                kept0.mul_add(Gamma1, kept5.mul_add(Omega2, sum7))
-                    - kept2.mul_add(Gamma2, kept3.mul_add(Omega1, sum8)),
+                kept0.mul_add(Omega2, kept1.mul_add(t0, sum0))
+                    + Gamma2.mul_add(self.c0, self.c3 * Gamma3),
+                kept2.mul_add(Omega1, kept3.mul_add(t1, sum1))
+                    + Gamma3.mul_add(self.c1, self.c4 * Gamma1),
+                kept4.mul_add(Omega1, kept3.mul_add(t2, sum2))
+                    + Gamma1.mul_add(self.c2, self.c5 * Gamma2),
+                kept5.mul_add(Gamma2, kept6.mul_add(Omega3, sum3))
+                    - kept1.mul_add(Gamma3, kept7.mul_add(Omega2, sum4)),
+                kept3.mul_add(Gamma3, kept7.mul_add(Omega1, sum5))
+                    - kept5.mul_add(Gamma1, kept8.mul_add(Omega3, sum6)),
+                kept1.mul_add(Gamma1, kept8.mul_add(Omega2, sum7))
+                    - kept3.mul_add(Gamma2, kept6.mul_add(Omega1, sum8)),
             ];
             let scale = R::ratio(1.0, f64::from(k + 1));
             coefficient = derivative.map(|derivative| derivative * scale);

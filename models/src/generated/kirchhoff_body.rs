@@ -330,41 +330,41 @@ pub struct Prepared<R = f64> {
     C32: R,
     /// Parameter `C33`.
     C33: R,
-    /// `C11 / J1`
-    A_l4_1: R,
-    /// `C21 / J2`
-    A_l4_2: R,
-    /// `C31 / J3`
-    A_l4_3: R,
-    /// `C12 / J1`
-    A_l5_1: R,
-    /// `C22 / J2`
-    A_l5_2: R,
-    /// `C32 / J3`
-    A_l5_3: R,
-    /// A longer expression in the parameters.
-    A_l5_4: R,
+    /// `1 / J1`
+    c0: R,
+    /// `1 / J2`
+    c1: R,
+    /// `1 / J3`
+    c2: R,
     /// `C13 / J1`
     A_l6_1: R,
     /// `C23 / J2`
     A_l6_2: R,
     /// `C33 / J3`
     A_l6_3: R,
+    /// `C12 / J1`
+    A_l5_1: R,
+    /// `C22 / J2`
+    A_l5_2: R,
+    /// `C32 / J3`
+    A_l5_3: R,
+    /// `C11 / J1`
+    A_l4_1: R,
+    /// `C21 / J2`
+    A_l4_2: R,
+    /// `C31 / J3`
+    A_l4_3: R,
+    /// A longer expression in the parameters.
+    A_l5_4: R,
     /// A longer expression in the parameters.
     A_l6_4: R,
     /// A longer expression in the parameters.
     A_l6_5: R,
     /// A longer expression in the parameters.
-    c0: R,
-    /// A longer expression in the parameters.
-    c1: R,
-    /// `1 / (M1 - C11 * (C11 / J1) - C21 * (C21 / J2) - C31 * (C31 / J3))`
-    c2: R,
-    /// `1 / J3`
     c3: R,
-    /// `1 / J2`
+    /// A longer expression in the parameters.
     c4: R,
-    /// `1 / J1`
+    /// `1 / (M1 - C11 * (C11 / J1) - C21 * (C21 / J2) - C31 * (C31 / J3))`
     c5: R,
     /// `2 * C13 / J1`
     c6: R,
@@ -589,24 +589,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             C31,
             C32,
             C33,
-            A_l4_1,
-            A_l4_2,
-            A_l4_3,
-            A_l5_1,
-            A_l5_2,
-            A_l5_3,
-            A_l5_4,
+            c0: J1.recip(),
+            c1: J2.recip(),
+            c2: J3.recip(),
             A_l6_1,
             A_l6_2,
             A_l6_3,
+            A_l5_1,
+            A_l5_2,
+            A_l5_3,
+            A_l4_1,
+            A_l4_2,
+            A_l4_3,
+            A_l5_4,
             A_l6_4,
             A_l6_5,
-            c0: A_s5_6_6.recip(),
-            c1: A_s4_5_5.recip(),
-            c2: A_s3_4_4.recip(),
-            c3: J3.recip(),
-            c4: J2.recip(),
-            c5: J1.recip(),
+            c3: A_s5_6_6.recip(),
+            c4: A_s4_5_5.recip(),
+            c5: A_s3_4_4.recip(),
             c6: R::from_f64(2.0) * C13 / J1,
             c7: R::from_f64(2.0) * C12 / J1,
             c8: R::from_f64(2.0) * C11 / J1,
@@ -744,10 +744,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                 ),
                         ),
                 );
-            let dot_V3 = self.c0 * z_V3;
-            let dot_V2 = (-dot_V3).mul_add(self.A_l6_5, self.c1 * z_V2);
+            let dot_V3 = self.c3 * z_V3;
+            let dot_V2 = (-dot_V3).mul_add(self.A_l6_5, self.c4 * z_V2);
             let dot_V1 = (-dot_V2)
-                .mul_add(self.A_l5_4, (-dot_V3).mul_add(self.A_l6_4, self.c2 * z_V1));
+                .mul_add(self.A_l5_4, (-dot_V3).mul_add(self.A_l6_4, self.c5 * z_V1));
             [
                 dot_V3,
                 dot_V2,
@@ -758,7 +758,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         (-dot_V2)
                             .mul_add(
                                 self.A_l5_3,
-                                (-dot_V3).mul_add(self.A_l6_3, self.c3 * r_Omega3),
+                                (-dot_V3).mul_add(self.A_l6_3, self.c2 * r_Omega3),
                             ),
                     ),
                 (-dot_V1)
@@ -767,7 +767,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         (-dot_V2)
                             .mul_add(
                                 self.A_l5_2,
-                                (-dot_V3).mul_add(self.A_l6_2, self.c4 * r_Omega2),
+                                (-dot_V3).mul_add(self.A_l6_2, self.c1 * r_Omega2),
                             ),
                     ),
                 (-dot_V1)
@@ -776,7 +776,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         (-dot_V2)
                             .mul_add(
                                 self.A_l5_1,
-                                (-dot_V3).mul_add(self.A_l6_1, self.c5 * r_Omega1),
+                                (-dot_V3).mul_add(self.A_l6_1, self.c0 * r_Omega1),
                             ),
                     ),
             ]
@@ -798,38 +798,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn energy(&self, t: R, y: &[R; 6]) -> R {
         let [Omega1, Omega2, Omega3, V1, V2, V3] = *y;
         let _ = t;
-        let t0 = self
-            .c18
+        let t0 = V1
+            .mul_add(self.c8, V2.mul_add(self.c7, V3.mul_add(self.c6, Omega1)))
             .mul_add(
-                Omega1
-                    * V1
-                        .mul_add(
-                            self.c8,
-                            V2.mul_add(self.c7, V3.mul_add(self.c6, Omega1)),
-                        ),
+                self.c18 * Omega1,
                 self
                     .c17
                     .mul_add(V3 * V3, self.c16.mul_add(V2 * V2, self.c15 * (V1 * V1))),
             );
-        self.c20
+        V1.mul_add(self.c14, V2.mul_add(self.c13, V3.mul_add(self.c12, Omega3)))
             .mul_add(
-                Omega3
-                    * V1
-                        .mul_add(
-                            self.c14,
-                            V2.mul_add(self.c13, V3.mul_add(self.c12, Omega3)),
-                        ),
-                self
-                    .c19
-                    .mul_add(
-                        Omega2
-                            * V1
-                                .mul_add(
-                                    self.c11,
-                                    V2.mul_add(self.c10, V3.mul_add(self.c9, Omega2)),
-                                ),
-                        t0,
-                    ),
+                self.c20 * Omega3,
+                V1
+                    .mul_add(self.c11, V2.mul_add(self.c10, V3.mul_add(self.c9, Omega2)))
+                    .mul_add(self.c19 * Omega2, t0),
             )
     }
 

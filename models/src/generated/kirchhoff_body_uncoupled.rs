@@ -170,27 +170,27 @@ impl<R: ::hamel_runtime::Real> State<R> {
 pub struct Prepared<R = f64> {
     /// `(J2 - J3) / J1`
     c0: R,
-    /// `(M2 - M3) / J1`
+    /// `(J3 - J1) / J2`
     c1: R,
-    /// `(J1 - J3) / J2`
-    c2: R,
-    /// `(M1 - M3) / J2`
-    c3: R,
     /// `(J1 - J2) / J3`
-    c4: R,
-    /// `(M1 - M2) / J3`
-    c5: R,
+    c2: R,
     /// `M2 / M1`
-    c6: R,
-    /// `M3 / M1`
-    c7: R,
+    c3: R,
     /// `M3 / M2`
-    c8: R,
-    /// `M1 / M2`
-    c9: R,
+    c4: R,
     /// `M1 / M3`
+    c5: R,
+    /// `(M2 - M3) / J1`
+    c6: R,
+    /// `(M3 - M1) / J2`
+    c7: R,
+    /// `(M1 - M2) / J3`
+    c8: R,
+    /// `-(M3 / M1)`
+    c9: R,
+    /// `-(M1 / M2)`
     c10: R,
-    /// `M2 / M3`
+    /// `-(M2 / M3)`
     c11: R,
     /// `0.5 * J1`
     c12: R,
@@ -217,7 +217,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 6 additions, 6 multiplications, 12 divisions.
+    /// 6 additions, 6 multiplications, 12 divisions, 3 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { J1, J2, J3, M1, M2, M3 } = *params;
         for (value, condition, meaning) in [
@@ -273,17 +273,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(Self {
             c0: (J2 - J3) / J1,
-            c1: (M2 - M3) / J1,
-            c2: (J1 - J3) / J2,
-            c3: (M1 - M3) / J2,
-            c4: (J1 - J2) / J3,
-            c5: (M1 - M2) / J3,
-            c6: M2 / M1,
-            c7: M3 / M1,
-            c8: M3 / M2,
-            c9: M1 / M2,
-            c10: M1 / M3,
-            c11: M2 / M3,
+            c1: (J3 - J1) / J2,
+            c2: (J1 - J2) / J3,
+            c3: M2 / M1,
+            c4: M3 / M2,
+            c5: M1 / M3,
+            c6: (M2 - M3) / J1,
+            c7: (M3 - M1) / J2,
+            c8: (M1 - M2) / J3,
+            c9: -(M3 / M1),
+            c10: -(M1 / M2),
+            c11: -(M2 / M3),
             c12: R::from_f64(0.5) * J1,
             c13: R::from_f64(0.5) * J2,
             c14: R::from_f64(0.5) * J3,
@@ -317,12 +317,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [Omega1, Omega2, Omega3, V1, V2, V3] = *y;
         let _ = t;
         *dy = [
-            self.c1.mul_add(V2 * V3, self.c0 * (Omega2 * Omega3)),
-            (-self.c3).mul_add(V1 * V3, -(self.c2 * (Omega1 * Omega3))),
-            self.c5.mul_add(V1 * V2, self.c4 * (Omega1 * Omega2)),
-            (-self.c7).mul_add(Omega2 * V3, self.c6 * (Omega3 * V2)),
-            (-self.c9).mul_add(Omega3 * V1, self.c8 * (Omega1 * V3)),
-            (-self.c11).mul_add(Omega1 * V2, self.c10 * (Omega2 * V1)),
+            V2.mul_add(self.c6 * V3, self.c0 * Omega3 * Omega2),
+            V1.mul_add(self.c7 * V3, self.c1 * Omega3 * Omega1),
+            V1.mul_add(self.c8 * V2, self.c2 * Omega2 * Omega1),
+            Omega2.mul_add(self.c9 * V3, self.c3 * V2 * Omega3),
+            Omega3.mul_add(self.c10 * V1, self.c4 * V3 * Omega1),
+            Omega1.mul_add(self.c11 * V2, self.c5 * V1 * Omega2),
         ];
     }
 

@@ -203,7 +203,7 @@ pub struct Prepared<R = f64> {
     c4: R,
     /// `0.5 * J * R / c`
     c5: R,
-    /// `0.5 * R * (m0 + 2 * m1)`
+    /// `-0.5 * R * (m0 + 2 * m1)`
     c6: R,
     /// `m0 * l / J`
     c7: R,
@@ -217,7 +217,7 @@ pub struct Prepared<R = f64> {
     c11: R,
     /// `0.25 * (4 * J2 + J * (R * R) / (c * c) + R * R * (m0 + 2 * m1))`
     c12: R,
-    /// `0.25 * (J * (R * R) / (c * c) - R * R * (m0 + 2 * m1))`
+    /// `-0.25 * (J * (R * R) / (c * c) - R * R * (m0 + 2 * m1))`
     c13: R,
     /// `0.25 * m0 * l * (R * R * R) / (c * c)`
     c14: R,
@@ -234,7 +234,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 16 additions, 53 multiplications, 20 divisions.
+    /// 16 additions, 53 multiplications, 20 divisions, 1 sign change.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m0, m1, J, J2, l, R_, c } = *params;
         for (value, condition, meaning) in [
@@ -339,20 +339,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(Self {
             J2,
-            c0: R::from_f64(0.25) * t8 / A_s1_2_2,
-            c1: t9 / t10,
-            c2: t9 * A_l2_1 / t10,
-            c3: R::from_f64(2.0) * t12 / t11,
+            c0: t9 * A_l2_1 / t10,
+            c1: -(t9 / t10),
+            c2: R::from_f64(0.25) * t8 / A_s1_2_2,
+            c3: R::from_f64(-2.0) * t12 / t11,
             c4: R::from_f64(0.125) * t11,
             c5: R::from_f64(0.5) * J * R_ / c,
-            c6: R::from_f64(0.5) * R_ * t0,
+            c6: R::from_f64(-0.5) * R_ * t0,
             c7: t5 / J,
-            c8: R::from_f64(0.125) * (R::from_f64(2.0) * t1 * t0 / c - t5 * t15),
-            c9: R::from_f64(0.125) * t17,
-            c10: R::from_f64(0.0625) * (t18 + t19 - t20) / c,
-            c11: R::from_f64(0.0625) * (t18 - t19 + t20) / c,
+            c8: R::from_f64(0.0625) * (t18 + t19 - t20) / c,
+            c9: R::from_f64(0.0625) * (t18 - t19 + t20) / c,
+            c10: R::from_f64(0.125) * (R::from_f64(2.0) * t1 * t0 / c - t5 * t15),
+            c11: R::from_f64(0.125) * t17,
             c12: R::from_f64(0.25) * t11,
-            c13: R::from_f64(0.25) * t12,
+            c13: R::from_f64(-0.25) * t12,
             c14: t9 / t2,
         })
     }
@@ -379,13 +379,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn rhs(&self, t: R, y: &[R; 4], dy: &mut [R; 4]) {
         let [_, _, psi1_dot, psi2_dot] = *y;
         let _ = t;
-        let t0 = self.c0 * psi1_dot;
+        let t0 = self.c2 * psi1_dot;
         let t1 = psi1_dot * psi1_dot;
         *dy = [
             psi1_dot,
             psi2_dot,
-            psi2_dot.mul_add((-psi2_dot).mul_add(self.c1, t0), self.c2 * t1),
-            psi2_dot.mul_add(psi2_dot.mul_add(self.c2, t0), -(self.c1 * t1)),
+            psi2_dot.mul_add(psi2_dot.mul_add(self.c1, t0), self.c0 * t1),
+            psi2_dot.mul_add(psi2_dot.mul_add(self.c0, t0), self.c1 * t1),
         ];
     }
 
@@ -403,9 +403,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn energy(&self, t: R, y: &[R; 4]) -> R {
         let [_, _, psi1_dot, psi2_dot] = *y;
         let _ = t;
-        self.c4
+        (self.c4 * psi2_dot)
             .mul_add(
-                psi2_dot * (-psi1_dot).mul_add(self.c3, psi2_dot),
+                psi1_dot.mul_add(self.c3, psi2_dot),
                 self.c4 * (psi1_dot * psi1_dot),
             )
     }
@@ -431,7 +431,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             self.J2 * psi1_dot,
             self.J2 * psi2_dot,
             t0,
-            (-psi2_dot).mul_add(self.c6, -(self.c6 * psi1_dot)),
+            psi2_dot.mul_add(self.c6, self.c6 * psi1_dot),
             self.c7 * t0,
         ]
     }
@@ -454,11 +454,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         let t0 = psi2_dot * psi2_dot;
         let t1 = psi1_dot * psi1_dot;
-        let t2 = self.c9 * (psi1_dot * psi2_dot);
+        let t2 = self.c11 * psi2_dot * psi1_dot;
         [
-            self.c8 * (t1 - t0),
-            t1.mul_add(self.c11, t0.mul_add(self.c10, -t2)),
-            t1.mul_add(self.c10, t0.mul_add(self.c11, -t2)),
+            self.c10 * (t1 - t0),
+            t1.mul_add(self.c9, t0.mul_add(self.c8, -t2)),
+            t1.mul_add(self.c8, t0.mul_add(self.c9, -t2)),
         ]
     }
 
@@ -479,8 +479,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [_, _, psi1_dot, psi2_dot] = *y;
         let _ = t;
         [
-            (-psi2_dot).mul_add(self.c13, self.c12 * psi1_dot),
-            (-psi1_dot).mul_add(self.c13, self.c12 * psi2_dot),
+            psi2_dot.mul_add(self.c13, self.c12 * psi1_dot),
+            psi1_dot.mul_add(self.c13, self.c12 * psi2_dot),
         ]
     }
 

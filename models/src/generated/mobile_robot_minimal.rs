@@ -183,7 +183,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 9 additions, 28 multiplications, 9 divisions.
+    /// 9 additions, 28 multiplications, 9 divisions, 1 sign change.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m0, m1, J, J2, l, R_, c } = *params;
         for (value, condition, meaning) in [
@@ -276,10 +276,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             });
         }
         Ok(Self {
-            c0: R::from_f64(0.25) * (t6 / t2 - t6 * A_l2_1 / t2) / A_s1_2_2,
-            c1: t7 / t8,
-            c2: t7 * A_l2_1 / t8,
-            c3: R::from_f64(2.0) * (t4 - t3) / t9,
+            c0: t7 * A_l2_1 / t8,
+            c1: -(t7 / t8),
+            c2: R::from_f64(0.25) * (t6 / t2 - t6 * A_l2_1 / t2) / A_s1_2_2,
+            c3: R::from_f64(-2.0) * (t4 - t3) / t9,
             c4: R::from_f64(0.125) * t9,
         })
     }
@@ -306,11 +306,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn rhs(&self, t: R, y: &[R; 2], dy: &mut [R; 2]) {
         let [psi1_dot, psi2_dot] = *y;
         let _ = t;
-        let t0 = self.c0 * psi1_dot;
+        let t0 = self.c2 * psi1_dot;
         let t1 = psi1_dot * psi1_dot;
         *dy = [
-            psi2_dot.mul_add((-psi2_dot).mul_add(self.c1, t0), self.c2 * t1),
-            psi2_dot.mul_add(psi2_dot.mul_add(self.c2, t0), -(self.c1 * t1)),
+            psi2_dot.mul_add(psi2_dot.mul_add(self.c1, t0), self.c0 * t1),
+            psi2_dot.mul_add(psi2_dot.mul_add(self.c0, t0), self.c1 * t1),
         ];
     }
 
@@ -328,9 +328,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn energy(&self, t: R, y: &[R; 2]) -> R {
         let [psi1_dot, psi2_dot] = *y;
         let _ = t;
-        self.c4
+        (self.c4 * psi2_dot)
             .mul_add(
-                psi2_dot * (-psi1_dot).mul_add(self.c3, psi2_dot),
+                psi1_dot.mul_add(self.c3, psi2_dot),
                 self.c4 * (psi1_dot * psi1_dot),
             )
     }

@@ -218,7 +218,7 @@ pub struct Prepared<R = f64> {
     c6: R,
     /// `0.5 * J * R / c`
     c7: R,
-    /// `0.5 * R * (m0 + 2 * m1)`
+    /// `-(0.5 * R * (m0 + 2 * m1))`
     c8: R,
     /// `m0 * l / J`
     c9: R,
@@ -232,7 +232,7 @@ pub struct Prepared<R = f64> {
     c13: R,
     /// `0.25 * (4 * J2 + J * (R * R) / (c * c) + R * R * (m0 + 2 * m1))`
     c14: R,
-    /// `0.25 * (J * (R * R) / (c * c) - R * R * (m0 + 2 * m1))`
+    /// `-0.25 * (J * (R * R) / (c * c) - R * R * (m0 + 2 * m1))`
     c15: R,
     /// `0.25 * m0 * l * (R * R * R) / (c * c)`
     c16: R,
@@ -249,7 +249,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 16 additions, 53 multiplications, 21 divisions.
+    /// 16 additions, 53 multiplications, 21 divisions, 2 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m0, m1, J, J2, l, R_, c } = *params;
         for (value, condition, meaning) in [
@@ -355,22 +355,22 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(Self {
             J2,
-            c0: R::from_f64(0.25) * t8 / A_s1_2_2,
-            c1: t9 / t10,
-            c2: t9 * A_l2_1 / t10,
+            c0: t9 * A_l2_1 / t10,
+            c1: -(t9 / t10),
+            c2: R::from_f64(0.25) * t8 / A_s1_2_2,
             c3: t11 / c,
             c4: t11,
-            c5: R::from_f64(2.0) * t13 / t12,
+            c5: R::from_f64(-2.0) * t13 / t12,
             c6: R::from_f64(0.125) * t12,
             c7: R::from_f64(0.5) * J * R_ / c,
-            c8: t11 * t0,
+            c8: -(t11 * t0),
             c9: t5 / J,
-            c10: R::from_f64(0.125) * (R::from_f64(2.0) * t1 * t0 / c - t5 * t16),
-            c11: R::from_f64(0.125) * t18,
-            c12: R::from_f64(0.0625) * (t19 + t20 - t21) / c,
-            c13: R::from_f64(0.0625) * (t19 - t20 + t21) / c,
+            c10: R::from_f64(0.0625) * (t19 + t20 - t21) / c,
+            c11: R::from_f64(0.0625) * (t19 - t20 + t21) / c,
+            c12: R::from_f64(0.125) * (R::from_f64(2.0) * t1 * t0 / c - t5 * t16),
+            c13: R::from_f64(0.125) * t18,
             c14: R::from_f64(0.25) * t12,
-            c15: R::from_f64(0.25) * t13,
+            c15: R::from_f64(-0.25) * t13,
             c16: t9 / t2,
         })
     }
@@ -397,15 +397,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn rhs(&self, t: R, y: &[R; 7], dy: &mut [R; 7]) {
         let [_, _, psi1_dot, psi2_dot, theta, _, _] = *y;
         let _ = t;
-        let t0 = self.c0 * psi1_dot;
+        let t0 = self.c2 * psi1_dot;
         let t1 = psi1_dot * psi1_dot;
         let (t2, t3) = theta.sin_cos();
         let t4 = self.c4 * (psi1_dot + psi2_dot);
         *dy = [
             psi1_dot,
             psi2_dot,
-            psi2_dot.mul_add((-psi2_dot).mul_add(self.c1, t0), self.c2 * t1),
-            psi2_dot.mul_add(psi2_dot.mul_add(self.c2, t0), -(self.c1 * t1)),
+            psi2_dot.mul_add(psi2_dot.mul_add(self.c1, t0), self.c0 * t1),
+            psi2_dot.mul_add(psi2_dot.mul_add(self.c0, t0), self.c1 * t1),
             (-psi1_dot).mul_add(self.c3, self.c3 * psi2_dot),
             -(t3 * t4),
             -(t2 * t4),
@@ -426,9 +426,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn energy(&self, t: R, y: &[R; 7]) -> R {
         let [_, _, psi1_dot, psi2_dot, _, _, _] = *y;
         let _ = t;
-        self.c6
+        (self.c6 * psi2_dot)
             .mul_add(
-                psi2_dot * (-psi1_dot).mul_add(self.c5, psi2_dot),
+                psi1_dot.mul_add(self.c5, psi2_dot),
                 self.c6 * (psi1_dot * psi1_dot),
             )
     }
@@ -454,7 +454,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             self.J2 * psi1_dot,
             self.J2 * psi2_dot,
             t0,
-            (-psi2_dot).mul_add(self.c8, -(self.c8 * psi1_dot)),
+            psi2_dot.mul_add(self.c8, self.c8 * psi1_dot),
             self.c9 * t0,
         ]
     }
@@ -477,11 +477,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         let t0 = psi2_dot * psi2_dot;
         let t1 = psi1_dot * psi1_dot;
-        let t2 = self.c11 * (psi1_dot * psi2_dot);
+        let t2 = self.c13 * psi2_dot * psi1_dot;
         [
-            self.c10 * (t1 - t0),
-            t1.mul_add(self.c13, t0.mul_add(self.c12, -t2)),
-            t1.mul_add(self.c12, t0.mul_add(self.c13, -t2)),
+            self.c12 * (t1 - t0),
+            t1.mul_add(self.c11, t0.mul_add(self.c10, -t2)),
+            t1.mul_add(self.c10, t0.mul_add(self.c11, -t2)),
         ]
     }
 
@@ -502,8 +502,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [_, _, psi1_dot, psi2_dot, _, _, _] = *y;
         let _ = t;
         [
-            (-psi2_dot).mul_add(self.c15, self.c14 * psi1_dot),
-            (-psi1_dot).mul_add(self.c15, self.c14 * psi2_dot),
+            psi2_dot.mul_add(self.c15, self.c14 * psi1_dot),
+            psi1_dot.mul_add(self.c15, self.c14 * psi2_dot),
         ]
     }
 

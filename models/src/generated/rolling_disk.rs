@@ -307,7 +307,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn multipliers(&self, t: R, y: &[R; 2]) -> [R; 2] {
         let [theta_dot, phi_dot] = *y;
         let _ = t;
-        [R::ZERO, self.c2 * (theta_dot * phi_dot)]
+        [R::ZERO, self.c2 * phi_dot * theta_dot]
     }
 
     /// Momenta \<p, W_b\> along the sections of virtual displacements.

@@ -192,7 +192,7 @@ pub struct Prepared<R = f64> {
     A_l2_1: R,
     /// `1 / (I22 - I12 * (I12 / I11))`
     c0: R,
-    /// `1 / I11`
+    /// `-(1 / I11)`
     c1: R,
     /// `0.5 * I22`
     c2: R,
@@ -217,7 +217,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 16 additions, 24 multiplications, 11 divisions.
+    /// 16 additions, 24 multiplications, 11 divisions, 1 sign change.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I11, I12, I13, I22, I23, I33 } = *params;
         for (value, condition, meaning) in [
@@ -297,13 +297,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             I23,
             A_l2_1,
             c0: A_s1_2_2.recip(),
-            c1: I11.recip(),
+            c1: -I11.recip(),
             c2: R::from_f64(0.5) * I22,
             c3: R::from_f64(0.5) * I11,
-            c4: I11 - I22 + I13 * (A_l2_1 * t1 / A_s1_2_2 + I13 / I11)
-                - I23 * t1 / A_s1_2_2,
-            c5: I12 + I13 * (I23 * (A_l2_1 * A_l2_1) / A_s1_2_2 + I23 / I11)
-                - I23 * I23 * A_l2_1 / A_s1_2_2,
+            c4: I23 * t1 / A_s1_2_2
+                - (I11 - I22 + I13 * (A_l2_1 * t1 / A_s1_2_2 + I13 / I11)),
+            c5: I23 * I23 * A_l2_1 / A_s1_2_2
+                - (I12 + I13 * (I23 * (A_l2_1 * A_l2_1) / A_s1_2_2 + I23 / I11)),
             c6: I12 - I13 * I13 * A_l2_1 / A_s1_2_2 + I13 * I23 / A_s1_2_2,
         })
     }
@@ -342,7 +342,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t0 = Omega2 * p_Omega3;
             let z_Omega2 = t0.mul_add(self.A_l2_1, Omega1 * p_Omega3);
             let dot_Omega2 = self.c0 * z_Omega2;
-            [dot_Omega2, (-dot_Omega2).mul_add(self.A_l2_1, -(self.c1 * t0))]
+            [dot_Omega2, (-dot_Omega2).mul_add(self.A_l2_1, self.c1 * t0)]
         };
         *dy = [dot_Omega1, dot_Omega2];
     }
@@ -412,7 +412,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         [
             Omega2
                 .mul_add(
-                    (-Omega2).mul_add(self.c5, -(self.c4 * Omega1)),
+                    Omega2.mul_add(self.c5, self.c4 * Omega1),
                     self.c6 * (Omega1 * Omega1),
                 ),
         ]

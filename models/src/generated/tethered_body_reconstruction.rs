@@ -385,9 +385,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t7 = (-V2).mul_add(qx, V1 * qy);
         let t8 = R::from_f64(2.0) * qy;
         *dy = [
-            self.c0 * (Omega2 * Omega3),
-            self.c1 * (Omega1 * Omega3),
-            self.c2 * (Omega1 * Omega2),
+            self.c0 * Omega3 * Omega2,
+            self.c1 * Omega3 * Omega1,
+            self.c2 * Omega2 * Omega1,
             (-Omega2).mul_add(V3, a1.mul_add(self.c3, Omega3 * V2)),
             (-Omega3).mul_add(V1, Omega1.mul_add(V3, self.c3 * a2)),
             (-Omega1).mul_add(V2, a3.mul_add(self.c3, Omega2 * V1)),

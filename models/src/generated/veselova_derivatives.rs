@@ -333,19 +333,19 @@ pub struct Prepared<R = f64> {
     chi3: R,
     /// `k * chi2 / I3`
     d_free_Omega3_d_gamma1: R,
-    /// `k * chi1 / I3`
+    /// `-(k * chi1 / I3)`
     c0: R,
     /// `(I1 - I2) / I3`
     c1: R,
     /// `k * chi1 / I2`
     d_free_Omega2_d_gamma3: R,
-    /// `k * chi3 / I2`
+    /// `-(k * chi3 / I2)`
     c2: R,
     /// `(I1 - I3) / I2`
     c3: R,
     /// `k * chi3 / I1`
     d_free_Omega1_d_gamma2: R,
-    /// `k * chi2 / I1`
+    /// `-(k * chi2 / I1)`
     c4: R,
     /// `(I2 - I3) / I1`
     c5: R,
@@ -367,41 +367,41 @@ pub struct Prepared<R = f64> {
     c13: R,
     /// `0.5 * I3`
     c14: R,
-    /// `-(k * chi1 / I3) + k * chi1 / I2`
-    c15: R,
-    /// `k * chi2 / I3 + -(k * chi2 / I1)`
-    c16: R,
-    /// `-(k * chi3 / I2) + k * chi3 / I1`
-    c17: R,
     /// `-(k * chi2 / I1)`
     d_free_Omega1_d_gamma3: R,
     /// `-(k * chi3 / I2)`
     d_free_Omega2_d_gamma1: R,
     /// `-(k * chi1 / I3)`
     d_free_Omega3_d_gamma2: R,
-    /// `chi2 / I3`
+    /// `-(-(k * chi1 / I3) + k * chi1 / I2)`
+    c15: R,
+    /// `k * chi2 / I3 + -(k * chi2 / I1)`
+    c16: R,
+    /// `-(k * chi3 / I2) + k * chi3 / I1`
+    c17: R,
+    /// `k / I1`
     c18: R,
-    /// `chi1 / I3`
+    /// `k / I2`
     c19: R,
     /// `k / I3`
     c20: R,
-    /// `chi1 / I2`
+    /// `chi2 / I3`
     c21: R,
-    /// `chi3 / I2`
+    /// `-(chi1 / I3)`
     c22: R,
-    /// `k / I2`
+    /// `chi1 / I2`
     c23: R,
-    /// `chi3 / I1`
+    /// `-(chi3 / I2)`
     c24: R,
-    /// `chi2 / I1`
+    /// `chi3 / I1`
     c25: R,
-    /// `k / I1`
+    /// `-(chi2 / I1)`
     c26: R,
     /// `k / I3 - k / I2`
     c27: R,
-    /// `k / I3 - k / I1`
-    c28: R,
     /// `k / I2 - k / I1`
+    c28: R,
+    /// `k / I3 - k / I1`
     c29: R,
     /// `2 / I2`
     c30: R,
@@ -428,7 +428,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 9 additions, 6 multiplications, 24 divisions, 3 sign changes.
+    /// 9 additions, 6 multiplications, 24 divisions, 10 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, k, chi1, chi2, chi3 } = *params;
         for (value, condition, meaning) in [
@@ -501,13 +501,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             chi2,
             chi3,
             d_free_Omega3_d_gamma1,
-            c0: t3,
+            c0: -t3,
             c1: t0 / I3,
             d_free_Omega2_d_gamma3,
-            c2: t6,
+            c2: -t6,
             c3: t4 / I2,
             d_free_Omega1_d_gamma2,
-            c4: t8,
+            c4: -t8,
             c5: t7 / I1,
             c6: I3.recip(),
             c7: I2.recip(),
@@ -518,24 +518,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c12: R::from_f64(0.5) * I1,
             c13: R::from_f64(0.5) * I2,
             c14: R::from_f64(0.5) * I3,
-            c15: d_free_Omega3_d_gamma2 + d_free_Omega2_d_gamma3,
-            c16: d_free_Omega3_d_gamma1 + d_free_Omega1_d_gamma3,
-            c17: d_free_Omega2_d_gamma1 + d_free_Omega1_d_gamma2,
             d_free_Omega1_d_gamma3,
             d_free_Omega2_d_gamma1,
             d_free_Omega3_d_gamma2,
-            c18: chi2 / I3,
-            c19: chi1 / I3,
+            c15: -(d_free_Omega3_d_gamma2 + d_free_Omega2_d_gamma3),
+            c16: d_free_Omega3_d_gamma1 + d_free_Omega1_d_gamma3,
+            c17: d_free_Omega2_d_gamma1 + d_free_Omega1_d_gamma2,
+            c18: t11,
+            c19: t10,
             c20: t9,
-            c21: chi1 / I2,
-            c22: chi3 / I2,
-            c23: t10,
-            c24: chi3 / I1,
-            c25: chi2 / I1,
-            c26: t11,
+            c21: chi2 / I3,
+            c22: -(chi1 / I3),
+            c23: chi1 / I2,
+            c24: -(chi3 / I2),
+            c25: chi3 / I1,
+            c26: -(chi2 / I1),
             c27: t9 - t10,
-            c28: t9 - t11,
-            c29: t10 - t11,
+            c28: t10 - t11,
+            c29: t9 - t11,
             c30: R::from_f64(2.0) / I2,
             c31: R::from_f64(2.0) / I3,
             c32: R::from_f64(2.0) / I1,
@@ -580,22 +580,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ];
         /// free acceleration L_yy^-1 r
         let [free_Omega3, free_Omega2, free_Omega1] = [
-            self
-                .c1
+            Omega1
                 .mul_add(
-                    Omega1 * Omega2,
-                    (-gamma2).mul_add(self.c0, self.d_free_Omega3_d_gamma1 * gamma1),
+                    self.c1 * Omega2,
+                    gamma2.mul_add(self.c0, self.d_free_Omega3_d_gamma1 * gamma1),
                 ),
-            (-self.c3)
+            (-Omega1)
                 .mul_add(
-                    Omega1 * Omega3,
-                    (-gamma1).mul_add(self.c2, self.d_free_Omega2_d_gamma3 * gamma3),
+                    self.c3 * Omega3,
+                    gamma1.mul_add(self.c2, self.d_free_Omega2_d_gamma3 * gamma3),
                 ),
-            self
-                .c5
+            Omega2
                 .mul_add(
-                    Omega2 * Omega3,
-                    (-gamma3).mul_add(self.c4, self.d_free_Omega1_d_gamma2 * gamma2),
+                    self.c5 * Omega3,
+                    gamma3.mul_add(self.c4, self.d_free_Omega1_d_gamma2 * gamma2),
                 ),
         ];
         /// response to the multipliers L_yy^-1 Lambda^T
@@ -696,7 +694,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t0 = self.c3 * Omega3;
             let d_free_Omega3_d_Omega1 = self.c1 * Omega2;
             let d_free_Omega1_d_Omega2 = self.c5 * Omega3;
-            let t1 = Omega1.mul_add(t0, -(self.c15 * gamma3));
+            let t1 = Omega1.mul_add(t0, self.c15 * gamma3);
             let t2 = Omega1.mul_add(d_free_Omega3_d_Omega1, self.c16 * gamma1);
             let t3 = Omega2.mul_add(d_free_Omega1_d_Omega2, self.c17 * gamma2);
             [
@@ -734,7 +732,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             (-gamma1).mul_add(d_free_Omega1_d_Omega3, gamma2 * t5),
             (-gamma3).mul_add(self.c16, -t3),
             (-gamma1).mul_add(self.c17, t1),
-            (-gamma2).mul_add(self.c15, -t2),
+            gamma2.mul_add(self.c15, -t2),
         ];
         /// derivatives of: substitution through the factors of S
         let [d_lambda_c1_d_Omega1, d_lambda_c1_d_Omega2, d_lambda_c1_d_Omega3,
@@ -855,19 +853,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t0
                     .mul_add(
                         self.c1,
-                        (-gamma2).mul_add(self.c0, self.d_free_Omega3_d_gamma1 * gamma1),
+                        gamma2.mul_add(self.c0, self.d_free_Omega3_d_gamma1 * gamma1),
                     ),
                 t1,
                 (-t1)
                     .mul_add(
                         self.c3,
-                        (-gamma1).mul_add(self.c2, self.d_free_Omega2_d_gamma3 * gamma3),
+                        gamma1.mul_add(self.c2, self.d_free_Omega2_d_gamma3 * gamma3),
                     ),
                 t2,
                 t2
                     .mul_add(
                         self.c5,
-                        (-gamma3).mul_add(self.c4, self.d_free_Omega1_d_gamma2 * gamma2),
+                        gamma3.mul_add(self.c4, self.d_free_Omega1_d_gamma2 * gamma2),
                     ),
             ]
         };
@@ -896,12 +894,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         d_free_Omega1_d_I2, d_free_Omega1_d_k] = [
             self.c6 * t0,
             self.c6 * free_Omega3,
-            (-gamma2).mul_add(self.c19, self.c18 * gamma1),
+            gamma2.mul_add(self.c22, self.c21 * gamma1),
             self.c7 * free_Omega2,
             self.c7 * t1,
-            (-gamma1).mul_add(self.c22, self.c21 * gamma3),
+            gamma1.mul_add(self.c24, self.c23 * gamma3),
             self.c8 * t2,
-            (-gamma3).mul_add(self.c25, self.c24 * gamma2),
+            gamma3.mul_add(self.c26, self.c25 * gamma2),
         ];
         /// derivatives of: multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
         let [t7, d_g_1_d_I2, t8, d_g_1_d_I3, d_g_1_d_k, d_g_1_d_chi1, d_g_1_d_chi3] = {
@@ -918,8 +916,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         (-gamma3)
                             .mul_add(d_free_Omega3_d_k, -(gamma2 * d_free_Omega2_d_k)),
                     ),
-                self.c27 * (gamma2 * gamma3),
-                self.c29 * (gamma1 * gamma2),
+                self.c27 * gamma3 * gamma2,
+                self.c28 * gamma2 * gamma1,
             ]
         };
         /// derivatives of: substitution through the factors of S
@@ -937,7 +935,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 Z1_Omega3.mul_add(t11, d_g_1_d_I3) * t3,
                 d_g_1_d_k * t3,
                 d_g_1_d_chi1 * t3,
-                self.c28 * (gamma1 * gamma3) * t3,
+                t3 * (gamma1 * (self.c29 * gamma3)),
                 d_g_1_d_chi3 * t3,
             ]
         };
@@ -951,14 +949,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             Z1_Omega1.mul_add(d_lambda_c1_d_I2, d_free_Omega1_d_I2),
             Z1_Omega1.mul_add(d_lambda_c1_d_I3, -d_free_Omega1_d_I2),
             Z1_Omega1.mul_add(d_lambda_c1_d_k, d_free_Omega1_d_k),
-            (-Z1_Omega1).mul_add(t12, -(self.c26 * gamma3)),
-            Z1_Omega1.mul_add(d_lambda_c1_d_chi3, self.c26 * gamma2),
+            (-Z1_Omega1).mul_add(t12, -(self.c18 * gamma3)),
+            Z1_Omega1.mul_add(d_lambda_c1_d_chi3, self.c18 * gamma2),
             Z1_Omega2.mul_add(d_lambda_c1_d_I1, -d_free_Omega2_d_I3),
             Z1_Omega2.mul_add(d_lambda_c1_d_I2, (-t10).mul_add(self.c7, -t6)),
             Z1_Omega2.mul_add(d_lambda_c1_d_I3, d_free_Omega2_d_I3),
             Z1_Omega2.mul_add(d_lambda_c1_d_k, d_free_Omega2_d_k),
-            Z1_Omega2.mul_add(d_lambda_c1_d_chi1, self.c23 * gamma3),
-            Z1_Omega2.mul_add(d_lambda_c1_d_chi3, -(self.c23 * gamma1)),
+            Z1_Omega2.mul_add(d_lambda_c1_d_chi1, self.c19 * gamma3),
+            Z1_Omega2.mul_add(d_lambda_c1_d_chi3, -(self.c19 * gamma1)),
             Z1_Omega3.mul_add(d_lambda_c1_d_I1, t4),
             Z1_Omega3.mul_add(d_lambda_c1_d_I2, -t4),
             Z1_Omega3.mul_add(d_lambda_c1_d_I3, (-t11).mul_add(self.c6, -t5)),
@@ -1049,19 +1047,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 Omega2
                     .mul_add(
                         t0,
-                        (-gamma2).mul_add(self.c0, self.d_free_Omega3_d_gamma1 * gamma1),
+                        gamma2.mul_add(self.c0, self.d_free_Omega3_d_gamma1 * gamma1),
                     ),
                 t1,
                 (-Omega3)
                     .mul_add(
                         t1,
-                        (-gamma1).mul_add(self.c2, self.d_free_Omega2_d_gamma3 * gamma3),
+                        gamma1.mul_add(self.c2, self.d_free_Omega2_d_gamma3 * gamma3),
                     ),
                 t2,
                 Omega2
                     .mul_add(
                         t2,
-                        (-gamma3).mul_add(self.c4, self.d_free_Omega1_d_gamma2 * gamma2),
+                        gamma3.mul_add(self.c4, self.d_free_Omega1_d_gamma2 * gamma2),
                     ),
             ]
         };
@@ -1111,32 +1109,30 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             v_Omega2
                 .mul_add(
                     t0,
-                    self
-                        .c1
+                    Omega2
                         .mul_add(
-                            Omega2 * v_Omega1,
-                            (-v_gamma2)
+                            self.c1 * v_Omega1,
+                            v_gamma2
                                 .mul_add(self.c0, self.d_free_Omega3_d_gamma1 * v_gamma1),
                         ),
                 ),
             (-v_Omega3)
                 .mul_add(
                     t1,
-                    (-self.c3)
+                    (-Omega3)
                         .mul_add(
-                            Omega3 * v_Omega1,
-                            (-v_gamma1)
+                            self.c3 * v_Omega1,
+                            v_gamma1
                                 .mul_add(self.c2, self.d_free_Omega2_d_gamma3 * v_gamma3),
                         ),
                 ),
             v_Omega2
                 .mul_add(
                     t2,
-                    self
-                        .c5
+                    Omega2
                         .mul_add(
-                            Omega2 * v_Omega3,
-                            (-v_gamma3)
+                            self.c5 * v_Omega3,
+                            v_gamma3
                                 .mul_add(self.c4, self.d_free_Omega1_d_gamma2 * v_gamma2),
                         ),
                 ),
@@ -1163,13 +1159,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         ),
                 );
             [
-                self
-                    .c32
+                gamma1
                     .mul_add(
-                        gamma1 * v_gamma1,
-                        self
-                            .c31
-                            .mul_add(gamma3 * v_gamma3, self.c30 * (gamma2 * v_gamma2)),
+                        self.c32 * v_gamma1,
+                        gamma3.mul_add(self.c31 * v_gamma3, self.c30 * v_gamma2 * gamma2),
                     ),
                 (-gamma1).mul_add(v_free_Omega1, t4),
             ]
@@ -1372,19 +1365,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t0
                     .mul_add(
                         self.c1,
-                        (-gamma2).mul_add(self.c0, self.d_free_Omega3_d_gamma1 * gamma1),
+                        gamma2.mul_add(self.c0, self.d_free_Omega3_d_gamma1 * gamma1),
                     ),
                 t1,
                 (-t1)
                     .mul_add(
                         self.c3,
-                        (-gamma1).mul_add(self.c2, self.d_free_Omega2_d_gamma3 * gamma3),
+                        gamma1.mul_add(self.c2, self.d_free_Omega2_d_gamma3 * gamma3),
                     ),
                 t2,
                 t2
                     .mul_add(
                         self.c5,
-                        (-gamma3).mul_add(self.c4, self.d_free_Omega1_d_gamma2 * gamma2),
+                        gamma3.mul_add(self.c4, self.d_free_Omega1_d_gamma2 * gamma2),
                     ),
             ]
         };

@@ -257,26 +257,25 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t7 = x1.mul_add(v1, t6);
         let t8 = t3.mul_add(t5, -t4);
         let t9 = self.c1
-            * (-R::ratio(2.0, 3.0))
-                .mul_add(
-                    v2 * t5.mul_add((-t1).mul_add(R::from_f64(0.5), t0), t8),
-                    x2 * t5 * t7,
-                );
+            * (-t5.mul_add((-t1).mul_add(R::from_f64(0.5), t0), t8))
+                .mul_add(R::ratio(2.0, 3.0) * v2, t5 * (x2 * t7));
         let t10 = x2 * v2;
         let t11 = x1.mul_add(v1, t10);
         let t12 = R::from_f64(1.5) * t5;
         let t13 = t12
             .mul_add(
-                R::ratio(1.0, 3.0)
-                    .mul_add(v3 * (-t2).mul_add(R::from_f64(2.0), t3), x3 * t11),
+                (-t2)
+                    .mul_add(R::from_f64(2.0), t3)
+                    .mul_add(R::ratio(1.0, 3.0) * v3, x3 * t11),
                 v3 * t4,
             );
         let t14 = self.c2 * x2_dot;
         let t15 = t6 + t10;
         let t16 = (-t12)
             .mul_add(
-                R::ratio(1.0, 3.0)
-                    .mul_add(v1 * (-t1).mul_add(R::from_f64(2.0), t0), x1 * t15),
+                (-t1)
+                    .mul_add(R::from_f64(2.0), t0)
+                    .mul_add(R::ratio(1.0, 3.0) * v1, x1 * t15),
                 v1 * t8,
             );
         let t17 = x3_dot * t4;
@@ -288,11 +287,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             x2_dot,
             x3_dot,
             x3_dot.mul_add(t9, -(t13 * t14)),
-            self.c2.mul_add(x3_dot * t16, self.c2 * (x1_dot * t13)),
+            t16.mul_add(self.c2 * x3_dot, t13 * (self.c2 * x1_dot)),
             (-x1_dot).mul_add(t9, -(t14 * t16)),
             x1.mul_add(t18, (-x1_dot).mul_add(t15, x1 * t19) * t4),
-            x2.mul_add(t20.mul_add(t4, t18), -(x2_dot * t7 * t4)),
-            (-t11).mul_add(t17, x3 * (t19 + t20) * t4),
+            x2.mul_add(t20.mul_add(t4, t18), -(t4 * (x2_dot * t7))),
+            (-t11).mul_add(t17, t4 * (x3 * (t19 + t20))),
         ];
     }
 

@@ -292,18 +292,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t7 = self.c1 * t6;
         let t8 = x3 * t7;
         let t9 = x3_dot * v3;
-        let t10 = R::from_f64(0.5).mul_add(t6 * (-t3).mul_add(R::from_f64(2.0), t4), t5)
+        let t10 = t6.mul_add(R::from_f64(0.5) * (-t3).mul_add(R::from_f64(2.0), t4), t5)
             * (self.c2 * v3);
         let t11 = t4.mul_add(t6, -t5);
-        let t12 = self.c2 * (v2 * t6.mul_add((-t2).mul_add(R::from_f64(0.5), t1), t11));
+        let t12 = t6.mul_add((-t2).mul_add(R::from_f64(0.5), t1), t11) * (self.c2 * v2);
         let t13 = x1_dot * v1;
-        let t14 = self.c3
-            * (v1
-                * (-t11)
-                    .mul_add(
-                        R::from_f64(2.0),
-                        t6 * (-t2).mul_add(R::from_f64(2.0), t1),
-                    ));
+        let t14 = (-t11)
+            .mul_add(R::from_f64(2.0), t6 * (-t2).mul_add(R::from_f64(2.0), t1))
+            * (self.c3 * v1);
         let t15 = (-x1_dot).mul_add(x3, x1 * x3_dot);
         let t16 = x2 * t7;
         let t17 = (-x1_dot).mul_add(x2, x1 * x2_dot);
@@ -323,15 +319,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     (-x2_dot)
                         .mul_add(
                             t10,
-                            (-(x2 * t8))
-                                .mul_add(x2_dot.mul_add(v2, -t9), x1 * v1 * t0 * t7),
+                            (-t8)
+                                .mul_add(x2 * x2_dot.mul_add(v2, -t9), t7 * (v1 * x1 * t0)),
                         ),
                 ),
             (-x3_dot)
                 .mul_add(
                     t14,
-                    (-(x1 * t8))
-                        .mul_add(t9 - t13, x1_dot.mul_add(t10, -(v2 * t15 * t16))),
+                    (-t8)
+                        .mul_add(
+                            x1 * (t9 - t13),
+                            x1_dot.mul_add(t10, -(t16 * (v2 * t15))),
+                        ),
                 ),
             x1_dot
                 .mul_add(
@@ -339,7 +338,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     x2_dot
                         .mul_add(
                             t14,
-                            t17.mul_add(v3 * t8, x1 * t16 * x2_dot.mul_add(v2, -t13)),
+                            t8.mul_add(v3 * t17, t16 * (x1 * x2_dot.mul_add(v2, -t13))),
                         ),
                 ),
             v2.mul_add(t19, v3 * t18),
