@@ -105,14 +105,14 @@ fn module_of_a_pendulum() {
         let _ = t;
         /// momentum p = dL/d(omega)
         let p = self.I * omega;
-        *dy = [omega, (-R::from_f64(0.5)).mul_add(p.tanh(), -(self.c0 * theta.sin()))];
+        *dy = [omega, (-R::from_f64(0.5)).mul_add(p.tanh(), self.c0 * theta.sin())];
     }
 ";
     let found = between(&emitted, "pub fn rhs", "    /// Output");
     assert_eq!(found.trim_end(), rhs.trim_end());
     let new = between(&emitted, "let Params", "\n}");
     assert!(new.contains("if !I.all_gt(R::ZERO) {"), "{new}");
-    assert!(new.contains("Ok(Self { I, c0: k / I })"), "{new}");
+    assert!(new.contains("Ok(Self { I, c0: -(k / I) })"), "{new}");
 }
 
 #[test]
