@@ -20,8 +20,8 @@ use crate::error::Error;
 use crate::scene::{self, Writing};
 use crate::spec::{self, Diagnostics, Model};
 
-/// Generates the scenes of one model file into `OUT_DIR`, for a build script, and tells cargo to run the script again when
-/// the file changes.
+/// Generates the scenes of one model file into `OUT_DIR`, for a build script, and tells cargo to show warnings and to run the
+/// script again when the file changes.
 ///
 /// ```no_run
 /// // build.rs
@@ -33,7 +33,7 @@ use crate::spec::{self, Diagnostics, Model};
 /// # Errors
 /// As [`Config::compile`].
 pub fn compile(model: impl AsRef<Path>) -> Result<(), Problems> {
-    Config::new().emit_rerun_if_changed(true).compile(&[model])
+    Config::new().emit_rerun_if_changed(true).emit_warnings(true).compile(&[model])
 }
 
 /// Reads and checks a model file.
@@ -56,6 +56,7 @@ pub fn read(path: impl AsRef<Path>) -> Result<Model, Problem> {
 ///         .scenes("spinning_plate", ["default"])
 ///         .include_file("models.rs")
 ///         .emit_rerun_if_changed(true)
+///         .emit_warnings(true)
 ///         .compile(&["models/spinning_plate.hamel", "models/rolling_hoop.hamel"])
 /// }
 /// ```
@@ -65,6 +66,7 @@ pub struct Config {
     scenes: BTreeMap<String, Vec<String>>,
     include_file: Option<String>,
     emit_rerun_if_changed: bool,
+    emit_warnings: bool,
     writing: Writing,
 }
 
@@ -111,6 +113,15 @@ impl Config {
         self
     }
 
+    /// Whether [`Config::compile`] and [`Config::compile_models`] print a `cargo::warning` for every declaration of a
+    /// model that has no effect.
+    ///
+    /// Without it, [`Model::warnings`] still has them.
+    pub fn emit_warnings(&mut self, enable: bool) -> &mut Config {
+        self.emit_warnings = enable;
+        self
+    }
+
     /// The command in the first line of generated files, for modules that are checked in: it writes the file again when
     /// the name of a model follows it.
     pub fn command(&mut self, command: impl Into<String>) -> &mut Config {
@@ -135,20 +146,33 @@ impl Config {
         }
         let folder = self.folder(std::env::var_os("OUT_DIR"))?;
         let models: Vec<Model> = collect(paths.iter().map(|path| read(path).map_err(Problems::from)))?;
-        self.generate(&models)?.write(&folder)?;
-        Ok(())
+        self.compile_to(&folder, &models)
     }
 
     /// As [`Config::compile`] for models that are there already, such as those of [`spec::ModelBuilder`].
     ///
-    /// Prints nothing: the code that built them is tracked by cargo, and files that it read are its own affair.
+    /// Prints no `cargo::rerun-if-changed`: the code that built them is tracked by cargo, and files that it read are its own
+    /// affair.
     ///
     /// # Errors
     /// As [`Config::compile`].
     pub fn compile_models(&mut self, models: &[Model]) -> Result<(), Problems> {
         let folder = self.folder(std::env::var_os("OUT_DIR"))?;
-        self.generate(models)?.write(&folder)?;
+        self.compile_to(&folder, models)
+    }
+
+    fn compile_to(&self, folder: &Path, models: &[Model]) -> Result<(), Problems> {
+        for line in self.warnings(models) {
+            println!("cargo::warning={line}");
+        }
+        self.generate(models)?.write(folder)?;
         Ok(())
+    }
+
+    /// What cargo is asked to show about models that are not wrong.
+    fn warnings(&self, models: &[Model]) -> Vec<String> {
+        let shown = models.iter().filter(|_| self.emit_warnings);
+        shown.flat_map(|model| model.warnings.lines()).collect()
     }
 
     /// The directory to write to; `from_cargo` is the value of `OUT_DIR`.

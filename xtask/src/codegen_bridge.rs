@@ -4,6 +4,7 @@
 
 use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet};
+use std::io::IsTerminal as _;
 use std::sync::Mutex;
 
 pub use hamel_codegen::emit::SceneEntry as Entry;
@@ -22,7 +23,7 @@ use crate::workspace::{Spec, Workspace};
 /// Name of the scene that every model has.
 pub const DEFAULT_SCENE: &str = scene::DEFAULT;
 
-/// Reads and checks a model file.
+/// Reads and checks a model file; warnings about it go to standard error.
 ///
 /// # Errors
 /// [`Error::Io`], [`Error::Models`] with every problem of the text, [`Error::Misnamed`].
@@ -32,6 +33,10 @@ pub fn read(workspace: &Workspace, spec: &Spec) -> Result<Model, Error> {
     let model = parse(&shown, &text)?;
     if spec.in_repository && model.name != spec.name {
         return Err(Error::Misnamed { file: shown, model: model.name });
+    }
+    if !model.warnings.is_empty() {
+        let is_coloured = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
+        eprintln!("{}", model.warnings.render(is_coloured));
     }
     Ok(model)
 }

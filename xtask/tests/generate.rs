@@ -135,3 +135,17 @@ fn a_new_model_is_generated_with_the_others() {
         assert!(files.iter().any(|f| f == name), "{files:?}");
     }
 }
+
+#[test]
+fn no_model_of_the_repository_has_a_warning() {
+    let specs = Workspace::find().unwrap().specs().unwrap();
+    let read = |spec| xtask::codegen_bridge::read(&Workspace::find().unwrap(), spec).unwrap();
+    let mut models: Vec<_> = specs.iter().map(read).collect();
+    assert!(models.len() > 20, "only {} models", models.len());
+    // What `new` writes has none either.
+    let starter = include_str!("../src/starter.hamel").replace("NAME", "starter");
+    models.push(xtask::codegen_bridge::parse("starter.hamel", &starter).unwrap());
+    for model in models {
+        assert!(model.warnings.is_empty(), "{}", model.warnings);
+    }
+}

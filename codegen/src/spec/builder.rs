@@ -934,6 +934,7 @@ impl ModelBuilder {
             initial,
             scenes,
             places,
+            warnings: Diagnostics::new(None, Vec::new()),
             origin,
         })
     }

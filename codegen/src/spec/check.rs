@@ -14,6 +14,7 @@ use super::eval::{Evaluator, is_poisoned};
 use super::model::{ConnectionKind, Domain, Model, Side};
 use super::names;
 use super::parser::{MAX_DIM, Outcome};
+use super::unused;
 use super::value::{Shape, Value};
 use crate::algebra::{LieAlgebra, Matrix, Representation};
 use crate::error::Error;
@@ -48,7 +49,10 @@ pub(super) fn check(outcome: Outcome, origin: Origin) -> Result<Model, Diagnosti
         }
     }
     checker.run(&file);
-    checker.builder.build_with(Some(origin.clone()))
+    let mut model = checker.builder.build_with(Some(origin.clone()))?;
+    // Beside errors they would be noise: a name that is misspelt once is unused as well.
+    model.warnings = model.diagnostics(unused::warnings(&file.items));
+    Ok(model)
 }
 
 struct Checker<'a> {
@@ -1181,7 +1185,7 @@ const BUILT_IN: &[&str] =
     &["R", "product", "semidirect", "standard", "adjoint", "coadjoint", "dual", "trivial"];
 
 /// Names in an algebra expression. Its depth is bounded by the parser.
-fn algebra_names(expr: &AlgebraExpr) -> Vec<String> {
+pub(super) fn algebra_names(expr: &AlgebraExpr) -> Vec<String> {
     match &expr.node {
         AlgebraNode::Name(name) => vec![name.clone()],
         AlgebraNode::Number(_) | AlgebraNode::Power(_) => Vec::new(),
@@ -1205,7 +1209,7 @@ fn group_of(expr: &AlgebraExpr) -> Option<Group> {
 }
 
 /// Names in an expression, without function names.
-fn names_in(expr: &Expr) -> Vec<&str> {
+pub(super) fn names_in(expr: &Expr) -> Vec<&str> {
     let mut names = Vec::new();
     for_each_node(expr, |node| {
         if let Node::Name(name) = node {

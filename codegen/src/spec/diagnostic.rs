@@ -50,9 +50,20 @@ impl Origin {
     }
 }
 
+/// How much a [`Diagnostic`] matters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Severity {
+    /// The text is no model.
+    Error,
+    /// The model means something, but probably not all that was meant.
+    Warning,
+}
+
 /// One problem: what is wrong, where, and what to change.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Diagnostic {
+    /// Whether there is a model all the same.
+    pub severity: Severity,
     /// Lower case, no full stop, the offending name first.
     pub message: String,
     /// The offending tokens; absent for a model built without text.
@@ -66,9 +77,15 @@ pub struct Diagnostic {
 }
 
 impl Diagnostic {
-    /// A problem without hint and further places.
+    /// An error without hint and further places.
     pub fn new(span: Option<Span>, message: impl Into<String>) -> Diagnostic {
-        Diagnostic { message: message.into(), span, label: String::new(), labels: Vec::new(), help: None }
+        let (label, labels) = (String::new(), Vec::new());
+        Diagnostic { severity: Severity::Error, message: message.into(), span, label, labels, help: None }
+    }
+
+    /// A warning without hint and further places.
+    pub fn warning(span: Option<Span>, message: impl Into<String>) -> Diagnostic {
+        Diagnostic { severity: Severity::Warning, ..Diagnostic::new(span, message) }
     }
 
     /// Adds the remark under the offending tokens.
@@ -140,7 +157,7 @@ impl Diagnostics {
             out.push_str("\n\n");
         }
         if self.list.len() > MAX_SHOWN {
-            out.push_str(&format!("error: {} more problems are not shown\n", self.list.len() - MAX_SHOWN));
+            out.push_str(&format!("note: {} more are not shown\n", self.list.len() - MAX_SHOWN));
         }
         while out.ends_with("\n\n") {
             out.pop();
@@ -148,8 +165,25 @@ impl Diagnostics {
         out
     }
 
+    /// Each problem on a line of its own, `file:line:column: message; what to change`, for those who show lines only.
+    pub fn lines(&self) -> impl Iterator<Item = String> + '_ {
+        self.list.iter().map(|diagnostic| {
+            let place = self.origin.as_ref().zip(diagnostic.span).map(|(origin, span)| {
+                let (line, column) = origin.line_column(span.start);
+                format!("{}:{line}:{column}: ", printable(&origin.file))
+            });
+            let help = diagnostic.help.as_ref().map(|help| format!("; {}", printable(help)));
+            let message = printable(&diagnostic.message);
+            format!("{}{message}{}", place.unwrap_or_default(), help.unwrap_or_default())
+        })
+    }
+
     fn render_one(&self, diagnostic: &Diagnostic, renderer: &Renderer) -> String {
-        let mut group = Group::with_title(Level::ERROR.primary_title(printable(&diagnostic.message)));
+        let level = match diagnostic.severity {
+            Severity::Error => Level::ERROR,
+            Severity::Warning => Level::WARNING,
+        };
+        let mut group = Group::with_title(level.primary_title(printable(&diagnostic.message)));
         if let (Some(origin), Some(span)) = (&self.origin, diagnostic.span) {
             group = group.element(self.snippet(origin, span, diagnostic));
         }

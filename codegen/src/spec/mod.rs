@@ -1,8 +1,9 @@
 //! The model language: text or Rust calls to a checked [`Model`].
 //!
 //! [`parse`] reads a file; [`ModelBuilder`] is the same front end for Rust, and the parser uses it. All problems of a
-//! file are reported at once, each with its place, the offending tokens underlined and a hint. No input makes this
-//! module panic: nesting, sizes, numbers and work are limited, and every limit has a message.
+//! file are reported at once, each with its place, the offending tokens underlined and a hint. What a model declares
+//! without using it is a warning, which the checked model carries. No input makes this module panic: nesting, sizes, numbers
+//! and work are limited, and every limit has a message.
 //!
 //! The language is described in `docs/model-language.md`.
 //!
@@ -17,11 +18,12 @@ mod kind;
 mod model;
 mod names;
 mod parser;
+mod unused;
 mod value;
 
 pub use ast::Compare;
 pub use builder::{Group, Layout, ModelBuilder, Placement};
-pub use diagnostic::{Diagnostic, Diagnostics, Origin, Span};
+pub use diagnostic::{Diagnostic, Diagnostics, Origin, Severity, Span};
 pub use kind::{Kind, Restriction, Setting};
 pub use model::{
     Advected, Condition, ConnectionKind, Constraint, ConstraintKind, Coordinate, Domain, Model, Named,

@@ -440,6 +440,8 @@ pub struct Model {
     pub views: Views,
     /// Where its items stand.
     pub places: Places,
+    /// Declarations of the text that have no effect. A model built in Rust has none: rustc finds unused values there.
+    pub warnings: Diagnostics,
     /// The text, when the model was read from one.
     pub origin: Option<Origin>,
 }

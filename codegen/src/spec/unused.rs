@@ -1,0 +1,163 @@
+//! Declarations without any effect: warnings.
+//!
+//! A parameter that nothing mentions is most often a term that was forgotten. Declarations are followed from what makes
+//! or shows a motion: what only an unused definition mentions is unused as well. Conditions on parameters, scenes that
+//! fix them and initial values of a name are no use of it, because they change neither equations nor outputs.
+//!
+//! Deliberately does not know: values, shapes, mechanics. It reads the syntax tree alone.
+
+use std::collections::BTreeMap;
+
+use super::ast::{DomainExpr, Expr, Item, ItemKind, Name, ReconstructWay, Shape};
+use super::builder::Layout;
+use super::check::{algebra_names, names_in};
+use super::diagnostic::Diagnostic;
+
+/// Something with a name, the names that stand for it or a part of it, and what it mentions.
+struct Declaration<'a> {
+    what: &'static str,
+    name: &'a Name,
+    spellings: Vec<String>,
+    mentions: Vec<String>,
+}
+
+/// One warning for each parameter, definition, coordinate, advected parameter, quasi-velocity, algebra and representation
+/// that has no effect.
+pub(super) fn warnings(items: &[Item]) -> Vec<Diagnostic> {
+    let mut declarations = Vec::new();
+    // What is mentioned where it counts.
+    let mut pending: Vec<String> = Vec::new();
+    for item in items {
+        declare(item, &mut declarations);
+        pending.extend(effective(item));
+    }
+    let owners: BTreeMap<&str, usize> = declarations
+        .iter()
+        .enumerate()
+        .flat_map(|(k, d)| d.spellings.iter().map(move |name| (name.as_str(), k)))
+        .collect();
+    let mut is_used = vec![false; declarations.len()];
+    while let Some(name) = pending.pop() {
+        if let Some(&k) = owners.get(name.as_str())
+            && !std::mem::replace(&mut is_used[k], true)
+        {
+            pending.extend(declarations[k].mentions.iter().cloned());
+        }
+    }
+    let unused = |k: &usize| !is_used[*k];
+    (0..declarations.len()).filter(unused).map(|k| warning(k, &declarations, &owners)).collect()
+}
+
+fn warning(k: usize, declarations: &[Declaration<'_>], owners: &BTreeMap<&str, usize>) -> Diagnostic {
+    let Declaration { what, name, .. } = &declarations[k];
+    let mentioned_by = declarations.iter().enumerate().find(|(other, d)| {
+        *other != k && d.mentions.iter().any(|mention| owners.get(mention.as_str()) == Some(&k))
+    });
+    let warning = Diagnostic::warning(Some(name.span), format!("{what} `{}` has no effect", name.text));
+    let warning = match mentioned_by {
+        Some((_, other)) => {
+            warning.with_place(Some(other.name.span), "only this mentions it, without effect")
+        }
+        None => warning.with_label("nothing mentions it"),
+    };
+    warning.with_help(match *what {
+        "algebra" | "representation" => "remove it, or declare a velocity in it",
+        _ => "remove it, or use it in the Lagrangian, a constraint, a force or an output",
+    })
+}
+
+fn spellings(name: &str, shape: &Shape) -> Vec<String> {
+    let layout = match shape {
+        Shape::Scalar => return vec![name.to_owned()],
+        Shape::Vector(n) => Layout::Vector(n.value),
+        Shape::Diagonal(n) => Layout::Diagonal(n.value),
+        Shape::Symmetric(n) => Layout::Symmetric(n.value),
+        Shape::Matrix(n, m) => Layout::Matrix(n.value, m.value),
+    };
+    layout.names(name).into_iter().chain([name.to_owned()]).collect()
+}
+
+fn owned<'a>(names: impl IntoIterator<Item = &'a str>) -> Vec<String> {
+    names.into_iter().map(str::to_owned).collect()
+}
+
+fn mentions<'a>(expressions: impl IntoIterator<Item = &'a Expr>) -> Vec<String> {
+    expressions.into_iter().flat_map(|e| owned(names_in(e))).collect()
+}
+
+fn declare<'a>(item: &'a Item, declarations: &mut Vec<Declaration<'a>>) {
+    let mut add = |what, name: &'a Name, spellings, mentions| {
+        declarations.push(Declaration { what, name, spellings, mentions });
+    };
+    let alone = |name: &Name| vec![name.text.clone()];
+    match &item.kind {
+        ItemKind::Param { name, shape, .. } => {
+            add("parameter", name, spellings(&name.text, shape), Vec::new());
+        }
+        ItemKind::Let { name, value } => add("definition", name, alone(name), mentions([value])),
+        ItemKind::AlgebraName { name, value } => add("algebra", name, alone(name), algebra_names(value)),
+        ItemKind::AlgebraBrackets { name, .. } => add("algebra", name, alone(name), Vec::new()),
+        ItemKind::Representation { name, algebra, .. } => {
+            add("representation", name, alone(name), algebra_names(algebra));
+        }
+        ItemKind::QuasiVelocity(names) => {
+            names.iter().for_each(|name| add("quasi-velocity", name, alone(name), Vec::new()));
+        }
+        ItemKind::Coordinate { names, shape, domain } => {
+            let ends = match domain {
+                DomainExpr::Interval(low, high) => mentions([low, high]),
+                DomainExpr::Angle | DomainExpr::Real => Vec::new(),
+            };
+            for name in names {
+                let mut all = spellings(&name.text, shape);
+                all.extend(all.clone().iter().map(|q| format!("{q}_dot")));
+                add("coordinate", name, all, ends.clone());
+            }
+        }
+        ItemKind::Advected { name, dim, action } => {
+            let shape = dim.map_or(Shape::Scalar, Shape::Vector);
+            add("advected parameter", name, spellings(&name.text, &shape), mentions([action]));
+        }
+        _ => {}
+    }
+}
+
+/// The names in an item that changes equations, outputs or figures.
+fn effective(item: &Item) -> Vec<String> {
+    match &item.kind {
+        ItemKind::Velocity { algebra, .. } => algebra_names(algebra),
+        ItemKind::Stage { ideal, .. } => mentions(ideal.iter().flatten()),
+        ItemKind::Constraint { left, right, .. } | ItemKind::Virtual { left, right, .. } => {
+            mentions([left, right])
+        }
+        ItemKind::InnerProduct(value)
+        | ItemKind::Lagrangian(value)
+        | ItemKind::Connection { value, .. }
+        | ItemKind::Force { value, .. }
+        | ItemKind::Casimir { value, .. }
+        | ItemKind::Output { value, .. }
+        | ItemKind::Initial { value, .. }
+        | ItemKind::Reconstruct { way: ReconstructWay::Rate(value), .. } => mentions([value]),
+        ItemKind::Reconstruct { way: ReconstructWay::Group { from, .. }, .. } => {
+            owned(from.iter().map(|name| name.text.as_str()))
+        }
+        ItemKind::View { arguments, around, at, attitude, .. } => {
+            mentions(arguments.iter().chain([around, at, attitude].into_iter().flatten()))
+        }
+        ItemKind::Source(_)
+        | ItemKind::Param { .. }
+        | ItemKind::Require(_)
+        | ItemKind::Let { .. }
+        | ItemKind::AlgebraName { .. }
+        | ItemKind::AlgebraBrackets { .. }
+        | ItemKind::Representation { .. }
+        | ItemKind::QuasiVelocity(_)
+        | ItemKind::DerivedConnection(_)
+        | ItemKind::Action(_)
+        | ItemKind::Coordinate { .. }
+        | ItemKind::Advected { .. }
+        | ItemKind::Independent(_)
+        | ItemKind::Multipliers
+        | ItemKind::Scene { .. } => Vec::new(),
+    }
+}
