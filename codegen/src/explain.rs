@@ -133,7 +133,7 @@ impl Page {
 
     fn bracket(&self, a: &str, b: &str) -> String {
         match self.html() {
-            true => format!("<mo>[</mo>{a}<mo>,</mo>{b}<mo>]</mo>"),
+            true => format!("<mo stretchy=\"false\">[</mo>{a}<mo>,</mo>{b}<mo stretchy=\"false\">]</mo>"),
             false => format!("[{a}, {b}]"),
         }
     }
