@@ -376,7 +376,7 @@ impl Page {
                 self.bracket(&fa, &fb)
             } else if self.html() {
                 let form = self.name(&format!("{letter}{level}"));
-                format!("{form}<mo>(</mo>{fa}<mo>,</mo>{fb}<mo>)</mo>")
+                format!("{form}<mo stretchy=\"false\">(</mo>{fa}<mo>,</mo>{fb}<mo stretchy=\"false\">)</mo>")
             } else {
                 format!("{}({fa}, {fb})", self.name(&format!("{letter}{level}")))
             };

@@ -269,14 +269,16 @@ impl Listed {
             let default = &self.scenes[0].1;
             let fixed = default.params.iter().filter(|p| info.params.iter().all(|q| q.name != p.name));
             let fixed: Vec<String> = fixed.map(|p| p.name.clone()).collect();
-            let mut words = vec![name.clone()];
+            let mut parts = Vec::new();
             if !fixed.is_empty() {
-                words.push(format!("fixes {}", fixed.join(", ")));
+                parts.push(format!("fixes {}", fixed.join(", ")));
             }
             if info.state != default.state {
-                words.push(format!("state {}", info.state.join(" ")));
+                parts.push(format!("state {}", info.state.join(" ")));
             }
-            row("scene", words, ": ");
+            let colon = if parts.is_empty() { "" } else { ": " };
+            let line = format!("{name}{colon}{}", parts.join("; "));
+            row("scene", line.split_whitespace().map(str::to_owned).collect(), " ");
         }
         for source in &self.sources {
             let words = source.split_whitespace().map(str::to_owned).collect();

@@ -107,10 +107,17 @@ Examples:
     },
     /// Evaluate derivatives, energy and outputs at given states, JSON in and out
     ///
-    /// Reads {"params": {name: number, ..}, "states": [{name: number, ..}, ..], "t": number} from standard input.
+    /// Reads a request from standard input:
+    ///
+    /// {"params": {name: number, ..}, "states": [{name: number, ..}, ..], "t": number}
+    ///
     /// Missing parameters take the model's defaults, a missing t is 0, and every state names all state variables.
-    /// Prints one line: {"model", "state": [names], "derivatives": [[..], ..], "energy": [..] or null,
-    /// "outputs": {group: [{component: number, ..}, ..], ..}}, with one entry per state throughout.
+    ///
+    /// Prints one line, with one entry per state throughout:
+    ///
+    /// {"model", "state": [names], "derivatives": [[..], ..], "energy": [..] or null, "outputs": {group: [{..}, ..], ..}}
+    ///
+    /// docs/command-line.md says more about both.
     #[command(
         arg_required_else_help = true,
         after_help = "\
@@ -121,16 +128,22 @@ Examples:
     Eval(SceneArgs),
     /// Integrate a model from an initial state; print a summary and write files
     ///
-    /// Without --initial, the model's own initial state or a moderate one on the constraint is chosen. With
-    /// --reconstruct, position and attitude are integrated as well, and a figure shows the path. With --json, everything is read from standard
-    /// input instead: {"params": {..}, "initial": {name: number, ..}, "t_final": number, "method": "dop853",
-    /// "rtol": number, "atol": number or "step": number, "samples": n, "reconstruct": {name: number, ..}}; it prints
-    /// one line: {"t", "final": {..}, "samples": [[t, {..}], ..], "steps", "rejected", "rhs_evals", "energy_drift",
-    /// "reconstruction": {..}}. Integration starts at t = 0.
+    /// Integration starts at t = 0, from the model's own initial state where it has one and otherwise from a moderate one on
+    /// the constraint; --initial changes components of it.
     ///
-    /// With "reconstruct", the coordinates of the group start from the values in it, all of them or none for the
-    /// defaults, and "reconstruction" has their final values; "final" and "samples" hold the model's own state only.
-    /// `cargo xtask list` shows their names as the state of scene reconstruction beyond the default one.
+    /// With --reconstruct, position and attitude are integrated as well, and a figure shows the path.
+    ///
+    /// With --json, a request is read from standard input instead:
+    ///
+    /// {"params": {..}, "initial": {..}, "t_final": number, "method": "dop853", "rtol": .., "atol": .., "samples": n}
+    ///
+    /// and one line is printed:
+    ///
+    /// {"t", "final": {..}, "samples": [[t, {..}], ..], "steps", "rejected", "rhs_evals", "energy_drift"}
+    ///
+    /// A request with "reconstruct" gives the coordinates of the group, all of them or none for the defaults, and the answer
+    /// has their final values in "reconstruction". `cargo xtask list` shows their names: what scene reconstruction adds to
+    /// the state. docs/command-line.md says more about both.
     #[command(
         arg_required_else_help = true,
         after_help = "\
@@ -214,7 +227,7 @@ Examples:
     },
     /// Print completions for a shell
     ///
-    /// They complete a command `xtask`, such as the shell function `xtask() { cargo xtask \"$@\"; }`, because cargo's own
+    /// They complete a command `xtask`, such as the shell function `xtask() { cargo xtask "$@"; }`, because cargo's own
     /// completions do not ask its aliases.
     #[command(
         arg_required_else_help = true,
@@ -231,10 +244,11 @@ Examples:
     #[command(after_help = "\
 Examples:
   cargo xtask man | man -l -
-  cargo xtask man simulate | man -l -")]
+  cargo xtask man simulate | man -l -
+  cargo xtask man bench rhs | man -l -")]
     Man {
-        /// Name of a command
-        command: Option<String>,
+        /// Name of a command, and of its part
+        command: Vec<String>,
     },
 }
 
@@ -375,14 +389,14 @@ fn completions(shell: Shell) -> String {
 
 /// # Errors
 /// [`Error::UnknownCommand`].
-fn manual(name: Option<&str>) -> Result<String, Error> {
+fn manual(names: &[String]) -> Result<String, Error> {
     let mut command = Cli::command();
     // Makes usage lines start with `cargo xtask`.
     command.build();
-    if let Some(name) = name {
+    for name in names {
         let found = command.find_subcommand(name).cloned();
         command = found.ok_or_else(|| Error::UnknownCommand {
-            name: name.to_owned(),
+            name: name.clone(),
             known: command.get_subcommands().map(|c| c.get_name().to_owned()).collect(),
         })?;
     }
@@ -437,7 +451,7 @@ fn run(task: Task) -> Result<String, Error> {
         Task::Package { no_verify } => package::package(&workspace, !no_verify),
         Task::Stress { short, samples, models } => stress::stress(&workspace, &models, short, samples),
         Task::Completions { shell } => Ok(completions(shell)),
-        Task::Man { command } => manual(command.as_deref()),
+        Task::Man { command } => manual(&command),
     }
 }
 

@@ -91,7 +91,8 @@ const MARKED: usize = 16;
 pub const MAX_LINES: usize = COLOURS.len();
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
-type DrawError = Box<dyn std::error::Error + Send + Sync>;
+/// What the drawing backend says.
+pub type DrawError = Box<dyn std::error::Error + Send + Sync>;
 
 /// Draws a figure as the text of an SVG file.
 ///

@@ -11,7 +11,8 @@ use crate::codegen_bridge::{Block, Page, ViewKind};
 use crate::dynamics::Info;
 use crate::error::Error;
 use crate::files::{Run, figure};
-use crate::plot::{Figure, Panel, svg};
+use crate::plot::loglog::{self, Curve, LogLog};
+use crate::plot::{self, Figure, Panel};
 use crate::simulate::{MethodName, SimulateRequest, SimulateResponse, Steps};
 
 const CSS: &str = include_str!("report/page.css");
@@ -55,7 +56,8 @@ impl Precision {
     /// Integrates with every method over a range of tolerances; fixed steps for a method without error estimate.
     ///
     /// The error is `max_i |y_i - z_i| / max(1, |z_i|)` at the end, `z` being the solution of the eighth-order method at
-    /// the tightest tolerance. Runs that fail, as coarse ones may, leave no point.
+    /// the tightest tolerance. Runs that fail, as coarse ones may, leave no point. Taylor series are left out: they evaluate
+    /// recurrences of many orders, not the right-hand side.
     pub fn measure(
         t_final: f64,
         mut solve: impl FnMut(MethodName, Steps) -> Result<SimulateResponse, Error>,
@@ -71,12 +73,12 @@ impl Precision {
         };
         let floor = error(&other.last).max(f64::EPSILON);
         let mut methods = Vec::new();
-        for method in MethodName::ALL {
+        for method in MethodName::ALL.into_iter().filter(|m| *m != MethodName::Taylor) {
+            // Twice as many steps each time; the Gauss methods take few large ones.
+            let fixed = |k: u32| Steps::Fixed { step: t_final / f64::from(1 << k) };
             let steps: Vec<Steps> = match method {
-                // Twice as many steps each time, from some thirty on.
-                MethodName::Rk4 => {
-                    (5..13).map(|k| Steps::Fixed { step: t_final / f64::from(1 << k) }).collect()
-                }
+                MethodName::Rk4 => (5..13).map(fixed).collect(),
+                _ if method.has_fixed_steps() => (4..11).map(fixed).collect(),
                 _ => TOLERANCES.map(adaptive).to_vec(),
             };
             let runs = steps.into_iter().filter_map(|steps| solve(method, steps).ok());
@@ -91,25 +93,18 @@ impl Precision {
         Precision { methods, floor, t: t_final }
     }
 
-    fn figure(&self) -> Option<Figure> {
-        let mut work: Vec<f64> = self.methods.iter().flat_map(|(_, p)| p.iter().map(|p| p.0)).collect();
-        work.sort_by(f64::total_cmp);
-        work.dedup();
-        if work.is_empty() {
-            return None;
-        }
-        let line = |(name, points): &(String, Vec<(f64, f64)>)| {
-            let at = |x: &f64| points.iter().find(|p| p.0 == *x).map_or(f64::NAN, |p| p.1.log10());
-            (name.clone(), work.iter().map(at).collect())
+    fn figure(&self) -> Option<LogLog> {
+        let curve = |(name, points): &(String, Vec<(f64, f64)>)| Curve {
+            name: name.clone(),
+            broken: false,
+            points: points.iter().map(|(work, error)| [*work, *error]).collect(),
         };
-        let lines = self.methods.iter().map(line).collect();
-        Some(Figure {
+        let curves: Vec<Curve> = self.methods.iter().map(curve).collect();
+        (!curves.is_empty()).then(|| LogLog {
             title: "Work and precision".into(),
             subtitle: format!("error at t = {:?} against the solution at rtol {:e}", self.t, REFERENCE[0]),
-            x_label: "log₁₀ of evaluations of the right-hand side".into(),
-            times: work.iter().map(|x| x.log10()).collect(),
-            panels: vec![Panel { title: "log₁₀ of the error".into(), lines, times: None }],
-            path: None,
+            labels: ["evaluations of the right-hand side".into(), "error".into()],
+            curves,
         })
     }
 }
@@ -285,32 +280,37 @@ fn motion_sections(page: &Page, motion: &Motion, sections: &mut Vec<(String, Str
     }
     let start: Vec<String> =
         info.state.iter().zip(&request.initial).map(|(name, x)| format!("{name} = {x}")).collect();
-    let text = format!("<p>From <code>{}</code>.</p>\n{}", escape(&start.join(", ")), drawn(&state)?);
+    let text = format!(
+        "<p>From <code>{}</code>.</p>\n{}",
+        escape(&start.join(", ")),
+        drawn(&state.title, plot::svg(&state))?
+    );
     sections.push(("Motion".into(), text));
     if !conserved.panels.is_empty() {
         conserved.title = "What the motion keeps".into();
-        conserved.subtitle = "at the steps or samples of the motion above".into();
-        sections.push(("Conservation".into(), drawn(&conserved)?));
+        conserved.subtitle =
+            "energy at the steps; other quantities at samples between them, which are less exact than the steps".into();
+        sections.push(("Conservation".into(), drawn(&conserved.title, plot::svg(&conserved))?));
     }
     if let Some(figure) = motion.precision.figure() {
         let text = format!(
-            "<p>Relative tolerances from {:e} to {:e}, absolute ones a hundredth; <code>rk4</code> takes fixed steps. \
-             Errors below {:.1e}, the uncertainty of the reference, are not shown.</p>\n{}",
+            "<p>Relative tolerances from {:e} to {:e}, absolute ones a hundredth; <code>rk4</code> and the Gauss \
+             methods take fixed steps. Errors below {:.1e}, the uncertainty of the reference, are not shown.</p>\n{}",
             TOLERANCES[0],
             TOLERANCES[TOLERANCES.len() - 1],
             motion.precision.floor,
-            drawn(&figure)?
+            drawn(&figure.title, loglog::svg(&figure))?
         );
         sections.push(("Work and precision".into(), text));
     }
     Ok(())
 }
 
-fn drawn(figure: &Figure) -> Result<String, Error> {
-    let text = svg(figure).map_err(|e| Error::io("figure", std::io::Error::other(e.to_string())))?;
+fn drawn(title: &str, svg: Result<String, plot::DrawError>) -> Result<String, Error> {
+    let text = svg.map_err(|e| Error::io("figure", std::io::Error::other(e.to_string())))?;
     // Inside a page an SVG has no declaration of its own.
     let text = text.find("<svg").map_or("", |at| &text[at..]);
-    Ok(format!("<figure role=\"img\" aria-label=\"{}\">\n{text}</figure>\n", attribute(&figure.title)))
+    Ok(format!("<figure role=\"img\" aria-label=\"{}\">\n{text}</figure>\n", attribute(title)))
 }
 
 fn view_panel(page: &Page) -> String {

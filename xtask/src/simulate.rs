@@ -72,7 +72,7 @@ impl MethodName {
     }
 
     /// Whether the method takes fixed steps only.
-    fn has_fixed_steps(self) -> bool {
+    pub(crate) fn has_fixed_steps(self) -> bool {
         use MethodName::{Gauss4, Gauss6, Gauss8, Rk4};
         matches!(self, Rk4 | Gauss4 | Gauss6 | Gauss8)
     }

@@ -212,6 +212,8 @@ fn completions_and_manual_pages_know_every_command() {
     }
     let page = text(&xtask(&["man"], "").stdout);
     assert!(page.contains(".TH") && page.contains("generate") && page.contains("completions"), "{page}");
+    let page = text(&xtask(&["man", "bench", "rhs"], "").stdout);
+    assert!(page.contains("rounds"), "{page}");
     let page = text(&xtask(&["man", "simulate"], "").stdout);
     assert!(page.contains("reconstruct") && page.contains("cargo xtask simulate heavy_top"), "{page}");
     let out = xtask(&["man", "simulat"], "");

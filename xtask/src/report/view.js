@@ -1,5 +1,6 @@
 "use strict";
-// Draws the views over time on a canvas: faces are sorted from back to front, nothing else is needed.
+// Draws the views over time on a canvas: faces of solids are sorted from back to front, and lines are drawn after them where
+// no solid hides them.
 (() => {
   const motion = JSON.parse(document.getElementById("motion-data").textContent);
   const canvas = document.getElementById("view");
@@ -56,54 +57,120 @@
   const hasGround = bottom > -0.02 * extent;
   const middle = low.map((x, i) => (x + high[i]) / 2);
   const leader = motion.views.find((v) => SIZES[v.shape] > 0) || motion.views[0];
-  follow.checked = largest > 0 && extent > 9 * largest;
+  follow.checked = largest > 0 && extent > 14 * largest;
 
   let yaw = -0.9, pitch = 0.42, zoom = 1, frame = 0, playing = false, before = 0, ink, back;
+  // Pixels that the whole motion leaves free on all sides in the first view.
+  const MARGIN = 46;
+  let fit = { scale: 1, x: 0, y: 0 };
   const colours = () => {
     const style = getComputedStyle(document.documentElement);
     ink = style.getPropertyValue("--ink").trim();
     back = style.getPropertyValue("--panel").trim();
   };
 
-  const sight = () => {
+  // Towards the scene, and where the viewer is.
+  const ahead = () => [Math.cos(pitch) * Math.sin(yaw), Math.cos(pitch) * Math.cos(yaw), -Math.sin(pitch)];
+  const focus = () => {
     const centre = follow.checked ? shapeAt(leader, frame).points[0] : middle;
     const span = follow.checked && largest > 0 ? Math.min(extent, 5 * largest) : extent;
+    return { centre, span, eye: ahead().map((x, i) => centre[i] - 3.2 * span * x) };
+  };
+  const sight = () => {
+    const { centre, span } = focus();
+    const { scale: larger, x: right, y: down } = follow.checked ? { scale: 1, x: 0, y: 0 } : fit;
     const [sy, cy, sp, cp] = [Math.sin(yaw), Math.cos(yaw), Math.sin(pitch), Math.cos(pitch)];
-    const scale = (0.78 * Math.min(canvas.width, canvas.height) * zoom) / span;
+    const scale = (0.78 * Math.min(canvas.width, canvas.height) * zoom * larger) / span;
     const distance = 3.2 * span;
     return (p) => {
       const [x, y, z] = p.map((q, i) => q - centre[i]);
       const across = cy * x - sy * y, along = sy * x + cy * y;
       const up = cp * z + sp * along, depth = cp * along - sp * z;
       const grow = distance / Math.max(distance + depth, 0.05 * distance);
-      return [canvas.width / 2 + scale * grow * across, canvas.height / 2 - scale * grow * up, depth];
+      const [x0, y0] = [canvas.width / 2 + zoom * right, canvas.height / 2 + zoom * down];
+      return [x0 + scale * grow * across, y0 - scale * grow * up, depth];
     };
+  };
+  // What is seen of a figure does not depend on the view it is turned to later, so that it keeps its size.
+  const fitToCanvas = () => {
+    const followed = follow.checked;
+    follow.checked = false;
+    const project = sight();
+    const [x, y] = [[Infinity, -Infinity], [Infinity, -Infinity]];
+    const see = (p) => [x, y].forEach((range, i) => {
+      const q = project(p)[i];
+      range[0] = Math.min(range[0], q);
+      range[1] = Math.max(range[1], q);
+    });
+    for (let k = 0; k <= last; k += 4) {
+      for (const view of motion.views) {
+        const { sizes, points } = shapeAt(view, k);
+        const r = radius(view.shape, sizes);
+        points.forEach((p) => [-r, r].forEach((d) => [0, 1, 2].forEach((i) => see(p.map((q, j) => q + (i === j ? d : 0))))));
+      }
+    }
+    const room = [canvas.width, canvas.height].map((size, i) => (size - 2 * MARGIN) / Math.max([x, y][i][1] - [x, y][i][0], 1e-9));
+    const scale = Math.min(...room, 4);
+    const off = (range, size) => -scale * ((range[0] + range[1]) / 2 - size / 2);
+    fit = { scale, x: off(x, canvas.width), y: off(y, canvas.height) };
+    follow.checked = followed;
   };
 
   const shade = ([r, g, b], light) => {
     const f = (x) => Math.round(light < 1 ? x * light : x + (255 - x) * (light - 1));
     return `rgb(${f(r)},${f(g)},${f(b)})`;
   };
-  const lightOf = (a, b, c) => {
-    const u = b.map((x, i) => x - a[i]), v = c.map((x, i) => x - a[i]);
-    const n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
-    const size = Math.hypot(...n) || 1;
-    return 0.52 + 0.52 * Math.abs((0.3 * n[0] - 0.4 * n[1] + 0.87 * n[2]) / size);
+  // Newell's normal, which corners that coincide do not spoil; its length is twice the area.
+  const normal = (face) => {
+    const n = [0, 0, 0];
+    face.forEach((a, k) => {
+      const b = face[(k + 1) % face.length];
+      for (let i = 0; i < 3; i++) n[i] += (a[(i + 1) % 3] - b[(i + 1) % 3]) * (a[(i + 2) % 3] + b[(i + 2) % 3]);
+    });
+    return n;
+  };
+  const lightOf = (n) => 0.52 + 0.52 * Math.abs((0.3 * n[0] - 0.4 * n[1] + 0.87 * n[2]) / (Math.hypot(...n) || 1));
+
+  // Whether something solid is between a point and the viewer: the ray is turned into the solid's frame, where the solid is
+  // an intersection of slabs and a ball or a cylinder, each of which a ray is inside of from one distance to another.
+  const hider = () => {
+    const { eye } = focus();
+    const solids = motion.views.filter((view) => SIZES[view.shape] > 0).map((view) => {
+      const { sizes, points } = shapeAt(view, frame);
+      const n = SIZES[view.shape];
+      const rows = [0, 1, 2].map((i) => triple(view, n + 3 + 3 * i, frame));
+      const turn = (p) => [0, 1, 2].map((j) => rows[0][j] * p[0] + rows[1][j] * p[1] + rows[2][j] * p[2]);
+      return { shape: view.shape, sizes, centre: points[0], turn };
+    });
+    const slab = (p, d, half) => (d === 0 ? (Math.abs(p) < half ? [-Infinity, Infinity] : [1, 0])
+      : [(-half * Math.sign(d) - p) / d, (half * Math.sign(d) - p) / d]);
+    const dot = (u, v) => u.reduce((sum, x, i) => sum + x * v[i], 0);
+    const round = (p, d, r) => {
+      const a = dot(d, d), b = dot(p, d), c = dot(p, p) - r * r, root = b * b - a * c;
+      if (a === 0) return c < 0 ? [-Infinity, Infinity] : [1, 0];
+      return root < 0 ? [1, 0] : [(-b - Math.sqrt(root)) / a, (-b + Math.sqrt(root)) / a];
+    };
+    return (point) => solids.some(({ shape, sizes, centre, turn }) => {
+      const p = turn(point.map((x, i) => x - centre[i])), d = turn(eye.map((x, i) => x - point[i]));
+      const inside = shape === "ball" ? [round(p, d, sizes[0])]
+        : shape === "disk" ? [round(p.slice(0, 2), d.slice(0, 2), sizes[0]), slab(p[2], d[2], sizes[1] / 2)]
+        : sizes.map((edge, i) => slab(p[i], d[i], edge / 2));
+      const from = Math.max(0, ...inside.map((range) => range[0])), to = Math.min(1, ...inside.map((range) => range[1]));
+      // Points on the surface, such as a point of contact, are seen.
+      return to - from > 1e-3;
+    });
   };
 
   const solidFaces = (view, colour, show) => {
     const { sizes, points, place } = shapeAt(view, frame);
-    const ahead = [Math.cos(pitch) * Math.sin(yaw), Math.cos(pitch) * Math.cos(yaw), -Math.sin(pitch)];
+    const viewed = ahead();
     const isThin = view.shape === "disk" && sizes[1] === 0;
     // Faces of a convex body that look away from the viewer are hidden by the others.
     const add = (face, tone) => {
-      const [a, b, c] = [face[0], face[1], face[Math.min(2, face.length - 1)]];
-      const u = b.map((x, i) => x - a[i]), v = c.map((x, i) => x - b[i]);
-      const n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
-      const size = Math.hypot(...n);
-      const outward = n.reduce((sum, x, i) => sum + x * (b[i] - points[0][i]), 0) < 0 ? -1 : 1;
-      const away = outward * n.reduce((sum, x, i) => sum + x * ahead[i], 0);
-      if (isThin || size === 0 || away < 0.3 * size) show(face, tone);
+      const n = normal(face), size = Math.hypot(...n);
+      const outward = n.reduce((sum, x, i) => sum + x * (face[0][i] - points[0][i]), 0) < 0 ? -1 : 1;
+      const away = outward * n.reduce((sum, x, i) => sum + x * viewed[i], 0);
+      if (isThin || away < 0.3 * size) show(face, tone);
     };
     const pale = colour.map((x) => x + 0.62 * (255 - x));
     if (view.shape === "box") {
@@ -153,6 +220,40 @@
     pen.globalAlpha = 1;
   };
 
+  // Paths, segments and points where they are seen.
+  const drawLines = (project) => {
+    const isHidden = hider();
+    // The parts of a broken line that are seen; a part is hidden when its middle is.
+    const seen = (places, style, width) => {
+      let run = [];
+      const end = () => { if (run.length > 1) line(run.map(project), style, width); run = []; };
+      places.forEach((p, k) => {
+        if (k > 0 && isHidden(p.map((x, i) => (x + places[k - 1][i]) / 2))) end();
+        run.push(p);
+      });
+      end();
+    };
+    motion.views.forEach((view, index) => {
+      const css = shade(COLOURS[index % COLOURS.length], dark.matches ? 1.25 : 1);
+      if (view.shape === "path") {
+        const places = Array.from({ length: motion.n }, (_, k) => shapeAt(view, k).points[0]);
+        pen.globalAlpha = 0.28;
+        seen(places, css, 1.2);
+        pen.globalAlpha = 1;
+        seen(places.slice(0, frame + 1), css, 2.2);
+      } else if (view.shape === "segment") {
+        const [a, b] = shapeAt(view, frame).points;
+        seen(Array.from({ length: 65 }, (_, k) => a.map((x, i) => x + (k / 64) * (b[i] - x))), css, 4);
+      } else if (view.shape === "point" && !isHidden(shapeAt(view, frame).points[0])) {
+        const [x, y] = project(shapeAt(view, frame).points[0]);
+        pen.beginPath();
+        pen.arc(x, y, 6, 0, 2 * Math.PI);
+        pen.fillStyle = css;
+        pen.fill();
+      }
+    });
+  };
+
   const draw = () => {
     const project = sight();
     pen.fillStyle = back;
@@ -163,7 +264,6 @@
     const items = [];
     motion.views.forEach((view, index) => {
       const colour = COLOURS[index % COLOURS.length];
-      const css = shade(colour, dark.matches ? 1.25 : 1);
       if (SIZES[view.shape] > 0) {
         const isBall = view.shape === "ball", isBox = view.shape === "box";
         solidFaces(view, colour, (points, tone) => {
@@ -171,7 +271,7 @@
           items.push({
             depth: flat.reduce((sum, p) => sum + p[2], 0) / flat.length,
             paint: () => {
-              const fill = shade(tone, lightOf(points[0], points[1], points[2]));
+              const fill = shade(tone, lightOf(normal(points)));
               pen.beginPath();
               flat.forEach(([x, y], k) => (k ? pen.lineTo(x, y) : pen.moveTo(x, y)));
               pen.closePath();
@@ -183,34 +283,10 @@
             },
           });
         });
-      } else if (view.shape === "path") {
-        const places = Array.from({ length: motion.n }, (_, k) => project(shapeAt(view, k).points[0]));
-        const depth = hasGround ? Infinity : places[frame][2];
-        items.push({
-          depth,
-          paint: () => {
-            pen.globalAlpha = 0.28;
-            line(places, css, 1.2);
-            pen.globalAlpha = 1;
-            line(places.slice(0, frame + 1), css, 2.2);
-          },
-        });
-      } else {
-        const flat = shapeAt(view, frame).points.map(project);
-        const depth = flat.reduce((sum, p) => sum + p[2], 0) / flat.length;
-        items.push({
-          depth: depth - 1e-3 * extent,
-          paint: () => {
-            if (flat.length > 1) return line(flat, css, 4);
-            pen.beginPath();
-            pen.arc(flat[0][0], flat[0][1], 6, 0, 2 * Math.PI);
-            pen.fillStyle = css;
-            pen.fill();
-          },
-        });
       }
     });
     items.sort((a, b) => b.depth - a.depth).forEach((item) => item.paint());
+    drawLines(project);
     if (hasGround && !isAbove) ground(project);
     axes();
     clock.textContent = `${((motion.t * frame) / last).toFixed(2)} s`;
@@ -278,5 +354,6 @@
   });
   dark.addEventListener("change", () => { colours(); draw(); });
   colours();
+  fitToCanvas();
   draw();
 })();
