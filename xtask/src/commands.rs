@@ -182,8 +182,13 @@ pub fn list(workspace: &Workspace, models: &[String], json: bool) -> Result<Stri
     };
     let mut listed = Vec::new();
     let mut errors = Vec::new();
-    for spec in &specs {
-        match describe(workspace, spec) {
+    // Every scene is derived and lowered, which takes a second for the largest models.
+    let described: Vec<_> = std::thread::scope(|scope| {
+        let started: Vec<_> = specs.iter().map(|spec| scope.spawn(|| describe(workspace, spec))).collect();
+        started.into_iter().map(|thread| thread.join()).collect()
+    });
+    for outcome in described {
+        match outcome.unwrap_or_else(|panic| std::panic::resume_unwind(panic)) {
             Ok(entry) => listed.push(entry),
             Err(error) => errors.push(error),
         }

@@ -8,7 +8,7 @@
 
 use std::collections::BTreeMap;
 
-use super::ast::{DomainExpr, Expr, Item, ItemKind, Name, ReconstructWay, Shape};
+use super::ast::{AlgebraExpr, DomainExpr, Expr, Item, ItemKind, Name, ReconstructWay, Shape};
 use super::builder::Layout;
 use super::check::{algebra_names, names_in};
 use super::diagnostic::Diagnostic;
@@ -77,6 +77,15 @@ fn spellings(name: &str, shape: &Shape) -> Vec<String> {
     layout.names(name).into_iter().chain([name.to_owned()]).collect()
 }
 
+/// Algebras and representations have a space of names of their own, which no other spelling can enter.
+fn of_algebras(name: &str) -> String {
+    format!("algebra {name}")
+}
+
+fn algebras(expr: &AlgebraExpr) -> Vec<String> {
+    algebra_names(expr).iter().map(|name| of_algebras(name)).collect()
+}
+
 fn owned<'a>(names: impl IntoIterator<Item = &'a str>) -> Vec<String> {
     names.into_iter().map(str::to_owned).collect()
 }
@@ -95,10 +104,14 @@ fn declare<'a>(item: &'a Item, declarations: &mut Vec<Declaration<'a>>) {
             add("parameter", name, spellings(&name.text, shape), Vec::new());
         }
         ItemKind::Let { name, value } => add("definition", name, alone(name), mentions([value])),
-        ItemKind::AlgebraName { name, value } => add("algebra", name, alone(name), algebra_names(value)),
-        ItemKind::AlgebraBrackets { name, .. } => add("algebra", name, alone(name), Vec::new()),
+        ItemKind::AlgebraName { name, value } => {
+            add("algebra", name, vec![of_algebras(&name.text)], algebras(value));
+        }
+        ItemKind::AlgebraBrackets { name, .. } => {
+            add("algebra", name, vec![of_algebras(&name.text)], Vec::new());
+        }
         ItemKind::Representation { name, algebra, .. } => {
-            add("representation", name, alone(name), algebra_names(algebra));
+            add("representation", name, vec![of_algebras(&name.text)], algebras(algebra));
         }
         ItemKind::QuasiVelocity(names) => {
             names.iter().for_each(|name| add("quasi-velocity", name, alone(name), Vec::new()));
@@ -125,7 +138,7 @@ fn declare<'a>(item: &'a Item, declarations: &mut Vec<Declaration<'a>>) {
 /// The names in an item that changes equations, outputs or figures.
 fn effective(item: &Item) -> Vec<String> {
     match &item.kind {
-        ItemKind::Velocity { algebra, .. } => algebra_names(algebra),
+        ItemKind::Velocity { algebra, .. } => algebras(algebra),
         ItemKind::Stage { ideal, .. } => mentions(ideal.iter().flatten()),
         ItemKind::Constraint { left, right, .. } | ItemKind::Virtual { left, right, .. } => {
             mentions([left, right])
