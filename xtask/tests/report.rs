@@ -133,7 +133,7 @@ fn pages_are_well_formed_and_load_nothing() {
     assert!(!html.contains("<canvas") && !html.contains("<script"));
 }
 
-/// A page in a browser, and what it says about itself in the end.
+/// What a page in a browser says about itself in the end.
 const PROBE: &str = r#"<script>
 window.faults = [];
 window.addEventListener("error", (e) => window.faults.push(e.message));
@@ -147,55 +147,86 @@ window.addEventListener("load", () => {
   const second = shot();
   let moved = 0;
   first.forEach((pixel, k) => { moved += pixel !== second[k]; });
-  const formula = document.querySelector(".formulas mfrac, .formulas msub").getBoundingClientRect();
+  const of = (r, g, b) => first.filter((pixel) => (pixel & 0xffffff) === r + 256 * g + 65536 * b).length;
+  const formula = document.querySelector(".formulas mfrac, .formulas msub, .formulas mover").getBoundingClientRect();
   document.body.dataset.probe = JSON.stringify({
     colours: new Set(first).size, moved, height: formula.height, faults: window.faults,
+    orange: of(213, 94, 0), green: of(0, 158, 115),
   });
 });
 </script>"#;
 
-#[test]
-fn the_figure_in_space_moves_in_a_browser() {
+/// The first browser that is there; without one, tests say so and pass.
+fn browser() -> Option<&'static str> {
     let names = ["chromium", "chromium-browser", "google-chrome", "chrome"];
-    let is_there = |name: &&&str| {
+    let is_there = |name: &&str| {
         Command::new(name).arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok()
     };
-    let Some(browser) = names.iter().find(is_there) else {
+    let found = names.into_iter().find(is_there);
+    if found.is_none() {
         eprintln!("skipped: no browser (looked for {})", names.join(", "));
-        return;
-    };
+    }
+    found
+}
+
+/// Opens the report of a model in a browser and returns what [`PROBE`] found.
+fn probe(browser: &str, folder: &Folder, model: &str) -> serde_json::Value {
+    let file = folder.0.join("page.html");
+    let html = report(&[model, "--t-final", "2"], &file);
+    std::fs::write(&file, html.replacen("<head>", &format!("<head>{PROBE}"), 1)).unwrap();
+    let dump = folder.0.join("dom.html");
+    let mut child = Command::new(browser)
+        .args(["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"])
+        .args(["--disable-background-networking", "--disable-component-update", "--disable-sync"])
+        .arg(format!("--user-data-dir={}", folder.0.join("profile").display()))
+        .args(["--window-size=1200,900", "--virtual-time-budget=4000", "--dump-dom"])
+        .arg(format!("file://{}", file.display()))
+        .stdout(std::fs::File::create(&dump).unwrap())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let start = Instant::now();
+    while child.try_wait().unwrap().is_none() {
+        if start.elapsed() > Duration::from_secs(120) {
+            let _ = child.kill();
+            panic!("{browser} did not end");
+        }
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    let dom = std::fs::read_to_string(&dump).unwrap();
+    let probe = dom.split("data-probe=\"").nth(1).unwrap_or_else(|| panic!("{model}: the page did not load"));
+    serde_json::from_str(&probe.split('"').next().unwrap().replace("&quot;", "\"")).unwrap()
+}
+
+#[test]
+fn the_figure_in_space_moves_in_a_browser() {
+    let Some(browser) = browser() else { return };
     let folder = Folder::new("browser");
     for model in ["heavy_top", "euler_disk"] {
-        let file = folder.0.join(format!("{model}.html"));
-        let html = report(&[model, "--t-final", "2"], &file);
-        std::fs::write(&file, html.replacen("<head>", &format!("<head>{PROBE}"), 1)).unwrap();
-        let dump = folder.0.join("dom.html");
-        let mut child = Command::new(browser)
-            .args(["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"])
-            .args(["--disable-background-networking", "--disable-component-update", "--disable-sync"])
-            .arg(format!("--user-data-dir={}", folder.0.join("profile").display()))
-            .args(["--window-size=1200,900", "--virtual-time-budget=4000", "--dump-dom"])
-            .arg(format!("file://{}", file.display()))
-            .stdout(std::fs::File::create(&dump).unwrap())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        let start = Instant::now();
-        while child.try_wait().unwrap().is_none() {
-            if start.elapsed() > Duration::from_secs(120) {
-                let _ = child.kill();
-                panic!("{browser} did not end");
-            }
-            std::thread::sleep(Duration::from_millis(50));
-        }
-        let dom = std::fs::read_to_string(&dump).unwrap();
-        let probe =
-            dom.split("data-probe=\"").nth(1).unwrap_or_else(|| panic!("{model}: the page did not load"));
-        let probe = probe.split('"').next().unwrap().replace("&quot;", "\"");
-        let probe: serde_json::Value = serde_json::from_str(&probe).unwrap();
+        let probe = probe(browser, &folder, model);
         assert_eq!(probe["faults"].as_array().map(Vec::len), Some(0), "{model}: {probe}");
         assert!(probe["colours"].as_u64() > Some(20), "{model}: the canvas is blank: {probe}");
         assert!(probe["moved"].as_u64() > Some(200), "{model}: nothing moves: {probe}");
         assert!(probe["height"].as_f64() > Some(5.0), "{model}: formulas are not laid out: {probe}");
+    }
+}
+
+/// One segment is inside a solid, the other, of another colour, above it.
+#[test]
+fn solids_hide_what_is_inside_or_behind_them() {
+    let Some(browser) = browser() else { return };
+    let folder = Folder::new("hidden");
+    let shapes = ["ball(1) attitude q", "box(2, 2, 2)", "disk(1, 2) attitude q"];
+    for shape in shapes {
+        let text = format!(
+            "model hidden {{ velocity Omega in so(3); lagrangian = dot(Omega, Omega); reconstruct q in SO(3); \
+             view solid = {shape}; view inside = segment([-0.4, 0.1, 0], [0.4, 0.1, 0.3]); \
+             view above = segment([0, 0, 1.2], [0, 0, 2]); initial Omega = [0.3, 0, 2]; }}"
+        );
+        let path = folder.0.join("hidden.hamel");
+        std::fs::write(&path, text).unwrap();
+        let probe = probe(browser, &folder, path.to_str().unwrap());
+        assert_eq!(probe["orange"].as_u64(), Some(0), "{shape}: {probe}");
+        assert!(probe["green"].as_u64() > Some(50), "{shape}: {probe}");
     }
 }
