@@ -39,6 +39,9 @@ struct Package {
     categories: Vec<String>,
     #[serde(default)]
     dependencies: Vec<Dependency>,
+    /// What Cargo.toml says to other tools.
+    #[serde(default)]
+    metadata: serde_json::Value,
 }
 
 /// A dependency of a crate.
@@ -120,6 +123,9 @@ fn metadata_problems(package: &Package) -> Vec<String> {
         n if n > MAX_KEYWORDS => problems.push(format!("has {n} keywords: keep {MAX_KEYWORDS}")),
         _ => {}
     }
+    if package.metadata["docs"]["rs"]["all-features"] != true {
+        problems.push("is documented in part: add [package.metadata.docs.rs] all-features = true".into());
+    }
     // Cargo leaves the path out when it publishes, and what remains has to say which version is meant.
     let vague = package.dependencies.iter().filter(|d| d.req == "*" && d.kind.as_deref() != Some("dev"));
     problems.extend(vague.map(|d| format!("depends on {} without a version", d.name)));
@@ -155,6 +161,7 @@ mod tests {
             assert!(problems.iter().any(|p| p.contains(part)), "{part} in {problems:?}");
         }
         assert!(problems.contains(&"has 6 keywords: keep 5".to_owned()));
+        assert!(problems.iter().any(|p| p.contains("docs.rs")), "{problems:?}");
         assert!(problems.contains(&"depends on near without a version".to_owned()));
     }
 
