@@ -30,17 +30,17 @@ impl fmt::Display for Error {
 
 impl std::error::Error for Error {}
 
-/// Why a trajectory ended before its time.
+/// Why a trajectory ended before its time; `E` says why parameters are not allowed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
-pub enum Stop {
+pub enum Stop<E = ParamError> {
     /// The parameters are not allowed: it never started.
-    Params(ParamError),
+    Params(E),
     /// The integration could not start, or not go on.
     Integration(IntegrationError),
 }
 
-impl fmt::Display for Stop {
+impl<E: fmt::Display> fmt::Display for Stop<E> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Params(error) => error.fmt(f),
@@ -49,7 +49,7 @@ impl fmt::Display for Stop {
     }
 }
 
-impl std::error::Error for Stop {
+impl<E: std::error::Error + 'static> std::error::Error for Stop<E> {
     fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
         match self {
             Self::Params(error) => Some(error),
@@ -58,13 +58,7 @@ impl std::error::Error for Stop {
     }
 }
 
-impl From<ParamError> for Stop {
-    fn from(error: ParamError) -> Self {
-        Self::Params(error)
-    }
-}
-
-impl From<IntegrationError> for Stop {
+impl<E> From<IntegrationError> for Stop<E> {
     fn from(error: IntegrationError) -> Self {
         Self::Integration(error)
     }

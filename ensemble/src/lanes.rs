@@ -2,12 +2,50 @@
 //!
 //! The module deliberately does not know how anything is integrated.
 
-use hamel_runtime::{F64x4, F64x8, Real, Scene, System};
+use std::marker::PhantomData;
+
+use hamel_runtime::{F64x4, F64x8, ParamError, Real, Scene, StateVector, System};
 
 /// A scene with a state of `N` components on every scalar, as hamel generates it; made by [`family!`](crate::family).
 pub trait Family<const N: usize> {
     /// The scene on the scalar `R`.
     type Of<R: Real>: Scene<R> + System<R, State = [R; N]>;
+}
+
+/// Makes systems on the scalar `R` from parameters; for scenes that are known at run time only, as any [`Family`] is one.
+pub trait Source<R: Real>: Sync {
+    /// Storage of a state.
+    type State: StateVector<R>;
+    /// The system.
+    type System: System<R, State = Self::State>;
+    /// Why parameters are not allowed.
+    type Error: Send;
+
+    /// Makes a system from parameter values; on several lanes the values differ from lane to lane.
+    ///
+    /// # Errors
+    /// Why the values are not allowed, on any lane.
+    fn prepare(&self, params: &[R]) -> Result<Self::System, Self::Error>;
+
+    /// The state with these components.
+    fn state(&self, components: &[R]) -> Self::State;
+}
+
+/// A family as a [`Source`].
+pub(crate) struct Generated<F, const N: usize>(pub(crate) PhantomData<fn() -> F>);
+
+impl<F: Family<N>, R: Real, const N: usize> Source<R> for Generated<F, N> {
+    type State = [R; N];
+    type System = F::Of<R>;
+    type Error = ParamError;
+
+    fn prepare(&self, params: &[R]) -> Result<F::Of<R>, ParamError> {
+        F::Of::<R>::prepare(params)
+    }
+
+    fn state(&self, components: &[R]) -> [R; N] {
+        std::array::from_fn(|k| components[k])
+    }
 }
 
 /// Declares a type that stands for a generated scene on every scalar: its name, the number of components of its state, and

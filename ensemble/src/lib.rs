@@ -47,7 +47,7 @@ mod run;
 
 pub use error::{Error, Stop};
 pub use hamel_runtime::{Dop853, Dopri5, F64x4, F64x8, Options, Rk4, Stats, Tsit5, Vern9};
-pub use lanes::{Family, Lanes};
+pub use lanes::{Family, Lanes, Source};
 pub use run::{Ensemble, Trajectory};
 
 /// Not part of the interface: what [`family!`] writes down.

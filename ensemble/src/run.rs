@@ -4,11 +4,14 @@
 
 use std::marker::PhantomData;
 
-use hamel_runtime::{Error as IntegrationError, F64x4, Integrator, Method, Options, Scene, Stats, StepSize};
+use hamel_runtime::{
+    Error as IntegrationError, F64x4, Integrator, Method, Options, ParamError, StateVector, Stats, StepSize,
+    System,
+};
 use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
 
 use crate::error::{Error, Stop};
-use crate::lanes::{Family, Lanes};
+use crate::lanes::{Family, Generated, Lanes, Source};
 
 /// How the trajectories of an ensemble are integrated: method, options, lanes.
 ///
@@ -22,19 +25,19 @@ pub struct Ensemble<M, L = F64x4> {
     lanes: PhantomData<fn() -> L>,
 }
 
-/// One trajectory of an ensemble.
+/// One trajectory of an ensemble: `Y` stores a state, `E` says why parameters are not allowed.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Trajectory<const N: usize> {
+pub struct Trajectory<Y, E = ParamError> {
     /// Time reached: exactly the end asked for, unless it stopped.
     pub t: f64,
     /// The state there; the initial state if it never started.
-    pub state: [f64; N],
+    pub state: Y,
     /// States at the times asked for, as far as they were reached, in their order.
-    pub samples: Vec<[f64; N]>,
+    pub samples: Vec<Y>,
     /// Work done by the integration, which the lanes of a group share: each of them reports the same counts.
     pub stats: Stats,
     /// Why it stopped before the end.
-    pub stop: Option<Stop>,
+    pub stop: Option<Stop<E>>,
 }
 
 impl<M> Ensemble<M> {
@@ -77,11 +80,36 @@ impl<M, L> Ensemble<M, L> {
         initial: &[[f64; N]],
         t_end: f64,
         times: &[f64],
-    ) -> Result<Vec<Trajectory<N>>, Error>
+    ) -> Result<Vec<Trajectory<[f64; N]>>, Error>
     where
         F: Family<N>,
         L: Lanes,
         M: Method<f64, F::Of<f64>> + Method<L, F::Of<L>> + Sync,
+    {
+        self.run_from(&Generated::<F, N>(PhantomData), params, initial, t_end, times, |_| {})
+    }
+
+    /// [`run`](Self::run) with systems that are known at run time only. `progress` is told how many more trajectories are
+    /// done, by any thread.
+    ///
+    /// # Errors
+    ///
+    /// As [`run`](Self::run).
+    pub fn run_from<P, Y, E>(
+        &self,
+        source: &P,
+        params: &[impl AsRef<[f64]> + Sync],
+        initial: &[Y],
+        t_end: f64,
+        times: &[f64],
+        progress: impl Fn(usize) + Sync,
+    ) -> Result<Vec<Trajectory<Y, E>>, Error>
+    where
+        P: Source<f64, State = Y, Error = E> + Source<L, Error = E>,
+        Y: StateVector<f64> + Send + Sync,
+        E: Send,
+        L: Lanes,
+        M: Method<f64, <P as Source<f64>>::System> + Method<L, <P as Source<L>>::System> + Sync,
     {
         let n = match (params.len(), initial.len()) {
             (sets, states) if sets == states || states == 1 => sets,
@@ -92,22 +120,26 @@ impl<M, L> Ensemble<M, L> {
             let values = &params[if params.len() == 1 { 0 } else { k }];
             (values.as_ref(), &initial[if initial.len() == 1 { 0 } else { k }])
         };
-        let goal = Goal { method: self.method, options: self.options, start: self.start, t_end, times };
+        let goal =
+            Goal { source, method: self.method, options: self.options, start: self.start, t_end, times };
         let group = |first: usize| {
             let width = L::LANES.min(n - first);
-            let members: Vec<(&[f64], &[f64; N])> = (first..first + width).map(member).collect();
-            goal.together::<F::Of<L>, L, N>(&members).unwrap_or_else(|| {
-                members.iter().map(|&(values, y)| goal.alone::<F::Of<f64>, N>(values, y)).collect()
-            })
+            let members: Vec<(&[f64], &Y)> = (first..first + width).map(member).collect();
+            let done = goal
+                .together::<L, Y, E>(&members)
+                .unwrap_or_else(|| members.iter().map(|&(values, y)| goal.alone(values, y)).collect());
+            progress(width);
+            done
         };
-        let groups: Vec<Vec<Trajectory<N>>> =
+        let groups: Vec<Vec<Trajectory<Y, E>>> =
             (0..n.div_ceil(L::LANES)).into_par_iter().map(|g| group(g * L::LANES)).collect();
         Ok(groups.into_iter().flatten().collect())
     }
 }
 
 /// What every trajectory of an ensemble is asked for.
-struct Goal<'a, M> {
+struct Goal<'a, P, M> {
+    source: &'a P,
     method: M,
     options: Options<f64>,
     start: f64,
@@ -115,38 +147,43 @@ struct Goal<'a, M> {
     times: &'a [f64],
 }
 
-impl<M> Goal<'_, M> {
+impl<P, M: Copy> Goal<'_, P, M> {
     /// Trajectories side by side; none if anything fails, or if there is one lane only.
-    fn together<S, L: Lanes, const N: usize>(
-        &self,
-        members: &[(&[f64], &[f64; N])],
-    ) -> Option<Vec<Trajectory<N>>>
+    fn together<L: Lanes, Y, E>(&self, members: &[(&[f64], &Y)]) -> Option<Vec<Trajectory<Y, E>>>
     where
-        S: Scene<L, State = [L; N]>,
-        M: Method<L, S>,
+        P: Source<f64, State = Y, Error = E> + Source<L>,
+        Y: StateVector<f64>,
+        M: Method<L, <P as Source<L>>::System>,
     {
-        let n_params = members[0].0.len();
-        if L::LANES == 1 || members.iter().any(|(values, _)| values.len() != n_params) {
+        let (n_params, n_state) = (members[0].0.len(), members[0].1.as_slice().len());
+        let alike = |&(values, y): &(&[f64], &Y)| values.len() == n_params && y.as_slice().len() == n_state;
+        if L::LANES == 1 || !members.iter().all(alike) {
             return None;
         }
         // Lanes beyond the last trajectory repeat it.
         let of = |k: usize| members[k.min(members.len() - 1)];
         let values: Vec<L> = (0..n_params).map(|p| L::gather(|k| of(k).0[p])).collect();
-        let scene = S::prepare(&values).ok()?;
-        let initial: [L; N] = std::array::from_fn(|c| L::gather(|k| of(k).1[c]));
-        let scatter = |y: &[L; N], k: usize| -> [f64; N] { std::array::from_fn(|c| y[c].lane(k)) };
-        let mut samples = vec![Vec::with_capacity(self.times.len()); members.len()];
-        let keep = |y: &[L; N]| {
+        let system = Source::<L>::prepare(self.source, &values).ok()?;
+        let initial: Vec<L> = (0..n_state).map(|c| L::gather(|k| of(k).1.as_slice()[c])).collect();
+        let initial = Source::<L>::state(self.source, &initial);
+        let mut lane = vec![0.0; n_state];
+        let mut scatter = |y: &[L], k: usize| {
+            lane.iter_mut().zip(y).for_each(|(x, y)| *x = y.lane(k));
+            Source::<f64>::state(self.source, &lane)
+        };
+        let mut samples: Vec<Vec<Y>> = vec![Vec::with_capacity(self.times.len()); members.len()];
+        let start = L::from_f64(self.start);
+        let mut solver =
+            Integrator::new(&system, self.method, start, initial, lanewise(self.options)).ok()?;
+        let keep = |y: &<P as Source<L>>::State| {
             for (k, samples) in samples.iter_mut().enumerate() {
-                samples.push(scatter(y, k));
+                samples.push(scatter(y.as_slice(), k));
             }
         };
-        let start = L::from_f64(self.start);
-        let mut solver = Integrator::new(&scene, self.method, start, initial, lanewise(self.options)).ok()?;
         self.drive(&mut solver, keep).ok()?;
         let finish = |(k, samples)| Trajectory {
             t: self.t_end,
-            state: scatter(solver.state(), k),
+            state: scatter(solver.state().as_slice(), k),
             samples,
             stats: solver.stats(),
             stop: None,
@@ -155,23 +192,25 @@ impl<M> Goal<'_, M> {
     }
 
     /// One trajectory, with whatever becomes of it.
-    fn alone<S, const N: usize>(&self, values: &[f64], initial: &[f64; N]) -> Trajectory<N>
+    fn alone<Y, E>(&self, values: &[f64], initial: &Y) -> Trajectory<Y, E>
     where
-        S: Scene<f64, State = [f64; N]>,
-        M: Method<f64, S>,
+        P: Source<f64, State = Y, Error = E>,
+        Y: StateVector<f64>,
+        M: Method<f64, <P as Source<f64>>::System>,
     {
         let mut trajectory = Trajectory {
             t: self.start,
-            state: *initial,
+            state: initial.clone(),
             samples: Vec::with_capacity(self.times.len()),
             stats: Stats::default(),
             stop: None,
         };
-        let outcome = (|| -> Result<(), Stop> {
-            let scene = S::prepare(values)?;
-            let mut solver = Integrator::new(&scene, self.method, self.start, *initial, self.options)?;
-            let driven = self.drive(&mut solver, |y| trajectory.samples.push(*y));
-            (trajectory.t, trajectory.state) = (solver.t(), *solver.state());
+        let outcome = (|| -> Result<(), Stop<E>> {
+            let system = self.source.prepare(values).map_err(Stop::Params)?;
+            let mut solver =
+                Integrator::new(&system, self.method, self.start, initial.clone(), self.options)?;
+            let driven = self.drive(&mut solver, |y| trajectory.samples.push(y.clone()));
+            (trajectory.t, trajectory.state) = (solver.t(), solver.state().clone());
             trajectory.stats = solver.stats();
             Ok(driven?)
         })();
@@ -179,15 +218,11 @@ impl<M> Goal<'_, M> {
         trajectory
     }
 
-    fn drive<R: Lanes, S, K, const N: usize>(
+    fn drive<R: Lanes, S: System<R>, K: Method<R, S>>(
         &self,
         solver: &mut Integrator<'_, R, S, K>,
-        mut keep: impl FnMut(&[R; N]),
-    ) -> Result<(), IntegrationError>
-    where
-        S: Scene<R, State = [R; N]>,
-        K: Method<R, S>,
-    {
+        mut keep: impl FnMut(&S::State),
+    ) -> Result<(), IntegrationError> {
         let times = self.times.iter().map(|&t| R::from_f64(t));
         solver.sample(R::from_f64(self.t_end), times, |_, y| keep(y))
     }

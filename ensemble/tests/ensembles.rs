@@ -1,10 +1,14 @@
 //! Ensembles against integrators of single trajectories.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use hamel_ensemble::{
-    Dop853, Ensemble, Error, F64x8, Family, Lanes, Options, Rk4, Stop, Trajectory, Tsit5, family,
+    Dop853, Ensemble, Error, F64x8, Family, Lanes, Options, Rk4, Source, Stop, Trajectory, Tsit5, family,
 };
 use hamel_models::generated::heavy_top;
-use hamel_runtime::{Error as IntegrationError, Failure, Integrator, Method, Scene};
+use hamel_runtime::{
+    Error as IntegrationError, Failure, Integrator, Method, Real, Scene, StateVector, System,
+};
 
 family! { HeavyTop, 6 = hamel_models::generated::heavy_top::Prepared }
 
@@ -24,7 +28,7 @@ fn alone<F: Family<N>, M: Method<f64, F::Of<f64>>, const N: usize>(
     options: Options<f64>,
     params: &[f64],
     initial: [f64; N],
-) -> Trajectory<N> {
+) -> Trajectory<[f64; N]> {
     let scene = F::Of::<f64>::prepare(params).unwrap();
     let mut solver = Integrator::new(&scene, method, 0.0, initial, options).unwrap();
     let mut samples = Vec::new();
@@ -175,4 +179,68 @@ fn numbers_of_parameters_and_states_have_to_fit() {
             .iter()
             .all(|t| matches!(t.stop, Some(Stop::Integration(IntegrationError::OutsideInterval { .. }))))
     );
+}
+
+/// Decay of as many numbers as there are rates, which are known at run time only.
+struct Decay;
+
+#[derive(Clone, Debug, PartialEq)]
+struct Numbers<R>(Vec<R>);
+
+impl<R: Real> StateVector<R> for Numbers<R> {
+    fn as_slice(&self) -> &[R] {
+        &self.0
+    }
+    fn as_mut_slice(&mut self) -> &mut [R] {
+        &mut self.0
+    }
+}
+
+impl<R: Real> System<R> for Numbers<R> {
+    type State = Numbers<R>;
+    fn rhs(&self, _t: R, y: &Numbers<R>, dy: &mut Numbers<R>) {
+        for ((dy, y), rate) in dy.0.iter_mut().zip(&y.0).zip(&self.0) {
+            *dy = -*rate * *y;
+        }
+    }
+}
+
+impl<R: Real> Source<R> for Decay {
+    type State = Numbers<R>;
+    type System = Numbers<R>;
+    type Error = &'static str;
+
+    fn prepare(&self, params: &[R]) -> Result<Numbers<R>, &'static str> {
+        let rates = params.to_vec();
+        if rates.iter().all(|rate| rate.all_gt(R::ZERO)) { Ok(Numbers(rates)) } else { Err("rate > 0") }
+    }
+
+    fn state(&self, components: &[R]) -> Numbers<R> {
+        Numbers(components.to_vec())
+    }
+}
+
+#[test]
+fn systems_of_a_dimension_known_at_run_time_are_integrated_as_well() {
+    let params: Vec<[f64; 2]> = (0..10).map(|k| [f64::from(k) - 1.0, 0.5]).collect();
+    let done = AtomicUsize::new(0);
+    let ensemble = Ensemble::new(Dop853, Options::adaptive(1e-10, 1e-12));
+    let progress = |n: usize| {
+        done.fetch_add(n, Ordering::Relaxed);
+    };
+    let start = [Numbers(vec![1.0, 2.0])];
+    let results = ensemble.run_from(&Decay, &params, &start, 1.0, &[0.5], progress).unwrap();
+    assert_eq!((results.len(), done.into_inner()), (10, 10));
+    for (rates, trajectory) in params.iter().zip(&results) {
+        if rates[0] <= 0.0 {
+            assert_eq!(trajectory.stop, Some(Stop::Params("rate > 0")));
+            continue;
+        }
+        let expected = |t: f64| [(-rates[0] * t).exp(), 2.0 * (-rates[1] * t).exp()];
+        for (found, t) in [(&trajectory.samples[0], 0.5), (&trajectory.state, 1.0)] {
+            // Some steps at a tolerance of 1e-10.
+            let near = found.0.iter().zip(expected(t)).all(|(x, y)| (x - y).abs() < 1e-9);
+            assert!(near, "{found:?} for {:?}", expected(t));
+        }
+    }
 }

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::dynamics::{Factory, Info};
+use crate::ensemble::{EnsembleRequest, Member, integrate};
 use crate::error::Error;
 use crate::eval::{EvalRequest, EvalResponse, eval};
 use crate::simulate::{SimulateRequest, SimulateResponse, simulate};
@@ -28,6 +29,12 @@ pub trait Backend {
     /// # Errors
     /// As [`simulate`].
     fn simulate(&mut self, request: &SimulateRequest) -> Result<SimulateResponse, Error>;
+
+    /// Solutions from many initial states, in their order.
+    ///
+    /// # Errors
+    /// As [`integrate`].
+    fn ensemble(&mut self, request: &EnsembleRequest) -> Result<Vec<Member>, Error>;
 }
 
 /// A scene of this process.
@@ -54,6 +61,10 @@ impl<F: Factory> Backend for Local<F> {
 
     fn simulate(&mut self, request: &SimulateRequest) -> Result<SimulateResponse, Error> {
         simulate_with_bar(&self.factory, request)
+    }
+
+    fn ensemble(&mut self, request: &EnsembleRequest) -> Result<Vec<Member>, Error> {
+        integrate(&self.factory, request)
     }
 }
 

@@ -15,7 +15,7 @@ use serde_json::{Map, Value};
 use crate::backend::{Backend, Local};
 use crate::codegen_bridge::{self as bridge, Kind, Model};
 use crate::compiled::Remote;
-use crate::dynamics::Info;
+use crate::dynamics::{Factory as _, Info};
 use crate::error::{Error, Problem};
 use crate::eval::EvalRequest;
 use crate::files::{Run, Target};
@@ -517,29 +517,7 @@ pub fn simulate(workspace: &Workspace, choice: &Choice, arguments: &Simulation) 
         }
         return Err(Error::Request { problems });
     }
-    let params: Vec<f64> =
-        info.params.iter().map(|p| set.get(&p.name).copied().unwrap_or(p.default)).collect();
-    let all_params = bridge::all_params(&model, &choice.scene, &set);
-    let roles = bridge::roles(&model, &all_params);
-    let preferred = bridge::initial_values(&model, &all_params);
-    // A scene may leave the residual of the constraint out; the default scene has it.
-    let mut residuals = None;
-    if info.output_range("constraint").is_none() && !model.constraints.is_empty() {
-        let full = bridge::build(&model, bridge::DEFAULT_SCENE)?;
-        let full_info = crate::dynamics::Factory::info(&full);
-        if full_info.state == info.state && full_info.output_range("constraint").is_some() {
-            let values = full_info
-                .params
-                .iter()
-                .map(|p| all_params.get(&p.name).copied().unwrap_or(p.default))
-                .collect::<Vec<f64>>();
-            residuals = Some((Local::new(full), values));
-        }
-    }
-    let full_params = residuals.as_ref().map(|(_, values)| values.clone()).unwrap_or_default();
-    let other = residuals.as_mut().map(|(local, _)| local as &mut dyn Backend);
-    let initial = initial::state(&mut *backend, other, (&params, &full_params), &roles, &preferred, &given)?;
-
+    let (params, initial) = Starts::new(&model, &info)?.choose(&mut *backend, &set, &given)?;
     let samples = arguments.samples.unwrap_or(if targets.is_empty() { 0 } else { DEFAULT_SAMPLES });
     let request = SimulateRequest {
         params,
@@ -632,7 +610,52 @@ fn motion(model: &Model, arguments: &Report) -> Result<report::Motion, Error> {
     Ok(report::Motion { info, blocks: bridge::blocks(model), request, response, precision })
 }
 
-fn assignments(
+/// Chooses parameters and initial states of a scene.
+pub(crate) struct Starts<'a> {
+    model: &'a Model,
+    info: &'a Info,
+    /// Has the residual of the constraint where the scene itself leaves it out: the default scene.
+    residuals: Option<bridge::Built>,
+}
+
+impl<'a> Starts<'a> {
+    pub(crate) fn new(model: &'a Model, info: &'a Info) -> Result<Starts<'a>, Error> {
+        let mut residuals = None;
+        if info.output_range("constraint").is_none() && !model.constraints.is_empty() {
+            let full = bridge::build(model, bridge::DEFAULT_SCENE)?;
+            let full_info = full.info();
+            if full_info.state == info.state && full_info.output_range("constraint").is_some() {
+                residuals = Some(full);
+            }
+        }
+        Ok(Starts { model, info, residuals })
+    }
+
+    /// Parameters with those in `set`, and an initial state with the components in `given`; `backend` is that of the scene.
+    pub(crate) fn choose(
+        &self,
+        backend: &mut dyn Backend,
+        set: &BTreeMap<String, f64>,
+        given: &BTreeMap<String, f64>,
+    ) -> Result<(Vec<f64>, Vec<f64>), Error> {
+        let values = |info: &Info, of: &BTreeMap<String, f64>| -> Vec<f64> {
+            info.params.iter().map(|p| of.get(&p.name).copied().unwrap_or(p.default)).collect()
+        };
+        let params = values(self.info, set);
+        let all_params = bridge::all_params(self.model, &self.info.scene, set);
+        let roles = bridge::roles(self.model, &all_params);
+        let preferred = bridge::initial_values(self.model, &all_params);
+        let full_params =
+            self.residuals.as_ref().map(|full| values(full.info(), &all_params)).unwrap_or_default();
+        let mut other = self.residuals.as_ref().map(Local::new);
+        let other = other.as_mut().map(|local| local as &mut dyn Backend);
+        let initial = initial::state(backend, other, (&params, &full_params), &roles, &preferred, given)?;
+        Ok((params, initial))
+    }
+}
+
+/// Values by name, each once and known; `path` is the option that gave them.
+pub(crate) fn assignments(
     given: &[(String, f64)],
     path: &str,
     kind: &'static str,
@@ -700,8 +723,15 @@ pub fn test(workspace: &Workspace) -> Result<String, Error> {
     let downstream = workspace.root().join("tests/downstream");
     // They share one directory for what they compile: the generator above all.
     let compiled = workspace.root().join("target/downstream");
-    let steps: [(&str, &Path, &[&str], Option<&Path>); 3] = [
+    let steps: [(&str, &Path, &[&str], Option<&Path>); 4] = [
         ("cargo test --workspace", workspace.root(), &["test", "--workspace"], None),
+        // Apart, because the solvers of others bring much to compile.
+        (
+            "cargo test of the adapters",
+            workspace.root(),
+            &["test", "--package", "hamel-adapters", "--all-features"],
+            None,
+        ),
         ("cargo test in tests/downstream", &downstream, &["test", "--locked"], Some(&compiled)),
         (
             "cargo run in tests/downstream_no_std",

@@ -16,6 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::backend::{Backend, simulate_with_bar};
 use crate::dynamics::{Factory, Info};
+use crate::ensemble::{EnsembleRequest, Member, integrate};
 use crate::error::{Error, WireError};
 use crate::eval::{EvalRequest, EvalResponse, eval};
 use crate::simulate::{SimulateRequest, SimulateResponse};
@@ -40,6 +41,8 @@ enum Ask {
     Eval(EvalRequest),
     /// Integrate the chosen scene.
     Simulate(SimulateRequest),
+    /// Integrate the chosen scene many times.
+    Ensemble(EnsembleRequest),
 }
 
 /// What became of [`Ask::Open`].
@@ -97,6 +100,11 @@ impl Backend for Remote {
 
     fn simulate(&mut self, request: &SimulateRequest) -> Result<SimulateResponse, Error> {
         let answer: Answer<SimulateResponse> = self.process.ask(&Ask::Simulate(request.clone()))?;
+        Ok(answer?)
+    }
+
+    fn ensemble(&mut self, request: &EnsembleRequest) -> Result<Vec<Member>, Error> {
+        let answer: Answer<Vec<Member>> = self.process.ask(&Ask::Ensemble(request.clone()))?;
         Ok(answer?)
     }
 }
@@ -303,6 +311,10 @@ fn serve_on(
             }
             Ask::Simulate(request) => {
                 let answer = chosen.ok_or_else(not_open).and_then(|f| simulate_with_bar(f, &request));
+                say(serde_json::to_string(&answer.map_err(|e| WireError::from(&e))))?;
+            }
+            Ask::Ensemble(request) => {
+                let answer = chosen.ok_or_else(not_open).and_then(|f| integrate(f, &request));
                 say(serde_json::to_string(&answer.map_err(|e| WireError::from(&e))))?;
             }
         }

@@ -4,7 +4,9 @@
 
 use std::fmt;
 
-use hamel_runtime::{Failure, Jet, MAX_ORDER, ParamError, Scene, SceneInfo, StateVector, System};
+use hamel_runtime::{
+    F64x4, Failure, Jet, MAX_ORDER, ParamError, Real, Scene, SceneInfo, StateVector, System,
+};
 use serde::{Deserialize, Serialize};
 
 /// Names and meanings of all that a scene has.
@@ -137,8 +139,29 @@ pub trait Dynamics {
     fn check(&self, t: f64, y: &[f64]) -> Result<(), Failure>;
 }
 
-/// A scene whose parameters are still to be given.
-pub trait Factory {
+/// A scene with parameter values on four lanes, to be integrated; every lane has the bits of [`Dynamics`].
+///
+/// # Shapes
+/// As [`Dynamics`].
+pub trait LaneDynamics {
+    /// Writes the derivatives on all lanes.
+    fn rhs(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>);
+
+    /// As [`System::check`].
+    ///
+    /// # Errors
+    /// As [`System::check`], for any lane.
+    fn check(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure>;
+
+    /// As [`System::domain`].
+    ///
+    /// # Errors
+    /// As [`System::domain`], for any lane.
+    fn domain(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure>;
+}
+
+/// A scene whose parameters are still to be given; threads may share it.
+pub trait Factory: Sync {
     /// Names and meanings.
     fn info(&self) -> &Info;
 
@@ -147,6 +170,59 @@ pub trait Factory {
     /// # Errors
     /// The first condition on the parameters that does not hold.
     fn prepare(&self, values: &[f64]) -> Result<Box<dyn Dynamics + '_>, BadParams>;
+
+    /// Fixes the parameters on four lanes; one lane after the other unless the scene has been compiled for lanes.
+    ///
+    /// # Errors
+    /// As [`Factory::prepare`], for any lane.
+    fn prepare_lanes(&self, values: &[F64x4]) -> Result<Box<dyn LaneDynamics + '_>, BadParams> {
+        let lanes = (0..F64x4::LANES).map(|k| self.prepare(&lane(values, k)));
+        Ok(Box::new(SideBySide(lanes.collect::<Result<_, _>>()?)))
+    }
+}
+
+impl<F: Factory + ?Sized> Factory for &F {
+    fn info(&self) -> &Info {
+        (**self).info()
+    }
+
+    fn prepare(&self, values: &[f64]) -> Result<Box<dyn Dynamics + '_>, BadParams> {
+        (**self).prepare(values)
+    }
+
+    fn prepare_lanes(&self, values: &[F64x4]) -> Result<Box<dyn LaneDynamics + '_>, BadParams> {
+        (**self).prepare_lanes(values)
+    }
+}
+
+/// Lanes of which each has dynamics of its own.
+struct SideBySide<'a>(Vec<Box<dyn Dynamics + 'a>>);
+
+fn lane(values: &[F64x4], k: usize) -> Vec<f64> {
+    values.iter().map(|x| x.lane(k)).collect()
+}
+
+impl LaneDynamics for SideBySide<'_> {
+    fn rhs(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>) {
+        let mut lanes = [const { Vec::new() }; F64x4::LANES];
+        for (k, (dynamics, out)) in self.0.iter().zip(&mut lanes).enumerate() {
+            out.resize(y.0.len(), 0.0);
+            Dynamics::rhs(&**dynamics, t.lane(k), &lane(&y.0, k), out);
+        }
+        for (at, dy) in dy.0.iter_mut().enumerate() {
+            *dy = F64x4::new(std::array::from_fn(|k| lanes[k][at]));
+        }
+    }
+
+    fn check(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure> {
+        let lanes = self.0.iter().enumerate();
+        lanes.into_iter().try_for_each(|(k, d)| System::check(d, t.lane(k), &VecState(lane(&y.0, k))))
+    }
+
+    fn domain(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure> {
+        let lanes = self.0.iter().enumerate();
+        lanes.into_iter().try_for_each(|(k, d)| System::domain(d, t.lane(k), &VecState(lane(&y.0, k))))
+    }
 }
 
 /// Parameter values that the model does not allow.
@@ -173,14 +249,14 @@ impl From<ParamError> for BadParams {
 
 /// A state whose dimension is known at run time only.
 #[derive(Clone, Debug, PartialEq)]
-pub struct VecState(pub Vec<f64>);
+pub struct VecState<R = f64>(pub Vec<R>);
 
-impl StateVector<f64> for VecState {
-    fn as_slice(&self) -> &[f64] {
+impl<R: Real> StateVector<R> for VecState<R> {
+    fn as_slice(&self) -> &[R] {
         &self.0
     }
 
-    fn as_mut_slice(&mut self) -> &mut [f64] {
+    fn as_mut_slice(&mut self) -> &mut [R] {
         &mut self.0
     }
 }
@@ -207,6 +283,48 @@ impl Jet<f64> for dyn Dynamics + '_ {
             // The integrator reports what is not finite; who drives it asks first whether there are series.
             out.iter_mut().for_each(|state| state.0.fill(f64::NAN));
         }
+    }
+}
+
+impl System<f64> for Box<dyn Dynamics + '_> {
+    type State = VecState;
+
+    fn rhs(&self, t: f64, y: &VecState, dy: &mut VecState) {
+        System::rhs(&**self, t, y, dy);
+    }
+
+    fn check(&self, t: f64, y: &VecState) -> Result<(), Failure> {
+        System::check(&**self, t, y)
+    }
+
+    fn domain(&self, t: f64, y: &VecState) -> Result<(), Failure> {
+        System::domain(&**self, t, y)
+    }
+}
+
+impl Jet<f64> for Box<dyn Dynamics + '_> {
+    type Workspace = ();
+
+    fn workspace(&self) {}
+
+    fn series(&self, t: f64, y: &VecState, workspace: &mut (), out: &mut [VecState]) {
+        Jet::series(&**self, t, y, workspace, out);
+    }
+}
+
+impl System<F64x4> for Box<dyn LaneDynamics + '_> {
+    type State = VecState<F64x4>;
+
+    fn rhs(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>) {
+        (**self).rhs(t, y, dy);
+    }
+
+    fn check(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure> {
+        (**self).check(t, y)
+    }
+
+    fn domain(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure> {
+        (**self).domain(t, y)
     }
 }
 
@@ -240,13 +358,80 @@ impl<S: Scene<f64> + System<f64, State = [f64; N]>, const N: usize> Factory for 
     }
 }
 
+/// A scene known at compile time on one lane, `S`, and on four, `W`, behind [`Factory`].
+#[derive(Debug)]
+pub struct TypedOnLanes<S, W, const N: usize> {
+    single: Typed<S, N>,
+    wide: std::marker::PhantomData<fn() -> W>,
+}
+
+impl<S, W, const N: usize> TypedOnLanes<S, W, N>
+where
+    S: Scene<f64> + System<f64, State = [f64; N]>,
+    W: Scene<F64x4> + System<F64x4, State = [F64x4; N]>,
+{
+    /// The scene.
+    pub fn new() -> Self {
+        TypedOnLanes { single: Typed::new(), wide: std::marker::PhantomData }
+    }
+}
+
+impl<S, W, const N: usize> Default for TypedOnLanes<S, W, N>
+where
+    S: Scene<f64> + System<f64, State = [f64; N]>,
+    W: Scene<F64x4> + System<F64x4, State = [F64x4; N]>,
+{
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<S, W, const N: usize> Factory for TypedOnLanes<S, W, N>
+where
+    S: Scene<f64> + System<f64, State = [f64; N]>,
+    W: Scene<F64x4> + System<F64x4, State = [F64x4; N]>,
+{
+    fn info(&self) -> &Info {
+        self.single.info()
+    }
+
+    fn prepare(&self, values: &[f64]) -> Result<Box<dyn Dynamics + '_>, BadParams> {
+        self.single.prepare(values)
+    }
+
+    fn prepare_lanes(&self, values: &[F64x4]) -> Result<Box<dyn LaneDynamics + '_>, BadParams> {
+        struct Prepared<W>(W);
+        impl<W, const N: usize> LaneDynamics for Prepared<W>
+        where
+            W: System<F64x4, State = [F64x4; N]>,
+        {
+            fn rhs(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>) {
+                self.0.rhs(t, array(&y.0), array_mut(&mut dy.0));
+            }
+
+            fn check(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure> {
+                self.0.check(t, array(&y.0))
+            }
+
+            fn domain(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure> {
+                self.0.domain(t, array(&y.0))
+            }
+        }
+        Ok(Box::new(Prepared(W::prepare(values)?)))
+    }
+}
+
 struct PreparedTyped<'a, S> {
     info: &'a Info,
     scene: S,
 }
 
-fn array<const N: usize>(y: &[f64]) -> &[f64; N] {
+fn array<R, const N: usize>(y: &[R]) -> &[R; N] {
     y.try_into().expect("state of the scene's dimension")
+}
+
+fn array_mut<R, const N: usize>(dy: &mut [R]) -> &mut [R; N] {
+    dy.try_into().expect("derivative of the scene's dimension")
 }
 
 impl<S: Scene<f64> + System<f64, State = [f64; N]>, const N: usize> Dynamics for PreparedTyped<'_, S> {
@@ -255,8 +440,7 @@ impl<S: Scene<f64> + System<f64, State = [f64; N]>, const N: usize> Dynamics for
     }
 
     fn rhs(&self, t: f64, y: &[f64], dy: &mut [f64]) {
-        let dy = dy.try_into().expect("derivative of the scene's dimension");
-        System::rhs(&self.scene, t, array(y), dy);
+        System::rhs(&self.scene, t, array(y), array_mut(dy));
     }
 
     fn energy(&self, t: f64, y: &[f64]) -> Option<f64> {

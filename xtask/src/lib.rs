@@ -12,6 +12,7 @@ pub mod codegen_bridge;
 pub mod commands;
 pub mod compiled;
 pub mod dynamics;
+pub mod ensemble;
 pub mod error;
 pub mod eval;
 pub mod files;

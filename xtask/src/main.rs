@@ -8,6 +8,7 @@ use clap::{Args, CommandFactory as _, Parser, Subcommand};
 use clap_complete::Shell;
 use xtask::bench::{self, TargetCpu};
 use xtask::commands::{self, Aspect, Choice, Report, Simulation, Via};
+use xtask::ensemble::{self, Spread, Sweep, Width};
 use xtask::error::Error;
 use xtask::package;
 use xtask::simulate::MethodName;
@@ -159,6 +160,26 @@ Examples:
     | cargo xtask simulate chaplygin_sleigh --json"
     )]
     Simulate(SimulateArgs),
+    /// Integrate a model many times, with parameters and initial states that vary; write a table
+    ///
+    /// What varies takes every value of a grid (--sweep), is drawn at random (--spread), or is read from a table (--table).
+    /// Several of these are combined: every line of the table, with every point of the grid, --count times. What is drawn
+    /// depends on the seed, the name and the number of the trajectory alone. The rest of a state is chosen as by simulate,
+    /// for each trajectory anew, so that constraints hold.
+    ///
+    /// Four trajectories are integrated side by side in the registers of a core, and the cores share the work; results
+    /// depend on neither the number of threads nor --via. A trajectory that stops keeps its last state, the reason is in
+    /// the column `error`, and the others go on. Integration starts at t = 0.
+    #[command(
+        arg_required_else_help = true,
+        after_help = "\
+Examples:
+  cargo xtask ensemble heavy_top --sweep Omega3=0..20:101 --t-final 5 -o tops.csv
+  cargo xtask ensemble heavy_top --spread m=0.05 Omega1=-0.1..0.1 --count 1000 --seed 7 --samples 101 -o tops.npz
+  cargo xtask ensemble heavy_top --sweep m=log:0.1..10:5 l=0.1..1:5 --method tsit5 --rtol 1e-6 --atol 1e-8 -o grid.csv
+  cargo xtask ensemble euler_disk --table starts.csv --set m=2 -o disks.csv"
+    )]
+    Ensemble(EnsembleArgs),
     /// Measure the generated code beside other ways to the same numbers
     Bench {
         #[command(subcommand)]
@@ -324,19 +345,15 @@ impl SceneArgs {
     }
 }
 
+/// From where to where, and how.
 #[derive(Args)]
-struct SimulateArgs {
-    #[command(flatten)]
-    scene: SceneArgs,
+struct MotionArgs {
     /// Parameters that differ from the model's defaults
     #[arg(long, value_name = "NAME=VALUE", num_args = 1.., value_parser = assignment)]
     set: Vec<(String, f64)>,
     /// Components of the initial state; the others keep their default
     #[arg(long, value_name = "NAME=VALUE", num_args = 1.., value_parser = assignment)]
     initial: Vec<(String, f64)>,
-    /// Integrate position and attitude (the coordinates of the group) as well; --initial takes them then
-    #[arg(long)]
-    reconstruct: bool,
     /// Time to integrate to, from 0; negative for backward
     #[arg(long, value_name = "T", default_value_t = 10.0, allow_negative_numbers = true)]
     t_final: f64,
@@ -352,6 +369,53 @@ struct SimulateArgs {
     /// Fixed step size instead of tolerances
     #[arg(long, value_name = "H")]
     step: Option<f64>,
+}
+
+#[derive(Args)]
+struct EnsembleArgs {
+    #[command(flatten)]
+    scene: SceneArgs,
+    /// Parameter or component of the initial state that takes N values from A to B, or with equal ratios from log:A to B
+    #[arg(long, value_name = "NAME=[log:]A..B:N", num_args = 1.., value_parser = Sweep::parse)]
+    sweep: Vec<Sweep>,
+    /// Parameter or component to draw: normally distributed around its value with standard deviation SIGMA, or
+    /// uniformly from A..B, or with a uniform logarithm from log:A..B
+    #[arg(long, value_name = "NAME=SIGMA|[log:]A..B", num_args = 1.., requires = "count", value_parser = Spread::parse)]
+    spread: Vec<Spread>,
+    /// Number of draws, for each line of the table and point of the grid
+    #[arg(long, value_name = "N", requires = "spread")]
+    count: Option<usize>,
+    /// Seed of what is drawn
+    #[arg(long, default_value_t = 0, requires = "spread")]
+    seed: u64,
+    /// File (CSV) of parameters and components of initial states: a line of names, then a line for each trajectory
+    #[arg(long, value_name = "FILE")]
+    table: Option<PathBuf>,
+    #[command(flatten)]
+    motion: MotionArgs,
+    /// Number of samples of each trajectory at equal distances, both ends included; a single one is the end
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    samples: usize,
+    /// Trajectories side by side in a core, with common steps; explicit methods only, the others take one at a time
+    #[arg(long, value_enum, default_value_t)]
+    lanes: Width,
+    /// Number of threads; results do not depend on it [default: that of the cores]
+    #[arg(long, value_name = "N")]
+    threads: Option<usize>,
+    /// File to write: .csv or .npz; may be repeated
+    #[arg(short, long = "output", value_name = "FILE", required = true)]
+    output: Vec<PathBuf>,
+}
+
+#[derive(Args)]
+struct SimulateArgs {
+    #[command(flatten)]
+    scene: SceneArgs,
+    #[command(flatten)]
+    motion: MotionArgs,
+    /// Integrate position and attitude (the coordinates of the group) as well; --initial takes them then
+    #[arg(long)]
+    reconstruct: bool,
     /// Number of samples in files, at equal distances, both ends included [default: 1001]
     #[arg(long, value_name = "N")]
     samples: Option<usize>,
@@ -423,18 +487,39 @@ fn run(task: Task) -> Result<String, Error> {
         Task::Simulate(args) if args.json => commands::simulate_json(&workspace, &args.scene.choice()),
         Task::Simulate(args) => {
             let simulation = Simulation {
-                set: args.set,
-                initial: args.initial,
+                set: args.motion.set,
+                initial: args.motion.initial,
                 reconstruct: args.reconstruct,
-                t_final: args.t_final,
-                method: args.method,
-                rtol: args.rtol,
-                atol: args.atol,
-                step: args.step,
+                t_final: args.motion.t_final,
+                method: args.motion.method,
+                rtol: args.motion.rtol,
+                atol: args.motion.atol,
+                step: args.motion.step,
                 samples: args.samples,
                 outputs: args.output,
             };
             commands::simulate(&workspace, &args.scene.choice(), &simulation)
+        }
+        Task::Ensemble(args) => {
+            let arguments = ensemble::Arguments {
+                sweep: args.sweep,
+                spread: args.spread,
+                count: args.count,
+                seed: args.seed,
+                table: args.table,
+                set: args.motion.set,
+                initial: args.motion.initial,
+                t_final: args.motion.t_final,
+                method: args.motion.method,
+                rtol: args.motion.rtol,
+                atol: args.motion.atol,
+                step: args.motion.step,
+                samples: args.samples,
+                width: args.lanes,
+                threads: args.threads,
+                outputs: args.output,
+            };
+            ensemble::ensemble(&workspace, &args.scene.choice(), &arguments)
         }
         Task::Bench { what: Bench::Rhs { models, rounds, target_cpu } } => {
             let target_cpu = target_cpu.unwrap_or_else(TargetCpu::of_host);

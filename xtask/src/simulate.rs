@@ -126,6 +126,29 @@ impl Steps {
             }
         }
     }
+
+    /// Options of an integration to `t_final`.
+    ///
+    /// # Errors
+    /// [`Error::Options`] for a time that is not finite, and for far too many steps.
+    pub fn options(self, t_final: f64) -> Result<Options<f64>, Error> {
+        if !t_final.is_finite() {
+            return Err(Error::Options { reason: format!("t_final is {t_final}: give a finite time") });
+        }
+        match self {
+            Steps::Adaptive { rtol, atol } => Ok(Options::adaptive(rtol, atol).with_max_steps(MAX_STEPS)),
+            Steps::Fixed { step } => {
+                let n_steps = (t_final / step).abs();
+                if step > 0.0 && n_steps > 20.0 * MAX_STEPS as f64 {
+                    let reason = format!(
+                        "step {step:?} is too small for t_final = {t_final:?}: it needs {n_steps:.1e} steps"
+                    );
+                    return Err(Error::Options { reason });
+                }
+                Ok(Options::fixed(step).with_max_steps(u64::MAX))
+            }
+        }
+    }
 }
 
 /// What to integrate, in the order of [`Info`]; it starts at time zero.
@@ -310,11 +333,7 @@ impl SimulateRequest {
 
     /// Time of a sample.
     fn sample_time(&self, k: usize) -> f64 {
-        if k + 1 >= self.samples {
-            self.t_final
-        } else {
-            self.t_final * (k as f64 / (self.samples - 1) as f64)
-        }
+        sample_time(self.t_final, self.samples, k)
     }
 }
 
@@ -341,6 +360,11 @@ impl SimulateResponse {
         }
         answer.into()
     }
+}
+
+/// Time of sample `k` of `samples` at equal distances from zero to `t_final`, both included; a single one is the end.
+pub fn sample_time(t_final: f64, samples: usize, k: usize) -> f64 {
+    if k + 1 >= samples { t_final } else { t_final * (k as f64 / (samples - 1) as f64) }
 }
 
 /// Scale to which the drift of the energy is relative: `|E0|`, or a thousandth of the size of the terms that `E0` is
@@ -393,17 +417,28 @@ pub fn simulate(
         MethodName::Gauss8 => run(Gauss8::fixed_point(), dynamics, request, progress),
         MethodName::Dopri5 => run(Dopri5, dynamics, request, progress),
         MethodName::Rk4 => run(Rk4, dynamics, request, progress),
-        MethodName::Taylor if !dynamics.series(0.0, &request.initial, &mut []) => {
-            let info = dynamics.info();
-            let reason = format!(
-                "method taylor: scene {} of {} was compiled without Taylor series: choose a scene that wants \
-                 `taylor`, or --via interpreter",
-                info.scene, info.model
-            );
-            Err(Error::Options { reason })
+        MethodName::Taylor => {
+            has_series(dynamics, &request.initial)?;
+            run(Taylor::new(), dynamics, request, progress)
         }
-        MethodName::Taylor => run(Taylor::new(), dynamics, request, progress),
     }
+}
+
+/// Whether a scene has the series that the method `taylor` needs.
+///
+/// # Errors
+/// [`Error::Options`] when it has not.
+pub fn has_series(dynamics: &dyn Dynamics, y: &[f64]) -> Result<(), Error> {
+    if dynamics.series(0.0, y, &mut []) {
+        return Ok(());
+    }
+    let info = dynamics.info();
+    let reason = format!(
+        "method taylor: scene {} of {} was compiled without Taylor series: choose a scene that wants `taylor`, or \
+         --via interpreter",
+        info.scene, info.model
+    );
+    Err(Error::Options { reason })
 }
 
 fn run<'d, M: Method<f64, &'d dyn Dynamics>>(
@@ -413,23 +448,7 @@ fn run<'d, M: Method<f64, &'d dyn Dynamics>>(
     progress: &mut dyn FnMut(f64),
 ) -> Result<SimulateResponse, Error> {
     let info = dynamics.info();
-    if !request.t_final.is_finite() {
-        return Err(Error::Options { reason: format!("t_final is {}: give a finite time", request.t_final) });
-    }
-    let options = match request.steps {
-        Steps::Adaptive { rtol, atol } => Options::adaptive(rtol, atol).with_max_steps(MAX_STEPS),
-        Steps::Fixed { step } => {
-            let n_steps = (request.t_final / step).abs();
-            if step > 0.0 && n_steps > 20.0 * MAX_STEPS as f64 {
-                let reason = format!(
-                    "step {step:?} is too small for t_final = {:?}: it needs {n_steps:.1e} steps",
-                    request.t_final
-                );
-                return Err(Error::Options { reason });
-            }
-            Options::fixed(step).with_max_steps(u64::MAX)
-        }
-    };
+    let options = request.steps.options(request.t_final)?;
     let start = |error: SolverError| match error {
         SolverError::Failure(failure) => {
             Error::State { path: "initial".into(), reason: describe(info, failure) }
@@ -492,7 +511,12 @@ fn run<'d, M: Method<f64, &'d dyn Dynamics>>(
 }
 
 fn stopped(info: &Info, t: f64, y: &[f64], error: &SolverError) -> Error {
-    let reason = match *error {
+    stopped_because(info, t, y, why_stopped(info, error))
+}
+
+/// Why an integration could not go on, in the words of the scene.
+pub fn why_stopped(info: &Info, error: &SolverError) -> String {
+    match *error {
         SolverError::Failure(failure) => describe(info, failure),
         SolverError::StepTooSmall { h, .. } => format!(
             "the error estimate asks for steps of {h:e}, which no longer change the time: the solution may be singular \
@@ -503,8 +527,7 @@ fn stopped(info: &Info, t: f64, y: &[f64], error: &SolverError) -> Error {
         }
         // Non-finite end times are the request's fault and found before the first step.
         other => other.to_string(),
-    };
-    stopped_because(info, t, y, reason)
+    }
 }
 
 fn stopped_because(info: &Info, t: f64, y: &[f64], reason: String) -> Error {

@@ -135,8 +135,19 @@ fn a_reconstructed_simulation_draws_the_path() {
 
 #[test]
 fn every_command_has_help_with_an_example() {
-    let commands =
-        ["new", "generate", "list", "explain", "eval", "simulate", "test", "package", "completions", "man"];
+    let commands = [
+        "new",
+        "generate",
+        "list",
+        "explain",
+        "eval",
+        "simulate",
+        "ensemble",
+        "test",
+        "package",
+        "completions",
+        "man",
+    ];
     for command in commands {
         let out = xtask(&[command, "--help"], "");
         assert!(out.status.success());
@@ -146,7 +157,7 @@ fn every_command_has_help_with_an_example() {
 
 #[test]
 fn a_command_without_arguments_explains_itself() {
-    for command in ["new", "explain", "eval", "simulate"] {
+    for command in ["new", "explain", "eval", "simulate", "ensemble"] {
         let out = xtask(&[command], "");
         assert_eq!(out.status.code(), Some(2));
         assert_eq!(text(&out.stdout), "");

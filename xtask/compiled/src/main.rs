@@ -1,13 +1,17 @@
-//! Answers `eval` and `simulate` of `cargo xtask` with the compiled models; started by it, not by hand.
+//! Answers `eval`, `simulate` and `ensemble` of `cargo xtask` with the compiled models; started by it, not by hand.
 
 use std::process::ExitCode;
 
-use xtask::dynamics::{Factory, Typed};
+use hamel_models::generated;
+use hamel_runtime::F64x4;
+use xtask::dynamics::{Factory, TypedOnLanes};
 
 /// Collects a factory for every scene that was generated.
 macro_rules! factories {
     ($(($module:ident, $model:literal, $scene:literal, $n:literal))*) => {
-        vec![$(Box::new(Typed::<hamel_models::generated::$module::Prepared<f64>, $n>::new()) as Box<dyn Factory>),*]
+        vec![$(Box::new(TypedOnLanes::<
+            generated::$module::Prepared<f64>, generated::$module::Prepared<F64x4>, $n,
+        >::new()) as Box<dyn Factory>),*]
     };
 }
 
