@@ -5,8 +5,8 @@
 use std::collections::BTreeMap;
 
 use hamel_runtime::{
-    Dop853, Dopri5, Error as SolverError, Gauss4, Gauss6, Gauss8, Integrator, Method, Options, Rk4, Taylor,
-    Tsit5, Vern9,
+    Dop853, Dopri5, Error as SolverError, Gauss4, Gauss6, Gauss8, Integrator, Method, Options, Projected, Rk4,
+    Taylor, Tsit5, Vern9,
 };
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
@@ -40,11 +40,13 @@ pub enum MethodName {
     Gauss8,
     /// Taylor series of an order that suits the tolerances.
     Taylor,
+    /// Verner's method with a projection onto the invariants of the motion after every step.
+    Projected,
 }
 
 impl MethodName {
     /// All methods.
-    pub const ALL: [MethodName; 9] = [
+    pub const ALL: [MethodName; 10] = [
         MethodName::Tsit5,
         MethodName::Dop853,
         MethodName::Vern9,
@@ -54,6 +56,7 @@ impl MethodName {
         MethodName::Gauss6,
         MethodName::Gauss8,
         MethodName::Taylor,
+        MethodName::Projected,
     ];
 
     /// The name in requests.
@@ -68,6 +71,7 @@ impl MethodName {
             MethodName::Gauss6 => "gauss6",
             MethodName::Gauss8 => "gauss8",
             MethodName::Taylor => "taylor",
+            MethodName::Projected => "projected",
         }
     }
 
@@ -193,6 +197,8 @@ pub struct SimulateResponse {
     pub seconds: f64,
 }
 
+/// Most invariants that are projected onto.
+const MAX_INVARIANTS: usize = 64;
 /// Most samples of one run.
 const MAX_SAMPLES: usize = 10_000_000;
 /// Most steps of one run, attempted ones included.
@@ -206,8 +212,16 @@ impl SimulateRequest {
     /// # Errors
     /// [`Error::NotJson`].
     pub fn asks_to_reconstruct(text: &str) -> Result<bool, Error> {
-        let Json::Object(entries) = Json::parse(text)? else { return Ok(false) };
-        Ok(entries.iter().any(|(name, value)| name == "reconstruct" && *value != Json::Null))
+        has_field(text, "reconstruct", |value| *value != Json::Null)
+    }
+
+    /// Whether a request's method is [`MethodName::Projected`], so that the scene has to have its invariants.
+    ///
+    /// # Errors
+    /// [`Error::NotJson`].
+    pub fn asks_to_project(text: &str) -> Result<bool, Error> {
+        let projected = Json::String(MethodName::Projected.name().to_owned());
+        has_field(text, "method", |value| *value == projected)
     }
 
     /// Reads `{"params", "initial", "t_final", "method", "rtol", "atol" or "step", "samples"}`.
@@ -318,6 +332,12 @@ impl SimulateRequest {
     }
 }
 
+/// Whether an object has a field with such a value.
+fn has_field(text: &str, name: &str, is_such: impl Fn(&Json) -> bool) -> Result<bool, Error> {
+    let Json::Object(entries) = Json::parse(text)? else { return Ok(false) };
+    Ok(entries.iter().any(|(field, value)| field == name && is_such(value)))
+}
+
 impl SimulateResponse {
     /// `{"t", "final", "samples", "steps", "rejected", "rhs_evals", "energy_drift"}`.
     ///
@@ -403,7 +423,30 @@ pub fn simulate(
             Err(Error::Options { reason })
         }
         MethodName::Taylor => run(Taylor::new(), dynamics, request, progress),
+        MethodName::Projected => {
+            // Storage has a size known to the compiler: rounded up, with invariants that are always met.
+            match dynamics.n_invariants() {
+                Some(1..=4) => run(Projected::<_, 4>::new(Vern9), dynamics, request, progress),
+                Some(5..=16) => run(Projected::<_, 16>::new(Vern9), dynamics, request, progress),
+                Some(17..=MAX_INVARIANTS) => {
+                    run(Projected::<_, MAX_INVARIANTS>::new(Vern9), dynamics, request, progress)
+                }
+                n_invariants => Err(not_projected(dynamics.info(), n_invariants)),
+            }
+        }
     }
+}
+
+fn not_projected(info: &Info, n_invariants: Option<usize>) -> Error {
+    let reason = match n_invariants {
+        None => "was compiled without its invariants: choose a scene that wants `invariants`, or --via interpreter"
+            .to_owned(),
+        Some(0) => "has no invariant besides components of its state: choose another method, or claim one that you \
+                    know with `casimir name = ..;`"
+            .to_owned(),
+        Some(n) => format!("has {n} invariants, but at most {MAX_INVARIANTS} can be kept: choose another method"),
+    };
+    Error::Options { reason: format!("method projected: scene {} of {} {reason}", info.scene, info.model) }
 }
 
 fn run<'d, M: Method<f64, &'d dyn Dynamics>>(

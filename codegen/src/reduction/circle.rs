@@ -7,14 +7,14 @@
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use num_traits::{Signed, ToPrimitive};
+use num_traits::{One, Signed, ToPrimitive};
 
 use crate::algebra::Algebroid;
-use crate::expr::{DivisionByZero, ExprId, Func, Graph, Node, Rational, SymbolId};
+use crate::expr::{DivisionByZero, ExprId, Func, Graph, Node, Rational, Style, SymbolId};
 use crate::spec::{self, Coordinate, Diagnostics, Domain, Model, NamedVector, Span, circle_names};
 
 use super::constraint::{AccelerationSource, KinematicConstraint};
-use super::front_end::{ReducedSystem, StateKind};
+use super::front_end::{DomainCondition, ReducedSystem, StateKind};
 
 /// An angle that a base carries as the point `(cos, sin)` of the unit circle.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -90,6 +90,11 @@ pub fn with_circles(
         let rewritten = rewritten.filter(|e| still_in(&graph, &turned, *e).is_none());
         system.signs.extend(rewritten.map(|e| (e, sign)));
     }
+    let on_line: Vec<SymbolId> = turned.iter().map(|t| t.angle).collect();
+    system.domains.retain(|condition| {
+        graph.free_symbols(condition.positive).iter().all(|symbol| !on_line.contains(symbol))
+    });
+    system.domains.extend(turned.iter().filter_map(|t| domain_of(&mut graph, t)));
     system.graph = graph;
     if !problems.is_empty() {
         return Err(model.diagnostics(problems));
@@ -117,6 +122,7 @@ struct Turned {
     circle: Circle,
     /// `c`, `s`.
     point: [ExprId; 2],
+    domain: Domain,
     /// The angle as a function of the point, where its domain has a continuous one.
     value: Option<ExprId>,
     doc: String,
@@ -134,7 +140,8 @@ impl Turned {
         let point = [g.sym(cosine), g.sym(sine)];
         let value = angle_of(g, point, coordinate.domain);
         let circle = Circle { angle: coordinate.name.clone(), cosine, sine };
-        Turned { angle: coordinate.symbol, circle, point, value, doc: coordinate.doc.clone() }
+        let (angle, domain, doc) = (coordinate.symbol, coordinate.domain, coordinate.doc.clone());
+        Turned { angle, circle, point, domain, value, doc }
     }
 }
 
@@ -162,6 +169,27 @@ fn angle_of(g: &mut Graph, [c, s]: [ExprId; 2], domain: Domain) -> Option<ExprId
     let pi = g.pi();
     let middle = (pi, Rational::new(quarters.into(), 2.into()));
     Some(g.linear_combination(&[middle, (half, Rational::from_integer(2.into()))]))
+}
+
+/// `low < theta < high` as `cos(theta - m) > cos(w)` with the middle `m` and half the length `w`, for known ends less than a
+/// turn apart.
+fn domain_of(g: &mut Graph, turned: &Turned) -> Option<DomainCondition> {
+    let Domain::Interval(low, high) = turned.domain else { return None };
+    let none = BTreeMap::new();
+    let (from, to) = (g.eval_f64(low, &none)?, g.eval_f64(high, &none)?);
+    if to - from >= 2.0 * PI {
+        return None;
+    }
+    let half = Rational::new(1.into(), 2.into());
+    let (minus_half, theta) = (-half.clone(), g.sym(turned.angle));
+    let apart =
+        g.linear_combination(&[(theta, Rational::one()), (low, minus_half.clone()), (high, minus_half.clone())]);
+    let width = g.linear_combination(&[(high, half), (low, minus_half)]);
+    let [inside, end] = [apart, width].map(|angle| g.func(Func::Cos, angle));
+    let inside = on_circles(g, std::slice::from_ref(turned), inside).ok()?;
+    let [low, high] = [low, high].map(|end| g.display(end, Style::Plain));
+    let text = format!("{low} < {} < {high}", turned.circle.angle);
+    Some(DomainCondition { text, positive: g.sub(inside, end) })
 }
 
 /// `e` with sines and cosines of the angles as polynomials in the points.
