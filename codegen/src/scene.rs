@@ -38,7 +38,8 @@ pub struct BuiltScene {
     pub name: String,
     /// What was derived.
     pub equations: Equations,
-    /// What was lowered: functions `rhs`, `energy` (when wanted), `check`, `domain` (where there is one), then one per output and per product.
+    /// What was lowered: functions `rhs`, `energy` (when wanted), `check`, one per output and per product, then `domain` where there is
+    /// one.
     pub program: Program,
     /// The state of this scene: that of the model without what is left out, with what is reconstructed.
     pub state: Vec<StateEquation>,
@@ -509,6 +510,10 @@ fn lower_scene(
         requests.push(Request { name: "energy".into(), results });
     }
     requests.push(Request { name: "check".into(), results: moving_pivots });
+    for output in &outputs {
+        requests.push(Request { name: output.name.clone(), results: output.components.clone() });
+    }
+    requests.extend(derivatives.requests);
     let carried: BTreeSet<SymbolId> = inputs.state.iter().copied().collect();
     let left_out: BTreeSet<SymbolId> =
         system.algebroid.base().iter().filter(|x| !carried.contains(x)).copied().collect();
@@ -517,10 +522,6 @@ fn lower_scene(
     if !results.is_empty() {
         requests.push(Request { name: "domain".into(), results });
     }
-    for output in &outputs {
-        requests.push(Request { name: output.name.clone(), results: output.components.clone() });
-    }
-    requests.extend(derivatives.requests);
     let results = requests.iter().flat_map(|r| r.results.iter().map(|(_, e)| *e));
     let roots: Vec<ExprId> = results.chain(conditions.iter().flat_map(|c| [c.greater, c.less])).collect();
     let mut sections = equations.sections.clone();

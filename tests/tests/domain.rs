@@ -1,5 +1,7 @@
 //! Domains of coordinates: leaving one is a typed error that names the coordinate, and the last state inside is kept.
 
+use std::f64::consts::PI;
+
 use hamel_codegen::{scene, spec};
 use hamel_models::generated::{euler_disk, euler_disk_circle};
 use hamel_runtime::{Dop853, Error, Failure, Integrator, Options, System};
@@ -19,7 +21,7 @@ fn the_condition_that_does_not_hold_is_named() {
     let at = |theta| condition(disk.domain(0.0, &[theta, 0.0, 0.0, 1.5, -6.0]));
     assert_eq!([at(0.3), at(1.5)], [None; 2]);
     assert_eq!([at(-0.1), at(0.0), at(f64::NAN)], [Some("theta > 0"); 3]);
-    assert_eq!([at(1.6), at(std::f64::consts::FRAC_PI_2)], [Some("theta < pi/2"); 2]);
+    assert_eq!([at(1.6), at(PI / 2.0)], [Some("theta < pi/2"); 2]);
     let failure = System::domain(&disk, 2.0, &[-0.1, 0.0, 0.0, 1.5, -6.0]).unwrap_err();
     assert!(matches!(failure, Failure::OutsideDomain { t: 2.0, .. }), "{failure:?}");
 }
@@ -30,8 +32,37 @@ fn an_angle_on_the_circle_has_the_same_domain() {
     for k in -62..63 {
         let theta = 0.05 * f64::from(k) + 0.01;
         let found = condition(disk.domain(0.0, &[theta.cos(), theta.sin(), 0.0, 1.5, -6.0]));
-        let inside = 0.0 < theta && theta < std::f64::consts::FRAC_PI_2;
-        assert_eq!(found, (!inside).then_some("0 < theta < pi/2"), "theta = {theta}");
+        let expected = match theta {
+            _ if theta < 0.0 => Some("theta > 0"),
+            _ if theta > PI / 2.0 => Some("theta < pi/2"),
+            _ => None,
+        };
+        assert_eq!(found, expected, "theta = {theta}");
+    }
+}
+
+#[test]
+fn arcs_of_any_length_have_their_domain_on_the_circle() {
+    let cases = [
+        ("(0, pi)", 0.0, PI, ["0 < a < pi"; 2]),
+        ("(-pi/4, 3*pi/4)", -PI / 4.0, 0.75 * PI, ["-pi/4 < a < 3*pi/4"; 2]),
+        ("(-1, 1)", -1.0, 1.0, ["a > -1", "a < 1"]),
+        ("(-pi/2, pi)", -PI / 2.0, PI, ["-pi/2 < a < pi"; 2]),
+    ];
+    for (domain, low, high, [below, above]) in cases {
+        let text = format!(
+            "model wheel {{ coordinate a in {domain}; lagrangian = a_dot^2/2 - cos(a);
+            scene round {{ circle a; want rhs; }} }}"
+        );
+        let model = spec::parse("wheel.hamel", &text).unwrap_or_else(|e| panic!("{e}"));
+        let built = scene::build(&model, "round").unwrap_or_else(|e| panic!("{e}"));
+        let interpreter = built.prepare(&[]).unwrap();
+        let at = |a: f64| interpreter.domain(0.0, &[a.cos(), a.sin(), 0.0]);
+        for k in 1..20 {
+            let inside = low + (high - low) * f64::from(k) / 20.0;
+            assert_eq!(at(inside), Ok(()), "{domain}: {inside}");
+        }
+        assert_eq!([at(low - 0.1), at(high + 0.1)], [Err(below.into()), Err(above.into())], "{domain}");
     }
 }
 

@@ -2,9 +2,7 @@
 
 use hamel_codegen::{scene, spec};
 use hamel_models::generated::{chaplygin_ball_invariants, heavy_top_invariants};
-use hamel_runtime::{
-    Dual, Integrator, Invariants, Method, Options, Projected, Scene, StateVector, Vern9,
-};
+use hamel_runtime::{Dual, Integrator, Invariants, Method, Options, Projected, Scene, StateVector, Vern9};
 use hamel_tests::models::text_with;
 use hamel_tests::random::Random;
 
@@ -61,7 +59,8 @@ fn norms_and_products_of_what_the_group_turns_are_found() {
         reconstruct q in SO(3) from Omega;";
     let expected = ["Gamma_dot_Gamma", "Gamma_dot_Delta", "Delta_dot_Delta", "energy"];
     assert_eq!(of_items(top).unwrap(), expected);
-    let moved = found(&format!("model top {{ {top} scene kept {{ want invariants, reconstruction; }} }}"), "kept");
+    let moved =
+        found(&format!("model top {{ {top} scene kept {{ want invariants, reconstruction; }} }}"), "kept");
     let expected = ["Gamma_dot_Gamma", "Gamma_dot_Delta", "Delta_dot_Delta", "q_dot_q", "energy"];
     assert_eq!(moved.unwrap(), expected);
 }
@@ -110,8 +109,7 @@ fn gradients_are_the_derivatives_of_the_values() {
     use chaplygin_ball_invariants::Prepared as Ball;
     use heavy_top_invariants::Prepared as Top;
     // Sums of some ten products, in another order.
-    let errors =
-        [gradient_error::<6, 3, Top, Top<Dual>>(), gradient_error::<6, 2, Ball, Ball<Dual>>()];
+    let errors = [gradient_error::<6, 3, Top, Top<Dual>>(), gradient_error::<6, 2, Ball, Ball<Dual>>()];
     assert!(errors.iter().all(|e| *e < 1e-14), "{errors:?}");
 }
 

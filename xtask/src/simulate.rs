@@ -5,8 +5,8 @@
 use std::collections::BTreeMap;
 
 use hamel_runtime::{
-    Dop853, Dopri5, Error as SolverError, Gauss4, Gauss6, Gauss8, Integrator, Method, Options, Projected, Rk4,
-    Taylor, Tsit5, Vern9,
+    Dop853, Dopri5, Error as SolverError, Gauss4, Gauss6, Gauss8, Integrator, Method, Options, Projected,
+    Rk4, Taylor, Tsit5, Vern9,
 };
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};

@@ -737,8 +737,7 @@ impl<'a> Module<'a> {
             });
             statements.extend(quote! { let [#(#names),*] = *y; });
         }
-        let reads_time = 
-            used.contains(&Operand::Time) || [CHECK, DOMAIN].contains(&function.name.as_str());
+        let reads_time = used.contains(&Operand::Time) || [CHECK, DOMAIN].contains(&function.name.as_str());
         statements.extend(match (reads_time, reads_state) {
             (true, true) => TokenStream::new(),
             (true, false) => quote! { let _ = y; },

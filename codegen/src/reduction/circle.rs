@@ -6,15 +6,16 @@
 
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, PI};
+use std::slice::from_ref;
 
-use num_traits::{One, Signed, ToPrimitive};
+use num_traits::{Signed, ToPrimitive};
 
 use crate::algebra::Algebroid;
-use crate::expr::{DivisionByZero, ExprId, Func, Graph, Node, Rational, Style, SymbolId};
+use crate::expr::{DivisionByZero, ExprId, Func, Graph, Node, Rational, SymbolId};
 use crate::spec::{self, Coordinate, Diagnostics, Domain, Model, NamedVector, Span, circle_names};
 
 use super::constraint::{AccelerationSource, KinematicConstraint};
-use super::front_end::{DomainCondition, ReducedSystem, StateKind};
+use super::front_end::{DomainCondition, ReducedSystem, StateKind, spell_end};
 
 /// An angle that a base carries as the point `(cos, sin)` of the unit circle.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -94,7 +95,7 @@ pub fn with_circles(
     system.domains.retain(|condition| {
         graph.free_symbols(condition.positive).iter().all(|symbol| !on_line.contains(symbol))
     });
-    system.domains.extend(turned.iter().filter_map(|t| domain_of(&mut graph, t)));
+    system.domains.extend(turned.iter().flat_map(|t| domain_of(&mut graph, t)));
     system.graph = graph;
     if !problems.is_empty() {
         return Err(model.diagnostics(problems));
@@ -171,25 +172,35 @@ fn angle_of(g: &mut Graph, [c, s]: [ExprId; 2], domain: Domain) -> Option<ExprId
     Some(g.linear_combination(&[middle, (half, Rational::from_integer(2.into()))]))
 }
 
-/// `low < theta < high` as `cos(theta - m) > cos(w)` with the middle `m` and half the length `w`, for known ends less than a
-/// turn apart.
-fn domain_of(g: &mut Graph, turned: &Turned) -> Option<DomainCondition> {
-    let Domain::Interval(low, high) = turned.domain else { return None };
-    let none = BTreeMap::new();
-    let (from, to) = (g.eval_f64(low, &none)?, g.eval_f64(high, &none)?);
-    if to - from >= 2.0 * PI {
-        return None;
-    }
-    let half = Rational::new(1.into(), 2.into());
-    let (minus_half, theta) = (-half.clone(), g.sym(turned.angle));
-    let apart =
-        g.linear_combination(&[(theta, Rational::one()), (low, minus_half.clone()), (high, minus_half.clone())]);
-    let width = g.linear_combination(&[(high, half), (low, minus_half)]);
-    let [inside, end] = [apart, width].map(|angle| g.func(Func::Cos, angle));
-    let inside = on_circles(g, std::slice::from_ref(turned), inside).ok()?;
-    let [low, high] = [low, high].map(|end| g.display(end, Style::Plain));
-    let text = format!("{low} < {} < {high}", turned.circle.angle);
-    Some(DomainCondition { text, positive: g.sub(inside, end) })
+/// The domain as conditions on the point, for known ends less than a turn apart: `sin(theta - low) > 0` and
+/// `sin(high - theta) > 0` up to half a turn, `cos(theta - m) > cos(w)` with the middle `m` and half the length `w` beyond.
+fn domain_of(g: &mut Graph, turned: &Turned) -> Vec<DomainCondition> {
+    let Domain::Interval(low, high) = turned.domain else { return Vec::new() };
+    let (none, theta) = (BTreeMap::new(), g.sym(turned.angle));
+    let length = g.sub(high, low);
+    let Some(turn) = g.eval_f64(length, &none).filter(|length| *length < 2.0 * PI) else { return Vec::new() };
+    let name = &turned.circle.angle;
+    let [from, to] = [low, high].map(|end| spell_end(g, end));
+    let both = format!("{from} < {name} < {to}");
+    let above = g.sub(theta, low);
+    let conditions = if (turn - PI).abs() <= PI * f64::EPSILON {
+        vec![(both, g.func(Func::Sin, above))]
+    } else if turn < PI {
+        let below = g.sub(high, theta);
+        let [above, below] = [above, below].map(|angle| g.func(Func::Sin, angle));
+        vec![(format!("{name} > {from}"), above), (format!("{name} < {to}"), below)]
+    } else {
+        let half = Rational::new(1.into(), 2.into());
+        let width = g.scale(length, &half);
+        let apart = g.sub(above, width);
+        let [inside, end] = [apart, width].map(|angle| g.func(Func::Cos, angle));
+        vec![(both, g.sub(inside, end))]
+    };
+    let mut on_point = |(text, e)| {
+        let positive = on_circles(g, from_ref(turned), e).ok()?;
+        Some(DomainCondition { text, positive })
+    };
+    conditions.into_iter().filter_map(&mut on_point).collect()
 }
 
 /// `e` with sines and cosines of the angles as polynomials in the points.

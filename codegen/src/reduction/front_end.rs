@@ -6,8 +6,8 @@ use crate::algebra::Algebroid;
 use crate::error::Error;
 use crate::expr::{ExprId, Func, Graph, Rational, Sign, Style, SymbolId};
 use crate::spec::{
-    self, Condition, ConstraintKind, Diagnostics, Model, Named, NamedVector, Param, ReconstructionKind, Relation,
-    Side,
+    self, Condition, ConstraintKind, Diagnostics, Model, Named, NamedVector, Param, ReconstructionKind,
+    Relation, Side,
 };
 
 use super::circle::Circle;
@@ -37,6 +37,18 @@ pub struct DomainCondition {
     pub positive: ExprId,
 }
 
+/// The end of an interval as people write it: `3*pi/2`, not `3/2*pi`.
+pub(super) fn spell_end(g: &mut Graph, end: ExprId) -> String {
+    let (q, _) = g.split_coefficient(end);
+    let whole = g.scale(end, &Rational::from(q.denom().clone()));
+    let text = g.display(whole, Style::Plain);
+    if q.is_integer() || text.contains(' ') {
+        g.display(end, Style::Plain)
+    } else {
+        format!("{text}/{}", q.denom())
+    }
+}
+
 /// Advected parameters, then quaternions under what their components' names have in common.
 fn vectors(model: &Model) -> Vec<(String, Vec<SymbolId>)> {
     let advected =
@@ -44,13 +56,14 @@ fn vectors(model: &Model) -> Vec<(String, Vec<SymbolId>)> {
     let quaternions = model.reconstruction.iter().filter(|item| {
         matches!(item.kind, ReconstructionKind::Quaternion { .. } | ReconstructionKind::Pose { .. })
     });
-    advected.chain(quaternions.map(|item| {
-        let first = item.names.first().map_or("q", String::as_str);
-        let shared = |n: &usize| item.names[..4].iter().all(|name| name.starts_with(&first[..*n]));
-        let n = (1..=first.len()).rev().find(shared).unwrap_or(first.len());
-        (first[..n].to_owned(), item.symbols[..4].to_vec())
-    }))
-    .collect()
+    advected
+        .chain(quaternions.map(|item| {
+            let first = item.names.first().map_or("q", String::as_str);
+            let shared = |n: &usize| item.names[..4].iter().all(|name| name.starts_with(&first[..*n]));
+            let n = (1..=first.len()).rev().find(shared).unwrap_or(first.len());
+            (first[..n].to_owned(), item.symbols[..4].to_vec())
+        }))
+        .collect()
 }
 
 /// A system on a Lie algebroid: everything the derivation needs and nothing about where it came from.
@@ -399,9 +412,15 @@ impl FrontEnd {
         for coordinate in base {
             let spec::Domain::Interval(low, high) = coordinate.domain else { continue };
             let (x, name) = (g.sym(coordinate.symbol), &coordinate.name);
-            for (relation, end, positive) in [(">", low, g.sub(x, low)), ("<", high, g.sub(high, x))] {
-                let text = format!("{name} {relation} {}", g.display(end, Style::Plain));
-                conditions.push(DomainCondition { text, positive });
+            for (relation, end, sign) in [(">", low, 1), ("<", high, -1)] {
+                // A fraction of pi would be computed at run time.
+                let times = Rational::from(g.split_coefficient(end).0.denom().clone())
+                    * Rational::from_integer(sign.into());
+                let positive = g.linear_combination(&[(x, times.clone()), (end, -times)]);
+                conditions.push(DomainCondition {
+                    text: format!("{name} {relation} {}", spell_end(g, end)),
+                    positive,
+                });
             }
         }
         conditions

@@ -207,7 +207,9 @@ impl Pass<'_> {
                 "matrix `df_i/dp_j` of the derivatives of the right-hand side by the parameters in the order of \
                  `INFO.params`, a row for each rate"
             }
-            _ => "matrix `df_i/dy_j` of the derivatives of the right-hand side by the state, a row for each rate",
+            _ => {
+                "matrix `df_i/dy_j` of the derivatives of the right-hand side by the state, a row for each rate"
+            }
         };
         let shape = (self.rates.len(), by.len());
         self.result.matrices.push(Matrix { name: derivative.name(), shape, pattern, doc });

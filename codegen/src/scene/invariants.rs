@@ -37,7 +37,8 @@ pub(super) fn find(
     state: &[StateEquation],
     inputs: &Inputs,
 ) -> Option<Invariants> {
-    let (names, values): (Vec<String>, Vec<ExprId>) = conserved(g, equations, state, inputs).into_iter().unzip();
+    let (names, values): (Vec<String>, Vec<ExprId>) =
+        conserved(g, equations, state, inputs).into_iter().unzip();
     let moving: Vec<usize> = (0..state.len()).filter(|k| state[*k].derivative != g.zero()).collect();
     let by: Vec<SymbolId> = moving.iter().map(|k| state[*k].symbol).collect();
     let sections = needed_sections(g, &equations.sections, &values);
@@ -55,7 +56,8 @@ pub(super) fn find(
         }
     }
     let shape = (components.len(), state.len());
-    let output = |name: &str, components, doc: &str| Output { name: name.into(), components, doc: doc.into() };
+    let output =
+        |name: &str, components, doc: &str| Output { name: name.into(), components, doc: doc.into() };
     let values = "functions of time and state that are constant along every motion";
     let slopes = "entries of the gradients of the invariants that do not vanish identically, row by row";
     (shape.0 > 0).then(|| Invariants {

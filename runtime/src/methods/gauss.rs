@@ -305,11 +305,7 @@ fn iterate<R: Real, S: System<R>>(
 }
 
 /// The new state from the stages.
-fn finish<R: Real, S: System<R>>(
-    tableau: &Tableau,
-    stages: &[S::State],
-    step: &mut Step<'_, R, S>,
-) {
+fn finish<R: Real, S: System<R>>(tableau: &Tableau, stages: &[S::State], step: &mut Step<'_, R, S>) {
     let (from, h) = (step.from, step.h);
     let first = &from.slope;
     let k = Derivatives { n_stages: tableau.n_stages(), first, stored: stages, last: first };
