@@ -49,11 +49,14 @@ pub fn scene_names(model: &Model) -> Vec<String> {
     scene::names(model)
 }
 
-/// Whether a model's scene says that it wants its invariants.
-pub fn wants_invariants(model: &Model, scene_name: &str) -> bool {
+/// Whether a model's scene says that it wants something, such as [`INVARIANTS`].
+pub fn wants(model: &Model, scene_name: &str, what: &str) -> bool {
     let own = model.scenes.iter().find(|scene| scene.name == scene_name);
-    own.is_some_and(|scene| scene.wants.iter().any(|want| want == scene::INVARIANTS))
+    own.is_some_and(|scene| scene.wants.iter().any(|want| want == what))
 }
+
+/// What a scene wants that has its invariants compiled.
+pub const INVARIANTS: &str = scene::INVARIANTS;
 
 /// A scene that the interpreter evaluates.
 #[derive(Debug)]
@@ -338,6 +341,10 @@ impl Dynamics for Interpreted<'_> {
         let mut out: Vec<&mut [f64]> = out.iter_mut().map(|state| state.0.as_mut_slice()).collect();
         self.interpreter.series(jet, t, y, &mut out);
         true
+    }
+
+    fn rhs_cost(&self) -> Option<u64> {
+        Some(self.built.rhs_counts().cost())
     }
 
     fn n_invariants(&self) -> Option<usize> {

@@ -12,6 +12,7 @@ use std::time::Instant;
 use hamel_codegen::config::write_atomically;
 use serde_json::{Map, Value};
 
+use crate::auto;
 use crate::backend::{Backend, Local};
 use crate::codegen_bridge::{self as bridge, Kind, Model};
 use crate::compiled::Remote;
@@ -80,7 +81,7 @@ impl Choice {
 
     /// The scene as a method needs it: what was compiled without its invariants is interpreted for a projection onto them.
     fn suited_to(&self, model: &Model, method: MethodName) -> Choice {
-        let has_invariants = || bridge::wants_invariants(model, &self.scene);
+        let has_invariants = || bridge::wants(model, &self.scene, bridge::INVARIANTS);
         if method != MethodName::Projected || self.via == Via::Interpreter || has_invariants() {
             return self.clone();
         }
@@ -510,7 +511,16 @@ pub fn simulate(workspace: &Workspace, choice: &Choice, arguments: &Simulation) 
     let steps = Steps::new(arguments.method, arguments.rtol, arguments.atol, arguments.step)
         .map_err(|reason| Problem::Unusable { path: "--step".into(), reason })
         .map_err(|problem| Error::Request { problems: vec![problem] })?;
-    let mut backend = choice.suited_to(&model, arguments.method).open(workspace, &spec)?;
+    let method = match (arguments.method, steps) {
+        (MethodName::Auto, Steps::Adaptive { rtol, .. }) => {
+            // Compiled code does not say what it costs.
+            let cost = bridge::build(&model, &choice.scene)?.rhs_counts().cost();
+            let is_interpreted = choice.via == Via::Interpreter || !spec.in_repository;
+            auto::choose(rtol, Some(cost), is_interpreted || bridge::wants(&model, &choice.scene, "taylor"))
+        }
+        (method, _) => method,
+    };
+    let mut backend = choice.suited_to(&model, method).open(workspace, &spec)?;
     let info = backend.info().clone();
     let n_group = if arguments.reconstruct { n_group(&info, &model)? } else { 0 };
     let mut problems = Vec::new();
@@ -557,7 +567,7 @@ pub fn simulate(workspace: &Workspace, choice: &Choice, arguments: &Simulation) 
         params,
         initial,
         t_final: arguments.t_final,
-        method: arguments.method,
+        method,
         steps,
         samples,
         with_outputs: !targets.is_empty(),

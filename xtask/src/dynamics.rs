@@ -130,6 +130,9 @@ pub trait Dynamics {
     /// Writes the Taylor coefficients of the solution through a state; false when the scene has none.
     fn series(&self, t: f64, y: &[f64], out: &mut [VecState]) -> bool;
 
+    /// Cost of one evaluation of the right-hand side, as [`hamel_codegen::lower::Counts::cost`]; none when it is not known.
+    fn rhs_cost(&self) -> Option<u64>;
+
     /// Number of invariants of the motion; none when the scene was compiled without them.
     fn n_invariants(&self) -> Option<usize>;
 
@@ -312,6 +315,10 @@ impl<S: Scene<f64> + System<f64, State = [f64; N]>, const N: usize> Dynamics for
             out.0.copy_from_slice(coefficient);
         }
         known
+    }
+
+    fn rhs_cost(&self) -> Option<u64> {
+        None
     }
 
     fn n_invariants(&self) -> Option<usize> {

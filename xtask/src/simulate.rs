@@ -11,6 +11,7 @@ use hamel_runtime::{
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
+use crate::auto;
 use crate::dynamics::{Dynamics, Factory, Info, VecState};
 use crate::error::{Error, Problem};
 use crate::eval::{describe, prepare};
@@ -40,13 +41,15 @@ pub enum MethodName {
     Gauss8,
     /// Taylor series of an order that suits the tolerances.
     Taylor,
+    /// The one that is fastest for the tolerance and the scene, by measurements: see [`crate::auto`].
+    Auto,
     /// Verner's method with a projection onto the invariants of the motion after every step.
     Projected,
 }
 
 impl MethodName {
     /// All methods.
-    pub const ALL: [MethodName; 10] = [
+    pub const ALL: [MethodName; 11] = [
         MethodName::Tsit5,
         MethodName::Dop853,
         MethodName::Vern9,
@@ -56,6 +59,7 @@ impl MethodName {
         MethodName::Gauss6,
         MethodName::Gauss8,
         MethodName::Taylor,
+        MethodName::Auto,
         MethodName::Projected,
     ];
 
@@ -71,6 +75,7 @@ impl MethodName {
             MethodName::Gauss6 => "gauss6",
             MethodName::Gauss8 => "gauss8",
             MethodName::Taylor => "taylor",
+            MethodName::Auto => "auto",
             MethodName::Projected => "projected",
         }
     }
@@ -117,6 +122,10 @@ impl Steps {
         step: Option<f64>,
     ) -> Result<Steps, String> {
         match (step, rtol, atol) {
+            (Some(_), ..) if method == MethodName::Auto => {
+                Err("is given, but auto chooses by tolerances: leave it out, or choose a method for it"
+                    .into())
+            }
             (Some(step), None, None) => Ok(Steps::Fixed { step }),
             (Some(_), ..) => {
                 Err("is given together with a tolerance: give either step, or rtol and atol".into())
@@ -404,7 +413,17 @@ pub fn simulate(
 ) -> Result<SimulateResponse, Error> {
     let dynamics = prepare(factory, &request.params)?;
     let dynamics = &*dynamics;
-    match request.method {
+    let method = match (request.method, request.steps) {
+        (MethodName::Auto, Steps::Adaptive { rtol, .. }) => {
+            auto::choose(rtol, dynamics.rhs_cost(), dynamics.series(0.0, &request.initial, &mut []))
+        }
+        (method, _) => method,
+    };
+    match method {
+        MethodName::Auto => {
+            let reason = "method auto chooses by tolerances: give these instead of a step".to_owned();
+            Err(Error::Options { reason })
+        }
         MethodName::Tsit5 => run(Tsit5, dynamics, request, progress),
         MethodName::Dop853 => run(Dop853, dynamics, request, progress),
         MethodName::Vern9 => run(Vern9, dynamics, request, progress),

@@ -454,3 +454,18 @@ fn the_projected_method_keeps_what_is_conserved_and_needs_something_to_keep() {
 fn number_of(value: &Value) -> f64 {
     value.as_f64().expect("a number")
 }
+
+#[test]
+fn auto_takes_a_method_that_suits_tolerance_and_scene() {
+    let request = |method: &str, rtol: f64| {
+        let initial = state([1.0, 2.0, 3.0]);
+        json!({"initial": initial, "t_final": 5, "method": method, "rtol": rtol, "atol": rtol})
+    };
+    let answer = |method: &str, rtol: f64| simulate(TOP, &request(method, rtol)).unwrap();
+    // A cheap scene, and the interpreter has series for any.
+    for rtol in [1e-5, 1e-12] {
+        assert_eq!(answer("auto", rtol), answer("taylor", rtol));
+    }
+    let fixed = json!({"initial": state([1.0, 2.0, 3.0]), "t_final": 1, "method": "auto", "step": 0.1});
+    assert!(problems(simulate(TOP, &fixed))[0].to_string().contains("auto chooses by tolerances"));
+}
