@@ -127,6 +127,11 @@ pub enum Error {
         /// Its rate along the motion, cut where it is long.
         rate: String,
     },
+    /// A scene wants its invariants and has none.
+    NothingConserved {
+        /// Name of the scene.
+        scene: String,
+    },
     /// There are more or fewer conditions on virtual displacements than constraints.
     WrongNumberOfDisplacements {
         /// How many conditions there are.
@@ -246,6 +251,10 @@ impl fmt::Display for Error {
             Error::NotConserved { name, rate } => write!(
                 f,
                 "casimir {name} is not conserved by these equations: its rate is {rate}; write `output {name} = ..;` instead"
+            ),
+            Error::NothingConserved { scene } => write!(
+                f,
+                "scene {scene} has no invariant besides components of its state; claim one that you know with `casimir name = ..;`"
             ),
             Error::WrongNumberOfDisplacements { found, expected } => write!(
                 f,

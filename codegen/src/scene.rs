@@ -9,6 +9,7 @@
 //! Deliberately does not know: how equations are derived, how programs are lowered, how text is emitted.
 
 mod derivatives;
+mod invariants;
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -22,7 +23,10 @@ use crate::mechanics::{Equations, Output, StateEquation, derive};
 use crate::reduction::{reduce, with_circles};
 use crate::spec::{self, Diagnostics, Model, Param};
 
+use invariants::GRADIENTS;
+
 pub use derivatives::{Derivative, Matrix, Product};
+pub use invariants::INVARIANTS;
 
 /// Name of the scene that every model has.
 pub const DEFAULT: &str = "default";
@@ -34,7 +38,8 @@ pub struct BuiltScene {
     pub name: String,
     /// What was derived.
     pub equations: Equations,
-    /// What was lowered: functions `rhs`, `energy` (when wanted), `check`, then one per output and per product.
+    /// What was lowered: functions `rhs`, `energy` (when wanted), `check`, one per output and per product, then `domain` where there is
+    /// one.
     pub program: Program,
     /// The state of this scene: that of the model without what is left out, with what is reconstructed.
     pub state: Vec<StateEquation>,
@@ -77,7 +82,25 @@ struct Plan {
     circles: Vec<String>,
     reconstructs: bool,
     wants_taylor: bool,
+    wants_invariants: bool,
     doc: String,
+}
+
+impl Plan {
+    /// Everything that the model has under a name.
+    fn new(name: String) -> Plan {
+        Plan {
+            name,
+            fixed: Vec::new(),
+            wants: None,
+            drops: Drops::Nothing,
+            circles: Vec::new(),
+            reconstructs: false,
+            wants_taylor: false,
+            wants_invariants: false,
+            doc: String::new(),
+        }
+    }
 }
 
 enum Drops {
@@ -115,7 +138,9 @@ fn plan(model: &Model, scene: &str) -> Option<Plan> {
         let drops = if own.drops.is_empty() { Drops::Nothing } else { Drops::Named(own.drops.clone()) };
         let reconstructs = own.wants.iter().any(|w| w == RECONSTRUCTION);
         let wants_taylor = own.wants.iter().any(|w| w == TAYLOR);
-        let wants = own.wants.iter().filter(|w| *w != RECONSTRUCTION && *w != TAYLOR).cloned().collect();
+        let wants_invariants = own.wants.iter().any(|w| w == INVARIANTS);
+        let is_output = |want: &&String| ![RECONSTRUCTION, TAYLOR, INVARIANTS].contains(&want.as_str());
+        let wants = own.wants.iter().filter(is_output).cloned().collect();
         return Some(Plan {
             name,
             fixed: own.fixed.clone(),
@@ -124,12 +149,13 @@ fn plan(model: &Model, scene: &str) -> Option<Plan> {
             circles: own.circles.clone(),
             reconstructs,
             wants_taylor,
+            wants_invariants,
             doc: own.doc.clone(),
         });
     }
     let automatic = |wants, drops, reconstructs, doc: &str| {
-        let (fixed, circles, wants_taylor) = (Vec::new(), Vec::new(), false);
-        Some(Plan { name, fixed, wants, drops, circles, reconstructs, wants_taylor, doc: doc.to_owned() })
+        let doc = doc.to_owned();
+        Some(Plan { wants, drops, reconstructs, doc, ..Plan::new(name) })
     };
     match scene {
         DEFAULT => automatic(None, Drops::Nothing, false, ""),
@@ -318,7 +344,11 @@ fn build_scene(
         state.extend(equations.reconstruction.iter().cloned());
     }
     let built = lower_scene(equations, plan, state, outputs, wants_energy, &derivatives);
-    built.map_err(|e| model.diagnostics(vec![model.diagnose(&e)]))
+    built.map_err(|e| {
+        let problem = model.diagnose(&e);
+        let span = if let Error::NothingConserved { .. } = e { place_of(INVARIANTS) } else { problem.span };
+        model.diagnostics(vec![spec::Diagnostic { span, ..problem }])
+    })
 }
 
 /// Builds scenes of a model, by their names: see [`names`].
@@ -434,6 +464,15 @@ fn lower_scene(
         derivatives::differentiate(&mut graph, &equations.sections, &state, &inputs, derivatives);
     inputs.arguments = derivatives.arguments;
     outputs.extend(derivatives.outputs);
+    let mut matrices = derivatives.matrices;
+    let mut own_sections = derivatives.sections;
+    if plan.wants_invariants {
+        let found = invariants::find(&mut graph, &equations, &state, &inputs)
+            .ok_or_else(|| Error::NothingConserved { scene: plan.name.clone() })?;
+        outputs.extend(found.outputs);
+        matrices.push(found.gradients);
+        own_sections.extend(found.sections);
+    }
     let mut conditions: Vec<ParamCondition> = system
         .conditions
         .iter()
@@ -475,13 +514,21 @@ fn lower_scene(
         requests.push(Request { name: output.name.clone(), results: output.components.clone() });
     }
     requests.extend(derivatives.requests);
+    let carried: BTreeSet<SymbolId> = inputs.state.iter().copied().collect();
+    let left_out: BTreeSet<SymbolId> =
+        system.algebroid.base().iter().filter(|x| !carried.contains(x)).copied().collect();
+    let domains = system.domains.iter().filter(|d| !graph.depends_on(d.positive, &left_out));
+    let results: Vec<(String, ExprId)> = domains.map(|d| (d.text.clone(), d.positive)).collect();
+    if !results.is_empty() {
+        requests.push(Request { name: "domain".into(), results });
+    }
     let results = requests.iter().flat_map(|r| r.results.iter().map(|(_, e)| *e));
     let roots: Vec<ExprId> = results.chain(conditions.iter().flat_map(|c| [c.greater, c.less])).collect();
     let mut sections = equations.sections.clone();
-    sections.extend(derivatives.sections);
+    sections.extend(own_sections);
     let sections = needed_sections(&graph, &sections, &roots);
     let program = lower::lower(&mut graph, &inputs, &sections, &conditions, &requests)?;
-    let (matrices, products) = (derivatives.matrices, derivatives.products);
+    let products = derivatives.products;
     let Plan { name, wants_taylor, doc, .. } = plan;
     Ok(BuiltScene { name, equations, program, state, outputs, matrices, products, wants_taylor, doc })
 }
@@ -558,6 +605,21 @@ impl BuiltScene {
         Jet::new(&self.program, rhs)
     }
 
+    /// Names of the invariants that the scene wants; none if it wants none.
+    pub fn invariant_names(&self) -> Option<Vec<String>> {
+        let output = self.outputs.iter().find(|o| o.name == INVARIANTS)?;
+        Some(output.components.iter().map(|(name, _)| name.clone()).collect())
+    }
+
+    /// The scene with the same parameters and state that wants the right-hand side and the invariants.
+    ///
+    /// # Errors
+    /// [`Error::NothingConserved`], and what lowering can find.
+    pub fn with_invariants(&self) -> Result<BuiltScene, Error> {
+        let plan = Plan { wants_invariants: true, ..Plan::new(self.name.clone()) };
+        lower_scene(self.equations.clone(), plan, self.state.clone(), Vec::new(), false, &BTreeSet::new())
+    }
+
     /// The entry of the scene in the index of modules.
     pub fn entry(&self) -> SceneEntry {
         SceneEntry {
@@ -611,24 +673,9 @@ impl BuiltScene {
                     doc: o.doc.clone(),
                 })
                 .collect(),
-            matrices: self.matrices.iter().map(|m| self.matrix_text(m)).collect(),
+            matrices: self.matrices.iter().map(matrix_text).collect(),
             products: self.products.iter().map(product_text).collect(),
             formulas: BTreeMap::from(formulas),
-        }
-    }
-
-    fn matrix_text(&self, matrix: &Matrix) -> MatrixText {
-        let (symbol, by) = match matrix.derivative {
-            Derivative::Sensitivity => ("p", "the parameters in the order of `INFO.params`"),
-            _ => ("y", "the state"),
-        };
-        MatrixText {
-            name: matrix.derivative.name().to_owned(),
-            shape: (self.state.len(), matrix.n_columns),
-            pattern: matrix.pattern.clone(),
-            doc: format!(
-                "matrix `df_i/d{symbol}_j` of the derivatives of the right-hand side by {by}, a row for each rate"
-            ),
         }
     }
 
@@ -702,6 +749,15 @@ fn table(rows: impl Iterator<Item = (String, Vec<String>)>) -> String {
     rows.iter().map(line).collect()
 }
 
+fn matrix_text(matrix: &Matrix) -> MatrixText {
+    MatrixText {
+        name: matrix.name.to_owned(),
+        shape: matrix.shape,
+        pattern: matrix.pattern.clone(),
+        doc: matrix.doc.to_owned(),
+    }
+}
+
 fn product_text(product: &Product) -> ProductText {
     ProductText {
         name: product.derivative.name().to_owned(),
@@ -769,10 +825,34 @@ impl Interpreter<'_> {
     /// # Panics
     /// When the size of `y` is wrong.
     pub fn matrix(&self, derivative: Derivative, t: f64, y: &[f64]) -> Option<Vec<Vec<f64>>> {
-        let matrix = self.scene.matrices.iter().find(|m| m.derivative == derivative)?;
+        self.matrix_named(derivative.name(), t, y)
+    }
+
+    /// Invariants of the motion, when the scene wants them, in the order of its output `invariants`.
+    ///
+    /// # Panics
+    /// When the size of `y` is wrong.
+    pub fn invariants(&self, t: f64, y: &[f64]) -> Option<Vec<f64>> {
+        let names = self.scene.invariant_names()?;
+        let mut values = vec![0.0; names.len()];
+        self.call(INVARIANTS, t, y, &mut values);
+        Some(values)
+    }
+
+    /// Their gradients, a row for each.
+    ///
+    /// # Panics
+    /// When the size of `y` is wrong.
+    pub fn invariant_gradients(&self, t: f64, y: &[f64]) -> Option<Vec<Vec<f64>>> {
+        self.matrix_named(GRADIENTS, t, y)
+    }
+
+    fn matrix_named(&self, name: &str, t: f64, y: &[f64]) -> Option<Vec<Vec<f64>>> {
+        let matrix = self.scene.matrices.iter().find(|m| m.name == name)?;
         let mut entries = vec![0.0; matrix.pattern.len()];
-        self.call(derivative.name(), t, y, &mut entries);
-        let mut rows = vec![vec![0.0; matrix.n_columns]; self.scene.state.len()];
+        self.call(name, t, y, &mut entries);
+        let (n_rows, n_columns) = matrix.shape;
+        let mut rows = vec![vec![0.0; n_columns]; n_rows];
         for ((i, j), entry) in matrix.pattern.iter().zip(entries) {
             rows[*i][*j] = entry;
         }
@@ -797,11 +877,24 @@ impl Interpreter<'_> {
     /// # Errors
     /// The name of the pivot that vanishes.
     pub fn check(&self, t: f64, y: &[f64]) -> Result<(), String> {
-        let Some(k) = self.scene.program.function_idx("check") else { return Ok(()) };
-        let function = &self.scene.program.functions[k];
-        let mut out = vec![0.0; function.results.len()];
+        self.guard("check", t, y, |pivot| pivot != 0.0)
+    }
+
+    /// Whether the coordinates lie in their domain.
+    ///
+    /// # Errors
+    /// The first condition that does not hold, such as `theta > 0`.
+    pub fn domain(&self, t: f64, y: &[f64]) -> Result<(), String> {
+        self.guard("domain", t, y, |inside| inside > 0.0)
+    }
+
+    /// The name of the first result of a function that does not hold.
+    fn guard(&self, function: &str, t: f64, y: &[f64], holds: impl Fn(f64) -> bool) -> Result<(), String> {
+        let Some(k) = self.scene.program.function_idx(function) else { return Ok(()) };
+        let results = &self.scene.program.functions[k].results;
+        let mut out = vec![0.0; results.len()];
         self.scene.program.run(k, &self.params, &self.prepared, t, y, &mut out);
-        match function.results.iter().zip(&out).find(|(_, value)| **value == 0.0) {
+        match results.iter().zip(&out).find(|(_, value)| !holds(**value)) {
             Some(((name, _), _)) => Err(name.clone()),
             None => Ok(()),
         }

@@ -205,6 +205,29 @@ pub trait Scene<R: Real>: System<R> + Sized {
         let _ = (t, y, out);
         false
     }
+
+    /// Number of invariants of the motion that the scene computes; zero if it was generated without them.
+    const N_INVARIANTS: usize = 0;
+
+    /// Writes the invariants at a state, as [`Invariants::values`](crate::Invariants::values).
+    ///
+    /// For drivers that serve any scene.
+    ///
+    /// # Shapes
+    ///
+    /// values: \[[`N_INVARIANTS`](Self::N_INVARIANTS)\].
+    fn invariants_of(&self, t: R, y: &Self::State, values: &mut [R]) {
+        let _ = (t, y, values);
+    }
+
+    /// Writes their gradients, as [`Invariants::gradients`](crate::Invariants::gradients).
+    ///
+    /// # Shapes
+    ///
+    /// gradients: \[[`N_INVARIANTS`](Self::N_INVARIANTS)\].
+    fn invariant_gradients_of(&self, t: R, y: &Self::State, gradients: &mut [Self::State]) {
+        let _ = (t, y, gradients);
+    }
 }
 
 #[cfg(test)]

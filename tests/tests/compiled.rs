@@ -1,7 +1,7 @@
 //! Compiled scenes against the interpreter, bit for bit, and generation against itself.
 
 use hamel_codegen::scene::{self, BuiltScene};
-use hamel_runtime::{Scene, StateVector};
+use hamel_runtime::{Failure, Scene, StateVector};
 use hamel_tests::models::{build, model, names};
 use hamel_tests::random::Random;
 
@@ -46,6 +46,14 @@ fn compare<S: Scene<f64>>(built: &BuiltScene, zeros: S::State) -> usize {
         same_bits(&label, &outputs, &interpreter.outputs(t, y.as_slice()));
         compared += outputs.len();
         assert!(compiled.check(t, &y).is_ok() && interpreter.check(t, y.as_slice()).is_ok(), "{label}");
+        // Also outside of every interval.
+        y.as_mut_slice().iter_mut().for_each(|x| *x = 4.0 * random.number());
+        let outside = |result: Result<(), Failure>| match result {
+            Ok(()) => None,
+            Err(Failure::OutsideDomain { condition, .. }) => Some(condition.to_owned()),
+            Err(other) => panic!("{label}: {other}"),
+        };
+        assert_eq!(outside(compiled.domain(t, &y)), interpreter.domain(t, y.as_slice()).err(), "{label}");
     }
     compared
 }

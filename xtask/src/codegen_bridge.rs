@@ -2,10 +2,10 @@
 //!
 //! Deliberately does not know: commands, files that are written, JSON.
 
-use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::IsTerminal as _;
 use std::sync::Mutex;
+use std::sync::OnceLock;
 
 pub use hamel_codegen::emit::SceneEntry as Entry;
 use hamel_codegen::expr::{Graph, Style, rational_to_f64};
@@ -54,11 +54,22 @@ pub fn scene_names(model: &Model) -> Vec<String> {
     scene::names(model)
 }
 
+/// Whether a model's scene says that it wants something, such as [`INVARIANTS`].
+pub fn wants(model: &Model, scene_name: &str, what: &str) -> bool {
+    let own = model.scenes.iter().find(|scene| scene.name == scene_name);
+    own.is_some_and(|scene| scene.wants.iter().any(|want| want == what))
+}
+
+/// What a scene wants that has its invariants compiled.
+pub const INVARIANTS: &str = scene::INVARIANTS;
+
 /// A scene that the interpreter evaluates.
 #[derive(Debug)]
 pub struct Built {
     scene: BuiltScene,
     info: Info,
+    /// The same with its invariants, built when first asked for; none if there are none.
+    with_invariants: OnceLock<Option<BuiltScene>>,
 }
 
 /// Derives and lowers a scene.
@@ -104,7 +115,7 @@ fn built(model: &Model, scene: BuiltScene) -> Built {
         outputs: scene.outputs().iter().map(output).collect(),
         has_energy: scene.has_energy(),
     };
-    Built { scene, info }
+    Built { scene, info, with_invariants: OnceLock::new() }
 }
 
 /// A parameter or a state variable as a page shows it.
@@ -288,20 +299,34 @@ impl Factory for Built {
             .scene
             .prepare(values)
             .map_err(|bad| BadParams { condition: bad.condition, meaning: String::new() })?;
-        Ok(Box::new(Interpreted { info: &self.info, interpreter, jet: OnceCell::new() }))
+        let (jet, invariants) = (OnceLock::new(), OnceLock::new());
+        Ok(Box::new(Interpreted { built: self, params: values.to_vec(), interpreter, jet, invariants }))
     }
 }
 
 struct Interpreted<'a> {
-    info: &'a Info,
+    built: &'a Built,
+    params: Vec<f64>,
     interpreter: Interpreter<'a>,
     /// The recurrence of Taylor coefficients, derived when first asked for; none only by a bug of the generator.
-    jet: OnceCell<Option<Jet>>,
+    jet: OnceLock<Option<Jet>>,
+    /// The interpreter of the scene with invariants.
+    invariants: OnceLock<Option<Interpreter<'a>>>,
+}
+
+impl<'a> Interpreted<'a> {
+    fn with_invariants(&self) -> Option<&Interpreter<'a>> {
+        let interpreter = self.invariants.get_or_init(|| {
+            let scene = self.built.with_invariants.get_or_init(|| self.built.scene.with_invariants().ok());
+            scene.as_ref()?.prepare(&self.params).ok()
+        });
+        interpreter.as_ref()
+    }
 }
 
 impl Dynamics for Interpreted<'_> {
     fn info(&self) -> &Info {
-        self.info
+        &self.built.info
     }
 
     fn rhs(&self, t: f64, y: &[f64], dy: &mut [f64]) {
@@ -323,12 +348,36 @@ impl Dynamics for Interpreted<'_> {
         true
     }
 
+    fn rhs_cost(&self) -> Option<u64> {
+        Some(self.built.rhs_counts().cost())
+    }
+
+    fn n_invariants(&self) -> Option<usize> {
+        Some(self.with_invariants().and_then(|i| i.scene().invariant_names()).map_or(0, |names| names.len()))
+    }
+
+    fn invariants(&self, t: f64, y: &[f64], values: &mut [f64]) {
+        if let Some(found) = self.with_invariants().and_then(|i| i.invariants(t, y)) {
+            values.copy_from_slice(&found);
+        }
+    }
+
+    fn invariant_gradients(&self, t: f64, y: &[f64], gradients: &mut [VecState]) {
+        let rows = self.with_invariants().and_then(|i| i.invariant_gradients(t, y)).unwrap_or_default();
+        gradients.iter_mut().zip(rows).for_each(|(gradient, row)| gradient.0 = row);
+    }
+
     fn check(&self, t: f64, y: &[f64]) -> Result<(), Failure> {
         self.interpreter.check(t, y).map_err(|pivot| Failure::Singular { t, pivot: forever(pivot) })
     }
+
+    fn domain(&self, t: f64, y: &[f64]) -> Result<(), Failure> {
+        let outside = |condition| Failure::OutsideDomain { t, condition: forever(condition) };
+        self.interpreter.domain(t, y).map_err(outside)
+    }
 }
 
-/// The runtime's failures borrow from the program for ever, so each pivot's name is kept once.
+/// The runtime's failures borrow from the program for ever, so each pivot's name and each condition is kept once.
 fn forever(name: String) -> &'static str {
     static KEPT: Mutex<BTreeSet<&'static str>> = Mutex::new(BTreeSet::new());
     let mut kept = KEPT.lock().unwrap_or_else(std::sync::PoisonError::into_inner);

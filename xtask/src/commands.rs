@@ -12,6 +12,7 @@ use std::time::Instant;
 use hamel_codegen::config::write_atomically;
 use serde_json::{Map, Value};
 
+use crate::auto;
 use crate::backend::{Backend, Local};
 use crate::codegen_bridge::{self as bridge, Kind, Model};
 use crate::compiled::Remote;
@@ -76,6 +77,19 @@ impl Choice {
             )));
         }
         Ok(Choice { scene: bridge::RECONSTRUCTION_SCENE.to_owned(), ..self.clone() })
+    }
+
+    /// The scene as a method needs it: what was compiled without its invariants is interpreted for a projection onto them.
+    fn suited_to(&self, model: &Model, method: MethodName) -> Choice {
+        let has_invariants = || bridge::wants(model, &self.scene, bridge::INVARIANTS);
+        if method != MethodName::Projected || self.via == Via::Interpreter || has_invariants() {
+            return self.clone();
+        }
+        eprintln!(
+            "note: scene {} does not want `invariants`, so it is evaluated by the interpreter, which finds them",
+            self.scene
+        );
+        Choice { via: Via::Interpreter, ..self.clone() }
     }
 
     /// The scene, ready to answer. A file outside the repository was never compiled, so it is interpreted.
@@ -404,13 +418,19 @@ pub fn eval_text(backend: &mut dyn Backend, text: &str) -> Result<String, Error>
 pub fn simulate_json(workspace: &Workspace, choice: &Choice) -> Result<String, Error> {
     let spec = workspace.spec(&choice.model)?;
     let text = read_request("{\"initial\": {\"Omega1\": 0.1, ..}, \"t_final\": 1}")?;
-    if SimulateRequest::asks_to_reconstruct(&text)? {
-        let model = bridge::read(workspace, &spec)?;
-        let choice = choice.reconstructing(&model, "reconstruct")?;
-        let mut backend = choice.open(workspace, &spec)?;
+    let (reconstructs, projects) =
+        (SimulateRequest::asks_to_reconstruct(&text)?, SimulateRequest::asks_to_project(&text)?);
+    if !reconstructs && !projects {
+        return simulate_text(&mut *choice.open(workspace, &spec)?, &text);
+    }
+    let model = bridge::read(workspace, &spec)?;
+    let reconstructing = reconstructs.then(|| choice.reconstructing(&model, "reconstruct")).transpose()?;
+    let method = if projects { MethodName::Projected } else { MethodName::default() };
+    let choice = reconstructing.as_ref().unwrap_or(choice).suited_to(&model, method);
+    let mut backend = choice.open(workspace, &spec)?;
+    if reconstructs {
         return reconstruct_text(&mut *backend, &model, &text);
     }
-    let mut backend = choice.open(workspace, &spec)?;
     simulate_text(&mut *backend, &text)
 }
 
@@ -498,7 +518,16 @@ pub fn simulate(workspace: &Workspace, choice: &Choice, arguments: &Simulation) 
     let steps = Steps::new(arguments.method, arguments.rtol, arguments.atol, arguments.step)
         .map_err(|reason| Problem::Unusable { path: "--step".into(), reason })
         .map_err(|problem| Error::Request { problems: vec![problem] })?;
-    let mut backend = choice.open(workspace, &spec)?;
+    let method = match (arguments.method, steps) {
+        (MethodName::Auto, Steps::Adaptive { rtol, .. }) => {
+            // Compiled code does not say what it costs.
+            let cost = bridge::build(&model, &choice.scene)?.rhs_counts().cost();
+            let is_interpreted = choice.via == Via::Interpreter || !spec.in_repository;
+            auto::choose(rtol, Some(cost), is_interpreted || bridge::wants(&model, &choice.scene, "taylor"))
+        }
+        (method, _) => method,
+    };
+    let mut backend = choice.suited_to(&model, method).open(workspace, &spec)?;
     let info = backend.info().clone();
     let n_group = if arguments.reconstruct { n_group(&info, &model)? } else { 0 };
     let mut problems = Vec::new();
@@ -523,7 +552,7 @@ pub fn simulate(workspace: &Workspace, choice: &Choice, arguments: &Simulation) 
         params,
         initial,
         t_final: arguments.t_final,
-        method: arguments.method,
+        method,
         steps,
         samples,
         with_outputs: !targets.is_empty(),

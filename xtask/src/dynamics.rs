@@ -5,7 +5,7 @@
 use std::fmt;
 
 use hamel_runtime::{
-    F64x4, Failure, Jet, MAX_ORDER, ParamError, Real, Scene, SceneInfo, StateVector, System,
+    F64x4, Failure, Invariants, Jet, MAX_ORDER, ParamError, Real, Scene, SceneInfo, StateVector, System,
 };
 use serde::{Deserialize, Serialize};
 
@@ -132,11 +132,29 @@ pub trait Dynamics {
     /// Writes the Taylor coefficients of the solution through a state; false when the scene has none.
     fn series(&self, t: f64, y: &[f64], out: &mut [VecState]) -> bool;
 
+    /// Cost of one evaluation of the right-hand side, as [`hamel_codegen::lower::Counts::cost`]; none when it is not known.
+    fn rhs_cost(&self) -> Option<u64>;
+
+    /// Number of invariants of the motion; none when the scene was compiled without them.
+    fn n_invariants(&self) -> Option<usize>;
+
+    /// Writes the invariants, as many as there are.
+    fn invariants(&self, t: f64, y: &[f64], values: &mut [f64]);
+
+    /// Writes their gradients.
+    fn invariant_gradients(&self, t: f64, y: &[f64], gradients: &mut [VecState]);
+
     /// Says why the right-hand side has no value at a point.
     ///
     /// # Errors
     /// The reason, if the scene knows one.
     fn check(&self, t: f64, y: &[f64]) -> Result<(), Failure>;
+
+    /// Says which coordinate has left its domain at a point.
+    ///
+    /// # Errors
+    /// [`Failure::OutsideDomain`] with the condition that does not hold.
+    fn domain(&self, t: f64, y: &[f64]) -> Result<(), Failure>;
 }
 
 /// A scene with parameter values on four lanes, to be integrated; every lane has the bits of [`Dynamics`].
@@ -271,6 +289,10 @@ impl System<f64> for dyn Dynamics + '_ {
     fn check(&self, t: f64, y: &VecState) -> Result<(), Failure> {
         Dynamics::check(self, t, &y.0)
     }
+
+    fn domain(&self, t: f64, y: &VecState) -> Result<(), Failure> {
+        Dynamics::domain(self, t, &y.0)
+    }
 }
 
 impl Jet<f64> for dyn Dynamics + '_ {
@@ -325,6 +347,32 @@ impl System<F64x4> for Box<dyn LaneDynamics + '_> {
 
     fn domain(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure> {
         (**self).domain(t, y)
+    }
+}
+
+impl<const K: usize> Invariants<f64, K> for Box<dyn Dynamics + '_> {
+    fn values(&self, t: f64, y: &VecState) -> [f64; K] {
+        Invariants::values(&**self, t, y)
+    }
+
+    fn gradients(&self, t: f64, y: &VecState, gradients: &mut [VecState; K]) {
+        Invariants::gradients(&**self, t, y, gradients);
+    }
+}
+
+/// The invariants, and zeros for those beyond their number: these are met wherever the state goes.
+impl<const K: usize> Invariants<f64, K> for dyn Dynamics + '_ {
+    fn values(&self, t: f64, y: &VecState) -> [f64; K] {
+        let mut values = [0.0; K];
+        let n = self.n_invariants().unwrap_or(0).min(K);
+        Dynamics::invariants(self, t, &y.0, &mut values[..n]);
+        values
+    }
+
+    fn gradients(&self, t: f64, y: &VecState, gradients: &mut [VecState; K]) {
+        gradients.iter_mut().for_each(|gradient| gradient.0.fill(0.0));
+        let n = self.n_invariants().unwrap_or(0).min(K);
+        Dynamics::invariant_gradients(self, t, &y.0, &mut gradients[..n]);
     }
 }
 
@@ -463,7 +511,29 @@ impl<S: Scene<f64> + System<f64, State = [f64; N]>, const N: usize> Dynamics for
         known
     }
 
+    fn rhs_cost(&self) -> Option<u64> {
+        None
+    }
+
+    fn n_invariants(&self) -> Option<usize> {
+        (S::N_INVARIANTS > 0).then_some(S::N_INVARIANTS)
+    }
+
+    fn invariants(&self, t: f64, y: &[f64], values: &mut [f64]) {
+        self.scene.invariants_of(t, array(y), values);
+    }
+
+    fn invariant_gradients(&self, t: f64, y: &[f64], gradients: &mut [VecState]) {
+        let mut rows = vec![[0.0; N]; gradients.len()];
+        self.scene.invariant_gradients_of(t, array(y), &mut rows);
+        gradients.iter_mut().zip(&rows).for_each(|(gradient, row)| gradient.0.copy_from_slice(row));
+    }
+
     fn check(&self, t: f64, y: &[f64]) -> Result<(), Failure> {
         System::check(&self.scene, t, array(y))
+    }
+
+    fn domain(&self, t: f64, y: &[f64]) -> Result<(), Failure> {
+        System::domain(&self.scene, t, array(y))
     }
 }

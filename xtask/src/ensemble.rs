@@ -9,7 +9,9 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use hamel_ensemble::{Ensemble, Lanes, Source, Stop, Trajectory};
-use hamel_runtime::{Dop853, Dopri5, F64x4, Gauss4, Gauss6, Gauss8, Method, Rk4, Taylor, Tsit5, Vern9};
+use hamel_runtime::{
+    Dop853, Dopri5, F64x4, Gauss4, Gauss6, Gauss8, Method, Projected, Rk4, Taylor, Tsit5, Vern9,
+};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use rayon::ThreadPool;
 use rayon::iter::ParallelIterator as _;
@@ -21,7 +23,9 @@ use crate::codegen_bridge as bridge;
 use crate::commands::{Choice, Starts, assignments};
 use crate::dynamics::{BadParams, Dynamics, Factory, Info, LaneDynamics, VecState};
 use crate::error::{Error, Problem};
-use crate::simulate::{MethodName, Sample, Steps, has_series, sample_time, why_stopped};
+use crate::simulate::{
+    MAX_INVARIANTS, MethodName, Sample, Steps, chosen, has_series, not_projected, sample_time, why_stopped,
+};
 use crate::workspace::Workspace;
 
 mod table;
@@ -87,7 +91,14 @@ impl Member {
 /// [`Error::Options`] for a time, tolerances, a method or a number of threads that suit none of them.
 pub fn integrate(factory: &dyn Factory, request: &EnsembleRequest) -> Result<Vec<Member>, Error> {
     let job = Job { factory, request };
-    match request.method {
+    // What a scene can do depends on the scene alone, but takes parameters that are allowed.
+    let any = request.members.iter().find_map(|(p, y)| Some((factory.prepare(p).ok()?, y)));
+    let method = match &any {
+        Some((dynamics, y)) => chosen(request.method, request.steps, &**dynamics, y)?,
+        // No trajectory will start, whatever the method.
+        None => MethodName::Dop853,
+    };
+    match method {
         MethodName::Tsit5 => job.on_lanes(Tsit5),
         MethodName::Dop853 => job.on_lanes(Dop853),
         MethodName::Vern9 => job.on_lanes(Vern9),
@@ -97,13 +108,21 @@ pub fn integrate(factory: &dyn Factory, request: &EnsembleRequest) -> Result<Vec
         MethodName::Gauss6 => job.run::<f64, _>(Gauss6::fixed_point()),
         MethodName::Gauss8 => job.run::<f64, _>(Gauss8::fixed_point()),
         MethodName::Taylor => {
-            // Whether there are series depends on the scene alone, but takes parameters that are allowed.
-            let any = request.members.iter().find_map(|(p, y)| Some((factory.prepare(p).ok()?, y)));
-            if let Some((dynamics, y)) = any {
-                has_series(&*dynamics, y)?;
+            if let Some((dynamics, y)) = &any {
+                has_series(&**dynamics, y)?;
             }
             job.run::<f64, _>(Taylor::new())
         }
+        MethodName::Projected => {
+            match any.as_ref().map_or(Some(1), |(dynamics, _)| dynamics.n_invariants()) {
+                Some(1..=4) => job.run::<f64, _>(Projected::<_, 4>::new(Vern9)),
+                Some(5..=16) => job.run::<f64, _>(Projected::<_, 16>::new(Vern9)),
+                Some(17..=MAX_INVARIANTS) => job.run::<f64, _>(Projected::<_, MAX_INVARIANTS>::new(Vern9)),
+                n_invariants => Err(not_projected(factory.info(), n_invariants)),
+            }
+        }
+        // Chosen above.
+        MethodName::Auto => unreachable!("auto stands for another method"),
     }
 }
 

@@ -5,12 +5,13 @@
 use std::collections::BTreeMap;
 
 use hamel_runtime::{
-    Dop853, Dopri5, Error as SolverError, Gauss4, Gauss6, Gauss8, Integrator, Method, Options, Rk4, Taylor,
-    Tsit5, Vern9,
+    Dop853, Dopri5, Error as SolverError, Gauss4, Gauss6, Gauss8, Integrator, Method, Options, Projected,
+    Rk4, Taylor, Tsit5, Vern9,
 };
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
+use crate::auto;
 use crate::dynamics::{Dynamics, Factory, Info, VecState};
 use crate::error::{Error, Problem};
 use crate::eval::{describe, prepare};
@@ -40,11 +41,15 @@ pub enum MethodName {
     Gauss8,
     /// Taylor series of an order that suits the tolerances.
     Taylor,
+    /// The one that is fastest for the tolerance and the scene, by measurements: see [`crate::auto`].
+    Auto,
+    /// Verner's method with a projection onto the invariants of the motion after every step.
+    Projected,
 }
 
 impl MethodName {
     /// All methods.
-    pub const ALL: [MethodName; 9] = [
+    pub const ALL: [MethodName; 11] = [
         MethodName::Tsit5,
         MethodName::Dop853,
         MethodName::Vern9,
@@ -54,6 +59,8 @@ impl MethodName {
         MethodName::Gauss6,
         MethodName::Gauss8,
         MethodName::Taylor,
+        MethodName::Auto,
+        MethodName::Projected,
     ];
 
     /// The name in requests.
@@ -68,6 +75,8 @@ impl MethodName {
             MethodName::Gauss6 => "gauss6",
             MethodName::Gauss8 => "gauss8",
             MethodName::Taylor => "taylor",
+            MethodName::Auto => "auto",
+            MethodName::Projected => "projected",
         }
     }
 
@@ -113,6 +122,10 @@ impl Steps {
         step: Option<f64>,
     ) -> Result<Steps, String> {
         match (step, rtol, atol) {
+            (Some(_), ..) if method == MethodName::Auto => {
+                Err("is given, but auto chooses by tolerances: leave it out, or choose a method for it"
+                    .into())
+            }
             (Some(step), None, None) => Ok(Steps::Fixed { step }),
             (Some(_), ..) => {
                 Err("is given together with a tolerance: give either step, or rtol and atol".into())
@@ -216,6 +229,8 @@ pub struct SimulateResponse {
     pub seconds: f64,
 }
 
+/// Most invariants that are projected onto.
+pub(crate) const MAX_INVARIANTS: usize = 64;
 /// Most samples of one run.
 const MAX_SAMPLES: usize = 10_000_000;
 /// Most steps of one run, attempted ones included.
@@ -229,8 +244,16 @@ impl SimulateRequest {
     /// # Errors
     /// [`Error::NotJson`].
     pub fn asks_to_reconstruct(text: &str) -> Result<bool, Error> {
-        let Json::Object(entries) = Json::parse(text)? else { return Ok(false) };
-        Ok(entries.iter().any(|(name, value)| name == "reconstruct" && *value != Json::Null))
+        has_field(text, "reconstruct", |value| *value != Json::Null)
+    }
+
+    /// Whether a request's method is [`MethodName::Projected`], so that the scene has to have its invariants.
+    ///
+    /// # Errors
+    /// [`Error::NotJson`].
+    pub fn asks_to_project(text: &str) -> Result<bool, Error> {
+        let projected = Json::String(MethodName::Projected.name().to_owned());
+        has_field(text, "method", |value| *value == projected)
     }
 
     /// Reads `{"params", "initial", "t_final", "method", "rtol", "atol" or "step", "samples"}`.
@@ -337,6 +360,12 @@ impl SimulateRequest {
     }
 }
 
+/// Whether an object has a field with such a value.
+fn has_field(text: &str, name: &str, is_such: impl Fn(&Json) -> bool) -> Result<bool, Error> {
+    let Json::Object(entries) = Json::parse(text)? else { return Ok(false) };
+    Ok(entries.iter().any(|(field, value)| field == name && is_such(value)))
+}
+
 impl SimulateResponse {
     /// `{"t", "final", "samples", "steps", "rejected", "rhs_evals", "energy_drift"}`.
     ///
@@ -408,7 +437,7 @@ pub fn simulate(
 ) -> Result<SimulateResponse, Error> {
     let dynamics = prepare(factory, &request.params)?;
     let dynamics = &*dynamics;
-    match request.method {
+    match chosen(request.method, request.steps, dynamics, &request.initial)? {
         MethodName::Tsit5 => run(Tsit5, dynamics, request, progress),
         MethodName::Dop853 => run(Dop853, dynamics, request, progress),
         MethodName::Vern9 => run(Vern9, dynamics, request, progress),
@@ -421,6 +450,41 @@ pub fn simulate(
             has_series(dynamics, &request.initial)?;
             run(Taylor::new(), dynamics, request, progress)
         }
+        // Chosen above.
+        MethodName::Auto => unreachable!("auto stands for another method"),
+        MethodName::Projected => {
+            // Storage has a size known to the compiler: rounded up, with invariants that are always met.
+            match dynamics.n_invariants() {
+                Some(1..=4) => run(Projected::<_, 4>::new(Vern9), dynamics, request, progress),
+                Some(5..=16) => run(Projected::<_, 16>::new(Vern9), dynamics, request, progress),
+                Some(17..=MAX_INVARIANTS) => {
+                    run(Projected::<_, MAX_INVARIANTS>::new(Vern9), dynamics, request, progress)
+                }
+                n_invariants => Err(not_projected(dynamics.info(), n_invariants)),
+            }
+        }
+    }
+}
+
+/// The method itself, or the one that `auto` stands for.
+///
+/// # Errors
+/// [`Error::Options`] when there is no tolerance for `auto` to go by.
+pub fn chosen(
+    method: MethodName,
+    steps: Steps,
+    dynamics: &dyn Dynamics,
+    y: &[f64],
+) -> Result<MethodName, Error> {
+    match (method, steps) {
+        (MethodName::Auto, Steps::Adaptive { rtol, .. }) => {
+            Ok(auto::choose(rtol, dynamics.rhs_cost(), dynamics.series(0.0, y, &mut [])))
+        }
+        (MethodName::Auto, Steps::Fixed { .. }) => {
+            let reason = "method auto chooses by tolerances: give these instead of a step".to_owned();
+            Err(Error::Options { reason })
+        }
+        (method, _) => Ok(method),
     }
 }
 
@@ -439,6 +503,18 @@ pub fn has_series(dynamics: &dyn Dynamics, y: &[f64]) -> Result<(), Error> {
         info.scene, info.model
     );
     Err(Error::Options { reason })
+}
+
+pub(crate) fn not_projected(info: &Info, n_invariants: Option<usize>) -> Error {
+    let reason = match n_invariants {
+        None => "was compiled without its invariants: choose a scene that wants `invariants`, or --via interpreter"
+            .to_owned(),
+        Some(0) => "has no invariant besides components of its state: choose another method, or claim one that you \
+                    know with `casimir name = ..;`"
+            .to_owned(),
+        Some(n) => format!("has {n} invariants, but at most {MAX_INVARIANTS} can be kept: choose another method"),
+    };
+    Error::Options { reason: format!("method projected: scene {} of {} {reason}", info.scene, info.model) }
 }
 
 fn run<'d, M: Method<f64, &'d dyn Dynamics>>(

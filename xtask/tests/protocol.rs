@@ -25,6 +25,12 @@ const BEAD: &str = "model bead {
     lagrangian = 1/2*x^2*x_dot^2 - k*x;
 }";
 
+/// A particle that falls out of its interval.
+const FALL: &str = "model fall {
+    coordinate x in (0, 2);
+    lagrangian = x_dot^2/2 - x;
+}";
+
 /// A direction that the angular velocity stays orthogonal to, with multipliers.
 const VESELOVA: &str = include_str!("../../models/specs/veselova.hamel");
 
@@ -412,4 +418,54 @@ fn reconstruct_needs_a_group_and_the_default_scene() {
     assert!(told(SLEIGH, "bare").contains("leave out --scene bare"));
     assert!(told(SLEIGH, "reconstruction").contains("leave out --scene reconstruction"));
     assert!(told(BEAD, "default").contains("bead does not say how the group moves"));
+}
+
+#[test]
+fn leaving_the_domain_of_a_coordinate_is_told_with_the_last_state_inside() {
+    for method in ["dop853", "tsit5", "vern9", "taylor"] {
+        let request = json!({"initial": {"x": 1, "x_dot": 0}, "t_final": 10, "method": method});
+        let Err(error @ Error::Stopped { .. }) = simulate(FALL, &request) else { panic!("{method}") };
+        assert!(error.to_string().contains("x > 0 does not hold"), "{error}");
+        let Error::Stopped { t, state, .. } = error else { unreachable!() };
+        assert!((t - 2.0_f64.sqrt()).abs() < 1e-8, "{method}: {t}");
+        assert!(state[0].1 > 0.0 && state[0].1 < 1e-10, "{method}: {state:?}");
+    }
+    let request = json!({"initial": {"x": 3, "x_dot": 0}, "t_final": 1});
+    let error = simulate(FALL, &request).unwrap_err().to_string();
+    assert!(error.contains("initial") && error.contains("x < 2 does not hold"), "{error}");
+}
+
+#[test]
+fn the_projected_method_keeps_what_is_conserved_and_needs_something_to_keep() {
+    let request = |method: &str| {
+        let initial = state([1.0, 2.0, 3.0]);
+        json!({"initial": initial, "t_final": 50, "method": method, "rtol": 1e-6, "atol": 1e-6})
+    };
+    let drift = |method: &str| number_of(&simulate(TOP, &request(method)).unwrap()["energy_drift"]);
+    let (free, kept) = (drift("vern9"), drift("projected"));
+    assert!(free > 1e-10 && kept < 1e-15, "{free:e}, {kept:e}");
+    // The energy changes, and the momentum is a component of the state.
+    let damped = "model damped { coordinate q in real; lagrangian = q_dot^2/2; force q_dot = -q_dot; }";
+    let request = json!({"initial": {"q": 1, "q_dot": 1}, "t_final": 1, "method": "projected"});
+    let error = simulate(damped, &request).unwrap_err().to_string();
+    assert!(error.contains("has no invariant besides components of its state"), "{error}");
+}
+
+fn number_of(value: &Value) -> f64 {
+    value.as_f64().expect("a number")
+}
+
+#[test]
+fn auto_takes_a_method_that_suits_tolerance_and_scene() {
+    let request = |method: &str, rtol: f64| {
+        let initial = state([1.0, 2.0, 3.0]);
+        json!({"initial": initial, "t_final": 5, "method": method, "rtol": rtol, "atol": rtol})
+    };
+    let answer = |method: &str, rtol: f64| simulate(TOP, &request(method, rtol)).unwrap();
+    // A cheap scene, and the interpreter has series for any.
+    for rtol in [1e-5, 1e-12] {
+        assert_eq!(answer("auto", rtol), answer("taylor", rtol));
+    }
+    let fixed = json!({"initial": state([1.0, 2.0, 3.0]), "t_final": 1, "method": "auto", "step": 0.1});
+    assert!(problems(simulate(TOP, &fixed))[0].to_string().contains("auto chooses by tolerances"));
 }

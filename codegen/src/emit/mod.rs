@@ -39,7 +39,7 @@ pub struct SceneText {
     pub params: Vec<ParamText>,
     /// Components of the state in the order of the program.
     pub state: Vec<StateText>,
-    /// Outputs: functions of the program besides `rhs`, `energy` and `check`.
+    /// Outputs: functions of the program besides `rhs`, `energy`, `check` and `domain`.
     pub outputs: Vec<OutputText>,
     /// Outputs that are the entries of a matrix.
     pub matrices: Vec<MatrixText>,
@@ -109,7 +109,8 @@ pub struct ProductText {
 /// Emits the module of one scene.
 ///
 /// The program has a function `rhs` with one result for each component of the state, possibly `energy` with one
-/// result, possibly `check` whose results are pivots that must not vanish, and one function for each output. With a `jet`, made
+/// result, possibly `check` whose results are pivots that must not vanish and
+/// `domain` whose results are positive inside the domain, and one function for each output. With a `jet`, made
 /// from `rhs`, the module has the Taylor coefficients of solutions.
 ///
 /// # Errors

@@ -18,12 +18,13 @@ use crate::lower::{Function, Jet, Operand, Program, Relation};
 const RHS: &str = "rhs";
 const ENERGY: &str = "energy";
 const CHECK: &str = "check";
+const DOMAIN: &str = "domain";
 
 /// Names of methods and arguments that locals must not hide.
 pub(super) const ARGUMENTS: [&str; 4] = ["t", "dy", "params", "out"];
 /// Names that no method of an output can have.
-const METHODS: [&str; 9] =
-    ["new", "rhs", "energy", "check", "prepare", "energy_of", "outputs_of", "clone", "fmt"];
+const METHODS: [&str; 10] =
+    ["new", "rhs", "energy", "check", "domain", "prepare", "energy_of", "outputs_of", "clone", "fmt"];
 /// Longer formulas say less than a sentence.
 const MAX_DOC_FORMULA: usize = 90;
 
@@ -38,6 +39,7 @@ pub(super) fn emit(program: &Program, jet: Option<&Jet>, text: &SceneText) -> Re
         module.functions()?,
         module.traits(jet.is_some())?,
         module.differentiable(),
+        module.invariants(),
         jet.map_or(Ok(TokenStream::new()), |jet| super::jet::emit(&module, jet))?,
     ];
     let tokens = items.into_iter().collect();
@@ -629,41 +631,12 @@ impl<'a> Module<'a> {
         if let Some(check) = self.checked() {
             let written = self.write(check)?;
             names_of(&written);
-            let mut doc = vec!["Says which pivot vanishes at a point.".to_owned()];
-            doc.extend([String::new(), "# Errors".into(), String::new()]);
-            doc.push("`Singular` with the first pivot that is zero.".into());
-            doc.extend(self.operations(check));
-            let doc = doc_attributes(doc);
-            let Written { statements, results, .. } = written;
-            let pivots: Vec<&String> = check.results.iter().map(|(name, _)| name).collect();
-            let failure = quote! {
-                let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
-                return Err(::hamel_runtime::Failure::Singular { t, pivot });
-            };
-            let test = if results.len() == 1 {
-                quote! {
-                    let (value, pivot) = (#(#results)*, #(#pivots)*);
-                    if !value.all_ne(R::ZERO) {
-                        #failure
-                    }
-                }
-            } else {
-                quote! {
-                    for (value, pivot) in [#((#results, #pivots)),*] {
-                        if !value.all_ne(R::ZERO) {
-                        #failure
-                    }
-                    }
-                }
-            };
-            methods.extend(quote! {
-                #doc
-                pub fn check(#arguments) -> Result<(), ::hamel_runtime::Failure> {
-                    #statements
-                    #test
-                    Ok(())
-                }
-            });
+            methods.extend(self.guard(check, written, GUARD_OF_PIVOTS));
+        }
+        if let Some(domain) = self.function(DOMAIN) {
+            let written = self.write(domain)?;
+            names_of(&written);
+            methods.extend(self.guard(domain, written, GUARD_OF_DOMAIN));
         }
         let names = allow_names(unusual.iter().chain(&method_names).chain(&self.state));
         let numbers = allow_numbers(self.program_numbers());
@@ -683,6 +656,47 @@ impl<'a> Module<'a> {
                 #methods
             }
         })
+    }
+
+    /// A function that fails with the first result that is not what it should be.
+    fn guard(&self, function: &Function, written: Written, guard: Guard) -> TokenStream {
+        let n = size(self.state.len());
+        let mut doc = vec![guard.title.to_owned()];
+        doc.extend([String::new(), "# Errors".into(), String::new(), guard.errors.to_owned()]);
+        doc.extend(self.operations(function));
+        let doc = doc_attributes(doc);
+        let [name, test, variant, field] =
+            [function.name.as_str(), guard.test, guard.variant, guard.field].map(ident);
+        let Written { statements, results, .. } = written;
+        let conditions: Vec<&String> = function.results.iter().map(|(name, _)| name).collect();
+        let failure = quote! {
+            if !value.#test(R::ZERO) {
+                let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
+                return Err(::hamel_runtime::Failure::#variant { t, #field });
+            }
+        };
+        let test = if results.len() == 1 {
+            quote! {
+                let (value, #field) = (#(#results)*, #(#conditions)*);
+                #failure
+            }
+        } else {
+            quote! {
+                for (value, #field) in [#((#results, #conditions)),*] {
+                    #failure
+                }
+            }
+        };
+        let inline = guard.inline.then(|| quote! { #[inline] });
+        quote! {
+            #doc
+            #inline
+            pub fn #name(&self, t: R, y: &[R; #n]) -> Result<(), ::hamel_runtime::Failure> {
+                #statements
+                #test
+                Ok(())
+            }
+        }
     }
 
     /// The function `check`, unless there is nothing to check.
@@ -723,7 +737,7 @@ impl<'a> Module<'a> {
             });
             statements.extend(quote! { let [#(#names),*] = *y; });
         }
-        let reads_time = used.contains(&Operand::Time) || function.name == CHECK;
+        let reads_time = used.contains(&Operand::Time) || [CHECK, DOMAIN].contains(&function.name.as_str());
         statements.extend(match (reads_time, reads_state) {
             (true, true) => TokenStream::new(),
             (true, false) => quote! { let _ = y; },
@@ -798,13 +812,21 @@ impl<'a> Module<'a> {
                 }
             }
         });
+        let domain = self.function(DOMAIN).map(|_| {
+            quote! {
+                #[inline]
+                fn domain(#arguments) -> Result<(), ::hamel_runtime::Failure> {
+                    self.domain(t, y)
+                }
+            }
+        });
         let energy = if self.function(ENERGY).is_some() {
             quote! { Some(self.energy(t, y)) }
         } else {
             quote! { let _ = (t, y); None }
         };
         let wrong_number = format!("the number of values is {n_params}");
-        let outputs = self.outputs_of();
+        let (outputs, invariants) = (self.outputs_of(), self.invariants_of());
         let series = has_jet.then(|| {
             quote! {
                 fn series_of(#arguments, out: &mut [[R; #n]]) -> bool {
@@ -824,6 +846,8 @@ impl<'a> Module<'a> {
                 }
 
                 #check
+
+                #domain
             }
 
             impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
@@ -848,6 +872,8 @@ impl<'a> Module<'a> {
                 }
 
                 #series
+
+                #invariants
             }
         })
     }
@@ -877,6 +903,37 @@ impl<'a> Module<'a> {
         }
     }
 }
+
+/// What a function tests its results for, and how it fails.
+struct Guard {
+    title: &'static str,
+    errors: &'static str,
+    /// How a result compares with zero where nothing is wrong.
+    test: &'static str,
+    /// Variant of the failure, and its field with the name of the result.
+    variant: &'static str,
+    field: &'static str,
+    /// Whether it is called at every step.
+    inline: bool,
+}
+
+const GUARD_OF_PIVOTS: Guard = Guard {
+    title: "Says which pivot vanishes at a point.",
+    errors: "`Singular` with the first pivot that is zero.",
+    test: "all_ne",
+    variant: "Singular",
+    field: "pivot",
+    inline: false,
+};
+
+const GUARD_OF_DOMAIN: Guard = Guard {
+    title: "Says whether a point lies outside the domain of the coordinates.",
+    errors: "`OutsideDomain` with the first condition that does not hold.",
+    test: "all_gt",
+    variant: "OutsideDomain",
+    field: "condition",
+    inline: true,
+};
 
 struct Written {
     statements: TokenStream,

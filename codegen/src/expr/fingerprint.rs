@@ -14,6 +14,7 @@ use num_bigint::BigInt;
 use num_integer::Integer;
 use num_traits::ToPrimitive;
 
+use super::graph::{ExprId, Graph};
 use super::rational::Rational;
 
 pub(crate) const POINTS: usize = 8;
@@ -180,4 +181,33 @@ pub(super) fn verdict(fingerprint: &Fingerprint) -> Verdict {
     } else {
         Verdict::Unknown
     }
+}
+
+/// Rows that are no combinations of those before them, over functions: by elimination at a random point.
+///
+/// Rows depend on each other at a point where they do not as functions with the chance of a false zero. Where no point is
+/// valid for all entries, every row that does not vanish counts.
+pub(crate) fn independent_rows(g: &Graph, rows: &[Vec<ExprId>]) -> Vec<usize> {
+    let value = |e: &ExprId, point: usize| g.fingerprint(*e)[point];
+    let valid = |point: &usize| rows.iter().flatten().all(|e| value(e, *point).is_some());
+    let Some(point) = (0..POINTS).find(valid) else {
+        return (0..rows.len()).filter(|k| rows[*k].iter().any(|e| *e != g.zero())).collect();
+    };
+    // Reduced rows with a one at their pivot.
+    let mut basis: Vec<(usize, Vec<u64>)> = Vec::new();
+    let mut kept = Vec::new();
+    for (k, row) in rows.iter().enumerate() {
+        let mut rest: Vec<u64> = row.iter().filter_map(|e| value(e, point)).collect();
+        for (pivot, known) in &basis {
+            let factor = negate(rest[*pivot]);
+            rest.iter_mut().zip(known).for_each(|(x, y)| *x = add(*x, mul(factor, *y)));
+        }
+        let pivot = rest.iter().position(|x| *x != 0);
+        if let Some((pivot, scale)) = pivot.and_then(|pivot| Some((pivot, inverse(rest[pivot])?))) {
+            rest.iter_mut().for_each(|x| *x = mul(*x, scale));
+            basis.push((pivot, rest));
+            kept.push(k);
+        }
+    }
+    kept
 }

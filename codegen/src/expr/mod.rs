@@ -17,7 +17,7 @@ mod rational;
 mod sign;
 
 pub use definition::{Definition, Section, SectionWriter, needed_sections};
-pub(crate) use fingerprint::Fingerprint;
+pub(crate) use fingerprint::{Fingerprint, independent_rows};
 pub use graph::{DivisionByZero, ExprId, Func, Graph, Node, SymbolId};
 pub use print::Style;
 pub(crate) use print::identifier;

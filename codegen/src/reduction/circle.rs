@@ -6,6 +6,7 @@
 
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, PI};
+use std::slice::from_ref;
 
 use num_traits::{Signed, ToPrimitive};
 
@@ -14,7 +15,7 @@ use crate::expr::{DivisionByZero, ExprId, Func, Graph, Node, Rational, SymbolId}
 use crate::spec::{self, Coordinate, Diagnostics, Domain, Model, NamedVector, Span, circle_names};
 
 use super::constraint::{AccelerationSource, KinematicConstraint};
-use super::front_end::{ReducedSystem, StateKind};
+use super::front_end::{DomainCondition, ReducedSystem, StateKind, spell_end};
 
 /// An angle that a base carries as the point `(cos, sin)` of the unit circle.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -90,6 +91,11 @@ pub fn with_circles(
         let rewritten = rewritten.filter(|e| still_in(&graph, &turned, *e).is_none());
         system.signs.extend(rewritten.map(|e| (e, sign)));
     }
+    let on_line: Vec<SymbolId> = turned.iter().map(|t| t.angle).collect();
+    system.domains.retain(|condition| {
+        graph.free_symbols(condition.positive).iter().all(|symbol| !on_line.contains(symbol))
+    });
+    system.domains.extend(turned.iter().flat_map(|t| domain_of(&mut graph, t)));
     system.graph = graph;
     if !problems.is_empty() {
         return Err(model.diagnostics(problems));
@@ -117,6 +123,7 @@ struct Turned {
     circle: Circle,
     /// `c`, `s`.
     point: [ExprId; 2],
+    domain: Domain,
     /// The angle as a function of the point, where its domain has a continuous one.
     value: Option<ExprId>,
     doc: String,
@@ -134,7 +141,8 @@ impl Turned {
         let point = [g.sym(cosine), g.sym(sine)];
         let value = angle_of(g, point, coordinate.domain);
         let circle = Circle { angle: coordinate.name.clone(), cosine, sine };
-        Turned { angle: coordinate.symbol, circle, point, value, doc: coordinate.doc.clone() }
+        let (angle, domain, doc) = (coordinate.symbol, coordinate.domain, coordinate.doc.clone());
+        Turned { angle, circle, point, domain, value, doc }
     }
 }
 
@@ -162,6 +170,37 @@ fn angle_of(g: &mut Graph, [c, s]: [ExprId; 2], domain: Domain) -> Option<ExprId
     let pi = g.pi();
     let middle = (pi, Rational::new(quarters.into(), 2.into()));
     Some(g.linear_combination(&[middle, (half, Rational::from_integer(2.into()))]))
+}
+
+/// The domain as conditions on the point, for known ends less than a turn apart: `sin(theta - low) > 0` and
+/// `sin(high - theta) > 0` up to half a turn, `cos(theta - m) > cos(w)` with the middle `m` and half the length `w` beyond.
+fn domain_of(g: &mut Graph, turned: &Turned) -> Vec<DomainCondition> {
+    let Domain::Interval(low, high) = turned.domain else { return Vec::new() };
+    let (none, theta) = (BTreeMap::new(), g.sym(turned.angle));
+    let length = g.sub(high, low);
+    let Some(turn) = g.eval_f64(length, &none).filter(|length| *length < 2.0 * PI) else { return Vec::new() };
+    let name = &turned.circle.angle;
+    let [from, to] = [low, high].map(|end| spell_end(g, end));
+    let both = format!("{from} < {name} < {to}");
+    let above = g.sub(theta, low);
+    let conditions = if (turn - PI).abs() <= PI * f64::EPSILON {
+        vec![(both, g.func(Func::Sin, above))]
+    } else if turn < PI {
+        let below = g.sub(high, theta);
+        let [above, below] = [above, below].map(|angle| g.func(Func::Sin, angle));
+        vec![(format!("{name} > {from}"), above), (format!("{name} < {to}"), below)]
+    } else {
+        let half = Rational::new(1.into(), 2.into());
+        let width = g.scale(length, &half);
+        let apart = g.sub(above, width);
+        let [inside, end] = [apart, width].map(|angle| g.func(Func::Cos, angle));
+        vec![(both, g.sub(inside, end))]
+    };
+    let mut on_point = |(text, e)| {
+        let positive = on_circles(g, from_ref(turned), e).ok()?;
+        Some(DomainCondition { text, positive })
+    };
+    conditions.into_iter().filter_map(&mut on_point).collect()
 }
 
 /// `e` with sines and cosines of the angles as polynomials in the points.

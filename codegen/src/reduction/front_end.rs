@@ -4,9 +4,10 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::algebra::Algebroid;
 use crate::error::Error;
-use crate::expr::{ExprId, Func, Graph, Rational, Sign, SymbolId};
+use crate::expr::{ExprId, Func, Graph, Rational, Sign, Style, SymbolId};
 use crate::spec::{
-    self, Condition, ConstraintKind, Diagnostics, Model, Named, NamedVector, Param, Relation, Side,
+    self, Condition, ConstraintKind, Diagnostics, Model, Named, NamedVector, Param, ReconstructionKind,
+    Relation, Side,
 };
 
 use super::circle::Circle;
@@ -25,6 +26,44 @@ pub enum StateKind {
     Base(usize),
     /// An unknown `u` of the equations of motion, by its place in [`ReducedSystem::unknowns`].
     Unknown(usize),
+}
+
+/// A condition that a base coordinate satisfies where the equations hold.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DomainCondition {
+    /// As people write it, such as `theta < pi/2`.
+    pub text: String,
+    /// Positive inside of the domain, and only there.
+    pub positive: ExprId,
+}
+
+/// The end of an interval as people write it: `3*pi/2`, not `3/2*pi`.
+pub(super) fn spell_end(g: &mut Graph, end: ExprId) -> String {
+    let (q, _) = g.split_coefficient(end);
+    let whole = g.scale(end, &Rational::from(q.denom().clone()));
+    let text = g.display(whole, Style::Plain);
+    if q.is_integer() || text.contains(' ') {
+        g.display(end, Style::Plain)
+    } else {
+        format!("{text}/{}", q.denom())
+    }
+}
+
+/// Advected parameters, then quaternions under what their components' names have in common.
+fn vectors(model: &Model) -> Vec<(String, Vec<SymbolId>)> {
+    let advected =
+        model.advected.iter().map(|a| (a.name.clone(), a.components.iter().map(|(_, s)| *s).collect()));
+    let quaternions = model.reconstruction.iter().filter(|item| {
+        matches!(item.kind, ReconstructionKind::Quaternion { .. } | ReconstructionKind::Pose { .. })
+    });
+    advected
+        .chain(quaternions.map(|item| {
+            let first = item.names.first().map_or("q", String::as_str);
+            let shared = |n: &usize| item.names[..4].iter().all(|name| name.starts_with(&first[..*n]));
+            let n = (1..=first.len()).rev().find(shared).unwrap_or(first.len());
+            (first[..n].to_owned(), item.symbols[..4].to_vec())
+        }))
+        .collect()
 }
 
 /// A system on a Lie algebroid: everything the derivation needs and nothing about where it came from.
@@ -67,10 +106,14 @@ pub struct ReducedSystem {
     pub outputs: Vec<NamedVector>,
     /// Coordinates of the group, which only scenes that ask for them carry.
     pub reconstruction: Vec<ReconstructedCoordinate>,
+    /// Names and components of advected parameters and quaternions.
+    pub vectors: Vec<(String, Vec<SymbolId>)>,
     /// Stage decomposition of the symmetry algebra, when asked for.
     pub stages: Option<Stages>,
     /// Known signs of expressions, from the conditions and domains.
     pub signs: BTreeMap<ExprId, Sign>,
+    /// What confines the base coordinates to their intervals.
+    pub domains: Vec<DomainCondition>,
     /// Angles that the base carries as points of the circle.
     pub circles: Vec<Circle>,
 }
@@ -110,6 +153,7 @@ impl FrontEnd {
         let algebroid = self.algebroid();
         let stages = self.stages();
         let signs = self.signs();
+        let domains = self.domains();
         let constraint = self.constraint(&signs)?;
         let model = &self.model;
         let velocities: Vec<SymbolId> = model.all_velocities().into_iter().map(|(_, s)| s).collect();
@@ -140,8 +184,10 @@ impl FrontEnd {
             casimirs: model.casimirs.clone(),
             outputs: model.outputs.clone(),
             reconstruction,
+            vectors: vectors(model),
             stages: stages?,
             signs,
+            domains,
             circles: Vec::new(),
         })
     }
@@ -180,6 +226,7 @@ impl FrontEnd {
     fn substitute(&mut self, values: &BTreeMap<SymbolId, ExprId>) -> Option<()> {
         let Model {
             graph,
+            base,
             lagrangian,
             conditions,
             stages,
@@ -195,6 +242,7 @@ impl FrontEnd {
         } = &mut self.model;
         let mut places: Vec<&mut ExprId> = vec![lagrangian];
         places.extend(forces.iter_mut());
+        places.extend(base.iter_mut().flat_map(|c| c.domain.ends_mut()));
         places.extend(conditions.iter_mut().flat_map(|c| [&mut c.greater, &mut c.less]));
         places.extend(advected.iter_mut().flat_map(|a| a.action.iter_mut()));
         places.extend(connection.iter_mut().flatten().flatten());
@@ -355,6 +403,27 @@ impl FrontEnd {
             }
         }
         signs
+    }
+
+    /// `low < x` and `x < high` for the coordinates that live in intervals.
+    fn domains(&mut self) -> Vec<DomainCondition> {
+        let Model { graph: g, base, .. } = &mut self.model;
+        let mut conditions = Vec::new();
+        for coordinate in base {
+            let spec::Domain::Interval(low, high) = coordinate.domain else { continue };
+            let (x, name) = (g.sym(coordinate.symbol), &coordinate.name);
+            for (relation, end, sign) in [(">", low, 1), ("<", high, -1)] {
+                // A fraction of pi would be computed at run time.
+                let times = Rational::from(g.split_coefficient(end).0.denom().clone())
+                    * Rational::from_integer(sign.into());
+                let positive = g.linear_combination(&[(x, times.clone()), (end, -times)]);
+                conditions.push(DomainCondition {
+                    text: format!("{name} {relation} {}", spell_end(g, end)),
+                    positive,
+                });
+            }
+        }
+        conditions
     }
 
     fn constraint(&mut self, signs: &BTreeMap<ExprId, Sign>) -> Option<KinematicConstraint> {

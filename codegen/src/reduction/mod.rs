@@ -18,6 +18,6 @@ pub use constraint::{
     AccelerationRow, AccelerationSource, ConstraintRow, KinematicConstraint, Reactions, SolvedConstraint,
     Unknown,
 };
-pub use front_end::{ReducedSystem, StateKind, reduce};
+pub use front_end::{DomainCondition, ReducedSystem, StateKind, reduce};
 pub use reconstruction::ReconstructedCoordinate;
 pub use stages::{StageLevel, Stages, Tensor};

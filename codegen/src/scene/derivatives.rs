@@ -81,12 +81,14 @@ impl Derivative {
 /// A matrix, of which the entries that do not vanish identically are computed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Matrix {
-    /// Which one; its entries are the output of that name.
-    pub derivative: Derivative,
-    /// Number of columns; there is a row for each component of the state.
-    pub n_columns: usize,
+    /// Its name; its entries are the output of that name.
+    pub name: &'static str,
+    /// Numbers of rows and columns.
+    pub shape: (usize, usize),
     /// Row and column of each entry, in the order of the output's components.
     pub pattern: Vec<(usize, usize)>,
+    /// What it is.
+    pub doc: &'static str,
 }
 
 /// A product with a vector that the function takes besides time and state.
@@ -200,7 +202,17 @@ impl Pass<'_> {
             }
         }
         self.output(derivative, components);
-        self.result.matrices.push(Matrix { derivative, n_columns: by.len(), pattern });
+        let doc = match derivative {
+            Derivative::Sensitivity => {
+                "matrix `df_i/dp_j` of the derivatives of the right-hand side by the parameters in the order of \
+                 `INFO.params`, a row for each rate"
+            }
+            _ => {
+                "matrix `df_i/dy_j` of the derivatives of the right-hand side by the state, a row for each rate"
+            }
+        };
+        let shape = (self.rates.len(), by.len());
+        self.result.matrices.push(Matrix { name: derivative.name(), shape, pattern, doc });
     }
 
     /// New symbols `v_x` for the components of a vector.

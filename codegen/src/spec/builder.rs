@@ -764,7 +764,8 @@ impl ModelBuilder {
 
     fn output_name(&mut self, name: &str) {
         let here = self.here;
-        if WANTS.contains(&name) || names::refusal(name).is_some() {
+        let is_taken = WANTS.contains(&name) || names::OTHER_FUNCTIONS.contains(&name);
+        if is_taken || names::refusal(name).is_some() {
             let reason = names::refusal(name).unwrap_or("every scene has an output of that name");
             self.problem(here, format!("`{name}` cannot be used as a name"), reason);
         }

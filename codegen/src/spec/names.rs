@@ -110,7 +110,11 @@ pub(super) const WANTS: &[&str] = &[
     "circles",
     "outputs",
     "taylor",
+    "invariants",
 ];
+
+/// Functions of generated code that no output can be called after, besides [`WANTS`].
+pub(super) const OTHER_FUNCTIONS: &[&str] = &["check", "domain", "invariant_gradients"];
 
 const KEYWORDS: &[&str] = &[
     "abstract", "as", "async", "await", "become", "box", "break", "const", "continue", "crate", "do", "dyn",

@@ -1842,6 +1842,33 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(())
     }
+
+    /// Says whether a point lies outside the domain of the coordinates.
+    ///
+    /// # Errors
+    ///
+    /// `OutsideDomain` with the first condition that does not hold.
+    ///
+    /// # Operations
+    ///
+    /// 1 addition.
+    #[inline]
+    pub fn domain(&self, t: R, y: &[R; 16]) -> Result<(), ::hamel_runtime::Failure> {
+        let [_, beta, _, _, _, _, _, _, _, _, _, _, _, _, _, _] = *y;
+        for (value, condition) in [
+            (beta, "beta > 0"),
+            (R::from_f64(::core::f64::consts::PI) - beta, "beta < pi"),
+        ] {
+            if !value.all_gt(R::ZERO) {
+                let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
+                return Err(::hamel_runtime::Failure::OutsideDomain {
+                    t,
+                    condition,
+                });
+            }
+        }
+        Ok(())
+    }
 }
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
@@ -1854,6 +1881,11 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
 
     fn check(&self, t: R, y: &[R; 16]) -> Result<(), ::hamel_runtime::Failure> {
         self.check(t, y)
+    }
+
+    #[inline]
+    fn domain(&self, t: R, y: &[R; 16]) -> Result<(), ::hamel_runtime::Failure> {
+        self.domain(t, y)
     }
 }
 

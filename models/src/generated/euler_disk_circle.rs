@@ -473,6 +473,30 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(())
     }
+
+    /// Says whether a point lies outside the domain of the coordinates.
+    ///
+    /// # Errors
+    ///
+    /// `OutsideDomain` with the first condition that does not hold.
+    ///
+    /// # Operations
+    ///
+    /// No operations.
+    #[inline]
+    pub fn domain(&self, t: R, y: &[R; 5]) -> Result<(), ::hamel_runtime::Failure> {
+        let [theta_c, theta_s, _, _, _] = *y;
+        for (value, condition) in [(theta_s, "theta > 0"), (theta_c, "theta < pi/2")] {
+            if !value.all_gt(R::ZERO) {
+                let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
+                return Err(::hamel_runtime::Failure::OutsideDomain {
+                    t,
+                    condition,
+                });
+            }
+        }
+        Ok(())
+    }
 }
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
@@ -485,6 +509,11 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
 
     fn check(&self, t: R, y: &[R; 5]) -> Result<(), ::hamel_runtime::Failure> {
         self.check(t, y)
+    }
+
+    #[inline]
+    fn domain(&self, t: R, y: &[R; 5]) -> Result<(), ::hamel_runtime::Failure> {
+        self.domain(t, y)
     }
 }
 

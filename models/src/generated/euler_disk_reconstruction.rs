@@ -726,6 +726,36 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(())
     }
+
+    /// Says whether a point lies outside the domain of the coordinates.
+    ///
+    /// # Errors
+    ///
+    /// `OutsideDomain` with the first condition that does not hold.
+    ///
+    /// # Operations
+    ///
+    /// 1 addition, 1 multiplication (1 fused).
+    #[inline]
+    pub fn domain(&self, t: R, y: &[R; 8]) -> Result<(), ::hamel_runtime::Failure> {
+        let [theta, _, _, _, _, _, _, _] = *y;
+        for (value, condition) in [
+            (theta, "theta > 0"),
+            (
+                (-theta).mul_add(R::from_f64(2.0), R::from_f64(::core::f64::consts::PI)),
+                "theta < pi/2",
+            ),
+        ] {
+            if !value.all_gt(R::ZERO) {
+                let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
+                return Err(::hamel_runtime::Failure::OutsideDomain {
+                    t,
+                    condition,
+                });
+            }
+        }
+        Ok(())
+    }
 }
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
@@ -738,6 +768,11 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
 
     fn check(&self, t: R, y: &[R; 8]) -> Result<(), ::hamel_runtime::Failure> {
         self.check(t, y)
+    }
+
+    #[inline]
+    fn domain(&self, t: R, y: &[R; 8]) -> Result<(), ::hamel_runtime::Failure> {
+        self.domain(t, y)
     }
 }
 

@@ -10,6 +10,8 @@ pub mod ball_on_rotating_table_reconstruction;
 /// Chaplygin ball
 pub mod chaplygin_ball;
 /// Chaplygin ball
+pub mod chaplygin_ball_invariants;
+/// Chaplygin ball
 pub mod chaplygin_ball_reconstruction;
 /// Chaplygin ball
 pub mod chaplygin_ball_taylor;
@@ -53,6 +55,8 @@ pub mod free_rigid_body_reconstruction;
 pub mod heavy_top;
 /// Heavy top
 pub mod heavy_top_derivatives;
+/// Heavy top
+pub mod heavy_top_invariants;
 /// Heavy top
 pub mod heavy_top_lagrange;
 /// Heavy top
@@ -140,6 +144,7 @@ macro_rules! for_each_scene {
             (ball_on_rotating_table, "ball_on_rotating_table", "default", 5)
             (ball_on_rotating_table_reconstruction, "ball_on_rotating_table", "reconstruction", 9)
             (chaplygin_ball, "chaplygin_ball", "default", 6)
+            (chaplygin_ball_invariants, "chaplygin_ball", "invariants", 6)
             (chaplygin_ball_reconstruction, "chaplygin_ball", "reconstruction", 13)
             (chaplygin_ball_taylor, "chaplygin_ball", "taylor", 6)
             (chaplygin_gyro, "chaplygin_gyro", "default", 10)
@@ -162,6 +167,7 @@ macro_rules! for_each_scene {
             (free_rigid_body_reconstruction, "free_rigid_body", "reconstruction", 7)
             (heavy_top, "heavy_top", "default", 6)
             (heavy_top_derivatives, "heavy_top", "derivatives", 6)
+            (heavy_top_invariants, "heavy_top", "invariants", 6)
             (heavy_top_lagrange, "heavy_top", "lagrange", 6)
             (heavy_top_reconstruction, "heavy_top", "reconstruction", 10)
             (heavy_top_symmetric, "heavy_top", "symmetric", 6)

@@ -12,7 +12,8 @@ use crate::system::{Differentiable, StateVector, System};
 ///
 /// It is symmetric and symplectic and keeps quadratic invariants; rounding of its coefficients does not spoil
 /// that, because they are stored such that `b_i a_ij + b_j a_ji = b_i b_j` holds exactly. There is no error
-/// estimate: steps that vary would lose these properties. Dense output is of order `STAGES + 1`.
+/// estimate: steps that vary would lose these properties. Dense output is of order `STAGES + 2`, for one more evaluation in
+/// steps where it is asked for.
 ///
 /// The stages are iterated from extrapolated starting values until round-off stops the progress.
 ///
@@ -40,7 +41,9 @@ use crate::system::{Differentiable, StateVector, System};
 ///
 /// Hairer, Lubich and Wanner, Geometric Numerical Integration (2006), sections II.1.3, VI.4, VIII.6; the exact
 /// symplecticity after Antonana, Makazaga and Murua, Reducing and monitoring round-off error propagation for
-/// symplectic implicit Runge-Kutta schemes (2017), equation 12.
+/// symplectic implicit Runge-Kutta schemes (2017), equation 12. Dense output is the one polynomial that meets the
+/// conditions up to its order with the derivatives at both ends, at the stages, and at one more point, taken from the
+/// polynomial through the others: of the rooted trees of order `STAGES + 2`, all but the bush on a stem are quadratures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Gauss<const STAGES: usize, I = FixedPoint> {
     iteration: I,
@@ -146,10 +149,14 @@ impl<const STAGES: usize, I> Gauss<STAGES, I> {
     };
 }
 
+/// Derivatives kept at most: the stages, and one for dense output.
+const MAX_STORED: usize = 5;
+
 /// What a Gauss method keeps between steps: the stages, and weights that extrapolate them.
 #[derive(Clone, Debug)]
 pub struct GaussStorage<R, V, W, const STAGES: usize> {
-    stages: [V; STAGES],
+    /// The stages, the derivative for dense output, and room.
+    stages: [V; MAX_STORED],
     /// The stages times their weights.
     increments: [V; STAGES],
     /// Ratio of step sizes that `inner` and `ends` belong to.
@@ -208,7 +215,7 @@ impl<R: Real, V: StateVector<R>, W, const STAGES: usize> GaussStorage<R, V, W, S
         let before = step.to.slope.as_slice();
         for c in 0..slope.len() {
             let old: [R; STAGES] = core::array::from_fn(|j| self.stages[j].as_slice()[c]);
-            for (i, stage) in self.stages.iter_mut().enumerate() {
+            for (i, stage) in self.stages.iter_mut().take(STAGES).enumerate() {
                 let start = self.ends[i][0] * before[c] + self.ends[i][1] * slope[c];
                 let terms = self.inner[i].iter().zip(&old);
                 stage.as_mut_slice()[c] = terms.fold(start, |sum, (&weight, &k)| weight.mul_add(k, sum));
@@ -298,13 +305,10 @@ fn iterate<R: Real, S: System<R>>(
 }
 
 /// The new state from the stages.
-fn finish<R: Real, S: System<R>, const STAGES: usize>(
-    tableau: &Tableau,
-    stages: &[S::State; STAGES],
-    step: &mut Step<'_, R, S>,
-) {
+fn finish<R: Real, S: System<R>>(tableau: &Tableau, stages: &[S::State], step: &mut Step<'_, R, S>) {
     let (from, h) = (step.from, step.h);
-    let k = Derivatives { n_stages: STAGES + 1, first: &from.slope, stored: stages, last: &from.slope };
+    let first = &from.slope;
+    let k = Derivatives { n_stages: tableau.n_stages(), first, stored: stages, last: first };
     compensated_advance((from, step.to), h, tableau.weights, &k);
 }
 
@@ -318,11 +322,11 @@ impl<R: Real, S: System<R>, const STAGES: usize> Method<R, S> for Gauss<STAGES, 
     }
 
     fn stages(storage: &Self::Storage) -> &[S::State] {
-        &storage.stages
+        &storage.stages[..STAGES + 1]
     }
 
     fn stages_mut(storage: &mut Self::Storage) -> &mut [S::State] {
-        &mut storage.stages
+        &mut storage.stages[..STAGES + 1]
     }
 
     fn advance(&self, storage: &mut Self::Storage, step: &mut Step<'_, R, S>) -> Result<(), Error> {
@@ -453,11 +457,11 @@ impl<R: Real, S: Differentiable<R, State = [R; N]>, const N: usize, const STAGES
     }
 
     fn stages(storage: &Self::Storage) -> &[[R; N]] {
-        &storage.stages
+        &storage.stages[..STAGES + 1]
     }
 
     fn stages_mut(storage: &mut Self::Storage) -> &mut [[R; N]] {
-        &mut storage.stages
+        &mut storage.stages[..STAGES + 1]
     }
 
     fn advance(&self, storage: &mut Self::Storage, step: &mut Step<'_, R, S>) -> Result<(), Error> {
@@ -500,9 +504,9 @@ const GAUSS4: Tableau = Tableau {
     stages: &[&[], &[(1, 0.25), (2, -0.03867513459481288)], &[(1, 0.5386751345948129), (2, 0.25)]],
     weights: &[(1, 0.5), (2, 0.5)],
     estimate: Estimate::None,
-    dense_nodes: &[],
-    dense_stages: &[],
-    dense: &[(0, &[-1.5]), (1, &[2.598076211353316]), (2, &[-2.598076211353316]), (3, &[1.5])],
+    dense_nodes: &[0.3333333333333333],
+    dense_stages: &[&[(0, 0.07407407407407407), (1, 0.2579296894495465), (2, 0.0013295698097127932)]],
+    dense: &[(1, &[-4.5]), (2, &[-4.5]), (3, &[2.25]), (4, &[6.75])],
 };
 
 /// The method of order 6.
@@ -518,14 +522,21 @@ const GAUSS6: Tableau = Tableau {
     ],
     weights: &[(1, 0.2777777777777778), (2, 0.4444444444444444), (3, 0.2777777777777778)],
     estimate: Estimate::None,
-    dense_nodes: &[],
-    dense_stages: &[],
+    dense_nodes: &[0.5],
+    dense_stages: &[&[
+        (0, -0.03125),
+        (1, 0.3406067715038585),
+        (2, 0.2222222222222222),
+        (3, -0.06282899372608074),
+        (4, 0.03125),
+    ]],
     dense: &[
         (0, &[-4.5, 4.0]),
         (1, &[6.560819455172847, -6.666666666666667]),
-        (2, &[-2.6666666666666665, 5.333333333333333]),
+        (2, &[5.333333333333333, -10.666666666666666]),
         (3, &[0.10584721149381926, -6.666666666666667]),
         (4, &[0.5, 4.0]),
+        (5, &[-8.0, 16.0]),
     ],
 };
 
@@ -568,14 +579,22 @@ const GAUSS8: Tableau = Tableau {
         (4, 0.17392742256872692),
     ],
     estimate: Estimate::None,
-    dense_nodes: &[],
-    dense_stages: &[],
+    dense_nodes: &[0.7],
+    dense_stages: &[&[
+        (0, 0.012285),
+        (1, 0.15182251083265905),
+        (2, 0.3517867077179952),
+        (3, 0.2104763960288042),
+        (4, -0.053565614579458416),
+        (5, 0.027195),
+    ]],
     dense: &[
-        (0, &[-8.5, 7.0, 11.666666666666666]),
-        (1, &[11.293439843800016, -9.890096504226937, -19.141562086957997]),
-        (2, &[-2.818155749217592, 2.890096504226938, 14.167929647650073]),
-        (3, &[-0.07194075500934587, 2.890096504226938, -14.167929647650073]),
-        (4, &[-1.403343339573078, -9.890096504226937, 19.141562086957997]),
-        (5, &[1.5, 7.0, -11.666666666666666]),
+        (0, &[-8.070668693009118, 7.0, 9.663120567375886]),
+        (1, &[10.511471538573442, -9.890096504226937, -15.492376662567317]),
+        (2, &[-1.8317408988837236, 2.890096504226938, 9.56466034609202]),
+        (3, &[-12.233569912784626, 2.890096504226938, 42.58633975530123]),
+        (4, &[-3.5419054077561567, -9.890096504226937, 29.121518405145697]),
+        (5, &[2.50177304964539, 7.0, -16.34160756501182]),
+        (6, &[12.664640324214792, 0.0, -59.1016548463357]),
     ],
 };

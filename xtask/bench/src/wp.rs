@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 
 use hamel_runtime::{
     Dop853, Dopri5, Gauss4, Gauss6, Gauss8, Integrator, Jet, Method, Options, Scene, Stats, System, Taylor,
-    TaylorIntegrator, Tsit5, Vern9,
+    Tsit5, Vern9,
 };
 
 use crate::kernel;
@@ -138,8 +138,7 @@ where
 
 fn taylor<S: Jet<f64, State = [f64; N]> + 'static, const N: usize>(scene: S, span: Span<N>) -> Solver {
     solver(("hamel", "taylor"), span, false, move |span, knob| {
-        let mut solver =
-            TaylorIntegrator::new(&scene, Taylor::new(), 0.0, span.initial, adaptive(knob)).ok()?;
+        let mut solver = Integrator::new(&scene, Taylor::new(), 0.0, span.initial, adaptive(knob)).ok()?;
         solver.integrate_to(span.t_end).ok()?;
         Some((*solver.state(), solver.stats().into()))
     })

@@ -11,6 +11,10 @@ use crate::lower::Function;
 /// The matrix that [`hamel_runtime::Differentiable`] is about.
 const JACOBIAN: &str = "jacobian";
 
+/// The output that [`hamel_runtime::Invariants`] is about, and the matrix of its gradients.
+const INVARIANTS: &str = "invariants";
+const GRADIENTS: &str = "invariant_gradients";
+
 /// Name of the method that computes the entries of a matrix.
 pub(super) fn entries_method(matrix: &str) -> String {
     format!("{matrix}_nonzeros")
@@ -135,6 +139,55 @@ impl<'a> Module<'a> {
             pub fn #method(&self, t: R, y: &[R; #n], #vector: &[R; #n_vector]) -> [R; #n_results] {
                 #statements
                 [#(#results),*]
+            }
+        }
+    }
+
+    /// Number of the invariants, and the methods of their values and gradients.
+    fn invariant_methods(&self) -> Option<(usize, &Ident, Ident)> {
+        let gradients = self.matrix(GRADIENTS)?;
+        let (output, _, values) = self.outputs.iter().find(|(output, ..)| output.name == INVARIANTS)?;
+        Some((output.components.len(), values, ident(&gradients.name)))
+    }
+
+    /// What projection asks for.
+    pub(super) fn invariants(&self) -> TokenStream {
+        let Some((n_invariants, values, gradients)) = self.invariant_methods() else {
+            return TokenStream::new();
+        };
+        let (n, k) = (size(self.state.len()), size(n_invariants));
+        quote! {
+            impl<R: ::hamel_runtime::Real> ::hamel_runtime::Invariants<R, #k> for Prepared<R> {
+                #[inline]
+                fn values(&self, t: R, y: &[R; #n]) -> [R; #k] {
+                    self.#values(t, y)
+                }
+
+                #[inline]
+                fn gradients(&self, t: R, y: &[R; #n], gradients: &mut [[R; #n]; #k]) {
+                    *gradients = self.#gradients(t, y);
+                }
+            }
+        }
+    }
+
+    /// The same for drivers that serve any scene.
+    pub(super) fn invariants_of(&self) -> TokenStream {
+        let Some((n_invariants, ..)) = self.invariant_methods() else { return TokenStream::new() };
+        let (n, k) = (size(self.state.len()), size(n_invariants));
+        quote! {
+            const N_INVARIANTS: usize = #k;
+
+            fn invariants_of(&self, t: R, y: &[R; #n], values: &mut [R]) {
+                if let Ok(values) = <&mut [R; #k]>::try_from(values) {
+                    *values = ::hamel_runtime::Invariants::values(self, t, y);
+                }
+            }
+
+            fn invariant_gradients_of(&self, t: R, y: &[R; #n], gradients: &mut [[R; #n]]) {
+                if let Ok(gradients) = <&mut [[R; #n]; #k]>::try_from(gradients) {
+                    ::hamel_runtime::Invariants::gradients(self, t, y, gradients);
+                }
             }
         }
     }

@@ -1,0 +1,131 @@
+//! Functions of time and state that are constant along every motion of a scene, with their gradients.
+//!
+//! Candidates are what mechanics knows: casimirs, norms and products of advected parameters and quaternions, residuals of
+//! constraints, the energy, momenta. One counts when its rate along the motion vanishes identically, by the fingerprints of
+//! the graph; the energy of a system with multipliers, which is conserved on the constraint alone, does not. Of those that
+//! are functions of others only the first are kept. Components of the state that never change are parameters here: a
+//! projection leaves them alone.
+//!
+//! Deliberately does not know: how anything is differentiated, lowered or emitted, who projects.
+
+use std::collections::BTreeSet;
+
+use super::derivatives::Matrix;
+use crate::differentiate::Linearisation;
+use crate::expr::{ExprId, Graph, Section, SectionWriter, SymbolId, independent_rows, needed_sections};
+use crate::lower::Inputs;
+use crate::mechanics::{Equations, Output, StateEquation};
+
+/// What a scene wants that has functions of its invariants and their gradients, and the name of that of the values.
+pub const INVARIANTS: &str = "invariants";
+/// Name of the matrix of the gradients, a row for each invariant.
+pub(super) const GRADIENTS: &str = "invariant_gradients";
+
+/// The invariants of a scene, and what has to be lowered for them.
+pub(super) struct Invariants {
+    /// Values, and the entries of the gradients that do not vanish identically.
+    pub(super) outputs: [Output; 2],
+    pub(super) gradients: Matrix,
+    /// To come after the sections of the equations.
+    pub(super) sections: Vec<Section>,
+}
+
+/// Finds the invariants of the motion of `state`; none if nothing but components of it is conserved.
+pub(super) fn find(
+    g: &mut Graph,
+    equations: &Equations,
+    state: &[StateEquation],
+    inputs: &Inputs,
+) -> Option<Invariants> {
+    let (names, values): (Vec<String>, Vec<ExprId>) =
+        conserved(g, equations, state, inputs).into_iter().unzip();
+    let moving: Vec<usize> = (0..state.len()).filter(|k| state[*k].derivative != g.zero()).collect();
+    let by: Vec<SymbolId> = moving.iter().map(|k| state[*k].symbol).collect();
+    let sections = needed_sections(g, &equations.sections, &values);
+    let linear = Linearisation::new(g, &sections, &values, &by);
+    let mut writer = SectionWriter::new(g, BTreeSet::new(), &[]);
+    let name = |value: &str, input: &str| format!("d_{value}_d_{input}");
+    let rows = linear.jacobian(g, &mut writer, name, |section| format!("derivatives of: {section}"));
+    let kept = independent_rows(g, &rows);
+    let (mut components, mut entries, mut pattern) = (Vec::new(), Vec::new(), Vec::new());
+    for (i, k) in kept.into_iter().enumerate() {
+        components.push((names[k].clone(), values[k]));
+        for (j, e) in moving.iter().zip(&rows[k]).filter(|(_, e)| **e != g.zero()) {
+            entries.push((name(&names[k], &state[*j].name), *e));
+            pattern.push((i, *j));
+        }
+    }
+    let shape = (components.len(), state.len());
+    let output =
+        |name: &str, components, doc: &str| Output { name: name.into(), components, doc: doc.into() };
+    let values = "functions of time and state that are constant along every motion";
+    let slopes = "entries of the gradients of the invariants that do not vanish identically, row by row";
+    (shape.0 > 0).then(|| Invariants {
+        outputs: [output(INVARIANTS, components, values), output(GRADIENTS, entries, slopes)],
+        gradients: Matrix {
+            name: GRADIENTS,
+            shape,
+            pattern,
+            doc: "matrix of the derivatives of the invariants by the components of the state that move, a row for each \
+                  invariant",
+        },
+        sections: writer.finish().0,
+    })
+}
+
+/// The candidates whose rate vanishes identically.
+fn conserved(
+    g: &mut Graph,
+    equations: &Equations,
+    state: &[StateEquation],
+    inputs: &Inputs,
+) -> Vec<(String, ExprId)> {
+    let candidates = candidates(g, equations, state);
+    let values: Vec<ExprId> = candidates.iter().map(|(_, e)| *e).collect();
+    let sections = needed_sections(g, &equations.sections, &values);
+    let mut by: Vec<SymbolId> = state.iter().map(|s| s.symbol).collect();
+    let mut motion: Vec<ExprId> = state.iter().map(|s| s.derivative).collect();
+    by.push(inputs.time);
+    motion.push(g.one());
+    let linear = Linearisation::new(g, &sections, &values, &by);
+    // Nobody computes these rates.
+    let mut scratch = SectionWriter::new(g, BTreeSet::new(), &[]);
+    let rates = linear.forward(g, &mut scratch, &[motion], |value, _| format!("rate_{value}"), str::to_owned);
+    candidates.into_iter().zip(rates).filter(|(_, rate)| g.is_zero(rate[0])).map(|(found, _)| found).collect()
+}
+
+/// What may be conserved, in the order in which it is kept.
+fn candidates(g: &mut Graph, equations: &Equations, state: &[StateEquation]) -> Vec<(String, ExprId)> {
+    let group = |name: &'static str| {
+        let found = equations.outputs.iter().filter(move |o| o.name == name);
+        found.flat_map(|o| o.components.iter().cloned())
+    };
+    let mut candidates: Vec<(String, ExprId)> = group("circles").chain(group("casimirs")).collect();
+    let vectors = &equations.system.vectors;
+    for (k, (name, a)) in vectors.iter().enumerate() {
+        for (other, b) in vectors[k..].iter().filter(|(_, b)| b.len() == a.len()) {
+            let terms: Vec<ExprId> = (a.iter().zip(b))
+                .map(|(x, y)| {
+                    let (x, y) = (g.sym(*x), g.sym(*y));
+                    g.mul(x, y)
+                })
+                .collect();
+            candidates.push((format!("{name}_dot_{other}"), g.sum(&terms)));
+        }
+    }
+    candidates.extend(group("constraint"));
+    candidates.push(("energy".to_owned(), equations.energy));
+    candidates.extend(group("momentum").chain(group("nonholonomic_momentum")));
+    let carried: BTreeSet<SymbolId> = state.iter().map(|s| s.symbol).collect();
+    let base = equations.system.algebroid.base().iter().copied();
+    let left_out: BTreeSet<SymbolId> = base
+        .chain(equations.reconstruction.iter().map(|s| s.symbol))
+        .filter(|symbol| !carried.contains(symbol))
+        .collect();
+    candidates.retain(|(_, e)| {
+        let needed = needed_sections(g, &equations.sections, &[*e]);
+        let definitions = needed.iter().flat_map(|s| &s.definitions).map(|d| d.expr);
+        !definitions.chain([*e]).any(|e| g.depends_on(e, &left_out))
+    });
+    candidates
+}
