@@ -173,6 +173,7 @@ fn builder_and_file_give_one_heavy_top() {
     let derivatives = ["jacobian", "jvp", "vjp", "time_derivative", "sensitivity", "sensitivity_jvp"];
     b.scene("derivatives", &[], &[&["energy"], derivatives.as_slice()].concat(), "");
     b.scene("taylor", &[], &["rhs", "energy", "taylor"], "");
+    b.scene("invariants", &[], &["rhs", "energy", "invariants"], "");
     let (zero, one, inertia) = ([q("0")], [q("1")], [q("1.3")]);
     let fixed: [(&str, &[Rational]); 5] =
         [("chi1", &zero), ("chi2", &zero), ("chi3", &one), ("I1", &inertia), ("I2", &inertia)];
