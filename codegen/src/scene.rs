@@ -9,12 +9,13 @@
 //! Deliberately does not know: how equations are derived, how programs are lowered, how text is emitted.
 
 mod derivatives;
+mod pivots;
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::emit::{self, MatrixText, OutputText, ParamText, ProductText, SceneEntry, SceneText, StateText};
 use crate::error::Error;
-use crate::expr::{ExprId, Rational, SymbolId, needed_sections, sign_of};
+use crate::expr::{ExprId, Rational, SymbolId, inlined, needed_sections, sign_of};
 use crate::lower::{
     self, Counts, Inputs, Jet, ParamCondition, Point, Program, Relation, Request, ViolatedCondition,
 };
@@ -34,7 +35,8 @@ pub struct BuiltScene {
     pub name: String,
     /// What was derived.
     pub equations: Equations,
-    /// What was lowered: functions `rhs`, `energy` (when wanted), `check`, then one per output and per product.
+    /// What was lowered: functions `rhs`, `energy` (when wanted), `check`, then one per output and per product. The results
+    /// of `check` are the pivots, and for each a scale beside which it must not vanish.
     pub program: Program,
     /// The state of this scene: that of the model without what is left out, with what is reconstructed.
     pub state: Vec<StateEquation>,
@@ -448,9 +450,11 @@ fn lower_scene(
             },
         })
         .collect();
+    let values = inlined(&mut graph, equations.sections.iter().flat_map(|s| &s.definitions));
     let mut moving_pivots = Vec::new();
     for pivot in &equations.pivots {
-        if sign_of(&graph, pivot.expr, &system.signs).is_definite() {
+        let value = graph.subs(pivot.expr, &values).unwrap_or(pivot.expr);
+        if sign_of(&graph, value, &system.signs).is_definite() {
             continue;
         }
         if equations.is_parameter_only(pivot.expr) {
@@ -470,7 +474,11 @@ fn lower_scene(
         let results = vec![("energy".to_owned(), equations.energy)];
         requests.push(Request { name: "energy".into(), results });
     }
-    requests.push(Request { name: "check".into(), results: moving_pivots });
+    let pivots: Vec<ExprId> = moving_pivots.iter().map(|(_, e)| *e).collect();
+    let scales = pivots::rounding_scales(&mut graph, &pivots, &equations.sections, &values, &system.signs);
+    let scales: Vec<(String, ExprId)> =
+        moving_pivots.iter().zip(scales).map(|((name, _), scale)| (name.clone(), scale)).collect();
+    requests.push(Request { name: "check".into(), results: [moving_pivots, scales].concat() });
     for output in &outputs {
         requests.push(Request { name: output.name.clone(), results: output.components.clone() });
     }
@@ -795,14 +803,16 @@ impl Interpreter<'_> {
     /// Why the right-hand side cannot be evaluated here.
     ///
     /// # Errors
-    /// The name of the pivot that vanishes.
+    /// The name of the pivot that vanishes, or that rounding errors of its terms could hide.
     pub fn check(&self, t: f64, y: &[f64]) -> Result<(), String> {
         let Some(k) = self.scene.program.function_idx("check") else { return Ok(()) };
         let function = &self.scene.program.functions[k];
         let mut out = vec![0.0; function.results.len()];
         self.scene.program.run(k, &self.params, &self.prepared, t, y, &mut out);
-        match function.results.iter().zip(&out).find(|(_, value)| **value == 0.0) {
-            Some(((name, _), _)) => Err(name.clone()),
+        let (pivots, scales) = out.split_at(out.len() / 2);
+        let is_lost = |(pivot, scale): (&f64, &f64)| scale + pivot == *scale;
+        match pivots.iter().zip(scales).position(is_lost) {
+            Some(k) => Err(function.results[k].0.clone()),
             None => Ok(()),
         }
     }

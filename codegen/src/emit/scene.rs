@@ -629,32 +629,40 @@ impl<'a> Module<'a> {
         if let Some(check) = self.checked() {
             let written = self.write(check)?;
             names_of(&written);
+            let Written { statements, results, .. } = written;
+            let n = results.len() / 2;
+            let (values, scales) = results.split_at(n);
+            let pivots = check.results[..n].iter().map(|(name, _)| name);
+            // A scale is the constant zero where a pivot has no terms that could cancel.
+            let can_cancel = check.results[n..].iter().any(|(_, o)| !matches!(o, Operand::Constant(_)));
+            let (names, tuples, is_there): (_, Vec<TokenStream>, _) = if can_cancel {
+                let tuples = values.iter().zip(scales).zip(pivots).map(|((v, s), p)| quote! { (#v, #s, #p) });
+                (quote! { (value, scale, pivot) }, tuples.collect(), quote! { (scale + value).all_ne(scale) })
+            } else {
+                let tuples = values.iter().zip(pivots).map(|(v, p)| quote! { (#v, #p) });
+                (quote! { (value, pivot) }, tuples.collect(), quote! { value.all_ne(R::ZERO) })
+            };
             let mut doc = vec!["Says which pivot vanishes at a point.".to_owned()];
             doc.extend([String::new(), "# Errors".into(), String::new()]);
-            doc.push("`Singular` with the first pivot that is zero.".into());
+            doc.push(
+                if can_cancel {
+                    "`Singular` with the first pivot that is zero up to the rounding errors of its terms."
+                } else {
+                    "`Singular` with the first pivot that is zero."
+                }
+                .into(),
+            );
             doc.extend(self.operations(check));
             let doc = doc_attributes(doc);
-            let Written { statements, results, .. } = written;
-            let pivots: Vec<&String> = check.results.iter().map(|(name, _)| name).collect();
             let failure = quote! {
-                let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
-                return Err(::hamel_runtime::Failure::Singular { t, pivot });
+                if !#is_there {
+                    let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
+                    return Err(::hamel_runtime::Failure::Singular { t, pivot });
+                }
             };
-            let test = if results.len() == 1 {
-                quote! {
-                    let (value, pivot) = (#(#results)*, #(#pivots)*);
-                    if !value.all_ne(R::ZERO) {
-                        #failure
-                    }
-                }
-            } else {
-                quote! {
-                    for (value, pivot) in [#((#results, #pivots)),*] {
-                        if !value.all_ne(R::ZERO) {
-                        #failure
-                    }
-                    }
-                }
+            let test = match tuples.as_slice() {
+                [tuple] => quote! { let #names = #tuple; #failure },
+                _ => quote! { for #names in [#(#tuples),*] { #failure } },
             };
             methods.extend(quote! {
                 #doc

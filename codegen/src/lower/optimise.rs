@@ -18,6 +18,8 @@ use crate::expr::{ExprId, Graph, Node, Rational, Sign, SymbolId};
 const MAX_WORK: usize = 4_000_000;
 /// A definition is not multiplied out where that takes more than so many times the terms.
 const MAX_GROWTH: usize = 1;
+/// What it may cost to be rid of a cancellation: two operations.
+const CANCELLATION: i64 = 7;
 /// Rounds over all definitions.
 const MAX_ROUNDS: usize = 3;
 
@@ -98,11 +100,13 @@ impl Search<'_> {
                 if self.extractor.work + 10 * self.system.work > MAX_WORK {
                     return best.1;
                 }
-                let candidates =
-                    [self.flat(&current, k), self.inlined(&current, k), self.gathered(&current, k)];
-                for candidate in candidates.into_iter().flatten() {
+                let gathered = [self.gathered(&current, k), self.gathered_as_it_is(&current, k)];
+                let gathered = gathered.map(|candidate| (candidate, CANCELLATION));
+                let candidates = [(self.flat(&current, k), 0), (self.inlined(&current, k), 0)];
+                for (candidate, worth) in candidates.into_iter().chain(gathered) {
+                    let Some(candidate) = candidate else { continue };
                     let trial = self.extracted(&candidate);
-                    if trial.0 < best.0 {
+                    if trial.0 < best.0 + worth {
                         (best, current) = (trial, candidate);
                     }
                 }
@@ -158,7 +162,21 @@ impl Search<'_> {
     /// Polynomial `k`, multiplied out as far as it goes, over the denominators in it.
     fn gathered(&mut self, entries: &[Entry], k: usize) -> Option<Vec<Entry>> {
         let value = self.flattened(entries, k).unwrap_or_else(|| entries[k].value.clone());
-        let value = self.system.over_common_denominator(self.graph, &value, entries)?;
+        self.over_common_denominator(entries, k, &value)
+    }
+
+    /// Polynomial `k` over the denominators in it, nothing else multiplied out.
+    fn gathered_as_it_is(&mut self, entries: &[Entry], k: usize) -> Option<Vec<Entry>> {
+        self.over_common_denominator(entries, k, &entries[k].value)
+    }
+
+    fn over_common_denominator(
+        &mut self,
+        entries: &[Entry],
+        k: usize,
+        value: &Polynomial,
+    ) -> Option<Vec<Entry>> {
+        let value = self.system.over_common_denominator(self.graph, value, entries)?;
         let mut candidate = entries.to_vec();
         candidate[k].value = value;
         Some(candidate)

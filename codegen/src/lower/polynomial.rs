@@ -434,52 +434,76 @@ impl System {
 }
 
 impl System {
-    /// `a + b/d = (a d + b)/d` with `d` multiplied out in `a d`, where the sum has fewer terms for it.
+    /// `a + b/d^n = (a d^n + b)/d^n` with `d^n` multiplied out in `a d^n`, for every denominator for which terms cancel.
+    ///
+    /// What cancels here is what would have cancelled in digits: `x^2/d^2 - 1/d` with `d = c + x^2` is `-c/d^2`.
     pub(super) fn over_common_denominator(
         &mut self,
         graph: &mut Graph,
         target: &Polynomial,
         entries: &[Entry],
     ) -> Option<Polynomial> {
-        let minus_one = -Exponent::one();
         let mut denominators: Vec<u32> = target
             .iter()
             .flat_map(|(m, _)| m)
-            .filter(|(atom, q)| *q == minus_one && matches!(self.atom(*atom), Atom::Poly(_)))
+            .filter(|(atom, q)| q.is_negative() && matches!(self.atom(*atom), Atom::Poly(_)))
             .map(|(atom, _)| *atom)
             .collect();
         denominators.sort_unstable();
         denominators.dedup();
         let mut best: Option<Polynomial> = None;
         for atom in denominators {
-            let current = best.as_ref().unwrap_or(target);
-            let Atom::Poly(k) = self.atom(atom) else { continue };
-            let denominator = &entries[k as usize].value;
-            let mut terms: Polynomial = Vec::new();
-            for (m, c) in current {
-                match m.iter().find(|(a, _)| *a == atom) {
-                    Some((_, q)) if *q == minus_one => terms.push((times(m, &vec![(atom, -minus_one)]), *c)),
-                    Some(_) => return best,
-                    None => {
-                        for (x, r) in denominator {
-                            terms.push((times(m, x), self.numbers.mul(graph, *c, *r)));
-                        }
-                    }
-                }
-            }
-            if terms.len() > 2 * MAX_TERMS {
-                continue;
-            }
-            let n_terms = current.len();
-            let sum = self.collect(graph, terms);
-            if sum.len() < n_terms {
-                let over = sum.into_iter().map(|(m, c)| (times(&m, &vec![(atom, minus_one)]), c));
-                let mut over: Polynomial = over.collect();
-                over.sort();
-                best = Some(over);
-            }
+            let gathered = self.over_denominator(graph, best.as_ref().unwrap_or(target), atom, entries);
+            best = gathered.or(best);
         }
         best
+    }
+
+    /// `target` over the highest power of the polynomial `atom` in its denominators, if terms cancel there.
+    fn over_denominator(
+        &mut self,
+        graph: &mut Graph,
+        target: &Polynomial,
+        atom: u32,
+        entries: &[Entry],
+    ) -> Option<Polynomial> {
+        let Atom::Poly(k) = self.atom(atom) else { return None };
+        let exponent = |m: &Monomial| {
+            m.iter().find(|(a, _)| *a == atom).map_or(Exponent::zero(), |(_, q)| *q)
+        };
+        let lowest = target.iter().map(|(m, _)| exponent(m)).min()?;
+        let denominator = &entries[k as usize].value;
+        let mut terms: Polynomial = Vec::new();
+        for (m, c) in target {
+            let q = exponent(m);
+            let n = q - lowest;
+            if !n.is_integer() || n > Exponent::from_integer(MAX_POWER) {
+                return None;
+            }
+            let mut product = vec![(times(m, &vec![(atom, -q)]), *c)];
+            for _ in 0..n.to_integer() {
+                let factors = product.iter().flat_map(|x| denominator.iter().map(move |y| (x, y)));
+                let factors: Vec<_> = factors.collect();
+                if terms.len() + factors.len() > 2 * MAX_TERMS {
+                    return None;
+                }
+                self.work += factors.len();
+                product = factors
+                    .into_iter()
+                    .map(|((x, p), (y, r))| (times(x, y), self.numbers.mul(graph, *p, *r)))
+                    .collect();
+            }
+            terms.extend(product);
+        }
+        let n_monomials = terms.iter().map(|(m, _)| m).collect::<HashSet<_>>().len();
+        let sum = self.collect(graph, terms);
+        if sum.len() >= n_monomials {
+            return None;
+        }
+        let over = sum.into_iter().map(|(m, c)| (times(&m, &vec![(atom, lowest)]), c));
+        let mut over: Polynomial = over.collect();
+        over.sort();
+        Some(over)
     }
 }
 

@@ -85,9 +85,18 @@ pub fn excesses(results: &Results) -> Vec<String> {
                 ));
             }
         }
-        if scene.rhs.silent + scene.outputs.silent > 0 {
+        if scene.rhs.silent + scene.outputs.silent + scene.extreme.silent > 0 {
             lines.push(format!("{model} {name}: results that are not finite without a reason"));
         }
+    }
+    for run in &results.runs {
+        let (model, name) = &run.name;
+        let how = format!("{model} {name}, {} {}", run.runner.name, run.runner.stepping);
+        for drift in run.drifts.iter().filter(|d| d.relative() > run.runner.bound) {
+            let (what, by, bound) = (&drift.quantity, drift.relative(), run.runner.bound);
+            lines.push(format!("{how}: {what} drifts by {by:.1e}, at most {bound:e} allowed"));
+        }
+        lines.extend(run.stopped.as_ref().map(|why| format!("{how} stopped: {why}")));
     }
     lines
 }
