@@ -9,7 +9,6 @@
 //! Deliberately does not know: how equations are derived, how programs are lowered, how text is emitted.
 
 mod derivatives;
-mod pivots;
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -474,11 +473,7 @@ fn lower_scene(
         let results = vec![("energy".to_owned(), equations.energy)];
         requests.push(Request { name: "energy".into(), results });
     }
-    let pivots: Vec<ExprId> = moving_pivots.iter().map(|(_, e)| *e).collect();
-    let scales = pivots::rounding_scales(&mut graph, &pivots, &equations.sections, &values, &system.signs);
-    let scales: Vec<(String, ExprId)> =
-        moving_pivots.iter().zip(scales).map(|((name, _), scale)| (name.clone(), scale)).collect();
-    requests.push(Request { name: "check".into(), results: [moving_pivots, scales].concat() });
+    requests.push(Request { name: lower::CHECK.into(), results: moving_pivots });
     for output in &outputs {
         requests.push(Request { name: output.name.clone(), results: output.components.clone() });
     }
@@ -805,7 +800,7 @@ impl Interpreter<'_> {
     /// # Errors
     /// The name of the pivot that vanishes, or that rounding errors of its terms could hide.
     pub fn check(&self, t: f64, y: &[f64]) -> Result<(), String> {
-        let Some(k) = self.scene.program.function_idx("check") else { return Ok(()) };
+        let Some(k) = self.scene.program.function_idx(lower::CHECK) else { return Ok(()) };
         let function = &self.scene.program.functions[k];
         let mut out = vec![0.0; function.results.len()];
         self.scene.program.run(k, &self.params, &self.prepared, t, y, &mut out);
@@ -815,5 +810,63 @@ impl Interpreter<'_> {
             Some(k) => Err(function.results[k].0.clone()),
             None => Ok(()),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spec;
+
+    fn built(text: &str) -> BuiltScene {
+        let model = spec::parse("m", text).expect("a valid model");
+        build(&model, DEFAULT).expect("a scene")
+    }
+
+    #[test]
+    fn a_pivot_that_is_rounding_error_alone_is_refused() {
+        // The second pivot is y - x^2.
+        let scene = built(
+            "model m {
+                coordinate x, y in real;
+                coordinate a, b in real;
+                lagrangian = 1/2*(x_dot^2 + y_dot^2 + a_dot^2) + x*a_dot*b_dot + y/2*b_dot^2;
+            }",
+        );
+        let interpreter = scene.prepare(&[]).expect("no parameters");
+        let at = |x: f64, y: f64| {
+            let state = scene.state_names().iter().map(|name| match name.as_str() {
+                "x" => x,
+                "y" => y,
+                _ => 0.5,
+            });
+            interpreter.check(0.0, &state.collect::<Vec<_>>())
+        };
+        // 0.1^2 is not exact: the difference is about 1e-18.
+        assert_ne!(f64::mul_add(0.1, 0.1, -0.1 * 0.1), 0.0);
+        assert!(at(0.1, 0.1 * 0.1).is_err());
+        // What can be told from rounding errors is a value.
+        assert_eq!(at(0.1, 0.1 * 0.1 * (1.0 + 8.0 * f64::EPSILON)), Ok(()));
+        assert!(at(0.0, 0.0).is_err());
+    }
+
+    #[test]
+    fn pivots_that_are_sums_of_positive_terms_are_not_asked_for() {
+        // The second pivot is c - c^2 d^2/(I + c d^2) = c I/(I + c d^2).
+        let scene = built(
+            "model m {
+                param I = 1 where I > 0;
+                param c = 2 where c > 0;
+                param d = 3;
+                coordinate a, b in real;
+                lagrangian = 1/2*((I + c*d^2)*a_dot^2 + c*b_dot^2) + c*d*a_dot*b_dot;
+            }",
+        );
+        let conditions: Vec<&str> =
+            scene.program.prepare.conditions.iter().map(|c| c.text.as_str()).collect();
+        assert_eq!(conditions, ["I > 0", "c > 0"]);
+        // Eliminated as it stands, nothing would be left of c.
+        let interpreter = scene.prepare(&[1.0, 1.0, 1e9]).expect("allowed parameters");
+        assert_eq!(interpreter.check(0.0, &[0.0; 4]), Ok(()));
     }
 }

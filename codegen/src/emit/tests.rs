@@ -69,7 +69,7 @@ fn pendulum() -> (Program, SceneText) {
             name: "rhs".into(),
             results: vec![("theta".into(), omega), ("omega".into(), acceleration)],
         },
-        Request { name: "check".into(), results: vec![("theta".into(), theta), ("theta".into(), zero)] },
+        Request { name: "check".into(), results: vec![("theta".into(), theta)] },
         Request { name: "momentum".into(), results: vec![("momentum".into(), p)] },
     ];
     let inputs = Inputs {

@@ -5,7 +5,7 @@
 //! identified by their fingerprints, so that equal numbers are one number however they were written. Deliberately does
 //! not know which rearrangement is cheap, nor what a value is for.
 
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
 use num_rational::Ratio;
 use num_traits::{One, Signed, ToPrimitive, Zero};
@@ -434,6 +434,16 @@ impl System {
 }
 
 impl System {
+    /// The polynomials that a polynomial is divided by.
+    pub(super) fn denominators(&self, value: &Polynomial) -> BTreeSet<u32> {
+        let factors = value.iter().flat_map(|(m, _)| m).filter(|(_, q)| q.is_negative());
+        let polynomial = |(atom, _): &(u32, Exponent)| match self.atom(*atom) {
+            Atom::Poly(k) => Some(k),
+            _ => None,
+        };
+        factors.filter_map(polynomial).collect()
+    }
+
     /// `a + b/d^n = (a d^n + b)/d^n` with `d^n` multiplied out in `a d^n`, for every denominator for which terms cancel.
     ///
     /// What cancels here is what would have cancelled in digits: `x^2/d^2 - 1/d` with `d = c + x^2` is `-c/d^2`.
@@ -441,38 +451,25 @@ impl System {
         &mut self,
         graph: &mut Graph,
         target: &Polynomial,
-        entries: &[Entry],
+        denominators: &BTreeMap<u32, Polynomial>,
     ) -> Option<Polynomial> {
-        let mut denominators: Vec<u32> = target
-            .iter()
-            .flat_map(|(m, _)| m)
-            .filter(|(atom, q)| q.is_negative() && matches!(self.atom(*atom), Atom::Poly(_)))
-            .map(|(atom, _)| *atom)
-            .collect();
-        denominators.sort_unstable();
-        denominators.dedup();
-        let mut best: Option<Polynomial> = None;
-        for atom in denominators {
-            let gathered = self.over_denominator(graph, best.as_ref().unwrap_or(target), atom, entries);
-            best = gathered.or(best);
-        }
-        best
+        denominators.iter().fold(None, |best: Option<Polynomial>, (k, value)| {
+            self.over_denominator(graph, best.as_ref().unwrap_or(target), *k, value).or(best)
+        })
     }
 
-    /// `target` over the highest power of the polynomial `atom` in its denominators, if terms cancel there.
+    /// `target` over the highest power of polynomial `k` in its denominators, if terms cancel there.
     fn over_denominator(
         &mut self,
         graph: &mut Graph,
         target: &Polynomial,
-        atom: u32,
-        entries: &[Entry],
+        k: u32,
+        denominator: &Polynomial,
     ) -> Option<Polynomial> {
-        let Atom::Poly(k) = self.atom(atom) else { return None };
-        let exponent = |m: &Monomial| {
-            m.iter().find(|(a, _)| *a == atom).map_or(Exponent::zero(), |(_, q)| *q)
-        };
+        let atom = self.atom_of(Atom::Poly(k));
+        let exponent =
+            |m: &Monomial| m.iter().find(|(a, _)| *a == atom).map_or(Exponent::zero(), |(_, q)| *q);
         let lowest = target.iter().map(|(m, _)| exponent(m)).min()?;
-        let denominator = &entries[k as usize].value;
         let mut terms: Polynomial = Vec::new();
         for (m, c) in target {
             let q = exponent(m);
