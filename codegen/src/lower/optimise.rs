@@ -18,8 +18,6 @@ use crate::expr::{ExprId, Graph, Node, Rational, Sign, SymbolId};
 const MAX_WORK: usize = 4_000_000;
 /// A definition is not multiplied out where that takes more than so many times the terms.
 const MAX_GROWTH: usize = 1;
-/// What it may cost to be rid of a cancellation: two operations.
-const CANCELLATION: i64 = 7;
 /// With more definitions behind one, it is not tried which of them are best left.
 const MAX_BEHIND: usize = 40;
 /// Rounds over all definitions.
@@ -128,13 +126,13 @@ impl Search<'_> {
         self.without_cancellations(best, current)
     }
 
-    /// The form found, rid of the cancellations in it that cost little to be rid of.
+    /// The form found, rid of the cancellations in it that it costs nothing to be rid of.
     fn without_cancellations(&mut self, mut best: (i64, Vec<Entry>), mut current: Vec<Entry>) -> Vec<Entry> {
         for k in needed(self.system, &current, self.roots) {
             let candidates = [self.gathered(&current, k), self.gathered_as_it_is(&current, k)];
             let trials = candidates.into_iter().flatten().map(|c| (self.extracted(&c), c));
             let Some((trial, candidate)) = trials.min_by_key(|(trial, _)| trial.0) else { continue };
-            if trial.0 < best.0 + CANCELLATION {
+            if trial.0 <= best.0 {
                 (best, current) = (trial, candidate);
             }
         }

@@ -477,7 +477,8 @@ impl System {
             if !n.is_integer() || n > Exponent::from_integer(MAX_POWER) {
                 return None;
             }
-            let mut product = vec![(times(m, &vec![(atom, -q)]), *c)];
+            let rest: Monomial = m.iter().filter(|(a, _)| *a != atom).copied().collect();
+            let mut product = vec![(rest, *c)];
             for _ in 0..n.to_integer() {
                 let factors = product.iter().flat_map(|x| denominator.iter().map(move |y| (x, y)));
                 let factors: Vec<_> = factors.collect();
