@@ -123,15 +123,13 @@ impl<R: ::hamel_runtime::Real> State<R> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
 pub struct Prepared<R = f64> {
-    /// Parameter `g`.
-    g: R,
     /// `4 / m`
     c0: R,
     /// `4 * (k * k * (k * k)) / m`
     c1: R,
     /// `4 * g * (k * k) / m`
     c2: R,
-    /// `4 * g / m`
+    /// `-(4 * g * (k * k * (k * k)) / m)`
     c3: R,
     /// `m * g`
     c4: R,
@@ -149,7 +147,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 7 multiplications, 4 divisions.
+    /// 8 multiplications, 4 divisions, 1 sign change.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m, g, k } = *params;
         for (value, condition, meaning) in [
@@ -165,7 +163,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             }
         }
         let t0 = k * k;
-        let t1 = R::from_f64(4.0) * g;
+        let t1 = t0 * t0;
+        let t2 = R::from_f64(4.0) * g;
         if !m.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m > 0",
@@ -179,11 +178,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             });
         }
         Ok(Self {
-            g,
             c0: R::from_f64(4.0) / m,
-            c1: R::from_f64(4.0) * (t0 * t0) / m,
-            c2: t1 * t0 / m,
-            c3: t1 / m,
+            c1: R::from_f64(4.0) * t1 / m,
+            c2: t2 * t0 / m,
+            c3: -(t2 * t1 / m),
             c4: m * g,
             c5: R::from_f64(0.5) * m,
         })
@@ -211,23 +209,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 10 multiplications (3 fused), 1 division, 2 sign changes.
+    /// 2 additions, 11 multiplications (2 fused), 1 division, 2 sign changes.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 4], dy: &mut [R; 4]) {
         let [_, x_dot, y_dot, z_dot] = *y;
         let _ = t;
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let S_1_1 = self
-            .c1
-            .mul_add(y_dot.mul_add(y_dot, x_dot * x_dot), self.c0 * (z_dot * z_dot));
-        let t0 = z_dot / S_1_1;
-        let t1 = self.c2 * t0;
-        *dy = [
-            z_dot,
-            -(x_dot * t1),
-            -(y_dot * t1),
-            self.c3.mul_add(z_dot * t0, -self.g),
-        ];
+        let [t0, S_1_1] = {
+            let t0 = y_dot.mul_add(y_dot, x_dot * x_dot);
+            [t0, t0.mul_add(self.c1, self.c0 * (z_dot * z_dot))]
+        };
+        let t1 = S_1_1.recip();
+        let t2 = z_dot * (self.c2 * t1);
+        *dy = [z_dot, -(x_dot * t2), -(y_dot * t2), self.c3 * t0 * t1];
     }
 
     /// Energy.

@@ -548,7 +548,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 197 additions, 299 multiplications (190 fused), 4 divisions, 2 elementary functions.
+    /// 197 additions, 301 multiplications (191 fused), 4 divisions, 2 elementary functions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 16], dy: &mut [R; 16]) {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, Gamma1, Gamma2,
@@ -622,8 +622,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             ]
         };
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [t24, t25, t27, t29, t31, t32, t33, t35, t37, r_alpha_dot, r_beta_dot,
-        r_Omega2, r_Omega3, r_X1, r_X2, r_X3] = {
+        let [t27, t32, t33, r_alpha_dot, r_beta_dot, r_Omega1, r_Omega2, r_Omega3, r_X1,
+        r_X2, r_X3] = {
             let t24 = (-beta_dot).mul_add(t14, t11.mul_add(t17, Omega1 * t9));
             let t25 = (-Omega2).mul_add(t17, Omega1.mul_add(t8, -(beta_dot * t5)));
             let t26 = t8.mul_add(t11, beta_dot.mul_add(t10, Omega2 * t9));
@@ -662,6 +662,23 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t37 = Omega1.mul_add(t10, Omega2 * t14);
             let t38 = (-t31)
                 .mul_add(
+                    t14.mul_add(t37, t5.mul_add(t18, t20)),
+                    (-t2)
+                        .mul_add(
+                            p_X2,
+                            Omega3
+                                .mul_add(
+                                    p_Omega2,
+                                    t1
+                                        .mul_add(
+                                            p_X3,
+                                            (-self.c1).mul_add(Gamma3 * t32, Gamma2 * t29),
+                                        ),
+                                ),
+                        ),
+                );
+            let t39 = (-t31)
+                .mul_add(
                     (-t10).mul_add(t37, (-t5).mul_add(t12, t16)),
                     t2
                         .mul_add(
@@ -674,15 +691,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         ),
                 );
             [
-                t24,
-                t25,
                 t27,
-                t29,
-                t31,
                 t32,
                 t33,
-                t35,
-                t37,
                 (-t18).mul_add(t22, (-t12).mul_add(t21, t23.mul_add(t37, t36))),
                 t35
                     .mul_add(
@@ -697,10 +708,23 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                 dL_dbeta,
                             ),
                     ),
+                (-Omega2)
+                    .mul_add(
+                        p_Omega3,
+                        t35
+                            .mul_add(
+                                (-t9)
+                                    .mul_add(
+                                        t13,
+                                        (-t14).mul_add(t25, (-t8).mul_add(t15, t5 * t24)),
+                                    ),
+                                t38,
+                            ),
+                    ),
                 t35
                     .mul_add(
                         t9.mul_add(t19, t10.mul_add(t25, t5.mul_add(t26, t15 * t17))),
-                        Omega1.mul_add(p_Omega3, t38),
+                        Omega1.mul_add(p_Omega3, t39),
                     ),
                 t0
                     .mul_add(
@@ -729,130 +753,94 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             Omega1.mul_add(t1, -(Omega2 * t0)),
         ];
         /// mass matrix A = W^T L_yy Psi
-        let [A_alpha_dot_alpha_dot, t41, t42, A_alpha_dot_Omega3, A_beta_dot_Omega1,
-        A_beta_dot_Omega2, t50, A_Omega1_Omega1, A_Omega1_Omega2, A_Omega1_Omega3,
+        let [A_alpha_dot_alpha_dot, t42, t43, A_alpha_dot_Omega3, A_beta_dot_Omega1,
+        A_beta_dot_Omega2, t51, A_Omega1_Omega1, A_Omega1_Omega2, A_Omega1_Omega3,
         A_Omega2_Omega2, A_Omega2_Omega3, A_Omega3_Omega3] = {
-            let t39 = self.c2 * t3;
-            let A_alpha_dot_alpha_dot = t3 * t39;
-            let t40 = self.c4 * t4.mul_add(self.c3, Gamma3);
-            let t41 = t27 * t40;
-            let t42 = t32 * t40;
-            let t43 = Gamma2 * t32;
-            let t44 = Gamma1 * t27;
-            let t45 = t43 + t44;
-            let t46 = self.c4 * t3;
-            let t47 = self.c4 * t4;
-            let t48 = Gamma3 * t47;
-            let t49 = self.c5 * t7;
-            let t51 = t4.mul_add(self.c6, Gamma3);
-            let t52 = self.c7 * Gamma3;
-            let t53 = Gamma2 * Gamma2;
-            let t54 = t4 * t4;
-            let t55 = self.c7 * Gamma1;
+            let t40 = self.c2 * t3;
+            let A_alpha_dot_alpha_dot = t3 * t40;
+            let t41 = self.c4 * t4.mul_add(self.c3, Gamma3);
+            let t42 = t27 * t41;
+            let t43 = t32 * t41;
+            let t44 = Gamma2 * t32;
+            let t45 = Gamma1 * t27;
+            let t46 = t44 + t45;
+            let t47 = self.c4 * t3;
+            let t48 = self.c4 * t4;
+            let t49 = Gamma3 * t48;
+            let t50 = self.c5 * t7;
+            let t52 = t4.mul_add(self.c6, Gamma3);
+            let t53 = self.c7 * Gamma3;
+            let t54 = Gamma2 * Gamma2;
+            let t55 = t4 * t4;
+            let t56 = self.c7 * Gamma1;
             [
                 A_alpha_dot_alpha_dot,
-                t41,
                 t42,
-                t45.mul_add(self.c4, A_alpha_dot_alpha_dot),
-                (-t6).mul_add(t48, (-Gamma2).mul_add(t46, -(self.c2 * t6))),
-                t7.mul_add(t48, t49.mul_add(self.mu, Gamma1 * t46)),
-                t47 * (-Gamma1).mul_add(t6, Gamma2 * t7),
-                t43
+                t43,
+                t46.mul_add(self.c4, A_alpha_dot_alpha_dot),
+                (-t6).mul_add(t49, (-Gamma2).mul_add(t47, -(self.c2 * t6))),
+                t7.mul_add(t49, t50.mul_add(self.mu, Gamma1 * t47)),
+                t48 * (-Gamma1).mul_add(t6, Gamma2 * t7),
+                t44
                     .mul_add(
                         self.c8,
-                        t39
+                        t40
                             .mul_add(
                                 t6 * t32,
-                                t54
+                                t55
                                     .mul_add(
                                         self.c2,
-                                        t51.mul_add(t52, t53.mul_add(self.c7, self.I1)),
+                                        t52.mul_add(t53, t54.mul_add(self.c7, self.I1)),
                                     ),
                             ),
                     ),
                 (-self.c4)
                     .mul_add(
                         t27.mul_add(t32.mul_add(self.c3, Gamma2), t33),
-                        -(Gamma2 * t55),
+                        -(Gamma2 * t56),
                     ),
-                (-Gamma1).mul_add(t47, (-Gamma3).mul_add(t55, -t41)),
+                (-Gamma1).mul_add(t48, (-Gamma3).mul_add(t56, -t42)),
                 self
                     .mu
                     .mul_add(
-                        t49.mul_add(t3 * t27, self.c5 * t54),
-                        t44
+                        t50.mul_add(t3 * t27, self.c5 * t55),
+                        t45
                             .mul_add(
                                 self.c8,
-                                t51.mul_add(t52, Gamma1.mul_add(t55, self.I2)),
+                                t52.mul_add(t53, Gamma1.mul_add(t56, self.I2)),
                             ),
                     ),
-                (-Gamma2).mul_add(t52 + t47, -t42),
-                t45
+                (-Gamma2).mul_add(t53 + t48, -t43),
+                t46
                     .mul_add(
                         self.c8,
-                        Gamma1.mul_add(t55, t53.mul_add(self.c7, self.I3))
+                        Gamma1.mul_add(t56, t54.mul_add(self.c7, self.I3))
                             + A_alpha_dot_alpha_dot,
                     ),
             ]
         };
         /// right side f = W^T (r - L_yy lag)
         let [n_alpha_dot, n_beta_dot, f_Omega1, f_Omega2, f_Omega3] = {
-            let t56 = (-t27).mul_add(lag_X2, t32 * lag_X1);
-            let t57 = self.c9 * lag_X3;
-            let t58 = self.c9 * t4;
-            let n_Omega2 = (-lag_X1).mul_add(t58, t27.mul_add(t57, r_Omega2));
-            let n_Omega3 = t56.mul_add(self.c9, r_Omega3);
+            let t57 = (-t27).mul_add(lag_X2, t32 * lag_X1);
+            let t58 = self.c9 * lag_X3;
+            let t59 = self.c9 * t4;
+            let n_Omega1 = (-t32).mul_add(t58, lag_X2.mul_add(t59, r_Omega1));
+            let n_Omega2 = (-lag_X1).mul_add(t59, t27.mul_add(t58, r_Omega2));
+            let n_Omega3 = t57.mul_add(self.c9, r_Omega3);
             let n_X1 = (-lag_X1).mul_add(self.c10, r_X1);
             let n_X2 = (-lag_X2).mul_add(self.c10, r_X2);
             let n_X3 = (-lag_X3).mul_add(self.c10, r_X3);
-            let t59 = self.r * n_X3;
-            let t60 = self.r * Gamma3;
-            let t61 = (-t31)
-                .mul_add(
-                    t14.mul_add(t37, t5.mul_add(t18, t20)),
-                    (-t2)
-                        .mul_add(
-                            p_X2,
-                            Omega3
-                                .mul_add(
-                                    p_Omega2,
-                                    t1
-                                        .mul_add(
-                                            p_X3,
-                                            (-t32).mul_add(Gamma3.mul_add(self.c1, t57), lag_X2 * t58),
-                                        ),
-                                ),
-                        ),
-                );
+            let t60 = self.r * n_X3;
+            let t61 = self.r * Gamma3;
             [
-                t56.mul_add(self.c9, r_alpha_dot),
-                (-t58)
+                t57.mul_add(self.c9, r_alpha_dot),
+                (-t59)
                     .mul_add(
                         t6.mul_add(lag_X2, t7 * lag_X1),
-                        t3.mul_add(t57, r_beta_dot),
+                        t3.mul_add(t58, r_beta_dot),
                     ),
-                Gamma2
-                    .mul_add(
-                        t29 + t59,
-                        (-n_X2)
-                            .mul_add(
-                                t60,
-                                (-Omega2)
-                                    .mul_add(
-                                        p_Omega3,
-                                        t35
-                                            .mul_add(
-                                                (-t9)
-                                                    .mul_add(
-                                                        t13,
-                                                        (-t14).mul_add(t25, (-t8).mul_add(t15, t5 * t24)),
-                                                    ),
-                                                t61,
-                                            ),
-                                    ),
-                            ),
-                    ),
-                (-Gamma1).mul_add(t59, n_X1.mul_add(t60, n_Omega2)),
+                Gamma2.mul_add(t60, (-n_X2).mul_add(t61, n_Omega1)),
+                (-Gamma1).mul_add(t60, n_X1.mul_add(t61, n_Omega2)),
                 (-self.r).mul_add((-Gamma1).mul_add(n_X2, Gamma2 * n_X1), n_Omega3),
             ]
         };
@@ -861,21 +849,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         A_l5_4, A_s4_5_5] = {
             let A_l3_2 = self.c11 * A_beta_dot_Omega1;
             let A_l4_2 = self.c11 * A_beta_dot_Omega2;
-            let t62 = self.c11 * t50;
+            let t62 = self.c11 * t51;
             let A_s2_3_3 = (-A_beta_dot_Omega1).mul_add(A_l3_2, A_Omega1_Omega1);
             let A_s2_3_4 = (-A_beta_dot_Omega2).mul_add(A_l3_2, A_Omega1_Omega2);
-            let A_s2_3_5 = t50.mul_add(A_l3_2, A_Omega1_Omega3);
+            let A_s2_3_5 = t51.mul_add(A_l3_2, A_Omega1_Omega3);
             let A_s2_4_4 = (-A_beta_dot_Omega2).mul_add(A_l4_2, A_Omega2_Omega2);
-            let A_s2_4_5 = t50.mul_add(A_l4_2, A_Omega2_Omega3);
-            let A_s2_5_5 = (-t50).mul_add(t62, A_Omega3_Omega3);
+            let A_s2_4_5 = t51.mul_add(A_l4_2, A_Omega2_Omega3);
+            let A_s2_5_5 = (-t51).mul_add(t62, A_Omega3_Omega3);
             let t63 = A_alpha_dot_alpha_dot.recip();
-            let t64 = t41 * t63;
-            let t65 = t42 * t63;
+            let t64 = t42 * t63;
+            let t65 = t43 * t63;
             let A_l5_1 = A_alpha_dot_Omega3 * t63;
-            let A_s1_3_3 = (-t41).mul_add(t64, A_s2_3_3);
-            let A_s1_3_4 = (-t42).mul_add(t64, A_s2_3_4);
+            let A_s1_3_3 = (-t42).mul_add(t64, A_s2_3_3);
+            let A_s1_3_4 = (-t43).mul_add(t64, A_s2_3_4);
             let A_s1_3_5 = A_alpha_dot_Omega3.mul_add(t64, A_s2_3_5);
-            let A_s1_4_4 = (-t42).mul_add(t65, A_s2_4_4);
+            let A_s1_4_4 = (-t43).mul_add(t65, A_s2_4_4);
             let A_s1_4_5 = A_alpha_dot_Omega3.mul_add(t65, A_s2_4_5);
             let A_s1_5_5 = (-A_alpha_dot_Omega3).mul_add(A_l5_1, A_s2_5_5);
             let t66 = A_s1_3_3.recip();
@@ -1109,7 +1097,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 202 additions, 294 multiplications (192 fused), 4 divisions, 2 elementary functions.
+    /// 202 additions, 296 multiplications (193 fused), 4 divisions, 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 16]) -> [R; 3] {
@@ -1308,95 +1296,91 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             ]
         };
         /// mass matrix A = W^T L_yy Psi
-        let [A_alpha_dot_alpha_dot, t42, t43, A_alpha_dot_Omega3, A_beta_dot_Omega1,
-        A_beta_dot_Omega2, t50, A_Omega1_Omega1, A_Omega1_Omega2, A_Omega1_Omega3,
+        let [A_alpha_dot_alpha_dot, t41, t42, A_alpha_dot_Omega3, A_beta_dot_Omega1,
+        A_beta_dot_Omega2, t49, A_Omega1_Omega1, A_Omega1_Omega2, A_Omega1_Omega3,
         A_Omega2_Omega2, A_Omega2_Omega3, A_Omega3_Omega3] = {
-            let t40 = self.c2 * t3;
-            let A_alpha_dot_alpha_dot = t3 * t40;
-            let t41 = self.c4 * t4.mul_add(self.c3, Gamma3);
-            let t42 = t25 * t41;
-            let t43 = t27 * t41;
-            let t44 = Gamma2 * t27;
-            let t45 = Gamma1 * t25;
-            let t46 = t44 + t45;
-            let t47 = self.c4 * t3;
-            let t48 = self.c4 * t4;
-            let t49 = Gamma3 * t48;
-            let t51 = t4.mul_add(self.c6, Gamma3);
-            let t52 = self.c7 * Gamma3;
-            let t53 = Gamma2 * Gamma2;
-            let t54 = t4 * t4;
-            let t55 = self.c7 * Gamma1;
+            let A_alpha_dot_alpha_dot = t3 * (self.c2 * t3);
+            let t40 = self.c4 * t4.mul_add(self.c3, Gamma3);
+            let t41 = t25 * t40;
+            let t42 = t27 * t40;
+            let t43 = Gamma2 * t27;
+            let t44 = Gamma1 * t25;
+            let t45 = t43 + t44;
+            let t46 = self.c4 * t3;
+            let t47 = self.c4 * t4;
+            let t48 = Gamma3 * t47;
+            let t50 = self.c7 * Gamma2;
+            let t51 = self.c5 * (t4 * t4);
+            let t52 = t4.mul_add(self.c6, Gamma3);
+            let t53 = self.c7 * Gamma3;
+            let t54 = self.c7 * Gamma1;
             [
                 A_alpha_dot_alpha_dot,
+                t41,
                 t42,
-                t43,
-                t46.mul_add(self.c4, A_alpha_dot_alpha_dot),
-                (-t6).mul_add(t49, (-Gamma2).mul_add(t47, -(self.c2 * t6))),
-                t7.mul_add(t49, Gamma1.mul_add(t47, self.c2 * t7)),
-                t48 * (-Gamma1).mul_add(t6, Gamma2 * t7),
-                t44
+                t45.mul_add(self.c4, A_alpha_dot_alpha_dot),
+                (-t6).mul_add(t48, (-Gamma2).mul_add(t46, -(self.c2 * t6))),
+                t7.mul_add(t48, self.mu.mul_add(self.c5 * t7, Gamma1 * t46)),
+                t47 * (-Gamma1).mul_add(t6, Gamma2 * t7),
+                self
+                    .mu
                     .mul_add(
-                        self.c8,
-                        t40
+                        self.c5.mul_add(t27 * t27, t51),
+                        t43
                             .mul_add(
-                                t6 * t27,
-                                t54
-                                    .mul_add(
-                                        self.c2,
-                                        t51.mul_add(t52, t53.mul_add(self.c7, self.I1)),
-                                    ),
+                                self.c8,
+                                t52.mul_add(t53, Gamma2.mul_add(t50, self.I1)),
                             ),
                     ),
                 (-self.c4)
                     .mul_add(
                         t25.mul_add(t27.mul_add(self.c3, Gamma2), Gamma1 * t27),
-                        -(Gamma2 * t55),
+                        -(Gamma2 * t54),
                     ),
-                (-Gamma1).mul_add(t48, (-Gamma3).mul_add(t55, -t42)),
+                (-Gamma1).mul_add(t47, (-Gamma3).mul_add(t54, -t41)),
                 self
                     .mu
                     .mul_add(
-                        self.c5.mul_add(t25 * t25, self.c5 * t54),
-                        t45
+                        self.c5.mul_add(t25 * t25, t51),
+                        t44
                             .mul_add(
                                 self.c8,
-                                t51.mul_add(t52, Gamma1.mul_add(t55, self.I2)),
+                                t52.mul_add(t53, Gamma1.mul_add(t54, self.I2)),
                             ),
                     ),
-                (-Gamma2).mul_add(t52 + t48, -t43),
-                t46
+                (-Gamma2).mul_add(t47, (-Gamma3).mul_add(t50, -t42)),
+                t45
                     .mul_add(
                         self.c8,
-                        Gamma1.mul_add(t55, t53.mul_add(self.c7, self.I3))
+                        Gamma1.mul_add(t54, Gamma2.mul_add(t50, self.I3))
                             + A_alpha_dot_alpha_dot,
                     ),
             ]
         };
         /// right side f = W^T (r - L_yy lag)
-        let [t56, t57, n_alpha_dot, t59, t60, n_beta_dot, f_Omega1, f_Omega2, f_Omega3,
+        let [t55, t56, n_alpha_dot, t58, t59, n_beta_dot, f_Omega1, f_Omega2, f_Omega3,
         ] = {
-            let t56 = self.c9 * t27;
-            let t57 = self.c9 * t25;
-            let t58 = (-lag_X2).mul_add(t57, lag_X1 * t56);
-            let t59 = self.c9 * t3;
-            let t60 = self.c9 * t4;
-            let n_Omega1 = (-lag_X3).mul_add(t56, lag_X2.mul_add(t60, r_Omega1));
-            let n_Omega2 = lag_X3.mul_add(t57, (-lag_X1).mul_add(t60, r_Omega2));
-            let n_Omega3 = t58 + r_Omega3;
+            let t55 = self.c9 * t27;
+            let t56 = self.c9 * t25;
+            let t57 = (-lag_X2).mul_add(t56, lag_X1 * t55);
+            let t58 = self.c9 * t3;
+            let t59 = self.c9 * t4;
+            let n_Omega1 = (-lag_X3).mul_add(t55, lag_X2.mul_add(t59, r_Omega1));
+            let n_Omega2 = lag_X3.mul_add(t56, (-lag_X1).mul_add(t59, r_Omega2));
+            let n_Omega3 = t57 + r_Omega3;
             let n_X1 = (-lag_X1).mul_add(self.c10, r_X1);
             let n_X2 = (-lag_X2).mul_add(self.c10, r_X2);
             let n_X3 = (-lag_X3).mul_add(self.c10, r_X3);
             [
+                t55,
                 t56,
-                t57,
-                t58 + r_alpha_dot,
+                t57 + r_alpha_dot,
+                t58,
                 t59,
-                t60,
-                (-t60)
+                (-t59)
                     .mul_add(
                         t6.mul_add(lag_X2, t7 * lag_X1),
-                        lag_X3.mul_add(t59, r_beta_dot),
+                        lag_X3.mul_add(t58, r_beta_dot),
                     ),
                 (-t0).mul_add(n_X2, t1.mul_add(n_X3, n_Omega1)),
                 (-t2).mul_add(n_X3, t0.mul_add(n_X1, n_Omega2)),
@@ -1404,47 +1388,47 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             ]
         };
         /// factors of A
-        let [A_l3_2, A_l4_2, t61, t62, t63, t64, A_l5_1, t65, A_l4_3, A_l5_3, t66,
+        let [A_l3_2, A_l4_2, t60, t61, t62, t63, A_l5_1, t64, A_l4_3, A_l5_3, t65,
         A_l5_4, A_s4_5_5] = {
             let A_l3_2 = self.c11 * A_beta_dot_Omega1;
             let A_l4_2 = self.c11 * A_beta_dot_Omega2;
-            let t61 = self.c11 * t50;
+            let t60 = self.c11 * t49;
             let A_s2_3_3 = (-A_beta_dot_Omega1).mul_add(A_l3_2, A_Omega1_Omega1);
             let A_s2_3_4 = (-A_beta_dot_Omega2).mul_add(A_l3_2, A_Omega1_Omega2);
-            let A_s2_3_5 = t50.mul_add(A_l3_2, A_Omega1_Omega3);
+            let A_s2_3_5 = t49.mul_add(A_l3_2, A_Omega1_Omega3);
             let A_s2_4_4 = (-A_beta_dot_Omega2).mul_add(A_l4_2, A_Omega2_Omega2);
-            let A_s2_4_5 = t50.mul_add(A_l4_2, A_Omega2_Omega3);
-            let A_s2_5_5 = (-t50).mul_add(t61, A_Omega3_Omega3);
-            let t62 = A_alpha_dot_alpha_dot.recip();
-            let t63 = t42 * t62;
-            let t64 = t43 * t62;
-            let A_l5_1 = A_alpha_dot_Omega3 * t62;
-            let A_s1_3_3 = (-t42).mul_add(t63, A_s2_3_3);
-            let A_s1_3_4 = (-t43).mul_add(t63, A_s2_3_4);
-            let A_s1_3_5 = A_alpha_dot_Omega3.mul_add(t63, A_s2_3_5);
-            let A_s1_4_4 = (-t43).mul_add(t64, A_s2_4_4);
-            let A_s1_4_5 = A_alpha_dot_Omega3.mul_add(t64, A_s2_4_5);
+            let A_s2_4_5 = t49.mul_add(A_l4_2, A_Omega2_Omega3);
+            let A_s2_5_5 = (-t49).mul_add(t60, A_Omega3_Omega3);
+            let t61 = A_alpha_dot_alpha_dot.recip();
+            let t62 = t41 * t61;
+            let t63 = t42 * t61;
+            let A_l5_1 = A_alpha_dot_Omega3 * t61;
+            let A_s1_3_3 = (-t41).mul_add(t62, A_s2_3_3);
+            let A_s1_3_4 = (-t42).mul_add(t62, A_s2_3_4);
+            let A_s1_3_5 = A_alpha_dot_Omega3.mul_add(t62, A_s2_3_5);
+            let A_s1_4_4 = (-t42).mul_add(t63, A_s2_4_4);
+            let A_s1_4_5 = A_alpha_dot_Omega3.mul_add(t63, A_s2_4_5);
             let A_s1_5_5 = (-A_alpha_dot_Omega3).mul_add(A_l5_1, A_s2_5_5);
-            let t65 = A_s1_3_3.recip();
-            let A_l4_3 = A_s1_3_4 * t65;
-            let A_l5_3 = A_s1_3_5 * t65;
+            let t64 = A_s1_3_3.recip();
+            let A_l4_3 = A_s1_3_4 * t64;
+            let A_l5_3 = A_s1_3_5 * t64;
             let A_s3_4_4 = (-A_s1_3_4).mul_add(A_l4_3, A_s1_4_4);
             let A_s3_4_5 = (-A_s1_3_5).mul_add(A_l4_3, A_s1_4_5);
             let A_s3_5_5 = (-A_s1_3_5).mul_add(A_l5_3, A_s1_5_5);
-            let t66 = A_s3_4_4.recip();
-            let A_l5_4 = A_s3_4_5 * t66;
+            let t65 = A_s3_4_4.recip();
+            let A_l5_4 = A_s3_4_5 * t65;
             [
                 A_l3_2,
                 A_l4_2,
+                t60,
                 t61,
                 t62,
                 t63,
-                t64,
                 A_l5_1,
-                t65,
+                t64,
                 A_l4_3,
                 A_l5_3,
-                t66,
+                t65,
                 A_l5_4,
                 (-A_s3_4_5).mul_add(A_l5_4, A_s3_5_5),
             ]
@@ -1452,11 +1436,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         /// substitution through the factors of A
         let [dot_Omega3, dot_Omega2, dot_Omega1, dot_alpha_dot, dot_beta_dot] = {
             let z_Omega1 = (-n_beta_dot)
-                .mul_add(A_l3_2, n_alpha_dot.mul_add(t63, f_Omega1));
+                .mul_add(A_l3_2, n_alpha_dot.mul_add(t62, f_Omega1));
             let z_Omega2 = (-A_l4_3)
                 .mul_add(
                     z_Omega1,
-                    (-n_beta_dot).mul_add(A_l4_2, n_alpha_dot.mul_add(t64, f_Omega2)),
+                    (-n_beta_dot).mul_add(A_l4_2, n_alpha_dot.mul_add(t63, f_Omega2)),
                 );
             let z_Omega3 = (-A_l5_4)
                 .mul_add(
@@ -1465,24 +1449,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         .mul_add(
                             z_Omega1,
                             n_beta_dot
-                                .mul_add(t61, (-n_alpha_dot).mul_add(A_l5_1, f_Omega3)),
+                                .mul_add(t60, (-n_alpha_dot).mul_add(A_l5_1, f_Omega3)),
                         ),
                 );
             let dot_Omega3 = z_Omega3 / A_s4_5_5;
-            let dot_Omega2 = (-A_l5_4).mul_add(dot_Omega3, z_Omega2 * t66);
+            let dot_Omega2 = (-A_l5_4).mul_add(dot_Omega3, z_Omega2 * t65);
             let dot_Omega1 = (-A_l4_3)
-                .mul_add(dot_Omega2, (-A_l5_3).mul_add(dot_Omega3, z_Omega1 * t65));
+                .mul_add(dot_Omega2, (-A_l5_3).mul_add(dot_Omega3, z_Omega1 * t64));
             [
                 dot_Omega3,
                 dot_Omega2,
                 dot_Omega1,
-                t63
+                t62
                     .mul_add(
                         dot_Omega1,
-                        t64
+                        t63
                             .mul_add(
                                 dot_Omega2,
-                                (-A_l5_1).mul_add(dot_Omega3, n_alpha_dot * t62),
+                                (-A_l5_1).mul_add(dot_Omega3, n_alpha_dot * t61),
                             ),
                     ),
                 (-A_l3_2)
@@ -1491,7 +1475,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         (-A_l4_2)
                             .mul_add(
                                 dot_Omega2,
-                                t61.mul_add(dot_Omega3, self.c11 * n_beta_dot),
+                                t60.mul_add(dot_Omega3, self.c11 * n_beta_dot),
                             ),
                     ),
             ]
@@ -1502,34 +1486,34 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             (-t0).mul_add(dot_Omega1, t2.mul_add(dot_Omega3, lag_X2)),
             t1.mul_add(dot_Omega1, (-t2).mul_add(dot_Omega2, lag_X3)),
         ];
-        let t67 = t60 * dot_beta_dot;
-        let t68 = dot_Omega3 + dot_alpha_dot;
+        let t66 = t59 * dot_beta_dot;
+        let t67 = dot_Omega3 + dot_alpha_dot;
         [
-            (-t56)
+            (-t55)
                 .mul_add(
-                    t68,
+                    t67,
                     t7
                         .mul_add(
-                            t67,
-                            dot_X1.mul_add(self.c10, t60.mul_add(dot_Omega2, -r_X1)),
+                            t66,
+                            dot_X1.mul_add(self.c10, t59.mul_add(dot_Omega2, -r_X1)),
                         ),
                 ),
-            t57
+            t56
                 .mul_add(
-                    t68,
+                    t67,
                     t6
                         .mul_add(
-                            t67,
-                            dot_X2.mul_add(self.c10, (-t60).mul_add(dot_Omega1, -r_X2)),
+                            t66,
+                            dot_X2.mul_add(self.c10, (-t59).mul_add(dot_Omega1, -r_X2)),
                         ),
                 ),
-            (-t59)
+            (-t58)
                 .mul_add(
                     dot_beta_dot,
                     dot_X3
                         .mul_add(
                             self.c10,
-                            t56.mul_add(dot_Omega1, (-t57).mul_add(dot_Omega2, -r_X3)),
+                            t55.mul_add(dot_Omega1, (-t56).mul_add(dot_Omega2, -r_X3)),
                         ),
                 ),
         ]
@@ -1800,18 +1784,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Errors
     ///
-    /// `Singular` with the first pivot that is zero.
+    /// `Singular` with the first pivot that is zero up to the rounding errors of its terms.
     ///
     /// # Operations
     ///
-    /// 41 additions, 74 multiplications (40 fused), 3 divisions, 2 elementary functions.
+    /// 55 additions, 81 multiplications (36 fused), 3 divisions, 7 sign changes, 2 elementary functions.
     pub fn check(&self, t: R, y: &[R; 16]) -> Result<(), ::hamel_runtime::Failure> {
         let [alpha, beta, _, _, _, _, _, Gamma1, Gamma2, Gamma3, _, _, _, _, _, _] = *y;
         /// mass matrix A = W^T L_yy Psi
         let [A_alpha_dot_alpha_dot, t3, t4, t6, A_alpha_dot_Omega3, t10,
-        A_beta_dot_Omega1, t11, A_beta_dot_Omega2, A_beta_dot_Omega3, t14,
-        A_Omega1_Omega1, t16, A_Omega1_Omega3, t18, A_Omega2_Omega2, A_Omega2_Omega3,
-        A_Omega3_Omega3] = {
+        A_beta_dot_Omega1, t11, A_beta_dot_Omega2, A_beta_dot_Omega3, t14, t15, t16, t17,
+        A_Omega1_Omega1, t18, A_Omega1_Omega3, t20, t22, t23, A_Omega2_Omega2,
+        A_Omega2_Omega3, t24, t25, A_Omega3_Omega3] = {
             let (t0, t1) = beta.sin_cos();
             let t2 = self.c2 * t0;
             let A_alpha_dot_alpha_dot = t0 * t2;
@@ -1825,11 +1809,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t11 = t4.mul_add(t9, Gamma1 * t0);
             let t12 = self.c7 * Gamma2;
             let t13 = self.c8 * t0;
-            let t14 = Gamma3 * Gamma3;
-            let t15 = t1.mul_add(Gamma3.mul_add(self.c18, t1), self.c19 * t14);
-            let t16 = t4 * t5;
-            let t17 = self.c4 * Gamma3.mul_add(self.c20, t1);
-            let t18 = self.c7 * Gamma1;
+            let t14 = Gamma2 * t3.mul_add(t13, t12);
+            let t15 = Gamma3 * Gamma3;
+            let t16 = self.c2 * t1.mul_add(Gamma3.mul_add(self.c18, t1), self.c19 * t15);
+            let t17 = A_alpha_dot_alpha_dot.mul_add(t3 * t3, self.I1);
+            let t18 = t4 * t5;
+            let t19 = self.c4 * Gamma3.mul_add(self.c20, t1);
+            let t20 = self.c7 * Gamma1;
+            let t21 = Gamma1 * t20;
+            let t22 = t7 * t13;
+            let t23 = A_alpha_dot_alpha_dot.mul_add(t4 * t4, self.I2 + t21);
+            let t24 = t8 * t13;
+            let t25 = self.I3 + (Gamma2.mul_add(t12, t21) + A_alpha_dot_alpha_dot);
             [
                 A_alpha_dot_alpha_dot,
                 t3,
@@ -1842,38 +1833,25 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t11.mul_add(self.c4, self.c2 * t4),
                 self.c4 * (t1 * (-Gamma2).mul_add(t4, Gamma1 * t3)),
                 t14,
-                t15
-                    .mul_add(
-                        self.c2,
-                        Gamma2
-                            .mul_add(
-                                t3.mul_add(t13, t12),
-                                A_alpha_dot_alpha_dot.mul_add(t3 * t3, self.I1),
-                            ),
-                    ),
+                t15,
                 t16,
-                (-Gamma1).mul_add(t17, -t16),
+                t17,
+                t17 + t14 + t16,
                 t18,
-                A_alpha_dot_alpha_dot
-                    .mul_add(
-                        t4 * t4,
-                        t15
-                            .mul_add(
-                                self.c2,
-                                t7.mul_add(t13, Gamma1.mul_add(t18, self.I2)),
-                            ),
-                    ),
-                (-Gamma2).mul_add(t17, -t6),
-                t8
-                    .mul_add(
-                        t13,
-                        Gamma2.mul_add(t12, Gamma1.mul_add(t18, self.I3))
-                            + A_alpha_dot_alpha_dot,
-                    ),
+                (-Gamma1).mul_add(t19, -t18),
+                t20,
+                t22,
+                t23,
+                t23 + t22 + t16,
+                (-Gamma2).mul_add(t19, -t6),
+                t24,
+                t25,
+                t25 + t24,
             ]
         };
         /// factors of A
-        let [A_s1_3_3, A_s3_4_4, A_s4_5_5] = {
+        let [A_l3_2, A_l4_2, A_l5_2, t27, t28, A_l5_1, A_s1_3_3, t30, A_s3_4_4, t31, t32,
+        A_s4_5_5] = {
             let A_l3_2 = self.c11 * A_beta_dot_Omega1;
             let A_l4_2 = self.c11 * A_beta_dot_Omega2;
             let A_l5_2 = self.c11 * A_beta_dot_Omega3;
@@ -1882,33 +1860,68 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let A_s2_4_4 = (-A_beta_dot_Omega2).mul_add(A_l4_2, A_Omega2_Omega2);
             let A_s2_4_5 = (-A_beta_dot_Omega3).mul_add(A_l4_2, A_Omega2_Omega3);
             let A_s2_5_5 = (-A_beta_dot_Omega3).mul_add(A_l5_2, A_Omega3_Omega3);
-            let t19 = A_alpha_dot_alpha_dot.recip();
-            let t20 = t16 * t19;
-            let t21 = t6 * t19;
-            let A_l5_1 = A_alpha_dot_Omega3 * t19;
-            let A_s1_3_3 = (-t16).mul_add(t20, A_s2_3_3);
+            let t26 = A_alpha_dot_alpha_dot.recip();
+            let t27 = t18 * t26;
+            let t28 = t6 * t26;
+            let A_l5_1 = A_alpha_dot_Omega3 * t26;
+            let A_s1_3_3 = (-t18).mul_add(t27, A_s2_3_3);
             let A_s1_3_4 = (-self.c21)
-                .mul_add((-t10).mul_add(t11, t4 * t3 * t14), -(Gamma2 * t18));
-            let A_s1_3_5 = A_alpha_dot_Omega3.mul_add(t20, A_s2_3_5);
-            let A_s1_4_4 = (-t6).mul_add(t21, A_s2_4_4);
-            let A_s1_4_5 = A_alpha_dot_Omega3.mul_add(t21, A_s2_4_5);
+                .mul_add((-t10).mul_add(t11, t4 * t3 * t15), -(Gamma2 * t20));
+            let A_s1_3_5 = A_alpha_dot_Omega3.mul_add(t27, A_s2_3_5);
+            let A_s1_4_4 = (-t6).mul_add(t28, A_s2_4_4);
+            let A_s1_4_5 = A_alpha_dot_Omega3.mul_add(t28, A_s2_4_5);
             let A_s1_5_5 = (-A_alpha_dot_Omega3).mul_add(A_l5_1, A_s2_5_5);
-            let t22 = A_s1_3_3.recip();
-            let A_l4_3 = A_s1_3_4 * t22;
-            let A_l5_3 = A_s1_3_5 * t22;
-            let A_s3_4_4 = (-A_s1_3_4).mul_add(A_l4_3, A_s1_4_4);
+            let t29 = A_s1_3_3.recip();
+            let A_l4_3 = A_s1_3_4 * t29;
+            let A_l5_3 = A_s1_3_5 * t29;
+            let t30 = A_s1_3_4 * A_l4_3;
+            let A_s3_4_4 = A_s1_4_4 - t30;
             let A_s3_4_5 = (-A_s1_3_5).mul_add(A_l4_3, A_s1_4_5);
-            let A_s3_5_5 = (-A_s1_3_5).mul_add(A_l5_3, A_s1_5_5);
+            let t31 = A_s1_3_5 * A_l5_3;
+            let A_s3_5_5 = A_s1_5_5 - t31;
             let A_l5_4 = A_s3_4_5 / A_s3_4_4;
-            [A_s1_3_3, A_s3_4_4, (-A_s3_4_5).mul_add(A_l5_4, A_s3_5_5)]
+            let t32 = A_s3_4_5 * A_l5_4;
+            [
+                A_l3_2,
+                A_l4_2,
+                A_l5_2,
+                t27,
+                t28,
+                A_l5_1,
+                A_s1_3_3,
+                t30,
+                A_s3_4_4,
+                t31,
+                t32,
+                A_s3_5_5 - t32,
+            ]
         };
-        for (value, pivot) in [
-            (A_alpha_dot_alpha_dot, "inertia along alpha_dot"),
-            (A_s1_3_3, "inertia along Omega1"),
-            (A_s3_4_4, "inertia along Omega2"),
-            (A_s4_5_5, "inertia along Omega3"),
+        let t33 = t16.abs();
+        for (value, scale, pivot) in [
+            (
+                A_s1_3_3,
+                R::from_f64(6.0)
+                    * (t18.mul_add(t27, A_beta_dot_Omega1.mul_add(A_l3_2, t17)) + t33
+                        + t14.abs()),
+                "inertia along Omega1",
+            ),
+            (
+                A_s3_4_4,
+                R::from_f64(8.0)
+                    * (t6.mul_add(t28, A_beta_dot_Omega2.mul_add(A_l4_2, t23))
+                        + t22.abs() + t33 + t30.abs()),
+                "inertia along Omega2",
+            ),
+            (
+                A_s4_5_5,
+                R::from_f64(9.0)
+                    * (A_alpha_dot_Omega3
+                        .mul_add(A_l5_1, A_beta_dot_Omega3.mul_add(A_l5_2, t25))
+                        + t24.abs() + t31.abs() + t32.abs()),
+                "inertia along Omega3",
+            ),
         ] {
-            if !value.all_ne(R::ZERO) {
+            if !(scale + value).all_ne(scale) {
                 let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
                 return Err(::hamel_runtime::Failure::Singular {
                     t,

@@ -188,47 +188,49 @@ pub struct Prepared<R = f64> {
     I1: R,
     /// Parameter `I3`.
     I3: R,
+    /// Parameter `r`.
+    r: R,
     /// `m * (r * r)`
     c0: R,
-    /// `1 / (m * m * (r * r * (r * r)))`
+    /// `I1 * I1 + I1 * m * (r * r)`
     c1: R,
-    /// `1 / (m * (r * r))`
-    c2: R,
     /// `0.5 * g / r`
-    c3: R,
+    c2: R,
     /// `2 * m * (r * r)`
+    c3: R,
+    /// `1 / (m * (r * r))`
     c4: R,
-    /// `m * m * (r * r * (r * r)) * (I1 - I3)`
+    /// `1 / (m * m * (r * r * (r * r)))`
     c5: R,
-    /// `m * (r * r) * (I1 - I3)`
+    /// `m * m * (r * r * (r * r)) * (I1 - I3)`
     c6: R,
-    /// `1 / (I3 + m * (r * r))`
+    /// `m * (r * r) * (I1 - I3)`
     c7: R,
-    /// `0.5 * (I3 + m * (r * r))`
+    /// `1 / (I3 + m * (r * r))`
     c8: R,
-    /// `0.5 * I1`
+    /// `0.5 * (I3 + m * (r * r))`
     c9: R,
-    /// `m * r * g`
+    /// `0.5 * I1`
     c10: R,
+    /// `m * r * g`
+    c11: R,
+    /// `0.5 * m`
+    c12: R,
+    /// `m * r`
+    c13: R,
+    /// `m * (r * r) / (I3 + m * (r * r))`
+    c14: R,
+    /// `m * m * (r * r * (r * r))`
+    c15: R,
+    /// `0.5 / (m * (r * r))`
+    c16: R,
+    /// `I1 - I3`
+    c17: R,
+    /// `m * m * (r * r) * g`
+    c18: R,
     /// `I3 + m * (r * r)`
     A_Omega3_Omega3: R,
-    /// `m * r`
-    c11: R,
-    /// `m * (r * r) / (I3 + m * (r * r))`
-    c12: R,
-    /// `m * m * (r * r * (r * r))`
-    c13: R,
-    /// `0.5 / (m * (r * r))`
-    c14: R,
-    /// `0.5 * m * r * g`
-    c15: R,
-    /// `0.5 * (I1 - I3)`
-    c16: R,
-    /// `2 * m * r`
-    c17: R,
-    /// `I1 - I3`
-    c18: R,
-    /// `I3 - I1`
+    /// `g / r`
     c19: R,
 }
 
@@ -243,7 +245,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 19 multiplications, 6 divisions.
+    /// 3 additions, 20 multiplications, 7 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I3, m, r, g } = *params;
         for (value, condition, meaning) in [
@@ -262,9 +264,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         let t0 = r * r;
         let t1 = m * t0;
-        let t2 = m * m * (t0 * t0);
-        let t3 = I1 - I3;
-        let t4 = R::from_f64(2.0) * m;
+        let t2 = m * m;
+        let t3 = t2 * (t0 * t0);
+        let t4 = I1 - I3;
         let A_Omega3_Omega3 = I3 + t1;
         let t5 = m * r;
         if !I1.all_gt(R::ZERO) {
@@ -294,27 +296,28 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Ok(Self {
             I1,
             I3,
+            r,
             c0: t1,
-            c1: t2.recip(),
-            c2: t1.recip(),
-            c3: R::from_f64(0.5) * g / r,
-            c4: t4 * t0,
-            c5: t2 * t3,
-            c6: t1 * t3,
-            c7: A_Omega3_Omega3.recip(),
-            c8: R::from_f64(0.5) * A_Omega3_Omega3,
-            c9: R::from_f64(0.5) * I1,
-            c10: t5 * g,
+            c1: I1 * I1 + I1 * m * t0,
+            c2: R::from_f64(0.5) * g / r,
+            c3: R::from_f64(2.0) * m * t0,
+            c4: t1.recip(),
+            c5: t3.recip(),
+            c6: t3 * t4,
+            c7: t1 * t4,
+            c8: A_Omega3_Omega3.recip(),
+            c9: R::from_f64(0.5) * A_Omega3_Omega3,
+            c10: R::from_f64(0.5) * I1,
+            c11: t5 * g,
+            c12: R::from_f64(0.5) * m,
+            c13: t5,
+            c14: t1 / A_Omega3_Omega3,
+            c15: t3,
+            c16: R::from_f64(0.5) / t1,
+            c17: t4,
+            c18: t2 * t0 * g,
             A_Omega3_Omega3,
-            c11: t5,
-            c12: t1 / A_Omega3_Omega3,
-            c13: t2,
-            c14: R::from_f64(0.5) / t1,
-            c15: R::from_f64(0.5) * m * r * g,
-            c16: R::from_f64(0.5) * t3,
-            c17: t4 * r,
-            c18: t3,
-            c19: I3 - I1,
+            c19: g / r,
         })
     }
 }
@@ -340,59 +343,51 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 18 additions, 52 multiplications (16 fused), 3 divisions, 1 square root.
+    /// 15 additions, 51 multiplications (13 fused), 3 divisions, 1 square root.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 6], dy: &mut [R; 6]) {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
         /// mass matrix A = W^T L_yy Psi
-        let [t0, t1, t2, t3, t4, A_Omega1_Omega1] = {
-            let t0 = Gamma1 * Gamma1;
-            let t1 = Gamma2.mul_add(Gamma2, t0).sqrt().recip();
-            let t2 = t1 * t1;
-            let t3 = self.c0 * t2;
-            let t4 = Gamma2 * t3;
-            [t0, t1, t2, t3, t4, Gamma2.mul_add(t4, self.I1)]
+        let [t0, t1, t2, t3, t4, t5, A_Omega1_Omega1] = {
+            let t0 = Gamma2 * Gamma2;
+            let t1 = Gamma1 * Gamma1;
+            let t2 = (t0 + t1).sqrt().recip();
+            let t3 = t2 * t2;
+            let t4 = self.c0 * t3;
+            let t5 = t0 * t4;
+            [t0, t1, t2, t3, t4, t5, self.I1 + t5]
         };
         /// factors of A
-        let [t5, t6, t7, t8, A_s1_2_2] = {
-            let t5 = A_Omega1_Omega1.recip();
-            let t6 = Gamma2 * t5;
-            let t7 = (-t4).mul_add(t6, R::ONE);
-            let t8 = t7 * (t0 * t3);
-            [t5, t6, t7, t8, self.I1 + t8]
+        let [t6, A_s1_2_2] = {
+            let t6 = A_Omega1_Omega1.recip();
+            [t6, self.c1 * t6]
         };
-        let t9 = t6 * t2;
-        let t10 = Omega2 * Gamma1;
-        let t11 = t10.mul_add(t9, -(self.c2 * Omega1));
-        let t12 = A_s1_2_2.recip();
-        let t13 = Gamma1 * t12;
-        let t14 = Omega2 * Omega2;
-        let t15 = Omega1 * Gamma2;
-        let t16 = self.c4
+        let t7 = A_s1_2_2.recip();
+        let t8 = (-t5).mul_add(t6, R::ONE) * t7;
+        let t9 = Gamma1 * Gamma2;
+        let t10 = self.c3
             * (Gamma3
-                * t1
+                * R::from_f64(0.5)
                     .mul_add(
-                        t2
-                            .mul_add(
-                                (-R::from_f64(0.5))
-                                    .mul_add(t15.mul_add(t15, t0 * t14), t10 * t15),
-                                R::from_f64(0.5) * Omega1.mul_add(Omega1, t14),
-                            ),
-                        self.c3,
-                    ));
-        let t17 = t10 - t15;
+                        t0.mul_add(Omega2 * Omega2, Omega1 * Omega1 * t1),
+                        Omega1 * Omega2 * t9,
+                    )
+                    .mul_add(t3 * t2, self.c2));
+        let t11 = t9 * t3;
+        let t12 = t6.mul_add(Omega2 * t11, -(self.c4 * Omega1)) * t7;
+        let t13 = (-Omega1).mul_add(Gamma2, Omega2 * Gamma1);
         *dy = [
-            (-t1)
+            (-t2)
                 .mul_add(
-                    t6 * (-t8).mul_add(t12, R::ONE) * t16,
-                    self.c5 * (Omega3 * t13.mul_add(t9 * t11, self.c1 * Omega2 * t5)),
-                ),
-            t1.mul_add(t7 * t13 * t16, self.c6 * (Omega3 * t11) * t12),
-            self.c7 * (t3 * (-Omega2).mul_add(Gamma2, -(Omega1 * Gamma1)) * t17),
+                    Gamma2 * (-t8).mul_add(t1 * t4, R::ONE) * t10,
+                    self.c6 * (Omega3 * t11.mul_add(t12, self.c5 * Omega2)),
+                ) * t6,
+            t2.mul_add(Gamma1 * t8 * t10, self.c7 * (Omega3 * t12)),
+            self.c8 * (t4 * (-Omega2).mul_add(Gamma2, -(Omega1 * Gamma1)) * t13),
             (-Omega2).mul_add(Gamma3, Omega3 * Gamma2),
             (-Omega3).mul_add(Gamma1, Omega1 * Gamma3),
-            t17,
+            t13,
         ];
     }
 
@@ -404,30 +399,31 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 7 additions, 15 multiplications (7 fused), 1 division, 1 square root.
+    /// 6 additions, 13 multiplications (6 fused), 1 division, 1 square root.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 6]) -> R {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, _] = *y;
         let _ = t;
-        let t0 = Gamma1.mul_add(Gamma1, Gamma2 * Gamma2);
-        let t1 = Omega1 * Gamma2;
-        let t2 = Omega2 * Gamma1;
-        let t3 = self
-            .c9
+        /// velocities y = Psi u + psi0
+        let [t0, t1] = {
+            let t0 = Gamma1.mul_add(Gamma1, Gamma2 * Gamma2).sqrt();
+            [t0, self.r * (-Omega1).mul_add(Gamma2, Omega2 * Gamma1) / t0]
+        };
+        self.c12
             .mul_add(
-                Omega1.mul_add(Omega1, Omega2 * Omega2),
-                self
-                    .c8
+                t1 * t1,
+                t0
                     .mul_add(
-                        Omega3 * Omega3,
-                        -(self.c0
-                            * (-R::from_f64(0.5))
-                                .mul_add(t2 * t2, t1 * (-t1).mul_add(R::from_f64(0.5), t2))
-                            / t0),
+                        self.c11,
+                        self
+                            .c10
+                            .mul_add(
+                                Omega2.mul_add(Omega2, Omega1 * Omega1),
+                                self.c9 * (Omega3 * Omega3),
+                            ),
                     ),
-            );
-        self.c10.mul_add(t0.sqrt(), t3)
+            )
     }
 
     /// Momenta p = dL/dy.
@@ -446,7 +442,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn momentum(&self, t: R, y: &[R; 6]) -> [R; 6] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, _] = *y;
         let _ = t;
-        let t0 = self.c11 * Omega3;
+        let t0 = self.c13 * Omega3;
         let t1 = Gamma1.mul_add(Gamma1, Gamma2 * Gamma2).sqrt().recip();
         [
             self.I1 * Omega1,
@@ -454,7 +450,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             self.I3 * Omega3,
             -(Gamma2 * t0 * t1),
             Gamma1 * t0 * t1,
-            self.c11 * Omega1.mul_add(Gamma2, -(Omega2 * Gamma1)) * t1,
+            self.c13 * Omega1.mul_add(Gamma2, -(Omega2 * Gamma1)) * t1,
         ]
     }
 
@@ -468,64 +464,57 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 23 additions, 60 multiplications (22 fused), 3 divisions, 1 square root.
+    /// 22 additions, 56 multiplications (20 fused), 3 divisions, 1 square root.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 6]) -> [R; 3] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
         /// mass matrix A = W^T L_yy Psi
-        let [t0, t1, t2, t3, t4, A_Omega1_Omega1] = {
-            let t0 = Gamma1 * Gamma1;
-            let t1 = Gamma2.mul_add(Gamma2, t0).sqrt().recip();
-            let t2 = t1 * t1;
-            let t3 = Gamma2 * t2;
-            let t4 = self.c0 * t3;
-            [t0, t1, t2, t3, t4, Gamma2.mul_add(t4, self.I1)]
+        let [t0, t1, t2, t3, A_Omega1_Omega1] = {
+            let t0 = Gamma1.mul_add(Gamma1, Gamma2 * Gamma2).sqrt().recip();
+            let t1 = t0 * t0;
+            let t2 = Gamma2 * t1;
+            let t3 = self.c0 * t2;
+            [t0, t1, t2, t3, Gamma2.mul_add(t3, self.I1)]
         };
         /// factors of A
-        let [t5, t6, t7, t8, A_s1_2_2] = {
-            let t5 = A_Omega1_Omega1.recip();
-            let t6 = Gamma2 * t5;
-            let t7 = (-t4).mul_add(t6, R::ONE);
-            let t8 = self.c0 * t2;
-            [t5, t6, t7, t8, t8.mul_add(t0 * t7, self.I1)]
+        let [t4, A_s1_2_2] = {
+            let t4 = A_Omega1_Omega1.recip();
+            [t4, self.c1 * t4]
         };
-        let t9 = Omega3 * Gamma3;
-        let t10 = Omega2 * Gamma1;
-        let t11 = Omega1 * Gamma2;
-        let t12 = t10 - t11;
-        let t13 = Omega1 * Gamma1;
-        let t14 = (-self.c12).mul_add(Omega2.mul_add(Gamma2, t13), t9);
-        let t15 = A_s1_2_2.recip();
-        let t16 = t0 * t15;
-        let t17 = t16 * t2;
-        let t18 = self.c13.mul_add(t3 * t6 * t17, R::ONE);
-        let t19 = (-self.c4).mul_add(Gamma2 * t6 * (-t18).mul_add(self.c14, t17), t16);
-        let t20 = (-t8).mul_add(t19, R::ONE)
-            * (Omega1 * t3)
-                .mul_add(
-                    (-t11).mul_add(R::from_f64(0.5), t10),
-                    R::from_f64(0.5)
-                        * (Omega2 * Omega2)
-                            .mul_add((-t0).mul_add(t2, R::ONE), Omega1 * Omega1),
-                );
-        [
-            self.c11 * (-t12).mul_add(t3.mul_add(t14, Omega2), -(Omega1 * t9)) * t1,
-            self.c11 * t12.mul_add(t2.mul_add(Gamma1 * t14, Omega1), -(Omega2 * t9))
-                * t1,
-            self.c17
-                * Gamma3
+        let t5 = Omega3 * Gamma3;
+        let t6 = Omega2 * Gamma1;
+        let t7 = Omega1 * Gamma2;
+        let t8 = t6 - t7;
+        let t9 = (-self.c14).mul_add(Omega2.mul_add(Gamma2, Omega1 * Gamma1), t5);
+        let t10 = Gamma1 * t1;
+        let t11 = Gamma2 * t4;
+        let t12 = Gamma1 / A_s1_2_2;
+        let t13 = t10 * t12;
+        let t14 = self.c15.mul_add(t2 * t11 * t13, R::ONE);
+        let t15 = (-self.c3)
+            .mul_add(Gamma2 * t11 * (-t14).mul_add(self.c16, t13), Gamma1 * t12) * t1;
+        let t16 = (Gamma3 * (-t15).mul_add(self.c0, R::ONE))
+            .mul_add(
+                Omega1
                     .mul_add(
-                        (-t1).mul_add(self.c15 * t19, t20),
-                        self.c16
-                            * (Omega3
-                                * t5
-                                    .mul_add(
-                                        Omega2 * Gamma2.mul_add(t18, -(t4 * t16)),
-                                        t7 * t13 * t15,
-                                    )),
-                    ) * t1,
+                        R::from_f64(2.0)
+                            .mul_add(t2 * (-t7).mul_add(R::from_f64(0.5), t6), Omega1),
+                        Omega2 * Omega2 * (-Gamma1).mul_add(t10, R::ONE),
+                    ),
+                self.c17
+                    * (Omega3
+                        * t14
+                            .mul_add(
+                                Omega2 * t11,
+                                t12 * (-t4).mul_add(t3 * (t7 + t6), Omega1),
+                            )),
+            );
+        [
+            self.c13 * (-t8).mul_add(t2.mul_add(t9, Omega2), -(Omega1 * t5)) * t0,
+            self.c13 * t8.mul_add(t9.mul_add(t10, Omega1), -(Omega2 * t5)) * t0,
+            t0.mul_add(self.c13 * t16, -(self.c18 * (Gamma3 * t15))),
         ]
     }
 
@@ -564,45 +553,23 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 15 additions, 37 multiplications (14 fused), 1 division, 1 square root.
+    /// 9 additions, 26 multiplications (9 fused), 1 division, 1 sign change, 1 square root.
     #[inline]
     #[must_use]
     pub fn momentum_equation(&self, t: R, y: &[R; 6]) -> [R; 3] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
-        let t0 = Gamma1 * Gamma1;
-        let t1 = Gamma2.mul_add(Gamma2, t0).sqrt().recip();
+        let t0 = Omega2.mul_add(Gamma2, Omega1 * Gamma1);
+        let t1 = Gamma1.mul_add(Gamma1, Gamma2 * Gamma2).sqrt().recip();
         let t2 = t1 * t1;
-        let t3 = self.c0 * t2;
-        let t4 = Omega1 * Gamma2;
-        let t5 = self.c4 * (Omega3 * t2);
-        let t6 = Omega2 * Gamma1;
-        let t7 = t3 * (t6 - t4);
-        let t8 = Omega1 * t7;
-        let t9 = (-t4).mul_add(R::from_f64(0.5), t6);
-        let t10 = t1
-            .mul_add(
-                t3 * (-R::from_f64(2.0)).mul_add(t4 * t9, t0 * (Omega2 * Omega2)),
-                self.c10,
-            );
-        let t11 = Omega2 * t7;
+        let t3 = self.c0 * ((-Omega1).mul_add(Gamma2, Omega2 * Gamma1) * t2);
+        let t4 = (-t2).mul_add(Gamma3 * t0, Omega3) * t3;
+        let t5 = self.c17 * Omega3;
+        let t6 = self.c0 * t1.mul_add(Omega3 * t0, self.c19 * Gamma3);
         [
-            (-Gamma3)
-                .mul_add(
-                    t1.mul_add(Gamma2 * t10, t8),
-                    (-t5)
-                        .mul_add(
-                            Gamma1 * t4,
-                            Omega2 * Omega3
-                                * t3.mul_add((-Gamma2).mul_add(Gamma2, t0), self.c18),
-                        ),
-                ),
-            Gamma3
-                .mul_add(
-                    t1.mul_add(Gamma1 * t10, -t11),
-                    t9.mul_add(Gamma2 * t5, Omega1 * Omega3 * t0.mul_add(t3, self.c19)),
-                ),
-            (-Gamma2).mul_add(t11, -(Gamma1 * t8)),
+            Gamma1.mul_add(t4, (-t1).mul_add(Gamma2 * t6, Omega2 * t5)),
+            Gamma2.mul_add(t4, t1.mul_add(Gamma1 * t6, -(Omega1 * t5))),
+            -(t0 * t3),
         ]
     }
 
@@ -633,31 +600,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 additions, 5 multiplications (1 fused), 2 divisions.
+    /// 2 additions, 3 multiplications (1 fused), 2 divisions.
     pub fn check(&self, t: R, y: &[R; 6]) -> Result<(), ::hamel_runtime::Failure> {
         let [_, _, _, Gamma1, Gamma2, _] = *y;
         /// mass matrix A = W^T L_yy Psi
-        let [t1, t2, t3, A_Omega1_Omega1] = {
+        let A_Omega1_Omega1 = {
             let t0 = Gamma2 * Gamma2;
-            let t1 = Gamma1 * Gamma1;
-            let t2 = self.c0 / (t0 + t1);
-            let t3 = t0 * t2;
-            [t1, t2, t3, self.I1 + t3]
+            self.I1 + self.c0 * t0 / Gamma1.mul_add(Gamma1, t0)
         };
-        /// factors of A
-        let A_s1_2_2 = (t1 * t2).mul_add(R::ONE - t3 / A_Omega1_Omega1, self.I1);
-        for (value, pivot) in [
-            (self.A_Omega3_Omega3, "inertia along Omega3"),
-            (A_Omega1_Omega1, "inertia along Omega1"),
-            (A_s1_2_2, "inertia along Omega2"),
-        ] {
-            if !value.all_ne(R::ZERO) {
-                let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
-                return Err(::hamel_runtime::Failure::Singular {
-                    t,
-                    pivot,
-                });
-            }
+        let (value, pivot) = (self.c1 / A_Omega1_Omega1, "inertia along Omega2");
+        if !value.all_ne(R::ZERO) {
+            let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
+            return Err(::hamel_runtime::Failure::Singular {
+                t,
+                pivot,
+            });
         }
         Ok(())
     }

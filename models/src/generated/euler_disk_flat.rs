@@ -186,7 +186,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Errors
     ///
-    /// The first of these that does not hold: every parameter is finite, `M > 0`, `r > 0`, `I1 > 0`, `I3 > 0`, `inertia along theta_dot != 0`, `inertia along psi_dot != 0`.
+    /// The first of these that does not hold: every parameter is finite, `M > 0`, `r > 0`, `I1 > 0`, `I3 > 0`.
     ///
     /// # Operations
     ///
@@ -211,11 +211,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let t0 = r * r;
-        let t1 = M * t0;
-        let A_theta_dot_theta_dot = I1 + t1;
-        let A_psi_dot_psi_dot = I3 + t1;
-        let t2 = M * r * g;
+        let t0 = M * r * g;
+        let t1 = r * r;
+        let t2 = M * t1;
+        let A_theta_dot_theta_dot = I1 + t2;
+        let A_psi_dot_psi_dot = I3 + t2;
         if !M.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "M > 0",
@@ -240,31 +240,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 meaning: "",
             });
         }
-        if !A_theta_dot_theta_dot.all_ne(R::ZERO) {
-            return Err(::hamel_runtime::ParamError {
-                condition: "inertia along theta_dot != 0",
-                meaning: "",
-            });
-        }
-        if !A_psi_dot_psi_dot.all_ne(R::ZERO) {
-            return Err(::hamel_runtime::ParamError {
-                condition: "inertia along psi_dot != 0",
-                meaning: "",
-            });
-        }
         Ok(Self {
             I1,
-            c0: (I1 - I3 - t1) / A_psi_dot_psi_dot,
-            c1: t2 / A_theta_dot_theta_dot,
+            c0: (I1 - I3 - t2) / A_psi_dot_psi_dot,
+            c1: t0 / A_theta_dot_theta_dot,
             c2: A_psi_dot_psi_dot / A_theta_dot_theta_dot,
             c3: (R::from_f64(2.0) * I1 - I3) / I3,
             c4: I3 / I1,
-            c5: (I3 + R::from_f64(2.0) * M * t0) / A_psi_dot_psi_dot,
+            c5: (I3 + R::from_f64(2.0) * M * t1) / A_psi_dot_psi_dot,
             c6: A_psi_dot_psi_dot / I1,
             c7: R::from_f64(2.0) * A_psi_dot_psi_dot / I1,
             c8: R::from_f64(0.5) * A_theta_dot_theta_dot,
             c9: R::from_f64(0.5) * A_psi_dot_psi_dot,
-            c10: t2,
+            c10: t0,
             c11: R::from_f64(0.5) * I1,
         })
     }

@@ -191,7 +191,6 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             }
         }
         let t0 = I.recip();
-        let Z1_a1_dot = m.recip();
         if !m.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m > 0",
@@ -206,7 +205,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(Self {
             c0: t0,
-            c1: Z1_a1_dot + t0,
+            c1: m.recip() + t0,
             c2: kappa / m,
             c3: c / m,
             c4: kappa / I,
@@ -281,31 +280,6 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 self.c6 * a2_dot.mul_add(a2_dot, a1_dot * a1_dot),
             )
     }
-
-    /// Says which pivot vanishes at a point.
-    ///
-    /// # Errors
-    ///
-    /// `Singular` with the first pivot that is zero.
-    ///
-    /// # Operations
-    ///
-    /// 1 addition, 2 multiplications (1 fused).
-    pub fn check(&self, t: R, y: &[R; 6]) -> Result<(), ::hamel_runtime::Failure> {
-        let [a1, _, _, _, _, _] = *y;
-        let (value, pivot) = (
-            self.c0.mul_add(a1 * a1, self.c1),
-            "response to constraint ddt(a1_dot) + ddt(xi3) + kappa*a1 + c*a1_dot = 0",
-        );
-        if !value.all_ne(R::ZERO) {
-            let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
-            return Err(::hamel_runtime::Failure::Singular {
-                t,
-                pivot,
-            });
-        }
-        Ok(())
-    }
 }
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
@@ -314,10 +288,6 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
     #[inline]
     fn rhs(&self, t: R, y: &[R; 6], dy: &mut [R; 6]) {
         self.rhs(t, y, dy);
-    }
-
-    fn check(&self, t: R, y: &[R; 6]) -> Result<(), ::hamel_runtime::Failure> {
-        self.check(t, y)
     }
 }
 

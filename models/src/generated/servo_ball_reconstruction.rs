@@ -422,31 +422,6 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let S_1_1 = self.c0.mul_add(a1 * a1, self.c1);
         [(-a1_dot).mul_add(self.c, -(self.kappa * a1)) / S_1_1]
     }
-
-    /// Says which pivot vanishes at a point.
-    ///
-    /// # Errors
-    ///
-    /// `Singular` with the first pivot that is zero.
-    ///
-    /// # Operations
-    ///
-    /// 1 addition, 2 multiplications (1 fused).
-    pub fn check(&self, t: R, y: &[R; 11]) -> Result<(), ::hamel_runtime::Failure> {
-        let [a1, _, _, _, _, _, _, _, _, _, _] = *y;
-        let (value, pivot) = (
-            self.c0.mul_add(a1 * a1, self.c1),
-            "response to constraint ddt(a1_dot) + ddt(xi3) + kappa*a1 + c*a1_dot = 0",
-        );
-        if !value.all_ne(R::ZERO) {
-            let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
-            return Err(::hamel_runtime::Failure::Singular {
-                t,
-                pivot,
-            });
-        }
-        Ok(())
-    }
 }
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
@@ -455,10 +430,6 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
     #[inline]
     fn rhs(&self, t: R, y: &[R; 11], dy: &mut [R; 11]) {
         self.rhs(t, y, dy);
-    }
-
-    fn check(&self, t: R, y: &[R; 11]) -> Result<(), ::hamel_runtime::Failure> {
-        self.check(t, y)
     }
 }
 

@@ -189,28 +189,26 @@ pub struct Prepared<R = f64> {
     c2: R,
     /// `-(J + 2 * J1 - m * (r * r))`
     c3: R,
-    /// `m * (r * r) / (J + J0 + 2 * J1)`
+    /// `m * (r * r) / (J + 2 * J1)`
     c4: R,
-    /// `2 * J0 / (J + J0 + 2 * J1)`
-    c5: R,
     /// `0.5 * J0`
+    c5: R,
+    /// `0.5 * (J + 2 * J1)`
     c6: R,
-    /// `0.5 * (J + J0 + 2 * J1)`
-    c7: R,
     /// `2 * J1`
-    c8: R,
+    c7: R,
     /// `J + J0 + 2 * J1`
-    c9: R,
+    c8: R,
     /// `-(m * r)`
-    c10: R,
+    c9: R,
     /// `m * r * (J + 2 * J1)`
-    c11: R,
+    c10: R,
     /// `m * (r * r) * (J + 2 * J1)`
+    c11: R,
+    /// `(J + J0 + 2 * J1 - m * (r * r)) / J0`
     c12: R,
     /// `J0 / (J + J0 + 2 * J1)`
     c13: R,
-    /// `(J + J0 + 2 * J1 - m * (r * r)) / J0`
-    c14: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -224,7 +222,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 5 additions, 9 multiplications, 4 divisions, 3 sign changes.
+    /// 5 additions, 8 multiplications, 3 divisions, 3 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m, r, J, J0, J1 } = *params;
         for (value, condition, meaning) in [
@@ -283,17 +281,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c1: t2,
             c2: -t0,
             c3: -(t2 - t0),
-            c4: t0 / t3,
-            c5: R::from_f64(2.0) * J0 / t3,
-            c6: R::from_f64(0.5) * J0,
-            c7: R::from_f64(0.5) * t3,
-            c8: t1,
-            c9: t3,
-            c10: -t4,
-            c11: t4 * t2,
-            c12: t0 * t2,
+            c4: t0 / t2,
+            c5: R::from_f64(0.5) * J0,
+            c6: R::from_f64(0.5) * t2,
+            c7: t1,
+            c8: t3,
+            c9: -t4,
+            c10: t4 * t2,
+            c11: t0 * t2,
+            c12: (t3 - t0) / J0,
             c13: J0 / t3,
-            c14: (t3 - t0) / J0,
         })
     }
 }
@@ -341,22 +338,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 additions, 12 multiplications (4 fused), 1 elementary function.
+    /// 4 additions, 11 multiplications (4 fused), 1 elementary function.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 5]) -> R {
         let [_, phi, psi_dot, phi_dot, s] = *y;
         let _ = t;
         let (t0, t1) = phi.sin_cos();
-        self.c7
+        let t2 = s.mul_add(t0, psi_dot);
+        self.c6
             .mul_add(
-                s
-                    * s
-                        .mul_add(
-                            self.c4.mul_add(t1 * t1, t0 * t0),
-                            self.c5 * (psi_dot * t0),
-                        ),
-                self.J1.mul_add(phi_dot * phi_dot, self.c6 * (psi_dot * psi_dot)),
+                s * s * self.c4.mul_add(t1 * t1, t0 * t0),
+                self.c5.mul_add(t2 * t2, self.J1 * (phi_dot * phi_dot)),
             )
     }
 
@@ -381,9 +374,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t3 = s * t1;
         [
             t3.mul_add(self.J0, t0),
-            self.c8 * phi_dot,
-            t3.mul_add(self.c9, t0),
-            self.c10 * (s * t2),
+            self.c7 * phi_dot,
+            t3.mul_add(self.c8, t0),
+            self.c9 * (s * t2),
             R::ZERO,
         ]
     }
@@ -410,7 +403,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             [t0, t1, self.c1.mul_add(t0 * t0, self.c0 * (t1 * t1))]
         };
         let t2 = s * (phi_dot / A_s1_3_3);
-        [self.c11 * (t0 * t2), self.c10 * (s * s * t1 * t0), self.c12 * (t1 * t2)]
+        [self.c10 * (t0 * t2), self.c9 * (s * s * t1 * t0), self.c11 * (t1 * t2)]
     }
 
     /// Momenta \<p, W_b\> along the sections of virtual displacements.
@@ -423,20 +416,23 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 10 multiplications (3 fused), 1 elementary function.
+    /// 3 additions, 9 multiplications (3 fused), 1 elementary function.
     #[inline]
     #[must_use]
     pub fn nonholonomic_momentum(&self, t: R, y: &[R; 5]) -> [R; 3] {
         let [_, phi, psi_dot, phi_dot, s] = *y;
         let _ = t;
-        let (t0, t1) = phi.sin_cos();
-        let t2 = s * t0;
+        /// momenta p = dL/dy
+        let [t0, t1, t2, t3, p_omega] = {
+            let t0 = self.J0 * psi_dot;
+            let (t1, t2) = phi.sin_cos();
+            let t3 = s * t1;
+            [t0, t1, t2, t3, t3.mul_add(self.c8, t0)]
+        };
         [
-            t2.mul_add(self.J0, self.J0 * psi_dot),
-            self.c8 * phi_dot,
-            self
-                .c9
-                .mul_add(t0 * psi_dot.mul_add(self.c13, t2), self.c0 * (s * (t1 * t1))),
+            t3.mul_add(self.J0, t0),
+            self.c7 * phi_dot,
+            t1.mul_add(p_omega, self.c0 * (s * (t2 * t2))),
         ]
     }
 
@@ -457,7 +453,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [_, phi, psi_dot, phi_dot, s] = *y;
         let _ = t;
         let (t0, t1) = phi.sin_cos();
-        [R::ZERO, R::ZERO, self.J0 * (phi_dot * t1 * self.c14.mul_add(s * t0, psi_dot))]
+        [R::ZERO, R::ZERO, self.J0 * (phi_dot * t1 * self.c12.mul_add(s * t0, psi_dot))]
     }
 
     /// Nonholonomic momentum `<dL/dxi, (-r cos phi, 0, sin phi)>` \[kg m^2/s\].
@@ -471,7 +467,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [_, phi, psi_dot, _, s] = *y;
         let _ = t;
         let (t0, t1) = phi.sin_cos();
-        self.c9
+        self.c8
             .mul_add(t0 * s.mul_add(t0, self.c13 * psi_dot), self.c0 * (s * (t1 * t1)))
     }
 

@@ -176,11 +176,11 @@ pub struct Prepared<R = f64> {
     c2: R,
     /// `-(J + 2 * J1 - m * (r * r))`
     c3: R,
-    /// `m * (r * r) / (J + J0 + 2 * J1)`
+    /// `m * (r * r) / (J + 2 * J1)`
     c4: R,
-    /// `0.5 * (J + J0 + 2 * J1) / J0`
-    c5: R,
     /// `0.5 * J0`
+    c5: R,
+    /// `0.5 * (J + 2 * J1)`
     c6: R,
     /// `J + J0 + 2 * J1`
     c7: R,
@@ -197,7 +197,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 additions, 5 multiplications, 2 divisions, 2 sign changes.
+    /// 4 additions, 5 multiplications, 1 division, 2 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m, r, J, J0, J1 } = *params;
         for (value, condition, meaning) in [
@@ -217,7 +217,6 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t0 = m * (r * r);
         let t1 = R::from_f64(2.0) * J1;
         let t2 = J + t1;
-        let t3 = J + J0 + t1;
         if !m.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m > 0",
@@ -255,10 +254,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c1: t2,
             c2: -t0,
             c3: -(t2 - t0),
-            c4: t0 / t3,
-            c5: R::from_f64(0.5) * t3 / J0,
-            c6: R::from_f64(0.5) * J0,
-            c7: t3,
+            c4: t0 / t2,
+            c5: R::from_f64(0.5) * J0,
+            c6: R::from_f64(0.5) * t2,
+            c7: J + J0 + t1,
         })
     }
 }
@@ -304,22 +303,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 additions, 12 multiplications (4 fused).
+    /// 4 additions, 11 multiplications (4 fused).
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 5]) -> R {
         let [phi_c, phi_s, psi_dot, phi_dot, s] = *y;
         let _ = t;
-        self.J0
+        let t0 = s.mul_add(phi_s, psi_dot);
+        self.c6
             .mul_add(
-                s
-                    * self
-                        .c5
-                        .mul_add(
-                            s * self.c4.mul_add(phi_c * phi_c, phi_s * phi_s),
-                            psi_dot * phi_s,
-                        ),
-                self.J1.mul_add(phi_dot * phi_dot, self.c6 * (psi_dot * psi_dot)),
+                s * s * self.c4.mul_add(phi_c * phi_c, phi_s * phi_s),
+                self.c5.mul_add(t0 * t0, self.J1 * (phi_dot * phi_dot)),
             )
     }
 

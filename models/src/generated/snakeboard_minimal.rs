@@ -155,14 +155,12 @@ pub struct Prepared<R = f64> {
     c2: R,
     /// `-(J + 2 * J1 - m * (r * r))`
     c3: R,
-    /// `m * (r * r) / (J + J0 + 2 * J1)`
+    /// `m * (r * r) / (J + 2 * J1)`
     c4: R,
-    /// `2 * J0 / (J + J0 + 2 * J1)`
-    c5: R,
     /// `0.5 * J0`
+    c5: R,
+    /// `0.5 * (J + 2 * J1)`
     c6: R,
-    /// `0.5 * (J + J0 + 2 * J1)`
-    c7: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -176,7 +174,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 additions, 6 multiplications, 2 divisions, 2 sign changes.
+    /// 2 additions, 5 multiplications, 1 division, 2 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m, r, J, J0, J1 } = *params;
         for (value, condition, meaning) in [
@@ -194,9 +192,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             }
         }
         let t0 = m * (r * r);
-        let t1 = R::from_f64(2.0) * J1;
-        let t2 = J + t1;
-        let t3 = J + J0 + t1;
+        let t1 = J + R::from_f64(2.0) * J1;
         if !m.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m > 0",
@@ -230,13 +226,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Ok(Self {
             J1,
             c0: t0,
-            c1: t2,
+            c1: t1,
             c2: -t0,
-            c3: -(t2 - t0),
-            c4: t0 / t3,
-            c5: R::from_f64(2.0) * J0 / t3,
-            c6: R::from_f64(0.5) * J0,
-            c7: R::from_f64(0.5) * t3,
+            c3: -(t1 - t0),
+            c4: t0 / t1,
+            c5: R::from_f64(0.5) * J0,
+            c6: R::from_f64(0.5) * t1,
         })
     }
 }
@@ -284,22 +279,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 additions, 12 multiplications (4 fused), 1 elementary function.
+    /// 4 additions, 11 multiplications (4 fused), 1 elementary function.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 4]) -> R {
         let [phi, psi_dot, phi_dot, s] = *y;
         let _ = t;
         let (t0, t1) = phi.sin_cos();
-        self.c7
+        let t2 = s.mul_add(t0, psi_dot);
+        self.c6
             .mul_add(
-                s
-                    * s
-                        .mul_add(
-                            self.c4.mul_add(t1 * t1, t0 * t0),
-                            self.c5 * (psi_dot * t0),
-                        ),
-                self.J1.mul_add(phi_dot * phi_dot, self.c6 * (psi_dot * psi_dot)),
+                s * s * self.c4.mul_add(t1 * t1, t0 * t0),
+                self.c5.mul_add(t2 * t2, self.J1 * (phi_dot * phi_dot)),
             )
     }
 

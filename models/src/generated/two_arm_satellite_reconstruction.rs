@@ -265,6 +265,8 @@ pub struct Prepared<R = f64> {
     I3: R,
     /// Parameter `la`.
     la: R,
+    /// Parameter `mb`.
+    mb: R,
     /// Parameter `lb`.
     lb: R,
     /// Parameter `ka`.
@@ -327,48 +329,64 @@ pub struct Prepared<R = f64> {
     c26: R,
     /// `1 / (mb * (lb * lb))`
     c27: R,
-    /// `0.5 * I1`
+    /// `(1/30) * (25 * I3 + 9 * ma + 25 * ma * (la * la)) / (ma * la)`
     c28: R,
-    /// `0.5 * I2`
-    c29: R,
-    /// `0.5 * I3`
-    c30: R,
-    /// `0.5 * ka`
-    c31: R,
-    /// `0.5 * kb`
-    c32: R,
-    /// `(1/50) * ma`
-    c33: R,
-    /// `(1/200) * mb`
-    c34: R,
-    /// `(1/5) * mb / (ma * (la * la))`
-    c35: R,
-    /// `25 * ma * (la * la) / mb`
-    c36: R,
-    /// `I1 - mb * (lb * lb) + (1/100) * mb * (29 + 100 * (lb * lb))`
-    c37: R,
-    /// `2.5 * lb`
-    c38: R,
-    /// `(1/3) * mb * lb / (ma * la)`
-    c39: R,
-    /// `(6/5) / la`
-    c40: R,
-    /// `I2 + (9/25) * ma + (1/25) * mb`
-    c41: R,
-    /// `4 * lb`
-    c42: R,
-    /// `(1/100) * (mb * mb)`
-    c43: R,
     /// `(3/5) / la`
+    c29: R,
+    /// `40 * mb * lb / (100 * I1 + mb * (29 + 100 * (lb * lb)))`
+    c30: R,
+    /// `(1/200) * (100 * I1 + mb * (29 + 100 * (lb * lb))) / (mb * (lb * lb))`
+    c31: R,
+    /// `0.5 * I2`
+    c32: R,
+    /// `0.5 * ka`
+    c33: R,
+    /// `0.5 * kb`
+    c34: R,
+    /// `0.5 * ma * (la * la)`
+    c35: R,
+    /// `0.5 * mb * (lb * lb)`
+    c36: R,
+    /// `(1/50) * ma`
+    c37: R,
+    /// `(1/200) * mb`
+    c38: R,
+    /// `I2 + (1/25) * mb`
+    c39: R,
+    /// `I3 - ma * (la * la) + (1/25) * ma * (9 + 25 * (la * la))`
+    c40: R,
+    /// `0.25 * mb`
+    c41: R,
+    /// `(1/5) * mb / (ma * (la * la))`
+    c42: R,
+    /// `25 * ma * (la * la) / mb`
+    c43: R,
+    /// `I1 - mb * (lb * lb) + (1/100) * mb * (29 + 100 * (lb * lb))`
     c44: R,
-    /// `(1/5) / lb`
+    /// `4 * I1 + 4 * mb * (lb * lb) + (1/25) * mb * (29 + 100 * (lb * lb))`
     c45: R,
-    /// `(6/5) * ma * la`
+    /// `6 * mb * (lb * lb)`
     c46: R,
-    /// `(1/25) * (25 * I2 + 9 * ma + mb)`
+    /// `6 * I2 + (6/25) * mb`
     c47: R,
-    /// `(1/100) * (100 * I3 + 25 * mb + 4 * ma * (9 + 25 * (la * la)))`
+    /// `(6/25) * ma`
     c48: R,
+    /// `(54/25) * ma`
+    c49: R,
+    /// `6 * I3 + 6 * ma * (la * la) + (6/25) * ma * (9 + 25 * (la * la))`
+    c50: R,
+    /// `1.5 * mb`
+    c51: R,
+    /// `(1/5) / lb`
+    c52: R,
+    /// `(6/5) * ma * la`
+    c53: R,
+    /// `2.5 * lb`
+    c54: R,
+    /// `(1/25) * (25 * I2 + 9 * ma + mb)`
+    c55: R,
+    /// `(1/100) * (100 * I3 + 25 * mb + 4 * ma * (9 + 25 * (la * la)))`
+    c56: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -382,7 +400,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 15 additions, 64 multiplications, 8 divisions.
+    /// 23 additions, 80 multiplications, 9 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, ma, la, mb, lb, ka, kb } = *params;
         for (value, condition, meaning) in [
@@ -407,15 +425,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t1 = lb * lb;
         let t2 = mb * t1;
         let t3 = R::from_f64(29.0) + R::from_f64(100.0) * t1;
-        let t4 = R::ratio(1.0, 25.0) * ma;
-        let t5 = ma * la;
-        let t6 = la * la;
-        let t7 = ma * t6;
-        let t8 = R::ratio(1.0, 5.0) * mb;
-        let t9 = R::ratio(1.0, 100.0) * mb * t3;
-        let t10 = R::ratio(1.0, 25.0) * mb;
-        let t11 = R::ratio(9.0, 25.0) * ma;
-        let t12 = R::from_f64(9.0) + R::from_f64(25.0) * t6;
+        let t4 = R::from_f64(100.0) * I1 + mb * t3;
+        let t5 = R::ratio(1.0, 25.0) * ma;
+        let t6 = ma * la;
+        let t7 = R::from_f64(0.5) * mb;
+        let t8 = la * la;
+        let t9 = ma * t8;
+        let t10 = R::ratio(1.0, 5.0) * mb;
+        let t11 = R::ratio(1.0, 100.0) * mb * t3;
+        let t12 = R::ratio(1.0, 25.0) * mb;
+        let t13 = R::from_f64(0.25) * mb;
+        let t14 = R::from_f64(9.0) + R::from_f64(25.0) * t8;
+        let t15 = t5 * t14;
+        let t16 = R::from_f64(9.0) * ma;
+        let t17 = R::from_f64(25.0) * ma * t8;
+        let t18 = R::ratio(6.0, 25.0) * ma;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -462,6 +486,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             I2,
             I3,
             la,
+            mb,
             lb,
             ka,
             kb,
@@ -469,15 +494,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c1: t0 * la,
             c2: R::ratio(2.0, 5.0) * mb * lb,
             c3: t2,
-            c4: R::ratio(1.0, 100.0) * (R::from_f64(100.0) * I1 + mb * t3),
+            c4: R::ratio(1.0, 100.0) * t4,
             c5: R::from_f64(5.0) * lb,
             c6: R::from_f64(2.0) * lb,
-            c7: t4,
+            c7: t5,
             c8: R::ratio(1.0, 50.0) * mb,
-            c9: t5,
+            c9: t6,
             c10: R::ratio(1.0, 20.0) * mb,
             c11: t0,
-            c12: R::from_f64(0.5) * mb * lb,
+            c12: t7 * lb,
             c13: R::ratio(1.0, 10.0) * mb,
             c14: R::from_f64(10.0) * lb,
             c15: R::from_f64(5.0) * ma * la,
@@ -485,38 +510,45 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c17: R::from_f64(2.0) * mb,
             c18: R::from_f64(5.0) * mb,
             c19: R::ratio(3.0, 5.0) * ma * la,
-            c20: t7,
-            c21: t8 * lb,
-            c22: I1 + t9,
-            c23: t10,
-            c24: t7.recip(),
-            c25: I3 + R::from_f64(0.25) * mb - t7 + t4 * t12,
-            c26: t11,
+            c20: t9,
+            c21: t10 * lb,
+            c22: I1 + t11,
+            c23: t12,
+            c24: t9.recip(),
+            c25: I3 + t13 - t9 + t15,
+            c26: R::ratio(9.0, 25.0) * ma,
             c27: t2.recip(),
-            c28: R::from_f64(0.5) * I1,
-            c29: R::from_f64(0.5) * I2,
-            c30: R::from_f64(0.5) * I3,
-            c31: R::from_f64(0.5) * ka,
-            c32: R::from_f64(0.5) * kb,
-            c33: R::ratio(1.0, 50.0) * ma,
-            c34: R::ratio(1.0, 200.0) * mb,
-            c35: t8 / t7,
-            c36: R::from_f64(25.0) * ma * t6 / mb,
-            c37: I1 - t2 + t9,
-            c38: R::from_f64(2.5) * lb,
-            c39: R::ratio(1.0, 3.0) * mb * lb / t5,
-            c40: R::ratio(6.0, 5.0) / la,
-            c41: I2 + t11 + t10,
-            c42: R::from_f64(4.0) * lb,
-            c43: R::ratio(1.0, 100.0) * (mb * mb),
-            c44: R::ratio(3.0, 5.0) / la,
-            c45: R::ratio(1.0, 5.0) / lb,
-            c46: R::ratio(6.0, 5.0) * ma * la,
-            c47: R::ratio(1.0, 25.0)
-                * (R::from_f64(25.0) * I2 + R::from_f64(9.0) * ma + mb),
-            c48: R::ratio(1.0, 100.0)
+            c28: R::ratio(1.0, 30.0) * (R::from_f64(25.0) * I3 + t16 + t17) / t6,
+            c29: R::ratio(3.0, 5.0) / la,
+            c30: R::from_f64(40.0) * mb * lb / t4,
+            c31: R::ratio(1.0, 200.0) * t4 / t2,
+            c32: R::from_f64(0.5) * I2,
+            c33: R::from_f64(0.5) * ka,
+            c34: R::from_f64(0.5) * kb,
+            c35: R::from_f64(0.5) * ma * t8,
+            c36: t7 * t1,
+            c37: R::ratio(1.0, 50.0) * ma,
+            c38: R::ratio(1.0, 200.0) * mb,
+            c39: I2 + t12,
+            c40: I3 - t9 + t15,
+            c41: t13,
+            c42: t10 / t9,
+            c43: t17 / mb,
+            c44: I1 - t2 + t11,
+            c45: R::from_f64(4.0) * I1 + R::from_f64(4.0) * mb * t1 + t12 * t3,
+            c46: R::from_f64(6.0) * mb * t1,
+            c47: R::from_f64(6.0) * I2 + R::ratio(6.0, 25.0) * mb,
+            c48: t18,
+            c49: R::ratio(54.0, 25.0) * ma,
+            c50: R::from_f64(6.0) * I3 + R::from_f64(6.0) * ma * t8 + t18 * t14,
+            c51: R::from_f64(1.5) * mb,
+            c52: R::ratio(1.0, 5.0) / lb,
+            c53: R::ratio(6.0, 5.0) * ma * la,
+            c54: R::from_f64(2.5) * lb,
+            c55: R::ratio(1.0, 25.0) * (R::from_f64(25.0) * I2 + t16 + mb),
+            c56: R::ratio(1.0, 100.0)
                 * (R::from_f64(100.0) * I3 + R::from_f64(25.0) * mb
-                    + R::from_f64(4.0) * ma * t12),
+                    + R::from_f64(4.0) * ma * t14),
         })
     }
 }
@@ -736,59 +768,77 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 19 additions, 39 multiplications (15 fused), 2 elementary functions.
+    /// 20 additions, 34 multiplications (18 fused), 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 11]) -> R {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, _, _, _, _] = *y;
         let _ = t;
         let (t0, t1) = alpha.sin_cos();
-        let t2 = self.c0 * t1;
-        let t3 = R::from_f64(3.0) + t2;
-        let t4 = Omega3.mul_add(t3, alpha_dot * t2);
-        let t5 = (-Omega2).mul_add(t3, self.c0 * (Omega1 * t0));
-        let t6 = self.la * (t0 * (alpha_dot + Omega3));
-        let (t7, t8) = beta.sin_cos();
-        let t9 = self.c5 * t7;
-        let t10 = R::ONE + t9;
-        let t11 = self.c6 * t8;
-        let t12 = R::ONE + t11;
-        let t13 = (-R::from_f64(5.0))
-            .mul_add(Omega3 * t12, R::from_f64(2.0) * (Omega2 * t10));
-        let t14 = Omega1.mul_add(t10, beta_dot * t9);
-        let t15 = Omega1.mul_add(t12, beta_dot * t11);
-        let t16 = self
-            .c32
+        let (t2, t3) = beta.sin_cos();
+        let t4 = (-self.c0)
+            .mul_add((-Omega1).mul_add(t0, Omega2 * t1), -(R::from_f64(3.0) * Omega2));
+        let t5 = self
+            .c14
             .mul_add(
-                beta * beta,
+                (-Omega3).mul_add(t3, Omega2 * t2),
+                (-Omega3).mul_add(R::from_f64(5.0), R::from_f64(2.0) * Omega2),
+            );
+        let t6 = self
+            .c36
+            .mul_add(
+                beta_dot * beta_dot,
                 self
-                    .c31
+                    .c35
                     .mul_add(
-                        alpha * alpha,
+                        alpha_dot * alpha_dot,
                         self
-                            .c30
+                            .c34
                             .mul_add(
-                                Omega3 * Omega3,
+                                beta * beta,
                                 self
-                                    .c29
-                                    .mul_add(Omega2 * Omega2, self.c28 * (Omega1 * Omega1)),
+                                    .c33
+                                    .mul_add(alpha * alpha, self.c32 * (Omega2 * Omega2)),
                             ),
                     ),
             );
-        self.c34
+        let t7 = self
+            .c38
             .mul_add(
-                t13
-                    .mul_add(
-                        t13,
-                        R::from_f64(25.0)
-                            .mul_add(t15 * t15, R::from_f64(4.0) * (t14 * t14)),
-                    ),
+                t5 * t5,
                 self
-                    .c33
+                    .c37
                     .mul_add(
-                        R::from_f64(25.0).mul_add(t6 * t6, t5.mul_add(t5, t4 * t4)),
-                        t16,
+                        t4 * t4,
+                        self
+                            .c20
+                            .mul_add(
+                                Omega3
+                                    * self
+                                        .c29
+                                        .mul_add(
+                                            t1.mul_add(alpha_dot + Omega3, self.c28 * Omega3),
+                                            alpha_dot,
+                                        ),
+                                t6,
+                            ),
                     ),
+            );
+        self.c3
+            .mul_add(
+                Omega1
+                    * self
+                        .c31
+                        .mul_add(
+                            self
+                                .c30
+                                .mul_add(
+                                    (beta_dot + Omega1) * t3.mul_add(R::from_f64(2.5), t2),
+                                    Omega1,
+                                ),
+                            beta_dot,
+                        ),
+                t7,
             )
     }
 
@@ -809,13 +859,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, _, _, _, _] = *y;
         let _ = t;
         let (t0, t1) = alpha.sin_cos();
-        let t2 = self.c20 * t1.mul_add(self.c44, R::ONE);
+        let t2 = self.c20 * t1.mul_add(self.c29, R::ONE);
         let (t3, t4) = beta.sin_cos();
         let t5 = t4.mul_add(R::from_f64(2.5), t3);
-        let t6 = self.c3 * t5.mul_add(self.c45, R::ONE);
+        let t6 = self.c3 * t5.mul_add(self.c52, R::ONE);
         let t7 = self.c20 * (-Omega1).mul_add(t0, Omega2 * t1);
         let t8 = self.c19 * t0;
-        let t9 = self.c46 * t1;
+        let t9 = self.c53 * t1;
         let t10 = self.c13 * self.c5.mul_add(t4.mul_add(R::ratio(2.0, 5.0), t3), R::ONE);
         let t11 = (-Omega2).mul_add(t3, Omega3 * t4);
         [
@@ -838,14 +888,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             self
                 .c2
                 .mul_add(
-                    t3 * (-t11).mul_add(self.c38, Omega2),
+                    t3 * (-t11).mul_add(self.c54, Omega2),
                     (-Omega3)
                         .mul_add(
                             t10,
                             t1
                                 .mul_add(
                                     t7,
-                                    (-Omega1).mul_add(t8, Omega2.mul_add(t9, self.c47 * Omega2)),
+                                    (-Omega1).mul_add(t8, Omega2.mul_add(t9, self.c55 * Omega2)),
                                 ),
                         ),
                 ),
@@ -856,7 +906,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     (-Omega2)
                         .mul_add(
                             t10,
-                            alpha_dot.mul_add(t2, Omega3.mul_add(t9, self.c48 * Omega3)),
+                            alpha_dot.mul_add(t2, Omega3.mul_add(t9, self.c56 * Omega3)),
                         ),
                 ),
         ]
@@ -866,53 +916,79 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Errors
     ///
-    /// `Singular` with the first pivot that is zero.
+    /// `Singular` with the first pivot that is zero up to the rounding errors of its terms.
     ///
     /// # Operations
     ///
-    /// 16 additions, 26 multiplications (15 fused), 2 divisions, 2 elementary functions.
+    /// 22 additions, 35 multiplications (20 fused), 2 divisions, 4 sign changes, 2 elementary functions.
     pub fn check(&self, t: R, y: &[R; 11]) -> Result<(), ::hamel_runtime::Failure> {
         let [alpha, beta, _, _, _, _, _, _, _, _, _] = *y;
-        let (t0, t1) = beta.sin_cos();
-        let (t2, t3) = alpha.sin_cos();
-        let t4 = t2 * t2;
-        let t5 = (-self.c23)
+        /// mass matrix A = W^T L_yy Psi
+        let [t0, t1, t3, t4, t5, t6, t7, A_Omega2_Omega2, t8, t9] = {
+            let (t0, t1) = alpha.sin_cos();
+            let t2 = t1.mul_add(self.c0, R::from_f64(3.0));
+            let (t4, t5) = beta.sin_cos();
+            let t6 = t4 * t4;
+            let t7 = t2 * t2;
+            let t8 = t5.mul_add(self.c6, R::ONE);
+            [
+                t0,
+                t1,
+                t2 * (self.c1 * t0),
+                t4,
+                t5,
+                t6,
+                t7,
+                t7.mul_add(self.c7, t6.mul_add(self.c3, t4.mul_add(self.c2, self.c39))),
+                t8,
+                self.c13 * (t4.mul_add(self.c5, R::ONE) * t8),
+            ]
+        };
+        /// factors of A
+        let [t10, t11, A_s1_5_5] = {
+            let t10 = t8 * t8;
+            let t11 = t1 * t1;
+            [t10, t11, t10.mul_add(self.c41, (-t11).mul_add(self.c26, self.c40))]
+        };
+        let t12 = (-self.c43)
             .mul_add(
-                (-self.c36)
-                    .mul_add(
-                        (-self.c35).mul_add(t1 * t0, t4),
-                        R::from_f64(6.25).mul_add(t1 * t1, t0 * t0),
-                    ),
-                self.c37,
+                (-self.c42).mul_add(t5 * t4, t0 * t0),
+                R::from_f64(6.25).mul_add(t5 * t5, t6),
             );
-        let t6 = t4 / t5;
-        let t7 = (-t6).mul_add(self.c20, R::ONE);
-        let t8 = t3 * t3;
-        let t9 = t0 * t0.mul_add(self.c38, R::ONE);
-        let t10 = self
-            .c20
-            .mul_add(
-                self
-                    .c40
-                    .mul_add(
-                        t3.mul_add(t7, self.c39 * t9),
-                        t7.mul_add(t8, -(self.c26 * t6)),
-                    ),
-                self.c41,
-            );
-        let t11 = t1 * t1.mul_add(self.lb, R::ONE);
-        for (value, pivot) in [
-            (t5, "inertia along Omega1"),
-            (t10, "inertia along Omega2"),
+        let t13 = (-t12).mul_add(self.c23, self.c44);
+        let t14 = t3 * t3 / t13;
+        let t15 = A_Omega2_Omega2 - t14;
+        let t16 = t9 * t9 / t15;
+        for (value, scale, pivot) in [
             (
-                t11.mul_add(self.c16, (-t8).mul_add(self.c26, self.c25))
-                    - self.c43
-                        * (t9.mul_add(self.c14, R::ONE) * t11.mul_add(self.c42, R::ONE))
-                        / t10,
+                t13,
+                R::ratio(4.0, 25.0).mul_add((self.mb * t12).abs(), self.c45),
+                "inertia along Omega1",
+            ),
+            (
+                t15,
+                R::from_f64(6.0)
+                    .mul_add(
+                        t14.abs(),
+                        R::ratio(12.0, 5.0)
+                            .mul_add(
+                                (self.c16 * t4).abs(),
+                                t7.mul_add(self.c48, t6.mul_add(self.c46, self.c47)),
+                            ),
+                    ),
+                "inertia along Omega2",
+            ),
+            (
+                A_s1_5_5 - t16,
+                R::from_f64(6.0)
+                    .mul_add(
+                        t16.abs(),
+                        t10.mul_add(self.c51, t11.mul_add(self.c49, self.c50)),
+                    ),
                 "inertia along Omega3",
             ),
         ] {
-            if !value.all_ne(R::ZERO) {
+            if !(scale + value).all_ne(scale) {
                 let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
                 return Err(::hamel_runtime::Failure::Singular {
                     t,

@@ -474,10 +474,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
         let S_1_1 = self
-            .c11
+            .c9
             .mul_add(
-                gamma1 * gamma1,
-                self.c9.mul_add(gamma3 * gamma3, self.c10 * (gamma2 * gamma2)),
+                gamma3 * gamma3,
+                self.c10.mul_add(gamma2 * gamma2, self.c11 * (gamma1 * gamma1)),
             );
         let t0 = (-gamma1)
             .mul_add(
@@ -533,10 +533,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
         let S_1_1 = self
-            .c11
+            .c9
             .mul_add(
-                gamma1 * gamma1,
-                self.c9.mul_add(gamma3 * gamma3, self.c10 * (gamma2 * gamma2)),
+                gamma3 * gamma3,
+                self.c10.mul_add(gamma2 * gamma2, self.c11 * (gamma1 * gamma1)),
             );
         let t0 = (-gamma3)
             .mul_add(
