@@ -835,7 +835,7 @@ mod tests {
         );
         let interpreter = scene.prepare(&[]).expect("no parameters");
         let at = |x: f64, y: f64| {
-            let state = scene.state_names().iter().map(|name| match name.as_str() {
+            let state = scene.state_names().into_iter().map(|name| match name.as_str() {
                 "x" => x,
                 "y" => y,
                 _ => 0.5,

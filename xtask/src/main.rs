@@ -196,7 +196,8 @@ Examples:
     ///
     /// Every scene is evaluated in f64 and in double-double numbers at random states, at extreme parameters and next to
     /// singularities; selected models are integrated for long. A run of all models that is not short writes
-    /// docs/stress.md and docs/stress.csv. A short run compares the errors with pinned bounds and fails above them.
+    /// docs/stress.md, docs/stress.csv and docs/stress_runs.csv. A short run compares the errors with pinned bounds and
+    /// fails above them.
     #[command(after_help = "\
 Examples:
   cargo xtask stress --short            what continuous integration runs

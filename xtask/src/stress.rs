@@ -28,7 +28,7 @@ pub struct StressRequest {
     pub samples: Option<u64>,
     /// Number of steps per run; the program's own choice when absent.
     pub steps: Option<u64>,
-    /// Where `stress.md` and `stress.csv` go; nowhere when absent.
+    /// Where `stress.md` and the tables go; nowhere when absent.
     pub folder: Option<PathBuf>,
 }
 
@@ -68,8 +68,8 @@ impl SceneRequest {
 
 /// `stress`: measures all models, or the given ones.
 ///
-/// The program prints its summary itself. A run of all models that is not short writes `docs/stress.md` and
-/// `docs/stress.csv`.
+/// The program prints its summary itself. A run of all models that is not short writes `stress.md`, `stress.csv`
+/// and `stress_runs.csv` in `docs`.
 ///
 /// # Errors
 /// Unknown names, problems of a model, [`Error::NotCompiled`], and [`Error::Failed`] when a bound is exceeded.

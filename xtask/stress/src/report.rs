@@ -12,7 +12,7 @@ use crate::sweeps::DISTANCES;
 const INTRODUCTION: &str = "\
 # Stress tests
 
-Written by `cargo xtask stress`; `stress.csv` has the same numbers. `cargo xtask stress --short` repeats the first part with
+Written by `cargo xtask stress`; `stress.csv` and `stress_runs.csv` have the same numbers. `cargo xtask stress --short` repeats the first part with
 fewer states and fails above pinned bounds.
 
 Every generated function is evaluated in `f64` and, by the same operations, in double-double numbers (31 digits). Errors are
@@ -193,7 +193,7 @@ pub fn markdown(results: &Results, samples: u64) -> String {
     text
 }
 
-/// Everything as a table: one line per scene and function, distance of a sweep, or quantity of a run.
+/// Errors as a table: one line per scene and function, or distance of a sweep.
 pub fn csv(results: &Results) -> String {
     let mut text = String::from(
         "part,model,scene,what,measured,rejected,refused,beyond,silent,terms_median,terms_999,terms_max,\
@@ -225,13 +225,18 @@ pub fn csv(results: &Results) -> String {
             line("sweep", model, scene, &format!("{}; d = {distance:e}", result.sweep.what), a);
         }
     }
-    text.push_str("\npart,model,scene,method,steps,t,quantity,start,max,slope\n");
+    text
+}
+
+/// The long runs as a table: one line per run and quantity.
+pub fn runs_csv(results: &Results) -> String {
+    let mut text = String::from("model,scene,method,steps,t,quantity,start,max,slope\n");
     for run in &results.runs {
         let (model, scene) = &run.name;
         for drift in &run.drifts {
             let _ = writeln!(
                 text,
-                "run,{model},{scene},\"{}; {}\",{},{:.6e},{},{:.6e},{:.4e},{:.4e}",
+                "{model},{scene},\"{}; {}\",{},{:.6e},{},{:.6e},{:.4e},{:.4e}",
                 run.runner.name,
                 run.runner.stepping,
                 run.steps,

@@ -215,9 +215,11 @@ pub fn run(
     let shown = if folder.is_some() || short { report::summary } else { report::detailed_summary };
     println!("{}", shown(&results));
     if let Some(folder) = folder {
-        for (name, text) in
-            [("stress.md", report::markdown(&results, samples)), ("stress.csv", report::csv(&results))]
-        {
+        for (name, text) in [
+            ("stress.md", report::markdown(&results, samples)),
+            ("stress.csv", report::csv(&results)),
+            ("stress_runs.csv", report::runs_csv(&results)),
+        ] {
             let path = folder.join(name);
             xtask::files::write_atomically(&path, text.as_bytes())
                 .map_err(|e| Error::io(path.display().to_string(), e))?;
