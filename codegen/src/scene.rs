@@ -15,7 +15,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::emit::{self, MatrixText, OutputText, ParamText, ProductText, SceneEntry, SceneText, StateText};
 use crate::error::Error;
-use crate::expr::{ExprId, Rational, SymbolId, needed_sections, sign_of};
+use crate::expr::{ExprId, Rational, SymbolId, inlined, needed_sections, sign_of};
 use crate::lower::{
     self, Counts, Inputs, Jet, ParamCondition, Point, Program, Relation, Request, ViolatedCondition,
 };
@@ -38,8 +38,8 @@ pub struct BuiltScene {
     pub name: String,
     /// What was derived.
     pub equations: Equations,
-    /// What was lowered: functions `rhs`, `energy` (when wanted), `check`, one per output and per product, then `domain` where there is
-    /// one.
+    /// What was lowered: functions `rhs`, `energy` (when wanted), `check`, one per output and per product, then `domain`
+    /// where there is one. The results of `check` are the pivots, and for each a scale beside which it must not vanish.
     pub program: Program,
     /// The state of this scene: that of the model without what is left out, with what is reconstructed.
     pub state: Vec<StateEquation>,
@@ -487,9 +487,11 @@ fn lower_scene(
             },
         })
         .collect();
+    let values = inlined(&mut graph, equations.sections.iter().flat_map(|s| &s.definitions));
     let mut moving_pivots = Vec::new();
     for pivot in &equations.pivots {
-        if sign_of(&graph, pivot.expr, &system.signs).is_definite() {
+        let value = graph.subs(pivot.expr, &values).unwrap_or(pivot.expr);
+        if sign_of(&graph, value, &system.signs).is_definite() {
             continue;
         }
         if equations.is_parameter_only(pivot.expr) {
@@ -509,7 +511,7 @@ fn lower_scene(
         let results = vec![("energy".to_owned(), equations.energy)];
         requests.push(Request { name: "energy".into(), results });
     }
-    requests.push(Request { name: "check".into(), results: moving_pivots });
+    requests.push(Request { name: lower::CHECK.into(), results: moving_pivots });
     for output in &outputs {
         requests.push(Request { name: output.name.clone(), results: output.components.clone() });
     }
@@ -875,9 +877,12 @@ impl Interpreter<'_> {
     /// Why the right-hand side cannot be evaluated here.
     ///
     /// # Errors
-    /// The name of the pivot that vanishes.
+    /// The name of the pivot that vanishes, or that rounding errors of its terms could hide.
     pub fn check(&self, t: f64, y: &[f64]) -> Result<(), String> {
-        self.guard("check", t, y, |pivot| pivot != 0.0)
+        self.guard(lower::CHECK, t, y, |out| {
+            let (pivots, scales) = out.split_at(out.len() / 2);
+            pivots.iter().zip(scales).position(|(pivot, scale)| scale + pivot == *scale)
+        })
     }
 
     /// Whether the coordinates lie in their domain.
@@ -885,18 +890,80 @@ impl Interpreter<'_> {
     /// # Errors
     /// The first condition that does not hold, such as `theta > 0`.
     pub fn domain(&self, t: f64, y: &[f64]) -> Result<(), String> {
-        self.guard("domain", t, y, |inside| inside > 0.0)
+        let is_inside = |value: &f64| *value > 0.0;
+        self.guard("domain", t, y, |out| out.iter().position(|value| !is_inside(value)))
     }
 
-    /// The name of the first result of a function that does not hold.
-    fn guard(&self, function: &str, t: f64, y: &[f64], holds: impl Fn(f64) -> bool) -> Result<(), String> {
+    /// The name of the result of a function that does not hold.
+    fn guard(
+        &self,
+        function: &str,
+        t: f64,
+        y: &[f64],
+        broken: impl Fn(&[f64]) -> Option<usize>,
+    ) -> Result<(), String> {
         let Some(k) = self.scene.program.function_idx(function) else { return Ok(()) };
         let results = &self.scene.program.functions[k].results;
         let mut out = vec![0.0; results.len()];
         self.scene.program.run(k, &self.params, &self.prepared, t, y, &mut out);
-        match results.iter().zip(&out).find(|(_, value)| !holds(**value)) {
-            Some(((name, _), _)) => Err(name.clone()),
-            None => Ok(()),
-        }
+        broken(&out).map_or(Ok(()), |k| Err(results[k].0.clone()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spec;
+
+    fn built(text: &str) -> BuiltScene {
+        let model = spec::parse("m", text).expect("a valid model");
+        build(&model, DEFAULT).expect("a scene")
+    }
+
+    #[test]
+    fn a_pivot_that_is_rounding_error_alone_is_refused() {
+        // The second pivot is y - x^2.
+        let scene = built(
+            "model m {
+                coordinate x, y in real;
+                coordinate a, b in real;
+                lagrangian = 1/2*(x_dot^2 + y_dot^2 + a_dot^2) + x*a_dot*b_dot + y/2*b_dot^2;
+            }",
+        );
+        let interpreter = scene.prepare(&[]).expect("no parameters");
+        let at = |x: f64, y: f64| {
+            let state = scene.state_names().into_iter().map(|name| match name.as_str() {
+                "x" => x,
+                "y" => y,
+                _ => 0.5,
+            });
+            interpreter.check(0.0, &state.collect::<Vec<_>>())
+        };
+        // 0.1^2 is not exact: the difference is about 1e-18.
+        assert_ne!(f64::mul_add(0.1, 0.1, -0.1 * 0.1), 0.0);
+        assert!(at(0.1, 0.1 * 0.1).is_err());
+        // What can be told from rounding errors is a value.
+        assert_eq!(at(0.1, 0.1 * 0.1 * (1.0 + 8.0 * f64::EPSILON)), Ok(()));
+        assert!(at(0.0, 0.0).is_err());
+    }
+
+    #[test]
+    fn pivots_that_are_sums_of_positive_terms_are_not_asked_for() {
+        // The second pivot is c - c^2 d^2/(I + c d^2) = c I/(I + c d^2).
+        let scene = built(
+            "model m {
+                param I = 1 where I > 0;
+                param c = 2 where c > 0;
+                param d = 3;
+                coordinate a, b in real;
+                lagrangian = 1/2*((I + c*d^2)*a_dot^2 + c*b_dot^2) + c*d*a_dot*b_dot;
+            }",
+        );
+        let conditions: Vec<&str> =
+            scene.program.prepare.conditions.iter().map(|c| c.text.as_str()).collect();
+        assert_eq!(conditions, ["I > 0", "c > 0"]);
+        // Eliminated as it stands, nothing would be left of c.
+        let interpreter = scene.prepare(&[1.0, 1.0, 1e9]).expect("allowed parameters");
+        assert_eq!(interpreter.check(0.0, &[0.0; 4]), Ok(()));
     }
 }

@@ -55,7 +55,7 @@ const BOUNDS: &[Bound] = &[
     most("two_arm_satellite", "taylor",        [ 61, 121,  3,  2, 187]),
     most("veselova", "default",                [ 16,  30,  1,  0,  47]),
     most("veselova", "derivatives",            [ 16,  30,  1,  0,  47]),
-    most("wong_particle", "default",           [ 25,  53,  1,  0,  79]),
+    most("wong_particle", "default",           [ 18,  39,  1,  0,  58]),
 ];
 
 /// The most operations of a right-hand side.

@@ -5,7 +5,7 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use hamel_codegen::config::write_atomically;
+pub use hamel_codegen::config::write_atomically;
 
 use crate::codegen_bridge::Block;
 use crate::dynamics::Info;

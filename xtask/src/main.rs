@@ -230,19 +230,23 @@ Examples:
     ///
     /// Every scene is evaluated in f64 and in double-double numbers at random states, at extreme parameters and next to
     /// singularities; selected models are integrated for long. A run of all models that is not short writes
-    /// docs/stress.md and docs/stress.csv. A short run compares the errors with pinned bounds and fails above them.
+    /// docs/stress.md, docs/stress.csv and docs/stress_runs.csv. A short run compares the errors with pinned bounds and
+    /// fails above them.
     #[command(after_help = "\
 Examples:
   cargo xtask stress --short            what continuous integration runs
   cargo xtask stress euler_disk         one model; writes nothing
-  cargo xtask stress                    all models; takes an hour")]
+  cargo xtask stress                    all models; takes half an hour")]
     Stress {
         /// Few states and short runs, against pinned bounds
         #[arg(long)]
         short: bool,
-        /// Number of random states per scene [default: 1000000, short: 2000]
+        /// Number of random states per scene [default: 20000, short: 2000]
         #[arg(long, value_name = "N")]
         samples: Option<u64>,
+        /// Number of steps per run [default: 10000000, short: 100000]
+        #[arg(long, value_name = "N")]
+        steps: Option<u64>,
         /// Names of models; all when none is given
         models: Vec<String>,
     },
@@ -534,7 +538,9 @@ fn run(task: Task) -> Result<String, Error> {
         }
         Task::Test => commands::test(&workspace),
         Task::Package { no_verify } => package::package(&workspace, !no_verify),
-        Task::Stress { short, samples, models } => stress::stress(&workspace, &models, short, samples),
+        Task::Stress { short, samples, steps, models } => {
+            stress::stress(&workspace, &models, short, samples, steps)
+        }
         Task::Completions { shell } => Ok(completions(shell)),
         Task::Man { command } => manual(&command),
     }

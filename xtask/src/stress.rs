@@ -26,7 +26,9 @@ pub struct StressRequest {
     pub short: bool,
     /// Number of states per scene; the program's own choice when absent.
     pub samples: Option<u64>,
-    /// Where `stress.md` and `stress.csv` go; nowhere when absent.
+    /// Number of steps per run; the program's own choice when absent.
+    pub steps: Option<u64>,
+    /// Where `stress.md` and the tables go; nowhere when absent.
     pub folder: Option<PathBuf>,
 }
 
@@ -66,8 +68,8 @@ impl SceneRequest {
 
 /// `stress`: measures all models, or the given ones.
 ///
-/// The program prints its summary itself. A run of all models that is not short writes `docs/stress.md` and
-/// `docs/stress.csv`.
+/// The program prints its summary itself. A run of all models that is not short writes `stress.md`, `stress.csv`
+/// and `stress_runs.csv` in `docs`.
 ///
 /// # Errors
 /// Unknown names, problems of a model, [`Error::NotCompiled`], and [`Error::Failed`] when a bound is exceeded.
@@ -76,6 +78,7 @@ pub fn stress(
     models: &[String],
     short: bool,
     samples: Option<u64>,
+    steps: Option<u64>,
 ) -> Result<String, Error> {
     let specs: Vec<Spec> = if models.is_empty() {
         workspace.specs()?
@@ -98,7 +101,7 @@ pub fn stress(
         }
     }
     let folder = (models.is_empty() && !short).then(|| workspace.root().join("docs"));
-    let request = StressRequest { scenes, short, samples, folder };
+    let request = StressRequest { scenes, short, samples, steps, folder };
     let text = serde_json::to_string(&request).map_err(|e| Error::io("the request", e.into()))?;
     let build = compiled::cargo_build(workspace, PACKAGE);
     let program = compiled::run_build(build, PACKAGE, "building the stress tests")?.ok_or_else(|| {

@@ -661,31 +661,35 @@ impl<'a> Module<'a> {
     /// A function that fails with the first result that is not what it should be.
     fn guard(&self, function: &Function, written: Written, guard: Guard) -> TokenStream {
         let n = size(self.state.len());
-        let mut doc = vec![guard.title.to_owned()];
-        doc.extend([String::new(), "# Errors".into(), String::new(), guard.errors.to_owned()]);
-        doc.extend(self.operations(function));
-        let doc = doc_attributes(doc);
+        let Written { statements, results, .. } = written;
+        let n_values = if guard.has_scales { results.len() / 2 } else { results.len() };
+        let (values, scales) = results.split_at(n_values);
+        let conditions = function.results[..n_values].iter().map(|(name, _)| name);
+        // A scale is the constant zero where a value has no terms that could cancel.
+        let can_cancel = function.results[n_values..].iter().any(|(_, o)| !matches!(o, Operand::Constant(_)));
         let [name, test, variant, field] =
             [function.name.as_str(), guard.test, guard.variant, guard.field].map(ident);
-        let Written { statements, results, .. } = written;
-        let conditions: Vec<&String> = function.results.iter().map(|(name, _)| name).collect();
+        let (names, tuples, holds): (_, Vec<TokenStream>, _) = if can_cancel {
+            let tuples = values.iter().zip(scales).zip(conditions).map(|((v, s), c)| quote! { (#v, #s, #c) });
+            (quote! { (value, scale, #field) }, tuples.collect(), quote! { (scale + value).#test(scale) })
+        } else {
+            let tuples = values.iter().zip(conditions).map(|(v, c)| quote! { (#v, #c) });
+            (quote! { (value, #field) }, tuples.collect(), quote! { value.#test(R::ZERO) })
+        };
+        let mut doc = vec![guard.title.to_owned()];
+        let errors = if can_cancel { guard.errors_with_scales } else { guard.errors };
+        doc.extend([String::new(), "# Errors".into(), String::new(), errors.to_owned()]);
+        doc.extend(self.operations(function));
+        let doc = doc_attributes(doc);
         let failure = quote! {
-            if !value.#test(R::ZERO) {
+            if !#holds {
                 let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
                 return Err(::hamel_runtime::Failure::#variant { t, #field });
             }
         };
-        let test = if results.len() == 1 {
-            quote! {
-                let (value, #field) = (#(#results)*, #(#conditions)*);
-                #failure
-            }
-        } else {
-            quote! {
-                for (value, #field) in [#((#results, #conditions)),*] {
-                    #failure
-                }
-            }
+        let test = match tuples.as_slice() {
+            [tuple] => quote! { let #names = #tuple; #failure },
+            _ => quote! { for #names in [#(#tuples),*] { #failure } },
         };
         let inline = guard.inline.then(|| quote! { #[inline] });
         quote! {
@@ -908,6 +912,9 @@ impl<'a> Module<'a> {
 struct Guard {
     title: &'static str,
     errors: &'static str,
+    errors_with_scales: &'static str,
+    /// Whether the second half of the results are scales beside which those of the first half must not vanish.
+    has_scales: bool,
     /// How a result compares with zero where nothing is wrong.
     test: &'static str,
     /// Variant of the failure, and its field with the name of the result.
@@ -920,6 +927,8 @@ struct Guard {
 const GUARD_OF_PIVOTS: Guard = Guard {
     title: "Says which pivot vanishes at a point.",
     errors: "`Singular` with the first pivot that is zero.",
+    errors_with_scales: "`Singular` with the first pivot that is zero up to the rounding errors of its terms.",
+    has_scales: true,
     test: "all_ne",
     variant: "Singular",
     field: "pivot",
@@ -929,6 +938,8 @@ const GUARD_OF_PIVOTS: Guard = Guard {
 const GUARD_OF_DOMAIN: Guard = Guard {
     title: "Says whether a point lies outside the domain of the coordinates.",
     errors: "`OutsideDomain` with the first condition that does not hold.",
+    errors_with_scales: "`OutsideDomain` with the first condition that does not hold.",
+    has_scales: false,
     test: "all_gt",
     variant: "OutsideDomain",
     field: "condition",

@@ -93,10 +93,29 @@ impl SectionWriter {
         }
     }
 
+    /// Everything defined so far, in order.
+    pub fn definitions(&self) -> impl Iterator<Item = &Definition> {
+        self.sections.iter().flat_map(|s| &s.definitions)
+    }
+
     /// The sections that have definitions, and every symbol that varies.
     pub fn finish(self) -> (Vec<Section>, BTreeSet<SymbolId>) {
         (self.sections.into_iter().filter(|s| !s.definitions.is_empty()).collect(), self.varying)
     }
+}
+
+/// The values of definitions without the names of others in them; a definition whose value has a vanishing denominator then
+/// keeps the names.
+pub fn inlined<'a>(
+    g: &mut Graph,
+    definitions: impl IntoIterator<Item = &'a Definition>,
+) -> BTreeMap<SymbolId, ExprId> {
+    let mut values = BTreeMap::new();
+    for definition in definitions {
+        let value = g.subs(definition.expr, &values).unwrap_or(definition.expr);
+        values.insert(definition.symbol, value);
+    }
+    values
 }
 
 /// The sections with only those definitions that the roots need, directly or through others.

@@ -16,7 +16,7 @@ mod print;
 mod rational;
 mod sign;
 
-pub use definition::{Definition, Section, SectionWriter, needed_sections};
+pub use definition::{Definition, Section, SectionWriter, inlined, needed_sections};
 pub(crate) use fingerprint::{Fingerprint, independent_rows};
 pub use graph::{DivisionByZero, ExprId, Func, Graph, Node, SymbolId};
 pub use print::Style;

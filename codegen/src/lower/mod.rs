@@ -17,6 +17,7 @@ mod pack;
 mod pair;
 mod polynomial;
 mod program;
+mod rounding;
 mod verify;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -60,6 +61,12 @@ impl Inputs {
     }
 }
 
+/// The function whose results are what must not vanish.
+///
+/// As many scales follow them: a result whose sum with its scale is that scale is nothing but the rounding error of its
+/// terms. The scale is the constant zero where the terms cannot cancel.
+pub const CHECK: &str = "check";
+
 /// A function to make: its name and its named results.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Request {
@@ -102,7 +109,13 @@ pub fn lower(
     let mut pool = number::Pool::new();
     let mut functions = Vec::with_capacity(requests.len());
     for request in requests {
-        let own = optimise::optimise(graph, &source, &signs, request)?;
+        let mut own = optimise::optimise(graph, &source, &signs, request)?;
+        if request.name == CHECK {
+            let values: Vec<ExprId> = own.request.results.iter().map(|(_, e)| *e).collect();
+            let scales = rounding::rounding_scales(graph, &values, &own.sections, &signs);
+            let names = request.results.iter().map(|(name, _)| name.clone());
+            own.request.results.extend(names.zip(scales));
+        }
         let requests = [own.request];
         let classes = Classes::of(graph, inputs, &own.sections, &requests)?;
         let source = Source { inputs, sections: &own.sections, conditions, classes };

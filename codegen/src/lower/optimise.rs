@@ -16,6 +16,8 @@ use crate::expr::{ExprId, Graph, Node, Rational, Sign, SymbolId};
 
 /// The search stops when this many divisors, or a tenth of it in terms, have been looked at.
 const MAX_WORK: usize = 4_000_000;
+/// With more definitions behind one, it is not tried which of them are best left.
+const MAX_BEHIND: usize = 40;
 /// Rounds over all definitions.
 const MAX_ROUNDS: usize = 3;
 
@@ -85,9 +87,15 @@ impl Search<'_> {
         let mut current = original;
         let mut best = self.extracted(&current);
         let flat = self.all_flat(&current);
-        let trial = self.extracted(&flat);
-        if trial.0 < best.0 {
-            (best, current) = (trial, flat);
+        let partly_flat = self.all_partly_flat(&current);
+        let tidy = self.all_gathered(&current);
+        let tidy_and_flat = tidy.as_ref().map(|tidy| self.all_flat(tidy));
+        let starts = [Some(flat), Some(partly_flat), tidy, tidy_and_flat];
+        for start in starts.into_iter().flatten() {
+            let trial = self.extracted(&start);
+            if trial.0 < best.0 {
+                (best, current) = (trial, start);
+            }
         }
         for _ in 0..MAX_ROUNDS {
             let before = best.0;
@@ -100,6 +108,7 @@ impl Search<'_> {
                     self.flat(&current, k),
                     self.inlined(&current, k),
                     self.gathered(&current, k),
+                    self.gathered_as_it_is(&current, k),
                     self.scaled(&current, k),
                 ];
                 for candidate in candidates.into_iter().flatten() {
@@ -113,6 +122,19 @@ impl Search<'_> {
                 break;
             }
         }
+        self.without_cancellations(best, current)
+    }
+
+    /// The form found, rid of the cancellations in it that it costs nothing to be rid of.
+    fn without_cancellations(&mut self, mut best: (i64, Vec<Entry>), mut current: Vec<Entry>) -> Vec<Entry> {
+        for k in needed(self.system, &current, self.roots) {
+            let candidates = [self.gathered(&current, k), self.gathered_as_it_is(&current, k)];
+            let trials = candidates.into_iter().flatten().map(|c| (self.extracted(&c), c));
+            let Some((trial, candidate)) = trials.min_by_key(|(trial, _)| trial.0) else { continue };
+            if trial.0 <= best.0 {
+                (best, current) = (trial, candidate);
+            }
+        }
         best.1
     }
 
@@ -123,8 +145,13 @@ impl Search<'_> {
     }
 
     fn flattened(&mut self, entries: &[Entry], k: usize) -> Option<Polynomial> {
+        self.flattened_except(entries, k, &[])
+    }
+
+    /// Polynomial `k` multiplied out down to the polynomials `kept`; none when nothing can be.
+    fn flattened_except(&mut self, entries: &[Entry], k: usize, kept: &[u32]) -> Option<Polynomial> {
         let mut value = entries[k].value.clone();
-        let mut kept: Vec<u32> = Vec::new();
+        let mut kept = kept.to_vec();
         let mut changed = false;
         loop {
             // The latest polynomial first: earlier ones may come in with it.
@@ -160,7 +187,37 @@ impl Search<'_> {
     /// Polynomial `k`, multiplied out as far as it goes, over the denominators in it.
     fn gathered(&mut self, entries: &[Entry], k: usize) -> Option<Vec<Entry>> {
         let value = self.flattened(entries, k).unwrap_or_else(|| entries[k].value.clone());
-        let value = self.system.over_common_denominator(self.graph, &value, entries)?;
+        self.over_common_denominator(entries, k, &value)
+    }
+
+    /// Polynomial `k` over the denominators in it, nothing else multiplied out.
+    fn gathered_as_it_is(&mut self, entries: &[Entry], k: usize) -> Option<Vec<Entry>> {
+        self.over_common_denominator(entries, k, &entries[k].value)
+    }
+
+    /// Every polynomial over the denominators in it, nothing else multiplied out; none if nothing cancels.
+    fn all_gathered(&mut self, entries: &[Entry]) -> Option<Vec<Entry>> {
+        (0..entries.len()).fold(None, |gathered: Option<Vec<Entry>>, k| {
+            self.gathered_as_it_is(gathered.as_deref().unwrap_or(entries), k).or(gathered)
+        })
+    }
+
+    fn over_common_denominator(
+        &mut self,
+        entries: &[Entry],
+        k: usize,
+        value: &Polynomial,
+    ) -> Option<Vec<Entry>> {
+        let denominators: BTreeMap<u32, Polynomial> = self
+            .system
+            .denominators(value)
+            .into_iter()
+            .map(|j| {
+                let flat = self.flattened(entries, j as usize);
+                (j, flat.unwrap_or_else(|| entries[j as usize].value.clone()))
+            })
+            .collect();
+        let value = self.system.over_common_denominator(self.graph, value, &denominators)?;
         let mut candidate = entries.to_vec();
         candidate[k].value = value;
         Some(candidate)
@@ -214,6 +271,40 @@ impl Search<'_> {
                 candidate[k].value = value;
             }
         }
+        candidate
+    }
+
+    /// Every polynomial multiplied out down to those others that leave it with the fewest terms.
+    ///
+    /// Lagrange's identity is of that kind: in `dT/dq - d/dt dT/dqdot` of `T = v.v/2` nothing cancels as long as
+    /// `dv/dq` and `d/dt dv/dqdot` have names, and hardly anything is to be seen once `v` is multiplied out, too.
+    fn all_partly_flat(&mut self, entries: &[Entry]) -> Vec<Entry> {
+        let (mut candidate, work) = (entries.to_vec(), self.system.work);
+        for k in 0..entries.len() {
+            let mut behind = needed(self.system, &candidate, &[k]);
+            behind.retain(|j| *j != k);
+            if behind.is_empty() || behind.len() > MAX_BEHIND {
+                continue;
+            }
+            let n_terms =
+                candidate[k].value.len() + behind.iter().map(|j| candidate[*j].value.len()).sum::<usize>();
+            // Long ones first: what they hide is long, too.
+            behind.sort_by_key(|j| (std::cmp::Reverse(candidate[*j].value.len()), *j));
+            let Some(mut best) = self.flattened(&candidate, k) else { continue };
+            let mut kept: Vec<u32> = Vec::new();
+            for j in behind {
+                kept.push(j as u32);
+                match self.flattened_except(&candidate, k, &kept) {
+                    Some(trial) if trial.len() < best.len() => best = trial,
+                    _ => drop(kept.pop()),
+                }
+            }
+            if best.len() <= n_terms {
+                candidate[k].value = best;
+            }
+        }
+        // Done once, it does not grow with the search, which `work` limits.
+        self.system.work = work;
         candidate
     }
 

@@ -5,7 +5,7 @@
 //! identified by their fingerprints, so that equal numbers are one number however they were written. Deliberately does
 //! not know which rearrangement is cheap, nor what a value is for.
 
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
 use num_rational::Ratio;
 use num_traits::{One, Signed, ToPrimitive, Zero};
@@ -463,52 +463,74 @@ impl System {
         target.iter().map(&mut scaled).collect()
     }
 
-    /// `a + b/d = (a d + b)/d` with `d` multiplied out in `a d`, where the sum has fewer terms for it.
+    /// The polynomials that a polynomial is divided by.
+    pub(super) fn denominators(&self, value: &Polynomial) -> BTreeSet<u32> {
+        let factors = value.iter().flat_map(|(m, _)| m).filter(|(_, q)| q.is_negative());
+        let polynomial = |(atom, _): &(u32, Exponent)| match self.atom(*atom) {
+            Atom::Poly(k) => Some(k),
+            _ => None,
+        };
+        factors.filter_map(polynomial).collect()
+    }
+
+    /// `a + b/d^n = (a d^n + b)/d^n` with `d^n` multiplied out in `a d^n`, for every denominator for which terms cancel.
+    ///
+    /// What cancels here is what would have cancelled in digits: `x^2/d^2 - 1/d` with `d = c + x^2` is `-c/d^2`.
     pub(super) fn over_common_denominator(
         &mut self,
         graph: &mut Graph,
         target: &Polynomial,
-        entries: &[Entry],
+        denominators: &BTreeMap<u32, Polynomial>,
     ) -> Option<Polynomial> {
-        let minus_one = -Exponent::one();
-        let mut denominators: Vec<u32> = target
-            .iter()
-            .flat_map(|(m, _)| m)
-            .filter(|(atom, q)| *q == minus_one && matches!(self.atom(*atom), Atom::Poly(_)))
-            .map(|(atom, _)| *atom)
-            .collect();
-        denominators.sort_unstable();
-        denominators.dedup();
-        let mut best: Option<Polynomial> = None;
-        'denominators: for atom in denominators {
-            let current = best.as_ref().unwrap_or(target);
-            let Atom::Poly(k) = self.atom(atom) else { continue };
-            let denominator = &entries[k as usize].value;
-            let mut terms: Polynomial = Vec::new();
-            for (m, c) in current {
-                match m.iter().find(|(a, _)| *a == atom) {
-                    Some((_, q)) if *q == minus_one => terms.push((times(m, &vec![(atom, -minus_one)]), *c)),
-                    Some(_) => continue 'denominators,
-                    None => {
-                        for (x, r) in denominator {
-                            terms.push((times(m, x), self.numbers.mul(graph, *c, *r)));
-                        }
-                    }
+        denominators.iter().fold(None, |best: Option<Polynomial>, (k, value)| {
+            self.over_denominator(graph, best.as_ref().unwrap_or(target), *k, value).or(best)
+        })
+    }
+
+    /// `target` over the highest power of polynomial `k` in its denominators, if terms cancel there.
+    fn over_denominator(
+        &mut self,
+        graph: &mut Graph,
+        target: &Polynomial,
+        k: u32,
+        denominator: &Polynomial,
+    ) -> Option<Polynomial> {
+        let atom = self.atom_of(Atom::Poly(k));
+        let exponent =
+            |m: &Monomial| m.iter().find(|(a, _)| *a == atom).map_or(Exponent::zero(), |(_, q)| *q);
+        let lowest = target.iter().map(|(m, _)| exponent(m)).min()?;
+        let mut terms: Polynomial = Vec::new();
+        for (m, c) in target {
+            let q = exponent(m);
+            let n = q - lowest;
+            if !n.is_integer() || n > Exponent::from_integer(MAX_POWER) {
+                return None;
+            }
+            let rest: Monomial = m.iter().filter(|(a, _)| *a != atom).copied().collect();
+            let mut product = vec![(rest, *c)];
+            for _ in 0..n.to_integer() {
+                let factors = product.iter().flat_map(|x| denominator.iter().map(move |y| (x, y)));
+                let factors: Vec<_> = factors.collect();
+                if terms.len() + factors.len() > 2 * MAX_TERMS {
+                    return None;
                 }
+                self.work += factors.len();
+                product = factors
+                    .into_iter()
+                    .map(|((x, p), (y, r))| (times(x, y), self.numbers.mul(graph, *p, *r)))
+                    .collect();
             }
-            if terms.len() > 2 * MAX_TERMS {
-                continue;
-            }
-            let n_terms = current.len();
-            let sum = self.collect(graph, terms);
-            if sum.len() < n_terms {
-                let over = sum.into_iter().map(|(m, c)| (times(&m, &vec![(atom, minus_one)]), c));
-                let mut over: Polynomial = over.collect();
-                over.sort();
-                best = Some(over);
-            }
+            terms.extend(product);
         }
-        best
+        let n_monomials = terms.iter().map(|(m, _)| m).collect::<HashSet<_>>().len();
+        let sum = self.collect(graph, terms);
+        if sum.len() >= n_monomials {
+            return None;
+        }
+        let over = sum.into_iter().map(|(m, c)| (times(&m, &vec![(atom, lowest)]), c));
+        let mut over: Polynomial = over.collect();
+        over.sort();
+        Some(over)
     }
 }
 

@@ -1,7 +1,11 @@
 //! Linear systems as definitions: `A x = b` by symbolic elimination whose pivots have names.
 
+use std::collections::BTreeMap;
+
+use num_traits::Signed;
+
 use crate::error::Error;
-use crate::expr::{ExprId, Graph, Rational, SectionWriter, Style};
+use crate::expr::{Definition, ExprId, Graph, Node, Rational, SectionWriter, Style, SymbolId, inlined};
 
 /// Something that is divided by.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -28,6 +32,48 @@ pub struct Factorisation {
 /// Whether `a_ij = a_ji` as functions.
 pub(super) fn is_symmetric(g: &mut Graph, a: &[Vec<ExprId>]) -> bool {
     (0..a.len()).all(|i| (0..i).all(|j| g.is_equal(a[i][j], a[j][i])))
+}
+
+/// Sums of more terms are not multiplied out.
+const MAX_TERMS: usize = 32;
+
+/// `a_ij - a_ik a_kj/a_kk = (a_ij a_kk - a_ik a_kj)/a_kk` for polynomials in the parameters, where terms cancel in the
+/// numerator: those digits are not lost then, and a sum of positive terms shows that a pivot is positive.
+///
+/// `entries` are `a_ij, a_kk, a_ik, a_kj`, `values` those of the names in them, `pivot` is `a_kk` as it is to be written.
+fn gathered(
+    g: &mut Graph,
+    values: &BTreeMap<SymbolId, ExprId>,
+    entries: [ExprId; 4],
+    pivot: ExprId,
+) -> Option<ExprId> {
+    let [a_ij, a_kk, a_ik, a_kj] = g.subs_all(&entries, values).ok()?.try_into().ok()?;
+    let mut n_terms = 0;
+    let mut products = Vec::new();
+    for (a, b) in [(a_ij, a_kk), (a_ik, a_kj)] {
+        let (a, b) = (g.expand(a), g.expand(b));
+        if g.summands(a).len().max(g.summands(b).len()) > MAX_TERMS {
+            return None;
+        }
+        let product = g.mul(a, b);
+        let product = g.expand(product);
+        n_terms += g.summands(product).len();
+        products.push(product);
+    }
+    let difference = g.sub(products[0], products[1]);
+    let numerator = g.expand(difference);
+    let is_polynomial = |g: &Graph, e: ExprId| {
+        g.reachable(&[e]).into_iter().all(|e| match g.node(e) {
+            Node::Product { factors, .. } => factors.iter().all(|(_, q)| q.is_integer() && q.is_positive()),
+            Node::Function(..) => false,
+            _ => true,
+        })
+    };
+    if g.summands(numerator).len() >= n_terms || !is_polynomial(g, numerator) {
+        return None;
+    }
+    let inverse = g.powi(pivot, -1);
+    Some(g.mul(numerator, inverse))
 }
 
 /// How pivot candidates rank: parameter-only before state-dependent, small before large.
@@ -65,6 +111,9 @@ impl Factorisation {
             upper: vec![vec![g.zero(); n]; n],
             pivots: Vec::new(),
         };
+        let constant: Vec<Definition> =
+            writer.definitions().filter(|d| !writer.varies(g, d.expr)).copied().collect();
+        let constant = inlined(g, &constant);
         // `rest` is the Schur complement in the current order.
         let mut rest: Vec<Vec<ExprId>> =
             f.row_order.iter().map(|&i| f.column_order.iter().map(|&j| a[i][j]).collect()).collect();
@@ -99,8 +148,13 @@ impl Factorisation {
                     if f.lower[i][k] == g.zero() || rest[k][j] == g.zero() {
                         continue;
                     }
-                    let product = g.mul(f.lower[i][k], rest[k][j]);
-                    let reduced = g.sub(rest[i][j], product);
+                    let entries = [rest[i][j], rest[k][k], rest[i][k], rest[k][j]];
+                    let varies = entries.iter().any(|e| writer.varies(g, *e));
+                    let gathered = if varies { None } else { gathered(g, &constant, entries, pivot) };
+                    let reduced = gathered.unwrap_or_else(|| {
+                        let product = g.mul(f.lower[i][k], rest[k][j]);
+                        g.sub(rest[i][j], product)
+                    });
                     rest[i][j] = writer.define(
                         g,
                         &format!("{prefix}_s{}_{}_{}", label(k), label(i), label(j)),

@@ -186,7 +186,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Errors
     ///
-    /// The first of these that does not hold: every parameter is finite, `r > 0`, `k2 > 0`, `inertia along x_dot != 0`, `inertia along y_dot != 0`.
+    /// The first of these that does not hold: every parameter is finite, `r > 0`, `k2 > 0`.
     ///
     /// # Operations
     ///
@@ -205,10 +205,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let t0 = r * r;
-        let A_x_dot_x_dot = R::ONE + k2 / t0;
-        let t1 = k2 * Omega;
-        let t2 = t1 / (t0 * A_x_dot_x_dot);
+        let t0 = k2 * Omega;
+        let t1 = r * r;
+        let A_x_dot_x_dot = R::ONE + k2 / t1;
+        let t2 = t0 / (t1 * A_x_dot_x_dot);
         let t3 = Omega / r;
         if !r.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
@@ -222,28 +222,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 meaning: "",
             });
         }
-        if !A_x_dot_x_dot.all_ne(R::ZERO) {
-            return Err(::hamel_runtime::ParamError {
-                condition: "inertia along x_dot != 0",
-                meaning: "",
-            });
-        }
-        if !A_x_dot_x_dot.all_ne(R::ZERO) {
-            return Err(::hamel_runtime::ParamError {
-                condition: "inertia along y_dot != 0",
-                meaning: "",
-            });
-        }
         Ok(Self {
             k2,
             c0: -t2,
             c1: t2,
             c2: t3,
             c3: r.recip(),
-            c4: t1 * (t3 - t1 / (t0 * r * A_x_dot_x_dot)) / r,
-            c5: t1 / r,
+            c4: t0 * (t3 - t0 / (t1 * r * A_x_dot_x_dot)) / r,
+            c5: t0 / r,
             c6: k2 / r,
-            c7: t1 / t0,
+            c7: t0 / t1,
             A_x_dot_x_dot,
         })
     }

@@ -214,7 +214,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Errors
     ///
-    /// The first of these that does not hold: every parameter is finite, `r > 0`, `k2 > 0`, `inertia along x_dot != 0`, `inertia along y_dot != 0`.
+    /// The first of these that does not hold: every parameter is finite, `r > 0`, `k2 > 0`.
     ///
     /// # Operations
     ///
@@ -233,10 +233,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let t0 = r * r;
-        let A_x_dot_x_dot = R::ONE + k2 / t0;
-        let t1 = k2 * Omega;
-        let t2 = t1 / (t0 * A_x_dot_x_dot);
+        let t0 = k2 * Omega;
+        let t1 = r * r;
+        let A_x_dot_x_dot = R::ONE + k2 / t1;
+        let t2 = t0 / (t1 * A_x_dot_x_dot);
         let t3 = Omega / r;
         if !r.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
@@ -250,18 +250,6 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 meaning: "",
             });
         }
-        if !A_x_dot_x_dot.all_ne(R::ZERO) {
-            return Err(::hamel_runtime::ParamError {
-                condition: "inertia along x_dot != 0",
-                meaning: "",
-            });
-        }
-        if !A_x_dot_x_dot.all_ne(R::ZERO) {
-            return Err(::hamel_runtime::ParamError {
-                condition: "inertia along y_dot != 0",
-                meaning: "",
-            });
-        }
         Ok(Self {
             k2,
             Omega,
@@ -270,10 +258,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c2: R::from_f64(0.5) / r,
             c3: t3,
             c4: r.recip(),
-            c5: t1 * (t3 - t1 / (t0 * r * A_x_dot_x_dot)) / r,
-            c6: t1 / r,
+            c5: t0 * (t3 - t0 / (t1 * r * A_x_dot_x_dot)) / r,
+            c6: t0 / r,
             c7: k2 / r,
-            c8: t1 / t0,
+            c8: t0 / t1,
             A_x_dot_x_dot,
         })
     }

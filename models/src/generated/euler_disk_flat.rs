@@ -153,13 +153,13 @@ impl<R: ::hamel_runtime::Real> State<R> {
 pub struct Prepared<R = f64> {
     /// Parameter `I1`.
     I1: R,
-    /// `(M * (r * r) - (I1 - I3)) / (I3 + M * (r * r))`
+    /// `(I1 - I3 - M * (r * r)) / (I3 + M * (r * r))`
     c0: R,
-    /// `-(M * r * g / (I1 + M * (r * r)))`
+    /// `M * r * g / (I1 + M * (r * r))`
     c1: R,
-    /// `-((I3 + M * (r * r)) / (I1 + M * (r * r)))`
+    /// `(I3 + M * (r * r)) / (I1 + M * (r * r))`
     c2: R,
-    /// `(I3 - 2 * I1) / I3`
+    /// `(2 * I1 - I3) / I3`
     c3: R,
     /// `I3 / I1`
     c4: R,
@@ -186,11 +186,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Errors
     ///
-    /// The first of these that does not hold: every parameter is finite, `M > 0`, `r > 0`, `I1 > 0`, `I3 > 0`, `inertia along theta_dot != 0`, `inertia along psi_dot != 0`.
+    /// The first of these that does not hold: every parameter is finite, `M > 0`, `r > 0`, `I1 > 0`, `I3 > 0`.
     ///
     /// # Operations
     ///
-    /// 6 additions, 11 multiplications, 8 divisions, 2 sign changes.
+    /// 6 additions, 11 multiplications, 8 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { M, r, I1, I3, g } = *params;
         for (value, condition, meaning) in [
@@ -211,11 +211,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let t0 = r * r;
-        let t1 = M * t0;
-        let A_theta_dot_theta_dot = I1 + t1;
-        let A_psi_dot_psi_dot = I3 + t1;
-        let t2 = M * r * g;
+        let t0 = M * r * g;
+        let t1 = r * r;
+        let t2 = M * t1;
+        let A_theta_dot_theta_dot = I1 + t2;
+        let A_psi_dot_psi_dot = I3 + t2;
         if !M.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "M > 0",
@@ -240,31 +240,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 meaning: "",
             });
         }
-        if !A_theta_dot_theta_dot.all_ne(R::ZERO) {
-            return Err(::hamel_runtime::ParamError {
-                condition: "inertia along theta_dot != 0",
-                meaning: "",
-            });
-        }
-        if !A_psi_dot_psi_dot.all_ne(R::ZERO) {
-            return Err(::hamel_runtime::ParamError {
-                condition: "inertia along psi_dot != 0",
-                meaning: "",
-            });
-        }
         Ok(Self {
             I1,
-            c0: (t1 - (I1 - I3)) / A_psi_dot_psi_dot,
-            c1: -(t2 / A_theta_dot_theta_dot),
-            c2: -(A_psi_dot_psi_dot / A_theta_dot_theta_dot),
-            c3: (I3 - R::from_f64(2.0) * I1) / I3,
+            c0: (I1 - I3 - t2) / A_psi_dot_psi_dot,
+            c1: t0 / A_theta_dot_theta_dot,
+            c2: A_psi_dot_psi_dot / A_theta_dot_theta_dot,
+            c3: (R::from_f64(2.0) * I1 - I3) / I3,
             c4: I3 / I1,
-            c5: (I3 + R::from_f64(2.0) * M * t0) / A_psi_dot_psi_dot,
+            c5: (I3 + R::from_f64(2.0) * M * t1) / A_psi_dot_psi_dot,
             c6: A_psi_dot_psi_dot / I1,
             c7: R::from_f64(2.0) * A_psi_dot_psi_dot / I1,
             c8: R::from_f64(0.5) * A_theta_dot_theta_dot,
             c9: R::from_f64(0.5) * A_psi_dot_psi_dot,
-            c10: t2,
+            c10: t0,
             c11: R::from_f64(0.5) * I1,
         })
     }
@@ -294,12 +282,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let (t0, t1) = theta.sin_cos();
         let t2 = phi_dot * t0;
         let t3 = phi_dot * t1;
-        let t4 = self.c4 * theta_dot / t0 * t3.mul_add(self.c3, psi_dot);
+        let t4 = self.c4 * ((-t3).mul_add(self.c3, psi_dot) * (theta_dot / t0));
         *dy = [
             theta_dot,
-            (self.c2 * t2).mul_add(t3.mul_add(self.c0, psi_dot), self.c1 * t1),
+            (-self.c2).mul_add(t2 * (-t3).mul_add(self.c0, psi_dot), -(self.c1 * t1)),
             t4,
-            (-t1).mul_add(t4, t2 * (self.c5 * theta_dot)),
+            (-t1).mul_add(t4, self.c5 * (theta_dot * t2)),
         ];
     }
 
@@ -318,10 +306,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [theta, theta_dot, phi_dot, psi_dot] = *y;
         let _ = t;
         let (t0, t1) = theta.sin_cos();
-        phi_dot
-            .mul_add(self.c6.mul_add(t1 * t1, t0 * t0), t1 * (self.c7 * psi_dot))
+        self.c11
             .mul_add(
-                self.c11 * phi_dot,
+                phi_dot
+                    * phi_dot
+                        .mul_add(
+                            self.c6.mul_add(t1 * t1, t0 * t0),
+                            self.c7 * (psi_dot * t1),
+                        ),
                 t0
                     .mul_add(
                         self.c10,
@@ -357,36 +349,6 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(())
     }
-
-    /// Says whether a point lies outside the domain of the coordinates.
-    ///
-    /// # Errors
-    ///
-    /// `OutsideDomain` with the first condition that does not hold.
-    ///
-    /// # Operations
-    ///
-    /// 1 addition, 1 multiplication (1 fused).
-    #[inline]
-    pub fn domain(&self, t: R, y: &[R; 4]) -> Result<(), ::hamel_runtime::Failure> {
-        let [theta, _, _, _] = *y;
-        for (value, condition) in [
-            (theta, "theta > 0"),
-            (
-                (-theta).mul_add(R::from_f64(2.0), R::from_f64(::core::f64::consts::PI)),
-                "theta < pi/2",
-            ),
-        ] {
-            if !value.all_gt(R::ZERO) {
-                let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
-                return Err(::hamel_runtime::Failure::OutsideDomain {
-                    t,
-                    condition,
-                });
-            }
-        }
-        Ok(())
-    }
 }
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
@@ -399,11 +361,6 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
 
     fn check(&self, t: R, y: &[R; 4]) -> Result<(), ::hamel_runtime::Failure> {
         self.check(t, y)
-    }
-
-    #[inline]
-    fn domain(&self, t: R, y: &[R; 4]) -> Result<(), ::hamel_runtime::Failure> {
-        self.domain(t, y)
     }
 }
 

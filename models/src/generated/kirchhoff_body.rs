@@ -409,7 +409,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 19 additions, 37 multiplications, 27 divisions, 3 sign changes.
+    /// 19 additions, 37 multiplications, 30 divisions, 3 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params {
             J1,
@@ -500,7 +500,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let A_s2_5_5 = A_s1_5_5 - C22 * A_l5_2;
         let A_l5_3 = C32 / J3;
         let A_s3_5_5 = A_s2_5_5 - C32 * A_l5_3;
-        let A_s2_4_5 = -(C12 * A_l4_1 + C22 * A_l4_2);
+        let A_s1_4_5 = -(C11 * C12 / J1);
+        let A_s2_4_5 = A_s1_4_5 - C22 * A_l4_2;
         let A_s3_4_5 = A_s2_4_5 - C32 * A_l4_3;
         let A_l5_4 = A_s3_4_5 / A_s3_4_4;
         let A_s4_5_5 = A_s3_5_5 - A_s3_4_5 * A_l5_4;
@@ -510,11 +511,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let A_s2_6_6 = A_s1_6_6 - C23 * A_l6_2;
         let A_l6_3 = C33 / J3;
         let A_s3_6_6 = A_s2_6_6 - C33 * A_l6_3;
-        let A_s2_4_6 = -(C13 * A_l4_1 + C23 * A_l4_2);
+        let A_s1_4_6 = -(C11 * C13 / J1);
+        let A_s2_4_6 = A_s1_4_6 - C23 * A_l4_2;
         let A_s3_4_6 = A_s2_4_6 - C33 * A_l4_3;
         let A_l6_4 = A_s3_4_6 / A_s3_4_4;
         let A_s4_6_6 = A_s3_6_6 - A_s3_4_6 * A_l6_4;
-        let A_s2_5_6 = -(C13 * A_l5_1 + C23 * A_l5_2);
+        let A_s1_5_6 = -(C12 * C13 / J1);
+        let A_s2_5_6 = A_s1_5_6 - C23 * A_l5_2;
         let A_s3_5_6 = A_s2_5_6 - C33 * A_l5_3;
         let A_s4_5_6 = A_s3_5_6 - A_s3_4_6 * A_l5_4;
         let A_l6_5 = A_s4_5_6 / A_s4_5_5;

@@ -179,7 +179,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Errors
     ///
-    /// The first of these that does not hold: every parameter is finite, `m0 > 0`, `m1 > 0`, `J > 0`, `J2 > 0`, `R > 0`, `c > 0`, `m*J > m0^2*l^2`, `inertia along psi1_dot != 0`, `inertia along psi2_dot != 0`.
+    /// The first of these that does not hold: every parameter is finite, `m0 > 0`, `m1 > 0`, `J > 0`, `J2 > 0`, `R > 0`, `c > 0`, `m*J > m0^2*l^2`, `inertia along psi2_dot != 0`.
     ///
     /// # Operations
     ///
@@ -260,12 +260,6 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         if !(J * t0).all_gt(m0 * m0 * (l * l)) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m*J > m0^2*l^2",
-                meaning: "",
-            });
-        }
-        if !A_psi1_dot_psi1_dot.all_ne(R::ZERO) {
-            return Err(::hamel_runtime::ParamError {
-                condition: "inertia along psi1_dot != 0",
                 meaning: "",
             });
         }

@@ -134,7 +134,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Errors
     ///
-    /// The first of these that does not hold: every parameter is finite, `m > 0`, `I > 0`, `r > 0`, `inertia along a1_dot != 0`, `inertia along a2_dot != 0`.
+    /// The first of these that does not hold: every parameter is finite, `m > 0`, `I > 0`, `r > 0`.
     ///
     /// # Operations
     ///
@@ -153,7 +153,6 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let t0 = m + I / (r * r);
         if !m.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m > 0",
@@ -172,21 +171,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 meaning: "",
             });
         }
-        if !t0.all_ne(R::ZERO) {
-            return Err(::hamel_runtime::ParamError {
-                condition: "inertia along a1_dot != 0",
-                meaning: "",
-            });
-        }
-        if !t0.all_ne(R::ZERO) {
-            return Err(::hamel_runtime::ParamError {
-                condition: "inertia along a2_dot != 0",
-                meaning: "",
-            });
-        }
         Ok(Self {
             c0: R::from_f64(0.5) * I,
-            c1: R::from_f64(0.5) * t0,
+            c1: R::from_f64(0.5) * (m + I / (r * r)),
         })
     }
 }

@@ -200,7 +200,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Errors
     ///
-    /// The first of these that does not hold: every parameter is finite, `m > 0`, `I > 0`, `r > 0`, `inertia along a1_dot != 0`, `inertia along a2_dot != 0`.
+    /// The first of these that does not hold: every parameter is finite, `m > 0`, `I > 0`, `r > 0`.
     ///
     /// # Operations
     ///
@@ -236,18 +236,6 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         if !r.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "r > 0",
-                meaning: "",
-            });
-        }
-        if !t0.all_ne(R::ZERO) {
-            return Err(::hamel_runtime::ParamError {
-                condition: "inertia along a1_dot != 0",
-                meaning: "",
-            });
-        }
-        if !t0.all_ne(R::ZERO) {
-            return Err(::hamel_runtime::ParamError {
-                condition: "inertia along a2_dot != 0",
                 meaning: "",
             });
         }

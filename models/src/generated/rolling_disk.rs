@@ -170,7 +170,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Errors
     ///
-    /// The first of these that does not hold: every parameter is finite, `m > 0`, `I > 0`, `J > 0`, `R > 0`, `inertia along theta_dot != 0`.
+    /// The first of these that does not hold: every parameter is finite, `m > 0`, `I > 0`, `J > 0`, `R > 0`.
     ///
     /// # Operations
     ///
@@ -212,12 +212,6 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         if !R_.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "R > 0",
-                meaning: "",
-            });
-        }
-        if !t0.all_ne(R::ZERO) {
-            return Err(::hamel_runtime::ParamError {
-                condition: "inertia along theta_dot != 0",
                 meaning: "",
             });
         }

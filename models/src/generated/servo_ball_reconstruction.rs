@@ -209,26 +209,24 @@ pub struct Prepared<R = f64> {
     kappa: R,
     /// Parameter `c`.
     c: R,
-    /// `I * kappa / m`
-    c0: R,
-    /// `I * c / m`
-    c1: R,
-    /// `I * (1 / m + 1 / I)`
-    c2: R,
-    /// `0.5 * m`
-    c3: R,
-    /// `0.5 * I`
-    c4: R,
     /// `1 / I`
-    c5: R,
+    c0: R,
     /// `1 / m + 1 / I`
+    c1: R,
+    /// `kappa / m`
+    c2: R,
+    /// `c / m`
+    c3: R,
+    /// `kappa / I`
+    c4: R,
+    /// `c / I`
+    c5: R,
+    /// `0.5 * m`
     c6: R,
+    /// `0.5 * I`
+    c7: R,
     /// `1 / m`
     Z1_a1_dot: R,
-    /// `-(I * kappa)`
-    c7: R,
-    /// `-(I * c)`
-    c8: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -242,7 +240,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 5 multiplications, 4 divisions, 2 sign changes.
+    /// 1 addition, 2 multiplications, 6 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m, I, kappa, c } = *params;
         for (value, condition, meaning) in [
@@ -258,11 +256,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let t0 = I * kappa;
-        let t1 = I * c;
+        let t0 = I.recip();
         let Z1_a1_dot = m.recip();
-        let t2 = I.recip();
-        let t3 = Z1_a1_dot + t2;
         if !m.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m > 0",
@@ -280,16 +275,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             I,
             kappa,
             c,
-            c0: t0 / m,
-            c1: t1 / m,
-            c2: I * t3,
-            c3: R::from_f64(0.5) * m,
-            c4: R::from_f64(0.5) * I,
-            c5: t2,
-            c6: t3,
+            c0: t0,
+            c1: Z1_a1_dot + t0,
+            c2: kappa / m,
+            c3: c / m,
+            c4: kappa / I,
+            c5: c / I,
+            c6: R::from_f64(0.5) * m,
+            c7: R::from_f64(0.5) * I,
             Z1_a1_dot,
-            c7: -t0,
-            c8: -t1,
         })
     }
 }
@@ -315,15 +309,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 12 additions, 25 multiplications (11 fused), 1 division, 3 sign changes.
+    /// 12 additions, 26 multiplications (12 fused), 1 division, 3 sign changes.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 11], dy: &mut [R; 11]) {
         let [a1, _, a1_dot, a2_dot, xi1, xi2, xi3, qw, qx, qy, qz] = *y;
         let _ = t;
-        let t0 = a1 * a1;
-        let t1 = (self.c2 + t0).recip();
-        let t2 = a1_dot.mul_add(self.c1, self.c0 * a1) * t1;
-        let t3 = a1_dot.mul_add(self.c, self.kappa * a1) * t1;
+        /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
+        let [t0, S_1_1] = {
+            let t0 = a1 * a1;
+            [t0, t0.mul_add(self.c0, self.c1)]
+        };
+        let t1 = S_1_1.recip();
+        let t2 = a1_dot.mul_add(self.c3, self.c2 * a1) * t1;
+        let t3 = a1_dot.mul_add(self.c5, self.c4 * a1) * t1;
         let t4 = R::from_f64(0.5) * xi1;
         let t5 = R::from_f64(0.5) * xi2;
         let t6 = R::from_f64(0.5) * xi3;
@@ -356,10 +354,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn energy(&self, t: R, y: &[R; 11]) -> R {
         let [_, _, a1_dot, a2_dot, xi1, xi2, xi3, _, _, _, _] = *y;
         let _ = t;
-        self.c4
+        self.c7
             .mul_add(
                 xi3.mul_add(xi3, xi2.mul_add(xi2, xi1 * xi1)),
-                self.c3 * a2_dot.mul_add(a2_dot, a1_dot * a1_dot),
+                self.c6 * a2_dot.mul_add(a2_dot, a1_dot * a1_dot),
             )
     }
 
@@ -377,7 +375,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let z_Z1_xi3 = a1.mul_add(a1, R::ONE);
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
         let [S_1_1, g_1] = [
-            z_Z1_xi3.mul_add(self.c5, self.Z1_a1_dot),
+            z_Z1_xi3.mul_add(self.c0, self.Z1_a1_dot),
             (-a1_dot).mul_add(self.c, -(self.kappa * a1)),
         ];
         /// substitution through the factors of S
@@ -414,38 +412,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 3 multiplications (2 fused), 1 division.
+    /// 2 additions, 4 multiplications (2 fused), 1 division.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 11]) -> [R; 1] {
         let [a1, _, a1_dot, _, _, _, _, _, _, _, _] = *y;
         let _ = t;
-        [a1_dot.mul_add(self.c8, self.c7 * a1) / a1.mul_add(a1, self.c2)]
-    }
-
-    /// Says which pivot vanishes at a point.
-    ///
-    /// # Errors
-    ///
-    /// `Singular` with the first pivot that is zero.
-    ///
-    /// # Operations
-    ///
-    /// 1 addition, 2 multiplications (1 fused).
-    pub fn check(&self, t: R, y: &[R; 11]) -> Result<(), ::hamel_runtime::Failure> {
-        let [a1, _, _, _, _, _, _, _, _, _, _] = *y;
-        let (value, pivot) = (
-            self.c5.mul_add(a1 * a1, self.c6),
-            "response to constraint ddt(a1_dot) + ddt(xi3) + kappa*a1 + c*a1_dot = 0",
-        );
-        if !value.all_ne(R::ZERO) {
-            let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
-            return Err(::hamel_runtime::Failure::Singular {
-                t,
-                pivot,
-            });
-        }
-        Ok(())
+        /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
+        let S_1_1 = self.c0.mul_add(a1 * a1, self.c1);
+        [(-a1_dot).mul_add(self.c, -(self.kappa * a1)) / S_1_1]
     }
 }
 
@@ -455,10 +430,6 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
     #[inline]
     fn rhs(&self, t: R, y: &[R; 11], dy: &mut [R; 11]) {
         self.rhs(t, y, dy);
-    }
-
-    fn check(&self, t: R, y: &[R; 11]) -> Result<(), ::hamel_runtime::Failure> {
-        self.check(t, y)
     }
 }
 

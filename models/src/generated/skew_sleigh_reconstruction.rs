@@ -193,7 +193,7 @@ pub struct Prepared<R = f64> {
     c2: R,
     /// A longer expression in the parameters.
     c3: R,
-    /// `-2 * b`
+    /// `2 * b`
     c4: R,
     /// `0.5 * (J + m * (a * a + b * b))`
     c5: R,
@@ -207,7 +207,7 @@ pub struct Prepared<R = f64> {
     c9: R,
     /// `J + m * (a * a + b * b)`
     c10: R,
-    /// `-(m * b)`
+    /// `m * b`
     c11: R,
     /// `m * a`
     c12: R,
@@ -217,13 +217,13 @@ pub struct Prepared<R = f64> {
     c14: R,
     /// `J + m * (a * a + b * b) - m * a * tau`
     A_omega_omega: R,
-    /// `-(m * b + m * a * mu)`
+    /// `m * b + m * a * mu`
     c15: R,
-    /// `-(m * a - m * tau)`
+    /// `m * a - m * tau`
     c16: R,
-    /// `m * mu`
+    /// `m * b * tau`
     c17: R,
-    /// `-(m * b * tau)`
+    /// `m * mu`
     c18: R,
     /// `m * a - m * b * mu`
     c19: R,
@@ -240,7 +240,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 14 additions, 25 multiplications, 8 divisions, 10 sign changes.
+    /// 16 additions, 31 multiplications, 9 divisions, 2 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { J, m, a, b, tau, mu } = *params;
         for (value, condition, meaning) in [
@@ -258,25 +258,28 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let t0 = J + m * (a * a + b * b);
-        let t1 = m * a;
-        let A_omega_omega = t0 - t1 * tau;
-        let t2 = m * b;
-        let t3 = t2 + t1 * mu;
-        let A_v1_omega = -t3;
+        let t0 = a * a;
+        let t1 = J + m * (t0 + b * b);
+        let t2 = m * a;
+        let A_omega_omega = t1 - t2 * tau;
+        let t3 = m * m;
+        let t4 = t3 * a;
+        let A_s1_2_2 = (J * m - t4 * tau + t3 * t0 - t4 * b * mu) / A_omega_omega;
+        let t5 = m * b;
+        let A_u1_2 = -(t5 / A_omega_omega);
+        let t6 = m * mu;
+        let t7 = t5 + t2 * mu;
+        let A_v1_omega = -t7;
         let A_l2_1 = A_v1_omega / A_omega_omega;
-        let A_s1_2_2 = m + t2 * A_l2_1;
-        let A_u1_2 = -(t2 / A_omega_omega);
-        let t4 = m * mu;
-        let t5 = t1 - m * tau;
-        let t6 = t4 + A_l2_1 * t5;
-        let t7 = A_u1_2 * t6 / A_s1_2_2 + t5 / A_omega_omega;
-        let t8 = t1 - t2 * mu;
-        let t9 = t2 * tau;
-        let t10 = t8 + t9 * A_l2_1;
-        let t11 = A_u1_2 * t10 / A_s1_2_2 + t9 / A_omega_omega;
-        let t12 = m - t1 * t7;
-        let t13 = t2 + t1 * t11;
+        let t8 = t2 - m * tau;
+        let t9 = t6 + A_l2_1 * t8;
+        let t10 = A_u1_2 * t9 / A_s1_2_2 + t8 / A_omega_omega;
+        let t11 = t2 - t5 * mu;
+        let t12 = t5 * tau;
+        let t13 = t11 + t12 * A_l2_1;
+        let t14 = A_u1_2 * t13 / A_s1_2_2 + t12 / A_omega_omega;
+        let t15 = m - t2 * t10;
+        let t16 = t5 + t2 * t14;
         if !J.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "J > 0",
@@ -303,27 +306,27 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(Self {
             m,
-            c0: -t7,
-            c1: t6 / A_s1_2_2,
-            c2: -t11,
-            c3: t10 / A_s1_2_2,
-            c4: R::from_f64(-2.0) * b,
-            c5: R::from_f64(0.5) * t0,
+            c0: t10,
+            c1: t14,
+            c2: t9 / A_s1_2_2,
+            c3: t13 / A_s1_2_2,
+            c4: R::from_f64(2.0) * b,
+            c5: R::from_f64(0.5) * t1,
             c6: R::from_f64(0.5) * m,
-            c7: tau * t12 - mu * t13,
-            c8: -(tau * t13),
-            c9: mu * t12,
-            c10: t0,
-            c11: -t2,
-            c12: t1,
-            c13: t12,
-            c14: -t13,
+            c7: mu * t16 - tau * t15,
+            c8: tau * t16,
+            c9: mu * t15,
+            c10: t1,
+            c11: t5,
+            c12: t2,
+            c13: t15,
+            c14: t16,
             A_omega_omega,
-            c15: -t3,
-            c16: -t5,
-            c17: t4,
-            c18: -t9,
-            c19: t8,
+            c15: t7,
+            c16: t8,
+            c17: t12,
+            c18: t6,
+            c19: t11,
         })
     }
 }
@@ -355,8 +358,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         let (t0, t1) = theta.sin_cos();
         *dy = [
-            omega * omega.mul_add(self.c2, self.c0 * v1),
-            omega * omega.mul_add(self.c3, self.c1 * v1),
+            omega * (-omega).mul_add(self.c1, -(self.c0 * v1)),
+            omega * omega.mul_add(self.c3, self.c2 * v1),
             omega,
             v1 * t1,
             v1 * t0,
@@ -377,7 +380,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn energy(&self, t: R, y: &[R; 5]) -> R {
         let [omega, v1, _, _, _] = *y;
         let _ = t;
-        (self.c6 * v1).mul_add(omega.mul_add(self.c4, v1), self.c5 * (omega * omega))
+        self.c6.mul_add(v1 * (-omega).mul_add(self.c4, v1), self.c5 * (omega * omega))
     }
 
     /// Rate of energy dE/dt along the motion.
@@ -390,7 +393,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn energy_rate(&self, t: R, y: &[R; 5]) -> R {
         let [omega, v1, _, _, _] = *y;
         let _ = t;
-        omega * omega.mul_add(omega.mul_add(self.c8, self.c7 * v1), self.c9 * (v1 * v1))
+        omega
+            * omega
+                .mul_add((-omega).mul_add(self.c8, -(self.c7 * v1)), self.c9 * (v1 * v1))
     }
 
     /// Momenta p = dL/dy.
@@ -411,8 +416,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         /// momenta p = dL/dy
         let [p_omega, p_v1] = [
-            v1.mul_add(self.c11, self.c10 * omega),
-            omega.mul_add(self.c11, self.m * v1),
+            (-v1).mul_add(self.c11, self.c10 * omega),
+            (-omega).mul_add(self.c11, self.m * v1),
         ];
         [p_omega, p_v1, self.c12 * omega]
     }
@@ -433,7 +438,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn multipliers(&self, t: R, y: &[R; 5]) -> [R; 1] {
         let [omega, v1, _, _, _] = *y;
         let _ = t;
-        [omega * omega.mul_add(self.c14, self.c13 * v1)]
+        [omega * (-omega).mul_add(self.c14, self.c13 * v1)]
     }
 
     /// Momenta \<p, W_b\> along the sections of virtual displacements.
@@ -453,8 +458,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [omega, v1, _, _, _] = *y;
         let _ = t;
         [
-            v1.mul_add(self.c11, self.A_omega_omega * omega),
-            omega.mul_add(self.c15, self.m * v1),
+            (-v1).mul_add(self.c11, self.A_omega_omega * omega),
+            (-omega).mul_add(self.c15, self.m * v1),
         ]
     }
 
@@ -475,8 +480,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [omega, v1, _, _, _] = *y;
         let _ = t;
         [
-            omega * omega.mul_add(self.c18, self.c16 * v1),
-            omega * omega.mul_add(self.c19, self.c17 * v1),
+            omega * (-omega).mul_add(self.c17, -(self.c16 * v1)),
+            omega * omega.mul_add(self.c19, self.c18 * v1),
         ]
     }
 }

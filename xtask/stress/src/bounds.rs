@@ -8,35 +8,46 @@ use crate::run::Results;
 ///
 /// By terms, each is twice what was measured. By inputs it is 32 where nothing above 16 was measured (below that the derivatives
 /// are not asked for), and otherwise a power of ten at least 20 times larger: how close a random state comes to a
-/// cancellation is a matter of luck, whether there is one is not.
+/// cancellation is a matter of luck, whether there is one is not. `findings.md` has the reasons of all that are larger: `chaplygin_gyro`
+/// next to its pole, `veselova` next to an axis, `euler_disk_advected` lying flat, `two_arm_satellite` with arms along an axis.
 const BOUNDS: &[(&str, &str, [f64; 4])] = &[
-    ("appell_machine", "default", [5.0, 1e15, 5.0, 32.0]),
-    ("appell_machine", "minimal", [5.0, 1e16, 4.0, 32.0]),
-    ("ball_on_rotating_table", "default", [4.0, 32.0, 4.0, 32.0]),
+    ("appell_machine", "default", [5.0, 32.0, 5.0, 32.0]),
+    ("appell_machine", "minimal", [6.0, 32.0, 4.0, 32.0]),
+    ("ball_on_rotating_table", "default", [4.0, 32.0, 5.0, 32.0]),
     ("ball_on_rotating_table", "reconstruction", [4.0, 32.0, 4.0, 32.0]),
-    ("chaplygin_ball", "default", [7.0, 32.0, 5.0, 32.0]),
-    ("chaplygin_ball", "reconstruction", [8.0, 32.0, 5.0, 32.0]),
-    ("chaplygin_gyro", "default", [8.0, 1e13, 7.0, 1e12]),
-    ("chaplygin_gyro", "reconstruction", [10.0, 1e13, 7.0, 1e13]),
+    ("chaplygin_ball", "default", [8.0, 32.0, 5.0, 32.0]),
+    ("chaplygin_ball", "reconstruction", [8.0, 32.0, 6.0, 32.0]),
+    ("chaplygin_ball", "taylor", [7.0, 32.0, 4.0, 32.0]),
+    ("chaplygin_gyro", "default", [7.0, 1e13, 8.0, 1e12]),
+    ("chaplygin_gyro", "reconstruction", [9.0, 1e13, 7.0, 1e12]),
     ("chaplygin_sleigh", "default", [5.0, 32.0, 4.0, 32.0]),
-    ("chaplygin_sleigh", "reconstruction", [6.0, 32.0, 4.0, 32.0]),
-    ("euler_disk", "default", [6.0, 32.0, 5.0, 32.0]),
-    ("euler_disk_advected", "default", [7.0, 10000.0, 9.0, 10000.0]),
-    ("euler_disk_advected", "reconstruction", [7.0, 10000.0, 7.0, 1000.0]),
+    ("chaplygin_sleigh", "derivatives", [4.0, 32.0, 6.0, 32.0]),
+    ("chaplygin_sleigh", "reconstruction", [5.0, 32.0, 4.0, 32.0]),
+    ("euler_disk", "circle", [5.0, 32.0, 5.0, 32.0]),
+    ("euler_disk", "default", [6.0, 32.0, 4.0, 32.0]),
+    ("euler_disk", "flat", [4.0, 32.0, 4.0, 32.0]),
     ("euler_disk", "minimal", [5.0, 32.0, 4.0, 32.0]),
-    ("euler_disk", "reconstruction", [5.0, 32.0, 6.0, 32.0]),
+    ("euler_disk", "reconstruction", [5.0, 1000.0, 6.0, 32.0]),
+    ("euler_disk", "taylor", [5.0, 32.0, 4.0, 32.0]),
+    ("euler_disk_advected", "default", [9.0, 32.0, 9.0, 10000.0]),
+    ("euler_disk_advected", "reconstruction", [9.0, 32.0, 7.0, 1000.0]),
+    ("extended_pose", "block_diagonal", [6.0, 32.0, 4.0, 32.0]),
     ("extended_pose", "default", [10.0, 32.0, 7.0, 32.0]),
-    ("extended_pose", "reconstruction", [10.0, 32.0, 6.0, 32.0]),
+    ("extended_pose", "reconstruction", [10.0, 32.0, 5.0, 32.0]),
     ("free_rigid_body", "default", [4.0, 32.0, 4.0, 32.0]),
     ("free_rigid_body", "reconstruction", [4.0, 32.0, 4.0, 32.0]),
     ("heavy_top", "default", [4.0, 32.0, 4.0, 32.0]),
+    ("heavy_top", "derivatives", [5.0, 32.0, 4.0, 32.0]),
     ("heavy_top", "lagrange", [4.0, 32.0, 4.0, 32.0]),
     ("heavy_top", "reconstruction", [4.0, 32.0, 4.0, 32.0]),
-    ("kirchhoff_body", "default", [8.0, 32.0, 5.0, 32.0]),
-    ("kirchhoff_body", "reconstruction", [8.0, 32.0, 5.0, 32.0]),
+    ("heavy_top", "symmetric", [4.0, 32.0, 4.0, 32.0]),
+    ("heavy_top", "taylor", [4.0, 32.0, 4.0, 32.0]),
+    ("kirchhoff_body", "default", [8.0, 32.0, 4.0, 32.0]),
+    ("kirchhoff_body", "reconstruction", [7.0, 32.0, 5.0, 32.0]),
+    ("kirchhoff_body", "uncoupled", [4.0, 32.0, 4.0, 32.0]),
     ("mobile_robot", "default", [7.0, 32.0, 8.0, 32.0]),
-    ("mobile_robot", "minimal", [8.0, 1000.0, 4.0, 32.0]),
-    ("mobile_robot", "reconstruction", [9.0, 32.0, 6.0, 32.0]),
+    ("mobile_robot", "minimal", [7.0, 32.0, 4.0, 32.0]),
+    ("mobile_robot", "reconstruction", [7.0, 32.0, 6.0, 32.0]),
     ("rolling_ball", "default", [4.0, 32.0, 4.0, 32.0]),
     ("rolling_ball", "minimal", [4.0, 32.0, 4.0, 32.0]),
     ("rolling_ball", "reconstruction", [4.0, 32.0, 4.0, 32.0]),
@@ -45,21 +56,25 @@ const BOUNDS: &[(&str, &str, [f64; 4])] = &[
     ("servo_ball", "default", [5.0, 32.0, 4.0, 32.0]),
     ("servo_ball", "minimal", [5.0, 32.0, 4.0, 32.0]),
     ("servo_ball", "reconstruction", [5.0, 32.0, 4.0, 32.0]),
-    ("skew_sleigh", "default", [7.0, 32.0, 4.0, 32.0]),
-    ("skew_sleigh", "reconstruction", [6.0, 32.0, 4.0, 32.0]),
+    ("skew_sleigh", "default", [5.0, 32.0, 4.0, 32.0]),
+    ("skew_sleigh", "reconstruction", [5.0, 32.0, 4.0, 32.0]),
+    ("snakeboard", "circle", [4.0, 32.0, 4.0, 32.0]),
     ("snakeboard", "default", [4.0, 32.0, 5.0, 32.0]),
-    ("snakeboard", "minimal", [5.0, 32.0, 4.0, 32.0]),
-    ("snakeboard", "reconstruction", [4.0, 32.0, 6.0, 32.0]),
+    ("snakeboard", "minimal", [4.0, 32.0, 4.0, 32.0]),
+    ("snakeboard", "reconstruction", [4.0, 32.0, 5.0, 32.0]),
+    ("snakeboard", "taylor", [4.0, 32.0, 4.0, 32.0]),
     ("suslov", "default", [4.0, 32.0, 4.0, 32.0]),
     ("suslov", "reconstruction", [4.0, 32.0, 4.0, 32.0]),
     ("tethered_body", "default", [4.0, 32.0, 4.0, 32.0]),
     ("tethered_body", "reconstruction", [4.0, 32.0, 4.0, 32.0]),
-    ("two_arm_satellite", "default", [8.0, 1000.0, 6.0, 32.0]),
-    ("two_arm_satellite", "reconstruction", [9.0, 10000.0, 4.0, 32.0]),
+    ("two_arm_satellite", "default", [7.0, 1000.0, 5.0, 32.0]),
+    ("two_arm_satellite", "reconstruction", [9.0, 1000.0, 6.0, 32.0]),
+    ("two_arm_satellite", "taylor", [8.0, 32.0, 5.0, 32.0]),
     ("veselova", "default", [4.0, 1e13, 4.0, 32.0]),
+    ("veselova", "derivatives", [5.0, 1e13, 5.0, 1e14]),
     ("veselova", "reconstruction", [4.0, 1e13, 4.0, 32.0]),
-    ("wong_particle", "default", [8.0, 1e17, 4.0, 32.0]),
-    ("wong_particle", "reconstruction", [8.0, 1e15, 4.0, 32.0]),
+    ("wong_particle", "default", [8.0, 32.0, 4.0, 32.0]),
+    ("wong_particle", "reconstruction", [8.0, 32.0, 4.0, 32.0]),
 ];
 
 /// What exceeds its bound or has none, one line each.
@@ -85,9 +100,18 @@ pub fn excesses(results: &Results) -> Vec<String> {
                 ));
             }
         }
-        if scene.rhs.silent + scene.outputs.silent > 0 {
+        if scene.rhs.silent + scene.outputs.silent + scene.extreme.silent > 0 {
             lines.push(format!("{model} {name}: results that are not finite without a reason"));
         }
+    }
+    for run in &results.runs {
+        let (model, name) = &run.name;
+        let how = format!("{model} {name}, {} {}", run.runner.name, run.runner.stepping);
+        for drift in run.drifts.iter().filter(|d| d.relative() > run.runner.bound) {
+            let (what, by, bound) = (&drift.quantity, drift.relative(), run.runner.bound);
+            lines.push(format!("{how}: {what} drifts by {by:.1e}, at most {bound:e} allowed"));
+        }
+        lines.extend(run.stopped.as_ref().map(|why| format!("{how} stopped: {why}")));
     }
     lines
 }

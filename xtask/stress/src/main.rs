@@ -30,7 +30,6 @@ fn stress() -> Result<(), Error> {
     let subjects: Vec<Box<dyn Subject>> = hamel_models::for_each_scene!(subjects);
     let long = long! {
         free_rigid_body_reconstruction 7,
-        heavy_top 6,
         heavy_top_reconstruction 10,
         kirchhoff_body 6,
         chaplygin_ball 6,

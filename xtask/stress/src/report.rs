@@ -12,7 +12,7 @@ use crate::sweeps::DISTANCES;
 const INTRODUCTION: &str = "\
 # Stress tests
 
-Written by `cargo xtask stress`; `stress.csv` has the same numbers. `cargo xtask stress --short` repeats the first part with
+Written by `cargo xtask stress`; `stress.csv` and `stress_runs.csv` have the same numbers. `cargo xtask stress --short` repeats the first part with
 fewer states and fails above pinned bounds.
 
 Every generated function is evaluated in `f64` and, by the same operations, in double-double numbers (31 digits). Errors are
@@ -74,21 +74,30 @@ fn title(scene: &SceneResult) -> String {
     format!("{} {}", scene.info.model, scene.info.scene)
 }
 
-fn places(text: &mut String, scenes: &[SceneResult], of: impl Fn(&SceneResult) -> &Accuracy) {
-    text.push_str("\nWhere the largest error by inputs is, as `cargo xtask eval` reads it:\n\n");
+/// Where the largest error by inputs of every scene is, and the first place without a result.
+fn places(scenes: &[SceneResult], of: impl Fn(&SceneResult) -> &Accuracy) -> String {
+    let mut text = String::new();
     for scene in scenes {
-        let Some(worst) = &of(scene).inputs.worst else { continue };
-        let _ = writeln!(
-            text,
-            "- {}, {} = {:e} instead of {}: `{}`",
-            title(scene),
-            worst.component,
-            worst.value,
-            worst.exact,
-            worst.sample.request(scene.info)
-        );
+        if let Some(worst) = &of(scene).inputs.worst {
+            let _ = writeln!(
+                text,
+                "- {}, {} = {:e} instead of {}: `{}`",
+                title(scene),
+                worst.component,
+                worst.value,
+                worst.exact,
+                worst.sample.request(scene.info)
+            );
+        }
+        if let Some((component, sample)) = &of(scene).first_silent {
+            let request = sample.request(scene.info);
+            let _ = writeln!(text, "- {}, {component} is not finite: `{request}`", title(scene));
+        }
     }
+    text
 }
+
+const PLACES: &str = "\nWhere the largest error by inputs is, as `cargo xtask eval` reads it:\n\n";
 
 fn digits(accuracy: &Accuracy) -> String {
     if accuracy.measured() == 0 {
@@ -110,7 +119,8 @@ fn sweep_rows(text: &mut String, sweeps: &[SweepResult]) {
 
 /// Everything as a page.
 pub fn markdown(results: &Results, samples: u64) -> String {
-    let mut text = format!("{INTRODUCTION}\n{samples} states per scene.\n");
+    let n = samples * results.scenes.len() as u64;
+    let mut text = format!("{INTRODUCTION}\n{samples} random states for each scene, {n} together.\n");
     for (head, of) in [(ACCURACY, (|s| &s.rhs) as fn(&SceneResult) -> &Accuracy), (OUTPUTS, |s| &s.outputs)] {
         text.push_str(head);
         text.push_str(
@@ -129,7 +139,8 @@ pub fn markdown(results: &Results, samples: u64) -> String {
                 a.unmeasured
             );
         }
-        places(&mut text, &results.scenes, of);
+        text.push_str(PLACES);
+        text.push_str(&places(&results.scenes, of));
     }
     text.push_str(EXTREME);
     text.push_str("\n| scene | by inputs | measured | rejected | refused | beyond | silent |\n|---|---|---|---|---|---|---|\n");
@@ -147,6 +158,8 @@ pub fn markdown(results: &Results, samples: u64) -> String {
             a.silent
         );
     }
+    text.push_str(PLACES);
+    text.push_str(&places(&results.scenes, |s| &s.extreme));
     text.push_str(SWEEPS);
     sweep_rows(&mut text, &results.sweeps);
     text.push_str(RUNS);
@@ -180,7 +193,7 @@ pub fn markdown(results: &Results, samples: u64) -> String {
     text
 }
 
-/// Everything as a table: one line per scene and function, distance of a sweep, or quantity of a run.
+/// Errors as a table: one line per scene and function, or distance of a sweep.
 pub fn csv(results: &Results) -> String {
     let mut text = String::from(
         "part,model,scene,what,measured,rejected,refused,beyond,silent,terms_median,terms_999,terms_max,\
@@ -211,6 +224,42 @@ pub fn csv(results: &Results) -> String {
         for (distance, a) in DISTANCES.iter().zip(&result.at) {
             line("sweep", model, scene, &format!("{}; d = {distance:e}", result.sweep.what), a);
         }
+    }
+    text
+}
+
+/// The long runs as a table: one line per run and quantity.
+pub fn runs_csv(results: &Results) -> String {
+    let mut text = String::from("model,scene,method,steps,t,quantity,start,max,slope\n");
+    for run in &results.runs {
+        let (model, scene) = &run.name;
+        for drift in &run.drifts {
+            let _ = writeln!(
+                text,
+                "{model},{scene},\"{}; {}\",{},{:.6e},{},{:.6e},{:.4e},{:.4e}",
+                run.runner.name,
+                run.runner.stepping,
+                run.steps,
+                run.t,
+                drift.quantity,
+                drift.start,
+                drift.max,
+                drift.slope
+            );
+        }
+    }
+    text
+}
+
+/// The largest errors, one line per scene, and where they are.
+pub fn detailed_summary(results: &Results) -> String {
+    let mut text = summary(results);
+    for (what, of) in [
+        ("right-hand side", (|s| &s.rhs) as fn(&SceneResult) -> &Accuracy),
+        ("outputs", |s| &s.outputs),
+        ("extreme parameters", |s| &s.extreme),
+    ] {
+        let _ = write!(text, "\n{what}:\n{}", places(&results.scenes, of));
     }
     text
 }

@@ -19,13 +19,13 @@ use crate::sample::{Region, extreme_params, magnitude, ordinary_params, state};
 use crate::subject::Subject;
 use crate::sweeps::{DISTANCES, Place, SWEEPS, Sweep};
 
-/// States per scene.
-const SAMPLES: u64 = 1_000_000;
+/// States per scene: more than a million of all scenes together.
+const SAMPLES: u64 = 20_000;
 /// States per scene of a short run.
 const SHORT: u64 = 2_000;
 /// Steps of a long run.
 const STEPS: u64 = 10_000_000;
-/// Steps of a long run of a short one.
+/// Steps of a run that is not long.
 const SHORT_STEPS: u64 = 100_000;
 /// Outputs are evaluated at one state in so many.
 const OUTPUTS_EVERY: u64 = 8;
@@ -163,7 +163,7 @@ pub fn run(
     long: &[Box<dyn Factory + Sync>],
     request: StressRequest,
 ) -> Result<(), Error> {
-    let StressRequest { mut scenes, short, samples, folder } = request;
+    let StressRequest { mut scenes, short, samples, steps, folder } = request;
     let samples = samples.unwrap_or(if short { SHORT } else { SAMPLES });
     let mut chosen: Vec<(&dyn Subject, &SceneRequest)> = Vec::new();
     for scene in &mut scenes {
@@ -193,7 +193,7 @@ pub fn run(
             runs.extend(METHODS.iter().map(|method| (&**factory, *scene, *method)));
         }
     }
-    let steps = if short { SHORT_STEPS } else { STEPS };
+    let steps = steps.unwrap_or(if short { SHORT_STEPS } else { STEPS });
 
     let bar = ProgressBar::new((chosen.len() + sweeps.len() + runs.len()) as u64);
     let template = "  {bar:40.cyan/blue} {pos}/{len}  {elapsed}  {eta} left";
@@ -212,17 +212,21 @@ pub fn run(
     };
     bar.finish_and_clear();
 
-    println!("{}", report::summary(&results));
+    let shown = if folder.is_some() || short { report::summary } else { report::detailed_summary };
+    println!("{}", shown(&results));
     if let Some(folder) = folder {
-        for (name, text) in
-            [("stress.md", report::markdown(&results, samples)), ("stress.csv", report::csv(&results))]
-        {
+        for (name, text) in [
+            ("stress.md", report::markdown(&results, samples)),
+            ("stress.csv", report::csv(&results)),
+            ("stress_runs.csv", report::runs_csv(&results)),
+        ] {
             let path = folder.join(name);
-            std::fs::write(&path, text).map_err(|e| Error::io(path.display().to_string(), e))?;
+            xtask::files::write_atomically(&path, text.as_bytes())
+                .map_err(|e| Error::io(path.display().to_string(), e))?;
             println!("wrote {}", path.display());
         }
     }
-    if short && samples == SHORT {
+    if short && samples == SHORT && steps == SHORT_STEPS {
         let excesses = bounds::excesses(&results);
         if !excesses.is_empty() {
             return Err(Error::Failed { step: "bounds".into(), status: excesses.join("\n  ") });
