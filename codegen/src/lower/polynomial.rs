@@ -72,6 +72,8 @@ pub(super) struct Numbers {
     products: FxHashMap<(u32, u32), Coefficient>,
     quotients: FxHashMap<(u32, u32), Option<Coefficient>>,
     sums: FxHashMap<(Coefficient, Coefficient), Option<Coefficient>>,
+    /// Terms of the numbers computed so far: a measure of work that is the same on every machine.
+    pub(super) work: usize,
     /// Signs of what may be divided by.
     signs: BTreeMap<ExprId, Sign>,
 }
@@ -95,6 +97,7 @@ impl Numbers {
     }
 
     fn find(&mut self, graph: &mut Graph, e: ExprId) -> Option<Coefficient> {
+        self.work += graph.node(e).n_operands();
         let zero = graph.zero();
         if graph.is_seen_to_be_equal(e, zero) {
             return None;
@@ -264,6 +267,10 @@ pub(super) struct System {
 
 /// A larger polynomial is not made by multiplying out.
 pub(super) const MAX_TERMS: usize = 120;
+/// Nothing is multiplied out any more once this many terms of numbers were computed.
+///
+/// Numbers of a dense metric with parameters grow with every product; no model of `models/specs` needs a tenth of this.
+const MAX_NUMBER_WORK: usize = 1_000_000;
 /// A higher power of a sum is not multiplied out.
 const MAX_POWER: i32 = 4;
 
@@ -385,6 +392,9 @@ impl System {
         let Some(atom) = self.atom_index.get(&Atom::Poly(k as u32)).copied() else {
             return Some(target.clone());
         };
+        if self.numbers.work > MAX_NUMBER_WORK {
+            return None;
+        }
         let mut terms: Polynomial = Vec::new();
         for (m, c) in target {
             let Some(position) = m.iter().position(|(a, _)| *a == atom) else {
