@@ -85,6 +85,10 @@ impl Search<'_> {
         let mut current = original;
         let mut best = self.extracted(&current);
         let flat = self.all_flat(&current);
+        // What could only be multiplied out in part because its numbers grew is not worth the trial.
+        if self.system.numbers.are_too_long() {
+            return best.1;
+        }
         let trial = self.extracted(&flat);
         if trial.0 < best.0 {
             (best, current) = (trial, flat);
@@ -93,7 +97,8 @@ impl Search<'_> {
             let before = best.0;
             let order = needed(self.system, &current, self.roots);
             for k in order {
-                if self.extractor.work + 10 * self.system.work > MAX_WORK {
+                let too_much = self.extractor.work + 10 * self.system.work > MAX_WORK;
+                if too_much || self.system.numbers.are_too_long() {
                     return best.1;
                 }
                 let candidates = [

@@ -13,7 +13,7 @@ use rustc_hash::FxHashMap;
 
 use super::class::{Class, Classes, post_order};
 use crate::error::Error;
-use crate::expr::{ExprId, Fingerprint, Func, Graph, Node, Rational, Sign, SymbolId, sign_of};
+use crate::expr::{ExprId, Fingerprint, Func, Graph, Node, Rational, Sign, SymbolId, remembered_sign_of};
 
 /// Exponent of an atom.
 pub(super) type Exponent = Ratio<i32>;
@@ -76,6 +76,8 @@ pub(super) struct Numbers {
     pub(super) work: usize,
     /// Signs of what may be divided by.
     signs: BTreeMap<ExprId, Sign>,
+    /// Signs found from these.
+    found_signs: FxHashMap<ExprId, Sign>,
 }
 
 impl Numbers {
@@ -84,6 +86,11 @@ impl Numbers {
         numbers.exprs.push(graph.one());
         numbers.by_fingerprint.insert(*graph.fingerprint(graph.one()), 0);
         numbers
+    }
+
+    /// Whether so many terms were computed that nothing more is to be multiplied out.
+    pub(super) fn are_too_long(&self) -> bool {
+        self.work > MAX_NUMBER_WORK
     }
 
     /// The number that an expression is; none for zero.
@@ -201,7 +208,7 @@ impl Numbers {
         let there = denominators(a);
         let is_safe = denominators(e).iter().all(|(base, q)| {
             there.iter().any(|(other, p)| other == base && p <= q)
-                || sign_of(graph, *base, &self.signs).is_definite()
+                || remembered_sign_of(graph, *base, &self.signs, &mut self.found_signs).is_definite()
         });
         if is_safe { self.of(graph, e) } else { None }
     }
@@ -269,8 +276,8 @@ pub(super) struct System {
 pub(super) const MAX_TERMS: usize = 120;
 /// Nothing is multiplied out any more once this many terms of numbers were computed.
 ///
-/// Numbers of a dense metric with parameters grow with every product; no model of `models/specs` needs a tenth of this.
-const MAX_NUMBER_WORK: usize = 1_000_000;
+/// Numbers of a dense metric with parameters grow with every product; no model of `models/specs` needs half of this.
+const MAX_NUMBER_WORK: usize = 100_000;
 /// A higher power of a sum is not multiplied out.
 const MAX_POWER: i32 = 4;
 
@@ -392,7 +399,7 @@ impl System {
         let Some(atom) = self.atom_index.get(&Atom::Poly(k as u32)).copied() else {
             return Some(target.clone());
         };
-        if self.numbers.work > MAX_NUMBER_WORK {
+        if self.numbers.are_too_long() {
             return None;
         }
         let mut terms: Polynomial = Vec::new();
