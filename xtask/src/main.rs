@@ -304,6 +304,9 @@ Examples:
         /// Small systems only, and write nothing
         #[arg(long)]
         short: bool,
+        /// How often each system is generated and compiled; the fastest time of each counts
+        #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
+        rounds: u32,
         /// Instruction set to compile for [default: x86-64-v3 where this machine has it, otherwise baseline]
         #[arg(long, value_enum)]
         target_cpu: Option<TargetCpu>,
@@ -448,9 +451,9 @@ fn run(task: Task) -> Result<String, Error> {
             let target_cpu = target_cpu.unwrap_or_else(TargetCpu::of_host);
             bench::wp::wp(&workspace, &bench::wp::Options { models, rounds, target_cpu, peers })
         }
-        Task::Bench { what: Bench::Scaling { short, target_cpu } } => {
+        Task::Bench { what: Bench::Scaling { short, rounds, target_cpu } } => {
             let target_cpu = target_cpu.unwrap_or_else(TargetCpu::of_host);
-            bench::scaling::scaling(&workspace, &bench::scaling::Options { short, target_cpu })
+            bench::scaling::scaling(&workspace, &bench::scaling::Options { short, rounds, target_cpu })
         }
         Task::Report { model, scene, output, no_run, t_final } => {
             commands::report(&workspace, &Report { model, scene, output, run: !no_run, t_final })

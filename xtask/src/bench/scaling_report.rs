@@ -172,8 +172,8 @@ const INTRODUCTION: &str = "\
 Synthetic systems of growing dimension: free motions with metrics that depend on parameters. `so(n)` and `su(n)` have a
 diagonal metric, `nilpotent` are strictly upper triangular matrices, `by stages` along their lower central series, and the
 dense metric couples all velocities. Generation goes from the text of the model to the text of the module, with energy and
-momenta. rustc compiles the module and a small program around it with `opt-level=3`, linking included, which is about a tenth of a
-second for an empty program. A call is one right-hand side, in the fastest of all rounds.";
+momenta. rustc compiles the module and a small program around it with `opt-level=3`, linking included. All times are those
+of the fastest of some rounds; a call is one right-hand side.";
 
 #[cfg(test)]
 mod tests {
