@@ -201,9 +201,33 @@ pub(crate) fn cargo_build(workspace: &Workspace, package: &str) -> Command {
 ///
 /// What the compiler says is shown when the build fails, and is of no interest otherwise; `doing` is shown meanwhile.
 pub(crate) fn run_build(
-    mut command: Command,
+    command: Command,
     program: &str,
     doing: &'static str,
+) -> Result<Option<PathBuf>, Error> {
+    run_build_of(command, doing, |message| {
+        let is_program = message["target"]["name"] == program;
+        message["executable"].as_str().filter(|_| is_program).map(PathBuf::from)
+    })
+}
+
+/// As [`run_build`] for a library: the path of what other crates are linked with.
+pub(crate) fn run_library_build(
+    command: Command,
+    library: &str,
+    doing: &'static str,
+) -> Result<Option<PathBuf>, Error> {
+    run_build_of(command, doing, |message| {
+        let is_library = message["target"]["name"] == library;
+        let files = message["filenames"].as_array().filter(|_| is_library)?;
+        files.iter().filter_map(|f| f.as_str()).find(|f| f.ends_with(".rlib")).map(PathBuf::from)
+    })
+}
+
+fn run_build_of(
+    mut command: Command,
+    doing: &'static str,
+    product: impl Fn(&serde_json::Value) -> Option<PathBuf>,
 ) -> Result<Option<PathBuf>, Error> {
     let spinner = Spinner::start(doing);
     let output = command.output();
@@ -211,10 +235,7 @@ pub(crate) fn run_build(
     let output = output.map_err(|e| Error::io("cargo could not be started", e))?;
     let messages: Vec<serde_json::Value> =
         output.stdout.split(|b| *b == b'\n').filter_map(|line| serde_json::from_slice(line).ok()).collect();
-    let path = messages.iter().find_map(|message| {
-        let is_program = message["target"]["name"] == program;
-        message["executable"].as_str().filter(|_| is_program).map(PathBuf::from)
-    });
+    let path = messages.iter().find_map(product);
     if output.status.success() && path.is_some() {
         return Ok(path);
     }

@@ -329,6 +329,27 @@ Examples:
         #[arg(long)]
         peers: bool,
     },
+    /// Growing systems: time of generation and of rustc, lines, and time of one call
+    ///
+    /// Generates free motions on so(n), su(n) and nilpotent groups of dimension 6 to 78, compiles each with one call of
+    /// rustc and times its right-hand side; prints a table and how times grow with the number of operations, and writes
+    /// docs/benchmarks/scaling.md, scaling.csv and scaling.svg.
+    #[command(after_help = "\
+Examples:
+  cargo xtask bench scaling                          everything; writes docs/benchmarks
+  cargo xtask bench scaling --short                  small systems; writes nothing
+  cargo xtask bench scaling --target-cpu baseline    compares results with the interpreter, bit for bit, as well")]
+    Scaling {
+        /// Small systems only, and write nothing
+        #[arg(long)]
+        short: bool,
+        /// How often each system is generated and compiled; the fastest time of each counts
+        #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
+        rounds: u32,
+        /// Instruction set to compile for [default: x86-64-v3 where this machine has it, otherwise baseline]
+        #[arg(long, value_enum)]
+        target_cpu: Option<TargetCpu>,
+    },
 }
 
 #[derive(Args)]
@@ -532,6 +553,10 @@ fn run(task: Task) -> Result<String, Error> {
         Task::Bench { what: Bench::Wp { models, rounds, target_cpu, peers } } => {
             let target_cpu = target_cpu.unwrap_or_else(TargetCpu::of_host);
             bench::wp::wp(&workspace, &bench::wp::Options { models, rounds, target_cpu, peers })
+        }
+        Task::Bench { what: Bench::Scaling { short, rounds, target_cpu } } => {
+            let target_cpu = target_cpu.unwrap_or_else(TargetCpu::of_host);
+            bench::scaling::scaling(&workspace, &bench::scaling::Options { short, rounds, target_cpu })
         }
         Task::Report { model, scene, output, no_run, t_final } => {
             commands::report(&workspace, &Report { model, scene, output, run: !no_run, t_final })

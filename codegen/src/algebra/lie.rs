@@ -180,6 +180,9 @@ impl LieAlgebra {
     pub fn bracket_of(&self, x: &[Rational], y: &[Rational]) -> Vec<Rational> {
         let mut result = vec![Rational::zero(); self.dim()];
         for (a, b, value) in self.brackets() {
+            if (x[a].is_zero() || y[b].is_zero()) && (x[b].is_zero() || y[a].is_zero()) {
+                continue;
+            }
             let weight = &x[a] * &y[b] - &x[b] * &y[a];
             if weight.is_zero() {
                 continue;

@@ -127,18 +127,19 @@ impl Matrix {
                 m.entries.swap(found * m.n_columns + j, row * m.n_columns + j);
             }
             let pivot = m.get(row, column).recip();
-            for j in 0..m.n_columns {
-                let scaled = m.get(row, j) * &pivot;
-                m.set(row, j, scaled);
+            let support: Vec<usize> = (column..m.n_columns).filter(|j| !m.get(row, *j).is_zero()).collect();
+            for j in &support {
+                let scaled = m.get(row, *j) * &pivot;
+                m.set(row, *j, scaled);
             }
             for i in (0..m.n_rows).filter(|i| *i != row) {
                 let factor = m.get(i, column).clone();
                 if factor.is_zero() {
                     continue;
                 }
-                for j in 0..m.n_columns {
-                    let reduced = m.get(i, j) - &factor * m.get(row, j);
-                    m.set(i, j, reduced);
+                for j in &support {
+                    let reduced = m.get(i, *j) - &factor * m.get(row, *j);
+                    m.set(i, *j, reduced);
                 }
             }
             pivots.push(column);
@@ -176,6 +177,40 @@ impl Matrix {
             }
         }
         Some(inverse)
+    }
+}
+
+/// A span of vectors, for membership tests.
+pub(crate) struct Subspace {
+    /// Reduced row echelon form: each row by its pivot and what else does not vanish in it.
+    rows: Vec<(usize, Vec<(usize, Rational)>)>,
+}
+
+impl Subspace {
+    /// The span of vectors; none when their sizes differ.
+    pub(crate) fn new(vectors: &[Vec<Rational>]) -> Option<Subspace> {
+        let (rows, pivots) = Matrix::from_rows(vectors)?.echelon();
+        let sparse = |row: usize| {
+            let entries = rows.row(row).iter().enumerate().filter(|(_, q)| !q.is_zero());
+            entries.map(|(j, q)| (j, q.clone())).collect()
+        };
+        Some(Subspace { rows: pivots.into_iter().enumerate().map(|(k, pivot)| (pivot, sparse(k))).collect() })
+    }
+
+    pub(crate) fn dim(&self) -> usize {
+        self.rows.len()
+    }
+
+    pub(crate) fn contains(&self, vector: &[Rational]) -> bool {
+        let mut rest = vector.to_vec();
+        for (pivot, row) in &self.rows {
+            // The pivot itself is one.
+            let factor = rest[*pivot].clone();
+            if !factor.is_zero() {
+                row.iter().for_each(|(j, q)| rest[*j] -= &factor * q);
+            }
+        }
+        rest.iter().all(Zero::is_zero)
     }
 }
 

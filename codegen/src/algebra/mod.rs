@@ -14,6 +14,7 @@ mod representation;
 
 pub use algebroid::Algebroid;
 pub use lie::{Bracket, LieAlgebra, Slot};
+pub(crate) use matrix::Subspace;
 pub use matrix::{Matrix, solve_symbolic};
 pub use representation::Representation;
 

@@ -65,11 +65,16 @@ fn hash(seed: u64) -> u64 {
 }
 
 fn integer(n: &BigInt) -> u64 {
-    n.mod_floor(&BigInt::from(P)).to_u64().unwrap_or(0)
+    match n.to_i64() {
+        Some(small) => small.rem_euclid(P as i64) as u64,
+        None => n.mod_floor(&BigInt::from(P)).to_u64().unwrap_or(0),
+    }
 }
 
 pub(super) fn constant(q: &Rational) -> Fingerprint {
-    let value = inverse(integer(q.denom())).map(|d| mul(integer(q.numer()), d));
+    let numerator = integer(q.numer());
+    let value =
+        if q.is_integer() { Some(numerator) } else { inverse(integer(q.denom())).map(|d| mul(numerator, d)) };
     [value; POINTS]
 }
 

@@ -2,9 +2,11 @@
 
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::fmt;
+use std::hash::{Hash as _, Hasher as _};
 
 use num_bigint::BigInt;
 use num_traits::{One, Signed, ToPrimitive, Zero};
+use rustc_hash::{FxHashMap, FxHasher};
 
 use super::fingerprint::{self, Fingerprint, Verdict};
 use super::rational::{Rational, rational_to_f64};
@@ -151,6 +153,41 @@ impl Node {
             Node::Function(_, argument) => visit(*argument),
         }
     }
+
+    /// How many terms or factors it has.
+    pub(crate) fn n_operands(&self) -> usize {
+        match self {
+            Node::Constant(_) | Node::Pi | Node::Symbol(_) => 0,
+            Node::Sum { terms: list, .. } | Node::Product { factors: list, .. } => list.len(),
+            Node::Function(..) => 1,
+        }
+    }
+
+    /// A hash of the node. That of a ratio divides like Euclid, as its terms need not be coprime; here they are.
+    fn short_hash(&self) -> u64 {
+        let mut hasher = FxHasher::default();
+        std::mem::discriminant(self).hash(&mut hasher);
+        let rational = |q: &Rational, hasher: &mut FxHasher| {
+            q.numer().hash(hasher);
+            if !q.is_integer() {
+                q.denom().hash(hasher);
+            }
+        };
+        match self {
+            Node::Constant(q) => rational(q, &mut hasher),
+            Node::Pi => {}
+            Node::Symbol(s) => s.hash(&mut hasher),
+            Node::Sum { constant: q, terms: list } | Node::Product { coefficient: q, factors: list } => {
+                rational(q, &mut hasher);
+                for (e, q) in list {
+                    e.hash(&mut hasher);
+                    rational(q, &mut hasher);
+                }
+            }
+            Node::Function(f, argument) => (f, argument).hash(&mut hasher),
+        }
+        hasher.finish()
+    }
 }
 
 /// An expression was divided by an expression that is identically zero.
@@ -188,7 +225,10 @@ struct SymbolEntry {
 pub struct Graph {
     nodes: Vec<Node>,
     fingerprints: Vec<Fingerprint>,
-    index: HashMap<Node, ExprId>,
+    /// The last node made of those with the same hash.
+    index: FxHashMap<u64, ExprId>,
+    /// The one made before it with the same hash.
+    earlier: Vec<Option<ExprId>>,
     symbols: Vec<SymbolEntry>,
     /// Sums whose content was found to be one.
     primitive: HashSet<ExprId>,
@@ -208,7 +248,8 @@ impl Graph {
         let mut graph = Graph {
             nodes: Vec::new(),
             fingerprints: Vec::new(),
-            index: HashMap::new(),
+            index: FxHashMap::default(),
+            earlier: Vec::new(),
             symbols: Vec::new(),
             primitive: HashSet::new(),
             zero: ExprId(0),
@@ -230,14 +271,21 @@ impl Graph {
     }
 
     fn intern(&mut self, node: Node) -> ExprId {
-        if let Some(id) = self.index.get(&node) {
-            return *id;
+        let hash = node.short_hash();
+        let last = self.index.get(&hash).copied();
+        let mut at = last;
+        while let Some(id) = at {
+            if self.nodes[id.index()] == node {
+                return id;
+            }
+            at = self.earlier[id.index()];
         }
         let fingerprint = self.fingerprint_of(&node);
         let id = ExprId(u32::try_from(self.nodes.len()).expect("fewer than 2^32 expressions fit in memory"));
-        self.nodes.push(node.clone());
+        self.nodes.push(node);
         self.fingerprints.push(fingerprint);
-        self.index.insert(node, id);
+        self.earlier.push(last);
+        self.index.insert(hash, id);
         id
     }
 

@@ -22,6 +22,7 @@ pub use graph::{DivisionByZero, ExprId, Func, Graph, Node, SymbolId};
 pub use print::Style;
 pub(crate) use print::identifier;
 pub use rational::{Rational, parse_decimal, rational_to_f64};
+pub(crate) use sign::remembered_sign_of;
 pub use sign::{Sign, sign_of};
 
 #[cfg(test)]

@@ -1,8 +1,9 @@
 //! Signs of expressions, as far as they follow from those of their parts.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use num_traits::{Signed, ToPrimitive, Zero};
+use rustc_hash::FxHashMap;
 
 use super::graph::{ExprId, Func, Graph, Node};
 use super::rational::Rational;
@@ -76,8 +77,25 @@ impl Sign {
 
 /// Sign of an expression, given signs of symbols and of whole expressions.
 pub fn sign_of(g: &Graph, e: ExprId, facts: &BTreeMap<ExprId, Sign>) -> Sign {
-    let mut memo: BTreeMap<ExprId, Sign> = BTreeMap::new();
-    for node in g.reachable(&[e]) {
+    remembered_sign_of(g, e, facts, &mut FxHashMap::default())
+}
+
+/// As [`sign_of`] with a memory of the signs found before from the same facts.
+pub(crate) fn remembered_sign_of(
+    g: &Graph,
+    e: ExprId,
+    facts: &BTreeMap<ExprId, Sign>,
+    memo: &mut FxHashMap<ExprId, Sign>,
+) -> Sign {
+    let mut new = BTreeSet::new();
+    let mut pending = vec![e];
+    while let Some(node) = pending.pop() {
+        if !memo.contains_key(&node) && new.insert(node) {
+            g.node(node).for_each_operand(|operand| pending.push(operand));
+        }
+    }
+    // Operands precede the nodes that use them in the arena.
+    for node in new {
         let derived = match g.node(node) {
             Node::Constant(c) => Sign::of_rational(c),
             Node::Pi => Sign::Positive,

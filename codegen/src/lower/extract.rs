@@ -163,6 +163,10 @@ pub(super) struct Extractor {
     index: FxHashMap<Divisor, u32>,
     divisors: Vec<Divisor>,
     own_cost: Vec<i64>,
+    /// What replacing each divisor everywhere would save, its own cost apart; zero between extractions.
+    totals: Vec<i64>,
+    /// Divisors that are there already; none between extractions.
+    known: Vec<Option<Known>>,
     candidates: FxHashMap<Polynomial, Rc<Candidates>>,
     /// Occurrences looked at so far: a measure of work that is the same on every machine.
     pub(super) work: usize,
@@ -183,8 +187,7 @@ impl Extractor {
             graph,
             system,
             extractor: self,
-            known: FxHashMap::default(),
-            totals: FxHashMap::default(),
+            touched: Vec::new(),
             queue: Vec::new(),
             candidates: vec![None; entries.len()],
             active,
@@ -196,6 +199,10 @@ impl Extractor {
             let Some(best) = pass.best() else { break };
             pass.take(entries, best);
         }
+        for divisor in std::mem::take(&mut pass.touched) {
+            self.totals[divisor as usize] = 0;
+            self.known[divisor as usize] = None;
+        }
     }
 }
 
@@ -203,10 +210,8 @@ struct Pass<'a> {
     graph: &'a mut Graph,
     system: &'a mut System,
     extractor: &'a mut Extractor,
-    /// Divisors that are there already.
-    known: FxHashMap<u32, Known>,
-    /// What replacing a divisor everywhere would save, its own cost apart.
-    totals: FxHashMap<u32, i64>,
+    /// Divisors with an entry in `totals` or `known`, some of them several times.
+    touched: Vec<u32>,
     /// Divisors by their gain; a gain that fell since is corrected when it is met.
     queue: Vec<Vec<u32>>,
     candidates: Vec<Option<Rc<Candidates>>>,
@@ -215,11 +220,12 @@ struct Pass<'a> {
 
 impl Pass<'_> {
     fn gain(&self, divisor: u32) -> i64 {
-        let own = match self.known.get(&divisor) {
+        let divisor = divisor as usize;
+        let own = match self.extractor.known[divisor] {
             Some(_) => 0,
-            None => self.extractor.own_cost[divisor as usize],
+            None => self.extractor.own_cost[divisor],
         };
-        self.totals.get(&divisor).copied().unwrap_or(0) - own
+        self.extractor.totals[divisor] - own
     }
 
     /// The divisor that saves most.
@@ -254,10 +260,15 @@ impl Pass<'_> {
     fn count(&mut self, k: usize, sign: i64) {
         let Some(candidates) = self.candidates[k].clone() else { return };
         for (divisor, saves) in &candidates.savings {
-            if matches!(self.known.get(divisor), Some(Known::Entry { k: itself, .. }) if *itself == k) {
+            if matches!(self.extractor.known[*divisor as usize], Some(Known::Entry { k: itself, .. }) if itself == k)
+            {
                 continue;
             }
-            *self.totals.entry(*divisor).or_insert(0) += sign * saves;
+            let total = &mut self.extractor.totals[*divisor as usize];
+            if *total == 0 {
+                self.touched.push(*divisor);
+            }
+            *total += sign * saves;
             if sign > 0 {
                 self.queue(*divisor);
             }
@@ -273,15 +284,16 @@ impl Pass<'_> {
 
     /// Puts a divisor in the place of all its occurrences.
     fn take(&mut self, entries: &mut Vec<Entry>, divisor: u32) {
-        let known = match self.known.get(&divisor) {
-            Some(known) => *known,
+        let known = match self.extractor.known[divisor as usize] {
+            Some(known) => known,
             None if self.is_one(&self.extractor.divisors[divisor as usize]) => Known::One,
             None => {
                 let value = self.value_of(divisor);
                 let k = entries.len();
                 entries.push(Entry { value, definition: None });
                 let known = Known::Entry { k, scale: Coefficient::ONE };
-                self.known.insert(divisor, known);
+                self.extractor.known[divisor as usize] = Some(known);
+                self.touched.push(divisor);
                 self.candidates.push(None);
                 self.active.push(k);
                 self.enter(entries, k);
@@ -320,6 +332,8 @@ impl Pass<'_> {
         self.extractor.index.insert(divisor.clone(), id);
         self.extractor.divisors.push(divisor);
         self.extractor.own_cost.push(own_cost);
+        self.extractor.totals.push(0);
+        self.extractor.known.push(None);
         id
     }
 
@@ -355,8 +369,9 @@ impl Pass<'_> {
             return;
         }
         let id = self.id(divisor);
-        if let std::collections::hash_map::Entry::Vacant(unknown) = self.known.entry(id) {
-            unknown.insert(Known::Entry { k, scale });
+        if self.extractor.known[id as usize].is_none() {
+            self.extractor.known[id as usize] = Some(Known::Entry { k, scale });
+            self.touched.push(id);
             self.queue(id);
         }
     }

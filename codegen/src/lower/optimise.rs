@@ -16,8 +16,6 @@ use crate::expr::{ExprId, Graph, Node, Rational, Sign, SymbolId};
 
 /// The search stops when this many divisors, or a tenth of it in terms, have been looked at.
 const MAX_WORK: usize = 4_000_000;
-/// With more definitions behind one, it is not tried which of them are best left.
-const MAX_BEHIND: usize = 40;
 /// Rounds over all definitions.
 const MAX_ROUNDS: usize = 3;
 
@@ -87,10 +85,13 @@ impl Search<'_> {
         let mut current = original;
         let mut best = self.extracted(&current);
         let flat = self.all_flat(&current);
-        let partly_flat = self.all_partly_flat(&current);
+        // What could only be multiplied out in part because its numbers grew is not worth the trial.
+        if self.system.numbers.are_too_long() {
+            return best.1;
+        }
         let tidy = self.all_gathered(&current);
         let tidy_and_flat = tidy.as_ref().map(|tidy| self.all_flat(tidy));
-        let starts = [Some(flat), Some(partly_flat), tidy, tidy_and_flat];
+        let starts = [Some(flat), tidy, tidy_and_flat];
         for start in starts.into_iter().flatten() {
             let trial = self.extracted(&start);
             if trial.0 < best.0 {
@@ -101,7 +102,8 @@ impl Search<'_> {
             let before = best.0;
             let order = needed(self.system, &current, self.roots);
             for k in order {
-                if self.extractor.work + 10 * self.system.work > MAX_WORK {
+                let too_much = self.extractor.work + 10 * self.system.work > MAX_WORK;
+                if too_much || self.system.numbers.are_too_long() {
                     return best.1;
                 }
                 let candidates = [
@@ -144,14 +146,10 @@ impl Search<'_> {
         (cost(self.system, &entries, self.roots), entries)
     }
 
+    /// Polynomial `k` multiplied out as far as it goes; none when nothing can be.
     fn flattened(&mut self, entries: &[Entry], k: usize) -> Option<Polynomial> {
-        self.flattened_except(entries, k, &[])
-    }
-
-    /// Polynomial `k` multiplied out down to the polynomials `kept`; none when nothing can be.
-    fn flattened_except(&mut self, entries: &[Entry], k: usize, kept: &[u32]) -> Option<Polynomial> {
         let mut value = entries[k].value.clone();
-        let mut kept = kept.to_vec();
+        let mut kept: Vec<u32> = Vec::new();
         let mut changed = false;
         loop {
             // The latest polynomial first: earlier ones may come in with it.
@@ -271,40 +269,6 @@ impl Search<'_> {
                 candidate[k].value = value;
             }
         }
-        candidate
-    }
-
-    /// Every polynomial multiplied out down to those others that leave it with the fewest terms.
-    ///
-    /// Lagrange's identity is of that kind: in `dT/dq - d/dt dT/dqdot` of `T = v.v/2` nothing cancels as long as
-    /// `dv/dq` and `d/dt dv/dqdot` have names, and hardly anything is to be seen once `v` is multiplied out, too.
-    fn all_partly_flat(&mut self, entries: &[Entry]) -> Vec<Entry> {
-        let (mut candidate, work) = (entries.to_vec(), self.system.work);
-        for k in 0..entries.len() {
-            let mut behind = needed(self.system, &candidate, &[k]);
-            behind.retain(|j| *j != k);
-            if behind.is_empty() || behind.len() > MAX_BEHIND {
-                continue;
-            }
-            let n_terms =
-                candidate[k].value.len() + behind.iter().map(|j| candidate[*j].value.len()).sum::<usize>();
-            // Long ones first: what they hide is long, too.
-            behind.sort_by_key(|j| (std::cmp::Reverse(candidate[*j].value.len()), *j));
-            let Some(mut best) = self.flattened(&candidate, k) else { continue };
-            let mut kept: Vec<u32> = Vec::new();
-            for j in behind {
-                kept.push(j as u32);
-                match self.flattened_except(&candidate, k, &kept) {
-                    Some(trial) if trial.len() < best.len() => best = trial,
-                    _ => drop(kept.pop()),
-                }
-            }
-            if best.len() <= n_terms {
-                candidate[k].value = best;
-            }
-        }
-        // Done once, it does not grow with the search, which `work` limits.
-        self.system.work = work;
         candidate
     }
 

@@ -13,7 +13,7 @@ use rustc_hash::FxHashMap;
 
 use super::class::{Class, Classes, post_order};
 use crate::error::Error;
-use crate::expr::{ExprId, Fingerprint, Func, Graph, Node, Rational, Sign, SymbolId, sign_of};
+use crate::expr::{ExprId, Fingerprint, Func, Graph, Node, Rational, Sign, SymbolId, remembered_sign_of};
 
 /// Exponent of an atom.
 pub(super) type Exponent = Ratio<i32>;
@@ -72,8 +72,12 @@ pub(super) struct Numbers {
     products: FxHashMap<(u32, u32), Coefficient>,
     quotients: FxHashMap<(u32, u32), Option<Coefficient>>,
     sums: FxHashMap<(Coefficient, Coefficient), Option<Coefficient>>,
+    /// Terms of the numbers computed so far: a measure of work that is the same on every machine.
+    pub(super) work: usize,
     /// Signs of what may be divided by.
     signs: BTreeMap<ExprId, Sign>,
+    /// Signs found from these.
+    found_signs: FxHashMap<ExprId, Sign>,
 }
 
 impl Numbers {
@@ -82,6 +86,11 @@ impl Numbers {
         numbers.exprs.push(graph.one());
         numbers.by_fingerprint.insert(*graph.fingerprint(graph.one()), 0);
         numbers
+    }
+
+    /// Whether so many terms were computed that nothing more is to be multiplied out.
+    pub(super) fn are_too_long(&self) -> bool {
+        self.work > MAX_NUMBER_WORK
     }
 
     /// The number that an expression is; none for zero.
@@ -95,6 +104,7 @@ impl Numbers {
     }
 
     fn find(&mut self, graph: &mut Graph, e: ExprId) -> Option<Coefficient> {
+        self.work += graph.node(e).n_operands();
         let zero = graph.zero();
         if graph.is_seen_to_be_equal(e, zero) {
             return None;
@@ -198,7 +208,7 @@ impl Numbers {
         let there = denominators(a);
         let is_safe = denominators(e).iter().all(|(base, q)| {
             there.iter().any(|(other, p)| other == base && p <= q)
-                || sign_of(graph, *base, &self.signs).is_definite()
+                || remembered_sign_of(graph, *base, &self.signs, &mut self.found_signs).is_definite()
         });
         if is_safe { self.of(graph, e) } else { None }
     }
@@ -264,6 +274,10 @@ pub(super) struct System {
 
 /// A larger polynomial is not made by multiplying out.
 pub(super) const MAX_TERMS: usize = 120;
+/// Nothing is multiplied out any more once this many terms of numbers were computed.
+///
+/// Numbers of a dense metric with parameters grow with every product; no model of `models/specs` needs half of this.
+const MAX_NUMBER_WORK: usize = 100_000;
 /// A higher power of a sum is not multiplied out.
 const MAX_POWER: i32 = 4;
 
@@ -385,6 +399,9 @@ impl System {
         let Some(atom) = self.atom_index.get(&Atom::Poly(k as u32)).copied() else {
             return Some(target.clone());
         };
+        if self.numbers.are_too_long() {
+            return None;
+        }
         let mut terms: Polynomial = Vec::new();
         for (m, c) in target {
             let Some(position) = m.iter().position(|(a, _)| *a == atom) else {

@@ -2,7 +2,7 @@
 
 use num_traits::Zero;
 
-use crate::algebra::{LieAlgebra, Matrix, solve_symbolic};
+use crate::algebra::{LieAlgebra, Matrix, Subspace, solve_symbolic};
 use crate::error::{Error, spell_vector};
 use crate::expr::{ExprId, Graph, Rational, Style};
 
@@ -109,6 +109,12 @@ impl Stages {
             for q in p + 1..n {
                 let mut original: Vec<Vec<(ExprId, Rational)>> = vec![Vec::new(); n];
                 for (a, b, value) in algebra.brackets() {
+                    let vanishes = |x: ExprId, y: ExprId| x == g.zero() || y == g.zero();
+                    if vanishes(self.basis[p][a], self.basis[q][b])
+                        && vanishes(self.basis[p][b], self.basis[q][a])
+                    {
+                        continue;
+                    }
                     let forward = g.mul(self.basis[p][a], self.basis[q][b]);
                     let backward = g.mul(self.basis[p][b], self.basis[q][a]);
                     let weight = g.sub(forward, backward);
@@ -120,8 +126,15 @@ impl Stages {
                     }
                 }
                 let original: Vec<ExprId> = original.iter().map(|list| g.linear_combination(list)).collect();
+                let support: Vec<usize> = (0..n).filter(|c| original[*c] != g.zero()).collect();
+                if support.is_empty() {
+                    continue;
+                }
                 for k in 0..n {
-                    let terms: Vec<ExprId> = (0..n).map(|c| g.mul(original[c], self.inverse[c][k])).collect();
+                    let there: Vec<usize> =
+                        support.iter().copied().filter(|c| self.inverse[*c][k] != g.zero()).collect();
+                    let terms: Vec<ExprId> =
+                        there.into_iter().map(|c| g.mul(original[c], self.inverse[c][k])).collect();
                     let sum = g.sum(&terms);
                     let value = g.cancel_zero(sum);
                     table[p][q][k] = value;
@@ -137,18 +150,22 @@ impl Stages {
     /// - b_j^i(eta'^j, sum_{k>j} eta^k))`.
     pub fn rebuilt_bracket(&self, g: &mut Graph, eta: &[ExprId], eta_bar: &[ExprId]) -> Vec<ExprId> {
         let mut terms: Vec<Vec<ExprId>> = vec![Vec::new(); eta.len()];
+        let mut add = |c: usize, value: ExprId, x: ExprId, y: ExprId, is_negative: bool| {
+            if x != g.zero() && y != g.zero() {
+                let term = g.product(&[value, x, y]);
+                terms[c].push(if is_negative { g.neg(term) } else { term });
+            }
+        };
         for level in &self.levels {
             for (a, b, c, value) in &level.quotient_bracket {
-                terms[*c].push(g.product(&[*value, eta[*a], eta_bar[*b]]));
+                add(*c, *value, eta[*a], eta_bar[*b], false);
             }
             for (a, b, c, value) in &level.curvature {
-                let term = g.product(&[*value, eta[*a], eta_bar[*b]]);
-                terms[*c].push(g.neg(term));
+                add(*c, *value, eta[*a], eta_bar[*b], true);
             }
             for (a, b, c, value) in &level.vertical_connection {
-                terms[*c].push(g.product(&[*value, eta[*a], eta_bar[*b]]));
-                let backward = g.product(&[*value, eta_bar[*a], eta[*b]]);
-                terms[*c].push(g.neg(backward));
+                add(*c, *value, eta[*a], eta_bar[*b], false);
+                add(*c, *value, eta_bar[*a], eta[*b], true);
             }
         }
         terms.iter().map(|list| g.sum(list)).collect()
@@ -239,11 +256,14 @@ fn verified_chain(
         }
         let basis = independent(spanning);
         let upper = &chain[j];
-        if basis.is_empty() || basis.len() >= upper.len() {
+        let spans = Subspace::new(upper).zip(Subspace::new(&basis));
+        let Some((outer, inner)) = spans.filter(|_| !basis.is_empty() && basis.len() < upper.len()) else {
             errors.push(Error::EmptyStage { stage });
-        } else if basis.iter().any(|v| !contains(upper, v)) {
+            return Err(errors);
+        };
+        if basis.iter().any(|v| !outer.contains(v)) {
             errors.push(Error::NotNested { stage, above });
-        } else if let Some((x, v, bracket)) = leaving_pair(algebra, upper, &basis) {
+        } else if let Some((x, v, bracket)) = leaving_pair(algebra, upper, (&basis, &inner)) {
             let spell = |u: &[Rational]| spell_vector(algebra.basis(), u);
             errors.push(Error::NotAnIdeal {
                 stage,
@@ -263,12 +283,12 @@ fn verified_chain(
 fn leaving_pair(
     algebra: &LieAlgebra,
     upper: &[Vec<Rational>],
-    ideal: &[Vec<Rational>],
+    (ideal, span): (&[Vec<Rational>], &Subspace),
 ) -> Option<(Vec<Rational>, Vec<Rational>, Vec<Rational>)> {
     for x in upper {
         for v in ideal {
             let bracket = algebra.bracket_of(x, v);
-            if !contains(ideal, &bracket) {
+            if !span.contains(&bracket) {
                 return Some((x.clone(), v.clone(), bracket));
             }
         }
@@ -281,15 +301,6 @@ fn independent(vectors: &[Vec<Rational>]) -> Vec<Vec<Rational>> {
     let columns = Matrix::from_rows(vectors).map(|m| m.transposed());
     let Some(columns) = columns.filter(|m| m.n_rows() > 0) else { return Vec::new() };
     columns.echelon().1.into_iter().map(|k| vectors[k].clone()).collect()
-}
-
-fn contains(basis: &[Vec<Rational>], v: &[Rational]) -> bool {
-    if v.iter().all(Zero::is_zero) {
-        return true;
-    }
-    let mut rows = basis.to_vec();
-    rows.push(v.to_vec());
-    Matrix::from_rows(&rows).is_some_and(|m| m.rank() == basis.len())
 }
 
 /// A basis of the orthogonal complement of `below` in `space`: representatives of the quotient, lifted horizontally

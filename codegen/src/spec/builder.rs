@@ -18,7 +18,7 @@ use super::diagnostic::{Diagnostic, Diagnostics, Origin, Span};
 use super::model::*;
 use super::names::{self, WANTS};
 use super::value::{Shape, Value, ValueError};
-use crate::algebra::{LieAlgebra, Matrix};
+use crate::algebra::{LieAlgebra, Subspace};
 use crate::error::Error;
 use crate::expr::{ExprId, Graph, Rational, SymbolId};
 
@@ -1487,33 +1487,6 @@ fn broadcast_zero(g: &mut Graph, left: &Value, right: &Value) -> (Value, Value) 
     }
 }
 
-/// Row echelon form of a span, for membership tests.
-struct Subspace {
-    rows: Matrix,
-    pivots: Vec<usize>,
-}
-
-impl Subspace {
-    fn new(vectors: &[Vec<Rational>]) -> Option<Subspace> {
-        let (rows, pivots) = Matrix::from_rows(vectors)?.echelon();
-        Some(Subspace { rows, pivots })
-    }
-
-    fn contains(&self, vector: &[Rational]) -> bool {
-        let mut rest = vector.to_vec();
-        for (row, pivot) in self.pivots.iter().enumerate() {
-            let factor = &rest[*pivot] / self.rows.get(row, *pivot);
-            if factor.is_zero() {
-                continue;
-            }
-            for (x, y) in rest.iter_mut().zip(self.rows.row(row)) {
-                *x -= &factor * y;
-            }
-        }
-        rest.iter().all(Zero::is_zero)
-    }
-}
-
 /// `n_k` lies in `n_{k-1}`, is smaller, not zero, and `[n_{k-1}, n_k]` lies in `n_k`.
 fn check_ideal(
     algebra: &LieAlgebra,
@@ -1527,7 +1500,7 @@ fn check_ideal(
     if ideal.iter().any(|v| !outer.contains(v)) {
         return Err(Error::NotNested { stage: name.to_owned(), above: above_name.to_owned() });
     }
-    if inner.pivots.is_empty() || inner.pivots.len() == outer.pivots.len() {
+    if inner.dim() == 0 || inner.dim() == outer.dim() {
         return Err(empty());
     }
     for x in above {

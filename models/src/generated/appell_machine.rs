@@ -155,24 +155,26 @@ impl<R: ::hamel_runtime::Real> State<R> {
 pub struct Prepared<R = f64> {
     /// Parameter `m`.
     m: R,
-    /// `4 / m`
+    /// `1 / (k * k * (k * k))`
     c0: R,
-    /// `4 * (k * k * (k * k)) / m`
+    /// `g / (k * k)`
     c1: R,
-    /// `4 * g * (k * k) / m`
+    /// `-g`
     c2: R,
-    /// `-(4 * g * (k * k * (k * k)) / m)`
-    c3: R,
     /// `m * g`
-    c4: R,
+    c3: R,
     /// `0.5 * m`
+    c4: R,
+    /// `4 / m`
     c5: R,
-    /// `k * k`
+    /// `4 * (k * k * (k * k)) / m`
     c6: R,
-    /// `4 * g`
+    /// `-(k * k)`
     c7: R,
-    /// `2 * g`
+    /// `m * g / (k * k * (k * k))`
     c8: R,
+    /// `0.5 * m * g / (k * k * (k * k))`
+    c9: R,
 }
 
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -185,7 +187,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 9 multiplications, 4 divisions, 1 sign change.
+    /// 6 multiplications, 6 divisions, 2 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m, g, k } = *params;
         for (value, condition, meaning) in [
@@ -202,7 +204,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         let t0 = k * k;
         let t1 = t0 * t0;
-        let t2 = R::from_f64(4.0) * g;
+        let t2 = m * g;
+        let t3 = R::from_f64(0.5) * m;
         if !m.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m > 0",
@@ -217,24 +220,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(Self {
             m,
-            c0: R::from_f64(4.0) / m,
-            c1: R::from_f64(4.0) * t1 / m,
-            c2: t2 * t0 / m,
-            c3: -(t2 * t1 / m),
-            c4: m * g,
-            c5: R::from_f64(0.5) * m,
-            c6: t0,
-            c7: t2,
-            c8: R::from_f64(2.0) * g,
+            c0: t1.recip(),
+            c1: g / t0,
+            c2: -g,
+            c3: t2,
+            c4: t3,
+            c5: R::from_f64(4.0) / m,
+            c6: R::from_f64(4.0) * t1 / m,
+            c7: -t0,
+            c8: t2 / t1,
+            c9: t3 * g / t1,
         })
     }
 }
 
-#[allow(non_snake_case, reason = "names are those of the model")]
-#[allow(
-    unused_doc_comments,
-    reason = "comments on statements say which formula they are"
-)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Writes the derivative of the state to `dy`.
@@ -251,19 +250,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 11 multiplications (2 fused), 1 division, 2 sign changes.
+    /// 2 additions, 10 multiplications (2 fused), 1 division, 2 sign changes.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 6], dy: &mut [R; 6]) {
         let [_, _, _, x_dot, y_dot, z_dot] = *y;
         let _ = t;
-        /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let [t0, S_1_1] = {
-            let t0 = y_dot.mul_add(y_dot, x_dot * x_dot);
-            [t0, t0.mul_add(self.c1, self.c0 * (z_dot * z_dot))]
-        };
-        let t1 = S_1_1.recip();
-        let t2 = z_dot * (self.c2 * t1);
-        *dy = [x_dot, y_dot, z_dot, -(x_dot * t2), -(y_dot * t2), self.c3 * t0 * t1];
+        let t0 = y_dot.mul_add(y_dot, x_dot * x_dot);
+        let t1 = self.c0.mul_add(z_dot * z_dot, t0).recip();
+        let t2 = t1 * (self.c1 * z_dot);
+        *dy = [x_dot, y_dot, z_dot, -(x_dot * t2), -(y_dot * t2), t1 * (self.c2 * t0)];
     }
 
     /// Energy.
@@ -280,10 +275,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn energy(&self, t: R, y: &[R; 6]) -> R {
         let [_, _, z, x_dot, y_dot, z_dot] = *y;
         let _ = t;
-        self.c5
+        self.c4
             .mul_add(
                 z_dot.mul_add(z_dot, y_dot.mul_add(y_dot, x_dot * x_dot)),
-                self.c4 * z,
+                self.c3 * z,
             )
     }
 
@@ -291,19 +286,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 8 multiplications (3 fused), 1 division.
+    /// 3 additions, 7 multiplications (3 fused), 1 division.
     #[inline]
     #[must_use]
     pub fn energy_rate(&self, t: R, y: &[R; 6]) -> R {
         let [_, _, _, x_dot, y_dot, z_dot] = *y;
         let _ = t;
-        /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let [t0, t1, S_1_1] = {
-            let t0 = z_dot * z_dot;
-            let t1 = y_dot.mul_add(y_dot, x_dot * x_dot);
-            [t0, t1, t1.mul_add(self.c1, self.c0 * t0)]
-        };
-        self.c7 * (z_dot * (-t1).mul_add(self.c6, t0)) / S_1_1
+        let t0 = z_dot * z_dot;
+        let t1 = y_dot.mul_add(y_dot, x_dot * x_dot);
+        self.c8 * z_dot * t1.mul_add(self.c7, t0) / t0.mul_add(self.c0, t1)
     }
 
     /// Momenta p = dL/dy.
@@ -335,17 +326,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 6 multiplications (2 fused), 1 division.
+    /// 2 additions, 5 multiplications (2 fused), 1 division.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 6]) -> [R; 1] {
         let [_, _, _, x_dot, y_dot, z_dot] = *y;
         let _ = t;
-        /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let S_1_1 = self
-            .c1
-            .mul_add(y_dot.mul_add(y_dot, x_dot * x_dot), self.c0 * (z_dot * z_dot));
-        [self.c8 * z_dot / S_1_1]
+        [
+            self.c9 * z_dot
+                / self.c0.mul_add(z_dot * z_dot, y_dot.mul_add(y_dot, x_dot * x_dot)),
+        ]
     }
 
     /// Residual of the constraints, zero along the motion.
@@ -364,7 +354,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn constraint(&self, t: R, y: &[R; 6]) -> [R; 1] {
         let [_, _, _, x_dot, y_dot, z_dot] = *y;
         let _ = t;
-        [(-self.c6).mul_add(y_dot.mul_add(y_dot, x_dot * x_dot), z_dot * z_dot)]
+        [self.c7.mul_add(y_dot.mul_add(y_dot, x_dot * x_dot), z_dot * z_dot)]
     }
 
     /// Says which pivot vanishes at a point.
@@ -380,8 +370,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [_, _, _, x_dot, y_dot, z_dot] = *y;
         let (value, pivot) = (
             self
-                .c1
-                .mul_add(y_dot.mul_add(y_dot, x_dot * x_dot), self.c0 * (z_dot * z_dot)),
+                .c6
+                .mul_add(y_dot.mul_add(y_dot, x_dot * x_dot), self.c5 * (z_dot * z_dot)),
             "response to constraint z_dot^2 = k^2*(x_dot^2 + y_dot^2)",
         );
         if !value.all_ne(R::ZERO) {

@@ -123,18 +123,20 @@ impl<R: ::hamel_runtime::Real> State<R> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
 pub struct Prepared<R = f64> {
-    /// `4 / m`
+    /// `1 / (k * k * (k * k))`
     c0: R,
-    /// `4 * (k * k * (k * k)) / m`
+    /// `g / (k * k)`
     c1: R,
-    /// `4 * g * (k * k) / m`
+    /// `-g`
     c2: R,
-    /// `-(4 * g * (k * k * (k * k)) / m)`
-    c3: R,
     /// `m * g`
-    c4: R,
+    c3: R,
     /// `0.5 * m`
+    c4: R,
+    /// `4 / m`
     c5: R,
+    /// `4 * (k * k * (k * k)) / m`
+    c6: R,
 }
 
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -147,7 +149,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 8 multiplications, 4 divisions, 1 sign change.
+    /// 5 multiplications, 4 divisions, 1 sign change.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m, g, k } = *params;
         for (value, condition, meaning) in [
@@ -164,7 +166,6 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         let t0 = k * k;
         let t1 = t0 * t0;
-        let t2 = R::from_f64(4.0) * g;
         if !m.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m > 0",
@@ -178,21 +179,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             });
         }
         Ok(Self {
-            c0: R::from_f64(4.0) / m,
-            c1: R::from_f64(4.0) * t1 / m,
-            c2: t2 * t0 / m,
-            c3: -(t2 * t1 / m),
-            c4: m * g,
-            c5: R::from_f64(0.5) * m,
+            c0: t1.recip(),
+            c1: g / t0,
+            c2: -g,
+            c3: m * g,
+            c4: R::from_f64(0.5) * m,
+            c5: R::from_f64(4.0) / m,
+            c6: R::from_f64(4.0) * t1 / m,
         })
     }
 }
 
-#[allow(non_snake_case, reason = "names are those of the model")]
-#[allow(
-    unused_doc_comments,
-    reason = "comments on statements say which formula they are"
-)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Writes the derivative of the state to `dy`.
@@ -209,19 +206,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 11 multiplications (2 fused), 1 division, 2 sign changes.
+    /// 2 additions, 10 multiplications (2 fused), 1 division, 2 sign changes.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 4], dy: &mut [R; 4]) {
         let [_, x_dot, y_dot, z_dot] = *y;
         let _ = t;
-        /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let [t0, S_1_1] = {
-            let t0 = y_dot.mul_add(y_dot, x_dot * x_dot);
-            [t0, t0.mul_add(self.c1, self.c0 * (z_dot * z_dot))]
-        };
-        let t1 = S_1_1.recip();
-        let t2 = z_dot * (self.c2 * t1);
-        *dy = [z_dot, -(x_dot * t2), -(y_dot * t2), self.c3 * t0 * t1];
+        let t0 = y_dot.mul_add(y_dot, x_dot * x_dot);
+        let t1 = self.c0.mul_add(z_dot * z_dot, t0).recip();
+        let t2 = t1 * (self.c1 * z_dot);
+        *dy = [z_dot, -(x_dot * t2), -(y_dot * t2), t1 * (self.c2 * t0)];
     }
 
     /// Energy.
@@ -238,10 +231,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn energy(&self, t: R, y: &[R; 4]) -> R {
         let [z, x_dot, y_dot, z_dot] = *y;
         let _ = t;
-        self.c5
+        self.c4
             .mul_add(
                 z_dot.mul_add(z_dot, y_dot.mul_add(y_dot, x_dot * x_dot)),
-                self.c4 * z,
+                self.c3 * z,
             )
     }
 
@@ -258,8 +251,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [_, x_dot, y_dot, z_dot] = *y;
         let (value, pivot) = (
             self
-                .c1
-                .mul_add(y_dot.mul_add(y_dot, x_dot * x_dot), self.c0 * (z_dot * z_dot)),
+                .c6
+                .mul_add(y_dot.mul_add(y_dot, x_dot * x_dot), self.c5 * (z_dot * z_dot)),
             "response to constraint z_dot^2 = k^2*(x_dot^2 + y_dot^2)",
         );
         if !value.all_ne(R::ZERO) {

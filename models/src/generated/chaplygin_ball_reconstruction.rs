@@ -321,60 +321,36 @@ pub struct Prepared<R = f64> {
     c0: R,
     /// `l * chi2`
     c1: R,
-    /// `m * l * chi3 * g`
-    c2: R,
-    /// `m * l * chi2 * g`
-    c3: R,
-    /// `I2 - I3`
-    c4: R,
-    /// `m * l * chi1 * g`
-    c5: R,
-    /// `I1 - I3`
-    c6: R,
-    /// `I1 - I2`
-    c7: R,
-    /// `2 * l * chi3 / r`
-    c8: R,
-    /// `I1 + m * (l * l) * (chi3 * chi3)`
-    c9: R,
-    /// `m * (r * r)`
-    c10: R,
-    /// `l * chi1 / r`
-    c11: R,
-    /// `m * r`
-    c12: R,
-    /// `2 * l * chi1 / r`
-    c13: R,
-    /// `I2 + m * (l * l) * (chi3 * chi3) + m * (l * l) * (chi1 * chi1)`
-    c14: R,
-    /// `I3 + m * (l * l) * (chi1 * chi1)`
-    c15: R,
-    /// `m * l * chi1`
-    c16: R,
-    /// `m * l * chi2`
-    c17: R,
-    /// `m * l * chi3`
-    c18: R,
     /// `l * chi1`
-    c19: R,
+    c2: R,
+    /// `m * l * chi3 * g`
+    c3: R,
+    /// `m * l * chi2 * g`
+    c4: R,
+    /// `I2 - I3`
+    c5: R,
+    /// `m * l * chi1 * g`
+    c6: R,
+    /// `I3 - I1`
+    c7: R,
+    /// `I1 - I2`
+    c8: R,
     /// `0.5 * I1`
-    c20: R,
+    c9: R,
     /// `0.5 * I2`
-    c21: R,
+    c10: R,
     /// `0.5 * I3`
-    c22: R,
+    c11: R,
     /// `0.5 * m`
-    c23: R,
+    c12: R,
     /// `l * chi3 / r`
-    c24: R,
+    c13: R,
+    /// `m * r`
+    c14: R,
     /// `l * chi2 / r`
-    c25: R,
-    /// `m * r * l * chi1`
-    c26: R,
-    /// `m * r * l * chi3`
-    c27: R,
-    /// `m * r * l * chi2`
-    c28: R,
+    c15: R,
+    /// `l * chi1 / r`
+    c16: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -388,7 +364,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 7 additions, 30 multiplications, 5 divisions.
+    /// 3 additions, 15 multiplications, 3 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, m, r, l, chi1, chi2, chi3, g } = *params;
         for (value, condition, meaning) in [
@@ -440,17 +416,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         let t0 = l * chi3;
         let t1 = l * chi2;
-        let t2 = m * l;
-        let t3 = t2 * chi3;
-        let t4 = t2 * chi2;
-        let t5 = t2 * chi1;
-        let t6 = R::from_f64(2.0) * l;
-        let t7 = m * (l * l);
-        let t8 = t7 * (chi3 * chi3);
-        let t9 = l * chi1;
-        let t10 = m * r;
-        let t11 = t7 * (chi1 * chi1);
-        let t12 = t10 * l;
+        let t2 = l * chi1;
+        let t3 = m * l;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -489,33 +456,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             r,
             c0: t0,
             c1: t1,
-            c2: t3 * g,
-            c3: t4 * g,
-            c4: I2 - I3,
-            c5: t5 * g,
-            c6: I1 - I3,
-            c7: I1 - I2,
-            c8: t6 * chi3 / r,
-            c9: I1 + t8,
-            c10: m * (r * r),
-            c11: t9 / r,
-            c12: t10,
-            c13: t6 * chi1 / r,
-            c14: I2 + t8 + t11,
-            c15: I3 + t11,
-            c16: t5,
-            c17: t4,
-            c18: t3,
-            c19: t9,
-            c20: R::from_f64(0.5) * I1,
-            c21: R::from_f64(0.5) * I2,
-            c22: R::from_f64(0.5) * I3,
-            c23: R::from_f64(0.5) * m,
-            c24: t0 / r,
-            c25: t1 / r,
-            c26: t12 * chi1,
-            c27: t12 * chi3,
-            c28: t12 * chi2,
+            c2: t2,
+            c3: t3 * chi3 * g,
+            c4: t3 * chi2 * g,
+            c5: I2 - I3,
+            c6: t3 * chi1 * g,
+            c7: I3 - I1,
+            c8: I1 - I2,
+            c9: R::from_f64(0.5) * I1,
+            c10: R::from_f64(0.5) * I2,
+            c11: R::from_f64(0.5) * I3,
+            c12: R::from_f64(0.5) * m,
+            c13: t0 / r,
+            c14: m * r,
+            c15: t1 / r,
+            c16: t2 / r,
         })
     }
 }
@@ -541,103 +496,117 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 65 additions, 106 multiplications (61 fused), 3 divisions.
+    /// 64 additions, 104 multiplications (63 fused), 3 divisions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 13], dy: &mut [R; 13]) {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3, qw, qx, qy, qz, _, _, _] = *y;
         let _ = t;
         /// velocities y = Psi u + psi0
-        let [t0, t1, X1] = {
-            let t0 = Gamma3.mul_add(self.r, self.c0);
-            let t1 = Gamma2.mul_add(self.r, self.c1);
-            [t0, t1, (-Omega3).mul_add(t1, Omega2 * t0)]
+        let [dot_Gamma1, t0, X1, t1, t2, X2, t3, X3] = {
+            let dot_Gamma1 = (-Omega2).mul_add(Gamma3, Omega3 * Gamma2);
+            let t0 = self.r * dot_Gamma1;
+            let t1 = Gamma1.mul_add(self.r, self.c2);
+            let t2 = Gamma3.mul_add(self.r, self.c0);
+            let t3 = Gamma2.mul_add(self.r, self.c1);
+            [
+                dot_Gamma1,
+                t0,
+                (-Omega3).mul_add(self.c1, Omega2.mul_add(self.c0, -t0)),
+                t1,
+                t2,
+                (-Omega1).mul_add(t2, Omega3 * t1),
+                t3,
+                (-Omega2).mul_add(t1, Omega1 * t3),
+            ]
         };
+        /// kinematics xdot = rho y
+        let [dot_Gamma2, dot_Gamma3] = [
+            (-Omega3).mul_add(Gamma1, Omega1 * Gamma3),
+            (-Omega1).mul_add(Gamma2, Omega2 * Gamma1),
+        ];
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
         let [r_Omega1, r_Omega2, r_Omega3] = [
-            self
-                .c4
-                .mul_add(Omega2 * Omega3, (-Gamma3).mul_add(self.c3, self.c2 * Gamma2)),
-            (-self.c6)
-                .mul_add(Omega1 * Omega3, (-Gamma1).mul_add(self.c2, self.c5 * Gamma3)),
-            self
-                .c7
-                .mul_add(Omega1 * Omega2, (-Gamma2).mul_add(self.c5, self.c3 * Gamma1)),
+            Omega2
+                .mul_add(self.c5 * Omega3, (-Gamma3).mul_add(self.c4, self.c3 * Gamma2)),
+            Omega1
+                .mul_add(self.c7 * Omega3, (-Gamma1).mul_add(self.c3, self.c6 * Gamma3)),
+            Omega1
+                .mul_add(self.c8 * Omega2, (-Gamma2).mul_add(self.c6, self.c4 * Gamma1)),
         ];
         /// mass matrix A = W^T L_yy Psi
-        let [t2, A_Omega1_Omega1, t4, t5, t6, A_Omega2_Omega2, A_Omega3_Omega3] = {
-            let t2 = self.m * t1;
-            let t3 = Gamma3 * (self.c8 + Gamma3);
-            let t4 = self.c11 + Gamma1;
-            let t5 = self.c12 * t4;
-            let t7 = Gamma1 * (self.c13 + Gamma1);
+        let [t4, A_Omega1_Omega1, t6, t7, t8, A_Omega2_Omega2, A_Omega3_Omega3] = {
+            let t4 = self.m * t2;
+            let t5 = self.m * t3;
+            let t6 = self.m * t1;
             [
-                t2,
-                t3.mul_add(self.c10, t1.mul_add(t2, self.c9)),
                 t4,
-                t5,
-                t0 * t5,
-                self.c10.mul_add(t3 + t7, self.c14),
-                t7.mul_add(self.c10, t1.mul_add(t2, self.c15)),
+                t3.mul_add(t5, t2.mul_add(t4, self.I1)),
+                t6,
+                t3 * t6,
+                t2 * t6,
+                t1.mul_add(t6, t2.mul_add(t4, self.I2)),
+                t1.mul_add(t6, t3.mul_add(t5, self.I3)),
             ]
         };
         /// right side f = W^T (r - L_yy lag)
-        let [f_Omega1, t11, f_Omega2, f_Omega3] = {
-            let t8 = (-Omega1).mul_add(self.c17, self.c16 * Omega2);
-            let t9 = (-Omega1).mul_add(self.c18, self.c16 * Omega3);
-            let n_X1 = Omega3.mul_add(t9, Omega2 * t8);
-            let t10 = (-Omega3).mul_add(self.c17, self.c18 * Omega2);
-            let n_X2 = (-Omega1).mul_add(t8, -(Omega3 * t10));
-            let n_X3 = (-Omega1).mul_add(t9, Omega2 * t10);
-            let t11 = self.r * t4;
+        let [f_Omega1, f_Omega2, f_Omega3] = {
+            let t9 = self.m * dot_Gamma2.mul_add(self.r, X2);
+            let t10 = dot_Gamma3.mul_add(self.r, X3);
+            let t11 = self.m * Omega2;
+            let n_X1 = Omega3.mul_add(t9, -(t10 * t11));
+            let t12 = t0 + X1;
+            let n_X3 = t11.mul_add(t12, -(Omega1 * t9));
+            let t13 = (-Omega3).mul_add(t12, Omega1 * t10);
             [
-                t1.mul_add(n_X3, (-t0).mul_add(n_X2, r_Omega1)),
-                t11,
-                (-n_X3).mul_add(t11, t0.mul_add(n_X1, r_Omega2)),
-                (-t1).mul_add(n_X1, n_X2.mul_add(t11, r_Omega3)),
+                (-t4).mul_add(t13, t3.mul_add(n_X3, r_Omega1)),
+                (-t1).mul_add(n_X3, t2.mul_add(n_X1, r_Omega2)),
+                t6.mul_add(t13, (-t3).mul_add(n_X1, r_Omega3)),
             ]
         };
         /// factors of A
-        let [t12, t14, t15, t16, A_l3_2, A_s2_3_3] = {
-            let t12 = A_Omega1_Omega1.recip();
-            let t13 = t5 * t12;
-            let t14 = t1 * t13;
-            let t15 = t0 * t13;
-            let A_s1_2_2 = (-t14).mul_add(t1 * t5, A_Omega2_Omega2);
-            let A_s1_2_3 = (-t6).mul_add(t14, -(t0 * t2));
-            let A_s1_3_3 = (-t6).mul_add(t15, A_Omega3_Omega3);
-            let t16 = A_s1_2_2.recip();
-            let A_l3_2 = A_s1_2_3 * t16;
-            [t12, t14, t15, t16, A_l3_2, (-A_s1_2_3).mul_add(A_l3_2, A_s1_3_3)]
+        let [t14, t15, t16, t17, A_l3_2, A_s2_3_3] = {
+            let t14 = A_Omega1_Omega1.recip();
+            let t15 = t7 * t14;
+            let t16 = t8 * t14;
+            let A_s1_2_2 = (-t7).mul_add(t15, A_Omega2_Omega2);
+            let A_s1_2_3 = (-t8).mul_add(t15, -(t3 * t4));
+            let A_s1_3_3 = (-t8).mul_add(t16, A_Omega3_Omega3);
+            let t17 = A_s1_2_2.recip();
+            let A_l3_2 = A_s1_2_3 * t17;
+            [t14, t15, t16, t17, A_l3_2, (-A_s1_2_3).mul_add(A_l3_2, A_s1_3_3)]
         };
         /// substitution through the factors of A
-        let [dot_Omega3, dot_Omega2] = {
-            let z_Omega2 = f_Omega1.mul_add(t14, f_Omega2);
-            let dot_Omega3 = (-A_l3_2).mul_add(z_Omega2, f_Omega1.mul_add(t15, f_Omega3))
-                / A_s2_3_3;
-            [dot_Omega3, (-A_l3_2).mul_add(dot_Omega3, z_Omega2 * t16)]
+        let [dot_Omega3, dot_Omega2, dot_Omega1] = {
+            let z_Omega2 = f_Omega1.mul_add(t15, f_Omega2);
+            let z_Omega3 = (-A_l3_2).mul_add(z_Omega2, f_Omega1.mul_add(t16, f_Omega3));
+            let dot_Omega3 = z_Omega3 / A_s2_3_3;
+            let dot_Omega2 = (-A_l3_2).mul_add(dot_Omega3, z_Omega2 * t17);
+            [
+                dot_Omega3,
+                dot_Omega2,
+                t15.mul_add(dot_Omega2, t16.mul_add(dot_Omega3, f_Omega1 * t14)),
+            ]
         };
-        let t17 = R::from_f64(0.5) * Omega1;
-        let t18 = R::from_f64(0.5) * Omega2;
-        let t19 = R::from_f64(0.5) * Omega3;
-        let t20 = (-Omega3).mul_add(t11, Omega1 * t0);
-        let t21 = R::from_f64(2.0) * (-qx).mul_add(t20, -(qy * X1));
-        let t22 = Omega2.mul_add(t11, -(Omega1 * t1));
-        let t23 = R::from_f64(2.0) * (-qy).mul_add(t22, qz * t20);
-        let t24 = R::from_f64(2.0) * qx.mul_add(t22, qz * X1);
+        let t18 = R::from_f64(0.5) * Omega1;
+        let t19 = R::from_f64(0.5) * Omega2;
+        let t20 = R::from_f64(0.5) * Omega3;
+        let t21 = R::from_f64(2.0) * (-qy).mul_add(X1, qx * X2);
+        let t22 = R::from_f64(2.0) * (-qz).mul_add(X2, qy * X3);
+        let t23 = R::from_f64(2.0) * qz.mul_add(X1, -(qx * X3));
         *dy = [
-            t14.mul_add(dot_Omega2, t15.mul_add(dot_Omega3, f_Omega1 * t12)),
+            dot_Omega1,
             dot_Omega2,
             dot_Omega3,
-            (-Omega2).mul_add(Gamma3, Omega3 * Gamma2),
-            (-Omega3).mul_add(Gamma1, Omega1 * Gamma3),
-            (-Omega1).mul_add(Gamma2, Omega2 * Gamma1),
-            (-qz).mul_add(t19, (-qy).mul_add(t18, -(qx * t17))),
-            (-qz).mul_add(t18, qw.mul_add(t17, qy * t19)),
-            (-qx).mul_add(t19, qw.mul_add(t18, qz * t17)),
-            (-qy).mul_add(t17, qw.mul_add(t19, qx * t18)),
-            (-qz).mul_add(t24, qw.mul_add(t23, qy.mul_add(t21, X1))),
-            (-qx).mul_add(t21, qw.mul_add(t24, qz.mul_add(t23, -t20))),
-            (-qy).mul_add(t23, qw.mul_add(t21, qx.mul_add(t24, -t22))),
+            dot_Gamma1,
+            dot_Gamma2,
+            dot_Gamma3,
+            (-qz).mul_add(t20, (-qy).mul_add(t19, -(qx * t18))),
+            (-qz).mul_add(t19, qw.mul_add(t18, qy * t20)),
+            (-qx).mul_add(t20, qw.mul_add(t19, qz * t18)),
+            (-qy).mul_add(t18, qw.mul_add(t20, qx * t19)),
+            (-qz).mul_add(t23, qy.mul_add(t21, qw.mul_add(t22, X1))),
+            (-qx).mul_add(t21, qw.mul_add(t23, qz.mul_add(t22, X2))),
+            qw.mul_add(t21, qx.mul_add(t23, (-qy).mul_add(t22, X3))),
         ];
     }
 
@@ -659,7 +628,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [X1, X2, X3] = {
             let t0 = Gamma3.mul_add(self.r, self.c0);
             let t1 = Gamma2.mul_add(self.r, self.c1);
-            let t2 = Gamma1.mul_add(self.r, self.c19);
+            let t2 = Gamma1.mul_add(self.r, self.c2);
             [
                 (-Omega3).mul_add(t1, Omega2 * t0),
                 (-Omega1).mul_add(t0, Omega3 * t2),
@@ -667,23 +636,23 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             ]
         };
         let t3 = self
-            .c22
+            .c11
             .mul_add(
                 Omega3 * Omega3,
                 self
-                    .c21
+                    .c10
                     .mul_add(
                         Omega2 * Omega2,
                         self
-                            .c20
+                            .c9
                             .mul_add(
                                 Omega1 * Omega1,
                                 Gamma1
-                                    .mul_add(self.c5, Gamma3.mul_add(self.c2, self.c3 * Gamma2)),
+                                    .mul_add(self.c6, Gamma3.mul_add(self.c3, self.c4 * Gamma2)),
                             ),
                     ),
             );
-        self.c23.mul_add(X3.mul_add(X3, X2.mul_add(X2, X1 * X1)), t3)
+        self.c12.mul_add(X3.mul_add(X3, X2.mul_add(X2, X1 * X1)), t3)
     }
 
     /// Momenta p = dL/dy.
@@ -702,9 +671,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn momentum(&self, t: R, y: &[R; 13]) -> [R; 6] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3, _, _, _, _, _, _, _] = *y;
         let _ = t;
-        let t0 = self.c12 * (self.c24 + Gamma3);
-        let t1 = self.c12 * (self.c25 + Gamma2);
-        let t2 = self.c12 * (self.c11 + Gamma1);
+        let t0 = self.c14 * (self.c13 + Gamma3);
+        let t1 = self.c14 * (self.c15 + Gamma2);
+        let t2 = self.c14 * (self.c16 + Gamma1);
         [
             self.I1 * Omega1,
             self.I2 * Omega2,
@@ -725,104 +694,118 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 51 additions, 78 multiplications (47 fused), 3 divisions.
+    /// 52 additions, 84 multiplications (52 fused), 3 divisions.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 13]) -> [R; 3] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3, _, _, _, _, _, _, _] = *y;
         let _ = t;
+        /// velocities y = Psi u + psi0
+        let [t0, t1, X1] = {
+            let t0 = Gamma3.mul_add(self.r, self.c0);
+            let t1 = Gamma2.mul_add(self.r, self.c1);
+            [t0, t1, (-Omega3).mul_add(t1, Omega2 * t0)]
+        };
+        /// kinematics xdot = rho y
+        let [dot_Gamma1, dot_Gamma2, dot_Gamma3] = [
+            (-Omega2).mul_add(Gamma3, Omega3 * Gamma2),
+            (-Omega3).mul_add(Gamma1, Omega1 * Gamma3),
+            (-Omega1).mul_add(Gamma2, Omega2 * Gamma1),
+        ];
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [t0, r_Omega1, r_Omega2, t1, r_Omega3] = {
-            let t0 = Omega2 * Omega3;
-            let t1 = Omega1 * Omega2;
+        let [r_Omega1, r_Omega2, r_Omega3, t2, t3, t4, t6, r_X1, r_X2, r_X3] = {
+            let t2 = Gamma1.mul_add(self.r, self.c2);
+            let t3 = self.m * t2;
+            let t4 = self.m * t1;
+            let t5 = (-Omega1).mul_add(t4, Omega2 * t3);
+            let t6 = self.m * t0;
+            let t7 = (-Omega1).mul_add(t6, Omega3 * t3);
+            let t8 = self.m * X1;
             [
-                t0,
-                t0.mul_add(self.c4, (-Gamma3).mul_add(self.c3, self.c2 * Gamma2)),
-                (-self.c6)
+                Omega2
                     .mul_add(
-                        Omega1 * Omega3,
-                        (-Gamma1).mul_add(self.c2, self.c5 * Gamma3),
+                        self.c5 * Omega3,
+                        (-Gamma3).mul_add(self.c4, self.c3 * Gamma2),
                     ),
-                t1,
-                t1.mul_add(self.c7, (-Gamma2).mul_add(self.c5, self.c3 * Gamma1)),
+                Omega1
+                    .mul_add(
+                        self.c7 * Omega3,
+                        (-Gamma1).mul_add(self.c3, self.c6 * Gamma3),
+                    ),
+                Omega1
+                    .mul_add(
+                        self.c8 * Omega2,
+                        (-Gamma2).mul_add(self.c6, self.c4 * Gamma1),
+                    ),
+                t2,
+                t3,
+                t4,
+                t6,
+                Omega3.mul_add(t7, Omega2 * t5),
+                (-Omega1).mul_add(t5, -(Omega3 * t8)),
+                (-Omega1).mul_add(t7, Omega2 * t8),
             ]
         };
         /// accelerations of the dependent velocities at udot = 0
-        let [t2, t3, lag_X2] = {
-            let t2 = Omega1.mul_add(Omega1, Omega3 * Omega3);
-            let t3 = self.r * Gamma1;
-            [t2, t3, self.r.mul_add(Gamma2.mul_add(t2, -(Gamma3 * t0)), -(t1 * t3))]
-        };
-        /// mass matrix A = W^T L_yy Psi
-        let [t4, t5, A_Omega1_Omega1, t7, t8, t9, t10, A_Omega2_Omega2, A_Omega3_Omega3,
-        ] = {
-            let t4 = Gamma2.mul_add(self.r, self.c1);
-            let t5 = self.m * t4;
-            let t6 = Gamma3 * (self.c8 + Gamma3);
-            let t7 = self.c19 + t3;
-            let t8 = self.m * t7;
-            let t9 = Gamma3.mul_add(self.r, self.c0);
-            let t11 = Gamma1 * (self.c13 + Gamma1);
+        let [lag_X2, lag_X3] = {
+            let t9 = self.r * dot_Gamma1;
+            let t10 = self.r * Omega1;
             [
-                t4,
-                t5,
-                t6.mul_add(self.c10, t4.mul_add(t5, self.c9)),
-                t7,
-                t8,
-                t9,
-                t9 * t8,
-                self.c10.mul_add(t6 + t11, self.c14),
-                t11.mul_add(self.c10, t4.mul_add(t5, self.c15)),
+                Omega3.mul_add(t9, -(dot_Gamma3 * t10)),
+                (-Omega2).mul_add(t9, dot_Gamma2 * t10),
             ]
         };
+        /// mass matrix A = W^T L_yy Psi
+        let [A_Omega1_Omega1, t11, t12, A_Omega2_Omega2, A_Omega3_Omega3] = [
+            t1.mul_add(t4, t0.mul_add(t6, self.I1)),
+            t1 * t3,
+            t0 * t3,
+            t2.mul_add(t3, t0.mul_add(t6, self.I2)),
+            t2.mul_add(t3, t1.mul_add(t4, self.I3)),
+        ];
         /// right side f = W^T (r - L_yy lag)
-        let [n_X1, n_X3, f_Omega1, f_Omega2, f_Omega3] = {
-            let t12 = (-Omega1).mul_add(self.c17, self.c16 * Omega2);
-            let t13 = (-Omega1).mul_add(self.c18, self.c16 * Omega3);
-            let n_X1 = Omega3.mul_add(t13, Omega2 * t12);
-            let t14 = (-Omega3).mul_add(self.c17, self.c18 * Omega2);
-            let n_X2 = (-Omega1).mul_add(t12, -(Omega3 * t14));
-            let n_X3 = (-Omega1).mul_add(t13, Omega2 * t14);
+        let [n_X1, n_X2, n_X3, f_Omega1, f_Omega2, f_Omega3] = {
+            let n_X1 = (-self.c14)
+                .mul_add((-Omega3).mul_add(dot_Gamma2, Omega2 * dot_Gamma3), r_X1);
+            let n_X2 = (-lag_X2).mul_add(self.m, r_X2);
+            let n_X3 = (-lag_X3).mul_add(self.m, r_X3);
             [
                 n_X1,
+                n_X2,
                 n_X3,
-                t4.mul_add(n_X3, (-t9).mul_add(n_X2, r_Omega1)),
-                (-t7).mul_add(n_X3, t9.mul_add(n_X1, r_Omega2)),
-                (-t4).mul_add(n_X1, t7.mul_add(n_X2, r_Omega3)),
+                (-t0).mul_add(n_X2, t1.mul_add(n_X3, r_Omega1)),
+                (-t2).mul_add(n_X3, t0.mul_add(n_X1, r_Omega2)),
+                (-t1).mul_add(n_X1, t2.mul_add(n_X2, r_Omega3)),
             ]
         };
         /// factors of A
-        let [t15, t17, t18, t19, A_l3_2, A_s2_3_3] = {
-            let t15 = A_Omega1_Omega1.recip();
-            let t16 = t8 * t15;
-            let t17 = t4 * t16;
-            let t18 = t9 * t16;
-            let A_s1_2_2 = (-t17).mul_add(t4 * t8, A_Omega2_Omega2);
-            let A_s1_2_3 = (-t10).mul_add(t17, -(t9 * t5));
-            let A_s1_3_3 = (-t10).mul_add(t18, A_Omega3_Omega3);
-            let t19 = A_s1_2_2.recip();
-            let A_l3_2 = A_s1_2_3 * t19;
-            [t15, t17, t18, t19, A_l3_2, (-A_s1_2_3).mul_add(A_l3_2, A_s1_3_3)]
+        let [t13, t14, t15, t16, A_l3_2, A_s2_3_3] = {
+            let t13 = A_Omega1_Omega1.recip();
+            let t14 = t11 * t13;
+            let t15 = t12 * t13;
+            let A_s1_2_2 = (-t11).mul_add(t14, A_Omega2_Omega2);
+            let A_s1_2_3 = (-t12).mul_add(t14, -(t1 * t6));
+            let A_s1_3_3 = (-t12).mul_add(t15, A_Omega3_Omega3);
+            let t16 = A_s1_2_2.recip();
+            let A_l3_2 = A_s1_2_3 * t16;
+            [t13, t14, t15, t16, A_l3_2, (-A_s1_2_3).mul_add(A_l3_2, A_s1_3_3)]
         };
         /// substitution through the factors of A
-        let [t20, dot_Omega2, dot_Omega1] = {
-            let z_Omega2 = f_Omega1.mul_add(t17, f_Omega2);
-            let t20 = A_l3_2.mul_add(z_Omega2, (-f_Omega1).mul_add(t18, -f_Omega3))
-                / A_s2_3_3;
-            let dot_Omega2 = A_l3_2.mul_add(t20, z_Omega2 * t19);
+        let [dot_Omega3, dot_Omega2, dot_Omega1] = {
+            let z_Omega2 = f_Omega1.mul_add(t14, f_Omega2);
+            let z_Omega3 = (-A_l3_2).mul_add(z_Omega2, f_Omega1.mul_add(t15, f_Omega3));
+            let dot_Omega3 = z_Omega3 / A_s2_3_3;
+            let dot_Omega2 = (-A_l3_2).mul_add(dot_Omega3, z_Omega2 * t16);
             [
-                t20,
+                dot_Omega3,
                 dot_Omega2,
-                t17.mul_add(dot_Omega2, (-t18).mul_add(t20, f_Omega1 * t15)),
+                t14.mul_add(dot_Omega2, t15.mul_add(dot_Omega3, f_Omega1 * t13)),
             ]
         };
-        /// accelerations ydot = Psi udot + lag
-        let dot_X2 = (-t9).mul_add(dot_Omega1, (-t7).mul_add(t20, lag_X2));
-        let t21 = self.m * t9;
         [
-            dot_Omega2.mul_add(t21, t5.mul_add(t20, -n_X1)),
-            dot_X2.mul_add(self.m, t1.mul_add(t8, (-t2).mul_add(t5, t0 * t21))),
-            t5.mul_add(dot_Omega1, (-t8).mul_add(dot_Omega2, -n_X3)),
+            t6.mul_add(dot_Omega2, (-t4).mul_add(dot_Omega3, -n_X1)),
+            (-t6).mul_add(dot_Omega1, t3.mul_add(dot_Omega3, -n_X2)),
+            t4.mul_add(dot_Omega1, (-t3).mul_add(dot_Omega2, -n_X3)),
         ]
     }
 
@@ -846,7 +829,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [t0, t1, X1, t2, X2, X3] = {
             let t0 = Gamma3.mul_add(self.r, self.c0);
             let t1 = Gamma2.mul_add(self.r, self.c1);
-            let t2 = Gamma1.mul_add(self.r, self.c19);
+            let t2 = Gamma1.mul_add(self.r, self.c2);
             [
                 t0,
                 t1,
@@ -873,72 +856,84 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 29 additions, 51 multiplications (29 fused).
+    /// 30 additions, 51 multiplications (30 fused).
     #[inline]
     #[must_use]
     pub fn momentum_equation(&self, t: R, y: &[R; 13]) -> [R; 3] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3, _, _, _, _, _, _, _] = *y;
         let _ = t;
         /// velocities y = Psi u + psi0
-        let [t0, t1, X1, t2, X2] = {
+        let [t0, t1, X1, t2, X2, X3] = {
             let t0 = Gamma3.mul_add(self.r, self.c0);
             let t1 = Gamma2.mul_add(self.r, self.c1);
-            let t2 = Gamma1.mul_add(self.r, self.c19);
+            let t2 = Gamma1.mul_add(self.r, self.c2);
             [
                 t0,
                 t1,
                 (-Omega3).mul_add(t1, Omega2 * t0),
                 t2,
                 (-Omega1).mul_add(t0, Omega3 * t2),
+                (-Omega2).mul_add(t2, Omega1 * t1),
             ]
         };
+        /// kinematics xdot = rho y
+        let [dot_Gamma1, dot_Gamma2, dot_Gamma3] = [
+            (-Omega2).mul_add(Gamma3, Omega3 * Gamma2),
+            (-Omega3).mul_add(Gamma1, Omega1 * Gamma3),
+            (-Omega1).mul_add(Gamma2, Omega2 * Gamma1),
+        ];
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [r_Omega1, r_Omega2, r_Omega3, r_X1, r_X2, r_X3] = {
-            let t3 = (-Omega1).mul_add(t1, Omega2 * t2);
-            let t4 = self.m * X1;
-            let t5 = self.m * Omega1;
+        let [r_Omega1, r_Omega2, r_Omega3, r_X1, r_X3] = {
+            let t3 = self.m * X2;
+            let t4 = self.m * Omega2;
             [
-                self
-                    .c4
+                Omega2
                     .mul_add(
-                        Omega2 * Omega3,
-                        (-Gamma3).mul_add(self.c3, self.c2 * Gamma2),
+                        self.c5 * Omega3,
+                        (-Gamma3).mul_add(self.c4, self.c3 * Gamma2),
                     ),
-                (-self.c6)
+                Omega1
                     .mul_add(
-                        Omega1 * Omega3,
-                        (-Gamma1).mul_add(self.c2, self.c5 * Gamma3),
+                        self.c7 * Omega3,
+                        (-Gamma1).mul_add(self.c3, self.c6 * Gamma3),
                     ),
-                self
-                    .c7
+                Omega1
                     .mul_add(
-                        Omega1 * Omega2,
-                        (-Gamma2).mul_add(self.c5, self.c3 * Gamma1),
+                        self.c8 * Omega2,
+                        (-Gamma2).mul_add(self.c6, self.c4 * Gamma1),
                     ),
-                self.m.mul_add(Omega3 * X2, self.m * (Omega2 * t3)),
-                (-Omega3).mul_add(t4, -(t3 * t5)),
-                Omega2.mul_add(t4, -(X2 * t5)),
+                Omega3.mul_add(t3, -(X3 * t4)),
+                (-Omega1).mul_add(t3, X1 * t4),
             ]
         };
-        let t6 = Gamma2
-            .mul_add(
-                (-Omega1).mul_add(self.c27, self.c26 * Omega3),
-                (-self.c28)
-                    .mul_add(
-                        Omega3 * Gamma1,
-                        (-self.c26)
-                            .mul_add(
-                                Omega2 * Gamma3,
-                                self
-                                    .c27
-                                    .mul_add(Omega2 * Gamma1, self.c28 * (Omega1 * Gamma3)),
-                            ),
-                    ),
-            );
+        let t5 = self.m * (-Omega1).mul_add(X3, Omega3 * X1);
+        let t6 = self.c14 * X3;
+        let t7 = self.c14 * dot_Gamma3;
         [
-            Omega1.mul_add(t6, (-t0).mul_add(r_X2, t1.mul_add(r_X3, r_Omega1))),
-            t0.mul_add(r_X1, Omega2.mul_add(t6, (-t2).mul_add(r_X3, r_Omega2))),
-            (-t1).mul_add(r_X1, Omega3.mul_add(t6, t2.mul_add(r_X2, r_Omega3))),
+            t0
+                .mul_add(
+                    t5,
+                    t1.mul_add(r_X3, dot_Gamma2.mul_add(t6, (-X2).mul_add(t7, r_Omega1))),
+                ),
+            (-t2)
+                .mul_add(
+                    r_X3,
+                    t0.mul_add(r_X1, (-dot_Gamma1).mul_add(t6, X1.mul_add(t7, r_Omega2))),
+                ),
+            (-t2)
+                .mul_add(
+                    t5,
+                    (-t1)
+                        .mul_add(
+                            r_X1,
+                            self
+                                .c14
+                                .mul_add(
+                                    (-X1).mul_add(dot_Gamma2, X2 * dot_Gamma1),
+                                    r_Omega3,
+                                ),
+                        ),
+                ),
         ]
     }
 
@@ -978,7 +973,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t1 = self.m * t0;
             let t2 = Gamma2.mul_add(self.r, self.c1);
             let t3 = self.m * t2;
-            let t4 = Gamma1.mul_add(self.r, self.c19);
+            let t4 = Gamma1.mul_add(self.r, self.c2);
             let t5 = self.m * t4;
             let t8 = t4 * t5;
             [
@@ -997,7 +992,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t10 = t6 * t9;
             let t11 = t7 * t9;
             let A_s1_2_2 = (-t6).mul_add(t10, A_Omega2_Omega2);
-            let A_s1_2_3 = (-t7).mul_add(t10, -(t1 * t2));
+            let A_s1_2_3 = (-t7).mul_add(t10, -(t2 * t1));
             let A_s1_3_3 = (-t7).mul_add(t11, A_Omega3_Omega3);
             let A_l3_2 = A_s1_2_3 / A_s1_2_2;
             let t12 = A_s1_2_3 * A_l3_2;

@@ -249,46 +249,30 @@ pub struct Prepared<R = f64> {
     c2: R,
     /// `m * l * chi1 * g`
     c3: R,
-    /// `I1 - I3`
+    /// `I3 - I1`
     c4: R,
     /// `I1 - I2`
     c5: R,
-    /// `l * chi2`
-    c6: R,
-    /// `2 * l * chi3 / r`
-    c7: R,
-    /// `I1 + m * (l * l) * (chi3 * chi3)`
-    c8: R,
-    /// `m * (r * r)`
-    c9: R,
-    /// `l * chi1 / r`
-    c10: R,
-    /// `m * r`
-    c11: R,
     /// `l * chi3`
-    c12: R,
-    /// `2 * l * chi1 / r`
-    c13: R,
-    /// `I2 + m * (l * l) * (chi3 * chi3) + m * (l * l) * (chi1 * chi1)`
-    c14: R,
-    /// `I3 + m * (l * l) * (chi1 * chi1)`
-    c15: R,
-    /// `m * l * chi1`
-    c16: R,
-    /// `m * l * chi2`
-    c17: R,
-    /// `m * l * chi3`
-    c18: R,
+    c6: R,
+    /// `l * chi2`
+    c7: R,
     /// `l * chi1`
-    c19: R,
+    c8: R,
+    /// `m * l * chi1`
+    c9: R,
+    /// `-(m * l * chi2)`
+    c10: R,
+    /// `m * l * chi3`
+    c11: R,
     /// `0.5 * I1`
-    c20: R,
+    c12: R,
     /// `0.5 * I2`
-    c21: R,
+    c13: R,
     /// `0.5 * I3`
-    c22: R,
+    c14: R,
     /// `0.5 * m`
-    c23: R,
+    c15: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -302,7 +286,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 7 additions, 26 multiplications, 3 divisions.
+    /// 3 additions, 14 multiplications, 1 sign change.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, m, r, l, chi1, chi2, chi3, g } = *params;
         for (value, condition, meaning) in [
@@ -356,11 +340,6 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t1 = t0 * chi3;
         let t2 = t0 * chi2;
         let t3 = t0 * chi1;
-        let t4 = R::from_f64(2.0) * l;
-        let t5 = m * (l * l);
-        let t6 = t5 * (chi3 * chi3);
-        let t7 = l * chi1;
-        let t8 = t5 * (chi1 * chi1);
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -401,26 +380,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c1: t2 * g,
             c2: I2 - I3,
             c3: t3 * g,
-            c4: I1 - I3,
+            c4: I3 - I1,
             c5: I1 - I2,
-            c6: l * chi2,
-            c7: t4 * chi3 / r,
-            c8: I1 + t6,
-            c9: m * (r * r),
-            c10: t7 / r,
-            c11: m * r,
-            c12: l * chi3,
-            c13: t4 * chi1 / r,
-            c14: I2 + t6 + t8,
-            c15: I3 + t8,
-            c16: t3,
-            c17: t2,
-            c18: t1,
-            c19: t7,
-            c20: R::from_f64(0.5) * I1,
-            c21: R::from_f64(0.5) * I2,
-            c22: R::from_f64(0.5) * I3,
-            c23: R::from_f64(0.5) * m,
+            c6: l * chi3,
+            c7: l * chi2,
+            c8: l * chi1,
+            c9: t3,
+            c10: -t2,
+            c11: t1,
+            c12: R::from_f64(0.5) * I1,
+            c13: R::from_f64(0.5) * I2,
+            c14: R::from_f64(0.5) * I3,
+            c15: R::from_f64(0.5) * m,
         })
     }
 }
@@ -446,87 +417,85 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 42 additions, 67 multiplications (38 fused), 3 divisions.
+    /// 40 additions, 66 multiplications (40 fused), 3 divisions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 6], dy: &mut [R; 6]) {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
-        /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [r_Omega1, r_Omega2, r_Omega3] = [
-            self
-                .c2
-                .mul_add(Omega2 * Omega3, (-Gamma3).mul_add(self.c1, self.c0 * Gamma2)),
-            (-self.c4)
-                .mul_add(Omega1 * Omega3, (-Gamma1).mul_add(self.c0, self.c3 * Gamma3)),
-            self
-                .c5
-                .mul_add(Omega1 * Omega2, (-Gamma2).mul_add(self.c3, self.c1 * Gamma1)),
-        ];
-        /// mass matrix A = W^T L_yy Psi
-        let [t0, t1, A_Omega1_Omega1, t3, t4, t5, t6, A_Omega2_Omega2, A_Omega3_Omega3,
-        ] = {
-            let t0 = Gamma2.mul_add(self.r, self.c6);
-            let t1 = self.m * t0;
-            let t2 = Gamma3 * (self.c7 + Gamma3);
-            let t3 = self.c10 + Gamma1;
-            let t4 = self.c11 * t3;
-            let t5 = Gamma3.mul_add(self.r, self.c12);
-            let t7 = Gamma1 * (self.c13 + Gamma1);
-            [
-                t0,
-                t1,
-                t2.mul_add(self.c9, t0.mul_add(t1, self.c8)),
-                t3,
-                t4,
-                t5,
-                t4 * t5,
-                self.c9.mul_add(t2 + t7, self.c14),
-                t7.mul_add(self.c9, t0.mul_add(t1, self.c15)),
-            ]
-        };
-        /// right side f = W^T (r - L_yy lag)
-        let [f_Omega1, f_Omega2, f_Omega3] = {
-            let t8 = (-Omega1).mul_add(self.c17, self.c16 * Omega2);
-            let t9 = (-Omega1).mul_add(self.c18, self.c16 * Omega3);
-            let n_X1 = Omega3.mul_add(t9, Omega2 * t8);
-            let t10 = (-Omega3).mul_add(self.c17, self.c18 * Omega2);
-            let n_X2 = (-Omega1).mul_add(t8, -(Omega3 * t10));
-            let n_X3 = (-Omega1).mul_add(t9, Omega2 * t10);
-            let t11 = self.r * t3;
-            [
-                t0.mul_add(n_X3, (-t5).mul_add(n_X2, r_Omega1)),
-                (-n_X3).mul_add(t11, t5.mul_add(n_X1, r_Omega2)),
-                (-t0).mul_add(n_X1, n_X2.mul_add(t11, r_Omega3)),
-            ]
-        };
-        /// factors of A
-        let [t12, t14, t15, t16, A_l3_2, A_s2_3_3] = {
-            let t12 = A_Omega1_Omega1.recip();
-            let t13 = t4 * t12;
-            let t14 = t0 * t13;
-            let t15 = t5 * t13;
-            let A_s1_2_2 = (-t14).mul_add(t0 * t4, A_Omega2_Omega2);
-            let A_s1_2_3 = (-t6).mul_add(t14, -(t1 * t5));
-            let A_s1_3_3 = (-t6).mul_add(t15, A_Omega3_Omega3);
-            let t16 = A_s1_2_2.recip();
-            let A_l3_2 = A_s1_2_3 * t16;
-            [t12, t14, t15, t16, A_l3_2, (-A_s1_2_3).mul_add(A_l3_2, A_s1_3_3)]
-        };
-        /// substitution through the factors of A
-        let [dot_Omega3, dot_Omega2] = {
-            let z_Omega2 = f_Omega1.mul_add(t14, f_Omega2);
-            let dot_Omega3 = (-A_l3_2).mul_add(z_Omega2, f_Omega1.mul_add(t15, f_Omega3))
-                / A_s2_3_3;
-            [dot_Omega3, (-A_l3_2).mul_add(dot_Omega3, z_Omega2 * t16)]
-        };
-        *dy = [
-            t14.mul_add(dot_Omega2, t15.mul_add(dot_Omega3, f_Omega1 * t12)),
-            dot_Omega2,
-            dot_Omega3,
+        /// kinematics xdot = rho y
+        let [dot_Gamma1, dot_Gamma2, dot_Gamma3] = [
             (-Omega2).mul_add(Gamma3, Omega3 * Gamma2),
             (-Omega3).mul_add(Gamma1, Omega1 * Gamma3),
             (-Omega1).mul_add(Gamma2, Omega2 * Gamma1),
         ];
+        /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
+        let [r_Omega1, r_Omega2, r_Omega3] = [
+            Omega2
+                .mul_add(self.c2 * Omega3, (-Gamma3).mul_add(self.c1, self.c0 * Gamma2)),
+            Omega1
+                .mul_add(self.c4 * Omega3, (-Gamma1).mul_add(self.c0, self.c3 * Gamma3)),
+            Omega1
+                .mul_add(self.c5 * Omega2, (-Gamma2).mul_add(self.c3, self.c1 * Gamma1)),
+        ];
+        /// mass matrix A = W^T L_yy Psi
+        let [t0, t1, t2, A_Omega1_Omega1, t4, t6, A_Omega2_Omega2, A_Omega3_Omega3] = {
+            let t0 = Gamma3.mul_add(self.r, self.c6);
+            let t1 = self.m * t0;
+            let t2 = Gamma2.mul_add(self.r, self.c7);
+            let t3 = self.m * t2;
+            let t4 = Gamma1.mul_add(self.r, self.c8);
+            let t5 = self.m * t4;
+            [
+                t0,
+                t1,
+                t2,
+                t2.mul_add(t3, t0.mul_add(t1, self.I1)),
+                t4,
+                t2 * t5,
+                t4.mul_add(t5, t0.mul_add(t1, self.I2)),
+                t4.mul_add(t5, t2.mul_add(t3, self.I3)),
+            ]
+        };
+        /// right side f = W^T (r - L_yy lag)
+        let [f_Omega1, f_Omega2, f_Omega3] = {
+            let t7 = Omega1.mul_add(self.c10, self.c9 * Omega2);
+            let t8 = (-Omega1).mul_add(self.c11, self.c9 * Omega3);
+            let n_X1 = Omega3.mul_add(t8, Omega2 * t7);
+            let t9 = Omega3.mul_add(self.c10, self.c11 * Omega2);
+            let n_X2 = (-Omega1).mul_add(t7, -(Omega3 * t9));
+            let n_X3 = (-Omega1).mul_add(t8, Omega2 * t9);
+            [
+                (-t0).mul_add(n_X2, t2.mul_add(n_X3, r_Omega1)),
+                (-t4).mul_add(n_X3, t0.mul_add(n_X1, r_Omega2)),
+                (-t2).mul_add(n_X1, t4.mul_add(n_X2, r_Omega3)),
+            ]
+        };
+        /// factors of A
+        let [t10, t11, t13, t14, A_l3_2, A_s2_3_3] = {
+            let t10 = A_Omega1_Omega1.recip();
+            let t11 = t6 * t10;
+            let t12 = t1 * t4;
+            let t13 = t12 * t10;
+            let A_s1_2_2 = (-t6).mul_add(t11, A_Omega2_Omega2);
+            let A_s1_2_3 = (-t11).mul_add(t12, -(t1 * t2));
+            let A_s1_3_3 = (-t12).mul_add(t13, A_Omega3_Omega3);
+            let t14 = A_s1_2_2.recip();
+            let A_l3_2 = A_s1_2_3 * t14;
+            [t10, t11, t13, t14, A_l3_2, (-A_s1_2_3).mul_add(A_l3_2, A_s1_3_3)]
+        };
+        /// substitution through the factors of A
+        let [dot_Omega3, dot_Omega2, dot_Omega1] = {
+            let z_Omega2 = f_Omega1.mul_add(t11, f_Omega2);
+            let z_Omega3 = (-A_l3_2).mul_add(z_Omega2, f_Omega1.mul_add(t13, f_Omega3));
+            let dot_Omega3 = z_Omega3 / A_s2_3_3;
+            let dot_Omega2 = (-A_l3_2).mul_add(dot_Omega3, z_Omega2 * t14);
+            [
+                dot_Omega3,
+                dot_Omega2,
+                t11.mul_add(dot_Omega2, t13.mul_add(dot_Omega3, f_Omega1 * t10)),
+            ]
+        };
+        *dy = [dot_Omega1, dot_Omega2, dot_Omega3, dot_Gamma1, dot_Gamma2, dot_Gamma3];
     }
 
     /// Energy.
@@ -545,9 +514,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         /// velocities y = Psi u + psi0
         let [X1, X2, X3] = {
-            let t0 = Gamma3.mul_add(self.r, self.c12);
-            let t1 = Gamma2.mul_add(self.r, self.c6);
-            let t2 = Gamma1.mul_add(self.r, self.c19);
+            let t0 = Gamma3.mul_add(self.r, self.c6);
+            let t1 = Gamma2.mul_add(self.r, self.c7);
+            let t2 = Gamma1.mul_add(self.r, self.c8);
             [
                 (-Omega3).mul_add(t1, Omega2 * t0),
                 (-Omega1).mul_add(t0, Omega3 * t2),
@@ -555,15 +524,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             ]
         };
         let t3 = self
-            .c22
+            .c14
             .mul_add(
                 Omega3 * Omega3,
                 self
-                    .c21
+                    .c13
                     .mul_add(
                         Omega2 * Omega2,
                         self
-                            .c20
+                            .c12
                             .mul_add(
                                 Omega1 * Omega1,
                                 Gamma1
@@ -571,7 +540,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                             ),
                     ),
             );
-        self.c23.mul_add(X3.mul_add(X3, X2.mul_add(X2, X1 * X1)), t3)
+        self.c15.mul_add(X3.mul_add(X3, X2.mul_add(X2, X1 * X1)), t3)
     }
 
     /// Says which pivot vanishes at a point.
@@ -587,11 +556,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [_, _, _, Gamma1, Gamma2, Gamma3] = *y;
         /// mass matrix A = W^T L_yy Psi
         let [t1, t2, A_Omega1_Omega1, t6, t7, A_Omega2_Omega2, A_Omega3_Omega3] = {
-            let t0 = Gamma3.mul_add(self.r, self.c12);
+            let t0 = Gamma3.mul_add(self.r, self.c6);
             let t1 = self.m * t0;
-            let t2 = Gamma2.mul_add(self.r, self.c6);
+            let t2 = Gamma2.mul_add(self.r, self.c7);
             let t3 = self.m * t2;
-            let t4 = Gamma1.mul_add(self.r, self.c19);
+            let t4 = Gamma1.mul_add(self.r, self.c8);
             let t5 = self.m * t4;
             let t8 = t4 * t5;
             [
@@ -690,7 +659,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
     type Workspace = (
         ::hamel_runtime::Convolutions<R, 16>,
         ::hamel_runtime::Convolutions<R, 16>,
-        ::hamel_runtime::Convolutions<R, 12>,
+        ::hamel_runtime::Convolutions<R, 11>,
     );
     fn workspace(&self) -> Self::Workspace {
         (
@@ -704,7 +673,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
     ///
     /// # Operations
     ///
-    /// At each order k: 122 additions, 111 multiplications (95 fused), 2 sign changes, and 44 sums of k - 1 products.
+    /// At each order k: 120 additions, 107 multiplications (86 fused), 2 sign changes, and 43 sums of k - 1 products.
     fn series(
         &self,
         t: R,
@@ -753,155 +722,152 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             kept32,
             kept33,
             kept34,
+            kept35,
             ],
         ) = {
             let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
             let _ = t;
-            /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-            let [r_Omega1, r_Omega2, r_Omega3] = [
-                self
-                    .c2
-                    .mul_add(
-                        Omega2 * Omega3,
-                        (-Gamma3).mul_add(self.c1, self.c0 * Gamma2),
-                    ),
-                (-self.c4)
-                    .mul_add(
-                        Omega1 * Omega3,
-                        (-Gamma1).mul_add(self.c0, self.c3 * Gamma3),
-                    ),
-                self
-                    .c5
-                    .mul_add(
-                        Omega1 * Omega2,
-                        (-Gamma2).mul_add(self.c3, self.c1 * Gamma1),
-                    ),
+            /// kinematics xdot = rho y
+            let [dot_Gamma1, dot_Gamma2, dot_Gamma3] = [
+                (-Omega2).mul_add(Gamma3, Omega3 * Gamma2),
+                (-Omega3).mul_add(Gamma1, Omega1 * Gamma3),
+                (-Omega1).mul_add(Gamma2, Omega2 * Gamma1),
             ];
-            /// mass matrix A = W^T L_yy Psi
-            let [t0, t1, t2, A_Omega1_Omega1, t4, t5, t6, t7, t8, t9, A_Omega2_Omega2,
-            A_Omega3_Omega3] = {
-                let t0 = Gamma2.mul_add(self.r, self.c6);
-                let t1 = self.m * t0;
-                let t2 = self.c7 + Gamma3;
-                let t3 = Gamma3 * t2;
-                let t4 = self.c10 + Gamma1;
-                let t5 = self.c11 * t4;
-                let t7 = Gamma3.mul_add(self.r, self.c12);
-                let t9 = self.c13 + Gamma1;
-                let t10 = Gamma1 * t9;
+            /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
+            let [t0, r_Omega1, t1, r_Omega2, t2, r_Omega3] = {
+                let t0 = self.c2 * Omega3;
+                let t1 = self.c4 * Omega3;
+                let t2 = self.c5 * Omega2;
                 [
                     t0,
+                    t0.mul_add(Omega2, (-Gamma3).mul_add(self.c1, self.c0 * Gamma2)),
                     t1,
+                    t1.mul_add(Omega1, (-Gamma1).mul_add(self.c0, self.c3 * Gamma3)),
                     t2,
-                    t3.mul_add(self.c9, t0.mul_add(t1, self.c8)),
+                    t2.mul_add(Omega1, (-Gamma2).mul_add(self.c3, self.c1 * Gamma1)),
+                ]
+            };
+            /// mass matrix A = W^T L_yy Psi
+            let [t3, t4, t5, t6, A_Omega1_Omega1, t7, t8, t9, A_Omega2_Omega2,
+            A_Omega3_Omega3] = {
+                let t3 = Gamma3.mul_add(self.r, self.c6);
+                let t4 = self.m * t3;
+                let t5 = Gamma2.mul_add(self.r, self.c7);
+                let t6 = self.m * t5;
+                let t7 = Gamma1.mul_add(self.r, self.c8);
+                let t8 = self.m * t7;
+                [
+                    t3,
                     t4,
                     t5,
-                    t0 * t5,
+                    t6,
+                    t5.mul_add(t6, t3.mul_add(t4, self.I1)),
                     t7,
-                    t5 * t7,
-                    t9,
-                    self.c9.mul_add(t3 + t10, self.c14),
-                    t10.mul_add(self.c9, t0.mul_add(t1, self.c15)),
+                    t8,
+                    t5 * t8,
+                    t7.mul_add(t8, t3.mul_add(t4, self.I2)),
+                    t7.mul_add(t8, t5.mul_add(t6, self.I3)),
                 ]
             };
             /// right side f = W^T (r - L_yy lag)
-            let [t11, t12, n_X1, t13, n_X2, n_X3, f_Omega1, t14, f_Omega2, f_Omega3] = {
-                let t11 = (-Omega1).mul_add(self.c17, self.c16 * Omega2);
-                let t12 = (-Omega1).mul_add(self.c18, self.c16 * Omega3);
-                let n_X1 = Omega3.mul_add(t12, Omega2 * t11);
-                let t13 = (-Omega3).mul_add(self.c17, self.c18 * Omega2);
-                let n_X2 = (-Omega1).mul_add(t11, -(Omega3 * t13));
-                let n_X3 = (-Omega1).mul_add(t12, Omega2 * t13);
-                let t14 = self.r * t4;
+            let [t10, t11, n_X1, t12, n_X2, n_X3, f_Omega1, f_Omega2, f_Omega3] = {
+                let t10 = Omega1.mul_add(self.c10, self.c9 * Omega2);
+                let t11 = (-Omega1).mul_add(self.c11, self.c9 * Omega3);
+                let n_X1 = Omega3.mul_add(t11, Omega2 * t10);
+                let t12 = Omega3.mul_add(self.c10, self.c11 * Omega2);
+                let n_X2 = (-Omega1).mul_add(t10, -(Omega3 * t12));
+                let n_X3 = (-Omega1).mul_add(t11, Omega2 * t12);
                 [
+                    t10,
                     t11,
-                    t12,
                     n_X1,
-                    t13,
+                    t12,
                     n_X2,
                     n_X3,
-                    t0.mul_add(n_X3, (-t7).mul_add(n_X2, r_Omega1)),
-                    t14,
-                    (-n_X3).mul_add(t14, t7.mul_add(n_X1, r_Omega2)),
-                    (-t0).mul_add(n_X1, n_X2.mul_add(t14, r_Omega3)),
+                    (-t3).mul_add(n_X2, t5.mul_add(n_X3, r_Omega1)),
+                    (-t7).mul_add(n_X3, t3.mul_add(n_X1, r_Omega2)),
+                    (-t5).mul_add(n_X1, t7.mul_add(n_X2, r_Omega3)),
                 ]
             };
             /// factors of A
-            let [t15, t16, t17, t18, A_s1_2_3, t19, A_l3_2, A_s2_3_3] = {
-                let t15 = A_Omega1_Omega1.recip();
-                let t16 = t5 * t15;
-                let t17 = t0 * t16;
-                let t18 = t7 * t16;
-                let A_s1_2_2 = (-t6).mul_add(t17, A_Omega2_Omega2);
-                let A_s1_2_3 = (-t8).mul_add(t17, -(t1 * t7));
-                let A_s1_3_3 = (-t8).mul_add(t18, A_Omega3_Omega3);
-                let t19 = A_s1_2_2.recip();
-                let A_l3_2 = A_s1_2_3 * t19;
+            let [t13, t14, t15, t16, A_s1_2_3, t17, A_l3_2, A_s2_3_3] = {
+                let t13 = A_Omega1_Omega1.recip();
+                let t14 = t9 * t13;
+                let t15 = t4 * t7;
+                let t16 = t15 * t13;
+                let A_s1_2_2 = (-t9).mul_add(t14, A_Omega2_Omega2);
+                let A_s1_2_3 = (-t14).mul_add(t15, -(t4 * t5));
+                let A_s1_3_3 = (-t15).mul_add(t16, A_Omega3_Omega3);
+                let t17 = A_s1_2_2.recip();
+                let A_l3_2 = A_s1_2_3 * t17;
                 [
+                    t13,
+                    t14,
                     t15,
                     t16,
-                    t17,
-                    t18,
                     A_s1_2_3,
-                    t19,
+                    t17,
                     A_l3_2,
                     (-A_s1_2_3).mul_add(A_l3_2, A_s1_3_3),
                 ]
             };
             /// substitution through the factors of A
-            let [z_Omega2, dot_Omega3, t20, dot_Omega2] = {
-                let z_Omega2 = f_Omega1.mul_add(t17, f_Omega2);
-                let dot_Omega3 = (-A_l3_2)
-                    .mul_add(z_Omega2, f_Omega1.mul_add(t18, f_Omega3)) / A_s2_3_3;
-                let t20 = z_Omega2 * t19;
-                [z_Omega2, dot_Omega3, t20, (-A_l3_2).mul_add(dot_Omega3, t20)]
-            };
-            let t21 = f_Omega1 * t15;
-            (
+            let [z_Omega2, dot_Omega3, t18, dot_Omega2, t19, dot_Omega1] = {
+                let z_Omega2 = f_Omega1.mul_add(t14, f_Omega2);
+                let z_Omega3 = (-A_l3_2)
+                    .mul_add(z_Omega2, f_Omega1.mul_add(t16, f_Omega3));
+                let dot_Omega3 = z_Omega3 / A_s2_3_3;
+                let t18 = z_Omega2 * t17;
+                let dot_Omega2 = (-A_l3_2).mul_add(dot_Omega3, t18);
+                let t19 = f_Omega1 * t13;
                 [
-                    t17.mul_add(dot_Omega2, t18.mul_add(dot_Omega3, t21)),
-                    dot_Omega2,
+                    z_Omega2,
                     dot_Omega3,
-                    (-Omega2).mul_add(Gamma3, Omega3 * Gamma2),
-                    (-Omega3).mul_add(Gamma1, Omega1 * Gamma3),
-                    (-Omega1).mul_add(Gamma2, Omega2 * Gamma1),
-                ],
+                    t18,
+                    dot_Omega2,
+                    t19,
+                    t14.mul_add(dot_Omega2, t16.mul_add(dot_Omega3, t19)),
+                ]
+            };
+            (
+                [dot_Omega1, dot_Omega2, dot_Omega3, dot_Gamma1, dot_Gamma2, dot_Gamma3],
                 [
-                    Omega2,
                     Omega3,
-                    Omega1,
+                    Gamma2,
+                    Omega2,
                     Gamma3,
-                    t2,
+                    Omega1,
+                    Gamma1,
                     t0,
                     t1,
+                    t2,
+                    t3,
+                    t4,
                     t5,
+                    t6,
+                    t8,
                     t7,
-                    Gamma1,
-                    t9,
+                    t10,
                     t11,
                     t12,
-                    t13,
-                    n_X2,
                     n_X3,
+                    n_X2,
                     n_X1,
+                    t13,
                     t14,
-                    t15,
                     t16,
-                    t6,
+                    t9,
+                    t15,
                     t17,
-                    t8,
-                    t18,
-                    t19,
                     A_l3_2,
                     A_s1_2_3,
                     f_Omega1,
                     z_Omega2,
                     dot_Omega3,
                     A_s2_3_3.recip(),
-                    t20,
-                    t21,
+                    t18,
+                    t19,
                     dot_Omega2,
-                    Gamma2,
                 ],
             )
         };
@@ -916,228 +882,201 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             let [sum16, sum17, sum18, sum19, sum20, sum21, sum22, sum23, sum24, sum25,
             sum26, sum27, sum28, sum29, sum30, sum31] = workspace.1.sums();
             let [sum32, sum33, sum34, sum35, sum36, sum37, sum38, sum39, sum40, sum41,
-            sum42, sum43] = workspace.2.sums();
+            sum42] = workspace.2.sums();
+            /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
+            let [t0, t1, t2] = [self.c2 * Omega3, self.c4 * Omega3, self.c5 * Omega2];
             /// mass matrix A = W^T L_yy Psi
-            let [t0, t1, t2, t3, t4, t5, t6, t7, t8, t9] = {
-                let t0 = self.r * Gamma2;
-                let t1 = self.m * t0;
-                let t2 = kept3.mul_add(Gamma3, kept4.mul_add(Gamma3, sum3));
-                let t3 = kept5.mul_add(t1, kept6.mul_add(t0, sum4));
-                let t5 = self.c11 * Gamma1;
-                let t7 = self.r * Gamma3;
+            let [t3, t4, t5, t6, t7, t8, t9, t10, t11, t12, t13] = {
+                let t3 = self.r * Gamma3;
+                let t4 = self.m * t3;
+                let t5 = self.r * Gamma2;
+                let t6 = self.m * t5;
+                let t7 = kept9.mul_add(t4, kept10.mul_add(t3, sum9));
+                let t8 = kept11.mul_add(t6, kept12.mul_add(t5, sum10));
+                let t10 = self.r * Gamma1;
+                let t11 = self.m * t10;
                 [
-                    t0,
-                    t1,
-                    t2,
                     t3,
-                    t2.mul_add(self.c9, t3),
+                    t4,
                     t5,
-                    kept5.mul_add(t5, kept7.mul_add(t0, sum5)),
+                    t6,
                     t7,
-                    kept7.mul_add(t7, kept8.mul_add(t5, sum6)),
-                    kept9.mul_add(Gamma1, kept10.mul_add(Gamma1, sum7)),
+                    t8,
+                    t8 + t7,
+                    t10,
+                    t11,
+                    kept11.mul_add(t11, kept13.mul_add(t5, sum11)),
+                    kept14.mul_add(t11, kept13.mul_add(t10, sum12)),
                 ]
             };
             /// right side f = W^T (r - L_yy lag)
-            let [t10, t11, t12, t13, t14, t15, t17, t18, t19, t20] = {
-                let t10 = (-Omega1).mul_add(self.c17, self.c16 * Omega2);
-                let t11 = (-Omega1).mul_add(self.c18, self.c16 * Omega3);
-                let t12 = kept1.mul_add(t11, kept12.mul_add(Omega3, sum10))
-                    + kept0.mul_add(t10, kept11.mul_add(Omega2, sum9));
-                let t13 = (-Omega3).mul_add(self.c17, self.c18 * Omega2);
-                let t14 = -(kept2.mul_add(t10, kept11.mul_add(Omega1, sum12))
-                    + kept1.mul_add(t13, kept13.mul_add(Omega3, sum11)));
-                let t15 = kept0.mul_add(t13, kept13.mul_add(Omega2, sum13))
-                    - kept2.mul_add(t11, kept12.mul_add(Omega1, sum14));
-                let t16 = self
-                    .c2
-                    .mul_add(
-                        kept0.mul_add(Omega3, kept1.mul_add(Omega2, sum0)),
-                        (-Gamma3).mul_add(self.c1, self.c0 * Gamma2),
-                    ) - kept8.mul_add(t14, kept14.mul_add(t7, sum15));
-                let t18 = self.r * Gamma1;
+            let [t14, t15, t16, t17, t18, t19, t20, t21, t22] = {
+                let t14 = Omega2.mul_add(self.c9, self.c10 * Omega1);
+                let t15 = (-Omega1).mul_add(self.c11, self.c9 * Omega3);
+                let t16 = kept0.mul_add(t15, kept16.mul_add(Omega3, sum15))
+                    + kept2.mul_add(t14, kept15.mul_add(Omega2, sum14));
+                let t17 = Omega2.mul_add(self.c11, self.c10 * Omega3);
+                let t18 = -(kept4.mul_add(t14, kept15.mul_add(Omega1, sum17))
+                    + kept0.mul_add(t17, kept17.mul_add(Omega3, sum16)));
+                let t19 = kept2.mul_add(t17, kept17.mul_add(Omega2, sum18))
+                    - kept4.mul_add(t15, kept16.mul_add(Omega1, sum19));
                 [
-                    t10,
-                    t11,
-                    t12,
-                    t13,
                     t14,
                     t15,
-                    kept5.mul_add(t15, kept15.mul_add(t0, sum16)) + t16,
+                    t16,
+                    t17,
                     t18,
-                    kept8.mul_add(t12, kept16.mul_add(t7, sum17))
-                        + (-self.c4)
-                            .mul_add(
-                                kept2.mul_add(Omega3, kept1.mul_add(Omega1, sum1)),
-                                (-Gamma1).mul_add(self.c0, self.c3 * Gamma3),
-                            ),
-                    kept14.mul_add(t18, kept17.mul_add(t14, sum19))
-                        + self
-                            .c5
-                            .mul_add(
-                                kept2.mul_add(Omega2, kept0.mul_add(Omega1, sum2)),
-                                (-Gamma2).mul_add(self.c3, self.c1 * Gamma1),
-                            ),
+                    t19,
+                    kept11.mul_add(t19, kept18.mul_add(t5, sum20))
+                        + (kept6.mul_add(Omega2, kept2.mul_add(t0, sum6))
+                            + (-Gamma3).mul_add(self.c1, self.c0 * Gamma2))
+                        - kept9.mul_add(t18, kept19.mul_add(t3, sum21)),
+                    kept9.mul_add(t16, kept20.mul_add(t3, sum22))
+                        + (kept7.mul_add(Omega1, kept4.mul_add(t1, sum7))
+                            + (-Gamma1).mul_add(self.c0, self.c3 * Gamma3))
+                        - kept14.mul_add(t19, kept18.mul_add(t10, sum23)),
+                    kept14.mul_add(t18, kept19.mul_add(t10, sum24))
+                        + (kept8.mul_add(Omega1, kept4.mul_add(t2, sum8))
+                            + (-Gamma2).mul_add(self.c3, self.c1 * Gamma1))
+                        - kept11.mul_add(t16, kept20.mul_add(t5, sum25)),
                 ]
             };
             /// factors of A
-            let [t21, t22, t23, t24, t25, t26, t27] = {
-                let t21 = kept18 * (-kept19).mul_add(t4, t5 - sum21);
-                let t22 = kept5.mul_add(t21, kept19.mul_add(t0, sum22));
-                let t23 = kept8.mul_add(t21, kept19.mul_add(t7, sum23));
-                let t24 = self
-                    .c9
-                    .mul_add(t2 + t9, -kept20.mul_add(t22, kept21.mul_add(t6, sum24)));
-                let t25 = -(kept22.mul_add(t22, kept21.mul_add(t8, sum25))
-                    + kept6.mul_add(t7, kept8.mul_add(t1, sum8)));
-                let t26 = kept24 * (-kept25).mul_add(t24, t25 - sum27);
+            let [t23, t24, t25, t26, t27, t28, t29] = {
+                let t23 = kept21 * (-kept22).mul_add(t9, t12 - sum26);
+                let t24 = kept10.mul_add(t10, kept14.mul_add(t4, sum27));
+                let t25 = kept21 * (-kept23).mul_add(t9, t24 - sum28);
+                let t26 = t13 + t7 - kept24.mul_add(t23, kept22.mul_add(t12, sum29));
+                let t27 = -(kept22.mul_add(t24, kept25.mul_add(t23, sum30))
+                    + kept10.mul_add(t5, kept11.mul_add(t4, sum13)));
+                let t28 = kept26 * (-kept27).mul_add(t26, t27 - sum32);
                 [
-                    t21,
-                    t22,
                     t23,
                     t24,
                     t25,
                     t26,
-                    t9.mul_add(self.c9, t3)
-                        - kept22.mul_add(t23, kept23.mul_add(t8, sum26))
-                        - kept26.mul_add(t26, kept25.mul_add(t25, sum28)),
+                    t27,
+                    t28,
+                    t13 + t8 - kept25.mul_add(t25, kept23.mul_add(t24, sum31))
+                        - kept28.mul_add(t28, kept27.mul_add(t27, sum33)),
                 ]
             };
             /// substitution through the factors of A
-            let [t28, t30, t31, t32] = {
-                let t28 = kept27.mul_add(t22, kept21.mul_add(t17, sum29))
-                    + (t19 - kept15.mul_add(t18, kept17.mul_add(t15, sum18)));
-                let t29 = kept27.mul_add(t23, kept23.mul_add(t17, sum30))
-                    + (t20 - kept5.mul_add(t12, kept16.mul_add(t0, sum20)))
-                    - kept25.mul_add(t28, kept28.mul_add(t26, sum31)) - sum32;
-                let t30 = kept30 * (-kept29).mul_add(t27, t29);
-                let t31 = kept24 * (-kept31).mul_add(t24, t28 - sum33);
-                [t28, t30, t31, t31 - kept25.mul_add(t30, kept29.mul_add(t26, sum34))]
+            let [t30, t31, t32, t33, t34] = {
+                let t30 = kept29.mul_add(t23, kept22.mul_add(t20, sum34)) + t21;
+                let t31 = kept32
+                    * (-kept31)
+                        .mul_add(
+                            t29,
+                            kept29.mul_add(t25, kept23.mul_add(t20, sum35)) + t22
+                                - kept27.mul_add(t30, kept30.mul_add(t28, sum36)) - sum37,
+                        );
+                let t32 = kept26 * (-kept33).mul_add(t26, t30 - sum38);
+                [
+                    t30,
+                    t31,
+                    t32,
+                    t32 - kept27.mul_add(t31, kept31.mul_add(t28, sum39)),
+                    kept21 * (-kept34).mul_add(t9, t20 - sum40),
+                ]
             };
-            let t33 = kept18 * (-kept32).mul_add(t4, t17 - sum35);
             workspace
                 .0
                 .push(
                     [
+                        Omega3,
                         Omega2,
                         Omega1,
+                        Omega3,
+                        Omega2,
                         Omega1,
-                        Gamma3,
                         t0,
-                        t0,
-                        t5,
-                        Gamma1,
                         t1,
+                        t2,
+                        t3,
+                        t5,
+                        t5,
                         t10,
-                        t11,
-                        t13,
-                        t10,
-                        t13,
-                        t11,
-                        t7,
+                        t4,
+                        t14,
+                        t15,
                     ],
                     [
-                        Omega3,
-                        Omega3,
-                        Omega2,
+                        Gamma2,
                         Gamma3,
-                        t1,
-                        t5,
-                        t7,
+                        Gamma3,
                         Gamma1,
-                        t7,
-                        Omega2,
-                        Omega3,
-                        Omega3,
-                        Omega1,
+                        Gamma1,
+                        Gamma2,
                         Omega2,
                         Omega1,
-                        t14,
+                        Omega1,
+                        t4,
+                        t6,
+                        t11,
+                        t11,
+                        t5,
+                        Omega2,
+                        Omega3,
                     ],
                 );
             workspace
                 .1
                 .push(
                     [
-                        t0,
-                        t7,
-                        t15,
+                        t17,
                         t14,
-                        t0,
+                        t17,
+                        t15,
+                        t5,
+                        t3,
+                        t3,
+                        t10,
+                        t10,
+                        t5,
+                        t9,
                         t4,
-                        t0,
-                        t7,
-                        t6,
-                        t8,
-                        t8,
+                        t9,
+                        t12,
+                        t23,
                         t24,
-                        t25,
-                        t17,
-                        t17,
-                        t26,
                     ],
                     [
-                        t15,
-                        t12,
+                        Omega3,
+                        Omega1,
+                        Omega2,
+                        Omega1,
+                        t19,
                         t18,
+                        t16,
+                        t19,
                         t18,
-                        t12,
-                        t21,
-                        t21,
-                        t21,
-                        t22,
-                        t22,
+                        t16,
                         t23,
-                        t26,
-                        t26,
-                        t22,
+                        t10,
+                        t25,
                         t23,
-                        t28,
+                        t24,
+                        t25,
                     ],
                 );
             workspace
                 .2
                 .push(
-                    [
-                        t27,
-                        t24,
-                        t26,
-                        t4,
-                        t23,
-                        t22,
-                        Omega3,
-                        Omega2,
-                        Omega1,
-                        Omega3,
-                        Omega2,
-                        Omega1,
-                    ],
-                    [
-                        t30,
-                        t31,
-                        t30,
-                        t33,
-                        t30,
-                        t32,
-                        Gamma2,
-                        Gamma3,
-                        Gamma3,
-                        Gamma1,
-                        Gamma1,
-                        Gamma2,
-                    ],
+                    [t26, t27, t20, t20, t28, t29, t26, t28, t9, t25, t23],
+                    [t28, t28, t23, t25, t30, t31, t32, t31, t34, t31, t33],
                 );
             let derivative = [
-                kept21.mul_add(t32, kept33.mul_add(t22, sum37))
-                    + (kept23.mul_add(t30, kept29.mul_add(t23, sum36)) + t33),
-                t32,
-                t30,
-                kept1.mul_add(Gamma2, kept34.mul_add(Omega3, sum38))
-                    - kept0.mul_add(Gamma3, kept3.mul_add(Omega2, sum39)),
-                kept2.mul_add(Gamma3, kept3.mul_add(Omega1, sum40))
-                    - kept1.mul_add(Gamma1, kept9.mul_add(Omega3, sum41)),
-                kept0.mul_add(Gamma1, kept9.mul_add(Omega2, sum42))
-                    - kept2.mul_add(Gamma2, kept34.mul_add(Omega1, sum43)),
+                kept22.mul_add(t33, kept35.mul_add(t23, sum42))
+                    + (kept23.mul_add(t31, kept31.mul_add(t25, sum41)) + t34),
+                t33,
+                t31,
+                kept0.mul_add(Gamma2, kept1.mul_add(Omega3, sum0))
+                    - kept2.mul_add(Gamma3, kept3.mul_add(Omega2, sum1)),
+                kept4.mul_add(Gamma3, kept3.mul_add(Omega1, sum2))
+                    - kept0.mul_add(Gamma1, kept5.mul_add(Omega3, sum3)),
+                kept2.mul_add(Gamma1, kept5.mul_add(Omega2, sum4))
+                    - kept4.mul_add(Gamma2, kept1.mul_add(Omega1, sum5)),
             ];
             let scale = R::ratio(1.0, f64::from(k + 1));
             coefficient = derivative.map(|derivative| derivative * scale);

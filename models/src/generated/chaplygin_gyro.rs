@@ -292,9 +292,9 @@ pub struct Prepared<R = f64> {
     r: R,
     /// Parameter `rho`.
     rho: R,
-    /// `mu * g`
-    c0: R,
     /// `mu * rho * g`
+    c0: R,
+    /// `-(mu * g)`
     c1: R,
     /// `mu * (rho * rho)`
     c2: R,
@@ -308,11 +308,11 @@ pub struct Prepared<R = f64> {
     c6: R,
     /// `r * r * (M + mu)`
     c7: R,
-    /// `2 * mu * r * rho`
-    c8: R,
     /// `mu * rho`
+    c8: R,
+    /// `-(mu * r + M * r)`
     c9: R,
-    /// `M + mu`
+    /// `-(M + mu)`
     c10: R,
     /// `1 / (mu * (rho * rho))`
     c11: R,
@@ -328,30 +328,36 @@ pub struct Prepared<R = f64> {
     c16: R,
     /// `r / rho`
     c17: R,
-    /// `2 * r / rho`
+    /// `0.5 * r * (M + mu) / (mu * rho)`
     c18: R,
-    /// `r * r * (M + mu) / (mu * (rho * rho))`
+    /// `2 * mu * r * rho`
     c19: R,
-    /// `r * (M + mu) / (mu * rho)`
+    /// `6 * I1`
     c20: R,
-    /// `mu * (r * r)`
+    /// `6 * mu * (rho * rho)`
     c21: R,
-    /// `M * r`
+    /// `7 * I2`
     c22: R,
-    /// `2 * mu * (rho * rho)`
+    /// `7 * mu * (rho * rho)`
     c23: R,
-    /// `0.5 * rho / r`
+    /// `9 * I3`
     c24: R,
-    /// `2 * mu * rho / (mu * r + M * r)`
+    /// `M * r`
     c25: R,
-    /// `r * (mu * r + M * r)`
+    /// `2 * mu * (rho * rho)`
     c26: R,
-    /// `I2 - I3`
+    /// `0.5 * rho / r`
     c27: R,
-    /// `I1 - I3`
+    /// `2 * mu * rho / (mu * r + M * r)`
     c28: R,
-    /// `I2 - I1`
+    /// `r * (mu * r + M * r)`
     c29: R,
+    /// `I3 - I2`
+    c30: R,
+    /// `I3 - I1`
+    c31: R,
+    /// `I1 - I2`
+    c32: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -365,7 +371,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 5 additions, 25 multiplications, 9 divisions.
+    /// 5 additions, 32 multiplications, 7 divisions, 3 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, M, mu, r, rho, g } = *params;
         for (value, condition, meaning) in [
@@ -404,11 +410,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t4 = R::from_f64(2.0) * mu;
         let t5 = t4 * rho;
         let t6 = M + mu;
-        let t7 = r * t6;
-        let t8 = r * r;
-        let t9 = t8 * t6;
-        let t10 = M * r;
-        let t11 = t3 + t10;
+        let t7 = M * r;
+        let t8 = t3 + t7;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -459,17 +462,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             mu,
             r,
             rho,
-            c0: mu * g,
-            c1: t0 * g,
+            c0: t0 * g,
+            c1: -(mu * g),
             c2: t2,
             c3: rho / r,
             c4: t3 * rho,
             c5: t1,
-            c6: t5 / t7,
-            c7: t9,
-            c8: t4 * r * rho,
-            c9: t0,
-            c10: t6,
+            c6: t5 / (r * t6),
+            c7: r * r * t6,
+            c8: t0,
+            c9: -t8,
+            c10: -t6,
             c11: t2.recip(),
             c12: R::from_f64(0.5) * I1,
             c13: R::from_f64(0.5) * I2,
@@ -477,18 +480,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c15: R::from_f64(0.5) * M,
             c16: R::from_f64(0.5) * mu,
             c17: r / rho,
-            c18: R::from_f64(2.0) * r / rho,
-            c19: t9 / t2,
-            c20: t7 / t0,
-            c21: mu * t8,
-            c22: t10,
-            c23: t4 * t1,
-            c24: R::from_f64(0.5) * rho / r,
-            c25: t5 / t11,
-            c26: r * t11,
-            c27: I2 - I3,
-            c28: I1 - I3,
-            c29: I2 - I1,
+            c18: R::from_f64(0.5) * r * t6 / t0,
+            c19: t4 * r * rho,
+            c20: R::from_f64(6.0) * I1,
+            c21: R::from_f64(6.0) * mu * t1,
+            c22: R::from_f64(7.0) * I2,
+            c23: R::from_f64(7.0) * mu * t1,
+            c24: R::from_f64(9.0) * I3,
+            c25: t7,
+            c26: t4 * t1,
+            c27: R::from_f64(0.5) * rho / r,
+            c28: t5 / t8,
+            c29: r * t8,
+            c30: I3 - I2,
+            c31: I3 - I1,
+            c32: I1 - I2,
         })
     }
 }
@@ -514,7 +520,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 178 additions, 264 multiplications (172 fused), 4 divisions, 2 elementary functions.
+    /// 178 additions, 259 multiplications (168 fused), 4 divisions, 2 elementary functions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 10], dy: &mut [R; 10]) {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, Gamma1, Gamma2,
@@ -588,85 +594,87 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             ]
         };
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [t24, t25, t27, t29, t31, t32, t33, t35, t37, r_alpha_dot, r_beta_dot,
-        r_Omega2, r_Omega3, r_X1, r_X2, r_X3] = {
-            let t24 = (-beta_dot).mul_add(t14, t11.mul_add(t17, Omega1 * t9));
-            let t25 = (-Omega2).mul_add(t17, Omega1.mul_add(t8, -(beta_dot * t5)));
-            let t26 = t8.mul_add(t11, beta_dot.mul_add(t10, Omega2 * t9));
-            let dL_dbeta = (-t21)
+        let [t24, t26, r_alpha_dot, r_beta_dot, r_Omega1, r_Omega2, r_Omega3, r_X1, r_X2,
+        r_X3] = {
+            let t24 = t3 * t7;
+            let t25 = self.c0 * t24;
+            let t26 = t3 * t6;
+            let t27 = self.c0 * t26;
+            let t28 = Gamma1.mul_add(t27, -(Gamma2 * t25));
+            let t29 = Omega1.mul_add(t10, Omega2 * t14);
+            let dL_dalpha = (-t18)
+                .mul_add(t22, (-t12).mul_add(t21, t23.mul_add(t29, t28)));
+            let t30 = t8.mul_add(t11, beta_dot.mul_add(t10, Omega2 * t9));
+            let t31 = (-beta_dot).mul_add(t14, t11.mul_add(t17, Omega1 * t9));
+            let t32 = (-Omega2).mul_add(t17, Omega1.mul_add(t8, -(beta_dot * t5)));
+            let dL_dbeta = (-self.mu)
                 .mul_add(
-                    t26,
-                    t22
+                    (-t13).mul_add(t31, t19.mul_add(t30, -(t15 * t32))),
+                    self.c1 * Gamma1.mul_add(t17, Gamma2.mul_add(t8, -(Gamma3 * t9))),
+                );
+            let t33 = self.c0 * t4;
+            let t34 = t10.mul_add(t19, t13 * t14);
+            let t35 = self.mu * alpha_dot;
+            let t36 = (-t8).mul_add(t19, t13 * t17);
+            let t37 = self.mu * beta_dot;
+            let t38 = t37
+                .mul_add(
+                    t10.mul_add(t31, t14.mul_add(t30, t36)),
+                    (-t10).mul_add(t18, t12.mul_add(t14, -t34)) * t35,
+                );
+            let t39 = t37
+                .mul_add(
+                    (-t9)
+                        .mul_add(t13, (-t14).mul_add(t32, (-t8).mul_add(t15, t5 * t31))),
+                    (-t35)
                         .mul_add(
-                            t24,
-                            t23
+                            t14.mul_add(t29, t5.mul_add(t18, t20)),
+                            (-t2)
                                 .mul_add(
-                                    t25,
-                                    -(self.c0
-                                        * Gamma1.mul_add(t17, Gamma2.mul_add(t8, -(Gamma3 * t9)))),
+                                    p_X2,
+                                    Omega3
+                                        .mul_add(
+                                            p_Omega2,
+                                            t1.mul_add(p_X3, (-Gamma3).mul_add(t27, Gamma2 * t33)),
+                                        ),
                                 ),
                         ),
                 );
-            let t27 = t3 * t7;
-            let t28 = self.c1 * t27;
-            let t29 = self.c1 * t4;
-            let t30 = t10.mul_add(t19, t13 * t14);
-            let t31 = self.mu * alpha_dot;
-            let t32 = t3 * t6;
-            let t33 = Gamma1 * t32;
-            let t34 = (-t8).mul_add(t19, t13 * t17);
-            let t35 = self.mu * beta_dot;
-            let t36 = (-t35)
+            let t40 = (-t35)
                 .mul_add(
-                    t10.mul_add(t24, t14.mul_add(t26, t34)),
-                    (-t31)
-                        .mul_add(
-                            (-t10).mul_add(t18, t12.mul_add(t14, -t30)),
-                            t33.mul_add(self.c1, -(Gamma2 * t28)),
-                        ),
-                );
-            let t37 = Omega1.mul_add(t10, Omega2 * t14);
-            let t38 = (-t31)
-                .mul_add(
-                    (-t10).mul_add(t37, (-t5).mul_add(t12, t16)),
+                    (-t10).mul_add(t29, (-t5).mul_add(t12, t16)),
                     t2
                         .mul_add(
                             p_X1,
                             (-Omega3)
                                 .mul_add(
                                     p_Omega1,
-                                    (-t0).mul_add(p_X3, Gamma3.mul_add(t28, -(Gamma1 * t29))),
+                                    (-t0).mul_add(p_X3, Gamma3.mul_add(t25, -(Gamma1 * t33))),
                                 ),
                         ),
                 );
             [
                 t24,
-                t25,
-                t27,
-                t29,
-                t31,
-                t32,
-                t33,
-                t35,
-                t37,
-                (-t18).mul_add(t22, (-t12).mul_add(t21, t23.mul_add(t37, t36))),
-                t35
+                t26,
+                dL_dalpha - t38,
+                t37
                     .mul_add(
                         (-t8)
                             .mul_add(
-                                t24,
-                                t9.mul_add(t25, t17.mul_add(t26, t5.mul_add(t15, t30))),
+                                t31,
+                                t9.mul_add(t32, t17.mul_add(t30, t5.mul_add(t15, t34))),
                             ),
-                        t31
+                        t35
                             .mul_add(
-                                t9.mul_add(t37, t8.mul_add(t18, t12.mul_add(t17, -t34))),
+                                t9.mul_add(t29, t8.mul_add(t18, t12.mul_add(t17, -t36))),
                                 dL_dbeta,
                             ),
                     ),
-                t35
+                (-Omega2).mul_add(p_Omega3, t39),
+                t37
                     .mul_add(
-                        t9.mul_add(t19, t10.mul_add(t25, t5.mul_add(t26, t15 * t17))),
-                        Omega1.mul_add(p_Omega3, t38),
+                        t9.mul_add(t19, t10.mul_add(t32, t5.mul_add(t30, t15 * t17))),
+                        Omega1.mul_add(p_Omega3, t40),
                     ),
                 t0
                     .mul_add(
@@ -674,205 +682,151 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         (-Omega1)
                             .mul_add(
                                 p_Omega2,
-                                (-t1).mul_add(p_X1, Omega2.mul_add(p_Omega1, t36)),
+                                (-t1).mul_add(p_X1, Omega2.mul_add(p_Omega1, t28)),
                             ),
-                    ),
+                    ) - t38,
                 Omega3
-                    .mul_add(p_X2, (-Omega2).mul_add(p_X3, t26.mul_add(t35, t12 * t31))),
+                    .mul_add(p_X2, (-Omega2).mul_add(p_X3, t30.mul_add(t37, t12 * t35))),
                 (-Omega3)
-                    .mul_add(p_X1, Omega1.mul_add(p_X3, (-t24).mul_add(t35, t18 * t31))),
+                    .mul_add(p_X1, Omega1.mul_add(p_X3, (-t31).mul_add(t37, t18 * t35))),
                 (-Omega1)
                     .mul_add(
                         p_X2,
-                        Omega2.mul_add(p_X1, (-t25).mul_add(t35, -(t37 * t31))),
+                        Omega2.mul_add(p_X1, (-t32).mul_add(t37, -(t29 * t35))),
                     ),
             ]
         };
         /// accelerations of the dependent velocities at udot = 0
-        let [lag_X1, lag_X2, lag_X3] = [
-            Omega2.mul_add(t2, -(Omega3 * t1)),
-            Omega3.mul_add(t0, -(Omega1 * t2)),
-            Omega1.mul_add(t1, -(Omega2 * t0)),
-        ];
+        let lag_X3 = Omega1.mul_add(t1, -(Omega2 * t0));
         /// mass matrix A = W^T L_yy Psi
-        let [A_alpha_dot_alpha_dot, t41, t42, A_alpha_dot_Omega3, A_beta_dot_Omega1,
-        A_beta_dot_Omega2, t50, A_Omega1_Omega1, A_Omega1_Omega2, A_Omega1_Omega3,
-        A_Omega2_Omega2, A_Omega2_Omega3, A_Omega3_Omega3] = {
-            let t39 = self.c2 * t3;
-            let A_alpha_dot_alpha_dot = t3 * t39;
-            let t40 = self.c4 * t4.mul_add(self.c3, Gamma3);
-            let t41 = t27 * t40;
-            let t42 = t32 * t40;
-            let t43 = Gamma2 * t32;
-            let t44 = Gamma1 * t27;
-            let t45 = t43 + t44;
-            let t46 = self.c4 * t3;
-            let t47 = self.c4 * t4;
-            let t48 = Gamma3 * t47;
-            let t49 = self.c5 * t7;
-            let t51 = t4.mul_add(self.c6, Gamma3);
-            let t52 = self.c7 * Gamma3;
-            let t53 = Gamma2 * Gamma2;
-            let t54 = t4 * t4;
-            let t55 = self.c7 * Gamma1;
+        let [A_alpha_dot_alpha_dot, t42, t43, t44, t45, A_alpha_dot_Omega3, t46, t47,
+        A_beta_dot_Omega1, t49, A_beta_dot_Omega2, A_beta_dot_Omega3, A_Omega1_Omega1,
+        A_Omega1_Omega2, A_Omega1_Omega3, A_Omega2_Omega2, A_Omega2_Omega3,
+        A_Omega3_Omega3] = {
+            let A_alpha_dot_alpha_dot = self.c2 * (t3 * t3);
+            let t41 = t4.mul_add(self.c3, Gamma3);
+            let t42 = self.c4 * t24;
+            let t43 = t41 * t42;
+            let t44 = self.c4 * t26;
+            let t45 = t41 * t44;
+            let t46 = self.c4 * t4;
+            let t47 = t6 * t46;
+            let t48 = self.c4 * t3;
+            let t49 = t7 * t46;
+            let t50 = self.c5 * t7;
+            let t51 = self.c7 * t26.mul_add(self.c6, Gamma2);
+            let t52 = self.c2 * t26;
+            let t53 = t4.mul_add(self.c6, Gamma3);
+            let t54 = self.c7 * Gamma3;
+            let t55 = t4 * t4;
+            let t56 = self.c7 * Gamma1;
+            let t57 = t24.mul_add(self.c6, Gamma1);
             [
                 A_alpha_dot_alpha_dot,
-                t41,
                 t42,
-                t45.mul_add(self.c4, A_alpha_dot_alpha_dot),
-                (-t6).mul_add(t48, (-Gamma2).mul_add(t46, -(self.c2 * t6))),
-                t7.mul_add(t48, t49.mul_add(self.mu, Gamma1 * t46)),
-                t47 * (-Gamma1).mul_add(t6, Gamma2 * t7),
-                t43
+                t43,
+                t44,
+                t45,
+                Gamma1.mul_add(t42, Gamma2.mul_add(t44, A_alpha_dot_alpha_dot)),
+                t46,
+                t47,
+                (-Gamma3).mul_add(t47, (-Gamma2).mul_add(t48, -(self.c2 * t6))),
+                t49,
+                Gamma3.mul_add(t49, t50.mul_add(self.mu, Gamma1 * t48)),
+                (-Gamma2).mul_add(t49, Gamma1 * t47),
+                Gamma2
                     .mul_add(
-                        self.c8,
-                        t39
-                            .mul_add(
-                                t6 * t32,
-                                t54
-                                    .mul_add(
-                                        self.c2,
-                                        t51.mul_add(t52, t53.mul_add(self.c7, self.I1)),
-                                    ),
-                            ),
+                        t51,
+                        t26.mul_add(t52, t55.mul_add(self.c2, t53.mul_add(t54, self.I1))),
                     ),
-                (-self.c4)
-                    .mul_add(
-                        t27.mul_add(t32.mul_add(self.c3, Gamma2), t33),
-                        -(Gamma2 * t55),
-                    ),
-                (-Gamma1).mul_add(t47, (-Gamma3).mul_add(t55, -t41)),
+                (-Gamma2).mul_add(t56 + t42, (-t24).mul_add(t52, -(Gamma1 * t44))),
+                (-Gamma1).mul_add(t46, (-Gamma3).mul_add(t56, -t43)),
                 self
                     .mu
                     .mul_add(
-                        t49.mul_add(t3 * t27, self.c5 * t54),
-                        t44
-                            .mul_add(
-                                self.c8,
-                                t51.mul_add(t52, Gamma1.mul_add(t55, self.I2)),
-                            ),
+                        t24.mul_add(t3 * t50, self.c5 * t55),
+                        t56.mul_add(t57, t53.mul_add(t54, self.I2)),
                     ),
-                (-Gamma2).mul_add(t52 + t47, -t42),
-                t45
-                    .mul_add(
-                        self.c8,
-                        Gamma1.mul_add(t55, t53.mul_add(self.c7, self.I3))
-                            + A_alpha_dot_alpha_dot,
-                    ),
+                (-Gamma2).mul_add(t54 + t46, -t45),
+                Gamma2.mul_add(t51, t56.mul_add(t57, self.I3 + A_alpha_dot_alpha_dot)),
             ]
         };
         /// right side f = W^T (r - L_yy lag)
         let [n_alpha_dot, n_beta_dot, f_Omega1, f_Omega2, f_Omega3] = {
-            let t56 = (-t27).mul_add(lag_X2, t32 * lag_X1);
-            let t57 = self.c9 * lag_X3;
-            let t58 = self.c9 * t4;
-            let t59 = (-t31)
-                .mul_add(
-                    t14.mul_add(t37, t5.mul_add(t18, t20)),
-                    (-t2)
-                        .mul_add(
-                            p_X2,
-                            Omega3
-                                .mul_add(
-                                    p_Omega2,
-                                    t1
-                                        .mul_add(
-                                            p_X3,
-                                            (-t32)
-                                                .mul_add(
-                                                    Gamma3.mul_add(self.c1, t57),
-                                                    Gamma2.mul_add(t29, lag_X2 * t58),
-                                                ),
-                                        ),
-                                ),
-                        ),
-                );
-            let n_Omega1 = (-Omega2)
-                .mul_add(
-                    p_Omega3,
-                    t35
-                        .mul_add(
-                            (-t9)
-                                .mul_add(
-                                    t13,
-                                    (-t14).mul_add(t25, (-t8).mul_add(t15, t5 * t24)),
-                                ),
-                            t59,
-                        ),
-                );
-            let n_Omega2 = (-lag_X1).mul_add(t58, t27.mul_add(t57, r_Omega2));
-            let n_Omega3 = t56.mul_add(self.c9, r_Omega3);
-            let n_X1 = (-lag_X1).mul_add(self.c10, r_X1);
-            let n_X2 = (-lag_X2).mul_add(self.c10, r_X2);
-            let n_X3 = (-lag_X3).mul_add(self.c10, r_X3);
-            let t60 = self.r * n_X3;
-            let t61 = self.r * Gamma3;
+            let t58 = (-Omega3).mul_add(dot_Gamma2, Omega2 * dot_Gamma3);
+            let t59 = (-Omega1).mul_add(dot_Gamma3, Omega3 * dot_Gamma1);
+            let t60 = (-t42).mul_add(t59, t44 * t58);
+            let t61 = self.c8 * lag_X3;
+            let n_Omega1 = (-t26).mul_add(t61, t46.mul_add(t59, r_Omega1));
+            let n_Omega2 = (-t46).mul_add(t58, t24.mul_add(t61, r_Omega2));
+            let n_Omega3 = t60 + r_Omega3;
+            let n_X1 = t58.mul_add(self.c9, r_X1);
+            let n_X2 = t59.mul_add(self.c9, r_X2);
+            let n_X3 = lag_X3.mul_add(self.c10, r_X3);
+            let t62 = self.r * n_X3;
+            let t63 = self.r * Gamma3;
             [
-                t56.mul_add(self.c9, r_alpha_dot),
-                (-t58)
-                    .mul_add(
-                        t6.mul_add(lag_X2, t7 * lag_X1),
-                        t3.mul_add(t57, r_beta_dot),
-                    ),
-                Gamma2.mul_add(t60, (-n_X2).mul_add(t61, n_Omega1)),
-                (-Gamma1).mul_add(t60, n_X1.mul_add(t61, n_Omega2)),
+                t60 + r_alpha_dot,
+                (-t47).mul_add(t59, (-t49).mul_add(t58, t3.mul_add(t61, r_beta_dot))),
+                Gamma2.mul_add(t62, (-n_X2).mul_add(t63, n_Omega1)),
+                (-Gamma1).mul_add(t62, n_X1.mul_add(t63, n_Omega2)),
                 (-self.r).mul_add((-Gamma1).mul_add(n_X2, Gamma2 * n_X1), n_Omega3),
             ]
         };
         /// factors of A
-        let [A_l3_2, A_l4_2, t62, t63, t64, t65, A_l5_1, t66, A_l4_3, A_l5_3, t67,
+        let [A_l3_2, A_l4_2, A_l5_2, t64, t65, t66, A_l5_1, t67, A_l4_3, A_l5_3, t68,
         A_l5_4, A_s4_5_5] = {
             let A_l3_2 = self.c11 * A_beta_dot_Omega1;
             let A_l4_2 = self.c11 * A_beta_dot_Omega2;
-            let t62 = self.c11 * t50;
+            let A_l5_2 = self.c11 * A_beta_dot_Omega3;
             let A_s2_3_3 = (-A_beta_dot_Omega1).mul_add(A_l3_2, A_Omega1_Omega1);
             let A_s2_3_4 = (-A_beta_dot_Omega2).mul_add(A_l3_2, A_Omega1_Omega2);
-            let A_s2_3_5 = t50.mul_add(A_l3_2, A_Omega1_Omega3);
+            let A_s2_3_5 = (-A_beta_dot_Omega3).mul_add(A_l3_2, A_Omega1_Omega3);
             let A_s2_4_4 = (-A_beta_dot_Omega2).mul_add(A_l4_2, A_Omega2_Omega2);
-            let A_s2_4_5 = t50.mul_add(A_l4_2, A_Omega2_Omega3);
-            let A_s2_5_5 = (-t50).mul_add(t62, A_Omega3_Omega3);
-            let t63 = A_alpha_dot_alpha_dot.recip();
-            let t64 = t41 * t63;
-            let t65 = t42 * t63;
-            let A_l5_1 = A_alpha_dot_Omega3 * t63;
-            let A_s1_3_3 = (-t41).mul_add(t64, A_s2_3_3);
-            let A_s1_3_4 = (-t42).mul_add(t64, A_s2_3_4);
-            let A_s1_3_5 = A_alpha_dot_Omega3.mul_add(t64, A_s2_3_5);
-            let A_s1_4_4 = (-t42).mul_add(t65, A_s2_4_4);
-            let A_s1_4_5 = A_alpha_dot_Omega3.mul_add(t65, A_s2_4_5);
+            let A_s2_4_5 = (-A_beta_dot_Omega3).mul_add(A_l4_2, A_Omega2_Omega3);
+            let A_s2_5_5 = (-A_beta_dot_Omega3).mul_add(A_l5_2, A_Omega3_Omega3);
+            let t64 = A_alpha_dot_alpha_dot.recip();
+            let t65 = t43 * t64;
+            let t66 = t45 * t64;
+            let A_l5_1 = A_alpha_dot_Omega3 * t64;
+            let A_s1_3_3 = (-t43).mul_add(t65, A_s2_3_3);
+            let A_s1_3_4 = (-t45).mul_add(t65, A_s2_3_4);
+            let A_s1_3_5 = A_alpha_dot_Omega3.mul_add(t65, A_s2_3_5);
+            let A_s1_4_4 = (-t45).mul_add(t66, A_s2_4_4);
+            let A_s1_4_5 = A_alpha_dot_Omega3.mul_add(t66, A_s2_4_5);
             let A_s1_5_5 = (-A_alpha_dot_Omega3).mul_add(A_l5_1, A_s2_5_5);
-            let t66 = A_s1_3_3.recip();
-            let A_l4_3 = A_s1_3_4 * t66;
-            let A_l5_3 = A_s1_3_5 * t66;
+            let t67 = A_s1_3_3.recip();
+            let A_l4_3 = A_s1_3_4 * t67;
+            let A_l5_3 = A_s1_3_5 * t67;
             let A_s3_4_4 = (-A_s1_3_4).mul_add(A_l4_3, A_s1_4_4);
             let A_s3_4_5 = (-A_s1_3_5).mul_add(A_l4_3, A_s1_4_5);
             let A_s3_5_5 = (-A_s1_3_5).mul_add(A_l5_3, A_s1_5_5);
-            let t67 = A_s3_4_4.recip();
-            let A_l5_4 = A_s3_4_5 * t67;
+            let t68 = A_s3_4_4.recip();
+            let A_l5_4 = A_s3_4_5 * t68;
             [
                 A_l3_2,
                 A_l4_2,
-                t62,
-                t63,
+                A_l5_2,
                 t64,
                 t65,
-                A_l5_1,
                 t66,
+                A_l5_1,
+                t67,
                 A_l4_3,
                 A_l5_3,
-                t67,
+                t68,
                 A_l5_4,
                 (-A_s3_4_5).mul_add(A_l5_4, A_s3_5_5),
             ]
         };
         /// substitution through the factors of A
         let [dot_Omega3, dot_Omega2, dot_Omega1, dot_alpha_dot, dot_beta_dot] = {
-            let z_Omega1 = n_alpha_dot
-                .mul_add(t64, (-n_beta_dot).mul_add(A_l3_2, f_Omega1));
+            let z_Omega1 = (-n_beta_dot)
+                .mul_add(A_l3_2, n_alpha_dot.mul_add(t65, f_Omega1));
             let z_Omega2 = (-A_l4_3)
                 .mul_add(
                     z_Omega1,
-                    n_alpha_dot.mul_add(t65, (-n_beta_dot).mul_add(A_l4_2, f_Omega2)),
+                    (-n_beta_dot).mul_add(A_l4_2, n_alpha_dot.mul_add(t66, f_Omega2)),
                 );
             let z_Omega3 = (-A_l5_4)
                 .mul_add(
@@ -880,25 +834,25 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     (-A_l5_3)
                         .mul_add(
                             z_Omega1,
-                            (-n_alpha_dot)
-                                .mul_add(A_l5_1, n_beta_dot.mul_add(t62, f_Omega3)),
+                            (-n_beta_dot)
+                                .mul_add(A_l5_2, (-n_alpha_dot).mul_add(A_l5_1, f_Omega3)),
                         ),
                 );
             let dot_Omega3 = z_Omega3 / A_s4_5_5;
-            let dot_Omega2 = (-A_l5_4).mul_add(dot_Omega3, z_Omega2 * t67);
+            let dot_Omega2 = (-A_l5_4).mul_add(dot_Omega3, z_Omega2 * t68);
             let dot_Omega1 = (-A_l4_3)
-                .mul_add(dot_Omega2, (-A_l5_3).mul_add(dot_Omega3, z_Omega1 * t66));
+                .mul_add(dot_Omega2, (-A_l5_3).mul_add(dot_Omega3, z_Omega1 * t67));
             [
                 dot_Omega3,
                 dot_Omega2,
                 dot_Omega1,
-                t64
+                t65
                     .mul_add(
                         dot_Omega1,
-                        t65
+                        t66
                             .mul_add(
                                 dot_Omega2,
-                                (-A_l5_1).mul_add(dot_Omega3, n_alpha_dot * t63),
+                                (-A_l5_1).mul_add(dot_Omega3, n_alpha_dot * t64),
                             ),
                     ),
                 (-A_l3_2)
@@ -907,7 +861,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         (-A_l4_2)
                             .mul_add(
                                 dot_Omega2,
-                                t62.mul_add(dot_Omega3, self.c11 * n_beta_dot),
+                                (-A_l5_2).mul_add(dot_Omega3, self.c11 * n_beta_dot),
                             ),
                     ),
             ]
@@ -963,8 +917,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t13 = t10.mul_add(t11, (-t5).mul_add((-beta_dot).mul_add(t6, Omega1), X2));
         let t14 = (-Omega2)
             .mul_add(t10, Omega1.mul_add(t9, (-beta_dot).mul_add(t8, X3)));
-        let t15 = self
-            .c0
+        let t15 = (-self.c1)
             .mul_add(
                 Gamma1.mul_add(t10, Gamma2.mul_add(t9, Gamma3 * t5)),
                 self
@@ -1030,7 +983,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 (-self.mu).mul_add((-t7).mul_add(t17, t8 * t14), self.I1 * Omega1),
                 self.mu.mul_add((-t12).mul_add(t17, t16), self.I2 * Omega2),
                 Omega3.mul_add(self.I3, -t15),
-                t11.mul_add(self.mu, self.c22 * t9),
+                t11.mul_add(self.mu, self.c25 * t9),
                 t14.mul_add(self.mu, self.M * X2),
                 t17.mul_add(self.mu, self.M * X3),
                 -t15,
@@ -1049,7 +1002,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 202 additions, 296 multiplications (193 fused), 4 divisions, 2 elementary functions.
+    /// 202 additions, 295 multiplications (192 fused), 4 divisions, 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 10]) -> [R; 3] {
@@ -1130,7 +1083,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let dL_dalpha = (-self.mu)
                 .mul_add(
                     t12.mul_add(t19, t13.mul_add(t18, -(t15 * t21))),
-                    self.c0 * (-Gamma2).mul_add(t10, Gamma1 * t14),
+                    -(self.c1 * (-Gamma2).mul_add(t10, Gamma1 * t14)),
                 );
             let t22 = t8.mul_add(t11, beta_dot.mul_add(t10, Omega2 * t9));
             let t23 = (-beta_dot).mul_add(t14, t11.mul_add(t17, Omega1 * t9));
@@ -1138,13 +1091,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let dL_dbeta = (-self.mu)
                 .mul_add(
                     (-t13).mul_add(t23, t19.mul_add(t22, -(t15 * t24))),
-                    -(self.c0 * Gamma1.mul_add(t17, Gamma2.mul_add(t8, -(Gamma3 * t9)))),
+                    self.c1 * Gamma1.mul_add(t17, Gamma2.mul_add(t8, -(Gamma3 * t9))),
                 );
             let t25 = t3 * t7;
-            let t26 = self.c1 * t25;
+            let t26 = self.c0 * t25;
             let t27 = t3 * t6;
-            let t28 = self.c1 * t27;
-            let t29 = self.c1 * t4;
+            let t28 = self.c0 * t27;
+            let t29 = self.c0 * t4;
             let t30 = t10.mul_add(t19, t13 * t14);
             let t31 = self.mu * alpha_dot;
             let t32 = (-t8).mul_add(t19, t13 * t17);
@@ -1251,20 +1204,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [A_alpha_dot_alpha_dot, t41, t42, A_alpha_dot_Omega3, A_beta_dot_Omega1,
         A_beta_dot_Omega2, t49, A_Omega1_Omega1, A_Omega1_Omega2, A_Omega1_Omega3,
         A_Omega2_Omega2, A_Omega2_Omega3, A_Omega3_Omega3] = {
-            let A_alpha_dot_alpha_dot = t3 * (self.c2 * t3);
+            let A_alpha_dot_alpha_dot = self.c2 * (t3 * t3);
             let t40 = self.c4 * t4.mul_add(self.c3, Gamma3);
             let t41 = t25 * t40;
             let t42 = t27 * t40;
-            let t43 = Gamma2 * t27;
-            let t44 = Gamma1 * t25;
+            let t43 = Gamma1 * t25;
+            let t44 = Gamma2 * t27;
             let t45 = t43 + t44;
             let t46 = self.c4 * t3;
             let t47 = self.c4 * t4;
             let t48 = Gamma3 * t47;
-            let t50 = self.c7 * Gamma2;
-            let t51 = self.c5 * (t4 * t4);
-            let t52 = t4.mul_add(self.c6, Gamma3);
-            let t53 = self.c7 * Gamma3;
+            let t50 = self.c5 * (t4 * t4);
+            let t51 = t4.mul_add(self.c6, Gamma3);
+            let t52 = self.c7 * Gamma3;
+            let t53 = Gamma2 * Gamma2;
             let t54 = self.c7 * Gamma1;
             [
                 A_alpha_dot_alpha_dot,
@@ -1277,11 +1230,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 self
                     .mu
                     .mul_add(
-                        self.c5.mul_add(t27 * t27, t51),
-                        t43
+                        self.c5.mul_add(t27 * t27, t50),
+                        t44
                             .mul_add(
-                                self.c8,
-                                t52.mul_add(t53, Gamma2.mul_add(t50, self.I1)),
+                                self.c19,
+                                t51.mul_add(t52, t53.mul_add(self.c7, self.I1)),
                             ),
                     ),
                 (-self.c4)
@@ -1293,18 +1246,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 self
                     .mu
                     .mul_add(
-                        self.c5.mul_add(t25 * t25, t51),
-                        t44
+                        self.c5.mul_add(t25 * t25, t50),
+                        t43
                             .mul_add(
-                                self.c8,
-                                t52.mul_add(t53, Gamma1.mul_add(t54, self.I2)),
+                                self.c19,
+                                t51.mul_add(t52, Gamma1.mul_add(t54, self.I2)),
                             ),
                     ),
-                (-Gamma2).mul_add(t47, (-Gamma3).mul_add(t50, -t42)),
+                (-Gamma2).mul_add(t52 + t47, -t42),
                 t45
                     .mul_add(
-                        self.c8,
-                        Gamma1.mul_add(t54, Gamma2.mul_add(t50, self.I3))
+                        self.c19,
+                        Gamma1.mul_add(t54, t53.mul_add(self.c7, self.I3))
                             + A_alpha_dot_alpha_dot,
                     ),
             ]
@@ -1312,17 +1265,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         /// right side f = W^T (r - L_yy lag)
         let [t55, t56, n_alpha_dot, t58, t59, n_beta_dot, f_Omega1, f_Omega2, f_Omega3,
         ] = {
-            let t55 = self.c9 * t27;
-            let t56 = self.c9 * t25;
+            let t55 = self.c8 * t27;
+            let t56 = self.c8 * t25;
             let t57 = (-lag_X2).mul_add(t56, lag_X1 * t55);
-            let t58 = self.c9 * t3;
-            let t59 = self.c9 * t4;
+            let t58 = self.c8 * t3;
+            let t59 = self.c8 * t4;
             let n_Omega1 = (-lag_X3).mul_add(t55, lag_X2.mul_add(t59, r_Omega1));
             let n_Omega2 = lag_X3.mul_add(t56, (-lag_X1).mul_add(t59, r_Omega2));
             let n_Omega3 = t57 + r_Omega3;
-            let n_X1 = (-lag_X1).mul_add(self.c10, r_X1);
-            let n_X2 = (-lag_X2).mul_add(self.c10, r_X2);
-            let n_X3 = (-lag_X3).mul_add(self.c10, r_X3);
+            let n_X1 = lag_X1.mul_add(self.c10, r_X1);
+            let n_X2 = lag_X2.mul_add(self.c10, r_X2);
+            let n_X3 = lag_X3.mul_add(self.c10, r_X3);
             [
                 t55,
                 t56,
@@ -1447,7 +1400,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     t7
                         .mul_add(
                             t66,
-                            dot_X1.mul_add(self.c10, t59.mul_add(dot_Omega2, -r_X1)),
+                            (-dot_X1).mul_add(self.c10, t59.mul_add(dot_Omega2, -r_X1)),
                         ),
                 ),
             t56
@@ -1456,13 +1409,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     t6
                         .mul_add(
                             t66,
-                            dot_X2.mul_add(self.c10, (-t59).mul_add(dot_Omega1, -r_X2)),
+                            (-dot_X2)
+                                .mul_add(self.c10, (-t59).mul_add(dot_Omega1, -r_X2)),
                         ),
                 ),
             (-t58)
                 .mul_add(
                     dot_beta_dot,
-                    dot_X3
+                    (-dot_X3)
                         .mul_add(
                             self.c10,
                             t55.mul_add(dot_Omega1, (-t56).mul_add(dot_Omega2, -r_X3)),
@@ -1564,9 +1518,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t7 = (-Gamma1).mul_add(t4, t6);
         let t8 = self.c4 * t1;
         let t9 = beta_dot * t8;
-        let t10 = Gamma2.mul_add(t4, Gamma1 * t5);
-        let t11 = self.c1 * t0;
-        let t12 = Omega3.mul_add(t9.mul_add(t10, t2 * t3 * t7), -(t7 * t11));
+        let t10 = Gamma1.mul_add(t5, Gamma2 * t4);
+        let t11 = self.c0 * t0;
+        let t12 = Omega3.mul_add(t9.mul_add(t10, t3 * t2 * t7), -(t7 * t11));
         let t13 = Omega2 * t4;
         let t14 = Omega1.mul_add(t5, t13);
         let t15 = Omega1 * t4;
@@ -1582,7 +1536,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t25 = beta_dot * t2;
         let t26 = Gamma3 * t25;
         let t27 = Omega3 * t8;
-        let t28 = self.c1 * t1;
+        let t28 = self.c0 * t1;
         let t29 = Omega2 * Omega2;
         let t30 = Omega1 * Omega2;
         let t31 = Omega1.mul_add(Omega1, t29);
@@ -1608,17 +1562,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     ),
             );
         let t33 = Omega3 * t18;
-        let t34 = self.c8 * t0;
+        let t34 = self.c19 * t0;
         let t35 = (-Omega3)
             .mul_add(t22.mul_add(t3, t24 * t34), Gamma3 * t2.mul_add(t31, -t11));
         let t36 = Omega3.mul_add(Gamma3, t24);
-        let t37 = t1.mul_add(self.c24, Gamma3);
-        let t38 = (-self.c26)
+        let t37 = t1.mul_add(self.c27, Gamma3);
+        let t38 = (-self.c29)
             .mul_add(
-                self.c25.mul_add(Omega3 * t1 * t37, Gamma3 * t36),
+                t37.mul_add(self.c28 * Omega3 * t1, Gamma3 * t36),
                 t20 * (-t1).mul_add(t14, t0 * t3),
             );
-        let t39 = self.c26 * t36;
+        let t39 = self.c29 * t36;
         let t40 = Omega3.mul_add(t39 + t27, -t28);
         let t41 = (-Omega1).mul_add(Omega1, t29);
         let t42 = alpha_dot * t5;
@@ -1627,14 +1581,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t4.mul_add(t9, t2 * t42),
                 Omega2.mul_add(t5.mul_add(t9, -(alpha_dot * t4 * t2)), t8 * t41),
             );
-        let t44 = self.c8 * t1;
+        let t44 = self.c19 * t1;
         let t45 = beta_dot * t44;
         let t46 = t30 * t44;
         let t47 = Gamma1 * t34;
         let t48 = beta_dot * Omega3;
         let t49 = (-Omega2)
             .mul_add(
-                (-Omega3).mul_add(self.c27, t38),
+                Omega3.mul_add(self.c30, t38),
                 t5
                     .mul_add(
                         t33,
@@ -1654,13 +1608,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     ),
             );
         let t50 = Gamma2 * t34;
-        let t51 = (-t34)
+        let t51 = (-t23)
             .mul_add(
-                t23 * t37,
+                t34 * t37,
                 t30
                     .mul_add(
-                        (-t5).mul_add(t47, t4.mul_add(t50, -self.c29)),
-                        (-(t2 * t41))
+                        (-t5).mul_add(t47, t4.mul_add(t50, self.c32)),
+                        (-(t41 * t2))
                             .mul_add(
                                 Gamma1.mul_add(t4, t6),
                                 (-t24).mul_add(t25, (-t19).mul_add(t39, t12)),
@@ -1669,28 +1623,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             );
         [
             (-t14).mul_add(t2.mul_add(t19, t18), (-t22).mul_add(t23, t12)),
-            (-(t14 * t3))
+            (-self.c2.mul_add(t1 * t1, (-t0).mul_add(t20, Gamma3 * t8)))
                 .mul_add(
-                    self.c2.mul_add(t1 * t1, (-t0).mul_add(t20, Gamma3 * t8)),
+                    t3 * t14,
                     t16
                         .mul_add(
                             t19.mul_add(t8, -t26),
                             (-t22)
                                 .mul_add(
                                     t31,
-                                    self
-                                        .c23
-                                        .mul_add(
-                                            t0 * t1 * (-t30).mul_add(t5 * t4, alpha_dot * Omega3),
-                                            t32,
-                                        ),
+                                    (t0 * (self.c26 * t1))
+                                        .mul_add((-t5).mul_add(t30 * t4, alpha_dot * Omega3), t32),
                                 ),
                         ),
                 ),
             (-Gamma2).mul_add(t40 - t43, t49),
             Omega1
                 .mul_add(
-                    (-t6).mul_add(t45, (-Omega3).mul_add(self.c28, t38)),
+                    (-t6).mul_add(t45, Omega3.mul_add(self.c31, t38)),
                     t4
                         .mul_add(
                             t33,
@@ -1740,136 +1690,181 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 55 additions, 81 multiplications (36 fused), 3 divisions, 7 sign changes, 2 elementary functions.
+    /// 65 additions, 92 multiplications (49 fused), 3 divisions, 6 sign changes, 2 elementary functions.
     pub fn check(&self, t: R, y: &[R; 10]) -> Result<(), ::hamel_runtime::Failure> {
         let [alpha, beta, _, _, _, _, _, Gamma1, Gamma2, Gamma3] = *y;
         /// mass matrix A = W^T L_yy Psi
-        let [A_alpha_dot_alpha_dot, t3, t4, t6, A_alpha_dot_Omega3, t10,
-        A_beta_dot_Omega1, t11, A_beta_dot_Omega2, A_beta_dot_Omega3, t14, t15, t16, t17,
-        A_Omega1_Omega1, t18, A_Omega1_Omega3, t20, t22, t23, A_Omega2_Omega2,
-        A_Omega2_Omega3, t24, t25, A_Omega3_Omega3] = {
+        let [A_alpha_dot_alpha_dot, t6, t10, A_alpha_dot_Omega3, A_beta_dot_Omega1,
+        A_beta_dot_Omega2, A_beta_dot_Omega3, t16, t18, t20, A_Omega1_Omega1,
+        A_Omega1_Omega2, t22, A_Omega1_Omega3, t23, t24, t25, A_Omega2_Omega2,
+        A_Omega2_Omega3, A_Omega3_Omega3] = {
             let (t0, t1) = beta.sin_cos();
-            let t2 = self.c2 * t0;
-            let A_alpha_dot_alpha_dot = t0 * t2;
-            let (t3, t4) = alpha.sin_cos();
-            let t5 = t2 * Gamma3.mul_add(self.c17, t1);
-            let t6 = t3 * t5;
-            let t7 = Gamma1 * t4;
-            let t8 = Gamma2.mul_add(t3, t7);
-            let t9 = Gamma3 * t1;
-            let t10 = t3.mul_add(t9, Gamma2 * t0);
-            let t11 = t4.mul_add(t9, Gamma1 * t0);
-            let t12 = self.c7 * Gamma2;
-            let t13 = self.c8 * t0;
-            let t14 = Gamma2 * t3.mul_add(t13, t12);
-            let t15 = Gamma3 * Gamma3;
-            let t16 = self.c2 * t1.mul_add(Gamma3.mul_add(self.c18, t1), self.c19 * t15);
-            let t17 = A_alpha_dot_alpha_dot.mul_add(t3 * t3, self.I1);
-            let t18 = t4 * t5;
-            let t19 = self.c4 * Gamma3.mul_add(self.c20, t1);
-            let t20 = self.c7 * Gamma1;
-            let t21 = Gamma1 * t20;
-            let t22 = t7 * t13;
-            let t23 = A_alpha_dot_alpha_dot.mul_add(t4 * t4, self.I2 + t21);
-            let t24 = t8 * t13;
-            let t25 = self.I3 + (Gamma2.mul_add(t12, t21) + A_alpha_dot_alpha_dot);
+            let A_alpha_dot_alpha_dot = self.c2 * t0 * t0;
+            let (t2, t3) = alpha.sin_cos();
+            let t4 = t0 * t2;
+            let t5 = self.c2 * Gamma3.mul_add(self.c17, t1);
+            let t6 = t4 * t5;
+            let t7 = t0 * t3;
+            let t8 = Gamma2 * t4;
+            let t9 = Gamma1.mul_add(t7, t8);
+            let t10 = self.c4 * t9;
+            let t11 = self.c4 * t1;
+            let t12 = t2 * t11;
+            let t13 = self.c4 * t0;
+            let t14 = t3 * t11;
+            let t15 = self.c7 * Gamma2;
+            let t16 = Gamma2 * t15;
+            let t17 = t1 * t1;
+            let t18 = t4.mul_add(t4, t17);
+            let t19 = Gamma3 * Gamma3.mul_add(self.c18, t1);
+            let t20 = t8 + t19;
+            let t21 = self.c7 * Gamma1;
+            let t22 = t5 * t7;
+            let t23 = Gamma1 * t21;
+            let t24 = t7.mul_add(t7, t17);
+            let t25 = Gamma1.mul_add(t7, t19);
             [
                 A_alpha_dot_alpha_dot,
-                t3,
-                t4,
                 t6,
-                self.c4.mul_add(t0 * t8, A_alpha_dot_alpha_dot),
                 t10,
-                (-t10).mul_add(self.c4, -(self.c2 * t3)),
-                t11,
-                t11.mul_add(self.c4, self.c2 * t4),
-                self.c4 * (t1 * (-Gamma2).mul_add(t4, Gamma1 * t3)),
-                t14,
-                t15,
+                A_alpha_dot_alpha_dot + t10,
+                (-Gamma3).mul_add(t12, (-Gamma2).mul_add(t13, -(self.c2 * t2))),
+                Gamma3.mul_add(t14, Gamma1.mul_add(t13, self.c2 * t3)),
+                (-Gamma2).mul_add(t14, Gamma1 * t12),
                 t16,
-                t17,
-                t17 + t14 + t16,
                 t18,
-                (-Gamma1).mul_add(t19, -t18),
                 t20,
+                t20.mul_add(self.c19, t18.mul_add(self.c2, self.I1 + t16)),
+                (-self.c4)
+                    .mul_add(
+                        t4.mul_add(t7.mul_add(self.c3, Gamma1), Gamma2 * t7),
+                        -(Gamma2 * t21),
+                    ),
                 t22,
+                (-Gamma1).mul_add(t11, (-Gamma3).mul_add(t21, -t22)),
                 t23,
-                t23 + t22 + t16,
-                (-Gamma2).mul_add(t19, -t6),
                 t24,
                 t25,
-                t25 + t24,
+                t25.mul_add(self.c19, t24.mul_add(self.c2, self.I2 + t23)),
+                (-Gamma2).mul_add(t11, (-Gamma3).mul_add(t15, -t6)),
+                t9.mul_add(self.c19, self.I3 + t16 + t23 + A_alpha_dot_alpha_dot),
             ]
         };
         /// factors of A
-        let [A_l3_2, A_l4_2, A_l5_2, t27, t28, A_l5_1, A_s1_3_3, t30, A_s3_4_4, t31, t32,
-        A_s4_5_5] = {
+        let [t26, t27, t28, t32, A_s1_3_3, t33, t34, t36, A_s3_4_4, t37, t38, A_s4_5_5,
+        ] = {
             let A_l3_2 = self.c11 * A_beta_dot_Omega1;
             let A_l4_2 = self.c11 * A_beta_dot_Omega2;
             let A_l5_2 = self.c11 * A_beta_dot_Omega3;
-            let A_s2_3_3 = (-A_beta_dot_Omega1).mul_add(A_l3_2, A_Omega1_Omega1);
+            let t26 = A_beta_dot_Omega1 * A_l3_2;
+            let A_s2_3_3 = A_Omega1_Omega1 - t26;
+            let A_s2_3_4 = (-A_beta_dot_Omega2).mul_add(A_l3_2, A_Omega1_Omega2);
             let A_s2_3_5 = (-A_beta_dot_Omega3).mul_add(A_l3_2, A_Omega1_Omega3);
-            let A_s2_4_4 = (-A_beta_dot_Omega2).mul_add(A_l4_2, A_Omega2_Omega2);
+            let t27 = A_beta_dot_Omega2 * A_l4_2;
+            let A_s2_4_4 = A_Omega2_Omega2 - t27;
             let A_s2_4_5 = (-A_beta_dot_Omega3).mul_add(A_l4_2, A_Omega2_Omega3);
-            let A_s2_5_5 = (-A_beta_dot_Omega3).mul_add(A_l5_2, A_Omega3_Omega3);
-            let t26 = A_alpha_dot_alpha_dot.recip();
-            let t27 = t18 * t26;
-            let t28 = t6 * t26;
-            let A_l5_1 = A_alpha_dot_Omega3 * t26;
-            let A_s1_3_3 = (-t18).mul_add(t27, A_s2_3_3);
-            let A_s1_3_4 = (-self.c21)
-                .mul_add((-t10).mul_add(t11, t4 * t3 * t15), -(Gamma2 * t20));
-            let A_s1_3_5 = A_alpha_dot_Omega3.mul_add(t27, A_s2_3_5);
-            let A_s1_4_4 = (-t6).mul_add(t28, A_s2_4_4);
-            let A_s1_4_5 = A_alpha_dot_Omega3.mul_add(t28, A_s2_4_5);
-            let A_s1_5_5 = (-A_alpha_dot_Omega3).mul_add(A_l5_1, A_s2_5_5);
-            let t29 = A_s1_3_3.recip();
-            let A_l4_3 = A_s1_3_4 * t29;
-            let A_l5_3 = A_s1_3_5 * t29;
-            let t30 = A_s1_3_4 * A_l4_3;
-            let A_s3_4_4 = A_s1_4_4 - t30;
+            let t28 = A_beta_dot_Omega3 * A_l5_2;
+            let A_s2_5_5 = A_Omega3_Omega3 - t28;
+            let t29 = A_alpha_dot_alpha_dot.recip();
+            let t30 = t22 * t29;
+            let t31 = t6 * t29;
+            let A_l5_1 = A_alpha_dot_Omega3 * t29;
+            let t32 = t22 * t30;
+            let A_s1_3_3 = A_s2_3_3 - t32;
+            let A_s1_3_4 = (-t6).mul_add(t30, A_s2_3_4);
+            let A_s1_3_5 = A_alpha_dot_Omega3.mul_add(t30, A_s2_3_5);
+            let t33 = t6 * t31;
+            let A_s1_4_4 = A_s2_4_4 - t33;
+            let A_s1_4_5 = A_alpha_dot_Omega3.mul_add(t31, A_s2_4_5);
+            let t34 = A_alpha_dot_Omega3 * A_l5_1;
+            let A_s1_5_5 = A_s2_5_5 - t34;
+            let t35 = A_s1_3_3.recip();
+            let A_l4_3 = A_s1_3_4 * t35;
+            let A_l5_3 = A_s1_3_5 * t35;
+            let t36 = A_s1_3_4 * A_l4_3;
+            let A_s3_4_4 = A_s1_4_4 - t36;
             let A_s3_4_5 = (-A_s1_3_5).mul_add(A_l4_3, A_s1_4_5);
-            let t31 = A_s1_3_5 * A_l5_3;
-            let A_s3_5_5 = A_s1_5_5 - t31;
+            let t37 = A_s1_3_5 * A_l5_3;
+            let A_s3_5_5 = A_s1_5_5 - t37;
             let A_l5_4 = A_s3_4_5 / A_s3_4_4;
-            let t32 = A_s3_4_5 * A_l5_4;
+            let t38 = A_s3_4_5 * A_l5_4;
             [
-                A_l3_2,
-                A_l4_2,
-                A_l5_2,
+                t26,
                 t27,
                 t28,
-                A_l5_1,
-                A_s1_3_3,
-                t30,
-                A_s3_4_4,
-                t31,
                 t32,
-                A_s3_5_5 - t32,
+                A_s1_3_3,
+                t33,
+                t34,
+                t36,
+                A_s3_4_4,
+                t37,
+                t38,
+                A_s3_5_5 - t38,
             ]
         };
-        let t33 = t16.abs();
+        let t39 = R::from_f64(14.0)
+            .mul_add(
+                (self.c4 * t25).abs(),
+                t33
+                    .mul_add(
+                        R::from_f64(7.0),
+                        t27
+                            .mul_add(
+                                R::from_f64(7.0),
+                                t24
+                                    .mul_add(self.c23, t23.mul_add(R::from_f64(7.0), self.c22)),
+                            ),
+                    ),
+            );
+        let t40 = t34
+            .mul_add(
+                R::from_f64(9.0),
+                t28
+                    .mul_add(
+                        R::from_f64(9.0),
+                        A_alpha_dot_alpha_dot
+                            .mul_add(
+                                R::from_f64(9.0),
+                                t23
+                                    .mul_add(
+                                        R::from_f64(9.0),
+                                        t16.mul_add(R::from_f64(9.0), self.c24),
+                                    ),
+                            ),
+                    ),
+            );
         for (value, scale, pivot) in [
             (
                 A_s1_3_3,
-                R::from_f64(6.0)
-                    * (t18.mul_add(t27, A_beta_dot_Omega1.mul_add(A_l3_2, t17)) + t33
-                        + t14.abs()),
+                R::from_f64(12.0)
+                    .mul_add(
+                        (self.c4 * t20).abs(),
+                        t32
+                            .mul_add(
+                                R::from_f64(6.0),
+                                t26
+                                    .mul_add(
+                                        R::from_f64(6.0),
+                                        t18
+                                            .mul_add(self.c21, t16.mul_add(R::from_f64(6.0), self.c20)),
+                                    ),
+                            ),
+                    ),
                 "inertia along Omega1",
             ),
-            (
-                A_s3_4_4,
-                R::from_f64(8.0)
-                    * (t6.mul_add(t28, A_beta_dot_Omega2.mul_add(A_l4_2, t23))
-                        + t22.abs() + t33 + t30.abs()),
-                "inertia along Omega2",
-            ),
+            (A_s3_4_4, R::from_f64(7.0).mul_add(t36.abs(), t39), "inertia along Omega2"),
             (
                 A_s4_5_5,
                 R::from_f64(9.0)
-                    * (A_alpha_dot_Omega3
-                        .mul_add(A_l5_1, A_beta_dot_Omega3.mul_add(A_l5_2, t25))
-                        + t24.abs() + t31.abs() + t32.abs()),
+                    .mul_add(
+                        t38.abs(),
+                        R::from_f64(9.0)
+                            .mul_add(
+                                t37.abs(),
+                                R::from_f64(18.0).mul_add(t10.abs(), t40),
+                            ),
+                    ),
                 "inertia along Omega3",
             ),
         ] {
@@ -1878,6 +1873,33 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 return Err(::hamel_runtime::Failure::Singular {
                     t,
                     pivot,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Says whether a point lies outside the domain of the coordinates.
+    ///
+    /// # Errors
+    ///
+    /// `OutsideDomain` with the first condition that does not hold.
+    ///
+    /// # Operations
+    ///
+    /// 1 addition.
+    #[inline]
+    pub fn domain(&self, t: R, y: &[R; 10]) -> Result<(), ::hamel_runtime::Failure> {
+        let [_, beta, _, _, _, _, _, _, _, _] = *y;
+        for (value, condition) in [
+            (beta, "beta > 0"),
+            (R::from_f64(::core::f64::consts::PI) - beta, "beta < pi"),
+        ] {
+            if !value.all_gt(R::ZERO) {
+                let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
+                return Err(::hamel_runtime::Failure::OutsideDomain {
+                    t,
+                    condition,
                 });
             }
         }
@@ -1895,6 +1917,11 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
 
     fn check(&self, t: R, y: &[R; 10]) -> Result<(), ::hamel_runtime::Failure> {
         self.check(t, y)
+    }
+
+    #[inline]
+    fn domain(&self, t: R, y: &[R; 10]) -> Result<(), ::hamel_runtime::Failure> {
+        self.domain(t, y)
     }
 }
 

@@ -158,7 +158,7 @@ pub struct Prepared<R = f64> {
     c1: R,
     /// `m * a / ((J * m + m * m * (a * a)) / (J + m * (a * a + b * b)))`
     c2: R,
-    /// `2 * b`
+    /// `-2 * b`
     c3: R,
     /// `0.5 * (J + m * (a * a + b * b))`
     c4: R,
@@ -166,7 +166,7 @@ pub struct Prepared<R = f64> {
     c5: R,
     /// `J + m * (a * a + b * b)`
     A_omega_omega: R,
-    /// `m * b`
+    /// `-(m * b)`
     c6: R,
     /// `m * a`
     c7: R,
@@ -187,7 +187,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 6 additions, 16 multiplications, 7 divisions, 1 sign change.
+    /// 6 additions, 16 multiplications, 7 divisions, 4 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { J, m, a, b } = *params;
         for (value, condition, meaning) in [
@@ -226,16 +226,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Ok(Self {
             m,
             c0: t0 * A_l2_1 / A_s1_2_2,
-            c1: t4,
+            c1: -t4,
             c2: t0 / A_s1_2_2,
-            c3: R::from_f64(2.0) * b,
+            c3: R::from_f64(-2.0) * b,
             c4: R::from_f64(0.5) * A_omega_omega,
             c5: R::from_f64(0.5) * m,
             A_omega_omega,
-            c6: t1,
+            c6: -t1,
             c7: t0,
             c8: m - t0 * t4,
-            c9: t1 + t3 * A_l2_1 / A_s1_2_2,
+            c9: -(t1 + t3 * A_l2_1 / A_s1_2_2),
         })
     }
 }
@@ -267,7 +267,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         let t0 = self.c0 * omega;
         *dy = [
-            omega * (-v1).mul_add(self.c1, -t0),
+            omega * v1.mul_add(self.c1, -t0),
             v1.mul_add(t0, self.c2 * (omega * omega)),
         ];
     }
@@ -286,7 +286,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn energy(&self, t: R, y: &[R; 2]) -> R {
         let [omega, v1] = *y;
         let _ = t;
-        self.c5.mul_add(v1 * (-omega).mul_add(self.c3, v1), self.c4 * (omega * omega))
+        (self.c5 * v1).mul_add(omega.mul_add(self.c3, v1), self.c4 * (omega * omega))
     }
 
     /// Momenta p = dL/dy.
@@ -307,8 +307,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         /// momenta p = dL/dy
         let [p_omega, p_v1] = [
-            (-v1).mul_add(self.c6, self.A_omega_omega * omega),
-            (-omega).mul_add(self.c6, self.m * v1),
+            v1.mul_add(self.c6, self.A_omega_omega * omega),
+            omega.mul_add(self.c6, self.m * v1),
         ];
         [p_omega, p_v1, self.c7 * omega]
     }
@@ -329,7 +329,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn multipliers(&self, t: R, y: &[R; 2]) -> [R; 1] {
         let [omega, v1] = *y;
         let _ = t;
-        [omega * (-omega).mul_add(self.c9, self.c8 * v1)]
+        [omega * omega.mul_add(self.c9, self.c8 * v1)]
     }
 
     /// Momenta \<p, W_b\> along the sections of virtual displacements.
@@ -350,8 +350,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         /// momenta p = dL/dy
         let [p_omega, p_v1] = [
-            (-v1).mul_add(self.c6, self.A_omega_omega * omega),
-            (-omega).mul_add(self.c6, self.m * v1),
+            v1.mul_add(self.c6, self.A_omega_omega * omega),
+            omega.mul_add(self.c6, self.m * v1),
         ];
         [p_omega, p_v1]
     }

@@ -184,7 +184,7 @@ pub struct Prepared<R = f64> {
     c1: R,
     /// `m * a / ((J * m + m * m * (a * a)) / (J + m * (a * a + b * b)))`
     c2: R,
-    /// `2 * b`
+    /// `-2 * b`
     c3: R,
     /// `0.5 * (J + m * (a * a + b * b))`
     c4: R,
@@ -251,7 +251,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 41 additions, 64 multiplications, 53 divisions, 7 sign changes.
+    /// 41 additions, 64 multiplications, 53 divisions, 16 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { J, m, a, b } = *params;
         for (value, condition, meaning) in [
@@ -331,35 +331,35 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(Self {
             c0: t2 / A_s1_2_2,
-            c1: t6,
+            c1: -t6,
             c2: t0 / A_s1_2_2,
-            c3: R::from_f64(2.0) * b,
+            c3: R::from_f64(-2.0) * b,
             c4: R::from_f64(0.5) * A_omega_omega,
             c5: R::from_f64(0.5) * m,
-            c6: t9 / A_s1_2_2,
-            c7: -t6,
+            c6: -t6,
+            c7: -(t9 / A_s1_2_2),
             c8: t8 / A_s1_2_2,
-            c9: t11 - A_l2_1 * t15 - t2 * d_A_l2_1_d_J / A_s1_2_2,
-            c10: t15,
-            c11: t19,
-            c12: t20 - t21 + A_l2_1 * t19 + t2 * d_A_l2_1_d_m / A_s1_2_2,
-            c13: t25,
-            c14: t28 + A_l2_1 * t25 + t2 * d_A_l2_1_d_a / A_s1_2_2,
-            c15: d_A_s1_2_2_d_a / A_s1_2_2 - t0 * d_A_l2_1_d_b / A_s1_2_2,
-            c16: t0 * d_A_s1_2_2_d_J / t13,
-            c17: a / A_s1_2_2 - t0 * d_A_s1_2_2_d_m / t13,
-            c18: t31 - t0 * d_A_s1_2_2_d_a / t13,
-            c19: t0 * d_A_s1_2_2_d_b / t13,
+            c9: t15,
+            c10: a / A_s1_2_2 - t0 * d_A_s1_2_2_d_m / t13,
+            c11: t31 - t0 * d_A_s1_2_2_d_a / t13,
+            c12: -(t0 * d_A_s1_2_2_d_J / t13),
+            c13: t19,
+            c14: t25,
+            c15: -(t20 - t21 + A_l2_1 * t19 + t2 * d_A_l2_1_d_m / A_s1_2_2),
+            c16: -(t28 + A_l2_1 * t25 + t2 * d_A_l2_1_d_a / A_s1_2_2),
+            c17: t11 - A_l2_1 * t15 - t2 * d_A_l2_1_d_J / A_s1_2_2,
+            c18: -(t0 * d_A_s1_2_2_d_b / t13),
+            c19: d_A_s1_2_2_d_a / A_s1_2_2 - t0 * d_A_l2_1_d_b / A_s1_2_2,
             A_l2_1,
             c20: t11 + A_l2_1 * t33 + t5 / t32,
-            c21: t20 + A_l2_1 * t34 - t21 - t2 * t17 / A_s1_2_2,
-            c22: t28 + A_l2_1 * t36 - t27 * t4 / t32,
+            c21: t2 * t17 / A_s1_2_2 - (t20 + A_l2_1 * t34 - t21),
+            c22: t27 * t4 / t32 - (t28 + A_l2_1 * t36),
             c23: t36,
-            c24: t0 * t30 / A_s1_2_2 - R::from_f64(2.0) * t35 / A_s1_2_2,
-            c25: t33,
+            c24: R::from_f64(2.0) * t35 / A_s1_2_2 - t0 * t30 / A_s1_2_2,
+            c25: -t33,
             c26: t34,
-            c27: t26 * a * b / t32,
-            c28: t31 + t8 * t35 / t13,
+            c27: -(t26 * a * b / t32),
+            c28: -(t31 + t8 * t35 / t13),
         })
     }
 }
@@ -388,7 +388,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         let t0 = self.c0 * omega;
         *dy = [
-            omega * (-v1).mul_add(self.c1, -t0),
+            omega * v1.mul_add(self.c1, -t0),
             v1.mul_add(t0, self.c2 * (omega * omega)),
         ];
     }
@@ -407,7 +407,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn energy(&self, t: R, y: &[R; 2]) -> R {
         let [omega, v1] = *y;
         let _ = t;
-        self.c5.mul_add(v1 * (-omega).mul_add(self.c3, v1), self.c4 * (omega * omega))
+        (self.c5 * v1).mul_add(omega.mul_add(self.c3, v1), self.c4 * (omega * omega))
     }
 
     /// Entries `df_i/dy_j` of the Jacobian that do not vanish identically, row by row.
@@ -427,8 +427,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [omega, v1] = *y;
         let _ = t;
         [
-            (-v1).mul_add(self.c1, -(self.c6 * omega)),
-            self.c7 * omega,
+            v1.mul_add(self.c1, self.c7 * omega),
+            self.c6 * omega,
             omega.mul_add(self.c8, self.c0 * v1),
             self.c0 * omega,
         ]
@@ -472,14 +472,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t0 = omega * v1;
         let t1 = omega * omega;
         [
-            (-t1).mul_add(self.c10, self.c9 * t0),
-            (-t0).mul_add(self.c12, -(self.c11 * t1)),
-            (-t0).mul_add(self.c14, -(self.c13 * t1)),
-            self.c15 * t1,
-            (-t1).mul_add(self.c16, self.c10 * t0),
-            t0.mul_add(self.c11, self.c17 * t1),
-            t0.mul_add(self.c13, self.c18 * t1),
-            (-t0).mul_add(self.c15, -(self.c19 * t1)),
+            (-t1).mul_add(self.c9, self.c17 * t0),
+            t0.mul_add(self.c15, -(self.c13 * t1)),
+            t0.mul_add(self.c16, -(self.c14 * t1)),
+            self.c19 * t1,
+            t1.mul_add(self.c12, self.c9 * t0),
+            t0.mul_add(self.c13, self.c10 * t1),
+            t0.mul_add(self.c14, self.c11 * t1),
+            (-t0).mul_add(self.c19, self.c18 * t1),
         ]
     }
 
@@ -516,7 +516,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         let t0 = v1.mul_add(v_omega, omega * v_v1);
         let t1 = omega * v_omega;
-        [(-t0).mul_add(self.c1, -(self.c6 * t1)), t0.mul_add(self.c0, self.c8 * t1)]
+        [t0.mul_add(self.c1, self.c7 * t1), t0.mul_add(self.c0, self.c8 * t1)]
     }
 
     /// Product `J^T w` of the transposed Jacobian `J_ij = df_i/dy_j` and a covector `w`, a weight for each rate.
@@ -530,11 +530,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [w_dot_omega, w_dot_v1] = *w;
         let [omega, v1] = *y;
         let _ = t;
-        let t0 = (-w_dot_omega).mul_add(self.c1, self.c0 * w_dot_v1);
+        let t0 = w_dot_omega.mul_add(self.c1, self.c0 * w_dot_v1);
         [
-            self
-                .c8
-                .mul_add(omega * (-w_dot_omega).mul_add(self.A_l2_1, w_dot_v1), v1 * t0),
+            (self.c8 * omega)
+                .mul_add((-w_dot_omega).mul_add(self.A_l2_1, w_dot_v1), v1 * t0),
             omega * t0,
         ]
     }
@@ -555,23 +554,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t2 = v_m
             .mul_add(
                 self.c26,
-                (-v_J).mul_add(self.c25, (-v_b).mul_add(self.c24, self.c23 * v_a)),
+                v_J.mul_add(self.c25, v_b.mul_add(self.c24, self.c23 * v_a)),
             );
         [
             (-t1)
                 .mul_add(
                     t2,
-                    t0
-                        * (-v_a)
-                            .mul_add(self.c22, (-v_m).mul_add(self.c21, self.c20 * v_J)),
+                    t0 * v_a.mul_add(self.c22, v_m.mul_add(self.c21, self.c20 * v_J)),
                 ),
             (-t1)
                 .mul_add(
-                    (-v_a)
+                    v_a
                         .mul_add(
                             self.c28,
-                            (-v_b)
-                                .mul_add(self.c27, (-v_m).mul_add(self.c17, self.c16 * v_J)),
+                            v_b
+                                .mul_add(
+                                    self.c27,
+                                    (-v_m).mul_add(self.c10, -(self.c12 * v_J)),
+                                ),
                         ),
                     t2 * t0,
                 ),

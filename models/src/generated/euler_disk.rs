@@ -185,15 +185,15 @@ impl<R: ::hamel_runtime::Real> State<R> {
 pub struct Prepared<R = f64> {
     /// Parameter `I3`.
     I3: R,
-    /// `0.25 * (4 * I1 - 4 * I3 - 4 * M * (r * r) + M * (r * r) * (e * e)) / (I3 + M * (r * r))`
+    /// `-0.25 * (4 * I1 - 4 * I3 - 4 * M * (r * r) + M * (r * r) * (e * e)) / (I3 + M * (r * r))`
     c0: R,
     /// `0.5 * M * r * e * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
     c1: R,
-    /// `M * r * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    /// `-(M * r * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r))))`
     c2: R,
-    /// `(I3 + M * (r * r)) / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    /// `-((I3 + M * (r * r)) / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r))))`
     c3: R,
-    /// `0.5 * M * (r * r) * e / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    /// `-(0.5 * M * (r * r) * e / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r))))`
     c4: R,
     /// A longer expression in the parameters.
     c5: R,
@@ -205,41 +205,41 @@ pub struct Prepared<R = f64> {
     c8: R,
     /// A longer expression in the parameters.
     c9: R,
-    /// `2 * M * r * g / I1`
+    /// `-(4 * M * (r * r) * e / (4 * I1 + M * (r * r) * (e * e)))`
     c10: R,
-    /// `2 * r`
+    /// `-(M * (r * r) * e / (I3 + M * (r * r)))`
     c11: R,
-    /// `r * e`
-    c12: R,
     /// `0.125 * (4 * I1 + M * (r * r * (e * e) + 4 * (r * r)))`
+    c12: R,
+    /// `M * r * g`
     c13: R,
     /// `0.5 * M * r * e * g`
     c14: R,
-    /// `0.5 * I3`
+    /// `0.125 * (4 * I1 + M * (r * r) * (e * e))`
     c15: R,
-    /// `0.5 * I1`
+    /// `0.5 * (I3 + M * (r * r))`
     c16: R,
-    /// `0.125 * M`
-    c17: R,
     /// A longer expression in the parameters.
-    c18: R,
+    c17: R,
     /// `0.25 * (4 * I1 + M * (r * r * (e * e) + 4 * (r * r)))`
+    c18: R,
+    /// `-(0.5 * M * (r * r) * e)`
     c19: R,
-    /// `4 * M * (r * r) * e / (4 * I1 + M * (r * r) * (e * e))`
-    c20: R,
-    /// `0.5 * M * (r * r) * e`
-    c21: R,
     /// `0.25 * (4 * I1 + M * (r * r) * (e * e))`
-    c22: R,
+    c20: R,
     /// `(I3 + M * (r * r)) / I3`
-    c23: R,
+    c21: R,
     /// `0.5 * e`
-    c24: R,
+    c22: R,
     /// `M * r`
-    c25: R,
-    /// `0.5 * e * I3`
-    c26: R,
+    c23: R,
+    /// `-(0.5 * e * I3)`
+    c24: R,
     /// `M * r / I3`
+    c25: R,
+    /// A longer expression in the parameters.
+    c26: R,
+    /// A longer expression in the parameters.
     c27: R,
     /// A longer expression in the parameters.
     c28: R,
@@ -249,28 +249,22 @@ pub struct Prepared<R = f64> {
     c30: R,
     /// A longer expression in the parameters.
     c31: R,
-    /// `0.25 * (M * M) * (r * r * r) * (e * e) / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    /// `-(0.5 * (M * M) * (r * r * r) * e / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r))))`
     c32: R,
-    /// A longer expression in the parameters.
+    /// `-((I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r))) / (I3 + M * (r * r)))`
     c33: R,
-    /// `0.5 * (M * M) * (r * r * r) * e / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    /// `-(0.5 * M * r * e)`
     c34: R,
-    /// `(I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r))) / (I3 + M * (r * r))`
-    c35: R,
-    /// `0.5 * M * r * e`
-    c36: R,
     /// A longer expression in the parameters.
-    c37: R,
+    c35: R,
     /// `0.5 * (M * M) * (r * r) * e * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
-    c38: R,
+    c36: R,
     /// `I3 + M * (r * r)`
     A_psi_dot_psi_dot: R,
     /// `0.5 * M * (r * r) * e / (I3 + M * (r * r))`
-    c39: R,
-    /// `M * r * g`
-    c40: R,
+    c37: R,
     /// `M * (r * r)`
-    c41: R,
+    c38: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -284,7 +278,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 27 additions, 86 multiplications, 34 divisions.
+    /// 27 additions, 82 multiplications, 33 divisions, 11 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { M, r, e, I1, I3, g } = *params;
         for (value, condition, meaning) in [
@@ -338,8 +332,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t27 = t24 * e - t25 * t26 / A_psi_dot_psi_dot;
         let t28 = R::from_f64(2.0) * t27 / t22;
         let t29 = A_psi_dot_psi_dot * t22;
-        let t30 = t25 * t27 / t29 - t26 / A_psi_dot_psi_dot;
-        let t31 = t23 * r;
+        let t30 = t25 / A_psi_dot_psi_dot;
+        let t31 = t25 * t27 / t29 - t26 / A_psi_dot_psi_dot;
         let t32 = t10 + M * t7;
         let t33 = R::from_f64(0.5) * e;
         let t34 = t8 * e;
@@ -380,56 +374,53 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(Self {
             I3,
-            c0: R::from_f64(0.25) * (t12 - t13 + t15) / A_psi_dot_psi_dot,
+            c0: R::from_f64(-0.25) * (t12 - t13 + t15) / A_psi_dot_psi_dot,
             c1: t2 / A_theta_dot_theta_dot,
-            c2: t9 / A_theta_dot_theta_dot,
-            c3: A_psi_dot_psi_dot / A_theta_dot_theta_dot,
-            c4: t16 / A_theta_dot_theta_dot,
-            c5: R::from_f64(0.5) * t20 / I3,
+            c2: -(t9 / A_theta_dot_theta_dot),
+            c3: -(A_psi_dot_psi_dot / A_theta_dot_theta_dot),
+            c4: -(t16 / A_theta_dot_theta_dot),
+            c5: R::from_f64(-0.5) * t20 / I3,
             c6: t11 / t22,
             c7: t28,
-            c8: t25 * t20 / t29 - t28 - t25 / A_psi_dot_psi_dot,
-            c9: t30,
-            c10: t31 * g / I1,
-            c11: R::from_f64(2.0) * r,
-            c12: r * e,
-            c13: R::from_f64(0.125) * t32,
+            c8: t30 - (t25 * t20 / t29 - t28),
+            c9: -t31,
+            c10: -(t13 * e / t21),
+            c11: -t30,
+            c12: R::from_f64(0.125) * t32,
+            c13: t9,
             c14: t2,
-            c15: R::from_f64(0.5) * I3,
-            c16: R::from_f64(0.5) * I1,
-            c17: R::from_f64(0.125) * M,
-            c18: R::from_f64(0.25) * t22,
-            c19: R::from_f64(0.25) * t32,
-            c20: t13 * e / t21,
-            c21: t16,
-            c22: R::from_f64(0.25) * t21,
-            c23: A_psi_dot_psi_dot / I3,
-            c24: t33,
-            c25: t8,
-            c26: t33 * I3,
-            c27: t8 / I3,
-            c28: t31 + t8 * t30 - t34 * t27 / t22,
-            c29: R::from_f64(2.0) * (t8 * t27 / t22 - t34 * I3 / t22),
-            c30: R::from_f64(0.25)
+            c15: R::from_f64(0.125) * t21,
+            c16: R::from_f64(0.5) * A_psi_dot_psi_dot,
+            c17: R::from_f64(0.25) * t22,
+            c18: R::from_f64(0.25) * t32,
+            c19: -t16,
+            c20: R::from_f64(0.25) * t21,
+            c21: A_psi_dot_psi_dot / I3,
+            c22: t33,
+            c23: t8,
+            c24: -(t33 * I3),
+            c25: t8 / I3,
+            c26: t23 * r + t8 * t31 - t34 * t27 / t22,
+            c27: R::from_f64(-2.0) * (t8 * t27 / t22 - t34 * I3 / t22),
+            c28: R::from_f64(0.25)
                 * (t8 * t35 / A_theta_dot_theta_dot + t37 * t4 / A_theta_dot_theta_dot),
-            c31: R::from_f64(0.125)
+            c29: R::from_f64(-0.125)
                 * (t38 * t36 * e / A_theta_dot_theta_dot
                     - t34 * t35 / A_theta_dot_theta_dot),
-            c32: R::from_f64(0.25) * t18 * t36 * t4 / A_theta_dot_theta_dot,
-            c33: R::from_f64(0.5)
+            c30: R::from_f64(-0.25) * t18 * t36 * t4 / A_theta_dot_theta_dot,
+            c31: R::from_f64(0.5)
                 * (t34 * A_psi_dot_psi_dot / A_theta_dot_theta_dot
                     + t37 * e / A_theta_dot_theta_dot),
-            c34: t39 * t36 * e / A_theta_dot_theta_dot,
-            c35: A_theta_dot_theta_dot / A_psi_dot_psi_dot,
-            c36: t1,
-            c37: R::from_f64(0.25)
+            c32: -(t39 * t36 * e / A_theta_dot_theta_dot),
+            c33: -(A_theta_dot_theta_dot / A_psi_dot_psi_dot),
+            c34: -t1,
+            c35: R::from_f64(-0.25)
                 * (t38 * t3 * g / A_theta_dot_theta_dot
                     - t18 * t3 * t4 * g / A_theta_dot_theta_dot),
-            c38: t39 * t3 * e * g / A_theta_dot_theta_dot,
+            c36: t39 * t3 * e * g / A_theta_dot_theta_dot,
             A_psi_dot_psi_dot,
-            c39: t16 / A_psi_dot_psi_dot,
-            c40: t9,
-            c41: t14,
+            c37: t16 / A_psi_dot_psi_dot,
+            c38: t14,
         })
     }
 }
@@ -458,26 +449,26 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let (t0, t1) = theta.sin_cos();
         let t2 = phi_dot * t0;
         let t3 = phi_dot * t1;
-        let t4 = self.c6 * ((-t3).mul_add(self.c5, psi_dot) * (theta_dot / t0));
+        let t4 = self.c6 * theta_dot / t0 * t3.mul_add(self.c5, psi_dot);
         *dy = [
             theta_dot,
             phi_dot,
-            (-self.c4)
+            self
+                .c4
                 .mul_add(
                     t3.mul_add(psi_dot + t3, -(t2 * t2)),
-                    (-self.c3)
+                    (self.c3 * t2)
                         .mul_add(
-                            t2 * (-t3).mul_add(self.c0, psi_dot),
-                            (-t1).mul_add(self.c2, self.c1 * t0),
+                            t3.mul_add(self.c0, psi_dot),
+                            t1.mul_add(self.c2, self.c1 * t0),
                         ),
                 ),
-            (-self.c7).mul_add(theta_dot * phi_dot, t4),
+            (-theta_dot).mul_add(self.c7 * phi_dot, t4),
             (-t1)
                 .mul_add(
                     t4,
                     theta_dot
-                        * (-t2)
-                            .mul_add(self.c9, (-t3).mul_add(self.c8, self.c7 * psi_dot)),
+                        * t2.mul_add(self.c9, t3.mul_add(self.c8, self.c7 * psi_dot)),
                 ),
         ];
     }
@@ -490,7 +481,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 7 additions, 14 multiplications (7 fused), 1 elementary function.
+    /// 8 additions, 15 multiplications (8 fused), 1 elementary function.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 5]) -> R {
@@ -498,20 +489,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         let (t0, t1) = theta.sin_cos();
         let t2 = phi_dot * t0;
-        let t3 = phi_dot.mul_add(t1, psi_dot);
-        let t4 = (-t2).mul_add(self.c12, self.c11 * t3);
-        self.c17
+        self.c16
             .mul_add(
-                t4 * t4,
-                self
-                    .c16
+                phi_dot
+                    .mul_add(t0.mul_add(self.c11, t1), R::from_f64(2.0) * psi_dot)
+                    .mul_add(phi_dot * t1, psi_dot * psi_dot),
+                (self.c15 * t2)
                     .mul_add(
-                        t0 * phi_dot.mul_add(t2, self.c10),
-                        self
-                            .c15
+                        psi_dot.mul_add(self.c10, t2),
+                        t1
                             .mul_add(
-                                t3 * t3,
-                                t1.mul_add(self.c14, self.c13 * (theta_dot * theta_dot)),
+                                self.c14,
+                                t0.mul_add(self.c13, self.c12 * (theta_dot * theta_dot)),
                             ),
                     ),
             )
@@ -534,22 +523,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [theta, phi, theta_dot, phi_dot, psi_dot] = *y;
         let _ = t;
         let (t0, t1) = theta.sin_cos();
-        let t2 = self.I3.mul_add(phi_dot * t1, self.I3 * psi_dot);
+        let t2 = t1.mul_add(self.I3 * phi_dot, self.I3 * psi_dot);
         let t3 = phi_dot * t0;
         let (t4, t5) = phi.sin_cos();
-        let t6 = self.c25 * (theta_dot * t1.mul_add(self.c24, t0));
-        let t7 = self.c27 * (-t3).mul_add(self.c26, t2);
+        let t6 = t1.mul_add(self.c22, t0) * (self.c23 * theta_dot);
+        let t7 = self.c25 * t3.mul_add(self.c24, t2);
         [
-            self.c19 * theta_dot,
-            self
-                .c23
+            self.c18 * theta_dot,
+            t2
                 .mul_add(
-                    t1 * t2,
-                    self
-                        .c22
+                    self.c21 * t1,
+                    t3
                         .mul_add(
-                            t3 * (-t1).mul_add(self.c20, t0),
-                            -(self.c21 * (psi_dot * t0)),
+                            self.c20 * t1.mul_add(self.c10, t0),
+                            t0 * (self.c19 * psi_dot),
                         ),
                 ),
             t2,
@@ -579,34 +566,33 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t4 = phi_dot * t2;
         let t5 = phi_dot * t3;
         let t6 = psi_dot + t5;
-        let t7 = theta_dot * (-t6).mul_add(self.c29, self.c28 * t4);
+        let t7 = theta_dot * t6.mul_add(self.c27, self.c26 * t4);
         let t8 = theta_dot * theta_dot;
         let t9 = t2 * t4;
         let t10 = (-t4)
             .mul_add(
-                (-t9).mul_add(self.c34, self.c33 * (psi_dot * t3)),
+                t9.mul_add(self.c32, t3 * (self.c31 * psi_dot)),
                 self
-                    .c38
+                    .c36
                     .mul_add(
                         (-t3).mul_add(t3, t2 * t2),
-                        (-self.c36)
+                        t4
                             .mul_add(
-                                phi_dot * t4,
-                                (-self.c37).mul_add(t2 * t3, -(self.c36 * (t2 * t8))),
+                                self.c34 * phi_dot,
+                                t2.mul_add(self.c35 * t3, t2 * (self.c34 * t8)),
                             ),
                     ),
             );
         let t11 = self
-            .c25
+            .c23
             .mul_add(
-                (-self.c3)
-                    .mul_add(psi_dot.mul_add(t9, -(self.c35 * (t3 * t8))), phi_dot * t6),
+                self.c3.mul_add(psi_dot.mul_add(t9, t3 * (self.c33 * t8)), phi_dot * t6),
                 t5
                     .mul_add(
-                        (-self.c32)
+                        t6
                             .mul_add(
-                                t3 * t6,
-                                t4 * (-t3).mul_add(self.c31, self.c30 * t2),
+                                self.c30 * t3,
+                                t4 * t3.mul_add(self.c29, self.c28 * t2),
                             ),
                         t10,
                     ),
@@ -634,14 +620,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t2 = self.A_psi_dot_psi_dot * phi_dot.mul_add(t1, psi_dot);
         let t3 = phi_dot * t0;
         [
-            self.c19 * theta_dot,
-            self
-                .c22
+            self.c18 * theta_dot,
+            t3
                 .mul_add(
-                    t3 * (-t1).mul_add(self.c20, t0),
-                    t1.mul_add(t2, -(self.c21 * (psi_dot * t0))),
+                    self.c20 * t1.mul_add(self.c10, t0),
+                    t1.mul_add(t2, t0 * (self.c19 * psi_dot)),
                 ),
-            (-t3).mul_add(self.c21, t2),
+            t3.mul_add(self.c19, t2),
         ]
     }
 
@@ -662,19 +647,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [theta, _, theta_dot, phi_dot, psi_dot] = *y;
         let _ = t;
         let (t0, t1) = theta.sin_cos();
-        let t2 = theta_dot * (self.c41 * t1.mul_add(self.c24, t0));
+        let t2 = t1.mul_add(self.c22, t0) * (self.c38 * theta_dot);
         [
-            (-self.A_psi_dot_psi_dot)
+            (-self
+                .c37
                 .mul_add(
-                    phi_dot
-                        * self
-                            .c39
-                            .mul_add(
-                                (-phi_dot)
-                                    .mul_add((-t1).mul_add(t1, t0 * t0), psi_dot * t1),
-                                t0 * (-self.c0).mul_add(phi_dot * t1, psi_dot),
-                            ),
-                    (-t1).mul_add(self.c40, self.c14 * t0),
+                    (-phi_dot).mul_add((-t1).mul_add(t1, t0 * t0), psi_dot * t1),
+                    t0 * t1.mul_add(self.c0 * phi_dot, psi_dot),
+                ))
+                .mul_add(
+                    self.A_psi_dot_psi_dot * phi_dot,
+                    (-t1).mul_add(self.c13, self.c14 * t0),
                 ),
             -(psi_dot * t2),
             phi_dot * t2,
@@ -693,13 +676,43 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn check(&self, t: R, y: &[R; 5]) -> Result<(), ::hamel_runtime::Failure> {
         let [theta, _, _, _, _] = *y;
         let t0 = theta.sin();
-        let (value, pivot) = (self.c18 * (t0 * t0), "inertia along phi_dot");
+        let (value, pivot) = (self.c17 * (t0 * t0), "inertia along phi_dot");
         if !value.all_ne(R::ZERO) {
             let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
             return Err(::hamel_runtime::Failure::Singular {
                 t,
                 pivot,
             });
+        }
+        Ok(())
+    }
+
+    /// Says whether a point lies outside the domain of the coordinates.
+    ///
+    /// # Errors
+    ///
+    /// `OutsideDomain` with the first condition that does not hold.
+    ///
+    /// # Operations
+    ///
+    /// 1 addition, 1 multiplication (1 fused).
+    #[inline]
+    pub fn domain(&self, t: R, y: &[R; 5]) -> Result<(), ::hamel_runtime::Failure> {
+        let [theta, _, _, _, _] = *y;
+        for (value, condition) in [
+            (theta, "theta > 0"),
+            (
+                (-theta).mul_add(R::from_f64(2.0), R::from_f64(::core::f64::consts::PI)),
+                "theta < pi/2",
+            ),
+        ] {
+            if !value.all_gt(R::ZERO) {
+                let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
+                return Err(::hamel_runtime::Failure::OutsideDomain {
+                    t,
+                    condition,
+                });
+            }
         }
         Ok(())
     }
@@ -715,6 +728,11 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
 
     fn check(&self, t: R, y: &[R; 5]) -> Result<(), ::hamel_runtime::Failure> {
         self.check(t, y)
+    }
+
+    #[inline]
+    fn domain(&self, t: R, y: &[R; 5]) -> Result<(), ::hamel_runtime::Failure> {
+        self.domain(t, y)
     }
 }
 

@@ -188,25 +188,23 @@ pub struct Prepared<R = f64> {
     I1: R,
     /// Parameter `I3`.
     I3: R,
-    /// Parameter `r`.
-    r: R,
-    /// `m * (r * r)`
-    c0: R,
-    /// `I1 * I1 + I1 * m * (r * r)`
-    c1: R,
-    /// `0.5 * g / r`
-    c2: R,
-    /// `2 * m * (r * r)`
-    c3: R,
     /// `1 / (m * (r * r))`
+    c0: R,
+    /// `I1 / (m * m * (r * r * (r * r)))`
+    c1: R,
+    /// `m * (r * r)`
+    c2: R,
+    /// `0.5 * g / r`
+    c3: R,
+    /// `0.5 * (I1 - I3) / (m * (r * r))`
     c4: R,
-    /// `1 / (m * m * (r * r * (r * r)))`
+    /// `2 / (m * (r * r))`
     c5: R,
-    /// `m * m * (r * r * (r * r)) * (I1 - I3)`
+    /// `(I1 - I3) / (m * (r * r))`
     c6: R,
-    /// `m * (r * r) * (I1 - I3)`
+    /// `2 * m * (r * r)`
     c7: R,
-    /// `1 / (I3 + m * (r * r))`
+    /// A longer expression in the parameters.
     c8: R,
     /// `0.5 * (I3 + m * (r * r))`
     c9: R,
@@ -214,19 +212,19 @@ pub struct Prepared<R = f64> {
     c10: R,
     /// `m * r * g`
     c11: R,
-    /// `0.5 * m`
+    /// `I1 * m * (r * r) + I1 * I1`
     c12: R,
     /// `m * r`
     c13: R,
-    /// `m * (r * r) / (I3 + m * (r * r))`
+    /// `-(m * (r * r) / (I3 + m * (r * r)))`
     c14: R,
     /// `m * m * (r * r * (r * r))`
     c15: R,
-    /// `0.5 / (m * (r * r))`
+    /// `-0.5 / (m * (r * r))`
     c16: R,
     /// `I1 - I3`
     c17: R,
-    /// `m * m * (r * r) * g`
+    /// `-(m * m * (r * r) * g)`
     c18: R,
     /// `I3 + m * (r * r)`
     A_Omega3_Omega3: R,
@@ -245,7 +243,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 20 multiplications, 7 divisions.
+    /// 5 additions, 23 multiplications, 12 divisions, 3 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I3, m, r, g } = *params;
         for (value, condition, meaning) in [
@@ -267,8 +265,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t2 = m * m;
         let t3 = t2 * (t0 * t0);
         let t4 = I1 - I3;
+        let t5 = t0 * r;
+        let t6 = t2 * m * (t5 * t5);
+        let t7 = m * r;
         let A_Omega3_Omega3 = I3 + t1;
-        let t5 = m * r;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -296,26 +296,25 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Ok(Self {
             I1,
             I3,
-            r,
-            c0: t1,
-            c1: I1 * I1 + I1 * m * t0,
-            c2: R::from_f64(0.5) * g / r,
-            c3: R::from_f64(2.0) * m * t0,
-            c4: t1.recip(),
-            c5: t3.recip(),
-            c6: t3 * t4,
-            c7: t1 * t4,
-            c8: A_Omega3_Omega3.recip(),
+            c0: t1.recip(),
+            c1: I1 / t3,
+            c2: t1,
+            c3: R::from_f64(0.5) * g / r,
+            c4: R::from_f64(0.5) * t4 / t1,
+            c5: R::from_f64(2.0) / t1,
+            c6: t4 / t1,
+            c7: R::from_f64(2.0) * m * t0,
+            c8: -(R::ONE - t3 * (t4 / t6 - I1 / t6)).recip(),
             c9: R::from_f64(0.5) * A_Omega3_Omega3,
             c10: R::from_f64(0.5) * I1,
-            c11: t5 * g,
-            c12: R::from_f64(0.5) * m,
-            c13: t5,
-            c14: t1 / A_Omega3_Omega3,
+            c11: t7 * g,
+            c12: I1 * m * t0 + I1 * I1,
+            c13: t7,
+            c14: -(t1 / A_Omega3_Omega3),
             c15: t3,
-            c16: R::from_f64(0.5) / t1,
+            c16: R::from_f64(-0.5) / t1,
             c17: t4,
-            c18: t2 * t0 * g,
+            c18: -(t2 * t0 * g),
             A_Omega3_Omega3,
             c19: g / r,
         })
@@ -343,51 +342,47 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 15 additions, 51 multiplications (13 fused), 3 divisions, 1 square root.
+    /// 16 additions, 49 multiplications (14 fused), 3 divisions, 1 square root.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 6], dy: &mut [R; 6]) {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
-        /// mass matrix A = W^T L_yy Psi
-        let [t0, t1, t2, t3, t4, t5, A_Omega1_Omega1] = {
-            let t0 = Gamma2 * Gamma2;
-            let t1 = Gamma1 * Gamma1;
-            let t2 = (t0 + t1).sqrt().recip();
-            let t3 = t2 * t2;
-            let t4 = self.c0 * t3;
-            let t5 = t0 * t4;
-            [t0, t1, t2, t3, t4, t5, self.I1 + t5]
-        };
         /// factors of A
-        let [t6, A_s1_2_2] = {
-            let t6 = A_Omega1_Omega1.recip();
-            [t6, self.c1 * t6]
+        let [t0, t1, t2, t4, t5, t6, t7, A_s1_2_2] = {
+            let t0 = Gamma2 * Gamma2;
+            let t1 = Gamma1.mul_add(Gamma1, t0).sqrt().recip();
+            let t2 = t1 * t1;
+            let t3 = t2 * (self.c0 * t0);
+            let t4 = (self.c1 + t3).recip();
+            let t5 = Gamma1 * (-t3).mul_add(t4, R::ONE);
+            let t6 = Gamma1 * t2;
+            let t7 = self.c2 * t6;
+            [t0, t1, t2, t4, t5, t6, t7, t5.mul_add(t7, self.I1)]
         };
-        let t7 = A_s1_2_2.recip();
-        let t8 = (-t5).mul_add(t6, R::ONE) * t7;
-        let t9 = Gamma1 * Gamma2;
-        let t10 = self.c3
-            * (Gamma3
-                * R::from_f64(0.5)
-                    .mul_add(
-                        t0.mul_add(Omega2 * Omega2, Omega1 * Omega1 * t1),
-                        Omega1 * Omega2 * t9,
-                    )
-                    .mul_add(t3 * t2, self.c2));
-        let t11 = t9 * t3;
-        let t12 = t6.mul_add(Omega2 * t11, -(self.c4 * Omega1)) * t7;
-        let t13 = (-Omega1).mul_add(Gamma2, Omega2 * Gamma1);
-        *dy = [
-            (-t2)
+        let t8 = A_s1_2_2.recip();
+        let t9 = t5 * t8;
+        let t10 = Omega1 * Gamma1;
+        let t11 = Omega2 * Gamma2;
+        let t12 = Gamma3
+            * t2
                 .mul_add(
-                    Gamma2 * (-t8).mul_add(t1 * t4, R::ONE) * t10,
-                    self.c6 * (Omega3 * t11.mul_add(t12, self.c5 * Omega2)),
-                ) * t6,
-            t2.mul_add(Gamma1 * t8 * t10, self.c7 * (Omega3 * t12)),
-            self.c8 * (t4 * (-Omega2).mul_add(Gamma2, -(Omega1 * Gamma1)) * t13),
+                    R::from_f64(0.5)
+                        .mul_add(t10.mul_add(t10, Omega2 * Omega2 * t0), t10 * t11) * t1,
+                    self.c3,
+                );
+        let t13 = t4.mul_add(t11 * t6, -(self.c2 * Omega1)) * t8;
+        let t14 = (-Omega1).mul_add(Gamma2, Omega2 * Gamma1);
+        *dy = [
+            (-(-t7).mul_add(t9, R::ONE))
+                .mul_add(
+                    Gamma2 * t1 * t12,
+                    t13.mul_add(Gamma2 * t6, Omega2) * (self.c4 * Omega3),
+                ) * (self.c5 * t4),
+            t9.mul_add(self.c7 * t1 * t12, t13 * (self.c6 * Omega3)),
+            t2 * ((t10 + t11) * (self.c8 * t14)),
             (-Omega2).mul_add(Gamma3, Omega3 * Gamma2),
             (-Omega3).mul_add(Gamma1, Omega1 * Gamma3),
-            t13,
+            t14,
         ];
     }
 
@@ -399,31 +394,29 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 6 additions, 13 multiplications (6 fused), 1 division, 1 square root.
+    /// 7 additions, 15 multiplications (7 fused), 1 division, 1 square root.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 6]) -> R {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, _] = *y;
         let _ = t;
-        /// velocities y = Psi u + psi0
-        let [t0, t1] = {
-            let t0 = Gamma1.mul_add(Gamma1, Gamma2 * Gamma2).sqrt();
-            [t0, self.r * (-Omega1).mul_add(Gamma2, Omega2 * Gamma1) / t0]
-        };
-        self.c12
+        let t0 = Gamma2.mul_add(Gamma2, Gamma1 * Gamma1);
+        let t1 = Omega1 * Gamma2;
+        let t2 = Omega2 * Gamma1;
+        let t3 = self
+            .c10
             .mul_add(
-                t1 * t1,
-                t0
+                Omega2.mul_add(Omega2, Omega1 * Omega1),
+                self
+                    .c9
                     .mul_add(
-                        self.c11,
-                        self
-                            .c10
-                            .mul_add(
-                                Omega2.mul_add(Omega2, Omega1 * Omega1),
-                                self.c9 * (Omega3 * Omega3),
-                            ),
+                        Omega3 * Omega3,
+                        -(self.c2 / t0
+                            * (-R::from_f64(0.5))
+                                .mul_add(t2 * t2, t1 * (-t1).mul_add(R::from_f64(0.5), t2))),
                     ),
-            )
+            );
+        self.c11.mul_add(t0.sqrt(), t3)
     }
 
     /// Momenta p = dL/dy.
@@ -443,14 +436,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, _] = *y;
         let _ = t;
         let t0 = self.c13 * Omega3;
-        let t1 = Gamma1.mul_add(Gamma1, Gamma2 * Gamma2).sqrt().recip();
+        let t1 = Gamma2.mul_add(Gamma2, Gamma1 * Gamma1).sqrt().recip();
         [
             self.I1 * Omega1,
             self.I1 * Omega2,
             self.I3 * Omega3,
-            -(Gamma2 * t0 * t1),
-            Gamma1 * t0 * t1,
-            self.c13 * Omega1.mul_add(Gamma2, -(Omega2 * Gamma1)) * t1,
+            -(t1 * (Gamma2 * t0)),
+            t1 * (Gamma1 * t0),
+            t1 * (self.c13 * Omega1.mul_add(Gamma2, -(Omega2 * Gamma1))),
         ]
     }
 
@@ -472,49 +465,49 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         /// mass matrix A = W^T L_yy Psi
         let [t0, t1, t2, t3, A_Omega1_Omega1] = {
-            let t0 = Gamma1.mul_add(Gamma1, Gamma2 * Gamma2).sqrt().recip();
+            let t0 = Gamma2.mul_add(Gamma2, Gamma1 * Gamma1).sqrt().recip();
             let t1 = t0 * t0;
             let t2 = Gamma2 * t1;
-            let t3 = self.c0 * t2;
+            let t3 = self.c2 * t2;
             [t0, t1, t2, t3, Gamma2.mul_add(t3, self.I1)]
         };
         /// factors of A
         let [t4, A_s1_2_2] = {
             let t4 = A_Omega1_Omega1.recip();
-            [t4, self.c1 * t4]
+            [t4, self.c12 * t4]
         };
         let t5 = Omega3 * Gamma3;
         let t6 = Omega2 * Gamma1;
         let t7 = Omega1 * Gamma2;
         let t8 = t6 - t7;
-        let t9 = (-self.c14).mul_add(Omega2.mul_add(Gamma2, Omega1 * Gamma1), t5);
+        let t9 = self.c14.mul_add(Omega2.mul_add(Gamma2, Omega1 * Gamma1), t5);
         let t10 = Gamma1 * t1;
         let t11 = Gamma2 * t4;
         let t12 = Gamma1 / A_s1_2_2;
         let t13 = t10 * t12;
-        let t14 = self.c15.mul_add(t2 * t11 * t13, R::ONE);
-        let t15 = (-self.c3)
-            .mul_add(Gamma2 * t11 * (-t14).mul_add(self.c16, t13), Gamma1 * t12) * t1;
-        let t16 = (Gamma3 * (-t15).mul_add(self.c0, R::ONE))
+        let t14 = t13.mul_add(self.c15 * t2 * t11, R::ONE);
+        let t15 = (-t14.mul_add(self.c16, t13))
+            .mul_add(self.c7 * Gamma2 * t11, Gamma1 * t12) * t1;
+        let t16 = (-t15)
+            .mul_add(self.c2, R::ONE)
             .mul_add(
-                Omega1
-                    .mul_add(
-                        R::from_f64(2.0)
-                            .mul_add(t2 * (-t7).mul_add(R::from_f64(0.5), t6), Omega1),
-                        Omega2 * Omega2 * (-Gamma1).mul_add(t10, R::ONE),
-                    ),
-                self.c17
-                    * (Omega3
-                        * t14
-                            .mul_add(
-                                Omega2 * t11,
-                                t12 * (-t4).mul_add(t3 * (t7 + t6), Omega1),
-                            )),
+                Gamma3
+                    * Omega1
+                        .mul_add(
+                            t2
+                                .mul_add(
+                                    R::from_f64(2.0) * (-t7).mul_add(R::from_f64(0.5), t6),
+                                    Omega1,
+                                ),
+                            Omega2 * Omega2 * (-Gamma1).mul_add(t10, R::ONE),
+                        ),
+                t14.mul_add(Omega2 * t11, t12 * (-t4).mul_add((t7 + t6) * t3, Omega1))
+                    * (self.c17 * Omega3),
             );
         [
-            self.c13 * (-t8).mul_add(t2.mul_add(t9, Omega2), -(Omega1 * t5)) * t0,
-            self.c13 * t8.mul_add(t9.mul_add(t10, Omega1), -(Omega2 * t5)) * t0,
-            t0.mul_add(self.c13 * t16, -(self.c18 * (Gamma3 * t15))),
+            (-t8).mul_add(t2.mul_add(t9, Omega2), -(Omega1 * t5)) * (self.c13 * t0),
+            t8.mul_add(t9.mul_add(t10, Omega1), -(Omega2 * t5)) * (self.c13 * t0),
+            t16.mul_add(self.c13 * t0, t15 * (self.c18 * Gamma3)),
         ]
     }
 
@@ -534,8 +527,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn nonholonomic_momentum(&self, t: R, y: &[R; 6]) -> [R; 3] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, _] = *y;
         let _ = t;
-        let t0 = (-Omega1).mul_add(Gamma2, Omega2 * Gamma1)
-            * (self.c0 / Gamma1.mul_add(Gamma1, Gamma2 * Gamma2));
+        let t0 = self.c2 * (-Omega1).mul_add(Gamma2, Omega2 * Gamma1)
+            / Gamma2.mul_add(Gamma2, Gamma1 * Gamma1);
         [
             (-Gamma2).mul_add(t0, self.I1 * Omega1),
             Gamma1.mul_add(t0, self.I1 * Omega2),
@@ -560,15 +553,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
         let t0 = Omega2.mul_add(Gamma2, Omega1 * Gamma1);
-        let t1 = Gamma1.mul_add(Gamma1, Gamma2 * Gamma2).sqrt().recip();
+        let t1 = Gamma2.mul_add(Gamma2, Gamma1 * Gamma1).sqrt().recip();
         let t2 = t1 * t1;
-        let t3 = self.c0 * ((-Omega1).mul_add(Gamma2, Omega2 * Gamma1) * t2);
+        let t3 = t2 * (self.c2 * (-Omega1).mul_add(Gamma2, Omega2 * Gamma1));
         let t4 = (-t2).mul_add(Gamma3 * t0, Omega3) * t3;
         let t5 = self.c17 * Omega3;
-        let t6 = self.c0 * t1.mul_add(Omega3 * t0, self.c19 * Gamma3);
+        let t6 = self.c2 * t1.mul_add(Omega3 * t0, self.c19 * Gamma3);
         [
-            Gamma1.mul_add(t4, (-t1).mul_add(Gamma2 * t6, Omega2 * t5)),
-            Gamma2.mul_add(t4, t1.mul_add(Gamma1 * t6, -(Omega1 * t5))),
+            Gamma1.mul_add(t4, (-t6).mul_add(Gamma2 * t1, Omega2 * t5)),
+            Gamma2.mul_add(t4, t6.mul_add(Gamma1 * t1, -(Omega1 * t5))),
             -(t0 * t3),
         ]
     }
@@ -589,7 +582,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn casimirs(&self, t: R, y: &[R; 6]) -> [R; 1] {
         let [_, _, _, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
-        [Gamma3.mul_add(Gamma3, Gamma1.mul_add(Gamma1, Gamma2 * Gamma2))]
+        [Gamma3.mul_add(Gamma3, Gamma2.mul_add(Gamma2, Gamma1 * Gamma1))]
     }
 
     /// Says which pivot vanishes at a point.
@@ -606,9 +599,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         /// mass matrix A = W^T L_yy Psi
         let A_Omega1_Omega1 = {
             let t0 = Gamma2 * Gamma2;
-            self.I1 + self.c0 * t0 / Gamma1.mul_add(Gamma1, t0)
+            self.I1 + self.c2 * t0 / Gamma1.mul_add(Gamma1, t0)
         };
-        let (value, pivot) = (self.c1 / A_Omega1_Omega1, "inertia along Omega2");
+        let (value, pivot) = (self.c12 / A_Omega1_Omega1, "inertia along Omega2");
         if !value.all_ne(R::ZERO) {
             let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
             return Err(::hamel_runtime::Failure::Singular {

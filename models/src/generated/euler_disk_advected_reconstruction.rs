@@ -246,15 +246,15 @@ pub struct Prepared<R = f64> {
     c0: R,
     /// `I1 * I1 + I1 * m * (r * r)`
     c1: R,
-    /// `I1 - I3`
-    c2: R,
     /// `0.5 * g / r`
-    c3: R,
+    c2: R,
     /// `2 * m * (r * r)`
+    c3: R,
+    /// `-(1 / (m * (r * r)))`
     c4: R,
-    /// `1 / (m * (r * r))`
+    /// `-(m * m * (r * r * (r * r)) * (I1 - I3))`
     c5: R,
-    /// `m * m * (r * r * (r * r)) * (I1 - I3)`
+    /// `I1 - I3`
     c6: R,
     /// `m * (r * r) * (I1 - I3)`
     c7: R,
@@ -268,22 +268,20 @@ pub struct Prepared<R = f64> {
     c11: R,
     /// `m * r * g`
     c12: R,
-    /// `0.5 * m`
-    c13: R,
     /// `m * r`
+    c13: R,
+    /// `-(m * (r * r) / (I3 + m * (r * r)))`
     c14: R,
-    /// `m * (r * r) / (I3 + m * (r * r))`
-    c15: R,
     /// `m * m * (r * r * (r * r))`
+    c15: R,
+    /// `-0.5 / (m * (r * r))`
     c16: R,
-    /// `0.5 / (m * (r * r))`
+    /// `-(m * m * (r * r) * g)`
     c17: R,
-    /// `m * m * (r * r) * g`
-    c18: R,
     /// `I3 + m * (r * r)`
     A_Omega3_Omega3: R,
     /// `g / r`
-    c19: R,
+    c18: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -297,7 +295,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 21 multiplications, 6 divisions.
+    /// 3 additions, 20 multiplications, 6 divisions, 4 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I3, m, r, g } = *params;
         for (value, condition, meaning) in [
@@ -351,25 +349,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             r,
             c0: t1,
             c1: I1 * I1 + I1 * m * t0,
-            c2: t2,
-            c3: R::from_f64(0.5) * g / r,
-            c4: R::from_f64(2.0) * m * t0,
-            c5: t1.recip(),
-            c6: t4 * t2,
+            c2: R::from_f64(0.5) * g / r,
+            c3: R::from_f64(2.0) * m * t0,
+            c4: -t1.recip(),
+            c5: -(t4 * t2),
+            c6: t2,
             c7: t1 * t2,
             c8: A_Omega3_Omega3.recip(),
             c9: R::from_f64(2.0) * r,
             c10: R::from_f64(0.5) * A_Omega3_Omega3,
             c11: R::from_f64(0.5) * I1,
             c12: t5 * g,
-            c13: R::from_f64(0.5) * m,
-            c14: t5,
-            c15: t1 / A_Omega3_Omega3,
-            c16: t4,
-            c17: R::from_f64(0.5) / t1,
-            c18: t3 * t0 * g,
+            c13: t5,
+            c14: -(t1 / A_Omega3_Omega3),
+            c15: t4,
+            c16: R::from_f64(-0.5) / t1,
+            c17: -(t3 * t0 * g),
             A_Omega3_Omega3,
-            c19: g / r,
+            c18: g / r,
         })
     }
 }
@@ -420,16 +417,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t9 = (-t5).mul_add(t6, R::ONE) * t8;
         let t10 = Omega2 * Gamma1;
         let t11 = Omega1 * Gamma2;
-        let t12 = self.c4
-            * (Gamma3
-                * R::from_f64(0.5)
+        let t12 = t3
+            .mul_add(
+                R::from_f64(0.5)
                     .mul_add(
                         t0.mul_add(Omega2 * Omega2, Omega1 * Omega1 * t1),
                         t10 * t11,
-                    )
-                    .mul_add(t3 * t2, self.c3));
+                    ) * t2,
+                self.c2,
+            ) * (self.c3 * Gamma3);
         let t13 = Omega3 * Gamma1;
-        let t14 = t3.mul_add(t7 * t10, -(self.c5 * Omega1)) * t8;
+        let t14 = t7.mul_add(t10 * t3, self.c4 * Omega1) * t8;
         let t15 = t10 - t11;
         let t16 = Omega3 * Gamma2;
         let t17 = R::from_f64(0.5) * Omega1;
@@ -439,18 +437,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t21 = (-qx).mul_add(t15, qz * t16);
         let t22 = qy.mul_add(t15, qz * t13);
         *dy = [
-            (-t2)
-                .mul_add(
-                    t7
-                        * (-t2)
-                            .mul_add(
-                                self.c6 * (t13 * t14),
-                                (-t9).mul_add(t1 * t4, R::ONE) * t12,
-                            ),
-                    self.c2 * (Omega2 * Omega3) * t6,
-                ),
-            t2.mul_add(Gamma1 * t9 * t12, self.c7 * (Omega3 * t14)),
-            self.c8 * (t4 * (-Omega2).mul_add(Gamma2, -(Omega1 * Gamma1)) * t15),
+            (-t14.mul_add(self.c5 * t13 * t2, (-t9).mul_add(t1 * t4, R::ONE) * t12))
+                .mul_add(t2 * t7, t6 * (Omega2 * (self.c6 * Omega3))),
+            t9.mul_add(Gamma1 * t2 * t12, t14 * (self.c7 * Omega3)),
+            t4 * ((-Omega2).mul_add(Gamma2, -(Omega1 * Gamma1)) * (self.c8 * t15)),
             (-Omega2).mul_add(Gamma3, t16),
             Omega1.mul_add(Gamma3, -t13),
             t15,
@@ -486,31 +476,29 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 6 additions, 13 multiplications (6 fused), 1 division, 1 square root.
+    /// 7 additions, 15 multiplications (7 fused), 1 division, 1 square root.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 13]) -> R {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, _, _, _, _, _, _, _, _] = *y;
         let _ = t;
-        /// velocities y = Psi u + psi0
-        let [t0, t1] = {
-            let t0 = Gamma1.mul_add(Gamma1, Gamma2 * Gamma2).sqrt();
-            [t0, self.r * (-Omega1).mul_add(Gamma2, Omega2 * Gamma1) / t0]
-        };
-        self.c13
+        let t0 = Gamma1.mul_add(Gamma1, Gamma2 * Gamma2);
+        let t1 = Omega1 * Gamma2;
+        let t2 = Omega2 * Gamma1;
+        let t3 = self
+            .c11
             .mul_add(
-                t1 * t1,
-                t0
+                Omega2.mul_add(Omega2, Omega1 * Omega1),
+                self
+                    .c10
                     .mul_add(
-                        self.c12,
-                        self
-                            .c11
-                            .mul_add(
-                                Omega2.mul_add(Omega2, Omega1 * Omega1),
-                                self.c10 * (Omega3 * Omega3),
-                            ),
+                        Omega3 * Omega3,
+                        -(self.c0 / t0
+                            * (-R::from_f64(0.5))
+                                .mul_add(t2 * t2, t1 * (-t1).mul_add(R::from_f64(0.5), t2))),
                     ),
-            )
+            );
+        self.c12.mul_add(t0.sqrt(), t3)
     }
 
     /// Momenta p = dL/dy.
@@ -529,15 +517,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn momentum(&self, t: R, y: &[R; 13]) -> [R; 6] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, _, _, _, _, _, _, _, _] = *y;
         let _ = t;
-        let t0 = self.c14 * Omega3;
+        let t0 = self.c13 * Omega3;
         let t1 = Gamma1.mul_add(Gamma1, Gamma2 * Gamma2).sqrt().recip();
         [
             self.I1 * Omega1,
             self.I1 * Omega2,
             self.I3 * Omega3,
-            -(Gamma2 * t0 * t1),
-            Gamma1 * t0 * t1,
-            self.c14 * Omega1.mul_add(Gamma2, -(Omega2 * Gamma1)) * t1,
+            -(t1 * (Gamma2 * t0)),
+            t1 * (Gamma1 * t0),
+            t1 * (self.c13 * Omega1.mul_add(Gamma2, -(Omega2 * Gamma1))),
         ]
     }
 
@@ -574,34 +562,34 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t6 = Omega2 * Gamma1;
         let t7 = Omega1 * Gamma2;
         let t8 = t6 - t7;
-        let t9 = (-self.c15).mul_add(Omega2.mul_add(Gamma2, Omega1 * Gamma1), t5);
+        let t9 = self.c14.mul_add(Omega2.mul_add(Gamma2, Omega1 * Gamma1), t5);
         let t10 = Gamma1 * t1;
         let t11 = Gamma2 * t4;
         let t12 = Gamma1 / A_s1_2_2;
         let t13 = t10 * t12;
-        let t14 = self.c16.mul_add(t2 * t11 * t13, R::ONE);
-        let t15 = (-self.c4)
-            .mul_add(Gamma2 * t11 * (-t14).mul_add(self.c17, t13), Gamma1 * t12) * t1;
-        let t16 = (Gamma3 * (-t15).mul_add(self.c0, R::ONE))
+        let t14 = t13.mul_add(self.c15 * t2 * t11, R::ONE);
+        let t15 = (-t14.mul_add(self.c16, t13))
+            .mul_add(self.c3 * Gamma2 * t11, Gamma1 * t12) * t1;
+        let t16 = (-t15)
+            .mul_add(self.c0, R::ONE)
             .mul_add(
-                Omega1
-                    .mul_add(
-                        R::from_f64(2.0)
-                            .mul_add(t2 * (-t7).mul_add(R::from_f64(0.5), t6), Omega1),
-                        Omega2 * Omega2 * (-Gamma1).mul_add(t10, R::ONE),
-                    ),
-                self.c2
-                    * (Omega3
-                        * t14
-                            .mul_add(
-                                Omega2 * t11,
-                                t12 * (-t4).mul_add(t3 * (t7 + t6), Omega1),
-                            )),
+                Gamma3
+                    * Omega1
+                        .mul_add(
+                            t2
+                                .mul_add(
+                                    R::from_f64(2.0) * (-t7).mul_add(R::from_f64(0.5), t6),
+                                    Omega1,
+                                ),
+                            Omega2 * Omega2 * (-Gamma1).mul_add(t10, R::ONE),
+                        ),
+                t14.mul_add(Omega2 * t11, t12 * (-t4).mul_add((t7 + t6) * t3, Omega1))
+                    * (self.c6 * Omega3),
             );
         [
-            self.c14 * (-t8).mul_add(t2.mul_add(t9, Omega2), -(Omega1 * t5)) * t0,
-            self.c14 * t8.mul_add(t9.mul_add(t10, Omega1), -(Omega2 * t5)) * t0,
-            t0.mul_add(self.c14 * t16, -(self.c18 * (Gamma3 * t15))),
+            (-t8).mul_add(t2.mul_add(t9, Omega2), -(Omega1 * t5)) * (self.c13 * t0),
+            t8.mul_add(t9.mul_add(t10, Omega1), -(Omega2 * t5)) * (self.c13 * t0),
+            t16.mul_add(self.c13 * t0, t15 * (self.c17 * Gamma3)),
         ]
     }
 
@@ -621,8 +609,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn nonholonomic_momentum(&self, t: R, y: &[R; 13]) -> [R; 3] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, _, _, _, _, _, _, _, _] = *y;
         let _ = t;
-        let t0 = (-Omega1).mul_add(Gamma2, Omega2 * Gamma1)
-            * (self.c0 / Gamma1.mul_add(Gamma1, Gamma2 * Gamma2));
+        let t0 = self.c0 * (-Omega1).mul_add(Gamma2, Omega2 * Gamma1)
+            / Gamma1.mul_add(Gamma1, Gamma2 * Gamma2);
         [
             (-Gamma2).mul_add(t0, self.I1 * Omega1),
             Gamma1.mul_add(t0, self.I1 * Omega2),
@@ -649,13 +637,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t0 = Omega2.mul_add(Gamma2, Omega1 * Gamma1);
         let t1 = Gamma1.mul_add(Gamma1, Gamma2 * Gamma2).sqrt().recip();
         let t2 = t1 * t1;
-        let t3 = self.c0 * ((-Omega1).mul_add(Gamma2, Omega2 * Gamma1) * t2);
+        let t3 = t2 * (self.c0 * (-Omega1).mul_add(Gamma2, Omega2 * Gamma1));
         let t4 = (-t2).mul_add(Gamma3 * t0, Omega3) * t3;
-        let t5 = self.c2 * Omega3;
-        let t6 = self.c0 * t1.mul_add(Omega3 * t0, self.c19 * Gamma3);
+        let t5 = self.c6 * Omega3;
+        let t6 = self.c0 * t1.mul_add(Omega3 * t0, self.c18 * Gamma3);
         [
-            Gamma1.mul_add(t4, (-t1).mul_add(Gamma2 * t6, Omega2 * t5)),
-            Gamma2.mul_add(t4, t1.mul_add(Gamma1 * t6, -(Omega1 * t5))),
+            Gamma1.mul_add(t4, (-t6).mul_add(Gamma2 * t1, Omega2 * t5)),
+            Gamma2.mul_add(t4, t6.mul_add(Gamma1 * t1, -(Omega1 * t5))),
             -(t0 * t3),
         ]
     }

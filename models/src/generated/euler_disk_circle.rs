@@ -174,15 +174,15 @@ impl<R: ::hamel_runtime::Real> State<R> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
 pub struct Prepared<R = f64> {
-    /// `0.25 * (4 * I1 - 4 * I3 - 4 * M * (r * r) + M * (r * r) * (e * e)) / (I3 + M * (r * r))`
+    /// `-0.25 * (4 * I1 - 4 * I3 - 4 * M * (r * r) + M * (r * r) * (e * e)) / (I3 + M * (r * r))`
     c0: R,
     /// `0.5 * M * r * e * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
     c1: R,
-    /// `M * r * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    /// `-(M * r * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r))))`
     c2: R,
-    /// `(I3 + M * (r * r)) / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    /// `-((I3 + M * (r * r)) / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r))))`
     c3: R,
-    /// `0.5 * M * (r * r) * e / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    /// `-(0.5 * M * (r * r) * e / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r))))`
     c4: R,
     /// A longer expression in the parameters.
     c5: R,
@@ -194,26 +194,24 @@ pub struct Prepared<R = f64> {
     c8: R,
     /// A longer expression in the parameters.
     c9: R,
-    /// `2 * M * r * g / I1`
+    /// `-(4 * M * (r * r) * e / (4 * I1 + M * (r * r) * (e * e)))`
     c10: R,
-    /// `2 * r`
+    /// `-(M * (r * r) * e / (I3 + M * (r * r)))`
     c11: R,
-    /// `r * e`
+    /// `M * r * g`
     c12: R,
     /// `0.5 * M * r * e * g`
     c13: R,
     /// `0.125 * (4 * I1 + M * (r * r * (e * e) + 4 * (r * r)))`
     c14: R,
-    /// `0.5 * I3`
+    /// `0.125 * (4 * I1 + M * (r * r) * (e * e))`
     c15: R,
-    /// `0.5 * I1`
+    /// `0.5 * (I3 + M * (r * r))`
     c16: R,
-    /// `0.125 * M`
-    c17: R,
     /// A longer expression in the parameters.
-    c18: R,
+    c17: R,
     /// `0.5 * pi`
-    c19: R,
+    c18: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -227,7 +225,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 17 additions, 47 multiplications, 15 divisions.
+    /// 17 additions, 43 multiplications, 15 divisions, 5 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { M, r, e, I1, I3, g } = *params;
         for (value, condition, meaning) in [
@@ -255,21 +253,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t3 = e * e;
         let t4 = t2 * t3 + R::from_f64(4.0) * t2;
         let A_theta_dot_theta_dot = I1 + R::from_f64(0.25) * M * t4;
-        let t5 = R::from_f64(4.0) * I1;
-        let t6 = R::from_f64(4.0) * I3;
-        let t7 = M * t2;
-        let t8 = t7 * t3;
-        let A_psi_dot_psi_dot = I3 + t7;
-        let t9 = M * M * (t2 * t2) * t3 / A_psi_dot_psi_dot;
-        let t10 = t5 - R::from_f64(2.0) * I3 + t8 - t9;
-        let t11 = t5 + t8 - t9;
-        let t12 = R::from_f64(2.0) * M;
-        let t13 = t12 * t2;
-        let t14 = t7 * e;
-        let t15 = I3 + t13;
-        let t16 = t13 * e - t14 * t15 / A_psi_dot_psi_dot;
-        let t17 = R::from_f64(2.0) * t16 / t11;
-        let t18 = A_psi_dot_psi_dot * t11;
+        let t5 = M * r * g;
+        let t6 = R::from_f64(4.0) * I1;
+        let t7 = R::from_f64(4.0) * I3;
+        let t8 = R::from_f64(4.0) * M * t2;
+        let t9 = M * t2;
+        let t10 = t9 * t3;
+        let A_psi_dot_psi_dot = I3 + t9;
+        let t11 = M * M * (t2 * t2) * t3 / A_psi_dot_psi_dot;
+        let t12 = t6 - R::from_f64(2.0) * I3 + t10 - t11;
+        let t13 = t6 + t10;
+        let t14 = t13 - t11;
+        let t15 = R::from_f64(2.0) * M * t2;
+        let t16 = t9 * e;
+        let t17 = I3 + t15;
+        let t18 = t15 * e - t16 * t17 / A_psi_dot_psi_dot;
+        let t19 = R::from_f64(2.0) * t18 / t14;
+        let t20 = A_psi_dot_psi_dot * t14;
+        let t21 = t16 / A_psi_dot_psi_dot;
         if !M.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "M > 0",
@@ -301,27 +302,25 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             });
         }
         Ok(Self {
-            c0: R::from_f64(0.25) * (t5 - t6 - R::from_f64(4.0) * M * t2 + t8)
-                / A_psi_dot_psi_dot,
+            c0: R::from_f64(-0.25) * (t6 - t7 - t8 + t10) / A_psi_dot_psi_dot,
             c1: t1 / A_theta_dot_theta_dot,
-            c2: M * r * g / A_theta_dot_theta_dot,
-            c3: A_psi_dot_psi_dot / A_theta_dot_theta_dot,
-            c4: t0 * t2 * e / A_theta_dot_theta_dot,
-            c5: R::from_f64(0.5) * t10 / I3,
-            c6: t6 / t11,
-            c7: t17,
-            c8: t14 * t10 / t18 - t17 - t14 / A_psi_dot_psi_dot,
-            c9: t14 * t16 / t18 - t15 / A_psi_dot_psi_dot,
-            c10: t12 * r * g / I1,
-            c11: R::from_f64(2.0) * r,
-            c12: r * e,
+            c2: -(t5 / A_theta_dot_theta_dot),
+            c3: -(A_psi_dot_psi_dot / A_theta_dot_theta_dot),
+            c4: -(t0 * t2 * e / A_theta_dot_theta_dot),
+            c5: R::from_f64(-0.5) * t12 / I3,
+            c6: t7 / t14,
+            c7: t19,
+            c8: t21 - (t16 * t12 / t20 - t19),
+            c9: t17 / A_psi_dot_psi_dot - t16 * t18 / t20,
+            c10: -(t8 * e / t13),
+            c11: -t21,
+            c12: t5,
             c13: t1,
-            c14: R::from_f64(0.125) * (t5 + M * t4),
-            c15: R::from_f64(0.5) * I3,
-            c16: R::from_f64(0.5) * I1,
-            c17: R::from_f64(0.125) * M,
-            c18: R::from_f64(0.25) * t11,
-            c19: R::from_f64(0.5) * R::from_f64(::core::f64::consts::PI),
+            c14: R::from_f64(0.125) * (t6 + M * t4),
+            c15: R::from_f64(0.125) * t13,
+            c16: R::from_f64(0.5) * A_psi_dot_psi_dot,
+            c17: R::from_f64(0.25) * t14,
+            c18: R::from_f64(0.5) * R::from_f64(::core::f64::consts::PI),
         })
     }
 }
@@ -349,26 +348,26 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         let t0 = phi_dot * theta_s;
         let t1 = phi_dot * theta_c;
-        let t2 = self.c6 * ((-t1).mul_add(self.c5, psi_dot) * (theta_dot / theta_s));
+        let t2 = self.c6 * theta_dot / theta_s * t1.mul_add(self.c5, psi_dot);
         *dy = [
             -(theta_dot * theta_s),
             theta_dot * theta_c,
-            (-self.c4)
+            self
+                .c4
                 .mul_add(
                     t1.mul_add(psi_dot + t1, -(t0 * t0)),
-                    (-self.c3)
+                    (self.c3 * t0)
                         .mul_add(
-                            t0 * (-t1).mul_add(self.c0, psi_dot),
-                            (-theta_c).mul_add(self.c2, self.c1 * theta_s),
+                            t1.mul_add(self.c0, psi_dot),
+                            theta_c.mul_add(self.c2, self.c1 * theta_s),
                         ),
                 ),
-            (-self.c7).mul_add(theta_dot * phi_dot, t2),
+            (-theta_dot).mul_add(self.c7 * phi_dot, t2),
             (-theta_c)
                 .mul_add(
                     t2,
                     theta_dot
-                        * (-t0)
-                            .mul_add(self.c9, (-t1).mul_add(self.c8, self.c7 * psi_dot)),
+                        * t0.mul_add(self.c9, t1.mul_add(self.c8, self.c7 * psi_dot)),
                 ),
         ];
     }
@@ -381,27 +380,29 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 7 additions, 14 multiplications (7 fused).
+    /// 8 additions, 15 multiplications (8 fused).
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 5]) -> R {
         let [theta_c, theta_s, theta_dot, phi_dot, psi_dot] = *y;
         let _ = t;
         let t0 = phi_dot * theta_s;
-        let t1 = phi_dot.mul_add(theta_c, psi_dot);
-        let t2 = (-t0).mul_add(self.c12, self.c11 * t1);
-        self.c17
+        self.c16
             .mul_add(
-                t2 * t2,
-                self
-                    .c16
+                phi_dot
                     .mul_add(
-                        theta_s * phi_dot.mul_add(t0, self.c10),
+                        theta_s.mul_add(self.c11, theta_c),
+                        R::from_f64(2.0) * psi_dot,
+                    )
+                    .mul_add(theta_c * phi_dot, psi_dot * psi_dot),
+                (self.c15 * t0)
+                    .mul_add(
+                        psi_dot.mul_add(self.c10, t0),
                         self
-                            .c15
+                            .c14
                             .mul_add(
-                                t1 * t1,
-                                self.c14.mul_add(theta_dot * theta_dot, self.c13 * theta_c),
+                                theta_dot * theta_dot,
+                                theta_c.mul_add(self.c13, self.c12 * theta_s),
                             ),
                     ),
             )
@@ -436,7 +437,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn theta(&self, t: R, y: &[R; 5]) -> R {
         let [theta_c, theta_s, _, _, _] = *y;
         let _ = t;
-        (-R::from_f64(2.0)).mul_add((theta_c / (R::ONE + theta_s)).atan(), self.c19)
+        (-R::from_f64(2.0)).mul_add((theta_c / (R::ONE + theta_s)).atan(), self.c18)
     }
 
     /// Says which pivot vanishes at a point.
@@ -450,13 +451,37 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// 2 multiplications.
     pub fn check(&self, t: R, y: &[R; 5]) -> Result<(), ::hamel_runtime::Failure> {
         let [_, theta_s, _, _, _] = *y;
-        let (value, pivot) = (self.c18 * (theta_s * theta_s), "inertia along phi_dot");
+        let (value, pivot) = (self.c17 * (theta_s * theta_s), "inertia along phi_dot");
         if !value.all_ne(R::ZERO) {
             let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
             return Err(::hamel_runtime::Failure::Singular {
                 t,
                 pivot,
             });
+        }
+        Ok(())
+    }
+
+    /// Says whether a point lies outside the domain of the coordinates.
+    ///
+    /// # Errors
+    ///
+    /// `OutsideDomain` with the first condition that does not hold.
+    ///
+    /// # Operations
+    ///
+    /// No operations.
+    #[inline]
+    pub fn domain(&self, t: R, y: &[R; 5]) -> Result<(), ::hamel_runtime::Failure> {
+        let [theta_c, theta_s, _, _, _] = *y;
+        for (value, condition) in [(theta_s, "theta > 0"), (theta_c, "theta < pi/2")] {
+            if !value.all_gt(R::ZERO) {
+                let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
+                return Err(::hamel_runtime::Failure::OutsideDomain {
+                    t,
+                    condition,
+                });
+            }
         }
         Ok(())
     }
@@ -472,6 +497,11 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
 
     fn check(&self, t: R, y: &[R; 5]) -> Result<(), ::hamel_runtime::Failure> {
         self.check(t, y)
+    }
+
+    #[inline]
+    fn domain(&self, t: R, y: &[R; 5]) -> Result<(), ::hamel_runtime::Failure> {
+        self.domain(t, y)
     }
 }
 

@@ -153,13 +153,13 @@ impl<R: ::hamel_runtime::Real> State<R> {
 pub struct Prepared<R = f64> {
     /// Parameter `I1`.
     I1: R,
-    /// `(I1 - I3 - M * (r * r)) / (I3 + M * (r * r))`
+    /// `(M * (r * r) - (I1 - I3)) / (I3 + M * (r * r))`
     c0: R,
-    /// `M * r * g / (I1 + M * (r * r))`
+    /// `-(M * r * g / (I1 + M * (r * r)))`
     c1: R,
-    /// `(I3 + M * (r * r)) / (I1 + M * (r * r))`
+    /// `-((I3 + M * (r * r)) / (I1 + M * (r * r)))`
     c2: R,
-    /// `(2 * I1 - I3) / I3`
+    /// `(I3 - 2 * I1) / I3`
     c3: R,
     /// `I3 / I1`
     c4: R,
@@ -190,7 +190,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 6 additions, 11 multiplications, 8 divisions.
+    /// 6 additions, 11 multiplications, 8 divisions, 2 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { M, r, I1, I3, g } = *params;
         for (value, condition, meaning) in [
@@ -242,10 +242,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(Self {
             I1,
-            c0: (I1 - I3 - t2) / A_psi_dot_psi_dot,
-            c1: t0 / A_theta_dot_theta_dot,
-            c2: A_psi_dot_psi_dot / A_theta_dot_theta_dot,
-            c3: (R::from_f64(2.0) * I1 - I3) / I3,
+            c0: (t2 - (I1 - I3)) / A_psi_dot_psi_dot,
+            c1: -(t0 / A_theta_dot_theta_dot),
+            c2: -(A_psi_dot_psi_dot / A_theta_dot_theta_dot),
+            c3: (I3 - R::from_f64(2.0) * I1) / I3,
             c4: I3 / I1,
             c5: (I3 + R::from_f64(2.0) * M * t1) / A_psi_dot_psi_dot,
             c6: A_psi_dot_psi_dot / I1,
@@ -282,12 +282,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let (t0, t1) = theta.sin_cos();
         let t2 = phi_dot * t0;
         let t3 = phi_dot * t1;
-        let t4 = self.c4 * ((-t3).mul_add(self.c3, psi_dot) * (theta_dot / t0));
+        let t4 = self.c4 * theta_dot / t0 * t3.mul_add(self.c3, psi_dot);
         *dy = [
             theta_dot,
-            (-self.c2).mul_add(t2 * (-t3).mul_add(self.c0, psi_dot), -(self.c1 * t1)),
+            (self.c2 * t2).mul_add(t3.mul_add(self.c0, psi_dot), self.c1 * t1),
             t4,
-            (-t1).mul_add(t4, self.c5 * (theta_dot * t2)),
+            (-t1).mul_add(t4, t2 * (self.c5 * theta_dot)),
         ];
     }
 
@@ -306,14 +306,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [theta, theta_dot, phi_dot, psi_dot] = *y;
         let _ = t;
         let (t0, t1) = theta.sin_cos();
-        self.c11
+        phi_dot
+            .mul_add(self.c6.mul_add(t1 * t1, t0 * t0), t1 * (self.c7 * psi_dot))
             .mul_add(
-                phi_dot
-                    * phi_dot
-                        .mul_add(
-                            self.c6.mul_add(t1 * t1, t0 * t0),
-                            self.c7 * (psi_dot * t1),
-                        ),
+                self.c11 * phi_dot,
                 t0
                     .mul_add(
                         self.c10,
@@ -349,6 +345,36 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(())
     }
+
+    /// Says whether a point lies outside the domain of the coordinates.
+    ///
+    /// # Errors
+    ///
+    /// `OutsideDomain` with the first condition that does not hold.
+    ///
+    /// # Operations
+    ///
+    /// 1 addition, 1 multiplication (1 fused).
+    #[inline]
+    pub fn domain(&self, t: R, y: &[R; 4]) -> Result<(), ::hamel_runtime::Failure> {
+        let [theta, _, _, _] = *y;
+        for (value, condition) in [
+            (theta, "theta > 0"),
+            (
+                (-theta).mul_add(R::from_f64(2.0), R::from_f64(::core::f64::consts::PI)),
+                "theta < pi/2",
+            ),
+        ] {
+            if !value.all_gt(R::ZERO) {
+                let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
+                return Err(::hamel_runtime::Failure::OutsideDomain {
+                    t,
+                    condition,
+                });
+            }
+        }
+        Ok(())
+    }
 }
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
@@ -361,6 +387,11 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
 
     fn check(&self, t: R, y: &[R; 4]) -> Result<(), ::hamel_runtime::Failure> {
         self.check(t, y)
+    }
+
+    #[inline]
+    fn domain(&self, t: R, y: &[R; 4]) -> Result<(), ::hamel_runtime::Failure> {
+        self.domain(t, y)
     }
 }
 

@@ -163,15 +163,15 @@ impl<R: ::hamel_runtime::Real> State<R> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
 pub struct Prepared<R = f64> {
-    /// `0.25 * (4 * I1 - 4 * I3 - 4 * M * (r * r) + M * (r * r) * (e * e)) / (I3 + M * (r * r))`
+    /// `-0.25 * (4 * I1 - 4 * I3 - 4 * M * (r * r) + M * (r * r) * (e * e)) / (I3 + M * (r * r))`
     c0: R,
     /// `0.5 * M * r * e * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
     c1: R,
-    /// `M * r * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    /// `-(M * r * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r))))`
     c2: R,
-    /// `(I3 + M * (r * r)) / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    /// `-((I3 + M * (r * r)) / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r))))`
     c3: R,
-    /// `0.5 * M * (r * r) * e / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    /// `-(0.5 * M * (r * r) * e / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r))))`
     c4: R,
     /// A longer expression in the parameters.
     c5: R,
@@ -183,24 +183,22 @@ pub struct Prepared<R = f64> {
     c8: R,
     /// A longer expression in the parameters.
     c9: R,
-    /// `2 * M * r * g / I1`
+    /// `-(4 * M * (r * r) * e / (4 * I1 + M * (r * r) * (e * e)))`
     c10: R,
-    /// `2 * r`
+    /// `-(M * (r * r) * e / (I3 + M * (r * r)))`
     c11: R,
-    /// `r * e`
-    c12: R,
     /// `0.125 * (4 * I1 + M * (r * r * (e * e) + 4 * (r * r)))`
+    c12: R,
+    /// `M * r * g`
     c13: R,
     /// `0.5 * M * r * e * g`
     c14: R,
-    /// `0.5 * I3`
+    /// `0.125 * (4 * I1 + M * (r * r) * (e * e))`
     c15: R,
-    /// `0.5 * I1`
+    /// `0.5 * (I3 + M * (r * r))`
     c16: R,
-    /// `0.125 * M`
-    c17: R,
     /// A longer expression in the parameters.
-    c18: R,
+    c17: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -214,7 +212,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 19 additions, 47 multiplications, 15 divisions.
+    /// 19 additions, 43 multiplications, 15 divisions, 5 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { M, r, e, I1, I3, g } = *params;
         for (value, condition, meaning) in [
@@ -244,22 +242,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t5 = R::from_f64(4.0) * t2;
         let t6 = t4 + t5;
         let A_theta_dot_theta_dot = I1 + R::from_f64(0.25) * M * t6;
-        let t7 = R::from_f64(4.0) * I1;
-        let t8 = R::from_f64(4.0) * I3;
-        let t9 = R::from_f64(4.0) * M * t2;
-        let t10 = M * t2;
-        let t11 = t10 * t3;
-        let A_psi_dot_psi_dot = I3 + t10;
-        let t12 = M * M * (t2 * t2) * t3 / A_psi_dot_psi_dot;
-        let t13 = t7 - R::from_f64(2.0) * I3 + t9 + M * (t4 - t5) - t12;
-        let t14 = t7 + t11 - t12;
-        let t15 = R::from_f64(2.0) * M;
-        let t16 = t15 * t2;
-        let t17 = t10 * e;
-        let t18 = I3 + t16;
-        let t19 = t16 * e - t17 * t18 / A_psi_dot_psi_dot;
-        let t20 = R::from_f64(2.0) * t19 / t14;
-        let t21 = A_psi_dot_psi_dot * t14;
+        let t7 = M * r * g;
+        let t8 = R::from_f64(4.0) * I1;
+        let t9 = R::from_f64(4.0) * I3;
+        let t10 = R::from_f64(4.0) * M * t2;
+        let t11 = M * t2;
+        let t12 = t11 * t3;
+        let A_psi_dot_psi_dot = I3 + t11;
+        let t13 = M * M * (t2 * t2) * t3 / A_psi_dot_psi_dot;
+        let t14 = t8 - R::from_f64(2.0) * I3 + t10 + M * (t4 - t5) - t13;
+        let t15 = t8 + t12;
+        let t16 = t15 - t13;
+        let t17 = R::from_f64(2.0) * M * t2;
+        let t18 = t11 * e;
+        let t19 = I3 + t17;
+        let t20 = t17 * e - t18 * t19 / A_psi_dot_psi_dot;
+        let t21 = R::from_f64(2.0) * t20 / t16;
+        let t22 = A_psi_dot_psi_dot * t16;
+        let t23 = t18 / A_psi_dot_psi_dot;
         if !M.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "M > 0",
@@ -291,25 +291,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             });
         }
         Ok(Self {
-            c0: R::from_f64(0.25) * (t7 - t8 - t9 + t11) / A_psi_dot_psi_dot,
+            c0: R::from_f64(-0.25) * (t8 - t9 - t10 + t12) / A_psi_dot_psi_dot,
             c1: t1 / A_theta_dot_theta_dot,
-            c2: M * r * g / A_theta_dot_theta_dot,
-            c3: A_psi_dot_psi_dot / A_theta_dot_theta_dot,
-            c4: t0 * t2 * e / A_theta_dot_theta_dot,
-            c5: R::from_f64(0.5) * t13 / I3,
-            c6: t8 / t14,
-            c7: t20,
-            c8: t17 * t13 / t21 - t20 - t17 / A_psi_dot_psi_dot,
-            c9: t17 * t19 / t21 - t18 / A_psi_dot_psi_dot,
-            c10: t15 * r * g / I1,
-            c11: R::from_f64(2.0) * r,
-            c12: r * e,
-            c13: R::from_f64(0.125) * (t7 + M * t6),
+            c2: -(t7 / A_theta_dot_theta_dot),
+            c3: -(A_psi_dot_psi_dot / A_theta_dot_theta_dot),
+            c4: -(t0 * t2 * e / A_theta_dot_theta_dot),
+            c5: R::from_f64(-0.5) * t14 / I3,
+            c6: t9 / t16,
+            c7: t21,
+            c8: t23 - (t18 * t14 / t22 - t21),
+            c9: t19 / A_psi_dot_psi_dot - t18 * t20 / t22,
+            c10: -(t10 * e / t15),
+            c11: -t23,
+            c12: R::from_f64(0.125) * (t8 + M * t6),
+            c13: t7,
             c14: t1,
-            c15: R::from_f64(0.5) * I3,
-            c16: R::from_f64(0.5) * I1,
-            c17: R::from_f64(0.125) * M,
-            c18: R::from_f64(0.25) * t14,
+            c15: R::from_f64(0.125) * t15,
+            c16: R::from_f64(0.5) * A_psi_dot_psi_dot,
+            c17: R::from_f64(0.25) * t16,
         })
     }
 }
@@ -338,26 +337,26 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let (t0, t1) = theta.sin_cos();
         let t2 = phi_dot * t0;
         let t3 = phi_dot * t1;
-        let t4 = self.c6 * ((-t3).mul_add(self.c5, psi_dot) * (theta_dot / t0));
+        let t4 = self.c6 * theta_dot / t0 * t3.mul_add(self.c5, psi_dot);
         *dy = [
             theta_dot,
             phi_dot,
-            (-self.c4)
+            self
+                .c4
                 .mul_add(
                     t3.mul_add(psi_dot + t3, -(t2 * t2)),
-                    (-self.c3)
+                    (self.c3 * t2)
                         .mul_add(
-                            t2 * (-t3).mul_add(self.c0, psi_dot),
-                            (-t1).mul_add(self.c2, self.c1 * t0),
+                            t3.mul_add(self.c0, psi_dot),
+                            t1.mul_add(self.c2, self.c1 * t0),
                         ),
                 ),
-            (-self.c7).mul_add(theta_dot * phi_dot, t4),
+            (-theta_dot).mul_add(self.c7 * phi_dot, t4),
             (-t1)
                 .mul_add(
                     t4,
                     theta_dot
-                        * (-t2)
-                            .mul_add(self.c9, (-t3).mul_add(self.c8, self.c7 * psi_dot)),
+                        * t2.mul_add(self.c9, t3.mul_add(self.c8, self.c7 * psi_dot)),
                 ),
         ];
     }
@@ -370,7 +369,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 7 additions, 14 multiplications (7 fused), 1 elementary function.
+    /// 8 additions, 15 multiplications (8 fused), 1 elementary function.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 5]) -> R {
@@ -378,20 +377,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         let (t0, t1) = theta.sin_cos();
         let t2 = phi_dot * t0;
-        let t3 = phi_dot.mul_add(t1, psi_dot);
-        let t4 = (-t2).mul_add(self.c12, self.c11 * t3);
-        self.c17
+        self.c16
             .mul_add(
-                t4 * t4,
-                self
-                    .c16
+                phi_dot
+                    .mul_add(t0.mul_add(self.c11, t1), R::from_f64(2.0) * psi_dot)
+                    .mul_add(phi_dot * t1, psi_dot * psi_dot),
+                (self.c15 * t2)
                     .mul_add(
-                        t0 * phi_dot.mul_add(t2, self.c10),
-                        self
-                            .c15
+                        psi_dot.mul_add(self.c10, t2),
+                        t1
                             .mul_add(
-                                t3 * t3,
-                                t1.mul_add(self.c14, self.c13 * (theta_dot * theta_dot)),
+                                self.c14,
+                                t0.mul_add(self.c13, self.c12 * (theta_dot * theta_dot)),
                             ),
                     ),
             )
@@ -409,13 +406,43 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn check(&self, t: R, y: &[R; 5]) -> Result<(), ::hamel_runtime::Failure> {
         let [theta, _, _, _, _] = *y;
         let t0 = theta.sin();
-        let (value, pivot) = (self.c18 * (t0 * t0), "inertia along phi_dot");
+        let (value, pivot) = (self.c17 * (t0 * t0), "inertia along phi_dot");
         if !value.all_ne(R::ZERO) {
             let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
             return Err(::hamel_runtime::Failure::Singular {
                 t,
                 pivot,
             });
+        }
+        Ok(())
+    }
+
+    /// Says whether a point lies outside the domain of the coordinates.
+    ///
+    /// # Errors
+    ///
+    /// `OutsideDomain` with the first condition that does not hold.
+    ///
+    /// # Operations
+    ///
+    /// 1 addition, 1 multiplication (1 fused).
+    #[inline]
+    pub fn domain(&self, t: R, y: &[R; 5]) -> Result<(), ::hamel_runtime::Failure> {
+        let [theta, _, _, _, _] = *y;
+        for (value, condition) in [
+            (theta, "theta > 0"),
+            (
+                (-theta).mul_add(R::from_f64(2.0), R::from_f64(::core::f64::consts::PI)),
+                "theta < pi/2",
+            ),
+        ] {
+            if !value.all_gt(R::ZERO) {
+                let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
+                return Err(::hamel_runtime::Failure::OutsideDomain {
+                    t,
+                    condition,
+                });
+            }
         }
         Ok(())
     }
@@ -431,6 +458,11 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
 
     fn check(&self, t: R, y: &[R; 5]) -> Result<(), ::hamel_runtime::Failure> {
         self.check(t, y)
+    }
+
+    #[inline]
+    fn domain(&self, t: R, y: &[R; 5]) -> Result<(), ::hamel_runtime::Failure> {
+        self.domain(t, y)
     }
 }
 
@@ -477,7 +509,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
     ///
     /// # Operations
     ///
-    /// At each order k: 32 additions, 35 multiplications (28 fused), 1 sign change, and 12 sums of k - 1 products.
+    /// At each order k: 32 additions, 35 multiplications (27 fused), 1 sign change, and 12 sums of k - 1 products.
     fn series(
         &self,
         t: R,
@@ -505,6 +537,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             kept11,
             kept12,
             kept13,
+            kept14,
             ],
         ) = {
             let [theta, _, theta_dot, phi_dot, psi_dot] = *y;
@@ -512,40 +545,43 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             let (t0, t1) = theta.sin_cos();
             let t2 = phi_dot * t0;
             let t3 = phi_dot * t1;
-            let t4 = (-t3).mul_add(self.c0, psi_dot);
+            let t4 = t3.mul_add(self.c0, psi_dot);
             let t5 = psi_dot + t3;
-            let t6 = (-t3).mul_add(self.c5, psi_dot);
-            let t7 = theta_dot / t0;
-            let t8 = self.c6 * (t6 * t7);
-            let t9 = (-t2).mul_add(self.c9, (-t3).mul_add(self.c8, self.c7 * psi_dot));
+            let t6 = self.c3 * t2;
+            let t7 = t3.mul_add(self.c5, psi_dot);
+            let t8 = self.c6 * theta_dot / t0;
+            let t9 = t8 * t7;
+            let t10 = self.c7 * phi_dot;
+            let t11 = t2.mul_add(self.c9, t3.mul_add(self.c8, self.c7 * psi_dot));
             (
                 [
                     theta_dot,
                     phi_dot,
-                    (-self.c4)
+                    self
+                        .c4
                         .mul_add(
                             t3.mul_add(t5, -(t2 * t2)),
-                            (-self.c3)
-                                .mul_add(t2 * t4, (-t1).mul_add(self.c2, self.c1 * t0)),
+                            t6.mul_add(t4, t1.mul_add(self.c2, self.c1 * t0)),
                         ),
-                    (-self.c7).mul_add(theta_dot * phi_dot, t8),
-                    (-t1).mul_add(t8, theta_dot * t9),
+                    (-t10).mul_add(theta_dot, t9),
+                    (-t1).mul_add(t9, theta_dot * t11),
                 ],
                 [
                     t0,
                     t1,
                     phi_dot,
-                    t2,
-                    t4,
                     t2 + t2,
                     t3,
                     t5,
-                    t7,
-                    t0.recip(),
                     t6,
-                    theta_dot,
-                    t9,
+                    t4,
                     t8,
+                    t0.recip(),
+                    t7,
+                    t10,
+                    theta_dot,
+                    t11,
+                    t9,
                 ],
             )
         };
@@ -561,52 +597,48 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             let t1 = -kept0.mul_add(theta, inverse * sum1);
             let t2 = kept2.mul_add(t0, kept0.mul_add(phi_dot, sum2));
             let t3 = kept2.mul_add(t1, kept1.mul_add(phi_dot, sum3));
-            let t4 = (-t3).mul_add(self.c0, psi_dot);
+            let t4 = t3.mul_add(self.c0, psi_dot);
             let t5 = psi_dot + t3;
-            let t6 = (-t3).mul_add(self.c5, psi_dot);
-            let t7 = kept9 * (-kept8).mul_add(t0, theta_dot - sum7);
-            let t8 = self.c6 * kept10.mul_add(t7, kept8.mul_add(t6, sum8));
-            let t9 = (-t2).mul_add(self.c9, (-t3).mul_add(self.c8, self.c7 * psi_dot));
-            let t10 = order * theta;
+            let t6 = self.c3 * t2;
+            let t7 = t3.mul_add(self.c5, psi_dot);
+            let t8 = kept9 * (-kept8).mul_add(t0, theta_dot.mul_add(self.c6, -sum7));
+            let t9 = kept8.mul_add(t7, kept10.mul_add(t8, sum8));
+            let t10 = self.c7 * phi_dot;
+            let t11 = t2.mul_add(self.c9, psi_dot.mul_add(self.c7, self.c8 * t3));
+            let t12 = order * theta;
             workspace
                 .0
                 .push(
-                    [t10, t10, t0, t1, t2, t2, t3, t0, t6, theta_dot, t9, t1],
+                    [t12, t12, t0, t1, t2, t3, t4, t0, t7, t10, t11, t1],
                     [
                         t1,
                         t0,
                         phi_dot,
                         phi_dot,
-                        t4,
                         t2,
                         t5,
-                        t7,
-                        t7,
-                        phi_dot,
-                        theta_dot,
+                        t6,
                         t8,
+                        t8,
+                        theta_dot,
+                        theta_dot,
+                        t9,
                     ],
                 );
             let derivative = [
                 theta_dot,
                 phi_dot,
-                (-self.c4)
+                self
+                    .c4
                     .mul_add(
-                        kept6.mul_add(t5, kept7.mul_add(t3, sum6))
-                            - kept5.mul_add(t2, sum5),
-                        (-self.c3)
-                            .mul_add(
-                                kept3.mul_add(t4, kept4.mul_add(t2, sum4)),
-                                (-t1).mul_add(self.c2, self.c1 * t0),
-                            ),
+                        kept4.mul_add(t5, kept5.mul_add(t3, sum5))
+                            - kept3.mul_add(t2, sum4),
+                        kept6.mul_add(t4, kept7.mul_add(t6, sum6))
+                            + t0.mul_add(self.c1, self.c2 * t1),
                     ),
-                (-self.c7)
-                    .mul_add(
-                        kept11.mul_add(phi_dot, kept2.mul_add(theta_dot, sum9)),
-                        t8,
-                    ),
-                kept11.mul_add(t9, kept12.mul_add(theta_dot, sum10))
-                    - kept1.mul_add(t8, kept13.mul_add(t1, sum11)),
+                t9 - kept11.mul_add(theta_dot, kept12.mul_add(t10, sum9)),
+                kept12.mul_add(t11, kept13.mul_add(theta_dot, sum10))
+                    - kept1.mul_add(t9, kept14.mul_add(t1, sum11)),
             ];
             let scale = R::ratio(1.0, f64::from(k + 1));
             coefficient = derivative.map(|derivative| derivative * scale);

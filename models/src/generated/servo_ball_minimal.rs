@@ -145,22 +145,20 @@ impl<R: ::hamel_runtime::Real> State<R> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
 pub struct Prepared<R = f64> {
-    /// `1 / I`
+    /// Parameter `kappa`.
+    kappa: R,
+    /// Parameter `c`.
+    c: R,
+    /// `I * kappa / m`
     c0: R,
-    /// `1 / m + 1 / I`
+    /// `I * c / m`
     c1: R,
-    /// `kappa / m`
+    /// `I * (1 / m + 1 / I)`
     c2: R,
-    /// `c / m`
-    c3: R,
-    /// `kappa / I`
-    c4: R,
-    /// `c / I`
-    c5: R,
     /// `0.5 * m`
-    c6: R,
+    c3: R,
     /// `0.5 * I`
-    c7: R,
+    c4: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -174,7 +172,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 2 multiplications, 6 divisions.
+    /// 1 addition, 5 multiplications, 4 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m, I, kappa, c } = *params;
         for (value, condition, meaning) in [
@@ -190,7 +188,6 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let t0 = I.recip();
         if !m.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m > 0",
@@ -204,23 +201,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             });
         }
         Ok(Self {
-            c0: t0,
-            c1: m.recip() + t0,
-            c2: kappa / m,
-            c3: c / m,
-            c4: kappa / I,
-            c5: c / I,
-            c6: R::from_f64(0.5) * m,
-            c7: R::from_f64(0.5) * I,
+            kappa,
+            c,
+            c0: I * kappa / m,
+            c1: I * c / m,
+            c2: I * (m.recip() + I.recip()),
+            c3: R::from_f64(0.5) * m,
+            c4: R::from_f64(0.5) * I,
         })
     }
 }
 
-#[allow(non_snake_case, reason = "names are those of the model")]
-#[allow(
-    unused_doc_comments,
-    reason = "comments on statements say which formula they are"
-)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Writes the derivative of the state to `dy`.
@@ -237,19 +228,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 additions, 11 multiplications (4 fused), 1 division, 3 sign changes.
+    /// 4 additions, 10 multiplications (3 fused), 1 division, 3 sign changes.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 6], dy: &mut [R; 6]) {
         let [a1, a1_dot, a2_dot, _, _, xi3] = *y;
         let _ = t;
-        /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let [t0, S_1_1] = {
-            let t0 = a1 * a1;
-            [t0, t0.mul_add(self.c0, self.c1)]
-        };
-        let t1 = S_1_1.recip();
-        let t2 = a1_dot.mul_add(self.c3, self.c2 * a1) * t1;
-        let t3 = a1_dot.mul_add(self.c5, self.c4 * a1) * t1;
+        let t0 = a1 * a1;
+        let t1 = (self.c2 + t0).recip();
+        let t2 = a1_dot.mul_add(self.c1, self.c0 * a1) * t1;
+        let t3 = a1_dot.mul_add(self.c, self.kappa * a1) * t1;
         *dy = [
             a1_dot,
             -t2,
@@ -274,10 +261,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn energy(&self, t: R, y: &[R; 6]) -> R {
         let [_, a1_dot, a2_dot, xi1, xi2, xi3] = *y;
         let _ = t;
-        self.c7
+        self.c4
             .mul_add(
                 xi3.mul_add(xi3, xi2.mul_add(xi2, xi1 * xi1)),
-                self.c6 * a2_dot.mul_add(a2_dot, a1_dot * a1_dot),
+                self.c3 * a2_dot.mul_add(a2_dot, a1_dot * a1_dot),
             )
     }
 }

@@ -209,24 +209,24 @@ pub struct Prepared<R = f64> {
     kappa: R,
     /// Parameter `c`.
     c: R,
-    /// `1 / I`
+    /// `I * kappa / m`
     c0: R,
-    /// `1 / m + 1 / I`
+    /// `I * c / m`
     c1: R,
-    /// `kappa / m`
+    /// `I * (1 / m + 1 / I)`
     c2: R,
-    /// `c / m`
-    c3: R,
-    /// `kappa / I`
-    c4: R,
-    /// `c / I`
-    c5: R,
     /// `0.5 * m`
-    c6: R,
+    c3: R,
     /// `0.5 * I`
-    c7: R,
+    c4: R,
+    /// `1 / I`
+    c5: R,
     /// `1 / m`
     Z1_a1_dot: R,
+    /// `-(I * kappa)`
+    c6: R,
+    /// `-(I * c)`
+    c7: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -240,7 +240,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 2 multiplications, 6 divisions.
+    /// 1 addition, 5 multiplications, 4 divisions, 2 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m, I, kappa, c } = *params;
         for (value, condition, meaning) in [
@@ -256,8 +256,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let t0 = I.recip();
+        let t0 = I * kappa;
+        let t1 = I * c;
         let Z1_a1_dot = m.recip();
+        let t2 = I.recip();
         if !m.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m > 0",
@@ -275,15 +277,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             I,
             kappa,
             c,
-            c0: t0,
-            c1: Z1_a1_dot + t0,
-            c2: kappa / m,
-            c3: c / m,
-            c4: kappa / I,
-            c5: c / I,
-            c6: R::from_f64(0.5) * m,
-            c7: R::from_f64(0.5) * I,
+            c0: t0 / m,
+            c1: t1 / m,
+            c2: I * (Z1_a1_dot + t2),
+            c3: R::from_f64(0.5) * m,
+            c4: R::from_f64(0.5) * I,
+            c5: t2,
             Z1_a1_dot,
+            c6: -t0,
+            c7: -t1,
         })
     }
 }
@@ -309,19 +311,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 12 additions, 26 multiplications (12 fused), 1 division, 3 sign changes.
+    /// 12 additions, 25 multiplications (11 fused), 1 division, 3 sign changes.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 11], dy: &mut [R; 11]) {
         let [a1, _, a1_dot, a2_dot, xi1, xi2, xi3, qw, qx, qy, qz] = *y;
         let _ = t;
-        /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let [t0, S_1_1] = {
-            let t0 = a1 * a1;
-            [t0, t0.mul_add(self.c0, self.c1)]
-        };
-        let t1 = S_1_1.recip();
-        let t2 = a1_dot.mul_add(self.c3, self.c2 * a1) * t1;
-        let t3 = a1_dot.mul_add(self.c5, self.c4 * a1) * t1;
+        let t0 = a1 * a1;
+        let t1 = (self.c2 + t0).recip();
+        let t2 = a1_dot.mul_add(self.c1, self.c0 * a1) * t1;
+        let t3 = a1_dot.mul_add(self.c, self.kappa * a1) * t1;
         let t4 = R::from_f64(0.5) * xi1;
         let t5 = R::from_f64(0.5) * xi2;
         let t6 = R::from_f64(0.5) * xi3;
@@ -354,10 +352,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn energy(&self, t: R, y: &[R; 11]) -> R {
         let [_, _, a1_dot, a2_dot, xi1, xi2, xi3, _, _, _, _] = *y;
         let _ = t;
-        self.c7
+        self.c4
             .mul_add(
                 xi3.mul_add(xi3, xi2.mul_add(xi2, xi1 * xi1)),
-                self.c6 * a2_dot.mul_add(a2_dot, a1_dot * a1_dot),
+                self.c3 * a2_dot.mul_add(a2_dot, a1_dot * a1_dot),
             )
     }
 
@@ -375,7 +373,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let z_Z1_xi3 = a1.mul_add(a1, R::ONE);
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
         let [S_1_1, g_1] = [
-            z_Z1_xi3.mul_add(self.c0, self.Z1_a1_dot),
+            z_Z1_xi3.mul_add(self.c5, self.Z1_a1_dot),
             (-a1_dot).mul_add(self.c, -(self.kappa * a1)),
         ];
         /// substitution through the factors of S
@@ -412,15 +410,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 4 multiplications (2 fused), 1 division.
+    /// 2 additions, 3 multiplications (2 fused), 1 division.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 11]) -> [R; 1] {
         let [a1, _, a1_dot, _, _, _, _, _, _, _, _] = *y;
         let _ = t;
-        /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let S_1_1 = self.c0.mul_add(a1 * a1, self.c1);
-        [(-a1_dot).mul_add(self.c, -(self.kappa * a1)) / S_1_1]
+        [a1_dot.mul_add(self.c7, self.c6 * a1) / a1.mul_add(a1, self.c2)]
     }
 }
 

@@ -185,7 +185,7 @@ pub struct Prepared<R = f64> {
     c2: R,
     /// A longer expression in the parameters.
     c3: R,
-    /// `2 * b`
+    /// `-2 * b`
     c4: R,
     /// `0.5 * (J + m * (a * a + b * b))`
     c5: R,
@@ -199,7 +199,7 @@ pub struct Prepared<R = f64> {
     c9: R,
     /// `J + m * (a * a + b * b)`
     c10: R,
-    /// `m * b`
+    /// `-(m * b)`
     c11: R,
     /// `m * a`
     c12: R,
@@ -209,13 +209,13 @@ pub struct Prepared<R = f64> {
     c14: R,
     /// `J + m * (a * a + b * b) - m * a * tau`
     A_omega_omega: R,
-    /// `m * b + m * a * mu`
+    /// `-(m * b + m * a * mu)`
     c15: R,
-    /// `m * a - m * tau`
+    /// `-(m * a - m * tau)`
     c16: R,
-    /// `m * b * tau`
-    c17: R,
     /// `m * mu`
+    c17: R,
+    /// `-(m * b * tau)`
     c18: R,
     /// `m * a - m * b * mu`
     c19: R,
@@ -232,7 +232,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 16 additions, 31 multiplications, 9 divisions, 2 sign changes.
+    /// 16 additions, 31 multiplications, 9 divisions, 10 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { J, m, a, b, tau, mu } = *params;
         for (value, condition, meaning) in [
@@ -298,26 +298,26 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(Self {
             m,
-            c0: t10,
-            c1: t14,
-            c2: t9 / A_s1_2_2,
+            c0: -t10,
+            c1: t9 / A_s1_2_2,
+            c2: -t14,
             c3: t13 / A_s1_2_2,
-            c4: R::from_f64(2.0) * b,
+            c4: R::from_f64(-2.0) * b,
             c5: R::from_f64(0.5) * t1,
             c6: R::from_f64(0.5) * m,
-            c7: mu * t16 - tau * t15,
-            c8: tau * t16,
+            c7: tau * t15 - mu * t16,
+            c8: -(tau * t16),
             c9: mu * t15,
             c10: t1,
-            c11: t5,
+            c11: -t5,
             c12: t2,
             c13: t15,
-            c14: t16,
+            c14: -t16,
             A_omega_omega,
-            c15: t7,
-            c16: t8,
-            c17: t12,
-            c18: t6,
+            c15: -t7,
+            c16: -t8,
+            c17: t6,
+            c18: -t12,
             c19: t11,
         })
     }
@@ -349,8 +349,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [omega, v1] = *y;
         let _ = t;
         *dy = [
-            omega * (-omega).mul_add(self.c1, -(self.c0 * v1)),
-            omega * omega.mul_add(self.c3, self.c2 * v1),
+            omega * omega.mul_add(self.c2, self.c0 * v1),
+            omega * omega.mul_add(self.c3, self.c1 * v1),
         ];
     }
 
@@ -368,7 +368,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn energy(&self, t: R, y: &[R; 2]) -> R {
         let [omega, v1] = *y;
         let _ = t;
-        self.c6.mul_add(v1 * (-omega).mul_add(self.c4, v1), self.c5 * (omega * omega))
+        (self.c6 * v1).mul_add(omega.mul_add(self.c4, v1), self.c5 * (omega * omega))
     }
 
     /// Rate of energy dE/dt along the motion.
@@ -381,9 +381,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn energy_rate(&self, t: R, y: &[R; 2]) -> R {
         let [omega, v1] = *y;
         let _ = t;
-        omega
-            * omega
-                .mul_add((-omega).mul_add(self.c8, -(self.c7 * v1)), self.c9 * (v1 * v1))
+        omega * omega.mul_add(omega.mul_add(self.c8, self.c7 * v1), self.c9 * (v1 * v1))
     }
 
     /// Momenta p = dL/dy.
@@ -404,8 +402,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         /// momenta p = dL/dy
         let [p_omega, p_v1] = [
-            (-v1).mul_add(self.c11, self.c10 * omega),
-            (-omega).mul_add(self.c11, self.m * v1),
+            v1.mul_add(self.c11, self.c10 * omega),
+            omega.mul_add(self.c11, self.m * v1),
         ];
         [p_omega, p_v1, self.c12 * omega]
     }
@@ -426,7 +424,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn multipliers(&self, t: R, y: &[R; 2]) -> [R; 1] {
         let [omega, v1] = *y;
         let _ = t;
-        [omega * (-omega).mul_add(self.c14, self.c13 * v1)]
+        [omega * omega.mul_add(self.c14, self.c13 * v1)]
     }
 
     /// Momenta \<p, W_b\> along the sections of virtual displacements.
@@ -446,8 +444,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [omega, v1] = *y;
         let _ = t;
         [
-            (-v1).mul_add(self.c11, self.A_omega_omega * omega),
-            (-omega).mul_add(self.c15, self.m * v1),
+            v1.mul_add(self.c11, self.A_omega_omega * omega),
+            omega.mul_add(self.c15, self.m * v1),
         ]
     }
 
@@ -468,8 +466,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [omega, v1] = *y;
         let _ = t;
         [
-            omega * (-omega).mul_add(self.c17, -(self.c16 * v1)),
-            omega * omega.mul_add(self.c19, self.c18 * v1),
+            omega * omega.mul_add(self.c18, self.c16 * v1),
+            omega * omega.mul_add(self.c19, self.c17 * v1),
         ]
     }
 }

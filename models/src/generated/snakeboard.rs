@@ -181,33 +181,33 @@ pub struct Prepared<R = f64> {
     J0: R,
     /// Parameter `J1`.
     J1: R,
-    /// `m * (r * r)`
+    /// `(J + 2 * J1) / (m * (r * r))`
     c0: R,
-    /// `J + 2 * J1`
+    /// `-((J + 2 * J1 - m * (r * r)) / (m * (r * r)))`
     c1: R,
-    /// `-(m * (r * r))`
+    /// `m * (r * r) / (J + J0 + 2 * J1)`
     c2: R,
-    /// `-(J + 2 * J1 - m * (r * r))`
+    /// `2 * J0 / (J + J0 + 2 * J1)`
     c3: R,
-    /// `m * (r * r) / (J + 2 * J1)`
-    c4: R,
     /// `0.5 * J0`
+    c4: R,
+    /// `0.5 * (J + J0 + 2 * J1)`
     c5: R,
-    /// `0.5 * (J + 2 * J1)`
+    /// `m * (r * r)`
     c6: R,
-    /// `2 * J1`
+    /// `J + 2 * J1`
     c7: R,
-    /// `J + J0 + 2 * J1`
+    /// `2 * J1`
     c8: R,
-    /// `-(m * r)`
+    /// `J + J0 + 2 * J1`
     c9: R,
-    /// `m * r * (J + 2 * J1)`
+    /// `-(m * r)`
     c10: R,
-    /// `m * (r * r) * (J + 2 * J1)`
+    /// `(J + 2 * J1) / r`
     c11: R,
-    /// `(J + J0 + 2 * J1 - m * (r * r)) / J0`
-    c12: R,
     /// `J0 / (J + J0 + 2 * J1)`
+    c12: R,
+    /// `(J + J0 + 2 * J1 - m * (r * r)) / J0`
     c13: R,
 }
 
@@ -222,7 +222,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 5 additions, 8 multiplications, 3 divisions, 3 sign changes.
+    /// 5 additions, 7 multiplications, 7 divisions, 2 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m, r, J, J0, J1 } = *params;
         for (value, condition, meaning) in [
@@ -239,11 +239,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let t0 = m * (r * r);
-        let t1 = R::from_f64(2.0) * J1;
-        let t2 = J + t1;
-        let t3 = J + J0 + t1;
-        let t4 = m * r;
+        let t0 = R::from_f64(2.0) * J1;
+        let t1 = J + t0;
+        let t2 = m * (r * r);
+        let t3 = J + J0 + t0;
         if !m.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m > 0",
@@ -277,29 +276,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Ok(Self {
             J0,
             J1,
-            c0: t0,
-            c1: t2,
-            c2: -t0,
-            c3: -(t2 - t0),
-            c4: t0 / t2,
-            c5: R::from_f64(0.5) * J0,
-            c6: R::from_f64(0.5) * t2,
+            c0: t1 / t2,
+            c1: -((t1 - t2) / t2),
+            c2: t2 / t3,
+            c3: R::from_f64(2.0) * J0 / t3,
+            c4: R::from_f64(0.5) * J0,
+            c5: R::from_f64(0.5) * t3,
+            c6: t2,
             c7: t1,
-            c8: t3,
-            c9: -t4,
-            c10: t4 * t2,
-            c11: t0 * t2,
-            c12: (t3 - t0) / J0,
-            c13: J0 / t3,
+            c8: t0,
+            c9: t3,
+            c10: -(m * r),
+            c11: t1 / r,
+            c12: J0 / t3,
+            c13: (t3 - t2) / J0,
         })
     }
 }
 
-#[allow(non_snake_case, reason = "names are those of the model")]
-#[allow(
-    unused_doc_comments,
-    reason = "comments on statements say which formula they are"
-)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Writes the derivative of the state to `dy`.
@@ -316,18 +310,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 9 multiplications (1 fused), 1 division, 1 elementary function.
+    /// 1 addition, 7 multiplications (1 fused), 1 division, 1 sign change, 1 elementary function.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 5], dy: &mut [R; 5]) {
         let [_, phi, psi_dot, phi_dot, s] = *y;
         let _ = t;
-        /// factors of A
-        let [t0, t1, A_s1_3_3] = {
-            let (t0, t1) = phi.sin_cos();
-            [t0, t1, self.c1.mul_add(t0 * t0, self.c0 * (t1 * t1))]
-        };
-        let t2 = phi_dot * (s * (t1 / A_s1_3_3));
-        *dy = [psi_dot, phi_dot, self.c2 * t2, R::ZERO, self.c3 * (t0 * t2)];
+        let (t0, t1) = phi.sin_cos();
+        let t2 = s * phi_dot * t1 / self.c0.mul_add(t0 * t0, t1 * t1);
+        *dy = [psi_dot, phi_dot, -t2, R::ZERO, t2 * (self.c1 * t0)];
     }
 
     /// Energy.
@@ -338,18 +328,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 additions, 11 multiplications (4 fused), 1 elementary function.
+    /// 4 additions, 12 multiplications (4 fused), 1 elementary function.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 5]) -> R {
         let [_, phi, psi_dot, phi_dot, s] = *y;
         let _ = t;
         let (t0, t1) = phi.sin_cos();
-        let t2 = s.mul_add(t0, psi_dot);
-        self.c6
+        s.mul_add(self.c2.mul_add(t1 * t1, t0 * t0), t0 * (self.c3 * psi_dot))
             .mul_add(
-                s * s * self.c4.mul_add(t1 * t1, t0 * t0),
-                self.c5.mul_add(t2 * t2, self.J1 * (phi_dot * phi_dot)),
+                self.c5 * s,
+                self.J1.mul_add(phi_dot * phi_dot, self.c4 * (psi_dot * psi_dot)),
             )
     }
 
@@ -374,9 +363,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t3 = s * t1;
         [
             t3.mul_add(self.J0, t0),
-            self.c7 * phi_dot,
-            t3.mul_add(self.c8, t0),
-            self.c9 * (s * t2),
+            self.c8 * phi_dot,
+            t3.mul_add(self.c9, t0),
+            t2 * (self.c10 * s),
             R::ZERO,
         ]
     }
@@ -391,19 +380,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 13 multiplications (1 fused), 1 division, 1 elementary function.
+    /// 1 addition, 12 multiplications (1 fused), 1 division, 1 elementary function.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 5]) -> [R; 3] {
         let [_, phi, _, phi_dot, s] = *y;
         let _ = t;
-        /// factors of A
-        let [t0, t1, A_s1_3_3] = {
-            let (t0, t1) = phi.sin_cos();
-            [t0, t1, self.c1.mul_add(t0 * t0, self.c0 * (t1 * t1))]
-        };
-        let t2 = s * (phi_dot / A_s1_3_3);
-        [self.c10 * (t0 * t2), self.c9 * (s * s * t1 * t0), self.c11 * (t1 * t2)]
+        let (t0, t1) = phi.sin_cos();
+        let t2 = phi_dot * s / self.c0.mul_add(t0 * t0, t1 * t1);
+        [t2 * (self.c11 * t0), self.c10 * (s * s) * t0 * t1, t2 * (self.c7 * t1)]
     }
 
     /// Momenta \<p, W_b\> along the sections of virtual displacements.
@@ -416,23 +401,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 9 multiplications (3 fused), 1 elementary function.
+    /// 3 additions, 10 multiplications (3 fused), 1 elementary function.
     #[inline]
     #[must_use]
     pub fn nonholonomic_momentum(&self, t: R, y: &[R; 5]) -> [R; 3] {
         let [_, phi, psi_dot, phi_dot, s] = *y;
         let _ = t;
-        /// momenta p = dL/dy
-        let [t0, t1, t2, t3, p_omega] = {
-            let t0 = self.J0 * psi_dot;
-            let (t1, t2) = phi.sin_cos();
-            let t3 = s * t1;
-            [t0, t1, t2, t3, t3.mul_add(self.c8, t0)]
-        };
+        let (t0, t1) = phi.sin_cos();
+        let t2 = s * t0;
         [
-            t3.mul_add(self.J0, t0),
-            self.c7 * phi_dot,
-            t1.mul_add(p_omega, self.c0 * (s * (t2 * t2))),
+            t2.mul_add(self.J0, self.J0 * psi_dot),
+            self.c8 * phi_dot,
+            psi_dot.mul_add(self.c12, t2).mul_add(self.c9 * t0, t1 * t1 * (self.c6 * s)),
         ]
     }
 
@@ -453,7 +433,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [_, phi, psi_dot, phi_dot, s] = *y;
         let _ = t;
         let (t0, t1) = phi.sin_cos();
-        [R::ZERO, R::ZERO, self.J0 * (phi_dot * t1 * self.c12.mul_add(s * t0, psi_dot))]
+        [R::ZERO, R::ZERO, self.J0 * phi_dot * t1 * t0.mul_add(self.c13 * s, psi_dot)]
     }
 
     /// Nonholonomic momentum `<dL/dxi, (-r cos phi, 0, sin phi)>` \[kg m^2/s\].
@@ -467,8 +447,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [_, phi, psi_dot, _, s] = *y;
         let _ = t;
         let (t0, t1) = phi.sin_cos();
-        self.c8
-            .mul_add(t0 * s.mul_add(t0, self.c13 * psi_dot), self.c0 * (s * (t1 * t1)))
+        (self.c9 * t0)
+            .mul_add(s.mul_add(t0, self.c12 * psi_dot), t1 * t1 * (self.c6 * s))
     }
 
     /// Says which pivot vanishes at a point.
@@ -484,7 +464,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [_, phi, _, _, _] = *y;
         let (t0, t1) = phi.sin_cos();
         let (value, pivot) = (
-            self.c1.mul_add(t0 * t0, self.c0 * (t1 * t1)),
+            self.c7.mul_add(t0 * t0, self.c6 * (t1 * t1)),
             "inertia along s",
         );
         if !value.all_ne(R::ZERO) {

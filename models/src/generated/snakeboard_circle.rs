@@ -168,19 +168,19 @@ pub struct Prepared<R = f64> {
     J0: R,
     /// Parameter `J1`.
     J1: R,
-    /// `m * (r * r)`
+    /// `(J + 2 * J1) / (m * (r * r))`
     c0: R,
-    /// `J + 2 * J1`
+    /// `-((J + 2 * J1 - m * (r * r)) / (m * (r * r)))`
     c1: R,
-    /// `-(m * (r * r))`
+    /// `m * (r * r) / (J + J0 + 2 * J1)`
     c2: R,
-    /// `-(J + 2 * J1 - m * (r * r))`
+    /// `0.5 * (J + J0 + 2 * J1) / J0`
     c3: R,
-    /// `m * (r * r) / (J + 2 * J1)`
-    c4: R,
     /// `0.5 * J0`
+    c4: R,
+    /// `m * (r * r)`
     c5: R,
-    /// `0.5 * (J + 2 * J1)`
+    /// `J + 2 * J1`
     c6: R,
     /// `J + J0 + 2 * J1`
     c7: R,
@@ -197,7 +197,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 additions, 5 multiplications, 1 division, 2 sign changes.
+    /// 4 additions, 5 multiplications, 4 divisions, 1 sign change.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m, r, J, J0, J1 } = *params;
         for (value, condition, meaning) in [
@@ -214,9 +214,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let t0 = m * (r * r);
-        let t1 = R::from_f64(2.0) * J1;
-        let t2 = J + t1;
+        let t0 = R::from_f64(2.0) * J1;
+        let t1 = J + t0;
+        let t2 = m * (r * r);
+        let t3 = J + J0 + t0;
         if !m.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m > 0",
@@ -250,23 +251,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Ok(Self {
             J0,
             J1,
-            c0: t0,
-            c1: t2,
-            c2: -t0,
-            c3: -(t2 - t0),
-            c4: t0 / t2,
-            c5: R::from_f64(0.5) * J0,
-            c6: R::from_f64(0.5) * t2,
-            c7: J + J0 + t1,
+            c0: t1 / t2,
+            c1: -((t1 - t2) / t2),
+            c2: t2 / t3,
+            c3: R::from_f64(0.5) * t3 / J0,
+            c4: R::from_f64(0.5) * J0,
+            c5: t2,
+            c6: t1,
+            c7: t3,
         })
     }
 }
 
-#[allow(non_snake_case, reason = "names are those of the model")]
-#[allow(
-    unused_doc_comments,
-    reason = "comments on statements say which formula they are"
-)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Writes the derivative of the state to `dy`.
@@ -283,16 +279,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 10 multiplications (1 fused), 1 division, 1 sign change.
+    /// 1 addition, 8 multiplications (1 fused), 1 division, 2 sign changes.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 5], dy: &mut [R; 5]) {
         let [phi_c, phi_s, _, phi_dot, s] = *y;
         let _ = t;
-        /// factors of A
-        let A_s1_3_3 = self.c1.mul_add(phi_s * phi_s, self.c0 * (phi_c * phi_c));
         let t0 = phi_dot * phi_c;
-        let t1 = s * (t0 / A_s1_3_3);
-        *dy = [-(phi_dot * phi_s), t0, self.c2 * t1, R::ZERO, self.c3 * (phi_s * t1)];
+        let t1 = s * t0 / self.c0.mul_add(phi_s * phi_s, phi_c * phi_c);
+        *dy = [-(phi_dot * phi_s), t0, -t1, R::ZERO, t1 * (self.c1 * phi_s)];
     }
 
     /// Energy.
@@ -303,17 +297,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 additions, 11 multiplications (4 fused).
+    /// 4 additions, 12 multiplications (4 fused).
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 5]) -> R {
         let [phi_c, phi_s, psi_dot, phi_dot, s] = *y;
         let _ = t;
-        let t0 = s.mul_add(phi_s, psi_dot);
-        self.c6
+        self.c2
+            .mul_add(phi_c * phi_c, phi_s * phi_s)
+            .mul_add(self.c3 * s, psi_dot * phi_s)
             .mul_add(
-                s * s * self.c4.mul_add(phi_c * phi_c, phi_s * phi_s),
-                self.c5.mul_add(t0 * t0, self.J1 * (phi_dot * phi_dot)),
+                self.J0 * s,
+                self.J1.mul_add(phi_dot * phi_dot, self.c4 * (psi_dot * psi_dot)),
             )
     }
 
@@ -348,8 +343,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         phi_s
             .mul_add(
-                self.c7.mul_add(s * phi_s, self.J0 * psi_dot),
-                self.c0 * (s * (phi_c * phi_c)),
+                s.mul_add(self.c7 * phi_s, self.J0 * psi_dot),
+                self.c5 * s * (phi_c * phi_c),
             )
     }
 
@@ -365,7 +360,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn check(&self, t: R, y: &[R; 5]) -> Result<(), ::hamel_runtime::Failure> {
         let [phi_c, phi_s, _, _, _] = *y;
         let (value, pivot) = (
-            self.c1.mul_add(phi_s * phi_s, self.c0 * (phi_c * phi_c)),
+            self.c6.mul_add(phi_s * phi_s, self.c5 * (phi_c * phi_c)),
             "inertia along s",
         );
         if !value.all_ne(R::ZERO) {

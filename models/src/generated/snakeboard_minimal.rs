@@ -147,20 +147,22 @@ impl<R: ::hamel_runtime::Real> State<R> {
 pub struct Prepared<R = f64> {
     /// Parameter `J1`.
     J1: R,
-    /// `m * (r * r)`
+    /// `(J + 2 * J1) / (m * (r * r))`
     c0: R,
-    /// `J + 2 * J1`
+    /// `-((J + 2 * J1 - m * (r * r)) / (m * (r * r)))`
     c1: R,
-    /// `-(m * (r * r))`
+    /// `m * (r * r) / (J + J0 + 2 * J1)`
     c2: R,
-    /// `-(J + 2 * J1 - m * (r * r))`
+    /// `2 * J0 / (J + J0 + 2 * J1)`
     c3: R,
-    /// `m * (r * r) / (J + 2 * J1)`
-    c4: R,
     /// `0.5 * J0`
+    c4: R,
+    /// `0.5 * (J + J0 + 2 * J1)`
     c5: R,
-    /// `0.5 * (J + 2 * J1)`
+    /// `m * (r * r)`
     c6: R,
+    /// `J + 2 * J1`
+    c7: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -174,7 +176,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 5 multiplications, 1 division, 2 sign changes.
+    /// 4 additions, 6 multiplications, 4 divisions, 1 sign change.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m, r, J, J0, J1 } = *params;
         for (value, condition, meaning) in [
@@ -191,8 +193,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let t0 = m * (r * r);
-        let t1 = J + R::from_f64(2.0) * J1;
+        let t0 = R::from_f64(2.0) * J1;
+        let t1 = J + t0;
+        let t2 = m * (r * r);
+        let t3 = J + J0 + t0;
         if !m.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m > 0",
@@ -225,22 +229,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(Self {
             J1,
-            c0: t0,
-            c1: t1,
-            c2: -t0,
-            c3: -(t1 - t0),
-            c4: t0 / t1,
-            c5: R::from_f64(0.5) * J0,
-            c6: R::from_f64(0.5) * t1,
+            c0: t1 / t2,
+            c1: -((t1 - t2) / t2),
+            c2: t2 / t3,
+            c3: R::from_f64(2.0) * J0 / t3,
+            c4: R::from_f64(0.5) * J0,
+            c5: R::from_f64(0.5) * t3,
+            c6: t2,
+            c7: t1,
         })
     }
 }
 
-#[allow(non_snake_case, reason = "names are those of the model")]
-#[allow(
-    unused_doc_comments,
-    reason = "comments on statements say which formula they are"
-)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Writes the derivative of the state to `dy`.
@@ -257,18 +257,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 9 multiplications (1 fused), 1 division, 1 elementary function.
+    /// 1 addition, 7 multiplications (1 fused), 1 division, 1 sign change, 1 elementary function.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 4], dy: &mut [R; 4]) {
         let [phi, _, phi_dot, s] = *y;
         let _ = t;
-        /// factors of A
-        let [t0, t1, A_s1_3_3] = {
-            let (t0, t1) = phi.sin_cos();
-            [t0, t1, self.c1.mul_add(t0 * t0, self.c0 * (t1 * t1))]
-        };
-        let t2 = phi_dot * (s * (t1 / A_s1_3_3));
-        *dy = [phi_dot, self.c2 * t2, R::ZERO, self.c3 * (t0 * t2)];
+        let (t0, t1) = phi.sin_cos();
+        let t2 = s * phi_dot * t1 / self.c0.mul_add(t0 * t0, t1 * t1);
+        *dy = [phi_dot, -t2, R::ZERO, t2 * (self.c1 * t0)];
     }
 
     /// Energy.
@@ -279,18 +275,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 additions, 11 multiplications (4 fused), 1 elementary function.
+    /// 4 additions, 12 multiplications (4 fused), 1 elementary function.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 4]) -> R {
         let [phi, psi_dot, phi_dot, s] = *y;
         let _ = t;
         let (t0, t1) = phi.sin_cos();
-        let t2 = s.mul_add(t0, psi_dot);
-        self.c6
+        s.mul_add(self.c2.mul_add(t1 * t1, t0 * t0), t0 * (self.c3 * psi_dot))
             .mul_add(
-                s * s * self.c4.mul_add(t1 * t1, t0 * t0),
-                self.c5.mul_add(t2 * t2, self.J1 * (phi_dot * phi_dot)),
+                self.c5 * s,
+                self.J1.mul_add(phi_dot * phi_dot, self.c4 * (psi_dot * psi_dot)),
             )
     }
 
@@ -307,7 +302,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [phi, _, _, _] = *y;
         let (t0, t1) = phi.sin_cos();
         let (value, pivot) = (
-            self.c1.mul_add(t0 * t0, self.c0 * (t1 * t1)),
+            self.c7.mul_add(t0 * t0, self.c6 * (t1 * t1)),
             "inertia along s",
         );
         if !value.all_ne(R::ZERO) {

@@ -155,20 +155,22 @@ impl<R: ::hamel_runtime::Real> State<R> {
 pub struct Prepared<R = f64> {
     /// Parameter `J1`.
     J1: R,
-    /// `m * (r * r)`
+    /// `(J + 2 * J1) / (m * (r * r))`
     c0: R,
-    /// `J + 2 * J1`
+    /// `-((J + 2 * J1 - m * (r * r)) / (m * (r * r)))`
     c1: R,
-    /// `-(m * (r * r))`
+    /// `m * (r * r) / (J + J0 + 2 * J1)`
     c2: R,
-    /// `-(J + 2 * J1 - m * (r * r))`
+    /// `2 * J0 / (J + J0 + 2 * J1)`
     c3: R,
-    /// `m * (r * r) / (J + 2 * J1)`
-    c4: R,
     /// `0.5 * J0`
+    c4: R,
+    /// `0.5 * (J + J0 + 2 * J1)`
     c5: R,
-    /// `0.5 * (J + 2 * J1)`
+    /// `m * (r * r)`
     c6: R,
+    /// `J + 2 * J1`
+    c7: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -182,7 +184,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 5 multiplications, 1 division, 2 sign changes.
+    /// 4 additions, 6 multiplications, 4 divisions, 1 sign change.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m, r, J, J0, J1 } = *params;
         for (value, condition, meaning) in [
@@ -199,8 +201,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let t0 = m * (r * r);
-        let t1 = J + R::from_f64(2.0) * J1;
+        let t0 = R::from_f64(2.0) * J1;
+        let t1 = J + t0;
+        let t2 = m * (r * r);
+        let t3 = J + J0 + t0;
         if !m.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m > 0",
@@ -233,22 +237,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(Self {
             J1,
-            c0: t0,
-            c1: t1,
-            c2: -t0,
-            c3: -(t1 - t0),
-            c4: t0 / t1,
-            c5: R::from_f64(0.5) * J0,
-            c6: R::from_f64(0.5) * t1,
+            c0: t1 / t2,
+            c1: -((t1 - t2) / t2),
+            c2: t2 / t3,
+            c3: R::from_f64(2.0) * J0 / t3,
+            c4: R::from_f64(0.5) * J0,
+            c5: R::from_f64(0.5) * t3,
+            c6: t2,
+            c7: t1,
         })
     }
 }
 
-#[allow(non_snake_case, reason = "names are those of the model")]
-#[allow(
-    unused_doc_comments,
-    reason = "comments on statements say which formula they are"
-)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Writes the derivative of the state to `dy`.
@@ -265,18 +265,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 9 multiplications (1 fused), 1 division, 1 elementary function.
+    /// 1 addition, 7 multiplications (1 fused), 1 division, 1 sign change, 1 elementary function.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 5], dy: &mut [R; 5]) {
         let [_, phi, psi_dot, phi_dot, s] = *y;
         let _ = t;
-        /// factors of A
-        let [t0, t1, A_s1_3_3] = {
-            let (t0, t1) = phi.sin_cos();
-            [t0, t1, self.c1.mul_add(t0 * t0, self.c0 * (t1 * t1))]
-        };
-        let t2 = phi_dot * (s * (t1 / A_s1_3_3));
-        *dy = [psi_dot, phi_dot, self.c2 * t2, R::ZERO, self.c3 * (t0 * t2)];
+        let (t0, t1) = phi.sin_cos();
+        let t2 = s * phi_dot * t1 / self.c0.mul_add(t0 * t0, t1 * t1);
+        *dy = [psi_dot, phi_dot, -t2, R::ZERO, t2 * (self.c1 * t0)];
     }
 
     /// Energy.
@@ -287,18 +283,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 additions, 11 multiplications (4 fused), 1 elementary function.
+    /// 4 additions, 12 multiplications (4 fused), 1 elementary function.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 5]) -> R {
         let [_, phi, psi_dot, phi_dot, s] = *y;
         let _ = t;
         let (t0, t1) = phi.sin_cos();
-        let t2 = s.mul_add(t0, psi_dot);
-        self.c6
+        s.mul_add(self.c2.mul_add(t1 * t1, t0 * t0), t0 * (self.c3 * psi_dot))
             .mul_add(
-                s * s * self.c4.mul_add(t1 * t1, t0 * t0),
-                self.c5.mul_add(t2 * t2, self.J1 * (phi_dot * phi_dot)),
+                self.c5 * s,
+                self.J1.mul_add(phi_dot * phi_dot, self.c4 * (psi_dot * psi_dot)),
             )
     }
 
@@ -315,7 +310,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [_, phi, _, _, _] = *y;
         let (t0, t1) = phi.sin_cos();
         let (value, pivot) = (
-            self.c1.mul_add(t0 * t0, self.c0 * (t1 * t1)),
+            self.c7.mul_add(t0 * t0, self.c6 * (t1 * t1)),
             "inertia along s",
         );
         if !value.all_ne(R::ZERO) {
@@ -370,7 +365,6 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     }
 }
 
-#[allow(non_snake_case, reason = "names are those of the model")]
 #[allow(
     unused_doc_comments,
     reason = "comments on statements say which formula they are"
@@ -386,7 +380,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
     ///
     /// # Operations
     ///
-    /// At each order k: 13 additions, 19 multiplications (12 fused), 1 sign change, and 8 sums of k - 1 products.
+    /// At each order k: 13 additions, 17 multiplications (12 fused), 2 sign changes, and 8 sums of k - 1 products.
     fn series(
         &self,
         t: R,
@@ -414,17 +408,14 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
         ) = {
             let [_, phi, psi_dot, phi_dot, s] = *y;
             let _ = t;
-            /// factors of A
-            let [t0, t1, A_s1_3_3] = {
-                let (t0, t1) = phi.sin_cos();
-                [t0, t1, self.c1.mul_add(t0 * t0, self.c0 * (t1 * t1))]
-            };
-            let t2 = t1 / A_s1_3_3;
-            let t3 = s * t2;
-            let t4 = phi_dot * t3;
+            let (t0, t1) = phi.sin_cos();
+            let t2 = self.c0.mul_add(t0 * t0, t1 * t1);
+            let t3 = s * phi_dot;
+            let t4 = t3 * t1 / t2;
+            let t5 = self.c1 * t0;
             (
-                [psi_dot, phi_dot, self.c2 * t4, R::ZERO, self.c3 * (t0 * t4)],
-                [t0, t1, t1 + t1, t0 + t0, t2, A_s1_3_3.recip(), s, phi_dot, t3, t4],
+                [psi_dot, phi_dot, -t4, R::ZERO, t4 * t5],
+                [t0, t1, t0 + t0, t1 + t1, s, phi_dot, t3, t4, t2.recip(), t5],
             )
         };
         workspace.0.clear();
@@ -434,37 +425,27 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             let inverse = R::ratio(1.0, f64::from(k));
             let [_, phi, psi_dot, phi_dot, s] = coefficient;
             let [sum0, sum1, sum2, sum3, sum4, sum5, sum6, sum7] = workspace.0.sums();
-            /// factors of A
-            let [t0, t1, t2] = {
-                let t0 = kept1.mul_add(phi, inverse * sum0);
-                let t1 = -kept0.mul_add(phi, inverse * sum1);
-                [
-                    t0,
-                    t1,
-                    self
-                        .c0
-                        .mul_add(
-                            kept2.mul_add(t1, sum2),
-                            self.c1 * kept3.mul_add(t0, sum3),
-                        ),
-                ]
-            };
-            let t3 = kept5 * (-kept4).mul_add(t2, t1 - sum4);
-            let t4 = kept6.mul_add(t3, kept4.mul_add(s, sum5));
-            let t5 = kept7.mul_add(t4, kept8.mul_add(phi_dot, sum6));
+            let t0 = kept1.mul_add(phi, inverse * sum0);
+            let t1 = -kept0.mul_add(phi, inverse * sum1);
+            let t2 = self.c0.mul_add(kept2.mul_add(t0, sum2), kept3.mul_add(t1, sum3));
+            let t3 = kept4.mul_add(phi_dot, kept5.mul_add(s, sum4));
+            let t4 = kept8
+                * (-kept7)
+                    .mul_add(t2, kept6.mul_add(t1, kept1.mul_add(t3, sum5)) - sum6);
+            let t5 = self.c1 * t0;
             let t6 = order * phi;
             workspace
                 .0
                 .push(
-                    [t6, t6, t1, t0, t2, t3, t4, t0],
-                    [t1, t0, t1, t0, t3, s, phi_dot, t5],
+                    [t6, t6, t0, t1, phi_dot, t1, t2, t4],
+                    [t1, t0, t0, t1, s, t3, t4, t5],
                 );
             let derivative = [
                 psi_dot,
                 phi_dot,
-                self.c2 * t5,
+                -t4,
                 R::ZERO,
-                self.c3 * kept0.mul_add(t5, kept9.mul_add(t0, sum7)),
+                kept7.mul_add(t5, kept9.mul_add(t4, sum7)),
             ];
             let scale = R::ratio(1.0, f64::from(k + 1));
             coefficient = derivative.map(|derivative| derivative * scale);

@@ -243,120 +243,116 @@ pub struct Prepared<R = f64> {
     ka: R,
     /// Parameter `kb`.
     kb: R,
-    /// `5 * la`
-    c0: R,
-    /// `(1/5) * ma * la`
-    c1: R,
-    /// `(2/5) * mb * lb`
-    c2: R,
-    /// `mb * (lb * lb)`
-    c3: R,
-    /// `(1/100) * (100 * I1 + mb * (29 + 100 * (lb * lb)))`
-    c4: R,
-    /// `5 * lb`
-    c5: R,
-    /// `2 * lb`
-    c6: R,
-    /// `(1/25) * ma`
-    c7: R,
-    /// `(1/50) * mb`
-    c8: R,
-    /// `ma * la`
-    c9: R,
-    /// `(1/20) * mb`
-    c10: R,
-    /// `(1/5) * ma`
-    c11: R,
-    /// `0.5 * mb * lb`
-    c12: R,
-    /// `(1/10) * mb`
-    c13: R,
-    /// `10 * lb`
-    c14: R,
-    /// `5 * ma * la`
-    c15: R,
-    /// `mb * lb`
-    c16: R,
-    /// `2 * mb`
-    c17: R,
-    /// `5 * mb`
-    c18: R,
-    /// `(3/5) * ma * la`
-    c19: R,
-    /// `ma * (la * la)`
-    c20: R,
-    /// `(1/5) * mb * lb`
-    c21: R,
-    /// `I1 + (1/100) * mb * (29 + 100 * (lb * lb))`
-    c22: R,
-    /// `(1/25) * mb`
-    c23: R,
     /// `1 / (ma * (la * la))`
-    c24: R,
-    /// `I3 + 0.25 * mb - ma * (la * la) + (1/25) * ma * (9 + 25 * (la * la))`
-    c25: R,
-    /// `(9/25) * ma`
-    c26: R,
+    c0: R,
     /// `1 / (mb * (lb * lb))`
+    c1: R,
+    /// `5 * la`
+    c2: R,
+    /// `(1/5) * ma * la`
+    c3: R,
+    /// `(2/5) * mb * lb`
+    c4: R,
+    /// `mb * (lb * lb)`
+    c5: R,
+    /// `(1/100) * (100 * I1 + mb * (29 + 100 * (lb * lb)))`
+    c6: R,
+    /// `5 * lb`
+    c7: R,
+    /// `2 * lb`
+    c8: R,
+    /// `(1/25) * ma`
+    c9: R,
+    /// `(1/50) * mb`
+    c10: R,
+    /// `ma * la`
+    c11: R,
+    /// `(-1/20) * mb`
+    c12: R,
+    /// `(1/5) * ma`
+    c13: R,
+    /// `-0.5 * mb * lb`
+    c14: R,
+    /// `(1/10) * mb`
+    c15: R,
+    /// `10 * lb`
+    c16: R,
+    /// `5 * ma * la`
+    c17: R,
+    /// `mb * lb`
+    c18: R,
+    /// `2 * mb`
+    c19: R,
+    /// `-5 * mb`
+    c20: R,
+    /// `(3/5) * ma * la`
+    c21: R,
+    /// `ma * (la * la)`
+    c22: R,
+    /// `(1/5) * mb * lb`
+    c23: R,
+    /// `I1 + (1/100) * mb * (29 + 100 * (lb * lb))`
+    c24: R,
+    /// `(1/25) * mb`
+    c25: R,
+    /// `I3 + 0.25 * mb - ma * (la * la) + (1/25) * ma * (9 + 25 * (la * la))`
+    c26: R,
+    /// `-((9/25) * ma)`
     c27: R,
-    /// `(1/30) * (25 * I3 + 9 * ma + 25 * ma * (la * la)) / (ma * la)`
+    /// `25 * (la * la)`
     c28: R,
-    /// `(3/5) / la`
+    /// `0.5 * I1`
     c29: R,
-    /// `40 * mb * lb / (100 * I1 + mb * (29 + 100 * (lb * lb)))`
-    c30: R,
-    /// `(1/200) * (100 * I1 + mb * (29 + 100 * (lb * lb))) / (mb * (lb * lb))`
-    c31: R,
     /// `0.5 * I2`
-    c32: R,
+    c30: R,
+    /// `0.5 * I3`
+    c31: R,
     /// `0.5 * ka`
-    c33: R,
+    c32: R,
     /// `0.5 * kb`
-    c34: R,
-    /// `0.5 * ma * (la * la)`
-    c35: R,
-    /// `0.5 * mb * (lb * lb)`
-    c36: R,
+    c33: R,
     /// `(1/50) * ma`
-    c37: R,
+    c34: R,
     /// `(1/200) * mb`
-    c38: R,
-    /// `I2 + (1/25) * mb`
-    c39: R,
-    /// `I3 - ma * (la * la) + (1/25) * ma * (9 + 25 * (la * la))`
-    c40: R,
-    /// `0.25 * mb`
-    c41: R,
-    /// `(1/5) * mb / (ma * (la * la))`
-    c42: R,
-    /// `25 * ma * (la * la) / mb`
-    c43: R,
+    c35: R,
+    /// `-((1/5) * mb / (ma * (la * la)))`
+    c36: R,
+    /// `-25 * ma * (la * la) / mb`
+    c37: R,
     /// `I1 - mb * (lb * lb) + (1/100) * mb * (29 + 100 * (lb * lb))`
+    c38: R,
+    /// `2.5 * lb`
+    c39: R,
+    /// `(1/3) * mb * lb / (ma * la)`
+    c40: R,
+    /// `(6/5) / la`
+    c41: R,
+    /// `I2 + (9/25) * ma + (1/25) * mb`
+    c42: R,
+    /// `4 * lb`
+    c43: R,
+    /// `(-1/100) * (mb * mb)`
     c44: R,
     /// `4 * I1 + 4 * mb * (lb * lb) + (1/25) * mb * (29 + 100 * (lb * lb))`
     c45: R,
-    /// `6 * mb * (lb * lb)`
+    /// `4 * I2 + (36/25) * ma + (4/25) * mb`
     c46: R,
-    /// `6 * I2 + (6/25) * mb`
+    /// `mb * mb`
     c47: R,
-    /// `(6/25) * ma`
+    /// `(63/25) * ma`
     c48: R,
-    /// `(54/25) * ma`
+    /// `7 * I3 + 1.75 * mb + 7 * ma * (la * la) + (7/25) * ma * (9 + 25 * (la * la))`
     c49: R,
-    /// `6 * I3 + 6 * ma * (la * la) + (6/25) * ma * (9 + 25 * (la * la))`
+    /// `(3/5) / la`
     c50: R,
-    /// `1.5 * mb`
-    c51: R,
     /// `(1/5) / lb`
-    c52: R,
+    c51: R,
     /// `(6/5) * ma * la`
-    c53: R,
-    /// `2.5 * lb`
-    c54: R,
+    c52: R,
     /// `(1/25) * (25 * I2 + 9 * ma + mb)`
-    c55: R,
+    c53: R,
     /// `(1/100) * (100 * I3 + 25 * mb + 4 * ma * (9 + 25 * (la * la)))`
-    c56: R,
+    c54: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -370,7 +366,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 23 additions, 80 multiplications, 9 divisions.
+    /// 22 additions, 78 multiplications, 8 divisions, 2 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, ma, la, mb, lb, ka, kb } = *params;
         for (value, condition, meaning) in [
@@ -395,21 +391,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t1 = lb * lb;
         let t2 = mb * t1;
         let t3 = R::from_f64(29.0) + R::from_f64(100.0) * t1;
-        let t4 = R::from_f64(100.0) * I1 + mb * t3;
-        let t5 = R::ratio(1.0, 25.0) * ma;
-        let t6 = ma * la;
-        let t7 = R::from_f64(0.5) * mb;
-        let t8 = la * la;
-        let t9 = ma * t8;
-        let t10 = R::ratio(1.0, 5.0) * mb;
-        let t11 = R::ratio(1.0, 100.0) * mb * t3;
-        let t12 = R::ratio(1.0, 25.0) * mb;
-        let t13 = R::from_f64(0.25) * mb;
-        let t14 = R::from_f64(9.0) + R::from_f64(25.0) * t8;
-        let t15 = t5 * t14;
-        let t16 = R::from_f64(9.0) * ma;
-        let t17 = R::from_f64(25.0) * ma * t8;
-        let t18 = R::ratio(6.0, 25.0) * ma;
+        let t4 = R::ratio(1.0, 25.0) * ma;
+        let t5 = ma * la;
+        let t6 = la * la;
+        let t7 = ma * t6;
+        let t8 = R::ratio(1.0, 5.0) * mb;
+        let t9 = R::ratio(1.0, 100.0) * mb * t3;
+        let t10 = R::ratio(1.0, 25.0) * mb;
+        let t11 = R::ratio(9.0, 25.0) * ma;
+        let t12 = R::from_f64(25.0) * t6;
+        let t13 = R::from_f64(9.0) + t12;
+        let t14 = mb * mb;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -460,65 +452,66 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             lb,
             ka,
             kb,
-            c0: R::from_f64(5.0) * la,
-            c1: t0 * la,
-            c2: R::ratio(2.0, 5.0) * mb * lb,
-            c3: t2,
-            c4: R::ratio(1.0, 100.0) * t4,
-            c5: R::from_f64(5.0) * lb,
-            c6: R::from_f64(2.0) * lb,
-            c7: t5,
-            c8: R::ratio(1.0, 50.0) * mb,
-            c9: t6,
-            c10: R::ratio(1.0, 20.0) * mb,
-            c11: t0,
-            c12: t7 * lb,
-            c13: R::ratio(1.0, 10.0) * mb,
-            c14: R::from_f64(10.0) * lb,
-            c15: R::from_f64(5.0) * ma * la,
-            c16: mb * lb,
-            c17: R::from_f64(2.0) * mb,
-            c18: R::from_f64(5.0) * mb,
-            c19: R::ratio(3.0, 5.0) * ma * la,
-            c20: t9,
-            c21: t10 * lb,
-            c22: I1 + t11,
-            c23: t12,
-            c24: t9.recip(),
-            c25: I3 + t13 - t9 + t15,
-            c26: R::ratio(9.0, 25.0) * ma,
-            c27: t2.recip(),
-            c28: R::ratio(1.0, 30.0) * (R::from_f64(25.0) * I3 + t16 + t17) / t6,
-            c29: R::ratio(3.0, 5.0) / la,
-            c30: R::from_f64(40.0) * mb * lb / t4,
-            c31: R::ratio(1.0, 200.0) * t4 / t2,
-            c32: R::from_f64(0.5) * I2,
-            c33: R::from_f64(0.5) * ka,
-            c34: R::from_f64(0.5) * kb,
-            c35: R::from_f64(0.5) * ma * t8,
-            c36: t7 * t1,
-            c37: R::ratio(1.0, 50.0) * ma,
-            c38: R::ratio(1.0, 200.0) * mb,
-            c39: I2 + t12,
-            c40: I3 - t9 + t15,
-            c41: t13,
-            c42: t10 / t9,
-            c43: t17 / mb,
-            c44: I1 - t2 + t11,
-            c45: R::from_f64(4.0) * I1 + R::from_f64(4.0) * mb * t1 + t12 * t3,
-            c46: R::from_f64(6.0) * mb * t1,
-            c47: R::from_f64(6.0) * I2 + R::ratio(6.0, 25.0) * mb,
-            c48: t18,
-            c49: R::ratio(54.0, 25.0) * ma,
-            c50: R::from_f64(6.0) * I3 + R::from_f64(6.0) * ma * t8 + t18 * t14,
-            c51: R::from_f64(1.5) * mb,
-            c52: R::ratio(1.0, 5.0) / lb,
-            c53: R::ratio(6.0, 5.0) * ma * la,
-            c54: R::from_f64(2.5) * lb,
-            c55: R::ratio(1.0, 25.0) * (R::from_f64(25.0) * I2 + t16 + mb),
-            c56: R::ratio(1.0, 100.0)
+            c0: t7.recip(),
+            c1: t2.recip(),
+            c2: R::from_f64(5.0) * la,
+            c3: t0 * la,
+            c4: R::ratio(2.0, 5.0) * mb * lb,
+            c5: t2,
+            c6: R::ratio(1.0, 100.0) * (R::from_f64(100.0) * I1 + mb * t3),
+            c7: R::from_f64(5.0) * lb,
+            c8: R::from_f64(2.0) * lb,
+            c9: t4,
+            c10: R::ratio(1.0, 50.0) * mb,
+            c11: t5,
+            c12: R::ratio(-1.0, 20.0) * mb,
+            c13: t0,
+            c14: R::from_f64(-0.5) * mb * lb,
+            c15: R::ratio(1.0, 10.0) * mb,
+            c16: R::from_f64(10.0) * lb,
+            c17: R::from_f64(5.0) * ma * la,
+            c18: mb * lb,
+            c19: R::from_f64(2.0) * mb,
+            c20: R::from_f64(-5.0) * mb,
+            c21: R::ratio(3.0, 5.0) * ma * la,
+            c22: t7,
+            c23: t8 * lb,
+            c24: I1 + t9,
+            c25: t10,
+            c26: I3 + R::from_f64(0.25) * mb - t7 + t4 * t13,
+            c27: -t11,
+            c28: t12,
+            c29: R::from_f64(0.5) * I1,
+            c30: R::from_f64(0.5) * I2,
+            c31: R::from_f64(0.5) * I3,
+            c32: R::from_f64(0.5) * ka,
+            c33: R::from_f64(0.5) * kb,
+            c34: R::ratio(1.0, 50.0) * ma,
+            c35: R::ratio(1.0, 200.0) * mb,
+            c36: -(t8 / t7),
+            c37: R::from_f64(-25.0) * ma * t6 / mb,
+            c38: I1 - t2 + t9,
+            c39: R::from_f64(2.5) * lb,
+            c40: R::ratio(1.0, 3.0) * mb * lb / t5,
+            c41: R::ratio(6.0, 5.0) / la,
+            c42: I2 + t11 + t10,
+            c43: R::from_f64(4.0) * lb,
+            c44: R::ratio(-1.0, 100.0) * t14,
+            c45: R::from_f64(4.0) * I1 + R::from_f64(4.0) * mb * t1 + t10 * t3,
+            c46: R::from_f64(4.0) * I2 + R::ratio(36.0, 25.0) * ma
+                + R::ratio(4.0, 25.0) * mb,
+            c47: t14,
+            c48: R::ratio(63.0, 25.0) * ma,
+            c49: R::from_f64(7.0) * I3 + R::from_f64(1.75) * mb
+                + R::from_f64(7.0) * ma * t6 + R::ratio(7.0, 25.0) * ma * t13,
+            c50: R::ratio(3.0, 5.0) / la,
+            c51: R::ratio(1.0, 5.0) / lb,
+            c52: R::ratio(6.0, 5.0) * ma * la,
+            c53: R::ratio(1.0, 25.0)
+                * (R::from_f64(25.0) * I2 + R::from_f64(9.0) * ma + mb),
+            c54: R::ratio(1.0, 100.0)
                 * (R::from_f64(100.0) * I3 + R::from_f64(25.0) * mb
-                    + R::from_f64(4.0) * ma * t14),
+                    + R::from_f64(4.0) * ma * t13),
         })
     }
 }
@@ -553,20 +546,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [t0, t1, t2, t3, t4, t5, t6, t7, t8, t9, t10, t11, p_Omega1, t12, t13, t14,
         t15, p_Omega2, t16, t17, t18, t19, p_Omega3] = {
             let (t0, t1) = alpha.sin_cos();
-            let t2 = self.c0 * t1;
+            let t2 = self.c2 * t1;
             let t3 = R::from_f64(3.0) + t2;
-            let t4 = (-Omega2).mul_add(t3, self.c0 * (Omega1 * t0));
-            let t5 = self.c1 * t0;
+            let t4 = (-Omega2).mul_add(t3, t0 * (self.c2 * Omega1));
+            let t5 = self.c3 * t0;
             let t6 = t4 * t5;
             let t7 = beta_dot.mul_add(R::from_f64(0.5), Omega1);
             let (t8, t9) = beta.sin_cos();
             let t10 = t9.mul_add(R::from_f64(2.5), t8);
-            let t11 = self.c2 * t10;
-            let t12 = t8.mul_add(self.c5, R::ONE);
-            let t13 = t9.mul_add(self.c6, R::ONE);
-            let t14 = (-R::from_f64(5.0))
-                .mul_add(Omega3 * t13, R::from_f64(2.0) * (Omega2 * t12));
-            let t15 = self.c7 * t3;
+            let t11 = self.c4 * t10;
+            let t12 = t8.mul_add(self.c7, R::ONE);
+            let t13 = t9.mul_add(self.c8, R::ONE);
+            let t14 = (-t13)
+                .mul_add(R::from_f64(5.0) * Omega3, t12 * (R::from_f64(2.0) * Omega2));
+            let t15 = self.c9 * t3;
             let t16 = self.la * t0;
             let t17 = alpha_dot + Omega3;
             let t18 = t16 * t17;
@@ -584,20 +577,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t9,
                 t10,
                 t11,
-                t7.mul_add(t11, Omega1.mul_add(self.c4, beta_dot.mul_add(self.c3, t6))),
+                t7.mul_add(t11, Omega1.mul_add(self.c6, beta_dot.mul_add(self.c5, t6))),
                 t12,
                 t13,
                 t14,
                 t15,
-                self.c8.mul_add(t12 * t14, (-t4).mul_add(t15, self.I2 * Omega2)),
+                t14.mul_add(self.c10 * t12, (-t4).mul_add(t15, self.I2 * Omega2)),
                 t16,
                 t17,
                 t18,
                 t19,
-                (-self.c10)
+                t14
                     .mul_add(
-                        t13 * t14,
-                        t15.mul_add(t19, self.c9.mul_add(t0 * t18, self.I3 * Omega3)),
+                        self.c12 * t13,
+                        t15.mul_add(t19, t18.mul_add(self.c11 * t0, self.I3 * Omega3)),
                     ),
             ]
         };
@@ -605,34 +598,33 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [r_alpha_dot, r_beta_dot, r_Omega1, r_Omega2, r_Omega3] = {
             let t20 = self.la * t1;
             let t21 = Omega2.mul_add(t16, Omega1 * t20);
-            let t22 = (-R::from_f64(5.0)).mul_add(t17 * t20, t19);
+            let t22 = (-t20).mul_add(R::from_f64(5.0) * t17, t19);
             let dL_dalpha = self
-                .c11
+                .c13
                 .mul_add((-t18).mul_add(t22, t4 * t21), -(self.ka * alpha));
             let t23 = t16 * t22;
-            let t24 = self.c11 * alpha_dot;
-            let t25 = self.lb.mul_add(Omega3 * t8, self.lb * (Omega2 * t9));
+            let t24 = self.c13 * alpha_dot;
+            let t25 = t8.mul_add(self.lb * Omega3, t9 * (self.lb * Omega2));
             let t26 = (-t9).mul_add(R::ratio(2.0, 5.0), t8);
-            let t27 = self.c16 * t14;
+            let t27 = self.c18 * t14;
             let t28 = R::ratio(1.0, 10.0) * beta_dot;
             [
                 t23.mul_add(t24, dL_dalpha),
-                self
-                    .c13
+                t14
                     .mul_add(
-                        t14 * t25,
-                        (-self.c12).mul_add(Omega1 * Omega1 * t26, -(self.kb * beta)),
+                        self.c15 * t25,
+                        t26.mul_add(self.c14 * (Omega1 * Omega1), -(self.kb * beta)),
                     ),
-                (-R::ratio(1.0, 5.0))
+                (-t21.mul_add(self.c17 * t0, t4 * (self.c11 * t1)))
                     .mul_add(
-                        alpha_dot * self.c15.mul_add(t0 * t21, self.c9 * (t1 * t4)),
+                        R::ratio(1.0, 5.0) * alpha_dot,
                         (-Omega2)
                             .mul_add(
                                 p_Omega3,
                                 Omega3
                                     .mul_add(
                                         p_Omega2,
-                                        self.c13 * (beta_dot * (self.c14 * (t7 * t26))),
+                                        self.c15 * (t26 * (t7 * (self.c16 * beta_dot))),
                                     ),
                             ),
                     ),
@@ -641,9 +633,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         p_Omega1,
                         (-t28)
                             .mul_add(
-                                t9.mul_add(t27, self.c17 * (t12 * t25)),
+                                t9.mul_add(t27, self.c19 * t12 * t25),
                                 Omega1
-                                    .mul_add(p_Omega3, (-alpha_dot).mul_add(t6, t3 * t21 * t24)),
+                                    .mul_add(p_Omega3, (-alpha_dot).mul_add(t6, t24 * t3 * t21)),
                             ),
                     ),
                 Omega2
@@ -651,7 +643,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         p_Omega1,
                         (-t28)
                             .mul_add(
-                                t8.mul_add(t27, -(self.c18 * (t13 * t25))),
+                                t8.mul_add(t27, self.c20 * t13 * t25),
                                 (-t24)
                                     .mul_add(
                                         (-t18).mul_add(t3 - t2, -t23),
@@ -664,21 +656,22 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         /// mass matrix A = W^T L_yy Psi
         let [A_alpha_dot_Omega3, A_beta_dot_Omega1, A_Omega1_Omega1, t29,
         A_Omega2_Omega2, t30] = [
-            t1.mul_add(self.c19, self.c20),
-            t10.mul_add(self.c21, self.c3),
-            self.c20.mul_add(t0 * t0, self.c22) + t11,
+            t1.mul_add(self.c21, self.c22),
+            t10.mul_add(self.c23, self.c5),
+            self.c22.mul_add(t0 * t0, self.c24) + t11,
             t3 * t5,
-            t3.mul_add(t15, self.c23.mul_add(t12 * t12, self.I2)),
-            self.c13 * (t12 * t13),
+            t3.mul_add(t15, self.c25.mul_add(t12 * t12, self.I2)),
+            self.c15 * t13 * t12,
         ];
         /// factors of A
         let [A_l5_1, A_l3_2, t31, t32, t33, t34, A_s4_5_5] = {
-            let A_s1_5_5 = (-self.c26)
+            let A_s1_5_5 = self
+                .c27
                 .mul_add(
                     t1 * t1,
-                    self.c3.mul_add(t9 * t9, t9.mul_add(self.c16, self.c25)),
+                    self.c5.mul_add(t9 * t9, t9.mul_add(self.c18, self.c26)),
                 );
-            let A_l3_2 = self.c27 * A_beta_dot_Omega1;
+            let A_l3_2 = self.c1 * A_beta_dot_Omega1;
             let A_s2_3_3 = (-A_beta_dot_Omega1).mul_add(A_l3_2, A_Omega1_Omega1);
             let t31 = A_s2_3_3.recip();
             let t32 = t29 * t31;
@@ -686,7 +679,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t33 = A_s3_4_4.recip();
             let t34 = t30 * t33;
             [
-                self.c24 * A_alpha_dot_Omega3,
+                self.c0 * A_alpha_dot_Omega3,
                 A_l3_2,
                 t31,
                 t32,
@@ -708,8 +701,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 dot_Omega3,
                 dot_Omega2,
                 dot_Omega1,
-                (-A_l3_2).mul_add(dot_Omega1, self.c27 * r_beta_dot),
-                (-A_l5_1).mul_add(dot_Omega3, self.c24 * r_alpha_dot),
+                (-A_l3_2).mul_add(dot_Omega1, self.c1 * r_beta_dot),
+                (-A_l5_1).mul_add(dot_Omega3, self.c0 * r_alpha_dot),
             ]
         };
         *dy = [
@@ -731,77 +724,56 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 20 additions, 34 multiplications (18 fused), 2 elementary functions.
+    /// 19 additions, 38 multiplications (15 fused), 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 7]) -> R {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3] = *y;
         let _ = t;
         let (t0, t1) = alpha.sin_cos();
-        let (t2, t3) = beta.sin_cos();
-        let t4 = (-self.c0)
-            .mul_add((-Omega1).mul_add(t0, Omega2 * t1), -(R::from_f64(3.0) * Omega2));
-        let t5 = self
-            .c14
+        let t2 = self.c2 * t1;
+        let t3 = R::from_f64(3.0) + t2;
+        let t4 = Omega3.mul_add(t3, alpha_dot * t2);
+        let t5 = (-Omega2).mul_add(t3, t0 * (self.c2 * Omega1));
+        let t6 = t0 * (alpha_dot + Omega3);
+        let (t7, t8) = beta.sin_cos();
+        let t9 = self.c7 * t7;
+        let t10 = R::ONE + t9;
+        let t11 = self.c8 * t8;
+        let t12 = R::ONE + t11;
+        let t13 = (-t12)
+            .mul_add(R::from_f64(5.0) * Omega3, t10 * (R::from_f64(2.0) * Omega2));
+        let t14 = Omega1.mul_add(t10, beta_dot * t9);
+        let t15 = Omega1.mul_add(t12, beta_dot * t11);
+        let t16 = self
+            .c33
             .mul_add(
-                (-Omega3).mul_add(t3, Omega2 * t2),
-                (-Omega3).mul_add(R::from_f64(5.0), R::from_f64(2.0) * Omega2),
-            );
-        let t6 = self
-            .c36
-            .mul_add(
-                beta_dot * beta_dot,
+                beta * beta,
                 self
-                    .c35
+                    .c32
                     .mul_add(
-                        alpha_dot * alpha_dot,
+                        alpha * alpha,
                         self
-                            .c34
+                            .c31
                             .mul_add(
-                                beta * beta,
+                                Omega3 * Omega3,
                                 self
-                                    .c33
-                                    .mul_add(alpha * alpha, self.c32 * (Omega2 * Omega2)),
+                                    .c30
+                                    .mul_add(Omega2 * Omega2, self.c29 * (Omega1 * Omega1)),
                             ),
                     ),
             );
-        let t7 = self
-            .c38
+        self.c35
             .mul_add(
-                t5 * t5,
-                self
-                    .c37
+                t13
                     .mul_add(
-                        t4 * t4,
-                        self
-                            .c20
-                            .mul_add(
-                                Omega3
-                                    * self
-                                        .c29
-                                        .mul_add(
-                                            t1.mul_add(alpha_dot + Omega3, self.c28 * Omega3),
-                                            alpha_dot,
-                                        ),
-                                t6,
-                            ),
+                        t13,
+                        R::from_f64(25.0)
+                            .mul_add(t15 * t15, R::from_f64(4.0) * (t14 * t14)),
                     ),
-            );
-        self.c3
-            .mul_add(
-                Omega1
-                    * self
-                        .c31
-                        .mul_add(
-                            self
-                                .c30
-                                .mul_add(
-                                    (beta_dot + Omega1) * t3.mul_add(R::from_f64(2.5), t2),
-                                    Omega1,
-                                ),
-                            beta_dot,
-                        ),
-                t7,
+                self
+                    .c34
+                    .mul_add(t5.mul_add(t5, t4.mul_add(t4, self.c28 * (t6 * t6))), t16),
             )
     }
 
@@ -822,54 +794,53 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3] = *y;
         let _ = t;
         let (t0, t1) = alpha.sin_cos();
-        let t2 = self.c20 * t1.mul_add(self.c29, R::ONE);
+        let t2 = self.c22 * t1.mul_add(self.c50, R::ONE);
         let (t3, t4) = beta.sin_cos();
         let t5 = t4.mul_add(R::from_f64(2.5), t3);
-        let t6 = self.c3 * t5.mul_add(self.c52, R::ONE);
-        let t7 = self.c20 * (-Omega1).mul_add(t0, Omega2 * t1);
-        let t8 = self.c19 * t0;
-        let t9 = self.c53 * t1;
-        let t10 = self.c13 * self.c5.mul_add(t4.mul_add(R::ratio(2.0, 5.0), t3), R::ONE);
+        let t6 = self.c5 * t5.mul_add(self.c51, R::ONE);
+        let t7 = self.c22 * (-Omega1).mul_add(t0, Omega2 * t1);
+        let t8 = self.c21 * t0;
+        let t9 = self.c52 * t1;
+        let t10 = self.c15 * self.c7.mul_add(t4.mul_add(R::ratio(2.0, 5.0), t3), R::ONE);
         let t11 = (-Omega2).mul_add(t3, Omega3 * t4);
         [
-            Omega3.mul_add(t2, self.c20 * alpha_dot),
-            Omega1.mul_add(t6, self.c3 * beta_dot),
+            Omega3.mul_add(t2, self.c22 * alpha_dot),
+            Omega1.mul_add(t6, self.c5 * beta_dot),
             (-t0)
                 .mul_add(
                     t7,
                     beta_dot
                         .mul_add(
                             t6,
-                            self
-                                .c2
+                            t5
                                 .mul_add(
-                                    Omega1 * t5,
-                                    (-Omega2).mul_add(t8, self.c4 * Omega1),
+                                    self.c4 * Omega1,
+                                    (-Omega2).mul_add(t8, self.c6 * Omega1),
                                 ),
                         ),
                 ),
-            self
-                .c2
+            (-t11)
+                .mul_add(self.c39, Omega2)
                 .mul_add(
-                    t3 * (-t11).mul_add(self.c54, Omega2),
+                    self.c4 * t3,
                     (-Omega3)
                         .mul_add(
                             t10,
                             t1
                                 .mul_add(
                                     t7,
-                                    (-Omega1).mul_add(t8, Omega2.mul_add(t9, self.c55 * Omega2)),
+                                    (-Omega1).mul_add(t8, Omega2.mul_add(t9, self.c53 * Omega2)),
                                 ),
                         ),
                 ),
-            self
-                .c16
+            t11
+                .mul_add(self.lb, Omega3)
                 .mul_add(
-                    t4 * t11.mul_add(self.lb, Omega3),
+                    self.c18 * t4,
                     (-Omega2)
                         .mul_add(
                             t10,
-                            alpha_dot.mul_add(t2, Omega3.mul_add(t9, self.c56 * Omega3)),
+                            alpha_dot.mul_add(t2, Omega3.mul_add(t9, self.c54 * Omega3)),
                         ),
                 ),
         ]
@@ -883,70 +854,46 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 22 additions, 35 multiplications (20 fused), 2 divisions, 4 sign changes, 2 elementary functions.
+    /// 21 additions, 35 multiplications (19 fused), 2 divisions, 4 sign changes, 2 elementary functions.
     pub fn check(&self, t: R, y: &[R; 7]) -> Result<(), ::hamel_runtime::Failure> {
         let [alpha, beta, _, _, _, _, _] = *y;
-        /// mass matrix A = W^T L_yy Psi
-        let [t0, t1, t3, t4, t5, t6, t7, A_Omega2_Omega2, t8, t9] = {
-            let (t0, t1) = alpha.sin_cos();
-            let t2 = t1.mul_add(self.c0, R::from_f64(3.0));
-            let (t4, t5) = beta.sin_cos();
-            let t6 = t4 * t4;
-            let t7 = t2 * t2;
-            let t8 = t5.mul_add(self.c6, R::ONE);
-            [
-                t0,
-                t1,
-                t2 * (self.c1 * t0),
-                t4,
-                t5,
-                t6,
-                t7,
-                t7.mul_add(self.c7, t6.mul_add(self.c3, t4.mul_add(self.c2, self.c39))),
-                t8,
-                self.c13 * (t4.mul_add(self.c5, R::ONE) * t8),
-            ]
-        };
-        /// factors of A
-        let [t10, t11, A_s1_5_5] = {
-            let t10 = t8 * t8;
-            let t11 = t1 * t1;
-            [t10, t11, t10.mul_add(self.c41, (-t11).mul_add(self.c26, self.c40))]
-        };
-        let t12 = (-self.c43)
+        let (t0, t1) = beta.sin_cos();
+        let (t2, t3) = alpha.sin_cos();
+        let t4 = t2 * t2;
+        let t5 = self
+            .c37
             .mul_add(
-                (-self.c42).mul_add(t5 * t4, t0 * t0),
-                R::from_f64(6.25).mul_add(t5 * t5, t6),
+                t1.mul_add(self.c36 * t0, t4),
+                R::from_f64(6.25).mul_add(t1 * t1, t0 * t0),
             );
-        let t13 = (-t12).mul_add(self.c23, self.c44);
-        let t14 = t3 * t3 / t13;
-        let t15 = A_Omega2_Omega2 - t14;
-        let t16 = t9 * t9 / t15;
+        let t6 = (-t5).mul_add(self.c25, self.c38);
+        let t7 = t4 / t6;
+        let t8 = (-t7).mul_add(self.c22, R::ONE);
+        let t9 = t3 * t3;
+        let t10 = t0 * t0.mul_add(self.c39, R::ONE);
+        let t11 = self.c22
+            * self
+                .c41
+                .mul_add(t3.mul_add(t8, self.c40 * t10), t8.mul_add(t9, self.c27 * t7));
+        let t12 = self.c42 + t11;
+        let t13 = t1 * t1.mul_add(self.lb, R::ONE);
+        let t14 = self.c18 * t13;
+        let t15 = t10.mul_add(self.c16, R::ONE) * t13.mul_add(self.c43, R::ONE);
+        let t16 = t12.recip();
         for (value, scale, pivot) in [
             (
-                t13,
-                R::ratio(4.0, 25.0).mul_add((self.mb * t12).abs(), self.c45),
+                t6,
+                R::ratio(4.0, 25.0).mul_add((self.mb * t5).abs(), self.c45),
                 "inertia along Omega1",
             ),
+            (t12, R::from_f64(4.0).mul_add(t11.abs(), self.c46), "inertia along Omega2"),
             (
-                t15,
-                R::from_f64(6.0)
+                t16.mul_add(self.c44 * t15, t9.mul_add(self.c27, self.c26) + t14),
+                R::ratio(7.0, 100.0)
                     .mul_add(
-                        t14.abs(),
-                        R::ratio(12.0, 5.0)
-                            .mul_add(
-                                (self.c16 * t4).abs(),
-                                t7.mul_add(self.c48, t6.mul_add(self.c46, self.c47)),
-                            ),
-                    ),
-                "inertia along Omega2",
-            ),
-            (
-                A_s1_5_5 - t16,
-                R::from_f64(6.0)
-                    .mul_add(
-                        t16.abs(),
-                        t10.mul_add(self.c51, t11.mul_add(self.c49, self.c50)),
+                        (t16 * (self.c47 * t15)).abs(),
+                        R::from_f64(7.0)
+                            .mul_add(t14.abs(), t9.mul_add(self.c48, self.c49)),
                     ),
                 "inertia along Omega3",
             ),

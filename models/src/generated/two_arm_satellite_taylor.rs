@@ -233,110 +233,106 @@ pub struct Prepared<R = f64> {
     ka: R,
     /// Parameter `kb`.
     kb: R,
-    /// `5 * la`
-    c0: R,
-    /// `(1/5) * ma * la`
-    c1: R,
-    /// `(2/5) * mb * lb`
-    c2: R,
-    /// `mb * (lb * lb)`
-    c3: R,
-    /// `(1/100) * (100 * I1 + mb * (29 + 100 * (lb * lb)))`
-    c4: R,
-    /// `5 * lb`
-    c5: R,
-    /// `2 * lb`
-    c6: R,
-    /// `(1/25) * ma`
-    c7: R,
-    /// `(1/50) * mb`
-    c8: R,
-    /// `ma * la`
-    c9: R,
-    /// `(1/20) * mb`
-    c10: R,
-    /// `(1/5) * ma`
-    c11: R,
-    /// `0.5 * mb * lb`
-    c12: R,
-    /// `(1/10) * mb`
-    c13: R,
-    /// `10 * lb`
-    c14: R,
-    /// `5 * ma * la`
-    c15: R,
-    /// `mb * lb`
-    c16: R,
-    /// `2 * mb`
-    c17: R,
-    /// `5 * mb`
-    c18: R,
-    /// `(3/5) * ma * la`
-    c19: R,
-    /// `ma * (la * la)`
-    c20: R,
-    /// `(1/5) * mb * lb`
-    c21: R,
-    /// `I1 + (1/100) * mb * (29 + 100 * (lb * lb))`
-    c22: R,
-    /// `(1/25) * mb`
-    c23: R,
     /// `1 / (ma * (la * la))`
-    c24: R,
-    /// `I3 + 0.25 * mb - ma * (la * la) + (1/25) * ma * (9 + 25 * (la * la))`
-    c25: R,
-    /// `(9/25) * ma`
-    c26: R,
+    c0: R,
     /// `1 / (mb * (lb * lb))`
+    c1: R,
+    /// `5 * la`
+    c2: R,
+    /// `(1/5) * ma * la`
+    c3: R,
+    /// `(2/5) * mb * lb`
+    c4: R,
+    /// `mb * (lb * lb)`
+    c5: R,
+    /// `(1/100) * (100 * I1 + mb * (29 + 100 * (lb * lb)))`
+    c6: R,
+    /// `5 * lb`
+    c7: R,
+    /// `2 * lb`
+    c8: R,
+    /// `(1/25) * ma`
+    c9: R,
+    /// `(1/50) * mb`
+    c10: R,
+    /// `ma * la`
+    c11: R,
+    /// `(-1/20) * mb`
+    c12: R,
+    /// `(1/5) * ma`
+    c13: R,
+    /// `-0.5 * mb * lb`
+    c14: R,
+    /// `(1/10) * mb`
+    c15: R,
+    /// `10 * lb`
+    c16: R,
+    /// `5 * ma * la`
+    c17: R,
+    /// `mb * lb`
+    c18: R,
+    /// `2 * mb`
+    c19: R,
+    /// `-5 * mb`
+    c20: R,
+    /// `(3/5) * ma * la`
+    c21: R,
+    /// `ma * (la * la)`
+    c22: R,
+    /// `(1/5) * mb * lb`
+    c23: R,
+    /// `I1 + (1/100) * mb * (29 + 100 * (lb * lb))`
+    c24: R,
+    /// `(1/25) * mb`
+    c25: R,
+    /// `I3 + 0.25 * mb - ma * (la * la) + (1/25) * ma * (9 + 25 * (la * la))`
+    c26: R,
+    /// `-((9/25) * ma)`
     c27: R,
-    /// `(1/30) * (25 * I3 + 9 * ma + 25 * ma * (la * la)) / (ma * la)`
+    /// `25 * (la * la)`
     c28: R,
-    /// `(3/5) / la`
+    /// `0.5 * I1`
     c29: R,
-    /// `40 * mb * lb / (100 * I1 + mb * (29 + 100 * (lb * lb)))`
-    c30: R,
-    /// `(1/200) * (100 * I1 + mb * (29 + 100 * (lb * lb))) / (mb * (lb * lb))`
-    c31: R,
     /// `0.5 * I2`
-    c32: R,
+    c30: R,
+    /// `0.5 * I3`
+    c31: R,
     /// `0.5 * ka`
-    c33: R,
+    c32: R,
     /// `0.5 * kb`
-    c34: R,
-    /// `0.5 * ma * (la * la)`
-    c35: R,
-    /// `0.5 * mb * (lb * lb)`
-    c36: R,
+    c33: R,
     /// `(1/50) * ma`
-    c37: R,
+    c34: R,
     /// `(1/200) * mb`
-    c38: R,
-    /// `I2 + (1/25) * mb`
-    c39: R,
-    /// `I3 - ma * (la * la) + (1/25) * ma * (9 + 25 * (la * la))`
-    c40: R,
-    /// `0.25 * mb`
-    c41: R,
-    /// `(1/5) * mb / (ma * (la * la))`
-    c42: R,
-    /// `25 * ma * (la * la) / mb`
-    c43: R,
+    c35: R,
+    /// `-((1/5) * mb / (ma * (la * la)))`
+    c36: R,
+    /// `-25 * ma * (la * la) / mb`
+    c37: R,
     /// `I1 - mb * (lb * lb) + (1/100) * mb * (29 + 100 * (lb * lb))`
+    c38: R,
+    /// `2.5 * lb`
+    c39: R,
+    /// `(1/3) * mb * lb / (ma * la)`
+    c40: R,
+    /// `(6/5) / la`
+    c41: R,
+    /// `I2 + (9/25) * ma + (1/25) * mb`
+    c42: R,
+    /// `4 * lb`
+    c43: R,
+    /// `(-1/100) * (mb * mb)`
     c44: R,
     /// `4 * I1 + 4 * mb * (lb * lb) + (1/25) * mb * (29 + 100 * (lb * lb))`
     c45: R,
-    /// `6 * mb * (lb * lb)`
+    /// `4 * I2 + (36/25) * ma + (4/25) * mb`
     c46: R,
-    /// `6 * I2 + (6/25) * mb`
+    /// `mb * mb`
     c47: R,
-    /// `(6/25) * ma`
+    /// `(63/25) * ma`
     c48: R,
-    /// `(54/25) * ma`
+    /// `7 * I3 + 1.75 * mb + 7 * ma * (la * la) + (7/25) * ma * (9 + 25 * (la * la))`
     c49: R,
-    /// `6 * I3 + 6 * ma * (la * la) + (6/25) * ma * (9 + 25 * (la * la))`
-    c50: R,
-    /// `1.5 * mb`
-    c51: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -350,7 +346,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 19 additions, 70 multiplications, 8 divisions.
+    /// 18 additions, 68 multiplications, 6 divisions, 2 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, ma, la, mb, lb, ka, kb } = *params;
         for (value, condition, meaning) in [
@@ -375,20 +371,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t1 = lb * lb;
         let t2 = mb * t1;
         let t3 = R::from_f64(29.0) + R::from_f64(100.0) * t1;
-        let t4 = R::from_f64(100.0) * I1 + mb * t3;
-        let t5 = R::ratio(1.0, 25.0) * ma;
-        let t6 = ma * la;
-        let t7 = R::from_f64(0.5) * mb;
-        let t8 = la * la;
-        let t9 = ma * t8;
-        let t10 = R::ratio(1.0, 5.0) * mb;
-        let t11 = R::ratio(1.0, 100.0) * mb * t3;
-        let t12 = R::ratio(1.0, 25.0) * mb;
-        let t13 = R::from_f64(0.25) * mb;
-        let t14 = R::from_f64(9.0) + R::from_f64(25.0) * t8;
-        let t15 = t5 * t14;
-        let t16 = R::from_f64(25.0) * ma * t8;
-        let t17 = R::ratio(6.0, 25.0) * ma;
+        let t4 = R::ratio(1.0, 25.0) * ma;
+        let t5 = ma * la;
+        let t6 = la * la;
+        let t7 = ma * t6;
+        let t8 = R::ratio(1.0, 5.0) * mb;
+        let t9 = R::ratio(1.0, 100.0) * mb * t3;
+        let t10 = R::ratio(1.0, 25.0) * mb;
+        let t11 = R::ratio(9.0, 25.0) * ma;
+        let t12 = R::from_f64(25.0) * t6;
+        let t13 = R::from_f64(9.0) + t12;
+        let t14 = mb * mb;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -439,59 +432,58 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             lb,
             ka,
             kb,
-            c0: R::from_f64(5.0) * la,
-            c1: t0 * la,
-            c2: R::ratio(2.0, 5.0) * mb * lb,
-            c3: t2,
-            c4: R::ratio(1.0, 100.0) * t4,
-            c5: R::from_f64(5.0) * lb,
-            c6: R::from_f64(2.0) * lb,
-            c7: t5,
-            c8: R::ratio(1.0, 50.0) * mb,
-            c9: t6,
-            c10: R::ratio(1.0, 20.0) * mb,
-            c11: t0,
-            c12: t7 * lb,
-            c13: R::ratio(1.0, 10.0) * mb,
-            c14: R::from_f64(10.0) * lb,
-            c15: R::from_f64(5.0) * ma * la,
-            c16: mb * lb,
-            c17: R::from_f64(2.0) * mb,
-            c18: R::from_f64(5.0) * mb,
-            c19: R::ratio(3.0, 5.0) * ma * la,
-            c20: t9,
-            c21: t10 * lb,
-            c22: I1 + t11,
-            c23: t12,
-            c24: t9.recip(),
-            c25: I3 + t13 - t9 + t15,
-            c26: R::ratio(9.0, 25.0) * ma,
-            c27: t2.recip(),
-            c28: R::ratio(1.0, 30.0)
-                * (R::from_f64(25.0) * I3 + R::from_f64(9.0) * ma + t16) / t6,
-            c29: R::ratio(3.0, 5.0) / la,
-            c30: R::from_f64(40.0) * mb * lb / t4,
-            c31: R::ratio(1.0, 200.0) * t4 / t2,
-            c32: R::from_f64(0.5) * I2,
-            c33: R::from_f64(0.5) * ka,
-            c34: R::from_f64(0.5) * kb,
-            c35: R::from_f64(0.5) * ma * t8,
-            c36: t7 * t1,
-            c37: R::ratio(1.0, 50.0) * ma,
-            c38: R::ratio(1.0, 200.0) * mb,
-            c39: I2 + t12,
-            c40: I3 - t9 + t15,
-            c41: t13,
-            c42: t10 / t9,
-            c43: t16 / mb,
-            c44: I1 - t2 + t11,
-            c45: R::from_f64(4.0) * I1 + R::from_f64(4.0) * mb * t1 + t12 * t3,
-            c46: R::from_f64(6.0) * mb * t1,
-            c47: R::from_f64(6.0) * I2 + R::ratio(6.0, 25.0) * mb,
-            c48: t17,
-            c49: R::ratio(54.0, 25.0) * ma,
-            c50: R::from_f64(6.0) * I3 + R::from_f64(6.0) * ma * t8 + t17 * t14,
-            c51: R::from_f64(1.5) * mb,
+            c0: t7.recip(),
+            c1: t2.recip(),
+            c2: R::from_f64(5.0) * la,
+            c3: t0 * la,
+            c4: R::ratio(2.0, 5.0) * mb * lb,
+            c5: t2,
+            c6: R::ratio(1.0, 100.0) * (R::from_f64(100.0) * I1 + mb * t3),
+            c7: R::from_f64(5.0) * lb,
+            c8: R::from_f64(2.0) * lb,
+            c9: t4,
+            c10: R::ratio(1.0, 50.0) * mb,
+            c11: t5,
+            c12: R::ratio(-1.0, 20.0) * mb,
+            c13: t0,
+            c14: R::from_f64(-0.5) * mb * lb,
+            c15: R::ratio(1.0, 10.0) * mb,
+            c16: R::from_f64(10.0) * lb,
+            c17: R::from_f64(5.0) * ma * la,
+            c18: mb * lb,
+            c19: R::from_f64(2.0) * mb,
+            c20: R::from_f64(-5.0) * mb,
+            c21: R::ratio(3.0, 5.0) * ma * la,
+            c22: t7,
+            c23: t8 * lb,
+            c24: I1 + t9,
+            c25: t10,
+            c26: I3 + R::from_f64(0.25) * mb - t7 + t4 * t13,
+            c27: -t11,
+            c28: t12,
+            c29: R::from_f64(0.5) * I1,
+            c30: R::from_f64(0.5) * I2,
+            c31: R::from_f64(0.5) * I3,
+            c32: R::from_f64(0.5) * ka,
+            c33: R::from_f64(0.5) * kb,
+            c34: R::ratio(1.0, 50.0) * ma,
+            c35: R::ratio(1.0, 200.0) * mb,
+            c36: -(t8 / t7),
+            c37: R::from_f64(-25.0) * ma * t6 / mb,
+            c38: I1 - t2 + t9,
+            c39: R::from_f64(2.5) * lb,
+            c40: R::ratio(1.0, 3.0) * mb * lb / t5,
+            c41: R::ratio(6.0, 5.0) / la,
+            c42: I2 + t11 + t10,
+            c43: R::from_f64(4.0) * lb,
+            c44: R::ratio(-1.0, 100.0) * t14,
+            c45: R::from_f64(4.0) * I1 + R::from_f64(4.0) * mb * t1 + t10 * t3,
+            c46: R::from_f64(4.0) * I2 + R::ratio(36.0, 25.0) * ma
+                + R::ratio(4.0, 25.0) * mb,
+            c47: t14,
+            c48: R::ratio(63.0, 25.0) * ma,
+            c49: R::from_f64(7.0) * I3 + R::from_f64(1.75) * mb
+                + R::from_f64(7.0) * ma * t6 + R::ratio(7.0, 25.0) * ma * t13,
         })
     }
 }
@@ -526,20 +518,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [t0, t1, t2, t3, t4, t5, t6, t7, t8, t9, t10, t11, p_Omega1, t12, t13, t14,
         t15, p_Omega2, t16, t17, t18, t19, p_Omega3] = {
             let (t0, t1) = alpha.sin_cos();
-            let t2 = self.c0 * t1;
+            let t2 = self.c2 * t1;
             let t3 = R::from_f64(3.0) + t2;
-            let t4 = (-Omega2).mul_add(t3, self.c0 * (Omega1 * t0));
-            let t5 = self.c1 * t0;
+            let t4 = (-Omega2).mul_add(t3, t0 * (self.c2 * Omega1));
+            let t5 = self.c3 * t0;
             let t6 = t4 * t5;
             let t7 = beta_dot.mul_add(R::from_f64(0.5), Omega1);
             let (t8, t9) = beta.sin_cos();
             let t10 = t9.mul_add(R::from_f64(2.5), t8);
-            let t11 = self.c2 * t10;
-            let t12 = t8.mul_add(self.c5, R::ONE);
-            let t13 = t9.mul_add(self.c6, R::ONE);
-            let t14 = (-R::from_f64(5.0))
-                .mul_add(Omega3 * t13, R::from_f64(2.0) * (Omega2 * t12));
-            let t15 = self.c7 * t3;
+            let t11 = self.c4 * t10;
+            let t12 = t8.mul_add(self.c7, R::ONE);
+            let t13 = t9.mul_add(self.c8, R::ONE);
+            let t14 = (-t13)
+                .mul_add(R::from_f64(5.0) * Omega3, t12 * (R::from_f64(2.0) * Omega2));
+            let t15 = self.c9 * t3;
             let t16 = self.la * t0;
             let t17 = alpha_dot + Omega3;
             let t18 = t16 * t17;
@@ -557,20 +549,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t9,
                 t10,
                 t11,
-                t7.mul_add(t11, Omega1.mul_add(self.c4, beta_dot.mul_add(self.c3, t6))),
+                t7.mul_add(t11, Omega1.mul_add(self.c6, beta_dot.mul_add(self.c5, t6))),
                 t12,
                 t13,
                 t14,
                 t15,
-                self.c8.mul_add(t12 * t14, (-t4).mul_add(t15, self.I2 * Omega2)),
+                t14.mul_add(self.c10 * t12, (-t4).mul_add(t15, self.I2 * Omega2)),
                 t16,
                 t17,
                 t18,
                 t19,
-                (-self.c10)
+                t14
                     .mul_add(
-                        t13 * t14,
-                        t15.mul_add(t19, self.c9.mul_add(t0 * t18, self.I3 * Omega3)),
+                        self.c12 * t13,
+                        t15.mul_add(t19, t18.mul_add(self.c11 * t0, self.I3 * Omega3)),
                     ),
             ]
         };
@@ -578,34 +570,33 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [r_alpha_dot, r_beta_dot, r_Omega1, r_Omega2, r_Omega3] = {
             let t20 = self.la * t1;
             let t21 = Omega2.mul_add(t16, Omega1 * t20);
-            let t22 = (-R::from_f64(5.0)).mul_add(t17 * t20, t19);
+            let t22 = (-t20).mul_add(R::from_f64(5.0) * t17, t19);
             let dL_dalpha = self
-                .c11
+                .c13
                 .mul_add((-t18).mul_add(t22, t4 * t21), -(self.ka * alpha));
             let t23 = t16 * t22;
-            let t24 = self.c11 * alpha_dot;
-            let t25 = self.lb.mul_add(Omega3 * t8, self.lb * (Omega2 * t9));
+            let t24 = self.c13 * alpha_dot;
+            let t25 = t8.mul_add(self.lb * Omega3, t9 * (self.lb * Omega2));
             let t26 = (-t9).mul_add(R::ratio(2.0, 5.0), t8);
-            let t27 = self.c16 * t14;
+            let t27 = self.c18 * t14;
             let t28 = R::ratio(1.0, 10.0) * beta_dot;
             [
                 t23.mul_add(t24, dL_dalpha),
-                self
-                    .c13
+                t14
                     .mul_add(
-                        t14 * t25,
-                        (-self.c12).mul_add(Omega1 * Omega1 * t26, -(self.kb * beta)),
+                        self.c15 * t25,
+                        t26.mul_add(self.c14 * (Omega1 * Omega1), -(self.kb * beta)),
                     ),
-                (-R::ratio(1.0, 5.0))
+                (-t21.mul_add(self.c17 * t0, t4 * (self.c11 * t1)))
                     .mul_add(
-                        alpha_dot * self.c15.mul_add(t0 * t21, self.c9 * (t1 * t4)),
+                        R::ratio(1.0, 5.0) * alpha_dot,
                         (-Omega2)
                             .mul_add(
                                 p_Omega3,
                                 Omega3
                                     .mul_add(
                                         p_Omega2,
-                                        self.c13 * (beta_dot * (self.c14 * (t7 * t26))),
+                                        self.c15 * (t26 * (t7 * (self.c16 * beta_dot))),
                                     ),
                             ),
                     ),
@@ -614,9 +605,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         p_Omega1,
                         (-t28)
                             .mul_add(
-                                t9.mul_add(t27, self.c17 * (t12 * t25)),
+                                t9.mul_add(t27, self.c19 * t12 * t25),
                                 Omega1
-                                    .mul_add(p_Omega3, (-alpha_dot).mul_add(t6, t3 * t21 * t24)),
+                                    .mul_add(p_Omega3, (-alpha_dot).mul_add(t6, t24 * t3 * t21)),
                             ),
                     ),
                 Omega2
@@ -624,7 +615,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         p_Omega1,
                         (-t28)
                             .mul_add(
-                                t8.mul_add(t27, -(self.c18 * (t13 * t25))),
+                                t8.mul_add(t27, self.c20 * t13 * t25),
                                 (-t24)
                                     .mul_add(
                                         (-t18).mul_add(t3 - t2, -t23),
@@ -637,21 +628,22 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         /// mass matrix A = W^T L_yy Psi
         let [A_alpha_dot_Omega3, A_beta_dot_Omega1, A_Omega1_Omega1, t29,
         A_Omega2_Omega2, t30] = [
-            t1.mul_add(self.c19, self.c20),
-            t10.mul_add(self.c21, self.c3),
-            self.c20.mul_add(t0 * t0, self.c22) + t11,
+            t1.mul_add(self.c21, self.c22),
+            t10.mul_add(self.c23, self.c5),
+            self.c22.mul_add(t0 * t0, self.c24) + t11,
             t3 * t5,
-            t3.mul_add(t15, self.c23.mul_add(t12 * t12, self.I2)),
-            self.c13 * (t12 * t13),
+            t3.mul_add(t15, self.c25.mul_add(t12 * t12, self.I2)),
+            self.c15 * t13 * t12,
         ];
         /// factors of A
         let [A_l5_1, A_l3_2, t31, t32, t33, t34, A_s4_5_5] = {
-            let A_s1_5_5 = (-self.c26)
+            let A_s1_5_5 = self
+                .c27
                 .mul_add(
                     t1 * t1,
-                    self.c3.mul_add(t9 * t9, t9.mul_add(self.c16, self.c25)),
+                    self.c5.mul_add(t9 * t9, t9.mul_add(self.c18, self.c26)),
                 );
-            let A_l3_2 = self.c27 * A_beta_dot_Omega1;
+            let A_l3_2 = self.c1 * A_beta_dot_Omega1;
             let A_s2_3_3 = (-A_beta_dot_Omega1).mul_add(A_l3_2, A_Omega1_Omega1);
             let t31 = A_s2_3_3.recip();
             let t32 = t29 * t31;
@@ -659,7 +651,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t33 = A_s3_4_4.recip();
             let t34 = t30 * t33;
             [
-                self.c24 * A_alpha_dot_Omega3,
+                self.c0 * A_alpha_dot_Omega3,
                 A_l3_2,
                 t31,
                 t32,
@@ -681,8 +673,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 dot_Omega3,
                 dot_Omega2,
                 dot_Omega1,
-                (-A_l3_2).mul_add(dot_Omega1, self.c27 * r_beta_dot),
-                (-A_l5_1).mul_add(dot_Omega3, self.c24 * r_alpha_dot),
+                (-A_l3_2).mul_add(dot_Omega1, self.c1 * r_beta_dot),
+                (-A_l5_1).mul_add(dot_Omega3, self.c0 * r_alpha_dot),
             ]
         };
         *dy = [
@@ -704,77 +696,56 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 20 additions, 34 multiplications (18 fused), 2 elementary functions.
+    /// 19 additions, 38 multiplications (15 fused), 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 7]) -> R {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3] = *y;
         let _ = t;
         let (t0, t1) = alpha.sin_cos();
-        let (t2, t3) = beta.sin_cos();
-        let t4 = (-self.c0)
-            .mul_add((-Omega1).mul_add(t0, Omega2 * t1), -(R::from_f64(3.0) * Omega2));
-        let t5 = self
-            .c14
+        let t2 = self.c2 * t1;
+        let t3 = R::from_f64(3.0) + t2;
+        let t4 = Omega3.mul_add(t3, alpha_dot * t2);
+        let t5 = (-Omega2).mul_add(t3, t0 * (self.c2 * Omega1));
+        let t6 = t0 * (alpha_dot + Omega3);
+        let (t7, t8) = beta.sin_cos();
+        let t9 = self.c7 * t7;
+        let t10 = R::ONE + t9;
+        let t11 = self.c8 * t8;
+        let t12 = R::ONE + t11;
+        let t13 = (-t12)
+            .mul_add(R::from_f64(5.0) * Omega3, t10 * (R::from_f64(2.0) * Omega2));
+        let t14 = Omega1.mul_add(t10, beta_dot * t9);
+        let t15 = Omega1.mul_add(t12, beta_dot * t11);
+        let t16 = self
+            .c33
             .mul_add(
-                (-Omega3).mul_add(t3, Omega2 * t2),
-                (-Omega3).mul_add(R::from_f64(5.0), R::from_f64(2.0) * Omega2),
-            );
-        let t6 = self
-            .c36
-            .mul_add(
-                beta_dot * beta_dot,
+                beta * beta,
                 self
-                    .c35
+                    .c32
                     .mul_add(
-                        alpha_dot * alpha_dot,
+                        alpha * alpha,
                         self
-                            .c34
+                            .c31
                             .mul_add(
-                                beta * beta,
+                                Omega3 * Omega3,
                                 self
-                                    .c33
-                                    .mul_add(alpha * alpha, self.c32 * (Omega2 * Omega2)),
+                                    .c30
+                                    .mul_add(Omega2 * Omega2, self.c29 * (Omega1 * Omega1)),
                             ),
                     ),
             );
-        let t7 = self
-            .c38
+        self.c35
             .mul_add(
-                t5 * t5,
-                self
-                    .c37
+                t13
                     .mul_add(
-                        t4 * t4,
-                        self
-                            .c20
-                            .mul_add(
-                                Omega3
-                                    * self
-                                        .c29
-                                        .mul_add(
-                                            t1.mul_add(alpha_dot + Omega3, self.c28 * Omega3),
-                                            alpha_dot,
-                                        ),
-                                t6,
-                            ),
+                        t13,
+                        R::from_f64(25.0)
+                            .mul_add(t15 * t15, R::from_f64(4.0) * (t14 * t14)),
                     ),
-            );
-        self.c3
-            .mul_add(
-                Omega1
-                    * self
-                        .c31
-                        .mul_add(
-                            self
-                                .c30
-                                .mul_add(
-                                    (beta_dot + Omega1) * t3.mul_add(R::from_f64(2.5), t2),
-                                    Omega1,
-                                ),
-                            beta_dot,
-                        ),
-                t7,
+                self
+                    .c34
+                    .mul_add(t5.mul_add(t5, t4.mul_add(t4, self.c28 * (t6 * t6))), t16),
             )
     }
 
@@ -786,70 +757,46 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 22 additions, 35 multiplications (20 fused), 2 divisions, 4 sign changes, 2 elementary functions.
+    /// 21 additions, 35 multiplications (19 fused), 2 divisions, 4 sign changes, 2 elementary functions.
     pub fn check(&self, t: R, y: &[R; 7]) -> Result<(), ::hamel_runtime::Failure> {
         let [alpha, beta, _, _, _, _, _] = *y;
-        /// mass matrix A = W^T L_yy Psi
-        let [t0, t1, t3, t4, t5, t6, t7, A_Omega2_Omega2, t8, t9] = {
-            let (t0, t1) = alpha.sin_cos();
-            let t2 = t1.mul_add(self.c0, R::from_f64(3.0));
-            let (t4, t5) = beta.sin_cos();
-            let t6 = t4 * t4;
-            let t7 = t2 * t2;
-            let t8 = t5.mul_add(self.c6, R::ONE);
-            [
-                t0,
-                t1,
-                t2 * (self.c1 * t0),
-                t4,
-                t5,
-                t6,
-                t7,
-                t7.mul_add(self.c7, t6.mul_add(self.c3, t4.mul_add(self.c2, self.c39))),
-                t8,
-                self.c13 * (t4.mul_add(self.c5, R::ONE) * t8),
-            ]
-        };
-        /// factors of A
-        let [t10, t11, A_s1_5_5] = {
-            let t10 = t8 * t8;
-            let t11 = t1 * t1;
-            [t10, t11, t10.mul_add(self.c41, (-t11).mul_add(self.c26, self.c40))]
-        };
-        let t12 = (-self.c43)
+        let (t0, t1) = beta.sin_cos();
+        let (t2, t3) = alpha.sin_cos();
+        let t4 = t2 * t2;
+        let t5 = self
+            .c37
             .mul_add(
-                (-self.c42).mul_add(t5 * t4, t0 * t0),
-                R::from_f64(6.25).mul_add(t5 * t5, t6),
+                t1.mul_add(self.c36 * t0, t4),
+                R::from_f64(6.25).mul_add(t1 * t1, t0 * t0),
             );
-        let t13 = (-t12).mul_add(self.c23, self.c44);
-        let t14 = t3 * t3 / t13;
-        let t15 = A_Omega2_Omega2 - t14;
-        let t16 = t9 * t9 / t15;
+        let t6 = (-t5).mul_add(self.c25, self.c38);
+        let t7 = t4 / t6;
+        let t8 = (-t7).mul_add(self.c22, R::ONE);
+        let t9 = t3 * t3;
+        let t10 = t0 * t0.mul_add(self.c39, R::ONE);
+        let t11 = self.c22
+            * self
+                .c41
+                .mul_add(t3.mul_add(t8, self.c40 * t10), t8.mul_add(t9, self.c27 * t7));
+        let t12 = self.c42 + t11;
+        let t13 = t1 * t1.mul_add(self.lb, R::ONE);
+        let t14 = self.c18 * t13;
+        let t15 = t10.mul_add(self.c16, R::ONE) * t13.mul_add(self.c43, R::ONE);
+        let t16 = t12.recip();
         for (value, scale, pivot) in [
             (
-                t13,
-                R::ratio(4.0, 25.0).mul_add((self.mb * t12).abs(), self.c45),
+                t6,
+                R::ratio(4.0, 25.0).mul_add((self.mb * t5).abs(), self.c45),
                 "inertia along Omega1",
             ),
+            (t12, R::from_f64(4.0).mul_add(t11.abs(), self.c46), "inertia along Omega2"),
             (
-                t15,
-                R::from_f64(6.0)
+                t16.mul_add(self.c44 * t15, t9.mul_add(self.c27, self.c26) + t14),
+                R::ratio(7.0, 100.0)
                     .mul_add(
-                        t14.abs(),
-                        R::ratio(12.0, 5.0)
-                            .mul_add(
-                                (self.c16 * t4).abs(),
-                                t7.mul_add(self.c48, t6.mul_add(self.c46, self.c47)),
-                            ),
-                    ),
-                "inertia along Omega2",
-            ),
-            (
-                A_s1_5_5 - t16,
-                R::from_f64(6.0)
-                    .mul_add(
-                        t16.abs(),
-                        t10.mul_add(self.c51, t11.mul_add(self.c49, self.c50)),
+                        (t16 * (self.c47 * t15)).abs(),
+                        R::from_f64(7.0)
+                            .mul_add(t14.abs(), t9.mul_add(self.c48, self.c49)),
                     ),
                 "inertia along Omega3",
             ),
@@ -934,7 +881,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
     ///
     /// # Operations
     ///
-    /// At each order k: 191 additions, 197 multiplications (162 fused), 5 sign changes, and 74 sums of k - 1 products.
+    /// At each order k: 191 additions, 197 multiplications (151 fused), 4 sign changes, and 74 sums of k - 1 products.
     fn series(
         &self,
         t: R,
@@ -1016,32 +963,54 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             kept65,
             kept66,
             kept67,
+            kept68,
+            kept69,
+            kept70,
+            kept71,
+            kept72,
+            kept73,
+            kept74,
+            kept75,
+            kept76,
+            kept77,
+            kept78,
+            kept79,
+            kept80,
+            kept81,
+            kept82,
+            kept83,
             ],
         ) = {
             let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3] = *y;
             let _ = t;
             /// momenta p = dL/dy
-            let [t0, t1, t2, t3, t4, t5, t6, t7, t8, t9, t10, t11, p_Omega1, t12, t13,
-            t14, t15, p_Omega2, t16, t17, t18, t19, p_Omega3] = {
+            let [t0, t1, t2, t3, t4, t5, t6, t7, t8, t9, t10, t11, t12, p_Omega1, t13,
+            t14, t15, t16, t17, t18, t19, p_Omega2, t20, t21, t22, t23, t24, t25,
+            p_Omega3] = {
                 let (t0, t1) = alpha.sin_cos();
-                let t2 = self.c0 * t1;
+                let t2 = self.c2 * t1;
                 let t3 = R::from_f64(3.0) + t2;
-                let t4 = (-Omega2).mul_add(t3, self.c0 * (Omega1 * t0));
-                let t5 = self.c1 * t0;
-                let t6 = t4 * t5;
-                let t7 = beta_dot.mul_add(R::from_f64(0.5), Omega1);
-                let (t8, t9) = beta.sin_cos();
-                let t10 = t9.mul_add(R::from_f64(2.5), t8);
-                let t11 = self.c2 * t10;
-                let t12 = t8.mul_add(self.c5, R::ONE);
-                let t13 = t9.mul_add(self.c6, R::ONE);
-                let t14 = (-R::from_f64(5.0))
-                    .mul_add(Omega3 * t13, R::from_f64(2.0) * (Omega2 * t12));
-                let t15 = self.c7 * t3;
-                let t16 = self.la * t0;
-                let t17 = alpha_dot + Omega3;
-                let t18 = t16 * t17;
-                let t19 = Omega3.mul_add(t3, alpha_dot * t2);
+                let t4 = self.c2 * Omega1;
+                let t5 = (-Omega2).mul_add(t3, t0 * t4);
+                let t6 = self.c3 * t0;
+                let t7 = t5 * t6;
+                let t8 = beta_dot.mul_add(R::from_f64(0.5), Omega1);
+                let (t9, t10) = beta.sin_cos();
+                let t11 = t10.mul_add(R::from_f64(2.5), t9);
+                let t12 = self.c4 * t11;
+                let t13 = t9.mul_add(self.c7, R::ONE);
+                let t14 = t10.mul_add(self.c8, R::ONE);
+                let t15 = R::from_f64(2.0) * Omega2;
+                let t16 = R::from_f64(5.0) * Omega3;
+                let t17 = (-t14).mul_add(t16, t13 * t15);
+                let t18 = self.c9 * t3;
+                let t19 = self.c10 * t13;
+                let t20 = self.la * t0;
+                let t21 = alpha_dot + Omega3;
+                let t22 = t20 * t21;
+                let t23 = Omega3.mul_add(t3, alpha_dot * t2);
+                let t24 = self.c11 * t0;
+                let t25 = self.c12 * t14;
                 [
                     t0,
                     t1,
@@ -1055,158 +1024,185 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                     t9,
                     t10,
                     t11,
-                    t7
-                        .mul_add(
-                            t11,
-                            Omega1.mul_add(self.c4, beta_dot.mul_add(self.c3, t6)),
-                        ),
                     t12,
+                    t8
+                        .mul_add(
+                            t12,
+                            Omega1.mul_add(self.c6, beta_dot.mul_add(self.c5, t7)),
+                        ),
                     t13,
                     t14,
                     t15,
-                    self.c8.mul_add(t12 * t14, (-t4).mul_add(t15, self.I2 * Omega2)),
                     t16,
                     t17,
                     t18,
                     t19,
-                    (-self.c10)
-                        .mul_add(
-                            t13 * t14,
-                            t15.mul_add(t19, self.c9.mul_add(t0 * t18, self.I3 * Omega3)),
-                        ),
-                ]
-            };
-            /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-            let [t20, t21, t22, t23, t24, r_alpha_dot, t25, t26, t27, r_beta_dot, t28,
-            t29, r_Omega1, t30, t31, t32, t33, r_Omega2, t34, t35, t36, r_Omega3] = {
-                let t20 = self.la * t1;
-                let t21 = Omega2.mul_add(t16, Omega1 * t20);
-                let t22 = (-R::from_f64(5.0)).mul_add(t17 * t20, t19);
-                let dL_dalpha = self
-                    .c11
-                    .mul_add((-t18).mul_add(t22, t4 * t21), -(self.ka * alpha));
-                let t23 = t16 * t22;
-                let t24 = self.c11 * alpha_dot;
-                let t25 = self.lb.mul_add(Omega3 * t8, self.lb * (Omega2 * t9));
-                let t26 = Omega1 * Omega1;
-                let t27 = (-t9).mul_add(R::ratio(2.0, 5.0), t8);
-                let t28 = self.c14 * (t7 * t27);
-                let t29 = self.c15.mul_add(t0 * t21, self.c9 * (t1 * t4));
-                let t30 = t3 * t21;
-                let t31 = self.c16 * t14;
-                let t32 = t9.mul_add(t31, self.c17 * (t12 * t25));
-                let t33 = R::ratio(1.0, 10.0) * beta_dot;
-                let t34 = t3 - t2;
-                let t35 = (-t18).mul_add(t34, -t23);
-                let t36 = t8.mul_add(t31, -(self.c18 * (t13 * t25)));
-                [
+                    t17.mul_add(t19, (-t5).mul_add(t18, self.I2 * Omega2)),
                     t20,
                     t21,
                     t22,
                     t23,
                     t24,
-                    t23.mul_add(t24, dL_dalpha),
                     t25,
-                    t26,
-                    t27,
-                    self
-                        .c13
+                    t17
                         .mul_add(
-                            t14 * t25,
-                            (-self.c12).mul_add(t26 * t27, -(self.kb * beta)),
-                        ),
-                    t28,
-                    t29,
-                    (-R::ratio(1.0, 5.0))
-                        .mul_add(
-                            alpha_dot * t29,
-                            (-Omega2)
-                                .mul_add(
-                                    p_Omega3,
-                                    Omega3.mul_add(p_Omega2, self.c13 * (beta_dot * t28)),
-                                ),
-                        ),
-                    t30,
-                    t31,
-                    t32,
-                    t33,
-                    (-Omega3)
-                        .mul_add(
-                            p_Omega1,
-                            (-t32)
-                                .mul_add(
-                                    t33,
-                                    Omega1
-                                        .mul_add(p_Omega3, (-alpha_dot).mul_add(t6, t30 * t24)),
-                                ),
-                        ),
-                    t34,
-                    t35,
-                    t36,
-                    Omega2
-                        .mul_add(
-                            p_Omega1,
-                            (-t33)
-                                .mul_add(t36, (-t24).mul_add(t35, -(Omega1 * p_Omega2))),
+                            t25,
+                            t18.mul_add(t23, t22.mul_add(t24, self.I3 * Omega3)),
                         ),
                 ]
             };
-            /// mass matrix A = W^T L_yy Psi
-            let [A_alpha_dot_Omega3, A_beta_dot_Omega1, A_Omega1_Omega1, t37,
-            A_Omega2_Omega2, t38] = [
-                t1.mul_add(self.c19, self.c20),
-                t10.mul_add(self.c21, self.c3),
-                self.c20.mul_add(t0 * t0, self.c22) + t11,
-                t3 * t5,
-                t3.mul_add(t15, self.c23.mul_add(t12 * t12, self.I2)),
-                self.c13 * (t12 * t13),
-            ];
-            /// factors of A
-            let [A_l5_1, A_l3_2, t39, t40, t41, t42, A_s4_5_5] = {
-                let A_s1_5_5 = (-self.c26)
-                    .mul_add(
-                        t1 * t1,
-                        self.c3.mul_add(t9 * t9, t9.mul_add(self.c16, self.c25)),
-                    );
-                let A_l3_2 = self.c27 * A_beta_dot_Omega1;
-                let A_s2_3_3 = (-A_beta_dot_Omega1).mul_add(A_l3_2, A_Omega1_Omega1);
-                let t39 = A_s2_3_3.recip();
-                let t40 = t37 * t39;
-                let A_s3_4_4 = (-t37).mul_add(t40, A_Omega2_Omega2);
-                let t41 = A_s3_4_4.recip();
-                let t42 = t38 * t41;
+            /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
+            let [t26, t27, t28, t29, t30, t31, r_alpha_dot, t32, t33, t34, t35, t36, t37,
+            r_beta_dot, t38, t39, t40, t41, t42, t43, r_Omega1, t44, t45, t46, t47, t48,
+            r_Omega2, t49, t50, t51, t52, r_Omega3] = {
+                let t26 = self.la * t1;
+                let t27 = Omega2.mul_add(t20, Omega1 * t26);
+                let t28 = R::from_f64(5.0) * t21;
+                let t29 = (-t26).mul_add(t28, t23);
+                let dL_dalpha = self
+                    .c13
+                    .mul_add((-t22).mul_add(t29, t5 * t27), -(self.ka * alpha));
+                let t30 = t20 * t29;
+                let t31 = self.c13 * alpha_dot;
+                let t32 = self.lb * Omega2;
+                let t33 = self.lb * Omega3;
+                let t34 = t9.mul_add(t33, t10 * t32);
+                let t35 = (-t10).mul_add(R::ratio(2.0, 5.0), t9);
+                let t36 = self.c14 * (Omega1 * Omega1);
+                let t37 = self.c15 * t34;
+                let t38 = self.c16 * beta_dot;
+                let t39 = t8 * t38;
+                let t40 = self.c11 * t1;
+                let t41 = self.c17 * t0;
+                let t42 = t27.mul_add(t41, t5 * t40);
+                let t43 = R::ratio(1.0, 5.0) * alpha_dot;
+                let t44 = self.c18 * t17;
+                let t45 = self.c19 * t13;
+                let t46 = t10.mul_add(t44, t45 * t34);
+                let t47 = R::ratio(1.0, 10.0) * beta_dot;
+                let t48 = t31 * t3;
+                let t49 = t3 - t2;
+                let t50 = (-t22).mul_add(t49, -t30);
+                let t51 = self.c20 * t14;
+                let t52 = t9.mul_add(t44, t51 * t34);
                 [
-                    self.c24 * A_alpha_dot_Omega3,
-                    A_l3_2,
+                    t26,
+                    t27,
+                    t28,
+                    t29,
+                    t30,
+                    t31,
+                    t30.mul_add(t31, dL_dalpha),
+                    t32,
+                    t33,
+                    t34,
+                    t35,
+                    t36,
+                    t37,
+                    t37.mul_add(t17, t35.mul_add(t36, -(self.kb * beta))),
+                    t38,
                     t39,
                     t40,
                     t41,
                     t42,
-                    (-t38).mul_add(t42, A_s1_5_5),
+                    t43,
+                    (-t42)
+                        .mul_add(
+                            t43,
+                            (-Omega2)
+                                .mul_add(
+                                    p_Omega3,
+                                    Omega3.mul_add(p_Omega2, self.c15 * (t35 * t39)),
+                                ),
+                        ),
+                    t44,
+                    t45,
+                    t46,
+                    t47,
+                    t48,
+                    (-Omega3)
+                        .mul_add(
+                            p_Omega1,
+                            (-t46)
+                                .mul_add(
+                                    t47,
+                                    Omega1
+                                        .mul_add(p_Omega3, (-alpha_dot).mul_add(t7, t48 * t27)),
+                                ),
+                        ),
+                    t49,
+                    t50,
+                    t51,
+                    t52,
+                    Omega2
+                        .mul_add(
+                            p_Omega1,
+                            (-t47)
+                                .mul_add(t52, (-t31).mul_add(t50, -(Omega1 * p_Omega2))),
+                        ),
+                ]
+            };
+            /// mass matrix A = W^T L_yy Psi
+            let [A_alpha_dot_Omega3, A_beta_dot_Omega1, A_Omega1_Omega1, t53,
+            A_Omega2_Omega2, t54, t55] = {
+                let t54 = self.c15 * t14;
+                [
+                    t1.mul_add(self.c21, self.c22),
+                    t11.mul_add(self.c23, self.c5),
+                    self.c22.mul_add(t0 * t0, self.c24) + t12,
+                    t3 * t6,
+                    t3.mul_add(t18, self.c25.mul_add(t13 * t13, self.I2)),
+                    t54,
+                    t54 * t13,
+                ]
+            };
+            /// factors of A
+            let [A_l5_1, A_l3_2, t56, t57, t58, t59, A_s4_5_5] = {
+                let A_s1_5_5 = self
+                    .c27
+                    .mul_add(
+                        t1 * t1,
+                        self.c5.mul_add(t10 * t10, t10.mul_add(self.c18, self.c26)),
+                    );
+                let A_l3_2 = self.c1 * A_beta_dot_Omega1;
+                let A_s2_3_3 = (-A_beta_dot_Omega1).mul_add(A_l3_2, A_Omega1_Omega1);
+                let t56 = A_s2_3_3.recip();
+                let t57 = t53 * t56;
+                let A_s3_4_4 = (-t53).mul_add(t57, A_Omega2_Omega2);
+                let t58 = A_s3_4_4.recip();
+                let t59 = t55 * t58;
+                [
+                    self.c0 * A_alpha_dot_Omega3,
+                    A_l3_2,
+                    t56,
+                    t57,
+                    t58,
+                    t59,
+                    (-t55).mul_add(t59, A_s1_5_5),
                 ]
             };
             /// substitution through the factors of A
-            let [z_Omega1, z_Omega2, dot_Omega3, t43, dot_Omega2, t44, dot_Omega1,
+            let [z_Omega1, z_Omega2, dot_Omega3, t60, dot_Omega2, t61, dot_Omega1,
             dot_beta_dot, dot_alpha_dot] = {
                 let z_Omega1 = (-r_beta_dot).mul_add(A_l3_2, r_Omega1);
-                let z_Omega2 = t40.mul_add(z_Omega1, r_Omega2);
-                let z_Omega3 = t42
+                let z_Omega2 = t57.mul_add(z_Omega1, r_Omega2);
+                let z_Omega3 = t59
                     .mul_add(z_Omega2, (-r_alpha_dot).mul_add(A_l5_1, r_Omega3));
                 let dot_Omega3 = z_Omega3 / A_s4_5_5;
-                let t43 = z_Omega2 * t41;
-                let dot_Omega2 = t42.mul_add(dot_Omega3, t43);
-                let t44 = z_Omega1 * t39;
-                let dot_Omega1 = t40.mul_add(dot_Omega2, t44);
+                let t60 = z_Omega2 * t58;
+                let dot_Omega2 = t59.mul_add(dot_Omega3, t60);
+                let t61 = z_Omega1 * t56;
+                let dot_Omega1 = t57.mul_add(dot_Omega2, t61);
                 [
                     z_Omega1,
                     z_Omega2,
                     dot_Omega3,
-                    t43,
+                    t60,
                     dot_Omega2,
-                    t44,
+                    t61,
                     dot_Omega1,
-                    (-A_l3_2).mul_add(dot_Omega1, self.c27 * r_beta_dot),
-                    (-A_l5_1).mul_add(dot_Omega3, self.c24 * r_alpha_dot),
+                    (-A_l3_2).mul_add(dot_Omega1, self.c1 * r_beta_dot),
+                    (-A_l5_1).mul_add(dot_Omega3, self.c0 * r_alpha_dot),
                 ]
             };
             (
@@ -1222,61 +1218,77 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                 [
                     t0,
                     t1,
-                    Omega1,
+                    t4,
                     Omega2,
                     t3,
-                    t4,
                     t5,
-                    t8,
+                    t6,
                     t9,
-                    t7,
-                    t11,
+                    t10,
+                    t8,
                     t12,
-                    Omega3,
                     t13,
-                    t14,
                     t15,
+                    t14,
                     t16,
-                    t17,
                     t18,
-                    alpha_dot,
-                    t2,
+                    t17,
                     t19,
                     t20,
                     t21,
+                    alpha_dot,
+                    t2,
+                    Omega3,
                     t22,
-                    t23,
                     t24,
+                    t23,
                     t25,
-                    Omega1 + Omega1,
+                    Omega1,
                     t26,
-                    t27,
-                    beta_dot,
                     t28,
+                    t27,
                     t29,
-                    p_Omega2,
-                    p_Omega3,
-                    t31,
                     t30,
-                    t6,
+                    t31,
                     t32,
                     t33,
-                    p_Omega1,
-                    t34,
+                    Omega1 + Omega1,
                     t35,
                     t36,
+                    t37,
+                    t38,
+                    t39,
+                    t40,
+                    t41,
+                    p_Omega2,
+                    p_Omega3,
+                    t42,
+                    t43,
+                    t45,
+                    t34,
+                    t44,
+                    t48,
+                    t7,
+                    t46,
+                    t47,
+                    p_Omega1,
+                    t49,
+                    t51,
+                    t50,
+                    t52,
                     t0 + t0,
-                    t12 + t12,
-                    t9 + t9,
+                    t13 + t13,
+                    t54,
+                    t10 + t10,
                     t1 + t1,
                     A_beta_dot_Omega1,
                     A_l3_2,
-                    t39,
-                    t40,
-                    t37,
-                    t41,
-                    t42,
-                    t38,
+                    t56,
+                    t57,
+                    t53,
+                    t58,
+                    t59,
+                    t55,
                     r_beta_dot,
                     z_Omega1,
                     r_alpha_dot,
@@ -1284,8 +1296,8 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                     z_Omega2,
                     dot_Omega3,
                     A_s4_5_5.recip(),
-                    t43,
-                    t44,
+                    t60,
+                    t61,
                     dot_Omega2,
                     dot_Omega1,
                 ],
@@ -1314,37 +1326,35 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                 .sums();
             /// momenta p = dL/dy
             let [t0, t1, t2, t3, t4, t5, t6, t7, t8, t9, t10, t11, t12, t13, t14, t15,
-            t16, t17, t18, t19, t20, t21] = {
+            t16, t17, t18, t19, t20, t21, t22, t23, t24, t25, t26, t27] = {
                 let t0 = kept1.mul_add(alpha, inverse * sum0);
                 let t1 = -kept0.mul_add(alpha, inverse * sum1);
-                let t2 = self.c0 * t1;
-                let t3 = self
-                    .c0
-                    .mul_add(
-                        kept2.mul_add(t0, kept0.mul_add(Omega1, sum2)),
-                        -kept3.mul_add(t2, kept4.mul_add(Omega2, sum3)),
-                    );
-                let t4 = self.c1 * t0;
-                let t5 = kept5.mul_add(t4, kept6.mul_add(t3, sum4));
-                let t6 = beta_dot.mul_add(R::from_f64(0.5), Omega1);
-                let t7 = kept8.mul_add(beta, inverse * sum5);
-                let t8 = -kept7.mul_add(beta, inverse * sum6);
-                let t9 = t8.mul_add(R::from_f64(2.5), t7);
-                let t10 = self.c2 * t9;
-                let t12 = self.c5 * t7;
-                let t13 = self.c6 * t8;
-                let t14 = (-R::from_f64(5.0))
-                    .mul_add(
-                        kept12.mul_add(t13, kept13.mul_add(Omega3, sum9)),
-                        R::from_f64(2.0)
-                            * kept3.mul_add(t12, kept11.mul_add(Omega2, sum8)),
-                    );
-                let t15 = self.c7 * t2;
-                let t17 = self.la * t0;
-                let t18 = alpha_dot + Omega3;
-                let t19 = kept16.mul_add(t18, kept17.mul_add(t17, sum12));
-                let t20 = kept12.mul_add(t2, kept4.mul_add(Omega3, sum15))
-                    + kept19.mul_add(t2, kept20.mul_add(alpha_dot, sum14));
+                let t2 = self.c2 * t1;
+                let t3 = self.c2 * Omega1;
+                let t4 = kept0.mul_add(t3, kept2.mul_add(t0, sum2))
+                    - kept3.mul_add(t2, kept4.mul_add(Omega2, sum3));
+                let t5 = self.c3 * t0;
+                let t6 = kept5.mul_add(t5, kept6.mul_add(t4, sum4));
+                let t7 = beta_dot.mul_add(R::from_f64(0.5), Omega1);
+                let t8 = kept8.mul_add(beta, inverse * sum5);
+                let t9 = -kept7.mul_add(beta, inverse * sum6);
+                let t10 = t9.mul_add(R::from_f64(2.5), t8);
+                let t11 = self.c4 * t10;
+                let t13 = self.c7 * t8;
+                let t14 = self.c8 * t9;
+                let t15 = R::from_f64(2.0) * Omega2;
+                let t16 = R::from_f64(5.0) * Omega3;
+                let t17 = kept11.mul_add(t15, kept12.mul_add(t13, sum8))
+                    - kept13.mul_add(t16, kept14.mul_add(t14, sum9));
+                let t18 = self.c9 * t2;
+                let t19 = self.c10 * t13;
+                let t21 = self.la * t0;
+                let t22 = alpha_dot + Omega3;
+                let t23 = kept18.mul_add(t22, kept19.mul_add(t21, sum12));
+                let t24 = kept22.mul_add(t2, kept4.mul_add(Omega3, sum14))
+                    + kept20.mul_add(t2, kept21.mul_add(alpha_dot, sum13));
+                let t25 = self.c11 * t0;
+                let t26 = self.c12 * t14;
                 [
                     t0,
                     t1,
@@ -1357,308 +1367,311 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                     t8,
                     t9,
                     t10,
-                    kept9.mul_add(t10, kept10.mul_add(t6, sum7))
-                        + Omega1.mul_add(self.c4, beta_dot.mul_add(self.c3, t5)),
-                    t12,
+                    t11,
+                    kept9.mul_add(t11, kept10.mul_add(t7, sum7))
+                        + Omega1.mul_add(self.c6, beta_dot.mul_add(self.c5, t6)),
                     t13,
                     t14,
                     t15,
-                    self
-                        .c8
-                        .mul_add(
-                            kept11.mul_add(t14, kept14.mul_add(t12, sum10)),
-                            Omega2
-                                .mul_add(
-                                    self.I2,
-                                    -kept5.mul_add(t15, kept15.mul_add(t3, sum11)),
-                                ),
-                        ),
+                    t16,
                     t17,
                     t18,
                     t19,
-                    t20,
-                    (-self.c10)
-                        .mul_add(
-                            kept13.mul_add(t14, kept14.mul_add(t13, sum16)),
-                            kept15.mul_add(t20, kept21.mul_add(t15, sum17))
-                                + Omega3
-                                    .mul_add(
-                                        self.I3,
-                                        self.c9 * kept0.mul_add(t19, kept18.mul_add(t0, sum13)),
-                                    ),
-                        ),
-                ]
-            };
-            /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-            let [t22, t23, t24, t25, t26, t27, t28, t29, t30, t31, t32, t33, t34, t35,
-            t36, t37, t38, t39, t40, t41, t42] = {
-                let t22 = self.la * t1;
-                let t23 = kept3.mul_add(t17, kept16.mul_add(Omega2, sum19))
-                    + kept2.mul_add(t22, kept22.mul_add(Omega1, sum18));
-                let t24 = (-R::from_f64(5.0))
-                    .mul_add(kept17.mul_add(t22, kept22.mul_add(t18, sum20)), t20);
-                let t25 = kept16.mul_add(t24, kept24.mul_add(t17, sum23));
-                let t26 = self.c11 * alpha_dot;
-                let t28 = self
-                    .lb
-                    .mul_add(
-                        kept3.mul_add(t8, kept8.mul_add(Omega2, sum25)),
-                        self.lb * kept12.mul_add(t7, kept7.mul_add(Omega3, sum26)),
-                    );
-                let t29 = kept28.mul_add(Omega1, sum28);
-                let t30 = (-t8).mul_add(R::ratio(2.0, 5.0), t7);
-                let t32 = self.c14 * kept9.mul_add(t30, kept30.mul_add(t6, sum30));
-                let t35 = kept4.mul_add(t23, kept23.mul_add(t2, sum37));
-                let t36 = self.c16 * t14;
-                let t37 = self
-                    .c17
-                    .mul_add(
-                        kept11.mul_add(t28, kept27.mul_add(t12, sum38)),
-                        kept8.mul_add(t36, kept36.mul_add(t8, sum39)),
-                    );
-                let t38 = R::ratio(1.0, 10.0) * beta_dot;
-                let t40 = -kept42.mul_add(t19, t25);
-                let t41 = (-self.c18)
-                    .mul_add(
-                        kept13.mul_add(t28, kept27.mul_add(t13, sum45)),
-                        kept7.mul_add(t36, kept36.mul_add(t7, sum46)),
-                    );
-                [
+                    kept16.mul_add(t19, kept17.mul_add(t17, sum11))
+                        + Omega2
+                            .mul_add(
+                                self.I2,
+                                -kept5.mul_add(t18, kept15.mul_add(t4, sum10)),
+                            ),
+                    t21,
                     t22,
                     t23,
                     t24,
                     t25,
                     t26,
-                    kept25.mul_add(t26, kept26.mul_add(t25, sum24))
-                        + (-alpha)
-                            .mul_add(
-                                self.ka,
-                                self.c11
-                                    * (kept5.mul_add(t23, kept23.mul_add(t3, sum21))
-                                        - kept18.mul_add(t24, kept24.mul_add(t19, sum22))),
-                            ),
+                    kept16.mul_add(t26, kept26.mul_add(t17, sum17))
+                        + (kept15.mul_add(t24, kept25.mul_add(t18, sum16))
+                            + Omega3
+                                .mul_add(
+                                    self.I3,
+                                    kept23.mul_add(t25, kept24.mul_add(t23, sum15)),
+                                )),
+                ]
+            };
+            /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
+            let [t28, t29, t30, t31, t32, t33, t34, t35, t36, t37, t38, t39, t40, t41,
+            t42, t43, t44, t45, t46, t47, t48, t49, t50, t51, t52, t53, t54, t55, t56,
+            t57, t58] = {
+                let t28 = self.la * t1;
+                let t29 = kept3.mul_add(t21, kept18.mul_add(Omega2, sum19))
+                    + kept27.mul_add(t28, kept28.mul_add(Omega1, sum18));
+                let t30 = R::from_f64(5.0) * t22;
+                let t31 = t24 - kept28.mul_add(t30, kept29.mul_add(t28, sum20));
+                let t32 = kept18.mul_add(t31, kept31.mul_add(t21, sum23));
+                let t33 = self.c13 * alpha_dot;
+                let t35 = self.lb * Omega2;
+                let t36 = self.lb * Omega3;
+                let t37 = kept7.mul_add(t36, kept35.mul_add(t8, sum26))
+                    + kept8.mul_add(t35, kept34.mul_add(t9, sum25));
+                let t38 = (-t9).mul_add(R::ratio(2.0, 5.0), t8);
+                let t39 = self.c14 * kept36.mul_add(Omega1, sum27);
+                let t40 = self.c15 * t37;
+                let t42 = self.c16 * beta_dot;
+                let t43 = kept9.mul_add(t42, kept40.mul_add(t7, sum30));
+                let t44 = self.c11 * t1;
+                let t45 = self.c17 * t0;
+                let t49 = self.c18 * t17;
+                let t50 = self.c19 * t13;
+                let t51 = kept8.mul_add(t49, kept50.mul_add(t9, sum38))
+                    + kept48.mul_add(t37, kept49.mul_add(t50, sum37));
+                let t52 = R::ratio(1.0, 10.0) * beta_dot;
+                let t53 = kept33.mul_add(t2, kept4.mul_add(t33, sum39));
+                let t55 = -kept56.mul_add(t23, t32);
+                let t56 = self.c20 * t14;
+                let t57 = kept7.mul_add(t49, kept50.mul_add(t8, sum46))
+                    + kept57.mul_add(t37, kept49.mul_add(t56, sum45));
+                [
                     t28,
                     t29,
                     t30,
-                    self
-                        .c13
-                        .mul_add(
-                            kept14.mul_add(t28, kept27.mul_add(t14, sum27)),
-                            -beta
-                                .mul_add(
-                                    self.kb,
-                                    self.c12 * kept29.mul_add(t30, kept30.mul_add(t29, sum29)),
-                                ),
-                        ),
+                    t31,
                     t32,
-                    self
-                        .c9
-                        .mul_add(
-                            kept1.mul_add(t3, kept5.mul_add(t1, sum32)),
-                            self.c15 * kept0.mul_add(t23, kept23.mul_add(t0, sum33)),
-                        ),
-                    self
-                        .c13
-                        .mul_add(
-                            kept31.mul_add(t32, kept32.mul_add(beta_dot, sum31)),
-                            kept12.mul_add(t16, kept34.mul_add(Omega3, sum35)),
-                        ) - kept3.mul_add(t21, kept35.mul_add(Omega2, sum36)),
+                    t33,
+                    kept32.mul_add(t33, kept33.mul_add(t32, sum24))
+                        + (-alpha)
+                            .mul_add(
+                                self.ka,
+                                self.c13
+                                    * (kept5.mul_add(t29, kept30.mul_add(t4, sum21))
+                                        - kept23.mul_add(t31, kept31.mul_add(t23, sum22))),
+                            ),
                     t35,
                     t36,
                     t37,
                     t38,
-                    kept2.mul_add(t21, kept35.mul_add(Omega1, sum42))
-                        + (kept37.mul_add(t26, kept26.mul_add(t35, sum40))
-                            - kept19.mul_add(t5, kept38.mul_add(alpha_dot, sum41)))
-                        - kept39.mul_add(t38, kept40.mul_add(t37, sum43)),
+                    t39,
                     t40,
-                    t41,
-                    kept3.mul_add(t11, kept41.mul_add(Omega2, sum50))
-                        + (-(kept26.mul_add(t40, kept43.mul_add(t26, sum48))
-                            + kept2.mul_add(t16, kept34.mul_add(Omega1, sum47)))
-                            - kept40.mul_add(t41, kept44.mul_add(t38, sum49))),
-                ]
-            };
-            /// mass matrix A = W^T L_yy Psi
-            let [t43, t44, t45] = [
-                self.c21 * t9,
-                kept4.mul_add(t4, kept6.mul_add(t2, sum52)),
-                self.c13 * kept11.mul_add(t13, kept13.mul_add(t12, sum55)),
-            ];
-            /// factors of A
-            let [t46, t47, t48, t49, t50, t51, t52] = {
-                let t47 = self.c27 * t43;
-                let t48 = self.c20.mul_add(kept45.mul_add(t0, sum51), t10)
-                    - kept49.mul_add(t47, kept50.mul_add(t43, sum58));
-                let t49 = kept51 * (-kept52).mul_add(t48, t44 - sum59);
-                let t50 = self
-                    .c23
-                    .mul_add(
-                        kept46.mul_add(t12, sum53),
-                        kept4.mul_add(t15, kept15.mul_add(t2, sum54)),
-                    ) - kept53.mul_add(t49, kept52.mul_add(t44, sum60));
-                let t51 = kept54 * (-kept55).mul_add(t50, t45 - sum61);
-                [
-                    self.c24 * (self.c19 * t1),
-                    t47,
-                    t48,
+                    kept39.mul_add(t17, kept16.mul_add(t40, sum29))
+                        + (-beta)
+                            .mul_add(
+                                self.kb,
+                                kept37.mul_add(t39, kept38.mul_add(t38, sum28)),
+                            ),
+                    t42,
+                    t43,
+                    t44,
+                    t45,
+                    kept30.mul_add(t45, kept43.mul_add(t29, sum33))
+                        + kept5.mul_add(t44, kept42.mul_add(t4, sum32)),
+                    self
+                        .c15
+                        .mul_add(
+                            kept37.mul_add(t43, kept41.mul_add(t38, sum31)),
+                            kept22.mul_add(t20, kept44.mul_add(Omega3, sum34)),
+                        ) - kept3.mul_add(t27, kept45.mul_add(Omega2, sum35)),
+                    R::ratio(1.0, 5.0) * alpha_dot,
                     t49,
                     t50,
                     t51,
-                    (-self.c26)
-                        .mul_add(
-                            kept48.mul_add(t1, sum57),
-                            t8.mul_add(self.c16, self.c3 * kept47.mul_add(t8, sum56)),
-                        ) - kept56.mul_add(t51, kept55.mul_add(t45, sum62)),
-                ]
-            };
-            /// substitution through the factors of A
-            let [t53, t54, t55, t56, t57, t58, t59] = {
-                let t53 = (-R::ratio(1.0, 5.0))
-                    .mul_add(kept19.mul_add(t33, kept33.mul_add(alpha_dot, sum34)), t34)
-                    - kept57.mul_add(t47, kept50.mul_add(t31, sum63));
-                let t54 = kept52.mul_add(t53, kept58.mul_add(t49, sum64))
-                    + (t39 - kept12.mul_add(t11, kept41.mul_add(Omega3, sum44)));
-                let t55 = kept63
-                    * (-kept62)
-                        .mul_add(
-                            t52,
-                            kept55.mul_add(t54, kept61.mul_add(t51, sum66))
-                                + (t42 - kept59.mul_add(t46, kept60.mul_add(t27, sum65)))
-                                - sum67,
-                        );
-                let t56 = kept54 * (-kept64).mul_add(t50, t54 - sum68);
-                let t57 = kept55.mul_add(t55, kept62.mul_add(t51, sum69)) + t56;
-                let t58 = kept51 * (-kept65).mul_add(t48, t53 - sum70);
-                [
+                    t52,
                     t53,
-                    t54,
+                    kept27.mul_add(t27, kept45.mul_add(Omega1, sum42))
+                        + (kept51.mul_add(t29, kept30.mul_add(t53, sum40))
+                            - kept20.mul_add(t6, kept52.mul_add(alpha_dot, sum41)))
+                        - kept53.mul_add(t52, kept54.mul_add(t51, sum43)),
                     t55,
                     t56,
                     t57,
-                    t58,
-                    kept52.mul_add(t57, kept66.mul_add(t49, sum71)) + t58,
+                    kept3.mul_add(t12, kept55.mul_add(Omega2, sum50))
+                        + (-(kept33.mul_add(t55, kept58.mul_add(t33, sum48))
+                            + kept27.mul_add(t20, kept44.mul_add(Omega1, sum47)))
+                            - kept54.mul_add(t57, kept59.mul_add(t52, sum49))),
                 ]
             };
-            let t60 = order * alpha;
-            let t61 = order * beta;
+            /// mass matrix A = W^T L_yy Psi
+            let [t59, t60, t61, t62] = {
+                let t61 = self.c15 * t14;
+                [
+                    self.c23 * t10,
+                    kept4.mul_add(t5, kept6.mul_add(t2, sum52)),
+                    t61,
+                    kept62.mul_add(t13, kept11.mul_add(t61, sum55)),
+                ]
+            };
+            /// factors of A
+            let [t63, t64, t65, t66, t67, t68, t69] = {
+                let t64 = self.c1 * t59;
+                let t65 = self.c22.mul_add(kept60.mul_add(t0, sum51), t11)
+                    - kept65.mul_add(t64, kept66.mul_add(t59, sum58));
+                let t66 = kept67 * (-kept68).mul_add(t65, t60 - sum59);
+                let t67 = self
+                    .c25
+                    .mul_add(
+                        kept61.mul_add(t13, sum53),
+                        kept4.mul_add(t18, kept15.mul_add(t2, sum54)),
+                    ) - kept69.mul_add(t66, kept68.mul_add(t60, sum60));
+                let t68 = kept70 * (-kept71).mul_add(t67, t62 - sum61);
+                [
+                    self.c0 * (self.c21 * t1),
+                    t64,
+                    t65,
+                    t66,
+                    t67,
+                    t68,
+                    self
+                        .c27
+                        .mul_add(
+                            kept64.mul_add(t1, sum57),
+                            t9.mul_add(self.c18, self.c5 * kept63.mul_add(t9, sum56)),
+                        ) - kept72.mul_add(t68, kept71.mul_add(t62, sum62)),
+                ]
+            };
+            /// substitution through the factors of A
+            let [t70, t71, t72, t73, t74, t75, t76] = {
+                let t70 = t47 - kept46.mul_add(t48, kept47.mul_add(t46, sum36))
+                    - kept73.mul_add(t64, kept66.mul_add(t41, sum63));
+                let t71 = kept68.mul_add(t70, kept74.mul_add(t66, sum64))
+                    + (t54 - kept22.mul_add(t12, kept55.mul_add(Omega3, sum44)));
+                let t72 = kept79
+                    * (-kept78)
+                        .mul_add(
+                            t69,
+                            kept71.mul_add(t71, kept77.mul_add(t68, sum66))
+                                + (t58 - kept75.mul_add(t63, kept76.mul_add(t34, sum65)))
+                                - sum67,
+                        );
+                let t73 = kept70 * (-kept80).mul_add(t67, t71 - sum68);
+                let t74 = kept71.mul_add(t72, kept78.mul_add(t68, sum69)) + t73;
+                let t75 = kept67 * (-kept81).mul_add(t65, t70 - sum70);
+                [
+                    t70,
+                    t71,
+                    t72,
+                    t73,
+                    t74,
+                    t75,
+                    kept68.mul_add(t74, kept82.mul_add(t66, sum71)) + t75,
+                ]
+            };
+            let t77 = order * alpha;
+            let t78 = order * beta;
             workspace
                 .0
                 .push(
                     [
-                        t60,
-                        t60,
+                        t77,
+                        t77,
                         t0,
                         t2,
-                        t3,
-                        t61,
-                        t61,
-                        t6,
-                        t12,
+                        t4,
+                        t78,
+                        t78,
+                        t7,
                         t13,
-                        t12,
-                        t3,
+                        t14,
+                        t4,
                         t17,
-                        t0,
+                        t21,
                         t2,
                         t2,
+                        t23,
                     ],
                     [
                         t1,
                         t0,
-                        Omega1,
+                        t3,
                         Omega2,
-                        t4,
+                        t5,
+                        t9,
                         t8,
-                        t7,
-                        t10,
-                        Omega2,
-                        Omega3,
-                        t14,
+                        t11,
                         t15,
+                        t16,
                         t18,
                         t19,
+                        t22,
                         alpha_dot,
                         Omega3,
+                        t25,
                     ],
                 );
             workspace
                 .1
                 .push(
                     [
-                        t13,
-                        t15,
-                        t22,
-                        t17,
                         t18,
-                        t3,
-                        t19,
                         t17,
-                        t25,
-                        t8,
-                        t7,
-                        t14,
-                        Omega1,
-                        t29,
-                        t6,
+                        t28,
+                        t21,
+                        t28,
+                        t4,
+                        t23,
+                        t21,
                         t32,
+                        t9,
+                        t8,
+                        Omega1,
+                        t38,
+                        t17,
+                        t7,
+                        t38,
                     ],
                     [
-                        t14,
-                        t20,
-                        Omega1,
-                        Omega2,
-                        t22,
-                        t23,
-                        t24,
                         t24,
                         t26,
-                        Omega2,
-                        Omega3,
-                        t28,
                         Omega1,
+                        Omega2,
                         t30,
-                        t30,
-                        beta_dot,
+                        t29,
+                        t31,
+                        t31,
+                        t33,
+                        t35,
+                        t36,
+                        Omega1,
+                        t39,
+                        t40,
+                        t42,
+                        t43,
                     ],
                 );
             workspace
                 .2
                 .push(
                     [
-                        t1,
-                        t0,
-                        t33,
-                        t16,
-                        t21,
-                        t2,
-                        t12,
-                        t8,
-                        t26,
-                        t5,
-                        t21,
+                        t4,
+                        t29,
+                        t20,
+                        t27,
+                        t46,
                         t37,
-                        t11,
-                        t13,
-                        t7,
-                        t16,
+                        t9,
+                        t2,
+                        t29,
+                        t6,
+                        t27,
+                        t51,
+                        t12,
+                        t37,
+                        t8,
+                        t20,
                     ],
                     [
-                        t3,
-                        t23,
-                        alpha_dot,
+                        t44,
+                        t45,
                         Omega3,
                         Omega2,
-                        t23,
-                        t28,
-                        t36,
-                        t35,
+                        t48,
+                        t50,
+                        t49,
+                        t33,
+                        t53,
                         alpha_dot,
                         Omega1,
-                        t38,
+                        t52,
                         Omega3,
-                        t28,
-                        t36,
+                        t56,
+                        t49,
                         Omega1,
                     ],
                 );
@@ -1666,56 +1679,56 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                 .3
                 .push(
                     [
-                        t26,
-                        t38,
-                        t11,
+                        t33,
+                        t52,
+                        t12,
                         t0,
                         t2,
-                        t12,
+                        t13,
                         t2,
-                        t12,
-                        t8,
+                        t13,
+                        t9,
                         t1,
-                        t43,
-                        t48,
-                        t44,
-                        t50,
-                        t45,
-                        t31,
+                        t59,
+                        t65,
+                        t60,
+                        t67,
+                        t62,
+                        t41,
                     ],
                     [
-                        t40,
-                        t41,
+                        t55,
+                        t57,
                         Omega2,
                         t0,
-                        t4,
-                        t12,
-                        t15,
+                        t5,
                         t13,
-                        t8,
+                        t18,
+                        t61,
+                        t9,
                         t1,
-                        t47,
-                        t49,
-                        t49,
-                        t51,
-                        t51,
-                        t47,
+                        t64,
+                        t66,
+                        t66,
+                        t68,
+                        t68,
+                        t64,
                     ],
                 );
             workspace
                 .4
                 .push(
-                    [t49, t27, t51, t52, t50, t51, t48, t49, t47, t46],
-                    [t53, t46, t54, t55, t56, t55, t58, t57, t59, t55],
+                    [t66, t34, t68, t69, t67, t68, t65, t66, t64, t63],
+                    [t70, t63, t71, t72, t73, t72, t75, t74, t76, t72],
                 );
             let derivative = [
                 alpha_dot,
                 beta_dot,
-                t27.mul_add(self.c24, -kept60.mul_add(t55, kept62.mul_add(t46, sum73))),
-                t31.mul_add(self.c27, -kept50.mul_add(t59, kept67.mul_add(t47, sum72))),
-                t59,
-                t57,
-                t55,
+                t34.mul_add(self.c0, -kept76.mul_add(t72, kept78.mul_add(t63, sum73))),
+                t41.mul_add(self.c1, -kept66.mul_add(t76, kept83.mul_add(t64, sum72))),
+                t76,
+                t74,
+                t72,
             ];
             let scale = R::ratio(1.0, f64::from(k + 1));
             coefficient = derivative.map(|derivative| derivative * scale);

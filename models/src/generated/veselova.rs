@@ -218,19 +218,19 @@ pub struct Prepared<R = f64> {
     I3: R,
     /// `k * chi2 / I3`
     c0: R,
-    /// `k * chi1 / I3`
+    /// `-(k * chi1 / I3)`
     c1: R,
     /// `(I1 - I2) / I3`
     c2: R,
     /// `k * chi1 / I2`
     c3: R,
-    /// `k * chi3 / I2`
+    /// `-(k * chi3 / I2)`
     c4: R,
-    /// `(I1 - I3) / I2`
+    /// `-((I1 - I3) / I2)`
     c5: R,
     /// `k * chi3 / I1`
     c6: R,
-    /// `k * chi2 / I1`
+    /// `-(k * chi2 / I1)`
     c7: R,
     /// `(I2 - I3) / I1`
     c8: R,
@@ -252,12 +252,22 @@ pub struct Prepared<R = f64> {
     c16: R,
     /// `0.5 * I3`
     c17: R,
-    /// `k * chi1 / I3 - k * chi1 / I2`
+    /// `I3 / I2`
     c18: R,
-    /// `k * chi2 / I3 - k * chi2 / I1`
+    /// `I3 / I1`
     c19: R,
-    /// `k * chi3 / I2 - k * chi3 / I1`
+    /// `I3 * (k * chi2 / I3 - k * chi2 / I1)`
     c20: R,
+    /// `I3 * (k * chi3 / I1 - k * chi3 / I2)`
+    c21: R,
+    /// `I3 * (I2 - I3) / I1`
+    c22: R,
+    /// `I3 * (k * chi1 / I3 - k * chi1 / I2)`
+    c23: R,
+    /// `I3 * (I1 - I3) / I2`
+    c24: R,
+    /// `I1 - I2`
+    c25: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -271,7 +281,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 6 additions, 6 multiplications, 12 divisions.
+    /// 6 additions, 11 multiplications, 16 divisions, 4 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, k, chi1, chi2, chi3 } = *params;
         for (value, condition, meaning) in [
@@ -302,15 +312,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let t0 = k * chi2;
-        let t1 = t0 / I3;
-        let t2 = k * chi1;
-        let t3 = t2 / I3;
-        let t4 = t2 / I2;
-        let t5 = k * chi3;
-        let t6 = t5 / I2;
-        let t7 = t5 / I1;
-        let t8 = t0 / I1;
+        let t0 = I1 - I2;
+        let t1 = k * chi2;
+        let t2 = t1 / I3;
+        let t3 = k * chi1;
+        let t4 = t3 / I3;
+        let t5 = t3 / I2;
+        let t6 = I1 - I3;
+        let t7 = k * chi3;
+        let t8 = t7 / I2;
+        let t9 = I2 - I3;
+        let t10 = t7 / I1;
+        let t11 = t1 / I1;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -333,27 +346,32 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             I1,
             I2,
             I3,
-            c0: t1,
-            c1: t3,
-            c2: (I1 - I2) / I3,
-            c3: t4,
-            c4: t6,
-            c5: (I1 - I3) / I2,
-            c6: t7,
-            c7: t8,
-            c8: (I2 - I3) / I1,
+            c0: t2,
+            c1: -t4,
+            c2: t0 / I3,
+            c3: t5,
+            c4: -t8,
+            c5: -(t6 / I2),
+            c6: t10,
+            c7: -t11,
+            c8: t9 / I1,
             c9: I3.recip(),
             c10: I2.recip(),
             c11: I1.recip(),
-            c12: t2,
-            c13: t0,
-            c14: t5,
+            c12: t3,
+            c13: t1,
+            c14: t7,
             c15: R::from_f64(0.5) * I1,
             c16: R::from_f64(0.5) * I2,
             c17: R::from_f64(0.5) * I3,
-            c18: t3 - t4,
-            c19: t1 - t8,
-            c20: t6 - t7,
+            c18: I3 / I2,
+            c19: I3 / I1,
+            c20: I3 * (t2 - t11),
+            c21: I3 * (t10 - t8),
+            c22: I3 * t9 / I1,
+            c23: I3 * (t4 - t5),
+            c24: I3 * t6 / I2,
+            c25: t0,
         })
     }
 }
@@ -392,14 +410,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ];
         /// free acceleration L_yy^-1 r
         let [free_Omega3, free_Omega2, free_Omega1] = [
-            self
-                .c2
-                .mul_add(Omega1 * Omega2, (-gamma2).mul_add(self.c1, self.c0 * gamma1)),
-            (-self.c5)
-                .mul_add(Omega1 * Omega3, (-gamma1).mul_add(self.c4, self.c3 * gamma3)),
-            self
-                .c8
-                .mul_add(Omega2 * Omega3, (-gamma3).mul_add(self.c7, self.c6 * gamma2)),
+            Omega1.mul_add(self.c2 * Omega2, gamma2.mul_add(self.c1, self.c0 * gamma1)),
+            Omega1.mul_add(self.c5 * Omega3, gamma1.mul_add(self.c4, self.c3 * gamma3)),
+            Omega2.mul_add(self.c8 * Omega3, gamma3.mul_add(self.c7, self.c6 * gamma2)),
         ];
         /// response to the multipliers L_yy^-1 Lambda^T
         let [Z1_Omega3, Z1_Omega2, Z1_Omega1] = [
@@ -466,34 +479,32 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 9 additions, 22 multiplications (9 fused), 1 division.
+    /// 9 additions, 21 multiplications (9 fused), 1 division.
     #[inline]
     #[must_use]
     pub fn energy_rate(&self, t: R, y: &[R; 6]) -> R {
         let [Omega1, Omega2, Omega3, gamma1, gamma2, gamma3] = *y;
         let _ = t;
-        /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let S_1_1 = self
-            .c9
-            .mul_add(
-                gamma3 * gamma3,
-                self.c10.mul_add(gamma2 * gamma2, self.c11 * (gamma1 * gamma1)),
-            );
         let t0 = (-gamma1)
             .mul_add(
-                self
-                    .c8
+                Omega2
                     .mul_add(
-                        Omega2 * Omega3,
-                        (-gamma2).mul_add(self.c20, self.c19 * gamma3),
+                        self.c22 * Omega3,
+                        gamma2.mul_add(self.c21, self.c20 * gamma3),
                     ),
-                (-self.c2)
+                -(Omega2 * Omega1)
                     .mul_add(
-                        Omega1 * Omega2 * gamma3,
-                        gamma2 * self.c5.mul_add(Omega1 * Omega3, self.c18 * gamma3),
+                        self.c25 * gamma3,
+                        -(gamma2 * Omega1.mul_add(self.c24 * Omega3, self.c23 * gamma3)),
                     ),
             );
-        Omega3.mul_add(gamma3, Omega1.mul_add(gamma1, Omega2 * gamma2)) / S_1_1 * t0
+        Omega3.mul_add(gamma3, Omega1.mul_add(gamma1, Omega2 * gamma2))
+            / self
+                .c19
+                .mul_add(
+                    gamma1 * gamma1,
+                    self.c18.mul_add(gamma2 * gamma2, gamma3 * gamma3),
+                ) * t0
     }
 
     /// Momenta p = dL/dy.
@@ -525,35 +536,34 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 7 additions, 18 multiplications (7 fused), 1 division.
+    /// 7 additions, 17 multiplications (7 fused), 1 division.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 6]) -> [R; 1] {
         let [Omega1, Omega2, Omega3, gamma1, gamma2, gamma3] = *y;
         let _ = t;
-        /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let S_1_1 = self
-            .c9
-            .mul_add(
-                gamma3 * gamma3,
-                self.c10.mul_add(gamma2 * gamma2, self.c11 * (gamma1 * gamma1)),
-            );
         let t0 = (-gamma3)
             .mul_add(
-                self
-                    .c2
+                Omega1
                     .mul_add(
-                        Omega1 * Omega2,
-                        (-gamma2).mul_add(self.c18, self.c19 * gamma1),
+                        self.c25 * Omega2,
+                        (-gamma2).mul_add(self.c23, self.c20 * gamma1),
                     ),
-                -(-self.c5)
+                -(-gamma1)
                     .mul_add(
-                        Omega1 * Omega3 * gamma2,
-                        -(gamma1
-                            * (-self.c8).mul_add(Omega2 * Omega3, self.c20 * gamma2)),
+                        (-Omega2).mul_add(self.c22 * Omega3, -(self.c21 * gamma2)),
+                        -(Omega3 * Omega1 * (self.c24 * gamma2)),
                     ),
             );
-        [t0 / S_1_1]
+        [
+            t0
+                / self
+                    .c19
+                    .mul_add(
+                        gamma1 * gamma1,
+                        self.c18.mul_add(gamma2 * gamma2, gamma3 * gamma3),
+                    ),
+        ]
     }
 
     /// Residual of the constraints, zero along the motion.

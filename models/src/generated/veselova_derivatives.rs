@@ -333,19 +333,19 @@ pub struct Prepared<R = f64> {
     chi3: R,
     /// `k * chi2 / I3`
     d_free_Omega3_d_gamma1: R,
-    /// `k * chi1 / I3`
+    /// `-(k * chi1 / I3)`
     c0: R,
     /// `(I1 - I2) / I3`
     c1: R,
     /// `k * chi1 / I2`
     d_free_Omega2_d_gamma3: R,
-    /// `k * chi3 / I2`
+    /// `-(k * chi3 / I2)`
     c2: R,
     /// `(I1 - I3) / I2`
     c3: R,
     /// `k * chi3 / I1`
     d_free_Omega1_d_gamma2: R,
-    /// `k * chi2 / I1`
+    /// `-(k * chi2 / I1)`
     c4: R,
     /// `(I2 - I3) / I1`
     c5: R,
@@ -367,108 +367,54 @@ pub struct Prepared<R = f64> {
     c13: R,
     /// `0.5 * I3`
     c14: R,
-    /// `-(k * chi3 / I2) + k * chi3 / I1`
-    c15: R,
-    /// `k * chi2 / I3 + -(k * chi2 / I1)`
-    c16: R,
-    /// `-(k * chi1 / I3) + k * chi1 / I2`
-    c17: R,
-    /// `2 / I1`
-    c18: R,
-    /// `2 / I2`
-    c19: R,
-    /// `2 / I3`
-    c20: R,
     /// `-(k * chi2 / I1)`
     d_free_Omega1_d_gamma3: R,
     /// `-(k * chi3 / I2)`
     d_free_Omega2_d_gamma1: R,
     /// `-(k * chi1 / I3)`
     d_free_Omega3_d_gamma2: R,
-    /// `k * chi1 / I3 - k * chi1 / I2`
-    c21: R,
-    /// `k * chi3 / I2 - k * chi3 / I1`
-    c22: R,
-    /// `k * chi2 / I3 - k * chi2 / I1`
-    c23: R,
-    /// `k * chi1 / (I3 * I3)`
-    c24: R,
-    /// `k * chi2 / (I3 * I3)`
-    c25: R,
-    /// `(I1 - I2) / (I3 * I3)`
-    c26: R,
-    /// `chi2 / I3`
-    c27: R,
-    /// `chi1 / I3`
-    c28: R,
-    /// `k * chi3 / (I2 * I2)`
-    c29: R,
-    /// `k * chi1 / (I2 * I2)`
-    c30: R,
-    /// `(I1 - I3) / (I2 * I2)`
-    c31: R,
-    /// `chi1 / I2`
-    c32: R,
-    /// `chi3 / I2`
-    c33: R,
-    /// `k * chi2 / (I1 * I1)`
-    c34: R,
-    /// `k * chi3 / (I1 * I1)`
-    c35: R,
-    /// `(I2 - I3) / (I1 * I1)`
-    c36: R,
-    /// `chi3 / I1`
-    c37: R,
-    /// `chi2 / I1`
-    c38: R,
-    /// `I1 * I1`
-    c39: R,
-    /// `1 / (I1 * I1)`
-    c40: R,
-    /// `I2 * I2`
-    c41: R,
-    /// `1 / (I2 * I2)`
-    c42: R,
-    /// `I3 * I3`
-    c43: R,
-    /// `1 / (I3 * I3)`
-    c44: R,
-    /// `chi1 / I3 - chi1 / I2`
-    c45: R,
-    /// `chi3 / I2 - chi3 / I1`
-    c46: R,
-    /// `chi2 / I3 - chi2 / I1`
-    c47: R,
-    /// `(k / I3 - k / I2) / I1`
-    c48: R,
+    /// `-(-(k * chi1 / I3) + k * chi1 / I2)`
+    c15: R,
+    /// `k * chi2 / I3 + -(k * chi2 / I1)`
+    c16: R,
+    /// `-(k * chi3 / I2) + k * chi3 / I1`
+    c17: R,
     /// `k / I1`
-    c49: R,
-    /// `(k / I3 - k / I1) / I1`
-    c50: R,
-    /// `(k / I2 - k / I1) / I1`
-    c51: R,
+    c18: R,
     /// `k / I2`
-    c52: R,
-    /// `(k / I3 - k / I2) / I2`
-    c53: R,
-    /// `-((k / I3 - k / I1) / I2)`
-    c54: R,
-    /// `(k / I2 - k / I1) / I2`
-    c55: R,
+    c19: R,
     /// `k / I3`
-    c56: R,
-    /// `(k / I3 - k / I2) / I3`
-    c57: R,
-    /// `(k / I3 - k / I1) / I3`
-    c58: R,
-    /// `(k / I2 - k / I1) / I3`
-    c59: R,
+    c20: R,
+    /// `chi2 / I3`
+    c21: R,
+    /// `-(chi1 / I3)`
+    c22: R,
+    /// `chi1 / I2`
+    c23: R,
+    /// `-(chi3 / I2)`
+    c24: R,
+    /// `chi3 / I1`
+    c25: R,
+    /// `-(chi2 / I1)`
+    c26: R,
+    /// `k / I3 - k / I2`
+    c27: R,
+    /// `k / I2 - k / I1`
+    c28: R,
+    /// `k / I3 - k / I1`
+    c29: R,
+    /// `2 / I2`
+    c30: R,
+    /// `2 / I3`
+    c31: R,
+    /// `2 / I1`
+    c32: R,
     /// `I2 - I3`
-    c60: R,
+    c33: R,
     /// `I1 - I3`
-    c61: R,
+    c34: R,
     /// `I1 - I2`
-    c62: R,
+    c35: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -482,7 +428,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 15 additions, 9 multiplications, 45 divisions, 4 sign changes.
+    /// 9 additions, 6 multiplications, 24 divisions, 10 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, k, chi1, chi2, chi3 } = *params;
         for (value, condition, meaning) in [
@@ -525,24 +471,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t7 = I2 - I3;
         let d_free_Omega1_d_gamma2 = t5 / I1;
         let t8 = t1 / I1;
-        let d_free_Omega2_d_gamma1 = -t6;
-        let d_free_Omega1_d_gamma3 = -t8;
         let d_free_Omega3_d_gamma2 = -t3;
-        let t9 = I3 * I3;
-        let t10 = chi2 / I3;
-        let t11 = chi1 / I3;
-        let t12 = I2 * I2;
-        let t13 = chi1 / I2;
-        let t14 = chi3 / I2;
-        let t15 = I1 * I1;
-        let t16 = chi3 / I1;
-        let t17 = chi2 / I1;
-        let t18 = k / I3;
-        let t19 = k / I2;
-        let t20 = t18 - t19;
-        let t21 = k / I1;
-        let t22 = t18 - t21;
-        let t23 = t19 - t21;
+        let d_free_Omega1_d_gamma3 = -t8;
+        let d_free_Omega2_d_gamma1 = -t6;
+        let t9 = k / I3;
+        let t10 = k / I2;
+        let t11 = k / I1;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -567,13 +501,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             chi2,
             chi3,
             d_free_Omega3_d_gamma1,
-            c0: t3,
+            c0: -t3,
             c1: t0 / I3,
             d_free_Omega2_d_gamma3,
-            c2: t6,
+            c2: -t6,
             c3: t4 / I2,
             d_free_Omega1_d_gamma2,
-            c4: t8,
+            c4: -t8,
             c5: t7 / I1,
             c6: I3.recip(),
             c7: I2.recip(),
@@ -584,57 +518,30 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c12: R::from_f64(0.5) * I1,
             c13: R::from_f64(0.5) * I2,
             c14: R::from_f64(0.5) * I3,
-            c15: d_free_Omega2_d_gamma1 + d_free_Omega1_d_gamma2,
-            c16: d_free_Omega3_d_gamma1 + d_free_Omega1_d_gamma3,
-            c17: d_free_Omega3_d_gamma2 + d_free_Omega2_d_gamma3,
-            c18: R::from_f64(2.0) / I1,
-            c19: R::from_f64(2.0) / I2,
-            c20: R::from_f64(2.0) / I3,
             d_free_Omega1_d_gamma3,
             d_free_Omega2_d_gamma1,
             d_free_Omega3_d_gamma2,
-            c21: t3 - d_free_Omega2_d_gamma3,
-            c22: t6 - d_free_Omega1_d_gamma2,
-            c23: d_free_Omega3_d_gamma1 - t8,
-            c24: t2 / t9,
-            c25: t1 / t9,
-            c26: t0 / t9,
-            c27: t10,
-            c28: t11,
-            c29: t5 / t12,
-            c30: t2 / t12,
-            c31: t4 / t12,
-            c32: t13,
-            c33: t14,
-            c34: t1 / t15,
-            c35: t5 / t15,
-            c36: t7 / t15,
-            c37: t16,
-            c38: t17,
-            c39: t15,
-            c40: t15.recip(),
-            c41: t12,
-            c42: t12.recip(),
-            c43: t9,
-            c44: t9.recip(),
-            c45: t11 - t13,
-            c46: t14 - t16,
-            c47: t10 - t17,
-            c48: t20 / I1,
-            c49: t21,
-            c50: t22 / I1,
-            c51: t23 / I1,
-            c52: t19,
-            c53: t20 / I2,
-            c54: -(t22 / I2),
-            c55: t23 / I2,
-            c56: t18,
-            c57: t20 / I3,
-            c58: t22 / I3,
-            c59: t23 / I3,
-            c60: t7,
-            c61: t4,
-            c62: t0,
+            c15: -(d_free_Omega3_d_gamma2 + d_free_Omega2_d_gamma3),
+            c16: d_free_Omega3_d_gamma1 + d_free_Omega1_d_gamma3,
+            c17: d_free_Omega2_d_gamma1 + d_free_Omega1_d_gamma2,
+            c18: t11,
+            c19: t10,
+            c20: t9,
+            c21: chi2 / I3,
+            c22: -(chi1 / I3),
+            c23: chi1 / I2,
+            c24: -(chi3 / I2),
+            c25: chi3 / I1,
+            c26: -(chi2 / I1),
+            c27: t9 - t10,
+            c28: t10 - t11,
+            c29: t9 - t11,
+            c30: R::from_f64(2.0) / I2,
+            c31: R::from_f64(2.0) / I3,
+            c32: R::from_f64(2.0) / I1,
+            c33: t7,
+            c34: t4,
+            c35: t0,
         })
     }
 }
@@ -673,22 +580,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ];
         /// free acceleration L_yy^-1 r
         let [free_Omega3, free_Omega2, free_Omega1] = [
-            self
-                .c1
+            Omega1
                 .mul_add(
-                    Omega1 * Omega2,
-                    (-gamma2).mul_add(self.c0, self.d_free_Omega3_d_gamma1 * gamma1),
+                    self.c1 * Omega2,
+                    gamma2.mul_add(self.c0, self.d_free_Omega3_d_gamma1 * gamma1),
                 ),
-            (-self.c3)
+            (-Omega1)
                 .mul_add(
-                    Omega1 * Omega3,
-                    (-gamma1).mul_add(self.c2, self.d_free_Omega2_d_gamma3 * gamma3),
+                    self.c3 * Omega3,
+                    gamma1.mul_add(self.c2, self.d_free_Omega2_d_gamma3 * gamma3),
                 ),
-            self
-                .c5
+            Omega2
                 .mul_add(
-                    Omega2 * Omega3,
-                    (-gamma3).mul_add(self.c4, self.d_free_Omega1_d_gamma2 * gamma2),
+                    self.c5 * Omega3,
+                    gamma3.mul_add(self.c4, self.d_free_Omega1_d_gamma2 * gamma2),
                 ),
         ];
         /// response to the multipliers L_yy^-1 Lambda^T
@@ -777,79 +682,112 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn jacobian_nonzeros(&self, t: R, y: &[R; 6]) -> [R; 30] {
         let [Omega1, Omega2, Omega3, gamma1, gamma2, gamma3] = *y;
         let _ = t;
+        /// response to the multipliers L_yy^-1 Lambda^T
+        let [Z1_Omega3, Z1_Omega2, Z1_Omega1] = [
+            self.c6 * gamma3,
+            self.c7 * gamma2,
+            self.c8 * gamma1,
+        ];
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let [t0, t1, t2, S_1_1] = {
-            let t0 = self.c6 * gamma3;
-            let t1 = self.c7 * gamma2;
-            let t2 = self.c8 * gamma1;
-            [t0, t1, t2, gamma1.mul_add(t2, gamma2.mul_add(t1, gamma3 * t0))]
+        let [S_1_1, t0, d_free_Omega3_d_Omega1, d_free_Omega1_d_Omega2, t1, t2, t3, g_1,
+        ] = {
+            let t0 = self.c3 * Omega3;
+            let d_free_Omega3_d_Omega1 = self.c1 * Omega2;
+            let d_free_Omega1_d_Omega2 = self.c5 * Omega3;
+            let t1 = Omega1.mul_add(t0, self.c15 * gamma3);
+            let t2 = Omega1.mul_add(d_free_Omega3_d_Omega1, self.c16 * gamma1);
+            let t3 = Omega2.mul_add(d_free_Omega1_d_Omega2, self.c17 * gamma2);
+            [
+                gamma1.mul_add(Z1_Omega1, gamma2.mul_add(Z1_Omega2, gamma3 * Z1_Omega3)),
+                t0,
+                d_free_Omega3_d_Omega1,
+                d_free_Omega1_d_Omega2,
+                t1,
+                t2,
+                t3,
+                (-gamma1).mul_add(t3, (-gamma3).mul_add(t2, gamma2 * t1)),
+            ]
         };
         /// substitution through the factors of S
-        let [t3, t4, t5, t6, t7, t8, t9, t10, t11, t12, lambda_c1] = {
-            let t3 = self.c3 * Omega1;
-            let t4 = self.c5 * Omega2;
-            let t5 = (-gamma1).mul_add(t4, gamma2 * t3);
-            let t6 = S_1_1.recip();
-            let t7 = Omega3 * t6;
-            let t8 = self.c15 * t6;
-            let t9 = gamma3 * t6;
-            let t10 = t9.mul_add(self.c16, gamma2 * t8);
-            let t11 = self.c1 * Omega2;
-            let t12 = Omega1.mul_add(t11, self.c17 * gamma2);
-            [
-                t3,
-                t4,
-                t5,
-                t6,
-                t7,
-                t8,
-                t9,
-                t10,
-                t11,
-                t12,
-                (-gamma1).mul_add(t10, (-t9).mul_add(t12, t5 * t7)),
-            ]
+        let [t4, lambda_c1] = {
+            let t4 = S_1_1.recip();
+            [t4, g_1 * t4]
         };
+        /// derivatives of: free acceleration L_yy^-1 r
+        let [d_free_Omega3_d_Omega2, t5, d_free_Omega1_d_Omega3] = [
+            self.c1 * Omega1,
+            self.c3 * Omega1,
+            self.c5 * Omega2,
+        ];
         /// derivatives of: multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let d_g_1_d_gamma3 = (-gamma1).mul_add(self.c16, -t12);
+        let [d_S_1_1_d_gamma1, d_S_1_1_d_gamma2, d_S_1_1_d_gamma3, d_g_1_d_Omega1,
+        d_g_1_d_Omega2, d_g_1_d_Omega3, d_g_1_d_gamma1, d_g_1_d_gamma2, d_g_1_d_gamma3,
+        ] = [
+            R::from_f64(2.0) * Z1_Omega1,
+            R::from_f64(2.0) * Z1_Omega2,
+            R::from_f64(2.0) * Z1_Omega3,
+            (-gamma3).mul_add(d_free_Omega3_d_Omega1, gamma2 * t0),
+            (-gamma1)
+                .mul_add(d_free_Omega1_d_Omega2, -(gamma3 * d_free_Omega3_d_Omega2)),
+            (-gamma1).mul_add(d_free_Omega1_d_Omega3, gamma2 * t5),
+            (-gamma3).mul_add(self.c16, -t3),
+            (-gamma1).mul_add(self.c17, t1),
+            gamma2.mul_add(self.c15, -t2),
+        ];
         /// derivatives of: substitution through the factors of S
-        let [d_lambda_c1_d_Omega1, t13, d_lambda_c1_d_Omega2, d_lambda_c1_d_Omega3,
+        let [d_lambda_c1_d_Omega1, d_lambda_c1_d_Omega2, d_lambda_c1_d_Omega3,
         d_lambda_c1_d_gamma1, d_lambda_c1_d_gamma2, d_lambda_c1_d_gamma3] = {
-            let t13 = self.c1 * Omega1;
-            let t14 = lambda_c1 * t6;
+            let t6 = lambda_c1 * t4;
             [
-                self.c3.mul_add(gamma2 * t7, -(t9 * t11)),
-                t13,
-                (-self.c5).mul_add(gamma1 * t7, -(t9 * t13)),
-                t5 * t6,
-                (-self.c18).mul_add(gamma1 * t14, (-t4).mul_add(t7, -t10)),
-                (-self.c19)
-                    .mul_add(
-                        gamma2 * t14,
-                        (-t9).mul_add(self.c17, (-gamma1).mul_add(t8, t3 * t7)),
-                    ),
-                (-self.c20).mul_add(t9 * lambda_c1, d_g_1_d_gamma3 * t6),
+                d_g_1_d_Omega1 * t4,
+                d_g_1_d_Omega2 * t4,
+                d_g_1_d_Omega3 * t4,
+                (-d_S_1_1_d_gamma1).mul_add(t6, d_g_1_d_gamma1 * t4),
+                (-d_S_1_1_d_gamma2).mul_add(t6, d_g_1_d_gamma2 * t4),
+                (-d_S_1_1_d_gamma3).mul_add(t6, d_g_1_d_gamma3 * t4),
             ]
         };
+        /// derivatives of: accelerations ydot = L_yy^-1 (r + Lambda^T lambda)
+        let [d_dot_Omega1_d_Omega2, d_dot_Omega1_d_Omega3, d_dot_Omega1_d_gamma1,
+        d_dot_Omega1_d_gamma2, d_dot_Omega1_d_gamma3, d_dot_Omega2_d_Omega1,
+        d_dot_Omega2_d_Omega3, d_dot_Omega2_d_gamma1, d_dot_Omega2_d_gamma2,
+        d_dot_Omega2_d_gamma3, d_dot_Omega3_d_Omega1, d_dot_Omega3_d_Omega2,
+        d_dot_Omega3_d_gamma1, d_dot_Omega3_d_gamma2, d_dot_Omega3_d_gamma3] = [
+            Z1_Omega1.mul_add(d_lambda_c1_d_Omega2, d_free_Omega1_d_Omega2),
+            Z1_Omega1.mul_add(d_lambda_c1_d_Omega3, d_free_Omega1_d_Omega3),
+            Z1_Omega1.mul_add(d_lambda_c1_d_gamma1, self.c8 * lambda_c1),
+            Z1_Omega1.mul_add(d_lambda_c1_d_gamma2, self.d_free_Omega1_d_gamma2),
+            Z1_Omega1.mul_add(d_lambda_c1_d_gamma3, self.d_free_Omega1_d_gamma3),
+            Z1_Omega2.mul_add(d_lambda_c1_d_Omega1, -t0),
+            Z1_Omega2.mul_add(d_lambda_c1_d_Omega3, -t5),
+            Z1_Omega2.mul_add(d_lambda_c1_d_gamma1, self.d_free_Omega2_d_gamma1),
+            Z1_Omega2.mul_add(d_lambda_c1_d_gamma2, self.c7 * lambda_c1),
+            Z1_Omega2.mul_add(d_lambda_c1_d_gamma3, self.d_free_Omega2_d_gamma3),
+            Z1_Omega3.mul_add(d_lambda_c1_d_Omega1, d_free_Omega3_d_Omega1),
+            Z1_Omega3.mul_add(d_lambda_c1_d_Omega2, d_free_Omega3_d_Omega2),
+            Z1_Omega3.mul_add(d_lambda_c1_d_gamma1, self.d_free_Omega3_d_gamma1),
+            Z1_Omega3.mul_add(d_lambda_c1_d_gamma2, self.d_free_Omega3_d_gamma2),
+            Z1_Omega3.mul_add(d_lambda_c1_d_gamma3, self.c6 * lambda_c1),
+        ];
         [
-            t2 * d_lambda_c1_d_Omega1,
-            t2.mul_add(d_lambda_c1_d_Omega2, self.c5 * Omega3),
-            t2.mul_add(d_lambda_c1_d_Omega3, t4),
-            t2.mul_add(d_lambda_c1_d_gamma1, self.c8 * lambda_c1),
-            t2.mul_add(d_lambda_c1_d_gamma2, self.d_free_Omega1_d_gamma2),
-            t2.mul_add(d_lambda_c1_d_gamma3, self.d_free_Omega1_d_gamma3),
-            t1.mul_add(d_lambda_c1_d_Omega1, -(self.c3 * Omega3)),
-            t1 * d_lambda_c1_d_Omega2,
-            t1.mul_add(d_lambda_c1_d_Omega3, -t3),
-            t1.mul_add(d_lambda_c1_d_gamma1, self.d_free_Omega2_d_gamma1),
-            t1.mul_add(d_lambda_c1_d_gamma2, self.c7 * lambda_c1),
-            t1.mul_add(d_lambda_c1_d_gamma3, self.d_free_Omega2_d_gamma3),
-            t0.mul_add(d_lambda_c1_d_Omega1, t11),
-            t0.mul_add(d_lambda_c1_d_Omega2, t13),
-            t0 * d_lambda_c1_d_Omega3,
-            t0.mul_add(d_lambda_c1_d_gamma1, self.d_free_Omega3_d_gamma1),
-            t0.mul_add(d_lambda_c1_d_gamma2, self.d_free_Omega3_d_gamma2),
-            t0.mul_add(d_lambda_c1_d_gamma3, self.c6 * lambda_c1),
+            Z1_Omega1 * d_lambda_c1_d_Omega1,
+            d_dot_Omega1_d_Omega2,
+            d_dot_Omega1_d_Omega3,
+            d_dot_Omega1_d_gamma1,
+            d_dot_Omega1_d_gamma2,
+            d_dot_Omega1_d_gamma3,
+            d_dot_Omega2_d_Omega1,
+            Z1_Omega2 * d_lambda_c1_d_Omega2,
+            d_dot_Omega2_d_Omega3,
+            d_dot_Omega2_d_gamma1,
+            d_dot_Omega2_d_gamma2,
+            d_dot_Omega2_d_gamma3,
+            d_dot_Omega3_d_Omega1,
+            d_dot_Omega3_d_Omega2,
+            Z1_Omega3 * d_lambda_c1_d_Omega3,
+            d_dot_Omega3_d_gamma1,
+            d_dot_Omega3_d_gamma2,
+            d_dot_Omega3_d_gamma3,
             -gamma3,
             gamma2,
             Omega3,
@@ -899,120 +837,155 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 45 additions, 96 multiplications (44 fused), 1 division.
+    /// 44 additions, 92 multiplications (43 fused), 1 division, 1 sign change.
     #[inline]
     #[must_use]
     pub fn sensitivity_nonzeros(&self, t: R, y: &[R; 6]) -> [R; 21] {
         let [Omega1, Omega2, Omega3, gamma1, gamma2, gamma3] = *y;
         let _ = t;
-        /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let [t0, t1, t2, S_1_1] = {
-            let t0 = self.c6 * gamma3;
-            let t1 = self.c7 * gamma2;
-            let t2 = self.c8 * gamma1;
-            [t0, t1, t2, gamma1.mul_add(t2, gamma2.mul_add(t1, gamma3 * t0))]
-        };
-        /// substitution through the factors of S
-        let [t3, t4, t5, t6, t7, t8, t9, t10, t11, t12, lambda_c1] = {
-            let t3 = Omega1 * Omega3;
-            let t4 = S_1_1.recip();
-            let t5 = t3 * t4;
-            let t6 = gamma3 * t4;
-            let t7 = gamma2 * t6;
-            let t8 = gamma1 * t4;
-            let t9 = gamma2 * t8;
-            let t10 = Omega1 * Omega2;
-            let t11 = Omega2 * Omega3;
-            let t12 = gamma1 * t6;
+        /// free acceleration L_yy^-1 r
+        let [t0, free_Omega3, t1, free_Omega2, t2, free_Omega1] = {
+            let t0 = Omega1 * Omega2;
+            let t1 = Omega1 * Omega3;
+            let t2 = Omega2 * Omega3;
             [
-                t3,
-                t4,
-                t5,
-                t6,
-                t7,
-                t8,
-                t9,
-                t10,
-                t11,
-                t12,
-                (-t12)
+                t0,
+                t0
                     .mul_add(
-                        self.c23,
-                        (-self.c5)
-                            .mul_add(
-                                t8 * t11,
-                                (-self.c1)
-                                    .mul_add(
-                                        t6 * t10,
-                                        t9
-                                            .mul_add(
-                                                self.c22,
-                                                t7.mul_add(self.c21, self.c3 * (gamma2 * t5)),
-                                            ),
-                                    ),
-                            ),
+                        self.c1,
+                        gamma2.mul_add(self.c0, self.d_free_Omega3_d_gamma1 * gamma1),
+                    ),
+                t1,
+                (-t1)
+                    .mul_add(
+                        self.c3,
+                        gamma1.mul_add(self.c2, self.d_free_Omega2_d_gamma3 * gamma3),
+                    ),
+                t2,
+                t2
+                    .mul_add(
+                        self.c5,
+                        gamma3.mul_add(self.c4, self.d_free_Omega1_d_gamma2 * gamma2),
                     ),
             ]
         };
-        /// derivatives of: free acceleration L_yy^-1 r
-        let [d_free_Omega3_d_I3, d_free_Omega3_d_k, d_free_Omega2_d_I2,
-        d_free_Omega2_d_k, d_free_Omega1_d_I1, d_free_Omega1_d_k] = [
-            (-t10).mul_add(self.c26, (-gamma1).mul_add(self.c25, self.c24 * gamma2)),
-            (-gamma2).mul_add(self.c28, self.c27 * gamma1),
-            t3.mul_add(self.c31, (-gamma3).mul_add(self.c30, self.c29 * gamma1)),
-            (-gamma1).mul_add(self.c33, self.c32 * gamma3),
-            (-t11).mul_add(self.c36, (-gamma2).mul_add(self.c35, self.c34 * gamma3)),
-            (-gamma3).mul_add(self.c38, self.c37 * gamma2),
+        /// response to the multipliers L_yy^-1 Lambda^T
+        let [Z1_Omega3, Z1_Omega2, Z1_Omega1] = [
+            self.c6 * gamma3,
+            self.c7 * gamma2,
+            self.c8 * gamma1,
         ];
-        /// derivatives of: substitution through the factors of S
-        let [t13, t15, d_lambda_c1_d_I1, t16, t17, d_lambda_c1_d_I2, t19,
-        d_lambda_c1_d_I3, d_lambda_c1_d_k] = {
-            let t13 = self.c6 * t10;
-            let t14 = t6 * t13;
-            let t15 = self.c40
-                * gamma1.mul_add(lambda_c1, -(self.c39 * d_free_Omega1_d_I1));
-            let t16 = self.c42
-                * gamma2.mul_add(lambda_c1, -(self.c41 * d_free_Omega2_d_I2));
-            let t17 = self.c8 * t11;
-            let t18 = t8 * t17;
-            let t19 = self.c44
-                * gamma3.mul_add(lambda_c1, -(self.c43 * d_free_Omega3_d_I3));
+        /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
+        let [S_1_1, g_1] = [
+            gamma1.mul_add(Z1_Omega1, gamma2.mul_add(Z1_Omega2, gamma3 * Z1_Omega3)),
+            (-gamma1)
+                .mul_add(
+                    free_Omega1,
+                    (-gamma3).mul_add(free_Omega3, -(gamma2 * free_Omega2)),
+                ),
+        ];
+        /// substitution through the factors of S
+        let [t3, lambda_c1] = {
+            let t3 = S_1_1.recip();
+            [t3, g_1 * t3]
+        };
+        /// derivatives of: free acceleration L_yy^-1 r
+        let [t4, t5, d_free_Omega3_d_k, t6, d_free_Omega2_d_I3, d_free_Omega2_d_k,
+        d_free_Omega1_d_I2, d_free_Omega1_d_k] = [
+            self.c6 * t0,
+            self.c6 * free_Omega3,
+            gamma2.mul_add(self.c22, self.c21 * gamma1),
+            self.c7 * free_Omega2,
+            self.c7 * t1,
+            gamma1.mul_add(self.c24, self.c23 * gamma3),
+            self.c8 * t2,
+            gamma3.mul_add(self.c26, self.c25 * gamma2),
+        ];
+        /// derivatives of: multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
+        let [t7, d_g_1_d_I2, t8, d_g_1_d_I3, d_g_1_d_k, d_g_1_d_chi1, d_g_1_d_chi3] = {
+            let t7 = gamma3 * t4;
+            let t8 = gamma2 * d_free_Omega2_d_I3;
             [
-                t13,
-                t15,
-                t8.mul_add(t15, t1.mul_add(t5, -t14)),
-                t16,
-                t17,
-                t4.mul_add(gamma2 * t16, t14 - t18),
-                t19,
-                t6.mul_add(t19, (-t1).mul_add(t5, t18)),
-                (-t12).mul_add(self.c47, t9.mul_add(self.c46, self.c45 * t7)),
+                t7,
+                gamma2.mul_add(t6, (-gamma1).mul_add(d_free_Omega1_d_I2, t7)),
+                t8,
+                gamma3.mul_add(t5, gamma1.mul_add(d_free_Omega1_d_I2, -t8)),
+                (-gamma1)
+                    .mul_add(
+                        d_free_Omega1_d_k,
+                        (-gamma3)
+                            .mul_add(d_free_Omega3_d_k, -(gamma2 * d_free_Omega2_d_k)),
+                    ),
+                self.c27 * gamma3 * gamma2,
+                self.c28 * gamma2 * gamma1,
             ]
         };
-        let t20 = gamma1 * t7;
-        let t21 = self.c7 * t3;
+        /// derivatives of: substitution through the factors of S
+        let [t9, d_lambda_c1_d_I1, t10, d_lambda_c1_d_I2, t11, d_lambda_c1_d_I3,
+        d_lambda_c1_d_k, d_lambda_c1_d_chi1, t12, d_lambda_c1_d_chi3] = {
+            let t9 = (-lambda_c1).mul_add(self.c8 * Z1_Omega1, -(self.c8 * free_Omega1));
+            let t10 = Z1_Omega2 * lambda_c1;
+            let t11 = Z1_Omega3 * lambda_c1;
+            [
+                t9,
+                (-gamma1).mul_add(t9, t8 - t7) * t3,
+                t10,
+                Z1_Omega2.mul_add(t10, d_g_1_d_I2) * t3,
+                t11,
+                Z1_Omega3.mul_add(t11, d_g_1_d_I3) * t3,
+                d_g_1_d_k * t3,
+                d_g_1_d_chi1 * t3,
+                t3 * (gamma1 * (self.c29 * gamma3)),
+                d_g_1_d_chi3 * t3,
+            ]
+        };
+        /// derivatives of: accelerations ydot = L_yy^-1 (r + Lambda^T lambda)
+        let [d_dot_Omega1_d_I1, d_dot_Omega1_d_I2, d_dot_Omega1_d_I3, d_dot_Omega1_d_k,
+        d_dot_Omega1_d_chi2, d_dot_Omega1_d_chi3, d_dot_Omega2_d_I1, d_dot_Omega2_d_I2,
+        d_dot_Omega2_d_I3, d_dot_Omega2_d_k, d_dot_Omega2_d_chi1, d_dot_Omega2_d_chi3,
+        d_dot_Omega3_d_I1, d_dot_Omega3_d_I2, d_dot_Omega3_d_I3, d_dot_Omega3_d_k,
+        d_dot_Omega3_d_chi1, d_dot_Omega3_d_chi2] = [
+            Z1_Omega1.mul_add(d_lambda_c1_d_I1, t9),
+            Z1_Omega1.mul_add(d_lambda_c1_d_I2, d_free_Omega1_d_I2),
+            Z1_Omega1.mul_add(d_lambda_c1_d_I3, -d_free_Omega1_d_I2),
+            Z1_Omega1.mul_add(d_lambda_c1_d_k, d_free_Omega1_d_k),
+            (-Z1_Omega1).mul_add(t12, -(self.c18 * gamma3)),
+            Z1_Omega1.mul_add(d_lambda_c1_d_chi3, self.c18 * gamma2),
+            Z1_Omega2.mul_add(d_lambda_c1_d_I1, -d_free_Omega2_d_I3),
+            Z1_Omega2.mul_add(d_lambda_c1_d_I2, (-t10).mul_add(self.c7, -t6)),
+            Z1_Omega2.mul_add(d_lambda_c1_d_I3, d_free_Omega2_d_I3),
+            Z1_Omega2.mul_add(d_lambda_c1_d_k, d_free_Omega2_d_k),
+            Z1_Omega2.mul_add(d_lambda_c1_d_chi1, self.c19 * gamma3),
+            Z1_Omega2.mul_add(d_lambda_c1_d_chi3, -(self.c19 * gamma1)),
+            Z1_Omega3.mul_add(d_lambda_c1_d_I1, t4),
+            Z1_Omega3.mul_add(d_lambda_c1_d_I2, -t4),
+            Z1_Omega3.mul_add(d_lambda_c1_d_I3, (-t11).mul_add(self.c6, -t5)),
+            Z1_Omega3.mul_add(d_lambda_c1_d_k, d_free_Omega3_d_k),
+            Z1_Omega3.mul_add(d_lambda_c1_d_chi1, -(self.c20 * gamma2)),
+            (-Z1_Omega3).mul_add(t12, self.c20 * gamma1),
+        ];
         [
-            t2.mul_add(d_lambda_c1_d_I1, -t15),
-            t2.mul_add(d_lambda_c1_d_I2, t17),
-            t2.mul_add(d_lambda_c1_d_I3, -t17),
-            t2.mul_add(d_lambda_c1_d_k, d_free_Omega1_d_k),
-            self.c48 * t20,
-            (-self.c50).mul_add(gamma1 * t12, -(self.c49 * gamma3)),
-            self.c51.mul_add(gamma1 * t9, self.c49 * gamma2),
-            t1.mul_add(d_lambda_c1_d_I1, -t21),
-            t1.mul_add(d_lambda_c1_d_I2, -t16),
-            t1.mul_add(d_lambda_c1_d_I3, t21),
-            t1.mul_add(d_lambda_c1_d_k, d_free_Omega2_d_k),
-            self.c53.mul_add(gamma2 * t7, self.c52 * gamma3),
-            self.c54 * t20,
-            self.c55.mul_add(gamma2 * t9, -(self.c52 * gamma1)),
-            t0.mul_add(d_lambda_c1_d_I1, t13),
-            t0.mul_add(d_lambda_c1_d_I2, -t13),
-            t0.mul_add(d_lambda_c1_d_I3, -t19),
-            t0.mul_add(d_lambda_c1_d_k, d_free_Omega3_d_k),
-            self.c57.mul_add(gamma3 * t7, -(self.c56 * gamma2)),
-            (-self.c58).mul_add(gamma3 * t12, self.c56 * gamma1),
-            self.c59 * t20,
+            d_dot_Omega1_d_I1,
+            d_dot_Omega1_d_I2,
+            d_dot_Omega1_d_I3,
+            d_dot_Omega1_d_k,
+            Z1_Omega1 * d_lambda_c1_d_chi1,
+            d_dot_Omega1_d_chi2,
+            d_dot_Omega1_d_chi3,
+            d_dot_Omega2_d_I1,
+            d_dot_Omega2_d_I2,
+            d_dot_Omega2_d_I3,
+            d_dot_Omega2_d_k,
+            d_dot_Omega2_d_chi1,
+            -(Z1_Omega2 * t12),
+            d_dot_Omega2_d_chi3,
+            d_dot_Omega3_d_I1,
+            d_dot_Omega3_d_I2,
+            d_dot_Omega3_d_I3,
+            d_dot_Omega3_d_k,
+            d_dot_Omega3_d_chi1,
+            d_dot_Omega3_d_chi2,
+            Z1_Omega3 * d_lambda_c1_d_chi3,
         ]
     }
 
@@ -1074,19 +1047,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 Omega2
                     .mul_add(
                         t0,
-                        (-gamma2).mul_add(self.c0, self.d_free_Omega3_d_gamma1 * gamma1),
+                        gamma2.mul_add(self.c0, self.d_free_Omega3_d_gamma1 * gamma1),
                     ),
                 t1,
                 (-Omega3)
                     .mul_add(
                         t1,
-                        (-gamma1).mul_add(self.c2, self.d_free_Omega2_d_gamma3 * gamma3),
+                        gamma1.mul_add(self.c2, self.d_free_Omega2_d_gamma3 * gamma3),
                     ),
                 t2,
                 Omega2
                     .mul_add(
                         t2,
-                        (-gamma3).mul_add(self.c4, self.d_free_Omega1_d_gamma2 * gamma2),
+                        gamma3.mul_add(self.c4, self.d_free_Omega1_d_gamma2 * gamma2),
                     ),
             ]
         };
@@ -1136,32 +1109,30 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             v_Omega2
                 .mul_add(
                     t0,
-                    self
-                        .c1
+                    Omega2
                         .mul_add(
-                            Omega2 * v_Omega1,
-                            (-v_gamma2)
+                            self.c1 * v_Omega1,
+                            v_gamma2
                                 .mul_add(self.c0, self.d_free_Omega3_d_gamma1 * v_gamma1),
                         ),
                 ),
             (-v_Omega3)
                 .mul_add(
                     t1,
-                    (-self.c3)
+                    (-Omega3)
                         .mul_add(
-                            Omega3 * v_Omega1,
-                            (-v_gamma1)
+                            self.c3 * v_Omega1,
+                            v_gamma1
                                 .mul_add(self.c2, self.d_free_Omega2_d_gamma3 * v_gamma3),
                         ),
                 ),
             v_Omega2
                 .mul_add(
                     t2,
-                    self
-                        .c5
+                    Omega2
                         .mul_add(
-                            Omega2 * v_Omega3,
-                            (-v_gamma3)
+                            self.c5 * v_Omega3,
+                            v_gamma3
                                 .mul_add(self.c4, self.d_free_Omega1_d_gamma2 * v_gamma2),
                         ),
                 ),
@@ -1188,13 +1159,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         ),
                 );
             [
-                self
-                    .c18
+                gamma1
                     .mul_add(
-                        gamma1 * v_gamma1,
-                        self
-                            .c20
-                            .mul_add(gamma3 * v_gamma3, self.c19 * (gamma2 * v_gamma2)),
+                        self.c32 * v_gamma1,
+                        gamma3.mul_add(self.c31 * v_gamma3, self.c30 * v_gamma2 * gamma2),
                     ),
                 (-gamma1).mul_add(v_free_Omega1, t4),
             ]
@@ -1233,9 +1201,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
         let [t0, r_Omega1, t1, r_Omega2, t2, r_Omega3] = {
-            let t0 = self.c60 * Omega2;
-            let t1 = self.c61 * Omega1;
-            let t2 = self.c62 * Omega1;
+            let t0 = self.c33 * Omega2;
+            let t1 = self.c34 * Omega1;
+            let t2 = self.c35 * Omega1;
             [
                 t0,
                 Omega3.mul_add(t0, (-gamma3).mul_add(self.c10, self.c11 * gamma2)),
@@ -1297,16 +1265,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         [
             w_r_Omega3
                 .mul_add(
-                    self.c62 * Omega2,
+                    self.c35 * Omega2,
                     (-w_r_Omega2)
                         .mul_add(
-                            self.c61 * Omega3,
+                            self.c34 * Omega3,
                             (-gamma2).mul_add(w_dot_gamma3, gamma3 * w_dot_gamma2),
                         ),
                 ),
             w_r_Omega1
                 .mul_add(
-                    self.c60 * Omega3,
+                    self.c33 * Omega3,
                     t2
                         .mul_add(
                             w_r_Omega3,
@@ -1397,19 +1365,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t0
                     .mul_add(
                         self.c1,
-                        (-gamma2).mul_add(self.c0, self.d_free_Omega3_d_gamma1 * gamma1),
+                        gamma2.mul_add(self.c0, self.d_free_Omega3_d_gamma1 * gamma1),
                     ),
                 t1,
                 (-t1)
                     .mul_add(
                         self.c3,
-                        (-gamma1).mul_add(self.c2, self.d_free_Omega2_d_gamma3 * gamma3),
+                        gamma1.mul_add(self.c2, self.d_free_Omega2_d_gamma3 * gamma3),
                     ),
                 t2,
                 t2
                     .mul_add(
                         self.c5,
-                        (-gamma3).mul_add(self.c4, self.d_free_Omega1_d_gamma2 * gamma2),
+                        gamma3.mul_add(self.c4, self.d_free_Omega1_d_gamma2 * gamma2),
                     ),
             ]
         };

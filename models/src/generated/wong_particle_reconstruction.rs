@@ -283,7 +283,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t0 = (-x2_dot).mul_add(x3, x2 * x3_dot);
         let t1 = x3.mul_add(x3, x2.mul_add(x2, x1.mul_add(x1, self.c0))).recip();
         let t2 = t1 * t1;
-        let t3 = self.c1 * (x2.mul_add(v2, x3.mul_add(v3, x1 * v1)) * t2);
+        let t3 = t2 * (self.c1 * x2.mul_add(v2, x3.mul_add(v3, x1 * v1)));
         let t4 = self.c2 * t2;
         let t5 = (-x1_dot).mul_add(x3, x1 * x3_dot);
         let t6 = (-x1_dot).mul_add(x2, x1 * x2_dot);

@@ -1,4 +1,4 @@
-//! `bench`: `rhs` here, `wp` in [`wp`](mod@wp).
+//! `bench`: `rhs` here, `wp` in [`wp`](mod@wp), `scaling` in [`scaling`](mod@scaling).
 //!
 //! `bench rhs`: the generated right-hand sides beside opponents, in nanoseconds, executed instructions and operations.
 //!
@@ -10,6 +10,8 @@
 mod instructions;
 pub mod peers;
 pub mod report;
+pub mod scaling;
+pub mod scaling_report;
 pub mod wp;
 pub mod wp_report;
 

@@ -244,7 +244,7 @@ pub fn run(factory: &dyn Factory, y0: &[f64], runner: Runner, steps: u64) -> Res
     let info = factory.info();
     let dynamics =
         factory.prepare(&info.defaults()).map_err(|bad| Error::Options { reason: bad.to_string() })?;
-    dynamics.check(0.0, y0).map_err(|f| Error::Options { reason: describe(info, f) })?;
+    Dynamics::check(&*dynamics, 0.0, y0).map_err(|f| Error::Options { reason: describe(info, f) })?;
     let kept = Kept::new(info, &*dynamics);
     let mut times = Vec::new();
     let mut rows: Vec<[f64; N_KEPT]> = Vec::new();
