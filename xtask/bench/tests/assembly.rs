@@ -155,10 +155,18 @@ fn no_right_hand_side_refers_to_anything_but_mathematical_functions() {
     let functions = functions(&assembly);
     let mut problems = Vec::new();
     let mut used = BTreeSet::new();
-    for module in MODULES {
+    let body_of = |module: &str| {
         let mangled = mangled(module);
-        let body = functions.iter().find(|(symbol, _)| symbol.contains(&mangled)).map(|(_, body)| body);
-        let body = body.unwrap_or_else(|| panic!("{module} is not in {}", file.display()));
+        functions.iter().find(|(symbol, _)| symbol.contains(&mangled)).map(|(_, body)| body)
+    };
+    for module in MODULES {
+        let Some(body) = body_of(module) else {
+            // The compiler keeps one of several equal functions, as scenes of one model with the same right-hand side are.
+            let model = module.rsplit_once('_').map_or(*module, |(model, _)| model);
+            let mut others = MODULES.iter().filter(|other| other.starts_with(model));
+            assert!(others.any(|other| body_of(other).is_some()), "{module} is not in {}", file.display());
+            continue;
+        };
         assert!(body.len() > 1, "{module} has instructions");
         used.extend(body.iter().flat_map(|line| references(line)));
         for symbol in forbidden(body) {
