@@ -144,6 +144,8 @@ impl<R: Real, V: StateVector<R>, W> Expansion<R, V, W> {
     }
 }
 
+const LOG2_OF_3: f64 = 1.585;
+
 impl<R: Real, S: Jet<R>> Method<R, S> for Taylor {
     const TABLEAU: &'static Tableau = &Tableau {
         name: "taylor",
@@ -210,13 +212,17 @@ impl<R: Real, S: Jet<R>> Method<R, S> for Taylor {
             }
             step = exp2(log);
         }
-        // Where the solution is no larger than the tolerance the terms allow more than the radius of convergence, and a step
-        // would pass a singularity unseen. The root test gives the radius of a pole, and 1.4 to 1.8 times that of a square
-        // root for the orders 15 to 7: half of it is inside either.
-        let slope = square(1);
-        if slope > 0.0 {
-            for k in [p - 1, p].into_iter().filter(|k| *k > 1) {
-                step = step.min(0.5 * exp2(0.5 * log2(slope / square(k)) / (k - 1) as f64));
+        // Where a component is `a` times its tolerance the terms allow `a^(-1/p)` of the radius of convergence, and up to twice
+        // that near a square root: below `a = 3^p` a step could pass a singularity unseen. The root test gives the radius of a pole, and 1.4 to 1.8 times that of
+        // a square root for the orders 15 to 7: half of it is inside either.
+        let size = R::from_f64(exp2(2.0 * LOG2_OF_3 * p as f64));
+        let mut components = coefficients[0].as_slice().iter().zip(scales.as_slice());
+        if components.any(|(&y, &scale)| !(y * scale * (y * scale)).all_gt(size)) {
+            let slope = square(1);
+            if slope > 0.0 {
+                for k in [p - 1, p].into_iter().filter(|k| *k > 1) {
+                    step = step.min(0.5 * exp2(0.5 * log2(slope / square(k)) / (k - 1) as f64));
+                }
             }
         }
         storage.previous_step = step;
