@@ -8,9 +8,13 @@ use num_traits::{One, Signed};
 
 use crate::expr::{ExprId, Func, Graph, Node, Rational, Section, Sign, SymbolId, inlined, sign_of};
 
+/// Operations behind a term, prepared numbers included: what few terms exceed.
+const ROUNDINGS_OF_A_TERM: usize = 8;
+
 /// For every expression, in the form in which it is computed, a scale `s` such that its value `p` is nothing but rounding error where `s + p = s`.
 ///
-/// With `n` terms `t_i` that is `s = n sum_i |t_i|`: the error of a sum is at most `n u sum_i |t_i|`, and `s + p = s` in
+/// With `n` terms `t_i` that is `s = (n + 8) sum_i |t_i|`: the error of a sum is at most `(n - 1 + m) u sum_i |t_i|` where each
+/// term is the result of `m` operations, those of the numbers in it included, and `s + p = s` in
 /// arithmetic of unit roundoff `u` for `|p| <= u s`, so that no constant of a number format enters. Sums that other
 /// sums are made of are taken apart. Where no terms can cancel it is zero, and `0 + p = 0` says that `p` is zero.
 ///
@@ -46,7 +50,7 @@ pub(super) fn rounding_scales(
                     graph.func(Func::Abs, *term)
                 }
             };
-            sizes.push((size, q.abs() * Rational::from_integer(terms.len().into())));
+            sizes.push((size, q.abs() * Rational::from_integer((terms.len() + ROUNDINGS_OF_A_TERM).into())));
         }
         if terms.len() > 1 && signs_met == [true; 2] {
             graph.linear_combination(&sizes)

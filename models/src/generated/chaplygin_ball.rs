@@ -928,12 +928,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         for (value, scale, pivot) in [
             (
                 A_s1_2_2,
-                R::from_f64(4.0) * t6.mul_add(t10, A_Omega2_Omega2),
+                R::from_f64(12.0) * t6.mul_add(t10, A_Omega2_Omega2),
                 "inertia along Omega2",
             ),
             (
                 A_s2_3_3,
-                R::from_f64(5.0) * (t7.mul_add(t11, A_Omega3_Omega3) + t12.abs()),
+                R::from_f64(13.0) * (t7.mul_add(t11, A_Omega3_Omega3) + t12.abs()),
                 "inertia along Omega3",
             ),
         ] {

@@ -365,15 +365,15 @@ pub struct Prepared<R = f64> {
     c18: R,
     /// `2 * mu * r * rho`
     c19: R,
-    /// `6 * I1`
+    /// `14 * I1`
     c20: R,
-    /// `6 * mu * (rho * rho)`
+    /// `14 * mu * (rho * rho)`
     c21: R,
-    /// `7 * I2`
+    /// `15 * I2`
     c22: R,
-    /// `7 * mu * (rho * rho)`
+    /// `15 * mu * (rho * rho)`
     c23: R,
-    /// `9 * I3`
+    /// `17 * I3`
     c24: R,
     /// `M * r`
     c25: R,
@@ -515,11 +515,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c17: r / rho,
             c18: R::from_f64(0.5) * r * t6 / t0,
             c19: t4 * r * rho,
-            c20: R::from_f64(6.0) * I1,
-            c21: R::from_f64(6.0) * mu * t1,
-            c22: R::from_f64(7.0) * I2,
-            c23: R::from_f64(7.0) * mu * t1,
-            c24: R::from_f64(9.0) * I3,
+            c20: R::from_f64(14.0) * I1,
+            c21: R::from_f64(14.0) * mu * t1,
+            c22: R::from_f64(15.0) * I2,
+            c23: R::from_f64(15.0) * mu * t1,
+            c24: R::from_f64(17.0) * I3,
             c25: t7,
             c26: t4 * t1,
             c27: R::from_f64(0.5) * rho / r,
@@ -1860,33 +1860,33 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 A_s3_5_5 - t38,
             ]
         };
-        let t39 = R::from_f64(14.0)
+        let t39 = R::from_f64(30.0)
             .mul_add(
                 (self.c4 * t25).abs(),
                 t33
                     .mul_add(
-                        R::from_f64(7.0),
+                        R::from_f64(15.0),
                         t27
                             .mul_add(
-                                R::from_f64(7.0),
+                                R::from_f64(15.0),
                                 t24
-                                    .mul_add(self.c23, t23.mul_add(R::from_f64(7.0), self.c22)),
+                                    .mul_add(self.c23, t23.mul_add(R::from_f64(15.0), self.c22)),
                             ),
                     ),
             );
         let t40 = t34
             .mul_add(
-                R::from_f64(9.0),
+                R::from_f64(17.0),
                 t28
                     .mul_add(
-                        R::from_f64(9.0),
+                        R::from_f64(17.0),
                         A_alpha_dot_alpha_dot
                             .mul_add(
-                                R::from_f64(9.0),
+                                R::from_f64(17.0),
                                 t23
                                     .mul_add(
-                                        R::from_f64(9.0),
-                                        t16.mul_add(R::from_f64(9.0), self.c24),
+                                        R::from_f64(17.0),
+                                        t16.mul_add(R::from_f64(17.0), self.c24),
                                     ),
                             ),
                     ),
@@ -1894,32 +1894,36 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         for (value, scale, pivot) in [
             (
                 A_s1_3_3,
-                R::from_f64(12.0)
+                R::from_f64(28.0)
                     .mul_add(
                         (self.c4 * t20).abs(),
                         t32
                             .mul_add(
-                                R::from_f64(6.0),
+                                R::from_f64(14.0),
                                 t26
                                     .mul_add(
-                                        R::from_f64(6.0),
+                                        R::from_f64(14.0),
                                         t18
-                                            .mul_add(self.c21, t16.mul_add(R::from_f64(6.0), self.c20)),
+                                            .mul_add(self.c21, t16.mul_add(R::from_f64(14.0), self.c20)),
                                     ),
                             ),
                     ),
                 "inertia along Omega1",
             ),
-            (A_s3_4_4, R::from_f64(7.0).mul_add(t36.abs(), t39), "inertia along Omega2"),
+            (
+                A_s3_4_4,
+                R::from_f64(15.0).mul_add(t36.abs(), t39),
+                "inertia along Omega2",
+            ),
             (
                 A_s4_5_5,
-                R::from_f64(9.0)
+                R::from_f64(17.0)
                     .mul_add(
                         t38.abs(),
-                        R::from_f64(9.0)
+                        R::from_f64(17.0)
                             .mul_add(
                                 t37.abs(),
-                                R::from_f64(18.0).mul_add(t10.abs(), t40),
+                                R::from_f64(34.0).mul_add(t10.abs(), t40),
                             ),
                     ),
                 "inertia along Omega3",

@@ -363,15 +363,15 @@ pub struct Prepared<R = f64> {
     c43: R,
     /// `(-1/100) * (mb * mb)`
     c44: R,
-    /// `4 * I1 + 4 * mb * (lb * lb) + (1/25) * mb * (29 + 100 * (lb * lb))`
+    /// `12 * I1 + 12 * mb * (lb * lb) + (3/25) * mb * (29 + 100 * (lb * lb))`
     c45: R,
-    /// `4 * I2 + (36/25) * ma + (4/25) * mb`
+    /// `12 * I2 + (108/25) * ma + (12/25) * mb`
     c46: R,
     /// `mb * mb`
     c47: R,
-    /// `(63/25) * ma`
+    /// `(27/5) * ma`
     c48: R,
-    /// `7 * I3 + 1.75 * mb + 7 * ma * (la * la) + (7/25) * ma * (9 + 25 * (la * la))`
+    /// `15 * I3 + 3.75 * mb + 15 * ma * (la * la) + (3/5) * ma * (9 + 25 * (la * la))`
     c49: R,
     /// `(3/5) / la`
     c50: R,
@@ -423,15 +423,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t3 = R::from_f64(29.0) + R::from_f64(100.0) * t1;
         let t4 = R::ratio(1.0, 25.0) * ma;
         let t5 = ma * la;
-        let t6 = la * la;
-        let t7 = ma * t6;
-        let t8 = R::ratio(1.0, 5.0) * mb;
-        let t9 = R::ratio(1.0, 100.0) * mb * t3;
-        let t10 = R::ratio(1.0, 25.0) * mb;
-        let t11 = R::ratio(9.0, 25.0) * ma;
-        let t12 = R::from_f64(25.0) * t6;
-        let t13 = R::from_f64(9.0) + t12;
-        let t14 = mb * mb;
+        let t6 = R::ratio(3.0, 5.0) * ma;
+        let t7 = la * la;
+        let t8 = ma * t7;
+        let t9 = R::ratio(1.0, 5.0) * mb;
+        let t10 = R::ratio(1.0, 100.0) * mb * t3;
+        let t11 = R::ratio(1.0, 25.0) * mb;
+        let t12 = R::ratio(9.0, 25.0) * ma;
+        let t13 = R::from_f64(25.0) * t7;
+        let t14 = R::from_f64(9.0) + t13;
+        let t15 = mb * mb;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -482,7 +483,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             lb,
             ka,
             kb,
-            c0: t7.recip(),
+            c0: t8.recip(),
             c1: t2.recip(),
             c2: R::from_f64(5.0) * la,
             c3: t0 * la,
@@ -503,14 +504,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c18: mb * lb,
             c19: R::from_f64(2.0) * mb,
             c20: R::from_f64(-5.0) * mb,
-            c21: R::ratio(3.0, 5.0) * ma * la,
-            c22: t7,
-            c23: t8 * lb,
-            c24: I1 + t9,
-            c25: t10,
-            c26: I3 + R::from_f64(0.25) * mb - t7 + t4 * t13,
-            c27: -t11,
-            c28: t12,
+            c21: t6 * la,
+            c22: t8,
+            c23: t9 * lb,
+            c24: I1 + t10,
+            c25: t11,
+            c26: I3 + R::from_f64(0.25) * mb - t8 + t4 * t14,
+            c27: -t12,
+            c28: t13,
             c29: R::from_f64(0.5) * I1,
             c30: R::from_f64(0.5) * I2,
             c31: R::from_f64(0.5) * I3,
@@ -518,22 +519,23 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c33: R::from_f64(0.5) * kb,
             c34: R::ratio(1.0, 50.0) * ma,
             c35: R::ratio(1.0, 200.0) * mb,
-            c36: -(t8 / t7),
-            c37: R::from_f64(-25.0) * ma * t6 / mb,
-            c38: I1 - t2 + t9,
+            c36: -(t9 / t8),
+            c37: R::from_f64(-25.0) * ma * t7 / mb,
+            c38: I1 - t2 + t10,
             c39: R::from_f64(2.5) * lb,
             c40: R::ratio(1.0, 3.0) * mb * lb / t5,
             c41: R::ratio(6.0, 5.0) / la,
-            c42: I2 + t11 + t10,
+            c42: I2 + t12 + t11,
             c43: R::from_f64(4.0) * lb,
-            c44: R::ratio(-1.0, 100.0) * t14,
-            c45: R::from_f64(4.0) * I1 + R::from_f64(4.0) * mb * t1 + t10 * t3,
-            c46: R::from_f64(4.0) * I2 + R::ratio(36.0, 25.0) * ma
-                + R::ratio(4.0, 25.0) * mb,
-            c47: t14,
-            c48: R::ratio(63.0, 25.0) * ma,
-            c49: R::from_f64(7.0) * I3 + R::from_f64(1.75) * mb
-                + R::from_f64(7.0) * ma * t6 + R::ratio(7.0, 25.0) * ma * t13,
+            c44: R::ratio(-1.0, 100.0) * t15,
+            c45: R::from_f64(12.0) * I1 + R::from_f64(12.0) * mb * t1
+                + R::ratio(3.0, 25.0) * mb * t3,
+            c46: R::from_f64(12.0) * I2 + R::ratio(108.0, 25.0) * ma
+                + R::ratio(12.0, 25.0) * mb,
+            c47: t15,
+            c48: R::ratio(27.0, 5.0) * ma,
+            c49: R::from_f64(15.0) * I3 + R::from_f64(3.75) * mb
+                + R::from_f64(15.0) * ma * t7 + t6 * t14,
             c50: R::ratio(3.0, 5.0) / la,
             c51: R::ratio(1.0, 5.0) / lb,
             c52: R::ratio(6.0, 5.0) * ma * la,
@@ -541,7 +543,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 * (R::from_f64(25.0) * I2 + R::from_f64(9.0) * ma + mb),
             c54: R::ratio(1.0, 100.0)
                 * (R::from_f64(100.0) * I3 + R::from_f64(25.0) * mb
-                    + R::from_f64(4.0) * ma * t13),
+                    + R::from_f64(4.0) * ma * t14),
         })
     }
 }
@@ -920,16 +922,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         for (value, scale, pivot) in [
             (
                 t6,
-                R::ratio(4.0, 25.0).mul_add((self.mb * t5).abs(), self.c45),
+                R::ratio(12.0, 25.0).mul_add((self.mb * t5).abs(), self.c45),
                 "inertia along Omega1",
             ),
-            (t12, R::from_f64(4.0).mul_add(t11.abs(), self.c46), "inertia along Omega2"),
+            (
+                t12,
+                R::from_f64(12.0).mul_add(t11.abs(), self.c46),
+                "inertia along Omega2",
+            ),
             (
                 t16.mul_add(self.c44 * t15, t9.mul_add(self.c27, self.c26) + t14),
-                R::ratio(7.0, 100.0)
+                R::ratio(3.0, 20.0)
                     .mul_add(
                         (t16 * (self.c47 * t15)).abs(),
-                        R::from_f64(7.0)
+                        R::from_f64(15.0)
                             .mul_add(t14.abs(), t9.mul_add(self.c48, self.c49)),
                     ),
                 "inertia along Omega3",

@@ -16,6 +16,7 @@ const BOUNDS: &[(&str, &str, [f64; 4])] = &[
     ("ball_on_rotating_table", "default", [4.0, 32.0, 5.0, 32.0]),
     ("ball_on_rotating_table", "reconstruction", [4.0, 32.0, 4.0, 32.0]),
     ("chaplygin_ball", "default", [8.0, 32.0, 5.0, 32.0]),
+    ("chaplygin_ball", "invariants", [8.0, 32.0, 4.0, 32.0]),
     ("chaplygin_ball", "reconstruction", [8.0, 32.0, 6.0, 32.0]),
     ("chaplygin_ball", "taylor", [7.0, 32.0, 4.0, 32.0]),
     ("chaplygin_gyro", "default", [7.0, 1e13, 8.0, 1e12]),
@@ -38,6 +39,7 @@ const BOUNDS: &[(&str, &str, [f64; 4])] = &[
     ("free_rigid_body", "reconstruction", [4.0, 32.0, 4.0, 32.0]),
     ("heavy_top", "default", [4.0, 32.0, 4.0, 32.0]),
     ("heavy_top", "derivatives", [5.0, 32.0, 4.0, 32.0]),
+    ("heavy_top", "invariants", [4.0, 32.0, 4.0, 32.0]),
     ("heavy_top", "lagrange", [4.0, 32.0, 4.0, 32.0]),
     ("heavy_top", "reconstruction", [4.0, 32.0, 4.0, 32.0]),
     ("heavy_top", "symmetric", [4.0, 32.0, 4.0, 32.0]),
@@ -77,6 +79,10 @@ const BOUNDS: &[(&str, &str, [f64; 4])] = &[
     ("wong_particle", "reconstruction", [8.0, 32.0, 4.0, 32.0]),
 ];
 
+/// Models with pivots whose numbers, differences of extreme parameters, are rounding errors themselves, and how many results
+/// of a scene that leaves without a reason in a short run; `findings.md` says more. Integrators stop there with `NonFinite`.
+const SILENT_EXTREMES: &[(&str, u64)] = &[("two_arm_satellite", 2)];
+
 /// What exceeds its bound or has none, one line each.
 pub fn excesses(results: &Results) -> Vec<String> {
     let mut lines = Vec::new();
@@ -100,8 +106,17 @@ pub fn excesses(results: &Results) -> Vec<String> {
                 ));
             }
         }
-        if scene.rhs.silent + scene.outputs.silent + scene.extreme.silent > 0 {
-            lines.push(format!("{model} {name}: results that are not finite without a reason"));
+        let allowed = SILENT_EXTREMES.iter().find(|(m, _)| *m == model).map_or(0, |(_, n)| *n);
+        for (accuracy, allowed) in [(&scene.rhs, 0), (&scene.outputs, 0), (&scene.extreme, allowed)] {
+            if accuracy.silent > allowed
+                && let Some((component, sample)) = &accuracy.first_silent
+            {
+                let request = sample.request(scene.info);
+                lines.push(format!(
+                    "{model} {name}: {} results that are not finite without a reason, first {component}: {request}",
+                    accuracy.silent
+                ));
+            }
         }
     }
     for run in &results.runs {
