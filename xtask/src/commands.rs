@@ -24,7 +24,7 @@ use crate::generate;
 use crate::initial;
 use crate::json::number;
 use crate::report;
-use crate::simulate::{MethodName, SimulateRequest, SimulateResponse, Steps};
+use crate::simulate::{MAX_STEPS, MethodName, SimulateRequest, SimulateResponse, Steps};
 use crate::workspace::{Spec, Workspace};
 
 /// Who evaluates a scene.
@@ -557,6 +557,7 @@ pub fn simulate(workspace: &Workspace, choice: &Choice, arguments: &Simulation) 
         samples,
         with_outputs: !targets.is_empty(),
         n_group,
+        max_steps: MAX_STEPS,
     };
     let response = backend.simulate(&request)?;
     let title = title(&model.doc);
@@ -623,6 +624,7 @@ fn motion(model: &Model, arguments: &Report) -> Result<report::Motion, Error> {
         samples: report::SAMPLES,
         with_outputs: true,
         n_group: 0,
+        max_steps: report::MAX_STEPS,
     };
     let response = full.simulate(&request)?;
     // Accuracy is compared without outputs and without the coordinates of the group.

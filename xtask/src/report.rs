@@ -47,6 +47,9 @@ pub struct Precision {
     pub t: f64,
 }
 
+/// A run with more steps, as next to a point where the equations end, is given up: a page is made while somebody waits.
+pub const MAX_STEPS: u64 = 100_000;
+
 /// Relative tolerances of the comparison; the absolute ones are a hundredth.
 const TOLERANCES: [f64; 9] = [1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12];
 /// Tolerances of the solution that others are compared to, and of the one that says how good it is.

@@ -183,6 +183,8 @@ pub struct SimulateRequest {
     pub with_outputs: bool,
     /// How many components at the end of the state are coordinates of the group that the answer shows apart.
     pub n_group: usize,
+    /// Number of steps, rejected ones included, after which a method with adaptive steps gives up.
+    pub max_steps: u64,
 }
 
 /// One state on the way.
@@ -234,7 +236,7 @@ pub(crate) const MAX_INVARIANTS: usize = 64;
 /// Most samples of one run.
 const MAX_SAMPLES: usize = 10_000_000;
 /// Most steps of one run, attempted ones included.
-const MAX_STEPS: u64 = 50_000_000;
+pub(crate) const MAX_STEPS: u64 = 50_000_000;
 /// Most steps whose energies are kept for a figure.
 const MAX_STEPS_SHOWN: usize = 4096;
 
@@ -351,7 +353,17 @@ impl SimulateRequest {
         fields.finish()?;
         let t_final = t_final.unwrap_or(0.0);
         let with_outputs = false;
-        Ok(SimulateRequest { params, initial, t_final, method, steps, samples, with_outputs, n_group })
+        Ok(SimulateRequest {
+            params,
+            initial,
+            t_final,
+            method,
+            steps,
+            samples,
+            with_outputs,
+            n_group,
+            max_steps: MAX_STEPS,
+        })
     }
 
     /// Time of a sample.
@@ -551,10 +563,10 @@ fn run<'d, M: Method<f64, &'d dyn Dynamics>>(
             record.sample(time, &interpolated.0)?;
             next += 1;
         }
-        if solver.stats().steps + solver.stats().rejected > MAX_STEPS
+        if solver.stats().steps + solver.stats().rejected > request.max_steps
             && matches!(request.steps, Steps::Adaptive { .. })
         {
-            let limit = SolverError::TooManySteps { t: solver.t(), limit: MAX_STEPS };
+            let limit = SolverError::TooManySteps { t: solver.t(), limit: request.max_steps };
             return Err(stopped(info, solver.t(), &solver.state().0, &limit));
         }
         if solver.t() == request.t_final {
