@@ -276,7 +276,8 @@ pub(super) struct System {
 pub(super) const MAX_TERMS: usize = 120;
 /// Nothing is multiplied out any more once this many terms of numbers were computed.
 ///
-/// Numbers of a dense metric with parameters grow with every product; no model of `models/specs` needs half of this.
+/// Numbers of a dense metric with parameters grow with every product; the most that was seen in a scene of `models/specs` is
+/// 42 679 (`kirchhoff_body`, derivatives), and not every scene was looked at.
 const MAX_NUMBER_WORK: usize = 100_000;
 /// A higher power of a sum is not multiplied out.
 const MAX_POWER: i32 = 4;
