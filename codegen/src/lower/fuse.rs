@@ -3,7 +3,7 @@
 //! Every rewrite takes operations away or leaves their number as it is. Deliberately does not know: expressions,
 //! classes of values, whether the target has a fused instruction.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 
 use super::number::Signed;
 use super::pack;
@@ -312,48 +312,61 @@ fn absorb_signs(
     for k in 0..instructions.len() {
         let Op::Neg(Operand::Value(negated)) = instructions[k].op else { continue };
         let negated = stands_for[negated as usize];
-        if n_uses[negated] != 1 {
+        // The part that runs once is also read.
+        if n_uses[negated] != 1 && !may_prepare {
             continue;
         }
         // What costs nothing anywhere first; then what adds to the part that runs once.
-        let Some((changed, op)) = [false, may_prepare].into_iter().find_map(|may_prepare| {
-            factors(instructions, &n_uses, &stands_for, negated)
-                .into_iter()
-                .find_map(|v| Some((v, opposite(instructions[v].op, program, may_prepare)?)))
-        }) else {
+        let n_prepared = (program.prepare.instructions.len(), program.prepare.slots.len());
+        let changes = [false, may_prepare].into_iter().find_map(|may_prepare| {
+            let list =
+                Turning { instructions, outputs, n_uses: &n_uses, stands_for: &stands_for, may_prepare };
+            let mut changes = vec![list.opposite(negated, program)?];
+            if n_uses[negated] != 1 {
+                changes.extend(list.in_users(negated, Some(k), program)?);
+            }
+            let changed: BTreeSet<usize> = changes.iter().map(|(v, _)| *v).collect();
+            (changed.len() == changes.len()).then_some(changes)
+        });
+        let Some(changes) = changes else {
+            program.prepare.instructions.truncate(n_prepared.0);
+            program.prepare.slots.truncate(n_prepared.1);
             continue;
         };
-        instructions[changed].op = op;
-        instructions[negated].name = instructions[k].name.take();
-        n_uses[negated] = n_uses[k];
+        for (changed, op) in changes {
+            instructions[changed].op = op;
+        }
+        let name = instructions[k].name.take();
+        // What has other uses keeps its name only with its sign.
+        instructions[negated].name = name;
+        n_uses[negated] += n_uses[k] - 1;
         stands_for[k] = negated;
     }
 
-    let mut moved_to = vec![0; instructions.len()];
-    let mut kept: Vec<Instruction> = Vec::with_capacity(instructions.len());
-    let moved = |o: Operand, moved_to: &[usize]| position(o).map_or(o, |v| operand(moved_to[stands_for[v]]));
-    for (k, mut instruction) in instructions.drain(..).enumerate() {
-        if stands_for[k] == k {
-            moved_to[k] = kept.len();
-            instruction.op = instruction.op.map(|o| moved(o, &moved_to));
-            kept.push(instruction);
-        }
-    }
-    outputs.iter_mut().for_each(|o| *o = moved(*o, &moved_to));
-    *instructions = kept;
+    let replaced = |o: Operand| position(o).map_or(o, |v| operand(stands_for[v]));
+    instructions.iter_mut().for_each(|i| i.op = i.op.map(replaced));
+    outputs.iter_mut().for_each(|o| *o = replaced(*o));
+    drop_dead(instructions, outputs);
 }
 
-/// The same for the part that runs once.
+/// The same for the part that runs once, without what is not read since signs have changed.
 fn absorb_signs_in_prepare(program: &mut Program) {
+    let read: BTreeSet<u32> = (program.functions.iter())
+        .flat_map(|f| {
+            f.instructions.iter().flat_map(|i| i.op.operands()).chain(f.results.iter().map(|(_, o)| *o))
+        })
+        .filter_map(|o| if let Operand::Slot(i) = o { Some(i) } else { None })
+        .collect();
     let mut instructions = std::mem::take(&mut program.prepare.instructions);
-    let slots = program.prepare.slots.iter().map(|slot| Operand::Value(slot.value));
+    let slots = read.iter().map(|i| Operand::Value(program.prepare.slots[*i as usize].value));
     let sides = program.prepare.conditions.iter().flat_map(|c| [c.greater, c.less]);
     let mut outputs: Vec<Operand> = slots.chain(sides).collect();
+    drop_dead(&mut instructions, &mut outputs);
     absorb_signs(program, &mut instructions, &mut outputs, false);
     let mut outputs = outputs.into_iter();
-    for (slot, new) in program.prepare.slots.iter_mut().zip(&mut outputs) {
+    for (i, new) in read.iter().zip(&mut outputs) {
         if let Operand::Value(v) = new {
-            slot.value = v;
+            program.prepare.slots[*i as usize].value = v;
         }
     }
     for condition in &mut program.prepare.conditions {
@@ -364,20 +377,123 @@ fn absorb_signs_in_prepare(program: &mut Program) {
     program.prepare.instructions = instructions;
 }
 
-/// The value and the factors of it, and theirs, that nothing else uses: the opposite of one is the opposite of all.
-fn factors(instructions: &[Instruction], n_uses: &[usize], stands_for: &[usize], root: usize) -> Vec<usize> {
-    let mut factors = vec![root];
-    let mut next = 0;
-    while let Some(v) = factors.get(next) {
-        next += 1;
-        if let Op::Mul(..) | Op::Div(..) | Op::Recip(_) = instructions[*v].op {
-            let operands = instructions[*v].op.operands().filter_map(position).map(|v| stands_for[v]);
-            // The opposite of a definition would need another name.
-            let unnamed = operands.filter(|v| n_uses[*v] == 1 && instructions[*v].name.is_none());
-            factors.extend(unnamed.collect::<Vec<_>>());
+/// Leaves out what no output needs.
+fn drop_dead(instructions: &mut Vec<Instruction>, outputs: &mut [Operand]) {
+    let mut is_live = vec![false; instructions.len()];
+    outputs.iter().filter_map(|o| position(*o)).for_each(|v| is_live[v] = true);
+    for k in (0..instructions.len()).rev() {
+        if is_live[k] {
+            instructions[k].op.operands().filter_map(position).for_each(|v| is_live[v] = true);
         }
     }
-    factors
+    let mut moved_to = vec![0; instructions.len()];
+    let mut kept: Vec<Instruction> = Vec::with_capacity(instructions.len());
+    for (k, mut instruction) in instructions.drain(..).enumerate().filter(|(k, _)| is_live[*k]) {
+        moved_to[k] = kept.len();
+        instruction.op = instruction.op.map(|o| position(o).map_or(o, |v| operand(moved_to[v])));
+        kept.push(instruction);
+    }
+    outputs.iter_mut().for_each(|o| *o = position(*o).map_or(*o, |v| operand(moved_to[v])));
+    *instructions = kept;
+}
+
+/// Instructions whose signs are looked at.
+struct Turning<'a> {
+    instructions: &'a [Instruction],
+    outputs: &'a [Operand],
+    n_uses: &'a [usize],
+    /// What each value was replaced by.
+    stands_for: &'a [usize],
+    may_prepare: bool,
+}
+
+impl Turning<'_> {
+    /// A change of one instruction that gives the value the other sign.
+    fn opposite(&self, v: usize, program: &mut Program) -> Option<(usize, Op)> {
+        let change = |v: usize| Some((v, opposite(self.instructions[v].op, program, self.may_prepare)?));
+        self.factors(v).into_iter().find_map(change)
+    }
+
+    /// The value and the factors of it, and theirs, that nothing else uses: the opposite of one is the opposite of all.
+    fn factors(&self, root: usize) -> Vec<usize> {
+        let mut factors = vec![root];
+        let mut next = 0;
+        while let Some(v) = factors.get(next) {
+            next += 1;
+            if let Op::Mul(..) | Op::Div(..) | Op::Recip(_) = self.instructions[*v].op {
+                let operands = self.operands(*v);
+                // The opposite of a definition would need another name.
+                factors.extend(
+                    operands.filter(|v| self.n_uses[*v] == 1 && self.instructions[*v].name.is_none()),
+                );
+            }
+        }
+        factors
+    }
+
+    fn operands(&self, v: usize) -> impl Iterator<Item = usize> {
+        let operands: Vec<Operand> = self.instructions[v].op.operands().collect();
+        operands.into_iter().filter_map(position).map(|v| self.stands_for[v])
+    }
+
+    fn is_output(&self, v: usize) -> bool {
+        self.outputs.iter().any(|o| position(*o).is_some_and(|o| self.stands_for[o] == v))
+    }
+
+    /// Changes that leave everything as it is when a value gets the other sign, but for one user; none where they would
+    /// cost an operation.
+    fn in_users(&self, v: usize, except: Option<usize>, program: &mut Program) -> Option<Vec<(usize, Op)>> {
+        if self.is_output(v) {
+            return None;
+        }
+        let live = (0..self.instructions.len()).filter(|user| self.stands_for[*user] == *user);
+        let mut changes = Vec::new();
+        for user in live.filter(|user| Some(*user) != except && self.operands(*user).any(|o| o == v)) {
+            let op = self.instructions[user].op;
+            if let Some(in_user) = self.with_opposite(user, v, program) {
+                changes.extend(in_user);
+            } else if let Op::Mul(..) | Op::Div(..) = op
+                && self.instructions[user].name.is_none()
+            {
+                // The product gets the other sign, too: it stands in the list so that nothing else changes it.
+                changes.push((user, op));
+                changes.extend(self.in_users(user, None, program)?);
+            } else {
+                return None;
+            }
+        }
+        Some(changes)
+    }
+
+    /// Changes that leave the value of a user as it is when one of its operands gets the other sign.
+    fn with_opposite(&self, user: usize, v: usize, program: &mut Program) -> Option<Vec<(usize, Op)>> {
+        let is = |o: Operand| position(o).is_some_and(|o| self.stands_for[o] == v);
+        let op = match self.instructions[user].op {
+            Op::MulAdd(Signs { product, addend }, a, b, c) => {
+                Op::MulAdd(Signs { product: product ^ is(a) ^ is(b), addend: addend ^ is(c) }, a, b, c)
+            }
+            Op::Mul(a, b) if is(a) && is(b) => return Some(Vec::new()),
+            Op::Mul(a, b) | Op::Div(a, b) => {
+                let other = if is(a) { b } else { a };
+                if let Some(other) = position(other).map(|o| self.stands_for[o]) {
+                    let is_free = self.n_uses[other] == 1 && self.instructions[other].name.is_none();
+                    return Some(vec![is_free.then(|| self.opposite(other, program)).flatten()?]);
+                }
+                let other = negated(program, other, self.may_prepare)?;
+                match (self.instructions[user].op, is(a)) {
+                    (Op::Mul(..), true) => Op::Mul(a, other),
+                    (Op::Mul(..), false) => Op::Mul(other, b),
+                    (_, true) => Op::Div(a, other),
+                    (_, false) => Op::Div(other, b),
+                }
+            }
+            Op::Add(a, b) if is(a) && !is(b) => Op::Sub(b, a),
+            Op::Add(a, b) if is(b) && !is(a) => Op::Sub(a, b),
+            Op::Sub(a, b) if is(b) && !is(a) => Op::Add(a, b),
+            _ => return None,
+        };
+        Some(vec![(user, op)])
+    }
 }
 
 /// The operation whose value is the opposite, if it costs no more in a function.
@@ -428,8 +544,14 @@ fn negated(program: &mut Program, operand: Operand, may_prepare: bool) -> Option
     if !may_prepare {
         return None;
     }
-    let instruction = Instruction { op: Op::Neg(original), section: 0, name: None };
-    let value = place(&mut program.prepare.instructions, instruction)?;
+    let turned = position(original).map(|v| program.prepare.instructions[v].op);
+    let value = match turned {
+        Some(Op::Neg(Operand::Value(value))) => value,
+        _ => {
+            let instruction = Instruction { op: Op::Neg(original), section: 0, name: None };
+            place(&mut program.prepare.instructions, instruction)?
+        }
+    };
     Some(Operand::Slot(place(&mut program.prepare.slots, Slot { value, name: None })?))
 }
 

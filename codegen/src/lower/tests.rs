@@ -346,6 +346,15 @@ fn signs_cost_nothing_where_a_sum_a_constant_or_a_slot_takes_them() {
         assert_eq!(program.functions[0].counts().neg, 0, "{:?}", program.functions[0]);
         check(&mut f, &program, &[e]);
     }
+    // Everything else that reads the quotient takes the other sign: through a product with a number, too.
+    let (squares, scaled) = (f.g.mul(y, y), f.g.mul(z, z));
+    let scaled = f.g.mul(f.p[0], scaled);
+    let denominator = f.g.add(squares, scaled);
+    let quotient = f.g.div(x, denominator).unwrap();
+    let e = [f.g.neg(quotient), f.g.product(&[f.p[1], z, quotient]), f.g.product(&[quotient, quotient])];
+    let program = f.lower(&e);
+    assert_eq!(program.functions[0].counts().neg, 0, "{:?}", program.functions[0]);
+    check(&mut f, &program, &e);
     // Both signs are wanted: the product is negated once.
     let e = [xy, f.g.neg(xy)];
     let program = f.lower(&e);

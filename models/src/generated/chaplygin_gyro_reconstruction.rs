@@ -1004,7 +1004,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 24 additions, 45 multiplications (23 fused), 1 sign change, 2 elementary functions.
+    /// 24 additions, 45 multiplications (23 fused), 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn momentum(&self, t: R, y: &[R; 16]) -> [R; 8] {
@@ -1018,7 +1018,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             [(-Gamma3).mul_add(t1, Omega3 * t0), (-Omega2).mul_add(t0, Gamma2 * t1)]
         };
         /// momenta p = dL/dy
-        let [p_beta_dot, p_Omega1, p_Omega2, p_Omega3, p_X1, p_X2, p_X3, p_alpha_dot] = {
+        let [p_alpha_dot, p_beta_dot, p_Omega1, p_Omega2, p_Omega3, p_X1, p_X2, p_X3] = {
             let (t2, t3) = alpha.sin_cos();
             let (t4, t5) = beta.sin_cos();
             let t6 = self.rho * t4;
@@ -1031,19 +1031,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t12 = t3 * t6;
             let t13 = t2 * t8;
             let t14 = t12.mul_add(t10, beta_dot.mul_add(t13, (-Omega1).mul_add(t8, X2)));
-            let t15 = self.mu * (-t12).mul_add(t14, t7 * t11);
-            let t16 = t8 * t11;
-            let t17 = (-Omega2)
+            let p_alpha_dot = self.mu * t12.mul_add(t14, -(t7 * t11));
+            let t15 = t8 * t11;
+            let t16 = (-Omega2)
                 .mul_add(t12, Omega1.mul_add(t7, (-beta_dot).mul_add(t6, X3)));
             [
-                self.mu * (-t6).mul_add(t17, t13.mul_add(t14, t3 * t16)),
-                (-self.mu).mul_add((-t7).mul_add(t17, t8 * t14), self.I1 * Omega1),
-                self.mu.mul_add((-t12).mul_add(t17, t16), self.I2 * Omega2),
-                Omega3.mul_add(self.I3, -t15),
+                p_alpha_dot,
+                self.mu * (-t6).mul_add(t16, t13.mul_add(t14, t3 * t15)),
+                (-self.mu).mul_add((-t7).mul_add(t16, t8 * t14), self.I1 * Omega1),
+                self.mu.mul_add((-t12).mul_add(t16, t15), self.I2 * Omega2),
+                Omega3.mul_add(self.I3, p_alpha_dot),
                 t11.mul_add(self.mu, self.c25 * t9),
                 t14.mul_add(self.mu, self.M * X2),
-                t17.mul_add(self.mu, self.M * X3),
-                -t15,
+                t16.mul_add(self.mu, self.M * X3),
             ]
         };
         [p_alpha_dot, p_beta_dot, p_Omega1, p_Omega2, p_Omega3, p_X1, p_X2, p_X3]
@@ -1492,7 +1492,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 30 additions, 51 multiplications (29 fused), 1 sign change, 2 elementary functions.
+    /// 30 additions, 51 multiplications (29 fused), 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn nonholonomic_momentum(&self, t: R, y: &[R; 16]) -> [R; 5] {
@@ -1514,7 +1514,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             ]
         };
         /// momenta p = dL/dy
-        let [t15, p_beta_dot, p_Omega1, p_Omega2, p_Omega3, p_X1, p_X2, p_X3] = {
+        let [p_alpha_dot, p_beta_dot, p_Omega1, p_Omega2, p_Omega3, p_X1, p_X2, p_X3] = {
             let (t3, t4) = alpha.sin_cos();
             let (t5, t6) = beta.sin_cos();
             let t7 = self.rho * t5;
@@ -1525,22 +1525,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t12 = t4 * t7;
             let t13 = t3 * t9;
             let t14 = t12.mul_add(t10, beta_dot.mul_add(t13, (-Omega1).mul_add(t9, X2)));
-            let t15 = self.mu * (-t12).mul_add(t14, t8 * t11);
-            let t16 = t9 * t11;
-            let t17 = (-Omega2)
+            let p_alpha_dot = self.mu * t12.mul_add(t14, -(t8 * t11));
+            let t15 = t9 * t11;
+            let t16 = (-Omega2)
                 .mul_add(t12, Omega1.mul_add(t8, (-beta_dot).mul_add(t7, X3)));
             [
-                t15,
-                self.mu * (-t7).mul_add(t17, t13.mul_add(t14, t4 * t16)),
-                (-self.mu).mul_add((-t8).mul_add(t17, t9 * t14), self.I1 * Omega1),
-                self.mu.mul_add((-t12).mul_add(t17, t16), self.I2 * Omega2),
-                Omega3.mul_add(self.I3, -t15),
+                p_alpha_dot,
+                self.mu * (-t7).mul_add(t16, t13.mul_add(t14, t4 * t15)),
+                (-self.mu).mul_add((-t8).mul_add(t16, t9 * t14), self.I1 * Omega1),
+                self.mu.mul_add((-t12).mul_add(t16, t15), self.I2 * Omega2),
+                Omega3.mul_add(self.I3, p_alpha_dot),
                 t11.mul_add(self.mu, self.M * X1),
                 t14.mul_add(self.mu, self.M * X2),
-                t17.mul_add(self.mu, self.M * X3),
+                t16.mul_add(self.mu, self.M * X3),
             ]
         };
-        let p_alpha_dot = -t15;
         [
             p_alpha_dot,
             p_beta_dot,

@@ -243,7 +243,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 5 additions, 23 multiplications, 12 divisions, 3 sign changes.
+    /// 5 additions, 23 multiplications, 12 divisions, 2 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I3, m, r, g } = *params;
         for (value, condition, meaning) in [
@@ -304,7 +304,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c5: R::from_f64(2.0) / t1,
             c6: t4 / t1,
             c7: R::from_f64(2.0) * m * t0,
-            c8: -(R::ONE - t3 * (t4 / t6 - I1 / t6)).recip(),
+            c8: (t3 * (t4 / t6 - I1 / t6) - R::ONE).recip(),
             c9: R::from_f64(0.5) * A_Omega3_Omega3,
             c10: R::from_f64(0.5) * I1,
             c11: t7 * g,

@@ -161,7 +161,7 @@ pub struct Prepared<R = f64> {
     I3: R,
     /// `(I2 - I3) / I1`
     c0: R,
-    /// `-((I1 - I3) / I2)`
+    /// `(I3 - I1) / I2`
     c1: R,
     /// `(I1 - I2) / I3`
     c2: R,
@@ -190,7 +190,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 6 multiplications, 3 divisions, 1 sign change.
+    /// 3 additions, 6 multiplications, 3 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3 } = *params;
         for (value, condition, meaning) in [
@@ -240,7 +240,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             I2,
             I3,
             c0: (I2 - I3) / I1,
-            c1: -((I1 - I3) / I2),
+            c1: (I3 - I1) / I2,
             c2: (I1 - I2) / I3,
             c3: R::from_f64(0.5) * I1,
             c4: R::from_f64(0.5) * I2,

@@ -181,9 +181,9 @@ pub struct Prepared<R = f64> {
     J0: R,
     /// Parameter `J1`.
     J1: R,
-    /// `(J + 2 * J1) / (m * (r * r))`
+    /// `-((J + 2 * J1) / (m * (r * r)))`
     c0: R,
-    /// `-((J + 2 * J1 - m * (r * r)) / (m * (r * r)))`
+    /// `(J + 2 * J1 - m * (r * r)) / (m * (r * r))`
     c1: R,
     /// `m * (r * r) / (J + J0 + 2 * J1)`
     c2: R,
@@ -276,8 +276,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Ok(Self {
             J0,
             J1,
-            c0: t1 / t2,
-            c1: -((t1 - t2) / t2),
+            c0: -(t1 / t2),
+            c1: (t1 - t2) / t2,
             c2: t2 / t3,
             c3: R::from_f64(2.0) * J0 / t3,
             c4: R::from_f64(0.5) * J0,
@@ -310,14 +310,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 7 multiplications (1 fused), 1 division, 1 sign change, 1 elementary function.
+    /// 1 addition, 7 multiplications (1 fused), 1 division, 1 elementary function.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 5], dy: &mut [R; 5]) {
         let [_, phi, psi_dot, phi_dot, s] = *y;
         let _ = t;
         let (t0, t1) = phi.sin_cos();
-        let t2 = s * phi_dot * t1 / self.c0.mul_add(t0 * t0, t1 * t1);
-        *dy = [psi_dot, phi_dot, -t2, R::ZERO, t2 * (self.c1 * t0)];
+        let t2 = s * phi_dot * t1 / self.c0.mul_add(t0 * t0, -(t1 * t1));
+        *dy = [psi_dot, phi_dot, t2, R::ZERO, t2 * (self.c1 * t0)];
     }
 
     /// Energy.
@@ -387,7 +387,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [_, phi, _, phi_dot, s] = *y;
         let _ = t;
         let (t0, t1) = phi.sin_cos();
-        let t2 = phi_dot * s / self.c0.mul_add(t0 * t0, t1 * t1);
+        let t2 = phi_dot * s / (-self.c0).mul_add(t0 * t0, t1 * t1);
         [t2 * (self.c11 * t0), self.c10 * (s * s) * t0 * t1, t2 * (self.c7 * t1)]
     }
 

@@ -147,9 +147,9 @@ impl<R: ::hamel_runtime::Real> State<R> {
 pub struct Prepared<R = f64> {
     /// Parameter `J1`.
     J1: R,
-    /// `(J + 2 * J1) / (m * (r * r))`
+    /// `-((J + 2 * J1) / (m * (r * r)))`
     c0: R,
-    /// `-((J + 2 * J1 - m * (r * r)) / (m * (r * r)))`
+    /// `(J + 2 * J1 - m * (r * r)) / (m * (r * r))`
     c1: R,
     /// `m * (r * r) / (J + J0 + 2 * J1)`
     c2: R,
@@ -229,8 +229,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(Self {
             J1,
-            c0: t1 / t2,
-            c1: -((t1 - t2) / t2),
+            c0: -(t1 / t2),
+            c1: (t1 - t2) / t2,
             c2: t2 / t3,
             c3: R::from_f64(2.0) * J0 / t3,
             c4: R::from_f64(0.5) * J0,
@@ -257,14 +257,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 7 multiplications (1 fused), 1 division, 1 sign change, 1 elementary function.
+    /// 1 addition, 7 multiplications (1 fused), 1 division, 1 elementary function.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 4], dy: &mut [R; 4]) {
         let [phi, _, phi_dot, s] = *y;
         let _ = t;
         let (t0, t1) = phi.sin_cos();
-        let t2 = s * phi_dot * t1 / self.c0.mul_add(t0 * t0, t1 * t1);
-        *dy = [phi_dot, -t2, R::ZERO, t2 * (self.c1 * t0)];
+        let t2 = s * phi_dot * t1 / self.c0.mul_add(t0 * t0, -(t1 * t1));
+        *dy = [phi_dot, t2, R::ZERO, t2 * (self.c1 * t0)];
     }
 
     /// Energy.

@@ -203,9 +203,9 @@ pub struct Prepared<R = f64> {
     J0: R,
     /// Parameter `J1`.
     J1: R,
-    /// `(J + 2 * J1) / (m * (r * r))`
+    /// `-((J + 2 * J1) / (m * (r * r)))`
     c0: R,
-    /// `-((J + 2 * J1 - m * (r * r)) / (m * (r * r)))`
+    /// `(J + 2 * J1 - m * (r * r)) / (m * (r * r))`
     c1: R,
     /// `m * (r * r) / (J + J0 + 2 * J1)`
     c2: R,
@@ -299,8 +299,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             r,
             J0,
             J1,
-            c0: t1 / t2,
-            c1: -((t1 - t2) / t2),
+            c0: -(t1 / t2),
+            c1: (t1 - t2) / t2,
             c2: t2 / t3,
             c3: R::from_f64(2.0) * J0 / t3,
             c4: R::from_f64(0.5) * J0,
@@ -333,20 +333,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 11 multiplications (1 fused), 1 division, 3 sign changes, 2 elementary functions.
+    /// 1 addition, 11 multiplications (1 fused), 1 division, 2 sign changes, 2 elementary functions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 8], dy: &mut [R; 8]) {
         let [_, phi, psi_dot, phi_dot, s, theta, _, _] = *y;
         let _ = t;
         let (t0, t1) = phi.sin_cos();
         let t2 = s * t1;
-        let t3 = phi_dot * t2 / self.c0.mul_add(t0 * t0, t1 * t1);
+        let t3 = phi_dot * t2 / self.c0.mul_add(t0 * t0, -(t1 * t1));
         let (t4, t5) = theta.sin_cos();
         let t6 = self.r * t2;
         *dy = [
             psi_dot,
             phi_dot,
-            -t3,
+            t3,
             R::ZERO,
             t3 * (self.c1 * t0),
             s * t0,
@@ -422,7 +422,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [_, phi, _, phi_dot, s, _, _, _] = *y;
         let _ = t;
         let (t0, t1) = phi.sin_cos();
-        let t2 = phi_dot * s / self.c0.mul_add(t0 * t0, t1 * t1);
+        let t2 = phi_dot * s / (-self.c0).mul_add(t0 * t0, t1 * t1);
         [t2 * (self.c11 * t0), self.c10 * (s * s) * t0 * t1, t2 * (self.c7 * t1)]
     }
 

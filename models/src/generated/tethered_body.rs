@@ -196,7 +196,7 @@ pub struct Prepared<R = f64> {
     m: R,
     /// `(I2 - I3) / I1`
     c0: R,
-    /// `-((I1 - I3) / I2)`
+    /// `(I3 - I1) / I2`
     c1: R,
     /// `(I1 - I2) / I3`
     c2: R,
@@ -231,7 +231,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 8 multiplications, 4 divisions, 1 sign change.
+    /// 3 additions, 8 multiplications, 4 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, m, k } = *params;
         for (value, condition, meaning) in [
@@ -290,7 +290,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             I3,
             m,
             c0: (I2 - I3) / I1,
-            c1: -((I1 - I3) / I2),
+            c1: (I3 - I1) / I2,
             c2: (I1 - I2) / I3,
             c3: k / m,
             c4: R::from_f64(0.5) * I1,
