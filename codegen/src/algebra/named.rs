@@ -1,5 +1,7 @@
 //! The algebras one knows by name, each from its defining matrices or its textbook brackets.
 
+use std::collections::BTreeMap;
+
 use num_traits::{One, Zero};
 
 use crate::error::Error;
@@ -80,51 +82,89 @@ pub(super) fn defining_matrices(name: &str) -> Option<Vec<Matrix>> {
     }
 }
 
-/// Frobenius inner product.
-fn inner(a: &Matrix, b: &Matrix) -> Rational {
-    let mut sum = Rational::zero();
-    for i in 0..a.n_rows() {
-        for (x, y) in a.row(i).iter().zip(b.row(i)).filter(|(x, y)| !x.is_zero() && !y.is_zero()) {
-            sum += x * y;
+/// The entries of a matrix that are not zero.
+type Entries = BTreeMap<(usize, usize), Rational>;
+
+fn entries(m: &Matrix) -> Entries {
+    let row = |i: usize| m.row(i).iter().enumerate().map(move |(j, x)| ((i, j), x));
+    (0..m.n_rows()).flat_map(row).filter(|(_, x)| !x.is_zero()).map(|(at, x)| (at, x.clone())).collect()
+}
+
+/// `to += scale * m`.
+fn add_scaled(to: &mut Entries, scale: &Rational, m: &Entries) {
+    for (at, x) in m {
+        let entry = to.entry(*at).or_insert_with(Rational::zero);
+        *entry += scale * x;
+        if entry.is_zero() {
+            to.remove(at);
         }
     }
-    sum
+}
+
+/// `a b - b a`.
+fn commutator(a: &Entries, b: &Entries) -> Entries {
+    let mut value = Entries::new();
+    for ((i, j), x) in a {
+        for ((_, k), y) in b.range((*j, 0)..(*j + 1, 0)) {
+            *value.entry((*i, *k)).or_insert_with(Rational::zero) += x * y;
+        }
+    }
+    for ((i, j), x) in b {
+        for ((_, k), y) in a.range((*j, 0)..(*j + 1, 0)) {
+            *value.entry((*i, *k)).or_insert_with(Rational::zero) -= x * y;
+        }
+    }
+    value.retain(|_, x| !x.is_zero());
+    value
 }
 
 /// The algebra spanned by linearly independent matrices that are closed under commutators.
 ///
-/// Coordinates of a commutator come from the Gram matrix of the basis,.
+/// Coordinates of a commutator come from the Gram matrix of the basis in the Frobenius inner product.
 fn from_matrices(name: &str, matrices: &[Matrix]) -> Result<LieAlgebra, Error> {
     let n = matrices.len();
-    let mut gram = Matrix::zeros(n, n);
-    for a in 0..n {
-        for b in 0..n {
-            gram.set(a, b, inner(&matrices[a], &matrices[b]));
+    let matrices: Vec<Entries> = matrices.iter().map(entries).collect();
+    // Who has something where.
+    let mut owners: BTreeMap<(usize, usize), Vec<(usize, &Rational)>> = BTreeMap::new();
+    for (c, m) in matrices.iter().enumerate() {
+        m.iter().for_each(|(at, x)| owners.entry(*at).or_default().push((c, x)));
+    }
+    // Inner products with the basis that are not zero.
+    let products = |m: &Entries| -> BTreeMap<usize, Rational> {
+        let mut products: BTreeMap<usize, Rational> = BTreeMap::new();
+        for (at, x) in m {
+            for (c, y) in owners.get(at).into_iter().flatten() {
+                *products.entry(*c).or_insert_with(Rational::zero) += x * *y;
+            }
         }
+        products
+    };
+    let mut gram = Matrix::zeros(n, n);
+    for (a, m) in matrices.iter().enumerate() {
+        products(m).into_iter().for_each(|(b, product)| gram.set(a, b, product));
     }
     let unusable = || Error::Unsupported {
         what: format!("an algebra {name} of matrices that are dependent or not closed under commutators"),
         possible: "independent matrices whose commutators they span".into(),
     };
-    let dual = gram.inverse().ok_or_else(unusable)?;
+    let dual = entries(&gram.inverse().ok_or_else(unusable)?);
     let mut brackets = Vec::new();
     for a in 0..n {
         for b in a + 1..n {
-            let mut rest = matrices[a].times(&matrices[b]).minus(&matrices[b].times(&matrices[a]));
-            let products: Vec<Rational> = matrices.iter().map(|m| inner(m, &rest)).collect();
-            let mut value = Vec::new();
-            for c in 0..n {
-                let terms = dual.row(c).iter().zip(&products).filter(|(_, p)| !p.is_zero());
-                let q: Rational = terms.map(|(d, p)| d * p).sum();
-                if !q.is_zero() {
-                    rest = rest.minus(&matrices[c].scaled(&q));
-                    value.push((c, q));
+            let mut rest = commutator(&matrices[a], &matrices[b]);
+            let mut coordinates: BTreeMap<usize, Rational> = BTreeMap::new();
+            for (d, product) in products(&rest) {
+                // The dual basis has a symmetric Gram matrix.
+                for ((_, c), x) in dual.range((d, 0)..(d + 1, 0)) {
+                    *coordinates.entry(*c).or_insert_with(Rational::zero) += x * &product;
                 }
             }
-            if !rest.is_zero() {
+            coordinates.retain(|_, q| !q.is_zero());
+            coordinates.iter().for_each(|(c, q)| add_scaled(&mut rest, &-q, &matrices[*c]));
+            if !rest.is_empty() {
                 return Err(unusable());
             }
-            brackets.push((a, b, value));
+            brackets.push((a, b, coordinates.into_iter().collect()));
         }
     }
     let basis = (1..=n).map(|k| format!("e{k}")).collect();

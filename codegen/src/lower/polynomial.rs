@@ -71,6 +71,8 @@ pub(super) struct Numbers {
     by_expr: HashMap<ExprId, Option<Coefficient>>,
     products: FxHashMap<(u32, u32), Coefficient>,
     quotients: FxHashMap<(u32, u32), Option<Coefficient>>,
+    /// Reciprocals; none of what is zero everywhere.
+    reciprocals: FxHashMap<u32, Option<ExprId>>,
     sums: FxHashMap<(Coefficient, Coefficient), Option<Coefficient>>,
     /// Terms of the numbers computed so far: a measure of work that is the same on every machine.
     pub(super) work: usize,
@@ -175,7 +177,7 @@ impl Numbers {
         let quotient = match self.quotients.get(&key) {
             Some(known) => *known,
             None => {
-                let quotient = self.quotient(graph, self.exprs[key.0 as usize], self.exprs[key.1 as usize]);
+                let quotient = self.quotient(graph, key);
                 self.quotients.insert(key, quotient);
                 quotient
             }
@@ -194,9 +196,12 @@ impl Numbers {
         self.of(graph, e)
     }
 
-    fn quotient(&mut self, graph: &mut Graph, a: ExprId, b: ExprId) -> Option<Coefficient> {
-        let inverse = graph.power_product(&[(b, -Rational::one())]).ok()?;
-        let e = graph.mul(a, inverse);
+    fn quotient(&mut self, graph: &mut Graph, (a, b): (u32, u32)) -> Option<Coefficient> {
+        let (a, divisor) = (self.exprs[a as usize], self.exprs[b as usize]);
+        let reciprocal = self.reciprocals.entry(b);
+        let reciprocal =
+            reciprocal.or_insert_with(|| graph.power_product(&[(divisor, -Rational::one())]).ok());
+        let e = graph.mul(a, (*reciprocal)?);
         let denominators = |e: ExprId| -> Vec<(ExprId, Rational)> {
             match graph.node(e) {
                 Node::Product { factors, .. } => {
