@@ -2,12 +2,13 @@
 //!
 //! Deliberately does not know: how any of it was computed.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
 use num_traits::One;
 
 use crate::error::spell_vector;
-use crate::expr::{ExprId, Graph, Style, identifier, rational_to_f64};
+use crate::expr::{ExprId, Graph, Style, SymbolId, identifier, rational_to_f64};
 use crate::mechanics::{Equations, solved_velocity};
 use crate::reduction::{KinematicConstraint, Stages, Tensor};
 use crate::scene::BuiltScene;
@@ -505,15 +506,31 @@ impl Page {
     fn equations(&mut self, equations: &Equations) {
         self.title("Equations of motion");
         let g = &equations.system.graph;
+        let ignorable: Vec<String> = equations.facts.ignorable.iter().map(|n| self.name(n)).collect();
+        if !ignorable.is_empty() {
+            let zeros: Vec<String> = ignorable.iter().map(|n| format!("{n} = 0")).collect();
+            let [list, zeros] = [ignorable, zeros].map(|list| self.inline(&self.list(&list)));
+            self.line(&format!(
+                "No rate depends on {list}: the state equations and what they need are taken at {zeros}."
+            ));
+        }
+        // What the state equations need is shown as they need it, everything else as it was derived.
+        let mut shown = used_by_state_equations(equations);
+        let mut names: BTreeSet<&str> = shown.iter().map(|symbol| g.name(*symbol)).collect();
+        for definition in equations.sections.iter().flat_map(|section| &section.definitions) {
+            if names.insert(g.name(definition.symbol)) {
+                shown.insert(definition.symbol);
+            }
+        }
         for section in &equations.sections {
-            let title = self.prose(&section.title);
-            self.line(&title);
-            let rows: Vec<(String, String)> = section
-                .definitions
-                .iter()
-                .map(|d| (self.name(g.name(d.symbol)), g.display(d.expr, self.style)))
-                .collect();
-            self.formulas(&rows);
+            let definitions = section.definitions.iter().filter(|d| shown.contains(&d.symbol));
+            let rows: Vec<(String, String)> =
+                definitions.map(|d| (self.name(g.name(d.symbol)), g.display(d.expr, self.style))).collect();
+            if !rows.is_empty() {
+                let title = self.prose(&section.title);
+                self.line(&title);
+                self.formulas(&rows);
+            }
         }
         self.line("state equations");
         let rows: Vec<(String, String)> = equations
@@ -646,4 +663,27 @@ fn escape(text: &str) -> String {
         }
     }
     out
+}
+
+/// Definitions that the derivative of the state, the energy and the pivots need, one through another.
+fn used_by_state_equations(equations: &Equations) -> BTreeSet<SymbolId> {
+    let g = &equations.system.graph;
+    let definitions: BTreeMap<SymbolId, ExprId> = (equations.sections.iter())
+        .flat_map(|section| section.definitions.iter().map(|d| (d.symbol, d.expr)))
+        .collect();
+    let rates = equations.state.iter().map(|s| s.derivative);
+    let pivots = equations.pivots.iter().map(|p| p.expr);
+    let mut pending: Vec<ExprId> =
+        rates.chain(pivots).chain([equations.energy, equations.energy_rate]).collect();
+    let mut used = BTreeSet::new();
+    while let Some(e) = pending.pop() {
+        for symbol in g.free_symbols(e) {
+            if let Some(value) = definitions.get(&symbol)
+                && used.insert(symbol)
+            {
+                pending.push(*value);
+            }
+        }
+    }
+    used
 }

@@ -41,6 +41,9 @@ pub struct Facts {
     pub constants: Vec<String>,
     /// Whether the energy rate vanishes identically.
     pub energy_is_conserved: bool,
+    /// Base coordinates that the derivation mentions and no rate depends on: the state equations are taken where they are
+    /// zero (a point of the circle: at the angle zero).
+    pub ignorable: Vec<String>,
     /// In the multiplier form: whether it vanishes once the constraint holds.
     pub energy_is_conserved_on_constraint: bool,
     /// For linear constraints: whether they are integrable, i.e. the allowed velocities form a subalgebroid.

@@ -16,12 +16,16 @@ pub(super) fn settle(equations: &mut Equations) {
     let (zero, one) = (equations.system.graph.zero(), equations.system.graph.one());
     let circles = equations.system.circles.clone();
     for x in equations.system.algebroid.base().to_vec() {
+        let before: Vec<ExprId> = equations.state.iter().map(|s| s.derivative).collect();
         match circles.iter().find(|c| [c.cosine, c.sine].contains(&x)) {
             None => set_to(equations, BTreeMap::from([(x, zero)])),
             Some(circle) if x == circle.cosine => {
                 set_to(equations, BTreeMap::from([(circle.cosine, one), (circle.sine, zero)]));
             }
             Some(_) => {}
+        }
+        if !equations.state.iter().map(|s| s.derivative).eq(before) {
+            equations.facts.ignorable.push(equations.system.graph.name(x).to_owned());
         }
     }
     let roots: Vec<ExprId> = equations.roots().into_iter().copied().collect();
