@@ -48,7 +48,7 @@ __attribute__((noinline)) static void copy(const double *p, double t, const doub
 
 #define COUNT(...) (int)(sizeof((double[]){__VA_ARGS__}) / sizeof(double))
 #define KERNEL(name, convention, lanes, dimension, object, symbol, ...)                                            \
-    {name, convention, lanes, dimension, object, symbol, COUNT(__VA_ARGS__), {__VA_ARGS__}, NULL, NULL, NULL, NULL, 0, NULL},
+    {name, convention, lanes, dimension, object, symbol, COUNT(__VA_ARGS__), {__VA_ARGS__}, NULL, NULL, NULL, NULL, 0, NULL}
 static struct kernel kernels[] = {
     {"-/-/copy", PLAIN, 1, 6, NULL, NULL, 0, {0}, NULL, NULL, NULL, NULL, 0, NULL},
 #include "kernels.h"
