@@ -47,10 +47,12 @@ def diagonal(a):
     return [[a[i] if i == j else 0 for j in range(len(a))] for i in range(len(a))]
 
 
-def about(inertia, m, s, square):
-    """`I - m [s]x^2` with `square = s . s`, which is often simpler than the sum."""
-    n = range(3)
-    return [[inertia[i][j] + m * ((square if i == j else 0) - s[i] * s[j]) for j in n] for i in n]
+def about(inertia, m, s):
+    """`I - m [s]x^2`."""
+    matrix = [[inertia[i][j] - m * (s[i] * s[j]) for j in range(3)] for i in range(3)]
+    for i, j, k in [(0, 1, 2), (1, 2, 0), (2, 0, 1)]:
+        matrix[i][i] = inertia[i][i] + m * (s[j] * s[j] + s[k] * s[k])
+    return matrix
 
 
 def solve(matrix, right):
@@ -71,6 +73,13 @@ def solve(matrix, right):
         for i in range(k + 1, n):
             x[k] = x[k] - a[i][k] * x[i]
     return x
+
+
+def solve_about(inertia, m, s, right, square=None):
+    """`(I - m [s]x^2) x = right` of a diagonal `I`: a diagonal and a term of rank one (Sherman and Morrison)."""
+    reciprocals = [1 / (i + m * (dot(s, s) if square is None else square)) for i in inertia]
+    u, x = each(reciprocals, s), each(reciprocals, right)
+    return add(x, scale(m * dot(s, x) * (1 / (1 - m * dot(s, u))), u))
 
 
 def heavy_top(f, p, s):
@@ -104,7 +113,7 @@ def euler_disk(f, p, s):
     force = add(scale(p["M"], cross(frame, cross(omega, arm))), [0, weight * sine, weight * cosine])
     inertia = [p["I1"], p["I1"], p["I3"]]
     torque = add(cross(each(inertia, omega), frame), cross(force, arm))
-    rate = solve(about(diagonal(inertia), p["M"], arm, dot(arm, arm)), torque)
+    rate = solve(about(diagonal(inertia), p["M"], arm), torque)
     phi_ddot = (rate[1] - frame[2] * s["theta_dot"]) / sine
     psi_ddot = rate[2] - phi_ddot * cosine + frame[1] * s["theta_dot"]
     return [s["theta_dot"], s["phi_dot"], rate[0], phi_ddot, psi_ddot]
@@ -121,19 +130,24 @@ def euler_disk_advected(f, p, s):
     velocity = add(scale(r * turning, [0 - u[1], u[0], 0]), cross(omega, arm))
     force = add(scale(p["g"], gamma), cross(omega, velocity))
     torque = add(cross(each(inertia, omega), omega), scale(p["m"], cross(force, arm)))
-    return solve(about(diagonal(inertia), p["m"], arm, r * r), torque) + cross(gamma, omega)
+    return solve_about(inertia, p["m"], arm, torque, r * r) + cross(gamma, omega)
 
 
 def chaplygin_ball(f, p, s):
-    """About the contact, from which the mass centre is at `a = r Gamma + l chi`; `a' + Omega x a = l Omega x chi`."""
+    """About the contact, from which the mass centre is at `a = r Gamma + l chi`, so that `a' + Omega x a = l Omega x chi`.
+
+    The torque of gravity and of that acceleration is `m l (g + r |Omega|^2) Gamma x chi + m l (Omega . chi) Omega x a`.
+    """
     omega, gamma = vector(s, "Omega"), vector(s, "Gamma")
     inertia, chi = vector(p, "I"), vector(p, "chi")
     arm = add(scale(p["r"], gamma), scale(p["l"], chi))
     ml = p["m"] * p["l"]
-    force = cross(omega, cross(omega, chi))
-    torque = add(scale(p["g"], cross(gamma, chi)), cross(force, arm))
-    torque = add(cross(each(inertia, omega), omega), scale(ml, torque))
-    return solve(about(diagonal(inertia), p["m"], arm, dot(arm, arm)), torque) + cross(gamma, omega)
+    torque = add(
+        cross(each(inertia, omega), omega),
+        scale(ml * (p["g"] + p["r"] * dot(omega, omega)), cross(gamma, chi)),
+        scale(ml * dot(omega, chi), cross(omega, arm)),
+    )
+    return solve_about(inertia, p["m"], arm, torque) + cross(gamma, omega)
 
 
 def snakeboard(f, p, s):
@@ -170,7 +184,7 @@ def two_arm_satellite(f, p, s):
         d[plane[0]], d[plane[1]] = 0 - lever[plane[1]], lever[plane[0]]
         r, rate = add(hinge, lever), s[f"{x}_dot"]
         c = add(cross(omega, cross(omega, r)), scale(2 * rate, cross(omega, d)), scale(0 - rate * rate, lever))
-        locked = about(locked, m, r, dot(r, r))
+        locked = about(locked, m, r)
         torque = add(torque, scale(m, cross(c, r)))
         arms.append((m * length * length, scale(m, cross(r, d)), 0 - k * s[x] - m * dot(d, c)))
     (own_a, b_a, force_a), (own_b, b_b, force_b) = arms

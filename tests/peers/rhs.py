@@ -262,7 +262,7 @@ def source(problem, code):
     include, linkage = ("cmath", 'extern "C"') if code.language == "C++" else ("math.h", "")
     return (
         f"#include <{include}>\n{code.inner}\n"
-        f"{linkage} void kernel(const double *__restrict p, double t, const double *__restrict y, double *__restrict dy) {{\n"
+        f"{linkage} __attribute__((flatten)) void kernel(const double *__restrict p, double t, const double *__restrict y, double *__restrict dy) {{\n"
         f"    (void)t;\n    {body}\n}}\n"
     )
 
