@@ -226,13 +226,13 @@ def by_symforce(problem):
     yield Code("SymForce C++", "C++", inner, call)
 
 
-# Package, and what makes code of a problem with it.
+# Packages, the releases that this was written for, and what makes code of a problem with them.
 GENERATORS = {
-    "wrenfold": by_wrenfold,
-    "sympy": by_sympy,
-    "casadi": by_casadi,
-    "heyoka": by_heyoka,
-    "symforce": by_symforce,
+    "wrenfold": ("0.5.3", by_wrenfold),
+    "sympy": ("1.14.0", by_sympy),
+    "casadi": ("3.8.2", by_casadi),
+    "heyoka": ("7.13.2", by_heyoka),
+    "symforce": ("0.12.0", by_symforce),
 }
 
 
@@ -296,11 +296,16 @@ def compilers():
 
 def run(command):
     """What went wrong, or nothing."""
-    outcome = subprocess.run(list(map(str, command)), capture_output=True, text=True)
+    try:
+        outcome = subprocess.run(list(map(str, command)), capture_output=True, text=True)
+    except OSError as e:
+        return f"{command[0]} could not be started ({e.strerror})"
     if outcome.returncode == 0:
         return None
     said = outcome.stderr.strip().splitlines()
-    return next((line for line in said if "error" in line), said[-1] if said else f"{command[0]} failed")
+    # Without the path before it: the report names none.
+    errors = [line.split("error:")[-1].strip() for line in said if "error" in line]
+    return (errors or said or [f"{pathlib.Path(command[0]).name} failed"])[0]
 
 
 def jobs(problem, code, found):
@@ -382,12 +387,10 @@ def main():
     found = compilers()
     if not found:
         raise SystemExit("no C compiler: install gcc or clang")
-    if not RUSTC:
-        note("Rust of wrenfold is not measured: no rustc in the path")
     problems = [Problem(name) for name in MODELS if name in sys.argv[3:]]
     codes, missing = [], []
     say(f"work {len(problems) * len(GENERATORS)} generating")
-    for package, generate in GENERATORS.items():
+    for package, (_, generate) in GENERATORS.items():
         try:
             using(f"{package} {importlib.metadata.version(package)}")
         except importlib.metadata.PackageNotFoundError:
@@ -400,8 +403,9 @@ def main():
                     note(f"{problem.model} by {package} is not measured: {type(e).__name__}: {str(e).splitlines()[0]}")
             say("round")
     if missing:
-        note(f"not measured, for they are not installed: {', '.join(missing)}; `pip install {' '.join(missing)}`")
-    tasks = [job for problem, code in codes for job in jobs(problem, code, found) if RUSTC or job[0][0]]
+        wanted = " ".join(f"{package}=={GENERATORS[package][0]}" for package in missing)
+        note(f"{', '.join(missing)} not measured, for not installed: `pip install {wanted}`")
+    tasks = [job for problem, code in codes for job in jobs(problem, code, found)]
     kernels = []
     for (_, kernel), said in in_parallel("compiling", lambda task: run(task[0]), tasks):
         if said:
@@ -416,12 +420,12 @@ def main():
         else:
             right.append(kernel)
     if not right:
-        raise SystemExit("no package is installed: pip install " + " ".join(GENERATORS))
+        raise SystemExit("no package that generates code is installed")
     program(right, found)
 
 
 OUT, TARGET = pathlib.Path(sys.argv[1]).resolve(), sys.argv[2]
 MARCH = [] if TARGET == "baseline" else [f"-march={TARGET}"]
-RUSTC = os.environ.get("RUSTC") or shutil.which("rustc")
+RUSTC = os.environ.get("RUSTC", "rustc")
 OUT.mkdir(parents=True, exist_ok=True)
 main()
