@@ -22,10 +22,6 @@ def add(*vectors):
     return [sum(terms[1:], terms[0]) for terms in zip(*vectors)]
 
 
-def sub(a, b):
-    return [x - y for x, y in zip(a, b)]
-
-
 def scale(s, a):
     return [s * x for x in a]
 

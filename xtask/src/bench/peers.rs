@@ -38,7 +38,8 @@ pub(super) struct Generated {
 /// The command that runs a script of `tests/peers` with the interpreter that `PYTHON` names.
 pub(super) fn script(workspace: &Workspace, name: &str) -> Command {
     let mut command = Command::new(std::env::var_os("PYTHON").unwrap_or_else(|| "python3".into()));
-    command.arg(workspace.root().join("tests/peers").join(name));
+    // Without files of compiled modules beside the scripts.
+    command.arg("-B").arg(workspace.root().join("tests/peers").join(name));
     command
 }
 
