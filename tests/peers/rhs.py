@@ -261,11 +261,13 @@ def source(problem, code):
             for key, name, x in code.angles
         ]
         body = "\n    ".join([*parts, f"{loop} {{ {body} }}"])
-    include, linkage = ("cmath", 'extern "C"') if code.language == "C++" else ("math.h", "")
+    include, linkage = ("cmath", 'extern "C" ') if code.language == "C++" else ("math.h", "")
+    # Long functions are not inlined otherwise: their arguments go through memory then, and loops over lanes stay scalar.
     return (
         f"#include <{include}>\n{code.inner}\n"
-        f"{linkage} __attribute__((flatten)) void kernel(const double *__restrict p, double t, const double *__restrict y, double *__restrict dy) {{\n"
-        f"    (void)t;\n    {body}\n}}\n"
+        f"{linkage}__attribute__((flatten)) void kernel(\n"
+        "    const double *__restrict p, double t, const double *__restrict y, double *__restrict dy\n"
+        f") {{\n    (void)t;\n    {body}\n}}\n"
     )
 
 
@@ -290,7 +292,11 @@ def compilers():
         if family not in found and shutil.which(name) and shutil.which(plus):
             # Apple's gcc is clang.
             said = subprocess.run([name, "--version"], capture_output=True, text=True).stdout.splitlines()[0]
-            if family in ("clang", said.split()[0]):
+            if family not in ("clang", said.split()[0]):
+                continue
+            if wrong := run([name, *FLAGS, *MARCH, "-x", "c", os.devnull, "-o", OUT / "probe.so"]):
+                note(f"{said} is not used: {wrong}")
+            else:
                 found[family] = (name, plus)
                 using(said)
     return found

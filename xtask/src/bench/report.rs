@@ -485,7 +485,7 @@ mod tests {
         let ns = ["1.00", "2.00", "able", "C,", "clang", "0.50"];
         let lanes = ["0.40", "0.50", "able", "C,", "gcc", "0.80"];
         assert_eq!(words, [&instructions[..], &ns, &lanes].concat());
-        for every in ["able C  50 / 2.0 / 0.5", "bare        - / 4.0 / -"] {
+        for every in ["able C  50 / 2.0 / 0.5", "bare       - / 4.0 / -"] {
             assert!(text.contains(every), "{every} in {text}");
         }
         let chart = with_peers(true).chart();
