@@ -139,11 +139,8 @@ pub fn wp(workspace: &Workspace, options: &Options) -> Result<String, Error> {
     }
     bar.finish_and_clear();
     if options.peers {
-        match peers(workspace, &models) {
-            Ok((found, said)) => {
-                found.into_iter().for_each(|(model, point)| points.entry(model).or_default().push(point));
-                notes.extend(said);
-            }
+        match peers(workspace, &models, &mut points) {
+            Ok(said) => notes.extend(said),
             Err(note) => notes.push(note),
         }
     }
@@ -160,18 +157,21 @@ pub fn wp(workspace: &Workspace, options: &Options) -> Result<String, Error> {
     Ok(text)
 }
 
-/// Runs the script of the integrators in Python, whose lines are those of the measuring program after the model's name; the
-/// solutions and notes.
-fn peers(workspace: &Workspace, models: &[String]) -> Result<(Vec<(String, Point)>, Vec<String>), String> {
+/// Runs the script of the integrators in Python, whose lines are those of the measuring program after the model's name, and
+/// adds their solutions; the notes.
+fn peers(
+    workspace: &Workspace,
+    models: &[String],
+    points: &mut BTreeMap<String, Vec<Point>>,
+) -> Result<Vec<String>, String> {
     let mut command = super::peers::script(workspace, "wp.py");
     command.args(models);
-    let mut found = Vec::new();
     let said = super::peers::listen(command, "integrators in Python", |line| {
         let (model, point) = line.split_once(';')?;
-        found.push((model.to_owned(), Point::parse(point)?));
+        points.entry(model.to_owned()).or_default().push(Point::parse(point)?);
         Some(())
     })?;
-    Ok((found, said.notes))
+    Ok(said.notes)
 }
 
 #[cfg(test)]

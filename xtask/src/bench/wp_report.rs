@@ -243,6 +243,14 @@ mod tests {
     }
 
     #[test]
+    fn a_lane_is_shown_but_is_nobodys_opponent() {
+        let mut report = report();
+        report.models[0].1.push(point("heyoka 1", "taylor in 8 lanes", 1e-14, 0.5));
+        assert!(!report.best().text().contains("heyoka"));
+        assert!(report.text().contains("taylor in 8 lanes"));
+    }
+
+    #[test]
     fn every_solver_is_a_curve_and_a_page_is_whole() {
         let report = report();
         let chart = report.chart("heavy_top", &report.models[0].1);
