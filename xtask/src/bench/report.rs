@@ -367,7 +367,8 @@ fn beside<'a>(
 ) -> [String; 4] {
     let best = others.filter_map(|r| Some((value(r)?, &r.kernel.kind))).min_by(|a, b| a.0.total_cmp(&b.0));
     let theirs = best.map(|(x, _)| x);
-    let ratio = own.zip(theirs).filter(|(_, theirs)| *theirs > RESOLUTION).map(|(own, theirs)| own / theirs);
+    let ratio = own.zip(theirs).filter(|(own, theirs)| own.min(*theirs) > RESOLUTION);
+    let ratio = ratio.map(|(own, theirs)| own / theirs);
     let by = best.map_or_else(String::new, |(_, kind)| kind.clone());
     [number(own, digits), number(theirs, digits), by, number(ratio, 2)]
 }
