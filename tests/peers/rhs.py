@@ -286,8 +286,9 @@ class Kernel:
 def compilers():
     """The C compilers that are found, each with the C++ compiler beside it."""
     found = {}
-    versions = range(40, 9, -1)
-    for name, plus in [("gcc", "g++"), ("clang", "clang++"), *((f"clang-{v}", f"clang++-{v}") for v in versions)]:
+    # The newest clang.
+    numbered = [(f"clang-{v}", f"clang++-{v}") for v in range(40, 9, -1)]
+    for name, plus in [("gcc", "g++"), *numbered, ("clang", "clang++")]:
         family = name.split("-")[0]
         if family not in found and shutil.which(name) and shutil.which(plus):
             # Apple's gcc is clang.
