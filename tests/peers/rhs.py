@@ -284,7 +284,7 @@ class Kernel:
 
 
 def compilers():
-    """The C compilers that are found, each with the C++ compiler beside it."""
+    """The C compilers that are found, each with the C++ compiler beside it and its version."""
     found = {}
     # The newest clang.
     numbered = [(f"clang-{v}", f"clang++-{v}") for v in range(40, 9, -1)]
@@ -298,8 +298,7 @@ def compilers():
             if wrong := run([name, *FLAGS, *MARCH, "-x", "c", os.devnull, "-o", OUT / "probe.so"]):
                 note(f"{said} is not used: {wrong}")
             else:
-                found[family] = (name, plus)
-                using(said)
+                found[family] = (name, plus, said)
     return found
 
 
@@ -337,7 +336,7 @@ def jobs(problem, code, found):
         command = [RUSTC, "--edition=2024", "--crate-type=cdylib", "-Copt-level=3", "-Cpanic=abort", *cpu]
         yield command + ["-o", library, text], Kernel(problem, code.kind, 1, "PLAIN", "kernel", library)
         return
-    for family, (c, plus) in found.items():
+    for family, (c, plus, _) in found.items():
         library = OUT / f"{stem}_{family}.so"
         extra = [*FAST, *(["-fveclib=libmvec"] if family == "clang" else [])] if code.lanes > 1 else []
         command = [plus if code.language == "C++" else c, *FLAGS, *MARCH, *extra, text, "-o", library]
@@ -411,6 +410,8 @@ def main():
                 except Exception as e:  # Whatever a package throws, the others are measured.
                     note(f"{problem.model} by {package} is not measured: {type(e).__name__}: {str(e).splitlines()[0]}")
             say("round")
+    for *_, version in found.values():
+        using(version)
     if missing:
         wanted = " ".join(f"{package}=={GENERATORS[package][0]}" for package in missing)
         note(f"{', '.join(missing)} not measured, for not installed: `pip install {wanted}`")
