@@ -71,24 +71,25 @@ pub(super) fn listen(
 ) -> Result<Said, String> {
     let bar = progress(1);
     let mut said = Said::default();
-    let outcome = converse(command, "tests/peers", &bar, |line| match line.split_once(' ') {
-        Some(("work", rest)) => {
-            let (n, what) = rest.split_once(' ')?;
-            bar.set_length(n.parse().ok()?);
-            bar.set_position(0);
-            bar.set_message(format!("{what} peers"));
-            Some(())
-        }
-        Some(("using", rest)) => {
-            said.using.push(rest.to_owned());
-            Some(())
-        }
-        Some(("note", rest)) => {
-            said.notes.push(rest.to_owned());
-            Some(())
-        }
-        _ => take(line),
-    });
+    let outcome =
+        converse(command, "python3, or what PYTHON names", &bar, |line| match line.split_once(' ') {
+            Some(("work", rest)) => {
+                let (n, what) = rest.split_once(' ')?;
+                bar.set_length(n.parse().ok()?);
+                bar.set_position(0);
+                bar.set_message(format!("{what} peers"));
+                Some(())
+            }
+            Some(("using", rest)) => {
+                said.using.push(rest.to_owned());
+                Some(())
+            }
+            Some(("note", rest)) => {
+                said.notes.push(rest.to_owned());
+                Some(())
+            }
+            _ => take(line),
+        });
     bar.finish_and_clear();
     match outcome {
         Ok(()) => Ok(said),

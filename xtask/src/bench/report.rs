@@ -231,7 +231,7 @@ impl Report {
             ]);
         }
         let source = format!(
-            "The best peer for each system, **measured elsewhere**: {}. Instructions of the same instruction set can be \
+            "The best peer for each system, measured elsewhere: {}. Instructions of the same instruction set can be \
              compared; nanoseconds of two machines only roughly, as what a call takes above the copy kernel ({:.2} ns here, \
              {:.1} ns there).",
             peers::CITATION,
