@@ -1,180 +1,183 @@
-"""Integrators in Python on the problems of `cargo xtask bench wp`, which starts this script.
+"""Integrators in Python on the problems of `cargo xtask bench wp --peers`, which starts this script.
 
     python3 tests/peers/wp.py <model>..
 
-Prints a line `<model>;<by>;<method>;<tolerance>;<error>;<evaluations>;<steps>;<ns>` a solution; models without equations
-here are passed over. Right-hand sides are vector algebra in the frame of the generated code, with parameters at run time,
-and are checked against the reference points before anything is timed.
+Integrates the first trajectory of every model that `equations` has; others are passed over. Right-hand sides are checked
+against the reference points before anything is timed. Prints lines
+
+    work <n> <what>     n pieces of work begin, each of which ends with a line `round`
+    using <text>        a package with its version
+    note <text>         what is not measured, and why
+    <model>;<by>;<method>;<tolerance>;<error>;<evaluations>;<steps>;<ns>    a solution
 """
 
-import json
-import pathlib
+import math
 import sys
 import time
+import warnings
 
-import heyoka as hy
+from equations import MODELS, Problem
 
-REFERENCE = pathlib.Path(__file__).resolve().parent.parent / "reference"
 TOLERANCES = [f"1e-{k}" for k in range(3, 16)]
 ROUNDS = 100
+LANES = 8
 # Error that a right-hand side may have, relative to its largest component: rounding, amplified near singular states.
 ACCURACY = 1e-13
 
 
-def add(a, b):
-    return [x + y for x, y in zip(a, b)]
+class Trajectory(Problem):
+    """A problem with start and end of its first trajectory."""
+
+    def __init__(self, model):
+        super().__init__(model)
+        self.t_end = float(self.trajectory["t_final"])
+        self.start = self.numbers(self.trajectory["initial"], self.state)
+        self.end = self.numbers(self.trajectory["final"], self.state)
+        self.values = self.numbers(self.trajectory["params"], self.params)
+
+    def off(self, state):
+        return max(abs(x - y) / (1.0 + abs(y)) for x, y in zip(state, self.end))
+
+    def check(self, evaluate):
+        if not (error := self.error(evaluate)) <= ACCURACY:
+            raise SystemExit(f"{self.model}: the equations here are off by {error:e}")
 
 
-def scale(s, a):
-    return [s * x for x in a]
+def fastest(rounds, solution):
+    """Nanoseconds of the fastest of some solutions."""
+    times = []
+    for _ in range(rounds):
+        clock = time.perf_counter_ns()
+        solution()
+        times.append(time.perf_counter_ns() - clock)
+    return min(times)
 
 
-def dot(a, b):
-    return sum(x * y for x, y in zip(a, b))
+def by_heyoka(problem, tolerance):
+    """Taylor series, one trajectory and the same in every lane of a batch; the step is compiled before the clock starts."""
+    import heyoka
+
+    n_params = len(problem.params)
+    state = [heyoka.expression(n) for n in problem.state]
+    rates = problem.rates(heyoka, [heyoka.par[i] for i in range(n_params)], state)
+    rates = [rate if isinstance(rate, heyoka.expression) else heyoka.expression(float(rate)) for rate in rates]
+    function = heyoka.cfunc(rates, state)
+    problem.check(lambda params, y: function(y, pars=params))
+    system = list(zip(state, rates))
+
+    solver = heyoka.taylor_adaptive(system, problem.start, pars=problem.values, tol=tolerance)
+
+    def solution():
+        solver.time = 0.0
+        solver.state[:] = problem.start
+        return solver.propagate_until(problem.t_end)[3]
+
+    steps = solution()
+    yield "taylor", problem.off(solver.state), steps, steps, fastest(ROUNDS, solution)
+
+    lanes = [[x] * LANES for x in problem.start]
+    batch = heyoka.taylor_adaptive_batch(
+        system, lanes, pars=[[x] * LANES for x in problem.values], tol=tolerance
+    )
+
+    def solutions():
+        batch.set_time(0.0)
+        batch.state[:] = lanes
+        batch.propagate_until(problem.t_end)
+
+    solutions()
+    steps = max(lane[3] for lane in batch.propagate_res)
+    ns = fastest(ROUNDS, solutions) / LANES
+    yield f"taylor in {LANES} lanes", max(map(problem.off, batch.state.T)), steps, steps, ns
 
 
-def cross(a, b):
-    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+def by_scipy(problem, tolerance):
+    """DOP853, whose right-hand side numba compiles where it is installed."""
+    import numpy
+    from scipy.integrate import solve_ivp
+
+    # SciPy replaces tolerances under this one by it.
+    if tolerance < 100 * numpy.finfo(float).eps:
+        return
+    right = compiled(problem)
+    if right is None:
+
+        def right(t, y):
+            return problem.rates(math, problem.values, y)
+
+    problem.check(lambda params, y: right(0.0, numpy.array(y)))
+
+    def solution():
+        return solve_ivp(right, (0.0, problem.t_end), problem.start, "DOP853", rtol=tolerance, atol=tolerance)
+
+    found = solution()
+    # Two evaluations choose the first step, each further step has twelve.
+    ns = fastest(ROUNDS // 10, solution)
+    yield "dop853", problem.off(found.y[:, -1]), found.nfev, (found.nfev - 2) // 12, ns
 
 
-def diagonal(a):
-    return [[a[i] if i == j else 0.0 for j in range(3)] for i in range(3)]
+def compiled(problem):
+    """The right-hand side as numba compiles it from what sympy shares and prints; none where either is missing."""
+    if problem.model not in COMPILED:
+        COMPILED[problem.model] = None
+        try:
+            import numba
+            import numpy
+            import sympy
+        except ImportError:
+            return None
+        state = [sympy.Symbol(n, real=True) for n in problem.state]
+        rates = problem.rates(sympy, problem.values, state)
+        rhs = numba.njit(sympy.lambdify(state, rates, "math", cse=True))
+        scope = {"rhs": rhs, "array": numpy.array}
+        arguments = ", ".join(f"y[{i}]" for i in range(len(state)))
+        # The zero makes floats of rates that are whole numbers.
+        exec(f"def right(t, y):\n    return array(rhs({arguments})) + 0.0", scope)
+        COMPILED[problem.model] = numba.njit(scope["right"])
+    return COMPILED[problem.model]
 
 
-def times(matrix, a):
-    return [dot(row, a) for row in matrix]
+COMPILED = {}
+INTEGRATORS = {"heyoka": by_heyoka, "scipy": by_scipy}
 
 
-def about(inertia, m, s):
-    """I - m [s]x^2."""
-    square = dot(s, s)
-    return [
-        [inertia[i][j] + m * ((square if i == j else 0.0) - s[i] * s[j]) for j in range(3)] for i in range(3)
-    ]
+def version(name):
+    """The package with its version, or nothing."""
+    try:
+        return f"{name} {__import__(name).__version__}"
+    except ImportError:
+        return None
 
 
-def solve(matrix, right):
-    """By L D L^T, one reciprocal a pivot."""
-    n = len(right)
-    a, x, reciprocals = [row[:] for row in matrix], right[:], []
-    for k in range(n):
-        reciprocals.append(1.0 / a[k][k])
-        for i in range(k + 1, n):
-            factor = a[i][k] * reciprocals[k]
-            for j in range(i, n):
-                a[i][j] = a[j][i] = a[i][j] - factor * a[j][k] if j != k else a[i][j]
-            x[i] = x[i] - factor * x[k]
-            a[k][i] = factor
-    x = [value * r for value, r in zip(x, reciprocals)]
-    for k in reversed(range(n)):
-        for i in range(k + 1, n):
-            x[k] = x[k] - a[k][i] * x[i]
-    return x
+def say(line):
+    print(line, flush=True)
 
 
-def heavy_top(p, s):
-    omega, gamma = [s[f"Omega{i}"] for i in "123"], [s[f"Gamma{i}"] for i in "123"]
-    inertia, chi = [p[f"I{i}"] for i in "123"], [p[f"chi{i}"] for i in "123"]
-    momentum = [i * w for i, w in zip(inertia, omega)]
-    torque = add(cross(momentum, omega), scale(p["m"] * p["g"] * p["l"], cross(gamma, chi)))
-    return [t / i for t, i in zip(torque, inertia)] + cross(gamma, omega)
+def main():
+    warnings.simplefilter("ignore")
+    problems = [Trajectory(name) for name in sys.argv[1:] if name in MODELS]
+    names = {package: version(package) for package in INTEGRATORS}
+    missing = [package for package, name in names.items() if not name]
+    if len(missing) == len(INTEGRATORS):
+        raise SystemExit(f"neither of {', '.join(missing)} is installed")
+    if missing:
+        say(f"note integrators of {', '.join(missing)} are not measured, for it is not installed")
+    elif not (version("numba") and version("sympy")):
+        say("note SciPy calls the right-hand side in Python, for numba or sympy is not installed")
+    say(f"work {len(problems) * len(TOLERANCES) * (len(INTEGRATORS) - len(missing))} integrating")
+    for problem in problems:
+        for package, name in names.items():
+            if name is None:
+                continue
+            if package == "scipy" and compiled(problem):
+                name = f"{name} and {version('numba')}"
+            rows = []
+            for tolerance in TOLERANCES:
+                rows += [(tolerance, *row) for row in INTEGRATORS[package](problem, float(tolerance))]
+                say("round")
+            # One method after the other: the report takes runs of lines for curves.
+            for tolerance, method, error, evaluations, steps, ns in sorted(rows, key=lambda row: row[1]):
+                say(f"{problem.model};{name};{method};{tolerance};{error:e};{evaluations};{steps};{ns}")
 
 
-def euler_disk(p, s):
-    sine, cosine = hy.sin(s["theta"]), hy.cos(s["theta"])
-    frame = [s["theta_dot"], s["phi_dot"] * sine, s["phi_dot"] * cosine]
-    omega = add(frame, [0.0, 0.0, s["psi_dot"]])
-    arm = [0.0, p["r"], 0.5 * p["e"] * p["r"]]
-    inertia = diagonal([p["I1"], p["I1"], p["I3"]])
-    gravity = scale(-1.0 * p["M"] * p["g"], [0.0, sine, cosine])
-    force = add(scale(p["M"], cross(frame, cross(omega, arm))), scale(-1.0, gravity))
-    torque = scale(-1.0, add(cross(frame, times(inertia, omega)), cross(arm, force)))
-    rate = solve(about(inertia, p["M"], arm), torque)
-    phi_ddot = (rate[1] - s["phi_dot"] * s["theta_dot"] * cosine) / sine
-    psi_ddot = rate[2] - phi_ddot * cosine + s["phi_dot"] * s["theta_dot"] * sine
-    return [s["theta_dot"], s["phi_dot"], rate[0], phi_ddot, psi_ddot]
-
-
-def chaplygin_ball(p, s):
-    omega, gamma = [s[f"Omega{i}"] for i in "123"], [s[f"Gamma{i}"] for i in "123"]
-    inertia, chi = diagonal([p[f"I{i}"] for i in "123"]), [p[f"chi{i}"] for i in "123"]
-    contact = add(scale(p["r"], gamma), scale(p["l"], chi))
-    velocity = add(scale(p["r"], cross(gamma, omega)), cross(omega, contact))
-    torque = add(cross(times(inertia, omega), omega), scale(p["m"] * p["g"] * p["l"], cross(gamma, chi)))
-    torque = add(torque, scale(-1.0 * p["m"], cross(contact, cross(omega, velocity))))
-    return solve(about(inertia, p["m"], contact), torque) + cross(gamma, omega)
-
-
-def two_arm_satellite(p, s):
-    omega = [s[f"Omega{i}"] for i in "123"]
-    inertia = diagonal([p[f"I{i}"] for i in "123"])
-    matrix, torque, arms = inertia, cross(times(inertia, omega), omega), []
-    for x, m, length, k, hinge, plane in [
-        ("alpha", "ma", "la", "ka", [0.6, 0.0, 0.0], (0, 1)),
-        ("beta", "mb", "lb", "kb", [0.0, 0.5, 0.2], (1, 2)),
-    ]:
-        lever, d = [0.0] * 3, [0.0] * 3
-        lever[plane[0]], lever[plane[1]] = p[length] * hy.cos(s[x]), p[length] * hy.sin(s[x])
-        d[plane[0]], d[plane[1]] = -1.0 * lever[plane[1]], lever[plane[0]]
-        r, rate = add(hinge, lever), s[f"{x}_dot"]
-        c = add(cross(omega, cross(omega, r)), scale(2.0 * rate, cross(omega, d)))
-        c = add(c, scale(-1.0 * rate * rate, lever))
-        b, own = scale(p[m], cross(r, d)), p[m] * p[length] * p[length]
-        h = -1.0 * p[k] * s[x] - p[m] * dot(d, c)
-        matrix = about(matrix, p[m], r)
-        matrix = [[matrix[i][j] - b[i] * b[j] / own for j in range(3)] for i in range(3)]
-        torque = add(torque, scale(-1.0, add(scale(p[m], cross(r, c)), scale(h / own, b))))
-        arms.append((b, own, h))
-    rate = solve(matrix, torque)
-    return [s["alpha_dot"], s["beta_dot"]] + [(h - dot(b, rate)) / own for b, own, h in arms] + rate
-
-
-MODELS = {f.__name__: f for f in (heavy_top, euler_disk, chaplygin_ball, two_arm_satellite)}
-STATES = {
-    "heavy_top": "Omega1 Omega2 Omega3 Gamma1 Gamma2 Gamma3",
-    "euler_disk": "theta phi theta_dot phi_dot psi_dot",
-    "chaplygin_ball": "Omega1 Omega2 Omega3 Gamma1 Gamma2 Gamma3",
-    "two_arm_satellite": "alpha beta alpha_dot beta_dot Omega1 Omega2 Omega3",
-}
-
-
-def check(model, names, symbols, rates, params, points):
-    function = hy.cfunc(rates, vars=symbols)
-    for point in points:
-        found = function([float(point["state"][n]) for n in names], pars=[float(x) for x in params])
-        wanted = [float(point["derivative"][n]) for n in names]
-        error = max(abs(x - y) for x, y in zip(found, wanted)) / max(1.0, *map(abs, wanted))
-        if not error <= ACCURACY:
-            raise SystemExit(f"{model}: the equations here are off by {error:e}")
-
-
-def measure(model):
-    file = json.loads((REFERENCE / f"{model}.json").read_text())
-    case, trajectory = file["cases"][0], file["trajectories"][0]
-    names, t_end = STATES[model].split(), float(trajectory["t_final"])
-    symbols = [hy.expression(n) for n in names]
-    params = {name: hy.par[i] for i, name in enumerate(trajectory["params"])}
-    values = [float(x) for x in trajectory["params"].values()]
-    rates = MODELS[model](params, dict(zip(names, symbols)))
-    check(model, names, symbols, rates, [case["params"][n] for n in params], case["points"])
-    start = [float(trajectory["initial"][n]) for n in names]
-    end = [float(trajectory["final"][n]) for n in names]
-    for tolerance in TOLERANCES:
-        solver = hy.taylor_adaptive(list(zip(symbols, rates)), start, pars=values, tol=float(tolerance))
-
-        def solution():
-            solver.time = 0.0
-            solver.state[:] = start
-            clock = time.perf_counter_ns()
-            outcome = solver.propagate_until(t_end)
-            return time.perf_counter_ns() - clock, outcome
-
-        _, outcome = solution()
-        error = max(abs(x - y) / (1.0 + abs(y)) for x, y in zip(solver.state, end))
-        ns = min(solution()[0] for _ in range(ROUNDS))
-        print(f"{model};heyoka {hy.__version__};taylor;{tolerance};{error:e};{outcome[3]};{outcome[3]};{ns}", flush=True)
-
-
-for name in sys.argv[1:]:
-    if name in MODELS:
-        measure(name)
+main()

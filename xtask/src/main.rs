@@ -283,7 +283,7 @@ enum Bench {
     ///
     /// Measures every generated right-hand side and, for eight systems, the same equations written by an expert, by vector
     /// algebra with nalgebra, and without reduction with multipliers; prints a table, with the best other generators
-    /// beside it as they were measured elsewhere. Times are those of the fastest and the median of all rounds, in each of
+    /// beside it, measured in the same run with --peers and otherwise elsewhere. Times are those of the fastest and the median of all rounds, in each of
     /// which all right-hand sides are called in turn. Instructions are counted by valgrind's callgrind where that is
     /// installed. When all models are measured, docs/benchmarks/rhs.md, rhs.csv and rhs.svg are written.
     ///
@@ -292,7 +292,8 @@ enum Bench {
 Examples:
   cargo xtask bench rhs                                  everything; writes docs/benchmarks
   cargo xtask bench rhs heavy_top euler_disk             two models; writes nothing
-  cargo xtask bench rhs --target-cpu native --rounds 500 the instructions of this machine, and a longer measurement")]
+  cargo xtask bench rhs --target-cpu native --rounds 500 the instructions of this machine, and a longer measurement
+  cargo xtask bench rhs --peers                          other generators as well; see tests/peers/README.md")]
     Rhs {
         /// Names of models; all when none is given
         models: Vec<String>,
@@ -302,6 +303,9 @@ Examples:
         /// Instruction set to compile for [default: x86-64-v3 where this machine has it, otherwise baseline]
         #[arg(long, value_enum)]
         target_cpu: Option<TargetCpu>,
+        /// Generate, compile and measure the same right-hand sides by other tools, too; PYTHON names the interpreter
+        #[arg(long)]
+        peers: bool,
     },
     /// Whole integrations: time against the error at the end
     ///
@@ -546,9 +550,9 @@ fn run(task: Task) -> Result<String, Error> {
             };
             ensemble::ensemble(&workspace, &args.scene.choice(), &arguments)
         }
-        Task::Bench { what: Bench::Rhs { models, rounds, target_cpu } } => {
+        Task::Bench { what: Bench::Rhs { models, rounds, target_cpu, peers } } => {
             let target_cpu = target_cpu.unwrap_or_else(TargetCpu::of_host);
-            bench::rhs(&workspace, &bench::Options { models, rounds, target_cpu })
+            bench::rhs(&workspace, &bench::Options { models, rounds, target_cpu, peers })
         }
         Task::Bench { what: Bench::Wp { models, rounds, target_cpu, peers } } => {
             let target_cpu = target_cpu.unwrap_or_else(TargetCpu::of_host);

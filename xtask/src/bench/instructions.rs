@@ -4,7 +4,7 @@
 //!
 //! Deliberately does not know: which kernels there are, times.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -16,21 +16,19 @@ use super::Kernel;
 const SWEEPS: u64 = 50;
 
 /// Counts with valgrind.
-pub(super) struct Counter {
-    program: PathBuf,
-}
+pub(super) struct Counter;
 
 impl Counter {
     /// Whether valgrind can be started; otherwise why nothing is counted.
-    pub(super) fn find(program: &Path) -> Result<Counter, String> {
+    pub(super) fn find() -> Result<Counter, String> {
         match Command::new("valgrind").arg("--version").output() {
-            Ok(output) if output.status.success() => Ok(Counter { program: program.to_owned() }),
+            Ok(output) if output.status.success() => Ok(Counter),
             _ => Err("instructions are not counted: valgrind is not installed, or is not in the path".into()),
         }
     }
 
-    /// Instructions of one call of each kernel; none where the program ends in an error under valgrind.
-    pub(super) fn count(&self, kernels: &[Kernel], bar: &ProgressBar) -> Vec<Option<f64>> {
+    /// Instructions of one call of each kernel of a program; none where it ends in an error under valgrind.
+    pub(super) fn count(&self, program: &Path, kernels: &[Kernel], bar: &ProgressBar) -> Vec<Option<f64>> {
         bar.set_message("counting instructions");
         // Counts do not depend on what else runs.
         let n_threads = std::thread::available_parallelism().map_or(1, usize::from).min(kernels.len().max(1));
@@ -40,7 +38,7 @@ impl Counter {
             loop {
                 let k = next.fetch_add(1, Ordering::Relaxed);
                 let Some(kernel) = kernels.get(k) else { return done };
-                done.push((k, self.count_one(kernel)));
+                done.push((k, count_one(program, kernel)));
                 bar.inc(1);
             }
         };
@@ -53,25 +51,25 @@ impl Counter {
         });
         counts
     }
+}
 
-    fn count_one(&self, kernel: &Kernel) -> Option<f64> {
-        let (less, n_less) = self.run(kernel, SWEEPS)?;
-        let (more, n_more) = self.run(kernel, 2 * SWEEPS)?;
-        Some(more.checked_sub(less)? as f64 / n_more.checked_sub(n_less)? as f64)
-    }
+fn count_one(program: &Path, kernel: &Kernel) -> Option<f64> {
+    let (less, n_less) = run(program, kernel, SWEEPS)?;
+    let (more, n_more) = run(program, kernel, 2 * SWEEPS)?;
+    Some(more.checked_sub(less)? as f64 / n_more.checked_sub(n_less)? as f64)
+}
 
-    /// Instructions of the whole program, and the calls that it made.
-    fn run(&self, kernel: &Kernel, sweeps: u64) -> Option<(u64, u64)> {
-        let output = Command::new("valgrind")
-            .args(["--tool=callgrind", "--callgrind-out-file=/dev/null"])
-            .arg(&self.program)
-            .args(["call", &sweeps.to_string(), &kernel.name()])
-            .output()
-            .ok()?;
-        let calls = String::from_utf8_lossy(&output.stdout).trim().parse().ok()?;
-        output.status.success().then_some(())?;
-        Some((collected(&String::from_utf8_lossy(&output.stderr))?, calls))
-    }
+/// Instructions of the whole program, and the calls that it made.
+fn run(program: &Path, kernel: &Kernel, sweeps: u64) -> Option<(u64, u64)> {
+    let output = Command::new("valgrind")
+        .args(["--tool=callgrind", "--callgrind-out-file=/dev/null"])
+        .arg(program)
+        .args(["call", &sweeps.to_string(), &kernel.name()])
+        .output()
+        .ok()?;
+    let calls = String::from_utf8_lossy(&output.stdout).trim().parse().ok()?;
+    output.status.success().then_some(())?;
+    Some((collected(&String::from_utf8_lossy(&output.stderr))?, calls))
 }
 
 /// The number in callgrind's line `==1== Collected : 12345`.

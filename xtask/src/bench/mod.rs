@@ -82,6 +82,8 @@ pub struct Options {
     pub rounds: u32,
     /// The instruction set.
     pub target_cpu: TargetCpu,
+    /// Whether other code generators are measured, too.
+    pub peers: bool,
 }
 
 impl Options {
@@ -90,6 +92,7 @@ impl Options {
         let mut words = vec!["cargo xtask bench rhs".to_owned()];
         words.extend(self.models.iter().cloned());
         words.push(format!("--rounds {} --target-cpu {}", self.rounds, self.target_cpu.name()));
+        words.extend(self.peers.then(|| "--peers".to_owned()));
         words.join(" ")
     }
 }
@@ -101,7 +104,7 @@ pub struct Kernel {
     pub model: String,
     /// Name of the scene.
     pub scene: String,
-    /// By what means it is written.
+    /// By what means it is written; that of a peer names the compiler after a comma.
     pub kind: String,
     /// States of one call.
     pub lanes: u32,
@@ -121,7 +124,7 @@ impl Kernel {
 
     /// The kernel of a line of `hamel-bench list`.
     fn parse(line: &str) -> Option<Kernel> {
-        let (name, lanes) = line.split_once(' ')?;
+        let (name, lanes) = line.rsplit_once(' ')?;
         let lanes: u32 = lanes.parse().ok()?;
         let mut parts = name.split('/').map(str::to_owned);
         let (model, scene, kind) = (parts.next()?, parts.next()?, parts.next()?);
@@ -156,34 +159,33 @@ pub fn rhs(workspace: &Workspace, options: &Options) -> Result<String, Error> {
         options.models.iter().map(|m| workspace.spec(m)).collect::<Result<_, _>>()?
     };
     let program = build(workspace, options.target_cpu, &[])?;
-    let kernels: Vec<Kernel> = list(&program)?
-        .into_iter()
-        .filter(|k| k.is_copy() || specs.iter().any(|s| s.name == k.model))
-        .filter(|k| k.scene != bridge::RECONSTRUCTION_SCENE)
-        .collect();
-    let (counter, mut notes) = match instructions::Counter::find(&program) {
-        Ok(counter) => (Some(counter), Vec::new()),
-        Err(note) => (None, vec![note]),
-    };
-    let n_counted = if counter.is_some() { kernels.len() } else { 0 };
-    let bar = progress(u64::from(options.rounds) + n_counted as u64);
-    let timings = time(&program, &kernels, options.rounds, &bar)?;
-    let counted = counter.map_or_else(|| vec![None; kernels.len()], |c| c.count(&kernels, &bar));
-    bar.finish_and_clear();
-    if n_counted > 0 && counted.iter().any(Option::is_none) {
-        notes.push("valgrind could not run every kernel: choose --target-cpu x86-64-v3 or baseline".into());
+    let mut kernels = list(&program)?;
+    kernels.retain(|k| k.is_copy() || specs.iter().any(|s| s.name == k.model));
+    kernels.retain(|k| k.scene != bridge::RECONSTRUCTION_SCENE);
+    let mut programs = vec![Program { path: program, kernels }];
+    let mut notes = Vec::new();
+    let mut using = None;
+    if options.peers {
+        let models = specs.iter().map(|s| s.name.as_str());
+        let models: Vec<&str> = models.filter(|m| peers::PEERS.iter().any(|p| p.model == *m)).collect();
+        match peers::generate(workspace, options.target_cpu, &models) {
+            Ok(made) => {
+                programs.push(Program { kernels: list(&made.program)?, path: made.program });
+                notes.extend(made.notes);
+                using = Some(made.using);
+            }
+            Err(note) => notes.push(note),
+        }
     }
-    let mut rows = Vec::new();
-    for ((kernel, [min, median]), instructions) in kernels.into_iter().zip(timings).zip(counted) {
-        let lanes = f64::from(kernel.lanes);
-        let counts = match specs.iter().find(|s| s.name == kernel.model && kernel.kind == "hamel") {
-            Some(spec) => Some(operations(workspace, spec, &kernel.scene)?),
-            None => None,
-        };
-        let instructions = instructions.map(|n| n / lanes);
-        rows.push(Row { kernel, counts, instructions, min: min / lanes, median: median / lanes });
+    let mut rows = measure(&programs, options.rounds, &mut notes)?.into_iter();
+    let mut own = rows.next().unwrap_or_default();
+    for row in own.iter_mut().filter(|row| row.kernel.kind == "hamel") {
+        if let Some(spec) = specs.iter().find(|s| s.name == row.kernel.model) {
+            row.counts = Some(operations(workspace, spec, &row.kernel.scene)?);
+        }
     }
-    let report = Report { command: options.command(), cpu: cpu(), rustc: rustc(), rows, notes };
+    let peers = using.zip(rows.next()).map(|(using, rows)| peers::Peers { rows, using });
+    let report = Report { command: options.command(), cpu: cpu(), rustc: rustc(), rows: own, peers, notes };
     let mut text = report.text();
     if options.models.is_empty() {
         for path in report.write(&workspace.root().join("docs/benchmarks"))? {
@@ -193,6 +195,64 @@ pub fn rhs(workspace: &Workspace, options: &Options) -> Result<String, Error> {
         text.push_str("docs/benchmarks is written when all models are measured\n");
     }
     Ok(text)
+}
+
+/// A program that measures, and those of its kernels that are wanted.
+struct Program {
+    path: PathBuf,
+    kernels: Vec<Kernel>,
+}
+
+/// How often the programs take turns: each start lays memory out anew, which some kernels feel.
+const TURNS: u32 = 4;
+
+/// Times and counts the kernels of all programs, which take turns; a list of rows a program.
+fn measure(programs: &[Program], rounds: u32, notes: &mut Vec<String>) -> Result<Vec<Vec<Row>>, Error> {
+    let counter = instructions::Counter::find();
+    let kernels = programs.iter().map(|p| p.kernels.len() as u64).sum::<u64>();
+    let n_rounds = u64::from(rounds) * programs.len() as u64;
+    let bar = progress(n_rounds + counter.as_ref().map_or(0, |_| kernels));
+    let mut timings: Vec<Vec<Vec<[f64; 2]>>> = vec![Vec::new(); programs.len()];
+    for turn in 0..TURNS.min(rounds) {
+        let rounds = (rounds + turn) / TURNS.min(rounds);
+        for (program, timings) in programs.iter().zip(&mut timings) {
+            timings.push(time(&program.path, &program.kernels, rounds, &bar)?);
+        }
+    }
+    let mut all = Vec::new();
+    for (program, timings) in programs.iter().zip(timings) {
+        let counted = match &counter {
+            Ok(counter) => counter.count(&program.path, &program.kernels, &bar),
+            Err(_) => vec![None; program.kernels.len()],
+        };
+        let rows = program.kernels.iter().zip(counted).enumerate().map(|(k, (kernel, instructions))| {
+            let lanes = f64::from(kernel.lanes);
+            let of = |which: usize| timings.iter().map(move |turn| turn[k][which] / lanes);
+            let mut medians: Vec<f64> = of(1).collect();
+            medians.sort_by(f64::total_cmp);
+            Row {
+                kernel: kernel.clone(),
+                counts: None,
+                instructions: instructions.map(|n| n / lanes),
+                min: of(0).fold(f64::INFINITY, f64::min),
+                median: medians[medians.len() / 2],
+            }
+        });
+        all.push(rows.collect::<Vec<_>>());
+    }
+    bar.finish_and_clear();
+    // heyoka's code is for this machine, whatever was chosen; its batches are not counted anywhere.
+    let lacks = |row: &Row| row.instructions.is_none() && !row.kernel.kind.starts_with("heyoka");
+    match counter {
+        Err(note) => notes.push(note),
+        Ok(_) if all.iter().flatten().any(lacks) => {
+            notes.push(
+                "valgrind could not run every kernel: choose --target-cpu x86-64-v3 or baseline".into(),
+            );
+        }
+        Ok(_) => (),
+    }
+    Ok(all)
 }
 
 /// Operations of the right-hand side of a scene.
@@ -234,8 +294,8 @@ fn time(program: &Path, kernels: &[Kernel], rounds: u32, bar: &ProgressBar) -> R
     command.arg("time").arg(rounds.to_string()).args(kernels.iter().map(Kernel::name));
     let mut timings = Vec::new();
     converse(command, PACKAGE, bar, |line| {
-        let words: Vec<&str> = line.split(' ').collect();
-        let [_, min, median] = words[..] else { return None };
+        let words: Vec<&str> = line.rsplitn(3, ' ').collect();
+        let [median, min, _] = words[..] else { return None };
         timings.push([min, median].map(|x| x.parse().unwrap_or(f64::NAN)));
         Some(())
     })?;
@@ -303,7 +363,8 @@ mod tests {
 
     #[test]
     fn kernels_are_read_as_they_are_named() {
-        for line in ["heavy_top/default/hamel 1", "heavy_top/default/hamel-8 8", "-/-/copy 1"] {
+        let peer = "heavy_top/default/wrenfold C++, gcc-8 8";
+        for line in ["heavy_top/default/hamel 1", "heavy_top/default/hamel-8 8", "-/-/copy 1", peer] {
             let kernel = Kernel::parse(line).unwrap_or_else(|| panic!("{line}"));
             assert_eq!(format!("{} {}", kernel.name(), kernel.lanes), line);
         }

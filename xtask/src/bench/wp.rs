@@ -4,7 +4,6 @@
 //! Deliberately does not know: how anything is integrated, how a table is drawn ([`super::wp_report`]).
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
 use std::process::Command;
 
 use serde_json::Value;
@@ -82,6 +81,11 @@ impl Point {
         self.by == "hamel"
     }
 
+    /// Whether it is one of several solutions side by side, whose time no single one has.
+    pub fn is_lane(&self) -> bool {
+        self.method.ends_with(" lanes")
+    }
+
     /// Who and how in one line.
     pub fn name(&self) -> String {
         format!("{} {}", self.by, self.method)
@@ -135,10 +139,8 @@ pub fn wp(workspace: &Workspace, options: &Options) -> Result<String, Error> {
     }
     bar.finish_and_clear();
     if options.peers {
-        match peers(workspace, &models) {
-            Ok(found) => {
-                found.into_iter().for_each(|(model, point)| points.entry(model).or_default().push(point))
-            }
+        match peers(workspace, &models, &mut points) {
+            Ok(said) => notes.extend(said),
             Err(note) => notes.push(note),
         }
     }
@@ -155,25 +157,21 @@ pub fn wp(workspace: &Workspace, options: &Options) -> Result<String, Error> {
     Ok(text)
 }
 
-/// Runs the script of the integrators in Python, whose lines are those of the measuring program after the model's name.
-fn peers(workspace: &Workspace, models: &[String]) -> Result<Vec<(String, Point)>, String> {
-    let script: PathBuf = workspace.root().join("tests/peers/wp.py");
-    let python = std::env::var_os("PYTHON").unwrap_or_else(|| "python3".into());
-    let output = Command::new(python).arg(&script).args(models).output();
-    let output = output.map_err(|e| format!("no peers: python3 could not be started ({e})"))?;
-    let said = String::from_utf8_lossy(&output.stderr);
-    if !output.status.success() {
-        let last = said.lines().next_back().unwrap_or("it said nothing");
-        return Err(format!(
-            "no peers: tests/peers/wp.py failed: {last} (tests/peers/README.md says what it needs)"
-        ));
-    }
-    let lines = String::from_utf8_lossy(&output.stdout).into_owned();
-    let parse = |line: &str| {
+/// Runs the script of the integrators in Python, whose lines are those of the measuring program after the model's name, and
+/// adds their solutions; the notes.
+fn peers(
+    workspace: &Workspace,
+    models: &[String],
+    points: &mut BTreeMap<String, Vec<Point>>,
+) -> Result<Vec<String>, String> {
+    let mut command = super::peers::script(workspace, "wp.py");
+    command.args(models);
+    let said = super::peers::listen(command, "integrators in Python", |line| {
         let (model, point) = line.split_once(';')?;
-        Some((model.to_owned(), Point::parse(point)?))
-    };
-    lines.lines().map(|line| parse(line).ok_or_else(|| format!("no peers: unexpected {line:?}"))).collect()
+        points.entry(model.to_owned()).or_default().push(Point::parse(point)?);
+        Some(())
+    })?;
+    Ok(said.notes)
 }
 
 #[cfg(test)]
