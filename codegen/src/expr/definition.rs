@@ -78,6 +78,12 @@ impl SectionWriter {
         g.sym(symbol)
     }
 
+    /// The value of an expression that is constant however it is written; none if it varies, or if that cannot be seen.
+    pub fn constant(&self, g: &mut Graph, e: ExprId) -> Option<ExprId> {
+        let e = self.settled(g, e).0;
+        (!self.varies(g, e)).then_some(e)
+    }
+
     /// An expression that is constant however it is written (`sin^2 x + cos^2 x`) as its value at the one point where
     /// everything that varies has one; that value in any case, where there is one.
     fn settled(&self, g: &mut Graph, e: ExprId) -> (ExprId, Option<ExprId>) {

@@ -155,8 +155,11 @@ impl<'a> Derivation<'a> {
         let y = system.velocities.iter().map(|s| g.sym(*s)).collect();
         let varying =
             system.velocities.iter().chain(system.algebroid.base()).chain([&system.time]).copied().collect();
-        let cosines: Vec<SymbolId> = system.circles.iter().map(|c| c.cosine).collect();
-        let writer = SectionWriter::new(&g, varying, &cosines);
+        // Points of circles and advected vectors are not zero: functions divide by their lengths.
+        let cosines = system.circles.iter().map(|c| c.cosine);
+        let first = system.vectors.iter().filter_map(|(_, components)| components.first().copied());
+        let units: Vec<SymbolId> = cosines.chain(first).collect();
+        let writer = SectionWriter::new(&g, varying, &units);
         Derivation {
             system,
             g,

@@ -18,8 +18,12 @@ pub struct Pivot {
 
 /// `A` factored as `L D L^T` (symmetric) or `L D U` (general) with unit triangular `L` and `U`, in the order `order`.
 ///
+/// The last two unknowns are not eliminated where their determinant is a number and no pivot would be: Cramer's rule then
+/// needs no division. (A plate on its edge: its inertia about the contact differs from a multiple of the unit matrix by
+/// one direction, whichever that is.)
+///
 /// # Shapes
-/// `lower[i][j]`, `upper[j][i]` for `j < i`, `inverse_pivot[i]`, all in elimination order.
+/// `lower[i][j]`, `upper[j][i]` for `j < i`, `pivots[i]`, all in elimination order; with a block, its determinant is the last pivot.
 #[derive(Clone, Debug)]
 pub struct Factorisation {
     row_order: Vec<usize>,
@@ -27,6 +31,8 @@ pub struct Factorisation {
     lower: Vec<Vec<ExprId>>,
     upper: Vec<Vec<ExprId>>,
     pivots: Vec<ExprId>,
+    /// What remains for the last two unknowns.
+    block: Option<[[ExprId; 2]; 2]>,
 }
 
 /// Whether `a_ij = a_ji` as functions.
@@ -110,6 +116,7 @@ impl Factorisation {
             lower: vec![vec![g.zero(); n]; n],
             upper: vec![vec![g.zero(); n]; n],
             pivots: Vec::new(),
+            block: None,
         };
         let constant: Vec<Definition> =
             writer.definitions().filter(|d| !writer.varies(g, d.expr)).copied().collect();
@@ -124,6 +131,19 @@ impl Factorisation {
                 f.choose_pivot(g, writer, &mut rest, k).ok_or_else(|| singular(g, a, names))?;
             }
             let label = |i: usize| f.column_order[i] + 1;
+            if k + 2 == n
+                && writer.varies(g, rest[k][k])
+                && let Some(determinant) = constant_determinant(g, writer, &rest)
+            {
+                f.pivots.push(writer.define(g, &format!("{prefix}_det"), determinant));
+                f.block = Some([k, k + 1].map(|i| {
+                    [k, k + 1].map(|j| {
+                        let name = format!("{prefix}_b{}_{}", label(i), label(j));
+                        writer.define(g, &name, rest[i][j])
+                    })
+                }));
+                break;
+            }
             let pivot = writer.define(g, &format!("{prefix}_d{}", label(k)), rest[k][k]);
             f.pivots.push(pivot);
             let inverse = g.powi(pivot, -1);
@@ -198,11 +218,20 @@ impl Factorisation {
 
     /// The pivots in elimination order, with the name of the unknown that each belongs to.
     pub fn pivots(&self, names: &[String]) -> Vec<Pivot> {
-        self.pivots
-            .iter()
-            .zip(&self.column_order)
+        let mut pivots: Vec<Pivot> = (self.pivots.iter().zip(&self.column_order))
             .map(|(expr, k)| Pivot { name: names[*k].clone(), expr: *expr })
-            .collect()
+            .collect();
+        if let (Some(_), Some(determinant), Some(last)) =
+            (self.block, pivots.last_mut(), self.column_order.last())
+        {
+            determinant.name = format!("determinant of {} and {}", determinant.name, names[*last]);
+        }
+        pivots
+    }
+
+    /// Unknowns with a pivot of their own.
+    fn n_eliminated(&self) -> usize {
+        self.row_order.len() - if self.block.is_some() { 2 } else { 0 }
     }
 
     /// Solves for one right-hand side; the unknowns are named by `labels`, intermediate values `z_` and that.
@@ -217,7 +246,7 @@ impl Factorisation {
         let mut z = Vec::with_capacity(n);
         for i in 0..n {
             let mut terms = vec![b[self.row_order[i]]];
-            for (j, zj) in z.iter().enumerate() {
+            for (j, zj) in z.iter().enumerate().take(self.n_eliminated()) {
                 let product = g.mul(self.lower[i][j], *zj);
                 terms.push(g.neg(product));
             }
@@ -225,7 +254,21 @@ impl Factorisation {
             z.push(writer.define(g, &intermediate(&labels[self.column_order[i]]), sum));
         }
         let mut x = vec![g.zero(); n];
-        for i in (0..n).rev() {
+        if let (Some([[a, b], [c, d]]), [.., determinant], [.., first, second]) =
+            (self.block, self.pivots.as_slice(), z.as_slice())
+        {
+            let inverse = g.powi(*determinant, -1);
+            for (i, [(p, u), (q, v)]) in
+                [(n - 1, [(a, *second), (c, *first)]), (n - 2, [(d, *first), (b, *second)])]
+            {
+                let (plus, minus) = (g.mul(p, u), g.mul(q, v));
+                let difference = g.sub(plus, minus);
+                let k = self.column_order[i];
+                let value = g.mul(difference, inverse);
+                x[k] = writer.define(g, &labels[k], value);
+            }
+        }
+        for i in (0..self.n_eliminated()).rev() {
             let inverse = g.powi(self.pivots[i], -1);
             let mut terms = vec![g.mul(z[i], inverse)];
             for j in i + 1..n {
@@ -238,6 +281,17 @@ impl Factorisation {
         }
         x
     }
+}
+
+/// `a d - b c` of the last two rows, if that is a number other than zero.
+fn constant_determinant(g: &mut Graph, writer: &SectionWriter, rest: &[Vec<ExprId>]) -> Option<ExprId> {
+    let [.., first, second] = rest else { return None };
+    let [.., a, b] = first[..] else { return None };
+    let [.., c, d] = second[..] else { return None };
+    let (ad, bc) = (g.mul(a, d), g.mul(b, c));
+    let determinant = g.sub(ad, bc);
+    let value = writer.constant(g, determinant)?;
+    (!g.is_zero(value)).then_some(value)
 }
 
 /// Name of the value between the two triangular solves: `z_v1` for `dot_v1`.

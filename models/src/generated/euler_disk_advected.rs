@@ -188,46 +188,46 @@ pub struct Prepared<R = f64> {
     I1: R,
     /// Parameter `I3`.
     I3: R,
-    /// `1 / (m * (r * r))`
+    /// `m * (r * r) * (I1 - I3) / (I1 * (I1 + m * (r * r)))`
     c0: R,
-    /// `I1 / (m * m * (r * r * (r * r)))`
+    /// `I1 * (I1 - I3) / (I1 * (I1 + m * (r * r)))`
     c1: R,
-    /// `m * (r * r)`
-    c2: R,
     /// `0.5 * g / r`
+    c2: R,
+    /// `2 * I1 * m * (r * r) / (I1 * (I1 + m * (r * r)))`
     c3: R,
-    /// `0.5 * (I1 - I3) / (m * (r * r))`
-    c4: R,
-    /// `2 / (m * (r * r))`
-    c5: R,
-    /// `(I1 - I3) / (m * (r * r))`
-    c6: R,
-    /// `2 * m * (r * r)`
-    c7: R,
-    /// A longer expression in the parameters.
-    c8: R,
-    /// `0.5 * (I3 + m * (r * r))`
-    c9: R,
-    /// `0.5 * I1`
-    c10: R,
-    /// `m * r * g`
-    c11: R,
-    /// `I1 * m * (r * r) + I1 * I1`
-    c12: R,
-    /// `m * r`
-    c13: R,
     /// `-(m * (r * r) / (I3 + m * (r * r)))`
+    c4: R,
+    /// `m * (r * r)`
+    c5: R,
+    /// `0.5 * (I3 + m * (r * r))`
+    c6: R,
+    /// `0.5 * I1`
+    c7: R,
+    /// `m * r * g`
+    c8: R,
+    /// `m * r`
+    c9: R,
+    /// `-(m * (r * r) / (I3 + m * (r * r)))`
+    c10: R,
+    /// A longer expression in the parameters.
+    c11: R,
+    /// `I1 * m * (r * r) / (I1 * (I1 + m * (r * r)))`
+    c12: R,
+    /// A longer expression in the parameters.
+    c13: R,
+    /// `-(I1 * (I1 + m * (r * r)) / (I1 * m * (r * r)))`
     c14: R,
-    /// `m * m * (r * r * (r * r))`
+    /// `-(2 * I1 * (m * m) * (r * r) * g / (I1 * (I1 + m * (r * r))))`
     c15: R,
-    /// `-0.5 / (m * (r * r))`
+    /// `I1 * (m * m) * (r * r) * g / (I1 * (I1 + m * (r * r)))`
     c16: R,
-    /// `I1 - I3`
+    /// `-(I1 * (m * m) * (r * r * r) / (I1 * (I1 + m * (r * r))))`
     c17: R,
-    /// `-(m * m * (r * r) * g)`
-    c18: R,
     /// `I3 + m * (r * r)`
     A_Omega3_Omega3: R,
+    /// `I1 - I3`
+    c18: R,
     /// `g / r`
     c19: R,
 }
@@ -243,7 +243,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 5 additions, 23 multiplications, 12 divisions, 2 sign changes.
+    /// 6 additions, 30 multiplications, 14 divisions, 5 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I3, m, r, g } = *params;
         for (value, condition, meaning) in [
@@ -262,13 +262,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         let t0 = r * r;
         let t1 = m * t0;
-        let t2 = m * m;
-        let t3 = t2 * (t0 * t0);
-        let t4 = I1 - I3;
-        let t5 = t0 * r;
-        let t6 = t2 * m * (t5 * t5);
-        let t7 = m * r;
+        let t2 = I1 - I3;
+        let A_det = I1 * (I1 + t1);
+        let t3 = R::from_f64(2.0) * I1;
         let A_Omega3_Omega3 = I3 + t1;
+        let t4 = t1 / A_Omega3_Omega3;
+        let t5 = m * r;
+        let t6 = m * m;
+        let t7 = I1 * t6;
+        let t8 = t7 * (t0 * r);
+        let t9 = t8 / A_det;
+        let t10 = I1 * m * t0;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -296,36 +300,32 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Ok(Self {
             I1,
             I3,
-            c0: t1.recip(),
-            c1: I1 / t3,
-            c2: t1,
-            c3: R::from_f64(0.5) * g / r,
-            c4: R::from_f64(0.5) * t4 / t1,
-            c5: R::from_f64(2.0) / t1,
-            c6: t4 / t1,
-            c7: R::from_f64(2.0) * m * t0,
-            c8: (t3 * (t4 / t6 - I1 / t6) - R::ONE).recip(),
-            c9: R::from_f64(0.5) * A_Omega3_Omega3,
-            c10: R::from_f64(0.5) * I1,
-            c11: t7 * g,
-            c12: I1 * m * t0 + I1 * I1,
-            c13: t7,
-            c14: -(t1 / A_Omega3_Omega3),
-            c15: t3,
-            c16: R::from_f64(-0.5) / t1,
-            c17: t4,
-            c18: -(t2 * t0 * g),
+            c0: t1 * t2 / A_det,
+            c1: I1 * t2 / A_det,
+            c2: R::from_f64(0.5) * g / r,
+            c3: t3 * m * t0 / A_det,
+            c4: -t4,
+            c5: t1,
+            c6: R::from_f64(0.5) * A_Omega3_Omega3,
+            c7: R::from_f64(0.5) * I1,
+            c8: t5 * g,
+            c9: t5,
+            c10: -t4,
+            c11: R::from_f64(-2.0) * A_det * (t5 - t9) / t8,
+            c12: t10 / A_det,
+            c13: A_det * (m * (r - I1 * r * t2 / A_det) - t5) / t8,
+            c14: -(A_det / t10),
+            c15: -(t3 * t6 * t0 * g / A_det),
+            c16: t7 * t0 * g / A_det,
+            c17: -t9,
             A_Omega3_Omega3,
+            c18: t2,
             c19: g / r,
         })
     }
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
-#[allow(
-    unused_doc_comments,
-    reason = "comments on statements say which formula they are"
-)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Writes the derivative of the state to `dy`.
@@ -342,47 +342,31 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 16 additions, 49 multiplications (14 fused), 3 divisions, 1 square root.
+    /// 12 additions, 33 multiplications (11 fused), 1 division, 1 square root.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 6], dy: &mut [R; 6]) {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
-        /// factors of A
-        let [t0, t1, t2, t4, t5, t6, t7, A_s1_2_2] = {
-            let t0 = Gamma2 * Gamma2;
-            let t1 = Gamma1.mul_add(Gamma1, t0).sqrt().recip();
-            let t2 = t1 * t1;
-            let t3 = t2 * (self.c0 * t0);
-            let t4 = (self.c1 + t3).recip();
-            let t5 = Gamma1 * (-t3).mul_add(t4, R::ONE);
-            let t6 = Gamma1 * t2;
-            let t7 = self.c2 * t6;
-            [t0, t1, t2, t4, t5, t6, t7, t5.mul_add(t7, self.I1)]
-        };
-        let t8 = A_s1_2_2.recip();
-        let t9 = t5 * t8;
-        let t10 = Omega1 * Gamma1;
-        let t11 = Omega2 * Gamma2;
-        let t12 = Gamma3
-            * t2
-                .mul_add(
-                    R::from_f64(0.5)
-                        .mul_add(t10.mul_add(t10, Omega2 * Omega2 * t0), t10 * t11) * t1,
-                    self.c3,
-                );
-        let t13 = t4.mul_add(t11 * t6, -(self.c2 * Omega1)) * t8;
-        let t14 = (-Omega1).mul_add(Gamma2, Omega2 * Gamma1);
+        let t0 = (-Omega1).mul_add(Gamma2, Omega2 * Gamma1);
+        let t1 = Gamma2.mul_add(Gamma2, Gamma1 * Gamma1).sqrt().recip();
+        let t2 = t1 * t1;
+        let t3 = t0 * t2;
+        let t4 = t3 * (self.c0 * Omega3);
+        let t5 = self.c1 * Omega3;
+        let t6 = Omega2 * Gamma2;
+        let t7 = Omega1 * Gamma1;
+        let t8 = t2
+            .mul_add(
+                R::from_f64(0.5).mul_add(t7.mul_add(t7, t6 * t6), t6 * t7) * t1,
+                self.c2,
+            ) * (self.c3 * Gamma3);
         *dy = [
-            (-(-t7).mul_add(t9, R::ONE))
-                .mul_add(
-                    Gamma2 * t1 * t12,
-                    t13.mul_add(Gamma2 * t6, Omega2) * (self.c4 * Omega3),
-                ) * (self.c5 * t4),
-            t9.mul_add(self.c7 * t1 * t12, t13 * (self.c6 * Omega3)),
-            t2 * ((t10 + t11) * (self.c8 * t14)),
+            (-t8).mul_add(Gamma2 * t1, Gamma1.mul_add(t4, Omega2 * t5)),
+            t8.mul_add(Gamma1 * t1, Gamma2.mul_add(t4, -(Omega1 * t5))),
+            t3 * (self.c4 * (t6 + t7)),
             (-Omega2).mul_add(Gamma3, Omega3 * Gamma2),
             (-Omega3).mul_add(Gamma1, Omega1 * Gamma3),
-            t14,
+            t0,
         ];
     }
 
@@ -404,19 +388,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t1 = Omega1 * Gamma2;
         let t2 = Omega2 * Gamma1;
         let t3 = self
-            .c10
+            .c7
             .mul_add(
                 Omega2.mul_add(Omega2, Omega1 * Omega1),
                 self
-                    .c9
+                    .c6
                     .mul_add(
                         Omega3 * Omega3,
-                        -(self.c2 / t0
+                        -(self.c5 / t0
                             * (-R::from_f64(0.5))
                                 .mul_add(t2 * t2, t1 * (-t1).mul_add(R::from_f64(0.5), t2))),
                     ),
             );
-        self.c11.mul_add(t0.sqrt(), t3)
+        self.c8.mul_add(t0.sqrt(), t3)
     }
 
     /// Momenta p = dL/dy.
@@ -435,7 +419,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn momentum(&self, t: R, y: &[R; 6]) -> [R; 6] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, _] = *y;
         let _ = t;
-        let t0 = self.c13 * Omega3;
+        let t0 = self.c9 * Omega3;
         let t1 = Gamma2.mul_add(Gamma2, Gamma1 * Gamma1).sqrt().recip();
         [
             self.I1 * Omega1,
@@ -443,7 +427,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             self.I3 * Omega3,
             -(t1 * (Gamma2 * t0)),
             t1 * (Gamma1 * t0),
-            t1 * (self.c13 * Omega1.mul_add(Gamma2, -(Omega2 * Gamma1))),
+            t1 * (self.c9 * Omega1.mul_add(Gamma2, -(Omega2 * Gamma1))),
         ]
     }
 
@@ -457,57 +441,48 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 22 additions, 56 multiplications (20 fused), 3 divisions, 1 square root.
+    /// 19 additions, 43 multiplications (17 fused), 1 division, 1 square root.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 6]) -> [R; 3] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
-        /// mass matrix A = W^T L_yy Psi
-        let [t0, t1, t2, t3, A_Omega1_Omega1] = {
-            let t0 = Gamma2.mul_add(Gamma2, Gamma1 * Gamma1).sqrt().recip();
-            let t1 = t0 * t0;
-            let t2 = Gamma2 * t1;
-            let t3 = self.c2 * t2;
-            [t0, t1, t2, t3, Gamma2.mul_add(t3, self.I1)]
-        };
-        /// factors of A
-        let [t4, A_s1_2_2] = {
-            let t4 = A_Omega1_Omega1.recip();
-            [t4, self.c12 * t4]
-        };
-        let t5 = Omega3 * Gamma3;
-        let t6 = Omega2 * Gamma1;
-        let t7 = Omega1 * Gamma2;
-        let t8 = t6 - t7;
-        let t9 = self.c14.mul_add(Omega2.mul_add(Gamma2, Omega1 * Gamma1), t5);
-        let t10 = Gamma1 * t1;
-        let t11 = Gamma2 * t4;
-        let t12 = Gamma1 / A_s1_2_2;
-        let t13 = t10 * t12;
-        let t14 = t13.mul_add(self.c15 * t2 * t11, R::ONE);
-        let t15 = (-t14.mul_add(self.c16, t13))
-            .mul_add(self.c7 * Gamma2 * t11, Gamma1 * t12) * t1;
-        let t16 = (-t15)
-            .mul_add(self.c2, R::ONE)
+        let t0 = Omega3 * Gamma3;
+        let t1 = (-Omega1).mul_add(Gamma2, Omega2 * Gamma1);
+        let t2 = Omega2 * Gamma2;
+        let t3 = Omega1 * Gamma1;
+        let t4 = t2 + t3;
+        let t5 = Gamma1 * Gamma1;
+        let t6 = Gamma2 * Gamma2;
+        let t7 = (t5 + t6).sqrt().recip();
+        let t8 = t7 * t7;
+        let t9 = t4.mul_add(self.c10, t0) * t8;
+        let t10 = Gamma3 * t8;
+        let t11 = self
+            .c14
             .mul_add(
-                Gamma3
-                    * Omega1
-                        .mul_add(
-                            t2
-                                .mul_add(
-                                    R::from_f64(2.0) * (-t7).mul_add(R::from_f64(0.5), t6),
-                                    Omega1,
-                                ),
-                            Omega2 * Omega2 * (-Gamma1).mul_add(t10, R::ONE),
-                        ),
-                t14.mul_add(Omega2 * t11, t12 * (-t4).mul_add((t7 + t6) * t3, Omega1))
-                    * (self.c17 * Omega3),
+                (Omega2 * Omega2)
+                    .mul_add(
+                        (-t5).mul_add(t10, Gamma3),
+                        Omega1 * Omega1
+                            * (-t10).mul_add(t5.mul_add(self.c12, t6), Gamma3),
+                    ),
+                t10.mul_add(t2 * t3.mul_add(self.c11, t2), t4 * (self.c13 * Omega3)),
             );
         [
-            (-t8).mul_add(t2.mul_add(t9, Omega2), -(Omega1 * t5)) * (self.c13 * t0),
-            t8.mul_add(t9.mul_add(t10, Omega1), -(Omega2 * t5)) * (self.c13 * t0),
-            t16.mul_add(self.c13 * t0, t15 * (self.c18 * Gamma3)),
+            (-t1).mul_add(Gamma2.mul_add(t9, Omega2), -(Omega1 * t0)) * (self.c9 * t7),
+            t1.mul_add(Gamma1.mul_add(t9, Omega1), -(Omega2 * t0)) * (self.c9 * t7),
+            t11
+                .mul_add(
+                    self.c17 * t7,
+                    t10
+                        .mul_add(
+                            self.c16
+                                * t5.mul_add(t6.mul_add(R::from_f64(2.0), t5), t6 * t6)
+                                * t8,
+                            self.c15 * Gamma3,
+                        ),
+                ),
         ]
     }
 
@@ -527,7 +502,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn nonholonomic_momentum(&self, t: R, y: &[R; 6]) -> [R; 3] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, _] = *y;
         let _ = t;
-        let t0 = self.c2 * (-Omega1).mul_add(Gamma2, Omega2 * Gamma1)
+        let t0 = self.c5 * (-Omega1).mul_add(Gamma2, Omega2 * Gamma1)
             / Gamma2.mul_add(Gamma2, Gamma1 * Gamma1);
         [
             (-Gamma2).mul_add(t0, self.I1 * Omega1),
@@ -552,13 +527,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn momentum_equation(&self, t: R, y: &[R; 6]) -> [R; 3] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
-        let t0 = Omega2.mul_add(Gamma2, Omega1 * Gamma1);
+        let t0 = Omega1.mul_add(Gamma1, Omega2 * Gamma2);
         let t1 = Gamma2.mul_add(Gamma2, Gamma1 * Gamma1).sqrt().recip();
         let t2 = t1 * t1;
-        let t3 = t2 * (self.c2 * (-Omega1).mul_add(Gamma2, Omega2 * Gamma1));
+        let t3 = t2 * (self.c5 * (-Omega1).mul_add(Gamma2, Omega2 * Gamma1));
         let t4 = (-t2).mul_add(Gamma3 * t0, Omega3) * t3;
-        let t5 = self.c17 * Omega3;
-        let t6 = self.c2 * t1.mul_add(Omega3 * t0, self.c19 * Gamma3);
+        let t5 = self.c18 * Omega3;
+        let t6 = self.c5 * t1.mul_add(Omega3 * t0, self.c19 * Gamma3);
         [
             Gamma1.mul_add(t4, (-t6).mul_add(Gamma2 * t1, Omega2 * t5)),
             Gamma2.mul_add(t4, t6.mul_add(Gamma1 * t1, -(Omega1 * t5))),
@@ -584,33 +559,6 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         [Gamma3.mul_add(Gamma3, Gamma2.mul_add(Gamma2, Gamma1 * Gamma1))]
     }
-
-    /// Says which pivot vanishes at a point.
-    ///
-    /// # Errors
-    ///
-    /// `Singular` with the first pivot that is zero.
-    ///
-    /// # Operations
-    ///
-    /// 2 additions, 3 multiplications (1 fused), 2 divisions.
-    pub fn check(&self, t: R, y: &[R; 6]) -> Result<(), ::hamel_runtime::Failure> {
-        let [_, _, _, Gamma1, Gamma2, _] = *y;
-        /// mass matrix A = W^T L_yy Psi
-        let A_Omega1_Omega1 = {
-            let t0 = Gamma2 * Gamma2;
-            self.I1 + self.c2 * t0 / Gamma1.mul_add(Gamma1, t0)
-        };
-        let (value, pivot) = (self.c12 / A_Omega1_Omega1, "inertia along Omega2");
-        if !value.all_ne(R::ZERO) {
-            let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
-            return Err(::hamel_runtime::Failure::Singular {
-                t,
-                pivot,
-            });
-        }
-        Ok(())
-    }
 }
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
@@ -619,10 +567,6 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
     #[inline]
     fn rhs(&self, t: R, y: &[R; 6], dy: &mut [R; 6]) {
         self.rhs(t, y, dy);
-    }
-
-    fn check(&self, t: R, y: &[R; 6]) -> Result<(), ::hamel_runtime::Failure> {
-        self.check(t, y)
     }
 }
 
