@@ -23,7 +23,7 @@ mod verify;
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::error::Error;
-use crate::expr::{ExprId, Graph, Sign, SymbolId, sign_of};
+use crate::expr::{ExprId, Graph, Sign, SymbolId, needed_sections, sign_of};
 
 pub use crate::expr::{Definition, Section};
 
@@ -36,6 +36,7 @@ pub use program::{
 pub use verify::verify;
 
 use class::{Class, Classes};
+use optimise::Optimised;
 
 /// The symbols that get their values from outside.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -61,10 +62,13 @@ impl Inputs {
     }
 }
 
-/// The function whose results are what must not vanish.
+/// The function that is what the others are about: the derivative of the state.
+pub const RHS: &str = "rhs";
+
+/// The function whose results are what must not vanish: the pivots of [`RHS`], computed as they are there where both have them.
 ///
-/// As many scales follow them: a result whose sum with its scale is that scale is nothing but the rounding error of its
-/// terms. The scale is the constant zero where the terms cannot cancel.
+/// As many scales follow them: a result whose absolute value does not make its scale larger is nothing but rounding error,
+/// or not a number. The scale is the constant zero where no terms can cancel.
 pub const CHECK: &str = "check";
 
 /// A function to make: its name and its named results.
@@ -108,13 +112,15 @@ pub fn lower(
     let signs = source.signs(graph);
     let mut pool = number::Pool::new();
     let mut functions = Vec::with_capacity(requests.len());
+    let mut rhs = Vec::new();
     for request in requests {
-        let mut own = optimise::optimise(graph, &source, &signs, request)?;
-        if request.name == CHECK {
-            let values: Vec<ExprId> = own.request.results.iter().map(|(_, e)| *e).collect();
-            let scales = rounding::rounding_scales(graph, &values, &own.sections, &signs);
-            let names = request.results.iter().map(|(name, _)| name.clone());
-            own.request.results.extend(names.zip(scales));
+        let own = if request.name == CHECK {
+            source.checked(graph, &signs, request, &rhs)?
+        } else {
+            optimise::optimise(graph, &source, &signs, request)?
+        };
+        if request.name == RHS {
+            rhs.clone_from(&own.sections);
         }
         let requests = [own.request];
         let classes = Classes::of(graph, inputs, &own.sections, &requests)?;
@@ -173,6 +179,48 @@ impl Source<'_> {
             }
         }
         Ok(())
+    }
+
+    /// Pivots with their scales, in the form that `rhs` has them in: another form has other errors, and would find a number where
+    /// that one divides by zero. A pivot that is no value of that form is computed in one of its own.
+    fn checked(
+        &self,
+        graph: &mut Graph,
+        signs: &BTreeMap<ExprId, Sign>,
+        request: &Request,
+        rhs: &[Section],
+    ) -> Result<Optimised, Error> {
+        let divisors = rhs.iter().flat_map(|s| &s.definitions);
+        let divisors: Vec<ExprId> = divisors.map(|d| graph.sym(d.symbol)).collect();
+        let in_rhs =
+            |graph: &Graph, pivot| divisors.iter().find(|d| graph.is_seen_to_be_equal(**d, pivot)).copied();
+        let found: Vec<Option<ExprId>> = request.results.iter().map(|(_, e)| in_rhs(graph, *e)).collect();
+        let others =
+            request.results.iter().zip(&found).filter(|(_, found)| found.is_none()).map(|(r, _)| r.clone());
+        let others = Request { name: request.name.clone(), results: others.collect() };
+        let Optimised { mut sections, request: others } = optimise::optimise(graph, self, signs, &others)?;
+        let mut others = others.results.into_iter();
+        let pivots = request.results.iter().zip(found).map(|((name, e), found)| match found {
+            Some(in_rhs) => (name.clone(), in_rhs),
+            None => others.next().unwrap_or_else(|| (name.clone(), *e)),
+        });
+        let mut results: Vec<(String, ExprId)> = pivots.collect();
+        let values: Vec<ExprId> = results.iter().map(|(_, e)| *e).collect();
+        let own: BTreeSet<SymbolId> =
+            sections.iter().flat_map(|s| &s.definitions).map(|d| d.symbol).collect();
+        let nothing = Section { title: String::new(), definitions: Vec::new() };
+        sections.resize(sections.len().max(rhs.len()), nothing);
+        for (section, of_rhs) in sections.iter_mut().zip(rhs) {
+            section.definitions.extend(of_rhs.definitions.iter().filter(|d| !own.contains(&d.symbol)));
+        }
+        let (scales, definitions) =
+            rounding::rounding_scales(graph, &values, &needed_sections(graph, &sections, &values), signs);
+        if let Some(last) = sections.last_mut() {
+            last.definitions.extend(definitions);
+        }
+        let names: Vec<String> = results.iter().map(|(name, _)| name.clone()).collect();
+        results.extend(names.into_iter().zip(scales));
+        Ok(Optimised { sections, request: Request { name: request.name.clone(), results } })
     }
 
     /// What is known about signs, also of parameter-only definitions and of what the conditions speak of.

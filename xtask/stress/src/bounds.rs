@@ -79,10 +79,6 @@ const BOUNDS: &[(&str, &str, [f64; 4])] = &[
     ("wong_particle", "reconstruction", [8.0, 32.0, 4.0, 32.0]),
 ];
 
-/// Models with pivots whose numbers, differences of extreme parameters, are rounding errors themselves, and how many results
-/// of a scene that leaves without a reason in a short run; `findings.md` says more. Integrators stop there with `NonFinite`.
-const SILENT_EXTREMES: &[(&str, u64)] = &[("two_arm_satellite", 2)];
-
 /// What exceeds its bound or has none, one line each.
 pub fn excesses(results: &Results) -> Vec<String> {
     let mut lines = Vec::new();
@@ -106,11 +102,8 @@ pub fn excesses(results: &Results) -> Vec<String> {
                 ));
             }
         }
-        let allowed = SILENT_EXTREMES.iter().find(|(m, _)| *m == model).map_or(0, |(_, n)| *n);
-        for (accuracy, allowed) in [(&scene.rhs, 0), (&scene.outputs, 0), (&scene.extreme, allowed)] {
-            if accuracy.silent > allowed
-                && let Some((component, sample)) = &accuracy.first_silent
-            {
+        for accuracy in [&scene.rhs, &scene.outputs, &scene.extreme] {
+            if let Some((component, sample)) = &accuracy.first_silent {
                 let request = sample.request(scene.info);
                 lines.push(format!(
                     "{model} {name}: {} results that are not finite without a reason, first {component}: {request}",
