@@ -485,6 +485,7 @@ fn lower_scene(
                 spec::Relation::GreaterEqual => Relation::GreaterEqual,
                 spec::Relation::NotEqual => Relation::NotEqual,
             },
+            is_rounded: false,
         })
         .collect();
     let values = inlined(&mut graph, equations.sections.iter().flat_map(|s| &s.definitions));
@@ -500,6 +501,7 @@ fn lower_scene(
                 greater: pivot.expr,
                 less: graph.zero(),
                 relation: Relation::NotEqual,
+                is_rounded: true,
             });
         } else {
             moving_pivots.push((pivot.name.clone(), pivot.expr));
@@ -977,6 +979,24 @@ mod tests {
         let refused = at(0.01 * (1.0 + 1e-10), 1e-6).expect_err("the pivot of c");
         assert!(refused.contains("c_dot"), "{refused}");
         assert_eq!(at(0.01 * (1.0 + 1e-10), 1e-3), Ok(()));
+    }
+
+    #[test]
+    fn parameters_whose_pivot_is_rounding_error_alone_are_refused() {
+        let scene = built(
+            "model m {
+                param p = 1;
+                param q = 2;
+                coordinate a, b in real;
+                lagrangian = 1/2*a_dot^2 + p*a_dot*b_dot + q/2*b_dot^2;
+            }",
+        );
+        let condition = |q: f64| scene.prepare(&[0.1, q]).err().map(|e| e.to_string());
+        let refused = condition(0.1 * 0.1).expect("1e-18 is left of 0.01");
+        assert!(refused.contains("inertia along b_dot != 0"), "{refused}");
+        assert_eq!(condition(0.1 * 0.1 * (1.0 + 16.0 * f64::EPSILON)), None);
+        // Overflow: no number is left to divide by.
+        assert!(scene.prepare(&[1e200, 1.0]).is_err());
     }
 
     #[test]

@@ -23,7 +23,7 @@ mod verify;
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::error::Error;
-use crate::expr::{ExprId, Graph, Sign, SymbolId, needed_sections, sign_of};
+use crate::expr::{ExprId, Func, Graph, Sign, SymbolId, needed_sections, sign_of};
 
 pub use crate::expr::{Definition, Section};
 
@@ -91,6 +91,8 @@ pub struct ParamCondition {
     pub less: ExprId,
     /// How they compare.
     pub relation: Relation,
+    /// Whether the larger side, to be other than zero, is the result of a calculation, which rounding errors could hide.
+    pub is_rounded: bool,
 }
 
 /// Lowers sections of definitions and the requested functions to one program.
@@ -127,6 +129,9 @@ pub fn lower(
         let source = Source { inputs, sections: &own.sections, conditions, classes };
         functions.push(number::number_function(graph, &source, &requests[0], &mut pool)?);
     }
+    let (sections, conditions) = source.rounded_conditions(graph, &signs);
+    let classes = Classes::of(graph, inputs, &sections, requests)?;
+    let source = Source { inputs, sections: &sections, conditions: &conditions, classes };
     let conditions = number::number_conditions(graph, &source, &mut pool)?;
     let program = assemble::assemble(graph, &source, pool, functions, conditions)?;
     verify(&program)?;
@@ -221,6 +226,29 @@ impl Source<'_> {
         let names: Vec<String> = results.iter().map(|(name, _)| name.clone()).collect();
         results.extend(names.into_iter().zip(scales));
         Ok(Optimised { sections, request: Request { name: request.name.clone(), results } })
+    }
+
+    /// The conditions with scales of their rounding errors, `s + |p| > s` for `p != 0`, and the definitions of scales after the others.
+    fn rounded_conditions(
+        &self,
+        graph: &mut Graph,
+        signs: &BTreeMap<ExprId, Sign>,
+    ) -> (Vec<Section>, Vec<ParamCondition>) {
+        let values: Vec<ExprId> =
+            self.conditions.iter().filter(|c| c.is_rounded).map(|c| c.greater).collect();
+        let needed = needed_sections(graph, self.sections, &values);
+        let (scales, definitions) = rounding::rounding_scales(graph, &values, &needed, signs);
+        let mut scales = scales.into_iter();
+        let mut sections = self.sections.to_vec();
+        sections.push(Section { title: String::new(), definitions });
+        let conditions = self.conditions.iter().map(|condition| {
+            let scale = if condition.is_rounded { scales.next() } else { None };
+            let Some(scale) = scale.filter(|scale| *scale != graph.zero()) else { return condition.clone() };
+            let size = graph.func(Func::Abs, condition.greater);
+            let greater = graph.add(scale, size);
+            ParamCondition { greater, less: scale, relation: Relation::Greater, ..condition.clone() }
+        });
+        (sections, conditions.collect())
     }
 
     /// What is known about signs, also of parameter-only definitions and of what the conditions speak of.

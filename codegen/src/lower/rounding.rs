@@ -66,13 +66,15 @@ pub(super) fn rounding_scales(
         if let Some(scale) = scale {
             // A sum takes in what it is scaled by of the terms of a product's, and needs no name for them.
             let is_sum = matches!(analysis.graph.node(e), Node::Sum { .. });
-            let scale = if is_sum { analysis.define(scale) } else { scale };
+            let scale = if is_sum { analysis.named(scale) } else { scale };
             analysis.scales.insert(e, scale);
         }
     }
-    let Analysis { scales, definitions, graph, .. } = analysis;
-    let of = |e: &ExprId| scales.get(e).copied().unwrap_or_else(|| graph.zero());
-    (expressions.iter().map(of).collect(), definitions)
+    let scales = expressions.iter().map(|e| match analysis.scales.get(e).copied() {
+        Some(scale) => analysis.named(scale),
+        None => analysis.graph.zero(),
+    });
+    (scales.collect(), analysis.definitions)
 }
 
 struct Analysis<'a> {
@@ -86,8 +88,11 @@ struct Analysis<'a> {
 }
 
 impl Analysis<'_> {
-    /// A name for an expression.
-    fn define(&mut self, expr: ExprId) -> ExprId {
+    /// A name for an expression, which hides what it is a sum of.
+    fn named(&mut self, expr: ExprId) -> ExprId {
+        if matches!(self.graph.node(expr), Node::Symbol(_)) {
+            return expr;
+        }
         let symbol = self.graph.define("", expr);
         self.definitions.push(Definition { symbol, expr });
         self.graph.sym(symbol)
