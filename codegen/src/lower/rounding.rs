@@ -13,8 +13,8 @@ use crate::expr::{
 /// Operations behind a value whose terms cannot cancel, prepared numbers included: what few exceed.
 const ROUNDINGS_OF_A_TERM: usize = 8;
 
-/// For every expression, in the form in which it is computed, a scale `s` such that its value `p` is nothing but rounding error where `s + p = s`;
-/// the definitions that scales are written with.
+/// For every expression, in the form in which it is computed, a scale `s` such that its value `p` is nothing but rounding error unless
+/// `s + |p| > s`; the definitions that scales are written with.
 ///
 /// Errors of operands are carried along, to first order, as multiples of the unit roundoff `u`: of a sum, a product, a function
 ///
@@ -24,9 +24,9 @@ const ROUNDINGS_OF_A_TERM: usize = 8;
 /// s(f(a))              = 8 |f(a)| + |f'(a)| s(a)
 /// ```
 ///
-/// and `s(v) = 8 |v|` where nothing behind `v` can cancel. `s + p = s` in arithmetic of unit roundoff `u` for `|p| <= u s`, so that no
-/// constant of a number format enters. A pivot `a - b^2/c` is lost in the errors of the pivot `c` before it that way, and not
-/// in those of its own difference alone. Where no terms can cancel the scale is zero, and `0 + p = 0` says that `p` is zero.
+/// and `s(v) = 8 |v|` where nothing behind `v` can cancel. `s + |p| = s` in arithmetic of unit roundoff `u` for `|p| <= u s`, so that no
+/// constant of a number format enters, and what overflows or is not a number is not greater either. A pivot `a - b^2/c` is lost in the errors of the pivot `c` before it that way, and not
+/// in those of its own difference alone. Where no terms can cancel the scale is zero, and `0 + |p| = 0` says that `p` is zero.
 ///
 /// # Source
 /// Higham 2002, Accuracy and stability of numerical algorithms, sections 3.3 and 4.2

@@ -4,6 +4,7 @@
 
 use hamel_runtime::{Gauss6, Integrator, Method, Options, Progress, Projected, Vern9};
 use xtask::Error;
+use xtask::codegen_bridge::INVARIANTS;
 use xtask::dynamics::{Dynamics, Factory, Info, VecState};
 use xtask::eval::describe;
 
@@ -11,8 +12,6 @@ use xtask::eval::describe;
 const N_SAMPLES: u64 = 1000;
 /// What is projected on: as many invariants as any scene has, or more.
 const N_KEPT: usize = 8;
-/// The output of a scene with its invariants.
-const INVARIANTS: &str = "invariants";
 
 /// How steps are chosen.
 #[derive(Clone, Copy, Debug)]
