@@ -212,24 +212,26 @@ pub struct Prepared<R = f64> {
     c10: R,
     /// `m * r * g`
     c11: R,
-    /// `I1 * m * (r * r) + I1 * I1`
+    /// `10 * I1`
     c12: R,
     /// `m * r`
     c13: R,
-    /// `-(m * (r * r) / (I3 + m * (r * r)))`
+    /// `I1 * m * (r * r) + I1 * I1`
     c14: R,
-    /// `m * m * (r * r * (r * r))`
+    /// `-(m * (r * r) / (I3 + m * (r * r)))`
     c15: R,
-    /// `-0.5 / (m * (r * r))`
+    /// `m * m * (r * r * (r * r))`
     c16: R,
-    /// `I1 - I3`
+    /// `-0.5 / (m * (r * r))`
     c17: R,
-    /// `-(m * m * (r * r) * g)`
+    /// `I1 - I3`
     c18: R,
+    /// `-(m * m * (r * r) * g)`
+    c19: R,
     /// `I3 + m * (r * r)`
     A_Omega3_Omega3: R,
     /// `g / r`
-    c19: R,
+    c20: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -243,7 +245,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 5 additions, 23 multiplications, 12 divisions, 2 sign changes.
+    /// 5 additions, 24 multiplications, 12 divisions, 2 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I3, m, r, g } = *params;
         for (value, condition, meaning) in [
@@ -308,15 +310,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c9: R::from_f64(0.5) * A_Omega3_Omega3,
             c10: R::from_f64(0.5) * I1,
             c11: t7 * g,
-            c12: I1 * m * t0 + I1 * I1,
+            c12: R::from_f64(10.0) * I1,
             c13: t7,
-            c14: -(t1 / A_Omega3_Omega3),
-            c15: t3,
-            c16: R::from_f64(-0.5) / t1,
-            c17: t4,
-            c18: -(t2 * t0 * g),
+            c14: I1 * m * t0 + I1 * I1,
+            c15: -(t1 / A_Omega3_Omega3),
+            c16: t3,
+            c17: R::from_f64(-0.5) / t1,
+            c18: t4,
+            c19: -(t2 * t0 * g),
             A_Omega3_Omega3,
-            c19: g / r,
+            c20: g / r,
         })
     }
 }
@@ -474,19 +477,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         /// factors of A
         let [t4, A_s1_2_2] = {
             let t4 = A_Omega1_Omega1.recip();
-            [t4, self.c12 * t4]
+            [t4, self.c14 * t4]
         };
         let t5 = Omega3 * Gamma3;
         let t6 = Omega2 * Gamma1;
         let t7 = Omega1 * Gamma2;
         let t8 = t6 - t7;
-        let t9 = self.c14.mul_add(Omega2.mul_add(Gamma2, Omega1 * Gamma1), t5);
+        let t9 = self.c15.mul_add(Omega2.mul_add(Gamma2, Omega1 * Gamma1), t5);
         let t10 = Gamma1 * t1;
         let t11 = Gamma2 * t4;
         let t12 = Gamma1 / A_s1_2_2;
         let t13 = t10 * t12;
-        let t14 = t13.mul_add(self.c15 * t2 * t11, R::ONE);
-        let t15 = (-t14.mul_add(self.c16, t13))
+        let t14 = t13.mul_add(self.c16 * t2 * t11, R::ONE);
+        let t15 = (-t14.mul_add(self.c17, t13))
             .mul_add(self.c7 * Gamma2 * t11, Gamma1 * t12) * t1;
         let t16 = (-t15)
             .mul_add(self.c2, R::ONE)
@@ -502,12 +505,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                             Omega2 * Omega2 * (-Gamma1).mul_add(t10, R::ONE),
                         ),
                 t14.mul_add(Omega2 * t11, t12 * (-t4).mul_add((t7 + t6) * t3, Omega1))
-                    * (self.c17 * Omega3),
+                    * (self.c18 * Omega3),
             );
         [
             (-t8).mul_add(t2.mul_add(t9, Omega2), -(Omega1 * t5)) * (self.c13 * t0),
             t8.mul_add(t9.mul_add(t10, Omega1), -(Omega2 * t5)) * (self.c13 * t0),
-            t16.mul_add(self.c13 * t0, t15 * (self.c18 * Gamma3)),
+            t16.mul_add(self.c13 * t0, t15 * (self.c19 * Gamma3)),
         ]
     }
 
@@ -557,8 +560,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t2 = t1 * t1;
         let t3 = t2 * (self.c2 * (-Omega1).mul_add(Gamma2, Omega2 * Gamma1));
         let t4 = (-t2).mul_add(Gamma3 * t0, Omega3) * t3;
-        let t5 = self.c17 * Omega3;
-        let t6 = self.c2 * t1.mul_add(Omega3 * t0, self.c19 * Gamma3);
+        let t5 = self.c18 * Omega3;
+        let t6 = self.c2 * t1.mul_add(Omega3 * t0, self.c20 * Gamma3);
         [
             Gamma1.mul_add(t4, (-t6).mul_add(Gamma2 * t1, Omega2 * t5)),
             Gamma2.mul_add(t4, t6.mul_add(Gamma1 * t1, -(Omega1 * t5))),
@@ -589,20 +592,39 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Errors
     ///
-    /// `Singular` with the first pivot that is zero.
+    /// `Singular` with the first pivot that is zero up to the rounding errors of what it is computed from.
     ///
     /// # Operations
     ///
-    /// 2 additions, 3 multiplications (1 fused), 2 divisions.
+    /// 8 additions, 15 multiplications (6 fused), 2 divisions, 4 sign changes.
     pub fn check(&self, t: R, y: &[R; 6]) -> Result<(), ::hamel_runtime::Failure> {
         let [_, _, _, Gamma1, Gamma2, _] = *y;
-        /// mass matrix A = W^T L_yy Psi
-        let A_Omega1_Omega1 = {
+        /// factors of A
+        let [t2, t3, t4, t5, t6, A_s1_2_2] = {
             let t0 = Gamma2 * Gamma2;
-            self.I1 + self.c2 * t0 / Gamma1.mul_add(Gamma1, t0)
+            let t1 = Gamma1.mul_add(Gamma1, t0).recip();
+            let t2 = t1 * (self.c0 * t0);
+            let t3 = (self.c1 + t2).recip();
+            let t4 = Gamma1 * (-t2).mul_add(t3, R::ONE);
+            let t5 = t1 * (self.c2 * Gamma1);
+            let t6 = t4 * t5;
+            [t2, t3, t4, t5, t6, self.I1 + t6]
         };
-        let (value, pivot) = (self.c12 / A_Omega1_Omega1, "inertia along Omega2");
-        if !value.all_ne(R::ZERO) {
+        let (value, scale, pivot) = (
+            A_s1_2_2,
+            R::from_f64(10.0)
+                .mul_add(
+                    t6.abs(),
+                    R::from_f64(8.0)
+                        .mul_add(
+                            t4.abs(),
+                            R::from_f64(10.0) * t2.mul_add(t3, R::ONE) * Gamma1.abs(),
+                        )
+                        .mul_add(t5.abs(), self.c12),
+                ),
+            "inertia along Omega2",
+        );
+        if !(scale + value.abs()).all_gt(scale) {
             let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
             return Err(::hamel_runtime::Failure::Singular {
                 t,

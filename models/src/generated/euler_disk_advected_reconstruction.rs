@@ -675,16 +675,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 3 multiplications (1 fused), 2 divisions.
+    /// 2 additions, 3 multiplications (2 fused), 2 divisions.
     pub fn check(&self, t: R, y: &[R; 13]) -> Result<(), ::hamel_runtime::Failure> {
         let [_, _, _, Gamma1, Gamma2, _, _, _, _, _, _, _, _] = *y;
         /// mass matrix A = W^T L_yy Psi
         let A_Omega1_Omega1 = {
             let t0 = Gamma2 * Gamma2;
-            self.I1 + self.c0 * t0 / Gamma1.mul_add(Gamma1, t0)
+            t0.mul_add(self.c0 / Gamma1.mul_add(Gamma1, t0), self.I1)
         };
-        let (value, pivot) = (self.c1 / A_Omega1_Omega1, "inertia along Omega2");
-        if !value.all_ne(R::ZERO) {
+        /// factors of A
+        let A_s1_2_2 = self.c1 / A_Omega1_Omega1;
+        let (value, pivot) = (A_s1_2_2, "inertia along Omega2");
+        if !value.abs().all_gt(R::ZERO) {
             let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
             return Err(::hamel_runtime::Failure::Singular {
                 t,
