@@ -240,7 +240,11 @@ impl Source<'_> {
         let (scales, definitions) = rounding::rounding_scales(graph, &values, &needed, signs);
         let mut scales = scales.into_iter();
         let mut sections = self.sections.to_vec();
-        sections.push(Section { title: String::new(), definitions });
+        match sections.last_mut() {
+            Some(last) => last.definitions.extend(definitions),
+            None if definitions.is_empty() => {}
+            None => sections.push(Section { title: String::new(), definitions }),
+        }
         let conditions = self.conditions.iter().map(|condition| {
             let scale = if condition.is_rounded { scales.next() } else { None };
             let Some(scale) = scale.filter(|scale| *scale != graph.zero()) else { return condition.clone() };
