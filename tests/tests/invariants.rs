@@ -66,6 +66,34 @@ fn norms_and_products_of_what_the_group_turns_are_found() {
 }
 
 #[test]
+fn momenta_in_space_are_found_where_the_group_is_a_symmetry() {
+    let wants = |items: &str, wants: &str| {
+        found(&format!("model free {{ {items} scene kept {{ want {wants}; }} }}"), "kept").unwrap()
+    };
+    let body =
+        "param I: diagonal(3) = [2, 1.5, 0.8]; velocity Omega in so(3); lagrangian = dot(Omega, I*Omega)/2;";
+    for side in ["left", "right"] {
+        let items = format!("{body} action {side}; reconstruct q in SO(3) from Omega;");
+        // The third momentum is a function of the others; none without the attitude.
+        let expected = ["q_dot_q", "energy", "p_Omega_dot_p_Omega", "space_p_Omega1", "space_p_Omega2"];
+        assert_eq!(wants(&items, "invariants, reconstruction"), expected, "{side}");
+        assert_eq!(wants(&items, "invariants"), ["energy", "p_Omega_dot_p_Omega"], "{side}");
+    }
+    let plate = "param m: diagonal(2) = [2, 3]; velocity omega, v in se(2);
+        lagrangian = omega^2/2 + dot(v, m*v)/2; reconstruct theta, x, y in SE(2);";
+    for side in ["left", "right"] {
+        let items = format!("{plate} action {side};");
+        let expected = ["energy", "space_p_omega", "space_p_v1", "space_p_v2"];
+        assert_eq!(wants(&items, "invariants, reconstruction"), expected, "{side}");
+    }
+    // The weight leaves none of them alone but the one along it, which a Casimir has already.
+    let top = of_model("heavy_top", "want reconstruction;");
+    assert_eq!(top, ["C1", "C2", "q_dot_q", "energy"]);
+    let kirchhoff = of_model("kirchhoff_body", "want reconstruction;");
+    assert_eq!(kirchhoff, ["C1", "C2", "q_dot_q", "energy", "space_p_V1", "space_p_V2"]);
+}
+
+#[test]
 fn a_point_of_the_circle_stays_on_it() {
     assert_eq!(of_model("euler_disk", "circle theta; drop phi;"), ["theta_circle", "energy"]);
 }

@@ -12,12 +12,10 @@ use super::names::{Scope, is_unusual, legal};
 use super::{SceneText, doc_attributes, escaped, format_module, header};
 use crate::error::Error;
 use crate::expr::rational_to_f64;
-use crate::lower::{Function, Jet, Operand, Program, Relation};
+use crate::lower::{CHECK, Function, Jet, Operand, Program, RHS, Relation};
 
 /// Functions with a meaning of their own; every other one is an output.
-const RHS: &str = "rhs";
 const ENERGY: &str = "energy";
-const CHECK: &str = "check";
 const DOMAIN: &str = "domain";
 
 /// Names of methods and arguments that locals must not hide.
@@ -667,14 +665,19 @@ impl<'a> Module<'a> {
         let conditions = function.results[..n_values].iter().map(|(name, _)| name);
         // A scale is the constant zero where a value has no terms that could cancel.
         let can_cancel = function.results[n_values..].iter().any(|(_, o)| !matches!(o, Operand::Constant(_)));
-        let [name, test, variant, field] =
-            [function.name.as_str(), guard.test, guard.variant, guard.field].map(ident);
+        let [name, variant, field] = [function.name.as_str(), guard.variant, guard.field].map(ident);
+        // Not a number is not greater than anything.
+        let size = if guard.has_scales {
+            quote! { value.abs() }
+        } else {
+            quote! { value }
+        };
         let (names, tuples, holds): (_, Vec<TokenStream>, _) = if can_cancel {
             let tuples = values.iter().zip(scales).zip(conditions).map(|((v, s), c)| quote! { (#v, #s, #c) });
-            (quote! { (value, scale, #field) }, tuples.collect(), quote! { (scale + value).#test(scale) })
+            (quote! { (value, scale, #field) }, tuples.collect(), quote! { (scale + #size).all_gt(scale) })
         } else {
             let tuples = values.iter().zip(conditions).map(|(v, c)| quote! { (#v, #c) });
-            (quote! { (value, #field) }, tuples.collect(), quote! { value.#test(R::ZERO) })
+            (quote! { (value, #field) }, tuples.collect(), quote! { #size.all_gt(R::ZERO) })
         };
         let mut doc = vec![guard.title.to_owned()];
         let errors = if can_cancel { guard.errors_with_scales } else { guard.errors };
@@ -913,10 +916,9 @@ struct Guard {
     title: &'static str,
     errors: &'static str,
     errors_with_scales: &'static str,
-    /// Whether the second half of the results are scales beside which those of the first half must not vanish.
+    /// Whether the second half of the results are scales beside which those of the first half must not vanish; otherwise results
+    /// have to be positive.
     has_scales: bool,
-    /// How a result compares with zero where nothing is wrong.
-    test: &'static str,
     /// Variant of the failure, and its field with the name of the result.
     variant: &'static str,
     field: &'static str,
@@ -927,9 +929,8 @@ struct Guard {
 const GUARD_OF_PIVOTS: Guard = Guard {
     title: "Says which pivot vanishes at a point.",
     errors: "`Singular` with the first pivot that is zero.",
-    errors_with_scales: "`Singular` with the first pivot that is zero up to the rounding errors of its terms.",
+    errors_with_scales: "`Singular` with the first pivot that is zero up to the rounding errors of what it is computed from.",
     has_scales: true,
-    test: "all_ne",
     variant: "Singular",
     field: "pivot",
     inline: false,
@@ -940,7 +941,6 @@ const GUARD_OF_DOMAIN: Guard = Guard {
     errors: "`OutsideDomain` with the first condition that does not hold.",
     errors_with_scales: "`OutsideDomain` with the first condition that does not hold.",
     has_scales: false,
-    test: "all_gt",
     variant: "OutsideDomain",
     field: "condition",
     inline: true,

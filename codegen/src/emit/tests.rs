@@ -62,8 +62,13 @@ fn pendulum() -> (Program, SceneText) {
     let total = g.add(torque, friction);
     let acceleration = g.neg(total);
     let zero = g.zero();
-    let conditions =
-        [ParamCondition { text: "I > 0".into(), greater: inertia, less: zero, relation: Relation::Greater }];
+    let conditions = [ParamCondition {
+        text: "I > 0".into(),
+        greater: inertia,
+        less: zero,
+        relation: Relation::Greater,
+        is_rounded: false,
+    }];
     let requests = [
         Request {
             name: "rhs".into(),

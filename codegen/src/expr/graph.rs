@@ -923,7 +923,7 @@ impl Graph {
     }
 
     /// `f'(a)`, given `value = f(a)`.
-    pub(super) fn func_derivative(&mut self, f: Func, a: ExprId, value: ExprId) -> ExprId {
+    pub(crate) fn func_derivative(&mut self, f: Func, a: ExprId, value: ExprId) -> ExprId {
         let one = self.one;
         let root_of_one_minus_square = |g: &mut Graph, exponent: Rational| {
             let square = g.powi(a, 2);

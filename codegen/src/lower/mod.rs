@@ -23,7 +23,7 @@ mod verify;
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::error::Error;
-use crate::expr::{ExprId, Graph, Sign, SymbolId, sign_of};
+use crate::expr::{ExprId, Func, Graph, Sign, SymbolId, needed_sections, sign_of};
 
 pub use crate::expr::{Definition, Section};
 
@@ -36,6 +36,7 @@ pub use program::{
 pub use verify::verify;
 
 use class::{Class, Classes};
+use optimise::Optimised;
 
 /// The symbols that get their values from outside.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -61,10 +62,13 @@ impl Inputs {
     }
 }
 
-/// The function whose results are what must not vanish.
+/// The function that is what the others are about: the derivative of the state.
+pub const RHS: &str = "rhs";
+
+/// The function whose results are what must not vanish: the pivots of [`RHS`], computed as they are there where both have them.
 ///
-/// As many scales follow them: a result whose sum with its scale is that scale is nothing but the rounding error of its
-/// terms. The scale is the constant zero where the terms cannot cancel.
+/// As many scales follow them: a result whose absolute value does not make its scale larger is nothing but rounding error,
+/// or not a number. The scale is the constant zero where no terms can cancel.
 pub const CHECK: &str = "check";
 
 /// A function to make: its name and its named results.
@@ -87,6 +91,8 @@ pub struct ParamCondition {
     pub less: ExprId,
     /// How they compare.
     pub relation: Relation,
+    /// Whether the larger side, to be other than zero, is the result of a calculation, which rounding errors could hide.
+    pub is_rounded: bool,
 }
 
 /// Lowers sections of definitions and the requested functions to one program.
@@ -108,19 +114,24 @@ pub fn lower(
     let signs = source.signs(graph);
     let mut pool = number::Pool::new();
     let mut functions = Vec::with_capacity(requests.len());
+    let mut rhs = Vec::new();
     for request in requests {
-        let mut own = optimise::optimise(graph, &source, &signs, request)?;
-        if request.name == CHECK {
-            let values: Vec<ExprId> = own.request.results.iter().map(|(_, e)| *e).collect();
-            let scales = rounding::rounding_scales(graph, &values, &own.sections, &signs);
-            let names = request.results.iter().map(|(name, _)| name.clone());
-            own.request.results.extend(names.zip(scales));
+        let own = if request.name == CHECK {
+            source.checked(graph, &signs, request, &rhs)?
+        } else {
+            optimise::optimise(graph, &source, &signs, request)?
+        };
+        if request.name == RHS {
+            rhs.clone_from(&own.sections);
         }
         let requests = [own.request];
         let classes = Classes::of(graph, inputs, &own.sections, &requests)?;
         let source = Source { inputs, sections: &own.sections, conditions, classes };
         functions.push(number::number_function(graph, &source, &requests[0], &mut pool)?);
     }
+    let (sections, conditions) = source.rounded_conditions(graph, &signs);
+    let classes = Classes::of(graph, inputs, &sections, requests)?;
+    let source = Source { inputs, sections: &sections, conditions: &conditions, classes };
     let conditions = number::number_conditions(graph, &source, &mut pool)?;
     let program = assemble::assemble(graph, &source, pool, functions, conditions)?;
     verify(&program)?;
@@ -173,6 +184,75 @@ impl Source<'_> {
             }
         }
         Ok(())
+    }
+
+    /// Pivots with their scales, in the form that `rhs` has them in: another form has other errors, and would find a number where
+    /// that one divides by zero. A pivot that is no value of that form is computed in one of its own.
+    fn checked(
+        &self,
+        graph: &mut Graph,
+        signs: &BTreeMap<ExprId, Sign>,
+        request: &Request,
+        rhs: &[Section],
+    ) -> Result<Optimised, Error> {
+        let divisors = rhs.iter().flat_map(|s| &s.definitions);
+        let divisors: Vec<ExprId> = divisors.map(|d| graph.sym(d.symbol)).collect();
+        let in_rhs =
+            |graph: &Graph, pivot| divisors.iter().find(|d| graph.is_seen_to_be_equal(**d, pivot)).copied();
+        let found: Vec<Option<ExprId>> = request.results.iter().map(|(_, e)| in_rhs(graph, *e)).collect();
+        let others =
+            request.results.iter().zip(&found).filter(|(_, found)| found.is_none()).map(|(r, _)| r.clone());
+        let others = Request { name: request.name.clone(), results: others.collect() };
+        let Optimised { mut sections, request: others } = optimise::optimise(graph, self, signs, &others)?;
+        let mut others = others.results.into_iter();
+        let pivots = request.results.iter().zip(found).map(|((name, e), found)| match found {
+            Some(in_rhs) => (name.clone(), in_rhs),
+            None => others.next().unwrap_or_else(|| (name.clone(), *e)),
+        });
+        let mut results: Vec<(String, ExprId)> = pivots.collect();
+        let values: Vec<ExprId> = results.iter().map(|(_, e)| *e).collect();
+        let own: BTreeSet<SymbolId> =
+            sections.iter().flat_map(|s| &s.definitions).map(|d| d.symbol).collect();
+        let nothing = Section { title: String::new(), definitions: Vec::new() };
+        sections.resize(sections.len().max(rhs.len()), nothing);
+        for (section, of_rhs) in sections.iter_mut().zip(rhs) {
+            section.definitions.extend(of_rhs.definitions.iter().filter(|d| !own.contains(&d.symbol)));
+        }
+        let (scales, definitions) =
+            rounding::rounding_scales(graph, &values, &needed_sections(graph, &sections, &values), signs);
+        if let Some(last) = sections.last_mut() {
+            last.definitions.extend(definitions);
+        }
+        let names: Vec<String> = results.iter().map(|(name, _)| name.clone()).collect();
+        results.extend(names.into_iter().zip(scales));
+        Ok(Optimised { sections, request: Request { name: request.name.clone(), results } })
+    }
+
+    /// The conditions with scales of their rounding errors, `s + |p| > s` for `p != 0`, and the definitions of scales after the others.
+    fn rounded_conditions(
+        &self,
+        graph: &mut Graph,
+        signs: &BTreeMap<ExprId, Sign>,
+    ) -> (Vec<Section>, Vec<ParamCondition>) {
+        let values: Vec<ExprId> =
+            self.conditions.iter().filter(|c| c.is_rounded).map(|c| c.greater).collect();
+        let needed = needed_sections(graph, self.sections, &values);
+        let (scales, definitions) = rounding::rounding_scales(graph, &values, &needed, signs);
+        let mut scales = scales.into_iter();
+        let mut sections = self.sections.to_vec();
+        match sections.last_mut() {
+            Some(last) => last.definitions.extend(definitions),
+            None if definitions.is_empty() => {}
+            None => sections.push(Section { title: String::new(), definitions }),
+        }
+        let conditions = self.conditions.iter().map(|condition| {
+            let scale = if condition.is_rounded { scales.next() } else { None };
+            let Some(scale) = scale.filter(|scale| *scale != graph.zero()) else { return condition.clone() };
+            let size = graph.func(Func::Abs, condition.greater);
+            let greater = graph.add(scale, size);
+            ParamCondition { greater, less: scale, relation: Relation::Greater, ..condition.clone() }
+        });
+        (sections, conditions.collect())
     }
 
     /// What is known about signs, also of parameter-only definitions and of what the conditions speak of.

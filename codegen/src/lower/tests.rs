@@ -230,8 +230,13 @@ fn parameter_only_factors_meet_across_definitions_used_once() {
 #[test]
 fn conditions_are_checked_in_prepare() {
     let mut f = fixture();
-    let conditions =
-        [ParamCondition { text: "a > b".into(), greater: f.p[0], less: f.p[1], relation: Relation::Greater }];
+    let conditions = [ParamCondition {
+        text: "a > b".into(),
+        greater: f.p[0],
+        less: f.p[1],
+        relation: Relation::Greater,
+        is_rounded: false,
+    }];
     let e = f.x[0];
     let program = lower(&mut f.g, &f.inputs, &[], &conditions, &[request("f", &[e])]).unwrap();
     assert_eq!(program.prepare(&[2.0, 1.0, 0.0]), Ok(vec![]));

@@ -16,7 +16,7 @@ use super::constraint::{
     AccelerationRow, AccelerationSource, ConstraintRow, KinematicConstraint, Reactions, SolvedConstraint,
     Solver, Unknown,
 };
-use super::reconstruction::{self, ReconstructedCoordinate};
+use super::reconstruction::{self, MomentumInSpace, ReconstructedCoordinate};
 use super::stages::Stages;
 
 /// What a state variable is.
@@ -106,6 +106,8 @@ pub struct ReducedSystem {
     pub outputs: Vec<NamedVector>,
     /// Coordinates of the group, which only scenes that ask for them carry.
     pub reconstruction: Vec<ReconstructedCoordinate>,
+    /// Momenta in space, by the coordinates of the group.
+    pub momenta_in_space: Vec<MomentumInSpace>,
     /// Names and components of advected parameters and quaternions.
     pub vectors: Vec<(String, Vec<SymbolId>)>,
     /// Stage decomposition of the symmetry algebra, when asked for.
@@ -166,6 +168,9 @@ impl FrontEnd {
         let (graph, side) = (&mut model.graph, model.action);
         let reconstruction =
             model.reconstruction.iter().flat_map(|item| reconstruction::rates(graph, item, side)).collect();
+        let algebra = model.base.len()..velocities.len();
+        let turned = |item| reconstruction::momenta_in_space(graph, item, side, algebra.clone());
+        let momenta_in_space = model.reconstruction.iter().flat_map(turned).collect();
         Some(ReducedSystem {
             graph: model.graph.clone(),
             name: model.name.clone(),
@@ -184,6 +189,7 @@ impl FrontEnd {
             casimirs: model.casimirs.clone(),
             outputs: model.outputs.clone(),
             reconstruction,
+            momenta_in_space,
             vectors: vectors(model),
             stages: stages?,
             signs,

@@ -19,5 +19,5 @@ pub use constraint::{
     Unknown,
 };
 pub use front_end::{DomainCondition, ReducedSystem, StateKind, reduce};
-pub use reconstruction::ReconstructedCoordinate;
+pub use reconstruction::{MomentumInSpace, ReconstructedCoordinate};
 pub use stages::{StageLevel, Stages, Tensor};

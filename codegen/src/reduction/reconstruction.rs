@@ -1,5 +1,7 @@
 //! The group equation `gdot = g xi` (left) or `gdot = xi g` (right) in coordinates.
 
+use std::ops::Range;
+
 use num_traits::One;
 
 use crate::expr::{ExprId, Func, Graph, Rational, SymbolId};
@@ -53,6 +55,80 @@ pub(super) fn rates(g: &mut Graph, item: &Reconstruction, side: Side) -> Vec<Rec
             doc: item.doc.clone(),
         })
         .collect()
+}
+
+/// Momenta along some velocities, turned into space: `J_i = sum_k rows[i][k] p_k`.
+#[derive(Clone, Debug)]
+pub struct MomentumInSpace {
+    /// Positions of the velocities in the frame.
+    pub velocities: Vec<usize>,
+    /// In terms of the reconstructed coordinates.
+    pub rows: Vec<Vec<ExprId>>,
+}
+
+/// What the coadjoint action of an item's group element makes of momenta: `Ad*_{g^-1} p` for a left action, constant where
+/// nothing else breaks the symmetry; `Ad*_g p` for a right one.
+///
+/// A unit quaternion turns every three momenta of the algebra, `algebra` in the frame, by `|q|^2 R(q)`, whose rate needs no unit length;
+/// a planar pose moves its own three. About a point in space angular momentum is constant on `|q| = 1` alone, and left out.
+pub(super) fn momenta_in_space(
+    g: &mut Graph,
+    item: &Reconstruction,
+    side: Side,
+    algebra: Range<usize>,
+) -> Vec<MomentumInSpace> {
+    let coordinates: Vec<ExprId> = item.symbols.iter().map(|s| g.sym(*s)).collect();
+    match &item.kind {
+        ReconstructionKind::Quaternion { .. } | ReconstructionKind::Pose { .. } => {
+            let rows = turn(g, &coordinates[..4], side);
+            let threes = algebra.clone().step_by(3).filter(|k| k + 3 <= algebra.end);
+            threes.map(|k| MomentumInSpace { velocities: (k..k + 3).collect(), rows: rows.clone() }).collect()
+        }
+        ReconstructionKind::PlanarPose { .. } if algebra.len() >= 3 => {
+            let [theta, x, y] = [0, 1, 2].map(|k| coordinates[k]);
+            let (zero, one) = (g.zero(), g.one());
+            let (s, c) = (g.func(Func::Sin, theta), g.func(Func::Cos, theta));
+            let back = g.neg(s);
+            // The force line of a left action passes through the pose, that of a right one through the origin.
+            let (pushed, rows) = match side {
+                Side::Left => {
+                    let ([cx, sx], [cy, sy]) = ([c, s].map(|e| g.mul(x, e)), [c, s].map(|e| g.mul(y, e)));
+                    let (along, across) = (g.sub(sx, cy), g.add(cx, sy));
+                    ([along, across], [[c, back], [s, c]])
+                }
+                Side::Right => {
+                    let minus_x = g.neg(x);
+                    ([y, minus_x], [[c, s], [back, c]])
+                }
+            };
+            let rows =
+                [[one, pushed[0], pushed[1]], [zero, rows[0][0], rows[0][1]], [zero, rows[1][0], rows[1][1]]];
+            let rows = rows.iter().map(|row| row.to_vec()).collect();
+            vec![MomentumInSpace { velocities: algebra.take(3).collect(), rows }]
+        }
+        _ => Vec::new(),
+    }
+}
+
+/// `|q|^2 R(q)`, or its transpose for a right action: `(w^2 - u.u) 1 + 2 u u^T +- 2 w [u]`.
+fn turn(g: &mut Graph, q: &[ExprId], side: Side) -> Vec<Vec<ExprId>> {
+    let two = Rational::one() + Rational::one();
+    let w = match side {
+        Side::Left => q[0],
+        Side::Right => g.neg(q[0]),
+    };
+    let squares: Vec<ExprId> = q.iter().map(|x| g.mul(*x, *x)).collect();
+    let signs =
+        |k: usize| (0..4).map(move |j| if j == 0 || j == k + 1 { Rational::one() } else { -Rational::one() });
+    let mut rows = vec![vec![g.zero(); 3]; 3];
+    for (i, j, k) in [(0, 1, 2), (1, 2, 0), (2, 0, 1)] {
+        let weighted: Vec<_> = squares.iter().copied().zip(signs(i)).collect();
+        rows[i][i] = g.linear_combination(&weighted);
+        let (both, turned) = (g.mul(q[i + 1], q[j + 1]), g.mul(w, q[k + 1]));
+        rows[i][j] = g.linear_combination(&[(both, two.clone()), (turned, -two.clone())]);
+        rows[j][i] = g.linear_combination(&[(both, two.clone()), (turned, two.clone())]);
+    }
+    rows
 }
 
 /// The expressions of an item.

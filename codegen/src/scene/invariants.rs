@@ -1,7 +1,7 @@
 //! Functions of time and state that are constant along every motion of a scene, with their gradients.
 //!
 //! Candidates are what mechanics knows: casimirs, norms and products of advected parameters and quaternions, residuals of
-//! constraints, the energy, momenta. One counts when its rate along the motion vanishes identically, by the fingerprints of
+//! constraints, the energy, momenta of the frame and in space. One counts when its rate along the motion vanishes identically, by the fingerprints of
 //! the graph; the energy of a system with multipliers, which is conserved on the constraint alone, does not. Of those that
 //! are functions of others only the first are kept. Components of the state that never change are parameters here: a
 //! projection leaves them alone.
@@ -115,7 +115,25 @@ fn candidates(g: &mut Graph, equations: &Equations, state: &[StateEquation]) -> 
     }
     candidates.extend(group("constraint"));
     candidates.push(("energy".to_owned(), equations.energy));
-    candidates.extend(group("momentum").chain(group("nonholonomic_momentum")));
+    let momenta: Vec<(String, ExprId)> = group("momentum").collect();
+    candidates.extend(momenta.iter().cloned().chain(group("nonholonomic_momentum")));
+    let in_space = &equations.system.momenta_in_space;
+    for (k, a) in in_space.iter().enumerate() {
+        // What turns as one vector keeps its products: Casimirs of so(3) and se(3), also where a scene carries no attitude.
+        for b in in_space[k..].iter().filter(|b| b.rows == a.rows) {
+            let [p, q] = [a, b].map(|of| of.velocities.iter().map(|k| &momenta[*k]).collect::<Vec<_>>());
+            let terms: Vec<ExprId> = p.iter().zip(&q).map(|(p, q)| g.mul(p.1, q.1)).collect();
+            let [p, q] = [&p[0].0, &q[0].0].map(|name| name.trim_end_matches(char::is_numeric));
+            candidates.push((format!("{p}_dot_{q}"), g.sum(&terms)));
+        }
+    }
+    for a in in_space {
+        for (row, own) in a.rows.iter().zip(&a.velocities) {
+            let terms: Vec<ExprId> =
+                row.iter().zip(&a.velocities).map(|(m, k)| g.mul(*m, momenta[*k].1)).collect();
+            candidates.push((format!("space_{}", momenta[*own].0), g.sum(&terms)));
+        }
+    }
     let carried: BTreeSet<SymbolId> = state.iter().map(|s| s.symbol).collect();
     let base = equations.system.algebroid.base().iter().copied();
     let left_out: BTreeSet<SymbolId> = base

@@ -374,7 +374,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 .mul_add(y_dot.mul_add(y_dot, x_dot * x_dot), self.c5 * (z_dot * z_dot)),
             "response to constraint z_dot^2 = k^2*(x_dot^2 + y_dot^2)",
         );
-        if !value.all_ne(R::ZERO) {
+        if !value.abs().all_gt(R::ZERO) {
             let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
             return Err(::hamel_runtime::Failure::Singular {
                 t,

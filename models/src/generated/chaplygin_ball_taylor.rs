@@ -273,6 +273,18 @@ pub struct Prepared<R = f64> {
     c14: R,
     /// `0.5 * m`
     c15: R,
+    /// `abs(l * chi3)`
+    c16: R,
+    /// `abs(l * chi1)`
+    c17: R,
+    /// `abs(l * chi2)`
+    c18: R,
+    /// `11 * I1`
+    c19: R,
+    /// `11 * I2`
+    c20: R,
+    /// `11 * I3`
+    c21: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -286,7 +298,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 14 multiplications, 1 sign change.
+    /// 3 additions, 17 multiplications, 4 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, m, r, l, chi1, chi2, chi3, g } = *params;
         for (value, condition, meaning) in [
@@ -340,6 +352,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t1 = t0 * chi3;
         let t2 = t0 * chi2;
         let t3 = t0 * chi1;
+        let t4 = l * chi3;
+        let t5 = l * chi2;
+        let t6 = l * chi1;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -382,9 +397,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c3: t3 * g,
             c4: I3 - I1,
             c5: I1 - I2,
-            c6: l * chi3,
-            c7: l * chi2,
-            c8: l * chi1,
+            c6: t4,
+            c7: t5,
+            c8: t6,
             c9: t3,
             c10: -t2,
             c11: t1,
@@ -392,6 +407,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c13: R::from_f64(0.5) * I2,
             c14: R::from_f64(0.5) * I3,
             c15: R::from_f64(0.5) * m,
+            c16: t4.abs(),
+            c17: t6.abs(),
+            c18: t5.abs(),
+            c19: R::from_f64(11.0) * I1,
+            c20: R::from_f64(11.0) * I2,
+            c21: R::from_f64(11.0) * I3,
         })
     }
 }
@@ -547,57 +568,224 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Errors
     ///
-    /// `Singular` with the first pivot that is zero up to the rounding errors of its terms.
+    /// `Singular` with the first pivot that is zero up to the rounding errors of what it is computed from.
     ///
     /// # Operations
     ///
-    /// 16 additions, 24 multiplications (12 fused), 2 divisions, 1 sign change.
+    /// 65 additions, 85 multiplications (49 fused), 2 divisions, 35 sign changes.
     pub fn check(&self, t: R, y: &[R; 6]) -> Result<(), ::hamel_runtime::Failure> {
         let [_, _, _, Gamma1, Gamma2, Gamma3] = *y;
         /// mass matrix A = W^T L_yy Psi
-        let [t1, t2, A_Omega1_Omega1, t6, t7, A_Omega2_Omega2, A_Omega3_Omega3] = {
-            let t0 = Gamma3.mul_add(self.r, self.c6);
-            let t1 = self.m * t0;
-            let t2 = Gamma2.mul_add(self.r, self.c7);
-            let t3 = self.m * t2;
-            let t4 = Gamma1.mul_add(self.r, self.c8);
-            let t5 = self.m * t4;
-            let t8 = t4 * t5;
+        let [t0, t1, t2, t3, t4, t5, t6, t7, A_Omega1_Omega1, t8, t9, t10, t11, t12,
+        A_Omega2_Omega2, t13, A_Omega3_Omega3] = {
+            let t0 = self.r * Gamma3;
+            let t1 = self.c6 + t0;
+            let t2 = self.m * t1;
+            let t3 = t1 * t2;
+            let t4 = self.r * Gamma2;
+            let t5 = self.c7 + t4;
+            let t6 = self.m * t5;
+            let t7 = t5 * t6;
+            let t8 = self.r * Gamma1;
+            let t9 = self.c8 + t8;
+            let t10 = self.m * t9;
+            let t12 = t9 * t10;
             [
+                t0,
                 t1,
                 t2,
-                t2.mul_add(t3, t0.mul_add(t1, self.I1)),
+                t3,
+                t4,
+                t5,
+                t6,
+                t7,
+                self.I1 + t3 + t7,
+                t8,
+                t9,
+                t10,
+                t5 * t10,
+                t12,
+                self.I2 + t3 + t12,
                 t2 * t5,
-                t0 * t5,
-                self.I2 + t0.mul_add(t1, t8),
-                self.I3 + t2.mul_add(t3, t8),
+                self.I3 + t7 + t12,
             ]
         };
         /// factors of A
-        let [t10, t11, A_s1_2_2, t12, A_s2_3_3] = {
-            let t9 = A_Omega1_Omega1.recip();
-            let t10 = t6 * t9;
-            let t11 = t7 * t9;
-            let A_s1_2_2 = (-t6).mul_add(t10, A_Omega2_Omega2);
-            let A_s1_2_3 = (-t7).mul_add(t10, -(t1 * t2));
-            let A_s1_3_3 = (-t7).mul_add(t11, A_Omega3_Omega3);
-            let A_l3_2 = A_s1_2_3 / A_s1_2_2;
-            let t12 = A_s1_2_3 * A_l3_2;
-            [t10, t11, A_s1_2_2, t12, A_s1_3_3 - t12]
-        };
-        for (value, scale, pivot) in [
-            (
+        let [t14, t15, t16, t17, t18, A_s1_2_2, t19, t20, t21, A_s1_3_3, t22, t23, t24,
+        A_s2_3_3] = {
+            let t14 = A_Omega1_Omega1.recip();
+            let t15 = t11 * t14;
+            let t16 = t2 * t9;
+            let t17 = t16 * t14;
+            let t18 = t11 * t15;
+            let A_s1_2_2 = A_Omega2_Omega2 - t18;
+            let t19 = t15 * t16;
+            let t20 = t13 + t19;
+            let t21 = t16 * t17;
+            let A_s1_3_3 = A_Omega3_Omega3 - t21;
+            let t22 = A_s1_2_2.recip();
+            let t23 = t20 * t22;
+            let t24 = t20 * t23;
+            [
+                t14,
+                t15,
+                t16,
+                t17,
+                t18,
                 A_s1_2_2,
-                R::from_f64(12.0) * t6.mul_add(t10, A_Omega2_Omega2),
-                "inertia along Omega2",
-            ),
+                t19,
+                t20,
+                t21,
+                A_s1_3_3,
+                t22,
+                t23,
+                t24,
+                A_s1_3_3 - t24,
+            ]
+        };
+        let t25 = R::from_f64(10.0) * (self.c16 + t0.abs());
+        let t26 = t2.abs();
+        let t27 = t26.mul_add(R::from_f64(8.0), self.m * t25);
+        let t28 = t1.abs();
+        let t29 = R::from_f64(10.0) * (self.c17 + t8.abs());
+        let t30 = t10.abs();
+        let t31 = t30.mul_add(R::from_f64(8.0), self.m * t29);
+        let t32 = t9.abs();
+        let t33 = R::from_f64(10.0) * (self.c18 + t4.abs());
+        let t34 = t5.abs();
+        let t35 = t34.mul_add(t31, R::from_f64(8.0).mul_add(t11.abs(), t33 * t30));
+        let A_l2_1 = -t15;
+        let t36 = A_l2_1.abs();
+        let t37 = t6.abs();
+        let t38 = t37.mul_add(R::from_f64(8.0), self.m * t33);
+        let t39 = t38
+            .mul_add(
+                t34,
+                t27
+                    .mul_add(
+                        t28,
+                        t33
+                            .mul_add(
+                                t37,
+                                t25
+                                    .mul_add(
+                                        t26,
+                                        t7
+                                            .mul_add(
+                                                R::from_f64(11.0),
+                                                t3.mul_add(R::from_f64(11.0), self.c19),
+                                            ),
+                                    ),
+                            ),
+                    ),
+            );
+        let t40 = t14 * t14;
+        let t41 = t39
+            .mul_add((-(t11 * t40)).abs(), t36.mul_add(R::from_f64(8.0), t35 * t14));
+        let A_Omega1_Omega2 = -t11;
+        let t42 = t25
+            .mul_add(
+                t26,
+                t18
+                    .mul_add(
+                        R::from_f64(10.0),
+                        A_Omega2_Omega2
+                            .mul_add(
+                                R::from_f64(2.0),
+                                t12
+                                    .mul_add(
+                                        R::from_f64(11.0),
+                                        t3.mul_add(R::from_f64(11.0), self.c20),
+                                    ),
+                            ),
+                    ),
+            );
+        let t43 = t41
+            .mul_add(
+                A_Omega1_Omega2.abs(),
+                t35
+                    .mul_add(
+                        t36,
+                        t31.mul_add(t32, t27.mul_add(t28, t29.mul_add(t30, t42))),
+                    ),
+            );
+        let t44 = t16.abs();
+        let t45 = t27.mul_add(t32, t44.mul_add(R::from_f64(8.0), t29 * t26));
+        let A_l3_1 = -t17;
+        let A_Omega2_Omega3 = -t13;
+        let t46 = R::from_f64(10.0)
+            .mul_add(
+                (-t19).abs(),
+                t45
+                    .mul_add(
+                        t36,
+                        t27
+                            .mul_add(
+                                t34,
+                                R::from_f64(2.0)
+                                    .mul_add(
+                                        A_Omega2_Omega3.abs(),
+                                        R::from_f64(8.0).mul_add(t13.abs(), t33 * t26),
+                                    ),
+                            ),
+                    ),
+            );
+        let t47 = t41.mul_add(t44, t46);
+        let A_l3_2 = -t23;
+        let t48 = A_l3_2.abs();
+        let A_s1_2_3 = -t20;
+        let t49 = t33
+            .mul_add(
+                t37,
+                t21
+                    .mul_add(
+                        R::from_f64(10.0),
+                        A_Omega3_Omega3
+                            .mul_add(
+                                R::from_f64(2.0),
+                                t12
+                                    .mul_add(
+                                        R::from_f64(11.0),
+                                        t7.mul_add(R::from_f64(11.0), self.c21),
+                                    ),
+                            ),
+                    ),
+            );
+        let t50 = t44
+            .mul_add(
+                t39
+                    .mul_add(
+                        (t16 * t40).abs(),
+                        R::from_f64(8.0).mul_add(t17.abs(), t45 * t14),
+                    ),
+                t45
+                    .mul_add(
+                        A_l3_1.abs(),
+                        t31.mul_add(t32, t38.mul_add(t34, t29.mul_add(t30, t49))),
+                    ),
+            );
+        for (value, scale, pivot) in [
+            (A_s1_2_2, t43, "inertia along Omega2"),
             (
                 A_s2_3_3,
-                R::from_f64(13.0) * (t7.mul_add(t11, A_Omega3_Omega3) + t12.abs()),
+                t43
+                    .mul_add(
+                        (-(t20 * (t22 * t22))).abs(),
+                        t48.mul_add(R::from_f64(8.0), t47 * t22.abs()),
+                    )
+                    .mul_add(
+                        A_s1_2_3.abs(),
+                        R::from_f64(10.0)
+                            .mul_add(
+                                t24.abs(),
+                                t47
+                                    .mul_add(t48, R::from_f64(2.0).mul_add(A_s1_3_3.abs(), t50)),
+                            ),
+                    ),
                 "inertia along Omega3",
             ),
         ] {
-            if !(scale + value).all_ne(scale) {
+            if !(scale + value.abs()).all_gt(scale) {
                 let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
                 return Err(::hamel_runtime::Failure::Singular {
                     t,

@@ -326,38 +326,36 @@ pub struct Prepared<R = f64> {
     c15: R,
     /// `0.5 * mu`
     c16: R,
-    /// `r / rho`
+    /// `mu * rho / (r * (M + mu))`
     c17: R,
-    /// `0.5 * r * (M + mu) / (mu * rho)`
+    /// `13 * mu * (rho * rho)`
     c18: R,
-    /// `2 * mu * r * rho`
+    /// `13 * I1`
     c19: R,
-    /// `14 * I1`
+    /// `12 * mu`
     c20: R,
-    /// `14 * mu * (rho * rho)`
+    /// `12 * I2`
     c21: R,
-    /// `15 * I2`
+    /// `12 * I3`
     c22: R,
-    /// `15 * mu * (rho * rho)`
-    c23: R,
-    /// `17 * I3`
-    c24: R,
     /// `M * r`
-    c25: R,
+    c23: R,
+    /// `2 * mu * r * rho`
+    c24: R,
     /// `2 * mu * (rho * rho)`
-    c26: R,
+    c25: R,
     /// `0.5 * rho / r`
-    c27: R,
+    c26: R,
     /// `2 * mu * rho / (mu * r + M * r)`
-    c28: R,
+    c27: R,
     /// `r * (mu * r + M * r)`
-    c29: R,
+    c28: R,
     /// `I3 - I2`
-    c30: R,
+    c29: R,
     /// `I3 - I1`
-    c31: R,
+    c30: R,
     /// `I1 - I2`
-    c32: R,
+    c31: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -371,7 +369,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 5 additions, 32 multiplications, 7 divisions, 3 sign changes.
+    /// 5 additions, 29 multiplications, 6 divisions, 3 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, M, mu, r, rho, g } = *params;
         for (value, condition, meaning) in [
@@ -410,8 +408,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t4 = R::from_f64(2.0) * mu;
         let t5 = t4 * rho;
         let t6 = M + mu;
-        let t7 = M * r;
-        let t8 = t3 + t7;
+        let t7 = r * t6;
+        let t8 = M * r;
+        let t9 = t3 + t8;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -468,10 +467,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c3: rho / r,
             c4: t3 * rho,
             c5: t1,
-            c6: t5 / (r * t6),
+            c6: t5 / t7,
             c7: r * r * t6,
             c8: t0,
-            c9: -t8,
+            c9: -t9,
             c10: -t6,
             c11: t2.recip(),
             c12: R::from_f64(0.5) * I1,
@@ -479,22 +478,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c14: R::from_f64(0.5) * I3,
             c15: R::from_f64(0.5) * M,
             c16: R::from_f64(0.5) * mu,
-            c17: r / rho,
-            c18: R::from_f64(0.5) * r * t6 / t0,
-            c19: t4 * r * rho,
-            c20: R::from_f64(14.0) * I1,
-            c21: R::from_f64(14.0) * mu * t1,
-            c22: R::from_f64(15.0) * I2,
-            c23: R::from_f64(15.0) * mu * t1,
-            c24: R::from_f64(17.0) * I3,
-            c25: t7,
-            c26: t4 * t1,
-            c27: R::from_f64(0.5) * rho / r,
-            c28: t5 / t8,
-            c29: r * t8,
-            c30: I3 - I2,
-            c31: I3 - I1,
-            c32: I1 - I2,
+            c17: t0 / t7,
+            c18: R::from_f64(13.0) * mu * t1,
+            c19: R::from_f64(13.0) * I1,
+            c20: R::from_f64(12.0) * mu,
+            c21: R::from_f64(12.0) * I2,
+            c22: R::from_f64(12.0) * I3,
+            c23: t8,
+            c24: t4 * r * rho,
+            c25: t4 * t1,
+            c26: R::from_f64(0.5) * rho / r,
+            c27: t5 / t9,
+            c28: r * t9,
+            c29: I3 - I2,
+            c30: I3 - I1,
+            c31: I1 - I2,
         })
     }
 }
@@ -984,7 +982,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 (-self.mu).mul_add((-t7).mul_add(t16, t8 * t14), self.I1 * Omega1),
                 self.mu.mul_add((-t12).mul_add(t16, t15), self.I2 * Omega2),
                 Omega3.mul_add(self.I3, p_alpha_dot),
-                t11.mul_add(self.mu, self.c25 * t9),
+                t11.mul_add(self.mu, self.c23 * t9),
                 t14.mul_add(self.mu, self.M * X2),
                 t16.mul_add(self.mu, self.M * X3),
             ]
@@ -1208,8 +1206,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t40 = self.c4 * t4.mul_add(self.c3, Gamma3);
             let t41 = t25 * t40;
             let t42 = t27 * t40;
-            let t43 = Gamma1 * t25;
-            let t44 = Gamma2 * t27;
+            let t43 = Gamma2 * t27;
+            let t44 = Gamma1 * t25;
             let t45 = t43 + t44;
             let t46 = self.c4 * t3;
             let t47 = self.c4 * t4;
@@ -1231,9 +1229,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     .mu
                     .mul_add(
                         self.c5.mul_add(t27 * t27, t50),
-                        t44
+                        t43
                             .mul_add(
-                                self.c19,
+                                self.c24,
                                 t51.mul_add(t52, t53.mul_add(self.c7, self.I1)),
                             ),
                     ),
@@ -1247,16 +1245,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     .mu
                     .mul_add(
                         self.c5.mul_add(t25 * t25, t50),
-                        t43
+                        t44
                             .mul_add(
-                                self.c19,
+                                self.c24,
                                 t51.mul_add(t52, Gamma1.mul_add(t54, self.I2)),
                             ),
                     ),
                 (-Gamma2).mul_add(t52 + t47, -t42),
                 t45
                     .mul_add(
-                        self.c19,
+                        self.c24,
                         Gamma1.mul_add(t54, t53.mul_add(self.c7, self.I3))
                             + A_alpha_dot_alpha_dot,
                     ),
@@ -1561,17 +1559,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     ),
             );
         let t33 = Omega3 * t18;
-        let t34 = self.c19 * t0;
+        let t34 = self.c24 * t0;
         let t35 = (-Omega3)
             .mul_add(t22.mul_add(t3, t24 * t34), Gamma3 * t2.mul_add(t31, -t11));
         let t36 = Omega3.mul_add(Gamma3, t24);
-        let t37 = t1.mul_add(self.c27, Gamma3);
-        let t38 = (-self.c29)
+        let t37 = t1.mul_add(self.c26, Gamma3);
+        let t38 = (-self.c28)
             .mul_add(
-                t37.mul_add(self.c28 * Omega3 * t1, Gamma3 * t36),
+                t37.mul_add(self.c27 * Omega3 * t1, Gamma3 * t36),
                 t20 * (-t1).mul_add(t14, t0 * t3),
             );
-        let t39 = self.c29 * t36;
+        let t39 = self.c28 * t36;
         let t40 = Omega3.mul_add(t39 + t27, -t28);
         let t41 = (-Omega1).mul_add(Omega1, t29);
         let t42 = alpha_dot * t5;
@@ -1580,14 +1578,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t4.mul_add(t9, t2 * t42),
                 Omega2.mul_add(t5.mul_add(t9, -(alpha_dot * t4 * t2)), t8 * t41),
             );
-        let t44 = self.c19 * t1;
+        let t44 = self.c24 * t1;
         let t45 = beta_dot * t44;
         let t46 = t30 * t44;
         let t47 = Gamma1 * t34;
         let t48 = beta_dot * Omega3;
         let t49 = (-Omega2)
             .mul_add(
-                Omega3.mul_add(self.c30, t38),
+                Omega3.mul_add(self.c29, t38),
                 t5
                     .mul_add(
                         t33,
@@ -1612,7 +1610,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t34 * t37,
                 t30
                     .mul_add(
-                        (-t5).mul_add(t47, t4.mul_add(t50, self.c32)),
+                        (-t5).mul_add(t47, t4.mul_add(t50, self.c31)),
                         (-(t41 * t2))
                             .mul_add(
                                 Gamma1.mul_add(t4, t6),
@@ -1631,7 +1629,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                             (-t22)
                                 .mul_add(
                                     t31,
-                                    (t0 * (self.c26 * t1))
+                                    (t0 * (self.c25 * t1))
                                         .mul_add((-t5).mul_add(t30 * t4, alpha_dot * Omega3), t32),
                                 ),
                         ),
@@ -1639,7 +1637,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             (-Gamma2).mul_add(t40 - t43, t49),
             Omega1
                 .mul_add(
-                    (-t6).mul_add(t45, Omega3.mul_add(self.c31, t38)),
+                    (-t6).mul_add(t45, Omega3.mul_add(self.c30, t38)),
                     t4
                         .mul_add(
                             t33,
@@ -1685,193 +1683,545 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Errors
     ///
-    /// `Singular` with the first pivot that is zero up to the rounding errors of its terms.
+    /// `Singular` with the first pivot that is zero up to the rounding errors of what it is computed from.
     ///
     /// # Operations
     ///
-    /// 65 additions, 92 multiplications (49 fused), 3 divisions, 6 sign changes, 2 elementary functions.
+    /// 162 additions, 210 multiplications (113 fused), 3 divisions, 97 sign changes, 2 elementary functions.
     pub fn check(&self, t: R, y: &[R; 10]) -> Result<(), ::hamel_runtime::Failure> {
         let [alpha, beta, _, _, _, _, _, Gamma1, Gamma2, Gamma3] = *y;
         /// mass matrix A = W^T L_yy Psi
-        let [A_alpha_dot_alpha_dot, t6, t10, A_alpha_dot_Omega3, A_beta_dot_Omega1,
-        A_beta_dot_Omega2, A_beta_dot_Omega3, t16, t18, t20, A_Omega1_Omega1,
-        A_Omega1_Omega2, t22, A_Omega1_Omega3, t23, t24, t25, A_Omega2_Omega2,
-        A_Omega2_Omega3, A_Omega3_Omega3] = {
+        let [t1, A_alpha_dot_alpha_dot, t2, t6, t7, t8, t9, t10, t11, t12, t13,
+        A_alpha_dot_Omega3, t14, t15, t17, t19, t20, t22, t23, t25, A_beta_dot_Omega2,
+        t26, t27, A_beta_dot_Omega3, t28, t29, t31, t32, t33, t34, A_Omega1_Omega1, t35,
+        t36, t37, t38, t39, t40, t41, t42, t43, t44, A_Omega2_Omega2, t45, t46,
+        A_Omega3_Omega3] = {
             let (t0, t1) = beta.sin_cos();
-            let A_alpha_dot_alpha_dot = self.c2 * t0 * t0;
-            let (t2, t3) = alpha.sin_cos();
-            let t4 = t0 * t2;
-            let t5 = self.c2 * Gamma3.mul_add(self.c17, t1);
-            let t6 = t4 * t5;
-            let t7 = t0 * t3;
-            let t8 = Gamma2 * t4;
-            let t9 = Gamma1.mul_add(t7, t8);
+            let A_alpha_dot_alpha_dot = self.c2 * (t0 * t0);
+            let t2 = self.c3 * t1;
+            let t3 = Gamma3 + t2;
+            let (t4, t5) = alpha.sin_cos();
+            let t6 = t0 * t5;
+            let t7 = self.c4 * t6;
+            let t8 = t3 * t7;
+            let t9 = t0 * t4;
             let t10 = self.c4 * t9;
-            let t11 = self.c4 * t1;
-            let t12 = t2 * t11;
-            let t13 = self.c4 * t0;
-            let t14 = t3 * t11;
-            let t15 = self.c7 * Gamma2;
-            let t16 = Gamma2 * t15;
-            let t17 = t1 * t1;
-            let t18 = t4.mul_add(t4, t17);
-            let t19 = Gamma3 * Gamma3.mul_add(self.c18, t1);
-            let t20 = t8 + t19;
-            let t21 = self.c7 * Gamma1;
-            let t22 = t5 * t7;
-            let t23 = Gamma1 * t21;
-            let t24 = t7.mul_add(t7, t17);
-            let t25 = Gamma1.mul_add(t7, t19);
+            let t11 = t3 * t10;
+            let t12 = Gamma2 * t10;
+            let t13 = Gamma1 * t7;
+            let t14 = self.c2 * t4;
+            let t15 = self.c4 * t1;
+            let t16 = t4 * t15;
+            let t17 = Gamma3 * t16;
+            let t18 = self.c4 * t0;
+            let t19 = Gamma2 * t18;
+            let t21 = t5 * t15;
+            let t22 = Gamma3 * t21;
+            let t23 = Gamma1 * t18;
+            let t24 = self.c5 * t5;
+            let t25 = self.mu * t24;
+            let t26 = Gamma1 * t16;
+            let t27 = Gamma2 * t21;
+            let t28 = self.c7 * t9.mul_add(self.c6, Gamma2);
+            let t29 = Gamma2 * t28;
+            let t30 = self.c2 * t9;
+            let t31 = t9 * t30;
+            let t32 = self.c7 * Gamma3;
+            let t33 = t1.mul_add(self.c6, Gamma3) * t32;
+            let t34 = t1 * t1;
+            let t35 = self.c7 * Gamma1;
+            let t36 = Gamma2 * (t35 + t7);
+            let t37 = Gamma1 * t10;
+            let t38 = t6 * t30;
+            let t40 = Gamma3 * t35;
+            let t41 = Gamma1 * t15;
+            let t43 = t6.mul_add(t0 * t24, self.c5 * t34);
+            let t44 = t35 * t6.mul_add(self.c6, Gamma1);
+            let t45 = Gamma2 * (t32 + t15);
             [
+                t1,
                 A_alpha_dot_alpha_dot,
+                t2,
                 t6,
+                t7,
+                t8,
+                t9,
                 t10,
-                A_alpha_dot_alpha_dot + t10,
-                (-Gamma3).mul_add(t12, (-Gamma2).mul_add(t13, -(self.c2 * t2))),
-                Gamma3.mul_add(t14, Gamma1.mul_add(t13, self.c2 * t3)),
-                (-Gamma2).mul_add(t14, Gamma1 * t12),
-                t16,
-                t18,
-                t20,
-                t20.mul_add(self.c19, t18.mul_add(self.c2, self.I1 + t16)),
-                (-self.c4)
-                    .mul_add(
-                        t4.mul_add(t7.mul_add(self.c3, Gamma1), Gamma2 * t7),
-                        -(Gamma2 * t21),
-                    ),
+                t11,
+                t12,
+                t13,
+                A_alpha_dot_alpha_dot + t12 + t13,
+                t14,
+                t15,
+                t17,
+                t19,
+                t14 + t19 + t17,
                 t22,
-                (-Gamma1).mul_add(t11, (-Gamma3).mul_add(t21, -t22)),
                 t23,
-                t24,
                 t25,
-                t25.mul_add(self.c19, t24.mul_add(self.c2, self.I2 + t23)),
-                (-Gamma2).mul_add(t11, (-Gamma3).mul_add(t15, -t6)),
-                t9.mul_add(self.c19, self.I3 + t16 + t23 + A_alpha_dot_alpha_dot),
+                t23 + t25 + t22,
+                t26,
+                t27,
+                t26 - t27,
+                t28,
+                t29,
+                t31,
+                t32,
+                t33,
+                t34,
+                t34.mul_add(self.c2, self.I1) + t33 + t31 + t29,
+                t35,
+                t36,
+                t37,
+                t38,
+                t37 + t38 + t36,
+                t40,
+                t41,
+                t40 + t41 + t8,
+                t43,
+                t44,
+                t43.mul_add(self.mu, self.I2 + t33) + t44,
+                t45,
+                t11 + t45,
+                self.I3 + A_alpha_dot_alpha_dot + t44 + t29,
             ]
         };
         /// factors of A
-        let [t26, t27, t28, t32, A_s1_3_3, t33, t34, t36, A_s3_4_4, t37, t38, A_s4_5_5,
-        ] = {
-            let A_l3_2 = self.c11 * A_beta_dot_Omega1;
+        let [t47, A_l4_2, A_l5_2, t48, A_s2_3_3, t49, A_s2_3_4, t50, A_s2_3_5, t51,
+        A_s2_4_4, t52, t53, t54, A_s2_5_5, t55, t56, t57, A_l5_1, t58, A_s1_3_3, t59,
+        A_s1_3_4, t60, A_s1_3_5, t61, A_s1_4_4, t62, A_s1_4_5, t63, A_s1_5_5, t64,
+        A_l4_3, A_l5_3, t65, A_s3_4_4, t66, A_s3_4_5, t67, A_s3_5_5, t68, A_l5_4, t69,
+        A_s4_5_5] = {
+            let t47 = self.c11 * t20;
             let A_l4_2 = self.c11 * A_beta_dot_Omega2;
             let A_l5_2 = self.c11 * A_beta_dot_Omega3;
-            let t26 = A_beta_dot_Omega1 * A_l3_2;
-            let A_s2_3_3 = A_Omega1_Omega1 - t26;
-            let A_s2_3_4 = (-A_beta_dot_Omega2).mul_add(A_l3_2, A_Omega1_Omega2);
-            let A_s2_3_5 = (-A_beta_dot_Omega3).mul_add(A_l3_2, A_Omega1_Omega3);
-            let t27 = A_beta_dot_Omega2 * A_l4_2;
-            let A_s2_4_4 = A_Omega2_Omega2 - t27;
-            let A_s2_4_5 = (-A_beta_dot_Omega3).mul_add(A_l4_2, A_Omega2_Omega3);
-            let t28 = A_beta_dot_Omega3 * A_l5_2;
-            let A_s2_5_5 = A_Omega3_Omega3 - t28;
-            let t29 = A_alpha_dot_alpha_dot.recip();
-            let t30 = t22 * t29;
-            let t31 = t6 * t29;
-            let A_l5_1 = A_alpha_dot_Omega3 * t29;
-            let t32 = t22 * t30;
-            let A_s1_3_3 = A_s2_3_3 - t32;
-            let A_s1_3_4 = (-t6).mul_add(t30, A_s2_3_4);
-            let A_s1_3_5 = A_alpha_dot_Omega3.mul_add(t30, A_s2_3_5);
-            let t33 = t6 * t31;
-            let A_s1_4_4 = A_s2_4_4 - t33;
-            let A_s1_4_5 = A_alpha_dot_Omega3.mul_add(t31, A_s2_4_5);
-            let t34 = A_alpha_dot_Omega3 * A_l5_1;
-            let A_s1_5_5 = A_s2_5_5 - t34;
-            let t35 = A_s1_3_3.recip();
-            let A_l4_3 = A_s1_3_4 * t35;
-            let A_l5_3 = A_s1_3_5 * t35;
-            let t36 = A_s1_3_4 * A_l4_3;
-            let A_s3_4_4 = A_s1_4_4 - t36;
-            let A_s3_4_5 = (-A_s1_3_5).mul_add(A_l4_3, A_s1_4_5);
-            let t37 = A_s1_3_5 * A_l5_3;
-            let A_s3_5_5 = A_s1_5_5 - t37;
-            let A_l5_4 = A_s3_4_5 / A_s3_4_4;
-            let t38 = A_s3_4_5 * A_l5_4;
+            let t48 = t20 * t47;
+            let A_s2_3_3 = A_Omega1_Omega1 - t48;
+            let t49 = A_beta_dot_Omega2 * t47;
+            let A_s2_3_4 = t49 - t39;
+            let t50 = A_beta_dot_Omega3 * t47;
+            let A_s2_3_5 = t50 - t42;
+            let t51 = A_beta_dot_Omega2 * A_l4_2;
+            let A_s2_4_4 = A_Omega2_Omega2 - t51;
+            let t52 = A_beta_dot_Omega3 * A_l4_2;
+            let t53 = t46 + t52;
+            let t54 = A_beta_dot_Omega3 * A_l5_2;
+            let A_s2_5_5 = A_Omega3_Omega3 - t54;
+            let t55 = A_alpha_dot_alpha_dot.recip();
+            let t56 = t8 * t55;
+            let t57 = t11 * t55;
+            let A_l5_1 = A_alpha_dot_Omega3 * t55;
+            let t58 = t8 * t56;
+            let A_s1_3_3 = A_s2_3_3 - t58;
+            let t59 = t11 * t56;
+            let A_s1_3_4 = A_s2_3_4 - t59;
+            let t60 = A_alpha_dot_Omega3 * t56;
+            let A_s1_3_5 = A_s2_3_5 + t60;
+            let t61 = t11 * t57;
+            let A_s1_4_4 = A_s2_4_4 - t61;
+            let t62 = A_alpha_dot_Omega3 * t57;
+            let A_s1_4_5 = t62 - t53;
+            let t63 = A_alpha_dot_Omega3 * A_l5_1;
+            let A_s1_5_5 = A_s2_5_5 - t63;
+            let t64 = A_s1_3_3.recip();
+            let A_l4_3 = A_s1_3_4 * t64;
+            let A_l5_3 = A_s1_3_5 * t64;
+            let t65 = A_s1_3_4 * A_l4_3;
+            let A_s3_4_4 = A_s1_4_4 - t65;
+            let t66 = A_s1_3_5 * A_l4_3;
+            let A_s3_4_5 = A_s1_4_5 - t66;
+            let t67 = A_s1_3_5 * A_l5_3;
+            let A_s3_5_5 = A_s1_5_5 - t67;
+            let t68 = A_s3_4_4.recip();
+            let A_l5_4 = A_s3_4_5 * t68;
+            let t69 = A_s3_4_5 * A_l5_4;
             [
-                t26,
-                t27,
-                t28,
-                t32,
+                t47,
+                A_l4_2,
+                A_l5_2,
+                t48,
+                A_s2_3_3,
+                t49,
+                A_s2_3_4,
+                t50,
+                A_s2_3_5,
+                t51,
+                A_s2_4_4,
+                t52,
+                t53,
+                t54,
+                A_s2_5_5,
+                t55,
+                t56,
+                t57,
+                A_l5_1,
+                t58,
                 A_s1_3_3,
-                t33,
-                t34,
-                t36,
+                t59,
+                A_s1_3_4,
+                t60,
+                A_s1_3_5,
+                t61,
+                A_s1_4_4,
+                t62,
+                A_s1_4_5,
+                t63,
+                A_s1_5_5,
+                t64,
+                A_l4_3,
+                A_l5_3,
+                t65,
                 A_s3_4_4,
-                t37,
-                t38,
-                A_s3_5_5 - t38,
+                t66,
+                A_s3_4_5,
+                t67,
+                A_s3_5_5,
+                t68,
+                A_l5_4,
+                t69,
+                A_s3_5_5 - t69,
             ]
         };
-        let t39 = R::from_f64(30.0)
+        let t70 = Gamma2.abs();
+        let t71 = R::from_f64(8.0)
             .mul_add(
-                (self.c4 * t25).abs(),
-                t33
-                    .mul_add(
-                        R::from_f64(15.0),
-                        t27
-                            .mul_add(
-                                R::from_f64(15.0),
-                                t24
-                                    .mul_add(self.c23, t23.mul_add(R::from_f64(15.0), self.c22)),
-                            ),
-                    ),
+                t28.abs(),
+                self.c7
+                    * R::from_f64(20.0)
+                        .mul_add((self.c17 * t9).abs(), R::from_f64(10.0) * t70),
             );
-        let t40 = t34
+        let t72 = t29.abs();
+        let t73 = Gamma3.abs();
+        let t74 = R::from_f64(20.0)
+            .mul_add((self.c17 * t1).abs(), R::from_f64(10.0) * t73);
+        let t75 = t32.abs();
+        let t76 = t33.abs();
+        let t77 = R::from_f64(11.0) * (t14.abs() + t19.abs() + t17.abs());
+        let A_l3_2 = -t47;
+        let t78 = A_l3_2.abs();
+        let t79 = t78.mul_add(R::from_f64(8.0), self.c11 * t77);
+        let A_beta_dot_Omega1 = -t20;
+        let t80 = R::from_f64(10.0) * (t73 + t2.abs());
+        let t81 = t7.abs();
+        let t82 = R::from_f64(8.0).mul_add(t8.abs(), t80 * t81);
+        let A_l3_1 = -t56;
+        let t83 = A_l3_1.abs();
+        let A_alpha_dot_Omega1 = -t8;
+        let t84 = A_alpha_dot_Omega1.abs();
+        let t85 = t83.mul_add(R::from_f64(8.0), t82 * t55);
+        let t86 = t76
             .mul_add(
-                R::from_f64(17.0),
-                t28
+                R::from_f64(13.0),
+                t74
                     .mul_add(
-                        R::from_f64(17.0),
-                        A_alpha_dot_alpha_dot
+                        t75,
+                        t58
                             .mul_add(
-                                R::from_f64(17.0),
-                                t23
+                                R::from_f64(10.0),
+                                t48
                                     .mul_add(
-                                        R::from_f64(17.0),
-                                        t16.mul_add(R::from_f64(17.0), self.c24),
+                                        R::from_f64(10.0),
+                                        t31
+                                            .mul_add(R::from_f64(13.0), t34.mul_add(self.c18, self.c19)),
                                     ),
                             ),
                     ),
+            );
+        let t87 = t79
+            .mul_add(
+                A_beta_dot_Omega1.abs(),
+                t82
+                    .mul_add(
+                        t83,
+                        t77
+                            .mul_add(
+                                t78,
+                                R::from_f64(2.0)
+                                    .mul_add(
+                                        A_Omega1_Omega1.abs(),
+                                        t70.mul_add(t71, t72.mul_add(R::from_f64(13.0), t86)),
+                                    ),
+                            ),
+                    ),
+            );
+        let t88 = t84.mul_add(t85, R::from_f64(2.0).mul_add(A_s2_3_3.abs(), t87));
+        let t89 = t35.abs();
+        let t90 = R::from_f64(20.0)
+            .mul_add((self.c17 * t6).abs(), R::from_f64(10.0) * Gamma1.abs());
+        let t91 = t44.abs();
+        let t92 = R::from_f64(11.0) * (t23.abs() + t25.abs() + t22.abs());
+        let t93 = A_l4_2.abs();
+        let t94 = t93.mul_add(R::from_f64(8.0), self.c11 * t92);
+        let t95 = A_beta_dot_Omega2.abs();
+        let t96 = R::from_f64(8.0).mul_add(t11.abs(), t80 * t10.abs());
+        let A_l4_1 = -t57;
+        let t97 = A_l4_1.abs();
+        let A_alpha_dot_Omega2 = -t11;
+        let t98 = A_alpha_dot_Omega2.abs();
+        let t99 = t97.mul_add(R::from_f64(8.0), t96 * t55);
+        let A_Omega1_Omega2 = -t39;
+        let t100 = t92
+            .mul_add(
+                t78,
+                R::from_f64(11.0)
+                    .mul_add(
+                        t36.abs(),
+                        (t89 + t81)
+                            .mul_add(
+                                R::from_f64(10.0) * t70,
+                                R::from_f64(11.0)
+                                    .mul_add(t38.abs(), R::from_f64(11.0) * t37.abs()),
+                            ),
+                    ),
+            );
+        let t101 = R::from_f64(2.0)
+            .mul_add(
+                A_s2_3_4.abs(),
+                t79
+                    .mul_add(
+                        t95,
+                        t96
+                            .mul_add(
+                                t83,
+                                R::from_f64(10.0)
+                                    .mul_add(
+                                        (-t49).abs(),
+                                        R::from_f64(2.0).mul_add(A_Omega1_Omega2.abs(), t100),
+                                    ),
+                            ),
+                    ),
+            );
+        let t102 = t98.mul_add(t85, R::from_f64(10.0).mul_add(t59.abs(), t101));
+        let t103 = A_l4_3.abs();
+        let t104 = t64 * t64;
+        let t105 = t64.abs();
+        let t106 = t102
+            .mul_add(
+                t105,
+                t88.mul_add((A_s1_3_4 * t104).abs(), R::from_f64(8.0) * t103),
+            );
+        let t107 = t89
+            .mul_add(
+                t90,
+                t76
+                    .mul_add(
+                        R::from_f64(12.0),
+                        t74
+                            .mul_add(
+                                t75,
+                                t61
+                                    .mul_add(
+                                        R::from_f64(10.0),
+                                        t51
+                                            .mul_add(R::from_f64(10.0), t43.mul_add(self.c20, self.c21)),
+                                    ),
+                            ),
+                    ),
+            );
+        let t108 = R::from_f64(2.0)
+            .mul_add(
+                A_s2_4_4.abs(),
+                t94
+                    .mul_add(
+                        t95,
+                        t96
+                            .mul_add(
+                                t97,
+                                R::from_f64(2.0)
+                                    .mul_add(
+                                        A_Omega2_Omega2.abs(),
+                                        t92.mul_add(t93, t91.mul_add(R::from_f64(12.0), t107)),
+                                    ),
+                            ),
+                    ),
+            );
+        let t109 = t106
+            .mul_add(
+                A_s1_3_4.abs(),
+                t102
+                    .mul_add(
+                        t103,
+                        R::from_f64(10.0)
+                            .mul_add(
+                                t65.abs(),
+                                R::from_f64(2.0)
+                                    .mul_add(A_s1_4_4.abs(), t98.mul_add(t99, t108)),
+                            ),
+                    ),
+            );
+        let t110 = R::from_f64(10.0) * (t26.abs() + t27.abs());
+        let t111 = A_l5_2.abs();
+        let t112 = A_beta_dot_Omega3.abs();
+        let t113 = R::from_f64(11.0) * (A_alpha_dot_alpha_dot + t12.abs() + t13.abs());
+        let t114 = A_l5_1.abs();
+        let t115 = A_alpha_dot_Omega3.abs();
+        let A_Omega1_Omega3 = -t42;
+        let t116 = t110
+            .mul_add(
+                t78,
+                R::from_f64(2.0)
+                    .mul_add(
+                        A_Omega1_Omega3.abs(),
+                        t84
+                            .mul_add(
+                                R::from_f64(3.0),
+                                R::from_f64(11.0)
+                                    .mul_add(
+                                        t41.abs(),
+                                        R::from_f64(11.0).mul_add(t40.abs(), t82),
+                                    ),
+                            ),
+                    ),
+            );
+        let t117 = R::from_f64(10.0)
+            .mul_add(
+                (-t60).abs(),
+                t85
+                    .mul_add(
+                        t115,
+                        R::from_f64(2.0)
+                            .mul_add(
+                                A_s2_3_5.abs(),
+                                t79
+                                    .mul_add(
+                                        t112,
+                                        t113
+                                            .mul_add(t83, R::from_f64(10.0).mul_add((-t50).abs(), t116)),
+                                    ),
+                            ),
+                    ),
+            );
+        let t118 = A_l5_3.abs();
+        let t119 = A_s1_3_5.abs();
+        let A_Omega2_Omega3 = -t46;
+        let A_s2_4_5 = -t53;
+        let t120 = R::from_f64(2.0)
+            .mul_add(
+                A_Omega2_Omega3.abs(),
+                t98
+                    .mul_add(
+                        R::from_f64(2.0),
+                        R::from_f64(10.0)
+                            .mul_add(
+                                t45.abs(),
+                                (t75 + t15.abs()).mul_add(R::from_f64(10.0) * t70, t96),
+                            ),
+                    ),
+            );
+        let t121 = R::from_f64(10.0)
+            .mul_add(
+                (-t62).abs(),
+                t99
+                    .mul_add(
+                        t115,
+                        R::from_f64(2.0)
+                            .mul_add(
+                                A_s2_4_5.abs(),
+                                t94
+                                    .mul_add(
+                                        t112,
+                                        t113
+                                            .mul_add(
+                                                t97,
+                                                R::from_f64(10.0)
+                                                    .mul_add(t52.abs(), t110.mul_add(t93, t120)),
+                                            ),
+                                    ),
+                            ),
+                    ),
+            );
+        let t122 = t106
+            .mul_add(
+                t119,
+                t117
+                    .mul_add(
+                        t103,
+                        R::from_f64(10.0)
+                            .mul_add(
+                                t66.abs(),
+                                R::from_f64(2.0).mul_add(A_s1_4_5.abs(), t121),
+                            ),
+                    ),
+            );
+        let t123 = A_l5_4.abs();
+        let t124 = t91
+            .mul_add(
+                R::from_f64(12.0),
+                t89
+                    .mul_add(
+                        t90,
+                        t63
+                            .mul_add(
+                                R::from_f64(10.0),
+                                t54
+                                    .mul_add(
+                                        R::from_f64(10.0),
+                                        A_alpha_dot_alpha_dot.mul_add(R::from_f64(12.0), self.c22),
+                                    ),
+                            ),
+                    ),
+            );
+        let t125 = t112
+            .mul_add(
+                t111.mul_add(R::from_f64(8.0), self.c11 * t110),
+                t113
+                    .mul_add(
+                        t114,
+                        R::from_f64(2.0)
+                            .mul_add(
+                                A_Omega3_Omega3.abs(),
+                                t110
+                                    .mul_add(
+                                        t111,
+                                        t70.mul_add(t71, t72.mul_add(R::from_f64(12.0), t124)),
+                                    ),
+                            ),
+                    ),
+            );
+        let t126 = R::from_f64(10.0)
+            .mul_add(
+                t67.abs(),
+                R::from_f64(2.0)
+                    .mul_add(
+                        A_s1_5_5.abs(),
+                        t115
+                            .mul_add(
+                                t114.mul_add(R::from_f64(8.0), t113 * t55),
+                                R::from_f64(2.0).mul_add(A_s2_5_5.abs(), t125),
+                            ),
+                    ),
+            );
+        let t127 = t119
+            .mul_add(
+                t117
+                    .mul_add(
+                        t105,
+                        t88.mul_add((A_s1_3_5 * t104).abs(), R::from_f64(8.0) * t118),
+                    ),
+                t117.mul_add(t118, R::from_f64(2.0).mul_add(A_s3_5_5.abs(), t126)),
             );
         for (value, scale, pivot) in [
-            (
-                A_s1_3_3,
-                R::from_f64(28.0)
-                    .mul_add(
-                        (self.c4 * t20).abs(),
-                        t32
-                            .mul_add(
-                                R::from_f64(14.0),
-                                t26
-                                    .mul_add(
-                                        R::from_f64(14.0),
-                                        t18
-                                            .mul_add(self.c21, t16.mul_add(R::from_f64(14.0), self.c20)),
-                                    ),
-                            ),
-                    ),
-                "inertia along Omega1",
-            ),
-            (
-                A_s3_4_4,
-                R::from_f64(15.0).mul_add(t36.abs(), t39),
-                "inertia along Omega2",
-            ),
+            (A_s1_3_3, t88, "inertia along Omega1"),
+            (A_s3_4_4, t109, "inertia along Omega2"),
             (
                 A_s4_5_5,
-                R::from_f64(17.0)
+                t122
                     .mul_add(
-                        t38.abs(),
-                        R::from_f64(17.0)
+                        t68.abs(),
+                        t109
                             .mul_add(
-                                t37.abs(),
-                                R::from_f64(34.0).mul_add(t10.abs(), t40),
+                                (A_s3_4_5 * (t68 * t68)).abs(),
+                                R::from_f64(8.0) * t123,
                             ),
+                    )
+                    .mul_add(
+                        A_s3_4_5.abs(),
+                        t122.mul_add(t123, R::from_f64(10.0).mul_add(t69.abs(), t127)),
                     ),
                 "inertia along Omega3",
             ),
         ] {
-            if !(scale + value).all_ne(scale) {
+            if !(scale + value.abs()).all_gt(scale) {
                 let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
                 return Err(::hamel_runtime::Failure::Singular {
                     t,

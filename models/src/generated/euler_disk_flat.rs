@@ -336,7 +336,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [theta, _, _, _] = *y;
         let t0 = theta.sin();
         let (value, pivot) = (self.I1 * (t0 * t0), "inertia along phi_dot");
-        if !value.all_ne(R::ZERO) {
+        if !value.abs().all_gt(R::ZERO) {
             let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
             return Err(::hamel_runtime::Failure::Singular {
                 t,

@@ -196,6 +196,8 @@ pub struct Prepared<R = f64> {
     c16: R,
     /// A longer expression in the parameters.
     c17: R,
+    /// A longer expression in the parameters.
+    c18: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -209,7 +211,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 19 additions, 43 multiplications, 15 divisions, 5 sign changes.
+    /// 21 additions, 51 multiplications, 16 divisions, 5 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { M, r, e, I1, I3, g } = *params;
         for (value, condition, meaning) in [
@@ -246,17 +248,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t11 = M * t2;
         let t12 = t11 * t3;
         let A_psi_dot_psi_dot = I3 + t11;
-        let t13 = M * M * (t2 * t2) * t3 / A_psi_dot_psi_dot;
-        let t14 = t8 - R::from_f64(2.0) * I3 + t10 + M * (t4 - t5) - t13;
-        let t15 = t8 + t12;
-        let t16 = t15 - t13;
-        let t17 = R::from_f64(2.0) * M * t2;
-        let t18 = t11 * e;
-        let t19 = I3 + t17;
-        let t20 = t17 * e - t18 * t19 / A_psi_dot_psi_dot;
-        let t21 = R::from_f64(2.0) * t20 / t16;
-        let t22 = A_psi_dot_psi_dot * t16;
-        let t23 = t18 / A_psi_dot_psi_dot;
+        let t13 = M * M;
+        let t14 = t2 * t2;
+        let t15 = t13 * t14 * t3 / A_psi_dot_psi_dot;
+        let t16 = t8 - R::from_f64(2.0) * I3 + t10 + M * (t4 - t5) - t15;
+        let t17 = t8 + t12;
+        let t18 = t17 - t15;
+        let t19 = R::from_f64(2.0) * M * t2;
+        let t20 = t11 * e;
+        let t21 = I3 + t19;
+        let t22 = t19 * e - t20 * t21 / A_psi_dot_psi_dot;
+        let t23 = R::from_f64(2.0) * t22 / t18;
+        let t24 = A_psi_dot_psi_dot * t18;
+        let t25 = t20 / A_psi_dot_psi_dot;
         if !M.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "M > 0",
@@ -293,19 +297,22 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c2: -(t7 / A_theta_dot_theta_dot),
             c3: -(A_psi_dot_psi_dot / A_theta_dot_theta_dot),
             c4: -(t0 * t2 * e / A_theta_dot_theta_dot),
-            c5: R::from_f64(-0.5) * t14 / I3,
-            c6: t9 / t16,
-            c7: t21,
-            c8: t23 - (t18 * t14 / t22 - t21),
-            c9: t19 / A_psi_dot_psi_dot - t18 * t20 / t22,
-            c10: -(t10 * e / t15),
-            c11: -t23,
+            c5: R::from_f64(-0.5) * t16 / I3,
+            c6: t9 / t18,
+            c7: t23,
+            c8: t25 - (t20 * t16 / t24 - t23),
+            c9: t21 / A_psi_dot_psi_dot - t20 * t22 / t24,
+            c10: -(t10 * e / t17),
+            c11: -t25,
             c12: R::from_f64(0.125) * (t8 + M * t6),
             c13: t7,
             c14: t1,
-            c15: R::from_f64(0.125) * t15,
+            c15: R::from_f64(0.125) * t17,
             c16: R::from_f64(0.5) * A_psi_dot_psi_dot,
-            c17: R::from_f64(0.25) * t16,
+            c17: R::from_f64(0.25) * t18,
+            c18: R::from_f64(0.25)
+                * (R::from_f64(44.0) * I1 + R::from_f64(11.0) * M * t2 * t3
+                    + R::from_f64(11.0) * t13 * t14 * t3 / A_psi_dot_psi_dot),
         })
     }
 }
@@ -394,16 +401,22 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Errors
     ///
-    /// `Singular` with the first pivot that is zero.
+    /// `Singular` with the first pivot that is zero up to the rounding errors of what it is computed from.
     ///
     /// # Operations
     ///
-    /// 2 multiplications, 1 elementary function.
+    /// 1 addition, 4 multiplications (1 fused), 1 sign change, 1 elementary function.
     pub fn check(&self, t: R, y: &[R; 4]) -> Result<(), ::hamel_runtime::Failure> {
         let [theta, _, _, _] = *y;
         let t0 = theta.sin();
-        let (value, pivot) = (self.c17 * (t0 * t0), "inertia along phi_dot");
-        if !value.all_ne(R::ZERO) {
+        let t1 = t0 * t0;
+        let t2 = self.c17 * t1;
+        let (value, scale, pivot) = (
+            t2,
+            R::from_f64(8.0).mul_add(t2.abs(), self.c18 * t1),
+            "inertia along phi_dot",
+        );
+        if !(scale + value.abs()).all_gt(scale) {
             let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
             return Err(::hamel_runtime::Failure::Singular {
                 t,

@@ -243,23 +243,23 @@ pub struct Prepared<R = f64> {
     c16: R,
     /// A longer expression in the parameters.
     c17: R,
-    /// `0.25 * (4 * I1 + M * (r * r * (e * e) + 4 * (r * r)))`
-    c18: R,
-    /// `-(0.5 * M * (r * r) * e)`
-    c19: R,
-    /// `0.25 * (4 * I1 + M * (r * r) * (e * e))`
-    c20: R,
-    /// `(I3 + M * (r * r)) / I3`
-    c21: R,
-    /// `0.5 * e`
-    c22: R,
-    /// `M * r`
-    c23: R,
-    /// `-(0.5 * e * I3)`
-    c24: R,
-    /// `M * r / I3`
-    c25: R,
     /// A longer expression in the parameters.
+    c18: R,
+    /// `0.25 * (4 * I1 + M * (r * r * (e * e) + 4 * (r * r)))`
+    c19: R,
+    /// `-(0.5 * M * (r * r) * e)`
+    c20: R,
+    /// `0.25 * (4 * I1 + M * (r * r) * (e * e))`
+    c21: R,
+    /// `(I3 + M * (r * r)) / I3`
+    c22: R,
+    /// `0.5 * e`
+    c23: R,
+    /// `M * r`
+    c24: R,
+    /// `-(0.5 * e * I3)`
+    c25: R,
+    /// `M * r / I3`
     c26: R,
     /// A longer expression in the parameters.
     c27: R,
@@ -271,22 +271,24 @@ pub struct Prepared<R = f64> {
     c30: R,
     /// A longer expression in the parameters.
     c31: R,
-    /// `-(0.5 * (M * M) * (r * r * r) * e / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r))))`
-    c32: R,
-    /// `-((I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r))) / (I3 + M * (r * r)))`
-    c33: R,
-    /// `-(0.5 * M * r * e)`
-    c34: R,
     /// A longer expression in the parameters.
+    c32: R,
+    /// `-(0.5 * (M * M) * (r * r * r) * e / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r))))`
+    c33: R,
+    /// `-((I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r))) / (I3 + M * (r * r)))`
+    c34: R,
+    /// `-(0.5 * M * r * e)`
     c35: R,
-    /// `0.5 * (M * M) * (r * r) * e * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    /// A longer expression in the parameters.
     c36: R,
+    /// `0.5 * (M * M) * (r * r) * e * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    c37: R,
     /// `I3 + M * (r * r)`
     A_psi_dot_psi_dot: R,
     /// `0.5 * M * (r * r) * e / (I3 + M * (r * r))`
-    c37: R,
-    /// `M * (r * r)`
     c38: R,
+    /// `M * (r * r)`
+    c39: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -300,7 +302,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 27 additions, 82 multiplications, 33 divisions, 11 sign changes.
+    /// 29 additions, 90 multiplications, 34 divisions, 11 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { M, r, e, I1, I3, g } = *params;
         for (value, condition, meaning) in [
@@ -343,27 +345,28 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t16 = t0 * t3 * e;
         let t17 = M * (t5 - t6);
         let t18 = M * M;
-        let t19 = t18 * (t3 * t3) * t4 / A_psi_dot_psi_dot;
-        let t20 = t10 - R::from_f64(2.0) * I3 + t13 + t17 - t19;
-        let t21 = t10 + t15;
-        let t22 = t21 - t19;
-        let t23 = R::from_f64(2.0) * M;
-        let t24 = t23 * t3;
-        let t25 = t14 * e;
-        let t26 = I3 + t24;
-        let t27 = t24 * e - t25 * t26 / A_psi_dot_psi_dot;
-        let t28 = R::from_f64(2.0) * t27 / t22;
-        let t29 = A_psi_dot_psi_dot * t22;
-        let t30 = t25 / A_psi_dot_psi_dot;
-        let t31 = t25 * t27 / t29 - t26 / A_psi_dot_psi_dot;
-        let t32 = t10 + M * t7;
-        let t33 = R::from_f64(0.5) * e;
-        let t34 = t8 * e;
-        let t35 = t12 + t17;
-        let t36 = t3 * r;
-        let t37 = t18 * t36;
-        let t38 = R::from_f64(4.0) * t18;
-        let t39 = R::from_f64(0.5) * t18;
+        let t19 = t3 * t3;
+        let t20 = t18 * t19 * t4 / A_psi_dot_psi_dot;
+        let t21 = t10 - R::from_f64(2.0) * I3 + t13 + t17 - t20;
+        let t22 = t10 + t15;
+        let t23 = t22 - t20;
+        let t24 = R::from_f64(2.0) * M;
+        let t25 = t24 * t3;
+        let t26 = t14 * e;
+        let t27 = I3 + t25;
+        let t28 = t25 * e - t26 * t27 / A_psi_dot_psi_dot;
+        let t29 = R::from_f64(2.0) * t28 / t23;
+        let t30 = A_psi_dot_psi_dot * t23;
+        let t31 = t26 / A_psi_dot_psi_dot;
+        let t32 = t26 * t28 / t30 - t27 / A_psi_dot_psi_dot;
+        let t33 = t10 + M * t7;
+        let t34 = R::from_f64(0.5) * e;
+        let t35 = t8 * e;
+        let t36 = t12 + t17;
+        let t37 = t3 * r;
+        let t38 = t18 * t37;
+        let t39 = R::from_f64(4.0) * t18;
+        let t40 = R::from_f64(0.5) * t18;
         if !M.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "M > 0",
@@ -402,48 +405,51 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c2: -(t9 / A_theta_dot_theta_dot),
             c3: -(A_psi_dot_psi_dot / A_theta_dot_theta_dot),
             c4: -(t16 / A_theta_dot_theta_dot),
-            c5: R::from_f64(-0.5) * t20 / I3,
-            c6: t11 / t22,
-            c7: t28,
-            c8: t30 - (t25 * t20 / t29 - t28),
-            c9: -t31,
-            c10: -(t13 * e / t21),
-            c11: -t30,
-            c12: R::from_f64(0.125) * t32,
+            c5: R::from_f64(-0.5) * t21 / I3,
+            c6: t11 / t23,
+            c7: t29,
+            c8: t31 - (t26 * t21 / t30 - t29),
+            c9: -t32,
+            c10: -(t13 * e / t22),
+            c11: -t31,
+            c12: R::from_f64(0.125) * t33,
             c13: t9,
             c14: t2,
-            c15: R::from_f64(0.125) * t21,
+            c15: R::from_f64(0.125) * t22,
             c16: R::from_f64(0.5) * A_psi_dot_psi_dot,
-            c17: R::from_f64(0.25) * t22,
-            c18: R::from_f64(0.25) * t32,
-            c19: -t16,
-            c20: R::from_f64(0.25) * t21,
-            c21: A_psi_dot_psi_dot / I3,
-            c22: t33,
-            c23: t8,
-            c24: -(t33 * I3),
-            c25: t8 / I3,
-            c26: t23 * r + t8 * t31 - t34 * t27 / t22,
-            c27: R::from_f64(-2.0) * (t8 * t27 / t22 - t34 * I3 / t22),
-            c28: R::from_f64(0.25)
-                * (t8 * t35 / A_theta_dot_theta_dot + t37 * t4 / A_theta_dot_theta_dot),
-            c29: R::from_f64(-0.125)
-                * (t38 * t36 * e / A_theta_dot_theta_dot
-                    - t34 * t35 / A_theta_dot_theta_dot),
-            c30: R::from_f64(-0.25) * t18 * t36 * t4 / A_theta_dot_theta_dot,
-            c31: R::from_f64(0.5)
-                * (t34 * A_psi_dot_psi_dot / A_theta_dot_theta_dot
-                    + t37 * e / A_theta_dot_theta_dot),
-            c32: -(t39 * t36 * e / A_theta_dot_theta_dot),
-            c33: -(A_theta_dot_theta_dot / A_psi_dot_psi_dot),
-            c34: -t1,
-            c35: R::from_f64(-0.25)
-                * (t38 * t3 * g / A_theta_dot_theta_dot
+            c17: R::from_f64(0.25) * t23,
+            c18: R::from_f64(0.25)
+                * (R::from_f64(44.0) * I1 + R::from_f64(11.0) * M * t3 * t4
+                    + R::from_f64(11.0) * t18 * t19 * t4 / A_psi_dot_psi_dot),
+            c19: R::from_f64(0.25) * t33,
+            c20: -t16,
+            c21: R::from_f64(0.25) * t22,
+            c22: A_psi_dot_psi_dot / I3,
+            c23: t34,
+            c24: t8,
+            c25: -(t34 * I3),
+            c26: t8 / I3,
+            c27: t24 * r + t8 * t32 - t35 * t28 / t23,
+            c28: R::from_f64(-2.0) * (t8 * t28 / t23 - t35 * I3 / t23),
+            c29: R::from_f64(0.25)
+                * (t8 * t36 / A_theta_dot_theta_dot + t38 * t4 / A_theta_dot_theta_dot),
+            c30: R::from_f64(-0.125)
+                * (t39 * t37 * e / A_theta_dot_theta_dot
+                    - t35 * t36 / A_theta_dot_theta_dot),
+            c31: R::from_f64(-0.25) * t18 * t37 * t4 / A_theta_dot_theta_dot,
+            c32: R::from_f64(0.5)
+                * (t35 * A_psi_dot_psi_dot / A_theta_dot_theta_dot
+                    + t38 * e / A_theta_dot_theta_dot),
+            c33: -(t40 * t37 * e / A_theta_dot_theta_dot),
+            c34: -(A_theta_dot_theta_dot / A_psi_dot_psi_dot),
+            c35: -t1,
+            c36: R::from_f64(-0.25)
+                * (t39 * t3 * g / A_theta_dot_theta_dot
                     - t18 * t3 * t4 * g / A_theta_dot_theta_dot),
-            c36: t39 * t3 * e * g / A_theta_dot_theta_dot,
+            c37: t40 * t3 * e * g / A_theta_dot_theta_dot,
             A_psi_dot_psi_dot,
-            c37: t16 / A_psi_dot_psi_dot,
-            c38: t14,
+            c38: t16 / A_psi_dot_psi_dot,
+            c39: t14,
         })
     }
 }
@@ -554,17 +560,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t2 = t1.mul_add(self.I3 * phi_dot, self.I3 * psi_dot);
         let t3 = phi_dot * t0;
         let (t4, t5) = phi.sin_cos();
-        let t6 = t1.mul_add(self.c22, t0) * (self.c23 * theta_dot);
-        let t7 = self.c25 * t3.mul_add(self.c24, t2);
+        let t6 = t1.mul_add(self.c23, t0) * (self.c24 * theta_dot);
+        let t7 = self.c26 * t3.mul_add(self.c25, t2);
         [
-            self.c18 * theta_dot,
+            self.c19 * theta_dot,
             t2
                 .mul_add(
-                    self.c21 * t1,
+                    self.c22 * t1,
                     t3
                         .mul_add(
-                            self.c20 * t1.mul_add(self.c10, t0),
-                            t0 * (self.c19 * psi_dot),
+                            self.c21 * t1.mul_add(self.c10, t0),
+                            t0 * (self.c20 * psi_dot),
                         ),
                 ),
             t2,
@@ -594,33 +600,33 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t4 = phi_dot * t2;
         let t5 = phi_dot * t3;
         let t6 = psi_dot + t5;
-        let t7 = theta_dot * t6.mul_add(self.c27, self.c26 * t4);
+        let t7 = theta_dot * t6.mul_add(self.c28, self.c27 * t4);
         let t8 = theta_dot * theta_dot;
         let t9 = t2 * t4;
         let t10 = (-t4)
             .mul_add(
-                t9.mul_add(self.c32, t3 * (self.c31 * psi_dot)),
+                t9.mul_add(self.c33, t3 * (self.c32 * psi_dot)),
                 self
-                    .c36
+                    .c37
                     .mul_add(
                         (-t3).mul_add(t3, t2 * t2),
                         t4
                             .mul_add(
-                                self.c34 * phi_dot,
-                                t2.mul_add(self.c35 * t3, t2 * (self.c34 * t8)),
+                                self.c35 * phi_dot,
+                                t2.mul_add(self.c36 * t3, t2 * (self.c35 * t8)),
                             ),
                     ),
             );
         let t11 = self
-            .c23
+            .c24
             .mul_add(
-                self.c3.mul_add(psi_dot.mul_add(t9, t3 * (self.c33 * t8)), phi_dot * t6),
+                self.c3.mul_add(psi_dot.mul_add(t9, t3 * (self.c34 * t8)), phi_dot * t6),
                 t5
                     .mul_add(
                         t6
                             .mul_add(
-                                self.c30 * t3,
-                                t4 * t3.mul_add(self.c29, self.c28 * t2),
+                                self.c31 * t3,
+                                t4 * t3.mul_add(self.c30, self.c29 * t2),
                             ),
                         t10,
                     ),
@@ -648,13 +654,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t2 = self.A_psi_dot_psi_dot * phi_dot.mul_add(t1, psi_dot);
         let t3 = phi_dot * t0;
         [
-            self.c18 * theta_dot,
+            self.c19 * theta_dot,
             t3
                 .mul_add(
-                    self.c20 * t1.mul_add(self.c10, t0),
-                    t1.mul_add(t2, t0 * (self.c19 * psi_dot)),
+                    self.c21 * t1.mul_add(self.c10, t0),
+                    t1.mul_add(t2, t0 * (self.c20 * psi_dot)),
                 ),
-            t3.mul_add(self.c19, t2),
+            t3.mul_add(self.c20, t2),
         ]
     }
 
@@ -675,10 +681,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [theta, _, theta_dot, phi_dot, psi_dot, _, _, _] = *y;
         let _ = t;
         let (t0, t1) = theta.sin_cos();
-        let t2 = t1.mul_add(self.c22, t0) * (self.c38 * theta_dot);
+        let t2 = t1.mul_add(self.c23, t0) * (self.c39 * theta_dot);
         [
             (-self
-                .c37
+                .c38
                 .mul_add(
                     (-phi_dot).mul_add((-t1).mul_add(t1, t0 * t0), psi_dot * t1),
                     t0 * t1.mul_add(self.c0 * phi_dot, psi_dot),
@@ -696,16 +702,22 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Errors
     ///
-    /// `Singular` with the first pivot that is zero.
+    /// `Singular` with the first pivot that is zero up to the rounding errors of what it is computed from.
     ///
     /// # Operations
     ///
-    /// 2 multiplications, 1 elementary function.
+    /// 1 addition, 4 multiplications (1 fused), 1 sign change, 1 elementary function.
     pub fn check(&self, t: R, y: &[R; 8]) -> Result<(), ::hamel_runtime::Failure> {
         let [theta, _, _, _, _, _, _, _] = *y;
         let t0 = theta.sin();
-        let (value, pivot) = (self.c17 * (t0 * t0), "inertia along phi_dot");
-        if !value.all_ne(R::ZERO) {
+        let t1 = t0 * t0;
+        let t2 = self.c17 * t1;
+        let (value, scale, pivot) = (
+            t2,
+            R::from_f64(8.0).mul_add(t2.abs(), self.c18 * t1),
+            "inertia along phi_dot",
+        );
+        if !(scale + value.abs()).all_gt(scale) {
             let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
             return Err(::hamel_runtime::Failure::Singular {
                 t,

@@ -965,7 +965,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 120 additions, 129 multiplications, 45 divisions.
+    /// 556 additions, 592 multiplications, 73 divisions, 339 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params {
             G11,
@@ -1068,211 +1068,729 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let A_l2_1 = G12 / G11;
-        let A_s1_2_2 = G22 - G12 * A_l2_1;
-        let A_l3_1 = G13 / G11;
-        let A_s1_3_3 = G33 - G13 * A_l3_1;
-        let A_s1_2_3 = G23 - G13 * A_l2_1;
-        let A_l3_2 = A_s1_2_3 / A_s1_2_2;
-        let A_s2_3_3 = A_s1_3_3 - A_s1_2_3 * A_l3_2;
-        let A_l4_1 = G14 / G11;
-        let A_s1_4_4 = G44 - G14 * A_l4_1;
-        let A_s1_2_4 = G24 - G14 * A_l2_1;
-        let A_l4_2 = A_s1_2_4 / A_s1_2_2;
-        let A_s2_4_4 = A_s1_4_4 - A_s1_2_4 * A_l4_2;
-        let A_s1_3_4 = G34 - G14 * A_l3_1;
-        let A_s2_3_4 = A_s1_3_4 - A_s1_2_4 * A_l3_2;
-        let A_l4_3 = A_s2_3_4 / A_s2_3_3;
-        let A_s3_4_4 = A_s2_4_4 - A_s2_3_4 * A_l4_3;
-        let A_l5_1 = G15 / G11;
-        let A_s1_5_5 = G55 - G15 * A_l5_1;
-        let A_s1_2_5 = G25 - G15 * A_l2_1;
-        let A_l5_2 = A_s1_2_5 / A_s1_2_2;
-        let A_s2_5_5 = A_s1_5_5 - A_s1_2_5 * A_l5_2;
-        let A_s1_3_5 = G35 - G15 * A_l3_1;
-        let A_s2_3_5 = A_s1_3_5 - A_s1_2_5 * A_l3_2;
-        let A_l5_3 = A_s2_3_5 / A_s2_3_3;
-        let A_s3_5_5 = A_s2_5_5 - A_s2_3_5 * A_l5_3;
-        let A_s1_4_5 = G45 - G15 * A_l4_1;
-        let A_s2_4_5 = A_s1_4_5 - A_s1_2_5 * A_l4_2;
-        let A_s3_4_5 = A_s2_4_5 - A_s2_3_5 * A_l4_3;
-        let A_l5_4 = A_s3_4_5 / A_s3_4_4;
-        let A_s4_5_5 = A_s3_5_5 - A_s3_4_5 * A_l5_4;
-        let A_l6_1 = G16 / G11;
-        let A_s1_6_6 = G66 - G16 * A_l6_1;
-        let A_s1_2_6 = G26 - G16 * A_l2_1;
-        let A_l6_2 = A_s1_2_6 / A_s1_2_2;
-        let A_s2_6_6 = A_s1_6_6 - A_s1_2_6 * A_l6_2;
-        let A_s1_3_6 = G36 - G16 * A_l3_1;
-        let A_s2_3_6 = A_s1_3_6 - A_s1_2_6 * A_l3_2;
-        let A_l6_3 = A_s2_3_6 / A_s2_3_3;
-        let A_s3_6_6 = A_s2_6_6 - A_s2_3_6 * A_l6_3;
-        let A_s1_4_6 = G46 - G16 * A_l4_1;
-        let A_s2_4_6 = A_s1_4_6 - A_s1_2_6 * A_l4_2;
-        let A_s3_4_6 = A_s2_4_6 - A_s2_3_6 * A_l4_3;
-        let A_l6_4 = A_s3_4_6 / A_s3_4_4;
-        let A_s4_6_6 = A_s3_6_6 - A_s3_4_6 * A_l6_4;
-        let A_s1_5_6 = G56 - G16 * A_l5_1;
-        let A_s2_5_6 = A_s1_5_6 - A_s1_2_6 * A_l5_2;
-        let A_s3_5_6 = A_s2_5_6 - A_s2_3_6 * A_l5_3;
-        let A_s4_5_6 = A_s3_5_6 - A_s3_4_6 * A_l5_4;
-        let A_l6_5 = A_s4_5_6 / A_s4_5_5;
-        let A_s5_6_6 = A_s4_6_6 - A_s4_5_6 * A_l6_5;
-        let A_l7_1 = G17 / G11;
-        let A_s1_7_7 = G77 - G17 * A_l7_1;
-        let A_s1_2_7 = G27 - G17 * A_l2_1;
-        let A_l7_2 = A_s1_2_7 / A_s1_2_2;
-        let A_s2_7_7 = A_s1_7_7 - A_s1_2_7 * A_l7_2;
-        let A_s1_3_7 = G37 - G17 * A_l3_1;
-        let A_s2_3_7 = A_s1_3_7 - A_s1_2_7 * A_l3_2;
-        let A_l7_3 = A_s2_3_7 / A_s2_3_3;
-        let A_s3_7_7 = A_s2_7_7 - A_s2_3_7 * A_l7_3;
-        let A_s1_4_7 = G47 - G17 * A_l4_1;
-        let A_s2_4_7 = A_s1_4_7 - A_s1_2_7 * A_l4_2;
-        let A_s3_4_7 = A_s2_4_7 - A_s2_3_7 * A_l4_3;
-        let A_l7_4 = A_s3_4_7 / A_s3_4_4;
-        let A_s4_7_7 = A_s3_7_7 - A_s3_4_7 * A_l7_4;
-        let A_s1_5_7 = G57 - G17 * A_l5_1;
-        let A_s2_5_7 = A_s1_5_7 - A_s1_2_7 * A_l5_2;
-        let A_s3_5_7 = A_s2_5_7 - A_s2_3_7 * A_l5_3;
-        let A_s4_5_7 = A_s3_5_7 - A_s3_4_7 * A_l5_4;
-        let A_l7_5 = A_s4_5_7 / A_s4_5_5;
-        let A_s5_7_7 = A_s4_7_7 - A_s4_5_7 * A_l7_5;
-        let A_s1_6_7 = G67 - G17 * A_l6_1;
-        let A_s2_6_7 = A_s1_6_7 - A_s1_2_7 * A_l6_2;
-        let A_s3_6_7 = A_s2_6_7 - A_s2_3_7 * A_l6_3;
-        let A_s4_6_7 = A_s3_6_7 - A_s3_4_7 * A_l6_4;
-        let A_s5_6_7 = A_s4_6_7 - A_s4_5_7 * A_l6_5;
-        let A_l7_6 = A_s5_6_7 / A_s5_6_6;
-        let A_s6_7_7 = A_s5_7_7 - A_s5_6_7 * A_l7_6;
-        let A_l8_1 = G18 / G11;
-        let A_s1_8_8 = G88 - G18 * A_l8_1;
-        let A_s1_2_8 = G28 - G18 * A_l2_1;
-        let A_l8_2 = A_s1_2_8 / A_s1_2_2;
-        let A_s2_8_8 = A_s1_8_8 - A_s1_2_8 * A_l8_2;
-        let A_s1_3_8 = G38 - G18 * A_l3_1;
-        let A_s2_3_8 = A_s1_3_8 - A_s1_2_8 * A_l3_2;
-        let A_l8_3 = A_s2_3_8 / A_s2_3_3;
-        let A_s3_8_8 = A_s2_8_8 - A_s2_3_8 * A_l8_3;
-        let A_s1_4_8 = G48 - G18 * A_l4_1;
-        let A_s2_4_8 = A_s1_4_8 - A_s1_2_8 * A_l4_2;
-        let A_s3_4_8 = A_s2_4_8 - A_s2_3_8 * A_l4_3;
-        let A_l8_4 = A_s3_4_8 / A_s3_4_4;
-        let A_s4_8_8 = A_s3_8_8 - A_s3_4_8 * A_l8_4;
-        let A_s1_5_8 = G58 - G18 * A_l5_1;
-        let A_s2_5_8 = A_s1_5_8 - A_s1_2_8 * A_l5_2;
-        let A_s3_5_8 = A_s2_5_8 - A_s2_3_8 * A_l5_3;
-        let A_s4_5_8 = A_s3_5_8 - A_s3_4_8 * A_l5_4;
-        let A_l8_5 = A_s4_5_8 / A_s4_5_5;
-        let A_s5_8_8 = A_s4_8_8 - A_s4_5_8 * A_l8_5;
-        let A_s1_6_8 = G68 - G18 * A_l6_1;
-        let A_s2_6_8 = A_s1_6_8 - A_s1_2_8 * A_l6_2;
-        let A_s3_6_8 = A_s2_6_8 - A_s2_3_8 * A_l6_3;
-        let A_s4_6_8 = A_s3_6_8 - A_s3_4_8 * A_l6_4;
-        let A_s5_6_8 = A_s4_6_8 - A_s4_5_8 * A_l6_5;
-        let A_l8_6 = A_s5_6_8 / A_s5_6_6;
-        let A_s6_8_8 = A_s5_8_8 - A_s5_6_8 * A_l8_6;
-        let A_s1_7_8 = G78 - G18 * A_l7_1;
-        let A_s2_7_8 = A_s1_7_8 - A_s1_2_8 * A_l7_2;
-        let A_s3_7_8 = A_s2_7_8 - A_s2_3_8 * A_l7_3;
-        let A_s4_7_8 = A_s3_7_8 - A_s3_4_8 * A_l7_4;
-        let A_s5_7_8 = A_s4_7_8 - A_s4_5_8 * A_l7_5;
-        let A_s6_7_8 = A_s5_7_8 - A_s5_6_8 * A_l7_6;
-        let A_l8_7 = A_s6_7_8 / A_s6_7_7;
-        let A_s7_8_8 = A_s6_8_8 - A_s6_7_8 * A_l8_7;
-        let A_l9_1 = G19 / G11;
-        let A_s1_9_9 = G99 - G19 * A_l9_1;
-        let A_s1_2_9 = G29 - G19 * A_l2_1;
-        let A_l9_2 = A_s1_2_9 / A_s1_2_2;
-        let A_s2_9_9 = A_s1_9_9 - A_s1_2_9 * A_l9_2;
-        let A_s1_3_9 = G39 - G19 * A_l3_1;
-        let A_s2_3_9 = A_s1_3_9 - A_s1_2_9 * A_l3_2;
-        let A_l9_3 = A_s2_3_9 / A_s2_3_3;
-        let A_s3_9_9 = A_s2_9_9 - A_s2_3_9 * A_l9_3;
-        let A_s1_4_9 = G49 - G19 * A_l4_1;
-        let A_s2_4_9 = A_s1_4_9 - A_s1_2_9 * A_l4_2;
-        let A_s3_4_9 = A_s2_4_9 - A_s2_3_9 * A_l4_3;
-        let A_l9_4 = A_s3_4_9 / A_s3_4_4;
-        let A_s4_9_9 = A_s3_9_9 - A_s3_4_9 * A_l9_4;
-        let A_s1_5_9 = G59 - G19 * A_l5_1;
-        let A_s2_5_9 = A_s1_5_9 - A_s1_2_9 * A_l5_2;
-        let A_s3_5_9 = A_s2_5_9 - A_s2_3_9 * A_l5_3;
-        let A_s4_5_9 = A_s3_5_9 - A_s3_4_9 * A_l5_4;
-        let A_l9_5 = A_s4_5_9 / A_s4_5_5;
-        let A_s5_9_9 = A_s4_9_9 - A_s4_5_9 * A_l9_5;
-        let A_s1_6_9 = G69 - G19 * A_l6_1;
-        let A_s2_6_9 = A_s1_6_9 - A_s1_2_9 * A_l6_2;
-        let A_s3_6_9 = A_s2_6_9 - A_s2_3_9 * A_l6_3;
-        let A_s4_6_9 = A_s3_6_9 - A_s3_4_9 * A_l6_4;
-        let A_s5_6_9 = A_s4_6_9 - A_s4_5_9 * A_l6_5;
-        let A_l9_6 = A_s5_6_9 / A_s5_6_6;
-        let A_s6_9_9 = A_s5_9_9 - A_s5_6_9 * A_l9_6;
-        let A_s1_7_9 = G79 - G19 * A_l7_1;
-        let A_s2_7_9 = A_s1_7_9 - A_s1_2_9 * A_l7_2;
-        let A_s3_7_9 = A_s2_7_9 - A_s2_3_9 * A_l7_3;
-        let A_s4_7_9 = A_s3_7_9 - A_s3_4_9 * A_l7_4;
-        let A_s5_7_9 = A_s4_7_9 - A_s4_5_9 * A_l7_5;
-        let A_s6_7_9 = A_s5_7_9 - A_s5_6_9 * A_l7_6;
-        let A_l9_7 = A_s6_7_9 / A_s6_7_7;
-        let A_s7_9_9 = A_s6_9_9 - A_s6_7_9 * A_l9_7;
-        let A_s1_8_9 = G89 - G19 * A_l8_1;
-        let A_s2_8_9 = A_s1_8_9 - A_s1_2_9 * A_l8_2;
-        let A_s3_8_9 = A_s2_8_9 - A_s2_3_9 * A_l8_3;
-        let A_s4_8_9 = A_s3_8_9 - A_s3_4_9 * A_l8_4;
-        let A_s5_8_9 = A_s4_8_9 - A_s4_5_9 * A_l8_5;
-        let A_s6_8_9 = A_s5_8_9 - A_s5_6_9 * A_l8_6;
-        let A_s7_8_9 = A_s6_8_9 - A_s6_7_9 * A_l8_7;
-        let A_l9_8 = A_s7_8_9 / A_s7_8_8;
-        let A_s8_9_9 = A_s7_9_9 - A_s7_8_9 * A_l9_8;
+        let [A_l2_1, t1, A_s1_2_2, A_l3_1, A_l3_2, t7, t11, A_s2_3_3, A_l4_1, A_l4_2,
+        A_l4_3, t24, t29, A_s3_4_4, A_l5_1, A_l5_2, A_l5_3, A_l5_4, t52, t56, A_s4_5_5,
+        A_l6_1, A_l6_2, A_l6_3, A_l6_4, A_l6_5, t89, t94, A_s5_6_6, A_l7_1, A_l7_2,
+        A_l7_3, A_l7_4, t115, t116, A_l7_5, t126, t127, A_l7_6, t138, t140, t142, t145,
+        A_s6_7_7, A_l8_1, A_l8_2, t149, t150, A_l8_3, t156, t157, A_l8_4, t166, t167,
+        A_l8_5, t177, t178, A_l8_6, t189, t190, A_l8_7, t204, t205, t206, t207, t208,
+        t210, A_s7_8_8, A_l9_1, t213, A_s1_2_9, A_l9_2, t215, t220, A_s2_3_9, A_l9_3,
+        t222, t229, A_s3_4_9, A_l9_4, t231, t239, A_s4_5_9, A_l9_5, t241, t251, A_s5_6_9,
+        A_l9_6, t253, t254, t255, A_s5_9_9, t258, t259, A_s2_7_9] = {
+            let A_l2_1 = G12 / G11;
+            let t0 = G12 * A_l2_1;
+            let t1 = R::from_f64(10.0) * (G22.abs() + t0.abs());
+            let A_s1_2_2 = G22 - t0;
+            let A_l3_1 = G13 / G11;
+            let t2 = G13 * A_l3_1;
+            let t3 = G13 * A_l2_1;
+            let t4 = R::from_f64(10.0) * (G23.abs() + t3.abs());
+            let A_s1_2_3 = G23 - t3;
+            let A_l3_2 = A_s1_2_3 / A_s1_2_2;
+            let t5 = A_l3_2.abs();
+            let t6 = A_s1_2_2 * A_s1_2_2;
+            let t7 = A_s1_2_2.recip();
+            let t8 = t7.abs();
+            let t9 = t1 * (A_s1_2_3 / t6).abs() + t4 * t8 + R::from_f64(8.0) * t5;
+            let t10 = A_s1_2_3 * A_l3_2;
+            let A_s1_3_3 = G33 - t2;
+            let t11 = R::from_f64(10.0) * (G33.abs() + t2.abs()) + t4 * t5
+                + t9 * A_s1_2_3.abs() + R::from_f64(10.0) * t10.abs()
+                + R::from_f64(2.0) * A_s1_3_3.abs();
+            let A_s2_3_3 = A_s1_3_3 - t10;
+            let A_l4_1 = G14 / G11;
+            let t12 = G14 * A_l4_1;
+            let t13 = G14 * A_l2_1;
+            let t14 = R::from_f64(10.0) * (G24.abs() + t13.abs());
+            let A_s1_2_4 = G24 - t13;
+            let A_l4_2 = A_s1_2_4 / A_s1_2_2;
+            let t15 = A_l4_2.abs();
+            let t16 = t1 * (A_s1_2_4 / t6).abs() + t14 * t8 + R::from_f64(8.0) * t15;
+            let t17 = A_s1_2_4.abs();
+            let t18 = A_s1_2_4 * A_l4_2;
+            let A_s1_4_4 = G44 - t12;
+            let t19 = G14 * A_l3_1;
+            let t20 = A_s1_2_4 * A_l3_2;
+            let A_s1_3_4 = G34 - t19;
+            let t21 = R::from_f64(10.0) * (G34.abs() + t19.abs()) + t14 * t5 + t9 * t17
+                + R::from_f64(10.0) * t20.abs() + R::from_f64(2.0) * A_s1_3_4.abs();
+            let A_s2_3_4 = A_s1_3_4 - t20;
+            let A_l4_3 = A_s2_3_4 / A_s2_3_3;
+            let t22 = A_l4_3.abs();
+            let t23 = A_s2_3_3 * A_s2_3_3;
+            let t24 = A_s2_3_3.recip();
+            let t25 = t24.abs();
+            let t26 = t11 * (A_s2_3_4 / t23).abs() + t21 * t25 + R::from_f64(8.0) * t22;
+            let t27 = R::from_f64(10.0) * (G44.abs() + t12.abs()) + t14 * t15 + t16 * t17
+                + R::from_f64(10.0) * t18.abs() + R::from_f64(2.0) * A_s1_4_4.abs()
+                + t21 * t22 + t26 * A_s2_3_4.abs();
+            let t28 = A_s2_3_4 * A_l4_3;
+            let A_s2_4_4 = A_s1_4_4 - t18;
+            let t29 = t27 + R::from_f64(10.0) * t28.abs()
+                + R::from_f64(2.0) * A_s2_4_4.abs();
+            let A_s3_4_4 = A_s2_4_4 - t28;
+            let A_l5_1 = G15 / G11;
+            let t30 = G15 * A_l5_1;
+            let t31 = G15 * A_l2_1;
+            let t32 = R::from_f64(10.0) * (G25.abs() + t31.abs());
+            let A_s1_2_5 = G25 - t31;
+            let A_l5_2 = A_s1_2_5 / A_s1_2_2;
+            let t33 = A_l5_2.abs();
+            let t34 = t1 * (A_s1_2_5 / t6).abs() + t32 * t8 + R::from_f64(8.0) * t33;
+            let t35 = A_s1_2_5.abs();
+            let t36 = A_s1_2_5 * A_l5_2;
+            let A_s1_5_5 = G55 - t30;
+            let t37 = G15 * A_l3_1;
+            let t38 = A_s1_2_5 * A_l3_2;
+            let A_s1_3_5 = G35 - t37;
+            let t39 = R::from_f64(10.0) * (G35.abs() + t37.abs()) + t32 * t5 + t9 * t35
+                + R::from_f64(10.0) * t38.abs() + R::from_f64(2.0) * A_s1_3_5.abs();
+            let A_s2_3_5 = A_s1_3_5 - t38;
+            let A_l5_3 = A_s2_3_5 / A_s2_3_3;
+            let t40 = A_l5_3.abs();
+            let t41 = t11 * (A_s2_3_5 / t23).abs() + t39 * t25 + R::from_f64(8.0) * t40;
+            let t42 = A_s2_3_5.abs();
+            let t43 = A_s2_3_5 * A_l5_3;
+            let t44 = R::from_f64(10.0) * (G55.abs() + t30.abs()) + t32 * t33 + t34 * t35
+                + R::from_f64(10.0) * t36.abs() + R::from_f64(2.0) * A_s1_5_5.abs()
+                + t39 * t40 + t41 * t42 + R::from_f64(10.0) * t43.abs();
+            let A_s2_5_5 = A_s1_5_5 - t36;
+            let t45 = G15 * A_l4_1;
+            let t46 = A_s1_2_5 * A_l4_2;
+            let A_s1_4_5 = G45 - t45;
+            let t47 = A_s2_3_5 * A_l4_3;
+            let t48 = R::from_f64(10.0) * (G45.abs() + t45.abs()) + t32 * t15 + t16 * t35
+                + R::from_f64(10.0) * t46.abs() + R::from_f64(2.0) * A_s1_4_5.abs()
+                + t39 * t22 + t26 * t42 + R::from_f64(10.0) * t47.abs();
+            let A_s2_4_5 = A_s1_4_5 - t46;
+            let t49 = t48 + R::from_f64(2.0) * A_s2_4_5.abs();
+            let A_s3_4_5 = A_s2_4_5 - t47;
+            let A_l5_4 = A_s3_4_5 / A_s3_4_4;
+            let t50 = A_l5_4.abs();
+            let t51 = A_s3_4_4 * A_s3_4_4;
+            let t52 = A_s3_4_4.recip();
+            let t53 = t52.abs();
+            let t54 = t29 * (A_s3_4_5 / t51).abs() + t49 * t53 + R::from_f64(8.0) * t50;
+            let t55 = A_s3_4_5 * A_l5_4;
+            let A_s3_5_5 = A_s2_5_5 - t43;
+            let t56 = t44 + R::from_f64(2.0) * A_s2_5_5.abs() + t49 * t50
+                + t54 * A_s3_4_5.abs() + R::from_f64(10.0) * t55.abs()
+                + R::from_f64(2.0) * A_s3_5_5.abs();
+            let A_s4_5_5 = A_s3_5_5 - t55;
+            let A_l6_1 = G16 / G11;
+            let t57 = G16 * A_l6_1;
+            let t58 = G16 * A_l2_1;
+            let t59 = R::from_f64(10.0) * (G26.abs() + t58.abs());
+            let A_s1_2_6 = G26 - t58;
+            let A_l6_2 = A_s1_2_6 / A_s1_2_2;
+            let t60 = A_l6_2.abs();
+            let t61 = t1 * (A_s1_2_6 / t6).abs() + t59 * t8 + R::from_f64(8.0) * t60;
+            let t62 = A_s1_2_6.abs();
+            let t63 = A_s1_2_6 * A_l6_2;
+            let A_s1_6_6 = G66 - t57;
+            let t64 = G16 * A_l3_1;
+            let t65 = A_s1_2_6 * A_l3_2;
+            let A_s1_3_6 = G36 - t64;
+            let t66 = R::from_f64(10.0) * (G36.abs() + t64.abs()) + t59 * t5 + t9 * t62
+                + R::from_f64(10.0) * t65.abs() + R::from_f64(2.0) * A_s1_3_6.abs();
+            let A_s2_3_6 = A_s1_3_6 - t65;
+            let A_l6_3 = A_s2_3_6 / A_s2_3_3;
+            let t67 = A_l6_3.abs();
+            let t68 = t11 * (A_s2_3_6 / t23).abs() + t66 * t25 + R::from_f64(8.0) * t67;
+            let t69 = A_s2_3_6.abs();
+            let t70 = A_s2_3_6 * A_l6_3;
+            let t71 = R::from_f64(10.0) * (G66.abs() + t57.abs()) + t59 * t60 + t61 * t62
+                + R::from_f64(10.0) * t63.abs() + R::from_f64(2.0) * A_s1_6_6.abs()
+                + t66 * t67 + t68 * t69 + R::from_f64(10.0) * t70.abs();
+            let A_s2_6_6 = A_s1_6_6 - t63;
+            let t72 = G16 * A_l4_1;
+            let t73 = A_s1_2_6 * A_l4_2;
+            let A_s1_4_6 = G46 - t72;
+            let t74 = A_s2_3_6 * A_l4_3;
+            let t75 = R::from_f64(10.0) * (G46.abs() + t72.abs()) + t59 * t15 + t16 * t62
+                + R::from_f64(10.0) * t73.abs() + R::from_f64(2.0) * A_s1_4_6.abs()
+                + t66 * t22 + t26 * t69 + R::from_f64(10.0) * t74.abs();
+            let A_s2_4_6 = A_s1_4_6 - t73;
+            let t76 = t75 + R::from_f64(2.0) * A_s2_4_6.abs();
+            let A_s3_4_6 = A_s2_4_6 - t74;
+            let A_l6_4 = A_s3_4_6 / A_s3_4_4;
+            let t77 = A_l6_4.abs();
+            let t78 = t29 * (A_s3_4_6 / t51).abs() + t76 * t53 + R::from_f64(8.0) * t77;
+            let t79 = A_s3_4_6.abs();
+            let t80 = A_s3_4_6 * A_l6_4;
+            let A_s3_6_6 = A_s2_6_6 - t70;
+            let t81 = G16 * A_l5_1;
+            let t82 = A_s1_2_6 * A_l5_2;
+            let A_s1_5_6 = G56 - t81;
+            let t83 = A_s2_3_6 * A_l5_3;
+            let t84 = R::from_f64(10.0) * (G56.abs() + t81.abs()) + t59 * t33 + t34 * t62
+                + R::from_f64(10.0) * t82.abs() + R::from_f64(2.0) * A_s1_5_6.abs()
+                + t66 * t40 + t41 * t69 + R::from_f64(10.0) * t83.abs();
+            let A_s2_5_6 = A_s1_5_6 - t82;
+            let t85 = A_s3_4_6 * A_l5_4;
+            let A_s3_5_6 = A_s2_5_6 - t83;
+            let t86 = t84 + R::from_f64(2.0) * A_s2_5_6.abs() + t76 * t50 + t54 * t79
+                + R::from_f64(10.0) * t85.abs() + R::from_f64(2.0) * A_s3_5_6.abs();
+            let A_s4_5_6 = A_s3_5_6 - t85;
+            let A_l6_5 = A_s4_5_6 / A_s4_5_5;
+            let t87 = A_l6_5.abs();
+            let t88 = A_s4_5_5 * A_s4_5_5;
+            let t89 = A_s4_5_5.recip();
+            let t90 = t89.abs();
+            let t91 = t56 * (A_s4_5_6 / t88).abs() + t86 * t90 + R::from_f64(8.0) * t87;
+            let t92 = t71 + R::from_f64(2.0) * A_s2_6_6.abs() + t76 * t77 + t78 * t79
+                + R::from_f64(10.0) * t80.abs() + R::from_f64(2.0) * A_s3_6_6.abs()
+                + t86 * t87 + t91 * A_s4_5_6.abs();
+            let t93 = A_s4_5_6 * A_l6_5;
+            let A_s4_6_6 = A_s3_6_6 - t80;
+            let t94 = t92 + R::from_f64(10.0) * t93.abs()
+                + R::from_f64(2.0) * A_s4_6_6.abs();
+            let A_s5_6_6 = A_s4_6_6 - t93;
+            let A_l7_1 = G17 / G11;
+            let t95 = G17 * A_l7_1;
+            let t96 = G17 * A_l2_1;
+            let t97 = R::from_f64(10.0) * (G27.abs() + t96.abs());
+            let A_s1_2_7 = G27 - t96;
+            let A_l7_2 = A_s1_2_7 / A_s1_2_2;
+            let t98 = A_l7_2.abs();
+            let t99 = t1 * (A_s1_2_7 / t6).abs() + t97 * t8 + R::from_f64(8.0) * t98;
+            let t100 = A_s1_2_7.abs();
+            let t101 = A_s1_2_7 * A_l7_2;
+            let A_s1_7_7 = G77 - t95;
+            let t102 = G17 * A_l3_1;
+            let t103 = A_s1_2_7 * A_l3_2;
+            let A_s1_3_7 = G37 - t102;
+            let t104 = R::from_f64(10.0) * (G37.abs() + t102.abs()) + t97 * t5
+                + t9 * t100 + R::from_f64(10.0) * t103.abs()
+                + R::from_f64(2.0) * A_s1_3_7.abs();
+            let A_s2_3_7 = A_s1_3_7 - t103;
+            let A_l7_3 = A_s2_3_7 / A_s2_3_3;
+            let t105 = A_l7_3.abs();
+            let t106 = t11 * (A_s2_3_7 / t23).abs() + t104 * t25
+                + R::from_f64(8.0) * t105;
+            let t107 = A_s2_3_7.abs();
+            let t108 = R::from_f64(10.0) * (G77.abs() + t95.abs()) + t97 * t98
+                + t99 * t100 + R::from_f64(10.0) * t101.abs()
+                + R::from_f64(2.0) * A_s1_7_7.abs() + t104 * t105 + t106 * t107;
+            let t109 = A_s2_3_7 * A_l7_3;
+            let A_s2_7_7 = A_s1_7_7 - t101;
+            let t110 = G17 * A_l4_1;
+            let t111 = A_s1_2_7 * A_l4_2;
+            let A_s1_4_7 = G47 - t110;
+            let t112 = R::from_f64(10.0) * (G47.abs() + t110.abs()) + t97 * t15
+                + t16 * t100 + R::from_f64(10.0) * t111.abs()
+                + R::from_f64(2.0) * A_s1_4_7.abs() + t104 * t22 + t26 * t107;
+            let t113 = A_s2_3_7 * A_l4_3;
+            let A_s2_4_7 = A_s1_4_7 - t111;
+            let t114 = t112 + R::from_f64(10.0) * t113.abs()
+                + R::from_f64(2.0) * A_s2_4_7.abs();
+            let A_s3_4_7 = A_s2_4_7 - t113;
+            let A_l7_4 = A_s3_4_7 / A_s3_4_4;
+            let t115 = A_l7_4.abs();
+            let t116 = t29 * (A_s3_4_7 / t51).abs() + t114 * t53
+                + R::from_f64(8.0) * t115;
+            let t117 = A_s3_4_7.abs();
+            let t118 = A_s3_4_7 * A_l7_4;
+            let A_s3_7_7 = A_s2_7_7 - t109;
+            let t119 = t108 + R::from_f64(10.0) * t109.abs()
+                + R::from_f64(2.0) * A_s2_7_7.abs() + t114 * t115 + t116 * t117
+                + R::from_f64(10.0) * t118.abs() + R::from_f64(2.0) * A_s3_7_7.abs();
+            let t120 = G17 * A_l5_1;
+            let t121 = A_s1_2_7 * A_l5_2;
+            let A_s1_5_7 = G57 - t120;
+            let t122 = R::from_f64(10.0) * (G57.abs() + t120.abs()) + t97 * t33
+                + t34 * t100 + R::from_f64(10.0) * t121.abs()
+                + R::from_f64(2.0) * A_s1_5_7.abs() + t104 * t40 + t41 * t107;
+            let t123 = A_s2_3_7 * A_l5_3;
+            let A_s2_5_7 = A_s1_5_7 - t121;
+            let t124 = A_s3_4_7 * A_l5_4;
+            let A_s3_5_7 = A_s2_5_7 - t123;
+            let t125 = t122 + R::from_f64(10.0) * t123.abs()
+                + R::from_f64(2.0) * A_s2_5_7.abs() + t114 * t50 + t54 * t117
+                + R::from_f64(10.0) * t124.abs() + R::from_f64(2.0) * A_s3_5_7.abs();
+            let A_s4_5_7 = A_s3_5_7 - t124;
+            let A_l7_5 = A_s4_5_7 / A_s4_5_5;
+            let t126 = A_l7_5.abs();
+            let t127 = t56 * (A_s4_5_7 / t88).abs() + t125 * t90
+                + R::from_f64(8.0) * t126;
+            let t128 = A_s4_5_7.abs();
+            let t129 = A_s4_5_7 * A_l7_5;
+            let A_s4_7_7 = A_s3_7_7 - t118;
+            let t130 = G17 * A_l6_1;
+            let t131 = A_s1_2_7 * A_l6_2;
+            let A_s1_6_7 = G67 - t130;
+            let t132 = R::from_f64(10.0) * (G67.abs() + t130.abs()) + t97 * t60
+                + t61 * t100 + R::from_f64(10.0) * t131.abs()
+                + R::from_f64(2.0) * A_s1_6_7.abs() + t104 * t67 + t68 * t107;
+            let t133 = A_s2_3_7 * A_l6_3;
+            let A_s2_6_7 = A_s1_6_7 - t131;
+            let t134 = A_s3_4_7 * A_l6_4;
+            let A_s3_6_7 = A_s2_6_7 - t133;
+            let t135 = t132 + R::from_f64(10.0) * t133.abs()
+                + R::from_f64(2.0) * A_s2_6_7.abs() + t114 * t77 + t78 * t117
+                + R::from_f64(10.0) * t134.abs() + R::from_f64(2.0) * A_s3_6_7.abs();
+            let t136 = A_s4_5_7 * A_l6_5;
+            let A_s4_6_7 = A_s3_6_7 - t134;
+            let t137 = t135 + t125 * t87 + t91 * t128 + R::from_f64(10.0) * t136.abs()
+                + R::from_f64(2.0) * A_s4_6_7.abs();
+            let A_s5_6_7 = A_s4_6_7 - t136;
+            let A_l7_6 = A_s5_6_7 / A_s5_6_6;
+            let t138 = A_l7_6.abs();
+            let t139 = A_s5_6_6 * A_s5_6_6;
+            let t140 = A_s5_6_6.recip();
+            let t141 = t140.abs();
+            let t142 = t94 * (A_s5_6_7 / t139).abs() + t137 * t141
+                + R::from_f64(8.0) * t138;
+            let t143 = A_s5_6_7 * A_l7_6;
+            let t144 = t119 + t125 * t126 + t127 * t128 + R::from_f64(10.0) * t129.abs()
+                + R::from_f64(2.0) * A_s4_7_7.abs() + t137 * t138 + t142 * A_s5_6_7.abs()
+                + R::from_f64(10.0) * t143.abs();
+            let A_s5_7_7 = A_s4_7_7 - t129;
+            let t145 = t144 + R::from_f64(2.0) * A_s5_7_7.abs();
+            let A_s6_7_7 = A_s5_7_7 - t143;
+            let A_l8_1 = G18 / G11;
+            let t146 = G18 * A_l8_1;
+            let t147 = G18 * A_l2_1;
+            let t148 = R::from_f64(10.0) * (G28.abs() + t147.abs());
+            let A_s1_2_8 = G28 - t147;
+            let A_l8_2 = A_s1_2_8 / A_s1_2_2;
+            let t149 = A_l8_2.abs();
+            let t150 = t1 * (A_s1_2_8 / t6).abs() + t148 * t8 + R::from_f64(8.0) * t149;
+            let t151 = A_s1_2_8.abs();
+            let t152 = A_s1_2_8 * A_l8_2;
+            let A_s1_8_8 = G88 - t146;
+            let t153 = G18 * A_l3_1;
+            let t154 = A_s1_2_8 * A_l3_2;
+            let A_s1_3_8 = G38 - t153;
+            let t155 = R::from_f64(10.0) * (G38.abs() + t153.abs()) + t148 * t5
+                + t9 * t151 + R::from_f64(10.0) * t154.abs()
+                + R::from_f64(2.0) * A_s1_3_8.abs();
+            let A_s2_3_8 = A_s1_3_8 - t154;
+            let A_l8_3 = A_s2_3_8 / A_s2_3_3;
+            let t156 = A_l8_3.abs();
+            let t157 = t11 * (A_s2_3_8 / t23).abs() + t155 * t25
+                + R::from_f64(8.0) * t156;
+            let t158 = A_s2_3_8.abs();
+            let t159 = R::from_f64(10.0) * (G88.abs() + t146.abs()) + t148 * t149
+                + t150 * t151 + R::from_f64(10.0) * t152.abs()
+                + R::from_f64(2.0) * A_s1_8_8.abs() + t155 * t156 + t157 * t158;
+            let t160 = A_s2_3_8 * A_l8_3;
+            let A_s2_8_8 = A_s1_8_8 - t152;
+            let t161 = G18 * A_l4_1;
+            let t162 = A_s1_2_8 * A_l4_2;
+            let A_s1_4_8 = G48 - t161;
+            let t163 = R::from_f64(10.0) * (G48.abs() + t161.abs()) + t148 * t15
+                + t16 * t151 + R::from_f64(10.0) * t162.abs()
+                + R::from_f64(2.0) * A_s1_4_8.abs() + t155 * t22 + t26 * t158;
+            let t164 = A_s2_3_8 * A_l4_3;
+            let A_s2_4_8 = A_s1_4_8 - t162;
+            let t165 = t163 + R::from_f64(10.0) * t164.abs()
+                + R::from_f64(2.0) * A_s2_4_8.abs();
+            let A_s3_4_8 = A_s2_4_8 - t164;
+            let A_l8_4 = A_s3_4_8 / A_s3_4_4;
+            let t166 = A_l8_4.abs();
+            let t167 = t29 * (A_s3_4_8 / t51).abs() + t165 * t53
+                + R::from_f64(8.0) * t166;
+            let t168 = A_s3_4_8.abs();
+            let t169 = A_s3_4_8 * A_l8_4;
+            let A_s3_8_8 = A_s2_8_8 - t160;
+            let t170 = t159 + R::from_f64(10.0) * t160.abs()
+                + R::from_f64(2.0) * A_s2_8_8.abs() + t165 * t166 + t167 * t168
+                + R::from_f64(10.0) * t169.abs() + R::from_f64(2.0) * A_s3_8_8.abs();
+            let t171 = G18 * A_l5_1;
+            let t172 = A_s1_2_8 * A_l5_2;
+            let A_s1_5_8 = G58 - t171;
+            let t173 = R::from_f64(10.0) * (G58.abs() + t171.abs()) + t148 * t33
+                + t34 * t151 + R::from_f64(10.0) * t172.abs()
+                + R::from_f64(2.0) * A_s1_5_8.abs() + t155 * t40 + t41 * t158;
+            let t174 = A_s2_3_8 * A_l5_3;
+            let A_s2_5_8 = A_s1_5_8 - t172;
+            let t175 = A_s3_4_8 * A_l5_4;
+            let A_s3_5_8 = A_s2_5_8 - t174;
+            let t176 = t173 + R::from_f64(10.0) * t174.abs()
+                + R::from_f64(2.0) * A_s2_5_8.abs() + t165 * t50 + t54 * t168
+                + R::from_f64(10.0) * t175.abs() + R::from_f64(2.0) * A_s3_5_8.abs();
+            let A_s4_5_8 = A_s3_5_8 - t175;
+            let A_l8_5 = A_s4_5_8 / A_s4_5_5;
+            let t177 = A_l8_5.abs();
+            let t178 = t56 * (A_s4_5_8 / t88).abs() + t176 * t90
+                + R::from_f64(8.0) * t177;
+            let t179 = A_s4_5_8.abs();
+            let t180 = A_s4_5_8 * A_l8_5;
+            let A_s4_8_8 = A_s3_8_8 - t169;
+            let t181 = G18 * A_l6_1;
+            let t182 = A_s1_2_8 * A_l6_2;
+            let A_s1_6_8 = G68 - t181;
+            let t183 = R::from_f64(10.0) * (G68.abs() + t181.abs()) + t148 * t60
+                + t61 * t151 + R::from_f64(10.0) * t182.abs()
+                + R::from_f64(2.0) * A_s1_6_8.abs() + t155 * t67 + t68 * t158;
+            let t184 = A_s2_3_8 * A_l6_3;
+            let A_s2_6_8 = A_s1_6_8 - t182;
+            let t185 = A_s3_4_8 * A_l6_4;
+            let A_s3_6_8 = A_s2_6_8 - t184;
+            let t186 = t183 + R::from_f64(10.0) * t184.abs()
+                + R::from_f64(2.0) * A_s2_6_8.abs() + t165 * t77 + t78 * t168
+                + R::from_f64(10.0) * t185.abs() + R::from_f64(2.0) * A_s3_6_8.abs();
+            let t187 = A_s4_5_8 * A_l6_5;
+            let A_s4_6_8 = A_s3_6_8 - t185;
+            let t188 = t186 + t176 * t87 + t91 * t179 + R::from_f64(10.0) * t187.abs()
+                + R::from_f64(2.0) * A_s4_6_8.abs();
+            let A_s5_6_8 = A_s4_6_8 - t187;
+            let A_l8_6 = A_s5_6_8 / A_s5_6_6;
+            let t189 = A_l8_6.abs();
+            let t190 = t94 * (A_s5_6_8 / t139).abs() + t188 * t141
+                + R::from_f64(8.0) * t189;
+            let t191 = A_s5_6_8.abs();
+            let t192 = A_s5_6_8 * A_l8_6;
+            let t193 = t170 + t176 * t177 + t178 * t179 + R::from_f64(10.0) * t180.abs()
+                + R::from_f64(2.0) * A_s4_8_8.abs() + t188 * t189 + t190 * t191
+                + R::from_f64(10.0) * t192.abs();
+            let A_s5_8_8 = A_s4_8_8 - t180;
+            let t194 = G18 * A_l7_1;
+            let t195 = A_s1_2_8 * A_l7_2;
+            let A_s1_7_8 = G78 - t194;
+            let t196 = R::from_f64(10.0) * (G78.abs() + t194.abs()) + t148 * t98
+                + t99 * t151 + R::from_f64(10.0) * t195.abs()
+                + R::from_f64(2.0) * A_s1_7_8.abs() + t155 * t105 + t106 * t158;
+            let t197 = A_s2_3_8 * A_l7_3;
+            let A_s2_7_8 = A_s1_7_8 - t195;
+            let t198 = A_s3_4_8 * A_l7_4;
+            let A_s3_7_8 = A_s2_7_8 - t197;
+            let t199 = t196 + R::from_f64(10.0) * t197.abs()
+                + R::from_f64(2.0) * A_s2_7_8.abs() + t165 * t115 + t116 * t168
+                + R::from_f64(10.0) * t198.abs() + R::from_f64(2.0) * A_s3_7_8.abs();
+            let t200 = A_s4_5_8 * A_l7_5;
+            let A_s4_7_8 = A_s3_7_8 - t198;
+            let t201 = A_s5_6_8 * A_l7_6;
+            let t202 = t199 + t176 * t126 + t127 * t179 + R::from_f64(10.0) * t200.abs()
+                + R::from_f64(2.0) * A_s4_7_8.abs() + t188 * t138 + t142 * t191
+                + R::from_f64(10.0) * t201.abs();
+            let A_s5_7_8 = A_s4_7_8 - t200;
+            let t203 = t202 + R::from_f64(2.0) * A_s5_7_8.abs();
+            let A_s6_7_8 = A_s5_7_8 - t201;
+            let A_l8_7 = A_s6_7_8 / A_s6_7_7;
+            let t204 = A_l8_7.abs();
+            let t205 = A_s6_7_7 * A_s6_7_7;
+            let t206 = A_s6_7_7.recip();
+            let t207 = t206.abs();
+            let t208 = t145 * (A_s6_7_8 / t205).abs() + t203 * t207
+                + R::from_f64(8.0) * t204;
+            let t209 = A_s6_7_8 * A_l8_7;
+            let A_s6_8_8 = A_s5_8_8 - t192;
+            let A_l9_1 = G19 / G11;
+            let t211 = G19 * A_l9_1;
+            let t212 = G19 * A_l2_1;
+            let t213 = R::from_f64(10.0) * (G29.abs() + t212.abs());
+            let A_s1_2_9 = G29 - t212;
+            let A_l9_2 = A_s1_2_9 / A_s1_2_2;
+            let t214 = A_l9_2.abs();
+            let t215 = A_s1_2_9.abs();
+            let t216 = A_s1_2_9 * A_l9_2;
+            let t217 = R::from_f64(10.0) * (G99.abs() + t211.abs()) + t213 * t214
+                + (t1 * (A_s1_2_9 / t6).abs() + t213 * t8 + R::from_f64(8.0) * t214)
+                    * t215 + R::from_f64(10.0) * t216.abs();
+            let A_s1_9_9 = G99 - t211;
+            let t218 = G19 * A_l3_1;
+            let t219 = A_s1_2_9 * A_l3_2;
+            let A_s1_3_9 = G39 - t218;
+            let t220 = R::from_f64(10.0) * (G39.abs() + t218.abs()) + t213 * t5
+                + t9 * t215 + R::from_f64(10.0) * t219.abs()
+                + R::from_f64(2.0) * A_s1_3_9.abs();
+            let A_s2_3_9 = A_s1_3_9 - t219;
+            let A_l9_3 = A_s2_3_9 / A_s2_3_3;
+            let t221 = A_l9_3.abs();
+            let t222 = A_s2_3_9.abs();
+            let t223 = A_s2_3_9 * A_l9_3;
+            let t224 = t217 + R::from_f64(2.0) * A_s1_9_9.abs() + t220 * t221
+                + (t11 * (A_s2_3_9 / t23).abs() + t220 * t25 + R::from_f64(8.0) * t221)
+                    * t222 + R::from_f64(10.0) * t223.abs();
+            let A_s2_9_9 = A_s1_9_9 - t216;
+            let t225 = G19 * A_l4_1;
+            let t226 = A_s1_2_9 * A_l4_2;
+            let A_s1_4_9 = G49 - t225;
+            let t227 = R::from_f64(10.0) * (G49.abs() + t225.abs()) + t213 * t15
+                + t16 * t215 + R::from_f64(10.0) * t226.abs()
+                + R::from_f64(2.0) * A_s1_4_9.abs() + t220 * t22 + t26 * t222;
+            let t228 = A_s2_3_9 * A_l4_3;
+            let A_s2_4_9 = A_s1_4_9 - t226;
+            let t229 = t227 + R::from_f64(10.0) * t228.abs()
+                + R::from_f64(2.0) * A_s2_4_9.abs();
+            let A_s3_4_9 = A_s2_4_9 - t228;
+            let A_l9_4 = A_s3_4_9 / A_s3_4_4;
+            let t230 = A_l9_4.abs();
+            let t231 = A_s3_4_9.abs();
+            let t232 = A_s3_4_9 * A_l9_4;
+            let t233 = t224 + R::from_f64(2.0) * A_s2_9_9.abs() + t229 * t230
+                + (t29 * (A_s3_4_9 / t51).abs() + t229 * t53 + R::from_f64(8.0) * t230)
+                    * t231 + R::from_f64(10.0) * t232.abs();
+            let A_s3_9_9 = A_s2_9_9 - t223;
+            let t234 = G19 * A_l5_1;
+            let t235 = A_s1_2_9 * A_l5_2;
+            let A_s1_5_9 = G59 - t234;
+            let t236 = R::from_f64(10.0) * (G59.abs() + t234.abs()) + t213 * t33
+                + t34 * t215 + R::from_f64(10.0) * t235.abs()
+                + R::from_f64(2.0) * A_s1_5_9.abs() + t220 * t40 + t41 * t222;
+            let t237 = A_s2_3_9 * A_l5_3;
+            let A_s2_5_9 = A_s1_5_9 - t235;
+            let t238 = A_s3_4_9 * A_l5_4;
+            let A_s3_5_9 = A_s2_5_9 - t237;
+            let t239 = t236 + R::from_f64(10.0) * t237.abs()
+                + R::from_f64(2.0) * A_s2_5_9.abs() + t229 * t50 + t54 * t231
+                + R::from_f64(10.0) * t238.abs() + R::from_f64(2.0) * A_s3_5_9.abs();
+            let A_s4_5_9 = A_s3_5_9 - t238;
+            let A_l9_5 = A_s4_5_9 / A_s4_5_5;
+            let t240 = A_l9_5.abs();
+            let t241 = A_s4_5_9.abs();
+            let t242 = A_s4_5_9 * A_l9_5;
+            let t243 = t233 + R::from_f64(2.0) * A_s3_9_9.abs() + t239 * t240
+                + (t56 * (A_s4_5_9 / t88).abs() + t239 * t90 + R::from_f64(8.0) * t240)
+                    * t241 + R::from_f64(10.0) * t242.abs();
+            let A_s4_9_9 = A_s3_9_9 - t232;
+            let t244 = G19 * A_l6_1;
+            let t245 = A_s1_2_9 * A_l6_2;
+            let A_s1_6_9 = G69 - t244;
+            let t246 = R::from_f64(10.0) * (G69.abs() + t244.abs()) + t213 * t60
+                + t61 * t215 + R::from_f64(10.0) * t245.abs()
+                + R::from_f64(2.0) * A_s1_6_9.abs() + t220 * t67 + t68 * t222;
+            let t247 = A_s2_3_9 * A_l6_3;
+            let A_s2_6_9 = A_s1_6_9 - t245;
+            let t248 = A_s3_4_9 * A_l6_4;
+            let A_s3_6_9 = A_s2_6_9 - t247;
+            let t249 = t246 + R::from_f64(10.0) * t247.abs()
+                + R::from_f64(2.0) * A_s2_6_9.abs() + t229 * t77 + t78 * t231
+                + R::from_f64(10.0) * t248.abs() + R::from_f64(2.0) * A_s3_6_9.abs();
+            let t250 = A_s4_5_9 * A_l6_5;
+            let A_s4_6_9 = A_s3_6_9 - t248;
+            let t251 = t249 + t239 * t87 + t91 * t241 + R::from_f64(10.0) * t250.abs()
+                + R::from_f64(2.0) * A_s4_6_9.abs();
+            let A_s5_6_9 = A_s4_6_9 - t250;
+            let A_l9_6 = A_s5_6_9 / A_s5_6_6;
+            let t252 = A_l9_6.abs();
+            let t253 = A_s5_6_9.abs();
+            let t254 = A_s5_6_9 * A_l9_6;
+            let t256 = G19 * A_l7_1;
+            let t257 = A_s1_2_9 * A_l7_2;
+            let A_s1_7_9 = G79 - t256;
+            [
+                A_l2_1,
+                t1,
+                A_s1_2_2,
+                A_l3_1,
+                A_l3_2,
+                t7,
+                t11,
+                A_s2_3_3,
+                A_l4_1,
+                A_l4_2,
+                A_l4_3,
+                t24,
+                t29,
+                A_s3_4_4,
+                A_l5_1,
+                A_l5_2,
+                A_l5_3,
+                A_l5_4,
+                t52,
+                t56,
+                A_s4_5_5,
+                A_l6_1,
+                A_l6_2,
+                A_l6_3,
+                A_l6_4,
+                A_l6_5,
+                t89,
+                t94,
+                A_s5_6_6,
+                A_l7_1,
+                A_l7_2,
+                A_l7_3,
+                A_l7_4,
+                t115,
+                t116,
+                A_l7_5,
+                t126,
+                t127,
+                A_l7_6,
+                t138,
+                t140,
+                t142,
+                t145,
+                A_s6_7_7,
+                A_l8_1,
+                A_l8_2,
+                t149,
+                t150,
+                A_l8_3,
+                t156,
+                t157,
+                A_l8_4,
+                t166,
+                t167,
+                A_l8_5,
+                t177,
+                t178,
+                A_l8_6,
+                t189,
+                t190,
+                A_l8_7,
+                t204,
+                t205,
+                t206,
+                t207,
+                t208,
+                t193 + R::from_f64(2.0) * A_s5_8_8.abs() + t203 * t204
+                    + t208 * A_s6_7_8.abs() + R::from_f64(10.0) * t209.abs()
+                    + R::from_f64(2.0) * A_s6_8_8.abs(),
+                A_s6_8_8 - t209,
+                A_l9_1,
+                t213,
+                A_s1_2_9,
+                A_l9_2,
+                t215,
+                t220,
+                A_s2_3_9,
+                A_l9_3,
+                t222,
+                t229,
+                A_s3_4_9,
+                A_l9_4,
+                t231,
+                t239,
+                A_s4_5_9,
+                A_l9_5,
+                t241,
+                t251,
+                A_s5_6_9,
+                A_l9_6,
+                t253,
+                t254,
+                t243 + R::from_f64(2.0) * A_s4_9_9.abs() + t251 * t252
+                    + (t94 * (A_s5_6_9 / t139).abs() + t251 * t141
+                        + R::from_f64(8.0) * t252) * t253
+                    + R::from_f64(10.0) * t254.abs(),
+                A_s4_9_9 - t242,
+                R::from_f64(10.0) * (G79.abs() + t256.abs()) + t213 * t98 + t99 * t215
+                    + R::from_f64(10.0) * t257.abs() + R::from_f64(2.0) * A_s1_7_9.abs()
+                    + t220 * t105 + t106 * t222,
+                A_s2_3_9 * A_l7_3,
+                A_s1_7_9 - t257,
+            ]
+        };
+        let [A_l9_7, A_l9_8, t282, t285, A_s8_9_9] = {
+            let t260 = A_s3_4_9 * A_l7_4;
+            let A_s3_7_9 = A_s2_7_9 - t259;
+            let t261 = t258 + R::from_f64(10.0) * t259.abs()
+                + R::from_f64(2.0) * A_s2_7_9.abs() + t229 * t115 + t116 * t231
+                + R::from_f64(10.0) * t260.abs() + R::from_f64(2.0) * A_s3_7_9.abs();
+            let t262 = A_s4_5_9 * A_l7_5;
+            let A_s4_7_9 = A_s3_7_9 - t260;
+            let t263 = A_s5_6_9 * A_l7_6;
+            let t264 = t261 + t239 * t126 + t127 * t241 + R::from_f64(10.0) * t262.abs()
+                + R::from_f64(2.0) * A_s4_7_9.abs() + t251 * t138 + t142 * t253
+                + R::from_f64(10.0) * t263.abs();
+            let A_s5_7_9 = A_s4_7_9 - t262;
+            let t265 = t264 + R::from_f64(2.0) * A_s5_7_9.abs();
+            let A_s6_7_9 = A_s5_7_9 - t263;
+            let A_l9_7 = A_s6_7_9 / A_s6_7_7;
+            let t266 = A_l9_7.abs();
+            let t267 = A_s6_7_9.abs();
+            let t268 = A_s6_7_9 * A_l9_7;
+            let t269 = t255 + R::from_f64(2.0) * A_s5_9_9.abs() + t265 * t266
+                + (t145 * (A_s6_7_9 / t205).abs() + t265 * t207
+                    + R::from_f64(8.0) * t266) * t267 + R::from_f64(10.0) * t268.abs();
+            let A_s6_9_9 = A_s5_9_9 - t254;
+            let t270 = G19 * A_l8_1;
+            let t271 = A_s1_2_9 * A_l8_2;
+            let A_s1_8_9 = G89 - t270;
+            let t272 = R::from_f64(10.0) * (G89.abs() + t270.abs()) + t213 * t149
+                + t150 * t215 + R::from_f64(10.0) * t271.abs()
+                + R::from_f64(2.0) * A_s1_8_9.abs() + t220 * t156 + t157 * t222;
+            let t273 = A_s2_3_9 * A_l8_3;
+            let A_s2_8_9 = A_s1_8_9 - t271;
+            let t274 = A_s3_4_9 * A_l8_4;
+            let A_s3_8_9 = A_s2_8_9 - t273;
+            let t275 = t272 + R::from_f64(10.0) * t273.abs()
+                + R::from_f64(2.0) * A_s2_8_9.abs() + t229 * t166 + t167 * t231
+                + R::from_f64(10.0) * t274.abs() + R::from_f64(2.0) * A_s3_8_9.abs();
+            let t276 = A_s4_5_9 * A_l8_5;
+            let A_s4_8_9 = A_s3_8_9 - t274;
+            let t277 = A_s5_6_9 * A_l8_6;
+            let t278 = t275 + t239 * t177 + t178 * t241 + R::from_f64(10.0) * t276.abs()
+                + R::from_f64(2.0) * A_s4_8_9.abs() + t251 * t189 + t190 * t253
+                + R::from_f64(10.0) * t277.abs();
+            let A_s5_8_9 = A_s4_8_9 - t276;
+            let t279 = A_s6_7_9 * A_l8_7;
+            let A_s6_8_9 = A_s5_8_9 - t277;
+            let t280 = t278 + R::from_f64(2.0) * A_s5_8_9.abs() + t265 * t204
+                + t208 * t267 + R::from_f64(10.0) * t279.abs()
+                + R::from_f64(2.0) * A_s6_8_9.abs();
+            let A_s7_8_9 = A_s6_8_9 - t279;
+            let A_l9_8 = A_s7_8_9 / A_s7_8_8;
+            let t281 = A_l9_8.abs();
+            let t282 = A_s7_8_8.recip();
+            let t283 = t269 + R::from_f64(2.0) * A_s6_9_9.abs() + t280 * t281
+                + (t210 * (A_s7_8_9 / (A_s7_8_8 * A_s7_8_8)).abs() + t280 * t282.abs()
+                    + R::from_f64(8.0) * t281) * A_s7_8_9.abs();
+            let t284 = A_s7_8_9 * A_l9_8;
+            let A_s7_9_9 = A_s6_9_9 - t268;
+            [
+                A_l9_7,
+                A_l9_8,
+                t282,
+                t283 + R::from_f64(10.0) * t284.abs()
+                    + R::from_f64(2.0) * A_s7_9_9.abs(),
+                A_s7_9_9 - t284,
+            ]
+        };
         if !G11.all_ne(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "inertia along Omega1 != 0",
                 meaning: "",
             });
         }
-        if !A_s1_2_2.all_ne(R::ZERO) {
+        if !(t1 + A_s1_2_2.abs()).all_gt(t1) {
             return Err(::hamel_runtime::ParamError {
                 condition: "inertia along Omega2 != 0",
                 meaning: "",
             });
         }
-        if !A_s2_3_3.all_ne(R::ZERO) {
+        if !(t11 + A_s2_3_3.abs()).all_gt(t11) {
             return Err(::hamel_runtime::ParamError {
                 condition: "inertia along Omega3 != 0",
                 meaning: "",
             });
         }
-        if !A_s3_4_4.all_ne(R::ZERO) {
+        if !(t29 + A_s3_4_4.abs()).all_gt(t29) {
             return Err(::hamel_runtime::ParamError {
                 condition: "inertia along V1 != 0",
                 meaning: "",
             });
         }
-        if !A_s4_5_5.all_ne(R::ZERO) {
+        if !(t56 + A_s4_5_5.abs()).all_gt(t56) {
             return Err(::hamel_runtime::ParamError {
                 condition: "inertia along V2 != 0",
                 meaning: "",
             });
         }
-        if !A_s5_6_6.all_ne(R::ZERO) {
+        if !(t94 + A_s5_6_6.abs()).all_gt(t94) {
             return Err(::hamel_runtime::ParamError {
                 condition: "inertia along V3 != 0",
                 meaning: "",
             });
         }
-        if !A_s6_7_7.all_ne(R::ZERO) {
+        if !(t145 + A_s6_7_7.abs()).all_gt(t145) {
             return Err(::hamel_runtime::ParamError {
                 condition: "inertia along U1 != 0",
                 meaning: "",
             });
         }
-        if !A_s7_8_8.all_ne(R::ZERO) {
+        if !(t210 + A_s7_8_8.abs()).all_gt(t210) {
             return Err(::hamel_runtime::ParamError {
                 condition: "inertia along U2 != 0",
                 meaning: "",
             });
         }
-        if !A_s8_9_9.all_ne(R::ZERO) {
+        if !(t285 + A_s8_9_9.abs()).all_gt(t285) {
             return Err(::hamel_runtime::ParamError {
                 condition: "inertia along U3 != 0",
                 meaning: "",
@@ -1361,13 +1879,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             A_l9_7,
             A_l9_8,
             c0: A_s8_9_9.recip(),
-            c1: A_s7_8_8.recip(),
-            c2: A_s6_7_7.recip(),
-            c3: A_s5_6_6.recip(),
-            c4: A_s4_5_5.recip(),
-            c5: A_s3_4_4.recip(),
-            c6: A_s2_3_3.recip(),
-            c7: A_s1_2_2.recip(),
+            c1: t282,
+            c2: t206,
+            c3: t140,
+            c4: t89,
+            c5: t52,
+            c6: t24,
+            c7: t7,
             c8: G11.recip(),
             c9: R::from_f64(0.5) * G22,
             c10: R::from_f64(0.5) * G33,

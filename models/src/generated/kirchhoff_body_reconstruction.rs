@@ -460,7 +460,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 19 additions, 37 multiplications, 30 divisions, 3 sign changes.
+    /// 68 additions, 94 multiplications, 33 divisions, 43 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params {
             J1,
@@ -539,40 +539,89 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let A_l4_1 = C11 / J1;
-        let A_s1_4_4 = M1 - C11 * A_l4_1;
-        let A_l4_2 = C21 / J2;
-        let A_s2_4_4 = A_s1_4_4 - C21 * A_l4_2;
         let A_l4_3 = C31 / J3;
+        let A_l4_2 = C21 / J2;
+        let A_l4_1 = C11 / J1;
+        let t0 = C11 * A_l4_1;
+        let A_s1_4_4 = M1 - t0;
+        let A_s2_4_4 = A_s1_4_4 - C21 * A_l4_2;
+        let t1 = R::from_f64(10.0) * C31 * A_l4_3
+            + (R::from_f64(10.0) * C21 * A_l4_2 + R::from_f64(10.0) * (M1 + t0)
+                + R::from_f64(2.0) * A_s1_4_4.abs()) + R::from_f64(2.0) * A_s2_4_4.abs();
         let A_s3_4_4 = A_s2_4_4 - C31 * A_l4_3;
-        let A_l5_1 = C12 / J1;
-        let A_s1_5_5 = M2 - C12 * A_l5_1;
-        let A_l5_2 = C22 / J2;
-        let A_s2_5_5 = A_s1_5_5 - C22 * A_l5_2;
         let A_l5_3 = C32 / J3;
-        let A_s3_5_5 = A_s2_5_5 - C32 * A_l5_3;
+        let A_l5_2 = C22 / J2;
+        let A_l5_1 = C12 / J1;
+        let t2 = C12 * A_l5_1;
+        let A_s1_5_5 = M2 - t2;
+        let A_s2_5_5 = A_s1_5_5 - C22 * A_l5_2;
+        let t3 = R::from_f64(10.0) * C32 * A_l5_3
+            + (R::from_f64(10.0) * C22 * A_l5_2 + R::from_f64(10.0) * (M2 + t2)
+                + R::from_f64(2.0) * A_s1_5_5.abs()) + R::from_f64(2.0) * A_s2_5_5.abs();
         let A_s1_4_5 = -(C11 * C12 / J1);
-        let A_s2_4_5 = A_s1_4_5 - C22 * A_l4_2;
-        let A_s3_4_5 = A_s2_4_5 - C32 * A_l4_3;
+        let t4 = C22 * A_l4_2;
+        let A_s2_4_5 = A_s1_4_5 - t4;
+        let t5 = C32 * A_l4_3;
+        let t6 = R::from_f64(10.0) * (A_s1_4_5.abs() + t4.abs())
+            + R::from_f64(2.0) * A_s2_4_5.abs() + R::from_f64(10.0) * t5.abs();
+        let A_s3_4_5 = A_s2_4_5 - t5;
         let A_l5_4 = A_s3_4_5 / A_s3_4_4;
-        let A_s4_5_5 = A_s3_5_5 - A_s3_4_5 * A_l5_4;
-        let A_l6_1 = C13 / J1;
-        let A_s1_6_6 = M3 - C13 * A_l6_1;
-        let A_l6_2 = C23 / J2;
-        let A_s2_6_6 = A_s1_6_6 - C23 * A_l6_2;
+        let t7 = A_l5_4.abs();
+        let t8 = A_s3_4_4 * A_s3_4_4;
+        let t9 = A_s3_4_4.recip();
+        let t10 = t9.abs();
+        let t11 = t1 * (A_s3_4_5 / t8).abs() + t6 * t10 + R::from_f64(8.0) * t7;
+        let t12 = A_s3_4_5 * A_l5_4;
+        let A_s3_5_5 = A_s2_5_5 - C32 * A_l5_3;
+        let t13 = t3 + t6 * t7 + t11 * A_s3_4_5.abs() + R::from_f64(10.0) * t12.abs()
+            + R::from_f64(2.0) * A_s3_5_5.abs();
+        let A_s4_5_5 = A_s3_5_5 - t12;
         let A_l6_3 = C33 / J3;
-        let A_s3_6_6 = A_s2_6_6 - C33 * A_l6_3;
+        let A_l6_2 = C23 / J2;
+        let A_l6_1 = C13 / J1;
+        let t14 = C13 * A_l6_1;
+        let A_s1_6_6 = M3 - t14;
+        let A_s2_6_6 = A_s1_6_6 - C23 * A_l6_2;
+        let t15 = R::from_f64(10.0) * C33 * A_l6_3
+            + (R::from_f64(10.0) * C23 * A_l6_2 + R::from_f64(10.0) * (M3 + t14)
+                + R::from_f64(2.0) * A_s1_6_6.abs()) + R::from_f64(2.0) * A_s2_6_6.abs();
         let A_s1_4_6 = -(C11 * C13 / J1);
-        let A_s2_4_6 = A_s1_4_6 - C23 * A_l4_2;
-        let A_s3_4_6 = A_s2_4_6 - C33 * A_l4_3;
+        let t16 = C23 * A_l4_2;
+        let A_s2_4_6 = A_s1_4_6 - t16;
+        let t17 = C33 * A_l4_3;
+        let t18 = R::from_f64(10.0) * (A_s1_4_6.abs() + t16.abs())
+            + R::from_f64(2.0) * A_s2_4_6.abs() + R::from_f64(10.0) * t17.abs();
+        let A_s3_4_6 = A_s2_4_6 - t17;
         let A_l6_4 = A_s3_4_6 / A_s3_4_4;
-        let A_s4_6_6 = A_s3_6_6 - A_s3_4_6 * A_l6_4;
+        let t19 = A_l6_4.abs();
+        let t20 = A_s3_4_6.abs();
+        let t21 = A_s3_4_6 * A_l6_4;
+        let A_s3_6_6 = A_s2_6_6 - C33 * A_l6_3;
         let A_s1_5_6 = -(C12 * C13 / J1);
-        let A_s2_5_6 = A_s1_5_6 - C23 * A_l5_2;
-        let A_s3_5_6 = A_s2_5_6 - C33 * A_l5_3;
-        let A_s4_5_6 = A_s3_5_6 - A_s3_4_6 * A_l5_4;
+        let t22 = C23 * A_l5_2;
+        let A_s2_5_6 = A_s1_5_6 - t22;
+        let t23 = C33 * A_l5_3;
+        let t24 = A_s3_4_6 * A_l5_4;
+        let t25 = R::from_f64(10.0) * (A_s1_5_6.abs() + t22.abs())
+            + R::from_f64(2.0) * A_s2_5_6.abs() + R::from_f64(10.0) * t23.abs()
+            + t18 * t7 + t11 * t20 + R::from_f64(10.0) * t24.abs();
+        let A_s3_5_6 = A_s2_5_6 - t23;
+        let t26 = t25 + R::from_f64(2.0) * A_s3_5_6.abs();
+        let A_s4_5_6 = A_s3_5_6 - t24;
         let A_l6_5 = A_s4_5_6 / A_s4_5_5;
-        let A_s5_6_6 = A_s4_6_6 - A_s4_5_6 * A_l6_5;
+        let t27 = A_l6_5.abs();
+        let t28 = t15 + t18 * t19
+            + (t1 * (A_s3_4_6 / t8).abs() + t18 * t10 + R::from_f64(8.0) * t19) * t20
+            + R::from_f64(10.0) * t21.abs() + R::from_f64(2.0) * A_s3_6_6.abs()
+            + t26 * t27;
+        let t29 = A_s4_5_5.recip();
+        let t30 = A_s4_5_6 * A_l6_5;
+        let A_s4_6_6 = A_s3_6_6 - t21;
+        let t31 = t28
+            + (t13 * (A_s4_5_6 / (A_s4_5_5 * A_s4_5_5)).abs() + t26 * t29.abs()
+                + R::from_f64(8.0) * t27) * A_s4_5_6.abs()
+            + R::from_f64(10.0) * t30.abs() + R::from_f64(2.0) * A_s4_6_6.abs();
+        let A_s5_6_6 = A_s4_6_6 - t30;
         if !J1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "J1 > 0",
@@ -609,19 +658,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 meaning: "",
             });
         }
-        if !A_s3_4_4.all_ne(R::ZERO) {
+        if !(t1 + A_s3_4_4.abs()).all_gt(t1) {
             return Err(::hamel_runtime::ParamError {
                 condition: "inertia along V1 != 0",
                 meaning: "",
             });
         }
-        if !A_s4_5_5.all_ne(R::ZERO) {
+        if !(t13 + A_s4_5_5.abs()).all_gt(t13) {
             return Err(::hamel_runtime::ParamError {
                 condition: "inertia along V2 != 0",
                 meaning: "",
             });
         }
-        if !A_s5_6_6.all_ne(R::ZERO) {
+        if !(t31 + A_s5_6_6.abs()).all_gt(t31) {
             return Err(::hamel_runtime::ParamError {
                 condition: "inertia along V3 != 0",
                 meaning: "",
@@ -659,8 +708,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             A_l6_4,
             A_l6_5,
             c3: A_s5_6_6.recip(),
-            c4: A_s4_5_5.recip(),
-            c5: A_s3_4_4.recip(),
+            c4: t29,
+            c5: t9,
             c6: R::from_f64(2.0) * C13 / J1,
             c7: R::from_f64(2.0) * C12 / J1,
             c8: R::from_f64(2.0) * C11 / J1,

@@ -183,7 +183,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 9 additions, 28 multiplications, 9 divisions, 1 sign change.
+    /// 15 additions, 35 multiplications, 10 divisions, 4 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m0, m1, J, J2, l, R_, c } = *params;
         for (value, condition, meaning) in [
@@ -215,12 +215,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t4 = J * t1 / t2;
         let A_psi1_dot_psi2_dot = R::from_f64(0.25) * (t3 - t4);
         let A_l2_1 = A_psi1_dot_psi2_dot / A_psi1_dot_psi1_dot;
+        let t5 = R::from_f64(2.5) * (t4 + t3);
+        let t6 = A_l2_1.abs();
+        let t7 = R::from_f64(10.0) * A_psi1_dot_psi1_dot
+            + R::from_f64(10.0) * A_psi1_dot_psi2_dot * A_l2_1 + t5 * t6
+            + (t5 / A_psi1_dot_psi1_dot + R::from_f64(8.0) * t6)
+                * A_psi1_dot_psi2_dot.abs();
         let A_s1_2_2 = A_psi1_dot_psi1_dot - A_psi1_dot_psi2_dot * A_l2_1;
-        let t5 = t1 * R_;
-        let t6 = m0 * l * t5;
-        let t7 = R::from_f64(0.25) * m0 * l * t5;
-        let t8 = t2 * A_s1_2_2;
-        let t9 = R::from_f64(4.0) * J2 + t4 + t3;
+        let t8 = t1 * R_;
+        let t9 = m0 * l * t8;
+        let t10 = R::from_f64(0.25) * m0 * l * t8;
+        let t11 = t2 * A_s1_2_2;
+        let t12 = R::from_f64(4.0) * J2 + t4 + t3;
         if !m0.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m0 > 0",
@@ -263,18 +269,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 meaning: "",
             });
         }
-        if !A_s1_2_2.all_ne(R::ZERO) {
+        if !(t7 + A_s1_2_2.abs()).all_gt(t7) {
             return Err(::hamel_runtime::ParamError {
                 condition: "inertia along psi2_dot != 0",
                 meaning: "",
             });
         }
         Ok(Self {
-            c0: t7 * A_l2_1 / t8,
-            c1: -(t7 / t8),
-            c2: R::from_f64(0.25) * (t6 / t2 - t6 * A_l2_1 / t2) / A_s1_2_2,
-            c3: R::from_f64(-2.0) * (t4 - t3) / t9,
-            c4: R::from_f64(0.125) * t9,
+            c0: t10 * A_l2_1 / t11,
+            c1: -(t10 / t11),
+            c2: R::from_f64(0.25) * (t9 / t2 - t9 * A_l2_1 / t2) / A_s1_2_2,
+            c3: R::from_f64(-2.0) * (t4 - t3) / t12,
+            c4: R::from_f64(0.125) * t12,
         })
     }
 }

@@ -249,7 +249,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 16 additions, 53 multiplications, 21 divisions, 2 sign changes.
+    /// 22 additions, 60 multiplications, 22 divisions, 5 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m0, m1, J, J2, l, R_, c } = *params;
         for (value, condition, meaning) in [
@@ -281,24 +281,30 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t4 = J * t1 / t2;
         let A_psi1_dot_psi2_dot = R::from_f64(0.25) * (t3 - t4);
         let A_l2_1 = A_psi1_dot_psi2_dot / A_psi1_dot_psi1_dot;
+        let t5 = R::from_f64(2.5) * (t4 + t3);
+        let t6 = A_l2_1.abs();
+        let t7 = R::from_f64(10.0) * A_psi1_dot_psi1_dot
+            + R::from_f64(10.0) * A_psi1_dot_psi2_dot * A_l2_1 + t5 * t6
+            + (t5 / A_psi1_dot_psi1_dot + R::from_f64(8.0) * t6)
+                * A_psi1_dot_psi2_dot.abs();
         let A_s1_2_2 = A_psi1_dot_psi1_dot - A_psi1_dot_psi2_dot * A_l2_1;
-        let t5 = m0 * l;
-        let t6 = t1 * R_;
-        let t7 = t5 * t6;
-        let t8 = t7 / t2 - t7 * A_l2_1 / t2;
-        let t9 = R::from_f64(0.25) * m0 * l * t6;
-        let t10 = t2 * A_s1_2_2;
-        let t11 = R::from_f64(0.5) * R_;
-        let t12 = R::from_f64(4.0) * J2 + t4 + t3;
-        let t13 = t4 - t3;
-        let t14 = t5 * (t1 * t1);
-        let t15 = t2 * c * A_s1_2_2;
-        let t16 = t14 * A_l2_1 / t15 + t14 / t15;
-        let t17 = R::from_f64(2.0) * m0 * l * t1;
-        let t18 = R_ * t0 * t8 / A_s1_2_2 - t17 / t2;
-        let t19 = c * t18;
-        let t20 = J * t16;
-        let t21 = t17 / c;
+        let t8 = m0 * l;
+        let t9 = t1 * R_;
+        let t10 = t8 * t9;
+        let t11 = t10 / t2 - t10 * A_l2_1 / t2;
+        let t12 = R::from_f64(0.25) * m0 * l * t9;
+        let t13 = t2 * A_s1_2_2;
+        let t14 = R::from_f64(0.5) * R_;
+        let t15 = R::from_f64(4.0) * J2 + t4 + t3;
+        let t16 = t4 - t3;
+        let t17 = t8 * (t1 * t1);
+        let t18 = t2 * c * A_s1_2_2;
+        let t19 = t17 * A_l2_1 / t18 + t17 / t18;
+        let t20 = R::from_f64(2.0) * m0 * l * t1;
+        let t21 = R_ * t0 * t11 / A_s1_2_2 - t20 / t2;
+        let t22 = c * t21;
+        let t23 = J * t19;
+        let t24 = t20 / c;
         if !m0.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m0 > 0",
@@ -341,7 +347,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 meaning: "",
             });
         }
-        if !A_s1_2_2.all_ne(R::ZERO) {
+        if !(t7 + A_s1_2_2.abs()).all_gt(t7) {
             return Err(::hamel_runtime::ParamError {
                 condition: "inertia along psi2_dot != 0",
                 meaning: "",
@@ -349,23 +355,23 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(Self {
             J2,
-            c0: t9 * A_l2_1 / t10,
-            c1: -(t9 / t10),
-            c2: R::from_f64(0.25) * t8 / A_s1_2_2,
-            c3: t11 / c,
-            c4: t11,
-            c5: R::from_f64(-2.0) * t13 / t12,
-            c6: R::from_f64(0.125) * t12,
+            c0: t12 * A_l2_1 / t13,
+            c1: -(t12 / t13),
+            c2: R::from_f64(0.25) * t11 / A_s1_2_2,
+            c3: t14 / c,
+            c4: t14,
+            c5: R::from_f64(-2.0) * t16 / t15,
+            c6: R::from_f64(0.125) * t15,
             c7: R::from_f64(0.5) * J * R_ / c,
-            c8: -(t11 * t0),
-            c9: t5 / J,
-            c10: R::from_f64(0.0625) * (t19 + t20 - t21) / c,
-            c11: R::from_f64(0.0625) * (t19 - t20 + t21) / c,
-            c12: R::from_f64(0.125) * (R::from_f64(2.0) * t1 * t0 / c - t5 * t16),
-            c13: R::from_f64(0.125) * t18,
-            c14: R::from_f64(0.25) * t12,
-            c15: R::from_f64(-0.25) * t13,
-            c16: t9 / t2,
+            c8: -(t14 * t0),
+            c9: t8 / J,
+            c10: R::from_f64(0.0625) * (t22 + t23 - t24) / c,
+            c11: R::from_f64(0.0625) * (t22 - t23 + t24) / c,
+            c12: R::from_f64(0.125) * (R::from_f64(2.0) * t1 * t0 / c - t8 * t19),
+            c13: R::from_f64(0.125) * t21,
+            c14: R::from_f64(0.25) * t15,
+            c15: R::from_f64(-0.25) * t16,
+            c16: t12 / t2,
         })
     }
 }

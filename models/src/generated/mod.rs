@@ -24,11 +24,15 @@ pub mod chaplygin_sleigh;
 /// Chaplygin sleigh
 pub mod chaplygin_sleigh_derivatives;
 /// Chaplygin sleigh
+pub mod chaplygin_sleigh_invariants;
+/// Chaplygin sleigh
 pub mod chaplygin_sleigh_reconstruction;
 /// Euler's disk
 pub mod euler_disk;
 /// Euler's disk with an advected parameter
 pub mod euler_disk_advected;
+/// Euler's disk with an advected parameter
+pub mod euler_disk_advected_invariants;
 /// Euler's disk with an advected parameter
 pub mod euler_disk_advected_reconstruction;
 /// Euler's disk
@@ -50,6 +54,8 @@ pub mod extended_pose_reconstruction;
 /// Free rigid body
 pub mod free_rigid_body;
 /// Free rigid body
+pub mod free_rigid_body_invariants;
+/// Free rigid body
 pub mod free_rigid_body_reconstruction;
 /// Heavy top
 pub mod heavy_top;
@@ -67,6 +73,8 @@ pub mod heavy_top_symmetric;
 pub mod heavy_top_taylor;
 /// Kirchhoff's underwater body
 pub mod kirchhoff_body;
+/// Kirchhoff's underwater body
+pub mod kirchhoff_body_invariants;
 /// Kirchhoff's underwater body
 pub mod kirchhoff_body_reconstruction;
 /// Kirchhoff's underwater body
@@ -102,6 +110,8 @@ pub mod snakeboard;
 /// Snakeboard
 pub mod snakeboard_circle;
 /// Snakeboard
+pub mod snakeboard_invariants;
+/// Snakeboard
 pub mod snakeboard_minimal;
 /// Snakeboard
 pub mod snakeboard_reconstruction;
@@ -109,6 +119,8 @@ pub mod snakeboard_reconstruction;
 pub mod snakeboard_taylor;
 /// Suslov problem
 pub mod suslov;
+/// Suslov problem
+pub mod suslov_invariants;
 /// Suslov problem
 pub mod suslov_reconstruction;
 /// Tethered rigid body
@@ -118,6 +130,8 @@ pub mod tethered_body_reconstruction;
 /// Satellite with two arms
 pub mod two_arm_satellite;
 /// Satellite with two arms
+pub mod two_arm_satellite_invariants;
+/// Satellite with two arms
 pub mod two_arm_satellite_reconstruction;
 /// Satellite with two arms
 pub mod two_arm_satellite_taylor;
@@ -125,6 +139,8 @@ pub mod two_arm_satellite_taylor;
 pub mod veselova;
 /// Veselova system
 pub mod veselova_derivatives;
+/// Veselova system
+pub mod veselova_invariants;
 /// Veselova system
 pub mod veselova_reconstruction;
 /// Particle with non-abelian charge
@@ -151,9 +167,11 @@ macro_rules! for_each_scene {
             (chaplygin_gyro_reconstruction, "chaplygin_gyro", "reconstruction", 16)
             (chaplygin_sleigh, "chaplygin_sleigh", "default", 2)
             (chaplygin_sleigh_derivatives, "chaplygin_sleigh", "derivatives", 2)
+            (chaplygin_sleigh_invariants, "chaplygin_sleigh", "invariants", 2)
             (chaplygin_sleigh_reconstruction, "chaplygin_sleigh", "reconstruction", 5)
             (euler_disk, "euler_disk", "default", 5)
             (euler_disk_advected, "euler_disk_advected", "default", 6)
+            (euler_disk_advected_invariants, "euler_disk_advected", "invariants", 6)
             (euler_disk_advected_reconstruction, "euler_disk_advected", "reconstruction", 13)
             (euler_disk_circle, "euler_disk", "circle", 5)
             (euler_disk_flat, "euler_disk", "flat", 4)
@@ -164,6 +182,7 @@ macro_rules! for_each_scene {
             (extended_pose_block_diagonal, "extended_pose", "block_diagonal", 9)
             (extended_pose_reconstruction, "extended_pose", "reconstruction", 19)
             (free_rigid_body, "free_rigid_body", "default", 3)
+            (free_rigid_body_invariants, "free_rigid_body", "invariants", 7)
             (free_rigid_body_reconstruction, "free_rigid_body", "reconstruction", 7)
             (heavy_top, "heavy_top", "default", 6)
             (heavy_top_derivatives, "heavy_top", "derivatives", 6)
@@ -173,6 +192,7 @@ macro_rules! for_each_scene {
             (heavy_top_symmetric, "heavy_top", "symmetric", 6)
             (heavy_top_taylor, "heavy_top", "taylor", 6)
             (kirchhoff_body, "kirchhoff_body", "default", 6)
+            (kirchhoff_body_invariants, "kirchhoff_body", "invariants", 13)
             (kirchhoff_body_reconstruction, "kirchhoff_body", "reconstruction", 13)
             (kirchhoff_body_uncoupled, "kirchhoff_body", "uncoupled", 6)
             (mobile_robot, "mobile_robot", "default", 4)
@@ -190,18 +210,22 @@ macro_rules! for_each_scene {
             (skew_sleigh_reconstruction, "skew_sleigh", "reconstruction", 5)
             (snakeboard, "snakeboard", "default", 5)
             (snakeboard_circle, "snakeboard", "circle", 5)
+            (snakeboard_invariants, "snakeboard", "invariants", 5)
             (snakeboard_minimal, "snakeboard", "minimal", 4)
             (snakeboard_reconstruction, "snakeboard", "reconstruction", 8)
             (snakeboard_taylor, "snakeboard", "taylor", 5)
             (suslov, "suslov", "default", 2)
+            (suslov_invariants, "suslov", "invariants", 2)
             (suslov_reconstruction, "suslov", "reconstruction", 6)
             (tethered_body, "tethered_body", "default", 9)
             (tethered_body_reconstruction, "tethered_body", "reconstruction", 16)
             (two_arm_satellite, "two_arm_satellite", "default", 7)
+            (two_arm_satellite_invariants, "two_arm_satellite", "invariants", 11)
             (two_arm_satellite_reconstruction, "two_arm_satellite", "reconstruction", 11)
             (two_arm_satellite_taylor, "two_arm_satellite", "taylor", 7)
             (veselova, "veselova", "default", 6)
             (veselova_derivatives, "veselova", "derivatives", 6)
+            (veselova_invariants, "veselova", "invariants", 6)
             (veselova_reconstruction, "veselova", "reconstruction", 10)
             (wong_particle, "wong_particle", "default", 9)
             (wong_particle_reconstruction, "wong_particle", "reconstruction", 13)

@@ -232,7 +232,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 16 additions, 31 multiplications, 9 divisions, 10 sign changes.
+    /// 24 additions, 37 multiplications, 11 divisions, 17 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { J, m, a, b, tau, mu } = *params;
         for (value, condition, meaning) in [
@@ -253,25 +253,36 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t0 = a * a;
         let t1 = J + m * (t0 + b * b);
         let t2 = m * a;
-        let A_omega_omega = t1 - t2 * tau;
-        let t3 = m * m;
-        let t4 = t3 * a;
-        let A_s1_2_2 = (J * m - t4 * tau + t3 * t0 - t4 * b * mu) / A_omega_omega;
-        let t5 = m * b;
-        let A_u1_2 = -(t5 / A_omega_omega);
-        let t6 = m * mu;
-        let t7 = t5 + t2 * mu;
-        let A_v1_omega = -t7;
+        let t3 = t2 * tau;
+        let t4 = R::from_f64(11.0) * (t1 + t3.abs());
+        let A_omega_omega = t1 - t3;
+        let t5 = J * m;
+        let t6 = m * m;
+        let t7 = t6 * a;
+        let t8 = t7 * tau;
+        let t9 = t6 * t0;
+        let t10 = t7 * b * mu;
+        let t11 = t5 - t8 + t9 - t10;
+        let A_s1_2_2 = t11 / A_omega_omega;
+        let t12 = A_s1_2_2.abs();
+        let t13 = t4 * (t11 / (A_omega_omega * A_omega_omega)).abs()
+            + R::from_f64(12.0) * (t5 + t9 + t8.abs() + t10.abs())
+                * A_omega_omega.recip().abs() + R::from_f64(8.0) * t12;
+        let t14 = m * b;
+        let A_u1_2 = -(t14 / A_omega_omega);
+        let t15 = m * mu;
+        let t16 = t14 + t2 * mu;
+        let A_v1_omega = -t16;
         let A_l2_1 = A_v1_omega / A_omega_omega;
-        let t8 = t2 - m * tau;
-        let t9 = t6 + A_l2_1 * t8;
-        let t10 = A_u1_2 * t9 / A_s1_2_2 + t8 / A_omega_omega;
-        let t11 = t2 - t5 * mu;
-        let t12 = t5 * tau;
-        let t13 = t11 + t12 * A_l2_1;
-        let t14 = A_u1_2 * t13 / A_s1_2_2 + t12 / A_omega_omega;
-        let t15 = m - t2 * t10;
-        let t16 = t5 + t2 * t14;
+        let t17 = t2 - m * tau;
+        let t18 = t15 + A_l2_1 * t17;
+        let t19 = A_u1_2 * t18 / A_s1_2_2 + t17 / A_omega_omega;
+        let t20 = t2 - t14 * mu;
+        let t21 = t14 * tau;
+        let t22 = t20 + t21 * A_l2_1;
+        let t23 = A_u1_2 * t22 / A_s1_2_2 + t21 / A_omega_omega;
+        let t24 = m - t2 * t19;
+        let t25 = t14 + t2 * t23;
         if !J.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "J > 0",
@@ -284,13 +295,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 meaning: "",
             });
         }
-        if !A_omega_omega.all_ne(R::ZERO) {
+        if !(t4 + A_omega_omega.abs()).all_gt(t4) {
             return Err(::hamel_runtime::ParamError {
                 condition: "inertia along omega != 0",
                 meaning: "",
             });
         }
-        if !A_s1_2_2.all_ne(R::ZERO) {
+        if !(t13 + t12).all_gt(t13) {
             return Err(::hamel_runtime::ParamError {
                 condition: "inertia along v1 != 0",
                 meaning: "",
@@ -298,27 +309,27 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(Self {
             m,
-            c0: -t10,
-            c1: t9 / A_s1_2_2,
-            c2: -t14,
-            c3: t13 / A_s1_2_2,
+            c0: -t19,
+            c1: t18 / A_s1_2_2,
+            c2: -t23,
+            c3: t22 / A_s1_2_2,
             c4: R::from_f64(-2.0) * b,
             c5: R::from_f64(0.5) * t1,
             c6: R::from_f64(0.5) * m,
-            c7: tau * t15 - mu * t16,
-            c8: -(tau * t16),
-            c9: mu * t15,
+            c7: tau * t24 - mu * t25,
+            c8: -(tau * t25),
+            c9: mu * t24,
             c10: t1,
-            c11: -t5,
+            c11: -t14,
             c12: t2,
-            c13: t15,
-            c14: -t16,
+            c13: t24,
+            c14: -t25,
             A_omega_omega,
-            c15: -t7,
-            c16: -t8,
-            c17: t6,
-            c18: -t12,
-            c19: t11,
+            c15: -t16,
+            c16: -t17,
+            c17: t15,
+            c18: -t21,
+            c19: t20,
         })
     }
 }

@@ -363,7 +363,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             self.c6.mul_add(phi_s * phi_s, self.c5 * (phi_c * phi_c)),
             "inertia along s",
         );
-        if !value.all_ne(R::ZERO) {
+        if !value.abs().all_gt(R::ZERO) {
             let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
             return Err(::hamel_runtime::Failure::Singular {
                 t,

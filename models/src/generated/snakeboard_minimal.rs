@@ -305,7 +305,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             self.c7.mul_add(t0 * t0, self.c6 * (t1 * t1)),
             "inertia along s",
         );
-        if !value.all_ne(R::ZERO) {
+        if !value.abs().all_gt(R::ZERO) {
             let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
             return Err(::hamel_runtime::Failure::Singular {
                 t,

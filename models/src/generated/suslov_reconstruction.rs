@@ -234,7 +234,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 16 additions, 24 multiplications, 11 divisions, 1 sign change.
+    /// 18 additions, 25 multiplications, 11 divisions, 3 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I11, I12, I13, I22, I23, I33 } = *params;
         for (value, condition, meaning) in [
@@ -278,8 +278,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         let t0 = I11 * I22 - I12 * I12;
         let A_l2_1 = I12 / I11;
-        let A_s1_2_2 = I22 - I12 * A_l2_1;
-        let t1 = I23 + I13 * A_l2_1;
+        let t1 = I12 * A_l2_1;
+        let t2 = R::from_f64(10.0) * (t1 + I22.abs());
+        let A_s1_2_2 = I22 - t1;
+        let t3 = I23 + I13 * A_l2_1;
         if !I11.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I11 > 0",
@@ -300,7 +302,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 meaning: "",
             });
         }
-        if !A_s1_2_2.all_ne(R::ZERO) {
+        if !(t2 + A_s1_2_2.abs()).all_gt(t2) {
             return Err(::hamel_runtime::ParamError {
                 condition: "inertia along Omega2 != 0",
                 meaning: "",
@@ -317,8 +319,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c1: -I11.recip(),
             c2: R::from_f64(0.5) * I22,
             c3: R::from_f64(0.5) * I11,
-            c4: I23 * t1 / A_s1_2_2
-                - (I11 - I22 + I13 * (A_l2_1 * t1 / A_s1_2_2 + I13 / I11)),
+            c4: I23 * t3 / A_s1_2_2
+                - (I11 - I22 + I13 * (A_l2_1 * t3 / A_s1_2_2 + I13 / I11)),
             c5: I23 * I23 * A_l2_1 / A_s1_2_2
                 - (I12 + I13 * (I23 * (A_l2_1 * A_l2_1) / A_s1_2_2 + I23 / I11)),
             c6: I12 - I13 * I13 * A_l2_1 / A_s1_2_2 + I13 * I23 / A_s1_2_2,

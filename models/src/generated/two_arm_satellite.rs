@@ -233,6 +233,8 @@ pub struct Prepared<R = f64> {
     I2: R,
     /// Parameter `I3`.
     I3: R,
+    /// Parameter `ma`.
+    ma: R,
     /// Parameter `la`.
     la: R,
     /// Parameter `mb`.
@@ -297,7 +299,7 @@ pub struct Prepared<R = f64> {
     c25: R,
     /// `I3 + 0.25 * mb - ma * (la * la) + (1/25) * ma * (9 + 25 * (la * la))`
     c26: R,
-    /// `-((9/25) * ma)`
+    /// `(-9/25) * ma`
     c27: R,
     /// `25 * (la * la)`
     c28: R,
@@ -315,44 +317,34 @@ pub struct Prepared<R = f64> {
     c34: R,
     /// `(1/200) * mb`
     c35: R,
-    /// `-((1/5) * mb / (ma * (la * la)))`
+    /// `10 * mb * (lb * lb)`
     c36: R,
-    /// `-25 * ma * (la * la) / mb`
+    /// `12 * ma * (la * la)`
     c37: R,
-    /// `I1 - mb * (lb * lb) + (1/100) * mb * (29 + 100 * (lb * lb))`
+    /// `12 * I1 + (3/25) * mb * (29 + 100 * (lb * lb))`
     c38: R,
-    /// `2.5 * lb`
+    /// `(11/25) * mb`
     c39: R,
-    /// `(1/3) * mb * lb / (ma * la)`
+    /// `11 * I2`
     c40: R,
-    /// `(6/5) / la`
+    /// `15 * mb * (lb * lb)`
     c41: R,
-    /// `I2 + (9/25) * ma + (1/25) * mb`
-    c42: R,
-    /// `4 * lb`
-    c43: R,
-    /// `(-1/100) * (mb * mb)`
-    c44: R,
-    /// `12 * I1 + 12 * mb * (lb * lb) + (3/25) * mb * (29 + 100 * (lb * lb))`
-    c45: R,
-    /// `12 * I2 + (108/25) * ma + (12/25) * mb`
-    c46: R,
-    /// `mb * mb`
-    c47: R,
-    /// `(27/5) * ma`
-    c48: R,
     /// `15 * I3 + 3.75 * mb + 15 * ma * (la * la) + (3/5) * ma * (9 + 25 * (la * la))`
-    c49: R,
+    c42: R,
+    /// `(27/5) * ma`
+    c43: R,
     /// `(3/5) / la`
-    c50: R,
+    c44: R,
     /// `(1/5) / lb`
-    c51: R,
+    c45: R,
     /// `(6/5) * ma * la`
-    c52: R,
+    c46: R,
+    /// `-2.5 * lb`
+    c47: R,
     /// `(1/25) * (25 * I2 + 9 * ma + mb)`
-    c53: R,
+    c48: R,
     /// `(1/100) * (100 * I3 + 25 * mb + 4 * ma * (9 + 25 * (la * la)))`
-    c54: R,
+    c49: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -366,7 +358,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 22 additions, 78 multiplications, 8 divisions, 2 sign changes.
+    /// 15 additions, 74 multiplications, 4 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, ma, la, mb, lb, ka, kb } = *params;
         for (value, condition, meaning) in [
@@ -392,17 +384,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t2 = mb * t1;
         let t3 = R::from_f64(29.0) + R::from_f64(100.0) * t1;
         let t4 = R::ratio(1.0, 25.0) * ma;
-        let t5 = ma * la;
-        let t6 = R::ratio(3.0, 5.0) * ma;
-        let t7 = la * la;
-        let t8 = ma * t7;
-        let t9 = R::ratio(1.0, 5.0) * mb;
-        let t10 = R::ratio(1.0, 100.0) * mb * t3;
-        let t11 = R::ratio(1.0, 25.0) * mb;
-        let t12 = R::ratio(9.0, 25.0) * ma;
-        let t13 = R::from_f64(25.0) * t7;
-        let t14 = R::from_f64(9.0) + t13;
-        let t15 = mb * mb;
+        let t5 = R::ratio(3.0, 5.0) * ma;
+        let t6 = la * la;
+        let t7 = ma * t6;
+        let t8 = R::from_f64(25.0) * t6;
+        let t9 = R::from_f64(9.0) + t8;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -448,12 +434,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Ok(Self {
             I2,
             I3,
+            ma,
             la,
             mb,
             lb,
             ka,
             kb,
-            c0: t8.recip(),
+            c0: t7.recip(),
             c1: t2.recip(),
             c2: R::from_f64(5.0) * la,
             c3: t0 * la,
@@ -464,7 +451,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c8: R::from_f64(2.0) * lb,
             c9: t4,
             c10: R::ratio(1.0, 50.0) * mb,
-            c11: t5,
+            c11: ma * la,
             c12: R::ratio(-1.0, 20.0) * mb,
             c13: t0,
             c14: R::from_f64(-0.5) * mb * lb,
@@ -474,14 +461,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c18: mb * lb,
             c19: R::from_f64(2.0) * mb,
             c20: R::from_f64(-5.0) * mb,
-            c21: t6 * la,
-            c22: t8,
-            c23: t9 * lb,
-            c24: I1 + t10,
-            c25: t11,
-            c26: I3 + R::from_f64(0.25) * mb - t8 + t4 * t14,
-            c27: -t12,
-            c28: t13,
+            c21: t5 * la,
+            c22: t7,
+            c23: R::ratio(1.0, 5.0) * mb * lb,
+            c24: I1 + R::ratio(1.0, 100.0) * mb * t3,
+            c25: R::ratio(1.0, 25.0) * mb,
+            c26: I3 + R::from_f64(0.25) * mb - t7 + t4 * t9,
+            c27: R::ratio(-9.0, 25.0) * ma,
+            c28: t8,
             c29: R::from_f64(0.5) * I1,
             c30: R::from_f64(0.5) * I2,
             c31: R::from_f64(0.5) * I3,
@@ -489,31 +476,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c33: R::from_f64(0.5) * kb,
             c34: R::ratio(1.0, 50.0) * ma,
             c35: R::ratio(1.0, 200.0) * mb,
-            c36: -(t9 / t8),
-            c37: R::from_f64(-25.0) * ma * t7 / mb,
-            c38: I1 - t2 + t10,
-            c39: R::from_f64(2.5) * lb,
-            c40: R::ratio(1.0, 3.0) * mb * lb / t5,
-            c41: R::ratio(6.0, 5.0) / la,
-            c42: I2 + t12 + t11,
-            c43: R::from_f64(4.0) * lb,
-            c44: R::ratio(-1.0, 100.0) * t15,
-            c45: R::from_f64(12.0) * I1 + R::from_f64(12.0) * mb * t1
-                + R::ratio(3.0, 25.0) * mb * t3,
-            c46: R::from_f64(12.0) * I2 + R::ratio(108.0, 25.0) * ma
-                + R::ratio(12.0, 25.0) * mb,
-            c47: t15,
-            c48: R::ratio(27.0, 5.0) * ma,
-            c49: R::from_f64(15.0) * I3 + R::from_f64(3.75) * mb
-                + R::from_f64(15.0) * ma * t7 + t6 * t14,
-            c50: R::ratio(3.0, 5.0) / la,
-            c51: R::ratio(1.0, 5.0) / lb,
-            c52: R::ratio(6.0, 5.0) * ma * la,
-            c53: R::ratio(1.0, 25.0)
+            c36: R::from_f64(10.0) * mb * t1,
+            c37: R::from_f64(12.0) * ma * t6,
+            c38: R::from_f64(12.0) * I1 + R::ratio(3.0, 25.0) * mb * t3,
+            c39: R::ratio(11.0, 25.0) * mb,
+            c40: R::from_f64(11.0) * I2,
+            c41: R::from_f64(15.0) * mb * t1,
+            c42: R::from_f64(15.0) * I3 + R::from_f64(3.75) * mb
+                + R::from_f64(15.0) * ma * t6 + t5 * t9,
+            c43: R::ratio(27.0, 5.0) * ma,
+            c44: R::ratio(3.0, 5.0) / la,
+            c45: R::ratio(1.0, 5.0) / lb,
+            c46: R::ratio(6.0, 5.0) * ma * la,
+            c47: R::from_f64(-2.5) * lb,
+            c48: R::ratio(1.0, 25.0)
                 * (R::from_f64(25.0) * I2 + R::from_f64(9.0) * ma + mb),
-            c54: R::ratio(1.0, 100.0)
+            c49: R::ratio(1.0, 100.0)
                 * (R::from_f64(100.0) * I3 + R::from_f64(25.0) * mb
-                    + R::from_f64(4.0) * ma * t14),
+                    + R::from_f64(4.0) * ma * t9),
         })
     }
 }
@@ -796,13 +776,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3] = *y;
         let _ = t;
         let (t0, t1) = alpha.sin_cos();
-        let t2 = self.c22 * t1.mul_add(self.c50, R::ONE);
+        let t2 = self.c22 * t1.mul_add(self.c44, R::ONE);
         let (t3, t4) = beta.sin_cos();
         let t5 = t4.mul_add(R::from_f64(2.5), t3);
-        let t6 = self.c5 * t5.mul_add(self.c51, R::ONE);
+        let t6 = self.c5 * t5.mul_add(self.c45, R::ONE);
         let t7 = self.c22 * (-Omega1).mul_add(t0, Omega2 * t1);
         let t8 = self.c21 * t0;
-        let t9 = self.c52 * t1;
+        let t9 = self.c46 * t1;
         let t10 = self.c15 * self.c7.mul_add(t4.mul_add(R::ratio(2.0, 5.0), t3), R::ONE);
         let t11 = (-Omega2).mul_add(t3, Omega3 * t4);
         [
@@ -821,8 +801,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                 ),
                         ),
                 ),
-            (-t11)
-                .mul_add(self.c39, Omega2)
+            t11
+                .mul_add(self.c47, Omega2)
                 .mul_add(
                     self.c4 * t3,
                     (-Omega3)
@@ -831,7 +811,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                             t1
                                 .mul_add(
                                     t7,
-                                    (-Omega1).mul_add(t8, Omega2.mul_add(t9, self.c53 * Omega2)),
+                                    (-Omega1).mul_add(t8, Omega2.mul_add(t9, self.c48 * Omega2)),
                                 ),
                         ),
                 ),
@@ -842,7 +822,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     (-Omega2)
                         .mul_add(
                             t10,
-                            alpha_dot.mul_add(t2, Omega3.mul_add(t9, self.c54 * Omega3)),
+                            alpha_dot.mul_add(t2, Omega3.mul_add(t9, self.c49 * Omega3)),
                         ),
                 ),
         ]
@@ -852,59 +832,198 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Errors
     ///
-    /// `Singular` with the first pivot that is zero up to the rounding errors of its terms.
+    /// `Singular` with the first pivot that is zero up to the rounding errors of what it is computed from.
     ///
     /// # Operations
     ///
-    /// 21 additions, 35 multiplications (19 fused), 2 divisions, 4 sign changes, 2 elementary functions.
+    /// 54 additions, 87 multiplications (47 fused), 2 divisions, 35 sign changes, 2 elementary functions.
     pub fn check(&self, t: R, y: &[R; 7]) -> Result<(), ::hamel_runtime::Failure> {
         let [alpha, beta, _, _, _, _, _] = *y;
-        let (t0, t1) = beta.sin_cos();
-        let (t2, t3) = alpha.sin_cos();
-        let t4 = t2 * t2;
-        let t5 = self
-            .c37
-            .mul_add(
-                t1.mul_add(self.c36 * t0, t4),
-                R::from_f64(6.25).mul_add(t1 * t1, t0 * t0),
-            );
-        let t6 = (-t5).mul_add(self.c25, self.c38);
-        let t7 = t4 / t6;
-        let t8 = (-t7).mul_add(self.c22, R::ONE);
-        let t9 = t3 * t3;
-        let t10 = t0 * t0.mul_add(self.c39, R::ONE);
-        let t11 = self.c22
-            * self
-                .c41
-                .mul_add(t3.mul_add(t8, self.c40 * t10), t8.mul_add(t9, self.c27 * t7));
-        let t12 = self.c42 + t11;
-        let t13 = t1 * t1.mul_add(self.lb, R::ONE);
-        let t14 = self.c18 * t13;
-        let t15 = t10.mul_add(self.c16, R::ONE) * t13.mul_add(self.c43, R::ONE);
-        let t16 = t12.recip();
-        for (value, scale, pivot) in [
-            (
+        /// mass matrix A = W^T L_yy Psi
+        let [t0, t1, t2, A_beta_dot_Omega1, t4, t5, t6, A_Omega1_Omega1, t7, t8, t9, t10,
+        t11, t12, t13, t14, A_Omega2_Omega2, t15, t16] = {
+            let (t0, t1) = beta.sin_cos();
+            let t2 = t1.mul_add(R::from_f64(2.5), t0);
+            let (t3, t4) = alpha.sin_cos();
+            let t5 = t3 * t3;
+            let t6 = self.c4 * t2;
+            let t7 = self.c2 * t4;
+            let t8 = R::from_f64(3.0) + t7;
+            let t9 = self.c3 * t3;
+            let t11 = self.c9 * t8;
+            let t12 = t8 * t11;
+            let t13 = t0.mul_add(self.c7, R::ONE);
+            let t14 = t13 * t13;
+            let t15 = t1.mul_add(self.c8, R::ONE);
+            [
+                t0,
+                t1,
+                t2,
+                t2.mul_add(self.c23, self.c5),
+                t4,
+                t5,
                 t6,
-                R::ratio(12.0, 25.0).mul_add((self.mb * t5).abs(), self.c45),
-                "inertia along Omega1",
-            ),
-            (
+                t5.mul_add(self.c22, self.c24) + t6,
+                t7,
+                t8,
+                t9,
+                t8 * t9,
+                t11,
                 t12,
-                R::from_f64(12.0).mul_add(t11.abs(), self.c46),
-                "inertia along Omega2",
-            ),
-            (
-                t16.mul_add(self.c44 * t15, t9.mul_add(self.c27, self.c26) + t14),
-                R::ratio(3.0, 20.0)
+                t13,
+                t14,
+                t14.mul_add(self.c25, self.I2) + t12,
+                t15,
+                self.c15 * t15 * t13,
+            ]
+        };
+        /// factors of A
+        let [t17, t18, t19, A_s1_5_5, A_l3_2, t20, A_s2_3_3, t21, t22, t23, A_s3_4_4,
+        t24, t25, t26, A_s4_5_5] = {
+            let t17 = self.c18 * t1;
+            let t18 = t1 * t1;
+            let t19 = t4 * t4;
+            let A_s1_5_5 = t19.mul_add(self.c27, t18.mul_add(self.c5, self.c26 + t17));
+            let A_l3_2 = self.c1 * A_beta_dot_Omega1;
+            let t20 = A_beta_dot_Omega1 * A_l3_2;
+            let A_s2_3_3 = A_Omega1_Omega1 - t20;
+            let t21 = A_s2_3_3.recip();
+            let t22 = t10 * t21;
+            let t23 = t10 * t22;
+            let A_s3_4_4 = A_Omega2_Omega2 - t23;
+            let t24 = A_s3_4_4.recip();
+            let t25 = t16 * t24;
+            let t26 = t16 * t25;
+            [
+                t17,
+                t18,
+                t19,
+                A_s1_5_5,
+                A_l3_2,
+                t20,
+                A_s2_3_3,
+                t21,
+                t22,
+                t23,
+                A_s3_4_4,
+                t24,
+                t25,
+                t26,
+                A_s1_5_5 - t26,
+            ]
+        };
+        let t27 = R::from_f64(10.0).mul_add(t0.abs(), R::from_f64(25.0) * t1.abs());
+        let t28 = t6.abs();
+        let t29 = R::from_f64(2.0)
+            .mul_add((self.c18 * t2).abs(), t27.mul_add(self.c23, self.c36));
+        let t30 = A_l3_2.abs();
+        let t31 = R::from_f64(2.0)
+            .mul_add(
+                A_Omega1_Omega1.abs(),
+                t28
                     .mul_add(
-                        (t16 * (self.c47 * t15)).abs(),
+                        R::from_f64(4.0),
+                        t28
+                            .mul_add(
+                                R::from_f64(8.0),
+                                t27
+                                    .mul_add(
+                                        self.c4,
+                                        t20
+                                            .mul_add(R::from_f64(10.0), t5.mul_add(self.c37, self.c38)),
+                                    ),
+                            ),
+                    ),
+            );
+        let t32 = t29
+            .mul_add(self.c1, R::from_f64(8.0) * t30)
+            .mul_add(A_beta_dot_Omega1.abs(), t29.mul_add(t30, t31));
+        let t33 = R::from_f64(10.0).mul_add(t7.abs(), R::from_f64(30.0));
+        let t34 = t11.abs();
+        let t35 = R::from_f64(50.0).mul_add((self.lb * t0).abs(), R::from_f64(10.0));
+        let t36 = (self.mb * t13).abs();
+        let t37 = R::from_f64(8.0).mul_add(t10.abs(), t33 * t9.abs());
+        let A_l4_3 = -t22;
+        let t38 = A_l4_3.abs();
+        let A_Omega1_Omega2 = -t10;
+        let t39 = t35
+            .mul_add(
+                R::ratio(2.0, 25.0) * t36,
+                t33
+                    .mul_add(
+                        t34,
+                        A_Omega2_Omega2
+                            .mul_add(
+                                R::from_f64(2.0),
+                                t12
+                                    .mul_add(R::from_f64(11.0), t14.mul_add(self.c39, self.c40)),
+                            ),
+                    ),
+            );
+        let t40 = t32
+            .mul_add(
+                (-(t10 * (t21 * t21))).abs(),
+                t38.mul_add(R::from_f64(8.0), t37 * t21.abs()),
+            )
+            .mul_add(
+                A_Omega1_Omega2.abs(),
+                R::from_f64(10.0)
+                    .mul_add(
+                        t23.abs(),
+                        t37
+                            .mul_add(
+                                t38,
+                                t34
+                                    .mul_add(R::from_f64(200.0), self.ma * t33)
+                                    .mul_add(R::ratio(1.0, 25.0) * t8.abs(), t39),
+                            ),
+                    ),
+            );
+        let t41 = R::from_f64(80.0)
+            .mul_add(
+                t16.abs(),
+                t36
+                    .mul_add(
+                        R::from_f64(20.0)
+                            .mul_add((self.lb * t1).abs(), R::from_f64(10.0)),
+                        t35 * (self.mb * t15).abs(),
+                    ),
+            );
+        let A_l5_4 = -t25;
+        let t42 = A_l5_4.abs();
+        let A_Omega2_Omega3 = -t16;
+        let t43 = R::from_f64(10.0)
+            .mul_add(
+                t26.abs(),
+                R::from_f64(2.0)
+                    .mul_add(
+                        A_s1_5_5.abs(),
                         R::from_f64(15.0)
-                            .mul_add(t14.abs(), t9.mul_add(self.c48, self.c49)),
+                            .mul_add(
+                                t17.abs(),
+                                t19.mul_add(self.c43, t18.mul_add(self.c41, self.c42)),
+                            ),
+                    ),
+            );
+        for (value, scale, pivot) in [
+            (A_s2_3_3, t32, "inertia along Omega1"),
+            (A_s3_4_4, t40, "inertia along Omega2"),
+            (
+                A_s4_5_5,
+                (-(t16 * (t24 * t24)))
+                    .abs()
+                    .mul_add(
+                        R::from_f64(10.0) * t40,
+                        t42.mul_add(R::from_f64(80.0), t24.abs() * t41),
+                    )
+                    .mul_add(
+                        R::ratio(1.0, 10.0) * A_Omega2_Omega3.abs(),
+                        t42.mul_add(R::ratio(1.0, 10.0) * t41, t43),
                     ),
                 "inertia along Omega3",
             ),
         ] {
-            if !(scale + value).all_ne(scale) {
+            if !(scale + value.abs()).all_gt(scale) {
                 let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
                 return Err(::hamel_runtime::Failure::Singular {
                     t,

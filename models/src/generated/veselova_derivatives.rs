@@ -1473,7 +1473,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let S_1_1 = gamma1
             .mul_add(Z1_Omega1, gamma2.mul_add(Z1_Omega2, gamma3 * Z1_Omega3));
         let (value, pivot) = (S_1_1, "response to constraint dot(Omega, gamma) = 0");
-        if !value.all_ne(R::ZERO) {
+        if !value.abs().all_gt(R::ZERO) {
             let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
             return Err(::hamel_runtime::Failure::Singular {
                 t,

@@ -36,10 +36,12 @@ impl<R: Real, const K: usize, S: Invariants<R, K> + ?Sized> Invariants<R, K> for
 /// A method whose every step ends with a projection onto the `K` invariants of the system.
 ///
 /// ```text
-/// y1 <- y1 + sum_k alpha_k q_k     until     I_k(y1) = I_k(y0)
+/// y1 <- y1 + W sum_k alpha_k q_k     until     I_k(y1) = I_k(y0),     W = diag(1/(1 + y1_c^2))
 /// ```
 ///
-/// with the orthogonalised gradients `q_k` at the unprojected state. The order of the method is kept, and the
+/// with the gradients `q_k` at the unprojected state, orthogonalised in the product `a.W b`: the nearest state where the distance of a
+/// component is measured in units of its size, as its rounding is. An angle that has grown to thousands of turns is rounded by more
+/// than an energy needs to be corrected by; it is left alone, and the velocities are moved. The order of the method is kept, and the
 /// invariants stay within round-off of their values at the start, however many steps are taken. The price of a
 /// step is one evaluation of the gradients and two or three of the values. An invariant whose gradient depends on
 /// those before it is left out at such a state.
@@ -71,6 +73,8 @@ pub struct Projection<R, V, T, const K: usize> {
     levels: [R; K],
     /// Gradients, then what is left of each after those before it.
     gradients: [V; K],
+    /// Diagonal of `W`.
+    weights: V,
 }
 
 impl<R: Real, M: Method<R, S>, const K: usize, S: Invariants<R, K>> Method<R, S> for Projected<M, K> {
@@ -87,6 +91,7 @@ impl<R: Real, M: Method<R, S>, const K: usize, S: Invariants<R, K>> Method<R, S>
             inner: self.method.storage(system, t0, y0, options),
             levels: system.values(t0, y0),
             gradients: core::array::from_fn(|_| y0.zeros_like()),
+            weights: y0.zeros_like(),
         }
     }
 
@@ -119,6 +124,9 @@ impl<R: Real, V: StateVector<R>, T, const K: usize> Projection<R, V, T, K> {
         let t = step.t + step.h;
         let Some(mut defects) = self.defects(step.system.values(t, &step.to.state)) else { return };
         step.system.gradients(t, &step.to.state, &mut self.gradients);
+        for (weight, &y) in self.weights.as_mut_slice().iter_mut().zip(step.to.state.as_slice()) {
+            *weight = y.mul_add(y, R::ONE).recip();
+        }
         let (slants, squares) = self.orthogonalise();
         for _ in 0..MAX_ITERATIONS {
             let mut factors = [R::ZERO; K];
@@ -133,7 +141,11 @@ impl<R: Real, V: StateVector<R>, T, const K: usize> Projection<R, V, T, K> {
             for (c, (state, residue)) in state.enumerate() {
                 let correction =
                     (0..K).fold(R::ZERO, |sum, k| sum + factors[k] * self.gradients[k].as_slice()[c]);
-                (*state, *residue) = two_sum(*state, *residue + correction);
+                let weight = self.weights.as_slice()[c];
+                // The residue stays out of it: next to half a place it would be tipped over by the smallest correction, and the state
+                // moved by a whole place.
+                let (moved, lost) = two_sum(*state, weight * correction);
+                (*state, *residue) = (moved, *residue + lost);
             }
             let Some(left) = self.defects(step.system.values(t, &step.to.state)) else { return };
             // Round-off ends the progress.
@@ -158,8 +170,10 @@ impl<R: Real, V: StateVector<R>, T, const K: usize> Projection<R, V, T, K> {
     fn orthogonalise(&mut self) -> ([[R; K]; K], [R; K]) {
         /// Below this part of its square, what is left of a gradient is round-off.
         const DEPENDENT: f64 = 1e-20;
+        let weights = self.weights.as_slice();
         let dot = |a: &V, b: &V| {
-            a.as_slice().iter().zip(b.as_slice()).fold(R::ZERO, |sum, (&a, &b)| a.mul_add(b, sum))
+            let both = a.as_slice().iter().zip(b.as_slice()).zip(weights);
+            both.fold(R::ZERO, |sum, ((&a, &b), &weight)| (weight * a).mul_add(b, sum))
         };
         let (mut slants, mut squares) = ([[R::ZERO; K]; K], [R::ZERO; K]);
         for k in 0..K {

@@ -29,16 +29,16 @@ fn stress() -> Result<(), Error> {
         .map_err(|e| Error::NotJson { reason: e.to_string(), empty: text.is_empty() })?;
     let subjects: Vec<Box<dyn Subject>> = hamel_models::for_each_scene!(subjects);
     let long = long! {
-        free_rigid_body_reconstruction 7,
-        heavy_top_reconstruction 10,
-        kirchhoff_body 6,
-        chaplygin_ball 6,
-        chaplygin_sleigh 2,
-        euler_disk_advected 6,
-        snakeboard 5,
-        suslov 2,
-        veselova 6,
-        two_arm_satellite 7,
+        free_rigid_body_invariants 7,
+        heavy_top_invariants 6,
+        kirchhoff_body_invariants 13,
+        chaplygin_ball_invariants 6,
+        chaplygin_sleigh_invariants 2,
+        euler_disk_advected_invariants 6,
+        snakeboard_invariants 5,
+        suslov_invariants 2,
+        veselova_invariants 6,
+        two_arm_satellite_invariants 11,
     };
     run::run(&subjects, &long, request)
 }

@@ -2,17 +2,16 @@
 //!
 //! Deliberately does not know: which models are run.
 
-use hamel_runtime::{
-    Failure, Gauss6, Integrator, Invariants, Method, Options, Progress, Projected, System, Vern9,
-};
+use hamel_runtime::{Gauss6, Integrator, Method, Options, Progress, Projected, Vern9};
 use xtask::Error;
+use xtask::codegen_bridge::INVARIANTS;
 use xtask::dynamics::{Dynamics, Factory, Info, VecState};
 use xtask::eval::describe;
 
 /// Samples per run.
 const N_SAMPLES: u64 = 1000;
-/// What is projected on: more quantities than any scene has.
-const N_KEPT: usize = 5;
+/// What is projected on: as many invariants as any scene has, or more.
+const N_KEPT: usize = 8;
 
 /// How steps are chosen.
 #[derive(Clone, Copy, Debug)]
@@ -41,7 +40,8 @@ impl std::fmt::Display for Stepping {
     }
 }
 
-type Follow = fn(&Kept<'_>, &[f64], Stepping, u64, &mut dyn FnMut(f64, &[f64])) -> Result<(), String>;
+type System<'a> = Box<dyn Dynamics + 'a>;
+type Follow = fn(&System<'_>, &[f64], Stepping, u64, &mut dyn FnMut(f64, &[f64])) -> Result<(), String>;
 
 /// A method and how it chooses steps. A new method is one line of [`METHODS`].
 #[derive(Clone, Copy, Debug)]
@@ -85,9 +85,9 @@ pub const METHODS: [Runner; 4] = [
 ];
 
 /// Makes `steps` steps from `y0` and shows about [`N_SAMPLES`] of them.
-fn follow<'d, M: Method<f64, &'d Kept<'d>>>(
+fn follow<'d, M: Method<f64, System<'d>>>(
     method: M,
-    system: &'d Kept<'d>,
+    system: &System<'d>,
     y0: &[f64],
     stepping: Stepping,
     steps: u64,
@@ -95,7 +95,7 @@ fn follow<'d, M: Method<f64, &'d Kept<'d>>>(
 ) -> Result<(), String> {
     let initial = VecState(y0.to_vec());
     let mut solver =
-        Integrator::new(&system, method, 0.0, initial, stepping.options()).map_err(|e| e.to_string())?;
+        Integrator::new(system, method, 0.0, initial, stepping.options()).map_err(|e| e.to_string())?;
     let every = (steps / N_SAMPLES).max(1);
     seen(0.0, y0);
     for step in 1..=steps {
@@ -111,92 +111,13 @@ fn follow<'d, M: Method<f64, &'d Kept<'d>>>(
     Ok(())
 }
 
-/// What should stay constant along motions.
-#[derive(Clone, Debug)]
-enum Quantity {
-    Energy,
-    /// A Casimir or the residual of a constraint: its position among the outputs.
-    Output(usize),
-    /// The square of a quaternion in these components of the state.
-    Norm([usize; 4]),
-}
-
-/// A scene with what should stay constant: energy where it does, Casimirs, residuals of constraints, the square of a
-/// quaternion.
-struct Kept<'a> {
-    dynamics: &'a dyn Dynamics,
-    quantities: Vec<(String, Quantity)>,
-}
-
-impl<'a> Kept<'a> {
-    fn new(info: &Info, dynamics: &'a dyn Dynamics) -> Kept<'a> {
-        let mut quantities = Vec::new();
-        if info.has_energy && info.conserves_energy() {
-            quantities.push(("energy".to_owned(), Quantity::Energy));
-        }
-        let names =
-            info.outputs.iter().flat_map(|group| group.components.iter().map(move |c| (&group.name, c)));
-        for (at, (group, component)) in names.enumerate() {
-            if ["casimirs", "constraint"].contains(&group.as_str()) {
-                quantities.push((format!("{group}.{component}"), Quantity::Output(at)));
-            }
-        }
-        let quaternion = ["qw", "qx", "qy", "qz"].map(|name| info.state.iter().position(|s| s == name));
-        if let [Some(w), Some(x), Some(y), Some(z)] = quaternion {
-            quantities.push(("|q|^2".into(), Quantity::Norm([w, x, y, z])));
-        }
-        assert!(quantities.len() <= N_KEPT, "{} has more than {N_KEPT} constants", info.model);
-        Kept { dynamics, quantities }
-    }
-
-    /// The quantities in order, and zeros.
-    fn at(&self, t: f64, y: &[f64]) -> [f64; N_KEPT] {
-        let mut values = [0.0; N_KEPT];
-        let reads_outputs = self.quantities.iter().any(|(_, q)| matches!(q, Quantity::Output(_)));
-        let outputs = if reads_outputs { self.dynamics.outputs(t, y) } else { Vec::new() };
-        for (value, (_, quantity)) in values.iter_mut().zip(&self.quantities) {
-            *value = match quantity {
-                Quantity::Energy => self.dynamics.energy(t, y).unwrap_or(f64::NAN),
-                Quantity::Output(at) => outputs[*at],
-                Quantity::Norm(at) => at.iter().map(|k| y[*k] * y[*k]).sum(),
-            };
-        }
-        values
-    }
-}
-
-impl System<f64> for Kept<'_> {
-    type State = VecState;
-
-    fn rhs(&self, t: f64, y: &VecState, dy: &mut VecState) {
-        self.dynamics.rhs(t, &y.0, &mut dy.0);
-    }
-
-    fn check(&self, t: f64, y: &VecState) -> Result<(), Failure> {
-        self.dynamics.check(t, &y.0)
-    }
-}
-
-impl Invariants<f64, N_KEPT> for Kept<'_> {
-    fn values(&self, t: f64, y: &VecState) -> [f64; N_KEPT] {
-        self.at(t, &y.0)
-    }
-
-    /// By central differences: the projection iterates, so its end does not depend on their error.
-    fn gradients(&self, t: f64, y: &VecState, gradients: &mut [VecState; N_KEPT]) {
-        let mut moved = y.0.clone();
-        for c in 0..moved.len() {
-            let h = 1e-5 * y.0[c].abs().max(1.0);
-            moved[c] = y.0[c] + h;
-            let above = self.at(t, &moved);
-            moved[c] = y.0[c] - h;
-            let below = self.at(t, &moved);
-            moved[c] = y.0[c];
-            for (gradient, (above, below)) in gradients.iter_mut().zip(above.iter().zip(below)) {
-                gradient.0[c] = (above - below) / (2.0 * h);
-            }
-        }
-    }
+/// The names of a scene's invariants: energy, Casimirs, momenta, residuals of constraints, the square of a quaternion.
+fn invariants(info: &Info) -> Result<&[String], Error> {
+    let names =
+        info.outputs.iter().find(|output| output.name == INVARIANTS).map(|output| &*output.components);
+    names.filter(|names| names.len() <= N_KEPT).ok_or_else(|| Error::Options {
+        reason: format!("{} {} has not from 1 to {N_KEPT} invariants", info.model, info.scene),
+    })
 }
 
 /// A quantity along a run.
@@ -239,23 +160,25 @@ pub struct RunResult {
 /// Follows a scene from `y0` with default parameters.
 ///
 /// # Errors
-/// [`Error::Options`] when the scene does not take its own defaults.
+/// [`Error::Options`] when the scene does not take its own defaults, or has no invariants.
 pub fn run(factory: &dyn Factory, y0: &[f64], runner: Runner, steps: u64) -> Result<RunResult, Error> {
     let info = factory.info();
     let dynamics =
         factory.prepare(&info.defaults()).map_err(|bad| Error::Options { reason: bad.to_string() })?;
     Dynamics::check(&*dynamics, 0.0, y0).map_err(|f| Error::Options { reason: describe(info, f) })?;
-    let kept = Kept::new(info, &*dynamics);
+    let names = invariants(info)?;
     let mut times = Vec::new();
-    let mut rows: Vec<[f64; N_KEPT]> = Vec::new();
-    let followed = (runner.follow)(&kept, y0, runner.stepping, steps, &mut |t, y| {
+    let mut rows: Vec<Vec<f64>> = Vec::new();
+    let followed = (runner.follow)(&dynamics, y0, runner.stepping, steps, &mut |t, y| {
+        let mut values = vec![0.0; names.len()];
+        dynamics.invariants(t, y, &mut values);
         times.push(t);
-        rows.push(kept.at(t, y));
+        rows.push(values);
     });
     let n = times.len() as f64;
     let mean = times.iter().sum::<f64>() / n;
     let spread: f64 = times.iter().map(|t| (t - mean) * (t - mean)).sum();
-    let drifts = kept.quantities.iter().enumerate().map(|(k, (quantity, _))| {
+    let drifts = names.iter().enumerate().map(|(k, quantity)| {
         let start = rows[0][k];
         let moment: f64 = times.iter().zip(&rows).map(|(t, row)| (t - mean) * (row[k] - start)).sum();
         Drift {

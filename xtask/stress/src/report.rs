@@ -55,7 +55,9 @@ digits lost relative to the largest component of the derivative.
 const RUNS: &str = "
 ## Long runs
 
-Default parameters, from the model's initial state. Slopes are those of least squares against time.
+Default parameters, from the model's initial state, in the scenes that want `invariants`: energy, Casimirs, momenta of the frame (`p_`) and in
+space (`space_p_`), residuals of constraints, squares of unit vectors and of quaternions (`q_dot_q`), as far as they are proved to be
+constant and are no functions of those before them. Slopes are those of least squares against time.
 ";
 
 /// What the tables mean for the models.
