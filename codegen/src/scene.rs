@@ -924,6 +924,40 @@ mod tests {
     }
 
     #[test]
+    fn two_unknowns_with_a_constant_determinant_are_solved_without_a_division() {
+        // The inertia is I, and I + q along u = (cos a, sin a): no pivot is a number, the determinant I (I + q) is.
+        let scene = built(
+            "model m {
+                param I = 2 where I > 0;
+                param q = 3 where q > 0;
+                coordinate a in angle;
+                coordinate x, y in real;
+                lagrangian = 1/2*a_dot^2 + I/2*(x_dot^2 + y_dot^2) + q/2*(cos(a)*x_dot + sin(a)*y_dot)^2;
+            }",
+        );
+        let rhs = &scene.program.functions[scene.program.function_idx("rhs").expect("a right-hand side")];
+        assert_eq!(rhs.counts().div, 0, "{rhs:?}");
+        assert!(!scene.emit().expect("a module").contains("fn check"), "nothing can vanish");
+
+        let interpreter = scene.prepare(&[2.0, 3.0]).expect("positive inertia");
+        let values = [("a", 0.7), ("x", 0.1), ("y", -0.4), ("a_dot", 1.3), ("x_dot", 0.6), ("y_dot", -0.9)];
+        let (names, values): (Vec<&str>, Vec<f64>) = values.into_iter().unzip();
+        assert_eq!(scene.state_names(), names);
+        let mut rate = [0.0; 6];
+        interpreter.rhs(0.0, &values, &mut rate);
+        let ([a, _, _, turn, vx, vy], [.., ax, ay]) = (<[f64; 6]>::try_from(values).expect("six"), rate);
+        let (sine, cosine) = a.sin_cos();
+        let along = cosine * vx + sine * vy;
+        let along_rate = turn * (cosine * vy - sine * vx) + cosine * ax + sine * ay;
+        // The momentum p = I v + q (u.v) u is conserved.
+        let force = [
+            2.0 * ax + 3.0 * (along_rate * cosine - along * turn * sine),
+            2.0 * ay + 3.0 * (along_rate * sine + along * turn * cosine),
+        ];
+        assert!(ax.abs() > 0.1 && force.iter().all(|f| f.abs() < 1e-14), "{force:?}");
+    }
+
+    #[test]
     fn a_pivot_that_is_rounding_error_alone_is_refused() {
         // The second pivot is y - x^2.
         let scene = built(
