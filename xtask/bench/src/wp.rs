@@ -13,8 +13,8 @@ use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 use hamel_runtime::{
-    Dop853, Dopri5, Gauss4, Gauss6, Gauss8, Integrator, Jet, Method, Options, Scene, Stats, System, Taylor,
-    Tsit5, Vern9,
+    Dop853, Dopri5, F64x8, Gauss4, Gauss6, Gauss8, Integrator, Jet, Method, Options, Real, Scene, Stats,
+    System, Taylor, Tsit5, Vern9,
 };
 
 use crate::kernel;
@@ -61,6 +61,8 @@ pub struct Solver {
     pub method: &'static str,
     /// Whether the knob is a number of steps instead of a tolerance.
     pub has_fixed_steps: bool,
+    /// Equal trajectories that it integrates side by side; its time is one's share.
+    lanes: u32,
     solve: Box<dyn Fn(f64, &mut [f64]) -> Option<Work>>,
 }
 
@@ -83,7 +85,7 @@ pub struct Point {
     pub error: f64,
     /// The work.
     pub work: Work,
-    /// Nanoseconds of the fastest solution.
+    /// Nanoseconds of the fastest solution, of a lane of several.
     pub ns: f64,
 }
 
@@ -114,7 +116,7 @@ fn solver<const N: usize>(
         out.copy_from_slice(&last);
         Some(work)
     };
-    Solver { by, method, has_fixed_steps, solve: Box::new(solve) }
+    Solver { by, method, has_fixed_steps, lanes: 1, solve: Box::new(solve) }
 }
 
 fn adaptive(tolerance: f64) -> Options<f64> {
@@ -157,6 +159,25 @@ fn of_runtime<S: System<f64, State = [f64; N]> + 'static, const N: usize>(
         runge_kutta("gauss6", scene, span, Gauss6::fixed_point()),
         runge_kutta("gauss8", scene, span, Gauss8::fixed_point()),
     ]
+}
+
+/// Lanes of the rows `.. in 8 lanes`.
+const LANES: u32 = 8;
+
+/// A method on eight lanes, all with the trajectory of the problem.
+fn side_by_side<S, M, const N: usize>(name: &'static str, scene: S, span: Span<N>, method: M) -> Solver
+where
+    S: System<F64x8, State = [F64x8; N]> + 'static,
+    M: Method<F64x8, S> + Copy + 'static,
+{
+    let solver = solver(("hamel", name), span, false, move |span, knob| {
+        let (time, tolerance) = (F64x8::from_f64, F64x8::from_f64(knob));
+        let options = Options::adaptive(tolerance, tolerance).with_max_steps(MAX_STEPS);
+        let mut solver = Integrator::new(&scene, method, time(0.0), span.initial.map(time), options).ok()?;
+        solver.integrate_to(time(span.t_end)).ok()?;
+        Some((solver.state().map(|x| x.lane(0)), solver.stats().into()))
+    });
+    Solver { lanes: LANES, ..solver }
 }
 
 /// Integrators of other crates.
@@ -293,6 +314,10 @@ macro_rules! models {
                     let mut solvers = of_runtime(&scene, span);
                     let series = <$taylor::Prepared<f64> as Scene<f64>>::prepare(&params);
                     solvers.push(taylor(series.map_err(prepare)?, span));
+                    let lanes: Vec<F64x8> = params.iter().map(|x| F64x8::from_f64(*x)).collect();
+                    let scenes = (<$model::Prepared<F64x8> as Scene<F64x8>>::prepare(&lanes), <$taylor::Prepared<F64x8> as Scene<F64x8>>::prepare(&lanes));
+                    solvers.push(side_by_side("vern9 in 8 lanes", scenes.0.map_err(prepare)?, span, Vern9));
+                    solvers.push(side_by_side("taylor in 8 lanes", scenes.1.map_err(prepare)?, span, Taylor::new()));
                     let rhs = move |t: f64, y: &[f64; $n], dy: &mut [f64; $n]| scene.rhs(t, y, dy);
                     solvers.extend(others::solvers(rhs, span));
                     let params = $model::Params::from_array(kernel::params(&params));
@@ -357,7 +382,8 @@ pub fn time(
         for knob in solver.knobs() {
             let clock = Instant::now();
             let Some(work) = solver.solve(knob, &mut state) else { continue };
-            let (ns, error) = (clock.elapsed().as_secs_f64() * 1e9, error(&state, &last));
+            let ns = clock.elapsed().as_secs_f64() * 1e9 / f64::from(solver.lanes);
+            let error = error(&state, &last);
             if error.is_finite() {
                 points.push(Point { solver: k, knob, error, work, ns });
             }
@@ -365,15 +391,17 @@ pub fn time(
     }
     for round in 0..rounds {
         for point in &mut points {
-            if point.ns > SLOW.as_secs_f64() * 1e9 && round >= ROUNDS_OF_SLOW {
+            let solver = &solvers.all[point.solver];
+            let of_all = point.ns * f64::from(solver.lanes);
+            if of_all > SLOW.as_secs_f64() * 1e9 && round >= ROUNDS_OF_SLOW {
                 continue;
             }
-            let n = ((length.as_secs_f64() * 1e9 / point.ns) as u32).max(1);
+            let n = ((length.as_secs_f64() * 1e9 / of_all) as u32).max(1);
             let clock = Instant::now();
             for _ in 0..n {
-                black_box(solvers.all[point.solver].solve(point.knob, &mut state));
+                black_box(solver.solve(point.knob, &mut state));
             }
-            point.ns = point.ns.min(clock.elapsed().as_secs_f64() * 1e9 / f64::from(n));
+            point.ns = point.ns.min(clock.elapsed().as_secs_f64() * 1e9 / f64::from(n * solver.lanes));
         }
         done();
     }

@@ -199,8 +199,10 @@ ratios of one run.
 * **ode_solvers** 0.6, **differential-equations** 0.7: they integrate the same generated right-hand side, so that only the
   integrator differs; `vector algebra` is the right-hand side by nalgebra instead.
 * **heyoka**, **scipy** (with `--peers`): called from Python, with the equations in their best form by hand; heyoka compiles its
-  steps for this machine. `taylor in 8 lanes` is an eighth of the time of eight equal trajectories side by side, and no opponent under
-  \"The best\", where everything integrates one.";
+  steps for this machine.
+
+`.. in 8 lanes` is an eighth of the time of eight equal trajectories side by side on one core; it has no part in \"The best\", where everything
+integrates one.";
 
 #[cfg(test)]
 mod tests {
