@@ -53,6 +53,9 @@ pub struct Work {
     pub steps: u64,
 }
 
+/// Integrates with a tolerance or a number of steps and writes the last state.
+type Solve = dyn Fn(f64, &mut [f64]) -> Option<Work>;
+
 /// A way to integrate a problem.
 pub struct Solver {
     /// By what: `hamel`, or another crate.
@@ -63,7 +66,7 @@ pub struct Solver {
     pub has_fixed_steps: bool,
     /// Equal trajectories that it integrates side by side; its time is one's share.
     lanes: u32,
-    solve: Box<dyn Fn(f64, &mut [f64]) -> Option<Work>>,
+    solve: Box<Solve>,
 }
 
 /// All ways to integrate a problem.
