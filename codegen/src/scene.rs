@@ -954,6 +954,7 @@ mod tests {
             2.0 * ax + 3.0 * (along_rate * cosine - along * turn * sine),
             2.0 * ay + 3.0 * (along_rate * sine + along * turn * cosine),
         ];
+        // Terms of size one to four, some forty operations.
         assert!(ax.abs() > 0.1 && force.iter().all(|f| f.abs() < 1e-14), "{force:?}");
     }
 

@@ -312,7 +312,7 @@ fn absorb_signs(
     for k in 0..instructions.len() {
         let Op::Neg(Operand::Value(negated)) = instructions[k].op else { continue };
         let negated = stands_for[negated as usize];
-        // The part that runs once is also read.
+        // Formulas of prepared numbers stand in the documentation: a sign change that runs once is not worth `a - (-b)` there.
         if n_uses[negated] != 1 && !may_prepare {
             continue;
         }
@@ -336,9 +336,8 @@ fn absorb_signs(
         for (changed, op) in changes {
             instructions[changed].op = op;
         }
-        let name = instructions[k].name.take();
-        // What has other uses keeps its name only with its sign.
-        instructions[negated].name = name;
+        // The name that the value had is that of its opposite now.
+        instructions[negated].name = instructions[k].name.take();
         n_uses[negated] += n_uses[k] - 1;
         stands_for[k] = negated;
     }
@@ -378,7 +377,7 @@ fn absorb_signs_in_prepare(program: &mut Program) {
 }
 
 /// Leaves out what no output needs.
-fn drop_dead(instructions: &mut Vec<Instruction>, outputs: &mut [Operand]) {
+pub(super) fn drop_dead(instructions: &mut Vec<Instruction>, outputs: &mut [Operand]) {
     let mut is_live = vec![false; instructions.len()];
     outputs.iter().filter_map(|o| position(*o)).for_each(|v| is_live[v] = true);
     for k in (0..instructions.len()).rev() {

@@ -42,6 +42,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use hamel_runtime::{Convolutions, MAX_ORDER, Real};
 
+use super::fuse::drop_dead;
 use super::program::{Constant, Function, Instruction, Op, Operand, Program, Signs};
 use crate::error::Error;
 use crate::expr::{Func, Rational};
@@ -772,35 +773,13 @@ fn fuse(instructions: &mut [Instruction], results: impl Iterator<Item = Operand>
 /// The function without instructions that no result needs, its inputs renamed.
 fn without_dead(
     name: &str,
-    instructions: Vec<Instruction>,
+    mut instructions: Vec<Instruction>,
     results: Vec<(String, Operand)>,
     place: impl Fn(Operand) -> Operand,
 ) -> Function {
-    let mut live = vec![false; instructions.len()];
-    let mark = |operand: Operand, live: &mut [bool]| {
-        if let Operand::Value(v) = operand {
-            live[v as usize] = true;
-        }
-    };
-    results.iter().for_each(|(_, operand)| mark(*operand, &mut live));
-    for (k, instruction) in instructions.iter().enumerate().rev() {
-        if live[k] {
-            instruction.op.operands().for_each(|operand| mark(operand, &mut live));
-        }
-    }
-    let mut number = vec![0u32; instructions.len()];
-    let mut kept = Vec::new();
-    let renamed = |operand: Operand, number: &[u32]| match operand {
-        Operand::Value(v) => Operand::Value(number[v as usize]),
-        other => place(other),
-    };
-    for (k, mut instruction) in instructions.into_iter().enumerate() {
-        if live[k] {
-            number[k] = kept.len() as u32;
-            instruction.op = instruction.op.map(|operand| renamed(operand, &number));
-            kept.push(instruction);
-        }
-    }
-    let results = results.into_iter().map(|(name, operand)| (name, renamed(operand, &number))).collect();
-    Function { name: name.to_owned(), argument: Vec::new(), instructions: kept, results }
+    let (names, mut outputs): (Vec<String>, Vec<Operand>) = results.into_iter().unzip();
+    drop_dead(&mut instructions, &mut outputs);
+    instructions.iter_mut().for_each(|i| i.op = i.op.map(&place));
+    let results = names.into_iter().zip(outputs.into_iter().map(place)).collect();
+    Function { name: name.to_owned(), argument: Vec::new(), instructions, results }
 }
