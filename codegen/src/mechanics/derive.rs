@@ -9,6 +9,7 @@ use crate::reduction::{
 };
 
 use super::solve::{Factorisation, Pivot, is_symmetric};
+use super::squares::{Square, take_squares};
 
 /// A state variable and its time derivative.
 #[derive(Clone, Debug)]
@@ -217,8 +218,7 @@ impl<'a> Derivation<'a> {
     /// `p = dL/dy`, its Hessian, and the part of `-E` without accelerations.
     fn momenta(&mut self) -> Result<(), Error> {
         let system = self.system;
-        let l = system.lagrangian;
-        let raw: Vec<ExprId> = system.velocities.iter().map(|s| self.g.diff(l, *s)).collect();
+        let raw: Vec<ExprId> = system.velocities.iter().map(|s| self.g.diff(system.lagrangian, *s)).collect();
         self.writer.begin("momenta p = dL/dy");
         for (alpha, p) in raw.iter().enumerate() {
             let value = self.replace(*p)?;
@@ -231,6 +231,17 @@ impl<'a> Derivation<'a> {
             let row = row.into_iter().map(|e| self.replace(e)).collect::<Result<_, _>>()?;
             self.hessian.push(row);
         }
+        let (squares, l) = take_squares(&mut self.g, system);
+        let inertia_forces = self.inertia_forces(&squares)?;
+        let raw: Vec<ExprId> = system.velocities.iter().map(|s| self.g.diff(l, *s)).collect();
+        let mut momentum = self.momentum.clone();
+        if !squares.is_empty() {
+            self.writer.begin("momenta p = dL/dy of the rest");
+            for (alpha, p) in raw.iter().enumerate() {
+                let value = self.replace(*p)?;
+                momentum[alpha] = self.define(&format!("rest_p_{}", self.names[alpha]), value);
+            }
+        }
         self.writer.begin("forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)");
         let mut slopes = Vec::new();
         for x in system.algebroid.base() {
@@ -240,7 +251,8 @@ impl<'a> Derivation<'a> {
             slopes.push(self.define(&name, slope));
         }
         for (alpha, p) in raw.iter().enumerate() {
-            let value = self.drive_of(alpha, *p, &slopes)?;
+            let value = self.drive_of(alpha, *p, &momentum, &slopes)?;
+            let value = self.g.sub(value, inertia_forces[alpha]);
             let name = format!("r_{}", self.names[alpha]);
             let named = self.define(&name, value);
             self.drive.push(named);
@@ -248,7 +260,41 @@ impl<'a> Derivation<'a> {
         Ok(())
     }
 
-    fn drive_of(&mut self, alpha: usize, p: ExprId, slopes: &[ExprId]) -> Result<ExprId, Error> {
+    /// `weight v_alpha . (dv/dx xdot + omega x v)` of all squares, by `alpha`.
+    fn inertia_forces(&mut self, squares: &[Square]) -> Result<Vec<ExprId>, Error> {
+        let mut forces = vec![Vec::new(); self.y.len()];
+        for (k, square) in squares.iter().enumerate() {
+            self.writer.begin("velocities v of the squares m/2 |v|^2");
+            let mut v = Vec::new();
+            for (i, component) in square.velocity.iter().enumerate() {
+                let value = self.replace(*component)?;
+                v.push(self.define(&format!("v{}_{}", k + 1, i + 1), value));
+            }
+            self.writer.begin("their accelerations a = dv/dx xdot + omega x v at ydot = 0");
+            let turned = square.turned(&mut self.g, &self.y, &v);
+            let mut acceleration = Vec::new();
+            for (i, (component, turned)) in square.velocity.iter().zip(turned).enumerate() {
+                let drift = self.drift(*component)?;
+                let value = self.g.add(drift, turned);
+                acceleration.push(self.define(&format!("a{}_{}", k + 1, i + 1), value));
+            }
+            for (terms, slopes) in forces.iter_mut().zip(&square.slopes) {
+                for (slope, a) in slopes.iter().zip(&acceleration) {
+                    let slope = self.replace(*slope)?;
+                    terms.push(self.g.product(&[square.weight, slope, *a]));
+                }
+            }
+        }
+        Ok(forces.iter().map(|terms| self.g.sum(terms)).collect())
+    }
+
+    fn drive_of(
+        &mut self,
+        alpha: usize,
+        p: ExprId,
+        momentum: &[ExprId],
+        slopes: &[ExprId],
+    ) -> Result<ExprId, Error> {
         let system = self.system;
         let force = self.replace(system.forces[alpha])?;
         let mut terms = vec![force];
@@ -257,7 +303,7 @@ impl<'a> Derivation<'a> {
         }
         for beta in 0..self.y.len() {
             for (gamma, c) in system.algebroid.bracket(&mut self.g, alpha, beta) {
-                let term = self.g.product(&[c, self.y[beta], self.momentum[gamma]]);
+                let term = self.g.product(&[c, self.y[beta], momentum[gamma]]);
                 terms.push(self.g.neg(term));
             }
         }

@@ -9,6 +9,7 @@ mod derive;
 mod ignorable;
 mod sections;
 mod solve;
+mod squares;
 
 pub(crate) use derive::solved_velocity;
 pub use derive::{Equations, Facts, Output, StateEquation, derive};

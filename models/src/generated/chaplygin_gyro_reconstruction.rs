@@ -325,67 +325,67 @@ pub struct Prepared<R = f64> {
     r: R,
     /// Parameter `rho`.
     rho: R,
-    /// `mu * rho * g`
-    c0: R,
     /// `-(mu * g)`
+    c0: R,
+    /// `mu * rho * g`
     c1: R,
-    /// `mu * (rho * rho)`
-    c2: R,
-    /// `rho / r`
-    c3: R,
-    /// `mu * r * rho`
-    c4: R,
-    /// `rho * rho`
-    c5: R,
-    /// `2 * mu * rho / (r * (M + mu))`
-    c6: R,
-    /// `r * r * (M + mu)`
-    c7: R,
     /// `mu * rho`
-    c8: R,
-    /// `-(mu * r + M * r)`
-    c9: R,
-    /// `-(M + mu)`
-    c10: R,
-    /// `1 / (mu * (rho * rho))`
-    c11: R,
-    /// `0.5 * I1`
-    c12: R,
-    /// `0.5 * I2`
-    c13: R,
-    /// `0.5 * I3`
-    c14: R,
-    /// `0.5 * M`
-    c15: R,
-    /// `0.5 * mu`
-    c16: R,
-    /// `mu * rho / (r * (M + mu))`
-    c17: R,
-    /// `13 * mu * (rho * rho)`
-    c18: R,
-    /// `13 * I1`
-    c19: R,
-    /// `12 * mu`
-    c20: R,
-    /// `12 * I2`
-    c21: R,
-    /// `12 * I3`
-    c22: R,
-    /// `M * r`
-    c23: R,
-    /// `2 * mu * r * rho`
-    c24: R,
-    /// `2 * mu * (rho * rho)`
-    c25: R,
-    /// `0.5 * rho / r`
-    c26: R,
-    /// `2 * mu * rho / (mu * r + M * r)`
-    c27: R,
-    /// `r * (mu * r + M * r)`
-    c28: R,
-    /// `I3 - I2`
-    c29: R,
+    c2: R,
     /// `I3 - I1`
+    c3: R,
+    /// `I1 - I2`
+    c4: R,
+    /// `mu * (rho * rho)`
+    c5: R,
+    /// `rho / r`
+    c6: R,
+    /// `mu * r * rho`
+    c7: R,
+    /// `2 * mu * rho / (r * (M + mu))`
+    c8: R,
+    /// `r * r * (M + mu)`
+    c9: R,
+    /// `2 * mu * r * rho`
+    c10: R,
+    /// `-(M + mu)`
+    c11: R,
+    /// `I2 - I3`
+    c12: R,
+    /// `1 / (mu * (rho * rho))`
+    c13: R,
+    /// `0.5 * I1`
+    c14: R,
+    /// `0.5 * I2`
+    c15: R,
+    /// `0.5 * I3`
+    c16: R,
+    /// `0.5 * M`
+    c17: R,
+    /// `0.5 * mu`
+    c18: R,
+    /// `-(1 / (mu * (rho * rho)))`
+    c19: R,
+    /// `mu * rho / (r * (M + mu))`
+    c20: R,
+    /// `13 * (r * r) * (M + mu)`
+    c21: R,
+    /// `13 * I1`
+    c22: R,
+    /// `13 * mu * (rho * rho)`
+    c23: R,
+    /// `13 * I2`
+    c24: R,
+    /// `13 * I3`
+    c25: R,
+    /// `M * r`
+    c26: R,
+    /// `rho * rho`
+    c27: R,
+    /// `-(2 * mu * (rho * rho))`
+    c28: R,
+    /// `r * (mu * r + M * r)`
+    c29: R,
+    /// `0.5 * rho / r`
     c30: R,
     /// `I1 - I2`
     c31: R,
@@ -402,7 +402,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 5 additions, 29 multiplications, 6 divisions, 3 sign changes.
+    /// 6 additions, 30 multiplications, 5 divisions, 4 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, M, mu, r, rho, g } = *params;
         for (value, condition, meaning) in [
@@ -439,11 +439,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t2 = mu * t1;
         let t3 = mu * r;
         let t4 = R::from_f64(2.0) * mu;
-        let t5 = t4 * rho;
-        let t6 = M + mu;
-        let t7 = r * t6;
-        let t8 = M * r;
-        let t9 = t3 + t8;
+        let t5 = M + mu;
+        let t6 = r * t5;
+        let t7 = r * r;
+        let t8 = t2.recip();
+        let t9 = M * r;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -494,37 +494,37 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             mu,
             r,
             rho,
-            c0: t0 * g,
-            c1: -(mu * g),
-            c2: t2,
-            c3: rho / r,
-            c4: t3 * rho,
-            c5: t1,
-            c6: t5 / t7,
-            c7: r * r * t6,
-            c8: t0,
-            c9: -t9,
-            c10: -t6,
-            c11: t2.recip(),
-            c12: R::from_f64(0.5) * I1,
-            c13: R::from_f64(0.5) * I2,
-            c14: R::from_f64(0.5) * I3,
-            c15: R::from_f64(0.5) * M,
-            c16: R::from_f64(0.5) * mu,
-            c17: t0 / t7,
-            c18: R::from_f64(13.0) * mu * t1,
-            c19: R::from_f64(13.0) * I1,
-            c20: R::from_f64(12.0) * mu,
-            c21: R::from_f64(12.0) * I2,
-            c22: R::from_f64(12.0) * I3,
-            c23: t8,
-            c24: t4 * r * rho,
-            c25: t4 * t1,
-            c26: R::from_f64(0.5) * rho / r,
-            c27: t5 / t9,
-            c28: r * t9,
-            c29: I3 - I2,
-            c30: I3 - I1,
+            c0: -(mu * g),
+            c1: t0 * g,
+            c2: t0,
+            c3: I3 - I1,
+            c4: I1 - I2,
+            c5: t2,
+            c6: rho / r,
+            c7: t3 * rho,
+            c8: t4 * rho / t6,
+            c9: t7 * t5,
+            c10: t4 * r * rho,
+            c11: -t5,
+            c12: I2 - I3,
+            c13: t8,
+            c14: R::from_f64(0.5) * I1,
+            c15: R::from_f64(0.5) * I2,
+            c16: R::from_f64(0.5) * I3,
+            c17: R::from_f64(0.5) * M,
+            c18: R::from_f64(0.5) * mu,
+            c19: -t8,
+            c20: t0 / t6,
+            c21: R::from_f64(13.0) * t7 * t5,
+            c22: R::from_f64(13.0) * I1,
+            c23: R::from_f64(13.0) * mu * t1,
+            c24: R::from_f64(13.0) * I2,
+            c25: R::from_f64(13.0) * I3,
+            c26: t9,
+            c27: t1,
+            c28: -(t4 * t1),
+            c29: r * (t3 + t9),
+            c30: R::from_f64(0.5) * rho / r,
             c31: I1 - I2,
         })
     }
@@ -552,7 +552,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 197 additions, 295 multiplications (187 fused), 4 divisions, 2 elementary functions.
+    /// 148 additions, 232 multiplications (135 fused), 4 divisions, 2 elementary functions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 16], dy: &mut [R; 16]) {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, Gamma1, Gamma2,
@@ -572,29 +572,23 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 self.r * dot_Gamma3,
             ]
         };
-        /// momenta p = dL/dy
-        let [t3, t4, t5, t6, t7, t8, t9, t10, t11, t12, t13, t14, t15, t16, p_Omega1,
-        t17, t18, t19, t20, p_Omega2, p_Omega3, t21, p_X1, t22, p_X2, t23, p_X3] = {
-            let (t3, t4) = beta.sin_cos();
-            let t5 = self.rho * t4;
+        /// velocities v of the squares m/2 |v|^2
+        let [t3, t4, t5, t6, t7, t8, t9, t10, t11, t12, t13, v1_1, t14, t15, t16, t17,
+        v1_2, t18, v1_3] = {
+            let t3 = alpha_dot + Omega3;
+            let (t4, t5) = beta.sin_cos();
             let (t6, t7) = alpha.sin_cos();
-            let t8 = t6 * t5;
-            let t9 = self.rho * t3;
-            let t10 = t7 * t9;
-            let t11 = alpha_dot + Omega3;
-            let t12 = t10.mul_add(t11, beta_dot * t8);
-            let t13 = (-Omega1).mul_add(t5, -t1) + t12;
-            let t14 = t6 * t9;
-            let t15 = (-Omega2)
-                .mul_add(t10, Omega1.mul_add(t14, (-beta_dot).mul_add(t9, -t2)));
-            let t16 = t14 * t15;
-            let t17 = t7 * t5;
-            let t18 = (-beta_dot).mul_add(t17, t11 * t14);
-            let t19 = Omega2.mul_add(t5, -t0) - t18;
-            let t20 = t10 * t15;
-            let t21 = self.mu * t19;
-            let t22 = self.mu * t13;
-            let t23 = self.mu * t15;
+            let t8 = t4 * t6;
+            let t9 = self.rho * t8;
+            let t10 = self.rho * t5;
+            let t11 = beta_dot * t10;
+            let t12 = t7 * t11;
+            let t13 = t3.mul_add(t9, -t12);
+            let t14 = t6 * t11;
+            let t15 = t4 * t7;
+            let t16 = self.rho * t15;
+            let t17 = t3.mul_add(t16, t14);
+            let t18 = self.rho * t4;
             [
                 t3,
                 t4,
@@ -607,246 +601,251 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t11,
                 t12,
                 t13,
+                Omega2.mul_add(t10, -t0) - t13,
                 t14,
                 t15,
                 t16,
-                (-self.mu).mul_add(t5.mul_add(t13, -t16), self.I1 * Omega1),
                 t17,
+                (-Omega1).mul_add(t10, -t1) + t17,
                 t18,
-                t19,
-                t20,
-                self.mu.mul_add(t5.mul_add(t19, -t20), self.I2 * Omega2),
-                (-self.mu).mul_add((-t10).mul_add(t13, t14 * t19), self.I3 * Omega3),
-                t21,
-                (-t0).mul_add(self.M, t21),
-                t22,
-                (-t1).mul_add(self.M, t22),
-                t23,
-                (-t2).mul_add(self.M, t23),
+                (-Omega2).mul_add(t16, Omega1.mul_add(t9, (-beta_dot).mul_add(t18, -t2))),
+            ]
+        };
+        /// their accelerations a = dv/dx xdot + omega x v at ydot = 0
+        let [a1_1, a1_2, a1_3] = {
+            let t19 = t10 * t3;
+            [
+                (-Omega3)
+                    .mul_add(
+                        v1_2,
+                        (-alpha_dot)
+                            .mul_add(
+                                t17,
+                                (-beta_dot)
+                                    .mul_add(
+                                        beta_dot.mul_add(t16, t6.mul_add(t19, Omega2 * t18)),
+                                        Omega2 * v1_3,
+                                    ),
+                            ),
+                    ),
+                Omega3
+                    .mul_add(
+                        v1_1,
+                        (-alpha_dot)
+                            .mul_add(
+                                t13,
+                                (-Omega1)
+                                    .mul_add(
+                                        v1_3,
+                                        beta_dot
+                                            * (-beta_dot).mul_add(t9, t7.mul_add(t19, Omega1 * t18)),
+                                    ),
+                            ),
+                    ),
+                (-Omega2)
+                    .mul_add(
+                        (-alpha_dot).mul_add(t9, t12) + v1_1,
+                        Omega1
+                            .mul_add(
+                                alpha_dot.mul_add(t16, t14) + v1_2,
+                                -(beta_dot * t11),
+                            ),
+                    ),
             ]
         };
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [t24, t26, r_alpha_dot, r_beta_dot, r_Omega1, r_Omega2, r_Omega3, r_X1, r_X2,
-        r_X3] = {
-            let t24 = t3 * t7;
-            let t25 = self.c0 * t24;
-            let t26 = t3 * t6;
-            let t27 = self.c0 * t26;
-            let t28 = Gamma1.mul_add(t27, -(Gamma2 * t25));
-            let t29 = Omega1.mul_add(t10, Omega2 * t14);
-            let dL_dalpha = (-t18)
-                .mul_add(t22, (-t12).mul_add(t21, t23.mul_add(t29, t28)));
-            let t30 = t8.mul_add(t11, beta_dot.mul_add(t10, Omega2 * t9));
-            let t31 = (-beta_dot).mul_add(t14, t11.mul_add(t17, Omega1 * t9));
-            let t32 = (-Omega2).mul_add(t17, Omega1.mul_add(t8, -(beta_dot * t5)));
-            let dL_dbeta = (-self.mu)
+        let [t21, t22, t23, t24, r_alpha_dot, t25, r_Omega2, r_Omega3, lag_X1, r_X1] = {
+            let t20 = self.c1 * t15;
+            let t21 = self.c1 * t5;
+            let t22 = self.c2 * t15;
+            let t23 = self.c2 * t8;
+            let t24 = Gamma1 * t8;
+            let r_alpha_dot = a1_1
                 .mul_add(
-                    (-t13).mul_add(t31, t19.mul_add(t30, -(t15 * t32))),
-                    self.c1 * Gamma1.mul_add(t17, Gamma2.mul_add(t8, -(Gamma3 * t9))),
+                    t23,
+                    (-a1_2).mul_add(t22, t24.mul_add(self.c1, -(Gamma2 * t20))),
                 );
-            let t33 = self.c0 * t4;
-            let t34 = t10.mul_add(t19, t13 * t14);
-            let t35 = self.mu * alpha_dot;
-            let t36 = (-t8).mul_add(t19, t13 * t17);
-            let t37 = self.mu * beta_dot;
-            let t38 = t37
-                .mul_add(
-                    t10.mul_add(t31, t14.mul_add(t30, t36)),
-                    (-t10).mul_add(t18, t12.mul_add(t14, -t34)) * t35,
-                );
-            let t39 = t37
-                .mul_add(
-                    (-t9)
-                        .mul_add(t13, (-t14).mul_add(t32, (-t8).mul_add(t15, t5 * t31))),
-                    (-t35)
-                        .mul_add(
-                            t14.mul_add(t29, t5.mul_add(t18, t20)),
-                            (-t2)
-                                .mul_add(
-                                    p_X2,
-                                    Omega3
-                                        .mul_add(
-                                            p_Omega2,
-                                            t1.mul_add(p_X3, (-Gamma3).mul_add(t27, Gamma2 * t33)),
-                                        ),
-                                ),
-                        ),
-                );
-            let t40 = (-t35)
-                .mul_add(
-                    (-t10).mul_add(t29, (-t5).mul_add(t12, t16)),
-                    t2
-                        .mul_add(
-                            p_X1,
-                            (-Omega3)
-                                .mul_add(
-                                    p_Omega1,
-                                    (-t0).mul_add(p_X3, Gamma3.mul_add(t25, -(Gamma1 * t33))),
-                                ),
-                        ),
-                );
+            let t25 = self.c2 * t5;
+            let lag_X1 = Omega2.mul_add(t2, -(Omega3 * t1));
             [
+                t21,
+                t22,
+                t23,
                 t24,
-                t26,
-                dL_dalpha - t38,
-                t37
+                r_alpha_dot,
+                t25,
+                (-a1_1)
                     .mul_add(
-                        (-t8)
+                        t25,
+                        a1_3
                             .mul_add(
-                                t31,
-                                t9.mul_add(t32, t17.mul_add(t30, t5.mul_add(t15, t34))),
-                            ),
-                        t35
-                            .mul_add(
-                                t9.mul_add(t29, t8.mul_add(t18, t12.mul_add(t17, -t36))),
-                                dL_dbeta,
+                                t22,
+                                Gamma3
+                                    .mul_add(
+                                        t20,
+                                        (-Gamma1).mul_add(t21, self.c3 * Omega3 * Omega1),
+                                    ),
                             ),
                     ),
-                (-Omega2).mul_add(p_Omega3, t39),
-                t37
-                    .mul_add(
-                        t9.mul_add(t19, t10.mul_add(t32, t5.mul_add(t30, t15 * t17))),
-                        Omega1.mul_add(p_Omega3, t40),
-                    ),
-                t0
-                    .mul_add(
-                        p_X2,
-                        (-Omega1)
-                            .mul_add(
-                                p_Omega2,
-                                (-t1).mul_add(p_X1, Omega2.mul_add(p_Omega1, t28)),
-                            ),
-                    ) - t38,
-                Omega3
-                    .mul_add(p_X2, (-Omega2).mul_add(p_X3, t30.mul_add(t37, t12 * t35))),
-                (-Omega3)
-                    .mul_add(p_X1, Omega1.mul_add(p_X3, (-t31).mul_add(t37, t18 * t35))),
-                (-Omega1)
-                    .mul_add(
-                        p_X2,
-                        Omega2.mul_add(p_X1, (-t32).mul_add(t37, -(t29 * t35))),
-                    ),
+                Omega1.mul_add(self.c4 * Omega2, r_alpha_dot),
+                lag_X1,
+                (-a1_1).mul_add(self.mu, self.M * lag_X1),
             ]
         };
         /// accelerations of the dependent velocities at udot = 0
-        let lag_X3 = Omega1.mul_add(t1, -(Omega2 * t0));
+        let [lag_X2, lag_X3] = [
+            Omega3.mul_add(t0, -(Omega1 * t2)),
+            Omega1.mul_add(t1, -(Omega2 * t0)),
+        ];
         /// mass matrix A = W^T L_yy Psi
-        let [A_alpha_dot_alpha_dot, t42, t43, t44, t45, A_alpha_dot_Omega3, t46, t47,
-        A_beta_dot_Omega1, t49, A_beta_dot_Omega2, A_beta_dot_Omega3, A_Omega1_Omega1,
-        A_Omega1_Omega2, A_Omega1_Omega3, A_Omega2_Omega2, A_Omega2_Omega3,
-        A_Omega3_Omega3] = {
-            let A_alpha_dot_alpha_dot = self.c2 * (t3 * t3);
-            let t41 = t4.mul_add(self.c3, Gamma3);
-            let t42 = self.c4 * t24;
-            let t43 = t41 * t42;
-            let t44 = self.c4 * t26;
-            let t45 = t41 * t44;
-            let t46 = self.c4 * t4;
-            let t47 = t6 * t46;
-            let t48 = self.c4 * t3;
-            let t49 = t7 * t46;
-            let t50 = self.c5 * t7;
-            let t51 = self.c7 * t26.mul_add(self.c6, Gamma2);
-            let t52 = self.c2 * t26;
-            let t53 = t4.mul_add(self.c6, Gamma3);
-            let t54 = self.c7 * Gamma3;
-            let t55 = t4 * t4;
-            let t56 = self.c7 * Gamma1;
-            let t57 = t24.mul_add(self.c6, Gamma1);
+        let [A_alpha_dot_alpha_dot, t27, t28, A_alpha_dot_Omega3, A_beta_dot_Omega1,
+        A_beta_dot_Omega2, t35, A_Omega1_Omega1, A_Omega1_Omega2, A_Omega1_Omega3,
+        A_Omega2_Omega2, A_Omega2_Omega3, A_Omega3_Omega3] = {
+            let A_alpha_dot_alpha_dot = self.c5 * (t4 * t4);
+            let t26 = self.c7 * t5.mul_add(self.c6, Gamma3);
+            let t27 = t15 * t26;
+            let t28 = t8 * t26;
+            let t29 = Gamma2 * t8;
+            let t30 = Gamma1 * t15;
+            let t31 = t29 + t30;
+            let t32 = self.c7 * t4;
+            let t33 = self.c7 * t5;
+            let t34 = Gamma3 * t33;
+            let t36 = t5 * t5;
+            let t37 = t5.mul_add(self.c8, Gamma3);
+            let t38 = self.c9 * Gamma3;
+            let t39 = Gamma2 * Gamma2;
+            let t40 = self.c9 * Gamma1;
             [
                 A_alpha_dot_alpha_dot,
-                t42,
-                t43,
-                t44,
-                t45,
-                Gamma1.mul_add(t42, Gamma2.mul_add(t44, A_alpha_dot_alpha_dot)),
-                t46,
-                t47,
-                (-Gamma3).mul_add(t47, (-Gamma2).mul_add(t48, -(self.c2 * t6))),
-                t49,
-                Gamma3.mul_add(t49, t50.mul_add(self.mu, Gamma1 * t48)),
-                (-Gamma2).mul_add(t49, Gamma1 * t47),
-                Gamma2
+                t27,
+                t28,
+                t31.mul_add(self.c7, A_alpha_dot_alpha_dot),
+                (-t6).mul_add(t34, (-Gamma2).mul_add(t32, -(self.c5 * t6))),
+                t7.mul_add(t34, Gamma1.mul_add(t32, self.c5 * t7)),
+                t33 * (-Gamma1).mul_add(t6, Gamma2 * t7),
+                t29
                     .mul_add(
-                        t51,
-                        t26.mul_add(t52, t55.mul_add(self.c2, t53.mul_add(t54, self.I1))),
+                        self.c10,
+                        self
+                            .c5
+                            .mul_add(
+                                t8.mul_add(t8, t36),
+                                t37.mul_add(t38, t39.mul_add(self.c9, self.I1)),
+                            ),
                     ),
-                (-Gamma2).mul_add(t56 + t42, (-t24).mul_add(t52, -(Gamma1 * t44))),
-                (-Gamma1).mul_add(t46, (-Gamma3).mul_add(t56, -t43)),
-                self
-                    .mu
+                (-self.c7)
                     .mul_add(
-                        t24.mul_add(t3 * t50, self.c5 * t55),
-                        t56.mul_add(t57, t53.mul_add(t54, self.I2)),
+                        t15.mul_add(t8.mul_add(self.c6, Gamma2), t24),
+                        -(Gamma2 * t40),
                     ),
-                (-Gamma2).mul_add(t54 + t46, -t45),
-                Gamma2.mul_add(t51, t56.mul_add(t57, self.I3 + A_alpha_dot_alpha_dot)),
+                (-Gamma1).mul_add(t33, (-Gamma3).mul_add(t40, -t27)),
+                t30
+                    .mul_add(
+                        self.c10,
+                        self
+                            .c5
+                            .mul_add(
+                                t15.mul_add(t15, t36),
+                                t37.mul_add(t38, Gamma1.mul_add(t40, self.I2)),
+                            ),
+                    ),
+                (-Gamma2).mul_add(t38 + t33, -t28),
+                t31
+                    .mul_add(
+                        self.c10,
+                        Gamma1.mul_add(t40, t39.mul_add(self.c9, self.I3))
+                            + A_alpha_dot_alpha_dot,
+                    ),
             ]
         };
         /// right side f = W^T (r - L_yy lag)
         let [n_alpha_dot, n_beta_dot, f_Omega1, f_Omega2, f_Omega3] = {
-            let t58 = (-Omega3).mul_add(dot_Gamma2, Omega2 * dot_Gamma3);
-            let t59 = (-Omega1).mul_add(dot_Gamma3, Omega3 * dot_Gamma1);
-            let t60 = (-t42).mul_add(t59, t44 * t58);
-            let t61 = self.c8 * lag_X3;
-            let n_Omega1 = (-t26).mul_add(t61, t46.mul_add(t59, r_Omega1));
-            let n_Omega2 = (-t46).mul_add(t58, t24.mul_add(t61, r_Omega2));
-            let n_Omega3 = t60 + r_Omega3;
-            let n_X1 = t58.mul_add(self.c9, r_X1);
-            let n_X2 = t59.mul_add(self.c9, r_X2);
-            let n_X3 = lag_X3.mul_add(self.c10, r_X3);
-            let t62 = self.r * n_X3;
-            let t63 = self.r * Gamma3;
+            let t41 = (-t22).mul_add(lag_X2, t23 * lag_X1);
+            let t42 = lag_X3 + a1_3;
+            let t43 = lag_X2 + a1_2;
+            let n_Omega2 = t22.mul_add(lag_X3, (-t25).mul_add(lag_X1, r_Omega2));
+            let n_Omega3 = t41 + r_Omega3;
+            let n_X1 = lag_X1.mul_add(self.c11, r_X1);
+            let t44 = self.mu * t42;
+            let t45 = self.r * Gamma2;
+            let t46 = self.r * (self.mu * t43);
             [
-                t60 + r_alpha_dot,
-                (-t47).mul_add(t59, (-t49).mul_add(t58, t3.mul_add(t61, r_beta_dot))),
-                Gamma2.mul_add(t62, (-n_X2).mul_add(t63, n_Omega1)),
-                (-Gamma1).mul_add(t62, n_X1.mul_add(t63, n_Omega2)),
-                (-self.r).mul_add((-Gamma1).mul_add(n_X2, Gamma2 * n_X1), n_Omega3),
+                t41 + r_alpha_dot,
+                (-t25)
+                    .mul_add(
+                        t7.mul_add(lag_X1 + a1_1, t6 * t43),
+                        t42
+                            .mul_add(
+                                self.c2 * t4,
+                                self.c0
+                                    * t10
+                                        .mul_add(Gamma1.mul_add(t7, Gamma2 * t6), -(Gamma3 * t18)),
+                            ),
+                    ),
+                (-Gamma3)
+                    .mul_add(
+                        t8.mul_add(self.c1, -t46),
+                        (-t44)
+                            .mul_add(
+                                t45,
+                                (-t23)
+                                    .mul_add(
+                                        t42,
+                                        t25
+                                            .mul_add(
+                                                t43,
+                                                Gamma2.mul_add(t21, self.c12 * Omega3 * Omega2),
+                                            ),
+                                    ),
+                            ),
+                    ),
+                self.r.mul_add(Gamma1.mul_add(t44, Gamma3 * n_X1), n_Omega2),
+                (-Gamma1).mul_add(t46, (-n_X1).mul_add(t45, n_Omega3)),
             ]
         };
         /// factors of A
-        let [A_l3_2, A_l4_2, A_l5_2, t64, t65, t66, A_l5_1, t67, A_l4_3, A_l5_3, t68,
+        let [A_l3_2, A_l4_2, t47, t48, t49, t50, A_l5_1, t51, A_l4_3, A_l5_3, t52,
         A_l5_4, A_s4_5_5] = {
-            let A_l3_2 = self.c11 * A_beta_dot_Omega1;
-            let A_l4_2 = self.c11 * A_beta_dot_Omega2;
-            let A_l5_2 = self.c11 * A_beta_dot_Omega3;
+            let A_l3_2 = self.c13 * A_beta_dot_Omega1;
+            let A_l4_2 = self.c13 * A_beta_dot_Omega2;
+            let t47 = self.c13 * t35;
             let A_s2_3_3 = (-A_beta_dot_Omega1).mul_add(A_l3_2, A_Omega1_Omega1);
             let A_s2_3_4 = (-A_beta_dot_Omega2).mul_add(A_l3_2, A_Omega1_Omega2);
-            let A_s2_3_5 = (-A_beta_dot_Omega3).mul_add(A_l3_2, A_Omega1_Omega3);
+            let A_s2_3_5 = t35.mul_add(A_l3_2, A_Omega1_Omega3);
             let A_s2_4_4 = (-A_beta_dot_Omega2).mul_add(A_l4_2, A_Omega2_Omega2);
-            let A_s2_4_5 = (-A_beta_dot_Omega3).mul_add(A_l4_2, A_Omega2_Omega3);
-            let A_s2_5_5 = (-A_beta_dot_Omega3).mul_add(A_l5_2, A_Omega3_Omega3);
-            let t64 = A_alpha_dot_alpha_dot.recip();
-            let t65 = t43 * t64;
-            let t66 = t45 * t64;
-            let A_l5_1 = A_alpha_dot_Omega3 * t64;
-            let A_s1_3_3 = (-t43).mul_add(t65, A_s2_3_3);
-            let A_s1_3_4 = (-t45).mul_add(t65, A_s2_3_4);
-            let A_s1_3_5 = A_alpha_dot_Omega3.mul_add(t65, A_s2_3_5);
-            let A_s1_4_4 = (-t45).mul_add(t66, A_s2_4_4);
-            let A_s1_4_5 = A_alpha_dot_Omega3.mul_add(t66, A_s2_4_5);
+            let A_s2_4_5 = t35.mul_add(A_l4_2, A_Omega2_Omega3);
+            let A_s2_5_5 = (-t35).mul_add(t47, A_Omega3_Omega3);
+            let t48 = A_alpha_dot_alpha_dot.recip();
+            let t49 = t27 * t48;
+            let t50 = t28 * t48;
+            let A_l5_1 = A_alpha_dot_Omega3 * t48;
+            let A_s1_3_3 = (-t27).mul_add(t49, A_s2_3_3);
+            let A_s1_3_4 = (-t28).mul_add(t49, A_s2_3_4);
+            let A_s1_3_5 = A_alpha_dot_Omega3.mul_add(t49, A_s2_3_5);
+            let A_s1_4_4 = (-t28).mul_add(t50, A_s2_4_4);
+            let A_s1_4_5 = A_alpha_dot_Omega3.mul_add(t50, A_s2_4_5);
             let A_s1_5_5 = (-A_alpha_dot_Omega3).mul_add(A_l5_1, A_s2_5_5);
-            let t67 = A_s1_3_3.recip();
-            let A_l4_3 = A_s1_3_4 * t67;
-            let A_l5_3 = A_s1_3_5 * t67;
+            let t51 = A_s1_3_3.recip();
+            let A_l4_3 = A_s1_3_4 * t51;
+            let A_l5_3 = A_s1_3_5 * t51;
             let A_s3_4_4 = (-A_s1_3_4).mul_add(A_l4_3, A_s1_4_4);
             let A_s3_4_5 = (-A_s1_3_5).mul_add(A_l4_3, A_s1_4_5);
             let A_s3_5_5 = (-A_s1_3_5).mul_add(A_l5_3, A_s1_5_5);
-            let t68 = A_s3_4_4.recip();
-            let A_l5_4 = A_s3_4_5 * t68;
+            let t52 = A_s3_4_4.recip();
+            let A_l5_4 = A_s3_4_5 * t52;
             [
                 A_l3_2,
                 A_l4_2,
-                A_l5_2,
-                t64,
-                t65,
-                t66,
+                t47,
+                t48,
+                t49,
+                t50,
                 A_l5_1,
-                t67,
+                t51,
                 A_l4_3,
                 A_l5_3,
-                t68,
+                t52,
                 A_l5_4,
                 (-A_s3_4_5).mul_add(A_l5_4, A_s3_5_5),
             ]
@@ -854,11 +853,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         /// substitution through the factors of A
         let [dot_Omega3, dot_Omega2, dot_Omega1, dot_alpha_dot, dot_beta_dot] = {
             let z_Omega1 = (-n_beta_dot)
-                .mul_add(A_l3_2, n_alpha_dot.mul_add(t65, f_Omega1));
+                .mul_add(A_l3_2, n_alpha_dot.mul_add(t49, f_Omega1));
             let z_Omega2 = (-A_l4_3)
                 .mul_add(
                     z_Omega1,
-                    (-n_beta_dot).mul_add(A_l4_2, n_alpha_dot.mul_add(t66, f_Omega2)),
+                    (-n_beta_dot).mul_add(A_l4_2, n_alpha_dot.mul_add(t50, f_Omega2)),
                 );
             let z_Omega3 = (-A_l5_4)
                 .mul_add(
@@ -866,25 +865,25 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     (-A_l5_3)
                         .mul_add(
                             z_Omega1,
-                            (-n_beta_dot)
-                                .mul_add(A_l5_2, (-n_alpha_dot).mul_add(A_l5_1, f_Omega3)),
+                            n_beta_dot
+                                .mul_add(t47, (-n_alpha_dot).mul_add(A_l5_1, f_Omega3)),
                         ),
                 );
             let dot_Omega3 = z_Omega3 / A_s4_5_5;
-            let dot_Omega2 = (-A_l5_4).mul_add(dot_Omega3, z_Omega2 * t68);
+            let dot_Omega2 = (-A_l5_4).mul_add(dot_Omega3, z_Omega2 * t52);
             let dot_Omega1 = (-A_l4_3)
-                .mul_add(dot_Omega2, (-A_l5_3).mul_add(dot_Omega3, z_Omega1 * t67));
+                .mul_add(dot_Omega2, (-A_l5_3).mul_add(dot_Omega3, z_Omega1 * t51));
             [
                 dot_Omega3,
                 dot_Omega2,
                 dot_Omega1,
-                t65
+                t49
                     .mul_add(
                         dot_Omega1,
-                        t66
+                        t50
                             .mul_add(
                                 dot_Omega2,
-                                (-A_l5_1).mul_add(dot_Omega3, n_alpha_dot * t64),
+                                (-A_l5_1).mul_add(dot_Omega3, n_alpha_dot * t48),
                             ),
                     ),
                 (-A_l3_2)
@@ -893,16 +892,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         (-A_l4_2)
                             .mul_add(
                                 dot_Omega2,
-                                (-A_l5_2).mul_add(dot_Omega3, self.c11 * n_beta_dot),
+                                t47.mul_add(dot_Omega3, self.c13 * n_beta_dot),
                             ),
                     ),
             ]
         };
-        let t69 = R::from_f64(0.5) * Omega1;
-        let t70 = R::from_f64(0.5) * Omega2;
-        let t71 = R::from_f64(0.5) * Omega3;
-        let t72 = qw * qz;
-        let t73 = (-R::from_f64(2.0)).mul_add(qz * qz, R::ONE);
+        let t53 = R::from_f64(0.5) * Omega1;
+        let t54 = R::from_f64(0.5) * Omega2;
+        let t55 = R::from_f64(0.5) * Omega3;
+        let t56 = qw * qz;
+        let t57 = (-R::from_f64(2.0)).mul_add(qz * qz, R::ONE);
         *dy = [
             alpha_dot,
             beta_dot,
@@ -914,23 +913,23 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             dot_Gamma1,
             dot_Gamma2,
             dot_Gamma3,
-            (-qz).mul_add(t71, (-qy).mul_add(t70, -(qx * t69))),
-            (-qz).mul_add(t70, qw.mul_add(t69, qy * t71)),
-            (-qx).mul_add(t71, qw.mul_add(t70, qz * t69)),
-            (-qy).mul_add(t69, qw.mul_add(t71, qx * t70)),
+            (-qz).mul_add(t55, (-qy).mul_add(t54, -(qx * t53))),
+            (-qz).mul_add(t54, qw.mul_add(t53, qy * t55)),
+            (-qx).mul_add(t55, qw.mul_add(t54, qz * t53)),
+            (-qy).mul_add(t53, qw.mul_add(t55, qx * t54)),
             R::from_f64(2.0)
                 .mul_add(
-                    (-t2).mul_add(qw.mul_add(qy, qx * qz), -(t1 * qx.mul_add(qy, -t72))),
-                    t0 * R::from_f64(2.0).mul_add(qy * qy, -t73),
+                    (-t2).mul_add(qw.mul_add(qy, qx * qz), -(t1 * qx.mul_add(qy, -t56))),
+                    t0 * R::from_f64(2.0).mul_add(qy * qy, -t57),
                 ),
             R::from_f64(2.0)
                 .mul_add(
-                    (-t0)
+                    (-t2)
                         .mul_add(
-                            qx.mul_add(qy, t72),
-                            -(t2 * (-qw).mul_add(qx, qy * qz)),
+                            (-qw).mul_add(qx, qy * qz),
+                            -(t0 * qx.mul_add(qy, t56)),
                         ),
-                    t1 * R::from_f64(2.0).mul_add(qx * qx, -t73),
+                    t1 * R::from_f64(2.0).mul_add(qx * qx, -t57),
                 ),
         ];
     }
@@ -968,28 +967,28 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t9 = t6 * t8;
         let t10 = t7 * t8;
         let t11 = alpha_dot + Omega3;
-        let t12 = (-t11).mul_add(t9, t5.mul_add(beta_dot.mul_add(t7, Omega2), X1));
+        let t12 = (-t9).mul_add(t11, t5.mul_add(beta_dot.mul_add(t7, Omega2), X1));
         let t13 = t10.mul_add(t11, (-t5).mul_add((-beta_dot).mul_add(t6, Omega1), X2));
         let t14 = (-Omega2)
             .mul_add(t10, Omega1.mul_add(t9, (-beta_dot).mul_add(t8, X3)));
-        let t15 = (-self.c1)
+        let t15 = (-self.c0)
             .mul_add(
                 Gamma1.mul_add(t10, Gamma2.mul_add(t9, Gamma3 * t5)),
                 self
-                    .c15
+                    .c17
                     .mul_add(
                         X3.mul_add(X3, X2.mul_add(X2, X1 * X1)),
                         self
-                            .c14
+                            .c16
                             .mul_add(
                                 Omega3 * Omega3,
                                 self
-                                    .c13
-                                    .mul_add(Omega2 * Omega2, self.c12 * (Omega1 * Omega1)),
+                                    .c15
+                                    .mul_add(Omega2 * Omega2, self.c14 * (Omega1 * Omega1)),
                             ),
                     ),
             );
-        self.c16.mul_add(t14.mul_add(t14, t13.mul_add(t13, t12 * t12)), t15)
+        self.c18.mul_add(t14.mul_add(t14, t13.mul_add(t13, t12 * t12)), t15)
     }
 
     /// Momenta p = dL/dy.
@@ -1024,8 +1023,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t8 = self.rho * t5;
             let t9 = (-Omega3).mul_add(Gamma2, Omega2 * Gamma3);
             let t10 = alpha_dot + Omega3;
-            let t11 = (-t10)
-                .mul_add(t7, t8.mul_add(beta_dot.mul_add(t3, Omega2), self.r * t9));
+            let t11 = (-t7)
+                .mul_add(t10, t8.mul_add(beta_dot.mul_add(t3, Omega2), self.r * t9));
             let t12 = t3 * t6;
             let t13 = t2 * t8;
             let t14 = t12.mul_add(t10, beta_dot.mul_add(t13, (-Omega1).mul_add(t8, X2)));
@@ -1039,7 +1038,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 (-self.mu).mul_add((-t7).mul_add(t16, t8 * t14), self.I1 * Omega1),
                 self.mu.mul_add((-t12).mul_add(t16, t15), self.I2 * Omega2),
                 Omega3.mul_add(self.I3, p_alpha_dot),
-                t11.mul_add(self.mu, self.c23 * t9),
+                t11.mul_add(self.mu, self.c26 * t9),
                 t14.mul_add(self.mu, self.M * X2),
                 t16.mul_add(self.mu, self.M * X3),
             ]
@@ -1057,7 +1056,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 202 additions, 295 multiplications (192 fused), 4 divisions, 2 elementary functions.
+    /// 162 additions, 249 multiplications (153 fused), 4 divisions, 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 16]) -> [R; 3] {
@@ -1084,26 +1083,22 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             (-Omega3).mul_add(Gamma1, Omega1 * Gamma3),
             (-Omega1).mul_add(Gamma2, Omega2 * Gamma1),
         ];
-        /// momenta p = dL/dy
-        let [t3, t4, t5, t6, t7, t8, t9, t10, t11, t12, t13, t14, t15, t16, p_Omega1,
-        t17, t18, t19, t20, p_Omega2, p_Omega3, p_X1, p_X2, p_X3] = {
-            let (t3, t4) = beta.sin_cos();
-            let t5 = self.rho * t4;
+        /// velocities v of the squares m/2 |v|^2
+        let [t3, t4, t5, t6, t7, t8, t9, t10, t11, t12, v1_1, t13, t14, t15, t16, v1_2,
+        t17, v1_3] = {
+            let t3 = alpha_dot + Omega3;
+            let (t4, t5) = beta.sin_cos();
             let (t6, t7) = alpha.sin_cos();
-            let t8 = t6 * t5;
-            let t9 = self.rho * t3;
-            let t10 = t7 * t9;
-            let t11 = alpha_dot + Omega3;
-            let t12 = t10.mul_add(t11, beta_dot * t8);
-            let t13 = (-Omega1).mul_add(t5, X2) + t12;
-            let t14 = t6 * t9;
-            let t15 = (-Omega2)
-                .mul_add(t10, Omega1.mul_add(t14, (-beta_dot).mul_add(t9, X3)));
-            let t16 = t14 * t15;
-            let t17 = t7 * t5;
-            let t18 = (-beta_dot).mul_add(t17, t11 * t14);
-            let t19 = Omega2.mul_add(t5, X1) - t18;
-            let t20 = t10 * t15;
+            let t8 = t4 * t6;
+            let t9 = self.rho * t8;
+            let t10 = self.rho * t5;
+            let t11 = t7 * t10;
+            let t12 = (-beta_dot).mul_add(t11, t3 * t9);
+            let t13 = t6 * t10;
+            let t14 = t4 * t7;
+            let t15 = self.rho * t14;
+            let t16 = t3.mul_add(t15, beta_dot * t13);
+            let t17 = self.rho * t4;
             [
                 t3,
                 t4,
@@ -1115,232 +1110,221 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t10,
                 t11,
                 t12,
+                Omega2.mul_add(t10, X1) - t12,
                 t13,
                 t14,
                 t15,
                 t16,
-                (-self.mu).mul_add(t5.mul_add(t13, -t16), self.I1 * Omega1),
+                (-Omega1).mul_add(t10, X2) + t16,
                 t17,
-                t18,
-                t19,
-                t20,
-                self.mu.mul_add(t5.mul_add(t19, -t20), self.I2 * Omega2),
-                (-self.mu).mul_add((-t10).mul_add(t13, t14 * t19), self.I3 * Omega3),
-                t19.mul_add(self.mu, self.M * X1),
-                t13.mul_add(self.mu, self.M * X2),
-                t15.mul_add(self.mu, self.M * X3),
+                (-Omega2).mul_add(t15, Omega1.mul_add(t9, (-beta_dot).mul_add(t17, X3))),
             ]
         };
+        /// their accelerations a = dv/dx xdot + omega x v at ydot = 0
+        let [a1_1, a1_2, a1_3] = [
+            (-Omega3)
+                .mul_add(
+                    v1_2,
+                    (-alpha_dot)
+                        .mul_add(
+                            t16,
+                            (-beta_dot)
+                                .mul_add(
+                                    t3.mul_add(t13, beta_dot.mul_add(t15, Omega2 * t17)),
+                                    Omega2 * v1_3,
+                                ),
+                        ),
+                ),
+            Omega3
+                .mul_add(
+                    v1_1,
+                    (-alpha_dot)
+                        .mul_add(
+                            t12,
+                            (-Omega1)
+                                .mul_add(
+                                    v1_3,
+                                    beta_dot
+                                        * (-beta_dot).mul_add(t9, t11.mul_add(t3, Omega1 * t17)),
+                                ),
+                        ),
+                ),
+            (-Omega2)
+                .mul_add(
+                    v1_1,
+                    Omega1
+                        .mul_add(
+                            v1_2,
+                            alpha_dot
+                                .mul_add(
+                                    Omega1.mul_add(t15, Omega2 * t9),
+                                    beta_dot
+                                        * (-Omega2)
+                                            .mul_add(t11, Omega1.mul_add(t13, -(beta_dot * t10))),
+                                ),
+                        ),
+                ),
+        ];
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [t25, t27, r_alpha_dot, r_beta_dot, r_Omega1, r_Omega2, r_Omega3, r_X1, r_X2,
-        r_X3] = {
-            let t21 = Omega1.mul_add(t10, Omega2 * t14);
-            let dL_dalpha = (-self.mu)
-                .mul_add(
-                    t12.mul_add(t19, t13.mul_add(t18, -(t15 * t21))),
-                    -(self.c1 * (-Gamma2).mul_add(t10, Gamma1 * t14)),
-                );
-            let t22 = t8.mul_add(t11, beta_dot.mul_add(t10, Omega2 * t9));
-            let t23 = (-beta_dot).mul_add(t14, t11.mul_add(t17, Omega1 * t9));
-            let t24 = (-Omega2).mul_add(t17, Omega1.mul_add(t8, -(beta_dot * t5)));
-            let dL_dbeta = (-self.mu)
-                .mul_add(
-                    (-t13).mul_add(t23, t19.mul_add(t22, -(t15 * t24))),
-                    self.c1 * Gamma1.mul_add(t17, Gamma2.mul_add(t8, -(Gamma3 * t9))),
-                );
-            let t25 = t3 * t7;
-            let t26 = self.c0 * t25;
-            let t27 = t3 * t6;
-            let t28 = self.c0 * t27;
-            let t29 = self.c0 * t4;
-            let t30 = t10.mul_add(t19, t13 * t14);
-            let t31 = self.mu * alpha_dot;
-            let t32 = (-t8).mul_add(t19, t13 * t17);
-            let t33 = self.mu * beta_dot;
-            let t34 = t33
-                .mul_add(
-                    t10.mul_add(t23, t14.mul_add(t22, t32)),
-                    (-t10).mul_add(t18, t12.mul_add(t14, -t30)) * t31,
-                );
-            let t35 = t33
-                .mul_add(
-                    (-t9)
-                        .mul_add(t13, (-t14).mul_add(t24, (-t8).mul_add(t15, t5 * t23))),
-                    (-t31)
-                        .mul_add(
-                            t14.mul_add(t21, t5.mul_add(t18, t20)),
-                            Omega3
-                                .mul_add(
-                                    p_Omega2,
-                                    X3
-                                        .mul_add(
-                                            p_X2,
-                                            (-X2).mul_add(p_X3, (-Gamma3).mul_add(t28, Gamma2 * t29)),
-                                        ),
-                                ),
-                        ),
-                );
-            let t36 = (-t31)
-                .mul_add(
-                    (-t10).mul_add(t21, (-t5).mul_add(t12, t16)),
-                    (-Omega3)
-                        .mul_add(
-                            p_Omega1,
-                            (-X3)
-                                .mul_add(
-                                    p_X1,
-                                    X1.mul_add(p_X3, Gamma3.mul_add(t26, -(Gamma1 * t29))),
-                                ),
-                        ),
-                );
+        let [t21, t22, r_alpha_dot, t24, t25, t26, t27, r_beta_dot, r_Omega1, r_Omega2,
+        r_Omega3, r_X1, r_X2, r_X3] = {
+            let t18 = self.c1 * t14;
+            let t19 = self.c1 * t8;
+            let t20 = self.c1 * t5;
+            let t21 = self.c2 * t14;
+            let t22 = self.c2 * t8;
+            let t23 = (-a1_1).mul_add(t22, a1_2 * t21);
+            let t24 = self.c2 * t4;
+            let t25 = self.c2 * t5;
+            let t26 = t6 * t25;
+            let t27 = t7 * t25;
             [
+                t21,
+                t22,
+                (-self.c0).mul_add((-Gamma2).mul_add(t15, Gamma1 * t9), -t23),
+                t24,
                 t25,
+                t26,
                 t27,
-                dL_dalpha - t34,
-                t33
+                (-a1_1)
                     .mul_add(
-                        (-t8)
+                        t27,
+                        (-a1_2)
                             .mul_add(
-                                t23,
-                                t9.mul_add(t24, t17.mul_add(t22, t5.mul_add(t15, t30))),
-                            ),
-                        t31
-                            .mul_add(
-                                t9.mul_add(t21, t8.mul_add(t18, t12.mul_add(t17, -t32))),
-                                dL_dbeta,
-                            ),
-                    ),
-                (-Omega2).mul_add(p_Omega3, t35),
-                t33
-                    .mul_add(
-                        t9.mul_add(t19, t10.mul_add(t24, t5.mul_add(t22, t15 * t17))),
-                        Omega1.mul_add(p_Omega3, t36),
-                    ),
-                (-Omega1)
-                    .mul_add(
-                        p_Omega2,
-                        Omega2
-                            .mul_add(
-                                p_Omega1,
-                                (-X1)
+                                t26,
+                                a1_3
                                     .mul_add(
-                                        p_X2,
-                                        X2
-                                            .mul_add(
-                                                p_X1,
-                                                Gamma1.mul_add(t28, (-Gamma2).mul_add(t26, -t34)),
-                                            ),
+                                        t24,
+                                        self.c0
+                                            * Gamma1.mul_add(t11, Gamma2.mul_add(t13, -(Gamma3 * t17))),
                                     ),
                             ),
                     ),
-                Omega3
-                    .mul_add(p_X2, (-Omega2).mul_add(p_X3, t22.mul_add(t33, t12 * t31))),
-                (-Omega3)
-                    .mul_add(p_X1, Omega1.mul_add(p_X3, (-t23).mul_add(t33, t18 * t31))),
-                (-Omega1)
+                (-a1_3)
                     .mul_add(
-                        p_X2,
-                        Omega2.mul_add(p_X1, (-t24).mul_add(t33, -(t21 * t31))),
+                        t22,
+                        a1_2
+                            .mul_add(
+                                t25,
+                                (-Gamma3)
+                                    .mul_add(
+                                        t19,
+                                        Gamma2.mul_add(t20, self.c12 * Omega3 * Omega2),
+                                    ),
+                            ),
                     ),
+                (-a1_1)
+                    .mul_add(
+                        t25,
+                        a1_3
+                            .mul_add(
+                                t21,
+                                Gamma3
+                                    .mul_add(
+                                        t18,
+                                        (-Gamma1).mul_add(t20, self.c3 * Omega3 * Omega1),
+                                    ),
+                            ),
+                    ),
+                Gamma1
+                    .mul_add(
+                        t19,
+                        (-Gamma2).mul_add(t18, Omega1.mul_add(self.c4 * Omega2, -t23)),
+                    ),
+                (-a1_1).mul_add(self.mu, -(self.M * (-Omega3).mul_add(X2, Omega2 * X3))),
+                (-a1_2).mul_add(self.mu, -(self.M * (-Omega1).mul_add(X3, Omega3 * X1))),
+                (-a1_3).mul_add(self.mu, self.M * (-Omega1).mul_add(X2, Omega2 * X1)),
             ]
         };
         /// accelerations of the dependent velocities at udot = 0
         let [lag_X1, lag_X2, lag_X3] = {
-            let t37 = self.r * Omega2;
-            let t38 = self.r * Omega3;
-            let t39 = self.r * Omega1;
+            let t28 = self.r * Omega2;
+            let t29 = self.r * Omega3;
+            let t30 = self.r * Omega1;
             [
-                (-dot_Gamma2).mul_add(t38, dot_Gamma3 * t37),
-                (-dot_Gamma3).mul_add(t39, dot_Gamma1 * t38),
-                (-dot_Gamma1).mul_add(t37, dot_Gamma2 * t39),
+                (-dot_Gamma2).mul_add(t29, dot_Gamma3 * t28),
+                (-dot_Gamma3).mul_add(t30, dot_Gamma1 * t29),
+                (-dot_Gamma1).mul_add(t28, dot_Gamma2 * t30),
             ]
         };
         /// mass matrix A = W^T L_yy Psi
-        let [A_alpha_dot_alpha_dot, t41, t42, A_alpha_dot_Omega3, A_beta_dot_Omega1,
-        A_beta_dot_Omega2, t49, A_Omega1_Omega1, A_Omega1_Omega2, A_Omega1_Omega3,
+        let [A_alpha_dot_alpha_dot, t33, t34, A_alpha_dot_Omega3, A_beta_dot_Omega1,
+        A_beta_dot_Omega2, t41, A_Omega1_Omega1, A_Omega1_Omega2, A_Omega1_Omega3,
         A_Omega2_Omega2, A_Omega2_Omega3, A_Omega3_Omega3] = {
-            let A_alpha_dot_alpha_dot = self.c2 * (t3 * t3);
-            let t40 = self.c4 * t4.mul_add(self.c3, Gamma3);
-            let t41 = t25 * t40;
-            let t42 = t27 * t40;
-            let t43 = Gamma2 * t27;
-            let t44 = Gamma1 * t25;
-            let t45 = t43 + t44;
-            let t46 = self.c4 * t3;
-            let t47 = self.c4 * t4;
-            let t48 = Gamma3 * t47;
-            let t50 = self.c5 * (t4 * t4);
-            let t51 = t4.mul_add(self.c6, Gamma3);
-            let t52 = self.c7 * Gamma3;
-            let t53 = Gamma2 * Gamma2;
-            let t54 = self.c7 * Gamma1;
+            let t31 = self.c27 * t4;
+            let A_alpha_dot_alpha_dot = self.mu * t4 * t31;
+            let t32 = self.c7 * t5.mul_add(self.c6, Gamma3);
+            let t33 = t14 * t32;
+            let t34 = t8 * t32;
+            let t35 = Gamma2 * t8;
+            let t36 = Gamma1 * t14;
+            let t37 = t35 + t36;
+            let t38 = self.c7 * t4;
+            let t39 = self.c7 * t5;
+            let t40 = Gamma3 * t39;
+            let t42 = self.c27 * (t5 * t5);
+            let t43 = t5.mul_add(self.c8, Gamma3);
+            let t44 = self.c9 * Gamma3;
+            let t45 = Gamma2 * Gamma2;
+            let t46 = self.c9 * Gamma1;
             [
                 A_alpha_dot_alpha_dot,
-                t41,
-                t42,
-                t45.mul_add(self.c4, A_alpha_dot_alpha_dot),
-                (-t6).mul_add(t48, (-Gamma2).mul_add(t46, -(self.c2 * t6))),
-                t7.mul_add(t48, self.mu.mul_add(self.c5 * t7, Gamma1 * t46)),
-                t47 * (-Gamma1).mul_add(t6, Gamma2 * t7),
+                t33,
+                t34,
+                t37.mul_add(self.c7, A_alpha_dot_alpha_dot),
+                (-t6).mul_add(t40, (-self.mu).mul_add(self.c27 * t6, -(Gamma2 * t38))),
+                t7.mul_add(t40, self.mu.mul_add(self.c27 * t7, Gamma1 * t38)),
+                t39 * (-Gamma1).mul_add(t6, Gamma2 * t7),
                 self
                     .mu
                     .mul_add(
-                        self.c5.mul_add(t27 * t27, t50),
-                        t43
+                        t8.mul_add(t6 * t31, t42),
+                        t35
                             .mul_add(
-                                self.c24,
-                                t51.mul_add(t52, t53.mul_add(self.c7, self.I1)),
+                                self.c10,
+                                t43.mul_add(t44, t45.mul_add(self.c9, self.I1)),
                             ),
                     ),
-                (-self.c4)
+                (-self.c7)
                     .mul_add(
-                        t25.mul_add(t27.mul_add(self.c3, Gamma2), Gamma1 * t27),
-                        -(Gamma2 * t54),
+                        t14.mul_add(t8.mul_add(self.c6, Gamma2), Gamma1 * t8),
+                        -(Gamma2 * t46),
                     ),
-                (-Gamma1).mul_add(t47, (-Gamma3).mul_add(t54, -t41)),
+                (-Gamma1).mul_add(t39, (-Gamma3).mul_add(t46, -t33)),
                 self
                     .mu
                     .mul_add(
-                        self.c5.mul_add(t25 * t25, t50),
-                        t44
+                        t14.mul_add(t7 * t31, t42),
+                        t36
                             .mul_add(
-                                self.c24,
-                                t51.mul_add(t52, Gamma1.mul_add(t54, self.I2)),
+                                self.c10,
+                                t43.mul_add(t44, Gamma1.mul_add(t46, self.I2)),
                             ),
                     ),
-                (-Gamma2).mul_add(t52 + t47, -t42),
-                t45
+                (-Gamma2).mul_add(t44 + t39, -t34),
+                t37
                     .mul_add(
-                        self.c24,
-                        Gamma1.mul_add(t54, t53.mul_add(self.c7, self.I3))
+                        self.c10,
+                        Gamma1.mul_add(t46, t45.mul_add(self.c9, self.I3))
                             + A_alpha_dot_alpha_dot,
                     ),
             ]
         };
         /// right side f = W^T (r - L_yy lag)
-        let [t55, t56, n_alpha_dot, t58, t59, n_beta_dot, f_Omega1, f_Omega2, f_Omega3,
-        ] = {
-            let t55 = self.c8 * t27;
-            let t56 = self.c8 * t25;
-            let t57 = (-lag_X2).mul_add(t56, lag_X1 * t55);
-            let t58 = self.c8 * t3;
-            let t59 = self.c8 * t4;
-            let n_Omega1 = (-lag_X3).mul_add(t55, lag_X2.mul_add(t59, r_Omega1));
-            let n_Omega2 = lag_X3.mul_add(t56, (-lag_X1).mul_add(t59, r_Omega2));
-            let n_Omega3 = t57 + r_Omega3;
-            let n_X1 = lag_X1.mul_add(self.c10, r_X1);
-            let n_X2 = lag_X2.mul_add(self.c10, r_X2);
-            let n_X3 = lag_X3.mul_add(self.c10, r_X3);
+        let [n_alpha_dot, n_beta_dot, f_Omega1, f_Omega2, f_Omega3] = {
+            let t47 = (-t21).mul_add(lag_X2, t22 * lag_X1);
+            let n_Omega1 = (-t22).mul_add(lag_X3, t25.mul_add(lag_X2, r_Omega1));
+            let n_Omega2 = t21.mul_add(lag_X3, (-t25).mul_add(lag_X1, r_Omega2));
+            let n_Omega3 = t47 + r_Omega3;
+            let n_X1 = lag_X1.mul_add(self.c11, r_X1);
+            let n_X2 = lag_X2.mul_add(self.c11, r_X2);
+            let n_X3 = lag_X3.mul_add(self.c11, r_X3);
             [
-                t55,
-                t56,
-                t57 + r_alpha_dot,
-                t58,
-                t59,
-                (-t59)
+                t47 + r_alpha_dot,
+                (-t26)
                     .mul_add(
-                        t6.mul_add(lag_X2, t7 * lag_X1),
-                        lag_X3.mul_add(t58, r_beta_dot),
+                        lag_X2,
+                        (-t27).mul_add(lag_X1, t24.mul_add(lag_X3, r_beta_dot)),
                     ),
                 (-t0).mul_add(n_X2, t1.mul_add(n_X3, n_Omega1)),
                 (-t2).mul_add(n_X3, t0.mul_add(n_X1, n_Omega2)),
@@ -1348,47 +1332,47 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             ]
         };
         /// factors of A
-        let [A_l3_2, A_l4_2, t60, t61, t62, t63, A_l5_1, t64, A_l4_3, A_l5_3, t65,
+        let [A_l3_2, A_l4_2, t48, t49, t50, t51, A_l5_1, t52, A_l4_3, A_l5_3, t53,
         A_l5_4, A_s4_5_5] = {
-            let A_l3_2 = self.c11 * A_beta_dot_Omega1;
-            let A_l4_2 = self.c11 * A_beta_dot_Omega2;
-            let t60 = self.c11 * t49;
+            let A_l3_2 = self.c13 * A_beta_dot_Omega1;
+            let A_l4_2 = self.c13 * A_beta_dot_Omega2;
+            let t48 = self.c13 * t41;
             let A_s2_3_3 = (-A_beta_dot_Omega1).mul_add(A_l3_2, A_Omega1_Omega1);
             let A_s2_3_4 = (-A_beta_dot_Omega2).mul_add(A_l3_2, A_Omega1_Omega2);
-            let A_s2_3_5 = t49.mul_add(A_l3_2, A_Omega1_Omega3);
+            let A_s2_3_5 = t41.mul_add(A_l3_2, A_Omega1_Omega3);
             let A_s2_4_4 = (-A_beta_dot_Omega2).mul_add(A_l4_2, A_Omega2_Omega2);
-            let A_s2_4_5 = t49.mul_add(A_l4_2, A_Omega2_Omega3);
-            let A_s2_5_5 = (-t49).mul_add(t60, A_Omega3_Omega3);
-            let t61 = A_alpha_dot_alpha_dot.recip();
-            let t62 = t41 * t61;
-            let t63 = t42 * t61;
-            let A_l5_1 = A_alpha_dot_Omega3 * t61;
-            let A_s1_3_3 = (-t41).mul_add(t62, A_s2_3_3);
-            let A_s1_3_4 = (-t42).mul_add(t62, A_s2_3_4);
-            let A_s1_3_5 = A_alpha_dot_Omega3.mul_add(t62, A_s2_3_5);
-            let A_s1_4_4 = (-t42).mul_add(t63, A_s2_4_4);
-            let A_s1_4_5 = A_alpha_dot_Omega3.mul_add(t63, A_s2_4_5);
+            let A_s2_4_5 = t41.mul_add(A_l4_2, A_Omega2_Omega3);
+            let A_s2_5_5 = (-t41).mul_add(t48, A_Omega3_Omega3);
+            let t49 = A_alpha_dot_alpha_dot.recip();
+            let t50 = t33 * t49;
+            let t51 = t34 * t49;
+            let A_l5_1 = A_alpha_dot_Omega3 * t49;
+            let A_s1_3_3 = (-t33).mul_add(t50, A_s2_3_3);
+            let A_s1_3_4 = (-t34).mul_add(t50, A_s2_3_4);
+            let A_s1_3_5 = A_alpha_dot_Omega3.mul_add(t50, A_s2_3_5);
+            let A_s1_4_4 = (-t34).mul_add(t51, A_s2_4_4);
+            let A_s1_4_5 = A_alpha_dot_Omega3.mul_add(t51, A_s2_4_5);
             let A_s1_5_5 = (-A_alpha_dot_Omega3).mul_add(A_l5_1, A_s2_5_5);
-            let t64 = A_s1_3_3.recip();
-            let A_l4_3 = A_s1_3_4 * t64;
-            let A_l5_3 = A_s1_3_5 * t64;
+            let t52 = A_s1_3_3.recip();
+            let A_l4_3 = A_s1_3_4 * t52;
+            let A_l5_3 = A_s1_3_5 * t52;
             let A_s3_4_4 = (-A_s1_3_4).mul_add(A_l4_3, A_s1_4_4);
             let A_s3_4_5 = (-A_s1_3_5).mul_add(A_l4_3, A_s1_4_5);
             let A_s3_5_5 = (-A_s1_3_5).mul_add(A_l5_3, A_s1_5_5);
-            let t65 = A_s3_4_4.recip();
-            let A_l5_4 = A_s3_4_5 * t65;
+            let t53 = A_s3_4_4.recip();
+            let A_l5_4 = A_s3_4_5 * t53;
             [
                 A_l3_2,
                 A_l4_2,
-                t60,
-                t61,
-                t62,
-                t63,
+                t48,
+                t49,
+                t50,
+                t51,
                 A_l5_1,
-                t64,
+                t52,
                 A_l4_3,
                 A_l5_3,
-                t65,
+                t53,
                 A_l5_4,
                 (-A_s3_4_5).mul_add(A_l5_4, A_s3_5_5),
             ]
@@ -1396,11 +1380,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         /// substitution through the factors of A
         let [dot_Omega3, dot_Omega2, dot_Omega1, dot_alpha_dot, dot_beta_dot] = {
             let z_Omega1 = (-n_beta_dot)
-                .mul_add(A_l3_2, n_alpha_dot.mul_add(t62, f_Omega1));
+                .mul_add(A_l3_2, n_alpha_dot.mul_add(t50, f_Omega1));
             let z_Omega2 = (-A_l4_3)
                 .mul_add(
                     z_Omega1,
-                    (-n_beta_dot).mul_add(A_l4_2, n_alpha_dot.mul_add(t63, f_Omega2)),
+                    (-n_beta_dot).mul_add(A_l4_2, n_alpha_dot.mul_add(t51, f_Omega2)),
                 );
             let z_Omega3 = (-A_l5_4)
                 .mul_add(
@@ -1409,24 +1393,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         .mul_add(
                             z_Omega1,
                             n_beta_dot
-                                .mul_add(t60, (-n_alpha_dot).mul_add(A_l5_1, f_Omega3)),
+                                .mul_add(t48, (-n_alpha_dot).mul_add(A_l5_1, f_Omega3)),
                         ),
                 );
             let dot_Omega3 = z_Omega3 / A_s4_5_5;
-            let dot_Omega2 = (-A_l5_4).mul_add(dot_Omega3, z_Omega2 * t65);
+            let dot_Omega2 = (-A_l5_4).mul_add(dot_Omega3, z_Omega2 * t53);
             let dot_Omega1 = (-A_l4_3)
-                .mul_add(dot_Omega2, (-A_l5_3).mul_add(dot_Omega3, z_Omega1 * t64));
+                .mul_add(dot_Omega2, (-A_l5_3).mul_add(dot_Omega3, z_Omega1 * t52));
             [
                 dot_Omega3,
                 dot_Omega2,
                 dot_Omega1,
-                t62
+                t50
                     .mul_add(
                         dot_Omega1,
-                        t63
+                        t51
                             .mul_add(
                                 dot_Omega2,
-                                (-A_l5_1).mul_add(dot_Omega3, n_alpha_dot * t61),
+                                (-A_l5_1).mul_add(dot_Omega3, n_alpha_dot * t49),
                             ),
                     ),
                 (-A_l3_2)
@@ -1435,7 +1419,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         (-A_l4_2)
                             .mul_add(
                                 dot_Omega2,
-                                t60.mul_add(dot_Omega3, self.c11 * n_beta_dot),
+                                t48.mul_add(dot_Omega3, self.c13 * n_beta_dot),
                             ),
                     ),
             ]
@@ -1446,35 +1430,33 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             (-t0).mul_add(dot_Omega1, t2.mul_add(dot_Omega3, lag_X2)),
             t1.mul_add(dot_Omega1, (-t2).mul_add(dot_Omega2, lag_X3)),
         ];
-        let t66 = t59 * dot_beta_dot;
-        let t67 = dot_Omega3 + dot_alpha_dot;
+        let t54 = dot_Omega3 + dot_alpha_dot;
         [
-            (-t55)
+            (-t22)
                 .mul_add(
-                    t67,
-                    t7
+                    t54,
+                    t27
                         .mul_add(
-                            t66,
-                            (-dot_X1).mul_add(self.c10, t59.mul_add(dot_Omega2, -r_X1)),
+                            dot_beta_dot,
+                            (-dot_X1).mul_add(self.c11, t25.mul_add(dot_Omega2, -r_X1)),
                         ),
                 ),
-            t56
+            t21
                 .mul_add(
-                    t67,
-                    t6
+                    t54,
+                    (-dot_X2)
                         .mul_add(
-                            t66,
-                            (-dot_X2)
-                                .mul_add(self.c10, (-t59).mul_add(dot_Omega1, -r_X2)),
+                            self.c11,
+                            t26.mul_add(dot_beta_dot, (-t25).mul_add(dot_Omega1, -r_X2)),
                         ),
                 ),
-            (-t58)
+            (-t24)
                 .mul_add(
                     dot_beta_dot,
                     (-dot_X3)
                         .mul_add(
-                            self.c10,
-                            t55.mul_add(dot_Omega1, (-t56).mul_add(dot_Omega2, -r_X3)),
+                            self.c11,
+                            t22.mul_add(dot_Omega1, (-t21).mul_add(dot_Omega2, -r_X3)),
                         ),
                 ),
         ]
@@ -1519,7 +1501,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t8 = t3 * t7;
             let t9 = self.rho * t6;
             let t10 = alpha_dot + Omega3;
-            let t11 = (-t10).mul_add(t8, t9.mul_add(beta_dot.mul_add(t4, Omega2), X1));
+            let t11 = (-t8).mul_add(t10, t9.mul_add(beta_dot.mul_add(t4, Omega2), X1));
             let t12 = t4 * t7;
             let t13 = t3 * t9;
             let t14 = t12.mul_add(t10, beta_dot.mul_add(t13, (-Omega1).mul_add(t9, X2)));
@@ -1557,7 +1539,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 78 additions, 134 multiplications (74 fused), 2 elementary functions.
+    /// 80 additions, 129 multiplications (75 fused), 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn momentum_equation(&self, t: R, y: &[R; 16]) -> [R; 5] {
@@ -1565,155 +1547,143 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Gamma3, _, _, _, _, _, _] = *y;
         let _ = t;
         let (t0, t1) = beta.sin_cos();
-        let t2 = self.c4 * t0;
+        let t2 = self.c7 * t0;
         let t3 = alpha_dot + Omega3;
         let (t4, t5) = alpha.sin_cos();
         let t6 = Gamma2 * t5;
         let t7 = (-Gamma1).mul_add(t4, t6);
-        let t8 = self.c4 * t1;
+        let t8 = self.c7 * t1;
         let t9 = beta_dot * t8;
         let t10 = Gamma1.mul_add(t5, Gamma2 * t4);
-        let t11 = self.c0 * t0;
+        let t11 = self.c1 * t0;
         let t12 = Omega3.mul_add(t9.mul_add(t10, t3 * t2 * t7), -(t7 * t11));
         let t13 = Omega2 * t4;
         let t14 = Omega1.mul_add(t5, t13);
-        let t15 = Omega1 * t4;
-        let t16 = Omega2.mul_add(t5, -t15);
-        let t17 = self.c2 * t16.mul_add(t0 * t0, beta_dot);
-        let t18 = Gamma3.mul_add(t9, t17);
-        let t19 = (-Omega1).mul_add(Gamma2, Omega2 * Gamma1);
-        let t20 = self.c2 * t0;
-        let t21 = t1 * t20;
-        let t22 = Gamma3.mul_add(t2, t21);
-        let t23 = t16 * t3;
-        let t24 = Omega1.mul_add(Gamma1, Omega2 * Gamma2);
-        let t25 = beta_dot * t2;
-        let t26 = Gamma3 * t25;
-        let t27 = Omega3 * t8;
-        let t28 = self.c0 * t1;
-        let t29 = Omega2 * Omega2;
-        let t30 = Omega1 * Omega2;
-        let t31 = Omega1.mul_add(Omega1, t29);
-        let t32 = t21
+        let t15 = Gamma3.mul_add(t9, self.c5 * beta_dot);
+        let t16 = (-Omega1).mul_add(Gamma2, Omega2 * Gamma1);
+        let t17 = Omega1 * t4;
+        let t18 = Omega2.mul_add(t5, -t17);
+        let t19 = self.c5 * t0;
+        let t20 = t0 * t19;
+        let t21 = t14 * t20;
+        let t22 = Gamma3 * t2;
+        let t23 = t1 * t19;
+        let t24 = t22 + t23;
+        let t25 = t3.mul_add(t24, t21);
+        let t26 = Gamma3 * t11;
+        let t27 = Omega1.mul_add(Gamma1, Omega2 * Gamma2);
+        let t28 = Omega3 * t27;
+        let t29 = beta_dot * Omega3;
+        let t30 = Omega2 * Omega2;
+        let t31 = self.c5 * t14;
+        let t32 = t0.mul_add(t14, Omega3 * t1);
+        let t33 = Omega1 * Omega2;
+        let t34 = beta_dot * t22;
+        let t35 = Omega1.mul_add(Omega1, t30);
+        let t36 = Gamma3 * t14;
+        let t37 = self.c1 * t1;
+        let t38 = (-alpha_dot)
             .mul_add(
-                t15
+                t31,
+                t23
                     .mul_add(
-                        t15,
-                        t29
+                        t17.mul_add(t17, t30.mul_add(t5 * t5, alpha_dot * alpha_dot)),
+                        t2
                             .mul_add(
-                                t5 * t5,
-                                Omega3.mul_add(Omega3, alpha_dot * alpha_dot),
+                                t7.mul_add(t29, t28),
+                                (-t10).mul_add(t37, t16.mul_add(t9, t26)),
                             ),
                     ),
-                t10
+            );
+        let t39 = (-alpha_dot)
+            .mul_add(t32, t4 * t5 * (t33 * t1))
+            .mul_add(
+                self.c28 * t0,
+                (-Omega3)
                     .mul_add(
-                        t3.mul_add(t27, -t28),
-                        Omega3
-                            .mul_add(
-                                t7.mul_add(t25, t2 * t24),
-                                t19.mul_add(t9, Gamma3 * t11),
-                            ),
+                        (-t19).mul_add(t32, t1 * t1 * t31),
+                        (-t24).mul_add(t35, (-t18).mul_add(t34, t38)),
                     ),
             );
-        let t33 = Omega3 * t18;
-        let t34 = self.c24 * t0;
-        let t35 = (-Omega3)
-            .mul_add(t22.mul_add(t3, t24 * t34), Gamma3 * t2.mul_add(t31, -t11));
-        let t36 = Omega3.mul_add(Gamma3, t24);
-        let t37 = t1.mul_add(self.c26, Gamma3);
-        let t38 = (-self.c28)
+        let t40 = Omega3 * Gamma3;
+        let t41 = self.c29 * (t40 + t27);
+        let t42 = self.c10 * t1;
+        let t43 = t42
             .mul_add(
-                t37.mul_add(self.c27 * Omega3 * t1, Gamma3 * t36),
-                t20 * (-t1).mul_add(t14, t0 * t3),
+                t32.mul_add(self.c30, t40),
+                (-alpha_dot).mul_add(t20, Gamma3 * t41),
             );
-        let t39 = self.c28 * t36;
-        let t40 = Omega3.mul_add(t39 + t27, -t28);
-        let t41 = (-Omega1).mul_add(Omega1, t29);
-        let t42 = alpha_dot * t5;
-        let t43 = Omega1
+        let t44 = self.c10 * t0;
+        let t45 = (-Omega3).mul_add(t25, t22.mul_add(t35, (-t28).mul_add(t44, -t26)));
+        let t46 = Gamma1 * t44;
+        let t47 = Omega3.mul_add(Omega3.mul_add(t8, t41), -t37);
+        let t48 = (-Omega1).mul_add(Omega1, t30);
+        let t49 = t9
             .mul_add(
-                t4.mul_add(t9, t2 * t42),
-                Omega2.mul_add(t5.mul_add(t9, -(alpha_dot * t4 * t2)), t8 * t41),
+                Omega2.mul_add(t5, t17),
+                (-(alpha_dot * t2)).mul_add((-Omega1).mul_add(t5, t13), t8 * t48),
             );
-        let t44 = self.c24 * t1;
-        let t45 = beta_dot * t44;
-        let t46 = t30 * t44;
-        let t47 = Gamma1 * t34;
-        let t48 = beta_dot * Omega3;
-        let t49 = (-Omega2)
+        let t50 = beta_dot * t42;
+        let t51 = t33 * t42;
+        let t52 = Omega3 * t15;
+        let t53 = (-t5)
             .mul_add(
-                Omega3.mul_add(self.c29, t38),
-                t5
+                t46.mul_add(Omega2 * alpha_dot, -t52),
+                (-Gamma2)
                     .mul_add(
-                        t33,
+                        t47 - t49,
                         t4
                             .mul_add(
-                                t35,
+                                t45,
                                 (-Omega1)
                                     .mul_add(
-                                        t26,
-                                        (-Gamma1)
-                                            .mul_add(
-                                                t13.mul_add(t45, -t46),
-                                                -(t47 * Omega2.mul_add(t42, -t48)),
-                                            ),
+                                        t34,
+                                        (-Gamma1).mul_add(t13.mul_add(t50, -t51), t29 * t46),
                                     ),
                             ),
                     ),
             );
-        let t50 = Gamma2 * t34;
-        let t51 = (-t23)
+        let t54 = Gamma2 * t44;
+        let t55 = (-beta_dot)
             .mul_add(
-                t34 * t37,
-                t30
+                t2.mul_add(t27, t31),
+                t33
                     .mul_add(
-                        (-t5).mul_add(t47, t4.mul_add(t50, self.c31)),
-                        (-(t41 * t2))
+                        (-t5).mul_add(t46, t4.mul_add(t54, self.c31)),
+                        (-t36)
                             .mul_add(
-                                Gamma1.mul_add(t4, t6),
-                                (-t24).mul_add(t25, (-t19).mul_add(t39, t12)),
+                                t50,
+                                (-(t48 * t2))
+                                    .mul_add(Gamma1.mul_add(t4, t6), (-t16).mul_add(t41, t12)),
                             ),
                     ),
             );
         [
-            (-t14).mul_add(t2.mul_add(t19, t18), (-t22).mul_add(t23, t12)),
-            (-self.c2.mul_add(t1 * t1, (-t0).mul_add(t20, Gamma3 * t8)))
+            (-t18).mul_add(t25, (-t14).mul_add(t2.mul_add(t16, t15), t12)),
+            (-t8).mul_add(t3.mul_add((-Omega3).mul_add(t10, t36), -(t16 * t18)), t39),
+            Omega2.mul_add(Omega3.mul_add(self.c12, t43), t53),
+            (-Omega1)
                 .mul_add(
-                    t3 * t14,
-                    t16
+                    t6.mul_add(t50, (-Omega3).mul_add(self.c3, t43)),
+                    (-t5)
                         .mul_add(
-                            t19.mul_add(t8, -t26),
-                            (-t22)
-                                .mul_add(
-                                    t31,
-                                    (t0 * (self.c25 * t1))
-                                        .mul_add((-t5).mul_add(t30 * t4, alpha_dot * Omega3), t32),
-                                ),
-                        ),
-                ),
-            (-Gamma2).mul_add(t40 - t43, t49),
-            Omega1
-                .mul_add(
-                    (-t6).mul_add(t45, Omega3.mul_add(self.c30, t38)),
-                    t4
-                        .mul_add(
-                            t33,
+                            t45,
                             Gamma1
                                 .mul_add(
-                                    t40 + t43,
-                                    (-t5)
+                                    t47 + t49,
+                                    t4
                                         .mul_add(
-                                            t35,
+                                            t52,
                                             (-Omega2)
                                                 .mul_add(
-                                                    t26,
-                                                    (-Gamma2).mul_add(t46, t50 * alpha_dot.mul_add(t15, t48)),
+                                                    t34,
+                                                    (-Gamma2).mul_add(t51, t54 * alpha_dot.mul_add(t17, t29)),
                                                 ),
                                         ),
                                 ),
                         ),
                 ),
-            (-t14).mul_add(Gamma3.mul_add(t45, t17), t51),
+            (-t18).mul_add(t3.mul_add(Gamma3.mul_add(t44, t23), t21), t55),
         ]
     }
 
@@ -1744,536 +1714,542 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 162 additions, 210 multiplications (113 fused), 3 divisions, 97 sign changes, 2 elementary functions.
+    /// 163 additions, 212 multiplications (118 fused), 3 divisions, 98 sign changes, 2 elementary functions.
     pub fn check(&self, t: R, y: &[R; 16]) -> Result<(), ::hamel_runtime::Failure> {
         let [alpha, beta, _, _, _, _, _, Gamma1, Gamma2, Gamma3, _, _, _, _, _, _] = *y;
         /// mass matrix A = W^T L_yy Psi
-        let [t1, A_alpha_dot_alpha_dot, t2, t6, t7, t8, t9, t10, t11, t12, t13,
-        A_alpha_dot_Omega3, t14, t15, t17, t19, t20, t22, t23, t25, A_beta_dot_Omega2,
-        t26, t27, A_beta_dot_Omega3, t28, t29, t31, t32, t33, t34, A_Omega1_Omega1, t35,
-        t36, t37, t38, t39, t40, t41, t42, t43, t44, A_Omega2_Omega2, t45, t46,
-        A_Omega3_Omega3] = {
+        let [t1, A_alpha_dot_alpha_dot, t4, t5, t6, t7, t8, t9, t10, t11, t13,
+        A_alpha_dot_Omega3, t14, t16, t17, t19, t20, t21, t22, t23, A_beta_dot_Omega2,
+        t24, t25, t26, t28, t29, t30, t31, A_Omega1_Omega1, t33, t34, t35, t36, t37, t38,
+        t39, t40, t41, t42, t43, A_Omega2_Omega2, t44, t45, A_Omega3_Omega3] = {
             let (t0, t1) = beta.sin_cos();
-            let A_alpha_dot_alpha_dot = self.c2 * (t0 * t0);
-            let t2 = self.c3 * t1;
-            let t3 = Gamma3 + t2;
-            let (t4, t5) = alpha.sin_cos();
-            let t6 = t0 * t5;
-            let t7 = self.c4 * t6;
-            let t8 = t3 * t7;
-            let t9 = t0 * t4;
-            let t10 = self.c4 * t9;
-            let t11 = t3 * t10;
-            let t12 = Gamma2 * t10;
-            let t13 = Gamma1 * t7;
-            let t14 = self.c2 * t4;
-            let t15 = self.c4 * t1;
-            let t16 = t4 * t15;
-            let t17 = Gamma3 * t16;
-            let t18 = self.c4 * t0;
-            let t19 = Gamma2 * t18;
-            let t21 = t5 * t15;
-            let t22 = Gamma3 * t21;
-            let t23 = Gamma1 * t18;
-            let t24 = self.c5 * t5;
-            let t25 = self.mu * t24;
-            let t26 = Gamma1 * t16;
-            let t27 = Gamma2 * t21;
-            let t28 = self.c7 * t9.mul_add(self.c6, Gamma2);
-            let t29 = Gamma2 * t28;
-            let t30 = self.c2 * t9;
-            let t31 = t9 * t30;
-            let t32 = self.c7 * Gamma3;
-            let t33 = t1.mul_add(self.c6, Gamma3) * t32;
-            let t34 = t1 * t1;
-            let t35 = self.c7 * Gamma1;
-            let t36 = Gamma2 * (t35 + t7);
-            let t37 = Gamma1 * t10;
-            let t38 = t6 * t30;
-            let t40 = Gamma3 * t35;
-            let t41 = Gamma1 * t15;
-            let t43 = t6.mul_add(t0 * t24, self.c5 * t34);
-            let t44 = t35 * t6.mul_add(self.c6, Gamma1);
-            let t45 = Gamma2 * (t32 + t15);
+            let A_alpha_dot_alpha_dot = self.c5 * (t0 * t0);
+            let (t2, t3) = alpha.sin_cos();
+            let t4 = t0 * t3;
+            let t5 = self.c6 * t1;
+            let t6 = self.c7 * (Gamma3 + t5);
+            let t7 = t4 * t6;
+            let t8 = t0 * t2;
+            let t9 = t8 * t6;
+            let t10 = Gamma2 * t8;
+            let t11 = Gamma1 * t4;
+            let t12 = t10 + t11;
+            let t13 = self.c7 * t12;
+            let t14 = self.c5 * t2;
+            let t15 = self.c7 * t0;
+            let t16 = Gamma2 * t15;
+            let t17 = self.c7 * t1;
+            let t18 = Gamma3 * t17;
+            let t19 = t2 * t18;
+            let t21 = self.c5 * t3;
+            let t22 = Gamma1 * t15;
+            let t23 = t3 * t18;
+            let t24 = Gamma2 * t3;
+            let t25 = Gamma1 * t2;
+            let t27 = t1 * t1;
+            let t28 = t8.mul_add(t8, t27);
+            let t29 = self.c9 * Gamma3;
+            let t30 = t1.mul_add(self.c8, Gamma3) * t29;
+            let t31 = Gamma2 * Gamma2;
+            let t32 = self.c9 * Gamma1;
+            let t33 = Gamma2 * t32;
+            let t34 = Gamma1 * t8;
+            let t35 = self.c6 * t8;
+            let t36 = t4 * (Gamma2 + t35);
+            let t37 = self.c7 * (t34 + t36);
+            let t39 = Gamma3 * t32;
+            let t40 = Gamma1 * t17;
+            let t42 = Gamma1 * t32;
+            let t43 = t4.mul_add(t4, t27);
+            let t44 = Gamma2 * (t29 + t17);
             [
                 t1,
                 A_alpha_dot_alpha_dot,
-                t2,
+                t4,
+                t5,
                 t6,
                 t7,
                 t8,
                 t9,
                 t10,
                 t11,
-                t12,
                 t13,
-                A_alpha_dot_alpha_dot + t12 + t13,
+                A_alpha_dot_alpha_dot + t13,
                 t14,
-                t15,
+                t16,
                 t17,
                 t19,
-                t14 + t19 + t17,
+                t14 + t16 + t19,
+                t21,
                 t22,
                 t23,
+                t21 + t22 + t23,
+                t24,
                 t25,
-                t23 + t25 + t22,
-                t26,
-                t27,
-                t26 - t27,
+                t17 * (t24 - t25),
                 t28,
                 t29,
+                t30,
                 t31,
-                t32,
+                t10
+                    .mul_add(
+                        self.c10,
+                        t28.mul_add(self.c5, t31.mul_add(self.c9, self.I1)) + t30,
+                    ),
                 t33,
                 t34,
-                t34.mul_add(self.c2, self.I1) + t33 + t31 + t29,
                 t35,
                 t36,
                 t37,
-                t38,
-                t37 + t38 + t36,
+                t33 + t37,
+                t39,
                 t40,
-                t41,
-                t40 + t41 + t8,
+                t39 + t40 + t7,
+                t42,
                 t43,
+                t11.mul_add(self.c10, t43.mul_add(self.c5, self.I2 + t42 + t30)),
                 t44,
-                t43.mul_add(self.mu, self.I2 + t33) + t44,
-                t45,
-                t11 + t45,
-                self.I3 + A_alpha_dot_alpha_dot + t44 + t29,
+                t44 + t9,
+                t12
+                    .mul_add(
+                        self.c10,
+                        t31.mul_add(self.c9, self.I3) + t42 + A_alpha_dot_alpha_dot,
+                    ),
             ]
         };
         /// factors of A
-        let [t47, A_l4_2, A_l5_2, t48, A_s2_3_3, t49, A_s2_3_4, t50, A_s2_3_5, t51,
-        A_s2_4_4, t52, t53, t54, A_s2_5_5, t55, t56, t57, A_l5_1, t58, A_s1_3_3, t59,
-        A_s1_3_4, t60, A_s1_3_5, t61, A_s1_4_4, t62, A_s1_4_5, t63, A_s1_5_5, t64,
-        A_l4_3, A_l5_3, t65, A_s3_4_4, t66, A_s3_4_5, t67, A_s3_5_5, t68, A_l5_4, t69,
+        let [t46, A_l4_2, A_l5_2, t47, A_s2_3_3, t48, A_s2_3_4, t49, t50, t51, A_s2_4_4,
+        t52, A_s2_4_5, t53, A_s2_5_5, t54, t55, t56, A_l5_1, t57, A_s1_3_3, t58,
+        A_s1_3_4, t59, A_s1_3_5, t60, A_s1_4_4, t61, A_s1_4_5, t62, A_s1_5_5, t63,
+        A_l4_3, A_l5_3, t64, A_s3_4_4, t65, A_s3_4_5, t66, A_s3_5_5, t67, A_l5_4, t68,
         A_s4_5_5] = {
-            let t47 = self.c11 * t20;
-            let A_l4_2 = self.c11 * A_beta_dot_Omega2;
-            let A_l5_2 = self.c11 * A_beta_dot_Omega3;
-            let t48 = t20 * t47;
-            let A_s2_3_3 = A_Omega1_Omega1 - t48;
-            let t49 = A_beta_dot_Omega2 * t47;
-            let A_s2_3_4 = t49 - t39;
-            let t50 = A_beta_dot_Omega3 * t47;
-            let A_s2_3_5 = t50 - t42;
+            let t46 = self.c13 * t20;
+            let A_l4_2 = self.c13 * A_beta_dot_Omega2;
+            let A_l5_2 = self.c19 * t26;
+            let t47 = t20 * t46;
+            let A_s2_3_3 = A_Omega1_Omega1 - t47;
+            let t48 = A_beta_dot_Omega2 * t46;
+            let A_s2_3_4 = t48 - t38;
+            let t49 = t26 * t46;
+            let t50 = t41 + t49;
             let t51 = A_beta_dot_Omega2 * A_l4_2;
             let A_s2_4_4 = A_Omega2_Omega2 - t51;
-            let t52 = A_beta_dot_Omega3 * A_l4_2;
-            let t53 = t46 + t52;
-            let t54 = A_beta_dot_Omega3 * A_l5_2;
-            let A_s2_5_5 = A_Omega3_Omega3 - t54;
-            let t55 = A_alpha_dot_alpha_dot.recip();
-            let t56 = t8 * t55;
-            let t57 = t11 * t55;
-            let A_l5_1 = A_alpha_dot_Omega3 * t55;
-            let t58 = t8 * t56;
-            let A_s1_3_3 = A_s2_3_3 - t58;
-            let t59 = t11 * t56;
-            let A_s1_3_4 = A_s2_3_4 - t59;
-            let t60 = A_alpha_dot_Omega3 * t56;
-            let A_s1_3_5 = A_s2_3_5 + t60;
-            let t61 = t11 * t57;
-            let A_s1_4_4 = A_s2_4_4 - t61;
-            let t62 = A_alpha_dot_Omega3 * t57;
-            let A_s1_4_5 = t62 - t53;
-            let t63 = A_alpha_dot_Omega3 * A_l5_1;
-            let A_s1_5_5 = A_s2_5_5 - t63;
-            let t64 = A_s1_3_3.recip();
-            let A_l4_3 = A_s1_3_4 * t64;
-            let A_l5_3 = A_s1_3_5 * t64;
-            let t65 = A_s1_3_4 * A_l4_3;
-            let A_s3_4_4 = A_s1_4_4 - t65;
-            let t66 = A_s1_3_5 * A_l4_3;
-            let A_s3_4_5 = A_s1_4_5 - t66;
-            let t67 = A_s1_3_5 * A_l5_3;
-            let A_s3_5_5 = A_s1_5_5 - t67;
-            let t68 = A_s3_4_4.recip();
-            let A_l5_4 = A_s3_4_5 * t68;
-            let t69 = A_s3_4_5 * A_l5_4;
+            let t52 = t26 * A_l4_2;
+            let A_s2_4_5 = t52 - t45;
+            let t53 = t26 * A_l5_2;
+            let A_s2_5_5 = A_Omega3_Omega3 + t53;
+            let t54 = A_alpha_dot_alpha_dot.recip();
+            let t55 = t7 * t54;
+            let t56 = t9 * t54;
+            let A_l5_1 = A_alpha_dot_Omega3 * t54;
+            let t57 = t7 * t55;
+            let A_s1_3_3 = A_s2_3_3 - t57;
+            let t58 = t9 * t55;
+            let A_s1_3_4 = A_s2_3_4 - t58;
+            let t59 = A_alpha_dot_Omega3 * t55;
+            let A_s1_3_5 = t59 - t50;
+            let t60 = t9 * t56;
+            let A_s1_4_4 = A_s2_4_4 - t60;
+            let t61 = A_alpha_dot_Omega3 * t56;
+            let A_s1_4_5 = A_s2_4_5 + t61;
+            let t62 = A_alpha_dot_Omega3 * A_l5_1;
+            let A_s1_5_5 = A_s2_5_5 - t62;
+            let t63 = A_s1_3_3.recip();
+            let A_l4_3 = A_s1_3_4 * t63;
+            let A_l5_3 = A_s1_3_5 * t63;
+            let t64 = A_s1_3_4 * A_l4_3;
+            let A_s3_4_4 = A_s1_4_4 - t64;
+            let t65 = A_s1_3_5 * A_l4_3;
+            let A_s3_4_5 = A_s1_4_5 - t65;
+            let t66 = A_s1_3_5 * A_l5_3;
+            let A_s3_5_5 = A_s1_5_5 - t66;
+            let t67 = A_s3_4_4.recip();
+            let A_l5_4 = A_s3_4_5 * t67;
+            let t68 = A_s3_4_5 * A_l5_4;
             [
-                t47,
+                t46,
                 A_l4_2,
                 A_l5_2,
-                t48,
+                t47,
                 A_s2_3_3,
-                t49,
+                t48,
                 A_s2_3_4,
+                t49,
                 t50,
-                A_s2_3_5,
                 t51,
                 A_s2_4_4,
                 t52,
+                A_s2_4_5,
                 t53,
-                t54,
                 A_s2_5_5,
+                t54,
                 t55,
                 t56,
-                t57,
                 A_l5_1,
-                t58,
+                t57,
                 A_s1_3_3,
-                t59,
+                t58,
                 A_s1_3_4,
-                t60,
+                t59,
                 A_s1_3_5,
-                t61,
+                t60,
                 A_s1_4_4,
-                t62,
+                t61,
                 A_s1_4_5,
-                t63,
+                t62,
                 A_s1_5_5,
-                t64,
+                t63,
                 A_l4_3,
                 A_l5_3,
-                t65,
+                t64,
                 A_s3_4_4,
-                t66,
+                t65,
                 A_s3_4_5,
-                t67,
+                t66,
                 A_s3_5_5,
-                t68,
+                t67,
                 A_l5_4,
-                t69,
-                A_s3_5_5 - t69,
+                t68,
+                A_s3_5_5 - t68,
             ]
         };
-        let t70 = Gamma2.abs();
-        let t71 = R::from_f64(8.0)
-            .mul_add(
-                t28.abs(),
-                self.c7
-                    * R::from_f64(20.0)
-                        .mul_add((self.c17 * t9).abs(), R::from_f64(10.0) * t70),
-            );
-        let t72 = t29.abs();
-        let t73 = Gamma3.abs();
-        let t74 = R::from_f64(20.0)
-            .mul_add((self.c17 * t1).abs(), R::from_f64(10.0) * t73);
-        let t75 = t32.abs();
-        let t76 = t33.abs();
-        let t77 = R::from_f64(11.0) * (t14.abs() + t19.abs() + t17.abs());
-        let A_l3_2 = -t47;
-        let t78 = A_l3_2.abs();
-        let t79 = t78.mul_add(R::from_f64(8.0), self.c11 * t77);
+        let t69 = Gamma3.abs();
+        let t70 = R::from_f64(20.0)
+            .mul_add((self.c20 * t1).abs(), R::from_f64(10.0) * t69);
+        let t71 = t29.abs();
+        let t72 = t30.abs();
+        let t73 = R::from_f64(11.0) * (t14.abs() + t16.abs() + t19.abs());
+        let A_l3_2 = -t46;
+        let t74 = A_l3_2.abs();
+        let t75 = t74.mul_add(R::from_f64(8.0), self.c13 * t73);
         let A_beta_dot_Omega1 = -t20;
-        let t80 = R::from_f64(10.0) * (t73 + t2.abs());
-        let t81 = t7.abs();
-        let t82 = R::from_f64(8.0).mul_add(t8.abs(), t80 * t81);
-        let A_l3_1 = -t56;
-        let t83 = A_l3_1.abs();
-        let A_alpha_dot_Omega1 = -t8;
-        let t84 = A_alpha_dot_Omega1.abs();
-        let t85 = t83.mul_add(R::from_f64(8.0), t82 * t55);
-        let t86 = t76
+        let t76 = R::from_f64(8.0)
+            .mul_add(t6.abs(), self.c7 * (R::from_f64(10.0) * (t69 + t5.abs())));
+        let t77 = t4.abs();
+        let t78 = t76.mul_add(t77, R::from_f64(8.0) * t7.abs());
+        let A_l3_1 = -t55;
+        let t79 = A_l3_1.abs();
+        let A_alpha_dot_Omega1 = -t7;
+        let t80 = A_alpha_dot_Omega1.abs();
+        let t81 = t79.mul_add(R::from_f64(8.0), t78 * t54);
+        let t82 = t72
             .mul_add(
                 R::from_f64(13.0),
-                t74
+                t70
                     .mul_add(
-                        t75,
-                        t58
+                        t71,
+                        t57
                             .mul_add(
                                 R::from_f64(10.0),
-                                t48
+                                t47
                                     .mul_add(
                                         R::from_f64(10.0),
-                                        t31
-                                            .mul_add(R::from_f64(13.0), t34.mul_add(self.c18, self.c19)),
+                                        t28.mul_add(self.c23, t31.mul_add(self.c21, self.c22)),
                                     ),
                             ),
                     ),
             );
-        let t87 = t79
+        let t83 = t75
             .mul_add(
                 A_beta_dot_Omega1.abs(),
-                t82
+                t78
                     .mul_add(
-                        t83,
-                        t77
+                        t79,
+                        t73
                             .mul_add(
-                                t78,
+                                t74,
                                 R::from_f64(2.0)
                                     .mul_add(
                                         A_Omega1_Omega1.abs(),
-                                        t70.mul_add(t71, t72.mul_add(R::from_f64(13.0), t86)),
+                                        R::from_f64(26.0).mul_add((self.c7 * t10).abs(), t82),
                                     ),
                             ),
                     ),
             );
-        let t88 = t84.mul_add(t85, R::from_f64(2.0).mul_add(A_s2_3_3.abs(), t87));
-        let t89 = t35.abs();
-        let t90 = R::from_f64(20.0)
-            .mul_add((self.c17 * t6).abs(), R::from_f64(10.0) * Gamma1.abs());
-        let t91 = t44.abs();
-        let t92 = R::from_f64(11.0) * (t23.abs() + t25.abs() + t22.abs());
-        let t93 = A_l4_2.abs();
-        let t94 = t93.mul_add(R::from_f64(8.0), self.c11 * t92);
-        let t95 = A_beta_dot_Omega2.abs();
-        let t96 = R::from_f64(8.0).mul_add(t11.abs(), t80 * t10.abs());
-        let A_l4_1 = -t57;
-        let t97 = A_l4_1.abs();
-        let A_alpha_dot_Omega2 = -t11;
-        let t98 = A_alpha_dot_Omega2.abs();
-        let t99 = t97.mul_add(R::from_f64(8.0), t96 * t55);
-        let A_Omega1_Omega2 = -t39;
-        let t100 = t92
+        let t84 = t80.mul_add(t81, R::from_f64(2.0).mul_add(A_s2_3_3.abs(), t83));
+        let t85 = R::from_f64(11.0) * (t21.abs() + t22.abs() + t23.abs());
+        let t86 = A_l4_2.abs();
+        let t87 = t86.mul_add(R::from_f64(8.0), self.c13 * t85);
+        let t88 = A_beta_dot_Omega2.abs();
+        let t89 = t76.mul_add(t8.abs(), R::from_f64(8.0) * t9.abs());
+        let A_l4_1 = -t56;
+        let t90 = A_l4_1.abs();
+        let A_alpha_dot_Omega2 = -t9;
+        let t91 = A_alpha_dot_Omega2.abs();
+        let t92 = t90.mul_add(R::from_f64(8.0), t89 * t54);
+        let t93 = Gamma2.abs();
+        let A_Omega1_Omega2 = -t38;
+        let t94 = self
+            .c7
             .mul_add(
-                t78,
-                R::from_f64(11.0)
+                R::from_f64(10.0)
                     .mul_add(
                         t36.abs(),
-                        (t89 + t81)
+                        (t93 + t35.abs())
                             .mul_add(
-                                R::from_f64(10.0) * t70,
-                                R::from_f64(11.0)
-                                    .mul_add(t38.abs(), R::from_f64(11.0) * t37.abs()),
+                                R::from_f64(10.0) * t77,
+                                R::from_f64(10.0) * t34.abs(),
                             ),
                     ),
+                t85.mul_add(t74, R::from_f64(10.0) * t33.abs()),
             );
-        let t101 = R::from_f64(2.0)
+        let t95 = R::from_f64(2.0)
             .mul_add(
-                A_s2_3_4.abs(),
-                t79
+                A_Omega1_Omega2.abs(),
+                t75
                     .mul_add(
-                        t95,
-                        t96
+                        t88,
+                        t89
                             .mul_add(
-                                t83,
+                                t79,
                                 R::from_f64(10.0)
                                     .mul_add(
-                                        (-t49).abs(),
-                                        R::from_f64(2.0).mul_add(A_Omega1_Omega2.abs(), t100),
+                                        (-t48).abs(),
+                                        R::from_f64(10.0).mul_add(t37.abs(), t94),
                                     ),
                             ),
                     ),
             );
-        let t102 = t98.mul_add(t85, R::from_f64(10.0).mul_add(t59.abs(), t101));
-        let t103 = A_l4_3.abs();
-        let t104 = t64 * t64;
-        let t105 = t64.abs();
-        let t106 = t102
+        let t96 = R::from_f64(2.0)
             .mul_add(
-                t105,
-                t88.mul_add((A_s1_3_4 * t104).abs(), R::from_f64(8.0) * t103),
+                A_s2_3_4.abs(),
+                t91.mul_add(t81, R::from_f64(10.0).mul_add(t58.abs(), t95)),
             );
-        let t107 = t89
+        let t97 = A_l4_3.abs();
+        let t98 = t63 * t63;
+        let t99 = t63.abs();
+        let t100 = t96
+            .mul_add(t99, t84.mul_add((A_s1_3_4 * t98).abs(), R::from_f64(8.0) * t97));
+        let t101 = t72
             .mul_add(
-                t90,
-                t76
+                R::from_f64(13.0),
+                t70
                     .mul_add(
-                        R::from_f64(12.0),
-                        t74
+                        t71,
+                        t60
                             .mul_add(
-                                t75,
-                                t61
+                                R::from_f64(10.0),
+                                t51
                                     .mul_add(
                                         R::from_f64(10.0),
-                                        t51
-                                            .mul_add(R::from_f64(10.0), t43.mul_add(self.c20, self.c21)),
+                                        t43
+                                            .mul_add(self.c23, t42.mul_add(R::from_f64(13.0), self.c24)),
                                     ),
                             ),
                     ),
             );
-        let t108 = R::from_f64(2.0)
+        let t102 = R::from_f64(2.0)
             .mul_add(
                 A_s2_4_4.abs(),
-                t94
+                t87
                     .mul_add(
-                        t95,
-                        t96
+                        t88,
+                        t89
                             .mul_add(
-                                t97,
+                                t90,
                                 R::from_f64(2.0)
                                     .mul_add(
                                         A_Omega2_Omega2.abs(),
-                                        t92.mul_add(t93, t91.mul_add(R::from_f64(12.0), t107)),
-                                    ),
-                            ),
-                    ),
-            );
-        let t109 = t106
-            .mul_add(
-                A_s1_3_4.abs(),
-                t102
-                    .mul_add(
-                        t103,
-                        R::from_f64(10.0)
-                            .mul_add(
-                                t65.abs(),
-                                R::from_f64(2.0)
-                                    .mul_add(A_s1_4_4.abs(), t98.mul_add(t99, t108)),
-                            ),
-                    ),
-            );
-        let t110 = R::from_f64(10.0) * (t26.abs() + t27.abs());
-        let t111 = A_l5_2.abs();
-        let t112 = A_beta_dot_Omega3.abs();
-        let t113 = R::from_f64(11.0) * (A_alpha_dot_alpha_dot + t12.abs() + t13.abs());
-        let t114 = A_l5_1.abs();
-        let t115 = A_alpha_dot_Omega3.abs();
-        let A_Omega1_Omega3 = -t42;
-        let t116 = t110
-            .mul_add(
-                t78,
-                R::from_f64(2.0)
-                    .mul_add(
-                        A_Omega1_Omega3.abs(),
-                        t84
-                            .mul_add(
-                                R::from_f64(3.0),
-                                R::from_f64(11.0)
-                                    .mul_add(
-                                        t41.abs(),
-                                        R::from_f64(11.0).mul_add(t40.abs(), t82),
-                                    ),
-                            ),
-                    ),
-            );
-        let t117 = R::from_f64(10.0)
-            .mul_add(
-                (-t60).abs(),
-                t85
-                    .mul_add(
-                        t115,
-                        R::from_f64(2.0)
-                            .mul_add(
-                                A_s2_3_5.abs(),
-                                t79
-                                    .mul_add(
-                                        t112,
-                                        t113
-                                            .mul_add(t83, R::from_f64(10.0).mul_add((-t50).abs(), t116)),
-                                    ),
-                            ),
-                    ),
-            );
-        let t118 = A_l5_3.abs();
-        let t119 = A_s1_3_5.abs();
-        let A_Omega2_Omega3 = -t46;
-        let A_s2_4_5 = -t53;
-        let t120 = R::from_f64(2.0)
-            .mul_add(
-                A_Omega2_Omega3.abs(),
-                t98
-                    .mul_add(
-                        R::from_f64(2.0),
-                        R::from_f64(10.0)
-                            .mul_add(
-                                t45.abs(),
-                                (t75 + t15.abs()).mul_add(R::from_f64(10.0) * t70, t96),
-                            ),
-                    ),
-            );
-        let t121 = R::from_f64(10.0)
-            .mul_add(
-                (-t62).abs(),
-                t99
-                    .mul_add(
-                        t115,
-                        R::from_f64(2.0)
-                            .mul_add(
-                                A_s2_4_5.abs(),
-                                t94
-                                    .mul_add(
-                                        t112,
-                                        t113
+                                        t85
                                             .mul_add(
-                                                t97,
-                                                R::from_f64(10.0)
-                                                    .mul_add(t52.abs(), t110.mul_add(t93, t120)),
+                                                t86,
+                                                R::from_f64(26.0).mul_add((self.c7 * t11).abs(), t101),
                                             ),
                                     ),
                             ),
                     ),
             );
-        let t122 = t106
+        let t103 = t100
             .mul_add(
-                t119,
-                t117
+                A_s1_3_4.abs(),
+                t96
                     .mul_add(
-                        t103,
+                        t97,
                         R::from_f64(10.0)
                             .mul_add(
-                                t66.abs(),
-                                R::from_f64(2.0).mul_add(A_s1_4_5.abs(), t121),
+                                t64.abs(),
+                                R::from_f64(2.0)
+                                    .mul_add(A_s1_4_4.abs(), t91.mul_add(t92, t102)),
                             ),
                     ),
             );
-        let t123 = A_l5_4.abs();
-        let t124 = t91
+        let t104 = R::from_f64(10.0) * (t10.abs() + t11.abs());
+        let t105 = t13.abs();
+        let t106 = t17.abs();
+        let t107 = R::from_f64(8.0)
+            .mul_add(t26.abs(), R::from_f64(10.0) * t106 * (t24.abs() + t25.abs()));
+        let t108 = A_l5_2.abs();
+        let A_beta_dot_Omega3 = -t26;
+        let t109 = A_beta_dot_Omega3.abs();
+        let t110 = t105
             .mul_add(
-                R::from_f64(12.0),
-                t89
+                R::from_f64(10.0),
+                t104.mul_add(self.c7, R::from_f64(10.0) * A_alpha_dot_alpha_dot),
+            );
+        let t111 = A_l5_1.abs();
+        let t112 = A_alpha_dot_Omega3.abs();
+        let A_Omega1_Omega3 = -t41;
+        let A_s2_3_5 = -t50;
+        let t113 = R::from_f64(2.0)
+            .mul_add(
+                A_Omega1_Omega3.abs(),
+                t107
                     .mul_add(
-                        t90,
-                        t63
+                        t74,
+                        t80
                             .mul_add(
-                                R::from_f64(10.0),
-                                t54
+                                R::from_f64(3.0),
+                                R::from_f64(11.0)
                                     .mul_add(
-                                        R::from_f64(10.0),
-                                        A_alpha_dot_alpha_dot.mul_add(R::from_f64(12.0), self.c22),
+                                        t40.abs(),
+                                        R::from_f64(11.0).mul_add(t39.abs(), t78),
                                     ),
                             ),
                     ),
             );
-        let t125 = t112
+        let t114 = R::from_f64(10.0)
             .mul_add(
-                t111.mul_add(R::from_f64(8.0), self.c11 * t110),
-                t113
+                (-t59).abs(),
+                R::from_f64(2.0)
                     .mul_add(
-                        t114,
+                        A_s2_3_5.abs(),
+                        t75
+                            .mul_add(
+                                t109,
+                                t110
+                                    .mul_add(t79, R::from_f64(10.0).mul_add(t49.abs(), t113)),
+                            ),
+                    ),
+            );
+        let t115 = t81.mul_add(t112, t114);
+        let t116 = A_l5_3.abs();
+        let t117 = A_s1_3_5.abs();
+        let A_Omega2_Omega3 = -t45;
+        let t118 = R::from_f64(2.0)
+            .mul_add(
+                A_Omega2_Omega3.abs(),
+                t107
+                    .mul_add(
+                        t86,
+                        t91
+                            .mul_add(
+                                R::from_f64(2.0),
+                                R::from_f64(10.0)
+                                    .mul_add(
+                                        t44.abs(),
+                                        (t71 + t106).mul_add(R::from_f64(10.0) * t93, t89),
+                                    ),
+                            ),
+                    ),
+            );
+        let t119 = R::from_f64(10.0)
+            .mul_add(
+                (-t61).abs(),
+                R::from_f64(2.0)
+                    .mul_add(
+                        A_s2_4_5.abs(),
+                        t87
+                            .mul_add(
+                                t109,
+                                t110
+                                    .mul_add(t90, R::from_f64(10.0).mul_add((-t52).abs(), t118)),
+                            ),
+                    ),
+            );
+        let t120 = t115
+            .mul_add(
+                t97,
+                t100
+                    .mul_add(
+                        t117,
+                        R::from_f64(10.0)
+                            .mul_add(
+                                t65.abs(),
+                                R::from_f64(2.0)
+                                    .mul_add(A_s1_4_5.abs(), t92.mul_add(t112, t119)),
+                            ),
+                    ),
+            );
+        let t121 = A_l5_4.abs();
+        let t122 = t62
+            .mul_add(
+                R::from_f64(10.0),
+                (-t53)
+                    .mul_add(
+                        R::from_f64(10.0),
+                        A_alpha_dot_alpha_dot
+                            .mul_add(
+                                R::from_f64(13.0),
+                                t42
+                                    .mul_add(R::from_f64(13.0), t31.mul_add(self.c21, self.c25)),
+                            ),
+                    ),
+            );
+        let t123 = R::from_f64(2.0)
+            .mul_add(
+                A_s2_5_5.abs(),
+                t107
+                    .mul_add(
+                        t108,
                         R::from_f64(2.0)
                             .mul_add(
                                 A_Omega3_Omega3.abs(),
-                                t110
+                                t105
+                                    .mul_add(R::from_f64(26.0), t104.mul_add(self.c10, t122)),
+                            ),
+                    ),
+            );
+        let t124 = R::from_f64(2.0)
+            .mul_add(
+                A_s1_5_5.abs(),
+                t112
+                    .mul_add(
+                        t111.mul_add(R::from_f64(8.0), t110 * t54),
+                        t110
+                            .mul_add(
+                                t111,
+                                t109
                                     .mul_add(
-                                        t111,
-                                        t70.mul_add(t71, t72.mul_add(R::from_f64(12.0), t124)),
+                                        t107.mul_add(self.c13, R::from_f64(8.0) * t108),
+                                        t123,
                                     ),
                             ),
                     ),
             );
-        let t126 = R::from_f64(10.0)
+        let t125 = t117
             .mul_add(
-                t67.abs(),
-                R::from_f64(2.0)
+                t115
                     .mul_add(
-                        A_s1_5_5.abs(),
-                        t115
+                        t99,
+                        t84.mul_add((A_s1_3_5 * t98).abs(), R::from_f64(8.0) * t116),
+                    ),
+                t115
+                    .mul_add(
+                        t116,
+                        R::from_f64(2.0)
                             .mul_add(
-                                t114.mul_add(R::from_f64(8.0), t113 * t55),
-                                R::from_f64(2.0).mul_add(A_s2_5_5.abs(), t125),
+                                A_s3_5_5.abs(),
+                                R::from_f64(10.0).mul_add(t66.abs(), t124),
                             ),
                     ),
             );
-        let t127 = t119
-            .mul_add(
-                t117
-                    .mul_add(
-                        t105,
-                        t88.mul_add((A_s1_3_5 * t104).abs(), R::from_f64(8.0) * t118),
-                    ),
-                t117.mul_add(t118, R::from_f64(2.0).mul_add(A_s3_5_5.abs(), t126)),
-            );
         for (value, scale, pivot) in [
-            (A_s1_3_3, t88, "inertia along Omega1"),
-            (A_s3_4_4, t109, "inertia along Omega2"),
+            (A_s1_3_3, t84, "inertia along Omega1"),
+            (A_s3_4_4, t103, "inertia along Omega2"),
             (
                 A_s4_5_5,
-                t122
+                t120
                     .mul_add(
-                        t68.abs(),
-                        t109
+                        t67.abs(),
+                        t103
                             .mul_add(
-                                (A_s3_4_5 * (t68 * t68)).abs(),
-                                R::from_f64(8.0) * t123,
+                                (A_s3_4_5 * (t67 * t67)).abs(),
+                                R::from_f64(8.0) * t121,
                             ),
                     )
                     .mul_add(
                         A_s3_4_5.abs(),
-                        t122.mul_add(t123, R::from_f64(10.0).mul_add(t69.abs(), t127)),
+                        t120.mul_add(t121, R::from_f64(10.0).mul_add(t68.abs(), t125)),
                     ),
                 "inertia along Omega3",
             ),

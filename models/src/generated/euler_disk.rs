@@ -247,19 +247,19 @@ pub struct Prepared<R = f64> {
     c29: R,
     /// A longer expression in the parameters.
     c30: R,
-    /// A longer expression in the parameters.
+    /// `0.5 * (M * M) * (r * r * r) * e / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
     c31: R,
-    /// A longer expression in the parameters.
-    c32: R,
-    /// `-(0.5 * (M * M) * (r * r * r) * e / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r))))`
-    c33: R,
     /// `-((I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r))) / (I3 + M * (r * r)))`
-    c34: R,
+    c32: R,
     /// `-(0.5 * M * r * e)`
+    c33: R,
+    /// A longer expression in the parameters.
+    c34: R,
+    /// `0.5 * (M * M) * (r * r) * e * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
     c35: R,
     /// A longer expression in the parameters.
     c36: R,
-    /// `0.5 * (M * M) * (r * r) * e * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    /// A longer expression in the parameters.
     c37: R,
     /// `I3 + M * (r * r)`
     A_psi_dot_psi_dot: R,
@@ -280,7 +280,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 29 additions, 90 multiplications, 34 divisions, 11 sign changes.
+    /// 26 additions, 89 multiplications, 34 divisions, 10 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { M, r, e, I1, I3, g } = *params;
         for (value, condition, meaning) in [
@@ -307,44 +307,40 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t2 = t1 * g;
         let t3 = r * r;
         let t4 = e * e;
-        let t5 = t3 * t4;
-        let t6 = R::from_f64(4.0) * t3;
-        let t7 = t5 + t6;
-        let A_theta_dot_theta_dot = I1 + R::from_f64(0.25) * M * t7;
-        let t8 = M * r;
-        let t9 = t8 * g;
-        let t10 = R::from_f64(4.0) * I1;
-        let t11 = R::from_f64(4.0) * I3;
-        let t12 = t10 - t11;
-        let t13 = R::from_f64(4.0) * M * t3;
-        let t14 = M * t3;
-        let t15 = t14 * t4;
-        let A_psi_dot_psi_dot = I3 + t14;
-        let t16 = t0 * t3 * e;
-        let t17 = M * (t5 - t6);
-        let t18 = M * M;
-        let t19 = t3 * t3;
-        let t20 = t18 * t19 * t4 / A_psi_dot_psi_dot;
-        let t21 = t10 - R::from_f64(2.0) * I3 + t13 + t17 - t20;
-        let t22 = t10 + t15;
-        let t23 = t22 - t20;
-        let t24 = R::from_f64(2.0) * M;
-        let t25 = t24 * t3;
-        let t26 = t14 * e;
-        let t27 = I3 + t25;
-        let t28 = t25 * e - t26 * t27 / A_psi_dot_psi_dot;
-        let t29 = R::from_f64(2.0) * t28 / t23;
-        let t30 = A_psi_dot_psi_dot * t23;
-        let t31 = t26 / A_psi_dot_psi_dot;
-        let t32 = t26 * t28 / t30 - t27 / A_psi_dot_psi_dot;
-        let t33 = t10 + M * t7;
-        let t34 = R::from_f64(0.5) * e;
-        let t35 = t8 * e;
-        let t36 = t12 + t17;
-        let t37 = t3 * r;
-        let t38 = t18 * t37;
-        let t39 = R::from_f64(4.0) * t18;
-        let t40 = R::from_f64(0.5) * t18;
+        let t5 = t3 * t4 + R::from_f64(4.0) * t3;
+        let A_theta_dot_theta_dot = I1 + R::from_f64(0.25) * M * t5;
+        let t6 = M * r;
+        let t7 = t6 * g;
+        let t8 = R::from_f64(4.0) * I1;
+        let t9 = R::from_f64(4.0) * I3;
+        let t10 = R::from_f64(4.0) * M * t3;
+        let t11 = M * t3;
+        let t12 = t11 * t4;
+        let t13 = t8 - t9 - t10 + t12;
+        let A_psi_dot_psi_dot = I3 + t11;
+        let t14 = t0 * t3 * e;
+        let t15 = M * M;
+        let t16 = t3 * t3;
+        let t17 = t15 * t16 * t4 / A_psi_dot_psi_dot;
+        let t18 = t8 - R::from_f64(2.0) * I3 + t12 - t17;
+        let t19 = t8 + t12;
+        let t20 = t19 - t17;
+        let t21 = R::from_f64(2.0) * M;
+        let t22 = t21 * t3;
+        let t23 = t11 * e;
+        let t24 = I3 + t22;
+        let t25 = t22 * e - t23 * t24 / A_psi_dot_psi_dot;
+        let t26 = R::from_f64(2.0) * t25 / t20;
+        let t27 = A_psi_dot_psi_dot * t20;
+        let t28 = t23 / A_psi_dot_psi_dot;
+        let t29 = t23 * t25 / t27 - t24 / A_psi_dot_psi_dot;
+        let t30 = t8 + M * t5;
+        let t31 = R::from_f64(0.5) * e;
+        let t32 = t3 * r;
+        let t33 = t15 * t32;
+        let t34 = R::from_f64(4.0) * t15;
+        let t35 = t6 * e;
+        let t36 = R::from_f64(0.5) * t15;
         if !M.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "M > 0",
@@ -377,56 +373,56 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(Self {
             I3,
-            c0: R::from_f64(-0.25) * (t12 - t13 + t15) / A_psi_dot_psi_dot,
+            c0: R::from_f64(-0.25) * t13 / A_psi_dot_psi_dot,
             c1: t2 / A_theta_dot_theta_dot,
-            c2: -(t9 / A_theta_dot_theta_dot),
+            c2: -(t7 / A_theta_dot_theta_dot),
             c3: -(A_psi_dot_psi_dot / A_theta_dot_theta_dot),
-            c4: -(t16 / A_theta_dot_theta_dot),
-            c5: R::from_f64(-0.5) * t21 / I3,
-            c6: t11 / t23,
-            c7: t29,
-            c8: t31 - (t26 * t21 / t30 - t29),
-            c9: -t32,
-            c10: -(t13 * e / t22),
-            c11: -t31,
-            c12: R::from_f64(0.125) * t33,
-            c13: t9,
+            c4: -(t14 / A_theta_dot_theta_dot),
+            c5: R::from_f64(-0.5) * t18 / I3,
+            c6: t9 / t20,
+            c7: t26,
+            c8: t28 - (t23 * t18 / t27 - t26),
+            c9: -t29,
+            c10: -(t10 * e / t19),
+            c11: -t28,
+            c12: R::from_f64(0.125) * t30,
+            c13: t7,
             c14: t2,
-            c15: R::from_f64(0.125) * t22,
+            c15: R::from_f64(0.125) * t19,
             c16: R::from_f64(0.5) * A_psi_dot_psi_dot,
-            c17: R::from_f64(0.25) * t23,
+            c17: R::from_f64(0.25) * t20,
             c18: R::from_f64(0.25)
                 * (R::from_f64(44.0) * I1 + R::from_f64(11.0) * M * t3 * t4
-                    + R::from_f64(11.0) * t18 * t19 * t4 / A_psi_dot_psi_dot),
-            c19: R::from_f64(0.25) * t33,
-            c20: -t16,
-            c21: R::from_f64(0.25) * t22,
+                    + R::from_f64(11.0) * t15 * t16 * t4 / A_psi_dot_psi_dot),
+            c19: R::from_f64(0.25) * t30,
+            c20: -t14,
+            c21: R::from_f64(0.25) * t19,
             c22: A_psi_dot_psi_dot / I3,
-            c23: t34,
-            c24: t8,
-            c25: -(t34 * I3),
-            c26: t8 / I3,
-            c27: t24 * r + t8 * t32 - t35 * t28 / t23,
-            c28: R::from_f64(-2.0) * (t8 * t28 / t23 - t35 * I3 / t23),
-            c29: R::from_f64(0.25)
-                * (t8 * t36 / A_theta_dot_theta_dot + t38 * t4 / A_theta_dot_theta_dot),
-            c30: R::from_f64(-0.125)
-                * (t39 * t37 * e / A_theta_dot_theta_dot
-                    - t35 * t36 / A_theta_dot_theta_dot),
-            c31: R::from_f64(-0.25) * t18 * t37 * t4 / A_theta_dot_theta_dot,
-            c32: R::from_f64(0.5)
+            c23: t31,
+            c24: t6,
+            c25: -(t31 * I3),
+            c26: t6 / I3,
+            c27: R::from_f64(0.25)
+                * (t6 * t13 / A_theta_dot_theta_dot + t33 * t4 / A_theta_dot_theta_dot),
+            c28: R::from_f64(-0.125)
+                * (t34 * t32 * e / A_theta_dot_theta_dot
+                    - t35 * t13 / A_theta_dot_theta_dot),
+            c29: R::from_f64(-0.25) * t15 * t32 * t4 / A_theta_dot_theta_dot,
+            c30: R::from_f64(-0.5)
                 * (t35 * A_psi_dot_psi_dot / A_theta_dot_theta_dot
-                    + t38 * e / A_theta_dot_theta_dot),
-            c33: -(t40 * t37 * e / A_theta_dot_theta_dot),
-            c34: -(A_theta_dot_theta_dot / A_psi_dot_psi_dot),
-            c35: -t1,
-            c36: R::from_f64(-0.25)
-                * (t39 * t3 * g / A_theta_dot_theta_dot
-                    - t18 * t3 * t4 * g / A_theta_dot_theta_dot),
-            c37: t40 * t3 * e * g / A_theta_dot_theta_dot,
+                    + t33 * e / A_theta_dot_theta_dot),
+            c31: t36 * t32 * e / A_theta_dot_theta_dot,
+            c32: -(A_theta_dot_theta_dot / A_psi_dot_psi_dot),
+            c33: -t1,
+            c34: R::from_f64(-0.25)
+                * (t34 * t3 * g / A_theta_dot_theta_dot
+                    - t15 * t3 * t4 * g / A_theta_dot_theta_dot),
+            c35: t36 * t3 * e * g / A_theta_dot_theta_dot,
+            c36: t21 * r + t6 * t29 - t35 * t25 / t20,
+            c37: R::from_f64(2.0) * (t35 * I3 / t20 - t6 * t25 / t20),
             A_psi_dot_psi_dot,
-            c38: t16 / A_psi_dot_psi_dot,
-            c39: t14,
+            c38: t14 / A_psi_dot_psi_dot,
+            c39: t11,
         })
     }
 }
@@ -569,41 +565,41 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         let (t0, t1) = phi.sin_cos();
         let (t2, t3) = theta.sin_cos();
-        let t4 = phi_dot * t2;
-        let t5 = phi_dot * t3;
-        let t6 = psi_dot + t5;
-        let t7 = theta_dot * t6.mul_add(self.c28, self.c27 * t4);
-        let t8 = theta_dot * theta_dot;
-        let t9 = t2 * t4;
-        let t10 = (-t4)
+        let t4 = phi_dot * t3;
+        let t5 = phi_dot * t2;
+        let t6 = psi_dot + t4;
+        let t7 = theta_dot * theta_dot;
+        let t8 = t2 * t5;
+        let t9 = t5
             .mul_add(
-                t9.mul_add(self.c33, t3 * (self.c32 * psi_dot)),
+                t8.mul_add(self.c31, t3 * (self.c30 * psi_dot)),
                 self
-                    .c37
+                    .c35
                     .mul_add(
                         (-t3).mul_add(t3, t2 * t2),
-                        t4
+                        t5
                             .mul_add(
-                                self.c35 * phi_dot,
-                                t2.mul_add(self.c36 * t3, t2 * (self.c35 * t8)),
+                                self.c33 * phi_dot,
+                                t2.mul_add(self.c34 * t3, t2 * (self.c33 * t7)),
                             ),
                     ),
             );
-        let t11 = self
+        let t10 = self
             .c24
             .mul_add(
-                self.c3.mul_add(psi_dot.mul_add(t9, t3 * (self.c34 * t8)), phi_dot * t6),
-                t5
+                self.c3.mul_add(psi_dot.mul_add(t8, t3 * (self.c32 * t7)), phi_dot * t6),
+                t4
                     .mul_add(
                         t6
                             .mul_add(
-                                self.c31 * t3,
-                                t4 * t3.mul_add(self.c30, self.c29 * t2),
+                                self.c29 * t3,
+                                t5 * t3.mul_add(self.c28, self.c27 * t2),
                             ),
-                        t10,
+                        t9,
                     ),
             );
-        [t0.mul_add(t11, t1 * t7), (-t1).mul_add(t11, t0 * t7)]
+        let t11 = theta_dot * t6.mul_add(self.c37, self.c36 * t5);
+        [t0.mul_add(t10, t1 * t11), (-t1).mul_add(t10, t0 * t11)]
     }
 
     /// Momenta \<p, W_b\> along the sections of virtual displacements.

@@ -214,7 +214,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 21 additions, 51 multiplications, 16 divisions, 5 sign changes.
+    /// 19 additions, 50 multiplications, 16 divisions, 5 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { M, r, e, I1, I3, g } = *params;
         for (value, condition, meaning) in [
@@ -240,30 +240,28 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t1 = t0 * r * e * g;
         let t2 = r * r;
         let t3 = e * e;
-        let t4 = t2 * t3;
-        let t5 = R::from_f64(4.0) * t2;
-        let t6 = t4 + t5;
-        let A_theta_dot_theta_dot = I1 + R::from_f64(0.25) * M * t6;
-        let t7 = M * r * g;
-        let t8 = R::from_f64(4.0) * I1;
-        let t9 = R::from_f64(4.0) * I3;
-        let t10 = R::from_f64(4.0) * M * t2;
-        let t11 = M * t2;
-        let t12 = t11 * t3;
-        let A_psi_dot_psi_dot = I3 + t11;
-        let t13 = M * M;
-        let t14 = t2 * t2;
-        let t15 = t13 * t14 * t3 / A_psi_dot_psi_dot;
-        let t16 = t8 - R::from_f64(2.0) * I3 + t10 + M * (t4 - t5) - t15;
-        let t17 = t8 + t12;
-        let t18 = t17 - t15;
-        let t19 = R::from_f64(2.0) * M * t2;
-        let t20 = t11 * e;
-        let t21 = I3 + t19;
-        let t22 = t19 * e - t20 * t21 / A_psi_dot_psi_dot;
-        let t23 = R::from_f64(2.0) * t22 / t18;
-        let t24 = A_psi_dot_psi_dot * t18;
-        let t25 = t20 / A_psi_dot_psi_dot;
+        let t4 = t2 * t3 + R::from_f64(4.0) * t2;
+        let A_theta_dot_theta_dot = I1 + R::from_f64(0.25) * M * t4;
+        let t5 = M * r * g;
+        let t6 = R::from_f64(4.0) * I1;
+        let t7 = R::from_f64(4.0) * I3;
+        let t8 = R::from_f64(4.0) * M * t2;
+        let t9 = M * t2;
+        let t10 = t9 * t3;
+        let A_psi_dot_psi_dot = I3 + t9;
+        let t11 = M * M;
+        let t12 = t2 * t2;
+        let t13 = t11 * t12 * t3 / A_psi_dot_psi_dot;
+        let t14 = t6 - R::from_f64(2.0) * I3 + t10 - t13;
+        let t15 = t6 + t10;
+        let t16 = t15 - t13;
+        let t17 = R::from_f64(2.0) * M * t2;
+        let t18 = t9 * e;
+        let t19 = I3 + t17;
+        let t20 = t17 * e - t18 * t19 / A_psi_dot_psi_dot;
+        let t21 = R::from_f64(2.0) * t20 / t16;
+        let t22 = A_psi_dot_psi_dot * t16;
+        let t23 = t18 / A_psi_dot_psi_dot;
         if !M.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "M > 0",
@@ -295,27 +293,27 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             });
         }
         Ok(Self {
-            c0: R::from_f64(-0.25) * (t8 - t9 - t10 + t12) / A_psi_dot_psi_dot,
+            c0: R::from_f64(-0.25) * (t6 - t7 - t8 + t10) / A_psi_dot_psi_dot,
             c1: t1 / A_theta_dot_theta_dot,
-            c2: -(t7 / A_theta_dot_theta_dot),
+            c2: -(t5 / A_theta_dot_theta_dot),
             c3: -(A_psi_dot_psi_dot / A_theta_dot_theta_dot),
             c4: -(t0 * t2 * e / A_theta_dot_theta_dot),
-            c5: R::from_f64(-0.5) * t16 / I3,
-            c6: t9 / t18,
-            c7: t23,
-            c8: t25 - (t20 * t16 / t24 - t23),
-            c9: t21 / A_psi_dot_psi_dot - t20 * t22 / t24,
-            c10: -(t10 * e / t17),
-            c11: -t25,
-            c12: R::from_f64(0.125) * (t8 + M * t6),
-            c13: t7,
+            c5: R::from_f64(-0.5) * t14 / I3,
+            c6: t7 / t16,
+            c7: t21,
+            c8: t23 - (t18 * t14 / t22 - t21),
+            c9: t19 / A_psi_dot_psi_dot - t18 * t20 / t22,
+            c10: -(t8 * e / t15),
+            c11: -t23,
+            c12: R::from_f64(0.125) * (t6 + M * t4),
+            c13: t5,
             c14: t1,
-            c15: R::from_f64(0.125) * t17,
+            c15: R::from_f64(0.125) * t15,
             c16: R::from_f64(0.5) * A_psi_dot_psi_dot,
-            c17: R::from_f64(0.25) * t18,
+            c17: R::from_f64(0.25) * t16,
             c18: R::from_f64(0.25)
                 * (R::from_f64(44.0) * I1 + R::from_f64(11.0) * M * t2 * t3
-                    + R::from_f64(11.0) * t13 * t14 * t3 / A_psi_dot_psi_dot),
+                    + R::from_f64(11.0) * t11 * t12 * t3 / A_psi_dot_psi_dot),
         })
     }
 }

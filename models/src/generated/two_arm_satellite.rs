@@ -231,8 +231,6 @@ impl<R: ::hamel_runtime::Real> State<R> {
 pub struct Prepared<R = f64> {
     /// Parameter `I2`.
     I2: R,
-    /// Parameter `I3`.
-    I3: R,
     /// Parameter `ma`.
     ma: R,
     /// Parameter `la`.
@@ -251,100 +249,96 @@ pub struct Prepared<R = f64> {
     c1: R,
     /// `5 * la`
     c2: R,
-    /// `(1/5) * ma * la`
-    c3: R,
-    /// `(2/5) * mb * lb`
-    c4: R,
-    /// `mb * (lb * lb)`
-    c5: R,
-    /// `(1/100) * (100 * I1 + mb * (29 + 100 * (lb * lb)))`
-    c6: R,
     /// `5 * lb`
-    c7: R,
+    c3: R,
     /// `2 * lb`
-    c8: R,
-    /// `(1/25) * ma`
-    c9: R,
-    /// `(1/50) * mb`
-    c10: R,
-    /// `ma * la`
-    c11: R,
-    /// `(-1/20) * mb`
-    c12: R,
-    /// `(1/5) * ma`
-    c13: R,
-    /// `-0.5 * mb * lb`
-    c14: R,
-    /// `(1/10) * mb`
-    c15: R,
+    c4: R,
     /// `10 * lb`
-    c16: R,
-    /// `5 * ma * la`
-    c17: R,
-    /// `mb * lb`
-    c18: R,
-    /// `2 * mb`
-    c19: R,
-    /// `-5 * mb`
-    c20: R,
-    /// `(3/5) * ma * la`
-    c21: R,
-    /// `ma * (la * la)`
-    c22: R,
+    c5: R,
+    /// `(1/5) * ma * la`
+    c6: R,
+    /// `-((1/10) * mb * lb)`
+    c7: R,
+    /// `(1/50) * mb`
+    c8: R,
+    /// `(1/20) * mb`
+    c9: R,
+    /// `I2 - I3`
+    c10: R,
+    /// `(1/25) * ma`
+    c11: R,
+    /// `I3 - I1`
+    c12: R,
+    /// `I1 - I2`
+    c13: R,
     /// `(1/5) * mb * lb`
-    c23: R,
+    c14: R,
+    /// `mb * (lb * lb)`
+    c15: R,
+    /// `ma * (la * la)`
+    c16: R,
     /// `I1 + (1/100) * mb * (29 + 100 * (lb * lb))`
-    c24: R,
+    c17: R,
+    /// `(2/5) * mb * lb`
+    c18: R,
     /// `(1/25) * mb`
-    c25: R,
-    /// `I3 + 0.25 * mb - ma * (la * la) + (1/25) * ma * (9 + 25 * (la * la))`
-    c26: R,
-    /// `(-9/25) * ma`
-    c27: R,
-    /// `25 * (la * la)`
-    c28: R,
-    /// `0.5 * I1`
-    c29: R,
-    /// `0.5 * I2`
-    c30: R,
-    /// `0.5 * I3`
-    c31: R,
-    /// `0.5 * ka`
-    c32: R,
-    /// `0.5 * kb`
-    c33: R,
-    /// `(1/50) * ma`
-    c34: R,
-    /// `(1/200) * mb`
-    c35: R,
-    /// `10 * mb * (lb * lb)`
-    c36: R,
-    /// `12 * ma * (la * la)`
-    c37: R,
-    /// `12 * I1 + (3/25) * mb * (29 + 100 * (lb * lb))`
-    c38: R,
-    /// `(11/25) * mb`
-    c39: R,
-    /// `11 * I2`
-    c40: R,
-    /// `15 * mb * (lb * lb)`
-    c41: R,
-    /// `15 * I3 + 3.75 * mb + 15 * ma * (la * la) + (3/5) * ma * (9 + 25 * (la * la))`
-    c42: R,
-    /// `(27/5) * ma`
-    c43: R,
+    c19: R,
+    /// `(1/10) * mb`
+    c20: R,
     /// `(3/5) / la`
-    c44: R,
+    c21: R,
+    /// `mb * lb`
+    c22: R,
+    /// `I3 + 0.25 * mb - ma * (la * la) + (1/25) * ma * (9 + 25 * (la * la))`
+    c23: R,
+    /// `(-9/25) * ma`
+    c24: R,
+    /// `25 * (la * la)`
+    c25: R,
+    /// `0.5 * I1`
+    c26: R,
+    /// `0.5 * I2`
+    c27: R,
+    /// `0.5 * I3`
+    c28: R,
+    /// `0.5 * ka`
+    c29: R,
+    /// `0.5 * kb`
+    c30: R,
+    /// `(1/50) * ma`
+    c31: R,
+    /// `(1/200) * mb`
+    c32: R,
+    /// `10 * mb * (lb * lb)`
+    c33: R,
+    /// `12 * ma * (la * la)`
+    c34: R,
+    /// `12 * I1 + (3/25) * mb * (29 + 100 * (lb * lb))`
+    c35: R,
+    /// `(11/25) * mb`
+    c36: R,
+    /// `11 * I2`
+    c37: R,
+    /// `15 * mb * (lb * lb)`
+    c38: R,
+    /// `15 * I3 + 3.75 * mb + 15 * ma * (la * la) + (3/5) * ma * (9 + 25 * (la * la))`
+    c39: R,
+    /// `(27/5) * ma`
+    c40: R,
     /// `(1/5) / lb`
-    c45: R,
+    c41: R,
+    /// `(3/5) * ma * la`
+    c42: R,
+    /// `(1/100) * (100 * I1 + mb * (29 + 100 * (lb * lb)))`
+    c43: R,
     /// `(6/5) * ma * la`
-    c46: R,
+    c44: R,
     /// `-2.5 * lb`
-    c47: R,
+    c45: R,
     /// `(1/25) * (25 * I2 + 9 * ma + mb)`
-    c48: R,
+    c46: R,
     /// `(1/100) * (100 * I3 + 25 * mb + 4 * ma * (9 + 25 * (la * la)))`
-    c49: R,
+    c47: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -358,7 +352,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 15 additions, 74 multiplications, 4 divisions.
+    /// 18 additions, 68 multiplications, 4 divisions, 1 sign change.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, ma, la, mb, lb, ka, kb } = *params;
         for (value, condition, meaning) in [
@@ -379,16 +373,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let t0 = R::ratio(1.0, 5.0) * ma;
-        let t1 = lb * lb;
-        let t2 = mb * t1;
-        let t3 = R::from_f64(29.0) + R::from_f64(100.0) * t1;
-        let t4 = R::ratio(1.0, 25.0) * ma;
-        let t5 = R::ratio(3.0, 5.0) * ma;
-        let t6 = la * la;
-        let t7 = ma * t6;
-        let t8 = R::from_f64(25.0) * t6;
-        let t9 = R::from_f64(9.0) + t8;
+        let t0 = R::ratio(1.0, 10.0) * mb;
+        let t1 = R::ratio(1.0, 25.0) * ma;
+        let t2 = lb * lb;
+        let t3 = mb * t2;
+        let t4 = la * la;
+        let t5 = ma * t4;
+        let t6 = R::from_f64(29.0) + R::from_f64(100.0) * t2;
+        let t7 = R::from_f64(25.0) * t4;
+        let t8 = R::from_f64(9.0) + t7;
+        let t9 = R::ratio(3.0, 5.0) * ma;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -433,67 +427,64 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(Self {
             I2,
-            I3,
             ma,
             la,
             mb,
             lb,
             ka,
             kb,
-            c0: t7.recip(),
-            c1: t2.recip(),
+            c0: t5.recip(),
+            c1: t3.recip(),
             c2: R::from_f64(5.0) * la,
-            c3: t0 * la,
-            c4: R::ratio(2.0, 5.0) * mb * lb,
-            c5: t2,
-            c6: R::ratio(1.0, 100.0) * (R::from_f64(100.0) * I1 + mb * t3),
-            c7: R::from_f64(5.0) * lb,
-            c8: R::from_f64(2.0) * lb,
-            c9: t4,
-            c10: R::ratio(1.0, 50.0) * mb,
-            c11: ma * la,
-            c12: R::ratio(-1.0, 20.0) * mb,
-            c13: t0,
-            c14: R::from_f64(-0.5) * mb * lb,
-            c15: R::ratio(1.0, 10.0) * mb,
-            c16: R::from_f64(10.0) * lb,
-            c17: R::from_f64(5.0) * ma * la,
-            c18: mb * lb,
-            c19: R::from_f64(2.0) * mb,
-            c20: R::from_f64(-5.0) * mb,
-            c21: t5 * la,
-            c22: t7,
-            c23: R::ratio(1.0, 5.0) * mb * lb,
-            c24: I1 + R::ratio(1.0, 100.0) * mb * t3,
-            c25: R::ratio(1.0, 25.0) * mb,
-            c26: I3 + R::from_f64(0.25) * mb - t7 + t4 * t9,
-            c27: R::ratio(-9.0, 25.0) * ma,
-            c28: t8,
-            c29: R::from_f64(0.5) * I1,
-            c30: R::from_f64(0.5) * I2,
-            c31: R::from_f64(0.5) * I3,
-            c32: R::from_f64(0.5) * ka,
-            c33: R::from_f64(0.5) * kb,
-            c34: R::ratio(1.0, 50.0) * ma,
-            c35: R::ratio(1.0, 200.0) * mb,
-            c36: R::from_f64(10.0) * mb * t1,
-            c37: R::from_f64(12.0) * ma * t6,
-            c38: R::from_f64(12.0) * I1 + R::ratio(3.0, 25.0) * mb * t3,
-            c39: R::ratio(11.0, 25.0) * mb,
-            c40: R::from_f64(11.0) * I2,
-            c41: R::from_f64(15.0) * mb * t1,
-            c42: R::from_f64(15.0) * I3 + R::from_f64(3.75) * mb
-                + R::from_f64(15.0) * ma * t6 + t5 * t9,
-            c43: R::ratio(27.0, 5.0) * ma,
-            c44: R::ratio(3.0, 5.0) / la,
-            c45: R::ratio(1.0, 5.0) / lb,
-            c46: R::ratio(6.0, 5.0) * ma * la,
-            c47: R::from_f64(-2.5) * lb,
-            c48: R::ratio(1.0, 25.0)
+            c3: R::from_f64(5.0) * lb,
+            c4: R::from_f64(2.0) * lb,
+            c5: R::from_f64(10.0) * lb,
+            c6: R::ratio(1.0, 5.0) * ma * la,
+            c7: -(t0 * lb),
+            c8: R::ratio(1.0, 50.0) * mb,
+            c9: R::ratio(1.0, 20.0) * mb,
+            c10: I2 - I3,
+            c11: t1,
+            c12: I3 - I1,
+            c13: I1 - I2,
+            c14: R::ratio(1.0, 5.0) * mb * lb,
+            c15: t3,
+            c16: t5,
+            c17: I1 + R::ratio(1.0, 100.0) * mb * t6,
+            c18: R::ratio(2.0, 5.0) * mb * lb,
+            c19: R::ratio(1.0, 25.0) * mb,
+            c20: t0,
+            c21: R::ratio(3.0, 5.0) / la,
+            c22: mb * lb,
+            c23: I3 + R::from_f64(0.25) * mb - t5 + t1 * t8,
+            c24: R::ratio(-9.0, 25.0) * ma,
+            c25: t7,
+            c26: R::from_f64(0.5) * I1,
+            c27: R::from_f64(0.5) * I2,
+            c28: R::from_f64(0.5) * I3,
+            c29: R::from_f64(0.5) * ka,
+            c30: R::from_f64(0.5) * kb,
+            c31: R::ratio(1.0, 50.0) * ma,
+            c32: R::ratio(1.0, 200.0) * mb,
+            c33: R::from_f64(10.0) * mb * t2,
+            c34: R::from_f64(12.0) * ma * t4,
+            c35: R::from_f64(12.0) * I1 + R::ratio(3.0, 25.0) * mb * t6,
+            c36: R::ratio(11.0, 25.0) * mb,
+            c37: R::from_f64(11.0) * I2,
+            c38: R::from_f64(15.0) * mb * t2,
+            c39: R::from_f64(15.0) * I3 + R::from_f64(3.75) * mb
+                + R::from_f64(15.0) * ma * t4 + t9 * t8,
+            c40: R::ratio(27.0, 5.0) * ma,
+            c41: R::ratio(1.0, 5.0) / lb,
+            c42: t9 * la,
+            c43: R::ratio(1.0, 100.0) * (R::from_f64(100.0) * I1 + mb * t6),
+            c44: R::ratio(6.0, 5.0) * ma * la,
+            c45: R::from_f64(-2.5) * lb,
+            c46: R::ratio(1.0, 25.0)
                 * (R::from_f64(25.0) * I2 + R::from_f64(9.0) * ma + mb),
-            c49: R::ratio(1.0, 100.0)
+            c47: R::ratio(1.0, 100.0)
                 * (R::from_f64(100.0) * I3 + R::from_f64(25.0) * mb
-                    + R::from_f64(4.0) * ma * t9),
+                    + R::from_f64(4.0) * ma * t8),
         })
     }
 }
@@ -519,166 +510,145 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 61 additions, 121 multiplications (57 fused), 3 divisions, 2 elementary functions.
+    /// 57 additions, 96 multiplications (51 fused), 3 divisions, 2 elementary functions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 7], dy: &mut [R; 7]) {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3] = *y;
         let _ = t;
-        /// momenta p = dL/dy
-        let [t0, t1, t2, t3, t4, t5, t6, t7, t8, t9, t10, t11, p_Omega1, t12, t13, t14,
-        t15, p_Omega2, t16, t17, t18, t19, p_Omega3] = {
-            let (t0, t1) = alpha.sin_cos();
-            let t2 = self.c2 * t1;
-            let t3 = R::from_f64(3.0) + t2;
-            let t4 = (-Omega2).mul_add(t3, t0 * (self.c2 * Omega1));
-            let t5 = self.c3 * t0;
-            let t6 = t4 * t5;
-            let t7 = beta_dot.mul_add(R::from_f64(0.5), Omega1);
-            let (t8, t9) = beta.sin_cos();
-            let t10 = t9.mul_add(R::from_f64(2.5), t8);
-            let t11 = self.c4 * t10;
-            let t12 = t8.mul_add(self.c7, R::ONE);
-            let t13 = t9.mul_add(self.c8, R::ONE);
-            let t14 = (-t13)
-                .mul_add(R::from_f64(5.0) * Omega3, t12 * (R::from_f64(2.0) * Omega2));
-            let t15 = self.c9 * t3;
-            let t16 = self.la * t0;
-            let t17 = alpha_dot + Omega3;
-            let t18 = t16 * t17;
-            let t19 = Omega3.mul_add(t3, alpha_dot * t2);
+        /// velocities v of the squares m/2 |v|^2
+        let [t0, t1, t2, v1_1, t4, t5, t6, v1_2, v1_3] = {
+            let t0 = alpha_dot + Omega3;
+            let (t1, t2) = alpha.sin_cos();
+            let t3 = self.c2 * t1;
+            let t4 = self.c2 * alpha_dot;
+            let t5 = t2 * t4;
+            let t6 = t2.mul_add(self.c2, R::from_f64(3.0));
             [
                 t0,
                 t1,
                 t2,
-                t3,
+                t0 * t3,
                 t4,
                 t5,
                 t6,
-                t7,
+                Omega3.mul_add(t6, t5),
+                (-Omega2).mul_add(t6, Omega1 * t3),
+            ]
+        };
+        /// their accelerations a = dv/dx xdot + omega x v at ydot = 0
+        let [a1_1, a1_2, a1_3] = {
+            let t7 = t1 * t4;
+            [
+                (-Omega2).mul_add(v1_3, Omega3.mul_add(v1_2, t0 * t5)),
+                (-Omega1).mul_add(v1_3, (-Omega3).mul_add(v1_1, -(t0 * t7))),
+                Omega2.mul_add(t7 + v1_1, Omega1 * (t5 + v1_2)),
+            ]
+        };
+        /// velocities v of the squares m/2 |v|^2
+        let [t8, t9, t10, t12, v2_1, t15, v2_2, t16, v2_3] = {
+            let (t8, t9) = beta.sin_cos();
+            let t10 = t8.mul_add(self.c3, R::ONE);
+            let t11 = R::from_f64(2.0) * t10;
+            let t12 = t9.mul_add(self.c4, R::ONE);
+            let t13 = R::from_f64(5.0) * t12;
+            let t14 = self.c5 * beta_dot;
+            let t15 = t8 * t14;
+            let t16 = t9 * t14;
+            [
                 t8,
                 t9,
                 t10,
-                t11,
-                t7.mul_add(t11, Omega1.mul_add(self.c6, beta_dot.mul_add(self.c5, t6))),
                 t12,
-                t13,
-                t14,
+                (-Omega3).mul_add(t13, Omega2 * t11),
                 t15,
-                t14.mul_add(self.c10 * t12, (-t4).mul_add(t15, self.I2 * Omega2)),
+                Omega1.mul_add(t11, t15),
                 t16,
-                t17,
-                t18,
-                t19,
-                t14
-                    .mul_add(
-                        self.c12 * t13,
-                        t15.mul_add(t19, t18.mul_add(self.c11 * t0, self.I3 * Omega3)),
-                    ),
+                Omega1.mul_add(t13, t16),
+            ]
+        };
+        /// their accelerations a = dv/dx xdot + omega x v at ydot = 0
+        let [a2_1, a2_2, a2_3] = {
+            let t17 = beta_dot + Omega1;
+            [
+                Omega2.mul_add(t16 + v2_3, Omega3 * (t15 + v2_2)),
+                (-Omega3).mul_add(v2_1, Omega1.mul_add(v2_3, t16 * t17)),
+                (-Omega2).mul_add(v2_1, (-Omega1).mul_add(v2_2, -(t15 * t17))),
             ]
         };
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [r_alpha_dot, r_beta_dot, r_Omega1, r_Omega2, r_Omega3] = {
-            let t20 = self.la * t1;
-            let t21 = Omega2.mul_add(t16, Omega1 * t20);
-            let t22 = (-t20).mul_add(R::from_f64(5.0) * t17, t19);
-            let dL_dalpha = self
-                .c13
-                .mul_add((-t18).mul_add(t22, t4 * t21), -(self.ka * alpha));
-            let t23 = t16 * t22;
-            let t24 = self.c13 * alpha_dot;
-            let t25 = t8.mul_add(self.lb * Omega3, t9 * (self.lb * Omega2));
-            let t26 = (-t9).mul_add(R::ratio(2.0, 5.0), t8);
-            let t27 = self.c18 * t14;
-            let t28 = R::ratio(1.0, 10.0) * beta_dot;
+        let [t18, r_alpha_dot, r_beta_dot, r_Omega1, t22, r_Omega2, r_Omega3] = {
+            let t18 = self.c6 * t1;
+            let t19 = a1_1 * t18;
+            let t20 = self.c8 * t10;
+            let t21 = self.c9 * t12;
+            let t22 = self.c11 * t6;
             [
-                t23.mul_add(t24, dL_dalpha),
-                t14
+                t18,
+                (-a1_2).mul_add(self.c6 * t2, (-alpha).mul_add(self.ka, -t19)),
+                self.c7.mul_add(t9.mul_add(a2_3, t8 * a2_2), -(self.kb * beta)),
+                (-a1_3)
                     .mul_add(
-                        self.c15 * t25,
-                        t26.mul_add(self.c14 * (Omega1 * Omega1), -(self.kb * beta)),
-                    ),
-                (-t21.mul_add(self.c17 * t0, t4 * (self.c11 * t1)))
-                    .mul_add(
-                        R::ratio(1.0, 5.0) * alpha_dot,
-                        (-Omega2)
+                        t18,
+                        (-a2_3)
                             .mul_add(
-                                p_Omega3,
-                                Omega3
-                                    .mul_add(
-                                        p_Omega2,
-                                        self.c15 * (t26 * (t7 * (self.c16 * beta_dot))),
-                                    ),
+                                t21,
+                                (-a2_2).mul_add(t20, self.c10 * Omega3 * Omega2),
                             ),
                     ),
-                (-Omega3)
+                t22,
+                (-a2_1).mul_add(t20, a1_3.mul_add(t22, self.c12 * Omega3 * Omega1)),
+                a2_1
                     .mul_add(
-                        p_Omega1,
-                        (-t28)
-                            .mul_add(
-                                t9.mul_add(t27, self.c19 * t12 * t25),
-                                Omega1
-                                    .mul_add(p_Omega3, (-alpha_dot).mul_add(t6, t24 * t3 * t21)),
-                            ),
-                    ),
-                Omega2
-                    .mul_add(
-                        p_Omega1,
-                        (-t28)
-                            .mul_add(
-                                t8.mul_add(t27, self.c20 * t13 * t25),
-                                (-t24)
-                                    .mul_add(
-                                        (-t18).mul_add(t3 - t2, -t23),
-                                        -(Omega1 * p_Omega2),
-                                    ),
-                            ),
+                        t21,
+                        (-a1_2).mul_add(t22, Omega1.mul_add(self.c13 * Omega2, -t19)),
                     ),
             ]
         };
         /// mass matrix A = W^T L_yy Psi
-        let [A_alpha_dot_Omega3, A_beta_dot_Omega1, A_Omega1_Omega1, t29,
-        A_Omega2_Omega2, t30] = [
-            t1.mul_add(self.c21, self.c22),
-            t10.mul_add(self.c23, self.c5),
-            self.c22.mul_add(t0 * t0, self.c24) + t11,
-            t3 * t5,
-            t3.mul_add(t15, self.c25.mul_add(t12 * t12, self.I2)),
-            self.c15 * t13 * t12,
-        ];
+        let [A_beta_dot_Omega1, A_Omega1_Omega1, t24, A_Omega2_Omega2, t25] = {
+            let t23 = t9.mul_add(R::from_f64(2.5), t8);
+            [
+                t23.mul_add(self.c14, self.c15),
+                t23.mul_add(self.c18, self.c16.mul_add(t1 * t1, self.c17)),
+                t6 * t18,
+                self.c19.mul_add(t10 * t10, t6.mul_add(t22, self.I2)),
+                self.c20 * t10 * t12,
+            ]
+        };
         /// factors of A
-        let [A_l5_1, A_l3_2, t31, t32, t33, t34, A_s4_5_5] = {
+        let [A_l5_1, A_l3_2, t26, t27, t28, t29, A_s4_5_5] = {
             let A_s1_5_5 = self
-                .c27
+                .c24
                 .mul_add(
-                    t1 * t1,
-                    self.c5.mul_add(t9 * t9, t9.mul_add(self.c18, self.c26)),
+                    t2 * t2,
+                    self.c15.mul_add(t9 * t9, t9.mul_add(self.c22, self.c23)),
                 );
             let A_l3_2 = self.c1 * A_beta_dot_Omega1;
             let A_s2_3_3 = (-A_beta_dot_Omega1).mul_add(A_l3_2, A_Omega1_Omega1);
-            let t31 = A_s2_3_3.recip();
-            let t32 = t29 * t31;
-            let A_s3_4_4 = (-t29).mul_add(t32, A_Omega2_Omega2);
-            let t33 = A_s3_4_4.recip();
-            let t34 = t30 * t33;
+            let t26 = A_s2_3_3.recip();
+            let t27 = t24 * t26;
+            let A_s3_4_4 = (-t24).mul_add(t27, A_Omega2_Omega2);
+            let t28 = A_s3_4_4.recip();
+            let t29 = t25 * t28;
             [
-                self.c0 * A_alpha_dot_Omega3,
+                t2.mul_add(self.c21, R::ONE),
                 A_l3_2,
-                t31,
-                t32,
-                t33,
-                t34,
-                (-t30).mul_add(t34, A_s1_5_5),
+                t26,
+                t27,
+                t28,
+                t29,
+                (-t25).mul_add(t29, A_s1_5_5),
             ]
         };
         /// substitution through the factors of A
         let [dot_Omega3, dot_Omega2, dot_Omega1, dot_beta_dot, dot_alpha_dot] = {
             let z_Omega1 = (-r_beta_dot).mul_add(A_l3_2, r_Omega1);
-            let z_Omega2 = t32.mul_add(z_Omega1, r_Omega2);
-            let z_Omega3 = t34
+            let z_Omega2 = t27.mul_add(z_Omega1, r_Omega2);
+            let z_Omega3 = t29
                 .mul_add(z_Omega2, (-r_alpha_dot).mul_add(A_l5_1, r_Omega3));
             let dot_Omega3 = z_Omega3 / A_s4_5_5;
-            let dot_Omega2 = t34.mul_add(dot_Omega3, z_Omega2 * t33);
-            let dot_Omega1 = t32.mul_add(dot_Omega2, z_Omega1 * t31);
+            let dot_Omega2 = t29.mul_add(dot_Omega3, z_Omega2 * t28);
+            let dot_Omega1 = t27.mul_add(dot_Omega2, z_Omega1 * t26);
             [
                 dot_Omega3,
                 dot_Omega2,
@@ -719,33 +689,33 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t5 = (-Omega2).mul_add(t3, t0 * (self.c2 * Omega1));
         let t6 = t0 * (alpha_dot + Omega3);
         let (t7, t8) = beta.sin_cos();
-        let t9 = self.c7 * t7;
+        let t9 = self.c3 * t7;
         let t10 = R::ONE + t9;
-        let t11 = self.c8 * t8;
+        let t11 = self.c4 * t8;
         let t12 = R::ONE + t11;
         let t13 = (-t12)
             .mul_add(R::from_f64(5.0) * Omega3, t10 * (R::from_f64(2.0) * Omega2));
         let t14 = Omega1.mul_add(t10, beta_dot * t9);
         let t15 = Omega1.mul_add(t12, beta_dot * t11);
         let t16 = self
-            .c33
+            .c30
             .mul_add(
                 beta * beta,
                 self
-                    .c32
+                    .c29
                     .mul_add(
                         alpha * alpha,
                         self
-                            .c31
+                            .c28
                             .mul_add(
                                 Omega3 * Omega3,
                                 self
-                                    .c30
-                                    .mul_add(Omega2 * Omega2, self.c29 * (Omega1 * Omega1)),
+                                    .c27
+                                    .mul_add(Omega2 * Omega2, self.c26 * (Omega1 * Omega1)),
                             ),
                     ),
             );
-        self.c35
+        self.c32
             .mul_add(
                 t13
                     .mul_add(
@@ -754,8 +724,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                             .mul_add(t15 * t15, R::from_f64(4.0) * (t14 * t14)),
                     ),
                 self
-                    .c34
-                    .mul_add(t5.mul_add(t5, t4.mul_add(t4, self.c28 * (t6 * t6))), t16),
+                    .c31
+                    .mul_add(t5.mul_add(t5, t4.mul_add(t4, self.c25 * (t6 * t6))), t16),
             )
     }
 
@@ -776,18 +746,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3] = *y;
         let _ = t;
         let (t0, t1) = alpha.sin_cos();
-        let t2 = self.c22 * t1.mul_add(self.c44, R::ONE);
+        let t2 = self.c16 * t1.mul_add(self.c21, R::ONE);
         let (t3, t4) = beta.sin_cos();
         let t5 = t4.mul_add(R::from_f64(2.5), t3);
-        let t6 = self.c5 * t5.mul_add(self.c45, R::ONE);
-        let t7 = self.c22 * (-Omega1).mul_add(t0, Omega2 * t1);
-        let t8 = self.c21 * t0;
-        let t9 = self.c46 * t1;
-        let t10 = self.c15 * self.c7.mul_add(t4.mul_add(R::ratio(2.0, 5.0), t3), R::ONE);
+        let t6 = self.c15 * t5.mul_add(self.c41, R::ONE);
+        let t7 = self.c16 * (-Omega1).mul_add(t0, Omega2 * t1);
+        let t8 = self.c42 * t0;
+        let t9 = self.c44 * t1;
+        let t10 = self.c20 * self.c3.mul_add(t4.mul_add(R::ratio(2.0, 5.0), t3), R::ONE);
         let t11 = (-Omega2).mul_add(t3, Omega3 * t4);
         [
-            Omega3.mul_add(t2, self.c22 * alpha_dot),
-            Omega1.mul_add(t6, self.c5 * beta_dot),
+            Omega3.mul_add(t2, self.c16 * alpha_dot),
+            Omega1.mul_add(t6, self.c15 * beta_dot),
             (-t0)
                 .mul_add(
                     t7,
@@ -796,33 +766,33 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                             t6,
                             t5
                                 .mul_add(
-                                    self.c4 * Omega1,
-                                    (-Omega2).mul_add(t8, self.c6 * Omega1),
+                                    self.c18 * Omega1,
+                                    (-Omega2).mul_add(t8, self.c43 * Omega1),
                                 ),
                         ),
                 ),
             t11
-                .mul_add(self.c47, Omega2)
+                .mul_add(self.c45, Omega2)
                 .mul_add(
-                    self.c4 * t3,
+                    self.c18 * t3,
                     (-Omega3)
                         .mul_add(
                             t10,
                             t1
                                 .mul_add(
                                     t7,
-                                    (-Omega1).mul_add(t8, Omega2.mul_add(t9, self.c48 * Omega2)),
+                                    (-Omega1).mul_add(t8, Omega2.mul_add(t9, self.c46 * Omega2)),
                                 ),
                         ),
                 ),
             t11
                 .mul_add(self.lb, Omega3)
                 .mul_add(
-                    self.c18 * t4,
+                    self.c22 * t4,
                     (-Omega2)
                         .mul_add(
                             t10,
-                            alpha_dot.mul_add(t2, Omega3.mul_add(t9, self.c49 * Omega3)),
+                            alpha_dot.mul_add(t2, Omega3.mul_add(t9, self.c47 * Omega3)),
                         ),
                 ),
         ]
@@ -836,189 +806,180 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 54 additions, 87 multiplications (47 fused), 2 divisions, 35 sign changes, 2 elementary functions.
+    /// 53 additions, 87 multiplications (48 fused), 2 divisions, 34 sign changes, 2 elementary functions.
     pub fn check(&self, t: R, y: &[R; 7]) -> Result<(), ::hamel_runtime::Failure> {
         let [alpha, beta, _, _, _, _, _] = *y;
         /// mass matrix A = W^T L_yy Psi
-        let [t0, t1, t2, A_beta_dot_Omega1, t4, t5, t6, A_Omega1_Omega1, t7, t8, t9, t10,
-        t11, t12, t13, t14, A_Omega2_Omega2, t15, t16] = {
+        let [t0, t1, t2, A_beta_dot_Omega1, t4, t5, A_Omega1_Omega1, t6, t7, t8, t9, t10,
+        t11, t12, A_Omega2_Omega2, t13, t14] = {
             let (t0, t1) = beta.sin_cos();
             let t2 = t1.mul_add(R::from_f64(2.5), t0);
             let (t3, t4) = alpha.sin_cos();
             let t5 = t3 * t3;
-            let t6 = self.c4 * t2;
-            let t7 = self.c2 * t4;
-            let t8 = R::from_f64(3.0) + t7;
-            let t9 = self.c3 * t3;
-            let t11 = self.c9 * t8;
-            let t12 = t8 * t11;
-            let t13 = t0.mul_add(self.c7, R::ONE);
-            let t14 = t13 * t13;
-            let t15 = t1.mul_add(self.c8, R::ONE);
+            let t6 = t4.mul_add(self.c2, R::from_f64(3.0));
+            let t7 = self.c6 * t3;
+            let t9 = self.c11 * t6;
+            let t10 = t6 * t9;
+            let t11 = t0.mul_add(self.c3, R::ONE);
+            let t12 = t11 * t11;
+            let t13 = t1.mul_add(self.c4, R::ONE);
             [
                 t0,
                 t1,
                 t2,
-                t2.mul_add(self.c23, self.c5),
+                t2.mul_add(self.c14, self.c15),
                 t4,
                 t5,
+                t2.mul_add(self.c18, t5.mul_add(self.c16, self.c17)),
                 t6,
-                t5.mul_add(self.c22, self.c24) + t6,
                 t7,
-                t8,
+                t6 * t7,
                 t9,
-                t8 * t9,
+                t10,
                 t11,
                 t12,
+                t12.mul_add(self.c19, self.I2) + t10,
                 t13,
-                t14,
-                t14.mul_add(self.c25, self.I2) + t12,
-                t15,
-                self.c15 * t15 * t13,
+                self.c20 * t11 * t13,
             ]
         };
         /// factors of A
-        let [t17, t18, t19, A_s1_5_5, A_l3_2, t20, A_s2_3_3, t21, t22, t23, A_s3_4_4,
-        t24, t25, t26, A_s4_5_5] = {
-            let t17 = self.c18 * t1;
-            let t18 = t1 * t1;
-            let t19 = t4 * t4;
-            let A_s1_5_5 = t19.mul_add(self.c27, t18.mul_add(self.c5, self.c26 + t17));
+        let [t15, t16, t17, A_s1_5_5, A_l3_2, t18, A_s2_3_3, t19, t20, t21, A_s3_4_4,
+        t22, t23, t24, A_s4_5_5] = {
+            let t15 = self.c22 * t1;
+            let t16 = t1 * t1;
+            let t17 = t4 * t4;
+            let A_s1_5_5 = t17.mul_add(self.c24, t16.mul_add(self.c15, self.c23 + t15));
             let A_l3_2 = self.c1 * A_beta_dot_Omega1;
-            let t20 = A_beta_dot_Omega1 * A_l3_2;
-            let A_s2_3_3 = A_Omega1_Omega1 - t20;
-            let t21 = A_s2_3_3.recip();
-            let t22 = t10 * t21;
-            let t23 = t10 * t22;
-            let A_s3_4_4 = A_Omega2_Omega2 - t23;
-            let t24 = A_s3_4_4.recip();
-            let t25 = t16 * t24;
-            let t26 = t16 * t25;
+            let t18 = A_beta_dot_Omega1 * A_l3_2;
+            let A_s2_3_3 = A_Omega1_Omega1 - t18;
+            let t19 = A_s2_3_3.recip();
+            let t20 = t8 * t19;
+            let t21 = t8 * t20;
+            let A_s3_4_4 = A_Omega2_Omega2 - t21;
+            let t22 = A_s3_4_4.recip();
+            let t23 = t14 * t22;
+            let t24 = t14 * t23;
             [
+                t15,
+                t16,
                 t17,
-                t18,
-                t19,
                 A_s1_5_5,
                 A_l3_2,
-                t20,
+                t18,
                 A_s2_3_3,
+                t19,
+                t20,
                 t21,
+                A_s3_4_4,
                 t22,
                 t23,
-                A_s3_4_4,
                 t24,
-                t25,
-                t26,
-                A_s1_5_5 - t26,
+                A_s1_5_5 - t24,
             ]
         };
-        let t27 = R::from_f64(10.0).mul_add(t0.abs(), R::from_f64(25.0) * t1.abs());
-        let t28 = t6.abs();
+        let t25 = R::from_f64(10.0).mul_add(t0.abs(), R::from_f64(25.0) * t1.abs());
+        let t26 = (self.c22 * t2).abs();
+        let t27 = t26.mul_add(R::from_f64(2.0), t25.mul_add(self.c14, self.c33));
+        let t28 = A_l3_2.abs();
         let t29 = R::from_f64(2.0)
-            .mul_add((self.c18 * t2).abs(), t27.mul_add(self.c23, self.c36));
-        let t30 = A_l3_2.abs();
-        let t31 = R::from_f64(2.0)
             .mul_add(
                 A_Omega1_Omega1.abs(),
-                t28
+                t26
                     .mul_add(
-                        R::from_f64(4.0),
-                        t28
+                        R::ratio(24.0, 5.0),
+                        t25
                             .mul_add(
-                                R::from_f64(8.0),
-                                t27
-                                    .mul_add(
-                                        self.c4,
-                                        t20
-                                            .mul_add(R::from_f64(10.0), t5.mul_add(self.c37, self.c38)),
-                                    ),
+                                self.c18,
+                                t18
+                                    .mul_add(R::from_f64(10.0), t5.mul_add(self.c34, self.c35)),
                             ),
                     ),
             );
-        let t32 = t29
-            .mul_add(self.c1, R::from_f64(8.0) * t30)
-            .mul_add(A_beta_dot_Omega1.abs(), t29.mul_add(t30, t31));
-        let t33 = R::from_f64(10.0).mul_add(t7.abs(), R::from_f64(30.0));
-        let t34 = t11.abs();
-        let t35 = R::from_f64(50.0).mul_add((self.lb * t0).abs(), R::from_f64(10.0));
-        let t36 = (self.mb * t13).abs();
-        let t37 = R::from_f64(8.0).mul_add(t10.abs(), t33 * t9.abs());
-        let A_l4_3 = -t22;
-        let t38 = A_l4_3.abs();
-        let A_Omega1_Omega2 = -t10;
-        let t39 = t35
+        let t30 = t27
+            .mul_add(self.c1, R::from_f64(8.0) * t28)
+            .mul_add(A_beta_dot_Omega1.abs(), t27.mul_add(t28, t29));
+        let t31 = R::from_f64(50.0).mul_add((self.la * t4).abs(), R::from_f64(30.0));
+        let t32 = t9.abs();
+        let t33 = R::from_f64(50.0).mul_add((self.lb * t0).abs(), R::from_f64(10.0));
+        let t34 = (self.mb * t11).abs();
+        let t35 = R::from_f64(8.0).mul_add(t8.abs(), t31 * t7.abs());
+        let A_l4_3 = -t20;
+        let t36 = A_l4_3.abs();
+        let A_Omega1_Omega2 = -t8;
+        let t37 = t33
             .mul_add(
-                R::ratio(2.0, 25.0) * t36,
-                t33
+                R::ratio(2.0, 25.0) * t34,
+                t31
                     .mul_add(
-                        t34,
+                        t32,
                         A_Omega2_Omega2
                             .mul_add(
                                 R::from_f64(2.0),
-                                t12
-                                    .mul_add(R::from_f64(11.0), t14.mul_add(self.c39, self.c40)),
+                                t10
+                                    .mul_add(R::from_f64(11.0), t12.mul_add(self.c36, self.c37)),
                             ),
                     ),
             );
-        let t40 = t32
+        let t38 = t30
             .mul_add(
-                (-(t10 * (t21 * t21))).abs(),
-                t38.mul_add(R::from_f64(8.0), t37 * t21.abs()),
+                (-(t8 * (t19 * t19))).abs(),
+                t36.mul_add(R::from_f64(8.0), t35 * t19.abs()),
             )
             .mul_add(
                 A_Omega1_Omega2.abs(),
                 R::from_f64(10.0)
                     .mul_add(
-                        t23.abs(),
-                        t37
+                        t21.abs(),
+                        t35
                             .mul_add(
-                                t38,
-                                t34
-                                    .mul_add(R::from_f64(200.0), self.ma * t33)
-                                    .mul_add(R::ratio(1.0, 25.0) * t8.abs(), t39),
+                                t36,
+                                t32
+                                    .mul_add(R::from_f64(200.0), self.ma * t31)
+                                    .mul_add(R::ratio(1.0, 25.0) * t6.abs(), t37),
                             ),
                     ),
             );
-        let t41 = R::from_f64(80.0)
+        let t39 = R::from_f64(80.0)
             .mul_add(
-                t16.abs(),
-                t36
+                t14.abs(),
+                t33
                     .mul_add(
+                        (self.mb * t13).abs(),
                         R::from_f64(20.0)
-                            .mul_add((self.lb * t1).abs(), R::from_f64(10.0)),
-                        t35 * (self.mb * t15).abs(),
+                            .mul_add((self.lb * t1).abs(), R::from_f64(10.0)) * t34,
                     ),
             );
-        let A_l5_4 = -t25;
-        let t42 = A_l5_4.abs();
-        let A_Omega2_Omega3 = -t16;
-        let t43 = R::from_f64(10.0)
+        let A_l5_4 = -t23;
+        let t40 = A_l5_4.abs();
+        let A_Omega2_Omega3 = -t14;
+        let t41 = R::from_f64(10.0)
             .mul_add(
-                t26.abs(),
+                t24.abs(),
                 R::from_f64(2.0)
                     .mul_add(
                         A_s1_5_5.abs(),
                         R::from_f64(15.0)
                             .mul_add(
-                                t17.abs(),
-                                t19.mul_add(self.c43, t18.mul_add(self.c41, self.c42)),
+                                t15.abs(),
+                                t17.mul_add(self.c40, t16.mul_add(self.c38, self.c39)),
                             ),
                     ),
             );
         for (value, scale, pivot) in [
-            (A_s2_3_3, t32, "inertia along Omega1"),
-            (A_s3_4_4, t40, "inertia along Omega2"),
+            (A_s2_3_3, t30, "inertia along Omega1"),
+            (A_s3_4_4, t38, "inertia along Omega2"),
             (
                 A_s4_5_5,
-                (-(t16 * (t24 * t24)))
+                (-(t14 * (t22 * t22)))
                     .abs()
                     .mul_add(
-                        R::from_f64(10.0) * t40,
-                        t42.mul_add(R::from_f64(80.0), t24.abs() * t41),
+                        R::from_f64(10.0) * t38,
+                        t40.mul_add(R::from_f64(80.0), t22.abs() * t39),
                     )
                     .mul_add(
                         R::ratio(1.0, 10.0) * A_Omega2_Omega3.abs(),
-                        t42.mul_add(R::ratio(1.0, 10.0) * t41, t43),
+                        t40.mul_add(R::ratio(1.0, 10.0) * t39, t41),
                     ),
                 "inertia along Omega3",
             ),

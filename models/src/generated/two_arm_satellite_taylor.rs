@@ -221,8 +221,6 @@ impl<R: ::hamel_runtime::Real> State<R> {
 pub struct Prepared<R = f64> {
     /// Parameter `I2`.
     I2: R,
-    /// Parameter `I3`.
-    I3: R,
     /// Parameter `ma`.
     ma: R,
     /// Parameter `la`.
@@ -241,88 +239,82 @@ pub struct Prepared<R = f64> {
     c1: R,
     /// `5 * la`
     c2: R,
-    /// `(1/5) * ma * la`
-    c3: R,
-    /// `(2/5) * mb * lb`
-    c4: R,
-    /// `mb * (lb * lb)`
-    c5: R,
-    /// `(1/100) * (100 * I1 + mb * (29 + 100 * (lb * lb)))`
-    c6: R,
     /// `5 * lb`
-    c7: R,
+    c3: R,
     /// `2 * lb`
-    c8: R,
-    /// `(1/25) * ma`
-    c9: R,
-    /// `(1/50) * mb`
-    c10: R,
-    /// `ma * la`
-    c11: R,
-    /// `(-1/20) * mb`
-    c12: R,
-    /// `(1/5) * ma`
-    c13: R,
-    /// `-0.5 * mb * lb`
-    c14: R,
-    /// `(1/10) * mb`
-    c15: R,
+    c4: R,
     /// `10 * lb`
-    c16: R,
-    /// `5 * ma * la`
-    c17: R,
-    /// `mb * lb`
-    c18: R,
-    /// `2 * mb`
-    c19: R,
-    /// `-5 * mb`
-    c20: R,
-    /// `(3/5) * ma * la`
-    c21: R,
-    /// `ma * (la * la)`
-    c22: R,
+    c5: R,
+    /// `(1/5) * ma * la`
+    c6: R,
+    /// `-((1/10) * mb * lb)`
+    c7: R,
+    /// `(1/50) * mb`
+    c8: R,
+    /// `(1/20) * mb`
+    c9: R,
+    /// `I2 - I3`
+    c10: R,
+    /// `(1/25) * ma`
+    c11: R,
+    /// `I3 - I1`
+    c12: R,
+    /// `I1 - I2`
+    c13: R,
     /// `(1/5) * mb * lb`
-    c23: R,
+    c14: R,
+    /// `mb * (lb * lb)`
+    c15: R,
+    /// `ma * (la * la)`
+    c16: R,
     /// `I1 + (1/100) * mb * (29 + 100 * (lb * lb))`
-    c24: R,
+    c17: R,
+    /// `(2/5) * mb * lb`
+    c18: R,
     /// `(1/25) * mb`
-    c25: R,
+    c19: R,
+    /// `(1/10) * mb`
+    c20: R,
+    /// `(3/5) / la`
+    c21: R,
+    /// `mb * lb`
+    c22: R,
     /// `I3 + 0.25 * mb - ma * (la * la) + (1/25) * ma * (9 + 25 * (la * la))`
-    c26: R,
+    c23: R,
     /// `(-9/25) * ma`
-    c27: R,
+    c24: R,
     /// `25 * (la * la)`
-    c28: R,
+    c25: R,
     /// `0.5 * I1`
-    c29: R,
+    c26: R,
     /// `0.5 * I2`
-    c30: R,
+    c27: R,
     /// `0.5 * I3`
-    c31: R,
+    c28: R,
     /// `0.5 * ka`
-    c32: R,
+    c29: R,
     /// `0.5 * kb`
-    c33: R,
+    c30: R,
     /// `(1/50) * ma`
-    c34: R,
+    c31: R,
     /// `(1/200) * mb`
-    c35: R,
+    c32: R,
     /// `10 * mb * (lb * lb)`
-    c36: R,
+    c33: R,
     /// `12 * ma * (la * la)`
-    c37: R,
+    c34: R,
     /// `12 * I1 + (3/25) * mb * (29 + 100 * (lb * lb))`
-    c38: R,
+    c35: R,
     /// `(11/25) * mb`
-    c39: R,
+    c36: R,
     /// `11 * I2`
-    c40: R,
+    c37: R,
     /// `15 * mb * (lb * lb)`
-    c41: R,
+    c38: R,
     /// `15 * I3 + 3.75 * mb + 15 * ma * (la * la) + (3/5) * ma * (9 + 25 * (la * la))`
-    c42: R,
+    c39: R,
     /// `(27/5) * ma`
-    c43: R,
+    c40: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -336,7 +328,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 11 additions, 63 multiplications, 2 divisions.
+    /// 13 additions, 53 multiplications, 3 divisions, 1 sign change.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, ma, la, mb, lb, ka, kb } = *params;
         for (value, condition, meaning) in [
@@ -357,16 +349,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let t0 = R::ratio(1.0, 5.0) * ma;
-        let t1 = lb * lb;
-        let t2 = mb * t1;
-        let t3 = R::from_f64(29.0) + R::from_f64(100.0) * t1;
-        let t4 = R::ratio(1.0, 25.0) * ma;
-        let t5 = R::ratio(3.0, 5.0) * ma;
-        let t6 = la * la;
-        let t7 = ma * t6;
-        let t8 = R::from_f64(25.0) * t6;
-        let t9 = R::from_f64(9.0) + t8;
+        let t0 = R::ratio(1.0, 10.0) * mb;
+        let t1 = R::ratio(1.0, 25.0) * ma;
+        let t2 = lb * lb;
+        let t3 = mb * t2;
+        let t4 = la * la;
+        let t5 = ma * t4;
+        let t6 = R::from_f64(29.0) + R::from_f64(100.0) * t2;
+        let t7 = R::from_f64(25.0) * t4;
+        let t8 = R::from_f64(9.0) + t7;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -411,58 +402,54 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(Self {
             I2,
-            I3,
             ma,
             la,
             mb,
             lb,
             ka,
             kb,
-            c0: t7.recip(),
-            c1: t2.recip(),
+            c0: t5.recip(),
+            c1: t3.recip(),
             c2: R::from_f64(5.0) * la,
-            c3: t0 * la,
-            c4: R::ratio(2.0, 5.0) * mb * lb,
-            c5: t2,
-            c6: R::ratio(1.0, 100.0) * (R::from_f64(100.0) * I1 + mb * t3),
-            c7: R::from_f64(5.0) * lb,
-            c8: R::from_f64(2.0) * lb,
-            c9: t4,
-            c10: R::ratio(1.0, 50.0) * mb,
-            c11: ma * la,
-            c12: R::ratio(-1.0, 20.0) * mb,
-            c13: t0,
-            c14: R::from_f64(-0.5) * mb * lb,
-            c15: R::ratio(1.0, 10.0) * mb,
-            c16: R::from_f64(10.0) * lb,
-            c17: R::from_f64(5.0) * ma * la,
-            c18: mb * lb,
-            c19: R::from_f64(2.0) * mb,
-            c20: R::from_f64(-5.0) * mb,
-            c21: t5 * la,
-            c22: t7,
-            c23: R::ratio(1.0, 5.0) * mb * lb,
-            c24: I1 + R::ratio(1.0, 100.0) * mb * t3,
-            c25: R::ratio(1.0, 25.0) * mb,
-            c26: I3 + R::from_f64(0.25) * mb - t7 + t4 * t9,
-            c27: R::ratio(-9.0, 25.0) * ma,
-            c28: t8,
-            c29: R::from_f64(0.5) * I1,
-            c30: R::from_f64(0.5) * I2,
-            c31: R::from_f64(0.5) * I3,
-            c32: R::from_f64(0.5) * ka,
-            c33: R::from_f64(0.5) * kb,
-            c34: R::ratio(1.0, 50.0) * ma,
-            c35: R::ratio(1.0, 200.0) * mb,
-            c36: R::from_f64(10.0) * mb * t1,
-            c37: R::from_f64(12.0) * ma * t6,
-            c38: R::from_f64(12.0) * I1 + R::ratio(3.0, 25.0) * mb * t3,
-            c39: R::ratio(11.0, 25.0) * mb,
-            c40: R::from_f64(11.0) * I2,
-            c41: R::from_f64(15.0) * mb * t1,
-            c42: R::from_f64(15.0) * I3 + R::from_f64(3.75) * mb
-                + R::from_f64(15.0) * ma * t6 + t5 * t9,
-            c43: R::ratio(27.0, 5.0) * ma,
+            c3: R::from_f64(5.0) * lb,
+            c4: R::from_f64(2.0) * lb,
+            c5: R::from_f64(10.0) * lb,
+            c6: R::ratio(1.0, 5.0) * ma * la,
+            c7: -(t0 * lb),
+            c8: R::ratio(1.0, 50.0) * mb,
+            c9: R::ratio(1.0, 20.0) * mb,
+            c10: I2 - I3,
+            c11: t1,
+            c12: I3 - I1,
+            c13: I1 - I2,
+            c14: R::ratio(1.0, 5.0) * mb * lb,
+            c15: t3,
+            c16: t5,
+            c17: I1 + R::ratio(1.0, 100.0) * mb * t6,
+            c18: R::ratio(2.0, 5.0) * mb * lb,
+            c19: R::ratio(1.0, 25.0) * mb,
+            c20: t0,
+            c21: R::ratio(3.0, 5.0) / la,
+            c22: mb * lb,
+            c23: I3 + R::from_f64(0.25) * mb - t5 + t1 * t8,
+            c24: R::ratio(-9.0, 25.0) * ma,
+            c25: t7,
+            c26: R::from_f64(0.5) * I1,
+            c27: R::from_f64(0.5) * I2,
+            c28: R::from_f64(0.5) * I3,
+            c29: R::from_f64(0.5) * ka,
+            c30: R::from_f64(0.5) * kb,
+            c31: R::ratio(1.0, 50.0) * ma,
+            c32: R::ratio(1.0, 200.0) * mb,
+            c33: R::from_f64(10.0) * mb * t2,
+            c34: R::from_f64(12.0) * ma * t4,
+            c35: R::from_f64(12.0) * I1 + R::ratio(3.0, 25.0) * mb * t6,
+            c36: R::ratio(11.0, 25.0) * mb,
+            c37: R::from_f64(11.0) * I2,
+            c38: R::from_f64(15.0) * mb * t2,
+            c39: R::from_f64(15.0) * I3 + R::from_f64(3.75) * mb
+                + R::from_f64(15.0) * ma * t4 + R::ratio(3.0, 5.0) * ma * t8,
+            c40: R::ratio(27.0, 5.0) * ma,
         })
     }
 }
@@ -488,166 +475,145 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 61 additions, 121 multiplications (57 fused), 3 divisions, 2 elementary functions.
+    /// 57 additions, 96 multiplications (51 fused), 3 divisions, 2 elementary functions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 7], dy: &mut [R; 7]) {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3] = *y;
         let _ = t;
-        /// momenta p = dL/dy
-        let [t0, t1, t2, t3, t4, t5, t6, t7, t8, t9, t10, t11, p_Omega1, t12, t13, t14,
-        t15, p_Omega2, t16, t17, t18, t19, p_Omega3] = {
-            let (t0, t1) = alpha.sin_cos();
-            let t2 = self.c2 * t1;
-            let t3 = R::from_f64(3.0) + t2;
-            let t4 = (-Omega2).mul_add(t3, t0 * (self.c2 * Omega1));
-            let t5 = self.c3 * t0;
-            let t6 = t4 * t5;
-            let t7 = beta_dot.mul_add(R::from_f64(0.5), Omega1);
-            let (t8, t9) = beta.sin_cos();
-            let t10 = t9.mul_add(R::from_f64(2.5), t8);
-            let t11 = self.c4 * t10;
-            let t12 = t8.mul_add(self.c7, R::ONE);
-            let t13 = t9.mul_add(self.c8, R::ONE);
-            let t14 = (-t13)
-                .mul_add(R::from_f64(5.0) * Omega3, t12 * (R::from_f64(2.0) * Omega2));
-            let t15 = self.c9 * t3;
-            let t16 = self.la * t0;
-            let t17 = alpha_dot + Omega3;
-            let t18 = t16 * t17;
-            let t19 = Omega3.mul_add(t3, alpha_dot * t2);
+        /// velocities v of the squares m/2 |v|^2
+        let [t0, t1, t2, v1_1, t4, t5, t6, v1_2, v1_3] = {
+            let t0 = alpha_dot + Omega3;
+            let (t1, t2) = alpha.sin_cos();
+            let t3 = self.c2 * t1;
+            let t4 = self.c2 * alpha_dot;
+            let t5 = t2 * t4;
+            let t6 = t2.mul_add(self.c2, R::from_f64(3.0));
             [
                 t0,
                 t1,
                 t2,
-                t3,
+                t0 * t3,
                 t4,
                 t5,
                 t6,
-                t7,
+                Omega3.mul_add(t6, t5),
+                (-Omega2).mul_add(t6, Omega1 * t3),
+            ]
+        };
+        /// their accelerations a = dv/dx xdot + omega x v at ydot = 0
+        let [a1_1, a1_2, a1_3] = {
+            let t7 = t1 * t4;
+            [
+                (-Omega2).mul_add(v1_3, Omega3.mul_add(v1_2, t0 * t5)),
+                (-Omega1).mul_add(v1_3, (-Omega3).mul_add(v1_1, -(t0 * t7))),
+                Omega2.mul_add(t7 + v1_1, Omega1 * (t5 + v1_2)),
+            ]
+        };
+        /// velocities v of the squares m/2 |v|^2
+        let [t8, t9, t10, t12, v2_1, t15, v2_2, t16, v2_3] = {
+            let (t8, t9) = beta.sin_cos();
+            let t10 = t8.mul_add(self.c3, R::ONE);
+            let t11 = R::from_f64(2.0) * t10;
+            let t12 = t9.mul_add(self.c4, R::ONE);
+            let t13 = R::from_f64(5.0) * t12;
+            let t14 = self.c5 * beta_dot;
+            let t15 = t8 * t14;
+            let t16 = t9 * t14;
+            [
                 t8,
                 t9,
                 t10,
-                t11,
-                t7.mul_add(t11, Omega1.mul_add(self.c6, beta_dot.mul_add(self.c5, t6))),
                 t12,
-                t13,
-                t14,
+                (-Omega3).mul_add(t13, Omega2 * t11),
                 t15,
-                t14.mul_add(self.c10 * t12, (-t4).mul_add(t15, self.I2 * Omega2)),
+                Omega1.mul_add(t11, t15),
                 t16,
-                t17,
-                t18,
-                t19,
-                t14
-                    .mul_add(
-                        self.c12 * t13,
-                        t15.mul_add(t19, t18.mul_add(self.c11 * t0, self.I3 * Omega3)),
-                    ),
+                Omega1.mul_add(t13, t16),
+            ]
+        };
+        /// their accelerations a = dv/dx xdot + omega x v at ydot = 0
+        let [a2_1, a2_2, a2_3] = {
+            let t17 = beta_dot + Omega1;
+            [
+                Omega2.mul_add(t16 + v2_3, Omega3 * (t15 + v2_2)),
+                (-Omega3).mul_add(v2_1, Omega1.mul_add(v2_3, t16 * t17)),
+                (-Omega2).mul_add(v2_1, (-Omega1).mul_add(v2_2, -(t15 * t17))),
             ]
         };
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [r_alpha_dot, r_beta_dot, r_Omega1, r_Omega2, r_Omega3] = {
-            let t20 = self.la * t1;
-            let t21 = Omega2.mul_add(t16, Omega1 * t20);
-            let t22 = (-t20).mul_add(R::from_f64(5.0) * t17, t19);
-            let dL_dalpha = self
-                .c13
-                .mul_add((-t18).mul_add(t22, t4 * t21), -(self.ka * alpha));
-            let t23 = t16 * t22;
-            let t24 = self.c13 * alpha_dot;
-            let t25 = t8.mul_add(self.lb * Omega3, t9 * (self.lb * Omega2));
-            let t26 = (-t9).mul_add(R::ratio(2.0, 5.0), t8);
-            let t27 = self.c18 * t14;
-            let t28 = R::ratio(1.0, 10.0) * beta_dot;
+        let [t18, r_alpha_dot, r_beta_dot, r_Omega1, t22, r_Omega2, r_Omega3] = {
+            let t18 = self.c6 * t1;
+            let t19 = a1_1 * t18;
+            let t20 = self.c8 * t10;
+            let t21 = self.c9 * t12;
+            let t22 = self.c11 * t6;
             [
-                t23.mul_add(t24, dL_dalpha),
-                t14
+                t18,
+                (-a1_2).mul_add(self.c6 * t2, (-alpha).mul_add(self.ka, -t19)),
+                self.c7.mul_add(t9.mul_add(a2_3, t8 * a2_2), -(self.kb * beta)),
+                (-a1_3)
                     .mul_add(
-                        self.c15 * t25,
-                        t26.mul_add(self.c14 * (Omega1 * Omega1), -(self.kb * beta)),
-                    ),
-                (-t21.mul_add(self.c17 * t0, t4 * (self.c11 * t1)))
-                    .mul_add(
-                        R::ratio(1.0, 5.0) * alpha_dot,
-                        (-Omega2)
+                        t18,
+                        (-a2_3)
                             .mul_add(
-                                p_Omega3,
-                                Omega3
-                                    .mul_add(
-                                        p_Omega2,
-                                        self.c15 * (t26 * (t7 * (self.c16 * beta_dot))),
-                                    ),
+                                t21,
+                                (-a2_2).mul_add(t20, self.c10 * Omega3 * Omega2),
                             ),
                     ),
-                (-Omega3)
+                t22,
+                (-a2_1).mul_add(t20, a1_3.mul_add(t22, self.c12 * Omega3 * Omega1)),
+                a2_1
                     .mul_add(
-                        p_Omega1,
-                        (-t28)
-                            .mul_add(
-                                t9.mul_add(t27, self.c19 * t12 * t25),
-                                Omega1
-                                    .mul_add(p_Omega3, (-alpha_dot).mul_add(t6, t24 * t3 * t21)),
-                            ),
-                    ),
-                Omega2
-                    .mul_add(
-                        p_Omega1,
-                        (-t28)
-                            .mul_add(
-                                t8.mul_add(t27, self.c20 * t13 * t25),
-                                (-t24)
-                                    .mul_add(
-                                        (-t18).mul_add(t3 - t2, -t23),
-                                        -(Omega1 * p_Omega2),
-                                    ),
-                            ),
+                        t21,
+                        (-a1_2).mul_add(t22, Omega1.mul_add(self.c13 * Omega2, -t19)),
                     ),
             ]
         };
         /// mass matrix A = W^T L_yy Psi
-        let [A_alpha_dot_Omega3, A_beta_dot_Omega1, A_Omega1_Omega1, t29,
-        A_Omega2_Omega2, t30] = [
-            t1.mul_add(self.c21, self.c22),
-            t10.mul_add(self.c23, self.c5),
-            self.c22.mul_add(t0 * t0, self.c24) + t11,
-            t3 * t5,
-            t3.mul_add(t15, self.c25.mul_add(t12 * t12, self.I2)),
-            self.c15 * t13 * t12,
-        ];
+        let [A_beta_dot_Omega1, A_Omega1_Omega1, t24, A_Omega2_Omega2, t25] = {
+            let t23 = t9.mul_add(R::from_f64(2.5), t8);
+            [
+                t23.mul_add(self.c14, self.c15),
+                t23.mul_add(self.c18, self.c16.mul_add(t1 * t1, self.c17)),
+                t6 * t18,
+                self.c19.mul_add(t10 * t10, t6.mul_add(t22, self.I2)),
+                self.c20 * t10 * t12,
+            ]
+        };
         /// factors of A
-        let [A_l5_1, A_l3_2, t31, t32, t33, t34, A_s4_5_5] = {
+        let [A_l5_1, A_l3_2, t26, t27, t28, t29, A_s4_5_5] = {
             let A_s1_5_5 = self
-                .c27
+                .c24
                 .mul_add(
-                    t1 * t1,
-                    self.c5.mul_add(t9 * t9, t9.mul_add(self.c18, self.c26)),
+                    t2 * t2,
+                    self.c15.mul_add(t9 * t9, t9.mul_add(self.c22, self.c23)),
                 );
             let A_l3_2 = self.c1 * A_beta_dot_Omega1;
             let A_s2_3_3 = (-A_beta_dot_Omega1).mul_add(A_l3_2, A_Omega1_Omega1);
-            let t31 = A_s2_3_3.recip();
-            let t32 = t29 * t31;
-            let A_s3_4_4 = (-t29).mul_add(t32, A_Omega2_Omega2);
-            let t33 = A_s3_4_4.recip();
-            let t34 = t30 * t33;
+            let t26 = A_s2_3_3.recip();
+            let t27 = t24 * t26;
+            let A_s3_4_4 = (-t24).mul_add(t27, A_Omega2_Omega2);
+            let t28 = A_s3_4_4.recip();
+            let t29 = t25 * t28;
             [
-                self.c0 * A_alpha_dot_Omega3,
+                t2.mul_add(self.c21, R::ONE),
                 A_l3_2,
-                t31,
-                t32,
-                t33,
-                t34,
-                (-t30).mul_add(t34, A_s1_5_5),
+                t26,
+                t27,
+                t28,
+                t29,
+                (-t25).mul_add(t29, A_s1_5_5),
             ]
         };
         /// substitution through the factors of A
         let [dot_Omega3, dot_Omega2, dot_Omega1, dot_beta_dot, dot_alpha_dot] = {
             let z_Omega1 = (-r_beta_dot).mul_add(A_l3_2, r_Omega1);
-            let z_Omega2 = t32.mul_add(z_Omega1, r_Omega2);
-            let z_Omega3 = t34
+            let z_Omega2 = t27.mul_add(z_Omega1, r_Omega2);
+            let z_Omega3 = t29
                 .mul_add(z_Omega2, (-r_alpha_dot).mul_add(A_l5_1, r_Omega3));
             let dot_Omega3 = z_Omega3 / A_s4_5_5;
-            let dot_Omega2 = t34.mul_add(dot_Omega3, z_Omega2 * t33);
-            let dot_Omega1 = t32.mul_add(dot_Omega2, z_Omega1 * t31);
+            let dot_Omega2 = t29.mul_add(dot_Omega3, z_Omega2 * t28);
+            let dot_Omega1 = t27.mul_add(dot_Omega2, z_Omega1 * t26);
             [
                 dot_Omega3,
                 dot_Omega2,
@@ -688,33 +654,33 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t5 = (-Omega2).mul_add(t3, t0 * (self.c2 * Omega1));
         let t6 = t0 * (alpha_dot + Omega3);
         let (t7, t8) = beta.sin_cos();
-        let t9 = self.c7 * t7;
+        let t9 = self.c3 * t7;
         let t10 = R::ONE + t9;
-        let t11 = self.c8 * t8;
+        let t11 = self.c4 * t8;
         let t12 = R::ONE + t11;
         let t13 = (-t12)
             .mul_add(R::from_f64(5.0) * Omega3, t10 * (R::from_f64(2.0) * Omega2));
         let t14 = Omega1.mul_add(t10, beta_dot * t9);
         let t15 = Omega1.mul_add(t12, beta_dot * t11);
         let t16 = self
-            .c33
+            .c30
             .mul_add(
                 beta * beta,
                 self
-                    .c32
+                    .c29
                     .mul_add(
                         alpha * alpha,
                         self
-                            .c31
+                            .c28
                             .mul_add(
                                 Omega3 * Omega3,
                                 self
-                                    .c30
-                                    .mul_add(Omega2 * Omega2, self.c29 * (Omega1 * Omega1)),
+                                    .c27
+                                    .mul_add(Omega2 * Omega2, self.c26 * (Omega1 * Omega1)),
                             ),
                     ),
             );
-        self.c35
+        self.c32
             .mul_add(
                 t13
                     .mul_add(
@@ -723,8 +689,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                             .mul_add(t15 * t15, R::from_f64(4.0) * (t14 * t14)),
                     ),
                 self
-                    .c34
-                    .mul_add(t5.mul_add(t5, t4.mul_add(t4, self.c28 * (t6 * t6))), t16),
+                    .c31
+                    .mul_add(t5.mul_add(t5, t4.mul_add(t4, self.c25 * (t6 * t6))), t16),
             )
     }
 
@@ -736,189 +702,180 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 54 additions, 87 multiplications (47 fused), 2 divisions, 35 sign changes, 2 elementary functions.
+    /// 53 additions, 87 multiplications (48 fused), 2 divisions, 34 sign changes, 2 elementary functions.
     pub fn check(&self, t: R, y: &[R; 7]) -> Result<(), ::hamel_runtime::Failure> {
         let [alpha, beta, _, _, _, _, _] = *y;
         /// mass matrix A = W^T L_yy Psi
-        let [t0, t1, t2, A_beta_dot_Omega1, t4, t5, t6, A_Omega1_Omega1, t7, t8, t9, t10,
-        t11, t12, t13, t14, A_Omega2_Omega2, t15, t16] = {
+        let [t0, t1, t2, A_beta_dot_Omega1, t4, t5, A_Omega1_Omega1, t6, t7, t8, t9, t10,
+        t11, t12, A_Omega2_Omega2, t13, t14] = {
             let (t0, t1) = beta.sin_cos();
             let t2 = t1.mul_add(R::from_f64(2.5), t0);
             let (t3, t4) = alpha.sin_cos();
             let t5 = t3 * t3;
-            let t6 = self.c4 * t2;
-            let t7 = self.c2 * t4;
-            let t8 = R::from_f64(3.0) + t7;
-            let t9 = self.c3 * t3;
-            let t11 = self.c9 * t8;
-            let t12 = t8 * t11;
-            let t13 = t0.mul_add(self.c7, R::ONE);
-            let t14 = t13 * t13;
-            let t15 = t1.mul_add(self.c8, R::ONE);
+            let t6 = t4.mul_add(self.c2, R::from_f64(3.0));
+            let t7 = self.c6 * t3;
+            let t9 = self.c11 * t6;
+            let t10 = t6 * t9;
+            let t11 = t0.mul_add(self.c3, R::ONE);
+            let t12 = t11 * t11;
+            let t13 = t1.mul_add(self.c4, R::ONE);
             [
                 t0,
                 t1,
                 t2,
-                t2.mul_add(self.c23, self.c5),
+                t2.mul_add(self.c14, self.c15),
                 t4,
                 t5,
+                t2.mul_add(self.c18, t5.mul_add(self.c16, self.c17)),
                 t6,
-                t5.mul_add(self.c22, self.c24) + t6,
                 t7,
-                t8,
+                t6 * t7,
                 t9,
-                t8 * t9,
+                t10,
                 t11,
                 t12,
+                t12.mul_add(self.c19, self.I2) + t10,
                 t13,
-                t14,
-                t14.mul_add(self.c25, self.I2) + t12,
-                t15,
-                self.c15 * t15 * t13,
+                self.c20 * t11 * t13,
             ]
         };
         /// factors of A
-        let [t17, t18, t19, A_s1_5_5, A_l3_2, t20, A_s2_3_3, t21, t22, t23, A_s3_4_4,
-        t24, t25, t26, A_s4_5_5] = {
-            let t17 = self.c18 * t1;
-            let t18 = t1 * t1;
-            let t19 = t4 * t4;
-            let A_s1_5_5 = t19.mul_add(self.c27, t18.mul_add(self.c5, self.c26 + t17));
+        let [t15, t16, t17, A_s1_5_5, A_l3_2, t18, A_s2_3_3, t19, t20, t21, A_s3_4_4,
+        t22, t23, t24, A_s4_5_5] = {
+            let t15 = self.c22 * t1;
+            let t16 = t1 * t1;
+            let t17 = t4 * t4;
+            let A_s1_5_5 = t17.mul_add(self.c24, t16.mul_add(self.c15, self.c23 + t15));
             let A_l3_2 = self.c1 * A_beta_dot_Omega1;
-            let t20 = A_beta_dot_Omega1 * A_l3_2;
-            let A_s2_3_3 = A_Omega1_Omega1 - t20;
-            let t21 = A_s2_3_3.recip();
-            let t22 = t10 * t21;
-            let t23 = t10 * t22;
-            let A_s3_4_4 = A_Omega2_Omega2 - t23;
-            let t24 = A_s3_4_4.recip();
-            let t25 = t16 * t24;
-            let t26 = t16 * t25;
+            let t18 = A_beta_dot_Omega1 * A_l3_2;
+            let A_s2_3_3 = A_Omega1_Omega1 - t18;
+            let t19 = A_s2_3_3.recip();
+            let t20 = t8 * t19;
+            let t21 = t8 * t20;
+            let A_s3_4_4 = A_Omega2_Omega2 - t21;
+            let t22 = A_s3_4_4.recip();
+            let t23 = t14 * t22;
+            let t24 = t14 * t23;
             [
+                t15,
+                t16,
                 t17,
-                t18,
-                t19,
                 A_s1_5_5,
                 A_l3_2,
-                t20,
+                t18,
                 A_s2_3_3,
+                t19,
+                t20,
                 t21,
+                A_s3_4_4,
                 t22,
                 t23,
-                A_s3_4_4,
                 t24,
-                t25,
-                t26,
-                A_s1_5_5 - t26,
+                A_s1_5_5 - t24,
             ]
         };
-        let t27 = R::from_f64(10.0).mul_add(t0.abs(), R::from_f64(25.0) * t1.abs());
-        let t28 = t6.abs();
+        let t25 = R::from_f64(10.0).mul_add(t0.abs(), R::from_f64(25.0) * t1.abs());
+        let t26 = (self.c22 * t2).abs();
+        let t27 = t26.mul_add(R::from_f64(2.0), t25.mul_add(self.c14, self.c33));
+        let t28 = A_l3_2.abs();
         let t29 = R::from_f64(2.0)
-            .mul_add((self.c18 * t2).abs(), t27.mul_add(self.c23, self.c36));
-        let t30 = A_l3_2.abs();
-        let t31 = R::from_f64(2.0)
             .mul_add(
                 A_Omega1_Omega1.abs(),
-                t28
+                t26
                     .mul_add(
-                        R::from_f64(4.0),
-                        t28
+                        R::ratio(24.0, 5.0),
+                        t25
                             .mul_add(
-                                R::from_f64(8.0),
-                                t27
-                                    .mul_add(
-                                        self.c4,
-                                        t20
-                                            .mul_add(R::from_f64(10.0), t5.mul_add(self.c37, self.c38)),
-                                    ),
+                                self.c18,
+                                t18
+                                    .mul_add(R::from_f64(10.0), t5.mul_add(self.c34, self.c35)),
                             ),
                     ),
             );
-        let t32 = t29
-            .mul_add(self.c1, R::from_f64(8.0) * t30)
-            .mul_add(A_beta_dot_Omega1.abs(), t29.mul_add(t30, t31));
-        let t33 = R::from_f64(10.0).mul_add(t7.abs(), R::from_f64(30.0));
-        let t34 = t11.abs();
-        let t35 = R::from_f64(50.0).mul_add((self.lb * t0).abs(), R::from_f64(10.0));
-        let t36 = (self.mb * t13).abs();
-        let t37 = R::from_f64(8.0).mul_add(t10.abs(), t33 * t9.abs());
-        let A_l4_3 = -t22;
-        let t38 = A_l4_3.abs();
-        let A_Omega1_Omega2 = -t10;
-        let t39 = t35
+        let t30 = t27
+            .mul_add(self.c1, R::from_f64(8.0) * t28)
+            .mul_add(A_beta_dot_Omega1.abs(), t27.mul_add(t28, t29));
+        let t31 = R::from_f64(50.0).mul_add((self.la * t4).abs(), R::from_f64(30.0));
+        let t32 = t9.abs();
+        let t33 = R::from_f64(50.0).mul_add((self.lb * t0).abs(), R::from_f64(10.0));
+        let t34 = (self.mb * t11).abs();
+        let t35 = R::from_f64(8.0).mul_add(t8.abs(), t31 * t7.abs());
+        let A_l4_3 = -t20;
+        let t36 = A_l4_3.abs();
+        let A_Omega1_Omega2 = -t8;
+        let t37 = t33
             .mul_add(
-                R::ratio(2.0, 25.0) * t36,
-                t33
+                R::ratio(2.0, 25.0) * t34,
+                t31
                     .mul_add(
-                        t34,
+                        t32,
                         A_Omega2_Omega2
                             .mul_add(
                                 R::from_f64(2.0),
-                                t12
-                                    .mul_add(R::from_f64(11.0), t14.mul_add(self.c39, self.c40)),
+                                t10
+                                    .mul_add(R::from_f64(11.0), t12.mul_add(self.c36, self.c37)),
                             ),
                     ),
             );
-        let t40 = t32
+        let t38 = t30
             .mul_add(
-                (-(t10 * (t21 * t21))).abs(),
-                t38.mul_add(R::from_f64(8.0), t37 * t21.abs()),
+                (-(t8 * (t19 * t19))).abs(),
+                t36.mul_add(R::from_f64(8.0), t35 * t19.abs()),
             )
             .mul_add(
                 A_Omega1_Omega2.abs(),
                 R::from_f64(10.0)
                     .mul_add(
-                        t23.abs(),
-                        t37
+                        t21.abs(),
+                        t35
                             .mul_add(
-                                t38,
-                                t34
-                                    .mul_add(R::from_f64(200.0), self.ma * t33)
-                                    .mul_add(R::ratio(1.0, 25.0) * t8.abs(), t39),
+                                t36,
+                                t32
+                                    .mul_add(R::from_f64(200.0), self.ma * t31)
+                                    .mul_add(R::ratio(1.0, 25.0) * t6.abs(), t37),
                             ),
                     ),
             );
-        let t41 = R::from_f64(80.0)
+        let t39 = R::from_f64(80.0)
             .mul_add(
-                t16.abs(),
-                t36
+                t14.abs(),
+                t33
                     .mul_add(
+                        (self.mb * t13).abs(),
                         R::from_f64(20.0)
-                            .mul_add((self.lb * t1).abs(), R::from_f64(10.0)),
-                        t35 * (self.mb * t15).abs(),
+                            .mul_add((self.lb * t1).abs(), R::from_f64(10.0)) * t34,
                     ),
             );
-        let A_l5_4 = -t25;
-        let t42 = A_l5_4.abs();
-        let A_Omega2_Omega3 = -t16;
-        let t43 = R::from_f64(10.0)
+        let A_l5_4 = -t23;
+        let t40 = A_l5_4.abs();
+        let A_Omega2_Omega3 = -t14;
+        let t41 = R::from_f64(10.0)
             .mul_add(
-                t26.abs(),
+                t24.abs(),
                 R::from_f64(2.0)
                     .mul_add(
                         A_s1_5_5.abs(),
                         R::from_f64(15.0)
                             .mul_add(
-                                t17.abs(),
-                                t19.mul_add(self.c43, t18.mul_add(self.c41, self.c42)),
+                                t15.abs(),
+                                t17.mul_add(self.c40, t16.mul_add(self.c38, self.c39)),
                             ),
                     ),
             );
         for (value, scale, pivot) in [
-            (A_s2_3_3, t32, "inertia along Omega1"),
-            (A_s3_4_4, t40, "inertia along Omega2"),
+            (A_s2_3_3, t30, "inertia along Omega1"),
+            (A_s3_4_4, t38, "inertia along Omega2"),
             (
                 A_s4_5_5,
-                (-(t16 * (t24 * t24)))
+                (-(t14 * (t22 * t22)))
                     .abs()
                     .mul_add(
-                        R::from_f64(10.0) * t40,
-                        t42.mul_add(R::from_f64(80.0), t24.abs() * t41),
+                        R::from_f64(10.0) * t38,
+                        t40.mul_add(R::from_f64(80.0), t22.abs() * t39),
                     )
                     .mul_add(
                         R::ratio(1.0, 10.0) * A_Omega2_Omega3.abs(),
-                        t42.mul_add(R::ratio(1.0, 10.0) * t41, t43),
+                        t40.mul_add(R::ratio(1.0, 10.0) * t39, t41),
                     ),
                 "inertia along Omega3",
             ),
@@ -987,7 +944,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
         ::hamel_runtime::Convolutions<R, 16>,
         ::hamel_runtime::Convolutions<R, 16>,
         ::hamel_runtime::Convolutions<R, 16>,
-        ::hamel_runtime::Convolutions<R, 10>,
+        ::hamel_runtime::Convolutions<R, 5>,
     );
     fn workspace(&self) -> Self::Workspace {
         (
@@ -1003,7 +960,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
     ///
     /// # Operations
     ///
-    /// At each order k: 191 additions, 197 multiplications (151 fused), 4 sign changes, and 74 sums of k - 1 products.
+    /// At each order k: 179 additions, 168 multiplications (134 fused), 5 sign changes, and 69 sums of k - 1 products.
     fn series(
         &self,
         t: R,
@@ -1085,243 +1042,173 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             kept65,
             kept66,
             kept67,
-            kept68,
-            kept69,
-            kept70,
-            kept71,
-            kept72,
-            kept73,
-            kept74,
-            kept75,
-            kept76,
-            kept77,
-            kept78,
-            kept79,
-            kept80,
-            kept81,
-            kept82,
-            kept83,
             ],
         ) = {
             let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3] = *y;
             let _ = t;
-            /// momenta p = dL/dy
-            let [t0, t1, t2, t3, t4, t5, t6, t7, t8, t9, t10, t11, t12, p_Omega1, t13,
-            t14, t15, t16, t17, t18, t19, p_Omega2, t20, t21, t22, t23, t24, t25,
-            p_Omega3] = {
-                let (t0, t1) = alpha.sin_cos();
-                let t2 = self.c2 * t1;
-                let t3 = R::from_f64(3.0) + t2;
-                let t4 = self.c2 * Omega1;
-                let t5 = (-Omega2).mul_add(t3, t0 * t4);
-                let t6 = self.c3 * t0;
-                let t7 = t5 * t6;
-                let t8 = beta_dot.mul_add(R::from_f64(0.5), Omega1);
-                let (t9, t10) = beta.sin_cos();
-                let t11 = t10.mul_add(R::from_f64(2.5), t9);
-                let t12 = self.c4 * t11;
-                let t13 = t9.mul_add(self.c7, R::ONE);
-                let t14 = t10.mul_add(self.c8, R::ONE);
-                let t15 = R::from_f64(2.0) * Omega2;
-                let t16 = R::from_f64(5.0) * Omega3;
-                let t17 = (-t14).mul_add(t16, t13 * t15);
-                let t18 = self.c9 * t3;
-                let t19 = self.c10 * t13;
-                let t20 = self.la * t0;
-                let t21 = alpha_dot + Omega3;
-                let t22 = t20 * t21;
-                let t23 = Omega3.mul_add(t3, alpha_dot * t2);
-                let t24 = self.c11 * t0;
-                let t25 = self.c12 * t14;
+            /// velocities v of the squares m/2 |v|^2
+            let [t0, t1, t2, t3, v1_1, t4, t5, t6, v1_2, v1_3] = {
+                let t0 = alpha_dot + Omega3;
+                let (t1, t2) = alpha.sin_cos();
+                let t3 = self.c2 * t1;
+                let t4 = self.c2 * alpha_dot;
+                let t5 = t2 * t4;
+                let t6 = t2.mul_add(self.c2, R::from_f64(3.0));
                 [
                     t0,
                     t1,
                     t2,
                     t3,
+                    t0 * t3,
                     t4,
                     t5,
                     t6,
+                    Omega3.mul_add(t6, t5),
+                    (-Omega2).mul_add(t6, Omega1 * t3),
+                ]
+            };
+            /// their accelerations a = dv/dx xdot + omega x v at ydot = 0
+            let [a1_1, t7, a1_2, t8, t9, a1_3] = {
+                let t7 = t1 * t4;
+                let t8 = t5 + v1_2;
+                let t9 = t7 + v1_1;
+                [
+                    (-Omega2).mul_add(v1_3, Omega3.mul_add(v1_2, t0 * t5)),
                     t7,
+                    (-Omega1).mul_add(v1_3, (-Omega3).mul_add(v1_1, -(t0 * t7))),
                     t8,
                     t9,
+                    Omega2.mul_add(t9, Omega1 * t8),
+                ]
+            };
+            /// velocities v of the squares m/2 |v|^2
+            let [t10, t11, t12, t13, t14, t15, v2_1, t16, t17, v2_2, t18, v2_3] = {
+                let (t10, t11) = beta.sin_cos();
+                let t12 = t10.mul_add(self.c3, R::ONE);
+                let t13 = R::from_f64(2.0) * t12;
+                let t14 = t11.mul_add(self.c4, R::ONE);
+                let t15 = R::from_f64(5.0) * t14;
+                let t16 = self.c5 * beta_dot;
+                let t17 = t10 * t16;
+                let t18 = t11 * t16;
+                [
                     t10,
                     t11,
                     t12,
-                    t8
-                        .mul_add(
-                            t12,
-                            Omega1.mul_add(self.c6, beta_dot.mul_add(self.c5, t7)),
-                        ),
                     t13,
                     t14,
                     t15,
+                    (-Omega3).mul_add(t15, Omega2 * t13),
                     t16,
                     t17,
+                    Omega1.mul_add(t13, t17),
                     t18,
+                    Omega1.mul_add(t15, t18),
+                ]
+            };
+            /// their accelerations a = dv/dx xdot + omega x v at ydot = 0
+            let [t19, t20, a2_1, t21, a2_2, a2_3] = {
+                let t19 = t17 + v2_2;
+                let t20 = t18 + v2_3;
+                let t21 = beta_dot + Omega1;
+                [
                     t19,
-                    t17.mul_add(t19, (-t5).mul_add(t18, self.I2 * Omega2)),
                     t20,
+                    Omega2.mul_add(t20, Omega3 * t19),
                     t21,
-                    t22,
-                    t23,
-                    t24,
-                    t25,
-                    t17
-                        .mul_add(
-                            t25,
-                            t18.mul_add(t23, t22.mul_add(t24, self.I3 * Omega3)),
-                        ),
+                    (-Omega3).mul_add(v2_1, Omega1.mul_add(v2_3, t18 * t21)),
+                    (-Omega2).mul_add(v2_1, (-Omega1).mul_add(v2_2, -(t17 * t21))),
                 ]
             };
             /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-            let [t26, t27, t28, t29, t30, t31, r_alpha_dot, t32, t33, t34, t35, t36, t37,
-            r_beta_dot, t38, t39, t40, t41, t42, t43, r_Omega1, t44, t45, t46, t47, t48,
-            r_Omega2, t49, t50, t51, t52, r_Omega3] = {
-                let t26 = self.la * t1;
-                let t27 = Omega2.mul_add(t20, Omega1 * t26);
-                let t28 = R::from_f64(5.0) * t21;
-                let t29 = (-t26).mul_add(t28, t23);
-                let dL_dalpha = self
-                    .c13
-                    .mul_add((-t22).mul_add(t29, t5 * t27), -(self.ka * alpha));
-                let t30 = t20 * t29;
-                let t31 = self.c13 * alpha_dot;
-                let t32 = self.lb * Omega2;
-                let t33 = self.lb * Omega3;
-                let t34 = t9.mul_add(t33, t10 * t32);
-                let t35 = (-t10).mul_add(R::ratio(2.0, 5.0), t9);
-                let t36 = self.c14 * (Omega1 * Omega1);
-                let t37 = self.c15 * t34;
-                let t38 = self.c16 * beta_dot;
-                let t39 = t8 * t38;
-                let t40 = self.c11 * t1;
-                let t41 = self.c17 * t0;
-                let t42 = t27.mul_add(t41, t5 * t40);
-                let t43 = R::ratio(1.0, 5.0) * alpha_dot;
-                let t44 = self.c18 * t17;
-                let t45 = self.c19 * t13;
-                let t46 = t10.mul_add(t44, t45 * t34);
-                let t47 = R::ratio(1.0, 10.0) * beta_dot;
-                let t48 = t31 * t3;
-                let t49 = t3 - t2;
-                let t50 = (-t22).mul_add(t49, -t30);
-                let t51 = self.c20 * t14;
-                let t52 = t9.mul_add(t44, t51 * t34);
+            let [t22, t24, r_alpha_dot, r_beta_dot, t25, t26, t27, r_Omega1, t28, t29,
+            r_Omega2, t30, r_Omega3] = {
+                let t22 = self.c6 * t1;
+                let t23 = a1_1 * t22;
+                let t24 = self.c6 * t2;
+                let t25 = self.c8 * t12;
+                let t26 = self.c9 * t14;
+                let t27 = self.c10 * Omega3;
+                let t28 = self.c11 * t6;
+                let t29 = self.c12 * Omega3;
+                let t30 = self.c13 * Omega2;
                 [
+                    t22,
+                    t24,
+                    (-a1_2).mul_add(t24, (-alpha).mul_add(self.ka, -t23)),
+                    self.c7.mul_add(t11.mul_add(a2_3, t10 * a2_2), -(self.kb * beta)),
+                    t25,
                     t26,
                     t27,
+                    (-a1_3)
+                        .mul_add(
+                            t22,
+                            (-a2_3).mul_add(t26, (-a2_2).mul_add(t25, t27 * Omega2)),
+                        ),
                     t28,
                     t29,
+                    (-a2_1).mul_add(t25, a1_3.mul_add(t28, t29 * Omega1)),
                     t30,
-                    t31,
-                    t30.mul_add(t31, dL_dalpha),
-                    t32,
-                    t33,
-                    t34,
-                    t35,
-                    t36,
-                    t37,
-                    t37.mul_add(t17, t35.mul_add(t36, -(self.kb * beta))),
-                    t38,
-                    t39,
-                    t40,
-                    t41,
-                    t42,
-                    t43,
-                    (-t42)
-                        .mul_add(
-                            t43,
-                            (-Omega2)
-                                .mul_add(
-                                    p_Omega3,
-                                    Omega3.mul_add(p_Omega2, self.c15 * (t35 * t39)),
-                                ),
-                        ),
-                    t44,
-                    t45,
-                    t46,
-                    t47,
-                    t48,
-                    (-Omega3)
-                        .mul_add(
-                            p_Omega1,
-                            (-t46)
-                                .mul_add(
-                                    t47,
-                                    Omega1
-                                        .mul_add(p_Omega3, (-alpha_dot).mul_add(t7, t48 * t27)),
-                                ),
-                        ),
-                    t49,
-                    t50,
-                    t51,
-                    t52,
-                    Omega2
-                        .mul_add(
-                            p_Omega1,
-                            (-t47)
-                                .mul_add(t52, (-t31).mul_add(t50, -(Omega1 * p_Omega2))),
-                        ),
+                    a2_1.mul_add(t26, (-a1_2).mul_add(t28, t30.mul_add(Omega1, -t23))),
                 ]
             };
             /// mass matrix A = W^T L_yy Psi
-            let [A_alpha_dot_Omega3, A_beta_dot_Omega1, A_Omega1_Omega1, t53,
-            A_Omega2_Omega2, t54, t55] = {
-                let t54 = self.c15 * t14;
+            let [A_beta_dot_Omega1, A_Omega1_Omega1, t32, A_Omega2_Omega2, t33, t34] = {
+                let t31 = t11.mul_add(R::from_f64(2.5), t10);
+                let t33 = self.c20 * t12;
                 [
-                    t1.mul_add(self.c21, self.c22),
-                    t11.mul_add(self.c23, self.c5),
-                    self.c22.mul_add(t0 * t0, self.c24) + t12,
-                    t3 * t6,
-                    t3.mul_add(t18, self.c25.mul_add(t13 * t13, self.I2)),
-                    t54,
-                    t54 * t13,
+                    t31.mul_add(self.c14, self.c15),
+                    t31.mul_add(self.c18, self.c16.mul_add(t1 * t1, self.c17)),
+                    t6 * t22,
+                    self.c19.mul_add(t12 * t12, t6.mul_add(t28, self.I2)),
+                    t33,
+                    t33 * t14,
                 ]
             };
             /// factors of A
-            let [A_l5_1, A_l3_2, t56, t57, t58, t59, A_s4_5_5] = {
+            let [A_l5_1, A_l3_2, t35, t36, t37, t38, A_s4_5_5] = {
                 let A_s1_5_5 = self
-                    .c27
+                    .c24
                     .mul_add(
-                        t1 * t1,
-                        self.c5.mul_add(t10 * t10, t10.mul_add(self.c18, self.c26)),
+                        t2 * t2,
+                        self.c15.mul_add(t11 * t11, t11.mul_add(self.c22, self.c23)),
                     );
                 let A_l3_2 = self.c1 * A_beta_dot_Omega1;
                 let A_s2_3_3 = (-A_beta_dot_Omega1).mul_add(A_l3_2, A_Omega1_Omega1);
-                let t56 = A_s2_3_3.recip();
-                let t57 = t53 * t56;
-                let A_s3_4_4 = (-t53).mul_add(t57, A_Omega2_Omega2);
-                let t58 = A_s3_4_4.recip();
-                let t59 = t55 * t58;
+                let t35 = A_s2_3_3.recip();
+                let t36 = t32 * t35;
+                let A_s3_4_4 = (-t32).mul_add(t36, A_Omega2_Omega2);
+                let t37 = A_s3_4_4.recip();
+                let t38 = t34 * t37;
                 [
-                    self.c0 * A_alpha_dot_Omega3,
+                    t2.mul_add(self.c21, R::ONE),
                     A_l3_2,
-                    t56,
-                    t57,
-                    t58,
-                    t59,
-                    (-t55).mul_add(t59, A_s1_5_5),
+                    t35,
+                    t36,
+                    t37,
+                    t38,
+                    (-t34).mul_add(t38, A_s1_5_5),
                 ]
             };
             /// substitution through the factors of A
-            let [z_Omega1, z_Omega2, dot_Omega3, t60, dot_Omega2, t61, dot_Omega1,
+            let [z_Omega1, z_Omega2, dot_Omega3, t39, dot_Omega2, t40, dot_Omega1,
             dot_beta_dot, dot_alpha_dot] = {
                 let z_Omega1 = (-r_beta_dot).mul_add(A_l3_2, r_Omega1);
-                let z_Omega2 = t57.mul_add(z_Omega1, r_Omega2);
-                let z_Omega3 = t59
+                let z_Omega2 = t36.mul_add(z_Omega1, r_Omega2);
+                let z_Omega3 = t38
                     .mul_add(z_Omega2, (-r_alpha_dot).mul_add(A_l5_1, r_Omega3));
                 let dot_Omega3 = z_Omega3 / A_s4_5_5;
-                let t60 = z_Omega2 * t58;
-                let dot_Omega2 = t59.mul_add(dot_Omega3, t60);
-                let t61 = z_Omega1 * t56;
-                let dot_Omega1 = t57.mul_add(dot_Omega2, t61);
+                let t39 = z_Omega2 * t37;
+                let dot_Omega2 = t38.mul_add(dot_Omega3, t39);
+                let t40 = z_Omega1 * t35;
+                let dot_Omega1 = t36.mul_add(dot_Omega2, t40);
                 [
                     z_Omega1,
                     z_Omega2,
                     dot_Omega3,
-                    t60,
+                    t39,
                     dot_Omega2,
-                    t61,
+                    t40,
                     dot_Omega1,
                     (-A_l3_2).mul_add(dot_Omega1, self.c1 * r_beta_dot),
                     (-A_l5_1).mul_add(dot_Omega3, self.c0 * r_alpha_dot),
@@ -1338,79 +1225,63 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                     dot_Omega3,
                 ],
                 [
-                    t0,
                     t1,
-                    t4,
-                    Omega2,
+                    t2,
+                    t0,
                     t3,
-                    t5,
+                    t4,
+                    Omega3,
                     t6,
+                    Omega1,
+                    Omega2,
+                    t5,
+                    v1_2,
+                    v1_3,
+                    t7,
+                    v1_1,
+                    t8,
                     t9,
                     t10,
-                    t8,
-                    t12,
+                    t11,
                     t13,
                     t15,
-                    t14,
                     t16,
-                    t18,
-                    t17,
                     t19,
                     t20,
+                    t18,
                     t21,
-                    alpha_dot,
-                    t2,
-                    Omega3,
+                    v2_3,
+                    v2_1,
+                    t17,
+                    v2_2,
+                    a1_1,
                     t22,
+                    a1_2,
                     t24,
-                    t23,
-                    t25,
-                    Omega1,
-                    t26,
-                    t28,
+                    a2_2,
+                    a2_3,
                     t27,
+                    t25,
+                    t26,
+                    a1_3,
                     t29,
+                    t28,
+                    a2_1,
                     t30,
-                    t31,
-                    t32,
-                    t33,
-                    Omega1 + Omega1,
-                    t35,
-                    t36,
-                    t37,
-                    t38,
-                    t39,
-                    t40,
-                    t41,
-                    p_Omega2,
-                    p_Omega3,
-                    t42,
-                    t43,
-                    t45,
-                    t34,
-                    t44,
-                    t48,
-                    t7,
-                    t46,
-                    t47,
-                    p_Omega1,
-                    t49,
-                    t51,
-                    t50,
-                    t52,
-                    t0 + t0,
-                    t13 + t13,
-                    t54,
-                    t10 + t10,
                     t1 + t1,
+                    t12 + t12,
+                    t33,
+                    t14,
+                    t11 + t11,
+                    t2 + t2,
                     A_beta_dot_Omega1,
                     A_l3_2,
-                    t56,
-                    t57,
-                    t53,
-                    t58,
-                    t59,
-                    t55,
+                    t35,
+                    t36,
+                    t32,
+                    t37,
+                    t38,
+                    t34,
                     r_beta_dot,
                     z_Omega1,
                     r_alpha_dot,
@@ -1418,8 +1289,8 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                     z_Omega2,
                     dot_Omega3,
                     A_s4_5_5.recip(),
-                    t60,
-                    t61,
+                    t39,
+                    t40,
                     dot_Omega2,
                     dot_Omega1,
                 ],
@@ -1443,414 +1314,352 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             sum42, sum43, sum44, sum45, sum46, sum47] = workspace.2.sums();
             let [sum48, sum49, sum50, sum51, sum52, sum53, sum54, sum55, sum56, sum57,
             sum58, sum59, sum60, sum61, sum62, sum63] = workspace.3.sums();
-            let [sum64, sum65, sum66, sum67, sum68, sum69, sum70, sum71, sum72, sum73] = workspace
-                .4
-                .sums();
-            /// momenta p = dL/dy
-            let [t0, t1, t2, t3, t4, t5, t6, t7, t8, t9, t10, t11, t12, t13, t14, t15,
-            t16, t17, t18, t19, t20, t21, t22, t23, t24, t25, t26, t27] = {
-                let t0 = kept1.mul_add(alpha, inverse * sum0);
-                let t1 = -kept0.mul_add(alpha, inverse * sum1);
-                let t2 = self.c2 * t1;
-                let t3 = self.c2 * Omega1;
-                let t4 = kept0.mul_add(t3, kept2.mul_add(t0, sum2))
-                    - kept3.mul_add(t2, kept4.mul_add(Omega2, sum3));
-                let t5 = self.c3 * t0;
-                let t6 = kept5.mul_add(t5, kept6.mul_add(t4, sum4));
-                let t7 = beta_dot.mul_add(R::from_f64(0.5), Omega1);
-                let t8 = kept8.mul_add(beta, inverse * sum5);
-                let t9 = -kept7.mul_add(beta, inverse * sum6);
-                let t10 = t9.mul_add(R::from_f64(2.5), t8);
-                let t11 = self.c4 * t10;
-                let t13 = self.c7 * t8;
-                let t14 = self.c8 * t9;
-                let t15 = R::from_f64(2.0) * Omega2;
-                let t16 = R::from_f64(5.0) * Omega3;
-                let t17 = kept11.mul_add(t15, kept12.mul_add(t13, sum8))
-                    - kept13.mul_add(t16, kept14.mul_add(t14, sum9));
-                let t18 = self.c9 * t2;
-                let t19 = self.c10 * t13;
-                let t21 = self.la * t0;
-                let t22 = alpha_dot + Omega3;
-                let t23 = kept18.mul_add(t22, kept19.mul_add(t21, sum12));
-                let t24 = kept22.mul_add(t2, kept4.mul_add(Omega3, sum14))
-                    + kept20.mul_add(t2, kept21.mul_add(alpha_dot, sum13));
-                let t25 = self.c11 * t0;
-                let t26 = self.c12 * t14;
+            let [sum64, sum65, sum66, sum67, sum68] = workspace.4.sums();
+            /// velocities v of the squares m/2 |v|^2
+            let [t0, t1, t2, t3, t4, t5, t6, t7, t8, t9] = {
+                let t0 = alpha_dot + Omega3;
+                let t1 = kept1.mul_add(alpha, inverse * sum0);
+                let t2 = -kept0.mul_add(alpha, inverse * sum1);
+                let t3 = self.c2 * t1;
+                let t5 = self.c2 * alpha_dot;
+                let t6 = kept1.mul_add(t5, kept4.mul_add(t2, sum3));
+                let t7 = self.c2 * t2;
                 [
                     t0,
                     t1,
                     t2,
                     t3,
-                    t4,
+                    kept2.mul_add(t3, kept3.mul_add(t0, sum2)),
                     t5,
                     t6,
                     t7,
-                    t8,
-                    t9,
-                    t10,
+                    kept5.mul_add(t7, kept6.mul_add(Omega3, sum4)) + t6,
+                    kept7.mul_add(t3, kept3.mul_add(Omega1, sum5))
+                        - kept8.mul_add(t7, kept6.mul_add(Omega2, sum6)),
+                ]
+            };
+            /// their accelerations a = dv/dx xdot + omega x v at ydot = 0
+            let [t10, t11, t12, t13, t14, t15] = {
+                let t11 = kept0.mul_add(t5, kept4.mul_add(t1, sum10));
+                let t13 = t6 + t8;
+                let t14 = t11 + t4;
+                [
+                    kept5.mul_add(t8, kept10.mul_add(Omega3, sum8))
+                        + kept2.mul_add(t6, kept9.mul_add(t0, sum7))
+                        - kept8.mul_add(t9, kept11.mul_add(Omega2, sum9)),
                     t11,
-                    kept9.mul_add(t11, kept10.mul_add(t7, sum7))
-                        + Omega1.mul_add(self.c6, beta_dot.mul_add(self.c5, t6)),
+                    -(kept5.mul_add(t4, kept13.mul_add(Omega3, sum12))
+                        + kept2.mul_add(t11, kept12.mul_add(t0, sum11)))
+                        - kept7.mul_add(t9, kept11.mul_add(Omega1, sum13)),
                     t13,
                     t14,
-                    t15,
+                    kept8.mul_add(t14, kept15.mul_add(Omega2, sum15))
+                        + kept7.mul_add(t13, kept14.mul_add(Omega1, sum14)),
+                ]
+            };
+            /// velocities v of the squares m/2 |v|^2
+            let [t16, t17, t18, t19, t20, t21, t22, t23, t24, t25, t26, t27] = {
+                let t16 = kept17.mul_add(beta, inverse * sum16);
+                let t17 = -kept16.mul_add(beta, inverse * sum17);
+                let t18 = self.c3 * t16;
+                let t19 = R::from_f64(2.0) * t18;
+                let t20 = self.c4 * t17;
+                let t21 = R::from_f64(5.0) * t20;
+                let t23 = self.c5 * beta_dot;
+                let t24 = kept16.mul_add(t23, kept20.mul_add(t16, sum20));
+                let t26 = kept17.mul_add(t23, kept20.mul_add(t17, sum22));
+                [
                     t16,
                     t17,
                     t18,
                     t19,
-                    kept16.mul_add(t19, kept17.mul_add(t17, sum11))
-                        + Omega2
-                            .mul_add(
-                                self.I2,
-                                -kept5.mul_add(t18, kept15.mul_add(t4, sum10)),
-                            ),
+                    t20,
                     t21,
-                    t22,
+                    kept8.mul_add(t19, kept18.mul_add(Omega2, sum18))
+                        - kept5.mul_add(t21, kept19.mul_add(Omega3, sum19)),
                     t23,
                     t24,
-                    t25,
+                    kept7.mul_add(t19, kept18.mul_add(Omega1, sum21)) + t24,
                     t26,
-                    kept16.mul_add(t26, kept26.mul_add(t17, sum17))
-                        + (kept15.mul_add(t24, kept25.mul_add(t18, sum16))
-                            + Omega3
-                                .mul_add(
-                                    self.I3,
-                                    kept23.mul_add(t25, kept24.mul_add(t23, sum15)),
-                                )),
+                    kept7.mul_add(t21, kept19.mul_add(Omega1, sum23)) + t26,
                 ]
             };
-            /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-            let [t28, t29, t30, t31, t32, t33, t34, t35, t36, t37, t38, t39, t40, t41,
-            t42, t43, t44, t45, t46, t47, t48, t49, t50, t51, t52, t53, t54, t55, t56,
-            t57, t58] = {
-                let t28 = self.la * t1;
-                let t29 = kept3.mul_add(t21, kept18.mul_add(Omega2, sum19))
-                    + kept27.mul_add(t28, kept28.mul_add(Omega1, sum18));
-                let t30 = R::from_f64(5.0) * t22;
-                let t31 = t24 - kept28.mul_add(t30, kept29.mul_add(t28, sum20));
-                let t32 = kept18.mul_add(t31, kept31.mul_add(t21, sum23));
-                let t33 = self.c13 * alpha_dot;
-                let t35 = self.lb * Omega2;
-                let t36 = self.lb * Omega3;
-                let t37 = kept7.mul_add(t36, kept35.mul_add(t8, sum26))
-                    + kept8.mul_add(t35, kept34.mul_add(t9, sum25));
-                let t38 = (-t9).mul_add(R::ratio(2.0, 5.0), t8);
-                let t39 = self.c14 * kept36.mul_add(Omega1, sum27);
-                let t40 = self.c15 * t37;
-                let t42 = self.c16 * beta_dot;
-                let t43 = kept9.mul_add(t42, kept40.mul_add(t7, sum30));
-                let t44 = self.c11 * t1;
-                let t45 = self.c17 * t0;
-                let t49 = self.c18 * t17;
-                let t50 = self.c19 * t13;
-                let t51 = kept8.mul_add(t49, kept50.mul_add(t9, sum38))
-                    + kept48.mul_add(t37, kept49.mul_add(t50, sum37));
-                let t52 = R::ratio(1.0, 10.0) * beta_dot;
-                let t53 = kept33.mul_add(t2, kept4.mul_add(t33, sum39));
-                let t55 = -kept56.mul_add(t23, t32);
-                let t56 = self.c20 * t14;
-                let t57 = kept7.mul_add(t49, kept50.mul_add(t8, sum46))
-                    + kept57.mul_add(t37, kept49.mul_add(t56, sum45));
+            /// their accelerations a = dv/dx xdot + omega x v at ydot = 0
+            let [t28, t29, t30, t31, t32, t33] = {
+                let t28 = t24 + t25;
+                let t29 = t26 + t27;
+                let t31 = beta_dot + Omega1;
                 [
                     t28,
                     t29,
-                    t30,
+                    kept8.mul_add(t29, kept22.mul_add(Omega2, sum25))
+                        + kept5.mul_add(t28, kept21.mul_add(Omega3, sum24)),
                     t31,
-                    t32,
-                    t33,
-                    kept32.mul_add(t33, kept33.mul_add(t32, sum24))
-                        + (-alpha)
-                            .mul_add(
-                                self.ka,
-                                self.c13
-                                    * (kept5.mul_add(t29, kept30.mul_add(t4, sum21))
-                                        - kept23.mul_add(t31, kept31.mul_add(t23, sum22))),
-                            ),
+                    kept7.mul_add(t27, kept25.mul_add(Omega1, sum27))
+                        + kept23.mul_add(t31, kept24.mul_add(t26, sum26))
+                        - kept5.mul_add(t22, kept26.mul_add(Omega3, sum28)),
+                    -(kept7.mul_add(t25, kept28.mul_add(Omega1, sum30))
+                        + kept27.mul_add(t31, kept24.mul_add(t24, sum29)))
+                        - kept8.mul_add(t22, kept26.mul_add(Omega2, sum31)),
+                ]
+            };
+            /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
+            let [t34, t35, t36, t37, t38, t39, t40, t41, t42, t43, t44, t45] = {
+                let t34 = self.c6 * t1;
+                let t35 = kept29.mul_add(t34, kept30.mul_add(t10, sum32));
+                let t36 = self.c6 * t2;
+                let t39 = self.c8 * t18;
+                let t40 = self.c9 * t20;
+                let t41 = self.c10 * Omega3;
+                [
+                    t34,
                     t35,
                     t36,
-                    t37,
-                    t38,
+                    -alpha.mul_add(self.ka, t35)
+                        - kept31.mul_add(t36, kept32.mul_add(t12, sum33)),
+                    (-beta)
+                        .mul_add(
+                            self.kb,
+                            self.c7
+                                * (kept17.mul_add(t33, kept34.mul_add(t17, sum35))
+                                    + kept16.mul_add(t32, kept33.mul_add(t16, sum34))),
+                        ),
                     t39,
                     t40,
-                    kept39.mul_add(t17, kept16.mul_add(t40, sum29))
-                        + (-beta)
-                            .mul_add(
-                                self.kb,
-                                kept37.mul_add(t39, kept38.mul_add(t38, sum28)),
-                            ),
-                    t42,
-                    t43,
-                    t44,
-                    t45,
-                    kept30.mul_add(t45, kept43.mul_add(t29, sum33))
-                        + kept5.mul_add(t44, kept42.mul_add(t4, sum32)),
-                    self
-                        .c15
-                        .mul_add(
-                            kept37.mul_add(t43, kept41.mul_add(t38, sum31)),
-                            kept22.mul_add(t20, kept44.mul_add(Omega3, sum34)),
-                        ) - kept3.mul_add(t27, kept45.mul_add(Omega2, sum35)),
-                    R::ratio(1.0, 5.0) * alpha_dot,
-                    t49,
-                    t50,
-                    t51,
-                    t52,
-                    t53,
-                    kept27.mul_add(t27, kept45.mul_add(Omega1, sum42))
-                        + (kept51.mul_add(t29, kept30.mul_add(t53, sum40))
-                            - kept20.mul_add(t6, kept52.mul_add(alpha_dot, sum41)))
-                        - kept53.mul_add(t52, kept54.mul_add(t51, sum43)),
-                    t55,
-                    t56,
-                    t57,
-                    kept3.mul_add(t12, kept55.mul_add(Omega2, sum50))
-                        + (-(kept33.mul_add(t55, kept58.mul_add(t33, sum48))
-                            + kept27.mul_add(t20, kept44.mul_add(Omega1, sum47)))
-                            - kept54.mul_add(t57, kept59.mul_add(t52, sum49))),
+                    t41,
+                    kept35.mul_add(Omega2, kept8.mul_add(t41, sum36))
+                        - kept33.mul_add(t39, kept36.mul_add(t32, sum37))
+                        - kept34.mul_add(t40, kept37.mul_add(t33, sum38))
+                        - kept38.mul_add(t34, kept30.mul_add(t15, sum39)),
+                    self.c11 * t7,
+                    self.c12 * Omega3,
+                    self.c13 * Omega2,
                 ]
             };
             /// mass matrix A = W^T L_yy Psi
-            let [t59, t60, t61, t62] = {
-                let t61 = self.c15 * t14;
+            let [t46, t47, t48, t49, t50] = {
+                let t46 = t17.mul_add(R::from_f64(2.5), t16);
+                let t49 = self.c20 * t18;
                 [
-                    self.c23 * t10,
-                    kept4.mul_add(t5, kept6.mul_add(t2, sum52)),
-                    t61,
-                    kept62.mul_add(t13, kept11.mul_add(t61, sum55)),
+                    t46,
+                    self.c14 * t46,
+                    kept6.mul_add(t34, kept30.mul_add(t7, sum47)),
+                    t49,
+                    kept45.mul_add(t20, kept46.mul_add(t49, sum50)),
                 ]
             };
             /// factors of A
-            let [t63, t64, t65, t66, t67, t68, t69] = {
-                let t64 = self.c1 * t59;
-                let t65 = self.c22.mul_add(kept60.mul_add(t0, sum51), t11)
-                    - kept65.mul_add(t64, kept66.mul_add(t59, sum58));
-                let t66 = kept67 * (-kept68).mul_add(t65, t60 - sum59);
-                let t67 = self
-                    .c25
+            let [t51, t52, t53, t54, t55, t56, t57] = {
+                let t52 = self.c1 * t47;
+                let t53 = self.c16.mul_add(kept43.mul_add(t1, sum46), self.c18 * t46)
+                    - kept49.mul_add(t52, kept50.mul_add(t47, sum53));
+                let t54 = kept51 * (-kept52).mul_add(t53, t48 - sum54);
+                let t55 = self
+                    .c19
                     .mul_add(
-                        kept61.mul_add(t13, sum53),
-                        kept4.mul_add(t18, kept15.mul_add(t2, sum54)),
-                    ) - kept69.mul_add(t66, kept68.mul_add(t60, sum60));
-                let t68 = kept70 * (-kept71).mul_add(t67, t62 - sum61);
+                        kept44.mul_add(t18, sum48),
+                        kept6.mul_add(t43, kept40.mul_add(t7, sum49)),
+                    ) - kept53.mul_add(t54, kept52.mul_add(t48, sum55));
+                let t56 = kept54 * (-kept55).mul_add(t55, t50 - sum56);
                 [
-                    self.c0 * (self.c21 * t1),
-                    t64,
-                    t65,
-                    t66,
-                    t67,
-                    t68,
+                    self.c21 * t2,
+                    t52,
+                    t53,
+                    t54,
+                    t55,
+                    t56,
                     self
-                        .c27
+                        .c24
                         .mul_add(
-                            kept64.mul_add(t1, sum57),
-                            t9.mul_add(self.c18, self.c5 * kept63.mul_add(t9, sum56)),
-                        ) - kept72.mul_add(t68, kept71.mul_add(t62, sum62)),
+                            kept48.mul_add(t2, sum52),
+                            t17.mul_add(self.c22, self.c15 * kept47.mul_add(t17, sum51)),
+                        ) - kept56.mul_add(t56, kept55.mul_add(t50, sum57)),
                 ]
             };
             /// substitution through the factors of A
-            let [t70, t71, t72, t73, t74, t75, t76] = {
-                let t70 = t47 - kept46.mul_add(t48, kept47.mul_add(t46, sum36))
-                    - kept73.mul_add(t64, kept66.mul_add(t41, sum63));
-                let t71 = kept68.mul_add(t70, kept74.mul_add(t66, sum64))
-                    + (t54 - kept22.mul_add(t12, kept55.mul_add(Omega3, sum44)));
-                let t72 = kept79
-                    * (-kept78)
+            let [t58, t59, t61, t62, t63, t64, t65] = {
+                let t58 = t42 - kept57.mul_add(t52, kept50.mul_add(t38, sum58));
+                let t59 = kept52.mul_add(t58, kept58.mul_add(t54, sum59))
+                    + (kept38.mul_add(t43, kept40.mul_add(t15, sum41))
+                        + kept39.mul_add(Omega1, kept7.mul_add(t44, sum40))
+                        - kept41.mul_add(t39, kept36.mul_add(t30, sum42)));
+                let t60 = kept41.mul_add(t40, kept37.mul_add(t30, sum45))
+                    + (kept42.mul_add(Omega1, kept7.mul_add(t45, sum43)) - t35
+                        - kept31.mul_add(t43, kept40.mul_add(t12, sum44)))
+                    - kept59.mul_add(t51, kept60.mul_add(t37, sum60));
+                let t61 = kept63
+                    * (-kept62)
                         .mul_add(
-                            t69,
-                            kept71.mul_add(t71, kept77.mul_add(t68, sum66))
-                                + (t58 - kept75.mul_add(t63, kept76.mul_add(t34, sum65)))
-                                - sum67,
+                            t57,
+                            kept55.mul_add(t59, kept61.mul_add(t56, sum61)) + t60 - sum62,
                         );
-                let t73 = kept70 * (-kept80).mul_add(t67, t71 - sum68);
-                let t74 = kept71.mul_add(t72, kept78.mul_add(t68, sum69)) + t73;
-                let t75 = kept67 * (-kept81).mul_add(t65, t70 - sum70);
+                let t62 = kept54 * (-kept64).mul_add(t55, t59 - sum63);
+                let t63 = kept55.mul_add(t61, kept62.mul_add(t56, sum64)) + t62;
+                let t64 = kept51 * (-kept65).mul_add(t53, t58 - sum65);
                 [
-                    t70,
-                    t71,
-                    t72,
-                    t73,
-                    t74,
-                    t75,
-                    kept68.mul_add(t74, kept82.mul_add(t66, sum71)) + t75,
+                    t58,
+                    t59,
+                    t61,
+                    t62,
+                    t63,
+                    t64,
+                    kept52.mul_add(t63, kept66.mul_add(t54, sum66)) + t64,
                 ]
             };
-            let t77 = order * alpha;
-            let t78 = order * beta;
+            let t66 = order * alpha;
+            let t67 = order * beta;
             workspace
                 .0
                 .push(
+                    [t66, t66, t0, t2, t7, t3, t7, t0, t8, t9, t1, t0, t4, t9, t13, t14],
                     [
-                        t77,
-                        t77,
-                        t0,
                         t2,
-                        t4,
-                        t78,
-                        t78,
-                        t7,
-                        t13,
-                        t14,
-                        t4,
-                        t17,
-                        t21,
-                        t2,
-                        t2,
-                        t23,
-                    ],
-                    [
                         t1,
-                        t0,
                         t3,
+                        t5,
+                        Omega3,
+                        Omega1,
+                        Omega2,
+                        t6,
+                        Omega3,
                         Omega2,
                         t5,
-                        t9,
-                        t8,
                         t11,
-                        t15,
-                        t16,
-                        t18,
-                        t19,
-                        t22,
-                        alpha_dot,
                         Omega3,
-                        t25,
+                        Omega1,
+                        Omega1,
+                        Omega2,
                     ],
                 );
             workspace
                 .1
                 .push(
                     [
-                        t18,
+                        t67,
+                        t67,
+                        t19,
+                        t21,
+                        t16,
+                        t19,
                         t17,
-                        t28,
                         t21,
                         t28,
-                        t4,
-                        t23,
-                        t21,
-                        t32,
-                        t9,
-                        t8,
-                        Omega1,
-                        t38,
-                        t17,
-                        t7,
-                        t38,
+                        t29,
+                        t26,
+                        t27,
+                        t22,
+                        t24,
+                        t25,
+                        t22,
                     ],
                     [
-                        t24,
-                        t26,
+                        t17,
+                        t16,
+                        Omega2,
+                        Omega3,
+                        t23,
+                        Omega1,
+                        t23,
+                        Omega1,
+                        Omega3,
+                        Omega2,
+                        t31,
+                        Omega1,
+                        Omega3,
+                        t31,
                         Omega1,
                         Omega2,
-                        t30,
-                        t29,
-                        t31,
-                        t31,
-                        t33,
-                        t35,
-                        t36,
-                        Omega1,
-                        t39,
-                        t40,
-                        t42,
-                        t43,
                     ],
                 );
             workspace
                 .2
                 .push(
                     [
-                        t4,
-                        t29,
-                        t20,
-                        t27,
-                        t46,
-                        t37,
-                        t9,
-                        t2,
-                        t29,
-                        t6,
-                        t27,
-                        t51,
+                        t10,
                         t12,
-                        t37,
-                        t8,
-                        t20,
+                        t16,
+                        t17,
+                        t41,
+                        t32,
+                        t33,
+                        t15,
+                        t44,
+                        t15,
+                        t30,
+                        t45,
+                        t12,
+                        t30,
+                        t1,
+                        t7,
                     ],
                     [
-                        t44,
-                        t45,
-                        Omega3,
-                        Omega2,
-                        t48,
-                        t50,
-                        t49,
+                        t34,
+                        t36,
+                        t32,
                         t33,
-                        t53,
-                        alpha_dot,
+                        Omega2,
+                        t39,
+                        t40,
+                        t34,
                         Omega1,
-                        t52,
-                        Omega3,
-                        t56,
-                        t49,
+                        t43,
+                        t39,
                         Omega1,
+                        t43,
+                        t40,
+                        t1,
+                        t34,
                     ],
                 );
             workspace
                 .3
                 .push(
                     [
-                        t33,
-                        t52,
-                        t12,
-                        t0,
+                        t18,
+                        t7,
+                        t20,
+                        t17,
                         t2,
-                        t13,
-                        t2,
-                        t13,
-                        t9,
-                        t1,
-                        t59,
-                        t65,
-                        t60,
-                        t67,
-                        t62,
-                        t41,
+                        t47,
+                        t53,
+                        t48,
+                        t55,
+                        t50,
+                        t38,
+                        t54,
+                        t37,
+                        t56,
+                        t57,
+                        t55,
                     ],
                     [
-                        t55,
-                        t57,
-                        Omega2,
-                        t0,
-                        t5,
-                        t13,
                         t18,
+                        t43,
+                        t49,
+                        t17,
+                        t2,
+                        t52,
+                        t54,
+                        t54,
+                        t56,
+                        t56,
+                        t52,
+                        t58,
+                        t51,
+                        t59,
                         t61,
-                        t9,
-                        t1,
-                        t64,
-                        t66,
-                        t66,
-                        t68,
-                        t68,
-                        t64,
+                        t62,
                     ],
                 );
-            workspace
-                .4
-                .push(
-                    [t66, t34, t68, t69, t67, t68, t65, t66, t64, t63],
-                    [t70, t63, t71, t72, t73, t72, t75, t74, t76, t72],
-                );
+            workspace.4.push([t56, t53, t54, t52, t51], [t61, t64, t63, t65, t61]);
             let derivative = [
                 alpha_dot,
                 beta_dot,
-                t34.mul_add(self.c0, -kept76.mul_add(t72, kept78.mul_add(t63, sum73))),
-                t41.mul_add(self.c1, -kept66.mul_add(t76, kept83.mul_add(t64, sum72))),
-                t76,
-                t74,
-                t72,
+                t37.mul_add(self.c0, -kept60.mul_add(t61, kept62.mul_add(t51, sum68))),
+                t38.mul_add(self.c1, -kept50.mul_add(t65, kept67.mul_add(t52, sum67))),
+                t65,
+                t63,
+                t61,
             ];
             let scale = R::ratio(1.0, f64::from(k + 1));
             coefficient = derivative.map(|derivative| derivative * scale);

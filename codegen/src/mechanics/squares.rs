@@ -1,0 +1,227 @@
+//! Kinetic energy that is written as squares of velocities of points.
+//!
+//! Deliberately does not know: constraints, which way of writing the forces is shorter.
+
+use std::collections::BTreeSet;
+
+use num_traits::{One, Signed};
+
+use crate::algebra::Algebroid;
+use crate::expr::{ExprId, Graph, Node, Rational, SymbolId};
+use crate::reduction::ReducedSystem;
+
+/// A term `weight/2 |v|^2` of the Lagrangian with `v = v_beta y^beta + v_0` in a frame that turns with the angular velocity
+/// `omega = K_beta y^beta`, i.e. one with vanishing torsion:
+///
+/// ```text
+/// dv_alpha/dx . rho_beta - dv_beta/dx . rho_alpha + C^gamma_{alpha beta} v_gamma = v_alpha x K_beta - v_beta x K_alpha
+/// ```
+///
+/// Then the term's part of `E_alpha` is `weight v_alpha . (vdot + omega x v)`: mass times acceleration, along `v_alpha`.
+///
+/// # Source
+/// Kane and Levinson 1985, Dynamics, section 4.11 (generalised inertia forces); the condition is Cartan's first structure
+/// equation.
+#[derive(Clone, Debug)]
+pub(super) struct Square {
+    /// Depends on parameters alone.
+    pub(super) weight: ExprId,
+    /// `v`, in the raw velocities.
+    pub(super) velocity: Vec<ExprId>,
+    /// `v_alpha`, by the velocity and the component.
+    pub(super) slopes: Vec<Vec<ExprId>>,
+    /// `K_beta`, by the velocity.
+    turning: Vec<Turn>,
+}
+
+/// Most frames that are tried for one square.
+const MAX_TRIALS: usize = 10_000;
+
+/// A rotation about an axis of the frame with rate one, or none: in the plane of the components `from` and `to`,
+/// `v_from` becomes part of the rate of `v_to`, and the other way round with the opposite sign.
+type Turn = Option<(usize, usize)>;
+
+impl Square {
+    /// `omega x v` for the velocities `y` and the components `v`.
+    pub(super) fn turned(&self, g: &mut Graph, y: &[ExprId], v: &[ExprId]) -> Vec<ExprId> {
+        let mut terms = vec![Vec::new(); v.len()];
+        for (turn, y) in self.turning.iter().zip(y) {
+            if let Some((from, to)) = *turn {
+                terms[to].push(g.mul(*y, v[from]));
+                let back = g.mul(*y, v[to]);
+                terms[from].push(g.neg(back));
+            }
+        }
+        terms.iter().map(|list| g.sum(list)).collect()
+    }
+}
+
+/// Takes the squares of velocities out of the Lagrangian: these, and the rest.
+pub(super) fn take_squares(g: &mut Graph, system: &ReducedSystem) -> (Vec<Square>, ExprId) {
+    let velocities: BTreeSet<SymbolId> = system.velocities.iter().copied().collect();
+    let varying: BTreeSet<SymbolId> =
+        velocities.iter().chain(system.algebroid.base()).chain([&system.time]).copied().collect();
+    let mut squares = Vec::new();
+    let mut rest = Vec::new();
+    for (term, q) in g.summands(system.lagrangian) {
+        let square = squared(g, term, &q, &varying).and_then(|(weight, velocity)| {
+            // A symbol alone gains nothing.
+            let is_plain = velocity.iter().all(|v| matches!(g.node(*v), Node::Symbol(_)));
+            let square = if is_plain { None } else { square(g, system, weight, velocity) };
+            square.filter(|s| s.velocity.iter().any(|v| g.depends_on(*v, &velocities)))
+        });
+        match square {
+            Some(square) => squares.push(square),
+            None => rest.push((term, q)),
+        }
+    }
+    let rest = g.linear_combination(&rest);
+    (squares, rest)
+}
+
+/// `q term = weight/2 sum_i v_i^2`: the weight, and the `v_i`.
+fn squared(
+    g: &mut Graph,
+    term: ExprId,
+    q: &Rational,
+    varying: &BTreeSet<SymbolId>,
+) -> Option<(ExprId, Vec<ExprId>)> {
+    let Node::Product { coefficient, factors } = g.node(term).clone() else { return None };
+    let (own, fixed): (Vec<_>, Vec<_>) =
+        factors.iter().cloned().partition(|(b, _)| g.depends_on(*b, varying));
+    let two = Rational::from_integer(2.into());
+    let twice = g.rational(coefficient * q * &two);
+    let weight = g.power_product(&fixed).ok()?;
+    let weight = g.mul(weight, twice);
+    let [(base, exponent)] = own.as_slice() else { return None };
+    if *exponent == two {
+        return Some((weight, vec![*base]));
+    }
+    let Node::Sum { constant, terms } = g.node(*base).clone() else { return None };
+    if !exponent.is_one() || constant != Rational::from_integer(0.into()) {
+        return None;
+    }
+    let mut components = Vec::with_capacity(terms.len());
+    for (term, q) in terms.iter() {
+        let Node::Product { coefficient, factors } = g.node(*term).clone() else { return None };
+        let coefficient = coefficient * q;
+        let is_even = |e: &Rational| (e / &two).is_integer() && e.is_positive();
+        if coefficient.is_negative() || !factors.iter().all(|(_, e)| is_even(e)) {
+            return None;
+        }
+        let coefficient = g.rational(coefficient);
+        let root = g.sqrt(coefficient);
+        let halves: Vec<_> = factors.iter().map(|(b, e)| (*b, e / &two)).collect();
+        let component = g.power_product(&halves).ok()?;
+        components.push(g.mul(root, component));
+    }
+    Some((weight, components))
+}
+
+/// The square with the frame of its components, if they have one.
+fn square(g: &mut Graph, system: &ReducedSystem, weight: ExprId, velocity: Vec<ExprId>) -> Option<Square> {
+    let algebroid = &system.algebroid;
+    let m = algebroid.rank();
+    let mut slopes = vec![Vec::with_capacity(velocity.len()); m];
+    let mut offsets = Vec::with_capacity(velocity.len());
+    for v in &velocity {
+        let (parts, offset) = g.affine_parts(*v, &system.velocities)?;
+        slopes.iter_mut().zip(parts).for_each(|(row, part)| row.push(part));
+        offsets.push(offset);
+    }
+    // What does not depend on the velocities has to be constant along the motions that they describe.
+    for slope in slopes.iter().flatten().chain(&offsets) {
+        let explicit = g.diff(*slope, system.time);
+        if !g.is_zero(explicit) {
+            return None;
+        }
+    }
+    for alpha in 0..m {
+        for offset in &offsets {
+            let along = algebroid.derivative_along(g, alpha, *offset);
+            if !g.is_zero(along) {
+                return None;
+            }
+        }
+    }
+    let torsion = torsion(g, algebroid, &slopes);
+    let turning = turning(g, &slopes, &torsion)?;
+    Some(Square { weight, velocity, slopes, turning })
+}
+
+/// `rho_beta(v_alpha) - rho_alpha(v_beta) + C^gamma_{alpha beta} v_gamma`, by `alpha`, `beta` and the component.
+fn torsion(g: &mut Graph, algebroid: &Algebroid, slopes: &[Vec<ExprId>]) -> Vec<Vec<Vec<ExprId>>> {
+    let m = algebroid.rank();
+    let n = slopes.first().map_or(0, Vec::len);
+    let mut rows = Vec::with_capacity(m);
+    for alpha in 0..m {
+        let mut row = Vec::with_capacity(m);
+        for beta in 0..m {
+            let bracket = algebroid.bracket(g, alpha, beta);
+            let mut entry = Vec::with_capacity(n);
+            for i in 0..n {
+                let forward = algebroid.derivative_along(g, beta, slopes[alpha][i]);
+                let backward = algebroid.derivative_along(g, alpha, slopes[beta][i]);
+                let mut terms = vec![forward, g.neg(backward)];
+                for (gamma, c) in &bracket {
+                    terms.push(g.mul(*c, slopes[*gamma][i]));
+                }
+                let sum = g.sum(&terms);
+                entry.push(g.cancel_zero(sum));
+            }
+            row.push(entry);
+        }
+        rows.push(row);
+    }
+    rows
+}
+
+/// The `K_beta`, if there are any: tried one velocity after the other, each against those before it.
+fn turning(g: &mut Graph, slopes: &[Vec<ExprId>], torsion: &[Vec<Vec<ExprId>>]) -> Option<Vec<Turn>> {
+    let n = slopes.first().map_or(0, Vec::len);
+    let planes = (0..n).flat_map(|i| (0..n).filter(move |j| *j != i).map(move |j| Some((i, j))));
+    let candidates: Vec<Turn> = [None].into_iter().chain(planes).collect();
+    // Position of the candidate of each velocity so far.
+    let mut chosen = vec![0];
+    for _ in 0..MAX_TRIALS {
+        let beta = chosen.len() - 1;
+        let turn = candidates[chosen[beta]];
+        let fits = (0..beta).all(|alpha| {
+            let other = candidates[chosen[alpha]];
+            (0..n).all(|i| {
+                // v_alpha x K_beta - v_beta x K_alpha = K_alpha x v_beta - K_beta x v_alpha
+                let forward = turned_component(g, other, &slopes[beta], i);
+                let backward = turned_component(g, turn, &slopes[alpha], i);
+                let expected = g.sub(forward, backward);
+                g.is_equal(torsion[alpha][beta][i], expected)
+            })
+        });
+        if fits && chosen.len() == slopes.len() {
+            return Some(chosen.into_iter().map(|k| candidates[k]).collect());
+        }
+        if fits {
+            chosen.push(0);
+            continue;
+        }
+        while let Some(last) = chosen.last_mut() {
+            *last += 1;
+            if *last < candidates.len() {
+                break;
+            }
+            chosen.pop();
+        }
+        if chosen.is_empty() {
+            return None;
+        }
+    }
+    None
+}
+
+/// `(K x v)_i`.
+fn turned_component(g: &mut Graph, turn: Turn, v: &[ExprId], i: usize) -> ExprId {
+    match turn {
+        Some((from, to)) if i == to => v[from],
+        Some((from, to)) if i == from => g.neg(v[to]),
+        _ => g.zero(),
+    }
+}
