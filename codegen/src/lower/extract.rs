@@ -58,6 +58,22 @@ impl Shape {
     }
 }
 
+/// What it costs that the number of a term is other than one.
+pub(super) fn price_of_number(value: &Polynomial, position: usize) -> i64 {
+    let mut shape = Shape::default();
+    for (k, (m, c)) in value.iter().enumerate() {
+        if k != position {
+            shape.add(n_mul(m, *c), 1);
+        }
+    }
+    let with = |c: Coefficient| {
+        let mut shape = shape;
+        shape.add(n_mul(&value[position].0, c), 1);
+        shape.cost()
+    };
+    with(Coefficient { negative: false, number: u32::MAX }) - with(Coefficient::ONE)
+}
+
 /// Literals of a power: `x x x` for a cube, fewer for higher powers by squaring.
 fn n_literals(q: Exponent) -> i64 {
     let whole = q.abs().to_integer();
@@ -290,7 +306,7 @@ impl Pass<'_> {
             None => {
                 let value = self.value_of(divisor);
                 let k = entries.len();
-                entries.push(Entry { value, definition: None });
+                entries.push(Entry { value, definition: None, unit: Coefficient::ONE });
                 let known = Known::Entry { k, scale: Coefficient::ONE };
                 self.extractor.known[divisor as usize] = Some(known);
                 self.touched.push(divisor);

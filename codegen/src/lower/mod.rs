@@ -18,6 +18,7 @@ mod pair;
 mod polynomial;
 mod program;
 mod rounding;
+mod units;
 mod verify;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -114,15 +115,15 @@ pub fn lower(
     let signs = source.signs(graph);
     let mut pool = number::Pool::new();
     let mut functions = Vec::with_capacity(requests.len());
-    let mut rhs = Vec::new();
+    let mut rhs: Option<Optimised> = None;
     for request in requests {
         let own = if request.name == CHECK {
-            source.checked(graph, &signs, request, &rhs)?
+            source.checked(graph, &signs, request, rhs.as_ref())?
         } else {
             optimise::optimise(graph, &source, &signs, request)?
         };
         if request.name == RHS {
-            rhs.clone_from(&own.sections);
+            rhs = Some(own.clone());
         }
         let requests = [own.request];
         let classes = Classes::of(graph, inputs, &own.sections, &requests)?;
@@ -193,17 +194,26 @@ impl Source<'_> {
         graph: &mut Graph,
         signs: &BTreeMap<ExprId, Sign>,
         request: &Request,
-        rhs: &[Section],
+        rhs: Option<&Optimised>,
     ) -> Result<Optimised, Error> {
-        let divisors = rhs.iter().flat_map(|s| &s.definitions);
-        let divisors: Vec<ExprId> = divisors.map(|d| graph.sym(d.symbol)).collect();
-        let in_rhs =
-            |graph: &Graph, pivot| divisors.iter().find(|d| graph.is_seen_to_be_equal(**d, pivot)).copied();
+        let sections_of_rhs = rhs.map_or(&[][..], |rhs| rhs.sections.as_slice());
+        let divisors = sections_of_rhs.iter().flat_map(|s| &s.definitions);
+        // With what each is in the units of the pivots: whether it vanishes does not depend on its own.
+        let divisors = divisors.map(|d| {
+            let value = graph.sym(d.symbol);
+            let unit = rhs.and_then(|rhs| rhs.units.get(&d.symbol));
+            (value, unit.map_or(value, |unit| graph.mul(*unit, value)))
+        });
+        let divisors: Vec<(ExprId, ExprId)> = divisors.collect();
+        let in_rhs = |graph: &Graph, pivot| {
+            divisors.iter().find(|(_, whole)| graph.is_seen_to_be_equal(*whole, pivot)).map(|(d, _)| *d)
+        };
         let found: Vec<Option<ExprId>> = request.results.iter().map(|(_, e)| in_rhs(graph, *e)).collect();
         let others =
             request.results.iter().zip(&found).filter(|(_, found)| found.is_none()).map(|(r, _)| r.clone());
         let others = Request { name: request.name.clone(), results: others.collect() };
-        let Optimised { mut sections, request: others } = optimise::optimise(graph, self, signs, &others)?;
+        let Optimised { mut sections, request: others, units } =
+            optimise::optimise(graph, self, signs, &others)?;
         let mut others = others.results.into_iter();
         let pivots = request.results.iter().zip(found).map(|((name, e), found)| match found {
             Some(in_rhs) => (name.clone(), in_rhs),
@@ -214,8 +224,8 @@ impl Source<'_> {
         let own: BTreeSet<SymbolId> =
             sections.iter().flat_map(|s| &s.definitions).map(|d| d.symbol).collect();
         let nothing = Section { title: String::new(), definitions: Vec::new() };
-        sections.resize(sections.len().max(rhs.len()), nothing);
-        for (section, of_rhs) in sections.iter_mut().zip(rhs) {
+        sections.resize(sections.len().max(sections_of_rhs.len()), nothing);
+        for (section, of_rhs) in sections.iter_mut().zip(sections_of_rhs) {
             section.definitions.extend(of_rhs.definitions.iter().filter(|d| !own.contains(&d.symbol)));
         }
         let (scales, definitions) =
@@ -225,7 +235,7 @@ impl Source<'_> {
         }
         let names: Vec<String> = results.iter().map(|(name, _)| name.clone()).collect();
         results.extend(names.into_iter().zip(scales));
-        Ok(Optimised { sections, request: Request { name: request.name.clone(), results } })
+        Ok(Optimised { sections, request: Request { name: request.name.clone(), results }, units })
     }
 
     /// The conditions with scales of their rounding errors, `s + |p| > s` for `p != 0`, and the definitions of scales after the others.

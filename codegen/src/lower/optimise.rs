@@ -10,9 +10,10 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 use super::class::Class;
 use super::extract::{Extractor, cost, needed};
 use super::polynomial::{Atom, Coefficient, Entry, Exponent, Polynomial, Reader, System};
+use super::units;
 use super::{Definition, Request, Section, Source};
 use crate::error::Error;
-use crate::expr::{ExprId, Graph, Node, Rational, Sign, SymbolId};
+use crate::expr::{ExprId, Graph, Node, Rational, Sign, Style, SymbolId};
 
 /// The search stops when this many divisors, or a tenth of it in terms, have been looked at.
 const MAX_WORK: usize = 4_000_000;
@@ -20,9 +21,12 @@ const MAX_WORK: usize = 4_000_000;
 const MAX_ROUNDS: usize = 3;
 
 /// A function's own sections and results.
+#[derive(Clone)]
 pub(super) struct Optimised {
     pub(super) sections: Vec<Section>,
     pub(super) request: Request,
+    /// Units of definitions: the value that was asked for is the unit times the definition's. One where there is none.
+    pub(super) units: BTreeMap<SymbolId, ExprId>,
 }
 
 /// Rewrites what one function needs; the result is equal as functions, or the function as it was.
@@ -57,19 +61,22 @@ pub(super) fn optimise(
     let kept: Vec<usize> = results.iter().flatten().copied().collect();
     let entries =
         Search { graph, system: &mut system, roots: &kept, extractor: Extractor::default() }.run(entries);
-    let mut writer = Writer { graph, system: &system, entries: &entries, exprs: HashMap::new() };
+    let (exprs, units) = (HashMap::new(), BTreeMap::new());
+    let mut writer = Writer { graph, system: &system, entries: &entries, exprs, units };
     let sections = writer.sections(source, &needed_symbols, &kept)?;
     let values = results.iter().zip(&roots).map(|(k, root)| k.map_or(*root, |k| writer.exprs[&k]));
     let values: Vec<ExprId> = values.collect();
+    let units = writer.units;
     for (value, root) in values.iter().zip(&roots) {
         // Fingerprints see through definitions, so this compares functions of the inputs.
         if !graph.is_seen_to_be_equal(*value, *root) {
-            return Ok(Optimised { sections: source.sections.to_vec(), request: request.clone() });
+            let sections = source.sections.to_vec();
+            return Ok(Optimised { sections, request: request.clone(), units: BTreeMap::new() });
         }
     }
     let names = request.results.iter().map(|(name, _)| name.clone());
     let request = Request { name: request.name.clone(), results: names.zip(values).collect() };
-    Ok(Optimised { sections, request })
+    Ok(Optimised { sections, request, units })
 }
 
 struct Search<'a> {
@@ -80,8 +87,26 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// The cheapest form found, common divisors extracted.
+    /// The cheapest form found, common divisors extracted, in the units with the fewest numbers.
     fn run(mut self, original: Vec<Entry>) -> Vec<Entry> {
+        let found = self.cheapest(original);
+        let n_numbers = |search: &Self, entries: &[Entry]| -> usize {
+            let alive = needed(search.system, entries, search.roots);
+            alive.iter().flat_map(|k| &entries[*k].value).filter(|(_, c)| !c.is_unit()).count()
+        };
+        let mut best = ((cost(self.system, &found, self.roots), n_numbers(&self, &found)), found);
+        for candidate in units::in_other_units(self.graph, self.system, &best.1, self.roots) {
+            let (cost, candidate) = self.extracted(&candidate);
+            let trial = ((cost, n_numbers(&self, &candidate)), candidate);
+            if trial.0 < best.0 {
+                best = trial;
+            }
+        }
+        best.1
+    }
+
+    /// The cheapest form found, common divisors extracted.
+    fn cheapest(&mut self, original: Vec<Entry>) -> Vec<Entry> {
         let mut current = original;
         let mut best = self.extracted(&current);
         let flat = self.all_flat(&current);
@@ -242,20 +267,13 @@ impl Search<'_> {
         let n_numbers = |value: &Polynomial| value.iter().filter(|(_, c)| !c.is_unit()).count();
         let mut best: Option<(usize, Vec<Entry>)> = None;
         for scale in scales.into_iter().filter(|c| !c.is_unit() && !c.negative) {
-            let Some(value) = self.system.over_number(self.graph, &entries[k].value, scale) else { continue };
-            let mut candidate = entries.to_vec();
-            candidate[k] = Entry { value, definition: None };
-            let (mut before, mut after) = (n_numbers(&entries[k].value), n_numbers(&candidate[k].value));
-            let mut is_possible = true;
-            for user in users.iter().copied().filter(|user| *user != k) {
-                match self.system.times_number(self.graph, &entries[user].value, atom, scale) {
-                    Some(value) => candidate[user].value = value,
-                    None => is_possible = false,
-                }
-                before += n_numbers(&entries[user].value);
-                after += n_numbers(&candidate[user].value);
-            }
-            if is_possible && after < best.as_ref().map_or(before, |(n, _)| *n) {
+            let in_unit = units::in_unit(self.graph, self.system, entries, self.roots, k, scale);
+            let Some(candidate) = in_unit else { continue };
+            let n = |entries: &[Entry]| -> usize {
+                users.iter().chain([&k]).map(|user| n_numbers(&entries[*user].value)).sum()
+            };
+            let (before, after) = (n(entries), n(&candidate));
+            if after < best.as_ref().map_or(before, |(n, _)| *n) {
                 best = Some((after, candidate));
             }
         }
@@ -297,6 +315,8 @@ struct Writer<'a> {
     entries: &'a [Entry],
     /// What stands for each polynomial: a symbol, or the expression itself where that is no sum.
     exprs: HashMap<usize, ExprId>,
+    /// Units of the definitions that have one.
+    units: BTreeMap<SymbolId, ExprId>,
 }
 
 impl Writer<'_> {
@@ -337,7 +357,12 @@ impl Writer<'_> {
                     continue;
                 }
                 let value = self.expression(k)?;
-                let name = self.entries[k].definition.map(|(symbol, _)| self.graph.name(symbol).to_owned());
+                let unit = self.entries[k].unit;
+                let unit = (unit != Coefficient::ONE).then(|| self.system.numbers.expr(self.graph, unit));
+                let name = self.entries[k].definition.map(|(symbol, _)| {
+                    let name = self.graph.name(symbol);
+                    unit.map_or(name.to_owned(), |unit| format!("{name}{}", suffix(self.graph, unit)))
+                });
                 let is_value = match self.graph.node(value) {
                     Node::Sum { .. } | Node::Product { .. } => true,
                     Node::Function(..) => name.is_some(),
@@ -346,6 +371,7 @@ impl Writer<'_> {
                 let stands = if is_value {
                     let symbol = self.graph.define(name.as_deref().unwrap_or(""), value);
                     sections[last_section].definitions.push(Definition { symbol, expr: value });
+                    self.units.extend(unit.map(|unit| (symbol, unit)));
                     self.graph.sym(symbol)
                 } else {
                     value
@@ -374,4 +400,13 @@ impl Writer<'_> {
         }
         Ok(self.graph.sum(&terms))
     }
+}
+
+/// What to append to the name of a value that is measured in a unit: `_over_m_r2`, or that it is scaled where that says too
+/// much.
+fn suffix(graph: &Graph, unit: ExprId) -> String {
+    const MAX_SUFFIX: usize = 12;
+    let text = graph.display(unit, Style::Plain).replace('*', "_").replace('^', "");
+    let is_product = text.len() <= MAX_SUFFIX && text.chars().all(|c| c == '_' || c.is_ascii_alphanumeric());
+    if is_product { format!("_over_{text}") } else { "_scaled".into() }
 }

@@ -61,6 +61,8 @@ pub(super) struct Entry {
     pub(super) value: Polynomial,
     /// The definition that it is the value of, and its section.
     pub(super) definition: Option<(SymbolId, usize)>,
+    /// The unit that it is measured in: the definition's value is this number times the polynomial's.
+    pub(super) unit: Coefficient,
 }
 
 /// Parameter-only numbers: each function once, with remembered arithmetic.
@@ -216,6 +218,12 @@ impl Numbers {
                 || remembered_sign_of(graph, *base, &self.signs, &mut self.found_signs).is_definite()
         });
         if is_safe { self.of(graph, e) } else { None }
+    }
+
+    /// Whether a number is known to be positive.
+    pub(super) fn is_positive(&mut self, graph: &mut Graph, c: Coefficient) -> bool {
+        let e = self.expr(graph, c);
+        remembered_sign_of(graph, e, &self.signs, &mut self.found_signs) == Sign::Positive
     }
 
     /// `a + b`; none for zero.
@@ -621,7 +629,7 @@ impl<'a> Reader<'a> {
             if separate.contains(&e) {
                 let value = self.polynomial(graph, e)?;
                 self.inner.insert(e, self.entries.len());
-                self.entries.push(Entry { value, definition: None });
+                self.entries.push(Entry { value, definition: None, unit: Coefficient::ONE });
             }
         }
         Ok(self.inner[&root])

@@ -165,16 +165,12 @@ pub struct Prepared<R = f64> {
     c3: R,
     /// `0.5 * m`
     c4: R,
-    /// `4 / m`
-    c5: R,
-    /// `4 * (k * k * (k * k)) / m`
-    c6: R,
     /// `-(k * k)`
-    c7: R,
+    c5: R,
     /// `m * g / (k * k * (k * k))`
-    c8: R,
+    c6: R,
     /// `0.5 * m * g / (k * k * (k * k))`
-    c9: R,
+    c7: R,
 }
 
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -187,7 +183,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 6 multiplications, 6 divisions, 2 sign changes.
+    /// 5 multiplications, 4 divisions, 2 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m, g, k } = *params;
         for (value, condition, meaning) in [
@@ -225,15 +221,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c2: -g,
             c3: t2,
             c4: t3,
-            c5: R::from_f64(4.0) / m,
-            c6: R::from_f64(4.0) * t1 / m,
-            c7: -t0,
-            c8: t2 / t1,
-            c9: t3 * g / t1,
+            c5: -t0,
+            c6: t2 / t1,
+            c7: t3 * g / t1,
         })
     }
 }
 
+#[allow(non_snake_case, reason = "names are those of the model")]
+#[allow(
+    unused_doc_comments,
+    reason = "comments on statements say which formula they are"
+)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Writes the derivative of the state to `dy`.
@@ -255,8 +254,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn rhs(&self, t: R, y: &[R; 6], dy: &mut [R; 6]) {
         let [_, _, _, x_dot, y_dot, z_dot] = *y;
         let _ = t;
-        let t0 = y_dot.mul_add(y_dot, x_dot * x_dot);
-        let t1 = self.c0.mul_add(z_dot * z_dot, t0).recip();
+        /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
+        let [t0, S_1_1_scaled] = {
+            let t0 = y_dot.mul_add(y_dot, x_dot * x_dot);
+            [t0, self.c0.mul_add(z_dot * z_dot, t0)]
+        };
+        let t1 = S_1_1_scaled.recip();
         let t2 = t1 * (self.c1 * z_dot);
         *dy = [x_dot, y_dot, z_dot, -(x_dot * t2), -(y_dot * t2), t1 * (self.c2 * t0)];
     }
@@ -292,9 +295,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn energy_rate(&self, t: R, y: &[R; 6]) -> R {
         let [_, _, _, x_dot, y_dot, z_dot] = *y;
         let _ = t;
-        let t0 = z_dot * z_dot;
-        let t1 = y_dot.mul_add(y_dot, x_dot * x_dot);
-        self.c8 * z_dot * t1.mul_add(self.c7, t0) / t0.mul_add(self.c0, t1)
+        /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
+        let [t0, t1, S_1_1_scaled] = {
+            let t0 = y_dot.mul_add(y_dot, x_dot * x_dot);
+            let t1 = z_dot * z_dot;
+            [t0, t1, t1.mul_add(self.c0, t0)]
+        };
+        self.c6 * z_dot * t0.mul_add(self.c5, t1) / S_1_1_scaled
     }
 
     /// Momenta p = dL/dy.
@@ -332,10 +339,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn multipliers(&self, t: R, y: &[R; 6]) -> [R; 1] {
         let [_, _, _, x_dot, y_dot, z_dot] = *y;
         let _ = t;
-        [
-            self.c9 * z_dot
-                / self.c0.mul_add(z_dot * z_dot, y_dot.mul_add(y_dot, x_dot * x_dot)),
-        ]
+        /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
+        let S_1_1_scaled = self
+            .c0
+            .mul_add(z_dot * z_dot, y_dot.mul_add(y_dot, x_dot * x_dot));
+        [self.c7 * z_dot / S_1_1_scaled]
     }
 
     /// Residual of the constraints, zero along the motion.
@@ -354,7 +362,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn constraint(&self, t: R, y: &[R; 6]) -> [R; 1] {
         let [_, _, _, x_dot, y_dot, z_dot] = *y;
         let _ = t;
-        [self.c7.mul_add(y_dot.mul_add(y_dot, x_dot * x_dot), z_dot * z_dot)]
+        [self.c5.mul_add(y_dot.mul_add(y_dot, x_dot * x_dot), z_dot * z_dot)]
     }
 
     /// Says which pivot vanishes at a point.
@@ -365,13 +373,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 5 multiplications (2 fused).
+    /// 2 additions, 4 multiplications (2 fused).
     pub fn check(&self, t: R, y: &[R; 6]) -> Result<(), ::hamel_runtime::Failure> {
         let [_, _, _, x_dot, y_dot, z_dot] = *y;
+        /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
+        let S_1_1_scaled = self
+            .c0
+            .mul_add(z_dot * z_dot, y_dot.mul_add(y_dot, x_dot * x_dot));
         let (value, pivot) = (
-            self
-                .c6
-                .mul_add(y_dot.mul_add(y_dot, x_dot * x_dot), self.c5 * (z_dot * z_dot)),
+            S_1_1_scaled,
             "response to constraint z_dot^2 = k^2*(x_dot^2 + y_dot^2)",
         );
         if !value.abs().all_gt(R::ZERO) {

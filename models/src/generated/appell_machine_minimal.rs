@@ -133,10 +133,6 @@ pub struct Prepared<R = f64> {
     c3: R,
     /// `0.5 * m`
     c4: R,
-    /// `4 / m`
-    c5: R,
-    /// `4 * (k * k * (k * k)) / m`
-    c6: R,
 }
 
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -149,7 +145,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 5 multiplications, 4 divisions, 1 sign change.
+    /// 4 multiplications, 2 divisions, 1 sign change.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m, g, k } = *params;
         for (value, condition, meaning) in [
@@ -165,7 +161,6 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             }
         }
         let t0 = k * k;
-        let t1 = t0 * t0;
         if !m.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m > 0",
@@ -179,17 +174,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             });
         }
         Ok(Self {
-            c0: t1.recip(),
+            c0: (t0 * t0).recip(),
             c1: g / t0,
             c2: -g,
             c3: m * g,
             c4: R::from_f64(0.5) * m,
-            c5: R::from_f64(4.0) / m,
-            c6: R::from_f64(4.0) * t1 / m,
         })
     }
 }
 
+#[allow(non_snake_case, reason = "names are those of the model")]
+#[allow(
+    unused_doc_comments,
+    reason = "comments on statements say which formula they are"
+)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Writes the derivative of the state to `dy`.
@@ -211,8 +209,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn rhs(&self, t: R, y: &[R; 4], dy: &mut [R; 4]) {
         let [_, x_dot, y_dot, z_dot] = *y;
         let _ = t;
-        let t0 = y_dot.mul_add(y_dot, x_dot * x_dot);
-        let t1 = self.c0.mul_add(z_dot * z_dot, t0).recip();
+        /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
+        let [t0, S_1_1_scaled] = {
+            let t0 = y_dot.mul_add(y_dot, x_dot * x_dot);
+            [t0, self.c0.mul_add(z_dot * z_dot, t0)]
+        };
+        let t1 = S_1_1_scaled.recip();
         let t2 = t1 * (self.c1 * z_dot);
         *dy = [z_dot, -(x_dot * t2), -(y_dot * t2), t1 * (self.c2 * t0)];
     }
@@ -246,13 +248,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 5 multiplications (2 fused).
+    /// 2 additions, 4 multiplications (2 fused).
     pub fn check(&self, t: R, y: &[R; 4]) -> Result<(), ::hamel_runtime::Failure> {
         let [_, x_dot, y_dot, z_dot] = *y;
+        /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
+        let S_1_1_scaled = self
+            .c0
+            .mul_add(z_dot * z_dot, y_dot.mul_add(y_dot, x_dot * x_dot));
         let (value, pivot) = (
-            self
-                .c6
-                .mul_add(y_dot.mul_add(y_dot, x_dot * x_dot), self.c5 * (z_dot * z_dot)),
+            S_1_1_scaled,
             "response to constraint z_dot^2 = k^2*(x_dot^2 + y_dot^2)",
         );
         if !value.abs().all_gt(R::ZERO) {

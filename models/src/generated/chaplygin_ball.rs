@@ -261,62 +261,98 @@ pub struct Prepared<R = f64> {
     I2: R,
     /// Parameter `I3`.
     I3: R,
-    /// Parameter `m`.
-    m: R,
-    /// Parameter `r`.
-    r: R,
-    /// `m * l * chi3 * g`
+    /// `l * chi3 * g / (r * r)`
     c0: R,
-    /// `m * l * chi2 * g`
+    /// `l * chi2 * g / (r * r)`
     c1: R,
-    /// `I2 - I3`
+    /// `(I2 - I3) / (m * (r * r))`
     c2: R,
-    /// `m * l * chi1 * g`
+    /// `l * chi1 * g / (r * r)`
     c3: R,
-    /// `I3 - I1`
+    /// `-((I1 - I3) / (m * (r * r)))`
     c4: R,
-    /// `I1 - I2`
+    /// `(I1 - I2) / (m * (r * r))`
     c5: R,
-    /// `l * chi3`
-    c6: R,
-    /// `l * chi2`
-    c7: R,
-    /// `l * chi1`
-    c8: R,
-    /// `m * l * chi1`
-    c9: R,
-    /// `-(m * l * chi2)`
-    c10: R,
-    /// `m * l * chi3`
-    c11: R,
-    /// `0.5 * I1`
-    c12: R,
-    /// `0.5 * I2`
-    c13: R,
-    /// `0.5 * I3`
-    c14: R,
-    /// `0.5 * m`
-    c15: R,
-    /// `abs(l * chi3)`
-    c16: R,
-    /// `abs(l * chi1)`
-    c17: R,
-    /// `abs(l * chi2)`
-    c18: R,
-    /// `11 * I1`
-    c19: R,
-    /// `11 * I2`
-    c20: R,
-    /// `11 * I3`
-    c21: R,
     /// `l * chi3 / r`
-    c22: R,
-    /// `m * r`
-    c23: R,
+    c6: R,
     /// `l * chi2 / r`
-    c24: R,
+    c7: R,
+    /// `I1 / (m * (r * r))`
+    c8: R,
     /// `l * chi1 / r`
+    c9: R,
+    /// `I2 / (m * (r * r))`
+    c10: R,
+    /// `I3 / (m * (r * r))`
+    c11: R,
+    /// `m * l * chi2 * g`
+    c12: R,
+    /// `m * l * chi3 * g`
+    c13: R,
+    /// `m * l * chi1 * g`
+    c14: R,
+    /// `0.5 * I1`
+    c15: R,
+    /// `0.5 * I2`
+    c16: R,
+    /// `0.5 * I3`
+    c17: R,
+    /// `0.5 * m * (r * r)`
+    c18: R,
+    /// `abs(l * chi3 / r)`
+    c19: R,
+    /// `abs(l * chi1 / r)`
+    c20: R,
+    /// `abs(l * chi2 / r)`
+    c21: R,
+    /// `11 * I1 / (m * (r * r))`
+    c22: R,
+    /// `11 * I2 / (m * (r * r))`
+    c23: R,
+    /// `11 * I3 / (m * (r * r))`
+    c24: R,
+    /// `m * r`
     c25: R,
+    /// `m * l * chi3`
+    c26: R,
+    /// `m * l * chi2`
+    c27: R,
+    /// `m * l * chi1`
+    c28: R,
+    /// `m * m * l * chi3 * g`
+    c29: R,
+    /// `m * m * l * chi2 * g`
+    c30: R,
+    /// `m * (I2 - I3)`
+    c31: R,
+    /// `m * m * l * chi1 * g`
+    c32: R,
+    /// `-(m * (I1 - I3))`
+    c33: R,
+    /// `m * (I1 - I2)`
+    c34: R,
+    /// `I1 * m`
+    c35: R,
+    /// `I2 * m`
+    c36: R,
+    /// `I3 * m`
+    c37: R,
+    /// `-(m * (r * r))`
+    c38: R,
+    /// `m * r * l * chi3`
+    c39: R,
+    /// `m * r * l * chi2`
+    c40: R,
+    /// `m * r * l * chi1`
+    c41: R,
+    /// `I2 - I3`
+    c42: R,
+    /// `-(I1 - I3)`
+    c43: R,
+    /// `I1 - I2`
+    c44: R,
+    /// `1 / (m * (r * r))`
+    c45: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -330,7 +366,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 18 multiplications, 3 divisions, 4 sign changes.
+    /// 3 additions, 42 multiplications, 16 divisions, 7 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, m, r, l, chi1, chi2, chi3, g } = *params;
         for (value, condition, meaning) in [
@@ -380,13 +416,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let t0 = m * l;
-        let t1 = t0 * chi3;
-        let t2 = t0 * chi2;
-        let t3 = t0 * chi1;
-        let t4 = l * chi3;
-        let t5 = l * chi2;
-        let t6 = l * chi1;
+        let t0 = l * chi3;
+        let t1 = r * r;
+        let t2 = I2 - I3;
+        let t3 = m * t1;
+        let t4 = l * chi2;
+        let t5 = l * chi1;
+        let t6 = I1 - I3;
+        let t7 = I1 - I2;
+        let t8 = t0 / r;
+        let t9 = t4 / r;
+        let t10 = t5 / r;
+        let t11 = m * l;
+        let t12 = t11 * chi2;
+        let t13 = t11 * chi3;
+        let t14 = t11 * chi1;
+        let t15 = m * r;
+        let t16 = m * m * l;
+        let t17 = t15 * l;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -421,34 +468,52 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             I1,
             I2,
             I3,
-            m,
-            r,
-            c0: t1 * g,
-            c1: t2 * g,
-            c2: I2 - I3,
-            c3: t3 * g,
-            c4: I3 - I1,
-            c5: I1 - I2,
-            c6: t4,
-            c7: t5,
-            c8: t6,
-            c9: t3,
-            c10: -t2,
-            c11: t1,
-            c12: R::from_f64(0.5) * I1,
-            c13: R::from_f64(0.5) * I2,
-            c14: R::from_f64(0.5) * I3,
-            c15: R::from_f64(0.5) * m,
-            c16: t4.abs(),
-            c17: t6.abs(),
-            c18: t5.abs(),
-            c19: R::from_f64(11.0) * I1,
-            c20: R::from_f64(11.0) * I2,
-            c21: R::from_f64(11.0) * I3,
-            c22: t4 / r,
-            c23: m * r,
-            c24: t5 / r,
-            c25: t6 / r,
+            c0: t0 * g / t1,
+            c1: t4 * g / t1,
+            c2: t2 / t3,
+            c3: t5 * g / t1,
+            c4: -(t6 / t3),
+            c5: t7 / t3,
+            c6: t8,
+            c7: t9,
+            c8: I1 / t3,
+            c9: t10,
+            c10: I2 / t3,
+            c11: I3 / t3,
+            c12: t12 * g,
+            c13: t13 * g,
+            c14: t14 * g,
+            c15: R::from_f64(0.5) * I1,
+            c16: R::from_f64(0.5) * I2,
+            c17: R::from_f64(0.5) * I3,
+            c18: R::from_f64(0.5) * m * t1,
+            c19: t8.abs(),
+            c20: t10.abs(),
+            c21: t9.abs(),
+            c22: R::from_f64(11.0) * I1 / t3,
+            c23: R::from_f64(11.0) * I2 / t3,
+            c24: R::from_f64(11.0) * I3 / t3,
+            c25: t15,
+            c26: t13,
+            c27: t12,
+            c28: t14,
+            c29: t16 * chi3 * g,
+            c30: t16 * chi2 * g,
+            c31: m * t2,
+            c32: t16 * chi1 * g,
+            c33: -(m * t6),
+            c34: m * t7,
+            c35: I1 * m,
+            c36: I2 * m,
+            c37: I3 * m,
+            c38: -t3,
+            c39: t17 * chi3,
+            c40: t17 * chi2,
+            c41: t17 * chi1,
+            c42: t2,
+            c43: -t6,
+            c44: t7,
+            c45: t3.recip(),
         })
     }
 }
@@ -474,7 +539,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 40 additions, 66 multiplications (40 fused), 3 divisions.
+    /// 40 additions, 60 multiplications (37 fused), 3 divisions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 6], dy: &mut [R; 6]) {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
@@ -486,7 +551,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             (-Omega1).mul_add(Gamma2, Omega2 * Gamma1),
         ];
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [r_Omega1, r_Omega2, r_Omega3] = [
+        let [r_Omega1_over_m_r2, r_Omega2_over_m_r2, r_Omega3_over_m_r2] = [
             Omega2
                 .mul_add(self.c2 * Omega3, (-Gamma3).mul_add(self.c1, self.c0 * Gamma2)),
             Omega1
@@ -495,61 +560,81 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 .mul_add(self.c5 * Omega2, (-Gamma2).mul_add(self.c3, self.c1 * Gamma1)),
         ];
         /// mass matrix A = W^T L_yy Psi
-        let [t0, t1, t2, A_Omega1_Omega1, t4, t6, A_Omega2_Omega2, A_Omega3_Omega3] = {
-            let t0 = Gamma3.mul_add(self.r, self.c6);
-            let t1 = self.m * t0;
-            let t2 = Gamma2.mul_add(self.r, self.c7);
-            let t3 = self.m * t2;
-            let t4 = Gamma1.mul_add(self.r, self.c8);
-            let t5 = self.m * t4;
+        let [t0, t1, A_Omega1_Omega1_over_m_r2, t2, t3, A_Omega2_Omega2_over_m_r2,
+        A_Omega3_Omega3_over_m_r2] = {
+            let t0 = self.c6 + Gamma3;
+            let t1 = self.c7 + Gamma2;
+            let t2 = self.c9 + Gamma1;
             [
                 t0,
                 t1,
+                t1.mul_add(t1, t0.mul_add(t0, self.c8)),
                 t2,
-                t2.mul_add(t3, t0.mul_add(t1, self.I1)),
-                t4,
-                t2 * t5,
-                t4.mul_add(t5, t0.mul_add(t1, self.I2)),
-                t4.mul_add(t5, t2.mul_add(t3, self.I3)),
+                t1 * t2,
+                t2.mul_add(t2, t0.mul_add(t0, self.c10)),
+                t2.mul_add(t2, t1.mul_add(t1, self.c11)),
             ]
         };
         /// right side f = W^T (r - L_yy lag)
-        let [f_Omega1, f_Omega2, f_Omega3] = {
-            let t7 = Omega1.mul_add(self.c10, self.c9 * Omega2);
-            let t8 = (-Omega1).mul_add(self.c11, self.c9 * Omega3);
-            let n_X1 = Omega3.mul_add(t8, Omega2 * t7);
-            let t9 = Omega3.mul_add(self.c10, self.c11 * Omega2);
-            let n_X2 = (-Omega1).mul_add(t7, -(Omega3 * t9));
-            let n_X3 = (-Omega1).mul_add(t8, Omega2 * t9);
+        let [f_Omega1_over_m_r2, f_Omega2_over_m_r2, f_Omega3_over_m_r2] = {
+            let t4 = (-Omega1).mul_add(self.c7, self.c9 * Omega2);
+            let t5 = (-Omega1).mul_add(self.c6, self.c9 * Omega3);
+            let n_X1_over_m_r = Omega3.mul_add(t5, Omega2 * t4);
+            let t6 = (-Omega3).mul_add(self.c7, self.c6 * Omega2);
+            let n_X2_over_m_r = (-Omega1).mul_add(t4, -(Omega3 * t6));
+            let n_X3_over_m_r = (-Omega1).mul_add(t5, Omega2 * t6);
             [
-                (-t0).mul_add(n_X2, t2.mul_add(n_X3, r_Omega1)),
-                (-t4).mul_add(n_X3, t0.mul_add(n_X1, r_Omega2)),
-                (-t2).mul_add(n_X1, t4.mul_add(n_X2, r_Omega3)),
+                (-t0)
+                    .mul_add(
+                        n_X2_over_m_r,
+                        t1.mul_add(n_X3_over_m_r, r_Omega1_over_m_r2),
+                    ),
+                (-t2)
+                    .mul_add(
+                        n_X3_over_m_r,
+                        t0.mul_add(n_X1_over_m_r, r_Omega2_over_m_r2),
+                    ),
+                (-t1)
+                    .mul_add(
+                        n_X1_over_m_r,
+                        t2.mul_add(n_X2_over_m_r, r_Omega3_over_m_r2),
+                    ),
             ]
         };
         /// factors of A
-        let [t10, t11, t13, t14, A_l3_2, A_s2_3_3] = {
-            let t10 = A_Omega1_Omega1.recip();
-            let t11 = t6 * t10;
-            let t12 = t1 * t4;
-            let t13 = t12 * t10;
-            let A_s1_2_2 = (-t6).mul_add(t11, A_Omega2_Omega2);
-            let A_s1_2_3 = (-t11).mul_add(t12, -(t1 * t2));
-            let A_s1_3_3 = (-t12).mul_add(t13, A_Omega3_Omega3);
-            let t14 = A_s1_2_2.recip();
-            let A_l3_2 = A_s1_2_3 * t14;
-            [t10, t11, t13, t14, A_l3_2, (-A_s1_2_3).mul_add(A_l3_2, A_s1_3_3)]
+        let [t7, t8, t10, t11, A_l3_2, A_s2_3_3_over_m_r2] = {
+            let t7 = A_Omega1_Omega1_over_m_r2.recip();
+            let t8 = t3 * t7;
+            let t9 = t0 * t2;
+            let t10 = t9 * t7;
+            let A_s1_2_2_over_m_r2 = (-t3).mul_add(t8, A_Omega2_Omega2_over_m_r2);
+            let A_s1_2_3_over_m_r2 = (-t8).mul_add(t9, -(t0 * t1));
+            let A_s1_3_3_over_m_r2 = (-t9).mul_add(t10, A_Omega3_Omega3_over_m_r2);
+            let t11 = A_s1_2_2_over_m_r2.recip();
+            let A_l3_2 = A_s1_2_3_over_m_r2 * t11;
+            [
+                t7,
+                t8,
+                t10,
+                t11,
+                A_l3_2,
+                (-A_s1_2_3_over_m_r2).mul_add(A_l3_2, A_s1_3_3_over_m_r2),
+            ]
         };
         /// substitution through the factors of A
         let [dot_Omega3, dot_Omega2, dot_Omega1] = {
-            let z_Omega2 = f_Omega1.mul_add(t11, f_Omega2);
-            let z_Omega3 = (-A_l3_2).mul_add(z_Omega2, f_Omega1.mul_add(t13, f_Omega3));
-            let dot_Omega3 = z_Omega3 / A_s2_3_3;
-            let dot_Omega2 = (-A_l3_2).mul_add(dot_Omega3, z_Omega2 * t14);
+            let z_Omega2_over_m_r2 = f_Omega1_over_m_r2.mul_add(t8, f_Omega2_over_m_r2);
+            let z_Omega3_over_m_r2 = (-A_l3_2)
+                .mul_add(
+                    z_Omega2_over_m_r2,
+                    f_Omega1_over_m_r2.mul_add(t10, f_Omega3_over_m_r2),
+                );
+            let dot_Omega3 = z_Omega3_over_m_r2 / A_s2_3_3_over_m_r2;
+            let dot_Omega2 = (-A_l3_2).mul_add(dot_Omega3, z_Omega2_over_m_r2 * t11);
             [
                 dot_Omega3,
                 dot_Omega2,
-                t11.mul_add(dot_Omega2, t13.mul_add(dot_Omega3, f_Omega1 * t10)),
+                t8.mul_add(dot_Omega2, t10.mul_add(dot_Omega3, f_Omega1_over_m_r2 * t7)),
             ]
         };
         *dy = [dot_Omega1, dot_Omega2, dot_Omega3, dot_Gamma1, dot_Gamma2, dot_Gamma3];
@@ -563,17 +648,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 14 additions, 22 multiplications (14 fused).
+    /// 14 additions, 19 multiplications (11 fused).
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 6]) -> R {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
         /// velocities y = Psi u + psi0
-        let [X1, X2, X3] = {
-            let t0 = Gamma3.mul_add(self.r, self.c6);
-            let t1 = Gamma2.mul_add(self.r, self.c7);
-            let t2 = Gamma1.mul_add(self.r, self.c8);
+        let [X1_over_r, X2_over_r, X3_over_r] = {
+            let t0 = self.c6 + Gamma3;
+            let t1 = self.c7 + Gamma2;
+            let t2 = self.c9 + Gamma1;
             [
                 (-Omega3).mul_add(t1, Omega2 * t0),
                 (-Omega1).mul_add(t0, Omega3 * t2),
@@ -581,23 +666,34 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             ]
         };
         let t3 = self
-            .c14
+            .c17
             .mul_add(
                 Omega3 * Omega3,
                 self
-                    .c13
+                    .c16
                     .mul_add(
                         Omega2 * Omega2,
                         self
-                            .c12
+                            .c15
                             .mul_add(
                                 Omega1 * Omega1,
                                 Gamma1
-                                    .mul_add(self.c3, Gamma3.mul_add(self.c0, self.c1 * Gamma2)),
+                                    .mul_add(
+                                        self.c14,
+                                        Gamma3.mul_add(self.c13, self.c12 * Gamma2),
+                                    ),
                             ),
                     ),
             );
-        self.c15.mul_add(X3.mul_add(X3, X2.mul_add(X2, X1 * X1)), t3)
+        self.c18
+            .mul_add(
+                X3_over_r
+                    .mul_add(
+                        X3_over_r,
+                        X2_over_r.mul_add(X2_over_r, X1_over_r * X1_over_r),
+                    ),
+                t3,
+            )
     }
 
     /// Momenta p = dL/dy.
@@ -610,15 +706,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 6 additions, 12 multiplications (3 fused).
+    /// 6 additions, 12 multiplications (6 fused).
     #[inline]
     #[must_use]
     pub fn momentum(&self, t: R, y: &[R; 6]) -> [R; 6] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
-        let t0 = self.c23 * (self.c22 + Gamma3);
-        let t1 = self.c23 * (self.c24 + Gamma2);
-        let t2 = self.c23 * (self.c25 + Gamma1);
+        let t0 = Gamma3.mul_add(self.c25, self.c26);
+        let t1 = Gamma2.mul_add(self.c25, self.c27);
+        let t2 = Gamma1.mul_add(self.c25, self.c28);
         [
             self.I1 * Omega1,
             self.I2 * Omega2,
@@ -639,16 +735,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 52 additions, 84 multiplications (52 fused), 3 divisions.
+    /// 52 additions, 78 multiplications (52 fused), 3 divisions.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 6]) -> [R; 3] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
         /// velocities y = Psi u + psi0
-        let [t0, t1, X1] = {
-            let t0 = Gamma3.mul_add(self.r, self.c6);
-            let t1 = Gamma2.mul_add(self.r, self.c7);
+        let [t0, t1, X1_scaled] = {
+            let t0 = Gamma3.mul_add(self.c25, self.c26);
+            let t1 = Gamma2.mul_add(self.c25, self.c27);
             [t0, t1, (-Omega3).mul_add(t1, Omega2 * t0)]
         };
         /// kinematics xdot = rho y
@@ -658,99 +754,97 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             (-Omega1).mul_add(Gamma2, Omega2 * Gamma1),
         ];
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [r_Omega1, r_Omega2, r_Omega3, t2, t3, t4, t6, r_X1, r_X2, r_X3] = {
-            let t2 = Gamma1.mul_add(self.r, self.c8);
-            let t3 = self.m * t2;
-            let t4 = self.m * t1;
-            let t5 = (-Omega1).mul_add(t4, Omega2 * t3);
-            let t6 = self.m * t0;
-            let t7 = (-Omega1).mul_add(t6, Omega3 * t3);
-            let t8 = self.m * X1;
+        let [r_Omega1_scaled, r_Omega2_scaled, r_Omega3_scaled, t2, r_X1, r_X2, r_X3] = {
+            let t2 = Gamma1.mul_add(self.c25, self.c28);
+            let t3 = (-Omega1).mul_add(t1, Omega2 * t2);
+            let t4 = (-Omega1).mul_add(t0, Omega3 * t2);
             [
                 Omega2
                     .mul_add(
-                        self.c2 * Omega3,
-                        (-Gamma3).mul_add(self.c1, self.c0 * Gamma2),
+                        self.c31 * Omega3,
+                        (-Gamma3).mul_add(self.c30, self.c29 * Gamma2),
                     ),
                 Omega1
                     .mul_add(
-                        self.c4 * Omega3,
-                        (-Gamma1).mul_add(self.c0, self.c3 * Gamma3),
+                        self.c33 * Omega3,
+                        (-Gamma1).mul_add(self.c29, self.c32 * Gamma3),
                     ),
                 Omega1
                     .mul_add(
-                        self.c5 * Omega2,
-                        (-Gamma2).mul_add(self.c3, self.c1 * Gamma1),
+                        self.c34 * Omega2,
+                        (-Gamma2).mul_add(self.c32, self.c30 * Gamma1),
                     ),
                 t2,
-                t3,
-                t4,
-                t6,
-                Omega3.mul_add(t7, Omega2 * t5),
-                (-Omega1).mul_add(t5, -(Omega3 * t8)),
-                (-Omega1).mul_add(t7, Omega2 * t8),
+                Omega3.mul_add(t4, Omega2 * t3),
+                (-Omega1).mul_add(t3, -(Omega3 * X1_scaled)),
+                (-Omega1).mul_add(t4, Omega2 * X1_scaled),
             ]
         };
         /// accelerations of the dependent velocities at udot = 0
-        let [lag_X2, lag_X3] = {
-            let t9 = self.r * dot_Gamma1;
-            let t10 = self.r * Omega1;
-            [
-                Omega3.mul_add(t9, -(dot_Gamma3 * t10)),
-                (-Omega2).mul_add(t9, dot_Gamma2 * t10),
-            ]
-        };
+        let [lag_X2_over_r, lag_X3_over_r] = [
+            (-Omega1).mul_add(dot_Gamma3, Omega3 * dot_Gamma1),
+            (-Omega2).mul_add(dot_Gamma1, Omega1 * dot_Gamma2),
+        ];
         /// mass matrix A = W^T L_yy Psi
-        let [A_Omega1_Omega1, t11, t12, A_Omega2_Omega2, A_Omega3_Omega3] = [
-            t1.mul_add(t4, t0.mul_add(t6, self.I1)),
-            t1 * t3,
-            t0 * t3,
-            t2.mul_add(t3, t0.mul_add(t6, self.I2)),
-            t2.mul_add(t3, t1.mul_add(t4, self.I3)),
+        let [A_Omega1_Omega1_scaled, t5, t6, A_Omega2_Omega2_scaled,
+        A_Omega3_Omega3_scaled] = [
+            t1.mul_add(t1, t0.mul_add(t0, self.c35)),
+            t1 * t2,
+            t0 * t2,
+            t2.mul_add(t2, t0.mul_add(t0, self.c36)),
+            t2.mul_add(t2, t1.mul_add(t1, self.c37)),
         ];
         /// right side f = W^T (r - L_yy lag)
-        let [n_X1, n_X2, n_X3, f_Omega1, f_Omega2, f_Omega3] = {
-            let n_X1 = (-self.c23)
+        let [n_X1, n_X2, n_X3, f_Omega1_scaled, f_Omega2_scaled, f_Omega3_scaled] = {
+            let n_X1 = (-self.c25)
                 .mul_add((-Omega3).mul_add(dot_Gamma2, Omega2 * dot_Gamma3), r_X1);
-            let n_X2 = (-lag_X2).mul_add(self.m, r_X2);
-            let n_X3 = (-lag_X3).mul_add(self.m, r_X3);
+            let n_X2 = (-lag_X2_over_r).mul_add(self.c25, r_X2);
+            let n_X3 = (-lag_X3_over_r).mul_add(self.c25, r_X3);
             [
                 n_X1,
                 n_X2,
                 n_X3,
-                (-t0).mul_add(n_X2, t1.mul_add(n_X3, r_Omega1)),
-                (-t2).mul_add(n_X3, t0.mul_add(n_X1, r_Omega2)),
-                (-t1).mul_add(n_X1, t2.mul_add(n_X2, r_Omega3)),
+                (-t0).mul_add(n_X2, t1.mul_add(n_X3, r_Omega1_scaled)),
+                (-t2).mul_add(n_X3, t0.mul_add(n_X1, r_Omega2_scaled)),
+                (-t1).mul_add(n_X1, t2.mul_add(n_X2, r_Omega3_scaled)),
             ]
         };
         /// factors of A
-        let [t13, t14, t15, t16, A_l3_2, A_s2_3_3] = {
-            let t13 = A_Omega1_Omega1.recip();
-            let t14 = t11 * t13;
-            let t15 = t12 * t13;
-            let A_s1_2_2 = (-t11).mul_add(t14, A_Omega2_Omega2);
-            let A_s1_2_3 = (-t12).mul_add(t14, -(t6 * t1));
-            let A_s1_3_3 = (-t12).mul_add(t15, A_Omega3_Omega3);
-            let t16 = A_s1_2_2.recip();
-            let A_l3_2 = A_s1_2_3 * t16;
-            [t13, t14, t15, t16, A_l3_2, (-A_s1_2_3).mul_add(A_l3_2, A_s1_3_3)]
+        let [t7, t8, t9, t10, A_l3_2, A_s2_3_3_scaled] = {
+            let t7 = A_Omega1_Omega1_scaled.recip();
+            let t8 = t5 * t7;
+            let t9 = t6 * t7;
+            let A_s1_2_2_scaled = (-t5).mul_add(t8, A_Omega2_Omega2_scaled);
+            let A_s1_2_3_scaled = (-t6).mul_add(t8, -(t0 * t1));
+            let A_s1_3_3_scaled = (-t6).mul_add(t9, A_Omega3_Omega3_scaled);
+            let t10 = A_s1_2_2_scaled.recip();
+            let A_l3_2 = A_s1_2_3_scaled * t10;
+            [
+                t7,
+                t8,
+                t9,
+                t10,
+                A_l3_2,
+                (-A_s1_2_3_scaled).mul_add(A_l3_2, A_s1_3_3_scaled),
+            ]
         };
         /// substitution through the factors of A
         let [dot_Omega3, dot_Omega2, dot_Omega1] = {
-            let z_Omega2 = f_Omega1.mul_add(t14, f_Omega2);
-            let z_Omega3 = (-A_l3_2).mul_add(z_Omega2, f_Omega1.mul_add(t15, f_Omega3));
-            let dot_Omega3 = z_Omega3 / A_s2_3_3;
-            let dot_Omega2 = (-A_l3_2).mul_add(dot_Omega3, z_Omega2 * t16);
+            let z_Omega2_scaled = f_Omega1_scaled.mul_add(t8, f_Omega2_scaled);
+            let z_Omega3_scaled = (-A_l3_2)
+                .mul_add(z_Omega2_scaled, f_Omega1_scaled.mul_add(t9, f_Omega3_scaled));
+            let dot_Omega3 = z_Omega3_scaled / A_s2_3_3_scaled;
+            let dot_Omega2 = (-A_l3_2).mul_add(dot_Omega3, z_Omega2_scaled * t10);
             [
                 dot_Omega3,
                 dot_Omega2,
-                t14.mul_add(dot_Omega2, t15.mul_add(dot_Omega3, f_Omega1 * t13)),
+                t8.mul_add(dot_Omega2, t9.mul_add(dot_Omega3, f_Omega1_scaled * t7)),
             ]
         };
         [
-            t6.mul_add(dot_Omega2, (-t4).mul_add(dot_Omega3, -n_X1)),
-            (-t6).mul_add(dot_Omega1, t3.mul_add(dot_Omega3, -n_X2)),
-            t4.mul_add(dot_Omega1, (-t3).mul_add(dot_Omega2, -n_X3)),
+            t0.mul_add(dot_Omega2, (-t1).mul_add(dot_Omega3, -n_X1)),
+            (-t0).mul_add(dot_Omega1, t2.mul_add(dot_Omega3, -n_X2)),
+            t1.mul_add(dot_Omega1, (-t2).mul_add(dot_Omega2, -n_X3)),
         ]
     }
 
@@ -764,17 +858,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 12 additions, 21 multiplications (12 fused).
+    /// 12 additions, 18 multiplications (9 fused).
     #[inline]
     #[must_use]
     pub fn nonholonomic_momentum(&self, t: R, y: &[R; 6]) -> [R; 3] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
         /// velocities y = Psi u + psi0
-        let [t0, t1, X1, t2, X2, X3] = {
-            let t0 = Gamma3.mul_add(self.r, self.c6);
-            let t1 = Gamma2.mul_add(self.r, self.c7);
-            let t2 = Gamma1.mul_add(self.r, self.c8);
+        let [t0, t1, X1_over_r, t2, X2_over_r, X3_over_r] = {
+            let t0 = self.c6 + Gamma3;
+            let t1 = self.c7 + Gamma2;
+            let t2 = self.c9 + Gamma1;
             [
                 t0,
                 t1,
@@ -785,9 +879,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             ]
         };
         [
-            (-self.m).mul_add((-t1).mul_add(X3, t0 * X2), self.I1 * Omega1),
-            self.m.mul_add((-t2).mul_add(X3, t0 * X1), self.I2 * Omega2),
-            (-self.m).mul_add((-t2).mul_add(X2, t1 * X1), self.I3 * Omega3),
+            self.c38.mul_add((-t1).mul_add(X3_over_r, t0 * X2_over_r), self.I1 * Omega1),
+            (-self.c38)
+                .mul_add((-t2).mul_add(X3_over_r, t0 * X1_over_r), self.I2 * Omega2),
+            self.c38.mul_add((-t2).mul_add(X2_over_r, t1 * X1_over_r), self.I3 * Omega3),
         ]
     }
 
@@ -801,17 +896,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 30 additions, 51 multiplications (30 fused).
+    /// 30 additions, 48 multiplications (30 fused).
     #[inline]
     #[must_use]
     pub fn momentum_equation(&self, t: R, y: &[R; 6]) -> [R; 3] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
         /// velocities y = Psi u + psi0
-        let [t0, t1, X1, t2, X2, X3] = {
-            let t0 = Gamma3.mul_add(self.r, self.c6);
-            let t1 = Gamma2.mul_add(self.r, self.c7);
-            let t2 = Gamma1.mul_add(self.r, self.c8);
+        let [t0, t1, X1_scaled, t2, X2_scaled, X3_scaled] = {
+            let t0 = (-Gamma3).mul_add(self.c38, self.c39);
+            let t1 = (-Gamma2).mul_add(self.c38, self.c40);
+            let t2 = (-Gamma1).mul_add(self.c38, self.c41);
             [
                 t0,
                 t1,
@@ -828,54 +923,67 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             (-Omega1).mul_add(Gamma2, Omega2 * Gamma1),
         ];
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [r_Omega1, r_Omega2, r_Omega3, r_X1, r_X3] = {
-            let t3 = self.m * X2;
-            let t4 = self.m * Omega2;
+        let [r_Omega1, r_Omega2, r_Omega3, r_X1_over_m_r, r_X3_over_m_r] = {
+            let t3 = self.c45 * X2_scaled;
+            let t4 = self.c45 * Omega2;
             [
                 Omega2
                     .mul_add(
-                        self.c2 * Omega3,
-                        (-Gamma3).mul_add(self.c1, self.c0 * Gamma2),
+                        self.c42 * Omega3,
+                        (-Gamma3).mul_add(self.c12, self.c13 * Gamma2),
                     ),
                 Omega1
                     .mul_add(
-                        self.c4 * Omega3,
-                        (-Gamma1).mul_add(self.c0, self.c3 * Gamma3),
+                        self.c43 * Omega3,
+                        (-Gamma1).mul_add(self.c13, self.c14 * Gamma3),
                     ),
                 Omega1
                     .mul_add(
-                        self.c5 * Omega2,
-                        (-Gamma2).mul_add(self.c3, self.c1 * Gamma1),
+                        self.c44 * Omega2,
+                        (-Gamma2).mul_add(self.c14, self.c12 * Gamma1),
                     ),
-                Omega3.mul_add(t3, -(X3 * t4)),
-                (-Omega1).mul_add(t3, X1 * t4),
+                Omega3.mul_add(t3, -(X3_scaled * t4)),
+                (-Omega1).mul_add(t3, X1_scaled * t4),
             ]
         };
-        let t5 = self.m * (-Omega1).mul_add(X3, Omega3 * X1);
-        let t6 = self.c23 * X3;
-        let t7 = self.c23 * dot_Gamma3;
+        let t5 = self.c45 * (-Omega1).mul_add(X3_scaled, Omega3 * X1_scaled);
         [
             t0
                 .mul_add(
                     t5,
-                    t1.mul_add(r_X3, dot_Gamma2.mul_add(t6, (-X2).mul_add(t7, r_Omega1))),
+                    t1
+                        .mul_add(
+                            r_X3_over_m_r,
+                            (-X2_scaled)
+                                .mul_add(
+                                    dot_Gamma3,
+                                    X3_scaled.mul_add(dot_Gamma2, r_Omega1),
+                                ),
+                        ),
                 ),
             (-t2)
                 .mul_add(
-                    r_X3,
-                    t0.mul_add(r_X1, (-dot_Gamma1).mul_add(t6, X1.mul_add(t7, r_Omega2))),
+                    r_X3_over_m_r,
+                    t0
+                        .mul_add(
+                            r_X1_over_m_r,
+                            (-X3_scaled)
+                                .mul_add(
+                                    dot_Gamma1,
+                                    X1_scaled.mul_add(dot_Gamma3, r_Omega2),
+                                ),
+                        ),
                 ),
             (-t2)
                 .mul_add(
                     t5,
                     (-t1)
                         .mul_add(
-                            r_X1,
-                            self
-                                .c23
+                            r_X1_over_m_r,
+                            (-X1_scaled)
                                 .mul_add(
-                                    (-X1).mul_add(dot_Gamma2, X2 * dot_Gamma1),
-                                    r_Omega3,
+                                    dot_Gamma2,
+                                    X2_scaled.mul_add(dot_Gamma1, r_Omega3),
                                 ),
                         ),
                 ),
@@ -909,215 +1017,180 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 65 additions, 85 multiplications (49 fused), 2 divisions, 35 sign changes.
+    /// 56 additions, 70 multiplications (40 fused), 2 divisions, 32 sign changes.
     pub fn check(&self, t: R, y: &[R; 6]) -> Result<(), ::hamel_runtime::Failure> {
         let [_, _, _, Gamma1, Gamma2, Gamma3] = *y;
         /// mass matrix A = W^T L_yy Psi
-        let [t0, t1, t2, t3, t4, t5, t6, t7, A_Omega1_Omega1, t8, t9, t10, t11, t12,
-        A_Omega2_Omega2, t13, A_Omega3_Omega3] = {
-            let t0 = self.r * Gamma3;
-            let t1 = self.c6 + t0;
-            let t2 = self.m * t1;
-            let t3 = t1 * t2;
-            let t4 = self.r * Gamma2;
-            let t5 = self.c7 + t4;
-            let t6 = self.m * t5;
-            let t7 = t5 * t6;
-            let t8 = self.r * Gamma1;
-            let t9 = self.c8 + t8;
-            let t10 = self.m * t9;
-            let t12 = t9 * t10;
+        let [t0, t1, t2, t3, A_Omega1_Omega1_over_m_r2, t4, t5, t6,
+        A_Omega2_Omega2_over_m_r2, t7, A_Omega3_Omega3_over_m_r2] = {
+            let t0 = self.c6 + Gamma3;
+            let t1 = t0 * t0;
+            let t2 = self.c7 + Gamma2;
+            let t3 = t2 * t2;
+            let t4 = self.c9 + Gamma1;
+            let t6 = t4 * t4;
             [
                 t0,
                 t1,
                 t2,
                 t3,
+                self.c8 + t1 + t3,
                 t4,
-                t5,
+                t2 * t4,
                 t6,
-                t7,
-                self.I1 + t3 + t7,
-                t8,
-                t9,
-                t10,
-                t5 * t10,
-                t12,
-                self.I2 + t3 + t12,
-                t2 * t5,
-                self.I3 + t7 + t12,
+                self.c10 + t1 + t6,
+                t0 * t2,
+                self.c11 + t3 + t6,
             ]
         };
         /// factors of A
-        let [t14, t15, t16, t17, t18, A_s1_2_2, t19, t20, t21, A_s1_3_3, t22, t23, t24,
-        A_s2_3_3] = {
-            let t14 = A_Omega1_Omega1.recip();
-            let t15 = t11 * t14;
-            let t16 = t2 * t9;
-            let t17 = t16 * t14;
-            let t18 = t11 * t15;
-            let A_s1_2_2 = A_Omega2_Omega2 - t18;
-            let t19 = t15 * t16;
-            let t20 = t13 + t19;
-            let t21 = t16 * t17;
-            let A_s1_3_3 = A_Omega3_Omega3 - t21;
-            let t22 = A_s1_2_2.recip();
-            let t23 = t20 * t22;
-            let t24 = t20 * t23;
+        let [t8, t9, t10, t11, t12, A_s1_2_2_over_m_r2, t13, t14, t15,
+        A_s1_3_3_over_m_r2, t16, t17, t18, A_s2_3_3_over_m_r2] = {
+            let t8 = A_Omega1_Omega1_over_m_r2.recip();
+            let t9 = t5 * t8;
+            let t10 = t0 * t4;
+            let t11 = t10 * t8;
+            let t12 = t5 * t9;
+            let A_s1_2_2_over_m_r2 = A_Omega2_Omega2_over_m_r2 - t12;
+            let t13 = t9 * t10;
+            let t14 = t7 + t13;
+            let t15 = t10 * t11;
+            let A_s1_3_3_over_m_r2 = A_Omega3_Omega3_over_m_r2 - t15;
+            let t16 = A_s1_2_2_over_m_r2.recip();
+            let t17 = t14 * t16;
+            let t18 = t14 * t17;
             [
+                t8,
+                t9,
+                t10,
+                t11,
+                t12,
+                A_s1_2_2_over_m_r2,
+                t13,
                 t14,
                 t15,
+                A_s1_3_3_over_m_r2,
                 t16,
                 t17,
                 t18,
-                A_s1_2_2,
-                t19,
-                t20,
-                t21,
-                A_s1_3_3,
-                t22,
-                t23,
-                t24,
-                A_s1_3_3 - t24,
+                A_s1_3_3_over_m_r2 - t18,
             ]
         };
-        let t25 = R::from_f64(10.0) * (self.c16 + t0.abs());
+        let t19 = R::from_f64(10.0) * (self.c19 + Gamma3.abs());
+        let t20 = t0.abs();
+        let t21 = t19 * t20;
+        let t22 = R::from_f64(10.0) * (self.c20 + Gamma1.abs());
+        let t23 = t4.abs();
+        let t24 = t22 * t23;
+        let t25 = R::from_f64(10.0) * (self.c21 + Gamma2.abs());
         let t26 = t2.abs();
-        let t27 = t26.mul_add(R::from_f64(8.0), self.m * t25);
-        let t28 = t1.abs();
-        let t29 = R::from_f64(10.0) * (self.c17 + t8.abs());
-        let t30 = t10.abs();
-        let t31 = t30.mul_add(R::from_f64(8.0), self.m * t29);
-        let t32 = t9.abs();
-        let t33 = R::from_f64(10.0) * (self.c18 + t4.abs());
-        let t34 = t5.abs();
-        let t35 = t34.mul_add(t31, R::from_f64(8.0).mul_add(t11.abs(), t33 * t30));
-        let A_l2_1 = -t15;
-        let t36 = A_l2_1.abs();
-        let t37 = t6.abs();
-        let t38 = t37.mul_add(R::from_f64(8.0), self.m * t33);
-        let t39 = t38
+        let t27 = R::from_f64(8.0).mul_add(t5.abs(), t26.mul_add(t22, t25 * t23));
+        let A_l2_1 = -t9;
+        let t28 = A_l2_1.abs();
+        let t29 = t25 * t26;
+        let t30 = t29
             .mul_add(
-                t34,
-                t27
-                    .mul_add(
-                        t28,
-                        t33
-                            .mul_add(
-                                t37,
-                                t25
-                                    .mul_add(
-                                        t26,
-                                        t7
-                                            .mul_add(
-                                                R::from_f64(11.0),
-                                                t3.mul_add(R::from_f64(11.0), self.c19),
-                                            ),
-                                    ),
-                            ),
-                    ),
-            );
-        let t40 = t14 * t14;
-        let t41 = t39
-            .mul_add((-(t11 * t40)).abs(), t36.mul_add(R::from_f64(8.0), t35 * t14));
-        let A_Omega1_Omega2 = -t11;
-        let t42 = t25
-            .mul_add(
-                t26,
-                t18
-                    .mul_add(
-                        R::from_f64(10.0),
-                        A_Omega2_Omega2
-                            .mul_add(
-                                R::from_f64(2.0),
-                                t12
-                                    .mul_add(
-                                        R::from_f64(11.0),
-                                        t3.mul_add(R::from_f64(11.0), self.c20),
-                                    ),
-                            ),
-                    ),
-            );
-        let t43 = t41
-            .mul_add(
-                A_Omega1_Omega2.abs(),
-                t35
-                    .mul_add(
-                        t36,
-                        t31.mul_add(t32, t27.mul_add(t28, t29.mul_add(t30, t42))),
-                    ),
-            );
-        let t44 = t16.abs();
-        let t45 = t27.mul_add(t32, t44.mul_add(R::from_f64(8.0), t29 * t26));
-        let A_l3_1 = -t17;
-        let A_Omega2_Omega3 = -t13;
-        let t46 = R::from_f64(10.0)
-            .mul_add(
-                (-t19).abs(),
-                t45
-                    .mul_add(
-                        t36,
-                        t27
-                            .mul_add(
-                                t34,
-                                R::from_f64(2.0)
-                                    .mul_add(
-                                        A_Omega2_Omega3.abs(),
-                                        R::from_f64(8.0).mul_add(t13.abs(), t33 * t26),
-                                    ),
-                            ),
-                    ),
-            );
-        let t47 = t41.mul_add(t44, t46);
-        let A_l3_2 = -t23;
-        let t48 = A_l3_2.abs();
-        let A_s1_2_3 = -t20;
-        let t49 = t33
-            .mul_add(
-                t37,
+                R::from_f64(2.0),
                 t21
                     .mul_add(
+                        R::from_f64(2.0),
+                        t3
+                            .mul_add(
+                                R::from_f64(11.0),
+                                t1.mul_add(R::from_f64(11.0), self.c22),
+                            ),
+                    ),
+            );
+        let t31 = t8 * t8;
+        let t32 = t30
+            .mul_add((-(t5 * t31)).abs(), t28.mul_add(R::from_f64(8.0), t27 * t8));
+        let A_Omega1_Omega2_over_m_r2 = -t5;
+        let t33 = t21
+            .mul_add(
+                R::from_f64(2.0),
+                t12
+                    .mul_add(
                         R::from_f64(10.0),
-                        A_Omega3_Omega3
+                        A_Omega2_Omega2_over_m_r2
                             .mul_add(
                                 R::from_f64(2.0),
-                                t12
+                                t6
                                     .mul_add(
                                         R::from_f64(11.0),
-                                        t7.mul_add(R::from_f64(11.0), self.c21),
+                                        t1.mul_add(R::from_f64(11.0), self.c23),
                                     ),
                             ),
                     ),
             );
-        let t50 = t44
+        let t34 = t32
             .mul_add(
-                t39
+                A_Omega1_Omega2_over_m_r2.abs(),
+                t27.mul_add(t28, t24.mul_add(R::from_f64(2.0), t33)),
+            );
+        let t35 = t10.abs();
+        let t36 = t35.mul_add(R::from_f64(8.0), t20.mul_add(t22, t19 * t23));
+        let A_l3_1 = -t11;
+        let A_Omega2_Omega3_over_m_r2 = -t7;
+        let t37 = R::from_f64(10.0)
+            .mul_add(
+                (-t13).abs(),
+                t36
                     .mul_add(
-                        (t16 * t40).abs(),
-                        R::from_f64(8.0).mul_add(t17.abs(), t45 * t14),
+                        t28,
+                        R::from_f64(2.0)
+                            .mul_add(
+                                A_Omega2_Omega3_over_m_r2.abs(),
+                                R::from_f64(8.0)
+                                    .mul_add(t7.abs(), t25.mul_add(t20, t19 * t26)),
+                            ),
                     ),
-                t45
+            );
+        let t38 = t32.mul_add(t35, t37);
+        let A_l3_2 = -t17;
+        let t39 = A_l3_2.abs();
+        let A_s1_2_3_over_m_r2 = -t14;
+        let t40 = t29
+            .mul_add(
+                R::from_f64(2.0),
+                t15
                     .mul_add(
-                        A_l3_1.abs(),
-                        t31.mul_add(t32, t38.mul_add(t34, t29.mul_add(t30, t49))),
+                        R::from_f64(10.0),
+                        A_Omega3_Omega3_over_m_r2
+                            .mul_add(
+                                R::from_f64(2.0),
+                                t6
+                                    .mul_add(
+                                        R::from_f64(11.0),
+                                        t3.mul_add(R::from_f64(11.0), self.c24),
+                                    ),
+                            ),
+                    ),
+            );
+        let t41 = R::from_f64(2.0)
+            .mul_add(
+                A_s1_3_3_over_m_r2.abs(),
+                t35
+                    .mul_add(
+                        t30
+                            .mul_add(
+                                (t10 * t31).abs(),
+                                R::from_f64(8.0).mul_add(t11.abs(), t36 * t8),
+                            ),
+                        t36.mul_add(A_l3_1.abs(), t24.mul_add(R::from_f64(2.0), t40)),
                     ),
             );
         for (value, scale, pivot) in [
-            (A_s1_2_2, t43, "inertia along Omega2"),
+            (A_s1_2_2_over_m_r2, t34, "inertia along Omega2"),
             (
-                A_s2_3_3,
-                t43
+                A_s2_3_3_over_m_r2,
+                t34
                     .mul_add(
-                        (-(t20 * (t22 * t22))).abs(),
-                        t48.mul_add(R::from_f64(8.0), t47 * t22.abs()),
+                        (-(t14 * (t16 * t16))).abs(),
+                        t39.mul_add(R::from_f64(8.0), t38 * t16.abs()),
                     )
                     .mul_add(
-                        A_s1_2_3.abs(),
-                        R::from_f64(10.0)
-                            .mul_add(
-                                t24.abs(),
-                                t47
-                                    .mul_add(t48, R::from_f64(2.0).mul_add(A_s1_3_3.abs(), t50)),
-                            ),
+                        A_s1_2_3_over_m_r2.abs(),
+                        R::from_f64(10.0).mul_add(t18.abs(), t38.mul_add(t39, t41)),
                     ),
                 "inertia along Omega3",
             ),

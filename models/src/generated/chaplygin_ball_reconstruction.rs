@@ -313,8 +313,6 @@ pub struct Prepared<R = f64> {
     I2: R,
     /// Parameter `I3`.
     I3: R,
-    /// Parameter `m`.
-    m: R,
     /// Parameter `r`.
     r: R,
     /// `l * chi3`
@@ -323,46 +321,98 @@ pub struct Prepared<R = f64> {
     c1: R,
     /// `l * chi1`
     c2: R,
-    /// `m * l * chi3 * g`
+    /// `l * chi3 * g`
     c3: R,
-    /// `m * l * chi2 * g`
+    /// `l * chi2 * g`
     c4: R,
-    /// `I2 - I3`
+    /// `(I2 - I3) / m`
     c5: R,
-    /// `m * l * chi1 * g`
+    /// `l * chi1 * g`
     c6: R,
-    /// `I3 - I1`
+    /// `-((I1 - I3) / m)`
     c7: R,
-    /// `I1 - I2`
+    /// `(I1 - I2) / m`
     c8: R,
-    /// `0.5 * I1`
+    /// `I1 / m`
     c9: R,
-    /// `0.5 * I2`
+    /// `I2 / m`
     c10: R,
-    /// `0.5 * I3`
+    /// `I3 / m`
     c11: R,
-    /// `0.5 * m`
-    c12: R,
-    /// `abs(l * chi3)`
-    c13: R,
-    /// `abs(l * chi1)`
-    c14: R,
-    /// `abs(l * chi2)`
-    c15: R,
-    /// `11 * I1`
-    c16: R,
-    /// `11 * I2`
-    c17: R,
-    /// `11 * I3`
-    c18: R,
     /// `l * chi3 / r`
-    c19: R,
-    /// `m * r`
-    c20: R,
+    c12: R,
     /// `l * chi2 / r`
-    c21: R,
+    c13: R,
     /// `l * chi1 / r`
+    c14: R,
+    /// `m * l * chi2 * g`
+    c15: R,
+    /// `m * l * chi3 * g`
+    c16: R,
+    /// `m * l * chi1 * g`
+    c17: R,
+    /// `0.5 * I1`
+    c18: R,
+    /// `0.5 * I2`
+    c19: R,
+    /// `0.5 * I3`
+    c20: R,
+    /// `0.5 * m * (r * r)`
+    c21: R,
+    /// `abs(l * chi3)`
     c22: R,
+    /// `abs(l * chi1)`
+    c23: R,
+    /// `abs(l * chi2)`
+    c24: R,
+    /// `11 * I1 / m`
+    c25: R,
+    /// `11 * I2 / m`
+    c26: R,
+    /// `11 * I3 / m`
+    c27: R,
+    /// `m * r`
+    c28: R,
+    /// `m * l * chi3`
+    c29: R,
+    /// `m * l * chi2`
+    c30: R,
+    /// `m * l * chi1`
+    c31: R,
+    /// `m * m * l * chi3 * g`
+    c32: R,
+    /// `m * m * l * chi2 * g`
+    c33: R,
+    /// `m * (I2 - I3)`
+    c34: R,
+    /// `m * m * l * chi1 * g`
+    c35: R,
+    /// `-(m * (I1 - I3))`
+    c36: R,
+    /// `m * (I1 - I2)`
+    c37: R,
+    /// `I1 * m`
+    c38: R,
+    /// `I2 * m`
+    c39: R,
+    /// `I3 * m`
+    c40: R,
+    /// `-(m * (r * r))`
+    c41: R,
+    /// `m * r * l * chi3`
+    c42: R,
+    /// `m * r * l * chi2`
+    c43: R,
+    /// `m * r * l * chi1`
+    c44: R,
+    /// `I2 - I3`
+    c45: R,
+    /// `-(I1 - I3)`
+    c46: R,
+    /// `I1 - I2`
+    c47: R,
+    /// `1 / (m * (r * r))`
+    c48: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -376,7 +426,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 18 multiplications, 3 divisions, 3 sign changes.
+    /// 3 additions, 42 multiplications, 13 divisions, 7 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, m, r, l, chi1, chi2, chi3, g } = *params;
         for (value, condition, meaning) in [
@@ -429,7 +479,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t0 = l * chi3;
         let t1 = l * chi2;
         let t2 = l * chi1;
-        let t3 = m * l;
+        let t3 = I2 - I3;
+        let t4 = I1 - I3;
+        let t5 = I1 - I2;
+        let t6 = m * l;
+        let t7 = t6 * chi2;
+        let t8 = t6 * chi3;
+        let t9 = t6 * chi1;
+        let t10 = r * r;
+        let t11 = m * r;
+        let t12 = m * m * l;
+        let t13 = m * t10;
+        let t14 = t11 * l;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -464,31 +525,56 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             I1,
             I2,
             I3,
-            m,
             r,
             c0: t0,
             c1: t1,
             c2: t2,
-            c3: t3 * chi3 * g,
-            c4: t3 * chi2 * g,
-            c5: I2 - I3,
-            c6: t3 * chi1 * g,
-            c7: I3 - I1,
-            c8: I1 - I2,
-            c9: R::from_f64(0.5) * I1,
-            c10: R::from_f64(0.5) * I2,
-            c11: R::from_f64(0.5) * I3,
-            c12: R::from_f64(0.5) * m,
-            c13: t0.abs(),
-            c14: t2.abs(),
-            c15: t1.abs(),
-            c16: R::from_f64(11.0) * I1,
-            c17: R::from_f64(11.0) * I2,
-            c18: R::from_f64(11.0) * I3,
-            c19: t0 / r,
-            c20: m * r,
-            c21: t1 / r,
-            c22: t2 / r,
+            c3: t0 * g,
+            c4: t1 * g,
+            c5: t3 / m,
+            c6: t2 * g,
+            c7: -(t4 / m),
+            c8: t5 / m,
+            c9: I1 / m,
+            c10: I2 / m,
+            c11: I3 / m,
+            c12: t0 / r,
+            c13: t1 / r,
+            c14: t2 / r,
+            c15: t7 * g,
+            c16: t8 * g,
+            c17: t9 * g,
+            c18: R::from_f64(0.5) * I1,
+            c19: R::from_f64(0.5) * I2,
+            c20: R::from_f64(0.5) * I3,
+            c21: R::from_f64(0.5) * m * t10,
+            c22: t0.abs(),
+            c23: t2.abs(),
+            c24: t1.abs(),
+            c25: R::from_f64(11.0) * I1 / m,
+            c26: R::from_f64(11.0) * I2 / m,
+            c27: R::from_f64(11.0) * I3 / m,
+            c28: t11,
+            c29: t8,
+            c30: t7,
+            c31: t9,
+            c32: t12 * chi3 * g,
+            c33: t12 * chi2 * g,
+            c34: m * t3,
+            c35: t12 * chi1 * g,
+            c36: -(m * t4),
+            c37: m * t5,
+            c38: I1 * m,
+            c39: I2 * m,
+            c40: I3 * m,
+            c41: -t13,
+            c42: t14 * chi3,
+            c43: t14 * chi2,
+            c44: t14 * chi1,
+            c45: t3,
+            c46: -t4,
+            c47: t5,
+            c48: t13.recip(),
         })
     }
 }
@@ -514,7 +600,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 64 additions, 104 multiplications (63 fused), 3 divisions.
+    /// 64 additions, 99 multiplications (63 fused), 3 divisions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 13], dy: &mut [R; 13]) {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3, qw, qx, qy, qz, _, _, _] = *y;
@@ -543,7 +629,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             (-Omega1).mul_add(Gamma2, Omega2 * Gamma1),
         ];
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [r_Omega1, r_Omega2, r_Omega3] = [
+        let [r_Omega1_over_m, r_Omega2_over_m, r_Omega3_over_m] = [
             Omega2
                 .mul_add(self.c5 * Omega3, (-Gamma3).mul_add(self.c4, self.c3 * Gamma2)),
             Omega1
@@ -552,65 +638,66 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 .mul_add(self.c8 * Omega2, (-Gamma2).mul_add(self.c6, self.c4 * Gamma1)),
         ];
         /// mass matrix A = W^T L_yy Psi
-        let [t4, A_Omega1_Omega1, t6, t7, t8, A_Omega2_Omega2, A_Omega3_Omega3] = {
-            let t4 = self.m * t2;
-            let t5 = self.m * t3;
-            let t6 = self.m * t1;
-            [
-                t4,
-                t3.mul_add(t5, t2.mul_add(t4, self.I1)),
-                t6,
-                t3 * t6,
-                t2 * t6,
-                t1.mul_add(t6, t2.mul_add(t4, self.I2)),
-                t1.mul_add(t6, t3.mul_add(t5, self.I3)),
-            ]
-        };
+        let [A_Omega1_Omega1_over_m, t4, t5, A_Omega2_Omega2_over_m,
+        A_Omega3_Omega3_over_m] = [
+            t3.mul_add(t3, t2.mul_add(t2, self.c9)),
+            t1 * t3,
+            t2 * t1,
+            t1.mul_add(t1, t2.mul_add(t2, self.c10)),
+            t1.mul_add(t1, t3.mul_add(t3, self.c11)),
+        ];
         /// right side f = W^T (r - L_yy lag)
-        let [f_Omega1, f_Omega2, f_Omega3] = {
-            let t9 = self.m * dot_Gamma2.mul_add(self.r, X2);
-            let t10 = dot_Gamma3.mul_add(self.r, X3);
-            let t11 = self.m * Omega2;
-            let n_X1 = Omega3.mul_add(t9, -(t10 * t11));
-            let t12 = t0 + X1;
-            let n_X3 = t11.mul_add(t12, -(Omega1 * t9));
-            let t13 = (-Omega3).mul_add(t12, Omega1 * t10);
+        let [f_Omega1_over_m, f_Omega2_over_m, f_Omega3_over_m] = {
+            let t6 = dot_Gamma2.mul_add(self.r, X2);
+            let t7 = dot_Gamma3.mul_add(self.r, X3);
+            let n_X1_over_m = (-Omega2).mul_add(t7, Omega3 * t6);
+            let t8 = t0 + X1;
+            let n_X2_over_m = (-Omega3).mul_add(t8, Omega1 * t7);
+            let n_X3_over_m = Omega2.mul_add(t8, -(Omega1 * t6));
             [
-                (-t4).mul_add(t13, t3.mul_add(n_X3, r_Omega1)),
-                (-t1).mul_add(n_X3, t2.mul_add(n_X1, r_Omega2)),
-                t6.mul_add(t13, (-t3).mul_add(n_X1, r_Omega3)),
+                (-t2).mul_add(n_X2_over_m, t3.mul_add(n_X3_over_m, r_Omega1_over_m)),
+                (-t1).mul_add(n_X3_over_m, t2.mul_add(n_X1_over_m, r_Omega2_over_m)),
+                t1.mul_add(n_X2_over_m, (-t3).mul_add(n_X1_over_m, r_Omega3_over_m)),
             ]
         };
         /// factors of A
-        let [t14, t15, t16, t17, A_l3_2, A_s2_3_3] = {
-            let t14 = A_Omega1_Omega1.recip();
-            let t15 = t7 * t14;
-            let t16 = t8 * t14;
-            let A_s1_2_2 = (-t7).mul_add(t15, A_Omega2_Omega2);
-            let A_s1_2_3 = (-t8).mul_add(t15, -(t3 * t4));
-            let A_s1_3_3 = (-t8).mul_add(t16, A_Omega3_Omega3);
-            let t17 = A_s1_2_2.recip();
-            let A_l3_2 = A_s1_2_3 * t17;
-            [t14, t15, t16, t17, A_l3_2, (-A_s1_2_3).mul_add(A_l3_2, A_s1_3_3)]
+        let [t9, t10, t11, t12, A_l3_2, A_s2_3_3_over_m] = {
+            let t9 = A_Omega1_Omega1_over_m.recip();
+            let t10 = t4 * t9;
+            let t11 = t5 * t9;
+            let A_s1_2_2_over_m = (-t4).mul_add(t10, A_Omega2_Omega2_over_m);
+            let A_s1_2_3_over_m = (-t5).mul_add(t10, -(t2 * t3));
+            let A_s1_3_3_over_m = (-t5).mul_add(t11, A_Omega3_Omega3_over_m);
+            let t12 = A_s1_2_2_over_m.recip();
+            let A_l3_2 = A_s1_2_3_over_m * t12;
+            [
+                t9,
+                t10,
+                t11,
+                t12,
+                A_l3_2,
+                (-A_s1_2_3_over_m).mul_add(A_l3_2, A_s1_3_3_over_m),
+            ]
         };
         /// substitution through the factors of A
         let [dot_Omega3, dot_Omega2, dot_Omega1] = {
-            let z_Omega2 = f_Omega1.mul_add(t15, f_Omega2);
-            let z_Omega3 = (-A_l3_2).mul_add(z_Omega2, f_Omega1.mul_add(t16, f_Omega3));
-            let dot_Omega3 = z_Omega3 / A_s2_3_3;
-            let dot_Omega2 = (-A_l3_2).mul_add(dot_Omega3, z_Omega2 * t17);
+            let z_Omega2_over_m = f_Omega1_over_m.mul_add(t10, f_Omega2_over_m);
+            let z_Omega3_over_m = (-A_l3_2)
+                .mul_add(z_Omega2_over_m, f_Omega1_over_m.mul_add(t11, f_Omega3_over_m));
+            let dot_Omega3 = z_Omega3_over_m / A_s2_3_3_over_m;
+            let dot_Omega2 = (-A_l3_2).mul_add(dot_Omega3, z_Omega2_over_m * t12);
             [
                 dot_Omega3,
                 dot_Omega2,
-                t15.mul_add(dot_Omega2, t16.mul_add(dot_Omega3, f_Omega1 * t14)),
+                t10.mul_add(dot_Omega2, t11.mul_add(dot_Omega3, f_Omega1_over_m * t9)),
             ]
         };
-        let t18 = R::from_f64(0.5) * Omega1;
-        let t19 = R::from_f64(0.5) * Omega2;
-        let t20 = R::from_f64(0.5) * Omega3;
-        let t21 = R::from_f64(2.0) * (-qy).mul_add(X1, qx * X2);
-        let t22 = R::from_f64(2.0) * (-qz).mul_add(X2, qy * X3);
-        let t23 = R::from_f64(2.0) * qz.mul_add(X1, -(qx * X3));
+        let t13 = R::from_f64(0.5) * Omega1;
+        let t14 = R::from_f64(0.5) * Omega2;
+        let t15 = R::from_f64(0.5) * Omega3;
+        let t16 = R::from_f64(2.0) * (-qy).mul_add(X1, qx * X2);
+        let t17 = R::from_f64(2.0) * (-qz).mul_add(X2, qy * X3);
+        let t18 = R::from_f64(2.0) * qz.mul_add(X1, -(qx * X3));
         *dy = [
             dot_Omega1,
             dot_Omega2,
@@ -618,13 +705,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             dot_Gamma1,
             dot_Gamma2,
             dot_Gamma3,
-            (-qz).mul_add(t20, (-qy).mul_add(t19, -(qx * t18))),
-            (-qz).mul_add(t19, qw.mul_add(t18, qy * t20)),
-            (-qx).mul_add(t20, qw.mul_add(t19, qz * t18)),
-            (-qy).mul_add(t18, qw.mul_add(t20, qx * t19)),
-            (-qz).mul_add(t23, qy.mul_add(t21, qw.mul_add(t22, X1))),
-            (-qx).mul_add(t21, qw.mul_add(t23, qz.mul_add(t22, X2))),
-            qw.mul_add(t21, qx.mul_add(t23, (-qy).mul_add(t22, X3))),
+            (-qz).mul_add(t15, (-qy).mul_add(t14, -(qx * t13))),
+            (-qz).mul_add(t14, qw.mul_add(t13, qy * t15)),
+            (-qx).mul_add(t15, qw.mul_add(t14, qz * t13)),
+            (-qy).mul_add(t13, qw.mul_add(t15, qx * t14)),
+            (-qz).mul_add(t18, qy.mul_add(t16, qw.mul_add(t17, X1))),
+            (-qx).mul_add(t16, qw.mul_add(t18, qz.mul_add(t17, X2))),
+            qw.mul_add(t16, qx.mul_add(t18, (-qy).mul_add(t17, X3))),
         ];
     }
 
@@ -636,17 +723,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 14 additions, 22 multiplications (14 fused).
+    /// 14 additions, 19 multiplications (11 fused).
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 13]) -> R {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3, _, _, _, _, _, _, _] = *y;
         let _ = t;
         /// velocities y = Psi u + psi0
-        let [X1, X2, X3] = {
-            let t0 = Gamma3.mul_add(self.r, self.c0);
-            let t1 = Gamma2.mul_add(self.r, self.c1);
-            let t2 = Gamma1.mul_add(self.r, self.c2);
+        let [X1_over_r, X2_over_r, X3_over_r] = {
+            let t0 = self.c12 + Gamma3;
+            let t1 = self.c13 + Gamma2;
+            let t2 = self.c14 + Gamma1;
             [
                 (-Omega3).mul_add(t1, Omega2 * t0),
                 (-Omega1).mul_add(t0, Omega3 * t2),
@@ -654,23 +741,34 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             ]
         };
         let t3 = self
-            .c11
+            .c20
             .mul_add(
                 Omega3 * Omega3,
                 self
-                    .c10
+                    .c19
                     .mul_add(
                         Omega2 * Omega2,
                         self
-                            .c9
+                            .c18
                             .mul_add(
                                 Omega1 * Omega1,
                                 Gamma1
-                                    .mul_add(self.c6, Gamma3.mul_add(self.c3, self.c4 * Gamma2)),
+                                    .mul_add(
+                                        self.c17,
+                                        Gamma3.mul_add(self.c16, self.c15 * Gamma2),
+                                    ),
                             ),
                     ),
             );
-        self.c12.mul_add(X3.mul_add(X3, X2.mul_add(X2, X1 * X1)), t3)
+        self.c21
+            .mul_add(
+                X3_over_r
+                    .mul_add(
+                        X3_over_r,
+                        X2_over_r.mul_add(X2_over_r, X1_over_r * X1_over_r),
+                    ),
+                t3,
+            )
     }
 
     /// Momenta p = dL/dy.
@@ -683,15 +781,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 6 additions, 12 multiplications (3 fused).
+    /// 6 additions, 12 multiplications (6 fused).
     #[inline]
     #[must_use]
     pub fn momentum(&self, t: R, y: &[R; 13]) -> [R; 6] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3, _, _, _, _, _, _, _] = *y;
         let _ = t;
-        let t0 = self.c20 * (self.c19 + Gamma3);
-        let t1 = self.c20 * (self.c21 + Gamma2);
-        let t2 = self.c20 * (self.c22 + Gamma1);
+        let t0 = Gamma3.mul_add(self.c28, self.c29);
+        let t1 = Gamma2.mul_add(self.c28, self.c30);
+        let t2 = Gamma1.mul_add(self.c28, self.c31);
         [
             self.I1 * Omega1,
             self.I2 * Omega2,
@@ -712,16 +810,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 52 additions, 84 multiplications (52 fused), 3 divisions.
+    /// 52 additions, 78 multiplications (52 fused), 3 divisions.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 13]) -> [R; 3] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3, _, _, _, _, _, _, _] = *y;
         let _ = t;
         /// velocities y = Psi u + psi0
-        let [t0, t1, X1] = {
-            let t0 = Gamma3.mul_add(self.r, self.c0);
-            let t1 = Gamma2.mul_add(self.r, self.c1);
+        let [t0, t1, X1_scaled] = {
+            let t0 = Gamma3.mul_add(self.c28, self.c29);
+            let t1 = Gamma2.mul_add(self.c28, self.c30);
             [t0, t1, (-Omega3).mul_add(t1, Omega2 * t0)]
         };
         /// kinematics xdot = rho y
@@ -731,99 +829,97 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             (-Omega1).mul_add(Gamma2, Omega2 * Gamma1),
         ];
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [r_Omega1, r_Omega2, r_Omega3, t2, t3, t4, t6, r_X1, r_X2, r_X3] = {
-            let t2 = Gamma1.mul_add(self.r, self.c2);
-            let t3 = self.m * t2;
-            let t4 = self.m * t1;
-            let t5 = (-Omega1).mul_add(t4, Omega2 * t3);
-            let t6 = self.m * t0;
-            let t7 = (-Omega1).mul_add(t6, Omega3 * t3);
-            let t8 = self.m * X1;
+        let [r_Omega1_scaled, r_Omega2_scaled, r_Omega3_scaled, t2, r_X1, r_X2, r_X3] = {
+            let t2 = Gamma1.mul_add(self.c28, self.c31);
+            let t3 = (-Omega1).mul_add(t1, Omega2 * t2);
+            let t4 = (-Omega1).mul_add(t0, Omega3 * t2);
             [
                 Omega2
                     .mul_add(
-                        self.c5 * Omega3,
-                        (-Gamma3).mul_add(self.c4, self.c3 * Gamma2),
+                        self.c34 * Omega3,
+                        (-Gamma3).mul_add(self.c33, self.c32 * Gamma2),
                     ),
                 Omega1
                     .mul_add(
-                        self.c7 * Omega3,
-                        (-Gamma1).mul_add(self.c3, self.c6 * Gamma3),
+                        self.c36 * Omega3,
+                        (-Gamma1).mul_add(self.c32, self.c35 * Gamma3),
                     ),
                 Omega1
                     .mul_add(
-                        self.c8 * Omega2,
-                        (-Gamma2).mul_add(self.c6, self.c4 * Gamma1),
+                        self.c37 * Omega2,
+                        (-Gamma2).mul_add(self.c35, self.c33 * Gamma1),
                     ),
                 t2,
-                t3,
-                t4,
-                t6,
-                Omega3.mul_add(t7, Omega2 * t5),
-                (-Omega1).mul_add(t5, -(Omega3 * t8)),
-                (-Omega1).mul_add(t7, Omega2 * t8),
+                Omega3.mul_add(t4, Omega2 * t3),
+                (-Omega1).mul_add(t3, -(Omega3 * X1_scaled)),
+                (-Omega1).mul_add(t4, Omega2 * X1_scaled),
             ]
         };
         /// accelerations of the dependent velocities at udot = 0
-        let [lag_X2, lag_X3] = {
-            let t9 = self.r * dot_Gamma1;
-            let t10 = self.r * Omega1;
-            [
-                Omega3.mul_add(t9, -(dot_Gamma3 * t10)),
-                (-Omega2).mul_add(t9, dot_Gamma2 * t10),
-            ]
-        };
+        let [lag_X2_over_r, lag_X3_over_r] = [
+            (-Omega1).mul_add(dot_Gamma3, Omega3 * dot_Gamma1),
+            (-Omega2).mul_add(dot_Gamma1, Omega1 * dot_Gamma2),
+        ];
         /// mass matrix A = W^T L_yy Psi
-        let [A_Omega1_Omega1, t11, t12, A_Omega2_Omega2, A_Omega3_Omega3] = [
-            t1.mul_add(t4, t0.mul_add(t6, self.I1)),
-            t1 * t3,
-            t0 * t3,
-            t2.mul_add(t3, t0.mul_add(t6, self.I2)),
-            t2.mul_add(t3, t1.mul_add(t4, self.I3)),
+        let [A_Omega1_Omega1_scaled, t5, t6, A_Omega2_Omega2_scaled,
+        A_Omega3_Omega3_scaled] = [
+            t1.mul_add(t1, t0.mul_add(t0, self.c38)),
+            t1 * t2,
+            t0 * t2,
+            t2.mul_add(t2, t0.mul_add(t0, self.c39)),
+            t2.mul_add(t2, t1.mul_add(t1, self.c40)),
         ];
         /// right side f = W^T (r - L_yy lag)
-        let [n_X1, n_X2, n_X3, f_Omega1, f_Omega2, f_Omega3] = {
-            let n_X1 = (-self.c20)
+        let [n_X1, n_X2, n_X3, f_Omega1_scaled, f_Omega2_scaled, f_Omega3_scaled] = {
+            let n_X1 = (-self.c28)
                 .mul_add((-Omega3).mul_add(dot_Gamma2, Omega2 * dot_Gamma3), r_X1);
-            let n_X2 = (-lag_X2).mul_add(self.m, r_X2);
-            let n_X3 = (-lag_X3).mul_add(self.m, r_X3);
+            let n_X2 = (-lag_X2_over_r).mul_add(self.c28, r_X2);
+            let n_X3 = (-lag_X3_over_r).mul_add(self.c28, r_X3);
             [
                 n_X1,
                 n_X2,
                 n_X3,
-                (-t0).mul_add(n_X2, t1.mul_add(n_X3, r_Omega1)),
-                (-t2).mul_add(n_X3, t0.mul_add(n_X1, r_Omega2)),
-                (-t1).mul_add(n_X1, t2.mul_add(n_X2, r_Omega3)),
+                (-t0).mul_add(n_X2, t1.mul_add(n_X3, r_Omega1_scaled)),
+                (-t2).mul_add(n_X3, t0.mul_add(n_X1, r_Omega2_scaled)),
+                (-t1).mul_add(n_X1, t2.mul_add(n_X2, r_Omega3_scaled)),
             ]
         };
         /// factors of A
-        let [t13, t14, t15, t16, A_l3_2, A_s2_3_3] = {
-            let t13 = A_Omega1_Omega1.recip();
-            let t14 = t11 * t13;
-            let t15 = t12 * t13;
-            let A_s1_2_2 = (-t11).mul_add(t14, A_Omega2_Omega2);
-            let A_s1_2_3 = (-t12).mul_add(t14, -(t1 * t6));
-            let A_s1_3_3 = (-t12).mul_add(t15, A_Omega3_Omega3);
-            let t16 = A_s1_2_2.recip();
-            let A_l3_2 = A_s1_2_3 * t16;
-            [t13, t14, t15, t16, A_l3_2, (-A_s1_2_3).mul_add(A_l3_2, A_s1_3_3)]
+        let [t7, t8, t9, t10, A_l3_2, A_s2_3_3_scaled] = {
+            let t7 = A_Omega1_Omega1_scaled.recip();
+            let t8 = t5 * t7;
+            let t9 = t6 * t7;
+            let A_s1_2_2_scaled = (-t5).mul_add(t8, A_Omega2_Omega2_scaled);
+            let A_s1_2_3_scaled = (-t6).mul_add(t8, -(t0 * t1));
+            let A_s1_3_3_scaled = (-t6).mul_add(t9, A_Omega3_Omega3_scaled);
+            let t10 = A_s1_2_2_scaled.recip();
+            let A_l3_2 = A_s1_2_3_scaled * t10;
+            [
+                t7,
+                t8,
+                t9,
+                t10,
+                A_l3_2,
+                (-A_s1_2_3_scaled).mul_add(A_l3_2, A_s1_3_3_scaled),
+            ]
         };
         /// substitution through the factors of A
         let [dot_Omega3, dot_Omega2, dot_Omega1] = {
-            let z_Omega2 = f_Omega1.mul_add(t14, f_Omega2);
-            let z_Omega3 = (-A_l3_2).mul_add(z_Omega2, f_Omega1.mul_add(t15, f_Omega3));
-            let dot_Omega3 = z_Omega3 / A_s2_3_3;
-            let dot_Omega2 = (-A_l3_2).mul_add(dot_Omega3, z_Omega2 * t16);
+            let z_Omega2_scaled = f_Omega1_scaled.mul_add(t8, f_Omega2_scaled);
+            let z_Omega3_scaled = (-A_l3_2)
+                .mul_add(z_Omega2_scaled, f_Omega1_scaled.mul_add(t9, f_Omega3_scaled));
+            let dot_Omega3 = z_Omega3_scaled / A_s2_3_3_scaled;
+            let dot_Omega2 = (-A_l3_2).mul_add(dot_Omega3, z_Omega2_scaled * t10);
             [
                 dot_Omega3,
                 dot_Omega2,
-                t14.mul_add(dot_Omega2, t15.mul_add(dot_Omega3, f_Omega1 * t13)),
+                t8.mul_add(dot_Omega2, t9.mul_add(dot_Omega3, f_Omega1_scaled * t7)),
             ]
         };
         [
-            t6.mul_add(dot_Omega2, (-t4).mul_add(dot_Omega3, -n_X1)),
-            (-t6).mul_add(dot_Omega1, t3.mul_add(dot_Omega3, -n_X2)),
-            t4.mul_add(dot_Omega1, (-t3).mul_add(dot_Omega2, -n_X3)),
+            t0.mul_add(dot_Omega2, (-t1).mul_add(dot_Omega3, -n_X1)),
+            (-t0).mul_add(dot_Omega1, t2.mul_add(dot_Omega3, -n_X2)),
+            t1.mul_add(dot_Omega1, (-t2).mul_add(dot_Omega2, -n_X3)),
         ]
     }
 
@@ -837,17 +933,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 12 additions, 21 multiplications (12 fused).
+    /// 12 additions, 18 multiplications (9 fused).
     #[inline]
     #[must_use]
     pub fn nonholonomic_momentum(&self, t: R, y: &[R; 13]) -> [R; 3] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3, _, _, _, _, _, _, _] = *y;
         let _ = t;
         /// velocities y = Psi u + psi0
-        let [t0, t1, X1, t2, X2, X3] = {
-            let t0 = Gamma3.mul_add(self.r, self.c0);
-            let t1 = Gamma2.mul_add(self.r, self.c1);
-            let t2 = Gamma1.mul_add(self.r, self.c2);
+        let [t0, t1, X1_over_r, t2, X2_over_r, X3_over_r] = {
+            let t0 = self.c12 + Gamma3;
+            let t1 = self.c13 + Gamma2;
+            let t2 = self.c14 + Gamma1;
             [
                 t0,
                 t1,
@@ -858,9 +954,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             ]
         };
         [
-            (-self.m).mul_add((-t1).mul_add(X3, t0 * X2), self.I1 * Omega1),
-            self.m.mul_add((-t2).mul_add(X3, t0 * X1), self.I2 * Omega2),
-            (-self.m).mul_add((-t2).mul_add(X2, t1 * X1), self.I3 * Omega3),
+            self.c41.mul_add((-t1).mul_add(X3_over_r, t0 * X2_over_r), self.I1 * Omega1),
+            (-self.c41)
+                .mul_add((-t2).mul_add(X3_over_r, t0 * X1_over_r), self.I2 * Omega2),
+            self.c41.mul_add((-t2).mul_add(X2_over_r, t1 * X1_over_r), self.I3 * Omega3),
         ]
     }
 
@@ -874,17 +971,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 30 additions, 51 multiplications (30 fused).
+    /// 30 additions, 48 multiplications (30 fused).
     #[inline]
     #[must_use]
     pub fn momentum_equation(&self, t: R, y: &[R; 13]) -> [R; 3] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, Gamma3, _, _, _, _, _, _, _] = *y;
         let _ = t;
         /// velocities y = Psi u + psi0
-        let [t0, t1, X1, t2, X2, X3] = {
-            let t0 = Gamma3.mul_add(self.r, self.c0);
-            let t1 = Gamma2.mul_add(self.r, self.c1);
-            let t2 = Gamma1.mul_add(self.r, self.c2);
+        let [t0, t1, X1_scaled, t2, X2_scaled, X3_scaled] = {
+            let t0 = (-Gamma3).mul_add(self.c41, self.c42);
+            let t1 = (-Gamma2).mul_add(self.c41, self.c43);
+            let t2 = (-Gamma1).mul_add(self.c41, self.c44);
             [
                 t0,
                 t1,
@@ -901,54 +998,67 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             (-Omega1).mul_add(Gamma2, Omega2 * Gamma1),
         ];
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [r_Omega1, r_Omega2, r_Omega3, r_X1, r_X3] = {
-            let t3 = self.m * X2;
-            let t4 = self.m * Omega2;
+        let [r_Omega1, r_Omega2, r_Omega3, r_X1_over_m_r, r_X3_over_m_r] = {
+            let t3 = self.c48 * X2_scaled;
+            let t4 = self.c48 * Omega2;
             [
                 Omega2
                     .mul_add(
-                        self.c5 * Omega3,
-                        (-Gamma3).mul_add(self.c4, self.c3 * Gamma2),
+                        self.c45 * Omega3,
+                        (-Gamma3).mul_add(self.c15, self.c16 * Gamma2),
                     ),
                 Omega1
                     .mul_add(
-                        self.c7 * Omega3,
-                        (-Gamma1).mul_add(self.c3, self.c6 * Gamma3),
+                        self.c46 * Omega3,
+                        (-Gamma1).mul_add(self.c16, self.c17 * Gamma3),
                     ),
                 Omega1
                     .mul_add(
-                        self.c8 * Omega2,
-                        (-Gamma2).mul_add(self.c6, self.c4 * Gamma1),
+                        self.c47 * Omega2,
+                        (-Gamma2).mul_add(self.c17, self.c15 * Gamma1),
                     ),
-                Omega3.mul_add(t3, -(X3 * t4)),
-                (-Omega1).mul_add(t3, X1 * t4),
+                Omega3.mul_add(t3, -(X3_scaled * t4)),
+                (-Omega1).mul_add(t3, X1_scaled * t4),
             ]
         };
-        let t5 = self.m * (-Omega1).mul_add(X3, Omega3 * X1);
-        let t6 = self.c20 * X3;
-        let t7 = self.c20 * dot_Gamma3;
+        let t5 = self.c48 * (-Omega1).mul_add(X3_scaled, Omega3 * X1_scaled);
         [
             t0
                 .mul_add(
                     t5,
-                    t1.mul_add(r_X3, dot_Gamma2.mul_add(t6, (-X2).mul_add(t7, r_Omega1))),
+                    t1
+                        .mul_add(
+                            r_X3_over_m_r,
+                            (-X2_scaled)
+                                .mul_add(
+                                    dot_Gamma3,
+                                    X3_scaled.mul_add(dot_Gamma2, r_Omega1),
+                                ),
+                        ),
                 ),
             (-t2)
                 .mul_add(
-                    r_X3,
-                    t0.mul_add(r_X1, (-dot_Gamma1).mul_add(t6, X1.mul_add(t7, r_Omega2))),
+                    r_X3_over_m_r,
+                    t0
+                        .mul_add(
+                            r_X1_over_m_r,
+                            (-X3_scaled)
+                                .mul_add(
+                                    dot_Gamma1,
+                                    X1_scaled.mul_add(dot_Gamma3, r_Omega2),
+                                ),
+                        ),
                 ),
             (-t2)
                 .mul_add(
                     t5,
                     (-t1)
                         .mul_add(
-                            r_X1,
-                            self
-                                .c20
+                            r_X1_over_m_r,
+                            (-X1_scaled)
                                 .mul_add(
-                                    (-X1).mul_add(dot_Gamma2, X2 * dot_Gamma1),
-                                    r_Omega3,
+                                    dot_Gamma2,
+                                    X2_scaled.mul_add(dot_Gamma1, r_Omega3),
                                 ),
                         ),
                 ),
@@ -982,24 +1092,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 65 additions, 85 multiplications (49 fused), 2 divisions, 36 sign changes.
+    /// 56 additions, 73 multiplications (40 fused), 2 divisions, 33 sign changes.
     pub fn check(&self, t: R, y: &[R; 13]) -> Result<(), ::hamel_runtime::Failure> {
         let [_, _, _, Gamma1, Gamma2, Gamma3, _, _, _, _, _, _, _] = *y;
         /// mass matrix A = W^T L_yy Psi
-        let [t0, t1, t2, t3, t4, t5, t6, t7, A_Omega1_Omega1, t8, t9, t10, t11, t12, t13,
-        A_Omega2_Omega2, t14, A_Omega3_Omega3] = {
+        let [t0, t1, t2, t3, t4, t5, A_Omega1_Omega1_over_m, t6, t7, t8, t9, t10,
+        A_Omega2_Omega2_over_m, t11, A_Omega3_Omega3_over_m] = {
             let t0 = self.r * Gamma3;
             let t1 = self.c0 + t0;
-            let t2 = self.m * t1;
-            let t3 = t1 * t2;
-            let t4 = self.r * Gamma2;
-            let t5 = self.c1 + t4;
-            let t6 = self.m * t5;
-            let t7 = t5 * t6;
-            let t8 = self.r * Gamma1;
-            let t9 = self.c2 + t8;
-            let t10 = self.m * t9;
-            let t13 = t9 * t10;
+            let t2 = t1 * t1;
+            let t3 = self.r * Gamma2;
+            let t4 = self.c1 + t3;
+            let t5 = t4 * t4;
+            let t6 = self.r * Gamma1;
+            let t7 = self.c2 + t6;
+            let t10 = t7 * t7;
             [
                 t0,
                 t1,
@@ -1007,190 +1114,165 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t3,
                 t4,
                 t5,
+                self.c9 + t2 + t5,
                 t6,
                 t7,
-                self.I1 + t3 + t7,
-                t8,
-                t9,
+                t7 * t4,
+                t1 * t7,
                 t10,
-                t5 * t10,
-                t1 * t10,
-                t13,
-                self.I2 + t3 + t13,
-                t5 * t2,
-                self.I3 + t7 + t13,
+                self.c10 + t2 + t10,
+                t1 * t4,
+                self.c11 + t5 + t10,
             ]
         };
         /// factors of A
-        let [t15, t16, t17, t18, A_s1_2_2, t19, t20, t21, A_s1_3_3, t22, t23, t24,
-        A_s2_3_3] = {
-            let t15 = A_Omega1_Omega1.recip();
-            let t16 = t11 * t15;
-            let t17 = t12 * t15;
-            let t18 = t11 * t16;
-            let A_s1_2_2 = A_Omega2_Omega2 - t18;
-            let t19 = t12 * t16;
-            let t20 = t14 + t19;
-            let t21 = t12 * t17;
-            let A_s1_3_3 = A_Omega3_Omega3 - t21;
-            let t22 = A_s1_2_2.recip();
-            let t23 = t20 * t22;
-            let t24 = t20 * t23;
+        let [t12, t13, t14, t15, A_s1_2_2_over_m, t16, t17, t18, A_s1_3_3_over_m, t19,
+        t20, t21, A_s2_3_3_over_m] = {
+            let t12 = A_Omega1_Omega1_over_m.recip();
+            let t13 = t8 * t12;
+            let t14 = t9 * t12;
+            let t15 = t8 * t13;
+            let A_s1_2_2_over_m = A_Omega2_Omega2_over_m - t15;
+            let t16 = t9 * t13;
+            let t17 = t11 + t16;
+            let t18 = t9 * t14;
+            let A_s1_3_3_over_m = A_Omega3_Omega3_over_m - t18;
+            let t19 = A_s1_2_2_over_m.recip();
+            let t20 = t17 * t19;
+            let t21 = t17 * t20;
             [
+                t12,
+                t13,
+                t14,
                 t15,
+                A_s1_2_2_over_m,
                 t16,
                 t17,
                 t18,
-                A_s1_2_2,
+                A_s1_3_3_over_m,
                 t19,
                 t20,
                 t21,
-                A_s1_3_3,
-                t22,
-                t23,
-                t24,
-                A_s1_3_3 - t24,
+                A_s1_3_3_over_m - t21,
             ]
         };
-        let t25 = R::from_f64(10.0) * (self.c13 + t0.abs());
-        let t26 = t2.abs();
-        let t27 = t26.mul_add(R::from_f64(8.0), self.m * t25);
-        let t28 = t1.abs();
-        let t29 = R::from_f64(10.0) * (self.c14 + t8.abs());
-        let t30 = t10.abs();
-        let t31 = t30.mul_add(R::from_f64(8.0), self.m * t29);
-        let t32 = t9.abs();
-        let t33 = R::from_f64(10.0) * (self.c15 + t4.abs());
-        let t34 = t5.abs();
-        let t35 = t34.mul_add(t31, R::from_f64(8.0).mul_add(t11.abs(), t33 * t30));
-        let A_l2_1 = -t16;
-        let t36 = A_l2_1.abs();
-        let t37 = t6.abs();
-        let t38 = t37.mul_add(R::from_f64(8.0), self.m * t33);
-        let t39 = t38
+        let t22 = R::from_f64(10.0) * (self.c22 + t0.abs());
+        let t23 = t1.abs();
+        let t24 = t22 * t23;
+        let t25 = R::from_f64(10.0) * (self.c23 + t6.abs());
+        let t26 = t7.abs();
+        let t27 = t25 * t26;
+        let t28 = t4.abs();
+        let t29 = R::from_f64(10.0) * (self.c24 + t3.abs());
+        let t30 = R::from_f64(8.0).mul_add(t8.abs(), t29.mul_add(t26, t25 * t28));
+        let A_l2_1 = -t13;
+        let t31 = A_l2_1.abs();
+        let t32 = t29 * t28;
+        let t33 = t32
             .mul_add(
-                t34,
-                t27
+                R::from_f64(2.0),
+                t24
                     .mul_add(
-                        t28,
-                        t33
+                        R::from_f64(2.0),
+                        t5
                             .mul_add(
-                                t37,
-                                t25
+                                R::from_f64(11.0),
+                                t2.mul_add(R::from_f64(11.0), self.c25),
+                            ),
+                    ),
+            );
+        let t34 = t12 * t12;
+        let t35 = t33
+            .mul_add((-(t8 * t34)).abs(), t31.mul_add(R::from_f64(8.0), t30 * t12));
+        let A_Omega1_Omega2_over_m = -t8;
+        let t36 = t24
+            .mul_add(
+                R::from_f64(2.0),
+                t15
+                    .mul_add(
+                        R::from_f64(10.0),
+                        A_Omega2_Omega2_over_m
+                            .mul_add(
+                                R::from_f64(2.0),
+                                t10
                                     .mul_add(
-                                        t26,
-                                        t7
-                                            .mul_add(
-                                                R::from_f64(11.0),
-                                                t3.mul_add(R::from_f64(11.0), self.c16),
-                                            ),
+                                        R::from_f64(11.0),
+                                        t2.mul_add(R::from_f64(11.0), self.c26),
                                     ),
                             ),
                     ),
             );
-        let t40 = t15 * t15;
-        let t41 = t39
-            .mul_add((-(t11 * t40)).abs(), t36.mul_add(R::from_f64(8.0), t35 * t15));
-        let A_Omega1_Omega2 = -t11;
-        let t42 = t25
+        let t37 = t35
             .mul_add(
-                t26,
+                A_Omega1_Omega2_over_m.abs(),
+                t30.mul_add(t31, t27.mul_add(R::from_f64(2.0), t36)),
+            );
+        let t38 = R::from_f64(8.0).mul_add(t9.abs(), t25.mul_add(t23, t22 * t26));
+        let A_l3_1 = -t14;
+        let t39 = A_l3_1.abs();
+        let A_Omega1_Omega3_over_m = -t9;
+        let t40 = A_Omega1_Omega3_over_m.abs();
+        let A_Omega2_Omega3_over_m = -t11;
+        let t41 = R::from_f64(10.0)
+            .mul_add(
+                t16.abs(),
+                t38
+                    .mul_add(
+                        t31,
+                        R::from_f64(2.0)
+                            .mul_add(
+                                A_Omega2_Omega3_over_m.abs(),
+                                R::from_f64(8.0)
+                                    .mul_add(t11.abs(), t29.mul_add(t23, t22 * t28)),
+                            ),
+                    ),
+            );
+        let t42 = t35.mul_add(t40, t41);
+        let A_l3_2 = -t20;
+        let t43 = A_l3_2.abs();
+        let A_s1_2_3_over_m = -t17;
+        let t44 = t32
+            .mul_add(
+                R::from_f64(2.0),
                 t18
                     .mul_add(
                         R::from_f64(10.0),
-                        A_Omega2_Omega2
+                        A_Omega3_Omega3_over_m
                             .mul_add(
                                 R::from_f64(2.0),
-                                t13
+                                t10
                                     .mul_add(
                                         R::from_f64(11.0),
-                                        t3.mul_add(R::from_f64(11.0), self.c17),
+                                        t5.mul_add(R::from_f64(11.0), self.c27),
                                     ),
                             ),
                     ),
             );
-        let t43 = t41
+        let t45 = t40
             .mul_add(
-                A_Omega1_Omega2.abs(),
-                t35
+                t33
                     .mul_add(
-                        t36,
-                        t31.mul_add(t32, t27.mul_add(t28, t29.mul_add(t30, t42))),
-                    ),
-            );
-        let t44 = t28.mul_add(t31, R::from_f64(8.0).mul_add(t12.abs(), t25 * t30));
-        let A_l3_1 = -t17;
-        let t45 = A_l3_1.abs();
-        let A_Omega1_Omega3 = -t12;
-        let t46 = A_Omega1_Omega3.abs();
-        let A_Omega2_Omega3 = -t14;
-        let t47 = R::from_f64(10.0)
-            .mul_add(
-                t19.abs(),
-                t44
-                    .mul_add(
-                        t36,
-                        t27
-                            .mul_add(
-                                t34,
-                                R::from_f64(2.0)
-                                    .mul_add(
-                                        A_Omega2_Omega3.abs(),
-                                        R::from_f64(8.0).mul_add(t14.abs(), t33 * t26),
-                                    ),
-                            ),
-                    ),
-            );
-        let t48 = t41.mul_add(t46, t47);
-        let A_l3_2 = -t23;
-        let t49 = A_l3_2.abs();
-        let A_s1_2_3 = -t20;
-        let t50 = t33
-            .mul_add(
-                t37,
-                t21
-                    .mul_add(
-                        R::from_f64(10.0),
-                        A_Omega3_Omega3
-                            .mul_add(
-                                R::from_f64(2.0),
-                                t13
-                                    .mul_add(
-                                        R::from_f64(11.0),
-                                        t7.mul_add(R::from_f64(11.0), self.c18),
-                                    ),
-                            ),
-                    ),
-            );
-        let t51 = t46
-            .mul_add(
-                t39
-                    .mul_add(
-                        (-(t12 * t40)).abs(),
-                        t45.mul_add(R::from_f64(8.0), t44 * t15),
+                        (-(t9 * t34)).abs(),
+                        t39.mul_add(R::from_f64(8.0), t38 * t12),
                     ),
                 R::from_f64(2.0)
                     .mul_add(
-                        A_s1_3_3.abs(),
-                        t44
-                            .mul_add(
-                                t45,
-                                t31.mul_add(t32, t38.mul_add(t34, t29.mul_add(t30, t50))),
-                            ),
+                        A_s1_3_3_over_m.abs(),
+                        t38.mul_add(t39, t27.mul_add(R::from_f64(2.0), t44)),
                     ),
             );
         for (value, scale, pivot) in [
-            (A_s1_2_2, t43, "inertia along Omega2"),
+            (A_s1_2_2_over_m, t37, "inertia along Omega2"),
             (
-                A_s2_3_3,
-                t43
+                A_s2_3_3_over_m,
+                t37
                     .mul_add(
-                        (-(t20 * (t22 * t22))).abs(),
-                        t49.mul_add(R::from_f64(8.0), t48 * t22.abs()),
+                        (-(t17 * (t19 * t19))).abs(),
+                        t43.mul_add(R::from_f64(8.0), t42 * t19.abs()),
                     )
                     .mul_add(
-                        A_s1_2_3.abs(),
-                        R::from_f64(10.0).mul_add(t24.abs(), t48.mul_add(t49, t51)),
+                        A_s1_2_3_over_m.abs(),
+                        R::from_f64(10.0).mul_add(t21.abs(), t42.mul_add(t43, t45)),
                     ),
                 "inertia along Omega3",
             ),

@@ -317,78 +317,112 @@ pub struct Prepared<R = f64> {
     I2: R,
     /// Parameter `I3`.
     I3: R,
-    /// Parameter `M`.
-    M: R,
-    /// Parameter `mu`.
-    mu: R,
-    /// Parameter `r`.
-    r: R,
     /// Parameter `rho`.
     rho: R,
-    /// `-(mu * g)`
+    /// `r / rho`
     c0: R,
-    /// `mu * rho * g`
+    /// `g / rho`
     c1: R,
-    /// `mu * rho`
+    /// `-((I1 - I3) / (mu * (rho * rho)))`
     c2: R,
-    /// `I3 - I1`
+    /// `(I1 - I2) / (mu * (rho * rho))`
     c3: R,
-    /// `I1 - I2`
+    /// `M / mu`
     c4: R,
-    /// `mu * (rho * rho)`
-    c5: R,
     /// `rho / r`
-    c6: R,
-    /// `mu * r * rho`
-    c7: R,
+    c5: R,
     /// `2 * mu * rho / (r * (M + mu))`
+    c6: R,
+    /// `r * r * (M + mu) / (mu * (rho * rho))`
+    c7: R,
+    /// `I1 / (mu * (rho * rho))`
     c8: R,
-    /// `r * r * (M + mu)`
+    /// `2 * r / rho`
     c9: R,
-    /// `2 * mu * r * rho`
+    /// `I2 / (mu * (rho * rho))`
     c10: R,
-    /// `-(M + mu)`
+    /// `I3 / (mu * (rho * rho))`
     c11: R,
-    /// `I2 - I3`
+    /// `-((M + mu) / mu)`
     c12: R,
-    /// `1 / (mu * (rho * rho))`
+    /// `(I2 - I3) / (mu * (rho * rho))`
     c13: R,
-    /// `0.5 * I1`
+    /// `2 * rho`
     c14: R,
-    /// `0.5 * I2`
+    /// `0.5 * I1`
     c15: R,
-    /// `0.5 * I3`
+    /// `0.5 * I2`
     c16: R,
-    /// `0.5 * M`
+    /// `0.5 * I3`
     c17: R,
-    /// `0.5 * mu`
+    /// `0.5 * M * (rho * rho)`
     c18: R,
-    /// `-(1 / (mu * (rho * rho)))`
+    /// `mu * rho * g`
     c19: R,
-    /// `mu * rho / (r * (M + mu))`
+    /// `0.5 * mu * (rho * rho)`
     c20: R,
-    /// `13 * (r * r) * (M + mu)`
+    /// `mu * rho / (r * (M + mu))`
     c21: R,
-    /// `13 * I1`
+    /// `13 * (r * r) * (M + mu) / (mu * (rho * rho))`
     c22: R,
-    /// `13 * mu * (rho * rho)`
+    /// `13 * I1 / (mu * (rho * rho))`
     c23: R,
-    /// `13 * I2`
+    /// `13 * I2 / (mu * (rho * rho))`
     c24: R,
-    /// `13 * I3`
+    /// `13 * I3 / (mu * (rho * rho))`
     c25: R,
     /// `M * r`
     c26: R,
-    /// `rho * rho`
+    /// `M * rho`
     c27: R,
-    /// `-(2 * mu * (rho * rho))`
+    /// `mu * rho`
     c28: R,
-    /// `r * (mu * r + M * r)`
+    /// `mu * (rho * rho)`
     c29: R,
-    /// `0.5 * rho / r`
+    /// `mu * g`
     c30: R,
-    /// `I1 - I2`
+    /// `(I2 - I3) / rho`
     c31: R,
+    /// `-((I1 - I3) / rho)`
+    c32: R,
+    /// `(I1 - I2) / rho`
+    c33: R,
+    /// `mu * r`
+    c34: R,
+    /// `r * r * (M + mu) / rho`
+    c35: R,
+    /// `I1 / rho`
+    c36: R,
+    /// `2 * mu * r`
+    c37: R,
+    /// `I2 / rho`
+    c38: R,
+    /// `I3 / rho`
+    c39: R,
+    /// `rho * (M + mu)`
+    c40: R,
+    /// `1 / (mu * rho)`
+    c41: R,
+    /// `mu * (r * r)`
+    c42: R,
+    /// `M * (r * r)`
+    c43: R,
+    /// `mu * r * rho`
+    c44: R,
+    /// `-(2 * mu * (rho * rho))`
+    c45: R,
+    /// `r * (mu * r + M * r)`
+    c46: R,
+    /// `0.5 * rho / r`
+    c47: R,
+    /// `2 * mu * r * rho`
+    c48: R,
+    /// `I2 - I3`
+    c49: R,
+    /// `I1 - I3`
+    c50: R,
+    /// `I1 - I2`
+    c51: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -402,7 +436,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 6 additions, 30 multiplications, 5 divisions, 4 sign changes.
+    /// 6 additions, 36 multiplications, 28 divisions, 4 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, M, mu, r, rho, g } = *params;
         for (value, condition, meaning) in [
@@ -434,16 +468,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let t0 = mu * rho;
+        let t0 = I1 - I3;
         let t1 = rho * rho;
         let t2 = mu * t1;
-        let t3 = mu * r;
+        let t3 = I1 - I2;
         let t4 = R::from_f64(2.0) * mu;
         let t5 = M + mu;
         let t6 = r * t5;
         let t7 = r * r;
-        let t8 = t2.recip();
-        let t9 = M * r;
+        let t8 = t7 * t5;
+        let t9 = I2 - I3;
+        let t10 = mu * rho;
+        let t11 = M * r;
+        let t12 = mu * r;
+        let t13 = t4 * r;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -490,42 +528,59 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             I1,
             I2,
             I3,
-            M,
-            mu,
-            r,
             rho,
-            c0: -(mu * g),
-            c1: t0 * g,
-            c2: t0,
-            c3: I3 - I1,
-            c4: I1 - I2,
-            c5: t2,
-            c6: rho / r,
-            c7: t3 * rho,
-            c8: t4 * rho / t6,
-            c9: t7 * t5,
-            c10: t4 * r * rho,
-            c11: -t5,
-            c12: I2 - I3,
-            c13: t8,
-            c14: R::from_f64(0.5) * I1,
-            c15: R::from_f64(0.5) * I2,
-            c16: R::from_f64(0.5) * I3,
-            c17: R::from_f64(0.5) * M,
-            c18: R::from_f64(0.5) * mu,
-            c19: -t8,
-            c20: t0 / t6,
-            c21: R::from_f64(13.0) * t7 * t5,
-            c22: R::from_f64(13.0) * I1,
-            c23: R::from_f64(13.0) * mu * t1,
-            c24: R::from_f64(13.0) * I2,
-            c25: R::from_f64(13.0) * I3,
-            c26: t9,
-            c27: t1,
-            c28: -(t4 * t1),
-            c29: r * (t3 + t9),
-            c30: R::from_f64(0.5) * rho / r,
-            c31: I1 - I2,
+            c0: r / rho,
+            c1: g / rho,
+            c2: -(t0 / t2),
+            c3: t3 / t2,
+            c4: M / mu,
+            c5: rho / r,
+            c6: t4 * rho / t6,
+            c7: t8 / t2,
+            c8: I1 / t2,
+            c9: R::from_f64(2.0) * r / rho,
+            c10: I2 / t2,
+            c11: I3 / t2,
+            c12: -(t5 / mu),
+            c13: t9 / t2,
+            c14: R::from_f64(2.0) * rho,
+            c15: R::from_f64(0.5) * I1,
+            c16: R::from_f64(0.5) * I2,
+            c17: R::from_f64(0.5) * I3,
+            c18: R::from_f64(0.5) * M * t1,
+            c19: t10 * g,
+            c20: R::from_f64(0.5) * mu * t1,
+            c21: t10 / t6,
+            c22: R::from_f64(13.0) * t7 * t5 / t2,
+            c23: R::from_f64(13.0) * I1 / t2,
+            c24: R::from_f64(13.0) * I2 / t2,
+            c25: R::from_f64(13.0) * I3 / t2,
+            c26: t11,
+            c27: M * rho,
+            c28: t10,
+            c29: t2,
+            c30: mu * g,
+            c31: t9 / rho,
+            c32: -(t0 / rho),
+            c33: t3 / rho,
+            c34: t12,
+            c35: t8 / rho,
+            c36: I1 / rho,
+            c37: t13,
+            c38: I2 / rho,
+            c39: I3 / rho,
+            c40: rho * t5,
+            c41: t10.recip(),
+            c42: mu * t7,
+            c43: M * t7,
+            c44: t12 * rho,
+            c45: -(t4 * t1),
+            c46: r * (t12 + t11),
+            c47: R::from_f64(0.5) * rho / r,
+            c48: t13 * rho,
+            c49: t9,
+            c50: t0,
+            c51: I1 - I2,
         })
     }
 }
@@ -552,7 +607,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 148 additions, 232 multiplications (135 fused), 4 divisions, 2 elementary functions.
+    /// 148 additions, 212 multiplications (134 fused), 4 divisions, 2 elementary functions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 16], dy: &mut [R; 16]) {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, Gamma1, Gamma2,
@@ -565,30 +620,26 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let dot_Gamma3 = (-Omega1).mul_add(Gamma2, Omega2 * Gamma1);
             [
                 dot_Gamma1,
-                self.r * dot_Gamma1,
+                self.c0 * dot_Gamma1,
                 dot_Gamma2,
-                self.r * dot_Gamma2,
+                self.c0 * dot_Gamma2,
                 dot_Gamma3,
-                self.r * dot_Gamma3,
+                self.c0 * dot_Gamma3,
             ]
         };
         /// velocities v of the squares m/2 |v|^2
-        let [t3, t4, t5, t6, t7, t8, t9, t10, t11, t12, t13, v1_1, t14, t15, t16, t17,
-        v1_2, t18, v1_3] = {
-            let t3 = alpha_dot + Omega3;
-            let (t4, t5) = beta.sin_cos();
-            let (t6, t7) = alpha.sin_cos();
-            let t8 = t4 * t6;
-            let t9 = self.rho * t8;
-            let t10 = self.rho * t5;
-            let t11 = beta_dot * t10;
-            let t12 = t7 * t11;
-            let t13 = t3.mul_add(t9, -t12);
-            let t14 = t6 * t11;
-            let t15 = t4 * t7;
-            let t16 = self.rho * t15;
-            let t17 = t3.mul_add(t16, t14);
-            let t18 = self.rho * t4;
+        let [t3, t4, t5, t6, t7, t8, t9, t10, t11, v1_1_over_rho, t12, t13, t14,
+        v1_2_over_rho, v1_3_over_rho] = {
+            let (t3, t4) = beta.sin_cos();
+            let (t5, t6) = alpha.sin_cos();
+            let t7 = t3 * t5;
+            let t8 = alpha_dot + Omega3;
+            let t9 = beta_dot * t4;
+            let t10 = t6 * t9;
+            let t11 = t7.mul_add(t8, -t10);
+            let t12 = t5 * t9;
+            let t13 = t3 * t6;
+            let t14 = t8.mul_add(t13, t12);
             [
                 t3,
                 t4,
@@ -599,309 +650,327 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t9,
                 t10,
                 t11,
+                Omega2.mul_add(t4, -t0) - t11,
                 t12,
                 t13,
-                Omega2.mul_add(t10, -t0) - t13,
                 t14,
-                t15,
-                t16,
-                t17,
-                (-Omega1).mul_add(t10, -t1) + t17,
-                t18,
-                (-Omega2).mul_add(t16, Omega1.mul_add(t9, (-beta_dot).mul_add(t18, -t2))),
+                (-Omega1).mul_add(t4, -t1) + t14,
+                (-Omega2).mul_add(t13, Omega1.mul_add(t7, (-beta_dot).mul_add(t3, -t2))),
             ]
         };
         /// their accelerations a = dv/dx xdot + omega x v at ydot = 0
-        let [a1_1, a1_2, a1_3] = {
-            let t19 = t10 * t3;
+        let [a1_1_over_rho, a1_2_over_rho, a1_3_over_rho] = {
+            let t15 = t4 * t8;
             [
                 (-Omega3)
                     .mul_add(
-                        v1_2,
+                        v1_2_over_rho,
                         (-alpha_dot)
                             .mul_add(
-                                t17,
+                                t14,
                                 (-beta_dot)
                                     .mul_add(
-                                        beta_dot.mul_add(t16, t6.mul_add(t19, Omega2 * t18)),
-                                        Omega2 * v1_3,
+                                        beta_dot.mul_add(t13, t5.mul_add(t15, Omega2 * t3)),
+                                        Omega2 * v1_3_over_rho,
                                     ),
                             ),
                     ),
                 Omega3
                     .mul_add(
-                        v1_1,
+                        v1_1_over_rho,
                         (-alpha_dot)
                             .mul_add(
-                                t13,
+                                t11,
                                 (-Omega1)
                                     .mul_add(
-                                        v1_3,
+                                        v1_3_over_rho,
                                         beta_dot
-                                            * (-beta_dot).mul_add(t9, t7.mul_add(t19, Omega1 * t18)),
+                                            * (-beta_dot).mul_add(t7, t6.mul_add(t15, Omega1 * t3)),
                                     ),
                             ),
                     ),
                 (-Omega2)
                     .mul_add(
-                        (-alpha_dot).mul_add(t9, t12) + v1_1,
+                        (-alpha_dot).mul_add(t7, t10) + v1_1_over_rho,
                         Omega1
                             .mul_add(
-                                alpha_dot.mul_add(t16, t14) + v1_2,
-                                -(beta_dot * t11),
+                                alpha_dot.mul_add(t13, t12) + v1_2_over_rho,
+                                -(beta_dot * t9),
                             ),
                     ),
             ]
         };
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [t21, t22, t23, t24, r_alpha_dot, t25, r_Omega2, r_Omega3, lag_X1, r_X1] = {
-            let t20 = self.c1 * t15;
-            let t21 = self.c1 * t5;
-            let t22 = self.c2 * t15;
-            let t23 = self.c2 * t8;
-            let t24 = Gamma1 * t8;
-            let r_alpha_dot = a1_1
+        let [t17, t18, r_alpha_dot_over_mu_rho2, r_Omega2_over_mu_rho2,
+        r_Omega3_over_mu_rho2, lag_X1_over_rho, r_X1_over_mu_rho] = {
+            let t16 = self.c1 * t13;
+            let t17 = self.c1 * t4;
+            let t18 = Gamma1 * t7;
+            let r_alpha_dot_over_mu_rho2 = t7
                 .mul_add(
-                    t23,
-                    (-a1_2).mul_add(t22, t24.mul_add(self.c1, -(Gamma2 * t20))),
+                    a1_1_over_rho,
+                    (-t13).mul_add(a1_2_over_rho, t18.mul_add(self.c1, -(Gamma2 * t16))),
                 );
-            let t25 = self.c2 * t5;
-            let lag_X1 = Omega2.mul_add(t2, -(Omega3 * t1));
+            let lag_X1_over_rho = Omega2.mul_add(t2, -(Omega3 * t1));
             [
-                t21,
-                t22,
-                t23,
-                t24,
-                r_alpha_dot,
-                t25,
-                (-a1_1)
+                t17,
+                t18,
+                r_alpha_dot_over_mu_rho2,
+                (-t4)
                     .mul_add(
-                        t25,
-                        a1_3
+                        a1_1_over_rho,
+                        t13
                             .mul_add(
-                                t22,
+                                a1_3_over_rho,
                                 Gamma3
                                     .mul_add(
-                                        t20,
-                                        (-Gamma1).mul_add(t21, self.c3 * Omega3 * Omega1),
+                                        t16,
+                                        (-Gamma1).mul_add(t17, self.c2 * Omega3 * Omega1),
                                     ),
                             ),
                     ),
-                Omega1.mul_add(self.c4 * Omega2, r_alpha_dot),
-                lag_X1,
-                (-a1_1).mul_add(self.mu, self.M * lag_X1),
+                Omega1.mul_add(self.c3 * Omega2, r_alpha_dot_over_mu_rho2),
+                lag_X1_over_rho,
+                lag_X1_over_rho.mul_add(self.c4, -a1_1_over_rho),
             ]
         };
         /// accelerations of the dependent velocities at udot = 0
-        let [lag_X2, lag_X3] = [
+        let [lag_X2_over_rho, lag_X3_over_rho] = [
             Omega3.mul_add(t0, -(Omega1 * t2)),
             Omega1.mul_add(t1, -(Omega2 * t0)),
         ];
         /// mass matrix A = W^T L_yy Psi
-        let [A_alpha_dot_alpha_dot, t27, t28, A_alpha_dot_Omega3, A_beta_dot_Omega1,
-        A_beta_dot_Omega2, t35, A_Omega1_Omega1, A_Omega1_Omega2, A_Omega1_Omega3,
-        A_Omega2_Omega2, A_Omega2_Omega3, A_Omega3_Omega3] = {
-            let A_alpha_dot_alpha_dot = self.c5 * (t4 * t4);
-            let t26 = self.c7 * t5.mul_add(self.c6, Gamma3);
-            let t27 = t15 * t26;
-            let t28 = t8 * t26;
-            let t29 = Gamma2 * t8;
-            let t30 = Gamma1 * t15;
-            let t31 = t29 + t30;
-            let t32 = self.c7 * t4;
-            let t33 = self.c7 * t5;
-            let t34 = Gamma3 * t33;
-            let t36 = t5 * t5;
-            let t37 = t5.mul_add(self.c8, Gamma3);
-            let t38 = self.c9 * Gamma3;
-            let t39 = Gamma2 * Gamma2;
-            let t40 = self.c9 * Gamma1;
+        let [t20, t21, t22, A_alpha_dot_Omega3_over_mu_rho2,
+        A_beta_dot_Omega1_over_mu_rho2, A_beta_dot_Omega2_over_mu_rho2, t29,
+        A_Omega1_Omega1_over_mu_rho2, A_Omega1_Omega2_over_mu_rho2,
+        A_Omega1_Omega3_over_mu_rho2, A_Omega2_Omega2_over_mu_rho2,
+        A_Omega2_Omega3_over_mu_rho2, A_Omega3_Omega3_over_mu_rho2] = {
+            let t19 = self.c0 * t4.mul_add(self.c5, Gamma3);
+            let t20 = t13 * t19;
+            let t21 = t7 * t19;
+            let t22 = t3 * t3;
+            let t23 = Gamma2 * t7;
+            let t24 = Gamma1 * t13;
+            let t25 = t23 + t24;
+            let t26 = self.c0 * t3;
+            let t27 = self.c0 * t4;
+            let t28 = Gamma3 * t27;
+            let t30 = t4.mul_add(self.c6, Gamma3);
+            let t31 = self.c7 * Gamma3;
+            let t32 = Gamma2 * Gamma2;
+            let t33 = self.c7 * Gamma1;
             [
-                A_alpha_dot_alpha_dot,
-                t27,
-                t28,
-                t31.mul_add(self.c7, A_alpha_dot_alpha_dot),
-                (-t6).mul_add(t34, (-Gamma2).mul_add(t32, -(self.c5 * t6))),
-                t7.mul_add(t34, Gamma1.mul_add(t32, self.c5 * t7)),
-                t33 * (-Gamma1).mul_add(t6, Gamma2 * t7),
-                t29
+                t20,
+                t21,
+                t22,
+                t25.mul_add(self.c0, t22),
+                (-t5).mul_add(t28, (-Gamma2).mul_add(t26, -t5)),
+                t6.mul_add(t28, Gamma1.mul_add(t26, t6)),
+                t27 * (-Gamma1).mul_add(t5, Gamma2 * t6),
+                t23
                     .mul_add(
-                        self.c10,
-                        self
-                            .c5
+                        self.c9,
+                        t30
                             .mul_add(
-                                t8.mul_add(t8, t36),
-                                t37.mul_add(t38, t39.mul_add(self.c9, self.I1)),
+                                t31,
+                                t7
+                                    .mul_add(t7, t4.mul_add(t4, t32.mul_add(self.c7, self.c8))),
                             ),
                     ),
-                (-self.c7)
+                (-self.c0)
                     .mul_add(
-                        t15.mul_add(t8.mul_add(self.c6, Gamma2), t24),
-                        -(Gamma2 * t40),
+                        t13.mul_add(t7.mul_add(self.c5, Gamma2), t18),
+                        -(Gamma2 * t33),
                     ),
-                (-Gamma1).mul_add(t33, (-Gamma3).mul_add(t40, -t27)),
-                t30
+                (-Gamma1).mul_add(t27, (-Gamma3).mul_add(t33, -t20)),
+                t24
                     .mul_add(
-                        self.c10,
-                        self
-                            .c5
+                        self.c9,
+                        t13
                             .mul_add(
-                                t15.mul_add(t15, t36),
-                                t37.mul_add(t38, Gamma1.mul_add(t40, self.I2)),
+                                t13,
+                                t30
+                                    .mul_add(t31, t4.mul_add(t4, Gamma1.mul_add(t33, self.c10))),
                             ),
                     ),
-                (-Gamma2).mul_add(t38 + t33, -t28),
-                t31
+                (-Gamma2).mul_add(t31 + t27, -t21),
+                t25
                     .mul_add(
-                        self.c10,
-                        Gamma1.mul_add(t40, t39.mul_add(self.c9, self.I3))
-                            + A_alpha_dot_alpha_dot,
+                        self.c9,
+                        Gamma1.mul_add(t33, t32.mul_add(self.c7, self.c11)) + t22,
                     ),
             ]
         };
         /// right side f = W^T (r - L_yy lag)
-        let [n_alpha_dot, n_beta_dot, f_Omega1, f_Omega2, f_Omega3] = {
-            let t41 = (-t22).mul_add(lag_X2, t23 * lag_X1);
-            let t42 = lag_X3 + a1_3;
-            let t43 = lag_X2 + a1_2;
-            let n_Omega2 = t22.mul_add(lag_X3, (-t25).mul_add(lag_X1, r_Omega2));
-            let n_Omega3 = t41 + r_Omega3;
-            let n_X1 = lag_X1.mul_add(self.c11, r_X1);
-            let t44 = self.mu * t42;
-            let t45 = self.r * Gamma2;
-            let t46 = self.r * (self.mu * t43);
+        let [n_alpha_dot_over_mu_rho2, n_beta_dot_over_mu_rho2, f_Omega1_over_mu_rho2,
+        f_Omega2_over_mu_rho2, f_Omega3_over_mu_rho2] = {
+            let t34 = (-t13).mul_add(lag_X2_over_rho, t7 * lag_X1_over_rho);
+            let t35 = lag_X3_over_rho + a1_3_over_rho;
+            let t36 = lag_X2_over_rho + a1_2_over_rho;
+            let n_Omega2_over_mu_rho2 = t13
+                .mul_add(
+                    lag_X3_over_rho,
+                    (-t4).mul_add(lag_X1_over_rho, r_Omega2_over_mu_rho2),
+                );
+            let n_Omega3_over_mu_rho2 = t34 + r_Omega3_over_mu_rho2;
+            let n_X1_over_mu_rho = lag_X1_over_rho.mul_add(self.c12, r_X1_over_mu_rho);
+            let t37 = self.c0 * t36;
+            let t38 = self.c0 * Gamma2;
             [
-                t41 + r_alpha_dot,
-                (-t25)
+                t34 + r_alpha_dot_over_mu_rho2,
+                (-t4)
                     .mul_add(
-                        t7.mul_add(lag_X1 + a1_1, t6 * t43),
-                        t42
+                        t6.mul_add(lag_X1_over_rho + a1_1_over_rho, t5 * t36),
+                        t3
                             .mul_add(
-                                self.c2 * t4,
-                                self.c0
-                                    * t10
-                                        .mul_add(Gamma1.mul_add(t7, Gamma2 * t6), -(Gamma3 * t18)),
+                                t35,
+                                -(self.c1
+                                    * t4
+                                        .mul_add(Gamma1.mul_add(t6, Gamma2 * t5), -(Gamma3 * t3))),
                             ),
                     ),
                 (-Gamma3)
                     .mul_add(
-                        t8.mul_add(self.c1, -t46),
-                        (-t44)
+                        t7.mul_add(self.c1, -t37),
+                        (-t35)
                             .mul_add(
-                                t45,
-                                (-t23)
+                                t38 + t7,
+                                t4
                                     .mul_add(
-                                        t42,
-                                        t25
-                                            .mul_add(
-                                                t43,
-                                                Gamma2.mul_add(t21, self.c12 * Omega3 * Omega2),
-                                            ),
+                                        t36,
+                                        Gamma2.mul_add(t17, self.c13 * Omega3 * Omega2),
                                     ),
                             ),
                     ),
-                self.r.mul_add(Gamma1.mul_add(t44, Gamma3 * n_X1), n_Omega2),
-                (-Gamma1).mul_add(t46, (-n_X1).mul_add(t45, n_Omega3)),
+                self
+                    .c0
+                    .mul_add(
+                        Gamma3.mul_add(n_X1_over_mu_rho, Gamma1 * t35),
+                        n_Omega2_over_mu_rho2,
+                    ),
+                (-n_X1_over_mu_rho)
+                    .mul_add(t38, (-Gamma1).mul_add(t37, n_Omega3_over_mu_rho2)),
             ]
         };
         /// factors of A
-        let [A_l3_2, A_l4_2, t47, t48, t49, t50, A_l5_1, t51, A_l4_3, A_l5_3, t52,
-        A_l5_4, A_s4_5_5] = {
-            let A_l3_2 = self.c13 * A_beta_dot_Omega1;
-            let A_l4_2 = self.c13 * A_beta_dot_Omega2;
-            let t47 = self.c13 * t35;
-            let A_s2_3_3 = (-A_beta_dot_Omega1).mul_add(A_l3_2, A_Omega1_Omega1);
-            let A_s2_3_4 = (-A_beta_dot_Omega2).mul_add(A_l3_2, A_Omega1_Omega2);
-            let A_s2_3_5 = t35.mul_add(A_l3_2, A_Omega1_Omega3);
-            let A_s2_4_4 = (-A_beta_dot_Omega2).mul_add(A_l4_2, A_Omega2_Omega2);
-            let A_s2_4_5 = t35.mul_add(A_l4_2, A_Omega2_Omega3);
-            let A_s2_5_5 = (-t35).mul_add(t47, A_Omega3_Omega3);
-            let t48 = A_alpha_dot_alpha_dot.recip();
-            let t49 = t27 * t48;
-            let t50 = t28 * t48;
-            let A_l5_1 = A_alpha_dot_Omega3 * t48;
-            let A_s1_3_3 = (-t27).mul_add(t49, A_s2_3_3);
-            let A_s1_3_4 = (-t28).mul_add(t49, A_s2_3_4);
-            let A_s1_3_5 = A_alpha_dot_Omega3.mul_add(t49, A_s2_3_5);
-            let A_s1_4_4 = (-t28).mul_add(t50, A_s2_4_4);
-            let A_s1_4_5 = A_alpha_dot_Omega3.mul_add(t50, A_s2_4_5);
-            let A_s1_5_5 = (-A_alpha_dot_Omega3).mul_add(A_l5_1, A_s2_5_5);
-            let t51 = A_s1_3_3.recip();
-            let A_l4_3 = A_s1_3_4 * t51;
-            let A_l5_3 = A_s1_3_5 * t51;
-            let A_s3_4_4 = (-A_s1_3_4).mul_add(A_l4_3, A_s1_4_4);
-            let A_s3_4_5 = (-A_s1_3_5).mul_add(A_l4_3, A_s1_4_5);
-            let A_s3_5_5 = (-A_s1_3_5).mul_add(A_l5_3, A_s1_5_5);
-            let t52 = A_s3_4_4.recip();
-            let A_l5_4 = A_s3_4_5 * t52;
+        let [t39, t40, t41, A_l5_1, t42, A_l4_3, A_l5_3, t43, A_l5_4,
+        A_s4_5_5_over_mu_rho2] = {
+            let A_s2_3_3_over_mu_rho2 = (-A_beta_dot_Omega1_over_mu_rho2)
+                .mul_add(A_beta_dot_Omega1_over_mu_rho2, A_Omega1_Omega1_over_mu_rho2);
+            let A_s2_3_4_over_mu_rho2 = (-A_beta_dot_Omega1_over_mu_rho2)
+                .mul_add(A_beta_dot_Omega2_over_mu_rho2, A_Omega1_Omega2_over_mu_rho2);
+            let A_s2_3_5_over_mu_rho2 = A_beta_dot_Omega1_over_mu_rho2
+                .mul_add(t29, A_Omega1_Omega3_over_mu_rho2);
+            let A_s2_4_4_over_mu_rho2 = (-A_beta_dot_Omega2_over_mu_rho2)
+                .mul_add(A_beta_dot_Omega2_over_mu_rho2, A_Omega2_Omega2_over_mu_rho2);
+            let A_s2_4_5_over_mu_rho2 = A_beta_dot_Omega2_over_mu_rho2
+                .mul_add(t29, A_Omega2_Omega3_over_mu_rho2);
+            let A_s2_5_5_over_mu_rho2 = (-t29)
+                .mul_add(t29, A_Omega3_Omega3_over_mu_rho2);
+            let t39 = t22.recip();
+            let t40 = t20 * t39;
+            let t41 = t21 * t39;
+            let A_l5_1 = A_alpha_dot_Omega3_over_mu_rho2 * t39;
+            let A_s1_3_3_over_mu_rho2 = (-t20).mul_add(t40, A_s2_3_3_over_mu_rho2);
+            let A_s1_3_4_over_mu_rho2 = (-t21).mul_add(t40, A_s2_3_4_over_mu_rho2);
+            let A_s1_3_5_over_mu_rho2 = A_alpha_dot_Omega3_over_mu_rho2
+                .mul_add(t40, A_s2_3_5_over_mu_rho2);
+            let A_s1_4_4_over_mu_rho2 = (-t21).mul_add(t41, A_s2_4_4_over_mu_rho2);
+            let A_s1_4_5_over_mu_rho2 = A_alpha_dot_Omega3_over_mu_rho2
+                .mul_add(t41, A_s2_4_5_over_mu_rho2);
+            let A_s1_5_5_over_mu_rho2 = (-A_alpha_dot_Omega3_over_mu_rho2)
+                .mul_add(A_l5_1, A_s2_5_5_over_mu_rho2);
+            let t42 = A_s1_3_3_over_mu_rho2.recip();
+            let A_l4_3 = A_s1_3_4_over_mu_rho2 * t42;
+            let A_l5_3 = A_s1_3_5_over_mu_rho2 * t42;
+            let A_s3_4_4_over_mu_rho2 = (-A_s1_3_4_over_mu_rho2)
+                .mul_add(A_l4_3, A_s1_4_4_over_mu_rho2);
+            let A_s3_4_5_over_mu_rho2 = (-A_s1_3_5_over_mu_rho2)
+                .mul_add(A_l4_3, A_s1_4_5_over_mu_rho2);
+            let A_s3_5_5_over_mu_rho2 = (-A_s1_3_5_over_mu_rho2)
+                .mul_add(A_l5_3, A_s1_5_5_over_mu_rho2);
+            let t43 = A_s3_4_4_over_mu_rho2.recip();
+            let A_l5_4 = A_s3_4_5_over_mu_rho2 * t43;
             [
-                A_l3_2,
-                A_l4_2,
-                t47,
-                t48,
-                t49,
-                t50,
+                t39,
+                t40,
+                t41,
                 A_l5_1,
-                t51,
+                t42,
                 A_l4_3,
                 A_l5_3,
-                t52,
+                t43,
                 A_l5_4,
-                (-A_s3_4_5).mul_add(A_l5_4, A_s3_5_5),
+                (-A_s3_4_5_over_mu_rho2).mul_add(A_l5_4, A_s3_5_5_over_mu_rho2),
             ]
         };
         /// substitution through the factors of A
         let [dot_Omega3, dot_Omega2, dot_Omega1, dot_alpha_dot, dot_beta_dot] = {
-            let z_Omega1 = (-n_beta_dot)
-                .mul_add(A_l3_2, n_alpha_dot.mul_add(t49, f_Omega1));
-            let z_Omega2 = (-A_l4_3)
+            let z_Omega1_over_mu_rho2 = (-A_beta_dot_Omega1_over_mu_rho2)
                 .mul_add(
-                    z_Omega1,
-                    (-n_beta_dot).mul_add(A_l4_2, n_alpha_dot.mul_add(t50, f_Omega2)),
+                    n_beta_dot_over_mu_rho2,
+                    n_alpha_dot_over_mu_rho2.mul_add(t40, f_Omega1_over_mu_rho2),
                 );
-            let z_Omega3 = (-A_l5_4)
+            let z_Omega2_over_mu_rho2 = (-A_l4_3)
                 .mul_add(
-                    z_Omega2,
-                    (-A_l5_3)
+                    z_Omega1_over_mu_rho2,
+                    (-A_beta_dot_Omega2_over_mu_rho2)
                         .mul_add(
-                            z_Omega1,
-                            n_beta_dot
-                                .mul_add(t47, (-n_alpha_dot).mul_add(A_l5_1, f_Omega3)),
+                            n_beta_dot_over_mu_rho2,
+                            n_alpha_dot_over_mu_rho2.mul_add(t41, f_Omega2_over_mu_rho2),
                         ),
                 );
-            let dot_Omega3 = z_Omega3 / A_s4_5_5;
-            let dot_Omega2 = (-A_l5_4).mul_add(dot_Omega3, z_Omega2 * t52);
+            let z_Omega3_over_mu_rho2 = (-A_l5_4)
+                .mul_add(
+                    z_Omega2_over_mu_rho2,
+                    (-A_l5_3)
+                        .mul_add(
+                            z_Omega1_over_mu_rho2,
+                            t29
+                                .mul_add(
+                                    n_beta_dot_over_mu_rho2,
+                                    (-n_alpha_dot_over_mu_rho2)
+                                        .mul_add(A_l5_1, f_Omega3_over_mu_rho2),
+                                ),
+                        ),
+                );
+            let dot_Omega3 = z_Omega3_over_mu_rho2 / A_s4_5_5_over_mu_rho2;
+            let dot_Omega2 = (-A_l5_4).mul_add(dot_Omega3, z_Omega2_over_mu_rho2 * t43);
             let dot_Omega1 = (-A_l4_3)
-                .mul_add(dot_Omega2, (-A_l5_3).mul_add(dot_Omega3, z_Omega1 * t51));
+                .mul_add(
+                    dot_Omega2,
+                    (-A_l5_3).mul_add(dot_Omega3, z_Omega1_over_mu_rho2 * t42),
+                );
             [
                 dot_Omega3,
                 dot_Omega2,
                 dot_Omega1,
-                t49
+                t40
                     .mul_add(
                         dot_Omega1,
-                        t50
+                        t41
                             .mul_add(
                                 dot_Omega2,
-                                (-A_l5_1).mul_add(dot_Omega3, n_alpha_dot * t48),
+                                (-A_l5_1)
+                                    .mul_add(dot_Omega3, n_alpha_dot_over_mu_rho2 * t39),
                             ),
                     ),
-                (-A_l3_2)
+                (-A_beta_dot_Omega1_over_mu_rho2)
                     .mul_add(
                         dot_Omega1,
-                        (-A_l4_2)
+                        (-A_beta_dot_Omega2_over_mu_rho2)
                             .mul_add(
                                 dot_Omega2,
-                                t47.mul_add(dot_Omega3, self.c13 * n_beta_dot),
+                                t29.mul_add(dot_Omega3, n_beta_dot_over_mu_rho2),
                             ),
                     ),
             ]
         };
-        let t53 = R::from_f64(0.5) * Omega1;
-        let t54 = R::from_f64(0.5) * Omega2;
-        let t55 = R::from_f64(0.5) * Omega3;
-        let t56 = qw * qz;
-        let t57 = (-R::from_f64(2.0)).mul_add(qz * qz, R::ONE);
+        let t44 = R::from_f64(0.5) * Omega1;
+        let t45 = R::from_f64(0.5) * Omega2;
+        let t46 = R::from_f64(0.5) * Omega3;
+        let t47 = qw * qz;
+        let t48 = (-self.c14).mul_add(qz * qz, self.rho);
         *dy = [
             alpha_dot,
             beta_dot,
@@ -913,23 +982,25 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             dot_Gamma1,
             dot_Gamma2,
             dot_Gamma3,
-            (-qz).mul_add(t55, (-qy).mul_add(t54, -(qx * t53))),
-            (-qz).mul_add(t54, qw.mul_add(t53, qy * t55)),
-            (-qx).mul_add(t55, qw.mul_add(t54, qz * t53)),
-            (-qy).mul_add(t53, qw.mul_add(t55, qx * t54)),
-            R::from_f64(2.0)
+            (-qz).mul_add(t46, (-qy).mul_add(t45, -(qx * t44))),
+            (-qz).mul_add(t45, qw.mul_add(t44, qy * t46)),
+            (-qx).mul_add(t46, qw.mul_add(t45, qz * t44)),
+            (-qy).mul_add(t44, qw.mul_add(t46, qx * t45)),
+            self
+                .c14
                 .mul_add(
-                    (-t2).mul_add(qw.mul_add(qy, qx * qz), -(t1 * qx.mul_add(qy, -t56))),
-                    t0 * R::from_f64(2.0).mul_add(qy * qy, -t57),
+                    (-t2).mul_add(qw.mul_add(qy, qx * qz), -(t1 * qx.mul_add(qy, -t47))),
+                    t0 * self.c14.mul_add(qy * qy, -t48),
                 ),
-            R::from_f64(2.0)
+            self
+                .c14
                 .mul_add(
                     (-t2)
                         .mul_add(
                             (-qw).mul_add(qx, qy * qz),
-                            -(t0 * qx.mul_add(qy, t56)),
+                            -(t0 * qx.mul_add(qy, t47)),
                         ),
-                    t1 * R::from_f64(2.0).mul_add(qx * qx, -t57),
+                    t1 * self.c14.mul_add(qx * qx, -t48),
                 ),
         ];
     }
@@ -942,7 +1013,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 24 additions, 40 multiplications (23 fused), 2 elementary functions.
+    /// 24 additions, 38 multiplications (23 fused), 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 16]) -> R {
@@ -950,10 +1021,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Gamma3, _, _, _, _, _, _] = *y;
         let _ = t;
         /// velocities y = Psi u + psi0
-        let [X1, X2, X3] = {
-            let t0 = self.r * Omega2;
-            let t1 = self.r * Omega3;
-            let t2 = self.r * Omega1;
+        let [X1_over_rho, X2_over_rho, X3_over_rho] = {
+            let t0 = self.c0 * Omega2;
+            let t1 = self.c0 * Omega3;
+            let t2 = self.c0 * Omega1;
             [
                 (-Gamma2).mul_add(t1, Gamma3 * t0),
                 (-Gamma3).mul_add(t2, Gamma1 * t1),
@@ -961,34 +1032,38 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             ]
         };
         let (t3, t4) = beta.sin_cos();
-        let t5 = self.rho * t4;
-        let (t6, t7) = alpha.sin_cos();
-        let t8 = self.rho * t3;
-        let t9 = t6 * t8;
-        let t10 = t7 * t8;
-        let t11 = alpha_dot + Omega3;
-        let t12 = (-t9).mul_add(t11, t5.mul_add(beta_dot.mul_add(t7, Omega2), X1));
-        let t13 = t10.mul_add(t11, (-t5).mul_add((-beta_dot).mul_add(t6, Omega1), X2));
-        let t14 = (-Omega2)
-            .mul_add(t10, Omega1.mul_add(t9, (-beta_dot).mul_add(t8, X3)));
-        let t15 = (-self.c0)
+        let (t5, t6) = alpha.sin_cos();
+        let t7 = t3 * t5;
+        let t8 = t3 * t6;
+        let t9 = alpha_dot + Omega3;
+        let t10 = (-t7)
+            .mul_add(t9, t4.mul_add(beta_dot.mul_add(t6, Omega2), X1_over_rho));
+        let t11 = (-t4)
+            .mul_add((-beta_dot).mul_add(t5, Omega1), t9.mul_add(t8, X2_over_rho));
+        let t12 = (-Omega2)
+            .mul_add(t8, Omega1.mul_add(t7, (-beta_dot).mul_add(t3, X3_over_rho)));
+        let t13 = self
+            .c18
             .mul_add(
-                Gamma1.mul_add(t10, Gamma2.mul_add(t9, Gamma3 * t5)),
+                X3_over_rho
+                    .mul_add(
+                        X3_over_rho,
+                        X2_over_rho.mul_add(X2_over_rho, X1_over_rho * X1_over_rho),
+                    ),
                 self
                     .c17
                     .mul_add(
-                        X3.mul_add(X3, X2.mul_add(X2, X1 * X1)),
-                        self
-                            .c16
-                            .mul_add(
-                                Omega3 * Omega3,
-                                self
-                                    .c15
-                                    .mul_add(Omega2 * Omega2, self.c14 * (Omega1 * Omega1)),
-                            ),
+                        Omega3 * Omega3,
+                        self.c16.mul_add(Omega2 * Omega2, self.c15 * (Omega1 * Omega1)),
                     ),
             );
-        self.c18.mul_add(t14.mul_add(t14, t13.mul_add(t13, t12 * t12)), t15)
+        self.c20
+            .mul_add(
+                t12.mul_add(t12, t11.mul_add(t11, t10 * t10)),
+                self
+                    .c19
+                    .mul_add(Gamma1.mul_add(t8, Gamma2.mul_add(t7, Gamma3 * t4)), t13),
+            )
     }
 
     /// Momenta p = dL/dy.
@@ -1001,7 +1076,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 24 additions, 45 multiplications (23 fused), 2 elementary functions.
+    /// 24 additions, 43 multiplications (23 fused), 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn momentum(&self, t: R, y: &[R; 16]) -> [R; 8] {
@@ -1009,38 +1084,37 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Gamma3, _, _, _, _, _, _] = *y;
         let _ = t;
         /// velocities y = Psi u + psi0
-        let [X2, X3] = {
-            let t0 = self.r * Gamma1;
-            let t1 = self.r * Omega1;
+        let [X2_over_rho, X3_over_rho] = {
+            let t0 = self.c0 * Gamma1;
+            let t1 = self.c0 * Omega1;
             [(-Gamma3).mul_add(t1, Omega3 * t0), (-Omega2).mul_add(t0, Gamma2 * t1)]
         };
         /// momenta p = dL/dy
         let [p_alpha_dot, p_beta_dot, p_Omega1, p_Omega2, p_Omega3, p_X1, p_X2, p_X3] = {
-            let (t2, t3) = alpha.sin_cos();
-            let (t4, t5) = beta.sin_cos();
-            let t6 = self.rho * t4;
-            let t7 = t2 * t6;
-            let t8 = self.rho * t5;
-            let t9 = (-Omega3).mul_add(Gamma2, Omega2 * Gamma3);
-            let t10 = alpha_dot + Omega3;
-            let t11 = (-t7)
-                .mul_add(t10, t8.mul_add(beta_dot.mul_add(t3, Omega2), self.r * t9));
-            let t12 = t3 * t6;
-            let t13 = t2 * t8;
-            let t14 = t12.mul_add(t10, beta_dot.mul_add(t13, (-Omega1).mul_add(t8, X2)));
-            let p_alpha_dot = self.mu * t12.mul_add(t14, -(t7 * t11));
-            let t15 = t8 * t11;
-            let t16 = (-Omega2)
-                .mul_add(t12, Omega1.mul_add(t7, (-beta_dot).mul_add(t6, X3)));
+            let (t2, t3) = beta.sin_cos();
+            let (t4, t5) = alpha.sin_cos();
+            let t6 = t2 * t4;
+            let t7 = (-Omega3).mul_add(Gamma2, Omega2 * Gamma3);
+            let t8 = alpha_dot + Omega3;
+            let t9 = (-t6)
+                .mul_add(t8, t3.mul_add(beta_dot.mul_add(t5, Omega2), self.c0 * t7));
+            let t10 = t2 * t5;
+            let t11 = t4 * t3;
+            let t12 = t8
+                .mul_add(t10, beta_dot.mul_add(t11, (-Omega1).mul_add(t3, X2_over_rho)));
+            let p_alpha_dot = self.c29 * t10.mul_add(t12, -(t6 * t9));
+            let t13 = t3 * t9;
+            let t14 = (-Omega2)
+                .mul_add(t10, Omega1.mul_add(t6, (-beta_dot).mul_add(t2, X3_over_rho)));
             [
                 p_alpha_dot,
-                self.mu * (-t6).mul_add(t16, t13.mul_add(t14, t3 * t15)),
-                (-self.mu).mul_add((-t7).mul_add(t16, t8 * t14), self.I1 * Omega1),
-                self.mu.mul_add((-t12).mul_add(t16, t15), self.I2 * Omega2),
+                self.c29 * t5.mul_add(t13, (-t2).mul_add(t14, t11 * t12)),
+                (-self.c29).mul_add((-t6).mul_add(t14, t3 * t12), self.I1 * Omega1),
+                self.c29.mul_add((-t10).mul_add(t14, t13), self.I2 * Omega2),
                 Omega3.mul_add(self.I3, p_alpha_dot),
-                t11.mul_add(self.mu, self.c26 * t9),
-                t14.mul_add(self.mu, self.M * X2),
-                t16.mul_add(self.mu, self.M * X3),
+                t9.mul_add(self.c28, self.c26 * t7),
+                t12.mul_add(self.c28, self.c27 * X2_over_rho),
+                t14.mul_add(self.c28, self.c27 * X3_over_rho),
             ]
         };
         [p_alpha_dot, p_beta_dot, p_Omega1, p_Omega2, p_Omega3, p_X1, p_X2, p_X3]
@@ -1056,7 +1130,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 162 additions, 249 multiplications (153 fused), 4 divisions, 2 elementary functions.
+    /// 162 additions, 238 multiplications (153 fused), 4 divisions, 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 16]) -> [R; 3] {
@@ -1064,10 +1138,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Gamma3, _, _, _, _, _, _] = *y;
         let _ = t;
         /// velocities y = Psi u + psi0
-        let [t0, t1, X1, t2, X2, X3] = {
-            let t0 = self.r * Gamma3;
-            let t1 = self.r * Gamma2;
-            let t2 = self.r * Gamma1;
+        let [t0, t1, X1_over_rho, t2, X2_over_rho, X3_over_rho] = {
+            let t0 = self.c0 * Gamma3;
+            let t1 = self.c0 * Gamma2;
+            let t2 = self.c0 * Gamma1;
             [
                 t0,
                 t1,
@@ -1084,21 +1158,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             (-Omega1).mul_add(Gamma2, Omega2 * Gamma1),
         ];
         /// velocities v of the squares m/2 |v|^2
-        let [t3, t4, t5, t6, t7, t8, t9, t10, t11, t12, v1_1, t13, t14, t15, t16, v1_2,
-        t17, v1_3] = {
-            let t3 = alpha_dot + Omega3;
-            let (t4, t5) = beta.sin_cos();
-            let (t6, t7) = alpha.sin_cos();
-            let t8 = t4 * t6;
-            let t9 = self.rho * t8;
-            let t10 = self.rho * t5;
-            let t11 = t7 * t10;
-            let t12 = (-beta_dot).mul_add(t11, t3 * t9);
-            let t13 = t6 * t10;
-            let t14 = t4 * t7;
-            let t15 = self.rho * t14;
-            let t16 = t3.mul_add(t15, beta_dot * t13);
-            let t17 = self.rho * t4;
+        let [t3, t4, t5, t6, t7, t8, t9, t10, v1_1_over_rho, t11, t12, t13,
+        v1_2_over_rho, v1_3_over_rho] = {
+            let (t3, t4) = beta.sin_cos();
+            let (t5, t6) = alpha.sin_cos();
+            let t7 = t3 * t5;
+            let t8 = alpha_dot + Omega3;
+            let t9 = t6 * t4;
+            let t10 = (-beta_dot).mul_add(t9, t7 * t8);
+            let t11 = t5 * t4;
+            let t12 = t3 * t6;
+            let t13 = t8.mul_add(t12, beta_dot * t11);
             [
                 t3,
                 t4,
@@ -1108,309 +1178,358 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t8,
                 t9,
                 t10,
+                Omega2.mul_add(t4, X1_over_rho) - t10,
                 t11,
                 t12,
-                Omega2.mul_add(t10, X1) - t12,
                 t13,
-                t14,
-                t15,
-                t16,
-                (-Omega1).mul_add(t10, X2) + t16,
-                t17,
-                (-Omega2).mul_add(t15, Omega1.mul_add(t9, (-beta_dot).mul_add(t17, X3))),
+                (-Omega1).mul_add(t4, X2_over_rho) + t13,
+                (-Omega2)
+                    .mul_add(
+                        t12,
+                        Omega1.mul_add(t7, (-beta_dot).mul_add(t3, X3_over_rho)),
+                    ),
             ]
         };
         /// their accelerations a = dv/dx xdot + omega x v at ydot = 0
-        let [a1_1, a1_2, a1_3] = [
+        let [a1_1_over_rho, a1_2_over_rho, a1_3_over_rho] = [
             (-Omega3)
                 .mul_add(
-                    v1_2,
+                    v1_2_over_rho,
                     (-alpha_dot)
                         .mul_add(
-                            t16,
+                            t13,
                             (-beta_dot)
                                 .mul_add(
-                                    t3.mul_add(t13, beta_dot.mul_add(t15, Omega2 * t17)),
-                                    Omega2 * v1_3,
+                                    t8.mul_add(t11, beta_dot.mul_add(t12, Omega2 * t3)),
+                                    Omega2 * v1_3_over_rho,
                                 ),
                         ),
                 ),
             Omega3
                 .mul_add(
-                    v1_1,
+                    v1_1_over_rho,
                     (-alpha_dot)
                         .mul_add(
-                            t12,
+                            t10,
                             (-Omega1)
                                 .mul_add(
-                                    v1_3,
+                                    v1_3_over_rho,
                                     beta_dot
-                                        * (-beta_dot).mul_add(t9, t11.mul_add(t3, Omega1 * t17)),
+                                        * (-beta_dot).mul_add(t7, t9.mul_add(t8, Omega1 * t3)),
                                 ),
                         ),
                 ),
             (-Omega2)
                 .mul_add(
-                    v1_1,
+                    v1_1_over_rho,
                     Omega1
                         .mul_add(
-                            v1_2,
+                            v1_2_over_rho,
                             alpha_dot
                                 .mul_add(
-                                    Omega1.mul_add(t15, Omega2 * t9),
+                                    Omega1.mul_add(t12, Omega2 * t7),
                                     beta_dot
                                         * (-Omega2)
-                                            .mul_add(t11, Omega1.mul_add(t13, -(beta_dot * t10))),
+                                            .mul_add(t9, Omega1.mul_add(t11, -(beta_dot * t4))),
                                 ),
                         ),
                 ),
         ];
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [t21, t22, r_alpha_dot, t24, t25, t26, t27, r_beta_dot, r_Omega1, r_Omega2,
-        r_Omega3, r_X1, r_X2, r_X3] = {
-            let t18 = self.c1 * t14;
-            let t19 = self.c1 * t8;
-            let t20 = self.c1 * t5;
-            let t21 = self.c2 * t14;
-            let t22 = self.c2 * t8;
-            let t23 = (-a1_1).mul_add(t22, a1_2 * t21);
-            let t24 = self.c2 * t4;
-            let t25 = self.c2 * t5;
-            let t26 = t6 * t25;
-            let t27 = t7 * t25;
+        let [t14, t18, t19, r_alpha_dot_over_rho, t21, t22, t23, t24,
+        r_beta_dot_over_rho, r_Omega1_over_rho, r_Omega2_over_rho, r_Omega3_over_rho,
+        r_X1, r_X2, r_X3] = {
+            let t14 = Gamma1 * t7;
+            let t15 = self.c30 * t12;
+            let t16 = self.c30 * t7;
+            let t17 = self.c30 * t4;
+            let t18 = self.c28 * t12;
+            let t19 = self.c28 * t7;
+            let t20 = (-a1_1_over_rho).mul_add(t19, a1_2_over_rho * t18);
+            let t21 = self.c28 * t3;
+            let t22 = self.c28 * t4;
+            let t23 = t5 * t22;
+            let t24 = t6 * t22;
             [
+                t14,
+                t18,
+                t19,
+                self.c30.mul_add((-Gamma2).mul_add(t12, t14), -t20),
                 t21,
                 t22,
-                (-self.c0).mul_add((-Gamma2).mul_add(t15, Gamma1 * t9), -t23),
+                t23,
                 t24,
-                t25,
-                t26,
-                t27,
-                (-a1_1)
+                (-a1_1_over_rho)
                     .mul_add(
-                        t27,
-                        (-a1_2)
+                        t24,
+                        (-a1_2_over_rho)
                             .mul_add(
-                                t26,
-                                a1_3
+                                t23,
+                                a1_3_over_rho
                                     .mul_add(
-                                        t24,
-                                        self.c0
-                                            * Gamma1.mul_add(t11, Gamma2.mul_add(t13, -(Gamma3 * t17))),
+                                        t21,
+                                        -(self.c30
+                                            * Gamma1.mul_add(t9, Gamma2.mul_add(t11, -(Gamma3 * t3)))),
                                     ),
                             ),
                     ),
-                (-a1_3)
+                (-a1_3_over_rho)
                     .mul_add(
-                        t22,
-                        a1_2
+                        t19,
+                        a1_2_over_rho
                             .mul_add(
-                                t25,
+                                t22,
                                 (-Gamma3)
                                     .mul_add(
-                                        t19,
-                                        Gamma2.mul_add(t20, self.c12 * Omega3 * Omega2),
+                                        t16,
+                                        Gamma2.mul_add(t17, self.c31 * Omega3 * Omega2),
                                     ),
                             ),
                     ),
-                (-a1_1)
+                (-a1_1_over_rho)
                     .mul_add(
-                        t25,
-                        a1_3
+                        t22,
+                        a1_3_over_rho
                             .mul_add(
-                                t21,
+                                t18,
                                 Gamma3
                                     .mul_add(
-                                        t18,
-                                        (-Gamma1).mul_add(t20, self.c3 * Omega3 * Omega1),
+                                        t15,
+                                        (-Gamma1).mul_add(t17, self.c32 * Omega3 * Omega1),
                                     ),
                             ),
                     ),
                 Gamma1
                     .mul_add(
-                        t19,
-                        (-Gamma2).mul_add(t18, Omega1.mul_add(self.c4 * Omega2, -t23)),
+                        t16,
+                        (-Gamma2).mul_add(t15, Omega1.mul_add(self.c33 * Omega2, -t20)),
                     ),
-                (-a1_1).mul_add(self.mu, -(self.M * (-Omega3).mul_add(X2, Omega2 * X3))),
-                (-a1_2).mul_add(self.mu, -(self.M * (-Omega1).mul_add(X3, Omega3 * X1))),
-                (-a1_3).mul_add(self.mu, self.M * (-Omega1).mul_add(X2, Omega2 * X1)),
+                (-a1_1_over_rho)
+                    .mul_add(
+                        self.c28,
+                        -(self.c27
+                            * (-Omega3).mul_add(X2_over_rho, Omega2 * X3_over_rho)),
+                    ),
+                (-a1_2_over_rho)
+                    .mul_add(
+                        self.c28,
+                        -(self.c27
+                            * (-Omega1).mul_add(X3_over_rho, Omega3 * X1_over_rho)),
+                    ),
+                (-a1_3_over_rho)
+                    .mul_add(
+                        self.c28,
+                        self.c27 * (-Omega1).mul_add(X2_over_rho, Omega2 * X1_over_rho),
+                    ),
             ]
         };
         /// accelerations of the dependent velocities at udot = 0
-        let [lag_X1, lag_X2, lag_X3] = {
-            let t28 = self.r * Omega2;
-            let t29 = self.r * Omega3;
-            let t30 = self.r * Omega1;
+        let [lag_X1_over_rho, lag_X2_over_rho, lag_X3_over_rho] = {
+            let t25 = self.c0 * Omega2;
+            let t26 = self.c0 * Omega3;
+            let t27 = self.c0 * Omega1;
             [
-                (-dot_Gamma2).mul_add(t29, dot_Gamma3 * t28),
-                (-dot_Gamma3).mul_add(t30, dot_Gamma1 * t29),
-                (-dot_Gamma1).mul_add(t28, dot_Gamma2 * t30),
+                (-dot_Gamma2).mul_add(t26, dot_Gamma3 * t25),
+                (-dot_Gamma3).mul_add(t27, dot_Gamma1 * t26),
+                (-dot_Gamma1).mul_add(t25, dot_Gamma2 * t27),
             ]
         };
         /// mass matrix A = W^T L_yy Psi
-        let [A_alpha_dot_alpha_dot, t33, t34, A_alpha_dot_Omega3, A_beta_dot_Omega1,
-        A_beta_dot_Omega2, t41, A_Omega1_Omega1, A_Omega1_Omega2, A_Omega1_Omega3,
-        A_Omega2_Omega2, A_Omega2_Omega3, A_Omega3_Omega3] = {
-            let t31 = self.c27 * t4;
-            let A_alpha_dot_alpha_dot = self.mu * t4 * t31;
-            let t32 = self.c7 * t5.mul_add(self.c6, Gamma3);
-            let t33 = t14 * t32;
-            let t34 = t8 * t32;
-            let t35 = Gamma2 * t8;
-            let t36 = Gamma1 * t14;
-            let t37 = t35 + t36;
-            let t38 = self.c7 * t4;
-            let t39 = self.c7 * t5;
-            let t40 = Gamma3 * t39;
-            let t42 = self.c27 * (t5 * t5);
-            let t43 = t5.mul_add(self.c8, Gamma3);
-            let t44 = self.c9 * Gamma3;
-            let t45 = Gamma2 * Gamma2;
-            let t46 = self.c9 * Gamma1;
+        let [A_alpha_dot_alpha_dot_over_rho, t29, t30, A_alpha_dot_Omega3_over_rho,
+        A_beta_dot_Omega1_over_rho, A_beta_dot_Omega2_over_rho, t37,
+        A_Omega1_Omega1_over_rho, A_Omega1_Omega2_over_rho, A_Omega1_Omega3_over_rho,
+        A_Omega2_Omega2_over_rho, A_Omega2_Omega3_over_rho, A_Omega3_Omega3_over_rho] = {
+            let A_alpha_dot_alpha_dot_over_rho = self.c28 * (t3 * t3);
+            let t28 = self.c34 * t4.mul_add(self.c5, Gamma3);
+            let t29 = t12 * t28;
+            let t30 = t7 * t28;
+            let t31 = Gamma2 * t7;
+            let t32 = Gamma1 * t12;
+            let t33 = t31 + t32;
+            let t34 = self.c34 * t3;
+            let t35 = self.c34 * t4;
+            let t36 = Gamma3 * t35;
+            let t38 = t4 * t4;
+            let t39 = t4.mul_add(self.c6, Gamma3);
+            let t40 = self.c35 * Gamma3;
+            let t41 = Gamma2 * Gamma2;
+            let t42 = self.c35 * Gamma1;
             [
-                A_alpha_dot_alpha_dot,
-                t33,
-                t34,
-                t37.mul_add(self.c7, A_alpha_dot_alpha_dot),
-                (-t6).mul_add(t40, (-self.mu).mul_add(self.c27 * t6, -(Gamma2 * t38))),
-                t7.mul_add(t40, self.mu.mul_add(self.c27 * t7, Gamma1 * t38)),
-                t39 * (-Gamma1).mul_add(t6, Gamma2 * t7),
-                self
-                    .mu
+                A_alpha_dot_alpha_dot_over_rho,
+                t29,
+                t30,
+                t33.mul_add(self.c34, A_alpha_dot_alpha_dot_over_rho),
+                (-t5).mul_add(t36, (-Gamma2).mul_add(t34, -(self.c28 * t5))),
+                t6.mul_add(t36, Gamma1.mul_add(t34, self.c28 * t6)),
+                t35 * (-Gamma1).mul_add(t5, Gamma2 * t6),
+                t31
                     .mul_add(
-                        t8.mul_add(t6 * t31, t42),
-                        t35
+                        self.c37,
+                        self
+                            .c28
                             .mul_add(
-                                self.c10,
-                                t43.mul_add(t44, t45.mul_add(self.c9, self.I1)),
+                                t7.mul_add(t7, t38),
+                                t39.mul_add(t40, t41.mul_add(self.c35, self.c36)),
                             ),
                     ),
-                (-self.c7)
+                (-self.c34)
                     .mul_add(
-                        t14.mul_add(t8.mul_add(self.c6, Gamma2), Gamma1 * t8),
-                        -(Gamma2 * t46),
+                        t12.mul_add(t7.mul_add(self.c5, Gamma2), t14),
+                        -(Gamma2 * t42),
                     ),
-                (-Gamma1).mul_add(t39, (-Gamma3).mul_add(t46, -t33)),
-                self
-                    .mu
+                (-Gamma1).mul_add(t35, (-Gamma3).mul_add(t42, -t29)),
+                t32
                     .mul_add(
-                        t14.mul_add(t7 * t31, t42),
-                        t36
+                        self.c37,
+                        self
+                            .c28
                             .mul_add(
-                                self.c10,
-                                t43.mul_add(t44, Gamma1.mul_add(t46, self.I2)),
+                                t12.mul_add(t12, t38),
+                                t39.mul_add(t40, Gamma1.mul_add(t42, self.c38)),
                             ),
                     ),
-                (-Gamma2).mul_add(t44 + t39, -t34),
-                t37
+                (-Gamma2).mul_add(t40 + t35, -t30),
+                t33
                     .mul_add(
-                        self.c10,
-                        Gamma1.mul_add(t46, t45.mul_add(self.c9, self.I3))
-                            + A_alpha_dot_alpha_dot,
+                        self.c37,
+                        Gamma1.mul_add(t42, t41.mul_add(self.c35, self.c39))
+                            + A_alpha_dot_alpha_dot_over_rho,
                     ),
             ]
         };
         /// right side f = W^T (r - L_yy lag)
-        let [n_alpha_dot, n_beta_dot, f_Omega1, f_Omega2, f_Omega3] = {
-            let t47 = (-t21).mul_add(lag_X2, t22 * lag_X1);
-            let n_Omega1 = (-t22).mul_add(lag_X3, t25.mul_add(lag_X2, r_Omega1));
-            let n_Omega2 = t21.mul_add(lag_X3, (-t25).mul_add(lag_X1, r_Omega2));
-            let n_Omega3 = t47 + r_Omega3;
-            let n_X1 = lag_X1.mul_add(self.c11, r_X1);
-            let n_X2 = lag_X2.mul_add(self.c11, r_X2);
-            let n_X3 = lag_X3.mul_add(self.c11, r_X3);
+        let [n_alpha_dot_over_rho, n_beta_dot_over_rho, f_Omega1_over_rho,
+        f_Omega2_over_rho, f_Omega3_over_rho] = {
+            let t43 = (-t18).mul_add(lag_X2_over_rho, t19 * lag_X1_over_rho);
+            let n_Omega1_over_rho = (-t19)
+                .mul_add(
+                    lag_X3_over_rho,
+                    t22.mul_add(lag_X2_over_rho, r_Omega1_over_rho),
+                );
+            let n_Omega2_over_rho = t18
+                .mul_add(
+                    lag_X3_over_rho,
+                    (-t22).mul_add(lag_X1_over_rho, r_Omega2_over_rho),
+                );
+            let n_Omega3_over_rho = t43 + r_Omega3_over_rho;
+            let n_X1 = (-lag_X1_over_rho).mul_add(self.c40, r_X1);
+            let n_X2 = (-lag_X2_over_rho).mul_add(self.c40, r_X2);
+            let n_X3 = (-lag_X3_over_rho).mul_add(self.c40, r_X3);
             [
-                t47 + r_alpha_dot,
-                (-t26)
+                t43 + r_alpha_dot_over_rho,
+                (-t23)
                     .mul_add(
-                        lag_X2,
-                        (-t27).mul_add(lag_X1, t24.mul_add(lag_X3, r_beta_dot)),
+                        lag_X2_over_rho,
+                        (-t24)
+                            .mul_add(
+                                lag_X1_over_rho,
+                                t21.mul_add(lag_X3_over_rho, r_beta_dot_over_rho),
+                            ),
                     ),
-                (-t0).mul_add(n_X2, t1.mul_add(n_X3, n_Omega1)),
-                (-t2).mul_add(n_X3, t0.mul_add(n_X1, n_Omega2)),
-                (-t1).mul_add(n_X1, t2.mul_add(n_X2, n_Omega3)),
+                (-t0).mul_add(n_X2, t1.mul_add(n_X3, n_Omega1_over_rho)),
+                (-t2).mul_add(n_X3, t0.mul_add(n_X1, n_Omega2_over_rho)),
+                (-t1).mul_add(n_X1, t2.mul_add(n_X2, n_Omega3_over_rho)),
             ]
         };
         /// factors of A
-        let [A_l3_2, A_l4_2, t48, t49, t50, t51, A_l5_1, t52, A_l4_3, A_l5_3, t53,
-        A_l5_4, A_s4_5_5] = {
-            let A_l3_2 = self.c13 * A_beta_dot_Omega1;
-            let A_l4_2 = self.c13 * A_beta_dot_Omega2;
-            let t48 = self.c13 * t41;
-            let A_s2_3_3 = (-A_beta_dot_Omega1).mul_add(A_l3_2, A_Omega1_Omega1);
-            let A_s2_3_4 = (-A_beta_dot_Omega2).mul_add(A_l3_2, A_Omega1_Omega2);
-            let A_s2_3_5 = t41.mul_add(A_l3_2, A_Omega1_Omega3);
-            let A_s2_4_4 = (-A_beta_dot_Omega2).mul_add(A_l4_2, A_Omega2_Omega2);
-            let A_s2_4_5 = t41.mul_add(A_l4_2, A_Omega2_Omega3);
-            let A_s2_5_5 = (-t41).mul_add(t48, A_Omega3_Omega3);
-            let t49 = A_alpha_dot_alpha_dot.recip();
-            let t50 = t33 * t49;
-            let t51 = t34 * t49;
-            let A_l5_1 = A_alpha_dot_Omega3 * t49;
-            let A_s1_3_3 = (-t33).mul_add(t50, A_s2_3_3);
-            let A_s1_3_4 = (-t34).mul_add(t50, A_s2_3_4);
-            let A_s1_3_5 = A_alpha_dot_Omega3.mul_add(t50, A_s2_3_5);
-            let A_s1_4_4 = (-t34).mul_add(t51, A_s2_4_4);
-            let A_s1_4_5 = A_alpha_dot_Omega3.mul_add(t51, A_s2_4_5);
-            let A_s1_5_5 = (-A_alpha_dot_Omega3).mul_add(A_l5_1, A_s2_5_5);
-            let t52 = A_s1_3_3.recip();
-            let A_l4_3 = A_s1_3_4 * t52;
-            let A_l5_3 = A_s1_3_5 * t52;
-            let A_s3_4_4 = (-A_s1_3_4).mul_add(A_l4_3, A_s1_4_4);
-            let A_s3_4_5 = (-A_s1_3_5).mul_add(A_l4_3, A_s1_4_5);
-            let A_s3_5_5 = (-A_s1_3_5).mul_add(A_l5_3, A_s1_5_5);
-            let t53 = A_s3_4_4.recip();
-            let A_l5_4 = A_s3_4_5 * t53;
+        let [A_l3_2, A_l4_2, t44, t45, t46, t47, A_l5_1, t48, A_l4_3, A_l5_3, t49,
+        A_l5_4, A_s4_5_5_over_rho] = {
+            let A_l3_2 = self.c41 * A_beta_dot_Omega1_over_rho;
+            let A_l4_2 = self.c41 * A_beta_dot_Omega2_over_rho;
+            let t44 = self.c41 * t37;
+            let A_s2_3_3_over_rho = (-A_beta_dot_Omega1_over_rho)
+                .mul_add(A_l3_2, A_Omega1_Omega1_over_rho);
+            let A_s2_3_4_over_rho = (-A_beta_dot_Omega2_over_rho)
+                .mul_add(A_l3_2, A_Omega1_Omega2_over_rho);
+            let A_s2_3_5_over_rho = t37.mul_add(A_l3_2, A_Omega1_Omega3_over_rho);
+            let A_s2_4_4_over_rho = (-A_beta_dot_Omega2_over_rho)
+                .mul_add(A_l4_2, A_Omega2_Omega2_over_rho);
+            let A_s2_4_5_over_rho = t37.mul_add(A_l4_2, A_Omega2_Omega3_over_rho);
+            let A_s2_5_5_over_rho = (-t37).mul_add(t44, A_Omega3_Omega3_over_rho);
+            let t45 = A_alpha_dot_alpha_dot_over_rho.recip();
+            let t46 = t29 * t45;
+            let t47 = t30 * t45;
+            let A_l5_1 = A_alpha_dot_Omega3_over_rho * t45;
+            let A_s1_3_3_over_rho = (-t29).mul_add(t46, A_s2_3_3_over_rho);
+            let A_s1_3_4_over_rho = (-t30).mul_add(t46, A_s2_3_4_over_rho);
+            let A_s1_3_5_over_rho = A_alpha_dot_Omega3_over_rho
+                .mul_add(t46, A_s2_3_5_over_rho);
+            let A_s1_4_4_over_rho = (-t30).mul_add(t47, A_s2_4_4_over_rho);
+            let A_s1_4_5_over_rho = A_alpha_dot_Omega3_over_rho
+                .mul_add(t47, A_s2_4_5_over_rho);
+            let A_s1_5_5_over_rho = (-A_alpha_dot_Omega3_over_rho)
+                .mul_add(A_l5_1, A_s2_5_5_over_rho);
+            let t48 = A_s1_3_3_over_rho.recip();
+            let A_l4_3 = A_s1_3_4_over_rho * t48;
+            let A_l5_3 = A_s1_3_5_over_rho * t48;
+            let A_s3_4_4_over_rho = (-A_s1_3_4_over_rho)
+                .mul_add(A_l4_3, A_s1_4_4_over_rho);
+            let A_s3_4_5_over_rho = (-A_s1_3_5_over_rho)
+                .mul_add(A_l4_3, A_s1_4_5_over_rho);
+            let A_s3_5_5_over_rho = (-A_s1_3_5_over_rho)
+                .mul_add(A_l5_3, A_s1_5_5_over_rho);
+            let t49 = A_s3_4_4_over_rho.recip();
+            let A_l5_4 = A_s3_4_5_over_rho * t49;
             [
                 A_l3_2,
                 A_l4_2,
-                t48,
-                t49,
-                t50,
-                t51,
+                t44,
+                t45,
+                t46,
+                t47,
                 A_l5_1,
-                t52,
+                t48,
                 A_l4_3,
                 A_l5_3,
-                t53,
+                t49,
                 A_l5_4,
-                (-A_s3_4_5).mul_add(A_l5_4, A_s3_5_5),
+                (-A_s3_4_5_over_rho).mul_add(A_l5_4, A_s3_5_5_over_rho),
             ]
         };
         /// substitution through the factors of A
         let [dot_Omega3, dot_Omega2, dot_Omega1, dot_alpha_dot, dot_beta_dot] = {
-            let z_Omega1 = (-n_beta_dot)
-                .mul_add(A_l3_2, n_alpha_dot.mul_add(t50, f_Omega1));
-            let z_Omega2 = (-A_l4_3)
+            let z_Omega1_over_rho = (-n_beta_dot_over_rho)
+                .mul_add(A_l3_2, n_alpha_dot_over_rho.mul_add(t46, f_Omega1_over_rho));
+            let z_Omega2_over_rho = (-A_l4_3)
                 .mul_add(
-                    z_Omega1,
-                    (-n_beta_dot).mul_add(A_l4_2, n_alpha_dot.mul_add(t51, f_Omega2)),
-                );
-            let z_Omega3 = (-A_l5_4)
-                .mul_add(
-                    z_Omega2,
-                    (-A_l5_3)
+                    z_Omega1_over_rho,
+                    (-n_beta_dot_over_rho)
                         .mul_add(
-                            z_Omega1,
-                            n_beta_dot
-                                .mul_add(t48, (-n_alpha_dot).mul_add(A_l5_1, f_Omega3)),
+                            A_l4_2,
+                            n_alpha_dot_over_rho.mul_add(t47, f_Omega2_over_rho),
                         ),
                 );
-            let dot_Omega3 = z_Omega3 / A_s4_5_5;
-            let dot_Omega2 = (-A_l5_4).mul_add(dot_Omega3, z_Omega2 * t53);
+            let z_Omega3_over_rho = (-A_l5_4)
+                .mul_add(
+                    z_Omega2_over_rho,
+                    (-A_l5_3)
+                        .mul_add(
+                            z_Omega1_over_rho,
+                            n_beta_dot_over_rho
+                                .mul_add(
+                                    t44,
+                                    (-n_alpha_dot_over_rho).mul_add(A_l5_1, f_Omega3_over_rho),
+                                ),
+                        ),
+                );
+            let dot_Omega3 = z_Omega3_over_rho / A_s4_5_5_over_rho;
+            let dot_Omega2 = (-A_l5_4).mul_add(dot_Omega3, z_Omega2_over_rho * t49);
             let dot_Omega1 = (-A_l4_3)
-                .mul_add(dot_Omega2, (-A_l5_3).mul_add(dot_Omega3, z_Omega1 * t52));
+                .mul_add(
+                    dot_Omega2,
+                    (-A_l5_3).mul_add(dot_Omega3, z_Omega1_over_rho * t48),
+                );
             [
                 dot_Omega3,
                 dot_Omega2,
                 dot_Omega1,
-                t50
+                t46
                     .mul_add(
                         dot_Omega1,
-                        t51
+                        t47
                             .mul_add(
                                 dot_Omega2,
-                                (-A_l5_1).mul_add(dot_Omega3, n_alpha_dot * t49),
+                                (-A_l5_1).mul_add(dot_Omega3, n_alpha_dot_over_rho * t45),
                             ),
                     ),
                 (-A_l3_2)
@@ -1419,44 +1538,45 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         (-A_l4_2)
                             .mul_add(
                                 dot_Omega2,
-                                t48.mul_add(dot_Omega3, self.c13 * n_beta_dot),
+                                t44.mul_add(dot_Omega3, self.c41 * n_beta_dot_over_rho),
                             ),
                     ),
             ]
         };
         /// accelerations ydot = Psi udot + lag
-        let [dot_X1, dot_X2, dot_X3] = [
-            t0.mul_add(dot_Omega2, (-t1).mul_add(dot_Omega3, lag_X1)),
-            (-t0).mul_add(dot_Omega1, t2.mul_add(dot_Omega3, lag_X2)),
-            t1.mul_add(dot_Omega1, (-t2).mul_add(dot_Omega2, lag_X3)),
+        let [dot_X1_over_rho, dot_X2_over_rho, dot_X3_over_rho] = [
+            t0.mul_add(dot_Omega2, (-t1).mul_add(dot_Omega3, lag_X1_over_rho)),
+            (-t0).mul_add(dot_Omega1, t2.mul_add(dot_Omega3, lag_X2_over_rho)),
+            t1.mul_add(dot_Omega1, (-t2).mul_add(dot_Omega2, lag_X3_over_rho)),
         ];
-        let t54 = dot_Omega3 + dot_alpha_dot;
+        let t50 = dot_Omega3 + dot_alpha_dot;
         [
-            (-t22)
+            (-t19)
                 .mul_add(
-                    t54,
-                    t27
+                    t50,
+                    t24
                         .mul_add(
                             dot_beta_dot,
-                            (-dot_X1).mul_add(self.c11, t25.mul_add(dot_Omega2, -r_X1)),
+                            dot_X1_over_rho
+                                .mul_add(self.c40, t22.mul_add(dot_Omega2, -r_X1)),
                         ),
                 ),
-            t21
+            t18
                 .mul_add(
-                    t54,
-                    (-dot_X2)
+                    t50,
+                    dot_X2_over_rho
                         .mul_add(
-                            self.c11,
-                            t26.mul_add(dot_beta_dot, (-t25).mul_add(dot_Omega1, -r_X2)),
+                            self.c40,
+                            t23.mul_add(dot_beta_dot, (-t22).mul_add(dot_Omega1, -r_X2)),
                         ),
                 ),
-            (-t24)
+            (-t21)
                 .mul_add(
                     dot_beta_dot,
-                    (-dot_X3)
+                    dot_X3_over_rho
                         .mul_add(
-                            self.c11,
-                            t22.mul_add(dot_Omega1, (-t21).mul_add(dot_Omega2, -r_X3)),
+                            self.c40,
+                            t19.mul_add(dot_Omega1, (-t18).mul_add(dot_Omega2, -r_X3)),
                         ),
                 ),
         ]
@@ -1472,7 +1592,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 30 additions, 51 multiplications (29 fused), 2 elementary functions.
+    /// 30 additions, 48 multiplications (29 fused), 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn nonholonomic_momentum(&self, t: R, y: &[R; 16]) -> [R; 5] {
@@ -1480,52 +1600,47 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Gamma3, _, _, _, _, _, _] = *y;
         let _ = t;
         /// velocities y = Psi u + psi0
-        let [t0, t1, X1, t2, X2, X3] = {
-            let t0 = self.r * Gamma3;
-            let t1 = self.r * Gamma2;
-            let t2 = self.r * Gamma1;
-            [
-                t0,
-                t1,
-                (-Omega3).mul_add(t1, Omega2 * t0),
-                t2,
-                (-Omega1).mul_add(t0, Omega3 * t2),
-                (-Omega2).mul_add(t2, Omega1 * t1),
-            ]
-        };
+        let [X1_over_r, X2_over_r, X3_over_r] = [
+            (-Omega3).mul_add(Gamma2, Omega2 * Gamma3),
+            (-Omega1).mul_add(Gamma3, Omega3 * Gamma1),
+            (-Omega2).mul_add(Gamma1, Omega1 * Gamma2),
+        ];
         /// momenta p = dL/dy
-        let [p_alpha_dot, p_beta_dot, p_Omega1, p_Omega2, p_Omega3, p_X1, p_X2, p_X3] = {
-            let (t3, t4) = alpha.sin_cos();
-            let (t5, t6) = beta.sin_cos();
-            let t7 = self.rho * t5;
-            let t8 = t3 * t7;
-            let t9 = self.rho * t6;
-            let t10 = alpha_dot + Omega3;
-            let t11 = (-t8).mul_add(t10, t9.mul_add(beta_dot.mul_add(t4, Omega2), X1));
-            let t12 = t4 * t7;
-            let t13 = t3 * t9;
-            let t14 = t12.mul_add(t10, beta_dot.mul_add(t13, (-Omega1).mul_add(t9, X2)));
-            let p_alpha_dot = self.mu * t12.mul_add(t14, -(t8 * t11));
-            let t15 = t9 * t11;
-            let t16 = (-Omega2)
-                .mul_add(t12, Omega1.mul_add(t8, (-beta_dot).mul_add(t7, X3)));
+        let [p_alpha_dot, p_beta_dot, p_Omega1, p_Omega2, p_Omega3, p_X1_scaled,
+        p_X2_scaled, p_X3_scaled] = {
+            let (t0, t1) = alpha.sin_cos();
+            let (t2, t3) = beta.sin_cos();
+            let t4 = self.c5 * t2;
+            let t5 = t0 * t4;
+            let t6 = self.c5 * t3;
+            let t7 = alpha_dot + Omega3;
+            let t8 = (-t5)
+                .mul_add(t7, t6.mul_add(beta_dot.mul_add(t1, Omega2), X1_over_r));
+            let t9 = t1 * t4;
+            let t10 = t0 * t6;
+            let t11 = t7
+                .mul_add(t9, beta_dot.mul_add(t10, (-Omega1).mul_add(t6, X2_over_r)));
+            let p_alpha_dot = self.c42 * t9.mul_add(t11, -(t5 * t8));
+            let t12 = t6 * t8;
+            let t13 = (-Omega2)
+                .mul_add(t9, Omega1.mul_add(t5, (-beta_dot).mul_add(t4, X3_over_r)));
             [
                 p_alpha_dot,
-                self.mu * (-t7).mul_add(t16, t13.mul_add(t14, t4 * t15)),
-                (-self.mu).mul_add((-t8).mul_add(t16, t9 * t14), self.I1 * Omega1),
-                self.mu.mul_add((-t12).mul_add(t16, t15), self.I2 * Omega2),
+                self.c42 * (-t4).mul_add(t13, t10.mul_add(t11, t1 * t12)),
+                (-self.c42).mul_add((-t5).mul_add(t13, t6 * t11), self.I1 * Omega1),
+                self.c42.mul_add((-t9).mul_add(t13, t12), self.I2 * Omega2),
                 Omega3.mul_add(self.I3, p_alpha_dot),
-                t11.mul_add(self.mu, self.M * X1),
-                t14.mul_add(self.mu, self.M * X2),
-                t16.mul_add(self.mu, self.M * X3),
+                t8.mul_add(self.c42, self.c43 * X1_over_r),
+                t11.mul_add(self.c42, self.c43 * X2_over_r),
+                t13.mul_add(self.c42, self.c43 * X3_over_r),
             ]
         };
         [
             p_alpha_dot,
             p_beta_dot,
-            (-t0).mul_add(p_X2, t1.mul_add(p_X3, p_Omega1)),
-            (-t2).mul_add(p_X3, t0.mul_add(p_X1, p_Omega2)),
-            t2.mul_add(p_X2, (-t1).mul_add(p_X1, p_Omega3)),
+            (-Gamma3).mul_add(p_X2_scaled, Gamma2.mul_add(p_X3_scaled, p_Omega1)),
+            (-Gamma1).mul_add(p_X3_scaled, Gamma3.mul_add(p_X1_scaled, p_Omega2)),
+            Gamma1.mul_add(p_X2_scaled, (-Gamma2).mul_add(p_X1_scaled, p_Omega3)),
         ]
     }
 
@@ -1547,23 +1662,23 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Gamma3, _, _, _, _, _, _] = *y;
         let _ = t;
         let (t0, t1) = beta.sin_cos();
-        let t2 = self.c7 * t0;
+        let t2 = self.c44 * t0;
         let t3 = alpha_dot + Omega3;
         let (t4, t5) = alpha.sin_cos();
         let t6 = Gamma2 * t5;
         let t7 = (-Gamma1).mul_add(t4, t6);
-        let t8 = self.c7 * t1;
+        let t8 = self.c44 * t1;
         let t9 = beta_dot * t8;
         let t10 = Gamma1.mul_add(t5, Gamma2 * t4);
-        let t11 = self.c1 * t0;
+        let t11 = self.c19 * t0;
         let t12 = Omega3.mul_add(t9.mul_add(t10, t3 * t2 * t7), -(t7 * t11));
         let t13 = Omega2 * t4;
         let t14 = Omega1.mul_add(t5, t13);
-        let t15 = Gamma3.mul_add(t9, self.c5 * beta_dot);
+        let t15 = Gamma3.mul_add(t9, self.c29 * beta_dot);
         let t16 = (-Omega1).mul_add(Gamma2, Omega2 * Gamma1);
         let t17 = Omega1 * t4;
         let t18 = Omega2.mul_add(t5, -t17);
-        let t19 = self.c5 * t0;
+        let t19 = self.c29 * t0;
         let t20 = t0 * t19;
         let t21 = t14 * t20;
         let t22 = Gamma3 * t2;
@@ -1575,13 +1690,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t28 = Omega3 * t27;
         let t29 = beta_dot * Omega3;
         let t30 = Omega2 * Omega2;
-        let t31 = self.c5 * t14;
+        let t31 = self.c29 * t14;
         let t32 = t0.mul_add(t14, Omega3 * t1);
         let t33 = Omega1 * Omega2;
         let t34 = beta_dot * t22;
         let t35 = Omega1.mul_add(Omega1, t30);
         let t36 = Gamma3 * t14;
-        let t37 = self.c1 * t1;
+        let t37 = self.c19 * t1;
         let t38 = (-alpha_dot)
             .mul_add(
                 t31,
@@ -1598,7 +1713,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t39 = (-alpha_dot)
             .mul_add(t32, t4 * t5 * (t33 * t1))
             .mul_add(
-                self.c28 * t0,
+                self.c45 * t0,
                 (-Omega3)
                     .mul_add(
                         (-t19).mul_add(t32, t1 * t1 * t31),
@@ -1606,14 +1721,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     ),
             );
         let t40 = Omega3 * Gamma3;
-        let t41 = self.c29 * (t40 + t27);
-        let t42 = self.c10 * t1;
+        let t41 = self.c46 * (t40 + t27);
+        let t42 = self.c48 * t1;
         let t43 = t42
             .mul_add(
-                t32.mul_add(self.c30, t40),
+                t32.mul_add(self.c47, t40),
                 (-alpha_dot).mul_add(t20, Gamma3 * t41),
             );
-        let t44 = self.c10 * t0;
+        let t44 = self.c48 * t0;
         let t45 = (-Omega3).mul_add(t25, t22.mul_add(t35, (-t28).mul_add(t44, -t26)));
         let t46 = Gamma1 * t44;
         let t47 = Omega3.mul_add(Omega3.mul_add(t8, t41), -t37);
@@ -1649,7 +1764,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t2.mul_add(t27, t31),
                 t33
                     .mul_add(
-                        (-t5).mul_add(t46, t4.mul_add(t54, self.c31)),
+                        (-t5).mul_add(t46, t4.mul_add(t54, self.c51)),
                         (-t36)
                             .mul_add(
                                 t50,
@@ -1661,10 +1776,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         [
             (-t18).mul_add(t25, (-t14).mul_add(t2.mul_add(t16, t15), t12)),
             (-t8).mul_add(t3.mul_add((-Omega3).mul_add(t10, t36), -(t16 * t18)), t39),
-            Omega2.mul_add(Omega3.mul_add(self.c12, t43), t53),
+            Omega2.mul_add(Omega3.mul_add(self.c49, t43), t53),
             (-Omega1)
                 .mul_add(
-                    t6.mul_add(t50, (-Omega3).mul_add(self.c3, t43)),
+                    t6.mul_add(t50, Omega3.mul_add(self.c50, t43)),
                     (-t5)
                         .mul_add(
                             t45,
@@ -1714,57 +1829,57 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 163 additions, 212 multiplications (118 fused), 3 divisions, 98 sign changes, 2 elementary functions.
+    /// 157 additions, 198 multiplications (110 fused), 3 divisions, 94 sign changes, 2 elementary functions.
     pub fn check(&self, t: R, y: &[R; 16]) -> Result<(), ::hamel_runtime::Failure> {
         let [alpha, beta, _, _, _, _, _, Gamma1, Gamma2, Gamma3, _, _, _, _, _, _] = *y;
         /// mass matrix A = W^T L_yy Psi
-        let [t1, A_alpha_dot_alpha_dot, t4, t5, t6, t7, t8, t9, t10, t11, t13,
-        A_alpha_dot_Omega3, t14, t16, t17, t19, t20, t21, t22, t23, A_beta_dot_Omega2,
-        t24, t25, t26, t28, t29, t30, t31, A_Omega1_Omega1, t33, t34, t35, t36, t37, t38,
-        t39, t40, t41, t42, t43, A_Omega2_Omega2, t44, t45, A_Omega3_Omega3] = {
+        let [t1, t2, t3, t4, t5, t6, t7, t8, t9, t10, t11, t12, t14,
+        A_alpha_dot_Omega3_over_mu_rho2, t16, t17, t19, t20, t21, t22,
+        A_beta_dot_Omega2_over_mu_rho2, t23, t24, t25, t27, t28, t29, t30,
+        A_Omega1_Omega1_over_mu_rho2, t32, t33, t34, t35, t36, t37, t38, t39, t40, t41,
+        t42, A_Omega2_Omega2_over_mu_rho2, t43, t44, A_Omega3_Omega3_over_mu_rho2] = {
             let (t0, t1) = beta.sin_cos();
-            let A_alpha_dot_alpha_dot = self.c5 * (t0 * t0);
             let (t2, t3) = alpha.sin_cos();
             let t4 = t0 * t3;
-            let t5 = self.c6 * t1;
-            let t6 = self.c7 * (Gamma3 + t5);
+            let t5 = self.c5 * t1;
+            let t6 = self.c0 * (Gamma3 + t5);
             let t7 = t4 * t6;
             let t8 = t0 * t2;
             let t9 = t8 * t6;
-            let t10 = Gamma2 * t8;
-            let t11 = Gamma1 * t4;
-            let t12 = t10 + t11;
-            let t13 = self.c7 * t12;
-            let t14 = self.c5 * t2;
-            let t15 = self.c7 * t0;
+            let t10 = t0 * t0;
+            let t11 = Gamma2 * t8;
+            let t12 = Gamma1 * t4;
+            let t13 = t11 + t12;
+            let t14 = self.c0 * t13;
+            let t15 = self.c0 * t0;
             let t16 = Gamma2 * t15;
-            let t17 = self.c7 * t1;
+            let t17 = self.c0 * t1;
             let t18 = Gamma3 * t17;
             let t19 = t2 * t18;
-            let t21 = self.c5 * t3;
-            let t22 = Gamma1 * t15;
-            let t23 = t3 * t18;
-            let t24 = Gamma2 * t3;
-            let t25 = Gamma1 * t2;
-            let t27 = t1 * t1;
-            let t28 = t8.mul_add(t8, t27);
-            let t29 = self.c9 * Gamma3;
-            let t30 = t1.mul_add(self.c8, Gamma3) * t29;
-            let t31 = Gamma2 * Gamma2;
-            let t32 = self.c9 * Gamma1;
-            let t33 = Gamma2 * t32;
-            let t34 = Gamma1 * t8;
-            let t35 = self.c6 * t8;
-            let t36 = t4 * (Gamma2 + t35);
-            let t37 = self.c7 * (t34 + t36);
-            let t39 = Gamma3 * t32;
-            let t40 = Gamma1 * t17;
-            let t42 = Gamma1 * t32;
-            let t43 = t4.mul_add(t4, t27);
-            let t44 = Gamma2 * (t29 + t17);
+            let t21 = Gamma1 * t15;
+            let t22 = t3 * t18;
+            let t23 = Gamma2 * t3;
+            let t24 = Gamma1 * t2;
+            let t26 = t1 * t1;
+            let t27 = t8.mul_add(t8, t26);
+            let t28 = self.c7 * Gamma3;
+            let t29 = t1.mul_add(self.c6, Gamma3) * t28;
+            let t30 = Gamma2 * Gamma2;
+            let t31 = self.c7 * Gamma1;
+            let t32 = Gamma2 * t31;
+            let t33 = Gamma1 * t8;
+            let t34 = self.c5 * t8;
+            let t35 = t4 * (Gamma2 + t34);
+            let t36 = self.c0 * (t33 + t35);
+            let t38 = Gamma3 * t31;
+            let t39 = Gamma1 * t17;
+            let t41 = t4.mul_add(t4, t26);
+            let t42 = Gamma1 * t31;
+            let t43 = Gamma2 * (t28 + t17);
             [
                 t1,
-                A_alpha_dot_alpha_dot,
+                t2,
+                t3,
                 t4,
                 t5,
                 t6,
@@ -1773,336 +1888,350 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t9,
                 t10,
                 t11,
-                t13,
-                A_alpha_dot_alpha_dot + t13,
+                t12,
                 t14,
+                t10 + t14,
                 t16,
                 t17,
                 t19,
-                t14 + t16 + t19,
+                t2 + t16 + t19,
                 t21,
                 t22,
+                t3 + t21 + t22,
                 t23,
-                t21 + t22 + t23,
                 t24,
-                t25,
-                t17 * (t24 - t25),
+                t17 * (t23 - t24),
+                t27,
                 t28,
                 t29,
                 t30,
-                t31,
-                t10
-                    .mul_add(
-                        self.c10,
-                        t28.mul_add(self.c5, t31.mul_add(self.c9, self.I1)) + t30,
-                    ),
+                t11.mul_add(self.c9, t30.mul_add(self.c7, self.c8) + t27 + t29),
+                t32,
                 t33,
                 t34,
                 t35,
                 t36,
-                t37,
-                t33 + t37,
+                t32 + t36,
+                t38,
                 t39,
-                t40,
-                t39 + t40 + t7,
+                t38 + t39 + t7,
+                t41,
                 t42,
+                t12.mul_add(self.c9, self.c10 + t42 + t29 + t41),
                 t43,
-                t11.mul_add(self.c10, t43.mul_add(self.c5, self.I2 + t42 + t30)),
-                t44,
-                t44 + t9,
-                t12
-                    .mul_add(
-                        self.c10,
-                        t31.mul_add(self.c9, self.I3) + t42 + A_alpha_dot_alpha_dot,
-                    ),
+                t43 + t9,
+                t13.mul_add(self.c9, t30.mul_add(self.c7, self.c11) + t42 + t10),
             ]
         };
         /// factors of A
-        let [t46, A_l4_2, A_l5_2, t47, A_s2_3_3, t48, A_s2_3_4, t49, t50, t51, A_s2_4_4,
-        t52, A_s2_4_5, t53, A_s2_5_5, t54, t55, t56, A_l5_1, t57, A_s1_3_3, t58,
-        A_s1_3_4, t59, A_s1_3_5, t60, A_s1_4_4, t61, A_s1_4_5, t62, A_s1_5_5, t63,
-        A_l4_3, A_l5_3, t64, A_s3_4_4, t65, A_s3_4_5, t66, A_s3_5_5, t67, A_l5_4, t68,
-        A_s4_5_5] = {
-            let t46 = self.c13 * t20;
-            let A_l4_2 = self.c13 * A_beta_dot_Omega2;
-            let A_l5_2 = self.c19 * t26;
-            let t47 = t20 * t46;
-            let A_s2_3_3 = A_Omega1_Omega1 - t47;
-            let t48 = A_beta_dot_Omega2 * t46;
-            let A_s2_3_4 = t48 - t38;
-            let t49 = t26 * t46;
-            let t50 = t41 + t49;
-            let t51 = A_beta_dot_Omega2 * A_l4_2;
-            let A_s2_4_4 = A_Omega2_Omega2 - t51;
-            let t52 = t26 * A_l4_2;
-            let A_s2_4_5 = t52 - t45;
-            let t53 = t26 * A_l5_2;
-            let A_s2_5_5 = A_Omega3_Omega3 + t53;
-            let t54 = A_alpha_dot_alpha_dot.recip();
-            let t55 = t7 * t54;
-            let t56 = t9 * t54;
-            let A_l5_1 = A_alpha_dot_Omega3 * t54;
-            let t57 = t7 * t55;
-            let A_s1_3_3 = A_s2_3_3 - t57;
-            let t58 = t9 * t55;
-            let A_s1_3_4 = A_s2_3_4 - t58;
-            let t59 = A_alpha_dot_Omega3 * t55;
-            let A_s1_3_5 = t59 - t50;
-            let t60 = t9 * t56;
-            let A_s1_4_4 = A_s2_4_4 - t60;
-            let t61 = A_alpha_dot_Omega3 * t56;
-            let A_s1_4_5 = A_s2_4_5 + t61;
-            let t62 = A_alpha_dot_Omega3 * A_l5_1;
-            let A_s1_5_5 = A_s2_5_5 - t62;
-            let t63 = A_s1_3_3.recip();
-            let A_l4_3 = A_s1_3_4 * t63;
-            let A_l5_3 = A_s1_3_5 * t63;
-            let t64 = A_s1_3_4 * A_l4_3;
-            let A_s3_4_4 = A_s1_4_4 - t64;
-            let t65 = A_s1_3_5 * A_l4_3;
-            let A_s3_4_5 = A_s1_4_5 - t65;
-            let t66 = A_s1_3_5 * A_l5_3;
-            let A_s3_5_5 = A_s1_5_5 - t66;
-            let t67 = A_s3_4_4.recip();
-            let A_l5_4 = A_s3_4_5 * t67;
-            let t68 = A_s3_4_5 * A_l5_4;
+        let [t45, A_s2_3_3_over_mu_rho2, t46, A_s2_3_4_over_mu_rho2, t47, t48, t49,
+        A_s2_4_4_over_mu_rho2, t50, A_s2_4_5_over_mu_rho2, t51, A_s2_5_5_over_mu_rho2,
+        t52, t53, t54, A_l5_1, t55, A_s1_3_3_over_mu_rho2, t56, A_s1_3_4_over_mu_rho2,
+        t57, A_s1_3_5_over_mu_rho2, t58, A_s1_4_4_over_mu_rho2, t59,
+        A_s1_4_5_over_mu_rho2, t60, A_s1_5_5_over_mu_rho2, t61, A_l4_3, A_l5_3, t62,
+        A_s3_4_4_over_mu_rho2, t63, A_s3_4_5_over_mu_rho2, t64, A_s3_5_5_over_mu_rho2,
+        t65, A_l5_4, t66, A_s4_5_5_over_mu_rho2] = {
+            let t45 = t20 * t20;
+            let A_s2_3_3_over_mu_rho2 = A_Omega1_Omega1_over_mu_rho2 - t45;
+            let t46 = t20 * A_beta_dot_Omega2_over_mu_rho2;
+            let A_s2_3_4_over_mu_rho2 = t46 - t37;
+            let t47 = t20 * t25;
+            let t48 = t40 + t47;
+            let t49 = A_beta_dot_Omega2_over_mu_rho2 * A_beta_dot_Omega2_over_mu_rho2;
+            let A_s2_4_4_over_mu_rho2 = A_Omega2_Omega2_over_mu_rho2 - t49;
+            let t50 = A_beta_dot_Omega2_over_mu_rho2 * t25;
+            let A_s2_4_5_over_mu_rho2 = t50 - t44;
+            let t51 = t25 * t25;
+            let A_s2_5_5_over_mu_rho2 = A_Omega3_Omega3_over_mu_rho2 - t51;
+            let t52 = t10.recip();
+            let t53 = t7 * t52;
+            let t54 = t9 * t52;
+            let A_l5_1 = A_alpha_dot_Omega3_over_mu_rho2 * t52;
+            let t55 = t7 * t53;
+            let A_s1_3_3_over_mu_rho2 = A_s2_3_3_over_mu_rho2 - t55;
+            let t56 = t9 * t53;
+            let A_s1_3_4_over_mu_rho2 = A_s2_3_4_over_mu_rho2 - t56;
+            let t57 = A_alpha_dot_Omega3_over_mu_rho2 * t53;
+            let A_s1_3_5_over_mu_rho2 = t57 - t48;
+            let t58 = t9 * t54;
+            let A_s1_4_4_over_mu_rho2 = A_s2_4_4_over_mu_rho2 - t58;
+            let t59 = A_alpha_dot_Omega3_over_mu_rho2 * t54;
+            let A_s1_4_5_over_mu_rho2 = A_s2_4_5_over_mu_rho2 + t59;
+            let t60 = A_alpha_dot_Omega3_over_mu_rho2 * A_l5_1;
+            let A_s1_5_5_over_mu_rho2 = A_s2_5_5_over_mu_rho2 - t60;
+            let t61 = A_s1_3_3_over_mu_rho2.recip();
+            let A_l4_3 = A_s1_3_4_over_mu_rho2 * t61;
+            let A_l5_3 = A_s1_3_5_over_mu_rho2 * t61;
+            let t62 = A_s1_3_4_over_mu_rho2 * A_l4_3;
+            let A_s3_4_4_over_mu_rho2 = A_s1_4_4_over_mu_rho2 - t62;
+            let t63 = A_s1_3_5_over_mu_rho2 * A_l4_3;
+            let A_s3_4_5_over_mu_rho2 = A_s1_4_5_over_mu_rho2 - t63;
+            let t64 = A_s1_3_5_over_mu_rho2 * A_l5_3;
+            let A_s3_5_5_over_mu_rho2 = A_s1_5_5_over_mu_rho2 - t64;
+            let t65 = A_s3_4_4_over_mu_rho2.recip();
+            let A_l5_4 = A_s3_4_5_over_mu_rho2 * t65;
+            let t66 = A_s3_4_5_over_mu_rho2 * A_l5_4;
             [
+                t45,
+                A_s2_3_3_over_mu_rho2,
                 t46,
-                A_l4_2,
-                A_l5_2,
+                A_s2_3_4_over_mu_rho2,
                 t47,
-                A_s2_3_3,
                 t48,
-                A_s2_3_4,
                 t49,
+                A_s2_4_4_over_mu_rho2,
                 t50,
+                A_s2_4_5_over_mu_rho2,
                 t51,
-                A_s2_4_4,
+                A_s2_5_5_over_mu_rho2,
                 t52,
-                A_s2_4_5,
                 t53,
-                A_s2_5_5,
                 t54,
-                t55,
-                t56,
                 A_l5_1,
+                t55,
+                A_s1_3_3_over_mu_rho2,
+                t56,
+                A_s1_3_4_over_mu_rho2,
                 t57,
-                A_s1_3_3,
+                A_s1_3_5_over_mu_rho2,
                 t58,
-                A_s1_3_4,
+                A_s1_4_4_over_mu_rho2,
                 t59,
-                A_s1_3_5,
+                A_s1_4_5_over_mu_rho2,
                 t60,
-                A_s1_4_4,
+                A_s1_5_5_over_mu_rho2,
                 t61,
-                A_s1_4_5,
-                t62,
-                A_s1_5_5,
-                t63,
                 A_l4_3,
                 A_l5_3,
+                t62,
+                A_s3_4_4_over_mu_rho2,
+                t63,
+                A_s3_4_5_over_mu_rho2,
                 t64,
-                A_s3_4_4,
+                A_s3_5_5_over_mu_rho2,
                 t65,
-                A_s3_4_5,
-                t66,
-                A_s3_5_5,
-                t67,
                 A_l5_4,
-                t68,
-                A_s3_5_5 - t68,
+                t66,
+                A_s3_5_5_over_mu_rho2 - t66,
             ]
         };
-        let t69 = Gamma3.abs();
-        let t70 = R::from_f64(20.0)
-            .mul_add((self.c20 * t1).abs(), R::from_f64(10.0) * t69);
-        let t71 = t29.abs();
-        let t72 = t30.abs();
-        let t73 = R::from_f64(11.0) * (t14.abs() + t16.abs() + t19.abs());
-        let A_l3_2 = -t46;
-        let t74 = A_l3_2.abs();
-        let t75 = t74.mul_add(R::from_f64(8.0), self.c13 * t73);
-        let A_beta_dot_Omega1 = -t20;
-        let t76 = R::from_f64(8.0)
-            .mul_add(t6.abs(), self.c7 * (R::from_f64(10.0) * (t69 + t5.abs())));
-        let t77 = t4.abs();
-        let t78 = t76.mul_add(t77, R::from_f64(8.0) * t7.abs());
-        let A_l3_1 = -t55;
-        let t79 = A_l3_1.abs();
-        let A_alpha_dot_Omega1 = -t7;
-        let t80 = A_alpha_dot_Omega1.abs();
-        let t81 = t79.mul_add(R::from_f64(8.0), t78 * t54);
-        let t82 = t72
+        let t67 = Gamma3.abs();
+        let t68 = R::from_f64(20.0)
+            .mul_add((self.c21 * t1).abs(), R::from_f64(10.0) * t67);
+        let t69 = t28.abs();
+        let t70 = t29.abs();
+        let t71 = R::from_f64(11.0) * (t2.abs() + t16.abs() + t19.abs());
+        let A_beta_dot_Omega1_over_mu_rho2 = -t20;
+        let t72 = A_beta_dot_Omega1_over_mu_rho2.abs();
+        let t73 = R::from_f64(8.0)
+            .mul_add(t6.abs(), self.c0 * (R::from_f64(10.0) * (t67 + t5.abs())));
+        let t74 = t4.abs();
+        let t75 = t73.mul_add(t74, R::from_f64(8.0) * t7.abs());
+        let A_l3_1 = -t53;
+        let t76 = A_l3_1.abs();
+        let A_alpha_dot_Omega1_over_mu_rho2 = -t7;
+        let t77 = A_alpha_dot_Omega1_over_mu_rho2.abs();
+        let t78 = t75.mul_add(t52, R::from_f64(8.0) * t76);
+        let t79 = t70
             .mul_add(
                 R::from_f64(13.0),
-                t70
+                t68
                     .mul_add(
-                        t71,
-                        t57
+                        t69,
+                        t55
                             .mul_add(
                                 R::from_f64(10.0),
-                                t47
+                                t45
                                     .mul_add(
                                         R::from_f64(10.0),
-                                        t28.mul_add(self.c23, t31.mul_add(self.c21, self.c22)),
+                                        t27
+                                            .mul_add(R::from_f64(13.0), t30.mul_add(self.c22, self.c23)),
                                     ),
                             ),
                     ),
             );
-        let t83 = t75
+        let t80 = t75
             .mul_add(
-                A_beta_dot_Omega1.abs(),
-                t78
+                t76,
+                t71
                     .mul_add(
-                        t79,
-                        t73
+                        R::from_f64(2.0) * t72,
+                        R::from_f64(2.0)
                             .mul_add(
-                                t74,
-                                R::from_f64(2.0)
-                                    .mul_add(
-                                        A_Omega1_Omega1.abs(),
-                                        R::from_f64(26.0).mul_add((self.c7 * t10).abs(), t82),
-                                    ),
+                                A_Omega1_Omega1_over_mu_rho2.abs(),
+                                R::from_f64(26.0).mul_add((self.c0 * t11).abs(), t79),
                             ),
                     ),
             );
-        let t84 = t80.mul_add(t81, R::from_f64(2.0).mul_add(A_s2_3_3.abs(), t83));
-        let t85 = R::from_f64(11.0) * (t21.abs() + t22.abs() + t23.abs());
-        let t86 = A_l4_2.abs();
-        let t87 = t86.mul_add(R::from_f64(8.0), self.c13 * t85);
-        let t88 = A_beta_dot_Omega2.abs();
-        let t89 = t76.mul_add(t8.abs(), R::from_f64(8.0) * t9.abs());
-        let A_l4_1 = -t56;
-        let t90 = A_l4_1.abs();
-        let A_alpha_dot_Omega2 = -t9;
-        let t91 = A_alpha_dot_Omega2.abs();
-        let t92 = t90.mul_add(R::from_f64(8.0), t89 * t54);
-        let t93 = Gamma2.abs();
-        let A_Omega1_Omega2 = -t38;
-        let t94 = self
-            .c7
+        let t81 = t77
+            .mul_add(t78, R::from_f64(2.0).mul_add(A_s2_3_3_over_mu_rho2.abs(), t80));
+        let t82 = R::from_f64(11.0) * (t3.abs() + t21.abs() + t22.abs());
+        let t83 = A_beta_dot_Omega2_over_mu_rho2.abs();
+        let t84 = t73.mul_add(t8.abs(), R::from_f64(8.0) * t9.abs());
+        let A_l4_1 = -t54;
+        let t85 = A_l4_1.abs();
+        let A_alpha_dot_Omega2_over_mu_rho2 = -t9;
+        let t86 = A_alpha_dot_Omega2_over_mu_rho2.abs();
+        let t87 = t84.mul_add(t52, R::from_f64(8.0) * t85);
+        let t88 = Gamma2.abs();
+        let A_Omega1_Omega2_over_mu_rho2 = -t37;
+        let t89 = self
+            .c0
             .mul_add(
                 R::from_f64(10.0)
                     .mul_add(
-                        t36.abs(),
-                        (t93 + t35.abs())
+                        t35.abs(),
+                        (t88 + t34.abs())
                             .mul_add(
-                                R::from_f64(10.0) * t77,
-                                R::from_f64(10.0) * t34.abs(),
+                                R::from_f64(10.0) * t74,
+                                R::from_f64(10.0) * t33.abs(),
                             ),
                     ),
-                t85.mul_add(t74, R::from_f64(10.0) * t33.abs()),
-            );
-        let t95 = R::from_f64(2.0)
-            .mul_add(
-                A_Omega1_Omega2.abs(),
-                t75
+                R::from_f64(10.0)
                     .mul_add(
-                        t88,
-                        t89
+                        (-t46).abs(),
+                        t82.mul_add(t72, t71.mul_add(t83, R::from_f64(10.0) * t32.abs())),
+                    ),
+            );
+        let t90 = t86
+            .mul_add(
+                t78,
+                R::from_f64(2.0)
+                    .mul_add(
+                        A_Omega1_Omega2_over_mu_rho2.abs(),
+                        R::from_f64(10.0)
                             .mul_add(
-                                t79,
-                                R::from_f64(10.0)
-                                    .mul_add(
-                                        (-t48).abs(),
-                                        R::from_f64(10.0).mul_add(t37.abs(), t94),
-                                    ),
+                                t56.abs(),
+                                t84.mul_add(t76, R::from_f64(10.0).mul_add(t36.abs(), t89)),
                             ),
                     ),
             );
-        let t96 = R::from_f64(2.0)
+        let t91 = R::from_f64(2.0).mul_add(A_s2_3_4_over_mu_rho2.abs(), t90);
+        let t92 = A_l4_3.abs();
+        let t93 = t61 * t61;
+        let t94 = t61.abs();
+        let t95 = t91
             .mul_add(
-                A_s2_3_4.abs(),
-                t91.mul_add(t81, R::from_f64(10.0).mul_add(t58.abs(), t95)),
+                t94,
+                t81.mul_add((A_s1_3_4_over_mu_rho2 * t93).abs(), R::from_f64(8.0) * t92),
             );
-        let t97 = A_l4_3.abs();
-        let t98 = t63 * t63;
-        let t99 = t63.abs();
-        let t100 = t96
-            .mul_add(t99, t84.mul_add((A_s1_3_4 * t98).abs(), R::from_f64(8.0) * t97));
-        let t101 = t72
+        let t96 = t70
             .mul_add(
                 R::from_f64(13.0),
-                t70
+                t68
                     .mul_add(
-                        t71,
-                        t60
+                        t69,
+                        t58
                             .mul_add(
                                 R::from_f64(10.0),
-                                t51
+                                t49
                                     .mul_add(
                                         R::from_f64(10.0),
-                                        t43
-                                            .mul_add(self.c23, t42.mul_add(R::from_f64(13.0), self.c24)),
-                                    ),
-                            ),
-                    ),
-            );
-        let t102 = R::from_f64(2.0)
-            .mul_add(
-                A_s2_4_4.abs(),
-                t87
-                    .mul_add(
-                        t88,
-                        t89
-                            .mul_add(
-                                t90,
-                                R::from_f64(2.0)
-                                    .mul_add(
-                                        A_Omega2_Omega2.abs(),
-                                        t85
+                                        t41
                                             .mul_add(
-                                                t86,
-                                                R::from_f64(26.0).mul_add((self.c7 * t11).abs(), t101),
+                                                R::from_f64(13.0),
+                                                t42.mul_add(R::from_f64(13.0), self.c24),
                                             ),
                                     ),
                             ),
                     ),
             );
-        let t103 = t100
+        let t97 = t84
             .mul_add(
-                A_s1_3_4.abs(),
-                t96
+                t85,
+                t82
                     .mul_add(
-                        t97,
-                        R::from_f64(10.0)
+                        R::from_f64(2.0) * t83,
+                        R::from_f64(2.0)
                             .mul_add(
-                                t64.abs(),
-                                R::from_f64(2.0)
-                                    .mul_add(A_s1_4_4.abs(), t91.mul_add(t92, t102)),
+                                A_Omega2_Omega2_over_mu_rho2.abs(),
+                                R::from_f64(26.0).mul_add((self.c0 * t12).abs(), t96),
                             ),
                     ),
             );
-        let t104 = R::from_f64(10.0) * (t10.abs() + t11.abs());
-        let t105 = t13.abs();
-        let t106 = t17.abs();
-        let t107 = R::from_f64(8.0)
-            .mul_add(t26.abs(), R::from_f64(10.0) * t106 * (t24.abs() + t25.abs()));
-        let t108 = A_l5_2.abs();
-        let A_beta_dot_Omega3 = -t26;
-        let t109 = A_beta_dot_Omega3.abs();
-        let t110 = t105
+        let t98 = R::from_f64(10.0)
             .mul_add(
-                R::from_f64(10.0),
-                t104.mul_add(self.c7, R::from_f64(10.0) * A_alpha_dot_alpha_dot),
-            );
-        let t111 = A_l5_1.abs();
-        let t112 = A_alpha_dot_Omega3.abs();
-        let A_Omega1_Omega3 = -t41;
-        let A_s2_3_5 = -t50;
-        let t113 = R::from_f64(2.0)
-            .mul_add(
-                A_Omega1_Omega3.abs(),
-                t107
+                t62.abs(),
+                t86
                     .mul_add(
-                        t74,
-                        t80
+                        t87,
+                        R::from_f64(2.0)
                             .mul_add(
-                                R::from_f64(3.0),
-                                R::from_f64(11.0)
+                                A_s1_4_4_over_mu_rho2.abs(),
+                                R::from_f64(2.0).mul_add(A_s2_4_4_over_mu_rho2.abs(), t97),
+                            ),
+                    ),
+            );
+        let t99 = t95.mul_add(A_s1_3_4_over_mu_rho2.abs(), t91.mul_add(t92, t98));
+        let t100 = R::from_f64(10.0) * (t11.abs() + t12.abs());
+        let t101 = t14.abs();
+        let t102 = t17.abs();
+        let t103 = R::from_f64(8.0)
+            .mul_add(t25.abs(), R::from_f64(10.0) * t102 * (t23.abs() + t24.abs()));
+        let A_beta_dot_Omega3_over_mu_rho2 = -t25;
+        let t104 = A_beta_dot_Omega3_over_mu_rho2.abs();
+        let t105 = t101
+            .mul_add(R::from_f64(10.0), t100.mul_add(self.c0, R::from_f64(10.0) * t10));
+        let t106 = A_l5_1.abs();
+        let t107 = A_alpha_dot_Omega3_over_mu_rho2.abs();
+        let A_Omega1_Omega3_over_mu_rho2 = -t40;
+        let A_s2_3_5_over_mu_rho2 = -t48;
+        let t108 = R::from_f64(10.0)
+            .mul_add(
+                t47.abs(),
+                t103
+                    .mul_add(
+                        t72,
+                        t71
+                            .mul_add(
+                                t104,
+                                t77
                                     .mul_add(
-                                        t40.abs(),
-                                        R::from_f64(11.0).mul_add(t39.abs(), t78),
+                                        R::from_f64(3.0),
+                                        R::from_f64(11.0)
+                                            .mul_add(
+                                                t39.abs(),
+                                                R::from_f64(11.0).mul_add(t38.abs(), t75),
+                                            ),
+                                    ),
+                            ),
+                    ),
+            );
+        let t109 = R::from_f64(10.0)
+            .mul_add(
+                (-t57).abs(),
+                R::from_f64(2.0)
+                    .mul_add(
+                        A_s2_3_5_over_mu_rho2.abs(),
+                        t105
+                            .mul_add(
+                                t76,
+                                R::from_f64(2.0)
+                                    .mul_add(A_Omega1_Omega3_over_mu_rho2.abs(), t108),
+                            ),
+                    ),
+            );
+        let t110 = t78.mul_add(t107, t109);
+        let t111 = A_l5_3.abs();
+        let t112 = A_s1_3_5_over_mu_rho2.abs();
+        let A_Omega2_Omega3_over_mu_rho2 = -t44;
+        let t113 = R::from_f64(10.0)
+            .mul_add(
+                (-t50).abs(),
+                t103
+                    .mul_add(
+                        t83,
+                        t82
+                            .mul_add(
+                                t104,
+                                t86
+                                    .mul_add(
+                                        R::from_f64(2.0),
+                                        R::from_f64(10.0)
+                                            .mul_add(
+                                                t43.abs(),
+                                                (t69 + t102).mul_add(R::from_f64(10.0) * t88, t84),
+                                            ),
                                     ),
                             ),
                     ),
@@ -2112,144 +2241,111 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 (-t59).abs(),
                 R::from_f64(2.0)
                     .mul_add(
-                        A_s2_3_5.abs(),
-                        t75
+                        A_s2_4_5_over_mu_rho2.abs(),
+                        t105
                             .mul_add(
-                                t109,
-                                t110
-                                    .mul_add(t79, R::from_f64(10.0).mul_add(t49.abs(), t113)),
+                                t85,
+                                R::from_f64(2.0)
+                                    .mul_add(A_Omega2_Omega3_over_mu_rho2.abs(), t113),
                             ),
                     ),
             );
-        let t115 = t81.mul_add(t112, t114);
-        let t116 = A_l5_3.abs();
-        let t117 = A_s1_3_5.abs();
-        let A_Omega2_Omega3 = -t45;
-        let t118 = R::from_f64(2.0)
+        let t115 = t110
             .mul_add(
-                A_Omega2_Omega3.abs(),
-                t107
+                t92,
+                t95
                     .mul_add(
-                        t86,
-                        t91
+                        t112,
+                        R::from_f64(10.0)
                             .mul_add(
-                                R::from_f64(2.0),
-                                R::from_f64(10.0)
+                                t63.abs(),
+                                t87
                                     .mul_add(
-                                        t44.abs(),
-                                        (t71 + t106).mul_add(R::from_f64(10.0) * t93, t89),
+                                        t107,
+                                        R::from_f64(2.0).mul_add(A_s1_4_5_over_mu_rho2.abs(), t114),
                                     ),
+                            ),
+                    ),
+            );
+        let t116 = A_l5_4.abs();
+        let t117 = t100
+            .mul_add(
+                self.c9,
+                t60
+                    .mul_add(
+                        R::from_f64(10.0),
+                        t51
+                            .mul_add(
+                                R::from_f64(10.0),
+                                t10
+                                    .mul_add(
+                                        R::from_f64(13.0),
+                                        t42
+                                            .mul_add(R::from_f64(13.0), t30.mul_add(self.c22, self.c25)),
+                                    ),
+                            ),
+                    ),
+            );
+        let t118 = t103
+            .mul_add(
+                R::from_f64(2.0) * t104,
+                R::from_f64(2.0)
+                    .mul_add(
+                        A_s2_5_5_over_mu_rho2.abs(),
+                        R::from_f64(2.0)
+                            .mul_add(
+                                A_Omega3_Omega3_over_mu_rho2.abs(),
+                                t101.mul_add(R::from_f64(26.0), t117),
                             ),
                     ),
             );
         let t119 = R::from_f64(10.0)
             .mul_add(
-                (-t61).abs(),
+                t64.abs(),
                 R::from_f64(2.0)
                     .mul_add(
-                        A_s2_4_5.abs(),
-                        t87
+                        A_s1_5_5_over_mu_rho2.abs(),
+                        t107
                             .mul_add(
-                                t109,
-                                t110
-                                    .mul_add(t90, R::from_f64(10.0).mul_add((-t52).abs(), t118)),
+                                t106.mul_add(R::from_f64(8.0), t105 * t52),
+                                t105.mul_add(t106, t118),
                             ),
                     ),
             );
-        let t120 = t115
+        let t120 = t112
             .mul_add(
-                t97,
-                t100
+                t110
                     .mul_add(
-                        t117,
-                        R::from_f64(10.0)
+                        t94,
+                        t81
                             .mul_add(
-                                t65.abs(),
-                                R::from_f64(2.0)
-                                    .mul_add(A_s1_4_5.abs(), t92.mul_add(t112, t119)),
+                                (A_s1_3_5_over_mu_rho2 * t93).abs(),
+                                R::from_f64(8.0) * t111,
                             ),
                     ),
-            );
-        let t121 = A_l5_4.abs();
-        let t122 = t62
-            .mul_add(
-                R::from_f64(10.0),
-                (-t53)
+                t110
                     .mul_add(
-                        R::from_f64(10.0),
-                        A_alpha_dot_alpha_dot
-                            .mul_add(
-                                R::from_f64(13.0),
-                                t42
-                                    .mul_add(R::from_f64(13.0), t31.mul_add(self.c21, self.c25)),
-                            ),
-                    ),
-            );
-        let t123 = R::from_f64(2.0)
-            .mul_add(
-                A_s2_5_5.abs(),
-                t107
-                    .mul_add(
-                        t108,
-                        R::from_f64(2.0)
-                            .mul_add(
-                                A_Omega3_Omega3.abs(),
-                                t105
-                                    .mul_add(R::from_f64(26.0), t104.mul_add(self.c10, t122)),
-                            ),
-                    ),
-            );
-        let t124 = R::from_f64(2.0)
-            .mul_add(
-                A_s1_5_5.abs(),
-                t112
-                    .mul_add(
-                        t111.mul_add(R::from_f64(8.0), t110 * t54),
-                        t110
-                            .mul_add(
-                                t111,
-                                t109
-                                    .mul_add(
-                                        t107.mul_add(self.c13, R::from_f64(8.0) * t108),
-                                        t123,
-                                    ),
-                            ),
-                    ),
-            );
-        let t125 = t117
-            .mul_add(
-                t115
-                    .mul_add(
-                        t99,
-                        t84.mul_add((A_s1_3_5 * t98).abs(), R::from_f64(8.0) * t116),
-                    ),
-                t115
-                    .mul_add(
-                        t116,
-                        R::from_f64(2.0)
-                            .mul_add(
-                                A_s3_5_5.abs(),
-                                R::from_f64(10.0).mul_add(t66.abs(), t124),
-                            ),
+                        t111,
+                        R::from_f64(2.0).mul_add(A_s3_5_5_over_mu_rho2.abs(), t119),
                     ),
             );
         for (value, scale, pivot) in [
-            (A_s1_3_3, t84, "inertia along Omega1"),
-            (A_s3_4_4, t103, "inertia along Omega2"),
+            (A_s1_3_3_over_mu_rho2, t81, "inertia along Omega1"),
+            (A_s3_4_4_over_mu_rho2, t99, "inertia along Omega2"),
             (
-                A_s4_5_5,
-                t120
+                A_s4_5_5_over_mu_rho2,
+                t115
                     .mul_add(
-                        t67.abs(),
-                        t103
+                        t65.abs(),
+                        t99
                             .mul_add(
-                                (A_s3_4_5 * (t67 * t67)).abs(),
-                                R::from_f64(8.0) * t121,
+                                (A_s3_4_5_over_mu_rho2 * (t65 * t65)).abs(),
+                                R::from_f64(8.0) * t116,
                             ),
                     )
                     .mul_add(
-                        A_s3_4_5.abs(),
-                        t120.mul_add(t121, R::from_f64(10.0).mul_add(t68.abs(), t125)),
+                        A_s3_4_5_over_mu_rho2.abs(),
+                        t115.mul_add(t116, R::from_f64(10.0).mul_add(t66.abs(), t120)),
                     ),
                 "inertia along Omega3",
             ),

@@ -269,26 +269,20 @@ pub struct Prepared<R = f64> {
     c29: R,
     /// A longer expression in the parameters.
     c30: R,
-    /// `0.5 * (M * M) * (r * r * r) * e / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
+    /// A longer expression in the parameters.
     c31: R,
-    /// `-((I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r))) / (I3 + M * (r * r)))`
-    c32: R,
     /// `-(0.5 * M * r * e)`
+    c32: R,
+    /// A longer expression in the parameters.
     c33: R,
     /// A longer expression in the parameters.
     c34: R,
-    /// `0.5 * (M * M) * (r * r) * e * g / (I1 + 0.25 * M * (r * r * (e * e) + 4 * (r * r)))`
-    c35: R,
-    /// A longer expression in the parameters.
-    c36: R,
-    /// A longer expression in the parameters.
-    c37: R,
     /// `I3 + M * (r * r)`
     A_psi_dot_psi_dot: R,
     /// `0.5 * M * (r * r) * e / (I3 + M * (r * r))`
-    c38: R,
+    c35: R,
     /// `M * (r * r)`
-    c39: R,
+    c36: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -302,7 +296,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 26 additions, 89 multiplications, 34 divisions, 10 sign changes.
+    /// 26 additions, 83 multiplications, 33 divisions, 9 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { M, r, e, I1, I3, g } = *params;
         for (value, condition, meaning) in [
@@ -362,7 +356,6 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t33 = t15 * t32;
         let t34 = R::from_f64(4.0) * t15;
         let t35 = t6 * e;
-        let t36 = R::from_f64(0.5) * t15;
         if !M.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "M > 0",
@@ -433,19 +426,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c29: R::from_f64(-0.25) * t15 * t32 * t4 / A_theta_dot_theta_dot,
             c30: R::from_f64(-0.5)
                 * (t35 * A_psi_dot_psi_dot / A_theta_dot_theta_dot
-                    + t33 * e / A_theta_dot_theta_dot),
-            c31: t36 * t32 * e / A_theta_dot_theta_dot,
-            c32: -(A_theta_dot_theta_dot / A_psi_dot_psi_dot),
-            c33: -t1,
-            c34: R::from_f64(-0.25)
+                    + t33 * e / A_theta_dot_theta_dot) / t6,
+            c31: R::from_f64(-0.25)
                 * (t34 * t3 * g / A_theta_dot_theta_dot
-                    - t15 * t3 * t4 * g / A_theta_dot_theta_dot),
-            c35: t36 * t3 * e * g / A_theta_dot_theta_dot,
-            c36: t21 * r + t6 * t29 - t35 * t25 / t20,
-            c37: R::from_f64(2.0) * (t35 * I3 / t20 - t6 * t25 / t20),
+                    - t15 * t3 * t4 * g / A_theta_dot_theta_dot) / t6,
+            c32: -t1,
+            c33: t21 * r + t6 * t29 - t35 * t25 / t20,
+            c34: R::from_f64(2.0) * (t35 * I3 / t20 - t6 * t25 / t20),
             A_psi_dot_psi_dot,
-            c38: t14 / A_psi_dot_psi_dot,
-            c39: t11,
+            c35: t14 / A_psi_dot_psi_dot,
+            c36: t11,
         })
     }
 }
@@ -585,7 +575,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 16 additions, 36 multiplications (15 fused), 2 elementary functions.
+    /// 16 additions, 35 multiplications (15 fused), 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 8]) -> [R; 2] {
@@ -600,22 +590,26 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t8 = t2 * t5;
         let t9 = t5
             .mul_add(
-                t8.mul_add(self.c31, t3 * (self.c30 * psi_dot)),
-                self
-                    .c35
+                (-t8).mul_add(self.c4, t3 * (self.c30 * psi_dot)),
+                phi_dot
                     .mul_add(
-                        (-t3).mul_add(t3, t2 * t2),
-                        t5
+                        t6,
+                        self
+                            .c1
                             .mul_add(
-                                self.c33 * phi_dot,
-                                t2.mul_add(self.c34 * t3, t2 * (self.c33 * t7)),
+                                (-t3).mul_add(t3, t2 * t2),
+                                (-t5)
+                                    .mul_add(
+                                        self.c23 * phi_dot,
+                                        t2.mul_add(self.c31 * t3, t3 * t7),
+                                    ),
                             ),
                     ),
             );
         let t10 = self
             .c24
             .mul_add(
-                self.c3.mul_add(psi_dot.mul_add(t8, t3 * (self.c32 * t7)), phi_dot * t6),
+                t8.mul_add(self.c3 * psi_dot, t9),
                 t4
                     .mul_add(
                         t6
@@ -623,10 +617,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                 self.c29 * t3,
                                 t5 * t3.mul_add(self.c28, self.c27 * t2),
                             ),
-                        t9,
+                        t2 * (self.c32 * t7),
                     ),
             );
-        let t11 = theta_dot * t6.mul_add(self.c37, self.c36 * t5);
+        let t11 = theta_dot * t6.mul_add(self.c34, self.c33 * t5);
         [t0.mul_add(t10, t1 * t11), (-t1).mul_add(t10, t0 * t11)]
     }
 
@@ -677,10 +671,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [theta, _, theta_dot, phi_dot, psi_dot, _, _, _] = *y;
         let _ = t;
         let (t0, t1) = theta.sin_cos();
-        let t2 = t1.mul_add(self.c23, t0) * (self.c39 * theta_dot);
+        let t2 = t1.mul_add(self.c23, t0) * (self.c36 * theta_dot);
         [
             (-self
-                .c38
+                .c35
                 .mul_add(
                     (-phi_dot).mul_add((-t1).mul_add(t1, t0 * t0), psi_dot * t1),
                     t0 * t1.mul_add(self.c0 * phi_dot, psi_dot),

@@ -381,11 +381,11 @@ pub struct Prepared<R = f64> {
     C32: R,
     /// Parameter `C33`.
     C33: R,
-    /// `1 / J1`
+    /// `M3 / J1`
     c0: R,
-    /// `1 / J2`
+    /// `M3 / J2`
     c1: R,
-    /// `1 / J3`
+    /// `M3 / J3`
     c2: R,
     /// `C13 / J1`
     A_l6_1: R,
@@ -405,6 +405,34 @@ pub struct Prepared<R = f64> {
     A_l4_2: R,
     /// `C31 / J3`
     A_l4_3: R,
+    /// `J1 / M3`
+    c3: R,
+    /// `C11 / M3`
+    c4: R,
+    /// `C12 / M3`
+    c5: R,
+    /// `C13 / M3`
+    c6: R,
+    /// `C21 / M3`
+    c7: R,
+    /// `C22 / M3`
+    c8: R,
+    /// `C23 / M3`
+    c9: R,
+    /// `J2 / M3`
+    c10: R,
+    /// `C31 / M3`
+    c11: R,
+    /// `C32 / M3`
+    c12: R,
+    /// `C33 / M3`
+    c13: R,
+    /// `J3 / M3`
+    c14: R,
+    /// `M1 / M3`
+    c15: R,
+    /// `M2 / M3`
+    c16: R,
     /// A longer expression in the parameters.
     A_l5_4: R,
     /// A longer expression in the parameters.
@@ -412,41 +440,41 @@ pub struct Prepared<R = f64> {
     /// A longer expression in the parameters.
     A_l6_5: R,
     /// A longer expression in the parameters.
-    c3: R,
-    /// A longer expression in the parameters.
-    c4: R,
-    /// `1 / (M1 - C11 * (C11 / J1) - C21 * (C21 / J2) - C31 * (C31 / J3))`
-    c5: R,
-    /// `2 * C13 / J1`
-    c6: R,
-    /// `2 * C12 / J1`
-    c7: R,
-    /// `2 * C11 / J1`
-    c8: R,
-    /// `2 * C23 / J2`
-    c9: R,
-    /// `2 * C22 / J2`
-    c10: R,
-    /// `2 * C21 / J2`
-    c11: R,
-    /// `2 * C33 / J3`
-    c12: R,
-    /// `2 * C32 / J3`
-    c13: R,
-    /// `2 * C31 / J3`
-    c14: R,
-    /// `0.5 * M1`
-    c15: R,
-    /// `0.5 * M2`
-    c16: R,
-    /// `0.5 * M3`
     c17: R,
-    /// `0.5 * J1`
+    /// A longer expression in the parameters.
     c18: R,
-    /// `0.5 * J2`
+    /// `M3 / (M1 - C11 * (C11 / J1) - C21 * (C21 / J2) - C31 * (C31 / J3))`
     c19: R,
-    /// `0.5 * J3`
+    /// `2 * C13 / J1`
     c20: R,
+    /// `2 * C12 / J1`
+    c21: R,
+    /// `2 * C11 / J1`
+    c22: R,
+    /// `2 * C23 / J2`
+    c23: R,
+    /// `2 * C22 / J2`
+    c24: R,
+    /// `2 * C21 / J2`
+    c25: R,
+    /// `2 * C33 / J3`
+    c26: R,
+    /// `2 * C32 / J3`
+    c27: R,
+    /// `2 * C31 / J3`
+    c28: R,
+    /// `0.5 * M1`
+    c29: R,
+    /// `0.5 * M2`
+    c30: R,
+    /// `0.5 * M3`
+    c31: R,
+    /// `0.5 * J1`
+    c32: R,
+    /// `0.5 * J2`
+    c33: R,
+    /// `0.5 * J3`
+    c34: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -460,7 +488,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 68 additions, 94 multiplications, 33 divisions, 43 sign changes.
+    /// 68 additions, 94 multiplications, 49 divisions, 43 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params {
             J1,
@@ -568,60 +596,58 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let A_l5_4 = A_s3_4_5 / A_s3_4_4;
         let t7 = A_l5_4.abs();
         let t8 = A_s3_4_4 * A_s3_4_4;
-        let t9 = A_s3_4_4.recip();
-        let t10 = t9.abs();
-        let t11 = t1 * (A_s3_4_5 / t8).abs() + t6 * t10 + R::from_f64(8.0) * t7;
-        let t12 = A_s3_4_5 * A_l5_4;
+        let t9 = A_s3_4_4.recip().abs();
+        let t10 = t1 * (A_s3_4_5 / t8).abs() + t6 * t9 + R::from_f64(8.0) * t7;
+        let t11 = A_s3_4_5 * A_l5_4;
         let A_s3_5_5 = A_s2_5_5 - C32 * A_l5_3;
-        let t13 = t3 + t6 * t7 + t11 * A_s3_4_5.abs() + R::from_f64(10.0) * t12.abs()
+        let t12 = t3 + t6 * t7 + t10 * A_s3_4_5.abs() + R::from_f64(10.0) * t11.abs()
             + R::from_f64(2.0) * A_s3_5_5.abs();
-        let A_s4_5_5 = A_s3_5_5 - t12;
+        let A_s4_5_5 = A_s3_5_5 - t11;
         let A_l6_3 = C33 / J3;
         let A_l6_2 = C23 / J2;
         let A_l6_1 = C13 / J1;
-        let t14 = C13 * A_l6_1;
-        let A_s1_6_6 = M3 - t14;
+        let t13 = C13 * A_l6_1;
+        let A_s1_6_6 = M3 - t13;
         let A_s2_6_6 = A_s1_6_6 - C23 * A_l6_2;
-        let t15 = R::from_f64(10.0) * C33 * A_l6_3
-            + (R::from_f64(10.0) * C23 * A_l6_2 + R::from_f64(10.0) * (M3 + t14)
+        let t14 = R::from_f64(10.0) * C33 * A_l6_3
+            + (R::from_f64(10.0) * C23 * A_l6_2 + R::from_f64(10.0) * (M3 + t13)
                 + R::from_f64(2.0) * A_s1_6_6.abs()) + R::from_f64(2.0) * A_s2_6_6.abs();
         let A_s1_4_6 = -(C11 * C13 / J1);
-        let t16 = C23 * A_l4_2;
-        let A_s2_4_6 = A_s1_4_6 - t16;
-        let t17 = C33 * A_l4_3;
-        let t18 = R::from_f64(10.0) * (A_s1_4_6.abs() + t16.abs())
-            + R::from_f64(2.0) * A_s2_4_6.abs() + R::from_f64(10.0) * t17.abs();
-        let A_s3_4_6 = A_s2_4_6 - t17;
+        let t15 = C23 * A_l4_2;
+        let A_s2_4_6 = A_s1_4_6 - t15;
+        let t16 = C33 * A_l4_3;
+        let t17 = R::from_f64(10.0) * (A_s1_4_6.abs() + t15.abs())
+            + R::from_f64(2.0) * A_s2_4_6.abs() + R::from_f64(10.0) * t16.abs();
+        let A_s3_4_6 = A_s2_4_6 - t16;
         let A_l6_4 = A_s3_4_6 / A_s3_4_4;
-        let t19 = A_l6_4.abs();
-        let t20 = A_s3_4_6.abs();
-        let t21 = A_s3_4_6 * A_l6_4;
+        let t18 = A_l6_4.abs();
+        let t19 = A_s3_4_6.abs();
+        let t20 = A_s3_4_6 * A_l6_4;
         let A_s3_6_6 = A_s2_6_6 - C33 * A_l6_3;
         let A_s1_5_6 = -(C12 * C13 / J1);
-        let t22 = C23 * A_l5_2;
-        let A_s2_5_6 = A_s1_5_6 - t22;
-        let t23 = C33 * A_l5_3;
-        let t24 = A_s3_4_6 * A_l5_4;
-        let t25 = R::from_f64(10.0) * (A_s1_5_6.abs() + t22.abs())
-            + R::from_f64(2.0) * A_s2_5_6.abs() + R::from_f64(10.0) * t23.abs()
-            + t18 * t7 + t11 * t20 + R::from_f64(10.0) * t24.abs();
-        let A_s3_5_6 = A_s2_5_6 - t23;
-        let t26 = t25 + R::from_f64(2.0) * A_s3_5_6.abs();
-        let A_s4_5_6 = A_s3_5_6 - t24;
+        let t21 = C23 * A_l5_2;
+        let A_s2_5_6 = A_s1_5_6 - t21;
+        let t22 = C33 * A_l5_3;
+        let t23 = A_s3_4_6 * A_l5_4;
+        let t24 = R::from_f64(10.0) * (A_s1_5_6.abs() + t21.abs())
+            + R::from_f64(2.0) * A_s2_5_6.abs() + R::from_f64(10.0) * t22.abs()
+            + t17 * t7 + t10 * t19 + R::from_f64(10.0) * t23.abs();
+        let A_s3_5_6 = A_s2_5_6 - t22;
+        let t25 = t24 + R::from_f64(2.0) * A_s3_5_6.abs();
+        let A_s4_5_6 = A_s3_5_6 - t23;
         let A_l6_5 = A_s4_5_6 / A_s4_5_5;
-        let t27 = A_l6_5.abs();
-        let t28 = t15 + t18 * t19
-            + (t1 * (A_s3_4_6 / t8).abs() + t18 * t10 + R::from_f64(8.0) * t19) * t20
-            + R::from_f64(10.0) * t21.abs() + R::from_f64(2.0) * A_s3_6_6.abs()
-            + t26 * t27;
-        let t29 = A_s4_5_5.recip();
-        let t30 = A_s4_5_6 * A_l6_5;
-        let A_s4_6_6 = A_s3_6_6 - t21;
-        let t31 = t28
-            + (t13 * (A_s4_5_6 / (A_s4_5_5 * A_s4_5_5)).abs() + t26 * t29.abs()
-                + R::from_f64(8.0) * t27) * A_s4_5_6.abs()
-            + R::from_f64(10.0) * t30.abs() + R::from_f64(2.0) * A_s4_6_6.abs();
-        let A_s5_6_6 = A_s4_6_6 - t30;
+        let t26 = A_l6_5.abs();
+        let t27 = t14 + t17 * t18
+            + (t1 * (A_s3_4_6 / t8).abs() + t17 * t9 + R::from_f64(8.0) * t18) * t19
+            + R::from_f64(10.0) * t20.abs() + R::from_f64(2.0) * A_s3_6_6.abs()
+            + t25 * t26;
+        let t28 = A_s4_5_6 * A_l6_5;
+        let A_s4_6_6 = A_s3_6_6 - t20;
+        let t29 = t27
+            + (t12 * (A_s4_5_6 / (A_s4_5_5 * A_s4_5_5)).abs()
+                + t25 * A_s4_5_5.recip().abs() + R::from_f64(8.0) * t26) * A_s4_5_6.abs()
+            + R::from_f64(10.0) * t28.abs() + R::from_f64(2.0) * A_s4_6_6.abs();
+        let A_s5_6_6 = A_s4_6_6 - t28;
         if !J1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "J1 > 0",
@@ -664,13 +690,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 meaning: "",
             });
         }
-        if !(t13 + A_s4_5_5.abs()).all_gt(t13) {
+        if !(t12 + A_s4_5_5.abs()).all_gt(t12) {
             return Err(::hamel_runtime::ParamError {
                 condition: "inertia along V2 != 0",
                 meaning: "",
             });
         }
-        if !(t31 + A_s5_6_6.abs()).all_gt(t31) {
+        if !(t29 + A_s5_6_6.abs()).all_gt(t29) {
             return Err(::hamel_runtime::ParamError {
                 condition: "inertia along V3 != 0",
                 meaning: "",
@@ -692,9 +718,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             C31,
             C32,
             C33,
-            c0: J1.recip(),
-            c1: J2.recip(),
-            c2: J3.recip(),
+            c0: M3 / J1,
+            c1: M3 / J2,
+            c2: M3 / J3,
             A_l6_1,
             A_l6_2,
             A_l6_3,
@@ -704,27 +730,41 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             A_l4_1,
             A_l4_2,
             A_l4_3,
+            c3: J1 / M3,
+            c4: C11 / M3,
+            c5: C12 / M3,
+            c6: C13 / M3,
+            c7: C21 / M3,
+            c8: C22 / M3,
+            c9: C23 / M3,
+            c10: J2 / M3,
+            c11: C31 / M3,
+            c12: C32 / M3,
+            c13: C33 / M3,
+            c14: J3 / M3,
+            c15: M1 / M3,
+            c16: M2 / M3,
             A_l5_4,
             A_l6_4,
             A_l6_5,
-            c3: A_s5_6_6.recip(),
-            c4: t29,
-            c5: t9,
-            c6: R::from_f64(2.0) * C13 / J1,
-            c7: R::from_f64(2.0) * C12 / J1,
-            c8: R::from_f64(2.0) * C11 / J1,
-            c9: R::from_f64(2.0) * C23 / J2,
-            c10: R::from_f64(2.0) * C22 / J2,
-            c11: R::from_f64(2.0) * C21 / J2,
-            c12: R::from_f64(2.0) * C33 / J3,
-            c13: R::from_f64(2.0) * C32 / J3,
-            c14: R::from_f64(2.0) * C31 / J3,
-            c15: R::from_f64(0.5) * M1,
-            c16: R::from_f64(0.5) * M2,
-            c17: R::from_f64(0.5) * M3,
-            c18: R::from_f64(0.5) * J1,
-            c19: R::from_f64(0.5) * J2,
-            c20: R::from_f64(0.5) * J3,
+            c17: M3 / A_s5_6_6,
+            c18: M3 / A_s4_5_5,
+            c19: M3 / A_s3_4_4,
+            c20: R::from_f64(2.0) * C13 / J1,
+            c21: R::from_f64(2.0) * C12 / J1,
+            c22: R::from_f64(2.0) * C11 / J1,
+            c23: R::from_f64(2.0) * C23 / J2,
+            c24: R::from_f64(2.0) * C22 / J2,
+            c25: R::from_f64(2.0) * C21 / J2,
+            c26: R::from_f64(2.0) * C33 / J3,
+            c27: R::from_f64(2.0) * C32 / J3,
+            c28: R::from_f64(2.0) * C31 / J3,
+            c29: R::from_f64(0.5) * M1,
+            c30: R::from_f64(0.5) * M2,
+            c31: R::from_f64(0.5) * M3,
+            c32: R::from_f64(0.5) * J1,
+            c33: R::from_f64(0.5) * J2,
+            c34: R::from_f64(0.5) * J3,
         })
     }
 }
@@ -750,107 +790,121 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 74 additions, 105 multiplications (74 fused).
+    /// 74 additions, 104 multiplications (74 fused).
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 13], dy: &mut [R; 13]) {
         let [Omega1, Omega2, Omega3, V1, V2, V3, qw, qx, qy, qz, _, _, _] = *y;
         let _ = t;
         /// momenta p = dL/dy
-        let [p_Omega1, p_Omega2, p_Omega3, p_V1, p_V2, p_V3] = [
+        let [p_Omega1_over_M3, p_Omega2_over_M3, p_Omega3_over_M3, p_V1_over_M3,
+        p_V2_over_M3, p_V3_over_M3] = [
             V3
                 .mul_add(
-                    self.C13,
-                    V2.mul_add(self.C12, V1.mul_add(self.C11, self.J1 * Omega1)),
+                    self.c6,
+                    V2.mul_add(self.c5, V1.mul_add(self.c4, self.c3 * Omega1)),
                 ),
-            V3
+            Omega2
                 .mul_add(
-                    self.C23,
-                    V2.mul_add(self.C22, V1.mul_add(self.C21, self.J2 * Omega2)),
+                    self.c10,
+                    V3.mul_add(self.c9, V2.mul_add(self.c8, self.c7 * V1)),
                 ),
-            V3
+            Omega3
                 .mul_add(
-                    self.C33,
-                    V2.mul_add(self.C32, V1.mul_add(self.C31, self.J3 * Omega3)),
+                    self.c14,
+                    V3.mul_add(self.c13, V2.mul_add(self.c12, self.c11 * V1)),
                 ),
-            V1
+            Omega3
                 .mul_add(
-                    self.M1,
-                    Omega3.mul_add(self.C31, Omega2.mul_add(self.C21, self.C11 * Omega1)),
+                    self.c11,
+                    Omega2.mul_add(self.c7, V1.mul_add(self.c15, self.c4 * Omega1)),
                 ),
-            V2
+            Omega3
                 .mul_add(
-                    self.M2,
-                    Omega3.mul_add(self.C32, Omega2.mul_add(self.C22, self.C12 * Omega1)),
+                    self.c12,
+                    Omega2.mul_add(self.c8, V2.mul_add(self.c16, self.c5 * Omega1)),
                 ),
-            V3
-                .mul_add(
-                    self.M3,
-                    Omega3.mul_add(self.C33, Omega2.mul_add(self.C23, self.C13 * Omega1)),
-                ),
+            Omega3
+                .mul_add(self.c13, Omega2.mul_add(self.c9, Omega1.mul_add(self.c6, V3))),
         ];
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [r_Omega1, r_Omega2, r_Omega3, r_V1, r_V2, r_V3] = [
+        let [r_Omega1_over_M3, r_Omega2_over_M3, r_Omega3_over_M3, r_V1_over_M3,
+        r_V2_over_M3, r_V3_over_M3] = [
             (-Omega2)
                 .mul_add(
-                    p_Omega3,
-                    (-V2).mul_add(p_V3, Omega3.mul_add(p_Omega2, V3 * p_V2)),
+                    p_Omega3_over_M3,
+                    Omega3
+                        .mul_add(
+                            p_Omega2_over_M3,
+                            V3.mul_add(p_V2_over_M3, -(V2 * p_V3_over_M3)),
+                        ),
                 ),
             (-Omega3)
                 .mul_add(
-                    p_Omega1,
-                    (-V3).mul_add(p_V1, V1.mul_add(p_V3, Omega1 * p_Omega3)),
+                    p_Omega1_over_M3,
+                    (-V3)
+                        .mul_add(
+                            p_V1_over_M3,
+                            Omega1.mul_add(p_Omega3_over_M3, V1 * p_V3_over_M3),
+                        ),
                 ),
             (-V1)
                 .mul_add(
-                    p_V2,
-                    (-Omega1).mul_add(p_Omega2, Omega2.mul_add(p_Omega1, V2 * p_V1)),
+                    p_V2_over_M3,
+                    (-Omega1)
+                        .mul_add(
+                            p_Omega2_over_M3,
+                            Omega2.mul_add(p_Omega1_over_M3, V2 * p_V1_over_M3),
+                        ),
                 ),
-            (-Omega2).mul_add(p_V3, Omega3 * p_V2),
-            (-Omega3).mul_add(p_V1, Omega1 * p_V3),
-            (-Omega1).mul_add(p_V2, Omega2 * p_V1),
+            Omega3.mul_add(p_V2_over_M3, -(Omega2 * p_V3_over_M3)),
+            (-Omega3).mul_add(p_V1_over_M3, Omega1 * p_V3_over_M3),
+            (-Omega1).mul_add(p_V2_over_M3, Omega2 * p_V1_over_M3),
         ];
         /// substitution through the factors of A
         let [dot_V3, dot_V2, dot_V1, dot_Omega3, dot_Omega2, dot_Omega1] = {
-            let z_V1 = (-r_Omega3)
+            let z_V1_over_M3 = (-r_Omega3_over_M3)
                 .mul_add(
                     self.A_l4_3,
-                    (-r_Omega2)
-                        .mul_add(self.A_l4_2, (-r_Omega1).mul_add(self.A_l4_1, r_V1)),
+                    (-r_Omega2_over_M3)
+                        .mul_add(
+                            self.A_l4_2,
+                            (-r_Omega1_over_M3).mul_add(self.A_l4_1, r_V1_over_M3),
+                        ),
                 );
-            let z_V2 = (-z_V1)
+            let z_V2_over_M3 = (-z_V1_over_M3)
                 .mul_add(
                     self.A_l5_4,
-                    (-r_Omega3)
+                    (-r_Omega3_over_M3)
                         .mul_add(
                             self.A_l5_3,
-                            (-r_Omega2)
+                            (-r_Omega2_over_M3)
                                 .mul_add(
                                     self.A_l5_2,
-                                    (-r_Omega1).mul_add(self.A_l5_1, r_V2),
+                                    (-r_Omega1_over_M3).mul_add(self.A_l5_1, r_V2_over_M3),
                                 ),
                         ),
                 );
-            let z_V3 = (-z_V2)
+            let t0 = (-z_V1_over_M3)
                 .mul_add(
-                    self.A_l6_5,
-                    (-z_V1)
+                    self.A_l6_4,
+                    (-r_Omega3_over_M3)
                         .mul_add(
-                            self.A_l6_4,
-                            (-r_Omega3)
+                            self.A_l6_3,
+                            (-r_Omega2_over_M3)
                                 .mul_add(
-                                    self.A_l6_3,
-                                    (-r_Omega2)
-                                        .mul_add(
-                                            self.A_l6_2,
-                                            (-r_Omega1).mul_add(self.A_l6_1, r_V3),
-                                        ),
+                                    self.A_l6_2,
+                                    (-r_Omega1_over_M3).mul_add(self.A_l6_1, r_V3_over_M3),
                                 ),
                         ),
                 );
-            let dot_V3 = self.c3 * z_V3;
-            let dot_V2 = (-dot_V3).mul_add(self.A_l6_5, self.c4 * z_V2);
+            let z_V3_over_M3 = (-z_V2_over_M3).mul_add(self.A_l6_5, t0);
+            let dot_V3 = self.c17 * z_V3_over_M3;
+            let dot_V2 = (-dot_V3).mul_add(self.A_l6_5, self.c18 * z_V2_over_M3);
             let dot_V1 = (-dot_V2)
-                .mul_add(self.A_l5_4, (-dot_V3).mul_add(self.A_l6_4, self.c5 * z_V1));
+                .mul_add(
+                    self.A_l5_4,
+                    (-dot_V3).mul_add(self.A_l6_4, self.c19 * z_V1_over_M3),
+                );
             [
                 dot_V3,
                 dot_V2,
@@ -861,7 +915,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         (-dot_V2)
                             .mul_add(
                                 self.A_l5_3,
-                                (-dot_V3).mul_add(self.A_l6_3, self.c2 * r_Omega3),
+                                (-dot_V3).mul_add(self.A_l6_3, self.c2 * r_Omega3_over_M3),
                             ),
                     ),
                 (-dot_V1)
@@ -870,7 +924,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         (-dot_V2)
                             .mul_add(
                                 self.A_l5_2,
-                                (-dot_V3).mul_add(self.A_l6_2, self.c1 * r_Omega2),
+                                (-dot_V3).mul_add(self.A_l6_2, self.c1 * r_Omega2_over_M3),
                             ),
                     ),
                 (-dot_V1)
@@ -879,17 +933,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         (-dot_V2)
                             .mul_add(
                                 self.A_l5_1,
-                                (-dot_V3).mul_add(self.A_l6_1, self.c0 * r_Omega1),
+                                (-dot_V3).mul_add(self.A_l6_1, self.c0 * r_Omega1_over_M3),
                             ),
                     ),
             ]
         };
-        let t0 = R::from_f64(0.5) * Omega1;
-        let t1 = R::from_f64(0.5) * Omega2;
-        let t2 = R::from_f64(0.5) * Omega3;
-        let t3 = R::from_f64(2.0) * (-V1).mul_add(qy, V2 * qx);
-        let t4 = R::from_f64(2.0) * (-V2).mul_add(qz, V3 * qy);
-        let t5 = R::from_f64(2.0) * (-V3).mul_add(qx, V1 * qz);
+        let t1 = R::from_f64(0.5) * Omega1;
+        let t2 = R::from_f64(0.5) * Omega2;
+        let t3 = R::from_f64(0.5) * Omega3;
+        let t4 = R::from_f64(2.0) * (-V1).mul_add(qy, V2 * qx);
+        let t5 = R::from_f64(2.0) * (-V2).mul_add(qz, V3 * qy);
+        let t6 = R::from_f64(2.0) * (-V3).mul_add(qx, V1 * qz);
         *dy = [
             dot_Omega1,
             dot_Omega2,
@@ -897,13 +951,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             dot_V1,
             dot_V2,
             dot_V3,
-            (-qz).mul_add(t2, (-qy).mul_add(t1, -(qx * t0))),
-            (-qz).mul_add(t1, qw.mul_add(t0, qy * t2)),
-            (-qx).mul_add(t2, qw.mul_add(t1, qz * t0)),
-            (-qy).mul_add(t0, qw.mul_add(t2, qx * t1)),
-            (-qz).mul_add(t5, qw.mul_add(t4, qy.mul_add(t3, V1))),
-            (-qx).mul_add(t3, qw.mul_add(t5, qz.mul_add(t4, V2))),
-            (-qy).mul_add(t4, qw.mul_add(t3, qx.mul_add(t5, V3))),
+            (-qz).mul_add(t3, (-qy).mul_add(t2, -(qx * t1))),
+            (-qz).mul_add(t2, qw.mul_add(t1, qy * t3)),
+            (-qx).mul_add(t3, qw.mul_add(t2, qz * t1)),
+            (-qy).mul_add(t1, qw.mul_add(t3, qx * t2)),
+            (-qz).mul_add(t6, qw.mul_add(t5, qy.mul_add(t4, V1))),
+            (-qx).mul_add(t4, qw.mul_add(t6, qz.mul_add(t5, V2))),
+            (-qy).mul_add(t5, qw.mul_add(t4, qx.mul_add(t6, V3))),
         ];
     }
 
@@ -922,19 +976,22 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [Omega1, Omega2, Omega3, V1, V2, V3, _, _, _, _, _, _, _] = *y;
         let _ = t;
         let t0 = V1
-            .mul_add(self.c8, V2.mul_add(self.c7, V3.mul_add(self.c6, Omega1)))
+            .mul_add(self.c22, V2.mul_add(self.c21, V3.mul_add(self.c20, Omega1)))
             .mul_add(
-                self.c18 * Omega1,
+                self.c32 * Omega1,
                 self
-                    .c17
-                    .mul_add(V3 * V3, self.c16.mul_add(V2 * V2, self.c15 * (V1 * V1))),
+                    .c31
+                    .mul_add(V3 * V3, self.c30.mul_add(V2 * V2, self.c29 * (V1 * V1))),
             );
-        V1.mul_add(self.c14, V2.mul_add(self.c13, V3.mul_add(self.c12, Omega3)))
+        V1.mul_add(self.c28, V2.mul_add(self.c27, V3.mul_add(self.c26, Omega3)))
             .mul_add(
-                self.c20 * Omega3,
+                self.c34 * Omega3,
                 V1
-                    .mul_add(self.c11, V2.mul_add(self.c10, V3.mul_add(self.c9, Omega2)))
-                    .mul_add(self.c19 * Omega2, t0),
+                    .mul_add(
+                        self.c25,
+                        V2.mul_add(self.c24, V3.mul_add(self.c23, Omega2)),
+                    )
+                    .mul_add(self.c33 * Omega2, t0),
             )
     }
 

@@ -149,11 +149,11 @@ pub struct Prepared<R = f64> {
     kappa: R,
     /// Parameter `c`.
     c: R,
-    /// `I * kappa / m`
-    c0: R,
-    /// `I * c / m`
-    c1: R,
     /// `I * (1 / m + 1 / I)`
+    c0: R,
+    /// `I * kappa / m`
+    c1: R,
+    /// `I * c / m`
     c2: R,
     /// `0.5 * m`
     c3: R,
@@ -203,15 +203,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Ok(Self {
             kappa,
             c,
-            c0: I * kappa / m,
-            c1: I * c / m,
-            c2: I * (m.recip() + I.recip()),
+            c0: I * (m.recip() + I.recip()),
+            c1: I * kappa / m,
+            c2: I * c / m,
             c3: R::from_f64(0.5) * m,
             c4: R::from_f64(0.5) * I,
         })
     }
 }
 
+#[allow(non_snake_case, reason = "names are those of the model")]
+#[allow(
+    unused_doc_comments,
+    reason = "comments on statements say which formula they are"
+)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Writes the derivative of the state to `dy`.
@@ -233,9 +238,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn rhs(&self, t: R, y: &[R; 6], dy: &mut [R; 6]) {
         let [a1, a1_dot, a2_dot, _, _, xi3] = *y;
         let _ = t;
-        let t0 = a1 * a1;
-        let t1 = (self.c2 + t0).recip();
-        let t2 = a1_dot.mul_add(self.c1, self.c0 * a1) * t1;
+        /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
+        let [t0, S_1_1_scaled] = {
+            let t0 = a1 * a1;
+            [t0, self.c0 + t0]
+        };
+        let t1 = S_1_1_scaled.recip();
+        let t2 = a1_dot.mul_add(self.c2, self.c1 * a1) * t1;
         let t3 = a1_dot.mul_add(self.c, self.kappa * a1) * t1;
         *dy = [
             a1_dot,

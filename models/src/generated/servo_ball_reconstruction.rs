@@ -209,20 +209,18 @@ pub struct Prepared<R = f64> {
     kappa: R,
     /// Parameter `c`.
     c: R,
-    /// `I * kappa / m`
-    c0: R,
-    /// `I * c / m`
-    c1: R,
     /// `I * (1 / m + 1 / I)`
+    c0: R,
+    /// `I * kappa / m`
+    c1: R,
+    /// `I * c / m`
     c2: R,
     /// `0.5 * m`
     c3: R,
     /// `0.5 * I`
     c4: R,
-    /// `1 / I`
+    /// `I * (1 / m)`
     c5: R,
-    /// `1 / m`
-    Z1_a1_dot: R,
     /// `-(I * kappa)`
     c6: R,
     /// `-(I * c)`
@@ -240,7 +238,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 5 multiplications, 4 divisions, 2 sign changes.
+    /// 1 addition, 6 multiplications, 4 divisions, 2 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m, I, kappa, c } = *params;
         for (value, condition, meaning) in [
@@ -256,10 +254,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
+        let Z1_a1_dot = m.recip();
         let t0 = I * kappa;
         let t1 = I * c;
-        let Z1_a1_dot = m.recip();
-        let t2 = I.recip();
         if !m.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m > 0",
@@ -277,13 +274,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             I,
             kappa,
             c,
-            c0: t0 / m,
-            c1: t1 / m,
-            c2: I * (Z1_a1_dot + t2),
+            c0: I * (Z1_a1_dot + I.recip()),
+            c1: t0 / m,
+            c2: t1 / m,
             c3: R::from_f64(0.5) * m,
             c4: R::from_f64(0.5) * I,
-            c5: t2,
-            Z1_a1_dot,
+            c5: I * Z1_a1_dot,
             c6: -t0,
             c7: -t1,
         })
@@ -316,9 +312,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn rhs(&self, t: R, y: &[R; 11], dy: &mut [R; 11]) {
         let [a1, _, a1_dot, a2_dot, xi1, xi2, xi3, qw, qx, qy, qz] = *y;
         let _ = t;
-        let t0 = a1 * a1;
-        let t1 = (self.c2 + t0).recip();
-        let t2 = a1_dot.mul_add(self.c1, self.c0 * a1) * t1;
+        /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
+        let [t0, S_1_1_scaled] = {
+            let t0 = a1 * a1;
+            [t0, self.c0 + t0]
+        };
+        let t1 = S_1_1_scaled.recip();
+        let t2 = a1_dot.mul_add(self.c2, self.c1 * a1) * t1;
         let t3 = a1_dot.mul_add(self.c, self.kappa * a1) * t1;
         let t4 = R::from_f64(0.5) * xi1;
         let t5 = R::from_f64(0.5) * xi2;
@@ -363,7 +363,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 6 additions, 7 multiplications (5 fused), 1 division.
+    /// 6 additions, 6 multiplications (4 fused), 1 division.
     #[inline]
     #[must_use]
     pub fn energy_rate(&self, t: R, y: &[R; 11]) -> R {
@@ -372,12 +372,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         /// response to the multipliers L_yy^-1 Lambda^T
         let z_Z1_xi3 = a1.mul_add(a1, R::ONE);
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let [S_1_1, g_1] = [
-            z_Z1_xi3.mul_add(self.c5, self.Z1_a1_dot),
-            (-a1_dot).mul_add(self.c, -(self.kappa * a1)),
+        let [S_1_1_scaled, g_1_scaled] = [
+            self.c5 + z_Z1_xi3,
+            a1_dot.mul_add(self.c7, self.c6 * a1),
         ];
         /// substitution through the factors of S
-        let lambda_servo = g_1 / S_1_1;
+        let lambda_servo = g_1_scaled / S_1_1_scaled;
         lambda_servo * a2_dot.mul_add(xi1 + xi3, xi3.mul_add(z_Z1_xi3, a1_dot))
     }
 
@@ -416,7 +416,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn multipliers(&self, t: R, y: &[R; 11]) -> [R; 1] {
         let [a1, _, a1_dot, _, _, _, _, _, _, _, _] = *y;
         let _ = t;
-        [a1_dot.mul_add(self.c7, self.c6 * a1) / a1.mul_add(a1, self.c2)]
+        /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
+        let S_1_1_scaled = a1.mul_add(a1, self.c0);
+        [a1_dot.mul_add(self.c7, self.c6 * a1) / S_1_1_scaled]
     }
 }
 

@@ -168,9 +168,9 @@ pub struct Prepared<R = f64> {
     J0: R,
     /// Parameter `J1`.
     J1: R,
-    /// `-((J + 2 * J1) / (m * (r * r)))`
+    /// `(J + 2 * J1) / (m * (r * r))`
     c0: R,
-    /// `(J + 2 * J1 - m * (r * r)) / (m * (r * r))`
+    /// `(m * (r * r) - (J + 2 * J1)) / (m * (r * r))`
     c1: R,
     /// `m * (r * r) / (J + J0 + 2 * J1)`
     c2: R,
@@ -178,12 +178,10 @@ pub struct Prepared<R = f64> {
     c3: R,
     /// `0.5 * J0`
     c4: R,
-    /// `m * (r * r)`
-    c5: R,
-    /// `J + 2 * J1`
-    c6: R,
     /// `J + J0 + 2 * J1`
-    c7: R,
+    c5: R,
+    /// `m * (r * r)`
+    c6: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -197,7 +195,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 additions, 5 multiplications, 4 divisions, 1 sign change.
+    /// 4 additions, 5 multiplications, 4 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m, r, J, J0, J1 } = *params;
         for (value, condition, meaning) in [
@@ -251,18 +249,22 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Ok(Self {
             J0,
             J1,
-            c0: -(t1 / t2),
-            c1: (t1 - t2) / t2,
+            c0: t1 / t2,
+            c1: (t2 - t1) / t2,
             c2: t2 / t3,
             c3: R::from_f64(0.5) * t3 / J0,
             c4: R::from_f64(0.5) * J0,
-            c5: t2,
-            c6: t1,
-            c7: t3,
+            c5: t3,
+            c6: t2,
         })
     }
 }
 
+#[allow(non_snake_case, reason = "names are those of the model")]
+#[allow(
+    unused_doc_comments,
+    reason = "comments on statements say which formula they are"
+)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Writes the derivative of the state to `dy`.
@@ -279,14 +281,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 8 multiplications (1 fused), 1 division, 1 sign change.
+    /// 1 addition, 8 multiplications (1 fused), 1 division, 2 sign changes.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 5], dy: &mut [R; 5]) {
         let [phi_c, phi_s, _, phi_dot, s] = *y;
         let _ = t;
+        /// factors of A
+        let A_s1_3_3_over_m_r2 = self.c0.mul_add(phi_s * phi_s, phi_c * phi_c);
         let t0 = phi_dot * phi_c;
-        let t1 = s * t0 / self.c0.mul_add(phi_s * phi_s, -(phi_c * phi_c));
-        *dy = [-(phi_dot * phi_s), t0, t1, R::ZERO, t1 * (self.c1 * phi_s)];
+        let t1 = s * t0 / A_s1_3_3_over_m_r2;
+        *dy = [-(phi_dot * phi_s), t0, -t1, R::ZERO, t1 * (self.c1 * phi_s)];
     }
 
     /// Energy.
@@ -343,8 +347,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         phi_s
             .mul_add(
-                s.mul_add(self.c7 * phi_s, self.J0 * psi_dot),
-                self.c5 * s * (phi_c * phi_c),
+                s.mul_add(self.c5 * phi_s, self.J0 * psi_dot),
+                self.c6 * s * (phi_c * phi_c),
             )
     }
 
@@ -356,13 +360,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 4 multiplications (1 fused).
+    /// 1 addition, 3 multiplications (1 fused).
     pub fn check(&self, t: R, y: &[R; 5]) -> Result<(), ::hamel_runtime::Failure> {
         let [phi_c, phi_s, _, _, _] = *y;
-        let (value, pivot) = (
-            self.c6.mul_add(phi_s * phi_s, self.c5 * (phi_c * phi_c)),
-            "inertia along s",
-        );
+        /// factors of A
+        let A_s1_3_3_over_m_r2 = self.c0.mul_add(phi_s * phi_s, phi_c * phi_c);
+        let (value, pivot) = (A_s1_3_3_over_m_r2, "inertia along s");
         if !value.abs().all_gt(R::ZERO) {
             let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
             return Err(::hamel_runtime::Failure::Singular {

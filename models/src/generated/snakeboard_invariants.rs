@@ -186,9 +186,9 @@ pub struct Prepared<R = f64> {
     J0: R,
     /// Parameter `J1`.
     J1: R,
-    /// `-((J + 2 * J1) / (m * (r * r)))`
+    /// `(J + 2 * J1) / (m * (r * r))`
     c0: R,
-    /// `(J + 2 * J1 - m * (r * r)) / (m * (r * r))`
+    /// `(m * (r * r) - (J + 2 * J1)) / (m * (r * r))`
     c1: R,
     /// `m * (r * r) / (J + J0 + 2 * J1)`
     c2: R,
@@ -198,15 +198,15 @@ pub struct Prepared<R = f64> {
     c4: R,
     /// `0.5 * (J + J0 + 2 * J1)`
     c5: R,
-    /// `m * (r * r)`
+    /// `0.5 * (J + J0 + 2 * J1) / (J0 * J0)`
     c6: R,
-    /// `J + 2 * J1`
-    c7: R,
     /// `0.5 * m * (r * r)`
-    c8: R,
+    c7: R,
     /// `(J + J0 + 2 * J1 - m * (r * r)) / J0`
-    c9: R,
+    c8: R,
     /// `J + J0 + 2 * J1`
+    c9: R,
+    /// `m * (r * r)`
     c10: R,
 }
 
@@ -221,7 +221,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 5 additions, 8 multiplications, 5 divisions, 1 sign change.
+    /// 5 additions, 9 multiplications, 6 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m, r, J, J0, J1 } = *params;
         for (value, condition, meaning) in [
@@ -243,6 +243,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t2 = r * r;
         let t3 = m * t2;
         let t4 = J + J0 + t0;
+        let t5 = R::from_f64(0.5) * t4;
         if !m.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m > 0",
@@ -276,21 +277,26 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Ok(Self {
             J0,
             J1,
-            c0: -(t1 / t3),
-            c1: (t1 - t3) / t3,
+            c0: t1 / t3,
+            c1: (t3 - t1) / t3,
             c2: t3 / t4,
             c3: R::from_f64(2.0) * J0 / t4,
             c4: R::from_f64(0.5) * J0,
-            c5: R::from_f64(0.5) * t4,
-            c6: t3,
-            c7: t1,
-            c8: R::from_f64(0.5) * m * t2,
-            c9: (t4 - t3) / J0,
-            c10: t4,
+            c5: t5,
+            c6: t5 / (J0 * J0),
+            c7: R::from_f64(0.5) * m * t2,
+            c8: (t4 - t3) / J0,
+            c9: t4,
+            c10: t3,
         })
     }
 }
 
+#[allow(non_snake_case, reason = "names are those of the model")]
+#[allow(
+    unused_doc_comments,
+    reason = "comments on statements say which formula they are"
+)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Writes the derivative of the state to `dy`.
@@ -307,14 +313,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 7 multiplications (1 fused), 1 division, 1 elementary function.
+    /// 1 addition, 7 multiplications (1 fused), 1 division, 1 sign change, 1 elementary function.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 5], dy: &mut [R; 5]) {
         let [_, phi, psi_dot, phi_dot, s] = *y;
         let _ = t;
-        let (t0, t1) = phi.sin_cos();
-        let t2 = s * phi_dot * t1 / self.c0.mul_add(t0 * t0, -(t1 * t1));
-        *dy = [psi_dot, phi_dot, t2, R::ZERO, t2 * (self.c1 * t0)];
+        /// factors of A
+        let [t0, t1, A_s1_3_3_over_m_r2] = {
+            let (t0, t1) = phi.sin_cos();
+            [t0, t1, self.c0.mul_add(t0 * t0, t1 * t1)]
+        };
+        let t2 = s * phi_dot * t1 / A_s1_3_3_over_m_r2;
+        *dy = [psi_dot, phi_dot, -t2, R::ZERO, t2 * (self.c1 * t0)];
     }
 
     /// Energy.
@@ -349,27 +359,27 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 5 additions, 14 multiplications (5 fused), 1 elementary function.
+    /// 5 additions, 13 multiplications (5 fused), 1 elementary function.
     #[inline]
     #[must_use]
     pub fn invariants(&self, t: R, y: &[R; 5]) -> [R; 2] {
         let [_, phi, psi_dot, phi_dot, s] = *y;
         let _ = t;
         let (t0, t1) = phi.sin_cos();
-        let t2 = s * t0;
+        let t2 = t0 * (self.J0 * s);
         [
-            (self.c5 * t2)
+            t2
                 .mul_add(
-                    psi_dot.mul_add(self.c3, t2),
+                    t2.mul_add(self.c6, psi_dot),
                     (t1 * t1)
                         .mul_add(
-                            self.c8 * (s * s),
+                            self.c7 * (s * s),
                             self
                                 .J1
                                 .mul_add(phi_dot * phi_dot, self.c4 * (psi_dot * psi_dot)),
                         ),
                 ),
-            t2.mul_add(self.J0, self.J0 * psi_dot),
+            psi_dot.mul_add(self.J0, t2),
         ]
     }
 
@@ -396,9 +406,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t4 = self.J0 * t3;
         let t5 = self.J0 * t0;
         [
-            t2.mul_add(self.c9, psi_dot) * t4,
+            t2.mul_add(self.c8, psi_dot) * t4,
             s.mul_add(t5, self.J0 * psi_dot),
-            t3.mul_add(self.c6 * t1, t2.mul_add(self.c10 * t0, psi_dot * t5)),
+            t3.mul_add(self.c10 * t1, t2.mul_add(self.c9 * t0, psi_dot * t5)),
             t4,
             self.J0,
             t5,
@@ -423,14 +433,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 4 multiplications (1 fused), 1 elementary function.
+    /// 1 addition, 3 multiplications (1 fused), 1 elementary function.
     pub fn check(&self, t: R, y: &[R; 5]) -> Result<(), ::hamel_runtime::Failure> {
         let [_, phi, _, _, _] = *y;
-        let (t0, t1) = phi.sin_cos();
-        let (value, pivot) = (
-            self.c7.mul_add(t0 * t0, self.c6 * (t1 * t1)),
-            "inertia along s",
-        );
+        /// factors of A
+        let A_s1_3_3_over_m_r2 = {
+            let (t0, t1) = phi.sin_cos();
+            self.c0.mul_add(t0 * t0, t1 * t1)
+        };
+        let (value, pivot) = (A_s1_3_3_over_m_r2, "inertia along s");
         if !value.abs().all_gt(R::ZERO) {
             let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
             return Err(::hamel_runtime::Failure::Singular {

@@ -203,9 +203,9 @@ pub struct Prepared<R = f64> {
     J0: R,
     /// Parameter `J1`.
     J1: R,
-    /// `-((J + 2 * J1) / (m * (r * r)))`
+    /// `(J + 2 * J1) / (m * (r * r))`
     c0: R,
-    /// `(J + 2 * J1 - m * (r * r)) / (m * (r * r))`
+    /// `(m * (r * r) - (J + 2 * J1)) / (m * (r * r))`
     c1: R,
     /// `m * (r * r) / (J + J0 + 2 * J1)`
     c2: R,
@@ -215,22 +215,24 @@ pub struct Prepared<R = f64> {
     c4: R,
     /// `0.5 * (J + J0 + 2 * J1)`
     c5: R,
-    /// `m * (r * r)`
-    c6: R,
-    /// `J + 2 * J1`
-    c7: R,
     /// `2 * J1`
-    c8: R,
+    c6: R,
     /// `J + J0 + 2 * J1`
-    c9: R,
+    c7: R,
     /// `-(m * r)`
+    c8: R,
+    /// `m * (r * r) / (J + 2 * J1)`
+    c9: R,
+    /// `m * r`
     c10: R,
-    /// `(J + 2 * J1) / r`
+    /// `(J + J0 + 2 * J1) / J0`
     c11: R,
-    /// `J0 / (J + J0 + 2 * J1)`
+    /// `m * (r * r)`
     c12: R,
     /// `(J + J0 + 2 * J1 - m * (r * r)) / J0`
     c13: R,
+    /// `J0 / (J + J0 + 2 * J1)`
+    c14: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -244,7 +246,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 5 additions, 7 multiplications, 7 divisions, 2 sign changes.
+    /// 5 additions, 7 multiplications, 8 divisions, 1 sign change.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m, r, J, J0, J1 } = *params;
         for (value, condition, meaning) in [
@@ -265,6 +267,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t1 = J + t0;
         let t2 = m * (r * r);
         let t3 = J + J0 + t0;
+        let t4 = m * r;
         if !m.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m > 0",
@@ -299,24 +302,30 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             r,
             J0,
             J1,
-            c0: -(t1 / t2),
-            c1: (t1 - t2) / t2,
+            c0: t1 / t2,
+            c1: (t2 - t1) / t2,
             c2: t2 / t3,
             c3: R::from_f64(2.0) * J0 / t3,
             c4: R::from_f64(0.5) * J0,
             c5: R::from_f64(0.5) * t3,
-            c6: t2,
-            c7: t1,
-            c8: t0,
-            c9: t3,
-            c10: -(m * r),
-            c11: t1 / r,
-            c12: J0 / t3,
+            c6: t0,
+            c7: t3,
+            c8: -t4,
+            c9: t2 / t1,
+            c10: t4,
+            c11: t3 / J0,
+            c12: t2,
             c13: (t3 - t2) / J0,
+            c14: J0 / t3,
         })
     }
 }
 
+#[allow(non_snake_case, reason = "names are those of the model")]
+#[allow(
+    unused_doc_comments,
+    reason = "comments on statements say which formula they are"
+)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Writes the derivative of the state to `dy`.
@@ -333,20 +342,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 11 multiplications (1 fused), 1 division, 2 sign changes, 2 elementary functions.
+    /// 1 addition, 11 multiplications (1 fused), 1 division, 3 sign changes, 2 elementary functions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 8], dy: &mut [R; 8]) {
         let [_, phi, psi_dot, phi_dot, s, theta, _, _] = *y;
         let _ = t;
-        let (t0, t1) = phi.sin_cos();
+        /// factors of A
+        let [t0, t1, A_s1_3_3_over_m_r2] = {
+            let (t0, t1) = phi.sin_cos();
+            [t0, t1, self.c0.mul_add(t0 * t0, t1 * t1)]
+        };
         let t2 = s * t1;
-        let t3 = phi_dot * t2 / self.c0.mul_add(t0 * t0, -(t1 * t1));
+        let t3 = phi_dot * t2 / A_s1_3_3_over_m_r2;
         let (t4, t5) = theta.sin_cos();
         let t6 = self.r * t2;
         *dy = [
             psi_dot,
             phi_dot,
-            t3,
+            -t3,
             R::ZERO,
             t3 * (self.c1 * t0),
             s * t0,
@@ -398,9 +411,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t3 = s * t1;
         [
             t3.mul_add(self.J0, t0),
-            self.c8 * phi_dot,
-            t3.mul_add(self.c9, t0),
-            t2 * (self.c10 * s),
+            self.c6 * phi_dot,
+            t3.mul_add(self.c7, t0),
+            t2 * (self.c8 * s),
             R::ZERO,
         ]
     }
@@ -415,15 +428,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 12 multiplications (1 fused), 1 division, 1 elementary function.
+    /// 1 addition, 11 multiplications (1 fused), 1 division, 1 sign change, 1 elementary function.
     #[inline]
     #[must_use]
     pub fn multipliers(&self, t: R, y: &[R; 8]) -> [R; 3] {
         let [_, phi, _, phi_dot, s, _, _, _] = *y;
         let _ = t;
-        let (t0, t1) = phi.sin_cos();
-        let t2 = phi_dot * s / (-self.c0).mul_add(t0 * t0, t1 * t1);
-        [t2 * (self.c11 * t0), self.c10 * (s * s) * t0 * t1, t2 * (self.c7 * t1)]
+        /// factors of A
+        let [t0, t1, A_s1_3_3_scaled] = {
+            let (t0, t1) = phi.sin_cos();
+            [t0, t1, self.c9.mul_add(t1 * t1, t0 * t0)]
+        };
+        let t2 = self.c10 * s;
+        let t3 = phi_dot * t2 / A_s1_3_3_scaled;
+        [t0 * t3, -(s * t2 * t0 * t1), t3 * (self.r * t1)]
     }
 
     /// Momenta \<p, W_b\> along the sections of virtual displacements.
@@ -436,18 +454,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 10 multiplications (3 fused), 1 elementary function.
+    /// 3 additions, 9 multiplications (2 fused), 1 elementary function.
     #[inline]
     #[must_use]
     pub fn nonholonomic_momentum(&self, t: R, y: &[R; 8]) -> [R; 3] {
         let [_, phi, psi_dot, phi_dot, s, _, _, _] = *y;
         let _ = t;
-        let (t0, t1) = phi.sin_cos();
-        let t2 = s * t0;
+        let t0 = self.J0 * psi_dot;
+        let (t1, t2) = phi.sin_cos();
+        let t3 = t1 * (self.J0 * s);
         [
-            t2.mul_add(self.J0, self.J0 * psi_dot),
-            self.c8 * phi_dot,
-            psi_dot.mul_add(self.c12, t2).mul_add(self.c9 * t0, t1 * t1 * (self.c6 * s)),
+            t0 + t3,
+            self.c6 * phi_dot,
+            t1.mul_add(t3.mul_add(self.c11, t0), t2 * t2 * (self.c12 * s)),
         ]
     }
 
@@ -482,8 +501,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [_, phi, psi_dot, _, s, _, _, _] = *y;
         let _ = t;
         let (t0, t1) = phi.sin_cos();
-        (self.c9 * t0)
-            .mul_add(s.mul_add(t0, self.c12 * psi_dot), t1 * t1 * (self.c6 * s))
+        (self.c7 * t0)
+            .mul_add(s.mul_add(t0, self.c14 * psi_dot), t1 * t1 * (self.c12 * s))
     }
 
     /// Says which pivot vanishes at a point.
@@ -494,14 +513,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 4 multiplications (1 fused), 1 elementary function.
+    /// 1 addition, 3 multiplications (1 fused), 1 elementary function.
     pub fn check(&self, t: R, y: &[R; 8]) -> Result<(), ::hamel_runtime::Failure> {
         let [_, phi, _, _, _, _, _, _] = *y;
-        let (t0, t1) = phi.sin_cos();
-        let (value, pivot) = (
-            self.c7.mul_add(t0 * t0, self.c6 * (t1 * t1)),
-            "inertia along s",
-        );
+        /// factors of A
+        let A_s1_3_3_over_m_r2 = {
+            let (t0, t1) = phi.sin_cos();
+            self.c0.mul_add(t0 * t0, t1 * t1)
+        };
+        let (value, pivot) = (A_s1_3_3_over_m_r2, "inertia along s");
         if !value.abs().all_gt(R::ZERO) {
             let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
             return Err(::hamel_runtime::Failure::Singular {

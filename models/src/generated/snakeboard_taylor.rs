@@ -155,9 +155,9 @@ impl<R: ::hamel_runtime::Real> State<R> {
 pub struct Prepared<R = f64> {
     /// Parameter `J1`.
     J1: R,
-    /// `-((J + 2 * J1) / (m * (r * r)))`
+    /// `(J + 2 * J1) / (m * (r * r))`
     c0: R,
-    /// `(J + 2 * J1 - m * (r * r)) / (m * (r * r))`
+    /// `(m * (r * r) - (J + 2 * J1)) / (m * (r * r))`
     c1: R,
     /// `m * (r * r) / (J + J0 + 2 * J1)`
     c2: R,
@@ -167,10 +167,6 @@ pub struct Prepared<R = f64> {
     c4: R,
     /// `0.5 * (J + J0 + 2 * J1)`
     c5: R,
-    /// `m * (r * r)`
-    c6: R,
-    /// `J + 2 * J1`
-    c7: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -184,7 +180,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 additions, 6 multiplications, 4 divisions, 1 sign change.
+    /// 4 additions, 6 multiplications, 4 divisions.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m, r, J, J0, J1 } = *params;
         for (value, condition, meaning) in [
@@ -237,18 +233,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(Self {
             J1,
-            c0: -(t1 / t2),
-            c1: (t1 - t2) / t2,
+            c0: t1 / t2,
+            c1: (t2 - t1) / t2,
             c2: t2 / t3,
             c3: R::from_f64(2.0) * J0 / t3,
             c4: R::from_f64(0.5) * J0,
             c5: R::from_f64(0.5) * t3,
-            c6: t2,
-            c7: t1,
         })
     }
 }
 
+#[allow(non_snake_case, reason = "names are those of the model")]
+#[allow(
+    unused_doc_comments,
+    reason = "comments on statements say which formula they are"
+)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Writes the derivative of the state to `dy`.
@@ -265,14 +264,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 7 multiplications (1 fused), 1 division, 1 elementary function.
+    /// 1 addition, 7 multiplications (1 fused), 1 division, 1 sign change, 1 elementary function.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 5], dy: &mut [R; 5]) {
         let [_, phi, psi_dot, phi_dot, s] = *y;
         let _ = t;
-        let (t0, t1) = phi.sin_cos();
-        let t2 = s * phi_dot * t1 / self.c0.mul_add(t0 * t0, -(t1 * t1));
-        *dy = [psi_dot, phi_dot, t2, R::ZERO, t2 * (self.c1 * t0)];
+        /// factors of A
+        let [t0, t1, A_s1_3_3_over_m_r2] = {
+            let (t0, t1) = phi.sin_cos();
+            [t0, t1, self.c0.mul_add(t0 * t0, t1 * t1)]
+        };
+        let t2 = s * phi_dot * t1 / A_s1_3_3_over_m_r2;
+        *dy = [psi_dot, phi_dot, -t2, R::ZERO, t2 * (self.c1 * t0)];
     }
 
     /// Energy.
@@ -305,14 +308,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 4 multiplications (1 fused), 1 elementary function.
+    /// 1 addition, 3 multiplications (1 fused), 1 elementary function.
     pub fn check(&self, t: R, y: &[R; 5]) -> Result<(), ::hamel_runtime::Failure> {
         let [_, phi, _, _, _] = *y;
-        let (t0, t1) = phi.sin_cos();
-        let (value, pivot) = (
-            self.c7.mul_add(t0 * t0, self.c6 * (t1 * t1)),
-            "inertia along s",
-        );
+        /// factors of A
+        let A_s1_3_3_over_m_r2 = {
+            let (t0, t1) = phi.sin_cos();
+            self.c0.mul_add(t0 * t0, t1 * t1)
+        };
+        let (value, pivot) = (A_s1_3_3_over_m_r2, "inertia along s");
         if !value.abs().all_gt(R::ZERO) {
             let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
             return Err(::hamel_runtime::Failure::Singular {
@@ -365,6 +369,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     }
 }
 
+#[allow(non_snake_case, reason = "names are those of the model")]
 #[allow(
     unused_doc_comments,
     reason = "comments on statements say which formula they are"
@@ -380,7 +385,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
     ///
     /// # Operations
     ///
-    /// At each order k: 13 additions, 17 multiplications (12 fused), 1 sign change, and 8 sums of k - 1 products.
+    /// At each order k: 13 additions, 17 multiplications (12 fused), 2 sign changes, and 8 sums of k - 1 products.
     fn series(
         &self,
         t: R,
@@ -408,14 +413,28 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
         ) = {
             let [_, phi, psi_dot, phi_dot, s] = *y;
             let _ = t;
-            let (t0, t1) = phi.sin_cos();
-            let t2 = self.c0.mul_add(t0 * t0, -(t1 * t1));
-            let t3 = s * phi_dot;
-            let t4 = t3 * t1 / t2;
-            let t5 = self.c1 * t0;
+            /// factors of A
+            let [t0, t1, A_s1_3_3_over_m_r2] = {
+                let (t0, t1) = phi.sin_cos();
+                [t0, t1, self.c0.mul_add(t0 * t0, t1 * t1)]
+            };
+            let t2 = s * phi_dot;
+            let t3 = t2 * t1 / A_s1_3_3_over_m_r2;
+            let t4 = self.c1 * t0;
             (
-                [psi_dot, phi_dot, t4, R::ZERO, t4 * t5],
-                [t0, t1, t0 + t0, t1 + t1, s, phi_dot, t3, t4, t2.recip(), t5],
+                [psi_dot, phi_dot, -t3, R::ZERO, t3 * t4],
+                [
+                    t0,
+                    t1,
+                    t0 + t0,
+                    t1 + t1,
+                    s,
+                    phi_dot,
+                    t2,
+                    t3,
+                    A_s1_3_3_over_m_r2.recip(),
+                    t4,
+                ],
             )
         };
         workspace.0.clear();
@@ -425,9 +444,16 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             let inverse = R::ratio(1.0, f64::from(k));
             let [_, phi, psi_dot, phi_dot, s] = coefficient;
             let [sum0, sum1, sum2, sum3, sum4, sum5, sum6, sum7] = workspace.0.sums();
-            let t0 = kept1.mul_add(phi, inverse * sum0);
-            let t1 = -kept0.mul_add(phi, inverse * sum1);
-            let t2 = self.c0.mul_add(kept2.mul_add(t0, sum2), -kept3.mul_add(t1, sum3));
+            /// factors of A
+            let [t0, t1, t2] = {
+                let t0 = kept1.mul_add(phi, inverse * sum0);
+                let t1 = -kept0.mul_add(phi, inverse * sum1);
+                [
+                    t0,
+                    t1,
+                    self.c0.mul_add(kept2.mul_add(t0, sum2), kept3.mul_add(t1, sum3)),
+                ]
+            };
             let t3 = kept4.mul_add(phi_dot, kept5.mul_add(s, sum4));
             let t4 = kept8
                 * (-kept7)
@@ -443,7 +469,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             let derivative = [
                 psi_dot,
                 phi_dot,
-                t4,
+                -t4,
                 R::ZERO,
                 kept7.mul_add(t5, kept9.mul_add(t4, sum7)),
             ];

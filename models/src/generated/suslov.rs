@@ -188,22 +188,24 @@ pub struct Prepared<R = f64> {
     I22: R,
     /// Parameter `I23`.
     I23: R,
+    /// `I13 / I11`
+    c0: R,
+    /// `I23 / I11`
+    c1: R,
     /// `I12 / I11`
     A_l2_1: R,
-    /// `1 / (I22 - I12 * (I12 / I11))`
-    c0: R,
-    /// `-(1 / I11)`
-    c1: R,
-    /// `0.5 * I22`
+    /// `I11 / (I22 - I12 * (I12 / I11))`
     c2: R,
-    /// `0.5 * I11`
+    /// `0.5 * I22`
     c3: R,
-    /// A longer expression in the parameters.
+    /// `0.5 * I11`
     c4: R,
     /// A longer expression in the parameters.
     c5: R,
     /// A longer expression in the parameters.
     c6: R,
+    /// A longer expression in the parameters.
+    c7: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -217,7 +219,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 18 additions, 25 multiplications, 11 divisions, 3 sign changes.
+    /// 18 additions, 25 multiplications, 10 divisions, 2 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I11, I12, I13, I22, I23, I33 } = *params;
         for (value, condition, meaning) in [
@@ -264,7 +266,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t1 = I12 * A_l2_1;
         let t2 = R::from_f64(10.0) * (t1 + I22.abs());
         let A_s1_2_2 = I22 - t1;
-        let t3 = I23 + I13 * A_l2_1;
+        let t3 = I13 / I11;
+        let t4 = I23 / I11;
+        let t5 = I23 + I13 * A_l2_1;
         if !I11.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I11 > 0",
@@ -297,16 +301,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             I13,
             I22,
             I23,
+            c0: t3,
+            c1: t4,
             A_l2_1,
-            c0: A_s1_2_2.recip(),
-            c1: -I11.recip(),
-            c2: R::from_f64(0.5) * I22,
-            c3: R::from_f64(0.5) * I11,
-            c4: I23 * t3 / A_s1_2_2
-                - (I11 - I22 + I13 * (A_l2_1 * t3 / A_s1_2_2 + I13 / I11)),
-            c5: I23 * I23 * A_l2_1 / A_s1_2_2
-                - (I12 + I13 * (I23 * (A_l2_1 * A_l2_1) / A_s1_2_2 + I23 / I11)),
-            c6: I12 - I13 * I13 * A_l2_1 / A_s1_2_2 + I13 * I23 / A_s1_2_2,
+            c2: I11 / A_s1_2_2,
+            c3: R::from_f64(0.5) * I22,
+            c4: R::from_f64(0.5) * I11,
+            c5: I23 * t5 / A_s1_2_2 - (I11 - I22 + I13 * (A_l2_1 * t5 / A_s1_2_2 + t3)),
+            c6: I23 * I23 * A_l2_1 / A_s1_2_2
+                - (I12 + I13 * (I23 * (A_l2_1 * A_l2_1) / A_s1_2_2 + t4)),
+            c7: I12 - I13 * I13 * A_l2_1 / A_s1_2_2 + I13 * I23 / A_s1_2_2,
         })
     }
 }
@@ -332,19 +336,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 8 multiplications (3 fused).
+    /// 3 additions, 7 multiplications (3 fused).
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 2], dy: &mut [R; 2]) {
         let [Omega1, Omega2] = *y;
         let _ = t;
         /// momenta p = dL/dy
-        let p_Omega3 = Omega2.mul_add(self.I23, self.I13 * Omega1);
+        let p_Omega3_over_I11 = Omega2.mul_add(self.c1, self.c0 * Omega1);
         /// substitution through the factors of A
         let [dot_Omega2, dot_Omega1] = {
-            let t0 = Omega2 * p_Omega3;
-            let z_Omega2 = t0.mul_add(self.A_l2_1, Omega1 * p_Omega3);
-            let dot_Omega2 = self.c0 * z_Omega2;
-            [dot_Omega2, (-dot_Omega2).mul_add(self.A_l2_1, self.c1 * t0)]
+            let t0 = Omega2 * p_Omega3_over_I11;
+            let z_Omega2_over_I11 = t0.mul_add(self.A_l2_1, Omega1 * p_Omega3_over_I11);
+            let dot_Omega2 = self.c2 * z_Omega2_over_I11;
+            [dot_Omega2, (-dot_Omega2).mul_add(self.A_l2_1, -t0)]
         };
         *dy = [dot_Omega1, dot_Omega2];
     }
@@ -365,8 +369,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         Omega2
             .mul_add(
-                Omega2.mul_add(self.c2, self.I12 * Omega1),
-                self.c3 * (Omega1 * Omega1),
+                Omega2.mul_add(self.c3, self.I12 * Omega1),
+                self.c4 * (Omega1 * Omega1),
             )
     }
 
@@ -414,8 +418,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         [
             Omega2
                 .mul_add(
-                    Omega2.mul_add(self.c5, self.c4 * Omega1),
-                    self.c6 * (Omega1 * Omega1),
+                    Omega2.mul_add(self.c6, self.c5 * Omega1),
+                    self.c7 * (Omega1 * Omega1),
                 ),
         ]
     }

@@ -357,116 +357,106 @@ pub struct Prepared<R = f64> {
     I2: R,
     /// Parameter `I3`.
     I3: R,
-    /// Parameter `ma`.
-    ma: R,
-    /// Parameter `la`.
-    la: R,
-    /// Parameter `mb`.
-    mb: R,
-    /// Parameter `lb`.
-    lb: R,
     /// Parameter `ka`.
     ka: R,
     /// Parameter `kb`.
     kb: R,
-    /// `1 / (ma * (la * la))`
+    /// `ma * (la * la) / (mb * (lb * lb))`
     c0: R,
-    /// `1 / (mb * (lb * lb))`
+    /// `(3/5) * ma * la / (mb * (lb * lb))`
     c1: R,
-    /// `5 * la`
+    /// `(1/5) / lb`
     c2: R,
-    /// `5 * lb`
+    /// `0.5 / lb`
     c3: R,
-    /// `2 * lb`
+    /// `-(ka / (mb * (lb * lb)))`
     c4: R,
-    /// `10 * lb`
+    /// `-(kb / (mb * (lb * lb)))`
     c5: R,
-    /// `(1/5) * ma * la`
+    /// `(I2 - I3) / (mb * (lb * lb))`
     c6: R,
-    /// `-((1/10) * mb * lb)`
+    /// `mb * (lb * lb) / (ma * (la * la))`
     c7: R,
-    /// `(1/50) * mb`
+    /// `(I3 - I1) / (mb * (lb * lb))`
     c8: R,
-    /// `(1/20) * mb`
+    /// `(I1 - I2) / (mb * (lb * lb))`
     c9: R,
-    /// `I2 - I3`
+    /// `(2/5) / lb`
     c10: R,
-    /// `(1/25) * ma`
+    /// `(1/100) * (100 * I1 + mb * (29 + 100 * (lb * lb))) / (mb * (lb * lb))`
     c11: R,
-    /// `I3 - I1`
+    /// `I2 / (mb * (lb * lb))`
     c12: R,
-    /// `I1 - I2`
-    c13: R,
-    /// `(1/5) * mb * lb`
-    c14: R,
-    /// `mb * (lb * lb)`
-    c15: R,
-    /// `ma * (la * la)`
-    c16: R,
-    /// `I1 + (1/100) * mb * (29 + 100 * (lb * lb))`
-    c17: R,
-    /// `(2/5) * mb * lb`
-    c18: R,
-    /// `(1/25) * mb`
-    c19: R,
-    /// `(1/10) * mb`
-    c20: R,
     /// `(3/5) / la`
-    c21: R,
-    /// `mb * lb`
-    c22: R,
-    /// `I3 + 0.25 * mb - ma * (la * la) + (1/25) * ma * (9 + 25 * (la * la))`
-    c23: R,
-    /// `(-9/25) * ma`
-    c24: R,
-    /// `25 * (la * la)`
-    c25: R,
+    c13: R,
+    /// `1 / lb`
+    c14: R,
+    /// A longer expression in the parameters.
+    c15: R,
+    /// `-((9/25) * ma / (mb * (lb * lb)))`
+    c16: R,
+    /// `2 * lb`
+    c17: R,
+    /// `5 * lb`
+    c18: R,
     /// `0.5 * I1`
-    c26: R,
+    c19: R,
     /// `0.5 * I2`
-    c27: R,
+    c20: R,
     /// `0.5 * I3`
-    c28: R,
+    c21: R,
     /// `0.5 * ka`
-    c29: R,
+    c22: R,
     /// `0.5 * kb`
+    c23: R,
+    /// `0.125 * mb`
+    c24: R,
+    /// `0.5 * ma * (la * la)`
+    c25: R,
+    /// `(1/50) * mb`
+    c26: R,
+    /// `(11/100) * (100 * I1 + mb * (29 + 100 * (lb * lb))) / (mb * (lb * lb))`
+    c27: R,
+    /// `6 * ma * la / (mb * (lb * lb))`
+    c28: R,
+    /// `2 / lb`
+    c29: R,
+    /// `11 * I2 / (mb * (lb * lb))`
     c30: R,
-    /// `(1/50) * ma`
+    /// `5 / lb`
     c31: R,
-    /// `(1/200) * mb`
+    /// A longer expression in the parameters.
     c32: R,
-    /// `10 * mb * (lb * lb)`
+    /// `(108/25) * ma / (mb * (lb * lb))`
     c33: R,
-    /// `12 * ma * (la * la)`
+    /// `ma * (la * la)`
     c34: R,
-    /// `12 * I1 + (3/25) * mb * (29 + 100 * (lb * lb))`
+    /// `mb * (lb * lb)`
     c35: R,
-    /// `(11/25) * mb`
+    /// `0.5 * mb * (lb * lb)`
     c36: R,
-    /// `11 * I2`
+    /// `(1/5) * mb * lb`
     c37: R,
-    /// `15 * mb * (lb * lb)`
+    /// `(5/3) * la`
     c38: R,
-    /// `15 * I3 + 3.75 * mb + 15 * ma * (la * la) + (3/5) * ma * (9 + 25 * (la * la))`
-    c39: R,
-    /// `(27/5) * ma`
-    c40: R,
-    /// `(1/100) * mb`
-    c41: R,
-    /// `40 * mb * lb / (100 * I1 + mb * (29 + 100 * (lb * lb)))`
-    c42: R,
-    /// `(1/100) * (100 * I1 + mb * (29 + 100 * (lb * lb)))`
-    c43: R,
-    /// `0.5 * mb * lb`
-    c44: R,
-    /// `(6/5) * ma * la`
-    c45: R,
     /// `(3/5) * ma * la`
+    c39: R,
+    /// `(2/5) * mb * lb`
+    c40: R,
+    /// `I1 + (1/100) * mb * (29 + 100 * (lb * lb))`
+    c41: R,
+    /// `0.5 * mb * lb`
+    c42: R,
+    /// `1 / (mb * (lb * lb))`
+    c43: R,
+    /// `(9/25) * ma`
+    c44: R,
+    /// `mb * lb`
+    c45: R,
+    /// `(6/5) * ma * la`
     c46: R,
-    /// `I3 + (1/25) * ma * (9 + 25 * (la * la))`
+    /// `I3 + 0.25 * mb + (1/25) * ma * (9 + 25 * (la * la))`
     c47: R,
-    /// `0.25 * mb`
-    c48: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -480,7 +470,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 15 additions, 63 multiplications, 4 divisions, 1 sign change.
+    /// 16 additions, 59 multiplications, 26 divisions, 4 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, ma, la, mb, lb, ka, kb } = *params;
         for (value, condition, meaning) in [
@@ -501,20 +491,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let t0 = R::ratio(1.0, 10.0) * mb;
-        let t1 = R::ratio(1.0, 25.0) * ma;
+        let t0 = la * la;
+        let t1 = ma * t0;
         let t2 = lb * lb;
         let t3 = mb * t2;
-        let t4 = la * la;
-        let t5 = ma * t4;
-        let t6 = R::ratio(1.0, 100.0) * mb;
-        let t7 = R::from_f64(29.0) + R::from_f64(100.0) * t2;
-        let t8 = R::from_f64(0.25) * mb;
-        let t9 = R::from_f64(25.0) * t4;
-        let t10 = R::from_f64(9.0) + t9;
-        let t11 = t1 * t10;
-        let t12 = R::ratio(3.0, 5.0) * ma;
-        let t13 = R::from_f64(100.0) * I1 + mb * t7;
+        let t4 = R::ratio(3.0, 5.0) * ma * la;
+        let t5 = R::from_f64(29.0) + R::from_f64(100.0) * t2;
+        let t6 = R::from_f64(100.0) * I1 + mb * t5;
+        let t7 = R::ratio(9.0, 25.0) * ma;
+        let t8 = R::from_f64(9.0) + R::from_f64(25.0) * t0;
+        let t9 = R::from_f64(100.0) * I3 + R::from_f64(25.0) * mb
+            - R::from_f64(100.0) * ma * t0 + R::from_f64(4.0) * ma * t8;
+        let t10 = R::from_f64(0.5) * mb;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -561,62 +549,59 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             I1,
             I2,
             I3,
-            ma,
-            la,
-            mb,
-            lb,
             ka,
             kb,
-            c0: t5.recip(),
-            c1: t3.recip(),
-            c2: R::from_f64(5.0) * la,
-            c3: R::from_f64(5.0) * lb,
-            c4: R::from_f64(2.0) * lb,
-            c5: R::from_f64(10.0) * lb,
-            c6: R::ratio(1.0, 5.0) * ma * la,
-            c7: -(t0 * lb),
-            c8: R::ratio(1.0, 50.0) * mb,
-            c9: R::ratio(1.0, 20.0) * mb,
-            c10: I2 - I3,
-            c11: t1,
-            c12: I3 - I1,
-            c13: I1 - I2,
-            c14: R::ratio(1.0, 5.0) * mb * lb,
-            c15: t3,
-            c16: t5,
-            c17: I1 + t6 * t7,
-            c18: R::ratio(2.0, 5.0) * mb * lb,
-            c19: R::ratio(1.0, 25.0) * mb,
-            c20: t0,
-            c21: R::ratio(3.0, 5.0) / la,
-            c22: mb * lb,
-            c23: I3 + t8 - t5 + t11,
-            c24: R::ratio(-9.0, 25.0) * ma,
-            c25: t9,
-            c26: R::from_f64(0.5) * I1,
-            c27: R::from_f64(0.5) * I2,
-            c28: R::from_f64(0.5) * I3,
-            c29: R::from_f64(0.5) * ka,
-            c30: R::from_f64(0.5) * kb,
-            c31: R::ratio(1.0, 50.0) * ma,
-            c32: R::ratio(1.0, 200.0) * mb,
-            c33: R::from_f64(10.0) * mb * t2,
-            c34: R::from_f64(12.0) * ma * t4,
-            c35: R::from_f64(12.0) * I1 + R::ratio(3.0, 25.0) * mb * t7,
-            c36: R::ratio(11.0, 25.0) * mb,
-            c37: R::from_f64(11.0) * I2,
-            c38: R::from_f64(15.0) * mb * t2,
-            c39: R::from_f64(15.0) * I3 + R::from_f64(3.75) * mb
-                + R::from_f64(15.0) * ma * t4 + t12 * t10,
-            c40: R::ratio(27.0, 5.0) * ma,
-            c41: t6,
-            c42: R::from_f64(40.0) * mb * lb / t13,
-            c43: R::ratio(1.0, 100.0) * t13,
-            c44: R::from_f64(0.5) * mb * lb,
-            c45: R::ratio(6.0, 5.0) * ma * la,
-            c46: t12 * la,
-            c47: I3 + t11,
-            c48: t8,
+            c0: t1 / t3,
+            c1: t4 / t3,
+            c2: R::ratio(1.0, 5.0) / lb,
+            c3: R::from_f64(0.5) / lb,
+            c4: -(ka / t3),
+            c5: -(kb / t3),
+            c6: (I2 - I3) / t3,
+            c7: t3 / t1,
+            c8: (I3 - I1) / t3,
+            c9: (I1 - I2) / t3,
+            c10: R::ratio(2.0, 5.0) / lb,
+            c11: R::ratio(1.0, 100.0) * t6 / t3,
+            c12: I2 / t3,
+            c13: R::ratio(3.0, 5.0) / la,
+            c14: lb.recip(),
+            c15: R::ratio(1.0, 100.0) * t9 / t3,
+            c16: -(t7 / t3),
+            c17: R::from_f64(2.0) * lb,
+            c18: R::from_f64(5.0) * lb,
+            c19: R::from_f64(0.5) * I1,
+            c20: R::from_f64(0.5) * I2,
+            c21: R::from_f64(0.5) * I3,
+            c22: R::from_f64(0.5) * ka,
+            c23: R::from_f64(0.5) * kb,
+            c24: R::from_f64(0.125) * mb,
+            c25: R::from_f64(0.5) * ma * t0,
+            c26: R::ratio(1.0, 50.0) * mb,
+            c27: R::ratio(11.0, 100.0) * t6 / t3,
+            c28: R::from_f64(6.0) * ma * la / t3,
+            c29: R::from_f64(2.0) / lb,
+            c30: R::from_f64(11.0) * I2 / t3,
+            c31: R::from_f64(5.0) / lb,
+            c32: R::ratio(1.0, 100.0)
+                * (R::from_f64(1200.0) * I3 + R::from_f64(300.0) * mb
+                    + R::from_f64(1200.0) * ma * t0 + R::from_f64(48.0) * ma * t8) / t3
+                + R::ratio(3.0, 25.0) * (t9 / t3).abs(),
+            c33: R::ratio(108.0, 25.0) * ma / t3,
+            c34: t1,
+            c35: t3,
+            c36: t10 * t2,
+            c37: R::ratio(1.0, 5.0) * mb * lb,
+            c38: R::ratio(5.0, 3.0) * la,
+            c39: t4,
+            c40: R::ratio(2.0, 5.0) * mb * lb,
+            c41: I1 + R::ratio(1.0, 100.0) * mb * t5,
+            c42: t10 * lb,
+            c43: t3.recip(),
+            c44: t7,
+            c45: mb * lb,
+            c46: R::ratio(6.0, 5.0) * ma * la,
+            c47: I3 + R::from_f64(0.25) * mb + R::ratio(1.0, 25.0) * ma * t8,
         })
     }
 }
@@ -642,23 +627,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 65 additions, 111 multiplications (59 fused), 3 divisions, 2 elementary functions.
+    /// 65 additions, 95 multiplications (57 fused), 3 divisions, 2 elementary functions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 11], dy: &mut [R; 11]) {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, qw, qx, qy, qz] = *y;
         let _ = t;
         /// velocities v of the squares m/2 |v|^2
-        let [t0, t1, t2, v1_1, t4, t5, t6, v1_2, v1_3] = {
+        let [t0, t1, t2, t3, v1_1_scaled, t4, t5, t6, v1_2_scaled, v1_3_scaled] = {
             let t0 = alpha_dot + Omega3;
             let (t1, t2) = alpha.sin_cos();
-            let t3 = self.c2 * t1;
-            let t4 = self.c2 * alpha_dot;
+            let t3 = self.c0 * t1;
+            let t4 = self.c0 * alpha_dot;
             let t5 = t2 * t4;
-            let t6 = t2.mul_add(self.c2, R::from_f64(3.0));
+            let t6 = t2.mul_add(self.c0, self.c1);
             [
                 t0,
                 t1,
                 t2,
+                t3,
                 t0 * t3,
                 t4,
                 t5,
@@ -668,130 +654,146 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             ]
         };
         /// their accelerations a = dv/dx xdot + omega x v at ydot = 0
-        let [a1_1, a1_2, a1_3] = {
+        let [a1_1_scaled, a1_2_scaled, a1_3_scaled] = {
             let t7 = t1 * t4;
             [
-                (-Omega2).mul_add(v1_3, Omega3.mul_add(v1_2, t0 * t5)),
-                (-Omega1).mul_add(v1_3, (-Omega3).mul_add(v1_1, -(t0 * t7))),
-                Omega2.mul_add(t7 + v1_1, Omega1 * (t5 + v1_2)),
+                (-Omega2).mul_add(v1_3_scaled, Omega3.mul_add(v1_2_scaled, t0 * t5)),
+                (-Omega1)
+                    .mul_add(v1_3_scaled, (-Omega3).mul_add(v1_1_scaled, -(t0 * t7))),
+                Omega2.mul_add(t7 + v1_1_scaled, Omega1 * (t5 + v1_2_scaled)),
             ]
         };
         /// velocities v of the squares m/2 |v|^2
-        let [t8, t9, t10, t12, v2_1, t15, v2_2, t16, v2_3] = {
+        let [t8, t9, t10, t11, v2_1_over_10_lb, t12, v2_2_over_10_lb, t13,
+        v2_3_over_10_lb] = {
             let (t8, t9) = beta.sin_cos();
-            let t10 = t8.mul_add(self.c3, R::ONE);
-            let t11 = R::from_f64(2.0) * t10;
-            let t12 = t9.mul_add(self.c4, R::ONE);
-            let t13 = R::from_f64(5.0) * t12;
-            let t14 = self.c5 * beta_dot;
-            let t15 = t8 * t14;
-            let t16 = t9 * t14;
+            let t10 = self.c2 + t8;
+            let t11 = self.c3 + t9;
+            let t12 = beta_dot * t8;
+            let t13 = beta_dot * t9;
             [
                 t8,
                 t9,
                 t10,
+                t11,
+                (-Omega3).mul_add(t11, Omega2 * t10),
                 t12,
-                (-Omega3).mul_add(t13, Omega2 * t11),
-                t15,
-                Omega1.mul_add(t11, t15),
-                t16,
-                Omega1.mul_add(t13, t16),
+                Omega1.mul_add(t10, t12),
+                t13,
+                Omega1.mul_add(t11, t13),
             ]
         };
         /// their accelerations a = dv/dx xdot + omega x v at ydot = 0
-        let [a2_1, a2_2, a2_3] = {
-            let t17 = beta_dot + Omega1;
+        let [a2_1_over_10_lb, a2_2_over_10_lb, a2_3_over_10_lb] = {
+            let t14 = beta_dot + Omega1;
             [
-                Omega2.mul_add(t16 + v2_3, Omega3 * (t15 + v2_2)),
-                (-Omega3).mul_add(v2_1, Omega1.mul_add(v2_3, t16 * t17)),
-                (-Omega2).mul_add(v2_1, (-Omega1).mul_add(v2_2, -(t15 * t17))),
+                Omega2.mul_add(t13 + v2_3_over_10_lb, Omega3 * (t12 + v2_2_over_10_lb)),
+                (-Omega3)
+                    .mul_add(
+                        v2_1_over_10_lb,
+                        Omega1.mul_add(v2_3_over_10_lb, t13 * t14),
+                    ),
+                (-Omega2)
+                    .mul_add(
+                        v2_1_over_10_lb,
+                        (-Omega1).mul_add(v2_2_over_10_lb, -(t12 * t14)),
+                    ),
             ]
         };
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [t18, r_alpha_dot, r_beta_dot, r_Omega1, t22, r_Omega2, r_Omega3] = {
-            let t18 = self.c6 * t1;
-            let t19 = a1_1 * t18;
-            let t20 = self.c8 * t10;
-            let t21 = self.c9 * t12;
-            let t22 = self.c11 * t6;
+        let [r_alpha_dot_over_mb_lb2, r_beta_dot_over_mb_lb2, r_Omega1_over_mb_lb2, t16,
+        r_Omega2_over_mb_lb2, r_Omega3_over_mb_lb2] = {
+            let t15 = t1 * a1_1_scaled;
+            let t16 = self.c7 * t6;
             [
-                t18,
-                (-a1_2).mul_add(self.c6 * t2, (-alpha).mul_add(self.ka, -t19)),
-                self.c7.mul_add(t9.mul_add(a2_3, t8 * a2_2), -(self.kb * beta)),
-                (-a1_3)
+                (-t2).mul_add(a1_2_scaled, alpha.mul_add(self.c4, -t15)),
+                (-t9)
                     .mul_add(
-                        t18,
-                        (-a2_3)
+                        a2_3_over_10_lb,
+                        (-t8).mul_add(a2_2_over_10_lb, self.c5 * beta),
+                    ),
+                (-t1)
+                    .mul_add(
+                        a1_3_scaled,
+                        (-t11)
                             .mul_add(
-                                t21,
-                                (-a2_2).mul_add(t20, self.c10 * Omega3 * Omega2),
+                                a2_3_over_10_lb,
+                                (-t10).mul_add(a2_2_over_10_lb, self.c6 * Omega3 * Omega2),
                             ),
                     ),
-                t22,
-                (-a2_1).mul_add(t20, a1_3.mul_add(t22, self.c12 * Omega3 * Omega1)),
-                a2_1
+                t16,
+                (-t10)
                     .mul_add(
-                        t21,
-                        (-a1_2).mul_add(t22, Omega1.mul_add(self.c13 * Omega2, -t19)),
+                        a2_1_over_10_lb,
+                        a1_3_scaled.mul_add(t16, self.c8 * Omega3 * Omega1),
+                    ),
+                t11
+                    .mul_add(
+                        a2_1_over_10_lb,
+                        (-a1_2_scaled)
+                            .mul_add(t16, Omega1.mul_add(self.c9 * Omega2, -t15)),
                     ),
             ]
         };
         /// mass matrix A = W^T L_yy Psi
-        let [A_beta_dot_Omega1, A_Omega1_Omega1, t24, A_Omega2_Omega2, t25] = {
-            let t23 = t9.mul_add(R::from_f64(2.5), t8);
+        let [A_beta_dot_Omega1_over_mb_lb2, A_Omega1_Omega1_over_mb_lb2, t18,
+        A_Omega2_Omega2_over_mb_lb2, t19] = {
+            let t17 = t9.mul_add(R::from_f64(2.5), t8);
             [
-                t23.mul_add(self.c14, self.c15),
-                t23.mul_add(self.c18, self.c16.mul_add(t1 * t1, self.c17)),
-                t6 * t18,
-                self.c19.mul_add(t10 * t10, t6.mul_add(t22, self.I2)),
-                self.c20 * t10 * t12,
+                t17.mul_add(self.c2, R::ONE),
+                t1.mul_add(t3, t17.mul_add(self.c10, self.c11)),
+                t1 * t6,
+                t6.mul_add(t16, t10.mul_add(t10, self.c12)),
+                t11 * t10,
             ]
         };
         /// factors of A
-        let [A_l5_1, A_l3_2, t26, t27, t28, t29, A_s4_5_5] = {
-            let A_s1_5_5 = self
-                .c24
-                .mul_add(
-                    t2 * t2,
-                    self.c15.mul_add(t9 * t9, t9.mul_add(self.c22, self.c23)),
-                );
-            let A_l3_2 = self.c1 * A_beta_dot_Omega1;
-            let A_s2_3_3 = (-A_beta_dot_Omega1).mul_add(A_l3_2, A_Omega1_Omega1);
-            let t26 = A_s2_3_3.recip();
-            let t27 = t24 * t26;
-            let A_s3_4_4 = (-t24).mul_add(t27, A_Omega2_Omega2);
-            let t28 = A_s3_4_4.recip();
-            let t29 = t25 * t28;
+        let [A_l5_1, t20, t21, t22, t23, A_s4_5_5_over_mb_lb2] = {
+            let A_s1_5_5_over_mb_lb2 = self
+                .c16
+                .mul_add(t2 * t2, t9.mul_add(t9, t9.mul_add(self.c14, self.c15)));
+            let A_s2_3_3_over_mb_lb2 = (-A_beta_dot_Omega1_over_mb_lb2)
+                .mul_add(A_beta_dot_Omega1_over_mb_lb2, A_Omega1_Omega1_over_mb_lb2);
+            let t20 = A_s2_3_3_over_mb_lb2.recip();
+            let t21 = t18 * t20;
+            let A_s3_4_4_over_mb_lb2 = (-t18).mul_add(t21, A_Omega2_Omega2_over_mb_lb2);
+            let t22 = A_s3_4_4_over_mb_lb2.recip();
+            let t23 = t19 * t22;
             [
-                t2.mul_add(self.c21, R::ONE),
-                A_l3_2,
-                t26,
-                t27,
-                t28,
-                t29,
-                (-t25).mul_add(t29, A_s1_5_5),
+                t2.mul_add(self.c13, R::ONE),
+                t20,
+                t21,
+                t22,
+                t23,
+                (-t19).mul_add(t23, A_s1_5_5_over_mb_lb2),
             ]
         };
         /// substitution through the factors of A
         let [dot_Omega3, dot_Omega2, dot_Omega1, dot_beta_dot, dot_alpha_dot] = {
-            let z_Omega1 = (-r_beta_dot).mul_add(A_l3_2, r_Omega1);
-            let z_Omega2 = t27.mul_add(z_Omega1, r_Omega2);
-            let z_Omega3 = t29
-                .mul_add(z_Omega2, (-r_alpha_dot).mul_add(A_l5_1, r_Omega3));
-            let dot_Omega3 = z_Omega3 / A_s4_5_5;
-            let dot_Omega2 = t29.mul_add(dot_Omega3, z_Omega2 * t28);
-            let dot_Omega1 = t27.mul_add(dot_Omega2, z_Omega1 * t26);
+            let z_Omega1_over_mb_lb2 = (-r_beta_dot_over_mb_lb2)
+                .mul_add(A_beta_dot_Omega1_over_mb_lb2, r_Omega1_over_mb_lb2);
+            let z_Omega2_over_mb_lb2 = t21
+                .mul_add(z_Omega1_over_mb_lb2, r_Omega2_over_mb_lb2);
+            let z_Omega3_over_mb_lb2 = t23
+                .mul_add(
+                    z_Omega2_over_mb_lb2,
+                    (-r_alpha_dot_over_mb_lb2).mul_add(A_l5_1, r_Omega3_over_mb_lb2),
+                );
+            let dot_Omega3 = z_Omega3_over_mb_lb2 / A_s4_5_5_over_mb_lb2;
+            let dot_Omega2 = t23.mul_add(dot_Omega3, z_Omega2_over_mb_lb2 * t22);
+            let dot_Omega1 = t21.mul_add(dot_Omega2, z_Omega1_over_mb_lb2 * t20);
             [
                 dot_Omega3,
                 dot_Omega2,
                 dot_Omega1,
-                (-A_l3_2).mul_add(dot_Omega1, self.c1 * r_beta_dot),
-                (-A_l5_1).mul_add(dot_Omega3, self.c0 * r_alpha_dot),
+                (-A_beta_dot_Omega1_over_mb_lb2)
+                    .mul_add(dot_Omega1, r_beta_dot_over_mb_lb2),
+                (-A_l5_1).mul_add(dot_Omega3, self.c7 * r_alpha_dot_over_mb_lb2),
             ]
         };
-        let t30 = R::from_f64(0.5) * Omega1;
-        let t31 = R::from_f64(0.5) * Omega2;
-        let t32 = R::from_f64(0.5) * Omega3;
+        let t24 = R::from_f64(0.5) * Omega1;
+        let t25 = R::from_f64(0.5) * Omega2;
+        let t26 = R::from_f64(0.5) * Omega3;
         *dy = [
             alpha_dot,
             beta_dot,
@@ -800,10 +802,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             dot_Omega1,
             dot_Omega2,
             dot_Omega3,
-            (-qz).mul_add(t32, (-qy).mul_add(t31, -(qx * t30))),
-            (-qz).mul_add(t31, qw.mul_add(t30, qy * t32)),
-            (-qx).mul_add(t32, qw.mul_add(t31, qz * t30)),
-            (-qy).mul_add(t30, qw.mul_add(t32, qx * t31)),
+            (-qz).mul_add(t26, (-qy).mul_add(t25, -(qx * t24))),
+            (-qz).mul_add(t25, qw.mul_add(t24, qy * t26)),
+            (-qx).mul_add(t26, qw.mul_add(t25, qz * t24)),
+            (-qy).mul_add(t24, qw.mul_add(t26, qx * t25)),
         ];
     }
 
@@ -815,56 +817,52 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 19 additions, 38 multiplications (15 fused), 2 elementary functions.
+    /// 20 additions, 31 multiplications (16 fused), 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 11]) -> R {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, _, _, _, _] = *y;
         let _ = t;
-        let (t0, t1) = alpha.sin_cos();
-        let t2 = self.c2 * t1;
-        let t3 = R::from_f64(3.0) + t2;
-        let t4 = Omega3.mul_add(t3, alpha_dot * t2);
-        let t5 = (-Omega2).mul_add(t3, t0 * (self.c2 * Omega1));
-        let t6 = t0 * (alpha_dot + Omega3);
-        let (t7, t8) = beta.sin_cos();
-        let t9 = self.c3 * t7;
-        let t10 = R::ONE + t9;
-        let t11 = self.c4 * t8;
-        let t12 = R::ONE + t11;
-        let t13 = (-t12)
-            .mul_add(R::from_f64(5.0) * Omega3, t10 * (R::from_f64(2.0) * Omega2));
-        let t14 = Omega1.mul_add(t10, beta_dot * t9);
-        let t15 = Omega1.mul_add(t12, beta_dot * t11);
-        let t16 = self
-            .c30
+        let t0 = beta_dot + Omega1;
+        let (t1, t2) = beta.sin_cos();
+        let t3 = self.c17 * t2;
+        let t4 = t0.mul_add(t3, Omega1);
+        let (t5, t6) = alpha.sin_cos();
+        let t7 = t5 * (alpha_dot + Omega3);
+        let t8 = self.c13 + t6;
+        let t9 = Omega3.mul_add(t8, alpha_dot * t6);
+        let t10 = (-Omega2).mul_add(t8, Omega1 * t5);
+        let t11 = self.c18 * t1;
+        let t12 = (-(R::ONE + t3))
+            .mul_add(R::from_f64(2.5) * Omega3, Omega2.mul_add(t11, Omega2));
+        let t13 = t0.mul_add(t11, Omega1);
+        let t14 = self
+            .c23
             .mul_add(
                 beta * beta,
                 self
-                    .c29
+                    .c22
                     .mul_add(
                         alpha * alpha,
                         self
-                            .c28
+                            .c21
                             .mul_add(
                                 Omega3 * Omega3,
                                 self
-                                    .c27
-                                    .mul_add(Omega2 * Omega2, self.c26 * (Omega1 * Omega1)),
+                                    .c20
+                                    .mul_add(Omega2 * Omega2, self.c19 * (Omega1 * Omega1)),
                             ),
                     ),
             );
-        self.c32
+        self.c26
             .mul_add(
-                t13
-                    .mul_add(
-                        t13,
-                        R::from_f64(25.0)
-                            .mul_add(t15 * t15, R::from_f64(4.0) * (t14 * t14)),
-                    ),
+                t12.mul_add(t12, t13 * t13),
                 self
-                    .c31
-                    .mul_add(t5.mul_add(t5, t4.mul_add(t4, self.c25 * (t6 * t6))), t16),
+                    .c25
+                    .mul_add(
+                        t10.mul_add(t10, t9.mul_add(t9, t7 * t7)),
+                        self.c24.mul_add(t4 * t4, t14),
+                    ),
             )
     }
 
@@ -878,90 +876,75 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 44 additions, 79 multiplications (37 fused), 2 elementary functions.
+    /// 44 additions, 68 multiplications (37 fused), 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn invariants(&self, t: R, y: &[R; 11]) -> [R; 5] {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, qw, qx, qy, qz] = *y;
         let _ = t;
         /// momenta p = dL/dy
-        let [t4, t9, t10, t13, t14, p_Omega1, t15, p_Omega2, t16, t17, t18, p_Omega3] = {
+        let [t3, t8, t10, p_Omega1, t11, p_Omega2, t13, t14, p_Omega3] = {
             let (t0, t1) = alpha.sin_cos();
-            let t2 = self.c2 * t1;
-            let t3 = R::from_f64(3.0) + t2;
-            let t4 = (-Omega2).mul_add(t3, t0 * (self.c2 * Omega1));
+            let t2 = self.c13 + t1;
+            let t3 = (-Omega2).mul_add(t2, Omega1 * t0);
+            let t4 = self.c34 * t3;
             let (t5, t6) = beta.sin_cos();
-            let t7 = self.c3 * t5;
-            let t8 = R::ONE + t7;
-            let t9 = Omega1.mul_add(t8, beta_dot * t7);
-            let t10 = R::from_f64(4.0) * t9;
-            let t11 = self.c4 * t6;
-            let t12 = R::ONE + t11;
-            let t13 = Omega1.mul_add(t12, beta_dot * t11);
-            let t14 = R::from_f64(25.0) * t13;
-            let t15 = (-t12)
-                .mul_add(R::from_f64(5.0) * Omega3, t8 * (R::from_f64(2.0) * Omega2));
-            let t16 = t0 * (alpha_dot + Omega3);
-            let t17 = self.c25 * t16;
-            let t18 = Omega3.mul_add(t3, alpha_dot * t2);
+            let t7 = self.c2 + t5;
+            let t8 = Omega1.mul_add(t7, beta_dot * t5);
+            let t9 = self.c3 + t6;
+            let t10 = Omega1.mul_add(t9, beta_dot * t6);
+            let t11 = (-Omega3).mul_add(t9, Omega2 * t7);
+            let t12 = self.c35 * t11;
+            let t13 = t0 * (alpha_dot + Omega3);
+            let t14 = Omega3.mul_add(t2, alpha_dot * t1);
             [
-                t4,
-                t9,
+                t3,
+                t8,
                 t10,
+                self
+                    .c35
+                    .mul_add(t9.mul_add(t10, t7 * t8), t0.mul_add(t4, self.I1 * Omega1)),
+                t11,
+                t7.mul_add(t12, (-t2).mul_add(t4, self.I2 * Omega2)),
                 t13,
                 t14,
-                self
-                    .c41
+                (-t9)
                     .mul_add(
-                        t12.mul_add(t14, t8 * t10),
-                        t4.mul_add(self.c6 * t0, self.I1 * Omega1),
-                    ),
-                t15,
-                t15
-                    .mul_add(
-                        self.c8 * t8,
-                        (-t4).mul_add(self.c11 * t3, self.I2 * Omega2),
-                    ),
-                t16,
-                t17,
-                t18,
-                (-t15)
-                    .mul_add(
-                        self.c9 * t12,
-                        self.c11.mul_add(t3.mul_add(t18, t0 * t17), self.I3 * Omega3),
+                        t12,
+                        self.c34.mul_add(t2.mul_add(t14, t0 * t13), self.I3 * Omega3),
                     ),
             ]
         };
-        let t19 = qw * qw;
-        let t20 = qx * qx;
-        let t21 = self
-            .c30
+        let t15 = qw * qw;
+        let t16 = qx * qx;
+        let t17 = self
+            .c23
             .mul_add(
                 beta * beta,
                 self
-                    .c29
+                    .c22
                     .mul_add(
                         alpha * alpha,
                         self
-                            .c28
+                            .c21
                             .mul_add(
                                 Omega3 * Omega3,
                                 self
-                                    .c27
-                                    .mul_add(Omega2 * Omega2, self.c26 * (Omega1 * Omega1)),
+                                    .c20
+                                    .mul_add(Omega2 * Omega2, self.c19 * (Omega1 * Omega1)),
                             ),
                     ),
             );
-        let t22 = qw * qz;
-        let t23 = (-qy).mul_add(qy, t20);
-        let t24 = (-qz).mul_add(qz, t19);
+        let t18 = qw * qz;
+        let t19 = (-qy).mul_add(qy, t16);
+        let t20 = (-qz).mul_add(qz, t15);
         [
-            qz.mul_add(qz, qy.mul_add(qy, t19)) + t20,
+            qz.mul_add(qz, qy.mul_add(qy, t15)) + t16,
             self
-                .c32
+                .c36
                 .mul_add(
-                    t15.mul_add(t15, t13.mul_add(t14, t9 * t10)),
-                    self.c31.mul_add(t18.mul_add(t18, t4.mul_add(t4, t16 * t17)), t21),
+                    t11.mul_add(t11, t10.mul_add(t10, t8 * t8)),
+                    self.c25.mul_add(t14.mul_add(t14, t3.mul_add(t3, t13 * t13)), t17),
                 ),
             p_Omega3.mul_add(p_Omega3, p_Omega2.mul_add(p_Omega2, p_Omega1 * p_Omega1)),
             R::from_f64(2.0)
@@ -969,18 +952,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     p_Omega3
                         .mul_add(
                             qw.mul_add(qy, qx * qz),
-                            p_Omega2 * qx.mul_add(qy, -t22),
+                            p_Omega2 * qx.mul_add(qy, -t18),
                         ),
-                    p_Omega1 * (t23 + t24),
+                    p_Omega1 * (t19 + t20),
                 ),
             R::from_f64(2.0)
                 .mul_add(
                     p_Omega3
                         .mul_add(
                             (-qw).mul_add(qx, qy * qz),
-                            p_Omega1 * qx.mul_add(qy, t22),
+                            p_Omega1 * qx.mul_add(qy, t18),
                         ),
-                    p_Omega2 * (t24 - t23),
+                    p_Omega2 * (t20 - t19),
                 ),
         ]
     }
@@ -1008,7 +991,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 80 additions, 155 multiplications (75 fused), 2 sign changes, 2 elementary functions.
+    /// 81 additions, 148 multiplications (74 fused), 2 sign changes, 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn invariant_gradients_nonzeros(&self, t: R, y: &[R; 11]) -> [R; 40] {
@@ -1016,31 +999,28 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         /// momenta p = dL/dy
         let [t0, t1, d_p_Omega1_d_beta_dot, t3, t4, t6, t7, t8, p_Omega1, t9, t10, t11,
-        t12, t14, t15, p_Omega2, t16, t17, t18, t19, t20, p_Omega3] = {
+        t12, t13, t15, t16, p_Omega2, t17, t18, t19, t20, t21, p_Omega3] = {
             let (t0, t1) = beta.sin_cos();
             let t2 = t1.mul_add(R::from_f64(2.5), t0);
-            let d_p_Omega1_d_beta_dot = t2.mul_add(self.c14, self.c15);
+            let d_p_Omega1_d_beta_dot = t2.mul_add(self.c37, self.c35);
             let (t3, t4) = alpha.sin_cos();
-            let t5 = (-self.c2)
-                .mul_add(
-                    (-Omega1).mul_add(t3, Omega2 * t4),
-                    -(R::from_f64(3.0) * Omega2),
-                );
-            let t6 = self.c6 * t5;
+            let t5 = (-self.c38).mul_add((-Omega1).mul_add(t3, Omega2 * t4), -Omega2);
+            let t6 = self.c39 * t5;
             let t7 = t3 * t6;
-            let t8 = self.c43 * t2.mul_add(self.c42, R::ONE);
-            let t9 = t0.mul_add(self.c3, R::ONE);
-            let t10 = t1.mul_add(self.c4, R::ONE);
-            let t11 = (-t10).mul_add(R::from_f64(2.5) * Omega3, Omega2 * t9);
-            let t12 = self.c19 * t9;
-            let t13 = self.c2 * t4;
-            let t14 = R::from_f64(3.0) + t13;
-            let t15 = self.c11 * t14;
-            let t16 = self.c16 * t3;
-            let t17 = t3 * (alpha_dot + Omega3);
-            let t18 = t16 * t17;
-            let t19 = Omega3.mul_add(t14, alpha_dot * t13);
-            let t20 = self.c20 * t10;
+            let t8 = t2.mul_add(self.c40, self.c41);
+            let t9 = t0.mul_add(self.c35, self.c37);
+            let t10 = self.c35 * t1;
+            let t11 = self.c42 + t10;
+            let t12 = (-Omega3).mul_add(t11, Omega2 * t9);
+            let t13 = self.c43 * t9;
+            let t14 = self.c38 * t4;
+            let t15 = R::ONE + t14;
+            let t16 = self.c44 * t15;
+            let t17 = self.c34 * t3;
+            let t18 = t3 * (alpha_dot + Omega3);
+            let t19 = t17 * t18;
+            let t20 = Omega3.mul_add(t15, alpha_dot * t14);
+            let t21 = self.c43 * t11;
             [
                 t0,
                 t1,
@@ -1050,118 +1030,116 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t6,
                 t7,
                 t8,
-                Omega1.mul_add(t8, beta_dot.mul_add(d_p_Omega1_d_beta_dot, t7)),
+                beta_dot.mul_add(d_p_Omega1_d_beta_dot, Omega1.mul_add(t8, t7)),
                 t9,
                 t10,
                 t11,
                 t12,
-                t14,
+                t13,
                 t15,
-                (-t5).mul_add(t15, t11.mul_add(t12, self.I2 * Omega2)),
                 t16,
+                (-t5).mul_add(t16, t12.mul_add(t13, self.I2 * Omega2)),
                 t17,
                 t18,
                 t19,
                 t20,
-                (-t11).mul_add(t20, t15.mul_add(t19, Omega3.mul_add(self.I3, t18))),
+                t21,
+                (-t12).mul_add(t21, t16.mul_add(t20, Omega3.mul_add(self.I3, t19))),
             ]
         };
         /// derivatives of: momenta p = dL/dy
-        let [t21, d_p_Omega1_d_alpha, t23, d_p_Omega1_d_beta, d_p_Omega1_d_Omega1, t25,
-        d_p_Omega2_d_alpha, t26, t27, d_p_Omega2_d_beta, d_p_Omega2_d_Omega2, t28, t29,
-        d_p_Omega3_d_beta, d_p_Omega3_d_alpha_dot, d_p_Omega3_d_Omega3] = {
-            let t21 = Omega2.mul_add(t3, Omega1 * t4);
-            let t22 = (-t1).mul_add(R::ratio(2.0, 5.0), t0);
-            let t23 = self.c44 * t22;
-            let t24 = self.c6 * t14;
-            let t26 = self.c14 * t11;
+        let [t22, d_p_Omega1_d_alpha, t24, d_p_Omega1_d_beta, d_p_Omega1_d_Omega1, t26,
+        d_p_Omega2_d_alpha, t27, d_p_Omega2_d_beta, d_p_Omega2_d_Omega2, t28, t29,
+        d_p_Omega3_d_beta, t30, d_p_Omega3_d_alpha_dot, d_p_Omega3_d_Omega3] = {
+            let t22 = Omega2.mul_add(t3, Omega1 * t4);
+            let t23 = (-t1).mul_add(R::ratio(2.0, 5.0), t0);
+            let t24 = self.c42 * t23;
+            let t25 = self.c39 * t15;
             let t27 = Omega2.mul_add(t1, Omega3 * t0);
+            let t30 = self.c39 * t4;
             [
-                t21,
-                t4.mul_add(t6, t16 * t21),
-                t23,
-                (-beta_dot).mul_add(t23, -(t22 * (self.c22 * Omega1))),
-                t3.mul_add(t16, t8),
-                t3 * t24,
-                (-t21).mul_add(t24, t7),
-                t26,
+                t22,
+                t4.mul_add(t6, t17 * t22),
+                t24,
+                (-beta_dot).mul_add(t24, -(t23 * (self.c45 * Omega1))),
+                t3.mul_add(t17, t8),
+                t3 * t25,
+                (-t22).mul_add(t25, t7),
                 t27,
-                t1.mul_add(t26, self.c14 * t9 * t27),
-                t14.mul_add(t15, t9.mul_add(t12, self.I2)),
-                t9 * t20,
-                t3 * (self.c45 * alpha_dot.mul_add(R::from_f64(0.5), Omega3)),
-                t0.mul_add(t26, -(self.c44 * t10 * t27)),
-                t4.mul_add(self.c46, self.c16),
-                self.c48.mul_add(t10 * t10, t4.mul_add(self.c45, self.c47)),
+                t1.mul_add(t12, t9 * t27),
+                t15.mul_add(t16, t9.mul_add(t13, self.I2)),
+                t9 * t21,
+                t3 * (self.c46 * alpha_dot.mul_add(R::from_f64(0.5), Omega3)),
+                t0.mul_add(t12, -(t11 * t27)),
+                t30,
+                self.c34 + t30,
+                t1.mul_add(t10, t1.mul_add(self.c45, t4.mul_add(self.c46, self.c47))),
             ]
         };
-        let t30 = R::from_f64(2.0) * p_Omega1;
-        let t31 = R::from_f64(2.0) * p_Omega2;
-        let t32 = R::from_f64(2.0) * p_Omega3;
-        let t33 = (-qy).mul_add(qy, qx * qx);
-        let t34 = (-qz).mul_add(qz, qw * qw);
-        let t35 = t33 + t34;
-        let t36 = qw * qz;
-        let t37 = R::from_f64(2.0) * qx.mul_add(qy, -t36);
-        let t38 = R::from_f64(2.0) * qw.mul_add(qy, qx * qz);
-        let t39 = qw.mul_add(t30, (-qz).mul_add(t31, qy * t32));
-        let t40 = qx.mul_add(t30, qz.mul_add(t32, qy * t31));
-        let t41 = (-qy).mul_add(t30, qw.mul_add(t32, qx * t31));
-        let t42 = (-qz).mul_add(t30, (-qw).mul_add(t31, qx * t32));
-        let t43 = R::from_f64(2.0) * qx.mul_add(qy, t36);
-        let t44 = t34 - t33;
-        let t45 = R::from_f64(2.0) * (-qw).mul_add(qx, qy * qz);
+        let t31 = R::from_f64(2.0) * p_Omega1;
+        let t32 = R::from_f64(2.0) * p_Omega2;
+        let t33 = R::from_f64(2.0) * p_Omega3;
+        let t34 = (-qy).mul_add(qy, qx * qx);
+        let t35 = (-qz).mul_add(qz, qw * qw);
+        let t36 = t34 + t35;
+        let t37 = qw * qz;
+        let t38 = R::from_f64(2.0) * qx.mul_add(qy, -t37);
+        let t39 = R::from_f64(2.0) * qw.mul_add(qy, qx * qz);
+        let t40 = qw.mul_add(t31, (-qz).mul_add(t32, qy * t33));
+        let t41 = qx.mul_add(t31, qz.mul_add(t33, qy * t32));
+        let t42 = (-qy).mul_add(t31, qw.mul_add(t33, qx * t32));
+        let t43 = (-qz).mul_add(t31, (-qw).mul_add(t32, qx * t33));
+        let t44 = R::from_f64(2.0) * qx.mul_add(qy, t37);
+        let t45 = t35 - t34;
+        let t46 = R::from_f64(2.0) * (-qw).mul_add(qx, qy * qz);
         [
             R::from_f64(2.0) * qw,
             R::from_f64(2.0) * qx,
             R::from_f64(2.0) * qy,
             R::from_f64(2.0) * qz,
-            t6.mul_add(t21, (-t17).mul_add(self.c46 * Omega3, self.ka * alpha)),
-            t26
-                .mul_add(
-                    t27,
-                    (-t23).mul_add(Omega1 * (beta_dot + Omega1), self.kb * beta),
-                ),
-            t19.mul_add(self.c6 * t4, t18),
-            Omega1.mul_add(d_p_Omega1_d_beta_dot, self.c15 * beta_dot),
+            t6.mul_add(t22, (-t18).mul_add(self.c39 * Omega3, self.ka * alpha)),
+            (-t24)
+                .mul_add(Omega1 * (beta_dot + Omega1), t12.mul_add(t27, self.kb * beta)),
+            t20.mul_add(t30, t19),
+            Omega1.mul_add(d_p_Omega1_d_beta_dot, self.c35 * beta_dot),
             p_Omega1,
             p_Omega2,
             p_Omega3,
             d_p_Omega1_d_alpha
-                .mul_add(t30, (-t29).mul_add(t32, d_p_Omega2_d_alpha * t31)),
+                .mul_add(t31, (-t29).mul_add(t33, d_p_Omega2_d_alpha * t32)),
             d_p_Omega1_d_beta
-                .mul_add(t30, d_p_Omega3_d_beta.mul_add(t32, d_p_Omega2_d_beta * t31)),
-            d_p_Omega3_d_alpha_dot * t32,
-            d_p_Omega1_d_beta_dot * t30,
-            d_p_Omega1_d_Omega1.mul_add(t30, -(t25 * t31)),
-            (-t25).mul_add(t30, (-t28).mul_add(t32, d_p_Omega2_d_Omega2 * t31)),
-            d_p_Omega3_d_Omega3.mul_add(t32, -(t28 * t31)),
+                .mul_add(t31, d_p_Omega3_d_beta.mul_add(t33, d_p_Omega2_d_beta * t32)),
+            d_p_Omega3_d_alpha_dot * t33,
+            d_p_Omega1_d_beta_dot * t31,
+            d_p_Omega1_d_Omega1.mul_add(t31, -(t26 * t32)),
+            (-t26).mul_add(t31, (-t28).mul_add(t33, d_p_Omega2_d_Omega2 * t32)),
+            d_p_Omega3_d_Omega3.mul_add(t33, -(t28 * t32)),
             d_p_Omega2_d_alpha
-                .mul_add(t37, d_p_Omega1_d_alpha.mul_add(t35, -(t29 * t38))),
+                .mul_add(t38, d_p_Omega1_d_alpha.mul_add(t36, -(t29 * t39))),
             d_p_Omega3_d_beta
-                .mul_add(t38, d_p_Omega2_d_beta.mul_add(t37, d_p_Omega1_d_beta * t35)),
-            d_p_Omega3_d_alpha_dot * t38,
-            d_p_Omega1_d_beta_dot * t35,
-            (-t25).mul_add(t37, d_p_Omega1_d_Omega1 * t35),
-            d_p_Omega2_d_Omega2.mul_add(t37, (-t25).mul_add(t35, -(t28 * t38))),
-            d_p_Omega3_d_Omega3.mul_add(t38, -(t28 * t37)),
-            t39,
+                .mul_add(t39, d_p_Omega2_d_beta.mul_add(t38, d_p_Omega1_d_beta * t36)),
+            d_p_Omega3_d_alpha_dot * t39,
+            d_p_Omega1_d_beta_dot * t36,
+            (-t26).mul_add(t38, d_p_Omega1_d_Omega1 * t36),
+            (-t28).mul_add(t39, d_p_Omega2_d_Omega2.mul_add(t38, -(t26 * t36))),
+            (-t28).mul_add(t38, d_p_Omega3_d_Omega3 * t39),
             t40,
             t41,
             t42,
+            t43,
             d_p_Omega2_d_alpha
-                .mul_add(t44, d_p_Omega1_d_alpha.mul_add(t43, -(t29 * t45))),
+                .mul_add(t45, d_p_Omega1_d_alpha.mul_add(t44, -(t29 * t46))),
             d_p_Omega3_d_beta
-                .mul_add(t45, d_p_Omega2_d_beta.mul_add(t44, d_p_Omega1_d_beta * t43)),
-            d_p_Omega3_d_alpha_dot * t45,
-            d_p_Omega1_d_beta_dot * t43,
-            (-t25).mul_add(t44, d_p_Omega1_d_Omega1 * t43),
-            d_p_Omega2_d_Omega2.mul_add(t44, (-t25).mul_add(t43, -(t28 * t45))),
-            d_p_Omega3_d_Omega3.mul_add(t45, -(t28 * t44)),
+                .mul_add(t46, d_p_Omega2_d_beta.mul_add(t45, d_p_Omega1_d_beta * t44)),
+            d_p_Omega3_d_alpha_dot * t46,
+            d_p_Omega1_d_beta_dot * t44,
+            (-t26).mul_add(t45, d_p_Omega1_d_Omega1 * t44),
+            (-t28).mul_add(t46, d_p_Omega2_d_Omega2.mul_add(t45, -(t26 * t44))),
+            (-t28).mul_add(t45, d_p_Omega3_d_Omega3 * t46),
+            -t43,
             -t42,
-            -t41,
+            t41,
             t40,
-            t39,
         ]
     }
 
@@ -1203,118 +1181,124 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 53 additions, 87 multiplications (48 fused), 2 divisions, 34 sign changes, 2 elementary functions.
+    /// 51 additions, 68 multiplications (39 fused), 2 divisions, 31 sign changes, 2 elementary functions.
     pub fn check(&self, t: R, y: &[R; 11]) -> Result<(), ::hamel_runtime::Failure> {
         let [alpha, beta, _, _, _, _, _, _, _, _, _] = *y;
         /// mass matrix A = W^T L_yy Psi
-        let [t0, t1, t2, A_beta_dot_Omega1, t4, t5, A_Omega1_Omega1, t6, t7, t8, t9, t10,
-        t11, t12, A_Omega2_Omega2, t13, t14] = {
+        let [t0, t1, t2, A_beta_dot_Omega1_over_mb_lb2, t3, t4, t5,
+        A_Omega1_Omega1_over_mb_lb2, t6, t7, t8, t9, t10, t11, t12,
+        A_Omega2_Omega2_over_mb_lb2, t13, t14] = {
             let (t0, t1) = beta.sin_cos();
             let t2 = t1.mul_add(R::from_f64(2.5), t0);
             let (t3, t4) = alpha.sin_cos();
-            let t5 = t3 * t3;
-            let t6 = t4.mul_add(self.c2, R::from_f64(3.0));
-            let t7 = self.c6 * t3;
-            let t9 = self.c11 * t6;
-            let t10 = t6 * t9;
-            let t11 = t0.mul_add(self.c3, R::ONE);
+            let t5 = self.c0 * t3 * t3;
+            let t6 = self.c0 * t4;
+            let t7 = self.c1 + t6;
+            let t9 = self.c7 * t7;
+            let t10 = t7 * t9;
+            let t11 = self.c2 + t0;
             let t12 = t11 * t11;
-            let t13 = t1.mul_add(self.c4, R::ONE);
+            let t13 = self.c3 + t1;
             [
                 t0,
                 t1,
                 t2,
-                t2.mul_add(self.c14, self.c15),
+                t2.mul_add(self.c2, R::ONE),
+                t3,
                 t4,
                 t5,
-                t2.mul_add(self.c18, t5.mul_add(self.c16, self.c17)),
+                t2.mul_add(self.c10, self.c11) + t5,
                 t6,
                 t7,
-                t6 * t7,
+                t3 * t7,
                 t9,
                 t10,
                 t11,
                 t12,
-                t12.mul_add(self.c19, self.I2) + t10,
+                self.c12 + t12 + t10,
                 t13,
-                self.c20 * t11 * t13,
+                t13 * t11,
             ]
         };
         /// factors of A
-        let [t15, t16, t17, A_s1_5_5, A_l3_2, t18, A_s2_3_3, t19, t20, t21, A_s3_4_4,
-        t22, t23, t24, A_s4_5_5] = {
-            let t15 = self.c22 * t1;
+        let [t15, t16, t17, A_s1_5_5_over_mb_lb2, t18, A_s2_3_3_over_mb_lb2, t19, t20,
+        t21, A_s3_4_4_over_mb_lb2, t22, t23, t24, A_s4_5_5_over_mb_lb2] = {
+            let t15 = self.c14 * t1;
             let t16 = t1 * t1;
             let t17 = t4 * t4;
-            let A_s1_5_5 = t17.mul_add(self.c24, t16.mul_add(self.c15, self.c23 + t15));
-            let A_l3_2 = self.c1 * A_beta_dot_Omega1;
-            let t18 = A_beta_dot_Omega1 * A_l3_2;
-            let A_s2_3_3 = A_Omega1_Omega1 - t18;
-            let t19 = A_s2_3_3.recip();
+            let A_s1_5_5_over_mb_lb2 = t17.mul_add(self.c16, self.c15 + t15 + t16);
+            let t18 = A_beta_dot_Omega1_over_mb_lb2 * A_beta_dot_Omega1_over_mb_lb2;
+            let A_s2_3_3_over_mb_lb2 = A_Omega1_Omega1_over_mb_lb2 - t18;
+            let t19 = A_s2_3_3_over_mb_lb2.recip();
             let t20 = t8 * t19;
             let t21 = t8 * t20;
-            let A_s3_4_4 = A_Omega2_Omega2 - t21;
-            let t22 = A_s3_4_4.recip();
+            let A_s3_4_4_over_mb_lb2 = A_Omega2_Omega2_over_mb_lb2 - t21;
+            let t22 = A_s3_4_4_over_mb_lb2.recip();
             let t23 = t14 * t22;
             let t24 = t14 * t23;
             [
                 t15,
                 t16,
                 t17,
-                A_s1_5_5,
-                A_l3_2,
+                A_s1_5_5_over_mb_lb2,
                 t18,
-                A_s2_3_3,
+                A_s2_3_3_over_mb_lb2,
                 t19,
                 t20,
                 t21,
-                A_s3_4_4,
+                A_s3_4_4_over_mb_lb2,
                 t22,
                 t23,
                 t24,
-                A_s1_5_5 - t24,
+                A_s1_5_5_over_mb_lb2 - t24,
             ]
         };
-        let t25 = R::from_f64(10.0).mul_add(t0.abs(), R::from_f64(25.0) * t1.abs());
-        let t26 = (self.c22 * t2).abs();
-        let t27 = t26.mul_add(R::from_f64(2.0), t25.mul_add(self.c14, self.c33));
-        let t28 = A_l3_2.abs();
+        let t25 = t1.abs();
+        let t26 = R::from_f64(10.0) * t0.abs();
+        let t27 = t25.mul_add(R::from_f64(25.0), t26);
+        let t28 = (self.c14 * t2).abs();
         let t29 = R::from_f64(2.0)
             .mul_add(
-                A_Omega1_Omega1.abs(),
-                t26
+                A_Omega1_Omega1_over_mb_lb2.abs(),
+                t28
                     .mul_add(
-                        R::ratio(24.0, 5.0),
-                        t25
+                        R::ratio(22.0, 5.0),
+                        t27
                             .mul_add(
-                                self.c18,
+                                self.c10,
                                 t18
-                                    .mul_add(R::from_f64(10.0), t5.mul_add(self.c34, self.c35)),
+                                    .mul_add(
+                                        R::from_f64(10.0),
+                                        t5.mul_add(R::from_f64(11.0), self.c27),
+                                    ),
                             ),
                     ),
             );
-        let t30 = t27
-            .mul_add(self.c1, R::from_f64(8.0) * t28)
-            .mul_add(A_beta_dot_Omega1.abs(), t27.mul_add(t28, t29));
-        let t31 = R::from_f64(50.0).mul_add((self.la * t4).abs(), R::from_f64(30.0));
+        let t30 = t28
+            .mul_add(R::from_f64(2.0), t27.mul_add(self.c2, R::from_f64(10.0)))
+            .mul_add(R::from_f64(2.0) * A_beta_dot_Omega1_over_mb_lb2.abs(), t29);
+        let t31 = R::from_f64(10.0).mul_add(t6.abs(), self.c28);
         let t32 = t9.abs();
-        let t33 = R::from_f64(50.0).mul_add((self.lb * t0).abs(), R::from_f64(10.0));
-        let t34 = (self.mb * t11).abs();
-        let t35 = R::from_f64(8.0).mul_add(t8.abs(), t31 * t7.abs());
+        let t33 = self.c29 + t26;
+        let t34 = t11.abs();
+        let t35 = R::from_f64(8.0).mul_add(t8.abs(), t31 * t3.abs());
         let A_l4_3 = -t20;
         let t36 = A_l4_3.abs();
-        let A_Omega1_Omega2 = -t8;
+        let A_Omega1_Omega2_over_mb_lb2 = -t8;
         let t37 = t33
             .mul_add(
-                R::ratio(2.0, 25.0) * t34,
+                R::from_f64(2.0) * t34,
                 t31
                     .mul_add(
                         t32,
-                        A_Omega2_Omega2
+                        A_Omega2_Omega2_over_mb_lb2
                             .mul_add(
                                 R::from_f64(2.0),
                                 t10
-                                    .mul_add(R::from_f64(11.0), t12.mul_add(self.c36, self.c37)),
+                                    .mul_add(
+                                        R::from_f64(11.0),
+                                        t12.mul_add(R::from_f64(11.0), self.c30),
+                                    ),
                             ),
                     ),
             );
@@ -1324,7 +1308,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t36.mul_add(R::from_f64(8.0), t35 * t19.abs()),
             )
             .mul_add(
-                A_Omega1_Omega2.abs(),
+                A_Omega1_Omega2_over_mb_lb2.abs(),
                 R::from_f64(10.0)
                     .mul_add(
                         t21.abs(),
@@ -1332,51 +1316,46 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                             .mul_add(
                                 t36,
                                 t32
-                                    .mul_add(R::from_f64(200.0), self.ma * t31)
-                                    .mul_add(R::ratio(1.0, 25.0) * t6.abs(), t37),
+                                    .mul_add(R::from_f64(8.0), self.c7 * t31)
+                                    .mul_add(t7.abs(), t37),
                             ),
                     ),
             );
-        let t39 = R::from_f64(80.0)
+        let t39 = R::from_f64(8.0)
             .mul_add(
                 t14.abs(),
-                t33
-                    .mul_add(
-                        (self.mb * t13).abs(),
-                        R::from_f64(20.0)
-                            .mul_add((self.lb * t1).abs(), R::from_f64(10.0)) * t34,
-                    ),
+                t33.mul_add(t13.abs(), t25.mul_add(R::from_f64(10.0), self.c31) * t34),
             );
         let A_l5_4 = -t23;
         let t40 = A_l5_4.abs();
-        let A_Omega2_Omega3 = -t14;
-        let t41 = R::from_f64(10.0)
+        let A_Omega2_Omega3_over_mb_lb2 = -t14;
+        let t41 = t39
             .mul_add(
-                t24.abs(),
+                t40,
                 R::from_f64(2.0)
                     .mul_add(
-                        A_s1_5_5.abs(),
-                        R::from_f64(15.0)
+                        A_s1_5_5_over_mb_lb2.abs(),
+                        R::from_f64(12.0)
                             .mul_add(
                                 t15.abs(),
-                                t17.mul_add(self.c40, t16.mul_add(self.c38, self.c39)),
+                                t17
+                                    .mul_add(self.c33, t16.mul_add(R::from_f64(12.0), self.c32)),
                             ),
                     ),
             );
         for (value, scale, pivot) in [
-            (A_s2_3_3, t30, "inertia along Omega1"),
-            (A_s3_4_4, t38, "inertia along Omega2"),
+            (A_s2_3_3_over_mb_lb2, t30, "inertia along Omega1"),
+            (A_s3_4_4_over_mb_lb2, t38, "inertia along Omega2"),
             (
-                A_s4_5_5,
-                (-(t14 * (t22 * t22)))
-                    .abs()
+                A_s4_5_5_over_mb_lb2,
+                t38
                     .mul_add(
-                        R::from_f64(10.0) * t38,
-                        t40.mul_add(R::from_f64(80.0), t22.abs() * t39),
+                        (-(t14 * (t22 * t22))).abs(),
+                        t40.mul_add(R::from_f64(8.0), t39 * t22.abs()),
                     )
                     .mul_add(
-                        R::ratio(1.0, 10.0) * A_Omega2_Omega3.abs(),
-                        t40.mul_add(R::ratio(1.0, 10.0) * t39, t41),
+                        A_Omega2_Omega3_over_mb_lb2.abs(),
+                        R::from_f64(10.0).mul_add(t24.abs(), t41),
                     ),
                 "inertia along Omega3",
             ),

@@ -216,105 +216,76 @@ impl<R: ::hamel_runtime::Real> State<R> {
 ///
 /// - Crampin and Mestdag, Second-order differential equation fields with symmetry, section 4
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[allow(non_snake_case, reason = "names are those of the model")]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
 pub struct Prepared<R = f64> {
-    /// Parameter `I2`.
-    I2: R,
-    /// Parameter `ma`.
-    ma: R,
-    /// Parameter `la`.
-    la: R,
-    /// Parameter `mb`.
-    mb: R,
-    /// Parameter `lb`.
-    lb: R,
-    /// Parameter `ka`.
-    ka: R,
-    /// Parameter `kb`.
-    kb: R,
-    /// `1 / (ma * (la * la))`
+    /// `ma * (la * la) / (mb * (lb * lb))`
     c0: R,
-    /// `1 / (mb * (lb * lb))`
+    /// `(3/5) * ma * la / (mb * (lb * lb))`
     c1: R,
-    /// `5 * la`
+    /// `(1/5) / lb`
     c2: R,
-    /// `5 * lb`
+    /// `0.5 / lb`
     c3: R,
-    /// `2 * lb`
+    /// `-(ka / (mb * (lb * lb)))`
     c4: R,
-    /// `10 * lb`
+    /// `-(kb / (mb * (lb * lb)))`
     c5: R,
-    /// `(1/5) * ma * la`
+    /// `(I2 - I3) / (mb * (lb * lb))`
     c6: R,
-    /// `-((1/10) * mb * lb)`
+    /// `mb * (lb * lb) / (ma * (la * la))`
     c7: R,
-    /// `(1/50) * mb`
+    /// `(I3 - I1) / (mb * (lb * lb))`
     c8: R,
-    /// `(1/20) * mb`
+    /// `(I1 - I2) / (mb * (lb * lb))`
     c9: R,
-    /// `I2 - I3`
+    /// `(2/5) / lb`
     c10: R,
-    /// `(1/25) * ma`
+    /// `(1/100) * (100 * I1 + mb * (29 + 100 * (lb * lb))) / (mb * (lb * lb))`
     c11: R,
-    /// `I3 - I1`
+    /// `I2 / (mb * (lb * lb))`
     c12: R,
-    /// `I1 - I2`
-    c13: R,
-    /// `(1/5) * mb * lb`
-    c14: R,
-    /// `mb * (lb * lb)`
-    c15: R,
-    /// `ma * (la * la)`
-    c16: R,
-    /// `I1 + (1/100) * mb * (29 + 100 * (lb * lb))`
-    c17: R,
-    /// `(2/5) * mb * lb`
-    c18: R,
-    /// `(1/25) * mb`
-    c19: R,
-    /// `(1/10) * mb`
-    c20: R,
     /// `(3/5) / la`
-    c21: R,
-    /// `mb * lb`
-    c22: R,
-    /// `I3 + 0.25 * mb - ma * (la * la) + (1/25) * ma * (9 + 25 * (la * la))`
-    c23: R,
-    /// `(-9/25) * ma`
-    c24: R,
-    /// `25 * (la * la)`
-    c25: R,
+    c13: R,
+    /// `1 / lb`
+    c14: R,
+    /// A longer expression in the parameters.
+    c15: R,
+    /// `(-9/25) * ma / (mb * (lb * lb))`
+    c16: R,
+    /// `2 * lb`
+    c17: R,
+    /// `5 * lb`
+    c18: R,
     /// `0.5 * I1`
-    c26: R,
+    c19: R,
     /// `0.5 * I2`
-    c27: R,
+    c20: R,
     /// `0.5 * I3`
-    c28: R,
+    c21: R,
     /// `0.5 * ka`
-    c29: R,
+    c22: R,
     /// `0.5 * kb`
+    c23: R,
+    /// `0.125 * mb`
+    c24: R,
+    /// `0.5 * ma * (la * la)`
+    c25: R,
+    /// `(1/50) * mb`
+    c26: R,
+    /// `(11/100) * (100 * I1 + mb * (29 + 100 * (lb * lb))) / (mb * (lb * lb))`
+    c27: R,
+    /// `6 * ma * la / (mb * (lb * lb))`
+    c28: R,
+    /// `2 / lb`
+    c29: R,
+    /// `11 * I2 / (mb * (lb * lb))`
     c30: R,
-    /// `(1/50) * ma`
+    /// `5 / lb`
     c31: R,
-    /// `(1/200) * mb`
+    /// A longer expression in the parameters.
     c32: R,
-    /// `10 * mb * (lb * lb)`
+    /// `(108/25) * ma / (mb * (lb * lb))`
     c33: R,
-    /// `12 * ma * (la * la)`
-    c34: R,
-    /// `12 * I1 + (3/25) * mb * (29 + 100 * (lb * lb))`
-    c35: R,
-    /// `(11/25) * mb`
-    c36: R,
-    /// `11 * I2`
-    c37: R,
-    /// `15 * mb * (lb * lb)`
-    c38: R,
-    /// `15 * I3 + 3.75 * mb + 15 * ma * (la * la) + (3/5) * ma * (9 + 25 * (la * la))`
-    c39: R,
-    /// `(27/5) * ma`
-    c40: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -328,7 +299,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 13 additions, 53 multiplications, 3 divisions, 1 sign change.
+    /// 13 additions, 43 multiplications, 25 divisions, 3 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, ma, la, mb, lb, ka, kb } = *params;
         for (value, condition, meaning) in [
@@ -349,15 +320,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let t0 = R::ratio(1.0, 10.0) * mb;
-        let t1 = R::ratio(1.0, 25.0) * ma;
+        let t0 = la * la;
+        let t1 = ma * t0;
         let t2 = lb * lb;
         let t3 = mb * t2;
-        let t4 = la * la;
-        let t5 = ma * t4;
-        let t6 = R::from_f64(29.0) + R::from_f64(100.0) * t2;
-        let t7 = R::from_f64(25.0) * t4;
-        let t8 = R::from_f64(9.0) + t7;
+        let t4 = R::from_f64(100.0) * I1
+            + mb * (R::from_f64(29.0) + R::from_f64(100.0) * t2);
+        let t5 = R::from_f64(9.0) + R::from_f64(25.0) * t0;
+        let t6 = R::from_f64(100.0) * I3 + R::from_f64(25.0) * mb
+            - R::from_f64(100.0) * ma * t0 + R::from_f64(4.0) * ma * t5;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -401,55 +372,43 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             });
         }
         Ok(Self {
-            I2,
-            ma,
-            la,
-            mb,
-            lb,
-            ka,
-            kb,
-            c0: t5.recip(),
-            c1: t3.recip(),
-            c2: R::from_f64(5.0) * la,
-            c3: R::from_f64(5.0) * lb,
-            c4: R::from_f64(2.0) * lb,
-            c5: R::from_f64(10.0) * lb,
-            c6: R::ratio(1.0, 5.0) * ma * la,
-            c7: -(t0 * lb),
-            c8: R::ratio(1.0, 50.0) * mb,
-            c9: R::ratio(1.0, 20.0) * mb,
-            c10: I2 - I3,
-            c11: t1,
-            c12: I3 - I1,
-            c13: I1 - I2,
-            c14: R::ratio(1.0, 5.0) * mb * lb,
-            c15: t3,
-            c16: t5,
-            c17: I1 + R::ratio(1.0, 100.0) * mb * t6,
-            c18: R::ratio(2.0, 5.0) * mb * lb,
-            c19: R::ratio(1.0, 25.0) * mb,
-            c20: t0,
-            c21: R::ratio(3.0, 5.0) / la,
-            c22: mb * lb,
-            c23: I3 + R::from_f64(0.25) * mb - t5 + t1 * t8,
-            c24: R::ratio(-9.0, 25.0) * ma,
-            c25: t7,
-            c26: R::from_f64(0.5) * I1,
-            c27: R::from_f64(0.5) * I2,
-            c28: R::from_f64(0.5) * I3,
-            c29: R::from_f64(0.5) * ka,
-            c30: R::from_f64(0.5) * kb,
-            c31: R::ratio(1.0, 50.0) * ma,
-            c32: R::ratio(1.0, 200.0) * mb,
-            c33: R::from_f64(10.0) * mb * t2,
-            c34: R::from_f64(12.0) * ma * t4,
-            c35: R::from_f64(12.0) * I1 + R::ratio(3.0, 25.0) * mb * t6,
-            c36: R::ratio(11.0, 25.0) * mb,
-            c37: R::from_f64(11.0) * I2,
-            c38: R::from_f64(15.0) * mb * t2,
-            c39: R::from_f64(15.0) * I3 + R::from_f64(3.75) * mb
-                + R::from_f64(15.0) * ma * t4 + R::ratio(3.0, 5.0) * ma * t8,
-            c40: R::ratio(27.0, 5.0) * ma,
+            c0: t1 / t3,
+            c1: R::ratio(3.0, 5.0) * ma * la / t3,
+            c2: R::ratio(1.0, 5.0) / lb,
+            c3: R::from_f64(0.5) / lb,
+            c4: -(ka / t3),
+            c5: -(kb / t3),
+            c6: (I2 - I3) / t3,
+            c7: t3 / t1,
+            c8: (I3 - I1) / t3,
+            c9: (I1 - I2) / t3,
+            c10: R::ratio(2.0, 5.0) / lb,
+            c11: R::ratio(1.0, 100.0) * t4 / t3,
+            c12: I2 / t3,
+            c13: R::ratio(3.0, 5.0) / la,
+            c14: lb.recip(),
+            c15: R::ratio(1.0, 100.0) * t6 / t3,
+            c16: R::ratio(-9.0, 25.0) * ma / t3,
+            c17: R::from_f64(2.0) * lb,
+            c18: R::from_f64(5.0) * lb,
+            c19: R::from_f64(0.5) * I1,
+            c20: R::from_f64(0.5) * I2,
+            c21: R::from_f64(0.5) * I3,
+            c22: R::from_f64(0.5) * ka,
+            c23: R::from_f64(0.5) * kb,
+            c24: R::from_f64(0.125) * mb,
+            c25: R::from_f64(0.5) * ma * t0,
+            c26: R::ratio(1.0, 50.0) * mb,
+            c27: R::ratio(11.0, 100.0) * t4 / t3,
+            c28: R::from_f64(6.0) * ma * la / t3,
+            c29: R::from_f64(2.0) / lb,
+            c30: R::from_f64(11.0) * I2 / t3,
+            c31: R::from_f64(5.0) / lb,
+            c32: R::ratio(1.0, 100.0)
+                * (R::from_f64(1200.0) * I3 + R::from_f64(300.0) * mb
+                    + R::from_f64(1200.0) * ma * t0 + R::from_f64(48.0) * ma * t5) / t3
+                + R::ratio(3.0, 25.0) * (t6 / t3).abs(),
+            c33: R::ratio(108.0, 25.0) * ma / t3,
         })
     }
 }
@@ -475,23 +434,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 57 additions, 96 multiplications (51 fused), 3 divisions, 2 elementary functions.
+    /// 57 additions, 80 multiplications (49 fused), 3 divisions, 2 elementary functions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 7], dy: &mut [R; 7]) {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3] = *y;
         let _ = t;
         /// velocities v of the squares m/2 |v|^2
-        let [t0, t1, t2, v1_1, t4, t5, t6, v1_2, v1_3] = {
+        let [t0, t1, t2, t3, v1_1_scaled, t4, t5, t6, v1_2_scaled, v1_3_scaled] = {
             let t0 = alpha_dot + Omega3;
             let (t1, t2) = alpha.sin_cos();
-            let t3 = self.c2 * t1;
-            let t4 = self.c2 * alpha_dot;
+            let t3 = self.c0 * t1;
+            let t4 = self.c0 * alpha_dot;
             let t5 = t2 * t4;
-            let t6 = t2.mul_add(self.c2, R::from_f64(3.0));
+            let t6 = t2.mul_add(self.c0, self.c1);
             [
                 t0,
                 t1,
                 t2,
+                t3,
                 t0 * t3,
                 t4,
                 t5,
@@ -501,125 +461,141 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             ]
         };
         /// their accelerations a = dv/dx xdot + omega x v at ydot = 0
-        let [a1_1, a1_2, a1_3] = {
+        let [a1_1_scaled, a1_2_scaled, a1_3_scaled] = {
             let t7 = t1 * t4;
             [
-                (-Omega2).mul_add(v1_3, Omega3.mul_add(v1_2, t0 * t5)),
-                (-Omega1).mul_add(v1_3, (-Omega3).mul_add(v1_1, -(t0 * t7))),
-                Omega2.mul_add(t7 + v1_1, Omega1 * (t5 + v1_2)),
+                (-Omega2).mul_add(v1_3_scaled, Omega3.mul_add(v1_2_scaled, t0 * t5)),
+                (-Omega1)
+                    .mul_add(v1_3_scaled, (-Omega3).mul_add(v1_1_scaled, -(t0 * t7))),
+                Omega2.mul_add(t7 + v1_1_scaled, Omega1 * (t5 + v1_2_scaled)),
             ]
         };
         /// velocities v of the squares m/2 |v|^2
-        let [t8, t9, t10, t12, v2_1, t15, v2_2, t16, v2_3] = {
+        let [t8, t9, t10, t11, v2_1_over_10_lb, t12, v2_2_over_10_lb, t13,
+        v2_3_over_10_lb] = {
             let (t8, t9) = beta.sin_cos();
-            let t10 = t8.mul_add(self.c3, R::ONE);
-            let t11 = R::from_f64(2.0) * t10;
-            let t12 = t9.mul_add(self.c4, R::ONE);
-            let t13 = R::from_f64(5.0) * t12;
-            let t14 = self.c5 * beta_dot;
-            let t15 = t8 * t14;
-            let t16 = t9 * t14;
+            let t10 = self.c2 + t8;
+            let t11 = self.c3 + t9;
+            let t12 = beta_dot * t8;
+            let t13 = beta_dot * t9;
             [
                 t8,
                 t9,
                 t10,
+                t11,
+                (-Omega3).mul_add(t11, Omega2 * t10),
                 t12,
-                (-Omega3).mul_add(t13, Omega2 * t11),
-                t15,
-                Omega1.mul_add(t11, t15),
-                t16,
-                Omega1.mul_add(t13, t16),
+                Omega1.mul_add(t10, t12),
+                t13,
+                Omega1.mul_add(t11, t13),
             ]
         };
         /// their accelerations a = dv/dx xdot + omega x v at ydot = 0
-        let [a2_1, a2_2, a2_3] = {
-            let t17 = beta_dot + Omega1;
+        let [a2_1_over_10_lb, a2_2_over_10_lb, a2_3_over_10_lb] = {
+            let t14 = beta_dot + Omega1;
             [
-                Omega2.mul_add(t16 + v2_3, Omega3 * (t15 + v2_2)),
-                (-Omega3).mul_add(v2_1, Omega1.mul_add(v2_3, t16 * t17)),
-                (-Omega2).mul_add(v2_1, (-Omega1).mul_add(v2_2, -(t15 * t17))),
+                Omega2.mul_add(t13 + v2_3_over_10_lb, Omega3 * (t12 + v2_2_over_10_lb)),
+                (-Omega3)
+                    .mul_add(
+                        v2_1_over_10_lb,
+                        Omega1.mul_add(v2_3_over_10_lb, t13 * t14),
+                    ),
+                (-Omega2)
+                    .mul_add(
+                        v2_1_over_10_lb,
+                        (-Omega1).mul_add(v2_2_over_10_lb, -(t12 * t14)),
+                    ),
             ]
         };
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [t18, r_alpha_dot, r_beta_dot, r_Omega1, t22, r_Omega2, r_Omega3] = {
-            let t18 = self.c6 * t1;
-            let t19 = a1_1 * t18;
-            let t20 = self.c8 * t10;
-            let t21 = self.c9 * t12;
-            let t22 = self.c11 * t6;
+        let [r_alpha_dot_over_mb_lb2, r_beta_dot_over_mb_lb2, r_Omega1_over_mb_lb2, t16,
+        r_Omega2_over_mb_lb2, r_Omega3_over_mb_lb2] = {
+            let t15 = t1 * a1_1_scaled;
+            let t16 = self.c7 * t6;
             [
-                t18,
-                (-a1_2).mul_add(self.c6 * t2, (-alpha).mul_add(self.ka, -t19)),
-                self.c7.mul_add(t9.mul_add(a2_3, t8 * a2_2), -(self.kb * beta)),
-                (-a1_3)
+                (-t2).mul_add(a1_2_scaled, alpha.mul_add(self.c4, -t15)),
+                (-t9)
                     .mul_add(
-                        t18,
-                        (-a2_3)
+                        a2_3_over_10_lb,
+                        (-t8).mul_add(a2_2_over_10_lb, self.c5 * beta),
+                    ),
+                (-t1)
+                    .mul_add(
+                        a1_3_scaled,
+                        (-t11)
                             .mul_add(
-                                t21,
-                                (-a2_2).mul_add(t20, self.c10 * Omega3 * Omega2),
+                                a2_3_over_10_lb,
+                                (-t10).mul_add(a2_2_over_10_lb, self.c6 * Omega3 * Omega2),
                             ),
                     ),
-                t22,
-                (-a2_1).mul_add(t20, a1_3.mul_add(t22, self.c12 * Omega3 * Omega1)),
-                a2_1
+                t16,
+                (-t10)
                     .mul_add(
-                        t21,
-                        (-a1_2).mul_add(t22, Omega1.mul_add(self.c13 * Omega2, -t19)),
+                        a2_1_over_10_lb,
+                        a1_3_scaled.mul_add(t16, self.c8 * Omega3 * Omega1),
+                    ),
+                t11
+                    .mul_add(
+                        a2_1_over_10_lb,
+                        (-a1_2_scaled)
+                            .mul_add(t16, Omega1.mul_add(self.c9 * Omega2, -t15)),
                     ),
             ]
         };
         /// mass matrix A = W^T L_yy Psi
-        let [A_beta_dot_Omega1, A_Omega1_Omega1, t24, A_Omega2_Omega2, t25] = {
-            let t23 = t9.mul_add(R::from_f64(2.5), t8);
+        let [A_beta_dot_Omega1_over_mb_lb2, A_Omega1_Omega1_over_mb_lb2, t18,
+        A_Omega2_Omega2_over_mb_lb2, t19] = {
+            let t17 = t9.mul_add(R::from_f64(2.5), t8);
             [
-                t23.mul_add(self.c14, self.c15),
-                t23.mul_add(self.c18, self.c16.mul_add(t1 * t1, self.c17)),
-                t6 * t18,
-                self.c19.mul_add(t10 * t10, t6.mul_add(t22, self.I2)),
-                self.c20 * t10 * t12,
+                t17.mul_add(self.c2, R::ONE),
+                t1.mul_add(t3, t17.mul_add(self.c10, self.c11)),
+                t1 * t6,
+                t6.mul_add(t16, t10.mul_add(t10, self.c12)),
+                t11 * t10,
             ]
         };
         /// factors of A
-        let [A_l5_1, A_l3_2, t26, t27, t28, t29, A_s4_5_5] = {
-            let A_s1_5_5 = self
-                .c24
-                .mul_add(
-                    t2 * t2,
-                    self.c15.mul_add(t9 * t9, t9.mul_add(self.c22, self.c23)),
-                );
-            let A_l3_2 = self.c1 * A_beta_dot_Omega1;
-            let A_s2_3_3 = (-A_beta_dot_Omega1).mul_add(A_l3_2, A_Omega1_Omega1);
-            let t26 = A_s2_3_3.recip();
-            let t27 = t24 * t26;
-            let A_s3_4_4 = (-t24).mul_add(t27, A_Omega2_Omega2);
-            let t28 = A_s3_4_4.recip();
-            let t29 = t25 * t28;
+        let [A_l5_1, t20, t21, t22, t23, A_s4_5_5_over_mb_lb2] = {
+            let A_s1_5_5_over_mb_lb2 = self
+                .c16
+                .mul_add(t2 * t2, t9.mul_add(t9, t9.mul_add(self.c14, self.c15)));
+            let A_s2_3_3_over_mb_lb2 = (-A_beta_dot_Omega1_over_mb_lb2)
+                .mul_add(A_beta_dot_Omega1_over_mb_lb2, A_Omega1_Omega1_over_mb_lb2);
+            let t20 = A_s2_3_3_over_mb_lb2.recip();
+            let t21 = t18 * t20;
+            let A_s3_4_4_over_mb_lb2 = (-t18).mul_add(t21, A_Omega2_Omega2_over_mb_lb2);
+            let t22 = A_s3_4_4_over_mb_lb2.recip();
+            let t23 = t19 * t22;
             [
-                t2.mul_add(self.c21, R::ONE),
-                A_l3_2,
-                t26,
-                t27,
-                t28,
-                t29,
-                (-t25).mul_add(t29, A_s1_5_5),
+                t2.mul_add(self.c13, R::ONE),
+                t20,
+                t21,
+                t22,
+                t23,
+                (-t19).mul_add(t23, A_s1_5_5_over_mb_lb2),
             ]
         };
         /// substitution through the factors of A
         let [dot_Omega3, dot_Omega2, dot_Omega1, dot_beta_dot, dot_alpha_dot] = {
-            let z_Omega1 = (-r_beta_dot).mul_add(A_l3_2, r_Omega1);
-            let z_Omega2 = t27.mul_add(z_Omega1, r_Omega2);
-            let z_Omega3 = t29
-                .mul_add(z_Omega2, (-r_alpha_dot).mul_add(A_l5_1, r_Omega3));
-            let dot_Omega3 = z_Omega3 / A_s4_5_5;
-            let dot_Omega2 = t29.mul_add(dot_Omega3, z_Omega2 * t28);
-            let dot_Omega1 = t27.mul_add(dot_Omega2, z_Omega1 * t26);
+            let z_Omega1_over_mb_lb2 = (-r_beta_dot_over_mb_lb2)
+                .mul_add(A_beta_dot_Omega1_over_mb_lb2, r_Omega1_over_mb_lb2);
+            let z_Omega2_over_mb_lb2 = t21
+                .mul_add(z_Omega1_over_mb_lb2, r_Omega2_over_mb_lb2);
+            let z_Omega3_over_mb_lb2 = t23
+                .mul_add(
+                    z_Omega2_over_mb_lb2,
+                    (-r_alpha_dot_over_mb_lb2).mul_add(A_l5_1, r_Omega3_over_mb_lb2),
+                );
+            let dot_Omega3 = z_Omega3_over_mb_lb2 / A_s4_5_5_over_mb_lb2;
+            let dot_Omega2 = t23.mul_add(dot_Omega3, z_Omega2_over_mb_lb2 * t22);
+            let dot_Omega1 = t21.mul_add(dot_Omega2, z_Omega1_over_mb_lb2 * t20);
             [
                 dot_Omega3,
                 dot_Omega2,
                 dot_Omega1,
-                (-A_l3_2).mul_add(dot_Omega1, self.c1 * r_beta_dot),
-                (-A_l5_1).mul_add(dot_Omega3, self.c0 * r_alpha_dot),
+                (-A_beta_dot_Omega1_over_mb_lb2)
+                    .mul_add(dot_Omega1, r_beta_dot_over_mb_lb2),
+                (-A_l5_1).mul_add(dot_Omega3, self.c7 * r_alpha_dot_over_mb_lb2),
             ]
         };
         *dy = [
@@ -641,56 +617,52 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 19 additions, 38 multiplications (15 fused), 2 elementary functions.
+    /// 20 additions, 31 multiplications (16 fused), 2 elementary functions.
     #[inline]
     #[must_use]
     pub fn energy(&self, t: R, y: &[R; 7]) -> R {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3] = *y;
         let _ = t;
-        let (t0, t1) = alpha.sin_cos();
-        let t2 = self.c2 * t1;
-        let t3 = R::from_f64(3.0) + t2;
-        let t4 = Omega3.mul_add(t3, alpha_dot * t2);
-        let t5 = (-Omega2).mul_add(t3, t0 * (self.c2 * Omega1));
-        let t6 = t0 * (alpha_dot + Omega3);
-        let (t7, t8) = beta.sin_cos();
-        let t9 = self.c3 * t7;
-        let t10 = R::ONE + t9;
-        let t11 = self.c4 * t8;
-        let t12 = R::ONE + t11;
-        let t13 = (-t12)
-            .mul_add(R::from_f64(5.0) * Omega3, t10 * (R::from_f64(2.0) * Omega2));
-        let t14 = Omega1.mul_add(t10, beta_dot * t9);
-        let t15 = Omega1.mul_add(t12, beta_dot * t11);
-        let t16 = self
-            .c30
+        let t0 = beta_dot + Omega1;
+        let (t1, t2) = beta.sin_cos();
+        let t3 = self.c17 * t2;
+        let t4 = t0.mul_add(t3, Omega1);
+        let (t5, t6) = alpha.sin_cos();
+        let t7 = t5 * (alpha_dot + Omega3);
+        let t8 = self.c13 + t6;
+        let t9 = Omega3.mul_add(t8, alpha_dot * t6);
+        let t10 = (-Omega2).mul_add(t8, Omega1 * t5);
+        let t11 = self.c18 * t1;
+        let t12 = (-(R::ONE + t3))
+            .mul_add(R::from_f64(2.5) * Omega3, Omega2.mul_add(t11, Omega2));
+        let t13 = t0.mul_add(t11, Omega1);
+        let t14 = self
+            .c23
             .mul_add(
                 beta * beta,
                 self
-                    .c29
+                    .c22
                     .mul_add(
                         alpha * alpha,
                         self
-                            .c28
+                            .c21
                             .mul_add(
                                 Omega3 * Omega3,
                                 self
-                                    .c27
-                                    .mul_add(Omega2 * Omega2, self.c26 * (Omega1 * Omega1)),
+                                    .c20
+                                    .mul_add(Omega2 * Omega2, self.c19 * (Omega1 * Omega1)),
                             ),
                     ),
             );
-        self.c32
+        self.c26
             .mul_add(
-                t13
-                    .mul_add(
-                        t13,
-                        R::from_f64(25.0)
-                            .mul_add(t15 * t15, R::from_f64(4.0) * (t14 * t14)),
-                    ),
+                t12.mul_add(t12, t13 * t13),
                 self
-                    .c31
-                    .mul_add(t5.mul_add(t5, t4.mul_add(t4, self.c25 * (t6 * t6))), t16),
+                    .c25
+                    .mul_add(
+                        t10.mul_add(t10, t9.mul_add(t9, t7 * t7)),
+                        self.c24.mul_add(t4 * t4, t14),
+                    ),
             )
     }
 
@@ -702,118 +674,124 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 53 additions, 87 multiplications (48 fused), 2 divisions, 34 sign changes, 2 elementary functions.
+    /// 51 additions, 68 multiplications (39 fused), 2 divisions, 31 sign changes, 2 elementary functions.
     pub fn check(&self, t: R, y: &[R; 7]) -> Result<(), ::hamel_runtime::Failure> {
         let [alpha, beta, _, _, _, _, _] = *y;
         /// mass matrix A = W^T L_yy Psi
-        let [t0, t1, t2, A_beta_dot_Omega1, t4, t5, A_Omega1_Omega1, t6, t7, t8, t9, t10,
-        t11, t12, A_Omega2_Omega2, t13, t14] = {
+        let [t0, t1, t2, A_beta_dot_Omega1_over_mb_lb2, t3, t4, t5,
+        A_Omega1_Omega1_over_mb_lb2, t6, t7, t8, t9, t10, t11, t12,
+        A_Omega2_Omega2_over_mb_lb2, t13, t14] = {
             let (t0, t1) = beta.sin_cos();
             let t2 = t1.mul_add(R::from_f64(2.5), t0);
             let (t3, t4) = alpha.sin_cos();
-            let t5 = t3 * t3;
-            let t6 = t4.mul_add(self.c2, R::from_f64(3.0));
-            let t7 = self.c6 * t3;
-            let t9 = self.c11 * t6;
-            let t10 = t6 * t9;
-            let t11 = t0.mul_add(self.c3, R::ONE);
+            let t5 = self.c0 * t3 * t3;
+            let t6 = self.c0 * t4;
+            let t7 = self.c1 + t6;
+            let t9 = self.c7 * t7;
+            let t10 = t7 * t9;
+            let t11 = self.c2 + t0;
             let t12 = t11 * t11;
-            let t13 = t1.mul_add(self.c4, R::ONE);
+            let t13 = self.c3 + t1;
             [
                 t0,
                 t1,
                 t2,
-                t2.mul_add(self.c14, self.c15),
+                t2.mul_add(self.c2, R::ONE),
+                t3,
                 t4,
                 t5,
-                t2.mul_add(self.c18, t5.mul_add(self.c16, self.c17)),
+                t2.mul_add(self.c10, self.c11) + t5,
                 t6,
                 t7,
-                t6 * t7,
+                t3 * t7,
                 t9,
                 t10,
                 t11,
                 t12,
-                t12.mul_add(self.c19, self.I2) + t10,
+                self.c12 + t12 + t10,
                 t13,
-                self.c20 * t11 * t13,
+                t13 * t11,
             ]
         };
         /// factors of A
-        let [t15, t16, t17, A_s1_5_5, A_l3_2, t18, A_s2_3_3, t19, t20, t21, A_s3_4_4,
-        t22, t23, t24, A_s4_5_5] = {
-            let t15 = self.c22 * t1;
+        let [t15, t16, t17, A_s1_5_5_over_mb_lb2, t18, A_s2_3_3_over_mb_lb2, t19, t20,
+        t21, A_s3_4_4_over_mb_lb2, t22, t23, t24, A_s4_5_5_over_mb_lb2] = {
+            let t15 = self.c14 * t1;
             let t16 = t1 * t1;
             let t17 = t4 * t4;
-            let A_s1_5_5 = t17.mul_add(self.c24, t16.mul_add(self.c15, self.c23 + t15));
-            let A_l3_2 = self.c1 * A_beta_dot_Omega1;
-            let t18 = A_beta_dot_Omega1 * A_l3_2;
-            let A_s2_3_3 = A_Omega1_Omega1 - t18;
-            let t19 = A_s2_3_3.recip();
+            let A_s1_5_5_over_mb_lb2 = t17.mul_add(self.c16, self.c15 + t15 + t16);
+            let t18 = A_beta_dot_Omega1_over_mb_lb2 * A_beta_dot_Omega1_over_mb_lb2;
+            let A_s2_3_3_over_mb_lb2 = A_Omega1_Omega1_over_mb_lb2 - t18;
+            let t19 = A_s2_3_3_over_mb_lb2.recip();
             let t20 = t8 * t19;
             let t21 = t8 * t20;
-            let A_s3_4_4 = A_Omega2_Omega2 - t21;
-            let t22 = A_s3_4_4.recip();
+            let A_s3_4_4_over_mb_lb2 = A_Omega2_Omega2_over_mb_lb2 - t21;
+            let t22 = A_s3_4_4_over_mb_lb2.recip();
             let t23 = t14 * t22;
             let t24 = t14 * t23;
             [
                 t15,
                 t16,
                 t17,
-                A_s1_5_5,
-                A_l3_2,
+                A_s1_5_5_over_mb_lb2,
                 t18,
-                A_s2_3_3,
+                A_s2_3_3_over_mb_lb2,
                 t19,
                 t20,
                 t21,
-                A_s3_4_4,
+                A_s3_4_4_over_mb_lb2,
                 t22,
                 t23,
                 t24,
-                A_s1_5_5 - t24,
+                A_s1_5_5_over_mb_lb2 - t24,
             ]
         };
-        let t25 = R::from_f64(10.0).mul_add(t0.abs(), R::from_f64(25.0) * t1.abs());
-        let t26 = (self.c22 * t2).abs();
-        let t27 = t26.mul_add(R::from_f64(2.0), t25.mul_add(self.c14, self.c33));
-        let t28 = A_l3_2.abs();
+        let t25 = t1.abs();
+        let t26 = R::from_f64(10.0) * t0.abs();
+        let t27 = t25.mul_add(R::from_f64(25.0), t26);
+        let t28 = (self.c14 * t2).abs();
         let t29 = R::from_f64(2.0)
             .mul_add(
-                A_Omega1_Omega1.abs(),
-                t26
+                A_Omega1_Omega1_over_mb_lb2.abs(),
+                t28
                     .mul_add(
-                        R::ratio(24.0, 5.0),
-                        t25
+                        R::ratio(22.0, 5.0),
+                        t27
                             .mul_add(
-                                self.c18,
+                                self.c10,
                                 t18
-                                    .mul_add(R::from_f64(10.0), t5.mul_add(self.c34, self.c35)),
+                                    .mul_add(
+                                        R::from_f64(10.0),
+                                        t5.mul_add(R::from_f64(11.0), self.c27),
+                                    ),
                             ),
                     ),
             );
-        let t30 = t27
-            .mul_add(self.c1, R::from_f64(8.0) * t28)
-            .mul_add(A_beta_dot_Omega1.abs(), t27.mul_add(t28, t29));
-        let t31 = R::from_f64(50.0).mul_add((self.la * t4).abs(), R::from_f64(30.0));
+        let t30 = t28
+            .mul_add(R::from_f64(2.0), t27.mul_add(self.c2, R::from_f64(10.0)))
+            .mul_add(R::from_f64(2.0) * A_beta_dot_Omega1_over_mb_lb2.abs(), t29);
+        let t31 = R::from_f64(10.0).mul_add(t6.abs(), self.c28);
         let t32 = t9.abs();
-        let t33 = R::from_f64(50.0).mul_add((self.lb * t0).abs(), R::from_f64(10.0));
-        let t34 = (self.mb * t11).abs();
-        let t35 = R::from_f64(8.0).mul_add(t8.abs(), t31 * t7.abs());
+        let t33 = self.c29 + t26;
+        let t34 = t11.abs();
+        let t35 = R::from_f64(8.0).mul_add(t8.abs(), t31 * t3.abs());
         let A_l4_3 = -t20;
         let t36 = A_l4_3.abs();
-        let A_Omega1_Omega2 = -t8;
+        let A_Omega1_Omega2_over_mb_lb2 = -t8;
         let t37 = t33
             .mul_add(
-                R::ratio(2.0, 25.0) * t34,
+                R::from_f64(2.0) * t34,
                 t31
                     .mul_add(
                         t32,
-                        A_Omega2_Omega2
+                        A_Omega2_Omega2_over_mb_lb2
                             .mul_add(
                                 R::from_f64(2.0),
                                 t10
-                                    .mul_add(R::from_f64(11.0), t12.mul_add(self.c36, self.c37)),
+                                    .mul_add(
+                                        R::from_f64(11.0),
+                                        t12.mul_add(R::from_f64(11.0), self.c30),
+                                    ),
                             ),
                     ),
             );
@@ -823,7 +801,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t36.mul_add(R::from_f64(8.0), t35 * t19.abs()),
             )
             .mul_add(
-                A_Omega1_Omega2.abs(),
+                A_Omega1_Omega2_over_mb_lb2.abs(),
                 R::from_f64(10.0)
                     .mul_add(
                         t21.abs(),
@@ -831,51 +809,46 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                             .mul_add(
                                 t36,
                                 t32
-                                    .mul_add(R::from_f64(200.0), self.ma * t31)
-                                    .mul_add(R::ratio(1.0, 25.0) * t6.abs(), t37),
+                                    .mul_add(R::from_f64(8.0), self.c7 * t31)
+                                    .mul_add(t7.abs(), t37),
                             ),
                     ),
             );
-        let t39 = R::from_f64(80.0)
+        let t39 = R::from_f64(8.0)
             .mul_add(
                 t14.abs(),
-                t33
-                    .mul_add(
-                        (self.mb * t13).abs(),
-                        R::from_f64(20.0)
-                            .mul_add((self.lb * t1).abs(), R::from_f64(10.0)) * t34,
-                    ),
+                t33.mul_add(t13.abs(), t25.mul_add(R::from_f64(10.0), self.c31) * t34),
             );
         let A_l5_4 = -t23;
         let t40 = A_l5_4.abs();
-        let A_Omega2_Omega3 = -t14;
-        let t41 = R::from_f64(10.0)
+        let A_Omega2_Omega3_over_mb_lb2 = -t14;
+        let t41 = t39
             .mul_add(
-                t24.abs(),
+                t40,
                 R::from_f64(2.0)
                     .mul_add(
-                        A_s1_5_5.abs(),
-                        R::from_f64(15.0)
+                        A_s1_5_5_over_mb_lb2.abs(),
+                        R::from_f64(12.0)
                             .mul_add(
                                 t15.abs(),
-                                t17.mul_add(self.c40, t16.mul_add(self.c38, self.c39)),
+                                t17
+                                    .mul_add(self.c33, t16.mul_add(R::from_f64(12.0), self.c32)),
                             ),
                     ),
             );
         for (value, scale, pivot) in [
-            (A_s2_3_3, t30, "inertia along Omega1"),
-            (A_s3_4_4, t38, "inertia along Omega2"),
+            (A_s2_3_3_over_mb_lb2, t30, "inertia along Omega1"),
+            (A_s3_4_4_over_mb_lb2, t38, "inertia along Omega2"),
             (
-                A_s4_5_5,
-                (-(t14 * (t22 * t22)))
-                    .abs()
+                A_s4_5_5_over_mb_lb2,
+                t38
                     .mul_add(
-                        R::from_f64(10.0) * t38,
-                        t40.mul_add(R::from_f64(80.0), t22.abs() * t39),
+                        (-(t14 * (t22 * t22))).abs(),
+                        t40.mul_add(R::from_f64(8.0), t39 * t22.abs()),
                     )
                     .mul_add(
-                        R::ratio(1.0, 10.0) * A_Omega2_Omega3.abs(),
-                        t40.mul_add(R::ratio(1.0, 10.0) * t39, t41),
+                        A_Omega2_Omega3_over_mb_lb2.abs(),
+                        R::from_f64(10.0).mul_add(t24.abs(), t41),
                     ),
                 "inertia along Omega3",
             ),
@@ -944,7 +917,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
         ::hamel_runtime::Convolutions<R, 16>,
         ::hamel_runtime::Convolutions<R, 16>,
         ::hamel_runtime::Convolutions<R, 16>,
-        ::hamel_runtime::Convolutions<R, 5>,
+        ::hamel_runtime::Convolutions<R, 3>,
     );
     fn workspace(&self) -> Self::Workspace {
         (
@@ -960,7 +933,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
     ///
     /// # Operations
     ///
-    /// At each order k: 179 additions, 168 multiplications (134 fused), 5 sign changes, and 69 sums of k - 1 products.
+    /// At each order k: 177 additions, 150 multiplications (130 fused), 4 sign changes, and 67 sums of k - 1 products.
     fn series(
         &self,
         t: R,
@@ -1035,25 +1008,18 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             kept58,
             kept59,
             kept60,
-            kept61,
-            kept62,
-            kept63,
-            kept64,
-            kept65,
-            kept66,
-            kept67,
             ],
         ) = {
             let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3] = *y;
             let _ = t;
             /// velocities v of the squares m/2 |v|^2
-            let [t0, t1, t2, t3, v1_1, t4, t5, t6, v1_2, v1_3] = {
+            let [t0, t1, t2, t3, v1_1_scaled, t4, t5, t6, v1_2_scaled, v1_3_scaled] = {
                 let t0 = alpha_dot + Omega3;
                 let (t1, t2) = alpha.sin_cos();
-                let t3 = self.c2 * t1;
-                let t4 = self.c2 * alpha_dot;
+                let t3 = self.c0 * t1;
+                let t4 = self.c0 * alpha_dot;
                 let t5 = t2 * t4;
-                let t6 = t2.mul_add(self.c2, R::from_f64(3.0));
+                let t6 = t2.mul_add(self.c0, self.c1);
                 [
                     t0,
                     t1,
@@ -1068,150 +1034,168 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                 ]
             };
             /// their accelerations a = dv/dx xdot + omega x v at ydot = 0
-            let [a1_1, t7, a1_2, t8, t9, a1_3] = {
+            let [a1_1_scaled, t7, a1_2_scaled, t8, t9, a1_3_scaled] = {
                 let t7 = t1 * t4;
-                let t8 = t5 + v1_2;
-                let t9 = t7 + v1_1;
+                let t8 = t5 + v1_2_scaled;
+                let t9 = t7 + v1_1_scaled;
                 [
-                    (-Omega2).mul_add(v1_3, Omega3.mul_add(v1_2, t0 * t5)),
+                    (-Omega2).mul_add(v1_3_scaled, Omega3.mul_add(v1_2_scaled, t0 * t5)),
                     t7,
-                    (-Omega1).mul_add(v1_3, (-Omega3).mul_add(v1_1, -(t0 * t7))),
+                    (-Omega1)
+                        .mul_add(
+                            v1_3_scaled,
+                            (-Omega3).mul_add(v1_1_scaled, -(t0 * t7)),
+                        ),
                     t8,
                     t9,
                     Omega2.mul_add(t9, Omega1 * t8),
                 ]
             };
             /// velocities v of the squares m/2 |v|^2
-            let [t10, t11, t12, t13, t14, t15, v2_1, t16, t17, v2_2, t18, v2_3] = {
+            let [t10, t11, t12, t13, v2_1_over_10_lb, t14, v2_2_over_10_lb, t15,
+            v2_3_over_10_lb] = {
                 let (t10, t11) = beta.sin_cos();
-                let t12 = t10.mul_add(self.c3, R::ONE);
-                let t13 = R::from_f64(2.0) * t12;
-                let t14 = t11.mul_add(self.c4, R::ONE);
-                let t15 = R::from_f64(5.0) * t14;
-                let t16 = self.c5 * beta_dot;
-                let t17 = t10 * t16;
-                let t18 = t11 * t16;
+                let t12 = self.c2 + t10;
+                let t13 = self.c3 + t11;
+                let t14 = beta_dot * t10;
+                let t15 = beta_dot * t11;
                 [
                     t10,
                     t11,
                     t12,
                     t13,
+                    (-Omega3).mul_add(t13, Omega2 * t12),
                     t14,
+                    Omega1.mul_add(t12, t14),
                     t15,
-                    (-Omega3).mul_add(t15, Omega2 * t13),
-                    t16,
-                    t17,
-                    Omega1.mul_add(t13, t17),
-                    t18,
-                    Omega1.mul_add(t15, t18),
+                    Omega1.mul_add(t13, t15),
                 ]
             };
             /// their accelerations a = dv/dx xdot + omega x v at ydot = 0
-            let [t19, t20, a2_1, t21, a2_2, a2_3] = {
-                let t19 = t17 + v2_2;
-                let t20 = t18 + v2_3;
-                let t21 = beta_dot + Omega1;
+            let [t16, t17, a2_1_over_10_lb, t18, a2_2_over_10_lb, a2_3_over_10_lb] = {
+                let t16 = t14 + v2_2_over_10_lb;
+                let t17 = t15 + v2_3_over_10_lb;
+                let t18 = beta_dot + Omega1;
                 [
-                    t19,
-                    t20,
-                    Omega2.mul_add(t20, Omega3 * t19),
-                    t21,
-                    (-Omega3).mul_add(v2_1, Omega1.mul_add(v2_3, t18 * t21)),
-                    (-Omega2).mul_add(v2_1, (-Omega1).mul_add(v2_2, -(t17 * t21))),
+                    t16,
+                    t17,
+                    Omega2.mul_add(t17, Omega3 * t16),
+                    t18,
+                    (-Omega3)
+                        .mul_add(
+                            v2_1_over_10_lb,
+                            Omega1.mul_add(v2_3_over_10_lb, t15 * t18),
+                        ),
+                    (-Omega2)
+                        .mul_add(
+                            v2_1_over_10_lb,
+                            (-Omega1).mul_add(v2_2_over_10_lb, -(t14 * t18)),
+                        ),
                 ]
             };
             /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-            let [t22, t24, r_alpha_dot, r_beta_dot, t25, t26, t27, r_Omega1, t28, t29,
-            r_Omega2, t30, r_Omega3] = {
-                let t22 = self.c6 * t1;
-                let t23 = a1_1 * t22;
-                let t24 = self.c6 * t2;
-                let t25 = self.c8 * t12;
-                let t26 = self.c9 * t14;
-                let t27 = self.c10 * Omega3;
-                let t28 = self.c11 * t6;
-                let t29 = self.c12 * Omega3;
-                let t30 = self.c13 * Omega2;
+            let [r_alpha_dot_over_mb_lb2, r_beta_dot_over_mb_lb2, t20,
+            r_Omega1_over_mb_lb2, t21, t22, r_Omega2_over_mb_lb2, t23,
+            r_Omega3_over_mb_lb2] = {
+                let t19 = t1 * a1_1_scaled;
+                let t20 = self.c6 * Omega3;
+                let t21 = self.c7 * t6;
+                let t22 = self.c8 * Omega3;
+                let t23 = self.c9 * Omega2;
                 [
-                    t22,
-                    t24,
-                    (-a1_2).mul_add(t24, (-alpha).mul_add(self.ka, -t23)),
-                    self.c7.mul_add(t11.mul_add(a2_3, t10 * a2_2), -(self.kb * beta)),
-                    t25,
-                    t26,
-                    t27,
-                    (-a1_3)
+                    (-t2).mul_add(a1_2_scaled, alpha.mul_add(self.c4, -t19)),
+                    (-t11)
                         .mul_add(
-                            t22,
-                            (-a2_3).mul_add(t26, (-a2_2).mul_add(t25, t27 * Omega2)),
+                            a2_3_over_10_lb,
+                            (-t10).mul_add(a2_2_over_10_lb, self.c5 * beta),
                         ),
-                    t28,
-                    t29,
-                    (-a2_1).mul_add(t25, a1_3.mul_add(t28, t29 * Omega1)),
-                    t30,
-                    a2_1.mul_add(t26, (-a1_2).mul_add(t28, t30.mul_add(Omega1, -t23))),
+                    t20,
+                    (-t1)
+                        .mul_add(
+                            a1_3_scaled,
+                            (-t13)
+                                .mul_add(
+                                    a2_3_over_10_lb,
+                                    (-t12).mul_add(a2_2_over_10_lb, t20 * Omega2),
+                                ),
+                        ),
+                    t21,
+                    t22,
+                    (-t12)
+                        .mul_add(
+                            a2_1_over_10_lb,
+                            a1_3_scaled.mul_add(t21, t22 * Omega1),
+                        ),
+                    t23,
+                    t13
+                        .mul_add(
+                            a2_1_over_10_lb,
+                            (-a1_2_scaled).mul_add(t21, t23.mul_add(Omega1, -t19)),
+                        ),
                 ]
             };
             /// mass matrix A = W^T L_yy Psi
-            let [A_beta_dot_Omega1, A_Omega1_Omega1, t32, A_Omega2_Omega2, t33, t34] = {
-                let t31 = t11.mul_add(R::from_f64(2.5), t10);
-                let t33 = self.c20 * t12;
+            let [A_beta_dot_Omega1_over_mb_lb2, A_Omega1_Omega1_over_mb_lb2, t25,
+            A_Omega2_Omega2_over_mb_lb2, t26] = {
+                let t24 = t11.mul_add(R::from_f64(2.5), t10);
                 [
-                    t31.mul_add(self.c14, self.c15),
-                    t31.mul_add(self.c18, self.c16.mul_add(t1 * t1, self.c17)),
-                    t6 * t22,
-                    self.c19.mul_add(t12 * t12, t6.mul_add(t28, self.I2)),
-                    t33,
-                    t33 * t14,
+                    t24.mul_add(self.c2, R::ONE),
+                    t1.mul_add(t3, t24.mul_add(self.c10, self.c11)),
+                    t1 * t6,
+                    t6.mul_add(t21, t12.mul_add(t12, self.c12)),
+                    t13 * t12,
                 ]
             };
             /// factors of A
-            let [A_l5_1, A_l3_2, t35, t36, t37, t38, A_s4_5_5] = {
-                let A_s1_5_5 = self
-                    .c24
-                    .mul_add(
-                        t2 * t2,
-                        self.c15.mul_add(t11 * t11, t11.mul_add(self.c22, self.c23)),
-                    );
-                let A_l3_2 = self.c1 * A_beta_dot_Omega1;
-                let A_s2_3_3 = (-A_beta_dot_Omega1).mul_add(A_l3_2, A_Omega1_Omega1);
-                let t35 = A_s2_3_3.recip();
-                let t36 = t32 * t35;
-                let A_s3_4_4 = (-t32).mul_add(t36, A_Omega2_Omega2);
-                let t37 = A_s3_4_4.recip();
-                let t38 = t34 * t37;
+            let [A_l5_1, t27, t28, t29, t30, A_s4_5_5_over_mb_lb2] = {
+                let A_s1_5_5_over_mb_lb2 = self
+                    .c16
+                    .mul_add(t2 * t2, t11.mul_add(t11, t11.mul_add(self.c14, self.c15)));
+                let A_s2_3_3_over_mb_lb2 = (-A_beta_dot_Omega1_over_mb_lb2)
+                    .mul_add(A_beta_dot_Omega1_over_mb_lb2, A_Omega1_Omega1_over_mb_lb2);
+                let t27 = A_s2_3_3_over_mb_lb2.recip();
+                let t28 = t25 * t27;
+                let A_s3_4_4_over_mb_lb2 = (-t25)
+                    .mul_add(t28, A_Omega2_Omega2_over_mb_lb2);
+                let t29 = A_s3_4_4_over_mb_lb2.recip();
+                let t30 = t26 * t29;
                 [
-                    t2.mul_add(self.c21, R::ONE),
-                    A_l3_2,
-                    t35,
-                    t36,
-                    t37,
-                    t38,
-                    (-t34).mul_add(t38, A_s1_5_5),
+                    t2.mul_add(self.c13, R::ONE),
+                    t27,
+                    t28,
+                    t29,
+                    t30,
+                    (-t26).mul_add(t30, A_s1_5_5_over_mb_lb2),
                 ]
             };
             /// substitution through the factors of A
-            let [z_Omega1, z_Omega2, dot_Omega3, t39, dot_Omega2, t40, dot_Omega1,
-            dot_beta_dot, dot_alpha_dot] = {
-                let z_Omega1 = (-r_beta_dot).mul_add(A_l3_2, r_Omega1);
-                let z_Omega2 = t36.mul_add(z_Omega1, r_Omega2);
-                let z_Omega3 = t38
-                    .mul_add(z_Omega2, (-r_alpha_dot).mul_add(A_l5_1, r_Omega3));
-                let dot_Omega3 = z_Omega3 / A_s4_5_5;
-                let t39 = z_Omega2 * t37;
-                let dot_Omega2 = t38.mul_add(dot_Omega3, t39);
-                let t40 = z_Omega1 * t35;
-                let dot_Omega1 = t36.mul_add(dot_Omega2, t40);
+            let [z_Omega1_over_mb_lb2, z_Omega2_over_mb_lb2, dot_Omega3, t31, dot_Omega2,
+            t32, dot_Omega1, dot_beta_dot, dot_alpha_dot] = {
+                let z_Omega1_over_mb_lb2 = (-r_beta_dot_over_mb_lb2)
+                    .mul_add(A_beta_dot_Omega1_over_mb_lb2, r_Omega1_over_mb_lb2);
+                let z_Omega2_over_mb_lb2 = t28
+                    .mul_add(z_Omega1_over_mb_lb2, r_Omega2_over_mb_lb2);
+                let z_Omega3_over_mb_lb2 = t30
+                    .mul_add(
+                        z_Omega2_over_mb_lb2,
+                        (-r_alpha_dot_over_mb_lb2).mul_add(A_l5_1, r_Omega3_over_mb_lb2),
+                    );
+                let dot_Omega3 = z_Omega3_over_mb_lb2 / A_s4_5_5_over_mb_lb2;
+                let t31 = z_Omega2_over_mb_lb2 * t29;
+                let dot_Omega2 = t30.mul_add(dot_Omega3, t31);
+                let t32 = z_Omega1_over_mb_lb2 * t27;
+                let dot_Omega1 = t28.mul_add(dot_Omega2, t32);
                 [
-                    z_Omega1,
-                    z_Omega2,
+                    z_Omega1_over_mb_lb2,
+                    z_Omega2_over_mb_lb2,
                     dot_Omega3,
-                    t39,
+                    t31,
                     dot_Omega2,
-                    t40,
+                    t32,
                     dot_Omega1,
-                    (-A_l3_2).mul_add(dot_Omega1, self.c1 * r_beta_dot),
-                    (-A_l5_1).mul_add(dot_Omega3, self.c0 * r_alpha_dot),
+                    (-A_beta_dot_Omega1_over_mb_lb2)
+                        .mul_add(dot_Omega1, r_beta_dot_over_mb_lb2),
+                    (-A_l5_1).mul_add(dot_Omega3, self.c7 * r_alpha_dot_over_mb_lb2),
                 ]
             };
             (
@@ -1235,62 +1219,55 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                     Omega1,
                     Omega2,
                     t5,
-                    v1_2,
-                    v1_3,
+                    v1_2_scaled,
+                    v1_3_scaled,
                     t7,
-                    v1_1,
+                    v1_1_scaled,
                     t8,
                     t9,
                     t10,
                     t11,
+                    t12,
                     t13,
-                    t15,
+                    beta_dot,
                     t16,
-                    t19,
-                    t20,
-                    t18,
-                    t21,
-                    v2_3,
-                    v2_1,
                     t17,
-                    v2_2,
-                    a1_1,
-                    t22,
-                    a1_2,
-                    t24,
-                    a2_2,
-                    a2_3,
-                    t27,
-                    t25,
-                    t26,
-                    a1_3,
-                    t29,
-                    t28,
-                    a2_1,
-                    t30,
-                    t1 + t1,
-                    t12 + t12,
-                    t33,
+                    t15,
+                    t18,
+                    v2_3_over_10_lb,
+                    v2_1_over_10_lb,
                     t14,
-                    t11 + t11,
+                    v2_2_over_10_lb,
+                    a1_1_scaled,
+                    a1_2_scaled,
+                    a2_2_over_10_lb,
+                    a2_3_over_10_lb,
+                    t20,
+                    a1_3_scaled,
+                    t22,
+                    t21,
+                    a2_1_over_10_lb,
+                    t23,
+                    t12 + t12,
                     t2 + t2,
-                    A_beta_dot_Omega1,
-                    A_l3_2,
-                    t35,
-                    t36,
-                    t32,
-                    t37,
-                    t38,
-                    t34,
-                    r_beta_dot,
-                    z_Omega1,
-                    r_alpha_dot,
+                    t11 + t11,
+                    A_beta_dot_Omega1_over_mb_lb2 + A_beta_dot_Omega1_over_mb_lb2,
+                    t27,
+                    t28,
+                    t25,
+                    t29,
+                    t30,
+                    t26,
+                    r_beta_dot_over_mb_lb2,
+                    A_beta_dot_Omega1_over_mb_lb2,
+                    z_Omega1_over_mb_lb2,
+                    r_alpha_dot_over_mb_lb2,
                     A_l5_1,
-                    z_Omega2,
+                    z_Omega2_over_mb_lb2,
                     dot_Omega3,
-                    A_s4_5_5.recip(),
-                    t39,
-                    t40,
+                    A_s4_5_5_over_mb_lb2.recip(),
+                    t31,
+                    t32,
                     dot_Omega2,
                     dot_Omega1,
                 ],
@@ -1314,16 +1291,16 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             sum42, sum43, sum44, sum45, sum46, sum47] = workspace.2.sums();
             let [sum48, sum49, sum50, sum51, sum52, sum53, sum54, sum55, sum56, sum57,
             sum58, sum59, sum60, sum61, sum62, sum63] = workspace.3.sums();
-            let [sum64, sum65, sum66, sum67, sum68] = workspace.4.sums();
+            let [sum64, sum65, sum66] = workspace.4.sums();
             /// velocities v of the squares m/2 |v|^2
             let [t0, t1, t2, t3, t4, t5, t6, t7, t8, t9] = {
                 let t0 = alpha_dot + Omega3;
                 let t1 = kept1.mul_add(alpha, inverse * sum0);
                 let t2 = -kept0.mul_add(alpha, inverse * sum1);
-                let t3 = self.c2 * t1;
-                let t5 = self.c2 * alpha_dot;
+                let t3 = self.c0 * t1;
+                let t5 = self.c0 * alpha_dot;
                 let t6 = kept1.mul_add(t5, kept4.mul_add(t2, sum3));
-                let t7 = self.c2 * t2;
+                let t7 = self.c0 * t2;
                 [
                     t0,
                     t1,
@@ -1358,160 +1335,133 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                 ]
             };
             /// velocities v of the squares m/2 |v|^2
-            let [t16, t17, t18, t19, t20, t21, t22, t23, t24, t25, t26, t27] = {
+            let [t16, t17, t18, t19, t20, t21, t22] = {
                 let t16 = kept17.mul_add(beta, inverse * sum16);
                 let t17 = -kept16.mul_add(beta, inverse * sum17);
-                let t18 = self.c3 * t16;
-                let t19 = R::from_f64(2.0) * t18;
-                let t20 = self.c4 * t17;
-                let t21 = R::from_f64(5.0) * t20;
-                let t23 = self.c5 * beta_dot;
-                let t24 = kept16.mul_add(t23, kept20.mul_add(t16, sum20));
-                let t26 = kept17.mul_add(t23, kept20.mul_add(t17, sum22));
+                let t19 = kept20.mul_add(t16, kept16.mul_add(beta_dot, sum20));
+                let t21 = kept20.mul_add(t17, kept17.mul_add(beta_dot, sum22));
                 [
                     t16,
                     t17,
-                    t18,
+                    kept8.mul_add(t16, kept18.mul_add(Omega2, sum18))
+                        - kept5.mul_add(t17, kept19.mul_add(Omega3, sum19)),
                     t19,
-                    t20,
+                    kept7.mul_add(t16, kept18.mul_add(Omega1, sum21)) + t19,
                     t21,
-                    kept8.mul_add(t19, kept18.mul_add(Omega2, sum18))
-                        - kept5.mul_add(t21, kept19.mul_add(Omega3, sum19)),
-                    t23,
-                    t24,
-                    kept7.mul_add(t19, kept18.mul_add(Omega1, sum21)) + t24,
-                    t26,
-                    kept7.mul_add(t21, kept19.mul_add(Omega1, sum23)) + t26,
+                    kept7.mul_add(t17, kept19.mul_add(Omega1, sum23)) + t21,
                 ]
             };
             /// their accelerations a = dv/dx xdot + omega x v at ydot = 0
-            let [t28, t29, t30, t31, t32, t33] = {
-                let t28 = t24 + t25;
-                let t29 = t26 + t27;
-                let t31 = beta_dot + Omega1;
+            let [t23, t24, t25, t26, t27, t28] = {
+                let t23 = t19 + t20;
+                let t24 = t21 + t22;
+                let t26 = beta_dot + Omega1;
                 [
-                    t28,
-                    t29,
-                    kept8.mul_add(t29, kept22.mul_add(Omega2, sum25))
-                        + kept5.mul_add(t28, kept21.mul_add(Omega3, sum24)),
-                    t31,
-                    kept7.mul_add(t27, kept25.mul_add(Omega1, sum27))
-                        + kept23.mul_add(t31, kept24.mul_add(t26, sum26))
-                        - kept5.mul_add(t22, kept26.mul_add(Omega3, sum28)),
-                    -(kept7.mul_add(t25, kept28.mul_add(Omega1, sum30))
-                        + kept27.mul_add(t31, kept24.mul_add(t24, sum29)))
-                        - kept8.mul_add(t22, kept26.mul_add(Omega2, sum31)),
+                    t23,
+                    t24,
+                    kept8.mul_add(t24, kept22.mul_add(Omega2, sum25))
+                        + kept5.mul_add(t23, kept21.mul_add(Omega3, sum24)),
+                    t26,
+                    kept7.mul_add(t22, kept25.mul_add(Omega1, sum27))
+                        + kept23.mul_add(t26, kept24.mul_add(t21, sum26))
+                        - kept5.mul_add(t18, kept26.mul_add(Omega3, sum28)),
+                    -(kept7.mul_add(t20, kept28.mul_add(Omega1, sum30))
+                        + kept27.mul_add(t26, kept24.mul_add(t19, sum29)))
+                        - kept8.mul_add(t18, kept26.mul_add(Omega2, sum31)),
                 ]
             };
             /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-            let [t34, t35, t36, t37, t38, t39, t40, t41, t42, t43, t44, t45] = {
-                let t34 = self.c6 * t1;
-                let t35 = kept29.mul_add(t34, kept30.mul_add(t10, sum32));
-                let t36 = self.c6 * t2;
-                let t39 = self.c8 * t18;
-                let t40 = self.c9 * t20;
-                let t41 = self.c10 * Omega3;
+            let [t29, t30, t31, t32, t33, t34, t35, t36, t37] = {
+                let t29 = kept0.mul_add(t10, kept29.mul_add(t1, sum32));
+                let t31 = kept31.mul_add(t16, sum34);
+                let t32 = kept32.mul_add(t17, sum35);
                 [
-                    t34,
-                    t35,
-                    t36,
-                    -alpha.mul_add(self.ka, t35)
-                        - kept31.mul_add(t36, kept32.mul_add(t12, sum33)),
-                    (-beta)
-                        .mul_add(
-                            self.kb,
-                            self.c7
-                                * (kept17.mul_add(t33, kept34.mul_add(t17, sum35))
-                                    + kept16.mul_add(t32, kept33.mul_add(t16, sum34))),
-                        ),
-                    t39,
-                    t40,
-                    t41,
-                    kept35.mul_add(Omega2, kept8.mul_add(t41, sum36))
-                        - kept33.mul_add(t39, kept36.mul_add(t32, sum37))
-                        - kept34.mul_add(t40, kept37.mul_add(t33, sum38))
-                        - kept38.mul_add(t34, kept30.mul_add(t15, sum39)),
-                    self.c11 * t7,
-                    self.c12 * Omega3,
-                    self.c13 * Omega2,
+                    t29,
+                    alpha.mul_add(self.c4, -t29)
+                        - kept1.mul_add(t12, kept30.mul_add(t2, sum33)),
+                    t31,
+                    t32,
+                    beta.mul_add(self.c5, -kept16.mul_add(t27, t31))
+                        - kept17.mul_add(t28, t32),
+                    self.c6 * Omega3,
+                    self.c7 * t7,
+                    self.c8 * Omega3,
+                    self.c9 * Omega2,
                 ]
             };
             /// mass matrix A = W^T L_yy Psi
-            let [t46, t47, t48, t49, t50] = {
-                let t46 = t17.mul_add(R::from_f64(2.5), t16);
-                let t49 = self.c20 * t18;
+            let [t38, t39, t40, t41] = {
+                let t38 = t17.mul_add(R::from_f64(2.5), t16);
                 [
-                    t46,
-                    self.c14 * t46,
-                    kept6.mul_add(t34, kept30.mul_add(t7, sum47)),
-                    t49,
-                    kept45.mul_add(t20, kept46.mul_add(t49, sum50)),
+                    t38,
+                    self.c2 * t38,
+                    kept0.mul_add(t7, kept6.mul_add(t1, sum45)),
+                    kept19.mul_add(t16, kept18.mul_add(t17, sum48)),
                 ]
             };
             /// factors of A
-            let [t51, t52, t53, t54, t55, t56, t57] = {
-                let t52 = self.c1 * t47;
-                let t53 = self.c16.mul_add(kept43.mul_add(t1, sum46), self.c18 * t46)
-                    - kept49.mul_add(t52, kept50.mul_add(t47, sum53));
-                let t54 = kept51 * (-kept52).mul_add(t53, t48 - sum54);
-                let t55 = self
-                    .c19
-                    .mul_add(
-                        kept44.mul_add(t18, sum48),
-                        kept6.mul_add(t43, kept40.mul_add(t7, sum49)),
-                    ) - kept53.mul_add(t54, kept52.mul_add(t48, sum55));
-                let t56 = kept54 * (-kept55).mul_add(t55, t50 - sum56);
+            let [t42, t43, t44, t45, t46, t47] = {
+                let t43 = t38
+                    .mul_add(self.c10, kept0.mul_add(t3, kept3.mul_add(t1, sum44)))
+                    - kept42.mul_add(t39, sum51);
+                let t44 = kept43 * (-kept44).mul_add(t43, t40 - sum52);
+                let t45 = kept6.mul_add(t35, kept36.mul_add(t7, sum47))
+                    + kept39.mul_add(t16, sum46)
+                    - kept45.mul_add(t44, kept44.mul_add(t40, sum53));
+                let t46 = kept46 * (-kept47).mul_add(t45, t41 - sum54);
                 [
-                    self.c21 * t2,
-                    t52,
-                    t53,
-                    t54,
-                    t55,
-                    t56,
+                    self.c13 * t2,
+                    t43,
+                    t44,
+                    t45,
+                    t46,
                     self
-                        .c24
+                        .c16
                         .mul_add(
-                            kept48.mul_add(t2, sum52),
-                            t17.mul_add(self.c22, self.c15 * kept47.mul_add(t17, sum51)),
-                        ) - kept56.mul_add(t56, kept55.mul_add(t50, sum57)),
+                            kept40.mul_add(t2, sum49),
+                            t17.mul_add(self.c14, kept41.mul_add(t17, sum50)),
+                        ) - kept48.mul_add(t46, kept47.mul_add(t41, sum55)),
                 ]
             };
             /// substitution through the factors of A
-            let [t58, t59, t61, t62, t63, t64, t65] = {
-                let t58 = t42 - kept57.mul_add(t52, kept50.mul_add(t38, sum58));
-                let t59 = kept52.mul_add(t58, kept58.mul_add(t54, sum59))
-                    + (kept38.mul_add(t43, kept40.mul_add(t15, sum41))
-                        + kept39.mul_add(Omega1, kept7.mul_add(t44, sum40))
-                        - kept41.mul_add(t39, kept36.mul_add(t30, sum42)));
-                let t60 = kept41.mul_add(t40, kept37.mul_add(t30, sum45))
-                    + (kept42.mul_add(Omega1, kept7.mul_add(t45, sum43)) - t35
-                        - kept31.mul_add(t43, kept40.mul_add(t12, sum44)))
-                    - kept59.mul_add(t51, kept60.mul_add(t37, sum60));
-                let t61 = kept63
-                    * (-kept62)
+            let [t48, t49, t51, t52, t53, t54, t55] = {
+                let t48 = kept33.mul_add(Omega2, kept8.mul_add(t34, sum36))
+                    - kept18.mul_add(t27, t31) - kept19.mul_add(t28, t32)
+                    - kept0.mul_add(t15, kept34.mul_add(t1, sum37))
+                    - kept49.mul_add(t39, kept50.mul_add(t33, sum56));
+                let t49 = kept44.mul_add(t48, kept51.mul_add(t44, sum57))
+                    + (kept34.mul_add(t35, kept36.mul_add(t15, sum39))
+                        + kept35.mul_add(Omega1, kept7.mul_add(t36, sum38))
+                        - kept18.mul_add(t25, kept37.mul_add(t16, sum40)));
+                let t50 = kept19.mul_add(t25, kept37.mul_add(t17, sum43))
+                    + (kept38.mul_add(Omega1, kept7.mul_add(t37, sum41)) - t29
+                        - kept30.mul_add(t35, kept36.mul_add(t12, sum42)))
+                    - kept52.mul_add(t42, kept53.mul_add(t30, sum58));
+                let t51 = kept56
+                    * (-kept55)
                         .mul_add(
-                            t57,
-                            kept55.mul_add(t59, kept61.mul_add(t56, sum61)) + t60 - sum62,
+                            t47,
+                            kept47.mul_add(t49, kept54.mul_add(t46, sum59)) + t50 - sum60,
                         );
-                let t62 = kept54 * (-kept64).mul_add(t55, t59 - sum63);
-                let t63 = kept55.mul_add(t61, kept62.mul_add(t56, sum64)) + t62;
-                let t64 = kept51 * (-kept65).mul_add(t53, t58 - sum65);
+                let t52 = kept46 * (-kept57).mul_add(t45, t49 - sum61);
+                let t53 = kept47.mul_add(t51, kept55.mul_add(t46, sum62)) + t52;
+                let t54 = kept43 * (-kept58).mul_add(t43, t48 - sum63);
                 [
-                    t58,
-                    t59,
-                    t61,
-                    t62,
-                    t63,
-                    t64,
-                    kept52.mul_add(t63, kept66.mul_add(t54, sum66)) + t64,
+                    t48,
+                    t49,
+                    t51,
+                    t52,
+                    t53,
+                    t54,
+                    kept44.mul_add(t53, kept59.mul_add(t44, sum64)) + t54,
                 ]
             };
-            let t66 = order * alpha;
-            let t67 = order * beta;
+            let t56 = order * alpha;
+            let t57 = order * beta;
             workspace
                 .0
                 .push(
-                    [t66, t66, t0, t2, t7, t3, t7, t0, t8, t9, t1, t0, t4, t9, t13, t14],
+                    [t56, t56, t0, t2, t7, t3, t7, t0, t8, t9, t1, t0, t4, t9, t13, t14],
                     [
                         t2,
                         t1,
@@ -1535,38 +1485,38 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                 .1
                 .push(
                     [
-                        t67,
-                        t67,
-                        t19,
-                        t21,
+                        t57,
+                        t57,
                         t16,
-                        t19,
                         t17,
-                        t21,
-                        t28,
-                        t29,
-                        t26,
-                        t27,
-                        t22,
+                        t16,
+                        t16,
+                        t17,
+                        t17,
+                        t23,
                         t24,
-                        t25,
+                        t21,
                         t22,
+                        t18,
+                        t19,
+                        t20,
+                        t18,
                     ],
                     [
                         t17,
                         t16,
                         Omega2,
                         Omega3,
-                        t23,
+                        beta_dot,
                         Omega1,
-                        t23,
+                        beta_dot,
                         Omega1,
                         Omega3,
                         Omega2,
-                        t31,
+                        t26,
                         Omega1,
                         Omega3,
-                        t31,
+                        t26,
                         Omega1,
                         Omega2,
                     ],
@@ -1575,91 +1525,91 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                 .2
                 .push(
                     [
-                        t10,
-                        t12,
+                        t1,
+                        t2,
                         t16,
                         t17,
-                        t41,
-                        t32,
-                        t33,
-                        t15,
-                        t44,
-                        t15,
-                        t30,
-                        t45,
-                        t12,
-                        t30,
+                        t34,
                         t1,
+                        t36,
+                        t15,
+                        t16,
+                        t37,
+                        t12,
+                        t17,
+                        t1,
+                        t1,
+                        t16,
                         t7,
                     ],
                     [
-                        t34,
-                        t36,
-                        t32,
-                        t33,
+                        t10,
+                        t12,
+                        t27,
+                        t28,
                         Omega2,
-                        t39,
-                        t40,
-                        t34,
+                        t15,
                         Omega1,
-                        t43,
-                        t39,
+                        t35,
+                        t25,
                         Omega1,
-                        t43,
-                        t40,
-                        t1,
-                        t34,
+                        t35,
+                        t25,
+                        t3,
+                        t7,
+                        t16,
+                        t35,
                     ],
                 );
             workspace
                 .3
                 .push(
                     [
-                        t18,
-                        t7,
-                        t20,
-                        t17,
+                        t16,
                         t2,
+                        t17,
+                        t39,
+                        t43,
+                        t40,
+                        t45,
+                        t41,
+                        t33,
+                        t44,
+                        t30,
+                        t46,
                         t47,
-                        t53,
-                        t48,
-                        t55,
-                        t50,
-                        t38,
-                        t54,
-                        t37,
-                        t56,
-                        t57,
-                        t55,
+                        t45,
+                        t46,
+                        t43,
                     ],
                     [
-                        t18,
-                        t43,
-                        t49,
                         t17,
                         t2,
-                        t52,
-                        t54,
-                        t54,
-                        t56,
-                        t56,
-                        t52,
-                        t58,
+                        t17,
+                        t39,
+                        t44,
+                        t44,
+                        t46,
+                        t46,
+                        t39,
+                        t48,
+                        t42,
+                        t49,
                         t51,
-                        t59,
-                        t61,
-                        t62,
+                        t52,
+                        t51,
+                        t54,
                     ],
                 );
-            workspace.4.push([t56, t53, t54, t52, t51], [t61, t64, t63, t65, t61]);
+            workspace.4.push([t44, t39, t42], [t53, t55, t51]);
             let derivative = [
                 alpha_dot,
                 beta_dot,
-                t37.mul_add(self.c0, -kept60.mul_add(t61, kept62.mul_add(t51, sum68))),
-                t38.mul_add(self.c1, -kept50.mul_add(t65, kept67.mul_add(t52, sum67))),
-                t65,
-                t63,
-                t61,
+                t30.mul_add(self.c7, -kept53.mul_add(t51, kept55.mul_add(t42, sum66))),
+                t33 - kept50.mul_add(t55, kept60.mul_add(t39, sum65)),
+                t55,
+                t53,
+                t51,
             ];
             let scale = R::ratio(1.0, f64::from(k + 1));
             coefficient = derivative.map(|derivative| derivative * scale);

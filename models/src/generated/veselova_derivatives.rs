@@ -349,24 +349,22 @@ pub struct Prepared<R = f64> {
     c4: R,
     /// `(I2 - I3) / I1`
     c5: R,
-    /// `1 / I3`
+    /// `I1 / I3`
     c6: R,
-    /// `1 / I2`
+    /// `I1 / I2`
     c7: R,
-    /// `1 / I1`
-    c8: R,
     /// `k * chi1`
-    c9: R,
+    c8: R,
     /// `k * chi2`
-    c10: R,
+    c9: R,
     /// `k * chi3`
-    c11: R,
+    c10: R,
     /// `0.5 * I1`
-    c12: R,
+    c11: R,
     /// `0.5 * I2`
-    c13: R,
+    c12: R,
     /// `0.5 * I3`
-    c14: R,
+    c13: R,
     /// `-(k * chi2 / I1)`
     d_free_Omega1_d_gamma3: R,
     /// `-(k * chi3 / I2)`
@@ -374,47 +372,87 @@ pub struct Prepared<R = f64> {
     /// `-(k * chi1 / I3)`
     d_free_Omega3_d_gamma2: R,
     /// `-(-(k * chi1 / I3) + k * chi1 / I2)`
-    c15: R,
+    c14: R,
     /// `k * chi2 / I3 + -(k * chi2 / I1)`
-    c16: R,
+    c15: R,
     /// `-(k * chi3 / I2) + k * chi3 / I1`
-    c17: R,
-    /// `k / I1`
-    c18: R,
+    c16: R,
     /// `k / I2`
-    c19: R,
+    c17: R,
     /// `k / I3`
+    c18: R,
+    /// `k * chi2 / (I1 * I3)`
+    c19: R,
+    /// `-(k * chi1 / (I1 * I3))`
     c20: R,
-    /// `chi2 / I3`
+    /// `(I1 - I2) / (I1 * I3)`
     c21: R,
-    /// `-(chi1 / I3)`
+    /// `k * chi1 / (I1 * I2)`
     c22: R,
-    /// `chi1 / I2`
+    /// `-(k * chi3 / (I1 * I2))`
     c23: R,
-    /// `-(chi3 / I2)`
+    /// `-((I1 - I3) / (I1 * I2))`
     c24: R,
-    /// `chi3 / I1`
+    /// `k * chi3 / (I1 * I1)`
     c25: R,
-    /// `-(chi2 / I1)`
+    /// `-(k * chi2 / (I1 * I1))`
     c26: R,
-    /// `k / I3 - k / I2`
+    /// `(I2 - I3) / (I1 * I1)`
     c27: R,
-    /// `k / I2 - k / I1`
+    /// `1 / I3`
     c28: R,
-    /// `k / I3 - k / I1`
+    /// `chi2 / I3`
     c29: R,
-    /// `2 / I2`
+    /// `-(chi1 / I3)`
     c30: R,
-    /// `2 / I3`
+    /// `1 / I2`
     c31: R,
-    /// `2 / I1`
+    /// `chi1 / I2`
     c32: R,
-    /// `I2 - I3`
+    /// `-(chi3 / I2)`
     c33: R,
-    /// `I1 - I3`
+    /// `1 / I1`
     c34: R,
-    /// `I1 - I2`
+    /// `chi3 / I1`
     c35: R,
+    /// `-(chi2 / I1)`
+    c36: R,
+    /// `k / I1`
+    c37: R,
+    /// `k / I3 - k / I2`
+    c38: R,
+    /// `k / I2 - k / I1`
+    c39: R,
+    /// `k / I3 - k / I1`
+    c40: R,
+    /// `(I2 - I3) / I2`
+    c41: R,
+    /// `k * chi2 / I2`
+    c42: R,
+    /// `(I1 - I2) / I2`
+    c43: R,
+    /// `I2 / I3`
+    c44: R,
+    /// `I2 / I1`
+    c45: R,
+    /// `k * chi2 / (I2 * I3)`
+    c46: R,
+    /// `-(k * chi1 / (I2 * I3))`
+    c47: R,
+    /// `(I1 - I2) / (I2 * I3)`
+    c48: R,
+    /// `k * chi1 / (I2 * I2)`
+    c49: R,
+    /// `-(k * chi3 / (I2 * I2))`
+    c50: R,
+    /// `-((I1 - I3) / (I2 * I2))`
+    c51: R,
+    /// `-(k * chi2 / (I1 * I2))`
+    c52: R,
+    /// `(I2 - I3) / (I1 * I2)`
+    c53: R,
+    /// `I2 * I3 * (1 / (I2 * I3) + (I1 - I2) / (I2 * I2 * I3))`
+    c54: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -428,7 +466,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 9 additions, 6 multiplications, 24 divisions, 10 sign changes.
+    /// 10 additions, 13 multiplications, 47 divisions, 18 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, k, chi1, chi2, chi3 } = *params;
         for (value, condition, meaning) in [
@@ -474,9 +512,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let d_free_Omega3_d_gamma2 = -t3;
         let d_free_Omega1_d_gamma3 = -t8;
         let d_free_Omega2_d_gamma1 = -t6;
-        let t9 = k / I3;
-        let t10 = k / I2;
-        let t11 = k / I1;
+        let t9 = I1 * I3;
+        let t10 = I1 * I2;
+        let t11 = I1 * I1;
+        let t12 = k / I3;
+        let t13 = k / I2;
+        let t14 = k / I1;
+        let t15 = I2 * I3;
+        let t16 = I2 * I2;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -509,39 +552,58 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             d_free_Omega1_d_gamma2,
             c4: -t8,
             c5: t7 / I1,
-            c6: I3.recip(),
-            c7: I2.recip(),
-            c8: I1.recip(),
-            c9: t2,
-            c10: t1,
-            c11: t5,
-            c12: R::from_f64(0.5) * I1,
-            c13: R::from_f64(0.5) * I2,
-            c14: R::from_f64(0.5) * I3,
+            c6: I1 / I3,
+            c7: I1 / I2,
+            c8: t2,
+            c9: t1,
+            c10: t5,
+            c11: R::from_f64(0.5) * I1,
+            c12: R::from_f64(0.5) * I2,
+            c13: R::from_f64(0.5) * I3,
             d_free_Omega1_d_gamma3,
             d_free_Omega2_d_gamma1,
             d_free_Omega3_d_gamma2,
-            c15: -(d_free_Omega3_d_gamma2 + d_free_Omega2_d_gamma3),
-            c16: d_free_Omega3_d_gamma1 + d_free_Omega1_d_gamma3,
-            c17: d_free_Omega2_d_gamma1 + d_free_Omega1_d_gamma2,
-            c18: t11,
-            c19: t10,
-            c20: t9,
-            c21: chi2 / I3,
-            c22: -(chi1 / I3),
-            c23: chi1 / I2,
-            c24: -(chi3 / I2),
-            c25: chi3 / I1,
-            c26: -(chi2 / I1),
-            c27: t9 - t10,
-            c28: t10 - t11,
-            c29: t9 - t11,
-            c30: R::from_f64(2.0) / I2,
-            c31: R::from_f64(2.0) / I3,
-            c32: R::from_f64(2.0) / I1,
-            c33: t7,
-            c34: t4,
-            c35: t0,
+            c14: -(d_free_Omega3_d_gamma2 + d_free_Omega2_d_gamma3),
+            c15: d_free_Omega3_d_gamma1 + d_free_Omega1_d_gamma3,
+            c16: d_free_Omega2_d_gamma1 + d_free_Omega1_d_gamma2,
+            c17: t13,
+            c18: t12,
+            c19: t1 / t9,
+            c20: -(t2 / t9),
+            c21: t0 / t9,
+            c22: t2 / t10,
+            c23: -(t5 / t10),
+            c24: -(t4 / t10),
+            c25: t5 / t11,
+            c26: -(t1 / t11),
+            c27: t7 / t11,
+            c28: I3.recip(),
+            c29: chi2 / I3,
+            c30: -(chi1 / I3),
+            c31: I2.recip(),
+            c32: chi1 / I2,
+            c33: -(chi3 / I2),
+            c34: I1.recip(),
+            c35: chi3 / I1,
+            c36: -(chi2 / I1),
+            c37: t14,
+            c38: t12 - t13,
+            c39: t13 - t14,
+            c40: t12 - t14,
+            c41: t7 / I2,
+            c42: t1 / I2,
+            c43: t0 / I2,
+            c44: I2 / I3,
+            c45: I2 / I1,
+            c46: t1 / t15,
+            c47: -(t2 / t15),
+            c48: t0 / t15,
+            c49: t2 / t16,
+            c50: -(t5 / t16),
+            c51: -(t4 / t16),
+            c52: -(t1 / t10),
+            c53: t7 / t10,
+            c54: t15 * (t15.recip() + t0 / (t16 * I3)),
         })
     }
 }
@@ -567,7 +629,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 16 additions, 30 multiplications (16 fused), 1 division.
+    /// 16 additions, 29 multiplications (16 fused), 1 division.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 6], dy: &mut [R; 6]) {
         let [Omega1, Omega2, Omega3, gamma1, gamma2, gamma3] = *y;
@@ -597,14 +659,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 ),
         ];
         /// response to the multipliers L_yy^-1 Lambda^T
-        let [Z1_Omega3, Z1_Omega2, Z1_Omega1] = [
-            self.c6 * gamma3,
-            self.c7 * gamma2,
-            self.c8 * gamma1,
-        ];
+        let [Z1_Omega3_scaled, Z1_Omega2_scaled] = [self.c6 * gamma3, self.c7 * gamma2];
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let [S_1_1, g_1] = [
-            gamma1.mul_add(Z1_Omega1, gamma2.mul_add(Z1_Omega2, gamma3 * Z1_Omega3)),
+        let [S_1_1_scaled, g_1] = [
+            gamma2
+                .mul_add(
+                    Z1_Omega2_scaled,
+                    gamma3.mul_add(Z1_Omega3_scaled, gamma1 * gamma1),
+                ),
             (-gamma1)
                 .mul_add(
                     free_Omega1,
@@ -612,12 +674,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 ),
         ];
         /// substitution through the factors of S
-        let lambda_c1 = g_1 / S_1_1;
+        let lambda_c1_over_I1 = g_1 / S_1_1_scaled;
         /// accelerations ydot = L_yy^-1 (r + Lambda^T lambda)
         let [dot_Omega1, dot_Omega2, dot_Omega3] = [
-            Z1_Omega1.mul_add(lambda_c1, free_Omega1),
-            Z1_Omega2.mul_add(lambda_c1, free_Omega2),
-            Z1_Omega3.mul_add(lambda_c1, free_Omega3),
+            gamma1.mul_add(lambda_c1_over_I1, free_Omega1),
+            Z1_Omega2_scaled.mul_add(lambda_c1_over_I1, free_Omega2),
+            Z1_Omega3_scaled.mul_add(lambda_c1_over_I1, free_Omega3),
         ];
         *dy = [dot_Omega1, dot_Omega2, dot_Omega3, dot_gamma1, dot_gamma2, dot_gamma3];
     }
@@ -636,21 +698,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn energy(&self, t: R, y: &[R; 6]) -> R {
         let [Omega1, Omega2, Omega3, gamma1, gamma2, gamma3] = *y;
         let _ = t;
-        self.c14
+        self.c13
             .mul_add(
                 Omega3 * Omega3,
                 self
-                    .c13
+                    .c12
                     .mul_add(
                         Omega2 * Omega2,
                         self
-                            .c12
+                            .c11
                             .mul_add(
                                 Omega1 * Omega1,
                                 gamma3
                                     .mul_add(
-                                        self.c11,
-                                        gamma2.mul_add(self.c10, self.c9 * gamma1),
+                                        self.c10,
+                                        gamma2.mul_add(self.c9, self.c8 * gamma1),
                                     ),
                             ),
                     ),
@@ -676,29 +738,29 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 31 additions, 65 multiplications (31 fused), 1 division, 6 sign changes.
+    /// 31 additions, 63 multiplications (31 fused), 1 division, 6 sign changes.
     #[inline]
     #[must_use]
     pub fn jacobian_nonzeros(&self, t: R, y: &[R; 6]) -> [R; 30] {
         let [Omega1, Omega2, Omega3, gamma1, gamma2, gamma3] = *y;
         let _ = t;
         /// response to the multipliers L_yy^-1 Lambda^T
-        let [Z1_Omega3, Z1_Omega2, Z1_Omega1] = [
-            self.c6 * gamma3,
-            self.c7 * gamma2,
-            self.c8 * gamma1,
-        ];
+        let [Z1_Omega3_scaled, Z1_Omega2_scaled] = [self.c6 * gamma3, self.c7 * gamma2];
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let [S_1_1, t0, d_free_Omega3_d_Omega1, d_free_Omega1_d_Omega2, t1, t2, t3, g_1,
-        ] = {
+        let [S_1_1_scaled, t0, d_free_Omega3_d_Omega1, d_free_Omega1_d_Omega2, t1, t2,
+        t3, g_1] = {
             let t0 = self.c3 * Omega3;
             let d_free_Omega3_d_Omega1 = self.c1 * Omega2;
             let d_free_Omega1_d_Omega2 = self.c5 * Omega3;
-            let t1 = Omega1.mul_add(t0, self.c15 * gamma3);
-            let t2 = Omega1.mul_add(d_free_Omega3_d_Omega1, self.c16 * gamma1);
-            let t3 = Omega2.mul_add(d_free_Omega1_d_Omega2, self.c17 * gamma2);
+            let t1 = Omega1.mul_add(t0, self.c14 * gamma3);
+            let t2 = Omega1.mul_add(d_free_Omega3_d_Omega1, self.c15 * gamma1);
+            let t3 = Omega2.mul_add(d_free_Omega1_d_Omega2, self.c16 * gamma2);
             [
-                gamma1.mul_add(Z1_Omega1, gamma2.mul_add(Z1_Omega2, gamma3 * Z1_Omega3)),
+                gamma3
+                    .mul_add(
+                        Z1_Omega3_scaled,
+                        gamma2.mul_add(Z1_Omega2_scaled, gamma1 * gamma1),
+                    ),
                 t0,
                 d_free_Omega3_d_Omega1,
                 d_free_Omega1_d_Omega2,
@@ -709,8 +771,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             ]
         };
         /// substitution through the factors of S
-        let [t4, lambda_c1] = {
-            let t4 = S_1_1.recip();
+        let [t4, lambda_c1_over_I1] = {
+            let t4 = S_1_1_scaled.recip();
             [t4, g_1 * t4]
         };
         /// derivatives of: free acceleration L_yy^-1 r
@@ -720,31 +782,32 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             self.c5 * Omega2,
         ];
         /// derivatives of: multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let [d_S_1_1_d_gamma1, d_S_1_1_d_gamma2, d_S_1_1_d_gamma3, d_g_1_d_Omega1,
-        d_g_1_d_Omega2, d_g_1_d_Omega3, d_g_1_d_gamma1, d_g_1_d_gamma2, d_g_1_d_gamma3,
-        ] = [
-            R::from_f64(2.0) * Z1_Omega1,
-            R::from_f64(2.0) * Z1_Omega2,
-            R::from_f64(2.0) * Z1_Omega3,
+        let [d_S_1_1_d_gamma1_scaled, d_S_1_1_d_gamma2_scaled, d_S_1_1_d_gamma3_scaled,
+        d_g_1_d_Omega1, d_g_1_d_Omega2, d_g_1_d_Omega3, d_g_1_d_gamma1, d_g_1_d_gamma2,
+        d_g_1_d_gamma3] = [
+            R::from_f64(2.0) * gamma1,
+            R::from_f64(2.0) * Z1_Omega2_scaled,
+            R::from_f64(2.0) * Z1_Omega3_scaled,
             (-gamma3).mul_add(d_free_Omega3_d_Omega1, gamma2 * t0),
             (-gamma1)
                 .mul_add(d_free_Omega1_d_Omega2, -(gamma3 * d_free_Omega3_d_Omega2)),
             (-gamma1).mul_add(d_free_Omega1_d_Omega3, gamma2 * t5),
-            (-gamma3).mul_add(self.c16, -t3),
-            (-gamma1).mul_add(self.c17, t1),
-            gamma2.mul_add(self.c15, -t2),
+            (-gamma3).mul_add(self.c15, -t3),
+            (-gamma1).mul_add(self.c16, t1),
+            gamma2.mul_add(self.c14, -t2),
         ];
         /// derivatives of: substitution through the factors of S
-        let [d_lambda_c1_d_Omega1, d_lambda_c1_d_Omega2, d_lambda_c1_d_Omega3,
-        d_lambda_c1_d_gamma1, d_lambda_c1_d_gamma2, d_lambda_c1_d_gamma3] = {
-            let t6 = lambda_c1 * t4;
+        let [d_lambda_c1_d_Omega1_over_I1, d_lambda_c1_d_Omega2_over_I1,
+        d_lambda_c1_d_Omega3_over_I1, d_lambda_c1_d_gamma1_over_I1,
+        d_lambda_c1_d_gamma2_over_I1, d_lambda_c1_d_gamma3_over_I1] = {
+            let t6 = lambda_c1_over_I1 * t4;
             [
                 d_g_1_d_Omega1 * t4,
                 d_g_1_d_Omega2 * t4,
                 d_g_1_d_Omega3 * t4,
-                (-d_S_1_1_d_gamma1).mul_add(t6, d_g_1_d_gamma1 * t4),
-                (-d_S_1_1_d_gamma2).mul_add(t6, d_g_1_d_gamma2 * t4),
-                (-d_S_1_1_d_gamma3).mul_add(t6, d_g_1_d_gamma3 * t4),
+                (-d_S_1_1_d_gamma1_scaled).mul_add(t6, d_g_1_d_gamma1 * t4),
+                (-d_S_1_1_d_gamma2_scaled).mul_add(t6, d_g_1_d_gamma2 * t4),
+                (-d_S_1_1_d_gamma3_scaled).mul_add(t6, d_g_1_d_gamma3 * t4),
             ]
         };
         /// derivatives of: accelerations ydot = L_yy^-1 (r + Lambda^T lambda)
@@ -753,38 +816,46 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         d_dot_Omega2_d_Omega3, d_dot_Omega2_d_gamma1, d_dot_Omega2_d_gamma2,
         d_dot_Omega2_d_gamma3, d_dot_Omega3_d_Omega1, d_dot_Omega3_d_Omega2,
         d_dot_Omega3_d_gamma1, d_dot_Omega3_d_gamma2, d_dot_Omega3_d_gamma3] = [
-            Z1_Omega1.mul_add(d_lambda_c1_d_Omega2, d_free_Omega1_d_Omega2),
-            Z1_Omega1.mul_add(d_lambda_c1_d_Omega3, d_free_Omega1_d_Omega3),
-            Z1_Omega1.mul_add(d_lambda_c1_d_gamma1, self.c8 * lambda_c1),
-            Z1_Omega1.mul_add(d_lambda_c1_d_gamma2, self.d_free_Omega1_d_gamma2),
-            Z1_Omega1.mul_add(d_lambda_c1_d_gamma3, self.d_free_Omega1_d_gamma3),
-            Z1_Omega2.mul_add(d_lambda_c1_d_Omega1, -t0),
-            Z1_Omega2.mul_add(d_lambda_c1_d_Omega3, -t5),
-            Z1_Omega2.mul_add(d_lambda_c1_d_gamma1, self.d_free_Omega2_d_gamma1),
-            Z1_Omega2.mul_add(d_lambda_c1_d_gamma2, self.c7 * lambda_c1),
-            Z1_Omega2.mul_add(d_lambda_c1_d_gamma3, self.d_free_Omega2_d_gamma3),
-            Z1_Omega3.mul_add(d_lambda_c1_d_Omega1, d_free_Omega3_d_Omega1),
-            Z1_Omega3.mul_add(d_lambda_c1_d_Omega2, d_free_Omega3_d_Omega2),
-            Z1_Omega3.mul_add(d_lambda_c1_d_gamma1, self.d_free_Omega3_d_gamma1),
-            Z1_Omega3.mul_add(d_lambda_c1_d_gamma2, self.d_free_Omega3_d_gamma2),
-            Z1_Omega3.mul_add(d_lambda_c1_d_gamma3, self.c6 * lambda_c1),
+            gamma1.mul_add(d_lambda_c1_d_Omega2_over_I1, d_free_Omega1_d_Omega2),
+            gamma1.mul_add(d_lambda_c1_d_Omega3_over_I1, d_free_Omega1_d_Omega3),
+            gamma1.mul_add(d_lambda_c1_d_gamma1_over_I1, lambda_c1_over_I1),
+            gamma1.mul_add(d_lambda_c1_d_gamma2_over_I1, self.d_free_Omega1_d_gamma2),
+            gamma1.mul_add(d_lambda_c1_d_gamma3_over_I1, self.d_free_Omega1_d_gamma3),
+            Z1_Omega2_scaled.mul_add(d_lambda_c1_d_Omega1_over_I1, -t0),
+            Z1_Omega2_scaled.mul_add(d_lambda_c1_d_Omega3_over_I1, -t5),
+            Z1_Omega2_scaled
+                .mul_add(d_lambda_c1_d_gamma1_over_I1, self.d_free_Omega2_d_gamma1),
+            Z1_Omega2_scaled
+                .mul_add(d_lambda_c1_d_gamma2_over_I1, self.c7 * lambda_c1_over_I1),
+            Z1_Omega2_scaled
+                .mul_add(d_lambda_c1_d_gamma3_over_I1, self.d_free_Omega2_d_gamma3),
+            Z1_Omega3_scaled
+                .mul_add(d_lambda_c1_d_Omega1_over_I1, d_free_Omega3_d_Omega1),
+            Z1_Omega3_scaled
+                .mul_add(d_lambda_c1_d_Omega2_over_I1, d_free_Omega3_d_Omega2),
+            Z1_Omega3_scaled
+                .mul_add(d_lambda_c1_d_gamma1_over_I1, self.d_free_Omega3_d_gamma1),
+            Z1_Omega3_scaled
+                .mul_add(d_lambda_c1_d_gamma2_over_I1, self.d_free_Omega3_d_gamma2),
+            Z1_Omega3_scaled
+                .mul_add(d_lambda_c1_d_gamma3_over_I1, self.c6 * lambda_c1_over_I1),
         ];
         [
-            Z1_Omega1 * d_lambda_c1_d_Omega1,
+            gamma1 * d_lambda_c1_d_Omega1_over_I1,
             d_dot_Omega1_d_Omega2,
             d_dot_Omega1_d_Omega3,
             d_dot_Omega1_d_gamma1,
             d_dot_Omega1_d_gamma2,
             d_dot_Omega1_d_gamma3,
             d_dot_Omega2_d_Omega1,
-            Z1_Omega2 * d_lambda_c1_d_Omega2,
+            Z1_Omega2_scaled * d_lambda_c1_d_Omega2_over_I1,
             d_dot_Omega2_d_Omega3,
             d_dot_Omega2_d_gamma1,
             d_dot_Omega2_d_gamma2,
             d_dot_Omega2_d_gamma3,
             d_dot_Omega3_d_Omega1,
             d_dot_Omega3_d_Omega2,
-            Z1_Omega3 * d_lambda_c1_d_Omega3,
+            Z1_Omega3_scaled * d_lambda_c1_d_Omega3_over_I1,
             d_dot_Omega3_d_gamma1,
             d_dot_Omega3_d_gamma2,
             d_dot_Omega3_d_gamma3,
@@ -837,105 +908,95 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 44 additions, 92 multiplications (43 fused), 1 division, 1 sign change.
+    /// 44 additions, 89 multiplications (43 fused), 1 division, 1 sign change.
     #[inline]
     #[must_use]
     pub fn sensitivity_nonzeros(&self, t: R, y: &[R; 6]) -> [R; 21] {
         let [Omega1, Omega2, Omega3, gamma1, gamma2, gamma3] = *y;
         let _ = t;
         /// free acceleration L_yy^-1 r
-        let [t0, free_Omega3, t1, free_Omega2, t2, free_Omega1] = {
+        let [t0, free_Omega3_over_I1, t1, free_Omega2_over_I1, t2, free_Omega1_over_I1,
+        ] = {
             let t0 = Omega1 * Omega2;
             let t1 = Omega1 * Omega3;
             let t2 = Omega2 * Omega3;
             [
                 t0,
-                t0
-                    .mul_add(
-                        self.c1,
-                        gamma2.mul_add(self.c0, self.d_free_Omega3_d_gamma1 * gamma1),
-                    ),
+                t0.mul_add(self.c21, gamma2.mul_add(self.c20, self.c19 * gamma1)),
                 t1,
-                (-t1)
-                    .mul_add(
-                        self.c3,
-                        gamma1.mul_add(self.c2, self.d_free_Omega2_d_gamma3 * gamma3),
-                    ),
+                t1.mul_add(self.c24, gamma1.mul_add(self.c23, self.c22 * gamma3)),
                 t2,
-                t2
-                    .mul_add(
-                        self.c5,
-                        gamma3.mul_add(self.c4, self.d_free_Omega1_d_gamma2 * gamma2),
-                    ),
+                t2.mul_add(self.c27, gamma3.mul_add(self.c26, self.c25 * gamma2)),
             ]
         };
         /// response to the multipliers L_yy^-1 Lambda^T
-        let [Z1_Omega3, Z1_Omega2, Z1_Omega1] = [
-            self.c6 * gamma3,
-            self.c7 * gamma2,
-            self.c8 * gamma1,
-        ];
+        let [Z1_Omega3_scaled, Z1_Omega2_scaled] = [self.c6 * gamma3, self.c7 * gamma2];
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let [S_1_1, g_1] = [
-            gamma1.mul_add(Z1_Omega1, gamma2.mul_add(Z1_Omega2, gamma3 * Z1_Omega3)),
+        let [S_1_1_scaled, g_1_over_I1] = [
+            gamma3
+                .mul_add(
+                    Z1_Omega3_scaled,
+                    gamma2.mul_add(Z1_Omega2_scaled, gamma1 * gamma1),
+                ),
             (-gamma1)
                 .mul_add(
-                    free_Omega1,
-                    (-gamma3).mul_add(free_Omega3, -(gamma2 * free_Omega2)),
+                    free_Omega1_over_I1,
+                    (-gamma3)
+                        .mul_add(free_Omega3_over_I1, -(gamma2 * free_Omega2_over_I1)),
                 ),
         ];
         /// substitution through the factors of S
-        let [t3, lambda_c1] = {
-            let t3 = S_1_1.recip();
-            [t3, g_1 * t3]
+        let [t3, lambda_c1_over_I12] = {
+            let t3 = S_1_1_scaled.recip();
+            [t3, g_1_over_I1 * t3]
         };
         /// derivatives of: free acceleration L_yy^-1 r
         let [t4, t5, d_free_Omega3_d_k, t6, d_free_Omega2_d_I3, d_free_Omega2_d_k,
         d_free_Omega1_d_I2, d_free_Omega1_d_k] = [
-            self.c6 * t0,
-            self.c6 * free_Omega3,
-            gamma2.mul_add(self.c22, self.c21 * gamma1),
-            self.c7 * free_Omega2,
-            self.c7 * t1,
-            gamma1.mul_add(self.c24, self.c23 * gamma3),
-            self.c8 * t2,
-            gamma3.mul_add(self.c26, self.c25 * gamma2),
+            self.c28 * t0,
+            self.c6 * free_Omega3_over_I1,
+            gamma2.mul_add(self.c30, self.c29 * gamma1),
+            self.c7 * free_Omega2_over_I1,
+            self.c31 * t1,
+            gamma1.mul_add(self.c33, self.c32 * gamma3),
+            self.c34 * t2,
+            gamma3.mul_add(self.c36, self.c35 * gamma2),
         ];
         /// derivatives of: multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let [t7, d_g_1_d_I2, t8, d_g_1_d_I3, d_g_1_d_k, d_g_1_d_chi1, d_g_1_d_chi3] = {
-            let t7 = gamma3 * t4;
+        let [d_g_1_d_I2, t8, d_g_1_d_I3, d_g_1_d_k, d_g_1_d_chi1, d_g_1_d_chi3] = {
+            let t7 = gamma1 * d_free_Omega1_d_I2;
             let t8 = gamma2 * d_free_Omega2_d_I3;
             [
-                t7,
-                gamma2.mul_add(t6, (-gamma1).mul_add(d_free_Omega1_d_I2, t7)),
+                gamma2.mul_add(t6, gamma3.mul_add(t4, -t7)),
                 t8,
-                gamma3.mul_add(t5, gamma1.mul_add(d_free_Omega1_d_I2, -t8)),
+                gamma3.mul_add(t5, t7 - t8),
                 (-gamma1)
                     .mul_add(
                         d_free_Omega1_d_k,
                         (-gamma3)
                             .mul_add(d_free_Omega3_d_k, -(gamma2 * d_free_Omega2_d_k)),
                     ),
-                self.c27 * gamma3 * gamma2,
-                self.c28 * gamma2 * gamma1,
+                self.c38 * gamma3 * gamma2,
+                self.c39 * gamma2 * gamma1,
             ]
         };
         /// derivatives of: substitution through the factors of S
-        let [t9, d_lambda_c1_d_I1, t10, d_lambda_c1_d_I2, t11, d_lambda_c1_d_I3,
-        d_lambda_c1_d_k, d_lambda_c1_d_chi1, t12, d_lambda_c1_d_chi3] = {
-            let t9 = (-lambda_c1).mul_add(self.c8 * Z1_Omega1, -(self.c8 * free_Omega1));
-            let t10 = Z1_Omega2 * lambda_c1;
-            let t11 = Z1_Omega3 * lambda_c1;
+        let [t9, d_lambda_c1_d_I1_over_I1, t10, d_lambda_c1_d_I2_over_I1, t11,
+        d_lambda_c1_d_I3_over_I1, d_lambda_c1_d_k_over_I1, d_lambda_c1_d_chi1_over_I1,
+        t12, d_lambda_c1_d_chi3_over_I1] = {
+            let t9 = (-gamma1).mul_add(lambda_c1_over_I12, -free_Omega1_over_I1);
+            let t10 = Z1_Omega2_scaled * lambda_c1_over_I12;
+            let t11 = Z1_Omega3_scaled * lambda_c1_over_I12;
             [
                 t9,
-                (-gamma1).mul_add(t9, t8 - t7) * t3,
+                (-gamma1).mul_add(t9, (-gamma3).mul_add(t4, t8)) * t3,
                 t10,
-                Z1_Omega2.mul_add(t10, d_g_1_d_I2) * t3,
+                Z1_Omega2_scaled.mul_add(t10, d_g_1_d_I2) * t3,
                 t11,
-                Z1_Omega3.mul_add(t11, d_g_1_d_I3) * t3,
+                Z1_Omega3_scaled.mul_add(t11, d_g_1_d_I3) * t3,
                 d_g_1_d_k * t3,
                 d_g_1_d_chi1 * t3,
-                t3 * (gamma1 * (self.c29 * gamma3)),
+                t3 * (gamma1 * (self.c40 * gamma3)),
                 d_g_1_d_chi3 * t3,
             ]
         };
@@ -945,31 +1006,33 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         d_dot_Omega2_d_I3, d_dot_Omega2_d_k, d_dot_Omega2_d_chi1, d_dot_Omega2_d_chi3,
         d_dot_Omega3_d_I1, d_dot_Omega3_d_I2, d_dot_Omega3_d_I3, d_dot_Omega3_d_k,
         d_dot_Omega3_d_chi1, d_dot_Omega3_d_chi2] = [
-            Z1_Omega1.mul_add(d_lambda_c1_d_I1, t9),
-            Z1_Omega1.mul_add(d_lambda_c1_d_I2, d_free_Omega1_d_I2),
-            Z1_Omega1.mul_add(d_lambda_c1_d_I3, -d_free_Omega1_d_I2),
-            Z1_Omega1.mul_add(d_lambda_c1_d_k, d_free_Omega1_d_k),
-            (-Z1_Omega1).mul_add(t12, -(self.c18 * gamma3)),
-            Z1_Omega1.mul_add(d_lambda_c1_d_chi3, self.c18 * gamma2),
-            Z1_Omega2.mul_add(d_lambda_c1_d_I1, -d_free_Omega2_d_I3),
-            Z1_Omega2.mul_add(d_lambda_c1_d_I2, (-t10).mul_add(self.c7, -t6)),
-            Z1_Omega2.mul_add(d_lambda_c1_d_I3, d_free_Omega2_d_I3),
-            Z1_Omega2.mul_add(d_lambda_c1_d_k, d_free_Omega2_d_k),
-            Z1_Omega2.mul_add(d_lambda_c1_d_chi1, self.c19 * gamma3),
-            Z1_Omega2.mul_add(d_lambda_c1_d_chi3, -(self.c19 * gamma1)),
-            Z1_Omega3.mul_add(d_lambda_c1_d_I1, t4),
-            Z1_Omega3.mul_add(d_lambda_c1_d_I2, -t4),
-            Z1_Omega3.mul_add(d_lambda_c1_d_I3, (-t11).mul_add(self.c6, -t5)),
-            Z1_Omega3.mul_add(d_lambda_c1_d_k, d_free_Omega3_d_k),
-            Z1_Omega3.mul_add(d_lambda_c1_d_chi1, -(self.c20 * gamma2)),
-            (-Z1_Omega3).mul_add(t12, self.c20 * gamma1),
+            gamma1.mul_add(d_lambda_c1_d_I1_over_I1, t9),
+            gamma1.mul_add(d_lambda_c1_d_I2_over_I1, d_free_Omega1_d_I2),
+            gamma1.mul_add(d_lambda_c1_d_I3_over_I1, -d_free_Omega1_d_I2),
+            gamma1.mul_add(d_lambda_c1_d_k_over_I1, d_free_Omega1_d_k),
+            (-gamma1).mul_add(t12, -(self.c37 * gamma3)),
+            gamma1.mul_add(d_lambda_c1_d_chi3_over_I1, self.c37 * gamma2),
+            Z1_Omega2_scaled.mul_add(d_lambda_c1_d_I1_over_I1, -d_free_Omega2_d_I3),
+            Z1_Omega2_scaled
+                .mul_add(d_lambda_c1_d_I2_over_I1, (-t10).mul_add(self.c7, -t6)),
+            Z1_Omega2_scaled.mul_add(d_lambda_c1_d_I3_over_I1, d_free_Omega2_d_I3),
+            Z1_Omega2_scaled.mul_add(d_lambda_c1_d_k_over_I1, d_free_Omega2_d_k),
+            Z1_Omega2_scaled.mul_add(d_lambda_c1_d_chi1_over_I1, self.c17 * gamma3),
+            Z1_Omega2_scaled.mul_add(d_lambda_c1_d_chi3_over_I1, -(self.c17 * gamma1)),
+            Z1_Omega3_scaled.mul_add(d_lambda_c1_d_I1_over_I1, t4),
+            Z1_Omega3_scaled.mul_add(d_lambda_c1_d_I2_over_I1, -t4),
+            Z1_Omega3_scaled
+                .mul_add(d_lambda_c1_d_I3_over_I1, (-t11).mul_add(self.c6, -t5)),
+            Z1_Omega3_scaled.mul_add(d_lambda_c1_d_k_over_I1, d_free_Omega3_d_k),
+            Z1_Omega3_scaled.mul_add(d_lambda_c1_d_chi1_over_I1, -(self.c18 * gamma2)),
+            (-Z1_Omega3_scaled).mul_add(t12, self.c18 * gamma1),
         ];
         [
             d_dot_Omega1_d_I1,
             d_dot_Omega1_d_I2,
             d_dot_Omega1_d_I3,
             d_dot_Omega1_d_k,
-            Z1_Omega1 * d_lambda_c1_d_chi1,
+            gamma1 * d_lambda_c1_d_chi1_over_I1,
             d_dot_Omega1_d_chi2,
             d_dot_Omega1_d_chi3,
             d_dot_Omega2_d_I1,
@@ -977,7 +1040,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             d_dot_Omega2_d_I3,
             d_dot_Omega2_d_k,
             d_dot_Omega2_d_chi1,
-            -(Z1_Omega2 * t12),
+            -(Z1_Omega2_scaled * t12),
             d_dot_Omega2_d_chi3,
             d_dot_Omega3_d_I1,
             d_dot_Omega3_d_I2,
@@ -985,7 +1048,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             d_dot_Omega3_d_k,
             d_dot_Omega3_d_chi1,
             d_dot_Omega3_d_chi2,
-            Z1_Omega3 * d_lambda_c1_d_chi3,
+            Z1_Omega3_scaled * d_lambda_c1_d_chi3_over_I1,
         ]
     }
 
@@ -1030,7 +1093,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 42 additions, 72 multiplications (42 fused), 1 division.
+    /// 42 additions, 70 multiplications (42 fused), 1 division.
     #[inline]
     #[must_use]
     pub fn jvp(&self, t: R, y: &[R; 6], v: &[R; 6]) -> [R; 6] {
@@ -1064,14 +1127,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             ]
         };
         /// response to the multipliers L_yy^-1 Lambda^T
-        let [Z1_Omega3, Z1_Omega2, Z1_Omega1] = [
-            self.c6 * gamma3,
-            self.c7 * gamma2,
-            self.c8 * gamma1,
-        ];
+        let [Z1_Omega3_scaled, Z1_Omega2_scaled] = [self.c6 * gamma3, self.c7 * gamma2];
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let [S_1_1, g_1] = [
-            gamma1.mul_add(Z1_Omega1, gamma2.mul_add(Z1_Omega2, gamma3 * Z1_Omega3)),
+        let [S_1_1_scaled, g_1] = [
+            gamma3
+                .mul_add(
+                    Z1_Omega3_scaled,
+                    gamma2.mul_add(Z1_Omega2_scaled, gamma1 * gamma1),
+                ),
             (-gamma1)
                 .mul_add(
                     free_Omega1,
@@ -1079,8 +1142,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 ),
         ];
         /// substitution through the factors of S
-        let [t3, lambda_c1] = {
-            let t3 = S_1_1.recip();
+        let [t3, lambda_c1_over_I1] = {
+            let t3 = S_1_1_scaled.recip();
             [t3, g_1 * t3]
         };
         /// tangents of: kinematics xdot = rho y
@@ -1138,13 +1201,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 ),
         ];
         /// tangents of: response to the multipliers L_yy^-1 Lambda^T
-        let [v_Z1_Omega3, v_Z1_Omega2, v_Z1_Omega1] = [
+        let [v_Z1_Omega3_scaled, v_Z1_Omega2_scaled] = [
             self.c6 * v_gamma3,
             self.c7 * v_gamma2,
-            self.c8 * v_gamma1,
         ];
         /// tangents of: multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let [v_S_1_1, v_g_1] = {
+        let [v_S_1_1_scaled, v_g_1] = {
             let t4 = (-gamma3)
                 .mul_add(
                     v_free_Omega3,
@@ -1159,23 +1221,35 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         ),
                 );
             [
-                gamma1
-                    .mul_add(
-                        self.c32 * v_gamma1,
-                        gamma3.mul_add(self.c31 * v_gamma3, self.c30 * v_gamma2 * gamma2),
-                    ),
+                R::from_f64(2.0)
+                    * gamma3
+                        .mul_add(
+                            self.c6 * v_gamma3,
+                            gamma2.mul_add(self.c7 * v_gamma2, gamma1 * v_gamma1),
+                        ),
                 (-gamma1).mul_add(v_free_Omega1, t4),
             ]
         };
         /// tangents of: substitution through the factors of S
-        let v_lambda_c1 = (-lambda_c1).mul_add(v_S_1_1, v_g_1) * t3;
+        let v_lambda_c1_over_I1 = (-lambda_c1_over_I1).mul_add(v_S_1_1_scaled, v_g_1)
+            * t3;
         /// tangents of: accelerations ydot = L_yy^-1 (r + Lambda^T lambda)
         let [v_dot_Omega1, v_dot_Omega2, v_dot_Omega3] = [
-            Z1_Omega1
-                .mul_add(v_lambda_c1, lambda_c1.mul_add(v_Z1_Omega1, v_free_Omega1)),
-            Z1_Omega2
-                .mul_add(v_lambda_c1, lambda_c1.mul_add(v_Z1_Omega2, v_free_Omega2)),
-            Z1_Omega3.mul_add(v_lambda_c1, lambda_c1.mul_add(v_Z1_Omega3, v_free_Omega3)),
+            gamma1
+                .mul_add(
+                    v_lambda_c1_over_I1,
+                    v_gamma1.mul_add(lambda_c1_over_I1, v_free_Omega1),
+                ),
+            Z1_Omega2_scaled
+                .mul_add(
+                    v_lambda_c1_over_I1,
+                    lambda_c1_over_I1.mul_add(v_Z1_Omega2_scaled, v_free_Omega2),
+                ),
+            Z1_Omega3_scaled
+                .mul_add(
+                    v_lambda_c1_over_I1,
+                    lambda_c1_over_I1.mul_add(v_Z1_Omega3_scaled, v_free_Omega3),
+                ),
         ];
         [
             v_dot_Omega1,
@@ -1191,7 +1265,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 45 additions, 75 multiplications (45 fused), 1 division.
+    /// 45 additions, 71 multiplications (44 fused), 1 division.
     #[inline]
     #[must_use]
     pub fn vjp(&self, t: R, y: &[R; 6], w: &[R; 6]) -> [R; 6] {
@@ -1200,56 +1274,72 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [Omega1, Omega2, Omega3, gamma1, gamma2, gamma3] = *y;
         let _ = t;
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [t0, r_Omega1, t1, r_Omega2, t2, r_Omega3] = {
-            let t0 = self.c33 * Omega2;
-            let t1 = self.c34 * Omega1;
-            let t2 = self.c35 * Omega1;
+        let [t0, r_Omega1_over_I2, t1, r_Omega2_over_I2, t2, r_Omega3_over_I2] = {
+            let t0 = self.c41 * Omega2;
+            let t1 = self.c3 * Omega1;
+            let t2 = self.c43 * Omega1;
             [
                 t0,
-                Omega3.mul_add(t0, (-gamma3).mul_add(self.c10, self.c11 * gamma2)),
+                Omega3.mul_add(t0, (-gamma3).mul_add(self.c42, -(self.c2 * gamma2))),
                 t1,
-                (-Omega3).mul_add(t1, (-gamma1).mul_add(self.c11, self.c9 * gamma3)),
+                (-Omega3)
+                    .mul_add(
+                        t1,
+                        gamma1.mul_add(self.c2, self.d_free_Omega2_d_gamma3 * gamma3),
+                    ),
                 t2,
-                Omega2.mul_add(t2, (-gamma2).mul_add(self.c9, self.c10 * gamma1)),
+                Omega2
+                    .mul_add(
+                        t2,
+                        (-gamma2).mul_add(self.d_free_Omega2_d_gamma3, self.c42 * gamma1),
+                    ),
             ]
         };
         /// response to the multipliers L_yy^-1 Lambda^T
-        let [Z1_Omega3, Z1_Omega2, Z1_Omega1] = [
-            self.c6 * gamma3,
-            self.c7 * gamma2,
-            self.c8 * gamma1,
+        let [Z1_Omega3_scaled, Z1_Omega1_scaled] = [
+            self.c44 * gamma3,
+            self.c45 * gamma1,
         ];
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let [S_1_1, g_1] = [
-            gamma1.mul_add(Z1_Omega1, gamma2.mul_add(Z1_Omega2, gamma3 * Z1_Omega3)),
-            (-r_Omega1)
+        let [S_1_1_scaled, g_1] = [
+            gamma1
                 .mul_add(
-                    Z1_Omega1,
-                    (-r_Omega2).mul_add(Z1_Omega2, -(r_Omega3 * Z1_Omega3)),
+                    Z1_Omega1_scaled,
+                    gamma3.mul_add(Z1_Omega3_scaled, gamma2 * gamma2),
+                ),
+            (-r_Omega1_over_I2)
+                .mul_add(
+                    Z1_Omega1_scaled,
+                    (-r_Omega3_over_I2)
+                        .mul_add(Z1_Omega3_scaled, -(gamma2 * r_Omega2_over_I2)),
                 ),
         ];
         /// substitution through the factors of S
-        let [t3, lambda_c1] = {
-            let t3 = S_1_1.recip();
+        let [t3, lambda_c1_over_I2] = {
+            let t3 = S_1_1_scaled.recip();
             [t3, g_1 * t3]
         };
         /// adjoints of: substitution through the factors of S
-        let w_lambda_c1 = w_dot_Omega3
+        let w_lambda_c1_scaled = w_dot_Omega3
             .mul_add(
-                Z1_Omega3,
-                w_dot_Omega2.mul_add(Z1_Omega2, w_dot_Omega1 * Z1_Omega1),
+                Z1_Omega3_scaled,
+                w_dot_Omega1.mul_add(Z1_Omega1_scaled, gamma2 * w_dot_Omega2),
             );
         /// adjoints of: multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
         let [w_g_1, t4] = {
-            let w_g_1 = w_lambda_c1 * t3;
-            [w_g_1, lambda_c1 * w_g_1]
+            let w_g_1 = w_lambda_c1_scaled * t3;
+            [w_g_1, lambda_c1_over_I2 * w_g_1]
         };
         /// adjoints of: response to the multipliers L_yy^-1 Lambda^T
-        let [w_Z1_Omega1, w_Z1_Omega2, w_Z1_Omega3] = [
-            (-gamma1).mul_add(t4, w_dot_Omega1 * lambda_c1),
-            (-gamma2).mul_add(t4, w_dot_Omega2 * lambda_c1),
-            (-gamma3).mul_add(t4, w_dot_Omega3 * lambda_c1),
-        ];
+        let [w_Z1_Omega1_over_I2, t5, w_Z1_Omega2_over_I2, w_Z1_Omega3_over_I2] = {
+            let t5 = gamma2 * t4;
+            [
+                (-gamma1).mul_add(t4, w_dot_Omega1 * lambda_c1_over_I2),
+                t5,
+                w_dot_Omega2.mul_add(lambda_c1_over_I2, -t5),
+                (-gamma3).mul_add(t4, w_dot_Omega3 * lambda_c1_over_I2),
+            ]
+        };
         /// adjoints of: free acceleration L_yy^-1 r
         let [w_free_Omega1, w_free_Omega2, w_free_Omega3] = [
             (-gamma1).mul_add(w_g_1, w_dot_Omega1),
@@ -1257,49 +1347,75 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             (-gamma3).mul_add(w_g_1, w_dot_Omega3),
         ];
         /// adjoints of: forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [w_r_Omega3, w_r_Omega2, w_r_Omega1] = [
-            self.c6 * w_free_Omega3,
-            self.c7 * w_free_Omega2,
-            self.c8 * w_free_Omega1,
+        let [w_r_Omega3_scaled, w_r_Omega1_scaled] = [
+            self.c44 * w_free_Omega3,
+            self.c45 * w_free_Omega1,
         ];
+        let t6 = (-w_r_Omega3_scaled)
+            .mul_add(
+                self.d_free_Omega2_d_gamma3,
+                (-w_r_Omega1_scaled)
+                    .mul_add(
+                        self.c2,
+                        (-r_Omega2_over_I2)
+                            .mul_add(
+                                w_g_1,
+                                (-Omega1)
+                                    .mul_add(w_dot_gamma3, Omega3.mul_add(w_dot_gamma1, -t5)),
+                            ),
+                    ),
+            );
+        let t7 = (-w_r_Omega1_scaled)
+            .mul_add(
+                self.c42,
+                w_free_Omega2
+                    .mul_add(
+                        self.d_free_Omega2_d_gamma3,
+                        (-Z1_Omega3_scaled)
+                            .mul_add(
+                                t4,
+                                (-Omega2).mul_add(w_dot_gamma1, Omega1 * w_dot_gamma2),
+                            ),
+                    ),
+            );
         [
-            w_r_Omega3
+            w_r_Omega3_scaled
                 .mul_add(
-                    self.c35 * Omega2,
-                    (-w_r_Omega2)
+                    self.c43 * Omega2,
+                    (-w_free_Omega2)
                         .mul_add(
-                            self.c34 * Omega3,
+                            self.c3 * Omega3,
                             (-gamma2).mul_add(w_dot_gamma3, gamma3 * w_dot_gamma2),
                         ),
                 ),
-            w_r_Omega1
+            w_r_Omega1_scaled
                 .mul_add(
-                    self.c33 * Omega3,
+                    self.c41 * Omega3,
                     t2
                         .mul_add(
-                            w_r_Omega3,
+                            w_r_Omega3_scaled,
                             (-gamma3).mul_add(w_dot_gamma1, gamma1 * w_dot_gamma3),
                         ),
                 ),
-            (-t1)
+            t0
                 .mul_add(
-                    w_r_Omega2,
-                    t0
+                    w_r_Omega1_scaled,
+                    (-t1)
                         .mul_add(
-                            w_r_Omega1,
+                            w_free_Omega2,
                             (-gamma1).mul_add(w_dot_gamma2, gamma2 * w_dot_gamma1),
                         ),
                 ),
-            (-self.c8)
+            (-self.c45)
                 .mul_add(
-                    r_Omega1.mul_add(w_g_1, -w_Z1_Omega1),
-                    (-w_r_Omega2)
+                    r_Omega1_over_I2.mul_add(w_g_1, -w_Z1_Omega1_over_I2),
+                    w_r_Omega3_scaled
                         .mul_add(
-                            self.c11,
-                            w_r_Omega3
+                            self.c42,
+                            w_free_Omega2
                                 .mul_add(
-                                    self.c10,
-                                    (-Z1_Omega1)
+                                    self.c2,
+                                    (-Z1_Omega1_scaled)
                                         .mul_add(
                                             t4,
                                             (-Omega3).mul_add(w_dot_gamma2, Omega2 * w_dot_gamma3),
@@ -1307,40 +1423,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                 ),
                         ),
                 ),
-            (-self.c7)
-                .mul_add(
-                    r_Omega2.mul_add(w_g_1, -w_Z1_Omega2),
-                    (-w_r_Omega3)
-                        .mul_add(
-                            self.c9,
-                            w_r_Omega1
-                                .mul_add(
-                                    self.c11,
-                                    (-Z1_Omega2)
-                                        .mul_add(
-                                            t4,
-                                            (-Omega1).mul_add(w_dot_gamma3, Omega3 * w_dot_gamma1),
-                                        ),
-                                ),
-                        ),
-                ),
-            (-self.c6)
-                .mul_add(
-                    r_Omega3.mul_add(w_g_1, -w_Z1_Omega3),
-                    (-w_r_Omega1)
-                        .mul_add(
-                            self.c10,
-                            w_r_Omega2
-                                .mul_add(
-                                    self.c9,
-                                    (-Z1_Omega3)
-                                        .mul_add(
-                                            t4,
-                                            (-Omega2).mul_add(w_dot_gamma1, Omega1 * w_dot_gamma2),
-                                        ),
-                                ),
-                        ),
-                ),
+            t6 + w_Z1_Omega2_over_I2,
+            (-self.c44)
+                .mul_add(r_Omega3_over_I2.mul_add(w_g_1, -w_Z1_Omega3_over_I2), t7),
         ]
     }
 
@@ -1348,7 +1433,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 36 additions, 62 multiplications (33 fused), 1 division.
+    /// 36 additions, 60 multiplications (33 fused), 1 division.
     #[inline]
     #[must_use]
     pub fn sensitivity_jvp(&self, t: R, y: &[R; 6], v: &[R; 7]) -> [R; 6] {
@@ -1356,54 +1441,43 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [Omega1, Omega2, Omega3, gamma1, gamma2, gamma3] = *y;
         let _ = t;
         /// free acceleration L_yy^-1 r
-        let [t0, free_Omega3, t1, free_Omega2, t2, free_Omega1] = {
+        let [t0, free_Omega3_over_I2, t1, free_Omega2_over_I2, t2, free_Omega1_over_I2,
+        ] = {
             let t0 = Omega1 * Omega2;
             let t1 = Omega1 * Omega3;
             let t2 = Omega2 * Omega3;
             [
                 t0,
-                t0
-                    .mul_add(
-                        self.c1,
-                        gamma2.mul_add(self.c0, self.d_free_Omega3_d_gamma1 * gamma1),
-                    ),
+                t0.mul_add(self.c48, gamma2.mul_add(self.c47, self.c46 * gamma1)),
                 t1,
-                (-t1)
-                    .mul_add(
-                        self.c3,
-                        gamma1.mul_add(self.c2, self.d_free_Omega2_d_gamma3 * gamma3),
-                    ),
+                t1.mul_add(self.c51, gamma1.mul_add(self.c50, self.c49 * gamma3)),
                 t2,
-                t2
-                    .mul_add(
-                        self.c5,
-                        gamma3.mul_add(self.c4, self.d_free_Omega1_d_gamma2 * gamma2),
-                    ),
+                t2.mul_add(self.c53, gamma3.mul_add(self.c52, -(self.c23 * gamma2))),
             ]
         };
         /// response to the multipliers L_yy^-1 Lambda^T
-        let [Z1_Omega3, Z1_Omega2, Z1_Omega1] = [
-            self.c6 * gamma3,
-            self.c7 * gamma2,
-            self.c8 * gamma1,
-        ];
+        let [Z1_Omega3_scaled, Z1_Omega2_scaled] = [self.c6 * gamma3, self.c54 * gamma2];
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let [t3, S_1_1, g_1] = {
-            let t3 = gamma2 * Z1_Omega2;
+        let [t3, S_1_1_scaled, g_1_over_I2] = {
+            let t3 = gamma2 * Z1_Omega2_scaled;
             [
                 t3,
-                gamma1.mul_add(Z1_Omega1, gamma3.mul_add(Z1_Omega3, t3)),
+                gamma3.mul_add(Z1_Omega3_scaled, gamma1.mul_add(gamma1, t3)),
                 (-gamma1)
                     .mul_add(
-                        free_Omega1,
-                        (-gamma3).mul_add(free_Omega3, -(gamma2 * free_Omega2)),
+                        free_Omega1_over_I2,
+                        (-gamma3)
+                            .mul_add(
+                                free_Omega3_over_I2,
+                                -(gamma2 * free_Omega2_over_I2),
+                            ),
                     ),
             ]
         };
         /// substitution through the factors of S
-        let [t4, lambda_c1] = {
-            let t4 = S_1_1.recip();
-            [t4, g_1 * t4]
+        let [t4, lambda_c1_over_I1_I2] = {
+            let t4 = S_1_1_scaled.recip();
+            [t4, g_1_over_I2 * t4]
         };
         /// tangents of: forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
         let [v_r_Omega1, v_r_Omega2, v_r_Omega3] = {
@@ -1417,24 +1491,22 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             ]
         };
         /// tangents of: free acceleration L_yy^-1 r
-        let [t8, v_free_Omega3, t9, v_free_Omega2, t10, v_free_Omega1] = {
-            let t8 = self.c6 * v_I3;
-            let t9 = self.c7 * v_I2;
-            let t10 = self.c8 * v_I1;
+        let [t8, v_free_Omega3, v_free_Omega2, t9, v_free_Omega1] = {
+            let t8 = self.c44 * v_I3;
+            let t9 = self.c45 * v_I1;
             [
                 t8,
-                v_r_Omega3.mul_add(self.c6, -(free_Omega3 * t8)),
+                v_r_Omega3.mul_add(self.c28, -(free_Omega3_over_I2 * t8)),
+                v_r_Omega2.mul_add(self.c31, -(v_I2 * free_Omega2_over_I2)),
                 t9,
-                v_r_Omega2.mul_add(self.c7, -(free_Omega2 * t9)),
-                t10,
-                v_r_Omega1.mul_add(self.c8, -(free_Omega1 * t10)),
+                v_r_Omega1.mul_add(self.c34, -(free_Omega1_over_I2 * t9)),
             ]
         };
         /// tangents of: response to the multipliers L_yy^-1 Lambda^T
-        let [t11, t12] = [Z1_Omega3 * t8, Z1_Omega1 * t10];
+        let [t10, t11] = [Z1_Omega3_scaled * t8, gamma1 * t9];
         /// tangents of: multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let [v_S_1_1, v_g_1] = [
-            (-t3).mul_add(t9, (-gamma1).mul_add(t12, -(gamma3 * t11))),
+        let [v_S_1_1_scaled, v_g_1] = [
+            (-v_I2).mul_add(t3, (-gamma1).mul_add(t11, -(gamma3 * t10))),
             (-gamma1)
                 .mul_add(
                     v_free_Omega1,
@@ -1442,12 +1514,25 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 ),
         ];
         /// tangents of: substitution through the factors of S
-        let v_lambda_c1 = (-lambda_c1).mul_add(v_S_1_1, v_g_1) * t4;
+        let v_lambda_c1_over_I1 = (-lambda_c1_over_I1_I2).mul_add(v_S_1_1_scaled, v_g_1)
+            * t4;
         /// tangents of: accelerations ydot = L_yy^-1 (r + Lambda^T lambda)
         let [v_dot_Omega1, v_dot_Omega2, v_dot_Omega3] = [
-            Z1_Omega1.mul_add(v_lambda_c1, (-lambda_c1).mul_add(t12, v_free_Omega1)),
-            (-Z1_Omega2).mul_add(lambda_c1.mul_add(t9, -v_lambda_c1), v_free_Omega2),
-            Z1_Omega3.mul_add(v_lambda_c1, (-lambda_c1).mul_add(t11, v_free_Omega3)),
+            gamma1
+                .mul_add(
+                    v_lambda_c1_over_I1,
+                    (-lambda_c1_over_I1_I2).mul_add(t11, v_free_Omega1),
+                ),
+            (-Z1_Omega2_scaled)
+                .mul_add(
+                    v_I2.mul_add(lambda_c1_over_I1_I2, -v_lambda_c1_over_I1),
+                    v_free_Omega2,
+                ),
+            Z1_Omega3_scaled
+                .mul_add(
+                    v_lambda_c1_over_I1,
+                    (-lambda_c1_over_I1_I2).mul_add(t10, v_free_Omega3),
+                ),
         ];
         [v_dot_Omega1, v_dot_Omega2, v_dot_Omega3, R::ZERO, R::ZERO, R::ZERO]
     }
@@ -1460,19 +1545,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 6 multiplications (2 fused).
+    /// 2 additions, 5 multiplications (2 fused).
     pub fn check(&self, t: R, y: &[R; 6]) -> Result<(), ::hamel_runtime::Failure> {
         let [_, _, _, gamma1, gamma2, gamma3] = *y;
         /// response to the multipliers L_yy^-1 Lambda^T
-        let [Z1_Omega3, Z1_Omega2, Z1_Omega1] = [
-            self.c6 * gamma3,
-            self.c7 * gamma2,
-            self.c8 * gamma1,
-        ];
+        let [Z1_Omega3_scaled, Z1_Omega2_scaled] = [self.c6 * gamma3, self.c7 * gamma2];
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let S_1_1 = gamma1
-            .mul_add(Z1_Omega1, gamma2.mul_add(Z1_Omega2, gamma3 * Z1_Omega3));
-        let (value, pivot) = (S_1_1, "response to constraint dot(Omega, gamma) = 0");
+        let S_1_1_scaled = gamma2
+            .mul_add(
+                Z1_Omega2_scaled,
+                gamma3.mul_add(Z1_Omega3_scaled, gamma1 * gamma1),
+            );
+        let (value, pivot) = (
+            S_1_1_scaled,
+            "response to constraint dot(Omega, gamma) = 0",
+        );
         if !value.abs().all_gt(R::ZERO) {
             let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
             return Err(::hamel_runtime::Failure::Singular {

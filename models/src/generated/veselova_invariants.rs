@@ -238,24 +238,22 @@ pub struct Prepared<R = f64> {
     c7: R,
     /// `(I2 - I3) / I1`
     c8: R,
-    /// `1 / I3`
+    /// `I1 / I3`
     c9: R,
-    /// `1 / I2`
+    /// `I1 / I2`
     c10: R,
-    /// `1 / I1`
-    c11: R,
     /// `k * chi1`
-    c12: R,
+    c11: R,
     /// `k * chi2`
-    c13: R,
+    c12: R,
     /// `k * chi3`
-    c14: R,
+    c13: R,
     /// `0.5 * I1`
-    c15: R,
+    c14: R,
     /// `0.5 * I2`
-    c16: R,
+    c15: R,
     /// `0.5 * I3`
-    c17: R,
+    c16: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -269,7 +267,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 6 multiplications, 12 divisions, 3 sign changes.
+    /// 3 additions, 6 multiplications, 11 divisions, 3 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, k, chi1, chi2, chi3 } = *params;
         for (value, condition, meaning) in [
@@ -331,15 +329,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c6: t2 / I1,
             c7: -(t0 / I1),
             c8: (I2 - I3) / I1,
-            c9: I3.recip(),
-            c10: I2.recip(),
-            c11: I1.recip(),
-            c12: t1,
-            c13: t0,
-            c14: t2,
-            c15: R::from_f64(0.5) * I1,
-            c16: R::from_f64(0.5) * I2,
-            c17: R::from_f64(0.5) * I3,
+            c9: I1 / I3,
+            c10: I1 / I2,
+            c11: t1,
+            c12: t0,
+            c13: t2,
+            c14: R::from_f64(0.5) * I1,
+            c15: R::from_f64(0.5) * I2,
+            c16: R::from_f64(0.5) * I3,
         })
     }
 }
@@ -365,7 +362,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 16 additions, 30 multiplications (16 fused), 1 division.
+    /// 16 additions, 29 multiplications (16 fused), 1 division.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 6], dy: &mut [R; 6]) {
         let [Omega1, Omega2, Omega3, gamma1, gamma2, gamma3] = *y;
@@ -383,14 +380,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             Omega2.mul_add(self.c8 * Omega3, gamma3.mul_add(self.c7, self.c6 * gamma2)),
         ];
         /// response to the multipliers L_yy^-1 Lambda^T
-        let [Z1_Omega3, Z1_Omega2, Z1_Omega1] = [
-            self.c9 * gamma3,
-            self.c10 * gamma2,
-            self.c11 * gamma1,
-        ];
+        let [Z1_Omega3_scaled, Z1_Omega2_scaled] = [self.c9 * gamma3, self.c10 * gamma2];
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let [S_1_1, g_1] = [
-            gamma1.mul_add(Z1_Omega1, gamma2.mul_add(Z1_Omega2, gamma3 * Z1_Omega3)),
+        let [S_1_1_scaled, g_1] = [
+            gamma2
+                .mul_add(
+                    Z1_Omega2_scaled,
+                    gamma3.mul_add(Z1_Omega3_scaled, gamma1 * gamma1),
+                ),
             (-gamma1)
                 .mul_add(
                     free_Omega1,
@@ -398,12 +395,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 ),
         ];
         /// substitution through the factors of S
-        let lambda_c1 = g_1 / S_1_1;
+        let lambda_c1_over_I1 = g_1 / S_1_1_scaled;
         /// accelerations ydot = L_yy^-1 (r + Lambda^T lambda)
         let [dot_Omega1, dot_Omega2, dot_Omega3] = [
-            Z1_Omega1.mul_add(lambda_c1, free_Omega1),
-            Z1_Omega2.mul_add(lambda_c1, free_Omega2),
-            Z1_Omega3.mul_add(lambda_c1, free_Omega3),
+            gamma1.mul_add(lambda_c1_over_I1, free_Omega1),
+            Z1_Omega2_scaled.mul_add(lambda_c1_over_I1, free_Omega2),
+            Z1_Omega3_scaled.mul_add(lambda_c1_over_I1, free_Omega3),
         ];
         *dy = [dot_Omega1, dot_Omega2, dot_Omega3, dot_gamma1, dot_gamma2, dot_gamma3];
     }
@@ -422,21 +419,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn energy(&self, t: R, y: &[R; 6]) -> R {
         let [Omega1, Omega2, Omega3, gamma1, gamma2, gamma3] = *y;
         let _ = t;
-        self.c17
+        self.c16
             .mul_add(
                 Omega3 * Omega3,
                 self
-                    .c16
+                    .c15
                     .mul_add(
                         Omega2 * Omega2,
                         self
-                            .c15
+                            .c14
                             .mul_add(
                                 Omega1 * Omega1,
                                 gamma3
                                     .mul_add(
-                                        self.c14,
-                                        gamma2.mul_add(self.c13, self.c12 * gamma1),
+                                        self.c13,
+                                        gamma2.mul_add(self.c12, self.c11 * gamma1),
                                     ),
                             ),
                     ),
@@ -515,19 +512,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 6 multiplications (2 fused).
+    /// 2 additions, 5 multiplications (2 fused).
     pub fn check(&self, t: R, y: &[R; 6]) -> Result<(), ::hamel_runtime::Failure> {
         let [_, _, _, gamma1, gamma2, gamma3] = *y;
         /// response to the multipliers L_yy^-1 Lambda^T
-        let [Z1_Omega3, Z1_Omega2, Z1_Omega1] = [
-            self.c9 * gamma3,
-            self.c10 * gamma2,
-            self.c11 * gamma1,
-        ];
+        let [Z1_Omega3_scaled, Z1_Omega2_scaled] = [self.c9 * gamma3, self.c10 * gamma2];
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let S_1_1 = gamma1
-            .mul_add(Z1_Omega1, gamma2.mul_add(Z1_Omega2, gamma3 * Z1_Omega3));
-        let (value, pivot) = (S_1_1, "response to constraint dot(Omega, gamma) = 0");
+        let S_1_1_scaled = gamma2
+            .mul_add(
+                Z1_Omega2_scaled,
+                gamma3.mul_add(Z1_Omega3_scaled, gamma1 * gamma1),
+            );
+        let (value, pivot) = (
+            S_1_1_scaled,
+            "response to constraint dot(Omega, gamma) = 0",
+        );
         if !value.abs().all_gt(R::ZERO) {
             let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
             return Err(::hamel_runtime::Failure::Singular {

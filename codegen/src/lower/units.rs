@@ -1,0 +1,231 @@
+//! Units in which the fewest numbers are left: every value may be measured in a unit of its own.
+//!
+//! With `k = lambda_k k'` for every polynomial but those that are results or arguments of functions, a term `c a b` of `k`
+//! becomes `(c lambda_a lambda_b / lambda_k) a' b'`. That its number is one is a linear equation for the logarithms of the units
+//! `lambda`. As many of these equations as can hold at once are taken greedily, first those of terms where a number costs
+//! an operation; only integer powers of numbers that are known to be positive occur. A mass matrix and its right
+//! side, for example, are divided by the mass, and lengths are measured in radii. Deliberately does not know what a
+//! value is for.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use num_integer::Integer;
+use num_traits::One;
+
+use super::extract::{needed, price_of_number};
+use super::polynomial::{Atom, Coefficient, Entry, Monomial, System};
+use crate::expr::Graph;
+
+/// A higher power of a number is not looked for.
+const MAX_EXPONENT: i32 = 4;
+
+/// Integer powers of units.
+type Powers = BTreeMap<usize, i32>;
+
+/// `number prod lambda^powers = 1`, where it is wanted.
+#[derive(Clone, Debug)]
+struct Equation {
+    powers: Powers,
+    number: Coefficient,
+    /// What a number costs in the term that the equation is about.
+    price: i64,
+}
+
+/// The units found so far, each a number times powers of those that are still free.
+#[derive(Clone, Debug, Default)]
+struct Units {
+    solved: BTreeMap<usize, (Powers, Coefficient)>,
+}
+
+/// The entries in other units, in every order of preference that is tried; values that became equal are one.
+pub(super) fn in_other_units(
+    graph: &mut Graph,
+    system: &mut System,
+    entries: &[Entry],
+    roots: &[usize],
+) -> Vec<Vec<Entry>> {
+    let equations = equations(system, entries, roots);
+    let (there, wanted): (Vec<_>, Vec<_>) = equations.into_iter().partition(|e| e.number.is_unit());
+    let dear = |list: &[Equation], is_dear: bool| -> Vec<Equation> {
+        let mut list: Vec<Equation> = list.iter().filter(|e| (e.price > 0) == is_dear).cloned().collect();
+        list.sort_by_key(|e| std::cmp::Reverse(e.price));
+        list
+    };
+    let (keep, gain, rest) = (dear(&there, true), dear(&wanted, true), dear(&wanted, false));
+    let orders = [[&keep, &gain, &rest], [&gain, &keep, &rest]];
+    let mut found = Vec::new();
+    for order in orders {
+        let mut units = Units::default();
+        for equation in order.into_iter().flatten() {
+            if let Some(more) = units.with(graph, system, entries, equation) {
+                units = more;
+            }
+        }
+        found.extend(units.applied(graph, system, entries, roots));
+    }
+    found
+}
+
+/// The equation of every term that units other than one could change.
+fn equations(system: &System, entries: &[Entry], roots: &[usize]) -> Vec<Equation> {
+    let alive = needed(system, entries, roots);
+    let mut fixed: BTreeSet<usize> = roots.iter().copied().collect();
+    let factors = || alive.iter().flat_map(|k| &entries[*k].value).flat_map(|(m, _)| m);
+    for (atom, q) in factors() {
+        match system.atom(*atom) {
+            Atom::Function(_, k) => _ = fixed.insert(k as usize),
+            Atom::Poly(k) if !q.is_integer() => _ = fixed.insert(k as usize),
+            Atom::Poly(_) | Atom::Input(_) => {}
+        }
+    }
+    let powers_of = |k: usize, m: &Monomial| {
+        let mut powers = Powers::new();
+        if !fixed.contains(&k) {
+            powers.insert(k, -1);
+        }
+        for (atom, q) in m {
+            if let Atom::Poly(j) = system.atom(*atom)
+                && !fixed.contains(&(j as usize))
+            {
+                *powers.entry(j as usize).or_insert(0) += q.to_integer();
+            }
+        }
+        powers.retain(|_, n| *n != 0);
+        powers
+    };
+    let mut equations = Vec::new();
+    for k in &alive {
+        for (position, (m, c)) in entries[*k].value.iter().enumerate() {
+            let powers = powers_of(*k, m);
+            if !powers.is_empty() {
+                let price = price_of_number(&entries[*k].value, position);
+                equations.push(Equation { powers, number: *c, price });
+            }
+        }
+    }
+    equations
+}
+
+impl Units {
+    /// These units and one more equation; none if that cannot hold besides the others.
+    fn with(
+        &self,
+        graph: &mut Graph,
+        system: &mut System,
+        entries: &[Entry],
+        wanted: &Equation,
+    ) -> Option<Units> {
+        let (mut powers, number) = self.reduced(graph, system, &wanted.powers, wanted.number)?;
+        if number.is_unit() {
+            // Units are positive: x^2 = y^2 is x = y.
+            let common = powers.values().fold(0, |gcd, n| gcd.gcd(n));
+            powers.values_mut().for_each(|n| *n /= common);
+        }
+        // A value with a name keeps its unit where another one can change.
+        let pivot = powers
+            .iter()
+            .filter(|(_, n)| n.abs() == 1)
+            .min_by_key(|(k, _)| (entries[**k].definition.is_some(), std::cmp::Reverse(**k)));
+        let (&pivot, &n) = pivot?;
+        let others: Powers = powers.iter().filter(|(k, _)| **k != pivot).map(|(k, m)| (*k, -n * m)).collect();
+        let number = if n > 0 { system.numbers.div(graph, Coefficient::ONE, number)? } else { number };
+        let number = Coefficient { negative: false, ..number };
+        if !system.numbers.is_positive(graph, number) {
+            return None;
+        }
+        let one = Units { solved: BTreeMap::from([(pivot, (others.clone(), number))]) };
+        let mut solved = BTreeMap::new();
+        for (k, (powers, number)) in &self.solved {
+            solved.insert(*k, one.reduced(graph, system, powers, *number)?);
+        }
+        solved.insert(pivot, (others, number));
+        Some(Units { solved })
+    }
+
+    /// `number prod lambda^powers` in terms of the units that are free.
+    fn reduced(
+        &self,
+        graph: &mut Graph,
+        system: &mut System,
+        powers: &Powers,
+        number: Coefficient,
+    ) -> Option<(Powers, Coefficient)> {
+        let (mut free, mut total) = (Powers::new(), number);
+        for (k, n) in powers {
+            let Some((inner, factor)) = self.solved.get(k) else {
+                *free.entry(*k).or_insert(0) += n;
+                continue;
+            };
+            for (j, m) in inner {
+                *free.entry(*j).or_insert(0) += n * m;
+            }
+            if n.abs() > MAX_EXPONENT {
+                return None;
+            }
+            for _ in 0..n.abs() {
+                total = if *n > 0 {
+                    system.numbers.mul(graph, total, *factor)
+                } else {
+                    system.numbers.div(graph, total, *factor)?
+                };
+            }
+        }
+        free.retain(|_, n| *n != 0);
+        Some((free, Coefficient { negative: false, ..total }))
+    }
+
+    /// The entries in these units; none where nothing changes, or where a division would not be safe.
+    fn applied(
+        &self,
+        graph: &mut Graph,
+        system: &mut System,
+        entries: &[Entry],
+        roots: &[usize],
+    ) -> Option<Vec<Entry>> {
+        let mut scaled = entries.to_vec();
+        let mut changed = false;
+        for (k, (_, unit)) in &self.solved {
+            if !unit.is_unit() {
+                scaled = in_unit(graph, system, &scaled, roots, *k, *unit)?;
+                changed = true;
+            }
+        }
+        if !changed {
+            return None;
+        }
+        // What is another value by now is replaced by it.
+        for k in needed(system, &scaled, roots) {
+            let [(m, c)] = scaled[k].value.as_slice() else { continue };
+            let is_other = c.is_unit() && matches!(m.as_slice(), [(_, q)] if q.is_one());
+            if roots.contains(&k) || !is_other {
+                continue;
+            }
+            for user in needed(system, &scaled, roots) {
+                let value = scaled[k].value.clone();
+                if let Some(replaced) = system.substitute(graph, &scaled[user].value, k, &value) {
+                    scaled[user].value = replaced;
+                }
+            }
+        }
+        Some(scaled)
+    }
+}
+
+/// The entries with polynomial `k` in a unit, which everything that uses it makes up for.
+pub(super) fn in_unit(
+    graph: &mut Graph,
+    system: &mut System,
+    entries: &[Entry],
+    roots: &[usize],
+    k: usize,
+    unit: Coefficient,
+) -> Option<Vec<Entry>> {
+    let mut scaled = entries.to_vec();
+    scaled[k].value = system.over_number(graph, &entries[k].value, unit)?;
+    scaled[k].unit = system.numbers.mul(graph, entries[k].unit, unit);
+    let atom = system.atom_of(Atom::Poly(k as u32));
+    for user in needed(system, entries, roots).into_iter().filter(|user| *user != k) {
+        scaled[user].value = system.times_number(graph, &entries[user].value, atom, unit)?;
+    }
+    Some(scaled)
+}
