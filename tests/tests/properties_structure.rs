@@ -39,7 +39,7 @@ const BOUNDS: [(&str, usize, usize); 22] = [
     ("snakeboard", 19, 71),
     ("suslov", 10, 46),
     ("tethered_body", 17, 88),
-    ("two_arm_satellite", 41, 280),
+    ("two_arm_satellite", 45, 245),
     ("veselova", 20, 100),
     ("wong_particle", 14, 100),
 ];

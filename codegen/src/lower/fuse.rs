@@ -325,7 +325,7 @@ fn absorb_signs(
             if n_uses[negated] != 1 {
                 changes.extend(list.in_users(negated, Some(k), program)?);
             }
-            let changed: BTreeSet<usize> = changes.iter().map(|(v, _)| *v).collect();
+            let changed: BTreeSet<usize> = changes.iter().map(|c| c.at).collect();
             (changed.len() == changes.len()).then_some(changes)
         });
         let Some(changes) = changes else {
@@ -333,8 +333,11 @@ fn absorb_signs(
             program.prepare.slots.truncate(n_prepared.1);
             continue;
         };
-        for (changed, op) in changes {
-            instructions[changed].op = op;
+        for Change { at, op, turns } in changes {
+            instructions[at].op = op;
+            if turns && at != negated {
+                instructions[at].name = instructions[at].name.take().map(|name| format!("minus_{name}"));
+            }
         }
         // The name that the value had is that of its opposite now.
         instructions[negated].name = instructions[k].name.take();
@@ -396,6 +399,14 @@ pub(super) fn drop_dead(instructions: &mut Vec<Instruction>, outputs: &mut [Oper
     *instructions = kept;
 }
 
+/// Another operation in place of one.
+struct Change {
+    at: usize,
+    op: Op,
+    /// Whether the value gets the other sign.
+    turns: bool,
+}
+
 /// Instructions whose signs are looked at.
 struct Turning<'a> {
     instructions: &'a [Instruction],
@@ -408,8 +419,11 @@ struct Turning<'a> {
 
 impl Turning<'_> {
     /// A change of one instruction that gives the value the other sign.
-    fn opposite(&self, v: usize, program: &mut Program) -> Option<(usize, Op)> {
-        let change = |v: usize| Some((v, opposite(self.instructions[v].op, program, self.may_prepare)?));
+    fn opposite(&self, v: usize, program: &mut Program) -> Option<Change> {
+        let change = |at: usize| {
+            let op = opposite(self.instructions[at].op, program, self.may_prepare)?;
+            Some(Change { at, op, turns: true })
+        };
         self.factors(v).into_iter().find_map(change)
     }
 
@@ -419,12 +433,10 @@ impl Turning<'_> {
         let mut next = 0;
         while let Some(v) = factors.get(next) {
             next += 1;
-            if let Op::Mul(..) | Op::Div(..) | Op::Recip(_) = self.instructions[*v].op {
-                let operands = self.operands(*v);
-                // The opposite of a definition would need another name.
-                factors.extend(
-                    operands.filter(|v| self.n_uses[*v] == 1 && self.instructions[*v].name.is_none()),
-                );
+            // The opposite of a definition gets a name of its own; not all of a chain of them.
+            let is_open = *v == root || self.instructions[*v].name.is_none();
+            if is_open && let Op::Mul(..) | Op::Div(..) | Op::Recip(_) = self.instructions[*v].op {
+                factors.extend(self.operands(*v).filter(|v| self.n_uses[*v] == 1));
             }
         }
         factors
@@ -441,7 +453,7 @@ impl Turning<'_> {
 
     /// Changes that leave everything as it is when a value gets the other sign, but for one user; none where they would
     /// cost an operation.
-    fn in_users(&self, v: usize, except: Option<usize>, program: &mut Program) -> Option<Vec<(usize, Op)>> {
+    fn in_users(&self, v: usize, except: Option<usize>, program: &mut Program) -> Option<Vec<Change>> {
         if self.is_output(v) {
             return None;
         }
@@ -455,7 +467,7 @@ impl Turning<'_> {
                 && self.instructions[user].name.is_none()
             {
                 // The product gets the other sign, too: it stands in the list so that nothing else changes it.
-                changes.push((user, op));
+                changes.push(Change { at: user, op, turns: true });
                 changes.extend(self.in_users(user, None, program)?);
             } else {
                 return None;
@@ -465,7 +477,7 @@ impl Turning<'_> {
     }
 
     /// Changes that leave the value of a user as it is when one of its operands gets the other sign.
-    fn with_opposite(&self, user: usize, v: usize, program: &mut Program) -> Option<Vec<(usize, Op)>> {
+    fn with_opposite(&self, user: usize, v: usize, program: &mut Program) -> Option<Vec<Change>> {
         let is = |o: Operand| position(o).is_some_and(|o| self.stands_for[o] == v);
         let op = match self.instructions[user].op {
             Op::MulAdd(Signs { product, addend }, a, b, c) => {
@@ -491,7 +503,7 @@ impl Turning<'_> {
             Op::Sub(a, b) if is(b) && !is(a) => Op::Add(a, b),
             _ => return None,
         };
-        Some(vec![(user, op)])
+        Some(vec![Change { at: user, op, turns: false }])
     }
 }
 

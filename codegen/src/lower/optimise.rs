@@ -90,9 +90,15 @@ impl Search<'_> {
     /// The cheapest form found, common divisors extracted, in the units with the fewest numbers.
     fn run(mut self, original: Vec<Entry>) -> Vec<Entry> {
         let found = self.cheapest(original);
+        // Numbers, and signs that none of them takes.
         let n_numbers = |search: &Self, entries: &[Entry]| -> usize {
             let alive = needed(search.system, entries, search.roots);
-            alive.iter().flat_map(|k| &entries[*k].value).filter(|(_, c)| !c.is_unit()).count()
+            let numbers = alive.iter().map(|k| {
+                let value = &entries[*k].value;
+                let n = value.iter().filter(|(_, c)| !c.is_unit()).count();
+                n + usize::from(n == 0 && value.iter().all(|(_, c)| c.negative))
+            });
+            numbers.sum()
         };
         let mut best = ((cost(self.system, &found, self.roots), n_numbers(&self, &found)), found);
         for candidate in units::in_other_units(self.graph, self.system, &best.1, self.roots) {

@@ -433,6 +433,75 @@ fn a_divisor_is_scaled_where_that_saves_numbers() {
     check(&mut f, &program, &[e]);
 }
 
+/// `(a l^2 y + b z) / (a l^2 + b)` with `l = c x + b`: mass `a`, arm `l`.
+fn lever(f: &mut Fixture) -> (ExprId, Vec<Section>) {
+    let ([a, b, c], [x, y, z]) = (f.p, f.x);
+    let cx = f.g.mul(c, x);
+    let arm = f.g.add(cx, b);
+    let arm = Definition { symbol: f.g.define("arm", arm), expr: arm };
+    let l = f.g.sym(arm.symbol);
+    let (ly, bz) = (f.g.product(&[a, l, y, l]), f.g.mul(b, z));
+    let ll = f.g.product(&[a, l, l]);
+    let torque = f.g.add(ly, bz);
+    let inertia = f.g.add(ll, b);
+    let inertia = Definition { symbol: f.g.define("inertia", inertia), expr: inertia };
+    let denominator = f.g.sym(inertia.symbol);
+    let e = f.g.div(torque, denominator).unwrap();
+    (e, vec![Section { title: "all".into(), definitions: vec![arm, inertia] }])
+}
+
+#[test]
+fn units_are_chosen_that_leave_the_fewest_numbers() {
+    let mut f = fixture();
+    let (e, sections) = lever(&mut f);
+    let lowered =
+        |f: &mut Fixture| lower(&mut f.g, &f.inputs, &sections, &[], &[request("f", &[e])]).unwrap();
+    let values = crate::expr::inlined(&mut f.g, &sections[0].definitions);
+    let whole = f.g.subs(e, &values).unwrap();
+    let plain = lowered(&mut f);
+    check(&mut f, &plain, &[whole]);
+    // Masses in units of a and lengths in units of c, once both are known to be positive.
+    f.inputs.signs.extend([(f.p[0], Sign::Positive), (f.p[2], Sign::Positive)]);
+    let scaled = lowered(&mut f);
+    check(&mut f, &scaled, &[whole]);
+    let (plain, own) = (plain.functions[0].counts(), scaled.functions[0].counts());
+    assert!(own.mul < plain.mul && own.add <= plain.add && own.div == plain.div, "{plain:?} {own:?}");
+    // Names say what they are in.
+    let names = scaled.functions[0].instructions.iter().filter_map(|i| i.name.as_deref());
+    let names: Vec<&str> = names.collect();
+    assert!(names.iter().any(|n| n.starts_with("inertia_over_a")), "{names:?}");
+}
+
+#[test]
+fn a_pivot_in_other_units_is_checked_as_it_is_divided_by() {
+    let mut f = fixture();
+    let (e, sections) = lever(&mut f);
+    f.inputs.signs.extend([(f.p[0], Sign::Positive), (f.p[2], Sign::Positive)]);
+    let pivot = f.g.sym(sections[0].definitions[1].symbol);
+    let check = Request { name: CHECK.into(), results: vec![("inertia".into(), pivot)] };
+    let requests = [Request { name: RHS.into(), ..request("f", &[e]) }, check];
+    let program = lower(&mut f.g, &f.inputs, &sections, &[], &requests).unwrap();
+    let prepared = program.prepare(&PARAMS).unwrap();
+    let mut divisors = Vec::new();
+    for instruction in &program.functions[0].instructions {
+        if let Op::Div(_, d) | Op::Recip(d) = instruction.op {
+            divisors.push(d);
+        }
+    }
+    let [Operand::Value(k)] = divisors[..] else { panic!("one value is divided by: {divisors:?}") };
+    let mut rhs = program.clone();
+    rhs.functions[0].results = vec![("divisor".into(), Operand::Value(k))];
+    let (mut divisor, mut checked) = ([0.0], [0.0; 2]);
+    rhs.run(0, &PARAMS, &prepared, TIME, &STATE, &mut divisor);
+    program.run(1, &PARAMS, &prepared, TIME, &STATE, &mut checked);
+    // The rounding of the checked value is that of the sums without fusion.
+    assert!((divisor[0] - checked[0]).abs() <= 4.0 * f64::EPSILON * divisor[0], "{divisor:?} {checked:?}");
+    let values = crate::expr::inlined(&mut f.g, &sections[0].definitions);
+    let inertia = values[&sections[0].definitions[1].symbol];
+    let inertia = f.g.eval_f64(inertia, &f.values()).unwrap();
+    assert!((inertia - checked[0]).abs() > 0.01, "{inertia} and {checked:?} are in different units");
+}
+
 #[test]
 fn sine_and_cosine_of_one_angle_are_one_call() {
     let mut f = fixture();

@@ -262,26 +262,27 @@ impl<'a> Derivation<'a> {
 
     /// `weight v_alpha . (dv/dx xdot + omega x v)` of all squares, by `alpha`.
     fn inertia_forces(&mut self, squares: &[Square]) -> Result<Vec<ExprId>, Error> {
-        let mut forces = vec![Vec::new(); self.y.len()];
+        self.writer.begin("velocities v in squares m/2 |v|^2");
+        let mut velocities = Vec::new();
         for (k, square) in squares.iter().enumerate() {
-            self.writer.begin("velocities v of the squares m/2 |v|^2");
             let mut v = Vec::new();
             for (i, component) in square.velocity.iter().enumerate() {
                 let value = self.replace(*component)?;
                 v.push(self.define(&format!("v{}_{}", k + 1, i + 1), value));
             }
-            self.writer.begin("their accelerations a = dv/dx xdot + omega x v at ydot = 0");
+            velocities.push(v);
+        }
+        self.writer.begin("accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0");
+        let mut forces = vec![Vec::new(); self.y.len()];
+        for (k, (square, v)) in squares.iter().zip(velocities).enumerate() {
             let turned = square.turned(&mut self.g, &self.y, &v);
-            let mut acceleration = Vec::new();
             for (i, (component, turned)) in square.velocity.iter().zip(turned).enumerate() {
                 let drift = self.drift(*component)?;
                 let value = self.g.add(drift, turned);
-                acceleration.push(self.define(&format!("a{}_{}", k + 1, i + 1), value));
-            }
-            for (terms, slopes) in forces.iter_mut().zip(&square.slopes) {
-                for (slope, a) in slopes.iter().zip(&acceleration) {
-                    let slope = self.replace(*slope)?;
-                    terms.push(self.g.product(&[square.weight, slope, *a]));
+                let acceleration = self.define(&format!("a{}_{}", k + 1, i + 1), value);
+                for (terms, slopes) in forces.iter_mut().zip(&square.slopes) {
+                    let slope = self.replace(slopes[i])?;
+                    terms.push(self.g.product(&[square.weight, slope, acceleration]));
                 }
             }
         }

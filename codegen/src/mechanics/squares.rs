@@ -10,8 +10,9 @@ use crate::algebra::Algebroid;
 use crate::expr::{ExprId, Graph, Node, Rational, SymbolId};
 use crate::reduction::ReducedSystem;
 
-/// A term `weight/2 |v|^2` of the Lagrangian with `v = v_beta y^beta + v_0` in a frame that turns with the angular velocity
-/// `omega = K_beta y^beta`, i.e. one with vanishing torsion:
+/// A term `weight/2 |v|^2` of the Lagrangian with `v = v_beta y^beta` in a frame that turns with the angular velocity
+/// `omega = K_beta y^beta`, i.e. one with vanishing torsion, or with `v = v_beta y^beta + v_0` and constant `v_0` in one that does
+/// not turn:
 ///
 /// ```text
 /// dv_alpha/dx . rho_beta - dv_beta/dx . rho_alpha + C^gamma_{alpha beta} v_gamma = v_alpha x K_beta - v_beta x K_alpha
@@ -129,15 +130,15 @@ fn square(g: &mut Graph, system: &ReducedSystem, weight: ExprId, velocity: Vec<E
         slopes.iter_mut().zip(parts).for_each(|(row, part)| row.push(part));
         offsets.push(offset);
     }
-    // What does not depend on the velocities has to be constant along the motions that they describe.
-    for slope in slopes.iter().flatten().chain(&offsets) {
-        let explicit = g.diff(*slope, system.time);
+    // Nothing of it changes but along the motion.
+    for part in slopes.iter().flatten().chain(&offsets) {
+        let explicit = g.diff(*part, system.time);
         if !g.is_zero(explicit) {
             return None;
         }
     }
-    for alpha in 0..m {
-        for offset in &offsets {
+    for offset in &offsets {
+        for alpha in 0..m {
             let along = algebroid.derivative_along(g, alpha, *offset);
             if !g.is_zero(along) {
                 return None;
@@ -146,6 +147,9 @@ fn square(g: &mut Graph, system: &ReducedSystem, weight: ExprId, velocity: Vec<E
     }
     let torsion = torsion(g, algebroid, &slopes);
     let turning = turning(g, &slopes, &torsion)?;
+    if turning.iter().any(Option::is_some) && offsets.iter().any(|e| *e != g.zero()) {
+        return None;
+    }
     Some(Square { weight, velocity, slopes, turning })
 }
 

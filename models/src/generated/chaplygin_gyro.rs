@@ -587,7 +587,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 self.c0 * dot_Gamma3,
             ]
         };
-        /// velocities v of the squares m/2 |v|^2
+        /// velocities v in squares m/2 |v|^2
         let [t3, t4, t5, t6, t7, t8, t9, t10, t11, v1_1_over_rho, t12, t13, t14,
         v1_2_over_rho, v1_3_over_rho] = {
             let (t3, t4) = beta.sin_cos();
@@ -618,7 +618,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 (-Omega2).mul_add(t13, Omega1.mul_add(t7, (-beta_dot).mul_add(t3, -t2))),
             ]
         };
-        /// their accelerations a = dv/dx xdot + omega x v at ydot = 0
+        /// accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
         let [a1_1_over_rho, a1_2_over_rho, a1_3_over_rho] = {
             let t15 = t4 * t8;
             [
@@ -1092,7 +1092,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             (-Omega3).mul_add(Gamma1, Omega1 * Gamma3),
             (-Omega1).mul_add(Gamma2, Omega2 * Gamma1),
         ];
-        /// velocities v of the squares m/2 |v|^2
+        /// velocities v in squares m/2 |v|^2
         let [t3, t4, t5, t6, t7, t8, t9, t10, v1_1_over_rho, t11, t12, t13,
         v1_2_over_rho, v1_3_over_rho] = {
             let (t3, t4) = beta.sin_cos();
@@ -1125,7 +1125,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     ),
             ]
         };
-        /// their accelerations a = dv/dx xdot + omega x v at ydot = 0
+        /// accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
         let [a1_1_over_rho, a1_2_over_rho, a1_3_over_rho] = [
             (-Omega3)
                 .mul_add(

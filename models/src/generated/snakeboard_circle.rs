@@ -168,9 +168,9 @@ pub struct Prepared<R = f64> {
     J0: R,
     /// Parameter `J1`.
     J1: R,
-    /// `(J + 2 * J1) / (m * (r * r))`
+    /// `-((J + 2 * J1) / (m * (r * r)))`
     c0: R,
-    /// `(m * (r * r) - (J + 2 * J1)) / (m * (r * r))`
+    /// `(J + 2 * J1 - m * (r * r)) / (m * (r * r))`
     c1: R,
     /// `m * (r * r) / (J + J0 + 2 * J1)`
     c2: R,
@@ -195,7 +195,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 additions, 5 multiplications, 4 divisions.
+    /// 4 additions, 5 multiplications, 4 divisions, 1 sign change.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m, r, J, J0, J1 } = *params;
         for (value, condition, meaning) in [
@@ -249,8 +249,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Ok(Self {
             J0,
             J1,
-            c0: t1 / t2,
-            c1: (t2 - t1) / t2,
+            c0: -(t1 / t2),
+            c1: (t1 - t2) / t2,
             c2: t2 / t3,
             c3: R::from_f64(0.5) * t3 / J0,
             c4: R::from_f64(0.5) * J0,
@@ -281,16 +281,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 8 multiplications (1 fused), 1 division, 2 sign changes.
+    /// 1 addition, 8 multiplications (1 fused), 1 division, 1 sign change.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 5], dy: &mut [R; 5]) {
         let [phi_c, phi_s, _, phi_dot, s] = *y;
         let _ = t;
         /// factors of A
-        let A_s1_3_3_over_m_r2 = self.c0.mul_add(phi_s * phi_s, phi_c * phi_c);
+        let minus_A_s1_3_3_over_m_r2 = self.c0.mul_add(phi_s * phi_s, -(phi_c * phi_c));
         let t0 = phi_dot * phi_c;
-        let t1 = s * t0 / A_s1_3_3_over_m_r2;
-        *dy = [-(phi_dot * phi_s), t0, -t1, R::ZERO, t1 * (self.c1 * phi_s)];
+        let t1 = s * t0 / minus_A_s1_3_3_over_m_r2;
+        *dy = [-(phi_dot * phi_s), t0, t1, R::ZERO, t1 * (self.c1 * phi_s)];
     }
 
     /// Energy.
@@ -364,7 +364,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn check(&self, t: R, y: &[R; 5]) -> Result<(), ::hamel_runtime::Failure> {
         let [phi_c, phi_s, _, _, _] = *y;
         /// factors of A
-        let A_s1_3_3_over_m_r2 = self.c0.mul_add(phi_s * phi_s, phi_c * phi_c);
+        let A_s1_3_3_over_m_r2 = (-self.c0).mul_add(phi_s * phi_s, phi_c * phi_c);
         let (value, pivot) = (A_s1_3_3_over_m_r2, "inertia along s");
         if !value.abs().all_gt(R::ZERO) {
             let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };

@@ -186,9 +186,9 @@ pub struct Prepared<R = f64> {
     J0: R,
     /// Parameter `J1`.
     J1: R,
-    /// `(J + 2 * J1) / (m * (r * r))`
+    /// `-((J + 2 * J1) / (m * (r * r)))`
     c0: R,
-    /// `(m * (r * r) - (J + 2 * J1)) / (m * (r * r))`
+    /// `(J + 2 * J1 - m * (r * r)) / (m * (r * r))`
     c1: R,
     /// `m * (r * r) / (J + J0 + 2 * J1)`
     c2: R,
@@ -221,7 +221,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 5 additions, 9 multiplications, 6 divisions.
+    /// 5 additions, 9 multiplications, 6 divisions, 1 sign change.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m, r, J, J0, J1 } = *params;
         for (value, condition, meaning) in [
@@ -277,8 +277,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Ok(Self {
             J0,
             J1,
-            c0: t1 / t3,
-            c1: (t3 - t1) / t3,
+            c0: -(t1 / t3),
+            c1: (t1 - t3) / t3,
             c2: t3 / t4,
             c3: R::from_f64(2.0) * J0 / t4,
             c4: R::from_f64(0.5) * J0,
@@ -313,18 +313,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 7 multiplications (1 fused), 1 division, 1 sign change, 1 elementary function.
+    /// 1 addition, 7 multiplications (1 fused), 1 division, 1 elementary function.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 5], dy: &mut [R; 5]) {
         let [_, phi, psi_dot, phi_dot, s] = *y;
         let _ = t;
         /// factors of A
-        let [t0, t1, A_s1_3_3_over_m_r2] = {
+        let [t0, t1, minus_A_s1_3_3_over_m_r2] = {
             let (t0, t1) = phi.sin_cos();
-            [t0, t1, self.c0.mul_add(t0 * t0, t1 * t1)]
+            [t0, t1, self.c0.mul_add(t0 * t0, -(t1 * t1))]
         };
-        let t2 = s * phi_dot * t1 / A_s1_3_3_over_m_r2;
-        *dy = [psi_dot, phi_dot, -t2, R::ZERO, t2 * (self.c1 * t0)];
+        let t2 = s * phi_dot * t1 / minus_A_s1_3_3_over_m_r2;
+        *dy = [psi_dot, phi_dot, t2, R::ZERO, t2 * (self.c1 * t0)];
     }
 
     /// Energy.
@@ -439,7 +439,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         /// factors of A
         let A_s1_3_3_over_m_r2 = {
             let (t0, t1) = phi.sin_cos();
-            self.c0.mul_add(t0 * t0, t1 * t1)
+            (-self.c0).mul_add(t0 * t0, t1 * t1)
         };
         let (value, pivot) = (A_s1_3_3_over_m_r2, "inertia along s");
         if !value.abs().all_gt(R::ZERO) {

@@ -203,9 +203,9 @@ pub struct Prepared<R = f64> {
     J0: R,
     /// Parameter `J1`.
     J1: R,
-    /// `(J + 2 * J1) / (m * (r * r))`
+    /// `-((J + 2 * J1) / (m * (r * r)))`
     c0: R,
-    /// `(m * (r * r) - (J + 2 * J1)) / (m * (r * r))`
+    /// `(J + 2 * J1 - m * (r * r)) / (m * (r * r))`
     c1: R,
     /// `m * (r * r) / (J + J0 + 2 * J1)`
     c2: R,
@@ -246,7 +246,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 5 additions, 7 multiplications, 8 divisions, 1 sign change.
+    /// 5 additions, 7 multiplications, 8 divisions, 2 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m, r, J, J0, J1 } = *params;
         for (value, condition, meaning) in [
@@ -302,8 +302,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             r,
             J0,
             J1,
-            c0: t1 / t2,
-            c1: (t2 - t1) / t2,
+            c0: -(t1 / t2),
+            c1: (t1 - t2) / t2,
             c2: t2 / t3,
             c3: R::from_f64(2.0) * J0 / t3,
             c4: R::from_f64(0.5) * J0,
@@ -342,24 +342,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 11 multiplications (1 fused), 1 division, 3 sign changes, 2 elementary functions.
+    /// 1 addition, 11 multiplications (1 fused), 1 division, 2 sign changes, 2 elementary functions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 8], dy: &mut [R; 8]) {
         let [_, phi, psi_dot, phi_dot, s, theta, _, _] = *y;
         let _ = t;
         /// factors of A
-        let [t0, t1, A_s1_3_3_over_m_r2] = {
+        let [t0, t1, minus_A_s1_3_3_over_m_r2] = {
             let (t0, t1) = phi.sin_cos();
-            [t0, t1, self.c0.mul_add(t0 * t0, t1 * t1)]
+            [t0, t1, self.c0.mul_add(t0 * t0, -(t1 * t1))]
         };
         let t2 = s * t1;
-        let t3 = phi_dot * t2 / A_s1_3_3_over_m_r2;
+        let t3 = phi_dot * t2 / minus_A_s1_3_3_over_m_r2;
         let (t4, t5) = theta.sin_cos();
         let t6 = self.r * t2;
         *dy = [
             psi_dot,
             phi_dot,
-            -t3,
+            t3,
             R::ZERO,
             t3 * (self.c1 * t0),
             s * t0,
@@ -519,7 +519,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         /// factors of A
         let A_s1_3_3_over_m_r2 = {
             let (t0, t1) = phi.sin_cos();
-            self.c0.mul_add(t0 * t0, t1 * t1)
+            (-self.c0).mul_add(t0 * t0, t1 * t1)
         };
         let (value, pivot) = (A_s1_3_3_over_m_r2, "inertia along s");
         if !value.abs().all_gt(R::ZERO) {

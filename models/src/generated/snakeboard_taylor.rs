@@ -155,9 +155,9 @@ impl<R: ::hamel_runtime::Real> State<R> {
 pub struct Prepared<R = f64> {
     /// Parameter `J1`.
     J1: R,
-    /// `(J + 2 * J1) / (m * (r * r))`
+    /// `-((J + 2 * J1) / (m * (r * r)))`
     c0: R,
-    /// `(m * (r * r) - (J + 2 * J1)) / (m * (r * r))`
+    /// `(J + 2 * J1 - m * (r * r)) / (m * (r * r))`
     c1: R,
     /// `m * (r * r) / (J + J0 + 2 * J1)`
     c2: R,
@@ -180,7 +180,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 additions, 6 multiplications, 4 divisions.
+    /// 4 additions, 6 multiplications, 4 divisions, 1 sign change.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m, r, J, J0, J1 } = *params;
         for (value, condition, meaning) in [
@@ -233,8 +233,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(Self {
             J1,
-            c0: t1 / t2,
-            c1: (t2 - t1) / t2,
+            c0: -(t1 / t2),
+            c1: (t1 - t2) / t2,
             c2: t2 / t3,
             c3: R::from_f64(2.0) * J0 / t3,
             c4: R::from_f64(0.5) * J0,
@@ -264,18 +264,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 7 multiplications (1 fused), 1 division, 1 sign change, 1 elementary function.
+    /// 1 addition, 7 multiplications (1 fused), 1 division, 1 elementary function.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 5], dy: &mut [R; 5]) {
         let [_, phi, psi_dot, phi_dot, s] = *y;
         let _ = t;
         /// factors of A
-        let [t0, t1, A_s1_3_3_over_m_r2] = {
+        let [t0, t1, minus_A_s1_3_3_over_m_r2] = {
             let (t0, t1) = phi.sin_cos();
-            [t0, t1, self.c0.mul_add(t0 * t0, t1 * t1)]
+            [t0, t1, self.c0.mul_add(t0 * t0, -(t1 * t1))]
         };
-        let t2 = s * phi_dot * t1 / A_s1_3_3_over_m_r2;
-        *dy = [psi_dot, phi_dot, -t2, R::ZERO, t2 * (self.c1 * t0)];
+        let t2 = s * phi_dot * t1 / minus_A_s1_3_3_over_m_r2;
+        *dy = [psi_dot, phi_dot, t2, R::ZERO, t2 * (self.c1 * t0)];
     }
 
     /// Energy.
@@ -314,7 +314,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         /// factors of A
         let A_s1_3_3_over_m_r2 = {
             let (t0, t1) = phi.sin_cos();
-            self.c0.mul_add(t0 * t0, t1 * t1)
+            (-self.c0).mul_add(t0 * t0, t1 * t1)
         };
         let (value, pivot) = (A_s1_3_3_over_m_r2, "inertia along s");
         if !value.abs().all_gt(R::ZERO) {
@@ -385,7 +385,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
     ///
     /// # Operations
     ///
-    /// At each order k: 13 additions, 17 multiplications (12 fused), 2 sign changes, and 8 sums of k - 1 products.
+    /// At each order k: 13 additions, 17 multiplications (12 fused), 1 sign change, and 8 sums of k - 1 products.
     fn series(
         &self,
         t: R,
@@ -414,15 +414,15 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             let [_, phi, psi_dot, phi_dot, s] = *y;
             let _ = t;
             /// factors of A
-            let [t0, t1, A_s1_3_3_over_m_r2] = {
+            let [t0, t1, minus_A_s1_3_3_over_m_r2] = {
                 let (t0, t1) = phi.sin_cos();
-                [t0, t1, self.c0.mul_add(t0 * t0, t1 * t1)]
+                [t0, t1, self.c0.mul_add(t0 * t0, -(t1 * t1))]
             };
             let t2 = s * phi_dot;
-            let t3 = t2 * t1 / A_s1_3_3_over_m_r2;
+            let t3 = t2 * t1 / minus_A_s1_3_3_over_m_r2;
             let t4 = self.c1 * t0;
             (
-                [psi_dot, phi_dot, -t3, R::ZERO, t3 * t4],
+                [psi_dot, phi_dot, t3, R::ZERO, t3 * t4],
                 [
                     t0,
                     t1,
@@ -432,7 +432,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                     phi_dot,
                     t2,
                     t3,
-                    A_s1_3_3_over_m_r2.recip(),
+                    minus_A_s1_3_3_over_m_r2.recip(),
                     t4,
                 ],
             )
@@ -451,7 +451,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                 [
                     t0,
                     t1,
-                    self.c0.mul_add(kept2.mul_add(t0, sum2), kept3.mul_add(t1, sum3)),
+                    self.c0.mul_add(kept2.mul_add(t0, sum2), -kept3.mul_add(t1, sum3)),
                 ]
             };
             let t3 = kept4.mul_add(phi_dot, kept5.mul_add(s, sum4));
@@ -469,7 +469,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             let derivative = [
                 psi_dot,
                 phi_dot,
-                -t4,
+                t4,
                 R::ZERO,
                 kept7.mul_add(t5, kept9.mul_add(t4, sum7)),
             ];

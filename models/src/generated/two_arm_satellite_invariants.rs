@@ -632,14 +632,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn rhs(&self, t: R, y: &[R; 11], dy: &mut [R; 11]) {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, qw, qx, qy, qz] = *y;
         let _ = t;
-        /// velocities v of the squares m/2 |v|^2
-        let [t0, t1, t2, t3, v1_1_scaled, t4, t5, t6, v1_2_scaled, v1_3_scaled] = {
+        /// velocities v in squares m/2 |v|^2
+        let [t0, t1, t2, t3, v1_1_scaled, t4, t5, t6, v1_2_scaled, v1_3_scaled, t7, t8,
+        t9, t10, v2_1_over_10_lb, t11, v2_2_over_10_lb, t12, v2_3_over_10_lb] = {
             let t0 = alpha_dot + Omega3;
             let (t1, t2) = alpha.sin_cos();
             let t3 = self.c0 * t1;
             let t4 = self.c0 * alpha_dot;
             let t5 = t2 * t4;
             let t6 = t2.mul_add(self.c0, self.c1);
+            let (t7, t8) = beta.sin_cos();
+            let t9 = self.c2 + t7;
+            let t10 = self.c3 + t8;
+            let t11 = beta_dot * t7;
+            let t12 = beta_dot * t8;
             [
                 t0,
                 t1,
@@ -651,52 +657,37 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t6,
                 Omega3.mul_add(t6, t5),
                 (-Omega2).mul_add(t6, Omega1 * t3),
-            ]
-        };
-        /// their accelerations a = dv/dx xdot + omega x v at ydot = 0
-        let [a1_1_scaled, a1_2_scaled, a1_3_scaled] = {
-            let t7 = t1 * t4;
-            [
-                (-Omega2).mul_add(v1_3_scaled, Omega3.mul_add(v1_2_scaled, t0 * t5)),
-                (-Omega1)
-                    .mul_add(v1_3_scaled, (-Omega3).mul_add(v1_1_scaled, -(t0 * t7))),
-                Omega2.mul_add(t7 + v1_1_scaled, Omega1 * (t5 + v1_2_scaled)),
-            ]
-        };
-        /// velocities v of the squares m/2 |v|^2
-        let [t8, t9, t10, t11, v2_1_over_10_lb, t12, v2_2_over_10_lb, t13,
-        v2_3_over_10_lb] = {
-            let (t8, t9) = beta.sin_cos();
-            let t10 = self.c2 + t8;
-            let t11 = self.c3 + t9;
-            let t12 = beta_dot * t8;
-            let t13 = beta_dot * t9;
-            [
+                t7,
                 t8,
                 t9,
                 t10,
+                (-Omega3).mul_add(t10, Omega2 * t9),
                 t11,
-                (-Omega3).mul_add(t11, Omega2 * t10),
+                Omega1.mul_add(t9, t11),
                 t12,
                 Omega1.mul_add(t10, t12),
-                t13,
-                Omega1.mul_add(t11, t13),
             ]
         };
-        /// their accelerations a = dv/dx xdot + omega x v at ydot = 0
-        let [a2_1_over_10_lb, a2_2_over_10_lb, a2_3_over_10_lb] = {
+        /// accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
+        let [a1_1_scaled, a1_2_scaled, a1_3_scaled, a2_1_over_10_lb, a2_2_over_10_lb,
+        a2_3_over_10_lb] = {
+            let t13 = t1 * t4;
             let t14 = beta_dot + Omega1;
             [
-                Omega2.mul_add(t13 + v2_3_over_10_lb, Omega3 * (t12 + v2_2_over_10_lb)),
+                (-Omega2).mul_add(v1_3_scaled, Omega3.mul_add(v1_2_scaled, t0 * t5)),
+                (-Omega1)
+                    .mul_add(v1_3_scaled, (-Omega3).mul_add(v1_1_scaled, -(t0 * t13))),
+                Omega2.mul_add(t13 + v1_1_scaled, Omega1 * (t5 + v1_2_scaled)),
+                Omega2.mul_add(t12 + v2_3_over_10_lb, Omega3 * (t11 + v2_2_over_10_lb)),
                 (-Omega3)
                     .mul_add(
                         v2_1_over_10_lb,
-                        Omega1.mul_add(v2_3_over_10_lb, t13 * t14),
+                        Omega1.mul_add(v2_3_over_10_lb, t12 * t14),
                     ),
                 (-Omega2)
                     .mul_add(
                         v2_1_over_10_lb,
-                        (-Omega1).mul_add(v2_2_over_10_lb, -(t12 * t14)),
+                        (-Omega1).mul_add(v2_2_over_10_lb, -(t11 * t14)),
                     ),
             ]
         };
@@ -707,27 +698,27 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t16 = self.c7 * t6;
             [
                 (-t2).mul_add(a1_2_scaled, alpha.mul_add(self.c4, -t15)),
-                (-t9)
+                (-t8)
                     .mul_add(
                         a2_3_over_10_lb,
-                        (-t8).mul_add(a2_2_over_10_lb, self.c5 * beta),
+                        (-t7).mul_add(a2_2_over_10_lb, self.c5 * beta),
                     ),
                 (-t1)
                     .mul_add(
                         a1_3_scaled,
-                        (-t11)
+                        (-t10)
                             .mul_add(
                                 a2_3_over_10_lb,
-                                (-t10).mul_add(a2_2_over_10_lb, self.c6 * Omega3 * Omega2),
+                                (-t9).mul_add(a2_2_over_10_lb, self.c6 * Omega3 * Omega2),
                             ),
                     ),
                 t16,
-                (-t10)
+                (-t9)
                     .mul_add(
                         a2_1_over_10_lb,
                         a1_3_scaled.mul_add(t16, self.c8 * Omega3 * Omega1),
                     ),
-                t11
+                t10
                     .mul_add(
                         a2_1_over_10_lb,
                         (-a1_2_scaled)
@@ -738,20 +729,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         /// mass matrix A = W^T L_yy Psi
         let [A_beta_dot_Omega1_over_mb_lb2, A_Omega1_Omega1_over_mb_lb2, t18,
         A_Omega2_Omega2_over_mb_lb2, t19] = {
-            let t17 = t9.mul_add(R::from_f64(2.5), t8);
+            let t17 = t8.mul_add(R::from_f64(2.5), t7);
             [
                 t17.mul_add(self.c2, R::ONE),
                 t1.mul_add(t3, t17.mul_add(self.c10, self.c11)),
                 t1 * t6,
-                t6.mul_add(t16, t10.mul_add(t10, self.c12)),
-                t11 * t10,
+                t6.mul_add(t16, t9.mul_add(t9, self.c12)),
+                t10 * t9,
             ]
         };
         /// factors of A
         let [A_l5_1, t20, t21, t22, t23, A_s4_5_5_over_mb_lb2] = {
             let A_s1_5_5_over_mb_lb2 = self
                 .c16
-                .mul_add(t2 * t2, t9.mul_add(t9, t9.mul_add(self.c14, self.c15)));
+                .mul_add(t2 * t2, t8.mul_add(t8, t8.mul_add(self.c14, self.c15)));
             let A_s2_3_3_over_mb_lb2 = (-A_beta_dot_Omega1_over_mb_lb2)
                 .mul_add(A_beta_dot_Omega1_over_mb_lb2, A_Omega1_Omega1_over_mb_lb2);
             let t20 = A_s2_3_3_over_mb_lb2.recip();

@@ -439,14 +439,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn rhs(&self, t: R, y: &[R; 7], dy: &mut [R; 7]) {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3] = *y;
         let _ = t;
-        /// velocities v of the squares m/2 |v|^2
-        let [t0, t1, t2, t3, v1_1_scaled, t4, t5, t6, v1_2_scaled, v1_3_scaled] = {
+        /// velocities v in squares m/2 |v|^2
+        let [t0, t1, t2, t3, v1_1_scaled, t4, t5, t6, v1_2_scaled, v1_3_scaled, t7, t8,
+        t9, t10, v2_1_over_10_lb, t11, v2_2_over_10_lb, t12, v2_3_over_10_lb] = {
             let t0 = alpha_dot + Omega3;
             let (t1, t2) = alpha.sin_cos();
             let t3 = self.c0 * t1;
             let t4 = self.c0 * alpha_dot;
             let t5 = t2 * t4;
             let t6 = t2.mul_add(self.c0, self.c1);
+            let (t7, t8) = beta.sin_cos();
+            let t9 = self.c2 + t7;
+            let t10 = self.c3 + t8;
+            let t11 = beta_dot * t7;
+            let t12 = beta_dot * t8;
             [
                 t0,
                 t1,
@@ -458,52 +464,37 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t6,
                 Omega3.mul_add(t6, t5),
                 (-Omega2).mul_add(t6, Omega1 * t3),
-            ]
-        };
-        /// their accelerations a = dv/dx xdot + omega x v at ydot = 0
-        let [a1_1_scaled, a1_2_scaled, a1_3_scaled] = {
-            let t7 = t1 * t4;
-            [
-                (-Omega2).mul_add(v1_3_scaled, Omega3.mul_add(v1_2_scaled, t0 * t5)),
-                (-Omega1)
-                    .mul_add(v1_3_scaled, (-Omega3).mul_add(v1_1_scaled, -(t0 * t7))),
-                Omega2.mul_add(t7 + v1_1_scaled, Omega1 * (t5 + v1_2_scaled)),
-            ]
-        };
-        /// velocities v of the squares m/2 |v|^2
-        let [t8, t9, t10, t11, v2_1_over_10_lb, t12, v2_2_over_10_lb, t13,
-        v2_3_over_10_lb] = {
-            let (t8, t9) = beta.sin_cos();
-            let t10 = self.c2 + t8;
-            let t11 = self.c3 + t9;
-            let t12 = beta_dot * t8;
-            let t13 = beta_dot * t9;
-            [
+                t7,
                 t8,
                 t9,
                 t10,
+                (-Omega3).mul_add(t10, Omega2 * t9),
                 t11,
-                (-Omega3).mul_add(t11, Omega2 * t10),
+                Omega1.mul_add(t9, t11),
                 t12,
                 Omega1.mul_add(t10, t12),
-                t13,
-                Omega1.mul_add(t11, t13),
             ]
         };
-        /// their accelerations a = dv/dx xdot + omega x v at ydot = 0
-        let [a2_1_over_10_lb, a2_2_over_10_lb, a2_3_over_10_lb] = {
+        /// accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
+        let [a1_1_scaled, a1_2_scaled, a1_3_scaled, a2_1_over_10_lb, a2_2_over_10_lb,
+        a2_3_over_10_lb] = {
+            let t13 = t1 * t4;
             let t14 = beta_dot + Omega1;
             [
-                Omega2.mul_add(t13 + v2_3_over_10_lb, Omega3 * (t12 + v2_2_over_10_lb)),
+                (-Omega2).mul_add(v1_3_scaled, Omega3.mul_add(v1_2_scaled, t0 * t5)),
+                (-Omega1)
+                    .mul_add(v1_3_scaled, (-Omega3).mul_add(v1_1_scaled, -(t0 * t13))),
+                Omega2.mul_add(t13 + v1_1_scaled, Omega1 * (t5 + v1_2_scaled)),
+                Omega2.mul_add(t12 + v2_3_over_10_lb, Omega3 * (t11 + v2_2_over_10_lb)),
                 (-Omega3)
                     .mul_add(
                         v2_1_over_10_lb,
-                        Omega1.mul_add(v2_3_over_10_lb, t13 * t14),
+                        Omega1.mul_add(v2_3_over_10_lb, t12 * t14),
                     ),
                 (-Omega2)
                     .mul_add(
                         v2_1_over_10_lb,
-                        (-Omega1).mul_add(v2_2_over_10_lb, -(t12 * t14)),
+                        (-Omega1).mul_add(v2_2_over_10_lb, -(t11 * t14)),
                     ),
             ]
         };
@@ -514,27 +505,27 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t16 = self.c7 * t6;
             [
                 (-t2).mul_add(a1_2_scaled, alpha.mul_add(self.c4, -t15)),
-                (-t9)
+                (-t8)
                     .mul_add(
                         a2_3_over_10_lb,
-                        (-t8).mul_add(a2_2_over_10_lb, self.c5 * beta),
+                        (-t7).mul_add(a2_2_over_10_lb, self.c5 * beta),
                     ),
                 (-t1)
                     .mul_add(
                         a1_3_scaled,
-                        (-t11)
+                        (-t10)
                             .mul_add(
                                 a2_3_over_10_lb,
-                                (-t10).mul_add(a2_2_over_10_lb, self.c6 * Omega3 * Omega2),
+                                (-t9).mul_add(a2_2_over_10_lb, self.c6 * Omega3 * Omega2),
                             ),
                     ),
                 t16,
-                (-t10)
+                (-t9)
                     .mul_add(
                         a2_1_over_10_lb,
                         a1_3_scaled.mul_add(t16, self.c8 * Omega3 * Omega1),
                     ),
-                t11
+                t10
                     .mul_add(
                         a2_1_over_10_lb,
                         (-a1_2_scaled)
@@ -545,20 +536,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         /// mass matrix A = W^T L_yy Psi
         let [A_beta_dot_Omega1_over_mb_lb2, A_Omega1_Omega1_over_mb_lb2, t18,
         A_Omega2_Omega2_over_mb_lb2, t19] = {
-            let t17 = t9.mul_add(R::from_f64(2.5), t8);
+            let t17 = t8.mul_add(R::from_f64(2.5), t7);
             [
                 t17.mul_add(self.c2, R::ONE),
                 t1.mul_add(t3, t17.mul_add(self.c10, self.c11)),
                 t1 * t6,
-                t6.mul_add(t16, t10.mul_add(t10, self.c12)),
-                t11 * t10,
+                t6.mul_add(t16, t9.mul_add(t9, self.c12)),
+                t10 * t9,
             ]
         };
         /// factors of A
         let [A_l5_1, t20, t21, t22, t23, A_s4_5_5_over_mb_lb2] = {
             let A_s1_5_5_over_mb_lb2 = self
                 .c16
-                .mul_add(t2 * t2, t9.mul_add(t9, t9.mul_add(self.c14, self.c15)));
+                .mul_add(t2 * t2, t8.mul_add(t8, t8.mul_add(self.c14, self.c15)));
             let A_s2_3_3_over_mb_lb2 = (-A_beta_dot_Omega1_over_mb_lb2)
                 .mul_add(A_beta_dot_Omega1_over_mb_lb2, A_Omega1_Omega1_over_mb_lb2);
             let t20 = A_s2_3_3_over_mb_lb2.recip();
@@ -1012,14 +1003,20 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
         ) = {
             let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3] = *y;
             let _ = t;
-            /// velocities v of the squares m/2 |v|^2
-            let [t0, t1, t2, t3, v1_1_scaled, t4, t5, t6, v1_2_scaled, v1_3_scaled] = {
+            /// velocities v in squares m/2 |v|^2
+            let [t0, t1, t2, t3, v1_1_scaled, t4, t5, t6, v1_2_scaled, v1_3_scaled, t7,
+            t8, t9, t10, v2_1_over_10_lb, t11, v2_2_over_10_lb, t12, v2_3_over_10_lb] = {
                 let t0 = alpha_dot + Omega3;
                 let (t1, t2) = alpha.sin_cos();
                 let t3 = self.c0 * t1;
                 let t4 = self.c0 * alpha_dot;
                 let t5 = t2 * t4;
                 let t6 = t2.mul_add(self.c0, self.c1);
+                let (t7, t8) = beta.sin_cos();
+                let t9 = self.c2 + t7;
+                let t10 = self.c3 + t8;
+                let t11 = beta_dot * t7;
+                let t12 = beta_dot * t8;
                 [
                     t0,
                     t1,
@@ -1031,52 +1028,37 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                     t6,
                     Omega3.mul_add(t6, t5),
                     (-Omega2).mul_add(t6, Omega1 * t3),
+                    t7,
+                    t8,
+                    t9,
+                    t10,
+                    (-Omega3).mul_add(t10, Omega2 * t9),
+                    t11,
+                    Omega1.mul_add(t9, t11),
+                    t12,
+                    Omega1.mul_add(t10, t12),
                 ]
             };
-            /// their accelerations a = dv/dx xdot + omega x v at ydot = 0
-            let [a1_1_scaled, t7, a1_2_scaled, t8, t9, a1_3_scaled] = {
-                let t7 = t1 * t4;
-                let t8 = t5 + v1_2_scaled;
-                let t9 = t7 + v1_1_scaled;
+            /// accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
+            let [a1_1_scaled, t13, a1_2_scaled, t14, t15, a1_3_scaled, t16, t17,
+            a2_1_over_10_lb, t18, a2_2_over_10_lb, a2_3_over_10_lb] = {
+                let t13 = t1 * t4;
+                let t14 = t5 + v1_2_scaled;
+                let t15 = t13 + v1_1_scaled;
+                let t16 = t11 + v2_2_over_10_lb;
+                let t17 = t12 + v2_3_over_10_lb;
+                let t18 = beta_dot + Omega1;
                 [
                     (-Omega2).mul_add(v1_3_scaled, Omega3.mul_add(v1_2_scaled, t0 * t5)),
-                    t7,
+                    t13,
                     (-Omega1)
                         .mul_add(
                             v1_3_scaled,
-                            (-Omega3).mul_add(v1_1_scaled, -(t0 * t7)),
+                            (-Omega3).mul_add(v1_1_scaled, -(t0 * t13)),
                         ),
-                    t8,
-                    t9,
-                    Omega2.mul_add(t9, Omega1 * t8),
-                ]
-            };
-            /// velocities v of the squares m/2 |v|^2
-            let [t10, t11, t12, t13, v2_1_over_10_lb, t14, v2_2_over_10_lb, t15,
-            v2_3_over_10_lb] = {
-                let (t10, t11) = beta.sin_cos();
-                let t12 = self.c2 + t10;
-                let t13 = self.c3 + t11;
-                let t14 = beta_dot * t10;
-                let t15 = beta_dot * t11;
-                [
-                    t10,
-                    t11,
-                    t12,
-                    t13,
-                    (-Omega3).mul_add(t13, Omega2 * t12),
                     t14,
-                    Omega1.mul_add(t12, t14),
                     t15,
-                    Omega1.mul_add(t13, t15),
-                ]
-            };
-            /// their accelerations a = dv/dx xdot + omega x v at ydot = 0
-            let [t16, t17, a2_1_over_10_lb, t18, a2_2_over_10_lb, a2_3_over_10_lb] = {
-                let t16 = t14 + v2_2_over_10_lb;
-                let t17 = t15 + v2_3_over_10_lb;
-                let t18 = beta_dot + Omega1;
-                [
+                    Omega2.mul_add(t15, Omega1 * t14),
                     t16,
                     t17,
                     Omega2.mul_add(t17, Omega3 * t16),
@@ -1084,12 +1066,12 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                     (-Omega3)
                         .mul_add(
                             v2_1_over_10_lb,
-                            Omega1.mul_add(v2_3_over_10_lb, t15 * t18),
+                            Omega1.mul_add(v2_3_over_10_lb, t12 * t18),
                         ),
                     (-Omega2)
                         .mul_add(
                             v2_1_over_10_lb,
-                            (-Omega1).mul_add(v2_2_over_10_lb, -(t14 * t18)),
+                            (-Omega1).mul_add(v2_2_over_10_lb, -(t11 * t18)),
                         ),
                 ]
             };
@@ -1104,30 +1086,30 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                 let t23 = self.c9 * Omega2;
                 [
                     (-t2).mul_add(a1_2_scaled, alpha.mul_add(self.c4, -t19)),
-                    (-t11)
+                    (-t8)
                         .mul_add(
                             a2_3_over_10_lb,
-                            (-t10).mul_add(a2_2_over_10_lb, self.c5 * beta),
+                            (-t7).mul_add(a2_2_over_10_lb, self.c5 * beta),
                         ),
                     t20,
                     (-t1)
                         .mul_add(
                             a1_3_scaled,
-                            (-t13)
+                            (-t10)
                                 .mul_add(
                                     a2_3_over_10_lb,
-                                    (-t12).mul_add(a2_2_over_10_lb, t20 * Omega2),
+                                    (-t9).mul_add(a2_2_over_10_lb, t20 * Omega2),
                                 ),
                         ),
                     t21,
                     t22,
-                    (-t12)
+                    (-t9)
                         .mul_add(
                             a2_1_over_10_lb,
                             a1_3_scaled.mul_add(t21, t22 * Omega1),
                         ),
                     t23,
-                    t13
+                    t10
                         .mul_add(
                             a2_1_over_10_lb,
                             (-a1_2_scaled).mul_add(t21, t23.mul_add(Omega1, -t19)),
@@ -1137,20 +1119,20 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             /// mass matrix A = W^T L_yy Psi
             let [A_beta_dot_Omega1_over_mb_lb2, A_Omega1_Omega1_over_mb_lb2, t25,
             A_Omega2_Omega2_over_mb_lb2, t26] = {
-                let t24 = t11.mul_add(R::from_f64(2.5), t10);
+                let t24 = t8.mul_add(R::from_f64(2.5), t7);
                 [
                     t24.mul_add(self.c2, R::ONE),
                     t1.mul_add(t3, t24.mul_add(self.c10, self.c11)),
                     t1 * t6,
-                    t6.mul_add(t21, t12.mul_add(t12, self.c12)),
-                    t13 * t12,
+                    t6.mul_add(t21, t9.mul_add(t9, self.c12)),
+                    t10 * t9,
                 ]
             };
             /// factors of A
             let [A_l5_1, t27, t28, t29, t30, A_s4_5_5_over_mb_lb2] = {
                 let A_s1_5_5_over_mb_lb2 = self
                     .c16
-                    .mul_add(t2 * t2, t11.mul_add(t11, t11.mul_add(self.c14, self.c15)));
+                    .mul_add(t2 * t2, t8.mul_add(t8, t8.mul_add(self.c14, self.c15)));
                 let A_s2_3_3_over_mb_lb2 = (-A_beta_dot_Omega1_over_mb_lb2)
                     .mul_add(A_beta_dot_Omega1_over_mb_lb2, A_Omega1_Omega1_over_mb_lb2);
                 let t27 = A_s2_3_3_over_mb_lb2.recip();
@@ -1218,25 +1200,25 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                     t6,
                     Omega1,
                     Omega2,
-                    t5,
-                    v1_2_scaled,
-                    v1_3_scaled,
                     t7,
-                    v1_1_scaled,
                     t8,
                     t9,
                     t10,
-                    t11,
-                    t12,
-                    t13,
                     beta_dot,
+                    t5,
+                    v1_2_scaled,
+                    v1_3_scaled,
+                    t13,
+                    v1_1_scaled,
+                    t14,
+                    t15,
                     t16,
                     t17,
-                    t15,
+                    t12,
                     t18,
                     v2_3_over_10_lb,
                     v2_1_over_10_lb,
-                    t14,
+                    t11,
                     v2_2_over_10_lb,
                     a1_1_scaled,
                     a1_2_scaled,
@@ -1248,9 +1230,9 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                     t21,
                     a2_1_over_10_lb,
                     t23,
-                    t12 + t12,
+                    t9 + t9,
                     t2 + t2,
-                    t11 + t11,
+                    t8 + t8,
                     A_beta_dot_Omega1_over_mb_lb2 + A_beta_dot_Omega1_over_mb_lb2,
                     t27,
                     t28,
@@ -1292,8 +1274,9 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             let [sum48, sum49, sum50, sum51, sum52, sum53, sum54, sum55, sum56, sum57,
             sum58, sum59, sum60, sum61, sum62, sum63] = workspace.3.sums();
             let [sum64, sum65, sum66] = workspace.4.sums();
-            /// velocities v of the squares m/2 |v|^2
-            let [t0, t1, t2, t3, t4, t5, t6, t7, t8, t9] = {
+            /// velocities v in squares m/2 |v|^2
+            let [t0, t1, t2, t3, t4, t5, t6, t7, t8, t9, t10, t11, t12, t13, t14, t15,
+            t16] = {
                 let t0 = alpha_dot + Omega3;
                 let t1 = kept1.mul_add(alpha, inverse * sum0);
                 let t2 = -kept0.mul_add(alpha, inverse * sum1);
@@ -1301,6 +1284,10 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                 let t5 = self.c0 * alpha_dot;
                 let t6 = kept1.mul_add(t5, kept4.mul_add(t2, sum3));
                 let t7 = self.c0 * t2;
+                let t10 = kept10.mul_add(beta, inverse * sum7);
+                let t11 = -kept9.mul_add(beta, inverse * sum8);
+                let t13 = kept13.mul_add(t10, kept9.mul_add(beta_dot, sum11));
+                let t15 = kept13.mul_add(t11, kept10.mul_add(beta_dot, sum13));
                 [
                     t0,
                     t1,
@@ -1313,76 +1300,62 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                     kept5.mul_add(t7, kept6.mul_add(Omega3, sum4)) + t6,
                     kept7.mul_add(t3, kept3.mul_add(Omega1, sum5))
                         - kept8.mul_add(t7, kept6.mul_add(Omega2, sum6)),
-                ]
-            };
-            /// their accelerations a = dv/dx xdot + omega x v at ydot = 0
-            let [t10, t11, t12, t13, t14, t15] = {
-                let t11 = kept0.mul_add(t5, kept4.mul_add(t1, sum10));
-                let t13 = t6 + t8;
-                let t14 = t11 + t4;
-                [
-                    kept5.mul_add(t8, kept10.mul_add(Omega3, sum8))
-                        + kept2.mul_add(t6, kept9.mul_add(t0, sum7))
-                        - kept8.mul_add(t9, kept11.mul_add(Omega2, sum9)),
+                    t10,
                     t11,
-                    -(kept5.mul_add(t4, kept13.mul_add(Omega3, sum12))
-                        + kept2.mul_add(t11, kept12.mul_add(t0, sum11)))
-                        - kept7.mul_add(t9, kept11.mul_add(Omega1, sum13)),
+                    kept8.mul_add(t10, kept11.mul_add(Omega2, sum9))
+                        - kept5.mul_add(t11, kept12.mul_add(Omega3, sum10)),
                     t13,
-                    t14,
-                    kept8.mul_add(t14, kept15.mul_add(Omega2, sum15))
-                        + kept7.mul_add(t13, kept14.mul_add(Omega1, sum14)),
+                    kept7.mul_add(t10, kept11.mul_add(Omega1, sum12)) + t13,
+                    t15,
+                    kept7.mul_add(t11, kept12.mul_add(Omega1, sum14)) + t15,
                 ]
             };
-            /// velocities v of the squares m/2 |v|^2
-            let [t16, t17, t18, t19, t20, t21, t22] = {
-                let t16 = kept17.mul_add(beta, inverse * sum16);
-                let t17 = -kept16.mul_add(beta, inverse * sum17);
-                let t19 = kept20.mul_add(t16, kept16.mul_add(beta_dot, sum20));
-                let t21 = kept20.mul_add(t17, kept17.mul_add(beta_dot, sum22));
-                [
-                    t16,
-                    t17,
-                    kept8.mul_add(t16, kept18.mul_add(Omega2, sum18))
-                        - kept5.mul_add(t17, kept19.mul_add(Omega3, sum19)),
-                    t19,
-                    kept7.mul_add(t16, kept18.mul_add(Omega1, sum21)) + t19,
-                    t21,
-                    kept7.mul_add(t17, kept19.mul_add(Omega1, sum23)) + t21,
-                ]
-            };
-            /// their accelerations a = dv/dx xdot + omega x v at ydot = 0
-            let [t23, t24, t25, t26, t27, t28] = {
-                let t23 = t19 + t20;
-                let t24 = t21 + t22;
+            /// accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
+            let [t17, t18, t19, t20, t21, t22, t23, t24, t25, t26, t27, t28] = {
+                let t18 = kept0.mul_add(t5, kept4.mul_add(t1, sum18));
+                let t20 = t6 + t8;
+                let t21 = t18 + t4;
+                let t23 = t13 + t14;
+                let t24 = t15 + t16;
                 let t26 = beta_dot + Omega1;
                 [
+                    kept5.mul_add(t8, kept15.mul_add(Omega3, sum16))
+                        + kept2.mul_add(t6, kept14.mul_add(t0, sum15))
+                        - kept8.mul_add(t9, kept16.mul_add(Omega2, sum17)),
+                    t18,
+                    -(kept5.mul_add(t4, kept18.mul_add(Omega3, sum20))
+                        + kept2.mul_add(t18, kept17.mul_add(t0, sum19)))
+                        - kept7.mul_add(t9, kept16.mul_add(Omega1, sum21)),
+                    t20,
+                    t21,
+                    kept8.mul_add(t21, kept20.mul_add(Omega2, sum23))
+                        + kept7.mul_add(t20, kept19.mul_add(Omega1, sum22)),
                     t23,
                     t24,
                     kept8.mul_add(t24, kept22.mul_add(Omega2, sum25))
                         + kept5.mul_add(t23, kept21.mul_add(Omega3, sum24)),
                     t26,
-                    kept7.mul_add(t22, kept25.mul_add(Omega1, sum27))
-                        + kept23.mul_add(t26, kept24.mul_add(t21, sum26))
-                        - kept5.mul_add(t18, kept26.mul_add(Omega3, sum28)),
-                    -(kept7.mul_add(t20, kept28.mul_add(Omega1, sum30))
-                        + kept27.mul_add(t26, kept24.mul_add(t19, sum29)))
-                        - kept8.mul_add(t18, kept26.mul_add(Omega2, sum31)),
+                    kept7.mul_add(t16, kept25.mul_add(Omega1, sum27))
+                        + kept23.mul_add(t26, kept24.mul_add(t15, sum26))
+                        - kept5.mul_add(t12, kept26.mul_add(Omega3, sum28)),
+                    -(kept7.mul_add(t14, kept28.mul_add(Omega1, sum30))
+                        + kept27.mul_add(t26, kept24.mul_add(t13, sum29)))
+                        - kept8.mul_add(t12, kept26.mul_add(Omega2, sum31)),
                 ]
             };
             /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
             let [t29, t30, t31, t32, t33, t34, t35, t36, t37] = {
-                let t29 = kept0.mul_add(t10, kept29.mul_add(t1, sum32));
-                let t31 = kept31.mul_add(t16, sum34);
-                let t32 = kept32.mul_add(t17, sum35);
+                let t29 = kept0.mul_add(t17, kept29.mul_add(t1, sum32));
+                let t31 = kept31.mul_add(t10, sum34);
+                let t32 = kept32.mul_add(t11, sum35);
                 [
                     t29,
                     alpha.mul_add(self.c4, -t29)
-                        - kept1.mul_add(t12, kept30.mul_add(t2, sum33)),
+                        - kept1.mul_add(t19, kept30.mul_add(t2, sum33)),
                     t31,
                     t32,
-                    beta.mul_add(self.c5, -kept16.mul_add(t27, t31))
-                        - kept17.mul_add(t28, t32),
+                    beta.mul_add(self.c5, -kept9.mul_add(t27, t31))
+                        - kept10.mul_add(t28, t32),
                     self.c6 * Omega3,
                     self.c7 * t7,
                     self.c8 * Omega3,
@@ -1391,12 +1364,12 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             };
             /// mass matrix A = W^T L_yy Psi
             let [t38, t39, t40, t41] = {
-                let t38 = t17.mul_add(R::from_f64(2.5), t16);
+                let t38 = t11.mul_add(R::from_f64(2.5), t10);
                 [
                     t38,
                     self.c2 * t38,
                     kept0.mul_add(t7, kept6.mul_add(t1, sum45)),
-                    kept19.mul_add(t16, kept18.mul_add(t17, sum48)),
+                    kept12.mul_add(t10, kept11.mul_add(t11, sum48)),
                 ]
             };
             /// factors of A
@@ -1406,7 +1379,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                     - kept42.mul_add(t39, sum51);
                 let t44 = kept43 * (-kept44).mul_add(t43, t40 - sum52);
                 let t45 = kept6.mul_add(t35, kept36.mul_add(t7, sum47))
-                    + kept39.mul_add(t16, sum46)
+                    + kept39.mul_add(t10, sum46)
                     - kept45.mul_add(t44, kept44.mul_add(t40, sum53));
                 let t46 = kept46 * (-kept47).mul_add(t45, t41 - sum54);
                 [
@@ -1419,23 +1392,23 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                         .c16
                         .mul_add(
                             kept40.mul_add(t2, sum49),
-                            t17.mul_add(self.c14, kept41.mul_add(t17, sum50)),
+                            t11.mul_add(self.c14, kept41.mul_add(t11, sum50)),
                         ) - kept48.mul_add(t46, kept47.mul_add(t41, sum55)),
                 ]
             };
             /// substitution through the factors of A
             let [t48, t49, t51, t52, t53, t54, t55] = {
                 let t48 = kept33.mul_add(Omega2, kept8.mul_add(t34, sum36))
-                    - kept18.mul_add(t27, t31) - kept19.mul_add(t28, t32)
-                    - kept0.mul_add(t15, kept34.mul_add(t1, sum37))
+                    - kept11.mul_add(t27, t31) - kept12.mul_add(t28, t32)
+                    - kept0.mul_add(t22, kept34.mul_add(t1, sum37))
                     - kept49.mul_add(t39, kept50.mul_add(t33, sum56));
                 let t49 = kept44.mul_add(t48, kept51.mul_add(t44, sum57))
-                    + (kept34.mul_add(t35, kept36.mul_add(t15, sum39))
+                    + (kept34.mul_add(t35, kept36.mul_add(t22, sum39))
                         + kept35.mul_add(Omega1, kept7.mul_add(t36, sum38))
-                        - kept18.mul_add(t25, kept37.mul_add(t16, sum40)));
-                let t50 = kept19.mul_add(t25, kept37.mul_add(t17, sum43))
+                        - kept11.mul_add(t25, kept37.mul_add(t10, sum40)));
+                let t50 = kept12.mul_add(t25, kept37.mul_add(t11, sum43))
                     + (kept38.mul_add(Omega1, kept7.mul_add(t37, sum41)) - t29
-                        - kept30.mul_add(t35, kept36.mul_add(t12, sum42)))
+                        - kept30.mul_add(t35, kept36.mul_add(t19, sum42)))
                     - kept52.mul_add(t42, kept53.mul_add(t30, sum58));
                 let t51 = kept56
                     * (-kept55)
@@ -1461,7 +1434,24 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             workspace
                 .0
                 .push(
-                    [t56, t56, t0, t2, t7, t3, t7, t0, t8, t9, t1, t0, t4, t9, t13, t14],
+                    [
+                        t56,
+                        t56,
+                        t0,
+                        t2,
+                        t7,
+                        t3,
+                        t7,
+                        t57,
+                        t57,
+                        t10,
+                        t11,
+                        t10,
+                        t10,
+                        t11,
+                        t11,
+                        t0,
+                    ],
                     [
                         t2,
                         t1,
@@ -1470,47 +1460,47 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                         Omega3,
                         Omega1,
                         Omega2,
-                        t6,
-                        Omega3,
-                        Omega2,
-                        t5,
                         t11,
-                        Omega3,
-                        Omega1,
-                        Omega1,
+                        t10,
                         Omega2,
+                        Omega3,
+                        beta_dot,
+                        Omega1,
+                        beta_dot,
+                        Omega1,
+                        t6,
                     ],
                 );
             workspace
                 .1
                 .push(
                     [
-                        t57,
-                        t57,
-                        t16,
-                        t17,
-                        t16,
-                        t16,
-                        t17,
-                        t17,
+                        t8,
+                        t9,
+                        t1,
+                        t0,
+                        t4,
+                        t9,
+                        t20,
+                        t21,
                         t23,
                         t24,
-                        t21,
-                        t22,
-                        t18,
-                        t19,
-                        t20,
-                        t18,
+                        t15,
+                        t16,
+                        t12,
+                        t13,
+                        t14,
+                        t12,
                     ],
                     [
-                        t17,
-                        t16,
-                        Omega2,
                         Omega3,
-                        beta_dot,
+                        Omega2,
+                        t5,
+                        t18,
+                        Omega3,
                         Omega1,
-                        beta_dot,
                         Omega1,
+                        Omega2,
                         Omega3,
                         Omega2,
                         t26,
@@ -1527,28 +1517,28 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                     [
                         t1,
                         t2,
-                        t16,
-                        t17,
+                        t10,
+                        t11,
                         t34,
                         t1,
                         t36,
-                        t15,
-                        t16,
+                        t22,
+                        t10,
                         t37,
-                        t12,
-                        t17,
+                        t19,
+                        t11,
                         t1,
                         t1,
-                        t16,
+                        t10,
                         t7,
                     ],
                     [
-                        t10,
-                        t12,
+                        t17,
+                        t19,
                         t27,
                         t28,
                         Omega2,
-                        t15,
+                        t22,
                         Omega1,
                         t35,
                         t25,
@@ -1557,7 +1547,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                         t25,
                         t3,
                         t7,
-                        t16,
+                        t10,
                         t35,
                     ],
                 );
@@ -1565,9 +1555,9 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                 .3
                 .push(
                     [
-                        t16,
+                        t10,
                         t2,
-                        t17,
+                        t11,
                         t39,
                         t43,
                         t40,
@@ -1583,9 +1573,9 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                         t43,
                     ],
                     [
-                        t17,
+                        t11,
                         t2,
-                        t17,
+                        t11,
                         t39,
                         t44,
                         t44,
