@@ -91,19 +91,20 @@ impl Search<'_> {
     fn run(mut self, original: Vec<Entry>) -> Vec<Entry> {
         let found = self.cheapest(original);
         // Numbers, and signs that none of them takes.
-        let n_numbers = |search: &Self, entries: &[Entry]| -> usize {
+        let price = |search: &Self, entries: &[Entry]| -> (i64, usize) {
             let alive = needed(search.system, entries, search.roots);
             let numbers = alive.iter().map(|k| {
                 let value = &entries[*k].value;
                 let n = value.iter().filter(|(_, c)| !c.is_unit()).count();
                 n + usize::from(n == 0 && value.iter().all(|(_, c)| c.negative))
             });
-            numbers.sum()
+            (cost(search.system, entries, search.roots), numbers.sum())
         };
-        let mut best = ((cost(self.system, &found, self.roots), n_numbers(&self, &found)), found);
+        let mut best = (price(&self, &found), found);
+        // What costs more at first may share more once common divisors are extracted again.
         for candidate in units::in_other_units(self.graph, self.system, &best.1, self.roots) {
-            let (cost, candidate) = self.extracted(&candidate);
-            let trial = ((cost, n_numbers(&self, &candidate)), candidate);
+            let (_, candidate) = self.extracted(&candidate);
+            let trial = (price(&self, &candidate), candidate);
             if trial.0 < best.0 {
                 best = trial;
             }

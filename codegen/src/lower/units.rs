@@ -35,6 +35,8 @@ struct Equation {
 #[derive(Clone, Debug, Default)]
 struct Units {
     solved: BTreeMap<usize, (Powers, Coefficient)>,
+    /// What mentions a unit that is free.
+    mentions: BTreeMap<usize, BTreeSet<usize>>,
 }
 
 /// The entries in other units, in every order of preference that is tried; values that became equal are one.
@@ -53,15 +55,17 @@ pub(super) fn in_other_units(
     };
     let (keep, gain, rest) = (dear(&there, true), dear(&wanted, true), dear(&wanted, false));
     let orders = [[&keep, &gain, &rest], [&gain, &keep, &rest]];
-    let mut found = Vec::new();
+    let (mut found, mut tried) = (Vec::new(), Vec::new());
     for order in orders {
         let mut units = Units::default();
         for equation in order.into_iter().flatten() {
-            if let Some(more) = units.with(graph, system, entries, equation) {
-                units = more;
-            }
+            // One that cannot hold besides the others is passed over.
+            _ = units.take(graph, system, entries, equation);
         }
-        found.extend(units.applied(graph, system, entries, roots));
+        if !tried.contains(&units.solved) {
+            found.extend(units.applied(graph, system, entries, roots));
+            tried.push(units.solved);
+        }
     }
     found
 }
@@ -107,14 +111,14 @@ fn equations(system: &System, entries: &[Entry], roots: &[usize]) -> Vec<Equatio
 }
 
 impl Units {
-    /// These units and one more equation; none if that cannot hold besides the others.
-    fn with(
-        &self,
+    /// Takes one more equation; none, and nothing is changed, if that cannot hold besides the others.
+    fn take(
+        &mut self,
         graph: &mut Graph,
         system: &mut System,
         entries: &[Entry],
         wanted: &Equation,
-    ) -> Option<Units> {
+    ) -> Option<()> {
         let (mut powers, number) = self.reduced(graph, system, &wanted.powers, wanted.number)?;
         if number.is_unit() {
             // Units are positive: x^2 = y^2 is x = y.
@@ -133,13 +137,20 @@ impl Units {
         if !system.numbers.is_positive(graph, number) {
             return None;
         }
-        let one = Units { solved: BTreeMap::from([(pivot, (others.clone(), number))]) };
-        let mut solved = BTreeMap::new();
-        for (k, (powers, number)) in &self.solved {
-            solved.insert(*k, one.reduced(graph, system, powers, *number)?);
+        let one = Units { solved: BTreeMap::from([(pivot, (others.clone(), number))]), ..Units::default() };
+        let mut solved = vec![(pivot, (others, number))];
+        for k in self.mentions.get(&pivot).into_iter().flatten() {
+            let (powers, number) = &self.solved[k];
+            solved.push((*k, one.reduced(graph, system, powers, *number)?));
         }
-        solved.insert(pivot, (others, number));
-        Some(Units { solved })
+        self.mentions.remove(&pivot);
+        for (k, value) in solved {
+            for free in value.0.keys() {
+                self.mentions.entry(*free).or_default().insert(k);
+            }
+            self.solved.insert(k, value);
+        }
+        Some(())
     }
 
     /// `number prod lambda^powers` in terms of the units that are free.
