@@ -64,6 +64,9 @@ fn a_plane_turns_with_an_angle() {
         lagrangian = m/2*dot(v, v) - r^2*cos(theta);
     }";
     assert_eq!(n_accelerations(&parsed(polar)), 1);
+    // Units of components that are no squares of rationals leave it to the momenta.
+    let scaled = polar.replace("dot(v, v)", "(v[1]^2 + 3*v[2]^2)");
+    assert_eq!(n_accelerations(&parsed(&scaled)), 0);
     // The first component backwards: the frame turns the other way.
     assert_eq!(n_accelerations(&parsed(&polar.replace("[r_dot - 2*theta_dot,", "[2*theta_dot - r_dot,"))), 1);
 }

@@ -36,7 +36,9 @@ pub(super) struct Square {
 }
 
 /// Most frames that are tried for one square.
-const MAX_TRIALS: usize = 10_000;
+const MAX_TRIALS: usize = 500;
+/// Vectors with more components are no velocities of points: their frame does not turn.
+const MAX_DIMENSION: usize = 3;
 
 /// A rotation about an axis of the frame with rate one, or none: in the plane of the components `from` and `to`,
 /// `v_from` becomes part of the rate of `v_to`, and the other way round with the opposite sign.
@@ -112,6 +114,8 @@ fn squared(
         }
         let coefficient = g.rational(coefficient);
         let root = g.sqrt(coefficient);
+        // Irrational numbers have no fingerprints where they are no squares in the field.
+        g.as_rational(root)?;
         let halves: Vec<_> = factors.iter().map(|(b, e)| (*b, e / &two)).collect();
         let component = g.power_product(&halves).ok()?;
         components.push(g.mul(root, component));
@@ -184,6 +188,7 @@ fn torsion(g: &mut Graph, algebroid: &Algebroid, slopes: &[Vec<ExprId>]) -> Vec<
 fn turning(g: &mut Graph, slopes: &[Vec<ExprId>], torsion: &[Vec<Vec<ExprId>>]) -> Option<Vec<Turn>> {
     let n = slopes.first().map_or(0, Vec::len);
     let planes = (0..n).flat_map(|i| (0..n).filter(move |j| *j != i).map(move |j| Some((i, j))));
+    let planes = planes.filter(|_| n <= MAX_DIMENSION);
     let candidates: Vec<Turn> = [None].into_iter().chain(planes).collect();
     // Position of the candidate of each velocity so far.
     let mut chosen = vec![0];
