@@ -4,7 +4,7 @@ use hamel_codegen::expr::{ExprId, inlined};
 use hamel_codegen::mechanics::{Equations, derive};
 use hamel_codegen::reduction::{ReducedSystem, reduce};
 use hamel_codegen::spec;
-use hamel_tests::models::model;
+use hamel_tests::models::{model, text};
 
 /// `rho^i_alpha dL/dx^i + F_alpha - C^gamma_{alpha beta} y^beta p_gamma - dp_alpha/dx^i xdot^i`, as it is written.
 fn plain_forces(system: &ReducedSystem, e: &mut Equations) -> Vec<ExprId> {
@@ -52,6 +52,11 @@ fn parsed(text: &str) -> spec::Model {
 #[test]
 fn velocities_of_points_in_a_turning_body_are_accelerated_there() {
     assert_eq!(n_accelerations(&model("two_arm_satellite")), 6);
+    // Both masses the same number: the components are sorted out again.
+    let text = text("two_arm_satellite");
+    let text = text.replace("param ma = 0.4 where ma > 0;", "let ma = 2/5;");
+    let text = text.replace("param mb = 0.3 where mb > 0;", "let mb = 2/5;");
+    assert_eq!(n_accelerations(&parsed(&text)), 6);
 }
 
 #[test]
@@ -67,6 +72,9 @@ fn a_plane_turns_with_an_angle() {
     // Units of components that are no squares of rationals leave it to the momenta.
     let scaled = polar.replace("dot(v, v)", "(v[1]^2 + 3*v[2]^2)");
     assert_eq!(n_accelerations(&parsed(&scaled)), 0);
+    // A mass that is a number, and units of components that make it several.
+    assert_eq!(n_accelerations(&parsed(&polar.replace("m/2*", "3/2*"))), 1);
+    assert_eq!(n_accelerations(&parsed(&polar.replace("m/2*", "").replace("[r_dot", "2*[r_dot"))), 1);
     // The first component backwards: the frame turns the other way.
     assert_eq!(n_accelerations(&parsed(&polar.replace("[r_dot - 2*theta_dot,", "[2*theta_dot - r_dot,"))), 1);
 }

@@ -37,6 +37,8 @@ pub(super) struct Square {
 
 /// Most frames that are tried for one square.
 const MAX_TRIALS: usize = 500;
+/// Components of one weight that are tried together.
+const MAX_COMPONENTS: usize = 8;
 /// Vectors with more components are no velocities of points: their frame does not turn.
 const MAX_DIMENSION: usize = 3;
 
@@ -59,6 +61,14 @@ impl Square {
     }
 }
 
+/// A term of the Lagrangian that is the square of one component.
+#[derive(Clone, Debug)]
+struct Component {
+    term: (ExprId, Rational),
+    weight: ExprId,
+    velocity: ExprId,
+}
+
 /// Takes the squares of velocities out of the Lagrangian: these, and the rest.
 pub(super) fn take_squares(g: &mut Graph, system: &ReducedSystem) -> (Vec<Square>, ExprId) {
     let velocities: BTreeSet<SymbolId> = system.velocities.iter().copied().collect();
@@ -66,20 +76,64 @@ pub(super) fn take_squares(g: &mut Graph, system: &ReducedSystem) -> (Vec<Square
         velocities.iter().chain(system.algebroid.base()).chain([&system.time]).copied().collect();
     let mut squares = Vec::new();
     let mut rest = Vec::new();
+    // The sum of a vector with a number for its mass is part of the Lagrangian's own sum.
+    let mut components: Vec<Component> = Vec::new();
     for (term, q) in g.summands(system.lagrangian) {
-        let square = squared(g, term, &q, &varying).and_then(|(weight, velocity)| {
-            // A symbol alone gains nothing.
-            let is_plain = velocity.iter().all(|v| matches!(g.node(*v), Node::Symbol(_)));
-            let square = if is_plain { None } else { square(g, system, weight, velocity) };
-            square.filter(|s| s.velocity.iter().any(|v| g.depends_on(*v, &velocities)))
-        });
-        match square {
-            Some(square) => squares.push(square),
+        let found = squared(g, term, &q, &varying);
+        let found = found.filter(|(_, v)| v.iter().any(|v| g.depends_on(*v, &velocities)));
+        match found {
+            Some((weight, velocity)) => match velocity.as_slice() {
+                [velocity] => components.push(Component { term: (term, q), weight, velocity: *velocity }),
+                _ => match square(g, system, weight, velocity) {
+                    Some(square) => squares.push(square),
+                    None => rest.push((term, q)),
+                },
+            },
             None => rest.push((term, q)),
         }
     }
+    while let Some(first) = components.first().cloned() {
+        let taken = match vector(g, system, &components) {
+            Some((square, taken)) => {
+                squares.push(square);
+                taken
+            }
+            None => {
+                rest.push(first.term);
+                vec![0]
+            }
+        };
+        let mut position = 0;
+        components.retain(|_| {
+            position += 1;
+            !taken.contains(&(position - 1))
+        });
+    }
     let rest = g.linear_combination(&rest);
     (squares, rest)
+}
+
+/// The square that the first component is part of, with the positions of its components: of three, of two, or alone.
+fn vector(g: &mut Graph, system: &ReducedSystem, components: &[Component]) -> Option<(Square, Vec<usize>)> {
+    let first = components.first()?;
+    // In the unit of the first weight, where that is a rational one.
+    let mut scaled = vec![(0, first.velocity)];
+    for (k, other) in components.iter().enumerate().skip(1) {
+        let Ok(ratio) = g.div(other.weight, first.weight) else { continue };
+        let ratio = g.as_rational(ratio).cloned();
+        if let Some(root) = ratio.and_then(|ratio| rational_root(g, &ratio)) {
+            scaled.push((k, g.mul(root, other.velocity)));
+        }
+    }
+    scaled.truncate(MAX_COMPONENTS);
+    let n = scaled.len();
+    let triples = (1..n).flat_map(|a| (a + 1..n).map(move |b| vec![0, a, b]));
+    let choices: Vec<Vec<usize>> = triples.chain((1..n).map(|a| vec![0, a])).chain([vec![0]]).collect();
+    choices.into_iter().find_map(|choice| {
+        let velocity = choice.iter().map(|k| scaled[*k].1).collect();
+        let square = square(g, system, first.weight, velocity)?;
+        Some((square, choice.iter().map(|k| scaled[*k].0).collect()))
+    })
 }
 
 /// `q term = weight/2 sum_i v_i^2`: the weight, and the `v_i`.
@@ -96,10 +150,10 @@ fn squared(
     let twice = g.rational(coefficient * q * &two);
     let weight = g.power_product(&fixed).ok()?;
     let weight = g.mul(weight, twice);
-    let [(base, exponent)] = own.as_slice() else { return None };
-    if *exponent == two {
-        return Some((weight, vec![*base]));
+    if let Some(velocity) = root(g, &own) {
+        return Some((weight, vec![velocity]));
     }
+    let [(base, exponent)] = own.as_slice() else { return None };
     let Node::Sum { constant, terms } = g.node(*base).clone() else { return None };
     if !exponent.is_one() || constant != Rational::from_integer(0.into()) {
         return None;
@@ -107,24 +161,38 @@ fn squared(
     let mut components = Vec::with_capacity(terms.len());
     for (term, q) in terms.iter() {
         let Node::Product { coefficient, factors } = g.node(*term).clone() else { return None };
-        let coefficient = coefficient * q;
-        let is_even = |e: &Rational| (e / &two).is_integer() && e.is_positive();
-        if coefficient.is_negative() || !factors.iter().all(|(_, e)| is_even(e)) {
-            return None;
-        }
-        let coefficient = g.rational(coefficient);
-        let root = g.sqrt(coefficient);
-        // Irrational numbers have no fingerprints where they are no squares in the field.
-        g.as_rational(root)?;
-        let halves: Vec<_> = factors.iter().map(|(b, e)| (*b, e / &two)).collect();
-        let component = g.power_product(&halves).ok()?;
-        components.push(g.mul(root, component));
+        let coefficient = rational_root(g, &(coefficient * q))?;
+        let component = root(g, &factors)?;
+        components.push(g.mul(coefficient, component));
     }
     Some((weight, components))
 }
 
+/// The square root of a product of even powers, up to signs.
+fn root(g: &mut Graph, factors: &[(ExprId, Rational)]) -> Option<ExprId> {
+    let two = Rational::from_integer(2.into());
+    let halves: Vec<_> = factors.iter().map(|(base, q)| (*base, q / &two)).collect();
+    let are_even = halves.iter().all(|(_, q)| q.is_integer() && q.is_positive());
+    if are_even { g.power_product(&halves).ok() } else { None }
+}
+
+/// The root of a number that is a square of a rational one: others have no fingerprints where they are no squares in the field.
+fn rational_root(g: &mut Graph, q: &Rational) -> Option<ExprId> {
+    if !q.is_positive() {
+        return None;
+    }
+    let q = g.rational(q.clone());
+    let root = g.sqrt(q);
+    g.as_rational(root)?;
+    Some(root)
+}
+
 /// The square with the frame of its components, if they have one.
 fn square(g: &mut Graph, system: &ReducedSystem, weight: ExprId, velocity: Vec<ExprId>) -> Option<Square> {
+    // Symbols alone gain nothing.
+    if velocity.iter().all(|v| matches!(g.node(*v), Node::Symbol(_))) {
+        return None;
+    }
     let algebroid = &system.algebroid;
     let m = algebroid.rank();
     let mut slopes = vec![Vec::with_capacity(velocity.len()); m];
