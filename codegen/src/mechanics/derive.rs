@@ -266,8 +266,8 @@ impl<'a> Derivation<'a> {
         let mut velocities = Vec::new();
         for (k, square) in squares.iter().enumerate() {
             let mut v = Vec::new();
-            for (i, component) in square.velocity.iter().enumerate() {
-                let value = self.replace(*component)?;
+            for (i, component) in square.components.iter().enumerate() {
+                let value = self.replace(component.value)?;
                 v.push(self.define(&format!("v{}_{}", k + 1, i + 1), value));
             }
             velocities.push(v);
@@ -276,12 +276,12 @@ impl<'a> Derivation<'a> {
         let mut forces = vec![Vec::new(); self.y.len()];
         for (k, (square, v)) in squares.iter().zip(velocities).enumerate() {
             let turned = square.turned(&mut self.g, &self.y, &v);
-            for (i, (component, turned)) in square.velocity.iter().zip(turned).enumerate() {
-                let drift = self.drift(*component)?;
+            for (i, (component, turned)) in square.components.iter().zip(turned).enumerate() {
+                let drift = self.drift(component.value)?;
                 let value = self.g.add(drift, turned);
                 let acceleration = self.define(&format!("a{}_{}", k + 1, i + 1), value);
-                for (terms, slopes) in forces.iter_mut().zip(&square.slopes) {
-                    let slope = self.replace(slopes[i])?;
+                for (terms, slope) in forces.iter_mut().zip(&component.slopes) {
+                    let slope = self.replace(*slope)?;
                     terms.push(self.g.product(&[square.weight, slope, acceleration]));
                 }
             }

@@ -6,7 +6,6 @@ use std::collections::BTreeSet;
 
 use num_traits::{One, Signed};
 
-use crate::algebra::Algebroid;
 use crate::expr::{ExprId, Graph, Node, Rational, SymbolId};
 use crate::reduction::ReducedSystem;
 
@@ -27,18 +26,31 @@ use crate::reduction::ReducedSystem;
 pub(super) struct Square {
     /// Depends on parameters alone.
     pub(super) weight: ExprId,
-    /// `v`, in the raw velocities.
-    pub(super) velocity: Vec<ExprId>,
-    /// `v_alpha`, by the velocity and the component.
-    pub(super) slopes: Vec<Vec<ExprId>>,
+    /// The components of `v`.
+    pub(super) components: Vec<Component>,
     /// `K_beta`, by the velocity.
     turning: Vec<Turn>,
+}
+
+/// A component of a velocity, affine in the velocities of the system.
+#[derive(Clone, Debug)]
+pub(super) struct Component {
+    /// In the raw velocities.
+    pub(super) value: ExprId,
+    /// `v_alpha`.
+    pub(super) slopes: Vec<ExprId>,
+    /// Whether there is a `v_0`.
+    has_offset: bool,
+    /// `rho_beta(v_alpha) - rho_alpha(v_beta) + C^gamma_{alpha beta} v_gamma` for `alpha < beta`, by `beta` and `alpha`.
+    torsion: Vec<Vec<ExprId>>,
 }
 
 /// Most frames that are tried for one square.
 const MAX_TRIALS: usize = 500;
 /// Components of one weight that are tried together.
-const MAX_COMPONENTS: usize = 8;
+const MAX_SINGLES: usize = 8;
+/// In larger systems, which are algebras rather than bodies, no frames are looked for: the work grows with the square of the rank.
+const MAX_RANK: usize = 24;
 /// Vectors with more components are no velocities of points: their frame does not turn.
 const MAX_DIMENSION: usize = 3;
 
@@ -63,75 +75,79 @@ impl Square {
 
 /// A term of the Lagrangian that is the square of one component.
 #[derive(Clone, Debug)]
-struct Component {
+struct Single {
     term: (ExprId, Rational),
     weight: ExprId,
-    velocity: ExprId,
+    component: Component,
 }
 
 /// Takes the squares of velocities out of the Lagrangian: these, and the rest.
 pub(super) fn take_squares(g: &mut Graph, system: &ReducedSystem) -> (Vec<Square>, ExprId) {
+    if system.algebroid.rank() > MAX_RANK {
+        return (Vec::new(), system.lagrangian);
+    }
     let velocities: BTreeSet<SymbolId> = system.velocities.iter().copied().collect();
     let varying: BTreeSet<SymbolId> =
         velocities.iter().chain(system.algebroid.base()).chain([&system.time]).copied().collect();
     let mut squares = Vec::new();
     let mut rest = Vec::new();
     // The sum of a vector with a number for its mass is part of the Lagrangian's own sum.
-    let mut components: Vec<Component> = Vec::new();
+    let mut singles: Vec<Single> = Vec::new();
     for (term, q) in g.summands(system.lagrangian) {
         let found = squared(g, term, &q, &varying);
         let found = found.filter(|(_, v)| v.iter().any(|v| g.depends_on(*v, &velocities)));
+        let found = found.and_then(|(weight, v)| {
+            let components = v.into_iter().map(|v| Component::new(g, system, v)).collect::<Option<Vec<_>>>();
+            Some((weight, components?))
+        });
         match found {
-            Some((weight, velocity)) => match velocity.as_slice() {
-                [velocity] => components.push(Component { term: (term, q), weight, velocity: *velocity }),
-                _ => match square(g, system, weight, velocity) {
-                    Some(square) => squares.push(square),
-                    None => rest.push((term, q)),
-                },
+            Some((weight, components)) if components.len() == 1 => {
+                let term = (term, q);
+                singles.extend(components.into_iter().map(|component| Single {
+                    term: term.clone(),
+                    weight,
+                    component,
+                }));
+            }
+            Some((weight, components)) => match square(g, weight, components) {
+                Some(square) => squares.push(square),
+                None => rest.push((term, q)),
             },
             None => rest.push((term, q)),
         }
     }
-    while let Some(first) = components.first().cloned() {
-        let taken = match vector(g, system, &components) {
-            Some((square, taken)) => {
-                squares.push(square);
-                taken
-            }
-            None => {
-                rest.push(first.term);
-                vec![0]
-            }
-        };
-        let mut position = 0;
-        components.retain(|_| {
-            position += 1;
-            !taken.contains(&(position - 1))
-        });
+    while !singles.is_empty() {
+        let (square, mut taken) = vector(g, &singles).map_or((None, vec![0]), |(s, taken)| (Some(s), taken));
+        taken.sort_unstable();
+        let taken: Vec<Single> = taken.into_iter().rev().map(|k| singles.remove(k)).collect();
+        match square {
+            Some(square) => squares.push(square),
+            None => rest.extend(taken.into_iter().map(|single| single.term)),
+        }
     }
     let rest = g.linear_combination(&rest);
     (squares, rest)
 }
 
-/// The square that the first component is part of, with the positions of its components: of three, of two, or alone.
-fn vector(g: &mut Graph, system: &ReducedSystem, components: &[Component]) -> Option<(Square, Vec<usize>)> {
-    let first = components.first()?;
+/// The square that the first of these is part of, with their positions: of three, of two, or alone.
+fn vector(g: &mut Graph, singles: &[Single]) -> Option<(Square, Vec<usize>)> {
+    let first = singles.first()?;
     // In the unit of the first weight, where that is a rational one.
-    let mut scaled = vec![(0, first.velocity)];
-    for (k, other) in components.iter().enumerate().skip(1) {
+    let mut scaled = vec![(0, first.component.clone())];
+    for (k, other) in singles.iter().enumerate().skip(1) {
         let Ok(ratio) = g.div(other.weight, first.weight) else { continue };
         let ratio = g.as_rational(ratio).cloned();
         if let Some(root) = ratio.and_then(|ratio| rational_root(g, &ratio)) {
-            scaled.push((k, g.mul(root, other.velocity)));
+            scaled.push((k, other.component.times(g, root)));
         }
     }
-    scaled.truncate(MAX_COMPONENTS);
+    scaled.truncate(MAX_SINGLES);
     let n = scaled.len();
     let triples = (1..n).flat_map(|a| (a + 1..n).map(move |b| vec![0, a, b]));
     let choices: Vec<Vec<usize>> = triples.chain((1..n).map(|a| vec![0, a])).chain([vec![0]]).collect();
     choices.into_iter().find_map(|choice| {
-        let velocity = choice.iter().map(|k| scaled[*k].1).collect();
-        let square = square(g, system, first.weight, velocity)?;
+        let components = choice.iter().map(|k| scaled[*k].1.clone()).collect();
+        let square = square(g, first.weight, components)?;
         Some((square, choice.iter().map(|k| scaled[*k].0).collect()))
     })
 }
@@ -187,74 +203,68 @@ fn rational_root(g: &mut Graph, q: &Rational) -> Option<ExprId> {
     Some(root)
 }
 
-/// The square with the frame of its components, if they have one.
-fn square(g: &mut Graph, system: &ReducedSystem, weight: ExprId, velocity: Vec<ExprId>) -> Option<Square> {
-    // Symbols alone gain nothing.
-    if velocity.iter().all(|v| matches!(g.node(*v), Node::Symbol(_))) {
-        return None;
-    }
-    let algebroid = &system.algebroid;
-    let m = algebroid.rank();
-    let mut slopes = vec![Vec::with_capacity(velocity.len()); m];
-    let mut offsets = Vec::with_capacity(velocity.len());
-    for v in &velocity {
-        let (parts, offset) = g.affine_parts(*v, &system.velocities)?;
-        slopes.iter_mut().zip(parts).for_each(|(row, part)| row.push(part));
-        offsets.push(offset);
-    }
-    // Nothing of it changes but along the motion.
-    for part in slopes.iter().flatten().chain(&offsets) {
-        let explicit = g.diff(*part, system.time);
-        if !g.is_zero(explicit) {
-            return None;
+impl Component {
+    /// None where the value is not affine in the velocities, or changes other than along the motion.
+    fn new(g: &mut Graph, system: &ReducedSystem, value: ExprId) -> Option<Component> {
+        let algebroid = &system.algebroid;
+        let m = algebroid.rank();
+        let (slopes, offset) = g.affine_parts(value, &system.velocities)?;
+        for part in slopes.iter().chain([&offset]) {
+            let explicit = g.diff(*part, system.time);
+            if !g.is_zero(explicit) {
+                return None;
+            }
         }
-    }
-    for offset in &offsets {
         for alpha in 0..m {
-            let along = algebroid.derivative_along(g, alpha, *offset);
+            let along = algebroid.derivative_along(g, alpha, offset);
             if !g.is_zero(along) {
                 return None;
             }
         }
-    }
-    let torsion = torsion(g, algebroid, &slopes);
-    let turning = turning(g, &slopes, &torsion)?;
-    if turning.iter().any(Option::is_some) && offsets.iter().any(|e| *e != g.zero()) {
-        return None;
-    }
-    Some(Square { weight, velocity, slopes, turning })
-}
-
-/// `rho_beta(v_alpha) - rho_alpha(v_beta) + C^gamma_{alpha beta} v_gamma`, by `alpha`, `beta` and the component.
-fn torsion(g: &mut Graph, algebroid: &Algebroid, slopes: &[Vec<ExprId>]) -> Vec<Vec<Vec<ExprId>>> {
-    let m = algebroid.rank();
-    let n = slopes.first().map_or(0, Vec::len);
-    let mut rows = Vec::with_capacity(m);
-    for alpha in 0..m {
-        let mut row = Vec::with_capacity(m);
+        let mut torsion = Vec::with_capacity(m);
         for beta in 0..m {
-            let bracket = algebroid.bracket(g, alpha, beta);
-            let mut entry = Vec::with_capacity(n);
-            for i in 0..n {
-                let forward = algebroid.derivative_along(g, beta, slopes[alpha][i]);
-                let backward = algebroid.derivative_along(g, alpha, slopes[beta][i]);
+            let mut row = Vec::with_capacity(beta);
+            for alpha in 0..beta {
+                let forward = algebroid.derivative_along(g, beta, slopes[alpha]);
+                let backward = algebroid.derivative_along(g, alpha, slopes[beta]);
                 let mut terms = vec![forward, g.neg(backward)];
-                for (gamma, c) in &bracket {
-                    terms.push(g.mul(*c, slopes[*gamma][i]));
+                for (gamma, c) in algebroid.bracket(g, alpha, beta) {
+                    terms.push(g.mul(c, slopes[gamma]));
                 }
                 let sum = g.sum(&terms);
-                entry.push(g.cancel_zero(sum));
+                row.push(g.cancel_zero(sum));
             }
-            row.push(entry);
+            torsion.push(row);
         }
-        rows.push(row);
+        Some(Component { value, slopes, has_offset: offset != g.zero(), torsion })
     }
-    rows
+
+    fn times(&self, g: &mut Graph, factor: ExprId) -> Component {
+        Component {
+            value: g.mul(factor, self.value),
+            slopes: self.slopes.iter().map(|e| g.mul(factor, *e)).collect(),
+            has_offset: self.has_offset,
+            torsion: self.torsion.iter().map(|row| row.iter().map(|e| g.mul(factor, *e)).collect()).collect(),
+        }
+    }
+}
+
+/// The square with the frame of its components, if they have one; symbols alone gain nothing.
+fn square(g: &mut Graph, weight: ExprId, components: Vec<Component>) -> Option<Square> {
+    if components.iter().all(|c| matches!(g.node(c.value), Node::Symbol(_))) {
+        return None;
+    }
+    let turning = turning(g, &components)?;
+    if turning.iter().any(Option::is_some) && components.iter().any(|c| c.has_offset) {
+        return None;
+    }
+    Some(Square { weight, components, turning })
 }
 
 /// The `K_beta`, if there are any: tried one velocity after the other, each against those before it.
-fn turning(g: &mut Graph, slopes: &[Vec<ExprId>], torsion: &[Vec<Vec<ExprId>>]) -> Option<Vec<Turn>> {
-    let n = slopes.first().map_or(0, Vec::len);
+fn turning(g: &mut Graph, components: &[Component]) -> Option<Vec<Turn>> {
+    let n = components.len();
+    let m = components.first()?.slopes.len();
     let planes = (0..n).flat_map(|i| (0..n).filter(move |j| *j != i).map(move |j| Some((i, j))));
     let planes = planes.filter(|_| n <= MAX_DIMENSION);
     let candidates: Vec<Turn> = [None].into_iter().chain(planes).collect();
@@ -267,13 +277,13 @@ fn turning(g: &mut Graph, slopes: &[Vec<ExprId>], torsion: &[Vec<Vec<ExprId>>]) 
             let other = candidates[chosen[alpha]];
             (0..n).all(|i| {
                 // v_alpha x K_beta - v_beta x K_alpha = K_alpha x v_beta - K_beta x v_alpha
-                let forward = turned_component(g, other, &slopes[beta], i);
-                let backward = turned_component(g, turn, &slopes[alpha], i);
+                let forward = turned_component(g, other, components, beta, i);
+                let backward = turned_component(g, turn, components, alpha, i);
                 let expected = g.sub(forward, backward);
-                g.is_equal(torsion[alpha][beta][i], expected)
+                g.is_equal(components[i].torsion[beta][alpha], expected)
             })
         });
-        if fits && chosen.len() == slopes.len() {
+        if fits && chosen.len() == m {
             return Some(chosen.into_iter().map(|k| candidates[k]).collect());
         }
         if fits {
@@ -294,11 +304,11 @@ fn turning(g: &mut Graph, slopes: &[Vec<ExprId>], torsion: &[Vec<Vec<ExprId>>]) 
     None
 }
 
-/// `(K x v)_i`.
-fn turned_component(g: &mut Graph, turn: Turn, v: &[ExprId], i: usize) -> ExprId {
+/// `(K x v_alpha)_i`.
+fn turned_component(g: &mut Graph, turn: Turn, v: &[Component], alpha: usize, i: usize) -> ExprId {
     match turn {
-        Some((from, to)) if i == to => v[from],
-        Some((from, to)) if i == from => g.neg(v[to]),
+        Some((from, to)) if i == to => v[from].slopes[alpha],
+        Some((from, to)) if i == from => g.neg(v[to].slopes[alpha]),
         _ => g.zero(),
     }
 }
