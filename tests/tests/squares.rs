@@ -53,10 +53,18 @@ fn parsed(text: &str) -> spec::Model {
 fn velocities_of_points_in_a_turning_body_are_accelerated_there() {
     assert_eq!(n_accelerations(&model("two_arm_satellite")), 6);
     // Both masses the same number: the components are sorted out again.
-    let text = text("two_arm_satellite");
-    let text = text.replace("param ma = 0.4 where ma > 0;", "let ma = 2/5;");
-    let text = text.replace("param mb = 0.3 where mb > 0;", "let mb = 2/5;");
-    assert_eq!(n_accelerations(&parsed(&text)), 6);
+    let replaced = |text: &str, from: &str, to: &str| {
+        assert!(text.contains(from), "{from} is in the model");
+        text.replace(from, to)
+    };
+    let original = text("two_arm_satellite");
+    let numbers = replaced(&original, "param ma = 0.4 where ma > 0;", "let ma = 2/5;");
+    let numbers = replaced(&numbers, "param mb = 0.3 where mb > 0;", "let mb = 2/5;");
+    assert_eq!(n_accelerations(&parsed(&numbers)), 6);
+    // One mass for both in one sum.
+    let sum = replaced(&original, "ma/2*dot(va, va) + mb/2*dot(vb, vb)", "ma/2*(dot(va, va) + dot(vb, vb))");
+    let sum = replaced(&sum, "param mb = 0.3 where mb > 0;", "let mb = ma;");
+    assert_eq!(n_accelerations(&parsed(&sum)), 6);
 }
 
 #[test]

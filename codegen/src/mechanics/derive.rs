@@ -242,7 +242,9 @@ impl<'a> Derivation<'a> {
                 momentum[alpha] = self.define(&format!("rest_p_{}", self.names[alpha]), value);
             }
         }
-        self.writer.begin("forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)");
+        let forces = "forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)";
+        let inertia = if squares.is_empty() { "" } else { " of the rest, and -m dv/dy . a" };
+        self.writer.begin(&format!("{forces}{inertia}"));
         let mut slopes = Vec::new();
         for x in system.algebroid.base() {
             let slope = self.g.diff(l, *x);
@@ -289,6 +291,8 @@ impl<'a> Derivation<'a> {
         Ok(forces.iter().map(|terms| self.g.sum(terms)).collect())
     }
 
+    /// `rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)` along one section, of the part of the Lagrangian that `p`, `momentum` and
+    /// `slopes` are derivatives of.
     fn drive_of(
         &mut self,
         alpha: usize,

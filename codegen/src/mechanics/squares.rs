@@ -51,7 +51,7 @@ const MAX_TRIALS: usize = 500;
 const MAX_SINGLES: usize = 8;
 /// In larger systems, which are algebras rather than bodies, no frames are looked for: the work grows with the square of the rank.
 const MAX_RANK: usize = 24;
-/// Vectors with more components are no velocities of points: their frame does not turn.
+/// Components of the velocity of a point.
 const MAX_DIMENSION: usize = 3;
 
 /// A rotation about an axis of the frame with rate one, or none: in the plane of the components `from` and `to`,
@@ -73,10 +73,9 @@ impl Square {
     }
 }
 
-/// A term of the Lagrangian that is the square of one component.
+/// A part `weight/2 component^2` of the Lagrangian.
 #[derive(Clone, Debug)]
 struct Single {
-    term: (ExprId, Rational),
     weight: ExprId,
     component: Component,
 }
@@ -91,7 +90,7 @@ pub(super) fn take_squares(g: &mut Graph, system: &ReducedSystem) -> (Vec<Square
         velocities.iter().chain(system.algebroid.base()).chain([&system.time]).copied().collect();
     let mut squares = Vec::new();
     let mut rest = Vec::new();
-    // The sum of a vector with a number for its mass is part of the Lagrangian's own sum.
+    // A vector with a number for its mass is part of the Lagrangian's own sum, and several of one mass may be one sum.
     let mut singles: Vec<Single> = Vec::new();
     for (term, q) in g.summands(system.lagrangian) {
         let found = squared(g, term, &q, &varying);
@@ -101,28 +100,28 @@ pub(super) fn take_squares(g: &mut Graph, system: &ReducedSystem) -> (Vec<Square
             Some((weight, components?))
         });
         match found {
-            Some((weight, components)) if components.len() == 1 => {
-                let term = (term, q);
-                singles.extend(components.into_iter().map(|component| Single {
-                    term: term.clone(),
-                    weight,
-                    component,
-                }));
+            Some((weight, components)) if (2..=MAX_DIMENSION).contains(&components.len()) => {
+                match square(g, weight, components) {
+                    Some(square) => squares.push(square),
+                    None => rest.push((term, q)),
+                }
             }
-            Some((weight, components)) => match square(g, weight, components) {
-                Some(square) => squares.push(square),
-                None => rest.push((term, q)),
-            },
+            Some((weight, components)) => {
+                singles.extend(components.into_iter().map(|component| Single { weight, component }));
+            }
             None => rest.push((term, q)),
         }
     }
+    let half = Rational::new(1.into(), 2.into());
     while !singles.is_empty() {
         let (square, mut taken) = vector(g, &singles).map_or((None, vec![0]), |(s, taken)| (Some(s), taken));
         taken.sort_unstable();
         let taken: Vec<Single> = taken.into_iter().rev().map(|k| singles.remove(k)).collect();
         match square {
             Some(square) => squares.push(square),
-            None => rest.extend(taken.into_iter().map(|single| single.term)),
+            None => rest.extend(taken.into_iter().map(|Single { weight, component }| {
+                (g.product(&[weight, component.value, component.value]), half.clone())
+            })),
         }
     }
     let rest = g.linear_combination(&rest);
@@ -266,7 +265,6 @@ fn turning(g: &mut Graph, components: &[Component]) -> Option<Vec<Turn>> {
     let n = components.len();
     let m = components.first()?.slopes.len();
     let planes = (0..n).flat_map(|i| (0..n).filter(move |j| *j != i).map(move |j| Some((i, j))));
-    let planes = planes.filter(|_| n <= MAX_DIMENSION);
     let candidates: Vec<Turn> = [None].into_iter().chain(planes).collect();
     // Position of the candidate of each velocity so far.
     let mut chosen = vec![0];

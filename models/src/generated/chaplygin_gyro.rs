@@ -660,7 +660,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     ),
             ]
         };
-        /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
+        /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
         let [t17, t18, r_alpha_dot_over_mu_rho2, r_Omega2_over_mu_rho2,
         r_Omega3_over_mu_rho2, lag_X1_over_rho, r_X1_over_mu_rho] = {
             let t16 = self.c1 * t13;
@@ -1170,7 +1170,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         ),
                 ),
         ];
-        /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
+        /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
         let [t14, t18, t19, r_alpha_dot_over_rho, t21, t22, t23, t24,
         r_beta_dot_over_rho, r_Omega1_over_rho, r_Omega2_over_rho, r_Omega3_over_rho,
         r_X1, r_X2, r_X3] = {

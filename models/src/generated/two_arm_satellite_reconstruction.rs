@@ -584,7 +584,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     ),
             ]
         };
-        /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
+        /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
         let [r_alpha_dot_over_mb_lb2, r_beta_dot_over_mb_lb2, r_Omega1_over_mb_lb2, t16,
         r_Omega2_over_mb_lb2, r_Omega3_over_mb_lb2] = {
             let t15 = t1 * a1_1_scaled;

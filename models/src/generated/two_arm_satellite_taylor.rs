@@ -498,7 +498,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     ),
             ]
         };
-        /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
+        /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
         let [r_alpha_dot_over_mb_lb2, r_beta_dot_over_mb_lb2, r_Omega1_over_mb_lb2, t16,
         r_Omega2_over_mb_lb2, r_Omega3_over_mb_lb2] = {
             let t15 = t1 * a1_1_scaled;
@@ -1075,7 +1075,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                         ),
                 ]
             };
-            /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
+            /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
             let [r_alpha_dot_over_mb_lb2, r_beta_dot_over_mb_lb2, t20,
             r_Omega1_over_mb_lb2, t21, t22, r_Omega2_over_mb_lb2, t23,
             r_Omega3_over_mb_lb2] = {
@@ -1343,7 +1343,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                         - kept8.mul_add(t12, kept26.mul_add(Omega2, sum31)),
                 ]
             };
-            /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
+            /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
             let [t29, t30, t31, t32, t33, t34, t35, t36, t37] = {
                 let t29 = kept0.mul_add(t17, kept29.mul_add(t1, sum32));
                 let t31 = kept31.mul_add(t10, sum34);
