@@ -120,6 +120,26 @@ pub enum Error {
         /// A direction of the velocity space with zero inertia.
         direction: String,
     },
+    /// A derived connection depends on something that it cannot be made of.
+    ConnectionDependsOn {
+        /// The kind of connection.
+        connection: &'static str,
+        /// What sort of thing it depends on.
+        kind: &'static str,
+        /// The name of that.
+        name: String,
+        /// What depends on it and is part of the connection.
+        through: &'static str,
+        /// A velocity of the algebra, for the text.
+        velocity: String,
+    },
+    /// The kinetic energy does not determine the vertical part of a horizontal vector.
+    NoHorizontalSpace {
+        /// The kind of connection.
+        connection: &'static str,
+        /// A velocity of the algebra without inertia.
+        direction: String,
+    },
     /// Something claimed to be conserved is not.
     NotConserved {
         /// Its name.
@@ -247,6 +267,14 @@ impl fmt::Display for Error {
             Error::SingularMassMatrix { direction } => write!(
                 f,
                 "mass matrix is singular everywhere: no inertia along {direction}; the lagrangian needs kinetic energy in every direction that the constraints allow"
+            ),
+            Error::ConnectionDependsOn { connection, kind, name, through, velocity } => write!(
+                f,
+                "connection {connection} depends on the {kind} {name} through {through}; a connection is made of base coordinates, time and parameters: give one with `connection {velocity} = ..;` or write `connection trivial;`"
+            ),
+            Error::NoHorizontalSpace { connection, direction } => write!(
+                f,
+                "connection {connection} does not exist: no inertia along {direction}; it needs kinetic energy in every direction of the algebra that virtual displacements may have"
             ),
             Error::NotConserved { name, rate } => write!(
                 f,

@@ -5,27 +5,33 @@ use std::collections::BTreeMap;
 use crate::error::Error;
 use crate::expr::{ExprId, Graph, Style, SymbolId};
 
-/// A Lie algebroid in coordinates `x^i` and a frame `e_alpha`:
-/// `rho(e_alpha) = rho^i_alpha d/dx^i`, `[e_alpha, e_beta] = C^gamma_{alpha beta} e_gamma`.
+/// A Lie algebroid in coordinates `x^i` and a frame `e_alpha` that may move with time:
+/// `rho(e_alpha) = rho^i_alpha d/dx^i`, `[e_alpha, e_beta] = C^gamma_{alpha beta} e_gamma`,
+/// `[d/dt, e_alpha] = N^gamma_alpha e_gamma`.
+///
+/// The drift `N` of the frame is the bracket with one more section, `d/dt`, along which every motion has the velocity one. It
+/// vanishes where the frame does not depend on time.
 ///
 /// # Shapes
-/// anchor: `[n_base][rank]`; bracket: sparse, pairs `alpha < beta`.
+/// anchor: `[n_base][rank]`; bracket: sparse, pairs `alpha < beta`; drift: sparse, by `alpha`.
 ///
 /// # Source
 /// Cortes, de Leon, Marrero, Martinez 2009, section 2.1.
 #[derive(Clone, Debug)]
 pub struct Algebroid {
+    time: SymbolId,
     base: Vec<SymbolId>,
     frame: Vec<String>,
     anchor: Vec<Vec<ExprId>>,
     bracket: BTreeMap<(usize, usize), Vec<(usize, ExprId)>>,
+    drift: BTreeMap<usize, Vec<(usize, ExprId)>>,
 }
 
 impl Algebroid {
-    /// An algebroid with zero anchor and bracket, to be filled in by a front end.
-    pub fn new(g: &Graph, base: Vec<SymbolId>, frame: Vec<String>) -> Algebroid {
+    /// An algebroid with zero anchor, bracket and drift, to be filled in by a front end.
+    pub fn new(g: &Graph, time: SymbolId, base: Vec<SymbolId>, frame: Vec<String>) -> Algebroid {
         let anchor = vec![vec![g.zero(); frame.len()]; base.len()];
-        Algebroid { base, frame, anchor, bracket: BTreeMap::new() }
+        Algebroid { time, base, frame, anchor, bracket: BTreeMap::new(), drift: BTreeMap::new() }
     }
 
     /// Number of base coordinates.
@@ -77,6 +83,21 @@ impl Algebroid {
         self.bracket.insert((alpha, beta), value);
     }
 
+    /// `[d/dt, e_alpha]` as a sparse vector; empty when the section does not depend on time.
+    pub fn drift(&self, alpha: usize) -> &[(usize, ExprId)] {
+        self.drift.get(&alpha).map_or(&[], Vec::as_slice)
+    }
+
+    /// Sets `[d/dt, e_alpha]`.
+    pub fn set_drift(&mut self, alpha: usize, value: Vec<(usize, ExprId)>) {
+        self.drift.insert(alpha, value);
+    }
+
+    /// Whether a section of the frame depends on time.
+    pub fn has_drift(&self) -> bool {
+        self.drift.values().any(|value| !value.is_empty())
+    }
+
     /// The derivative of a function along a section: `rho^i_alpha df/dx^i`.
     pub fn derivative_along(&self, g: &mut Graph, alpha: usize, f: ExprId) -> ExprId {
         let mut terms = Vec::new();
@@ -92,7 +113,7 @@ impl Algebroid {
 
     /// Verifies the anchor condition and Jacobi identity on the symbolic data:
     /// `rho^j_a d_j rho^i_b - rho^j_b d_j rho^i_a = rho^i_c C^c_ab` and
-    /// `sum over cyclic (a, b, c) of (rho^i_a d_i C^d_bc + C^e_bc C^d_ae) = 0`.
+    /// `sum over cyclic (a, b, c) of (rho^i_a d_i C^d_bc + C^e_bc C^d_ae) = 0`, both also with `d/dt` for one of the sections.
     ///
     /// # Errors
     /// [`Error::AnchorViolated`] or [`Error::JacobiViolated`], every offender.
@@ -100,7 +121,9 @@ impl Algebroid {
         let mut errors = Vec::new();
         let m = self.rank();
         for a in 0..m {
+            self.verify_drift_of_anchor(g, a, &mut errors);
             for b in a + 1..m {
+                errors.extend(self.drift_violation(g, a, b));
                 let bracket = self.bracket(g, a, b);
                 for i in 0..self.n_base() {
                     let forward = self.derivative_along(g, a, self.anchor[i][b]);
@@ -142,6 +165,66 @@ impl Algebroid {
                 }
             }
         }
+        let names = triple.map(|k| self.frame[k].clone());
+        self.violation(g, names, residual)
+    }
+
+    /// `d_t rho^i_a = rho^i_c N^c_a`.
+    fn verify_drift_of_anchor(&self, g: &mut Graph, a: usize, errors: &mut Vec<Error>) {
+        for i in 0..self.n_base() {
+            let mut residual = g.diff(self.anchor[i][a], self.time);
+            for (c, coefficient) in self.drift(a) {
+                let term = g.mul(self.anchor[i][*c], *coefficient);
+                residual = g.sub(residual, term);
+            }
+            if !g.is_zero(residual) {
+                errors.push(Error::AnchorViolated {
+                    pair: ["d/dt".to_owned(), self.frame[a].clone()],
+                    component: g.name(self.base[i]).to_owned(),
+                    residual: g.display(residual, Style::Plain),
+                });
+            }
+        }
+    }
+
+    /// `[d/dt, [e_a, e_b]] = [[d/dt, e_a], e_b] + [e_a, [d/dt, e_b]]`:
+    /// `d_t C^d_ab + C^c_ab N^d_c = N^c_a C^d_cb - rho_b(N^d_a) + N^c_b C^d_ac + rho_a(N^d_b)`.
+    fn drift_violation(&self, g: &mut Graph, a: usize, b: usize) -> Option<Error> {
+        let mut residual: BTreeMap<usize, ExprId> = BTreeMap::new();
+        let mut add = |g: &mut Graph, d: usize, term: ExprId| {
+            let before = residual.get(&d).copied().unwrap_or(g.zero());
+            residual.insert(d, g.add(before, term));
+        };
+        for (c, coefficient) in self.bracket(g, a, b) {
+            let rate = g.diff(coefficient, self.time);
+            add(g, c, rate);
+            for (d, drift) in self.drift(c) {
+                let term = g.mul(coefficient, *drift);
+                add(g, *d, term);
+            }
+        }
+        // The second section stands still while the first one drifts, and the other way round with the opposite sign.
+        for (drifting, other, is_second) in [(a, b, false), (b, a, true)] {
+            for (c, drift) in self.drift(drifting) {
+                let along = self.derivative_along(g, other, *drift);
+                let along = if is_second { g.neg(along) } else { along };
+                add(g, *c, along);
+                for (d, coefficient) in self.bracket(g, *c, other) {
+                    let term = g.mul(*drift, coefficient);
+                    let term = if is_second { term } else { g.neg(term) };
+                    add(g, d, term);
+                }
+            }
+        }
+        self.violation(g, ["d/dt".to_owned(), self.frame[a].clone(), self.frame[b].clone()], residual)
+    }
+
+    fn violation(
+        &self,
+        g: &mut Graph,
+        triple: [String; 3],
+        residual: BTreeMap<usize, ExprId>,
+    ) -> Option<Error> {
         let offending: Vec<(usize, ExprId)> = residual.into_iter().filter(|(_, e)| !g.is_zero(*e)).collect();
         if offending.is_empty() {
             return None;
@@ -150,9 +233,6 @@ impl Algebroid {
             .iter()
             .map(|(d, e)| format!("({}) {}", g.display(*e, Style::Plain), self.frame[*d]))
             .collect();
-        Some(Error::JacobiViolated {
-            triple: triple.map(|k| self.frame[k].clone()),
-            residual: spelled.join(" + "),
-        })
+        Some(Error::JacobiViolated { triple, residual: spelled.join(" + ") })
     }
 }

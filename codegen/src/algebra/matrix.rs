@@ -226,6 +226,43 @@ pub fn solve_symbolic(
     a: &[Vec<ExprId>],
     b: &[Vec<ExprId>],
 ) -> Result<Vec<Vec<ExprId>>, usize> {
+    eliminate(g, a, b, false)
+}
+
+/// Solves `A X = B` for a symmetric `A`, with pivots on the diagonal wherever these are not identically zero: those of a definite
+/// matrix vanish nowhere, while an entry beside the diagonal that is divided by may, and the solution with it.
+///
+/// # Shapes
+/// `a`: `n x n`, `b`: `n x k` -> `n x k`.
+///
+/// # Errors
+/// The index of a column without a pivot, when `A` is singular identically.
+pub fn solve_symmetric(
+    g: &mut Graph,
+    a: &[Vec<ExprId>],
+    b: &[Vec<ExprId>],
+) -> Result<Vec<Vec<ExprId>>, usize> {
+    let n = a.len();
+    let mut order: Vec<usize> = (0..n).collect();
+    // Simple pivots first; the zeros of a saddle point's diagonal are filled by then.
+    order.sort_by_key(|&k| (a[k][k] == g.zero(), g.reachable(&[a[k][k]]).len()));
+    let permuted: Vec<Vec<ExprId>> =
+        order.iter().map(|&i| order.iter().map(|&j| a[i][j]).collect()).collect();
+    let right: Vec<Vec<ExprId>> = order.iter().map(|&i| b[i].clone()).collect();
+    let solved = eliminate(g, &permuted, &right, true).map_err(|column| order[column])?;
+    let mut x = vec![Vec::new(); n];
+    for (row, &i) in solved.into_iter().zip(&order) {
+        x[i] = row;
+    }
+    Ok(x)
+}
+
+fn eliminate(
+    g: &mut Graph,
+    a: &[Vec<ExprId>],
+    b: &[Vec<ExprId>],
+    prefer_diagonal: bool,
+) -> Result<Vec<Vec<ExprId>>, usize> {
     let n = a.len();
     let mut rows: Vec<Vec<ExprId>> = a.iter().zip(b).map(|(l, r)| [l.as_slice(), r].concat()).collect();
     let width = rows.first().map_or(0, Vec::len);
@@ -238,6 +275,9 @@ pub fn solve_symbolic(
             let size = g.reachable(&[row[column]]).len();
             if best.is_none_or(|(_, s)| size < s) {
                 best = Some((i, size));
+            }
+            if prefer_diagonal && i == column {
+                break;
             }
         }
         let Some((found, _)) = best else { return Err(column) };

@@ -15,7 +15,7 @@ mod representation;
 pub use algebroid::Algebroid;
 pub use lie::{Bracket, LieAlgebra, Slot};
 pub(crate) use matrix::Subspace;
-pub use matrix::{Matrix, solve_symbolic};
+pub use matrix::{Matrix, solve_symbolic, solve_symmetric};
 pub use representation::Representation;
 
 #[cfg(test)]

@@ -47,7 +47,8 @@ pub struct Facts {
     pub ignorable: Vec<String>,
     /// In the multiplier form: whether it vanishes once the constraint holds.
     pub energy_is_conserved_on_constraint: bool,
-    /// For linear constraints: whether they are integrable, i.e. the allowed velocities form a subalgebroid.
+    /// For linear constraints: whether they are integrable, i.e. the allowed velocities form a subalgebroid at all times, and
+    /// the same one.
     pub holonomic: Option<bool>,
     /// Casimirs, all verified to be conserved.
     pub casimirs: Vec<String>,
@@ -89,8 +90,8 @@ pub struct Equations {
 }
 
 /// Derives `W^alpha_b E_alpha = 0` with
-/// `E_alpha = d/dt p_alpha + C^gamma_{alpha beta} y^beta p_gamma - rho^i_alpha dL/dx^i - F_alpha`, solved for the
-/// accelerations.
+/// `E_alpha = d/dt p_alpha + C^gamma_{alpha beta} y^beta p_gamma - N^gamma_alpha p_gamma - rho^i_alpha dL/dx^i - F_alpha`,
+/// solved for the accelerations; `N` is the drift of the frame, zero unless the frame depends on time.
 ///
 /// # Errors
 /// [`Error::SingularMassMatrix`] with the direction, [`Error::NotConserved`] for a claimed Casimir,
@@ -145,7 +146,7 @@ struct Derivation<'a> {
     momentum: Vec<ExprId>,
     /// `d^2 L / dy dy`.
     hessian: Vec<Vec<ExprId>>,
-    /// `-(C^gamma_{alpha beta} y^beta p_gamma) + rho^i_alpha dL/dx^i + F_alpha - (dp_alpha/dx^i xdot^i + dp_alpha/dt)`:
+    /// `(N^gamma_alpha - C^gamma_{alpha beta} y^beta) p_gamma + rho^i_alpha dL/dx^i + F_alpha - (dp_alpha/dx^i xdot^i + dp_alpha/dt)`:
     /// everything in `-E_alpha` except the Hessian times `ydot`.
     drive: Vec<ExprId>,
 }
@@ -242,7 +243,9 @@ impl<'a> Derivation<'a> {
                 momentum[alpha] = self.define(&format!("rest_p_{}", self.names[alpha]), value);
             }
         }
-        let forces = "forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)";
+        let turning = if system.algebroid.has_drift() { "(N - C y) p" } else { "C y p" };
+        let sign = if system.algebroid.has_drift() { "+" } else { "-" };
+        let forces = format!("forces rho dL/dx + F {sign} {turning} - (dp/dx xdot + dp/dt)");
         let inertia = if squares.is_empty() { "" } else { " of the rest, and -m dv/dy . a" };
         self.writer.begin(&format!("{forces}{inertia}"));
         let mut slopes = Vec::new();
@@ -291,8 +294,8 @@ impl<'a> Derivation<'a> {
         Ok(forces.iter().map(|terms| self.g.sum(terms)).collect())
     }
 
-    /// `rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)` along one section, of the part of the Lagrangian that `p`, `momentum` and
-    /// `slopes` are derivatives of.
+    /// `rho dL/dx + F + (N - C y) p - (dp/dx xdot + dp/dt)` along one section, of the part of the Lagrangian that `p`, `momentum`
+    /// and `slopes` are derivatives of.
     fn drive_of(
         &mut self,
         alpha: usize,
@@ -311,6 +314,9 @@ impl<'a> Derivation<'a> {
                 let term = self.g.product(&[c, self.y[beta], momentum[gamma]]);
                 terms.push(self.g.neg(term));
             }
+        }
+        for (gamma, n) in system.algebroid.drift(alpha) {
+            terms.push(self.g.mul(*n, momentum[*gamma]));
         }
         let drift = self.drift(p)?;
         terms.push(self.g.neg(drift));
@@ -597,7 +603,7 @@ impl<'a> Derivation<'a> {
     }
 
     /// The nonholonomic momenta along the sections `W_b` of virtual displacements and the momentum equation
-    /// `d/dt <p, W_b> = W^alpha_b (rho^i_alpha dL/dx^i + F_alpha - C^gamma_{alpha beta} y^beta p_gamma) + <p, dW_b/dt>`.
+    /// `d/dt <p, W_b> = W^alpha_b (rho^i_alpha dL/dx^i + F_alpha + (N^gamma_alpha - C^gamma_{alpha beta} y^beta) p_gamma) + <p, dW_b/dt>`.
     ///
     /// # Source
     /// Cortes, de Leon, Marrero, Martinez 2009, equation (5.6); Bloch, Krishnaprasad, Marsden, Murray 1996.
@@ -645,7 +651,8 @@ impl<'a> Derivation<'a> {
         ])
     }
 
-    /// Power of forces, explicit time and constraint reactions: `F.y - dL/dt + sum_A lambda_A form_A.y`.
+    /// Power of forces, explicit time, the drift of the frame and constraint reactions:
+    /// `F.y - dL/dt + N^gamma_alpha y^alpha p_gamma + sum_A lambda_A form_A.y`.
     fn power(&mut self, motion: &Motion) -> Result<ExprId, Error> {
         let explicit = self.g.diff(self.system.lagrangian, self.system.time);
         let explicit = self.replace(explicit)?;
@@ -653,6 +660,11 @@ impl<'a> Derivation<'a> {
         for (force, y) in self.system.forces.iter().zip(self.y.clone()) {
             let force = self.replace(*force)?;
             terms.push(self.g.mul(force, y));
+        }
+        for alpha in 0..self.y.len() {
+            for (gamma, n) in self.system.algebroid.drift(alpha) {
+                terms.push(self.g.product(&[*n, self.y[alpha], self.momentum[*gamma]]));
+            }
         }
         for (form, (_, lambda)) in motion.reactions.iter().zip(&motion.multipliers) {
             let mut work = Vec::new();
@@ -745,7 +757,8 @@ impl<'a> Derivation<'a> {
         if let KinematicConstraint::Solved(solved) = &system.constraint
             && !solved.rows.is_empty()
         {
-            facts.holonomic = super::sections::is_subalgebroid(&mut self.g, &system.algebroid, solved);
+            facts.holonomic =
+                super::sections::is_subalgebroid(&mut self.g, &system.algebroid, system.time, solved);
             outputs.extend(self.momentum_equation(solved)?);
         }
         if !system.casimirs.is_empty() {

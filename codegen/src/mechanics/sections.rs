@@ -1,15 +1,18 @@
 //! Sections of the constraint distribution.
 
 use crate::algebra::Algebroid;
-use crate::expr::{ExprId, Graph};
+use crate::expr::{ExprId, Graph, SymbolId};
 use crate::reduction::SolvedConstraint;
 
 /// Whether the span of the columns of `Psi` is closed under the bracket, so that the constraint is holonomic:
 /// `[Psi_a, Psi_b]^gamma = Psi_a^alpha Psi_b^beta C^gamma_{alpha beta} + rho(Psi_a) Psi_b^gamma - rho(Psi_b) Psi_a^gamma`
-/// lies in the span. `None` for affine constraints and where quasi-velocities parametrise the distribution.
+/// lies in the span, and so does `[d/dt, Psi_a]^gamma = dPsi_a^gamma/dt + N^gamma_alpha Psi_a^alpha`: a constraint that moves with
+/// time may keep no function of place and time although it does at each moment. `None` for affine constraints and where
+/// quasi-velocities parametrise the distribution.
 pub(super) fn is_subalgebroid(
     g: &mut Graph,
     algebroid: &Algebroid,
+    time: SymbolId,
     solved: &SolvedConstraint,
 ) -> Option<bool> {
     let frame: Vec<usize> = solved.unknowns.iter().map(|u| u.frame_idx).collect::<Option<_>>()?;
@@ -18,22 +21,42 @@ pub(super) fn is_subalgebroid(
     }
     let column = |a: usize| -> Vec<ExprId> { solved.psi.iter().map(|row| row[a]).collect() };
     for a in 0..frame.len() {
+        let turning = rate_of_section(g, algebroid, time, &column(a));
+        if !is_allowed(g, solved, &frame, &turning) {
+            return Some(false);
+        }
         for b in a + 1..frame.len() {
             let bracket = bracket_of_sections(g, algebroid, &column(a), &column(b));
-            // A vector of the span is determined by its independent components.
-            for &alpha in &solved.dependent {
-                let mut terms = vec![g.neg(bracket[alpha])];
-                for (k, &independent) in frame.iter().enumerate() {
-                    terms.push(g.mul(solved.psi[alpha][k], bracket[independent]));
-                }
-                let residual = g.sum(&terms);
-                if !g.is_zero(residual) {
-                    return Some(false);
-                }
+            if !is_allowed(g, solved, &frame, &bracket) {
+                return Some(false);
             }
         }
     }
     Some(true)
+}
+
+/// Whether a section lies in the span, in which its independent components determine it.
+fn is_allowed(g: &mut Graph, solved: &SolvedConstraint, frame: &[usize], section: &[ExprId]) -> bool {
+    solved.dependent.iter().all(|&alpha| {
+        let mut terms = vec![g.neg(section[alpha])];
+        for (k, &independent) in frame.iter().enumerate() {
+            terms.push(g.mul(solved.psi[alpha][k], section[independent]));
+        }
+        let residual = g.sum(&terms);
+        g.is_zero(residual)
+    })
+}
+
+/// `[d/dt, x]`.
+fn rate_of_section(g: &mut Graph, algebroid: &Algebroid, time: SymbolId, x: &[ExprId]) -> Vec<ExprId> {
+    let mut rate: Vec<ExprId> = x.iter().map(|e| g.diff(*e, time)).collect();
+    for (alpha, e) in x.iter().enumerate() {
+        for (gamma, n) in algebroid.drift(alpha) {
+            let turned = g.mul(*n, *e);
+            rate[*gamma] = g.add(rate[*gamma], turned);
+        }
+    }
+    rate
 }
 
 fn bracket_of_sections(g: &mut Graph, algebroid: &Algebroid, x: &[ExprId], y: &[ExprId]) -> Vec<ExprId> {

@@ -203,16 +203,23 @@ fn rational_root(g: &mut Graph, q: &Rational) -> Option<ExprId> {
 }
 
 impl Component {
-    /// None where the value is not affine in the velocities, or changes other than along the motion.
+    /// None where the value is not affine in the velocities, or changes with time other than with the frame:
+    /// `dv_alpha/dt = N^gamma_alpha v_gamma`, which is the torsion with `d/dt`.
     fn new(g: &mut Graph, system: &ReducedSystem, value: ExprId) -> Option<Component> {
         let algebroid = &system.algebroid;
         let m = algebroid.rank();
         let (slopes, offset) = g.affine_parts(value, &system.velocities)?;
-        for part in slopes.iter().chain([&offset]) {
-            let explicit = g.diff(*part, system.time);
-            if !g.is_zero(explicit) {
-                return None;
+        let mut apart = vec![g.diff(offset, system.time)];
+        for (alpha, slope) in slopes.iter().enumerate() {
+            let mut rate = g.diff(*slope, system.time);
+            for (gamma, n) in algebroid.drift(alpha) {
+                let carried = g.mul(*n, slopes[*gamma]);
+                rate = g.sub(rate, carried);
             }
+            apart.push(rate);
+        }
+        if apart.into_iter().any(|rate| !g.is_zero(rate)) {
+            return None;
         }
         for alpha in 0..m {
             let along = algebroid.derivative_along(g, alpha, offset);

@@ -275,7 +275,7 @@ fn anchored(system: &mut ReducedSystem, turned: &[Turned]) -> Option<Algebroid> 
         let e = on_circles(g, turned, e).ok()?;
         still_in(g, turned, e).is_none().then_some(e)
     };
-    let mut algebroid = Algebroid::new(g, base, old.frame().to_vec());
+    let mut algebroid = Algebroid::new(g, system.time, base, old.frame().to_vec());
     for alpha in 0..old.rank() {
         for (i, x) in old.base().iter().enumerate() {
             let rho = convert(g, old.anchor(i, alpha))?;
@@ -297,6 +297,11 @@ fn anchored(system: &mut ReducedSystem, turned: &[Turned]) -> Option<Algebroid> 
             if !bracket.is_empty() {
                 algebroid.set_bracket(alpha, beta, bracket);
             }
+        }
+        let drift = old.drift(alpha).iter().map(|(gamma, e)| Some((*gamma, convert(g, *e)?)));
+        let drift: Vec<(usize, ExprId)> = drift.collect::<Option<_>>()?;
+        if !drift.is_empty() {
+            algebroid.set_drift(alpha, drift);
         }
     }
     let mut state = Vec::new();

@@ -1,43 +1,58 @@
 //! The same system written with another connection: other coordinates, the same motion.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
-use crate::algebra::solve_symbolic;
+use crate::algebra::solve_symmetric;
 use crate::error::Error;
 use crate::expr::{ExprId, Graph, SymbolId};
 use crate::spec::{ConnectionKind, ConstraintKind, Diagnostics, Model, ReconstructionKind};
 
-use super::constraint::{KinematicConstraint, SolvedConstraint};
-use super::front_end::reduce;
+use super::constraint::{ConstraintRow, Solver, Unknown};
+use super::front_end::{annihilator, reduce, signs};
 use super::reconstruction;
 
-/// Rewrites a model so that its velocity is `v = xi + A(x) xdot` for the connection asked for.
+/// Rewrites a model so that its velocity is `v = xi + A(x, t) xdot` for the connection asked for.
 ///
 /// * trivial: `A = 0`;
 /// * mechanical: the horizontal space is orthogonal to the group orbits in the kinetic energy, so that the Hessian of `L`
 ///   has no block between `v` and `xdot`;
-/// * nonholonomic: the horizontal space lies in the constraint distribution `D` and is orthogonal to `S = D` intersected
-///   with the orbits.
+/// * nonholonomic: the horizontal space lies in the space `C_V` of virtual displacements and is orthogonal to its intersection
+///   `S` with the orbits. The constraint on velocities plays no part in it where the model gives displacements of their own.
 ///
 /// # Errors
-/// A degenerate kinetic energy along the orbits; for the nonholonomic connection also constraints that are not linear, or
-/// that restrict base velocities.
+/// [`Error::ConnectionDependsOn`] where the Hessian or the displacements bring velocities or advected parameters into `A`,
+/// [`Error::NoHorizontalSpace`] for a degenerate kinetic energy along the orbits, [`Error::Unsupported`] for virtual
+/// displacements that restrict base velocities on their own.
 ///
 /// # Source
-/// Marsden, Montgomery, Ratiu 1990 (mechanical); Bloch, Krishnaprasad, Marsden, Murray 1996 (nonholonomic).
+/// Marsden, Montgomery, Ratiu 1990 (mechanical); Bloch, Krishnaprasad, Marsden, Murray 1996 (nonholonomic); Grillo, Zuccalli
+/// 2012, section 2.2.1 (its dependence on `C_V` alone).
 pub fn with_connection(model: &Model, kind: ConnectionKind) -> Result<Model, Diagnostics> {
     if model.base.is_empty() || model.algebra.dim() == 0 {
         return Ok(model.clone());
     }
-    let mut rewritten = model.clone();
+    let mut rewritten = Model { derived_connection: None, ..model.clone() };
     let (n, dim) = (model.base.len(), model.algebra.dim());
     let zero = model.graph.zero();
     let given = model.connection.clone().unwrap_or_else(|| vec![vec![zero; n]; dim]);
-    let g = &mut rewritten.graph;
-    let shift = match kind {
-        ConnectionKind::Trivial => given.iter().map(|row| row.iter().map(|e| g.neg(*e)).collect()).collect(),
-        ConnectionKind::Mechanical => mechanical_shift(g, model).map_err(|e| refused(model, &e))?,
-        ConnectionKind::Nonholonomic => nonholonomic_shift(g, model)?,
+    let derived = match kind {
+        ConnectionKind::Trivial => {
+            let g = &mut rewritten.graph;
+            Ok(given.iter().map(|row| row.iter().map(|e| g.neg(*e)).collect()).collect())
+        }
+        ConnectionKind::Mechanical => vertical_shift(&mut rewritten, kind, &[]),
+        ConnectionKind::Nonholonomic => {
+            let forms = annihilator(&mut rewritten);
+            vertical_shift(&mut rewritten, kind, &forms)
+        }
+    };
+    let shift = match derived {
+        Ok(shift) => shift,
+        Err(error) => {
+            // Constraints that contradict each other have no displacements either: their own error says more.
+            reduce(&Model { derived_connection: None, ..model.clone() }, &[])?;
+            return Err(refused(model, &error));
+        }
     };
     shift_velocities(&mut rewritten, &shift).map_err(|e| refused(model, &e))?;
     let total: Vec<Vec<ExprId>> = given
@@ -55,7 +70,6 @@ pub fn with_connection(model: &Model, kind: ConnectionKind) -> Result<Model, Dia
         .collect();
     let flat = total.iter().flatten().all(|e| *e == zero);
     rewritten.connection = (!flat).then_some(total);
-    rewritten.derived_connection = None;
     Ok(rewritten)
 }
 
@@ -65,59 +79,68 @@ fn refused(model: &Model, error: &Error) -> Diagnostics {
     model.diagnostics(vec![problem])
 }
 
-/// Hessian of `L` between two lists of velocities.
-fn hessian(g: &mut Graph, lagrangian: ExprId, rows: &[SymbolId], columns: &[SymbolId]) -> Vec<Vec<ExprId>> {
-    rows.iter()
-        .map(|a| {
-            let p = g.diff(lagrangian, *a);
-            columns
-                .iter()
-                .map(|b| {
-                    let second = g.diff(p, *b);
-                    g.cancel_zero(second)
-                })
-                .collect()
-        })
-        .collect()
-}
-
-/// `K^-1 L_{v xdot}`: with `v = w - K^-1 L_{v xdot} xdot` the mixed block vanishes.
-fn mechanical_shift(g: &mut Graph, model: &Model) -> Result<Vec<Vec<ExprId>>, Error> {
-    let fibre: Vec<SymbolId> = model.velocities.iter().map(|v| v.symbol).collect();
-    let base: Vec<SymbolId> = model.base.iter().map(|c| c.velocity).collect();
-    let inertia = hessian(g, model.lagrangian, &fibre, &fibre);
-    let mixed = hessian(g, model.lagrangian, &fibre, &base);
-    solve_symbolic(g, &inertia, &mixed)
-        .map_err(|k| Error::SingularMassMatrix { direction: model.velocities[k].name.clone() })
-}
-
-/// Minus the vertical part of the lift of `d/dx^i` that lies in `D` and is orthogonal to `S`.
-fn nonholonomic_shift(g: &mut Graph, model: &Model) -> Result<Vec<Vec<ExprId>>, Diagnostics> {
-    let system = reduce(model, &[])?;
-    let n = model.base.len();
-    let m = system.velocities.len();
-    let unsupported = || {
-        refused(
-            model,
-            &Error::Unsupported {
-                what: "a nonholonomic connection".into(),
-                possible: "linear constraints that leave all base velocities independent".into(),
-            },
-        )
-    };
-    let KinematicConstraint::Solved(solved) = &system.constraint else { return Err(unsupported()) };
-    let lifts = base_columns(solved, n).ok_or_else(unsupported)?;
-    if solved.psi0.iter().any(|e| *e != g.zero()) {
-        return Err(unsupported());
+/// Hessian of `L` in all velocities.
+fn hessian(model: &mut Model) -> Vec<Vec<ExprId>> {
+    let velocities: Vec<SymbolId> = model.all_velocities().into_iter().map(|(_, s)| s).collect();
+    let g = &mut model.graph;
+    let mut rows = Vec::with_capacity(velocities.len());
+    for a in &velocities {
+        let p = g.diff(model.lagrangian, *a);
+        let row = velocities.iter().map(|b| {
+            let second = g.diff(p, *b);
+            g.cancel_zero(second)
+        });
+        rows.push(row.collect());
     }
-    // The expressions of the reduced system live in its own copy of the graph, which extends the model's.
-    *g = system.graph.clone();
-    let column = |a: usize| -> Vec<ExprId> { (0..m).map(|alpha| solved.psi[alpha][a]).collect() };
-    let vertical: Vec<usize> = (0..solved.unknowns.len()).filter(|a| !lifts.contains(a)).collect();
-    let metric = hessian(g, system.lagrangian, &system.velocities, &system.velocities);
+    rows
+}
+
+/// Minus the vertical part of the lift `H_i` of `d/dx^i` on which the forms vanish and which is orthogonal to the vertical
+/// vectors on which they vanish, `S`. With forms `F_x dx + F_v v` and the Hessian `[[L_xx, L_xv], [L_vx, K]]` that is `h` of
+///
+/// ```text
+/// [[K, F_v^T], [F_v, 0]] [h, mu] = [L_vx, F_x]
+/// ```
+///
+/// in which the forms that can be solved without a division by something that might vanish are eliminated first.
+///
+/// # Shapes
+/// forms: on base velocities, velocities of the algebra, quasi-velocities -> `[dim][n]`.
+fn vertical_shift(
+    model: &mut Model,
+    kind: ConnectionKind,
+    forms: &[ConstraintRow],
+) -> Result<Vec<Vec<ExprId>>, Error> {
+    let (n, dim) = (model.base.len(), model.algebra.dim());
+    let hessian = hessian(model);
+    let facts = signs(model);
+    let params: BTreeSet<SymbolId> = model.params.iter().map(|p| p.symbol).collect();
+    // Vertical velocities and quasi-velocities may be eliminated, base velocities may not.
+    let fibre = model.velocities.iter().chain(&model.quasi_velocities);
+    let names: Vec<String> = fibre.map(|v| v.name.clone()).collect();
+    let base: Vec<Unknown> = (model.base.iter())
+        .map(|c| Unknown { name: c.velocity_name.clone(), symbol: c.velocity, frame_idx: None })
+        .collect();
+    let mut rows = forms.to_vec();
+    rows.iter_mut().for_each(|row| row.one_form.rotate_left(n));
+    let g = &mut model.graph;
+    let mut solver = Solver { graph: g, names: &names, quasi: &base, params: &params, facts: &facts };
+    let restricted = || Error::Unsupported {
+        what: "a nonholonomic connection".into(),
+        possible: "virtual displacements that leave all base velocities independent".into(),
+    };
+    let (solved, left) = solver.solve_safely(&rows).map_err(|_| restricted())?;
+    let free: Vec<usize> = (0..names.len()).filter(|k| !solved.dependent.contains(k)).collect();
+    // Vectors on which the solved forms vanish: one for each free column, then lifts of the base velocities.
+    let column = |a: usize| -> Vec<ExprId> {
+        let on_base = (0..n).map(|i| if a == free.len() + i { g.one() } else { g.zero() });
+        on_base.chain((0..dim).map(|k| solved.psi[k][a])).collect()
+    };
+    let (vertical, lifts): (Vec<_>, Vec<_>) =
+        ((0..free.len()).map(column).collect(), (0..n).map(|i| column(free.len() + i)).collect());
     let pairing = |g: &mut Graph, x: &[ExprId], y: &[ExprId]| {
         let mut terms = Vec::new();
-        for (alpha, row) in metric.iter().enumerate() {
+        for (alpha, row) in hessian.iter().enumerate() {
             for (beta, h) in row.iter().enumerate() {
                 terms.push(g.product(&[x[alpha], *h, y[beta]]));
             }
@@ -125,31 +148,82 @@ fn nonholonomic_shift(g: &mut Graph, model: &Model) -> Result<Vec<Vec<ExprId>>, 
         let sum = g.sum(&terms);
         g.cancel_zero(sum)
     };
-    let mut gram = Vec::new();
-    let mut right = Vec::new();
-    for &a in &vertical {
-        let s = column(a);
-        gram.push(vertical.iter().map(|b| pairing(g, &s, &column(*b))).collect::<Vec<_>>());
-        right.push(lifts.iter().map(|i| pairing(g, &s, &column(*i))).collect::<Vec<_>>());
+    let mut matrix: Vec<Vec<ExprId>> = Vec::new();
+    let mut right: Vec<Vec<ExprId>> = Vec::new();
+    for (s, k) in vertical.iter().zip(&free) {
+        let gram = vertical.iter().map(|t| pairing(g, s, t)).collect::<Vec<_>>();
+        matrix.push(gram.into_iter().chain(left.iter().map(|form| form[*k])).collect());
+        right.push(lifts.iter().map(|lift| pairing(g, s, lift)).collect());
     }
-    let correction = solve_symbolic(g, &gram, &right).map_err(|_| unsupported())?;
-    let mut shift = vec![vec![g.zero(); n]; m - n];
-    for (i, lift) in lifts.iter().enumerate() {
-        let horizontal = column(*lift);
-        for a in 0..m - n {
-            let mut terms = vec![g.neg(horizontal[n + a])];
-            for (row, v) in correction.iter().zip(&vertical) {
-                terms.push(g.mul(row[i], solved.psi[n + a][*v]));
+    for form in &left {
+        let padding = vec![g.zero(); left.len()];
+        matrix.push(free.iter().map(|k| form[*k]).chain(padding).collect());
+        right.push(form[names.len()..names.len() + n].to_vec());
+    }
+    let correction = solve_symmetric(g, &matrix, &right).map_err(|k| match free.get(k) {
+        Some(k) => Error::NoHorizontalSpace { connection: kind.name(), direction: names[*k].clone() },
+        None => restricted(),
+    })?;
+    let mut shift = vec![vec![g.zero(); n]; dim];
+    for (a, row) in shift.iter_mut().enumerate() {
+        for (i, entry) in row.iter_mut().enumerate() {
+            let mut terms = vec![g.neg(lifts[i][n + a])];
+            for (s, coefficients) in vertical.iter().zip(&correction) {
+                terms.push(g.mul(coefficients[i], s[n + a]));
             }
-            shift[a][i] = g.sum(&terms);
+            let sum = g.sum(&terms);
+            *entry = g.cancel_zero(sum);
         }
+    }
+    for entry in shift.iter_mut().flatten() {
+        *entry = fixed_on_the_base(model, kind, forms, *entry)?;
     }
     Ok(shift)
 }
 
-/// The unknowns that are the base velocities, when all of them are.
-fn base_columns(solved: &SolvedConstraint, n: usize) -> Option<Vec<usize>> {
-    (0..n).map(|i| solved.unknowns.iter().position(|u| u.frame_idx == Some(i))).collect()
+/// A coefficient of a derived connection as an expression without velocities and advected parameters.
+///
+/// # Errors
+/// [`Error::ConnectionDependsOn`] when its value depends on one of them.
+fn fixed_on_the_base(
+    model: &mut Model,
+    kind: ConnectionKind,
+    forms: &[ConstraintRow],
+    e: ExprId,
+) -> Result<ExprId, Error> {
+    let velocities = model.all_velocities().into_iter().map(|(name, s)| ("velocity", name.to_owned(), s));
+    let advected = (model.advected.iter())
+        .flat_map(|a| a.components.iter().map(|(name, s)| ("advected parameter", name.clone(), *s)));
+    let moving: Vec<(&str, String, SymbolId)> = velocities.chain(advected).collect();
+    let g = &mut model.graph;
+    let mut value = e;
+    for (sort, name, symbol) in moving {
+        if !g.free_symbols(value).contains(&symbol) {
+            continue;
+        }
+        // It may stand there without any effect.
+        let slope = g.diff(value, symbol);
+        let at_zero = g.subs(value, &BTreeMap::from([(symbol, g.zero())]));
+        match at_zero {
+            Ok(constant) if g.is_zero(slope) => value = constant,
+            _ => {
+                let mut coefficients = forms.iter().flat_map(|form| &form.one_form);
+                let through = match coefficients.any(|c| g.free_symbols(*c).contains(&symbol)) {
+                    true => "the virtual displacements",
+                    false => "the kinetic energy",
+                };
+                let velocity = model.velocities[0].block.clone();
+                return Err(Error::ConnectionDependsOn {
+                    connection: kind.name(),
+                    kind: sort,
+                    name,
+                    through,
+                    velocity,
+                });
+            }
+        }
+    }
+    Ok(value)
 }
 
 /// Replaces every velocity `v` of the algebra by `w - shift xdot`, in one-forms and forces contragrediently.
@@ -201,10 +275,13 @@ fn shift_velocities(model: &mut Model, shift: &[Vec<ExprId>]) -> Result<(), Erro
         for coefficient in acceleration.iter_mut() {
             *coefficient = g.subs(*coefficient, &replacement).map_err(failed)?;
         }
-        // vdot = wdot - shift xddot - (d shift/dx^j xdot^j) xdot
+        // vdot = wdot - shift xddot - (d shift/dx^j xdot^j + d shift/dt) xdot
         let mut turning = vec![constraint.residual];
         for (a, row) in shift.iter().enumerate() {
             for (i, e) in row.iter().enumerate() {
+                let (explicit, rate) = (g.diff(*e, model.time), g.sym(model.base[i].velocity));
+                let product = g.product(&[acceleration[n + a], explicit, rate]);
+                turning.push(g.neg(product));
                 for x in &model.base {
                     let slope = g.diff(*e, x.symbol);
                     let (along, rate) = (g.sym(x.velocity), g.sym(model.base[i].velocity));

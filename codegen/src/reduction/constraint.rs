@@ -134,6 +134,18 @@ pub(super) struct Elimination {
     pub(super) pivots: Vec<(String, ExprId)>,
 }
 
+/// Rows eliminated as far as wanted.
+struct Echelon {
+    table: Vec<Vec<ExprId>>,
+    /// Rows and the columns they were solved for.
+    solved: Vec<(usize, usize)>,
+    /// Rows left over.
+    open: Vec<usize>,
+    pivots: Vec<(String, ExprId)>,
+    /// Whether something was divided by that can vanish on the domain.
+    state_dependent: bool,
+}
+
 impl Solver<'_> {
     fn grade(&mut self, e: ExprId) -> PivotGrade {
         if self.graph.as_rational(e).is_some() {
@@ -163,13 +175,45 @@ impl Solver<'_> {
         rows: &[ConstraintRow],
         wanted: Option<&[usize]>,
     ) -> Result<Option<Elimination>, Error> {
-        let (m, width) = (self.names.len(), self.names.len() + self.quasi.len());
         if let Some(wanted) = wanted {
+            let width = self.names.len() + self.quasi.len();
             let expected = width.saturating_sub(rows.len());
             if wanted.len() != expected {
                 return Err(Error::WrongNumberOfIndependent { found: wanted.len(), expected });
             }
         }
+        let echelon = self.echelon(rows, wanted, PivotGrade::StateDependent)?;
+        if echelon.state_dependent && wanted.is_none() {
+            return Ok(None);
+        }
+        Ok(Some(self.solved_form(&echelon)))
+    }
+
+    /// Solves as many rows as it can without a division by something that might vanish, and returns what is left of the others
+    /// on all columns.
+    ///
+    /// # Shapes
+    /// As for [`Solver::solve`].
+    ///
+    /// # Errors
+    /// [`Error::DependentConstraint`], [`Error::InconsistentConstraint`], [`Error::NotSolvable`].
+    pub(super) fn solve_safely(
+        &mut self,
+        rows: &[ConstraintRow],
+    ) -> Result<(Elimination, Vec<Vec<ExprId>>), Error> {
+        let echelon = self.echelon(rows, None, PivotGrade::Definite)?;
+        let left = echelon.open.iter().map(|&row| echelon.table[row].clone()).collect();
+        Ok((self.solved_form(&echelon), left))
+    }
+
+    /// Gauss elimination with the best pivots first, up to the first that is worse than `worst`.
+    fn echelon(
+        &mut self,
+        rows: &[ConstraintRow],
+        wanted: Option<&[usize]>,
+        worst: PivotGrade,
+    ) -> Result<Echelon, Error> {
+        let (m, width) = (self.names.len(), self.names.len() + self.quasi.len());
         let allowed = |column: usize| column < m && wanted.is_none_or(|w| !w.contains(&column));
         let mut table: Vec<Vec<ExprId>> =
             rows.iter().map(|r| [r.one_form.as_slice(), &[r.offset]].concat()).collect();
@@ -205,6 +249,9 @@ impl Solver<'_> {
             let Some((grade, std::cmp::Reverse(column), row)) = best else {
                 return Err(self.not_solvable(rows, wanted));
             };
+            if grade > worst {
+                break;
+            }
             state_dependent |= grade == PivotGrade::StateDependent;
             if grade >= PivotGrade::ParameterOnly {
                 let name = format!("coefficient of {} in {}", self.names[column], rows[row].text);
@@ -214,10 +261,7 @@ impl Solver<'_> {
             open.retain(|r| *r != row);
             solved.push((row, column));
         }
-        if state_dependent && wanted.is_none() {
-            return Ok(None);
-        }
-        Ok(Some(self.solved_form(&table, &solved, pivots)))
+        Ok(Echelon { table, solved, open, pivots, state_dependent })
     }
 
     fn eliminate(&mut self, table: &mut [Vec<ExprId>], row: usize, column: usize) {
@@ -252,12 +296,8 @@ impl Solver<'_> {
         Error::NotSolvable { dependent, possible }
     }
 
-    fn solved_form(
-        &mut self,
-        table: &[Vec<ExprId>],
-        solved: &[(usize, usize)],
-        pivots: Vec<(String, ExprId)>,
-    ) -> Elimination {
+    fn solved_form(&mut self, echelon: &Echelon) -> Elimination {
+        let Echelon { table, solved, pivots, .. } = echelon;
         let g = &mut *self.graph;
         let (m, width) = (self.names.len(), self.names.len() + self.quasi.len());
         let mut dependent: Vec<usize> = solved.iter().map(|(_, column)| *column).collect();
@@ -274,6 +314,6 @@ impl Solver<'_> {
             }
             psi0[column] = g.neg(table[row][width]);
         }
-        Elimination { dependent, psi, psi0, pivots }
+        Elimination { dependent, psi, psi0, pivots: pivots.clone() }
     }
 }

@@ -154,7 +154,7 @@ impl FrontEnd {
         self.fix_parameters(fixed)?;
         let algebroid = self.algebroid();
         let stages = self.stages();
-        let signs = self.signs();
+        let signs = signs(&mut self.model);
         let domains = self.domains();
         let constraint = self.constraint(&signs)?;
         let model = &self.model;
@@ -298,8 +298,9 @@ impl FrontEnd {
 
     /// Frame `(D_i, e_a)` over the coordinates `(x^i, advected)`, `D_i` the horizontal lift of `d/dx^i` for the connection
     /// `A` (zero unless given): `[D_i, D_j] = -B^a_ij e_a`, `[D_i, e_b] = -[A_i, e_b]`, `[e_a, e_b] = C^c_ab e_c`,
-    /// `B^a_ij = d_i A^a_j - d_j A^a_i - C^a_bc A^b_i A^c_j`; every `C` changes sign for a right action. The algebra is
-    /// anchored by its action on the advected parameters and `D_i = d_i - A^a_i e_a` there.
+    /// `B^a_ij = d_i A^a_j - d_j A^a_i - C^a_bc A^b_i A^c_j`; every `C` changes sign for a right action. A connection that
+    /// depends on time has `[d/dt, D_i] = -dA^a_i/dt e_a`. The algebra is anchored by its action on the advected parameters
+    /// and `D_i = d_i - A^a_i e_a` there.
     ///
     /// # Source
     /// Cendra, Marsden, Ratiu 2001, section 3; Cortes, de Leon, Marrero, Martinez 2009, section 2.
@@ -311,7 +312,7 @@ impl FrontEnd {
         let base: Vec<SymbolId> = shape.iter().copied().chain(advected).collect();
         let frame: Vec<String> = model.all_velocities().into_iter().map(|(n, _)| n.to_owned()).collect();
         let g = &mut model.graph;
-        let mut algebroid = Algebroid::new(g, base, frame);
+        let mut algebroid = Algebroid::new(g, model.time, base, frame);
         for i in 0..n_shape {
             algebroid.set_anchor(i, i, g.one());
         }
@@ -325,6 +326,7 @@ impl FrontEnd {
         }
         if let Some(connection) = &model.connection {
             set_connection_brackets(g, &mut algebroid, &shape, connection);
+            set_connection_drift(g, &mut algebroid, model.time, connection);
         }
         let mut component = n_shape;
         for advected in &model.advected {
@@ -371,46 +373,6 @@ impl FrontEnd {
         }
     }
 
-    /// What the conditions on parameters and the domains of coordinates say about signs.
-    fn signs(&mut self) -> BTreeMap<ExprId, Sign> {
-        let model = &mut self.model;
-        let g = &mut model.graph;
-        let mut signs = BTreeMap::new();
-        for c in &model.conditions {
-            let sign = match c.relation {
-                Relation::Greater => Sign::Positive,
-                Relation::GreaterEqual => Sign::NonNegative,
-                Relation::NotEqual => Sign::NonZero,
-            };
-            let difference = g.sub(c.greater, c.less);
-            signs.insert(difference, sign);
-            // x > q with q >= 0 bounds x itself as well.
-            let bound = g.as_rational(c.less).is_some_and(|q| *q >= Rational::from_integer(0.into()));
-            if bound {
-                signs.insert(c.greater, sign);
-            }
-        }
-        for coordinate in &model.base {
-            if let spec::Domain::Interval(low, high) = coordinate.domain {
-                let x = g.sym(coordinate.symbol);
-                let (above, below) = (g.sub(x, low), g.sub(high, x));
-                signs.insert(above, Sign::Positive);
-                signs.insert(below, Sign::Positive);
-                let none = BTreeMap::new();
-                if let (Some(low), Some(high)) = (g.eval_f64(low, &none), g.eval_f64(high, &none)) {
-                    for (f, sign) in turning_signs(low, high) {
-                        let value = g.func(f, x);
-                        signs.insert(value, sign);
-                    }
-                    if low >= 0.0 {
-                        signs.insert(x, Sign::Positive);
-                    }
-                }
-            }
-        }
-        signs
-    }
-
     /// `low < x` and `x < high` for the coordinates that live in intervals.
     fn domains(&mut self) -> Vec<DomainCondition> {
         let Model { graph: g, base, .. } = &mut self.model;
@@ -435,50 +397,11 @@ impl FrontEnd {
     fn constraint(&mut self, signs: &BTreeMap<ExprId, Sign>) -> Option<KinematicConstraint> {
         let model = &mut self.model;
         let frame = frame_unknowns(model);
-        let quasi: Vec<Unknown> = model
-            .quasi_velocities
-            .iter()
-            .map(|v| Unknown { name: v.name.clone(), symbol: v.symbol, frame_idx: None })
-            .collect();
-        let columns: Vec<SymbolId> = frame.iter().chain(&quasi).map(|u| u.symbol).collect();
+        let quasi = quasi_unknowns(model);
         let names: Vec<String> = frame.iter().map(|u| u.name.clone()).collect();
         let params: BTreeSet<SymbolId> = model.params.iter().map(|p| p.symbol).collect();
-        let mut linear = Vec::new();
-        let mut general = Vec::new();
-        for c in &model.constraints {
-            let g = &mut model.graph;
-            let parts = match c.kind {
-                ConstraintKind::Linear => g.affine_parts(c.residual, &columns),
-                ConstraintKind::Nonlinear | ConstraintKind::SecondOrder { .. } => None,
-            };
-            let (name, text) = (c.name.clone(), c.text.clone());
-            let (one_form, source) = match (&c.kind, parts) {
-                (_, Some((one_form, offset))) => {
-                    let row = ConstraintRow { name: name.clone(), text: text.clone(), one_form, offset };
-                    let on_frame = row.one_form[..frame.len()].to_vec();
-                    linear.push(row);
-                    (on_frame, AccelerationSource::Differentiated(c.residual))
-                }
-                (ConstraintKind::SecondOrder { acceleration }, _) => {
-                    (acceleration.clone(), AccelerationSource::Servo(c.residual))
-                }
-                _ => {
-                    let slopes = frame.iter().map(|u| g.diff(c.residual, u.symbol)).collect();
-                    (slopes, AccelerationSource::Differentiated(c.residual))
-                }
-            };
-            general.push(AccelerationRow { name, text, one_form, source });
-        }
-        let displacements: Vec<ConstraintRow> = model
-            .virtual_constraints
-            .iter()
-            .map(|v| ConstraintRow {
-                name: v.name.clone(),
-                text: v.text.clone(),
-                one_form: v.one_form.clone(),
-                offset: model.graph.zero(),
-            })
-            .collect();
+        let (linear, general) = constraint_rows(model);
+        let displacements = displacement_rows(model);
         let all_linear = linear.len() == general.len();
         let keep_all = (model.force_multipliers && !general.is_empty()) || !all_linear;
         let wanted = model.independent.clone().filter(|_| !keep_all);
@@ -574,6 +497,80 @@ impl FrontEnd {
     }
 }
 
+/// The constraints as affine forms on frame velocities and quasi-velocities, where they are, and all of them as conditions on
+/// accelerations.
+fn constraint_rows(model: &mut Model) -> (Vec<ConstraintRow>, Vec<AccelerationRow>) {
+    let frame = frame_unknowns(model);
+    let columns: Vec<SymbolId> = frame.iter().chain(&quasi_unknowns(model)).map(|u| u.symbol).collect();
+    let mut linear = Vec::new();
+    let mut general = Vec::new();
+    for c in &model.constraints {
+        let g = &mut model.graph;
+        let parts = match c.kind {
+            ConstraintKind::Linear => g.affine_parts(c.residual, &columns),
+            ConstraintKind::Nonlinear | ConstraintKind::SecondOrder { .. } => None,
+        };
+        let (name, text) = (c.name.clone(), c.text.clone());
+        let (one_form, source) = match (&c.kind, parts) {
+            (_, Some((one_form, offset))) => {
+                let row = ConstraintRow { name: name.clone(), text: text.clone(), one_form, offset };
+                let on_frame = row.one_form[..frame.len()].to_vec();
+                linear.push(row);
+                (on_frame, AccelerationSource::Differentiated(c.residual))
+            }
+            (ConstraintKind::SecondOrder { acceleration }, _) => {
+                (acceleration.clone(), AccelerationSource::Servo(c.residual))
+            }
+            _ => {
+                let slopes = frame.iter().map(|u| g.diff(c.residual, u.symbol)).collect();
+                (slopes, AccelerationSource::Differentiated(c.residual))
+            }
+        };
+        general.push(AccelerationRow { name, text, one_form, source });
+    }
+    (linear, general)
+}
+
+/// The conditions on virtual displacements that the model gives, as forms on frame velocities.
+fn displacement_rows(model: &Model) -> Vec<ConstraintRow> {
+    let offset = model.graph.zero();
+    let conditions = model.virtual_constraints.iter();
+    conditions
+        .map(|v| ConstraintRow {
+            name: v.name.clone(),
+            text: v.text.clone(),
+            one_form: v.one_form.clone(),
+            offset,
+        })
+        .collect()
+}
+
+/// Forms on frame velocities and quasi-velocities that vanish on virtual displacements: the conditions on these where the
+/// model gives any, else the constraints by Chetaev's rule.
+pub(super) fn annihilator(model: &mut Model) -> Vec<ConstraintRow> {
+    let mut rows = displacement_rows(model);
+    if rows.is_empty() {
+        let (linear, general) = constraint_rows(model);
+        let offset = model.graph.zero();
+        rows = match linear.len() == general.len() {
+            true => linear.into_iter().map(|row| ConstraintRow { offset, ..row }).collect(),
+            false => general
+                .into_iter()
+                .map(|AccelerationRow { name, text, one_form, .. }| ConstraintRow {
+                    name,
+                    text,
+                    one_form,
+                    offset,
+                })
+                .collect(),
+        };
+    }
+    let width = model.all_velocities().len() + model.quasi_velocities.len();
+    let zero = model.graph.zero();
+    rows.iter_mut().for_each(|row| row.one_form.resize(width, zero));
+    rows
+}
+
 /// `[D_i, D_j] = -B^a_ij e_a` and `[D_i, e_b] = -[A_i, e_b]`, with the bracket of the `e_a` already in place.
 fn set_connection_brackets(
     g: &mut Graph,
@@ -623,6 +620,29 @@ fn set_connection_brackets(
     }
 }
 
+/// `[d/dt, D_i] = -dA^a_i/dt e_a`.
+fn set_connection_drift(
+    g: &mut Graph,
+    algebroid: &mut Algebroid,
+    time: SymbolId,
+    connection: &[Vec<ExprId>],
+) {
+    let n = connection.first().map_or(0, Vec::len);
+    for i in 0..n {
+        let mut drift = Vec::new();
+        for (a, row) in connection.iter().enumerate() {
+            let rate = g.diff(row[i], time);
+            let rate = g.cancel_zero(rate);
+            if rate != g.zero() {
+                drift.push((n + a, g.neg(rate)));
+            }
+        }
+        if !drift.is_empty() {
+            algebroid.set_drift(i, drift);
+        }
+    }
+}
+
 /// Signs of sine and cosine on an open interval, where they have one.
 fn turning_signs(low: f64, high: f64) -> Vec<(Func, Sign)> {
     use std::f64::consts::{FRAC_PI_2, PI};
@@ -636,6 +656,50 @@ fn turning_signs(low: f64, high: f64) -> Vec<(Func, Sign)> {
         signs.push((Func::Cos, Sign::Positive));
     }
     signs
+}
+
+/// What the conditions on parameters and the domains of coordinates say about signs.
+pub(super) fn signs(model: &mut Model) -> BTreeMap<ExprId, Sign> {
+    let g = &mut model.graph;
+    let mut signs = BTreeMap::new();
+    for c in &model.conditions {
+        let sign = match c.relation {
+            Relation::Greater => Sign::Positive,
+            Relation::GreaterEqual => Sign::NonNegative,
+            Relation::NotEqual => Sign::NonZero,
+        };
+        let difference = g.sub(c.greater, c.less);
+        signs.insert(difference, sign);
+        // x > q with q >= 0 bounds x itself as well.
+        let bound = g.as_rational(c.less).is_some_and(|q| *q >= Rational::from_integer(0.into()));
+        if bound {
+            signs.insert(c.greater, sign);
+        }
+    }
+    for coordinate in &model.base {
+        if let spec::Domain::Interval(low, high) = coordinate.domain {
+            let x = g.sym(coordinate.symbol);
+            let (above, below) = (g.sub(x, low), g.sub(high, x));
+            signs.insert(above, Sign::Positive);
+            signs.insert(below, Sign::Positive);
+            let none = BTreeMap::new();
+            if let (Some(low), Some(high)) = (g.eval_f64(low, &none), g.eval_f64(high, &none)) {
+                for (f, sign) in turning_signs(low, high) {
+                    let value = g.func(f, x);
+                    signs.insert(value, sign);
+                }
+                if low >= 0.0 {
+                    signs.insert(x, Sign::Positive);
+                }
+            }
+        }
+    }
+    signs
+}
+
+fn quasi_unknowns(model: &Model) -> Vec<Unknown> {
+    let quasi = model.quasi_velocities.iter();
+    quasi.map(|v| Unknown { name: v.name.clone(), symbol: v.symbol, frame_idx: None }).collect()
 }
 
 fn frame_unknowns(model: &Model) -> Vec<Unknown> {

@@ -144,7 +144,7 @@ pub enum ConnectionKind {
     Trivial,
     /// Horizontal means orthogonal to the group orbits in the kinetic energy.
     Mechanical,
-    /// Horizontal means allowed by the constraint and orthogonal to the allowed vertical directions.
+    /// Horizontal means a virtual displacement, orthogonal in the kinetic energy to the vertical virtual displacements.
     Nonholonomic,
 }
 
@@ -156,6 +156,15 @@ impl ConnectionKind {
             "mechanical" => Some(ConnectionKind::Mechanical),
             "nonholonomic" => Some(ConnectionKind::Nonholonomic),
             _ => None,
+        }
+    }
+
+    /// Its name in a model.
+    pub fn name(self) -> &'static str {
+        match self {
+            ConnectionKind::Trivial => "trivial",
+            ConnectionKind::Mechanical => "mechanical",
+            ConnectionKind::Nonholonomic => "nonholonomic",
         }
     }
 }
@@ -414,8 +423,8 @@ pub struct Model {
     pub quasi_velocities: Vec<Velocity>,
     /// Side of the group action.
     pub action: Side,
-    /// Components `A^a_i(x)` of the principal connection, `a` in the basis of the algebra, `i` a base coordinate: the
-    /// velocities in the algebra are `xi + A(x) xdot`. Absent for `xi` itself.
+    /// Components `A^a_i(x, t)` of the principal connection, `a` in the basis of the algebra, `i` a base coordinate: the
+    /// velocities in the algebra are `xi + A(x, t) xdot`. Absent for `xi` itself.
     pub connection: Option<Vec<Vec<ExprId>>>,
     /// Reduction by stages.
     pub stages: Option<Stages>,

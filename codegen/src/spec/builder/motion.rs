@@ -21,7 +21,7 @@ pub(super) enum Special {
 
 impl ModelBuilder {
     /// Components of the principal connection along a velocity of the algebra (a vector or a component): the velocity is
-    /// `v = xi + A(x) xdot` and `value` is `A(x) xdot`.
+    /// `v = xi + A(x, t) xdot` and `value` is `A(x, t) xdot`.
     pub fn connection(&mut self, velocity: &str, value: &Value) -> &mut Self {
         let here = self.here;
         self.connection.push((velocity.to_owned(), value.clone(), here));
@@ -29,7 +29,7 @@ impl ModelBuilder {
     }
 
     /// Asks for a derived connection: the model is written with the group velocity `xi`, the state holds
-    /// `v = xi + A(x) xdot`.
+    /// `v = xi + A(x, t) xdot`.
     pub fn derived_connection(&mut self, kind: ConnectionKind) -> &mut Self {
         let here = self.here;
         if let Some((_, first)) = self.derived_connection.replace((kind, here)) {
@@ -266,10 +266,15 @@ impl ModelBuilder {
             .iter()
             .map(|p| p.symbol)
             .chain(self.base.iter().flat_map(|c| [c.symbol, c.velocity]))
+            .chain([self.time])
             .collect();
         if let Some(wrong) = self.graph.free_symbols(e).iter().find(|s| !allowed.contains(s)) {
             let message = format!("connection on `{name}` contains `{}`", self.graph.name(*wrong));
-            self.problem(span, message, "it is made of base velocities, base coordinates and parameters");
+            self.problem(
+                span,
+                message,
+                "it is made of base velocities, base coordinates, time and parameters",
+            );
             return None;
         }
         let occurring = self.occurring(e, &rates);
