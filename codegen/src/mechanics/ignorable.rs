@@ -18,9 +18,13 @@ pub(super) fn settle(equations: &mut Equations) {
     for x in equations.system.algebroid.base().to_vec() {
         let before: Vec<ExprId> = equations.state.iter().map(|s| s.derivative).collect();
         match circles.iter().find(|c| [c.cosine, c.sine].contains(&x)) {
-            None => set_to(equations, BTreeMap::from([(x, zero)])),
+            None => {
+                let place = format!("{}=0", equations.system.graph.name(x));
+                set_to(equations, BTreeMap::from([(x, zero)]), &place);
+            }
             Some(circle) if x == circle.cosine => {
-                set_to(equations, BTreeMap::from([(circle.cosine, one), (circle.sine, zero)]));
+                let place = format!("{}=0", circle.angle);
+                set_to(equations, BTreeMap::from([(circle.cosine, one), (circle.sine, zero)]), &place);
             }
             Some(_) => {}
         }
@@ -32,7 +36,7 @@ pub(super) fn settle(equations: &mut Equations) {
     equations.sections = needed_sections(&equations.system.graph, &equations.sections, &roots);
 }
 
-fn set_to(equations: &mut Equations, values: BTreeMap<SymbolId, ExprId>) {
+fn set_to(equations: &mut Equations, values: BTreeMap<SymbolId, ExprId>, place: &str) {
     let mut g = std::mem::take(&mut equations.system.graph);
     let mut image = values.clone();
     let mut sections = Vec::new();
@@ -52,6 +56,14 @@ fn set_to(equations: &mut Equations, values: BTreeMap<SymbolId, ExprId>) {
                 let symbol = g.define(&name, value);
                 if equations.varying.contains(&definition.symbol) {
                     equations.varying.insert(symbol);
+                }
+                let original = g.sym(definition.symbol);
+                let before = equations.taken_at.get(&definition.symbol).map(String::as_str);
+                let here = (!g.is_seen_to_be_equal(value, original)).then_some(place);
+                let places: Vec<&str> = before.into_iter().chain(here).collect();
+                if !places.is_empty() {
+                    let places = places.join(",");
+                    equations.taken_at.insert(symbol, places);
                 }
                 definitions.push(Definition { symbol, expr: value });
                 g.sym(symbol)
