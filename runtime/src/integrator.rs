@@ -9,7 +9,7 @@ use crate::controller::Controller;
 use crate::error::{Error, Failure};
 use crate::events::{Direction, Event, locate};
 use crate::methods::{
-    Derivatives, Estimate, Method, Point, Start, Step, increments, square_of_norm, two_sum,
+    Constant, Derivatives, Estimate, Method, Point, Start, Step, increments, square_of_norm, two_sum,
 };
 use crate::options::{Norm, Options, StepSize, signed, validate_tolerances};
 use crate::real::Real;
@@ -629,7 +629,7 @@ impl<'s, R: Real, S: System<R>, M: Method<R, S>> Integrator<'s, R, S, M> {
         let k = Derivatives { n_stages: tableau.n_stages(), first: &from.slope, stored, last: &to.slope };
         for (index, (row, node)) in tableau.stages.iter().zip(tableau.nodes).enumerate() {
             stage_point(&k, row, &from.state, h, &mut self.work);
-            let t = self.t + R::from_f64(*node) * h;
+            let t = self.t + node.get::<R>() * h;
             if let Some(failure) = self.point_failure(t, &self.work, Some(k.get(index))) {
                 return failure;
             }
@@ -754,7 +754,7 @@ impl<'s, R: Real, S: System<R>, M: Method<R, S>> Integrator<'s, R, S, M> {
             let (stored, next) = M::stages_mut(&mut self.storage).split_at_mut(offset + index);
             let k = Derivatives { n_stages: offset + 1, first: &start.slope, stored, last: &end.slope };
             stage_point(&k, row, &start.state, self.h, &mut self.work);
-            let t = self.t_previous + R::from_f64(*node) * self.h;
+            let t = self.t_previous + node.get::<R>() * self.h;
             self.system.rhs(t, &self.work, &mut next[0]);
             self.stats.rhs_evals += 1;
             let stage = &M::stages(&self.storage)[offset + index];
@@ -844,7 +844,7 @@ fn non_finite<R: Real, V: StateVector<R>>(v: &V) -> Option<usize> {
 /// `out = y + h sum_j row_j k_j`, for rows that are not known to the compiler.
 fn stage_point<R: Real, V: StateVector<R>>(
     k: &Derivatives<'_, V>,
-    row: &[(usize, f64)],
+    row: &[(usize, Constant)],
     y: &V,
     h: R,
     out: &mut V,
@@ -854,9 +854,9 @@ fn stage_point<R: Real, V: StateVector<R>>(
 }
 
 /// `d_0 + x (d_1 + rest (d_2 + x (d_3 + ...)))`.
-fn alternating<R: Real>(coefficients: &[f64], x: R, rest: R) -> R {
+fn alternating<R: Real>(coefficients: &[Constant], x: R, rest: R) -> R {
     let terms = coefficients.iter().enumerate().rev();
-    terms.fold(R::ZERO, |sum, (index, &d)| sum.mul_add(if index % 2 == 0 { x } else { rest }, R::from_f64(d)))
+    terms.fold(R::ZERO, |sum, (index, d)| sum.mul_add(if index % 2 == 0 { x } else { rest }, d.get()))
 }
 
 /// `out_i = 1 / (atol_i + rtol_i max(|a_i|, |b_i|))`.
@@ -878,7 +878,7 @@ fn write_scales<R: Real, V: StateVector<R>>(rtol: &V, atol: &V, a: &V, b: &V, ou
 #[inline(always)]
 fn weighted_square<R: Real, V: StateVector<R>>(
     norm: Norm,
-    row: &[(usize, f64)],
+    row: &[(usize, Constant)],
     k: &Derivatives<'_, V>,
     scales: &V,
     work: &mut V,
