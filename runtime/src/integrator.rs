@@ -275,7 +275,7 @@ impl<'s, R: Real, S: System<R>, M: Method<R, S>> Integrator<'s, R, S, M> {
     /// direction asked for.
     ///
     /// Events are located on dense output up to the spacing of times, and told in the order of time, just after the
-    /// change of sign. Where `on_event` breaks, the integration stops: time and state are those of the event, and
+    /// change of sign; where a function is zero over a stretch of time, at its start. Where `on_event` breaks, the integration stops: time and state are those of the event, and
     /// the answer is [`Progress::Running`] unless that is the end. A function that is zero at the start has no
     /// event there. Of several changes of one function within one step, an even number is overlooked and one of an
     /// odd number is found; [`Options::with_max_step`] bounds the step.
@@ -388,9 +388,9 @@ impl<'s, R: Real, S: System<R>, M: Method<R, S>> Integrator<'s, R, S, M> {
         (before, after): (R, R),
     ) -> Result<R, Error> {
         let (from, to) = (self.t_previous, self.t);
-        let time = |x: f64| if x == 1.0 { to } else { from + R::from_f64(x) * (to - from) };
+        let time = |x: R| if x == R::ONE { to } else { from + x * (to - from) };
         let resolution = R::EPSILON * (1.0 + from.magnitude().max(to.magnitude()) / (to - from).magnitude());
-        let value = |x: f64| {
+        let value = |x: R| {
             let t = time(x);
             self.evaluate_dense(t)?;
             finite_values(t, functions(t, &self.work)).map(|values| signed(values[index]))
