@@ -92,7 +92,7 @@ pub use jet::{Convolutions, Jet, MAX_ORDER};
 pub use lanes::{F64x4, F64x8};
 pub use methods::{
     Constant, Dop853, Dopri5, Estimate, FixedPoint, Gauss, Gauss4, Gauss6, Gauss8, Invariants, Method,
-    Newton, Point, Projected, Projection, Rk4, Row, Start, Step, Tableau, Taylor, Tsit5, Vern9,
+    Newton, Point, Projected, Projection, Rk4, Row, Start, Step, Tableau, Taylor, Tolerances, Tsit5, Vern9,
 };
 pub use options::{Norm, Options, StepSize};
 pub use real::Real;

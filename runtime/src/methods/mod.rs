@@ -105,14 +105,81 @@ pub struct Start<'a, R: Real, S: System<R>> {
     pub t: R,
     /// The start; its slope is complete for methods with stages.
     pub point: &'a Point<S::State>,
-    /// Reciprocals of the tolerances of the components there.
-    pub scales: &'a S::State,
+    /// The tolerances of the components there.
+    pub tolerances: Tolerances<'a, S::State>,
     /// The norm of scaled components that is to be at most one.
     pub norm: Norm,
     /// Space for one state.
     pub work: &'a mut S::State,
     /// Count of evaluations of the right-hand side, to be kept up to date.
     pub rhs_evals: &'a mut u64,
+}
+
+/// The tolerances of the components over a step, or at a point, in which their errors are measured.
+///
+/// ```text
+/// tolerance_i = atol_i + rtol_i max(|a_i|, |b_i|)
+/// ```
+///
+/// Errors are multiplied by the reciprocals of the tolerances. Where one of them leaves the range of the scalar, as with
+/// states around 1e-300, state and error are brought into the middle of the range by a power of two first: results do
+/// not depend on the scale of the state.
+#[derive(Clone, Copy, Debug)]
+pub struct Tolerances<'a, V> {
+    pub(crate) rtol: &'a V,
+    pub(crate) atol: &'a V,
+    /// The states at both ends of the step.
+    pub(crate) ends: [&'a V; 2],
+    /// Reciprocals of the tolerances, as far as they are finite.
+    pub(crate) reciprocals: &'a V,
+}
+
+impl<V> Tolerances<'_, V> {
+    /// A value of the component `c` in units of its tolerance.
+    #[inline(always)]
+    pub fn scaled<R: Real>(&self, c: usize, value: R) -> R
+    where
+        V: StateVector<R>,
+    {
+        let scaled = value * self.reciprocals.as_slice()[c];
+        if scaled.all_finite() { scaled } else { self.scaled_within_range(c, value) }
+    }
+
+    #[cold]
+    #[inline(never)]
+    pub(crate) fn scaled_within_range<R: Real>(&self, c: usize, value: R) -> R
+    where
+        V: StateVector<R>,
+    {
+        let larger = larger(self.ends[0].as_slice()[c], self.ends[1].as_slice()[c]);
+        let unit = R::from_f64(middle_of_range::<R>(larger.magnitude()));
+        // A component may be zero where its absolute tolerance is; its error is to be zero then.
+        let least = R::from_f64(R::MIN_POSITIVE);
+        let tolerance =
+            self.rtol.as_slice()[c].mul_add(larger * unit, self.atol.as_slice()[c] * unit) + least;
+        value * unit / tolerance
+    }
+}
+
+/// The larger absolute value, on every lane.
+#[inline(always)]
+pub(crate) fn larger<R: Real>(a: R, b: R) -> R {
+    let (half, a, b) = (R::from_f64(0.5), a.abs(), b.abs());
+    // Halves are summed, as the sum of two large numbers may not exist.
+    half * a + half * b + half * (a - b).abs()
+}
+
+/// The power of two that brings numbers of a size into the middle of the range of a scalar; one for most.
+fn middle_of_range<R: Real>(size: f64) -> f64 {
+    // An even power of two in every scalar, or twice one: its root is within a factor two of a power of two.
+    let root = f64::from_bits(crate::math::sqrt(R::MIN_POSITIVE).to_bits() & (0x7ff << 52));
+    if size < root {
+        1.0 / root
+    } else if size > 1.0 / root {
+        root
+    } else {
+        1.0
+    }
 }
 
 /// One trial step, as a method sees it.
