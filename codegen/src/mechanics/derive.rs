@@ -7,6 +7,7 @@ use crate::expr::{Definition, ExprId, Graph, Node, Rational, Section, SectionWri
 use crate::reduction::{
     AccelerationRow, AccelerationSource, KinematicConstraint, ReducedSystem, SolvedConstraint, StateKind,
 };
+use crate::spec::Want;
 
 use super::solve::{Factorisation, Pivot, is_symmetric};
 use super::squares::{Square, take_squares};
@@ -667,12 +668,12 @@ impl<'a> Derivation<'a> {
         }
         Ok(vec![
             Output {
-                name: "nonholonomic_momentum".into(),
+                name: Want::NonholonomicMomentum.name().into(),
                 components: momenta,
                 doc: "momenta <p, W_b> along the sections of virtual displacements".into(),
             },
             Output {
-                name: "momentum_equation".into(),
+                name: Want::MomentumEquation.name().into(),
                 components: rates,
                 doc: "their rates by the nonholonomic momentum equation".into(),
             },
@@ -748,13 +749,13 @@ impl<'a> Derivation<'a> {
         let mut outputs = Vec::new();
         let momenta = self.names.iter().zip(&self.momentum).map(|(n, p)| (format!("p_{n}"), *p)).collect();
         outputs.push(Output {
-            name: "momentum".into(),
+            name: Want::Momentum.name().into(),
             components: momenta,
             doc: "momenta p = dL/dy".into(),
         });
         if !motion.multipliers.is_empty() {
             outputs.push(Output {
-                name: "multipliers".into(),
+                name: Want::Multipliers.name().into(),
                 components: motion.multipliers.clone(),
                 doc: "multipliers lambda_A of E = lambda_A a_A, the constraint forces along the constraint one-forms"
                     .into(),
@@ -776,7 +777,7 @@ impl<'a> Derivation<'a> {
                 !facts.energy_is_conserved && self.vanishes_with(energy_rate, &motion, &components);
             if !components.is_empty() {
                 outputs.push(Output {
-                    name: "constraint".into(),
+                    name: Want::Constraint.name().into(),
                     components,
                     doc: "residual of the constraints, zero along the motion".into(),
                 });
@@ -800,7 +801,7 @@ impl<'a> Derivation<'a> {
                 let value = self.replace(casimir.expr)?;
                 components.push((casimir.name.clone(), value));
             }
-            outputs.push(Output { name: "casimirs".into(), components, doc: "conserved quantities".into() });
+            outputs.push(Output { name: Want::Casimirs.name().into(), components, doc: "conserved quantities".into() });
         }
         for output in &system.outputs {
             let mut components = Vec::new();
@@ -872,7 +873,7 @@ impl<'a> Derivation<'a> {
             components.push((name, square));
         }
         let doc = "c^2 + s^2 of the angles carried as points (c, s) of the circle, 1 along the motion".into();
-        Ok((!components.is_empty()).then_some(Output { name: "circles".into(), components, doc }))
+        Ok((!components.is_empty()).then_some(Output { name: Want::Circles.name().into(), components, doc }))
     }
 }
 
