@@ -32,10 +32,20 @@ pub(super) fn settle(equations: &mut Equations) {
     equations.sections = needed_sections(&equations.system.graph, &equations.sections, &roots);
 }
 
+/// Replaces every root by its value there if that is equal, and keeps the definitions that the roots need then.
 fn set_to(equations: &mut Equations, values: BTreeMap<SymbolId, ExprId>) {
-    let mut g = std::mem::take(&mut equations.system.graph);
+    let names_one =
+        |g: &Graph, e: ExprId| g.free_symbols(e).iter().any(|symbol| values.contains_key(symbol));
+    let definitions = equations.sections.iter().flat_map(|s| &s.definitions).map(|d| d.expr);
+    let mut everything = definitions.chain(equations.roots().into_iter().copied());
+    if !everything.any(|e| names_one(&equations.system.graph, e)) {
+        return;
+    }
+    // In a copy: where every result depends on the coordinate, nothing of the trial is left over for the next one.
+    let mut g = equations.system.graph.clone();
     let mut image = values.clone();
     let mut sections = Vec::new();
+    let mut varying = Vec::new();
     for section in &equations.sections {
         let mut definitions = section.definitions.clone();
         for definition in &section.definitions {
@@ -51,7 +61,7 @@ fn set_to(equations: &mut Equations, values: BTreeMap<SymbolId, ExprId>) {
                 let name = g.name(definition.symbol).to_owned();
                 let symbol = g.define(&name, value);
                 if equations.varying.contains(&definition.symbol) {
-                    equations.varying.insert(symbol);
+                    varying.push(symbol);
                 }
                 definitions.push(Definition { symbol, expr: value });
                 g.sym(symbol)
@@ -60,13 +70,14 @@ fn set_to(equations: &mut Equations, values: BTreeMap<SymbolId, ExprId>) {
         }
         sections.push(Section { title: section.title.clone(), definitions });
     }
-    let names_one = |e: &ExprId| g.free_symbols(*e).iter().any(|s| values.contains_key(s));
-    if image.len() > values.len() || equations.roots().into_iter().any(names_one) {
-        equations.sections = sections;
-        for root in equations.roots_mut() {
-            *root = settled(&mut g, *root, &image);
-        }
+    let before: Vec<ExprId> = equations.roots().into_iter().copied().collect();
+    let after: Vec<ExprId> = before.iter().map(|root| settled(&mut g, *root, &image)).collect();
+    if after == before {
+        return;
     }
+    equations.sections = needed_sections(&g, &sections, &after);
+    equations.varying.extend(varying);
+    equations.roots_mut().into_iter().zip(after).for_each(|(root, value)| *root = value);
     equations.system.graph = g;
 }
 
