@@ -36,10 +36,21 @@ pub(super) fn settle(equations: &mut Equations) {
     equations.sections = needed_sections(&equations.system.graph, &equations.sections, &roots);
 }
 
+/// Replaces every root by its value there if that is equal, and keeps the definitions that the roots need then.
 fn set_to(equations: &mut Equations, values: BTreeMap<SymbolId, ExprId>, place: &str) {
-    let mut g = std::mem::take(&mut equations.system.graph);
+    let names_one =
+        |g: &Graph, e: ExprId| g.free_symbols(e).iter().any(|symbol| values.contains_key(symbol));
+    let definitions = equations.sections.iter().flat_map(|s| &s.definitions).map(|d| d.expr);
+    let mut everything = definitions.chain(equations.roots().into_iter().copied());
+    if !everything.any(|e| names_one(&equations.system.graph, e)) {
+        return;
+    }
+    // In a copy: where every result depends on the coordinate, nothing of the trial is left over for the next one.
+    let mut g = equations.system.graph.clone();
     let mut image = values.clone();
     let mut sections = Vec::new();
+    let mut varying = Vec::new();
+    let mut taken_at = Vec::new();
     for section in &equations.sections {
         let mut definitions = section.definitions.clone();
         for definition in &section.definitions {
@@ -55,7 +66,7 @@ fn set_to(equations: &mut Equations, values: BTreeMap<SymbolId, ExprId>, place: 
                 let name = g.name(definition.symbol).to_owned();
                 let symbol = g.define(&name, value);
                 if equations.varying.contains(&definition.symbol) {
-                    equations.varying.insert(symbol);
+                    varying.push(symbol);
                 }
                 let original = g.sym(definition.symbol);
                 let before = equations.taken_at.get(&definition.symbol).map(String::as_str);
@@ -63,7 +74,7 @@ fn set_to(equations: &mut Equations, values: BTreeMap<SymbolId, ExprId>, place: 
                 let places: Vec<&str> = before.into_iter().chain(here).collect();
                 if !places.is_empty() {
                     let places = places.join(",");
-                    equations.taken_at.insert(symbol, places);
+                    taken_at.push((symbol, places));
                 }
                 definitions.push(Definition { symbol, expr: value });
                 g.sym(symbol)
@@ -72,13 +83,15 @@ fn set_to(equations: &mut Equations, values: BTreeMap<SymbolId, ExprId>, place: 
         }
         sections.push(Section { title: section.title.clone(), definitions });
     }
-    let names_one = |e: &ExprId| g.free_symbols(*e).iter().any(|s| values.contains_key(s));
-    if image.len() > values.len() || equations.roots().into_iter().any(names_one) {
-        equations.sections = sections;
-        for root in equations.roots_mut() {
-            *root = settled(&mut g, *root, &image);
-        }
+    let before: Vec<ExprId> = equations.roots().into_iter().copied().collect();
+    let after: Vec<ExprId> = before.iter().map(|root| settled(&mut g, *root, &image)).collect();
+    if after == before {
+        return;
     }
+    equations.sections = needed_sections(&g, &sections, &after);
+    equations.varying.extend(varying);
+    equations.taken_at.extend(taken_at);
+    equations.roots_mut().into_iter().zip(after).for_each(|(root, value)| *root = value);
     equations.system.graph = g;
 }
 
