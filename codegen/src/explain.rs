@@ -9,7 +9,7 @@ use num_traits::One;
 
 use crate::error::spell_vector;
 use crate::expr::{ExprId, Graph, Style, SymbolId, identifier, rational_to_f64};
-use crate::mechanics::{Equations, solved_velocity};
+use crate::mechanics::{Equations, VerticalEquations, solved_velocity, unused_stem};
 use crate::reduction::{KinematicConstraint, Stages, Tensor};
 use crate::scene::BuiltScene;
 use crate::spec::{Model, Side};
@@ -44,7 +44,7 @@ pub fn sections(model: &Model, scene: &BuiltScene, style: Style) -> Vec<Section>
     let mut page = Page { style, head, rest: Vec::new() };
     page.header(model, scene);
     page.parameters(scene);
-    page.algebra(model);
+    page.algebra(model, &scene.equations);
     if let Some(stages) = &scene.equations.system.stages {
         page.stages(model, stages, &scene.equations);
     }
@@ -170,6 +170,24 @@ impl Page {
         }
     }
 
+    fn xi(&self) -> String {
+        self.name("xi")
+    }
+
+    /// What the velocities in the algebra are.
+    fn velocity(&self, equations: &Equations) -> String {
+        let xi = self.xi();
+        match (equations.system.connection.is_some(), self.style) {
+            (false, _) => xi,
+            (true, Style::Latex) => format!("{xi} + A(x)\\,\\dot{{x}}"),
+            (true, Style::MathMl) => format!(
+                "{xi}<mo>+</mo><mi>A</mi><mo stretchy=\"false\">(</mo><mi>x</mi><mo stretchy=\"false\">)</mo>{}",
+                self.name("dot_x")
+            ),
+            (true, _) => format!("{xi} + A(x) {}", self.name("dot_x")),
+        }
+    }
+
     fn header(&mut self, model: &Model, scene: &BuiltScene) {
         let title = model.doc.first().map_or(model.name.as_str(), String::as_str);
         let title = format!("{} ({}, scene {})", title, model.name, scene.name);
@@ -228,7 +246,7 @@ impl Page {
         }
     }
 
-    fn algebra(&mut self, model: &Model) {
+    fn algebra(&mut self, model: &Model, equations: &Equations) {
         let algebra = &model.algebra;
         if algebra.dim() == 0 {
             return;
@@ -252,15 +270,16 @@ impl Page {
         let velocities: Vec<String> = model.velocities.iter().map(|v| self.name(&v.name)).collect();
         let basis: Vec<String> = algebra.basis().iter().map(|b| self.name(b)).collect();
         let pairs = velocities.iter().zip(&basis);
+        let velocity = self.velocity(equations);
         let sum = match self.style {
             Style::MathMl => {
                 let pairs: Vec<String> =
                     pairs.map(|(v, b)| self.style.product(&[v.clone(), b.clone()])).collect();
-                format!("<mi>ξ</mi><mo>=</mo>{}", self.sum(&pairs))
+                format!("{velocity}<mo>=</mo>{}", self.sum(&pairs))
             }
             _ => {
                 let pairs: Vec<String> = pairs.map(|(v, b)| format!("{v} {b}")).collect();
-                format!("{} = {}", if self.latex() { "\\xi" } else { "ξ" }, pairs.join(" + "))
+                format!("{velocity} = {}", pairs.join(" + "))
             }
         };
         let sum = self.inline(&sum);
@@ -301,12 +320,13 @@ impl Page {
             chain.join(if self.latex() { " $\\supset$ " } else { " ⊃ " })
         ));
         let basis: Vec<String> = model.algebra.basis().to_vec();
-        let symbol = |k: usize| format!("f{}", k + 1);
+        let stem = unused_stem(equations, "f");
+        let symbol = |k: usize| format!("{stem}{}", k + 1);
         let standard = stages.basis.iter().enumerate().all(|(k, row)| {
             row.iter().enumerate().all(|(a, e)| *e == if a == k { g.one() } else { g.zero() })
         });
         if standard {
-            self.line("The adapted basis is the given one: f_k = e_k.");
+            self.line(&format!("The adapted basis is the given one: {stem}_k = e_k."));
         } else {
             let rows: Vec<(String, String)> = (0..basis.len())
                 .map(|k| (self.name(&symbol(k)), stages.spell_element(&mut g, k, &basis, self.style)))
@@ -319,39 +339,55 @@ impl Page {
             let members = self.inline(&self.list(&members));
             let name = self.prose(&level.name);
             self.line(&format!("\nLevel {j}, {name}: spanned by {members}"));
-            self.form("quotient bracket", "", j, &level.quotient_bracket, &g);
-            self.form("curvature form", "a", j, &level.curvature, &g);
-            self.form("vertical connection form", "b", j, &level.vertical_connection, &g);
+            self.form("quotient bracket", ["", &stem], j, &level.quotient_bracket, &g);
+            self.form("curvature form", ["a", &stem], j, &level.curvature, &g);
+            self.form("vertical connection form", ["b", &stem], j, &level.vertical_connection, &g);
         }
         self.line(
             "\nThe bracket rebuilt from these forms was checked, exactly, to be the bracket of the algebra.",
         );
-        self.stage_equations(stages, &mut g);
+        self.stage_equations(equations);
     }
 
     /// The vertical equations by stages in terms of momenta and velocities along the adapted basis.
-    fn stage_equations(&mut self, stages: &Stages, g: &mut Graph) {
-        let n = stages.basis.len();
-        let symbols = |g: &mut Graph, stem: &str| -> Vec<ExprId> {
-            (1..=n)
-                .map(|k| {
-                    let s = g.symbol(&format!("{stem}{k}"));
-                    g.sym(s)
-                })
-                .collect()
+    fn stage_equations(&mut self, equations: &Equations) {
+        let Some(vertical) = VerticalEquations::new(equations) else {
+            self.line("That its vertical equations are those of the motion could not be proved: they are not shown.");
+            return;
         };
-        let (eta, beta) = (symbols(g, "eta"), symbols(g, "beta"));
-        let right = stages.vertical_equations(g, &eta, &beta);
-        self.line("Vertical equations by stages, unforced (every level's momentum may enter):");
-        let rows: Vec<(String, String)> = right
-            .iter()
-            .enumerate()
-            .map(|(k, e)| (self.name(&format!("dot_beta{}", k + 1)), g.display(*e, self.style)))
-            .collect();
-        self.formulas(&rows);
+        let VerticalEquations { graph: g, velocities, momenta, applied, rows, .. } = &vertical;
+        if rows.is_empty() {
+            self.line("The constraint allows no displacement along the group: no equation is vertical.");
+            return;
+        }
+        self.line(match &equations.system.connection {
+            None => "In the adapted basis, velocity, momentum p = dL/dv, and what acts from outside:",
+            Some(_) => {
+                "In the adapted basis, group velocity, momentum p = dL/dv, and what acts from outside:"
+            }
+        });
+        let all = velocities.iter().chain(momenta).chain(applied);
+        let definitions = all.map(|d| (self.name(g.name(d.symbol)), g.display(d.expr, self.style)));
+        let definitions: Vec<(String, String)> = definitions.collect();
+        self.formulas(&definitions);
+        self.line(match (rows.len() < momenta.len(), vertical.has_multipliers) {
+            (true, _) => {
+                "Vertical equations by stages, summed over the levels along each displacement that the constraint allows:"
+            }
+            (false, true) => {
+                "Vertical equations by stages, with the reactions of the constraint (every level's momentum may enter):"
+            }
+            (false, false) => "Vertical equations by stages (every level's momentum may enter):",
+        });
+        let shown = rows.iter().map(|row| [row.left, row.right].map(|e| g.display(e, self.style)));
+        let shown: Vec<(String, String)> = shown.map(|[left, right]| (left, right)).collect();
+        self.formulas(&shown);
+        self.line(
+            "These were compared, exactly, with the equations of motion, which are derived without stages.",
+        );
     }
 
-    fn form(&mut self, title: &str, letter: &str, level: usize, tensor: &Tensor, g: &Graph) {
+    fn form(&mut self, title: &str, [letter, stem]: [&str; 2], level: usize, tensor: &Tensor, g: &Graph) {
         if tensor.is_empty() {
             self.line(&format!("  {title}: zero"));
             return;
@@ -364,8 +400,8 @@ impl Page {
             if antisymmetric && a > b {
                 continue;
             }
-            let (fa, fb) = (self.name(&format!("f{}", a + 1)), self.name(&format!("f{}", b + 1)));
-            let term = self.term(g, *value, &self.name(&format!("f{}", c + 1)));
+            let [fa, fb, fc] = [a, b, c].map(|k| self.name(&format!("{stem}{}", k + 1)));
+            let term = self.term(g, *value, &fc);
             if last == Some((a, b)) {
                 if let Some((_, right)) = rows.last_mut() {
                     self.style.append_term(right, &term);
@@ -427,10 +463,26 @@ impl Page {
                 rows.push((self.bracket(&lift(self, i), &other), right));
             }
         }
-        if rows.is_empty() {
+        let velocities = match equations.system.connection {
+            Some(_) => equations.system.group_velocity(&mut g, n),
+            None => Vec::new(),
+        };
+        if velocities.is_empty() && rows.is_empty() {
             return;
         }
         self.title("Connection");
+        if !velocities.is_empty() {
+            let [velocity, xi] = [self.velocity(equations), self.xi()].map(|of| self.inline(&of));
+            self.line(&format!("The velocities of the model are {velocity}; the group velocity {xi} is"));
+            let names = model.algebra.basis().iter().map(|b| self.name(&format!("xi_{b}")));
+            let shown = names.zip(velocities).map(|(name, e)| (name, g.display(e, self.style)));
+            let shown: Vec<(String, String)> = shown.collect();
+            self.formulas(&shown);
+        }
+        if rows.is_empty() {
+            self.line("The connection is flat, and the horizontal lifts commute with everything.");
+            return;
+        }
         self.line(if curved {
             "Brackets of the horizontal lifts: [D_i, D_j] is minus the curvature, [D_i, e_b] is minus [A_i, e_b]."
         } else {
@@ -505,7 +557,7 @@ impl Page {
 
     fn equations(&mut self, equations: &Equations) {
         self.title("Equations of motion");
-        let g = &equations.system.graph;
+        let g = &labelled(equations);
         let ignorable: Vec<String> = equations.facts.ignorable.iter().map(|n| self.name(n)).collect();
         if !ignorable.is_empty() {
             let zeros: Vec<String> = ignorable.iter().map(|n| format!("{n} = 0")).collect();
@@ -514,13 +566,19 @@ impl Page {
                 "No rate depends on {list}: the state equations and what they need are taken at {zeros}."
             ));
         }
-        // What the state equations need is shown as they need it, everything else as it was derived.
+        // Of definitions that are equal under one name, the one that the state equations need is shown.
         let mut shown = used_by_state_equations(equations);
         let mut names: BTreeSet<&str> = shown.iter().map(|symbol| g.name(*symbol)).collect();
         for definition in equations.sections.iter().flat_map(|section| &section.definitions) {
             if names.insert(g.name(definition.symbol)) {
                 shown.insert(definition.symbol);
             }
+        }
+        if let Some((symbol, place)) = equations.taken_at.iter().find(|(symbol, _)| shown.contains(symbol)) {
+            let original = equations.system.graph.name(*symbol);
+            let [value, original] = [g.name(*symbol), original].map(|name| self.inline(&self.name(name)));
+            let place = self.prose(&place.replace('=', " = ").replace(',', ", "));
+            self.line(&format!("{value} is the value of {original} at {place}, and so with the like."));
         }
         for section in &equations.sections {
             let definitions = section.definitions.iter().filter(|d| shown.contains(&d.symbol));
@@ -583,11 +641,12 @@ impl Page {
         };
         self.line(&format!("Mass matrix: {symmetric}, {constant}."));
         if !equations.pivots.is_empty() {
+            let g = labelled(equations);
             self.line("Has to stay different from zero (checked at run time, with these names):");
             let rows: Vec<(String, String)> = equations
                 .pivots
                 .iter()
-                .map(|p| (self.prose_in_formula(&p.name), equations.display(p.expr, self.style)))
+                .map(|p| (self.prose_in_formula(&p.name), g.display(p.expr, self.style)))
                 .collect();
             self.formulas(&rows);
         }
@@ -663,6 +722,16 @@ fn escape(text: &str) -> String {
         }
     }
     out
+}
+
+/// The graph of the equations, with definitions that are values at a place called so: `X1|phi=0`.
+fn labelled(equations: &Equations) -> Graph {
+    let mut g = equations.system.graph.clone();
+    for (symbol, place) in &equations.taken_at {
+        let name = format!("{}|{place}", g.name(*symbol));
+        g.rename(*symbol, name);
+    }
+    g
 }
 
 /// Definitions that the derivative of the state, the energy and the pivots need, one through another.

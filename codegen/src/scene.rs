@@ -21,7 +21,7 @@ use crate::lower::{
 };
 use crate::mechanics::{Equations, Output, StateEquation, derive};
 use crate::reduction::{reduce, with_circles};
-use crate::spec::{self, Diagnostics, Model, Param};
+use crate::spec::{self, Diagnostics, Model, Param, Want};
 
 use invariants::GRADIENTS;
 
@@ -65,12 +65,12 @@ pub struct Writing {
 pub const MINIMAL: &str = "minimal";
 
 /// Name of the scene with the coordinates of the group; a model has it when it says how to reconstruct them.
-pub const RECONSTRUCTION: &str = "reconstruction";
+pub const RECONSTRUCTION: &str = Want::Reconstruction.name();
 
 /// Name of the scene with all derivatives of the right-hand side; every model has it, built when it is asked for.
 pub const DERIVATIVES: &str = "derivatives";
 /// What a scene wants whose module has the Taylor coefficients of solutions.
-const TAYLOR: &str = "taylor";
+const TAYLOR: &str = Want::Taylor.name();
 
 /// What a scene asks for.
 struct Plan {
@@ -161,10 +161,10 @@ fn plan(model: &Model, scene: &str) -> Option<Plan> {
         DEFAULT => automatic(None, Drops::Nothing, false, ""),
         MINIMAL => {
             let doc = "without the coordinates on which nothing depends";
-            automatic(Some(vec!["energy".to_owned()]), Drops::Ignorable, false, doc)
+            automatic(Some(vec![Want::Energy.name().to_owned()]), Drops::Ignorable, false, doc)
         }
         DERIVATIVES => {
-            let wants = ["energy"].into_iter().chain(Derivative::ALL.map(Derivative::name));
+            let wants = [Want::Energy.name()].into_iter().chain(Derivative::ALL.map(Derivative::name));
             let wants = wants.map(str::to_owned).collect();
             automatic(Some(wants), Drops::Nothing, false, "with the derivatives of the right-hand side")
         }
@@ -280,9 +280,10 @@ fn build_scene(
     let outputs = match &plan.wants {
         None => available,
         Some(wants) => {
-            wants_energy = wants.iter().any(|w| w == "energy");
+            wants_energy = wants.iter().any(|w| w == Want::Energy.name());
             let mut selected = Vec::new();
-            for want in wants.iter().filter(|w| *w != "energy" && *w != "rhs") {
+            let is_output = |w: &&String| ![Want::Energy, Want::Rhs].map(Want::name).contains(&w.as_str());
+            for want in wants.iter().filter(is_output) {
                 if let Some(derivative) = Derivative::from_name(want) {
                     derivatives.insert(derivative);
                     continue;
@@ -413,7 +414,7 @@ fn ignorable(equations: &Equations, results: &[ExprId]) -> Vec<String> {
 
 /// A group by its name, every output of the model (`outputs`), or a single component of a group.
 fn wanted_outputs(equations: &Equations, available: &[Output], want: &str) -> Vec<Output> {
-    if want == "outputs" {
+    if want == Want::Outputs.name() {
         let of_model = &equations.system.outputs;
         return available.iter().filter(|o| of_model.iter().any(|m| m.name == o.name)).cloned().collect();
     }
@@ -433,8 +434,8 @@ fn available_outputs(equations: &Equations) -> Vec<Output> {
         outputs.insert(
             0,
             Output {
-                name: "energy_rate".into(),
-                components: vec![("energy_rate".into(), equations.energy_rate)],
+                name: Want::EnergyRate.name().into(),
+                components: vec![(Want::EnergyRate.name().into(), equations.energy_rate)],
                 doc: "rate of energy dE/dt along the motion".into(),
             },
         );

@@ -255,10 +255,17 @@ impl Real for DoubleDouble {
     const ONE: Self = Self { hi: 1.0, lo: 0.0 };
     /// `2^-104`.
     const EPSILON: f64 = f64::EPSILON * f64::EPSILON;
+    /// `2^-969`: the last digit of `lo` is the smallest `f64`.
+    const MIN_POSITIVE: f64 = f64::MIN_POSITIVE / (0.5 * f64::EPSILON);
 
     #[inline]
     fn from_f64(x: f64) -> Self {
         x.into()
+    }
+
+    #[inline]
+    fn from_parts(hi: f64, lo: f64) -> Self {
+        Self::normal(hi, lo)
     }
 
     fn sqrt(self) -> Self {

@@ -124,10 +124,15 @@ impl<R: Real> Real for Dual<R> {
     const ZERO: Self = Self::constant(R::ZERO);
     const ONE: Self = Self::constant(R::ONE);
     const EPSILON: f64 = R::EPSILON;
+    const MIN_POSITIVE: f64 = R::MIN_POSITIVE;
 
     #[inline]
     fn from_f64(x: f64) -> Self {
         Self::constant(R::from_f64(x))
+    }
+    #[inline]
+    fn from_parts(hi: f64, lo: f64) -> Self {
+        Self::constant(R::from_parts(hi, lo))
     }
     #[inline]
     fn ratio(p: f64, q: f64) -> Self {

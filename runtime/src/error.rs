@@ -137,6 +137,13 @@ pub enum Error {
         /// Position of the function.
         index: usize,
     },
+    /// An invariant to project onto is infinite or NaN at a state that is finite.
+    InvariantNotFinite {
+        /// Time of the evaluation.
+        t: f64,
+        /// Position of the invariant.
+        index: usize,
+    },
     /// There is no Taylor method of this order.
     Order {
         /// The order asked for.
@@ -214,6 +221,13 @@ impl fmt::Display for Error {
                     "event function {index} is not finite at t = {t}: let it have a value on the whole way"
                 )
             }
+            Self::InvariantNotFinite { t, index } => {
+                write!(
+                    f,
+                    "invariant {index} is not finite at t = {t}: choose units in which it is, or a method without \
+                     projection"
+                )
+            }
             Self::Order { order, least, most } => {
                 write!(f, "order {order} is not available: take one from {least} to {most}")
             }
@@ -289,6 +303,7 @@ mod tests {
             Error::OutsideInterval { t: 3.0, from: 1.0, to: 2.0 },
             Error::NotConverged { t: 1.0, h: 0.1, iterations: 100 },
             Error::EventNotFinite { t: 1.0, index: 0 },
+            Error::InvariantNotFinite { t: 1.0, index: 0 },
             Error::Order { order: 40, least: 2, most: 32 },
             Error::NoDenseOutput { t: 1.0 },
         ];

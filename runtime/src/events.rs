@@ -68,18 +68,20 @@ pub struct Event<'a, R, V> {
 /// The end of a bracket of at most the width `resolution` around a change of sign of `f` in `[0, 1]`, by the
 /// method ITP.
 ///
-/// `before` and `after` are `f(0)` and `f(1)`. The sign at the answer is that of `after`, or zero.
+/// `before` and `after` are `f(0)` and `f(1)`. The sign at the answer is that of `after`, or zero; just before it the sign
+/// is that of `before`, so that a stretch of zeros is found by its start.
 ///
 /// # Source
 ///
 /// Oliveira and Takahashi, An enhancement of the bisection method average performance preserving minmax optimality
 /// (2020), with `k1 = 0.2`, `k2 = 2`, `n0 = 1`.
-pub(crate) fn locate<E>(
-    mut f: impl FnMut(f64) -> Result<f64, E>,
+pub(crate) fn locate<R: Real, E>(
+    mut f: impl FnMut(R) -> Result<f64, E>,
     (before, after): (f64, f64),
     resolution: f64,
-) -> Result<f64, E> {
-    let (mut a, mut b) = (0.0, 1.0_f64);
+) -> Result<R, E> {
+    let number = R::from_f64;
+    let (mut a, mut b) = (R::ZERO, R::ONE);
     let sign = if after > before { 1.0 } else { -1.0 };
     let (mut f_a, mut f_b) = (sign * before, sign * after);
     // The width that bisection would have reached, with one halving to spare.
@@ -87,17 +89,20 @@ pub(crate) fn locate<E>(
     while width < 2.0 {
         width *= 2.0;
     }
-    while b - a > resolution && f_b != 0.0 {
-        let middle = 0.5 * (a + b);
-        let secant = (f_b * a - f_a * b) / (f_b - f_a);
-        let towards = if middle >= secant { 1.0 } else { -1.0 };
+    while (b - a).magnitude() > resolution {
+        let size = (b - a).magnitude();
+        let middle = number(0.5) * (a + b);
+        let secant = (number(f_b) * a - number(f_a) * b) / (number(f_b) - number(f_a));
+        let towards = if middle.all_ge(secant) { R::ONE } else { -R::ONE };
         // Not below the resolution, so that the bracket closes from both sides.
-        let shift = (0.2 * (b - a) * (b - a)).max(0.5 * resolution);
-        let truncated = if shift <= (middle - secant).abs() { secant + towards * shift } else { middle };
-        let radius = 0.5 * (width - (b - a)).max(0.0);
-        let x = if (truncated - middle).abs() <= radius { truncated } else { middle - towards * radius };
+        let shift = (0.2 * size * size).max(0.5 * resolution);
+        let is_apart = shift <= (middle - secant).magnitude();
+        let truncated = if is_apart { secant + towards * number(shift) } else { middle };
+        let radius = 0.5 * (width - size).max(0.0);
+        let is_near = (truncated - middle).magnitude() <= radius;
+        let x = if is_near { truncated } else { middle - towards * number(radius) };
         // Between adjacent numbers there is nothing left to find.
-        if x <= a || x >= b {
+        if a.all_ge(x) || x.all_ge(b) {
             break;
         }
         let value = sign * f(x)?;
@@ -116,6 +121,7 @@ mod tests {
     use core::convert::Infallible;
 
     use super::{Direction, locate};
+    use crate::{DoubleDouble, Real};
 
     #[test]
     fn roots_are_located_to_the_resolution_in_few_evaluations() {
@@ -123,7 +129,7 @@ mod tests {
             [|x| x - 0.3, |x| x * x * x - 0.001, |x| 0.7_f64.exp() - x.exp(), |x| (x - 0.9).powi(9)];
         for (index, (f, root)) in functions.into_iter().zip([0.3, 0.1, 0.7, 0.9]).enumerate() {
             let mut n_evals = 0;
-            let counted = |x| {
+            let counted = |x: f64| {
                 n_evals += 1;
                 Ok::<_, Infallible>(f(x))
             };
@@ -141,6 +147,29 @@ mod tests {
         let f = |x: f64| Ok::<_, Infallible>(if x < 0.123 { -1.0 } else { 1e9 });
         let Ok(found) = locate(f, (-1.0, 1e9), 1e-12);
         assert!((0.123..0.123 + 1e-12).contains(&found), "{found}");
+    }
+
+    #[test]
+    fn a_stretch_of_zeros_is_found_by_its_start() {
+        for (from, sign) in [(0.123, 1.0), (0.5, -1.0), (1.0, 1.0), (1e-9, -1.0)] {
+            let mut n_evals = 0;
+            // Positive before the stretch and zero within, up to the end and beyond.
+            let f = |x: f64| {
+                n_evals += 1;
+                Ok::<_, Infallible>(sign * (from - x).max(0.0))
+            };
+            let Ok(found) = locate(f, (sign * from, 0.0), 1e-14);
+            assert!((from..=from + 1e-14).contains(&found), "{found} instead of {from}");
+            assert!(n_evals <= 49, "{n_evals} evaluations");
+        }
+    }
+
+    #[test]
+    fn wide_scalars_are_located_to_their_resolution() {
+        let third = DoubleDouble::ratio(1.0, 3.0);
+        let f = |x: DoubleDouble| Ok::<_, Infallible>((x - third).hi());
+        let Ok(found) = locate(f, (-1.0 / 3.0, 2.0 / 3.0), 1e-31);
+        assert!((0.0..=1e-31).contains(&(found - third).hi()), "{found}");
     }
 
     #[test]

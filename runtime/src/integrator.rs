@@ -9,7 +9,8 @@ use crate::controller::Controller;
 use crate::error::{Error, Failure};
 use crate::events::{Direction, Event, locate};
 use crate::methods::{
-    Derivatives, Estimate, Method, Point, Start, Step, increments, square_of_norm, two_sum,
+    Constant, Derivatives, Estimate, Method, Point, Start, Step, Tolerances, increments, larger,
+    square_of_norm, two_sum,
 };
 use crate::options::{Norm, Options, StepSize, signed, validate_tolerances};
 use crate::real::Real;
@@ -275,7 +276,7 @@ impl<'s, R: Real, S: System<R>, M: Method<R, S>> Integrator<'s, R, S, M> {
     /// direction asked for.
     ///
     /// Events are located on dense output up to the spacing of times, and told in the order of time, just after the
-    /// change of sign. Where `on_event` breaks, the integration stops: time and state are those of the event, and
+    /// change of sign; where a function is zero over a stretch of time, at its start. Where `on_event` breaks, the integration stops: time and state are those of the event, and
     /// the answer is [`Progress::Running`] unless that is the end. A function that is zero at the start has no
     /// event there. Of several changes of one function within one step, an even number is overlooked and one of an
     /// odd number is found; [`Options::with_max_step`] bounds the step.
@@ -388,9 +389,9 @@ impl<'s, R: Real, S: System<R>, M: Method<R, S>> Integrator<'s, R, S, M> {
         (before, after): (R, R),
     ) -> Result<R, Error> {
         let (from, to) = (self.t_previous, self.t);
-        let time = |x: f64| if x == 1.0 { to } else { from + R::from_f64(x) * (to - from) };
+        let time = |x: R| if x == R::ONE { to } else { from + x * (to - from) };
         let resolution = R::EPSILON * (1.0 + from.magnitude().max(to.magnitude()) / (to - from).magnitude());
-        let value = |x: f64| {
+        let value = |x: R| {
             let t = time(x);
             self.evaluate_dense(t)?;
             finite_values(t, functions(t, &self.work)).map(|values| signed(values[index]))
@@ -504,12 +505,12 @@ impl<'s, R: Real, S: System<R>, M: Method<R, S>> Integrator<'s, R, S, M> {
         // The series at the current point takes the place of that of the last step.
         self.dense = Dense::Lost;
         let point = &self.points[usize::from(self.current)];
-        write_scales(&self.rtol, &self.atol, &point.state, &point.state, &mut self.scales);
+        let ends = [&point.state, &point.state];
         let start = Start {
             system: self.system,
             t: self.t,
             point,
-            scales: &self.scales,
+            tolerances: tolerances(&self.rtol, &self.atol, ends, &mut self.scales),
             norm: self.options.norm,
             work: &mut self.work,
             rhs_evals: &mut self.stats.rhs_evals,
@@ -534,7 +535,9 @@ impl<'s, R: Real, S: System<R>, M: Method<R, S>> Integrator<'s, R, S, M> {
         match self.options.step {
             StepSize::Fixed(_) => (self.t + h).all_ne(self.t),
             StepSize::Adaptive { .. } => {
-                size > 10.0 * R::EPSILON * self.t.magnitude() && size >= TINY && (self.t + h).all_ne(self.t)
+                size > 10.0 * R::EPSILON * self.t.magnitude()
+                    && size >= R::MIN_POSITIVE
+                    && (self.t + h).all_ne(self.t)
             }
         }
     }
@@ -579,21 +582,21 @@ impl<'s, R: Real, S: System<R>, M: Method<R, S>> Integrator<'s, R, S, M> {
             stored: M::stages(&self.storage),
             last: &to.slope,
         };
-        write_scales(&self.rtol, &self.atol, &from.state, &to.state, &mut self.scales);
+        let tolerances = tolerances(&self.rtol, &self.atol, [&from.state, &to.state], &mut self.scales);
         let norm = self.options.norm;
-        let square = match M::TABLEAU.estimate {
+        let estimate = |[first, second]: [f64; 2]| match M::TABLEAU.estimate {
             Estimate::None | Estimate::Series => 0.0,
-            Estimate::Embedded { .. } => {
-                weighted_square(norm, const { M::TABLEAU.error_weights()[0] }, &k, &self.scales, work)
-            }
-            Estimate::Combined { .. } => {
-                let fifth =
-                    weighted_square(norm, const { M::TABLEAU.error_weights()[0] }, &k, &self.scales, work);
-                let third =
-                    weighted_square(norm, const { M::TABLEAU.error_weights()[1] }, &k, &self.scales, work);
-                if fifth == 0.0 { 0.0 } else { fifth * (fifth / (fifth + 0.01 * third)) }
-            }
-        } * (h.magnitude() * h.magnitude());
+            Estimate::Embedded { .. } => first,
+            Estimate::Combined { .. } if first == 0.0 => 0.0,
+            Estimate::Combined { .. } => first * (first / (first + 0.01 * second)),
+        };
+        let rows = const { M::TABLEAU.error_weights() };
+        let first = weighted_square(norm, const { M::TABLEAU.error_weights()[0] }, &k, &tolerances, work);
+        let second = weighted_square(norm, const { M::TABLEAU.error_weights()[1] }, &k, &tolerances, work);
+        let mut square = estimate([first, second]) * (h.magnitude() * h.magnitude());
+        if !square.is_finite() {
+            square = estimate(rows.map(|row| square_within_range(norm, row, &k, &tolerances, h, work)));
+        }
         if square <= 1.0 {
             Ok(square)
         } else if square.is_finite() {
@@ -629,7 +632,7 @@ impl<'s, R: Real, S: System<R>, M: Method<R, S>> Integrator<'s, R, S, M> {
         let k = Derivatives { n_stages: tableau.n_stages(), first: &from.slope, stored, last: &to.slope };
         for (index, (row, node)) in tableau.stages.iter().zip(tableau.nodes).enumerate() {
             stage_point(&k, row, &from.state, h, &mut self.work);
-            let t = self.t + R::from_f64(*node) * h;
+            let t = self.t + node.get::<R>() * h;
             if let Some(failure) = self.point_failure(t, &self.work, Some(k.get(index))) {
                 return failure;
             }
@@ -653,19 +656,18 @@ impl<'s, R: Real, S: System<R>, M: Method<R, S>> Integrator<'s, R, S, M> {
     ///
     /// Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I (1993), algorithm II.4.14.
     fn select_initial_step(&mut self, remaining: R) -> f64 {
-        const SMALL: f64 = 1e-6;
         let distance = remaining.magnitude();
+        let small = 1e-6 * distance;
         let [one, two] = &mut self.points;
         let (here, free) = if self.current { (two, one) } else { (one, two) };
         let (y, slope) = (here.state.as_slice(), here.slope.as_slice());
-        write_scales(&self.rtol, &self.atol, &here.state, &here.state, &mut self.scales);
-        let scales = self.scales.as_slice();
+        let tolerances = tolerances(&self.rtol, &self.atol, [&here.state; 2], &mut self.scales);
         let (norm, out) = (self.options.norm, self.work.as_mut_slice());
-        let state_norm = scaled_norm(norm, scales, out, |c| y[c]);
-        let slope_norm = scaled_norm(norm, scales, out, |c| slope[c]);
+        let state_norm = scaled_norm(norm, &tolerances, out, |c| y[c]);
+        let slope_norm = scaled_norm(norm, &tolerances, out, |c| slope[c]);
         let quotient = 0.01 * (state_norm / slope_norm);
         let usable = state_norm >= 1e-5 && slope_norm >= 1e-5 && quotient.is_finite() && quotient > 0.0;
-        let guess = (if usable { quotient } else { SMALL }).min(distance);
+        let guess = (if usable { quotient } else { small }).min(distance);
         let h = if R::ZERO.all_gt(remaining) { R::from_f64(-guess) } else { R::from_f64(guess) };
         for (c, out) in self.work.as_mut_slice().iter_mut().enumerate() {
             *out = y[c] + h * slope[c];
@@ -676,18 +678,18 @@ impl<'s, R: Real, S: System<R>, M: Method<R, S>> Integrator<'s, R, S, M> {
         self.stats.rhs_evals += 1;
         let probe = free.slope.as_slice();
         let out = self.work.as_mut_slice();
-        let bend_norm = scaled_norm(norm, scales, out, |c| probe[c] - slope[c]) / guess;
+        let bend_norm = scaled_norm(norm, &tolerances, out, |c| probe[c] - slope[c]) / guess;
         let steepest = if bend_norm > slope_norm { bend_norm } else { slope_norm };
         let order = M::TABLEAU.estimate_order().unwrap_or(M::TABLEAU.order);
         let refined = if steepest <= 1e-15 {
-            SMALL.max(guess * 1e-3)
+            small.max(guess * 1e-3)
         } else {
             crate::math::pow(0.01 / steepest, 1.0 / f64::from(order))
         };
         let step = (100.0 * guess).min(refined).min(distance);
         // Where a norm overflowed or the probe left the domain, start small and let the control decide. The
         // first step must pass the test of `changes_time`, whatever the norms say.
-        let least = (100.0 * R::EPSILON * self.t.magnitude()).max(TINY).min(distance);
+        let least = (100.0 * R::EPSILON * self.t.magnitude()).max(R::MIN_POSITIVE).min(distance);
         if bend_norm.is_finite() && step.is_finite() { step.max(least) } else { guess.max(least) }
     }
 
@@ -754,7 +756,7 @@ impl<'s, R: Real, S: System<R>, M: Method<R, S>> Integrator<'s, R, S, M> {
             let (stored, next) = M::stages_mut(&mut self.storage).split_at_mut(offset + index);
             let k = Derivatives { n_stages: offset + 1, first: &start.slope, stored, last: &end.slope };
             stage_point(&k, row, &start.state, self.h, &mut self.work);
-            let t = self.t_previous + R::from_f64(*node) * self.h;
+            let t = self.t_previous + node.get::<R>() * self.h;
             self.system.rhs(t, &self.work, &mut next[0]);
             self.stats.rhs_evals += 1;
             let stage = &M::stages(&self.storage)[offset + index];
@@ -822,9 +824,6 @@ fn earliest<R: Real>(times: &[Option<R>], backward: bool) -> Option<(usize, R)> 
     })
 }
 
-/// Smallest step, and smallest scale of a component: the least normal `f32`, so that it exists in any scalar.
-const TINY: f64 = f32::MIN_POSITIVE as f64;
-
 fn copy<R: Real, V: StateVector<R>>(from: &V, to: &mut V) {
     for (to, from) in to.as_mut_slice().iter_mut().zip(from.as_slice()) {
         *to = *from;
@@ -844,7 +843,7 @@ fn non_finite<R: Real, V: StateVector<R>>(v: &V) -> Option<usize> {
 /// `out = y + h sum_j row_j k_j`, for rows that are not known to the compiler.
 fn stage_point<R: Real, V: StateVector<R>>(
     k: &Derivatives<'_, V>,
-    row: &[(usize, f64)],
+    row: &[(usize, Constant)],
     y: &V,
     h: R,
     out: &mut V,
@@ -854,44 +853,71 @@ fn stage_point<R: Real, V: StateVector<R>>(
 }
 
 /// `d_0 + x (d_1 + rest (d_2 + x (d_3 + ...)))`.
-fn alternating<R: Real>(coefficients: &[f64], x: R, rest: R) -> R {
+fn alternating<R: Real>(coefficients: &[Constant], x: R, rest: R) -> R {
     let terms = coefficients.iter().enumerate().rev();
-    terms.fold(R::ZERO, |sum, (index, &d)| sum.mul_add(if index % 2 == 0 { x } else { rest }, R::from_f64(d)))
+    terms.fold(R::ZERO, |sum, (index, d)| sum.mul_add(if index % 2 == 0 { x } else { rest }, d.get()))
 }
 
-/// `out_i = 1 / (atol_i + rtol_i max(|a_i|, |b_i|))`.
+/// The tolerances `atol_i + rtol_i max(|a_i|, |b_i|)`, whose reciprocals are written to `reciprocals`.
 #[inline(always)]
-fn write_scales<R: Real, V: StateVector<R>>(rtol: &V, atol: &V, a: &V, b: &V, out: &mut V) {
-    let half = R::from_f64(0.5);
-    let tiny = R::from_f64(TINY);
+fn tolerances<'a, R: Real, V: StateVector<R>>(
+    rtol: &'a V,
+    atol: &'a V,
+    ends: [&'a V; 2],
+    reciprocals: &'a mut V,
+) -> Tolerances<'a, V> {
     let tolerances = rtol.as_slice().iter().zip(atol.as_slice());
-    let states = a.as_slice().iter().zip(b.as_slice());
-    for ((out, (&rtol, &atol)), (&a, &b)) in out.as_mut_slice().iter_mut().zip(tolerances).zip(states) {
-        let (a, b) = (a.abs(), b.abs());
-        // The larger of the two on every lane.
-        let larger = half * (a + b + (a - b).abs());
-        *out = (rtol.mul_add(larger, atol) + tiny).recip();
+    let states = ends[0].as_slice().iter().zip(ends[1].as_slice());
+    for ((out, (&rtol, &atol)), (&a, &b)) in reciprocals.as_mut_slice().iter_mut().zip(tolerances).zip(states)
+    {
+        *out = rtol.mul_add(larger(a, b), atol).recip();
     }
+    Tolerances { rtol, atol, ends, reciprocals }
 }
 
-/// Square of the norm of the scaled `sum_j row_j k_j`.
+/// Square of the norm of the scaled `sum_j row_j k_j`; infinite or NaN where a reciprocal is not in range.
 #[inline(always)]
 fn weighted_square<R: Real, V: StateVector<R>>(
     norm: Norm,
-    row: &[(usize, f64)],
+    row: &[(usize, Constant)],
     k: &Derivatives<'_, V>,
-    scales: &V,
+    tolerances: &Tolerances<'_, V>,
     work: &mut V,
 ) -> f64 {
-    let (scales, out) = (scales.as_slice(), work.as_mut_slice());
+    // The second estimate of methods that have one.
+    if row.is_empty() {
+        return 0.0;
+    }
+    let (scales, out) = (tolerances.reciprocals.as_slice(), work.as_mut_slice());
     k.for_each_sum(row, scales.len(), |c, error| out[c] = error * scales[c]);
     square_of_norm(norm, out)
 }
 
+/// The same of `h sum_j row_j k_j`, for states and times of any scale.
+#[cold]
+#[inline(never)]
+fn square_within_range<R: Real, V: StateVector<R>>(
+    norm: Norm,
+    row: &[(usize, Constant)],
+    k: &Derivatives<'_, V>,
+    tolerances: &Tolerances<'_, V>,
+    h: R,
+    work: &mut V,
+) -> f64 {
+    let out = work.as_mut_slice();
+    k.for_each_sum(row, out.len(), |c, error| out[c] = tolerances.scaled_within_range(c, h * error));
+    square_of_norm(norm, out)
+}
+
 /// Norm of `component(c)` after scaling.
-fn scaled_norm<R: Real>(norm: Norm, scales: &[R], out: &mut [R], component: impl Fn(usize) -> R) -> f64 {
-    for (c, (out, &scale)) in out.iter_mut().zip(scales).enumerate() {
-        *out = component(c) * scale;
+fn scaled_norm<R: Real, V: StateVector<R>>(
+    norm: Norm,
+    tolerances: &Tolerances<'_, V>,
+    out: &mut [R],
+    component: impl Fn(usize) -> R,
+) -> f64 {
+    for (c, out) in out.iter_mut().enumerate() {
+        *out = tolerances.scaled(c, component(c));
     }
     crate::math::sqrt(square_of_norm(norm, out))
 }

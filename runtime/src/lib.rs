@@ -40,7 +40,9 @@
 //!
 //! - `f64` and `f32`.
 //! - `F64x4` and `F64x8` (feature `lanes`): several systems side by side in vector registers, each with the bits of `f64`.
-//! - [`DoubleDouble`]: 31 digits, to measure the rounding errors of a right-hand side.
+//! - [`DoubleDouble`]: 31 digits, to measure the rounding errors of a right-hand side and of an integration. The
+//!   coefficients of every method have as many, so that tolerances down to 1e-28 are met (`Dop853` and `Vern9` in some
+//!   hundred steps a period, `Taylor` in ten).
 //! - [`Dual`]: derivatives along one direction, exact but for rounding.
 //!
 //! # Features
@@ -89,8 +91,8 @@ pub use jet::{Convolutions, Jet, MAX_ORDER};
 #[cfg(feature = "lanes")]
 pub use lanes::{F64x4, F64x8};
 pub use methods::{
-    Dop853, Dopri5, Estimate, FixedPoint, Gauss, Gauss4, Gauss6, Gauss8, Invariants, Method, Newton, Point,
-    Projected, Projection, Rk4, Start, Step, Tableau, Taylor, Tsit5, Vern9,
+    Constant, Dop853, Dopri5, Estimate, FixedPoint, Gauss, Gauss4, Gauss6, Gauss8, Invariants, Method,
+    Newton, Point, Projected, Projection, Rk4, Row, Start, Step, Tableau, Taylor, Tolerances, Tsit5, Vern9,
 };
 pub use options::{Norm, Options, StepSize};
 pub use real::Real;

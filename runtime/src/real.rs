@@ -33,9 +33,23 @@ pub trait Real:
     const ONE: Self;
     /// Distance from one to the next larger number, as a bound on tolerances.
     const EPSILON: f64 = f64::EPSILON;
+    /// The least positive number that has all its digits.
+    const MIN_POSITIVE: f64 = f64::MIN_POSITIVE;
 
     /// The number nearest to `x`: `x` itself unless the type is narrower than `f64`.
     fn from_f64(x: f64) -> Self;
+
+    /// A constant that is known to more digits than `f64` has: `hi + lo`, where `hi` is the `f64` next to it.
+    ///
+    /// Types without more digits than `f64` take `hi` alone; wider ones add `lo`.
+    #[inline]
+    fn from_parts(hi: f64, lo: f64) -> Self {
+        if Self::EPSILON < f64::EPSILON {
+            Self::from_f64(hi) + Self::from_f64(lo)
+        } else {
+            Self::from_f64(hi)
+        }
+    }
 
     /// The quotient `p/q`, correctly rounded for `f64`; wider types keep more digits of it.
     #[inline]
@@ -127,6 +141,7 @@ macro_rules! real {
             const ZERO: Self = 0.0;
             const ONE: Self = 1.0;
             const EPSILON: f64 = $float::EPSILON as f64;
+            const MIN_POSITIVE: f64 = $float::MIN_POSITIVE as f64;
 
             #[inline]
             fn from_f64($x: f64) -> Self {
@@ -191,6 +206,7 @@ real! { f32, crate::math::single, from_f64(x) = x as f32, ratio(p, q) = (p / q) 
 #[cfg(test)]
 mod tests {
     use super::Real;
+    use crate::{DoubleDouble, Dual};
 
     #[test]
     fn functions_agree_with_identities() {
@@ -234,6 +250,17 @@ mod tests {
             assert!((f64::from(single) - double).abs() < 3e-7, "function {index}: {single} and {double}");
         }
         assert_eq!(<f32 as Real>::ratio(1.0, 3.0), 1.0 / 3.0);
+    }
+
+    #[test]
+    fn constants_of_two_parts_keep_what_the_type_can_hold() {
+        let (hi, lo) = (1.0_f64, 1e-20);
+        assert_eq!((f64::from_parts(hi, lo), f32::from_parts(hi, lo)), (1.0, 1.0));
+        // A part of more than half a place of the first is not added either: the first is the value of `f64`.
+        assert_eq!(f64::from_parts(1.0, f64::EPSILON), 1.0);
+        let wide = DoubleDouble::from_parts(hi, lo);
+        assert_eq!((wide.hi(), wide.lo()), (hi, lo));
+        assert_eq!(Dual::<DoubleDouble>::from_parts(hi, lo), Dual::constant(wide));
     }
 
     #[test]

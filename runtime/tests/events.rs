@@ -179,6 +179,35 @@ fn an_event_at_the_end_of_a_step_is_found_once() {
 }
 
 #[test]
+fn a_function_that_is_zero_over_a_stretch_is_told_at_its_start() {
+    fn check<M: Method<f64, Circle>>(method: M, options: Options<f64>) {
+        // Zero from 1.1 to 1.9 and beyond zero after; stretches of many steps, of one, and within one.
+        for (from, to) in [(1.1, 1.9), (0.3, 2.9), (1.1, 1.1001)] {
+            let functions = |t: f64, _: &[f64; 2]| {
+                let falling = if t < from { from - t } else { (to - t).min(0.0) };
+                [falling, -falling, falling]
+            };
+            let directions = [Direction::Falling, Direction::Rising, Direction::Rising];
+            let mut found = vec![];
+            let mut solver = Integrator::new(&Circle, method, 0.0, [1.0, 0.0], options).unwrap();
+            let reached = solver.integrate_with_events(3.0, directions, functions, |event| {
+                found.push((event.index, event.t));
+                Continue(())
+            });
+            assert_eq!(reached, Ok(Progress::Reached));
+            assert_eq!(found.iter().map(|event| event.0).collect::<Vec<_>>(), [0, 1], "{found:?}");
+            for (_, t) in found {
+                assert!((from..from + 1e-14).contains(&t), "{}: {t} instead of {from}", M::TABLEAU.name);
+            }
+        }
+    }
+    check(Rk4, Options::fixed(0.25));
+    check(Rk4, Options::fixed(3.0));
+    check(Vern9, Options::adaptive(1e-9, 1e-9));
+    check(Taylor::new(), Options::adaptive(1e-9, 1e-9));
+}
+
+#[test]
 fn event_functions_without_value_are_reported() {
     let mut solver = Integrator::new(&Circle, Rk4, 0.0, [1.0, 0.0], Options::fixed(0.25)).unwrap();
     let functions = |_: f64, y: &[f64; 2]| [1.0, (y[0] - 0.9).sqrt()];

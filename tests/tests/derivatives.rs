@@ -62,7 +62,7 @@ fn points(built: &BuiltScene, n_random: usize) -> Vec<At> {
     let names = built.state_names();
     let param_names: Vec<String> = built.params().iter().map(|p| p.name.clone()).collect();
     let mut points = Vec::new();
-    if reference::MODELS.contains(&model.as_str()) {
+    if reference::models().contains(model) {
         for point in reference::read(model).points {
             points.push(At {
                 params: reference::in_order(&point.params, &param_names),

@@ -7,7 +7,7 @@
 use hamel_codegen::scene::{self, BuiltScene};
 use hamel_runtime::{Dop853, Integrator, Options};
 use hamel_tests::models::{self, Interpreted, State};
-use hamel_tests::reference::{self, MODELS, Numbers, Reference};
+use hamel_tests::reference::{self, Numbers, Reference, WITHOUT_FILE, WITHOUT_MODEL};
 use hamel_tests::tracked::{tracked, units_off};
 
 /// Units in the last place that a component may be off.
@@ -53,8 +53,8 @@ fn check_points(model: &str, Reference { points, .. }: &Reference) -> f64 {
 
 #[test]
 fn every_reference_point_is_met_within_64_units_of_the_largest_term() {
-    for model in MODELS {
-        let worst = check_points(model, &reference::read(model));
+    for model in reference::models() {
+        let worst = check_points(&model, &reference::read(&model));
         println!("{model}: worst {worst:.2} units in the last place");
     }
 }
@@ -77,10 +77,10 @@ fn relative_error(state: &[f64], names: &[String], expected: &Numbers) -> f64 {
 
 #[test]
 fn every_reference_trajectory_is_met_within_1e_9_at_rtol_1e_12() {
-    for model in MODELS {
-        let scene = build(model);
+    for model in reference::models() {
+        let scene = build(&model);
         let names = scene.state_names();
-        let file = reference::read(model);
+        let file = reference::read(&model);
         assert!(!file.trajectories.is_empty(), "{model} has reference trajectories");
         for (k, t) in file.trajectories.iter().enumerate() {
             let interpreter = scene.prepare(&params(&scene, &t.params)).unwrap_or_else(|e| panic!("{e}"));
@@ -103,4 +103,54 @@ fn every_reference_trajectory_is_met_within_1e_9_at_rtol_1e_12() {
             assert!(error <= 1e-9, "{model}, trajectory {k}: relative error {error:e}");
         }
     }
+}
+
+/// What is compared is what the folders have in common, and what they have not is said.
+#[test]
+fn files_without_a_model_and_models_without_a_file_are_listed_with_a_reason() {
+    let (files, models) = (reference::files(), models::names());
+    assert!(reference::models().len() >= 20, "{:?}", reference::models());
+    let apart = |of: &[String], other: &[String]| -> Vec<String> {
+        of.iter().filter(|name| !other.contains(name)).cloned().collect()
+    };
+    assert_eq!(apart(&files, &models), WITHOUT_MODEL.map(|(name, _)| name));
+    assert_eq!(apart(&models, &files), WITHOUT_FILE.map(|(name, _)| name));
+    assert!(WITHOUT_MODEL.iter().chain(&WITHOUT_FILE).all(|(_, reason)| reason.len() > 20));
+}
+
+/// Files that no model reads keep their form: every state has its derivative, and every number can be read.
+#[test]
+fn every_file_can_be_read() {
+    for name in reference::files() {
+        let Reference { points, trajectories } = reference::read(&name);
+        assert!(!points.is_empty() && !trajectories.is_empty(), "{name}");
+        let finite = |numbers: &Numbers| numbers.values().all(|x| reference::number(x).is_finite());
+        for point in &points {
+            assert!(point.state.keys().eq(point.derivative.keys()), "{name}");
+            assert!([&point.params, &point.state, &point.derivative].into_iter().all(finite), "{name}");
+        }
+        for t in &trajectories {
+            assert!(t.initial.keys().eq(t.last.keys()) && finite(&t.initial) && finite(&t.last), "{name}");
+            assert!(t.samples.iter().all(|(at, state)| at.is_finite() && finite(state)), "{name}");
+        }
+    }
+}
+
+/// The texts beside the numbers cite files that are there.
+#[test]
+fn files_that_the_folder_cites_are_there() {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("reference");
+    let mut n = 0;
+    for entry in std::fs::read_dir(&folder).unwrap() {
+        let path = entry.unwrap().path();
+        let text = std::fs::read_to_string(&path).unwrap();
+        let is_part = |c: char| c.is_alphanumeric() || "_./-".contains(c);
+        for cited in text.split(|c| !is_part(c)).map(|word| word.trim_end_matches('.')) {
+            if cited.ends_with(".md") || cited.ends_with(".rs") {
+                n += 1;
+                assert!(folder.join(cited).is_file(), "{} cites {cited}", path.display());
+            }
+        }
+    }
+    assert!(n > 0);
 }

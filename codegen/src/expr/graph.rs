@@ -314,6 +314,11 @@ impl Graph {
         &self.symbols[s.index()].name
     }
 
+    /// Gives a symbol another name, for those who read.
+    pub(crate) fn rename(&mut self, s: SymbolId, name: String) {
+        self.symbols[s.index()].name = name;
+    }
+
     /// Number of symbols made so far.
     pub fn n_symbols(&self) -> usize {
         self.symbols.len()

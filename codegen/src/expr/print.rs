@@ -94,10 +94,14 @@ fn superscript(text: &str) -> Option<String> {
 
 /// Spells an identifier such as `Omega1`, `theta_dot` or `p_Omega1` in a style: Ω₁, θ̇, p_Ω₁.
 ///
-/// `dot` after a part, or in front of the first one, is a time derivative of it.
+/// `dot` after a part, or in front of the first one, is a time derivative of it. `X1|phi=0` is the value of `X1` where
+/// `phi` is zero.
 pub(crate) fn identifier(name: &str, style: Style) -> String {
     if style == Style::Plain {
         return name.to_owned();
+    }
+    if let Some((head, place)) = name.split_once('|') {
+        return at_place(&identifier(head, style), place, style);
     }
     let mut parts: Vec<(&str, usize)> = Vec::new();
     let mut pending = 0;
@@ -130,6 +134,26 @@ pub(crate) fn identifier(name: &str, style: Style) -> String {
             format!("<msub>{stem}<mrow>{}</mrow></msub>", index.join("<mo>,</mo>"))
         }
         _ => format!("{}_{}", spelled(first), tail.join(",")),
+    }
+}
+
+/// A value at a place such as `phi=0,psi=0`.
+fn at_place(head: &str, place: &str, style: Style) -> String {
+    let equations = place.split(',').map(|equation| {
+        let (name, value) = equation.split_once('=').unwrap_or((equation, ""));
+        match style {
+            Style::MathMl => format!("{}<mo>=</mo><mn>{value}</mn>", identifier(name, style)),
+            _ => format!("{}={value}", identifier(name, style)),
+        }
+    });
+    let equations: Vec<String> = equations.collect();
+    match style {
+        Style::Latex => format!("\\left.{head}\\right|_{{{}}}", equations.join(",")),
+        Style::MathMl => {
+            let place = equations.join("<mo>,</mo>");
+            format!("<msub><mrow>{head}<mo>|</mo></mrow><mrow>{place}</mrow></msub>")
+        }
+        _ => format!("{head}({})", equations.join(", ")),
     }
 }
 

@@ -5,14 +5,19 @@
 
 use std::collections::{BTreeSet, HashMap};
 
+use num_traits::{Signed as _, Zero};
+
 use super::number::Signed;
 use super::pack;
 use super::program::{Constant, Function, Instruction, Op, Operand, Program, Signs, Slot};
+use crate::expr::Rational;
 
 /// Rewrites every function; the part that depends on parameters alone runs once and keeps its products.
 pub(super) fn fuse(program: &mut Program) {
-    for function in &mut program.functions {
-        fuse_function(function);
+    for function_idx in 0..program.functions.len() {
+        let mut function = std::mem::take(&mut program.functions[function_idx]);
+        fuse_function(&mut function, program);
+        program.functions[function_idx] = function;
     }
     for function_idx in 0..program.functions.len() {
         let function = &mut program.functions[function_idx];
@@ -59,7 +64,7 @@ fn is_sum(op: &Op) -> bool {
     matches!(op, Op::Add(..) | Op::Sub(..) | Op::Neg(_))
 }
 
-fn fuse_function(function: &mut Function) {
+fn fuse_function(function: &mut Function, program: &mut Program) {
     let old = std::mem::take(&mut function.instructions);
     let mut n_uses = vec![0usize; old.len()];
     let mut n_sums = vec![0usize; old.len()];
@@ -76,7 +81,7 @@ fn fuse_function(function: &mut Function) {
     let mut sums: Vec<Option<Vec<Signed>>> = vec![None; old.len()];
     for root in 0..old.len() {
         if is_sum(&old[root].op) && !is_part(root) {
-            sums[root] = Some(terms(&old, root, is_part));
+            sums[root] = Some(with_one_number(terms(&old, root, is_part), program));
         }
     }
     let is_fused = fused_products(&old, &sums, &n_uses);
@@ -139,6 +144,61 @@ fn terms(old: &[Instruction], root: usize, is_part: impl Fn(usize) -> bool) -> V
         }
     }
     terms
+}
+
+/// The terms with one constant or prepared number at most: `p + (q + x)` is `(p + q) + x` once the sums are one, and `p + q`
+/// belongs to the part that runs once.
+fn with_one_number(terms: Vec<Signed>, program: &mut Program) -> Vec<Signed> {
+    let (numbers, others): (Vec<Signed>, Vec<Signed>) = terms.iter().partition(|t| pack::is_fixed(t.operand));
+    let place = terms.iter().position(|t| pack::is_fixed(t.operand));
+    let number = numbers.iter().copied().reduce(|a, b| sum_of_numbers(a, b, program));
+    match (place, number) {
+        (Some(place), Some(number)) if numbers.len() > 1 => {
+            let is_zero = matches!(number.operand, Operand::Constant(i)
+                if program.constants[i as usize] == Constant::Rational(Rational::zero()));
+            let mut all = others;
+            // What changes is left over: a sum of numbers alone is none of a function's.
+            if !is_zero || all.is_empty() {
+                all.insert(place, number);
+            }
+            all
+        }
+        _ => terms,
+    }
+}
+
+/// The sum of two constants, parameters or slots: a constant where both are rational, otherwise a slot of its own.
+fn sum_of_numbers(a: Signed, b: Signed, program: &mut Program) -> Signed {
+    let rational = |o: Signed| match o.operand {
+        Operand::Constant(i) => match &program.constants[i as usize] {
+            Constant::Rational(q) => Some(if o.negative { -q } else { q.clone() }),
+            Constant::Pi => None,
+        },
+        _ => None,
+    };
+    if let (Some(p), Some(q)) = (rational(a), rational(b)) {
+        let sum = p + q;
+        let constant = placed(&mut program.constants, Constant::Rational(sum.abs()));
+        return Signed { negative: sum.is_negative(), operand: Operand::Constant(constant) };
+    }
+    let in_prepare = |o: Operand| match o {
+        Operand::Slot(i) => Operand::Value(program.prepare.slots[i as usize].value),
+        other => other,
+    };
+    let [a, b] = [a, b].map(|o| Signed { operand: in_prepare(o.operand), ..o });
+    let (negative, op) = a.plus(b);
+    let value = placed(&mut program.prepare.instructions, Instruction { op, section: 0, name: None });
+    let slot = placed(&mut program.prepare.slots, Slot { value, name: None });
+    Signed { negative, operand: Operand::Slot(slot) }
+}
+
+/// The position of an item in a list, at whose end it is put unless it is there.
+fn placed<T: PartialEq>(list: &mut Vec<T>, item: T) -> u32 {
+    let at = list.iter().position(|known| *known == item).unwrap_or_else(|| {
+        list.push(item);
+        list.len() - 1
+    });
+    u32::try_from(at).expect("fewer than 2^32 values fit in memory")
 }
 
 /// Which products no longer have to be values: those that only sums use, once, or twice where both sums have something
@@ -533,18 +593,11 @@ fn opposite(op: Op, program: &mut Program, may_prepare: bool) -> Option<Op> {
 
 /// The opposite of a constant, or with leave of a parameter or slot as a slot of its own.
 fn negated(program: &mut Program, operand: Operand, may_prepare: bool) -> Option<Operand> {
-    fn place<T: PartialEq>(list: &mut Vec<T>, item: T) -> Option<u32> {
-        let at = list.iter().position(|known| *known == item).unwrap_or_else(|| {
-            list.push(item);
-            list.len() - 1
-        });
-        u32::try_from(at).ok()
-    }
     let original = match operand {
         Operand::Constant(i) => match &program.constants[i as usize] {
             Constant::Rational(q) => {
                 let opposite = Constant::Rational(-q);
-                return Some(Operand::Constant(place(&mut program.constants, opposite)?));
+                return Some(Operand::Constant(placed(&mut program.constants, opposite)));
             }
             Constant::Pi => return None,
         },
@@ -560,10 +613,10 @@ fn negated(program: &mut Program, operand: Operand, may_prepare: bool) -> Option
         Some(Op::Neg(Operand::Value(value))) => value,
         _ => {
             let instruction = Instruction { op: Op::Neg(original), section: 0, name: None };
-            place(&mut program.prepare.instructions, instruction)?
+            placed(&mut program.prepare.instructions, instruction)
         }
     };
-    Some(Operand::Slot(place(&mut program.prepare.slots, Slot { value, name: None })?))
+    Some(Operand::Slot(placed(&mut program.prepare.slots, Slot { value, name: None })))
 }
 
 /// Leaves out slots and constants that no longer occur: slots in the given order, constants by their first use.

@@ -25,7 +25,7 @@ fn n_uses(function: &Function) -> Vec<usize> {
 }
 
 /// The same in every call with the same parameters.
-fn is_fixed(operand: Operand) -> bool {
+pub(super) fn is_fixed(operand: Operand) -> bool {
     matches!(operand, Operand::Slot(_) | Operand::Param(_) | Operand::Constant(_))
 }
 

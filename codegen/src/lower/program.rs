@@ -207,7 +207,7 @@ pub struct Prepare {
 }
 
 /// A function of parameters, time and state.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Function {
     /// Its name.
     pub name: String,

@@ -3,10 +3,11 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::error::Error;
-use crate::expr::{ExprId, Graph, Rational, Section, SectionWriter, Style, SymbolId};
+use crate::expr::{Definition, ExprId, Graph, Node, Rational, Section, SectionWriter, Style, SymbolId};
 use crate::reduction::{
     AccelerationRow, AccelerationSource, KinematicConstraint, ReducedSystem, SolvedConstraint, StateKind,
 };
+use crate::spec::Want;
 
 use super::solve::{Factorisation, Pivot, is_symmetric};
 use super::squares::{Square, take_squares};
@@ -69,6 +70,9 @@ pub struct Equations {
     pub state: Vec<StateEquation>,
     /// Equations of the reconstructed coordinates.
     pub reconstruction: Vec<StateEquation>,
+    /// Definitions that differ from the one of the same name, being its value at a place such as `phi=0`, the origin of an
+    /// ignorable coordinate.
+    pub taken_at: BTreeMap<SymbolId, String>,
     /// `A` of `A udot = f`.
     pub mass_matrix: Vec<Vec<ExprId>>,
     /// `f` of `A udot = f`.
@@ -590,16 +594,41 @@ impl<'a> Derivation<'a> {
         Ok(g.sum(&terms))
     }
 
-    /// Time derivative along the motion of an expression in the raw velocity symbols.
-    fn rate_of(&mut self, e: ExprId, acceleration: &[ExprId]) -> Result<ExprId, Error> {
+    /// Time derivative along the motion of an expression in coordinates, raw velocities, quasi-velocities and time:
+    /// `de/dt + de/dx^i xdot^i + de/dy^alpha ydot^alpha + de/ds sdot`.
+    fn rate_of(&mut self, e: ExprId, motion: &Motion) -> Result<ExprId, Error> {
+        let system = self.system;
+        let frame = system.velocities.iter().copied().zip(motion.acceleration.iter().copied());
+        // A quasi-velocity is no velocity of the frame, and moves all the same.
+        let unknowns = system.unknowns.iter().zip(motion.unknown_rates.iter().copied());
+        let quasi = unknowns.filter(|(u, _)| u.frame_idx.is_none()).map(|(u, rate)| (u.symbol, rate));
         let mut terms = vec![self.drift(e)?];
-        for (s, ydot) in self.system.velocities.iter().zip(acceleration) {
-            let slope = self.g.diff(e, *s);
+        for (s, rate) in frame.chain(quasi) {
+            let slope = self.g.diff(e, s);
             let slope = self.replace(slope)?;
-            terms.push(self.g.mul(slope, *ydot));
+            terms.push(self.g.mul(slope, rate));
         }
         let sum = self.g.sum(&terms);
         Ok(self.g.cancel_zero(sum))
+    }
+
+    /// That something claimed to be conserved is not, with its rate in as few names of definitions as there is room for.
+    fn not_conserved(&mut self, name: &str, rate: ExprId) -> Error {
+        let definitions: Vec<Definition> = self.writer.definitions().copied().collect();
+        let (mut rate, mut text) = (rate, self.g.display(rate, Style::Plain));
+        for Definition { symbol, expr } in definitions.into_iter().rev() {
+            // A name alone says nothing, whatever its value looks like.
+            let is_alone = *self.g.node(rate) == Node::Symbol(symbol);
+            let Ok(expanded) = self.g.subs(rate, &BTreeMap::from([(symbol, expr)])) else { continue };
+            if expanded == rate {
+                continue;
+            }
+            let spelled = self.g.display(expanded, Style::Plain);
+            if is_alone || spelled.chars().count() <= MAX_SHOWN {
+                (rate, text) = (expanded, spelled);
+            }
+        }
+        Error::NotConserved { name: name.to_owned(), rate: shortened(&text) }
     }
 
     /// The nonholonomic momenta along the sections `W_b` of virtual displacements and the momentum equation
@@ -639,12 +668,12 @@ impl<'a> Derivation<'a> {
         }
         Ok(vec![
             Output {
-                name: "nonholonomic_momentum".into(),
+                name: Want::NonholonomicMomentum.name().into(),
                 components: momenta,
                 doc: "momenta <p, W_b> along the sections of virtual displacements".into(),
             },
             Output {
-                name: "momentum_equation".into(),
+                name: Want::MomentumEquation.name().into(),
                 components: rates,
                 doc: "their rates by the nonholonomic momentum equation".into(),
             },
@@ -708,7 +737,7 @@ impl<'a> Derivation<'a> {
     fn finish(mut self, motion: Motion) -> Result<Equations, Error> {
         let system = self.system;
         let raw_energy = self.energy()?;
-        let mut energy_rate = self.rate_of(raw_energy, &motion.acceleration)?;
+        let mut energy_rate = self.rate_of(raw_energy, &motion)?;
         let energy = self.replace(raw_energy)?;
         let mut facts = Facts {
             energy_is_conserved: energy_rate == self.g.zero(),
@@ -720,13 +749,13 @@ impl<'a> Derivation<'a> {
         let mut outputs = Vec::new();
         let momenta = self.names.iter().zip(&self.momentum).map(|(n, p)| (format!("p_{n}"), *p)).collect();
         outputs.push(Output {
-            name: "momentum".into(),
+            name: Want::Momentum.name().into(),
             components: momenta,
             doc: "momenta p = dL/dy".into(),
         });
         if !motion.multipliers.is_empty() {
             outputs.push(Output {
-                name: "multipliers".into(),
+                name: Want::Multipliers.name().into(),
                 components: motion.multipliers.clone(),
                 doc: "multipliers lambda_A of E = lambda_A a_A, the constraint forces along the constraint one-forms"
                     .into(),
@@ -748,7 +777,7 @@ impl<'a> Derivation<'a> {
                 !facts.energy_is_conserved && self.vanishes_with(energy_rate, &motion, &components);
             if !components.is_empty() {
                 outputs.push(Output {
-                    name: "constraint".into(),
+                    name: Want::Constraint.name().into(),
                     components,
                     doc: "residual of the constraints, zero along the motion".into(),
                 });
@@ -764,16 +793,15 @@ impl<'a> Derivation<'a> {
         if !system.casimirs.is_empty() {
             let mut components = Vec::new();
             for casimir in &system.casimirs {
-                let rate = self.rate_of(casimir.expr, &motion.acceleration)?;
+                let rate = self.rate_of(casimir.expr, &motion)?;
                 if rate != self.g.zero() {
-                    let (name, rate) = (casimir.name.clone(), self.g.display(rate, Style::Plain));
-                    return Err(Error::NotConserved { name, rate: shortened(&rate) });
+                    return Err(self.not_conserved(&casimir.name, rate));
                 }
                 facts.casimirs.push(casimir.name.clone());
                 let value = self.replace(casimir.expr)?;
                 components.push((casimir.name.clone(), value));
             }
-            outputs.push(Output { name: "casimirs".into(), components, doc: "conserved quantities".into() });
+            outputs.push(Output { name: Want::Casimirs.name().into(), components, doc: "conserved quantities".into() });
         }
         for output in &system.outputs {
             let mut components = Vec::new();
@@ -810,6 +838,7 @@ impl<'a> Derivation<'a> {
             sections,
             state,
             reconstruction,
+            taken_at: BTreeMap::new(),
             mass_matrix: motion.mass_matrix,
             force: motion.force,
             unknowns: motion.unknowns,
@@ -836,16 +865,15 @@ impl<'a> Derivation<'a> {
             });
             let square = self.g.sum(&squares);
             let name = format!("{}_circle", circle.angle);
-            let rate = self.rate_of(square, &motion.acceleration)?;
+            let rate = self.rate_of(square, motion)?;
             if rate != self.g.zero() {
-                let rate = shortened(&self.g.display(rate, Style::Plain));
-                return Err(Error::NotConserved { name, rate });
+                return Err(self.not_conserved(&name, rate));
             }
             facts.casimirs.push(name.clone());
             components.push((name, square));
         }
         let doc = "c^2 + s^2 of the angles carried as points (c, s) of the circle, 1 along the motion".into();
-        Ok((!components.is_empty()).then_some(Output { name: "circles".into(), components, doc }))
+        Ok((!components.is_empty()).then_some(Output { name: Want::Circles.name().into(), components, doc }))
     }
 }
 
@@ -898,9 +926,11 @@ impl Equations {
     }
 }
 
+/// Characters of a rate that are shown.
+const MAX_SHOWN: usize = 80;
+
 /// Long rates say no more than their beginning.
 fn shortened(text: &str) -> String {
-    const MAX_SHOWN: usize = 80;
     match text.char_indices().nth(MAX_SHOWN) {
         Some((at, _)) => format!("{} ..", &text[..at]),
         None => text.to_owned(),

@@ -18,9 +18,13 @@ pub(super) fn settle(equations: &mut Equations) {
     for x in equations.system.algebroid.base().to_vec() {
         let before: Vec<ExprId> = equations.state.iter().map(|s| s.derivative).collect();
         match circles.iter().find(|c| [c.cosine, c.sine].contains(&x)) {
-            None => set_to(equations, BTreeMap::from([(x, zero)])),
+            None => {
+                let place = format!("{}=0", equations.system.graph.name(x));
+                set_to(equations, BTreeMap::from([(x, zero)]), &place);
+            }
             Some(circle) if x == circle.cosine => {
-                set_to(equations, BTreeMap::from([(circle.cosine, one), (circle.sine, zero)]));
+                let place = format!("{}=0", circle.angle);
+                set_to(equations, BTreeMap::from([(circle.cosine, one), (circle.sine, zero)]), &place);
             }
             Some(_) => {}
         }
@@ -32,10 +36,21 @@ pub(super) fn settle(equations: &mut Equations) {
     equations.sections = needed_sections(&equations.system.graph, &equations.sections, &roots);
 }
 
-fn set_to(equations: &mut Equations, values: BTreeMap<SymbolId, ExprId>) {
-    let mut g = std::mem::take(&mut equations.system.graph);
+/// Replaces every root by its value there if that is equal, and keeps the definitions that the roots need then.
+fn set_to(equations: &mut Equations, values: BTreeMap<SymbolId, ExprId>, place: &str) {
+    let names_one =
+        |g: &Graph, e: ExprId| g.free_symbols(e).iter().any(|symbol| values.contains_key(symbol));
+    let definitions = equations.sections.iter().flat_map(|s| &s.definitions).map(|d| d.expr);
+    let mut everything = definitions.chain(equations.roots().into_iter().copied());
+    if !everything.any(|e| names_one(&equations.system.graph, e)) {
+        return;
+    }
+    // In a copy: where every result depends on the coordinate, nothing of the trial is left over for the next one.
+    let mut g = equations.system.graph.clone();
     let mut image = values.clone();
     let mut sections = Vec::new();
+    let mut varying = Vec::new();
+    let mut taken_at = Vec::new();
     for section in &equations.sections {
         let mut definitions = section.definitions.clone();
         for definition in &section.definitions {
@@ -51,7 +66,15 @@ fn set_to(equations: &mut Equations, values: BTreeMap<SymbolId, ExprId>) {
                 let name = g.name(definition.symbol).to_owned();
                 let symbol = g.define(&name, value);
                 if equations.varying.contains(&definition.symbol) {
-                    equations.varying.insert(symbol);
+                    varying.push(symbol);
+                }
+                let original = g.sym(definition.symbol);
+                let before = equations.taken_at.get(&definition.symbol).map(String::as_str);
+                let here = (!g.is_seen_to_be_equal(value, original)).then_some(place);
+                let places: Vec<&str> = before.into_iter().chain(here).collect();
+                if !places.is_empty() {
+                    let places = places.join(",");
+                    taken_at.push((symbol, places));
                 }
                 definitions.push(Definition { symbol, expr: value });
                 g.sym(symbol)
@@ -60,13 +83,15 @@ fn set_to(equations: &mut Equations, values: BTreeMap<SymbolId, ExprId>) {
         }
         sections.push(Section { title: section.title.clone(), definitions });
     }
-    let names_one = |e: &ExprId| g.free_symbols(*e).iter().any(|s| values.contains_key(s));
-    if image.len() > values.len() || equations.roots().into_iter().any(names_one) {
-        equations.sections = sections;
-        for root in equations.roots_mut() {
-            *root = settled(&mut g, *root, &image);
-        }
+    let before: Vec<ExprId> = equations.roots().into_iter().copied().collect();
+    let after: Vec<ExprId> = before.iter().map(|root| settled(&mut g, *root, &image)).collect();
+    if after == before {
+        return;
     }
+    equations.sections = needed_sections(&g, &sections, &after);
+    equations.varying.extend(varying);
+    equations.taken_at.extend(taken_at);
+    equations.roots_mut().into_iter().zip(after).for_each(|(root, value)| *root = value);
     equations.system.graph = g;
 }
 

@@ -10,7 +10,10 @@ mod ignorable;
 mod sections;
 mod solve;
 mod squares;
+mod vertical;
 
 pub(crate) use derive::solved_velocity;
 pub use derive::{Equations, Facts, Output, StateEquation, derive};
 pub use solve::{Factorisation, Pivot};
+pub(crate) use vertical::unused_stem;
+pub use vertical::{VerticalEquation, VerticalEquations};

@@ -324,6 +324,8 @@ fn anchored(system: &mut ReducedSystem, turned: &[Turned]) -> Option<Algebroid> 
 fn places<'a>(model: &Model, system: &'a mut ReducedSystem) -> Vec<(String, Option<Span>, &'a mut ExprId)> {
     let mut list: Vec<(String, Option<Span>, &mut ExprId)> =
         vec![("the lagrangian".to_owned(), model.places.lagrangian, &mut system.lagrangian)];
+    let connection = system.connection.iter_mut().flatten().flatten();
+    list.extend(connection.map(|e| ("the connection".to_owned(), model.places.connection, e)));
     let frame = system.algebroid.frame();
     list.extend(frame.iter().zip(&mut system.forces).map(|(n, e)| (format!("the force on `{n}`"), None, e)));
     let constraint_span = |text: &str| model.constraints.iter().find(|c| c.text == text).and_then(|c| c.span);

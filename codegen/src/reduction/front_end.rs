@@ -90,6 +90,10 @@ pub struct ReducedSystem {
     pub algebroid: Algebroid,
     /// Symbols of the velocities `y^alpha`, in frame order.
     pub velocities: Vec<SymbolId>,
+    /// Side of the group action.
+    pub side: Side,
+    /// `A^a_i(x)` by element of the algebra and shape coordinate, `v = xi + A(x) xdot`; absent where `v = xi`.
+    pub connection: Option<Vec<Vec<ExprId>>>,
     /// `L(x, y, t)`.
     pub lagrangian: ExprId,
     /// External force `F_alpha`.
@@ -118,6 +122,21 @@ pub struct ReducedSystem {
     pub domains: Vec<DomainCondition>,
     /// Angles that the base carries as points of the circle.
     pub circles: Vec<Circle>,
+}
+
+impl ReducedSystem {
+    /// The group velocity `xi^a = v^a - A^a_i xdot^i`, by the velocities of the system, `n_shape` of them along the shape.
+    pub(crate) fn group_velocity(&self, g: &mut Graph, n_shape: usize) -> Vec<ExprId> {
+        let y: Vec<ExprId> = self.velocities.iter().map(|s| g.sym(*s)).collect();
+        let (shape, fibre) = y.split_at(n_shape);
+        let Some(connection) = &self.connection else { return fibre.to_vec() };
+        let components = fibre.iter().zip(connection).map(|(v, row)| {
+            let along: Vec<ExprId> = row.iter().zip(shape).map(|(a, rate)| g.mul(*a, *rate)).collect();
+            let along = g.sum(&along);
+            g.sub(*v, along)
+        });
+        components.collect()
+    }
 }
 
 /// Reduces a model, with some parameters fixed to numbers.
@@ -181,6 +200,8 @@ impl FrontEnd {
             conditions: model.conditions.clone(),
             algebroid: algebroid?,
             velocities,
+            side,
+            connection: model.connection.clone(),
             lagrangian: model.lagrangian,
             forces: model.forces.clone(),
             constraint,

@@ -8,6 +8,7 @@ use crate::differentiate::Linearisation;
 use crate::expr::{ExprId, Graph, Section, SectionWriter, SymbolId, needed_sections};
 use crate::lower::{Inputs, Request};
 use crate::mechanics::{Output, StateEquation};
+use crate::spec::Want;
 
 /// A derivative of `dy/dt = f(t, y; p)`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -37,16 +38,21 @@ impl Derivative {
         Derivative::SensitivityJvp,
     ];
 
-    /// What a scene wants, and the name of the function.
-    pub fn name(self) -> &'static str {
+    /// What a scene wants that has it.
+    pub fn want(self) -> Want {
         match self {
-            Derivative::Jacobian => "jacobian",
-            Derivative::Jvp => "jvp",
-            Derivative::Vjp => "vjp",
-            Derivative::TimeDerivative => "time_derivative",
-            Derivative::Sensitivity => "sensitivity",
-            Derivative::SensitivityJvp => "sensitivity_jvp",
+            Derivative::Jacobian => Want::Jacobian,
+            Derivative::Jvp => Want::Jvp,
+            Derivative::Vjp => Want::Vjp,
+            Derivative::TimeDerivative => Want::TimeDerivative,
+            Derivative::Sensitivity => Want::Sensitivity,
+            Derivative::SensitivityJvp => Want::SensitivityJvp,
         }
+    }
+
+    /// What a scene says, and the name of the function.
+    pub fn name(self) -> &'static str {
+        self.want().name()
     }
 
     /// The derivative of that name.

@@ -15,9 +15,10 @@ use crate::differentiate::Linearisation;
 use crate::expr::{ExprId, Graph, Section, SectionWriter, SymbolId, independent_rows, needed_sections};
 use crate::lower::Inputs;
 use crate::mechanics::{Equations, Output, StateEquation};
+use crate::spec::Want;
 
 /// What a scene wants that has functions of its invariants and their gradients, and the name of that of the values.
-pub const INVARIANTS: &str = "invariants";
+pub const INVARIANTS: &str = Want::Invariants.name();
 /// Name of the matrix of the gradients, a row for each invariant.
 pub(super) const GRADIENTS: &str = "invariant_gradients";
 
@@ -96,11 +97,11 @@ fn conserved(
 
 /// What may be conserved, in the order in which it is kept.
 fn candidates(g: &mut Graph, equations: &Equations, state: &[StateEquation]) -> Vec<(String, ExprId)> {
-    let group = |name: &'static str| {
-        let found = equations.outputs.iter().filter(move |o| o.name == name);
+    let group = |want: Want| {
+        let found = equations.outputs.iter().filter(move |o| o.name == want.name());
         found.flat_map(|o| o.components.iter().cloned())
     };
-    let mut candidates: Vec<(String, ExprId)> = group("circles").chain(group("casimirs")).collect();
+    let mut candidates: Vec<(String, ExprId)> = group(Want::Circles).chain(group(Want::Casimirs)).collect();
     let vectors = &equations.system.vectors;
     for (k, (name, a)) in vectors.iter().enumerate() {
         for (other, b) in vectors[k..].iter().filter(|(_, b)| b.len() == a.len()) {
@@ -113,10 +114,10 @@ fn candidates(g: &mut Graph, equations: &Equations, state: &[StateEquation]) -> 
             candidates.push((format!("{name}_dot_{other}"), g.sum(&terms)));
         }
     }
-    candidates.extend(group("constraint"));
+    candidates.extend(group(Want::Constraint));
     candidates.push(("energy".to_owned(), equations.energy));
-    let momenta: Vec<(String, ExprId)> = group("momentum").collect();
-    candidates.extend(momenta.iter().cloned().chain(group("nonholonomic_momentum")));
+    let momenta: Vec<(String, ExprId)> = group(Want::Momentum).collect();
+    candidates.extend(momenta.iter().cloned().chain(group(Want::NonholonomicMomentum)));
     let in_space = &equations.system.momenta_in_space;
     for (k, a) in in_space.iter().enumerate() {
         // What turns as one vector keeps its products: Casimirs of so(3) and se(3), also where a scene carries no attitude.

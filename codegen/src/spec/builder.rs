@@ -16,8 +16,9 @@ use self::reconstruct::ReconstructionDraft;
 use super::ast::Compare;
 use super::diagnostic::{Diagnostic, Diagnostics, Origin, Span};
 use super::model::*;
-use super::names::{self, WANTS};
+use super::names;
 use super::value::{Shape, Value, ValueError};
+use super::want::Want;
 use crate::algebra::{LieAlgebra, Subspace};
 use crate::error::Error;
 use crate::expr::{ExprId, Graph, Rational, SymbolId};
@@ -764,7 +765,7 @@ impl ModelBuilder {
 
     fn output_name(&mut self, name: &str) {
         let here = self.here;
-        let is_taken = WANTS.contains(&name) || names::OTHER_FUNCTIONS.contains(&name);
+        let is_taken = Want::from_name(name).is_some() || names::OTHER_FUNCTIONS.contains(&name);
         if is_taken || names::refusal(name).is_some() {
             let reason = names::refusal(name).unwrap_or("every scene has an output of that name");
             self.problem(here, format!("`{name}` cannot be used as a name"), reason);
@@ -1395,17 +1396,17 @@ impl ModelBuilder {
             }
             for (name, span) in draft.wants {
                 let named = |n: &String| *n == name;
-                let known = WANTS.contains(&name.as_str())
+                let known = Want::from_name(&name).is_some()
                     || self.casimirs.iter().map(|c| &c.name).any(named)
                     || self.outputs.iter().map(|o| &o.name).chain(&scene.circles).any(named);
                 if !(known || self.broken.contains("output") || self.broken.contains("casimir")) {
-                    let mut names: Vec<&str> = WANTS.to_vec();
+                    let mut names: Vec<&str> = Want::ALL.map(Want::name).to_vec();
                     names.extend(self.casimirs.iter().map(|c| c.name.as_str()));
                     names.extend(self.outputs.iter().map(|o| o.name.as_str()));
                     names.extend(scene.circles.iter().map(String::as_str));
                     let help = names::suggest(&name, names);
                     self.problem(span, format!("`{name}` is not an output"), help);
-                } else if name == "reconstruction"
+                } else if name == Want::Reconstruction.name()
                     && self.reconstructions.is_empty()
                     && !self.broken.contains("reconstruct")
                 {

@@ -20,6 +20,7 @@ mod names;
 mod parser;
 mod unused;
 mod value;
+mod want;
 
 pub use ast::Compare;
 pub use builder::{Group, Layout, ModelBuilder, Placement};
@@ -31,6 +32,7 @@ pub use model::{
     View, ViewShape, Views, VirtualConstraint, circle_names, diagnose,
 };
 pub use value::{Shape, Value, ValueError};
+pub use want::Want;
 
 #[cfg(test)]
 mod tests;

@@ -1,5 +1,7 @@
 //! Legal names, reserved names and "did you mean".
 
+use super::want::Want;
+
 /// First words of the items of a model, each with the form of the item.
 pub(super) const ITEMS: &[(&str, &str)] = &[
     ("source", "source \"Author, year\";"),
@@ -92,28 +94,7 @@ pub(super) const OPERATORS: &[(&str, &str)] = &[
     ("ddt", "accelerations belong in `constraint`, as in `constraint ddt(v1) + v1 = 0;`"),
 ];
 
-/// What every scene can ask for; named casimirs and outputs come on top.
-pub(super) const WANTS: &[&str] = &[
-    "rhs",
-    "energy",
-    "energy_rate",
-    "momentum",
-    "multipliers",
-    "jacobian",
-    "jvp",
-    "vjp",
-    "time_derivative",
-    "sensitivity",
-    "sensitivity_jvp",
-    "reconstruction",
-    "casimirs",
-    "circles",
-    "outputs",
-    "taylor",
-    "invariants",
-];
-
-/// Functions of generated code that no output can be called after, besides [`WANTS`].
+/// Functions of generated code that no output can be called after, besides what scenes [`Want`].
 pub(super) const OTHER_FUNCTIONS: &[&str] = &["check", "domain", "invariant_gradients"];
 
 const KEYWORDS: &[&str] = &[
@@ -124,7 +105,7 @@ const KEYWORDS: &[&str] = &[
     "use", "virtual", "where", "while", "yield",
 ];
 
-/// Names of generated items and of the types their signatures use.
+/// Names of generated items and of the types their signatures use, besides what scenes [`Want`].
 const GENERATED: &[&str] = &[
     "Params",
     "Prepared",
@@ -142,19 +123,7 @@ const GENERATED: &[&str] = &[
     "prepared",
     "state",
     "derivative",
-    "rhs",
-    "energy",
-    "energy_rate",
-    "momentum",
-    "multipliers",
-    "jacobian",
-    "jvp",
-    "vjp",
-    "time_derivative",
-    "sensitivity",
-    "sensitivity_jvp",
     "reconstruct",
-    "reconstruction",
     "hamel_runtime",
     "core",
     "std",
@@ -179,7 +148,7 @@ pub(super) fn refusal(name: &str) -> Option<&'static str> {
     if FUNCTIONS.contains(&name) || OPERATORS.iter().any(|(operator, _)| *operator == name) {
         return Some("it is a function of the language");
     }
-    if GENERATED.contains(&name) {
+    if GENERATED.contains(&name) || Want::from_name(name).is_some_and(Want::is_item) {
         return Some("the generated code has an item of that name");
     }
     if name.starts_with('t') && name.len() > 1 && name[1..].bytes().all(|b| b.is_ascii_digit()) {

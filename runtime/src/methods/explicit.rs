@@ -2,7 +2,7 @@
 //!
 //! The module deliberately does not know any tableau: each is a constant of the method that it is compiled for.
 
-use super::{Derivatives, Method, Step, compensated_advance};
+use super::{Derivatives, Method, Step, c, compensated_advance};
 use crate::real::Real;
 use crate::system::{StateVector, System};
 
@@ -91,7 +91,11 @@ fn stage<R: Real, S: System<R>, M: Method<R, S>, const I: usize>(
 ) {
     let (row, node) = const {
         // The branch keeps stages that a shorter tableau lacks from being looked up.
-        if I < M::TABLEAU.n_stages() { (M::TABLEAU.stages[I], M::TABLEAU.nodes[I]) } else { (&[] as _, 0.0) }
+        if I < M::TABLEAU.n_stages() {
+            (M::TABLEAU.stages[I], M::TABLEAU.nodes[I])
+        } else {
+            (&[] as _, c(0.0, 0.0))
+        }
     };
     let (known, next) = stages.split_at_mut(I - 1);
     let first = &step.from.slope;
@@ -99,5 +103,5 @@ fn stage<R: Real, S: System<R>, M: Method<R, S>, const I: usize>(
     let y = step.from.state.as_slice();
     let (h, out) = (step.h, step.work.as_mut_slice());
     k.for_each_sum(row, y.len(), |c, slope| out[c] = h.mul_add(slope, y[c]));
-    step.system.rhs(step.t + R::from_f64(node) * step.h, step.work, &mut next[0]);
+    step.system.rhs(step.t + node.get::<R>() * step.h, step.work, &mut next[0]);
 }

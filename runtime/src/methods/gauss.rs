@@ -2,7 +2,7 @@
 //!
 //! The module deliberately does not know step sizes or tolerances: stages are solved to round-off.
 
-use super::{Derivatives, Estimate, Method, Step, Tableau, compensated_advance};
+use super::{Constant, Derivatives, Estimate, Method, Step, Tableau, c, compensated_advance};
 use crate::error::Error;
 use crate::options::{Options, signed};
 use crate::real::Real;
@@ -91,8 +91,8 @@ impl<const STAGES: usize, I> Gauss<STAGES, I> {
     };
 
     /// Weights `b_j`.
-    const B: [f64; STAGES] = {
-        let mut b = [0.0; STAGES];
+    const B: [Constant; STAGES] = {
+        let mut b = [c(0.0, 0.0); STAGES];
         let mut j = 0;
         while j < STAGES {
             b[j] = Self::TABLEAU.weights[j].1;
@@ -101,9 +101,9 @@ impl<const STAGES: usize, I> Gauss<STAGES, I> {
         b
     };
 
-    /// Rows `(j + 1, mu_ij)` of coefficients `mu_ij = a_ij / b_j` with `mu_ij + mu_ji = 1` exactly.
-    const MU: [[(usize, f64); STAGES]; STAGES] = {
-        let mut mu = [[(0, 0.5); STAGES]; STAGES];
+    /// Rows `(j + 1, mu_ij)` of coefficients `mu_ij = a_ij / b_j` with `mu_ij + mu_ji = 1` exactly, in both parts.
+    const MU: [[(usize, Constant); STAGES]; STAGES] = {
+        let mut mu = [[(0, c(0.5, 0.0)); STAGES]; STAGES];
         let mut i = 0;
         while i < STAGES {
             let mut j = 0;
@@ -113,9 +113,15 @@ impl<const STAGES: usize, I> Gauss<STAGES, I> {
             }
             j = i + 1;
             while j < STAGES {
+                let (a, b) = (Self::TABLEAU.stages[i + 1][j].1, Self::B[j]);
                 // The sum lies between one and two, and rounds to a multiple of 2^-52: so do both coefficients.
-                let above = (Self::TABLEAU.stages[i + 1][j].1 / Self::B[j] + 1.5) - 1.5;
-                (mu[i][j].1, mu[j][i].1) = (above, 1.0 - above);
+                let above = (a.hi / b.hi + 1.5) - 1.5;
+                let (product, error) = exact_product(above, b.hi);
+                let rest = (((a.hi - product) - error) + (a.lo - above * b.lo)) / b.hi;
+                // Likewise a multiple of 2^-104, so that the parts of a number and of its complement to one have
+                // room in 106 bits.
+                let below = (rest + 1.5 * f64::EPSILON) - 1.5 * f64::EPSILON;
+                (mu[i][j].1, mu[j][i].1) = (c(above, below), c(1.0 - above, -below));
                 j += 1;
             }
             i += 1;
@@ -129,12 +135,12 @@ impl<const STAGES: usize, I> Gauss<STAGES, I> {
         let nodes = Self::TABLEAU.nodes;
         let mut j = 0;
         while j <= STAGES + 1 {
-            let x = if j <= STAGES { nodes[j] } else { 1.0 };
+            let x = if j <= STAGES { nodes[j].hi } else { 1.0 };
             let mut product = 1.0;
             let mut m = 0;
             while m <= STAGES + 1 {
                 if m != j {
-                    product *= x - if m <= STAGES { nodes[m] } else { 1.0 };
+                    product *= x - if m <= STAGES { nodes[m].hi } else { 1.0 };
                 }
                 m += 1;
             }
@@ -147,6 +153,18 @@ impl<const STAGES: usize, I> Gauss<STAGES, I> {
         }
         (inner, ends)
     };
+}
+
+/// `x y = product + error` exactly, after Dekker and Veltkamp, for constants.
+const fn exact_product(x: f64, y: f64) -> (f64, f64) {
+    const fn split(x: f64) -> (f64, f64) {
+        let t = 134_217_729.0 * x; // 2^27 + 1
+        let upper = t - (t - x);
+        (upper, x - upper)
+    }
+    let product = x * y;
+    let ((a, b), (c, d)) = (split(x), split(y));
+    (product, ((a * c - product) + a * d + b * c) + b * d)
 }
 
 /// Derivatives kept at most: the stages, and one for dense output.
@@ -202,13 +220,11 @@ impl<R: Real, V: StateVector<R>, W, const STAGES: usize> GaussStorage<R, V, W, S
             let (inner, ends) = Gauss::<STAGES, I>::BARYCENTRIC;
             let nodes = Gauss::<STAGES, I>::TABLEAU.nodes;
             for i in 0..STAGES {
-                let beyond = ratio * R::from_f64(nodes[i + 1]);
+                let beyond = ratio * nodes[i + 1].get();
                 let x = R::ONE + beyond;
-                let product =
-                    nodes[1..].iter().fold(x * beyond, |product, &node| product * (x - R::from_f64(node)));
-                self.inner[i] = core::array::from_fn(|j| {
-                    product * R::from_f64(inner[j]) / (x - R::from_f64(nodes[j + 1]))
-                });
+                let product = nodes[1..].iter().fold(x * beyond, |product, node| product * (x - node.get()));
+                self.inner[i] =
+                    core::array::from_fn(|j| product * R::from_f64(inner[j]) / (x - nodes[j + 1].get()));
                 self.ends[i] = [product * R::from_f64(ends[0]) / x, product * R::from_f64(ends[1]) / beyond];
             }
         }
@@ -238,7 +254,7 @@ fn evaluate_stage<R: Real, S: System<R>, const STAGES: usize, I>(
     let k = Derivatives { n_stages: STAGES + 1, first, stored: increments, last: first };
     let (y, h, work) = (step.from.state.as_slice(), step.h, step.work.as_mut_slice());
     k.for_each_sum(&Gauss::<STAGES, I>::MU[i], y.len(), |c, slope| work[c] = h.mul_add(slope, y[c]));
-    let node = R::from_f64(Gauss::<STAGES, I>::TABLEAU.nodes[i + 1]);
+    let node: R = Gauss::<STAGES, I>::TABLEAU.nodes[i + 1].get();
     step.system.rhs(step.t + node * h, step.work, out);
     *step.rhs_evals += 1;
 }
@@ -246,7 +262,7 @@ fn evaluate_stage<R: Real, S: System<R>, const STAGES: usize, I>(
 /// `increment = b_i k_i`.
 #[inline(always)]
 fn weigh<R: Real, V: StateVector<R>, const STAGES: usize, I>(i: usize, stage: &V, increment: &mut V) {
-    let weight = R::from_f64(Gauss::<STAGES, I>::B[i]);
+    let weight: R = Gauss::<STAGES, I>::B[i].get();
     for (increment, &k) in increment.as_mut_slice().iter_mut().zip(stage.as_slice()) {
         *increment = weight * k;
     }
@@ -368,7 +384,7 @@ impl<R: Real, const N: usize, const STAGES: usize> NewtonWorkspace<R, N, STAGES>
     fn factor(&mut self, h: R, tableau: &Tableau) -> bool {
         for i in 0..STAGES {
             for j in 0..STAGES {
-                let a = h * R::from_f64(tableau.stages[i + 1][j].1);
+                let a = h * tableau.stages[i + 1][j].1.get();
                 for row in 0..N {
                     for column in 0..N {
                         let one = if i == j && row == column { R::ONE } else { R::ZERO };
@@ -500,43 +516,76 @@ impl<R: Real, S: Differentiable<R, State = [R; N]>, const N: usize, const STAGES
 const GAUSS4: Tableau = Tableau {
     name: "gauss4",
     order: 4,
-    nodes: &[0.0, 0.2113248654051871, 0.7886751345948129],
-    stages: &[&[], &[(1, 0.25), (2, -0.03867513459481288)], &[(1, 0.5386751345948129), (2, 0.25)]],
-    weights: &[(1, 0.5), (2, 0.5)],
+    nodes: &[
+        c(0.0, 0.0),
+        c(0.2113248654051871, 1.1030435245950743e-17),
+        c(0.7886751345948129, 1.6725140369678172e-17),
+    ],
+    stages: &[
+        &[],
+        &[(1, c(0.25, 0.0)), (2, c(-0.03867513459481288, -2.8473525618637145e-18))],
+        &[(1, c(0.5386751345948129, 1.6725140369678172e-17)), (2, c(0.25, 0.0))],
+    ],
+    weights: &[(1, c(0.5, 0.0)), (2, c(0.5, 0.0))],
     estimate: Estimate::None,
-    dense_nodes: &[0.3333333333333333],
-    dense_stages: &[&[(0, 0.07407407407407407), (1, 0.2579296894495465), (2, 0.0013295698097127932)]],
-    dense: &[(1, &[-4.5]), (2, &[-4.5]), (3, &[2.25]), (4, &[6.75])],
+    dense_nodes: &[c(0.3333333333333333, 1.850371707708594e-17)],
+    dense_stages: &[&[
+        (0, c(0.07407407407407407, 4.11193712824132e-18)),
+        (1, c(0.2579296894495465, -6.958384228987656e-18)),
+        (2, c(0.0013295698097127932, -1.170388373807091e-19)),
+    ]],
+    dense: &[(1, &[c(-4.5, 0.0)]), (2, &[c(-4.5, 0.0)]), (3, &[c(2.25, 0.0)]), (4, &[c(6.75, 0.0)])],
 };
 
 /// The method of order 6.
 const GAUSS6: Tableau = Tableau {
     name: "gauss6",
     order: 6,
-    nodes: &[0.0, 0.11270166537925831, 0.5, 0.8872983346207417],
+    nodes: &[
+        c(0.0, 0.0),
+        c(0.11270166537925831, -2.5675694035077516e-19),
+        c(0.5, 0.0),
+        c(0.8872983346207417, -1.3621030867463682e-17),
+    ],
     stages: &[
         &[],
-        &[(1, 0.1388888888888889), (2, -0.0359766675249389), (3, 0.009789444015308325)],
-        &[(1, 0.30026319498086457), (2, 0.2222222222222222), (3, -0.022485417203086815)],
-        &[(1, 0.26798833376246944), (2, 0.48042111196938336), (3, 0.1388888888888889)],
+        &[
+            (1, c(0.1388888888888889, -6.1679056923619804e-18)),
+            (2, c(-0.0359766675249389, -1.7131477166576787e-18)),
+            (3, c(0.009789444015308325, 6.854025647616559e-19)),
+        ],
+        &[
+            (1, c(0.30026319498086457, 2.5164098933700036e-17)),
+            (2, c(0.2222222222222222, 1.2335811384723961e-17)),
+            (3, c(-0.022485417203086815, 6.64006153065758e-19)),
+        ],
+        &[
+            (1, c(0.26798833376246944, 7.795467762236068e-18)),
+            (2, c(0.48042111196938336, -1.5248592937337767e-17)),
+            (3, c(0.1388888888888889, -6.1679056923619804e-18)),
+        ],
     ],
-    weights: &[(1, 0.2777777777777778), (2, 0.4444444444444444), (3, 0.2777777777777778)],
+    weights: &[
+        (1, c(0.2777777777777778, -1.2335811384723961e-17)),
+        (2, c(0.4444444444444444, 2.4671622769447922e-17)),
+        (3, c(0.2777777777777778, -1.2335811384723961e-17)),
+    ],
     estimate: Estimate::None,
-    dense_nodes: &[0.5],
+    dense_nodes: &[c(0.5, 0.0)],
     dense_stages: &[&[
-        (0, -0.03125),
-        (1, 0.3406067715038585),
-        (2, 0.2222222222222222),
-        (3, -0.06282899372608074),
-        (4, 0.03125),
+        (0, c(-0.03125, 0.0)),
+        (1, c(0.3406067715038585, 3.299710009021554e-17)),
+        (2, c(0.2222222222222222, 1.2335811384723961e-17)),
+        (3, c(-0.06282899372608074, -3.6995480514961326e-18)),
+        (4, c(0.03125, 0.0)),
     ]],
     dense: &[
-        (0, &[-4.5, 4.0]),
-        (1, &[6.560819455172847, -6.666666666666667]),
-        (2, &[5.333333333333333, -10.666666666666666]),
-        (3, &[0.10584721149381926, -6.666666666666667]),
-        (4, &[0.5, 4.0]),
-        (5, &[-8.0, 16.0]),
+        (0, &[c(-4.5, 0.0), c(4.0, 0.0)]),
+        (1, &[c(6.560819455172847, 3.4521146054490194e-17), c(-6.666666666666667, 2.9605947323337506e-16)]),
+        (2, &[c(5.333333333333333, 2.9605947323337506e-16), c(-10.666666666666666, -5.921189464667501e-16)]),
+        (3, &[c(0.10584721149381926, 2.4862880996816924e-18), c(-6.666666666666667, 2.9605947323337506e-16)]),
+        (4, &[c(0.5, 0.0), c(4.0, 0.0)]),
+        (5, &[c(-8.0, 0.0), c(16.0, 0.0)]),
     ],
 };
 
@@ -544,57 +593,143 @@ const GAUSS6: Tableau = Tableau {
 const GAUSS8: Tableau = Tableau {
     name: "gauss8",
     order: 8,
-    nodes: &[0.0, 0.06943184420297371, 0.33000947820757187, 0.6699905217924281, 0.9305681557970263],
+    nodes: &[
+        c(0.0, 0.0),
+        c(0.06943184420297371, -1.3430706493351195e-18),
+        c(0.33000947820757187, -3.745660853481089e-18),
+        c(0.6699905217924281, 3.745660853481089e-18),
+        c(0.9305681557970263, -5.416808058192271e-17),
+    ],
     stages: &[
         &[],
         &[
-            (1, 0.08696371128436346),
-            (2, -0.026604180084998794),
-            (3, 0.012627462689404725),
-            (4, -0.0035551496857956833),
+            (1, c(0.08696371128436346, 1.9150840971873604e-18)),
+            (2, c(-0.026604180084998794, 9.900118323689559e-19)),
+            (3, c(0.012627462689404725, -5.202235051507822e-19)),
+            (4, c(-0.0035551496857956833, 1.7518474720716254e-19)),
         ],
         &[
-            (1, 0.18811811749986806),
-            (2, 0.16303628871563652),
-            (3, -0.027880428602470895),
-            (4, 0.006735500594538156),
+            (1, c(0.18811811749986806, 6.682758305892193e-18)),
+            (2, c(0.16303628871563652, 1.1962703710627097e-17)),
+            (3, c(-0.027880428602470895, -3.686704410770683e-19)),
+            (4, c(0.006735500594538156, -3.3840897921322164e-19)),
         ],
         &[
-            (1, 0.16719192197418878),
-            (2, 0.35395300603374397),
-            (3, 0.16303628871563652),
-            (4, -0.014190694931141144),
+            (1, c(0.16719192197418878, -5.372401944284497e-18)),
+            (2, c(0.35395300603374397, 7.949198655961897e-21)),
+            (3, c(0.16303628871563652, 1.1962703710627097e-17)),
+            (4, c(-0.014190694931141144, 6.168568404361416e-19)),
         ],
         &[
-            (1, 0.1774825722545226),
-            (2, 0.31344511474186837),
-            (3, 0.35267675751627187),
-            (4, 0.08696371128436346),
+            (1, c(0.1774825722545226, 9.29283474409218e-18)),
+            (2, c(0.31344511474186837, -2.2391902924968816e-17)),
+            (3, c(0.35267675751627187, -1.3507330747900623e-18)),
+            (4, c(0.08696371128436346, 1.9150840971873604e-18)),
         ],
     ],
     weights: &[
-        (1, 0.17392742256872692),
-        (2, 0.32607257743127305),
-        (3, 0.32607257743127305),
-        (4, 0.17392742256872692),
+        (1, c(0.17392742256872692, 3.830168194374721e-18)),
+        (2, c(0.32607257743127305, 2.3925407421254193e-17)),
+        (3, c(0.32607257743127305, 2.3925407421254193e-17)),
+        (4, c(0.17392742256872692, 3.830168194374721e-18)),
     ],
     estimate: Estimate::None,
-    dense_nodes: &[0.7],
+    dense_nodes: &[c(0.7, 4.4408920985006264e-17)],
     dense_stages: &[&[
-        (0, 0.012285),
-        (1, 0.15182251083265905),
-        (2, 0.3517867077179952),
-        (3, 0.2104763960288042),
-        (4, -0.053565614579458416),
-        (5, 0.027195),
+        (0, c(0.012285, -7.80486786311485e-19)),
+        (1, c(0.15182251083265905, 5.776024440872862e-18)),
+        (2, c(0.3517867077179952, -2.005123656876771e-17)),
+        (3, c(0.2104763960288042, -4.3974219668978405e-18)),
+        (4, c(-0.053565614579458416, 1.8349917033275627e-18)),
+        (5, c(0.027195, -4.2299497238218464e-19)),
     ]],
     dense: &[
-        (0, &[-8.070668693009118, 7.0, 9.663120567375886]),
-        (1, &[10.511471538573442, -9.890096504226937, -15.492376662567317]),
-        (2, &[-1.8317408988837236, 2.890096504226938, 9.56466034609202]),
-        (3, &[-12.233569912784626, 2.890096504226938, 42.58633975530123]),
-        (4, &[-3.5419054077561567, -9.890096504226937, 29.121518405145697]),
-        (5, &[2.50177304964539, 7.0, -16.34160756501182]),
-        (6, &[12.664640324214792, 0.0, -59.1016548463357]),
+        (
+            0,
+            &[
+                c(-8.070668693009118, -4.967320037228664e-16),
+                c(7.0, 0.0),
+                c(9.663120567375886, 5.417258446397927e-16),
+            ],
+        ),
+        (
+            1,
+            &[
+                c(10.511471538573442, 1.2233694334462944e-16),
+                c(-9.890096504226937, -6.774665938351644e-16),
+                c(-15.492376662567317, -3.061084197473471e-16),
+            ],
+        ),
+        (
+            2,
+            &[
+                c(-1.8317408988837236, -1.4206590925807033e-16),
+                c(2.890096504226938, -2.1071182586496088e-16),
+                c(9.56466034609202, -4.2075187105453924e-16),
+            ],
+        ),
+        (
+            3,
+            &[
+                c(-12.233569912784626, 2.357854437838745e-16),
+                c(2.890096504226938, -2.1071182586496088e-16),
+                c(42.58633975530123, 5.226266874538746e-16),
+            ],
+        ),
+        (
+            4,
+            &[
+                c(-3.5419054077561567, -2.2357992723065883e-17),
+                c(-9.890096504226937, -6.774665938351644e-16),
+                c(29.121518405145697, -1.1437818705231003e-15),
+            ],
+        ),
+        (
+            5,
+            &[
+                c(2.50177304964539, 2.519655091347873e-17),
+                c(7.0, 0.0),
+                c(-16.34160756501182, -1.1758390426290074e-16),
+            ],
+        ),
+        (
+            6,
+            &[
+                c(12.664640324214792, 5.579236273698862e-17),
+                c(0.0, 0.0),
+                c(-59.1016548463357, 9.2387353349422e-16),
+            ],
+        ),
     ],
 };
+
+#[cfg(test)]
+mod tests {
+    use super::{FixedPoint, Gauss};
+    use crate::{DoubleDouble, Real};
+
+    /// `mu_ij + mu_ji = 1` exactly in both scalars, and `b_j mu_ij` is the coefficient to the digits of the scalar.
+    fn check<R: Real, const STAGES: usize>() {
+        let (mu, b) = (Gauss::<STAGES, FixedPoint>::MU, Gauss::<STAGES, FixedPoint>::B);
+        for i in 0..STAGES {
+            for j in 0..STAGES {
+                let (above, below) = (mu[i][j].1.get::<R>(), mu[j][i].1.get::<R>());
+                assert_eq!(above + below, R::ONE, "{STAGES} stages: {i}, {j}");
+                let a = Gauss::<STAGES, FixedPoint>::TABLEAU.stages[i + 1][j].1.get::<R>();
+                let defect = (b[j].get::<R>() * above - a).magnitude();
+                assert!(defect <= 2.0 * R::EPSILON, "{STAGES} stages: {i}, {j}: {defect:e}");
+            }
+        }
+    }
+
+    #[test]
+    fn stages_are_exactly_symplectic_in_every_scalar() {
+        fn both<const STAGES: usize>() {
+            check::<f64, STAGES>();
+            check::<DoubleDouble, STAGES>();
+        }
+        both::<2>();
+        both::<3>();
+        both::<4>();
+    }
+}

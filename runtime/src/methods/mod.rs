@@ -1,7 +1,9 @@
 //! The methods, each a tableau of constants and a way to compute its stages; the one stepping loop drives them.
 //!
-//! The module deliberately does not know how steps are chosen. Tableaux are in double precision, so that
-//! scalars wider than `f64` do not gain accuracy beyond it.
+//! The module deliberately does not know how steps are chosen. Tableaux have 32 digits, in two parts: `f64` uses the
+//! first part alone, [`DoubleDouble`](crate::DoubleDouble) both. Digits beyond those of the sources are the solution of
+//! the order conditions next to the printed numbers (Newton's iteration, least correction); the tests below check all
+//! conditions to the last of these digits.
 
 mod dop853;
 mod dopri5;
@@ -103,14 +105,81 @@ pub struct Start<'a, R: Real, S: System<R>> {
     pub t: R,
     /// The start; its slope is complete for methods with stages.
     pub point: &'a Point<S::State>,
-    /// Reciprocals of the tolerances of the components there.
-    pub scales: &'a S::State,
+    /// The tolerances of the components there.
+    pub tolerances: Tolerances<'a, S::State>,
     /// The norm of scaled components that is to be at most one.
     pub norm: Norm,
     /// Space for one state.
     pub work: &'a mut S::State,
     /// Count of evaluations of the right-hand side, to be kept up to date.
     pub rhs_evals: &'a mut u64,
+}
+
+/// The tolerances of the components over a step, or at a point, in which their errors are measured.
+///
+/// ```text
+/// tolerance_i = atol_i + rtol_i max(|a_i|, |b_i|)
+/// ```
+///
+/// Errors are multiplied by the reciprocals of the tolerances. Where one of them leaves the range of the scalar, as with
+/// states around 1e-300, state and error are brought into the middle of the range by a power of two first: results do
+/// not depend on the scale of the state.
+#[derive(Clone, Copy, Debug)]
+pub struct Tolerances<'a, V> {
+    pub(crate) rtol: &'a V,
+    pub(crate) atol: &'a V,
+    /// The states at both ends of the step.
+    pub(crate) ends: [&'a V; 2],
+    /// Reciprocals of the tolerances, as far as they are finite.
+    pub(crate) reciprocals: &'a V,
+}
+
+impl<V> Tolerances<'_, V> {
+    /// A value of the component `c` in units of its tolerance.
+    #[inline(always)]
+    pub fn scaled<R: Real>(&self, c: usize, value: R) -> R
+    where
+        V: StateVector<R>,
+    {
+        let scaled = value * self.reciprocals.as_slice()[c];
+        if scaled.all_finite() { scaled } else { self.scaled_within_range(c, value) }
+    }
+
+    #[cold]
+    #[inline(never)]
+    pub(crate) fn scaled_within_range<R: Real>(&self, c: usize, value: R) -> R
+    where
+        V: StateVector<R>,
+    {
+        let larger = larger(self.ends[0].as_slice()[c], self.ends[1].as_slice()[c]);
+        let unit = R::from_f64(middle_of_range::<R>(larger.magnitude()));
+        // A component may be zero where its absolute tolerance is; its error is to be zero then.
+        let least = R::from_f64(R::MIN_POSITIVE);
+        let tolerance =
+            self.rtol.as_slice()[c].mul_add(larger * unit, self.atol.as_slice()[c] * unit) + least;
+        value * unit / tolerance
+    }
+}
+
+/// The larger absolute value, on every lane.
+#[inline(always)]
+pub(crate) fn larger<R: Real>(a: R, b: R) -> R {
+    let (half, a, b) = (R::from_f64(0.5), a.abs(), b.abs());
+    // Halves are summed, as the sum of two large numbers may not exist.
+    half * a + half * b + half * (a - b).abs()
+}
+
+/// The power of two that brings numbers of a size into the middle of the range of a scalar; one for most.
+fn middle_of_range<R: Real>(size: f64) -> f64 {
+    // An even power of two in every scalar, or twice one: its root is within a factor two of a power of two.
+    let root = f64::from_bits(crate::math::sqrt(R::MIN_POSITIVE).to_bits() & (0x7ff << 52));
+    if size < root {
+        1.0 / root
+    } else if size > 1.0 / root {
+        root
+    } else {
+        1.0
+    }
 }
 
 /// One trial step, as a method sees it.
@@ -136,6 +205,32 @@ pub struct Step<'a, R: Real, S: System<R>> {
     /// Count of evaluations of the Jacobian, to be kept up to date.
     pub jacobian_evals: &'a mut u64,
 }
+
+/// A coefficient of a method with 32 digits: `hi + lo`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Constant {
+    /// The coefficient in `f64`.
+    pub hi: f64,
+    /// What it lacks, for wider scalars.
+    pub lo: f64,
+}
+
+impl Constant {
+    /// The coefficient as a scalar, with the digits that it can hold.
+    #[inline(always)]
+    #[must_use]
+    pub fn get<R: Real>(self) -> R {
+        R::from_parts(self.hi, self.lo)
+    }
+}
+
+/// A [`Constant`], shortly for tables.
+pub(crate) const fn c(hi: f64, lo: f64) -> Constant {
+    Constant { hi, lo }
+}
+
+/// Coefficients `(j, coefficient)` of a sum over stages `j`.
+pub type Row = &'static [(usize, Constant)];
 
 /// Coefficients of a Runge-Kutta method of `s` stages with continuous output.
 ///
@@ -166,19 +261,19 @@ pub struct Tableau {
     /// Order of `y1`.
     pub order: u32,
     /// Nodes `c_i`.
-    pub nodes: &'static [f64],
+    pub nodes: &'static [Constant],
     /// Rows `a_i`; the first is empty.
-    pub stages: &'static [&'static [(usize, f64)]],
+    pub stages: &'static [Row],
     /// Weights `b_i`.
-    pub weights: &'static [(usize, f64)],
+    pub weights: Row,
     /// Weights of the error estimate.
     pub estimate: Estimate,
     /// Nodes of the stages for dense output.
-    pub dense_nodes: &'static [f64],
+    pub dense_nodes: &'static [Constant],
     /// Rows of the stages for dense output.
-    pub dense_stages: &'static [&'static [(usize, f64)]],
+    pub dense_stages: &'static [Row],
     /// Coefficients `d_i0, d_i1, ...` of dense output.
-    pub dense: &'static [(usize, &'static [f64])],
+    pub dense: &'static [(usize, &'static [Constant])],
 }
 
 impl Tableau {
@@ -200,7 +295,7 @@ impl Tableau {
     }
 
     /// The rows of weights of the error estimate.
-    pub(crate) const fn error_weights(&self) -> [&'static [(usize, f64)]; 2] {
+    pub(crate) const fn error_weights(&self) -> [Row; 2] {
         match self.estimate {
             Estimate::None | Estimate::Series => [&[], &[]],
             Estimate::Embedded { weights, .. } => [weights, &[]],
@@ -232,7 +327,7 @@ pub enum Estimate {
         /// The `q` of an estimate `O(h^q)`.
         order: u32,
         /// Weights `e_i`, the embedded ones subtracted from `b_i` up to a sign.
-        weights: &'static [(usize, f64)],
+        weights: Row,
     },
     /// Two estimates combined: `|e5|^2 / sqrt(|e5|^2 + 0.01 |e3|^2)`.
     ///
@@ -243,9 +338,9 @@ pub enum Estimate {
         /// The `q` of a combined estimate `O(h^q)`.
         order: u32,
         /// Weights of the estimate of fifth order.
-        fifth: &'static [(usize, f64)],
+        fifth: Row,
         /// Weights of the estimate of third order.
-        third: &'static [(usize, f64)],
+        third: Row,
     },
 }
 
@@ -277,8 +372,12 @@ impl<'a, V> Derivatives<'a, V> {
     /// Sums of several components are formed side by side, so that they are vectorised without knowing where `put`
     /// writes; straight-line code where the row and `n` are constants.
     #[inline(always)]
-    pub(crate) fn for_each_sum<R: Real>(&self, row: &[(usize, f64)], n: usize, mut put: impl FnMut(usize, R))
-    where
+    pub(crate) fn for_each_sum<R: Real>(
+        &self,
+        row: &[(usize, Constant)],
+        n: usize,
+        mut put: impl FnMut(usize, R),
+    ) where
         V: StateVector<R>,
     {
         let mut c = 0;
@@ -291,7 +390,7 @@ impl<'a, V> Derivatives<'a, V> {
     #[inline(always)]
     fn sum_blocks<R: Real, const WIDTH: usize>(
         &self,
-        row: &[(usize, f64)],
+        row: &[(usize, Constant)],
         n: usize,
         start: &mut usize,
         put: &mut impl FnMut(usize, R),
@@ -302,7 +401,7 @@ impl<'a, V> Derivatives<'a, V> {
             let mut sums = [R::ZERO; WIDTH];
             for (term, &(index, weight)) in row.iter().enumerate() {
                 let k = &self.get(index).as_slice()[*start..*start + WIDTH];
-                let weight = R::from_f64(weight);
+                let weight: R = weight.get();
                 for (sum, &k) in sums.iter_mut().zip(k) {
                     *sum = if term == 0 { weight * k } else { weight.mul_add(k, *sum) };
                 }
@@ -328,7 +427,7 @@ pub(crate) fn two_sum<R: Real>(a: R, b: R) -> (R, R) {
 pub(crate) fn compensated_advance<R: Real, V: StateVector<R>>(
     (from, to): (&Point<V>, &mut Point<V>),
     h: R,
-    weights: &[(usize, f64)],
+    weights: &[(usize, Constant)],
     k: &Derivatives<'_, V>,
 ) {
     let (y, residue) = (from.state.as_slice(), from.residue.as_slice());
@@ -368,9 +467,11 @@ mod tests {
     use std::vec::Vec;
 
     use super::{
-        Dop853, Dopri5, Estimate, FixedPoint, Gauss4, Gauss6, Gauss8, Method, Rk4, Tableau, Tsit5, Vern9,
+        Constant, Dop853, Dopri5, Estimate, FixedPoint, Gauss4, Gauss6, Gauss8, Method, Rk4, Row, Tableau,
+        Tsit5, Vern9, c,
     };
     use crate::system::System;
+    use crate::{DoubleDouble, Real};
 
     struct Nothing;
 
@@ -440,20 +541,24 @@ mod tests {
     }
 
     /// The rows of all stored stages, the one shared with the next step included.
-    fn rows(tableau: &Tableau) -> Vec<(f64, &'static [(usize, f64)])> {
+    fn rows(tableau: &Tableau) -> Vec<(Constant, Row)> {
         let stages = tableau.nodes.iter().copied().zip(tableau.stages.iter().copied());
         let extra = tableau.dense_nodes.iter().copied().zip(tableau.dense_stages.iter().copied());
-        stages.chain([(1.0, tableau.weights)]).chain(extra).collect()
+        stages.chain([(c(1.0, 0.0), tableau.weights)]).chain(extra).collect()
+    }
+
+    fn sum<R: Real>(terms: impl Iterator<Item = R>) -> R {
+        terms.fold(R::ZERO, |sum, term| sum + term)
     }
 
     /// Elementary weights `Phi_i` of every tree at every stage.
-    fn elementary_weights(tableau: &Tableau, trees: &[Tree]) -> Vec<Vec<f64>> {
+    fn elementary_weights<R: Real>(tableau: &Tableau, trees: &[Tree]) -> Vec<Vec<R>> {
         let rows = rows(tableau);
-        let mut all: Vec<Vec<f64>> = vec![];
+        let mut all: Vec<Vec<R>> = vec![];
         for tree in trees {
-            let weight = |row: &[(usize, f64)]| {
-                let child = |&child: &usize| row.iter().map(|&(j, a)| a * all[child][j]).sum::<f64>();
-                tree.children.iter().map(child).product()
+            let weight = |row: Row| {
+                let child = |&child: &usize| sum(row.iter().map(|&(j, a)| a.get::<R>() * all[child][j]));
+                tree.children.iter().map(child).fold(R::ONE, |product, factor| product * factor)
             };
             let weights = rows.iter().map(|(_, row)| weight(row)).collect();
             all.push(weights);
@@ -462,93 +567,145 @@ mod tests {
     }
 
     /// The largest defect of the conditions `sum_i w_i Phi_i(tree) = x^order / density` of an order.
-    fn defect(
+    fn defect<R: Real>(
         tableau: &Tableau,
-        weights: &[(usize, f64)],
+        weights: &[(usize, R)],
         orders: core::ops::RangeInclusive<usize>,
-        target: impl Fn(usize, f64) -> f64,
+        target: impl Fn(usize, f64) -> R,
     ) -> f64 {
         let trees = rooted_trees(*orders.end());
-        let elementary = elementary_weights(tableau, &trees);
+        let elementary = elementary_weights::<R>(tableau, &trees);
         let defects = trees.iter().zip(&elementary).filter(|(tree, _)| orders.contains(&tree.order)).map(
             |(tree, elementary)| {
-                let sum: f64 = weights.iter().map(|&(i, w)| w * elementary[i]).sum();
-                (sum - target(tree.order, tree.density)).abs()
+                let sum = sum(weights.iter().map(|&(i, w)| w * elementary[i]));
+                (sum - target(tree.order, tree.density)).magnitude()
             },
         );
         defects.fold(0.0, f64::max)
     }
 
+    fn values<R: Real>(row: Row) -> Vec<(usize, R)> {
+        row.iter().map(|&(i, w)| (i, w.get())).collect()
+    }
+
     #[test]
     fn rows_sum_to_nodes() {
-        for (position, tableau) in TABLEAUX.into_iter().enumerate() {
-            assert_eq!(tableau.nodes.len(), tableau.stages.len());
-            assert_eq!(tableau.dense_nodes.len(), tableau.dense_stages.len());
-            for (index, (node, row)) in rows(tableau).into_iter().enumerate() {
-                let sum: f64 = row.iter().map(|&(_, a)| a).sum();
-                let size: f64 = row.iter().map(|&(_, a)| a.abs()).sum();
-                let bound = 4.0 * f64::EPSILON * size.max(1.0);
-                assert!((sum - node).abs() <= bound, "{} stage {index}: {sum} and {node}", tableau.name);
-                let explicit = row.iter().all(|&(j, _)| j < index);
-                let collocated = 0 < index && index < tableau.n_stages() && position >= N_EXPLICIT;
-                assert_eq!(explicit, !collocated, "{} stage {index}", tableau.name);
+        fn check<R: Real>() {
+            for (position, tableau) in TABLEAUX.into_iter().enumerate() {
+                assert_eq!(tableau.nodes.len(), tableau.stages.len());
+                assert_eq!(tableau.dense_nodes.len(), tableau.dense_stages.len());
+                for (index, (node, row)) in rows(tableau).into_iter().enumerate() {
+                    let sum = sum(row.iter().map(|&(_, a)| a.get::<R>()));
+                    let size: f64 = row.iter().map(|&(_, a)| a.hi.abs()).sum();
+                    let bound = 4.0 * R::EPSILON * size.max(1.0);
+                    let defect = (sum - node.get()).magnitude();
+                    assert!(defect <= bound, "{} stage {index}: {defect:e}", tableau.name);
+                    let explicit = row.iter().all(|&(j, _)| j < index);
+                    let collocated = 0 < index && index < tableau.n_stages() && position >= N_EXPLICIT;
+                    assert_eq!(explicit, !collocated, "{} stage {index}", tableau.name);
+                }
             }
+        }
+        check::<f64>();
+        check::<DoubleDouble>();
+    }
+
+    /// Bounds on defects: sums over products of up to nine coefficients, of a size up to 12 (Tsit5), 43 (Dop853), 36 (Vern9);
+    /// dense coefficients are up to 530 (Dop853) and 1340 (Vern9).
+    const ROUND_OFF: f64 = 2e-14;
+    const DENSE_ROUND_OFF: f64 = 1e-13;
+    /// The same with all digits.
+    const FULL_ROUND_OFF: f64 = 1e-30;
+
+    #[test]
+    fn weights_satisfy_order_conditions() {
+        fn check<R: Real>(bound: f64) {
+            for tableau in TABLEAUX {
+                let order = tableau.order as usize;
+                let exact = |_, density| R::ratio(1.0, density);
+                let weights = values::<R>(tableau.weights);
+                let met = defect(tableau, &weights, 1..=order, exact);
+                assert!(met < bound, "{}: {met:e}", tableau.name);
+                let missed = defect(tableau, &weights, order + 1..=order + 1, exact);
+                assert!(missed > 1e-9, "{}: order higher than stated, {missed:e}", tableau.name);
+            }
+        }
+        check::<f64>(ROUND_OFF);
+        check::<DoubleDouble>(FULL_ROUND_OFF);
+    }
+
+    #[test]
+    fn first_parts_of_coefficients_do_not_satisfy_order_conditions_to_all_digits() {
+        // What the second parts are for: a tableau of `f64` is wrong by round-off of `f64`, whatever the scalar.
+        for tableau in TABLEAUX.into_iter().filter(|tableau| tableau.name != "rk4") {
+            let first = |&(i, w): &(usize, Constant)| (i, DoubleDouble::from(w.hi));
+            let weights: Vec<_> = tableau.weights.iter().map(first).collect();
+            let exact = |_, density| DoubleDouble::ratio(1.0, density);
+            let order = tableau.order as usize;
+            let missed = defect(tableau, &weights, 1..=order, exact);
+            assert!(missed > 1e-18 || tableau.name == "gauss4", "{}: {missed:e}", tableau.name);
         }
     }
 
     #[test]
-    fn weights_satisfy_order_conditions() {
+    fn parts_of_coefficients_do_not_overlap() {
         for tableau in TABLEAUX {
-            let order = tableau.order as usize;
-            let exact = |_, density: f64| 1.0 / density;
-            let met = defect(tableau, tableau.weights, 1..=order, exact);
-            // Coefficients up to 12 (Tsit5), 43 (Dop853) and 36 (Vern9), products of up to nine of them.
-            assert!(met < 2e-14, "{}: {met:e}", tableau.name);
-            let missed = defect(tableau, tableau.weights, order + 1..=order + 1, exact);
-            assert!(missed > 1e-9, "{}: order higher than stated, {missed:e}", tableau.name);
+            let mut all: Vec<Constant> =
+                rows(tableau).iter().flat_map(|(_, row)| row.iter().map(|x| x.1)).collect();
+            all.extend(tableau.nodes.iter().chain(tableau.dense_nodes));
+            all.extend(tableau.dense.iter().flat_map(|(_, row)| row.iter()));
+            all.extend(tableau.error_weights().iter().flat_map(|row| row.iter().map(|x| x.1)));
+            for Constant { hi, lo } in all {
+                // Half a place, and a little where the first part is another author's rounding.
+                assert!(lo.abs() <= 0.75 * f64::EPSILON * hi.abs(), "{}: {hi:e} {lo:e}", tableau.name);
+            }
         }
     }
 
     #[test]
     fn estimates_have_their_order() {
         // An estimate O(h^q) vanishes on all trees of an order below q, and not on all of the order q.
-        let check = |tableau: &Tableau, weights: &[(usize, f64)], q: usize| {
-            let zero = |_, _| 0.0;
-            let met = defect(tableau, weights, 1..=q - 1, zero);
-            assert!(met < 2e-14, "{} estimate of order {q}: {met:e}", tableau.name);
-            let missed = defect(tableau, weights, q..=q, zero);
+        fn check<R: Real>(tableau: &Tableau, weights: Row, q: usize, bound: f64) {
+            let (zero, weights) = (|_, _| R::ZERO, values::<R>(weights));
+            let met = defect(tableau, &weights, 1..=q - 1, zero);
+            assert!(met < bound, "{} estimate of order {q}: {met:e}", tableau.name);
+            let missed = defect(tableau, &weights, q..=q, zero);
             assert!(missed > 1e-6, "{} estimate of order {q}: {missed:e}", tableau.name);
-        };
+        }
+        fn check_both(tableau: &Tableau, weights: Row, q: usize) {
+            check::<f64>(tableau, weights, q, ROUND_OFF);
+            check::<DoubleDouble>(tableau, weights, q, FULL_ROUND_OFF);
+        }
         for tableau in TABLEAUX {
             match tableau.estimate {
                 Estimate::Series => panic!("{} has no stages", tableau.name),
                 Estimate::None => assert!(tableau.name == "rk4" || tableau.name.starts_with("gauss")),
-                Estimate::Embedded { order, weights } => check(tableau, weights, order as usize),
+                Estimate::Embedded { order, weights } => check_both(tableau, weights, order as usize),
                 Estimate::Combined { order, fifth, third } => {
                     // |e5|^2 / |e3| with e5 = O(h^6) and e3 = O(h^4).
                     assert_eq!(order, 2 * 6 - 4);
-                    check(tableau, fifth, 6);
-                    check(tableau, third, 4);
+                    check_both(tableau, fifth, 6);
+                    check_both(tableau, third, 4);
                 }
             }
         }
     }
 
     /// Weights of the stages in the dense output at `x`, by the formula of [`Tableau`].
-    fn dense_weights(tableau: &Tableau, x: f64) -> Vec<(usize, f64)> {
-        let rest = 1.0 - x;
-        let mut weights = vec![0.0; tableau.n_stored() + 2];
-        let difference = x * (1.0 - rest + 2.0 * rest * x);
+    fn dense_weights<R: Real>(tableau: &Tableau, x: R) -> Vec<(usize, R)> {
+        let rest = R::ONE - x;
+        let mut weights = vec![R::ZERO; tableau.n_stored() + 2];
+        let difference = x * (R::ONE - rest + (rest + rest) * x);
         for &(i, b) in tableau.weights {
-            weights[i] += difference * b;
+            weights[i] += difference * b.get();
         }
-        weights[0] += x * rest * (1.0 - x);
+        weights[0] += x * rest * (R::ONE - x);
         weights[tableau.n_stages()] -= x * rest * x;
         for &(i, coefficients) in tableau.dense {
             let factors = [x, rest].into_iter().cycle();
-            let (mut power, mut sum) = (1.0, 0.0);
-            for (&d, factor) in coefficients.iter().zip(factors) {
-                sum += d * power;
+            let (mut power, mut sum) = (R::ONE, R::ZERO);
+            for (d, factor) in coefficients.iter().zip(factors) {
+                sum += d.get::<R>() * power;
                 power *= factor;
             }
             weights[i] += x * rest * x * rest * sum;
@@ -558,17 +715,23 @@ mod tests {
 
     #[test]
     fn dense_output_satisfies_order_conditions() {
-        for (tableau, order) in TABLEAUX.into_iter().zip([3, 4, 4, 7, 9, 4, 5, 6]) {
-            for x in [0.1, 0.35, 0.55, 0.8, 0.95_f64] {
-                let exact = |order: usize, density: f64| x.powi(order as i32) / density;
-                let weights = dense_weights(tableau, x);
-                let met = defect(tableau, &weights, 1..=order, exact);
-                // Dop853 has dense coefficients up to 530, Vern9 up to 1340.
-                assert!(met < 1e-13, "{} at {x}: {met:e}", tableau.name);
-                let missed = defect(tableau, &weights, order + 1..=order + 1, exact);
-                assert!(missed > 1e-9, "{} at {x}: {missed:e}", tableau.name);
+        fn check<R: Real>(bound: f64) {
+            for (tableau, order) in TABLEAUX.into_iter().zip([3, 4, 4, 7, 9, 4, 5, 6]) {
+                for x in [0.1, 0.35, 0.55, 0.8, 0.95_f64] {
+                    let x = R::from_f64(x);
+                    let exact = |order: usize, density| {
+                        (0..order).fold(R::ratio(1.0, density), |product, _| product * x)
+                    };
+                    let weights = dense_weights(tableau, x);
+                    let met = defect(tableau, &weights, 1..=order, exact);
+                    assert!(met < bound, "{} at {x:?}: {met:e}", tableau.name);
+                    let missed = defect(tableau, &weights, order + 1..=order + 1, exact);
+                    assert!(missed > 1e-9, "{} at {x:?}: {missed:e}", tableau.name);
+                }
             }
         }
+        check::<f64>(DENSE_ROUND_OFF);
+        check::<DoubleDouble>(FULL_ROUND_OFF);
     }
 
     #[test]
@@ -584,9 +747,9 @@ mod tests {
             (1.5, -4.0),
         ];
         let tableau = tableau::<Tsit5>();
-        for x in [0.2, 0.5, 0.9] {
+        for x in [0.2, 0.5, 0.9_f64] {
             for ((i, weight), (square, cube)) in dense_weights(tableau, x).into_iter().zip(published) {
-                let fourth = tableau.dense[i].1[0];
+                let fourth = tableau.dense[i].1[0].hi;
                 let linear = if i == 0 { 1.0 } else { 0.0 };
                 let expected = x * (linear + x * (square + x * (cube + x * fourth)));
                 assert!((weight - expected).abs() < 1e-14, "weight {i} at {x}: {weight} and {expected}");

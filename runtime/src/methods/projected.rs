@@ -5,7 +5,7 @@
 
 use super::{Method, Start, Step, Tableau, two_sum};
 use crate::error::Error;
-use crate::options::Options;
+use crate::options::{Options, signed};
 use crate::real::Real;
 use crate::system::{StateVector, System};
 
@@ -36,15 +36,18 @@ impl<R: Real, const K: usize, S: Invariants<R, K> + ?Sized> Invariants<R, K> for
 /// A method whose every step ends with a projection onto the `K` invariants of the system.
 ///
 /// ```text
-/// y1 <- y1 + W sum_k alpha_k q_k     until     I_k(y1) = I_k(y0),     W = diag(1/(1 + y1_c^2))
+/// y1 <- y1 + W sum_k alpha_k q_k     until     I_k(y1) = I_k(y0),     W = diag(1/(s^2 + y1_c^2))
 /// ```
 ///
 /// with the gradients `q_k` at the unprojected state, orthogonalised in the product `a.W b`: the nearest state where the distance of a
-/// component is measured in units of its size, as its rounding is. An angle that has grown to thousands of turns is rounded by more
+/// component is measured in units of its size, as its rounding is; `s` is the largest component at the start, to a power
+/// of two. An angle that has grown to thousands of turns is rounded by more
 /// than an energy needs to be corrected by; it is left alone, and the velocities are moved. The order of the method is kept, and the
 /// invariants stay within round-off of their values at the start, however many steps are taken. The price of a
 /// step is one evaluation of the gradients and two or three of the values. An invariant whose gradient depends on
-/// those before it is left out at such a state.
+/// those before it is left out at such a state; so is one that rounding of the state changes by less than the smallest
+/// number, as an energy of velocities below 1e-154. An invariant that is infinite or NaN ends the integration:
+/// [`Error::InvariantNotFinite`].
 ///
 /// It is also how coordinates of a group stay in the group: to project a quaternion or a rotation matrix onto its
 /// equations costs less than exponentials in every stage, works in any method and with its dense output and error
@@ -75,6 +78,8 @@ pub struct Projection<R, V, T, const K: usize> {
     gradients: [V; K],
     /// Diagonal of `W`.
     weights: V,
+    /// Reciprocal of `s`, a power of two; zero as long as the state is zero.
+    unit: f64,
 }
 
 impl<R: Real, M: Method<R, S>, const K: usize, S: Invariants<R, K>> Method<R, S> for Projected<M, K> {
@@ -92,6 +97,7 @@ impl<R: Real, M: Method<R, S>, const K: usize, S: Invariants<R, K>> Method<R, S>
             levels: system.values(t0, y0),
             gradients: core::array::from_fn(|_| y0.zeros_like()),
             weights: y0.zeros_like(),
+            unit: 0.0,
         }
     }
 
@@ -112,22 +118,34 @@ impl<R: Real, M: Method<R, S>, const K: usize, S: Invariants<R, K>> Method<R, S>
 
     fn advance(&self, storage: &mut Self::Storage, step: &mut Step<'_, R, S>) -> Result<(), Error> {
         self.method.advance(&mut storage.inner, step)?;
-        storage.project(step);
-        Ok(())
+        storage.project(step)
     }
 }
 
 impl<R: Real, V: StateVector<R>, T, const K: usize> Projection<R, V, T, K> {
     /// Moves the end of a step onto the levels.
-    fn project<S: Invariants<R, K, State = V>>(&mut self, step: &mut Step<'_, R, S>) {
+    fn project<S: Invariants<R, K, State = V>>(&mut self, step: &mut Step<'_, R, S>) -> Result<(), Error> {
         const MAX_ITERATIONS: usize = 4;
         let t = step.t + step.h;
-        let Some(mut defects) = self.defects(step.system.values(t, &step.to.state)) else { return };
+        // What is not finite is found, and explained, by the integrator.
+        if !step.to.state.as_slice().iter().all(|y| y.all_finite()) {
+            return Ok(());
+        }
+        let Some(mut defects) = self.defects(t, step.system.values(t, &step.to.state))? else {
+            return Ok(());
+        };
         step.system.gradients(t, &step.to.state, &mut self.gradients);
+        if self.unit == 0.0 {
+            let sizes = step.from.state.as_slice().iter().chain(step.to.state.as_slice());
+            let largest = sizes.fold(0.0_f64, |largest, y| largest.max(y.magnitude()));
+            self.unit = reciprocal_power_of_two::<R>(largest);
+        }
+        let unit = R::from_f64(self.unit);
         for (weight, &y) in self.weights.as_mut_slice().iter_mut().zip(step.to.state.as_slice()) {
+            let y = y * unit;
             *weight = y.mul_add(y, R::ONE).recip();
         }
-        let (slants, squares) = self.orthogonalise();
+        let (slants, squares) = self.orthogonalise(&step.to.state);
         for _ in 0..MAX_ITERATIONS {
             let mut factors = [R::ZERO; K];
             for k in 0..K {
@@ -147,29 +165,34 @@ impl<R: Real, V: StateVector<R>, T, const K: usize> Projection<R, V, T, K> {
                 let (moved, lost) = two_sum(*state, weight * correction);
                 (*state, *residue) = (moved, *residue + lost);
             }
-            let Some(left) = self.defects(step.system.values(t, &step.to.state)) else { return };
+            let Some(left) = self.defects(t, step.system.values(t, &step.to.state))? else { return Ok(()) };
             // Round-off ends the progress.
             let size = |defects: &[R; K]| defects.iter().fold(0.0_f64, |max, x| max.max(x.magnitude()));
             if size(&left) >= 0.5 * size(&defects) {
-                return;
+                return Ok(());
             }
             defects = left;
         }
+        Ok(())
     }
 
-    /// Levels less values; none if all are met, or if one is not finite, which the integrator finds.
-    fn defects(&self, values: [R; K]) -> Option<[R; K]> {
+    /// Levels less values; none if all are met.
+    fn defects(&self, t: R, values: [R; K]) -> Result<Option<[R; K]>, Error> {
         let defects: [R; K] = core::array::from_fn(|k| self.levels[k] - values[k]);
-        let met = defects.iter().all(|defect| *defect == R::ZERO);
-        (!met && defects.iter().all(|defect| defect.all_finite())).then_some(defects)
+        if let Some(index) = defects.iter().position(|defect| !defect.all_finite()) {
+            return Err(Error::InvariantNotFinite { t: signed(t), index });
+        }
+        Ok(defects.iter().any(|defect| *defect != R::ZERO).then_some(defects))
     }
 
     /// Subtracts from each gradient its components along those before it.
     ///
     /// Returns these components, relative to the squares of what is left, and the squares; zero where nothing is.
-    fn orthogonalise(&mut self) -> ([[R; K]; K], [R; K]) {
-        /// Below this part of its square, what is left of a gradient is round-off.
-        const DEPENDENT: f64 = 1e-20;
+    fn orthogonalise(&mut self, state: &V) -> ([[R; K]; K], [R; K]) {
+        /// Below this part of its size, in units of round-off, what is left of a gradient is round-off.
+        const DEPENDENT: f64 = 4.5e5;
+        let dependent = DEPENDENT * R::EPSILON;
+        let smallest = R::MIN_POSITIVE * R::EPSILON;
         let weights = self.weights.as_slice();
         let dot = |a: &V, b: &V| {
             let both = a.as_slice().iter().zip(b.as_slice()).zip(weights);
@@ -179,6 +202,12 @@ impl<R: Real, V: StateVector<R>, T, const K: usize> Projection<R, V, T, K> {
         for k in 0..K {
             let (before, from) = self.gradients.split_at_mut(k);
             let gradient = &mut from[0];
+            // The change of the invariant by rounding of the state, where it can be seen at all.
+            let pairs = gradient.as_slice().iter().zip(state.as_slice());
+            let change = pairs.fold(0.0_f64, |sum, (&q, &y)| sum + q.magnitude() * y.magnitude());
+            if change * R::EPSILON <= smallest {
+                continue;
+            }
             let whole = dot(gradient, gradient);
             for (j, direction) in before.iter().enumerate() {
                 if squares[j] == R::ZERO {
@@ -190,10 +219,18 @@ impl<R: Real, V: StateVector<R>, T, const K: usize> Projection<R, V, T, K> {
                 }
             }
             let left = dot(gradient, gradient);
-            if left.all_gt(R::from_f64(DEPENDENT) * whole) && left.all_finite() {
+            if left.all_gt(R::from_f64(dependent * dependent) * whole) && left.all_finite() {
                 squares[k] = left;
             }
         }
         (slants, squares)
     }
+}
+
+/// The reciprocal of the largest power of two that is not above a size; zero of zero.
+fn reciprocal_power_of_two<R: Real>(size: f64) -> f64 {
+    // Sizes below the least normal number, and above the reciprocal of that, are taken for these.
+    let least = 2.0 * R::MIN_POSITIVE;
+    let power = f64::from_bits(size.clamp(least, 1.0 / least).to_bits() & (0x7ff << 52));
+    if size > 0.0 { 1.0 / power } else { 0.0 }
 }

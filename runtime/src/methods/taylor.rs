@@ -144,6 +144,36 @@ impl<R: Real, V: StateVector<R>, W> Expansion<R, V, W> {
     }
 }
 
+impl<R: Real, V: StateVector<R>, W> Expansion<R, V, W> {
+    fn size(&self, k: usize, c: usize) -> f64 {
+        self.coefficients[k].as_slice()[c].magnitude()
+    }
+
+    /// Whether the last terms of a component have fallen out of the range of the scalar, as those of small states do.
+    #[inline]
+    fn has_lost_digits(&self, c: usize) -> bool {
+        let p = self.order;
+        let is_small = |k: usize| self.size(k, c) < R::MIN_POSITIVE;
+        is_small(p) && is_small(p - 1) && (1..=p).any(|k| is_small(k) && self.size(k, c) > 0.0)
+    }
+
+    /// Half of the step that the terms of a component with all their digits allow, where the state is `size` times its
+    /// tolerance; infinity where it is below.
+    #[cold]
+    fn step_of_terms_with_digits(&self, c: usize, size: f64) -> f64 {
+        if size <= 1.0 {
+            return f64::INFINITY;
+        }
+        let (state, least) = (log2(self.size(0, c)), log2(R::MIN_POSITIVE));
+        // `c_1` is below the least number where it has lost its digits itself.
+        let mut log = state - least.max(log2(self.size(1, c)));
+        for k in (2..=self.order).filter(|k| self.size(*k, c) >= R::MIN_POSITIVE) {
+            log = log.min((state - log2(self.size(k, c))) / k as f64);
+        }
+        exp2(log - (log2(size) / self.order as f64).max(1.0))
+    }
+}
+
 const LOG2_OF_3: f64 = 1.585;
 
 impl<R: Real, S: Jet<R>> Method<R, S> for Taylor {
@@ -188,14 +218,15 @@ impl<R: Real, S: Jet<R>> Method<R, S> for Taylor {
 
     #[inline]
     fn longest_step(&self, storage: &mut Self::Storage, start: Start<'_, R, S>) -> f64 {
-        let Start { system, t, point, scales, norm, work, rhs_evals } = start;
+        let Start { system, t, point, tolerances, norm, work, rhs_evals } = start;
         storage.expand(system, t, &point.state, rhs_evals);
         let (coefficients, p) = (&storage.coefficients, storage.order);
         // Square of the norm of a coefficient, in units of the tolerances.
         let mut square = |k: usize| {
-            let terms = coefficients[k].as_slice().iter().zip(scales.as_slice());
-            for (out, (&term, &scale)) in work.as_mut_slice().iter_mut().zip(terms) {
-                *out = term * scale;
+            for (c, (out, &term)) in
+                work.as_mut_slice().iter_mut().zip(coefficients[k].as_slice()).enumerate()
+            {
+                *out = tolerances.scaled(c, term);
             }
             square_of_norm(norm, work.as_slice())
         };
@@ -216,13 +247,23 @@ impl<R: Real, S: Jet<R>> Method<R, S> for Taylor {
         // that near a square root: below `a = 3^p` a step could pass a singularity unseen. The root test gives the radius of a pole, and 1.4 to 1.8 times that of
         // a square root for the orders 15 to 7: half of it is inside either.
         let size = R::from_f64(exp2(2.0 * LOG2_OF_3 * p as f64));
-        let mut components = coefficients[0].as_slice().iter().zip(scales.as_slice());
-        if components.any(|(&y, &scale)| !(y * scale * (y * scale)).all_gt(size)) {
+        let mut components = coefficients[0].as_slice().iter().enumerate();
+        let is_small = |(c, &y): (usize, &R)| {
+            let scaled = tolerances.scaled(c, y);
+            !(scaled * scaled).all_gt(size)
+        };
+        if components.any(is_small) {
             let slope = square(1);
             if slope > 0.0 {
                 for k in [p - 1, p].into_iter().filter(|k| *k > 1) {
                     step = step.min(0.5 * exp2(0.5 * log2(slope / square(k)) / (k - 1) as f64));
                 }
+            }
+        }
+        for c in 0..point.state.as_slice().len() {
+            if storage.has_lost_digits(c) {
+                let size = tolerances.scaled(c, point.state.as_slice()[c]).magnitude();
+                step = step.min(storage.step_of_terms_with_digits(c, size));
             }
         }
         storage.previous_step = step;

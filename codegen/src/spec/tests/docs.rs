@@ -1,6 +1,6 @@
 //! The examples and the messages of `docs/model-language.md` are true, and the models of the book.
 
-use crate::spec::parse;
+use crate::spec::{Want, parse};
 
 const DOC: &str = include_str!("../../../../docs/model-language.md");
 /// Pages with models, and how many they have at least.
@@ -69,4 +69,21 @@ fn messages_are_the_documented_ones() {
         n += 1;
     }
     assert!(n > 40, "only {n} messages found");
+}
+
+/// What is documented, what is accepted and what outputs are refused as names is one list.
+#[test]
+fn every_want_is_documented_and_accepted() {
+    let section = DOC.split("### scene").nth(1).and_then(|rest| rest.split("## Error messages").next()).unwrap();
+    for want in Want::ALL.map(Want::name) {
+        assert!(section.contains(&format!("`{want}`")), "{want} is not documented");
+        let items = "velocity w in so(2); reconstruct theta in SO(2); lagrangian = w^2;";
+        let model = |more: &str| format!("model m {{ {items} {more} }}");
+        let scene = model(&format!("scene s {{ want {want}; }}"));
+        let wants = parse("m.hamel", &scene).unwrap_or_else(|e| panic!("{e}")).scenes[0].wants.clone();
+        assert_eq!(wants, [want]);
+        let output = model(&format!("output {want} = w;"));
+        let problems = parse("m.hamel", &output).expect_err(want);
+        assert!(problems.to_string().contains("cannot be used as a name"), "{problems}");
+    }
 }

@@ -1,0 +1,129 @@
+//! What a scene can ask for by a name that is not the model's own.
+//!
+//! Deliberately does not know: how any of it is derived or computed.
+
+/// A function, a group of outputs or a way to carry the state that a scene can want; the names of single casimirs and
+/// outputs come on top.
+///
+/// This is the only list of them: the parser accepts these names, no output can have one, and whoever derives or emits one
+/// takes its name from here.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[non_exhaustive]
+pub enum Want {
+    /// The right-hand side, which every scene has.
+    Rhs,
+    /// The energy.
+    Energy,
+    /// Its rate along the motion, of systems that do not conserve it.
+    EnergyRate,
+    /// The momenta `dL/dy`.
+    Momentum,
+    /// Multipliers of constraints, where they are computed.
+    Multipliers,
+    /// Residuals of constraints, where the state can violate them.
+    Constraint,
+    /// The momenta along virtual displacements, where a constraint has been solved.
+    NonholonomicMomentum,
+    /// Their rates by the nonholonomic momentum equation.
+    MomentumEquation,
+    /// The derivative of the right-hand side by the state.
+    Jacobian,
+    /// Its product with a direction of the state.
+    Jvp,
+    /// The product of its transpose with a covector.
+    Vjp,
+    /// The derivative by time at a fixed state.
+    TimeDerivative,
+    /// The derivative by the parameters.
+    Sensitivity,
+    /// Its product with a direction of the parameters.
+    SensitivityJvp,
+    /// The coordinates of the group as part of the state.
+    Reconstruction,
+    /// All casimirs of the model.
+    Casimirs,
+    /// `c^2 + s^2` of the angles that the scene carries as points of the circle.
+    Circles,
+    /// All outputs of the model.
+    Outputs,
+    /// The Taylor coefficients of solutions.
+    Taylor,
+    /// What the motion conserves, with gradients.
+    Invariants,
+}
+
+impl Want {
+    /// All of them, in the order in which messages list them.
+    pub const ALL: [Want; 20] = [
+        Want::Rhs,
+        Want::Energy,
+        Want::EnergyRate,
+        Want::Momentum,
+        Want::Multipliers,
+        Want::Constraint,
+        Want::NonholonomicMomentum,
+        Want::MomentumEquation,
+        Want::Jacobian,
+        Want::Jvp,
+        Want::Vjp,
+        Want::TimeDerivative,
+        Want::Sensitivity,
+        Want::SensitivityJvp,
+        Want::Reconstruction,
+        Want::Casimirs,
+        Want::Circles,
+        Want::Outputs,
+        Want::Taylor,
+        Want::Invariants,
+    ];
+
+    /// What the scene says, and the name of the function or output where there is one.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Want::Rhs => "rhs",
+            Want::Energy => "energy",
+            Want::EnergyRate => "energy_rate",
+            Want::Momentum => "momentum",
+            Want::Multipliers => "multipliers",
+            Want::Constraint => "constraint",
+            Want::NonholonomicMomentum => "nonholonomic_momentum",
+            Want::MomentumEquation => "momentum_equation",
+            Want::Jacobian => "jacobian",
+            Want::Jvp => "jvp",
+            Want::Vjp => "vjp",
+            Want::TimeDerivative => "time_derivative",
+            Want::Sensitivity => "sensitivity",
+            Want::SensitivityJvp => "sensitivity_jvp",
+            Want::Reconstruction => "reconstruction",
+            Want::Casimirs => "casimirs",
+            Want::Circles => "circles",
+            Want::Outputs => "outputs",
+            Want::Taylor => "taylor",
+            Want::Invariants => "invariants",
+        }
+    }
+
+    /// What has that name.
+    pub fn from_name(name: &str) -> Option<Want> {
+        Want::ALL.into_iter().find(|want| want.name() == name)
+    }
+
+    /// Whether the generated code may have an item of that name, so that nothing in a model can be called so. The others
+    /// can name anything but an output.
+    pub(super) fn is_item(self) -> bool {
+        use Want::{
+            Casimirs, Circles, Constraint, Invariants, MomentumEquation, NonholonomicMomentum, Outputs, Taylor,
+        };
+        !matches!(
+            self,
+            Constraint
+                | NonholonomicMomentum
+                | MomentumEquation
+                | Casimirs
+                | Circles
+                | Outputs
+                | Taylor
+                | Invariants
+        )
+    }
+}
