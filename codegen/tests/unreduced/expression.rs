@@ -4,7 +4,7 @@ use super::number::Dual;
 
 /// What an expression contains.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Sym {
+pub(crate) enum Sym {
     /// A coordinate.
     X(usize),
     /// Its rate.
@@ -19,7 +19,7 @@ pub enum Sym {
 
 /// An expression. Numbers are tenths: they are the same in text and in value.
 #[derive(Clone, Debug)]
-pub enum Expr {
+pub(crate) enum Expr {
     /// A number of tenths.
     Tenths(i64),
     /// A symbol.
@@ -38,22 +38,22 @@ pub enum Expr {
 
 /// Values of all symbols.
 #[derive(Clone, Debug)]
-pub struct Point<T> {
+pub(crate) struct Point<T> {
     /// Coordinates.
-    pub x: Vec<T>,
+    pub(crate) x: Vec<T>,
     /// Their rates.
-    pub x_dot: Vec<T>,
+    pub(crate) x_dot: Vec<T>,
     /// Group velocity.
-    pub xi: Vec<T>,
+    pub(crate) xi: Vec<T>,
     /// Advected parameters.
-    pub a: Vec<T>,
+    pub(crate) a: Vec<T>,
     /// Time.
-    pub t: T,
+    pub(crate) t: T,
 }
 
 impl Sym {
     /// Its name in a model, where `w` is the group velocity.
-    pub fn name(self) -> String {
+    pub(crate) fn name(self) -> String {
         match self {
             Sym::X(i) => format!("x{}", i + 1),
             Sym::XDot(i) => format!("x{}_dot", i + 1),
@@ -66,18 +66,19 @@ impl Sym {
 
 impl Expr {
     /// `a b`.
-    pub fn times(self, other: Expr) -> Expr {
+    pub(crate) fn times(self, other: Expr) -> Expr {
         Expr::Product(vec![self, other])
     }
 
     /// Zero.
-    pub fn zero() -> Expr {
+    pub(crate) fn zero() -> Expr {
         Expr::Tenths(0)
     }
 
     /// As text.
-    pub fn text(&self) -> String {
-        let list = |parts: &[Expr], between: &str| parts.iter().map(Expr::text).collect::<Vec<_>>().join(between);
+    pub(crate) fn text(&self) -> String {
+        let list =
+            |parts: &[Expr], between: &str| parts.iter().map(Expr::text).collect::<Vec<_>>().join(between);
         match self {
             Expr::Tenths(n) if *n < 0 => format!("(-{}.{})", -n / 10, -n % 10),
             Expr::Tenths(n) => format!("{}.{}", n / 10, n % 10),
@@ -93,7 +94,7 @@ impl Expr {
     }
 
     /// Its value.
-    pub fn value(&self, at: &Point<Dual>) -> Dual {
+    pub(crate) fn value(&self, at: &Point<Dual>) -> Dual {
         match self {
             Expr::Tenths(n) => Dual::from(*n as f64 / 10.0),
             Expr::Sym(Sym::X(i)) => at.x[*i],
@@ -121,7 +122,7 @@ impl Expr {
     }
 
     /// Its derivative.
-    pub fn derivative(&self, by: Sym) -> Expr {
+    pub(crate) fn derivative(&self, by: Sym) -> Expr {
         match self {
             Expr::Tenths(_) => Expr::zero(),
             Expr::Sym(s) => Expr::Tenths(if *s == by { 10 } else { 0 }),
@@ -140,7 +141,7 @@ impl Expr {
     }
 
     /// Whether it contains a symbol of some kind.
-    pub fn contains(&self, is: &dyn Fn(Sym) -> bool) -> bool {
+    pub(crate) fn contains(&self, is: &dyn Fn(Sym) -> bool) -> bool {
         match self {
             Expr::Tenths(_) => false,
             Expr::Sym(s) => is(*s),

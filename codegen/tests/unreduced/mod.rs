@@ -7,31 +7,31 @@
 //! # Source
 //! Cendra, Marsden, Ratiu 2001, section 3, for what `left` and `right` mean; the equations are those of any textbook.
 
-pub mod expression;
-pub mod number;
+pub(crate) mod expression;
+pub(crate) mod number;
 
 use expression::{Expr, Point};
 use number::Dual;
 
 /// A square matrix by its rows.
-pub type Matrix = Vec<Vec<f64>>;
+pub(crate) type Matrix = Vec<Vec<f64>>;
 
 /// A matrix group by a basis of its algebra, and how it acts on parameters.
 #[derive(Clone, Debug)]
-pub struct Group {
+pub(crate) struct Group {
     /// As the model language spells it.
-    pub spelled: String,
+    pub(crate) spelled: String,
     /// Basis of the algebra.
-    pub basis: Vec<Matrix>,
+    pub(crate) basis: Vec<Matrix>,
     /// The same elements as matrices of the action on parameters; empty without parameters.
-    pub action: Vec<Matrix>,
+    pub(crate) action: Vec<Matrix>,
     /// Whether velocities are `gdot g^-1` instead of `g^-1 gdot`.
-    pub right: bool,
+    pub(crate) right: bool,
 }
 
 /// What restricts the motion.
 #[derive(Clone, Debug)]
-pub enum Condition {
+pub(crate) enum Condition {
     /// `phi = 0`.
     Velocities(Expr),
     /// `form . (xddot, xidot) + rest = 0`.
@@ -40,32 +40,32 @@ pub enum Condition {
 
 /// A system with the state `x, xdot, xi, a`.
 #[derive(Clone, Debug)]
-pub struct System {
+pub(crate) struct System {
     /// Number of coordinates `x`.
-    pub n: usize,
+    pub(crate) n: usize,
     /// The group.
-    pub group: Group,
+    pub(crate) group: Group,
     /// `L(x, xdot, xi, a, t)`.
-    pub lagrangian: Expr,
+    pub(crate) lagrangian: Expr,
     /// Paired with `(dx, g^-1 dg)`, or `dg g^-1` for a right action.
-    pub forces: Vec<Expr>,
+    pub(crate) forces: Vec<Expr>,
     /// What restricts the motion.
-    pub conditions: Vec<Condition>,
+    pub(crate) conditions: Vec<Condition>,
     /// Forms that vanish on virtual displacements; none where those of the conditions do.
-    pub displacements: Option<Vec<Vec<Expr>>>,
+    pub(crate) displacements: Option<Vec<Vec<Expr>>>,
 }
 
 /// What the equations say at a point.
 #[derive(Clone, Debug)]
-pub struct Motion {
+pub(crate) struct Motion {
     /// `xddot, xidot`.
-    pub accelerations: Vec<f64>,
+    pub(crate) accelerations: Vec<f64>,
     /// `adot`.
-    pub advected: Vec<f64>,
+    pub(crate) advected: Vec<f64>,
     /// `p . zdot - L`.
-    pub energy: f64,
+    pub(crate) energy: f64,
     /// Of `(x, g)` in the chart: how near the equations are to having no solution, one over the largest element of the inverse.
-    pub definite: f64,
+    pub(crate) definite: f64,
 }
 
 /// Coordinates `(x, q)` of a chart `g = exp(q_1 E_1) exp(q_2 E_2) ..` about the point, and their rates.
@@ -77,7 +77,7 @@ struct Chart {
 
 impl System {
     /// Number of coordinates.
-    pub fn dim(&self) -> usize {
+    pub(crate) fn dim(&self) -> usize {
         self.n + self.group.basis.len()
     }
 
@@ -119,13 +119,13 @@ impl System {
     }
 
     /// The residual of a condition on velocities, with its slopes by `zdot`.
-    pub fn residual(&self, phi: &Expr, at: &Point<f64>) -> (f64, Vec<f64>) {
+    pub(crate) fn residual(&self, phi: &Expr, at: &Point<f64>) -> (f64, Vec<f64>) {
         let slopes = (0..self.dim()).map(|j| self.value(phi, at, |c| c.rates[j].first += 1.0).first);
         (self.value(phi, at, |_| {}).value, slopes.collect())
     }
 
     /// The forms that vanish on virtual displacements.
-    pub fn forms(&self, at: &Point<f64>) -> Matrix {
+    pub(crate) fn forms(&self, at: &Point<f64>) -> Matrix {
         let value = |e: &Expr| self.value(e, at, |_| {}).value;
         match &self.displacements {
             Some(forms) => forms.iter().map(|form| form.iter().map(value).collect()).collect(),
@@ -140,7 +140,7 @@ impl System {
 
     /// `d/dt dL/dzdot - dL/dz = Q + lambda F` with the conditions, solved for `zddot` and `lambda`; `None` where that is
     /// singular.
-    pub fn motion(&self, at: &Point<f64>) -> Option<Motion> {
+    pub(crate) fn motion(&self, at: &Point<f64>) -> Option<Motion> {
         let m = self.dim();
         let l = &self.lagrangian;
         let value = |e: &Expr| self.value(e, at, |_| {}).value;
@@ -244,7 +244,7 @@ impl Group {
     }
 
     /// The components of `[E_a, E_b]`.
-    pub fn bracket(&self, a: usize, b: usize) -> Vec<f64> {
+    pub(crate) fn bracket(&self, a: usize, b: usize) -> Vec<f64> {
         let (forward, backward) =
             (plain_product(&self.basis[a], &self.basis[b]), plain_product(&self.basis[b], &self.basis[a]));
         let flat: Vec<f64> =
@@ -254,7 +254,7 @@ impl Group {
 }
 
 /// `a b` of numbers.
-pub fn plain_product(a: &Matrix, b: &Matrix) -> Matrix {
+pub(crate) fn plain_product(a: &Matrix, b: &Matrix) -> Matrix {
     let entry = |row: &Vec<f64>, j: usize| row.iter().zip(b).map(|(x, other)| x * other[j]).sum();
     a.iter().map(|row| (0..b[0].len()).map(|j| entry(row, j)).collect()).collect()
 }
@@ -268,7 +268,7 @@ fn coordinates(basis: &[Matrix]) -> Matrix {
 }
 
 /// `a . b`.
-pub fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
@@ -277,10 +277,11 @@ fn dual_dot(a: &[f64], b: &[Dual]) -> Dual {
 }
 
 /// The inverse by Gauss elimination with partial pivoting; `None` where a pivot vanishes.
-pub fn inverse(a: &Matrix) -> Option<Matrix> {
+pub(crate) fn inverse(a: &Matrix) -> Option<Matrix> {
     let n = a.len();
     let unit = |i: usize| (0..n).map(move |j| f64::from(u8::from(i == j)));
-    let mut rows: Matrix = a.iter().enumerate().map(|(i, row)| row.iter().copied().chain(unit(i)).collect()).collect();
+    let mut rows: Matrix =
+        a.iter().enumerate().map(|(i, row)| row.iter().copied().chain(unit(i)).collect()).collect();
     for k in 0..n {
         let best = (k..n).max_by(|i, j| rows[*i][k].abs().total_cmp(&rows[*j][k].abs()))?;
         rows.swap(k, best);

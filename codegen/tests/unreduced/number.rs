@@ -7,15 +7,15 @@ use std::ops::{Add, Mul, Sub};
 /// # Source
 /// Fike and Alonso 2011, hyper-dual numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Dual {
+pub(crate) struct Dual {
     /// The number.
-    pub value: f64,
+    pub(crate) value: f64,
     /// Its derivative in the first direction.
-    pub first: f64,
+    pub(crate) first: f64,
     /// Its derivative in the second direction.
-    pub second: f64,
+    pub(crate) second: f64,
     /// Its mixed derivative.
-    pub both: f64,
+    pub(crate) both: f64,
 }
 
 impl From<f64> for Dual {
@@ -57,7 +57,7 @@ impl Mul for Dual {
 
 impl Dual {
     /// `f(self)` by the value, the slope and the second derivative of `f` there.
-    pub fn function(self, f: f64, slope: f64, bend: f64) -> Dual {
+    pub(crate) fn function(self, f: f64, slope: f64, bend: f64) -> Dual {
         Dual {
             value: f,
             first: slope * self.first,
@@ -68,10 +68,10 @@ impl Dual {
 }
 
 /// A square matrix by its rows.
-pub type DualMatrix = Vec<Vec<Dual>>;
+pub(crate) type DualMatrix = Vec<Vec<Dual>>;
 
 /// `exp(q e)` for an infinitesimal `q`, of which the third power vanishes.
-pub fn exponential(e: &[Vec<f64>], q: Dual) -> DualMatrix {
+pub(crate) fn exponential(e: &[Vec<f64>], q: Dual) -> DualMatrix {
     assert_eq!(q.value, 0.0, "the chart is used at its origin");
     let half_square = q * q * Dual::from(0.5);
     let n = e.len();
@@ -87,14 +87,14 @@ pub fn exponential(e: &[Vec<f64>], q: Dual) -> DualMatrix {
 }
 
 /// The product of all; empty for none.
-pub fn product(factors: &[DualMatrix]) -> DualMatrix {
+pub(crate) fn product(factors: &[DualMatrix]) -> DualMatrix {
     let mut all = factors.iter();
     let Some(first) = all.next() else { return Vec::new() };
     all.fold(first.clone(), |a, b| times(&a, b))
 }
 
 /// `a b`.
-pub fn times(a: &DualMatrix, b: &DualMatrix) -> DualMatrix {
+pub(crate) fn times(a: &DualMatrix, b: &DualMatrix) -> DualMatrix {
     let entry = |row: &Vec<Dual>, j: usize| {
         row.iter().zip(b).fold(Dual::from(0.0), |sum, (x, other)| sum + *x * other[j])
     };
@@ -102,7 +102,7 @@ pub fn times(a: &DualMatrix, b: &DualMatrix) -> DualMatrix {
 }
 
 /// `a e`, where nothing stands for the identity.
-pub fn times_after(a: &DualMatrix, e: &[Vec<f64>], size: usize) -> DualMatrix {
+pub(crate) fn times_after(a: &DualMatrix, e: &[Vec<f64>], size: usize) -> DualMatrix {
     let e: DualMatrix = e.iter().map(|row| row.iter().map(|x| Dual::from(*x)).collect()).collect();
     times(&or_identity(a, size), &e)
 }
