@@ -479,15 +479,29 @@ impl Page {
             let shown: Vec<(String, String)> = shown.collect();
             self.formulas(&shown);
         }
-        if rows.is_empty() {
-            self.line("The connection is flat, and the horizontal lifts commute with everything.");
-            return;
-        }
-        self.line(if curved {
+        self.line(if rows.is_empty() {
+            "The connection is flat, and the horizontal lifts commute with everything."
+        } else if curved {
             "Brackets of the horizontal lifts: [D_i, D_j] is minus the curvature, [D_i, e_b] is minus [A_i, e_b]."
         } else {
             "Brackets of the horizontal lifts: the connection is flat, [D_i, e_b] is minus [A_i, e_b]."
         });
+        self.formulas(&rows);
+        if !algebroid.has_drift() {
+            return;
+        }
+        self.line("The connection depends on time: the frame drifts, and [d/dt, D_i] is minus dA_i/dt.");
+        let time = match self.html() {
+            true => "<mfrac><mi>d</mi><mrow><mi>d</mi><mi>t</mi></mrow></mfrac>",
+            false => "d/dt",
+        };
+        let mut rows = Vec::new();
+        for i in (0..n).filter(|i| !algebroid.drift(*i).is_empty()) {
+            let drift = algebroid.drift(i).iter();
+            let right: Vec<String> = drift.map(|(c, e)| self.term(&g, *e, &basis[c - n])).collect();
+            let right = if self.html() { self.sum(&right) } else { right.join(" + ") };
+            rows.push((self.bracket(time, &lift(self, i)), right));
+        }
         self.formulas(&rows);
     }
 

@@ -267,6 +267,18 @@ fn constraints_are_holonomic_exactly_where_their_distribution_is_closed() {
     };
     assert_eq!(holonomic(&connected("x*y_dot - y*x_dot")), Some(false));
     assert_eq!(holonomic(&connected("x*y_dot + y*x_dot")), Some(true));
+    // y - t x is no function that is kept by dy = t dx: the slope turns under way. In a frame that moves with time the same.
+    assert_eq!(
+        holonomic("coordinate x, y in real; lagrangian = x_dot^2 + y_dot^2; constraint y_dot = t*x_dot;"),
+        Some(false)
+    );
+    let moving = |constraint: &str| {
+        holonomic(&format!(
+            "coordinate x in real; velocity v in R; lagrangian = x_dot^2 + v^2; connection v = t*x_dot; constraint {constraint};"
+        ))
+    };
+    assert_eq!(moving("v = 0"), Some(false));
+    assert_eq!(moving("v = t*x_dot"), Some(true));
     // An affine constraint is no distribution.
     assert_eq!(holonomic(&format!("{plane} constraint v1 = 0; constraint v2 = 1;")), None);
 }

@@ -101,3 +101,36 @@ fn a_change_of_basis_and_back_is_the_identity() {
     assert_ne!(there, g);
     assert_eq!(there.change_basis(&p.inverse().unwrap()).unwrap(), g);
 }
+
+#[test]
+fn the_drift_of_a_frame_satisfies_jacobi_with_its_brackets() {
+    // D = d/dx - sin(t) e1 - x t e2 on the line times SO(3).
+    let mut g = crate::expr::Graph::new();
+    let (time, x) = (g.symbol("t"), g.symbol("x"));
+    let frame = ["D", "e1", "e2", "e3"].map(str::to_owned).to_vec();
+    let (t, at) = (g.sym(time), g.sym(x));
+    let (s, c) = (g.func(crate::expr::Func::Sin, t), g.func(crate::expr::Func::Cos, t));
+    let a = [s, g.mul(at, t)];
+    let mut algebroid = Algebroid::new(&g, time, vec![x], frame);
+    algebroid.set_anchor(0, 0, g.one());
+    for (i, j, k) in [(1, 2, 3), (2, 3, 1)] {
+        algebroid.set_bracket(i, j, vec![(k, g.one())]);
+    }
+    let minus = g.neg(g.one());
+    algebroid.set_bracket(1, 3, vec![(2, minus)]);
+    // [D, e_b] = -a_1 [e1, e_b] - a_2 [e2, e_b]
+    let minus_a = a.map(|e| g.neg(e));
+    algebroid.set_bracket(0, 1, vec![(3, a[1])]);
+    algebroid.set_bracket(0, 2, vec![(3, minus_a[0])]);
+    algebroid.set_bracket(0, 3, vec![(1, minus_a[1]), (2, a[0])]);
+    let rates = [c, at].map(|e| g.neg(e));
+    assert!(algebroid.verify(&mut g).is_err(), "without its drift");
+    algebroid.set_drift(0, vec![(1, rates[0]), (2, rates[1])]);
+    algebroid.verify(&mut g).unwrap_or_else(|e| panic!("{e:?}"));
+    algebroid.set_drift(0, vec![(1, rates[0]), (2, at)]);
+    let errors = algebroid.verify(&mut g).unwrap_err();
+    assert!(
+        errors.iter().all(|e| matches!(e, Error::JacobiViolated { triple, .. } if triple[0] == "d/dt")),
+        "{errors:?}"
+    );
+}

@@ -38,8 +38,7 @@ pub(super) fn settle(equations: &mut Equations) {
 
 /// Replaces every root by its value there if that is equal, and keeps the definitions that the roots need then.
 fn set_to(equations: &mut Equations, values: BTreeMap<SymbolId, ExprId>, place: &str) {
-    let names_one =
-        |g: &Graph, e: ExprId| g.free_symbols(e).iter().any(|symbol| values.contains_key(symbol));
+    let names_one = |g: &Graph, e: ExprId| g.free_symbols(e).iter().any(|symbol| values.contains_key(symbol));
     let definitions = equations.sections.iter().flat_map(|s| &s.definitions).map(|d| d.expr);
     let mut everything = definitions.chain(equations.roots().into_iter().copied());
     if !everything.any(|e| names_one(&equations.system.graph, e)) {

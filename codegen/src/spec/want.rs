@@ -112,7 +112,8 @@ impl Want {
     /// can name anything but an output.
     pub(super) fn is_item(self) -> bool {
         use Want::{
-            Casimirs, Circles, Constraint, Invariants, MomentumEquation, NonholonomicMomentum, Outputs, Taylor,
+            Casimirs, Circles, Constraint, Invariants, MomentumEquation, NonholonomicMomentum, Outputs,
+            Taylor,
         };
         !matches!(
             self,

@@ -54,6 +54,15 @@ fn a_connection_on_one_component_leaves_the_others_trivial() {
 }
 
 #[test]
+fn a_connection_may_depend_on_time() {
+    let mut m = model(
+        "coordinate q in real; velocity O in so(3); lagrangian = O1^2; connection O1 = t*q*q_dot; output A = [[t*q], [0], [0]];",
+    );
+    let a: Vec<ExprId> = m.connection.clone().unwrap().into_iter().flatten().collect();
+    assert_entries(&mut m, &a, "A");
+}
+
+#[test]
 fn bad_connections() {
     check(
         r#"model m { coordinate q in real; velocity O in so(3); lagrangian = O1^2; connection W = 0; }"#,
@@ -82,19 +91,13 @@ fn bad_connections() {
     check(
         r#"model m { coordinate q in real; velocity O in so(3); lagrangian = O1^2; connection O1 = O2; }"#,
         expect![[
-            r#"1:84 connection on `O1` contains `O2` [it is made of base velocities, base coordinates and parameters]"#
-        ]],
-    );
-    check(
-        r#"model m { coordinate q in real; velocity O in so(3); lagrangian = O1^2; connection O1 = t*q_dot; }"#,
-        expect![[
-            r#"1:84 connection on `O1` contains `t` [it is made of base velocities, base coordinates and parameters]"#
+            r#"1:84 connection on `O1` contains `O2` [it is made of base velocities, base coordinates, time and parameters]"#
         ]],
     );
     check(
         r#"model m { coordinate q in real; velocity O in so(3); advected G in R by O1; lagrangian = O1^2; connection O1 = G*q_dot; }"#,
         expect![[
-            r#"1:107 connection on `O1` contains `G` [it is made of base velocities, base coordinates and parameters]"#
+            r#"1:107 connection on `O1` contains `G` [it is made of base velocities, base coordinates, time and parameters]"#
         ]],
     );
     check(
@@ -370,7 +373,7 @@ fn bad_quasi_velocities() {
     check_with(
         "lagrangian = v1^2; coordinate q in real; connection v1 = s*q_dot;",
         expect![[
-            r#"2:53 connection on `v1` contains `s` [it is made of base velocities, base coordinates and parameters]"#
+            r#"2:53 connection on `v1` contains `s` [it is made of base velocities, base coordinates, time and parameters]"#
         ]],
     );
     check_with(
