@@ -123,6 +123,8 @@ pub enum Error {
     },
     /// The iteration for the stages of an implicit method did not converge.
     NotConverged {
+        /// Name of the method.
+        method: &'static str,
         /// Time at the start of the step.
         t: f64,
         /// The step, signed.
@@ -208,12 +210,14 @@ impl fmt::Display for Error {
             Self::OutsideInterval { t, from, to } => {
                 write!(f, "time {t} lies outside the interval from {from} to {to} of the dense output")
             }
-            Self::NotConverged { t, h, iterations } => {
+            Self::NotConverged { method, t, h, iterations } => {
                 write!(
                     f,
-                    "stages of the step {h:e} from t = {t} did not converge in {iterations} iterations: take a \
-                     smaller step, or Newton's method"
-                )
+                    "method {method}: stages of the step {h:e} from t = {t} did not converge in {iterations} iterations: \
+                     take a smaller step"
+                )?;
+                // The fixed-point iteration has an alternative.
+                if method.ends_with("-newton") { Ok(()) } else { write!(f, ", or {method}-newton") }
             }
             Self::EventNotFinite { t, index } => {
                 write!(
@@ -301,7 +305,7 @@ mod tests {
             Error::NoErrorEstimate { method: "rk4" },
             Error::TimeNotFinite { value: f64::NAN },
             Error::OutsideInterval { t: 3.0, from: 1.0, to: 2.0 },
-            Error::NotConverged { t: 1.0, h: 0.1, iterations: 100 },
+            Error::NotConverged { method: "gauss6", t: 1.0, h: 0.1, iterations: 100 },
             Error::EventNotFinite { t: 1.0, index: 0 },
             Error::InvariantNotFinite { t: 1.0, index: 0 },
             Error::Order { order: 40, least: 2, most: 32 },

@@ -2,6 +2,8 @@
 //!
 //! The module deliberately does not know how a system is integrated.
 
+use core::fmt::Debug;
+
 use crate::error::{Failure, ParamError};
 use crate::real::Real;
 
@@ -38,6 +40,36 @@ impl<R: Real, const N: usize> StateVector<R> for [R; N] {
     #[inline]
     fn zeros_like(&self) -> Self {
         [R::ZERO; N]
+    }
+}
+
+/// A state with storage for square matrices of its dimension, as Newton's iteration needs them.
+pub trait SquareStorage<R: Real>: StateVector<R> {
+    /// The rows of a matrix: as many states as a state has components.
+    type Rows: Clone + Debug + AsRef<[Self]> + AsMut<[Self]>;
+
+    /// As many positions.
+    type Positions: Clone + Debug + AsRef<[usize]> + AsMut<[usize]>;
+
+    /// A matrix of zeros of the same dimension.
+    #[must_use]
+    fn rows_like(&self) -> Self::Rows;
+
+    /// Positions of the same dimension, all zero.
+    #[must_use]
+    fn positions_like(&self) -> Self::Positions;
+}
+
+impl<R: Real, const N: usize> SquareStorage<R> for [R; N] {
+    type Rows = [[R; N]; N];
+    type Positions = [usize; N];
+
+    fn rows_like(&self) -> Self::Rows {
+        [[R::ZERO; N]; N]
+    }
+
+    fn positions_like(&self) -> Self::Positions {
+        [0; N]
     }
 }
 

@@ -39,9 +39,9 @@ impl<R: Real, const K: usize, S: Invariants<R, K> + ?Sized> Invariants<R, K> for
 /// y1 <- y1 + W sum_k alpha_k q_k     until     I_k(y1) = I_k(y0),     W = diag(1/(s^2 + y1_c^2))
 /// ```
 ///
-/// with the gradients `q_k` at the unprojected state, orthogonalised in the product `a.W b`: the nearest state where the distance of a
-/// component is measured in units of its size, as its rounding is; `s` is the largest component at the start, to a power
-/// of two. An angle that has grown to thousands of turns is rounded by more
+/// with the gradients `q_k` at the unprojected state, orthogonalised in the product `a.W b`, and `s` the size of a number whose
+/// rounding, `epsilon s`, is the distance to the levels `max_k |I_k(y1) - I_k(y0)| / |q_k|`: the nearest state, where a component
+/// that is rounded by more than that distance counts by its rounding. An angle that has grown to thousands of turns is rounded by more
 /// than an energy needs to be corrected by; it is left alone, and the velocities are moved. The order of the method is kept, and the
 /// invariants stay within round-off of their values at the start, however many steps are taken. The price of a
 /// step is one evaluation of the gradients and two or three of the values. An invariant whose gradient depends on
@@ -78,8 +78,6 @@ pub struct Projection<R, V, T, const K: usize> {
     gradients: [V; K],
     /// Diagonal of `W`.
     weights: V,
-    /// Reciprocal of `s`, a power of two; zero as long as the state is zero.
-    unit: f64,
 }
 
 impl<R: Real, M: Method<R, S>, const K: usize, S: Invariants<R, K>> Method<R, S> for Projected<M, K> {
@@ -97,7 +95,6 @@ impl<R: Real, M: Method<R, S>, const K: usize, S: Invariants<R, K>> Method<R, S>
             levels: system.values(t0, y0),
             gradients: core::array::from_fn(|_| y0.zeros_like()),
             weights: y0.zeros_like(),
-            unit: 0.0,
         }
     }
 
@@ -135,14 +132,9 @@ impl<R: Real, V: StateVector<R>, T, const K: usize> Projection<R, V, T, K> {
             return Ok(());
         };
         step.system.gradients(t, &step.to.state, &mut self.gradients);
-        if self.unit == 0.0 {
-            let sizes = step.from.state.as_slice().iter().chain(step.to.state.as_slice());
-            let largest = sizes.fold(0.0_f64, |largest, y| largest.max(y.magnitude()));
-            self.unit = reciprocal_power_of_two::<R>(largest);
-        }
-        let unit = R::from_f64(self.unit);
+        let size = R::from_f64(self.size_rounded_by_distance(&defects, &step.to.state));
         for (weight, &y) in self.weights.as_mut_slice().iter_mut().zip(step.to.state.as_slice()) {
-            let y = y * unit;
+            let y = y / size;
             *weight = y.mul_add(y, R::ONE).recip();
         }
         let (slants, squares) = self.orthogonalise(&step.to.state);
@@ -176,6 +168,18 @@ impl<R: Real, V: StateVector<R>, T, const K: usize> Projection<R, V, T, K> {
         Ok(())
     }
 
+    /// The size of a number that is rounded by the distance to the levels, for which invariants need defects and gradients.
+    fn size_rounded_by_distance(&self, defects: &[R; K], state: &V) -> f64 {
+        let mut distance = 0.0_f64;
+        for (gradient, defect) in self.gradients.iter().zip(defects) {
+            if is_resolved(gradient, state) {
+                let steepest = gradient.as_slice().iter().fold(0.0_f64, |max, q| max.max(q.magnitude()));
+                distance = distance.max(defect.magnitude() / steepest);
+            }
+        }
+        (distance / R::EPSILON).max(R::MIN_POSITIVE)
+    }
+
     /// Levels less values; none if all are met.
     fn defects(&self, t: R, values: [R; K]) -> Result<Option<[R; K]>, Error> {
         let defects: [R; K] = core::array::from_fn(|k| self.levels[k] - values[k]);
@@ -192,7 +196,6 @@ impl<R: Real, V: StateVector<R>, T, const K: usize> Projection<R, V, T, K> {
         /// Below this part of its size, in units of round-off, what is left of a gradient is round-off.
         const DEPENDENT: f64 = 4.5e5;
         let dependent = DEPENDENT * R::EPSILON;
-        let smallest = R::MIN_POSITIVE * R::EPSILON;
         let weights = self.weights.as_slice();
         let dot = |a: &V, b: &V| {
             let both = a.as_slice().iter().zip(b.as_slice()).zip(weights);
@@ -202,10 +205,7 @@ impl<R: Real, V: StateVector<R>, T, const K: usize> Projection<R, V, T, K> {
         for k in 0..K {
             let (before, from) = self.gradients.split_at_mut(k);
             let gradient = &mut from[0];
-            // The change of the invariant by rounding of the state, where it can be seen at all.
-            let pairs = gradient.as_slice().iter().zip(state.as_slice());
-            let change = pairs.fold(0.0_f64, |sum, (&q, &y)| sum + q.magnitude() * y.magnitude());
-            if change * R::EPSILON <= smallest {
+            if !is_resolved(gradient, state) {
                 continue;
             }
             let whole = dot(gradient, gradient);
@@ -227,10 +227,9 @@ impl<R: Real, V: StateVector<R>, T, const K: usize> Projection<R, V, T, K> {
     }
 }
 
-/// The reciprocal of the largest power of two that is not above a size; zero of zero.
-fn reciprocal_power_of_two<R: Real>(size: f64) -> f64 {
-    // Sizes below the least normal number, and above the reciprocal of that, are taken for these.
-    let least = 2.0 * R::MIN_POSITIVE;
-    let power = f64::from_bits(size.clamp(least, 1.0 / least).to_bits() & (0x7ff << 52));
-    if size > 0.0 { 1.0 / power } else { 0.0 }
+/// Whether an invariant changes by a number where the state is rounded; its gradient is given.
+fn is_resolved<R: Real, V: StateVector<R>>(gradient: &V, state: &V) -> bool {
+    let pairs = gradient.as_slice().iter().zip(state.as_slice());
+    let change = pairs.fold(0.0_f64, |sum, (&q, &y)| sum + q.magnitude() * y.magnitude());
+    change > R::MIN_POSITIVE
 }
