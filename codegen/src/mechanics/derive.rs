@@ -761,7 +761,11 @@ impl<'a> Derivation<'a> {
                 let value = self.replace(casimir.expr)?;
                 components.push((casimir.name.clone(), value));
             }
-            outputs.push(Output { name: Want::Casimirs.name().into(), components, doc: "conserved quantities".into() });
+            outputs.push(Output {
+                name: Want::Casimirs.name().into(),
+                components,
+                doc: "conserved quantities".into(),
+            });
         }
         for output in &system.outputs {
             let mut components = Vec::new();

@@ -74,7 +74,8 @@ fn messages_are_the_documented_ones() {
 /// What is documented, what is accepted and what outputs are refused as names is one list.
 #[test]
 fn every_want_is_documented_and_accepted() {
-    let section = DOC.split("### scene").nth(1).and_then(|rest| rest.split("## Error messages").next()).unwrap();
+    let section =
+        DOC.split("### scene").nth(1).and_then(|rest| rest.split("## Error messages").next()).unwrap();
     for want in Want::ALL.map(Want::name) {
         assert!(section.contains(&format!("`{want}`")), "{want} is not documented");
         let items = "velocity w in so(2); reconstruct theta in SO(2); lagrangian = w^2;";
