@@ -15,12 +15,12 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::emit::{self, MatrixText, OutputText, ParamText, ProductText, SceneEntry, SceneText, StateText};
 use crate::error::Error;
-use crate::expr::{ExprId, Rational, SymbolId, inlined, needed_sections, sign_of};
+use crate::expr::{ExprId, Graph, Rational, SymbolId, inlined, needed_sections, sign_of};
 use crate::lower::{
     self, Counts, Inputs, Jet, ParamCondition, Point, Program, Relation, Request, ViolatedCondition,
 };
 use crate::mechanics::{Equations, Output, StateEquation, derive};
-use crate::reduction::{reduce, with_circles};
+use crate::reduction::{AccelerationSource, KinematicConstraint, reduce, with_circles};
 use crate::spec::{self, Diagnostics, Model, Param, Want};
 
 use invariants::GRADIENTS;
@@ -130,6 +130,17 @@ fn has_ignorable_coordinates(model: &Model) -> bool {
         return false;
     };
     !ignorable(&equations, &[equations.energy]).is_empty()
+}
+
+/// Whether a state of the model can violate a constraint: whether it has residuals, the output [`Want::Constraint`].
+///
+/// # Errors
+/// What reduction can find.
+pub fn has_residuals(model: &Model) -> Result<bool, Diagnostics> {
+    let KinematicConstraint::Multipliers { rows, .. } = reduce(model, &[])?.constraint else {
+        return Ok(false);
+    };
+    Ok(rows.iter().any(|row| matches!(row.source, AccelerationSource::Differentiated(_))))
 }
 
 fn plan(model: &Model, scene: &str) -> Option<Plan> {
@@ -412,6 +423,21 @@ fn ignorable(equations: &Equations, results: &[ExprId]) -> Vec<String> {
     equations.state.iter().filter(|s| dropped.contains(&s.symbol)).map(|s| s.name.clone()).collect()
 }
 
+/// Coordinates of the base and the group that are no part of a scene's state.
+fn left_out(equations: &Equations, state: &[StateEquation]) -> BTreeSet<SymbolId> {
+    let carried: BTreeSet<SymbolId> = state.iter().map(|s| s.symbol).collect();
+    let base = equations.system.algebroid.base().iter().copied();
+    let all = base.chain(equations.reconstruction.iter().map(|s| s.symbol));
+    all.filter(|symbol| !carried.contains(symbol)).collect()
+}
+
+/// Whether a value depends on one of `symbols`, also by the sections that it uses.
+fn needs(g: &Graph, equations: &Equations, e: ExprId, symbols: &BTreeSet<SymbolId>) -> bool {
+    let sections = needed_sections(g, &equations.sections, &[e]);
+    let definitions = sections.iter().flat_map(|s| &s.definitions).map(|d| d.expr);
+    definitions.chain([e]).any(|e| g.depends_on(e, symbols))
+}
+
 /// A group by its name, every output of the model (`outputs`), or a single component of a group.
 fn wanted_outputs(equations: &Equations, available: &[Output], want: &str) -> Vec<Output> {
     if want == Want::Outputs.name() {
@@ -623,6 +649,30 @@ impl BuiltScene {
     pub fn with_invariants(&self) -> Result<BuiltScene, Error> {
         let plan = Plan { wants_invariants: true, ..Plan::new(self.name.clone()) };
         lower_scene(self.equations.clone(), plan, self.state.clone(), Vec::new(), false, &BTreeSet::new())
+    }
+
+    /// The scene with the same parameters and state that has, besides the right-hand side, the residuals of the constraints
+    /// that a state can violate ([`Want::Constraint`]) and the momenta ([`Want::Momentum`]).
+    ///
+    /// None if there are no such constraints, or if they depend on a coordinate that this scene leaves out; momenta that do
+    /// are missing.
+    ///
+    /// # Errors
+    /// What lowering can find.
+    pub fn with_residuals(&self) -> Result<Option<BuiltScene>, Error> {
+        let graph = &self.equations.system.graph;
+        let left_out = left_out(&self.equations, &self.state);
+        let group = |want: Want| {
+            let found = self.equations.outputs.iter().find(|o| o.name == want.name())?;
+            let is_known =
+                found.components.iter().all(|(_, e)| !needs(graph, &self.equations, *e, &left_out));
+            is_known.then(|| found.clone())
+        };
+        let Some(residuals) = group(Want::Constraint) else { return Ok(None) };
+        let outputs = [residuals].into_iter().chain(group(Want::Momentum)).collect();
+        let plan = Plan::new(self.name.clone());
+        lower_scene(self.equations.clone(), plan, self.state.clone(), outputs, false, &BTreeSet::new())
+            .map(Some)
     }
 
     /// The entry of the scene in the index of modules.

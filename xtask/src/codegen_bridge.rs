@@ -13,7 +13,7 @@ use hamel_codegen::lower::{Counts, Jet};
 use hamel_codegen::reduction;
 use hamel_codegen::scene::{self, BuiltScene, Interpreter};
 use hamel_codegen::spec::{self, ConnectionKind, Domain, ReconstructionKind, circle_names};
-pub use hamel_codegen::spec::{Kind, Model};
+pub use hamel_codegen::spec::{Kind, Model, Want};
 use hamel_runtime::Failure;
 
 use crate::dynamics::{BadParams, Dynamics, Factory, Info, OutputEntry, ParamEntry, VecState};
@@ -60,6 +60,17 @@ pub fn wants(model: &Model, scene_name: &str, what: &str) -> bool {
     own.is_some_and(|scene| scene.wants.iter().any(|want| want == what))
 }
 
+/// Whether a state can violate a constraint of a scene without the scene's own outputs telling it; the automatic
+/// scenes with all outputs would.
+///
+/// # Errors
+/// [`Error::Models`].
+pub fn hides_residuals(model: &Model, scene_name: &str) -> Result<bool, Error> {
+    let has_all = [DEFAULT_SCENE, RECONSTRUCTION_SCENE].contains(&scene_name)
+        && model.scenes.iter().all(|scene| scene.name != scene_name);
+    Ok(!has_all && scene::has_residuals(model)?)
+}
+
 /// What a scene wants that has its invariants compiled.
 pub const INVARIANTS: &str = scene::INVARIANTS;
 
@@ -102,20 +113,28 @@ fn built(model: &Model, scene: BuiltScene) -> Built {
         default: rational_to_f64(&p.default),
         doc: p.doc.clone(),
     };
-    let output = |o: &hamel_codegen::mechanics::Output| OutputEntry {
-        name: o.name.clone(),
-        components: o.components.iter().map(|(name, _)| name.clone()).collect(),
-        doc: o.doc.clone(),
-    };
     let info = Info {
         model: model.name.clone(),
         scene: scene.name.clone(),
         state: scene.state_names(),
         params: scene.params().iter().map(param).collect(),
-        outputs: scene.outputs().iter().map(output).collect(),
+        outputs: scene.outputs().iter().map(output_entry).collect(),
         has_energy: scene.has_energy(),
     };
     Built { scene, info, with_invariants: OnceLock::new() }
+}
+
+fn output_entry(output: &hamel_codegen::mechanics::Output) -> OutputEntry {
+    OutputEntry {
+        name: output.name.clone(),
+        components: output.components.iter().map(|(name, _)| name.clone()).collect(),
+        doc: output.doc.clone(),
+    }
+}
+
+/// Why a name cannot be that of a model, or nothing.
+pub fn name_refusal(name: &str) -> Option<&'static str> {
+    spec::name_refusal(name)
 }
 
 /// A parameter or a state variable as a page shows it.
@@ -281,6 +300,15 @@ fn function(module: &str, head: &str) -> String {
 }
 
 impl Built {
+    /// The scene with the same parameters and state that has the residuals of the constraints that a state can violate, and
+    /// the momenta; none if there are no such constraints.
+    pub fn with_residuals(&self) -> Option<Built> {
+        let scene = self.scene.with_residuals().ok()??;
+        let outputs = scene.outputs().iter().map(output_entry).collect();
+        let info = Info { outputs, has_energy: false, ..self.info.clone() };
+        Some(Built { scene, info, with_invariants: OnceLock::new() })
+    }
+
     /// Operations of one evaluation of the right-hand side.
     pub fn rhs_counts(&self) -> Counts {
         let program = &self.scene.program;

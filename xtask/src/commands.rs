@@ -12,19 +12,21 @@ use std::time::Instant;
 use hamel_codegen::config::write_atomically;
 use serde_json::{Map, Value};
 
+use crate::admissible;
 use crate::auto;
 use crate::backend::{Backend, Local};
 use crate::codegen_bridge::{self as bridge, Kind, Model};
 use crate::compiled::Remote;
-use crate::dynamics::{Factory as _, Info};
+use crate::dynamics::Info;
 use crate::error::{Error, Problem};
 use crate::eval::EvalRequest;
+use crate::eval::prepare;
 use crate::files::{Run, Target};
 use crate::generate;
 use crate::initial;
 use crate::json::number;
 use crate::report;
-use crate::simulate::{MAX_STEPS, MethodName, SimulateRequest, SimulateResponse, Steps};
+use crate::simulate::{MethodName, SimulateRequest, SimulateResponse, Steps, has_state, samples_refusal};
 use crate::workspace::{Spec, Workspace};
 
 /// Who evaluates a scene.
@@ -144,16 +146,27 @@ const STARTER: &str = include_str!("starter.hamel");
 /// `new`: writes a model to start from, and says what to do with it.
 ///
 /// # Errors
-/// [`Error::Models`] for a name that a model cannot have; [`Error::Exists`]; [`Error::Io`].
+/// [`Error::BadName`] for a name that a model cannot have; [`Error::NoFolder`]; [`Error::Exists`]; [`Error::Io`].
 pub fn new(workspace: &Workspace, model: &str) -> Result<String, Error> {
     let path = match model.strip_suffix(".hamel") {
         Some(_) => PathBuf::from(model),
         None => workspace.specs_folder().join(format!("{model}.hamel")),
     };
     let name = path.file_stem().and_then(|s| s.to_str()).unwrap_or_default();
+    // Without the ending, all of it is the name, also what looks like a folder.
+    let name = if model.ends_with(".hamel") { name } else { model };
+    if let Some(reason) = bridge::name_refusal(name) {
+        let instead: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
+        let instead = Some(instead).filter(|instead| bridge::name_refusal(instead).is_none());
+        return Err(Error::BadName { name: name.to_owned(), reason, instead });
+    }
     let text = STARTER.replace("NAME", name);
     let shown = workspace.shown(&path);
     bridge::parse(&shown, &text)?;
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty() && !folder.is_dir());
+    if let Some(folder) = folder {
+        return Err(Error::NoFolder { file: shown, folder: workspace.shown(folder) });
+    }
     let fail = |e: std::io::Error| match e.kind() {
         std::io::ErrorKind::AlreadyExists => Error::Exists { file: shown.clone() },
         _ => Error::io(shown.clone(), e),
@@ -421,7 +434,13 @@ pub fn simulate_json(workspace: &Workspace, choice: &Choice) -> Result<String, E
     let (reconstructs, projects) =
         (SimulateRequest::asks_to_reconstruct(&text)?, SimulateRequest::asks_to_project(&text)?);
     if !reconstructs && !projects {
-        return simulate_text(&mut *choice.open(workspace, &spec)?, &text);
+        let mut backend = choice.open(workspace, &spec)?;
+        // The default scene has what there is, so that nobody has to read the model.
+        if choice.scene != bridge::DEFAULT_SCENE && !admissible::is_judged_by(backend.info()) {
+            let model = bridge::read(workspace, &spec)?;
+            judge(&model, &SimulateRequest::parse(&text, backend.info())?, backend.info())?;
+        }
+        return simulate_text(&mut *backend, &text);
     }
     let model = bridge::read(workspace, &spec)?;
     let reconstructing = reconstructs.then(|| choice.reconstructing(&model, "reconstruct")).transpose()?;
@@ -431,7 +450,27 @@ pub fn simulate_json(workspace: &Workspace, choice: &Choice) -> Result<String, E
     if reconstructs {
         return reconstruct_text(&mut *backend, &model, &text);
     }
+    judge(&model, &SimulateRequest::parse(&text, backend.info())?, backend.info())?;
     simulate_text(&mut *backend, &text)
+}
+
+/// Checks that the initial state of a request keeps the constraints, where the scene leaves out what tells that.
+///
+/// # Errors
+/// [`Error::Inadmissible`].
+fn judge(model: &Model, request: &SimulateRequest, info: &Info) -> Result<(), Error> {
+    if let Some(scene) = residuals(model, info)? {
+        admissible::check(&*prepare(&scene, &request.params)?, &request.initial, request.n_group)?;
+    }
+    Ok(())
+}
+
+/// The scene with the residuals of constraints that a state can violate, unless it has them itself; none if there are none.
+fn residuals(model: &Model, info: &Info) -> Result<Option<bridge::Built>, Error> {
+    if admissible::is_judged_by(info) || !bridge::hides_residuals(model, &info.scene)? {
+        return Ok(None);
+    }
+    Ok(bridge::build(model, &info.scene)?.with_residuals())
 }
 
 /// Integrates as a JSON request says.
@@ -487,6 +526,8 @@ pub struct Simulation {
     pub atol: Option<f64>,
     /// Size of fixed steps.
     pub step: Option<f64>,
+    /// Largest number of steps.
+    pub max_steps: Option<u64>,
     /// Number of samples in files.
     pub samples: Option<usize>,
     /// Files to write.
@@ -529,6 +570,7 @@ pub fn simulate(workspace: &Workspace, choice: &Choice, arguments: &Simulation) 
     };
     let mut backend = choice.suited_to(&model, method).open(workspace, &spec)?;
     let info = backend.info().clone();
+    has_state(&info)?;
     let n_group = if arguments.reconstruct { n_group(&info, &model)? } else { 0 };
     let mut problems = Vec::new();
     let set = assignments(&arguments.set, "--set", "parameter", &info.param_names(), &mut problems);
@@ -546,8 +588,12 @@ pub fn simulate(workspace: &Workspace, choice: &Choice, arguments: &Simulation) 
         }
         return Err(Error::Request { problems });
     }
-    let (params, initial) = Starts::new(&model, &info)?.choose(&mut *backend, &set, &given)?;
     let samples = arguments.samples.unwrap_or(if targets.is_empty() { 0 } else { DEFAULT_SAMPLES });
+    if let Some(reason) = samples_refusal(samples as u64, &info, !targets.is_empty()) {
+        let problems = vec![Problem::Unusable { path: "--samples".into(), reason }];
+        return Err(Error::Request { problems });
+    }
+    let (params, initial) = Starts::new(&model, &info)?.choose(&mut *backend, &set, &given)?;
     let request = SimulateRequest {
         params,
         initial,
@@ -557,7 +603,7 @@ pub fn simulate(workspace: &Workspace, choice: &Choice, arguments: &Simulation) 
         samples,
         with_outputs: !targets.is_empty(),
         n_group,
-        max_steps: MAX_STEPS,
+        max_steps: arguments.max_steps.unwrap_or(steps.max_steps()),
     };
     let response = backend.simulate(&request)?;
     let title = title(&model.doc);
@@ -645,21 +691,13 @@ fn motion(model: &Model, arguments: &Report) -> Result<report::Motion, Error> {
 pub(crate) struct Starts<'a> {
     model: &'a Model,
     info: &'a Info,
-    /// Has the residual of the constraint where the scene itself leaves it out: the default scene.
+    /// Has the residual of the constraint where the scene itself leaves it out.
     residuals: Option<bridge::Built>,
 }
 
 impl<'a> Starts<'a> {
     pub(crate) fn new(model: &'a Model, info: &'a Info) -> Result<Starts<'a>, Error> {
-        let mut residuals = None;
-        if info.output_range("constraint").is_none() && !model.constraints.is_empty() {
-            let full = bridge::build(model, bridge::DEFAULT_SCENE)?;
-            let full_info = full.info();
-            if full_info.state == info.state && full_info.output_range("constraint").is_some() {
-                residuals = Some(full);
-            }
-        }
-        Ok(Starts { model, info, residuals })
+        Ok(Starts { model, info, residuals: residuals(model, info)? })
     }
 
     /// Parameters with those in `set`, and an initial state with the components in `given`; `backend` is that of the scene.
@@ -669,18 +707,18 @@ impl<'a> Starts<'a> {
         set: &BTreeMap<String, f64>,
         given: &BTreeMap<String, f64>,
     ) -> Result<(Vec<f64>, Vec<f64>), Error> {
-        let values = |info: &Info, of: &BTreeMap<String, f64>| -> Vec<f64> {
-            info.params.iter().map(|p| of.get(&p.name).copied().unwrap_or(p.default)).collect()
-        };
-        let params = values(self.info, set);
+        let params: Vec<f64> =
+            self.info.params.iter().map(|p| set.get(&p.name).copied().unwrap_or(p.default)).collect();
         let all_params = bridge::all_params(self.model, &self.info.scene, set);
         let roles = bridge::roles(self.model, &all_params);
         let preferred = bridge::initial_values(self.model, &all_params);
-        let full_params =
-            self.residuals.as_ref().map(|full| values(full.info(), &all_params)).unwrap_or_default();
         let mut other = self.residuals.as_ref().map(Local::new);
         let other = other.as_mut().map(|local| local as &mut dyn Backend);
-        let initial = initial::state(backend, other, (&params, &full_params), &roles, &preferred, given)?;
+        let initial = initial::state(backend, other, (&params, &params), &roles, &preferred, given)?;
+        // What the user gave may leave nothing to choose.
+        if let Some(scene) = &self.residuals {
+            admissible::check(&*prepare(scene, &params)?, &initial, 0)?;
+        }
         Ok((params, initial))
     }
 }
@@ -733,10 +771,6 @@ fn summary(info: &Info, title: &str, request: &SimulateRequest, response: &Simul
     }
     if let Some(residual) = response.constraint_residual {
         let _ = write!(text, "\n  constraint residual at most {residual:.1e}");
-        if let Some(initial) = response.initial_residual.filter(|r| *r > 1e-9) {
-            let _ =
-                write!(text, "; the initial state violates it by {initial:.1e}, and the motion keeps that");
-        }
     }
     let width = info.state.iter().map(|s| s.chars().count()).max().unwrap_or(0).max(5);
     let _ = write!(text, "\n\n  {:width$}  {:>24}  {:>24}", "", "initial", "final");

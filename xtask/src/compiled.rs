@@ -99,11 +99,14 @@ impl Backend for Remote {
     }
 
     fn simulate(&mut self, request: &SimulateRequest) -> Result<SimulateResponse, Error> {
+        // JSON has no infinity, and what is too large is not worth sending.
+        request.validate(&self.info)?;
         let answer: Answer<SimulateResponse> = self.process.ask(&Ask::Simulate(request.clone()))?;
         Ok(answer?)
     }
 
     fn ensemble(&mut self, request: &EnsembleRequest) -> Result<Vec<Member>, Error> {
+        request.options()?;
         let answer: Answer<Vec<Member>> = self.process.ask(&Ask::Ensemble(request.clone()))?;
         Ok(answer?)
     }
@@ -128,7 +131,8 @@ impl Process {
         let stdin = child.stdin.take().expect("piped standard input");
         let stdout = BufReader::new(child.stdout.take().expect("piped standard output"));
         let mut process = Process { child, stdin: Some(stdin), stdout, model: model.to_owned() };
-        let hello: Option<Hello> = process.read()?;
+        // Another program may say anything.
+        let hello: Option<Hello> = process.read().ok().flatten();
         match hello {
             Some(hello) if hello.program == PACKAGE && hello.version == env!("CARGO_PKG_VERSION") => {
                 Ok(process)
@@ -152,11 +156,14 @@ impl Process {
         }
     }
 
-    /// One line; none at the end of the stream or when it is not what was expected.
+    /// One line; none at the end of the stream.
     fn read<T: DeserializeOwned>(&mut self) -> Result<Option<T>, Error> {
+        let fail = |e| Error::io("the answer of the compiled models", e);
         let mut line = String::new();
-        self.stdout.read_line(&mut line).map_err(|e| Error::io("the compiled models", e))?;
-        Ok(serde_json::from_str(&line).ok())
+        if self.stdout.read_line(&mut line).map_err(fail)? == 0 {
+            return Ok(None);
+        }
+        serde_json::from_str(&line).map(Some).map_err(|e| fail(e.into()))
     }
 
     fn ended(&mut self, why: &str) -> Error {

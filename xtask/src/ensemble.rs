@@ -10,7 +10,7 @@ use std::time::Instant;
 
 use hamel_ensemble::{Ensemble, Lanes, Source, Stop, Trajectory};
 use hamel_runtime::{
-    Dop853, Dopri5, F64x4, Gauss4, Gauss6, Gauss8, Method, Projected, Rk4, Taylor, Tsit5, Vern9,
+    Dop853, Dopri5, F64x4, Gauss4, Gauss6, Gauss8, Method, Options, Projected, Rk4, Taylor, Tsit5, Vern9,
 };
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use rayon::ThreadPool;
@@ -18,13 +18,16 @@ use rayon::iter::ParallelIterator as _;
 use rayon::iter::{IndexedParallelIterator as _, IntoParallelIterator as _, IntoParallelRefIterator as _};
 use serde::{Deserialize, Serialize};
 
+use crate::admissible;
 use crate::backend::Local;
 use crate::codegen_bridge as bridge;
 use crate::commands::{Choice, Starts, assignments};
 use crate::dynamics::{BadParams, Dynamics, Factory, Info, LaneDynamics, VecState};
 use crate::error::{Error, Problem};
+use crate::eval::prepare;
 use crate::simulate::{
-    MAX_INVARIANTS, MethodName, Sample, Steps, chosen, has_series, not_projected, sample_time, why_stopped,
+    MAX_INVARIANTS, MethodName, Sample, Steps, chosen, has_series, has_state, not_projected, sample_time,
+    why_stopped,
 };
 use crate::workspace::Workspace;
 
@@ -62,10 +65,24 @@ pub struct EnsembleRequest {
     pub samples: usize,
     /// How many trajectories share a core's registers.
     pub width: Width,
+    /// Largest number of steps of each, rejected ones included; none for [`Steps::max_steps`].
+    pub max_steps: Option<u64>,
     /// Number of threads; none for that of the cores.
     pub threads: Option<usize>,
     /// How many trajectories of how many are done already, for the progress bar.
     pub done: (usize, usize),
+}
+
+impl EnsembleRequest {
+    /// Options of every integration.
+    ///
+    /// # Errors
+    /// [`Error::Options`] for a time that is not finite, and steps that the integrator does not take.
+    pub fn options(&self) -> Result<Options<f64>, Error> {
+        let options = self.steps.options(self.t_final, self.max_steps.unwrap_or(self.steps.max_steps()))?;
+        options.validate().map_err(|e| Error::Options { reason: e.to_string() })?;
+        Ok(options)
+    }
 }
 
 /// What became of one trajectory.
@@ -181,8 +198,7 @@ impl<'a> Job<'a> {
     {
         let request = self.request;
         let refused = |e: hamel_runtime::Error| Error::Options { reason: e.to_string() };
-        let options = request.steps.options(request.t_final)?;
-        options.validate().map_err(refused)?;
+        let options = request.options()?;
         Method::<f64, Box<dyn Dynamics + 'a>>::validate(&method, &options).map_err(refused)?;
         let (params, initial): (Vec<&[f64]>, Vec<VecState>) =
             request.members.iter().map(|(params, y)| (params.as_slice(), VecState(y.clone()))).unzip();
@@ -232,8 +248,18 @@ impl<'a> Job<'a> {
     }
 }
 
+/// Most threads: several for each core of a large machine, and far fewer than a system refuses.
+const MAX_THREADS: usize = 1024;
+
 /// Threads for an ensemble.
 fn pool(threads: Option<usize>) -> Result<ThreadPool, Error> {
+    if let Some(n) = threads.filter(|n| *n > MAX_THREADS) {
+        let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+        let reason = format!(
+            "is {n}, but at most {MAX_THREADS} are started: leave it out for as many as there are cores, {cores} here"
+        );
+        return Err(unusable("--threads", reason));
+    }
     // Zero is the pool's word for as many as there are cores.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build();
     pool.map_err(|e| Error::Options { reason: format!("threads could not be started: {e}") })
@@ -249,6 +275,8 @@ fn progress_bar((done, all): (usize, usize)) -> ProgressBar {
     let style = ProgressStyle::with_template("  {bar:40.cyan/blue} {pos} of {len} trajectories  {eta} left");
     bar.set_style(style.expect("valid template"));
     bar.set_position(done as u64);
+    // What was done before the bar took no time of it.
+    bar.reset_eta();
     bar
 }
 
@@ -279,6 +307,8 @@ pub struct Arguments {
     pub atol: Option<f64>,
     /// Size of fixed steps.
     pub step: Option<f64>,
+    /// Largest number of steps of each trajectory.
+    pub max_steps: Option<u64>,
     /// Number of samples of each trajectory.
     pub samples: usize,
     /// How many trajectories share a core's registers.
@@ -297,7 +327,8 @@ const NUMBERS_AT_ONCE: usize = 1 << 19;
 /// `ensemble`: integrates all, writes the table, and returns a summary for people.
 ///
 /// # Errors
-/// Everything that can be wrong with names, values and files; not what stops a trajectory.
+/// Everything that can be wrong with names, values and files; not what stops a trajectory, unless it stops all:
+/// [`Error::NoneArrived`], after the files have been written.
 pub fn ensemble(workspace: &Workspace, choice: &Choice, arguments: &Arguments) -> Result<String, Error> {
     let clock = Instant::now();
     let targets: Vec<Target> = arguments.outputs.iter().map(|p| Target::new(p)).collect::<Result<_, _>>()?;
@@ -307,6 +338,7 @@ pub fn ensemble(workspace: &Workspace, choice: &Choice, arguments: &Arguments) -
     let model = bridge::read(workspace, &spec)?;
     // Chooses initial states, here and on all threads; it agrees bit for bit with the compiled scene.
     let built = bridge::build(&model, &choice.scene)?;
+    has_state(built.info())?;
     let plan = Plan::new(built.info(), arguments)?;
     let mut backend = choice.open(workspace, &spec)?;
     let info = backend.info().clone();
@@ -334,6 +366,7 @@ pub fn ensemble(workspace: &Workspace, choice: &Choice, arguments: &Arguments) -
             steps,
             samples: arguments.samples,
             width: arguments.width,
+            max_steps: arguments.max_steps,
             threads: arguments.threads,
             done: (integrated.len(), sound.len()),
         };
@@ -352,6 +385,12 @@ pub fn ensemble(workspace: &Workspace, choice: &Choice, arguments: &Arguments) -
     let table = Table { info: &info, input_names: plan.names(), inputs, times, results };
     for target in &targets {
         target.write(&table)?;
+    }
+    if let Some(reason) = table.results.iter().map(|r| r.error.clone()).collect::<Option<Vec<_>>>() {
+        // There is at least one trajectory.
+        let reason = reason.into_iter().next().unwrap_or_default();
+        let files = targets.iter().map(|target| target.path().to_owned()).collect();
+        return Err(Error::NoneArrived { n: table.results.len(), reason, files });
     }
     Ok(summary(&table, &targets, clock.elapsed().as_secs_f64()))
 }
@@ -433,18 +472,28 @@ impl<'a> Plan<'a> {
             return Err(Error::Request { problems });
         }
         let count = arguments.count.unwrap_or(1);
-        let grid = arguments.sweep.iter().map(|s| s.n).try_fold(points.len(), usize::checked_mul);
-        let all = grid.and_then(|n| n.checked_mul(count)).filter(|n| *n <= MAX_NUMBERS);
-        match all {
-            Some(0) => {
-                let path = if count == 0 { "--count" } else { "--table" };
-                return Err(unusable(path, "leaves no trajectory: give at least one".into()));
-            }
-            Some(_) => {}
-            None => {
-                let reason = format!("makes more than {MAX_NUMBERS} trajectories: take fewer values");
-                return Err(unusable("--sweep", reason));
-            }
+        let lines = points.len();
+        let grid = arguments.sweep.iter().map(|s| s.n).try_fold(1_usize, usize::checked_mul);
+        if count == 0 || lines == 0 {
+            let path = if count == 0 { "--count" } else { "--table" };
+            return Err(unusable(path, "leaves no trajectory: give at least one".into()));
+        }
+        let all = grid.and_then(|n| n.checked_mul(lines)?.checked_mul(count));
+        if all.is_none_or(|n| n > MAX_NUMBERS) {
+            // The factors, the largest of which is to blame.
+            let factors = [
+                (grid.unwrap_or(usize::MAX), "--sweep", "points of the grid"),
+                (count, "--count", "draws"),
+                (lines, "--table", "lines"),
+            ];
+            let told = factors.iter().filter(|(n, ..)| *n > 1).map(|(n, _, what)| match *n {
+                usize::MAX => format!("too many {what}"),
+                n => format!("{n} {what}"),
+            });
+            let told = told.collect::<Vec<_>>().join(" times ");
+            let (_, path, _) = factors.into_iter().max_by_key(|(n, ..)| *n).unwrap_or(factors[0]);
+            let reason = format!("makes more than {MAX_NUMBERS} trajectories ({told}): take fewer");
+            return Err(unusable(path, reason));
         }
         for sweep in &arguments.sweep {
             names.push(sweep.name.clone());
@@ -479,7 +528,11 @@ impl<'a> Plan<'a> {
                 let is_param = self.info.params.iter().any(|p| p.name == *name);
                 if is_param { &mut set } else { &mut given }.insert((*name).to_owned(), *value);
             }
-            starts.choose(&mut Local::new(scene), &set, &given).map_err(|e| e.to_string())
+            let chosen = starts.choose(&mut Local::new(scene), &set, &given).and_then(|(params, y)| {
+                admissible::check(&*prepare(scene, &params)?, &y, 0)?;
+                Ok((params, y))
+            });
+            chosen.map_err(|e| e.to_string())
         };
         let at_point = |point: &Vec<f64>| -> Vec<(&str, f64)> {
             self.names.iter().map(String::as_str).zip(point.iter().copied()).collect()
@@ -514,5 +567,17 @@ impl<'a> Plan<'a> {
             (values.iter().map(|(_, x)| *x).collect(), choose(&values))
         };
         (0..self.len()).into_par_iter().map(start).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::progress_bar;
+
+    /// Of work that was done before the bar there is no speed.
+    #[test]
+    fn trajectories_done_before_take_no_part_in_the_time_left() {
+        let bar = progress_bar((8192, 100_000));
+        assert_eq!((bar.position(), bar.per_sec()), (8192, 0.0));
     }
 }

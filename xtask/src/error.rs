@@ -32,6 +32,22 @@ pub enum Error {
         /// The file.
         file: String,
     },
+    /// A name that no model can have.
+    BadName {
+        /// The name.
+        name: String,
+        /// Why not.
+        reason: &'static str,
+        /// What it could be instead, if that is plain.
+        instead: Option<String>,
+    },
+    /// A file to be written into a folder that is not there.
+    NoFolder {
+        /// The file.
+        file: String,
+        /// The folder.
+        folder: String,
+    },
     /// A crate that cannot be published as it is.
     Unpublishable {
         /// What is wrong, a crate and a reason each.
@@ -90,6 +106,29 @@ pub enum Error {
         path: String,
         /// Why.
         reason: String,
+    },
+    /// An initial state that does not keep the constraints.
+    Inadmissible {
+        /// Residuals that are more than rounding: name, value, size of the terms.
+        broken: Vec<(String, f64, f64)>,
+        /// The nearest state that keeps them, by name; none if there is none with the same positions.
+        nearest: Option<Vec<(String, f64)>>,
+    },
+    /// A scene without state, because its constraints determine every velocity.
+    NoState {
+        /// The scene.
+        scene: String,
+        /// The model.
+        model: String,
+    },
+    /// Trajectories none of which reached the end.
+    NoneArrived {
+        /// How many.
+        n: usize,
+        /// Why the first stopped.
+        reason: String,
+        /// The files that say so of each.
+        files: Vec<PathBuf>,
     },
     /// Options that the integrator does not accept.
     Options {
@@ -215,6 +254,8 @@ impl Error {
     pub fn exit_code(&self) -> u8 {
         match self {
             Error::Stopped { .. }
+            | Error::NoneArrived { .. }
+            | Error::NoFolder { .. }
             | Error::Stale { .. }
             | Error::Unpublishable { .. }
             | Error::NotCompiled { .. }
@@ -318,6 +359,13 @@ impl fmt::Display for Error {
             Error::Exists { file } => {
                 write!(f, "{file} exists and is left as it is: choose another name, or remove it")
             }
+            Error::BadName { name, reason, instead } => {
+                write!(f, "`{name}` cannot name a model: {reason}")?;
+                instead.iter().try_for_each(|instead| write!(f, "; `{instead}` can"))
+            }
+            Error::NoFolder { file, folder } => {
+                write!(f, "{file} cannot be written: there is no folder {folder}, make it first")
+            }
             Error::Unpublishable { problems } => {
                 f.write_str("crates cannot be published as they are:")?;
                 problems.iter().try_for_each(|(name, reason)| write!(f, "\n  {name} {reason}"))
@@ -356,6 +404,36 @@ impl fmt::Display for Error {
                 f.write_str(": change the parameters")
             }
             Error::State { path, reason } => write!(f, "{path} cannot be evaluated: {reason}"),
+            Error::Inadmissible { broken, nearest } => {
+                f.write_str("initial does not keep the constraints:")?;
+                for (k, (name, residual, size)) in broken.iter().enumerate() {
+                    let comma = if k == 0 { "" } else { "," };
+                    write!(f, "{comma} {name} = {residual:?} beside terms of {size:.1e}")?;
+                }
+                match nearest {
+                    Some(nearest) => {
+                        f.write_str(
+                            "\n  the nearest state that does, with the same positions and the least kinetic energy of \
+                             the change: ",
+                        )?;
+                        values(f, nearest)
+                    }
+                    None => {
+                        f.write_str("\n  no velocities were found that do at these positions: give others")
+                    }
+                }
+            }
+            Error::NoState { scene, model } => write!(
+                f,
+                "scene {scene} of {model} has no state, so there is nothing to integrate: its constraints determine every \
+                 velocity, and it has no coordinate; `eval` with the state {{}} has the outputs, and --reconstruct (in JSON \
+                 \"reconstruct\") moves the group where the model says how"
+            ),
+            Error::NoneArrived { n, reason, files } => {
+                let reason = reason.replace('\n', "\n    ");
+                write!(f, "none of {n} trajectories reached the end; the first stopped: {reason}")?;
+                files.iter().try_for_each(|file| write!(f, "\n  {} says why of each", file.display()))
+            }
             Error::Options { reason } => f.write_str(reason),
             Error::Stopped { t, state, reason } => {
                 write!(f, "integration stopped at t = {t:?}: {reason}\n  state reached: ")?;

@@ -4,16 +4,15 @@
 
 use std::collections::BTreeMap;
 
+use crate::admissible::{Outcome, Places, project};
 use crate::backend::Backend;
-use crate::codegen_bridge::Role;
+use crate::codegen_bridge::{Role, Want};
 use crate::dynamics::Info;
 use crate::error::Error;
 use crate::eval::EvalRequest;
 
 /// How often other values are tried when the scene has no value at the first ones.
 const N_ATTEMPTS: usize = 4;
-/// Residual of the constraint that counts as met, relative to the velocities, which are of order one.
-const MET: f64 = 1e-12;
 
 /// A state of a scene in which `given` components have the given values, and others the `preferred` ones of the model.
 ///
@@ -38,18 +37,16 @@ pub fn state(
     let mut failure = None;
     for attempt in 0..N_ATTEMPTS {
         let mut y = first_guess(&info, roles, &start, attempt);
-        let free: Vec<usize> = (0..y.len())
-            .filter(|&k| {
-                let name = &info.state[k];
-                roles.get(name) == Some(&Role::Velocity) && !given.contains_key(name)
-            })
-            .collect();
+        let is_velocity = |k: &usize| roles.get(&info.state[*k]) == Some(&Role::Velocity);
+        let velocities: Vec<usize> = (0..y.len()).filter(is_velocity).collect();
+        let is_free = |k: &usize| !given.contains_key(&info.state[*k]);
+        let free: Vec<usize> = velocities.iter().copied().filter(is_free).collect();
         let met = if free.is_empty() {
             Ok(())
         } else {
             match &mut constraint {
-                Some(other) => meet_constraint(&mut **other, params.1, &mut y, &free),
-                None => meet_constraint(backend, params.0, &mut y, &free),
+                Some(other) => meet_constraint(&mut **other, params.1, &mut y, &velocities, &free),
+                None => meet_constraint(backend, params.0, &mut y, &velocities, &free),
             }
         };
         let request = EvalRequest { params: params.0.to_vec(), t: 0.0, states: vec![y.clone()] };
@@ -115,91 +112,35 @@ fn unit_vector(index: usize, n: usize, attempt: usize) -> f64 {
     component(index) / (0..n).map(|k| component(k).powi(2)).sum::<f64>().sqrt()
 }
 
-/// Moves the velocities at positions `free` onto the constraint, by Newton's method with the least change.
+/// Moves the velocities at positions `free` onto the constraint, by Newton's method with the least change; `velocities` are
+/// the positions of all.
 fn meet_constraint(
     backend: &mut dyn Backend,
     params: &[f64],
     y: &mut [f64],
+    velocities: &[usize],
     free: &[usize],
 ) -> Result<(), Error> {
-    let Some(range) = backend.info().output_range("constraint") else { return Ok(()) };
-    let mut largest = f64::INFINITY;
-    for round in 0..8 {
-        // The state itself, then one velocity after the other moved by one: constraints are affine in them.
-        let mut states = vec![y.to_vec()];
-        for &k in free {
-            let mut moved = y.to_vec();
-            moved[k] += 1.0;
-            states.push(moved);
-        }
-        let answer = backend.eval(&EvalRequest { params: params.to_vec(), t: 0.0, states })?;
-        let residuals: Vec<&[f64]> = answer.outputs.iter().map(|all| &all[range.clone()]).collect();
-        largest = residuals[0].iter().fold(0.0, |max: f64, r| max.max(r.abs()));
-        if largest <= f64::EPSILON || (round == 0 && largest <= MET) {
-            return Ok(());
-        }
-        let jacobian: Vec<Vec<f64>> = (0..range.len())
-            .map(|c| residuals[1..].iter().map(|moved| moved[c] - residuals[0][c]).collect())
-            .collect();
-        let Some(change) = least_change(&jacobian, residuals[0]) else { break };
-        for (&k, change) in free.iter().zip(change) {
-            y[k] += change;
+    let Some(constraint) = backend.info().output_range(Want::Constraint.name()) else { return Ok(()) };
+    // Whoever gives no velocity has no metric in mind, and the model's own initial velocities are moved as little as can be.
+    let places = Places { constraint, velocities: velocities.to_vec(), momenta: None };
+    let mut outputs =
+        |states| Ok(backend.eval(&EvalRequest { params: params.to_vec(), t: 0.0, states })?.outputs);
+    match project(&mut outputs, &places, y, free)? {
+        Outcome::Met => Ok(()),
+        Outcome::Missed { largest } => {
+            let reason = format!(
+                "the constraint is violated by {largest:e} and the velocities that were not given cannot meet it: \
+                 give others"
+            );
+            Err(Error::State { path: "initial".into(), reason })
         }
     }
-    if largest <= MET {
-        return Ok(());
-    }
-    let reason = format!(
-        "the constraint is violated by {largest:e} and the velocities that were not given cannot meet it: give others"
-    );
-    Err(Error::State { path: "initial".into(), reason })
-}
-
-/// The shortest `x` with `J x = -r`, from `J J^T z = -r`, `x = J^T z`; none when `J` has not full rank.
-fn least_change(jacobian: &[Vec<f64>], residual: &[f64]) -> Option<Vec<f64>> {
-    let n = jacobian.len();
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
-    let mut rows: Vec<Vec<f64>> = (0..n)
-        .map(|i| (0..n).map(|j| dot(&jacobian[i], &jacobian[j])).chain([-residual[i]]).collect())
-        .collect();
-    for k in 0..n {
-        let pivot = (k..n).max_by(|&a, &b| rows[a][k].abs().total_cmp(&rows[b][k].abs()))?;
-        rows.swap(k, pivot);
-        if rows[k][k].abs() < 1e-14 {
-            return None;
-        }
-        let (done, below) = rows.split_at_mut(k + 1);
-        let pivot_row = &done[k];
-        for row in below {
-            let factor = row[k] / pivot_row[k];
-            for (entry, above) in row.iter_mut().zip(pivot_row).skip(k) {
-                *entry -= factor * above;
-            }
-        }
-    }
-    let mut z = vec![0.0; n];
-    for k in (0..n).rev() {
-        let known: f64 = (k + 1..n).map(|j| rows[k][j] * z[j]).sum();
-        z[k] = (rows[k][n] - known) / rows[k][k];
-    }
-    let n_free = jacobian.first().map_or(0, Vec::len);
-    Some((0..n_free).map(|j| (0..n).map(|i| jacobian[i][j] * z[i]).sum()).collect())
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{least_change, unit_vector};
-
-    #[test]
-    fn the_least_change_solves_the_equations() {
-        let jacobian = vec![vec![1.0, 2.0, 0.0], vec![0.0, 1.0, -1.0]];
-        let x = least_change(&jacobian, &[3.0, -1.0]).unwrap();
-        assert!((x[0] + 2.0 * x[1] + 3.0).abs() < 1e-14);
-        assert!((x[1] - x[2] - 1.0).abs() < 1e-14);
-        // Orthogonal to the null direction (2, -1, -1) of the equations.
-        assert!((2.0 * x[0] - x[1] - x[2]).abs() < 1e-14);
-        assert!(least_change(&[vec![1.0], vec![1.0]], &[1.0, 1.0]).is_none());
-    }
+    use super::unit_vector;
 
     #[test]
     fn advected_vectors_are_unit_vectors() {

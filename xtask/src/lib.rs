@@ -6,6 +6,7 @@
 //! Deliberately does not know: generated code. A broken generated file can always be regenerated, because nothing here
 //! depends on it; compiled models are reached through another process ([`compiled`]).
 
+pub mod admissible;
 pub mod auto;
 pub mod backend;
 pub mod bench;

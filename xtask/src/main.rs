@@ -136,11 +136,13 @@ Examples:
     ///
     /// With --json, a request is read from standard input instead:
     ///
-    /// {"params": {..}, "initial": {..}, "t_final": number, "method": "dop853", "rtol": .., "atol": .., "samples": n}
+    /// {"params": {..}, "initial": {..}, "t_final": number, "method": "dop853", "rtol": .., "atol": .., "samples": n,
+    /// "max_steps": n}
     ///
     /// and one line is printed:
     ///
-    /// {"t", "final": {..}, "samples": [[t, {..}], ..], "steps", "rejected", "rhs_evals", "energy_drift"}
+    /// {"t", "final": {..}, "samples": [[t, {..}], ..], "steps", "rejected", "rhs_evals", "energy_drift",
+    /// "constraint_residual", "initial_residual"}
     ///
     /// A request with "reconstruct" gives the coordinates of the group, all of them or none for the defaults, and the answer
     /// has their final values in "reconstruction". `cargo xtask list` shows their names: what scene reconstruction adds to
@@ -169,7 +171,7 @@ Examples:
     ///
     /// Four trajectories are integrated side by side in the registers of a core, and the cores share the work; results
     /// depend on neither the number of threads nor --via. A trajectory that stops keeps its last state, the reason is in
-    /// the column `error`, and the others go on. Integration starts at t = 0.
+    /// the column `error`, and the others go on; when none reaches the end, the exit status is 1. Integration starts at t = 0.
     #[command(
         arg_required_else_help = true,
         after_help = "\
@@ -384,20 +386,23 @@ struct MotionArgs {
     #[arg(long, value_name = "NAME=VALUE", num_args = 1.., value_parser = assignment)]
     initial: Vec<(String, f64)>,
     /// Time to integrate to, from 0; negative for backward
-    #[arg(long, value_name = "T", default_value_t = 10.0, allow_negative_numbers = true)]
+    #[arg(long, value_name = "T", default_value_t = 10.0, allow_negative_numbers = true, value_parser = finite)]
     t_final: f64,
     /// Integration method
     #[arg(long, value_enum, default_value_t)]
     method: MethodName,
     /// Relative tolerance [default: 1e-10]
-    #[arg(long)]
+    #[arg(long, value_parser = finite)]
     rtol: Option<f64>,
     /// Absolute tolerance [default: 1e-12]
-    #[arg(long)]
+    #[arg(long, value_parser = finite)]
     atol: Option<f64>,
     /// Fixed step size instead of tolerances
-    #[arg(long, value_name = "H")]
+    #[arg(long, value_name = "H", value_parser = finite)]
     step: Option<f64>,
+    /// Largest number of steps, rejected ones included [default: 50000000, with fixed steps 1000000000]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    max_steps: Option<u64>,
 }
 
 #[derive(Args)]
@@ -428,7 +433,7 @@ struct EnsembleArgs {
     /// Trajectories side by side in a core, with common steps; explicit methods only, the others take one at a time
     #[arg(long, value_enum, default_value_t)]
     lanes: Width,
-    /// Number of threads; results do not depend on it [default: that of the cores]
+    /// Number of threads, at most 1024; results do not depend on it [default: that of the cores]
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
     /// File to write: .csv or .npz; may be repeated
@@ -453,7 +458,7 @@ struct SimulateArgs {
     output: Vec<PathBuf>,
     /// Read a JSON request from standard input and print a JSON answer
     #[arg(long, conflicts_with_all =
-        ["set", "initial", "reconstruct", "t_final", "method", "rtol", "atol", "step", "samples", "output"])]
+        ["set", "initial", "reconstruct", "t_final", "method", "rtol", "atol", "step", "max_steps", "samples", "output"])]
     json: bool,
 }
 
@@ -461,9 +466,13 @@ fn assignment(text: &str) -> Result<(String, f64), String> {
     let Some((name, value)) = text.split_once('=') else {
         return Err("write it as name=value, such as m=1.5".into());
     };
-    match value.trim().parse::<f64>() {
-        Ok(x) if x.is_finite() => Ok((name.trim().to_owned(), x)),
-        _ => Err(format!("{value:?} is not a finite number")),
+    Ok((name.trim().to_owned(), finite(value)?))
+}
+
+fn finite(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(x) if x.is_finite() => Ok(x),
+        _ => Err(format!("{text:?} is not a finite number")),
     }
 }
 
@@ -524,6 +533,7 @@ fn run(task: Task) -> Result<String, Error> {
                 rtol: args.motion.rtol,
                 atol: args.motion.atol,
                 step: args.motion.step,
+                max_steps: args.motion.max_steps,
                 samples: args.samples,
                 outputs: args.output,
             };
@@ -543,6 +553,7 @@ fn run(task: Task) -> Result<String, Error> {
                 rtol: args.motion.rtol,
                 atol: args.motion.atol,
                 step: args.motion.step,
+                max_steps: args.motion.max_steps,
                 samples: args.samples,
                 width: args.lanes,
                 threads: args.threads,

@@ -11,7 +11,9 @@ use hamel_runtime::{
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
+use crate::admissible;
 use crate::auto;
+use crate::codegen_bridge::Want;
 use crate::dynamics::{Dynamics, Factory, Info, VecState};
 use crate::error::{Error, Problem};
 use crate::eval::{describe, prepare};
@@ -140,27 +142,38 @@ impl Steps {
         }
     }
 
-    /// Options of an integration to `t_final`.
+    /// Largest number of steps unless another one is given; one with fixed steps costs less and cannot be rejected.
+    pub fn max_steps(self) -> u64 {
+        match self {
+            Steps::Adaptive { .. } => MAX_STEPS,
+            Steps::Fixed { .. } => 20 * MAX_STEPS,
+        }
+    }
+
+    /// Options of an integration to `t_final` with at most `max_steps` steps, rejected ones included.
     ///
     /// # Errors
-    /// [`Error::Options`] for a time that is not finite, and for far too many steps.
-    pub fn options(self, t_final: f64) -> Result<Options<f64>, Error> {
+    /// [`Error::Options`] for a time that is not finite, and for fixed steps that are too many.
+    pub fn options(self, t_final: f64, max_steps: u64) -> Result<Options<f64>, Error> {
         if !t_final.is_finite() {
             return Err(Error::Options { reason: format!("t_final is {t_final}: give a finite time") });
         }
-        match self {
-            Steps::Adaptive { rtol, atol } => Ok(Options::adaptive(rtol, atol).with_max_steps(MAX_STEPS)),
+        let options = match self {
+            Steps::Adaptive { rtol, atol } => Options::adaptive(rtol, atol),
             Steps::Fixed { step } => {
                 let n_steps = (t_final / step).abs();
-                if step > 0.0 && n_steps > 20.0 * MAX_STEPS as f64 {
+                // The quotient is rounded.
+                if step > 0.0 && n_steps > max_steps as f64 * (1.0 + 1e-9) {
                     let reason = format!(
-                        "step {step:?} is too small for t_final = {t_final:?}: it needs {n_steps:.1e} steps"
+                        "step {step:?} is too small for t_final = {t_final:?}: it needs {n_steps:.1e} steps, and at most \
+                         {max_steps} are taken; give a larger step, or raise max_steps"
                     );
                     return Err(Error::Options { reason });
                 }
-                Ok(Options::fixed(step).with_max_steps(u64::MAX))
+                Options::fixed(step)
             }
-        }
+        };
+        Ok(options.with_max_steps(max_steps))
     }
 }
 
@@ -183,7 +196,7 @@ pub struct SimulateRequest {
     pub with_outputs: bool,
     /// How many components at the end of the state are coordinates of the group that the answer shows apart.
     pub n_group: usize,
-    /// Number of steps, rejected ones included, after which a method with adaptive steps gives up.
+    /// Largest number of steps, rejected ones included; [`Steps::max_steps`] unless somebody asks for another one.
     pub max_steps: u64,
 }
 
@@ -223,9 +236,9 @@ pub struct SimulateResponse {
     pub energy_scale: f64,
     /// Times and energies of accepted steps, thinned out when there are very many; empty unless samples carry outputs.
     pub energy_at_steps: Vec<(f64, f64)>,
-    /// Largest component of the output group `constraint` at the start.
+    /// Largest component of the output group `constraint` at the start; none when the scene has no such group.
     pub initial_residual: Option<f64>,
-    /// The same at the start, the samples and the end.
+    /// The same over the start, all steps and samples.
     pub constraint_residual: Option<f64>,
     /// Seconds that the integration took.
     pub seconds: f64,
@@ -233,10 +246,15 @@ pub struct SimulateResponse {
 
 /// Most invariants that are projected onto.
 pub(crate) const MAX_INVARIANTS: usize = 64;
-/// Most samples of one run.
-const MAX_SAMPLES: usize = 10_000_000;
-/// Most steps of one run, attempted ones included.
-pub(crate) const MAX_STEPS: u64 = 50_000_000;
+/// Memory that the samples of one run may take, in bytes: what a small machine has.
+const MAX_BYTES: u64 = 4_000_000_000;
+/// Memory of a sample and of each of its numbers at the worst moment, when the answer is both numbers and text.
+const BYTES_PER_SAMPLE: u64 = 300;
+const BYTES_PER_NUMBER: u64 = 150;
+/// Largest number that a request can give exactly.
+const MAX_WHOLE: f64 = (1_u64 << 53) as f64;
+/// Most steps of one run with adaptive steps, rejected ones included, unless another number is given.
+const MAX_STEPS: u64 = 50_000_000;
 /// Most steps whose energies are kept for a figure.
 const MAX_STEPS_SHOWN: usize = 4096;
 
@@ -258,7 +276,7 @@ impl SimulateRequest {
         has_field(text, "method", |value| *value == projected)
     }
 
-    /// Reads `{"params", "initial", "t_final", "method", "rtol", "atol" or "step", "samples"}`.
+    /// Reads `{"params", "initial", "t_final", "method", "rtol", "atol" or "step", "samples", "max_steps"}`.
     ///
     /// Missing parameters take the scene's defaults; `initial` and `t_final` have to be there; the other defaults are
     /// `dop853` and [`Steps::RTOL`], [`Steps::ATOL`].
@@ -290,8 +308,18 @@ impl SimulateRequest {
         n_group: usize,
         defaults: &dyn Fn(&BTreeMap<String, f64>) -> Vec<f64>,
     ) -> Result<SimulateRequest, Error> {
-        const FIELDS: [&str; 9] =
-            ["params", "initial", "t_final", "method", "rtol", "atol", "step", "reconstruct", "samples"];
+        const FIELDS: [&str; 10] = [
+            "params",
+            "initial",
+            "t_final",
+            "method",
+            "rtol",
+            "atol",
+            "step",
+            "reconstruct",
+            "samples",
+            "max_steps",
+        ];
         let mut fields = Fields::new(Json::parse(text)?, &FIELDS)?;
         let params = fields.take("params");
         let params =
@@ -342,17 +370,25 @@ impl SimulateRequest {
                 initial.extend(fields.numbers("reconstruct", some, kind, group, None));
             }
         }
-        let samples = fields.number("samples").unwrap_or(0.0);
-        let samples = if samples >= 0.0 && samples.fract() == 0.0 && samples <= MAX_SAMPLES as f64 {
-            samples as usize
-        } else {
-            let reason = format!("is {samples:?}, but has to be a whole number from 0 to {MAX_SAMPLES}");
-            fields.problems.push(unusable("samples", reason));
-            0
+        let mut whole = |name: &str, least: u64, default: u64| -> u64 {
+            let x = fields.number(name).unwrap_or(default as f64);
+            if x >= least as f64 && x.fract() == 0.0 && x <= MAX_WHOLE {
+                return x as u64;
+            }
+            let reason = format!("is {x:?}, but has to be a whole number from {least} on");
+            fields.problems.push(unusable(name, reason));
+            default
         };
+        let samples = whole("samples", 0, 0);
+        let max_steps = whole("max_steps", 1, steps.max_steps());
+        let with_outputs = false;
+        if let Some(reason) = samples_refusal(samples, info, with_outputs) {
+            fields.problems.push(unusable("samples", reason));
+        }
         fields.finish()?;
         let t_final = t_final.unwrap_or(0.0);
-        let with_outputs = false;
+        // They fit into memory.
+        let samples = samples as usize;
         Ok(SimulateRequest {
             params,
             initial,
@@ -362,14 +398,41 @@ impl SimulateRequest {
             samples,
             with_outputs,
             n_group,
-            max_steps: MAX_STEPS,
+            max_steps,
         })
+    }
+
+    /// Checks what does not depend on the scene's values, before anything is allocated or sent to another process.
+    ///
+    /// # Errors
+    /// [`Error::Options`] for a time that is not finite, steps that the integrator does not take, and too many samples.
+    pub fn validate(&self, info: &Info) -> Result<(), Error> {
+        let options = self.steps.options(self.t_final, self.max_steps)?;
+        options.validate().map_err(|e| Error::Options { reason: e.to_string() })?;
+        match samples_refusal(self.samples as u64, info, self.with_outputs) {
+            Some(reason) => Err(Error::Options { reason: format!("samples {reason}") }),
+            None => Ok(()),
+        }
     }
 
     /// Time of a sample.
     fn sample_time(&self, k: usize) -> f64 {
         sample_time(self.t_final, self.samples, k)
     }
+}
+
+/// Why so many samples are too many, or nothing.
+pub(crate) fn samples_refusal(samples: u64, info: &Info, with_outputs: bool) -> Option<String> {
+    let n_outputs = if with_outputs { info.n_outputs() } else { 0 };
+    let each = BYTES_PER_SAMPLE + BYTES_PER_NUMBER * (info.state.len() + n_outputs) as u64;
+    let bytes = each.saturating_mul(samples);
+    (bytes > MAX_BYTES).then(|| {
+        format!(
+            "is {samples}, which would take about {:.1} GB of memory: take {} or fewer, or integrate in parts",
+            bytes as f64 / 1e9,
+            MAX_BYTES / each
+        )
+    })
 }
 
 /// Whether an object has a field with such a value.
@@ -379,7 +442,8 @@ fn has_field(text: &str, name: &str, is_such: impl Fn(&Json) -> bool) -> Result<
 }
 
 impl SimulateResponse {
-    /// `{"t", "final", "samples", "steps", "rejected", "rhs_evals", "energy_drift"}`.
+    /// `{"t", "final", "samples", "steps", "rejected", "rhs_evals", "energy_drift", "constraint_residual",
+    /// "initial_residual"}`.
     ///
     /// With `n_group` coordinates of the group at the end of the state, `final` and `samples` have the components before
     /// them only, and `reconstruction` is added with the final values of these.
@@ -394,7 +458,10 @@ impl SimulateResponse {
         answer.insert("steps".into(), self.steps.into());
         answer.insert("rejected".into(), self.rejected.into());
         answer.insert("rhs_evals".into(), self.rhs_evals.into());
-        answer.insert("energy_drift".into(), self.energy_drift.map_or(Value::Null, number));
+        let if_any = |x: Option<f64>| x.map_or(Value::Null, number);
+        answer.insert("energy_drift".into(), if_any(self.energy_drift));
+        answer.insert("constraint_residual".into(), if_any(self.constraint_residual));
+        answer.insert("initial_residual".into(), if_any(self.initial_residual));
         if n_group > 0 {
             let group = info.state[n_own..].iter().map(String::as_str);
             answer.insert("reconstruction".into(), by_name(group, &self.last[n_own..]));
@@ -433,22 +500,25 @@ pub fn energy_scale(dynamics: &dyn Dynamics, t: f64, y: &[f64]) -> f64 {
             terms += term;
         }
     }
-    let scale = energy(y).abs().max(1e-3 * terms);
+    let scale = energy(y).abs().max(1e-3 * terms).min(f64::MAX);
     if scale >= f64::MIN_POSITIVE { scale } else { 1.0 }
 }
 
 /// Integrates a scene. `progress` is told the time reached after every step.
 ///
 /// # Errors
-/// [`Error::Params`], [`Error::State`] for the initial state, [`Error::Options`], and [`Error::Stopped`] with the
-/// state reached when the integration cannot go on.
+/// [`Error::NoState`], [`Error::Params`], [`Error::State`] and [`Error::Inadmissible`] for the initial state,
+/// [`Error::Options`], and [`Error::Stopped`] with the state reached when the integration cannot go on.
 pub fn simulate(
     factory: &dyn Factory,
     request: &SimulateRequest,
     progress: &mut dyn FnMut(f64),
 ) -> Result<SimulateResponse, Error> {
+    has_state(factory.info())?;
+    request.validate(factory.info())?;
     let dynamics = prepare(factory, &request.params)?;
     let dynamics = &*dynamics;
+    admissible::check(dynamics, &request.initial, request.n_group)?;
     match chosen(request.method, request.steps, dynamics, &request.initial)? {
         MethodName::Tsit5 => run(Tsit5, dynamics, request, progress),
         MethodName::Dop853 => run(Dop853, dynamics, request, progress),
@@ -476,6 +546,17 @@ pub fn simulate(
             }
         }
     }
+}
+
+/// Whether there is anything to integrate.
+///
+/// # Errors
+/// [`Error::NoState`].
+pub(crate) fn has_state(info: &Info) -> Result<(), Error> {
+    if info.state.is_empty() {
+        return Err(Error::NoState { scene: info.scene.clone(), model: info.model.clone() });
+    }
+    Ok(())
 }
 
 /// The method itself, or the one that `auto` stands for.
@@ -536,7 +617,7 @@ fn run<'d, M: Method<f64, &'d dyn Dynamics>>(
     progress: &mut dyn FnMut(f64),
 ) -> Result<SimulateResponse, Error> {
     let info = dynamics.info();
-    let options = request.steps.options(request.t_final)?;
+    let options = request.steps.options(request.t_final, request.max_steps)?;
     let start = |error: SolverError| match error {
         SolverError::Failure(failure) => {
             Error::State { path: "initial".into(), reason: describe(info, failure) }
@@ -563,14 +644,12 @@ fn run<'d, M: Method<f64, &'d dyn Dynamics>>(
             record.sample(time, &interpolated.0)?;
             next += 1;
         }
-        if solver.stats().steps + solver.stats().rejected > request.max_steps
-            && matches!(request.steps, Steps::Adaptive { .. })
-        {
-            let limit = SolverError::TooManySteps { t: solver.t(), limit: request.max_steps };
-            return Err(stopped(info, solver.t(), &solver.state().0, &limit));
-        }
         if solver.t() == request.t_final {
             break;
+        }
+        if solver.stats().steps + solver.stats().rejected >= request.max_steps {
+            let limit = SolverError::TooManySteps { t: solver.t(), limit: request.max_steps };
+            return Err(stopped(info, solver.t(), &solver.state().0, &limit));
         }
         if let Err(error) = solver.step_towards(request.t_final) {
             return Err(stopped(info, solver.t(), &solver.state().0, &error));
@@ -579,7 +658,6 @@ fn run<'d, M: Method<f64, &'d dyn Dynamics>>(
         progress(solver.t());
     }
     let last = solver.state().0.clone();
-    record.residual_at(solver.t(), &last);
     let stats = solver.stats();
     Ok(SimulateResponse {
         t: solver.t(),
@@ -587,7 +665,7 @@ fn run<'d, M: Method<f64, &'d dyn Dynamics>>(
         steps: stats.steps,
         rejected: stats.rejected,
         rhs_evals: stats.rhs_evals,
-        energy_drift: record.initial_energy.map(|_| record.deviation / record.scale),
+        energy_drift: record.initial_energy.map(|_| (record.deviation / record.scale).min(f64::MAX)),
         initial_energy: record.initial_energy,
         energy_scale: record.scale,
         energy_at_steps: record.energy_at_steps,
@@ -611,7 +689,9 @@ pub fn why_stopped(info: &Info, error: &SolverError) -> String {
              there, or the tolerances cannot be reached"
         ),
         SolverError::TooManySteps { limit, .. } => {
-            format!("{limit} steps were not enough: loosen the tolerances, or choose a smaller t_final")
+            format!(
+                "{limit} steps were not enough: choose a smaller t_final, loosen the tolerances, or raise max_steps"
+            )
         }
         // Non-finite end times are the request's fault and found before the first step.
         other => other.to_string(),
@@ -649,7 +729,7 @@ impl<'a> Record<'a> {
             return Err(Error::State { path: "initial".into(), reason: "the energy is not finite".into() });
         }
         let scale = if initial_energy.is_some() { energy_scale(dynamics, 0.0, y) } else { 1.0 };
-        let constraint = dynamics.info().output_range("constraint");
+        let constraint = dynamics.info().output_range(Want::Constraint.name());
         let mut record = Record {
             dynamics,
             with_outputs: request.with_outputs,
@@ -664,14 +744,18 @@ impl<'a> Record<'a> {
             stride: 1,
             samples: Vec::with_capacity(request.samples),
         };
-        record.residual_at(0.0, y);
+        record.residual_at(0.0, y).map_err(|_| Error::State {
+            path: "initial".into(),
+            reason: "the residual of the constraint is not finite".into(),
+        })?;
         record.initial_residual = record.residual;
         record.keep(0.0, initial_energy);
         Ok(record)
     }
 
-    /// Notes the energy after a step.
+    /// Notes the energy and the residual after a step.
     fn step(&mut self, t: f64, y: &[f64]) -> Result<(), Error> {
+        self.residual_at(t, y)?;
         let energy = self.energy(t, y)?;
         self.keep(t, energy);
         Ok(())
@@ -701,7 +785,11 @@ impl<'a> Record<'a> {
         if !energy.is_finite() {
             return Err(self.not_finite(t, y, "the energy"));
         }
-        self.deviation = self.deviation.max((energy - initial).abs());
+        let change = (energy - initial).abs();
+        if !change.is_finite() {
+            return Err(self.not_finite(t, y, "the change of the energy"));
+        }
+        self.deviation = self.deviation.max(change);
         Ok(Some(energy))
     }
 
@@ -710,7 +798,7 @@ impl<'a> Record<'a> {
         let mut outputs = Vec::new();
         if self.with_outputs || self.constraint.is_some() {
             outputs = self.dynamics.outputs(t, y);
-            self.note_residual(&outputs);
+            self.note_residual(t, y, &outputs)?;
         }
         if !self.with_outputs {
             outputs.clear();
@@ -722,18 +810,23 @@ impl<'a> Record<'a> {
         Ok(())
     }
 
-    fn residual_at(&mut self, t: f64, y: &[f64]) {
-        if self.constraint.is_some() {
-            let outputs = self.dynamics.outputs(t, y);
-            self.note_residual(&outputs);
+    fn residual_at(&mut self, t: f64, y: &[f64]) -> Result<(), Error> {
+        if self.constraint.is_none() {
+            return Ok(());
         }
+        let outputs = self.dynamics.outputs(t, y);
+        self.note_residual(t, y, &outputs)
     }
 
-    fn note_residual(&mut self, outputs: &[f64]) {
-        if let Some(range) = self.constraint.clone() {
-            let largest = outputs[range].iter().fold(0.0_f64, |max, x| max.max(x.abs()));
-            self.residual = Some(self.residual.map_or(largest, |r| r.max(largest)));
+    fn note_residual(&mut self, t: f64, y: &[f64], outputs: &[f64]) -> Result<(), Error> {
+        let Some(range) = self.constraint.clone() else { return Ok(()) };
+        for x in &outputs[range] {
+            if !x.is_finite() {
+                return Err(self.not_finite(t, y, "the residual of the constraint"));
+            }
+            self.residual = Some(self.residual.unwrap_or(0.0).max(x.abs()));
         }
+        Ok(())
     }
 
     fn not_finite(&self, t: f64, y: &[f64], what: &str) -> Error {

@@ -189,6 +189,47 @@ fn a_trajectory_that_stops_keeps_its_state_and_spoils_no_other() {
     assert!(errors[0].is_empty() && !errors[1].is_empty() && errors[2].contains("m > 0"), "{errors:?}");
 }
 
+/// A table without a single end is a failure, though the table says why.
+#[test]
+fn an_ensemble_of_which_none_arrives_fails_after_it_was_written() {
+    let folder = Folder::new("none");
+    let model = folder.file("bead.hamel");
+    std::fs::write(&model, BEAD).unwrap();
+    let csv = folder.file("out.csv");
+    let failing = |varied: &[&str]| {
+        let out = run(&[&["ensemble", &model, "-o", &csv], varied].concat());
+        assert_eq!(out.status.code(), Some(1), "{varied:?}");
+        assert!(out.stdout.is_empty());
+        String::from_utf8(out.stderr).unwrap()
+    };
+    let told = failing(&["--sweep", "m=-2..-1:3"]);
+    assert!(told.contains("none of 3 trajectories reached the end") && told.contains("m > 0"), "{told}");
+    assert!(told.contains(&format!("{csv} says why of each")), "{told}");
+    assert_eq!(folder.csv("out.csv").rows.len(), 3);
+    // All stop on the way.
+    let fall = ["--sweep", "x_dot=-2..-1:3", "--initial", "x=0.2"];
+    let told = failing(&[&fall[..], &["--lanes", "1"]].concat());
+    assert!(told.contains("none of 3 trajectories"), "{told}");
+    let told = failing(&["--sweep", "x=3..4:5", "--t-final", "1", "--max-steps", "2"]);
+    assert!(told.contains("2 steps were not enough"), "{told}");
+    // One that arrives is enough.
+    ensemble(&model, &["--sweep", "m=-1..1:3", "--initial", "x=3", "--t-final", "0.1", "-o", &csv]);
+}
+
+/// Trajectories whose velocities all vary are taken as they are, and stop before they start where that breaks a constraint.
+#[test]
+fn starts_off_the_constraint_stop_alone() {
+    let folder = Folder::new("inadmissible");
+    let (table, csv) = (folder.file("starts.csv"), folder.file("out.csv"));
+    let names = "Omega1,Omega2,Omega3,gamma1,gamma2,gamma3";
+    std::fs::write(&table, format!("{names}\n1.2,0.3,-0.4,0,0.8,0.6\n1.2,0.4,-0.4,0,0.8,0.6\n")).unwrap();
+    let summary = ensemble("veselova", &["--table", &table, "--t-final", "1", "-o", &csv]);
+    assert!(summary.contains("2 trajectories, 1 stopped"), "{summary}");
+    let out = folder.csv("out.csv");
+    assert!(out.cell(0, "error").is_empty() && out.cell(1, "error").contains("residual_c1 = 0.08"));
+    assert_eq!(out.cell(1, "t"), "");
+}
+
 /// Velocities that were not given are moved onto the constraint, for every trajectory anew.
 #[test]
 fn constraints_hold_at_every_start() {
@@ -281,15 +322,25 @@ fn mistakes_are_named_before_anything_is_integrated() {
     let folder = Folder::new("mistakes");
     let (file, table) = (folder.file("out.csv"), folder.file("starts.csv"));
     std::fs::write(&table, "m,Omega1\n1,x\n").unwrap();
-    let cases: [(&[&str], &str); 11] = [
+    let cases: [(&[&str], &str); 15] = [
         (&["--sweep", "Omgea3=0..1:2"], "did you mean `Omega3`?"),
         (&["--sweep", "m=1..2:2", "--set", "m=3"], "gives m, which --set gives as well"),
         (&["--sweep", "m=1..2:2", "m=3..4:2"], "has `m` twice"),
         (&["--sweep", "m=1..2"], "name=a..b:n"),
         (&["--spread", "m=0.1"], "--count"),
         (&["--count", "3"], "--spread"),
-        (&["--spread", "m=0.1", "--count", "0"], "leaves no trajectory"),
-        (&["--sweep", "m=1..2:99999", "l=1..2:99999"], "makes more than"),
+        (&["--spread", "m=0.1", "--count", "0"], "--count leaves no trajectory"),
+        (&["--sweep", "m=1..2:99999", "l=1..2:99999"], "--sweep makes more than 50000000 trajectories"),
+        (&["--spread", "m=0.1", "--count", "60000000"], "--count makes more than 50000000 trajectories"),
+        (
+            &["--sweep", "l=1..2:3", "--spread", "m=0.1", "--count", "60000000"],
+            "--count makes more than 50000000 trajectories (3 points of the grid times 60000000 draws)",
+        ),
+        (&["--sweep", "l=1..2:60000", "--spread", "m=0.1", "--count", "6000"], "--sweep makes more than"),
+        (
+            &["--sweep", "m=1..2:2", "--threads", "100000"],
+            "--threads is 100000, but at most 1024 are started",
+        ),
         (&["--table", &table], "\"x\" is not a finite number"),
         (&["--sweep", "m=1..2:2", "--samples", "0"], "give at least 1"),
         (&["--sweep", "m=1..2:2", "--rtol", "1e-17"], "relative tolerance 1e-17"),

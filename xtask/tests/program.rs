@@ -191,8 +191,123 @@ fn a_new_model_can_be_explained_and_simulated_and_is_never_overwritten() {
     let out = xtask(&["new", &folder.file("my-sled.hamel")], "");
     assert_eq!(out.status.code(), Some(2), "{}", text(&out.stdout));
     assert!(!std::path::Path::new(&folder.file("my-sled.hamel")).exists());
-    assert_eq!(xtask(&["new", &folder.file("nowhere/sled.hamel")], "").status.code(), Some(1));
+    let out = xtask(&["new", &folder.file("nowhere/sled.hamel")], "");
+    assert_eq!(out.status.code(), Some(1));
+    let told = text(&out.stderr);
+    assert!(
+        told.contains(&format!("there is no folder {}, make it first", folder.file("nowhere"))),
+        "{told}"
+    );
+    assert!(!std::path::Path::new(&folder.file("nowhere")).exists());
     assert_eq!(xtask(&["new", "heavy_top"], "").status.code(), Some(2));
+}
+
+/// The name is what is wrong, not a place in a file that nobody has written.
+#[test]
+fn a_name_that_no_model_can_have_is_told_with_one_that_it_can() {
+    let cases = [
+        ("foo-bar", "`foo-bar` cannot name a model: names are ASCII letters", "; `foo_bar` can"),
+        ("robot/arm", "`robot/arm` cannot name a model", "; `robot_arm` can"),
+        ("2d", "`2d` cannot name a model", ""),
+        ("", "`` cannot name a model", ""),
+        (".hamel", "`.hamel` cannot name a model", ""),
+        ("energy", "`energy` cannot name a model: the generated code has an item of that name", ""),
+        ("fn", "`fn` cannot name a model: it is a Rust keyword", ""),
+    ];
+    for (name, message, advice) in cases {
+        let out = xtask(&["new", name], "");
+        assert_eq!(out.status.code(), Some(2), "{name}");
+        let told = text(&out.stderr);
+        assert!(told.contains(message) && told.contains(advice), "{told}");
+        assert_eq!(told.trim().lines().count(), 1, "{told}");
+    }
+}
+
+/// Neither process is asked for what cannot be, and the option is named.
+#[test]
+fn numbers_that_are_not_finite_are_refused_by_every_option() {
+    for via in ["compiled", "interpreter"] {
+        for option in ["--t-final", "--rtol", "--atol", "--step"] {
+            for value in ["inf", "-inf", "nan", "1e999"] {
+                let argument = format!("{option}={value}");
+                for command in [&["simulate"][..], &["ensemble", "--sweep", "m=1..2:2", "-o", "never.csv"]] {
+                    let arguments = [command, &["heavy_top", "--via", via, &argument]].concat();
+                    let out = xtask(&arguments, "");
+                    assert_eq!(out.status.code(), Some(2), "{arguments:?}");
+                    let told = text(&out.stderr);
+                    assert!(told.contains(option) && told.contains("not a finite number"), "{told}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn too_much_is_refused_before_it_is_begun() {
+    let folder = Folder::new("much");
+    let file = folder.file("top.csv");
+    let cases: [(&[&str], &str); 4] = [
+        (
+            &["simulate", "heavy_top", "--samples", "20000000", "-o", &file],
+            "--samples is 20000000, which would take about",
+        ),
+        (
+            &["simulate", "heavy_top", "--samples", "18446744073709551615"],
+            "--samples is 18446744073709551615",
+        ),
+        (
+            &["simulate", "heavy_top", "--step", "1e-3", "--method", "rk4", "--t-final", "1e15"],
+            "it needs 1.0e18 steps, and at most 1000000000 are taken",
+        ),
+        (&["simulate", "heavy_top", "--max-steps", "0"], "--max-steps"),
+    ];
+    for (arguments, message) in cases {
+        for via in ["compiled", "interpreter"] {
+            let out = xtask(&[arguments, &["--via", via]].concat(), "");
+            let told = text(&out.stderr);
+            assert_eq!(out.status.code(), Some(2), "{arguments:?}: {told}");
+            assert!(told.contains(message), "{arguments:?}: {told}");
+        }
+    }
+    assert!(!std::path::Path::new(&file).exists());
+    // With as many steps as allowed, it stops there.
+    for via in ["compiled", "interpreter"] {
+        let out =
+            xtask(&["simulate", "heavy_top", "--t-final", "1e15", "--max-steps", "500", "--via", via], "");
+        assert_eq!(out.status.code(), Some(1));
+        let told = text(&out.stderr);
+        assert!(told.contains("stopped at t = ") && told.contains("500 steps were not enough"), "{told}");
+    }
+}
+
+/// Scenes that leave out residuals and momenta are judged all the same, by name and as JSON.
+#[test]
+fn an_inadmissible_start_is_refused_in_every_scene() {
+    let start = |omega2: f64| {
+        format!(
+            r#"{{"initial": {{"Omega1": 1.2, "Omega2": {omega2}, "Omega3": -0.4, "gamma1": 0, "gamma2": 0.8, "gamma3": 0.6}},
+            "t_final": 1}}"#
+        )
+    };
+    for scene in ["default", "invariants", "derivatives"] {
+        let arguments = ["simulate", "veselova", "--scene", scene, "--via", "interpreter", "--json"];
+        let out = xtask(&arguments, &start(0.3));
+        assert!(out.status.success(), "{}", text(&out.stderr));
+        let out = xtask(&arguments, &start(0.4));
+        assert_eq!(out.status.code(), Some(2), "{scene}: {}", text(&out.stdout));
+        let told = text(&out.stderr);
+        assert!(told.contains("residual_c1 = 0.08") && told.contains("Omega2 = 0.3"), "{scene}: {told}");
+    }
+    let given = ["Omega1=1.2", "Omega2=0.4", "Omega3=-0.4", "gamma1=0", "gamma2=0.8", "gamma3=0.6"];
+    for scene in ["default", "invariants"] {
+        let named = ["simulate", "veselova", "--scene", scene, "--via", "interpreter", "--initial"];
+        let out = xtask(&[&named[..], &given].concat(), "");
+        assert_eq!(out.status.code(), Some(2), "{scene}: {}", text(&out.stdout));
+        assert!(text(&out.stderr).contains("the nearest state that does"), "{}", text(&out.stderr));
+    }
+    // What is left to choose is chosen.
+    let named = ["simulate", "veselova", "--via", "interpreter", "--t-final", "1", "--initial"];
+    assert!(xtask(&[&named[..], &given[..2]].concat(), "").status.success());
 }
 
 #[test]

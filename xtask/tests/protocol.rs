@@ -34,6 +34,19 @@ const FALL: &str = "model fall {
 /// A direction that the angular velocity stays orthogonal to, with multipliers.
 const VESELOVA: &str = include_str!("../../models/specs/veselova.hamel");
 
+/// What every answer of `simulate` has, in this order.
+const ANSWER: [&str; 9] = [
+    "t",
+    "final",
+    "samples",
+    "steps",
+    "rejected",
+    "rhs_evals",
+    "energy_drift",
+    "constraint_residual",
+    "initial_residual",
+];
+
 fn backend(text: &str, scene: &str) -> Local<bridge::Built> {
     let model = spec::parse("test.hamel", text).unwrap_or_else(|e| panic!("{e}"));
     Local::new(bridge::build(&model, scene).unwrap_or_else(|e| panic!("{e}")))
@@ -212,7 +225,9 @@ fn simulate_answers_in_the_documented_shape() {
     let request = json!({"params": {"I1": 2}, "initial": state([1.0, 0.2, 0.1]), "t_final": 4, "method": "tsit5",
         "rtol": 1e-10, "atol": 1e-12, "samples": 5});
     let answer = simulate(TOP, &request).unwrap();
-    assert_eq!(keys(&answer), ["t", "final", "samples", "steps", "rejected", "rhs_evals", "energy_drift"]);
+    assert_eq!(keys(&answer), ANSWER);
+    // No state breaks a constraint that is not there.
+    assert_eq!((&answer["constraint_residual"], &answer["initial_residual"]), (&Value::Null, &Value::Null));
     assert_eq!(answer["t"], 4.0);
     let samples = answer["samples"].as_array().unwrap();
     let times: Vec<f64> = samples.iter().map(|s| s[0].as_f64().unwrap()).collect();
@@ -291,6 +306,17 @@ fn simulate_rejects_contradictions_and_what_it_cannot_do() {
     assert!(text(json!({"rtol": 1e-20})).contains("relative tolerance"));
     assert!(text(json!({"initial": {"Omega1": 1}})).contains("initial lacks Omega2, Omega3"));
     assert!(text(json!({"tfinal": 1})).contains("did you mean `t_final`?"));
+    for bad in [json!(0), json!(-1), json!(1.5), json!(1e300)] {
+        assert!(text(json!({"max_steps": bad})).contains("max_steps is"), "{bad}");
+    }
+    assert!(text(json!({"samples": 1e300})).contains("whole number"));
+    // Refused before anything is allocated, with what it would take and how many would do.
+    let told = text(json!({"samples": 20_000_000}));
+    assert!(told.contains("samples is 20000000, which would take about 15.0 GB of memory"), "{told}");
+    assert!(told.contains("take 5333333 or fewer"), "{told}");
+    // A step more than there may be.
+    let told = text(json!({"step": 0.01, "method": "rk4", "max_steps": 99}));
+    assert!(told.contains("needs 1.0e2 steps, and at most 99 are taken"), "{told}");
 }
 
 #[test]
@@ -370,9 +396,7 @@ fn simulate_reconstructs_the_group_beside_the_state() {
     let mut request = json!({"initial": {"omega": 0, "v1": 1.5}, "t_final": 2, "samples": 3,
         "reconstruct": {"theta": 0.3, "x": 1, "y": -1}});
     let answer = reconstruct(&request).unwrap();
-    let expected =
-        ["t", "final", "samples", "steps", "rejected", "rhs_evals", "energy_drift", "reconstruction"];
-    assert_eq!(keys(&answer), expected);
+    assert_eq!(keys(&answer), [&ANSWER[..], &["reconstruction"]].concat());
     assert_eq!(keys(&answer["final"]), ["omega", "v1"]);
     assert_eq!(keys(&answer["samples"][1][1]), ["omega", "v1"]);
     assert_eq!(keys(&answer["reconstruction"]), ["theta", "x", "y"]);
@@ -468,4 +492,244 @@ fn auto_takes_a_method_that_suits_tolerance_and_scene() {
     }
     let fixed = json!({"initial": state([1.0, 2.0, 3.0]), "t_final": 1, "method": "auto", "step": 0.1});
     assert!(problems(simulate(TOP, &fixed))[0].to_string().contains("auto chooses by tolerances"));
+}
+
+#[test]
+fn an_integration_stops_at_the_largest_number_of_steps_and_says_where() {
+    let request = |max_steps: u64| json!({"initial": state([1.0, 0.2, 0.1]), "t_final": 1e15, "max_steps": max_steps, "method": "tsit5"});
+    let mut reached = 0.0;
+    for max_steps in [1, 10, 1000] {
+        match simulate(TOP, &request(max_steps)) {
+            Err(error @ Error::Stopped { .. }) => {
+                assert_eq!(error.exit_code(), 1);
+                let text = error.to_string();
+                assert!(text.contains(&format!("{max_steps} steps were not enough")), "{text}");
+                assert!(text.contains("raise max_steps"), "{text}");
+                let Error::Stopped { t, .. } = error else { unreachable!() };
+                assert!(t > reached && t < 1e4, "{text}");
+                reached = t;
+            }
+            other => panic!("{other:?}"),
+        }
+    }
+    // Exactly as many as it takes are enough, also fixed ones.
+    for method in [json!({"method": "tsit5"}), json!({"method": "rk4", "step": 0.125})] {
+        let mut request = json!({"initial": state([1.0, 0.2, 0.1]), "t_final": 4});
+        request.as_object_mut().unwrap().extend(method.as_object().unwrap().clone());
+        let free = simulate(TOP, &request).unwrap();
+        let n = free["steps"].as_u64().unwrap() + free["rejected"].as_u64().unwrap();
+        request["max_steps"] = json!(n);
+        assert_eq!(simulate(TOP, &request).unwrap(), free, "{n} steps");
+        request["max_steps"] = json!(n - 1);
+        assert!(simulate(TOP, &request).is_err(), "{n} steps");
+    }
+}
+
+#[test]
+fn a_scene_without_state_says_that_there_is_nothing_to_integrate() {
+    let fixed = "model fixed {
+        velocity omega in R;
+        lagrangian = omega^2;
+        constraint omega = t;
+        reconstruct s by omega;
+    }";
+    let error = simulate(fixed, &json!({"initial": {}, "t_final": 1})).unwrap_err();
+    assert_eq!(error.exit_code(), 2);
+    let text = error.to_string();
+    assert!(text.contains("scene default of fixed has no state") && text.contains("--reconstruct"), "{text}");
+    // Both pieces of advice hold.
+    let answer = eval(fixed, &json!({"states": [{}], "t": 2})).unwrap();
+    assert_eq!(answer["energy"], json!([4.0]));
+    let model = spec::parse("test.hamel", fixed).unwrap_or_else(|e| panic!("{e}"));
+    let request = json!({"initial": {}, "t_final": 2, "reconstruct": {}}).to_string();
+    let answer = reconstruct_text(&mut backend(fixed, "reconstruction"), &model, &request).unwrap();
+    let answer: Value = serde_json::from_str(&answer).unwrap();
+    assert!((answer["reconstruction"]["s"].as_f64().unwrap() - 2.0).abs() < 1e-12, "{answer}");
+}
+
+/// Appell's machine, whose constraint is quadratic in the velocities.
+const APPELL: &str = include_str!("../../models/specs/appell_machine.hamel");
+
+/// Two constraints, one of them affine and driven by time, with positions in the coefficients.
+const DRIVEN: &str = "model driven {
+    param a = 0.3;
+    coordinate x, y, z in real;
+    coordinate theta in angle;
+    lagrangian = x_dot^2 + 2*y_dot^2 + 3*z_dot^2 + theta_dot^2/5 + x_dot*y_dot/2;
+    constraint x_dot*sin(theta) - y_dot*cos(theta) = a*(1 + t);
+    constraint z_dot - x*theta_dot = 0;
+    multipliers;
+    scene residuals { want rhs, constraint; }
+    scene bare { want rhs; }
+}";
+
+fn gyroscope(omega: [f64; 3], gamma: [f64; 3]) -> Value {
+    let mut state = state(omega);
+    for (k, x) in gamma.into_iter().enumerate() {
+        state[format!("gamma{}", k + 1)] = json!(x);
+    }
+    state
+}
+
+/// The nearest admissible state of an error, and the residuals that it names.
+fn inadmissible(result: Result<Value, Error>) -> (Vec<(String, f64, f64)>, Value) {
+    match result {
+        Err(Error::Inadmissible { broken, nearest }) => {
+            let nearest = nearest.unwrap_or_else(|| panic!("no state near {broken:?}"));
+            (broken, nearest.into_iter().map(|(name, x)| (name, json!(x))).collect())
+        }
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn residuals_of_the_constraint_are_reported() {
+    let on = gyroscope([1.2, 0.3, -0.4], [0.0, 0.8, 0.6]);
+    let answer = simulate(VESELOVA, &json!({"initial": on, "t_final": 5, "samples": 11})).unwrap();
+    let residual = |y: &Value| -> f64 {
+        (1..=3).map(|k| number_of(&y[format!("Omega{k}")]) * number_of(&y[format!("gamma{k}")])).sum()
+    };
+    // As eval has it: a value, not a ratio.
+    let initial = number_of(&answer["initial_residual"]);
+    assert_eq!(initial, residual(&on).abs());
+    let largest = number_of(&answer["constraint_residual"]);
+    assert!(
+        largest >= initial && largest >= residual(&answer["final"]).abs() && largest < 1e-8,
+        "{largest:e}"
+    );
+    for sample in answer["samples"].as_array().unwrap() {
+        // The model adds in an order of its own.
+        assert!(residual(&sample[1]).abs() <= largest + 1e-15);
+    }
+    // Coarse steps leave the constraint, also where nobody samples.
+    let coarse = json!({"initial": on, "t_final": 5, "method": "rk4", "step": 0.25});
+    assert!(number_of(&simulate(VESELOVA, &coarse).unwrap()["constraint_residual"]) > 1e-6);
+}
+
+#[test]
+fn an_initial_state_off_the_constraint_is_an_error_with_the_nearest_that_is_not() {
+    let (omega, gamma, inertia) = ([1.2, 0.4, -0.4], [0.0, 0.8, 0.6], [1.1, 1.4, 0.7]);
+    let request = |initial: &Value| json!({"initial": initial, "t_final": 1});
+    let result = simulate(VESELOVA, &request(&gyroscope(omega, gamma)));
+    let text = result.as_ref().unwrap_err().to_string();
+    assert!(text.contains("initial does not keep the constraints: residual_c1 = 0.08"), "{text}");
+    assert_eq!(result.as_ref().unwrap_err().exit_code(), 2);
+    let (broken, nearest) = inadmissible(result);
+    assert_eq!((broken.len(), broken[0].0.as_str()), (1, "residual_c1"));
+    assert!((broken[0].1 - 0.08).abs() < 1e-15);
+    // Omega - I^-1 gamma (Omega . gamma)/(gamma . I^-1 gamma), and gamma as it was.
+    let product: f64 = (0..3).map(|k| omega[k] * gamma[k]).sum();
+    let size: f64 = (0..3).map(|k| gamma[k] * gamma[k] / inertia[k]).sum();
+    for k in 0..3 {
+        let expected = omega[k] - gamma[k] / inertia[k] * product / size;
+        let found = number_of(&nearest[format!("Omega{}", k + 1)]);
+        assert!((found - expected).abs() < 1e-14, "{found} {expected}");
+        assert_eq!(nearest[format!("gamma{}", k + 1)], json!(gamma[k]));
+    }
+    assert!(simulate(VESELOVA, &request(&nearest)).is_ok());
+}
+
+/// What is nearest is accepted, has the positions of what was given, and differs from it by a change of the velocities
+/// without kinetic product with any admissible change; for constraints of every form that a state can break.
+#[test]
+fn the_nearest_state_is_admissible_and_nearest() {
+    for (text, affine) in [(VESELOVA, true), (APPELL, false), (DRIVEN, true)] {
+        let mut numbers = Numbers(11);
+        let own = backend(text, "default");
+        let names = own.info().state.clone();
+        let momenta = |y: &Value| -> Vec<(String, f64)> {
+            let answer = eval(text, &json!({"states": [y]})).unwrap();
+            let of = answer["outputs"]["momentum"][0].as_object().unwrap().clone();
+            of.into_iter().map(|(name, p)| (name[2..].to_owned(), number_of(&p))).collect()
+        };
+        let mut draw = || -> Value { names.iter().map(|n| (n.clone(), json!(numbers.next()))).collect() };
+        for _ in 0..25 {
+            let far = draw();
+            let request = |y: &Value| json!({"initial": y, "t_final": 0});
+            let (_, near) = inadmissible(simulate(text, &request(&far)));
+            let again = simulate(text, &request(&near)).unwrap_or_else(|e| panic!("{e}"));
+            assert!(number_of(&again["initial_residual"]) < 1e-12, "{again}");
+            let velocities: Vec<String> = momenta(&far).into_iter().map(|(name, _)| name).collect();
+            let difference = |a: &Value, b: &Value, name: &str| number_of(&a[name]) - number_of(&b[name]);
+            for name in names.iter().filter(|name| !velocities.contains(name)) {
+                assert_eq!(far[name], near[name], "{name}");
+            }
+            // The momenta of the change, of Lagrangians that are quadratic.
+            let p: Vec<f64> = momenta(&near).iter().zip(momenta(&far)).map(|(a, b)| a.1 - b.1).collect();
+            let product = |other: &Value| -> f64 {
+                velocities.iter().zip(&p).map(|(name, p)| p * difference(other, &near, name)).sum()
+            };
+            // Another state at the same positions that keeps the constraints.
+            let mut other = draw();
+            for name in names.iter().filter(|name| !velocities.contains(name)) {
+                other[name] = far[name].clone();
+            }
+            let (_, other) = inadmissible(simulate(text, &request(&other)));
+            if affine {
+                assert!(product(&other).abs() < 1e-10, "{}", product(&other));
+            } else {
+                // Nothing near is nearer: small admissible changes cost only in second order.
+                let mut beside = near.clone();
+                for name in &velocities {
+                    let x = number_of(&near[name]);
+                    beside[name] = json!(x + 1e-5 * difference(&other, &near, name));
+                }
+                let (_, beside) = inadmissible(simulate(text, &request(&beside)));
+                let size: f64 =
+                    velocities.iter().map(|n| difference(&beside, &near, n).powi(2)).sum::<f64>().sqrt();
+                assert!(product(&beside).abs() <= 0.05 * size.max(1e-9), "{} {size}", product(&beside));
+            }
+        }
+    }
+}
+
+/// Rounding of any size of motion, in components that vanish and in turns, is accepted; a millionth is not.
+#[test]
+fn rounding_is_admissible_at_every_scale() {
+    let accepted = |text: &str, y: &Value| match simulate(text, &json!({"initial": y, "t_final": 0})) {
+        Ok(_) => true,
+        Err(Error::Inadmissible { .. }) => false,
+        Err(other) => panic!("{other}"),
+    };
+    for exponent in (-140..=140).step_by(20) {
+        let s = 10.0_f64.powi(exponent);
+        for (gamma, omega) in [([0.0, 0.8, 0.6], [1.2, 0.3, -0.4]), ([0.0, 0.0, 1.0], [0.7, -0.2, 0.0])] {
+            let omega = omega.map(|x| s * x);
+            let off = |part: f64| gyroscope([omega[0], omega[1], omega[2] + part * s], gamma);
+            for part in [0.0, 1e-16, -1e-13, 1e-11] {
+                assert!(accepted(VESELOVA, &off(part)), "{s:e} {part:e}");
+            }
+            for part in [1e-6, -1e-3, 1.0] {
+                assert!(!accepted(VESELOVA, &off(part)), "{s:e} {part:e}");
+            }
+        }
+    }
+    for turns in [0.0_f64, 1.0, 1e6, 1e12] {
+        let theta = std::f64::consts::TAU * turns + 0.7;
+        let at = |part: f64| {
+            // a = 0.3 at t = 0.
+            let x_dot = (0.3 + 2.0 * theta.cos()) / theta.sin() + part;
+            json!({"x": 5, "y": 0, "z": 0, "theta": theta, "x_dot": x_dot, "y_dot": 2, "z_dot": 15, "theta_dot": 3})
+        };
+        assert!(accepted(DRIVEN, &at(0.0)), "{turns:e}");
+        // What the angle's last digit amounts to cannot be told from rounding.
+        let last_digit = (f64::EPSILON * theta).max(1e-9);
+        assert!(!accepted(DRIVEN, &at(1e3 * last_digit)), "{turns:e}");
+    }
+    // At rest, nothing is broken, and nothing can be rounding.
+    assert!(accepted(VESELOVA, &gyroscope([0.0; 3], [0.0, 0.8, 0.6])));
+    let rest: Value = backend(DRIVEN, "default").info().state.iter().map(|n| (n.clone(), json!(0))).collect();
+    let (broken, nearest) = inadmissible(simulate(DRIVEN, &json!({"initial": rest, "t_final": 0})));
+    assert_eq!((broken.len(), broken[0].1), (1, -0.3));
+    assert_eq!(number_of(&nearest["z_dot"]), 0.0);
+}
+
+/// Pseudo-random numbers between -2 and 2 for tests.
+struct Numbers(u64);
+
+impl Numbers {
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        4.0 * ((self.0 >> 12) as f64 / (1_u64 << 52) as f64) - 2.0
+    }
 }

@@ -11,6 +11,7 @@
 use std::collections::BTreeSet;
 
 use super::derivatives::Matrix;
+use super::{left_out, needs};
 use crate::differentiate::Linearisation;
 use crate::expr::{ExprId, Graph, Section, SectionWriter, SymbolId, independent_rows, needed_sections};
 use crate::lower::Inputs;
@@ -135,16 +136,7 @@ fn candidates(g: &mut Graph, equations: &Equations, state: &[StateEquation]) -> 
             candidates.push((format!("space_{}", momenta[*own].0), g.sum(&terms)));
         }
     }
-    let carried: BTreeSet<SymbolId> = state.iter().map(|s| s.symbol).collect();
-    let base = equations.system.algebroid.base().iter().copied();
-    let left_out: BTreeSet<SymbolId> = base
-        .chain(equations.reconstruction.iter().map(|s| s.symbol))
-        .filter(|symbol| !carried.contains(symbol))
-        .collect();
-    candidates.retain(|(_, e)| {
-        let needed = needed_sections(g, &equations.sections, &[*e]);
-        let definitions = needed.iter().flat_map(|s| &s.definitions).map(|d| d.expr);
-        !definitions.chain([*e]).any(|e| g.depends_on(e, &left_out))
-    });
+    let left_out = left_out(equations, state);
+    candidates.retain(|(_, e)| !needs(g, equations, *e, &left_out));
     candidates
 }

@@ -46,6 +46,18 @@ pub fn keywords() -> Vec<&'static str> {
     names::ITEMS.iter().map(|(item, _)| *item).chain(parts).collect()
 }
 
+/// Why a name cannot be declared in a model or be that of one, or nothing.
+///
+/// ```
+/// use hamel_codegen::spec::name_refusal;
+///
+/// assert_eq!(name_refusal("heavy_top"), None);
+/// assert!(name_refusal("heavy-top").unwrap().contains("ASCII letters"));
+/// ```
+pub fn name_refusal(name: &str) -> Option<&'static str> {
+    names::refusal(name)
+}
+
 /// Reads and checks a model.
 ///
 /// `file_name` is only shown in messages.

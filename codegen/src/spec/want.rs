@@ -5,8 +5,8 @@
 /// A function, a group of outputs or a way to carry the state that a scene can want; the names of single casimirs and
 /// outputs come on top.
 ///
-/// This is the only list of them: the parser accepts these names, no output can have one, and whoever derives or emits one
-/// takes its name from here.
+/// This is the only list of them: the parser accepts these names, no output can have one, and whoever derives or
+/// emits one takes its name from here.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[non_exhaustive]
 pub enum Want {
@@ -108,8 +108,8 @@ impl Want {
         Want::ALL.into_iter().find(|want| want.name() == name)
     }
 
-    /// Whether the generated code may have an item of that name, so that nothing in a model can be called so. The others
-    /// can name anything but an output.
+    /// Whether the generated code may have an item of that name, so that nothing in a model can be called so. The
+    /// others can name anything but an output.
     pub(super) fn is_item(self) -> bool {
         use Want::{
             Casimirs, Circles, Constraint, Invariants, MomentumEquation, NonholonomicMomentum, Outputs,
