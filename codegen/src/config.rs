@@ -114,9 +114,9 @@ impl Config {
     }
 
     /// Whether [`Config::compile`] and [`Config::compile_models`] print a `cargo::warning` for every declaration of a
-    /// model that has no effect.
+    /// model that has no effect, and where its defaults make no motion.
     ///
-    /// Without it, [`Model::warnings`] still has them.
+    /// Without it, [`Model::warnings`] and [`Bundle::warnings`] still have them.
     pub fn emit_warnings(&mut self, enable: bool) -> &mut Config {
         self.emit_warnings = enable;
         self
@@ -162,10 +162,15 @@ impl Config {
     }
 
     fn compile_to(&self, folder: &Path, models: &[Model]) -> Result<(), Problems> {
+        // Before anything can fail.
         for line in self.warnings(models) {
             println!("cargo::warning={line}");
         }
-        self.generate(models)?.write(folder)?;
+        let bundle = self.generate(models)?;
+        for line in bundle.warnings.iter().filter(|_| self.emit_warnings).flat_map(Diagnostics::lines) {
+            println!("cargo::warning={line}");
+        }
+        bundle.write(folder)?;
         Ok(())
     }
 
@@ -217,9 +222,12 @@ impl Config {
             files
         });
         let mut bundle = Bundle::default();
-        for (entry, text) in collect(made)?.into_iter().flatten() {
-            bundle.files.insert(format!("{}.rs", entry.module), text);
-            bundle.entries.push(entry);
+        for (files, warnings) in collect(made)? {
+            for (entry, text) in files {
+                bundle.files.insert(format!("{}.rs", entry.module), text);
+                bundle.entries.push(entry);
+            }
+            bundle.warnings.extend(Some(warnings).filter(|warnings| !warnings.is_empty()));
         }
         unique(&bundle.entries)?;
         bundle.entries.sort_by(|a, b| a.module.cmp(&b.module));
@@ -235,19 +243,23 @@ impl Config {
         Ok(bundle)
     }
 
-    fn generate_one(&self, model: &Model) -> Result<Vec<(SceneEntry, String)>, Problems> {
+    fn generate_one(&self, model: &Model) -> Result<Generated, Problems> {
         let names = match self.scenes.get(&model.name) {
             Some(chosen) => chosen.clone(),
             None => scene::names(model),
         };
         let mut files = Vec::new();
-        for built in scene::build_several(model, &names).map_err(Problem::Model)? {
+        let scenes = scene::build_several(model, &names).map_err(Problem::Model)?;
+        for built in &scenes {
             let text = built.emit_as(&self.writing).map_err(|source| emission(&model.name, source))?;
             files.push((built.entry(), text));
         }
-        Ok(files)
+        Ok((files, scene::warnings(model, &scenes)))
     }
 }
+
+/// The modules of one model, and what is questionable about it.
+type Generated = (Vec<(SceneEntry, String)>, Diagnostics);
 
 /// Does independent work on all cores; the results are in the order of `items`.
 fn side_by_side<T: Sync, U: Send>(items: &[T], work: impl Fn(&T) -> U + Sync) -> Vec<U> {
@@ -309,6 +321,8 @@ pub struct Bundle {
     pub files: BTreeMap<String, String>,
     /// The scenes, by module.
     pub entries: Vec<SceneEntry>,
+    /// For each model whose defaults make no motion in some scene: what [`scene::warnings`] says.
+    pub warnings: Vec<Diagnostics>,
 }
 
 impl Bundle {

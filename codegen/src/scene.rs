@@ -8,6 +8,7 @@
 //!
 //! Deliberately does not know: how equations are derived, how programs are lowered, how text is emitted.
 
+mod defaults;
 mod derivatives;
 mod invariants;
 
@@ -25,6 +26,7 @@ use crate::spec::{self, Diagnostics, Model, Param, Want};
 
 use invariants::GRADIENTS;
 
+pub use defaults::warnings;
 pub use derivatives::{Derivative, Matrix, Product};
 pub use invariants::INVARIANTS;
 
@@ -524,7 +526,7 @@ fn lower_scene(
         }
         if equations.is_parameter_only(pivot.expr) {
             conditions.push(ParamCondition {
-                text: format!("{} != 0", pivot.name),
+                text: defaults::not_zero(&pivot.name),
                 greater: pivot.expr,
                 less: graph.zero(),
                 relation: Relation::NotEqual,

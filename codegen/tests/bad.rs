@@ -5,13 +5,15 @@
 
 use std::path::Path;
 
-use hamel_codegen::{scene, spec};
+use hamel_codegen::scene;
+use hamel_codegen::spec::{self, Diagnostics};
 
 /// The report about a file, rendered without colour.
 fn report(file: &str, text: &str) -> Option<String> {
     let outcome = spec::parse(file, text).and_then(|model| {
-        scene::build_several(&model, &scene::names(&model))?;
-        Ok(model.warnings)
+        let scenes = scene::build_several(&model, &scene::names(&model))?;
+        let warnings = scene::warnings(&model, &scenes);
+        Ok(Diagnostics::new(model.origin, model.warnings.iter().chain(&warnings).cloned().collect()))
     });
     let problems = outcome.unwrap_or_else(|problems| problems);
     (!problems.is_empty()).then(|| problems.to_string())

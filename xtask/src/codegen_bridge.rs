@@ -12,7 +12,7 @@ use hamel_codegen::expr::{Graph, Style, rational_to_f64};
 use hamel_codegen::lower::{Counts, Jet};
 use hamel_codegen::reduction;
 use hamel_codegen::scene::{self, BuiltScene, Interpreter};
-use hamel_codegen::spec::{self, ConnectionKind, Domain, ReconstructionKind, circle_names};
+use hamel_codegen::spec::{self, ConnectionKind, Diagnostics, Domain, ReconstructionKind, circle_names};
 pub use hamel_codegen::spec::{Kind, Model, Want};
 use hamel_runtime::Failure;
 
@@ -34,11 +34,16 @@ pub fn read(workspace: &Workspace, spec: &Spec) -> Result<Model, Error> {
     if spec.in_repository && model.name != spec.name {
         return Err(Error::Misnamed { file: shown, model: model.name });
     }
-    if !model.warnings.is_empty() {
-        let is_coloured = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
-        eprintln!("{}", model.warnings.render(is_coloured));
-    }
+    show_warnings(&model.warnings);
     Ok(model)
+}
+
+/// Writes warnings to standard error.
+pub fn show_warnings(warnings: &Diagnostics) {
+    if !warnings.is_empty() {
+        let is_coloured = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
+        eprintln!("{}", warnings.render(is_coloured));
+    }
 }
 
 /// Reads and checks the text of a model; `file` is shown in messages.
@@ -225,6 +230,7 @@ pub struct Page {
 /// As [`build`], and a bug of the emitter.
 pub fn page(model: &Model, scene_name: &str) -> Result<Page, Error> {
     let Built { scene, .. } = build(model, scene_name)?;
+    show_warnings(&scene::warnings(model, std::slice::from_ref(&scene)));
     let math = |name: &str| {
         let mut graph = Graph::new();
         let symbol = graph.symbol(name);
@@ -427,12 +433,13 @@ pub fn with_connection(model: &Model, connection: &str) -> Result<Model, Error> 
     Ok(reduction::with_connection(model, kind)?)
 }
 
-/// Explains a scene in text, or in LaTeX.
+/// Explains a scene in text, or in LaTeX; what its defaults make of it goes to standard error.
 ///
 /// # Errors
 /// As [`build`].
 pub fn explain(model: &Model, scene_name: &str, latex: bool) -> Result<String, Error> {
     let built = build(model, scene_name)?;
+    show_warnings(&scene::warnings(model, std::slice::from_ref(&built.scene)));
     let style = if latex { Style::Latex } else { Style::Unicode };
     Ok(hamel_codegen::explain::explain(model, &built.scene, style))
 }
@@ -442,7 +449,9 @@ pub fn explain(model: &Model, scene_name: &str, latex: bool) -> Result<String, E
 /// # Errors
 /// As [`build`].
 pub fn operations(model: &Model, scene_name: &str) -> Result<String, Error> {
-    Ok(build(model, scene_name)?.scene.operation_columns())
+    let built = build(model, scene_name)?;
+    show_warnings(&scene::warnings(model, std::slice::from_ref(&built.scene)));
+    Ok(built.scene.operation_columns())
 }
 
 /// What a state variable is.

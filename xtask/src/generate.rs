@@ -92,6 +92,7 @@ pub fn generate(workspace: &Workspace, names: &[String], check: bool) -> Result<
         }
     };
     fail_on(errors)?;
+    bundle.warnings.iter().for_each(bridge::show_warnings);
     let n_modules = bundle.entries.len();
     bundle.add_index(&kept, COMMAND)?;
     let stale = stale_files(&folder, bundle.entries.iter().chain(&kept))?;

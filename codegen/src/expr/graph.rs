@@ -841,28 +841,45 @@ impl Graph {
 
     /// Plain floating-point value, for defaults and messages; `None` for a symbol without a value.
     pub fn eval_f64(&self, e: ExprId, values: &BTreeMap<SymbolId, f64>) -> Option<f64> {
-        let mut memo: BTreeMap<ExprId, f64> = BTreeMap::new();
-        for e in self.reachable(&[e]) {
+        self.eval_known(&[e], values).get(&e).copied()
+    }
+
+    /// Plain floating-point values of everything that the roots are made of, as far as symbols have values.
+    pub(crate) fn eval_known(
+        &self,
+        roots: &[ExprId],
+        values: &BTreeMap<SymbolId, f64>,
+    ) -> BTreeMap<ExprId, f64> {
+        let mut known: BTreeMap<ExprId, f64> = BTreeMap::new();
+        for e in self.reachable(roots) {
+            let mut has_value = true;
+            self.node(e).for_each_operand(|part| has_value &= known.contains_key(&part));
+            if !has_value {
+                continue;
+            }
             let value = match self.node(e) {
                 Node::Constant(c) => rational_to_f64(c),
                 Node::Pi => std::f64::consts::PI,
-                Node::Symbol(s) => *values.get(s)?,
+                Node::Symbol(s) => match values.get(s) {
+                    Some(value) => *value,
+                    None => continue,
+                },
                 Node::Sum { constant, terms } => terms
                     .iter()
-                    .fold(rational_to_f64(constant), |acc, (t, q)| acc + rational_to_f64(q) * memo[t]),
+                    .fold(rational_to_f64(constant), |acc, (t, q)| acc + rational_to_f64(q) * known[t]),
                 Node::Product { coefficient, factors } => {
                     factors.iter().fold(rational_to_f64(coefficient), |acc, (b, q)| {
                         acc * match q.numer().to_i32() {
-                            Some(n) if q.is_integer() => memo[b].powi(n),
-                            _ => memo[b].powf(rational_to_f64(q)),
+                            Some(n) if q.is_integer() => known[b].powi(n),
+                            _ => known[b].powf(rational_to_f64(q)),
                         }
                     })
                 }
-                Node::Function(f, a) => f.eval(memo[a]),
+                Node::Function(f, a) => f.eval(known[a]),
             };
-            memo.insert(e, value);
+            known.insert(e, value);
         }
-        memo.get(&e).copied()
+        known
     }
 
     // ---- calculus ---------------------------------------------------------------------------------------------------

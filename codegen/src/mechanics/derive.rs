@@ -931,7 +931,7 @@ impl Equations {
 }
 
 /// Characters of a rate that are shown.
-const MAX_SHOWN: usize = 80;
+const MAX_SHOWN: usize = 120;
 
 /// Long rates say no more than their beginning.
 fn shortened(text: &str) -> String {

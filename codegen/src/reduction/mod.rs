@@ -19,5 +19,6 @@ pub use constraint::{
     Unknown,
 };
 pub use front_end::{DomainCondition, ReducedSystem, StateKind, reduce};
+pub(crate) use reconstruction::expressions_mut;
 pub use reconstruction::{MomentumInSpace, ReconstructedCoordinate};
 pub use stages::{StageLevel, Stages, Tensor};

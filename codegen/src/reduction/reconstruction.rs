@@ -132,7 +132,7 @@ fn turn(g: &mut Graph, q: &[ExprId], side: Side) -> Vec<Vec<ExprId>> {
 }
 
 /// The expressions of an item.
-pub(super) fn expressions_mut(kind: &mut ReconstructionKind) -> Vec<&mut ExprId> {
+pub(crate) fn expressions_mut(kind: &mut ReconstructionKind) -> Vec<&mut ExprId> {
     match kind {
         ReconstructionKind::Angle { omega } => vec![omega],
         ReconstructionKind::Translation { v: list } | ReconstructionKind::Rate { rate: list } => {

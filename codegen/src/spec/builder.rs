@@ -895,12 +895,19 @@ impl ModelBuilder {
         if !self.problems.is_empty() {
             return Err(Diagnostics::new(origin, self.problems));
         }
+        let by_name = |list: Vec<(String, Value, Option<Span>)>| {
+            list.into_iter().filter_map(|(name, _, span)| Some((name, span?))).collect()
+        };
+        let first_component = self.connection.first().and_then(|(_, _, span)| *span);
         let places = Places {
             lagrangian: self.lagrangian.and_then(|(_, span)| span),
             inner_product: self.inner_product.and_then(|(_, span)| span),
             independent: self.independent.and_then(|(_, span)| span),
-            connection: self.derived_connection.and_then(|(_, span)| span),
+            connection: self.derived_connection.and_then(|(_, span)| span).or(first_component),
             outputs: self.output_names.into_iter().filter_map(|(name, span)| Some((name, span?))).collect(),
+            declared: self.names.into_iter().filter_map(|(name, of)| Some((name, of.span?))).collect(),
+            forces: by_name(self.forces),
+            initial: by_name(self.initial),
         };
         let views_graph = self.views_graph.unwrap_or_else(|| match self.views.is_empty() {
             true => Graph::new(),

@@ -390,10 +390,16 @@ pub struct Places {
     pub inner_product: Option<Span>,
     /// The choice of independent velocities.
     pub independent: Option<Span>,
-    /// The kind of a derived connection.
+    /// The kind of a derived connection, or the first component of a given one.
     pub connection: Option<Span>,
     /// Casimirs and outputs by name.
     pub outputs: BTreeMap<String, Span>,
+    /// Parameters, coordinates and everything else that declares a name, by that name.
+    pub declared: BTreeMap<String, Span>,
+    /// External forces by the velocity, vector or component, that they are written for.
+    pub forces: BTreeMap<String, Span>,
+    /// Initial values by the variable, vector or component, that they are written for.
+    pub initial: BTreeMap<String, Span>,
 }
 
 /// A checked model; every expression lives in [`Model::graph`].
