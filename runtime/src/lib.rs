@@ -94,7 +94,7 @@ pub use methods::{
 };
 pub use options::{Norm, Options, StepSize};
 pub use real::Real;
-pub use system::{Differentiable, OutputInfo, ParamInfo, Scene, SceneInfo, StateVector, System};
+pub use system::{Differentiable, OutputInfo, ParamInfo, Pivot, Scene, SceneInfo, StateVector, System};
 
 /// Includes a module that a build script generated with `hamel_codegen`, by the name of the file in `OUT_DIR` without
 /// its extension: a model's name, `<model>_<scene>` for its other scenes, or the file of `Config::include_file`.

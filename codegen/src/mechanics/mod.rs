@@ -13,4 +13,4 @@ mod squares;
 
 pub(crate) use derive::solved_velocity;
 pub use derive::{Equations, Facts, Output, StateEquation, derive};
-pub use solve::{Factorisation, Pivot};
+pub use solve::{Factorisation, Pivot, PivotMatrix, PivotOrigin};
