@@ -16,11 +16,13 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::emit::{self, MatrixText, OutputText, ParamText, ProductText, SceneEntry, SceneText, StateText};
 use crate::error::Error;
-use crate::expr::{ExprId, Graph, Rational, SymbolId, inlined, needed_sections, sign_of};
+use crate::expr::{
+    ExprId, Func, Graph, Rational, Sign, SymbolId, inlined, needed_sections, rational_to_f64, sign_of,
+};
 use crate::lower::{
     self, Counts, Inputs, Jet, ParamCondition, Point, Program, Relation, Request, ViolatedCondition,
 };
-use crate::mechanics::{Equations, Output, StateEquation, derive};
+use crate::mechanics::{Equations, Output, Pivot, PivotOrigin, StateEquation, derive};
 use crate::reduction::{AccelerationSource, KinematicConstraint, reduce, with_circles};
 use crate::spec::{self, Diagnostics, Model, Param, Want};
 
@@ -487,6 +489,7 @@ fn lower_scene(
         state: state.iter().map(|s| s.symbol).collect(),
         signs: system.signs.clone(),
         arguments: BTreeMap::new(),
+        divisors: lower::Divisors::default(),
         circles: system.circles.iter().map(|c| [c.cosine, c.sine]).collect(),
     };
     let derivatives =
@@ -507,6 +510,7 @@ fn lower_scene(
         .iter()
         .map(|c| ParamCondition {
             text: c.text.clone(),
+            meaning: String::new(),
             greater: c.greater,
             less: c.less,
             relation: match c.relation {
@@ -517,32 +521,16 @@ fn lower_scene(
             is_rounded: false,
         })
         .collect();
-    let values = inlined(&mut graph, equations.sections.iter().flat_map(|s| &s.definitions));
-    let mut moving_pivots = Vec::new();
-    for pivot in &equations.pivots {
-        let value = graph.subs(pivot.expr, &values).unwrap_or(pivot.expr);
-        if sign_of(&graph, value, &system.signs).is_definite() {
-            continue;
-        }
-        if equations.is_parameter_only(pivot.expr) {
-            conditions.push(ParamCondition {
-                text: defaults::not_zero(&pivot.name),
-                greater: pivot.expr,
-                less: graph.zero(),
-                relation: Relation::NotEqual,
-                is_rounded: true,
-            });
-        } else {
-            moving_pivots.push((pivot.name.clone(), pivot.expr));
-        }
-    }
+    let pivots = sorted_pivots(&mut graph, &equations);
+    conditions.extend(pivots.conditions);
+    inputs.divisors = pivots.divisors;
     let rhs: Vec<(String, ExprId)> = state.iter().map(|s| (s.name.clone(), s.derivative)).collect();
     let mut requests = vec![Request { name: lower::RHS.into(), results: rhs }];
     if wants_energy {
         let results = vec![("energy".to_owned(), equations.energy)];
         requests.push(Request { name: "energy".into(), results });
     }
-    requests.push(Request { name: lower::CHECK.into(), results: moving_pivots });
+    requests.push(Request { name: lower::CHECK.into(), results: pivots.moving });
     for output in &outputs {
         requests.push(Request { name: output.name.clone(), results: output.components.clone() });
     }
@@ -564,6 +552,120 @@ fn lower_scene(
     let products = derivatives.products;
     let Plan { name, wants_taylor, doc, .. } = plan;
     Ok(BuiltScene { name, equations, program, state, outputs, matrices, products, wants_taylor, doc })
+}
+
+/// What is asked of the pivots, and when.
+struct SortedPivots {
+    /// Of those that depend on parameters alone: asked when these are prepared.
+    conditions: Vec<ParamCondition>,
+    /// Those that change along a motion and could vanish.
+    moving: Vec<(String, ExprId)>,
+    divisors: lower::Divisors,
+}
+
+/// Entries of a matrix without a definite sign may be added to this multiple of their size while it is factored: three of
+/// sixteen digits are lost at most besides those that its condition costs.
+const MAX_GROWTH: i64 = 1024;
+
+/// Sorts pivots by what is known about them.
+///
+/// A symmetric matrix of parameters whose pivots are positive for the defaults is taken for an inertia, and has to be
+/// positive definite: elimination is stable then (Higham 2002, section 10.1). From any other, elimination in a fixed order
+/// can lose everything, which the growth of its entries tells (section 9.3).
+fn sorted_pivots(graph: &mut Graph, equations: &Equations) -> SortedPivots {
+    let system = &equations.system;
+    let values = inlined(graph, equations.sections.iter().flat_map(|s| &s.definitions));
+    let defaults: BTreeMap<SymbolId, f64> =
+        system.params.iter().map(|p| (p.symbol, rational_to_f64(&p.default))).collect();
+    let in_inputs: Vec<ExprId> =
+        equations.pivots.iter().map(|p| graph.subs(p.expr, &values).unwrap_or(p.expr)).collect();
+    // Names of symmetric matrices with a pivot that is not positive for the defaults.
+    let mut indefinite = BTreeSet::new();
+    for (pivot, value) in equations.pivots.iter().zip(&in_inputs) {
+        let is_positive = |x: f64| x.is_finite() && x > 0.0;
+        if equations.is_parameter_only(pivot.expr)
+            && !graph.eval_f64(*value, &defaults).is_some_and(is_positive)
+        {
+            indefinite.insert(&pivot.matrix.name);
+        }
+    }
+    let mut sorted =
+        SortedPivots { conditions: Vec::new(), moving: Vec::new(), divisors: lower::Divisors::default() };
+    let mut watched: BTreeMap<&String, lower::WatchedMatrix> = BTreeMap::new();
+    let mut is_a_sum_of_squares = None;
+    for (pivot, value) in equations.pivots.iter().zip(in_inputs) {
+        let sign = sign_of(graph, value, &system.signs);
+        let matrix = &pivot.matrix;
+        let is_parameter_only = equations.is_parameter_only(pivot.expr);
+        if sign.is_definite() {
+            if !is_parameter_only {
+                sorted.divisors.names.push((value, pivot.name.clone()));
+            }
+        } else if is_parameter_only {
+            let is_inertia = matrix.is_symmetric && !indefinite.contains(&matrix.name);
+            sorted.conditions.push(pivot_condition(graph, pivot, is_inertia));
+            if !is_inertia && let Some(origin) = &pivot.origin {
+                sorted.conditions.extend(growth_condition(graph, &pivot.name, origin));
+            }
+        } else {
+            sorted.moving.push((pivot.name.clone(), pivot.expr));
+            let mut keeps_sign = || {
+                matrix.follows_hessian
+                    && *is_a_sum_of_squares.get_or_insert_with(|| equations.hessian_is_a_sum_of_squares())
+            };
+            if sign == Sign::Unknown && !keeps_sign() {
+                let new = || lower::WatchedMatrix { is_symmetric: matrix.is_symmetric, pivots: Vec::new() };
+                watched.entry(&matrix.name).or_insert_with(new).pivots.push(pivot.expr);
+            }
+        }
+    }
+    sorted.divisors.watched = watched.into_values().collect();
+    sorted
+}
+
+/// That a pivot of parameters can be divided by, and is positive where it is of an inertia.
+fn pivot_condition(graph: &Graph, pivot: &Pivot, is_inertia: bool) -> ParamCondition {
+    let (relation, text, meaning) = if is_inertia {
+        (
+            Relation::Greater,
+            format!("{} > 0", pivot.name),
+            "the matrix of inertia is positive definite for the default parameters and has to be so for these",
+        )
+    } else {
+        (Relation::NotEqual, defaults::not_zero(&pivot.name), "")
+    };
+    ParamCondition {
+        text,
+        meaning: meaning.into(),
+        greater: pivot.expr,
+        less: graph.zero(),
+        relation,
+        is_rounded: true,
+    }
+}
+
+/// That the terms of a pivot are not so much larger than the entries of the matrix that these are lost in their rounding errors; none
+/// for the first pivot, which is an entry.
+fn growth_condition(graph: &mut Graph, name: &str, origin: &PivotOrigin) -> Option<ParamCondition> {
+    if origin.updates.is_empty() {
+        return None;
+    }
+    let size = |graph: &mut Graph, e: ExprId| graph.func(Func::Abs, e);
+    let mut terms = vec![size(graph, origin.entry)];
+    for update in &origin.updates {
+        let product = graph.product(update);
+        terms.push(size(graph, product));
+    }
+    let entries: Vec<ExprId> = origin.entries.iter().map(|e| size(graph, *e)).collect();
+    let (terms, entries) = (graph.sum(&terms), graph.sum(&entries));
+    Some(ParamCondition {
+        text: format!("terms of {name} <= {MAX_GROWTH} entries of its matrix"),
+        meaning: "the entries would be lost in the rounding errors of the elimination".into(),
+        greater: graph.scale(entries, &Rational::from_integer(MAX_GROWTH.into())),
+        less: terms,
+        relation: Relation::GreaterEqual,
+        is_rounded: false,
+    })
 }
 
 impl BuiltScene {
@@ -733,6 +835,7 @@ impl BuiltScene {
             matrices: self.matrices.iter().map(matrix_text).collect(),
             products: self.products.iter().map(product_text).collect(),
             formulas: BTreeMap::from(formulas),
+            conserves_energy: self.equations.facts.energy_is_conserved,
         }
     }
 
@@ -929,16 +1032,41 @@ impl Interpreter<'_> {
         Some(out)
     }
 
+    /// Everything that the right-hand side divides by and that may vanish or overflow: names, values, and scales of their
+    /// rounding errors, as [`hamel_runtime::Pivot`] has them.
+    ///
+    /// # Panics
+    /// When the size of `y` is wrong.
+    pub fn pivots(&self, t: f64, y: &[f64]) -> Vec<(&str, f64, f64)> {
+        let program = &self.scene.program;
+        let Some(k) = program.function_idx(lower::CHECK) else { return Vec::new() };
+        let results = &program.functions[k].results;
+        let mut out = vec![0.0; results.len()];
+        program.run(k, &self.params, &self.prepared, t, y, &mut out);
+        let (values, scales) = out.split_at(out.len() / 2);
+        let names = results.iter().map(|(name, _)| name.as_str());
+        names.zip(values).zip(scales).map(|((name, value), scale)| (name, *value, *scale)).collect()
+    }
+
     /// Why the right-hand side cannot be evaluated here.
     ///
     /// # Errors
-    /// The name of the pivot that vanishes, or that rounding errors of its terms could hide.
+    /// The name of the pivot that is not finite, that vanishes, or that rounding errors of its terms could hide.
     pub fn check(&self, t: f64, y: &[f64]) -> Result<(), String> {
-        self.guard(lower::CHECK, t, y, |out| {
-            let (pivots, scales) = out.split_at(out.len() / 2);
-            let is_there = |(pivot, scale): (&f64, &f64)| scale + pivot.abs() > *scale;
-            pivots.iter().zip(scales).position(|of| !is_there(of))
-        })
+        let lost = |(_, value, scale): &(&str, f64, f64)| {
+            hamel_runtime::Pivot { name: "", value: *value, scale: *scale }.verify(t).is_err()
+        };
+        self.pivots(t, y).into_iter().find(lost).map_or(Ok(()), |(name, ..)| Err(name.to_owned()))
+    }
+
+    /// The number that stays the same along a motion while no matrix becomes singular; zero if none can.
+    ///
+    /// # Panics
+    /// When the size of `y` is wrong.
+    pub fn signature(&self, t: f64, y: &[f64]) -> f64 {
+        let mut out = [0.0];
+        self.call(lower::SIGNATURE, t, y, &mut out);
+        out[0]
     }
 
     /// Whether the coordinates lie in their domain.

@@ -23,6 +23,7 @@ fn of_time(t: f64, f: impl FnOnce(&mut Graph, ExprId) -> Vec<ExprId>) -> Vec<Vec
         signs: Default::default(),
         circles: vec![],
         arguments: Default::default(),
+        divisors: Default::default(),
     };
     let program = lower(&mut g, &inputs, &[], &[], &[Request { name: "rhs".into(), results }]).unwrap();
     let mut out = vec![vec![0.0; n]; ORDER + 2];

@@ -15,6 +15,20 @@ pub enum Failure {
         /// The pivot, in the words of the model.
         pivot: &'static str,
     },
+    /// A pivot of a linear solve passes through zero between two states: the equations are singular in between.
+    ChangedSign {
+        /// Time of the state after it, which is not accepted.
+        t: f64,
+        /// The pivot, in the words of the model.
+        pivot: &'static str,
+    },
+    /// A pivot is infinite or NaN: a division by it would give zeros that look like accelerations.
+    PivotNotFinite {
+        /// Time of the evaluation.
+        t: f64,
+        /// The pivot, in the words of the model.
+        pivot: &'static str,
+    },
     /// The point lies outside the domain of the equations.
     OutsideDomain {
         /// Time of the evaluation.
@@ -36,6 +50,12 @@ impl fmt::Display for Failure {
         match *self {
             Self::Singular { t, pivot } => {
                 write!(f, "pivot {pivot} vanishes at t = {t}: the equations are singular there")
+            }
+            Self::ChangedSign { t, pivot } => {
+                write!(f, "pivot {pivot} passes through zero before t = {t}: the equations are singular there")
+            }
+            Self::PivotNotFinite { t, pivot } => {
+                write!(f, "pivot {pivot} is not finite at t = {t}: the numbers of the state are too large for it")
             }
             Self::OutsideDomain { t, condition } => {
                 write!(f, "{condition} does not hold at t = {t}: the equations are not defined there")
@@ -293,6 +313,8 @@ mod tests {
     fn messages_are_lower_case_without_full_stop() {
         let errors = [
             Error::Failure(Failure::Singular { t: 1.0, pivot: "d1" }),
+            Error::Failure(Failure::ChangedSign { t: 1.0, pivot: "d1" }),
+            Error::Failure(Failure::PivotNotFinite { t: 1.0, pivot: "d1" }),
             Error::Failure(Failure::OutsideDomain { t: 1.0, condition: "x > 0" }),
             Error::Failure(Failure::NonFinite { t: 1.0, index: 2 }),
             Error::StepTooSmall { t: 1.0, h: 1e-17 },

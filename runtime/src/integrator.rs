@@ -124,6 +124,8 @@ pub struct Integrator<'s, R: Real, S: System<R>, M: Method<R, S>> {
     work: S::State,
     storage: M::Storage,
     dense: Dense,
+    /// [`System::signature`] of the initial state, which all accepted states have.
+    signature: R,
     stats: Stats,
 }
 
@@ -153,6 +155,7 @@ impl<'s, R: Real, S: System<R>, M: Method<R, S>> Integrator<'s, R, S, M> {
         }
         system.domain(t0, &y0)?;
         system.check(t0, &y0)?;
+        let signature = system.signature(t0, &y0);
         let zeros = y0.zeros_like();
         let storage = method.storage(system, t0, &y0, &options);
         let mut slope = zeros.clone();
@@ -184,6 +187,7 @@ impl<'s, R: Real, S: System<R>, M: Method<R, S>> Integrator<'s, R, S, M> {
             work: zeros,
             storage,
             dense: Dense::NoStep,
+            signature,
             stats: Stats { rhs_evals: 1, ..Stats::default() },
         })
     }
@@ -458,7 +462,7 @@ impl<'s, R: Real, S: System<R>, M: Method<R, S>> Integrator<'s, R, S, M> {
             };
             let (t, t_residue) = if landing { (t_end, R::ZERO) } else { two_sum(self.t, h + self.t_residue) };
             if !landing && !self.changes_time(h) {
-                return Err(failure.unwrap_or(Error::StepTooSmall { t: signed(self.t), h: signed(h) }));
+                return Err(self.too_small(h, failure));
             }
             match self.attempt(h, t) {
                 Ok(square) => {
@@ -479,7 +483,7 @@ impl<'s, R: Real, S: System<R>, M: Method<R, S>> Integrator<'s, R, S, M> {
                 }
                 Err(Rejection::Failed(reason)) => {
                     if let StepSize::Fixed(_) = self.options.step {
-                        return Err(reason);
+                        return Err(self.named(h, reason));
                     }
                     failure = Some(reason);
                     step = self.control.reject_non_finite(h.magnitude());
@@ -573,8 +577,11 @@ impl<'s, R: Real, S: System<R>, M: Method<R, S>> Integrator<'s, R, S, M> {
             return Err(Rejection::Failed(self.diagnose(h, t_new).into()));
         }
         self.system.domain(t_new, &to.state).map_err(|failure| Rejection::Failed(failure.into()))?;
+        if !all_moderate(&to.state) {
+            self.system.check(t_new, &to.state).map_err(|failure| Rejection::Failed(failure.into()))?;
+        }
         if matches!(self.options.step, StepSize::Fixed(_)) || !has_slopes {
-            return Ok(0.0);
+            return self.keeps_signature(t_new).map(|()| 0.0);
         }
         let k = Derivatives {
             n_stages: const { M::TABLEAU.n_stages() },
@@ -598,12 +605,114 @@ impl<'s, R: Real, S: System<R>, M: Method<R, S>> Integrator<'s, R, S, M> {
             square = estimate(rows.map(|row| square_within_range(norm, row, &k, &tolerances, h, work)));
         }
         if square <= 1.0 {
-            Ok(square)
+            self.keeps_signature(t_new).map(|()| square)
         } else if square.is_finite() {
             Err(Rejection::Inaccurate(square))
         } else {
             Err(Rejection::Inaccurate(f64::INFINITY))
         }
+    }
+
+    /// Whether no pivot has passed through zero on the way to the trial state.
+    #[inline]
+    fn keeps_signature(&self, t_new: R) -> Result<(), Rejection> {
+        let to = &self.points[usize::from(!self.current)];
+        let signature = self.system.signature(t_new, &to.state);
+        if signature.all_ge(self.signature) && self.signature.all_ge(signature) {
+            return Ok(());
+        }
+        Err(Rejection::Failed(self.crossed(t_new).into()))
+    }
+
+    /// Which pivot has passed through zero on the way to the trial state, or has no value there.
+    #[cold]
+    fn crossed(&self, t_new: R) -> Failure {
+        let to = &self.points[usize::from(!self.current)].state;
+        if let Err(failure) = self.system.check(t_new, to) {
+            return failure;
+        }
+        // The signature has changed, and with it the sign of a pivot.
+        let pivot = self.first_pivot((t_new, to), changes_sign).unwrap_or("of a linear system");
+        Failure::ChangedSign { t: signed(t_new), pivot }
+    }
+
+    /// The name of the first pivot whose values at the last accepted state and at another one are as `is_such` says.
+    fn first_pivot(&self, (t, y): (R, &S::State), is_such: impl Fn(R, R) -> bool) -> Option<&'static str> {
+        let (mut found, mut index) = (None, 0_usize);
+        self.system.pivots(self.t, &self.here().state, &mut |here| {
+            let mut other = 0;
+            // As there is no storage for the values, they are computed again for each.
+            self.system.pivots(t, y, &mut |there| {
+                if other == index && found.is_none() && is_such(here.value, there.value) {
+                    found = Some(here.name);
+                }
+                other += 1;
+            });
+            index += 1;
+        });
+        found
+    }
+
+    /// The first pivot that is as `is_such` says somewhere on the tangent of the solution: at one of the distances
+    /// `h, 2 h, 4 h, ..`.
+    #[cold]
+    fn pivot_ahead(
+        &mut self,
+        h: R,
+        n_distances: u32,
+        is_such: impl Fn(R, R) -> bool,
+    ) -> Option<&'static str> {
+        // The trial point is free.
+        self.dense = Dense::Lost;
+        let [one, two] = &mut self.points;
+        let (here, free) = if self.current { (two, one) } else { (one, two) };
+        self.system.rhs(self.t, &here.state, &mut free.slope);
+        self.stats.rhs_evals += 1;
+        let mut distance = h;
+        for _ in 0..n_distances {
+            let (here, free) =
+                (&self.points[usize::from(self.current)], &self.points[usize::from(!self.current)]);
+            let components = self.work.as_mut_slice().iter_mut().zip(here.state.as_slice());
+            for ((out, &y), &slope) in components.zip(free.slope.as_slice()) {
+                *out = slope.mul_add(distance, y);
+            }
+            let found = self.first_pivot((self.t + distance, &self.work), &is_such);
+            if found.is_some() {
+                return found;
+            }
+            distance += distance;
+        }
+        None
+    }
+
+    /// Why steps became too small: a pivot that is about to vanish where there is one.
+    #[cold]
+    fn too_small(&mut self, h: R, failure: Option<Error>) -> Error {
+        let unnamed = |e: &Error| matches!(e, Error::Failure(Failure::NonFinite { .. }) | Error::NotConverged { .. });
+        if let Some(named) = failure.filter(|e| !unnamed(e)) {
+            return named;
+        }
+        // Next to a singular point steps are a small fraction of the distance to it.
+        const DOUBLINGS: u32 = 20;
+        let half = R::from_f64(0.5);
+        let is_vanishing = |here: R, there: R| {
+            let ratio = there / here;
+            ratio.all_finite() && !ratio.all_gt(half)
+        };
+        match self.pivot_ahead(h, DOUBLINGS, is_vanishing) {
+            Some(pivot) => Failure::Singular { t: signed(self.t), pivot }.into(),
+            None => failure.unwrap_or(Error::StepTooSmall { t: signed(self.t), h: signed(h) }),
+        }
+    }
+
+    /// Why a fixed step failed: a pivot that passes through zero on it where there is one, and the system has not said so.
+    #[cold]
+    fn named(&mut self, h: R, reason: Error) -> Error {
+        if !matches!(reason, Error::Failure(Failure::NonFinite { .. }) | Error::NotConverged { .. }) {
+            return reason;
+        }
+        let t = signed(self.t + h);
+        self.pivot_ahead(h, 1, changes_sign).map_or(reason, |pivot| Failure::ChangedSign { t, pivot }.into())
     }
 
     fn accept(&mut self, h: R, t: R, t_residue: R) {
@@ -833,6 +942,20 @@ fn copy<R: Real, V: StateVector<R>>(from: &V, to: &mut V) {
 /// Whether no component is infinite or NaN, without branches.
 fn all_finite<R: Real, V: StateVector<R>>(v: &V) -> bool {
     v.as_slice().iter().fold(true, |finite, x| finite & x.all_finite())
+}
+
+/// Whether small powers of all components are finite, without branches.
+fn all_moderate<R: Real, V: StateVector<R>>(v: &V) -> bool {
+    // The fourth power of the first is finite in `f64`, that of the second in `f32`.
+    let [large, single] = [1e75, 1e9].map(R::from_f64);
+    let bound = if large.all_finite() { large } else { single };
+    v.as_slice().iter().fold(true, |moderate, x| moderate & bound.all_ge(x.abs()))
+}
+
+/// Whether a pivot has another sign on some lane.
+fn changes_sign<R: Real>(here: R, there: R) -> bool {
+    let signs = (here / here.abs()) * (there / there.abs());
+    signs.all_finite() && !signs.all_gt(R::ZERO)
 }
 
 /// Position of the first component that is infinite or NaN.

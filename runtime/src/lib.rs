@@ -97,7 +97,7 @@ pub use methods::{
 pub use options::{Norm, Options, StepSize};
 pub use real::Real;
 pub use system::{
-    Differentiable, OutputInfo, ParamInfo, Scene, SceneInfo, SquareStorage, StateVector, System,
+    Differentiable, OutputInfo, ParamInfo, Pivot, Scene, SceneInfo, SquareStorage, StateVector, System,
 };
 
 /// Includes a module that a build script generated with `hamel_codegen`, by the name of the file in `OUT_DIR` without

@@ -5,6 +5,7 @@
 use core::fmt::Debug;
 
 use crate::error::{Failure, ParamError};
+use crate::options::signed;
 use crate::real::Real;
 
 /// Storage of a state and of its derivatives: a fixed array in generated code.
@@ -73,6 +74,47 @@ impl<R: Real, const N: usize> SquareStorage<R> for [R; N] {
     }
 }
 
+/// Something that a right-hand side divides by, at a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pivot<R> {
+    /// What it is, in the words of the model.
+    pub name: &'static str,
+    /// Its value, computed as the right-hand side does, but for a positive factor.
+    pub value: R,
+    /// The scale of its rounding errors: it is nothing else where the sum of the scale and its absolute value rounds to
+    /// the scale. Zero where no terms can cancel.
+    pub scale: R,
+}
+
+impl<R: Real> Pivot<R> {
+    /// Whether something can be divided by the value: it is finite and, on every lane, more than its rounding errors.
+    ///
+    /// # Errors
+    ///
+    /// [`Failure::PivotNotFinite`], [`Failure::Singular`].
+    pub fn verify(&self, t: R) -> Result<(), Failure> {
+        let Pivot { name: pivot, value, scale } = *self;
+        if !value.all_finite() {
+            return Err(Failure::PivotNotFinite { t: signed(t), pivot });
+        }
+        // The reciprocal overflows for subnormal numbers, which have lost their digits.
+        if (scale + value.abs()).all_gt(scale) && value.recip().all_finite() {
+            Ok(())
+        } else {
+            Err(Failure::Singular { t: signed(t), pivot })
+        }
+    }
+
+    /// [`verify`](Self::verify) for several.
+    ///
+    /// # Errors
+    ///
+    /// That of the first that cannot be divided by.
+    pub fn verify_all(t: R, pivots: &[Self]) -> Result<(), Failure> {
+        pivots.iter().try_for_each(|pivot| pivot.verify(t))
+    }
+}
+
 /// A system of ordinary differential equations of first order.
 ///
 /// ```text
@@ -85,10 +127,11 @@ pub trait System<R: Real> {
     /// Writes `f(t, y)` to `dy`, every component; infinite or NaN where `f` has no value.
     fn rhs(&self, t: R, y: &Self::State, dy: &mut Self::State);
 
-    /// Says why the right-hand side cannot be evaluated at a point: a vanishing pivot, a point outside the
-    /// domain.
+    /// Says why the right-hand side cannot be evaluated at a point: a pivot that vanishes or is not finite, a point
+    /// outside the domain.
     ///
-    /// The integrators call it at the initial state and where they met something that is not finite.
+    /// The integrators call it at the initial state, where they met something that is not finite, and at states so
+    /// large that their powers may not be.
     ///
     /// # Errors
     ///
@@ -112,6 +155,30 @@ pub trait System<R: Real> {
         let _ = (t, y);
         Ok(())
     }
+
+    /// A number that stays the same along a motion as long as no matrix that is solved with becomes singular.
+    ///
+    /// ```text
+    /// symmetric matrices: sum of the signs of the pivots; others: product of them
+    /// ```
+    ///
+    /// By Sylvester's law of inertia the sum changes only where an eigenvalue passes through zero, the product only where
+    /// the determinant does. Several matrices have multiples that keep their numbers apart. NaN where a pivot is zero or not finite.
+    ///
+    /// The integrators compare it at every state that they would accept with that of the initial state, so that it is to be
+    /// cheap. A step over a singular point is tried again shorter, or ends the integration with fixed steps.
+    #[inline]
+    fn signature(&self, t: R, y: &Self::State) -> R {
+        let _ = (t, y);
+        R::ZERO
+    }
+
+    /// Calls `visit` with everything that the right-hand side divides by and that may vanish or overflow, in a fixed order.
+    ///
+    /// The integrators ask for it only when they stop, to say why.
+    fn pivots(&self, t: R, y: &Self::State, visit: &mut dyn FnMut(Pivot<R>)) {
+        let _ = (t, y, visit);
+    }
 }
 
 impl<R: Real, S: System<R> + ?Sized> System<R> for &S {
@@ -130,6 +197,16 @@ impl<R: Real, S: System<R> + ?Sized> System<R> for &S {
     #[inline]
     fn domain(&self, t: R, y: &Self::State) -> Result<(), Failure> {
         (**self).domain(t, y)
+    }
+
+    #[inline]
+    fn signature(&self, t: R, y: &Self::State) -> R {
+        (**self).signature(t, y)
+    }
+
+    #[inline]
+    fn pivots(&self, t: R, y: &Self::State, visit: &mut dyn FnMut(Pivot<R>)) {
+        (**self).pivots(t, y, visit);
     }
 }
 
@@ -218,6 +295,9 @@ pub trait Scene<R: Real>: System<R> + Sized {
     ///
     /// The first condition on the parameters that does not hold.
     fn prepare(values: &[R]) -> Result<Self, ParamError>;
+
+    /// Whether the energy is proved to be constant along the motion; false also where there is none.
+    const CONSERVES_ENERGY: bool = false;
 
     /// Energy at a state, if the model has one.
     fn energy_of(&self, t: R, y: &Self::State) -> Option<R>;

@@ -197,7 +197,8 @@ impl Exact {
         let time = symbols(std::slice::from_ref(&program.time))[0];
         let with_argument = program.functions.iter().filter(|f| !f.argument.is_empty());
         let arguments = with_argument.map(|f| (f.name.clone(), symbols(&f.argument))).collect();
-        let inputs = Inputs { params, time, state, signs: Default::default(), circles: vec![], arguments };
+        let (signs, divisors) = Default::default();
+        let inputs = Inputs { params, time, state, signs, circles: vec![], arguments, divisors };
         let results = program.to_expressions(&mut g, &inputs).unwrap_or_else(|e| panic!("{e}"));
         let names = program.functions.iter().map(|f| f.name.clone());
         Exact { functions: names.zip(results).collect(), g, inputs }

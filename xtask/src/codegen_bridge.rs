@@ -14,7 +14,7 @@ use hamel_codegen::reduction;
 use hamel_codegen::scene::{self, BuiltScene, Interpreter};
 use hamel_codegen::spec::{self, ConnectionKind, Diagnostics, Domain, ReconstructionKind, circle_names};
 pub use hamel_codegen::spec::{Kind, Model, Want};
-use hamel_runtime::Failure;
+use hamel_runtime::{Failure, Pivot};
 
 use crate::dynamics::{BadParams, Dynamics, Factory, Info, OutputEntry, ParamEntry, VecState};
 use crate::error::Error;
@@ -125,6 +125,7 @@ fn built(model: &Model, scene: BuiltScene) -> Built {
         params: scene.params().iter().map(param).collect(),
         outputs: scene.outputs().iter().map(output_entry).collect(),
         has_energy: scene.has_energy(),
+        conserves_energy: scene.has_energy() && scene.equations.facts.energy_is_conserved,
     };
     Built { scene, info, with_invariants: OnceLock::new() }
 }
@@ -332,7 +333,7 @@ impl Factory for Built {
         let interpreter = self
             .scene
             .prepare(values)
-            .map_err(|bad| BadParams { condition: bad.condition, meaning: String::new() })?;
+            .map_err(|bad| BadParams { condition: bad.condition, meaning: bad.meaning })?;
         let (jet, invariants) = (OnceLock::new(), OnceLock::new());
         Ok(Box::new(Interpreted { built: self, params: values.to_vec(), interpreter, jet, invariants }))
     }
@@ -402,12 +403,25 @@ impl Dynamics for Interpreted<'_> {
     }
 
     fn check(&self, t: f64, y: &[f64]) -> Result<(), Failure> {
-        self.interpreter.check(t, y).map_err(|pivot| Failure::Singular { t, pivot: forever(pivot) })
+        self.interpreter.pivots(t, y).into_iter().try_for_each(|(name, value, scale)| {
+            let verified = Pivot { name: "", value, scale }.verify(t);
+            verified.or_else(|_| Pivot { name: forever(name.to_owned()), value, scale }.verify(t))
+        })
     }
 
     fn domain(&self, t: f64, y: &[f64]) -> Result<(), Failure> {
         let outside = |condition| Failure::OutsideDomain { t, condition: forever(condition) };
         self.interpreter.domain(t, y).map_err(outside)
+    }
+
+    fn signature(&self, t: f64, y: &[f64]) -> f64 {
+        self.interpreter.signature(t, y)
+    }
+
+    fn pivots(&self, t: f64, y: &[f64], visit: &mut dyn FnMut(Pivot<f64>)) {
+        for (name, value, scale) in self.interpreter.pivots(t, y) {
+            visit(Pivot { name: forever(name.to_owned()), value, scale });
+        }
     }
 }
 

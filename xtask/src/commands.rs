@@ -480,6 +480,7 @@ fn residuals(model: &Model, info: &Info) -> Result<Option<bridge::Built>, Error>
 pub fn simulate_text(backend: &mut dyn Backend, text: &str) -> Result<String, Error> {
     let request = SimulateRequest::parse(text, backend.info())?;
     let response = backend.simulate(&request)?;
+    warn(&response);
     Ok(response.to_json(backend.info(), request.n_group).to_string())
 }
 
@@ -492,7 +493,13 @@ pub fn reconstruct_text(backend: &mut dyn Backend, model: &Model, text: &str) ->
     let defaults = |params: &BTreeMap<String, f64>| bridge::group_start(model, params);
     let request = SimulateRequest::parse_with_group(text, backend.info(), n_group, &defaults)?;
     let response = backend.simulate(&request)?;
+    warn(&response);
     Ok(response.to_json(backend.info(), request.n_group).to_string())
+}
+
+/// Tells the warnings of an integration on standard error.
+fn warn(response: &SimulateResponse) {
+    response.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
 }
 
 /// Number of coordinates of the group at the end of a scene's state.
@@ -606,6 +613,7 @@ pub fn simulate(workspace: &Workspace, choice: &Choice, arguments: &Simulation) 
         max_steps: arguments.max_steps.unwrap_or(steps.max_steps()),
     };
     let response = backend.simulate(&request)?;
+    warn(&response);
     let title = title(&model.doc);
     let blocks = bridge::blocks(&model);
     let run = Run { info: &info, title: &title, blocks: &blocks, request: &request, response: &response };
@@ -765,7 +773,7 @@ fn summary(info: &Info, title: &str, request: &SimulateRequest, response: &Simul
     );
     if let (Some(drift), Some(initial)) = (response.energy_drift, response.initial_energy) {
         let scale = if response.energy_scale == initial.abs() { "|E(0)|" } else { "the size of its terms" };
-        let word = if info.conserves_energy() { "drift" } else { "largest change" };
+        let word = if info.conserves_energy { "drift" } else { "largest change" };
         let _ =
             write!(text, "\n  energy     {initial:.6e} at the start, {word} {drift:.1e} relative to {scale}");
     }

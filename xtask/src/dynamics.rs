@@ -5,7 +5,7 @@
 use std::fmt;
 
 use hamel_runtime::{
-    F64x4, Failure, Invariants, Jet, MAX_ORDER, ParamError, Real, Scene, SceneInfo, StateVector, System,
+    F64x4, Failure, Invariants, Jet, MAX_ORDER, ParamError, Pivot, Real, Scene, SceneInfo, StateVector, System,
 };
 use serde::{Deserialize, Serialize};
 
@@ -24,6 +24,8 @@ pub struct Info {
     pub outputs: Vec<OutputEntry>,
     /// Whether [`Dynamics::energy`] has a value.
     pub has_energy: bool,
+    /// Whether it has one and is proved to be constant along the motion.
+    pub conserves_energy: bool,
 }
 
 /// A free parameter of a scene.
@@ -69,11 +71,6 @@ impl Info {
         self.params.iter().map(|p| p.default).collect()
     }
 
-    /// Whether the energy is constant along the motion; otherwise the scene computes its rate.
-    pub fn conserves_energy(&self) -> bool {
-        self.output_range("energy_rate").is_none()
-    }
-
     /// Positions of a group's components among all outputs; none when the scene has no such group.
     pub fn output_range(&self, group: &str) -> Option<std::ops::Range<usize>> {
         let mut start = 0;
@@ -88,8 +85,10 @@ impl Info {
     }
 }
 
-impl From<&SceneInfo> for Info {
-    fn from(info: &SceneInfo) -> Info {
+impl Info {
+    /// The names and meanings of a scene known at compile time.
+    pub fn of<R: Real, S: Scene<R>>() -> Info {
+        let info: &SceneInfo = &S::INFO;
         let owned = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
         let param = |p: &hamel_runtime::ParamInfo| ParamEntry {
             name: p.name.into(),
@@ -108,6 +107,7 @@ impl From<&SceneInfo> for Info {
             params: info.params.iter().map(param).collect(),
             outputs: info.outputs.iter().map(output).collect(),
             has_energy: info.has_energy,
+            conserves_energy: S::CONSERVES_ENERGY,
         }
     }
 }
@@ -155,6 +155,12 @@ pub trait Dynamics {
     /// # Errors
     /// [`Failure::OutsideDomain`] with the condition that does not hold.
     fn domain(&self, t: f64, y: &[f64]) -> Result<(), Failure>;
+
+    /// As [`System::signature`].
+    fn signature(&self, t: f64, y: &[f64]) -> f64;
+
+    /// As [`System::pivots`].
+    fn pivots(&self, t: f64, y: &[f64], visit: &mut dyn FnMut(Pivot<f64>));
 }
 
 /// A scene with parameter values on four lanes, to be integrated; every lane has the bits of [`Dynamics`].
@@ -176,6 +182,12 @@ pub trait LaneDynamics {
     /// # Errors
     /// As [`System::domain`], for any lane.
     fn domain(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure>;
+
+    /// As [`System::signature`].
+    fn signature(&self, t: F64x4, y: &VecState<F64x4>) -> F64x4;
+
+    /// As [`System::pivots`].
+    fn pivots(&self, t: F64x4, y: &VecState<F64x4>, visit: &mut dyn FnMut(Pivot<F64x4>));
 }
 
 /// A scene whose parameters are still to be given; threads may share it.
@@ -241,6 +253,23 @@ impl LaneDynamics for SideBySide<'_> {
         let lanes = self.0.iter().enumerate();
         lanes.into_iter().try_for_each(|(k, d)| System::domain(d, t.lane(k), &VecState(lane(&y.0, k))))
     }
+
+    fn signature(&self, t: F64x4, y: &VecState<F64x4>) -> F64x4 {
+        F64x4::new(std::array::from_fn(|k| Dynamics::signature(&*self.0[k], t.lane(k), &lane(&y.0, k))))
+    }
+
+    fn pivots(&self, t: F64x4, y: &VecState<F64x4>, visit: &mut dyn FnMut(Pivot<F64x4>)) {
+        let of_lane = |k: usize| {
+            let mut pivots = Vec::new();
+            Dynamics::pivots(&*self.0[k], t.lane(k), &lane(&y.0, k), &mut |pivot| pivots.push(pivot));
+            pivots
+        };
+        let lanes: [Vec<Pivot<f64>>; F64x4::LANES] = std::array::from_fn(of_lane);
+        for (at, Pivot { name, .. }) in lanes[0].iter().enumerate() {
+            let all = |part: fn(&Pivot<f64>) -> f64| F64x4::new(std::array::from_fn(|k| part(&lanes[k][at])));
+            visit(Pivot { name, value: all(|p| p.value), scale: all(|p| p.scale) });
+        }
+    }
 }
 
 /// Parameter values that the model does not allow.
@@ -293,6 +322,14 @@ impl System<f64> for dyn Dynamics + '_ {
     fn domain(&self, t: f64, y: &VecState) -> Result<(), Failure> {
         Dynamics::domain(self, t, &y.0)
     }
+
+    fn signature(&self, t: f64, y: &VecState) -> f64 {
+        Dynamics::signature(self, t, &y.0)
+    }
+
+    fn pivots(&self, t: f64, y: &VecState, visit: &mut dyn FnMut(Pivot<f64>)) {
+        Dynamics::pivots(self, t, &y.0, visit);
+    }
 }
 
 impl Jet<f64> for dyn Dynamics + '_ {
@@ -322,6 +359,14 @@ impl System<f64> for Box<dyn Dynamics + '_> {
     fn domain(&self, t: f64, y: &VecState) -> Result<(), Failure> {
         System::domain(&**self, t, y)
     }
+
+    fn signature(&self, t: f64, y: &VecState) -> f64 {
+        System::signature(&**self, t, y)
+    }
+
+    fn pivots(&self, t: f64, y: &VecState, visit: &mut dyn FnMut(Pivot<f64>)) {
+        System::pivots(&**self, t, y, visit);
+    }
 }
 
 impl Jet<f64> for Box<dyn Dynamics + '_> {
@@ -347,6 +392,14 @@ impl System<F64x4> for Box<dyn LaneDynamics + '_> {
 
     fn domain(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure> {
         (**self).domain(t, y)
+    }
+
+    fn signature(&self, t: F64x4, y: &VecState<F64x4>) -> F64x4 {
+        (**self).signature(t, y)
+    }
+
+    fn pivots(&self, t: F64x4, y: &VecState<F64x4>, visit: &mut dyn FnMut(Pivot<F64x4>)) {
+        (**self).pivots(t, y, visit);
     }
 }
 
@@ -386,7 +439,7 @@ pub struct Typed<S, const N: usize> {
 impl<S: Scene<f64> + System<f64, State = [f64; N]>, const N: usize> Typed<S, N> {
     /// The scene `S`.
     pub fn new() -> Self {
-        Typed { info: Info::from(&S::INFO), scene: std::marker::PhantomData }
+        Typed { info: Info::of::<f64, S>(), scene: std::marker::PhantomData }
     }
 }
 
@@ -464,6 +517,14 @@ where
             fn domain(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure> {
                 self.0.domain(t, array(&y.0))
             }
+
+            fn signature(&self, t: F64x4, y: &VecState<F64x4>) -> F64x4 {
+                self.0.signature(t, array(&y.0))
+            }
+
+            fn pivots(&self, t: F64x4, y: &VecState<F64x4>, visit: &mut dyn FnMut(Pivot<F64x4>)) {
+                self.0.pivots(t, array(&y.0), visit);
+            }
         }
         Ok(Box::new(Prepared(W::prepare(values)?)))
     }
@@ -535,5 +596,13 @@ impl<S: Scene<f64> + System<f64, State = [f64; N]>, const N: usize> Dynamics for
 
     fn domain(&self, t: f64, y: &[f64]) -> Result<(), Failure> {
         System::domain(&self.scene, t, array(y))
+    }
+
+    fn signature(&self, t: f64, y: &[f64]) -> f64 {
+        System::signature(&self.scene, t, array(y))
+    }
+
+    fn pivots(&self, t: f64, y: &[f64], visit: &mut dyn FnMut(Pivot<f64>)) {
+        System::pivots(&self.scene, t, array(y), visit);
     }
 }

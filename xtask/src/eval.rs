@@ -66,7 +66,7 @@ impl EvalRequest {
     }
 }
 
-/// More than this and further states are not looked at.
+/// More than this and further states are not looked at, or not told.
 const MAX_PROBLEMS: usize = 20;
 
 impl EvalResponse {
@@ -122,30 +122,56 @@ pub fn prepare<'a>(factory: &'a dyn Factory, params: &[f64]) -> Result<Box<dyn D
 /// Evaluates a scene at every state of a request. Every number of the response is finite.
 ///
 /// # Errors
-/// [`Error::Params`]; [`Error::State`] for the first state at which something has no finite value.
+/// [`Error::Params`]; [`Error::Request`] with all states at which something has no finite value.
 pub fn eval(factory: &dyn Factory, request: &EvalRequest) -> Result<EvalResponse, Error> {
     let info = factory.info();
     let dynamics = prepare(factory, &request.params)?;
-    let t = request.t;
     let mut derivatives = Vec::with_capacity(request.states.len());
     let mut energies = Vec::with_capacity(request.states.len());
     let mut outputs = Vec::with_capacity(request.states.len());
+    let mut reasons: Vec<(usize, String)> = Vec::new();
     for (k, y) in request.states.iter().enumerate() {
-        let fail = |reason: String| Error::State { path: format!("states[{k}]"), reason };
-        let dy = derivative(&*dynamics, t, y).map_err(fail)?;
-        derivatives.push(dy);
-        let energy = dynamics.energy(t, y);
-        if energy.is_some_and(|e| !e.is_finite()) {
-            return Err(fail("the energy is not finite".into()));
+        match values(&*dynamics, request.t, y) {
+            Ok((dy, energy, values)) => {
+                derivatives.push(dy);
+                energies.extend(energy);
+                outputs.push(values);
+            }
+            Err(reason) => reasons.push((k, reason)),
         }
-        energies.extend(energy);
-        let values = dynamics.outputs(t, y);
-        if let Some(at) = values.iter().position(|x| !x.is_finite()) {
-            return Err(fail(format!("output {} is not finite", output_name(info, at))));
-        }
-        outputs.push(values);
     }
-    Ok(EvalResponse { derivatives, energy: info.has_energy.then_some(energies), outputs })
+    if reasons.is_empty() {
+        return Ok(EvalResponse { derivatives, energy: info.has_energy.then_some(energies), outputs });
+    }
+    let (n, n_states) = (reasons.len(), request.states.len());
+    let mut problems: Vec<Problem> = (reasons.into_iter().take(MAX_PROBLEMS))
+        .map(|(k, reason)| Problem::Unusable {
+            path: format!("states[{k}]"),
+            reason: format!("cannot be evaluated: {reason}"),
+        })
+        .collect();
+    if n > MAX_PROBLEMS {
+        let reason = format!("cannot be evaluated at {n} of {n_states} places, of which {MAX_PROBLEMS} are shown");
+        problems.push(Problem::Unusable { path: "states".into(), reason });
+    }
+    Err(Error::Request { problems })
+}
+
+/// The derivative, the energy and the outputs at a point.
+///
+/// # Errors
+/// Why one of them has no finite value.
+fn values(dynamics: &dyn Dynamics, t: f64, y: &[f64]) -> Result<(Vec<f64>, Option<f64>, Vec<f64>), String> {
+    let dy = derivative(dynamics, t, y)?;
+    let energy = dynamics.energy(t, y);
+    if energy.is_some_and(|e| !e.is_finite()) {
+        return Err("the energy is not finite".into());
+    }
+    let values = dynamics.outputs(t, y);
+    match values.iter().position(|x| !x.is_finite()) {
+        Some(at) => Err(format!("output {} is not finite", output_name(dynamics.info(), at))),
+        None => Ok((dy, energy, values)),
+    }
 }
 
 /// The derivative at a point.

@@ -154,7 +154,7 @@ pub fn figure(run: &Run<'_>) -> Figure {
         panels.push(Panel {
             title: format!(
                 "Energy {}, relative to {of}",
-                if info.conserves_energy() { "drift" } else { "change" }
+                if info.conserves_energy { "drift" } else { "change" }
             ),
             lines: vec![(String::new(), values)],
             times: Some(times),

@@ -240,6 +240,8 @@ pub struct SimulateResponse {
     pub initial_residual: Option<f64>,
     /// The same over the start, all steps and samples.
     pub constraint_residual: Option<f64>,
+    /// What there is to know about the result besides: that the energy moved though it is conserved.
+    pub warnings: Vec<String>,
     /// Seconds that the integration took.
     pub seconds: f64,
 }
@@ -443,7 +445,7 @@ fn has_field(text: &str, name: &str, is_such: impl Fn(&Json) -> bool) -> Result<
 
 impl SimulateResponse {
     /// `{"t", "final", "samples", "steps", "rejected", "rhs_evals", "energy_drift", "constraint_residual",
-    /// "initial_residual"}`.
+    /// "initial_residual", "warnings"}`.
     ///
     /// With `n_group` coordinates of the group at the end of the state, `final` and `samples` have the components before
     /// them only, and `reconstruction` is added with the final values of these.
@@ -462,6 +464,7 @@ impl SimulateResponse {
         answer.insert("energy_drift".into(), if_any(self.energy_drift));
         answer.insert("constraint_residual".into(), if_any(self.constraint_residual));
         answer.insert("initial_residual".into(), if_any(self.initial_residual));
+        answer.insert("warnings".into(), self.warnings.clone().into());
         if n_group > 0 {
             let group = info.state[n_own..].iter().map(String::as_str);
             answer.insert("reconstruction".into(), by_name(group, &self.last[n_own..]));
@@ -659,13 +662,15 @@ fn run<'d, M: Method<f64, &'d dyn Dynamics>>(
     }
     let last = solver.state().0.clone();
     let stats = solver.stats();
+    let energy_drift = record.initial_energy.map(|_| (record.deviation / record.scale).min(f64::MAX));
     Ok(SimulateResponse {
         t: solver.t(),
         last,
         steps: stats.steps,
         rejected: stats.rejected,
         rhs_evals: stats.rhs_evals,
-        energy_drift: record.initial_energy.map(|_| (record.deviation / record.scale).min(f64::MAX)),
+        energy_drift,
+        warnings: drift_warning(info, request.steps, energy_drift).into_iter().collect(),
         initial_energy: record.initial_energy,
         energy_scale: record.scale,
         energy_at_steps: record.energy_at_steps,
@@ -673,6 +678,20 @@ fn run<'d, M: Method<f64, &'d dyn Dynamics>>(
         constraint_residual: record.residual,
         samples: record.samples,
         seconds: clock.elapsed().as_secs_f64(),
+    })
+}
+
+/// A larger relative drift of an energy that is conserved is told.
+const LARGE_DRIFT: f64 = 1e-3;
+
+/// That fixed steps were too long, where the energy shows it: they have no error estimate.
+fn drift_warning(info: &Info, steps: Steps, drift: Option<f64>) -> Option<String> {
+    let (Steps::Fixed { step }, Some(drift)) = (steps, drift) else { return None };
+    (info.conserves_energy && drift > LARGE_DRIFT).then(|| {
+        format!(
+            "the energy is conserved but moved by {drift:.1e} of its size: step {step:?} is too long for this motion, \
+             take a shorter one or a method with adaptive steps"
+        )
     })
 }
 

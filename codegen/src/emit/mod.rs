@@ -47,6 +47,8 @@ pub struct SceneText {
     pub products: Vec<ProductText>,
     /// Formula lines of functions, by name.
     pub formulas: BTreeMap<String, Vec<String>>,
+    /// Whether the energy is proved to be constant along the motion.
+    pub conserves_energy: bool,
 }
 
 /// A parameter.

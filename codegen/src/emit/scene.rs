@@ -12,7 +12,7 @@ use super::names::{Scope, is_unusual, legal};
 use super::{SceneText, doc_attributes, escaped, format_module, header};
 use crate::error::Error;
 use crate::expr::rational_to_f64;
-use crate::lower::{CHECK, Function, Jet, Operand, Program, RHS, Relation};
+use crate::lower::{CHECK, Function, Jet, Operand, Program, RHS, Relation, SIGNATURE};
 
 /// Functions with a meaning of their own; every other one is an output.
 const ENERGY: &str = "energy";
@@ -21,8 +21,10 @@ const DOMAIN: &str = "domain";
 /// Names of methods and arguments that locals must not hide.
 pub(super) const ARGUMENTS: [&str; 4] = ["t", "dy", "params", "out"];
 /// Names that no method of an output can have.
-const METHODS: [&str; 10] =
-    ["new", "rhs", "energy", "check", "domain", "prepare", "energy_of", "outputs_of", "clone", "fmt"];
+const METHODS: [&str; 12] = [
+    "new", "rhs", "energy", "pivots", "check", "signature", "domain", "prepare", "energy_of", "outputs_of", "clone",
+    "fmt",
+];
 /// Longer formulas say less than a sentence.
 const MAX_DOC_FORMULA: usize = 90;
 
@@ -445,10 +447,10 @@ impl<'a> Module<'a> {
                 Relation::GreaterEqual => "all_ge",
                 Relation::NotEqual => "all_ne",
             });
-            let text = &condition.text;
+            let (text, meaning) = (&condition.text, &condition.meaning);
             conditions.extend(quote! {
                 if !#greater.#method(#less) {
-                    return Err(::hamel_runtime::ParamError { condition: #text, meaning: "" });
+                    return Err(::hamel_runtime::ParamError { condition: #text, meaning: #meaning });
                 }
             });
         }
@@ -629,12 +631,28 @@ impl<'a> Module<'a> {
         if let Some(check) = self.checked() {
             let written = self.write(check)?;
             names_of(&written);
-            methods.extend(self.guard(check, written, GUARD_OF_PIVOTS));
+            methods.extend(self.pivots(check, written));
+        }
+        if let Some(signature) = self.function(SIGNATURE) {
+            let written = self.write(signature)?;
+            names_of(&written);
+            let title = "A number that stays the same along a motion while no matrix that is solved with becomes singular.";
+            let doc = self.function_doc(signature, title, &[]);
+            let Written { statements, results, .. } = written;
+            methods.extend(quote! {
+                #doc
+                #[inline]
+                #[must_use]
+                pub fn signature(#arguments) -> R {
+                    #statements
+                    #(#results)*
+                }
+            });
         }
         if let Some(domain) = self.function(DOMAIN) {
             let written = self.write(domain)?;
             names_of(&written);
-            methods.extend(self.guard(domain, written, GUARD_OF_DOMAIN));
+            methods.extend(self.domain(domain, written));
         }
         let names = allow_names(unusual.iter().chain(&method_names).chain(&self.state));
         let numbers = allow_numbers(self.program_numbers());
@@ -656,49 +674,66 @@ impl<'a> Module<'a> {
         })
     }
 
-    /// A function that fails with the first result that is not what it should be.
-    fn guard(&self, function: &Function, written: Written, guard: Guard) -> TokenStream {
+    /// What is divided by, and the function that fails with the first of it that cannot be divided by.
+    fn pivots(&self, function: &Function, written: Written) -> TokenStream {
         let n = size(self.state.len());
         let Written { statements, results, .. } = written;
-        let n_values = if guard.has_scales { results.len() / 2 } else { results.len() };
-        let (values, scales) = results.split_at(n_values);
-        let conditions = function.results[..n_values].iter().map(|(name, _)| name);
-        // A scale is the constant zero where a value has no terms that could cancel.
-        let can_cancel = function.results[n_values..].iter().any(|(_, o)| !matches!(o, Operand::Constant(_)));
-        let [name, variant, field] = [function.name.as_str(), guard.variant, guard.field].map(ident);
-        // Not a number is not greater than anything.
-        let size = if guard.has_scales {
-            quote! { value.abs() }
-        } else {
-            quote! { value }
-        };
-        let (names, tuples, holds): (_, Vec<TokenStream>, _) = if can_cancel {
-            let tuples = values.iter().zip(scales).zip(conditions).map(|((v, s), c)| quote! { (#v, #s, #c) });
-            (quote! { (value, scale, #field) }, tuples.collect(), quote! { (scale + #size).all_gt(scale) })
-        } else {
-            let tuples = values.iter().zip(conditions).map(|(v, c)| quote! { (#v, #c) });
-            (quote! { (value, #field) }, tuples.collect(), quote! { #size.all_gt(R::ZERO) })
-        };
-        let mut doc = vec![guard.title.to_owned()];
-        let errors = if can_cancel { guard.errors_with_scales } else { guard.errors };
-        doc.extend([String::new(), "# Errors".into(), String::new(), errors.to_owned()]);
+        let n_pivots = results.len() / 2;
+        let (values, scales) = results.split_at(n_pivots);
+        let names = function.results[..n_pivots].iter().map(|(name, _)| name);
+        let title = "What the right-hand side divides by that may vanish or overflow, each with the scale of its rounding errors.";
+        let doc = self.function_doc(function, title, &[]);
+        let check_doc = doc_attributes([
+            "Says which pivot vanishes at a point, or is not finite.",
+            "",
+            "# Errors",
+            "",
+            "`Singular` with the first pivot that is zero up to the rounding errors of what it is computed from, or",
+            "`PivotNotFinite`.",
+        ]);
+        let n_pivots = size(n_pivots);
+        quote! {
+            #doc
+            #[must_use]
+            pub fn pivots(&self, t: R, y: &[R; #n]) -> [::hamel_runtime::Pivot<R>; #n_pivots] {
+                #statements
+                [#(::hamel_runtime::Pivot { name: #names, value: #values, scale: #scales }),*]
+            }
+
+            #check_doc
+            pub fn check(&self, t: R, y: &[R; #n]) -> Result<(), ::hamel_runtime::Failure> {
+                ::hamel_runtime::Pivot::verify_all(t, &self.pivots(t, y))
+            }
+        }
+    }
+
+    /// The function that fails with the first end of a coordinate's interval that does not hold.
+    fn domain(&self, function: &Function, written: Written) -> TokenStream {
+        let n = size(self.state.len());
+        let Written { statements, results, .. } = written;
+        let conditions = function.results.iter().map(|(name, _)| name);
+        let tuples: Vec<TokenStream> =
+            results.iter().zip(conditions).map(|(v, c)| quote! { (#v, #c) }).collect();
+        let mut doc = vec!["Says whether a point lies outside the domain of the coordinates.", "", "# Errors", ""];
+        doc.push("`OutsideDomain` with the first condition that does not hold.");
+        let mut doc: Vec<String> = doc.into_iter().map(str::to_owned).collect();
         doc.extend(self.operations(function));
         let doc = doc_attributes(doc);
+        // Not a number is not greater than anything.
         let failure = quote! {
-            if !#holds {
+            if !value.all_gt(R::ZERO) {
                 let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
-                return Err(::hamel_runtime::Failure::#variant { t, #field });
+                return Err(::hamel_runtime::Failure::OutsideDomain { t, condition });
             }
         };
         let test = match tuples.as_slice() {
-            [tuple] => quote! { let #names = #tuple; #failure },
-            _ => quote! { for #names in [#(#tuples),*] { #failure } },
+            [tuple] => quote! { let (value, condition) = #tuple; #failure },
+            _ => quote! { for (value, condition) in [#(#tuples),*] { #failure } },
         };
-        let inline = guard.inline.then(|| quote! { #[inline] });
         quote! {
             #doc
-            #inline
-            pub fn #name(&self, t: R, y: &[R; #n]) -> Result<(), ::hamel_runtime::Failure> {
+            #[inline]
+            pub fn domain(&self, t: R, y: &[R; #n]) -> Result<(), ::hamel_runtime::Failure> {
                 #statements
                 #test
                 Ok(())
@@ -744,7 +779,7 @@ impl<'a> Module<'a> {
             });
             statements.extend(quote! { let [#(#names),*] = *y; });
         }
-        let reads_time = used.contains(&Operand::Time) || [CHECK, DOMAIN].contains(&function.name.as_str());
+        let reads_time = used.contains(&Operand::Time) || function.name == DOMAIN;
         statements.extend(match (reads_time, reads_state) {
             (true, true) => TokenStream::new(),
             (true, false) => quote! { let _ = y; },
@@ -817,6 +852,18 @@ impl<'a> Module<'a> {
                 fn check(#arguments) -> Result<(), ::hamel_runtime::Failure> {
                     self.check(t, y)
                 }
+
+                fn pivots(#arguments, visit: &mut dyn FnMut(::hamel_runtime::Pivot<R>)) {
+                    self.pivots(t, y).into_iter().for_each(visit);
+                }
+            }
+        });
+        let signature = self.function(SIGNATURE).map(|_| {
+            quote! {
+                #[inline]
+                fn signature(#arguments) -> R {
+                    self.signature(t, y)
+                }
             }
         });
         let domain = self.function(DOMAIN).map(|_| {
@@ -832,6 +879,8 @@ impl<'a> Module<'a> {
         } else {
             quote! { let _ = (t, y); None }
         };
+        let is_kept = self.text.conserves_energy && self.function(ENERGY).is_some();
+        let conserves_energy = is_kept.then(|| quote! { const CONSERVES_ENERGY: bool = true; });
         let wrong_number = format!("the number of values is {n_params}");
         let (outputs, invariants) = (self.outputs_of(), self.invariants_of());
         let series = has_jet.then(|| {
@@ -854,11 +903,15 @@ impl<'a> Module<'a> {
 
                 #check
 
+                #signature
+
                 #domain
             }
 
             impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
                 const INFO: ::hamel_runtime::SceneInfo = INFO;
+
+                #conserves_energy
 
                 fn prepare(values: &[R]) -> Result<Self, ::hamel_runtime::ParamError> {
                     let Ok(values) = <[R; #n_params]>::try_from(values) else {
@@ -910,41 +963,6 @@ impl<'a> Module<'a> {
         }
     }
 }
-
-/// What a function tests its results for, and how it fails.
-struct Guard {
-    title: &'static str,
-    errors: &'static str,
-    errors_with_scales: &'static str,
-    /// Whether the second half of the results are scales beside which those of the first half must not vanish; otherwise results
-    /// have to be positive.
-    has_scales: bool,
-    /// Variant of the failure, and its field with the name of the result.
-    variant: &'static str,
-    field: &'static str,
-    /// Whether it is called at every step.
-    inline: bool,
-}
-
-const GUARD_OF_PIVOTS: Guard = Guard {
-    title: "Says which pivot vanishes at a point.",
-    errors: "`Singular` with the first pivot that is zero.",
-    errors_with_scales: "`Singular` with the first pivot that is zero up to the rounding errors of what it is computed from.",
-    has_scales: true,
-    variant: "Singular",
-    field: "pivot",
-    inline: false,
-};
-
-const GUARD_OF_DOMAIN: Guard = Guard {
-    title: "Says whether a point lies outside the domain of the coordinates.",
-    errors: "`OutsideDomain` with the first condition that does not hold.",
-    errors_with_scales: "`OutsideDomain` with the first condition that does not hold.",
-    has_scales: false,
-    variant: "OutsideDomain",
-    field: "condition",
-    inline: true,
-};
 
 struct Written {
     statements: TokenStream,

@@ -36,6 +36,7 @@ pub(crate) fn plain_text(program: &Program, outputs: &[&str]) -> SceneText {
             .map(|name| OutputText { name: (*name).into(), components: results(name), doc: String::new() })
             .collect(),
         ..SceneText::default()
+        conserves_energy: false,
     }
 }
 
@@ -64,6 +65,7 @@ fn pendulum() -> (Program, SceneText) {
     let zero = g.zero();
     let conditions = [ParamCondition {
         text: "I > 0".into(),
+        meaning: String::new(),
         greater: inertia,
         less: zero,
         relation: Relation::Greater,
@@ -83,6 +85,7 @@ fn pendulum() -> (Program, SceneText) {
         state: state.to_vec(),
         signs: Default::default(),
         arguments: Default::default(),
+        divisors: Default::default(),
         circles: vec![],
     };
     let program = lower(&mut g, &inputs, &sections, &conditions, &requests).unwrap();
@@ -149,6 +152,7 @@ fn a_pair_is_one_statement_and_a_block_of_many_bindings_does_not_part_it() {
         signs: Default::default(),
         circles: vec![],
         arguments: Default::default(),
+        divisors: Default::default(),
     };
     let requests = [Request { name: "rhs".into(), results: vec![("x".into(), product)] }];
     let sections = [Section { title: "shifts".into(), definitions }];
@@ -206,6 +210,7 @@ fn long_functions_are_split_into_blocks_and_long_sums_into_variables() {
         signs: Default::default(),
         circles: vec![],
         arguments: Default::default(),
+        divisors: Default::default(),
     };
     let requests = [Request { name: "rhs".into(), results: vec![("x".into(), sum)] }];
     let program = lower(&mut g, &inputs, &sections, &[], &requests).unwrap();

@@ -58,6 +58,7 @@ pub(super) fn assemble(
     for (condition, sides) in source.conditions.iter().zip(conditions.chunks_exact(2)) {
         prepare.conditions.push(Condition {
             text: condition.text.clone(),
+            meaning: condition.meaning.clone(),
             greater: constants.keep(list.local(sides[0])),
             less: constants.keep(list.local(sides[1])),
             relation: condition.relation,

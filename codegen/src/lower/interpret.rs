@@ -12,11 +12,14 @@ use crate::expr::Func;
 pub struct ViolatedCondition {
     /// The condition as the model words it, or `<param> is finite`.
     pub condition: String,
+    /// What it means; may be empty.
+    pub meaning: String,
 }
 
 impl fmt::Display for ViolatedCondition {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} does not hold", self.condition)
+        write!(f, "{} does not hold", self.condition)?;
+        if self.meaning.is_empty() { Ok(()) } else { write!(f, ": {}", self.meaning) }
     }
 }
 
@@ -122,7 +125,10 @@ impl Program {
         assert_eq!(params.len(), self.params.len(), "number of parameters");
         for (value, name) in params.iter().zip(&self.params) {
             if !value.all_finite() {
-                return Err(ViolatedCondition { condition: format!("{name} is finite") });
+                return Err(ViolatedCondition {
+                    condition: format!("{name} is finite"),
+                    meaning: String::new(),
+                });
             }
         }
         let constants = self.constants.iter().map(Constant::value).collect();
@@ -137,7 +143,10 @@ impl Program {
                 Relation::NotEqual => greater.all_ne(less),
             };
             if !holds {
-                return Err(ViolatedCondition { condition: condition.text.clone() });
+                return Err(ViolatedCondition {
+                    condition: condition.text.clone(),
+                    meaning: condition.meaning.clone(),
+                });
             }
         }
         Ok(self.prepare.slots.iter().map(|slot| memory.values[slot.value as usize]).collect())

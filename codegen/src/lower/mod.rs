@@ -6,6 +6,7 @@
 
 mod assemble;
 mod class;
+mod divisors;
 mod expressions;
 mod extract;
 mod fuse;
@@ -27,6 +28,8 @@ use crate::error::Error;
 use crate::expr::{ExprId, Func, Graph, Sign, SymbolId, needed_sections, sign_of};
 
 pub use crate::expr::{Definition, Section};
+
+pub use divisors::{Divisors, WatchedMatrix};
 
 pub use interpret::{Point, ViolatedCondition};
 pub use jet::Jet;
@@ -54,6 +57,8 @@ pub struct Inputs {
     pub circles: Vec<[SymbolId; 2]>,
     /// Components of the vector that a function takes besides, by the function's name.
     pub arguments: BTreeMap<String, Vec<SymbolId>>,
+    /// What is known about values that may be divided by.
+    pub divisors: Divisors,
 }
 
 impl Inputs {
@@ -66,11 +71,16 @@ impl Inputs {
 /// The function that is what the others are about: the derivative of the state.
 pub const RHS: &str = "rhs";
 
-/// The function whose results are what must not vanish: the pivots of [`RHS`], computed as they are there where both have them.
+/// The function whose results are what must neither vanish nor overflow: the pivots that it is requested with, computed as [`RHS`]
+/// has them where both do, and everything else that [`RHS`] divides by, unless that is seen to be possible everywhere.
 ///
-/// As many scales follow them: a result whose absolute value does not make its scale larger is nothing but rounding error,
-/// or not a number. The scale is the constant zero where no terms can cancel.
+/// As many scales follow them: a result whose absolute value does not make its scale larger is nothing but rounding error.
+/// The scale is the constant zero where no terms can cancel.
 pub const CHECK: &str = "check";
+
+/// The function whose one result stays the same while no matrix of [`Divisors::watched`] becomes singular; there is none if
+/// nothing is watched. It follows [`CHECK`].
+pub const SIGNATURE: &str = "signature";
 
 /// A function to make: its name and its named results.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -86,13 +96,15 @@ pub struct Request {
 pub struct ParamCondition {
     /// As the model words it.
     pub text: String,
+    /// What it means; may be empty.
+    pub meaning: String,
     /// The side that has to be larger.
     pub greater: ExprId,
     /// The side that has to be smaller.
     pub less: ExprId,
     /// How they compare.
     pub relation: Relation,
-    /// Whether the larger side, to be other than zero, is the result of a calculation, which rounding errors could hide.
+    /// Whether the larger side, to be positive or other than zero, is the result of a calculation, which rounding errors could hide.
     pub is_rounded: bool,
 }
 
@@ -117,18 +129,24 @@ pub fn lower(
     let mut functions = Vec::with_capacity(requests.len());
     let mut rhs: Option<Optimised> = None;
     for request in requests {
-        let own = if request.name == CHECK {
-            source.checked(graph, &signs, request, rhs.as_ref())?
+        let mut wanted = Vec::new();
+        if request.name == CHECK {
+            let checked = source.checked(graph, &signs, request, rhs.as_ref())?;
+            let signature = source.signature(graph, request, &checked);
+            wanted.push(checked);
+            wanted.extend(signature);
         } else {
-            optimise::optimise(graph, &source, &signs, request)?
-        };
-        if request.name == RHS {
-            rhs = Some(own.clone());
+            wanted.push(optimise::optimise(graph, &source, &signs, request)?);
         }
-        let requests = [own.request];
-        let classes = Classes::of(graph, inputs, &own.sections, &requests)?;
-        let source = Source { inputs, sections: &own.sections, conditions, classes };
-        functions.push(number::number_function(graph, &source, &requests[0], &mut pool)?);
+        if request.name == RHS {
+            rhs = wanted.last().cloned();
+        }
+        for own in wanted {
+            let requests = [own.request];
+            let classes = Classes::of(graph, inputs, &own.sections, &requests)?;
+            let source = Source { inputs, sections: &own.sections, conditions, classes };
+            functions.push(number::number_function(graph, &source, &requests[0], &mut pool)?);
+        }
     }
     let (sections, conditions) = source.rounded_conditions(graph, &signs);
     let classes = Classes::of(graph, inputs, &sections, requests)?;
@@ -220,6 +238,11 @@ impl Source<'_> {
             None => others.next().unwrap_or_else(|| (name.clone(), *e)),
         });
         let mut results: Vec<(String, ExprId)> = pivots.collect();
+        let known: Vec<ExprId> = results.iter().map(|(_, e)| *e).collect();
+        let others = rhs.map_or(Ok(Vec::new()), |rhs| divisors::divisors(graph, self.inputs, rhs, &known))?;
+        let n_composite = others.iter().filter(|d| d.is_composite).count();
+        results.extend(others.into_iter().map(|d| (d.name, d.expr)));
+        let n_single = results.len() - n_composite;
         let values: Vec<ExprId> = results.iter().map(|(_, e)| *e).collect();
         let own: BTreeSet<SymbolId> =
             sections.iter().flat_map(|s| &s.definitions).map(|d| d.symbol).collect();
@@ -228,8 +251,10 @@ impl Source<'_> {
         for (section, of_rhs) in sections.iter_mut().zip(sections_of_rhs) {
             section.definitions.extend(of_rhs.definitions.iter().filter(|d| !own.contains(&d.symbol)));
         }
-        let (scales, definitions) =
-            rounding::rounding_scales(graph, &values, &needed_sections(graph, &sections, &values), signs);
+        let needed = needed_sections(graph, &sections, &values);
+        let (mut scales, definitions) =
+            rounding::rounding_scales(graph, &values[..n_single], &needed, signs);
+        scales.resize(values.len(), graph.zero());
         if let Some(last) = sections.last_mut() {
             last.definitions.extend(definitions);
         }
@@ -238,7 +263,25 @@ impl Source<'_> {
         Ok(Optimised { sections, request: Request { name: request.name.clone(), results }, units })
     }
 
-    /// The conditions with scales of their rounding errors, `s + |p| > s` for `p != 0`, and the definitions of scales after the others.
+    /// The function [`SIGNATURE`], from the pivots as `checked` has them; none if nothing is watched.
+    fn signature(&self, graph: &mut Graph, request: &Request, checked: &Optimised) -> Option<Optimised> {
+        let watched = &self.inputs.divisors.watched;
+        if watched.is_empty() {
+            return None;
+        }
+        let as_checked = |pivot: &ExprId| {
+            let k = request.results.iter().position(|(_, e)| e == pivot)?;
+            Some(checked.request.results.get(k)?.1)
+        };
+        let matrices: Vec<(bool, Vec<ExprId>)> =
+            watched.iter().map(|m| (m.is_symmetric, m.pivots.iter().filter_map(as_checked).collect())).collect();
+        let value = divisors::signature(graph, &matrices);
+        let results = vec![(SIGNATURE.to_owned(), value)];
+        let request = Request { name: SIGNATURE.into(), results };
+        Some(Optimised { request, ..checked.clone() })
+    }
+
+    /// The conditions with scales of their rounding errors, `s + p > s` for `p > 0` and `s + |p| > s` for `p != 0`, and the definitions of scales after the others.
     fn rounded_conditions(
         &self,
         graph: &mut Graph,
@@ -258,7 +301,10 @@ impl Source<'_> {
         let conditions = self.conditions.iter().map(|condition| {
             let scale = if condition.is_rounded { scales.next() } else { None };
             let Some(scale) = scale.filter(|scale| *scale != graph.zero()) else { return condition.clone() };
-            let size = graph.func(Func::Abs, condition.greater);
+            let size = match condition.relation {
+                Relation::NotEqual => graph.func(Func::Abs, condition.greater),
+                _ => condition.greater,
+            };
             let greater = graph.add(scale, size);
             ParamCondition { greater, less: scale, relation: Relation::Greater, ..condition.clone() }
         });

@@ -187,6 +187,8 @@ pub enum Relation {
 pub struct Condition {
     /// As the model words it.
     pub text: String,
+    /// What it means; may be empty.
+    pub meaning: String,
     /// Left-hand side.
     pub greater: Operand,
     /// Right-hand side.

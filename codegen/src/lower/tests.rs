@@ -32,6 +32,7 @@ fn fixture() -> Fixture {
             state: state.to_vec(),
             signs: BTreeMap::new(),
             arguments: BTreeMap::new(),
+            divisors: Default::default(),
             circles: vec![],
         },
         p,
@@ -232,6 +233,7 @@ fn conditions_are_checked_in_prepare() {
     let mut f = fixture();
     let conditions = [ParamCondition {
         text: "a > b".into(),
+        meaning: String::new(),
         greater: f.p[0],
         less: f.p[1],
         relation: Relation::Greater,

@@ -3,13 +3,15 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::error::Error;
-use crate::expr::{Definition, ExprId, Graph, Node, Rational, Section, SectionWriter, Style, SymbolId};
+use crate::expr::{
+    Definition, ExprId, Graph, Node, Rational, Section, SectionWriter, Sign, Style, SymbolId, sign_of,
+};
 use crate::reduction::{
     AccelerationRow, AccelerationSource, KinematicConstraint, ReducedSystem, SolvedConstraint, StateKind,
 };
 use crate::spec::Want;
 
-use super::solve::{Factorisation, Pivot, is_symmetric};
+use super::solve::{Factorisation, Pivot, PivotMatrix, is_symmetric};
 use super::squares::{Square, take_squares};
 
 /// A state variable and its time derivative.
@@ -403,9 +405,16 @@ impl<'a> Derivation<'a> {
             force.push(self.define(&format!("f_{}", unknowns[b]), sum));
         }
         let labels: Vec<String> = unknowns.iter().map(|n| format!("dot_{n}")).collect();
+        let names = inertias(&unknowns);
         let (udot, mut pivots) =
-            self.solve_linear("A", &mass_matrix, &force, &unknowns, &labels, &inertias(&unknowns))?;
-        pivots.extend(solved.pivots.iter().map(|(name, expr)| Pivot { name: name.clone(), expr: *expr }));
+            self.solve_linear("A", &mass_matrix, &force, &unknowns, &labels, (&names, symmetric_form))?;
+        let coefficients = PivotMatrix { name: "C".into(), is_symmetric: false, follows_hessian: false };
+        pivots.extend(solved.pivots.iter().map(|(name, expr)| Pivot {
+            name: name.clone(),
+            expr: *expr,
+            matrix: coefficients.clone(),
+            origin: None,
+        }));
         self.writer.begin("accelerations ydot = Psi udot + lag");
         let mut acceleration = vec![self.g.zero(); m];
         for alpha in 0..m {
@@ -431,7 +440,8 @@ impl<'a> Derivation<'a> {
         })
     }
 
-    /// Factors and solves, writing both as sections. Pivots are called after `unknowns`, solutions `labels`.
+    /// Factors and solves, writing both as sections. Solutions are called `labels`; of the pivots the names are given, and whether
+    /// they follow the Hessian.
     fn solve_linear(
         &mut self,
         prefix: &str,
@@ -439,13 +449,13 @@ impl<'a> Derivation<'a> {
         right: &[ExprId],
         unknowns: &[String],
         labels: &[String],
-        pivot_names: &[String],
+        (pivot_names, follows_hessian): (&[String], bool),
     ) -> Result<(Vec<ExprId>, Vec<Pivot>), Error> {
         self.writer.begin(&format!("factors of {prefix}"));
         let factors = Factorisation::new(&mut self.g, &mut self.writer, prefix, matrix, unknowns)?;
         self.writer.begin(&format!("substitution through the factors of {prefix}"));
         let x = factors.solve(&mut self.g, &mut self.writer, labels, right);
-        Ok((x, factors.pivots(pivot_names)))
+        Ok((x, factors.pivots(pivot_names, follows_hessian)))
     }
 
     /// `E_alpha = sum_A lambda_A form_A,alpha`, solved on components that determine the multipliers.
@@ -527,8 +537,10 @@ impl<'a> Derivation<'a> {
         let labels: Vec<String> = rows.iter().map(|r| format!("lambda_{}", r.name)).collect();
         let pivot_names: Vec<String> =
             rows.iter().map(|r| format!("response to constraint {}", r.text)).collect();
+        // S = Lambda L_yy^-1 Lambda^T where the reactions act along the constraints.
+        let is_congruent = rows.iter().zip(reactions).all(|(row, form)| row.one_form == *form);
         let (lambda, constraint_pivots) =
-            self.solve_linear("S", &matrix, &right, &labels, &labels, &pivot_names)?;
+            self.solve_linear("S", &matrix, &right, &labels, &labels, (&pivot_names, is_congruent))?;
         self.writer.begin("accelerations ydot = L_yy^-1 (r + Lambda^T lambda)");
         let mut acceleration = Vec::new();
         for alpha in 0..m {
@@ -539,7 +551,7 @@ impl<'a> Derivation<'a> {
             let sum = self.g.sum(&terms);
             acceleration.push(self.define(&format!("dot_{}", names[alpha]), sum));
         }
-        let mut pivots = factors.pivots(&inertias(&names));
+        let mut pivots = factors.pivots(&inertias(&names), true);
         pivots.extend(constraint_pivots);
         Ok(Motion {
             unknown_rates: acceleration.clone(),
@@ -901,7 +913,10 @@ impl Equations {
         let state = self.state.iter().chain(&self.reconstruction).map(|s| &s.derivative);
         let outputs = self.outputs.iter().flat_map(|o| o.components.iter().map(|(_, e)| e));
         let matrix = self.mass_matrix.iter().flatten().chain(&self.force);
-        let pivots = self.pivots.iter().map(|p| &p.expr);
+        let origins = self.pivots.iter().flat_map(|p| &p.origin);
+        let origins =
+            origins.flat_map(|o| o.updates.iter().flatten().chain(&o.entries).chain([&o.entry]));
+        let pivots = self.pivots.iter().map(|p| &p.expr).chain(origins);
         state.chain(outputs).chain(matrix).chain(pivots).chain([&self.energy, &self.energy_rate]).collect()
     }
 
@@ -917,6 +932,29 @@ impl Equations {
             .chain(pivots)
             .chain([&mut self.energy, &mut self.energy_rate])
             .collect()
+    }
+
+    /// Whether the Hessian `L_yy` is seen to have no negative eigenvalue at any state: the terms of the Lagrangian that are not
+    /// linear in the velocities are quadratic polynomials in them that are never negative, such as squares.
+    pub fn hessian_is_a_sum_of_squares(&self) -> bool {
+        let system = &self.system;
+        // Nodes made for the proof are no part of the equations.
+        let mut g = system.graph.clone();
+        let velocities: BTreeSet<SymbolId> = system.velocities.iter().copied().collect();
+        g.summands(system.lagrangian).into_iter().all(|(term, weight)| {
+            let mut second = Vec::new();
+            for y in &velocities {
+                let slope = g.diff(term, *y);
+                second.extend(velocities.iter().map(|z| g.diff(slope, *z)));
+            }
+            if second.iter().all(|e| *e == g.zero()) {
+                return true;
+            }
+            let term = g.scale(term, &weight);
+            let sign = sign_of(&g, term, &system.signs);
+            second.iter().all(|e| !g.depends_on(*e, &velocities))
+                && matches!(sign, Sign::Positive | Sign::NonNegative)
+        })
     }
 
     /// Whether an expression depends on parameters alone, also through definitions.

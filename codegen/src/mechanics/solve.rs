@@ -14,6 +14,33 @@ pub struct Pivot {
     pub name: String,
     /// Its value.
     pub expr: ExprId,
+    /// The matrix that it is a pivot of.
+    pub matrix: PivotMatrix,
+    /// Where it comes from, if all of that depends on parameters alone.
+    pub origin: Option<PivotOrigin>,
+}
+
+/// The matrix that a pivot is of.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PivotMatrix {
+    /// What it is called in definitions: `A`, `M` for the Hessian, `S` for the response to multipliers, `C` for the
+    /// coefficients of constraints.
+    pub name: String,
+    /// Whether it was factored as `L D L^T`: by Sylvester's law of inertia as many pivots are negative as eigenvalues.
+    pub is_symmetric: bool,
+    /// Whether it has no negative eigenvalue where the Hessian of the Lagrangian has none: `Psi^T L_yy Psi`.
+    pub follows_hessian: bool,
+}
+
+/// What a pivot `d_k = a_kk - sum_j l_kj d_j u_jk` is computed from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PivotOrigin {
+    /// `a_kk`.
+    pub entry: ExprId,
+    /// `l_kj`, `d_j`, `u_jk` of the pivots before it.
+    pub updates: Vec<[ExprId; 3]>,
+    /// Entries of the matrix in row and column `k` that depend on parameters alone.
+    pub entries: Vec<ExprId>,
 }
 
 /// `A` factored as `L D L^T` (symmetric) or `L D U` (general) with unit triangular `L` and `U`, in the order `order`.
@@ -33,6 +60,10 @@ pub struct Factorisation {
     pivots: Vec<ExprId>,
     /// What remains for the last two unknowns.
     block: Option<[[ExprId; 2]; 2]>,
+    prefix: String,
+    is_symmetric: bool,
+    /// Of each pivot.
+    origins: Vec<Option<PivotOrigin>>,
 }
 
 /// Whether `a_ij = a_ji` as functions.
@@ -117,6 +148,9 @@ impl Factorisation {
             upper: vec![vec![g.zero(); n]; n],
             pivots: Vec::new(),
             block: None,
+            prefix: prefix.to_owned(),
+            is_symmetric: symmetric,
+            origins: Vec::new(),
         };
         let constant: Vec<Definition> =
             writer.definitions().filter(|d| !writer.varies(g, d.expr)).copied().collect();
@@ -128,6 +162,7 @@ impl Factorisation {
             Error::when_too_large(g.n_nodes())?;
             if !symmetric || rest[k][k] == g.zero() {
                 symmetric = false;
+                f.is_symmetric = false;
                 f.choose_pivot(g, writer, &mut rest, k).ok_or_else(|| singular(g, a, names))?;
             }
             let label = |i: usize| f.column_order[i] + 1;
@@ -136,6 +171,7 @@ impl Factorisation {
                 && let Some(determinant) = constant_determinant(g, writer, &rest)
             {
                 f.pivots.push(writer.define(g, &format!("{prefix}_det"), determinant));
+                f.origins.push(None);
                 f.block = Some([k, k + 1].map(|i| {
                     [k, k + 1].map(|j| {
                         let name = format!("{prefix}_b{}_{}", label(i), label(j));
@@ -146,6 +182,7 @@ impl Factorisation {
             }
             let pivot = writer.define(g, &format!("{prefix}_d{}", label(k)), rest[k][k]);
             f.pivots.push(pivot);
+            f.origins.push(f.origin(g, writer, a, k));
             let inverse = g.powi(pivot, -1);
             for i in k + 1..n {
                 let below = g.mul(rest[i][k], inverse);
@@ -186,6 +223,27 @@ impl Factorisation {
         Ok(f)
     }
 
+    /// What pivot `k`, the last one found, is computed from.
+    fn origin(
+        &self,
+        g: &Graph,
+        writer: &SectionWriter,
+        a: &[Vec<ExprId>],
+        k: usize,
+    ) -> Option<PivotOrigin> {
+        let (row, column) = (self.row_order[k], self.column_order[k]);
+        let entry = a[row][column];
+        let updates: Vec<[ExprId; 3]> =
+            (0..k).map(|j| [self.lower[k][j], self.pivots[j], self.upper[j][k]]).collect();
+        let is_constant = |e: &ExprId| !writer.varies(g, *e);
+        if ![entry, self.pivots[k]].iter().chain(updates.iter().flatten()).all(is_constant) {
+            return None;
+        }
+        let entries = a[row].iter().copied().chain(a.iter().map(|row| row[column]));
+        let entries = entries.filter(|e| *e != g.zero() && is_constant(e)).collect();
+        Some(PivotOrigin { entry, updates, entries })
+    }
+
     /// Moves the best-ranked non-zero entry of the remaining block to position `(k, k)`.
     fn choose_pivot(
         &mut self,
@@ -216,10 +274,19 @@ impl Factorisation {
         Some(())
     }
 
-    /// The pivots in elimination order, with the name of the unknown that each belongs to.
-    pub fn pivots(&self, names: &[String]) -> Vec<Pivot> {
-        let mut pivots: Vec<Pivot> = (self.pivots.iter().zip(&self.column_order))
-            .map(|(expr, k)| Pivot { name: names[*k].clone(), expr: *expr })
+    /// The pivots in elimination order, with the name of the unknown that each belongs to; whether the matrix
+    /// [follows the Hessian](PivotMatrix::follows_hessian).
+    pub fn pivots(&self, names: &[String], follows_hessian: bool) -> Vec<Pivot> {
+        let (name, is_symmetric) = (self.prefix.clone(), self.is_symmetric);
+        let matrix = PivotMatrix { name, is_symmetric, follows_hessian: follows_hessian && is_symmetric };
+        let values = self.pivots.iter().zip(&self.origins);
+        let mut pivots: Vec<Pivot> = (values.zip(&self.column_order))
+            .map(|((expr, origin), k)| Pivot {
+                name: names[*k].clone(),
+                expr: *expr,
+                matrix: matrix.clone(),
+                origin: origin.clone(),
+            })
             .collect();
         if let (Some(_), Some(determinant), Some(last)) =
             (self.block, pivots.last_mut(), self.column_order.last())

@@ -240,33 +240,36 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             )
     }
 
-    /// Says which pivot vanishes at a point.
-    ///
-    /// # Errors
-    ///
-    /// `Singular` with the first pivot that is zero.
+    /// What the right-hand side divides by that may vanish or overflow, each with the scale of its rounding errors.
     ///
     /// # Operations
     ///
     /// 2 additions, 4 multiplications (2 fused).
-    pub fn check(&self, t: R, y: &[R; 4]) -> Result<(), ::hamel_runtime::Failure> {
+    #[must_use]
+    pub fn pivots(&self, t: R, y: &[R; 4]) -> [::hamel_runtime::Pivot<R>; 1] {
         let [_, x_dot, y_dot, z_dot] = *y;
+        let _ = t;
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
         let S_1_1_scaled = self
             .c0
             .mul_add(z_dot * z_dot, y_dot.mul_add(y_dot, x_dot * x_dot));
-        let (value, pivot) = (
-            S_1_1_scaled,
-            "response to constraint z_dot^2 = k^2*(x_dot^2 + y_dot^2)",
-        );
-        if !value.abs().all_gt(R::ZERO) {
-            let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
-            return Err(::hamel_runtime::Failure::Singular {
-                t,
-                pivot,
-            });
-        }
-        Ok(())
+        [
+            ::hamel_runtime::Pivot {
+                name: "response to constraint z_dot^2 = k^2*(x_dot^2 + y_dot^2)",
+                value: S_1_1_scaled,
+                scale: R::ZERO,
+            },
+        ]
+    }
+
+    /// Says which pivot vanishes at a point, or is not finite.
+    ///
+    /// # Errors
+    ///
+    /// `Singular` with the first pivot that is zero up to the rounding errors of what it is computed from, or
+    /// `PivotNotFinite`.
+    pub fn check(&self, t: R, y: &[R; 4]) -> Result<(), ::hamel_runtime::Failure> {
+        ::hamel_runtime::Pivot::verify_all(t, &self.pivots(t, y))
     }
 }
 
@@ -280,6 +283,15 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
 
     fn check(&self, t: R, y: &[R; 4]) -> Result<(), ::hamel_runtime::Failure> {
         self.check(t, y)
+    }
+
+    fn pivots(
+        &self,
+        t: R,
+        y: &[R; 4],
+        visit: &mut dyn FnMut(::hamel_runtime::Pivot<R>),
+    ) {
+        self.pivots(t, y).into_iter().for_each(visit);
     }
 }
 

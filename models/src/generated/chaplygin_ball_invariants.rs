@@ -762,17 +762,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         [[R::ZERO, R::ZERO, R::ZERO, e0, e1, e2], [e3, e4, e5, e6, e7, e8]]
     }
 
-    /// Says which pivot vanishes at a point.
-    ///
-    /// # Errors
-    ///
-    /// `Singular` with the first pivot that is zero up to the rounding errors of what it is computed from.
+    /// What the right-hand side divides by that may vanish or overflow, each with the scale of its rounding errors.
     ///
     /// # Operations
     ///
     /// 56 additions, 70 multiplications (40 fused), 2 divisions, 32 sign changes.
-    pub fn check(&self, t: R, y: &[R; 6]) -> Result<(), ::hamel_runtime::Failure> {
+    #[must_use]
+    pub fn pivots(&self, t: R, y: &[R; 6]) -> [::hamel_runtime::Pivot<R>; 3] {
         let [_, _, _, Gamma1, Gamma2, Gamma3] = *y;
+        let _ = t;
         /// mass matrix A = W^T L_yy Psi
         let [t0, t1, t2, t3, A_Omega1_Omega1_over_m_r2, t4, t5, t6,
         A_Omega2_Omega2_over_m_r2, t7, A_Omega3_Omega3_over_m_r2] = {
@@ -932,11 +930,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         t36.mul_add(A_l3_1.abs(), t24.mul_add(R::from_f64(2.0), t40)),
                     ),
             );
-        for (value, scale, pivot) in [
-            (A_s1_2_2_over_m_r2, t34, "inertia along Omega2"),
-            (
-                A_s2_3_3_over_m_r2,
-                t34
+        [
+            ::hamel_runtime::Pivot {
+                name: "inertia along Omega2",
+                value: A_s1_2_2_over_m_r2,
+                scale: t34,
+            },
+            ::hamel_runtime::Pivot {
+                name: "inertia along Omega3",
+                value: A_s2_3_3_over_m_r2,
+                scale: t34
                     .mul_add(
                         (-(t14 * (t16 * t16))).abs(),
                         t39.mul_add(R::from_f64(8.0), t38 * t16.abs()),
@@ -945,18 +948,23 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         A_s1_2_3_over_m_r2.abs(),
                         R::from_f64(10.0).mul_add(t18.abs(), t38.mul_add(t39, t41)),
                     ),
-                "inertia along Omega3",
-            ),
-        ] {
-            if !(scale + value.abs()).all_gt(scale) {
-                let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
-                return Err(::hamel_runtime::Failure::Singular {
-                    t,
-                    pivot,
-                });
-            }
-        }
-        Ok(())
+            },
+            ::hamel_runtime::Pivot {
+                name: "inertia along Omega1",
+                value: A_Omega1_Omega1_over_m_r2,
+                scale: t30,
+            },
+        ]
+    }
+
+    /// Says which pivot vanishes at a point, or is not finite.
+    ///
+    /// # Errors
+    ///
+    /// `Singular` with the first pivot that is zero up to the rounding errors of what it is computed from, or
+    /// `PivotNotFinite`.
+    pub fn check(&self, t: R, y: &[R; 6]) -> Result<(), ::hamel_runtime::Failure> {
+        ::hamel_runtime::Pivot::verify_all(t, &self.pivots(t, y))
     }
 }
 
@@ -971,10 +979,21 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
     fn check(&self, t: R, y: &[R; 6]) -> Result<(), ::hamel_runtime::Failure> {
         self.check(t, y)
     }
+
+    fn pivots(
+        &self,
+        t: R,
+        y: &[R; 6],
+        visit: &mut dyn FnMut(::hamel_runtime::Pivot<R>),
+    ) {
+        self.pivots(t, y).into_iter().for_each(visit);
+    }
 }
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     const INFO: ::hamel_runtime::SceneInfo = INFO;
+
+    const CONSERVES_ENERGY: bool = true;
 
     fn prepare(values: &[R]) -> Result<Self, ::hamel_runtime::ParamError> {
         let Ok(values) = <[R; 10]>::try_from(values) else {

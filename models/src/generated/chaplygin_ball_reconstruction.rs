@@ -1084,17 +1084,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         [Gamma3.mul_add(Gamma3, Gamma2.mul_add(Gamma2, Gamma1 * Gamma1))]
     }
 
-    /// Says which pivot vanishes at a point.
-    ///
-    /// # Errors
-    ///
-    /// `Singular` with the first pivot that is zero up to the rounding errors of what it is computed from.
+    /// What the right-hand side divides by that may vanish or overflow, each with the scale of its rounding errors.
     ///
     /// # Operations
     ///
     /// 56 additions, 73 multiplications (40 fused), 2 divisions, 33 sign changes.
-    pub fn check(&self, t: R, y: &[R; 13]) -> Result<(), ::hamel_runtime::Failure> {
+    #[must_use]
+    pub fn pivots(&self, t: R, y: &[R; 13]) -> [::hamel_runtime::Pivot<R>; 3] {
         let [_, _, _, Gamma1, Gamma2, Gamma3, _, _, _, _, _, _, _] = *y;
+        let _ = t;
         /// mass matrix A = W^T L_yy Psi
         let [t0, t1, t2, t3, t4, t5, A_Omega1_Omega1_over_m, t6, t7, t8, t9, t10,
         A_Omega2_Omega2_over_m, t11, A_Omega3_Omega3_over_m] = {
@@ -1261,11 +1259,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         t38.mul_add(t39, t27.mul_add(R::from_f64(2.0), t44)),
                     ),
             );
-        for (value, scale, pivot) in [
-            (A_s1_2_2_over_m, t37, "inertia along Omega2"),
-            (
-                A_s2_3_3_over_m,
-                t37
+        [
+            ::hamel_runtime::Pivot {
+                name: "inertia along Omega2",
+                value: A_s1_2_2_over_m,
+                scale: t37,
+            },
+            ::hamel_runtime::Pivot {
+                name: "inertia along Omega3",
+                value: A_s2_3_3_over_m,
+                scale: t37
                     .mul_add(
                         (-(t17 * (t19 * t19))).abs(),
                         t43.mul_add(R::from_f64(8.0), t42 * t19.abs()),
@@ -1274,18 +1277,23 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         A_s1_2_3_over_m.abs(),
                         R::from_f64(10.0).mul_add(t21.abs(), t42.mul_add(t43, t45)),
                     ),
-                "inertia along Omega3",
-            ),
-        ] {
-            if !(scale + value.abs()).all_gt(scale) {
-                let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
-                return Err(::hamel_runtime::Failure::Singular {
-                    t,
-                    pivot,
-                });
-            }
-        }
-        Ok(())
+            },
+            ::hamel_runtime::Pivot {
+                name: "inertia along Omega1",
+                value: A_Omega1_Omega1_over_m,
+                scale: t33,
+            },
+        ]
+    }
+
+    /// Says which pivot vanishes at a point, or is not finite.
+    ///
+    /// # Errors
+    ///
+    /// `Singular` with the first pivot that is zero up to the rounding errors of what it is computed from, or
+    /// `PivotNotFinite`.
+    pub fn check(&self, t: R, y: &[R; 13]) -> Result<(), ::hamel_runtime::Failure> {
+        ::hamel_runtime::Pivot::verify_all(t, &self.pivots(t, y))
     }
 }
 
@@ -1300,10 +1308,21 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
     fn check(&self, t: R, y: &[R; 13]) -> Result<(), ::hamel_runtime::Failure> {
         self.check(t, y)
     }
+
+    fn pivots(
+        &self,
+        t: R,
+        y: &[R; 13],
+        visit: &mut dyn FnMut(::hamel_runtime::Pivot<R>),
+    ) {
+        self.pivots(t, y).into_iter().for_each(visit);
+    }
 }
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     const INFO: ::hamel_runtime::SceneInfo = INFO;
+
+    const CONSERVES_ENERGY: bool = true;
 
     fn prepare(values: &[R]) -> Result<Self, ::hamel_runtime::ParamError> {
         let Ok(values) = <[R; 10]>::try_from(values) else {

@@ -1821,17 +1821,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         [Gamma3.mul_add(Gamma3, Gamma2.mul_add(Gamma2, Gamma1 * Gamma1))]
     }
 
-    /// Says which pivot vanishes at a point.
-    ///
-    /// # Errors
-    ///
-    /// `Singular` with the first pivot that is zero up to the rounding errors of what it is computed from.
+    /// What the right-hand side divides by that may vanish or overflow, each with the scale of its rounding errors.
     ///
     /// # Operations
     ///
     /// 157 additions, 198 multiplications (110 fused), 3 divisions, 94 sign changes, 2 elementary functions.
-    pub fn check(&self, t: R, y: &[R; 16]) -> Result<(), ::hamel_runtime::Failure> {
+    #[must_use]
+    pub fn pivots(&self, t: R, y: &[R; 16]) -> [::hamel_runtime::Pivot<R>; 3] {
         let [alpha, beta, _, _, _, _, _, Gamma1, Gamma2, Gamma3, _, _, _, _, _, _] = *y;
+        let _ = t;
         /// mass matrix A = W^T L_yy Psi
         let [t1, t2, t3, t4, t5, t6, t7, t8, t9, t10, t11, t12, t14,
         A_alpha_dot_Omega3_over_mu_rho2, t16, t17, t19, t20, t21, t22,
@@ -2329,12 +2327,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         R::from_f64(2.0).mul_add(A_s3_5_5_over_mu_rho2.abs(), t119),
                     ),
             );
-        for (value, scale, pivot) in [
-            (A_s1_3_3_over_mu_rho2, t81, "inertia along Omega1"),
-            (A_s3_4_4_over_mu_rho2, t99, "inertia along Omega2"),
-            (
-                A_s4_5_5_over_mu_rho2,
-                t115
+        [
+            ::hamel_runtime::Pivot {
+                name: "inertia along Omega1",
+                value: A_s1_3_3_over_mu_rho2,
+                scale: t81,
+            },
+            ::hamel_runtime::Pivot {
+                name: "inertia along Omega2",
+                value: A_s3_4_4_over_mu_rho2,
+                scale: t99,
+            },
+            ::hamel_runtime::Pivot {
+                name: "inertia along Omega3",
+                value: A_s4_5_5_over_mu_rho2,
+                scale: t115
                     .mul_add(
                         t65.abs(),
                         t99
@@ -2347,18 +2354,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         A_s3_4_5_over_mu_rho2.abs(),
                         t115.mul_add(t116, R::from_f64(10.0).mul_add(t66.abs(), t120)),
                     ),
-                "inertia along Omega3",
-            ),
-        ] {
-            if !(scale + value.abs()).all_gt(scale) {
-                let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
-                return Err(::hamel_runtime::Failure::Singular {
-                    t,
-                    pivot,
-                });
-            }
-        }
-        Ok(())
+            },
+        ]
+    }
+
+    /// Says which pivot vanishes at a point, or is not finite.
+    ///
+    /// # Errors
+    ///
+    /// `Singular` with the first pivot that is zero up to the rounding errors of what it is computed from, or
+    /// `PivotNotFinite`.
+    pub fn check(&self, t: R, y: &[R; 16]) -> Result<(), ::hamel_runtime::Failure> {
+        ::hamel_runtime::Pivot::verify_all(t, &self.pivots(t, y))
     }
 
     /// Says whether a point lies outside the domain of the coordinates.
@@ -2401,6 +2408,15 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
         self.check(t, y)
     }
 
+    fn pivots(
+        &self,
+        t: R,
+        y: &[R; 16],
+        visit: &mut dyn FnMut(::hamel_runtime::Pivot<R>),
+    ) {
+        self.pivots(t, y).into_iter().for_each(visit);
+    }
+
     #[inline]
     fn domain(&self, t: R, y: &[R; 16]) -> Result<(), ::hamel_runtime::Failure> {
         self.domain(t, y)
@@ -2409,6 +2425,8 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     const INFO: ::hamel_runtime::SceneInfo = INFO;
+
+    const CONSERVES_ENERGY: bool = true;
 
     fn prepare(values: &[R]) -> Result<Self, ::hamel_runtime::ParamError> {
         let Ok(values) = <[R; 8]>::try_from(values) else {

@@ -559,6 +559,40 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         [Gamma3.mul_add(Gamma3, Gamma2.mul_add(Gamma2, Gamma1 * Gamma1))]
     }
+
+    /// What the right-hand side divides by that may vanish or overflow, each with the scale of its rounding errors.
+    ///
+    /// # Operations
+    ///
+    /// 1 addition, 3 multiplications (1 fused), 1 square root.
+    #[must_use]
+    pub fn pivots(&self, t: R, y: &[R; 6]) -> [::hamel_runtime::Pivot<R>; 2] {
+        let [_, _, _, Gamma1, Gamma2, _] = *y;
+        let _ = t;
+        let t0 = Gamma2.mul_add(Gamma2, Gamma1 * Gamma1);
+        [
+            ::hamel_runtime::Pivot {
+                name: "Gamma1^2 + Gamma2^2",
+                value: t0,
+                scale: R::ZERO,
+            },
+            ::hamel_runtime::Pivot {
+                name: "(Gamma1^2 + Gamma2^2)^(3/2)",
+                value: t0 * t0.sqrt(),
+                scale: R::ZERO,
+            },
+        ]
+    }
+
+    /// Says which pivot vanishes at a point, or is not finite.
+    ///
+    /// # Errors
+    ///
+    /// `Singular` with the first pivot that is zero up to the rounding errors of what it is computed from, or
+    /// `PivotNotFinite`.
+    pub fn check(&self, t: R, y: &[R; 6]) -> Result<(), ::hamel_runtime::Failure> {
+        ::hamel_runtime::Pivot::verify_all(t, &self.pivots(t, y))
+    }
 }
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
@@ -568,10 +602,25 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
     fn rhs(&self, t: R, y: &[R; 6], dy: &mut [R; 6]) {
         self.rhs(t, y, dy);
     }
+
+    fn check(&self, t: R, y: &[R; 6]) -> Result<(), ::hamel_runtime::Failure> {
+        self.check(t, y)
+    }
+
+    fn pivots(
+        &self,
+        t: R,
+        y: &[R; 6],
+        visit: &mut dyn FnMut(::hamel_runtime::Pivot<R>),
+    ) {
+        self.pivots(t, y).into_iter().for_each(visit);
+    }
 }
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     const INFO: ::hamel_runtime::SceneInfo = INFO;
+
+    const CONSERVES_ENERGY: bool = true;
 
     fn prepare(values: &[R]) -> Result<Self, ::hamel_runtime::ParamError> {
         let Ok(values) = <[R; 5]>::try_from(values) else {

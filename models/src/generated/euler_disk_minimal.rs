@@ -395,33 +395,35 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             )
     }
 
-    /// Says which pivot vanishes at a point.
-    ///
-    /// # Errors
-    ///
-    /// `Singular` with the first pivot that is zero up to the rounding errors of what it is computed from.
+    /// What the right-hand side divides by that may vanish or overflow, each with the scale of its rounding errors.
     ///
     /// # Operations
     ///
     /// 1 addition, 4 multiplications (1 fused), 1 sign change, 1 elementary function.
-    pub fn check(&self, t: R, y: &[R; 4]) -> Result<(), ::hamel_runtime::Failure> {
+    #[must_use]
+    pub fn pivots(&self, t: R, y: &[R; 4]) -> [::hamel_runtime::Pivot<R>; 1] {
         let [theta, _, _, _] = *y;
+        let _ = t;
         let t0 = theta.sin();
         let t1 = t0 * t0;
         let t2 = self.c17 * t1;
-        let (value, scale, pivot) = (
-            t2,
-            R::from_f64(8.0).mul_add(t2.abs(), self.c18 * t1),
-            "inertia along phi_dot",
-        );
-        if !(scale + value.abs()).all_gt(scale) {
-            let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
-            return Err(::hamel_runtime::Failure::Singular {
-                t,
-                pivot,
-            });
-        }
-        Ok(())
+        [
+            ::hamel_runtime::Pivot {
+                name: "inertia along phi_dot",
+                value: t2,
+                scale: R::from_f64(8.0).mul_add(t2.abs(), self.c18 * t1),
+            },
+        ]
+    }
+
+    /// Says which pivot vanishes at a point, or is not finite.
+    ///
+    /// # Errors
+    ///
+    /// `Singular` with the first pivot that is zero up to the rounding errors of what it is computed from, or
+    /// `PivotNotFinite`.
+    pub fn check(&self, t: R, y: &[R; 4]) -> Result<(), ::hamel_runtime::Failure> {
+        ::hamel_runtime::Pivot::verify_all(t, &self.pivots(t, y))
     }
 
     /// Says whether a point lies outside the domain of the coordinates.
@@ -467,6 +469,15 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
         self.check(t, y)
     }
 
+    fn pivots(
+        &self,
+        t: R,
+        y: &[R; 4],
+        visit: &mut dyn FnMut(::hamel_runtime::Pivot<R>),
+    ) {
+        self.pivots(t, y).into_iter().for_each(visit);
+    }
+
     #[inline]
     fn domain(&self, t: R, y: &[R; 4]) -> Result<(), ::hamel_runtime::Failure> {
         self.domain(t, y)
@@ -475,6 +486,8 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     const INFO: ::hamel_runtime::SceneInfo = INFO;
+
+    const CONSERVES_ENERGY: bool = true;
 
     fn prepare(values: &[R]) -> Result<Self, ::hamel_runtime::ParamError> {
         let Ok(values) = <[R; 6]>::try_from(values) else {

@@ -897,11 +897,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Errors
     ///
-    /// The first of these that does not hold: every parameter is finite, `inertia along Omega1 != 0`, `inertia along Omega2 != 0`, `inertia along Omega3 != 0`, `inertia along V1 != 0`, `inertia along V2 != 0`, `inertia along V3 != 0`, `inertia along U1 != 0`, `inertia along U2 != 0`, `inertia along U3 != 0`.
+    /// The first of these that does not hold: every parameter is finite, `inertia along Omega1 > 0`, `inertia along Omega2 > 0`, `inertia along Omega3 > 0`, `inertia along V1 > 0`, `inertia along V2 > 0`, `inertia along V3 > 0`, `inertia along U1 > 0`, `inertia along U2 > 0`, `inertia along U3 > 0`.
     ///
     /// # Operations
     ///
-    /// 556 additions, 592 multiplications, 73 divisions, 339 sign changes.
+    /// 556 additions, 592 multiplications, 73 divisions, 331 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params {
             G11,
@@ -1004,732 +1004,824 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let [A_l2_1, t1, A_s1_2_2, A_l3_1, A_l3_2, t7, t11, A_s2_3_3, A_l4_1, A_l4_2,
-        A_l4_3, t24, t29, A_s3_4_4, A_l5_1, A_l5_2, A_l5_3, A_l5_4, t52, t56, A_s4_5_5,
-        A_l6_1, A_l6_2, A_l6_3, A_l6_4, A_l6_5, t89, t94, A_s5_6_6, A_l7_1, A_l7_2,
-        A_l7_3, A_l7_4, t115, t116, A_l7_5, t126, t127, A_l7_6, t138, t140, t142, t145,
-        A_s6_7_7, A_l8_1, A_l8_2, t149, t150, A_l8_3, t156, t157, A_l8_4, t166, t167,
-        A_l8_5, t177, t178, A_l8_6, t189, t190, A_l8_7, t204, t205, t206, t207, t208,
-        t210, A_s7_8_8, A_l9_1, t213, A_s1_2_9, A_l9_2, t215, t220, A_s2_3_9, A_l9_3,
-        t222, t229, A_s3_4_9, A_l9_4, t231, t239, A_s4_5_9, A_l9_5, t241, t251, A_s5_6_9,
-        A_l9_6, t253, t254, t255, A_s5_9_9, t258, t259, A_s2_7_9] = {
+        let [A_l2_1, A_s1_2_2, t1, A_l3_1, A_l3_2, A_s2_3_3, t6, t7, t8, t9, t10, t11,
+        A_l4_1, A_l4_2, A_l4_3, A_s3_4_4, t19, t20, t23, t24, t25, t26, t27, t29, A_l5_1,
+        A_l5_2, A_l5_3, A_l5_4, A_s4_5_5, t41, t42, t45, t46, t51, t52, t53, t54, t55,
+        t56, A_l6_1, A_l6_2, A_l6_3, A_l6_4, A_l6_5, A_s5_6_6, t73, t74, t77, t78, t83,
+        t84, t88, t89, t90, t91, t92, t94, A_l7_1, A_l7_2, A_l7_3, A_l7_4, A_l7_5,
+        A_l7_6, A_s6_7_7, t117, t118, t121, t122, t127, t128, t133, t134, t139, t140,
+        t141, t142, t143, t145, A_l8_1, A_l8_2, A_l8_3, A_l8_4, A_l8_5, A_l8_6, A_l8_7,
+        A_s7_8_8, t175, t176, t179, t180, t185, t186, t191, t192, t197, t198, t205, t206,
+        t207, t208, t209, t210, A_l9_1, t211, A_s1_9_9, t212, A_s1_2_9, A_l9_2, t213,
+        A_s2_9_9, t214, A_s1_3_9, t215, A_s2_3_9, A_l9_3, t216, A_s3_9_9, t217, A_s1_4_9,
+        t218, A_s2_4_9, t219, A_s3_4_9, A_l9_4, t220, A_s4_9_9, t221, A_s1_5_9, t222,
+        A_s2_5_9, t223, A_s3_5_9, t224, A_s4_5_9, A_l9_5, t225, A_s5_9_9, t226, A_s1_6_9,
+        t227, A_s2_6_9, t228, A_s3_6_9, t229, A_s4_6_9, t230, A_s5_6_9, A_l9_6, t231,
+        A_s6_9_9, t232, A_s1_7_9, t233, A_s2_7_9, t234, A_s3_7_9, t235, A_s4_7_9, t236,
+        A_s5_7_9, t237, A_s6_7_9, A_l9_7, t238, A_s7_9_9, t239, A_s1_8_9, t240, A_s2_8_9,
+        t241, A_s3_8_9, t242, A_s4_8_9, t243, A_s5_8_9, t244, A_s6_8_9, t245, A_s7_8_9,
+        ] = {
             let A_l2_1 = G12 / G11;
             let t0 = G12 * A_l2_1;
-            let t1 = R::from_f64(10.0) * (G22.abs() + t0.abs());
             let A_s1_2_2 = G22 - t0;
+            let t1 = R::from_f64(10.0) * (G22.abs() + t0.abs());
             let A_l3_1 = G13 / G11;
             let t2 = G13 * A_l3_1;
+            let A_s1_3_3 = G33 - t2;
             let t3 = G13 * A_l2_1;
-            let t4 = R::from_f64(10.0) * (G23.abs() + t3.abs());
             let A_s1_2_3 = G23 - t3;
             let A_l3_2 = A_s1_2_3 / A_s1_2_2;
-            let t5 = A_l3_2.abs();
-            let t6 = A_s1_2_2 * A_s1_2_2;
-            let t7 = A_s1_2_2.recip();
-            let t8 = t7.abs();
-            let t9 = t1 * (A_s1_2_3 / t6).abs() + t4 * t8 + R::from_f64(8.0) * t5;
-            let t10 = A_s1_2_3 * A_l3_2;
-            let A_s1_3_3 = G33 - t2;
-            let t11 = R::from_f64(10.0) * (G33.abs() + t2.abs()) + t4 * t5
-                + t9 * A_s1_2_3.abs() + R::from_f64(10.0) * t10.abs()
+            let t4 = A_s1_2_3 * A_l3_2;
+            let A_s2_3_3 = A_s1_3_3 - t4;
+            let t5 = R::from_f64(10.0) * (G23.abs() + t3.abs());
+            let t6 = A_l3_2.abs();
+            let t7 = A_s1_2_2 * A_s1_2_2;
+            let t8 = A_s1_2_2.recip();
+            let t9 = t8.abs();
+            let t10 = t1 * (A_s1_2_3 / t7).abs() + t5 * t9 + R::from_f64(8.0) * t6;
+            let t11 = R::from_f64(10.0) * (G33.abs() + t2.abs()) + t5 * t6
+                + t10 * A_s1_2_3.abs() + R::from_f64(10.0) * t4.abs()
                 + R::from_f64(2.0) * A_s1_3_3.abs();
-            let A_s2_3_3 = A_s1_3_3 - t10;
             let A_l4_1 = G14 / G11;
             let t12 = G14 * A_l4_1;
+            let A_s1_4_4 = G44 - t12;
             let t13 = G14 * A_l2_1;
-            let t14 = R::from_f64(10.0) * (G24.abs() + t13.abs());
             let A_s1_2_4 = G24 - t13;
             let A_l4_2 = A_s1_2_4 / A_s1_2_2;
-            let t15 = A_l4_2.abs();
-            let t16 = t1 * (A_s1_2_4 / t6).abs() + t14 * t8 + R::from_f64(8.0) * t15;
-            let t17 = A_s1_2_4.abs();
-            let t18 = A_s1_2_4 * A_l4_2;
-            let A_s1_4_4 = G44 - t12;
-            let t19 = G14 * A_l3_1;
-            let t20 = A_s1_2_4 * A_l3_2;
-            let A_s1_3_4 = G34 - t19;
-            let t21 = R::from_f64(10.0) * (G34.abs() + t19.abs()) + t14 * t5 + t9 * t17
-                + R::from_f64(10.0) * t20.abs() + R::from_f64(2.0) * A_s1_3_4.abs();
-            let A_s2_3_4 = A_s1_3_4 - t20;
+            let t14 = A_s1_2_4 * A_l4_2;
+            let A_s2_4_4 = A_s1_4_4 - t14;
+            let t15 = G14 * A_l3_1;
+            let A_s1_3_4 = G34 - t15;
+            let t16 = A_s1_2_4 * A_l3_2;
+            let A_s2_3_4 = A_s1_3_4 - t16;
             let A_l4_3 = A_s2_3_4 / A_s2_3_3;
-            let t22 = A_l4_3.abs();
-            let t23 = A_s2_3_3 * A_s2_3_3;
-            let t24 = A_s2_3_3.recip();
-            let t25 = t24.abs();
-            let t26 = t11 * (A_s2_3_4 / t23).abs() + t21 * t25 + R::from_f64(8.0) * t22;
-            let t27 = R::from_f64(10.0) * (G44.abs() + t12.abs()) + t14 * t15 + t16 * t17
-                + R::from_f64(10.0) * t18.abs() + R::from_f64(2.0) * A_s1_4_4.abs()
-                + t21 * t22 + t26 * A_s2_3_4.abs();
-            let t28 = A_s2_3_4 * A_l4_3;
-            let A_s2_4_4 = A_s1_4_4 - t18;
-            let t29 = t27 + R::from_f64(10.0) * t28.abs()
+            let t17 = A_s2_3_4 * A_l4_3;
+            let A_s3_4_4 = A_s2_4_4 - t17;
+            let t18 = R::from_f64(10.0) * (G24.abs() + t13.abs());
+            let t19 = A_l4_2.abs();
+            let t20 = t1 * (A_s1_2_4 / t7).abs() + t18 * t9 + R::from_f64(8.0) * t19;
+            let t21 = A_s1_2_4.abs();
+            let t22 = R::from_f64(10.0) * (G34.abs() + t15.abs()) + t18 * t6 + t10 * t21
+                + R::from_f64(10.0) * t16.abs() + R::from_f64(2.0) * A_s1_3_4.abs();
+            let t23 = A_l4_3.abs();
+            let t24 = A_s2_3_3 * A_s2_3_3;
+            let t25 = A_s2_3_3.recip();
+            let t26 = t25.abs();
+            let t27 = t11 * (A_s2_3_4 / t24).abs() + t22 * t26 + R::from_f64(8.0) * t23;
+            let t28 = R::from_f64(10.0) * (G44.abs() + t12.abs()) + t18 * t19 + t20 * t21
+                + R::from_f64(10.0) * t14.abs() + R::from_f64(2.0) * A_s1_4_4.abs()
+                + t22 * t23 + t27 * A_s2_3_4.abs();
+            let t29 = t28 + R::from_f64(10.0) * t17.abs()
                 + R::from_f64(2.0) * A_s2_4_4.abs();
-            let A_s3_4_4 = A_s2_4_4 - t28;
             let A_l5_1 = G15 / G11;
             let t30 = G15 * A_l5_1;
+            let A_s1_5_5 = G55 - t30;
             let t31 = G15 * A_l2_1;
-            let t32 = R::from_f64(10.0) * (G25.abs() + t31.abs());
             let A_s1_2_5 = G25 - t31;
             let A_l5_2 = A_s1_2_5 / A_s1_2_2;
-            let t33 = A_l5_2.abs();
-            let t34 = t1 * (A_s1_2_5 / t6).abs() + t32 * t8 + R::from_f64(8.0) * t33;
-            let t35 = A_s1_2_5.abs();
-            let t36 = A_s1_2_5 * A_l5_2;
-            let A_s1_5_5 = G55 - t30;
-            let t37 = G15 * A_l3_1;
-            let t38 = A_s1_2_5 * A_l3_2;
-            let A_s1_3_5 = G35 - t37;
-            let t39 = R::from_f64(10.0) * (G35.abs() + t37.abs()) + t32 * t5 + t9 * t35
-                + R::from_f64(10.0) * t38.abs() + R::from_f64(2.0) * A_s1_3_5.abs();
-            let A_s2_3_5 = A_s1_3_5 - t38;
+            let t32 = A_s1_2_5 * A_l5_2;
+            let A_s2_5_5 = A_s1_5_5 - t32;
+            let t33 = G15 * A_l3_1;
+            let A_s1_3_5 = G35 - t33;
+            let t34 = A_s1_2_5 * A_l3_2;
+            let A_s2_3_5 = A_s1_3_5 - t34;
             let A_l5_3 = A_s2_3_5 / A_s2_3_3;
-            let t40 = A_l5_3.abs();
-            let t41 = t11 * (A_s2_3_5 / t23).abs() + t39 * t25 + R::from_f64(8.0) * t40;
-            let t42 = A_s2_3_5.abs();
-            let t43 = A_s2_3_5 * A_l5_3;
-            let t44 = R::from_f64(10.0) * (G55.abs() + t30.abs()) + t32 * t33 + t34 * t35
-                + R::from_f64(10.0) * t36.abs() + R::from_f64(2.0) * A_s1_5_5.abs()
-                + t39 * t40 + t41 * t42 + R::from_f64(10.0) * t43.abs();
-            let A_s2_5_5 = A_s1_5_5 - t36;
-            let t45 = G15 * A_l4_1;
-            let t46 = A_s1_2_5 * A_l4_2;
-            let A_s1_4_5 = G45 - t45;
-            let t47 = A_s2_3_5 * A_l4_3;
-            let t48 = R::from_f64(10.0) * (G45.abs() + t45.abs()) + t32 * t15 + t16 * t35
-                + R::from_f64(10.0) * t46.abs() + R::from_f64(2.0) * A_s1_4_5.abs()
-                + t39 * t22 + t26 * t42 + R::from_f64(10.0) * t47.abs();
-            let A_s2_4_5 = A_s1_4_5 - t46;
-            let t49 = t48 + R::from_f64(2.0) * A_s2_4_5.abs();
-            let A_s3_4_5 = A_s2_4_5 - t47;
+            let t35 = A_s2_3_5 * A_l5_3;
+            let A_s3_5_5 = A_s2_5_5 - t35;
+            let t36 = G15 * A_l4_1;
+            let A_s1_4_5 = G45 - t36;
+            let t37 = A_s1_2_5 * A_l4_2;
+            let A_s2_4_5 = A_s1_4_5 - t37;
+            let t38 = A_s2_3_5 * A_l4_3;
+            let A_s3_4_5 = A_s2_4_5 - t38;
             let A_l5_4 = A_s3_4_5 / A_s3_4_4;
-            let t50 = A_l5_4.abs();
-            let t51 = A_s3_4_4 * A_s3_4_4;
-            let t52 = A_s3_4_4.recip();
-            let t53 = t52.abs();
-            let t54 = t29 * (A_s3_4_5 / t51).abs() + t49 * t53 + R::from_f64(8.0) * t50;
-            let t55 = A_s3_4_5 * A_l5_4;
-            let A_s3_5_5 = A_s2_5_5 - t43;
-            let t56 = t44 + R::from_f64(2.0) * A_s2_5_5.abs() + t49 * t50
-                + t54 * A_s3_4_5.abs() + R::from_f64(10.0) * t55.abs()
+            let t39 = A_s3_4_5 * A_l5_4;
+            let A_s4_5_5 = A_s3_5_5 - t39;
+            let t40 = R::from_f64(10.0) * (G25.abs() + t31.abs());
+            let t41 = A_l5_2.abs();
+            let t42 = t1 * (A_s1_2_5 / t7).abs() + t40 * t9 + R::from_f64(8.0) * t41;
+            let t43 = A_s1_2_5.abs();
+            let t44 = R::from_f64(10.0) * (G35.abs() + t33.abs()) + t40 * t6 + t10 * t43
+                + R::from_f64(10.0) * t34.abs() + R::from_f64(2.0) * A_s1_3_5.abs();
+            let t45 = A_l5_3.abs();
+            let t46 = t11 * (A_s2_3_5 / t24).abs() + t44 * t26 + R::from_f64(8.0) * t45;
+            let t47 = A_s2_3_5.abs();
+            let t48 = R::from_f64(10.0) * (G55.abs() + t30.abs()) + t40 * t41 + t42 * t43
+                + R::from_f64(10.0) * t32.abs() + R::from_f64(2.0) * A_s1_5_5.abs()
+                + t44 * t45 + t46 * t47 + R::from_f64(10.0) * t35.abs();
+            let t49 = R::from_f64(10.0) * (G45.abs() + t36.abs()) + t40 * t19 + t20 * t43
+                + R::from_f64(10.0) * t37.abs() + R::from_f64(2.0) * A_s1_4_5.abs()
+                + t44 * t23 + t27 * t47 + R::from_f64(10.0) * t38.abs();
+            let t50 = t49 + R::from_f64(2.0) * A_s2_4_5.abs();
+            let t51 = A_l5_4.abs();
+            let t52 = A_s3_4_4 * A_s3_4_4;
+            let t53 = A_s3_4_4.recip();
+            let t54 = t53.abs();
+            let t55 = t29 * (A_s3_4_5 / t52).abs() + t50 * t54 + R::from_f64(8.0) * t51;
+            let t56 = t48 + R::from_f64(2.0) * A_s2_5_5.abs() + t50 * t51
+                + t55 * A_s3_4_5.abs() + R::from_f64(10.0) * t39.abs()
                 + R::from_f64(2.0) * A_s3_5_5.abs();
-            let A_s4_5_5 = A_s3_5_5 - t55;
             let A_l6_1 = G16 / G11;
             let t57 = G16 * A_l6_1;
+            let A_s1_6_6 = G66 - t57;
             let t58 = G16 * A_l2_1;
-            let t59 = R::from_f64(10.0) * (G26.abs() + t58.abs());
             let A_s1_2_6 = G26 - t58;
             let A_l6_2 = A_s1_2_6 / A_s1_2_2;
-            let t60 = A_l6_2.abs();
-            let t61 = t1 * (A_s1_2_6 / t6).abs() + t59 * t8 + R::from_f64(8.0) * t60;
-            let t62 = A_s1_2_6.abs();
-            let t63 = A_s1_2_6 * A_l6_2;
-            let A_s1_6_6 = G66 - t57;
-            let t64 = G16 * A_l3_1;
-            let t65 = A_s1_2_6 * A_l3_2;
-            let A_s1_3_6 = G36 - t64;
-            let t66 = R::from_f64(10.0) * (G36.abs() + t64.abs()) + t59 * t5 + t9 * t62
-                + R::from_f64(10.0) * t65.abs() + R::from_f64(2.0) * A_s1_3_6.abs();
-            let A_s2_3_6 = A_s1_3_6 - t65;
+            let t59 = A_s1_2_6 * A_l6_2;
+            let A_s2_6_6 = A_s1_6_6 - t59;
+            let t60 = G16 * A_l3_1;
+            let A_s1_3_6 = G36 - t60;
+            let t61 = A_s1_2_6 * A_l3_2;
+            let A_s2_3_6 = A_s1_3_6 - t61;
             let A_l6_3 = A_s2_3_6 / A_s2_3_3;
-            let t67 = A_l6_3.abs();
-            let t68 = t11 * (A_s2_3_6 / t23).abs() + t66 * t25 + R::from_f64(8.0) * t67;
-            let t69 = A_s2_3_6.abs();
-            let t70 = A_s2_3_6 * A_l6_3;
-            let t71 = R::from_f64(10.0) * (G66.abs() + t57.abs()) + t59 * t60 + t61 * t62
-                + R::from_f64(10.0) * t63.abs() + R::from_f64(2.0) * A_s1_6_6.abs()
-                + t66 * t67 + t68 * t69 + R::from_f64(10.0) * t70.abs();
-            let A_s2_6_6 = A_s1_6_6 - t63;
-            let t72 = G16 * A_l4_1;
-            let t73 = A_s1_2_6 * A_l4_2;
-            let A_s1_4_6 = G46 - t72;
-            let t74 = A_s2_3_6 * A_l4_3;
-            let t75 = R::from_f64(10.0) * (G46.abs() + t72.abs()) + t59 * t15 + t16 * t62
-                + R::from_f64(10.0) * t73.abs() + R::from_f64(2.0) * A_s1_4_6.abs()
-                + t66 * t22 + t26 * t69 + R::from_f64(10.0) * t74.abs();
-            let A_s2_4_6 = A_s1_4_6 - t73;
-            let t76 = t75 + R::from_f64(2.0) * A_s2_4_6.abs();
-            let A_s3_4_6 = A_s2_4_6 - t74;
+            let t62 = A_s2_3_6 * A_l6_3;
+            let A_s3_6_6 = A_s2_6_6 - t62;
+            let t63 = G16 * A_l4_1;
+            let A_s1_4_6 = G46 - t63;
+            let t64 = A_s1_2_6 * A_l4_2;
+            let A_s2_4_6 = A_s1_4_6 - t64;
+            let t65 = A_s2_3_6 * A_l4_3;
+            let A_s3_4_6 = A_s2_4_6 - t65;
             let A_l6_4 = A_s3_4_6 / A_s3_4_4;
-            let t77 = A_l6_4.abs();
-            let t78 = t29 * (A_s3_4_6 / t51).abs() + t76 * t53 + R::from_f64(8.0) * t77;
-            let t79 = A_s3_4_6.abs();
-            let t80 = A_s3_4_6 * A_l6_4;
-            let A_s3_6_6 = A_s2_6_6 - t70;
-            let t81 = G16 * A_l5_1;
-            let t82 = A_s1_2_6 * A_l5_2;
-            let A_s1_5_6 = G56 - t81;
-            let t83 = A_s2_3_6 * A_l5_3;
-            let t84 = R::from_f64(10.0) * (G56.abs() + t81.abs()) + t59 * t33 + t34 * t62
-                + R::from_f64(10.0) * t82.abs() + R::from_f64(2.0) * A_s1_5_6.abs()
-                + t66 * t40 + t41 * t69 + R::from_f64(10.0) * t83.abs();
-            let A_s2_5_6 = A_s1_5_6 - t82;
-            let t85 = A_s3_4_6 * A_l5_4;
-            let A_s3_5_6 = A_s2_5_6 - t83;
-            let t86 = t84 + R::from_f64(2.0) * A_s2_5_6.abs() + t76 * t50 + t54 * t79
-                + R::from_f64(10.0) * t85.abs() + R::from_f64(2.0) * A_s3_5_6.abs();
-            let A_s4_5_6 = A_s3_5_6 - t85;
+            let t66 = A_s3_4_6 * A_l6_4;
+            let A_s4_6_6 = A_s3_6_6 - t66;
+            let t67 = G16 * A_l5_1;
+            let A_s1_5_6 = G56 - t67;
+            let t68 = A_s1_2_6 * A_l5_2;
+            let A_s2_5_6 = A_s1_5_6 - t68;
+            let t69 = A_s2_3_6 * A_l5_3;
+            let A_s3_5_6 = A_s2_5_6 - t69;
+            let t70 = A_s3_4_6 * A_l5_4;
+            let A_s4_5_6 = A_s3_5_6 - t70;
             let A_l6_5 = A_s4_5_6 / A_s4_5_5;
-            let t87 = A_l6_5.abs();
-            let t88 = A_s4_5_5 * A_s4_5_5;
-            let t89 = A_s4_5_5.recip();
-            let t90 = t89.abs();
-            let t91 = t56 * (A_s4_5_6 / t88).abs() + t86 * t90 + R::from_f64(8.0) * t87;
-            let t92 = t71 + R::from_f64(2.0) * A_s2_6_6.abs() + t76 * t77 + t78 * t79
-                + R::from_f64(10.0) * t80.abs() + R::from_f64(2.0) * A_s3_6_6.abs()
-                + t86 * t87 + t91 * A_s4_5_6.abs();
-            let t93 = A_s4_5_6 * A_l6_5;
-            let A_s4_6_6 = A_s3_6_6 - t80;
-            let t94 = t92 + R::from_f64(10.0) * t93.abs()
+            let t71 = A_s4_5_6 * A_l6_5;
+            let A_s5_6_6 = A_s4_6_6 - t71;
+            let t72 = R::from_f64(10.0) * (G26.abs() + t58.abs());
+            let t73 = A_l6_2.abs();
+            let t74 = t1 * (A_s1_2_6 / t7).abs() + t72 * t9 + R::from_f64(8.0) * t73;
+            let t75 = A_s1_2_6.abs();
+            let t76 = R::from_f64(10.0) * (G36.abs() + t60.abs()) + t72 * t6 + t10 * t75
+                + R::from_f64(10.0) * t61.abs() + R::from_f64(2.0) * A_s1_3_6.abs();
+            let t77 = A_l6_3.abs();
+            let t78 = t11 * (A_s2_3_6 / t24).abs() + t76 * t26 + R::from_f64(8.0) * t77;
+            let t79 = A_s2_3_6.abs();
+            let t80 = R::from_f64(10.0) * (G66.abs() + t57.abs()) + t72 * t73 + t74 * t75
+                + R::from_f64(10.0) * t59.abs() + R::from_f64(2.0) * A_s1_6_6.abs()
+                + t76 * t77 + t78 * t79 + R::from_f64(10.0) * t62.abs();
+            let t81 = R::from_f64(10.0) * (G46.abs() + t63.abs()) + t72 * t19 + t20 * t75
+                + R::from_f64(10.0) * t64.abs() + R::from_f64(2.0) * A_s1_4_6.abs()
+                + t76 * t23 + t27 * t79 + R::from_f64(10.0) * t65.abs();
+            let t82 = t81 + R::from_f64(2.0) * A_s2_4_6.abs();
+            let t83 = A_l6_4.abs();
+            let t84 = t29 * (A_s3_4_6 / t52).abs() + t82 * t54 + R::from_f64(8.0) * t83;
+            let t85 = A_s3_4_6.abs();
+            let t86 = R::from_f64(10.0) * (G56.abs() + t67.abs()) + t72 * t41 + t42 * t75
+                + R::from_f64(10.0) * t68.abs() + R::from_f64(2.0) * A_s1_5_6.abs()
+                + t76 * t45 + t46 * t79 + R::from_f64(10.0) * t69.abs();
+            let t87 = t86 + R::from_f64(2.0) * A_s2_5_6.abs() + t82 * t51 + t55 * t85
+                + R::from_f64(10.0) * t70.abs() + R::from_f64(2.0) * A_s3_5_6.abs();
+            let t88 = A_l6_5.abs();
+            let t89 = A_s4_5_5 * A_s4_5_5;
+            let t90 = A_s4_5_5.recip();
+            let t91 = t90.abs();
+            let t92 = t56 * (A_s4_5_6 / t89).abs() + t87 * t91 + R::from_f64(8.0) * t88;
+            let t93 = t80 + R::from_f64(2.0) * A_s2_6_6.abs() + t82 * t83 + t84 * t85
+                + R::from_f64(10.0) * t66.abs() + R::from_f64(2.0) * A_s3_6_6.abs()
+                + t87 * t88 + t92 * A_s4_5_6.abs();
+            let t94 = t93 + R::from_f64(10.0) * t71.abs()
                 + R::from_f64(2.0) * A_s4_6_6.abs();
-            let A_s5_6_6 = A_s4_6_6 - t93;
             let A_l7_1 = G17 / G11;
             let t95 = G17 * A_l7_1;
+            let A_s1_7_7 = G77 - t95;
             let t96 = G17 * A_l2_1;
-            let t97 = R::from_f64(10.0) * (G27.abs() + t96.abs());
             let A_s1_2_7 = G27 - t96;
             let A_l7_2 = A_s1_2_7 / A_s1_2_2;
-            let t98 = A_l7_2.abs();
-            let t99 = t1 * (A_s1_2_7 / t6).abs() + t97 * t8 + R::from_f64(8.0) * t98;
-            let t100 = A_s1_2_7.abs();
-            let t101 = A_s1_2_7 * A_l7_2;
-            let A_s1_7_7 = G77 - t95;
-            let t102 = G17 * A_l3_1;
-            let t103 = A_s1_2_7 * A_l3_2;
-            let A_s1_3_7 = G37 - t102;
-            let t104 = R::from_f64(10.0) * (G37.abs() + t102.abs()) + t97 * t5
-                + t9 * t100 + R::from_f64(10.0) * t103.abs()
-                + R::from_f64(2.0) * A_s1_3_7.abs();
-            let A_s2_3_7 = A_s1_3_7 - t103;
+            let t97 = A_s1_2_7 * A_l7_2;
+            let A_s2_7_7 = A_s1_7_7 - t97;
+            let t98 = G17 * A_l3_1;
+            let A_s1_3_7 = G37 - t98;
+            let t99 = A_s1_2_7 * A_l3_2;
+            let A_s2_3_7 = A_s1_3_7 - t99;
             let A_l7_3 = A_s2_3_7 / A_s2_3_3;
-            let t105 = A_l7_3.abs();
-            let t106 = t11 * (A_s2_3_7 / t23).abs() + t104 * t25
-                + R::from_f64(8.0) * t105;
-            let t107 = A_s2_3_7.abs();
-            let t108 = R::from_f64(10.0) * (G77.abs() + t95.abs()) + t97 * t98
-                + t99 * t100 + R::from_f64(10.0) * t101.abs()
-                + R::from_f64(2.0) * A_s1_7_7.abs() + t104 * t105 + t106 * t107;
-            let t109 = A_s2_3_7 * A_l7_3;
-            let A_s2_7_7 = A_s1_7_7 - t101;
-            let t110 = G17 * A_l4_1;
-            let t111 = A_s1_2_7 * A_l4_2;
-            let A_s1_4_7 = G47 - t110;
-            let t112 = R::from_f64(10.0) * (G47.abs() + t110.abs()) + t97 * t15
-                + t16 * t100 + R::from_f64(10.0) * t111.abs()
-                + R::from_f64(2.0) * A_s1_4_7.abs() + t104 * t22 + t26 * t107;
-            let t113 = A_s2_3_7 * A_l4_3;
-            let A_s2_4_7 = A_s1_4_7 - t111;
-            let t114 = t112 + R::from_f64(10.0) * t113.abs()
-                + R::from_f64(2.0) * A_s2_4_7.abs();
-            let A_s3_4_7 = A_s2_4_7 - t113;
+            let t100 = A_s2_3_7 * A_l7_3;
+            let A_s3_7_7 = A_s2_7_7 - t100;
+            let t101 = G17 * A_l4_1;
+            let A_s1_4_7 = G47 - t101;
+            let t102 = A_s1_2_7 * A_l4_2;
+            let A_s2_4_7 = A_s1_4_7 - t102;
+            let t103 = A_s2_3_7 * A_l4_3;
+            let A_s3_4_7 = A_s2_4_7 - t103;
             let A_l7_4 = A_s3_4_7 / A_s3_4_4;
-            let t115 = A_l7_4.abs();
-            let t116 = t29 * (A_s3_4_7 / t51).abs() + t114 * t53
-                + R::from_f64(8.0) * t115;
-            let t117 = A_s3_4_7.abs();
-            let t118 = A_s3_4_7 * A_l7_4;
-            let A_s3_7_7 = A_s2_7_7 - t109;
-            let t119 = t108 + R::from_f64(10.0) * t109.abs()
-                + R::from_f64(2.0) * A_s2_7_7.abs() + t114 * t115 + t116 * t117
-                + R::from_f64(10.0) * t118.abs() + R::from_f64(2.0) * A_s3_7_7.abs();
-            let t120 = G17 * A_l5_1;
-            let t121 = A_s1_2_7 * A_l5_2;
-            let A_s1_5_7 = G57 - t120;
-            let t122 = R::from_f64(10.0) * (G57.abs() + t120.abs()) + t97 * t33
-                + t34 * t100 + R::from_f64(10.0) * t121.abs()
-                + R::from_f64(2.0) * A_s1_5_7.abs() + t104 * t40 + t41 * t107;
-            let t123 = A_s2_3_7 * A_l5_3;
-            let A_s2_5_7 = A_s1_5_7 - t121;
-            let t124 = A_s3_4_7 * A_l5_4;
-            let A_s3_5_7 = A_s2_5_7 - t123;
-            let t125 = t122 + R::from_f64(10.0) * t123.abs()
-                + R::from_f64(2.0) * A_s2_5_7.abs() + t114 * t50 + t54 * t117
-                + R::from_f64(10.0) * t124.abs() + R::from_f64(2.0) * A_s3_5_7.abs();
-            let A_s4_5_7 = A_s3_5_7 - t124;
+            let t104 = A_s3_4_7 * A_l7_4;
+            let A_s4_7_7 = A_s3_7_7 - t104;
+            let t105 = G17 * A_l5_1;
+            let A_s1_5_7 = G57 - t105;
+            let t106 = A_s1_2_7 * A_l5_2;
+            let A_s2_5_7 = A_s1_5_7 - t106;
+            let t107 = A_s2_3_7 * A_l5_3;
+            let A_s3_5_7 = A_s2_5_7 - t107;
+            let t108 = A_s3_4_7 * A_l5_4;
+            let A_s4_5_7 = A_s3_5_7 - t108;
             let A_l7_5 = A_s4_5_7 / A_s4_5_5;
-            let t126 = A_l7_5.abs();
-            let t127 = t56 * (A_s4_5_7 / t88).abs() + t125 * t90
-                + R::from_f64(8.0) * t126;
-            let t128 = A_s4_5_7.abs();
-            let t129 = A_s4_5_7 * A_l7_5;
-            let A_s4_7_7 = A_s3_7_7 - t118;
-            let t130 = G17 * A_l6_1;
-            let t131 = A_s1_2_7 * A_l6_2;
-            let A_s1_6_7 = G67 - t130;
-            let t132 = R::from_f64(10.0) * (G67.abs() + t130.abs()) + t97 * t60
-                + t61 * t100 + R::from_f64(10.0) * t131.abs()
-                + R::from_f64(2.0) * A_s1_6_7.abs() + t104 * t67 + t68 * t107;
-            let t133 = A_s2_3_7 * A_l6_3;
-            let A_s2_6_7 = A_s1_6_7 - t131;
-            let t134 = A_s3_4_7 * A_l6_4;
-            let A_s3_6_7 = A_s2_6_7 - t133;
-            let t135 = t132 + R::from_f64(10.0) * t133.abs()
-                + R::from_f64(2.0) * A_s2_6_7.abs() + t114 * t77 + t78 * t117
-                + R::from_f64(10.0) * t134.abs() + R::from_f64(2.0) * A_s3_6_7.abs();
-            let t136 = A_s4_5_7 * A_l6_5;
-            let A_s4_6_7 = A_s3_6_7 - t134;
-            let t137 = t135 + t125 * t87 + t91 * t128 + R::from_f64(10.0) * t136.abs()
-                + R::from_f64(2.0) * A_s4_6_7.abs();
-            let A_s5_6_7 = A_s4_6_7 - t136;
+            let t109 = A_s4_5_7 * A_l7_5;
+            let A_s5_7_7 = A_s4_7_7 - t109;
+            let t110 = G17 * A_l6_1;
+            let A_s1_6_7 = G67 - t110;
+            let t111 = A_s1_2_7 * A_l6_2;
+            let A_s2_6_7 = A_s1_6_7 - t111;
+            let t112 = A_s2_3_7 * A_l6_3;
+            let A_s3_6_7 = A_s2_6_7 - t112;
+            let t113 = A_s3_4_7 * A_l6_4;
+            let A_s4_6_7 = A_s3_6_7 - t113;
+            let t114 = A_s4_5_7 * A_l6_5;
+            let A_s5_6_7 = A_s4_6_7 - t114;
             let A_l7_6 = A_s5_6_7 / A_s5_6_6;
-            let t138 = A_l7_6.abs();
-            let t139 = A_s5_6_6 * A_s5_6_6;
-            let t140 = A_s5_6_6.recip();
-            let t141 = t140.abs();
-            let t142 = t94 * (A_s5_6_7 / t139).abs() + t137 * t141
-                + R::from_f64(8.0) * t138;
-            let t143 = A_s5_6_7 * A_l7_6;
-            let t144 = t119 + t125 * t126 + t127 * t128 + R::from_f64(10.0) * t129.abs()
-                + R::from_f64(2.0) * A_s4_7_7.abs() + t137 * t138 + t142 * A_s5_6_7.abs()
-                + R::from_f64(10.0) * t143.abs();
-            let A_s5_7_7 = A_s4_7_7 - t129;
+            let t115 = A_s5_6_7 * A_l7_6;
+            let A_s6_7_7 = A_s5_7_7 - t115;
+            let t116 = R::from_f64(10.0) * (G27.abs() + t96.abs());
+            let t117 = A_l7_2.abs();
+            let t118 = t1 * (A_s1_2_7 / t7).abs() + t116 * t9 + R::from_f64(8.0) * t117;
+            let t119 = A_s1_2_7.abs();
+            let t120 = R::from_f64(10.0) * (G37.abs() + t98.abs()) + t116 * t6
+                + t10 * t119 + R::from_f64(10.0) * t99.abs()
+                + R::from_f64(2.0) * A_s1_3_7.abs();
+            let t121 = A_l7_3.abs();
+            let t122 = t11 * (A_s2_3_7 / t24).abs() + t120 * t26
+                + R::from_f64(8.0) * t121;
+            let t123 = A_s2_3_7.abs();
+            let t124 = R::from_f64(10.0) * (G77.abs() + t95.abs()) + t116 * t117
+                + t118 * t119 + R::from_f64(10.0) * t97.abs()
+                + R::from_f64(2.0) * A_s1_7_7.abs() + t120 * t121 + t122 * t123;
+            let t125 = R::from_f64(10.0) * (G47.abs() + t101.abs()) + t116 * t19
+                + t20 * t119 + R::from_f64(10.0) * t102.abs()
+                + R::from_f64(2.0) * A_s1_4_7.abs() + t120 * t23 + t27 * t123;
+            let t126 = t125 + R::from_f64(10.0) * t103.abs()
+                + R::from_f64(2.0) * A_s2_4_7.abs();
+            let t127 = A_l7_4.abs();
+            let t128 = t29 * (A_s3_4_7 / t52).abs() + t126 * t54
+                + R::from_f64(8.0) * t127;
+            let t129 = A_s3_4_7.abs();
+            let t130 = t124 + R::from_f64(10.0) * t100.abs()
+                + R::from_f64(2.0) * A_s2_7_7.abs() + t126 * t127 + t128 * t129
+                + R::from_f64(10.0) * t104.abs() + R::from_f64(2.0) * A_s3_7_7.abs();
+            let t131 = R::from_f64(10.0) * (G57.abs() + t105.abs()) + t116 * t41
+                + t42 * t119 + R::from_f64(10.0) * t106.abs()
+                + R::from_f64(2.0) * A_s1_5_7.abs() + t120 * t45 + t46 * t123;
+            let t132 = t131 + R::from_f64(10.0) * t107.abs()
+                + R::from_f64(2.0) * A_s2_5_7.abs() + t126 * t51 + t55 * t129
+                + R::from_f64(10.0) * t108.abs() + R::from_f64(2.0) * A_s3_5_7.abs();
+            let t133 = A_l7_5.abs();
+            let t134 = t56 * (A_s4_5_7 / t89).abs() + t132 * t91
+                + R::from_f64(8.0) * t133;
+            let t135 = A_s4_5_7.abs();
+            let t136 = R::from_f64(10.0) * (G67.abs() + t110.abs()) + t116 * t73
+                + t74 * t119 + R::from_f64(10.0) * t111.abs()
+                + R::from_f64(2.0) * A_s1_6_7.abs() + t120 * t77 + t78 * t123;
+            let t137 = t136 + R::from_f64(10.0) * t112.abs()
+                + R::from_f64(2.0) * A_s2_6_7.abs() + t126 * t83 + t84 * t129
+                + R::from_f64(10.0) * t113.abs() + R::from_f64(2.0) * A_s3_6_7.abs();
+            let t138 = t137 + t132 * t88 + t92 * t135 + R::from_f64(10.0) * t114.abs()
+                + R::from_f64(2.0) * A_s4_6_7.abs();
+            let t139 = A_l7_6.abs();
+            let t140 = A_s5_6_6 * A_s5_6_6;
+            let t141 = A_s5_6_6.recip();
+            let t142 = t141.abs();
+            let t143 = t94 * (A_s5_6_7 / t140).abs() + t138 * t142
+                + R::from_f64(8.0) * t139;
+            let t144 = t130 + t132 * t133 + t134 * t135 + R::from_f64(10.0) * t109.abs()
+                + R::from_f64(2.0) * A_s4_7_7.abs() + t138 * t139 + t143 * A_s5_6_7.abs()
+                + R::from_f64(10.0) * t115.abs();
             let t145 = t144 + R::from_f64(2.0) * A_s5_7_7.abs();
-            let A_s6_7_7 = A_s5_7_7 - t143;
             let A_l8_1 = G18 / G11;
             let t146 = G18 * A_l8_1;
+            let A_s1_8_8 = G88 - t146;
             let t147 = G18 * A_l2_1;
-            let t148 = R::from_f64(10.0) * (G28.abs() + t147.abs());
             let A_s1_2_8 = G28 - t147;
             let A_l8_2 = A_s1_2_8 / A_s1_2_2;
-            let t149 = A_l8_2.abs();
-            let t150 = t1 * (A_s1_2_8 / t6).abs() + t148 * t8 + R::from_f64(8.0) * t149;
-            let t151 = A_s1_2_8.abs();
-            let t152 = A_s1_2_8 * A_l8_2;
-            let A_s1_8_8 = G88 - t146;
-            let t153 = G18 * A_l3_1;
-            let t154 = A_s1_2_8 * A_l3_2;
-            let A_s1_3_8 = G38 - t153;
-            let t155 = R::from_f64(10.0) * (G38.abs() + t153.abs()) + t148 * t5
-                + t9 * t151 + R::from_f64(10.0) * t154.abs()
-                + R::from_f64(2.0) * A_s1_3_8.abs();
-            let A_s2_3_8 = A_s1_3_8 - t154;
+            let t148 = A_s1_2_8 * A_l8_2;
+            let A_s2_8_8 = A_s1_8_8 - t148;
+            let t149 = G18 * A_l3_1;
+            let A_s1_3_8 = G38 - t149;
+            let t150 = A_s1_2_8 * A_l3_2;
+            let A_s2_3_8 = A_s1_3_8 - t150;
             let A_l8_3 = A_s2_3_8 / A_s2_3_3;
-            let t156 = A_l8_3.abs();
-            let t157 = t11 * (A_s2_3_8 / t23).abs() + t155 * t25
-                + R::from_f64(8.0) * t156;
-            let t158 = A_s2_3_8.abs();
-            let t159 = R::from_f64(10.0) * (G88.abs() + t146.abs()) + t148 * t149
-                + t150 * t151 + R::from_f64(10.0) * t152.abs()
-                + R::from_f64(2.0) * A_s1_8_8.abs() + t155 * t156 + t157 * t158;
-            let t160 = A_s2_3_8 * A_l8_3;
-            let A_s2_8_8 = A_s1_8_8 - t152;
-            let t161 = G18 * A_l4_1;
-            let t162 = A_s1_2_8 * A_l4_2;
-            let A_s1_4_8 = G48 - t161;
-            let t163 = R::from_f64(10.0) * (G48.abs() + t161.abs()) + t148 * t15
-                + t16 * t151 + R::from_f64(10.0) * t162.abs()
-                + R::from_f64(2.0) * A_s1_4_8.abs() + t155 * t22 + t26 * t158;
-            let t164 = A_s2_3_8 * A_l4_3;
-            let A_s2_4_8 = A_s1_4_8 - t162;
-            let t165 = t163 + R::from_f64(10.0) * t164.abs()
-                + R::from_f64(2.0) * A_s2_4_8.abs();
-            let A_s3_4_8 = A_s2_4_8 - t164;
+            let t151 = A_s2_3_8 * A_l8_3;
+            let A_s3_8_8 = A_s2_8_8 - t151;
+            let t152 = G18 * A_l4_1;
+            let A_s1_4_8 = G48 - t152;
+            let t153 = A_s1_2_8 * A_l4_2;
+            let A_s2_4_8 = A_s1_4_8 - t153;
+            let t154 = A_s2_3_8 * A_l4_3;
+            let A_s3_4_8 = A_s2_4_8 - t154;
             let A_l8_4 = A_s3_4_8 / A_s3_4_4;
-            let t166 = A_l8_4.abs();
-            let t167 = t29 * (A_s3_4_8 / t51).abs() + t165 * t53
-                + R::from_f64(8.0) * t166;
-            let t168 = A_s3_4_8.abs();
-            let t169 = A_s3_4_8 * A_l8_4;
-            let A_s3_8_8 = A_s2_8_8 - t160;
-            let t170 = t159 + R::from_f64(10.0) * t160.abs()
-                + R::from_f64(2.0) * A_s2_8_8.abs() + t165 * t166 + t167 * t168
-                + R::from_f64(10.0) * t169.abs() + R::from_f64(2.0) * A_s3_8_8.abs();
-            let t171 = G18 * A_l5_1;
-            let t172 = A_s1_2_8 * A_l5_2;
-            let A_s1_5_8 = G58 - t171;
-            let t173 = R::from_f64(10.0) * (G58.abs() + t171.abs()) + t148 * t33
-                + t34 * t151 + R::from_f64(10.0) * t172.abs()
-                + R::from_f64(2.0) * A_s1_5_8.abs() + t155 * t40 + t41 * t158;
-            let t174 = A_s2_3_8 * A_l5_3;
-            let A_s2_5_8 = A_s1_5_8 - t172;
-            let t175 = A_s3_4_8 * A_l5_4;
-            let A_s3_5_8 = A_s2_5_8 - t174;
-            let t176 = t173 + R::from_f64(10.0) * t174.abs()
-                + R::from_f64(2.0) * A_s2_5_8.abs() + t165 * t50 + t54 * t168
-                + R::from_f64(10.0) * t175.abs() + R::from_f64(2.0) * A_s3_5_8.abs();
-            let A_s4_5_8 = A_s3_5_8 - t175;
+            let t155 = A_s3_4_8 * A_l8_4;
+            let A_s4_8_8 = A_s3_8_8 - t155;
+            let t156 = G18 * A_l5_1;
+            let A_s1_5_8 = G58 - t156;
+            let t157 = A_s1_2_8 * A_l5_2;
+            let A_s2_5_8 = A_s1_5_8 - t157;
+            let t158 = A_s2_3_8 * A_l5_3;
+            let A_s3_5_8 = A_s2_5_8 - t158;
+            let t159 = A_s3_4_8 * A_l5_4;
+            let A_s4_5_8 = A_s3_5_8 - t159;
             let A_l8_5 = A_s4_5_8 / A_s4_5_5;
-            let t177 = A_l8_5.abs();
-            let t178 = t56 * (A_s4_5_8 / t88).abs() + t176 * t90
-                + R::from_f64(8.0) * t177;
-            let t179 = A_s4_5_8.abs();
-            let t180 = A_s4_5_8 * A_l8_5;
-            let A_s4_8_8 = A_s3_8_8 - t169;
-            let t181 = G18 * A_l6_1;
-            let t182 = A_s1_2_8 * A_l6_2;
-            let A_s1_6_8 = G68 - t181;
-            let t183 = R::from_f64(10.0) * (G68.abs() + t181.abs()) + t148 * t60
-                + t61 * t151 + R::from_f64(10.0) * t182.abs()
-                + R::from_f64(2.0) * A_s1_6_8.abs() + t155 * t67 + t68 * t158;
-            let t184 = A_s2_3_8 * A_l6_3;
-            let A_s2_6_8 = A_s1_6_8 - t182;
-            let t185 = A_s3_4_8 * A_l6_4;
-            let A_s3_6_8 = A_s2_6_8 - t184;
-            let t186 = t183 + R::from_f64(10.0) * t184.abs()
-                + R::from_f64(2.0) * A_s2_6_8.abs() + t165 * t77 + t78 * t168
-                + R::from_f64(10.0) * t185.abs() + R::from_f64(2.0) * A_s3_6_8.abs();
-            let t187 = A_s4_5_8 * A_l6_5;
-            let A_s4_6_8 = A_s3_6_8 - t185;
-            let t188 = t186 + t176 * t87 + t91 * t179 + R::from_f64(10.0) * t187.abs()
-                + R::from_f64(2.0) * A_s4_6_8.abs();
-            let A_s5_6_8 = A_s4_6_8 - t187;
+            let t160 = A_s4_5_8 * A_l8_5;
+            let A_s5_8_8 = A_s4_8_8 - t160;
+            let t161 = G18 * A_l6_1;
+            let A_s1_6_8 = G68 - t161;
+            let t162 = A_s1_2_8 * A_l6_2;
+            let A_s2_6_8 = A_s1_6_8 - t162;
+            let t163 = A_s2_3_8 * A_l6_3;
+            let A_s3_6_8 = A_s2_6_8 - t163;
+            let t164 = A_s3_4_8 * A_l6_4;
+            let A_s4_6_8 = A_s3_6_8 - t164;
+            let t165 = A_s4_5_8 * A_l6_5;
+            let A_s5_6_8 = A_s4_6_8 - t165;
             let A_l8_6 = A_s5_6_8 / A_s5_6_6;
-            let t189 = A_l8_6.abs();
-            let t190 = t94 * (A_s5_6_8 / t139).abs() + t188 * t141
-                + R::from_f64(8.0) * t189;
-            let t191 = A_s5_6_8.abs();
-            let t192 = A_s5_6_8 * A_l8_6;
-            let t193 = t170 + t176 * t177 + t178 * t179 + R::from_f64(10.0) * t180.abs()
-                + R::from_f64(2.0) * A_s4_8_8.abs() + t188 * t189 + t190 * t191
-                + R::from_f64(10.0) * t192.abs();
-            let A_s5_8_8 = A_s4_8_8 - t180;
-            let t194 = G18 * A_l7_1;
-            let t195 = A_s1_2_8 * A_l7_2;
-            let A_s1_7_8 = G78 - t194;
-            let t196 = R::from_f64(10.0) * (G78.abs() + t194.abs()) + t148 * t98
-                + t99 * t151 + R::from_f64(10.0) * t195.abs()
-                + R::from_f64(2.0) * A_s1_7_8.abs() + t155 * t105 + t106 * t158;
-            let t197 = A_s2_3_8 * A_l7_3;
-            let A_s2_7_8 = A_s1_7_8 - t195;
-            let t198 = A_s3_4_8 * A_l7_4;
-            let A_s3_7_8 = A_s2_7_8 - t197;
-            let t199 = t196 + R::from_f64(10.0) * t197.abs()
-                + R::from_f64(2.0) * A_s2_7_8.abs() + t165 * t115 + t116 * t168
-                + R::from_f64(10.0) * t198.abs() + R::from_f64(2.0) * A_s3_7_8.abs();
-            let t200 = A_s4_5_8 * A_l7_5;
-            let A_s4_7_8 = A_s3_7_8 - t198;
-            let t201 = A_s5_6_8 * A_l7_6;
-            let t202 = t199 + t176 * t126 + t127 * t179 + R::from_f64(10.0) * t200.abs()
-                + R::from_f64(2.0) * A_s4_7_8.abs() + t188 * t138 + t142 * t191
-                + R::from_f64(10.0) * t201.abs();
-            let A_s5_7_8 = A_s4_7_8 - t200;
-            let t203 = t202 + R::from_f64(2.0) * A_s5_7_8.abs();
-            let A_s6_7_8 = A_s5_7_8 - t201;
+            let t166 = A_s5_6_8 * A_l8_6;
+            let A_s6_8_8 = A_s5_8_8 - t166;
+            let t167 = G18 * A_l7_1;
+            let A_s1_7_8 = G78 - t167;
+            let t168 = A_s1_2_8 * A_l7_2;
+            let A_s2_7_8 = A_s1_7_8 - t168;
+            let t169 = A_s2_3_8 * A_l7_3;
+            let A_s3_7_8 = A_s2_7_8 - t169;
+            let t170 = A_s3_4_8 * A_l7_4;
+            let A_s4_7_8 = A_s3_7_8 - t170;
+            let t171 = A_s4_5_8 * A_l7_5;
+            let A_s5_7_8 = A_s4_7_8 - t171;
+            let t172 = A_s5_6_8 * A_l7_6;
+            let A_s6_7_8 = A_s5_7_8 - t172;
             let A_l8_7 = A_s6_7_8 / A_s6_7_7;
-            let t204 = A_l8_7.abs();
-            let t205 = A_s6_7_7 * A_s6_7_7;
-            let t206 = A_s6_7_7.recip();
-            let t207 = t206.abs();
-            let t208 = t145 * (A_s6_7_8 / t205).abs() + t203 * t207
-                + R::from_f64(8.0) * t204;
-            let t209 = A_s6_7_8 * A_l8_7;
-            let A_s6_8_8 = A_s5_8_8 - t192;
+            let t173 = A_s6_7_8 * A_l8_7;
+            let t174 = R::from_f64(10.0) * (G28.abs() + t147.abs());
+            let t175 = A_l8_2.abs();
+            let t176 = t1 * (A_s1_2_8 / t7).abs() + t174 * t9 + R::from_f64(8.0) * t175;
+            let t177 = A_s1_2_8.abs();
+            let t178 = R::from_f64(10.0) * (G38.abs() + t149.abs()) + t174 * t6
+                + t10 * t177 + R::from_f64(10.0) * t150.abs()
+                + R::from_f64(2.0) * A_s1_3_8.abs();
+            let t179 = A_l8_3.abs();
+            let t180 = t11 * (A_s2_3_8 / t24).abs() + t178 * t26
+                + R::from_f64(8.0) * t179;
+            let t181 = A_s2_3_8.abs();
+            let t182 = R::from_f64(10.0) * (G88.abs() + t146.abs()) + t174 * t175
+                + t176 * t177 + R::from_f64(10.0) * t148.abs()
+                + R::from_f64(2.0) * A_s1_8_8.abs() + t178 * t179 + t180 * t181;
+            let t183 = R::from_f64(10.0) * (G48.abs() + t152.abs()) + t174 * t19
+                + t20 * t177 + R::from_f64(10.0) * t153.abs()
+                + R::from_f64(2.0) * A_s1_4_8.abs() + t178 * t23 + t27 * t181;
+            let t184 = t183 + R::from_f64(10.0) * t154.abs()
+                + R::from_f64(2.0) * A_s2_4_8.abs();
+            let t185 = A_l8_4.abs();
+            let t186 = t29 * (A_s3_4_8 / t52).abs() + t184 * t54
+                + R::from_f64(8.0) * t185;
+            let t187 = A_s3_4_8.abs();
+            let t188 = t182 + R::from_f64(10.0) * t151.abs()
+                + R::from_f64(2.0) * A_s2_8_8.abs() + t184 * t185 + t186 * t187
+                + R::from_f64(10.0) * t155.abs() + R::from_f64(2.0) * A_s3_8_8.abs();
+            let t189 = R::from_f64(10.0) * (G58.abs() + t156.abs()) + t174 * t41
+                + t42 * t177 + R::from_f64(10.0) * t157.abs()
+                + R::from_f64(2.0) * A_s1_5_8.abs() + t178 * t45 + t46 * t181;
+            let t190 = t189 + R::from_f64(10.0) * t158.abs()
+                + R::from_f64(2.0) * A_s2_5_8.abs() + t184 * t51 + t55 * t187
+                + R::from_f64(10.0) * t159.abs() + R::from_f64(2.0) * A_s3_5_8.abs();
+            let t191 = A_l8_5.abs();
+            let t192 = t56 * (A_s4_5_8 / t89).abs() + t190 * t91
+                + R::from_f64(8.0) * t191;
+            let t193 = A_s4_5_8.abs();
+            let t194 = R::from_f64(10.0) * (G68.abs() + t161.abs()) + t174 * t73
+                + t74 * t177 + R::from_f64(10.0) * t162.abs()
+                + R::from_f64(2.0) * A_s1_6_8.abs() + t178 * t77 + t78 * t181;
+            let t195 = t194 + R::from_f64(10.0) * t163.abs()
+                + R::from_f64(2.0) * A_s2_6_8.abs() + t184 * t83 + t84 * t187
+                + R::from_f64(10.0) * t164.abs() + R::from_f64(2.0) * A_s3_6_8.abs();
+            let t196 = t195 + t190 * t88 + t92 * t193 + R::from_f64(10.0) * t165.abs()
+                + R::from_f64(2.0) * A_s4_6_8.abs();
+            let t197 = A_l8_6.abs();
+            let t198 = t94 * (A_s5_6_8 / t140).abs() + t196 * t142
+                + R::from_f64(8.0) * t197;
+            let t199 = A_s5_6_8.abs();
+            let t200 = t188 + t190 * t191 + t192 * t193 + R::from_f64(10.0) * t160.abs()
+                + R::from_f64(2.0) * A_s4_8_8.abs() + t196 * t197 + t198 * t199
+                + R::from_f64(10.0) * t166.abs();
+            let t201 = R::from_f64(10.0) * (G78.abs() + t167.abs()) + t174 * t117
+                + t118 * t177 + R::from_f64(10.0) * t168.abs()
+                + R::from_f64(2.0) * A_s1_7_8.abs() + t178 * t121 + t122 * t181;
+            let t202 = t201 + R::from_f64(10.0) * t169.abs()
+                + R::from_f64(2.0) * A_s2_7_8.abs() + t184 * t127 + t128 * t187
+                + R::from_f64(10.0) * t170.abs() + R::from_f64(2.0) * A_s3_7_8.abs();
+            let t203 = t202 + t190 * t133 + t134 * t193 + R::from_f64(10.0) * t171.abs()
+                + R::from_f64(2.0) * A_s4_7_8.abs() + t196 * t139 + t143 * t199
+                + R::from_f64(10.0) * t172.abs();
+            let t204 = t203 + R::from_f64(2.0) * A_s5_7_8.abs();
+            let t205 = A_l8_7.abs();
+            let t206 = A_s6_7_7 * A_s6_7_7;
+            let t207 = A_s6_7_7.recip();
+            let t208 = t207.abs();
+            let t209 = t145 * (A_s6_7_8 / t206).abs() + t204 * t208
+                + R::from_f64(8.0) * t205;
             let A_l9_1 = G19 / G11;
             let t211 = G19 * A_l9_1;
+            let A_s1_9_9 = G99 - t211;
             let t212 = G19 * A_l2_1;
-            let t213 = R::from_f64(10.0) * (G29.abs() + t212.abs());
             let A_s1_2_9 = G29 - t212;
             let A_l9_2 = A_s1_2_9 / A_s1_2_2;
-            let t214 = A_l9_2.abs();
-            let t215 = A_s1_2_9.abs();
-            let t216 = A_s1_2_9 * A_l9_2;
-            let t217 = R::from_f64(10.0) * (G99.abs() + t211.abs()) + t213 * t214
-                + (t1 * (A_s1_2_9 / t6).abs() + t213 * t8 + R::from_f64(8.0) * t214)
-                    * t215 + R::from_f64(10.0) * t216.abs();
-            let A_s1_9_9 = G99 - t211;
-            let t218 = G19 * A_l3_1;
-            let t219 = A_s1_2_9 * A_l3_2;
-            let A_s1_3_9 = G39 - t218;
-            let t220 = R::from_f64(10.0) * (G39.abs() + t218.abs()) + t213 * t5
-                + t9 * t215 + R::from_f64(10.0) * t219.abs()
-                + R::from_f64(2.0) * A_s1_3_9.abs();
-            let A_s2_3_9 = A_s1_3_9 - t219;
+            let t213 = A_s1_2_9 * A_l9_2;
+            let A_s2_9_9 = A_s1_9_9 - t213;
+            let t214 = G19 * A_l3_1;
+            let A_s1_3_9 = G39 - t214;
+            let t215 = A_s1_2_9 * A_l3_2;
+            let A_s2_3_9 = A_s1_3_9 - t215;
             let A_l9_3 = A_s2_3_9 / A_s2_3_3;
-            let t221 = A_l9_3.abs();
-            let t222 = A_s2_3_9.abs();
-            let t223 = A_s2_3_9 * A_l9_3;
-            let t224 = t217 + R::from_f64(2.0) * A_s1_9_9.abs() + t220 * t221
-                + (t11 * (A_s2_3_9 / t23).abs() + t220 * t25 + R::from_f64(8.0) * t221)
-                    * t222 + R::from_f64(10.0) * t223.abs();
-            let A_s2_9_9 = A_s1_9_9 - t216;
-            let t225 = G19 * A_l4_1;
-            let t226 = A_s1_2_9 * A_l4_2;
-            let A_s1_4_9 = G49 - t225;
-            let t227 = R::from_f64(10.0) * (G49.abs() + t225.abs()) + t213 * t15
-                + t16 * t215 + R::from_f64(10.0) * t226.abs()
-                + R::from_f64(2.0) * A_s1_4_9.abs() + t220 * t22 + t26 * t222;
-            let t228 = A_s2_3_9 * A_l4_3;
-            let A_s2_4_9 = A_s1_4_9 - t226;
-            let t229 = t227 + R::from_f64(10.0) * t228.abs()
-                + R::from_f64(2.0) * A_s2_4_9.abs();
-            let A_s3_4_9 = A_s2_4_9 - t228;
+            let t216 = A_s2_3_9 * A_l9_3;
+            let A_s3_9_9 = A_s2_9_9 - t216;
+            let t217 = G19 * A_l4_1;
+            let A_s1_4_9 = G49 - t217;
+            let t218 = A_s1_2_9 * A_l4_2;
+            let A_s2_4_9 = A_s1_4_9 - t218;
+            let t219 = A_s2_3_9 * A_l4_3;
+            let A_s3_4_9 = A_s2_4_9 - t219;
             let A_l9_4 = A_s3_4_9 / A_s3_4_4;
-            let t230 = A_l9_4.abs();
-            let t231 = A_s3_4_9.abs();
-            let t232 = A_s3_4_9 * A_l9_4;
-            let t233 = t224 + R::from_f64(2.0) * A_s2_9_9.abs() + t229 * t230
-                + (t29 * (A_s3_4_9 / t51).abs() + t229 * t53 + R::from_f64(8.0) * t230)
-                    * t231 + R::from_f64(10.0) * t232.abs();
-            let A_s3_9_9 = A_s2_9_9 - t223;
-            let t234 = G19 * A_l5_1;
-            let t235 = A_s1_2_9 * A_l5_2;
-            let A_s1_5_9 = G59 - t234;
-            let t236 = R::from_f64(10.0) * (G59.abs() + t234.abs()) + t213 * t33
-                + t34 * t215 + R::from_f64(10.0) * t235.abs()
-                + R::from_f64(2.0) * A_s1_5_9.abs() + t220 * t40 + t41 * t222;
-            let t237 = A_s2_3_9 * A_l5_3;
-            let A_s2_5_9 = A_s1_5_9 - t235;
-            let t238 = A_s3_4_9 * A_l5_4;
-            let A_s3_5_9 = A_s2_5_9 - t237;
-            let t239 = t236 + R::from_f64(10.0) * t237.abs()
-                + R::from_f64(2.0) * A_s2_5_9.abs() + t229 * t50 + t54 * t231
-                + R::from_f64(10.0) * t238.abs() + R::from_f64(2.0) * A_s3_5_9.abs();
-            let A_s4_5_9 = A_s3_5_9 - t238;
+            let t220 = A_s3_4_9 * A_l9_4;
+            let A_s4_9_9 = A_s3_9_9 - t220;
+            let t221 = G19 * A_l5_1;
+            let A_s1_5_9 = G59 - t221;
+            let t222 = A_s1_2_9 * A_l5_2;
+            let A_s2_5_9 = A_s1_5_9 - t222;
+            let t223 = A_s2_3_9 * A_l5_3;
+            let A_s3_5_9 = A_s2_5_9 - t223;
+            let t224 = A_s3_4_9 * A_l5_4;
+            let A_s4_5_9 = A_s3_5_9 - t224;
             let A_l9_5 = A_s4_5_9 / A_s4_5_5;
-            let t240 = A_l9_5.abs();
-            let t241 = A_s4_5_9.abs();
-            let t242 = A_s4_5_9 * A_l9_5;
-            let t243 = t233 + R::from_f64(2.0) * A_s3_9_9.abs() + t239 * t240
-                + (t56 * (A_s4_5_9 / t88).abs() + t239 * t90 + R::from_f64(8.0) * t240)
-                    * t241 + R::from_f64(10.0) * t242.abs();
-            let A_s4_9_9 = A_s3_9_9 - t232;
-            let t244 = G19 * A_l6_1;
-            let t245 = A_s1_2_9 * A_l6_2;
-            let A_s1_6_9 = G69 - t244;
-            let t246 = R::from_f64(10.0) * (G69.abs() + t244.abs()) + t213 * t60
-                + t61 * t215 + R::from_f64(10.0) * t245.abs()
-                + R::from_f64(2.0) * A_s1_6_9.abs() + t220 * t67 + t68 * t222;
-            let t247 = A_s2_3_9 * A_l6_3;
-            let A_s2_6_9 = A_s1_6_9 - t245;
-            let t248 = A_s3_4_9 * A_l6_4;
-            let A_s3_6_9 = A_s2_6_9 - t247;
-            let t249 = t246 + R::from_f64(10.0) * t247.abs()
-                + R::from_f64(2.0) * A_s2_6_9.abs() + t229 * t77 + t78 * t231
-                + R::from_f64(10.0) * t248.abs() + R::from_f64(2.0) * A_s3_6_9.abs();
-            let t250 = A_s4_5_9 * A_l6_5;
-            let A_s4_6_9 = A_s3_6_9 - t248;
-            let t251 = t249 + t239 * t87 + t91 * t241 + R::from_f64(10.0) * t250.abs()
-                + R::from_f64(2.0) * A_s4_6_9.abs();
-            let A_s5_6_9 = A_s4_6_9 - t250;
+            let t225 = A_s4_5_9 * A_l9_5;
+            let A_s5_9_9 = A_s4_9_9 - t225;
+            let t226 = G19 * A_l6_1;
+            let A_s1_6_9 = G69 - t226;
+            let t227 = A_s1_2_9 * A_l6_2;
+            let A_s2_6_9 = A_s1_6_9 - t227;
+            let t228 = A_s2_3_9 * A_l6_3;
+            let A_s3_6_9 = A_s2_6_9 - t228;
+            let t229 = A_s3_4_9 * A_l6_4;
+            let A_s4_6_9 = A_s3_6_9 - t229;
+            let t230 = A_s4_5_9 * A_l6_5;
+            let A_s5_6_9 = A_s4_6_9 - t230;
             let A_l9_6 = A_s5_6_9 / A_s5_6_6;
-            let t252 = A_l9_6.abs();
-            let t253 = A_s5_6_9.abs();
-            let t254 = A_s5_6_9 * A_l9_6;
-            let t256 = G19 * A_l7_1;
-            let t257 = A_s1_2_9 * A_l7_2;
-            let A_s1_7_9 = G79 - t256;
+            let t231 = A_s5_6_9 * A_l9_6;
+            let A_s6_9_9 = A_s5_9_9 - t231;
+            let t232 = G19 * A_l7_1;
+            let A_s1_7_9 = G79 - t232;
+            let t233 = A_s1_2_9 * A_l7_2;
+            let A_s2_7_9 = A_s1_7_9 - t233;
+            let t234 = A_s2_3_9 * A_l7_3;
+            let A_s3_7_9 = A_s2_7_9 - t234;
+            let t235 = A_s3_4_9 * A_l7_4;
+            let A_s4_7_9 = A_s3_7_9 - t235;
+            let t236 = A_s4_5_9 * A_l7_5;
+            let A_s5_7_9 = A_s4_7_9 - t236;
+            let t237 = A_s5_6_9 * A_l7_6;
+            let A_s6_7_9 = A_s5_7_9 - t237;
+            let A_l9_7 = A_s6_7_9 / A_s6_7_7;
+            let t238 = A_s6_7_9 * A_l9_7;
+            let t239 = G19 * A_l8_1;
+            let A_s1_8_9 = G89 - t239;
+            let t240 = A_s1_2_9 * A_l8_2;
+            let A_s2_8_9 = A_s1_8_9 - t240;
+            let t241 = A_s2_3_9 * A_l8_3;
+            let A_s3_8_9 = A_s2_8_9 - t241;
+            let t242 = A_s3_4_9 * A_l8_4;
+            let A_s4_8_9 = A_s3_8_9 - t242;
+            let t243 = A_s4_5_9 * A_l8_5;
+            let A_s5_8_9 = A_s4_8_9 - t243;
+            let t244 = A_s5_6_9 * A_l8_6;
+            let A_s6_8_9 = A_s5_8_9 - t244;
+            let t245 = A_s6_7_9 * A_l8_7;
             [
                 A_l2_1,
-                t1,
                 A_s1_2_2,
+                t1,
                 A_l3_1,
                 A_l3_2,
-                t7,
-                t11,
                 A_s2_3_3,
+                t6,
+                t7,
+                t8,
+                t9,
+                t10,
+                t11,
                 A_l4_1,
                 A_l4_2,
                 A_l4_3,
-                t24,
-                t29,
                 A_s3_4_4,
+                t19,
+                t20,
+                t23,
+                t24,
+                t25,
+                t26,
+                t27,
+                t29,
                 A_l5_1,
                 A_l5_2,
                 A_l5_3,
                 A_l5_4,
-                t52,
-                t56,
                 A_s4_5_5,
+                t41,
+                t42,
+                t45,
+                t46,
+                t51,
+                t52,
+                t53,
+                t54,
+                t55,
+                t56,
                 A_l6_1,
                 A_l6_2,
                 A_l6_3,
                 A_l6_4,
                 A_l6_5,
-                t89,
-                t94,
                 A_s5_6_6,
+                t73,
+                t74,
+                t77,
+                t78,
+                t83,
+                t84,
+                t88,
+                t89,
+                t90,
+                t91,
+                t92,
+                t94,
                 A_l7_1,
                 A_l7_2,
                 A_l7_3,
                 A_l7_4,
-                t115,
-                t116,
                 A_l7_5,
-                t126,
-                t127,
                 A_l7_6,
-                t138,
-                t140,
-                t142,
-                t145,
                 A_s6_7_7,
+                t117,
+                t118,
+                t121,
+                t122,
+                t127,
+                t128,
+                t133,
+                t134,
+                t139,
+                t140,
+                t141,
+                t142,
+                t143,
+                t145,
                 A_l8_1,
                 A_l8_2,
-                t149,
-                t150,
                 A_l8_3,
-                t156,
-                t157,
                 A_l8_4,
-                t166,
-                t167,
                 A_l8_5,
-                t177,
-                t178,
                 A_l8_6,
-                t189,
-                t190,
                 A_l8_7,
-                t204,
+                A_s6_8_8 - t173,
+                t175,
+                t176,
+                t179,
+                t180,
+                t185,
+                t186,
+                t191,
+                t192,
+                t197,
+                t198,
                 t205,
                 t206,
                 t207,
                 t208,
-                t193 + R::from_f64(2.0) * A_s5_8_8.abs() + t203 * t204
-                    + t208 * A_s6_7_8.abs() + R::from_f64(10.0) * t209.abs()
+                t209,
+                t200 + R::from_f64(2.0) * A_s5_8_8.abs() + t204 * t205
+                    + t209 * A_s6_7_8.abs() + R::from_f64(10.0) * t173.abs()
                     + R::from_f64(2.0) * A_s6_8_8.abs(),
-                A_s6_8_8 - t209,
                 A_l9_1,
-                t213,
+                t211,
+                A_s1_9_9,
+                t212,
                 A_s1_2_9,
                 A_l9_2,
+                t213,
+                A_s2_9_9,
+                t214,
+                A_s1_3_9,
                 t215,
-                t220,
                 A_s2_3_9,
                 A_l9_3,
-                t222,
-                t229,
+                t216,
+                A_s3_9_9,
+                t217,
+                A_s1_4_9,
+                t218,
+                A_s2_4_9,
+                t219,
                 A_s3_4_9,
                 A_l9_4,
-                t231,
-                t239,
+                t220,
+                A_s4_9_9,
+                t221,
+                A_s1_5_9,
+                t222,
+                A_s2_5_9,
+                t223,
+                A_s3_5_9,
+                t224,
                 A_s4_5_9,
                 A_l9_5,
-                t241,
-                t251,
+                t225,
+                A_s5_9_9,
+                t226,
+                A_s1_6_9,
+                t227,
+                A_s2_6_9,
+                t228,
+                A_s3_6_9,
+                t229,
+                A_s4_6_9,
+                t230,
                 A_s5_6_9,
                 A_l9_6,
-                t253,
-                t254,
-                t243 + R::from_f64(2.0) * A_s4_9_9.abs() + t251 * t252
-                    + (t94 * (A_s5_6_9 / t139).abs() + t251 * t141
-                        + R::from_f64(8.0) * t252) * t253
-                    + R::from_f64(10.0) * t254.abs(),
-                A_s4_9_9 - t242,
-                R::from_f64(10.0) * (G79.abs() + t256.abs()) + t213 * t98 + t99 * t215
-                    + R::from_f64(10.0) * t257.abs() + R::from_f64(2.0) * A_s1_7_9.abs()
-                    + t220 * t105 + t106 * t222,
-                A_s2_3_9 * A_l7_3,
-                A_s1_7_9 - t257,
-            ]
-        };
-        let [A_l9_7, A_l9_8, t282, t285, A_s8_9_9] = {
-            let t260 = A_s3_4_9 * A_l7_4;
-            let A_s3_7_9 = A_s2_7_9 - t259;
-            let t261 = t258 + R::from_f64(10.0) * t259.abs()
-                + R::from_f64(2.0) * A_s2_7_9.abs() + t229 * t115 + t116 * t231
-                + R::from_f64(10.0) * t260.abs() + R::from_f64(2.0) * A_s3_7_9.abs();
-            let t262 = A_s4_5_9 * A_l7_5;
-            let A_s4_7_9 = A_s3_7_9 - t260;
-            let t263 = A_s5_6_9 * A_l7_6;
-            let t264 = t261 + t239 * t126 + t127 * t241 + R::from_f64(10.0) * t262.abs()
-                + R::from_f64(2.0) * A_s4_7_9.abs() + t251 * t138 + t142 * t253
-                + R::from_f64(10.0) * t263.abs();
-            let A_s5_7_9 = A_s4_7_9 - t262;
-            let t265 = t264 + R::from_f64(2.0) * A_s5_7_9.abs();
-            let A_s6_7_9 = A_s5_7_9 - t263;
-            let A_l9_7 = A_s6_7_9 / A_s6_7_7;
-            let t266 = A_l9_7.abs();
-            let t267 = A_s6_7_9.abs();
-            let t268 = A_s6_7_9 * A_l9_7;
-            let t269 = t255 + R::from_f64(2.0) * A_s5_9_9.abs() + t265 * t266
-                + (t145 * (A_s6_7_9 / t205).abs() + t265 * t207
-                    + R::from_f64(8.0) * t266) * t267 + R::from_f64(10.0) * t268.abs();
-            let A_s6_9_9 = A_s5_9_9 - t254;
-            let t270 = G19 * A_l8_1;
-            let t271 = A_s1_2_9 * A_l8_2;
-            let A_s1_8_9 = G89 - t270;
-            let t272 = R::from_f64(10.0) * (G89.abs() + t270.abs()) + t213 * t149
-                + t150 * t215 + R::from_f64(10.0) * t271.abs()
-                + R::from_f64(2.0) * A_s1_8_9.abs() + t220 * t156 + t157 * t222;
-            let t273 = A_s2_3_9 * A_l8_3;
-            let A_s2_8_9 = A_s1_8_9 - t271;
-            let t274 = A_s3_4_9 * A_l8_4;
-            let A_s3_8_9 = A_s2_8_9 - t273;
-            let t275 = t272 + R::from_f64(10.0) * t273.abs()
-                + R::from_f64(2.0) * A_s2_8_9.abs() + t229 * t166 + t167 * t231
-                + R::from_f64(10.0) * t274.abs() + R::from_f64(2.0) * A_s3_8_9.abs();
-            let t276 = A_s4_5_9 * A_l8_5;
-            let A_s4_8_9 = A_s3_8_9 - t274;
-            let t277 = A_s5_6_9 * A_l8_6;
-            let t278 = t275 + t239 * t177 + t178 * t241 + R::from_f64(10.0) * t276.abs()
-                + R::from_f64(2.0) * A_s4_8_9.abs() + t251 * t189 + t190 * t253
-                + R::from_f64(10.0) * t277.abs();
-            let A_s5_8_9 = A_s4_8_9 - t276;
-            let t279 = A_s6_7_9 * A_l8_7;
-            let A_s6_8_9 = A_s5_8_9 - t277;
-            let t280 = t278 + R::from_f64(2.0) * A_s5_8_9.abs() + t265 * t204
-                + t208 * t267 + R::from_f64(10.0) * t279.abs()
-                + R::from_f64(2.0) * A_s6_8_9.abs();
-            let A_s7_8_9 = A_s6_8_9 - t279;
-            let A_l9_8 = A_s7_8_9 / A_s7_8_8;
-            let t281 = A_l9_8.abs();
-            let t282 = A_s7_8_8.recip();
-            let t283 = t269 + R::from_f64(2.0) * A_s6_9_9.abs() + t280 * t281
-                + (t210 * (A_s7_8_9 / (A_s7_8_8 * A_s7_8_8)).abs() + t280 * t282.abs()
-                    + R::from_f64(8.0) * t281) * A_s7_8_9.abs();
-            let t284 = A_s7_8_9 * A_l9_8;
-            let A_s7_9_9 = A_s6_9_9 - t268;
-            [
+                t231,
+                A_s6_9_9,
+                t232,
+                A_s1_7_9,
+                t233,
+                A_s2_7_9,
+                t234,
+                A_s3_7_9,
+                t235,
+                A_s4_7_9,
+                t236,
+                A_s5_7_9,
+                t237,
+                A_s6_7_9,
                 A_l9_7,
-                A_l9_8,
-                t282,
-                t283 + R::from_f64(10.0) * t284.abs()
-                    + R::from_f64(2.0) * A_s7_9_9.abs(),
-                A_s7_9_9 - t284,
+                t238,
+                A_s6_9_9 - t238,
+                t239,
+                A_s1_8_9,
+                t240,
+                A_s2_8_9,
+                t241,
+                A_s3_8_9,
+                t242,
+                A_s4_8_9,
+                t243,
+                A_s5_8_9,
+                t244,
+                A_s6_8_9,
+                t245,
+                A_s6_8_9 - t245,
             ]
         };
-        if !G11.all_ne(R::ZERO) {
+        let [A_l9_8, A_s8_9_9, t283, t285] = {
+            let A_l9_8 = A_s7_8_9 / A_s7_8_8;
+            let t246 = A_s7_8_9 * A_l9_8;
+            let t247 = R::from_f64(10.0) * (G29.abs() + t212.abs());
+            let t248 = A_l9_2.abs();
+            let t249 = A_s1_2_9.abs();
+            let t250 = R::from_f64(10.0) * (G99.abs() + t211.abs()) + t247 * t248
+                + (t1 * (A_s1_2_9 / t7).abs() + t247 * t9 + R::from_f64(8.0) * t248)
+                    * t249 + R::from_f64(10.0) * t213.abs();
+            let t251 = R::from_f64(10.0) * (G39.abs() + t214.abs()) + t247 * t6
+                + t10 * t249 + R::from_f64(10.0) * t215.abs()
+                + R::from_f64(2.0) * A_s1_3_9.abs();
+            let t252 = A_l9_3.abs();
+            let t253 = A_s2_3_9.abs();
+            let t254 = t250 + R::from_f64(2.0) * A_s1_9_9.abs() + t251 * t252
+                + (t11 * (A_s2_3_9 / t24).abs() + t251 * t26 + R::from_f64(8.0) * t252)
+                    * t253 + R::from_f64(10.0) * t216.abs();
+            let t255 = R::from_f64(10.0) * (G49.abs() + t217.abs()) + t247 * t19
+                + t20 * t249 + R::from_f64(10.0) * t218.abs()
+                + R::from_f64(2.0) * A_s1_4_9.abs() + t251 * t23 + t27 * t253;
+            let t256 = t255 + R::from_f64(10.0) * t219.abs()
+                + R::from_f64(2.0) * A_s2_4_9.abs();
+            let t257 = A_l9_4.abs();
+            let t258 = A_s3_4_9.abs();
+            let t259 = t254 + R::from_f64(2.0) * A_s2_9_9.abs() + t256 * t257
+                + (t29 * (A_s3_4_9 / t52).abs() + t256 * t54 + R::from_f64(8.0) * t257)
+                    * t258 + R::from_f64(10.0) * t220.abs();
+            let t260 = R::from_f64(10.0) * (G59.abs() + t221.abs()) + t247 * t41
+                + t42 * t249 + R::from_f64(10.0) * t222.abs()
+                + R::from_f64(2.0) * A_s1_5_9.abs() + t251 * t45 + t46 * t253;
+            let t261 = t260 + R::from_f64(10.0) * t223.abs()
+                + R::from_f64(2.0) * A_s2_5_9.abs() + t256 * t51 + t55 * t258
+                + R::from_f64(10.0) * t224.abs() + R::from_f64(2.0) * A_s3_5_9.abs();
+            let t262 = A_l9_5.abs();
+            let t263 = A_s4_5_9.abs();
+            let t264 = t259 + R::from_f64(2.0) * A_s3_9_9.abs() + t261 * t262
+                + (t56 * (A_s4_5_9 / t89).abs() + t261 * t91 + R::from_f64(8.0) * t262)
+                    * t263 + R::from_f64(10.0) * t225.abs();
+            let t265 = R::from_f64(10.0) * (G69.abs() + t226.abs()) + t247 * t73
+                + t74 * t249 + R::from_f64(10.0) * t227.abs()
+                + R::from_f64(2.0) * A_s1_6_9.abs() + t251 * t77 + t78 * t253;
+            let t266 = t265 + R::from_f64(10.0) * t228.abs()
+                + R::from_f64(2.0) * A_s2_6_9.abs() + t256 * t83 + t84 * t258
+                + R::from_f64(10.0) * t229.abs() + R::from_f64(2.0) * A_s3_6_9.abs();
+            let t267 = t266 + t261 * t88 + t92 * t263 + R::from_f64(10.0) * t230.abs()
+                + R::from_f64(2.0) * A_s4_6_9.abs();
+            let t268 = A_l9_6.abs();
+            let t269 = A_s5_6_9.abs();
+            let t270 = t264 + R::from_f64(2.0) * A_s4_9_9.abs() + t267 * t268
+                + (t94 * (A_s5_6_9 / t140).abs() + t267 * t142 + R::from_f64(8.0) * t268)
+                    * t269 + R::from_f64(10.0) * t231.abs();
+            let t271 = R::from_f64(10.0) * (G79.abs() + t232.abs()) + t247 * t117
+                + t118 * t249 + R::from_f64(10.0) * t233.abs()
+                + R::from_f64(2.0) * A_s1_7_9.abs() + t251 * t121 + t122 * t253;
+            let t272 = t271 + R::from_f64(10.0) * t234.abs()
+                + R::from_f64(2.0) * A_s2_7_9.abs() + t256 * t127 + t128 * t258
+                + R::from_f64(10.0) * t235.abs() + R::from_f64(2.0) * A_s3_7_9.abs();
+            let t273 = t272 + t261 * t133 + t134 * t263 + R::from_f64(10.0) * t236.abs()
+                + R::from_f64(2.0) * A_s4_7_9.abs() + t267 * t139 + t143 * t269
+                + R::from_f64(10.0) * t237.abs();
+            let t274 = t273 + R::from_f64(2.0) * A_s5_7_9.abs();
+            let t275 = A_l9_7.abs();
+            let t276 = A_s6_7_9.abs();
+            let t277 = t270 + R::from_f64(2.0) * A_s5_9_9.abs() + t274 * t275
+                + (t145 * (A_s6_7_9 / t206).abs() + t274 * t208
+                    + R::from_f64(8.0) * t275) * t276 + R::from_f64(10.0) * t238.abs();
+            let t278 = R::from_f64(10.0) * (G89.abs() + t239.abs()) + t247 * t175
+                + t176 * t249 + R::from_f64(10.0) * t240.abs()
+                + R::from_f64(2.0) * A_s1_8_9.abs() + t251 * t179 + t180 * t253;
+            let t279 = t278 + R::from_f64(10.0) * t241.abs()
+                + R::from_f64(2.0) * A_s2_8_9.abs() + t256 * t185 + t186 * t258
+                + R::from_f64(10.0) * t242.abs() + R::from_f64(2.0) * A_s3_8_9.abs();
+            let t280 = t279 + t261 * t191 + t192 * t263 + R::from_f64(10.0) * t243.abs()
+                + R::from_f64(2.0) * A_s4_8_9.abs() + t267 * t197 + t198 * t269
+                + R::from_f64(10.0) * t244.abs();
+            let t281 = t280 + R::from_f64(2.0) * A_s5_8_9.abs() + t274 * t205
+                + t209 * t276 + R::from_f64(10.0) * t245.abs()
+                + R::from_f64(2.0) * A_s6_8_9.abs();
+            let t282 = A_l9_8.abs();
+            let t283 = A_s7_8_8.recip();
+            let t284 = t277 + R::from_f64(2.0) * A_s6_9_9.abs() + t281 * t282
+                + (t210 * (A_s7_8_9 / (A_s7_8_8 * A_s7_8_8)).abs() + t281 * t283.abs()
+                    + R::from_f64(8.0) * t282) * A_s7_8_9.abs();
+            [
+                A_l9_8,
+                A_s7_9_9 - t246,
+                t283,
+                t284 + R::from_f64(10.0) * t246.abs() + R::from_f64(2.0) * A_s7_9_9.abs(),
+            ]
+        };
+        if !G11.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
-                condition: "inertia along Omega1 != 0",
-                meaning: "",
+                condition: "inertia along Omega1 > 0",
+                meaning: "the matrix of inertia is positive definite for the default parameters and has to be so for these",
             });
         }
-        if !(t1 + A_s1_2_2.abs()).all_gt(t1) {
+        if !(A_s1_2_2 + t1).all_gt(t1) {
             return Err(::hamel_runtime::ParamError {
-                condition: "inertia along Omega2 != 0",
-                meaning: "",
+                condition: "inertia along Omega2 > 0",
+                meaning: "the matrix of inertia is positive definite for the default parameters and has to be so for these",
             });
         }
-        if !(t11 + A_s2_3_3.abs()).all_gt(t11) {
+        if !(A_s2_3_3 + t11).all_gt(t11) {
             return Err(::hamel_runtime::ParamError {
-                condition: "inertia along Omega3 != 0",
-                meaning: "",
+                condition: "inertia along Omega3 > 0",
+                meaning: "the matrix of inertia is positive definite for the default parameters and has to be so for these",
             });
         }
-        if !(t29 + A_s3_4_4.abs()).all_gt(t29) {
+        if !(A_s3_4_4 + t29).all_gt(t29) {
             return Err(::hamel_runtime::ParamError {
-                condition: "inertia along V1 != 0",
-                meaning: "",
+                condition: "inertia along V1 > 0",
+                meaning: "the matrix of inertia is positive definite for the default parameters and has to be so for these",
             });
         }
-        if !(t56 + A_s4_5_5.abs()).all_gt(t56) {
+        if !(A_s4_5_5 + t56).all_gt(t56) {
             return Err(::hamel_runtime::ParamError {
-                condition: "inertia along V2 != 0",
-                meaning: "",
+                condition: "inertia along V2 > 0",
+                meaning: "the matrix of inertia is positive definite for the default parameters and has to be so for these",
             });
         }
-        if !(t94 + A_s5_6_6.abs()).all_gt(t94) {
+        if !(A_s5_6_6 + t94).all_gt(t94) {
             return Err(::hamel_runtime::ParamError {
-                condition: "inertia along V3 != 0",
-                meaning: "",
+                condition: "inertia along V3 > 0",
+                meaning: "the matrix of inertia is positive definite for the default parameters and has to be so for these",
             });
         }
-        if !(t145 + A_s6_7_7.abs()).all_gt(t145) {
+        if !(A_s6_7_7 + t145).all_gt(t145) {
             return Err(::hamel_runtime::ParamError {
-                condition: "inertia along U1 != 0",
-                meaning: "",
+                condition: "inertia along U1 > 0",
+                meaning: "the matrix of inertia is positive definite for the default parameters and has to be so for these",
             });
         }
-        if !(t210 + A_s7_8_8.abs()).all_gt(t210) {
+        if !(A_s7_8_8 + t210).all_gt(t210) {
             return Err(::hamel_runtime::ParamError {
-                condition: "inertia along U2 != 0",
-                meaning: "",
+                condition: "inertia along U2 > 0",
+                meaning: "the matrix of inertia is positive definite for the default parameters and has to be so for these",
             });
         }
-        if !(t285 + A_s8_9_9.abs()).all_gt(t285) {
+        if !(A_s8_9_9 + t285).all_gt(t285) {
             return Err(::hamel_runtime::ParamError {
-                condition: "inertia along U3 != 0",
-                meaning: "",
+                condition: "inertia along U3 > 0",
+                meaning: "the matrix of inertia is positive definite for the default parameters and has to be so for these",
             });
         }
         Ok(Self {
@@ -1815,13 +1907,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             A_l9_7,
             A_l9_8,
             c0: A_s8_9_9.recip(),
-            c1: t282,
-            c2: t206,
-            c3: t140,
-            c4: t89,
-            c5: t52,
-            c6: t24,
-            c7: t7,
+            c1: t283,
+            c2: t207,
+            c3: t141,
+            c4: t90,
+            c5: t53,
+            c6: t25,
+            c7: t8,
             c8: G11.recip(),
             c9: R::from_f64(0.5) * G22,
             c10: R::from_f64(0.5) * G33,
@@ -2975,6 +3067,8 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     const INFO: ::hamel_runtime::SceneInfo = INFO;
+
+    const CONSERVES_ENERGY: bool = true;
 
     fn prepare(values: &[R]) -> Result<Self, ::hamel_runtime::ParamError> {
         let Ok(values) = <[R; 45]>::try_from(values) else {

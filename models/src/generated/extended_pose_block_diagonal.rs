@@ -445,11 +445,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Errors
     ///
-    /// The first of these that does not hold: every parameter is finite, `inertia along Omega1 != 0`, `inertia along Omega2 != 0`, `inertia along Omega3 != 0`, `inertia along V1 != 0`, `inertia along V2 != 0`, `inertia along V3 != 0`, `inertia along U1 != 0`, `inertia along U2 != 0`, `inertia along U3 != 0`.
+    /// The first of these that does not hold: every parameter is finite, `inertia along Omega1 > 0`, `inertia along Omega2 > 0`, `inertia along Omega3 > 0`, `inertia along V1 > 0`, `inertia along V2 > 0`, `inertia along V3 > 0`, `inertia along U1 > 0`, `inertia along U2 > 0`, `inertia along U3 > 0`.
     ///
     /// # Operations
     ///
-    /// 45 additions, 54 multiplications, 21 divisions, 42 sign changes.
+    /// 45 additions, 54 multiplications, 21 divisions, 36 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params {
             G11,
@@ -500,115 +500,115 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         let A_l2_1 = G12 / G11;
         let t0 = G12 * A_l2_1;
-        let t1 = R::from_f64(10.0) * (G22.abs() + t0.abs());
         let A_s1_2_2 = G22 - t0;
+        let t1 = R::from_f64(10.0) * (G22.abs() + t0.abs());
         let A_l3_1 = G13 / G11;
         let t2 = G13 * A_l3_1;
+        let A_s1_3_3 = G33 - t2;
         let t3 = G13 * A_l2_1;
-        let t4 = R::from_f64(10.0) * (G23.abs() + t3.abs());
         let A_s1_2_3 = G23 - t3;
         let A_l3_2 = A_s1_2_3 / A_s1_2_2;
-        let t5 = A_l3_2.abs();
-        let t6 = A_s1_2_2.recip();
-        let t7 = A_s1_2_3 * A_l3_2;
-        let t8 = R::from_f64(10.0) * (G33.abs() + t2.abs()) + t4 * t5
-            + (t1 * (A_s1_2_3 / (A_s1_2_2 * A_s1_2_2)).abs() + t4 * t6.abs()
-                + R::from_f64(8.0) * t5) * A_s1_2_3.abs() + R::from_f64(10.0) * t7.abs();
-        let A_s1_3_3 = G33 - t2;
+        let t4 = A_s1_2_3 * A_l3_2;
+        let A_s2_3_3 = A_s1_3_3 - t4;
+        let t5 = R::from_f64(10.0) * (G23.abs() + t3.abs());
+        let t6 = A_l3_2.abs();
+        let t7 = A_s1_2_2.recip();
+        let t8 = R::from_f64(10.0) * (G33.abs() + t2.abs()) + t5 * t6
+            + (t1 * (A_s1_2_3 / (A_s1_2_2 * A_s1_2_2)).abs() + t5 * t7.abs()
+                + R::from_f64(8.0) * t6) * A_s1_2_3.abs() + R::from_f64(10.0) * t4.abs();
         let t9 = t8 + R::from_f64(2.0) * A_s1_3_3.abs();
-        let A_s2_3_3 = A_s1_3_3 - t7;
         let A_l5_4 = G45 / G44;
         let t10 = G45 * A_l5_4;
-        let t11 = R::from_f64(10.0) * (G55.abs() + t10.abs());
         let A_s4_5_5 = G55 - t10;
+        let t11 = R::from_f64(10.0) * (G55.abs() + t10.abs());
         let A_l6_4 = G46 / G44;
         let t12 = G46 * A_l6_4;
+        let A_s4_6_6 = G66 - t12;
         let t13 = G46 * A_l5_4;
-        let t14 = R::from_f64(10.0) * (G56.abs() + t13.abs());
         let A_s4_5_6 = G56 - t13;
         let A_l6_5 = A_s4_5_6 / A_s4_5_5;
-        let t15 = A_l6_5.abs();
-        let t16 = A_s4_5_5.recip();
-        let t17 = R::from_f64(10.0) * (G66.abs() + t12.abs()) + t14 * t15
-            + (t11 * (A_s4_5_6 / (A_s4_5_5 * A_s4_5_5)).abs() + t14 * t16.abs()
-                + R::from_f64(8.0) * t15) * A_s4_5_6.abs();
-        let t18 = A_s4_5_6 * A_l6_5;
-        let A_s4_6_6 = G66 - t12;
-        let t19 = t17 + R::from_f64(10.0) * t18.abs()
+        let t14 = A_s4_5_6 * A_l6_5;
+        let A_s5_6_6 = A_s4_6_6 - t14;
+        let t15 = R::from_f64(10.0) * (G56.abs() + t13.abs());
+        let t16 = A_l6_5.abs();
+        let t17 = A_s4_5_5.recip();
+        let t18 = R::from_f64(10.0) * (G66.abs() + t12.abs()) + t15 * t16
+            + (t11 * (A_s4_5_6 / (A_s4_5_5 * A_s4_5_5)).abs() + t15 * t17.abs()
+                + R::from_f64(8.0) * t16) * A_s4_5_6.abs();
+        let t19 = t18 + R::from_f64(10.0) * t14.abs()
             + R::from_f64(2.0) * A_s4_6_6.abs();
-        let A_s5_6_6 = A_s4_6_6 - t18;
         let A_l8_7 = G78 / G77;
         let t20 = G78 * A_l8_7;
-        let t21 = R::from_f64(10.0) * (G88.abs() + t20.abs());
         let A_s7_8_8 = G88 - t20;
+        let t21 = R::from_f64(10.0) * (G88.abs() + t20.abs());
         let A_l9_7 = G79 / G77;
         let t22 = G79 * A_l9_7;
+        let A_s7_9_9 = G99 - t22;
         let t23 = G79 * A_l8_7;
-        let t24 = R::from_f64(10.0) * (G89.abs() + t23.abs());
         let A_s7_8_9 = G89 - t23;
         let A_l9_8 = A_s7_8_9 / A_s7_8_8;
-        let t25 = A_l9_8.abs();
-        let t26 = A_s7_8_8.recip();
-        let t27 = R::from_f64(10.0) * (G99.abs() + t22.abs()) + t24 * t25
-            + (t21 * (A_s7_8_9 / (A_s7_8_8 * A_s7_8_8)).abs() + t24 * t26.abs()
-                + R::from_f64(8.0) * t25) * A_s7_8_9.abs();
-        let t28 = A_s7_8_9 * A_l9_8;
-        let A_s7_9_9 = G99 - t22;
-        let t29 = t27 + R::from_f64(10.0) * t28.abs()
+        let t24 = A_s7_8_9 * A_l9_8;
+        let A_s8_9_9 = A_s7_9_9 - t24;
+        let t25 = R::from_f64(10.0) * (G89.abs() + t23.abs());
+        let t26 = A_l9_8.abs();
+        let t27 = A_s7_8_8.recip();
+        let t28 = R::from_f64(10.0) * (G99.abs() + t22.abs()) + t25 * t26
+            + (t21 * (A_s7_8_9 / (A_s7_8_8 * A_s7_8_8)).abs() + t25 * t27.abs()
+                + R::from_f64(8.0) * t26) * A_s7_8_9.abs();
+        let t29 = t28 + R::from_f64(10.0) * t24.abs()
             + R::from_f64(2.0) * A_s7_9_9.abs();
-        let A_s8_9_9 = A_s7_9_9 - t28;
-        if !G11.all_ne(R::ZERO) {
+        if !G11.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
-                condition: "inertia along Omega1 != 0",
-                meaning: "",
+                condition: "inertia along Omega1 > 0",
+                meaning: "the matrix of inertia is positive definite for the default parameters and has to be so for these",
             });
         }
-        if !(t1 + A_s1_2_2.abs()).all_gt(t1) {
+        if !(A_s1_2_2 + t1).all_gt(t1) {
             return Err(::hamel_runtime::ParamError {
-                condition: "inertia along Omega2 != 0",
-                meaning: "",
+                condition: "inertia along Omega2 > 0",
+                meaning: "the matrix of inertia is positive definite for the default parameters and has to be so for these",
             });
         }
-        if !(t9 + A_s2_3_3.abs()).all_gt(t9) {
+        if !(A_s2_3_3 + t9).all_gt(t9) {
             return Err(::hamel_runtime::ParamError {
-                condition: "inertia along Omega3 != 0",
-                meaning: "",
+                condition: "inertia along Omega3 > 0",
+                meaning: "the matrix of inertia is positive definite for the default parameters and has to be so for these",
             });
         }
-        if !G44.all_ne(R::ZERO) {
+        if !G44.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
-                condition: "inertia along V1 != 0",
-                meaning: "",
+                condition: "inertia along V1 > 0",
+                meaning: "the matrix of inertia is positive definite for the default parameters and has to be so for these",
             });
         }
-        if !(t11 + A_s4_5_5.abs()).all_gt(t11) {
+        if !(A_s4_5_5 + t11).all_gt(t11) {
             return Err(::hamel_runtime::ParamError {
-                condition: "inertia along V2 != 0",
-                meaning: "",
+                condition: "inertia along V2 > 0",
+                meaning: "the matrix of inertia is positive definite for the default parameters and has to be so for these",
             });
         }
-        if !(t19 + A_s5_6_6.abs()).all_gt(t19) {
+        if !(A_s5_6_6 + t19).all_gt(t19) {
             return Err(::hamel_runtime::ParamError {
-                condition: "inertia along V3 != 0",
-                meaning: "",
+                condition: "inertia along V3 > 0",
+                meaning: "the matrix of inertia is positive definite for the default parameters and has to be so for these",
             });
         }
-        if !G77.all_ne(R::ZERO) {
+        if !G77.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
-                condition: "inertia along U1 != 0",
-                meaning: "",
+                condition: "inertia along U1 > 0",
+                meaning: "the matrix of inertia is positive definite for the default parameters and has to be so for these",
             });
         }
-        if !(t21 + A_s7_8_8.abs()).all_gt(t21) {
+        if !(A_s7_8_8 + t21).all_gt(t21) {
             return Err(::hamel_runtime::ParamError {
-                condition: "inertia along U2 != 0",
-                meaning: "",
+                condition: "inertia along U2 > 0",
+                meaning: "the matrix of inertia is positive definite for the default parameters and has to be so for these",
             });
         }
-        if !(t29 + A_s8_9_9.abs()).all_gt(t29) {
+        if !(A_s8_9_9 + t29).all_gt(t29) {
             return Err(::hamel_runtime::ParamError {
-                condition: "inertia along U3 != 0",
-                meaning: "",
+                condition: "inertia along U3 > 0",
+                meaning: "the matrix of inertia is positive definite for the default parameters and has to be so for these",
             });
         }
         Ok(Self {
@@ -643,11 +643,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             A_l6_5,
             A_l9_8,
             c3: A_s8_9_9.recip(),
-            c4: t26,
+            c4: t27,
             c5: A_s5_6_6.recip(),
-            c6: t16,
+            c6: t17,
             c7: A_s2_3_3.recip(),
-            c8: t6,
+            c8: t7,
             c9: R::from_f64(0.5) * G22,
             c10: R::from_f64(0.5) * G33,
             c11: R::from_f64(0.5) * G55,
@@ -856,6 +856,8 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     const INFO: ::hamel_runtime::SceneInfo = INFO;
+
+    const CONSERVES_ENERGY: bool = true;
 
     fn prepare(values: &[R]) -> Result<Self, ::hamel_runtime::ParamError> {
         let Ok(values) = <[R; 18]>::try_from(values) else {

@@ -607,11 +607,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Errors
     ///
-    /// The first of these that does not hold: every parameter is finite, `J1 > 0`, `J2 > 0`, `J3 > 0`, `M1 > 0`, `M2 > 0`, `M3 > 0`, `inertia along V1 != 0`, `inertia along V2 != 0`, `inertia along V3 != 0`.
+    /// The first of these that does not hold: every parameter is finite, `J1 > 0`, `J2 > 0`, `J3 > 0`, `M1 > 0`, `M2 > 0`, `M3 > 0`, `inertia along V1 > 0`, `inertia along V2 > 0`, `inertia along V3 > 0`.
     ///
     /// # Operations
     ///
-    /// 68 additions, 97 multiplications, 53 divisions, 43 sign changes.
+    /// 68 additions, 97 multiplications, 53 divisions, 40 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params {
             J1,
@@ -690,87 +690,87 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let A_l4_3 = C31 / J3;
-        let A_l4_2 = C21 / J2;
         let A_l4_1 = C11 / J1;
         let t0 = C11 * A_l4_1;
         let A_s1_4_4 = M1 - t0;
+        let A_l4_2 = C21 / J2;
         let A_s2_4_4 = A_s1_4_4 - C21 * A_l4_2;
+        let A_l4_3 = C31 / J3;
+        let A_s3_4_4 = A_s2_4_4 - C31 * A_l4_3;
         let t1 = R::from_f64(10.0) * C31 * A_l4_3
             + (R::from_f64(10.0) * C21 * A_l4_2 + R::from_f64(10.0) * (M1 + t0)
                 + R::from_f64(2.0) * A_s1_4_4.abs()) + R::from_f64(2.0) * A_s2_4_4.abs();
-        let A_s3_4_4 = A_s2_4_4 - C31 * A_l4_3;
-        let A_l5_3 = C32 / J3;
-        let A_l5_2 = C22 / J2;
         let A_l5_1 = C12 / J1;
         let t2 = C12 * A_l5_1;
         let A_s1_5_5 = M2 - t2;
+        let A_l5_2 = C22 / J2;
         let A_s2_5_5 = A_s1_5_5 - C22 * A_l5_2;
-        let t3 = R::from_f64(10.0) * C32 * A_l5_3
+        let A_l5_3 = C32 / J3;
+        let A_s3_5_5 = A_s2_5_5 - C32 * A_l5_3;
+        let A_s1_4_5 = -(C11 * C12 / J1);
+        let t3 = C22 * A_l4_2;
+        let A_s2_4_5 = A_s1_4_5 - t3;
+        let t4 = C32 * A_l4_3;
+        let A_s3_4_5 = A_s2_4_5 - t4;
+        let A_l5_4 = A_s3_4_5 / A_s3_4_4;
+        let t5 = A_s3_4_5 * A_l5_4;
+        let A_s4_5_5 = A_s3_5_5 - t5;
+        let t6 = R::from_f64(10.0) * C32 * A_l5_3
             + (R::from_f64(10.0) * C22 * A_l5_2 + R::from_f64(10.0) * (M2 + t2)
                 + R::from_f64(2.0) * A_s1_5_5.abs()) + R::from_f64(2.0) * A_s2_5_5.abs();
-        let A_s1_4_5 = -(C11 * C12 / J1);
-        let t4 = C22 * A_l4_2;
-        let A_s2_4_5 = A_s1_4_5 - t4;
-        let t5 = C32 * A_l4_3;
-        let t6 = R::from_f64(10.0) * (A_s1_4_5.abs() + t4.abs())
-            + R::from_f64(2.0) * A_s2_4_5.abs() + R::from_f64(10.0) * t5.abs();
-        let A_s3_4_5 = A_s2_4_5 - t5;
-        let A_l5_4 = A_s3_4_5 / A_s3_4_4;
-        let t7 = A_l5_4.abs();
-        let t8 = A_s3_4_4 * A_s3_4_4;
-        let t9 = A_s3_4_4.recip().abs();
-        let t10 = t1 * (A_s3_4_5 / t8).abs() + t6 * t9 + R::from_f64(8.0) * t7;
-        let t11 = A_s3_4_5 * A_l5_4;
-        let A_s3_5_5 = A_s2_5_5 - C32 * A_l5_3;
-        let t12 = t3 + t6 * t7 + t10 * A_s3_4_5.abs() + R::from_f64(10.0) * t11.abs()
+        let t7 = R::from_f64(10.0) * (A_s1_4_5.abs() + t3.abs())
+            + R::from_f64(2.0) * A_s2_4_5.abs() + R::from_f64(10.0) * t4.abs();
+        let t8 = A_l5_4.abs();
+        let t9 = A_s3_4_4 * A_s3_4_4;
+        let t10 = A_s3_4_4.recip().abs();
+        let t11 = t1 * (A_s3_4_5 / t9).abs() + t7 * t10 + R::from_f64(8.0) * t8;
+        let t12 = t6 + t7 * t8 + t11 * A_s3_4_5.abs() + R::from_f64(10.0) * t5.abs()
             + R::from_f64(2.0) * A_s3_5_5.abs();
-        let A_s4_5_5 = A_s3_5_5 - t11;
-        let A_l6_3 = C33 / J3;
-        let A_l6_2 = C23 / J2;
         let A_l6_1 = C13 / J1;
         let t13 = C13 * A_l6_1;
         let A_s1_6_6 = M3 - t13;
+        let A_l6_2 = C23 / J2;
         let A_s2_6_6 = A_s1_6_6 - C23 * A_l6_2;
-        let t14 = R::from_f64(10.0) * C33 * A_l6_3
+        let A_l6_3 = C33 / J3;
+        let A_s3_6_6 = A_s2_6_6 - C33 * A_l6_3;
+        let A_s1_4_6 = -(C11 * C13 / J1);
+        let t14 = C23 * A_l4_2;
+        let A_s2_4_6 = A_s1_4_6 - t14;
+        let t15 = C33 * A_l4_3;
+        let A_s3_4_6 = A_s2_4_6 - t15;
+        let A_l6_4 = A_s3_4_6 / A_s3_4_4;
+        let t16 = A_s3_4_6 * A_l6_4;
+        let A_s4_6_6 = A_s3_6_6 - t16;
+        let A_s1_5_6 = -(C12 * C13 / J1);
+        let t17 = C23 * A_l5_2;
+        let A_s2_5_6 = A_s1_5_6 - t17;
+        let t18 = C33 * A_l5_3;
+        let A_s3_5_6 = A_s2_5_6 - t18;
+        let t19 = A_s3_4_6 * A_l5_4;
+        let A_s4_5_6 = A_s3_5_6 - t19;
+        let A_l6_5 = A_s4_5_6 / A_s4_5_5;
+        let t20 = A_s4_5_6 * A_l6_5;
+        let A_s5_6_6 = A_s4_6_6 - t20;
+        let t21 = R::from_f64(10.0) * C33 * A_l6_3
             + (R::from_f64(10.0) * C23 * A_l6_2 + R::from_f64(10.0) * (M3 + t13)
                 + R::from_f64(2.0) * A_s1_6_6.abs()) + R::from_f64(2.0) * A_s2_6_6.abs();
-        let A_s1_4_6 = -(C11 * C13 / J1);
-        let t15 = C23 * A_l4_2;
-        let A_s2_4_6 = A_s1_4_6 - t15;
-        let t16 = C33 * A_l4_3;
-        let t17 = R::from_f64(10.0) * (A_s1_4_6.abs() + t15.abs())
-            + R::from_f64(2.0) * A_s2_4_6.abs() + R::from_f64(10.0) * t16.abs();
-        let A_s3_4_6 = A_s2_4_6 - t16;
-        let A_l6_4 = A_s3_4_6 / A_s3_4_4;
-        let t18 = A_l6_4.abs();
-        let t19 = A_s3_4_6.abs();
-        let t20 = A_s3_4_6 * A_l6_4;
-        let A_s3_6_6 = A_s2_6_6 - C33 * A_l6_3;
-        let A_s1_5_6 = -(C12 * C13 / J1);
-        let t21 = C23 * A_l5_2;
-        let A_s2_5_6 = A_s1_5_6 - t21;
-        let t22 = C33 * A_l5_3;
-        let t23 = A_s3_4_6 * A_l5_4;
-        let t24 = R::from_f64(10.0) * (A_s1_5_6.abs() + t21.abs())
-            + R::from_f64(2.0) * A_s2_5_6.abs() + R::from_f64(10.0) * t22.abs()
-            + t17 * t7 + t10 * t19 + R::from_f64(10.0) * t23.abs();
-        let A_s3_5_6 = A_s2_5_6 - t22;
-        let t25 = t24 + R::from_f64(2.0) * A_s3_5_6.abs();
-        let A_s4_5_6 = A_s3_5_6 - t23;
-        let A_l6_5 = A_s4_5_6 / A_s4_5_5;
-        let t26 = A_l6_5.abs();
-        let t27 = t14 + t17 * t18
-            + (t1 * (A_s3_4_6 / t8).abs() + t17 * t9 + R::from_f64(8.0) * t18) * t19
-            + R::from_f64(10.0) * t20.abs() + R::from_f64(2.0) * A_s3_6_6.abs()
-            + t25 * t26;
-        let t28 = A_s4_5_6 * A_l6_5;
-        let A_s4_6_6 = A_s3_6_6 - t20;
-        let t29 = t27
+        let t22 = R::from_f64(10.0) * (A_s1_4_6.abs() + t14.abs())
+            + R::from_f64(2.0) * A_s2_4_6.abs() + R::from_f64(10.0) * t15.abs();
+        let t23 = A_l6_4.abs();
+        let t24 = A_s3_4_6.abs();
+        let t25 = R::from_f64(10.0) * (A_s1_5_6.abs() + t17.abs())
+            + R::from_f64(2.0) * A_s2_5_6.abs() + R::from_f64(10.0) * t18.abs()
+            + t22 * t8 + t11 * t24 + R::from_f64(10.0) * t19.abs();
+        let t26 = t25 + R::from_f64(2.0) * A_s3_5_6.abs();
+        let t27 = A_l6_5.abs();
+        let t28 = t21 + t22 * t23
+            + (t1 * (A_s3_4_6 / t9).abs() + t22 * t10 + R::from_f64(8.0) * t23) * t24
+            + R::from_f64(10.0) * t16.abs() + R::from_f64(2.0) * A_s3_6_6.abs()
+            + t26 * t27;
+        let t29 = t28
             + (t12 * (A_s4_5_6 / (A_s4_5_5 * A_s4_5_5)).abs()
-                + t25 * A_s4_5_5.recip().abs() + R::from_f64(8.0) * t26) * A_s4_5_6.abs()
-            + R::from_f64(10.0) * t28.abs() + R::from_f64(2.0) * A_s4_6_6.abs();
-        let A_s5_6_6 = A_s4_6_6 - t28;
+                + t26 * A_s4_5_5.recip().abs() + R::from_f64(8.0) * t27) * A_s4_5_6.abs()
+            + R::from_f64(10.0) * t20.abs() + R::from_f64(2.0) * A_s4_6_6.abs();
         let t30 = R::from_f64(2.0) * C13;
         let t31 = R::from_f64(2.0) * C12;
         let t32 = R::from_f64(2.0) * C11;
@@ -816,22 +816,22 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 meaning: "",
             });
         }
-        if !(t1 + A_s3_4_4.abs()).all_gt(t1) {
+        if !(A_s3_4_4 + t1).all_gt(t1) {
             return Err(::hamel_runtime::ParamError {
-                condition: "inertia along V1 != 0",
-                meaning: "",
+                condition: "inertia along V1 > 0",
+                meaning: "the matrix of inertia is positive definite for the default parameters and has to be so for these",
             });
         }
-        if !(t12 + A_s4_5_5.abs()).all_gt(t12) {
+        if !(A_s4_5_5 + t12).all_gt(t12) {
             return Err(::hamel_runtime::ParamError {
-                condition: "inertia along V2 != 0",
-                meaning: "",
+                condition: "inertia along V2 > 0",
+                meaning: "the matrix of inertia is positive definite for the default parameters and has to be so for these",
             });
         }
-        if !(t29 + A_s5_6_6.abs()).all_gt(t29) {
+        if !(A_s5_6_6 + t29).all_gt(t29) {
             return Err(::hamel_runtime::ParamError {
-                condition: "inertia along V3 != 0",
-                meaning: "",
+                condition: "inertia along V3 > 0",
+                meaning: "the matrix of inertia is positive definite for the default parameters and has to be so for these",
             });
         }
         Ok(Self {
@@ -1484,6 +1484,8 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     const INFO: ::hamel_runtime::SceneInfo = INFO;
+
+    const CONSERVES_ENERGY: bool = true;
 
     fn prepare(values: &[R]) -> Result<Self, ::hamel_runtime::ParamError> {
         let Ok(values) = <[R; 15]>::try_from(values) else {

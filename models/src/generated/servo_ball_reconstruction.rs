@@ -420,6 +420,36 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let S_1_1_scaled = a1.mul_add(a1, self.c0);
         [a1_dot.mul_add(self.c7, self.c6 * a1) / S_1_1_scaled]
     }
+
+    /// What the right-hand side divides by that may vanish or overflow, each with the scale of its rounding errors.
+    ///
+    /// # Operations
+    ///
+    /// 1 addition, 1 multiplication (1 fused).
+    #[must_use]
+    pub fn pivots(&self, t: R, y: &[R; 11]) -> [::hamel_runtime::Pivot<R>; 1] {
+        let [a1, _, _, _, _, _, _, _, _, _, _] = *y;
+        let _ = t;
+        /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
+        let S_1_1_scaled = a1.mul_add(a1, self.c0);
+        [
+            ::hamel_runtime::Pivot {
+                name: "response to constraint ddt(a1_dot) + ddt(xi3) + kappa*a1 + c*a1_dot = 0",
+                value: S_1_1_scaled,
+                scale: R::ZERO,
+            },
+        ]
+    }
+
+    /// Says which pivot vanishes at a point, or is not finite.
+    ///
+    /// # Errors
+    ///
+    /// `Singular` with the first pivot that is zero up to the rounding errors of what it is computed from, or
+    /// `PivotNotFinite`.
+    pub fn check(&self, t: R, y: &[R; 11]) -> Result<(), ::hamel_runtime::Failure> {
+        ::hamel_runtime::Pivot::verify_all(t, &self.pivots(t, y))
+    }
 }
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
@@ -428,6 +458,19 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
     #[inline]
     fn rhs(&self, t: R, y: &[R; 11], dy: &mut [R; 11]) {
         self.rhs(t, y, dy);
+    }
+
+    fn check(&self, t: R, y: &[R; 11]) -> Result<(), ::hamel_runtime::Failure> {
+        self.check(t, y)
+    }
+
+    fn pivots(
+        &self,
+        t: R,
+        y: &[R; 11],
+        visit: &mut dyn FnMut(::hamel_runtime::Pivot<R>),
+    ) {
+        self.pivots(t, y).into_iter().for_each(visit);
     }
 }
 

@@ -228,11 +228,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Errors
     ///
-    /// The first of these that does not hold: every parameter is finite, `J > 0`, `m > 0`, `inertia along omega != 0`, `inertia along v1 != 0`.
+    /// The first of these that does not hold: every parameter is finite, `J > 0`, `m > 0`, `inertia along omega != 0`, `inertia along v1 != 0`, `terms of inertia along v1 <= 1024 entries of its matrix`.
     ///
     /// # Operations
     ///
-    /// 24 additions, 37 multiplications, 11 divisions, 17 sign changes.
+    /// 27 additions, 42 multiplications, 11 divisions, 21 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { J, m, a, b, tau, mu } = *params;
         for (value, condition, meaning) in [
@@ -268,21 +268,22 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t13 = t4 * (t11 / (A_omega_omega * A_omega_omega)).abs()
             + R::from_f64(12.0) * (t5 + t9 + t8.abs() + t10.abs())
                 * A_omega_omega.recip().abs() + R::from_f64(8.0) * t12;
-        let t14 = m * b;
-        let A_u1_2 = -(t14 / A_omega_omega);
-        let t15 = m * mu;
-        let t16 = t14 + t2 * mu;
+        let t14 = m.abs();
+        let t15 = m * b;
+        let t16 = t15 + t2 * mu;
         let A_v1_omega = -t16;
         let A_l2_1 = A_v1_omega / A_omega_omega;
-        let t17 = t2 - m * tau;
-        let t18 = t15 + A_l2_1 * t17;
-        let t19 = A_u1_2 * t18 / A_s1_2_2 + t17 / A_omega_omega;
-        let t20 = t2 - t14 * mu;
-        let t21 = t14 * tau;
-        let t22 = t20 + t21 * A_l2_1;
-        let t23 = A_u1_2 * t22 / A_s1_2_2 + t21 / A_omega_omega;
-        let t24 = m - t2 * t19;
-        let t25 = t14 + t2 * t23;
+        let A_u1_2 = -(t15 / A_omega_omega);
+        let t17 = m * mu;
+        let t18 = t2 - m * tau;
+        let t19 = t17 + A_l2_1 * t18;
+        let t20 = A_u1_2 * t19 / A_s1_2_2 + t18 / A_omega_omega;
+        let t21 = t2 - t15 * mu;
+        let t22 = t15 * tau;
+        let t23 = t21 + t22 * A_l2_1;
+        let t24 = A_u1_2 * t23 / A_s1_2_2 + t22 / A_omega_omega;
+        let t25 = m - t2 * t20;
+        let t26 = t15 + t2 * t24;
         if !J.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "J > 0",
@@ -307,29 +308,38 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 meaning: "",
             });
         }
+        if !(R::from_f64(2048.0) * t14 + R::from_f64(1024.0) * A_v1_omega.abs()
+            + R::from_f64(1024.0) * t15.abs())
+            .all_ge(t14 + (A_omega_omega * A_l2_1 * A_u1_2).abs())
+        {
+            return Err(::hamel_runtime::ParamError {
+                condition: "terms of inertia along v1 <= 1024 entries of its matrix",
+                meaning: "the entries would be lost in the rounding errors of the elimination",
+            });
+        }
         Ok(Self {
             m,
-            c0: -t19,
-            c1: t18 / A_s1_2_2,
-            c2: -t23,
-            c3: t22 / A_s1_2_2,
+            c0: -t20,
+            c1: t19 / A_s1_2_2,
+            c2: -t24,
+            c3: t23 / A_s1_2_2,
             c4: R::from_f64(-2.0) * b,
             c5: R::from_f64(0.5) * t1,
             c6: R::from_f64(0.5) * m,
-            c7: tau * t24 - mu * t25,
-            c8: -(tau * t25),
-            c9: mu * t24,
+            c7: tau * t25 - mu * t26,
+            c8: -(tau * t26),
+            c9: mu * t25,
             c10: t1,
-            c11: -t14,
+            c11: -t15,
             c12: t2,
-            c13: t24,
-            c14: -t25,
+            c13: t25,
+            c14: -t26,
             A_omega_omega,
             c15: -t16,
-            c16: -t17,
-            c17: t15,
-            c18: -t21,
-            c19: t20,
+            c16: -t18,
+            c17: t17,
+            c18: -t22,
+            c19: t21,
         })
     }
 }

@@ -473,31 +473,37 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             .mul_add(s.mul_add(t0, self.c14 * psi_dot), t1 * t1 * (self.c12 * s))
     }
 
-    /// Says which pivot vanishes at a point.
-    ///
-    /// # Errors
-    ///
-    /// `Singular` with the first pivot that is zero.
+    /// What the right-hand side divides by that may vanish or overflow, each with the scale of its rounding errors.
     ///
     /// # Operations
     ///
     /// 1 addition, 3 multiplications (1 fused), 1 elementary function.
-    pub fn check(&self, t: R, y: &[R; 5]) -> Result<(), ::hamel_runtime::Failure> {
+    #[must_use]
+    pub fn pivots(&self, t: R, y: &[R; 5]) -> [::hamel_runtime::Pivot<R>; 1] {
         let [_, phi, _, _, _] = *y;
+        let _ = t;
         /// factors of A
         let A_s1_3_3_over_m_r2 = {
             let (t0, t1) = phi.sin_cos();
             (-self.c0).mul_add(t0 * t0, t1 * t1)
         };
-        let (value, pivot) = (A_s1_3_3_over_m_r2, "inertia along s");
-        if !value.abs().all_gt(R::ZERO) {
-            let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
-            return Err(::hamel_runtime::Failure::Singular {
-                t,
-                pivot,
-            });
-        }
-        Ok(())
+        [
+            ::hamel_runtime::Pivot {
+                name: "inertia along s",
+                value: A_s1_3_3_over_m_r2,
+                scale: R::ZERO,
+            },
+        ]
+    }
+
+    /// Says which pivot vanishes at a point, or is not finite.
+    ///
+    /// # Errors
+    ///
+    /// `Singular` with the first pivot that is zero up to the rounding errors of what it is computed from, or
+    /// `PivotNotFinite`.
+    pub fn check(&self, t: R, y: &[R; 5]) -> Result<(), ::hamel_runtime::Failure> {
+        ::hamel_runtime::Pivot::verify_all(t, &self.pivots(t, y))
     }
 }
 
@@ -512,10 +518,21 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
     fn check(&self, t: R, y: &[R; 5]) -> Result<(), ::hamel_runtime::Failure> {
         self.check(t, y)
     }
+
+    fn pivots(
+        &self,
+        t: R,
+        y: &[R; 5],
+        visit: &mut dyn FnMut(::hamel_runtime::Pivot<R>),
+    ) {
+        self.pivots(t, y).into_iter().for_each(visit);
+    }
 }
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     const INFO: ::hamel_runtime::SceneInfo = INFO;
+
+    const CONSERVES_ENERGY: bool = true;
 
     fn prepare(values: &[R]) -> Result<Self, ::hamel_runtime::ParamError> {
         let Ok(values) = <[R; 5]>::try_from(values) else {

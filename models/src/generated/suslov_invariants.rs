@@ -201,11 +201,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Errors
     ///
-    /// The first of these that does not hold: every parameter is finite, `I11 > 0`, `I11*I22 - I12^2 > 0`, `det(I) > 0`, `inertia along Omega2 != 0`.
+    /// The first of these that does not hold: every parameter is finite, `I11 > 0`, `I11*I22 - I12^2 > 0`, `det(I) > 0`, `inertia along Omega2 > 0`.
     ///
     /// # Operations
     ///
-    /// 8 additions, 13 multiplications, 4 divisions, 2 sign changes.
+    /// 8 additions, 13 multiplications, 4 divisions, 1 sign change.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I11, I12, I13, I22, I23, I33 } = *params;
         for (value, condition, meaning) in [
@@ -250,8 +250,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t0 = I11 * I22 - I12 * I12;
         let A_l2_1 = I12 / I11;
         let t1 = I12 * A_l2_1;
-        let t2 = R::from_f64(10.0) * (t1 + I22.abs());
         let A_s1_2_2 = I22 - t1;
+        let t2 = R::from_f64(10.0) * (t1 + I22.abs());
         if !I11.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I11 > 0",
@@ -272,10 +272,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 meaning: "",
             });
         }
-        if !(t2 + A_s1_2_2.abs()).all_gt(t2) {
+        if !(A_s1_2_2 + t2).all_gt(t2) {
             return Err(::hamel_runtime::ParamError {
-                condition: "inertia along Omega2 != 0",
-                meaning: "",
+                condition: "inertia along Omega2 > 0",
+                meaning: "the matrix of inertia is positive definite for the default parameters and has to be so for these",
             });
         }
         Ok(Self {
@@ -420,6 +420,8 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     const INFO: ::hamel_runtime::SceneInfo = INFO;
+
+    const CONSERVES_ENERGY: bool = true;
 
     fn prepare(values: &[R]) -> Result<Self, ::hamel_runtime::ParamError> {
         let Ok(values) = <[R; 6]>::try_from(values) else {

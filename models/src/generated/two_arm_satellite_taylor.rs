@@ -657,17 +657,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             )
     }
 
-    /// Says which pivot vanishes at a point.
-    ///
-    /// # Errors
-    ///
-    /// `Singular` with the first pivot that is zero up to the rounding errors of what it is computed from.
+    /// What the right-hand side divides by that may vanish or overflow, each with the scale of its rounding errors.
     ///
     /// # Operations
     ///
     /// 51 additions, 68 multiplications (39 fused), 2 divisions, 31 sign changes, 2 elementary functions.
-    pub fn check(&self, t: R, y: &[R; 7]) -> Result<(), ::hamel_runtime::Failure> {
+    #[must_use]
+    pub fn pivots(&self, t: R, y: &[R; 7]) -> [::hamel_runtime::Pivot<R>; 3] {
         let [alpha, beta, _, _, _, _, _] = *y;
+        let _ = t;
         /// mass matrix A = W^T L_yy Psi
         let [t0, t1, t2, A_beta_dot_Omega1_over_mb_lb2, t3, t4, t5,
         A_Omega1_Omega1_over_mb_lb2, t6, t7, t8, t9, t10, t11, t12,
@@ -827,12 +825,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                             ),
                     ),
             );
-        for (value, scale, pivot) in [
-            (A_s2_3_3_over_mb_lb2, t30, "inertia along Omega1"),
-            (A_s3_4_4_over_mb_lb2, t38, "inertia along Omega2"),
-            (
-                A_s4_5_5_over_mb_lb2,
-                t38
+        [
+            ::hamel_runtime::Pivot {
+                name: "inertia along Omega1",
+                value: A_s2_3_3_over_mb_lb2,
+                scale: t30,
+            },
+            ::hamel_runtime::Pivot {
+                name: "inertia along Omega2",
+                value: A_s3_4_4_over_mb_lb2,
+                scale: t38,
+            },
+            ::hamel_runtime::Pivot {
+                name: "inertia along Omega3",
+                value: A_s4_5_5_over_mb_lb2,
+                scale: t38
                     .mul_add(
                         (-(t14 * (t22 * t22))).abs(),
                         t40.mul_add(R::from_f64(8.0), t39 * t22.abs()),
@@ -841,18 +848,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         A_Omega2_Omega3_over_mb_lb2.abs(),
                         R::from_f64(10.0).mul_add(t24.abs(), t41),
                     ),
-                "inertia along Omega3",
-            ),
-        ] {
-            if !(scale + value.abs()).all_gt(scale) {
-                let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
-                return Err(::hamel_runtime::Failure::Singular {
-                    t,
-                    pivot,
-                });
-            }
-        }
-        Ok(())
+            },
+        ]
+    }
+
+    /// Says which pivot vanishes at a point, or is not finite.
+    ///
+    /// # Errors
+    ///
+    /// `Singular` with the first pivot that is zero up to the rounding errors of what it is computed from, or
+    /// `PivotNotFinite`.
+    pub fn check(&self, t: R, y: &[R; 7]) -> Result<(), ::hamel_runtime::Failure> {
+        ::hamel_runtime::Pivot::verify_all(t, &self.pivots(t, y))
     }
 }
 
@@ -867,10 +874,21 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
     fn check(&self, t: R, y: &[R; 7]) -> Result<(), ::hamel_runtime::Failure> {
         self.check(t, y)
     }
+
+    fn pivots(
+        &self,
+        t: R,
+        y: &[R; 7],
+        visit: &mut dyn FnMut(::hamel_runtime::Pivot<R>),
+    ) {
+        self.pivots(t, y).into_iter().for_each(visit);
+    }
 }
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     const INFO: ::hamel_runtime::SceneInfo = INFO;
+
+    const CONSERVES_ENERGY: bool = true;
 
     fn prepare(values: &[R]) -> Result<Self, ::hamel_runtime::ParamError> {
         let Ok(values) = <[R; 9]>::try_from(values) else {

@@ -1537,17 +1537,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         [v_dot_Omega1, v_dot_Omega2, v_dot_Omega3, R::ZERO, R::ZERO, R::ZERO]
     }
 
-    /// Says which pivot vanishes at a point.
-    ///
-    /// # Errors
-    ///
-    /// `Singular` with the first pivot that is zero.
+    /// What the right-hand side divides by that may vanish or overflow, each with the scale of its rounding errors.
     ///
     /// # Operations
     ///
     /// 2 additions, 5 multiplications (2 fused).
-    pub fn check(&self, t: R, y: &[R; 6]) -> Result<(), ::hamel_runtime::Failure> {
+    #[must_use]
+    pub fn pivots(&self, t: R, y: &[R; 6]) -> [::hamel_runtime::Pivot<R>; 1] {
         let [_, _, _, gamma1, gamma2, gamma3] = *y;
+        let _ = t;
         /// response to the multipliers L_yy^-1 Lambda^T
         let [Z1_Omega3_scaled, Z1_Omega2_scaled] = [self.c6 * gamma3, self.c7 * gamma2];
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
@@ -1556,18 +1554,23 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 Z1_Omega2_scaled,
                 gamma3.mul_add(Z1_Omega3_scaled, gamma1 * gamma1),
             );
-        let (value, pivot) = (
-            S_1_1_scaled,
-            "response to constraint dot(Omega, gamma) = 0",
-        );
-        if !value.abs().all_gt(R::ZERO) {
-            let t = if t.all_ge(R::ZERO) { t.magnitude() } else { -t.magnitude() };
-            return Err(::hamel_runtime::Failure::Singular {
-                t,
-                pivot,
-            });
-        }
-        Ok(())
+        [
+            ::hamel_runtime::Pivot {
+                name: "response to constraint dot(Omega, gamma) = 0",
+                value: S_1_1_scaled,
+                scale: R::ZERO,
+            },
+        ]
+    }
+
+    /// Says which pivot vanishes at a point, or is not finite.
+    ///
+    /// # Errors
+    ///
+    /// `Singular` with the first pivot that is zero up to the rounding errors of what it is computed from, or
+    /// `PivotNotFinite`.
+    pub fn check(&self, t: R, y: &[R; 6]) -> Result<(), ::hamel_runtime::Failure> {
+        ::hamel_runtime::Pivot::verify_all(t, &self.pivots(t, y))
     }
 }
 
@@ -1581,6 +1584,15 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
 
     fn check(&self, t: R, y: &[R; 6]) -> Result<(), ::hamel_runtime::Failure> {
         self.check(t, y)
+    }
+
+    fn pivots(
+        &self,
+        t: R,
+        y: &[R; 6],
+        visit: &mut dyn FnMut(::hamel_runtime::Pivot<R>),
+    ) {
+        self.pivots(t, y).into_iter().for_each(visit);
     }
 }
 

@@ -356,6 +356,40 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             self.kappa * v3,
         ]
     }
+
+    /// What the right-hand side divides by that may vanish or overflow, each with the scale of its rounding errors.
+    ///
+    /// # Operations
+    ///
+    /// 3 additions, 4 multiplications (3 fused).
+    #[must_use]
+    pub fn pivots(&self, t: R, y: &[R; 13]) -> [::hamel_runtime::Pivot<R>; 2] {
+        let [x1, x2, x3, _, _, _, _, _, _, _, _, _, _] = *y;
+        let _ = t;
+        let t0 = x3.mul_add(x3, x2.mul_add(x2, x1.mul_add(x1, self.c0)));
+        [
+            ::hamel_runtime::Pivot {
+                name: "x1^2 + x2^2 + x3^2 + rho^2",
+                value: t0,
+                scale: R::ZERO,
+            },
+            ::hamel_runtime::Pivot {
+                name: "(x1^2 + x2^2 + x3^2 + rho^2)^2",
+                value: t0 * t0,
+                scale: R::ZERO,
+            },
+        ]
+    }
+
+    /// Says which pivot vanishes at a point, or is not finite.
+    ///
+    /// # Errors
+    ///
+    /// `Singular` with the first pivot that is zero up to the rounding errors of what it is computed from, or
+    /// `PivotNotFinite`.
+    pub fn check(&self, t: R, y: &[R; 13]) -> Result<(), ::hamel_runtime::Failure> {
+        ::hamel_runtime::Pivot::verify_all(t, &self.pivots(t, y))
+    }
 }
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
@@ -365,10 +399,25 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::System<R> for Prepared<R> {
     fn rhs(&self, t: R, y: &[R; 13], dy: &mut [R; 13]) {
         self.rhs(t, y, dy);
     }
+
+    fn check(&self, t: R, y: &[R; 13]) -> Result<(), ::hamel_runtime::Failure> {
+        self.check(t, y)
+    }
+
+    fn pivots(
+        &self,
+        t: R,
+        y: &[R; 13],
+        visit: &mut dyn FnMut(::hamel_runtime::Pivot<R>),
+    ) {
+        self.pivots(t, y).into_iter().for_each(visit);
+    }
 }
 
 impl<R: ::hamel_runtime::Real> ::hamel_runtime::Scene<R> for Prepared<R> {
     const INFO: ::hamel_runtime::SceneInfo = INFO;
+
+    const CONSERVES_ENERGY: bool = true;
 
     fn prepare(values: &[R]) -> Result<Self, ::hamel_runtime::ParamError> {
         let Ok(values) = <[R; 3]>::try_from(values) else {
