@@ -14,6 +14,8 @@ mod invariants;
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use hamel_runtime::Dual;
+
 use crate::emit::{self, MatrixText, OutputText, ParamText, ProductText, SceneEntry, SceneText, StateText};
 use crate::error::Error;
 use crate::expr::{
@@ -953,6 +955,25 @@ impl Interpreter<'_> {
     /// When a size is wrong.
     pub fn rhs(&self, t: f64, y: &[f64], dy: &mut [f64]) {
         self.call("rhs", t, y, dy);
+    }
+
+    /// Derivatives of [`rhs`](Interpreter::rhs) by the components of the state: row `i` has those of component `i`.
+    ///
+    /// By dual numbers, so that the scene need not want the Jacobian.
+    ///
+    /// # Panics
+    /// When a size is wrong.
+    pub fn rhs_jacobian(&self, t: f64, y: &[f64], rows: &mut [&mut [f64]]) {
+        let Some(k) = self.scene.program.function_idx("rhs") else { return };
+        let constants = |values: &[f64]| values.iter().copied().map(Dual::constant).collect::<Vec<Dual>>();
+        let (params, prepared) = (constants(&self.params), constants(&self.prepared));
+        let (mut state, mut out) = (constants(y), constants(y));
+        for column in 0..y.len() {
+            state[column] = Dual::variable(y[column]);
+            self.scene.program.run(k, &params, &prepared, Dual::constant(t), &state, &mut out);
+            state[column] = Dual::constant(y[column]);
+            rows.iter_mut().zip(&out).for_each(|(row, value)| row[column] = value.derivative);
+        }
     }
 
     /// Taylor coefficients of the solution through a state, by the recurrence of [`BuiltScene::jet`].

@@ -334,6 +334,13 @@ fn products_agree_with_each_other() {
             let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
             let rows = interpreter.matrix(Derivative::Jacobian, at.t, &at.state).unwrap();
             let size = rows.iter().flatten().fold(1.0_f64, |m, x| m.max(x.abs())) * (n * n) as f64;
+            // Dual numbers differentiate the right-hand side of any scene.
+            let mut by_duals = vec![vec![0.0; n]; n];
+            let mut slices: Vec<&mut [f64]> = by_duals.iter_mut().map(Vec::as_mut_slice).collect();
+            interpreter.rhs_jacobian(at.t, &at.state, &mut slices);
+            for (own, dual) in rows.iter().flatten().zip(by_duals.iter().flatten()) {
+                assert!((own - dual).abs() <= 1e-13 * size, "{name}: {own} and {dual}");
+            }
             let (left, right) = (dot(&w, &tangent), dot(&adjoint, &v));
             assert!((left - right).abs() <= 1e-14 * size, "{name}: {left} and {right}");
         }

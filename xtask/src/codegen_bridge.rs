@@ -383,6 +383,11 @@ impl Dynamics for Interpreted<'_> {
         true
     }
 
+    fn jacobian(&self, t: f64, y: &[f64], rows: &mut [VecState]) {
+        let mut rows: Vec<&mut [f64]> = rows.iter_mut().map(|row| row.0.as_mut_slice()).collect();
+        self.interpreter.rhs_jacobian(t, y, &mut rows);
+    }
+
     fn rhs_cost(&self) -> Option<u64> {
         Some(self.built.rhs_counts().cost())
     }

@@ -771,6 +771,16 @@ fn summary(info: &Info, title: &str, request: &SimulateRequest, response: &Simul
         response.rhs_evals,
         1e3 * response.seconds
     );
+    if let Steps::Adaptive { rtol, atol } = request.steps {
+        let largest = request.initial.iter().chain(&response.last).fold(0.0_f64, |max, y| max.max(y.abs()));
+        if largest > 0.0 && rtol * largest < atol {
+            let _ = write!(
+                text,
+                "\n  note: no component is above {largest:.1e}, so that atol = {atol:e} is all that bounds the error: \
+                 give a smaller --atol, or 0"
+            );
+        }
+    }
     if let (Some(drift), Some(initial)) = (response.energy_drift, response.initial_energy) {
         let scale = if response.energy_scale == initial.abs() { "|E(0)|" } else { "the size of its terms" };
         let word = if info.conserves_energy { "drift" } else { "largest change" };

@@ -3,9 +3,11 @@
 //! Deliberately does not know: where a scene comes from, JSON, how states are integrated.
 
 use std::fmt;
+use std::marker::PhantomData;
 
 use hamel_runtime::{
-    F64x4, Failure, Invariants, Jet, MAX_ORDER, ParamError, Pivot, Real, Scene, SceneInfo, StateVector, System,
+    Differentiable, Dual, F64x4, Failure, Invariants, Jet, MAX_ORDER, ParamError, Pivot, Real, Scene, SceneInfo,
+    SquareStorage, StateVector, System,
 };
 use serde::{Deserialize, Serialize};
 
@@ -131,6 +133,9 @@ pub trait Dynamics {
 
     /// Writes the Taylor coefficients of the solution through a state; false when the scene has none.
     fn series(&self, t: f64, y: &[f64], out: &mut [VecState]) -> bool;
+
+    /// Writes the derivatives of the right-hand side: row `i` has those of component `i`.
+    fn jacobian(&self, t: f64, y: &[f64], rows: &mut [VecState]);
 
     /// Cost of one evaluation of the right-hand side, as [`hamel_codegen::lower::Counts::cost`]; none when it is not known.
     fn rhs_cost(&self) -> Option<u64>;
@@ -308,6 +313,19 @@ impl<R: Real> StateVector<R> for VecState<R> {
     }
 }
 
+impl<R: Real> SquareStorage<R> for VecState<R> {
+    type Rows = Vec<VecState<R>>;
+    type Positions = Vec<usize>;
+
+    fn rows_like(&self) -> Self::Rows {
+        vec![self.zeros_like(); self.0.len()]
+    }
+
+    fn positions_like(&self) -> Self::Positions {
+        vec![0; self.0.len()]
+    }
+}
+
 impl System<f64> for dyn Dynamics + '_ {
     type State = VecState;
 
@@ -329,6 +347,12 @@ impl System<f64> for dyn Dynamics + '_ {
 
     fn pivots(&self, t: f64, y: &VecState, visit: &mut dyn FnMut(Pivot<f64>)) {
         Dynamics::pivots(self, t, &y.0, visit);
+    }
+}
+
+impl Differentiable<f64> for dyn Dynamics + '_ {
+    fn jacobian(&self, t: f64, y: &VecState, jacobian: &mut [VecState]) {
+        Dynamics::jacobian(self, t, &y.0, jacobian);
     }
 }
 
@@ -366,6 +390,12 @@ impl System<f64> for Box<dyn Dynamics + '_> {
 
     fn pivots(&self, t: f64, y: &VecState, visit: &mut dyn FnMut(Pivot<f64>)) {
         System::pivots(&**self, t, y, visit);
+    }
+}
+
+impl Differentiable<f64> for Box<dyn Dynamics + '_> {
+    fn jacobian(&self, t: f64, y: &VecState, jacobian: &mut [VecState]) {
+        Differentiable::jacobian(&**self, t, y, jacobian);
     }
 }
 
@@ -429,75 +459,51 @@ impl<const K: usize> Invariants<f64, K> for dyn Dynamics + '_ {
     }
 }
 
-/// A scene known at compile time, such as a generated one, behind [`Factory`].
+/// A scene known at compile time, such as a generated one, behind [`Factory`]: on one lane, `S`, on four, `W`, and with
+/// dual numbers, `D`, for its Jacobian.
 #[derive(Debug)]
-pub struct Typed<S, const N: usize> {
+pub struct Typed<S, W, D, const N: usize> {
     info: Info,
-    scene: std::marker::PhantomData<fn() -> S>,
+    scene: PhantomData<fn() -> (S, W, D)>,
 }
 
-impl<S: Scene<f64> + System<f64, State = [f64; N]>, const N: usize> Typed<S, N> {
-    /// The scene `S`.
+impl<S, W, D, const N: usize> Typed<S, W, D, N>
+where
+    S: Scene<f64> + System<f64, State = [f64; N]>,
+    W: Scene<F64x4> + System<F64x4, State = [F64x4; N]>,
+    D: Scene<Dual> + System<Dual, State = [Dual; N]>,
+{
+    /// The scene.
     pub fn new() -> Self {
-        Typed { info: Info::of::<f64, S>(), scene: std::marker::PhantomData }
+        Typed { info: Info::of::<f64, S>(), scene: PhantomData }
     }
 }
 
-impl<S: Scene<f64> + System<f64, State = [f64; N]>, const N: usize> Default for Typed<S, N> {
+impl<S, W, D, const N: usize> Default for Typed<S, W, D, N>
+where
+    S: Scene<f64> + System<f64, State = [f64; N]>,
+    W: Scene<F64x4> + System<F64x4, State = [F64x4; N]>,
+    D: Scene<Dual> + System<Dual, State = [Dual; N]>,
+{
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl<S: Scene<f64> + System<f64, State = [f64; N]>, const N: usize> Factory for Typed<S, N> {
+impl<S, W, D, const N: usize> Factory for Typed<S, W, D, N>
+where
+    S: Scene<f64> + System<f64, State = [f64; N]>,
+    W: Scene<F64x4> + System<F64x4, State = [F64x4; N]>,
+    D: Scene<Dual> + System<Dual, State = [Dual; N]>,
+{
     fn info(&self) -> &Info {
         &self.info
     }
 
     fn prepare(&self, values: &[f64]) -> Result<Box<dyn Dynamics + '_>, BadParams> {
-        Ok(Box::new(PreparedTyped { info: &self.info, scene: S::prepare(values)? }))
-    }
-}
-
-/// A scene known at compile time on one lane, `S`, and on four, `W`, behind [`Factory`].
-#[derive(Debug)]
-pub struct TypedOnLanes<S, W, const N: usize> {
-    single: Typed<S, N>,
-    wide: std::marker::PhantomData<fn() -> W>,
-}
-
-impl<S, W, const N: usize> TypedOnLanes<S, W, N>
-where
-    S: Scene<f64> + System<f64, State = [f64; N]>,
-    W: Scene<F64x4> + System<F64x4, State = [F64x4; N]>,
-{
-    /// The scene.
-    pub fn new() -> Self {
-        TypedOnLanes { single: Typed::new(), wide: std::marker::PhantomData }
-    }
-}
-
-impl<S, W, const N: usize> Default for TypedOnLanes<S, W, N>
-where
-    S: Scene<f64> + System<f64, State = [f64; N]>,
-    W: Scene<F64x4> + System<F64x4, State = [F64x4; N]>,
-{
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
-impl<S, W, const N: usize> Factory for TypedOnLanes<S, W, N>
-where
-    S: Scene<f64> + System<f64, State = [f64; N]>,
-    W: Scene<F64x4> + System<F64x4, State = [F64x4; N]>,
-{
-    fn info(&self) -> &Info {
-        self.single.info()
-    }
-
-    fn prepare(&self, values: &[f64]) -> Result<Box<dyn Dynamics + '_>, BadParams> {
-        self.single.prepare(values)
+        let duals: Vec<Dual> = values.iter().copied().map(Dual::constant).collect();
+        let (scene, dual) = (S::prepare(values)?, D::prepare(&duals)?);
+        Ok(Box::new(PreparedTyped { info: &self.info, scene, dual }))
     }
 
     fn prepare_lanes(&self, values: &[F64x4]) -> Result<Box<dyn LaneDynamics + '_>, BadParams> {
@@ -530,9 +536,11 @@ where
     }
 }
 
-struct PreparedTyped<'a, S> {
+struct PreparedTyped<'a, S, D> {
     info: &'a Info,
     scene: S,
+    /// The same with dual numbers.
+    dual: D,
 }
 
 fn array<R, const N: usize>(y: &[R]) -> &[R; N] {
@@ -543,7 +551,11 @@ fn array_mut<R, const N: usize>(dy: &mut [R]) -> &mut [R; N] {
     dy.try_into().expect("derivative of the scene's dimension")
 }
 
-impl<S: Scene<f64> + System<f64, State = [f64; N]>, const N: usize> Dynamics for PreparedTyped<'_, S> {
+impl<S, D, const N: usize> Dynamics for PreparedTyped<'_, S, D>
+where
+    S: Scene<f64> + System<f64, State = [f64; N]>,
+    D: System<Dual, State = [Dual; N]>,
+{
     fn info(&self) -> &Info {
         self.info
     }
@@ -570,6 +582,17 @@ impl<S: Scene<f64> + System<f64, State = [f64; N]>, const N: usize> Dynamics for
             out.0.copy_from_slice(coefficient);
         }
         known
+    }
+
+    fn jacobian(&self, t: f64, y: &[f64], rows: &mut [VecState]) {
+        let mut state: [Dual; N] = array::<f64, N>(y).map(Dual::constant);
+        let mut out = state;
+        for column in 0..N {
+            state[column] = Dual::variable(y[column]);
+            System::rhs(&self.dual, Dual::constant(t), &state, &mut out);
+            state[column] = Dual::constant(y[column]);
+            rows.iter_mut().zip(&out).for_each(|(row, value)| row.0[column] = value.derivative);
+        }
     }
 
     fn rhs_cost(&self) -> Option<u64> {

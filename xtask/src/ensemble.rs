@@ -124,6 +124,9 @@ pub fn integrate(factory: &dyn Factory, request: &EnsembleRequest) -> Result<Vec
         MethodName::Gauss4 => job.run::<f64, _>(Gauss4::fixed_point()),
         MethodName::Gauss6 => job.run::<f64, _>(Gauss6::fixed_point()),
         MethodName::Gauss8 => job.run::<f64, _>(Gauss8::fixed_point()),
+        MethodName::Gauss4Newton => job.run::<f64, _>(Gauss4::newton()),
+        MethodName::Gauss6Newton => job.run::<f64, _>(Gauss6::newton()),
+        MethodName::Gauss8Newton => job.run::<f64, _>(Gauss8::newton()),
         MethodName::Taylor => {
             if let Some((dynamics, y)) = &any {
                 has_series(&**dynamics, y)?;

@@ -394,7 +394,7 @@ struct MotionArgs {
     /// Relative tolerance [default: 1e-10]
     #[arg(long, value_parser = finite)]
     rtol: Option<f64>,
-    /// Absolute tolerance [default: 1e-12]
+    /// Absolute tolerance [default: 1e-12]: errors below it do not count, so take less, or 0, for motions of less than atol/rtol
     #[arg(long, value_parser = finite)]
     atol: Option<f64>,
     /// Fixed step size instead of tolerances

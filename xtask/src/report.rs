@@ -60,7 +60,8 @@ impl Precision {
     ///
     /// The error is `max_i |y_i - z_i| / max(1, |z_i|)` at the end, `z` being the solution of the eighth-order method at
     /// the tightest tolerance. Runs that fail, as coarse ones may, leave no point. Taylor series are left out: they evaluate
-    /// recurrences of many orders, not the right-hand side. So is `auto`, which is one of the others.
+    /// recurrences of many orders, not the right-hand side. So are Newton's iterations, whose Jacobians it does not count, and
+    /// `auto`, which is one of the others.
     pub fn measure(
         t_final: f64,
         mut solve: impl FnMut(MethodName, Steps) -> Result<SimulateResponse, Error>,
@@ -76,7 +77,7 @@ impl Precision {
         };
         let floor = error(&other.last).max(f64::EPSILON);
         let mut methods = Vec::new();
-        let is_shown = |m: &MethodName| !matches!(m, MethodName::Taylor | MethodName::Auto);
+        let is_shown = |m: &MethodName| !matches!(m, MethodName::Taylor | MethodName::Auto) && !m.is_newton();
         for method in MethodName::ALL.into_iter().filter(is_shown) {
             // Twice as many steps each time; the Gauss methods take few large ones.
             let fixed = |k: u32| Steps::Fixed { step: t_final / f64::from(1 << k) };

@@ -41,6 +41,15 @@ pub enum MethodName {
     Gauss6,
     /// Gauss collocation of eighth order: symplectic, fixed steps only.
     Gauss8,
+    /// The same of fourth order with Newton's iteration, for stiff systems and long steps.
+    #[serde(rename = "gauss4-newton")]
+    Gauss4Newton,
+    /// The same of sixth order with Newton's iteration.
+    #[serde(rename = "gauss6-newton")]
+    Gauss6Newton,
+    /// The same of eighth order with Newton's iteration.
+    #[serde(rename = "gauss8-newton")]
+    Gauss8Newton,
     /// Taylor series of an order that suits the tolerances.
     Taylor,
     /// The one that is fastest for the tolerance and the scene, by measurements: see [`crate::auto`].
@@ -51,7 +60,7 @@ pub enum MethodName {
 
 impl MethodName {
     /// All methods.
-    pub const ALL: [MethodName; 11] = [
+    pub const ALL: [MethodName; 14] = [
         MethodName::Tsit5,
         MethodName::Dop853,
         MethodName::Vern9,
@@ -60,6 +69,9 @@ impl MethodName {
         MethodName::Gauss4,
         MethodName::Gauss6,
         MethodName::Gauss8,
+        MethodName::Gauss4Newton,
+        MethodName::Gauss6Newton,
+        MethodName::Gauss8Newton,
         MethodName::Taylor,
         MethodName::Auto,
         MethodName::Projected,
@@ -76,6 +88,9 @@ impl MethodName {
             MethodName::Gauss4 => "gauss4",
             MethodName::Gauss6 => "gauss6",
             MethodName::Gauss8 => "gauss8",
+            MethodName::Gauss4Newton => "gauss4-newton",
+            MethodName::Gauss6Newton => "gauss6-newton",
+            MethodName::Gauss8Newton => "gauss8-newton",
             MethodName::Taylor => "taylor",
             MethodName::Auto => "auto",
             MethodName::Projected => "projected",
@@ -85,7 +100,13 @@ impl MethodName {
     /// Whether the method takes fixed steps only.
     pub(crate) fn has_fixed_steps(self) -> bool {
         use MethodName::{Gauss4, Gauss6, Gauss8, Rk4};
-        matches!(self, Rk4 | Gauss4 | Gauss6 | Gauss8)
+        matches!(self, Rk4 | Gauss4 | Gauss6 | Gauss8) || self.is_newton()
+    }
+
+    /// Whether the method asks for derivatives of the right-hand side.
+    pub(crate) fn is_newton(self) -> bool {
+        use MethodName::{Gauss4Newton, Gauss6Newton, Gauss8Newton};
+        matches!(self, Gauss4Newton | Gauss6Newton | Gauss8Newton)
     }
 }
 
@@ -529,6 +550,9 @@ pub fn simulate(
         MethodName::Gauss4 => run(Gauss4::fixed_point(), dynamics, request, progress),
         MethodName::Gauss6 => run(Gauss6::fixed_point(), dynamics, request, progress),
         MethodName::Gauss8 => run(Gauss8::fixed_point(), dynamics, request, progress),
+        MethodName::Gauss4Newton => run(Gauss4::newton(), dynamics, request, progress),
+        MethodName::Gauss6Newton => run(Gauss6::newton(), dynamics, request, progress),
+        MethodName::Gauss8Newton => run(Gauss8::newton(), dynamics, request, progress),
         MethodName::Dopri5 => run(Dopri5, dynamics, request, progress),
         MethodName::Rk4 => run(Rk4, dynamics, request, progress),
         MethodName::Taylor => {

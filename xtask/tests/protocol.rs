@@ -255,6 +255,9 @@ fn simulate_takes_defaults_and_all_methods() {
         ("gauss4", Some(1e-3)),
         ("gauss6", Some(0.01)),
         ("gauss8", Some(0.02)),
+        ("gauss4-newton", Some(1e-3)),
+        ("gauss6-newton", Some(0.01)),
+        ("gauss8-newton", Some(0.02)),
     ];
     for (method, step) in methods {
         let mut request = json!({"initial": initial, "t_final": 2, "method": method});
@@ -273,6 +276,52 @@ fn simulate_takes_defaults_and_all_methods() {
     assert!((back["final"]["Omega1"].as_f64().unwrap() - 1.0).abs() < 1e-8);
     let nothing = simulate(TOP, &json!({"initial": initial, "t_final": 0, "samples": 1})).unwrap();
     assert_eq!((nothing["final"].clone(), nothing["steps"].as_u64()), (initial.clone(), Some(0)));
+}
+
+/// Two masses on springs, one of which is stiffer by eight orders; linear, so that energy is quadratic.
+const STIFF: &str = "model stiff {
+    param k = 1e8;
+    coordinate x in real;
+    coordinate y in real;
+    lagrangian = 1/2*(x_dot^2 + y_dot^2) - 1/2*(x^2 + k*(y - x)^2);
+}";
+
+#[test]
+fn newton_takes_steps_that_fixed_points_cannot_and_is_recommended_by_its_name() {
+    let request = |method: &str| {
+        let initial = json!({"x": 1, "y": 1, "x_dot": 0, "y_dot": 0});
+        json!({"initial": initial, "t_final": 10, "method": method, "step": 0.05})
+    };
+    for method in ["gauss4", "gauss6", "gauss8"] {
+        let Err(error) = simulate(STIFF, &request(method)) else { panic!("{method} converged") };
+        let words = format!("take a smaller step, or {method}-newton");
+        assert!(error.to_string().contains(&words), "{error}");
+        // What is recommended works.
+        let answer = simulate(STIFF, &request(&format!("{method}-newton"))).unwrap();
+        assert_eq!(answer["steps"], 200);
+        // Both masses together: x'' = -x/2, but for the stretch of the stiff spring.
+        let x = answer["final"]["x"].as_f64().unwrap();
+        assert!((x - (10.0 / 2.0_f64.sqrt()).cos()).abs() < 1e-5, "{method}: {x}");
+        assert!(answer["energy_drift"].as_f64().unwrap() < 1e-6, "{method}: {answer}");
+    }
+}
+
+#[test]
+fn results_do_not_depend_on_the_scale_of_the_state() {
+    let oscillator = "model oscillator { coordinate x in real; lagrangian = 1/2*x_dot^2 - 1/2*x^2; }";
+    for method in ["tsit5", "dopri5", "dop853", "vern9", "taylor"] {
+        let end = |amplitude: f64| {
+            let initial = json!({"x": amplitude, "x_dot": 0.5 * amplitude});
+            let request =
+                json!({"initial": initial, "t_final": 10, "method": method, "rtol": 1e-9, "atol": 0});
+            simulate(oscillator, &request).unwrap()["final"]["x"].as_f64().unwrap() / amplitude
+        };
+        let expected = 10.0_f64.cos() + 0.5 * 10.0_f64.sin();
+        for amplitude in [1.0, 1e-40, 1e-300, 1e-100, 1e100] {
+            let found = end(amplitude);
+            assert!((found - expected).abs() < 1e-6, "{method} {amplitude:e}: {found} and {expected}");
+        }
+    }
 }
 
 #[test]

@@ -3,14 +3,15 @@
 use std::process::ExitCode;
 
 use hamel_models::generated;
-use hamel_runtime::F64x4;
-use xtask::dynamics::{Factory, TypedOnLanes};
+use hamel_runtime::{Dual, F64x4};
+use xtask::dynamics::{Factory, Typed};
 
 /// Collects a factory for every scene that was generated.
 macro_rules! factories {
     ($(($module:ident, $model:literal, $scene:literal, $n:literal))*) => {
-        vec![$(Box::new(TypedOnLanes::<
-            generated::$module::Prepared<f64>, generated::$module::Prepared<F64x4>, $n,
+        vec![$(Box::new(Typed::<
+            generated::$module::Prepared<f64>, generated::$module::Prepared<F64x4>, generated::$module::Prepared<Dual>,
+            $n,
         >::new()) as Box<dyn Factory>),*]
     };
 }

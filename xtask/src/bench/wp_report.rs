@@ -197,7 +197,9 @@ ratios of one run.
 
 * **hamel**: the methods of `hamel-runtime`; `taylor` integrates the scene with Taylor series.
 * **ode_solvers** 0.6, **differential-equations** 0.7: they integrate the same generated right-hand side, so that only the
-  integrator differs; `vector algebra` is the right-hand side by nalgebra instead.
+  integrator differs; `vector algebra` is the right-hand side by nalgebra instead. In `dop853` of ode_solvers 0.6.2 the nodes
+  `c_12` and `c_13` are 0 instead of 1: its times hold for systems without explicit time, as all of these, and it is no method
+  for others.
 * **heyoka**, **scipy** (with `--peers`): called from Python, with the equations in their best form by hand; heyoka compiles its
   steps for this machine.
 

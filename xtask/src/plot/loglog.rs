@@ -2,7 +2,7 @@
 //!
 //! Deliberately does not know: what the numbers are.
 
-use plotters::element::{Circle, PathElement, Text};
+use plotters::element::{Circle, PathElement, Polygon, Rectangle, Text};
 use plotters::style::text_anchor::{HPos, VPos};
 use plotters::style::{RGBColor, ShapeStyle};
 
@@ -40,6 +40,27 @@ const TOP: f64 = 78.0;
 const FRAME_HEIGHT: f64 = 460.0;
 const BOTTOM: f64 = 58.0;
 const LEGEND_LINE: f64 = 21.0;
+/// Further colours than those of lines over time: more methods are compared than lines are drawn in one panel.
+const MORE_COLOURS: [RGBColor; 4] =
+    [RGBColor(170, 15, 60), RGBColor(110, 150, 0), RGBColor(0, 80, 90), RGBColor(235, 140, 130)];
+
+/// The form of the points of a curve.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Mark {
+    Circle,
+    Square,
+    Triangle,
+}
+
+/// Colour and mark of the curve of a number: no two of the first 36 look alike.
+fn appearance(number: usize) -> (RGBColor, Mark) {
+    let n_colours = COLOURS.len() + MORE_COLOURS.len();
+    let place = number % n_colours;
+    let colour = COLOURS.get(place).unwrap_or_else(|| &MORE_COLOURS[place - COLOURS.len()]);
+    let marks = [Mark::Circle, Mark::Square, Mark::Triangle];
+    (*colour, marks[number / n_colours % marks.len()])
+}
+
 /// Length and distance of the strokes of a broken line.
 const STROKE: [f64; 2] = [5.0, 4.0];
 
@@ -138,11 +159,11 @@ fn draw<'a>(area: &Area<'a>, figure: &LogLog) -> Drawn<'a> {
     let style = font(12.5, INK, false, HPos::Center, VPos::Bottom);
     let style = style.transform(plotters::style::FontTransform::Rotate270);
     area.draw(&Text::new(figure.labels[1].clone(), at(LEFT - 46.0, TOP + FRAME_HEIGHT / 2.0), style))?;
-    // Colours begin anew with the broken curves.
+    // Colours and marks begin anew with the broken curves.
     let mut used = [0, 0];
     let mut legend_y = TOP + 10.0;
     for curve in &figure.curves {
-        let colour = COLOURS[used[usize::from(curve.broken)] % COLOURS.len()];
+        let (colour, mark) = appearance(used[usize::from(curve.broken)]);
         used[usize::from(curve.broken)] += 1;
         let marked: Vec<(f64, f64)> =
             curve.points.iter().filter(|p| usable(p)).map(|p| (x(p[0]), y(p[1]))).collect();
@@ -150,7 +171,23 @@ fn draw<'a>(area: &Area<'a>, figure: &LogLog) -> Drawn<'a> {
         line(area, &[(right + 14.0, legend_y), (right + 42.0, legend_y)], curve.broken, stroke(colour, 1.5))?;
         for (x, y) in marked.into_iter().chain([(right + 28.0, legend_y)]) {
             let style = ShapeStyle { filled: !curve.broken, ..stroke(colour, 1.2) };
-            area.draw(&Circle::new(at(x, y), scaled(2.6), style))?;
+            match mark {
+                Mark::Circle => area.draw(&Circle::new(at(x, y), scaled(2.6), style))?,
+                Mark::Square => {
+                    area.draw(&Rectangle::new([at(x - 2.4, y - 2.4), at(x + 2.4, y + 2.4)], style))?
+                }
+                Mark::Triangle => {
+                    let corners = [at(x, y - 3.2), at(x + 3.0, y + 2.2), at(x - 3.0, y + 2.2)];
+                    if style.filled {
+                        area.draw(&Polygon::new(corners, style))?;
+                    } else {
+                        area.draw(&PathElement::new(
+                            [corners[0], corners[1], corners[2], corners[0]],
+                            style,
+                        ))?;
+                    }
+                }
+            }
         }
         label(&curve.name, right + 50.0, legend_y, 12.0, INK, HPos::Left, VPos::Center)?;
         legend_y += LEGEND_LINE;
@@ -160,7 +197,27 @@ fn draw<'a>(area: &Area<'a>, figure: &LogLog) -> Drawn<'a> {
 
 #[cfg(test)]
 mod tests {
-    use super::{Curve, LogLog, decades, power, svg};
+    use super::{Curve, LogLog, Mark, appearance, decades, power, svg};
+    use crate::simulate::MethodName;
+
+    #[test]
+    fn no_two_curves_look_alike() {
+        let looks: Vec<_> = (0..36).map(appearance).collect();
+        for (k, look) in looks.iter().enumerate() {
+            assert!(!looks[..k].contains(look), "{k}: {look:?}");
+        }
+        // One colour for each method, so that `tsit5` and `projected` do not share theirs.
+        for k in 0..MethodName::ALL.len() - 3 {
+            assert!(looks[..k].iter().all(|look| look.0 != looks[k].0), "{k}");
+            assert_eq!(looks[k].1, Mark::Circle);
+        }
+        let points = vec![[1e-6, 3.0]];
+        let curve = |k: usize| Curve { name: format!("{k}"), broken: k % 2 == 1, points: points.clone() };
+        let text = svg(&LogLog { curves: (0..72).map(curve).collect(), ..LogLog::default() }).unwrap();
+        // Twelve circles of each kind, with those of the legend; squares of both kinds.
+        assert_eq!(text.matches("<circle").count(), 2 * 2 * 12);
+        assert!(text.matches("<rect").count() >= 2 * 2 * 12 && text.matches("<polygon").count() >= 24);
+    }
 
     #[test]
     fn all_usable_points_are_marked_within_whole_decades() {
