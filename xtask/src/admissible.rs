@@ -69,7 +69,8 @@ pub(crate) fn is_judged_by(info: &Info) -> bool {
 /// |phi_A| <= 1e-9 S_A + 16 eps sum_x |x dphi_A/dx|,    S_A = max |v| sum_v |dphi_A/dv|
 /// ```
 ///
-/// with the velocities `v` that `phi_A` depends on, and everything else `x`.
+/// with the velocities `v` and everything else `x`. What is left of a component that vanishes is rounding of the largest
+/// velocity, so that the sum of the terms' sizes would be no measure.
 ///
 /// # Errors
 /// [`Error::Inadmissible`] with the residuals that are more, and the nearest state with the same positions that keeps
@@ -136,7 +137,7 @@ struct Linear {
     residual: Vec<f64>,
     /// `dphi_A/dv_i`.
     jacobian: Vec<Vec<f64>>,
-    /// `S_A = max |v| sum_i |dphi_A/dv_i|`, the maximum over the velocities that `phi_A` depends on.
+    /// `S_A = max |v| sum_i |dphi_A/dv_i|`.
     sizes: Vec<f64>,
     /// `M_ij = dp_i/dv_j`.
     mass: Option<Vec<Vec<f64>>>,
@@ -163,11 +164,7 @@ fn linearise(outputs: &mut Outputs<'_>, places: &Places, y: &[f64]) -> Result<Li
     let n = places.velocities.len();
     let row = |at: usize| (0..n).map(|i| slope(at, i)).collect::<Vec<f64>>();
     let jacobian: Vec<Vec<f64>> = places.constraint.clone().map(row).collect();
-    let size = |slopes: &Vec<f64>| {
-        let moving = places.velocities.iter().zip(slopes).filter(|(_, slope)| **slope != 0.0);
-        let largest = moving.fold(0.0, |max: f64, (k, _)| max.max(y[*k].abs()));
-        largest * slopes.iter().map(|x| x.abs()).sum::<f64>()
-    };
+    let size = |slopes: &Vec<f64>| largest * slopes.iter().map(|x| x.abs()).sum::<f64>();
     Ok(Linear {
         residual: values[0][places.constraint.clone()].to_vec(),
         sizes: jacobian.iter().map(size).collect(),

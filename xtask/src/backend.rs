@@ -161,7 +161,7 @@ mod tests {
         let far = told(1e15, 1_000_000, 300.0);
         assert_eq!(far, "t = 300.0000 of 1000000000000000.0, 1000 steps, 3 h to the limit of 1000000 steps");
         assert!(
-            told(1e15, u64::MAX, 300.0).ends_with("1056245 years left"),
+            told(1e15, u64::MAX, 300.0).ends_with("1056270 years left"),
             "{}",
             told(1e15, u64::MAX, 300.0)
         );

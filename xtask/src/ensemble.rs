@@ -581,6 +581,8 @@ mod tests {
     #[test]
     fn trajectories_done_before_take_no_part_in_the_time_left() {
         let bar = progress_bar((8192, 100_000));
-        assert_eq!((bar.position(), bar.per_sec()), (8192, 0.0));
+        assert_eq!(bar.position(), 8192);
+        // Zero, or not a number where the clock has not moved.
+        assert!(bar.per_sec().is_nan() || bar.per_sec() == 0.0, "{}", bar.per_sec());
     }
 }
