@@ -5,7 +5,8 @@
 use std::fmt;
 
 use hamel_runtime::{
-    F64x4, Failure, Invariants, Jet, MAX_ORDER, ParamError, Pivot, Real, Scene, SceneInfo, StateVector, System,
+    F64x4, Failure, Invariants, Jet, MAX_ORDER, ParamError, Pivot, Real, Scene, SceneInfo, StateVector,
+    System,
 };
 use serde::{Deserialize, Serialize};
 

@@ -140,7 +140,7 @@ Examples:
     ///
     /// and one line is printed:
     ///
-    /// {"t", "final": {..}, "samples": [[t, {..}], ..], "steps", "rejected", "rhs_evals", "energy_drift"}
+    /// {"t", "final": {..}, "samples": [[t, {..}], ..], "steps", "rejected", "rhs_evals", "energy_drift", "warnings"}
     ///
     /// A request with "reconstruct" gives the coordinates of the group, all of them or none for the defaults, and the answer
     /// has their final values in "reconstruction". `cargo xtask list` shows their names: what scene reconstruction adds to
