@@ -1230,7 +1230,7 @@ mod tests {
         );
         let condition = |q: f64| scene.prepare(&[0.1, q]).err().map(|e| e.to_string());
         let refused = condition(0.1 * 0.1).expect("1e-18 is left of 0.01");
-        assert!(refused.contains("inertia along b_dot != 0"), "{refused}");
+        assert!(refused.contains("inertia along b_dot > 0"), "{refused}");
         assert_eq!(condition(0.1 * 0.1 * (1.0 + 16.0 * f64::EPSILON)), None);
         // Overflow: no number is left to divide by.
         assert!(scene.prepare(&[1e200, 1.0]).is_err());
@@ -1254,5 +1254,117 @@ mod tests {
         // Eliminated as it stands, nothing would be left of c.
         let interpreter = scene.prepare(&[1.0, 1.0, 1e9]).expect("allowed parameters");
         assert_eq!(interpreter.check(0.0, &[0.0; 4]), Ok(()));
+    }
+
+    /// `A = [[e, 1], [1, q]]` with these defaults.
+    fn coupled(e: &str, q: &str) -> BuiltScene {
+        built(&format!(
+            "model m {{
+                param e = {e};
+                param q = {q};
+                coordinate a, b in real;
+                lagrangian = e/2*a_dot^2 + a_dot*b_dot + q/2*b_dot^2;
+            }}"
+        ))
+    }
+
+    #[test]
+    fn an_inertia_that_is_definite_by_default_has_to_be_so_for_all_parameters() {
+        let scene = coupled("2", "3");
+        let texts: Vec<&str> = scene.program.prepare.conditions.iter().map(|c| c.text.as_str()).collect();
+        assert_eq!(texts, ["inertia along a_dot > 0", "inertia along b_dot > 0"]);
+        let refused = scene.prepare(&[2.0, 0.4]).expect_err("det = -0.2");
+        assert_eq!(refused.condition, "inertia along b_dot > 0");
+        assert!(refused.meaning.contains("positive definite"), "{refused}");
+        assert!(scene.prepare(&[-2.0, -3.0]).is_err(), "negative definite");
+        assert!(scene.prepare(&[1e-9, 1.1e9]).is_ok(), "growth is no matter there");
+    }
+
+    #[test]
+    fn a_lagrangian_that_is_indefinite_by_default_is_refused_where_its_entries_are_lost() {
+        let scene = coupled("1", "-1");
+        // x = (e b2 - b1)/(e q - 1) and the like, of any sign.
+        for (e, q) in [(1.0, -1.0), (1.0, 3.0), (-2.0, 0.25), (0.01, -0.02)] {
+            assert!(scene.prepare(&[e, q]).is_ok(), "{e} {q}");
+        }
+        // The second pivot is q - 1/e: nothing is left of q.
+        let lost = scene.prepare(&[1e-15, 0.3]).expect_err("growth of 1e15");
+        assert_eq!(lost.condition, "terms of inertia along b_dot <= 1024 entries of its matrix");
+        assert!(lost.meaning.contains("rounding errors"), "{lost}");
+        assert!(scene.prepare(&[0.0, 1.0]).is_err() && scene.prepare(&[2.0, 0.5]).is_err());
+    }
+
+    #[test]
+    fn pivots_that_can_change_their_sign_are_watched_and_no_others() {
+        let watches = |lagrangian: &str| {
+            let text =
+                format!("model m {{ param k = 2; coordinate x, w in real; lagrangian = {lagrangian}; }}");
+            built(&text).program.function_idx(lower::SIGNATURE).is_some()
+        };
+        assert!(watches("1/2*(1 - x^2)*x_dot^2 + 1/2*w_dot^2 - 1/2*w^2"));
+        assert!(watches("1/2*x_dot^2 + x*x_dot*w_dot + 1/2*w_dot^2"));
+        // Proved positive; squares, whose sum has no negative eigenvalue; parameters.
+        assert!(!watches("1/2*(1 + x^2)*x_dot^2 + 1/2*w_dot^2"));
+        assert!(!watches("1/2*x^2*x_dot^2 + 1/2*(w_dot + sin(x)*x_dot)^2"));
+        assert!(!watches("1/2*(w_dot + cos(x)*x_dot)^2 + 1/2*(w_dot - x*x_dot)^2 - x + w_dot"));
+        assert!(!watches("k/2*x_dot^2 + x_dot*w_dot + 1/2*w_dot^2 - cos(x)"));
+    }
+
+    #[test]
+    fn the_signature_changes_where_a_matrix_becomes_singular() {
+        // Two pivots, 1 - x^2 and then 4 - x^2 - w^2/(1 - x^2).
+        let scene = built(
+            "model m {
+                coordinate x, w in real;
+                lagrangian = 1/2*(1 - x^2)*x_dot^2 + w*x_dot*w_dot + 1/2*(4 - x^2)*w_dot^2;
+            }",
+        );
+        let interpreter = scene.prepare(&[]).expect("no parameters");
+        let at = |x: f64, w: f64| {
+            assert_eq!(scene.state_names()[..2], ["x", "w"]);
+            interpreter.signature(0.0, &[x, w, 0.3, 0.4])
+        };
+        // The number of negative eigenvalues: none, one, one, two.
+        let count = |x: f64, w: f64| {
+            let (a, d) = (1.0 - x * x, 4.0 - x * x);
+            let determinant = a * d - w * w;
+            if determinant < 0.0 { 0.0 } else { 2.0 * f64::signum(a + d) }
+        };
+        for (x, w) in [(0.0, 0.0), (0.5, 0.3), (0.0, 3.0), (1.5, 0.2), (1.5, -4.0), (3.0, 0.1), (-3.0, 0.5)] {
+            assert_eq!(at(x, w), count(x, w), "{x} {w}");
+        }
+        // On the line x = 1 a pivot is zero.
+        assert!(at(1.0, 0.5).is_nan());
+        let text = scene.emit().expect("a module");
+        assert!(text.contains("fn signature(&self, t: R, y: &[R; 4]) -> R"), "{text}");
+    }
+
+    #[test]
+    fn a_pivot_that_is_not_finite_is_refused_whatever_its_sign() {
+        let scene = built("model m { coordinate x in real; lagrangian = 1/2*(1 + x^2)*x_dot^2; }");
+        let interpreter = scene.prepare(&[]).expect("no parameters");
+        let mut rate = [0.0; 2];
+        interpreter.rhs(0.0, &[1e160, 1.0], &mut rate);
+        assert_eq!(rate[1].abs(), 0.0, "x' = -x x'^2/(1 + x^2) is 1e-160");
+        assert_eq!(interpreter.check(0.0, &[1e160, 1.0]), Err("inertia along x_dot".into()));
+        assert_eq!(interpreter.check(0.0, &[1e150, 1.0]), Ok(()));
+    }
+
+    #[test]
+    fn divisors_of_the_model_are_checked_by_their_formula() {
+        let scene = built(
+            "model m {
+                param k = 2;
+                coordinate x, y in real;
+                lagrangian = 1/2*(x_dot^2 + y_dot^2) + k/sqrt(x^2 + y^2) + cos(x)/(2 + sin(y)) + 1/(x - y)^2;
+            }",
+        );
+        let interpreter = scene.prepare(&[2.0]).expect("a number");
+        let names: Vec<&str> = interpreter.pivots(0.0, &[0.3, 0.4, 0.0, 0.0]).iter().map(|p| p.0).collect();
+        assert!(names.contains(&"x^2 + y^2"), "{names:?}");
+        assert!(names.iter().any(|n| ["x - y", "-x + y", "y - x"].contains(n)), "{names:?}");
+        assert_eq!(interpreter.check(0.0, &[0.0; 4]), Err(names[0].into()));
+        assert!(interpreter.check(0.0, &[0.5, 0.5, 0.0, 0.0]).is_err());
+        assert_eq!(interpreter.check(0.0, &[0.5, 0.25, 0.0, 0.0]), Ok(()));
     }
 }

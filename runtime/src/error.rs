@@ -52,10 +52,16 @@ impl fmt::Display for Failure {
                 write!(f, "pivot {pivot} vanishes at t = {t}: the equations are singular there")
             }
             Self::ChangedSign { t, pivot } => {
-                write!(f, "pivot {pivot} passes through zero before t = {t}: the equations are singular there")
+                write!(
+                    f,
+                    "pivot {pivot} passes through zero before t = {t}: the equations are singular there"
+                )
             }
             Self::PivotNotFinite { t, pivot } => {
-                write!(f, "pivot {pivot} is not finite at t = {t}: the numbers of the state are too large for it")
+                write!(
+                    f,
+                    "pivot {pivot} is not finite at t = {t}: the numbers of the state are too large for it"
+                )
             }
             Self::OutsideDomain { t, condition } => {
                 write!(f, "{condition} does not hold at t = {t}: the equations are not defined there")

@@ -688,7 +688,8 @@ impl<'s, R: Real, S: System<R>, M: Method<R, S>> Integrator<'s, R, S, M> {
     /// Why steps became too small: a pivot that is about to vanish where there is one.
     #[cold]
     fn too_small(&mut self, h: R, failure: Option<Error>) -> Error {
-        let unnamed = |e: &Error| matches!(e, Error::Failure(Failure::NonFinite { .. }) | Error::NotConverged { .. });
+        let unnamed =
+            |e: &Error| matches!(e, Error::Failure(Failure::NonFinite { .. }) | Error::NotConverged { .. });
         if let Some(named) = failure.filter(|e| !unnamed(e)) {
             return named;
         }
@@ -712,7 +713,8 @@ impl<'s, R: Real, S: System<R>, M: Method<R, S>> Integrator<'s, R, S, M> {
             return reason;
         }
         let t = signed(self.t + h);
-        self.pivot_ahead(h, 1, changes_sign).map_or(reason, |pivot| Failure::ChangedSign { t, pivot }.into())
+        // The motion runs ahead of its tangent there.
+        self.pivot_ahead(h, 2, changes_sign).map_or(reason, |pivot| Failure::ChangedSign { t, pivot }.into())
     }
 
     fn accept(&mut self, h: R, t: R, t_residue: R) {

@@ -2,8 +2,8 @@
 //! divides by is finite.
 
 use hamel_runtime::{
-    Dop853, Dopri5, Error, Failure, Gauss4, Gauss6, Gauss8, Integrator, Invariants, Jet, Method, Options, Pivot,
-    Projected, Real, Rk4, System, Taylor, Tsit5, Vern9,
+    Dop853, Dopri5, Error, Failure, Gauss4, Gauss6, Gauss8, Integrator, Invariants, Jet, Method, Options,
+    Pivot, Projected, Real, Rk4, System, Taylor, Tsit5, Vern9,
 };
 
 const T_SINGULAR: f64 = core::f64::consts::FRAC_PI_4;
@@ -82,7 +82,8 @@ fn stopped<M: Method<f64, Thinning>>(method: M, options: Options<f64>, t_end: f6
 #[test]
 fn fixed_steps_do_not_walk_through_a_vanishing_pivot() {
     let named = |(failure, t, x): (Failure, f64, f64), method: &str| {
-        let (Failure::ChangedSign { t: after, pivot } | Failure::Singular { t: after, pivot }) = failure else {
+        let (Failure::ChangedSign { t: after, pivot } | Failure::Singular { t: after, pivot }) = failure
+        else {
             panic!("{method}: {failure}")
         };
         assert_eq!(pivot, "inertia along x_dot", "{method}");
@@ -174,7 +175,10 @@ impl System<f64> for Blowup {
 fn a_pivot_that_does_not_vanish_is_not_blamed() {
     let mut solver = Integrator::new(&Blowup, Dop853, 0.0, [1.0], Options::adaptive(1e-9, 1e-9)).unwrap();
     let error = solver.integrate_to(2.0).unwrap_err();
-    assert!(!matches!(error, Error::Failure(Failure::Singular { .. } | Failure::ChangedSign { .. })), "{error}");
+    assert!(
+        !matches!(error, Error::Failure(Failure::Singular { .. } | Failure::ChangedSign { .. })),
+        "{error}"
+    );
 }
 
 /// `x' = x`, `v' = 1/(1 + x^2)`: the denominator overflows long before `x` does.
@@ -197,10 +201,7 @@ fn a_pivot_that_overflows_on_the_way_is_refused() {
     for options in [Options::fixed(0.5), Options::adaptive(1e-6, 1e-6)] {
         let mut solver = Integrator::new(&Growing, Dop853, 0.0, [1e150, 0.0], options).unwrap();
         let error = solver.integrate_to(60.0).unwrap_err();
-        assert!(
-            matches!(error, Error::Failure(Failure::PivotNotFinite { pivot: "1 + x^2", .. })),
-            "{error}"
-        );
+        assert!(matches!(error, Error::Failure(Failure::PivotNotFinite { pivot: "1 + x^2", .. })), "{error}");
         assert!(solver.state()[0] <= 1.4e154, "{}", solver.state()[0]);
     }
 }
@@ -214,7 +215,10 @@ fn pivots_that_cannot_be_divided_by_are_refused() {
     assert_eq!([verify(0.0, 0.0), verify(1e-17, 1.0), verify(-1e-17, 1.0)], [singular; 3]);
     // Subnormal: a number of three digits.
     assert_eq!(verify(1e-321, 0.0), singular);
-    assert_eq!([verify(f64::INFINITY, 0.0), verify(f64::NEG_INFINITY, 1.0), verify(f64::NAN, 0.0)], [infinite; 3]);
+    assert_eq!(
+        [verify(f64::INFINITY, 0.0), verify(f64::NEG_INFINITY, 1.0), verify(f64::NAN, 0.0)],
+        [infinite; 3]
+    );
     assert_eq!(Pivot { name: "p", value: 1.0_f32, scale: f32::INFINITY }.verify(2.0), singular);
 }
 
@@ -229,7 +233,8 @@ fn one_lane_over_a_singular_point_ends_the_integration_of_all() {
             [F64x4::splat(0.0), F64x4::new(speed)]
         };
         let mut solver =
-            Integrator::new(&Thinning, Rk4, F64x4::splat(0.0), start(k), Options::fixed(F64x4::splat(0.1))).unwrap();
+            Integrator::new(&Thinning, Rk4, F64x4::splat(0.0), start(k), Options::fixed(F64x4::splat(0.1)))
+                .unwrap();
         let error = solver.integrate_to(F64x4::splat(3.0)).unwrap_err();
         assert!(
             matches!(error, Error::Failure(Failure::ChangedSign { pivot: "inertia along x_dot", .. })),

@@ -151,17 +151,21 @@ pub fn eval(factory: &dyn Factory, request: &EvalRequest) -> Result<EvalResponse
         })
         .collect();
     if n > MAX_PROBLEMS {
-        let reason = format!("cannot be evaluated at {n} of {n_states} places, of which {MAX_PROBLEMS} are shown");
+        let reason =
+            format!("cannot be evaluated at {n} of {n_states} places, of which {MAX_PROBLEMS} are shown");
         problems.push(Problem::Unusable { path: "states".into(), reason });
     }
     Err(Error::Request { problems })
 }
 
 /// The derivative, the energy and the outputs at a point.
+type Values = (Vec<f64>, Option<f64>, Vec<f64>);
+
+/// The [`Values`] at a point.
 ///
 /// # Errors
 /// Why one of them has no finite value.
-fn values(dynamics: &dyn Dynamics, t: f64, y: &[f64]) -> Result<(Vec<f64>, Option<f64>, Vec<f64>), String> {
+fn values(dynamics: &dyn Dynamics, t: f64, y: &[f64]) -> Result<Values, String> {
     let dy = derivative(dynamics, t, y)?;
     let energy = dynamics.energy(t, y);
     if energy.is_some_and(|e| !e.is_finite()) {

@@ -142,7 +142,7 @@ Examples:
     /// and one line is printed:
     ///
     /// {"t", "final": {..}, "samples": [[t, {..}], ..], "steps", "rejected", "rhs_evals", "energy_drift",
-    /// "constraint_residual", "initial_residual"}
+    /// "constraint_residual", "initial_residual", "warnings"}
     ///
     /// A request with "reconstruct" gives the coordinates of the group, all of them or none for the defaults, and the answer
     /// has their final values in "reconstruction". `cargo xtask list` shows their names: what scene reconstruction adds to

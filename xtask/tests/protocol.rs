@@ -45,6 +45,7 @@ const ANSWER: [&str; 9] = [
     "energy_drift",
     "constraint_residual",
     "initial_residual",
+    "warnings",
 ];
 
 fn backend(text: &str, scene: &str) -> Local<bridge::Built> {
@@ -204,20 +205,97 @@ fn bad_parameters_name_the_condition_and_the_value() {
 #[test]
 fn singular_and_overflowing_states_are_errors_with_their_index() {
     let request = json!({"states": [{"x": 1, "x_dot": 0}, {"x": 0, "x_dot": 1}]});
-    match eval(BEAD, &request) {
-        Err(Error::State { path, reason }) => {
-            assert_eq!(path, "states[1]");
-            assert!(reason.contains("singular") || reason.contains("not finite"), "{reason}");
+    let told = |text: &str, request: &Value| eval(text, request).unwrap_err().to_string();
+    assert_eq!(
+        told(BEAD, &request),
+        "states[1] cannot be evaluated: pivot inertia along x_dot vanishes at t = 0: the equations are singular there"
+    );
+    let overflow = told(TOP, &json!({"states": [state([1.0, 1e300, 1e300])]}));
+    assert!(overflow.starts_with("states[0] cannot") && overflow.contains("Omega1"), "{overflow}");
+}
+
+#[test]
+fn eval_tells_every_bad_state_with_its_index_and_pivot() {
+    let at = |x: f64| json!({"x": x, "x_dot": 1});
+    let request = json!({"states": [at(0.0), at(1.0), at(1e300), at(0.0)], "t": 2});
+    let lines: Vec<(String, String)> = problems(eval(BEAD, &request))
+        .into_iter()
+        .map(|p| match p {
+            Problem::Unusable { path, reason } => (path, reason),
+            other => panic!("{other:?}"),
+        })
+        .collect();
+    assert_eq!(
+        lines.iter().map(|l| l.0.as_str()).collect::<Vec<_>>(),
+        ["states[0]", "states[2]", "states[3]"]
+    );
+    assert!(lines[0].1.contains("pivot inertia along x_dot vanishes at t = 2"), "{lines:?}");
+    assert!(lines[1].1.contains("pivot inertia along x_dot is not finite"), "{lines:?}");
+    let many = json!({"states": vec![at(0.0); 30]});
+    let told = problems(eval(BEAD, &many));
+    assert_eq!(told.len(), 21);
+    assert!(told[20].to_string().contains("30 of 30"), "{}", told[20]);
+}
+
+#[test]
+fn eval_names_what_vanishes_for_a_flat_disk() {
+    let disk = include_str!("../../models/specs/euler_disk_advected.hamel");
+    let flat = json!({"Omega1": 0.3, "Omega2": 0.8, "Omega3": -6, "Gamma1": 0, "Gamma2": 0, "Gamma3": 1});
+    let told = eval(disk, &json!({"states": [flat]})).unwrap_err().to_string();
+    assert!(told.starts_with("states[0] cannot be evaluated: pivot Gamma1^2 + Gamma2^2 vanishes"), "{told}");
+}
+
+/// A mass that becomes negative at `x = 1`, where the motion from the origin with speed one ends at `t = pi/4`.
+const THINNING: &str = "model thinning {
+    coordinate x, w in real;
+    lagrangian = 1/2*(1 - x^2)*x_dot^2 + 1/2*w_dot^2 - 1/2*w^2;
+}";
+
+#[test]
+fn fixed_steps_end_where_a_pivot_vanishes_and_say_which() {
+    let initial = json!({"x": 0, "w": 0, "x_dot": 1, "w_dot": 0});
+    for method in ["rk4", "gauss4", "gauss6", "gauss8", "tsit5", "dop853", "vern9", "dopri5", "taylor"] {
+        let request = json!({"initial": initial, "t_final": 3, "method": method, "step": 0.1});
+        match simulate(THINNING, &request) {
+            Err(Error::Stopped { t, state, reason }) => {
+                assert!(
+                    reason.contains("pivot inertia along x_dot passes through zero"),
+                    "{method}: {reason}"
+                );
+                assert!(t > 0.5 && t < 0.9 && state[0].1 < 1.0, "{method}: {t} {state:?}");
+            }
+            other => panic!("{method}: {other:?}"),
         }
-        other => panic!("{other:?}"),
     }
-    match eval(TOP, &json!({"states": [state([1.0, 1e300, 1e300])]})) {
-        Err(Error::State { path, reason }) => {
-            assert_eq!(path, "states[0]");
-            assert!(reason.contains("Omega1"), "{reason}");
+    for method in ["tsit5", "dop853", "vern9", "dopri5", "taylor", "projected"] {
+        let request = json!({"initial": initial, "t_final": 3, "method": method});
+        match simulate(THINNING, &request) {
+            Err(Error::Stopped { t, reason, .. }) => {
+                assert!(reason.contains("pivot inertia along x_dot"), "{method}: {reason}");
+                assert!((t - std::f64::consts::FRAC_PI_4).abs() < 1e-6, "{method}: {t}");
+            }
+            other => panic!("{method}: {other:?}"),
         }
-        other => panic!("{other:?}"),
     }
+}
+
+#[test]
+fn a_conserved_energy_that_moves_is_a_warning_with_fixed_steps() {
+    // A spring: rk4 with a step of 1.2 loses energy, and keeps it with 0.1.
+    let spring = "model spring { coordinate x in real; lagrangian = 1/2*x_dot^2 - 1/2*x^2; }";
+    let driven =
+        "model driven { coordinate x in real; lagrangian = 1/2*x_dot^2 - 1/2*x^2; force x_dot = -x_dot; }";
+    let run = |text: &str, step: f64| {
+        let initial = json!({"x": 1, "x_dot": 0});
+        simulate(text, &json!({"initial": initial, "t_final": 12, "method": "rk4", "step": step})).unwrap()
+    };
+    let warnings = run(spring, 1.2)["warnings"].as_array().unwrap().clone();
+    assert_eq!(warnings.len(), 1, "{warnings:?}");
+    let told = warnings[0].as_str().unwrap();
+    assert!(told.starts_with("the energy is conserved but moved by") && told.contains("step 1.2"), "{told}");
+    assert_eq!(run(spring, 0.1)["warnings"], json!([]));
+    // Friction takes energy by right.
+    assert_eq!(run(driven, 1.2)["warnings"], json!([]));
 }
 
 #[test]

@@ -22,7 +22,17 @@ const DOMAIN: &str = "domain";
 pub(super) const ARGUMENTS: [&str; 4] = ["t", "dy", "params", "out"];
 /// Names that no method of an output can have.
 const METHODS: [&str; 12] = [
-    "new", "rhs", "energy", "pivots", "check", "signature", "domain", "prepare", "energy_of", "outputs_of", "clone",
+    "new",
+    "rhs",
+    "energy",
+    "pivots",
+    "check",
+    "signature",
+    "domain",
+    "prepare",
+    "energy_of",
+    "outputs_of",
+    "clone",
     "fmt",
 ];
 /// Longer formulas say less than a sentence.
@@ -714,7 +724,8 @@ impl<'a> Module<'a> {
         let conditions = function.results.iter().map(|(name, _)| name);
         let tuples: Vec<TokenStream> =
             results.iter().zip(conditions).map(|(v, c)| quote! { (#v, #c) }).collect();
-        let mut doc = vec!["Says whether a point lies outside the domain of the coordinates.", "", "# Errors", ""];
+        let mut doc =
+            vec!["Says whether a point lies outside the domain of the coordinates.", "", "# Errors", ""];
         doc.push("`OutsideDomain` with the first condition that does not hold.");
         let mut doc: Vec<String> = doc.into_iter().map(str::to_owned).collect();
         doc.extend(self.operations(function));

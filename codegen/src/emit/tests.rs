@@ -36,7 +36,6 @@ pub(crate) fn plain_text(program: &Program, outputs: &[&str]) -> SceneText {
             .map(|name| OutputText { name: (*name).into(), components: results(name), doc: String::new() })
             .collect(),
         ..SceneText::default()
-        conserves_energy: false,
     }
 }
 

@@ -10,9 +10,7 @@ use super::class::{Class, Classes};
 use super::optimise::Optimised;
 use super::{Inputs, Request};
 use crate::error::Error;
-use crate::expr::{
-    ExprId, Func, Graph, Node, Rational, Style, SymbolId, inlined, needed_sections, sign_of,
-};
+use crate::expr::{ExprId, Func, Graph, Node, Rational, Style, SymbolId, inlined, needed_sections, sign_of};
 
 /// What is known about values that may be divided by.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -54,7 +52,8 @@ pub(super) fn divisors(
 ) -> Result<Vec<Divisor>, Error> {
     let roots: Vec<ExprId> = function.request.results.iter().map(|(_, e)| *e).collect();
     let sections = needed_sections(graph, &function.sections, &roots);
-    let requests = [Request { name: function.request.name.clone(), results: function.request.results.clone() }];
+    let requests =
+        [Request { name: function.request.name.clone(), results: function.request.results.clone() }];
     let classes = Classes::of(graph, inputs, &function.sections, &requests)?;
     let definitions = || sections.iter().flat_map(|s| &s.definitions);
     let expressions: Vec<ExprId> = definitions().map(|d| d.expr).chain(roots).collect();
@@ -124,15 +123,18 @@ impl Naming<'_> {
         for node in self.graph.reachable(&[value]) {
             let is_bounded = match self.graph.node(node) {
                 Node::Constant(_) | Node::Pi => true,
-                Node::Symbol(s) => inputs.params.contains(s) || inputs.circles.iter().flatten().any(|c| c == s),
+                Node::Symbol(s) => {
+                    inputs.params.contains(s) || inputs.circles.iter().flatten().any(|c| c == s)
+                }
                 Node::Sum { terms, .. } => terms.iter().all(|(term, _)| bounded[term]),
                 // What only parameters are in is checked when these are prepared.
                 Node::Product { factors, .. } => factors.iter().all(|(base, q)| {
                     bounded[base] && (q.is_positive() || is_constant(self.graph, inputs, *base))
                 }),
-                Node::Function(Func::Sin | Func::Cos | Func::Tanh | Func::Asin | Func::Acos | Func::Atan, _) => {
-                    true
-                }
+                Node::Function(
+                    Func::Sin | Func::Cos | Func::Tanh | Func::Asin | Func::Acos | Func::Atan,
+                    _,
+                ) => true,
                 Node::Function(Func::Abs, a) => bounded[a],
                 Node::Function(_, a) => is_constant(self.graph, inputs, *a),
             };
@@ -184,11 +186,8 @@ pub(super) fn signature(graph: &mut Graph, matrices: &[(bool, Vec<ExprId>)]) -> 
             })
             .collect();
         // Sums of n signs have n + 1 values at distances of two, and a product has two.
-        let (number, n_values) = if *is_symmetric {
-            (graph.sum(&signs), signs.len() + 1)
-        } else {
-            (graph.product(&signs), 2)
-        };
+        let (number, n_values) =
+            if *is_symmetric { (graph.sum(&signs), signs.len() + 1) } else { (graph.product(&signs), 2) };
         terms.push((number, factor.clone()));
         factor *= Rational::from_integer(n_values.into());
     }

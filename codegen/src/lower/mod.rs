@@ -252,8 +252,7 @@ impl Source<'_> {
             section.definitions.extend(of_rhs.definitions.iter().filter(|d| !own.contains(&d.symbol)));
         }
         let needed = needed_sections(graph, &sections, &values);
-        let (mut scales, definitions) =
-            rounding::rounding_scales(graph, &values[..n_single], &needed, signs);
+        let (mut scales, definitions) = rounding::rounding_scales(graph, &values[..n_single], &needed, signs);
         scales.resize(values.len(), graph.zero());
         if let Some(last) = sections.last_mut() {
             last.definitions.extend(definitions);
@@ -273,8 +272,10 @@ impl Source<'_> {
             let k = request.results.iter().position(|(_, e)| e == pivot)?;
             Some(checked.request.results.get(k)?.1)
         };
-        let matrices: Vec<(bool, Vec<ExprId>)> =
-            watched.iter().map(|m| (m.is_symmetric, m.pivots.iter().filter_map(as_checked).collect())).collect();
+        let matrices: Vec<(bool, Vec<ExprId>)> = watched
+            .iter()
+            .map(|m| (m.is_symmetric, m.pivots.iter().filter_map(as_checked).collect()))
+            .collect();
         let value = divisors::signature(graph, &matrices);
         let results = vec![(SIGNATURE.to_owned(), value)];
         let request = Request { name: SIGNATURE.into(), results };

@@ -914,8 +914,7 @@ impl Equations {
         let outputs = self.outputs.iter().flat_map(|o| o.components.iter().map(|(_, e)| e));
         let matrix = self.mass_matrix.iter().flatten().chain(&self.force);
         let origins = self.pivots.iter().flat_map(|p| &p.origin);
-        let origins =
-            origins.flat_map(|o| o.updates.iter().flatten().chain(&o.entries).chain([&o.entry]));
+        let origins = origins.flat_map(|o| o.updates.iter().flatten().chain(&o.entries).chain([&o.entry]));
         let pivots = self.pivots.iter().map(|p| &p.expr).chain(origins);
         state.chain(outputs).chain(matrix).chain(pivots).chain([&self.energy, &self.energy_rate]).collect()
     }

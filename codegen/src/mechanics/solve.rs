@@ -224,13 +224,7 @@ impl Factorisation {
     }
 
     /// What pivot `k`, the last one found, is computed from.
-    fn origin(
-        &self,
-        g: &Graph,
-        writer: &SectionWriter,
-        a: &[Vec<ExprId>],
-        k: usize,
-    ) -> Option<PivotOrigin> {
+    fn origin(&self, g: &Graph, writer: &SectionWriter, a: &[Vec<ExprId>], k: usize) -> Option<PivotOrigin> {
         let (row, column) = (self.row_order[k], self.column_order[k]);
         let entry = a[row][column];
         let updates: Vec<[ExprId; 3]> =
