@@ -9,14 +9,18 @@
 
 mod definition;
 mod expand;
+mod field;
 mod fingerprint;
 mod graph;
+mod independence;
 mod partials;
 mod print;
 mod rational;
+mod real_point;
 mod sign;
 
 pub use definition::{Definition, Section, SectionWriter, inlined, needed_sections};
+pub use fingerprint::Vanishing;
 pub(crate) use fingerprint::{Fingerprint, independent_rows};
 pub use graph::{DivisionByZero, ExprId, Func, Graph, Node, SymbolId};
 pub use print::Style;
@@ -27,3 +31,5 @@ pub use sign::{Sign, sign_of};
 
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod zero_tests;

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::error::Error;
-use crate::expr::{ExprId, Graph, Rational, Section, SectionWriter, Style, SymbolId};
+use crate::expr::{ExprId, Graph, Rational, Section, SectionWriter, Style, SymbolId, Vanishing};
 use crate::reduction::{
     AccelerationRow, AccelerationSource, KinematicConstraint, ReducedSystem, SolvedConstraint, StateKind,
 };
@@ -42,6 +42,8 @@ pub struct Facts {
     pub constants: Vec<String>,
     /// Whether the energy rate vanishes identically.
     pub energy_is_conserved: bool,
+    /// Whether the rate of the energy could not be shown to vanish, nor not to.
+    pub energy_is_unverified: bool,
     /// Base coordinates that the derivation mentions and no rate depends on: the state equations are taken where they are
     /// zero (a point of the circle: at the angle zero).
     pub ignorable: Vec<String>,
@@ -700,6 +702,7 @@ impl<'a> Derivation<'a> {
         let energy = self.replace(raw_energy)?;
         let mut facts = Facts {
             energy_is_conserved: energy_rate == self.g.zero(),
+            energy_is_unverified: self.g.vanishing(energy_rate) == Vanishing::Unknown,
             mass_matrix_is_symmetric: is_symmetric(&mut self.g, &motion.mass_matrix),
             ..Facts::default()
         };
@@ -752,10 +755,7 @@ impl<'a> Derivation<'a> {
             let mut components = Vec::new();
             for casimir in &system.casimirs {
                 let rate = self.rate_of(casimir.expr, &motion.acceleration)?;
-                if rate != self.g.zero() {
-                    let (name, rate) = (casimir.name.clone(), self.g.display(rate, Style::Plain));
-                    return Err(Error::NotConserved { name, rate: shortened(&rate) });
-                }
+                self.require_conserved(&casimir.name, rate)?;
                 facts.casimirs.push(casimir.name.clone());
                 let value = self.replace(casimir.expr)?;
                 components.push((casimir.name.clone(), value));
@@ -813,6 +813,23 @@ impl<'a> Derivation<'a> {
         Ok(equations)
     }
 
+    /// Refuses a claim of conservation with what is known about the rate.
+    fn require_conserved(&mut self, name: &str, rate: ExprId) -> Result<(), Error> {
+        let verdict = self.g.vanishing(rate);
+        let shown = |g: &Graph| (name.to_owned(), shortened(&g.display(rate, Style::Plain)));
+        match verdict {
+            Vanishing::Zero => Ok(()),
+            Vanishing::NonZero => {
+                let (name, rate) = shown(&self.g);
+                Err(Error::NotConserved { name, rate })
+            }
+            Vanishing::Unknown => {
+                let (name, rate) = shown(&self.g);
+                Err(Error::ConservationUnverified { name, rate })
+            }
+        }
+    }
+
     /// `c^2 + s^2` of every angle that is carried as a point of the circle: conserved, on the circle and off it.
     fn circles(&mut self, motion: &Motion, facts: &mut Facts) -> Result<Option<Output>, Error> {
         let mut components = Vec::new();
@@ -824,10 +841,7 @@ impl<'a> Derivation<'a> {
             let square = self.g.sum(&squares);
             let name = format!("{}_circle", circle.angle);
             let rate = self.rate_of(square, &motion.acceleration)?;
-            if rate != self.g.zero() {
-                let rate = shortened(&self.g.display(rate, Style::Plain));
-                return Err(Error::NotConserved { name, rate });
-            }
+            self.require_conserved(&name, rate)?;
             facts.casimirs.push(name.clone());
             components.push((name, square));
         }

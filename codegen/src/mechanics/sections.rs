@@ -1,12 +1,13 @@
 //! Sections of the constraint distribution.
 
 use crate::algebra::Algebroid;
-use crate::expr::{ExprId, Graph};
+use crate::expr::{ExprId, Graph, Vanishing};
 use crate::reduction::SolvedConstraint;
 
 /// Whether the span of the columns of `Psi` is closed under the bracket, so that the constraint is holonomic:
 /// `[Psi_a, Psi_b]^gamma = Psi_a^alpha Psi_b^beta C^gamma_{alpha beta} + rho(Psi_a) Psi_b^gamma - rho(Psi_b) Psi_a^gamma`
-/// lies in the span. `None` for affine constraints and where quasi-velocities parametrise the distribution.
+/// lies in the span. `None` for affine constraints, where quasi-velocities parametrise the distribution, and where that could not
+/// be found out.
 pub(super) fn is_subalgebroid(
     g: &mut Graph,
     algebroid: &Algebroid,
@@ -17,6 +18,7 @@ pub(super) fn is_subalgebroid(
         return None;
     }
     let column = |a: usize| -> Vec<ExprId> { solved.psi.iter().map(|row| row[a]).collect() };
+    let mut is_known = true;
     for a in 0..frame.len() {
         for b in a + 1..frame.len() {
             let bracket = bracket_of_sections(g, algebroid, &column(a), &column(b));
@@ -27,13 +29,15 @@ pub(super) fn is_subalgebroid(
                     terms.push(g.mul(solved.psi[alpha][k], bracket[independent]));
                 }
                 let residual = g.sum(&terms);
-                if !g.is_zero(residual) {
-                    return Some(false);
+                match g.vanishing(residual) {
+                    Vanishing::Zero => {}
+                    Vanishing::NonZero => return Some(false),
+                    Vanishing::Unknown => is_known = false,
                 }
             }
         }
     }
-    Some(true)
+    is_known.then_some(true)
 }
 
 fn bracket_of_sections(g: &mut Graph, algebroid: &Algebroid, x: &[ExprId], y: &[ExprId]) -> Vec<ExprId> {
