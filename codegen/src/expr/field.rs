@@ -9,8 +9,8 @@
 //!   completely in the real subfield of the `TURN`-th cyclotomic field, so sending `2 cos(2 pi/TURN)` to that element
 //!   is a homomorphism of rings on all sums, products and quotients of such cosines and sines.
 //! * [`RATIONAL_SQUARES`], the primes up to 47, are squares, as is `sin(k pi/60)` for `0 < k < 60`; of the points of
-//!   order [`TURN`], [`ONE_STEP`] is one for which `sqrt(2)`, `sqrt(3)`, .., `sqrt(17)` by cosines and by the field's own roots
-//!   are the same elements.
+//!   order [`TURN`], [`ONE_STEP`] is one for which `sqrt(2)`, `sqrt(3)`, .., `sqrt(17)` by cosines and by the field's
+//!   own roots are the same elements.
 //!
 //! Elements are kept as `a 2^64 mod p` (Montgomery, 1985). Deliberately does not know: expressions.
 

@@ -4,24 +4,27 @@
 //! of [`POINTS`] points, and sums, products and powers to those of the field. It respects the relations between
 //! functions:
 //!
-//! * `exp`, `sin`, `cos` and hyperbolic functions are characters of their argument, written as a combination of terms that
-//!   no combination with rational coefficients ties to each other or to a constant. Then their values are tied by nothing but
-//!   the addition theorems (Ax, On Schanuel's conjectures, 1971), and each term is free to get a random point of the
-//!   circle, and a random power. Multiples of pi are exact points of the circle.
+//! * `exp`, `sin`, `cos` and hyperbolic functions are characters of their argument, written as a combination of terms
+//!   that no combination with rational coefficients ties to each other or to a constant. Then their values are tied
+//!   by nothing but the addition theorems (Ax, On Schanuel's conjectures, 1971), and each term is free to get a
+//!   random point of the circle, and a random power. Multiples of pi are exact points of the circle.
 //! * A root is the field's own root, a square. Roots of bases of which no product is a square are tied by
 //!   nothing but their squares (Kummer).
 //! * `ln` turns products into sums, and undoes `exp`; logarithms of bases of which no product is constant are free.
 //!
-//! That nothing ties them is [proved](super::independence), not presumed. Where all of this holds, an expression that vanishes
-//! has the value zero, and **a value other than zero proves that it does not vanish**. (Between numbers such as `e`, `pi`
-//! and `ln 2` no relations are presumed but those known: Schanuel's conjecture.) What it does not hold for is marked:
-//! values of `asin`, `acos`, `atan`, `atan2` and of what could not be tied are [opaque](Doubts::opaque), a function of their argument's values,
-//! and prove nothing; `abs`, and roots of what may be a square already, are known [up to their sign](Doubts::signed), and are looked
-//! into for all signs when it matters. A point at which a denominator vanishes or a root does not exist is void.
+//! That nothing ties them is [proved](super::independence), not presumed. Where all of this holds, an expression that
+//! vanishes has the value zero, and **a value other than zero proves that it does not vanish**. (Between numbers such
+//! as `e`, `pi` and `ln 2` no relations are presumed but those known: Schanuel's conjecture.) What it does not hold
+//! for is marked: values of `asin`, `acos`, `atan`, `atan2` and of what could not be tied are
+//! [opaque](Doubts::opaque), a function of their argument's values, and prove nothing; `abs`, and roots of what may
+//! be a square already, are known [up to their sign](Doubts::signed), and are looked into for all signs when it
+//! matters. A point at which a denominator vanishes or a root does not exist is void.
 //!
 //! Two different functions of total degree `d` agree at one random point with probability at most `d/p` (Schwartz,
-//! 1980; Zippel, 1979), provided that `p` divides no number that matters; with two valid points and `d < 1000` a false
-//! zero has probability below `2e-31`. Between numbers alone points do not differ, and the chance is that of `p`, `5e-19`.
+//! 1980; Zippel, 1979), provided that `p` divides no number that matters. A sine counts as `2 DENOMINATOR` here, as
+//! angles are multiples of a fraction of their terms. With four valid points and a degree of 1000 in sines a false
+//! zero has probability below `1e-36`. Between numbers alone points do not differ, and the chance is that of `p`,
+//! `5e-19`.
 
 use super::field;
 use super::graph::{ExprId, Func, Graph, Node};
@@ -39,8 +42,8 @@ pub(super) const FURTHER: usize = 64;
 const MAX_NODES: usize = 4000;
 /// Nor are expressions with more unknown signs.
 const MAX_SIGNS: usize = 4;
-/// Valid points that are worth as many as more.
-const ENOUGH: usize = 3;
+/// Valid points that a verdict of zero takes.
+const ENOUGH: usize = 4;
 
 /// Values at the random points; `None` where the expression has none.
 pub(crate) type Fingerprint = [Option<u64>; POINTS];
@@ -63,8 +66,8 @@ impl Doubts {
 /// What is known about "is this zero everywhere".
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Vanishing {
-    /// It vanishes identically: structurally, by exact expansion, or by its values, with a chance of error below `2e-31`
-    /// for functions and `5e-19` for numbers.
+    /// It vanishes identically: structurally, by exact expansion, or by its values, with a chance of error below
+    /// `1e-36` for functions and `5e-19` for numbers.
     Zero,
     /// Proved: it does not vanish identically.
     NonZero,
@@ -226,7 +229,8 @@ impl Graph {
             return field::power(value, q);
         }
         match (self.knowledge().base(base), signs) {
-            // All factors are positive: the root of a square is what is squared, which need not be a square in the field.
+            // All factors are positive: the root of a square is what is squared, which need not be a square in the
+            // field.
             (Base::Free, _) => match self.node(self.named(base)) {
                 Node::Product { coefficient, factors } => {
                     let mut total = field::power(field::rational(coefficient)?, q)?;
@@ -350,7 +354,8 @@ impl Graph {
         Some(total)
     }
 
-    /// The factors of the argument of an absolute value that have signs, and whether that of their coefficient is minus.
+    /// The factors of the argument of an absolute value that have signs, and whether that of their coefficient is
+    /// minus.
     fn factors_with_signs(&self, a: ExprId) -> (bool, Vec<ExprId>) {
         let Node::Product { coefficient, factors } = self.node(a) else { return (false, vec![a]) };
         // Roots are not negative, nor are even powers.
@@ -444,7 +449,7 @@ impl Graph {
         match (differs, doubts == Doubts::default()) {
             (true, true) => Vanishing::NonZero,
             (true, false) => Vanishing::Unknown,
-            (false, _) if valid >= 2 => Vanishing::Zero,
+            (false, _) if valid >= ENOUGH => Vanishing::Zero,
             (false, _) => Vanishing::Unknown,
         }
     }
@@ -462,7 +467,7 @@ impl Graph {
             return match (all.iter().any(|v| *v != 0), doubts.opaque) {
                 (true, false) => Vanishing::NonZero,
                 (true, true) => Vanishing::Unknown,
-                (false, _) if all.len() >= 2 => Vanishing::Zero,
+                (false, _) if all.len() >= ENOUGH => Vanishing::Zero,
                 (false, _) => Vanishing::Unknown,
             };
         }
@@ -500,7 +505,7 @@ impl Graph {
             }
         }
         match (n_zero, n_mixed) {
-            (2.., 0) => Vanishing::Zero,
+            (ENOUGH.., 0) => Vanishing::Zero,
             // Of a number some sign is the right one.
             (_, 1..) if !doubts.opaque && self.is_a_number_next_to_zero(e) => Vanishing::Zero,
             _ => Vanishing::Unknown,
@@ -576,9 +581,9 @@ pub(super) fn is_character(f: Func) -> bool {
 
 /// Rows that are no combinations of those before them, over functions: by elimination at a random point.
 ///
-/// Rows depend on each other at a point where they do not as functions with the chance of a false zero, and where opaque values
-/// stand behind them they may be told apart although they depend on each other. Where no point is valid for all entries, every row
-/// that does not vanish counts.
+/// Rows depend on each other at a point where they do not as functions with the chance of a false zero, and where
+/// opaque values stand behind them they may be told apart although they depend on each other. Where no point is valid
+/// for all entries, every row that does not vanish counts.
 pub(crate) fn independent_rows(g: &Graph, rows: &[Vec<ExprId>]) -> Vec<usize> {
     let value = |e: &ExprId, point: usize| g.fingerprint(*e)[point];
     let valid = |point: &usize| rows.iter().flatten().all(|e| value(e, *point).is_some());

@@ -577,7 +577,8 @@ impl Graph {
         }
     }
 
-    /// Writes a sum as `q * primitive`, the primitive part having coprime integer coefficients and a positive first one.
+    /// Writes a sum as `q * primitive`, the primitive part having coprime integer coefficients and a positive first
+    /// one.
     pub fn primitive_part(&mut self, e: ExprId) -> (Rational, ExprId) {
         let Node::Sum { constant, terms } = self.node(e) else { return (Rational::one(), e) };
         let q = content(constant, terms);
@@ -597,7 +598,8 @@ impl Graph {
     /// `a ^ q`.
     ///
     /// # Errors
-    /// [`DivisionByZero`] for a negative power of zero, also when only the zero test sees that `a` vanishes.
+    /// [`DivisionByZero`] for a negative power of zero, also when only the zero test sees that `a` vanishes. What is
+    /// not known to vanish may be divided by: who chooses divisors asks for [`Graph::vanishing`].
     pub fn pow(&mut self, a: ExprId, q: &Rational) -> Result<ExprId, DivisionByZero> {
         if q.is_negative() && self.is_zero(a) {
             return Err(DivisionByZero);
@@ -720,17 +722,17 @@ impl Graph {
 
     /// Whether the expression is known to vanish identically; `false` where it does not, and where nothing is known.
     ///
-    /// `true` is structural, or from values at random points, with a chance of error below `2e-31` (of numbers: `5e-19`), or,
-    /// where there are none, the outcome of exact expansion. Who would conclude something from `false` asks for
-    /// [`Graph::vanishing`].
+    /// `true` is structural, or from values at random points, with a chance of error below `1e-36` (of numbers:
+    /// `5e-19`), or, where there are none, the outcome of exact expansion. Who would conclude something from `false`
+    /// asks for [`Graph::vanishing`].
     pub fn is_zero(&mut self, e: ExprId) -> bool {
         self.verdict(e) == Vanishing::Zero
     }
 
     /// Whether the expression vanishes identically, does not, or whether that could not be found out.
     ///
-    /// [`Vanishing::NonZero`] is proved: by a value in the prime field that no opaque value stands behind, or by an enclosure of
-    /// a value at a real point.
+    /// [`Vanishing::NonZero`] is proved: by a value in the prime field that no opaque value stands behind, or by an
+    /// enclosure of a value at a real point.
     pub fn vanishing(&mut self, e: ExprId) -> Vanishing {
         match self.verdict(e) {
             Vanishing::Unknown if self.differs_at_a_real_point(e) => {
@@ -793,7 +795,8 @@ impl Graph {
         }
     }
 
-    /// As [`Graph::is_equal`], from the fingerprints alone: false where these say nothing, and never dear.
+    /// As [`Graph::is_equal`], from the fingerprints alone: false where these say nothing, and never dear. Two valid points
+    /// are enough here, with a chance of error below `1e-18`.
     pub(crate) fn is_seen_to_be_equal(&self, a: ExprId, b: ExprId) -> bool {
         let points = self.fingerprint(a).iter().zip(self.fingerprint(b));
         let valid: Vec<bool> = points.filter_map(|(x, y)| Some((*x)? == (*y)?)).collect();

@@ -1,9 +1,10 @@
 //! What arguments of functions, bases of roots and of logarithms are made of, and proofs that nothing ties them.
 //!
-//! Proofs are by values at [`FURTHER`] points of the field. Terms of which a combination with rational coefficients is constant
-//! have values with that relation at every point; bases of which a product is a square, or a constant times one, have values whose
-//! quadratic characters have a product that is the same at every point. Where linear algebra on the values sees no such relation,
-//! there is none. Where it sees one, terms are written by it; bases may be tied, and are not relied on.
+//! Proofs are by values at [`FURTHER`] points of the field. Terms of which a combination with rational coefficients
+//! is constant have values with that relation at every point; bases of which a product is a square, or a constant
+//! times one, have values whose quadratic characters have a product that is the same at every point. Where linear
+//! algebra on the values sees no such relation, there is none. Where it sees one, terms are written by it; bases may
+//! be tied, and are not relied on.
 //!
 //! Deliberately does not know: where the values come from, zero tests.
 
@@ -576,8 +577,8 @@ impl Parts {
     }
 }
 
-/// Whether nothing ties a base to those known; it becomes one of them then. What is one of them, but for a number that does not
-/// matter, is not tied by more.
+/// Whether nothing ties a base to those known; it becomes one of them then. What is one of them, but for a number
+/// that does not matter, is not tied by more.
 fn is_free(
     known: &mut Vec<FreeBase>,
     values: Vec<Option<u64>>,

@@ -1,8 +1,8 @@
 //! Enclosures of expressions at real points: a proof of "not zero" that holds whatever functions stand behind them.
 //!
 //! A ball, midpoint and radius, encloses the value of every node; radii bound the propagated and the new rounding
-//! errors. A ball of the whole expression that leaves zero out proves that it does not vanish identically. Deliberately does not
-//! know: the prime field.
+//! errors. A ball of the whole expression that leaves zero out proves that it does not vanish identically.
+//! Deliberately does not know: the prime field.
 
 use num_traits::ToPrimitive;
 use rustc_hash::FxHashMap;
@@ -145,7 +145,8 @@ impl Graph {
         Some(all)
     }
 
-    /// The value at a pseudo-random point of rational coordinates: positive ones, as of parameters, at every other attempt.
+    /// The value at a pseudo-random point of rational coordinates: positive ones, as of parameters, at every other
+    /// attempt.
     fn ball(&self, e: ExprId, attempt: u64) -> Option<Ball> {
         let mut balls: FxHashMap<ExprId, Ball> = FxHashMap::default();
         for e in self.all_behind_at_real_points(e)? {
