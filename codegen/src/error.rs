@@ -147,6 +147,22 @@ pub enum Error {
         /// Its rate along the motion, cut where it is long.
         rate: String,
     },
+    /// Something claimed to be conserved could not be shown to be, nor not to be.
+    ConservationUnverified {
+        /// Its name.
+        name: String,
+        /// Its rate along the motion, cut where it is long.
+        rate: String,
+    },
+    /// Something that a model has to satisfy could not be shown to hold, nor not to hold.
+    Unverified {
+        /// What has to hold.
+        claim: String,
+        /// What would have to vanish.
+        residual: String,
+        /// Component of the base that it is about.
+        component: Option<String>,
+    },
     /// A scene wants its invariants and has none.
     NothingConserved {
         /// Name of the scene.
@@ -279,6 +295,14 @@ impl fmt::Display for Error {
             Error::NotConserved { name, rate } => write!(
                 f,
                 "casimir {name} is not conserved by these equations: its rate is {rate}; write `output {name} = ..;` instead"
+            ),
+            Error::ConservationUnverified { name, rate } => write!(
+                f,
+                "casimir {name} could not be verified: its rate {rate} could not be shown to vanish, nor not to; write `output {name} = ..;` instead, or write it with functions whose identities are known, such as sin, exp and sqrt of sums of squares"
+            ),
+            Error::Unverified { claim, residual, .. } => write!(
+                f,
+                "{claim} could not be verified: {residual} could not be shown to vanish, nor not to; write it with functions whose identities are known, such as sin, exp and sqrt of sums of squares"
             ),
             Error::NothingConserved { scene } => write!(
                 f,

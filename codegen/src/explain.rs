@@ -625,6 +625,8 @@ impl Page {
             "Energy is conserved: its rate vanishes identically."
         } else if facts.energy_is_conserved_on_constraint {
             "Energy is conserved on the constraint: its rate is the multipliers times the constraint residual."
+        } else if facts.energy_is_unverified {
+            "Whether energy is conserved could not be verified: its rate could not be shown to vanish, nor not to."
         } else {
             "Energy is not conserved."
         };

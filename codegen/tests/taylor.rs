@@ -96,6 +96,37 @@ fn functions_have_their_closed_series() {
 }
 
 #[test]
+fn angles_of_points_have_the_series_of_angles() {
+    let series = of_time(0.4, |g, t| {
+        let (one, two, half) = (g.one(), g.int(2), g.rational(Rational::new(1.into(), 2.into())));
+        let square = g.powi(t, 2);
+        let (radius, shifted) = (g.add(two, square), g.add(t, half));
+        let [sine, cosine] = [Func::Sin, Func::Cos].map(|f| g.func(f, shifted));
+        let (y, x) = (g.mul(radius, sine), g.mul(radius, cosine));
+        let minus = [g.neg(y), g.neg(x)];
+        vec![
+            shifted,
+            g.atan2(y, x),
+            g.atan2(minus[0], minus[1]),
+            g.func(Func::Atan, shifted),
+            g.atan2(shifted, one),
+            g.atan2(one, shifted),
+            g.atan2(t, t),
+        ]
+    });
+    let [shifted, angle, opposite, atan, upright, lying, diagonal] = series.as_slice() else {
+        panic!("{} series", series.len());
+    };
+    let number = |x: f64| (0..=ORDER).map(|k| if k == 0 { x } else { 0.0 }).collect::<Vec<_>>();
+    let pi = std::f64::consts::PI;
+    close("atan2(r sin x, r cos x)", angle, shifted, 1.0);
+    close("atan2(-r sin x, -r cos x)", opposite, &sum(shifted, &number(pi), -1.0), 1.0);
+    close("atan2(x, 1)", upright, atan, 1.0);
+    close("atan2(1, x)", lying, &sum(&number(pi / 2.0), atan, -1.0), 1.0);
+    close("atan2(x, x)", diagonal, &number(pi / 4.0), 0.4);
+}
+
+#[test]
 fn functions_of_functions_satisfy_identities() {
     // x = t/2 + sin(t)/3 away from every special point.
     let series = of_time(0.4, |g, t| {

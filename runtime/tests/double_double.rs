@@ -137,4 +137,11 @@ fn numbers_are_printed_in_decimal() {
     assert_eq!(format!("{:.3} {:.0}", DoubleDouble::from(9.9999), DoubleDouble::from(26.0)), "1.000e1 3e1");
     assert_eq!(DoubleDouble::ratio(2.0, 3.0).to_string(), "6.666666666666666666666666666667e-1");
     assert_eq!(DoubleDouble::ONE.atan().to_string(), "7.853981633974483096156608458199e-1");
+    // The angles of the points (3, 2), (-3, 2), (-3, -2), (3, -2).
+    let [acute, obtuse] = ["5.880026035475675512456110806251e-1", "2.553590050042225687217032302654e0"];
+    for (y, x, size) in [(2.0, 3.0, acute), (2.0, -3.0, obtuse), (-2.0, -3.0, obtuse), (-2.0, 3.0, acute)] {
+        let angle = DoubleDouble::from(y).atan2(DoubleDouble::from(x));
+        let sign = if y < 0.0 { "-" } else { "" };
+        assert_eq!(angle.to_string(), format!("{sign}{size}"), "atan2({y}, {x})");
+    }
 }

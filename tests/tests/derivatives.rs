@@ -381,7 +381,7 @@ fn time_fixed_parameters_and_every_function_are_differentiated() {
         coordinate q in real;
         velocity v in R;
         lagrangian = (1 + q^2)*q_dot^2/2 + exp(c*q)*v^2/2 + k*cos(q)*sin(2*t) + ln(2 + q)*atan(q*t);
-        force v = -tanh(v)*sqrt(1 + q_dot^2);
+        force v = -tanh(v)*sqrt(1 + q_dot^2) + atan2(v - q, c + k)*atan2(k*t, q - v)/7 + asin(q/9);
         scene stiff { fix k = 2; want jacobian, sensitivity, time_derivative; }
     }";
     let model = spec::parse("forced.hamel", text).unwrap_or_else(|e| panic!("{e}"));

@@ -6,8 +6,8 @@ use std::fmt;
 use std::marker::PhantomData;
 
 use hamel_runtime::{
-    Differentiable, Dual, F64x4, Failure, Invariants, Jet, MAX_ORDER, ParamError, Pivot, Real, Scene, SceneInfo,
-    SquareStorage, StateVector, System,
+    Differentiable, Dual, F64x4, Failure, Invariants, Jet, MAX_ORDER, ParamError, Pivot, Real, Scene,
+    SceneInfo, SquareStorage, StateVector, System,
 };
 use serde::{Deserialize, Serialize};
 

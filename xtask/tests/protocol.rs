@@ -35,7 +35,7 @@ const FALL: &str = "model fall {
 const VESELOVA: &str = include_str!("../../models/specs/veselova.hamel");
 
 /// What every answer of `simulate` has, in this order.
-const ANSWER: [&str; 9] = [
+const ANSWER: [&str; 10] = [
     "t",
     "final",
     "samples",

@@ -2,7 +2,7 @@
 
 use num_traits::{One, Zero};
 
-use crate::expr::{ExprId, Graph, Rational};
+use crate::expr::{ExprId, Graph, Rational, Vanishing};
 
 /// Dense rational matrix, row-major.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -214,7 +214,8 @@ impl Subspace {
     }
 }
 
-/// Solves `A X = B` on expressions, with exact zero tests and the simplest non-zero pivot of each column.
+/// Solves `A X = B` on expressions, with exact zero tests and the simplest pivot of each column that is proved not to vanish
+/// identically; where there is none, one of which it is not known.
 ///
 /// # Shapes
 /// `a`: `n x n`, `b`: `n x k` -> `n x k`.
@@ -267,14 +268,16 @@ fn eliminate(
     let mut rows: Vec<Vec<ExprId>> = a.iter().zip(b).map(|(l, r)| [l.as_slice(), r].concat()).collect();
     let width = rows.first().map_or(0, Vec::len);
     for column in 0..n {
-        let mut best: Option<(usize, usize)> = None;
+        let mut best: Option<(usize, (bool, usize))> = None;
         for (i, row) in rows.iter().enumerate().skip(column) {
-            if g.is_zero(row[column]) {
-                continue;
-            }
-            let size = g.reachable(&[row[column]]).len();
-            if best.is_none_or(|(_, s)| size < s) {
-                best = Some((i, size));
+            let is_unproved = match g.vanishing(row[column]) {
+                Vanishing::Zero => continue,
+                Vanishing::NonZero => false,
+                Vanishing::Unknown => true,
+            };
+            let rank = (is_unproved, g.reachable(&[row[column]]).len());
+            if best.is_none_or(|(_, other)| rank < other) {
+                best = Some((i, rank));
             }
             if prefer_diagonal && i == column {
                 break;

@@ -100,6 +100,16 @@ pub(super) fn operation(op: &Op, in_code: bool, operand: impl Fn(Operand) -> Tex
             Text { text, binding: Binding::Atom, depth: a.depth + 1 }
         }
         Op::Function(f, a) => call(a, f.name()),
+        Op::Atan2(y, x) if in_code => {
+            let (y, x) = (operand(y).at_least(Binding::Atom), operand(x));
+            let text = format!("{}.atan2({})", y.text, x.text);
+            Text { text, binding: Binding::Atom, depth: y.depth.max(x.depth + 1) }
+        }
+        Op::Atan2(y, x) => {
+            let (y, x) = (operand(y), operand(x));
+            let text = format!("atan2({}, {})", y.text, x.text);
+            Text { text, binding: Binding::Atom, depth: y.depth.max(x.depth) + 1 }
+        }
         Op::MulAdd(signs, a, b, c) if in_code => {
             // The order of factors is free: a name reads better before the dot than a formula, a field or a number.
             let (a, b) = if is_name(&operand(b)) && !is_name(&operand(a)) { (b, a) } else { (a, b) };

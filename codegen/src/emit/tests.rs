@@ -162,6 +162,42 @@ fn a_pair_is_one_statement_and_a_block_of_many_bindings_does_not_part_it() {
 }
 
 #[test]
+fn the_angle_of_a_point_is_one_call() {
+    let mut g = Graph::new();
+    let (time, mass) = (g.symbol("t"), g.symbol("m"));
+    let state = ["x", "y"].map(|n| g.symbol(n));
+    let ([x, y], m) = (state.map(|s| g.sym(s)), g.sym(mass));
+    let one = g.one();
+    let (shifted, difference) = (g.add(m, one), g.sub(y, x));
+    let (of_point, of_number) = (g.atan2(difference, x), g.atan2(y, shifted));
+    let (prepared, minus) = (g.atan2(m, shifted), g.neg(y));
+    let of_opposite = g.atan2(minus, x);
+    let second = g.sum(&[of_number, prepared, of_opposite]);
+    let inputs = Inputs {
+        params: vec![mass],
+        time,
+        state: state.to_vec(),
+        signs: Default::default(),
+        circles: vec![],
+        arguments: Default::default(),
+    };
+    let requests =
+        [Request { name: "rhs".into(), results: vec![("x".into(), of_point), ("y".into(), second)] }];
+    let program = lower(&mut g, &inputs, &[], &[], &requests).unwrap();
+    let emitted = emit_scene(&program, None, &plain_text(&program, &[])).unwrap();
+    for call in ["(y - x).atan2(x)", "m.atan2(", "y.atan2(self.", "(-y).atan2(x)"] {
+        assert_eq!(emitted.matches(call).count(), 1, "{call}: {emitted}");
+    }
+    // The interpreter calls the same function.
+    let slots = program.prepare(&[2.0]).unwrap();
+    let mut found = [0.0; 2];
+    program.run(0, &[2.0], &slots, 0.0, &[-0.5, 0.25], &mut found);
+    let expected = [0.75_f64.atan2(-0.5), 0.25_f64.atan2(3.0) + 2.0_f64.atan2(3.0) + (-0.25_f64).atan2(-0.5)];
+    assert_eq!(found[0], expected[0]);
+    assert!((found[1] - expected[1]).abs() < 1e-15);
+}
+
+#[test]
 fn names_are_legal_and_unique() {
     let mut scope = names::Scope::with(&["t"]);
     assert_eq!(scope.add("t"), "t_2");

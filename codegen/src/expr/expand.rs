@@ -34,6 +34,7 @@ impl Graph {
                     total
                 }
                 Node::Function(f, a) => self.func(f, image[&a]),
+                Node::Atan2(y, x) => self.atan2(image[&y], image[&x]),
             };
             image.insert(e, expanded);
         }

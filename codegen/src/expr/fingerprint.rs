@@ -1,197 +1,589 @@
-//! Values of expressions at random points of a prime field: a proof of "not zero", and of "zero" up to chance.
+//! Values of expressions at random points of a prime field: what they prove, and what they leave open.
 //!
-//! Every symbol gets a pseudo-random value in `F_p`, `p = 2^61 - 1`, at each of [`POINTS`] independent points. Sums,
-//! products and integer powers are evaluated in the field. `sin` and `cos` go through the rational parametrisation
-//! `((1 - t^2)/(1 + t^2), 2t/(1 + t^2))` of the circle attached to every term of their argument, so the addition
-//! theorems and `sin^2 + cos^2 = 1` hold; `exp` is a character of its argument's terms; square roots are modular square
-//! roots (a homomorphism on squares, and `p = 3 mod 4`); any other function is an opaque value of its argument's
-//! fingerprint. A point at which a denominator vanishes or a root does not exist is void for that expression.
+//! The map from expressions to the [field](super::field) sends every symbol to a random element, independently at each
+//! of [`POINTS`] points, and sums, products and powers to those of the field. It respects the relations between
+//! functions:
+//!
+//! * `exp`, `sin`, `cos` and hyperbolic functions are characters of their argument, written as a combination of terms
+//!   that no combination with rational coefficients ties to each other or to a constant. Then their values are tied
+//!   by nothing but the addition theorems (Ax, On Schanuel's conjectures, 1971), and each term is free to get a
+//!   random point of the circle, and a random power. Multiples of pi are exact points of the circle.
+//! * A root is the field's own root, a square. Roots of bases of which no product is a square are tied by
+//!   nothing but their squares (Kummer).
+//! * `ln` turns products into sums, and undoes `exp`; logarithms of bases of which no product is constant are free.
+//!
+//! That nothing ties them is [proved](super::independence), not presumed. Where all of this holds, an expression that
+//! vanishes has the value zero, and **a value other than zero proves that it does not vanish**. (Between numbers such
+//! as `e`, `pi` and `ln 2` no relations are presumed but those known: Schanuel's conjecture.) What it does not hold
+//! for is marked: values of `asin`, `acos`, `atan`, `atan2` and of what could not be tied are
+//! [opaque](Doubts::opaque), a function of their argument's values, and prove nothing; `abs`, and roots of what may
+//! be a square already, are known [up to their sign](Doubts::signed), and are looked into for all signs when it
+//! matters. A point at which a denominator vanishes or a root does not exist is void.
 //!
 //! Two different functions of total degree `d` agree at one random point with probability at most `d/p` (Schwartz,
-//! 1980; Zippel, 1979); with two valid points and `d < 1000` a false zero has probability below `2e-31`.
+//! 1980; Zippel, 1979), provided that `p` divides no number that matters. A sine counts as `2 DENOMINATOR` here, as
+//! angles are multiples of a fraction of their terms. With four valid points and a degree of 1000 in sines a false
+//! zero has probability below `1e-36`. Between numbers alone points do not differ, and the chance is that of `p`,
+//! `5e-19`.
 
-use num_bigint::BigInt;
-use num_integer::Integer;
-use num_traits::ToPrimitive;
-
-use super::graph::{ExprId, Graph};
+use super::field;
+use super::graph::{ExprId, Func, Graph, Node};
+use super::independence::{Base, DENOMINATOR, PI, Scale, UNIT};
 use super::rational::Rational;
+use num_bigint::BigInt;
+use num_traits::{Signed, ToPrimitive};
+use rustc_hash::{FxHashMap, FxHashSet};
 
+/// Points at which every expression has a value from the start.
 pub(crate) const POINTS: usize = 8;
-const P: u64 = (1 << 61) - 1;
-/// Arguments of `sin`, `cos` and `exp` may carry denominators dividing this; others are opaque.
-const DENOMINATOR: i64 = 24;
+/// Further points, for what the first ones leave open.
+pub(super) const FURTHER: usize = 64;
+/// Expressions with more nodes behind them are not looked into any further.
+const MAX_NODES: usize = 4000;
+/// Nor are expressions with more unknown signs.
+const MAX_SIGNS: usize = 4;
+/// Valid points that a verdict of zero takes.
+const ENOUGH: usize = 4;
 
 /// Values at the random points; `None` where the expression has none.
 pub(crate) type Fingerprint = [Option<u64>; POINTS];
 
-pub(super) fn add(a: u64, b: u64) -> u64 {
-    let s = a + b;
-    if s >= P { s - P } else { s }
+/// Why a value other than zero may prove nothing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Doubts {
+    /// A value behind the expression does not respect the relations of its function.
+    pub(super) opaque: bool,
+    /// The sign of a value behind the expression is not known, and stood for by an opaque value.
+    pub(super) signed: bool,
 }
 
-fn negate(a: u64) -> u64 {
-    if a == 0 { 0 } else { P - a }
-}
-
-pub(super) fn mul(a: u64, b: u64) -> u64 {
-    let wide = u128::from(a) * u128::from(b);
-    let folded = (wide & u128::from(P)) as u64 + (wide >> 61) as u64;
-    if folded >= P { folded - P } else { folded }
-}
-
-fn pow(mut base: u64, mut exponent: u64) -> u64 {
-    let mut result = 1;
-    while exponent > 0 {
-        if exponent & 1 == 1 {
-            result = mul(result, base);
-        }
-        base = mul(base, base);
-        exponent >>= 1;
-    }
-    result
-}
-
-fn inverse(a: u64) -> Option<u64> {
-    (a != 0).then(|| pow(a, P - 2))
-}
-
-/// SplitMix64 (Steele, Lea, Flood, 2014), folded into the field.
-fn hash(seed: u64) -> u64 {
-    let mut z = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    (z ^ (z >> 31)) % P
-}
-
-fn integer(n: &BigInt) -> u64 {
-    match n.to_i64() {
-        Some(small) => small.rem_euclid(P as i64) as u64,
-        None => n.mod_floor(&BigInt::from(P)).to_u64().unwrap_or(0),
+impl Doubts {
+    pub(super) fn and(self, other: Doubts) -> Doubts {
+        Doubts { opaque: self.opaque || other.opaque, signed: self.signed || other.signed }
     }
 }
 
-pub(super) fn constant(q: &Rational) -> Fingerprint {
-    let numerator = integer(q.numer());
-    let value =
-        if q.is_integer() { Some(numerator) } else { inverse(integer(q.denom())).map(|d| mul(numerator, d)) };
-    [value; POINTS]
-}
-
-/// A fresh independent value per point, determined by `key`.
-pub(super) fn opaque(key: u64) -> Fingerprint {
-    std::array::from_fn(|k| Some(hash(key.wrapping_mul(POINTS as u64 + 1).wrapping_add(k as u64))))
-}
-
-/// Opaque function of a fingerprint: equal arguments give equal values.
-pub(super) fn opaque_of(tag: u64, argument: &Fingerprint) -> Fingerprint {
-    argument.map(|a| a.map(|a| hash(hash(tag) ^ a)))
-}
-
-/// `base^exponent`; only integers and half-integers have a value.
-pub(super) fn power(base: &Fingerprint, exponent: &Rational) -> Fingerprint {
-    let (Some(n), Some(d)) = (exponent.numer().to_i64(), exponent.denom().to_u64()) else {
-        return [None; POINTS];
-    };
-    base.map(|value| {
-        let value = value?;
-        let root = match d {
-            1 => value,
-            2 => {
-                let root = pow(value, P.div_ceil(4));
-                // A non-residue: the field has no square root here.
-                if mul(root, root) != value {
-                    return None;
-                }
-                root
-            }
-            _ => hash(hash(d) ^ value),
-        };
-        let raised = pow(root, n.unsigned_abs());
-        if n < 0 { inverse(raised) } else { Some(raised) }
-    })
-}
-
-fn steps(coefficient: &Rational) -> Option<i64> {
-    let scaled = coefficient * Rational::from(BigInt::from(DENOMINATOR));
-    scaled.is_integer().then(|| scaled.numer().to_i64()).flatten()
-}
-
-/// `(cos, sin)` of `sum c_k a_k` given the terms' coefficients and fingerprints.
-pub(super) fn circle(terms: &[(Rational, Fingerprint)]) -> (Fingerprint, Fingerprint) {
-    let mut cos = [None; POINTS];
-    let mut sin = [None; POINTS];
-    for k in 0..POINTS {
-        let Some((c, s)) = circle_at(terms, k) else { continue };
-        cos[k] = Some(c);
-        sin[k] = Some(s);
-    }
-    (cos, sin)
-}
-
-fn circle_at(terms: &[(Rational, Fingerprint)], k: usize) -> Option<(u64, u64)> {
-    let mut z = (1, 0);
-    let multiply = |a: (u64, u64), b: (u64, u64)| {
-        (add(mul(a.0, b.0), negate(mul(a.1, b.1))), add(mul(a.0, b.1), mul(a.1, b.0)))
-    };
-    for (coefficient, value) in terms {
-        let t = hash(value[k]? ^ 0x5151);
-        let (c, s) = {
-            let norm = inverse(add(1, mul(t, t)))?;
-            (mul(add(1, negate(mul(t, t))), norm), mul(add(t, t), norm))
-        };
-        let n = steps(coefficient).filter(|n| n.abs() < 1 << 40)?;
-        let mut base = if n < 0 { (c, negate(s)) } else { (c, s) };
-        let mut e = n.unsigned_abs();
-        while e > 0 {
-            if e & 1 == 1 {
-                z = multiply(z, base);
-            }
-            base = multiply(base, base);
-            e >>= 1;
-        }
-    }
-    Some(z)
-}
-
-/// `exp(sum c_k a_k)` as the product of one character per term.
-pub(super) fn exponential(terms: &[(Rational, Fingerprint)]) -> Fingerprint {
-    std::array::from_fn(|k| {
-        let mut product = 1;
-        for (coefficient, value) in terms {
-            let n = steps(coefficient)?;
-            let raised = pow(hash(value[k]? ^ 0xe0e0), n.unsigned_abs());
-            product = mul(product, if n < 0 { inverse(raised)? } else { raised });
-        }
-        Some(product)
-    })
-}
-
-/// What the fingerprint proves about "is this zero".
-pub(super) enum Verdict {
-    /// Some point has a non-zero value: proved.
-    NonZero,
-    /// Zero at two or more points: a false verdict has probability below `2e-31`.
+/// What is known about "is this zero everywhere".
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Vanishing {
+    /// It vanishes identically: structurally, by exact expansion, or by its values, with a chance of error below
+    /// `1e-36` for functions and `5e-19` for numbers.
     Zero,
-    /// Too few valid points.
+    /// Proved: it does not vanish identically.
+    NonZero,
+    /// Neither could be proved.
     Unknown,
 }
 
-pub(super) fn verdict(fingerprint: &Fingerprint) -> Verdict {
-    let valid = fingerprint.iter().flatten().count();
-    if fingerprint.iter().flatten().any(|v| *v != 0) {
-        Verdict::NonZero
-    } else if valid >= 2 {
-        Verdict::Zero
-    } else {
-        Verdict::Unknown
+/// What has an unknown sign.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum UnknownSign {
+    /// A factor of the argument of an absolute value.
+    OfFactor(ExprId),
+    /// The root of a base.
+    OfRoot(ExprId),
+}
+
+/// Signs, `true` for minus.
+pub(super) type Signs = FxHashMap<UnknownSign, bool>;
+
+/// A value determined by `key` and the point.
+fn random(key: u64, point: usize) -> u64 {
+    field::hash(field::hash(key).wrapping_mul(2 * (POINTS + FURTHER) as u64 + 1).wrapping_add(point as u64))
+}
+
+/// An opaque function of values: equal arguments give equal values.
+fn opaque(tag: u64, argument: u64) -> u64 {
+    field::hash(field::hash(tag) ^ argument)
+}
+
+/// Tags of opaque functions, besides the functions of one argument, which have their numbers.
+const ROOT: u64 = 100;
+const CIRCLE: u64 = 101;
+const GROWTH: u64 = 102;
+const LOGARITHM: u64 = 103;
+const ARCTANGENT: u64 = 104;
+
+/// The point of the circle and the power that a term gets for an angle of `1/DENOMINATOR` of its value.
+pub(super) fn scale(value: u64) -> Scale {
+    let (turn, root) = (field::point(opaque(CIRCLE, value)), opaque(GROWTH, value));
+    let growth = field::mul(root, root);
+    let steps = DENOMINATOR as u64;
+    Scale {
+        turn,
+        growth,
+        whole_turn: field::times(turn, DENOMINATOR),
+        whole_growth: field::pow(growth, steps),
     }
+}
+
+/// `n` of `1/DENOMINATOR`s that a coefficient has.
+pub(super) fn steps(q: &Rational) -> Option<i64> {
+    let scaled = q * Rational::from(BigInt::from(DENOMINATOR));
+    scaled.is_integer().then(|| field::small_exponent(scaled.numer())).flatten()
+}
+
+/// Values of operands at a point.
+pub(super) type Operands<'a> = dyn Fn(ExprId) -> Option<u64> + 'a;
+
+impl Graph {
+    // ---- values ---------------------------------------------------------------------------------------------------
+
+    /// The expressions whose values determine that of a node: those behind definitions and arguments.
+    pub(super) fn behind(&self, node: &Node, mut visit: impl FnMut(ExprId)) {
+        let knowledge = self.knowledge();
+        match node {
+            Node::Symbol(s) => self.definition(*s).into_iter().for_each(visit),
+            Node::Function(Func::Ln, a) => match knowledge.logarithm(*a) {
+                Some(parts) => {
+                    parts.bases.iter().for_each(|(e, ..)| visit(*e));
+                    parts.exponents.iter().for_each(|(e, _)| visit(*e));
+                }
+                None => visit(*a),
+            },
+            Node::Function(f, a) if is_character(*f) => match knowledge.argument(*a) {
+                Some(terms) => terms.iter().for_each(|(k, _)| knowledge.behind_term(*k, &mut visit)),
+                None => visit(*a),
+            },
+            Node::Product { factors, .. } => {
+                for (base, q) in factors {
+                    visit(*base);
+                    if has_even_denominator(q) {
+                        self.factors_of_base(*base).into_iter().flatten().for_each(|(e, _)| visit(*e));
+                    }
+                }
+            }
+            _ => node.for_each_operand(visit),
+        }
+    }
+
+    /// The factors of a base of roots that is a product, also by the name of one.
+    pub(super) fn factors_of_base(&self, base: ExprId) -> Option<&[(ExprId, Rational)]> {
+        match self.node(self.named(base)) {
+            Node::Product { factors, .. } => Some(factors),
+            _ => None,
+        }
+    }
+
+    /// What a name stands for; other expressions themselves.
+    pub(super) fn named(&self, mut e: ExprId) -> ExprId {
+        while let Node::Symbol(s) = self.node(e)
+            && let Some(definition) = self.definition(*s)
+        {
+            e = definition;
+        }
+        e
+    }
+
+    /// The value of a node at a point, from those of what is [behind](Graph::behind) it.
+    pub(super) fn value_of(
+        &self,
+        node: &Node,
+        point: usize,
+        at: &Operands<'_>,
+        signs: Option<&Signs>,
+    ) -> Option<u64> {
+        match node {
+            Node::Constant(c) => field::rational(c),
+            Node::Pi => Some(random(u64::MAX, point)),
+            Node::Symbol(s) => match self.definition(*s) {
+                Some(definition) => at(definition),
+                None => Some(random(s.index() as u64, point)),
+            },
+            Node::Sum { constant, terms } => {
+                let mut total = field::rational(constant)?;
+                for (e, q) in terms {
+                    total = field::add(total, field::mul(field::rational(q)?, at(*e)?));
+                }
+                Some(total)
+            }
+            Node::Product { coefficient, factors } => {
+                let mut total = field::rational(coefficient)?;
+                for (e, q) in factors {
+                    total = field::mul(total, self.power_at(*e, q, at, signs)?);
+                }
+                Some(total)
+            }
+            Node::Function(Func::Ln, a) => self.logarithm_at(*a, point, at),
+            Node::Function(f, a) if is_character(*f) => self.character_at(*f, *a, point, at, signs),
+            Node::Function(Func::Abs, a) => {
+                let value = at(*a)?;
+                match signs {
+                    None => Some(opaque(Func::Abs as u64, field::mul(value, value))),
+                    Some(signs) => {
+                        let (mut negative, factors) = self.factors_with_signs(*a);
+                        factors.iter().for_each(|e| negative ^= signs[&UnknownSign::OfFactor(*e)]);
+                        Some(if negative { field::negate(value) } else { value })
+                    }
+                }
+            }
+            Node::Function(f, a) => Some(opaque(*f as u64, at(*a)?)),
+            Node::Atan2(y, x) => Some(opaque(opaque(ARCTANGENT, at(*y)?), at(*x)?)),
+        }
+    }
+
+    /// `base^q`.
+    fn power_at(&self, base: ExprId, q: &Rational, at: &Operands<'_>, signs: Option<&Signs>) -> Option<u64> {
+        let value = at(base)?;
+        if !has_even_denominator(q) {
+            return field::power(value, q);
+        }
+        match (self.knowledge().base(base), signs) {
+            // All factors are positive: the root of a square is what is squared, which need not be a square in the
+            // field.
+            (Base::Free, _) => match self.node(self.named(base)) {
+                Node::Product { coefficient, factors } => {
+                    let mut total = field::power(field::rational(coefficient)?, q)?;
+                    for (factor, n) in factors {
+                        total = field::mul(total, field::power(at(*factor)?, &(n * q))?);
+                    }
+                    Some(total)
+                }
+                _ => field::power(value, q),
+            },
+            (Base::UpToSign, Some(signs)) => {
+                let power = field::power(value, q)?;
+                // The numerator is odd, as the denominator is even.
+                Some(if signs[&UnknownSign::OfRoot(base)] { field::negate(power) } else { power })
+            }
+            (Base::UpToSign | Base::Opaque, _) => {
+                let root = opaque(ROOT.wrapping_add(q.denom().to_u64()? << 8), value);
+                field::power(root, &Rational::from(q.numer().clone()))
+            }
+        }
+    }
+
+    /// `sin`, `cos`, `tan`, `exp`, `sinh`, `cosh` or `tanh` of an argument.
+    fn character_at(
+        &self,
+        f: Func,
+        a: ExprId,
+        point: usize,
+        at: &Operands<'_>,
+        signs: Option<&Signs>,
+    ) -> Option<u64> {
+        let knowledge = self.knowledge();
+        let is_circular = matches!(f, Func::Sin | Func::Cos | Func::Tan);
+        let terms = match knowledge.argument(a) {
+            Some(terms) if !is_circular || knowledge.is_angle(terms) => terms,
+            _ => return Some(opaque(f as u64, at(a)?)),
+        };
+        let scale_of = |k: u32| -> Option<Scale> {
+            match knowledge.scale(k, point) {
+                Some(known) => known,
+                None => self.term_at(k, point, at, signs).map(scale),
+            }
+        };
+        if is_circular {
+            let mut z = (field::ONE, 0);
+            for (k, q) in terms {
+                let turned = if *k == PI {
+                    field::multiple_of_pi(q)?
+                } else {
+                    let scale = scale_of(*k)?;
+                    match field::small_exponent(q.numer()).filter(|_| q.is_integer()) {
+                        Some(n) => field::times(scale.whole_turn, n),
+                        None => field::times(scale.turn, steps(q)?),
+                    }
+                };
+                z = field::turn_by(z, turned);
+            }
+            return match f {
+                Func::Sin => Some(z.1),
+                Func::Cos => Some(z.0),
+                _ => Some(field::mul(z.1, field::inverse(z.0)?)),
+            };
+        }
+        let mut product = field::ONE;
+        for (k, q) in terms {
+            let factor = if let Some(base) = knowledge.logarithm_term(*k) {
+                self.power_at(base, q, at, signs)?
+            } else {
+                let scale = scale_of(*k)?;
+                let (base, n) = match field::small_exponent(q.numer()).filter(|_| q.is_integer()) {
+                    Some(n) => (scale.whole_growth, n),
+                    None => (scale.growth, steps(q)?),
+                };
+                let raised = field::pow(base, n.unsigned_abs());
+                if n < 0 { field::inverse(raised)? } else { raised }
+            };
+            product = field::mul(product, factor);
+        }
+        if f == Func::Exp {
+            return Some(product);
+        }
+        let reciprocal = field::inverse(product)?;
+        let sum = field::add(product, reciprocal);
+        let difference = field::add(product, field::negate(reciprocal));
+        let half = field::rational(&Rational::new(1.into(), 2.into()))?;
+        match f {
+            Func::Sinh => Some(field::mul(difference, half)),
+            Func::Cosh => Some(field::mul(sum, half)),
+            _ => Some(field::mul(difference, field::inverse(sum)?)),
+        }
+    }
+
+    /// The value of a term of arguments.
+    fn term_at(&self, k: u32, point: usize, at: &Operands<'_>, signs: Option<&Signs>) -> Option<u64> {
+        match k {
+            UNIT => Some(field::ONE),
+            PI => Some(random(u64::MAX, point)),
+            _ => self.knowledge().term_value(k, at, |node| self.value_of(node, point, at, signs)),
+        }
+    }
+
+    fn logarithm_at(&self, a: ExprId, point: usize, at: &Operands<'_>) -> Option<u64> {
+        let Some(parts) = self.knowledge().logarithm(a) else {
+            return Some(opaque(LOGARITHM, at(a)?));
+        };
+        let mut total = 0;
+        let mut add = |q: &Rational, value: u64| {
+            total = field::add(total, field::mul(field::rational(q)?, value));
+            Some(())
+        };
+        for (prime, n) in &parts.primes {
+            add(&Rational::from(BigInt::from(*n)), opaque(LOGARITHM, random(*prime, point)))?;
+        }
+        for (base, q, content) in &parts.bases {
+            let value = field::mul(at(*base)?, field::rational(&content.recip())?);
+            add(q, opaque(LOGARITHM, value))?;
+        }
+        for (exponent, q) in &parts.exponents {
+            add(q, at(*exponent)?)?;
+        }
+        Some(total)
+    }
+
+    /// The factors of the argument of an absolute value that have signs, and whether that of their coefficient is
+    /// minus.
+    fn factors_with_signs(&self, a: ExprId) -> (bool, Vec<ExprId>) {
+        let Node::Product { coefficient, factors } = self.node(a) else { return (false, vec![a]) };
+        // Roots are not negative, nor are even powers.
+        let odd = |q: &Rational| q.is_integer() && q.numer().bit(0);
+        (coefficient.is_negative(), factors.iter().filter(|(_, q)| odd(q)).map(|(e, _)| *e).collect())
+    }
+
+    /// What a node itself adds to the doubts about what is behind it.
+    pub(super) fn own_doubts(&self, node: &Node) -> Doubts {
+        let opaque = Doubts { opaque: true, signed: false };
+        let signed = Doubts { opaque: false, signed: true };
+        let knowledge = self.knowledge();
+        let of_power = |base: ExprId, q: &Rational| match knowledge.base(base) {
+            Base::UpToSign if has_even_denominator(q) => signed,
+            Base::Opaque if has_even_denominator(q) => opaque,
+            _ => Doubts::default(),
+        };
+        match node {
+            Node::Product { factors, .. } => {
+                factors.iter().fold(Doubts::default(), |all, (e, q)| all.and(of_power(*e, q)))
+            }
+            Node::Function(Func::Abs, _) => signed,
+            Node::Function(Func::Ln, a) => match knowledge.logarithm(*a) {
+                Some(parts) if parts.are_free => Doubts::default(),
+                _ => opaque,
+            },
+            Node::Function(f, a) if is_character(*f) => match knowledge.argument(*a) {
+                Some(terms) if !terms.iter().all(|(k, _)| knowledge.is_proved(*k)) => opaque,
+                Some(terms) if matches!(f, Func::Sin | Func::Cos | Func::Tan) => {
+                    if knowledge.is_angle(terms) { Doubts::default() } else { opaque }
+                }
+                Some(terms) => terms
+                    .iter()
+                    .filter_map(|(k, q)| Some((knowledge.logarithm_term(*k)?, q)))
+                    .fold(Doubts::default(), |all, (base, q)| all.and(of_power(base, q))),
+                None => opaque,
+            },
+            Node::Function(..) | Node::Atan2(..) => opaque,
+            Node::Constant(_) | Node::Pi | Node::Symbol(_) | Node::Sum { .. } => Doubts::default(),
+        }
+    }
+
+    // ---- further points -------------------------------------------------------------------------------------------
+
+    /// Everything that determines the value of an expression, operands first; none if that is too much.
+    fn all_behind(&self, e: ExprId, known: impl Fn(ExprId) -> bool) -> Option<Vec<ExprId>> {
+        let mut seen = FxHashSet::default();
+        let mut pending = vec![e];
+        while let Some(e) = pending.pop() {
+            if !known(e) && seen.insert(e) {
+                if seen.len() > MAX_NODES {
+                    return None;
+                }
+                self.behind(self.node(e), |operand| pending.push(operand));
+            }
+        }
+        let mut all: Vec<ExprId> = seen.into_iter().collect();
+        all.sort_unstable();
+        Some(all)
+    }
+
+    /// Values at the further points, remembered; none if they are too much work. Signs are stood for by opaque values.
+    pub(super) fn further_values(&mut self, e: ExprId) -> Option<Vec<Option<u64>>> {
+        let all = self.all_behind(e, |e| self.knowledge().further(e).is_some())?;
+        for e in all {
+            let values = self.further_values_of_node(self.node(e));
+            if !self.knowledge_mut().remember_further(e, values) {
+                return None;
+            }
+        }
+        self.knowledge().further(e).map(<[Option<u64>]>::to_vec)
+    }
+
+    /// Values of a node at the further points, those of what is behind it being remembered.
+    pub(super) fn further_values_of_node(&self, node: &Node) -> Vec<Option<u64>> {
+        let knowledge = self.knowledge();
+        let value = |k: usize| {
+            let at = |e: ExprId| knowledge.further(e).and_then(|values| values[k]);
+            self.value_of(node, POINTS + k, &at, None)
+        };
+        (0..FURTHER).map(value).collect()
+    }
+
+    // ---- verdicts -------------------------------------------------------------------------------------------------
+
+    /// What the values at the first points tell, before anything is looked into.
+    pub(super) fn first_verdict(&self, e: ExprId) -> Vanishing {
+        let (fingerprint, doubts) = (self.fingerprint(e), self.doubts(e));
+        let differs = fingerprint.iter().flatten().any(|v| *v != 0);
+        let valid = fingerprint.iter().flatten().count();
+        match (differs, doubts == Doubts::default()) {
+            (true, true) => Vanishing::NonZero,
+            (true, false) => Vanishing::Unknown,
+            (false, _) if valid >= ENOUGH => Vanishing::Zero,
+            (false, _) => Vanishing::Unknown,
+        }
+    }
+
+    /// What more points and all signs tell.
+    pub(super) fn further_verdict(&mut self, e: ExprId) -> Vanishing {
+        let doubts = self.doubts(e);
+        if !doubts.signed {
+            if doubts.opaque && self.fingerprint(e).iter().flatten().any(|v| *v != 0) {
+                return Vanishing::Unknown;
+            }
+            let Some(values) = self.further_values(e) else { return Vanishing::Unknown };
+            let first = self.fingerprint(e).iter().flatten();
+            let all: Vec<u64> = first.copied().chain(values.into_iter().flatten()).collect();
+            return match (all.iter().any(|v| *v != 0), doubts.opaque) {
+                (true, false) => Vanishing::NonZero,
+                (true, true) => Vanishing::Unknown,
+                (false, _) if all.len() >= ENOUGH => Vanishing::Zero,
+                (false, _) => Vanishing::Unknown,
+            };
+        }
+        let Some(all) = self.all_behind(e, |_| false) else { return Vanishing::Unknown };
+        let unknown = self.unknown_signs(&all);
+        // Signs of what is equal, however it is written, are one.
+        let mut distinct: Vec<UnknownSign> = Vec::new();
+        let mut place = Vec::with_capacity(unknown.len());
+        for sign in &unknown {
+            let known = distinct.iter().position(|other| self.is_same_sign(*sign, *other));
+            place.push(known.unwrap_or(distinct.len()));
+            if known.is_none() {
+                distinct.push(*sign);
+            }
+        }
+        if distinct.len() > MAX_SIGNS {
+            return Vanishing::Unknown;
+        }
+        // The sign of the field's root changes from point to point, so that every point is to be seen with all signs.
+        let patterns: Vec<Signs> = (0_usize..1 << distinct.len())
+            .map(|p| unknown.iter().zip(&place).map(|(sign, k)| (*sign, p >> k & 1 == 1)).collect())
+            .collect();
+        let (mut n_zero, mut n_mixed) = (0_usize, 0_usize);
+        for point in 0..POINTS + FURTHER {
+            let values = patterns.iter().map(|signs| self.value_for(e, &all, point, signs));
+            let Some(values) = values.collect::<Option<Vec<u64>>>() else { continue };
+            match values.iter().filter(|v| **v == 0).count() {
+                0 if doubts.opaque => return Vanishing::Unknown,
+                0 => return Vanishing::NonZero,
+                n if n == values.len() => n_zero += 1,
+                _ => n_mixed += 1,
+            }
+            if n_zero + n_mixed >= ENOUGH {
+                break;
+            }
+        }
+        match (n_zero, n_mixed) {
+            (ENOUGH.., 0) => Vanishing::Zero,
+            // Of a number some sign is the right one.
+            (_, 1..) if !doubts.opaque && self.is_a_number_next_to_zero(e) => Vanishing::Zero,
+            _ => Vanishing::Unknown,
+        }
+    }
+
+    fn is_same_sign(&self, a: UnknownSign, b: UnknownSign) -> bool {
+        match (a, b) {
+            (UnknownSign::OfFactor(a), UnknownSign::OfFactor(b))
+            | (UnknownSign::OfRoot(a), UnknownSign::OfRoot(b)) => self.is_seen_to_be_equal(a, b),
+            _ => false,
+        }
+    }
+
+    /// The signs that the values of expressions depend on.
+    fn unknown_signs(&self, all: &[ExprId]) -> Vec<UnknownSign> {
+        let mut unknown: Vec<UnknownSign> = Vec::new();
+        let mut add = |sign: UnknownSign| {
+            if !unknown.contains(&sign) {
+                unknown.push(sign);
+            }
+        };
+        let of_power = |base: ExprId, q: &Rational, add: &mut dyn FnMut(UnknownSign)| {
+            if has_even_denominator(q) && self.knowledge().base(base) == Base::UpToSign {
+                add(UnknownSign::OfRoot(base));
+            }
+        };
+        for e in all {
+            match self.node(*e) {
+                Node::Product { factors, .. } => {
+                    factors.iter().for_each(|(base, q)| of_power(*base, q, &mut add));
+                }
+                Node::Function(Func::Abs, a) => {
+                    self.factors_with_signs(*a).1.into_iter().for_each(|e| add(UnknownSign::OfFactor(e)));
+                }
+                Node::Function(f, a) if is_character(*f) => {
+                    for (k, q) in self.knowledge().argument(*a).into_iter().flatten() {
+                        if let Some(base) = self.knowledge().logarithm_term(*k) {
+                            of_power(base, q, &mut add);
+                        }
+                        self.knowledge()
+                            .factors_of_term(*k)
+                            .for_each(|(base, q)| of_power(*base, q, &mut add));
+                    }
+                }
+                _ => {}
+            }
+        }
+        unknown
+    }
+
+    /// The value at a point for given signs, `all` being what is behind it.
+    fn value_for(&self, e: ExprId, all: &[ExprId], point: usize, signs: &Signs) -> Option<u64> {
+        let mut values: FxHashMap<ExprId, Option<u64>> = FxHashMap::default();
+        for node in all {
+            let at = |e: ExprId| values.get(&e).copied().flatten();
+            let value = self.value_of(self.node(*node), point, &at, Some(signs));
+            values.insert(*node, value);
+        }
+        values.get(&e).copied().flatten()
+    }
+}
+
+/// Whether a power is known up to a sign alone.
+pub(super) fn has_even_denominator(q: &Rational) -> bool {
+    !q.denom().bit(0)
+}
+
+/// Functions whose values are powers of values of the terms of their argument.
+pub(super) fn is_character(f: Func) -> bool {
+    matches!(f, Func::Sin | Func::Cos | Func::Tan | Func::Exp | Func::Sinh | Func::Cosh | Func::Tanh)
 }
 
 /// Rows that are no combinations of those before them, over functions: by elimination at a random point.
 ///
-/// Rows depend on each other at a point where they do not as functions with the chance of a false zero. Where no point is
-/// valid for all entries, every row that does not vanish counts.
+/// Rows depend on each other at a point where they do not as functions with the chance of a false zero, and where
+/// opaque values stand behind them they may be told apart although they depend on each other. Where no point is valid
+/// for all entries, every row that does not vanish counts.
 pub(crate) fn independent_rows(g: &Graph, rows: &[Vec<ExprId>]) -> Vec<usize> {
     let value = |e: &ExprId, point: usize| g.fingerprint(*e)[point];
     let valid = |point: &usize| rows.iter().flatten().all(|e| value(e, *point).is_some());
@@ -204,15 +596,20 @@ pub(crate) fn independent_rows(g: &Graph, rows: &[Vec<ExprId>]) -> Vec<usize> {
     for (k, row) in rows.iter().enumerate() {
         let mut rest: Vec<u64> = row.iter().filter_map(|e| value(e, point)).collect();
         for (pivot, known) in &basis {
-            let factor = negate(rest[*pivot]);
-            rest.iter_mut().zip(known).for_each(|(x, y)| *x = add(*x, mul(factor, *y)));
+            let factor = field::negate(rest[*pivot]);
+            rest.iter_mut().zip(known).for_each(|(x, y)| *x = field::add(*x, field::mul(factor, *y)));
         }
         let pivot = rest.iter().position(|x| *x != 0);
-        if let Some((pivot, scale)) = pivot.and_then(|pivot| Some((pivot, inverse(rest[pivot])?))) {
-            rest.iter_mut().for_each(|x| *x = mul(*x, scale));
+        if let Some((pivot, scale)) = pivot.and_then(|pivot| Some((pivot, field::inverse(rest[pivot])?))) {
+            rest.iter_mut().for_each(|x| *x = field::mul(*x, scale));
             basis.push((pivot, rest));
             kept.push(k);
         }
     }
     kept
+}
+
+/// Values of a node at the first points, given those of other nodes.
+pub(super) fn first_values(g: &Graph, node: &Node) -> Fingerprint {
+    std::array::from_fn(|k| g.value_of(node, k, &|e| g.fingerprint(e)[k], None))
 }

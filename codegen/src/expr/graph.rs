@@ -8,7 +8,8 @@ use num_bigint::BigInt;
 use num_traits::{One, Signed, ToPrimitive, Zero};
 use rustc_hash::{FxHashMap, FxHasher};
 
-use super::fingerprint::{self, Fingerprint, Verdict};
+use super::fingerprint::{Doubts, Fingerprint, Vanishing, first_values};
+use super::independence::Knowledge;
 use super::rational::{Rational, rational_to_f64};
 
 /// Handle of an expression; equal handles are equal expressions.
@@ -140,6 +141,8 @@ pub enum Node {
     },
     /// An elementary function of an expression.
     Function(Func, ExprId),
+    /// The angle of the point `(x, y)` in `(-pi, pi]`, given `y` and `x` in that order.
+    Atan2(ExprId, ExprId),
 }
 
 impl Node {
@@ -151,6 +154,10 @@ impl Node {
                 list.iter().for_each(|(e, _)| visit(*e));
             }
             Node::Function(_, argument) => visit(*argument),
+            Node::Atan2(y, x) => {
+                visit(*y);
+                visit(*x);
+            }
         }
     }
 
@@ -160,6 +167,7 @@ impl Node {
             Node::Constant(_) | Node::Pi | Node::Symbol(_) => 0,
             Node::Sum { terms: list, .. } | Node::Product { factors: list, .. } => list.len(),
             Node::Function(..) => 1,
+            Node::Atan2(..) => 2,
         }
     }
 
@@ -185,6 +193,7 @@ impl Node {
                 }
             }
             Node::Function(f, argument) => (f, argument).hash(&mut hasher),
+            Node::Atan2(y, x) => (y, x).hash(&mut hasher),
         }
         hasher.finish()
     }
@@ -205,7 +214,8 @@ impl std::error::Error for DivisionByZero {}
 #[derive(Clone, Debug)]
 struct SymbolEntry {
     name: String,
-    fingerprint: Fingerprint,
+    /// What the symbol stands for.
+    definition: Option<ExprId>,
 }
 
 /// Arena of hash-consed expressions and their symbols.
@@ -225,6 +235,11 @@ struct SymbolEntry {
 pub struct Graph {
     nodes: Vec<Node>,
     fingerprints: Vec<Fingerprint>,
+    /// What is to be thought of the fingerprints.
+    doubts: Vec<Doubts>,
+    knowledge: Knowledge,
+    /// Verdicts that took more than a look.
+    verdicts: FxHashMap<ExprId, Vanishing>,
     /// The last node made of those with the same hash.
     index: FxHashMap<u64, ExprId>,
     /// The one made before it with the same hash.
@@ -248,6 +263,9 @@ impl Graph {
         let mut graph = Graph {
             nodes: Vec::new(),
             fingerprints: Vec::new(),
+            doubts: Vec::new(),
+            knowledge: Knowledge::new(),
+            verdicts: FxHashMap::default(),
             index: FxHashMap::default(),
             earlier: Vec::new(),
             symbols: Vec::new(),
@@ -280,10 +298,14 @@ impl Graph {
             }
             at = self.earlier[id.index()];
         }
-        let fingerprint = self.fingerprint_of(&node);
+        self.learn(&node);
+        let fingerprint = first_values(self, &node);
+        let mut doubts = self.own_doubts(&node);
+        self.behind(&node, |e| doubts = doubts.and(self.doubts[e.index()]));
         let id = ExprId(u32::try_from(self.nodes.len()).expect("fewer than 2^32 expressions fit in memory"));
         self.nodes.push(node);
         self.fingerprints.push(fingerprint);
+        self.doubts.push(doubts);
         self.earlier.push(last);
         self.index.insert(hash, id);
         id
@@ -293,19 +315,17 @@ impl Graph {
 
     /// A new symbol, distinct from every other one.
     pub fn symbol(&mut self, name: &str) -> SymbolId {
-        let key = self.symbols.len() as u64;
-        self.push_symbol(name, fingerprint::opaque(key))
+        self.push_symbol(name, None)
     }
 
     /// A new symbol that stands for `definition`: it prints and evaluates as a name, while zero tests see through it.
     pub fn define(&mut self, name: &str, definition: ExprId) -> SymbolId {
-        let fingerprint = self.fingerprints[definition.index()];
-        self.push_symbol(name, fingerprint)
+        self.push_symbol(name, Some(definition))
     }
 
-    fn push_symbol(&mut self, name: &str, fingerprint: Fingerprint) -> SymbolId {
+    fn push_symbol(&mut self, name: &str, definition: Option<ExprId>) -> SymbolId {
         let id = SymbolId(u32::try_from(self.symbols.len()).expect("fewer than 2^32 symbols fit in memory"));
-        self.symbols.push(SymbolEntry { name: name.to_owned(), fingerprint });
+        self.symbols.push(SymbolEntry { name: name.to_owned(), definition });
         id
     }
 
@@ -317,6 +337,11 @@ impl Graph {
     /// Gives a symbol another name, for those who read.
     pub(crate) fn rename(&mut self, s: SymbolId, name: String) {
         self.symbols[s.index()].name = name;
+    }
+
+    /// What a symbol stands for, if it was made with [`Graph::define`].
+    pub(super) fn definition(&self, s: SymbolId) -> Option<ExprId> {
+        self.symbols[s.index()].definition
     }
 
     /// Number of symbols made so far.
@@ -557,7 +582,8 @@ impl Graph {
         }
     }
 
-    /// Writes a sum as `q * primitive`, the primitive part having coprime integer coefficients and a positive first one.
+    /// Writes a sum as `q * primitive`, the primitive part having coprime integer coefficients and a positive first
+    /// one.
     pub fn primitive_part(&mut self, e: ExprId) -> (Rational, ExprId) {
         let Node::Sum { constant, terms } = self.node(e) else { return (Rational::one(), e) };
         let q = content(constant, terms);
@@ -577,7 +603,8 @@ impl Graph {
     /// `a ^ q`.
     ///
     /// # Errors
-    /// [`DivisionByZero`] for a negative power of zero, also when only the zero test sees that `a` vanishes.
+    /// [`DivisionByZero`] for a negative power of zero, also when only the zero test sees that `a` vanishes. What is
+    /// not known to vanish may be divided by: who chooses divisors asks for [`Graph::vanishing`].
     pub fn pow(&mut self, a: ExprId, q: &Rational) -> Result<ExprId, DivisionByZero> {
         if q.is_negative() && self.is_zero(a) {
             return Err(DivisionByZero);
@@ -626,6 +653,18 @@ impl Graph {
             }
             _ => {}
         }
+        // A function undoes its inverse where that has a value.
+        if let Node::Function(inner, value) = self.node(a)
+            && matches!(
+                (f, inner),
+                (Func::Sin, Func::Asin)
+                    | (Func::Cos, Func::Acos)
+                    | (Func::Ln, Func::Exp)
+                    | (Func::Exp, Func::Ln)
+            )
+        {
+            return *value;
+        }
         if self.leads_negative(a) {
             let mirrored = self.neg(a);
             match f {
@@ -638,6 +677,21 @@ impl Graph {
             }
         }
         self.intern(Node::Function(f, a))
+    }
+
+    /// The angle of the point `(x, y)` in `(-pi, pi]`.
+    ///
+    /// Numbers on an axis fold. The angle of the origin has no value: it stays, and its derivatives do not exist.
+    pub fn atan2(&mut self, y: ExprId, x: ExprId) -> ExprId {
+        let sign = |g: &Graph, e: ExprId| g.as_rational(e).map(|c| c.signum().to_integer().to_i64());
+        let quarters = match (sign(self, y), sign(self, x)) {
+            (Some(Some(0)), Some(Some(1))) => return self.zero,
+            (Some(Some(0)), Some(Some(-1))) => 2,
+            (Some(Some(s)), Some(Some(0))) if s != 0 => s,
+            _ => return self.intern(Node::Atan2(y, x)),
+        };
+        let pi = self.pi();
+        self.scale(pi, &Rational::new(BigInt::from(quarters), BigInt::from(2)))
     }
 
     fn quarter_turn(&mut self, f: Func, a: ExprId) -> Option<ExprId> {
@@ -671,78 +725,61 @@ impl Graph {
 
     // ---- questions ------------------------------------------------------------------------------------------------
 
-    fn fingerprint_of(&self, node: &Node) -> Fingerprint {
-        let fingerprint = |e: ExprId| self.fingerprints[e.index()];
-        match node {
-            Node::Constant(c) => fingerprint::constant(c),
-            Node::Pi => fingerprint::opaque(u64::MAX),
-            Node::Symbol(s) => self.symbols[s.index()].fingerprint,
-            Node::Sum { constant, terms } => {
-                let mut total = fingerprint::constant(constant);
-                for (e, q) in terms.iter() {
-                    let (q, value) = (fingerprint::constant(q), fingerprint(*e));
-                    for k in 0..fingerprint::POINTS {
-                        total[k] = match (total[k], q[k], value[k]) {
-                            (Some(t), Some(q), Some(v)) => Some(fingerprint::add(t, fingerprint::mul(q, v))),
-                            _ => None,
-                        };
-                    }
-                }
-                total
-            }
-            Node::Product { coefficient, factors } => {
-                let mut total = fingerprint::constant(coefficient);
-                for (e, q) in factors.iter() {
-                    let value = fingerprint::power(&fingerprint(*e), q);
-                    for k in 0..fingerprint::POINTS {
-                        total[k] = total[k].zip(value[k]).map(|(t, v)| fingerprint::mul(t, v));
-                    }
-                }
-                total
-            }
-            Node::Function(f @ (Func::Sin | Func::Cos), a) => {
-                let (cos, sin) = fingerprint::circle(&self.weighted_fingerprints(*a));
-                if *f == Func::Sin { sin } else { cos }
-            }
-            Node::Function(Func::Exp, a) => fingerprint::exponential(&self.weighted_fingerprints(*a)),
-            Node::Function(f, a) => fingerprint::opaque_of(*f as u64 + 1, &fingerprint(*a)),
-        }
-    }
-
-    /// The argument as a rational combination of terms, with the terms' fingerprints.
-    fn weighted_fingerprints(&self, a: ExprId) -> Vec<(Rational, Fingerprint)> {
-        let unit = fingerprint::constant(&Rational::one());
-        match self.node(a) {
-            Node::Constant(c) => vec![(c.clone(), unit)],
-            Node::Sum { constant, terms } => {
-                let mut list: Vec<_> =
-                    terms.iter().map(|(e, q)| (q.clone(), self.fingerprints[e.index()])).collect();
-                if !constant.is_zero() {
-                    list.push((constant.clone(), unit));
-                }
-                list
-            }
-            Node::Product { coefficient, factors } => {
-                let monic = Node::Product { coefficient: Rational::one(), factors: factors.clone() };
-                vec![(coefficient.clone(), self.fingerprint_of(&monic))]
-            }
-            _ => vec![(Rational::one(), self.fingerprints[a.index()])],
-        }
-    }
-
-    /// Whether the expression vanishes identically.
+    /// Whether the expression is known to vanish identically; `false` where it does not, and where nothing is known.
     ///
-    /// `false` is proved whenever a fingerprint is non-zero. `true` is structural, or a Schwartz-Zippel verdict whose
-    /// chance of error is below `2e-31`, or, where fingerprints say nothing, the outcome of exact expansion.
+    /// `true` is structural, or from values at random points, with a chance of error below `1e-36` (of numbers:
+    /// `5e-19`), or, where there are none, the outcome of exact expansion. Who would conclude something from `false`
+    /// asks for [`Graph::vanishing`].
     pub fn is_zero(&mut self, e: ExprId) -> bool {
+        self.verdict(e) == Vanishing::Zero
+    }
+
+    /// Whether the expression vanishes identically, does not, or whether that could not be found out.
+    ///
+    /// [`Vanishing::NonZero`] is proved: by a value in the prime field that no opaque value stands behind, or by an
+    /// enclosure of a value at a real point.
+    pub fn vanishing(&mut self, e: ExprId) -> Vanishing {
+        match self.verdict(e) {
+            Vanishing::Unknown if self.differs_at_a_real_point(e) => {
+                self.verdicts.insert(e, Vanishing::NonZero);
+                Vanishing::NonZero
+            }
+            verdict => verdict,
+        }
+    }
+
+    /// As [`Graph::vanishing`], from the prime field and exact expansion alone.
+    fn verdict(&mut self, e: ExprId) -> Vanishing {
         if e == self.zero {
-            return true;
+            return Vanishing::Zero;
         }
-        match fingerprint::verdict(&self.fingerprints[e.index()]) {
-            Verdict::NonZero => false,
-            Verdict::Zero => true,
-            Verdict::Unknown => self.expand(e) == self.zero,
+        let first = self.first_verdict(e);
+        if first != Vanishing::Unknown {
+            return first;
         }
+        if let Some(known) = self.verdicts.get(&e) {
+            return *known;
+        }
+        let mut verdict = self.further_verdict(e);
+        let differs = self.fingerprints[e.index()].iter().flatten().any(|v| *v != 0);
+        if verdict == Vanishing::Unknown && !differs && self.expand(e) == self.zero {
+            verdict = Vanishing::Zero;
+        }
+        self.verdicts.insert(e, verdict);
+        verdict
+    }
+
+    /// What is to be thought of the values at the random points.
+    pub(super) fn doubts(&self, e: ExprId) -> Doubts {
+        self.doubts[e.index()]
+    }
+
+    pub(super) fn knowledge(&self) -> &Knowledge {
+        &self.knowledge
+    }
+
+    pub(super) fn knowledge_mut(&mut self) -> &mut Knowledge {
+        &mut self.knowledge
     }
 
     /// Values at the random points: expressions that are equal as functions have equal ones.
@@ -763,7 +800,8 @@ impl Graph {
         }
     }
 
-    /// As [`Graph::is_equal`], from the fingerprints alone: false where these say nothing, and never dear.
+    /// As [`Graph::is_equal`], from the fingerprints alone: false where these say nothing, and never dear. Two valid points
+    /// are enough here, with a chance of error below `1e-18`.
     pub(crate) fn is_seen_to_be_equal(&self, a: ExprId, b: ExprId) -> bool {
         let points = self.fingerprint(a).iter().zip(self.fingerprint(b));
         let valid: Vec<bool> = points.filter_map(|(x, y)| Some((*x)? == (*y)?)).collect();
@@ -817,6 +855,7 @@ impl Graph {
                     self.scale(product, coefficient)
                 }
                 Node::Function(f, a) => self.func(*f, here[a]),
+                Node::Atan2(y, x) => self.atan2(here[y], here[x]),
             };
             here.insert(e, copy);
         }
@@ -876,6 +915,7 @@ impl Graph {
                     })
                 }
                 Node::Function(f, a) => f.eval(known[a]),
+                Node::Atan2(y, x) => hamel_runtime::Real::atan2(known[y], known[x]),
             };
             known.insert(e, value);
         }
@@ -941,6 +981,15 @@ impl Graph {
                 let outer = self.func_derivative(f, a, e);
                 self.mul(outer, inner)
             }
+            Node::Atan2(y, x) => {
+                let (dy, dx) = (derivative[&y], derivative[&x]);
+                if dy == self.zero && dx == self.zero {
+                    return self.zero;
+                }
+                let [by_y, by_x] = self.atan2_derivatives(y, x);
+                let (along_y, along_x) = (self.mul(by_y, dy), self.mul(by_x, dx));
+                self.add(along_y, along_x)
+            }
         }
     }
 
@@ -987,6 +1036,18 @@ impl Graph {
                     .expect("the argument of abs is not zero")
             }
         }
+    }
+
+    /// The partial derivatives of `atan2(y, x)`, `x/(x^2 + y^2)` by `y` and `-y/(x^2 + y^2)` by `x`.
+    pub(crate) fn atan2_derivatives(&mut self, y: ExprId, x: ExprId) -> [ExprId; 2] {
+        let (squared_y, squared_x) = (self.powi(y, 2), self.powi(x, 2));
+        let square = self.add(squared_x, squared_y);
+        let minus = self.neg(y);
+        let inverse = -Rational::one();
+        [x, minus].map(|numerator| {
+            self.power_product(&[(numerator, Rational::one()), (square, inverse.clone())])
+                .expect("a sum of squares of which not both are zero")
+        })
     }
 
     /// Replaces symbols by expressions, all at once.
@@ -1058,6 +1119,7 @@ impl Graph {
                     }
                 }
                 Node::Function(f, a) => function(self, f, image[&a]),
+                Node::Atan2(y, x) => self.atan2(image[&y], image[&x]),
             };
             image.insert(e, replaced);
         }
@@ -1094,7 +1156,8 @@ impl Graph {
     }
 }
 
-fn content(constant: &Rational, terms: &[(ExprId, Rational)]) -> Rational {
+/// The positive or negative number that leaves a sum with coprime integers and a positive first coefficient.
+pub(super) fn content(constant: &Rational, terms: &[(ExprId, Rational)]) -> Rational {
     let mut numerator = constant.numer().clone();
     let mut denominator = constant.denom().clone();
     for (_, q) in terms {

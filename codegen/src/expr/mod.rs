@@ -1,7 +1,8 @@
 //! Symbolic core: a hash-consed graph of exact expressions.
 //!
 //! Nodes are canonical by construction (flattened, sorted, merged, folded), coefficients and exponents are exact
-//! rationals, and every node carries fingerprints modulo a large prime, so that zeros are found and never rounded to.
+//! rationals, and every node carries fingerprints modulo a large prime, so that zeros are found and never rounded to. What does not
+//! vanish is proved not to, or said to be unknown.
 //! A node's operands always precede it in the arena; every traversal is a loop over ascending ids and no depth of
 //! graph can overflow the stack.
 //!
@@ -9,14 +10,18 @@
 
 mod definition;
 mod expand;
+mod field;
 mod fingerprint;
 mod graph;
+mod independence;
 mod partials;
 mod print;
 mod rational;
+mod real_point;
 mod sign;
 
 pub use definition::{Definition, Section, SectionWriter, inlined, needed_sections};
+pub use fingerprint::Vanishing;
 pub(crate) use fingerprint::{Fingerprint, independent_rows};
 pub use graph::{DivisionByZero, ExprId, Func, Graph, Node, SymbolId};
 pub use print::Style;
@@ -27,3 +32,5 @@ pub use sign::{Sign, sign_of};
 
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod zero_tests;

@@ -22,6 +22,15 @@ impl Graph {
                 }
             }
             Node::Function(f, a) => return vec![(a, self.func_derivative(f, a, value))],
+            Node::Atan2(y, x) => {
+                let [by_y, by_x] = self.atan2_derivatives(y, x);
+                if y == x {
+                    return vec![(y, self.add(by_y, by_x))];
+                }
+                let mut both = vec![(y, by_y), (x, by_x)];
+                both.sort_unstable();
+                return both;
+            }
             _ => self.partials_of_term(e, value, &Rational::one(), &mut partials),
         }
         partials.into_iter().map(|(operand, terms)| (operand, self.linear_combination(&terms))).collect()

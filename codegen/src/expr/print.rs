@@ -237,6 +237,17 @@ impl Graph {
                 }
                 _ => format!("{}({})", f.name(), memo[a].text),
             }),
+            Node::Atan2(y, x) => {
+                let (y, x) = (&memo[y].text, &memo[x].text);
+                atom(match style {
+                    Style::Latex => format!("\\operatorname{{atan2}}\\left({y},\\, {x}\\right)"),
+                    Style::MathMl => {
+                        let both = format!("{y}<mo>,</mo>{x}");
+                        format!("<mrow><mi>atan2</mi><mo>&#x2061;</mo>{}</mrow>", parenthesised(&both, style))
+                    }
+                    _ => format!("atan2({y}, {x})"),
+                })
+            }
         }
     }
 

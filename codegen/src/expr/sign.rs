@@ -122,6 +122,12 @@ pub(crate) fn remembered_sign_of(
             Node::Function(Func::Exp | Func::Cosh, _) => Sign::Positive,
             Node::Function(Func::Abs, a) if memo[a].is_definite() => Sign::Positive,
             Node::Function(Func::Abs, _) => Sign::NonNegative,
+            Node::Function(Func::Sinh | Func::Tanh | Func::Asin | Func::Atan, a) => memo[a],
+            // The angle has the sign of y.
+            Node::Atan2(y, _) => match memo[y] {
+                Sign::Negative | Sign::Positive | Sign::NonNegative => memo[y],
+                _ => Sign::Unknown,
+            },
             Node::Function(..) => Sign::Unknown,
         };
         let known = facts.get(&node).copied().unwrap_or(Sign::Unknown);

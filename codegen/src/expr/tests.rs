@@ -166,6 +166,42 @@ fn decimals_round_as_the_parser_of_doubles_does() {
 }
 
 #[test]
+fn the_angle_of_a_point_is_differentiated_and_folds_on_the_axes() {
+    let Fixture { mut g, x, y, sx, .. } = fixture();
+    // atan2(y, x)' = atan(y/x)' wherever both exist, also along a curve.
+    let (u, v) = (g.func(Func::Exp, x), g.mul(x, y));
+    let (angle, quotient) = (g.atan2(u, v), g.div(u, v).unwrap());
+    let by_quotient = g.func(Func::Atan, quotient);
+    let (a, b) = (g.diff(angle, sx), g.diff(by_quotient, sx));
+    assert!(a != g.zero() && g.is_equal(a, b));
+    for (operand, partial) in g.partials(angle, angle) {
+        let expected = g.atan2_derivatives(u, v)[usize::from(operand == v)];
+        assert_eq!(partial, expected);
+    }
+    let (zero, one, pi) = (g.zero(), g.one(), g.pi());
+    let (minus, half) = (g.int(-3), g.scale(pi, &q(1, 2)));
+    assert_eq!(g.atan2(zero, one), zero);
+    assert_eq!(g.atan2(zero, minus), pi);
+    assert_eq!(g.atan2(one, zero), half);
+    assert_eq!(g.atan2(minus, zero), g.neg(half));
+    let values = BTreeMap::from([(sx, -2.0)]);
+    let of_x = g.atan2(one, x);
+    assert_eq!(g.eval_f64(of_x, &values), Some(1.0_f64.atan2(-2.0)));
+    assert_eq!(g.display(of_x, Style::Unicode), "atan2(1, x)");
+    assert_eq!(g.display(of_x, Style::Latex), "\\operatorname{atan2}\\left(1,\\, x\\right)");
+    let mathml = g.display(of_x, Style::MathMl);
+    assert!(mathml.contains("<mi>atan2</mi>") && mathml.contains("<mo>,</mo>"), "{mathml}");
+    // The sign of y, away from the cut.
+    let facts = BTreeMap::from([(y, Sign::Positive)]);
+    let (above, minus_y) = (g.atan2(y, x), g.neg(y));
+    assert_eq!(sign_of(&g, above, &facts), Sign::Positive);
+    let below = g.atan2(minus_y, x);
+    assert_eq!(sign_of(&g, below, &facts), Sign::Negative);
+    let anywhere = g.atan2(x, y);
+    assert_eq!(sign_of(&g, anywhere, &facts), Sign::Unknown);
+}
+
+#[test]
 fn text_reads_like_a_paper() {
     let mut g = Graph::new();
     let (i, o) = (g.symbol("I1"), g.symbol("Omega1"));

@@ -134,7 +134,8 @@ impl Naming<'_> {
                 Node::Function(
                     Func::Sin | Func::Cos | Func::Tanh | Func::Asin | Func::Acos | Func::Atan,
                     _,
-                ) => true,
+                )
+                | Node::Atan2(..) => true,
                 Node::Function(Func::Abs, a) => bounded[a],
                 Node::Function(_, a) => is_constant(self.graph, inputs, *a),
             };

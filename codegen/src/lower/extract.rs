@@ -101,15 +101,19 @@ pub(super) fn cost(system: &System, entries: &[Entry], roots: &[usize]) -> i64 {
                 if !q.is_integer() {
                     special.insert((1, *atom, 0));
                 }
-                if let Atom::Function(f, argument) = system.atom(*atom) {
-                    // Sine and cosine of one angle are computed together.
-                    let kind = if f == Func::Sin { Func::Cos } else { f };
-                    special.insert((2, kind as u32, argument));
+                match system.atom(*atom) {
+                    Atom::Function(f, argument) => {
+                        // Sine and cosine of one angle are computed together.
+                        let kind = if f == Func::Sin { Func::Cos } else { f };
+                        special.insert((2, kind as u32, argument));
+                    }
+                    Atom::Atan2(y, x) => _ = special.insert((3, y, x)),
+                    Atom::Input(_) | Atom::Poly(_) => {}
                 }
             }
         }
     }
-    let price = |(kind, ..): &(u8, u32, u32)| [DIVISION, ROOT, FUNCTION][usize::from(*kind)];
+    let price = |(kind, ..): &(u8, u32, u32)| [DIVISION, ROOT, FUNCTION, FUNCTION][usize::from(*kind)];
     total + special.iter().map(price).sum::<i64>()
 }
 
@@ -128,7 +132,7 @@ pub(super) fn needed(system: &System, entries: &[Entry], roots: &[usize]) -> Vec
         }
         pending.push((k, true));
         let atoms = entries[k].value.iter().flat_map(|(m, _)| m).map(|(atom, _)| *atom);
-        let operands: Vec<usize> = atoms.filter_map(|atom| system.needs(atom)).collect();
+        let operands: Vec<usize> = atoms.flat_map(|atom| system.needs(atom)).collect();
         pending.extend(operands.into_iter().rev().filter(|k| !seen[*k]).map(|k| (k, false)));
     }
     order

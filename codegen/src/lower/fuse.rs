@@ -56,7 +56,7 @@ pub(super) fn latency(op: &Op) -> u32 {
         Op::Add(..) | Op::Sub(..) | Op::Mul(..) | Op::MulAdd(..) => 4,
         Op::Div(..) | Op::Recip(_) => 13,
         Op::Sqrt(_) => 18,
-        Op::Power(..) | Op::Function(..) => 50,
+        Op::Power(..) | Op::Function(..) | Op::Atan2(..) => 50,
     }
 }
 
@@ -587,7 +587,7 @@ fn opposite(op: Op, program: &mut Program, may_prepare: bool) -> Option<Op> {
             Some(a) => Some(Op::Sub(a, b)),
             None => Some(Op::Sub(negated(b)?, a)),
         },
-        Op::Recip(_) | Op::Neg(_) | Op::Sqrt(_) | Op::Power(..) | Op::Function(..) => None,
+        Op::Recip(_) | Op::Neg(_) | Op::Sqrt(_) | Op::Power(..) | Op::Function(..) | Op::Atan2(..) => None,
     }
 }
 

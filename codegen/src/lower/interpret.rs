@@ -85,6 +85,7 @@ impl<R: Real> Memory<'_, R> {
                 Op::Sqrt(a) => self.read(a).sqrt(),
                 Op::Power(a, q) => (self.read(q) * self.read(a).ln()).exp(),
                 Op::Function(f, a) => apply(f, self.read(a)),
+                Op::Atan2(y, x) => self.read(y).atan2(self.read(x)),
                 Op::MulAdd(signs, a, b, c) => {
                     let signed = |negative, x: R| if negative { -x } else { x };
                     let (a, c) = (signed(signs.product, self.read(a)), signed(signs.addend, self.read(c)));

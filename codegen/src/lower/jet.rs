@@ -19,6 +19,7 @@
 //! w = cos a       w_k = -(a_k z_0 + S_k(j a, z) / k)
 //! z = tan a       z_k = a_k w_0 + S_k(j a, w) / k                                  w = 1 + z^2
 //! z = atan a      z_k = (a_k - S_k(j z, w) / k) / w_0                              w = 1 + a^2
+//! z = atan2(y, x) z_k = (x_0 y_k - y_0 x_k + (S_k(j y, x) - S_k(j x, y) - S_k(j z, w)) / k) / w_0    w = x^2 + y^2
 //! z = asin a      z_k = (a_k - S_k(j z, w) / k) / w_0                              w = sqrt(1 - a^2)
 //! ```
 //!
@@ -406,6 +407,10 @@ impl<'p> Builder<'p> {
                 let a = self.operand(a);
                 self.function(f, a, first)
             }
+            Op::Atan2(y, x) => {
+                let (y, x) = (self.operand(y), self.operand(x));
+                self.angle(y, x)
+            }
         };
         Series { first, next }
     }
@@ -561,6 +566,36 @@ impl<'p> Builder<'p> {
                 Some(self.at_order(Op::Mul(sign, a_k)))
             }
         }
+    }
+
+    /// `z = atan2(y, x)`.
+    fn angle(&mut self, y: Series, x: Series) -> Option<Operand> {
+        if y.next.is_none() && x.next.is_none() {
+            return None;
+        }
+        let square = self.at_zero(Op::Mul(y.first, y.first));
+        let w_first = self.at_zero(Op::MulAdd(PLAIN, x.first, x.first, square));
+        let (of_y, of_x) = (self.product(y, y), self.product(x, x));
+        let w = self.add(of_y, of_x)?;
+        let inverse = self.reciprocal(w_first);
+        let along_y = y.next.map(|y_k| {
+            let x_0 = self.keep(x.first);
+            self.at_order(Op::Mul(x_0, y_k))
+        });
+        let along_x = x.next.map(|x_k| {
+            let y_0 = self.keep(y.first);
+            self.at_order(Op::Mul(y_0, x_k))
+        });
+        let mut rest = self.subtract(along_y, along_x);
+        if let (Some(y_k), Some(x_k)) = (y.next, x.next) {
+            let (plus, minus) = (self.mean(weighted(y_k), plain(x_k)), self.mean(weighted(x_k), plain(y_k)));
+            let known = self.subtract(Some(plus), Some(minus));
+            rest = self.add(rest, known);
+        }
+        let z = self.announce();
+        let sum = self.mean(weighted(z), plain(w));
+        let rest = self.subtract(rest, Some(sum))?;
+        Some(self.define(z, Op::Mul(inverse, rest)))
     }
 
     /// The coefficient of `z` with `z' w = a'`, or `z' w = -a'`.

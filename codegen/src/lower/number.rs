@@ -299,6 +299,10 @@ impl Numbering<'_> {
                     let a = self.positive(self.values[a]);
                     Signed { negative: false, operand: self.pool.push(Op::Function(*f, a)) }
                 }
+                Node::Atan2(y, x) => {
+                    let (y, x) = (self.positive(self.values[y]), self.positive(self.values[x]));
+                    Signed { negative: false, operand: self.pool.push(Op::Atan2(y, x)) }
+                }
             };
             self.values.insert(e, value);
         }

@@ -265,7 +265,10 @@ impl Search<'_> {
             for (m, c) in &entries[*user].value {
                 scales.extend(m.iter().any(|(a, _)| *a == atom).then_some(*c));
                 // The name of what a function is applied to stays.
-                let is_argument = |(a, _): &(u32, Exponent)| matches!(self.system.atom(*a), Atom::Function(_, j) if j as usize == k);
+                let is_argument = |(a, _): &(u32, Exponent)| match self.system.atom(*a) {
+                    Atom::Function(..) | Atom::Atan2(..) => self.system.needs(*a).any(|j| j == k),
+                    Atom::Input(_) | Atom::Poly(_) => false,
+                };
                 if m.iter().any(is_argument) {
                     return None;
                 }
@@ -372,7 +375,7 @@ impl Writer<'_> {
                 });
                 let is_value = match self.graph.node(value) {
                     Node::Sum { .. } | Node::Product { .. } => true,
-                    Node::Function(..) => name.is_some(),
+                    Node::Function(..) | Node::Atan2(..) => name.is_some(),
                     _ => false,
                 };
                 let stands = if is_value {
@@ -399,6 +402,9 @@ impl Writer<'_> {
                     Atom::Input(e) => e,
                     Atom::Poly(k) => self.exprs[&(k as usize)],
                     Atom::Function(f, k) => self.graph.func(f, self.exprs[&(k as usize)]),
+                    Atom::Atan2(y, x) => {
+                        self.graph.atan2(self.exprs[&(y as usize)], self.exprs[&(x as usize)])
+                    }
                 };
                 factors.push((base, Rational::new((*q.numer()).into(), (*q.denom()).into())));
             }

@@ -27,6 +27,8 @@ pub(super) enum Atom {
     Poly(u32),
     /// An elementary function of a polynomial.
     Function(Func, u32),
+    /// `atan2` of two polynomials.
+    Atan2(u32, u32),
 }
 
 /// A parameter-only number up to its sign; zero is never one.
@@ -332,12 +334,14 @@ impl System {
         self.circles.push(pair);
     }
 
-    /// The polynomial that an atom needs, if it needs one.
-    pub(super) fn needs(&self, atom: u32) -> Option<usize> {
-        match self.atom(atom) {
-            Atom::Input(_) => None,
-            Atom::Poly(k) | Atom::Function(_, k) => Some(k as usize),
-        }
+    /// The polynomials that an atom needs.
+    pub(super) fn needs(&self, atom: u32) -> impl Iterator<Item = usize> + use<> {
+        let needed = match self.atom(atom) {
+            Atom::Input(_) => [None, None],
+            Atom::Poly(k) | Atom::Function(_, k) => [Some(k), None],
+            Atom::Atan2(y, x) => [Some(y), Some(x)],
+        };
+        needed.into_iter().flatten().map(|k| k as usize)
     }
 
     /// Whether `sin^2 a` and `cos^2 a` are the two monomials.
@@ -622,11 +626,19 @@ impl<'a> Reader<'a> {
                 Node::Function(_, a) => {
                     separate.insert(*a);
                 }
+                Node::Atan2(y, x) => separate.extend([*y, *x]),
                 _ => {}
             }
         }
-        for e in order {
-            if separate.contains(&e) {
+        // One argument of two may be a number.
+        let mut numbers: Vec<ExprId> = Vec::new();
+        for e in &order {
+            if let Node::Atan2(y, x) = graph.node(*e) {
+                numbers.extend([*y, *x].into_iter().filter(|a| !self.changes(*a)));
+            }
+        }
+        for e in numbers.into_iter().chain(order) {
+            if separate.contains(&e) && !self.inner.contains_key(&e) {
                 let value = self.polynomial(graph, e)?;
                 self.inner.insert(e, self.entries.len());
                 self.entries.push(Entry { value, definition: None, unit: Coefficient::ONE });
@@ -678,6 +690,7 @@ impl<'a> Reader<'a> {
                     None => Atom::Input(base),
                 },
                 Node::Function(f, a) => Atom::Function(f, self.inner[&a] as u32),
+                Node::Atan2(y, x) => Atom::Atan2(self.inner[&y] as u32, self.inner[&x] as u32),
                 _ => Atom::Poly(self.inner[&base] as u32),
             };
             let atom = self.system.atom_of(atom);

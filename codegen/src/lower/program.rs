@@ -108,6 +108,8 @@ pub enum Op {
     Power(Operand, Operand),
     /// An elementary function.
     Function(Func, Operand),
+    /// The angle of the point `(b, a)` in `(-pi, pi]`.
+    Atan2(Operand, Operand),
     /// `a * b + c` with signs: rounded once where the target has the instruction, twice elsewhere.
     MulAdd(Signs, Operand, Operand, Operand),
 }
@@ -125,9 +127,12 @@ impl Op {
     /// Operands in order.
     pub fn operands(&self) -> impl Iterator<Item = Operand> + use<> {
         let (a, b, c) = match *self {
-            Op::Add(a, b) | Op::Sub(a, b) | Op::Mul(a, b) | Op::Div(a, b) | Op::Power(a, b) => {
-                (a, Some(b), None)
-            }
+            Op::Add(a, b)
+            | Op::Sub(a, b)
+            | Op::Mul(a, b)
+            | Op::Div(a, b)
+            | Op::Power(a, b)
+            | Op::Atan2(a, b) => (a, Some(b), None),
             Op::Neg(a) | Op::Recip(a) | Op::Sqrt(a) | Op::Function(_, a) => (a, None, None),
             Op::MulAdd(_, a, b, c) => (a, Some(b), Some(c)),
         };
@@ -142,6 +147,7 @@ impl Op {
             Op::Mul(a, b) => Op::Mul(f(a), f(b)),
             Op::Div(a, b) => Op::Div(f(a), f(b)),
             Op::Power(a, b) => Op::Power(f(a), f(b)),
+            Op::Atan2(a, b) => Op::Atan2(f(a), f(b)),
             Op::Neg(a) => Op::Neg(f(a)),
             Op::Recip(a) => Op::Recip(f(a)),
             Op::Sqrt(a) => Op::Sqrt(f(a)),
@@ -285,7 +291,7 @@ impl Counts {
                 Op::Neg(_) | Op::Function(Func::Abs, _) => &mut counts.neg,
                 Op::Sqrt(_) => &mut counts.sqrt,
                 Op::Function(Func::Cos, _) if completes_pair(instructions, k) => continue,
-                Op::Power(..) | Op::Function(..) => &mut counts.transcendental,
+                Op::Power(..) | Op::Function(..) | Op::Atan2(..) => &mut counts.transcendental,
             } += 1;
         }
         counts

@@ -21,7 +21,7 @@ const ROUNDINGS_OF_A_TERM: usize = 8;
 /// ```text
 /// s(sum_i c_i t_i)     = sum_i |c_i| (n |t_i| + s(t_i))              n terms
 /// s(prod_i f_i^q_i)    = 8 |prod_i f_i^q_i| + sum_i |q_i prod_j f_j^q_j / f_i| s(f_i)
-/// s(f(a))              = 8 |f(a)| + |f'(a)| s(a)
+/// s(f(a, ..))          = 8 |f(a, ..)| + |df/da| s(a) + ..
 /// ```
 ///
 /// and `s(v) = 8 |v|` where nothing behind `v` can cancel. `s + |p| = s` in arithmetic of unit roundoff `u` for `|p| <= u s`, so that no
@@ -61,7 +61,14 @@ pub(super) fn rounding_scales(
                 analysis.sum(terms.iter().cloned().chain(constant).collect())
             }
             Node::Product { coefficient, factors } => analysis.product(e, &coefficient, &factors),
-            Node::Function(f, a) => analysis.function(e, f, a),
+            Node::Function(f, a) => {
+                let slope = analysis.graph.func_derivative(f, a, e);
+                analysis.function(e, [(a, slope)])
+            }
+            Node::Atan2(y, x) => {
+                let [by_y, by_x] = analysis.graph.atan2_derivatives(y, x);
+                analysis.function(e, [(y, by_y), (x, by_x)])
+            }
         };
         if let Some(scale) = scale {
             // A sum takes in what it is scaled by of the terms of a product's, and needs no name for them.
@@ -156,13 +163,21 @@ impl Analysis<'_> {
         self.with_own(product, terms)
     }
 
-    /// The scale of a function's value; none where no terms cancel behind its argument.
-    fn function(&mut self, value: ExprId, f: Func, argument: ExprId) -> Option<ExprId> {
-        let scale = self.scales.get(&argument).copied()?;
-        let slope = self.graph.func_derivative(f, argument, value);
-        let (_, size) = self.size(slope);
-        let term = self.graph.mul(size, scale);
-        self.with_own(value, vec![(term, Rational::one())])
+    /// The scale of a function's value, given its arguments and the derivatives by them; none where no terms cancel behind
+    /// these.
+    fn function(
+        &mut self,
+        value: ExprId,
+        arguments: impl IntoIterator<Item = (ExprId, ExprId)>,
+    ) -> Option<ExprId> {
+        let mut terms = Vec::new();
+        for (argument, slope) in arguments {
+            if let Some(scale) = self.scales.get(&argument).copied() {
+                let (_, size) = self.size(slope);
+                terms.push((self.graph.mul(size, scale), Rational::one()));
+            }
+        }
+        self.with_own(value, terms)
     }
 
     /// Errors that operands bring, and those of the operations themselves.

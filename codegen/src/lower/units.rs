@@ -77,7 +77,7 @@ fn equations(system: &System, entries: &[Entry], roots: &[usize]) -> Vec<Equatio
     let factors = || alive.iter().flat_map(|k| &entries[*k].value).flat_map(|(m, _)| m);
     for (atom, q) in factors() {
         match system.atom(*atom) {
-            Atom::Function(_, k) => _ = fixed.insert(k as usize),
+            Atom::Function(..) | Atom::Atan2(..) => fixed.extend(system.needs(*atom)),
             Atom::Poly(k) if !q.is_integer() => _ = fixed.insert(k as usize),
             Atom::Poly(_) | Atom::Input(_) => {}
         }

@@ -4,7 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::error::Error;
 use crate::expr::{
-    Definition, ExprId, Graph, Node, Rational, Section, SectionWriter, Sign, Style, SymbolId, sign_of,
+    Definition, ExprId, Graph, Node, Rational, Section, SectionWriter, Sign, Style, SymbolId, Vanishing,
+    sign_of,
 };
 use crate::reduction::{
     AccelerationRow, AccelerationSource, KinematicConstraint, ReducedSystem, SolvedConstraint, StateKind,
@@ -45,6 +46,8 @@ pub struct Facts {
     pub constants: Vec<String>,
     /// Whether the energy rate vanishes identically.
     pub energy_is_conserved: bool,
+    /// Whether the rate of the energy could not be shown to vanish, nor not to.
+    pub energy_is_unverified: bool,
     /// Base coordinates that the derivation mentions and no rate depends on: the state equations are taken where they are
     /// zero (a point of the circle: at the angle zero).
     pub ignorable: Vec<String>,
@@ -624,23 +627,34 @@ impl<'a> Derivation<'a> {
         Ok(self.g.cancel_zero(sum))
     }
 
-    /// That something claimed to be conserved is not, with its rate in as few names of definitions as there is room for.
-    fn not_conserved(&mut self, name: &str, rate: ExprId) -> Error {
+    /// Refuses a claim of conservation with what is known about the rate.
+    fn require_conserved(&mut self, name: &str, rate: ExprId) -> Result<(), Error> {
+        let verdict = self.g.vanishing(rate);
+        let name = name.to_owned();
+        match verdict {
+            Vanishing::Zero => Ok(()),
+            Vanishing::NonZero => Err(Error::NotConserved { name, rate: self.spelled_out(rate) }),
+            Vanishing::Unknown => Err(Error::ConservationUnverified { name, rate: self.spelled_out(rate) }),
+        }
+    }
+
+    /// An expression for people, in as few names of definitions as there is room for.
+    fn spelled_out(&mut self, e: ExprId) -> String {
         let definitions: Vec<Definition> = self.writer.definitions().copied().collect();
-        let (mut rate, mut text) = (rate, self.g.display(rate, Style::Plain));
+        let (mut e, mut text) = (e, self.g.display(e, Style::Plain));
         for Definition { symbol, expr } in definitions.into_iter().rev() {
             // A name alone says nothing, whatever its value looks like.
-            let is_alone = *self.g.node(rate) == Node::Symbol(symbol);
-            let Ok(expanded) = self.g.subs(rate, &BTreeMap::from([(symbol, expr)])) else { continue };
-            if expanded == rate {
+            let is_alone = *self.g.node(e) == Node::Symbol(symbol);
+            let Ok(expanded) = self.g.subs(e, &BTreeMap::from([(symbol, expr)])) else { continue };
+            if expanded == e {
                 continue;
             }
             let spelled = self.g.display(expanded, Style::Plain);
             if is_alone || spelled.chars().count() <= MAX_SHOWN {
-                (rate, text) = (expanded, spelled);
+                (e, text) = (expanded, spelled);
             }
         }
-        Error::NotConserved { name: name.to_owned(), rate: shortened(&text) }
+        shortened(&text)
     }
 
     /// The nonholonomic momenta along the sections `W_b` of virtual displacements and the momentum equation
@@ -753,6 +767,7 @@ impl<'a> Derivation<'a> {
         let energy = self.replace(raw_energy)?;
         let mut facts = Facts {
             energy_is_conserved: energy_rate == self.g.zero(),
+            energy_is_unverified: self.g.vanishing(energy_rate) == Vanishing::Unknown,
             mass_matrix_is_symmetric: is_symmetric(&mut self.g, &motion.mass_matrix),
             ..Facts::default()
         };
@@ -806,9 +821,7 @@ impl<'a> Derivation<'a> {
             let mut components = Vec::new();
             for casimir in &system.casimirs {
                 let rate = self.rate_of(casimir.expr, &motion)?;
-                if rate != self.g.zero() {
-                    return Err(self.not_conserved(&casimir.name, rate));
-                }
+                self.require_conserved(&casimir.name, rate)?;
                 facts.casimirs.push(casimir.name.clone());
                 let value = self.replace(casimir.expr)?;
                 components.push((casimir.name.clone(), value));
@@ -882,9 +895,7 @@ impl<'a> Derivation<'a> {
             let square = self.g.sum(&squares);
             let name = format!("{}_circle", circle.angle);
             let rate = self.rate_of(square, motion)?;
-            if rate != self.g.zero() {
-                return Err(self.not_conserved(&name, rate));
-            }
+            self.require_conserved(&name, rate)?;
             facts.casimirs.push(name.clone());
             components.push((name, square));
         }

@@ -1,14 +1,14 @@
 //! Sections of the constraint distribution.
 
 use crate::algebra::Algebroid;
-use crate::expr::{ExprId, Graph, SymbolId};
+use crate::expr::{ExprId, Graph, SymbolId, Vanishing};
 use crate::reduction::SolvedConstraint;
 
 /// Whether the span of the columns of `Psi` is closed under the bracket, so that the constraint is holonomic:
 /// `[Psi_a, Psi_b]^gamma = Psi_a^alpha Psi_b^beta C^gamma_{alpha beta} + rho(Psi_a) Psi_b^gamma - rho(Psi_b) Psi_a^gamma`
 /// lies in the span, and so does `[d/dt, Psi_a]^gamma = dPsi_a^gamma/dt + N^gamma_alpha Psi_a^alpha`: a constraint that moves with
-/// time may keep no function of place and time although it does at each moment. `None` for affine constraints and where
-/// quasi-velocities parametrise the distribution.
+/// time may keep no function of place and time although it does at each moment. `None` for affine constraints, where
+/// quasi-velocities parametrise the distribution, and where that could not be found out.
 pub(super) fn is_subalgebroid(
     g: &mut Graph,
     algebroid: &Algebroid,
@@ -20,31 +20,42 @@ pub(super) fn is_subalgebroid(
         return None;
     }
     let column = |a: usize| -> Vec<ExprId> { solved.psi.iter().map(|row| row[a]).collect() };
+    let mut is_known = true;
     for a in 0..frame.len() {
         let turning = rate_of_section(g, algebroid, time, &column(a));
-        if !is_allowed(g, solved, &frame, &turning) {
-            return Some(false);
+        match in_span(g, solved, &frame, &turning) {
+            Vanishing::Zero => {}
+            Vanishing::NonZero => return Some(false),
+            Vanishing::Unknown => is_known = false,
         }
         for b in a + 1..frame.len() {
             let bracket = bracket_of_sections(g, algebroid, &column(a), &column(b));
-            if !is_allowed(g, solved, &frame, &bracket) {
-                return Some(false);
+            match in_span(g, solved, &frame, &bracket) {
+                Vanishing::Zero => {}
+                Vanishing::NonZero => return Some(false),
+                Vanishing::Unknown => is_known = false,
             }
         }
     }
-    Some(true)
+    is_known.then_some(true)
 }
 
-/// Whether a section lies in the span, in which its independent components determine it.
-fn is_allowed(g: &mut Graph, solved: &SolvedConstraint, frame: &[usize], section: &[ExprId]) -> bool {
-    solved.dependent.iter().all(|&alpha| {
+/// Whether the part of a section beside the span vanishes; a vector of the span is determined by its independent components.
+fn in_span(g: &mut Graph, solved: &SolvedConstraint, frame: &[usize], section: &[ExprId]) -> Vanishing {
+    let mut verdict = Vanishing::Zero;
+    for &alpha in &solved.dependent {
         let mut terms = vec![g.neg(section[alpha])];
         for (k, &independent) in frame.iter().enumerate() {
             terms.push(g.mul(solved.psi[alpha][k], section[independent]));
         }
         let residual = g.sum(&terms);
-        g.is_zero(residual)
-    })
+        match g.vanishing(residual) {
+            Vanishing::Zero => {}
+            Vanishing::NonZero => return Vanishing::NonZero,
+            Vanishing::Unknown => verdict = Vanishing::Unknown,
+        }
+    }
+    verdict
 }
 
 /// `[d/dt, x]`.

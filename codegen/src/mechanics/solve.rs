@@ -5,7 +5,9 @@ use std::collections::BTreeMap;
 use num_traits::Signed;
 
 use crate::error::Error;
-use crate::expr::{Definition, ExprId, Graph, Node, Rational, SectionWriter, Style, SymbolId, inlined};
+use crate::expr::{
+    Definition, ExprId, Graph, Node, Rational, SectionWriter, Style, SymbolId, Vanishing, inlined,
+};
 
 /// Something that is divided by.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -113,16 +115,25 @@ fn gathered(
     Some(g.mul(numerator, inverse))
 }
 
-/// How pivot candidates rank: parameter-only before state-dependent, small before large.
-fn rank(g: &Graph, writer: &SectionWriter, e: ExprId) -> (bool, usize) {
-    (writer.varies(g, e), g.reachable(&[e]).len())
+/// How pivot candidates rank: those that are proved not to vanish identically before others, which the check at run time has
+/// to catch, parameter-only before state-dependent, small before large.
+type Rank = (bool, bool, usize);
+
+/// None of what vanishes identically.
+fn rank(g: &mut Graph, writer: &SectionWriter, e: ExprId) -> Option<Rank> {
+    let is_unproved = match g.vanishing(e) {
+        Vanishing::Zero => return None,
+        Vanishing::NonZero => false,
+        Vanishing::Unknown => true,
+    };
+    Some((is_unproved, writer.varies(g, e), g.reachable(&[e]).len()))
 }
 
 impl Factorisation {
     /// Factors `a`, writing the entries of the factors as definitions prefixed by `prefix`.
     ///
     /// Symmetric matrices keep their symmetry: pivots stay on the diagonal, ordered once by sparsity so that
-    /// parameter-only pivots come first. A vanishing diagonal, or a matrix that is not symmetric, gets general
+    /// parameter-only pivots come first. A diagonal that vanishes, or is not proved not to, or a matrix that is not symmetric, gets general
     /// elimination with the best-ranked non-zero pivot.
     ///
     /// # Errors
@@ -160,7 +171,7 @@ impl Factorisation {
             f.row_order.iter().map(|&i| f.column_order.iter().map(|&j| a[i][j]).collect()).collect();
         for k in 0..n {
             Error::when_too_large(g.n_nodes())?;
-            if !symmetric || rest[k][k] == g.zero() {
+            if !symmetric || g.vanishing(rest[k][k]) != Vanishing::NonZero {
                 symmetric = false;
                 f.is_symmetric = false;
                 f.choose_pivot(g, writer, &mut rest, k).ok_or_else(|| singular(g, a, names))?;
@@ -247,13 +258,11 @@ impl Factorisation {
         k: usize,
     ) -> Option<()> {
         let n = rest.len();
-        let mut best: Option<((bool, usize), usize, usize)> = None;
+        let mut best: Option<(Rank, usize, usize)> = None;
         for i in k..n {
             for j in k..n {
-                if rest[i][j] == g.zero() || g.is_zero(rest[i][j]) {
-                    continue;
-                }
-                let candidate = (rank(g, writer, rest[i][j]), i, j);
+                let Some(rank) = rank(g, writer, rest[i][j]) else { continue };
+                let candidate = (rank, i, j);
                 best = Some(best.map_or(candidate, |b| b.min(candidate)));
             }
         }
@@ -352,7 +361,7 @@ fn constant_determinant(g: &mut Graph, writer: &SectionWriter, rest: &[Vec<ExprI
     let (ad, bc) = (g.mul(a, d), g.mul(b, c));
     let determinant = g.sub(ad, bc);
     let value = writer.constant(g, determinant)?;
-    (!g.is_zero(value)).then_some(value)
+    (g.vanishing(value) == Vanishing::NonZero).then_some(value)
 }
 
 /// Name of the value between the two triangular solves: `z_v1` for `dot_v1`.

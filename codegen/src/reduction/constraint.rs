@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::error::Error;
-use crate::expr::{ExprId, Graph, Sign, SymbolId, sign_of};
+use crate::expr::{ExprId, Graph, Sign, Style, SymbolId, Vanishing, sign_of};
 
 /// One scalar constraint as an affine form in the velocities.
 #[derive(Clone, Debug)]
@@ -113,6 +113,8 @@ enum PivotGrade {
     Definite,
     ParameterOnly,
     StateDependent,
+    /// Not proved not to vanish identically.
+    Unproved,
 }
 
 /// Solves linear rows for some of their columns.
@@ -148,7 +150,9 @@ struct Echelon {
 
 impl Solver<'_> {
     fn grade(&mut self, e: ExprId) -> PivotGrade {
-        if self.graph.as_rational(e).is_some() {
+        if self.graph.vanishing(e) == Vanishing::Unknown {
+            PivotGrade::Unproved
+        } else if self.graph.as_rational(e).is_some() {
             PivotGrade::Constant
         } else if sign_of(self.graph, e, self.facts).is_definite() {
             PivotGrade::Definite
@@ -182,7 +186,7 @@ impl Solver<'_> {
                 return Err(Error::WrongNumberOfIndependent { found: wanted.len(), expected });
             }
         }
-        let echelon = self.echelon(rows, wanted, PivotGrade::StateDependent)?;
+        let echelon = self.echelon(rows, wanted, PivotGrade::Unproved)?;
         if echelon.state_dependent && wanted.is_none() {
             return Ok(None);
         }
@@ -239,10 +243,15 @@ impl Solver<'_> {
                 }
                 if vanishes {
                     let constraint = rows[row].text.clone();
-                    return Err(if table[row][width] == self.graph.zero() {
-                        Error::DependentConstraint { constraint }
-                    } else {
-                        Error::InconsistentConstraint { constraint }
+                    let offset = table[row][width];
+                    return Err(match self.graph.vanishing(offset) {
+                        Vanishing::Zero => Error::DependentConstraint { constraint },
+                        Vanishing::NonZero => Error::InconsistentConstraint { constraint },
+                        Vanishing::Unknown => Error::Unverified {
+                            claim: format!("that constraint {constraint} follows from the others"),
+                            residual: self.graph.display(offset, Style::Plain),
+                            component: None,
+                        },
                     });
                 }
             }
@@ -252,7 +261,7 @@ impl Solver<'_> {
             if grade > worst {
                 break;
             }
-            state_dependent |= grade == PivotGrade::StateDependent;
+            state_dependent |= grade >= PivotGrade::StateDependent;
             if grade >= PivotGrade::ParameterOnly {
                 let name = format!("coefficient of {} in {}", self.names[column], rows[row].text);
                 pivots.push((name, table[row][column]));

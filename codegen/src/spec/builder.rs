@@ -21,7 +21,7 @@ use super::value::{Shape, Value, ValueError};
 use super::want::Want;
 use crate::algebra::{LieAlgebra, Subspace};
 use crate::error::Error;
-use crate::expr::{ExprId, Graph, Rational, SymbolId};
+use crate::expr::{ExprId, Graph, Rational, SymbolId, Vanishing};
 
 /// How the components of a parameter are arranged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -1030,6 +1030,7 @@ impl ModelBuilder {
                 Relation::NotEqual => !q.is_zero(),
             });
         }
+        // A number that could not be shown to vanish is what it is to sixteen digits.
         if self.graph.is_zero(reduced) {
             return Some(condition.relation == Relation::GreaterEqual);
         }
@@ -1037,7 +1038,7 @@ impl ModelBuilder {
         Some(match condition.relation {
             Relation::Greater => value > 0.0,
             Relation::GreaterEqual => value >= 0.0,
-            Relation::NotEqual => true,
+            Relation::NotEqual => value != 0.0,
         })
     }
 
@@ -1214,11 +1215,19 @@ impl ModelBuilder {
         }
         for i in 0..n {
             for j in i + 1..n {
-                if !self.graph.is_equal(entries[i * n + j], entries[j * n + i]) {
+                let difference = self.graph.sub(entries[i * n + j], entries[j * n + i]);
+                let found = match self.graph.vanishing(difference) {
+                    Vanishing::Zero => continue,
+                    Vanishing::NonZero => ("is not symmetric", "differ"),
+                    Vanishing::Unknown => ("could not be shown to be symmetric", "may differ"),
+                };
+                {
                     let message = format!(
-                        "inner product is not symmetric: entries ({0}, {1}) and ({1}, {0}) differ",
+                        "inner product {2}: entries ({0}, {1}) and ({1}, {0}) {3}",
                         i + 1,
-                        j + 1
+                        j + 1,
+                        found.0,
+                        found.1
                     );
                     self.problem(span, message, "a `symmetric(n)` parameter is symmetric by construction");
                     return None;

@@ -356,7 +356,7 @@ impl Evaluator<'_> {
             return self.fail(name.span, format!("`{function}` is not legal here"), *help);
         }
         let wanted = match function {
-            "dot" | "cross" | "pow" => 2,
+            "dot" | "cross" | "pow" | "atan2" => 2,
             _ if operator.is_some() => 1,
             _ if FUNCTIONS.contains(&function) => 1,
             _ => {
@@ -367,8 +367,9 @@ impl Evaluator<'_> {
                 let help = match function {
                     "inverse" | "inv" => "matrices are not inverted: write the solution out".to_owned(),
                     "log" => "write `ln(x)`".to_owned(),
-                    "atan2" => "write `atan(y/x)`".to_owned(),
-                    _ => names::suggest(function, FUNCTIONS.iter().copied()),
+                    "arctan2" | "arg" => "write `atan2(y, x)` for the angle of the point (x, y)".to_owned(),
+                    _ => names::not_smooth(function)
+                        .unwrap_or_else(|| names::suggest(function, FUNCTIONS.iter().copied())),
                 };
                 return self.fail(name.span, format!("unknown function `{function}`"), help);
             }
@@ -380,6 +381,7 @@ impl Evaluator<'_> {
                 "diag" => "write `diag([a, b, c])`".to_owned(),
                 "dot" | "cross" => format!("write `{function}(a, b)` with two vectors"),
                 "pow" => "write `pow(x, y)` or `x^y`".to_owned(),
+                "atan2" => "write `atan2(y, x)` for the angle of the point (x, y)".to_owned(),
                 "identity" => "write `identity(3)`".to_owned(),
                 "norm" | "sum" | "hat" => format!("write `{function}(v)` with a vector"),
                 "det" | "trace" | "transpose" => format!("write `{function}(A)` with a matrix"),
@@ -429,6 +431,7 @@ impl Evaluator<'_> {
             "trace" => (a.trace(g), a_bits + 8),
             "sum" => (a.sum(g), a_bits + 8),
             "sqrt" => (a.sqrt(g), *a_bits),
+            "atan2" => (a.atan2(g, b), a_bits + b_bits),
             _ => (Func::from_name(function).map_or(Err(ValueError::TooLarge), |f| a.func(g, f)), *a_bits),
         };
         match result {
@@ -436,8 +439,10 @@ impl Evaluator<'_> {
             Err(error) => {
                 let shapes: Vec<(&Expr, Shape)> =
                     arguments.iter().zip(values).map(|(e, (v, _))| (e, v.shape())).collect();
-                let is_about_shapes =
-                    !matches!(error, ValueError::DivisionByZero | ValueError::LogarithmOfZero);
+                let is_about_shapes = !matches!(
+                    error,
+                    ValueError::DivisionByZero | ValueError::LogarithmOfZero | ValueError::AngleOfOrigin
+                );
                 let shapes = if is_about_shapes { &shapes[..] } else { &[] };
                 self.error(span, &error, shapes)
             }

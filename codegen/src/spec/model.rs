@@ -493,7 +493,9 @@ impl Model {
             | Error::TooLarge { .. }
             | Error::OutOfRange { .. }
             | Error::DivisionByZero { .. } => self.places.lagrangian,
-            Error::NotConserved { name, .. } => self.places.outputs.get(name).copied(),
+            Error::NotConserved { name, .. } | Error::ConservationUnverified { name, .. } => {
+                self.places.outputs.get(name).copied()
+            }
             Error::DependentConstraint { constraint } | Error::InconsistentConstraint { constraint } => {
                 constraints.chain(conditions).find(|(text, _)| *text == constraint).and_then(|(_, span)| span)
             }
@@ -507,7 +509,8 @@ impl Model {
             Error::NotNested { stage, .. }
             | Error::NotAnIdeal { stage, .. }
             | Error::EmptyStage { stage } => self.place_of_stage(stage),
-            Error::AnchorViolated { component, .. } => {
+            Error::AnchorViolated { component, .. }
+            | Error::Unverified { component: Some(component), .. } => {
                 let moved = |a: &&Advected| a.components.iter().any(|(name, _)| name == component);
                 self.advected.iter().find(moved).and_then(|a| a.span)
             }

@@ -55,6 +55,7 @@ pub(super) fn item_meant_by(word: &str) -> String {
         "group" => "write the algebra: `velocity Omega in so(3);`, and `reconstruct` for the group",
         "constraints" | "nonholonomic" | "holonomic" => "write `constraint dot(Omega, Gamma) = 0;`",
         "equation" | "equations" => "equations of motion are derived, not written",
+        "if" | "else" | "match" => "the language has no conditions besides `where` and `require`",
         _ => return suggest(word, ITEMS.iter().map(|(item, _)| *item)),
     };
     advice.to_owned()
@@ -80,6 +81,7 @@ pub(super) const FUNCTIONS: &[&str] = &[
     "asin",
     "acos",
     "atan",
+    "atan2",
     "exp",
     "ln",
     "sinh",
@@ -87,6 +89,29 @@ pub(super) const FUNCTIONS: &[&str] = &[
     "tanh",
     "abs",
 ];
+
+/// What to write instead of a function that has jumps or kinks, for expressions are differentiated; nothing for other words.
+pub(super) fn not_smooth(word: &str) -> Option<String> {
+    let advice = match word {
+        "sign" | "sgn" | "signum" | "copysign" => {
+            "`x/sqrt(x^2 + eps^2)` or `tanh(x/eps)` with a small parameter `eps`"
+        }
+        "max" | "fmax" => {
+            "`(a + b + abs(a - b))/2`, or `(a + b + sqrt((a - b)^2 + eps^2))/2` without the kink"
+        }
+        "min" | "fmin" => {
+            "`(a + b - abs(a - b))/2`, or `(a + b - sqrt((a - b)^2 + eps^2))/2` without the kink"
+        }
+        "if" | "else" | "match" | "ifelse" | "piecewise" | "where" | "select" => {
+            "a blend such as `(1 + tanh(x/eps))/2*a + (1 - tanh(x/eps))/2*b`, or one model for each case"
+        }
+        "heaviside" | "step" | "theta_function" => "`(1 + tanh(x/eps))/2` with a small parameter `eps`",
+        "clamp" | "saturate" | "sat" => "`tanh(x)`",
+        "floor" | "ceil" | "round" | "mod" | "fmod" | "rem" => "periodic functions with `sin` and `cos`",
+        _ => return None,
+    };
+    Some(format!("the language is smooth, as equations of motion are derivatives: write {advice}"))
+}
 
 /// Functions with a meaning in one item each: displacements in `virtual`, accelerations in `constraint`.
 pub(super) const OPERATORS: &[(&str, &str)] = &[

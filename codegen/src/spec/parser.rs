@@ -48,6 +48,8 @@ pub(super) fn parse_file(text: &str) -> Outcome {
         outcome.problems.push(Diagnostic::new(start, message).with_help("put one model in a file"));
         return outcome;
     }
+    let blanked = without_hash_comments(text, &mut outcome.problems);
+    let text = blanked.as_str();
     if let Err(problem) = check_brackets(text) {
         outcome.problems.push(*problem);
         return outcome;
@@ -61,6 +63,60 @@ pub(super) fn parse_file(text: &str) -> Outcome {
     let mut parser = Parser { text, cursor: buffer.begin(), end: text.len(), last: 0, depth: 0 };
     parser.file(&mut outcome);
     outcome
+}
+
+/// The text without what other languages would take for comments, `# to the end of the line`: the first one is reported.
+///
+/// Texts and comments are skipped as the lexer does; `#[` and `#!` are left to the parser.
+fn without_hash_comments(text: &str, problems: &mut Vec<Diagnostic>) -> String {
+    let bytes = text.as_bytes();
+    let mut result = text.to_owned();
+    let mut is_first = true;
+    let line_end = |at: usize| text[at..].find('\n').map_or(text.len(), |length| at + length);
+    let mut at = 0;
+    while let Some(byte) = bytes.get(at) {
+        let next = bytes.get(at + 1);
+        at = match byte {
+            b'/' if next == Some(&b'/') => line_end(at),
+            b'/' if next == Some(&b'*') => {
+                let (mut depth, mut end) = (1_usize, at + 2);
+                while depth > 0 && end < bytes.len() {
+                    let step = match (bytes[end], bytes.get(end + 1)) {
+                        (b'/', Some(b'*')) => (depth + 1, 2),
+                        (b'*', Some(b'/')) => (depth - 1, 2),
+                        _ => (depth, 1),
+                    };
+                    (depth, end) = (step.0, end + step.1);
+                }
+                end
+            }
+            b'"' => {
+                let mut end = at + 1;
+                while end < bytes.len() && bytes[end] != b'"' {
+                    end += if bytes[end] == b'\\' { 2 } else { 1 };
+                }
+                end + 1
+            }
+            // What is written right after a word is a raw text: `r#".."#`.
+            b'#' if !matches!(next, Some(b'[' | b'!' | b'"'))
+                && !at
+                    .checked_sub(1)
+                    .is_some_and(|k| bytes[k].is_ascii_alphanumeric() || bytes[k] == b'"') =>
+            {
+                if std::mem::take(&mut is_first) {
+                    let span = Some(Span::new(at, at + 1));
+                    let problem = Diagnostic::new(span, "`#` does not begin a comment");
+                    problems
+                        .push(problem.with_help("comments are written `// text`, documentation `/// text`"));
+                }
+                let end = line_end(at);
+                result.replace_range(at..end, &" ".repeat(end - at));
+                end
+            }
+            _ => at + 1,
+        };
+    }
+    result
 }
 
 /// Lexes; a character that begins no token is reported, blanked out, and the lexer starts again.
@@ -525,6 +581,7 @@ impl<'a> Parser<'a> {
             (Some((punct, _)), _) if matches!(punct.as_char(), '<' | '>' | '=' | '!') => {
                 "conditions stand after `where` or in `require`, equations in `constraint`".into()
             }
+            (Some((punct, _)), _) if punct.as_char() == '?' => names::not_smooth("if").unwrap_or_default(),
             (Some(_), _) => "the operators are `+`, `-`, `*`, `/` and `^`".into(),
             (None, Some(word)) if !names::is_item(&word) => form.unwrap_or_default(),
             _ => "every item ends with `;`".into(),
@@ -1152,6 +1209,12 @@ impl<'a> Parser<'a> {
         if self.peek_punct('|') {
             let problem = Diagnostic::new(Some(start), "expected an expression, found `|`");
             return Err(Box::new(problem.with_help("write `abs(x)` for a number, `norm(v)` for a vector")));
+        }
+        if let Some(word) = self.peek_ident().filter(|word| matches!(word.as_str(), "if" | "else" | "match"))
+        {
+            let problem = Diagnostic::new(Some(start), format!("expected an expression, found `{word}`"));
+            let help = names::not_smooth(&word).unwrap_or_default();
+            return Err(Box::new(problem.with_help(help)));
         }
         let name = self.ident("an expression")?;
         if let Some((mut inside, span)) = self.group(Delimiter::Parenthesis) {

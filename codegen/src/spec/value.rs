@@ -59,6 +59,8 @@ pub enum ValueError {
     DivisionByZero,
     /// The logarithm of an expression that is identically zero.
     LogarithmOfZero,
+    /// The angle of a point that is the origin identically.
+    AngleOfOrigin,
     /// An exponent beyond the limits.
     Exponent(Rational),
     /// An index outside `1..=len`.
@@ -111,6 +113,7 @@ impl fmt::Display for ValueError {
             }
             ValueError::DivisionByZero => f.write_str("division by zero"),
             ValueError::LogarithmOfZero => f.write_str("logarithm of zero"),
+            ValueError::AngleOfOrigin => f.write_str("angle of the origin"),
             ValueError::Exponent(q) => {
                 let shown: String = q.to_string().chars().take(40).collect();
                 write!(f, "exponent {shown} is too large, the limit is {MAX_EXPONENT}")
@@ -172,6 +175,7 @@ impl ValueError {
                 "the divisor vanishes identically, whatever the names in it stand for".into()
             }
             ValueError::LogarithmOfZero => "its argument vanishes identically".into(),
+            ValueError::AngleOfOrigin => "both coordinates of the point vanish identically".into(),
             ValueError::Exponent(_) => "powers are computed exactly".into(),
             ValueError::Ragged { .. } => "a vector holds numbers, a matrix rows of one length".into(),
             ValueError::NotAVelocity { function } => {
@@ -612,6 +616,18 @@ impl Value {
             return Err(ValueError::LogarithmOfZero);
         }
         Ok(Value::Scalar(g.func(f, a)))
+    }
+
+    /// The angle of the point `(x, y)` in `(-pi, pi]`, `self` being `y`.
+    ///
+    /// # Errors
+    /// [`ValueError::Argument`] unless both are numbers, [`ValueError::AngleOfOrigin`] when both are zero.
+    pub fn atan2(&self, g: &mut Graph, x: &Value) -> Outcome {
+        let (y, x) = (self.scalar("atan2")?, x.scalar("atan2")?);
+        if g.is_zero(y) && g.is_zero(x) {
+            return Err(ValueError::AngleOfOrigin);
+        }
+        Ok(Value::Scalar(g.atan2(y, x)))
     }
 
     /// The square root of a number.
