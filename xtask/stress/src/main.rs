@@ -3,6 +3,8 @@
 use std::process::ExitCode;
 
 use hamel_measure::both::Both;
+use hamel_models::generated;
+use hamel_runtime::{Dual, F64x4};
 use hamel_stress::run;
 use hamel_stress::subject::{Subject, Typed};
 use xtask::dynamics::{Factory, Typed as Plain};
@@ -11,15 +13,17 @@ use xtask::error::Error;
 /// Collects every scene that was generated.
 macro_rules! subjects {
     ($(($module:ident, $model:literal, $scene:literal, $n:literal))*) => {
-        vec![$(Box::new(Typed::<hamel_models::generated::$module::Prepared<Both>, $n>::new()) as Box<dyn Subject>),*]
+        vec![$(Box::new(Typed::<generated::$module::Prepared<Both>, $n>::new()) as Box<dyn Subject>),*]
     };
 }
 
 /// The scenes of the long runs: model module and dimension.
 macro_rules! long {
     ($($module:ident $n:literal),* $(,)?) => {
-        vec![$(Box::new(Plain::<hamel_models::generated::$module::Prepared<f64>, $n>::new())
-            as Box<dyn Factory + Sync>),*]
+        vec![$(Box::new(Plain::<
+            generated::$module::Prepared<f64>, generated::$module::Prepared<F64x4>, generated::$module::Prepared<Dual>,
+            $n,
+        >::new()) as Box<dyn Factory + Sync>),*]
     };
 }
 
