@@ -12,21 +12,25 @@ mod definition;
 mod expand;
 mod field;
 mod fingerprint;
+mod fraction;
 mod graph;
 mod independence;
 mod partials;
 mod print;
 mod rational;
 mod real_point;
+mod samples;
 mod sign;
 
 pub use definition::{Definition, Section, SectionWriter, inlined, needed_sections};
 pub use fingerprint::Vanishing;
 pub(crate) use fingerprint::{Fingerprint, independent_rows};
+pub(crate) use fraction::Fractions;
 pub use graph::{DivisionByZero, ExprId, Func, Graph, Node, SymbolId};
 pub use print::Style;
 pub(crate) use print::identifier;
 pub use rational::{Rational, parse_decimal, rational_to_f64};
+pub(crate) use samples::{Measured, Samples};
 pub(crate) use sign::remembered_sign_of;
 pub use sign::{Sign, sign_of};
 

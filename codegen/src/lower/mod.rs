@@ -9,6 +9,7 @@ mod class;
 mod divisors;
 mod expressions;
 mod extract;
+mod forms;
 mod fuse;
 mod interpret;
 mod jet;
@@ -40,6 +41,7 @@ pub use program::{
 pub use verify::verify;
 
 use class::{Class, Classes};
+use forms::Forms;
 use optimise::Optimised;
 
 /// The symbols that get their values from outside.
@@ -125,18 +127,19 @@ pub fn lower(
     source.check_conditions(graph)?;
     source.check_arguments(graph, requests)?;
     let signs = source.signs(graph);
+    let mut forms = Forms::new(graph, &source, conditions, &signs);
     let mut pool = number::Pool::new();
     let mut functions = Vec::with_capacity(requests.len());
     let mut rhs: Option<Optimised> = None;
     for request in requests {
         let mut wanted = Vec::new();
         if request.name == CHECK {
-            let checked = source.checked(graph, &signs, request, rhs.as_ref())?;
+            let checked = source.checked(graph, &signs, &mut forms, request, rhs.as_ref())?;
             let signature = source.signature(graph, request, &checked);
             wanted.push(checked);
             wanted.extend(signature);
         } else {
-            wanted.push(optimise::optimise(graph, &source, &signs, request)?);
+            wanted.push(optimise::optimise(graph, &source, &signs, &mut forms, request)?);
         }
         if request.name == RHS {
             rhs = wanted.last().cloned();
@@ -148,7 +151,7 @@ pub fn lower(
             functions.push(number::number_function(graph, &source, &requests[0], &mut pool)?);
         }
     }
-    let (sections, conditions) = source.rounded_conditions(graph, &signs);
+    let (sections, conditions) = source.rounded_conditions(graph, &signs, &mut forms);
     let classes = Classes::of(graph, inputs, &sections, requests)?;
     let source = Source { inputs, sections: &sections, conditions: &conditions, classes };
     let conditions = number::number_conditions(graph, &source, &mut pool)?;
@@ -211,6 +214,7 @@ impl Source<'_> {
         &self,
         graph: &mut Graph,
         signs: &BTreeMap<ExprId, Sign>,
+        forms: &mut Forms,
         request: &Request,
         rhs: Option<&Optimised>,
     ) -> Result<Optimised, Error> {
@@ -231,7 +235,7 @@ impl Source<'_> {
             request.results.iter().zip(&found).filter(|(_, found)| found.is_none()).map(|(r, _)| r.clone());
         let others = Request { name: request.name.clone(), results: others.collect() };
         let Optimised { mut sections, request: others, units } =
-            optimise::optimise(graph, self, signs, &others)?;
+            optimise::optimise(graph, self, signs, forms, &others)?;
         let mut others = others.results.into_iter();
         let pivots = request.results.iter().zip(found).map(|((name, e), found)| match found {
             Some(in_rhs) => (name.clone(), in_rhs),
@@ -287,9 +291,13 @@ impl Source<'_> {
         &self,
         graph: &mut Graph,
         signs: &BTreeMap<ExprId, Sign>,
+        forms: &mut Forms,
     ) -> (Vec<Section>, Vec<ParamCondition>) {
-        let values: Vec<ExprId> =
-            self.conditions.iter().filter(|c| c.is_rounded).map(|c| c.greater).collect();
+        let mut own = self.conditions.to_vec();
+        for condition in own.iter_mut().filter(|c| c.is_rounded) {
+            condition.greater = forms.best(graph, condition.greater);
+        }
+        let values: Vec<ExprId> = own.iter().filter(|c| c.is_rounded).map(|c| c.greater).collect();
         let needed = needed_sections(graph, self.sections, &values);
         let (scales, definitions) = rounding::rounding_scales(graph, &values, &needed, signs);
         let mut scales = scales.into_iter();
@@ -299,7 +307,7 @@ impl Source<'_> {
             None if definitions.is_empty() => {}
             None => sections.push(Section { title: String::new(), definitions }),
         }
-        let conditions = self.conditions.iter().map(|condition| {
+        let conditions = own.iter().map(|condition| {
             let scale = if condition.is_rounded { scales.next() } else { None };
             let Some(scale) = scale.filter(|scale| *scale != graph.zero()) else { return condition.clone() };
             let size = match condition.relation {

@@ -7,11 +7,14 @@
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
+use num_traits::{One, Signed, Zero};
+
 use super::class::Class;
 use super::extract::{Extractor, cost, needed};
-use super::polynomial::{Atom, Coefficient, Entry, Exponent, Polynomial, Reader, System};
+use super::forms::Forms;
+use super::polynomial::{Atom, Coefficient, Entry, Exponent, Monomial, Polynomial, Reader, System, times};
 use super::units;
-use super::{Definition, Request, Section, Source};
+use super::{Definition, RHS, Request, Section, Source};
 use crate::error::Error;
 use crate::expr::{ExprId, Graph, Node, Rational, Sign, Style, SymbolId};
 
@@ -19,6 +22,14 @@ use crate::expr::{ExprId, Graph, Node, Rational, Sign, Style, SymbolId};
 const MAX_WORK: usize = 4_000_000;
 /// Rounds over all definitions.
 const MAX_ROUNDS: usize = 3;
+/// A result with errors above this multiple of what rounding the inputs does is written in another way ..
+const WORTH_MENDING: f64 = 1024.0;
+/// .. where that makes the multiple smaller by this ..
+const GAIN: f64 = 16.0;
+/// .. and costs at most this fraction more.
+const MAX_EXTRA: (i64, i64) = (1, 2);
+/// Definitions multiplied out one after the other in the search for one.
+const MAX_STAGES: usize = 12;
 
 /// A function's own sections and results.
 #[derive(Clone)]
@@ -34,6 +45,7 @@ pub(super) fn optimise(
     graph: &mut Graph,
     source: &Source<'_>,
     signs: &BTreeMap<ExprId, Sign>,
+    forms: &mut Forms,
     request: &Request,
 ) -> Result<Optimised, Error> {
     let roots: Vec<ExprId> = request.results.iter().map(|(_, e)| *e).collect();
@@ -59,10 +71,12 @@ pub(super) fn optimise(
     }
     let Reader { mut system, entries, .. } = reader;
     let kept: Vec<usize> = results.iter().flatten().copied().collect();
+    let is_rhs = request.name == RHS;
     let entries =
-        Search { graph, system: &mut system, roots: &kept, extractor: Extractor::default() }.run(entries);
+        Search { graph, system: &mut system, forms, roots: &kept, is_rhs, extractor: Extractor::default() }
+            .run(entries);
     let (exprs, units) = (HashMap::new(), BTreeMap::new());
-    let mut writer = Writer { graph, system: &system, entries: &entries, exprs, units };
+    let mut writer = Writer { graph, system: &system, entries: &entries, forms, exprs, units };
     let sections = writer.sections(source, &needed_symbols, &kept)?;
     let values = results.iter().zip(&roots).map(|(k, root)| k.map_or(*root, |k| writer.exprs[&k]));
     let values: Vec<ExprId> = values.collect();
@@ -82,7 +96,9 @@ pub(super) fn optimise(
 struct Search<'a> {
     graph: &'a mut Graph,
     system: &'a mut System,
+    forms: &'a mut Forms,
     roots: &'a [usize],
+    is_rhs: bool,
     extractor: Extractor,
 }
 
@@ -169,7 +185,87 @@ impl Search<'_> {
                 (best, current) = (trial, candidate);
             }
         }
-        best.1
+        // A result that is asked for now and then is not worth the search.
+        if self.is_rhs { self.steadied(best, current).1 } else { best.1 }
+    }
+
+    /// The form found, rid of the cancellations in it that lose digits which the inputs have, if that costs no more than it may.
+    ///
+    /// Value by value, operands first: each that loses digits is put over the denominators in it, whichever way loses fewest.
+    fn steadied(&mut self, best: (i64, Vec<Entry>), current: Vec<Entry>) -> (i64, Vec<Entry>) {
+        let worst = |losses: &[f64]| losses.iter().fold(0.0, |max: f64, loss| max.max(*loss));
+        let before = match self.losses(&best.1, self.roots) {
+            Some(losses) if worst(&losses) > WORTH_MENDING => losses,
+            _ => return best,
+        };
+        let mut entries = current;
+        for k in needed(self.system, &entries, self.roots) {
+            if self.extractor.work + 10 * self.system.work > MAX_WORK || self.system.numbers.are_too_long() {
+                break;
+            }
+            let Some(mut loss) = self.losses(&entries, &[k]).map(|l| l[0]) else { continue };
+            if loss <= WORTH_MENDING {
+                continue;
+            }
+            for candidate in self.gathered_by_stages(&entries, k) {
+                let Some(after) = self.losses(&candidate, &[k]).map(|l| l[0]) else { continue };
+                if after * GAIN <= loss {
+                    (loss, entries) = (after, candidate);
+                }
+            }
+        }
+        let trial = self.extracted(&entries);
+        let Some(after) = self.losses(&trial.1, self.roots) else { return best };
+        let is_dear = trial.0 - best.0 > best.0 * MAX_EXTRA.0 / MAX_EXTRA.1;
+        if is_dear || worst(&after) * GAIN > worst(&before) { best } else { trial }
+    }
+
+    fn losses(&mut self, entries: &[Entry], of: &[usize]) -> Option<Vec<f64>> {
+        self.forms.losses(self.graph, self.system, entries, of)
+    }
+
+    /// Polynomial `k` over the denominators in it, with none, one, two, .. of what it is made of multiplied out, the latest first.
+    fn gathered_by_stages(&mut self, entries: &[Entry], k: usize) -> Vec<Vec<Entry>> {
+        let mut value = entries[k].value.clone();
+        let mut kept: Vec<u32> = Vec::new();
+        let mut found = Vec::new();
+        for _ in 0..MAX_STAGES {
+            let gathered = self.over_common_denominator(entries, k, &value);
+            found.extend(gathered.map(|gathered| self.with_numerator(gathered, k)));
+            let open = value.iter().flat_map(|(m, _)| m).filter(|(_, q)| q.is_positive());
+            let open = open.filter_map(|(atom, _)| match self.system.atom(*atom) {
+                Atom::Poly(inner) if !kept.contains(&inner) => Some(inner),
+                _ => None,
+            });
+            let Some(inner) = open.max() else { break };
+            match self.system.substitute(self.graph, &value, inner as usize, &entries[inner as usize].value) {
+                Some(expanded) => value = expanded,
+                None => kept.push(inner),
+            }
+        }
+        found
+    }
+
+    /// The numerator of polynomial `k` as one of its own: what is divided by `k` is multiplied by the denominator then.
+    fn with_numerator(&mut self, mut entries: Vec<Entry>, k: usize) -> Vec<Entry> {
+        let lowest = |atom: u32| {
+            let power =
+                |m: &Monomial| m.iter().find(|(a, _)| *a == atom).map_or(Exponent::zero(), |(_, q)| *q);
+            entries[k].value.iter().map(|(m, _)| power(m)).max()
+        };
+        let atoms: BTreeSet<u32> = entries[k].value.iter().flat_map(|(m, _)| m).map(|(a, _)| *a).collect();
+        let shared = atoms.into_iter().filter_map(|a| Some((a, lowest(a).filter(Signed::is_negative)?)));
+        let shared: Monomial = shared.collect();
+        if shared.is_empty() || entries[k].value.len() < 2 {
+            return entries;
+        }
+        let inverse: Monomial = shared.iter().map(|(a, q)| (*a, -q)).collect();
+        let terms: Vec<_> = entries[k].value.iter().map(|(m, c)| (times(m, &inverse), *c)).collect();
+        let value = self.system.collect(self.graph, terms);
+        let numerator = self.system.atom_of(Atom::Poly(entries.len() as u32));
+        entries.push(Entry { value, definition: None, unit: Coefficient::ONE });
+        entries[k].value = vec![(times(&shared, &vec![(numerator, Exponent::one())]), Coefficient::ONE)];
+        entries
     }
 
     fn extracted(&mut self, entries: &[Entry]) -> (i64, Vec<Entry>) {
@@ -323,6 +419,7 @@ struct Writer<'a> {
     graph: &'a mut Graph,
     system: &'a System,
     entries: &'a [Entry],
+    forms: &'a mut Forms,
     /// What stands for each polynomial: a symbol, or the expression itself where that is no sum.
     exprs: HashMap<usize, ExprId>,
     /// Units of the definitions that have one.
@@ -346,7 +443,10 @@ impl Writer<'_> {
             let all = source.sections.iter().flat_map(|s| &s.definitions);
             let hoisted = all
                 .filter(|d| needed_symbols.contains(&d.symbol) && source.classes.get(d.expr) <= Class::Param);
-            first.definitions.extend(hoisted.copied());
+            for definition in hoisted {
+                let expr = self.forms.best(self.graph, definition.expr);
+                first.definitions.push(Definition { expr, ..*definition });
+            }
         }
         let alive = needed(self.system, self.entries, roots);
         // Named values in their old order, each after what it needs.
@@ -395,8 +495,9 @@ impl Writer<'_> {
     fn expression(&mut self, k: usize) -> Result<ExprId, Error> {
         let mut terms = Vec::with_capacity(self.entries[k].value.len());
         for (m, c) in &self.entries[k].value {
-            let mut factors =
-                vec![(self.system.numbers.expr(self.graph, *c), Rational::from_integer(1.into()))];
+            let number = self.system.numbers.expr(self.graph, *c);
+            let number = self.forms.best(self.graph, number);
+            let mut factors = vec![(number, Rational::from_integer(1.into()))];
             for (atom, q) in m {
                 let base = match self.system.atom(*atom) {
                     Atom::Input(e) => e,

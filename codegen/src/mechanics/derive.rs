@@ -455,7 +455,8 @@ impl<'a> Derivation<'a> {
         (pivot_names, follows_hessian): (&[String], bool),
     ) -> Result<(Vec<ExprId>, Vec<Pivot>), Error> {
         self.writer.begin(&format!("factors of {prefix}"));
-        let factors = Factorisation::new(&mut self.g, &mut self.writer, prefix, matrix, unknowns)?;
+        let factors =
+            Factorisation::new(&mut self.g, &mut self.writer, prefix, matrix, unknowns, &self.system.signs)?;
         self.writer.begin(&format!("substitution through the factors of {prefix}"));
         let x = factors.solve(&mut self.g, &mut self.writer, labels, right);
         Ok((x, factors.pivots(pivot_names, follows_hessian)))
@@ -503,7 +504,8 @@ impl<'a> Derivation<'a> {
         let names = self.names.clone();
         let hessian = self.hessian.clone();
         self.writer.begin("factors of L_yy");
-        let factors = Factorisation::new(&mut self.g, &mut self.writer, "M", &hessian, &names)?;
+        let factors =
+            Factorisation::new(&mut self.g, &mut self.writer, "M", &hessian, &names, &self.system.signs)?;
         self.writer.begin("free acceleration L_yy^-1 r");
         let drive = self.drive.clone();
         let prefixed = |prefix: &str| names.iter().map(|n| format!("{prefix}_{n}")).collect::<Vec<_>>();

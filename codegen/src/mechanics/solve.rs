@@ -6,7 +6,8 @@ use num_traits::Signed;
 
 use crate::error::Error;
 use crate::expr::{
-    Definition, ExprId, Graph, Node, Rational, SectionWriter, Style, SymbolId, Vanishing, inlined,
+    Definition, ExprId, Fractions, Graph, Node, Rational, SectionWriter, Sign, Style, SymbolId, Vanishing,
+    inlined, sign_of,
 };
 
 /// Something that is divided by.
@@ -115,6 +116,22 @@ fn gathered(
     Some(g.mul(numerator, inverse))
 }
 
+/// A number with everything cancelled in it, where its sign shows that way only.
+fn seen_to_be_definite(
+    g: &mut Graph,
+    fractions: &mut Fractions,
+    values: &BTreeMap<SymbolId, ExprId>,
+    signs: &BTreeMap<ExprId, Sign>,
+    e: ExprId,
+) -> ExprId {
+    let Ok(whole) = g.subs(e, values) else { return e };
+    if sign_of(g, whole, signs).is_definite() {
+        return e;
+    }
+    let normal = fractions.normal(g, whole);
+    if sign_of(g, normal, signs).is_definite() && g.is_seen_to_be_equal(normal, e) { normal } else { e }
+}
+
 /// How pivot candidates rank: those that are proved not to vanish identically before others, which the check at run time has
 /// to catch, parameter-only before state-dependent, small before large.
 type Rank = (bool, bool, usize);
@@ -134,7 +151,8 @@ impl Factorisation {
     ///
     /// Symmetric matrices keep their symmetry: pivots stay on the diagonal, ordered once by sparsity so that
     /// parameter-only pivots come first. A diagonal that vanishes, or is not proved not to, or a matrix that is not symmetric, gets general
-    /// elimination with the best-ranked non-zero pivot.
+    /// elimination with the best-ranked non-zero pivot. A pivot that `signs` of parameters show to be definite once everything in it
+    /// has cancelled is written that way.
     ///
     /// # Errors
     /// [`Error::SingularMassMatrix`] with a null direction spelled in `names`.
@@ -144,6 +162,7 @@ impl Factorisation {
         prefix: &str,
         a: &[Vec<ExprId>],
         names: &[String],
+        signs: &BTreeMap<ExprId, Sign>,
     ) -> Result<Factorisation, Error> {
         let n = a.len();
         let mut symmetric = is_symmetric(g, a);
@@ -166,6 +185,7 @@ impl Factorisation {
         let constant: Vec<Definition> =
             writer.definitions().filter(|d| !writer.varies(g, d.expr)).copied().collect();
         let constant = inlined(g, &constant);
+        let mut fractions = Fractions::default();
         // `rest` is the Schur complement in the current order.
         let mut rest: Vec<Vec<ExprId>> =
             f.row_order.iter().map(|&i| f.column_order.iter().map(|&j| a[i][j]).collect()).collect();
@@ -219,10 +239,13 @@ impl Factorisation {
                     let entries = [rest[i][j], rest[k][k], rest[i][k], rest[k][j]];
                     let varies = entries.iter().any(|e| writer.varies(g, *e));
                     let gathered = if varies { None } else { gathered(g, &constant, entries, pivot) };
-                    let reduced = gathered.unwrap_or_else(|| {
+                    let mut reduced = gathered.unwrap_or_else(|| {
                         let product = g.mul(f.lower[i][k], rest[k][j]);
                         g.sub(rest[i][j], product)
                     });
+                    if !varies && i == j {
+                        reduced = seen_to_be_definite(g, &mut fractions, &constant, signs, reduced);
+                    }
                     rest[i][j] = writer.define(
                         g,
                         &format!("{prefix}_s{}_{}_{}", label(k), label(i), label(j)),

@@ -91,6 +91,11 @@ impl Multiples {
         self.quantile(0.999)
     }
 
+    /// What 9999 of 10000 samples stay below.
+    pub fn nearly_all(&self) -> f64 {
+        self.quantile(0.9999)
+    }
+
     /// The largest.
     pub fn max(&self) -> f64 {
         self.max

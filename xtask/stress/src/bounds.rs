@@ -9,7 +9,7 @@ use crate::run::Results;
 /// By terms, each is twice what was measured. By inputs it is 32 where nothing above 16 was measured (below that the derivatives
 /// are not asked for), and otherwise a power of ten at least 20 times larger: how close a random state comes to a
 /// cancellation is a matter of luck, whether there is one is not. `findings.md` has the reasons of all that are larger: `chaplygin_gyro`
-/// next to its pole, `veselova` next to an axis, `euler_disk_advected` lying flat, `two_arm_satellite` with arms along an axis.
+/// next to its pole, `euler_disk_advected` lying flat, `two_arm_satellite` with arms along an axis.
 const BOUNDS: &[(&str, &str, [f64; 4])] = &[
     ("appell_machine", "default", [5.0, 32.0, 5.0, 32.0]),
     ("appell_machine", "minimal", [6.0, 32.0, 4.0, 32.0]),
@@ -19,8 +19,8 @@ const BOUNDS: &[(&str, &str, [f64; 4])] = &[
     ("chaplygin_ball", "invariants", [8.0, 32.0, 4.0, 32.0]),
     ("chaplygin_ball", "reconstruction", [8.0, 32.0, 6.0, 32.0]),
     ("chaplygin_ball", "taylor", [7.0, 32.0, 4.0, 32.0]),
-    ("chaplygin_gyro", "default", [7.0, 1e6, 8.0, 1e10]),
-    ("chaplygin_gyro", "reconstruction", [9.0, 1e6, 7.0, 1e11]),
+    ("chaplygin_gyro", "default", [7.0, 1e26, 8.0, 1e26]),
+    ("chaplygin_gyro", "reconstruction", [9.0, 1e26, 7.0, 1e26]),
     ("chaplygin_sleigh", "default", [5.0, 32.0, 4.0, 32.0]),
     ("chaplygin_sleigh", "derivatives", [4.0, 32.0, 6.0, 32.0]),
     ("chaplygin_sleigh", "invariants", [5.0, 32.0, 4.0, 32.0]),
@@ -75,16 +75,30 @@ const BOUNDS: &[(&str, &str, [f64; 4])] = &[
     ("suslov", "reconstruction", [4.0, 32.0, 4.0, 32.0]),
     ("tethered_body", "default", [4.0, 32.0, 4.0, 32.0]),
     ("tethered_body", "reconstruction", [4.0, 32.0, 4.0, 32.0]),
-    ("two_arm_satellite", "default", [7.0, 1000.0, 5.0, 32.0]),
-    ("two_arm_satellite", "invariants", [8.0, 32.0, 6.0, 32.0]),
-    ("two_arm_satellite", "reconstruction", [9.0, 1000.0, 6.0, 32.0]),
-    ("two_arm_satellite", "taylor", [8.0, 32.0, 5.0, 32.0]),
-    ("veselova", "default", [4.0, 1e13, 4.0, 32.0]),
-    ("veselova", "derivatives", [5.0, 1e13, 5.0, 1e14]),
-    ("veselova", "invariants", [6.0, 1e14, 4.0, 32.0]),
-    ("veselova", "reconstruction", [4.0, 1e13, 4.0, 32.0]),
+    ("two_arm_satellite", "default", [7.0, 1e10, 5.0, 32.0]),
+    ("two_arm_satellite", "invariants", [8.0, 1e10, 6.0, 32.0]),
+    ("two_arm_satellite", "reconstruction", [9.0, 1e10, 6.0, 32.0]),
+    ("two_arm_satellite", "taylor", [8.0, 1e10, 5.0, 32.0]),
+    ("veselova", "default", [4.0, 32.0, 4.0, 32.0]),
+    ("veselova", "derivatives", [5.0, 32.0, 5.0, 1e14]),
+    ("veselova", "invariants", [6.0, 32.0, 4.0, 32.0]),
+    ("veselova", "reconstruction", [4.0, 32.0, 4.0, 32.0]),
     ("wong_particle", "default", [8.0, 32.0, 4.0, 32.0]),
     ("wong_particle", "reconstruction", [8.0, 32.0, 4.0, 32.0]),
+];
+
+/// Largest allowed multiple by inputs of a right-hand side with every parameter moved by up to three decades, in all scenes of a model.
+const BUILT: f64 = 64.0;
+
+/// Models that exceed [`BUILT`], and by how much they may: `findings.md` has the reasons.
+const BUILT_OF: &[(&str, f64)] = &[
+    ("chaplygin_ball", 1e13),
+    ("chaplygin_gyro", 1e26),
+    ("extended_pose", 1e9),
+    ("kirchhoff_body", 1e9),
+    ("mobile_robot", 1e3),
+    ("skew_sleigh", 200.0),
+    ("two_arm_satellite", 1e12),
 ];
 
 /// What exceeds its bound or has none, one line each.
@@ -110,7 +124,23 @@ pub fn excesses(results: &Results) -> Vec<String> {
                 ));
             }
         }
-        for accuracy in [&scene.rhs, &scene.outputs, &scene.extreme] {
+        let of_model = BUILT_OF.iter().find(|(of, _)| *of == model).map_or(BUILT, |(_, bound)| *bound);
+        if scene.built.inputs.max() > of_model {
+            let place = scene.built.inputs.worst.as_ref().map_or_else(String::new, |w| {
+                format!(
+                    "{} = {}, exactly {}: {}",
+                    w.component,
+                    w.value,
+                    w.exact,
+                    w.sample.request(scene.info)
+                )
+            });
+            let measured = scene.built.inputs.max();
+            lines.push(format!(
+                "{model} {name}, parameters 10^+-3: {measured:.1} eps, at most {of_model} allowed; {place}"
+            ));
+        }
+        for accuracy in [&scene.rhs, &scene.outputs, &scene.built, &scene.extreme] {
             if let Some((component, sample)) = &accuracy.first_silent {
                 let request = sample.request(scene.info);
                 lines.push(format!(

@@ -4,6 +4,7 @@
 
 use std::sync::Mutex;
 
+use hamel_measure::both::Both;
 use hamel_measure::random::Random;
 use hamel_runtime::SceneInfo;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -15,7 +16,7 @@ use crate::accuracy::{Accuracy, Function, Sample};
 use crate::bounds;
 use crate::motion::{self, METHODS, RunResult};
 use crate::report;
-use crate::sample::{Region, extreme_params, magnitude, ordinary_params, state};
+use crate::sample::{Region, magnitude, ordinary_params, scaled_params, state};
 use crate::subject::Subject;
 use crate::sweeps::{DISTANCES, Place, SWEEPS, Sweep};
 
@@ -29,8 +30,13 @@ const STEPS: u64 = 10_000_000;
 const SHORT_STEPS: u64 = 100_000;
 /// Outputs are evaluated at one state in so many.
 const OUTPUTS_EVERY: u64 = 8;
-/// Parameters far from the defaults are tried at one state in so many.
+/// Parameters very far from the defaults are tried at one state in so many.
 const EXTREME_EVERY: u64 = 4;
+/// Decades by which each parameter is moved up or down: those of a machine that one builds, and the extreme ones.
+const BUILT: f64 = 3.0;
+const EXTREME: f64 = 8.0;
+/// Draws of parameters until the conditions of the model hold.
+const DRAWS: usize = 1_000;
 
 /// What was found for a scene.
 #[derive(Debug)]
@@ -41,6 +47,8 @@ pub struct SceneResult {
     pub rhs: Accuracy,
     /// Outputs and energy there.
     pub outputs: Accuracy,
+    /// The right-hand side with every parameter moved by a factor from 1e-3 to 1e3 of its own.
+    pub built: Accuracy,
     /// The right-hand side at extreme parameters.
     pub extreme: Accuracy,
 }
@@ -101,8 +109,10 @@ fn scene_result(subject: &dyn Subject, scene: &SceneRequest, samples: u64) -> Sc
     let info = subject.info();
     let defaults: Vec<f64> = info.params.iter().map(|p| p.default).collect();
     let mut random = random(&format!("{} {}", info.model, info.scene));
-    let [rhs, outputs, extreme] = [(); 3].map(|()| Accuracy::default());
-    let mut result = SceneResult { info, rhs, outputs, extreme };
+    // A sequence of its own, so that the states of one part do not depend on the draws of another.
+    let mut random_built = self::random(&format!("{} {} built", info.model, info.scene));
+    let [rhs, outputs, built, extreme] = [(); 4].map(|()| Accuracy::default());
+    let mut result = SceneResult { info, rhs, outputs, built, extreme };
     for k in 0..samples {
         let region = Region::ALL[k as usize % Region::ALL.len()];
         let y = state(scene, region, &mut random);
@@ -113,15 +123,32 @@ fn scene_result(subject: &dyn Subject, scene: &SceneRequest, samples: u64) -> Sc
         if k % OUTPUTS_EVERY == 0 {
             result.outputs.add(subject, Function::Outputs, &sample);
         }
+        result.built.add(subject, Function::Rhs, &built_sample(subject, scene, region, &mut random_built));
         if k % EXTREME_EVERY == 0 {
-            let params = extreme_params(&defaults, &mut random);
+            let params = scaled_params(&defaults, EXTREME, &mut random);
             result.extreme.add(subject, Function::Rhs, &Sample { params, ..sample });
         }
     }
-    for accuracy in [&mut result.rhs, &mut result.outputs, &mut result.extreme] {
+    for accuracy in [&mut result.rhs, &mut result.outputs, &mut result.built, &mut result.extreme] {
         accuracy.finish();
     }
     result
+}
+
+/// A state with parameters of a machine that one builds: such as the conditions of the model allow, unless hardly any do.
+fn built_sample(subject: &dyn Subject, scene: &SceneRequest, region: Region, random: &mut Random) -> Sample {
+    let defaults: Vec<f64> = subject.info().params.iter().map(|p| p.default).collect();
+    let y = state(scene, region, random);
+    let t = random.number();
+    let mut params = scaled_params(&defaults, BUILT, random);
+    for _ in 0..DRAWS {
+        let lifted: Vec<Both> = params.iter().map(|x| Both::input(*x)).collect();
+        if subject.prepare(&lifted).is_ok() {
+            break;
+        }
+        params = scaled_params(&defaults, BUILT, random);
+    }
+    Sample { params, y, t, origin: format!("{region:?}, parameters moved by up to {BUILT} decades") }
 }
 
 fn sweep_result(

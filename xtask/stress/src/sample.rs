@@ -22,14 +22,24 @@ pub enum Region {
     /// Coordinates near the ends of their intervals, angles near multiples of pi/2, advected vectors near an axis:
     /// closer by up to 1e-12.
     Edge,
+    /// As [`Region::Edge`] with velocities as in [`Region::Magnitudes`]: how close a state is to a singular one and how fast it
+    /// moves, together.
+    FastEdge,
     /// Some velocities zero or nearly so.
     Still,
 }
 
 impl Region {
     /// All of them; samples go round.
-    pub const ALL: [Region; 6] =
-        [Region::Initial, Region::Ordinary, Region::Magnitudes, Region::Scaled, Region::Edge, Region::Still];
+    pub const ALL: [Region; 7] = [
+        Region::Initial,
+        Region::Ordinary,
+        Region::Magnitudes,
+        Region::Scaled,
+        Region::Edge,
+        Region::FastEdge,
+        Region::Still,
+    ];
 }
 
 /// A number in `[0, 1)`.
@@ -57,7 +67,7 @@ fn unit_vector(random: &mut Random, n: usize, edge: bool) -> Vec<f64> {
 
 /// A state of a scene in a region.
 pub fn state(scene: &SceneRequest, region: Region, random: &mut Random) -> Vec<f64> {
-    let edge = region == Region::Edge;
+    let edge = matches!(region, Region::Edge | Region::FastEdge);
     let common = magnitude(random, -8.0, 8.0);
     let mut advected = Vec::new();
     let mut component = |role: &Role, initial: f64| match *role {
@@ -79,7 +89,7 @@ pub fn state(scene: &SceneRequest, region: Region, random: &mut Random) -> Vec<f
             advected.get(index).copied().unwrap_or_default()
         }
         Role::Velocity => match region {
-            Region::Magnitudes => magnitude(random, -8.0, 8.0),
+            Region::Magnitudes | Region::FastEdge => magnitude(random, -8.0, 8.0),
             Region::Scaled => common * random.number(),
             Region::Still if random.number() < 0.0 => 0.0,
             Region::Still => magnitude(random, -8.0, 0.0),
@@ -97,7 +107,7 @@ pub fn ordinary_params(defaults: &[f64], random: &mut Random) -> Vec<f64> {
     defaults.iter().map(|p| p * 2f64.powf(random.number())).collect()
 }
 
-/// Parameters within factors 1e-8 to 1e8 of the defaults.
-pub fn extreme_params(defaults: &[f64], random: &mut Random) -> Vec<f64> {
-    defaults.iter().map(|p| p * magnitude(random, -8.0, 8.0).abs()).collect()
+/// Parameters within factors `10^-decades` to `10^decades` of the defaults, each its own, log-uniformly.
+pub fn scaled_params(defaults: &[f64], decades: f64, random: &mut Random) -> Vec<f64> {
+    defaults.iter().map(|p| p * magnitude(random, -decades, decades).abs()).collect()
 }
