@@ -4,5 +4,5 @@ fn main() -> Result<(), hamel_codegen::config::Problems> {
     hamel_codegen::Config::new()
         .include_file("models.rs")
         .emit_rerun_if_changed(true)
-        .compile(&["models/suslov_gyrostat.hamel"])
+        .compile(&["models/suslov_gyrostat.hamel", "models/thinning.hamel"])
 }

@@ -46,6 +46,13 @@ fn compare<S: Scene<f64>>(built: &BuiltScene, zeros: S::State) -> usize {
         same_bits(&label, &outputs, &interpreter.outputs(t, y.as_slice()));
         compared += outputs.len();
         assert!(compiled.check(t, &y).is_ok() && interpreter.check(t, y.as_slice()).is_ok(), "{label}");
+        let mut pivots = Vec::new();
+        compiled.pivots(t, &y, &mut |p| pivots.push((p.name, p.value.to_bits(), p.scale.to_bits())));
+        let interpreted = interpreter.pivots(t, y.as_slice());
+        let bits = interpreted.iter().map(|(name, p, s)| (*name, p.to_bits(), s.to_bits()));
+        assert_eq!(pivots, bits.collect::<Vec<_>>(), "{label}");
+        let signatures = [compiled.signature(t, &y), interpreter.signature(t, y.as_slice())];
+        assert_eq!(signatures[0].to_bits(), signatures[1].to_bits(), "{label}");
         // Also outside of every interval.
         y.as_mut_slice().iter_mut().for_each(|x| *x = 4.0 * random.number());
         let outside = |result: Result<(), Failure>| match result {

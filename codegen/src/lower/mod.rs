@@ -324,7 +324,7 @@ impl Source<'_> {
     fn signs(&self, graph: &mut Graph) -> BTreeMap<ExprId, Sign> {
         let mut signs = self.inputs.signs.clone();
         for condition in self.conditions {
-            if condition.less == graph.zero() && condition.relation == Relation::NotEqual {
+            if condition.less == graph.zero() && condition.relation != Relation::GreaterEqual {
                 signs.entry(condition.greater).or_insert(Sign::NonZero);
             }
         }
