@@ -770,9 +770,9 @@ mod tests {
     /// `mu_ij + mu_ji = 1` exactly in both scalars, and `b_j mu_ij` is the coefficient to the digits of the scalar.
     fn check<R: Real, const STAGES: usize>() {
         let (mu, b) = (Gauss::<STAGES, FixedPoint>::MU, Gauss::<STAGES, FixedPoint>::B);
-        for i in 0..STAGES {
+        for (i, row) in mu.iter().enumerate() {
             for j in 0..STAGES {
-                let (above, below) = (mu[i][j].1.get::<R>(), mu[j][i].1.get::<R>());
+                let (above, below) = (row[j].1.get::<R>(), mu[j][i].1.get::<R>());
                 assert_eq!(above + below, R::ONE, "{STAGES} stages: {i}, {j}");
                 let a = Gauss::<STAGES, FixedPoint>::TABLEAU.stages[i + 1][j].1.get::<R>();
                 let defect = (b[j].get::<R>() * above - a).magnitude();
