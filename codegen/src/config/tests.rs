@@ -187,7 +187,9 @@ fn warnings_are_for_cargo_only_when_asked_and_never_beside_errors() {
 #[test]
 fn defaults_without_a_motion_are_a_warning_of_the_bundle_with_their_place() {
     let text = |inertia: &str| {
-        format!("model m {{\n  param I = {inertia};\n  coordinate x in real;\n  lagrangian = I/2*x_dot^2;\n}}")
+        format!(
+            "model m {{\n  param I = {inertia};\n  coordinate x in real;\n  lagrangian = I/2*x_dot^2;\n}}"
+        )
     };
     let bundle = |inertia: &str| {
         let model = spec::parse("m.hamel", &text(inertia)).unwrap();
@@ -197,5 +199,8 @@ fn defaults_without_a_motion_are_a_warning_of_the_bundle_with_their_place() {
     let warnings = bundle("0").warnings;
     let lines: Vec<String> = warnings.iter().flat_map(Diagnostics::lines).collect();
     assert_eq!(lines.len(), 1, "{lines:?}");
-    assert!(lines[0].starts_with("m.hamel:2:9: inertia along x_dot is 0 at the defaults: I = 0; "), "{lines:?}");
+    assert!(
+        lines[0].starts_with("m.hamel:2:9: inertia along x_dot is 0 at the defaults: I = 0; "),
+        "{lines:?}"
+    );
 }
