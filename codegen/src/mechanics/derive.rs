@@ -652,7 +652,7 @@ impl<'a> Derivation<'a> {
                 continue;
             }
             let spelled = self.g.display(expanded, Style::Plain);
-            if is_alone || spelled.chars().count() <= MAX_SHOWN {
+            if is_alone || spelled.len() <= MAX_SPELLED {
                 (e, text) = (expanded, spelled);
             }
         }
@@ -982,6 +982,8 @@ impl Equations {
 
 /// Characters of a rate that are shown.
 const MAX_SHOWN: usize = 120;
+/// Characters up to which a rate is written without the names of definitions before it is cut.
+const MAX_SPELLED: usize = 2000;
 
 /// Long rates say no more than their beginning.
 fn shortened(text: &str) -> String {
