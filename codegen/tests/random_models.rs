@@ -679,6 +679,10 @@ fn random_models_move_as_their_unreduced_equations_say() {
     }
     assert_eq!(failed, [0_u64; 0], "seeds of models that move otherwise");
     println!("{counts:?}");
+    if n < N_MODELS {
+        // One seed that is looked at again.
+        return;
+    }
     // A test that compares nothing shows nothing.
     assert!(counts.models * 10 >= n * 9, "{counts:?}");
     for (way, least) in [("Plain", 15), ("Given", 9), ("Trivial", 9), ("Mechanical", 6), ("Nonholonomic", 5)]
