@@ -1,6 +1,6 @@
 use super::*;
 use crate::error::Error;
-use crate::expr::Rational;
+use crate::expr::{Func, Graph, Rational, Vanishing};
 
 fn q(n: i64) -> Rational {
     Rational::from_integer(n.into())
@@ -133,4 +133,28 @@ fn the_drift_of_a_frame_satisfies_jacobi_with_its_brackets() {
         errors.iter().all(|e| matches!(e, Error::JacobiViolated { triple, .. } if triple[0] == "d/dt")),
         "{errors:?}"
     );
+}
+
+#[test]
+fn pivots_that_are_proved_not_to_vanish_come_first() {
+    let mut g = Graph::new();
+    let symbol = g.symbol("x");
+    let x = g.sym(symbol);
+    // asin x + acos x - pi/2 vanishes, which nothing here knows.
+    let [asin, acos] = [Func::Asin, Func::Acos].map(|f| g.func(f, x));
+    let pi = g.pi();
+    let minus_quarter = g.scale(pi, &Rational::new((-1).into(), 2.into()));
+    let hidden = g.sum(&[asin, acos, minus_quarter]);
+    assert_eq!(g.vanishing(hidden), Vanishing::Unknown);
+    let one = g.one();
+    let functions = [Func::Exp, Func::Sin, Func::Cos, Func::Sinh, Func::Cosh, Func::Tanh, Func::Atan];
+    let terms: Vec<_> = functions.into_iter().map(|f| g.func(f, x)).collect();
+    let long = g.sum(&terms);
+    assert!(g.reachable(&[long]).len() > g.reachable(&[hidden]).len());
+    // [hidden, 1; long, hidden] u = [1, long]: the smaller entry of the first column is not the pivot.
+    let rows = vec![vec![hidden, one], vec![long, hidden]];
+    let solution = solve_symbolic(&mut g, &rows, &[vec![one], vec![long]]).unwrap();
+    let values = std::collections::BTreeMap::from([(symbol, 0.3)]);
+    let found: Vec<f64> = solution.iter().map(|row| g.eval_f64(row[0], &values).unwrap()).collect();
+    assert!((found[0] - 1.0).abs() < 1e-12 && (found[1] - 1.0).abs() < 1e-12, "{found:?}");
 }

@@ -27,7 +27,7 @@
 //! `5e-19`.
 
 use super::field;
-use super::graph::{ExprId, Func, Graph, Node};
+use super::graph::{ExprId, Func, Graph, Node, agreement};
 use super::independence::{Base, DENOMINATOR, PI, Scale, UNIT};
 use super::rational::Rational;
 use num_bigint::BigInt;
@@ -515,7 +515,9 @@ impl Graph {
     fn is_same_sign(&self, a: UnknownSign, b: UnknownSign) -> bool {
         match (a, b) {
             (UnknownSign::OfFactor(a), UnknownSign::OfFactor(b))
-            | (UnknownSign::OfRoot(a), UnknownSign::OfRoot(b)) => self.is_seen_to_be_equal(a, b),
+            | (UnknownSign::OfRoot(a), UnknownSign::OfRoot(b)) => {
+                agreement(self.fingerprint(a), self.fingerprint(b)) == Some(true)
+            }
             _ => false,
         }
     }

@@ -800,12 +800,18 @@ impl Graph {
         }
     }
 
-    /// As [`Graph::is_equal`], from the fingerprints alone: false where these say nothing, and never dear. Two valid points
-    /// are enough here, with a chance of error below `1e-18`.
-    pub(crate) fn is_seen_to_be_equal(&self, a: ExprId, b: ExprId) -> bool {
-        let points = self.fingerprint(a).iter().zip(self.fingerprint(b));
-        let valid: Vec<bool> = points.filter_map(|(x, y)| Some((*x)? == (*y)?)).collect();
-        a == b || valid.len() >= 2 && valid.iter().all(|equal| *equal)
+    /// As [`Graph::is_equal`], from values alone, and never dear: false where these say nothing. Two valid points are
+    /// enough here, with a chance of error below `1e-18`.
+    pub(crate) fn is_seen_to_be_equal(&mut self, a: ExprId, b: ExprId) -> bool {
+        if a == b {
+            return true;
+        }
+        let first = agreement(self.fingerprint(a), self.fingerprint(b));
+        first.unwrap_or_else(|| match (self.further_values(a), self.further_values(b)) {
+            // Behind roots few points are valid.
+            (Some(x), Some(y)) => agreement(&x, &y) == Some(true),
+            _ => false,
+        })
     }
 
     /// The value of a constant node.
@@ -1153,6 +1159,15 @@ impl Graph {
         let parts = parts.into_iter().map(|a| self.cancel_zero(a)).collect();
         let offset = self.cancel_zero(offset);
         Some((parts, offset))
+    }
+}
+
+/// Whether values are equal wherever both exist; none where that is at one point at most and they are.
+pub(super) fn agreement(a: &[Option<u64>], b: &[Option<u64>]) -> Option<bool> {
+    let equal: Vec<bool> = a.iter().zip(b).filter_map(|(x, y)| Some((*x)? == (*y)?)).collect();
+    match equal.iter().all(|equal| *equal) {
+        false => Some(false),
+        true => (equal.len() >= 2).then_some(true),
     }
 }
 

@@ -227,7 +227,7 @@ impl Source<'_> {
             (value, unit.map_or(value, |unit| graph.mul(*unit, value)))
         });
         let divisors: Vec<(ExprId, ExprId)> = divisors.collect();
-        let in_rhs = |graph: &Graph, pivot| {
+        let in_rhs = |graph: &mut Graph, pivot| {
             divisors.iter().find(|(_, whole)| graph.is_seen_to_be_equal(*whole, pivot)).map(|(d, _)| *d)
         };
         let found: Vec<Option<ExprId>> = request.results.iter().map(|(_, e)| in_rhs(graph, *e)).collect();
