@@ -236,6 +236,7 @@ pub fn solve_symbolic(
                 continue;
             }
             let size = g.reachable(&[row[column]]).len();
+            g.charge(size);
             if best.is_none_or(|(_, s)| size < s) {
                 best = Some((i, size));
             }

@@ -7,6 +7,7 @@
 //!
 //! Deliberately does not know: algebras, mechanics, floating-point evaluation order, Rust.
 
+mod budget;
 mod definition;
 mod expand;
 mod fingerprint;
@@ -16,6 +17,7 @@ mod print;
 mod rational;
 mod sign;
 
+pub use budget::{Budget, Exhausted, Resource, Stage};
 pub use definition::{Definition, Section, SectionWriter, inlined, needed_sections};
 pub(crate) use fingerprint::{Fingerprint, independent_rows};
 pub use graph::{DivisionByZero, ExprId, Func, Graph, Node, SymbolId};

@@ -36,7 +36,8 @@ pub fn with_connection(model: &Model, kind: ConnectionKind) -> Result<Model, Dia
     let g = &mut rewritten.graph;
     let shift = match kind {
         ConnectionKind::Trivial => given.iter().map(|row| row.iter().map(|e| g.neg(*e)).collect()).collect(),
-        ConnectionKind::Mechanical => mechanical_shift(g, model).map_err(|e| refused(model, &e))?,
+        ConnectionKind::Mechanical => mechanical_shift(g, model)
+            .map_err(|e| refused(model, &g.within_budget().err().map_or(e, Error::from)))?,
         ConnectionKind::Nonholonomic => nonholonomic_shift(g, model)?,
     };
     shift_velocities(&mut rewritten, &shift).map_err(|e| refused(model, &e))?;
@@ -54,6 +55,7 @@ pub fn with_connection(model: &Model, kind: ConnectionKind) -> Result<Model, Dia
         })
         .collect();
     let flat = total.iter().flatten().all(|e| *e == zero);
+    rewritten.graph.within_budget().map_err(|e| refused(model, &e.into()))?;
     rewritten.connection = (!flat).then_some(total);
     rewritten.derived_connection = None;
     Ok(rewritten)
@@ -132,7 +134,8 @@ fn nonholonomic_shift(g: &mut Graph, model: &Model) -> Result<Vec<Vec<ExprId>>, 
         gram.push(vertical.iter().map(|b| pairing(g, &s, &column(*b))).collect::<Vec<_>>());
         right.push(lifts.iter().map(|i| pairing(g, &s, &column(*i))).collect::<Vec<_>>());
     }
-    let correction = solve_symbolic(g, &gram, &right).map_err(|_| unsupported())?;
+    let correction = solve_symbolic(g, &gram, &right)
+        .map_err(|_| g.within_budget().map_or_else(|e| refused(model, &e.into()), |()| unsupported()))?;
     let mut shift = vec![vec![g.zero(); n]; m - n];
     for (i, lift) in lifts.iter().enumerate() {
         let horizontal = column(*lift);
