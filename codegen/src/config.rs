@@ -17,6 +17,7 @@ use std::time::{Duration, Instant};
 
 use crate::emit::{self, SceneEntry};
 use crate::error::Error;
+use crate::expr::Budget;
 use crate::scene::{self, Writing};
 use crate::spec::{self, Diagnostics, Model};
 
@@ -41,10 +42,13 @@ pub fn compile(model: impl AsRef<Path>) -> Result<(), Problems> {
 /// # Errors
 /// [`Problem::Read`]; [`Problem::Model`] with everything that is wrong with the text.
 pub fn read(path: impl AsRef<Path>) -> Result<Model, Problem> {
-    let path = path.as_ref();
+    read_within(Budget::default(), path.as_ref())
+}
+
+fn read_within(budget: Budget, path: &Path) -> Result<Model, Problem> {
     let text =
         std::fs::read_to_string(path).map_err(|source| Problem::Read { path: path.to_owned(), source })?;
-    spec::parse(&path.display().to_string(), &text).map_err(Problem::Model)
+    spec::parse_within(budget, &path.display().to_string(), &text).map_err(Problem::Model)
 }
 
 /// What is generated, and where it goes.
@@ -68,6 +72,7 @@ pub struct Config {
     emit_rerun_if_changed: bool,
     emit_warnings: bool,
     writing: Writing,
+    budget: Option<Budget>,
 }
 
 impl Config {
@@ -101,6 +106,13 @@ impl Config {
     /// Writes one more file, which has a module for each scene; a crate includes it alone.
     pub fn include_file(&mut self, name: impl Into<String>) -> &mut Config {
         self.include_file = Some(name.into());
+        self
+    }
+
+    /// Limits of what each scene of a model may take, from the text to the program: expressions, memory and work, counted
+    /// alike on every machine. Models keep their own unless it is set, which is [`Budget::default`] for those read from files.
+    pub fn budget(&mut self, budget: Budget) -> &mut Config {
+        self.budget = Some(budget);
         self
     }
 
@@ -145,7 +157,9 @@ impl Config {
             }
         }
         let folder = self.folder(std::env::var_os("OUT_DIR"))?;
-        let models: Vec<Model> = collect(paths.iter().map(|path| read(path).map_err(Problems::from)))?;
+        let models: Vec<Model> = collect(paths.iter().map(|path| {
+            read_within(self.budget.unwrap_or_default(), path.as_ref()).map_err(Problems::from)
+        }))?;
         self.compile_to(&folder, &models)
     }
 
@@ -244,6 +258,12 @@ impl Config {
     }
 
     fn generate_one(&self, model: &Model) -> Result<Generated, Problems> {
+        let within = self.budget.map(|budget| {
+            let mut model = model.clone();
+            model.graph.set_budget(budget);
+            model
+        });
+        let model = within.as_ref().unwrap_or(model);
         let names = match self.scenes.get(&model.name) {
             Some(chosen) => chosen.clone(),
             None => scene::names(model),

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::expr::Rational;
+use crate::expr::{Exhausted, Rational};
 
 /// What can be wrong with a system, from its algebra to its emitted code.
 #[derive(Clone, Debug, PartialEq)]
@@ -180,13 +180,8 @@ pub enum Error {
         /// What has that value.
         what: String,
     },
-    /// A derivation or a program outgrows what the generator handles.
-    TooLarge {
-        /// What grows.
-        what: &'static str,
-        /// Its limit.
-        limit: usize,
-    },
+    /// A derivation or a program outgrows the budget.
+    OverBudget(Exhausted),
     /// The number of independent velocities asked for is not the number there is.
     WrongNumberOfIndependent {
         /// How many were named.
@@ -316,10 +311,7 @@ impl fmt::Display for Error {
                 f,
                 "{what} is out of the range of f64, about 1e-308 to 1e308; choose units in which it is moderate"
             ),
-            Error::TooLarge { what, limit } => write!(
-                f,
-                "the equations have more than {limit} {what}; fix parameters in a scene, or write the model with fewer velocities"
-            ),
+            Error::OverBudget(exhausted) => exhausted.fmt(f),
             Error::WrongNumberOfIndependent { found, expected } => {
                 write!(f, "independent names {found} velocities; the constraints leave {expected}")
             }
@@ -341,21 +333,13 @@ impl fmt::Display for Error {
 
 impl std::error::Error for Error {}
 
-/// Largest number of expressions that the derivation of one system may make. A dense mass matrix of parameters takes 50,000
-/// of them for 40 velocities and 380,000 for 80, which is a minute of work and far beyond what compiles as a program.
-const MAX_EXPRESSIONS: usize = 250_000;
+impl From<Exhausted> for Error {
+    fn from(exhausted: Exhausted) -> Error {
+        Error::OverBudget(exhausted)
+    }
+}
 
 impl Error {
-    /// Refuses to go on with a derivation that has grown too large.
-    ///
-    /// Called where work can multiply (per pivot of an elimination, per step of the derivation), not per node.
-    pub(crate) fn when_too_large(n_expressions: usize) -> Result<(), Error> {
-        if n_expressions <= MAX_EXPRESSIONS {
-            return Ok(());
-        }
-        Err(Error::TooLarge { what: "expressions", limit: MAX_EXPRESSIONS })
-    }
-
     /// What is wrong, and what to change (may be empty): the two halves of the text.
     pub(crate) fn message_and_help(&self) -> (String, String) {
         let text = self.to_string();

@@ -8,7 +8,7 @@ use std::fmt::Write as _;
 use num_traits::One;
 
 use crate::error::spell_vector;
-use crate::expr::{ExprId, Graph, Style, SymbolId, identifier, rational_to_f64};
+use crate::expr::{Budget, ExprId, Graph, Style, SymbolId, identifier, rational_to_f64};
 use crate::mechanics::{Equations, VerticalEquations, solved_velocity, unused_stem};
 use crate::reduction::{KinematicConstraint, Stages, Tensor};
 use crate::scene::BuiltScene;
@@ -285,6 +285,7 @@ impl Page {
         let sum = self.inline(&sum);
         self.line(&sum);
         let mut g = model.graph.clone();
+        g.set_budget(Budget::UNLIMITED);
         let rows: Vec<(String, String)> = algebra
             .brackets()
             .map(|(a, b, value)| {
@@ -314,6 +315,7 @@ impl Page {
     fn stages(&mut self, model: &Model, stages: &Stages, equations: &Equations) {
         self.title("Reduction by stages");
         let mut g = equations.system.graph.clone();
+        g.set_budget(Budget::UNLIMITED);
         let chain: Vec<String> = stages.levels.iter().map(|l| self.prose(&l.name)).collect();
         self.line(&format!(
             "Chain of ideals: {}.",
@@ -442,6 +444,7 @@ impl Page {
         let n = model.base.len();
         let algebroid = &equations.system.algebroid;
         let mut g = equations.system.graph.clone();
+        g.set_budget(Budget::UNLIMITED);
         let lift = |page: &Page, i: usize| match page.html() {
             true => format!("<msub><mi>D</mi>{}</msub>", page.name(&model.base[i].name)),
             false => format!("D_{}", page.name(&model.base[i].name)),
@@ -544,6 +547,7 @@ impl Page {
                 let list = self.inline(&self.list(&list));
                 self.line(&format!("Solved with independent velocities {list}:"));
                 let mut g = system.graph.clone();
+                g.set_budget(Budget::UNLIMITED);
                 let rows: Vec<(String, String)> = s
                     .dependent
                     .iter()

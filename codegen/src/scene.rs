@@ -19,7 +19,8 @@ use hamel_runtime::Dual;
 use crate::emit::{self, MatrixText, OutputText, ParamText, ProductText, SceneEntry, SceneText, StateText};
 use crate::error::Error;
 use crate::expr::{
-    ExprId, Func, Graph, Rational, Sign, SymbolId, inlined, needed_sections, rational_to_f64, sign_of,
+    Budget, Exhausted, ExprId, Func, Graph, Rational, Resource, Sign, Stage, SymbolId, inlined,
+    needed_sections, rational_to_f64, sign_of,
 };
 use crate::lower::{
     self, Counts, Inputs, Jet, ParamCondition, Point, Program, Relation, Request, ViolatedCondition,
@@ -55,6 +56,7 @@ pub struct BuiltScene {
     /// Whether the emitted module has the Taylor coefficients of solutions.
     wants_taylor: bool,
     doc: String,
+    spent: Budget,
 }
 
 /// How a scene's module is written down.
@@ -229,6 +231,9 @@ pub fn build_pictured(model: &Model, scene: &str) -> Result<BuiltScene, Diagnost
     let mut pictured = model.clone();
     for view in &model.views.list {
         let numbers = pictured.graph.import(&model.views.graph, &view.numbers());
+        let within = pictured.graph.within_budget();
+        within
+            .map_err(|e| model.diagnostics(vec![spec::diagnose(model, view.span, e.message(), e.help())]))?;
         let numbers = numbers.map_err(|_| {
             let message = format!("view {} divides by zero", view.name);
             model.diagnostics(vec![spec::diagnose(model, view.span, message, "")])
@@ -485,6 +490,7 @@ fn lower_scene(
 ) -> Result<BuiltScene, Error> {
     let system = &equations.system;
     let mut graph = system.graph.clone();
+    graph.enter(Stage::Derivatives);
     let mut inputs = Inputs {
         params: system.params.iter().map(|p| p.symbol).collect(),
         time: system.time,
@@ -501,12 +507,15 @@ fn lower_scene(
     let mut matrices = derivatives.matrices;
     let mut own_sections = derivatives.sections;
     if plan.wants_invariants {
-        let found = invariants::find(&mut graph, &equations, &state, &inputs)
-            .ok_or_else(|| Error::NothingConserved { scene: plan.name.clone() })?;
+        let found = invariants::find(&mut graph, &equations, &state, &inputs);
+        graph.within_budget()?;
+        let found = found.ok_or_else(|| Error::NothingConserved { scene: plan.name.clone() })?;
         outputs.extend(found.outputs);
         matrices.push(found.gradients);
         own_sections.extend(found.sections);
     }
+    graph.within_budget()?;
+    graph.enter(Stage::Lowering);
     let mut conditions: Vec<ParamCondition> = system
         .conditions
         .iter()
@@ -552,8 +561,9 @@ fn lower_scene(
     let sections = needed_sections(&graph, &sections, &roots);
     let program = lower::lower(&mut graph, &inputs, &sections, &conditions, &requests)?;
     let products = derivatives.products;
+    let spent = graph.spent();
     let Plan { name, wants_taylor, doc, .. } = plan;
-    Ok(BuiltScene { name, equations, program, state, outputs, matrices, products, wants_taylor, doc })
+    Ok(BuiltScene { name, equations, program, state, outputs, matrices, products, wants_taylor, doc, spent })
 }
 
 /// What is asked of the pivots, and when.
@@ -701,6 +711,11 @@ impl BuiltScene {
         self.program.function_idx("energy").is_some()
     }
 
+    /// What it took of the model's budget, from the text to the program.
+    pub fn spent(&self) -> Budget {
+        self.spent
+    }
+
     /// Documentation of the scene.
     pub fn doc(&self) -> &str {
         &self.doc
@@ -714,7 +729,7 @@ impl BuiltScene {
     /// The text of the scene's Rust module.
     ///
     /// # Errors
-    /// [`Error::Emission`], a bug of the emitter.
+    /// [`Error::OverBudget`]; [`Error::Emission`], a bug of the emitter.
     pub fn emit(&self) -> Result<String, Error> {
         self.emit_as(&Writing::default())
     }
@@ -722,8 +737,16 @@ impl BuiltScene {
     /// The text of the scene's Rust module, written down in a given way.
     ///
     /// # Errors
-    /// [`Error::NotAPath`] for the runtime; [`Error::Emission`], a bug of the emitter.
+    /// [`Error::NotAPath`] for the runtime; [`Error::OverBudget`]; [`Error::Emission`], a bug of the emitter.
     pub fn emit_as(&self, writing: &Writing) -> Result<String, Error> {
+        let budget = self.equations.system.graph.budget();
+        let functions = self.program.functions.iter().map(|f| f.instructions.len()).sum::<usize>();
+        let n_instructions = (functions + self.program.prepare.instructions.len()) as u64;
+        if self.spent.bytes.saturating_add(BYTES_OF_AN_INSTRUCTION * n_instructions) > budget.bytes {
+            let exhausted =
+                Exhausted { stage: Stage::Emission, resource: Resource::Bytes, limit: budget.bytes };
+            return Err(exhausted.into());
+        }
         let jet = if self.wants_taylor { Some(self.jet()?) } else { None };
         emit::emit_scene(&self.program, jet.as_ref(), &self.text(writing))
     }
@@ -899,6 +922,9 @@ impl BuiltScene {
         rows
     }
 }
+
+/// What an instruction takes as a syntax tree and as text, about.
+const BYTES_OF_AN_INSTRUCTION: u64 = 4096;
 
 /// Rows of a name and cells as lines.
 fn table(rows: impl Iterator<Item = (String, Vec<String>)>) -> String {

@@ -8,7 +8,7 @@ use std::sync::Mutex;
 use std::sync::OnceLock;
 
 pub use hamel_codegen::emit::SceneEntry as Entry;
-use hamel_codegen::expr::{Graph, Style, rational_to_f64};
+use hamel_codegen::expr::{Budget, Graph, Style, rational_to_f64};
 use hamel_codegen::lower::{Counts, Jet};
 use hamel_codegen::reduction;
 use hamel_codegen::scene::{self, BuiltScene, Interpreter};
@@ -46,12 +46,21 @@ pub fn show_warnings(warnings: &Diagnostics) {
     }
 }
 
+/// How many times the default budget every model has.
+static BUDGET: OnceLock<u64> = OnceLock::new();
+
+/// Gives every model that is read from here on so many times the default budget; only the first call counts.
+pub fn set_budget(n: u64) {
+    _ = BUDGET.set(n);
+}
+
 /// Reads and checks the text of a model; `file` is shown in messages.
 ///
 /// # Errors
 /// [`Error::Models`] with every problem of the text.
 pub fn parse(file: &str, text: &str) -> Result<Model, Error> {
-    Ok(spec::parse(file, text)?)
+    let budget = Budget::default().times(BUDGET.get().copied().unwrap_or(1));
+    Ok(spec::parse_within(budget, file, text)?)
 }
 
 /// Names of a model's scenes, the default first.

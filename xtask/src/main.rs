@@ -7,6 +7,7 @@ use std::process::ExitCode;
 use clap::{Args, CommandFactory as _, Parser, Subcommand};
 use clap_complete::Shell;
 use xtask::bench::{self, TargetCpu};
+use xtask::codegen_bridge;
 use xtask::commands::{self, Aspect, Choice, Report, Simulation, Via};
 use xtask::ensemble::{self, Spread, Sweep, Width};
 use xtask::error::Error;
@@ -21,6 +22,9 @@ use xtask::workspace::Workspace;
 struct Cli {
     #[command(subcommand)]
     command: Task,
+    /// What generating a scene may take, as a multiple of the default limits of expressions, memory and work
+    #[arg(long, global = true, value_name = "N", default_value_t = 1, hide_default_value = true, value_parser = clap::value_parser!(u64).range(1..))]
+    budget: u64,
 }
 
 const TOP: &str = "\
@@ -587,7 +591,9 @@ fn run(task: Task) -> Result<String, Error> {
 }
 
 fn main() -> ExitCode {
-    match run(Cli::parse().command) {
+    let Cli { command, budget } = Cli::parse();
+    codegen_bridge::set_budget(budget);
+    match run(command) {
         Ok(text) => {
             // A reader that has seen enough, such as `head`, is no failure.
             let _ = writeln!(std::io::stdout(), "{}", text.trim_end_matches('\n'));

@@ -276,6 +276,7 @@ fn eliminate(
                 Vanishing::Unknown => true,
             };
             let rank = (is_unproved, g.reachable(&[row[column]]).len());
+            g.charge(rank.1);
             if best.is_none_or(|(_, other)| rank < other) {
                 best = Some((i, rank));
             }

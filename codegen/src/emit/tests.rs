@@ -180,6 +180,7 @@ fn the_angle_of_a_point_is_one_call() {
         signs: Default::default(),
         circles: vec![],
         arguments: Default::default(),
+        divisors: Default::default(),
     };
     let requests =
         [Request { name: "rhs".into(), results: vec![("x".into(), of_point), ("y".into(), second)] }];

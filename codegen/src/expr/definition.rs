@@ -25,7 +25,7 @@ pub struct Section {
 }
 
 /// Writes sections: names what is worth a name, passes the rest through, and keeps track of what varies.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct SectionWriter {
     sections: Vec<Section>,
     named: HashMap<ExprId, SymbolId>,

@@ -18,7 +18,9 @@ impl Graph {
     /// Two polynomials are equal exactly when their expansions have the same handle.
     pub fn expand(&mut self, e: ExprId) -> ExprId {
         let mut image: HashMap<ExprId, ExprId> = HashMap::new();
-        for e in self.reachable(&[e]) {
+        let order = self.reachable(&[e]);
+        self.charge(order.len());
+        for e in order {
             let expanded = match self.node(e).clone() {
                 Node::Constant(_) | Node::Pi | Node::Symbol(_) => e,
                 Node::Sum { constant, terms } => {

@@ -8,6 +8,7 @@ use num_bigint::BigInt;
 use num_traits::{One, Signed, ToPrimitive, Zero};
 use rustc_hash::{FxHashMap, FxHasher};
 
+use super::budget::{Budget, Exhausted, MAX_BITS, Meter, Resource, Stage, words, work_with};
 use super::fingerprint::{Doubts, Fingerprint, Vanishing, first_values};
 use super::independence::Knowledge;
 use super::rational::{Rational, rational_to_f64};
@@ -249,6 +250,7 @@ pub struct Graph {
     primitive: HashSet<ExprId>,
     zero: ExprId,
     one: ExprId,
+    meter: Meter,
 }
 
 impl Default for Graph {
@@ -272,6 +274,7 @@ impl Graph {
             primitive: HashSet::new(),
             zero: ExprId(0),
             one: ExprId(1),
+            meter: Meter::new(),
         };
         graph.intern(Node::Constant(Rational::zero()));
         graph.intern(Node::Constant(Rational::one()));
@@ -298,6 +301,7 @@ impl Graph {
             }
             at = self.earlier[id.index()];
         }
+        self.meter.made(&node);
         self.learn(&node);
         let fingerprint = first_values(self, &node);
         let mut doubts = self.own_doubts(&node);
@@ -309,6 +313,92 @@ impl Graph {
         self.earlier.push(last);
         self.index.insert(hash, id);
         id
+    }
+
+    // ---- budget ---------------------------------------------------------------------------------------------------
+
+    /// Limits what may be made in this graph from now on, what is there already included; a new graph has no limits.
+    pub fn set_budget(&mut self, budget: Budget) {
+        self.meter.set_limit(budget);
+    }
+
+    /// The limits.
+    pub fn budget(&self) -> Budget {
+        self.meter.limit()
+    }
+
+    /// What was spent so far, here and in the graphs that this one is a copy of.
+    pub fn spent(&self) -> Budget {
+        self.meter.spent()
+    }
+
+    /// Whether everything that was asked for was made. Past its budget, and past 2^18 bits of one number, a graph makes
+    /// nothing more: expressions are other than what was asked for then, and no result may be taken from it.
+    ///
+    /// # Errors
+    /// [`Exhausted`], for what was not enough first.
+    pub fn within_budget(&self) -> Result<(), Exhausted> {
+        self.meter.exhausted().map_or(Ok(()), Err)
+    }
+
+    /// Names the part of the work that follows, for the message.
+    pub(crate) fn enter(&mut self, stage: Stage) {
+        self.meter.enter(stage);
+    }
+
+    /// Counts work that makes no expressions.
+    pub(crate) fn charge(&mut self, steps: usize) {
+        self.meter.work(steps as u64);
+    }
+
+    /// Whether half of the steps of the budget are spent, or all of something: time for a search to take what it has.
+    pub(crate) fn is_half_spent(&self) -> bool {
+        self.meter.is_exhausted() || self.meter.spent().work > self.meter.limit().work / 2
+    }
+
+    /// An empty graph that goes on with the budget of this one; [`Graph::take_over`] brings back what it spends.
+    pub(crate) fn fork(&self) -> Graph {
+        let mut fork = Graph::new();
+        fork.meter = self.meter.clone();
+        fork
+    }
+
+    /// Counts what a [`Graph::fork`] has spent.
+    pub(crate) fn take_over(&mut self, fork: &Graph) {
+        self.meter.take_over(&fork.meter);
+    }
+
+    /// `c^q` for an integer `q`; one where it would have too many digits, and nothing more is made then.
+    fn integer_power(&mut self, c: &Rational, q: &Rational) -> Rational {
+        let bits = c.numer().bits().max(c.denom().bits()).saturating_sub(1);
+        let exponent = q.numer().to_i32();
+        let n_bits = exponent.map(|n| bits.saturating_mul(u64::from(n.unsigned_abs())));
+        match (exponent, n_bits) {
+            (Some(n), Some(n_bits)) if n_bits <= MAX_BITS => {
+                self.meter.work(work_with(n_bits / 64));
+                num_traits::Pow::pow(c, n)
+            }
+            // One and minus one have no bits to multiply.
+            _ if bits == 0 => {
+                let is_odd = num_integer::Integer::is_odd(q.numer());
+                if is_odd { c.clone() } else { Rational::one() }
+            }
+            _ => {
+                self.meter.give_up(Resource::NumberBits, MAX_BITS);
+                Rational::one()
+            }
+        }
+    }
+
+    /// Counts an operation that made a number; nothing more is made when it is too long.
+    fn made_number(&mut self, q: &Rational) {
+        let words = words(q);
+        if words > 1 {
+            self.meter.work(work_with(words));
+            if words > MAX_BITS / 64 {
+                self.meter.give_up(Resource::NumberBits, MAX_BITS);
+            }
+        }
     }
 
     // ---- leaves ---------------------------------------------------------------------------------------------------
@@ -419,9 +509,17 @@ impl Graph {
         if q.is_one() {
             return a;
         }
+        if self.meter.is_exhausted() {
+            return self.one;
+        }
         match self.node(a).clone() {
-            Node::Constant(c) => self.rational(c * q),
+            Node::Constant(c) => {
+                let product = c * q;
+                self.made_number(&product);
+                self.rational(product)
+            }
             Node::Sum { constant, terms } => {
+                self.charge(terms.len());
                 let terms = terms.iter().map(|(e, c)| (*e, c * q)).collect();
                 self.intern(Node::Sum { constant: constant * q, terms })
             }
@@ -441,17 +539,30 @@ impl Graph {
         let mut constant = Rational::zero();
         let mut merged: BTreeMap<ExprId, Rational> = BTreeMap::new();
         for (e, q) in summands {
+            if self.meter.is_exhausted() {
+                return self.one;
+            }
+            self.charge(1);
             match self.node(*e).clone() {
-                Node::Constant(c) => constant += c * q,
+                Node::Constant(c) => {
+                    constant += c * q;
+                    self.made_number(&constant);
+                }
                 Node::Sum { constant: inner, terms } => {
                     constant += inner * q;
+                    self.made_number(&constant);
+                    self.charge(terms.len());
                     for (term, c) in terms.iter() {
-                        *merged.entry(*term).or_insert_with(Rational::zero) += c * q;
+                        let total = merged.entry(*term).or_insert_with(Rational::zero);
+                        *total += c * q;
+                        self.made_number(total);
                     }
                 }
                 _ => {
                     let (coefficient, monic) = self.split_coefficient(*e);
-                    *merged.entry(monic).or_insert_with(Rational::zero) += coefficient * q;
+                    let total = merged.entry(monic).or_insert_with(Rational::zero);
+                    *total += coefficient * q;
+                    self.made_number(total);
                 }
             }
         }
@@ -512,6 +623,10 @@ impl Graph {
         let mut pending: Vec<(ExprId, Rational)> = operands.iter().rev().cloned().collect();
         loop {
             while let Some((e, q)) = pending.pop() {
+                if self.meter.is_exhausted() {
+                    return Ok(self.one);
+                }
+                self.charge(1);
                 if q.is_zero() {
                     continue;
                 }
@@ -522,7 +637,10 @@ impl Graph {
                         }
                         return Ok(self.zero);
                     }
-                    Node::Constant(c) if q.is_integer() => coefficient *= rational_power(&c, &q),
+                    Node::Constant(c) if q.is_integer() => {
+                        coefficient *= self.integer_power(&c, &q);
+                        self.made_number(&coefficient);
+                    }
                     Node::Constant(c) => {
                         if let Some(root) = exact_root(&c, &q) {
                             coefficient *= root;
@@ -531,12 +649,14 @@ impl Graph {
                         }
                     }
                     Node::Product { coefficient: c, factors } if q.is_integer() => {
-                        coefficient *= rational_power(&c, &q);
+                        coefficient *= self.integer_power(&c, &q);
+                        self.made_number(&coefficient);
                         pending.extend(factors.iter().rev().map(|(base, exponent)| (*base, exponent * &q)));
                     }
                     Node::Sum { .. } if q.is_integer() && !self.primitive.contains(&e) => {
                         let (content, primitive) = self.primitive_part(e);
-                        coefficient *= rational_power(&content, &q);
+                        coefficient *= self.integer_power(&content, &q);
+                        self.made_number(&coefficient);
                         *merged.entry(primitive).or_insert_with(Rational::zero) += q;
                     }
                     _ => *merged.entry(e).or_insert_with(Rational::zero) += q,
@@ -564,7 +684,8 @@ impl Graph {
                     Node::Constant(c) if !q.is_integer() => {
                         // 2^(3/2) = 2 * 2^(1/2): the integer part joins the coefficient.
                         let whole = q.floor();
-                        coefficient *= rational_power(&c, &whole);
+                        coefficient *= self.integer_power(&c, &whole);
+                        self.made_number(&coefficient);
                         merged.insert(e, q - whole);
                     }
                     _ => pending.push((e, q)),
@@ -577,7 +698,7 @@ impl Graph {
 
     fn is_primitive(&self, e: ExprId) -> bool {
         match self.node(e) {
-            Node::Sum { constant, terms } => content(constant, terms).is_one(),
+            Node::Sum { constant, terms } => content(constant, terms).is_none_or(|q| q.is_one()),
             _ => true,
         }
     }
@@ -586,7 +707,12 @@ impl Graph {
     /// one.
     pub fn primitive_part(&mut self, e: ExprId) -> (Rational, ExprId) {
         let Node::Sum { constant, terms } = self.node(e) else { return (Rational::one(), e) };
-        let q = content(constant, terms);
+        let Some(q) = content(constant, terms) else {
+            self.meter.give_up(Resource::NumberBits, MAX_BITS);
+            return (Rational::one(), e);
+        };
+        self.charge(self.node(e).n_operands());
+        self.made_number(&q);
         let primitive = self.scale(e, &q.recip());
         self.primitive.insert(primitive);
         (q, primitive)
@@ -606,7 +732,7 @@ impl Graph {
     /// [`DivisionByZero`] for a negative power of zero, also when only the zero test sees that `a` vanishes. What is
     /// not known to vanish may be divided by: who chooses divisors asks for [`Graph::vanishing`].
     pub fn pow(&mut self, a: ExprId, q: &Rational) -> Result<ExprId, DivisionByZero> {
-        if q.is_negative() && self.is_zero(a) {
+        if q.is_negative() && !self.meter.is_exhausted() && self.is_zero(a) {
             return Err(DivisionByZero);
         }
         self.power_product(&[(a, q.clone())])
@@ -620,6 +746,9 @@ impl Graph {
 
     /// An elementary function; odd and even functions take a canonical sign, values at special points fold.
     pub fn func(&mut self, f: Func, a: ExprId) -> ExprId {
+        if self.meter.is_exhausted() {
+            return self.one;
+        }
         if a == self.zero {
             return match f {
                 Func::Cos | Func::Exp | Func::Cosh => self.one,
@@ -842,7 +971,9 @@ impl Graph {
     /// [`DivisionByZero`] never happens for expressions that exist in `other`.
     pub fn import(&mut self, other: &Graph, roots: &[ExprId]) -> Result<Vec<ExprId>, DivisionByZero> {
         let mut here: HashMap<ExprId, ExprId> = HashMap::new();
-        for e in other.reachable(roots) {
+        let order = other.reachable(roots);
+        self.charge(order.len());
+        for e in order {
             let moved = |list: &[(ExprId, Rational)]| -> Vec<(ExprId, Rational)> {
                 list.iter().map(|(e, q)| (here[e], q.clone())).collect()
             };
@@ -938,7 +1069,9 @@ impl Graph {
     /// Partial derivatives of several expressions by one symbol, sharing the work.
     pub fn diff_all(&mut self, roots: &[ExprId], x: SymbolId) -> Vec<ExprId> {
         let mut derivative: HashMap<ExprId, ExprId> = HashMap::new();
-        for e in self.reachable(roots) {
+        let order = self.reachable(roots);
+        self.charge(order.len());
+        for e in order {
             let d = self.diff_node(e, x, &derivative);
             derivative.insert(e, d);
         }
@@ -1099,7 +1232,9 @@ impl Graph {
         mut function: impl FnMut(&mut Graph, Func, ExprId) -> ExprId,
     ) -> Result<Vec<ExprId>, DivisionByZero> {
         let mut image: HashMap<ExprId, ExprId> = HashMap::new();
-        for e in self.reachable(roots) {
+        let order = self.reachable(roots);
+        self.charge(order.len());
+        for e in order {
             let replaced = match self.node(e).clone() {
                 Node::Constant(_) | Node::Pi => e,
                 Node::Symbol(s) => replacements.get(&s).copied().unwrap_or(e),
@@ -1171,21 +1306,19 @@ pub(super) fn agreement(a: &[Option<u64>], b: &[Option<u64>]) -> Option<bool> {
     }
 }
 
-/// The positive or negative number that leaves a sum with coprime integers and a positive first coefficient.
-pub(super) fn content(constant: &Rational, terms: &[(ExprId, Rational)]) -> Rational {
+/// The largest number that divides all of these with whole quotients, with the sign of the first; none where it is too long.
+pub(super) fn content(constant: &Rational, terms: &[(ExprId, Rational)]) -> Option<Rational> {
     let mut numerator = constant.numer().clone();
     let mut denominator = constant.denom().clone();
     for (_, q) in terms {
         numerator = num_integer::Integer::gcd(&numerator, q.numer());
         denominator = num_integer::Integer::lcm(&denominator, q.denom());
+        if denominator.bits() > MAX_BITS {
+            return None;
+        }
     }
     let magnitude = Rational::new(numerator, denominator);
-    if terms.first().is_some_and(|(_, q)| q.is_negative()) { -magnitude } else { magnitude }
-}
-
-fn rational_power(c: &Rational, q: &Rational) -> Rational {
-    let n = q.numer().to_i32().unwrap_or(i32::MAX);
-    num_traits::Pow::pow(c, n)
+    Some(if terms.first().is_some_and(|(_, q)| q.is_negative()) { -magnitude } else { magnitude })
 }
 
 /// `c^q` for a non-integer `q` when it is rational.

@@ -530,7 +530,7 @@ impl Graph {
                 }
                 node => {
                     let content = match &node {
-                        Node::Sum { constant, terms } => content(constant, terms).abs(),
+                        Node::Sum { constant, terms } => content(constant, terms)?.abs(),
                         _ => Rational::one(),
                     };
                     parts.add_constant(&content, &q)?;

@@ -8,6 +8,7 @@
 //!
 //! Deliberately does not know: algebras, mechanics, floating-point evaluation order, Rust.
 
+mod budget;
 mod definition;
 mod expand;
 mod field;
@@ -22,6 +23,7 @@ mod real_point;
 mod samples;
 mod sign;
 
+pub use budget::{Budget, Exhausted, Resource, Stage};
 pub use definition::{Definition, Section, SectionWriter, inlined, needed_sections};
 pub use fingerprint::Vanishing;
 pub(crate) use fingerprint::{Fingerprint, independent_rows};

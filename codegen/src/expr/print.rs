@@ -202,12 +202,29 @@ fn with_digits(stem: String, digits: &str, style: Style) -> String {
     }
 }
 
+/// Longest text of an expression: what is shared in the graph is written out each time, twice as much with every level.
+const MAX_TEXT: usize = 1 << 20;
+/// Bytes of all parts of one text together, after which no part is longer than [`SHORT_TEXT`].
+const MAX_TEXTS: usize = 1 << 25;
+const SHORT_TEXT: usize = 1 << 8;
+
 impl Graph {
-    /// The expression as text.
+    /// The expression as text; an ellipsis stands for parts of more than a million characters.
     pub fn display(&self, e: ExprId, style: Style) -> String {
         let mut memo: HashMap<ExprId, Text> = HashMap::new();
+        let mut n_bytes = 0;
         for e in self.reachable(&[e]) {
-            let text = self.text_of(e, style, &memo);
+            let mut text = self.text_of(e, style, &memo);
+            if text.text.len() > if n_bytes > MAX_TEXTS { SHORT_TEXT } else { MAX_TEXT } {
+                let ellipsis = match style {
+                    Style::Plain => "..",
+                    Style::Unicode => "…",
+                    Style::Latex => "\\ldots",
+                    Style::MathMl => "<mo>…</mo>",
+                };
+                text = Text { text: ellipsis.to_owned(), binding: Binding::Atom };
+            }
+            n_bytes += text.text.len();
             memo.insert(e, text);
         }
         memo.remove(&e).map(|t| t.text).unwrap_or_default()

@@ -190,9 +190,26 @@ pub(super) struct Extractor {
     candidates: FxHashMap<Polynomial, Rc<Candidates>>,
     /// Occurrences looked at so far: a measure of work that is the same on every machine.
     pub(super) work: usize,
+    /// Everything that was done so far, also with what was known.
+    pub(super) steps: usize,
+    /// What the tables hold, about.
+    bytes: usize,
 }
 
+/// Steps after which the search for common divisors of one function comes to its end; the most that a scene of
+/// `models/specs` takes is 5 million, with tables of 53 MB.
+const MAX_STEPS: usize = 16_000_000;
+/// So many of them take as long as a step of the budget.
+const STEPS_OF_ONE: usize = 4;
+/// Tables larger than this are begun anew.
+const MAX_BYTES: usize = 160 << 20;
+
 impl Extractor {
+    /// Whether so much was done that the form found so far has to do.
+    pub(super) fn is_spent(&self, graph: &Graph) -> bool {
+        self.steps > MAX_STEPS || graph.is_half_spent()
+    }
+
     /// Extracts divisors from the polynomials behind `roots` while that saves anything; new ones are appended.
     pub(super) fn extract(
         &mut self,
@@ -201,7 +218,12 @@ impl Extractor {
         entries: &mut Vec<Entry>,
         roots: &[usize],
     ) {
+        if self.bytes > MAX_BYTES {
+            *self = Extractor { work: self.work, steps: self.steps, ..Extractor::default() };
+        }
+        let steps = self.steps;
         let active = needed(system, entries, roots);
+        self.steps += entries.len() + active.iter().map(|k| entries[*k].value.len()).sum::<usize>();
         let n_rounds = 4 * active.iter().map(|k| entries[*k].value.len()).sum::<usize>();
         let mut pass = Pass {
             graph,
@@ -216,6 +238,9 @@ impl Extractor {
             pass.enter(entries, pass.active[position]);
         }
         for _ in 0..n_rounds {
+            if pass.extractor.is_spent(pass.graph) {
+                break;
+            }
             let Some(best) = pass.best() else { break };
             pass.take(entries, best);
         }
@@ -223,6 +248,7 @@ impl Extractor {
             self.totals[divisor as usize] = 0;
             self.known[divisor as usize] = None;
         }
+        graph.charge((self.steps - steps) / STEPS_OF_ONE);
     }
 }
 
@@ -279,6 +305,7 @@ impl Pass<'_> {
     /// Counts the savings in polynomial `k`, or stops counting them.
     fn count(&mut self, k: usize, sign: i64) {
         let Some(candidates) = self.candidates[k].clone() else { return };
+        self.extractor.steps += candidates.savings.len();
         for (divisor, saves) in &candidates.savings {
             if matches!(self.extractor.known[*divisor as usize], Some(Known::Entry { k: itself, .. }) if itself == k)
             {
@@ -320,6 +347,7 @@ impl Pass<'_> {
                 known
             }
         };
+        self.extractor.steps += self.active.len();
         for position in 0..self.active.len() {
             let k = self.active[position];
             let Some(candidates) = self.candidates[k].clone() else { continue };
@@ -349,6 +377,7 @@ impl Pass<'_> {
             }
             Divisor::Product(..) => OPERATION + FLOP,
         };
+        self.extractor.bytes += 360;
         self.extractor.index.insert(divisor.clone(), id);
         self.extractor.divisors.push(divisor);
         self.extractor.own_cost.push(own_cost);
@@ -460,6 +489,8 @@ impl Pass<'_> {
                 savings.last_mut().expect("just pushed").1 += saves;
             }
         }
+        self.extractor.steps += 4 * list.len();
+        self.extractor.bytes += 96 * value.len() + 20 * list.len() + 16 * savings.len();
         let candidates = Rc::new(Candidates { occurrences: list, savings });
         self.extractor.candidates.insert(value.clone(), candidates.clone());
         candidates

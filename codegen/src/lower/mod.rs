@@ -114,8 +114,21 @@ pub struct ParamCondition {
 ///
 /// # Errors
 /// [`Error::Program`] when a symbol is used before its definition, or a condition depends on more than parameters;
-/// [`Error::OutOfRange`] when a constant does not fit an `f64`.
+/// [`Error::OutOfRange`] when a constant does not fit an `f64`; [`Error::OverBudget`].
 pub fn lower(
+    graph: &mut Graph,
+    inputs: &Inputs,
+    sections: &[Section],
+    conditions: &[ParamCondition],
+    requests: &[Request],
+) -> Result<Program, Error> {
+    let program = lowered(graph, inputs, sections, conditions, requests);
+    // Beside a graph that is past its budget, whatever else seems wrong says nothing.
+    graph.within_budget()?;
+    program
+}
+
+fn lowered(
     graph: &mut Graph,
     inputs: &Inputs,
     sections: &[Section],
@@ -132,6 +145,7 @@ pub fn lower(
     let mut functions = Vec::with_capacity(requests.len());
     let mut rhs: Option<Optimised> = None;
     for request in requests {
+        graph.within_budget()?;
         let mut wanted = Vec::new();
         if request.name == CHECK {
             let checked = source.checked(graph, &signs, &mut forms, request, rhs.as_ref())?;
@@ -149,8 +163,10 @@ pub fn lower(
             let classes = Classes::of(graph, inputs, &own.sections, &requests)?;
             let source = Source { inputs, sections: &own.sections, conditions, classes };
             functions.push(number::number_function(graph, &source, &requests[0], &mut pool)?);
+            graph.charge(functions.last().map_or(0, |f| f.definitions.len() + f.results.len()));
         }
     }
+    graph.within_budget()?;
     let (sections, conditions) = source.rounded_conditions(graph, &signs, &mut forms);
     let classes = Classes::of(graph, inputs, &sections, requests)?;
     let source = Source { inputs, sections: &sections, conditions: &conditions, classes };

@@ -20,6 +20,8 @@ use crate::expr::{ExprId, Graph, Node, Rational, Sign, Style, SymbolId};
 
 /// The search stops when this many divisors, or a tenth of it in terms, have been looked at.
 const MAX_WORK: usize = 4_000_000;
+/// Nothing is multiplied out any more after so many terms; the most that a scene of `models/specs` takes is 306 000.
+const MAX_MULTIPLIED_OUT: usize = 4_000_000;
 /// Rounds over all definitions.
 const MAX_ROUNDS: usize = 3;
 /// A result with errors above this multiple of what rounding the inputs does is written in another way ..
@@ -118,6 +120,9 @@ impl Search<'_> {
         };
         let mut best = (price(&self, &found), found);
         // What costs more at first may share more once common divisors are extracted again.
+        if self.extractor.is_spent(self.graph) {
+            return best.1;
+        }
         for candidate in units::in_other_units(self.graph, self.system, &best.1, self.roots) {
             let (_, candidate) = self.extracted(&candidate);
             let trial = (price(&self, &candidate), candidate);
@@ -151,7 +156,7 @@ impl Search<'_> {
             let order = needed(self.system, &current, self.roots);
             for k in order {
                 let too_much = self.extractor.work + 10 * self.system.work > MAX_WORK;
-                if too_much || self.system.numbers.are_too_long() {
+                if too_much || self.system.numbers.are_too_long() || self.extractor.is_spent(self.graph) {
                     return best.1;
                 }
                 let candidates = [
@@ -178,6 +183,9 @@ impl Search<'_> {
     /// The form found, rid of the cancellations in it that it costs nothing to be rid of.
     fn without_cancellations(&mut self, mut best: (i64, Vec<Entry>), mut current: Vec<Entry>) -> Vec<Entry> {
         for k in needed(self.system, &current, self.roots) {
+            if self.extractor.is_spent(self.graph) {
+                break;
+            }
             let candidates = [self.gathered(&current, k), self.gathered_as_it_is(&current, k)];
             let trials = candidates.into_iter().flatten().map(|c| (self.extracted(&c), c));
             let Some((trial, candidate)) = trials.min_by_key(|(trial, _)| trial.0) else { continue };
@@ -279,7 +287,7 @@ impl Search<'_> {
         let mut value = entries[k].value.clone();
         let mut kept: Vec<u32> = Vec::new();
         let mut changed = false;
-        loop {
+        while self.system.work < MAX_MULTIPLIED_OUT {
             // The latest polynomial first: earlier ones may come in with it.
             let open =
                 value.iter().flat_map(|(m, _)| m).filter_map(|(atom, _)| match self.system.atom(*atom) {

@@ -285,6 +285,8 @@ pub(super) struct System {
     circles: Vec<(u32, u32)>,
     /// Terms summed so far: a measure of work that is the same on every machine.
     pub(super) work: usize,
+    /// Terms looked at for other units so far.
+    pub(super) work_on_units: usize,
 }
 
 /// A larger polynomial is not made by multiplying out.
@@ -305,6 +307,7 @@ impl System {
             atom_index: HashMap::new(),
             circles: Vec::new(),
             work: 0,
+            work_on_units: 0,
         }
     }
 
@@ -363,7 +366,11 @@ impl System {
             self.add_term(graph, &mut sum, m, c);
         }
         let two = Exponent::from_integer(2);
-        for (s, c) in self.circles.clone() {
+        // What is put in below has no powers that are not there by now.
+        let is_square = |q: &Exponent| *q >= two && q.is_integer();
+        let squares: BTreeSet<u32> =
+            sum.keys().flatten().filter(|(_, q)| is_square(q)).map(|(atom, _)| *atom).collect();
+        for (s, c) in self.circles.clone().into_iter().filter(|(s, _)| squares.contains(s)) {
             loop {
                 let without = |m: &Monomial, atom: u32| -> Option<Monomial> {
                     let (_, q) = m.iter().find(|(a, _)| *a == atom)?;

@@ -5,9 +5,10 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use num_traits::{One, Signed};
+use rustc_hash::FxHashMap;
 
 use crate::expr::{
-    Definition, ExprId, Func, Graph, Node, Rational, Section, Sign, SymbolId, inlined, sign_of,
+    Definition, ExprId, Func, Graph, Node, Rational, Section, Sign, SymbolId, inlined, remembered_sign_of,
 };
 
 /// Operations behind a value whose terms cannot cancel, prepared numbers included: what few exceed.
@@ -49,7 +50,8 @@ pub(super) fn rounding_scales(
             }
         }
     }
-    let mut analysis = Analysis { graph, values, signs, scales: BTreeMap::new(), definitions: Vec::new() };
+    let (scales, definitions_of_scales, found) = (BTreeMap::new(), Vec::new(), FxHashMap::default());
+    let mut analysis = Analysis { graph, values, signs, found, scales, definitions: definitions_of_scales };
     // Operands, and definitions before their names, precede what uses them in the arena.
     for e in behind {
         let scale = match analysis.graph.node(e).clone() {
@@ -89,6 +91,8 @@ struct Analysis<'a> {
     /// Definitions written in the inputs.
     values: BTreeMap<SymbolId, ExprId>,
     signs: &'a BTreeMap<ExprId, Sign>,
+    /// Signs found from these.
+    found: FxHashMap<ExprId, Sign>,
     /// Scales of what has terms behind it that can cancel.
     scales: BTreeMap<ExprId, ExprId>,
     definitions: Vec<Definition>,
@@ -109,7 +113,7 @@ impl Analysis<'_> {
     fn size(&mut self, e: ExprId) -> (Sign, ExprId) {
         // Signs show when definitions are put in: `gamma1 Z1` is a square when `Z1 = gamma1/I1`.
         let value = self.graph.subs(e, &self.values).unwrap_or(e);
-        let sign = sign_of(self.graph, value, self.signs);
+        let sign = remembered_sign_of(self.graph, value, self.signs, &mut self.found);
         let size = match sign {
             Sign::Positive | Sign::NonNegative => e,
             Sign::Negative | Sign::NonPositive => self.graph.neg(e),

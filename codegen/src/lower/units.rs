@@ -19,6 +19,9 @@ use crate::expr::Graph;
 /// A higher power of a number is not looked for.
 const MAX_EXPONENT: i32 = 4;
 
+/// No other units are looked for once so many terms were looked at.
+const MAX_WORK: usize = 20_000_000;
+
 /// Integer powers of units.
 type Powers = BTreeMap<usize, i32>;
 
@@ -119,6 +122,10 @@ impl Units {
         entries: &[Entry],
         wanted: &Equation,
     ) -> Option<()> {
+        if system.work_on_units > MAX_WORK {
+            return None;
+        }
+        system.work_on_units += 1 + self.mentions.len();
         let (mut powers, number) = self.reduced(graph, system, &wanted.powers, wanted.number)?;
         if number.is_unit() {
             // Units are positive: x^2 = y^2 is x = y.
@@ -197,6 +204,10 @@ impl Units {
         let mut changed = false;
         for (k, (_, unit)) in &self.solved {
             if !unit.is_unit() {
+                system.work_on_units += scaled.iter().map(|entry| 1 + entry.value.len()).sum::<usize>();
+                if system.work_on_units > MAX_WORK {
+                    return None;
+                }
                 scaled = in_unit(graph, system, &scaled, roots, *k, *unit)?;
                 changed = true;
             }

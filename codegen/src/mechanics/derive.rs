@@ -4,8 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::error::Error;
 use crate::expr::{
-    Definition, ExprId, Graph, Node, Rational, Section, SectionWriter, Sign, Style, SymbolId, Vanishing,
-    sign_of,
+    Definition, ExprId, Graph, Node, Rational, Section, SectionWriter, Sign, Stage, Style, SymbolId,
+    Vanishing, sign_of,
 };
 use crate::reduction::{
     AccelerationRow, AccelerationSource, KinematicConstraint, ReducedSystem, SolvedConstraint, StateKind,
@@ -104,24 +104,19 @@ pub struct Equations {
 ///
 /// # Errors
 /// [`Error::SingularMassMatrix`] with the direction, [`Error::NotConserved`] for a claimed Casimir,
-/// [`Error::DivisionByZero`].
+/// [`Error::DivisionByZero`], [`Error::OverBudget`].
 ///
 /// # Source
 /// Cortes, de Leon, Marrero, Martinez 2009, equations (3.5) and (3.7); Cendra, Marsden, Ratiu 2001.
 pub fn derive(system: &ReducedSystem) -> Result<Equations, Error> {
-    Error::when_too_large(system.graph.n_nodes())?;
+    system.graph.within_budget()?;
     let mut d = Derivation::new(system);
-    d.velocities()?;
-    d.kinematics();
-    d.momenta()?;
-    Error::when_too_large(d.g.n_nodes())?;
-    let motion = match system.constraint.clone() {
-        KinematicConstraint::Solved(solved) => d.solve_reduced(&solved)?,
-        KinematicConstraint::Multipliers { rows, reactions } => {
-            d.solve_with_multipliers(&rows, &reactions)?
-        }
-    };
-    d.finish(motion)
+    let equations = d.run();
+    // Beside a graph that is past its budget, whatever else seems wrong says nothing.
+    d.g.within_budget()?;
+    let equations = equations?;
+    equations.system.graph.within_budget()?;
+    Ok(equations)
 }
 
 /// The accelerations and what else the solve gives.
@@ -161,6 +156,24 @@ struct Derivation<'a> {
 }
 
 impl<'a> Derivation<'a> {
+    fn run(&mut self) -> Result<Equations, Error> {
+        self.g.enter(Stage::Derivation);
+        self.velocities()?;
+        self.kinematics();
+        self.momenta()?;
+        self.g.within_budget()?;
+        self.g.enter(Stage::Elimination);
+        let motion = match self.system.constraint.clone() {
+            KinematicConstraint::Solved(solved) => self.solve_reduced(&solved)?,
+            KinematicConstraint::Multipliers { rows, reactions } => {
+                self.solve_with_multipliers(&rows, &reactions)?
+            }
+        };
+        self.g.within_budget()?;
+        self.g.enter(Stage::Results);
+        self.finish(motion)
+    }
+
     fn new(system: &'a ReducedSystem) -> Derivation<'a> {
         let mut g = system.graph.clone();
         let y = system.velocities.iter().map(|s| g.sym(*s)).collect();
@@ -762,7 +775,7 @@ impl<'a> Derivation<'a> {
         self.g.is_equal(rate, sum)
     }
 
-    fn finish(mut self, motion: Motion) -> Result<Equations, Error> {
+    fn finish(&mut self, motion: Motion) -> Result<Equations, Error> {
         let system = self.system;
         let raw_energy = self.energy()?;
         let mut energy_rate = self.rate_of(raw_energy, &motion)?;
@@ -862,8 +875,8 @@ impl<'a> Derivation<'a> {
         let circles = self.circles(&motion, &mut facts)?;
         let pivots = motion.pivots.into_iter().filter(|p| self.g.as_rational(p.expr).is_none()).collect();
         let mut system = self.system.clone();
-        system.graph = self.g;
-        let (sections, varying) = self.writer.finish();
+        system.graph = std::mem::take(&mut self.g);
+        let (sections, varying) = std::mem::take(&mut self.writer).finish();
         let mut equations = Equations {
             system,
             sections,

@@ -5,7 +5,7 @@
 //! robot) on which, by symmetry, the rates do not depend. The dependence is tested, not guessed: a result is replaced by
 //! its value there when the two are equal as functions.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use crate::expr::{Definition, ExprId, Graph, Section, SymbolId, needed_sections};
 
@@ -15,18 +15,23 @@ use super::derive::Equations;
 pub(super) fn settle(equations: &mut Equations) {
     let (zero, one) = (equations.system.graph.zero(), equations.system.graph.one());
     let circles = equations.system.circles.clone();
+    let mut mentions = Mentions::of(equations);
     for x in equations.system.algebroid.base().to_vec() {
         let before: Vec<ExprId> = equations.state.iter().map(|s| s.derivative).collect();
-        match circles.iter().find(|c| [c.cosine, c.sine].contains(&x)) {
+        let is_changed = match circles.iter().find(|c| [c.cosine, c.sine].contains(&x)) {
             None => {
                 let place = format!("{}=0", equations.system.graph.name(x));
-                set_to(equations, BTreeMap::from([(x, zero)]), &place);
+                set_to(equations, &mentions, BTreeMap::from([(x, zero)]), &place)
             }
             Some(circle) if x == circle.cosine => {
                 let place = format!("{}=0", circle.angle);
-                set_to(equations, BTreeMap::from([(circle.cosine, one), (circle.sine, zero)]), &place);
+                let values = BTreeMap::from([(circle.cosine, one), (circle.sine, zero)]);
+                set_to(equations, &mentions, values, &place)
             }
-            Some(_) => {}
+            Some(_) => false,
+        };
+        if is_changed {
+            mentions = Mentions::of(equations);
         }
         if !equations.state.iter().map(|s| s.derivative).eq(before) {
             equations.facts.ignorable.push(equations.system.graph.name(x).to_owned());
@@ -36,23 +41,51 @@ pub(super) fn settle(equations: &mut Equations) {
     equations.sections = needed_sections(&equations.system.graph, &equations.sections, &roots);
 }
 
-/// Replaces every root by its value there if that is equal, and keeps the definitions that the roots need then.
-fn set_to(equations: &mut Equations, values: BTreeMap<SymbolId, ExprId>, place: &str) {
-    let names_one = |g: &Graph, e: ExprId| g.free_symbols(e).iter().any(|symbol| values.contains_key(symbol));
-    let definitions = equations.sections.iter().flat_map(|s| &s.definitions).map(|d| d.expr);
-    let mut everything = definitions.chain(equations.roots().into_iter().copied());
-    if !everything.any(|e| names_one(&equations.system.graph, e)) {
-        return;
+/// The symbols in every definition, in order, and in every root.
+struct Mentions {
+    definitions: Vec<BTreeSet<SymbolId>>,
+    roots: Vec<BTreeSet<SymbolId>>,
+}
+
+impl Mentions {
+    fn of(equations: &Equations) -> Mentions {
+        let g = &equations.system.graph;
+        let definitions = equations.sections.iter().flat_map(|s| &s.definitions);
+        Mentions {
+            definitions: definitions.map(|d| g.free_symbols(d.expr)).collect(),
+            roots: equations.roots().into_iter().map(|e| g.free_symbols(*e)).collect(),
+        }
+    }
+}
+
+/// Replaces every root by its value there if that is equal, and keeps the definitions that the roots need then; whether any
+/// was replaced.
+fn set_to(
+    equations: &mut Equations,
+    mentions: &Mentions,
+    values: BTreeMap<SymbolId, ExprId>,
+    place: &str,
+) -> bool {
+    let mut concerned: BTreeSet<SymbolId> = values.keys().copied().collect();
+    let definitions = equations.sections.iter().flat_map(|s| &s.definitions);
+    for (definition, symbols) in definitions.zip(&mentions.definitions) {
+        if !symbols.is_disjoint(&concerned) {
+            concerned.insert(definition.symbol);
+        }
+    }
+    if mentions.roots.iter().all(|symbols| symbols.is_disjoint(&concerned)) {
+        return false;
     }
     // In a copy: where every result depends on the coordinate, nothing of the trial is left over for the next one.
     let mut g = equations.system.graph.clone();
-    let mut image = values.clone();
+    g.charge(g.n_nodes() / 4);
+    let mut image = values;
     let mut sections = Vec::new();
     let mut varying = Vec::new();
     let mut taken_at = Vec::new();
     for section in &equations.sections {
         let mut definitions = section.definitions.clone();
-        for definition in &section.definitions {
+        for definition in section.definitions.iter().filter(|d| concerned.contains(&d.symbol)) {
             // A definition without a value there is left alone; what needs it will not come out equal.
             let Ok(value) = g.subs(definition.expr, &image) else { continue };
             if value == definition.expr {
@@ -83,15 +116,24 @@ fn set_to(equations: &mut Equations, values: BTreeMap<SymbolId, ExprId>, place: 
         sections.push(Section { title: section.title.clone(), definitions });
     }
     let before: Vec<ExprId> = equations.roots().into_iter().copied().collect();
-    let after: Vec<ExprId> = before.iter().map(|root| settled(&mut g, *root, &image)).collect();
-    if after == before {
-        return;
+    let is_concerned = |symbols: &BTreeSet<SymbolId>| !symbols.is_disjoint(&concerned);
+    let after: Vec<ExprId> = (before.iter().zip(&mentions.roots))
+        .map(|(root, symbols)| match is_concerned(symbols) {
+            true => settled(&mut g, *root, &image),
+            false => g.cancel_zero(*root),
+        })
+        .collect();
+    if after == before || g.within_budget().is_err() {
+        // Past the budget, too, the graph says so.
+        equations.system.graph.take_over(&g);
+        return false;
     }
     equations.sections = needed_sections(&g, &sections, &after);
     equations.varying.extend(varying);
     equations.taken_at.extend(taken_at);
     equations.roots_mut().into_iter().zip(after).for_each(|(root, value)| *root = value);
     equations.system.graph = g;
+    true
 }
 
 fn settled(g: &mut Graph, root: ExprId, image: &BTreeMap<SymbolId, ExprId>) -> ExprId {

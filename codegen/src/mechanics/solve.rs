@@ -190,7 +190,7 @@ impl Factorisation {
         let mut rest: Vec<Vec<ExprId>> =
             f.row_order.iter().map(|&i| f.column_order.iter().map(|&j| a[i][j]).collect()).collect();
         for k in 0..n {
-            Error::when_too_large(g.n_nodes())?;
+            g.within_budget()?;
             if !symmetric || g.vanishing(rest[k][k]) != Vanishing::NonZero {
                 symmetric = false;
                 f.is_symmetric = false;
@@ -285,6 +285,7 @@ impl Factorisation {
         for i in k..n {
             for j in k..n {
                 let Some(rank) = rank(g, writer, rest[i][j]) else { continue };
+                g.charge(2 * rank.2);
                 let candidate = (rank, i, j);
                 best = Some(best.map_or(candidate, |b| b.min(candidate)));
             }
@@ -397,8 +398,8 @@ fn singular(g: &mut Graph, a: &[Vec<ExprId>], names: &[String]) -> Error {
     let n = a.len();
     // Reduce columns one by one: the first column that depends on the previous ones gives the direction.
     for k in 0..n {
-        if let Err(too_large) = Error::when_too_large(g.n_nodes()) {
-            return too_large;
+        if let Err(exhausted) = g.within_budget() {
+            return exhausted.into();
         }
         let left: Vec<Vec<ExprId>> = (0..k).map(|i| (0..k).map(|j| a[i][j]).collect()).collect();
         let right: Vec<Vec<ExprId>> = (0..k).map(|i| vec![a[i][k]]).collect();

@@ -84,6 +84,9 @@ pub fn with_circles(
             (None, None) => {}
         }
     }
+    if let Err(exhausted) = graph.within_budget() {
+        return Err(model.diagnostics(vec![model.diagnose(&exhausted.into())]));
+    }
     let signs = std::mem::take(&mut system.signs);
     for (e, sign) in signs {
         // What is known about the angle as a number is of no use any more.

@@ -51,6 +51,7 @@ pub fn with_connection(model: &Model, kind: ConnectionKind) -> Result<Model, Dia
         Err(error) => {
             // Constraints that contradict each other have no displacements either: their own error says more.
             reduce(&Model { derived_connection: None, ..model.clone() }, &[])?;
+            let error = rewritten.graph.within_budget().err().map_or(error, Error::from);
             return Err(refused(model, &error));
         }
     };
@@ -69,6 +70,7 @@ pub fn with_connection(model: &Model, kind: ConnectionKind) -> Result<Model, Dia
         })
         .collect();
     let flat = total.iter().flatten().all(|e| *e == zero);
+    rewritten.graph.within_budget().map_err(|e| refused(model, &e.into()))?;
     rewritten.connection = (!flat).then_some(total);
     Ok(rewritten)
 }

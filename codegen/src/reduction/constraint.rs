@@ -150,6 +150,8 @@ struct Echelon {
 
 impl Solver<'_> {
     fn grade(&mut self, e: ExprId) -> PivotGrade {
+        let size = self.graph.reachable(&[e]).len();
+        self.graph.charge(2 * size);
         if self.graph.vanishing(e) == Vanishing::Unknown {
             PivotGrade::Unproved
         } else if self.graph.as_rational(e).is_some() {
@@ -226,7 +228,7 @@ impl Solver<'_> {
         let mut pivots = Vec::new();
         let mut state_dependent = false;
         while !open.is_empty() {
-            Error::when_too_large(self.graph.n_nodes())?;
+            self.graph.within_budget()?;
             let mut best: Option<(PivotGrade, std::cmp::Reverse<usize>, usize)> = None;
             for &row in &open {
                 let mut vanishes = true;

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::algebra::Algebroid;
 use crate::error::Error;
-use crate::expr::{ExprId, Func, Graph, Rational, Sign, Style, SymbolId};
+use crate::expr::{ExprId, Func, Graph, Rational, Sign, Stage, Style, SymbolId};
 use crate::spec::{
     self, Condition, ConstraintKind, Diagnostics, Model, Named, NamedVector, Param, ReconstructionKind,
     Relation, Side,
@@ -152,7 +152,11 @@ pub fn reduce(model: &Model, fixed: &[(String, Rational)]) -> Result<ReducedSyst
         return reduce(&with_connection(&written_with_xi, kind)?, fixed);
     }
     let mut front_end = FrontEnd { model: model.clone(), problems: Vec::new() };
+    front_end.model.graph.enter(Stage::Reduction);
     let reduced = front_end.run(fixed);
+    if let Err(exhausted) = front_end.model.graph.within_budget() {
+        return Err(model.diagnostics(vec![model.diagnose(&exhausted.into())]));
+    }
     match reduced {
         Some(system) if front_end.problems.is_empty() => Ok(system),
         _ => Err(model.diagnostics(front_end.problems)),

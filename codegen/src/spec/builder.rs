@@ -21,7 +21,7 @@ use super::value::{Shape, Value, ValueError};
 use super::want::Want;
 use crate::algebra::{LieAlgebra, Subspace};
 use crate::error::Error;
-use crate::expr::{ExprId, Graph, Rational, SymbolId, Vanishing};
+use crate::expr::{Budget, ExprId, Graph, Rational, SymbolId, Vanishing};
 
 /// How the components of a parameter are arranged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -186,6 +186,7 @@ impl ModelBuilder {
     /// An empty model.
     pub fn new(name: &str) -> ModelBuilder {
         let mut graph = Graph::new();
+        graph.set_budget(Budget::default());
         let time = graph.symbol("t");
         let mut values = BTreeMap::new();
         let (t, pi) = (graph.sym(time), graph.pi());
@@ -233,6 +234,12 @@ impl ModelBuilder {
             views: Vec::new(),
             views_graph: None,
         }
+    }
+
+    /// Sets what the model may take, from here to the programs of its scenes; [`Budget::default`] unless it is set.
+    pub fn budget(&mut self, budget: Budget) -> &mut ModelBuilder {
+        self.graph.set_budget(budget);
+        self
     }
 
     /// From here on expressions go to a copy of the graph.
@@ -892,6 +899,7 @@ impl ModelBuilder {
         let reconstruction = self.check_reconstructions(connection.as_deref());
         let initial = self.check_initial();
         let scenes = self.check_scenes();
+        self.check_budget();
         if !self.problems.is_empty() {
             return Err(Diagnostics::new(origin, self.problems));
         }
@@ -946,6 +954,18 @@ impl ModelBuilder {
             warnings: Diagnostics::new(None, Vec::new()),
             origin,
         })
+    }
+
+    /// What is wrong with expressions that were not made says nothing.
+    fn check_budget(&mut self) {
+        let views = self.views_graph.as_ref().map_or(Ok(()), Graph::within_budget);
+        let Err(exhausted) = self.graph.within_budget().and(views) else { return };
+        let message = exhausted.message();
+        self.problems.retain(|problem| problem.message == message);
+        if self.problems.is_empty() {
+            let span = self.lagrangian.as_ref().and_then(|(_, span)| *span);
+            self.problem(span, message, exhausted.help());
+        }
     }
 
     /// Symbols of the velocities: base first, then algebra.

@@ -18,7 +18,7 @@ use super::unused;
 use super::value::{Shape, Value};
 use crate::algebra::{LieAlgebra, Matrix, Representation};
 use crate::error::Error;
-use crate::expr::{ExprId, Graph, Rational, SymbolId};
+use crate::expr::{Budget, ExprId, Rational, SymbolId};
 
 /// Entries of the matrices of one representation.
 const MAX_REPRESENTATION: usize = 150_000;
@@ -30,18 +30,19 @@ const MAX_BASIS: usize = 80;
 const MAX_ABELIAN: usize = 100;
 
 /// Checks what the parser understood.
-pub(super) fn check(outcome: Outcome, origin: Origin) -> Result<Model, Diagnostics> {
+pub(super) fn check(outcome: Outcome, origin: Origin, budget: Budget) -> Result<Model, Diagnostics> {
     let Some(file) = outcome.file else { return Err(Diagnostics::new(Some(origin), outcome.problems)) };
     let mut checker = Checker {
         text: &origin.text,
         builder: ModelBuilder::new(&file.name.text),
         weights: BTreeMap::new(),
         poisoned: outcome.poisoned,
-        work: 0,
+        is_spent: false,
         withheld: BTreeSet::new(),
         algebras: BTreeMap::new(),
         representations: BTreeMap::new(),
     };
+    checker.builder.budget(budget);
     checker.builder.problems = outcome.problems;
     for (keyword, _) in names::ITEMS {
         if checker.poisoned.contains(*keyword) {
@@ -60,7 +61,7 @@ struct Checker<'a> {
     builder: ModelBuilder,
     weights: BTreeMap<String, u64>,
     poisoned: BTreeSet<String>,
-    work: u64,
+    is_spent: bool,
     /// Names of reconstructed coordinates; they have values only when everything else is done.
     withheld: BTreeSet<String>,
     algebras: BTreeMap<String, LieAlgebra>,
@@ -154,7 +155,7 @@ impl Checker<'_> {
             weights: &self.weights,
             poisoned: &self.poisoned,
             problems: &mut self.builder.problems,
-            work: &mut self.work,
+            is_spent: &mut self.is_spent,
             restriction: None,
             operator,
             withheld: &self.withheld,
@@ -170,7 +171,7 @@ impl Checker<'_> {
             weights: &self.weights,
             poisoned: &self.poisoned,
             problems: &mut self.builder.problems,
-            work: &mut self.work,
+            is_spent: &mut self.is_spent,
             restriction: Some("the ends of an interval contain parameters and numbers only"),
             operator: None,
             withheld: &self.withheld,
@@ -188,7 +189,7 @@ impl Checker<'_> {
 
     /// A value without names, in a graph of its own.
     fn constant(&mut self, expr: &Expr, restriction: &'static str) -> Option<Vec<Rational>> {
-        let mut graph = Graph::new();
+        let mut graph = self.builder.graph.fork();
         let pi = Value::Scalar(graph.pi());
         let mut evaluator = Evaluator {
             graph: &mut graph,
@@ -196,12 +197,14 @@ impl Checker<'_> {
             weights: &BTreeMap::new(),
             poisoned: &BTreeSet::new(),
             problems: &mut self.builder.problems,
-            work: &mut self.work,
+            is_spent: &mut self.is_spent,
             restriction: Some(restriction),
             operator: None,
             withheld: &BTreeSet::new(),
         };
-        let (value, _) = evaluator.eval(expr)?;
+        let value = evaluator.eval(expr);
+        self.builder.graph.take_over(&graph);
+        let (value, _) = value?;
         let numbers: Option<Vec<Rational>> =
             value.entries().iter().map(|e| graph.as_rational(*e).cloned()).collect();
         if numbers.is_none() {
@@ -366,7 +369,7 @@ impl Checker<'_> {
 
     /// Linear combinations of names with rational coefficients.
     fn combination(&mut self, expr: &Expr, basis: &[Name]) -> Option<Vec<(usize, Rational)>> {
-        let mut graph = Graph::new();
+        let mut graph = self.builder.graph.fork();
         let mut values = BTreeMap::new();
         let mut symbols: Vec<SymbolId> = Vec::new();
         for element in basis {
@@ -381,12 +384,14 @@ impl Checker<'_> {
             weights: &BTreeMap::new(),
             poisoned: &BTreeSet::new(),
             problems: &mut self.builder.problems,
-            work: &mut self.work,
+            is_spent: &mut self.is_spent,
             restriction: None,
             operator: None,
             withheld: &BTreeSet::new(),
         };
-        let (value, _) = evaluator.eval(expr)?;
+        let value = evaluator.eval(expr);
+        self.builder.graph.take_over(&graph);
+        let (value, _) = value?;
         let parts = match value {
             Value::Scalar(e) => {
                 let free = graph.free_symbols(e);
@@ -924,7 +929,7 @@ impl Checker<'_> {
                 weights: &self.weights,
                 poisoned: &self.poisoned,
                 problems: &mut self.builder.problems,
-                work: &mut self.work,
+                is_spent: &mut self.is_spent,
                 restriction: None,
                 operator: None,
                 withheld: &self.withheld,

@@ -12,8 +12,9 @@ use super::parser::MAX_DIM;
 use super::value::{Shape, Value, ValueError};
 use crate::expr::{ExprId, Func, Graph, Rational};
 
-/// Scalar operations one model may ask for.
-const MAX_WORK: u64 = 4_000_000;
+/// Steps of work that are taken for a scalar operation before its expressions are made: the default budget has room for 4
+/// million.
+const STEPS: usize = 50;
 /// Bound on the bits of any coefficient, so that nested powers cannot fill the memory.
 const MAX_BITS: u64 = 1 << 18;
 /// What a parameter may contribute to a coefficient when it is fixed to a number.
@@ -31,7 +32,8 @@ pub(super) struct Evaluator<'a> {
     /// Names about which a problem is already reported.
     pub(super) poisoned: &'a BTreeSet<String>,
     pub(super) problems: &'a mut Vec<Diagnostic>,
-    pub(super) work: &'a mut u64,
+    /// Whether it is reported that the budget is spent.
+    pub(super) is_spent: &'a mut bool,
     /// Added to "unknown name" when names are restricted, as in defaults.
     pub(super) restriction: Option<&'static str>,
     /// `delta` or `ddt` where it is legal, with its values on velocities.
@@ -73,17 +75,14 @@ impl Evaluator<'_> {
         Some((value, bits))
     }
 
-    /// Counts scalar operations; past the limit every expression fails, the first one with a report.
+    /// Counts scalar operations; past the budget every expression fails, the first one with a report.
     fn charge(&mut self, n: usize, span: Span) -> Option<()> {
-        if *self.work == u64::MAX {
+        self.graph.charge(n.saturating_mul(STEPS));
+        let Err(exhausted) = self.graph.within_budget() else { return Some(()) };
+        if std::mem::replace(self.is_spent, true) {
             return None;
         }
-        *self.work = self.work.saturating_add(n as u64);
-        if *self.work <= MAX_WORK {
-            return Some(());
-        }
-        *self.work = u64::MAX;
-        self.fail(span, "the model is too large", "it needs more than 4 million scalar operations")
+        self.fail(span, exhausted.message(), exhausted.help())
     }
 
     fn exact_bits(&self, value: &Value) -> Option<u64> {

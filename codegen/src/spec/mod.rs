@@ -34,6 +34,8 @@ pub use model::{
 pub use value::{Shape, Value, ValueError};
 pub use want::Want;
 
+use crate::expr::Budget;
+
 #[cfg(test)]
 mod tests;
 
@@ -76,8 +78,26 @@ pub fn name_refusal(name: &str) -> Option<&'static str> {
 /// # Errors
 /// All problems of the text, in its order.
 pub fn parse(file_name: &str, text: &str) -> Result<Model, Diagnostics> {
+    parse_within(Budget::default(), file_name, text)
+}
+
+/// As [`parse`], with other limits for the model, from its values to the programs of its scenes.
+///
+/// ```
+/// use hamel_codegen::expr::Budget;
+/// use hamel_codegen::spec;
+/// let text = "model m { velocity v in R; lagrangian = v^2; }";
+/// assert!(spec::parse_within(Budget::default().times(10), "m.hamel", text).is_ok());
+/// let tiny = Budget { expressions: 4, ..Budget::default() };
+/// let problems = spec::parse_within(tiny, "m.hamel", text).unwrap_err();
+/// assert!(problems.to_string().contains("makes more than 4 expressions"));
+/// ```
+///
+/// # Errors
+/// As [`parse`].
+pub fn parse_within(budget: Budget, file_name: &str, text: &str) -> Result<Model, Diagnostics> {
     // Editors on Windows may write a byte order mark; spans count without it.
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     let outcome = parser::parse_file(text);
-    check::check(outcome, Origin { file: file_name.to_owned(), text: text.to_owned() })
+    check::check(outcome, Origin { file: file_name.to_owned(), text: text.to_owned() }, budget)
 }

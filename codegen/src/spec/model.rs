@@ -490,7 +490,7 @@ impl Model {
         let conditions = self.virtual_constraints.iter().map(|v| (&v.text, v.span));
         match error {
             Error::SingularMassMatrix { .. }
-            | Error::TooLarge { .. }
+            | Error::OverBudget(_)
             | Error::OutOfRange { .. }
             | Error::DivisionByZero { .. } => self.places.lagrangian,
             Error::NotConserved { name, .. } | Error::ConservationUnverified { name, .. } => {
