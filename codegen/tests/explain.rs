@@ -40,7 +40,7 @@ fn a_connection_stands_in_the_velocity_and_the_stages() {
     assert_eq!(lines(&text, &["ξ_e₁", "η₁ = "]), ["η₁ = ω - x x\u{307}", "ξ_e₁ = ω - x x\u{307}"]);
     assert!(!text.contains("ξ = ω"), "{text}");
     let latex = explained(items, Style::Latex);
-    assert!(latex.contains("\\eta_{1} &= \\omega - x \\dot{x}"), "{latex}");
+    assert!(latex.contains("\\eta_{1} &= \\omega - x\\, \\dot{x}"), "{latex}");
     // An abelian group: the lifts commute, and the velocities are not those of the group all the same.
     let flat = "coordinate x in real; velocity w in R; connection w = x_dot; lagrangian = x_dot^2 + w^2;";
     assert_eq!(lines(&explained(flat, Style::Unicode), &["ξ_e₁"]), ["ξ_e₁ = w - x\u{307}"]);

@@ -939,18 +939,26 @@ impl Equations {
         let state = self.state.iter().chain(&self.reconstruction).map(|s| &s.derivative);
         let outputs = self.outputs.iter().flat_map(|o| o.components.iter().map(|(_, e)| e));
         let matrix = self.mass_matrix.iter().flatten().chain(&self.force);
-        let origins = self.pivots.iter().flat_map(|p| &p.origin);
-        let origins = origins.flat_map(|o| o.updates.iter().flatten().chain(&o.entries).chain([&o.entry]));
-        let pivots = self.pivots.iter().map(|p| &p.expr).chain(origins);
+        let pivots = self.pivots.iter().flat_map(|p| {
+            let origin = p.origin.iter();
+            let origin = origin.flat_map(|o| o.updates.iter().flatten().chain(&o.entries).chain([&o.entry]));
+            [&p.expr].into_iter().chain(origin)
+        });
         state.chain(outputs).chain(matrix).chain(pivots).chain([&self.energy, &self.energy_rate]).collect()
     }
 
-    /// [`Equations::roots`], to be replaced by equal ones.
+    /// [`Equations::roots`] in the same order, to be replaced by equal ones.
     pub(super) fn roots_mut(&mut self) -> Vec<&mut ExprId> {
         let state = self.state.iter_mut().chain(&mut self.reconstruction).map(|s| &mut s.derivative);
         let outputs = self.outputs.iter_mut().flat_map(|o| o.components.iter_mut().map(|(_, e)| e));
         let matrix = self.mass_matrix.iter_mut().flatten().chain(&mut self.force);
-        let pivots = self.pivots.iter_mut().map(|p| &mut p.expr);
+        let pivots = self.pivots.iter_mut().flat_map(|p| {
+            let origin = p
+                .origin
+                .iter_mut()
+                .flat_map(|o| o.updates.iter_mut().flatten().chain(&mut o.entries).chain([&mut o.entry]));
+            [&mut p.expr].into_iter().chain(origin)
+        });
         state
             .chain(outputs)
             .chain(matrix)

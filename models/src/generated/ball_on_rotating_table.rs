@@ -167,7 +167,7 @@ pub struct Prepared<R = f64> {
     c2: R,
     /// `1 / r`
     c3: R,
-    /// `k2 * Omega * (Omega / r - k2 * Omega / (r * r * r * (1 + k2 / (r * r)))) / r`
+    /// `k2 * (Omega * Omega) / (k2 + r * r)`
     c4: R,
     /// `k2 * Omega / r`
     c5: R,
@@ -190,7 +190,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 6 multiplications, 9 divisions, 1 sign change.
+    /// 2 additions, 5 multiplications, 8 divisions, 1 sign change.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { r, k2, Omega } = *params;
         for (value, condition, meaning) in [
@@ -209,7 +209,6 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t1 = r * r;
         let A_x_dot_x_dot = R::ONE + k2 / t1;
         let t2 = t0 / (t1 * A_x_dot_x_dot);
-        let t3 = Omega / r;
         if !r.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "r > 0",
@@ -226,9 +225,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             k2,
             c0: -t2,
             c1: t2,
-            c2: t3,
+            c2: Omega / r,
             c3: r.recip(),
-            c4: t0 * (t3 - t0 / (t1 * r * A_x_dot_x_dot)) / r,
+            c4: k2 * (Omega * Omega) / (k2 + t1),
             c5: t0 / r,
             c6: k2 / r,
             c7: t0 / t1,

@@ -195,7 +195,7 @@ pub struct Prepared<R = f64> {
     c3: R,
     /// `1 / r`
     c4: R,
-    /// `k2 * Omega * (Omega / r - k2 * Omega / (r * r * r * (1 + k2 / (r * r)))) / r`
+    /// `k2 * (Omega * Omega) / (k2 + r * r)`
     c5: R,
     /// `k2 * Omega / r`
     c6: R,
@@ -218,7 +218,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 2 additions, 6 multiplications, 10 divisions, 1 sign change.
+    /// 2 additions, 5 multiplications, 9 divisions, 1 sign change.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { r, k2, Omega } = *params;
         for (value, condition, meaning) in [
@@ -237,7 +237,6 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t1 = r * r;
         let A_x_dot_x_dot = R::ONE + k2 / t1;
         let t2 = t0 / (t1 * A_x_dot_x_dot);
-        let t3 = Omega / r;
         if !r.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "r > 0",
@@ -256,9 +255,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c0: -t2,
             c1: t2,
             c2: R::from_f64(0.5) / r,
-            c3: t3,
+            c3: Omega / r,
             c4: r.recip(),
-            c5: t0 * (t3 - t0 / (t1 * r * A_x_dot_x_dot)) / r,
+            c5: k2 * (Omega * Omega) / (k2 + t1),
             c6: t0 / r,
             c7: k2 / r,
             c8: t0 / t1,

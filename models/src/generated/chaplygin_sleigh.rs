@@ -170,9 +170,9 @@ pub struct Prepared<R = f64> {
     c6: R,
     /// `m * a`
     c7: R,
-    /// A longer expression in the parameters.
+    /// `J * m / (J + m * (a * a))`
     c8: R,
-    /// A longer expression in the parameters.
+    /// `-(J * m * b / (J + m * (a * a)))`
     c9: R,
 }
 
@@ -187,7 +187,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 6 additions, 16 multiplications, 7 divisions, 4 sign changes.
+    /// 5 additions, 16 multiplications, 8 divisions, 4 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { J, m, a, b } = *params;
         for (value, condition, meaning) in [
@@ -208,9 +208,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t2 = a * a;
         let A_omega_omega = J + m * (t2 + b * b);
         let A_l2_1 = -(t1 / A_omega_omega);
-        let t3 = m * m * t2;
-        let A_s1_2_2 = (J * m + t3) / A_omega_omega;
-        let t4 = t0 / A_omega_omega + t0 * (A_l2_1 * A_l2_1) / A_s1_2_2;
+        let t3 = J * m;
+        let A_s1_2_2 = (t3 + m * m * t2) / A_omega_omega;
+        let t4 = J + m * t2;
         if !J.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "J > 0",
@@ -226,7 +226,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Ok(Self {
             m,
             c0: t0 * A_l2_1 / A_s1_2_2,
-            c1: -t4,
+            c1: -(t0 / A_omega_omega + t0 * (A_l2_1 * A_l2_1) / A_s1_2_2),
             c2: t0 / A_s1_2_2,
             c3: R::from_f64(-2.0) * b,
             c4: R::from_f64(0.5) * A_omega_omega,
@@ -234,8 +234,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             A_omega_omega,
             c6: -t1,
             c7: t0,
-            c8: m - t0 * t4,
-            c9: -(t1 + t3 * A_l2_1 / A_s1_2_2),
+            c8: t3 / t4,
+            c9: -(t3 * b / t4),
         })
     }
 }

@@ -196,27 +196,27 @@ pub struct Prepared<R = f64> {
     c7: R,
     /// `2 * m * a / ((J * m + m * m * (a * a)) / (J + m * (a * a + b * b)))`
     c8: R,
-    /// A longer expression in the parameters.
+    /// `J * a * b / ((J + m * (a * a)) * (J + m * (a * a)))`
     c9: R,
-    /// A longer expression in the parameters.
+    /// `m * b * (J - m * (a * a)) / ((J + m * (a * a)) * (J + m * (a * a)))`
     c10: R,
     /// A longer expression in the parameters.
     c11: R,
-    /// A longer expression in the parameters.
+    /// `-(J * a / ((J + m * (a * a)) * (J + m * (a * a))))`
     c12: R,
-    /// A longer expression in the parameters.
+    /// `-(m * (J - m * (a * a)) / ((J + m * (a * a)) * (J + m * (a * a))))`
     c13: R,
-    /// A longer expression in the parameters.
+    /// `-(m * a * (b * b) / ((J + m * (a * a)) * (J + m * (a * a))))`
     c14: R,
     /// A longer expression in the parameters.
     c15: R,
-    /// A longer expression in the parameters.
+    /// `J * a * (b * b) / ((J + m * (a * a)) * (J + m * (a * a)))`
     c16: R,
     /// A longer expression in the parameters.
     c17: R,
     /// A longer expression in the parameters.
     c18: R,
-    /// A longer expression in the parameters.
+    /// `m * a / (J + m * (a * a))`
     c19: R,
     /// `-(m * b / (J + m * (a * a + b * b)))`
     A_l2_1: R,
@@ -226,18 +226,6 @@ pub struct Prepared<R = f64> {
     c21: R,
     /// A longer expression in the parameters.
     c22: R,
-    /// A longer expression in the parameters.
-    c23: R,
-    /// A longer expression in the parameters.
-    c24: R,
-    /// A longer expression in the parameters.
-    c25: R,
-    /// A longer expression in the parameters.
-    c26: R,
-    /// A longer expression in the parameters.
-    c27: R,
-    /// A longer expression in the parameters.
-    c28: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -251,7 +239,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 41 additions, 64 multiplications, 53 divisions, 16 sign changes.
+    /// 18 additions, 51 multiplications, 30 divisions, 11 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { J, m, a, b } = *params;
         for (value, condition, meaning) in [
@@ -268,55 +256,34 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             }
         }
         let t0 = m * a;
-        let t1 = a * a;
-        let d_A_omega_omega_d_m = t1 + b * b;
-        let A_omega_omega = J + m * d_A_omega_omega_d_m;
-        let A_l2_1 = -(m * b / A_omega_omega);
-        let t2 = t0 * A_l2_1;
-        let t3 = m * m;
-        let A_s1_2_2 = (J * m + t3 * t1) / A_omega_omega;
-        let t4 = A_l2_1 * A_l2_1;
-        let t5 = t0 * t4;
-        let t6 = t0 / A_omega_omega + t5 / A_s1_2_2;
-        let t7 = R::from_f64(2.0) * m;
-        let t8 = t7 * a;
-        let t9 = t8 * A_l2_1;
-        let t10 = A_omega_omega * A_omega_omega;
-        let t11 = t0 / t10;
+        let t1 = m * b;
+        let t2 = a * a;
+        let t3 = b * b;
+        let A_omega_omega = J + m * (t2 + t3);
+        let A_l2_1 = -(t1 / A_omega_omega);
+        let t4 = t0 * A_l2_1;
+        let t5 = J * m;
+        let t6 = m * m;
+        let t7 = t6 * t2;
+        let A_s1_2_2 = (t5 + t7) / A_omega_omega;
+        let t8 = t0 * (A_l2_1 * A_l2_1);
+        let t9 = t0 / A_omega_omega + t8 / A_s1_2_2;
+        let t10 = R::from_f64(2.0) * m;
+        let t11 = t10 * a;
+        let t12 = t0 / (A_omega_omega * A_omega_omega);
         let d_A_l2_1_d_J = -(A_l2_1 / A_omega_omega);
-        let t12 = m / A_omega_omega;
-        let d_A_s1_2_2_d_J = t12 - A_s1_2_2 / A_omega_omega;
-        let t13 = A_s1_2_2 * A_s1_2_2;
-        let t14 = t2 * d_A_s1_2_2_d_J / t13;
-        let t15 = t0 * d_A_l2_1_d_J / A_s1_2_2 - t14;
-        let t16 = a * A_l2_1;
-        let t17 = b / A_omega_omega + A_l2_1 * d_A_omega_omega_d_m / A_omega_omega;
-        let d_A_l2_1_d_m = -t17;
-        let d_A_s1_2_2_d_m = (J + t7 * t1) / A_omega_omega
-            - A_s1_2_2 * d_A_omega_omega_d_m / A_omega_omega;
-        let t18 = t2 * d_A_s1_2_2_d_m / t13;
-        let t19 = (t16 + t0 * d_A_l2_1_d_m) / A_s1_2_2 - t18;
-        let t20 = a / A_omega_omega;
-        let t21 = t0 * d_A_omega_omega_d_m / t10;
-        let t22 = m * A_l2_1;
-        let d_A_l2_1_d_a = -(t9 / A_omega_omega);
-        let t23 = t3 * a / A_omega_omega;
-        let t24 = t0 * A_s1_2_2 / A_omega_omega;
-        let d_A_s1_2_2_d_a = R::from_f64(2.0) * (t23 - t24);
-        let t25 = (t22 + t0 * d_A_l2_1_d_a) / A_s1_2_2 - t2 * d_A_s1_2_2_d_a / t13;
-        let t26 = R::from_f64(2.0) * t3;
-        let t27 = t26 * t1;
-        let t28 = t12 - t27 / t10;
-        let t29 = t7 * b;
-        let t30 = t12 + t29 * A_l2_1 / A_omega_omega;
-        let d_A_l2_1_d_b = -t30;
-        let t31 = m / A_s1_2_2;
-        let d_A_s1_2_2_d_b = -(t29 * A_s1_2_2 / A_omega_omega);
-        let t32 = A_omega_omega * A_s1_2_2;
-        let t33 = t2 / t32 + t14;
-        let t34 = (t16 - t0 * t17) / A_s1_2_2 - t18;
-        let t35 = t24 - t23;
-        let t36 = (t22 - t27 * A_l2_1 / A_omega_omega) / A_s1_2_2 + t9 * t35 / t13;
+        let t13 = m * t2;
+        let t14 = J + t13;
+        let t15 = t14 + m * t3;
+        let d_A_s1_2_2_d_J = t6 * t3 / (t15 * t15);
+        let t16 = A_s1_2_2 * A_s1_2_2;
+        let t17 = t0 * d_A_l2_1_d_J / A_s1_2_2 - t4 * d_A_s1_2_2_d_J / t16;
+        let t18 = J * a;
+        let t19 = t14 * t14;
+        let t20 = J - t13;
+        let d_A_s1_2_2_d_b = -(t10 * b * A_s1_2_2 / A_omega_omega);
+        let t21 = A_omega_omega * A_s1_2_2;
+        let t22 = t4 / t21 + t4 * (m / A_omega_omega - A_s1_2_2 / A_omega_omega) / t16;
         if !J.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "J > 0",
@@ -330,36 +297,32 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             });
         }
         Ok(Self {
-            c0: t2 / A_s1_2_2,
-            c1: -t6,
+            c0: t4 / A_s1_2_2,
+            c1: -t9,
             c2: t0 / A_s1_2_2,
             c3: R::from_f64(-2.0) * b,
             c4: R::from_f64(0.5) * A_omega_omega,
             c5: R::from_f64(0.5) * m,
-            c6: -t6,
-            c7: -(t9 / A_s1_2_2),
-            c8: t8 / A_s1_2_2,
-            c9: t15,
-            c10: a / A_s1_2_2 - t0 * d_A_s1_2_2_d_m / t13,
-            c11: t31 - t0 * d_A_s1_2_2_d_a / t13,
-            c12: -(t0 * d_A_s1_2_2_d_J / t13),
-            c13: t19,
-            c14: t25,
-            c15: -(t20 - t21 + A_l2_1 * t19 + t2 * d_A_l2_1_d_m / A_s1_2_2),
-            c16: -(t28 + A_l2_1 * t25 + t2 * d_A_l2_1_d_a / A_s1_2_2),
-            c17: t11 - A_l2_1 * t15 - t2 * d_A_l2_1_d_J / A_s1_2_2,
-            c18: -(t0 * d_A_s1_2_2_d_b / t13),
-            c19: d_A_s1_2_2_d_a / A_s1_2_2 - t0 * d_A_l2_1_d_b / A_s1_2_2,
+            c6: -t9,
+            c7: -(t11 * A_l2_1 / A_s1_2_2),
+            c8: t11 / A_s1_2_2,
+            c9: t18 * b / t19,
+            c10: t1 * t20 / t19,
+            c11: t17,
+            c12: -(t18 / t19),
+            c13: -(m * t20 / t19),
+            c14: -(t0 * t3 / t19),
+            c15: t12 - A_l2_1 * t17 - t4 * d_A_l2_1_d_J / A_s1_2_2,
+            c16: t18 * t3 / t19,
+            c17: (t5 * t3
+                - (t7 * t3 - t6 * (t2 * t2) - R::from_f64(2.0) * J * m * t2 - J * J))
+                / t19,
+            c18: -(t0 * d_A_s1_2_2_d_b / t16),
+            c19: t0 / t14,
             A_l2_1,
-            c20: t11 + A_l2_1 * t33 + t5 / t32,
-            c21: t2 * t17 / A_s1_2_2 - (t20 + A_l2_1 * t34 - t21),
-            c22: t27 * t4 / t32 - (t28 + A_l2_1 * t36),
-            c23: t36,
-            c24: R::from_f64(2.0) * t35 / A_s1_2_2 - t0 * t30 / A_s1_2_2,
-            c25: -t33,
-            c26: t34,
-            c27: -(t26 * a * b / t32),
-            c28: -(t31 + t8 * t35 / t13),
+            c20: t12 + A_l2_1 * t22 + t8 / t21,
+            c21: -t22,
+            c22: R::from_f64(-2.0) * t6 * a * b / t21,
         })
     }
 }
@@ -472,13 +435,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t0 = omega * v1;
         let t1 = omega * omega;
         [
-            (-t1).mul_add(self.c9, self.c17 * t0),
-            t0.mul_add(self.c15, -(self.c13 * t1)),
-            t0.mul_add(self.c16, -(self.c14 * t1)),
-            self.c19 * t1,
-            t1.mul_add(self.c12, self.c9 * t0),
+            (-t1).mul_add(self.c11, self.c15 * t0),
+            t0.mul_add(self.c12, self.c9 * t1),
             t0.mul_add(self.c13, self.c10 * t1),
-            t0.mul_add(self.c14, self.c11 * t1),
+            self.c19 * t1,
+            t1.mul_add(self.c14, self.c11 * t0),
+            (-t0).mul_add(self.c9, self.c16 * t1),
+            (-t0).mul_add(self.c10, self.c17 * t1),
             (-t0).mul_add(self.c19, self.c18 * t1),
         ]
     }
@@ -551,26 +514,26 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         let t0 = omega * v1;
         let t1 = omega * omega;
-        let t2 = v_m
+        let t2 = (-v_m)
             .mul_add(
-                self.c26,
-                v_J.mul_add(self.c25, v_b.mul_add(self.c24, self.c23 * v_a)),
+                self.c9,
+                v_J.mul_add(self.c21, (-v_b).mul_add(self.c19, -(self.c10 * v_a))),
             );
         [
             (-t1)
                 .mul_add(
                     t2,
-                    t0 * v_a.mul_add(self.c22, v_m.mul_add(self.c21, self.c20 * v_J)),
+                    t0 * v_a.mul_add(self.c13, v_m.mul_add(self.c12, self.c20 * v_J)),
                 ),
             (-t1)
                 .mul_add(
-                    v_a
+                    (-v_a)
                         .mul_add(
-                            self.c28,
+                            self.c17,
                             v_b
                                 .mul_add(
-                                    self.c27,
-                                    (-v_m).mul_add(self.c10, -(self.c12 * v_J)),
+                                    self.c22,
+                                    (-v_m).mul_add(self.c16, -(self.c14 * v_J)),
                                 ),
                         ),
                     t2 * t0,

@@ -188,6 +188,8 @@ pub struct Prepared<R = f64> {
     I1: R,
     /// Parameter `I3`.
     I3: R,
+    /// Parameter `r`.
+    r: R,
     /// `m * (r * r) * (I1 - I3) / (I1 * (I1 + m * (r * r)))`
     c0: R,
     /// `I1 * (I1 - I3) / (I1 * (I1 + m * (r * r)))`
@@ -210,11 +212,11 @@ pub struct Prepared<R = f64> {
     c9: R,
     /// `-(m * (r * r) / (I3 + m * (r * r)))`
     c10: R,
-    /// A longer expression in the parameters.
+    /// `-(2 * I1 / (m * (r * r)))`
     c11: R,
     /// `I1 * m * (r * r) / (I1 * (I1 + m * (r * r)))`
     c12: R,
-    /// A longer expression in the parameters.
+    /// `-((I1 - I3) / (m * (r * r)))`
     c13: R,
     /// `-(I1 * (I1 + m * (r * r)) / (I1 * m * (r * r)))`
     c14: R,
@@ -224,8 +226,6 @@ pub struct Prepared<R = f64> {
     c16: R,
     /// `-(I1 * (m * m) * (r * r * r) / (I1 * (I1 + m * (r * r))))`
     c17: R,
-    /// `I3 + m * (r * r)`
-    A_Omega3_Omega3: R,
     /// `I1 - I3`
     c18: R,
     /// `g / r`
@@ -243,7 +243,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 6 additions, 30 multiplications, 14 divisions, 5 sign changes.
+    /// 3 additions, 24 multiplications, 13 divisions, 7 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I3, m, r, g } = *params;
         for (value, condition, meaning) in [
@@ -270,9 +270,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t5 = m * r;
         let t6 = m * m;
         let t7 = I1 * t6;
-        let t8 = t7 * (t0 * r);
-        let t9 = t8 / A_det;
-        let t10 = I1 * m * t0;
+        let t8 = I1 * m * t0;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -300,6 +298,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Ok(Self {
             I1,
             I3,
+            r,
             c0: t1 * t2 / A_det,
             c1: I1 * t2 / A_det,
             c2: R::from_f64(0.5) * g / r,
@@ -311,14 +310,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c8: t5 * g,
             c9: t5,
             c10: -t4,
-            c11: R::from_f64(-2.0) * A_det * (t5 - t9) / t8,
-            c12: t10 / A_det,
-            c13: A_det * (m * (r - I1 * r * t2 / A_det) - t5) / t8,
-            c14: -(A_det / t10),
+            c11: -(t3 / t1),
+            c12: t8 / A_det,
+            c13: -(t2 / t1),
+            c14: -(A_det / t8),
             c15: -(t3 * t6 * t0 * g / A_det),
             c16: t7 * t0 * g / A_det,
-            c17: -t9,
-            A_Omega3_Omega3,
+            c17: -(t7 * (t0 * r) / A_det),
             c18: t2,
             c19: g / r,
         })
@@ -326,6 +324,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
+#[allow(
+    unused_doc_comments,
+    reason = "comments on statements say which formula they are"
+)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Writes the derivative of the state to `dy`.
@@ -496,18 +498,34 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 additions, 10 multiplications (4 fused), 1 division.
+    /// 5 additions, 23 multiplications (5 fused), 2 divisions, 2 square roots.
     #[inline]
     #[must_use]
     pub fn nonholonomic_momentum(&self, t: R, y: &[R; 6]) -> [R; 3] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, _] = *y;
         let _ = t;
-        let t0 = self.c5 * (-Omega1).mul_add(Gamma2, Omega2 * Gamma1)
-            / Gamma2.mul_add(Gamma2, Gamma1 * Gamma1);
+        /// velocities y = Psi u + psi0
+        let [t1, X3, t2] = {
+            let t0 = Gamma2 * Gamma2;
+            let t1 = Gamma1.mul_add(Gamma1, t0).sqrt().recip();
+            [
+                t1,
+                (-t1)
+                    .mul_add(
+                        Omega2 * (self.r * Gamma1),
+                        t1 * (Omega1 * (self.r * Gamma2)),
+                    ),
+                t0.sqrt().recip(),
+            ]
+        };
         [
-            (-Gamma2).mul_add(t0, self.I1 * Omega1),
-            Gamma1.mul_add(t0, self.I1 * Omega2),
-            self.A_Omega3_Omega3 * Omega3,
+            X3.mul_add(self.c9 * Gamma2 * t1, self.I1 * Omega1),
+            (-X3).mul_add(self.c9 * Gamma1 * t1, self.I1 * Omega2),
+            t2
+                .mul_add(
+                    self.c9 * (t2 * (self.r * Gamma2 * (Omega3 * Gamma2))),
+                    self.I3 * Omega3,
+                ),
         ]
     }
 

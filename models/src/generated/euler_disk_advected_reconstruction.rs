@@ -266,11 +266,11 @@ pub struct Prepared<R = f64> {
     c10: R,
     /// `-(m * (r * r) / (I3 + m * (r * r)))`
     c11: R,
-    /// A longer expression in the parameters.
+    /// `-(2 * I1 / (m * (r * r)))`
     c12: R,
     /// `I1 * m * (r * r) / (I1 * (I1 + m * (r * r)))`
     c13: R,
-    /// A longer expression in the parameters.
+    /// `-((I1 - I3) / (m * (r * r)))`
     c14: R,
     /// `-(I1 * (I1 + m * (r * r)) / (I1 * m * (r * r)))`
     c15: R,
@@ -280,8 +280,6 @@ pub struct Prepared<R = f64> {
     c17: R,
     /// `-(I1 * (m * m) * (r * r * r) / (I1 * (I1 + m * (r * r))))`
     c18: R,
-    /// `I3 + m * (r * r)`
-    A_Omega3_Omega3: R,
     /// `I1 - I3`
     c19: R,
     /// `g / r`
@@ -299,7 +297,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 6 additions, 31 multiplications, 14 divisions, 5 sign changes.
+    /// 3 additions, 25 multiplications, 13 divisions, 7 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I3, m, r, g } = *params;
         for (value, condition, meaning) in [
@@ -326,9 +324,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t5 = m * r;
         let t6 = m * m;
         let t7 = I1 * t6;
-        let t8 = t7 * (t1 * r);
-        let t9 = t8 / A_det;
-        let t10 = I1 * m * t1;
+        let t8 = I1 * m * t1;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -369,14 +365,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c9: t5 * g,
             c10: t5,
             c11: -t4,
-            c12: R::from_f64(-2.0) * A_det * (t5 - t9) / t8,
-            c13: t10 / A_det,
-            c14: A_det * (m * (r - I1 * r * t0 / A_det) - t5) / t8,
-            c15: -(A_det / t10),
+            c12: -(t3 / t2),
+            c13: t8 / A_det,
+            c14: -(t0 / t2),
+            c15: -(A_det / t8),
             c16: -(t3 * t6 * t1 * g / A_det),
             c17: t7 * t1 * g / A_det,
-            c18: -t9,
-            A_Omega3_Omega3,
+            c18: -(t7 * (t1 * r) / A_det),
             c19: t0,
             c20: g / r,
         })
@@ -384,6 +379,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
+#[allow(
+    unused_doc_comments,
+    reason = "comments on statements say which formula they are"
+)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Writes the derivative of the state to `dy`.
@@ -582,18 +581,34 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 4 additions, 10 multiplications (4 fused), 1 division.
+    /// 5 additions, 23 multiplications (5 fused), 2 divisions, 2 square roots.
     #[inline]
     #[must_use]
     pub fn nonholonomic_momentum(&self, t: R, y: &[R; 13]) -> [R; 3] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, _, _, _, _, _, _, _, _] = *y;
         let _ = t;
-        let t0 = self.c6 * (-Omega1).mul_add(Gamma2, Omega2 * Gamma1)
-            / Gamma2.mul_add(Gamma2, Gamma1 * Gamma1);
+        /// velocities y = Psi u + psi0
+        let [t1, X3, t2] = {
+            let t0 = Gamma2 * Gamma2;
+            let t1 = Gamma1.mul_add(Gamma1, t0).sqrt().recip();
+            [
+                t1,
+                (-t1)
+                    .mul_add(
+                        Omega2 * (self.r * Gamma1),
+                        t1 * (Omega1 * (self.r * Gamma2)),
+                    ),
+                t0.sqrt().recip(),
+            ]
+        };
         [
-            (-Gamma2).mul_add(t0, self.I1 * Omega1),
-            Gamma1.mul_add(t0, self.I1 * Omega2),
-            self.A_Omega3_Omega3 * Omega3,
+            X3.mul_add(self.c10 * Gamma2 * t1, self.I1 * Omega1),
+            (-X3).mul_add(self.c10 * Gamma1 * t1, self.I1 * Omega2),
+            t2
+                .mul_add(
+                    self.c10 * (t2 * (self.r * Gamma2 * (Omega3 * Gamma2))),
+                    self.I3 * Omega3,
+                ),
         ]
     }
 

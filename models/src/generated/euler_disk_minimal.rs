@@ -196,8 +196,6 @@ pub struct Prepared<R = f64> {
     c16: R,
     /// A longer expression in the parameters.
     c17: R,
-    /// A longer expression in the parameters.
-    c18: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -211,7 +209,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 19 additions, 50 multiplications, 16 divisions, 5 sign changes.
+    /// 16 additions, 45 multiplications, 13 divisions, 5 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { M, r, e, I1, I3, g } = *params;
         for (value, condition, meaning) in [
@@ -245,20 +243,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t8 = R::from_f64(4.0) * M * t2;
         let t9 = M * t2;
         let t10 = t9 * t3;
-        let A_psi_dot_psi_dot = I3 + t9;
-        let t11 = M * M;
-        let t12 = t2 * t2;
-        let t13 = t11 * t12 * t3 / A_psi_dot_psi_dot;
-        let t14 = t6 - R::from_f64(2.0) * I3 + t10 - t13;
-        let t15 = t6 + t10;
-        let t16 = t15 - t13;
-        let t17 = R::from_f64(2.0) * M * t2;
-        let t18 = t9 * e;
-        let t19 = I3 + t17;
-        let t20 = t17 * e - t18 * t19 / A_psi_dot_psi_dot;
-        let t21 = R::from_f64(2.0) * t20 / t16;
-        let t22 = A_psi_dot_psi_dot * t16;
-        let t23 = t18 / A_psi_dot_psi_dot;
+        let t11 = I3 + t9;
+        let t12 = t6 * I3;
+        let t13 = R::from_f64(2.0) * M * t2;
+        let t14 = t8 * I1;
+        let t15 = t10 * I3;
+        let t16 = t12 + t14 + t15;
+        let t17 = t8 * e;
+        let t18 = t6 + t10;
         if !M.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "M > 0",
@@ -290,27 +282,26 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             });
         }
         Ok(Self {
-            c0: R::from_f64(-0.25) * (t6 - t7 - t8 + t10) / A_psi_dot_psi_dot,
+            c0: R::from_f64(-0.25) * (t6 - t7 - t8 + t10) / t11,
             c1: t1 / A_theta_dot_theta_dot,
             c2: -(t5 / A_theta_dot_theta_dot),
-            c3: -(A_psi_dot_psi_dot / A_theta_dot_theta_dot),
+            c3: -(t11 / A_theta_dot_theta_dot),
             c4: -(t0 * t2 * e / A_theta_dot_theta_dot),
-            c5: R::from_f64(-0.5) * t14 / I3,
-            c6: t7 / t16,
-            c7: t21,
-            c8: t23 - (t18 * t14 / t22 - t21),
-            c9: t19 / A_psi_dot_psi_dot - t18 * t20 / t22,
-            c10: -(t8 * e / t15),
-            c11: -t23,
+            c5: R::from_f64(0.5)
+                * (R::from_f64(2.0) * (I3 * I3) - t12 + t13 * I3 - t14 - t15)
+                / (I3 * t11),
+            c6: t7 * t11 / t16,
+            c7: t13 * e * I3 / t16,
+            c8: (t12 + R::from_f64(8.0) * M * t2 * I1 + t15) / t16,
+            c9: t17 * I3 / t16,
+            c10: -(t17 / t18),
+            c11: -(t9 * e / t11),
             c12: R::from_f64(0.125) * (t6 + M * t4),
             c13: t5,
             c14: t1,
-            c15: R::from_f64(0.125) * t15,
-            c16: R::from_f64(0.5) * A_psi_dot_psi_dot,
-            c17: R::from_f64(0.25) * t16,
-            c18: R::from_f64(0.25)
-                * (R::from_f64(44.0) * I1 + R::from_f64(11.0) * M * t2 * t3
-                    + R::from_f64(11.0) * t11 * t12 * t3 / A_psi_dot_psi_dot),
+            c15: R::from_f64(0.125) * t18,
+            c16: R::from_f64(0.5) * t11,
+            c17: R::from_f64(0.25) * t16 / t11,
         })
     }
 }
@@ -357,7 +348,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 .mul_add(
                     t4,
                     theta_dot
-                        * t2.mul_add(self.c9, t3.mul_add(self.c8, self.c7 * psi_dot)),
+                        * t3.mul_add(self.c9, t2.mul_add(self.c8, self.c7 * psi_dot)),
                 ),
         ];
     }
@@ -399,19 +390,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 4 multiplications (1 fused), 1 sign change, 1 elementary function.
+    /// 2 multiplications, 1 elementary function.
     #[must_use]
     pub fn pivots(&self, t: R, y: &[R; 4]) -> [::hamel_runtime::Pivot<R>; 1] {
         let [theta, _, _, _] = *y;
         let _ = t;
         let t0 = theta.sin();
-        let t1 = t0 * t0;
-        let t2 = self.c17 * t1;
         [
             ::hamel_runtime::Pivot {
                 name: "inertia along phi_dot",
-                value: t2,
-                scale: R::from_f64(8.0).mul_add(t2.abs(), self.c18 * t1),
+                value: self.c17 * (t0 * t0),
+                scale: R::ZERO,
             },
         ]
     }

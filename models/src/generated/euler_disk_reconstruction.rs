@@ -243,23 +243,23 @@ pub struct Prepared<R = f64> {
     c16: R,
     /// A longer expression in the parameters.
     c17: R,
-    /// A longer expression in the parameters.
-    c18: R,
     /// `0.25 * (4 * I1 + M * (r * r * (e * e) + 4 * (r * r)))`
-    c19: R,
+    c18: R,
     /// `-(0.5 * M * (r * r) * e)`
-    c20: R,
+    c19: R,
     /// `0.25 * (4 * I1 + M * (r * r) * (e * e))`
-    c21: R,
+    c20: R,
     /// `(I3 + M * (r * r)) / I3`
-    c22: R,
+    c21: R,
     /// `0.5 * e`
-    c23: R,
+    c22: R,
     /// `M * r`
-    c24: R,
+    c23: R,
     /// `-(0.5 * e * I3)`
-    c25: R,
+    c24: R,
     /// `M * r / I3`
+    c25: R,
+    /// A longer expression in the parameters.
     c26: R,
     /// A longer expression in the parameters.
     c27: R,
@@ -269,16 +269,14 @@ pub struct Prepared<R = f64> {
     c29: R,
     /// A longer expression in the parameters.
     c30: R,
-    /// A longer expression in the parameters.
-    c31: R,
     /// `-(0.5 * M * r * e)`
+    c31: R,
+    /// `4 * M * r * I1 * I3 / (4 * I1 * I3 + 4 * M * (r * r) * I1 + M * (r * r) * (e * e) * I3)`
     c32: R,
     /// A longer expression in the parameters.
     c33: R,
-    /// A longer expression in the parameters.
-    c34: R,
     /// `I3 + M * (r * r)`
-    A_psi_dot_psi_dot: R,
+    c34: R,
     /// `0.5 * M * (r * r) * e / (I3 + M * (r * r))`
     c35: R,
     /// `M * (r * r)`
@@ -296,7 +294,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 26 additions, 83 multiplications, 33 divisions, 9 sign changes.
+    /// 20 additions, 79 multiplications, 29 divisions, 8 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { M, r, e, I1, I3, g } = *params;
         for (value, condition, meaning) in [
@@ -329,33 +327,29 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t7 = t6 * g;
         let t8 = R::from_f64(4.0) * I1;
         let t9 = R::from_f64(4.0) * I3;
-        let t10 = R::from_f64(4.0) * M * t3;
-        let t11 = M * t3;
-        let t12 = t11 * t4;
-        let t13 = t8 - t9 - t10 + t12;
-        let A_psi_dot_psi_dot = I3 + t11;
-        let t14 = t0 * t3 * e;
-        let t15 = M * M;
-        let t16 = t3 * t3;
-        let t17 = t15 * t16 * t4 / A_psi_dot_psi_dot;
-        let t18 = t8 - R::from_f64(2.0) * I3 + t12 - t17;
-        let t19 = t8 + t12;
-        let t20 = t19 - t17;
-        let t21 = R::from_f64(2.0) * M;
-        let t22 = t21 * t3;
-        let t23 = t11 * e;
-        let t24 = I3 + t22;
-        let t25 = t22 * e - t23 * t24 / A_psi_dot_psi_dot;
-        let t26 = R::from_f64(2.0) * t25 / t20;
-        let t27 = A_psi_dot_psi_dot * t20;
-        let t28 = t23 / A_psi_dot_psi_dot;
-        let t29 = t23 * t25 / t27 - t24 / A_psi_dot_psi_dot;
-        let t30 = t8 + M * t5;
-        let t31 = R::from_f64(0.5) * e;
-        let t32 = t3 * r;
-        let t33 = t15 * t32;
-        let t34 = R::from_f64(4.0) * t15;
-        let t35 = t6 * e;
+        let t10 = R::from_f64(4.0) * M;
+        let t11 = t10 * t3;
+        let t12 = M * t3;
+        let t13 = t12 * t4;
+        let t14 = t8 - t9 - t11 + t13;
+        let t15 = I3 + t12;
+        let t16 = t0 * t3 * e;
+        let t17 = I3 * I3;
+        let t18 = t8 * I3;
+        let t19 = R::from_f64(2.0) * M;
+        let t20 = t19 * t3;
+        let t21 = t11 * I1;
+        let t22 = t13 * I3;
+        let t23 = t18 + t21 + t22;
+        let t24 = t11 * e;
+        let t25 = t8 + M * t5;
+        let t26 = t8 + t13;
+        let t27 = R::from_f64(0.5) * e;
+        let t28 = M * M;
+        let t29 = t3 * r;
+        let t30 = t28 * t29;
+        let t31 = R::from_f64(4.0) * t28;
+        let t32 = t6 * e;
         if !M.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "M > 0",
@@ -389,53 +383,51 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Ok(Self {
             r,
             I3,
-            c0: R::from_f64(-0.25) * t13 / A_psi_dot_psi_dot,
+            c0: R::from_f64(-0.25) * t14 / t15,
             c1: t2 / A_theta_dot_theta_dot,
             c2: -(t7 / A_theta_dot_theta_dot),
-            c3: -(A_psi_dot_psi_dot / A_theta_dot_theta_dot),
-            c4: -(t14 / A_theta_dot_theta_dot),
-            c5: R::from_f64(-0.5) * t18 / I3,
-            c6: t9 / t20,
-            c7: t26,
-            c8: t28 - (t23 * t18 / t27 - t26),
-            c9: -t29,
-            c10: -(t10 * e / t19),
-            c11: -t28,
-            c12: R::from_f64(0.125) * t30,
+            c3: -(t15 / A_theta_dot_theta_dot),
+            c4: -(t16 / A_theta_dot_theta_dot),
+            c5: R::from_f64(0.5) * (R::from_f64(2.0) * t17 - t18 + t20 * I3 - t21 - t22)
+                / (I3 * t15),
+            c6: t9 * t15 / t23,
+            c7: t20 * e * I3 / t23,
+            c8: (t18 + R::from_f64(8.0) * M * t3 * I1 + t22) / t23,
+            c9: t24 * I3 / t23,
+            c10: -(t24 / t26),
+            c11: -(t12 * e / t15),
+            c12: R::from_f64(0.125) * t25,
             c13: t7,
             c14: t2,
-            c15: R::from_f64(0.125) * t19,
-            c16: R::from_f64(0.5) * A_psi_dot_psi_dot,
-            c17: R::from_f64(0.25) * t20,
-            c18: R::from_f64(0.25)
-                * (R::from_f64(44.0) * I1 + R::from_f64(11.0) * M * t3 * t4
-                    + R::from_f64(11.0) * t15 * t16 * t4 / A_psi_dot_psi_dot),
-            c19: R::from_f64(0.25) * t30,
-            c20: -t14,
-            c21: R::from_f64(0.25) * t19,
-            c22: A_psi_dot_psi_dot / I3,
-            c23: t31,
-            c24: t6,
-            c25: -(t31 * I3),
-            c26: t6 / I3,
-            c27: R::from_f64(0.25)
-                * (t6 * t13 / A_theta_dot_theta_dot + t33 * t4 / A_theta_dot_theta_dot),
-            c28: R::from_f64(-0.125)
-                * (t34 * t32 * e / A_theta_dot_theta_dot
-                    - t35 * t13 / A_theta_dot_theta_dot),
-            c29: R::from_f64(-0.25) * t15 * t32 * t4 / A_theta_dot_theta_dot,
-            c30: R::from_f64(-0.5)
-                * (t35 * A_psi_dot_psi_dot / A_theta_dot_theta_dot
-                    + t33 * e / A_theta_dot_theta_dot) / t6,
-            c31: R::from_f64(-0.25)
-                * (t34 * t3 * g / A_theta_dot_theta_dot
-                    - t15 * t3 * t4 * g / A_theta_dot_theta_dot) / t6,
-            c32: -t1,
-            c33: t21 * r + t6 * t29 - t35 * t25 / t20,
-            c34: R::from_f64(2.0) * (t35 * I3 / t20 - t6 * t25 / t20),
-            A_psi_dot_psi_dot,
-            c35: t14 / A_psi_dot_psi_dot,
-            c36: t11,
+            c15: R::from_f64(0.125) * t26,
+            c16: R::from_f64(0.5) * t15,
+            c17: R::from_f64(0.25) * t23 / t15,
+            c18: R::from_f64(0.25) * t25,
+            c19: -t16,
+            c20: R::from_f64(0.25) * t26,
+            c21: t15 / I3,
+            c22: t27,
+            c23: t6,
+            c24: -(t27 * I3),
+            c25: t6 / I3,
+            c26: R::from_f64(0.25)
+                * (t6 * t14 / A_theta_dot_theta_dot + t30 * t4 / A_theta_dot_theta_dot),
+            c27: R::from_f64(-0.125)
+                * (t31 * t29 * e / A_theta_dot_theta_dot
+                    - t32 * t14 / A_theta_dot_theta_dot),
+            c28: R::from_f64(-0.25) * t28 * t29 * t4 / A_theta_dot_theta_dot,
+            c29: R::from_f64(-0.5)
+                * (t32 * t15 / A_theta_dot_theta_dot + t30 * e / A_theta_dot_theta_dot)
+                / t6,
+            c30: R::from_f64(-0.25)
+                * (t31 * t3 * g / A_theta_dot_theta_dot
+                    - t28 * t3 * t4 * g / A_theta_dot_theta_dot) / t6,
+            c31: -t1,
+            c32: t10 * r * I1 * I3 / t23,
+            c33: t19 * r * e * t17 / t23,
+            c34: t15,
+            c35: t16 / t15,
+            c36: t12,
         })
     }
 }
@@ -485,7 +477,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 .mul_add(
                     t4,
                     theta_dot
-                        * t2.mul_add(self.c9, t3.mul_add(self.c8, self.c7 * psi_dot)),
+                        * t3.mul_add(self.c9, t2.mul_add(self.c8, self.c7 * psi_dot)),
                 ),
             psi_dot,
             -(t6 * t7),
@@ -546,17 +538,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t2 = t1.mul_add(self.I3 * phi_dot, self.I3 * psi_dot);
         let t3 = phi_dot * t0;
         let (t4, t5) = phi.sin_cos();
-        let t6 = t1.mul_add(self.c23, t0) * (self.c24 * theta_dot);
-        let t7 = self.c26 * t3.mul_add(self.c25, t2);
+        let t6 = t1.mul_add(self.c22, t0) * (self.c23 * theta_dot);
+        let t7 = self.c25 * t3.mul_add(self.c24, t2);
         [
-            self.c19 * theta_dot,
+            self.c18 * theta_dot,
             t2
                 .mul_add(
-                    self.c22 * t1,
+                    self.c21 * t1,
                     t3
                         .mul_add(
-                            self.c21 * t1.mul_add(self.c10, t0),
-                            t0 * (self.c20 * psi_dot),
+                            self.c20 * t1.mul_add(self.c10, t0),
+                            t0 * (self.c19 * psi_dot),
                         ),
                 ),
             t2,
@@ -590,7 +582,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t8 = t2 * t5;
         let t9 = t5
             .mul_add(
-                (-t8).mul_add(self.c4, t3 * (self.c30 * psi_dot)),
+                (-t8).mul_add(self.c4, t3 * (self.c29 * psi_dot)),
                 phi_dot
                     .mul_add(
                         t6,
@@ -600,27 +592,27 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                 (-t3).mul_add(t3, t2 * t2),
                                 (-t5)
                                     .mul_add(
-                                        self.c23 * phi_dot,
-                                        t2.mul_add(self.c31 * t3, t3 * t7),
+                                        self.c22 * phi_dot,
+                                        t2.mul_add(self.c30 * t3, t3 * t7),
                                     ),
                             ),
                     ),
             );
         let t10 = self
-            .c24
+            .c23
             .mul_add(
                 t8.mul_add(self.c3 * psi_dot, t9),
                 t4
                     .mul_add(
                         t6
                             .mul_add(
-                                self.c29 * t3,
-                                t5 * t3.mul_add(self.c28, self.c27 * t2),
+                                self.c28 * t3,
+                                t5 * t3.mul_add(self.c27, self.c26 * t2),
                             ),
-                        t2 * (self.c32 * t7),
+                        t2 * (self.c31 * t7),
                     ),
             );
-        let t11 = theta_dot * t6.mul_add(self.c34, self.c33 * t5);
+        let t11 = theta_dot * t6.mul_add(self.c33, self.c32 * t5);
         [t0.mul_add(t10, t1 * t11), (-t1).mul_add(t10, t0 * t11)]
     }
 
@@ -641,16 +633,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [theta, _, theta_dot, phi_dot, psi_dot, _, _, _] = *y;
         let _ = t;
         let (t0, t1) = theta.sin_cos();
-        let t2 = self.A_psi_dot_psi_dot * phi_dot.mul_add(t1, psi_dot);
+        let t2 = self.c34 * phi_dot.mul_add(t1, psi_dot);
         let t3 = phi_dot * t0;
         [
-            self.c19 * theta_dot,
+            self.c18 * theta_dot,
             t3
                 .mul_add(
-                    self.c21 * t1.mul_add(self.c10, t0),
-                    t1.mul_add(t2, t0 * (self.c20 * psi_dot)),
+                    self.c20 * t1.mul_add(self.c10, t0),
+                    t1.mul_add(t2, t0 * (self.c19 * psi_dot)),
                 ),
-            t3.mul_add(self.c20, t2),
+            t3.mul_add(self.c19, t2),
         ]
     }
 
@@ -671,7 +663,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [theta, _, theta_dot, phi_dot, psi_dot, _, _, _] = *y;
         let _ = t;
         let (t0, t1) = theta.sin_cos();
-        let t2 = t1.mul_add(self.c23, t0) * (self.c36 * theta_dot);
+        let t2 = t1.mul_add(self.c22, t0) * (self.c36 * theta_dot);
         [
             (-self
                 .c35
@@ -679,10 +671,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     (-phi_dot).mul_add((-t1).mul_add(t1, t0 * t0), psi_dot * t1),
                     t0 * t1.mul_add(self.c0 * phi_dot, psi_dot),
                 ))
-                .mul_add(
-                    self.A_psi_dot_psi_dot * phi_dot,
-                    (-t1).mul_add(self.c13, self.c14 * t0),
-                ),
+                .mul_add(self.c34 * phi_dot, (-t1).mul_add(self.c13, self.c14 * t0)),
             -(psi_dot * t2),
             phi_dot * t2,
         ]
@@ -692,19 +681,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 1 addition, 4 multiplications (1 fused), 1 sign change, 1 elementary function.
+    /// 2 multiplications, 1 elementary function.
     #[must_use]
     pub fn pivots(&self, t: R, y: &[R; 8]) -> [::hamel_runtime::Pivot<R>; 1] {
         let [theta, _, _, _, _, _, _, _] = *y;
         let _ = t;
         let t0 = theta.sin();
-        let t1 = t0 * t0;
-        let t2 = self.c17 * t1;
         [
             ::hamel_runtime::Pivot {
                 name: "inertia along phi_dot",
-                value: t2,
-                scale: R::from_f64(8.0).mul_add(t2.abs(), self.c18 * t1),
+                value: self.c17 * (t0 * t0),
+                scale: R::ZERO,
             },
         ]
     }

@@ -234,7 +234,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 22 additions, 60 multiplications, 21 divisions, 3 sign changes.
+    /// 27 additions, 115 multiplications, 13 divisions, 4 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m0, m1, J, J2, l, R_, c } = *params;
         for (value, condition, meaning) in [
@@ -257,38 +257,42 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let t0 = m0 + R::from_f64(2.0) * m1;
-        let t1 = R_ * R_;
-        let t2 = c * c;
-        let A_psi1_dot_psi1_dot = J2 + R::from_f64(0.25) * J * t1 / t2
-            + R::from_f64(0.25) * t1 * t0;
-        let t3 = t1 * t0;
-        let t4 = J * t1 / t2;
-        let A_psi1_dot_psi2_dot = R::from_f64(0.25) * (t3 - t4);
-        let A_l2_1 = A_psi1_dot_psi2_dot / A_psi1_dot_psi1_dot;
-        let A_s1_2_2 = A_psi1_dot_psi1_dot - A_psi1_dot_psi2_dot * A_l2_1;
-        let t5 = R::from_f64(2.5) * (t4 + t3);
-        let t6 = A_l2_1.abs();
-        let t7 = R::from_f64(10.0) * A_psi1_dot_psi1_dot
-            + R::from_f64(10.0) * A_psi1_dot_psi2_dot * A_l2_1 + t5 * t6
-            + (t5 / A_psi1_dot_psi1_dot + R::from_f64(8.0) * t6)
-                * A_psi1_dot_psi2_dot.abs();
-        let t8 = m0 * l;
-        let t9 = t1 * R_;
-        let t10 = t8 * t9;
-        let t11 = t10 / t2 - t10 * A_l2_1 / t2;
-        let t12 = R::from_f64(0.25) * m0 * l * t9;
-        let t13 = t2 * A_s1_2_2;
-        let t14 = R::from_f64(4.0) * J2 + t4 + t3;
-        let t15 = t4 - t3;
-        let t16 = t8 * (t1 * t1);
-        let t17 = t2 * c * A_s1_2_2;
-        let t18 = t16 * A_l2_1 / t17 + t16 / t17;
-        let t19 = R::from_f64(2.0) * m0 * l * t1;
-        let t20 = R_ * t0 * t11 / A_s1_2_2 - t19 / t2;
-        let t21 = c * t20;
-        let t22 = J * t18;
-        let t23 = t19 / c;
+        let t0 = R::from_f64(2.0) * m1;
+        let t1 = m0 + t0;
+        let t2 = m0 * m0;
+        let t3 = l * l;
+        let t4 = R_ * R_;
+        let t5 = t4 * t4;
+        let t6 = J2 * J2;
+        let t7 = c * c;
+        let t8 = R::from_f64(4.0) * m1;
+        let t9 = R::from_f64(2.0) * m0;
+        let t10 = R::from_f64(2.0) * J * J2 * t4 + m0 * J * t5 + t0 * J * t5
+            + R::from_f64(4.0) * t6 * t7 + t8 * J2 * t4 * t7 + t9 * J2 * t4 * t7;
+        let t11 = J * t4;
+        let t12 = R::from_f64(4.0) * J2;
+        let t13 = t11 + t12 * t7 + t0 * t4 * t7 + m0 * t4 * t7;
+        let t14 = R::from_f64(0.5) * m0;
+        let t15 = t4 * R_;
+        let t16 = t11 + R::from_f64(2.0) * J2 * t7;
+        let t17 = t7 * t10;
+        let t18 = R::from_f64(0.25) * m0;
+        let t19 = t18 * l;
+        let t20 = t19 * t15;
+        let t21 = J - t0 * t7 - m0 * t7;
+        let t22 = t11 / t7;
+        let t23 = t4 * t1;
+        let t24 = t12 + t22 + t23;
+        let t25 = t22 - t23;
+        let t26 = m1 * m1;
+        let t27 = R::from_f64(4.0) * m0;
+        let t28 = R::from_f64(8.0) * m1 * t6 * t7 + t8 * J * J2 * t4
+            + R::from_f64(8.0) * t26 * J2 * t4 * t7 + R::from_f64(4.0) * t26 * J * t5
+            + t27 * t6 * t7 + t9 * J * J2 * t4
+            + R::from_f64(8.0) * m0 * m1 * J2 * t4 * t7;
+        let t29 = R::from_f64(2.0) * t2;
+        let t30 = t29 * J2;
+        let t31 = t18 * J2 * l;
         if !m0.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m0 > 0",
@@ -325,13 +329,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 meaning: "",
             });
         }
-        if !(J * t0).all_gt(m0 * m0 * (l * l)) {
+        if !(J * t1).all_gt(t2 * t3) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m*J > m0^2*l^2",
                 meaning: "",
             });
         }
-        if !(A_s1_2_2 + t7).all_gt(t7) {
+        if !(t10 / t13).all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "inertia along psi2_dot > 0",
                 meaning: "the matrix of inertia is positive definite for the default parameters and has to be so for these",
@@ -339,21 +343,23 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(Self {
             J2,
-            c0: t12 * A_l2_1 / t13,
-            c1: -(t12 / t13),
-            c2: R::from_f64(0.25) * t11 / A_s1_2_2,
-            c3: R::from_f64(-2.0) * t15 / t14,
-            c4: R::from_f64(0.125) * t14,
+            c0: -(t19 * (t5 * R_) * t21 / t17),
+            c1: -(t20 * t13 / t17),
+            c2: t14 * l * t15 * t16 / t17,
+            c3: R::from_f64(-2.0) * t25 / t24,
+            c4: R::from_f64(0.125) * t24,
             c5: R::from_f64(0.5) * J * R_ / c,
-            c6: R::from_f64(-0.5) * R_ * t0,
-            c7: t8 / J,
-            c8: R::from_f64(0.0625) * (t21 + t22 - t23) / c,
-            c9: R::from_f64(0.0625) * (t21 - t22 + t23) / c,
-            c10: R::from_f64(0.125) * (R::from_f64(2.0) * t1 * t0 / c - t8 * t18),
-            c11: R::from_f64(0.125) * t20,
-            c12: R::from_f64(0.25) * t14,
-            c13: R::from_f64(-0.25) * t15,
-            c14: t12 / t2,
+            c6: R::from_f64(-0.5) * R_ * t1,
+            c7: m0 * l / J,
+            c8: -(t31 * t4 * t13 / t17),
+            c9: -(t31 * t5 * t21 / t17),
+            c10: R::from_f64(0.25) * t4
+                * (t28 + t27 * m1 * J * t5 + t30 * t4 * t7 - t30 * t3 * t4 + t2 * J * t5
+                    - t29 * m1 * t3 * t5 - t2 * m0 * t3 * t5) / (c * t10),
+            c11: t14 * J2 * l * t4 * t16 / t17,
+            c12: R::from_f64(0.25) * t24,
+            c13: R::from_f64(-0.25) * t25,
+            c14: t20 / t7,
         })
     }
 }
@@ -457,8 +463,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t2 = self.c11 * psi2_dot * psi1_dot;
         [
             self.c10 * (t1 - t0),
-            t1.mul_add(self.c9, t0.mul_add(self.c8, -t2)),
-            t1.mul_add(self.c8, t0.mul_add(self.c9, -t2)),
+            t1.mul_add(self.c9, t0.mul_add(self.c8, t2)),
+            t1.mul_add(self.c8, t0.mul_add(self.c9, t2)),
         ]
     }
 

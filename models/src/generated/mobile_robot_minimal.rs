@@ -183,7 +183,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 15 additions, 35 multiplications, 10 divisions, 3 sign changes.
+    /// 15 additions, 53 multiplications, 6 divisions, 1 sign change.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { m0, m1, J, J2, l, R_, c } = *params;
         for (value, condition, meaning) in [
@@ -206,27 +206,23 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let t0 = m0 + R::from_f64(2.0) * m1;
-        let t1 = R_ * R_;
-        let t2 = c * c;
-        let A_psi1_dot_psi1_dot = J2 + R::from_f64(0.25) * J * t1 / t2
-            + R::from_f64(0.25) * t1 * t0;
-        let t3 = t1 * t0;
-        let t4 = J * t1 / t2;
-        let A_psi1_dot_psi2_dot = R::from_f64(0.25) * (t3 - t4);
-        let A_l2_1 = A_psi1_dot_psi2_dot / A_psi1_dot_psi1_dot;
-        let A_s1_2_2 = A_psi1_dot_psi1_dot - A_psi1_dot_psi2_dot * A_l2_1;
-        let t5 = R::from_f64(2.5) * (t4 + t3);
-        let t6 = A_l2_1.abs();
-        let t7 = R::from_f64(10.0) * A_psi1_dot_psi1_dot
-            + R::from_f64(10.0) * A_psi1_dot_psi2_dot * A_l2_1 + t5 * t6
-            + (t5 / A_psi1_dot_psi1_dot + R::from_f64(8.0) * t6)
-                * A_psi1_dot_psi2_dot.abs();
-        let t8 = t1 * R_;
-        let t9 = m0 * l * t8;
-        let t10 = R::from_f64(0.25) * m0 * l * t8;
-        let t11 = t2 * A_s1_2_2;
-        let t12 = R::from_f64(4.0) * J2 + t4 + t3;
+        let t0 = R::from_f64(2.0) * m1;
+        let t1 = m0 + t0;
+        let t2 = R_ * R_;
+        let t3 = t2 * t2;
+        let t4 = c * c;
+        let t5 = R::from_f64(2.0) * J * J2 * t2 + m0 * J * t3 + t0 * J * t3
+            + R::from_f64(4.0) * (J2 * J2) * t4 + R::from_f64(4.0) * m1 * J2 * t2 * t4
+            + R::from_f64(2.0) * m0 * J2 * t2 * t4;
+        let t6 = J * t2;
+        let t7 = R::from_f64(4.0) * J2;
+        let t8 = t6 + t7 * t4 + t0 * t2 * t4 + m0 * t2 * t4;
+        let t9 = t2 * R_;
+        let t10 = t4 * t5;
+        let t11 = R::from_f64(0.25) * m0 * l;
+        let t12 = t6 / t4;
+        let t13 = t2 * t1;
+        let t14 = t7 + t12 + t13;
         if !m0.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m0 > 0",
@@ -263,24 +259,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 meaning: "",
             });
         }
-        if !(J * t0).all_gt(m0 * m0 * (l * l)) {
+        if !(J * t1).all_gt(m0 * m0 * (l * l)) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m*J > m0^2*l^2",
                 meaning: "",
             });
         }
-        if !(A_s1_2_2 + t7).all_gt(t7) {
+        if !(t5 / t8).all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "inertia along psi2_dot > 0",
                 meaning: "the matrix of inertia is positive definite for the default parameters and has to be so for these",
             });
         }
         Ok(Self {
-            c0: t10 * A_l2_1 / t11,
-            c1: -(t10 / t11),
-            c2: R::from_f64(0.25) * (t9 / t2 - t9 * A_l2_1 / t2) / A_s1_2_2,
-            c3: R::from_f64(-2.0) * (t4 - t3) / t12,
-            c4: R::from_f64(0.125) * t12,
+            c0: t11 * (t3 * R_) * (m0 * t4 - (J - t0 * t4)) / t10,
+            c1: -(t11 * t9 * t8 / t10),
+            c2: R::from_f64(0.5) * m0 * l * t9 * (t6 + R::from_f64(2.0) * J2 * t4) / t10,
+            c3: R::from_f64(-2.0) * (t12 - t13) / t14,
+            c4: R::from_f64(0.125) * t14,
         })
     }
 }

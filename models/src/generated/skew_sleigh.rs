@@ -172,16 +172,15 @@ impl<R: ::hamel_runtime::Real> State<R> {
 ///
 /// - Grillo and Zuccalli 2012, Variational reduction of Lagrangian systems with general constraints, section 2
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[allow(non_snake_case, reason = "names are those of the model")]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
 pub struct Prepared<R = f64> {
     /// Parameter `m`.
     m: R,
-    /// A longer expression in the parameters.
+    /// `-(m * (a - tau - b * mu) / (J - m * a * tau + m * (a * a) - m * a * b * mu))`
     c0: R,
     /// A longer expression in the parameters.
     c1: R,
-    /// A longer expression in the parameters.
+    /// `m * b * (a - tau - b * mu) / (J - m * a * tau + m * (a * a) - m * a * b * mu)`
     c2: R,
     /// A longer expression in the parameters.
     c3: R,
@@ -191,11 +190,11 @@ pub struct Prepared<R = f64> {
     c5: R,
     /// `0.5 * m`
     c6: R,
-    /// A longer expression in the parameters.
+    /// `J * m * (tau - b * mu) / (J - m * a * tau + m * (a * a) - m * a * b * mu)`
     c7: R,
-    /// A longer expression in the parameters.
+    /// `-(J * m * b * tau / (J - m * a * tau + m * (a * a) - m * a * b * mu))`
     c8: R,
-    /// A longer expression in the parameters.
+    /// `J * m * mu / (J - m * a * tau + m * (a * a) - m * a * b * mu)`
     c9: R,
     /// `J + m * (a * a + b * b)`
     c10: R,
@@ -203,22 +202,22 @@ pub struct Prepared<R = f64> {
     c11: R,
     /// `m * a`
     c12: R,
-    /// A longer expression in the parameters.
+    /// `J * m / (J - m * a * tau + m * (a * a) - m * a * b * mu)`
     c13: R,
-    /// A longer expression in the parameters.
+    /// `-(J * m * b / (J - m * a * tau + m * (a * a) - m * a * b * mu))`
     c14: R,
     /// `J + m * (a * a + b * b) - m * a * tau`
-    A_omega_omega: R,
-    /// `-(m * b + m * a * mu)`
     c15: R,
-    /// `-(m * a - m * tau)`
+    /// `-(m * b + m * a * mu)`
     c16: R,
-    /// `m * mu`
+    /// `m * tau - m * a`
     c17: R,
-    /// `-(m * b * tau)`
+    /// `m * mu`
     c18: R,
-    /// `m * a - m * b * mu`
+    /// `-(m * b * tau)`
     c19: R,
+    /// `m * a - m * b * mu`
+    c20: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -232,7 +231,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 27 additions, 42 multiplications, 11 divisions, 21 sign changes.
+    /// 36 additions, 58 multiplications, 14 divisions, 19 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { J, m, a, b, tau, mu } = *params;
         for (value, condition, meaning) in [
@@ -251,39 +250,35 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             }
         }
         let t0 = a * a;
-        let t1 = J + m * (t0 + b * b);
-        let t2 = m * a;
-        let t3 = t2 * tau;
-        let t4 = R::from_f64(11.0) * (t1 + t3.abs());
-        let A_omega_omega = t1 - t3;
-        let t5 = J * m;
-        let t6 = m * m;
-        let t7 = t6 * a;
-        let t8 = t7 * tau;
-        let t9 = t6 * t0;
-        let t10 = t7 * b * mu;
-        let t11 = t5 - t8 + t9 - t10;
-        let A_s1_2_2 = t11 / A_omega_omega;
-        let t12 = A_s1_2_2.abs();
-        let t13 = t4 * (t11 / (A_omega_omega * A_omega_omega)).abs()
-            + R::from_f64(12.0) * (t5 + t9 + t8.abs() + t10.abs())
-                * A_omega_omega.recip().abs() + R::from_f64(8.0) * t12;
-        let t14 = m.abs();
-        let t15 = m * b;
-        let t16 = t15 + t2 * mu;
-        let A_v1_omega = -t16;
-        let A_l2_1 = A_v1_omega / A_omega_omega;
-        let A_u1_2 = -(t15 / A_omega_omega);
-        let t17 = m * mu;
-        let t18 = t2 - m * tau;
-        let t19 = t17 + A_l2_1 * t18;
-        let t20 = A_u1_2 * t19 / A_s1_2_2 + t18 / A_omega_omega;
-        let t21 = t2 - t15 * mu;
-        let t22 = t15 * tau;
-        let t23 = t21 + t22 * A_l2_1;
-        let t24 = A_u1_2 * t23 / A_s1_2_2 + t22 / A_omega_omega;
-        let t25 = m - t2 * t20;
-        let t26 = t15 + t2 * t24;
+        let t1 = b * b;
+        let t2 = J + m * (t0 + t1);
+        let t3 = m * a;
+        let t4 = t3 * tau;
+        let t5 = R::from_f64(11.0) * (t2 + t4.abs());
+        let t6 = t2 - t4;
+        let t7 = J * m;
+        let t8 = m * m;
+        let t9 = t8 * a;
+        let t10 = t9 * tau;
+        let t11 = t8 * t0;
+        let t12 = t9 * b * mu;
+        let t13 = t7 - t10 + t11 - t12;
+        let t14 = (t13 / t6).abs();
+        let t15 = t5 * (t13 / (t6 * t6)).abs()
+            + R::from_f64(12.0) * (t7 + t11 + t10.abs() + t12.abs()) * t6.recip().abs()
+            + R::from_f64(8.0) * t14;
+        let t16 = m.abs();
+        let t17 = m * b;
+        let t18 = t17 + t3 * mu;
+        let t19 = -t18;
+        let t20 = b * mu;
+        let t21 = a - tau - t20;
+        let t22 = m * t0;
+        let t23 = t3 * b;
+        let t24 = J - t4 + t22 - t23 * mu;
+        let t25 = t17 * tau;
+        let t26 = m * t1;
+        let t27 = t7 * b;
         if !J.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "J > 0",
@@ -296,21 +291,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 meaning: "",
             });
         }
-        if !(t4 + A_omega_omega.abs()).all_gt(t4) {
+        if !(t5 + t6.abs()).all_gt(t5) {
             return Err(::hamel_runtime::ParamError {
                 condition: "inertia along omega != 0",
                 meaning: "",
             });
         }
-        if !(t13 + t12).all_gt(t13) {
+        if !(t15 + t14).all_gt(t15) {
             return Err(::hamel_runtime::ParamError {
                 condition: "inertia along v1 != 0",
                 meaning: "",
             });
         }
-        if !(R::from_f64(2048.0) * t14 + R::from_f64(1024.0) * A_v1_omega.abs()
-            + R::from_f64(1024.0) * t15.abs())
-            .all_ge(t14 + (A_omega_omega * A_l2_1 * A_u1_2).abs())
+        if !(R::from_f64(2048.0) * t16 + R::from_f64(1024.0) * t19.abs()
+            + R::from_f64(1024.0) * t17.abs())
+            .all_ge(t16 + (t6 * (t19 / t6) * -(t17 / t6)).abs())
         {
             return Err(::hamel_runtime::ParamError {
                 condition: "terms of inertia along v1 <= 1024 entries of its matrix",
@@ -319,27 +314,29 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(Self {
             m,
-            c0: -t20,
-            c1: t19 / A_s1_2_2,
-            c2: -t24,
-            c3: t23 / A_s1_2_2,
+            c0: -(m * t21 / t24),
+            c1: (t25 + t26 * mu - t23 + J * mu) / t24,
+            c2: t17 * t21 / t24,
+            c3: (J * a
+                - (t26 * tau + m * (t1 * b) * mu - t3 * t1 + t22 * tau + t22 * b * mu
+                    - m * (t0 * a) + J * b * mu)) / t24,
             c4: R::from_f64(-2.0) * b,
-            c5: R::from_f64(0.5) * t1,
+            c5: R::from_f64(0.5) * t2,
             c6: R::from_f64(0.5) * m,
-            c7: tau * t25 - mu * t26,
-            c8: -(tau * t26),
-            c9: mu * t25,
-            c10: t1,
-            c11: -t15,
-            c12: t2,
-            c13: t25,
-            c14: -t26,
-            A_omega_omega,
-            c15: -t16,
+            c7: t7 * (tau - t20) / t24,
+            c8: -(t27 * tau / t24),
+            c9: t7 * mu / t24,
+            c10: t2,
+            c11: -t17,
+            c12: t3,
+            c13: t7 / t24,
+            c14: -(t27 / t24),
+            c15: t6,
             c16: -t18,
-            c17: t17,
-            c18: -t22,
-            c19: t21,
+            c17: m * tau - t3,
+            c18: m * mu,
+            c19: -t25,
+            c20: t3 - t17 * mu,
         })
     }
 }
@@ -464,10 +461,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn nonholonomic_momentum(&self, t: R, y: &[R; 2]) -> [R; 2] {
         let [omega, v1] = *y;
         let _ = t;
-        [
-            v1.mul_add(self.c11, self.A_omega_omega * omega),
-            omega.mul_add(self.c15, self.m * v1),
-        ]
+        [v1.mul_add(self.c11, self.c15 * omega), omega.mul_add(self.c16, self.m * v1)]
     }
 
     /// Their rates by the nonholonomic momentum equation.
@@ -487,8 +481,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [omega, v1] = *y;
         let _ = t;
         [
-            omega * omega.mul_add(self.c18, self.c16 * v1),
             omega * omega.mul_add(self.c19, self.c17 * v1),
+            omega * omega.mul_add(self.c20, self.c18 * v1),
         ]
     }
 }

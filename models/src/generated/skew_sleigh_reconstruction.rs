@@ -185,11 +185,11 @@ impl<R: ::hamel_runtime::Real> State<R> {
 pub struct Prepared<R = f64> {
     /// Parameter `m`.
     m: R,
-    /// A longer expression in the parameters.
+    /// `-(m * (a - tau - b * mu) / (J - m * a * tau + m * (a * a) - m * a * b * mu))`
     c0: R,
     /// A longer expression in the parameters.
     c1: R,
-    /// A longer expression in the parameters.
+    /// `m * b * (a - tau - b * mu) / (J - m * a * tau + m * (a * a) - m * a * b * mu)`
     c2: R,
     /// A longer expression in the parameters.
     c3: R,
@@ -199,11 +199,11 @@ pub struct Prepared<R = f64> {
     c5: R,
     /// `0.5 * m`
     c6: R,
-    /// A longer expression in the parameters.
+    /// `J * m * (tau - b * mu) / (J - m * a * tau + m * (a * a) - m * a * b * mu)`
     c7: R,
-    /// A longer expression in the parameters.
+    /// `-(J * m * b * tau / (J - m * a * tau + m * (a * a) - m * a * b * mu))`
     c8: R,
-    /// A longer expression in the parameters.
+    /// `J * m * mu / (J - m * a * tau + m * (a * a) - m * a * b * mu)`
     c9: R,
     /// `J + m * (a * a + b * b)`
     c10: R,
@@ -211,15 +211,15 @@ pub struct Prepared<R = f64> {
     c11: R,
     /// `m * a`
     c12: R,
-    /// A longer expression in the parameters.
+    /// `J * m / (J - m * a * tau + m * (a * a) - m * a * b * mu)`
     c13: R,
-    /// A longer expression in the parameters.
+    /// `-(J * m * b / (J - m * a * tau + m * (a * a) - m * a * b * mu))`
     c14: R,
     /// `J + m * (a * a + b * b) - m * a * tau`
     A_omega_omega: R,
     /// `-(m * b + m * a * mu)`
     c15: R,
-    /// `-(m * a - m * tau)`
+    /// `m * tau - m * a`
     c16: R,
     /// `m * mu`
     c17: R,
@@ -240,7 +240,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 27 additions, 42 multiplications, 11 divisions, 21 sign changes.
+    /// 30 additions, 46 multiplications, 14 divisions, 19 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { J, m, a, b, tau, mu } = *params;
         for (value, condition, meaning) in [
@@ -259,39 +259,36 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             }
         }
         let t0 = a * a;
-        let t1 = J + m * (t0 + b * b);
-        let t2 = m * a;
-        let t3 = t2 * tau;
-        let t4 = R::from_f64(11.0) * (t1 + t3.abs());
-        let A_omega_omega = t1 - t3;
-        let t5 = J * m;
-        let t6 = m * m;
-        let t7 = t6 * a;
-        let t8 = t7 * tau;
-        let t9 = t6 * t0;
-        let t10 = t7 * b * mu;
-        let t11 = t5 - t8 + t9 - t10;
-        let A_s1_2_2 = t11 / A_omega_omega;
-        let t12 = A_s1_2_2.abs();
-        let t13 = t4 * (t11 / (A_omega_omega * A_omega_omega)).abs()
-            + R::from_f64(12.0) * (t5 + t9 + t8.abs() + t10.abs())
-                * A_omega_omega.recip().abs() + R::from_f64(8.0) * t12;
-        let t14 = m.abs();
-        let t15 = m * b;
-        let t16 = t15 + t2 * mu;
-        let A_v1_omega = -t16;
+        let t1 = b * b;
+        let t2 = J + m * (t0 + t1);
+        let t3 = m * a;
+        let t4 = t3 * tau;
+        let t5 = R::from_f64(11.0) * (t2 + t4.abs());
+        let A_omega_omega = t2 - t4;
+        let t6 = J * m;
+        let t7 = m * m;
+        let t8 = t7 * a;
+        let t9 = t8 * tau;
+        let t10 = t7 * t0;
+        let t11 = t8 * b * mu;
+        let t12 = t6 - t9 + t10 - t11;
+        let A_s1_2_2 = t12 / A_omega_omega;
+        let t13 = A_s1_2_2.abs();
+        let t14 = t5 * (t12 / (A_omega_omega * A_omega_omega)).abs()
+            + R::from_f64(12.0) * (t6 + t10 + t9.abs() + t11.abs())
+                * A_omega_omega.recip().abs() + R::from_f64(8.0) * t13;
+        let t15 = m.abs();
+        let t16 = m * b;
+        let t17 = t16 + t3 * mu;
+        let A_v1_omega = -t17;
         let A_l2_1 = A_v1_omega / A_omega_omega;
-        let A_u1_2 = -(t15 / A_omega_omega);
-        let t17 = m * mu;
-        let t18 = t2 - m * tau;
-        let t19 = t17 + A_l2_1 * t18;
-        let t20 = A_u1_2 * t19 / A_s1_2_2 + t18 / A_omega_omega;
-        let t21 = t2 - t15 * mu;
-        let t22 = t15 * tau;
-        let t23 = t21 + t22 * A_l2_1;
-        let t24 = A_u1_2 * t23 / A_s1_2_2 + t22 / A_omega_omega;
-        let t25 = m - t2 * t20;
-        let t26 = t15 + t2 * t24;
+        let t18 = b * mu;
+        let t19 = a - tau - t18;
+        let t20 = t3 * b;
+        let t21 = J - t4 + m * t0 - t20 * mu;
+        let t22 = t16 * tau;
+        let t23 = t3 - t16 * mu;
+        let t24 = t6 * b;
         if !J.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "J > 0",
@@ -304,21 +301,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 meaning: "",
             });
         }
-        if !(t4 + A_omega_omega.abs()).all_gt(t4) {
+        if !(t5 + A_omega_omega.abs()).all_gt(t5) {
             return Err(::hamel_runtime::ParamError {
                 condition: "inertia along omega != 0",
                 meaning: "",
             });
         }
-        if !(t13 + t12).all_gt(t13) {
+        if !(t14 + t13).all_gt(t14) {
             return Err(::hamel_runtime::ParamError {
                 condition: "inertia along v1 != 0",
                 meaning: "",
             });
         }
-        if !(R::from_f64(2048.0) * t14 + R::from_f64(1024.0) * A_v1_omega.abs()
-            + R::from_f64(1024.0) * t15.abs())
-            .all_ge(t14 + (A_omega_omega * A_l2_1 * A_u1_2).abs())
+        if !(R::from_f64(2048.0) * t15 + R::from_f64(1024.0) * A_v1_omega.abs()
+            + R::from_f64(1024.0) * t16.abs())
+            .all_ge(t15 + (A_omega_omega * A_l2_1 * -(t16 / A_omega_omega)).abs())
         {
             return Err(::hamel_runtime::ParamError {
                 condition: "terms of inertia along v1 <= 1024 entries of its matrix",
@@ -327,27 +324,27 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(Self {
             m,
-            c0: -t20,
-            c1: t19 / A_s1_2_2,
-            c2: -t24,
-            c3: t23 / A_s1_2_2,
+            c0: -(m * t19 / t21),
+            c1: (t22 + m * t1 * mu - t20 + J * mu) / t21,
+            c2: t16 * t19 / t21,
+            c3: (t23 + t22 * A_l2_1) / A_s1_2_2,
             c4: R::from_f64(-2.0) * b,
-            c5: R::from_f64(0.5) * t1,
+            c5: R::from_f64(0.5) * t2,
             c6: R::from_f64(0.5) * m,
-            c7: tau * t25 - mu * t26,
-            c8: -(tau * t26),
-            c9: mu * t25,
-            c10: t1,
-            c11: -t15,
-            c12: t2,
-            c13: t25,
-            c14: -t26,
+            c7: t6 * (tau - t18) / t21,
+            c8: -(t24 * tau / t21),
+            c9: t6 * mu / t21,
+            c10: t2,
+            c11: -t16,
+            c12: t3,
+            c13: t6 / t21,
+            c14: -(t24 / t21),
             A_omega_omega,
-            c15: -t16,
-            c16: -t18,
-            c17: t17,
+            c15: -t17,
+            c16: m * tau - t3,
+            c17: m * mu,
             c18: -t22,
-            c19: t21,
+            c19: t23,
         })
     }
 }

@@ -290,7 +290,7 @@ pub struct Prepared<R = f64> {
     c13: R,
     /// `1 / lb`
     c14: R,
-    /// A longer expression in the parameters.
+    /// `(1/100) * (100 * I3 + 36 * ma + 25 * mb) / (mb * (lb * lb))`
     c15: R,
     /// `(-9/25) * ma / (mb * (lb * lb))`
     c16: R,
@@ -324,7 +324,7 @@ pub struct Prepared<R = f64> {
     c30: R,
     /// `5 / lb`
     c31: R,
-    /// A longer expression in the parameters.
+    /// `(3/25) * (100 * I3 + 36 * ma + 25 * mb) / (mb * (lb * lb))`
     c32: R,
     /// `(108/25) * ma / (mb * (lb * lb))`
     c33: R,
@@ -367,7 +367,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 16 additions, 58 multiplications, 25 divisions, 3 sign changes.
+    /// 12 additions, 50 multiplications, 24 divisions, 2 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, ma, la, mb, lb, ka, kb } = *params;
         for (value, condition, meaning) in [
@@ -396,10 +396,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t5 = R::from_f64(100.0) * I1
             + mb * (R::from_f64(29.0) + R::from_f64(100.0) * t2);
         let t6 = R::ratio(1.0, 100.0) * t5;
-        let t7 = R::from_f64(100.0) * I3 + R::from_f64(25.0) * mb;
-        let t8 = R::from_f64(9.0) + R::from_f64(25.0) * t0;
-        let t9 = R::from_f64(4.0) * ma * t8;
-        let t10 = t7 - R::from_f64(100.0) * ma * t0 + t9;
+        let t7 = R::from_f64(100.0) * I3;
+        let t8 = R::from_f64(25.0) * mb;
+        let t9 = t7 + R::from_f64(36.0) * ma + t8;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -459,7 +458,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c12: I2 / t3,
             c13: R::ratio(3.0, 5.0) / la,
             c14: lb.recip(),
-            c15: R::ratio(1.0, 100.0) * t10 / t3,
+            c15: R::ratio(1.0, 100.0) * t9 / t3,
             c16: R::ratio(-9.0, 25.0) * ma / t3,
             c17: R::from_f64(2.0) * lb,
             c18: R::from_f64(5.0) * lb,
@@ -476,10 +475,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c29: R::from_f64(2.0) / lb,
             c30: R::from_f64(11.0) * I2 / t3,
             c31: R::from_f64(5.0) / lb,
-            c32: R::ratio(1.0, 100.0)
-                * (R::from_f64(1200.0) * I3 + R::from_f64(300.0) * mb
-                    + R::from_f64(1200.0) * ma * t0 + R::from_f64(48.0) * ma * t8) / t3
-                + R::ratio(3.0, 25.0) * (t10 / t3).abs(),
+            c32: R::ratio(3.0, 25.0) * t9 / t3,
             c33: R::ratio(108.0, 25.0) * ma / t3,
             c34: t1,
             c35: t3,
@@ -493,7 +489,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c43: R::from_f64(-2.5) * lb,
             c44: R::ratio(1.0, 25.0)
                 * (R::from_f64(25.0) * I2 + R::from_f64(9.0) * ma + mb),
-            c45: R::ratio(1.0, 100.0) * (t7 + t9),
+            c45: R::ratio(1.0, 100.0)
+                * (t7 + t8
+                    + R::from_f64(4.0) * ma
+                        * (R::from_f64(9.0) + R::from_f64(25.0) * t0)),
             c46: mb * lb,
         })
     }

@@ -331,128 +331,134 @@ pub struct Prepared<R = f64> {
     chi2: R,
     /// Parameter `chi3`.
     chi3: R,
-    /// `k * chi2 / I3`
-    d_free_Omega3_d_gamma1: R,
-    /// `-(k * chi1 / I3)`
+    /// `k * chi2 / I1`
     c0: R,
-    /// `(I1 - I2) / I3`
+    /// `-(k * chi1 / I1)`
     c1: R,
+    /// `(I1 - I2) / I1`
+    c2: R,
     /// `k * chi1 / I2`
     d_free_Omega2_d_gamma3: R,
     /// `-(k * chi3 / I2)`
-    c2: R,
-    /// `(I1 - I3) / I2`
     c3: R,
+    /// `(I1 - I3) / I2`
+    c4: R,
     /// `k * chi3 / I1`
     d_free_Omega1_d_gamma2: R,
-    /// `-(k * chi2 / I1)`
-    c4: R,
     /// `(I2 - I3) / I1`
     c5: R,
-    /// `I1 / I3`
+    /// `I3 / I2`
     c6: R,
-    /// `I1 / I2`
+    /// `I3 / I1`
     c7: R,
-    /// `k * chi1`
+    /// `I2 / I1`
     c8: R,
-    /// `k * chi2`
+    /// `I1 / I2`
     c9: R,
-    /// `k * chi3`
+    /// `k * chi1`
     c10: R,
-    /// `0.5 * I1`
+    /// `k * chi2`
     c11: R,
-    /// `0.5 * I2`
+    /// `k * chi3`
     c12: R,
-    /// `0.5 * I3`
+    /// `0.5 * I1`
     c13: R,
+    /// `0.5 * I2`
+    c14: R,
+    /// `0.5 * I3`
+    c15: R,
     /// `-(k * chi2 / I1)`
     d_free_Omega1_d_gamma3: R,
     /// `-(k * chi3 / I2)`
     d_free_Omega2_d_gamma1: R,
+    /// `k * chi2 / I3`
+    d_free_Omega3_d_gamma1: R,
     /// `-(k * chi1 / I3)`
     d_free_Omega3_d_gamma2: R,
-    /// `-(-(k * chi1 / I3) + k * chi1 / I2)`
-    c14: R,
-    /// `k * chi2 / I3 + -(k * chi2 / I1)`
-    c15: R,
-    /// `-(k * chi3 / I2) + k * chi3 / I1`
+    /// `I1 / I3`
     c16: R,
-    /// `k / I2`
+    /// `(I1 - I2) / I3`
     c17: R,
-    /// `k / I3`
+    /// `-(-(k * chi1 / I3) + k * chi1 / I2)`
     c18: R,
-    /// `k * chi2 / (I1 * I3)`
+    /// `k * chi2 / I3 + -(k * chi2 / I1)`
     c19: R,
-    /// `-(k * chi1 / (I1 * I3))`
+    /// `-(k * chi3 / I2) + k * chi3 / I1`
     c20: R,
-    /// `(I1 - I2) / (I1 * I3)`
+    /// `k / I2`
     c21: R,
-    /// `k * chi1 / (I1 * I2)`
+    /// `k / I3`
     c22: R,
-    /// `-(k * chi3 / (I1 * I2))`
+    /// `k * chi2 / (I1 * I3)`
     c23: R,
-    /// `-((I1 - I3) / (I1 * I2))`
+    /// `-(k * chi1 / (I1 * I3))`
     c24: R,
-    /// `k * chi3 / (I1 * I1)`
+    /// `(I1 - I2) / (I1 * I3)`
     c25: R,
-    /// `-(k * chi2 / (I1 * I1))`
+    /// `k * chi1 / (I1 * I2)`
     c26: R,
-    /// `(I2 - I3) / (I1 * I1)`
+    /// `-(k * chi3 / (I1 * I2))`
     c27: R,
-    /// `1 / I3`
+    /// `-((I1 - I3) / (I1 * I2))`
     c28: R,
-    /// `chi2 / I3`
+    /// `k * chi3 / (I1 * I1)`
     c29: R,
-    /// `-(chi1 / I3)`
+    /// `-(k * chi2 / (I1 * I1))`
     c30: R,
-    /// `1 / I2`
+    /// `(I2 - I3) / (I1 * I1)`
     c31: R,
-    /// `chi1 / I2`
+    /// `1 / I3`
     c32: R,
-    /// `-(chi3 / I2)`
+    /// `chi2 / I3`
     c33: R,
-    /// `1 / I1`
+    /// `-(chi1 / I3)`
     c34: R,
-    /// `chi3 / I1`
+    /// `1 / I2`
     c35: R,
-    /// `-(chi2 / I1)`
+    /// `chi1 / I2`
     c36: R,
-    /// `k / I1`
+    /// `-(chi3 / I2)`
     c37: R,
-    /// `k / I3 - k / I2`
+    /// `1 / I1`
     c38: R,
-    /// `k / I2 - k / I1`
+    /// `chi3 / I1`
     c39: R,
-    /// `k / I3 - k / I1`
+    /// `-(chi2 / I1)`
     c40: R,
-    /// `(I2 - I3) / I2`
+    /// `k / I1`
     c41: R,
-    /// `k * chi2 / I2`
+    /// `k / I3 - k / I2`
     c42: R,
-    /// `(I1 - I2) / I2`
+    /// `k / I2 - k / I1`
     c43: R,
-    /// `I2 / I3`
+    /// `k / I3 - k / I1`
     c44: R,
-    /// `I2 / I1`
+    /// `-(k * chi1 / I3)`
     c45: R,
-    /// `k * chi2 / (I2 * I3)`
+    /// `(I2 - I3) / I2`
     c46: R,
-    /// `-(k * chi1 / (I2 * I3))`
+    /// `k * chi2 / I2`
     c47: R,
-    /// `(I1 - I2) / (I2 * I3)`
+    /// `(I1 - I2) / I2`
     c48: R,
-    /// `k * chi1 / (I2 * I2)`
+    /// `I2 / I3`
     c49: R,
-    /// `-(k * chi3 / (I2 * I2))`
+    /// `k * chi2 / (I2 * I3)`
     c50: R,
-    /// `-((I1 - I3) / (I2 * I2))`
+    /// `-(k * chi1 / (I2 * I3))`
     c51: R,
-    /// `-(k * chi2 / (I1 * I2))`
+    /// `(I1 - I2) / (I2 * I3)`
     c52: R,
-    /// `(I2 - I3) / (I1 * I2)`
+    /// `k * chi1 / (I2 * I2)`
     c53: R,
-    /// `I2 * I3 * (1 / (I2 * I3) + (I1 - I2) / (I2 * I2 * I3))`
+    /// `-(k * chi3 / (I2 * I2))`
     c54: R,
+    /// `-((I1 - I3) / (I2 * I2))`
+    c55: R,
+    /// `-(k * chi2 / (I1 * I2))`
+    c56: R,
+    /// `(I2 - I3) / (I1 * I2)`
+    c57: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -466,7 +472,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 10 additions, 13 multiplications, 47 divisions, 18 sign changes.
+    /// 9 additions, 11 multiplications, 49 divisions, 18 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, k, chi1, chi2, chi3 } = *params;
         for (value, condition, meaning) in [
@@ -499,18 +505,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         let t0 = I1 - I2;
         let t1 = k * chi2;
-        let d_free_Omega3_d_gamma1 = t1 / I3;
-        let t2 = k * chi1;
-        let t3 = t2 / I3;
-        let d_free_Omega2_d_gamma3 = t2 / I2;
+        let t2 = t1 / I1;
+        let t3 = k * chi1;
+        let d_free_Omega2_d_gamma3 = t3 / I2;
         let t4 = I1 - I3;
         let t5 = k * chi3;
         let t6 = t5 / I2;
         let t7 = I2 - I3;
         let d_free_Omega1_d_gamma2 = t5 / I1;
-        let t8 = t1 / I1;
-        let d_free_Omega3_d_gamma2 = -t3;
-        let d_free_Omega1_d_gamma3 = -t8;
+        let t8 = t3 / I3;
+        let d_free_Omega3_d_gamma2 = -t8;
+        let d_free_Omega3_d_gamma1 = t1 / I3;
+        let d_free_Omega1_d_gamma3 = -t2;
         let d_free_Omega2_d_gamma1 = -t6;
         let t9 = I1 * I3;
         let t10 = I1 * I2;
@@ -543,67 +549,70 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             chi1,
             chi2,
             chi3,
-            d_free_Omega3_d_gamma1,
-            c0: -t3,
-            c1: t0 / I3,
+            c0: t2,
+            c1: -(t3 / I1),
+            c2: t0 / I1,
             d_free_Omega2_d_gamma3,
-            c2: -t6,
-            c3: t4 / I2,
+            c3: -t6,
+            c4: t4 / I2,
             d_free_Omega1_d_gamma2,
-            c4: -t8,
             c5: t7 / I1,
-            c6: I1 / I3,
-            c7: I1 / I2,
-            c8: t2,
-            c9: t1,
-            c10: t5,
-            c11: R::from_f64(0.5) * I1,
-            c12: R::from_f64(0.5) * I2,
-            c13: R::from_f64(0.5) * I3,
+            c6: I3 / I2,
+            c7: I3 / I1,
+            c8: I2 / I1,
+            c9: I1 / I2,
+            c10: t3,
+            c11: t1,
+            c12: t5,
+            c13: R::from_f64(0.5) * I1,
+            c14: R::from_f64(0.5) * I2,
+            c15: R::from_f64(0.5) * I3,
             d_free_Omega1_d_gamma3,
             d_free_Omega2_d_gamma1,
+            d_free_Omega3_d_gamma1,
             d_free_Omega3_d_gamma2,
-            c14: -(d_free_Omega3_d_gamma2 + d_free_Omega2_d_gamma3),
-            c15: d_free_Omega3_d_gamma1 + d_free_Omega1_d_gamma3,
-            c16: d_free_Omega2_d_gamma1 + d_free_Omega1_d_gamma2,
-            c17: t13,
-            c18: t12,
-            c19: t1 / t9,
-            c20: -(t2 / t9),
-            c21: t0 / t9,
-            c22: t2 / t10,
-            c23: -(t5 / t10),
-            c24: -(t4 / t10),
-            c25: t5 / t11,
-            c26: -(t1 / t11),
-            c27: t7 / t11,
-            c28: I3.recip(),
-            c29: chi2 / I3,
-            c30: -(chi1 / I3),
-            c31: I2.recip(),
-            c32: chi1 / I2,
-            c33: -(chi3 / I2),
-            c34: I1.recip(),
-            c35: chi3 / I1,
-            c36: -(chi2 / I1),
-            c37: t14,
-            c38: t12 - t13,
-            c39: t13 - t14,
-            c40: t12 - t14,
-            c41: t7 / I2,
-            c42: t1 / I2,
-            c43: t0 / I2,
-            c44: I2 / I3,
-            c45: I2 / I1,
-            c46: t1 / t15,
-            c47: -(t2 / t15),
-            c48: t0 / t15,
-            c49: t2 / t16,
-            c50: -(t5 / t16),
-            c51: -(t4 / t16),
-            c52: -(t1 / t10),
-            c53: t7 / t10,
-            c54: t15 * (t15.recip() + t0 / (t16 * I3)),
+            c16: I1 / I3,
+            c17: t0 / I3,
+            c18: -(d_free_Omega3_d_gamma2 + d_free_Omega2_d_gamma3),
+            c19: d_free_Omega3_d_gamma1 + d_free_Omega1_d_gamma3,
+            c20: d_free_Omega2_d_gamma1 + d_free_Omega1_d_gamma2,
+            c21: t13,
+            c22: t12,
+            c23: t1 / t9,
+            c24: -(t3 / t9),
+            c25: t0 / t9,
+            c26: t3 / t10,
+            c27: -(t5 / t10),
+            c28: -(t4 / t10),
+            c29: t5 / t11,
+            c30: -(t1 / t11),
+            c31: t7 / t11,
+            c32: I3.recip(),
+            c33: chi2 / I3,
+            c34: -(chi1 / I3),
+            c35: I2.recip(),
+            c36: chi1 / I2,
+            c37: -(chi3 / I2),
+            c38: I1.recip(),
+            c39: chi3 / I1,
+            c40: -(chi2 / I1),
+            c41: t14,
+            c42: t12 - t13,
+            c43: t13 - t14,
+            c44: t12 - t14,
+            c45: -t8,
+            c46: t7 / I2,
+            c47: t1 / I2,
+            c48: t0 / I2,
+            c49: I2 / I3,
+            c50: t1 / t15,
+            c51: -(t3 / t15),
+            c52: t0 / t15,
+            c53: t3 / t16,
+            c54: -(t5 / t16),
+            c55: -(t4 / t16),
+            c56: -(t1 / t10),
+            c57: t7 / t10,
         })
     }
 }
@@ -629,7 +638,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 16 additions, 29 multiplications (16 fused), 1 division.
+    /// 17 additions, 41 multiplications (17 fused), 1 division.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 6], dy: &mut [R; 6]) {
         let [Omega1, Omega2, Omega3, gamma1, gamma2, gamma3] = *y;
@@ -641,46 +650,40 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             (-Omega1).mul_add(gamma2, Omega2 * gamma1),
         ];
         /// free acceleration L_yy^-1 r
-        let [free_Omega3, free_Omega2, free_Omega1] = [
-            Omega1
-                .mul_add(
-                    self.c1 * Omega2,
-                    gamma2.mul_add(self.c0, self.d_free_Omega3_d_gamma1 * gamma1),
-                ),
+        let [free_Omega3_scaled, free_Omega2, free_Omega1] = [
+            Omega1.mul_add(self.c2 * Omega2, gamma2.mul_add(self.c1, self.c0 * gamma1)),
             (-Omega1)
                 .mul_add(
-                    self.c3 * Omega3,
-                    gamma1.mul_add(self.c2, self.d_free_Omega2_d_gamma3 * gamma3),
+                    self.c4 * Omega3,
+                    gamma1.mul_add(self.c3, self.d_free_Omega2_d_gamma3 * gamma3),
                 ),
             Omega2
                 .mul_add(
                     self.c5 * Omega3,
-                    gamma3.mul_add(self.c4, self.d_free_Omega1_d_gamma2 * gamma2),
+                    (-gamma3).mul_add(self.c0, self.d_free_Omega1_d_gamma2 * gamma2),
                 ),
         ];
         /// response to the multipliers L_yy^-1 Lambda^T
-        let [Z1_Omega3_scaled, Z1_Omega2_scaled] = [self.c6 * gamma3, self.c7 * gamma2];
+        let [Z1_Omega2_scaled, Z1_Omega1_scaled] = [self.c6 * gamma2, self.c7 * gamma1];
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let [S_1_1_scaled, g_1] = [
-            gamma2
-                .mul_add(
-                    Z1_Omega2_scaled,
-                    gamma3.mul_add(Z1_Omega3_scaled, gamma1 * gamma1),
-                ),
-            (-gamma1)
-                .mul_add(
-                    free_Omega1,
-                    (-gamma2).mul_add(free_Omega2, -(gamma3 * free_Omega3)),
-                ),
-        ];
-        /// substitution through the factors of S
-        let lambda_c1_over_I1 = g_1 / S_1_1_scaled;
+        let S_1_1_scaled = gamma1
+            .mul_add(
+                Z1_Omega1_scaled,
+                gamma2.mul_add(Z1_Omega2_scaled, gamma3 * gamma3),
+            );
         /// accelerations ydot = L_yy^-1 (r + Lambda^T lambda)
-        let [dot_Omega1, dot_Omega2, dot_Omega3] = [
-            gamma1.mul_add(lambda_c1_over_I1, free_Omega1),
-            Z1_Omega2_scaled.mul_add(lambda_c1_over_I1, free_Omega2),
-            Z1_Omega3_scaled.mul_add(lambda_c1_over_I1, free_Omega3),
-        ];
+        let [dot_Omega1, dot_Omega2, dot_Omega3] = {
+            let t0 = (-gamma1).mul_add(free_Omega3_scaled, gamma3 * free_Omega1);
+            let t1 = (-free_Omega2).mul_add(self.c8 * gamma1, gamma2 * free_Omega1);
+            let t2 = S_1_1_scaled.recip();
+            let t3 = (-free_Omega3_scaled)
+                .mul_add(self.c9 * gamma2, gamma3 * free_Omega2);
+            [
+                Z1_Omega2_scaled.mul_add(t1, gamma3 * t0) * t2,
+                (-t1).mul_add(self.c6 * gamma1, gamma3 * t3) * t2,
+                (-gamma1).mul_add(t0, -(gamma2 * t3)) * t2,
+            ]
+        };
         *dy = [dot_Omega1, dot_Omega2, dot_Omega3, dot_gamma1, dot_gamma2, dot_gamma3];
     }
 
@@ -698,21 +701,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn energy(&self, t: R, y: &[R; 6]) -> R {
         let [Omega1, Omega2, Omega3, gamma1, gamma2, gamma3] = *y;
         let _ = t;
-        self.c13
+        self.c15
             .mul_add(
                 Omega3 * Omega3,
                 self
-                    .c12
+                    .c14
                     .mul_add(
                         Omega2 * Omega2,
                         self
-                            .c11
+                            .c13
                             .mul_add(
                                 Omega1 * Omega1,
                                 gamma3
                                     .mul_add(
-                                        self.c10,
-                                        gamma2.mul_add(self.c9, self.c8 * gamma1),
+                                        self.c12,
+                                        gamma2.mul_add(self.c11, self.c10 * gamma1),
                                     ),
                             ),
                     ),
@@ -745,16 +748,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [Omega1, Omega2, Omega3, gamma1, gamma2, gamma3] = *y;
         let _ = t;
         /// response to the multipliers L_yy^-1 Lambda^T
-        let [Z1_Omega3_scaled, Z1_Omega2_scaled] = [self.c6 * gamma3, self.c7 * gamma2];
+        let [Z1_Omega3_scaled, Z1_Omega2_scaled] = [self.c16 * gamma3, self.c9 * gamma2];
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
         let [S_1_1_scaled, t0, d_free_Omega3_d_Omega1, d_free_Omega1_d_Omega2, t1, t2,
         t3, g_1] = {
-            let t0 = self.c3 * Omega3;
-            let d_free_Omega3_d_Omega1 = self.c1 * Omega2;
+            let t0 = self.c4 * Omega3;
+            let d_free_Omega3_d_Omega1 = self.c17 * Omega2;
             let d_free_Omega1_d_Omega2 = self.c5 * Omega3;
-            let t1 = Omega1.mul_add(t0, self.c14 * gamma3);
-            let t2 = Omega1.mul_add(d_free_Omega3_d_Omega1, self.c15 * gamma1);
-            let t3 = Omega2.mul_add(d_free_Omega1_d_Omega2, self.c16 * gamma2);
+            let t1 = Omega1.mul_add(t0, self.c18 * gamma3);
+            let t2 = Omega1.mul_add(d_free_Omega3_d_Omega1, self.c19 * gamma1);
+            let t3 = Omega2.mul_add(d_free_Omega1_d_Omega2, self.c20 * gamma2);
             [
                 gamma3
                     .mul_add(
@@ -777,8 +780,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         };
         /// derivatives of: free acceleration L_yy^-1 r
         let [d_free_Omega3_d_Omega2, t5, d_free_Omega1_d_Omega3] = [
-            self.c1 * Omega1,
-            self.c3 * Omega1,
+            self.c17 * Omega1,
+            self.c4 * Omega1,
             self.c5 * Omega2,
         ];
         /// derivatives of: multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
@@ -792,9 +795,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             (-gamma1)
                 .mul_add(d_free_Omega1_d_Omega2, -(gamma3 * d_free_Omega3_d_Omega2)),
             (-gamma1).mul_add(d_free_Omega1_d_Omega3, gamma2 * t5),
-            (-gamma3).mul_add(self.c15, -t3),
-            (-gamma1).mul_add(self.c16, t1),
-            gamma2.mul_add(self.c14, -t2),
+            (-gamma3).mul_add(self.c19, -t3),
+            (-gamma1).mul_add(self.c20, t1),
+            gamma2.mul_add(self.c18, -t2),
         ];
         /// derivatives of: substitution through the factors of S
         let [d_lambda_c1_d_Omega1_over_I1, d_lambda_c1_d_Omega2_over_I1,
@@ -826,7 +829,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             Z1_Omega2_scaled
                 .mul_add(d_lambda_c1_d_gamma1_over_I1, self.d_free_Omega2_d_gamma1),
             Z1_Omega2_scaled
-                .mul_add(d_lambda_c1_d_gamma2_over_I1, self.c7 * lambda_c1_over_I1),
+                .mul_add(d_lambda_c1_d_gamma2_over_I1, self.c9 * lambda_c1_over_I1),
             Z1_Omega2_scaled
                 .mul_add(d_lambda_c1_d_gamma3_over_I1, self.d_free_Omega2_d_gamma3),
             Z1_Omega3_scaled
@@ -838,7 +841,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             Z1_Omega3_scaled
                 .mul_add(d_lambda_c1_d_gamma2_over_I1, self.d_free_Omega3_d_gamma2),
             Z1_Omega3_scaled
-                .mul_add(d_lambda_c1_d_gamma3_over_I1, self.c6 * lambda_c1_over_I1),
+                .mul_add(d_lambda_c1_d_gamma3_over_I1, self.c16 * lambda_c1_over_I1),
         ];
         [
             gamma1 * d_lambda_c1_d_Omega1_over_I1,
@@ -922,15 +925,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t2 = Omega2 * Omega3;
             [
                 t0,
-                t0.mul_add(self.c21, gamma2.mul_add(self.c20, self.c19 * gamma1)),
+                t0.mul_add(self.c25, gamma2.mul_add(self.c24, self.c23 * gamma1)),
                 t1,
-                t1.mul_add(self.c24, gamma1.mul_add(self.c23, self.c22 * gamma3)),
+                t1.mul_add(self.c28, gamma1.mul_add(self.c27, self.c26 * gamma3)),
                 t2,
-                t2.mul_add(self.c27, gamma3.mul_add(self.c26, self.c25 * gamma2)),
+                t2.mul_add(self.c31, gamma3.mul_add(self.c30, self.c29 * gamma2)),
             ]
         };
         /// response to the multipliers L_yy^-1 Lambda^T
-        let [Z1_Omega3_scaled, Z1_Omega2_scaled] = [self.c6 * gamma3, self.c7 * gamma2];
+        let [Z1_Omega3_scaled, Z1_Omega2_scaled] = [self.c16 * gamma3, self.c9 * gamma2];
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
         let [S_1_1_scaled, g_1_over_I1] = [
             gamma3
@@ -953,14 +956,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         /// derivatives of: free acceleration L_yy^-1 r
         let [t4, t5, d_free_Omega3_d_k, t6, d_free_Omega2_d_I3, d_free_Omega2_d_k,
         d_free_Omega1_d_I2, d_free_Omega1_d_k] = [
-            self.c28 * t0,
-            self.c6 * free_Omega3_over_I1,
-            gamma2.mul_add(self.c30, self.c29 * gamma1),
-            self.c7 * free_Omega2_over_I1,
-            self.c31 * t1,
-            gamma1.mul_add(self.c33, self.c32 * gamma3),
-            self.c34 * t2,
-            gamma3.mul_add(self.c36, self.c35 * gamma2),
+            self.c32 * t0,
+            self.c16 * free_Omega3_over_I1,
+            gamma2.mul_add(self.c34, self.c33 * gamma1),
+            self.c9 * free_Omega2_over_I1,
+            self.c35 * t1,
+            gamma1.mul_add(self.c37, self.c36 * gamma3),
+            self.c38 * t2,
+            gamma3.mul_add(self.c40, self.c39 * gamma2),
         ];
         /// derivatives of: multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
         let [d_g_1_d_I2, t8, d_g_1_d_I3, d_g_1_d_k, d_g_1_d_chi1, d_g_1_d_chi3] = {
@@ -976,8 +979,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         (-gamma3)
                             .mul_add(d_free_Omega3_d_k, -(gamma2 * d_free_Omega2_d_k)),
                     ),
-                self.c38 * gamma3 * gamma2,
-                self.c39 * gamma2 * gamma1,
+                self.c42 * gamma3 * gamma2,
+                self.c43 * gamma2 * gamma1,
             ]
         };
         /// derivatives of: substitution through the factors of S
@@ -996,7 +999,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 Z1_Omega3_scaled.mul_add(t11, d_g_1_d_I3) * t3,
                 d_g_1_d_k * t3,
                 d_g_1_d_chi1 * t3,
-                t3 * (gamma1 * (self.c40 * gamma3)),
+                t3 * (gamma1 * (self.c44 * gamma3)),
                 d_g_1_d_chi3 * t3,
             ]
         };
@@ -1010,22 +1013,22 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             gamma1.mul_add(d_lambda_c1_d_I2_over_I1, d_free_Omega1_d_I2),
             gamma1.mul_add(d_lambda_c1_d_I3_over_I1, -d_free_Omega1_d_I2),
             gamma1.mul_add(d_lambda_c1_d_k_over_I1, d_free_Omega1_d_k),
-            (-gamma1).mul_add(t12, -(self.c37 * gamma3)),
-            gamma1.mul_add(d_lambda_c1_d_chi3_over_I1, self.c37 * gamma2),
+            (-gamma1).mul_add(t12, -(self.c41 * gamma3)),
+            gamma1.mul_add(d_lambda_c1_d_chi3_over_I1, self.c41 * gamma2),
             Z1_Omega2_scaled.mul_add(d_lambda_c1_d_I1_over_I1, -d_free_Omega2_d_I3),
             Z1_Omega2_scaled
-                .mul_add(d_lambda_c1_d_I2_over_I1, (-t10).mul_add(self.c7, -t6)),
+                .mul_add(d_lambda_c1_d_I2_over_I1, (-t10).mul_add(self.c9, -t6)),
             Z1_Omega2_scaled.mul_add(d_lambda_c1_d_I3_over_I1, d_free_Omega2_d_I3),
             Z1_Omega2_scaled.mul_add(d_lambda_c1_d_k_over_I1, d_free_Omega2_d_k),
-            Z1_Omega2_scaled.mul_add(d_lambda_c1_d_chi1_over_I1, self.c17 * gamma3),
-            Z1_Omega2_scaled.mul_add(d_lambda_c1_d_chi3_over_I1, -(self.c17 * gamma1)),
+            Z1_Omega2_scaled.mul_add(d_lambda_c1_d_chi1_over_I1, self.c21 * gamma3),
+            Z1_Omega2_scaled.mul_add(d_lambda_c1_d_chi3_over_I1, -(self.c21 * gamma1)),
             Z1_Omega3_scaled.mul_add(d_lambda_c1_d_I1_over_I1, t4),
             Z1_Omega3_scaled.mul_add(d_lambda_c1_d_I2_over_I1, -t4),
             Z1_Omega3_scaled
-                .mul_add(d_lambda_c1_d_I3_over_I1, (-t11).mul_add(self.c6, -t5)),
+                .mul_add(d_lambda_c1_d_I3_over_I1, (-t11).mul_add(self.c16, -t5)),
             Z1_Omega3_scaled.mul_add(d_lambda_c1_d_k_over_I1, d_free_Omega3_d_k),
-            Z1_Omega3_scaled.mul_add(d_lambda_c1_d_chi1_over_I1, -(self.c18 * gamma2)),
-            (-Z1_Omega3_scaled).mul_add(t12, self.c18 * gamma1),
+            Z1_Omega3_scaled.mul_add(d_lambda_c1_d_chi1_over_I1, -(self.c22 * gamma2)),
+            (-Z1_Omega3_scaled).mul_add(t12, self.c22 * gamma1),
         ];
         [
             d_dot_Omega1_d_I1,
@@ -1102,32 +1105,32 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         /// free acceleration L_yy^-1 r
         let [t0, free_Omega3, t1, free_Omega2, t2, free_Omega1] = {
-            let t0 = self.c1 * Omega1;
-            let t1 = self.c3 * Omega1;
+            let t0 = self.c17 * Omega1;
+            let t1 = self.c4 * Omega1;
             let t2 = self.c5 * Omega3;
             [
                 t0,
                 Omega2
                     .mul_add(
                         t0,
-                        gamma2.mul_add(self.c0, self.d_free_Omega3_d_gamma1 * gamma1),
+                        gamma2.mul_add(self.c45, self.d_free_Omega3_d_gamma1 * gamma1),
                     ),
                 t1,
                 (-Omega3)
                     .mul_add(
                         t1,
-                        gamma1.mul_add(self.c2, self.d_free_Omega2_d_gamma3 * gamma3),
+                        gamma1.mul_add(self.c3, self.d_free_Omega2_d_gamma3 * gamma3),
                     ),
                 t2,
                 Omega2
                     .mul_add(
                         t2,
-                        gamma3.mul_add(self.c4, self.d_free_Omega1_d_gamma2 * gamma2),
+                        (-gamma3).mul_add(self.c0, self.d_free_Omega1_d_gamma2 * gamma2),
                     ),
             ]
         };
         /// response to the multipliers L_yy^-1 Lambda^T
-        let [Z1_Omega3_scaled, Z1_Omega2_scaled] = [self.c6 * gamma3, self.c7 * gamma2];
+        let [Z1_Omega3_scaled, Z1_Omega2_scaled] = [self.c16 * gamma3, self.c9 * gamma2];
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
         let [S_1_1_scaled, g_1] = [
             gamma3
@@ -1174,9 +1177,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     t0,
                     Omega2
                         .mul_add(
-                            self.c1 * v_Omega1,
+                            self.c17 * v_Omega1,
                             v_gamma2
-                                .mul_add(self.c0, self.d_free_Omega3_d_gamma1 * v_gamma1),
+                                .mul_add(self.c45, self.d_free_Omega3_d_gamma1 * v_gamma1),
                         ),
                 ),
             (-v_Omega3)
@@ -1184,9 +1187,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     t1,
                     (-Omega3)
                         .mul_add(
-                            self.c3 * v_Omega1,
+                            self.c4 * v_Omega1,
                             v_gamma1
-                                .mul_add(self.c2, self.d_free_Omega2_d_gamma3 * v_gamma3),
+                                .mul_add(self.c3, self.d_free_Omega2_d_gamma3 * v_gamma3),
                         ),
                 ),
             v_Omega2
@@ -1195,15 +1198,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     Omega2
                         .mul_add(
                             self.c5 * v_Omega3,
-                            v_gamma3
-                                .mul_add(self.c4, self.d_free_Omega1_d_gamma2 * v_gamma2),
+                            (-v_gamma3)
+                                .mul_add(self.c0, self.d_free_Omega1_d_gamma2 * v_gamma2),
                         ),
                 ),
         ];
         /// tangents of: response to the multipliers L_yy^-1 Lambda^T
         let [v_Z1_Omega3_scaled, v_Z1_Omega2_scaled] = [
-            self.c6 * v_gamma3,
-            self.c7 * v_gamma2,
+            self.c16 * v_gamma3,
+            self.c9 * v_gamma2,
         ];
         /// tangents of: multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
         let [v_S_1_1_scaled, v_g_1] = {
@@ -1224,8 +1227,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 R::from_f64(2.0)
                     * gamma3
                         .mul_add(
-                            self.c6 * v_gamma3,
-                            gamma2.mul_add(self.c7 * v_gamma2, gamma1 * v_gamma1),
+                            self.c16 * v_gamma3,
+                            gamma2.mul_add(self.c9 * v_gamma2, gamma1 * v_gamma1),
                         ),
                 (-gamma1).mul_add(v_free_Omega1, t4),
             ]
@@ -1275,31 +1278,28 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
         let [t0, r_Omega1_over_I2, t1, r_Omega2_over_I2, t2, r_Omega3_over_I2] = {
-            let t0 = self.c41 * Omega2;
-            let t1 = self.c3 * Omega1;
-            let t2 = self.c43 * Omega1;
+            let t0 = self.c46 * Omega2;
+            let t1 = self.c4 * Omega1;
+            let t2 = self.c48 * Omega1;
             [
                 t0,
-                Omega3.mul_add(t0, (-gamma3).mul_add(self.c42, -(self.c2 * gamma2))),
+                Omega3.mul_add(t0, (-gamma3).mul_add(self.c47, -(self.c3 * gamma2))),
                 t1,
                 (-Omega3)
                     .mul_add(
                         t1,
-                        gamma1.mul_add(self.c2, self.d_free_Omega2_d_gamma3 * gamma3),
+                        gamma1.mul_add(self.c3, self.d_free_Omega2_d_gamma3 * gamma3),
                     ),
                 t2,
                 Omega2
                     .mul_add(
                         t2,
-                        (-gamma2).mul_add(self.d_free_Omega2_d_gamma3, self.c42 * gamma1),
+                        (-gamma2).mul_add(self.d_free_Omega2_d_gamma3, self.c47 * gamma1),
                     ),
             ]
         };
         /// response to the multipliers L_yy^-1 Lambda^T
-        let [Z1_Omega3_scaled, Z1_Omega1_scaled] = [
-            self.c44 * gamma3,
-            self.c45 * gamma1,
-        ];
+        let [Z1_Omega3_scaled, Z1_Omega1_scaled] = [self.c49 * gamma3, self.c8 * gamma1];
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
         let [S_1_1_scaled, g_1] = [
             gamma1
@@ -1348,15 +1348,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         ];
         /// adjoints of: forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
         let [w_r_Omega3_scaled, w_r_Omega1_scaled] = [
-            self.c44 * w_free_Omega3,
-            self.c45 * w_free_Omega1,
+            self.c49 * w_free_Omega3,
+            self.c8 * w_free_Omega1,
         ];
         let t6 = (-w_r_Omega3_scaled)
             .mul_add(
                 self.d_free_Omega2_d_gamma3,
                 (-w_r_Omega1_scaled)
                     .mul_add(
-                        self.c2,
+                        self.c3,
                         (-r_Omega2_over_I2)
                             .mul_add(
                                 w_g_1,
@@ -1367,7 +1367,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             );
         let t7 = (-w_r_Omega1_scaled)
             .mul_add(
-                self.c42,
+                self.c47,
                 w_free_Omega2
                     .mul_add(
                         self.d_free_Omega2_d_gamma3,
@@ -1381,16 +1381,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         [
             w_r_Omega3_scaled
                 .mul_add(
-                    self.c43 * Omega2,
+                    self.c48 * Omega2,
                     (-w_free_Omega2)
                         .mul_add(
-                            self.c3 * Omega3,
+                            self.c4 * Omega3,
                             (-gamma2).mul_add(w_dot_gamma3, gamma3 * w_dot_gamma2),
                         ),
                 ),
             w_r_Omega1_scaled
                 .mul_add(
-                    self.c41 * Omega3,
+                    self.c46 * Omega3,
                     t2
                         .mul_add(
                             w_r_Omega3_scaled,
@@ -1406,15 +1406,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                             (-gamma1).mul_add(w_dot_gamma2, gamma2 * w_dot_gamma1),
                         ),
                 ),
-            (-self.c45)
+            (-self.c8)
                 .mul_add(
                     r_Omega1_over_I2.mul_add(w_g_1, -w_Z1_Omega1_over_I2),
                     w_r_Omega3_scaled
                         .mul_add(
-                            self.c42,
+                            self.c47,
                             w_free_Omega2
                                 .mul_add(
-                                    self.c2,
+                                    self.c3,
                                     (-Z1_Omega1_scaled)
                                         .mul_add(
                                             t4,
@@ -1424,7 +1424,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         ),
                 ),
             t6 + w_Z1_Omega2_over_I2,
-            (-self.c44)
+            (-self.c49)
                 .mul_add(r_Omega3_over_I2.mul_add(w_g_1, -w_Z1_Omega3_over_I2), t7),
         ]
     }
@@ -1448,15 +1448,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t2 = Omega2 * Omega3;
             [
                 t0,
-                t0.mul_add(self.c48, gamma2.mul_add(self.c47, self.c46 * gamma1)),
+                t0.mul_add(self.c52, gamma2.mul_add(self.c51, self.c50 * gamma1)),
                 t1,
-                t1.mul_add(self.c51, gamma1.mul_add(self.c50, self.c49 * gamma3)),
+                t1.mul_add(self.c55, gamma1.mul_add(self.c54, self.c53 * gamma3)),
                 t2,
-                t2.mul_add(self.c53, gamma3.mul_add(self.c52, -(self.c23 * gamma2))),
+                t2.mul_add(self.c57, gamma3.mul_add(self.c56, -(self.c27 * gamma2))),
             ]
         };
         /// response to the multipliers L_yy^-1 Lambda^T
-        let [Z1_Omega3_scaled, Z1_Omega2_scaled] = [self.c6 * gamma3, self.c54 * gamma2];
+        let [Z1_Omega3_scaled, Z1_Omega2_scaled] = [self.c16 * gamma3, self.c9 * gamma2];
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
         let [t3, S_1_1_scaled, g_1_over_I2] = {
             let t3 = gamma2 * Z1_Omega2_scaled;
@@ -1492,14 +1492,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         };
         /// tangents of: free acceleration L_yy^-1 r
         let [t8, v_free_Omega3, v_free_Omega2, t9, v_free_Omega1] = {
-            let t8 = self.c44 * v_I3;
-            let t9 = self.c45 * v_I1;
+            let t8 = self.c49 * v_I3;
+            let t9 = self.c8 * v_I1;
             [
                 t8,
-                v_r_Omega3.mul_add(self.c28, -(free_Omega3_over_I2 * t8)),
-                v_r_Omega2.mul_add(self.c31, -(v_I2 * free_Omega2_over_I2)),
+                v_r_Omega3.mul_add(self.c32, -(free_Omega3_over_I2 * t8)),
+                v_r_Omega2.mul_add(self.c35, -(v_I2 * free_Omega2_over_I2)),
                 t9,
-                v_r_Omega1.mul_add(self.c34, -(free_Omega1_over_I2 * t9)),
+                v_r_Omega1.mul_add(self.c38, -(free_Omega1_over_I2 * t9)),
             ]
         };
         /// tangents of: response to the multipliers L_yy^-1 Lambda^T
@@ -1547,12 +1547,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [_, _, _, gamma1, gamma2, gamma3] = *y;
         let _ = t;
         /// response to the multipliers L_yy^-1 Lambda^T
-        let [Z1_Omega3_scaled, Z1_Omega2_scaled] = [self.c6 * gamma3, self.c7 * gamma2];
+        let [Z1_Omega2_scaled, Z1_Omega1_scaled] = [self.c6 * gamma2, self.c7 * gamma1];
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let S_1_1_scaled = gamma2
+        let S_1_1_scaled = gamma1
             .mul_add(
-                Z1_Omega2_scaled,
-                gamma3.mul_add(Z1_Omega3_scaled, gamma1 * gamma1),
+                Z1_Omega1_scaled,
+                gamma2.mul_add(Z1_Omega2_scaled, gamma3 * gamma3),
             );
         [
             ::hamel_runtime::Pivot {

@@ -220,11 +220,11 @@ pub const INVARIANT_GRADIENTS_PATTERN: [(usize, usize); 9] = [
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
 pub struct Prepared<R = f64> {
-    /// `k * chi2 / I3`
+    /// `k * chi2 / I1`
     c0: R,
-    /// `-(k * chi1 / I3)`
+    /// `-(k * chi1 / I1)`
     c1: R,
-    /// `(I1 - I2) / I3`
+    /// `(I1 - I2) / I1`
     c2: R,
     /// `k * chi1 / I2`
     c3: R,
@@ -234,26 +234,28 @@ pub struct Prepared<R = f64> {
     c5: R,
     /// `k * chi3 / I1`
     c6: R,
-    /// `-(k * chi2 / I1)`
-    c7: R,
     /// `(I2 - I3) / I1`
+    c7: R,
+    /// `I3 / I2`
     c8: R,
-    /// `I1 / I3`
+    /// `I3 / I1`
     c9: R,
-    /// `I1 / I2`
+    /// `-(I2 / I1)`
     c10: R,
-    /// `k * chi1`
+    /// `-(I1 / I2)`
     c11: R,
-    /// `k * chi2`
+    /// `k * chi1`
     c12: R,
-    /// `k * chi3`
+    /// `k * chi2`
     c13: R,
-    /// `0.5 * I1`
+    /// `k * chi3`
     c14: R,
-    /// `0.5 * I2`
+    /// `0.5 * I1`
     c15: R,
-    /// `0.5 * I3`
+    /// `0.5 * I2`
     c16: R,
+    /// `0.5 * I3`
+    c17: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -267,7 +269,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 6 multiplications, 11 divisions, 3 sign changes.
+    /// 3 additions, 6 multiplications, 12 divisions, 4 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, k, chi1, chi2, chi3 } = *params;
         for (value, condition, meaning) in [
@@ -320,23 +322,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             });
         }
         Ok(Self {
-            c0: t0 / I3,
-            c1: -(t1 / I3),
-            c2: (I1 - I2) / I3,
+            c0: t0 / I1,
+            c1: -(t1 / I1),
+            c2: (I1 - I2) / I1,
             c3: t1 / I2,
             c4: -(t2 / I2),
             c5: (I3 - I1) / I2,
             c6: t2 / I1,
-            c7: -(t0 / I1),
-            c8: (I2 - I3) / I1,
-            c9: I1 / I3,
-            c10: I1 / I2,
-            c11: t1,
-            c12: t0,
-            c13: t2,
-            c14: R::from_f64(0.5) * I1,
-            c15: R::from_f64(0.5) * I2,
-            c16: R::from_f64(0.5) * I3,
+            c7: (I2 - I3) / I1,
+            c8: I3 / I2,
+            c9: I3 / I1,
+            c10: -(I2 / I1),
+            c11: -(I1 / I2),
+            c12: t1,
+            c13: t0,
+            c14: t2,
+            c15: R::from_f64(0.5) * I1,
+            c16: R::from_f64(0.5) * I2,
+            c17: R::from_f64(0.5) * I3,
         })
     }
 }
@@ -362,7 +365,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 16 additions, 29 multiplications (16 fused), 1 division.
+    /// 17 additions, 41 multiplications (17 fused), 1 division.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 6], dy: &mut [R; 6]) {
         let [Omega1, Omega2, Omega3, gamma1, gamma2, gamma3] = *y;
@@ -374,34 +377,32 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             (-Omega1).mul_add(gamma2, Omega2 * gamma1),
         ];
         /// free acceleration L_yy^-1 r
-        let [free_Omega3, free_Omega2, free_Omega1] = [
+        let [free_Omega3_scaled, free_Omega2, free_Omega1] = [
             Omega1.mul_add(self.c2 * Omega2, gamma2.mul_add(self.c1, self.c0 * gamma1)),
             Omega1.mul_add(self.c5 * Omega3, gamma1.mul_add(self.c4, self.c3 * gamma3)),
-            Omega2.mul_add(self.c8 * Omega3, gamma3.mul_add(self.c7, self.c6 * gamma2)),
+            Omega2
+                .mul_add(self.c7 * Omega3, (-gamma3).mul_add(self.c0, self.c6 * gamma2)),
         ];
         /// response to the multipliers L_yy^-1 Lambda^T
-        let [Z1_Omega3_scaled, Z1_Omega2_scaled] = [self.c9 * gamma3, self.c10 * gamma2];
+        let [Z1_Omega2_scaled, Z1_Omega1_scaled] = [self.c8 * gamma2, self.c9 * gamma1];
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let [S_1_1_scaled, g_1] = [
-            gamma2
-                .mul_add(
-                    Z1_Omega2_scaled,
-                    gamma3.mul_add(Z1_Omega3_scaled, gamma1 * gamma1),
-                ),
-            (-gamma1)
-                .mul_add(
-                    free_Omega1,
-                    (-gamma2).mul_add(free_Omega2, -(gamma3 * free_Omega3)),
-                ),
-        ];
-        /// substitution through the factors of S
-        let lambda_c1_over_I1 = g_1 / S_1_1_scaled;
+        let S_1_1_scaled = gamma1
+            .mul_add(
+                Z1_Omega1_scaled,
+                gamma2.mul_add(Z1_Omega2_scaled, gamma3 * gamma3),
+            );
         /// accelerations ydot = L_yy^-1 (r + Lambda^T lambda)
-        let [dot_Omega1, dot_Omega2, dot_Omega3] = [
-            gamma1.mul_add(lambda_c1_over_I1, free_Omega1),
-            Z1_Omega2_scaled.mul_add(lambda_c1_over_I1, free_Omega2),
-            Z1_Omega3_scaled.mul_add(lambda_c1_over_I1, free_Omega3),
-        ];
+        let [dot_Omega1, dot_Omega2, dot_Omega3] = {
+            let t0 = (-gamma1).mul_add(free_Omega3_scaled, gamma3 * free_Omega1);
+            let t1 = free_Omega2.mul_add(self.c10 * gamma1, gamma2 * free_Omega1);
+            let t2 = S_1_1_scaled.recip();
+            let t3 = free_Omega3_scaled.mul_add(self.c11 * gamma2, gamma3 * free_Omega2);
+            [
+                Z1_Omega2_scaled.mul_add(t1, gamma3 * t0) * t2,
+                (-t1).mul_add(self.c8 * gamma1, gamma3 * t3) * t2,
+                (-gamma1).mul_add(t0, -(gamma2 * t3)) * t2,
+            ]
+        };
         *dy = [dot_Omega1, dot_Omega2, dot_Omega3, dot_gamma1, dot_gamma2, dot_gamma3];
     }
 
@@ -419,21 +420,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn energy(&self, t: R, y: &[R; 6]) -> R {
         let [Omega1, Omega2, Omega3, gamma1, gamma2, gamma3] = *y;
         let _ = t;
-        self.c16
+        self.c17
             .mul_add(
                 Omega3 * Omega3,
                 self
-                    .c15
+                    .c16
                     .mul_add(
                         Omega2 * Omega2,
                         self
-                            .c14
+                            .c15
                             .mul_add(
                                 Omega1 * Omega1,
                                 gamma3
                                     .mul_add(
-                                        self.c13,
-                                        gamma2.mul_add(self.c12, self.c11 * gamma1),
+                                        self.c14,
+                                        gamma2.mul_add(self.c13, self.c12 * gamma1),
                                     ),
                             ),
                     ),
@@ -514,12 +515,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [_, _, _, gamma1, gamma2, gamma3] = *y;
         let _ = t;
         /// response to the multipliers L_yy^-1 Lambda^T
-        let [Z1_Omega3_scaled, Z1_Omega2_scaled] = [self.c9 * gamma3, self.c10 * gamma2];
+        let [Z1_Omega2_scaled, Z1_Omega1_scaled] = [self.c8 * gamma2, self.c9 * gamma1];
         /// multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T
-        let S_1_1_scaled = gamma2
+        let S_1_1_scaled = gamma1
             .mul_add(
-                Z1_Omega2_scaled,
-                gamma3.mul_add(Z1_Omega3_scaled, gamma1 * gamma1),
+                Z1_Omega1_scaled,
+                gamma2.mul_add(Z1_Omega2_scaled, gamma3 * gamma3),
             );
         [
             ::hamel_runtime::Pivot {
