@@ -172,7 +172,7 @@ fn model() -> impl Strategy<Value = String> {
 
 #[test]
 fn random_constraints_have_the_accelerations_of_the_multiplier_form() {
-    let cases = std::env::var("PROPTEST_CASES").ok().and_then(|n| n.parse().ok()).unwrap_or(32);
+    let cases = std::env::var("PROPTEST_CASES").ok().and_then(|n| n.parse().ok()).unwrap_or(6);
     let config = Config { cases, failure_persistence: None, ..Config::default() };
     let mut runner = TestRunner::new_with_rng(config, TestRng::deterministic_rng(RngAlgorithm::ChaCha));
     let n_compared = std::cell::Cell::new(0);

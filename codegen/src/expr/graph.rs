@@ -935,12 +935,20 @@ impl Graph {
         if a == b {
             return true;
         }
-        let first = agreement(self.fingerprint(a), self.fingerprint(b));
-        first.unwrap_or_else(|| match (self.further_values(a), self.further_values(b)) {
-            // Behind roots few points are valid.
-            (Some(x), Some(y)) => agreement(&x, &y) == Some(true),
-            _ => false,
-        })
+        match agreement(self.fingerprint(a), self.fingerprint(b)) {
+            Some(true) => true,
+            // An unknown sign has a value that says nothing about its square.
+            Some(false) if self.doubts(a).signed || self.doubts(b).signed => {
+                let difference = self.sub(a, b);
+                self.further_verdict(difference) == Vanishing::Zero
+            }
+            Some(false) => false,
+            None => match (self.further_values(a), self.further_values(b)) {
+                // Behind roots few points are valid.
+                (Some(x), Some(y)) => agreement(&x, &y) == Some(true),
+                _ => false,
+            },
+        }
     }
 
     /// The value of a constant node.

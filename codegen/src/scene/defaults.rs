@@ -11,7 +11,7 @@ use crate::expr::{ExprId, Graph, Node, Style, SymbolId, inlined, rational_to_f64
 use crate::reduction::expressions_mut;
 use crate::spec::{Diagnostic, Diagnostics, Model, Span};
 
-use super::BuiltScene;
+use super::{BuiltScene, Interpreter};
 
 /// Symbols and values that are told in a message, and characters of an expression.
 const MAX_NAMED: usize = 4;
@@ -154,8 +154,11 @@ impl<'a> Defaults<'a> {
         let values: Vec<f64> = self.scene.params().iter().map(|p| self.params[&p.symbol]).collect();
         let interpreter = self.scene.prepare(&values).ok()?;
         if let Err(name) = interpreter.check(0.0, &state) {
-            let pivot = self.scene.equations.pivots.iter().find(|p| p.name == name)?;
-            return Some(self.pivot(&pivot.name, pivot.expr));
+            let pivot = self.scene.equations.pivots.iter().find(|p| p.name == name);
+            return Some(pivot.map_or_else(
+                || self.divisor(&name, &interpreter, &state),
+                |pivot| self.pivot(&pivot.name, pivot.expr),
+            ));
         }
         let mut rates = vec![0.0; state.len()];
         interpreter.rhs(0.0, &state, &mut rates);
@@ -164,6 +167,17 @@ impl<'a> Defaults<'a> {
         let message = format!("the rate of `{name}` is not finite at the initial state");
         let span = of_component(&self.model.places.initial, name).or(self.model.places.lagrangian);
         Some(Diagnostic::warning(span, message).with_help(HELP_AT_START))
+    }
+
+    /// Something else that rates are divided by and that is not there at the initial state.
+    fn divisor(&self, name: &str, interpreter: &Interpreter<'_>, state: &[f64]) -> Diagnostic {
+        let value = interpreter.pivots(0.0, state).into_iter().find(|(own, ..)| *own == name);
+        let is_finite = value.is_some_and(|(_, value, _)| value.is_finite());
+        let what = if is_finite { "vanishes" } else { "is not finite" };
+        let message = format!("`{name}`, which rates are divided by, {what} at the initial state");
+        let places = &self.model.places;
+        let span = places.initial.values().min().copied().or(places.lagrangian);
+        Diagnostic::warning(span, message).with_help(HELP_AT_START)
     }
 
     /// A pivot that is not there.

@@ -188,8 +188,6 @@ pub struct Prepared<R = f64> {
     I1: R,
     /// Parameter `I3`.
     I3: R,
-    /// Parameter `r`.
-    r: R,
     /// `m * (r * r) * (I1 - I3) / (I1 * (I1 + m * (r * r)))`
     c0: R,
     /// `I1 * (I1 - I3) / (I1 * (I1 + m * (r * r)))`
@@ -226,6 +224,8 @@ pub struct Prepared<R = f64> {
     c16: R,
     /// `-(I1 * (m * m) * (r * r * r) / (I1 * (I1 + m * (r * r))))`
     c17: R,
+    /// `I3 + m * (r * r)`
+    A_Omega3_Omega3: R,
     /// `I1 - I3`
     c18: R,
     /// `g / r`
@@ -298,7 +298,6 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Ok(Self {
             I1,
             I3,
-            r,
             c0: t1 * t2 / A_det,
             c1: I1 * t2 / A_det,
             c2: R::from_f64(0.5) * g / r,
@@ -317,6 +316,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c15: -(t3 * t6 * t0 * g / A_det),
             c16: t7 * t0 * g / A_det,
             c17: -(t7 * (t0 * r) / A_det),
+            A_Omega3_Omega3,
             c18: t2,
             c19: g / r,
         })
@@ -324,10 +324,6 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
-#[allow(
-    unused_doc_comments,
-    reason = "comments on statements say which formula they are"
-)]
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
 impl<R: ::hamel_runtime::Real> Prepared<R> {
     /// Writes the derivative of the state to `dy`.
@@ -498,34 +494,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 5 additions, 23 multiplications (5 fused), 2 divisions, 2 square roots.
+    /// 4 additions, 10 multiplications (4 fused), 1 division.
     #[inline]
     #[must_use]
     pub fn nonholonomic_momentum(&self, t: R, y: &[R; 6]) -> [R; 3] {
         let [Omega1, Omega2, Omega3, Gamma1, Gamma2, _] = *y;
         let _ = t;
-        /// velocities y = Psi u + psi0
-        let [t1, X3, t2] = {
-            let t0 = Gamma2 * Gamma2;
-            let t1 = Gamma1.mul_add(Gamma1, t0).sqrt().recip();
-            [
-                t1,
-                (-t1)
-                    .mul_add(
-                        Omega2 * (self.r * Gamma1),
-                        t1 * (Omega1 * (self.r * Gamma2)),
-                    ),
-                t0.sqrt().recip(),
-            ]
-        };
+        let t0 = self.c5 * (-Omega1).mul_add(Gamma2, Omega2 * Gamma1)
+            / Gamma2.mul_add(Gamma2, Gamma1 * Gamma1);
         [
-            X3.mul_add(self.c9 * Gamma2 * t1, self.I1 * Omega1),
-            (-X3).mul_add(self.c9 * Gamma1 * t1, self.I1 * Omega2),
-            t2
-                .mul_add(
-                    self.c9 * (t2 * (self.r * Gamma2 * (Omega3 * Gamma2))),
-                    self.I3 * Omega3,
-                ),
+            (-Gamma2).mul_add(t0, self.I1 * Omega1),
+            Gamma1.mul_add(t0, self.I1 * Omega2),
+            self.A_Omega3_Omega3 * Omega3,
         ]
     }
 
