@@ -45,7 +45,7 @@ fn loss(scene: &BuiltScene, params: &[f64], state: &[f64]) -> Option<f64> {
     let mut effects: Vec<f64> = exact.iter().map(|x| x.hi().abs()).collect();
     for k in 0..params.len() + state.len() {
         let mut inputs = long(&[params, state].concat());
-        inputs[k] = inputs[k] * DoubleDouble::sum_of(1.0, SHIFT);
+        inputs[k] *= DoubleDouble::sum_of(1.0, SHIFT);
         let moved = rhs(scene, &inputs[..params.len()], &inputs[params.len()..])?;
         for ((effect, moved), exact) in effects.iter_mut().zip(moved).zip(&exact) {
             *effect += (moved - *exact).hi().abs() / SHIFT;

@@ -459,12 +459,15 @@ impl<const K: usize> Invariants<f64, K> for dyn Dynamics + '_ {
     }
 }
 
+/// One scene with three scalars, none of which a value is kept of.
+type Scalars<S, W, D> = fn() -> (S, W, D);
+
 /// A scene known at compile time, such as a generated one, behind [`Factory`]: on one lane, `S`, on four, `W`, and with
 /// dual numbers, `D`, for its Jacobian.
 #[derive(Debug)]
 pub struct Typed<S, W, D, const N: usize> {
     info: Info,
-    scene: PhantomData<fn() -> (S, W, D)>,
+    scalars: PhantomData<Scalars<S, W, D>>,
 }
 
 impl<S, W, D, const N: usize> Typed<S, W, D, N>
@@ -475,7 +478,7 @@ where
 {
     /// The scene.
     pub fn new() -> Self {
-        Typed { info: Info::of::<f64, S>(), scene: PhantomData }
+        Typed { info: Info::of::<f64, S>(), scalars: PhantomData }
     }
 }
 

@@ -388,8 +388,10 @@ mod tests {
     use super::Fractions;
     use crate::expr::{ExprId, Graph, Samples, Sign, SymbolId, sign_of};
 
+    type Signs = BTreeMap<ExprId, Sign>;
+
     /// A graph with positive symbols of these names.
-    fn positive(names: &[&str]) -> (Graph, Vec<(SymbolId, Sign)>, Vec<ExprId>, BTreeMap<ExprId, Sign>) {
+    fn positive(names: &[&str]) -> (Graph, Vec<(SymbolId, Sign)>, Vec<ExprId>, Signs) {
         let mut g = Graph::new();
         let symbols: Vec<_> = names.iter().map(|n| (g.symbol(n), Sign::Positive)).collect();
         let exprs: Vec<ExprId> = symbols.iter().map(|(s, _)| g.sym(*s)).collect();
