@@ -19,8 +19,8 @@ const BOUNDS: &[(&str, &str, [f64; 4])] = &[
     ("chaplygin_ball", "invariants", [8.0, 32.0, 4.0, 32.0]),
     ("chaplygin_ball", "reconstruction", [8.0, 32.0, 6.0, 1e12]),
     ("chaplygin_ball", "taylor", [7.0, 32.0, 4.0, 32.0]),
-    ("chaplygin_gyro", "default", [7.0, 1e26, 8.0, 1e26]),
-    ("chaplygin_gyro", "reconstruction", [9.0, 1e26, 7.0, 1e26]),
+    ("chaplygin_gyro", "default", [7.0, 1e14, 8.0, 1e14]),
+    ("chaplygin_gyro", "reconstruction", [9.0, 1e14, 7.0, 1e14]),
     ("chaplygin_sleigh", "default", [5.0, 32.0, 4.0, 32.0]),
     ("chaplygin_sleigh", "derivatives", [4.0, 32.0, 6.0, 32.0]),
     ("chaplygin_sleigh", "invariants", [5.0, 32.0, 4.0, 32.0]),
@@ -75,10 +75,10 @@ const BOUNDS: &[(&str, &str, [f64; 4])] = &[
     ("suslov", "reconstruction", [4.0, 32.0, 4.0, 32.0]),
     ("tethered_body", "default", [4.0, 32.0, 4.0, 32.0]),
     ("tethered_body", "reconstruction", [4.0, 32.0, 4.0, 32.0]),
-    ("two_arm_satellite", "default", [7.0, 1e10, 5.0, 32.0]),
-    ("two_arm_satellite", "invariants", [8.0, 1e10, 6.0, 32.0]),
-    ("two_arm_satellite", "reconstruction", [9.0, 1e10, 6.0, 32.0]),
-    ("two_arm_satellite", "taylor", [8.0, 1e10, 5.0, 32.0]),
+    ("two_arm_satellite", "default", [7.0, 1e8, 5.0, 32.0]),
+    ("two_arm_satellite", "invariants", [8.0, 1e8, 6.0, 32.0]),
+    ("two_arm_satellite", "reconstruction", [9.0, 1e8, 6.0, 32.0]),
+    ("two_arm_satellite", "taylor", [8.0, 1e8, 5.0, 32.0]),
     ("veselova", "default", [4.0, 32.0, 4.0, 32.0]),
     ("veselova", "derivatives", [5.0, 32.0, 5.0, 1e17]),
     ("veselova", "invariants", [6.0, 32.0, 4.0, 32.0]),
@@ -93,12 +93,9 @@ const BUILT: f64 = 64.0;
 /// Models that exceed [`BUILT`], and by how much they may: `findings.md` has the reasons.
 const BUILT_OF: &[(&str, f64)] = &[
     ("chaplygin_ball", 1e13),
-    ("chaplygin_gyro", 1e26),
-    ("extended_pose", 1e9),
-    ("kirchhoff_body", 1e9),
+    ("chaplygin_gyro", 1e14),
     ("mobile_robot", 1e3),
-    ("skew_sleigh", 200.0),
-    ("two_arm_satellite", 1e12),
+    ("two_arm_satellite", 1e9),
 ];
 
 /// What exceeds its bound or has none, one line each.
