@@ -13,8 +13,8 @@ use super::rational::Rational;
 
 /// Limits on the way from the text of a model to the program of one scene.
 ///
-/// The default is ten times what the largest scene of `models/specs` takes (78,000 expressions, 49 MB, 4 million steps), and
-/// is reached before a gigabyte of memory.
+/// The default is ten times what the largest scene of `models/specs` takes (78,000 expressions, 49 MB, 4 million steps), and leaves
+/// room for all derivatives of the largest model, which hold more than 256 MiB.
 ///
 /// ```
 /// use hamel_codegen::expr::Budget;
@@ -33,7 +33,7 @@ pub struct Budget {
 
 impl Default for Budget {
     fn default() -> Budget {
-        Budget { expressions: 1_000_000, bytes: 256 << 20, work: 200_000_000 }
+        Budget { expressions: 1_000_000, bytes: 512 << 20, work: 200_000_000 }
     }
 }
 
