@@ -62,9 +62,9 @@ const BOUNDS: &[Bound] = &[
     most("two_arm_satellite", "default",       [ 57,  80,  3,  2, 142]),
     most("two_arm_satellite", "taylor",        [ 57,  80,  3,  2, 142]),
     most("two_arm_satellite", "invariants",    [ 65,  95,  3,  2, 165]),
-    most("veselova", "default",                [ 16,  29,  1,  0,  46]),
-    most("veselova", "derivatives",            [ 16,  29,  1,  0,  46]),
-    most("veselova", "invariants",             [ 16,  29,  1,  0,  46]),
+    most("veselova", "default",                [ 17,  41,  1,  0,  59]),
+    most("veselova", "derivatives",            [ 17,  41,  1,  0,  59]),
+    most("veselova", "invariants",             [ 17,  41,  1,  0,  59]),
     most("wong_particle", "default",           [ 18,  39,  1,  0,  58]),
 ];
 
