@@ -100,7 +100,7 @@ fn a_mobile_robot_keeps_its_digits_when_every_parameter_moves_by_three_decades()
 
 #[test]
 fn a_skew_sleigh_keeps_its_digits_when_every_parameter_moves_by_three_decades() {
-    // 4e5 before, 65 measured now: the operations of two pivots, and no cancellation in either.
+    // 4e5 before, 65 measured now. In 20,000 states of the stress run 37 for 99.99 % and 1e2 at most.
     let scene = build("skew_sleigh");
     let n = scene.state.len();
     let worst = at_parameters_of_a_machine_that_one_builds("skew_sleigh", |random| {

@@ -81,21 +81,23 @@ fn stopped<M: Method<f64, Thinning>>(method: M, options: Options<f64>, t_end: f6
 
 #[test]
 fn fixed_steps_do_not_walk_through_a_vanishing_pivot() {
-    let named = |(failure, t, x): (Failure, f64, f64), method: &str| {
+    let named_before = |(failure, t, x): (Failure, f64, f64), method: &str, latest: f64| {
         let (Failure::ChangedSign { t: after, pivot } | Failure::Singular { t: after, pivot }) = failure
         else {
             panic!("{method}: {failure}")
         };
         assert_eq!(pivot, "inertia along x_dot", "{method}");
-        // A step without error estimate that ends next to the singular point may be thrown back from it, and meets it again.
-        assert!(after.abs() >= t.abs() && after.abs() < 2.0 * T_SINGULAR, "{method}: {after} after {t}");
+        assert!(after.abs() >= t.abs() && after.abs() < latest + 0.1, "{method}: {after} after {t}");
         // The last state before it is in reach.
-        assert!(t.abs() > 0.5 && x.abs() < 1.0, "{method}: x = {x} at t = {t}");
+        assert!(t.abs() < latest && t.abs() > 0.5 && x.abs() < 1.0, "{method}: x = {x} at t = {t}");
     };
+    let named = |outcome, method| named_before(outcome, method, T_SINGULAR + 0.1);
     for t_end in [3.0, -3.0] {
         for step in [0.1, 0.03] {
             let options = Options::fixed(step);
-            named(stopped(Rk4, options, t_end), "rk4");
+            // The shorter steps of this method of low order are thrown back next to the singular point once, and meet it again.
+            let latest = if step < 0.1 { 2.0 * T_SINGULAR - 0.5 } else { T_SINGULAR + 0.1 };
+            named_before(stopped(Rk4, options, t_end), "rk4", latest);
             named(stopped(Tsit5, options, t_end), "tsit5");
             named(stopped(Dopri5, options, t_end), "dopri5");
             named(stopped(Dop853, options, t_end), "dop853");
