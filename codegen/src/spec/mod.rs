@@ -39,7 +39,7 @@ pub use model::{
     NamedVector, Param, Places, Reconstruction, ReconstructionKind, Relation, Scene, Side, Stages, Velocity,
     View, ViewShape, Views, VirtualConstraint, circle_names, diagnose,
 };
-pub use shape::{Shape, ValueError};
+pub use shape::{Expected, Operation, Shape, ValueError};
 pub use value::Value;
 pub use want::Want;
 

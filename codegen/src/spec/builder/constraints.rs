@@ -10,7 +10,7 @@ use crate::expr::{ExprId, SymbolId};
 use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::model::*;
 use crate::spec::names;
-use crate::spec::shape::{Shape, ValueError};
+use crate::spec::shape::{Operation, Shape, ValueError};
 use crate::spec::value::Value;
 
 impl ModelBuilder {
@@ -115,7 +115,7 @@ impl ModelBuilder {
         let (left, right) = Value::fit_zero(&self.graph, &draft.left, &draft.right);
         let Ok(residual) = left.sub(&mut self.graph, &right) else {
             let (left, right) = (draft.left.shape(), draft.right.shape());
-            self.value_error(draft.span, &ValueError::Shapes { operation: "equate", left, right });
+            self.value_error(draft.span, &ValueError::Shapes { operation: Operation::Equate, left, right });
             return Vec::new();
         };
         let n = residual.entries().len();

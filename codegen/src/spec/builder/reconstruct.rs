@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use num_traits::Zero;
 
-use super::draft::{Located, ModelBuilder, ReconstructionDraft, Way};
+use super::draft::{DeclaredAs, Located, ModelBuilder, ReconstructionDraft, Way};
 use super::symbols::Special;
 use crate::algebra::LieAlgebra;
 use crate::expr::{ExprId, Rational, SymbolId};
@@ -141,11 +141,11 @@ impl ModelBuilder {
         self.here = span;
         let is_vector = components.len() != 1 || components[0] != name;
         if is_vector {
-            self.declare(name, "a reconstructed coordinate");
+            self.declare(name, DeclaredAs::Reconstructed);
         }
         let mut entries = Vec::with_capacity(components.len());
         for component in components {
-            let (symbol, expr) = self.new_symbol(component, "a reconstructed coordinate");
+            let (symbol, expr) = self.new_symbol(component, DeclaredAs::Reconstructed);
             draft.names.push(component.clone());
             draft.symbols.push(symbol);
             entries.push(expr);
@@ -309,7 +309,7 @@ impl ModelBuilder {
         let mut result: Vec<(String, ExprId)> = Vec::new();
         let mut taken: BTreeSet<String> = BTreeSet::new();
         for (name, value, span) in self.initial.clone() {
-            let is_definition = self.names.get(&name).is_some_and(|d| d.what == "a definition");
+            let is_definition = self.names.get(&name).is_some_and(|d| d.what == DeclaredAs::Definition);
             let target = self.values.get(&name).filter(|_| !is_definition);
             let components: Option<Vec<String>> =
                 target.and_then(|v| v.entries().iter().map(|e| variables.get(e).cloned()).collect());
@@ -380,7 +380,7 @@ impl ModelBuilder {
         let mut known: BTreeSet<String> = variables.values().cloned().collect();
         for (block, value) in &self.values {
             let is_variable = value.entries().iter().all(|e| variables.contains_key(e));
-            if is_variable && self.names.get(block).is_some_and(|d| d.what != "a definition") {
+            if is_variable && self.names.get(block).is_some_and(|d| d.what != DeclaredAs::Definition) {
                 known.insert(block.clone());
             }
         }

@@ -4,7 +4,7 @@
 
 use std::collections::BTreeSet;
 
-use super::draft::ModelBuilder;
+use super::draft::{DeclaredAs, ModelBuilder};
 use crate::algebra::LieAlgebra;
 use crate::expr::{ExprId, SymbolId};
 use crate::spec::diagnostic::{Diagnostic, Span};
@@ -83,12 +83,12 @@ impl ModelBuilder {
                 expr
             };
             if size == 1 {
-                values.push(Value::Scalar(velocity(self, name, "a velocity")));
+                values.push(Value::Scalar(velocity(self, name, DeclaredAs::Velocity)));
             } else {
-                self.declare(name, "a velocity");
+                self.declare(name, DeclaredAs::Velocity);
                 let components = Layout::Vector(size).names(name);
                 let entries =
-                    components.iter().map(|c| velocity(self, c, "a component of a velocity")).collect();
+                    components.iter().map(|c| velocity(self, c, DeclaredAs::VelocityComponent)).collect();
                 let value = Value::Vector(entries);
                 self.bind(name, &value);
                 values.push(value);
@@ -113,8 +113,8 @@ impl ModelBuilder {
     /// A base coordinate and its velocity `name_dot`.
     pub fn coordinate(&mut self, name: &str, domain: Domain, doc: &str) -> (Value, Value) {
         let velocity_name = format!("{name}_dot");
-        let (symbol, expr) = self.new_symbol(name, "a coordinate");
-        let (velocity, rate) = self.new_symbol(&velocity_name, "the velocity of a coordinate");
+        let (symbol, expr) = self.new_symbol(name, DeclaredAs::Coordinate);
+        let (velocity, rate) = self.new_symbol(&velocity_name, DeclaredAs::CoordinateVelocity);
         if let Domain::Interval(low, high) = domain {
             self.check_interval(low, high);
         }
@@ -126,8 +126,8 @@ impl ModelBuilder {
     /// A vector of coordinates `name1, name2, ..` with velocities `name1_dot, ..`; the vectors are `name`, `name_dot`.
     pub fn coordinate_vector(&mut self, name: &str, n: usize, domain: Domain, doc: &str) -> (Value, Value) {
         let rate_name = format!("{name}_dot");
-        self.declare(name, "a coordinate");
-        self.declare(&rate_name, "the velocity of a coordinate");
+        self.declare(name, DeclaredAs::Coordinate);
+        self.declare(&rate_name, DeclaredAs::CoordinateVelocity);
         let (mut place, mut rate) = (Vec::new(), Vec::new());
         for component in Layout::Vector(n).names(name) {
             let (q, v) = self.coordinate(&component, domain, doc);
