@@ -7,7 +7,7 @@ use std::sync::Mutex;
 use std::sync::OnceLock;
 
 use hamel_codegen::expr::rational_to_f64;
-use hamel_codegen::lower::{Counts, Jet};
+use hamel_codegen::program::{Counts, Function, Jet, Role};
 use hamel_codegen::scene::{self, BuiltScene, Interpreter};
 use hamel_codegen::spec;
 use hamel_runtime::{Failure, Pivot};
@@ -94,7 +94,7 @@ impl Built {
     pub fn rhs_counts(&self) -> Counts {
         let program = &self.scene.program;
         // Every scene has a right-hand side.
-        program.function_idx("rhs").map_or_else(Counts::default, |k| program.functions[k].counts())
+        program.function(&Role::Rate).map_or_else(Counts::default, Function::counts)
     }
 }
 

@@ -13,6 +13,7 @@ use std::time::{Duration, Instant};
 use hamel::Error;
 use hamel::repository::Repository;
 use hamel::run::cargo;
+use hamel_codegen::program::Role;
 use hamel_codegen::scene::{self, BuiltScene};
 use hamel_codegen::spec;
 
@@ -171,7 +172,7 @@ impl Toolchain {
             return Err(failed(&name, "the compiled right-hand side differs from the interpreted one"));
         }
         let program = &built.program;
-        let rhs = program.functions.iter().find(|f| f.name == "rhs");
+        let rhs = program.function(&Role::Rate);
         let functions = program.functions.iter().map(|f| f.counts().total()).sum::<usize>();
         Ok(Row {
             family,

@@ -1,0 +1,147 @@
+//! Why a trial step fails: the point that is not finite, the pivot that vanishes.
+//!
+//! Nothing here runs along a motion that goes well. Does not know how steps are chosen.
+
+use super::Integrator;
+use super::dense::Dense;
+use super::norms::{non_finite, stage_point};
+use crate::error::{Error, Failure};
+use crate::methods::{Derivatives, Method};
+use crate::options::signed;
+use crate::real::Real;
+use crate::system::{StateVector, System};
+
+impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
+    /// Which pivot has passed through zero on the way to the trial state, or has no value there.
+    #[cold]
+    pub(super) fn crossed(&self, t_new: R) -> Failure {
+        let to = &self.points[usize::from(!self.current)].state;
+        if let Err(failure) = self.system.check(t_new, to) {
+            return failure;
+        }
+        // The signature has changed, and with it the sign of a pivot.
+        let pivot = self.first_pivot((t_new, to), changes_sign).unwrap_or("of a linear system");
+        Failure::ChangedSign { t: signed(t_new), pivot }
+    }
+
+    /// The name of the first pivot whose values at the last accepted state and at another one are as `is_such` says.
+    fn first_pivot(&self, (t, y): (R, &S::State), is_such: impl Fn(R, R) -> bool) -> Option<&'static str> {
+        let (mut found, mut index) = (None, 0_usize);
+        self.system.pivots(self.t, &self.here().state, &mut |here| {
+            let mut other = 0;
+            // As there is no storage for the values, they are computed again for each.
+            self.system.pivots(t, y, &mut |there| {
+                if other == index && found.is_none() && is_such(here.value, there.value) {
+                    found = Some(here.name);
+                }
+                other += 1;
+            });
+            index += 1;
+        });
+        found
+    }
+
+    /// The first pivot that is as `is_such` says somewhere on the tangent of the solution: at one of the distances
+    /// `h, 2 h, 4 h, ..`.
+    #[cold]
+    fn pivot_ahead(
+        &mut self,
+        h: R,
+        n_distances: u32,
+        is_such: impl Fn(R, R) -> bool,
+    ) -> Option<&'static str> {
+        // The trial point is free.
+        self.dense = Dense::Lost;
+        let [one, two] = &mut self.points;
+        let (here, free) = if self.current { (two, one) } else { (one, two) };
+        self.system.rhs(self.t, &here.state, &mut free.slope);
+        self.stats.rhs_evals += 1;
+        let mut distance = h;
+        for _ in 0..n_distances {
+            let (here, free) =
+                (&self.points[usize::from(self.current)], &self.points[usize::from(!self.current)]);
+            let components = self.work.as_mut_slice().iter_mut().zip(here.state.as_slice());
+            for ((out, &y), &slope) in components.zip(free.slope.as_slice()) {
+                *out = slope.mul_add(distance, y);
+            }
+            let found = self.first_pivot((self.t + distance, &self.work), &is_such);
+            if found.is_some() {
+                return found;
+            }
+            distance += distance;
+        }
+        None
+    }
+
+    /// Why steps became too small: a pivot that is about to vanish where there is one.
+    #[cold]
+    pub(super) fn too_small(&mut self, h: R, failure: Option<Error>) -> Error {
+        let unnamed =
+            |e: &Error| matches!(e, Error::Failure(Failure::NonFinite { .. }) | Error::NotConverged { .. });
+        if let Some(named) = failure.filter(|e| !unnamed(e)) {
+            return named;
+        }
+        // Next to a singular point steps are a small fraction of the distance to it.
+        const DOUBLINGS: u32 = 20;
+        let half = R::from_f64(0.5);
+        let is_vanishing = |here: R, there: R| {
+            let ratio = there / here;
+            ratio.all_finite() && !ratio.all_gt(half)
+        };
+        match self.pivot_ahead(h, DOUBLINGS, is_vanishing) {
+            Some(pivot) => Failure::Singular { t: signed(self.t), pivot }.into(),
+            None => failure.unwrap_or(Error::StepTooSmall { t: signed(self.t), h: signed(h) }),
+        }
+    }
+
+    /// Why a fixed step failed: a pivot that passes through zero on it where there is one, and the system has not said so.
+    #[cold]
+    pub(super) fn named(&mut self, h: R, reason: Error) -> Error {
+        if !matches!(reason, Error::Failure(Failure::NonFinite { .. }) | Error::NotConverged { .. }) {
+            return reason;
+        }
+        let t = signed(self.t + h);
+        // The motion runs ahead of its tangent there.
+        self.pivot_ahead(h, 2, changes_sign).map_or(reason, |pivot| Failure::ChangedSign { t, pivot }.into())
+    }
+
+    /// Finds the first point of a trial step where something is not finite, and asks the system why.
+    #[cold]
+    pub(super) fn diagnose(&mut self, h: R, t_new: R) -> Failure {
+        let tableau = M::TABLEAU;
+        let (from, to) = (&self.points[usize::from(self.current)], &self.points[usize::from(!self.current)]);
+        let stored = M::stages(&self.storage);
+        if tableau.is_series() {
+            let coefficients = stored.iter().find(|coefficient| non_finite(*coefficient).is_some());
+            let failure = self.point_failure(self.t, &from.state, coefficients);
+            return failure
+                .or_else(|| self.point_failure(t_new, &to.state, None))
+                .unwrap_or(Failure::NonFinite { t: signed(t_new), index: 0 });
+        }
+        let k = Derivatives { n_stages: tableau.n_stages(), first: &from.slope, stored, last: &to.slope };
+        for (index, (row, node)) in tableau.stages.iter().zip(tableau.nodes).enumerate() {
+            stage_point(&k, row, &from.state, h, &mut self.work);
+            let t = self.t + node.get::<R>() * h;
+            if let Some(failure) = self.point_failure(t, &self.work, Some(k.get(index))) {
+                return failure;
+            }
+        }
+        self.point_failure(t_new, &to.state, Some(&to.slope))
+            .unwrap_or(Failure::NonFinite { t: signed(t_new), index: 0 })
+    }
+
+    /// Why a point, or the derivative there, is not finite; none if both are.
+    pub(super) fn point_failure(&self, t: R, y: &S::State, derivative: Option<&S::State>) -> Option<Failure> {
+        if let Some(index) = non_finite(y) {
+            return Some(Failure::NonFinite { t: signed(t), index });
+        }
+        let index = non_finite(derivative?)?;
+        Some(self.system.check(t, y).err().unwrap_or(Failure::NonFinite { t: signed(t), index }))
+    }
+}
+
+/// Whether a pivot has another sign on some lane.
+fn changes_sign<R: Real>(here: R, there: R) -> bool {
+    let signs = (here / here.abs()) * (there / there.abs());
+    signs.all_finite() && !signs.all_gt(R::ZERO)
+}
