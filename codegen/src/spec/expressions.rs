@@ -155,7 +155,7 @@ macro_rules! visit {
                 $visit(ExpressionRole::Output(k), e);
             }
         }
-        if let Some(Stages { names: _, ideals: _, inner_product, spans: _ }) = stages {
+        if let Some(IdealChain { names: _, ideals: _, inner_product, spans: _ }) = stages {
             for e in inner_product.into_iter().flatten().flatten() {
                 $visit(ExpressionRole::InnerProduct, e);
             }

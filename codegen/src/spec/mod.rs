@@ -35,8 +35,8 @@ pub use group::Group;
 pub use kind::{Kind, Restriction, Setting};
 pub use layout::Layout;
 pub use model::{
-    Advected, Condition, ConnectionKind, Constraint, ConstraintKind, Coordinate, Domain, Model, Named,
-    NamedVector, Param, Places, Reconstruction, ReconstructionKind, Relation, Scene, Side, Stages, Velocity,
+    Advected, Condition, ConnectionKind, Constraint, ConstraintKind, Coordinate, Domain, IdealChain, Model,
+    Named, NamedVector, Param, Places, Reconstruction, ReconstructionKind, Relation, Scene, Side, Velocity,
     View, ViewShape, Views, VirtualConstraint, circle_names, diagnose,
 };
 pub use shape::{Expected, Operation, Shape, ValueError};

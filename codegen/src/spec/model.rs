@@ -111,7 +111,7 @@ pub struct Velocity {
 
 /// A chain of ideals `g = n_0 > n_1 > ..` and the inner product that splits it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Stages {
+pub struct IdealChain {
     /// Names of `n_0, n_1, ..`.
     pub names: Vec<String>,
     /// Spanning vectors of `n_1, n_2, ..` in the basis of the algebra.
@@ -433,7 +433,7 @@ pub struct Model {
     /// velocities in the algebra are `xi + A(x, t) xdot`. Absent for `xi` itself.
     pub connection: Option<Vec<Vec<ExprId>>>,
     /// Reduction by stages.
-    pub stages: Option<Stages>,
+    pub stages: Option<IdealChain>,
     /// Advected parameters.
     pub advected: Vec<Advected>,
     /// The reduced Lagrangian.
