@@ -65,7 +65,7 @@ fn syntax() {
     );
     check(
         r#"model m { param a: vector(201) = 1; velocity Omega in so(3); lagrangian = dot(Omega, Omega); }"#,
-        expect![[r#"1:27 dimension `201` is not between 1 and 200"#]],
+        expect!["1:27 dimension `201` is not between 1 and 200 [written as `param m = 1 where m > 0;` or `param chi: vector(3) = [0, 0, 1];`]"],
     );
     check(
         r#"model m { param a = 1 where a; velocity Omega in so(3); lagrangian = dot(Omega, Omega); }"#,
