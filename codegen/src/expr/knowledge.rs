@@ -94,11 +94,11 @@ pub(super) struct Parts {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Scale {
     /// Cosine and sine of `a/DENOMINATOR`.
-    pub(super) turn: Point,
+    pub(super) point: Point,
     /// `exp(a/DENOMINATOR)`.
     pub(super) growth: u64,
     /// Cosine and sine of `a`.
-    pub(super) whole_turn: Point,
+    pub(super) whole_point: Point,
     /// `exp(a)`.
     pub(super) whole_growth: u64,
 }

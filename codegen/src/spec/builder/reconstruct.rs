@@ -252,7 +252,7 @@ impl ModelBuilder {
                 counted(indices.len(), "velocity", "velocities"),
                 group.dim()
             );
-            // A slot of the right dimension, or the first components.
+            // A block of the right dimension, or the first components.
             let mut blocks: BTreeMap<&str, usize> = BTreeMap::new();
             self.velocities.iter().for_each(|v| *blocks.entry(&v.block).or_default() += 1);
             let fitting = blocks.iter().find(|(_, size)| **size == group.dim()).map(|(block, _)| *block);

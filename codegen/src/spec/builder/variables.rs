@@ -14,7 +14,7 @@ use crate::spec::names;
 use crate::spec::value::Value;
 
 impl ModelBuilder {
-    /// The algebra and names for its velocities: one per slot, or one per basis element.
+    /// The algebra and names for its velocities: one for each block, or one per basis element.
     ///
     /// ```
     /// use hamel_codegen::algebra::LieAlgebra;
@@ -22,11 +22,11 @@ impl ModelBuilder {
     ///
     /// let mut b = ModelBuilder::new("bundle");
     /// let (theta, theta_dot) = b.coordinate("theta", Domain::Angle, "tilt [rad]");
-    /// let slots = b.velocities(LieAlgebra::se(2).unwrap(), &["omega", "v"]);
-    /// assert_eq!(slots[1].entries().len(), 2);
+    /// let blocks = b.velocities(LieAlgebra::se(2).unwrap(), &["omega", "v"]);
+    /// assert_eq!(blocks[1].entries().len(), 2);
     /// // The group turns the vertical: `adot = -xi . a`.
     /// let gamma = b.advected("Gamma", Some(2), "");
-    /// let turned = slots[0].mul(b.graph(), &gamma).unwrap();
+    /// let turned = blocks[0].mul(b.graph(), &gamma).unwrap();
     /// b.advected_action("Gamma", &turned).lagrangian(&theta_dot);
     /// assert!(b.build().is_ok());
     /// ```
@@ -45,23 +45,23 @@ impl ModelBuilder {
         if let Some((_, first)) = &self.algebra {
             let problem = Diagnostic::new(here, "velocities are declared twice")
                 .with_place(*first, "first here")
-                .with_help("name all slots in one item: `velocity Omega, V in se(3);`");
+                .with_help("name all blocks in one item: `velocity Omega, V in se(3);`");
             self.problems.push(problem);
         }
-        let slots: Vec<usize> = algebra.slots().iter().map(|s| s.dim).collect();
-        let sizes = if names.len() == slots.len() {
-            slots
+        let blocks: Vec<usize> = algebra.blocks().iter().map(|s| s.dim).collect();
+        let sizes = if names.len() == blocks.len() {
+            blocks
         } else {
             if names.len() != algebra.dim() {
                 let spelled: Vec<String> =
-                    algebra.slots().iter().map(|s| format!("{} (dimension {})", s.name, s.dim)).collect();
+                    algebra.blocks().iter().map(|s| format!("{} (dimension {})", s.name, s.dim)).collect();
                 let plural = if names.len() == 1 { "name" } else { "names" };
                 let message = format!("{} {plural} for the velocity in {}", names.len(), algebra.name());
                 let mut help = match spelled.as_slice() {
                     [only] => format!("give one name for {only}"),
                     several => format!("give {} names, for {}", several.len(), several.join(", ")),
                 };
-                if algebra.dim() != slots.len() {
+                if algebra.dim() != blocks.len() {
                     help.push_str(&format!(", or {} names, one per basis element", algebra.dim()));
                 }
                 self.problem(here, message, help);
