@@ -43,7 +43,10 @@ pub use shape::{Expected, Operation, Shape, ValueError};
 pub use value::Value;
 pub use want::Want;
 
-use crate::expr::Budget;
+/// Algebras and representations, for [`ModelBuilder`].
+pub use crate::algebra::{Block, Bracket, LieAlgebra, Matrix, Representation};
+/// Expressions and exact numbers, for [`ModelBuilder`] and those who look at a [`Model`].
+pub use crate::expr::{Budget, DivisionByZero, ExprId, Func, Graph, Rational, SymbolId, Vanishing};
 
 #[cfg(test)]
 mod tests;
@@ -93,7 +96,7 @@ pub fn parse(file_name: &str, text: &str) -> Result<Model, Diagnostics> {
 /// As [`parse`], with other limits for the model, from its values to the programs of its scenes.
 ///
 /// ```
-/// use hamel_codegen::expr::Budget;
+/// use hamel_codegen::spec::Budget;
 /// use hamel_codegen::spec;
 /// let text = "model m { velocity v in R; lagrangian = v^2; }";
 /// assert!(spec::parse_within(Budget::default().times(10), "m.hamel", text).is_ok());

@@ -18,8 +18,7 @@ impl ModelBuilder {
     /// one constraint per component, and the number 0 on one side stands for a zero of any shape.
     ///
     /// ```
-    /// use hamel_codegen::algebra::LieAlgebra;
-    /// use hamel_codegen::spec::{ModelBuilder, Value};
+    /// use hamel_codegen::spec::{LieAlgebra, ModelBuilder, Value};
     ///
     /// let mut b = ModelBuilder::new("sleigh");
     /// let [omega, v] = b.velocities(LieAlgebra::se(2).unwrap(), &["omega", "v"]).try_into().unwrap();
@@ -72,8 +71,7 @@ impl ModelBuilder {
     /// condition per component. Without any, the displacements are those that the constraints allow.
     ///
     /// ```
-    /// use hamel_codegen::algebra::LieAlgebra;
-    /// use hamel_codegen::spec::{ModelBuilder, Value};
+    /// use hamel_codegen::spec::{LieAlgebra, ModelBuilder, Value};
     ///
     /// let mut b = ModelBuilder::new("servo");
     /// let v = b.velocities(LieAlgebra::abelian(2), &["v"]).remove(0);

@@ -129,9 +129,7 @@ pub(super) struct ReconstructionDraft {
 /// [`ModelBuilder::build`], all at once.
 ///
 /// ```
-/// use hamel_codegen::algebra::LieAlgebra;
-/// use hamel_codegen::expr::Rational;
-/// use hamel_codegen::spec::{Layout, ModelBuilder, Value};
+/// use hamel_codegen::spec::{Layout, LieAlgebra, ModelBuilder, Rational, Value};
 ///
 /// let mut b = ModelBuilder::new("free_rigid_body");
 /// let [i1, i2, i3] = [2, 3, 4].map(|n| Rational::from_integer(n.into()));

@@ -30,9 +30,7 @@ impl ModelBuilder {
     /// A named number that the motion should conserve.
     ///
     /// ```
-    /// use hamel_codegen::algebra::LieAlgebra;
-    /// use hamel_codegen::expr::Rational;
-    /// use hamel_codegen::spec::ModelBuilder;
+    /// use hamel_codegen::spec::{LieAlgebra, ModelBuilder, Rational};
     ///
     /// let one = Rational::from_integer(1.into());
     /// let mut b = ModelBuilder::new("sphere");

@@ -21,8 +21,7 @@ impl ModelBuilder {
     /// Parameters, their conditions and definitions are values; a condition names them in its text only.
     ///
     /// ```
-    /// use hamel_codegen::expr::Rational;
-    /// use hamel_codegen::spec::{Compare, Layout, ModelBuilder, Value};
+    /// use hamel_codegen::spec::{Compare, Layout, ModelBuilder, Rational, Value};
     ///
     /// let number = |n: i64| Rational::from_integer(n.into());
     /// let mut b = ModelBuilder::new("m");

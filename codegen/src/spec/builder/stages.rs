@@ -19,8 +19,7 @@ impl ModelBuilder {
     /// The name of the first stage, the whole algebra.
     ///
     /// ```
-    /// use hamel_codegen::algebra::LieAlgebra;
-    /// use hamel_codegen::spec::ModelBuilder;
+    /// use hamel_codegen::spec::{LieAlgebra, ModelBuilder};
     ///
     /// let mut b = ModelBuilder::new("stages");
     /// let [rotation, translation] = b.velocities(LieAlgebra::se(3).unwrap(), &["Omega", "V"]).try_into().unwrap();

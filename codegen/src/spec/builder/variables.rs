@@ -17,8 +17,7 @@ impl ModelBuilder {
     /// The algebra and names for its velocities: one for each block, or one per basis element.
     ///
     /// ```
-    /// use hamel_codegen::algebra::LieAlgebra;
-    /// use hamel_codegen::spec::{Domain, ModelBuilder};
+    /// use hamel_codegen::spec::{Domain, LieAlgebra, ModelBuilder};
     ///
     /// let mut b = ModelBuilder::new("bundle");
     /// let (theta, theta_dot) = b.coordinate("theta", Domain::Angle, "tilt [rad]");
