@@ -18,7 +18,9 @@ use crate::error::Error;
 use crate::program::{Jet, Program};
 
 pub use rust::{SceneEntry, emit_include, emit_index};
-pub use text::{MatrixText, OutputText, ParamText, ProductText, SceneText, StateText};
+pub use text::{
+    GroupKind, GroupText, GroupTexts, MatrixText, OutputText, ParamText, ProductText, SceneText, StateText,
+};
 
 /// Emits the module of one scene.
 ///

@@ -36,6 +36,62 @@ pub struct SceneText {
     pub formulas: BTreeMap<Role, Vec<String>>,
     /// Whether the energy is proved to be constant along the motion.
     pub conserves_energy: bool,
+    /// What parameters and components of the state form together, for a module that speaks in the types of `nalgebra`; none
+    /// for a module that does without.
+    pub groups: Option<GroupTexts>,
+}
+
+/// Parameters, and components of the state, that form something together.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct GroupTexts {
+    /// Among the parameters.
+    pub params: Vec<GroupText>,
+    /// Among the components of the state.
+    pub state: Vec<GroupText>,
+}
+
+/// Numbers that form a vector, a matrix, an attitude or a place.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GroupText {
+    /// Its name in the model.
+    pub name: String,
+    /// What it is.
+    pub kind: GroupKind,
+    /// Positions of the numbers among the parameters or components, in the order that the kind says.
+    pub components: Vec<usize>,
+}
+
+/// What a [`GroupText`] is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum GroupKind {
+    /// A vector.
+    Vector,
+    /// A diagonal matrix by its diagonal.
+    Diagonal,
+    /// A symmetric matrix of so many rows by its upper triangle, row by row.
+    Symmetric(usize),
+    /// A matrix of so many rows and columns, row by row.
+    Matrix(usize, usize),
+    /// The quaternion `w, x, y, z` of a rotation from body to space.
+    Attitude,
+    /// Attitude and position: the quaternion, then three coordinates.
+    Place,
+    /// A place in the plane: the angle from space to body, then two coordinates.
+    PlanarPlace,
+}
+
+impl GroupKind {
+    /// How many numbers it takes; any for vectors and diagonals.
+    pub fn n_components(self) -> Option<usize> {
+        match self {
+            GroupKind::Vector | GroupKind::Diagonal => None,
+            GroupKind::Symmetric(n) => Some(n * (n + 1) / 2),
+            GroupKind::Matrix(n, m) => Some(n * m),
+            GroupKind::Attitude => Some(4),
+            GroupKind::Place => Some(7),
+            GroupKind::PlanarPlace => Some(3),
+        }
+    }
 }
 
 /// A parameter.

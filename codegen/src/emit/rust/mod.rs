@@ -1,7 +1,7 @@
 //! The Rust back end: a module as items, documented for rustdoc and formatted.
 //!
 //! `notation` spells expressions, `tokens` has small pieces, `params`, `prepared`, `functions`, `matrices`, `guards`,
-//! `traits` and `series` write the items of a scene, `index` the list of modules, `format` text. Does not know: which
+//! `traits`, `series` and `nalgebra` write the items of a scene, `index` the list of modules, `format` text. Does not know: which
 //! functions there are and why, the order of their statements.
 
 mod format;
@@ -9,6 +9,7 @@ mod functions;
 mod guards;
 mod index;
 mod matrices;
+mod nalgebra;
 mod notation;
 mod params;
 mod prepared;
@@ -43,6 +44,7 @@ pub(super) fn emit(program: &Program, jet: Option<&Jet>, text: &SceneText) -> Re
         writer.differentiable(),
         writer.invariants(),
         series.map_or(Ok(TokenStream::new()), |series| writer.series(&series))?,
+        writer.groups()?,
     ];
     let tokens = items.into_iter().collect();
     Ok(format!("{}{}", format::header(&text.command), format::format_module(tokens)?))
