@@ -7,7 +7,7 @@ use std::f64::consts::FRAC_PI_2;
 use expect_test::expect_file;
 use hamel_codegen::emit::{GroupKind, GroupText, GroupTexts, ParamText, SceneText, StateText, emit_scene};
 use hamel_codegen::expr::{Graph, Rational};
-use hamel_codegen::lower::{Inputs, Request, lower};
+use hamel_codegen::lower::{Inputs, Request, SearchBudget, lower};
 use hamel_codegen::program::Role;
 use hamel_runtime::nalgebra::{
     Isometry2, Isometry3, Matrix2, Matrix2x3, Matrix3, Point2, Point3, SVector, UnitQuaternion, Vector2,
@@ -51,7 +51,7 @@ fn text() -> String {
         (name.to_owned(), g.neg(component))
     });
     let requests = [Request { role: Role::Rate, results: opposite.to_vec() }];
-    let program = lower(&mut g, &inputs, &[], &[], &requests).unwrap();
+    let program = lower(&mut g, &inputs, &[], &[], &requests, &SearchBudget::default()).unwrap();
     let params = PARAMS.iter().zip(1i64..).map(|(name, k)| ParamText {
         name: (*name).into(),
         default: Rational::from_integer(k.into()),

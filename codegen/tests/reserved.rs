@@ -5,7 +5,7 @@
 use expect_test::expect_file;
 use hamel_codegen::emit::{MatrixText, OutputText, ParamText, SceneText, StateText, emit_scene};
 use hamel_codegen::expr::{Definition, Func, Graph, Rational, Section};
-use hamel_codegen::lower::{Inputs, ParamCondition, Request, lower};
+use hamel_codegen::lower::{Inputs, ParamCondition, Request, SearchBudget, lower};
 use hamel_codegen::program::{Jet, Program, Relation, Role};
 use hamel_runtime::{Dop853, Integrator, Options, Scene as _, Taylor};
 
@@ -120,7 +120,8 @@ fn program() -> (Program, SceneText) {
         divisors: Default::default(),
     };
     let sections = [Section { title: "drives".into(), definitions }];
-    let program = lower(&mut g, &inputs, &sections, &conditions, &requests).unwrap();
+    let program =
+        lower(&mut g, &inputs, &sections, &conditions, &requests, &SearchBudget::default()).unwrap();
     let output = |name: &str, components: Vec<String>| OutputText {
         name: name.to_owned(),
         components,
