@@ -17,7 +17,7 @@ mod representation;
 
 pub use algebroid::Algebroid;
 pub(crate) use ideals::{independent_vectors, next_ideal, whole_algebra};
-pub use lie::{Bracket, LieAlgebra, Block};
+pub use lie::{Block, Bracket, LieAlgebra};
 pub use matrix::{Matrix, solve_symbolic, solve_symmetric};
 pub use representation::Representation;
 

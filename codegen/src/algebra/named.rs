@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use num_traits::{One, Zero};
 
 use super::families::{MAX_SIZE, gl_matrices, sl_matrices, so_matrices, su_matrices, unit};
-use super::lie::{LieAlgebra, Block};
+use super::lie::{Block, LieAlgebra};
 use super::matrix::Matrix;
 use super::representation::Representation;
 use crate::error::Error;

@@ -9,7 +9,7 @@ use num_traits::Zero;
 use crate::error::Error;
 use crate::expr::Rational;
 
-use super::lie::{LieAlgebra, Block};
+use super::lie::{Block, LieAlgebra};
 use super::representation::Representation;
 
 impl LieAlgebra {

@@ -38,7 +38,7 @@ use super::knowledge::{
 use super::node::{ExprId, Func, Node};
 use super::rational::Rational;
 
-/// Expressions with more nodes behind them are not looked into any further.
+/// Expressions with more nodes behind them get no values at the further points.
 const MAX_NODES: usize = 4000;
 
 /// A value determined by `key` and the point.

@@ -14,7 +14,7 @@ use crate::spec::want::Want;
 impl ModelBuilder {
     fn output_name(&mut self, name: &str) {
         let here = self.here;
-        let is_taken = Want::from_name(name).is_some() || names::OTHER_FUNCTIONS.contains(&name);
+        let is_taken = Want::from_name(name).is_some();
         if is_taken || names::refusal(name).is_some() {
             let reason = names::refusal(name).unwrap_or("every scene has an output of that name");
             self.problem(here, format!("`{name}` cannot be used as a name"), reason);
