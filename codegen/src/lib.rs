@@ -2,8 +2,8 @@
 //!
 //! A model file is parsed and checked ([`spec`]), reduced to a Lie algebroid with Lagrangian, constraint and force
 //! ([`reduction`]), its equations of motion are derived once and for all kinds of systems ([`mechanics`]), a [`scene`]
-//! says what is wanted of them, [`lower`] makes a flat [`program`] and [`emit`] writes Rust. [`Config`] runs all of it from a
-//! build script.
+//! says what is wanted of them, [`lower`] makes a flat [`program`] and [`emit`] writes Rust. [`Config`] runs all of it
+//! from a build script.
 //!
 //! ```
 //! use hamel_codegen::{scene, spec};
@@ -23,8 +23,8 @@
 //!
 //! # What is promised
 //!
-//! [`compile`], [`Config`], [`read`](config::read), [`spec`], [`scene`] and [`error`]. The modules in between are public with the
-//! feature `internals`, for hamel's own crates: they change without notice.
+//! [`compile`], [`Config`], [`read`](config::read), [`spec`], [`scene`] and [`error`]. The modules in between are
+//! public with the feature `internals`, for hamel's own crates: they change without notice.
 
 // What the inner modules offer is for the crates that turn the feature on; with it, these lints look at everything.
 #![cfg_attr(not(feature = "internals"), allow(dead_code, unreachable_pub, unused_imports))]

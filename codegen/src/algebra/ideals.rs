@@ -24,7 +24,8 @@ pub(crate) fn whole_algebra(algebra: &LieAlgebra) -> Vec<Vec<Rational>> {
 /// it. Messages spell vectors in `basis`.
 ///
 /// # Errors
-/// [`Error::ShapeMismatch`], [`Error::NotNested`], [`Error::EmptyStage`], [`Error::NotAnIdeal`] with the offending pair.
+/// [`Error::ShapeMismatch`], [`Error::NotNested`], [`Error::EmptyStage`], [`Error::NotAnIdeal`] with the offending
+/// pair.
 pub(crate) fn next_ideal(
     algebra: &LieAlgebra,
     basis: &[String],

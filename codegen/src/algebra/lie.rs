@@ -98,8 +98,8 @@ impl LieAlgebra {
         if errors.is_empty() { Ok(algebra) } else { Err(errors) }
     }
 
-    /// `[[a, b], c] + [[b, c], a] + [[c, a], b]` is antisymmetric in the triple, so every non-zero `[a, b]` adds its part
-    /// to the sorted triple with a sign; triples that no bracket touches cost nothing.
+    /// `[[a, b], c] + [[b, c], a] + [[c, a], b]` is antisymmetric in the triple, so every non-zero `[a, b]` adds its
+    /// part to the sorted triple with a sign; triples that no bracket touches cost nothing.
     fn jacobi_violations(&self) -> Vec<Error> {
         let mut residuals: BTreeMap<[usize; 3], BTreeMap<usize, Rational>> = BTreeMap::new();
         for (a, b, value) in self.brackets() {

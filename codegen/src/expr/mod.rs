@@ -2,8 +2,8 @@
 //!
 //! Nodes are canonical by construction (flattened, sorted, merged, folded), coefficients and exponents are exact
 //! rationals, and every node carries fingerprints modulo a large prime, so that zeros are found and never rounded to.
-//! An expression that does not vanish is proved not to, or said to be unknown. The operands of a node precede the node in
-//! the arena: every traversal is a loop over ascending ids, and no depth of a graph can overflow the stack.
+//! An expression that does not vanish is proved not to, or said to be unknown. The operands of a node precede the node
+//! in the arena: every traversal is a loop over ascending ids, and no depth of a graph can overflow the stack.
 //!
 //! Deliberately does not know: algebras, mechanics, floating-point evaluation order, Rust.
 

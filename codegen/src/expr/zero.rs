@@ -76,8 +76,9 @@ impl Graph {
         }
     }
 
-    /// As [`Graph::is_equal`], from values alone without multiplying out: false where these say nothing. Two valid points are
-    /// enough here, with a chance of error below `1e-18`; where signs are unknown, the difference is looked into for all of them.
+    /// As [`Graph::is_equal`], from values alone without multiplying out: false where these say nothing. Two valid
+    /// points are enough here, with a chance of error below `1e-18`; where signs are unknown, the difference is looked
+    /// into for all of them.
     pub(crate) fn fingerprints_agree(&mut self, a: ExprId, b: ExprId) -> bool {
         if a == b {
             return true;

@@ -12,8 +12,8 @@ use super::shape::{Operation, Shape, ValueError};
 use super::value::Value;
 use crate::expr::{ExprId, Func, Graph, Rational};
 
-/// Steps of work that are taken for a scalar operation before its expressions are made: the default budget has room for 4
-/// million.
+/// Steps of work that are taken for a scalar operation before its expressions are made: the default budget has room for
+/// 4 million.
 const STEPS: usize = 50;
 /// Bound on the bits of any coefficient, so that nested powers cannot fill the memory.
 const MAX_BITS: u64 = 1 << 18;

@@ -1,9 +1,10 @@
 //! All expressions of a model, each with its role: the one list for whatever walks a model.
 //!
-//! Both lists take every struct apart field by field, so that a new field does not compile until it is listed or said to
-//! hold no expression.
+//! Both lists take every struct apart field by field, so that a new field does not compile until it is listed or said
+//! to hold no expression.
 //!
-//! Deliberately does not know: what is done with the expressions, the expressions of views, which have a graph of their own.
+//! Deliberately does not know: what is done with the expressions, the expressions of views, which have a graph of their
+//! own.
 
 use super::model::*;
 use crate::expr::{ExprId, Graph};

@@ -2,8 +2,8 @@
 //!
 //! [`parse`] reads a file; [`ModelBuilder`] is the same front end for Rust, and the parser uses it. All problems of a
 //! file are reported at once, each with its place, the offending tokens underlined and a hint. What a model declares
-//! without using it is a warning, which the checked model carries. No input makes this module panic: nesting, sizes, numbers
-//! and work are limited, and every limit has a message.
+//! without using it is a warning, which the checked model carries. No input makes this module panic: nesting, sizes,
+//! numbers and work are limited, and every limit has a message.
 //!
 //! The language is described in `docs/model-language.md`.
 //!

@@ -213,7 +213,8 @@ pub struct VirtualConstraint {
 
 /// How the rates of reconstructed coordinates follow from the motion.
 ///
-/// `omega` and `v` are components of the group velocity `xi`, also where the velocities of the model are `xi + A(x) xdot`.
+/// `omega` and `v` are components of the group velocity `xi`, also where the velocities of the model are
+/// `xi + A(x) xdot`.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ReconstructionKind {
     /// SO(2): an angle.
@@ -429,8 +430,8 @@ pub struct Model {
     pub quasi_velocities: Vec<Velocity>,
     /// Side of the group action.
     pub action: Side,
-    /// Components `A^a_i(x, t)` of the principal connection, `a` in the basis of the algebra, `i` a base coordinate: the
-    /// velocities in the algebra are `xi + A(x, t) xdot`. Absent for `xi` itself.
+    /// Components `A^a_i(x, t)` of the principal connection, `a` in the basis of the algebra, `i` a base coordinate:
+    /// the velocities in the algebra are `xi + A(x, t) xdot`. Absent for `xi` itself.
     pub connection: Option<Vec<Vec<ExprId>>>,
     /// Reduction by stages.
     pub stages: Option<IdealChain>,

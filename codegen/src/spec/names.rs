@@ -90,7 +90,8 @@ pub(super) const FUNCTIONS: &[&str] = &[
     "abs",
 ];
 
-/// What to write instead of a function that has jumps or kinks, for expressions are differentiated; nothing for other words.
+/// What to write instead of a function that has jumps or kinks, for expressions are differentiated; nothing for other
+/// words.
 pub(super) fn not_smooth(word: &str) -> Option<String> {
     let advice = match word {
         "sign" | "sgn" | "signum" | "copysign" => {

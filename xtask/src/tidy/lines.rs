@@ -5,7 +5,10 @@
 //!
 //! Does not know: Rust, besides where comments and tests begin.
 
+use std::collections::BTreeSet;
 use std::path::Path;
+
+use proc_macro2::{TokenStream, TokenTree};
 
 use super::known;
 use super::source::{MAX_COLUMNS, MAX_LINES, Problem, Source};
@@ -63,6 +66,8 @@ fn length_of_file(source: &Source) -> Option<Problem> {
 enum Kind {
     /// Prose, after so many bytes of indentation and marks of a comment.
     Prose(usize),
+    /// Code outside of texts.
+    Code,
     /// What cannot be broken.
     Fixed,
 }
@@ -70,14 +75,16 @@ enum Kind {
 /// Kinds of all lines.
 fn kinds(source: &Source) -> Vec<Kind> {
     let is_markdown = source.has_extension("md");
+    let texts = if is_markdown { BTreeSet::new() } else { lines_of_texts(&source.text) };
     let mut is_code = false;
     let mut kinds = Vec::new();
-    for line in source.text.lines() {
+    for (k, line) in source.text.lines().enumerate() {
         let start = if is_markdown { Some(0) } else { comment_start(line) };
         let kind = match start {
+            _ if texts.contains(&(k + 1)) => Kind::Fixed,
             None => {
                 is_code = false;
-                Kind::Fixed
+                Kind::Code
             }
             Some(start) => {
                 let text = line[start..].trim_start();
@@ -104,16 +111,36 @@ fn long_lines(source: &Source) -> Vec<usize> {
     if known::written_by_programs(&source.path) {
         return Vec::new();
     }
-    let is_markdown = source.has_extension("md");
     let kinds = kinds(source);
     let too_long = |(k, line): &(usize, &str)| {
         line.chars().count() > MAX_COLUMNS
             && match kinds[*k] {
                 Kind::Prose(start) => break_at(line, start).is_some(),
-                Kind::Fixed => !is_markdown && comment_start(line).is_none() && !is_text(line),
+                Kind::Code => !is_text(line),
+                Kind::Fixed => false,
             }
     };
     source.text.lines().enumerate().filter(too_long).map(|(k, _)| k + 1).collect()
+}
+
+/// The lines of texts that have more than one.
+fn lines_of_texts(text: &str) -> BTreeSet<usize> {
+    let mut lines = BTreeSet::new();
+    // What rustc cannot read, rustc reports.
+    let mut pending: Vec<TokenStream> = text.parse().into_iter().collect();
+    while let Some(tokens) = pending.pop() {
+        for tree in tokens {
+            match tree {
+                TokenTree::Group(group) => pending.push(group.stream()),
+                TokenTree::Literal(literal) => {
+                    let (start, end) = (literal.span().start().line, literal.span().end().line);
+                    lines.extend((start..=end).filter(|_| start < end));
+                }
+                _ => {}
+            }
+        }
+    }
+    lines
 }
 
 /// Whether a line of code is long because of a text in it.
@@ -183,19 +210,13 @@ pub(super) fn wrapped(source: &Source) -> String {
         if let Some((prefix, rest)) = left.take() {
             let own = match kind {
                 Kind::Prose(start) => line[start..].trim_start().to_owned(),
-                Kind::Fixed => String::new(),
+                Kind::Code | Kind::Fixed => String::new(),
             };
             let is_same = !own.is_empty() && !begins_block(&own) && line[..line.len() - own.len()] == prefix;
             if is_same {
                 line = format!("{prefix}{rest} {own}");
             } else {
-                let mut pending = format!("{prefix}{rest}");
-                while let Some(at) = over(&pending, prefix.len()) {
-                    let rest = pending.split_off(at);
-                    out.push(pending);
-                    pending = format!("{prefix}{}", rest.trim_start());
-                }
-                out.push(pending);
+                push_broken(&mut out, &prefix, &rest);
             }
         }
         if let Kind::Prose(start) = kind {
@@ -210,13 +231,24 @@ pub(super) fn wrapped(source: &Source) -> String {
         out.push(line);
     }
     if let Some((prefix, rest)) = left {
-        out.push(format!("{prefix}{rest}"));
+        push_broken(&mut out, &prefix, &rest);
     }
     let mut text = out.join("\n");
     if source.text.ends_with('\n') {
         text.push('\n');
     }
     text
+}
+
+/// Appends what is left over of a paragraph, in as many lines as it takes.
+fn push_broken(out: &mut Vec<String>, prefix: &str, rest: &str) {
+    let mut pending = format!("{prefix}{rest}");
+    while let Some(at) = over(&pending, prefix.len()) {
+        let rest = pending.split_off(at);
+        out.push(pending);
+        pending = format!("{prefix}{}", rest.trim_start());
+    }
+    out.push(pending);
 }
 
 /// Where a line that is too long is broken.
@@ -263,6 +295,10 @@ mod tests {
         assert_eq!(wrapped.lines().next().unwrap(), "a".repeat(60), "{wrapped}");
         assert!(long_lines(&source("a.rs", &format!("    f(\"{target}\");\n"))).is_empty());
         assert_eq!(long_lines(&source("a.rs", &format!("    f({target});\n"))), [1]);
+        let text = format!("const A: &str = \"\n/// {}\n\";\n", "b c ".repeat(40));
+        let text = source("a.rs", &text);
+        assert!(long_lines(&text).is_empty());
+        assert_eq!(super::wrapped(&text), text.text);
     }
 
     #[test]

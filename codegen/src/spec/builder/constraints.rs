@@ -14,8 +14,8 @@ use crate::spec::shape::{Operation, Shape, ValueError};
 use crate::spec::value::Value;
 
 impl ModelBuilder {
-    /// A constraint `left = right` on velocities, or on accelerations made by [`ModelBuilder::ddt`]; a vector equation gives
-    /// one constraint per component, and the number 0 on one side stands for a zero of any shape.
+    /// A constraint `left = right` on velocities, or on accelerations made by [`ModelBuilder::ddt`]; a vector equation
+    /// gives one constraint per component, and the number 0 on one side stands for a zero of any shape.
     ///
     /// ```
     /// use hamel_codegen::spec::{LieAlgebra, ModelBuilder, Value};
@@ -67,8 +67,8 @@ impl ModelBuilder {
         self
     }
 
-    /// A condition `left = right` on virtual displacements, linear in [`ModelBuilder::delta`]; a vector equation gives one
-    /// condition per component. Without any, the displacements are those that the constraints allow.
+    /// A condition `left = right` on virtual displacements, linear in [`ModelBuilder::delta`]; a vector equation gives
+    /// one condition per component. Without any, the displacements are those that the constraints allow.
     ///
     /// ```
     /// use hamel_codegen::spec::{LieAlgebra, ModelBuilder, Value};

@@ -32,9 +32,9 @@ impl Group {
 impl ModelBuilder {
     /// Coordinates of a group that the velocities `from` of the algebra move; with none, all velocities of the algebra.
     ///
-    /// SO(2) takes one name, an angle; SO(3) one name `q` and has coordinates `qw, qx, qy, qz`; SE(2) three names, angle
-    /// and position; SE(3) two names `q, r` and has `qw, .., qz, r1, r2, r3`; R^n one name `x` for `x1, .., xn`, or `n`
-    /// names.
+    /// SO(2) takes one name, an angle; SO(3) one name `q` and has coordinates `qw, qx, qy, qz`; SE(2) three names,
+    /// angle and position; SE(3) two names `q, r` and has `qw, .., qz, r1, r2, r3`; R^n one name `x` for `x1, .., xn`,
+    /// or `n` names.
     pub fn reconstruct_group(
         &mut self,
         names: &[&str],
@@ -75,8 +75,8 @@ impl ModelBuilder {
         values
     }
 
-    /// Coordinates with given rates, which may contain coordinates that are reconstructed before: one name for a number,
-    /// one name `x` for a vector with components `x1, x2, ..`, or as many names as the vector has entries.
+    /// Coordinates with given rates, which may contain coordinates that are reconstructed before: one name for a
+    /// number, one name `x` for a vector with components `x1, x2, ..`, or as many names as the vector has entries.
     pub fn reconstruct_rate(&mut self, names: &[&str], rate: &Value, doc: &str) -> Vec<Value> {
         let here = self.here;
         let names: Vec<(&str, Option<Span>)> = names.iter().map(|n| (*n, here)).collect();
@@ -160,8 +160,8 @@ impl ModelBuilder {
         }
     }
 
-    /// The default initial value of a state variable or a reconstructed coordinate (a vector or a component); it contains
-    /// parameters at most. Values of velocities that follow from the constraints are not used.
+    /// The default initial value of a state variable or a reconstructed coordinate (a vector or a component); it
+    /// contains parameters at most. Values of velocities that follow from the constraints are not used.
     pub fn initial(&mut self, name: &str, value: &Value) -> &mut Self {
         let here = self.here;
         self.initial.push((name.to_owned(), value.clone(), here));
@@ -218,8 +218,8 @@ impl ModelBuilder {
         self.graph.sum(&terms)
     }
 
-    /// The basis elements whose velocities move the group. They have its brackets, and no bracket with another element has
-    /// a component along them, so that `gdot = g xi` closes.
+    /// The basis elements whose velocities move the group. They have its brackets, and no bracket with another element
+    /// has a component along them, so that `gdot = g xi` closes.
     fn group_indices(&mut self, group: Group, from: &[Located], span: Option<Span>) -> Option<Vec<usize>> {
         let n_base = self.base.len();
         let expected = group.algebra()?;

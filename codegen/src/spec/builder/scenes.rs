@@ -180,8 +180,8 @@ impl ModelBuilder {
         self
     }
 
-    /// Base coordinates (vectors or components) that a scene carries as points `(cos, sin)` of the circle: in the state,
-    /// `theta_c` and `theta_s` stand for `theta`, and no sine and cosine of it is computed.
+    /// Base coordinates (vectors or components) that a scene carries as points `(cos, sin)` of the circle: in the
+    /// state, `theta_c` and `theta_s` stand for `theta`, and no sine and cosine of it is computed.
     pub fn scene_circles(&mut self, scene: &str, names: &[&str]) -> &mut Self {
         let here = self.here;
         match self.scenes.iter_mut().find(|s| s.scene.name == scene) {
