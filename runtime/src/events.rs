@@ -7,6 +7,7 @@ use crate::real::Real;
 
 /// Which changes of sign are events.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Direction {
     /// From negative to zero or positive, in the direction of integration.
     Rising,
@@ -56,6 +57,7 @@ impl Direction {
 /// # Ok::<(), hamel_runtime::Error>(())
 /// ```
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct Event<'a, R, V> {
     /// Position of its function.
     pub index: usize,

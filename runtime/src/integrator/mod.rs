@@ -23,6 +23,7 @@ use crate::system::{StateVector, System};
 
 /// Counts of work done since the integrator was made.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Stats {
     /// Accepted steps.
     pub steps: u64,

@@ -92,6 +92,7 @@ pub trait Method<R: Real, S: System<R>>: Copy {
 
 /// An end of a step.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Point<V> {
     /// The state, rounded.
     pub state: V,
@@ -103,6 +104,7 @@ pub struct Point<V> {
 
 /// The start of a step whose size is to be chosen, as a method sees it.
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct Start<'a, R: Real, S: System<R>> {
     /// The system that is integrated.
     pub system: &'a S,
@@ -189,6 +191,7 @@ fn middle_of_range<R: Real>(size: f64) -> f64 {
 
 /// One trial step, as a method sees it.
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct Step<'a, R: Real, S: System<R>> {
     /// The system that is integrated.
     pub system: &'a S,
