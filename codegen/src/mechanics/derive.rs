@@ -181,7 +181,7 @@ impl<'a> Derivation<'a> {
             system.velocities.iter().chain(system.algebroid.base()).chain([&system.time]).copied().collect();
         // Points of circles and advected vectors are not zero: functions divide by their lengths.
         let cosines = system.circles.iter().map(|c| c.cosine);
-        let first = system.vectors.iter().filter_map(|(_, components)| components.first().copied());
+        let first = system.vectors_of_fixed_length().filter_map(|block| block.components.first().copied());
         let units: Vec<SymbolId> = cosines.chain(first).collect();
         let writer = SectionWriter::new(&g, varying, &units);
         Derivation {

@@ -7,8 +7,8 @@ use crate::error::Error;
 use crate::expr::{ExprId, Graph, SymbolId};
 use crate::spec::{ConnectionKind, ConstraintKind, Diagnostics, Model, ReconstructionKind};
 
-use super::constraint::{ConstraintRow, Solver, Unknown};
-use super::front_end::{annihilator, reduce, signs};
+use super::constraint::{self, ConstraintRow, Solver, Unknown, annihilator, constrain};
+use super::domain::signs;
 use super::reconstruction;
 
 /// Rewrites a model so that its velocity is `v = xi + A(x, t) xdot` for the connection asked for.
@@ -50,7 +50,11 @@ pub fn with_connection(model: &Model, kind: ConnectionKind) -> Result<Model, Dia
         Ok(shift) => shift,
         Err(error) => {
             // Constraints that contradict each other have no displacements either: their own error says more.
-            reduce(&Model { derived_connection: None, ..model.clone() }, &[])?;
+            let mut plain = model.clone();
+            let facts = signs(&mut plain);
+            if let Err(error) = constrain(&mut plain, &facts) {
+                return Err(model.diagnostics(vec![constraint::refused(&plain, &error)]));
+            }
             let error = rewritten.graph.within_budget().err().map_or(error, Error::from);
             return Err(refused(model, &error));
         }
