@@ -2,7 +2,7 @@
 //!
 //! A model file is parsed and checked ([`spec`]), reduced to a Lie algebroid with Lagrangian, constraint and force
 //! ([`reduction`]), its equations of motion are derived once and for all kinds of systems ([`mechanics`]), a [`scene`]
-//! says what is wanted of them, [`lower`] makes a flat program and [`emit`] writes Rust. [`Config`] runs all of it from a
+//! says what is wanted of them, [`lower`] makes a flat [`program`] and [`emit`] writes Rust. [`Config`] runs all of it from a
 //! build script.
 //!
 //! ```
@@ -30,6 +30,7 @@ pub mod explain;
 pub mod expr;
 pub mod lower;
 pub mod mechanics;
+pub mod program;
 pub mod reduction;
 pub mod scene;
 pub mod spec;

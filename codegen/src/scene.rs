@@ -22,10 +22,9 @@ use crate::expr::{
     Budget, Exhausted, ExprId, Func, Graph, Rational, Resource, Sign, Stage, SymbolId, inlined,
     needed_sections, rational_to_f64, sign_of,
 };
-use crate::lower::{
-    self, Counts, Inputs, Jet, ParamCondition, Point, Program, Relation, Request, ViolatedCondition,
-};
+use crate::lower::{self, Inputs, ParamCondition, Request};
 use crate::mechanics::{Equations, Output, Pivot, PivotOrigin, StateEquation, derive};
+use crate::program::{Counts, Jet, Point, Program, Relation, Role, ViolatedCondition};
 use crate::reduction::{AccelerationSource, KinematicConstraint, reduce, with_circles};
 use crate::spec::{self, Diagnostics, Model, Param, Want};
 
@@ -45,8 +44,8 @@ pub struct BuiltScene {
     pub name: String,
     /// What was derived.
     pub equations: Equations,
-    /// What was lowered: functions `rhs`, `energy` (when wanted), `check`, one per output and per product, then `domain`
-    /// where there is one. The results of `check` are the pivots, and for each a scale beside which it must not vanish.
+    /// What was lowered: the rates, the energy (when wanted), the pivots, one function for each output and each product, then
+    /// the domain where there is one; see [`Role`].
     pub program: Program,
     /// The state of this scene: that of the model without what is left out, with what is reconstructed.
     pub state: Vec<StateEquation>,
@@ -195,7 +194,7 @@ fn plan(model: &Model, scene: &str) -> Option<Plan> {
 /// Builds one scene of a model.
 ///
 /// ```
-/// use hamel_codegen::{scene, spec};
+/// use hamel_codegen::{program::Role, scene, spec};
 ///
 /// let text = "model top {
 ///     param I: diagonal(3) = [2, 1.5, 0.8] where I1 > 0, I2 > 0, I3 > 0;
@@ -205,8 +204,8 @@ fn plan(model: &Model, scene: &str) -> Option<Plan> {
 /// }";
 /// let model = spec::parse("top.hamel", text)?;
 /// let ball = scene::build(&model, "ball")?;
-/// let rhs = ball.program.function_idx("rhs").unwrap();
-/// assert_eq!(ball.program.functions[rhs].counts().total(), 0);
+/// let rhs = ball.program.function(&Role::Rate).unwrap();
+/// assert_eq!(rhs.counts().total(), 0);
 /// # Ok::<(), spec::Diagnostics>(())
 /// ```
 ///
@@ -536,14 +535,15 @@ fn lower_scene(
     conditions.extend(pivots.conditions);
     inputs.divisors = pivots.divisors;
     let rhs: Vec<(String, ExprId)> = state.iter().map(|s| (s.name.clone(), s.derivative)).collect();
-    let mut requests = vec![Request { name: lower::RHS.into(), results: rhs }];
+    let mut requests = vec![Request { role: Role::Rate, results: rhs }];
     if wants_energy {
         let results = vec![("energy".to_owned(), equations.energy)];
-        requests.push(Request { name: "energy".into(), results });
+        requests.push(Request { role: Role::Energy, results });
     }
-    requests.push(Request { name: lower::CHECK.into(), results: pivots.moving });
+    requests.push(Request { role: Role::Pivots, results: pivots.moving });
     for output in &outputs {
-        requests.push(Request { name: output.name.clone(), results: output.components.clone() });
+        let role = Role::Output(output.name.clone());
+        requests.push(Request { role, results: output.components.clone() });
     }
     requests.extend(derivatives.requests);
     let carried: BTreeSet<SymbolId> = inputs.state.iter().copied().collect();
@@ -552,7 +552,7 @@ fn lower_scene(
     let domains = system.domains.iter().filter(|d| !graph.depends_on(d.positive, &left_out));
     let results: Vec<(String, ExprId)> = domains.map(|d| (d.text.clone(), d.positive)).collect();
     if !results.is_empty() {
-        requests.push(Request { name: "domain".into(), results });
+        requests.push(Request { role: Role::Domain, results });
     }
     let results = requests.iter().flat_map(|r| r.results.iter().map(|(_, e)| *e));
     let roots: Vec<ExprId> = results.chain(conditions.iter().flat_map(|c| [c.greater, c.less])).collect();
@@ -708,7 +708,7 @@ impl BuiltScene {
 
     /// Whether the scene computes the energy.
     pub fn has_energy(&self) -> bool {
-        self.program.function_idx("energy").is_some()
+        self.program.function(&Role::Energy).is_some()
     }
 
     /// What it took of the model's budget, from the text to the program.
@@ -756,9 +756,9 @@ impl BuiltScene {
     /// # Errors
     /// [`Error::UnknownName`], a bug: every scene has a right-hand side.
     pub fn jet(&self) -> Result<Jet, Error> {
-        let known = || self.program.functions.iter().map(|f| f.name.clone()).collect();
-        let rhs = self.program.function_idx(lower::RHS).ok_or_else(|| Error::UnknownName {
-            name: "rhs".to_owned(),
+        let known = || self.program.functions.iter().map(|f| f.role.name().to_owned()).collect();
+        let rhs = self.program.function_idx(&Role::Rate).ok_or_else(|| Error::UnknownName {
+            name: Role::Rate.name().to_owned(),
             kind: "function of the program",
             known: known(),
         })?;
@@ -830,7 +830,7 @@ impl BuiltScene {
         let motion = "Lagrange-d'Alembert equations `W^a_b E_a = 0`, \
                       `E_a = d/dt p_a + C^c_ab y^b p_c - rho^i_a dL/dx^i - F_a`, solved for the accelerations"
             .to_owned();
-        let formulas = [("energy".to_owned(), vec![energy]), ("rhs".to_owned(), vec![motion])];
+        let formulas = [(Role::Energy, vec![energy]), (Role::Rate, vec![motion])];
         SceneText {
             model: system.name.clone(),
             scene: self.name.clone(),
@@ -879,7 +879,7 @@ impl BuiltScene {
     /// Operations of every function, per section of the right-hand side, and of the part that runs once.
     pub fn operation_table(&self) -> String {
         let cells = |counts: Counts| vec![counts.to_string()];
-        table(self.operations(|function| function == "rhs").into_iter().map(|(name, c)| (name, cells(c))))
+        table(self.operations(|role| *role == Role::Rate).into_iter().map(|(name, c)| (name, cells(c))))
     }
 
     /// Operations of every function and its sections in columns: additions and multiplications include the fused ones.
@@ -906,11 +906,11 @@ impl BuiltScene {
     }
 
     /// Operations of the part that runs once and of every function, and of the sections of some.
-    fn operations(&self, by_section: impl Fn(&str) -> bool) -> Vec<(String, Counts)> {
+    fn operations(&self, by_section: impl Fn(&Role) -> bool) -> Vec<(String, Counts)> {
         let mut rows = vec![("prepare (once per parameter set)".into(), self.program.prepare.counts())];
         for function in self.program.functions.iter().filter(|f| !f.results.is_empty()) {
-            rows.push((function.name.clone(), function.counts()));
-            if by_section(&function.name) {
+            rows.push((function.role.name().to_owned(), function.counts()));
+            if by_section(&function.role) {
                 for (k, title) in self.program.sections.iter().enumerate() {
                     let counts = function.counts_of_section(k);
                     if counts.total() > 0 {
@@ -969,8 +969,8 @@ impl Interpreter<'_> {
         self.scene
     }
 
-    fn call(&self, name: &str, t: f64, y: &[f64], out: &mut [f64]) -> bool {
-        let Some(k) = self.scene.program.function_idx(name) else { return false };
+    fn call(&self, role: &Role, t: f64, y: &[f64], out: &mut [f64]) -> bool {
+        let Some(k) = self.scene.program.function_idx(role) else { return false };
         self.scene.program.run(k, &self.params, &self.prepared, t, y, out);
         true
     }
@@ -980,7 +980,7 @@ impl Interpreter<'_> {
     /// # Panics
     /// When a size is wrong.
     pub fn rhs(&self, t: f64, y: &[f64], dy: &mut [f64]) {
-        self.call("rhs", t, y, dy);
+        self.call(&Role::Rate, t, y, dy);
     }
 
     /// Derivatives of [`rhs`](Interpreter::rhs) by the components of the state: row `i` has those of component `i`.
@@ -990,7 +990,7 @@ impl Interpreter<'_> {
     /// # Panics
     /// When a size is wrong.
     pub fn rhs_jacobian(&self, t: f64, y: &[f64], rows: &mut [&mut [f64]]) {
-        let Some(k) = self.scene.program.function_idx("rhs") else { return };
+        let Some(k) = self.scene.program.function_idx(&Role::Rate) else { return };
         let constants = |values: &[f64]| values.iter().copied().map(Dual::constant).collect::<Vec<Dual>>();
         let (params, prepared) = (constants(&self.params), constants(&self.prepared));
         let (mut state, mut out) = (constants(y), constants(y));
@@ -1013,7 +1013,7 @@ impl Interpreter<'_> {
     /// Energy, when the scene wants it.
     pub fn energy(&self, t: f64, y: &[f64]) -> Option<f64> {
         let mut out = [0.0];
-        self.call("energy", t, y, &mut out).then_some(out[0])
+        self.call(&Role::Energy, t, y, &mut out).then_some(out[0])
     }
 
     /// All outputs, concatenated.
@@ -1021,7 +1021,7 @@ impl Interpreter<'_> {
         let mut all = Vec::new();
         for output in &self.scene.outputs {
             let mut out = vec![0.0; output.components.len()];
-            self.call(&output.name, t, y, &mut out);
+            self.call(&Role::Output(output.name.clone()), t, y, &mut out);
             all.extend(out);
         }
         all
@@ -1042,7 +1042,7 @@ impl Interpreter<'_> {
     pub fn invariants(&self, t: f64, y: &[f64]) -> Option<Vec<f64>> {
         let names = self.scene.invariant_names()?;
         let mut values = vec![0.0; names.len()];
-        self.call(INVARIANTS, t, y, &mut values);
+        self.call(&Role::Output(INVARIANTS.to_owned()), t, y, &mut values);
         Some(values)
     }
 
@@ -1057,7 +1057,7 @@ impl Interpreter<'_> {
     fn matrix_named(&self, name: &str, t: f64, y: &[f64]) -> Option<Vec<Vec<f64>>> {
         let matrix = self.scene.matrices.iter().find(|m| m.name == name)?;
         let mut entries = vec![0.0; matrix.pattern.len()];
-        self.call(name, t, y, &mut entries);
+        self.call(&Role::Output(name.to_owned()), t, y, &mut entries);
         let (n_rows, n_columns) = matrix.shape;
         let mut rows = vec![vec![0.0; n_columns]; n_rows];
         for ((i, j), entry) in matrix.pattern.iter().zip(entries) {
@@ -1072,7 +1072,7 @@ impl Interpreter<'_> {
     /// When a size is wrong.
     pub fn product(&self, derivative: Derivative, t: f64, y: &[f64], vector: &[f64]) -> Option<Vec<f64>> {
         let product = self.scene.products.iter().find(|p| p.derivative == derivative)?;
-        let k = self.scene.program.function_idx(derivative.name())?;
+        let k = self.scene.program.function_idx(&derivative.role())?;
         let mut out = vec![0.0; product.components.len()];
         let point = Point { t, state: y, argument: vector };
         self.scene.program.run_at(k, &self.params, &self.prepared, point, &mut out);
@@ -1086,7 +1086,7 @@ impl Interpreter<'_> {
     /// When the size of `y` is wrong.
     pub fn pivots(&self, t: f64, y: &[f64]) -> Vec<(&str, f64, f64)> {
         let program = &self.scene.program;
-        let Some(k) = program.function_idx(lower::CHECK) else { return Vec::new() };
+        let Some(k) = program.function_idx(&Role::Pivots) else { return Vec::new() };
         let results = &program.functions[k].results;
         let mut out = vec![0.0; results.len()];
         program.run(k, &self.params, &self.prepared, t, y, &mut out);
@@ -1112,7 +1112,7 @@ impl Interpreter<'_> {
     /// When the size of `y` is wrong.
     pub fn signature(&self, t: f64, y: &[f64]) -> f64 {
         let mut out = [0.0];
-        self.call(lower::SIGNATURE, t, y, &mut out);
+        self.call(&Role::Signature, t, y, &mut out);
         out[0]
     }
 
@@ -1122,18 +1122,18 @@ impl Interpreter<'_> {
     /// The first condition that does not hold, such as `theta > 0`.
     pub fn domain(&self, t: f64, y: &[f64]) -> Result<(), String> {
         let is_inside = |value: &f64| *value > 0.0;
-        self.guard("domain", t, y, |out| out.iter().position(|value| !is_inside(value)))
+        self.guard(&Role::Domain, t, y, |out| out.iter().position(|value| !is_inside(value)))
     }
 
     /// The name of the result of a function that does not hold.
     fn guard(
         &self,
-        function: &str,
+        role: &Role,
         t: f64,
         y: &[f64],
         broken: impl Fn(&[f64]) -> Option<usize>,
     ) -> Result<(), String> {
-        let Some(k) = self.scene.program.function_idx(function) else { return Ok(()) };
+        let Some(k) = self.scene.program.function_idx(role) else { return Ok(()) };
         let results = &self.scene.program.functions[k].results;
         let mut out = vec![0.0; results.len()];
         self.scene.program.run(k, &self.params, &self.prepared, t, y, &mut out);
@@ -1163,7 +1163,7 @@ mod tests {
                 lagrangian = 1/2*a_dot^2 + I/2*(x_dot^2 + y_dot^2) + q/2*(cos(a)*x_dot + sin(a)*y_dot)^2;
             }",
         );
-        let rhs = &scene.program.functions[scene.program.function_idx("rhs").expect("a right-hand side")];
+        let rhs = scene.program.function(&Role::Rate).expect("a right-hand side");
         assert_eq!(rhs.counts().div, 0, "{rhs:?}");
         assert!(!scene.emit().expect("a module").contains("fn check"), "nothing can vanish");
 
@@ -1325,7 +1325,7 @@ mod tests {
         let watches = |lagrangian: &str| {
             let text =
                 format!("model m {{ param k = 2; coordinate x, w in real; lagrangian = {lagrangian}; }}");
-            built(&text).program.function_idx(lower::SIGNATURE).is_some()
+            built(&text).program.function_idx(&Role::Signature).is_some()
         };
         assert!(watches("1/2*(1 - x^2)*x_dot^2 + 1/2*w_dot^2 - 1/2*w^2"));
         assert!(watches("1/2*x_dot^2 + x*x_dot*w_dot + 1/2*w_dot^2"));

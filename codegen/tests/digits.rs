@@ -4,6 +4,7 @@
 
 use std::path::Path;
 
+use hamel_codegen::program::Role;
 use hamel_codegen::scene::{self, BuiltScene};
 use hamel_codegen::spec;
 use hamel_runtime::{DoubleDouble, Real};
@@ -34,7 +35,7 @@ fn rhs<R: Real>(scene: &BuiltScene, params: &[R], state: &[R]) -> Option<Vec<R>>
     let program = &scene.program;
     let prepared = program.prepare(params).ok()?;
     let mut out = vec![R::ZERO; state.len()];
-    program.run(program.function_idx("rhs")?, params, &prepared, R::ZERO, state, &mut out);
+    program.run(program.function_idx(&Role::Rate)?, params, &prepared, R::ZERO, state, &mut out);
     Some(out)
 }
 

@@ -5,6 +5,7 @@
 
 use hamel_codegen::config::Config;
 use hamel_codegen::expr::Budget;
+use hamel_codegen::program::Role;
 use hamel_codegen::scene::{self, BuiltScene};
 use hamel_codegen::spec;
 
@@ -84,7 +85,7 @@ fn two_hundred_advected_components_are_a_multiplication_each() {
     for lagrangian in ["v^2/2", "v^2/2 + G1", "v^2/2 - dot(G, G)/2"] {
         let items = format!("velocity v in R; advected G in R^200 by v*G; lagrangian = {lagrangian};");
         let scene = built(Budget::default(), &items).unwrap();
-        let rhs = &scene.program.functions[scene.program.function_idx("rhs").unwrap()];
+        let rhs = &scene.program.functions[scene.program.function_idx(&Role::Rate).unwrap()];
         assert!(rhs.counts().mul <= 402 && rhs.counts().total() <= 805, "{lagrangian}: {}", rhs.counts());
         // A thousandth of a budget that is about a minute.
         assert!(scene.spent().work < Budget::default().work / 50, "{lagrangian}: {:?}", scene.spent());

@@ -2,7 +2,7 @@
 
 use hamel_codegen::explain::explain;
 use hamel_codegen::expr::Style;
-use hamel_codegen::lower::{Constant, Operand};
+use hamel_codegen::program::{Constant, Operand, Role};
 use hamel_codegen::scene::{self, BuiltScene};
 use hamel_codegen::spec;
 use hamel_tests::draws::{Draws, for_all};
@@ -11,7 +11,7 @@ use num_traits::{ToPrimitive, Zero};
 
 /// Operations of the right-hand side.
 fn operations(scene: &BuiltScene) -> usize {
-    let k = scene.program.function_idx("rhs").expect("every scene has a right-hand side");
+    let k = scene.program.function_idx(&Role::Rate).expect("every scene has a right-hand side");
     scene.program.functions[k].counts().total()
 }
 
@@ -35,7 +35,7 @@ fn velocities_that_cannot_change_are_found_constant() {
         let latex = explain(&models::model(name), &built, Style::Latex);
         assert!(latex.contains("Constant along every motion"), "{name}");
 
-        let rhs = &built.program.functions[built.program.function_idx("rhs").expect("it has one")];
+        let rhs = &built.program.functions[built.program.function_idx(&Role::Rate).expect("it has one")];
         assert_eq!(rhs.counts().total(), 0, "{name}: the right-hand side computes nothing");
         assert!(rhs.instructions.is_empty(), "{name}");
         for (variable, operand) in &rhs.results {

@@ -2,6 +2,7 @@
 //!
 //! Bounds on rates are those of `reference.rs`: 64 units in the last place of the largest term that enters.
 
+use hamel_codegen::program::Role;
 use hamel_codegen::scene::{self, BuiltScene};
 use hamel_codegen::spec;
 use hamel_runtime::{Dop853, Integrator, Options};
@@ -53,7 +54,7 @@ fn tracked_rates(scene: &BuiltScene, y: &[f64]) -> Vec<Tracked> {
     let (p, y) = (lift(&params(scene, &[])), lift(y));
     let prepared = scene.program.prepare(&p).unwrap_or_else(|e| panic!("{e}"));
     let mut out = vec![Tracked::default(); y.len()];
-    let k = scene.program.function_idx("rhs").expect("every scene has its rates");
+    let k = scene.program.function_idx(&Role::Rate).expect("every scene has its rates");
     scene.program.run(k, &p, &prepared, Tracked::input(0.0), &y, &mut out);
     out
 }
@@ -91,7 +92,7 @@ fn no_sine_is_computed_and_the_pivots_stay_definite() {
     for (model, angles, items) in CASES {
         let scenes = pair(model, angles, items);
         let calls = scenes.each_ref().map(|scene| {
-            let k = scene.program.function_idx("rhs").expect("every scene has its rates");
+            let k = scene.program.function_idx(&Role::Rate).expect("every scene has its rates");
             scene.program.functions[k].counts().transcendental
         });
         // Rates do not depend on the azimuth of the disk; its inclination stays an angle there.
@@ -99,7 +100,7 @@ fn no_sine_is_computed_and_the_pivots_stay_definite() {
         assert_eq!(calls[1], left, "{model} {angles} {items}");
         assert!(calls[0] > 0, "{model}");
         let checked = scenes.each_ref().map(|scene| {
-            let k = scene.program.function_idx("check").expect("every scene has its check");
+            let k = scene.program.function_idx(&Role::Pivots).expect("every scene has its check");
             scene.program.functions[k].results.len()
         });
         // A pivot may become definite, none may cease to be.

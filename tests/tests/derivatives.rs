@@ -8,7 +8,8 @@ use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
 use hamel_codegen::expr::{ExprId, Graph, SymbolId};
-use hamel_codegen::lower::{Inputs, Point, Program};
+use hamel_codegen::lower::Inputs;
+use hamel_codegen::program::{Point, Program, Role};
 use hamel_codegen::scene::{self, BuiltScene, Derivative};
 use hamel_codegen::spec;
 use hamel_runtime::{
@@ -82,16 +83,9 @@ fn points(built: &BuiltScene, n_random: usize) -> Vec<At> {
     points
 }
 
-fn run<R: Real>(
-    program: &Program,
-    function: &str,
-    params: &[R],
-    t: R,
-    state: &[R],
-    argument: &[R],
-) -> Vec<R> {
+fn run<R: Real>(program: &Program, role: &Role, params: &[R], t: R, state: &[R], argument: &[R]) -> Vec<R> {
     let prepared = program.prepare(params).unwrap_or_else(|e| panic!("{e}"));
-    let k = program.function_idx(function).unwrap_or_else(|| panic!("no function {function}"));
+    let k = program.function_idx(role).unwrap_or_else(|| panic!("no function {role}"));
     let mut out = vec![R::ZERO; program.functions[k].results.len()];
     program.run_at(k, params, &prepared, Point { t, state, argument }, &mut out);
     out
@@ -108,7 +102,7 @@ fn slopes(program: &Program, at: &At, direction: (&[f64], f64, &[f64])) -> Vec<T
         values.iter().zip(slopes).map(|(x, v)| dual(*x, *v)).collect()
     };
     let (params, state) = (list(&at.params, direction.0), list(&at.state, direction.2));
-    let rates = run(program, "rhs", &params, dual(at.t, direction.1), &state, &[]);
+    let rates = run(program, &Role::Rate, &params, dual(at.t, direction.1), &state, &[]);
     rates.into_iter().map(|d| d.derivative).collect()
 }
 
@@ -130,12 +124,11 @@ fn check_against_duals(built: &BuiltScene, at: &At, random: &mut Random) -> f64 
     let (n, n_params) = (at.state.len(), at.params.len());
     let (still, fixed) = (vec![0.0; n], vec![0.0; n_params]);
     let (params, t, state) = (lifted(&at.params), Tracked::input(at.t), lifted(&at.state));
-    let call =
-        |function: &str, argument: &[f64]| run(program, function, &params, t, &state, &lifted(argument));
+    let call = |role: &Role, argument: &[f64]| run(program, role, &params, t, &state, &lifted(argument));
     let mut worst: f64 = 0.0;
     for matrix in built.matrices() {
         let name = matrix.name;
-        let entries = call(name, &[]);
+        let entries = call(&Role::Output(name.to_owned()), &[]);
         for j in 0..matrix.shape.1 {
             let column = match Derivative::from_name(name) {
                 Some(Derivative::Sensitivity) => slopes(program, at, (&unit(n_params, j), 0.0, &still)),
@@ -154,11 +147,19 @@ fn check_against_duals(built: &BuiltScene, at: &At, random: &mut Random) -> f64 
             worst = worst.max(agree(&format!("{label}: {name}[{i}]"), found, expected));
         }
     };
-    compare("time_derivative", call("time_derivative", &[]), slopes(program, at, (&fixed, 1.0, &still)));
+    compare(
+        "time_derivative",
+        call(&Derivative::TimeDerivative.role(), &[]),
+        slopes(program, at, (&fixed, 1.0, &still)),
+    );
     let v = random.vector(n);
-    compare("jvp", call("jvp", &v), slopes(program, at, (&fixed, 0.0, &v)));
+    compare("jvp", call(&Derivative::Jvp.role(), &v), slopes(program, at, (&fixed, 0.0, &v)));
     let v = random.vector(n_params);
-    compare("sensitivity_jvp", call("sensitivity_jvp", &v), slopes(program, at, (&v, 0.0, &still)));
+    compare(
+        "sensitivity_jvp",
+        call(&Derivative::SensitivityJvp.role(), &v),
+        slopes(program, at, (&v, 0.0, &still)),
+    );
     // Column by column, since w^T J e_j = (J^T w)_j.
     let w = random.vector(n);
     let weighted = |column: Vec<Tracked>| {
@@ -166,7 +167,7 @@ fn check_against_duals(built: &BuiltScene, at: &At, random: &mut Random) -> f64 
         terms.fold(Tracked::ZERO, |sum, term| sum + term)
     };
     let expected = (0..n).map(|j| weighted(slopes(program, at, (&fixed, 0.0, &unit(n, j))))).collect();
-    compare("vjp", call("vjp", &w), expected);
+    compare("vjp", call(&Derivative::Vjp.role(), &w), expected);
     worst
 }
 
@@ -185,7 +186,7 @@ fn every_derivative_of_every_model_agrees_with_dual_numbers() {
 struct Exact {
     g: Graph,
     inputs: Inputs,
-    functions: Vec<(String, Vec<ExprId>)>,
+    functions: Vec<(Role, Vec<ExprId>)>,
 }
 
 impl Exact {
@@ -196,17 +197,17 @@ impl Exact {
         let (params, state) = (symbols(&program.params), symbols(&program.state));
         let time = symbols(std::slice::from_ref(&program.time))[0];
         let with_argument = program.functions.iter().filter(|f| !f.argument.is_empty());
-        let arguments = with_argument.map(|f| (f.name.clone(), symbols(&f.argument))).collect();
+        let arguments = with_argument.map(|f| (f.role.clone(), symbols(&f.argument))).collect();
         let (signs, divisors) = Default::default();
         let inputs = Inputs { params, time, state, signs, circles: vec![], arguments, divisors };
-        let results = program.to_expressions(&mut g, &inputs).unwrap_or_else(|e| panic!("{e}"));
-        let names = program.functions.iter().map(|f| f.name.clone());
-        Exact { functions: names.zip(results).collect(), g, inputs }
+        let results = program.to_expressions(&mut g, inputs.symbols()).unwrap_or_else(|e| panic!("{e}"));
+        let roles = program.functions.iter().map(|f| f.role.clone());
+        Exact { functions: roles.zip(results).collect(), g, inputs }
     }
 
-    fn results(&self, name: &str) -> Vec<ExprId> {
-        let found = self.functions.iter().find(|(n, _)| n == name);
-        found.unwrap_or_else(|| panic!("no function {name}")).1.clone()
+    fn results(&self, role: &Role) -> Vec<ExprId> {
+        let found = self.functions.iter().find(|(of, _)| of == role);
+        found.unwrap_or_else(|| panic!("no function {role}")).1.clone()
     }
 
     /// `sum_k factor_k symbol_k`.
@@ -227,7 +228,7 @@ fn derivatives_and_patterns_are_exact_where_the_whole_expression_can_be_differen
     for name in names() {
         let built = derivatives_of(&name);
         let mut exact = Exact::new(built);
-        let rates = exact.results("rhs");
+        let rates = exact.results(&Role::Rate);
         let inputs = exact.inputs.clone();
         let mut columns = |by: &[SymbolId]| -> Vec<Vec<ExprId>> {
             by.iter().map(|x| exact.g.diff_all(&rates, *x)).collect()
@@ -243,7 +244,7 @@ fn derivatives_and_patterns_are_exact_where_the_whole_expression_can_be_differen
                 Some(Derivative::Sensitivity) => &by_params,
                 _ => &by_state,
             };
-            let entries = exact.results(matrix.name);
+            let entries = exact.results(&Role::Output(matrix.name.to_owned()));
             for (i, j) in (0..rates.len()).flat_map(|i| (0..matrix.shape.1).map(move |j| (i, j))) {
                 let what = format!("{}[{i}][{j}]", matrix.name);
                 match matrix.pattern.iter().position(|p| *p == (i, j)) {
@@ -255,19 +256,19 @@ fn derivatives_and_patterns_are_exact_where_the_whole_expression_can_be_differen
                 }
             }
         }
-        for (i, found) in exact.results("time_derivative").into_iter().enumerate() {
+        for (i, found) in exact.results(&Derivative::TimeDerivative.role()).into_iter().enumerate() {
             equal(&mut exact, "time_derivative", found, by_time[i]);
         }
-        for (product, columns) in [("jvp", &by_state), ("sensitivity_jvp", &by_params)] {
-            let Some(v) = inputs.arguments.get(product) else { continue };
-            for (i, found) in exact.results(product).into_iter().enumerate() {
+        for (product, columns) in [(Derivative::Jvp, &by_state), (Derivative::SensitivityJvp, &by_params)] {
+            let Some(v) = inputs.arguments.get(&product.role()) else { continue };
+            for (i, found) in exact.results(&product.role()).into_iter().enumerate() {
                 let row: Vec<ExprId> = columns.iter().map(|column| column[i]).collect();
                 let expected = exact.combination(&row, v);
-                equal(&mut exact, product, found, expected);
+                equal(&mut exact, product.name(), found, expected);
             }
         }
-        for (j, found) in exact.results("vjp").into_iter().enumerate() {
-            let expected = exact.combination(&by_state[j], &inputs.arguments["vjp"]);
+        for (j, found) in exact.results(&Derivative::Vjp.role()).into_iter().enumerate() {
+            let expected = exact.combination(&by_state[j], &inputs.arguments[&Derivative::Vjp.role()]);
             equal(&mut exact, "vjp", found, expected);
         }
     }
@@ -287,18 +288,18 @@ fn the_jacobian_agrees_with_differences_of_double_doubles() {
             let (params, t) = (wide(&at.params), DoubleDouble::from(at.t));
             let entries = run(
                 &built.program,
-                "jacobian",
+                &Derivative::Jacobian.role(),
                 &lifted(&at.params),
                 Tracked::input(at.t),
                 &lifted(&at.state),
                 &[],
             );
-            let still = run(&built.program, "rhs", &params, t, &wide(&at.state), &[]);
+            let still = run(&built.program, &Role::Rate, &params, t, &wide(&at.state), &[]);
             for j in 0..at.state.len() {
                 let rates = |h: f64| {
                     let mut moved = wide(&at.state);
                     moved[j] += DoubleDouble::from(h);
-                    run(&built.program, "rhs", &params, t, &moved, &[])
+                    run(&built.program, &Role::Rate, &params, t, &moved, &[])
                 };
                 let slopes = |h: f64| {
                     let (above, below) = (rates(h), rates(-h));
@@ -347,8 +348,8 @@ fn products_agree_with_each_other() {
     }
 }
 
-fn operations(built: &BuiltScene, function: &str) -> usize {
-    let k = built.program.function_idx(function).unwrap_or_else(|| panic!("no function {function}"));
+fn operations(built: &BuiltScene, role: &Role) -> usize {
+    let k = built.program.function_idx(role).unwrap_or_else(|| panic!("no function {role}"));
     built.program.functions[k].counts().total()
 }
 
@@ -358,10 +359,12 @@ fn products_cost_a_small_multiple_of_the_right_hand_side() {
     // definitions that their derivatives share, so that up to 5.3 was measured (euler_disk_advected).
     for name in names() {
         let built = derivatives_of(&name);
-        let (rhs, n) = (operations(built, "rhs"), built.state.len());
+        let (rhs, n) = (operations(built, &Role::Rate), built.state.len());
         // A right-hand side of a few operations has products of a few operations per component.
         let bound = |factor: usize| factor * rhs + 2 * n;
-        let (jvp, vjp, jacobian) = ["jvp", "vjp", "jacobian"].map(|f| operations(built, f)).into();
+        let (jvp, vjp, jacobian) = [Derivative::Jvp, Derivative::Vjp, Derivative::Jacobian]
+            .map(|d| operations(built, &d.role()))
+            .into();
         assert!(jvp <= bound(6), "{name}: jvp has {jvp} operations, rhs {rhs}");
         assert!(vjp <= bound(6), "{name}: vjp has {vjp} operations, rhs {rhs}");
         // Differences would cost n + 1 right-hand sides; measured at most 6.1 (chaplygin_gyro, n = 10).
@@ -369,8 +372,8 @@ fn products_cost_a_small_multiple_of_the_right_hand_side() {
     }
     // What does not depend on the state is not computed with it.
     let top = derivatives_of("heavy_top");
-    assert!(operations(top, "jacobian") <= 14);
-    assert_eq!(operations(derivatives_of("rolling_disk"), "jacobian"), 0);
+    assert!(operations(top, &Derivative::Jacobian.role()) <= 14);
+    assert_eq!(operations(derivatives_of("rolling_disk"), &Derivative::Jacobian.role()), 0);
 }
 
 #[test]
@@ -405,7 +408,7 @@ fn time_fixed_parameters_and_every_function_are_differentiated() {
     let column = |rows: &[Vec<f64>], j: usize| rows.iter().map(|row| row[j]).collect::<Vec<_>>();
     models::close("df/dc", &column(&stiff_rows, 0), &column(&whole_rows, 1), 1e-14);
     // A scene that wants no products has none.
-    assert!(stiff.products().is_empty() && stiff.program.function_idx("jvp").is_none());
+    assert!(stiff.products().is_empty() && stiff.program.function_idx(&Derivative::Jvp.role()).is_none());
     assert!(interpreter.product(Derivative::Jvp, 0.0, &y, &y).is_none());
 }
 
@@ -414,9 +417,9 @@ fn a_scene_without_derivatives_does_not_pay_for_them() {
     for name in ["heavy_top", "veselova"] {
         let plain = build(name, scene::DEFAULT);
         assert!(plain.matrices().is_empty() && plain.products().is_empty());
-        assert!(Derivative::ALL.iter().all(|d| plain.program.function_idx(d.name()).is_none()));
+        assert!(Derivative::ALL.iter().all(|d| plain.program.function_idx(&d.role()).is_none()));
         assert!(plain.program.functions.iter().all(|f| f.argument.is_empty()));
-        assert_eq!(operations(&plain, "rhs"), operations(derivatives_of(name), "rhs"));
+        assert_eq!(operations(&plain, &Role::Rate), operations(derivatives_of(name), &Role::Rate));
     }
 }
 

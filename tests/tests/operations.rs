@@ -5,7 +5,7 @@
 
 use std::fmt::Write as _;
 
-use hamel_codegen::lower::Counts;
+use hamel_codegen::program::{Counts, Role};
 use hamel_codegen::scene;
 use hamel_tests::models::{build, model, names};
 
@@ -101,7 +101,7 @@ fn no_right_hand_side_takes_more_operations_than_the_table_says() {
     for name in names() {
         for scene in scene::names(&model(&name)).into_iter().filter(|s| s != scene::RECONSTRUCTION) {
             let program = build(&name, &scene).program;
-            let k = program.function_idx("rhs").unwrap_or_else(|| panic!("{name} {scene} has no rhs"));
+            let k = program.function_idx(&Role::Rate).unwrap_or_else(|| panic!("{name} {scene} has no rhs"));
             let numbers = numbers(&program.functions[k].counts());
             let own = line(&name, &scene, numbers);
             match BOUNDS.iter().find(|b| b.model == name && b.scene == scene) {

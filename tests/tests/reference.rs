@@ -4,6 +4,7 @@
 //! that enters it. The largest term is computed by running the very program on `Tracked` numbers, which propagate it
 //! through every operation (its documentation says how); the distance to the 40-digit reference is taken exactly.
 
+use hamel_codegen::program::Role;
 use hamel_codegen::scene::{self, BuiltScene};
 use hamel_runtime::{Dop853, Integrator, Options};
 use hamel_tests::models::{self, Interpreted, State};
@@ -32,18 +33,21 @@ fn check_points(model: &str, Reference { points, .. }: &Reference) -> f64 {
         assert_eq!(point.state.len(), names.len(), "{model}: state of the model and of the reference");
         let params = params(&scene, &point.params);
         let state = reference::in_order(&point.state, &names);
-        for (name, value) in names.iter().zip(tracked(&scene, "rhs", &params, &state)) {
+        for (name, value) in names.iter().zip(tracked(&scene, &Role::Rate, &params, &state)) {
             let off = units_off(value, &point.derivative[name]);
             worst = worst.max(off);
             assert!(off <= BOUND, "{model}, point {k}: d{name}/dt is {off} units off: {value:?}");
         }
         if let Some(energy) = &point.energy {
-            let off = units_off(tracked(&scene, "energy", &params, &state)[0], energy);
+            let off = units_off(tracked(&scene, &Role::Energy, &params, &state)[0], energy);
             worst = worst.max(off);
             assert!(off <= BOUND, "{model}, point {k}: energy is {off} units off");
         }
         if let Some(lambda) = &point.lambda {
-            let off = units_off(tracked(&scene, "multipliers", &params, &state)[0], lambda);
+            let off = units_off(
+                tracked(&scene, &Role::Output("multipliers".to_owned()), &params, &state)[0],
+                lambda,
+            );
             worst = worst.max(off);
             assert!(off <= BOUND, "{model}, point {k}: multiplier is {off} units off");
         }

@@ -4,6 +4,7 @@
 //! one would write for the special system alone. The counts here are those of equations written by hand; more is a
 //! missed simplification, and fewer means that the hand can learn something: the entry is then corrected.
 
+use hamel_codegen::program::Role;
 use hamel_tests::models::build;
 
 /// Additions and subtractions, multiplications, divisions, roots and functions of a right-hand side. A fused pair counts as
@@ -12,7 +13,7 @@ type Cost = [usize; 4];
 
 fn cost(model: &str, scene: &str) -> Cost {
     let program = build(model, scene).program;
-    let k = program.function_idx("rhs").unwrap_or_else(|| panic!("{model} {scene} has no rhs"));
+    let k = program.function_idx(&Role::Rate).unwrap_or_else(|| panic!("{model} {scene} has no rhs"));
     let c = program.functions[k].counts();
     assert_eq!(c.neg, 0, "{model} {scene} changes signs");
     [c.add, c.mul, c.div, c.sqrt + c.transcendental]

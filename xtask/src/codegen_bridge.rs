@@ -9,7 +9,7 @@ use std::sync::OnceLock;
 
 pub use hamel_codegen::emit::SceneEntry as Entry;
 use hamel_codegen::expr::{Budget, Graph, Style, rational_to_f64};
-use hamel_codegen::lower::{Counts, Jet};
+use hamel_codegen::program::{self, Counts, Function, Jet};
 use hamel_codegen::reduction;
 use hamel_codegen::scene::{self, BuiltScene, Interpreter};
 use hamel_codegen::spec::{self, ConnectionKind, Diagnostics, Domain, ReconstructionKind, circle_names};
@@ -329,7 +329,7 @@ impl Built {
     pub fn rhs_counts(&self) -> Counts {
         let program = &self.scene.program;
         // Every scene has a right-hand side.
-        program.function_idx("rhs").map_or_else(Counts::default, |k| program.functions[k].counts())
+        program.function(&program::Role::Rate).map_or_else(Counts::default, Function::counts)
     }
 }
 

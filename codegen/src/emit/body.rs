@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 
 use super::names::Scope;
 use crate::error::Error;
-use crate::lower::{Constant, Instruction, Literal, Op, Operand, Program, completes_pair};
+use crate::program::{Constant, Instruction, Literal, Op, Operand, Program, completes_pair};
 
 /// A value stands where it is used while its text is no longer than this.
 const MAX_INLINE_CHARS: usize = 160;

@@ -8,7 +8,7 @@ use super::names::Scope;
 use super::scene::{ARGUMENTS, Module, allow, allow_names, allow_numbers, ident, size};
 use super::{doc_attributes, names::legal};
 use crate::error::Error;
-use crate::lower::{Function, Jet, Literal, Operand};
+use crate::program::{Function, Jet, Literal, Operand};
 
 /// Convolutions in one loop: their sums fill four vector registers of four lanes, which hides the latency of an
 /// addition and leaves room for the factors; with scalars that are vectors themselves they still fit the registers.

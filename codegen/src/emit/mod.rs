@@ -16,7 +16,7 @@ use syn::parse::Parser as _;
 
 use crate::error::Error;
 use crate::expr::Rational;
-use crate::lower::{Jet, Program};
+use crate::program::{Jet, Program, Role};
 
 pub use index::{SceneEntry, emit_include, emit_index};
 
@@ -39,14 +39,14 @@ pub struct SceneText {
     pub params: Vec<ParamText>,
     /// Components of the state in the order of the program.
     pub state: Vec<StateText>,
-    /// Outputs: functions of the program besides `rhs`, `energy`, `check` and `domain`.
+    /// Outputs, the functions [`Role::Output`] of the program.
     pub outputs: Vec<OutputText>,
     /// Outputs that are the entries of a matrix.
     pub matrices: Vec<MatrixText>,
     /// Functions of a vector besides time and state.
     pub products: Vec<ProductText>,
-    /// Formula lines of functions, by name.
-    pub formulas: BTreeMap<String, Vec<String>>,
+    /// Formula lines of functions, by role.
+    pub formulas: BTreeMap<Role, Vec<String>>,
     /// Whether the energy is proved to be constant along the motion.
     pub conserves_energy: bool,
 }
@@ -98,7 +98,7 @@ pub struct MatrixText {
 /// A function that takes a vector besides time and state.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ProductText {
-    /// Name of the function.
+    /// Name of the product and of its function, [`Role::Product`].
     pub name: String,
     /// Name of the vector.
     pub vector: String,
@@ -110,10 +110,9 @@ pub struct ProductText {
 
 /// Emits the module of one scene.
 ///
-/// The program has a function `rhs` with one result for each component of the state, possibly `energy` with one
-/// result, possibly `check` whose results are pivots that must not vanish and
-/// `domain` whose results are positive inside the domain, and one function for each output. With a `jet`, made
-/// from `rhs`, the module has the Taylor coefficients of solutions.
+/// The program has a function [`Role::Rate`] with one result for each component of the state, and one function for each
+/// output and product; what the other functions are, [`Role`] says. With a `jet`, made from [`Role::Rate`], the module
+/// has the Taylor coefficients of solutions.
 ///
 /// # Errors
 /// [`Error::ShapeMismatch`] when text and program disagree on a number, [`Error::UnknownName`] when a function is

@@ -12,11 +12,7 @@ use super::names::{Scope, is_unusual, legal};
 use super::{SceneText, doc_attributes, escaped, format_module, header};
 use crate::error::Error;
 use crate::expr::rational_to_f64;
-use crate::lower::{CHECK, Function, Jet, Operand, Program, RHS, Relation, SIGNATURE};
-
-/// Functions with a meaning of their own; every other one is an output.
-const ENERGY: &str = "energy";
-const DOMAIN: &str = "domain";
+use crate::program::{Function, Jet, Operand, Program, Relation, Role};
 
 /// Names of methods and arguments that locals must not hide.
 pub(super) const ARGUMENTS: [&str; 4] = ["t", "dy", "params", "out"];
@@ -149,25 +145,29 @@ fn number(x: f64) -> TokenStream {
     }
 }
 
+/// The function in a role is missing.
+fn missing(program: &Program, role: &Role) -> Error {
+    Error::UnknownName {
+        name: role.name().to_owned(),
+        kind: "function of the program",
+        known: program.functions.iter().map(|f| f.role.name().to_owned()).collect(),
+    }
+}
+
 impl<'a> Module<'a> {
     fn new(program: &'a Program, text: &'a SceneText) -> Result<Module<'a>, Error> {
         expect_size("list of documented parameters", text.params.len(), program.params.len())?;
         expect_size("list of documented state components", text.state.len(), program.state.len())?;
-        let missing = |name: &str| Error::UnknownName {
-            name: name.to_owned(),
-            kind: "function of the program",
-            known: program.functions.iter().map(|f| f.name.clone()).collect(),
-        };
-        let find = |name: &str| program.functions.iter().find(|f| f.name == name);
-        let rhs = find(RHS).ok_or_else(|| missing(RHS))?;
+        let find = |role: &Role| program.function(role).ok_or_else(|| missing(program, role));
+        let rhs = find(&Role::Rate)?;
         expect_size("function rhs", rhs.results.len(), program.state.len())?;
-        if let Some(energy) = find(ENERGY) {
+        if let Some(energy) = program.function(&Role::Energy) {
             expect_size("function energy", energy.results.len(), 1)?;
         }
         let mut methods = Scope::with(&METHODS);
         let mut outputs = Vec::with_capacity(text.outputs.len());
         for output in &text.outputs {
-            let function = find(&output.name).ok_or_else(|| missing(&output.name))?;
+            let function = find(&Role::Output(output.name.clone()))?;
             expect_size(&format!("output {}", output.name), output.components.len(), function.results.len())?;
             let is_matrix = text.matrices.iter().any(|m| m.name == output.name);
             let entries = derivatives::entries_method(&output.name);
@@ -205,8 +205,8 @@ impl<'a> Module<'a> {
         })
     }
 
-    fn function(&self, name: &str) -> Option<&'a Function> {
-        self.program.functions.iter().find(|f| f.name == name)
+    fn function(&self, role: &Role) -> Option<&'a Function> {
+        self.program.function(role)
     }
 
     // ---- INFO, Params, State ----------------------------------------------------------------------------------------
@@ -222,7 +222,7 @@ impl<'a> Module<'a> {
             let super::OutputText { name, components, doc } = output;
             quote! { ::hamel_runtime::OutputInfo { name: #name, components: &[#(#components),*], doc: #doc } }
         });
-        let has_energy = self.function(ENERGY).is_some();
+        let has_energy = self.function(&Role::Energy).is_some();
         let allow = allow_numbers(self.defaults());
         Ok(quote! {
             /// Names, defaults and meanings of all that the scene has.
@@ -412,7 +412,7 @@ impl<'a> Module<'a> {
             });
             formulas.push((text.text.len() <= MAX_DOC_FORMULA).then_some(text));
         }
-        let doc = |slot: &crate::lower::Slot| match &formulas[slot.value as usize] {
+        let doc = |slot: &crate::program::Slot| match &formulas[slot.value as usize] {
             Some(formula) => doc_attributes([format!("`{}`", formula.text)]),
             None => doc_attributes(["A longer expression in the parameters."]),
         };
@@ -543,8 +543,8 @@ impl<'a> Module<'a> {
     }
 
     fn program_numbers(&self) -> Vec<f64> {
-        let literal = |c: &crate::lower::Constant| match c.literal() {
-            crate::lower::Literal::Number(x) => Some(x),
+        let literal = |c: &crate::program::Constant| match c.literal() {
+            crate::program::Literal::Number(x) => Some(x),
             _ => None,
         };
         self.program.constants.iter().filter_map(literal).collect()
@@ -573,7 +573,7 @@ impl<'a> Module<'a> {
         let mut method_names: Vec<Ident> = Vec::new();
         let mut names_of = |written: &Written| unusual.extend(written.locals.iter().map(|name| ident(name)));
 
-        if let Some(rhs) = self.function(RHS) {
+        if let Some(rhs) = self.function(&Role::Rate) {
             let written = self.write(rhs)?;
             names_of(&written);
             let doc =
@@ -588,7 +588,7 @@ impl<'a> Module<'a> {
                 }
             });
         }
-        if let Some(energy) = self.function(ENERGY) {
+        if let Some(energy) = self.function(&Role::Energy) {
             let written = self.write(energy)?;
             names_of(&written);
             let doc = self.function_doc(energy, "Energy.", &[]);
@@ -643,7 +643,7 @@ impl<'a> Module<'a> {
             names_of(&written);
             methods.extend(self.pivots(check, written));
         }
-        if let Some(signature) = self.function(SIGNATURE) {
+        if let Some(signature) = self.function(&Role::Signature) {
             let written = self.write(signature)?;
             names_of(&written);
             let title = "A number that stays the same along a motion while no matrix that is solved with becomes singular.";
@@ -659,7 +659,7 @@ impl<'a> Module<'a> {
                 }
             });
         }
-        if let Some(domain) = self.function(DOMAIN) {
+        if let Some(domain) = self.function(&Role::Domain) {
             let written = self.write(domain)?;
             names_of(&written);
             methods.extend(self.domain(domain, written));
@@ -754,7 +754,7 @@ impl<'a> Module<'a> {
 
     /// The function `check`, unless there is nothing to check.
     fn checked(&self) -> Option<&'a Function> {
-        self.function(CHECK).filter(|check| !check.results.is_empty())
+        self.function(&Role::Pivots).filter(|check| !check.results.is_empty())
     }
 
     fn write(&self, function: &Function) -> Result<Written, Error> {
@@ -790,7 +790,7 @@ impl<'a> Module<'a> {
             });
             statements.extend(quote! { let [#(#names),*] = *y; });
         }
-        let reads_time = used.contains(&Operand::Time) || function.name == DOMAIN;
+        let reads_time = used.contains(&Operand::Time) || function.role == Role::Domain;
         statements.extend(match (reads_time, reads_state) {
             (true, true) => TokenStream::new(),
             (true, false) => quote! { let _ = y; },
@@ -812,7 +812,9 @@ impl<'a> Module<'a> {
 
     /// Takes the vector of a function apart. This comes first: a component of the state may have the vector's name.
     fn vector(&self, function: &Function, argument: &[String], used: &BTreeSet<Operand>) -> TokenStream {
-        let Some(product) = self.text.products.iter().find(|p| p.name == function.name) else {
+        let Some(product) =
+            self.text.products.iter().find(|p| Role::Product(p.name.clone()) == function.role)
+        else {
             return TokenStream::new();
         };
         let vector = ident(&product.vector);
@@ -832,14 +834,15 @@ impl<'a> Module<'a> {
 
     fn function_doc(&self, function: &Function, title: &str, results: &[String]) -> TokenStream {
         let mut lines = vec![title.to_owned()];
-        let formulas = self.text.formulas.get(&function.name).filter(|lines| !lines.is_empty());
+        let formulas = self.text.formulas.get(&function.role).filter(|lines| !lines.is_empty());
         if let Some(formulas) = formulas {
             lines.extend([String::new(), "```text".into()]);
             lines.extend(formulas.iter().cloned());
             lines.push("```".into());
         }
         if !results.is_empty() {
-            let (what, open) = if function.name == RHS { ("State", "y = [") } else { ("Components", "[") };
+            let (what, open) =
+                if function.role == Role::Rate { ("State", "y = [") } else { ("Components", "[") };
             lines.extend([String::new(), format!("# {what}"), String::new(), "```text".into()]);
             lines.extend(wrapped(open, results, "]"));
             lines.push("```".into());
@@ -869,7 +872,7 @@ impl<'a> Module<'a> {
                 }
             }
         });
-        let signature = self.function(SIGNATURE).map(|_| {
+        let signature = self.function(&Role::Signature).map(|_| {
             quote! {
                 #[inline]
                 fn signature(#arguments) -> R {
@@ -877,7 +880,7 @@ impl<'a> Module<'a> {
                 }
             }
         });
-        let domain = self.function(DOMAIN).map(|_| {
+        let domain = self.function(&Role::Domain).map(|_| {
             quote! {
                 #[inline]
                 fn domain(#arguments) -> Result<(), ::hamel_runtime::Failure> {
@@ -885,12 +888,12 @@ impl<'a> Module<'a> {
                 }
             }
         });
-        let energy = if self.function(ENERGY).is_some() {
+        let energy = if self.function(&Role::Energy).is_some() {
             quote! { Some(self.energy(t, y)) }
         } else {
             quote! { let _ = (t, y); None }
         };
-        let is_kept = self.text.conserves_energy && self.function(ENERGY).is_some();
+        let is_kept = self.text.conserves_energy && self.function(&Role::Energy).is_some();
         let conserves_energy = is_kept.then(|| quote! { const CONSERVES_ENERGY: bool = true; });
         let wrong_number = format!("the number of values is {n_params}");
         let (outputs, invariants) = (self.outputs_of(), self.invariants_of());

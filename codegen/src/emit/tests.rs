@@ -1,16 +1,17 @@
 use num_traits::One;
 
 use super::*;
-use crate::expr::Graph;
+use crate::expr::{Definition, Graph, Section};
 use crate::lower::{
-    Definition, Inputs, ParamCondition, Relation, Request, Section, lower,
+    Inputs, ParamCondition, Request, lower,
     tests::{Random, random_problem},
 };
+use crate::program::Relation;
 
 /// Documentation in which every name stands for itself.
 pub(crate) fn plain_text(program: &Program, outputs: &[&str]) -> SceneText {
     let results = |name: &str| -> Vec<String> {
-        let function = program.functions.iter().find(|f| f.name == name);
+        let function = program.function(&Role::Output(name.to_owned()));
         function.map(|f| f.results.iter().map(|(r, _)| r.clone()).collect()).unwrap_or_default()
     };
     SceneText {
@@ -71,12 +72,9 @@ fn pendulum() -> (Program, SceneText) {
         is_rounded: false,
     }];
     let requests = [
-        Request {
-            name: "rhs".into(),
-            results: vec![("theta".into(), omega), ("omega".into(), acceleration)],
-        },
-        Request { name: "check".into(), results: vec![("theta".into(), theta)] },
-        Request { name: "momentum".into(), results: vec![("momentum".into(), p)] },
+        Request { role: Role::Rate, results: vec![("theta".into(), omega), ("omega".into(), acceleration)] },
+        Request { role: Role::Pivots, results: vec![("theta".into(), theta)] },
+        Request { role: Role::Output("momentum".into()), results: vec![("momentum".into(), p)] },
     ];
     let inputs = Inputs {
         params: params.to_vec(),
@@ -89,7 +87,7 @@ fn pendulum() -> (Program, SceneText) {
     };
     let program = lower(&mut g, &inputs, &sections, &conditions, &requests).unwrap();
     let mut text = plain_text(&program, &["momentum"]);
-    text.formulas.insert("rhs".into(), vec!["I omega' = -k sin(theta) - tanh(p)/2".into()]);
+    text.formulas.insert(Role::Rate, vec!["I omega' = -k sin(theta) - tanh(p)/2".into()]);
     (program, text)
 }
 
@@ -153,7 +151,7 @@ fn a_pair_is_one_statement_and_a_block_of_many_bindings_does_not_part_it() {
         arguments: Default::default(),
         divisors: Default::default(),
     };
-    let requests = [Request { name: "rhs".into(), results: vec![("x".into(), product)] }];
+    let requests = [Request { role: Role::Rate, results: vec![("x".into(), product)] }];
     let sections = [Section { title: "shifts".into(), definitions }];
     let program = lower(&mut g, &inputs, &sections, &[], &requests).unwrap();
     let emitted = emit_scene(&program, None, &plain_text(&program, &[])).unwrap();
@@ -183,7 +181,7 @@ fn the_angle_of_a_point_is_one_call() {
         divisors: Default::default(),
     };
     let requests =
-        [Request { name: "rhs".into(), results: vec![("x".into(), of_point), ("y".into(), second)] }];
+        [Request { role: Role::Rate, results: vec![("x".into(), of_point), ("y".into(), second)] }];
     let program = lower(&mut g, &inputs, &[], &[], &requests).unwrap();
     let emitted = emit_scene(&program, None, &plain_text(&program, &[])).unwrap();
     for call in ["(y - x).atan2(x)", "m.atan2(", "y.atan2(self.", "(-y).atan2(x)"] {
@@ -248,7 +246,7 @@ fn long_functions_are_split_into_blocks_and_long_sums_into_variables() {
         arguments: Default::default(),
         divisors: Default::default(),
     };
-    let requests = [Request { name: "rhs".into(), results: vec![("x".into(), sum)] }];
+    let requests = [Request { role: Role::Rate, results: vec![("x".into(), sum)] }];
     let program = lower(&mut g, &inputs, &sections, &[], &requests).unwrap();
     let emitted = emit_scene(&program, None, &plain_text(&program, &[])).unwrap();
     let longest = emitted.lines().map(str::len).max();

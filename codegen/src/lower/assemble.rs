@@ -4,10 +4,10 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 
 use super::class::Class;
 use super::number::{Numbered, Pool};
-use super::program::{Condition, Constant, Function, Instruction, Operand, Prepare, Program, Slot};
 use super::{Source, fuse, pair};
 use crate::error::Error;
 use crate::expr::Graph;
+use crate::program::{Condition, Constant, Function, Instruction, Operand, Prepare, Program, Slot};
 
 /// Title of the section of values that no definition needs.
 const RESULTS: &str = "results";
@@ -129,7 +129,7 @@ fn assemble_function(
         .iter()
         .map(|(name, o)| (name.clone(), constants.keep(slots.hoisted(list.local(*o), *o))))
         .collect();
-    Function { name: function.name.clone(), argument: function.argument.clone(), instructions, results }
+    Function { role: function.role.clone(), argument: function.argument.clone(), instructions, results }
 }
 
 /// Values in an order of evaluation.

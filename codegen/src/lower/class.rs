@@ -2,9 +2,9 @@
 
 use std::collections::HashMap;
 
-use super::{Inputs, Request, Section};
+use super::{Inputs, Request};
 use crate::error::Error;
-use crate::expr::{ExprId, Graph, Node, SymbolId};
+use crate::expr::{ExprId, Graph, Node, Section, SymbolId};
 
 /// The fastest-changing input of a value; later variants change faster.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -27,7 +27,7 @@ pub struct WatchedMatrix {
     /// Whether the sum of the pivots' signs is watched, by Sylvester's law of inertia, or their product, the sign of the
     /// determinant.
     pub is_symmetric: bool,
-    /// The pivots that can change their sign, as the results of [`CHECK`](super::CHECK) have them.
+    /// The pivots that can change their sign, as the results of [`Role::Pivots`](crate::program::Role::Pivots) have them.
     pub pivots: Vec<ExprId>,
 }
 
@@ -53,7 +53,7 @@ pub(super) fn divisors(
     let roots: Vec<ExprId> = function.request.results.iter().map(|(_, e)| *e).collect();
     let sections = needed_sections(graph, &function.sections, &roots);
     let requests =
-        [Request { name: function.request.name.clone(), results: function.request.results.clone() }];
+        [Request { role: function.request.role.clone(), results: function.request.results.clone() }];
     let classes = Classes::of(graph, inputs, &function.sections, &requests)?;
     let definitions = || sections.iter().flat_map(|s| &s.definitions);
     let expressions: Vec<ExprId> = definitions().map(|d| d.expr).chain(roots).collect();

@@ -13,17 +13,7 @@ use rustc_hash::FxHashMap;
 
 use super::polynomial::{Atom, Coefficient, Entry, Exponent, Monomial, Polynomial, System, times};
 use crate::expr::{Func, Graph};
-
-/// Cost units, thirds of those of [`Counts::cost`](super::Counts::cost): an operation of the fused kind, and in addition a
-/// floating-point operation.
-///
-/// A target with fused multiply-add executes one instruction for a product with its sum, other targets two.
-const OPERATION: i64 = 2;
-const FLOP: i64 = 1;
-/// A division, a square root, an elementary function.
-const DIVISION: i64 = 15;
-const ROOT: i64 = 18;
-const FUNCTION: i64 = 60;
+use crate::program::cost::thirds::{CALL, DIVISION, FLOP, INSTRUCTION, ROOT};
 
 /// In longer polynomials only terms this close to one another are paired.
 const WINDOW: usize = 48;
@@ -54,7 +44,7 @@ impl Shape {
     fn cost(&self) -> i64 {
         let n_add = (self.n_terms - 1).max(0);
         let fused = self.n_products.min(n_add);
-        OPERATION * (self.n_mul + n_add - fused) + FLOP * (self.n_mul + n_add)
+        INSTRUCTION * (self.n_mul + n_add - fused) + FLOP * (self.n_mul + n_add)
     }
 }
 
@@ -113,7 +103,7 @@ pub(super) fn cost(system: &System, entries: &[Entry], roots: &[usize]) -> i64 {
             }
         }
     }
-    let price = |(kind, ..): &(u8, u32, u32)| [DIVISION, ROOT, FUNCTION, FUNCTION][usize::from(*kind)];
+    let price = |(kind, ..): &(u8, u32, u32)| [DIVISION, ROOT, CALL, CALL][usize::from(*kind)];
     total + special.iter().map(price).sum::<i64>()
 }
 
@@ -401,7 +391,7 @@ impl Pass<'_> {
             Divisor::Sum([a, b], numbers) => {
                 Shape::of(&vec![(a.clone(), numbers[0]), (b.clone(), numbers[1])]).cost()
             }
-            Divisor::Product(..) => OPERATION + FLOP,
+            Divisor::Product(..) => INSTRUCTION + FLOP,
         };
         self.extractor.bytes += 360;
         self.extractor.index.insert(divisor.clone(), id);

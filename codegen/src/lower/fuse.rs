@@ -9,8 +9,10 @@ use num_traits::{Signed as _, Zero};
 
 use super::number::Signed;
 use super::pack;
-use super::program::{Constant, Function, Instruction, Op, Operand, Program, Signs, Slot};
 use crate::expr::Rational;
+use crate::program::cost::{LATENCY_OF_A_SUM, latency};
+use crate::program::edit::{drop_dead, is_fixed, n_uses, operand, placed, position, prune};
+use crate::program::{Constant, Function, Instruction, Op, Operand, Program, Signs, Slot};
 
 /// Rewrites every function; the part that depends on parameters alone runs once and keeps its products.
 pub(super) fn fuse(program: &mut Program) {
@@ -35,30 +37,7 @@ pub(super) fn fuse(program: &mut Program) {
     prune(program, order);
 }
 
-/// Position of a value in its list.
-pub(super) fn position(operand: Operand) -> Option<usize> {
-    match operand {
-        Operand::Value(v) => Some(v as usize),
-        _ => None,
-    }
-}
-
-fn operand(position: usize) -> Operand {
-    Operand::Value(u32::try_from(position).expect("no more instructions than before"))
-}
-
 // ---- sums of products -----------------------------------------------------------------------------------------------
-
-/// Cycles from operands to result on current processors; only their order of magnitude matters.
-pub(super) fn latency(op: &Op) -> u32 {
-    match op {
-        Op::Neg(_) => 1,
-        Op::Add(..) | Op::Sub(..) | Op::Mul(..) | Op::MulAdd(..) => 4,
-        Op::Div(..) | Op::Recip(_) => 13,
-        Op::Sqrt(_) => 18,
-        Op::Power(..) | Op::Function(..) | Op::Atan2(..) => 50,
-    }
-}
 
 fn is_sum(op: &Op) -> bool {
     matches!(op, Op::Add(..) | Op::Sub(..) | Op::Neg(_))
@@ -149,8 +128,8 @@ fn terms(old: &[Instruction], root: usize, is_part: impl Fn(usize) -> bool) -> V
 /// The terms with one constant or prepared number at most: `p + (q + x)` is `(p + q) + x` once the sums are one, and `p + q`
 /// belongs to the part that runs once.
 fn with_one_number(terms: Vec<Signed>, program: &mut Program) -> Vec<Signed> {
-    let (numbers, others): (Vec<Signed>, Vec<Signed>) = terms.iter().partition(|t| pack::is_fixed(t.operand));
-    let place = terms.iter().position(|t| pack::is_fixed(t.operand));
+    let (numbers, others): (Vec<Signed>, Vec<Signed>) = terms.iter().partition(|t| is_fixed(t.operand));
+    let place = terms.iter().position(|t| is_fixed(t.operand));
     let number = numbers.iter().copied().reduce(|a, b| sum_of_numbers(a, b, program));
     match (place, number) {
         (Some(place), Some(number)) if numbers.len() > 1 => {
@@ -190,15 +169,6 @@ fn sum_of_numbers(a: Signed, b: Signed, program: &mut Program) -> Signed {
     let value = placed(&mut program.prepare.instructions, Instruction { op, section: 0, name: None });
     let slot = placed(&mut program.prepare.slots, Slot { value, name: None });
     Signed { negative, operand: Operand::Slot(slot) }
-}
-
-/// The position of an item in a list, at whose end it is put unless it is there.
-fn placed<T: PartialEq>(list: &mut Vec<T>, item: T) -> u32 {
-    let at = list.iter().position(|known| *known == item).unwrap_or_else(|| {
-        list.push(item);
-        list.len() - 1
-    });
-    u32::try_from(at).expect("fewer than 2^32 values fit in memory")
 }
 
 /// Which products no longer have to be values: those that only sums use, once, or twice where both sums have something
@@ -327,8 +297,8 @@ impl Fusion<'_> {
             terms
         };
         let finish = |terms: &[Term]| {
-            let first = terms[0].ready + if terms[0].b.is_some() { 4 } else { 0 };
-            terms[1..].iter().fold(first, |at, term| at.max(term.ready) + 4)
+            let first = terms[0].ready + if terms[0].b.is_some() { LATENCY_OF_A_SUM } else { 0 };
+            terms[1..].iter().fold(first, |at, term| at.max(term.ready) + LATENCY_OF_A_SUM)
         };
         let in_order = start_first(terms.clone());
         terms.sort_by_key(|term| term.ready);
@@ -364,9 +334,7 @@ fn absorb_signs(
     outputs: &mut [Operand],
     may_prepare: bool,
 ) {
-    let mut n_uses = vec![0usize; instructions.len()];
-    let operands = instructions.iter().flat_map(|i| i.op.operands());
-    operands.chain(outputs.iter().copied()).filter_map(position).for_each(|v| n_uses[v] += 1);
+    let mut n_uses = n_uses(instructions, outputs.iter().copied());
 
     let mut stands_for: Vec<usize> = (0..instructions.len()).collect();
     for k in 0..instructions.len() {
@@ -437,26 +405,6 @@ fn absorb_signs_in_prepare(program: &mut Program) {
         }
     }
     program.prepare.instructions = instructions;
-}
-
-/// Leaves out what no output needs.
-pub(super) fn drop_dead(instructions: &mut Vec<Instruction>, outputs: &mut [Operand]) {
-    let mut is_live = vec![false; instructions.len()];
-    outputs.iter().filter_map(|o| position(*o)).for_each(|v| is_live[v] = true);
-    for k in (0..instructions.len()).rev() {
-        if is_live[k] {
-            instructions[k].op.operands().filter_map(position).for_each(|v| is_live[v] = true);
-        }
-    }
-    let mut moved_to = vec![0; instructions.len()];
-    let mut kept: Vec<Instruction> = Vec::with_capacity(instructions.len());
-    for (k, mut instruction) in instructions.drain(..).enumerate().filter(|(k, _)| is_live[*k]) {
-        moved_to[k] = kept.len();
-        instruction.op = instruction.op.map(|o| position(o).map_or(o, |v| operand(moved_to[v])));
-        kept.push(instruction);
-    }
-    outputs.iter_mut().for_each(|o| *o = position(*o).map_or(*o, |v| operand(moved_to[v])));
-    *instructions = kept;
 }
 
 /// Another operation in place of one.
@@ -617,37 +565,4 @@ fn negated(program: &mut Program, operand: Operand, may_prepare: bool) -> Option
         }
     };
     Some(Operand::Slot(placed(&mut program.prepare.slots, Slot { value, name: None })))
-}
-
-/// Leaves out slots and constants that no longer occur: slots in the given order, constants by their first use.
-fn prune(program: &mut Program, slots: Vec<u32>) {
-    fn keep(order: &mut Vec<u32>, index: &mut HashMap<u32, u32>, old: u32) -> u32 {
-        *index.entry(old).or_insert_with(|| {
-            order.push(old);
-            u32::try_from(order.len() - 1).expect("no more than before")
-        })
-    }
-    let slot_index: HashMap<u32, u32> = slots.iter().copied().zip(0..).collect();
-    let (mut constants, mut constant_index) = (Vec::new(), HashMap::new());
-    let mut kept = |o: Operand| match o {
-        Operand::Slot(i) => Operand::Slot(slot_index[&i]),
-        Operand::Constant(i) => Operand::Constant(keep(&mut constants, &mut constant_index, i)),
-        other => other,
-    };
-    for function in &mut program.functions {
-        for instruction in &mut function.instructions {
-            instruction.op = instruction.op.map(&mut kept);
-        }
-        function.results.iter_mut().for_each(|(_, o)| *o = kept(*o));
-    }
-    for instruction in &mut program.prepare.instructions {
-        instruction.op = instruction.op.map(&mut kept);
-    }
-    for condition in &mut program.prepare.conditions {
-        (condition.greater, condition.less) = (kept(condition.greater), kept(condition.less));
-    }
-    let (old_slots, old_constants) = (&program.prepare.slots, &program.constants);
-    let slots = slots.into_iter().map(|i| old_slots[i as usize].clone()).collect();
-    let constants = constants.into_iter().map(|i| old_constants[i as usize].clone()).collect();
-    (program.prepare.slots, program.constants) = (slots, constants);
 }

@@ -7,38 +7,24 @@
 mod assemble;
 mod class;
 mod divisors;
-mod expressions;
 mod extract;
 mod forms;
 mod fuse;
-mod interpret;
-mod jet;
 mod number;
 mod optimise;
 mod pack;
 mod pair;
 mod polynomial;
-mod program;
 mod rounding;
 mod units;
-mod verify;
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::error::Error;
-use crate::expr::{ExprId, Func, Graph, Sign, SymbolId, needed_sections, sign_of};
-
-pub use crate::expr::{Definition, Section};
+use crate::expr::{ExprId, Func, Graph, Section, Sign, SymbolId, needed_sections, sign_of};
+use crate::program::{Program, Relation, Role, Symbols, verify};
 
 pub use divisors::{Divisors, WatchedMatrix};
-
-pub use interpret::{Point, ViolatedCondition};
-pub use jet::Jet;
-pub use program::{
-    Condition, Constant, Counts, Function, Instruction, Literal, Op, Operand, Prepare, Program, Relation,
-    Signs, Slot, completes_pair,
-};
-pub use verify::verify;
 
 use class::{Class, Classes};
 use forms::Forms;
@@ -57,38 +43,29 @@ pub struct Inputs {
     pub signs: BTreeMap<ExprId, Sign>,
     /// Pairs of components of the state, cosine and sine, whose squares add up to one.
     pub circles: Vec<[SymbolId; 2]>,
-    /// Components of the vector that a function takes besides, by the function's name.
-    pub arguments: BTreeMap<String, Vec<SymbolId>>,
+    /// Components of the vector that a function takes besides time and state, by the function's role.
+    pub arguments: BTreeMap<Role, Vec<SymbolId>>,
     /// What is known about values that may be divided by.
     pub divisors: Divisors,
 }
 
 impl Inputs {
     /// Components of the vector that a function takes besides time and state; most take none.
-    fn argument(&self, function: &str) -> &[SymbolId] {
-        self.arguments.get(function).map_or(&[], Vec::as_slice)
+    fn argument(&self, role: &Role) -> &[SymbolId] {
+        self.arguments.get(role).map_or(&[], Vec::as_slice)
+    }
+
+    /// What the inputs of the program stand for.
+    pub fn symbols(&self) -> Symbols<'_> {
+        Symbols { params: &self.params, time: self.time, state: &self.state, arguments: &self.arguments }
     }
 }
 
-/// The function that is what the others are about: the derivative of the state.
-pub const RHS: &str = "rhs";
-
-/// The function whose results are what must neither vanish nor overflow: the pivots that it is requested with, computed as [`RHS`]
-/// has them where both do, and everything else that [`RHS`] divides by, unless that is seen to be possible everywhere.
-///
-/// As many scales follow them: a result whose absolute value does not make its scale larger is nothing but rounding error.
-/// The scale is the constant zero where no terms can cancel.
-pub const CHECK: &str = "check";
-
-/// The function whose one result stays the same while no matrix of [`Divisors::watched`] becomes singular; there is none if
-/// nothing is watched. It follows [`CHECK`].
-pub const SIGNATURE: &str = "signature";
-
-/// A function to make: its name and its named results.
+/// A function to make: what it is for and its named results.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Request {
-    /// Name of the function: `rhs`, `energy`, `check`, or an output.
-    pub name: String,
+    /// What the function is for.
+    pub role: Role,
     /// Names and values of the results in order.
     pub results: Vec<(String, ExprId)>,
 }
@@ -147,7 +124,7 @@ fn lowered(
     for request in requests {
         graph.within_budget()?;
         let mut wanted = Vec::new();
-        if request.name == CHECK {
+        if request.role == Role::Pivots {
             let checked = source.checked(graph, &signs, &mut forms, request, rhs.as_ref())?;
             let signature = source.signature(graph, request, &checked);
             wanted.push(checked);
@@ -155,7 +132,7 @@ fn lowered(
         } else {
             wanted.push(optimise::optimise(graph, &source, &signs, &mut forms, request)?);
         }
-        if request.name == RHS {
+        if request.role == Role::Rate {
             rhs = wanted.last().cloned();
         }
         for own in wanted {
@@ -210,12 +187,12 @@ impl Source<'_> {
             let definitions = self.sections.iter().flat_map(|s| &s.definitions);
             let used = definitions.filter(|d| needed.contains(&d.symbol)).map(|d| d.expr).chain(roots);
             let used: BTreeSet<SymbolId> = used.flat_map(|e| graph.free_symbols(e)).collect();
-            let others = self.inputs.arguments.iter().filter(|(name, _)| **name != request.name);
+            let others = self.inputs.arguments.iter().filter(|(role, _)| **role != request.role);
             if let Some(foreign) = others.flat_map(|(_, symbols)| symbols).find(|s| used.contains(s)) {
                 return Err(Error::Program {
                     reason: format!(
                         "{} depends on {}, which is no argument of it",
-                        request.name,
+                        request.role,
                         graph.name(*foreign)
                     ),
                 });
@@ -249,7 +226,7 @@ impl Source<'_> {
         let found: Vec<Option<ExprId>> = request.results.iter().map(|(_, e)| in_rhs(graph, *e)).collect();
         let others =
             request.results.iter().zip(&found).filter(|(_, found)| found.is_none()).map(|(r, _)| r.clone());
-        let others = Request { name: request.name.clone(), results: others.collect() };
+        let others = Request { role: request.role.clone(), results: others.collect() };
         let Optimised { mut sections, request: others, units } =
             optimise::optimise(graph, self, signs, forms, &others)?;
         let mut others = others.results.into_iter();
@@ -279,10 +256,10 @@ impl Source<'_> {
         }
         let names: Vec<String> = results.iter().map(|(name, _)| name.clone()).collect();
         results.extend(names.into_iter().zip(scales));
-        Ok(Optimised { sections, request: Request { name: request.name.clone(), results }, units })
+        Ok(Optimised { sections, request: Request { role: request.role.clone(), results }, units })
     }
 
-    /// The function [`SIGNATURE`], from the pivots as `checked` has them; none if nothing is watched.
+    /// The function [`Role::Signature`], from the pivots as `checked` has them; none if nothing is watched.
     fn signature(&self, graph: &mut Graph, request: &Request, checked: &Optimised) -> Option<Optimised> {
         let watched = &self.inputs.divisors.watched;
         if watched.is_empty() {
@@ -297,8 +274,8 @@ impl Source<'_> {
             .map(|m| (m.is_symmetric, m.pivots.iter().filter_map(as_checked).collect()))
             .collect();
         let value = divisors::signature(graph, &matrices);
-        let results = vec![(SIGNATURE.to_owned(), value)];
-        let request = Request { name: SIGNATURE.into(), results };
+        let results = vec![(Role::Signature.name().to_owned(), value)];
+        let request = Request { role: Role::Signature, results };
         Some(Optimised { request, ..checked.clone() })
     }
 

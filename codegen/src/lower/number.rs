@@ -8,10 +8,10 @@ use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use num_traits::{One, Signed as _, ToPrimitive, Zero};
 
 use super::class::{Class, Classes};
-use super::program::{Constant, Op, Operand};
 use super::{Request, Source};
 use crate::error::Error;
 use crate::expr::{ExprId, Graph, Node, Rational, SymbolId};
+use crate::program::{Constant, Op, Operand, Role};
 
 /// All values of a program; an operand of a value is an earlier value, a constant or an input.
 pub(super) struct Pool {
@@ -80,7 +80,7 @@ impl Pool {
 
 /// A function in terms of the pool.
 pub(super) struct Numbered {
-    pub(super) name: String,
+    pub(super) role: Role,
     pub(super) argument: Vec<String>,
     /// Section, name and value of each definition that is needed, in order.
     pub(super) definitions: Vec<(u32, String, Operand)>,
@@ -95,11 +95,11 @@ pub(super) fn number_function(
     pool: &mut Pool,
 ) -> Result<Numbered, Error> {
     let roots: Vec<ExprId> = request.results.iter().map(|(_, e)| *e).collect();
-    let argument = source.inputs.argument(&request.name);
+    let argument = source.inputs.argument(&request.role);
     let (definitions, operands) = number(graph, source, &source.classes, argument, &roots, pool);
     let names = request.results.iter().map(|(name, _)| name.clone());
     Ok(Numbered {
-        name: request.name.clone(),
+        role: request.role.clone(),
         argument: argument.iter().map(|s| graph.name(*s).to_owned()).collect(),
         definitions,
         results: names.zip(operands).collect(),

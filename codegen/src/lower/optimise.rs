@@ -14,9 +14,10 @@ use super::extract::{Extractor, cost, needed};
 use super::forms::Forms;
 use super::polynomial::{Atom, Coefficient, Entry, Exponent, Monomial, Polynomial, Reader, System, times};
 use super::units;
-use super::{Definition, RHS, Request, Section, Source};
+use super::{Request, Source};
 use crate::error::Error;
-use crate::expr::{ExprId, Graph, Node, Rational, Sign, Style, SymbolId};
+use crate::expr::{Definition, ExprId, Graph, Node, Rational, Section, Sign, Style, SymbolId};
+use crate::program::Role;
 
 /// The search stops when this many divisors, or a tenth of it in terms, have been looked at.
 const MAX_WORK: usize = 4_000_000;
@@ -73,7 +74,7 @@ pub(super) fn optimise(
     }
     let Reader { mut system, entries, .. } = reader;
     let kept: Vec<usize> = results.iter().flatten().copied().collect();
-    let is_rhs = request.name == RHS;
+    let is_rhs = request.role == Role::Rate;
     let entries =
         Search { graph, system: &mut system, forms, roots: &kept, is_rhs, extractor: Extractor::default() }
             .run(entries);
@@ -91,7 +92,7 @@ pub(super) fn optimise(
         }
     }
     let names = request.results.iter().map(|(name, _)| name.clone());
-    let request = Request { name: request.name.clone(), results: names.zip(values).collect() };
+    let request = Request { role: request.role.clone(), results: names.zip(values).collect() };
     Ok(Optimised { sections, request, units })
 }
 

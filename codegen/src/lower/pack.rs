@@ -5,28 +5,15 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::fuse::{latency, position};
-use super::program::{Function, Instruction, Op, Operand, Program};
+use crate::program::cost::latency;
+use crate::program::edit::{is_fixed, n_uses_in, position};
+use crate::program::{Function, Instruction, Op, Operand, Program};
 
 fn slot(operand: Operand) -> Option<u32> {
     match operand {
         Operand::Slot(i) => Some(i),
         _ => None,
     }
-}
-
-/// How often each value is an operand or a result.
-fn n_uses(function: &Function) -> Vec<usize> {
-    let mut n_uses = vec![0; function.instructions.len()];
-    let operands = function.instructions.iter().flat_map(|i| i.op.operands());
-    let results = function.results.iter().map(|(_, o)| *o);
-    operands.chain(results).filter_map(position).for_each(|v| n_uses[v] += 1);
-    n_uses
-}
-
-/// The same in every call with the same parameters.
-pub(super) fn is_fixed(operand: Operand) -> bool {
-    matches!(operand, Operand::Slot(_) | Operand::Param(_) | Operand::Constant(_))
 }
 
 /// Keeps the opposite of a prepared number that occurs in fused operations alone, if the first function that reads it
@@ -36,7 +23,7 @@ pub(super) fn turn_slots(program: &mut Program) {
     let mut balances: BTreeMap<u32, Option<(usize, i32)>> = BTreeMap::new();
     let mut terms: Vec<Vec<[Option<u32>; 3]>> = Vec::new();
     for (function_idx, function) in program.functions.iter().enumerate() {
-        let n_uses = n_uses(function);
+        let n_uses = n_uses_in(function);
         let mut is_in_term = vec![false; function.instructions.len()];
         let mut numbers = vec![[None; 3]; function.instructions.len()];
         for (k, instruction) in function.instructions.iter().enumerate() {
@@ -103,7 +90,7 @@ pub(super) fn turn_slots(program: &mut Program) {
 /// `((p y) x) / d`, so that nothing waits but for the factor that comes last, and the operands of all components come in
 /// one order.
 pub(super) fn order_factors(function: &mut Function) {
-    let n_uses = n_uses(function);
+    let n_uses = n_uses_in(function);
     let old = std::mem::take(&mut function.instructions);
     // Part of the one product that uses it. A square stays: its series costs half of that of a product.
     let is_part = |v: usize| {
@@ -315,7 +302,7 @@ struct Shapes<'a> {
 
 impl Shapes<'_> {
     fn of(function: &Function) -> Shapes<'_> {
-        Shapes { function, n_uses: n_uses(function) }
+        Shapes { function, n_uses: n_uses_in(function) }
     }
 
     /// The operations behind a result, and the slots among their operands.

@@ -4,8 +4,8 @@
 
 use std::collections::HashMap;
 
-use super::program::{Function, Op, Operand};
 use crate::expr::Func;
+use crate::program::{Function, Op, Operand};
 
 /// Moves the later one of a sine and a cosine of the same angle to the earlier one, the sine first.
 pub(super) fn pair(function: &mut Function) {

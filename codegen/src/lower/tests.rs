@@ -3,7 +3,8 @@ use std::collections::BTreeMap;
 use num_traits::One;
 
 use super::*;
-use crate::expr::{Func, Node, Rational};
+use crate::expr::{Definition, Func, Node, Rational};
+use crate::program::{Constant, Counts, Literal, Op, Operand, Point, Signs, completes_pair};
 
 fn q(n: i64, d: i64) -> Rational {
     Rational::new(n.into(), d.into())
@@ -67,7 +68,7 @@ const STATE: [f64; 3] = [0.9, 1.6, 0.35];
 
 fn request(name: &str, results: &[ExprId]) -> Request {
     Request {
-        name: name.to_owned(),
+        role: Role::Output(name.to_owned()),
         results: results.iter().enumerate().map(|(k, e)| (format!("r{k}"), *e)).collect(),
     }
 }
@@ -191,7 +192,7 @@ fn values_are_shared_between_functions_and_constants_folded_into_slots() {
     let requests = [request("energy", &[energy]), request("power", &[power])];
     let program = lower(&mut f.g, &f.inputs, &[], &[], &requests).unwrap();
     assert_eq!(program.prepare.slots.len(), 1);
-    assert_eq!(program.function_idx("power"), Some(1));
+    assert_eq!(program.function_idx(&requests[1].role), Some(1));
 }
 
 #[test]
@@ -281,7 +282,7 @@ fn deep_expressions_do_not_overflow_the_stack() {
 /// The value at fixed numbers and back as an expression.
 fn check(f: &mut Fixture, program: &Program, expected: &[ExprId]) {
     let (values, found) = (f.values(), f.run(program));
-    let back = program.to_expressions(&mut f.g, &f.inputs).unwrap().remove(0);
+    let back = program.to_expressions(&mut f.g, f.inputs.symbols()).unwrap().remove(0);
     for ((e, back), found) in expected.iter().zip(back).zip(found) {
         assert!(f.g.is_equal(*e, back));
         let expected = f.g.eval_f64(*e, &values).unwrap();
@@ -480,8 +481,8 @@ fn a_pivot_in_other_units_is_checked_as_it_is_divided_by() {
     let (e, sections) = lever(&mut f);
     f.inputs.signs.extend([(f.p[0], Sign::Positive), (f.p[2], Sign::Positive)]);
     let pivot = f.g.sym(sections[0].definitions[1].symbol);
-    let check = Request { name: CHECK.into(), results: vec![("inertia".into(), pivot)] };
-    let requests = [Request { name: RHS.into(), ..request("f", &[e]) }, check];
+    let check = Request { role: Role::Pivots, results: vec![("inertia".into(), pivot)] };
+    let requests = [Request { role: Role::Rate, ..request("f", &[e]) }, check];
     let program = lower(&mut f.g, &f.inputs, &sections, &[], &requests).unwrap();
     let prepared = program.prepare(&PARAMS).unwrap();
     let mut divisors = Vec::new();
@@ -608,7 +609,10 @@ pub(crate) fn random_problem(seed: u64) -> (Graph, Inputs, Vec<Section>, Vec<Req
         sections.push(Section { title: format!("section {s}"), definitions });
     }
     let n = pool.len();
-    let requests = vec![request("rhs", &pool[n - 3..]), request("energy", &pool[n - 5..n - 4])];
+    let requests = vec![
+        Request { role: Role::Rate, ..request("rhs", &pool[n - 3..]) },
+        Request { role: Role::Energy, ..request("energy", &pool[n - 5..n - 4]) },
+    ];
     (g, inputs, sections, requests)
 }
 
@@ -627,7 +631,7 @@ fn random_programs_agree_with_their_expressions() {
         let params = inputs.params.iter().copied().zip(PARAMS);
         let mut values: BTreeMap<SymbolId, f64> = params.chain([(inputs.time, TIME)]).collect();
         values.extend(inputs.state.iter().copied().zip(STATE));
-        let back = program.to_expressions(&mut g, &inputs).unwrap();
+        let back = program.to_expressions(&mut g, inputs.symbols()).unwrap();
         let prepared = program.prepare(&PARAMS).unwrap();
         for (k, request) in requests.iter().enumerate() {
             let mut out = vec![0.0; request.results.len()];
@@ -677,7 +681,10 @@ fn a_function_takes_a_vector_of_its_own() {
     // f(x; v) = (x y) v0 + v1 and g(x; w) = (x y) w0 share x y in the pool and keep their vectors apart.
     let Fixture { mut g, mut inputs, x: [x, y, _], .. } = fixture();
     let [v0, v1, w0] = ["v0", "v1", "w0"].map(|n| g.symbol(n));
-    inputs.arguments = BTreeMap::from([("f".to_owned(), vec![v0, v1]), ("g".to_owned(), vec![w0])]);
+    inputs.arguments = BTreeMap::from([
+        (Role::Output("f".to_owned()), vec![v0, v1]),
+        (Role::Output("g".to_owned()), vec![w0]),
+    ]);
     let [e0, e1, f0] = [v0, v1, w0].map(|s| g.sym(s));
     let (along_v, along_w) = (g.product(&[x, y, e0]), g.product(&[x, y, f0]));
     let sum = g.add(along_v, e1);
@@ -694,7 +701,7 @@ fn a_function_takes_a_vector_of_its_own() {
     assert_eq!(out, [6.5]);
     program.run_at(1, &PARAMS, &prepared, point(&[3.0]), &mut out);
     assert_eq!(out, [2.25]);
-    assert_eq!(program.to_expressions(&mut g, &inputs).unwrap(), [[sum], [along_w]]);
+    assert_eq!(program.to_expressions(&mut g, inputs.symbols()).unwrap(), [[sum], [along_w]]);
 
     // A component that the vector does not have, and a vector of another function.
     let mut short = program.clone();

@@ -8,6 +8,7 @@ use crate::differentiate::Linearisation;
 use crate::expr::{ExprId, Graph, Section, SectionWriter, SymbolId, needed_sections};
 use crate::lower::{Inputs, Request};
 use crate::mechanics::{Output, StateEquation};
+use crate::program::Role;
 use crate::spec::Want;
 
 /// A derivative of `dy/dt = f(t, y; p)`.
@@ -58,6 +59,15 @@ impl Derivative {
     /// The derivative of that name.
     pub fn from_name(name: &str) -> Option<Derivative> {
         Derivative::ALL.into_iter().find(|d| d.name() == name)
+    }
+
+    /// The role of the function.
+    pub fn role(self) -> Role {
+        let name = self.name().to_owned();
+        match self {
+            Derivative::Jacobian | Derivative::Sensitivity | Derivative::TimeDerivative => Role::Output(name),
+            Derivative::Jvp | Derivative::Vjp | Derivative::SensitivityJvp => Role::Product(name),
+        }
     }
 
     fn doc(self) -> &'static str {
@@ -121,7 +131,7 @@ pub(super) struct Derivatives {
     pub(super) products: Vec<Product>,
     /// The functions of products.
     pub(super) requests: Vec<Request>,
-    pub(super) arguments: BTreeMap<String, Vec<SymbolId>>,
+    pub(super) arguments: BTreeMap<Role, Vec<SymbolId>>,
     /// To come after the sections that were differentiated.
     pub(super) sections: Vec<Section>,
 }
@@ -258,11 +268,11 @@ impl Pass<'_> {
         components: Vec<String>,
         values: Vec<ExprId>,
     ) {
-        let name = derivative.name().to_owned();
+        let role = derivative.role();
         let (n_vector, doc) = (symbols.len(), derivative.doc());
         let results = components.iter().cloned().zip(values).collect();
-        self.result.requests.push(Request { name: name.clone(), results });
-        self.result.arguments.insert(name, symbols);
+        self.result.requests.push(Request { role: role.clone(), results });
+        self.result.arguments.insert(role, symbols);
         self.result.products.push(Product { derivative, vector, n_vector, components, doc });
     }
 }

@@ -7,6 +7,7 @@
 use std::collections::BTreeSet;
 
 use hamel_bench::{Kernel, kernels};
+use hamel_codegen::program::Role;
 use hamel_codegen::scene;
 use hamel_tests::models;
 use hamel_tests::reference::{self, Point};
@@ -22,7 +23,7 @@ fn units(kernel: &Kernel, scene: &scene::BuiltScene, point: &Point) -> f64 {
     let params = reference::in_order(&point.params, &params);
     let y = reference::in_order(&point.state, &names);
     let found = kernel.evaluate(&params, 0.0, &y);
-    let terms = tracked(scene, "rhs", &params, &y);
+    let terms = tracked(scene, &Role::Rate, &params, &y);
     assert_eq!((found.len(), terms.len()), (names.len(), names.len()), "{kernel}");
     let largest = terms.iter().fold(0.0, |largest, t| t.term.max(largest));
     let off = names.iter().zip(&found).zip(&terms).map(|((name, value), own)| {

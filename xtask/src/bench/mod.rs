@@ -19,7 +19,7 @@ use std::io::{BufRead, BufReader, IsTerminal as _, Read as _};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use hamel_codegen::lower::Counts;
+use hamel_codegen::program::Counts;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::codegen_bridge as bridge;

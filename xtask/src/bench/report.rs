@@ -7,7 +7,7 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use hamel_codegen::lower::Counts;
+use hamel_codegen::program::Counts;
 
 use super::peers::{self, PEERS, Peer, Peers};
 use super::{Kernel, Row};

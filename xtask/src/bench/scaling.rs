@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
 
+use hamel_codegen::program::Role;
 use hamel_codegen::scene::{self, BuiltScene};
 use hamel_codegen::spec;
 
@@ -334,7 +335,7 @@ impl Toolchain {
             return Err(failed(&name, "the compiled right-hand side differs from the interpreted one"));
         }
         let program = &built.program;
-        let rhs = program.functions.iter().find(|f| f.name == "rhs");
+        let rhs = program.function(&Role::Rate);
         let functions = program.functions.iter().map(|f| f.counts().total()).sum::<usize>();
         Ok(Row {
             family,

@@ -3,10 +3,10 @@
 use proc_macro2::TokenStream;
 use quote::quote;
 
-use super::{Ident, Module, Written, doc_attributes, expect_size, ident, sentence, size};
+use super::{Ident, Module, Written, doc_attributes, expect_size, ident, missing, sentence, size};
 use crate::emit::{MatrixText, ProductText};
 use crate::error::Error;
-use crate::lower::Function;
+use crate::program::{Function, Role};
 
 /// The matrix that [`hamel_runtime::Differentiable`] is about.
 const JACOBIAN: &str = "jacobian";
@@ -111,11 +111,8 @@ impl<'a> Module<'a> {
 
     /// The function of a product, its sizes checked.
     pub(super) fn product(&self, product: &ProductText) -> Result<&'a Function, Error> {
-        let function = self.function(&product.name).ok_or_else(|| Error::UnknownName {
-            name: product.name.clone(),
-            kind: "function of the program",
-            known: self.program.functions.iter().map(|f| f.name.clone()).collect(),
-        })?;
+        let role = Role::Product(product.name.clone());
+        let function = self.function(&role).ok_or_else(|| missing(self.program, &role))?;
         expect_size(&format!("product {}", product.name), product.components.len(), function.results.len())?;
         Ok(function)
     }

@@ -1,10 +1,12 @@
 //! Runs a program with the very operations that emitted code performs, so that results agree bit for bit.
+//!
+//! Does not know: what a function is for, how emitted code is written.
 
 use std::fmt;
 
 use hamel_runtime::Real;
 
-use super::program::{Constant, Instruction, Literal, Op, Operand, Program, Relation};
+use super::ir::{Constant, Instruction, Literal, Op, Operand, Program, Relation};
 use crate::expr::Func;
 
 /// A condition on the parameters that does not hold.

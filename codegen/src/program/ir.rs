@@ -1,10 +1,10 @@
-//! The intermediate form: straight-line static single assignment, one operation an instruction.
-
-use std::fmt;
-use std::ops::AddAssign;
+//! The data of a program: straight-line static single assignment, one operation an instruction.
+//!
+//! Does not know: what a program is for, how its operations are executed or written.
 
 use num_traits::{One, Signed, ToPrimitive, Zero};
 
+use super::role::Role;
 use crate::expr::{Func, Rational, rational_to_f64};
 
 /// A constant of a program.
@@ -140,7 +140,7 @@ impl Op {
     }
 
     /// The same operation on other operands.
-    pub(super) fn map(self, mut f: impl FnMut(Operand) -> Operand) -> Op {
+    pub(crate) fn map(self, mut f: impl FnMut(Operand) -> Operand) -> Op {
         match self {
             Op::Add(a, b) => Op::Add(f(a), f(b)),
             Op::Sub(a, b) => Op::Sub(f(a), f(b)),
@@ -217,8 +217,8 @@ pub struct Prepare {
 /// A function of parameters, time and state.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Function {
-    /// Its name.
-    pub name: String,
+    /// What the function is for.
+    pub role: Role,
     /// Names of the components of the vector that it takes besides time and state; mostly none.
     pub argument: Vec<String>,
     /// Straight-line code; sections ascend.
@@ -256,125 +256,14 @@ pub fn completes_pair(instructions: &[Instruction], k: usize) -> bool {
     }
 }
 
-/// Numbers of operations.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Counts {
-    /// Additions and subtractions, fused ones included.
-    pub add: usize,
-    /// Multiplications, fused ones included.
-    pub mul: usize,
-    /// Pairs of a multiplication and an addition that are one instruction where the target has it.
-    pub fma: usize,
-    /// Divisions and reciprocals.
-    pub div: usize,
-    /// Negations.
-    pub neg: usize,
-    /// Square roots.
-    pub sqrt: usize,
-    /// Sines, cosines, exponentials, powers and so on; sine and cosine of one angle are one.
-    pub transcendental: usize,
-}
-
-impl Counts {
-    fn of(instructions: &[Instruction], includes: impl Fn(&Instruction) -> bool) -> Counts {
-        let mut counts = Counts::default();
-        for (k, instruction) in instructions.iter().enumerate().filter(|(_, i)| includes(i)) {
-            *match instruction.op {
-                Op::Add(..) | Op::Sub(..) => &mut counts.add,
-                Op::Mul(..) => &mut counts.mul,
-                Op::MulAdd(..) => {
-                    counts.add += 1;
-                    counts.mul += 1;
-                    &mut counts.fma
-                }
-                Op::Div(..) | Op::Recip(_) => &mut counts.div,
-                Op::Neg(_) | Op::Function(Func::Abs, _) => &mut counts.neg,
-                Op::Sqrt(_) => &mut counts.sqrt,
-                Op::Function(Func::Cos, _) if completes_pair(instructions, k) => continue,
-                Op::Power(..) | Op::Function(..) | Op::Atan2(..) => &mut counts.transcendental,
-            } += 1;
-        }
-        counts
-    }
-
-    /// All operations; a fused pair counts as two.
-    pub fn total(&self) -> usize {
-        self.add + self.mul + self.div + self.neg + self.sqrt + self.transcendental
-    }
-
-    /// Rough cost in instructions that a processor starts one after the other: additions, multiplications, fused pairs
-    /// and signs 1, divisions 5, square roots 6, calls 20.
-    ///
-    /// Divisions and roots occupy a unit of their own for 4 to 6 cycles (Fog, Instruction tables, Skylake to Zen 4).
-    pub fn cost(&self) -> u64 {
-        let simple = self.add + self.mul - self.fma + self.neg;
-        (simple + 5 * self.div + 6 * self.sqrt + 20 * self.transcendental) as u64
-    }
-}
-
-impl AddAssign for Counts {
-    fn add_assign(&mut self, other: Counts) {
-        self.add += other.add;
-        self.mul += other.mul;
-        self.fma += other.fma;
-        self.div += other.div;
-        self.neg += other.neg;
-        self.sqrt += other.sqrt;
-        self.transcendental += other.transcendental;
-    }
-}
-
-impl fmt::Display for Counts {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let parts = [
-            (self.add, "additions", "addition"),
-            (self.mul, "multiplications", "multiplication"),
-            (self.div, "divisions", "division"),
-            (self.neg, "sign changes", "sign change"),
-            (self.sqrt, "square roots", "square root"),
-            (self.transcendental, "elementary functions", "elementary function"),
-        ];
-        let mut first = true;
-        for (k, (n, many, one)) in parts.into_iter().enumerate() {
-            if n > 0 {
-                write!(f, "{}{n} {}", if first { "" } else { ", " }, if n == 1 { one } else { many })?;
-                first = false;
-            }
-            if k == 1 && self.fma > 0 {
-                write!(f, " ({} fused)", self.fma)?;
-            }
-        }
-        if first { f.write_str("no operations") } else { Ok(()) }
-    }
-}
-
-impl Prepare {
-    /// Operations of the part that runs once.
-    pub fn counts(&self) -> Counts {
-        Counts::of(&self.instructions, |_| true)
-    }
-}
-
-impl Function {
-    /// Operations of one call.
-    pub fn counts(&self) -> Counts {
-        Counts::of(&self.instructions, |_| true)
-    }
-
-    /// Operations of one call that belong to a section.
-    pub fn counts_of_section(&self, section_idx: usize) -> Counts {
-        Counts::of(&self.instructions, |i| i.section as usize == section_idx)
-    }
-}
-
 impl Program {
-    /// Rough cost of calling every function once.
-    pub fn cost(&self) -> u64 {
-        self.functions.iter().map(|f| f.counts().cost()).sum()
+    /// Position of the function in that role.
+    pub fn function_idx(&self, role: &Role) -> Option<usize> {
+        self.functions.iter().position(|f| f.role == *role)
     }
 
-    /// Position of the function of that name.
-    pub fn function_idx(&self, name: &str) -> Option<usize> {
-        self.functions.iter().position(|f| f.name == name)
+    /// The function in that role.
+    pub fn function(&self, role: &Role) -> Option<&Function> {
+        self.functions.iter().find(|f| f.role == *role)
     }
 }

@@ -1,14 +1,32 @@
-//! Turns a program back into expressions, to compare it with what was lowered.
+//! Turns a program back into expressions, to compare the program with what was lowered.
+//!
+//! Does not know: who compares, or what with.
 
-use super::Inputs;
-use super::program::{Constant, Instruction, Op, Operand, Program};
+use std::collections::BTreeMap;
+
+use super::ir::{Constant, Instruction, Op, Operand, Program};
+use super::role::Role;
 use crate::error::Error;
-use crate::expr::{DivisionByZero, ExprId, Graph};
+use crate::expr::{DivisionByZero, ExprId, Graph, SymbolId};
+
+/// The symbols that the inputs of a program stand for.
+#[derive(Clone, Copy, Debug)]
+pub struct Symbols<'a> {
+    /// Parameters in the order of the program.
+    pub params: &'a [SymbolId],
+    /// Time.
+    pub time: SymbolId,
+    /// Components of the state in the order of the program.
+    pub state: &'a [SymbolId],
+    /// Components of the vector that a function takes besides time and state, by the function's role.
+    pub arguments: &'a BTreeMap<Role, Vec<SymbolId>>,
+}
 
 /// Where instructions stand, and what they read.
 struct Place<'a> {
     name: &'a str,
-    inputs: &'a Inputs,
+    symbols: Symbols<'a>,
+    argument: &'a [SymbolId],
     slots: &'a [ExprId],
 }
 
@@ -17,13 +35,14 @@ impl Program {
     ///
     /// # Errors
     /// [`Error::DivisionByZero`] when a denominator vanishes identically.
-    pub fn to_expressions(&self, graph: &mut Graph, inputs: &Inputs) -> Result<Vec<Vec<ExprId>>, Error> {
-        let prepare = Place { name: "prepare", inputs, slots: &[] };
+    pub fn to_expressions(&self, graph: &mut Graph, symbols: Symbols<'_>) -> Result<Vec<Vec<ExprId>>, Error> {
+        let prepare = Place { name: "prepare", symbols, argument: &[], slots: &[] };
         let values = self.evaluate(graph, &prepare, &self.prepare.instructions)?;
         let slots: Vec<ExprId> = self.prepare.slots.iter().map(|slot| values[slot.value as usize]).collect();
         let mut all = Vec::with_capacity(self.functions.len());
         for function in &self.functions {
-            let place = Place { name: &function.name, inputs, slots: &slots };
+            let argument = symbols.arguments.get(&function.role).map_or(&[][..], Vec::as_slice);
+            let place = Place { name: function.role.name(), symbols, argument, slots: &slots };
             let values = self.evaluate(graph, &place, &function.instructions)?;
             all.push(
                 function.results.iter().map(|(_, o)| self.operand(graph, &place, &values, *o)).collect(),
@@ -33,18 +52,18 @@ impl Program {
     }
 
     fn operand(&self, graph: &mut Graph, place: &Place<'_>, values: &[ExprId], operand: Operand) -> ExprId {
-        let Place { name, inputs, slots } = place;
+        let Place { symbols, argument, slots, .. } = place;
         match operand {
             Operand::Value(i) => values[i as usize],
             Operand::Constant(i) => match &self.constants[i as usize] {
                 Constant::Rational(q) => graph.rational(q.clone()),
                 Constant::Pi => graph.pi(),
             },
-            Operand::Param(i) => graph.sym(inputs.params[i as usize]),
+            Operand::Param(i) => graph.sym(symbols.params[i as usize]),
             Operand::Slot(i) => slots[i as usize],
-            Operand::Time => graph.sym(inputs.time),
-            Operand::State(i) => graph.sym(inputs.state[i as usize]),
-            Operand::Argument(i) => graph.sym(inputs.argument(name)[i as usize]),
+            Operand::Time => graph.sym(symbols.time),
+            Operand::State(i) => graph.sym(symbols.state[i as usize]),
+            Operand::Argument(i) => graph.sym(argument[i as usize]),
         }
     }
 

@@ -1,8 +1,10 @@
 //! Checks the rules of the intermediate form.
+//!
+//! Does not know: how programs are made, what they compute.
 
 use std::collections::BTreeMap;
 
-use super::program::{Function, Instruction, Literal, Op, Operand, Program};
+use super::ir::{Function, Instruction, Literal, Op, Operand, Program};
 use crate::error::Error;
 use crate::expr::Func;
 
@@ -44,7 +46,7 @@ pub fn verify(program: &Program) -> Result<(), Error> {
     }
     let mut slot_used = vec![false; prepare.slots.len()];
     for function in &program.functions {
-        let name = &function.name;
+        let name = function.role.name();
         let mut used = verify_list(program, name, &function.instructions, Some(function))?;
         if let Some(i) = lonely_half(&function.instructions) {
             return fail(format!("value {i} of {name} stands apart from the other half of its pair"));

@@ -43,8 +43,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use hamel_runtime::{Convolutions, MAX_ORDER, Real};
 
-use super::fuse::drop_dead;
-use super::program::{Constant, Function, Instruction, Op, Operand, Program, Signs};
+use super::edit::drop_dead;
+use super::ir::{Constant, Function, Instruction, Op, Operand, Program, Signs};
+use super::role::Role;
 use crate::error::Error;
 use crate::expr::{Func, Rational};
 
@@ -100,7 +101,7 @@ impl Jet {
         let rhs = &program.functions[function_idx];
         if rhs.results.len() != program.state.len() {
             return Err(Error::ShapeMismatch {
-                what: format!("function {}", rhs.name),
+                what: format!("function {}", rhs.role),
                 found: rhs.results.len(),
                 expected: program.state.len(),
             });
@@ -750,8 +751,8 @@ impl<'p> Builder<'p> {
         let inputs = state.iter().cloned().chain(names("sum", n_lanes)).chain(names("kept", n_kept));
         let state = inputs.chain(["order".to_owned(), "inverse".to_owned()]).collect();
         let functions = vec![
-            without_dead("first", self.first.instructions, first_results, |o| o),
-            without_dead("next", self.next.instructions, next_results, place),
+            without_dead(Role::SeriesStart, self.first.instructions, first_results, |o| o),
+            without_dead(Role::SeriesStep, self.next.instructions, next_results, place),
         ];
         let mut program = Program { functions, state, constants: self.constants, ..self.program.clone() };
         program.functions.truncate(2);
@@ -807,7 +808,7 @@ fn fuse(instructions: &mut [Instruction], results: impl Iterator<Item = Operand>
 
 /// The function without instructions that no result needs, its inputs renamed.
 fn without_dead(
-    name: &str,
+    role: Role,
     mut instructions: Vec<Instruction>,
     results: Vec<(String, Operand)>,
     place: impl Fn(Operand) -> Operand,
@@ -816,5 +817,5 @@ fn without_dead(
     drop_dead(&mut instructions, &mut outputs);
     instructions.iter_mut().for_each(|i| i.op = i.op.map(&place));
     let results = names.into_iter().zip(outputs.into_iter().map(place)).collect();
-    Function { name: name.to_owned(), argument: Vec::new(), instructions, results }
+    Function { role, argument: Vec::new(), instructions, results }
 }

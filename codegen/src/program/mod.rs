@@ -1,0 +1,27 @@
+//! The intermediate form: a flat, verified [`Program`] in static single assignment, apart from the passes that make it.
+//!
+//! `ir` is the data, `role` says what a function is for, `counts` and `cost` say what it costs, `verify` checks the rules,
+//! `edit` is what every pass that rewrites a program needs, `interpret` runs a program with the very operations that emitted
+//! code performs, `round_trip` turns it back into expressions, `series` turns a right-hand side into the recurrence of the
+//! Taylor coefficients of its solutions. Does not know: mechanics, how expressions become programs, Rust.
+
+pub(crate) mod cost;
+mod counts;
+pub(crate) mod edit;
+mod interpret;
+mod ir;
+mod role;
+mod round_trip;
+mod series;
+mod verify;
+
+pub use counts::Counts;
+pub use interpret::{Point, ViolatedCondition};
+pub use ir::{
+    Condition, Constant, Function, Instruction, Literal, Op, Operand, Prepare, Program, Relation, Signs,
+    Slot, completes_pair,
+};
+pub use role::Role;
+pub use round_trip::Symbols;
+pub use series::Jet;
+pub use verify::verify;
