@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 use crate::emit::{self, SceneEntry};
 use crate::error::Error;
 use crate::expr::Budget;
-use crate::scene::{self, Writing};
+use crate::scene::{self, Scenes, Writing};
 use crate::spec::{self, Diagnostics, Model};
 
 /// Generates the scenes of one model file into `OUT_DIR`, for a build script, and tells cargo to show warnings and to run the
@@ -264,12 +264,13 @@ impl Config {
             model
         });
         let model = within.as_ref().unwrap_or(model);
+        let mut scenes = Scenes::new(model);
         let names = match self.scenes.get(&model.name) {
             Some(chosen) => chosen.clone(),
-            None => scene::names(model),
+            None => scenes.names(),
         };
         let mut files = Vec::new();
-        let scenes = scene::build_several(model, &names).map_err(Problem::Model)?;
+        let scenes = scenes.build_all(&names).map_err(Problem::Model)?;
         for built in &scenes {
             let text = built.emit_as(&self.writing).map_err(|source| emission(&model.name, source))?;
             files.push((built.entry(), text));

@@ -2,7 +2,7 @@
 
 use hamel_codegen::expr::{ExprId, inlined};
 use hamel_codegen::mechanics::{Equations, derive};
-use hamel_codegen::reduction::{ReducedSystem, reduce};
+use hamel_codegen::reduction::{Formulation, ReducedSystem, reduce};
 use hamel_codegen::spec;
 use hamel_tests::models::{model, text};
 
@@ -31,7 +31,7 @@ fn plain_forces(system: &ReducedSystem, e: &mut Equations) -> Vec<ExprId> {
 
 /// How many components of accelerations the equations name; their forces are those of the momenta.
 fn n_accelerations(model: &spec::Model) -> usize {
-    let system = reduce(model, &[]).unwrap_or_else(|e| panic!("{e}"));
+    let system = reduce(model, &Formulation::of(model)).unwrap_or_else(|e| panic!("{e}"));
     let mut equations = derive(&system).unwrap_or_else(|e| panic!("{e}"));
     let plain = plain_forces(&system, &mut equations);
     let sections = equations.sections.clone();

@@ -28,15 +28,37 @@ pub struct StateEquation {
     pub derivative: ExprId,
 }
 
+/// What an [`Output`] is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OutputKind {
+    /// What a scene wants by a word of the language.
+    Group(Want),
+    /// An output of the model, or an angle that is carried as a point of the circle.
+    OfModel,
+    /// A component of another output, which a scene wants by its own name.
+    Component,
+    /// The gradients of the invariants.
+    Gradients,
+}
+
 /// A group of numbers that a scene may ask for.
 #[derive(Clone, Debug)]
 pub struct Output {
+    /// What it is.
+    pub kind: OutputKind,
     /// Name of the group.
     pub name: String,
     /// Names and values of the components.
     pub components: Vec<(String, ExprId)>,
     /// What it is, with its formula.
     pub doc: String,
+}
+
+impl Output {
+    /// The output that is wanted by a word of the language, which is its name.
+    pub fn group(want: Want, components: Vec<(String, ExprId)>, doc: &str) -> Output {
+        Output { kind: OutputKind::Group(want), name: want.name().into(), components, doc: doc.into() }
+    }
 }
 
 /// What the derivation found out exactly.
@@ -254,7 +276,10 @@ impl<'a> Derivation<'a> {
             let row = row.into_iter().map(|e| self.replace(e)).collect::<Result<_, _>>()?;
             self.hessian.push(row);
         }
-        let (squares, l) = take_squares(&mut self.g, system);
+        let (squares, l) = match system.formulation.squares {
+            true => take_squares(&mut self.g, system),
+            false => (Vec::new(), system.lagrangian),
+        };
         let inertia_forces = self.inertia_forces(&squares)?;
         let raw: Vec<ExprId> = system.velocities.iter().map(|s| self.g.diff(l, *s)).collect();
         let mut momentum = self.momentum.clone();
@@ -708,16 +733,12 @@ impl<'a> Derivation<'a> {
             rates.push((format!("dot_J_{}", unknown.name), self.g.cancel_zero(rate)));
         }
         Ok(vec![
-            Output {
-                name: Want::NonholonomicMomentum.name().into(),
-                components: momenta,
-                doc: "momenta <p, W_b> along the sections of virtual displacements".into(),
-            },
-            Output {
-                name: Want::MomentumEquation.name().into(),
-                components: rates,
-                doc: "their rates by the nonholonomic momentum equation".into(),
-            },
+            Output::group(
+                Want::NonholonomicMomentum,
+                momenta,
+                "momenta <p, W_b> along the sections of virtual displacements",
+            ),
+            Output::group(Want::MomentumEquation, rates, "their rates by the nonholonomic momentum equation"),
         ])
     }
 
@@ -790,18 +811,10 @@ impl<'a> Derivation<'a> {
             motion.mass_matrix.iter().flatten().all(|e| !self.writer.varies(&self.g, *e));
         let mut outputs = Vec::new();
         let momenta = self.names.iter().zip(&self.momentum).map(|(n, p)| (format!("p_{n}"), *p)).collect();
-        outputs.push(Output {
-            name: Want::Momentum.name().into(),
-            components: momenta,
-            doc: "momenta p = dL/dy".into(),
-        });
+        outputs.push(Output::group(Want::Momentum, momenta, "momenta p = dL/dy"));
         if !motion.multipliers.is_empty() {
-            outputs.push(Output {
-                name: Want::Multipliers.name().into(),
-                components: motion.multipliers.clone(),
-                doc: "multipliers lambda_A of E = lambda_A a_A, the constraint forces along the constraint one-forms"
-                    .into(),
-            });
+            let doc = "multipliers lambda_A of E = lambda_A a_A, the constraint forces along the constraint one-forms";
+            outputs.push(Output::group(Want::Multipliers, motion.multipliers.clone(), doc));
         }
         let power = self.power(&motion)?;
         if self.g.is_equal(energy_rate, power) {
@@ -818,11 +831,8 @@ impl<'a> Derivation<'a> {
             facts.energy_is_conserved_on_constraint =
                 !facts.energy_is_conserved && self.vanishes_with(energy_rate, &motion, &components);
             if !components.is_empty() {
-                outputs.push(Output {
-                    name: Want::Constraint.name().into(),
-                    components,
-                    doc: "residual of the constraints, zero along the motion".into(),
-                });
+                let doc = "residual of the constraints, zero along the motion";
+                outputs.push(Output::group(Want::Constraint, components, doc));
             }
         }
         if let KinematicConstraint::Solved(solved) = &system.constraint
@@ -841,18 +851,15 @@ impl<'a> Derivation<'a> {
                 let value = self.replace(casimir.expr)?;
                 components.push((casimir.name.clone(), value));
             }
-            outputs.push(Output {
-                name: Want::Casimirs.name().into(),
-                components,
-                doc: "conserved quantities".into(),
-            });
+            outputs.push(Output::group(Want::Casimirs, components, "conserved quantities"));
         }
         for output in &system.outputs {
             let mut components = Vec::new();
             for (name, e) in &output.components {
                 components.push((name.clone(), self.replace(*e)?));
             }
-            outputs.push(Output { name: output.name.clone(), components, doc: output.doc.clone() });
+            let (name, doc) = (output.name.clone(), output.doc.clone());
+            outputs.push(Output { kind: OutputKind::OfModel, name, components, doc });
         }
         let mut state = Vec::new();
         for (kind, doc) in &system.state {
@@ -914,8 +921,8 @@ impl<'a> Derivation<'a> {
             facts.casimirs.push(name.clone());
             components.push((name, square));
         }
-        let doc = "c^2 + s^2 of the angles carried as points (c, s) of the circle, 1 along the motion".into();
-        Ok((!components.is_empty()).then_some(Output { name: Want::Circles.name().into(), components, doc }))
+        let doc = "c^2 + s^2 of the angles carried as points (c, s) of the circle, 1 along the motion";
+        Ok((!components.is_empty()).then(|| Output::group(Want::Circles, components, doc)))
     }
 }
 

@@ -147,7 +147,7 @@ fn settled(g: &mut Graph, root: ExprId, image: &BTreeMap<SymbolId, ExprId>) -> E
 mod tests {
     use crate::expr::ExprId;
     use crate::mechanics::derive;
-    use crate::reduction::reduce;
+    use crate::reduction::{Formulation, reduce};
     use crate::spec::parse;
 
     #[test]
@@ -157,7 +157,7 @@ mod tests {
             "model m { param a = 2; param b = 1; param c = 3; coordinate x, z in real; velocity w in R;
             lagrangian = a/2*x_dot^2 + b*x_dot*z_dot + c/2*z_dot^2 + (2 + sin(x))/2*w^2; }";
         let model = parse("m.hamel", text).unwrap();
-        let mut equations = derive(&reduce(&model, &[]).unwrap()).unwrap();
+        let mut equations = derive(&reduce(&model, &Formulation::of(&model)).unwrap()).unwrap();
         assert!(equations.pivots.iter().any(|p| p.origin.as_ref().is_some_and(|o| !o.updates.is_empty())));
         let looked_at: Vec<ExprId> = equations.roots().into_iter().copied().collect();
         let replaced: Vec<ExprId> = equations.roots_mut().into_iter().map(|root| *root).collect();

@@ -13,7 +13,7 @@ mod squares;
 mod vertical;
 
 pub(crate) use derive::solved_velocity;
-pub use derive::{Equations, Facts, Output, StateEquation, derive};
+pub use derive::{Equations, Facts, Output, OutputKind, StateEquation, derive};
 pub use solve::{Factorisation, Pivot, PivotMatrix, PivotOrigin};
 pub(crate) use vertical::unused_stem;
 pub use vertical::{VerticalEquation, VerticalEquations};

@@ -21,7 +21,10 @@ use super::system::{Block, BlockKind, ReducedSystem, StateKind};
 /// # Errors
 /// Conditions of the algebroid and of the chain of stages that do not hold, constraints that cannot be carried; all of them
 /// together.
-pub(super) fn on_algebroid(mut model: Model, formulation: &Formulation) -> Result<ReducedSystem, Diagnostics> {
+pub(super) fn on_algebroid(
+    mut model: Model,
+    formulation: &Formulation,
+) -> Result<ReducedSystem, Diagnostics> {
     model.graph.enter(Stage::Reduction);
     let mut problems = Vec::new();
     let algebroid = algebroid_of(&mut model).map_err(|errors| {
@@ -110,10 +113,14 @@ fn blocks(model: &Model) -> Vec<Block> {
         let mut start = 0;
         for (k, (name, n)) in item.blocks.iter().enumerate() {
             let kind = match (&item.kind, k) {
-                (ReconstructionKind::Quaternion { .. } | ReconstructionKind::Pose { .. }, 0) => BlockKind::Attitude,
+                (ReconstructionKind::Quaternion { .. } | ReconstructionKind::Pose { .. }, 0) => {
+                    BlockKind::Attitude
+                }
                 (ReconstructionKind::Pose { .. }, _) => BlockKind::Position { attitude: blocks.len() - 1 },
                 (ReconstructionKind::PlanarPose { .. }, 0) => BlockKind::Heading,
-                (ReconstructionKind::PlanarPose { .. }, _) => BlockKind::Position { attitude: blocks.len() - k },
+                (ReconstructionKind::PlanarPose { .. }, _) => {
+                    BlockKind::Position { attitude: blocks.len() - k }
+                }
                 _ => BlockKind::Reconstructed,
             };
             let components = item.symbols[start..start + n].to_vec();

@@ -87,10 +87,8 @@ pub(super) fn domains(model: &mut Model) -> Vec<DomainCondition> {
             let times = Rational::from(g.split_coefficient(end).0.denom().clone())
                 * Rational::from_integer(sign.into());
             let positive = g.linear_combination(&[(x, times.clone()), (end, -times)]);
-            conditions.push(DomainCondition {
-                text: format!("{name} {relation} {}", spell_end(g, end)),
-                positive,
-            });
+            conditions
+                .push(DomainCondition { text: format!("{name} {relation} {}", spell_end(g, end)), positive });
         }
     }
     conditions

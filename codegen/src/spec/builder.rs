@@ -18,7 +18,7 @@ use super::diagnostic::{Diagnostic, Diagnostics, Origin, Span};
 use super::model::*;
 use super::names;
 use super::value::{Shape, Value, ValueError};
-use super::want::Want;
+use super::want::{Want, Wanted};
 use crate::algebra::{LieAlgebra, Subspace};
 use crate::error::Error;
 use crate::expr::{Budget, ExprId, Graph, Rational, SymbolId, Vanishing};
@@ -1389,11 +1389,12 @@ impl ModelBuilder {
             let drops = self.check_drops(&draft);
             let circles = self.check_circles(&draft);
             let fixes = draft.fixed.iter().map(|(name, _, span)| (name, span));
-            let named =
-                draft.wants.iter().chain(&draft.drops).chain(&circles).map(|(name, span)| (name, span));
+            let named = draft.wants.iter().chain(&draft.drops).chain(&drops).chain(&circles);
+            let named = named.map(|(name, span)| (name, span));
             let places =
                 fixes.chain(named).filter_map(|(name, span)| Some((name.clone(), (*span)?))).collect();
-            let circles = circles.into_iter().map(|(name, _)| name).collect();
+            let [drops, circles] =
+                [drops, circles].map(|list| list.into_iter().map(|(name, _)| name).collect());
             let mut scene = Scene { drops, circles, places, ..draft.scene };
             let mut values = defaults.clone();
             let mut places: BTreeMap<SymbolId, Option<Span>> = BTreeMap::new();
@@ -1451,14 +1452,14 @@ impl ModelBuilder {
                         scene.name
                     );
                     self.problem(span, message, "add an item such as `reconstruct q in SO(3);`");
-                } else if scene.wants.contains(&name) {
+                } else if scene.wants.iter().any(|wanted| wanted.name() == name) {
                     self.problem(
                         span,
                         format!("scene `{}` wants `{name}` twice", scene.name),
                         "keep one of them",
                     );
                 } else {
-                    scene.wants.push(name);
+                    scene.wants.push(Wanted::from_name(&name));
                 }
             }
             self.check_scene_conditions(&scene, &places, &values);

@@ -32,7 +32,7 @@ pub use model::{
     View, ViewShape, Views, VirtualConstraint, circle_names, diagnose,
 };
 pub use value::{Shape, Value, ValueError};
-pub use want::Want;
+pub use want::{Want, Wanted};
 
 use crate::expr::Budget;
 

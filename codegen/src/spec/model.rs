@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::diagnostic::{Diagnostic, Diagnostics, Origin, Span};
+use super::want::Wanted;
 use crate::algebra::LieAlgebra;
 use crate::error::Error;
 use crate::expr::{ExprId, Graph, Rational, SymbolId};
@@ -299,8 +300,8 @@ pub struct Scene {
     /// Fixed parameters, by component.
     pub fixed: Vec<(String, Rational)>,
     /// Wanted outputs.
-    pub wants: Vec<String>,
-    /// Base coordinates (vectors or components) and advected parameters that are left out.
+    pub wants: Vec<Wanted>,
+    /// Base coordinates and advected parameters that are left out, by component.
     pub drops: Vec<String>,
     /// Base coordinates, by component, that are carried as points of the circle.
     pub circles: Vec<String>,

@@ -10,7 +10,8 @@ use crate::spec::{self, ConstraintKind, Model};
 
 use super::solver::Solver;
 use super::{
-    AccelerationRow, AccelerationSource, ConstraintRow, KinematicConstraint, Reactions, SolvedConstraint, Unknown,
+    AccelerationRow, AccelerationSource, ConstraintRow, KinematicConstraint, Reactions, SolvedConstraint,
+    Unknown,
 };
 
 /// The constraint of a model in the form that its equations take.

@@ -231,4 +231,3 @@ impl Solver<'_> {
         Elimination { dependent, psi, psi0, pivots: pivots.clone() }
     }
 }
-

@@ -498,8 +498,9 @@ impl ModelBuilder {
         self.problem(span, format!("`{name}` is not a state variable"), help);
     }
 
-    pub(super) fn check_drops(&mut self, draft: &SceneDraft) -> Vec<String> {
+    pub(super) fn check_drops(&mut self, draft: &SceneDraft) -> Vec<(String, Option<Span>)> {
         let mut drops: Vec<String> = Vec::new();
+        let mut components = Vec::new();
         for (name, span) in &draft.drops {
             let scene = &draft.scene.name;
             let is_base = self.names.get(name).is_some_and(|d| d.what == "a coordinate");
@@ -508,6 +509,7 @@ impl ModelBuilder {
                 self.problem(*span, format!("scene `{scene}` drops `{name}` twice"), "keep one of them");
             } else if is_base || self.advected.iter().any(|a| a.name == *name) {
                 drops.push(name.clone());
+                components.extend(self.components_of(name).into_iter().map(|component| (component, *span)));
             } else if let Some(block) =
                 advected.clone().find(|a| a.components.iter().any(|(n, _)| n == name)).map(|a| a.name.clone())
             {
@@ -527,7 +529,7 @@ impl ModelBuilder {
                 self.problem(*span, message, help);
             }
         }
-        drops
+        components
     }
 
     /// The components of what a scene carries as points of the circle.
@@ -584,6 +586,15 @@ impl ModelBuilder {
             }
         }
         circles
+    }
+
+    /// The components of a base coordinate or an advected parameter, of one or more numbers.
+    fn components_of(&mut self, name: &str) -> Vec<String> {
+        if let Some(advected) = self.advected.iter().find(|a| a.name == name) {
+            return advected.components.iter().map(|(component, _)| component.clone()).collect();
+        }
+        let base: Vec<String> = self.base.iter().map(|c| c.name.clone()).collect();
+        base.into_iter().filter(|component| component == name || self.is_part(component, name)).collect()
     }
 
     /// Whether a coordinate is a component of the vector of that name.
