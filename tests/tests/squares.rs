@@ -37,7 +37,9 @@ fn n_accelerations(model: &spec::Model) -> usize {
     let sections = equations.sections.clone();
     let g = &mut equations.system.graph;
     let values = inlined(g, sections.iter().flat_map(|s| &s.definitions));
-    for (name, (force, plain)) in equations.unknowns.iter().zip(equations.force.iter().zip(plain)) {
+    for (name, (force, plain)) in
+        equations.linear_system().unwrap().unknowns.iter().zip(equations.force.iter().zip(plain))
+    {
         let force = g.subs(*force, &values).expect("no denominator vanishes");
         assert!(g.is_equal(force, plain), "force on {name} of {}", model.name);
     }
