@@ -35,10 +35,11 @@ fn n_accelerations(model: &spec::Model) -> usize {
     let mut equations = derive(&system).unwrap_or_else(|e| panic!("{e}"));
     let plain = plain_forces(&system, &mut equations);
     let sections = equations.sections.clone();
+    let linear = equations.linear_system().expect("solved for accelerations").clone();
     let g = &mut equations.system.graph;
     let values = inlined(g, sections.iter().flat_map(|s| &s.definitions));
     for (name, (force, plain)) in
-        equations.linear_system().unwrap().unknowns.iter().zip(equations.force.iter().zip(plain))
+        linear.unknowns.iter().zip(linear.force.iter().zip(plain))
     {
         let force = g.subs(*force, &values).expect("no denominator vanishes");
         assert!(g.is_equal(force, plain), "force on {name} of {}", model.name);

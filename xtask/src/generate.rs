@@ -1,38 +1,87 @@
 //! `generate`: model files to checked-in modules, all or nothing.
 //!
-//! Deliberately does not know: what is in a generated module, except the name of its model in the first line.
+//! Does not know: what is in a generated module, except the name of its model in the first line.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
 use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
+use clap::Args;
+use hamel::Error;
+use hamel::model::{Model, show_warnings};
+use hamel::repository::Repository;
+use hamel::session::{ModelFile, Session};
 use hamel_codegen::config::{Bundle, Config, Problems, Progress};
+use hamel_codegen::emit::SceneEntry as Entry;
 use indicatif::{ProgressBar, ProgressStyle};
-
-use crate::codegen_bridge::{self as bridge, Entry};
-use crate::error::Error;
-use crate::workspace::{Spec, Workspace};
 
 /// Writes the modules again; in the first line of each, with the name of its model.
 const COMMAND: &str = "cargo xtask generate";
 
+/// Write models/src/generated from models/specs, or check that it is up to date
+///
+/// All scenes of the models are parsed, derived and emitted first; when any model has a problem, nothing is
+/// written. Files are written only when they change, and files of scenes that no longer exist are removed.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  cargo xtask generate                  all models
+  cargo xtask generate heavy_top        one model; the index still covers all
+  cargo xtask generate --check          write nothing, fail when something would be written")]
+pub(crate) struct Arguments {
+    /// Write nothing; fail and name the files that are not up to date
+    #[arg(long)]
+    check: bool,
+    /// Names of models; all when none is given
+    models: Vec<String>,
+}
+
+/// Writes or checks the files; a line about what was done.
+///
+/// # Errors
+/// As [`generate`].
+pub(crate) fn run(
+    repository: &Repository,
+    session: &Session,
+    arguments: &Arguments,
+) -> Result<String, Error> {
+    let done = generate(repository, session, &arguments.models, arguments.check)?;
+    let mut line = format!("{} models, {} scenes in {:.2} s", done.n_models, done.n_modules, done.seconds);
+    if let (Some((name, seconds)), true) = (&done.slowest, done.n_models > 1) {
+        let _ = write!(line, " (slowest: {name}, {seconds:.2} s)");
+    }
+    line.push_str(": ");
+    if arguments.check {
+        line.push_str("generated files are up to date");
+    } else if done.written.is_empty() && done.removed.is_empty() {
+        line.push_str("nothing changed");
+    } else {
+        let _ = write!(line, "{} files written", done.written.len());
+        if !done.removed.is_empty() {
+            let _ = write!(line, ", {} removed", done.removed.len());
+        }
+    }
+    Ok(line)
+}
+
 /// What a run did.
 #[derive(Debug)]
-pub struct Summary {
+pub(crate) struct Summary {
     /// Models that were derived.
-    pub n_models: usize,
+    pub(crate) n_models: usize,
     /// Modules of these models.
-    pub n_modules: usize,
+    pub(crate) n_modules: usize,
     /// Files that were written.
-    pub written: Vec<PathBuf>,
+    pub(crate) written: Vec<PathBuf>,
     /// Files that were removed.
-    pub removed: Vec<PathBuf>,
+    pub(crate) removed: Vec<PathBuf>,
     /// Seconds of the whole run.
-    pub seconds: f64,
+    pub(crate) seconds: f64,
     /// The model that took longest, with its seconds.
-    pub slowest: Option<(String, f64)>,
+    pub(crate) slowest: Option<(String, f64)>,
 }
 
 /// Generates the modules of `names`, or of all models, and the index of all.
@@ -41,43 +90,39 @@ pub struct Summary {
 ///
 /// # Errors
 /// The problems of all models together; [`Error::Stale`] when checking. On an error nothing has been written.
-pub fn generate(workspace: &Workspace, names: &[String], check: bool) -> Result<Summary, Error> {
+pub(crate) fn generate(
+    repository: &Repository,
+    session: &Session,
+    names: &[String],
+    check: bool,
+) -> Result<Summary, Error> {
     let start = Instant::now();
-    let all = workspace.specs()?;
-    let mut chosen: Vec<Spec> = Vec::new();
-    let mut errors = Vec::new();
-    for name in names {
-        match all.iter().find(|s| s.name == *name) {
-            Some(spec) if !chosen.contains(spec) => chosen.push(spec.clone()),
-            Some(_) => {}
-            None => errors.push(Error::UnknownModel {
-                name: name.clone(),
-                known: all.iter().map(|s| s.name.clone()).collect(),
-            }),
-        }
-    }
-    fail_on(errors)?;
-    let folder = workspace.generated();
+    let all = session.all()?;
+    let known: Vec<String> = all.iter().map(|file| file.name().to_owned()).collect();
+    let unknown = names.iter().filter(|name| !known.contains(name));
+    let unknown = unknown.map(|name| Error::UnknownModel { name: name.clone(), known: known.clone() });
+    Error::all_of(unknown.collect())?;
+    let folder = repository.root().join("models/src/generated");
     // Models that were not asked for keep their entries in the index; those without entries are generated too, so that
     // the index covers all.
     let kept: Vec<Entry> = if names.is_empty() {
         Vec::new()
     } else {
         let is_kept = |e: &Entry| {
-            let chosen = chosen.iter().any(|s| s.name == e.model);
-            let known = all.iter().any(|s| s.name == e.model);
-            known && !chosen && folder.join(format!("{}.rs", e.module)).is_file()
+            known.contains(&e.model)
+                && !names.contains(&e.model)
+                && folder.join(format!("{}.rs", e.module)).is_file()
         };
         read_index(&folder.join("mod.rs")).into_iter().filter(is_kept).collect()
     };
-    chosen = all
-        .into_iter()
-        .filter(|s| names.is_empty() || chosen.contains(s) || !kept.iter().any(|e| e.model == s.name))
-        .collect();
-
+    let is_chosen = |file: &ModelFile<'_>| {
+        names.is_empty()
+            || names.iter().any(|n| n == file.name())
+            || !kept.iter().any(|e| e.model == file.name())
+    };
     let (mut models, mut errors) = (Vec::new(), Vec::new());
-    for spec in &chosen {
-        match bridge::read(workspace, spec) {
+    for file in all.into_iter().filter(is_chosen) {
+        match file.into_model() {
             Ok(model) => models.push(model),
             Err(error) => errors.push(error),
         }
@@ -91,8 +136,8 @@ pub fn generate(workspace: &Workspace, names: &[String], check: bool) -> Result<
             Bundle::default()
         }
     };
-    fail_on(errors)?;
-    bundle.warnings.iter().for_each(bridge::show_warnings);
+    Error::all_of(errors)?;
+    bundle.warnings.iter().for_each(show_warnings);
     let n_modules = bundle.entries.len();
     bundle.add_index(&kept, COMMAND)?;
     let stale = stale_files(&folder, bundle.entries.iter().chain(&kept))?;
@@ -100,7 +145,7 @@ pub fn generate(workspace: &Workspace, names: &[String], check: bool) -> Result<
     let mut written = Vec::new();
     if check {
         let wrong = |path: &Path| if path.is_file() { "is out of date" } else { "is missing" };
-        let shown = |path: &Path| PathBuf::from(workspace.shown(path));
+        let shown = |path: &Path| PathBuf::from(repository.shown(path));
         let mut files: Vec<(PathBuf, &'static str)> =
             bundle.changed(&folder).iter().map(|(path, _)| (shown(path), wrong(path))).collect();
         files.extend(stale.iter().map(|path| (shown(path), "belongs to no scene")));
@@ -111,11 +156,11 @@ pub fn generate(workspace: &Workspace, names: &[String], check: bool) -> Result<
     } else {
         written = bundle.write(&folder)?;
         for path in &stale {
-            std::fs::remove_file(path).map_err(|e| Error::io(workspace.shown(path), e))?;
+            std::fs::remove_file(path).map_err(|e| Error::io(repository.shown(path), e))?;
         }
     }
     Ok(Summary {
-        n_models: chosen.len(),
+        n_models: models.len(),
         n_modules,
         written,
         removed: stale,
@@ -124,16 +169,8 @@ pub fn generate(workspace: &Workspace, names: &[String], check: bool) -> Result<
     })
 }
 
-fn fail_on(mut errors: Vec<Error>) -> Result<(), Error> {
-    match errors.len() {
-        0 => Ok(()),
-        1 => Err(errors.remove(0)),
-        _ => Err(Error::Several { errors }),
-    }
-}
-
 /// All scenes of the models under a progress bar, and the model that took longest, with its seconds.
-fn generate_all(models: &[bridge::Model]) -> (Result<Bundle, Problems>, Option<(String, f64)>) {
+fn generate_all(models: &[Model]) -> (Result<Bundle, Problems>, Option<(String, f64)>) {
     let bar = if std::io::stderr().is_terminal() && !models.is_empty() {
         let bar = ProgressBar::new(models.len() as u64);
         let template = "  {bar:40.cyan/blue} {pos}/{len} models  {msg}";
@@ -170,7 +207,7 @@ fn read_index(path: &Path) -> Vec<Entry> {
             doc.push(words.trim());
             continue;
         }
-        if let Some(module) = line.strip_prefix("pub mod ").and_then(|l| l.strip_suffix(';')) {
+        if let Some(module) = line.strip_prefix("pub(crate) mod ").and_then(|l| l.strip_suffix(';')) {
             docs.insert(module.to_owned(), doc.join("\n"));
         }
         doc.clear();
@@ -218,7 +255,10 @@ fn stale_files<'a>(folder: &Path, entries: impl Iterator<Item = &'a Entry>) -> R
 }
 
 #[cfg(test)]
-mod tests {
+mod tests;
+
+#[cfg(test)]
+mod index_tests {
     use super::read_index;
 
     #[test]
@@ -226,8 +266,8 @@ mod tests {
         let folder = std::env::temp_dir().join(format!("hamel-index-{}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
         let path = folder.join("mod.rs");
-        let text = "// @generated by hamel 0.1.0: cargo xtask generate\n/// Heavy top\npub mod heavy_top;\n\
-                    /// Heavy top\npub mod heavy_top_lagrange;\n\n#[macro_export]\nmacro_rules! for_each_scene {\n    \
+        let text = "// @generated by hamel 0.1.0: cargo xtask generate\n/// Heavy top\npub(crate) mod heavy_top;\n\
+                    /// Heavy top\npub(crate) mod heavy_top_lagrange;\n\n#[macro_export]\nmacro_rules! for_each_scene {\n    \
                     ($visit:ident) => {\n        $visit! {\n            (heavy_top, \"heavy_top\", \"default\", 6)\n\
                     \x20           (heavy_top_lagrange, \"heavy_top\", \"lagrange\", 6)\n        }\n    };\n}\n";
         std::fs::write(&path, text).unwrap();

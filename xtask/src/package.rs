@@ -1,15 +1,14 @@
 //! `package`: whether the crates can be published as they are.
 //!
-//! Deliberately does not know: which crates there are. Those that cargo may publish are checked.
+//! Does not know: which crates there are. Those that cargo may publish are checked.
 
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
+use hamel::Error;
+use hamel::repository::Repository;
 use serde::Deserialize;
-
-use crate::error::Error;
-use crate::workspace::Workspace;
 
 /// Files without which a crate is not published.
 const REQUIRED: [&str; 5] = ["Cargo.toml", "LICENSE-APACHE", "LICENSE-MIT", "README.md", "src/lib.rs"];
@@ -57,8 +56,8 @@ struct Dependency {
 ///
 /// # Errors
 /// [`Error::Unpublishable`] with everything that is wrong; [`Error::Failed`] when cargo refuses.
-pub fn package(workspace: &Workspace, verify: bool) -> Result<String, Error> {
-    let metadata = cargo(workspace, &["metadata", "--format-version=1", "--no-deps", "--offline"])?;
+pub(crate) fn package(repository: &Repository, verify: bool) -> Result<String, Error> {
+    let metadata = cargo(repository, &["metadata", "--format-version=1", "--no-deps", "--offline"])?;
     let metadata: Metadata =
         serde_json::from_str(&metadata).map_err(|e| Error::io("cargo metadata", e.into()))?;
     let packages: Vec<Package> =
@@ -68,7 +67,7 @@ pub fn package(workspace: &Workspace, verify: bool) -> Result<String, Error> {
     for package in &packages {
         // Work in progress may be looked at; cargo itself refuses to publish it.
         let list = ["package", "--list", "--offline", "--allow-dirty", "--package", &package.name];
-        let list = cargo(workspace, &list)?;
+        let list = cargo(repository, &list)?;
         let files: Vec<&str> = list.lines().collect();
         let found = metadata_problems(package).into_iter().chain(file_problems(&files));
         problems.extend(found.map(|problem| (package.name.clone(), problem)));
@@ -83,17 +82,17 @@ pub fn package(workspace: &Workspace, verify: bool) -> Result<String, Error> {
     if !verify {
         arguments.push("--no-verify");
     }
-    cargo(workspace, &arguments)?;
+    cargo(repository, &arguments)?;
     lines.push(format!("packaged{}", if verify { ", and built from the packages" } else { "" }));
     Ok(lines.join("\n"))
 }
 
 /// Runs cargo in the repository; its messages go to the terminal, its output comes back.
-fn cargo(workspace: &Workspace, arguments: &[&str]) -> Result<String, Error> {
-    let output = Command::new(Workspace::cargo())
+fn cargo(repository: &Repository, arguments: &[&str]) -> Result<String, Error> {
+    let output = Command::new(Repository::cargo())
         .args(arguments)
         .arg("--quiet")
-        .current_dir(workspace.root())
+        .current_dir(repository.root())
         .stderr(Stdio::inherit())
         .output()
         .map_err(|e| Error::io("cargo could not be started", e))?;

@@ -1,14 +1,14 @@
 //! Finite-dimensional Lie algebras by rational structure constants.
+//!
+//! Deliberately does not know: representations, algebras by name.
 
 use std::collections::BTreeMap;
 
 use num_traits::Zero;
 
+use super::matrix::Matrix;
 use crate::error::{Error, spell_vector};
 use crate::expr::Rational;
-
-use super::matrix::Matrix;
-use super::representation::Representation;
 
 /// A block of consecutive basis elements that one velocity vector names, such as the rotation part of se(3).
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -31,11 +31,11 @@ pub type Bracket = (usize, usize, Vec<(usize, Rational)>);
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LieAlgebra {
-    name: String,
-    slots: Vec<Slot>,
-    basis: Vec<String>,
+    pub(super) name: String,
+    pub(super) slots: Vec<Slot>,
+    pub(super) basis: Vec<String>,
     /// Non-zero brackets of pairs `a < b`, as sparse sorted vectors.
-    brackets: BTreeMap<(usize, usize), Vec<(usize, Rational)>>,
+    pub(super) brackets: BTreeMap<(usize, usize), Vec<(usize, Rational)>>,
 }
 
 impl LieAlgebra {
@@ -239,57 +239,5 @@ impl LieAlgebra {
             }
         }
         Ok(LieAlgebra { brackets, ..self.clone() })
-    }
-
-    /// The direct product.
-    pub fn product(factors: &[LieAlgebra]) -> LieAlgebra {
-        let names: Vec<&str> = factors.iter().map(|f| f.name.as_str()).collect();
-        let mut product = LieAlgebra {
-            name: format!("product({})", names.join(", ")),
-            slots: Vec::new(),
-            basis: Vec::new(),
-            brackets: BTreeMap::new(),
-        };
-        for factor in factors {
-            let offset = product.basis.len();
-            product.slots.extend(factor.slots.iter().cloned());
-            product.basis.extend((0..factor.dim()).map(|k| format!("e{}", offset + k + 1)));
-            for ((a, b), value) in &factor.brackets {
-                let shifted = value.iter().map(|(c, q)| (c + offset, q.clone())).collect();
-                product.brackets.insert((a + offset, b + offset), shifted);
-            }
-        }
-        product
-    }
-
-    /// The semidirect product `g |x (V_1 + V_2 + ..)`, `[(x, u), (y, v)] = ([x, y], rho(x) v - rho(y) u)`.
-    ///
-    /// # Errors
-    /// [`Error::ShapeMismatch`] when a representation belongs to an algebra of another dimension.
-    pub fn semidirect(base: &LieAlgebra, spaces: &[Representation]) -> Result<LieAlgebra, Error> {
-        let names: Vec<&str> = spaces.iter().map(|r| r.name()).collect();
-        let mut algebra = base.clone().renamed(&format!("semidirect({}, {})", base.name, names.join(", ")));
-        for space in spaces {
-            if space.n_generators() != base.dim() {
-                let what = format!("representation {}", space.name());
-                return Err(Error::ShapeMismatch { what, found: space.n_generators(), expected: base.dim() });
-            }
-            let offset = algebra.basis.len();
-            algebra.slots.push(Slot { name: format!("R^{}", space.dim()), dim: space.dim() });
-            algebra.basis.extend((0..space.dim()).map(|k| format!("e{}", offset + k + 1)));
-            for a in 0..base.dim() {
-                let m = space.matrix(a);
-                for v in 0..space.dim() {
-                    let column: Vec<(usize, Rational)> = (0..space.dim())
-                        .filter(|w| !m.get(*w, v).is_zero())
-                        .map(|w| (offset + w, m.get(w, v).clone()))
-                        .collect();
-                    if !column.is_empty() {
-                        algebra.brackets.insert((a, offset + v), column);
-                    }
-                }
-            }
-        }
-        Ok(algebra)
     }
 }

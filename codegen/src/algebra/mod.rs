@@ -7,9 +7,11 @@
 //! Deliberately does not know: Lagrangians, constraints, state vectors, text files.
 
 mod algebroid;
+mod families;
 mod lie;
 mod matrix;
 mod named;
+mod products;
 mod representation;
 
 pub use algebroid::Algebroid;

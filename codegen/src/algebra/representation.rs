@@ -5,6 +5,7 @@ use num_traits::Zero;
 use crate::error::Error;
 use crate::expr::Rational;
 
+use super::families::defining_matrices;
 use super::lie::LieAlgebra;
 use super::matrix::Matrix;
 
@@ -73,7 +74,7 @@ impl Representation {
 
     /// The defining representation of so(n), gl(n) or sl(n) on R^n; `None` for other algebras.
     pub fn standard(algebra: &LieAlgebra) -> Option<Representation> {
-        let matrices = super::named::defining_matrices(algebra.name())?;
+        let matrices = defining_matrices(algebra.name())?;
         let dim = matrices.first().map_or(0, Matrix::n_rows);
         Some(Representation { name: "standard".into(), dim, matrices })
     }

@@ -8,7 +8,7 @@
 
 use std::fmt;
 
-use super::graph::Node;
+use super::node::Node;
 use super::rational::Rational;
 
 /// Limits on the way from the text of a model to the program of one scene.
@@ -143,9 +143,6 @@ impl fmt::Display for Exhausted {
 }
 
 impl std::error::Error for Exhausted {}
-
-/// Largest exact number: longer ones take seconds to reduce, each time.
-pub(super) const MAX_BITS: u64 = 1 << 18;
 
 /// What was spent of a budget.
 #[derive(Clone, Debug)]

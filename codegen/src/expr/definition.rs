@@ -4,7 +4,8 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use num_traits::Signed;
 
-use super::graph::{ExprId, Graph, Node, SymbolId};
+use super::graph::Graph;
+use super::node::{ExprId, Node, SymbolId};
 
 /// `symbol = expr`, where `expr` mentions inputs and earlier definitions only.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

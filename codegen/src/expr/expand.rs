@@ -4,7 +4,8 @@ use std::collections::HashMap;
 
 use num_traits::{Signed, ToPrimitive};
 
-use super::graph::{ExprId, Graph, Node};
+use super::graph::Graph;
+use super::node::{ExprId, Node};
 use super::rational::Rational;
 
 /// Largest positive power of a sum that is multiplied out.

@@ -26,66 +26,20 @@
 //! zero has probability below `1e-36`. Between numbers alone points do not differ, and the chance is that of `p`,
 //! `5e-19`.
 
-use super::field;
-use super::graph::{ExprId, Func, Graph, Node, agreement};
-use super::independence::{Base, DENOMINATOR, PI, Scale, UNIT};
-use super::rational::Rational;
 use num_bigint::BigInt;
 use num_traits::{Signed, ToPrimitive};
-use rustc_hash::{FxHashMap, FxHashSet};
+use rustc_hash::FxHashSet;
 
-/// Points at which every expression has a value from the start.
-pub(crate) const POINTS: usize = 8;
-/// Further points, for what the first ones leave open.
-pub(super) const FURTHER: usize = 64;
+use super::arena::Arena;
+use super::field;
+use super::knowledge::{
+    Base, DENOMINATOR, Doubts, FURTHER, Fingerprint, PI, POINTS, Scale, Signs, UNIT, UnknownSign,
+};
+use super::node::{ExprId, Func, Node};
+use super::rational::Rational;
+
 /// Expressions with more nodes behind them are not looked into any further.
 const MAX_NODES: usize = 4000;
-/// Nor are expressions with more unknown signs.
-const MAX_SIGNS: usize = 4;
-/// Valid points that a verdict of zero takes.
-const ENOUGH: usize = 4;
-
-/// Values at the random points; `None` where the expression has none.
-pub(crate) type Fingerprint = [Option<u64>; POINTS];
-
-/// Why a value other than zero may prove nothing.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Doubts {
-    /// A value behind the expression does not respect the relations of its function.
-    pub(super) opaque: bool,
-    /// The sign of a value behind the expression is not known, and stood for by an opaque value.
-    pub(super) signed: bool,
-}
-
-impl Doubts {
-    pub(super) fn and(self, other: Doubts) -> Doubts {
-        Doubts { opaque: self.opaque || other.opaque, signed: self.signed || other.signed }
-    }
-}
-
-/// What is known about "is this zero everywhere".
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Vanishing {
-    /// It vanishes identically: structurally, by exact expansion, or by its values, with a chance of error below
-    /// `1e-36` for functions and `5e-19` for numbers.
-    Zero,
-    /// Proved: it does not vanish identically.
-    NonZero,
-    /// Neither could be proved.
-    Unknown,
-}
-
-/// What has an unknown sign.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(super) enum UnknownSign {
-    /// A factor of the argument of an absolute value.
-    OfFactor(ExprId),
-    /// The root of a base.
-    OfRoot(ExprId),
-}
-
-/// Signs, `true` for minus.
-pub(super) type Signs = FxHashMap<UnknownSign, bool>;
 
 /// A value determined by `key` and the point.
 fn random(key: u64, point: usize) -> u64 {
@@ -99,9 +53,13 @@ fn opaque(tag: u64, argument: u64) -> u64 {
 
 /// Tags of opaque functions, besides the functions of one argument, which have their numbers.
 const ROOT: u64 = 100;
+
 const CIRCLE: u64 = 101;
+
 const GROWTH: u64 = 102;
+
 const LOGARITHM: u64 = 103;
+
 const ARCTANGENT: u64 = 104;
 
 /// The point of the circle and the power that a term gets for an angle of `1/DENOMINATOR` of its value.
@@ -126,9 +84,7 @@ pub(super) fn steps(q: &Rational) -> Option<i64> {
 /// Values of operands at a point.
 pub(super) type Operands<'a> = dyn Fn(ExprId) -> Option<u64> + 'a;
 
-impl Graph {
-    // ---- values ---------------------------------------------------------------------------------------------------
-
+impl Arena {
     /// The expressions whose values determine that of a node: those behind definitions and arguments.
     pub(super) fn behind(&self, node: &Node, mut visit: impl FnMut(ExprId)) {
         let knowledge = self.knowledge();
@@ -175,7 +131,7 @@ impl Graph {
         e
     }
 
-    /// The value of a node at a point, from those of what is [behind](Graph::behind) it.
+    /// The value of a node at a point, from those of what is [behind](Arena::behind) it.
     pub(super) fn value_of(
         &self,
         node: &Node,
@@ -356,7 +312,7 @@ impl Graph {
 
     /// The factors of the argument of an absolute value that have signs, and whether that of their coefficient is
     /// minus.
-    fn factors_with_signs(&self, a: ExprId) -> (bool, Vec<ExprId>) {
+    pub(super) fn factors_with_signs(&self, a: ExprId) -> (bool, Vec<ExprId>) {
         let Node::Product { coefficient, factors } = self.node(a) else { return (false, vec![a]) };
         // Roots are not negative, nor are even powers.
         let odd = |q: &Rational| q.is_integer() && q.numer().bit(0);
@@ -398,10 +354,8 @@ impl Graph {
         }
     }
 
-    // ---- further points -------------------------------------------------------------------------------------------
-
     /// Everything that determines the value of an expression, operands first; none if that is too much.
-    fn all_behind(&self, e: ExprId, known: impl Fn(ExprId) -> bool) -> Option<Vec<ExprId>> {
+    pub(super) fn all_behind(&self, e: ExprId, known: impl Fn(ExprId) -> bool) -> Option<Vec<ExprId>> {
         let mut seen = FxHashSet::default();
         let mut pending = vec![e];
         while let Some(e) = pending.pop() {
@@ -438,137 +392,6 @@ impl Graph {
         };
         (0..FURTHER).map(value).collect()
     }
-
-    // ---- verdicts -------------------------------------------------------------------------------------------------
-
-    /// What the values at the first points tell, before anything is looked into.
-    pub(super) fn first_verdict(&self, e: ExprId) -> Vanishing {
-        let (fingerprint, doubts) = (self.fingerprint(e), self.doubts(e));
-        let differs = fingerprint.iter().flatten().any(|v| *v != 0);
-        let valid = fingerprint.iter().flatten().count();
-        match (differs, doubts == Doubts::default()) {
-            (true, true) => Vanishing::NonZero,
-            (true, false) => Vanishing::Unknown,
-            (false, _) if valid >= ENOUGH => Vanishing::Zero,
-            (false, _) => Vanishing::Unknown,
-        }
-    }
-
-    /// What more points and all signs tell.
-    pub(super) fn further_verdict(&mut self, e: ExprId) -> Vanishing {
-        let doubts = self.doubts(e);
-        if !doubts.signed {
-            if doubts.opaque && self.fingerprint(e).iter().flatten().any(|v| *v != 0) {
-                return Vanishing::Unknown;
-            }
-            let Some(values) = self.further_values(e) else { return Vanishing::Unknown };
-            let first = self.fingerprint(e).iter().flatten();
-            let all: Vec<u64> = first.copied().chain(values.into_iter().flatten()).collect();
-            return match (all.iter().any(|v| *v != 0), doubts.opaque) {
-                (true, false) => Vanishing::NonZero,
-                (true, true) => Vanishing::Unknown,
-                (false, _) if all.len() >= ENOUGH => Vanishing::Zero,
-                (false, _) => Vanishing::Unknown,
-            };
-        }
-        let Some(all) = self.all_behind(e, |_| false) else { return Vanishing::Unknown };
-        let unknown = self.unknown_signs(&all);
-        // Signs of what is equal, however it is written, are one.
-        let mut distinct: Vec<UnknownSign> = Vec::new();
-        let mut place = Vec::with_capacity(unknown.len());
-        for sign in &unknown {
-            let known = distinct.iter().position(|other| self.is_same_sign(*sign, *other));
-            place.push(known.unwrap_or(distinct.len()));
-            if known.is_none() {
-                distinct.push(*sign);
-            }
-        }
-        if distinct.len() > MAX_SIGNS {
-            return Vanishing::Unknown;
-        }
-        // The sign of the field's root changes from point to point, so that every point is to be seen with all signs.
-        let patterns: Vec<Signs> = (0_usize..1 << distinct.len())
-            .map(|p| unknown.iter().zip(&place).map(|(sign, k)| (*sign, p >> k & 1 == 1)).collect())
-            .collect();
-        let (mut n_zero, mut n_mixed) = (0_usize, 0_usize);
-        for point in 0..POINTS + FURTHER {
-            let values = patterns.iter().map(|signs| self.value_for(e, &all, point, signs));
-            let Some(values) = values.collect::<Option<Vec<u64>>>() else { continue };
-            match values.iter().filter(|v| **v == 0).count() {
-                0 if doubts.opaque => return Vanishing::Unknown,
-                0 => return Vanishing::NonZero,
-                n if n == values.len() => n_zero += 1,
-                _ => n_mixed += 1,
-            }
-            if n_zero + n_mixed >= ENOUGH {
-                break;
-            }
-        }
-        match (n_zero, n_mixed) {
-            (ENOUGH.., 0) => Vanishing::Zero,
-            // Of a number some sign is the right one.
-            (_, 1..) if !doubts.opaque && self.is_a_number_next_to_zero(e) => Vanishing::Zero,
-            _ => Vanishing::Unknown,
-        }
-    }
-
-    fn is_same_sign(&self, a: UnknownSign, b: UnknownSign) -> bool {
-        match (a, b) {
-            (UnknownSign::OfFactor(a), UnknownSign::OfFactor(b))
-            | (UnknownSign::OfRoot(a), UnknownSign::OfRoot(b)) => {
-                agreement(self.fingerprint(a), self.fingerprint(b)) == Some(true)
-            }
-            _ => false,
-        }
-    }
-
-    /// The signs that the values of expressions depend on.
-    fn unknown_signs(&self, all: &[ExprId]) -> Vec<UnknownSign> {
-        let mut unknown: Vec<UnknownSign> = Vec::new();
-        let mut add = |sign: UnknownSign| {
-            if !unknown.contains(&sign) {
-                unknown.push(sign);
-            }
-        };
-        let of_power = |base: ExprId, q: &Rational, add: &mut dyn FnMut(UnknownSign)| {
-            if has_even_denominator(q) && self.knowledge().base(base) == Base::UpToSign {
-                add(UnknownSign::OfRoot(base));
-            }
-        };
-        for e in all {
-            match self.node(*e) {
-                Node::Product { factors, .. } => {
-                    factors.iter().for_each(|(base, q)| of_power(*base, q, &mut add));
-                }
-                Node::Function(Func::Abs, a) => {
-                    self.factors_with_signs(*a).1.into_iter().for_each(|e| add(UnknownSign::OfFactor(e)));
-                }
-                Node::Function(f, a) if is_character(*f) => {
-                    for (k, q) in self.knowledge().argument(*a).into_iter().flatten() {
-                        if let Some(base) = self.knowledge().logarithm_term(*k) {
-                            of_power(base, q, &mut add);
-                        }
-                        self.knowledge()
-                            .factors_of_term(*k)
-                            .for_each(|(base, q)| of_power(*base, q, &mut add));
-                    }
-                }
-                _ => {}
-            }
-        }
-        unknown
-    }
-
-    /// The value at a point for given signs, `all` being what is behind it.
-    fn value_for(&self, e: ExprId, all: &[ExprId], point: usize, signs: &Signs) -> Option<u64> {
-        let mut values: FxHashMap<ExprId, Option<u64>> = FxHashMap::default();
-        for node in all {
-            let at = |e: ExprId| values.get(&e).copied().flatten();
-            let value = self.value_of(self.node(*node), point, &at, Some(signs));
-            values.insert(*node, value);
-        }
-        values.get(&e).copied().flatten()
-    }
 }
 
 /// Whether a power is known up to a sign alone.
@@ -581,37 +404,7 @@ pub(super) fn is_character(f: Func) -> bool {
     matches!(f, Func::Sin | Func::Cos | Func::Tan | Func::Exp | Func::Sinh | Func::Cosh | Func::Tanh)
 }
 
-/// Rows that are no combinations of those before them, over functions: by elimination at a random point.
-///
-/// Rows depend on each other at a point where they do not as functions with the chance of a false zero, and where
-/// opaque values stand behind them they may be told apart although they depend on each other. Where no point is valid
-/// for all entries, every row that does not vanish counts.
-pub(crate) fn independent_rows(g: &Graph, rows: &[Vec<ExprId>]) -> Vec<usize> {
-    let value = |e: &ExprId, point: usize| g.fingerprint(*e)[point];
-    let valid = |point: &usize| rows.iter().flatten().all(|e| value(e, *point).is_some());
-    let Some(point) = (0..POINTS).find(valid) else {
-        return (0..rows.len()).filter(|k| rows[*k].iter().any(|e| *e != g.zero())).collect();
-    };
-    // Reduced rows with a one at their pivot.
-    let mut basis: Vec<(usize, Vec<u64>)> = Vec::new();
-    let mut kept = Vec::new();
-    for (k, row) in rows.iter().enumerate() {
-        let mut rest: Vec<u64> = row.iter().filter_map(|e| value(e, point)).collect();
-        for (pivot, known) in &basis {
-            let factor = field::negate(rest[*pivot]);
-            rest.iter_mut().zip(known).for_each(|(x, y)| *x = field::add(*x, field::mul(factor, *y)));
-        }
-        let pivot = rest.iter().position(|x| *x != 0);
-        if let Some((pivot, scale)) = pivot.and_then(|pivot| Some((pivot, field::inverse(rest[pivot])?))) {
-            rest.iter_mut().for_each(|x| *x = field::mul(*x, scale));
-            basis.push((pivot, rest));
-            kept.push(k);
-        }
-    }
-    kept
-}
-
 /// Values of a node at the first points, given those of other nodes.
-pub(super) fn first_values(g: &Graph, node: &Node) -> Fingerprint {
-    std::array::from_fn(|k| g.value_of(node, k, &|e| g.fingerprint(e)[k], None))
+pub(super) fn first_values(arena: &Arena, node: &Node) -> Fingerprint {
+    std::array::from_fn(|k| arena.value_of(node, k, &|e| arena.fingerprint(e)[k], None))
 }

@@ -12,7 +12,8 @@ use num_bigint::BigInt;
 use num_integer::Integer;
 use num_traits::{One, Signed, ToPrimitive, Zero};
 
-use super::graph::{ExprId, Graph, Node};
+use super::graph::Graph;
+use super::node::{ExprId, Node};
 use super::rational::Rational;
 
 /// A sum with more terms than this, multiplied out, is kept as it is.

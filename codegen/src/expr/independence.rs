@@ -12,228 +12,26 @@ use num_bigint::BigInt;
 use num_traits::{One, Signed, ToPrimitive, Zero};
 use rustc_hash::FxHashMap;
 
-use super::field::{self, Point};
-use super::fingerprint::{
-    Doubts, FURTHER, POINTS, first_values, has_even_denominator, is_character, scale, steps,
-};
-use super::graph::{ExprId, Func, Graph, Node, content};
+use super::arena::Arena;
+use super::field;
+use super::fingerprint::{first_values, has_even_denominator, is_character, scale, steps};
+use super::knowledge::{Base, Doubts, FURTHER, FreeBase, Generator, PI, POINTS, Parts, Term, Terms, UNIT};
+use super::node::{ExprId, Func, Node, content};
 use super::rational::Rational;
 
-/// Coefficients of the terms of arguments may carry denominators dividing this; other arguments are opaque.
-pub(super) const DENOMINATOR: i64 = 720_720;
-/// The terms that every graph knows.
-pub(super) const UNIT: u32 = 0;
-pub(super) const PI: u32 = 1;
 /// More terms that are no monomials cannot be told from each other by the values at the further points.
 const MAX_TERMS: usize = FURTHER - 8;
+
 /// Nor more bases.
 const MAX_BASES: usize = FURTHER - 16;
-/// Values at further points are remembered for so many expressions.
-const MAX_REMEMBERED: usize = 20_000;
+
 /// Nor are bases behind more products and definitions.
 const MAX_DEPTH: usize = 32;
+
 /// An argument with more parts is not taken apart.
 const MAX_PARTS: usize = 1000;
 
-/// What is known about a base of roots.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Base {
-    /// The field's root respects all relations that the function's root has.
-    Free,
-    /// It does, or its opposite.
-    UpToSign,
-    /// The field's root is not to be used.
-    Opaque,
-}
-
-/// A logarithm's argument: `prod_k prime_k^n_k prod_k (base_k/c_k)^q_k exp(sum_k q_k exponent_k)`.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Parts {
-    pub(super) primes: Vec<(u64, i64)>,
-    /// Each with the number that it is a multiple of.
-    pub(super) bases: Vec<(ExprId, Rational, Rational)>,
-    pub(super) exponents: Vec<(ExprId, Rational)>,
-    /// Whether nothing ties the logarithms of the bases.
-    pub(super) are_free: bool,
-}
-
-/// What stands for a term `a` at a point.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Scale {
-    /// Cosine and sine of `a/DENOMINATOR`.
-    pub(super) turn: Point,
-    /// `exp(a/DENOMINATOR)`.
-    pub(super) growth: u64,
-    /// Cosine and sine of `a`.
-    pub(super) whole_turn: Point,
-    /// `exp(a)`.
-    pub(super) whole_growth: u64,
-}
-
-/// Something that arguments are combinations of.
-#[derive(Clone, Debug, PartialEq, Eq, Hash)]
-enum Term {
-    /// An expression; [`UNIT`] and [`PI`] are also kept so, and never looked at.
-    Expr(ExprId),
-    /// A product with the coefficient one, which need not be in the arena.
-    Product(Box<[(ExprId, Rational)]>),
-}
-
-#[derive(Clone, Debug)]
-struct Generator {
-    term: Term,
-    /// What determines the value of a product.
-    behind: Vec<ExprId>,
-    /// Of a term `ln base`.
-    logarithm_of: Option<ExprId>,
-    /// A product of symbols: all of them are independent.
-    is_monomial: bool,
-    /// Whether its values show that nothing ties it; those that hide a sign do not.
-    is_proved: bool,
-    /// At the first points; none where the values depend on signs that are not known.
-    scales: Option<Box<[Option<Scale>; POINTS]>>,
-}
-
-/// A combination of terms.
-type Terms = Vec<(u32, Rational)>;
-
-/// A base that nothing ties to others.
-#[derive(Clone, Debug)]
-struct FreeBase {
-    values: Vec<Option<u64>>,
-    /// Where the value is no square, of the points where there is one.
-    is_no_square: u64,
-    is_valid: u64,
-}
-
-/// Everything learnt about the functions of a graph.
-#[derive(Clone, Debug)]
-pub(super) struct Knowledge {
-    generators: Vec<Generator>,
-    terms: FxHashMap<Term, Option<Terms>>,
-    arguments: FxHashMap<ExprId, Option<Terms>>,
-    bases: FxHashMap<ExprId, Base>,
-    free_bases: Vec<FreeBase>,
-    logarithms: FxHashMap<ExprId, Option<Parts>>,
-    free_logarithms: Vec<FreeBase>,
-    further: FxHashMap<ExprId, Box<[Option<u64>]>>,
-}
-
-impl Knowledge {
-    /// `unit` and `pi` are expressions of the graph.
-    pub(super) fn new() -> Knowledge {
-        Knowledge {
-            generators: Vec::new(),
-            terms: FxHashMap::default(),
-            arguments: FxHashMap::default(),
-            bases: FxHashMap::default(),
-            free_bases: Vec::new(),
-            logarithms: FxHashMap::default(),
-            free_logarithms: Vec::new(),
-            further: FxHashMap::default(),
-        }
-    }
-
-    /// An argument as a combination of terms; none of one that is opaque.
-    pub(super) fn argument(&self, a: ExprId) -> Option<&Terms> {
-        self.arguments.get(&a)?.as_ref()
-    }
-
-    /// Whether sine and cosine of a combination of terms have values: its multiple of pi is an angle of the field.
-    pub(super) fn is_angle(&self, terms: &Terms) -> bool {
-        terms.iter().all(|(k, q)| *k != PI || field::is_angle(q))
-    }
-
-    /// Whether nothing ties a term to those before it.
-    pub(super) fn is_proved(&self, k: u32) -> bool {
-        k == UNIT || k == PI || self.generators.get(k as usize).is_some_and(|g| g.is_proved)
-    }
-
-    pub(super) fn logarithm(&self, a: ExprId) -> Option<&Parts> {
-        self.logarithms.get(&a)?.as_ref()
-    }
-
-    /// What is known about a base that has a power of even denominator in the graph.
-    pub(super) fn base(&self, base: ExprId) -> Base {
-        self.bases.get(&base).copied().unwrap_or(Base::Opaque)
-    }
-
-    /// The base of a term that is a logarithm.
-    pub(super) fn logarithm_term(&self, k: u32) -> Option<ExprId> {
-        self.generators.get(k as usize)?.logarithm_of
-    }
-
-    /// What stands for a term at a point, if that is remembered.
-    pub(super) fn scale(&self, k: u32, point: usize) -> Option<Option<Scale>> {
-        self.generators.get(k as usize)?.scales.as_ref()?.get(point).copied()
-    }
-
-    /// Visits what determines the value of a term.
-    pub(super) fn behind_term(&self, k: u32, visit: &mut impl FnMut(ExprId)) {
-        if k == UNIT || k == PI {
-            return;
-        }
-        let generator = &self.generators[k as usize];
-        match (&generator.term, generator.logarithm_of) {
-            // The exponential of a logarithm is a power of its argument.
-            (Term::Expr(e), base) => {
-                visit(*e);
-                base.into_iter().for_each(visit);
-            }
-            // Also of roots of products.
-            (Term::Product(_), _) => generator.behind.iter().for_each(|e| visit(*e)),
-        }
-    }
-
-    /// The factors of a term that is a product.
-    pub(super) fn factors_of_term(&self, k: u32) -> impl Iterator<Item = &(ExprId, Rational)> {
-        let factors: &[(ExprId, Rational)] = match self.generators.get(k as usize).map(|g| &g.term) {
-            Some(Term::Product(factors)) => factors,
-            _ => &[],
-        };
-        factors.iter()
-    }
-
-    /// The value of a term, given those of expressions and of a node.
-    pub(super) fn term_value(
-        &self,
-        k: u32,
-        at: impl Fn(ExprId) -> Option<u64>,
-        of_node: impl Fn(&Node) -> Option<u64>,
-    ) -> Option<u64> {
-        match &self.generators.get(k as usize)?.term {
-            Term::Expr(e) => at(*e),
-            term @ Term::Product(_) => of_node(&term.node()?),
-        }
-    }
-
-    /// Values at the further points.
-    pub(super) fn further(&self, e: ExprId) -> Option<&[Option<u64>]> {
-        self.further.get(&e).map(|values| &**values)
-    }
-
-    /// Whether there was room for them.
-    pub(super) fn remember_further(&mut self, e: ExprId, values: Vec<Option<u64>>) -> bool {
-        let has_room = self.further.len() < MAX_REMEMBERED;
-        if has_room {
-            self.further.insert(e, values.into());
-        }
-        has_room
-    }
-}
-
-impl Term {
-    fn node(&self) -> Option<Node> {
-        match self {
-            Term::Expr(_) => None,
-            Term::Product(factors) => {
-                Some(Node::Product { coefficient: Rational::one(), factors: factors.clone() })
-            }
-        }
-    }
-}
-
-impl Graph {
+impl Arena {
     /// Learns what the values of a node need, before it gets any.
     pub(super) fn learn(&mut self, node: &Node) {
         match node {
@@ -251,8 +49,6 @@ impl Graph {
             }
         }
     }
-
-    // ---- arguments of exp, sin, cos -------------------------------------------------------------------------------
 
     fn learn_argument(&mut self, a: ExprId) {
         if self.knowledge().arguments.contains_key(&a) {
@@ -324,7 +120,7 @@ impl Graph {
 
     fn new_combination(&mut self, term: &Term) -> Option<Terms> {
         if self.knowledge().generators.is_empty() {
-            let (unit, pi) = (Term::Expr(self.one()), Term::Expr(self.one()));
+            let (unit, pi) = (Term::Expr(Arena::ONE), Term::Expr(Arena::ONE));
             for (term, value) in [(unit, Node::Constant(Rational::one())), (pi, Node::Pi)] {
                 let scales = Some(Box::new(first_values(self, &value).map(|v| v.map(scale))));
                 let behind = Vec::new();
@@ -432,13 +228,11 @@ impl Graph {
         }
     }
 
-    // ---- roots ----------------------------------------------------------------------------------------------------
-
     fn learn_base(&mut self, base: ExprId) -> Base {
         self.base_behind(base, MAX_DEPTH)
     }
 
-    /// As [`Graph::learn_base`], through so many products and definitions.
+    /// As [`Arena::learn_base`], through so many products and definitions.
     fn base_behind(&mut self, base: ExprId, depth: usize) -> Base {
         if let Some(known) = self.knowledge().bases.get(&base) {
             return *known;
@@ -498,8 +292,6 @@ impl Graph {
         self.knowledge_mut().free_bases = known;
         if is_free { Base::Free } else { Base::UpToSign }
     }
-
-    // ---- logarithms -----------------------------------------------------------------------------------------------
 
     fn learn_logarithm(&mut self, a: ExprId) {
         if self.knowledge().logarithms.contains_key(&a) {

@@ -8,7 +8,10 @@
 //!
 //! Deliberately does not know: algebras, mechanics, floating-point evaluation order, Rust.
 
+mod arena;
 mod budget;
+mod calculus;
+mod construct;
 mod definition;
 mod expand;
 mod field;
@@ -16,25 +19,31 @@ mod fingerprint;
 mod fraction;
 mod graph;
 mod independence;
+mod knowledge;
+mod node;
 mod partials;
 mod print;
 mod rational;
 mod real_point;
 mod samples;
 mod sign;
+mod zero;
 
 pub use budget::{Budget, Exhausted, Resource, Stage};
 pub use definition::{Definition, Section, SectionWriter, inlined, needed_sections};
-pub use fingerprint::Vanishing;
-pub(crate) use fingerprint::{Fingerprint, independent_rows};
 pub(crate) use fraction::Fractions;
-pub use graph::{DivisionByZero, ExprId, Func, Graph, Node, SymbolId};
+pub use graph::{DivisionByZero, Graph};
+pub(crate) use knowledge::Fingerprint;
+pub use knowledge::Vanishing;
+pub use node::{ExprId, Func, Node, SymbolId};
 pub use print::Style;
 pub(crate) use print::identifier;
 pub use rational::{Rational, parse_decimal, rational_to_f64};
 pub(crate) use samples::{Measured, Samples};
 pub(crate) use sign::remembered_sign_of;
 pub use sign::{Sign, sign_of};
+
+pub(crate) use zero::independent_rows;
 
 #[cfg(test)]
 mod tests;

@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use num_traits::One;
 
-use super::graph::{ExprId, Graph, Node};
+use super::graph::Graph;
+use super::node::{ExprId, Node};
 use super::rational::Rational;
 
 impl Graph {

@@ -4,7 +4,8 @@ use std::collections::HashMap;
 
 use num_traits::{One, Signed};
 
-use super::graph::{ExprId, Graph, Node};
+use super::graph::Graph;
+use super::node::{ExprId, Node};
 use super::rational::Rational;
 
 /// How an expression is spelled.

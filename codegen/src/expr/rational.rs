@@ -3,6 +3,9 @@
 use num_bigint::BigInt;
 use num_traits::{One, Signed, ToPrimitive, Zero};
 
+/// Largest exact number: longer ones take seconds to reduce, each time.
+pub(super) const MAX_BITS: u64 = 1 << 18;
+
 /// Exact rational number; the only kind of literal coefficient an expression can hold.
 pub type Rational = num_rational::BigRational;
 

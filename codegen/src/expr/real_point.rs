@@ -7,7 +7,8 @@
 use num_traits::ToPrimitive;
 use rustc_hash::FxHashMap;
 
-use super::graph::{ExprId, Func, Graph, Node};
+use super::graph::Graph;
+use super::node::{ExprId, Func, Node};
 use super::rational::{Rational, rational_to_f64};
 
 /// Points that are tried.

@@ -7,7 +7,8 @@ use std::collections::{BTreeMap, HashMap};
 use hamel_runtime::{DoubleDouble, Real};
 use num_traits::{FromPrimitive, Zero};
 
-use super::graph::{ExprId, Func, Graph, Node, SymbolId};
+use super::graph::Graph;
+use super::node::{ExprId, Func, Node, SymbolId};
 use super::rational::{Rational, rational_to_f64};
 use super::sign::Sign;
 

@@ -5,7 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use num_traits::{Signed, ToPrimitive, Zero};
 use rustc_hash::FxHashMap;
 
-use super::graph::{ExprId, Func, Graph, Node};
+use super::graph::Graph;
+use super::node::{ExprId, Func, Node};
 use super::rational::Rational;
 
 /// What is known about the sign of an expression.

@@ -6,9 +6,7 @@ use std::collections::BTreeMap;
 
 use crate::error::Error;
 use crate::expr::{DivisionByZero, ExprId, Rational, SymbolId};
-use crate::spec::{self, ConstraintKind, Diagnostics, Model, Relation};
-
-use super::reconstruction;
+use crate::spec::{self, Diagnostics, Model, Relation};
 
 /// A model whose fixed parameters are replaced by their values everywhere, without the conditions that have become true.
 ///
@@ -43,42 +41,9 @@ pub fn with_fixed(mut model: Model, fixed: &[(String, Rational)]) -> Result<Mode
 }
 
 fn substitute(model: &mut Model, values: &BTreeMap<SymbolId, ExprId>) -> Result<(), DivisionByZero> {
-    let Model {
-        graph,
-        base,
-        lagrangian,
-        conditions,
-        stages,
-        advected,
-        connection,
-        constraints,
-        virtual_constraints,
-        forces,
-        casimirs,
-        outputs,
-        reconstruction: group_items,
-        ..
-    } = model;
-    let mut places: Vec<&mut ExprId> = vec![lagrangian];
-    places.extend(forces.iter_mut());
-    places.extend(base.iter_mut().flat_map(|c| c.domain.ends_mut()));
-    places.extend(conditions.iter_mut().flat_map(|c| [&mut c.greater, &mut c.less]));
-    places.extend(advected.iter_mut().flat_map(|a| a.action.iter_mut()));
-    places.extend(connection.iter_mut().flatten().flatten());
-    for c in constraints {
-        places.push(&mut c.residual);
-        if let ConstraintKind::SecondOrder { acceleration } = &mut c.kind {
-            places.extend(acceleration);
-        }
-    }
-    places.extend(virtual_constraints.iter_mut().flat_map(|v| v.one_form.iter_mut()));
-    places.extend(group_items.iter_mut().flat_map(|r| reconstruction::expressions_mut(&mut r.kind)));
-    places.extend(casimirs.iter_mut().map(|c| &mut c.expr));
-    places.extend(outputs.iter_mut().flat_map(|o| o.components.iter_mut().map(|(_, e)| e)));
-    let metric = stages.iter_mut().filter_map(|s| s.inner_product.as_mut());
-    places.extend(metric.flat_map(|rows| rows.iter_mut().flatten()));
-    for place in places {
-        *place = graph.subs(*place, values)?;
+    let (graph, expressions) = model.expressions_mut();
+    for (_, e) in expressions {
+        *e = graph.subs(*e, values)?;
     }
     Ok(())
 }

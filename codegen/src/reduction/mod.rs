@@ -28,7 +28,6 @@ pub use constraint::{
 };
 pub use fix::with_fixed;
 pub use formulation::Formulation;
-pub(crate) use reconstruction::expressions_mut;
 pub use reconstruction::{MomentumInSpace, ReconstructedCoordinate};
 pub use stages::{StageLevel, Stages, Tensor};
 pub use system::{Block, BlockKind, DomainCondition, Part, ReducedSystem, StateKind};

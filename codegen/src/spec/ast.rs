@@ -226,3 +226,53 @@ pub(super) struct File {
     pub(super) name: Name,
     pub(super) items: Vec<Item>,
 }
+
+impl AlgebraExpr {
+    /// Names in the expression. Its depth is bounded by the parser.
+    pub(super) fn names(&self) -> Vec<String> {
+        match &self.node {
+            AlgebraNode::Name(name) => vec![name.clone()],
+            AlgebraNode::Number(_) | AlgebraNode::Power(_) => Vec::new(),
+            AlgebraNode::Call(_, arguments) => arguments.iter().flat_map(AlgebraExpr::names).collect(),
+        }
+    }
+}
+
+impl Expr {
+    /// Names in the expression, without function names.
+    pub(super) fn names(&self) -> Vec<&str> {
+        let mut names = Vec::new();
+        self.for_each_node(|node| {
+            if let Node::Name(name) = node {
+                names.push(name.as_str());
+            }
+        });
+        names
+    }
+
+    /// Whether the expression calls a function by name.
+    pub(super) fn calls(&self, function: &str) -> bool {
+        let mut found = false;
+        self.for_each_node(|node| found |= matches!(node, Node::Call(name, _) if name.text == function));
+        found
+    }
+
+    fn for_each_node<'a>(&'a self, mut visit: impl FnMut(&'a Node)) {
+        let mut pending = vec![self];
+        while let Some(expr) = pending.pop() {
+            visit(&expr.node);
+            match &expr.node {
+                Node::Number(_) | Node::Name(_) => {}
+                Node::Sum(list) | Node::Product(list) => pending.extend(list.iter().map(|(_, e)| e)),
+                Node::Neg(inside) => pending.push(inside),
+                Node::Power(a, b) => pending.extend([a.as_ref(), b.as_ref()]),
+                Node::Call(_, arguments) => pending.extend(arguments),
+                Node::Index(base, indices) => {
+                    pending.push(base);
+                    pending.extend(indices);
+                }
+                Node::List(list) => pending.extend(list),
+            }
+        }
+    }
+}

@@ -5,11 +5,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use num_traits::{One, Signed, ToPrimitive};
 
 use super::ast::{Expr, Node};
-use super::builder::look_up;
 use super::diagnostic::{Diagnostic, Span};
+use super::limits::MAX_DIM;
 use super::names::{self, FUNCTIONS, OPERATORS};
-use super::parser::MAX_DIM;
-use super::value::{Shape, Value, ValueError};
+use super::shape::{Shape, ValueError};
+use super::value::Value;
 use crate::expr::{ExprId, Func, Graph, Rational};
 
 /// Steps of work that are taken for a scalar operation before its expressions are made: the default budget has room for 4
@@ -412,7 +412,7 @@ impl Evaluator<'_> {
         let (a, a_bits) = values.first()?;
         let (b, b_bits) = values.get(1).unwrap_or(&values[0]);
         if let Some((operator, table)) = self.operator.filter(|(operator, _)| *operator == function) {
-            return match look_up(operator, a, table) {
+            return match a.image(operator, table) {
                 Ok(value) => Some((value, SYMBOL_BITS)),
                 Err(error) => self.error(span, &error, &[]),
             };

@@ -11,27 +11,36 @@
 
 mod ast;
 mod builder;
-mod check;
 mod diagnostic;
+mod elaborate;
 mod eval;
+mod expressions;
+mod group;
 mod kind;
+mod layout;
+mod limits;
 mod model;
 mod names;
 mod parser;
+mod shape;
 mod unused;
 mod value;
 mod want;
 
 pub use ast::Compare;
-pub use builder::{Group, Layout, ModelBuilder, Placement};
+pub use builder::{ModelBuilder, Placement};
 pub use diagnostic::{Diagnostic, Diagnostics, Origin, Severity, Span};
+pub use expressions::ExpressionRole;
+pub use group::Group;
 pub use kind::{Kind, Restriction, Setting};
+pub use layout::Layout;
 pub use model::{
     Advected, Condition, ConnectionKind, Constraint, ConstraintKind, Coordinate, Domain, Model, Named,
     NamedVector, Param, Places, Reconstruction, ReconstructionKind, Relation, Scene, Side, Stages, Velocity,
     View, ViewShape, Views, VirtualConstraint, circle_names, diagnose,
 };
-pub use value::{Shape, Value, ValueError};
+pub use shape::{Shape, ValueError};
+pub use value::Value;
 pub use want::{Want, Wanted};
 
 use crate::expr::Budget;
@@ -99,5 +108,5 @@ pub fn parse_within(budget: Budget, file_name: &str, text: &str) -> Result<Model
     // Editors on Windows may write a byte order mark; spans count without it.
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     let outcome = parser::parse_file(text);
-    check::check(outcome, Origin { file: file_name.to_owned(), text: text.to_owned() }, budget)
+    elaborate::elaborate(outcome, Origin { file: file_name.to_owned(), text: text.to_owned() }, budget)
 }

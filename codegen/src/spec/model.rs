@@ -69,17 +69,6 @@ pub enum Domain {
     Real,
 }
 
-impl Domain {
-    /// The ends of an interval.
-    pub(crate) fn ends_mut(&mut self) -> impl Iterator<Item = &mut ExprId> {
-        let ends = match self {
-            Domain::Interval(low, high) => [Some(low), Some(high)],
-            Domain::Angle | Domain::Real => [None, None],
-        };
-        ends.into_iter().flatten()
-    }
-}
-
 /// A base coordinate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Coordinate {

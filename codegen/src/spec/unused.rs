@@ -9,9 +9,8 @@
 use std::collections::BTreeMap;
 
 use super::ast::{AlgebraExpr, DomainExpr, Expr, Item, ItemKind, Name, ReconstructWay, Shape};
-use super::builder::Layout;
-use super::check::{algebra_names, names_in};
 use super::diagnostic::Diagnostic;
+use super::layout::Layout;
 
 /// Something with a name, the names that stand for it or a part of it, and what it mentions.
 struct Declaration<'a> {
@@ -83,7 +82,7 @@ fn of_algebras(name: &str) -> String {
 }
 
 fn algebras(expr: &AlgebraExpr) -> Vec<String> {
-    algebra_names(expr).iter().map(|name| of_algebras(name)).collect()
+    expr.names().iter().map(|name| of_algebras(name)).collect()
 }
 
 fn owned<'a>(names: impl IntoIterator<Item = &'a str>) -> Vec<String> {
@@ -91,7 +90,7 @@ fn owned<'a>(names: impl IntoIterator<Item = &'a str>) -> Vec<String> {
 }
 
 fn mentions<'a>(expressions: impl IntoIterator<Item = &'a Expr>) -> Vec<String> {
-    expressions.into_iter().flat_map(|e| owned(names_in(e))).collect()
+    expressions.into_iter().flat_map(|e| owned(e.names())).collect()
 }
 
 fn declare<'a>(item: &'a Item, declarations: &mut Vec<Declaration<'a>>) {

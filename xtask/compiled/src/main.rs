@@ -1,10 +1,10 @@
-//! Answers `eval`, `simulate` and `ensemble` of `cargo xtask` with the compiled models; started by it, not by hand.
+//! Answers `eval`, `simulate` and `ensemble` of `hamel` and `cargo xtask` with the compiled models; started by them, not by hand.
 
 use std::process::ExitCode;
 
+use hamel::run::dynamics::{Factory, Typed};
 use hamel_models::generated;
 use hamel_runtime::{Dual, F64x4};
-use xtask::dynamics::{Factory, Typed};
 
 /// Collects a factory for every scene that was generated.
 macro_rules! factories {
@@ -18,7 +18,7 @@ macro_rules! factories {
 
 fn main() -> ExitCode {
     let factories: Vec<Box<dyn Factory>> = hamel_models::for_each_scene!(factories);
-    match xtask::compiled::serve(&factories) {
+    match hamel::run::protocol::serve(&factories) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("hamel-compiled: {error}");

@@ -2,7 +2,7 @@
 //!
 //! A kernel is swept over its inputs `n` and `2 n` times; the difference is free of start and end of the program.
 //!
-//! Deliberately does not know: which kernels there are, times.
+//! Does not know: which kernels there are, times.
 
 use std::path::Path;
 use std::process::Command;
@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use indicatif::ProgressBar;
 
-use super::Kernel;
+use super::kernel::Kernel;
 
 /// Sweeps of the first run; the second makes twice as many.
 const SWEEPS: u64 = 50;

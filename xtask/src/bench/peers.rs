@@ -6,26 +6,28 @@
 //! parameters at run time, with gcc 12.2, clang 22.1.8 (`-O3 -march=native`) and rustc 1.95 on an Intel Xeon (Emerald Rapids);
 //! instructions by callgrind on x86-64-v3 builds, the mathematical library and about 10 of the harness included.
 //!
-//! Deliberately does not know: hamel's own numbers, the packages, how a kernel is timed.
+//! Does not know: hamel's own numbers, the packages, how a kernel is timed.
 
 use std::path::PathBuf;
 use std::process::Command;
 
-use super::{Row, TargetCpu, converse, progress, target_dir};
-use crate::error::Error;
-use crate::workspace::Workspace;
+use hamel::Error;
+use hamel::repository::Repository;
+
+use super::kernel::Row;
+use super::program::{TargetCpu, converse, progress, target_dir};
 
 /// What `tests/peers` needs; its readme says the same.
-pub const PIP: &str =
+pub(crate) const PIP: &str =
     "pip install wrenfold==0.5.3 sympy==1.14.0 casadi==3.8.2 heyoka==7.13.2 symforce==0.12.0 numba scipy";
 
 /// Other generators that were measured in the same run.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Peers {
+pub(crate) struct Peers {
     /// Their kernels, and the copy kernel called in the same way.
-    pub rows: Vec<Row>,
+    pub(crate) rows: Vec<Row>,
     /// Packages and compilers with their versions.
-    pub using: Vec<String>,
+    pub(crate) using: Vec<String>,
 }
 
 /// The program with the kernels of other generators.
@@ -36,21 +38,25 @@ pub(super) struct Generated {
 }
 
 /// The command that runs a script of `tests/peers` with the interpreter that `PYTHON` names.
-pub(super) fn script(workspace: &Workspace, name: &str) -> Command {
+pub(super) fn script(repository: &Repository, name: &str) -> Command {
     let mut command = Command::new(std::env::var_os("PYTHON").unwrap_or_else(|| "python3".into()));
     // Without files of compiled modules beside the scripts.
-    command.arg("-B").arg(workspace.root().join("tests/peers").join(name));
+    command.arg("-B").arg(repository.root().join("tests/peers").join(name));
     command
 }
 
 /// Has `tests/peers/rhs.py` generate, compile and check the kernels of some models; the error is a note that says what to do.
-pub(super) fn generate(workspace: &Workspace, cpu: TargetCpu, models: &[&str]) -> Result<Generated, String> {
+pub(super) fn generate(
+    repository: &Repository,
+    cpu: TargetCpu,
+    models: &[&str],
+) -> Result<Generated, String> {
     if models.is_empty() {
         let known = PEERS.map(|p| p.model).join(", ");
         return Err(format!("other generators are not measured: they are given {known} alone"));
     }
-    let folder = target_dir(workspace).join("peers");
-    let mut command = script(workspace, "rhs.py");
+    let folder = target_dir(repository).join("peers");
+    let mut command = script(repository, "rhs.py");
     command.arg(&folder).arg(cpu.name()).args(models);
     let said = listen(command, "other generators", |_| None)?;
     Ok(Generated { program: folder.join("peers"), using: said.using, notes: said.notes })
@@ -109,24 +115,24 @@ fn reason(error: &Error) -> String {
 }
 
 /// One sentence that says where the numbers come from.
-pub const CITATION: &str = "best of heyoka 7.13.2, SymForce 0.12.0, CasADi 3.8.2, wrenfold 0.5.3, sympy 1.14.0 and symplex \
+pub(crate) const CITATION: &str = "best of heyoka 7.13.2, SymForce 0.12.0, CasADi 3.8.2, wrenfold 0.5.3, sympy 1.14.0 and symplex \
 0.57.0, each fed by hand with the equations in their best form, parameters at run time; gcc 12.2, clang 22.1.8, rustc 1.95 \
 on an Intel Xeon (Emerald Rapids)";
 
 /// Nanoseconds of the peers' copy kernel.
-pub const COPY: f64 = 3.1;
+pub(crate) const COPY: f64 = 3.1;
 
 /// The best peer for a model.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Peer {
+pub(crate) struct Peer {
     /// Name of the model.
-    pub model: &'static str,
+    pub(crate) model: &'static str,
     /// Fewest executed instructions of a call.
-    pub instructions: f64,
+    pub(crate) instructions: f64,
     /// Nanoseconds of the fastest call, that of the copy kernel included.
-    pub ns: f64,
+    pub(crate) ns: f64,
     /// Nanoseconds of a lane in the fastest call with 8 lanes.
-    pub ns_of_8_lanes: f64,
+    pub(crate) ns_of_8_lanes: f64,
 }
 
 const fn peer(model: &'static str, instructions: f64, ns: f64, ns_of_8_lanes: f64) -> Peer {
@@ -134,7 +140,7 @@ const fn peer(model: &'static str, instructions: f64, ns: f64, ns_of_8_lanes: f6
 }
 
 /// The best peers.
-pub const PEERS: [Peer; 8] = [
+pub(crate) const PEERS: [Peer; 8] = [
     peer("heavy_top", 60.0, 4.0, 0.7),
     peer("kirchhoff_body", 222.0, 17.5, 3.7),
     peer("euler_disk", 248.0, 16.3, 3.9),

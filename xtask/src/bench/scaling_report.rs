@@ -2,33 +2,34 @@
 //!
 //! No dates and no paths are written: the command, the processor and the compiler say where numbers come from.
 //!
-//! Deliberately does not know: how anything was measured.
+//! Does not know: how anything was measured.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use super::report::{Table, cells, number, write_files};
-use super::scaling::{Family, Row};
-use crate::error::Error;
-use crate::plot::loglog::{self, Curve, LogLog};
+use hamel::Error;
+use hamel::output::plot::loglog::{self, Curve, LogLog};
+
+use super::family::{Family, Row};
+use super::table::{Table, cells, number, write_files};
 
 /// All that was measured, and on what.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Report {
+pub(crate) struct Report {
     /// The command that repeats it.
-    pub command: String,
+    pub(crate) command: String,
     /// The processor.
-    pub cpu: String,
+    pub(crate) cpu: String,
     /// The compiler.
-    pub rustc: String,
+    pub(crate) rustc: String,
     /// The measurements, each family from small to large.
-    pub rows: Vec<Row>,
+    pub(crate) rows: Vec<Row>,
 }
 
 impl Report {
     /// The report for a terminal.
-    pub fn text(&self) -> String {
+    pub(crate) fn text(&self) -> String {
         let (measured, growth) = (self.measured().text(), self.growth().text());
         format!("{}\n{}, {}\n\n{measured}\n{GROWTH}:\n\n{growth}\n", self.command, self.cpu, self.rustc)
     }
@@ -37,7 +38,7 @@ impl Report {
     ///
     /// # Errors
     /// [`Error::Io`].
-    pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>, Error> {
+    pub(crate) fn write(&self, folder: &Path) -> Result<Vec<PathBuf>, Error> {
         let chart = loglog::svg(&self.chart());
         let chart = chart.map_err(|e| Error::io("the chart", std::io::Error::other(e)))?;
         let files = [("scaling.md", self.markdown()), ("scaling.csv", self.csv()), ("scaling.svg", chart)];
@@ -180,7 +181,7 @@ mod tests {
     use std::time::Duration;
 
     use super::{Report, exponent};
-    use crate::bench::scaling::{Family, Row};
+    use crate::bench::family::{Family, Row};
 
     fn report() -> Report {
         let row = |dim: usize| Row {

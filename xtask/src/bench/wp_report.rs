@@ -2,29 +2,30 @@
 //!
 //! No dates and no paths are written: the command, the processor and the compiler say where numbers come from.
 //!
-//! Deliberately does not know: how anything was measured.
+//! Does not know: how anything was measured.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use super::report::{Table, cells, number, write_files};
-use super::wp::{Point, fastest};
-use crate::error::Error;
-use crate::plot::loglog::{self, Curve, LogLog};
+use hamel::Error;
+use hamel::output::plot::loglog::{self, Curve, LogLog};
+
+use super::point::{Point, fastest};
+use super::table::{Table, cells, number, write_files};
 
 /// All that was measured, and on what.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Report {
+pub(crate) struct Report {
     /// The command that repeats it.
-    pub command: String,
+    pub(crate) command: String,
     /// The processor.
-    pub cpu: String,
+    pub(crate) cpu: String,
     /// The compiler.
-    pub rustc: String,
+    pub(crate) rustc: String,
     /// Models with their measurements.
-    pub models: Vec<(String, Vec<Point>)>,
+    pub(crate) models: Vec<(String, Vec<Point>)>,
     /// What could not be measured, and why.
-    pub notes: Vec<String>,
+    pub(crate) notes: Vec<String>,
 }
 
 /// The errors at which methods are compared.
@@ -37,7 +38,7 @@ fn by_solver(points: &[Point]) -> Vec<&[Point]> {
 
 impl Report {
     /// The report for a terminal.
-    pub fn text(&self) -> String {
+    pub(crate) fn text(&self) -> String {
         let mut text = format!("{}\n{}, {}\n\n{}", self.command, self.cpu, self.rustc, self.best().text());
         for (model, points) in &self.models {
             let _ =
@@ -53,7 +54,7 @@ impl Report {
     ///
     /// # Errors
     /// [`Error::Io`].
-    pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>, Error> {
+    pub(crate) fn write(&self, folder: &Path) -> Result<Vec<PathBuf>, Error> {
         let mut files = vec![("wp.md".to_owned(), self.markdown())];
         let mut charts = Vec::new();
         for (model, points) in &self.models {

@@ -7,6 +7,7 @@ pub mod accuracy;
 pub mod bounds;
 pub mod motion;
 pub mod report;
+pub mod request;
 pub mod run;
 pub mod sample;
 pub mod subject;

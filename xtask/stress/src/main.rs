@@ -2,13 +2,15 @@
 
 use std::process::ExitCode;
 
+use clap::Parser as _;
+use hamel::Error;
+use hamel::run::dynamics::{Factory, Typed as Plain};
 use hamel_measure::both::Both;
 use hamel_models::generated;
 use hamel_runtime::{Dual, F64x4};
+use hamel_stress::request::{Arguments, StressRequest};
 use hamel_stress::run;
 use hamel_stress::subject::{Subject, Typed};
-use xtask::dynamics::{Factory, Typed as Plain};
-use xtask::error::Error;
 
 /// Collects every scene that was generated.
 macro_rules! subjects {
@@ -28,9 +30,7 @@ macro_rules! long {
 }
 
 fn stress() -> Result<(), Error> {
-    let text = std::io::read_to_string(std::io::stdin()).map_err(|e| Error::io("the request", e))?;
-    let request = serde_json::from_str(&text)
-        .map_err(|e| Error::NotJson { reason: e.to_string(), empty: text.is_empty() })?;
+    let request = StressRequest::new(Arguments::parse())?;
     let subjects: Vec<Box<dyn Subject>> = hamel_models::for_each_scene!(subjects);
     let long = long! {
         free_rigid_body_invariants 7,

@@ -2,11 +2,11 @@
 //!
 //! Deliberately does not know: which models are run.
 
+use hamel::Error;
+use hamel::model::INVARIANTS;
+use hamel::run::dynamics::{Dynamics, Factory, Info, VecState};
+use hamel::run::evaluate::describe;
 use hamel_runtime::{Gauss6, Integrator, Method, Options, Progress, Projected, Vern9};
-use xtask::Error;
-use xtask::codegen_bridge::INVARIANTS;
-use xtask::dynamics::{Dynamics, Factory, Info, VecState};
-use xtask::eval::describe;
 
 /// Samples per run.
 const N_SAMPLES: u64 = 1000;

@@ -4,18 +4,18 @@
 
 use std::sync::Mutex;
 
+use hamel::Error;
+use hamel::run::dynamics::Factory;
 use hamel_measure::both::Both;
 use hamel_measure::random::Random;
 use hamel_runtime::SceneInfo;
 use indicatif::{ProgressBar, ProgressStyle};
-use xtask::dynamics::Factory;
-use xtask::error::Error;
-use xtask::stress::{SceneRequest, StressRequest};
 
 use crate::accuracy::{Accuracy, Function, Sample};
 use crate::bounds;
 use crate::motion::{self, METHODS, RunResult};
 use crate::report;
+use crate::request::{SceneRequest, StressRequest};
 use crate::sample::{Region, magnitude, ordinary_params, scaled_params, state};
 use crate::subject::Subject;
 use crate::sweeps::{DISTANCES, Place, SWEEPS, Sweep};
@@ -248,7 +248,7 @@ pub fn run(
             ("stress_runs.csv", report::runs_csv(&results)),
         ] {
             let path = folder.join(name);
-            xtask::files::write_atomically(&path, text.as_bytes())
+            hamel_codegen::config::write_atomically(&path, text.as_bytes())
                 .map_err(|e| Error::io(path.display().to_string(), e))?;
             println!("wrote {}", path.display());
         }

@@ -4,9 +4,10 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
+use hamel::model::roles::Role;
 use hamel_measure::random::Random;
-use xtask::codegen_bridge::Role;
-use xtask::stress::SceneRequest;
+
+use crate::request::SceneRequest;
 
 /// Where in the space of states.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

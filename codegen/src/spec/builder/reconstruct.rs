@@ -1,47 +1,23 @@
-//! Coordinates of the group motion, initial values and what scenes leave out.
+//! Reconstructed coordinates and initial values.
+//!
+//! Deliberately does not know: the equations of reconstruction.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fmt;
 
 use num_traits::Zero;
 
-use super::motion::Special;
-use super::{Layout, Located, ModelBuilder, SceneDraft};
+use super::draft::{Located, ModelBuilder, ReconstructionDraft, Way};
+use super::symbols::Special;
 use crate::algebra::LieAlgebra;
 use crate::expr::{ExprId, Rational, SymbolId};
 use crate::spec::diagnostic::Span;
+use crate::spec::group::Group;
+use crate::spec::layout::Layout;
+use crate::spec::limits::MAX_DIM;
 use crate::spec::model::*;
 use crate::spec::names;
-use crate::spec::parser::MAX_DIM;
-use crate::spec::value::{Shape, Value};
-
-/// A group whose motion can be reconstructed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Group {
-    /// SO(2), by an angle.
-    PlanarRotation,
-    /// SO(3), by a unit quaternion.
-    Rotation,
-    /// SE(2), by an angle and a position.
-    PlanarMotion,
-    /// SE(3), by a unit quaternion and a position.
-    Motion,
-    /// R^n.
-    Translation(usize),
-}
-
-impl fmt::Display for Group {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Group::PlanarRotation => f.write_str("SO(2)"),
-            Group::Rotation => f.write_str("SO(3)"),
-            Group::PlanarMotion => f.write_str("SE(2)"),
-            Group::Motion => f.write_str("SE(3)"),
-            Group::Translation(1) => f.write_str("R"),
-            Group::Translation(n) => write!(f, "R^{n}"),
-        }
-    }
-}
+use crate::spec::shape::Shape;
+use crate::spec::value::Value;
 
 impl Group {
     /// Groups by the way they are written, without R^n.
@@ -51,70 +27,6 @@ impl Group {
         ("SE(2)", Group::PlanarMotion),
         ("SE(3)", Group::Motion),
     ];
-
-    /// The dimension of the group.
-    pub fn dim(self) -> usize {
-        match self {
-            Group::PlanarRotation => 1,
-            Group::Rotation | Group::PlanarMotion => 3,
-            Group::Motion => 6,
-            Group::Translation(n) => n,
-        }
-    }
-
-    fn algebra(self) -> Option<LieAlgebra> {
-        match self {
-            Group::PlanarRotation => Some(LieAlgebra::abelian(1)),
-            Group::Rotation => LieAlgebra::so(3).ok(),
-            Group::PlanarMotion => LieAlgebra::se(2).ok(),
-            Group::Motion => LieAlgebra::se(3).ok(),
-            Group::Translation(n) => Some(LieAlgebra::abelian(n)),
-        }
-    }
-
-    /// Names of the coordinates per given name, or nothing when there are too many or too few.
-    pub(in crate::spec) fn coordinates(self, names: &[&str]) -> Option<Vec<Vec<String>>> {
-        let single = |name: &&str| vec![(*name).to_owned()];
-        let quaternion = |name: &str| ["w", "x", "y", "z"].iter().map(|c| format!("{name}{c}")).collect();
-        match (self, names) {
-            (Group::PlanarRotation, [_]) | (Group::PlanarMotion, [_, _, _]) => {
-                Some(names.iter().map(single).collect())
-            }
-            (Group::Rotation, [q]) => Some(vec![quaternion(q)]),
-            (Group::Motion, [q, r]) => Some(vec![quaternion(q), Layout::Vector(3).names(r)]),
-            (Group::Translation(n), _) if names.len() == n => Some(names.iter().map(single).collect()),
-            (Group::Translation(n), [x]) => Some(vec![Layout::Vector(n).names(x)]),
-            _ => None,
-        }
-    }
-
-    fn example(self) -> String {
-        let names = match self {
-            Group::PlanarRotation => "theta",
-            Group::Rotation => "q",
-            Group::PlanarMotion => "theta, x, y",
-            Group::Motion => "q, r",
-            Group::Translation(_) => "x",
-        };
-        format!("for example `reconstruct {names} in {self};`")
-    }
-}
-
-#[derive(Clone, Debug)]
-enum Way {
-    /// Names of velocities; none for all of the algebra.
-    Group(Group, Vec<Located>),
-    Rate(Vec<ExprId>),
-}
-
-#[derive(Clone, Debug)]
-pub(super) struct ReconstructionDraft {
-    blocks: Vec<(String, usize)>,
-    names: Vec<String>,
-    pub(super) symbols: Vec<SymbolId>,
-    way: Way,
-    doc: String,
-    span: Option<Span>,
 }
 
 impl ModelBuilder {
@@ -254,27 +166,6 @@ impl ModelBuilder {
     pub fn initial(&mut self, name: &str, value: &Value) -> &mut Self {
         let here = self.here;
         self.initial.push((name.to_owned(), value.clone(), here));
-        self
-    }
-
-    /// Base coordinates (vectors or components) and advected parameters that a scene leaves out.
-    pub fn scene_drops(&mut self, scene: &str, names: &[&str]) -> &mut Self {
-        let here = self.here;
-        match self.scenes.iter_mut().find(|s| s.scene.name == scene) {
-            Some(draft) => draft.drops.extend(names.iter().map(|n| ((*n).to_owned(), here))),
-            None => self.problem(here, format!("`{scene}` is not a scene"), "declare it first"),
-        }
-        self
-    }
-
-    /// Base coordinates (vectors or components) that a scene carries as points `(cos, sin)` of the circle: in the state,
-    /// `theta_c` and `theta_s` stand for `theta`, and no sine and cosine of it is computed.
-    pub fn scene_circles(&mut self, scene: &str, names: &[&str]) -> &mut Self {
-        let here = self.here;
-        match self.scenes.iter_mut().find(|s| s.scene.name == scene) {
-            Some(draft) => draft.circles.extend(names.iter().map(|n| ((*n).to_owned(), here))),
-            None => self.problem(here, format!("`{scene}` is not a scene"), "declare it first"),
-        }
         self
     }
 
@@ -496,112 +387,6 @@ impl ModelBuilder {
         }
         let help = names::suggest(name, known.iter().map(String::as_str));
         self.problem(span, format!("`{name}` is not a state variable"), help);
-    }
-
-    pub(super) fn check_drops(&mut self, draft: &SceneDraft) -> Vec<(String, Option<Span>)> {
-        let mut drops: Vec<String> = Vec::new();
-        let mut components = Vec::new();
-        for (name, span) in &draft.drops {
-            let scene = &draft.scene.name;
-            let is_base = self.names.get(name).is_some_and(|d| d.what == "a coordinate");
-            let advected = self.advected.iter();
-            if drops.contains(name) {
-                self.problem(*span, format!("scene `{scene}` drops `{name}` twice"), "keep one of them");
-            } else if is_base || self.advected.iter().any(|a| a.name == *name) {
-                drops.push(name.clone());
-                components.extend(self.components_of(name).into_iter().map(|component| (component, *span)));
-            } else if let Some(block) =
-                advected.clone().find(|a| a.components.iter().any(|(n, _)| n == name)).map(|a| a.name.clone())
-            {
-                let message = format!("scene `{scene}` drops a part of `{block}`");
-                self.problem(*span, message, format!("drop `{block}` as a whole"));
-            } else if !(self.broken.contains("coordinate") || self.broken.contains("advected")) {
-                let known: Vec<&str> = self
-                    .base
-                    .iter()
-                    .map(|c| c.name.as_str())
-                    .chain(advected.map(|a| a.name.as_str()))
-                    .collect();
-                let help = names::suggest(name, known);
-                let message = format!(
-                    "scene `{scene}` drops `{name}`, which is neither a base coordinate nor an advected parameter"
-                );
-                self.problem(*span, message, help);
-            }
-        }
-        components
-    }
-
-    /// The components of what a scene carries as points of the circle.
-    pub(super) fn check_circles(&mut self, draft: &SceneDraft) -> Vec<(String, Option<Span>)> {
-        let scene = &draft.scene.name;
-        let mut circles: Vec<(String, Option<Span>)> = Vec::new();
-        for (name, span) in &draft.circles {
-            let is_base = self.names.get(name).is_some_and(|d| d.what == "a coordinate");
-            let entries = self.values.get(name).filter(|_| is_base).map(|v| v.entries().to_vec());
-            let Some(entries) = entries else {
-                if !self.broken.contains("coordinate") {
-                    let help = names::suggest(name, self.base.iter().map(|c| c.name.as_str()));
-                    let message = format!(
-                        "scene `{scene}` carries `{name}` on a circle, which is not a base coordinate"
-                    );
-                    self.problem(*span, message, help);
-                }
-                continue;
-            };
-            for coordinate in self.base.clone() {
-                let symbol = self.graph.sym(coordinate.symbol);
-                if !entries.contains(&symbol) {
-                    continue;
-                }
-                let angle = coordinate.name;
-                let dropped =
-                    draft.drops.iter().any(|(d, _)| *d == angle || d == name || self.is_part(&angle, d));
-                let taken = circle_names(&angle)
-                    .into_iter()
-                    .find(|n| self.names.contains_key(n) || names::refusal(n).is_some());
-                let problem = if circles.iter().any(|(known, _)| *known == angle) {
-                    Some((format!("scene `{scene}` carries `{angle}` on a circle twice"), "keep one of them"))
-                } else if coordinate.domain == Domain::Real {
-                    let message = format!("scene `{scene}` carries `{angle}` on a circle, which is no angle");
-                    Some((message, "declare the coordinate `in angle`, or in an interval of radians"))
-                } else if dropped {
-                    let message = format!("scene `{scene}` both drops `{angle}` and carries it on a circle");
-                    Some((message, "keep one of them"))
-                } else if let Some(taken) = taken {
-                    let message =
-                        format!("scene `{scene}` needs the name `{taken}` for a point of the circle");
-                    Some((message, "rename what has that name"))
-                } else if self.output_names.contains_key(&angle) {
-                    let message =
-                        format!("scene `{scene}` needs the name `{angle}` for an output, the angle");
-                    Some((message, "rename the output of that name"))
-                } else {
-                    None
-                };
-                match problem {
-                    Some((message, help)) => self.problem(*span, message, help),
-                    None => circles.push((angle, *span)),
-                }
-            }
-        }
-        circles
-    }
-
-    /// The components of a base coordinate or an advected parameter, of one or more numbers.
-    fn components_of(&mut self, name: &str) -> Vec<String> {
-        if let Some(advected) = self.advected.iter().find(|a| a.name == name) {
-            return advected.components.iter().map(|(component, _)| component.clone()).collect();
-        }
-        let base: Vec<String> = self.base.iter().map(|c| c.name.clone()).collect();
-        base.into_iter().filter(|component| component == name || self.is_part(component, name)).collect()
-    }
-
-    /// Whether a coordinate is a component of the vector of that name.
-    fn is_part(&mut self, component: &str, block: &str) -> bool {
-        let entries = self.values.get(block).map(|v| v.entries().to_vec()).unwrap_or_default();
-        let symbol = self.base.iter().find(|c| c.name == component).map(|c| c.symbol);
-        symbol.is_some_and(|s| entries.contains(&self.graph.sym(s)))
     }
 }
 

@@ -1,6 +1,6 @@
 //! What a figure in space shows of a model.
 
-use super::ModelBuilder;
+use super::draft::ModelBuilder;
 use crate::expr::{ExprId, Graph};
 use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::model::{View, ViewShape};
@@ -154,7 +154,12 @@ impl ModelBuilder {
     }
 
     /// A place in space; zero when a problem was reported.
-    fn place(&mut self, (value, span): &(Value, Option<Span>), what: &str, form: &str) -> [ExprId; 3] {
+    pub(super) fn place(
+        &mut self,
+        (value, span): &(Value, Option<Span>),
+        what: &str,
+        form: &str,
+    ) -> [ExprId; 3] {
         let zero = self.graph.zero();
         match value {
             Value::Vector(v) if v.len() == 3 => [v[0], v[1], v[2]],
@@ -169,7 +174,7 @@ impl ModelBuilder {
     }
 
     /// The rotation matrix of an attitude; the identity when there is none or a problem was reported.
-    fn rotation(&mut self, attitude: Option<&(Value, Option<Span>)>) -> [[ExprId; 3]; 3] {
+    pub(super) fn rotation(&mut self, attitude: Option<&(Value, Option<Span>)>) -> [[ExprId; 3]; 3] {
         let g = &mut self.graph;
         let (zero, one) = (g.zero(), g.one());
         let identity = [[one, zero, zero], [zero, one, zero], [zero, zero, one]];

@@ -2,6 +2,7 @@
 
 mod bad;
 mod docs;
+mod expressions;
 mod fuzz;
 mod good;
 mod motion;

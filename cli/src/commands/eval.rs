@@ -1,0 +1,60 @@
+//! `eval`: values of a scene at given states, JSON in and out.
+//!
+//! Does not know: how anything is evaluated, what a request looks like.
+
+use clap::Args;
+
+use super::options::SceneOptions;
+use crate::error::Error;
+use crate::request::read_request;
+use crate::run::backend::Backend;
+use crate::run::evaluate::EvalRequest;
+use crate::session::Session;
+
+/// Evaluate derivatives, energy and outputs at given states, JSON in and out
+///
+/// Reads a request from standard input:
+///
+/// {"params": {name: number, ..}, "states": [{name: number, ..}, ..], "t": number}
+///
+/// Missing parameters take the model's defaults, a missing t is 0, and every state names all state variables.
+///
+/// Prints one line, with one entry per state throughout:
+///
+/// {"model", "state": [names], "derivatives": [[..], ..], "energy": [..] or null, "outputs": {group: [{..}, ..], ..}}
+///
+/// docs/command-line.md says more about both.
+#[derive(Clone, Debug, Args)]
+#[command(
+    arg_required_else_help = true,
+    after_help = "\
+Examples:
+  echo '{\"states\": [{\"Omega1\": 1, \"Omega2\": 0.2, \"Omega3\": 0.1}]}' | hamel eval free_rigid_body
+  hamel eval heavy_top --scene lagrange --via interpreter < request.json"
+)]
+pub struct Arguments {
+    /// Which scene, and who evaluates it.
+    #[command(flatten)]
+    pub scene: SceneOptions,
+}
+
+/// The answer to a JSON request, on one line.
+///
+/// # Errors
+/// Everything that can be wrong with names, the request, parameters and states.
+pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
+    let file = session.find(&arguments.scene.model)?;
+    let text = read_request("{\"states\": [{\"Omega1\": 0.1, ..}]}")?;
+    let mut backend = arguments.scene.choice().open(&file)?;
+    eval_text(&mut *backend, &text)
+}
+
+/// Evaluates a JSON request.
+///
+/// # Errors
+/// As [`EvalRequest::parse`] and [`crate::run::evaluate::eval`].
+pub fn eval_text(backend: &mut dyn Backend, text: &str) -> Result<String, Error> {
+    let request = EvalRequest::parse(text, backend.info())?;
+    let response = backend.eval(&request)?;
+    Ok(response.to_json(backend.info()).to_string())
+}

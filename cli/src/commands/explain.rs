@@ -1,0 +1,67 @@
+//! `explain`: algebra, equations and operation counts of a scene.
+//!
+//! Does not know: how any of it is computed.
+
+use clap::Args;
+use clap::builder::{PossibleValuesParser, TypedValueParser as _};
+use hamel_codegen::expr::Style;
+use hamel_codegen::scene;
+use hamel_codegen::spec::ConnectionKind;
+
+use crate::error::Error;
+use crate::model;
+use crate::run::interpreted;
+use crate::session::Session;
+
+/// Show algebra, stage forms, connection, equations and operation counts of a model
+#[derive(Clone, Debug, Args)]
+#[command(
+    arg_required_else_help = true,
+    after_help = "\
+Examples:
+  hamel explain kirchhoff_body
+  hamel explain heavy_top --scene lagrange
+  hamel explain two_arm_satellite --ops
+  hamel explain euler_disk --latex > euler_disk.tex"
+)]
+pub struct Arguments {
+    /// Name of a model, or a path that ends in .hamel
+    pub model: String,
+    /// Name of the scene
+    #[arg(long, default_value = "default")]
+    pub scene: String,
+    /// Print a LaTeX fragment that needs amsmath
+    #[arg(long)]
+    pub latex: bool,
+    /// Print a table of operation counts by function and section instead
+    #[arg(long, conflicts_with = "latex")]
+    pub ops: bool,
+    /// Write the system with another connection first: the velocity becomes v = xi + A(x) xdot
+    #[arg(long, value_parser = PossibleValuesParser::new(CONNECTIONS).try_map(|name| connection(&name)))]
+    pub connection: Option<ConnectionKind>,
+}
+
+/// Names of the connections that a system can be written with.
+const CONNECTIONS: [&str; 3] = ["trivial", "mechanical", "nonholonomic"];
+
+fn connection(name: &str) -> Result<ConnectionKind, String> {
+    ConnectionKind::from_name(name).ok_or_else(|| format!("there is no connection {name}"))
+}
+
+/// The explanation; what the model's defaults make of the scene goes to standard error.
+///
+/// # Errors
+/// Unknown names and problems of the model.
+pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
+    let mut model = session.find(&arguments.model)?.into_model()?;
+    if let Some(connection) = arguments.connection {
+        model = model::with_connection(&model, connection)?;
+    }
+    let built = interpreted::build(&model, &arguments.scene)?;
+    model::show_warnings(&scene::warnings(&model, std::slice::from_ref(built.scene())));
+    if arguments.ops {
+        return Ok(built.scene().operation_columns());
+    }
+    let style = if arguments.latex { Style::Latex } else { Style::Unicode };
+    Ok(hamel_codegen::explain::explain(&model, built.scene(), style))
+}

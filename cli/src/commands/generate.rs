@@ -1,0 +1,104 @@
+//! `generate`: Rust modules of models, to be checked in.
+//!
+//! Does not know: how a scene becomes text.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use hamel_codegen::Config;
+
+use crate::error::Error;
+use crate::model::{Model, show_warnings};
+use crate::session::Session;
+
+/// Write the scenes of models as Rust modules, or check that they are up to date
+///
+/// Every scene goes into a file of its own, called like the model, with the name of the scene unless that is the default. All
+/// scenes are parsed, derived and emitted first; when any model has a problem, nothing is written. Files are written only
+/// when they change. The modules need the crate hamel-runtime. A build script does the same without files to check in.
+#[derive(Clone, Debug, Args)]
+#[command(
+    arg_required_else_help = true,
+    after_help = "\
+Examples:
+  hamel generate my_model.hamel --out-dir src/generated
+  hamel generate arm.hamel leg.hamel --out-dir src/generated --mod-file mod.rs
+  hamel generate heavy_top --scene default --out-dir src
+  hamel generate my_model.hamel --out-dir src/generated --check     fail when something would be written"
+)]
+pub struct Arguments {
+    /// Paths that end in .hamel, or names of models
+    #[arg(required = true, value_name = "MODEL")]
+    pub models: Vec<String>,
+    /// Folder to write to
+    #[arg(long, value_name = "FOLDER")]
+    pub out_dir: PathBuf,
+    /// Scene to generate, of every model; may be repeated [default: all of each model]
+    #[arg(long, value_name = "NAME")]
+    pub scene: Vec<String>,
+    /// Write one more file, with a module for each scene
+    #[arg(long, value_name = "FILE")]
+    pub mod_file: Option<String>,
+    /// Write nothing; fail and name the files that are not up to date
+    #[arg(long)]
+    pub check: bool,
+}
+
+impl Arguments {
+    /// The command that writes the files.
+    fn command(&self) -> String {
+        let mut words = vec!["hamel generate".to_owned()];
+        words.extend(self.models.iter().cloned());
+        words.push(format!("--out-dir {}", self.out_dir.display()));
+        words.extend(self.scene.iter().map(|scene| format!("--scene {scene}")));
+        words.extend(self.mod_file.iter().map(|file| format!("--mod-file {file}")));
+        words.join(" ")
+    }
+}
+
+/// Writes the files, or compares them; a line about what was done.
+///
+/// # Errors
+/// The problems of all models together; [`Error::Stale`] when checking. On an error nothing has been written.
+pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
+    let (mut models, mut errors): (Vec<Model>, Vec<Error>) = (Vec::new(), Vec::new());
+    for argument in &arguments.models {
+        match session.find(argument).and_then(crate::session::ModelFile::into_model) {
+            Ok(model) => models.push(model),
+            Err(error) => errors.push(error),
+        }
+    }
+    Error::all_of(errors)?;
+    let mut config = Config::new();
+    config.out_dir(&arguments.out_dir);
+    for model in models.iter().filter(|_| !arguments.scene.is_empty()) {
+        config.scenes(&model.name, arguments.scene.iter());
+    }
+    if let Some(file) = &arguments.mod_file {
+        config.include_file(file);
+    }
+    let bundle = config.generate(&models)?;
+    bundle.warnings.iter().for_each(show_warnings);
+    let n_scenes = bundle.entries.len();
+    if arguments.check {
+        let wrong = |path: &Path| if path.is_file() { "is out of date" } else { "is missing" };
+        let changed = bundle.changed(&arguments.out_dir).into_iter();
+        let files: Vec<(PathBuf, &'static str)> =
+            changed.map(|(path, _)| (path.clone(), wrong(&path))).collect();
+        if !files.is_empty() {
+            return Err(Error::Stale { files, command: arguments.command() });
+        }
+        return Ok(format!("{n_scenes} scenes: generated files are up to date"));
+    }
+    let written = bundle.write(&arguments.out_dir)?;
+    let mut text = format!("{n_scenes} scenes: ");
+    match written.len() {
+        0 => text.push_str("nothing changed"),
+        n => {
+            let _ = write!(text, "{n} files written");
+        }
+    }
+    written.iter().for_each(|path| text.push_str(&format!("\n  {}", path.display())));
+    Ok(text)
+}

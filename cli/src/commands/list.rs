@@ -1,0 +1,178 @@
+//! `list`: models by kind, with their scenes, state variables, parameters and sources.
+//!
+//! Does not know: how a scene is evaluated.
+
+use std::fmt::Write as _;
+
+use clap::Args;
+use hamel_codegen::spec::Kind;
+use serde_json::{Map, Value};
+
+use crate::error::Error;
+use crate::model;
+use crate::output::terminal::{bold, width};
+use crate::request::json::number;
+use crate::run::dynamics::{Factory as _, Info};
+use crate::run::interpreted;
+use crate::session::{ModelFile, Session};
+
+/// Show models by kind, with their scenes, state variables, parameters and sources
+#[derive(Clone, Debug, Args)]
+#[command(after_help = "\
+Examples:
+  hamel list
+  hamel list heavy_top
+  hamel list --json")]
+pub struct Arguments {
+    /// Print JSON: an array with one object per model
+    #[arg(long)]
+    pub json: bool,
+    /// Names of models; all when none is given
+    pub models: Vec<String>,
+}
+
+struct Listed {
+    name: String,
+    kind: Kind,
+    title: String,
+    sources: Vec<String>,
+    scenes: Vec<(String, Info)>,
+}
+
+/// All models, or those named, for people or as JSON.
+///
+/// # Errors
+/// Unknown names; the problems of all models together.
+pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
+    let files = session.find_all(&arguments.models)?;
+    let mut listed = Vec::new();
+    let mut errors = Vec::new();
+    // Every scene is derived and lowered, which takes a second for the largest models.
+    let described: Vec<_> = std::thread::scope(|scope| {
+        let started: Vec<_> = files.iter().map(|file| scope.spawn(|| describe(file))).collect();
+        started.into_iter().map(|thread| thread.join()).collect()
+    });
+    for outcome in described {
+        match outcome.unwrap_or_else(|panic| std::panic::resume_unwind(panic)) {
+            Ok(entry) => listed.push(entry),
+            Err(error) => errors.push(error),
+        }
+    }
+    if !errors.is_empty() {
+        return Err(Error::Several { errors });
+    }
+    if arguments.json {
+        return Ok(Value::from_iter(listed.iter().map(Listed::to_json)).to_string());
+    }
+    let width = width();
+    listed.sort_by_key(|entry| entry.kind);
+    let mut text = String::new();
+    for group in listed.chunk_by(|a, b| a.kind == b.kind) {
+        let _ = writeln!(text, "{}\n", bold(&format!("[{}]", group[0].kind)));
+        for entry in group {
+            let _ = writeln!(text, "{}", entry.to_text(width));
+        }
+    }
+    Ok(text.trim_end().to_owned())
+}
+
+fn describe(file: &ModelFile<'_>) -> Result<Listed, Error> {
+    let model = file.model()?;
+    let mut scenes = Vec::new();
+    for name in model::scene_names(model) {
+        let built = interpreted::build(model, &name)?;
+        scenes.push((name, built.info().clone()));
+    }
+    Ok(Listed {
+        name: model.name.clone(),
+        kind: model.kind(),
+        title: model::title(model),
+        sources: model.sources.clone(),
+        scenes,
+    })
+}
+
+impl Listed {
+    fn to_json(&self) -> Value {
+        let scene = |(name, info): &(String, Info)| {
+            let mut outputs = Map::new();
+            for group in &info.outputs {
+                outputs.insert(group.name.clone(), group.components.clone().into());
+            }
+            let params: Value = info.params.iter().map(|p| (p.name.clone(), number(p.default))).collect();
+            let mut entry = Map::new();
+            entry.insert("scene".into(), name.clone().into());
+            entry.insert("state".into(), info.state.clone().into());
+            entry.insert("params".into(), params);
+            entry.insert("outputs".into(), outputs.into());
+            entry.insert("has_energy".into(), info.has_energy.into());
+            Value::from(entry)
+        };
+        let mut entry = Map::new();
+        entry.insert("model".into(), self.name.clone().into());
+        entry.insert("title".into(), self.title.clone().into());
+        entry.insert("sources".into(), self.sources.clone().into());
+        entry.insert("scenes".into(), self.scenes.iter().map(scene).collect());
+        entry.into()
+    }
+
+    fn to_text(&self, width: usize) -> String {
+        let mut text = format!("{}  {}\n", bold(&self.name), self.title);
+        let mut row = |label: &str, items: Vec<String>, separator: &str| {
+            if items.is_empty() {
+                return;
+            }
+            let lines = wrap(&items, separator, width.saturating_sub(12).max(30));
+            for (k, line) in lines.iter().enumerate() {
+                let _ = writeln!(text, "  {:8}  {line}", if k == 0 { label } else { "" });
+            }
+        };
+        let values = |info: &Info| {
+            info.params.iter().map(|p| format!("{} = {}", p.name, p.default)).collect::<Vec<String>>()
+        };
+        for (k, (name, info)) in self.scenes.iter().enumerate() {
+            if k == 0 {
+                row("state", info.state.clone(), " ");
+                row("params", values(info), ", ");
+                continue;
+            }
+            let default = &self.scenes[0].1;
+            let fixed = default.params.iter().filter(|p| info.params.iter().all(|q| q.name != p.name));
+            let fixed: Vec<String> = fixed.map(|p| p.name.clone()).collect();
+            let mut parts = Vec::new();
+            if !fixed.is_empty() {
+                parts.push(format!("fixes {}", fixed.join(", ")));
+            }
+            if info.state != default.state {
+                parts.push(format!("state {}", info.state.join(" ")));
+            }
+            let colon = if parts.is_empty() { "" } else { ": " };
+            let line = format!("{name}{colon}{}", parts.join("; "));
+            row("scene", line.split_whitespace().map(str::to_owned).collect(), " ");
+        }
+        for source in &self.sources {
+            let words = source.split_whitespace().map(str::to_owned).collect();
+            row("source", words, " ");
+        }
+        text
+    }
+}
+
+fn wrap(items: &[String], separator: &str, width: usize) -> Vec<String> {
+    let mut lines: Vec<String> = vec![String::new()];
+    let mut length = 0;
+    for (k, item) in items.iter().enumerate() {
+        let piece = if k + 1 < items.len() { format!("{item}{separator}") } else { item.clone() };
+        let size = piece.chars().count();
+        if length > 0 && length + piece.trim_end().chars().count() > width {
+            lines.push(String::new());
+            length = 0;
+        }
+        length += size;
+        // There is always a last line.
+        if let Some(line) = lines.last_mut() {
+            line.push_str(&piece);
+        }
+    }
+    lines.into_iter().map(|line| line.trim_end().to_owned()).collect()
+}

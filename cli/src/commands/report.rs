@@ -1,0 +1,104 @@
+//! `report`: one HTML page about a model, with a motion.
+//!
+//! Does not know: what the page looks like, how a motion is integrated.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::time::Instant;
+
+use clap::Args;
+use hamel_codegen::config::write_atomically;
+
+use super::options::duration;
+use crate::error::Error;
+use crate::model::{Model, blocks, roles};
+use crate::output::report::contents::contents;
+use crate::output::report::{self, Motion, Precision};
+use crate::run::backend::{Backend as _, Local};
+use crate::run::interpreted;
+use crate::run::method::{MethodName, Steps};
+use crate::run::simulation::SimulateRequest;
+use crate::run::start;
+use crate::session::Session;
+
+/// Write one HTML page about a model: definition, equations, operations, code, a motion and how accurate it is
+///
+/// The page loads nothing and opens from disk. A model that says what to draw (`view`) gets a figure in space that
+/// plays the motion. Everything is computed by the interpreter.
+#[derive(Clone, Debug, Args)]
+#[command(
+    arg_required_else_help = true,
+    after_help = "\
+Examples:
+  hamel report heavy_top
+  hamel report euler_disk --t-final 4 -o disk.html
+  hamel report ./my_model.hamel --no-run"
+)]
+pub struct Arguments {
+    /// Name of a model, or a path that ends in .hamel
+    pub model: String,
+    /// Name of the scene
+    #[arg(long, default_value = "default")]
+    pub scene: String,
+    /// File to write [default: the model's name with .html]
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Leave the motion out
+    #[arg(long)]
+    pub no_run: bool,
+    /// Time of the motion, from 0
+    #[arg(long, value_name = "T", default_value_t = 10.0, value_parser = duration, conflicts_with = "no_run")]
+    pub t_final: f64,
+}
+
+/// Writes one page about a scene and says where.
+///
+/// The motion is that of the scene with every coordinate and output, by the interpreter, so that nothing is compiled.
+///
+/// # Errors
+/// Unknown names, problems of the model, a motion that cannot be integrated, and files.
+pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
+    let clock = Instant::now();
+    let model = session.find(&arguments.model)?.into_model()?;
+    let page = contents(&model, &arguments.scene)?;
+    let motion = if arguments.no_run { None } else { Some(motion(&model, arguments)?) };
+    let text = report::page(&page, motion.as_ref())?;
+    let path = arguments.output.clone().unwrap_or_else(|| PathBuf::from(format!("{}.html", model.name)));
+    let shown = path.display().to_string();
+    write_atomically(&path, text.as_bytes()).map_err(|e| Error::io(shown.clone(), e))?;
+    let (size, seconds) = (text.len() as f64 / 1e3, clock.elapsed().as_secs_f64());
+    Ok(format!("wrote {shown} ({size:.0} kB, {seconds:.1} s)"))
+}
+
+fn motion(model: &Model, arguments: &Arguments) -> Result<Motion, Error> {
+    let params = roles::all_params(model, &arguments.scene, &BTreeMap::new());
+    let (roles, preferred) = (roles::roles(model, &params), roles::initial_values(model, &params));
+    let mut full = Local::new(interpreted::build_pictured(model, &arguments.scene)?);
+    let info = full.info().clone();
+    let values = info.defaults();
+    let initial = start::state(&mut full, None, (&values, &[]), &roles, &preferred, &BTreeMap::new())?;
+    let request = SimulateRequest {
+        params: values,
+        initial,
+        t_final: arguments.t_final,
+        method: MethodName::Dop853,
+        steps: Steps::Adaptive { rtol: Steps::RTOL, atol: Steps::ATOL },
+        samples: report::SAMPLES,
+        with_outputs: true,
+        n_group: 0,
+        max_steps: report::MAX_STEPS,
+    };
+    let response = full.simulate(&request)?;
+    // Accuracy is compared without outputs and without the coordinates of the group.
+    let mut bare = Local::new(interpreted::build(model, &arguments.scene)?);
+    let start = bare.info().state.iter().map(|name| {
+        let at = info.state.iter().position(|s| s == name);
+        at.map_or(0.0, |at| request.initial[at])
+    });
+    let bare_request =
+        SimulateRequest { initial: start.collect(), samples: 0, with_outputs: false, ..request.clone() };
+    let precision = Precision::measure(arguments.t_final, |method, steps| {
+        bare.simulate(&SimulateRequest { method, steps, ..bare_request.clone() })
+    });
+    Ok(Motion { info, blocks: blocks::blocks(model), request, response, precision })
+}

@@ -1,0 +1,280 @@
+//! `simulate`: a motion from an initial state, as a summary and files for people or as JSON in and out.
+//!
+//! Does not know: how anything is integrated, what a request looks like, how files are written.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::options::{MotionOptions, SceneOptions, assignments};
+use crate::error::{Error, Problem};
+use crate::model::{self, Model, blocks, roles};
+use crate::output::files::{Run, Target};
+use crate::output::terminal::bold;
+use crate::request::read_request;
+use crate::run::backend::Backend;
+use crate::run::choice::Via;
+use crate::run::dynamics::Info;
+use crate::run::integrate::has_state;
+use crate::run::method::{MethodName, Steps};
+use crate::run::simulation::{SimulateRequest, SimulateResponse, samples_refusal};
+use crate::run::start::{Starts, judge};
+use crate::run::{admissible, auto, interpreted};
+use crate::session::Session;
+
+/// Integrate a model from an initial state; print a summary and write files
+///
+/// Integration starts at t = 0, from the model's own initial state where it has one and otherwise from a moderate one on
+/// the constraint; --initial changes components of it.
+///
+/// With --reconstruct, position and attitude are integrated as well, and a figure shows the path.
+///
+/// With --json, a request is read from standard input instead:
+///
+/// {"params": {..}, "initial": {..}, "t_final": number, "method": "dop853", "rtol": .., "atol": .., "samples": n,
+/// "max_steps": n}
+///
+/// and one line is printed:
+///
+/// {"t", "final": {..}, "samples": [[t, {..}], ..], "steps", "rejected", "rhs_evals", "energy_drift",
+/// "constraint_residual", "initial_residual", "warnings"}
+///
+/// A request with "reconstruct" gives the coordinates of the group, all of them or none for the defaults, and the answer
+/// has their final values in "reconstruction". `hamel list` shows their names: what scene reconstruction adds to
+/// the state. docs/command-line.md says more about both.
+#[derive(Clone, Debug, Args)]
+#[command(
+    arg_required_else_help = true,
+    after_help = "\
+Examples:
+  hamel simulate heavy_top -o heavy_top.svg
+  hamel simulate heavy_top --set m=2 l=0.1 --initial Omega3=20 --t-final 5 -o top.csv -o top.svg
+  hamel simulate mobile_robot --reconstruct --initial x=1 y=-2 -o robot.svg
+  hamel simulate suslov --method rk4 --step 0.001
+  hamel simulate ./my_model.hamel --t-final 3
+  echo '{\"initial\": {\"Omega1\": 1, \"Omega2\": 0.2, \"Omega3\": 0.1}, \"t_final\": 10, \"samples\": 5}' \\
+    | hamel simulate free_rigid_body --json
+  echo '{\"initial\": {\"omega\": 1, \"v1\": 0.5}, \"t_final\": 5, \"reconstruct\": {\"theta\": 0, \"x\": 1, \"y\": 2}}' \\
+    | hamel simulate chaplygin_sleigh --json"
+)]
+pub struct Arguments {
+    /// Which scene, and who evaluates it.
+    #[command(flatten)]
+    pub scene: SceneOptions,
+    /// From where to where, and how.
+    #[command(flatten)]
+    pub motion: MotionOptions,
+    /// Integrate position and attitude (the coordinates of the group) as well; --initial takes them then
+    #[arg(long)]
+    pub reconstruct: bool,
+    /// Number of samples in files, at equal distances, both ends included [default: 1001]
+    #[arg(long, value_name = "N")]
+    pub samples: Option<usize>,
+    /// File to write: .csv, .svg or .json; may be repeated
+    #[arg(short, long = "output", value_name = "FILE")]
+    pub output: Vec<PathBuf>,
+    /// Read a JSON request from standard input and print a JSON answer
+    #[arg(long, conflicts_with_all =
+        ["set", "initial", "reconstruct", "t_final", "method", "rtol", "atol", "step", "max_steps", "samples", "output"])]
+    pub json: bool,
+}
+
+/// Samples in files unless another number is given: smooth curves, small files.
+const DEFAULT_SAMPLES: usize = 1001;
+
+/// Integrates; a summary for people, or the answer to a JSON request on one line.
+///
+/// # Errors
+/// Everything that can be wrong with names, values or the request, the integration and files.
+pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
+    if arguments.json { answer(session, &arguments.scene) } else { simulate(session, arguments) }
+}
+
+/// The answer to a JSON request.
+fn answer(session: &Session, scene: &SceneOptions) -> Result<String, Error> {
+    let (file, choice) = (session.find(&scene.model)?, scene.choice());
+    let text = read_request("{\"initial\": {\"Omega1\": 0.1, ..}, \"t_final\": 1}")?;
+    let (reconstructs, projects) =
+        (SimulateRequest::asks_to_reconstruct(&text)?, SimulateRequest::asks_to_project(&text)?);
+    if !reconstructs && !projects {
+        let mut backend = choice.open(&file)?;
+        // The default scene has what there is, so that nobody has to read the model.
+        if choice.scene != model::DEFAULT_SCENE && !admissible::is_judged_by(backend.info()) {
+            judge(file.model()?, &SimulateRequest::parse(&text, backend.info())?, backend.info())?;
+        }
+        return simulate_text(&mut *backend, &text);
+    }
+    let model = file.model()?;
+    let choice = if reconstructs { choice.reconstructing(model, "reconstruct")? } else { choice };
+    let method = if projects { MethodName::Projected } else { MethodName::default() };
+    let mut backend = choice.suited_to(&file, method)?.open(&file)?;
+    if reconstructs {
+        return reconstruct_text(&mut *backend, model, &text);
+    }
+    judge(model, &SimulateRequest::parse(&text, backend.info())?, backend.info())?;
+    simulate_text(&mut *backend, &text)
+}
+
+/// Integrates as a JSON request says.
+///
+/// # Errors
+/// As [`SimulateRequest::parse`] and [`crate::run::integrate::simulate`].
+pub fn simulate_text(backend: &mut dyn Backend, text: &str) -> Result<String, Error> {
+    let request = SimulateRequest::parse(text, backend.info())?;
+    let response = backend.simulate(&request)?;
+    warn(&response);
+    Ok(response.to_json(backend.info(), request.n_group).to_string())
+}
+
+/// Integrates as a JSON request with `reconstruct` says; the backend is that of the scene with the group's coordinates.
+///
+/// # Errors
+/// As [`simulate_text`], and when the scene's state does not end with the coordinates that the model reconstructs.
+pub fn reconstruct_text(backend: &mut dyn Backend, model: &Model, text: &str) -> Result<String, Error> {
+    let n_group = n_group(backend.info(), model)?;
+    let defaults = |params: &BTreeMap<String, f64>| roles::group_start(model, params);
+    let request = SimulateRequest::parse_with_group(text, backend.info(), n_group, &defaults)?;
+    let response = backend.simulate(&request)?;
+    warn(&response);
+    Ok(response.to_json(backend.info(), request.n_group).to_string())
+}
+
+/// Tells the warnings of an integration on standard error.
+fn warn(response: &SimulateResponse) {
+    response.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+}
+
+/// Number of coordinates of the group at the end of a scene's state.
+fn n_group(info: &Info, model: &Model) -> Result<usize, Error> {
+    let group = model::group_coordinates(model);
+    if info.state.ends_with(&group) {
+        return Ok(group.len());
+    }
+    Err(Error::NotCompiled {
+        what: format!("scene {} of {}", info.scene, info.model),
+        reason: format!("its state does not end with {}, as the model says", group.join(", ")),
+    })
+}
+
+fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
+    let file = session.find(&arguments.scene.model)?;
+    let targets: Vec<Target> = arguments.output.iter().map(|p| Target::new(p)).collect::<Result<_, _>>()?;
+    let model = file.model()?;
+    let mut choice = arguments.scene.choice();
+    if arguments.reconstruct {
+        choice = choice.reconstructing(model, "--reconstruct")?;
+    }
+    let known = model::scene_names(model);
+    if !known.contains(&choice.scene) {
+        return Err(Error::UnknownScene { model: model.name.clone(), name: choice.scene, known });
+    }
+    let motion = &arguments.motion;
+    let steps = Steps::new(motion.method, motion.rtol, motion.atol, motion.step)
+        .map_err(|reason| Error::unusable("--step", reason))?;
+    let method = match (motion.method, steps) {
+        (MethodName::Auto, Steps::Adaptive { rtol, .. }) => {
+            // Compiled code does not say what it costs.
+            let cost = interpreted::build(model, &choice.scene)?.rhs_counts().cost();
+            let is_interpreted = choice.via(&file) == Via::Interpreter;
+            auto::choose(rtol, Some(cost), is_interpreted || model::wants(model, &choice.scene, "taylor"))
+        }
+        (method, _) => method,
+    };
+    let mut backend = choice.suited_to(&file, method)?.open(&file)?;
+    let info = backend.info().clone();
+    has_state(&info)?;
+    let n_group = if arguments.reconstruct { n_group(&info, model)? } else { 0 };
+    let mut problems = Vec::new();
+    let set = assignments(&motion.set, "--set", "parameter", &info.param_names(), &mut problems);
+    let given = assignments(&motion.initial, "--initial", "state", &info.state_names(), &mut problems);
+    if !problems.is_empty() {
+        let group = model::group_coordinates(model);
+        let is_of_group =
+            |p: &Problem| matches!(p, Problem::UnknownName { name, .. } if group.contains(name));
+        if !arguments.reconstruct && problems.iter().any(is_of_group) {
+            let reason = format!(
+                "takes {} with --reconstruct only, which integrates these coordinates of the group as well",
+                group.join(", ")
+            );
+            problems.push(Problem::Unusable { path: "--initial".into(), reason });
+        }
+        return Err(Error::Request { problems });
+    }
+    let samples = arguments.samples.unwrap_or(if targets.is_empty() { 0 } else { DEFAULT_SAMPLES });
+    if let Some(reason) = samples_refusal(samples as u64, &info, !targets.is_empty()) {
+        return Err(Error::unusable("--samples", reason));
+    }
+    let (params, initial) = Starts::new(model, &info)?.choose(&mut *backend, &set, &given)?;
+    let request = SimulateRequest {
+        params,
+        initial,
+        t_final: motion.t_final,
+        method,
+        steps,
+        samples,
+        with_outputs: !targets.is_empty(),
+        n_group,
+        max_steps: motion.max_steps.unwrap_or(steps.max_steps()),
+    };
+    let response = backend.simulate(&request)?;
+    warn(&response);
+    let title = model::title(model);
+    let blocks = blocks::blocks(model);
+    let run = Run { info: &info, title: &title, blocks: &blocks, request: &request, response: &response };
+    for target in &targets {
+        target.write(&run)?;
+    }
+    let mut text = summary(&info, &title, &request, &response);
+    for target in &targets {
+        let _ = write!(text, "\nwrote {} ({} samples)", target.path().display(), response.samples.len());
+    }
+    Ok(text)
+}
+
+fn summary(info: &Info, title: &str, request: &SimulateRequest, response: &SimulateResponse) -> String {
+    let mut text = format!("{}  {title}", bold(&info.model));
+    if info.scene != model::DEFAULT_SCENE {
+        let _ = write!(text, ", scene {}", info.scene);
+    }
+    let steps = match request.steps {
+        Steps::Adaptive { rtol, atol } => format!("rtol {rtol:e}, atol {atol:e}"),
+        Steps::Fixed { step } => format!("step {step:?}"),
+    };
+    let _ = write!(
+        text,
+        "\n  t = {:?} by {}, {steps}: {} steps, {} rejected, {} evaluations, {:.1} ms",
+        response.t,
+        request.method.name(),
+        response.steps,
+        response.rejected,
+        response.rhs_evals,
+        1e3 * response.seconds
+    );
+    if let Steps::Adaptive { rtol, atol } = request.steps {
+        let largest = request.initial.iter().chain(&response.last).fold(0.0_f64, |max, y| max.max(y.abs()));
+        if largest > 0.0 && rtol * largest < atol {
+            let _ = write!(
+                text,
+                "\n  note: no component is above {largest:.1e}, so that atol = {atol:e} is all that bounds the error: \
+                 give a smaller --atol, or 0"
+            );
+        }
+    }
+    if let (Some(drift), Some(initial)) = (response.energy_drift, response.initial_energy) {
+        let scale = if response.energy_scale == initial.abs() { "|E(0)|" } else { "the size of its terms" };
+        let word = if info.conserves_energy { "drift" } else { "largest change" };
+        let _ =
+            write!(text, "\n  energy     {initial:.6e} at the start, {word} {drift:.1e} relative to {scale}");
+    }
+    if let Some(residual) = response.constraint_residual {
+        let _ = write!(text, "\n  constraint residual at most {residual:.1e}");
+    }
+    let width = info.state.iter().map(|s| s.chars().count()).max().unwrap_or(0).max(5);
+    let _ = write!(text, "\n\n  {:width$}  {:>24}  {:>24}", "", "initial", "final");
+    for ((name, start), end) in info.state.iter().zip(&request.initial).zip(&response.last) {
+        let _ = write!(text, "\n  {name:width$}  {:>24}  {:>24}", format!("{start:?}"), format!("{end:?}"));
+    }
+    text
+}

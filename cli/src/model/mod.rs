@@ -1,0 +1,87 @@
+//! Model files: read and checked, and what they say about themselves.
+//!
+//! Does not know: where a file comes from, how a scene is evaluated, commands.
+
+pub mod blocks;
+pub mod roles;
+pub mod spelling;
+pub mod units;
+
+use std::io::IsTerminal as _;
+
+use hamel_codegen::expr::Budget;
+use hamel_codegen::reduction;
+use hamel_codegen::scene;
+pub use hamel_codegen::spec::Model;
+use hamel_codegen::spec::{self, ConnectionKind, Diagnostics};
+
+use crate::error::Error;
+
+/// Name of the scene that every model has.
+pub const DEFAULT_SCENE: &str = scene::DEFAULT;
+
+/// Name of the scene that a simulation with the group's coordinates runs.
+pub const RECONSTRUCTION_SCENE: &str = scene::RECONSTRUCTION;
+
+/// What a scene wants that has its invariants compiled.
+pub const INVARIANTS: &str = scene::INVARIANTS;
+
+/// Reads and checks the text of a model within so many times the default budget; `file` is shown in messages.
+///
+/// # Errors
+/// [`Error::Models`] with every problem of the text.
+pub fn parse(file: &str, text: &str, budget: u64) -> Result<Model, Error> {
+    Ok(spec::parse_within(Budget::default().times(budget), file, text)?)
+}
+
+/// Writes warnings to standard error.
+pub fn show_warnings(warnings: &Diagnostics) {
+    if !warnings.is_empty() {
+        let is_coloured = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
+        eprintln!("{}", warnings.render(is_coloured));
+    }
+}
+/// Names of a model's scenes, the default first.
+pub fn scene_names(model: &Model) -> Vec<String> {
+    scene::names(model)
+}
+
+/// Whether a model's scene says that it wants something, such as [`INVARIANTS`].
+pub fn wants(model: &Model, scene_name: &str, what: &str) -> bool {
+    let own = model.scenes.iter().find(|scene| scene.name == scene_name);
+    own.is_some_and(|scene| scene.wants.iter().any(|want| want.name() == what))
+}
+
+/// Whether a state can violate a constraint of a scene without the scene's own outputs telling it; the automatic
+/// scenes with all outputs would.
+///
+/// # Errors
+/// [`Error::Models`].
+pub fn hides_residuals(model: &Model, scene_name: &str) -> Result<bool, Error> {
+    let has_all = [DEFAULT_SCENE, RECONSTRUCTION_SCENE].contains(&scene_name)
+        && model.scenes.iter().all(|scene| scene.name != scene_name);
+    Ok(!has_all && scene::has_residuals(model)?)
+}
+
+/// Why a name cannot be that of a model, or nothing.
+pub fn name_refusal(name: &str) -> Option<&'static str> {
+    spec::name_refusal(name)
+}
+
+/// The same system written with another connection.
+///
+/// # Errors
+/// [`Error::Models`] when the system has no such connection.
+pub fn with_connection(model: &Model, connection: ConnectionKind) -> Result<Model, Error> {
+    Ok(reduction::with_connection(model, connection)?)
+}
+
+/// Names of the coordinates of the group that a model reconstructs, in the order of the scene's state; may be empty.
+pub fn group_coordinates(model: &Model) -> Vec<String> {
+    model.reconstruction.iter().flat_map(|item| item.names.clone()).collect()
+}
+
+/// The first line of a model's documentation; may be empty.
+pub fn title(model: &Model) -> String {
+    model.doc.iter().map(|line| line.trim()).find(|line| !line.is_empty()).unwrap_or_default().to_owned()
+}

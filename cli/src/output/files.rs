@@ -1,0 +1,241 @@
+//! Results of a simulation as files: CSV, JSON, SVG.
+//!
+//! Does not know: how they were computed.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use hamel_codegen::config::write_atomically;
+
+use super::plot::{self, Figure, MAX_LINES, Panel, svg};
+use crate::error::Error;
+use crate::model::blocks::Block;
+use crate::model::spelling::lower_first;
+use crate::run::dynamics::Info;
+use crate::run::method::Steps;
+use crate::run::simulation::{SimulateRequest, SimulateResponse};
+
+/// A file to write and its format, which its extension says.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Target {
+    path: PathBuf,
+    format: Format,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Format {
+    Csv,
+    Json,
+    Svg,
+}
+
+/// A relative drift of the energy beyond this is taken for a property of the motion.
+const CONSERVED: f64 = 1e-6;
+
+/// What the results are results of.
+#[derive(Clone, Copy, Debug)]
+pub struct Run<'a> {
+    /// Names and meanings of the scene.
+    pub info: &'a Info,
+    /// Title of the model.
+    pub title: &'a str,
+    /// Groups of state variables.
+    pub blocks: &'a [Block],
+    /// What was asked.
+    pub request: &'a SimulateRequest,
+    /// What came out, with outputs in its samples.
+    pub response: &'a SimulateResponse,
+}
+
+impl Target {
+    /// The file at a path.
+    ///
+    /// # Errors
+    /// [`Error::Request`] for an extension that says no format.
+    pub fn new(path: &Path) -> Result<Target, Error> {
+        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
+        let format = match extension.as_str() {
+            "csv" => Format::Csv,
+            "json" => Format::Json,
+            "svg" => Format::Svg,
+            _ => {
+                let reason = "has no known format: let the name end in .csv, .svg or .json";
+                return Err(Error::unusable(path.display().to_string(), reason));
+            }
+        };
+        Ok(Target { path: path.to_owned(), format })
+    }
+
+    /// Where it is written.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Writes the results.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn write(&self, run: &Run<'_>) -> Result<(), Error> {
+        let text = match self.format {
+            Format::Csv => csv(run),
+            Format::Json => format!("{}\n", run.response.to_json(run.info, run.request.n_group)),
+            Format::Svg => svg(&figure(run)).map_err(|e| {
+                Error::io(self.path.display().to_string(), std::io::Error::other(e.to_string()))
+            })?,
+        };
+        write_atomically(&self.path, text.as_bytes())
+            .map_err(|e| Error::io(self.path.display().to_string(), e))
+    }
+}
+
+/// Time, state, energy and outputs (as `group.component`), one sample a line, every number in shortest round-trip form.
+pub fn csv(run: &Run<'_>) -> String {
+    let Run { info, response, .. } = *run;
+    let mut text = String::from("t");
+    for name in &info.state {
+        text.push(',');
+        text.push_str(name);
+    }
+    if info.has_energy {
+        text.push_str(",energy");
+    }
+    let with_outputs = response.samples.iter().any(|s| !s.outputs.is_empty());
+    if with_outputs {
+        for group in &info.outputs {
+            for component in &group.components {
+                let _ = write!(text, ",{}.{component}", group.name);
+            }
+        }
+    }
+    text.push('\n');
+    for sample in &response.samples {
+        let _ = write!(text, "{:?}", sample.t);
+        for x in sample.state.iter().chain(&sample.energy).chain(&sample.outputs) {
+            let _ = write!(text, ",{x:?}");
+        }
+        text.push('\n');
+    }
+    text
+}
+
+/// The states over time, a panel for each group, and the drift of the energy.
+pub fn figure(run: &Run<'_>) -> Figure {
+    let Run { info, title, blocks, request, response } = *run;
+    let column = |at: usize| response.samples.iter().map(|s| s.state[at]).collect::<Vec<f64>>();
+    let mut panels = Vec::new();
+    let mut shown = vec![false; info.state.len()];
+    for block in blocks {
+        let mut lines = Vec::new();
+        for (name, spelled) in &block.members {
+            if let Some(at) = info.state.iter().position(|s| s == name) {
+                shown[at] = true;
+                lines.push((spelled.clone(), column(at)));
+            }
+        }
+        for (k, chunk) in lines.chunks(MAX_LINES).enumerate() {
+            let heading = heading(block, chunk.iter().map(|(name, _)| name.as_str()).collect(), k);
+            panels.push(Panel { title: heading, lines: chunk.to_vec(), times: None });
+        }
+    }
+    let rest: Vec<usize> = (0..shown.len()).filter(|&k| !shown[k]).collect();
+    for chunk in rest.chunks(MAX_LINES) {
+        let lines = chunk.iter().map(|&k| (info.state[k].clone(), column(k))).collect();
+        panels.push(Panel { title: "State".into(), lines, times: None });
+    }
+    if let Some(initial) = response.initial_energy {
+        let relative = |energy: f64| (energy - initial) / response.energy_scale;
+        let of = if response.energy_scale == initial.abs() { "|E(0)|" } else { "the size of its terms" };
+        // A change of the energy that belongs to the motion is shown at the samples. Otherwise the steps are shown: samples
+        // between them carry the error of the dense output besides that of the integration.
+        let (times, values): (Vec<f64>, Vec<f64>) = if response.energy_drift.is_some_and(|d| d > CONSERVED) {
+            response.samples.iter().map(|s| (s.t, s.energy.map_or(0.0, relative))).unzip()
+        } else {
+            response.energy_at_steps.iter().map(|(t, energy)| (*t, relative(*energy))).unzip()
+        };
+        panels.push(Panel {
+            title: format!(
+                "Energy {}, relative to {of}",
+                if info.conserves_energy { "drift" } else { "change" }
+            ),
+            lines: vec![(String::new(), values)],
+            times: Some(times),
+        });
+    }
+    let scene = if info.scene == crate::model::DEFAULT_SCENE {
+        String::new()
+    } else {
+        format!(", scene {}", info.scene)
+    };
+    let steps = match request.steps {
+        Steps::Adaptive { rtol, atol } => format!("rtol {rtol:e}, atol {atol:e}"),
+        Steps::Fixed { step } => format!("step {step:?}"),
+    };
+    Figure {
+        title: if title.is_empty() { info.model.clone() } else { title.to_owned() },
+        subtitle: format!(
+            "{}{scene} · {}, {steps} · {} steps, {} evaluations",
+            info.model,
+            request.method.name(),
+            response.steps,
+            response.rhs_evals
+        ),
+        x_label: "t [s]".into(),
+        times: response.samples.iter().map(|s| s.t).collect(),
+        panels,
+        path: path(run),
+    }
+}
+
+/// Names of coordinates that are positions in a plane when they are lengths.
+const PLANE: [[&str; 2]; 2] = [["x", "y"], ["x1", "x2"]];
+
+/// The path of the first position in a plane that the state has, in metres.
+fn path(run: &Run<'_>) -> Option<plot::Path> {
+    let at = |name: &str| run.info.state.iter().position(|s| s == name);
+    let of_block = |block: &Block| {
+        let member = |name: &str| {
+            let (_, spelled) = block.members.iter().find(|(member, _)| member == name)?;
+            Some((at(name)?, format!("{spelled} [{}]", block.unit)))
+        };
+        let [(x, x_label), (y, y_label)] = PLANE.iter().find_map(|[x, y]| Some([member(x)?, member(y)?]))?;
+        Some(plot::Path {
+            title: match cut(&block.doc, 84) {
+                doc if doc.is_empty() => "Path".to_owned(),
+                doc => format!("Path: {}", lower_first(&doc)),
+            },
+            labels: [x_label, y_label],
+            points: run.response.samples.iter().map(|s| [s.state[x], s.state[y]]).collect(),
+        })
+    };
+    run.blocks.iter().filter(|b| b.unit == "m").find_map(of_block)
+}
+
+fn heading(block: &Block, members: Vec<&str>, chunk: usize) -> String {
+    let mut text = if !block.symbol.is_empty() && (members.len() > 1 || block.symbol != members[0]) {
+        block.symbol.clone()
+    } else {
+        String::new()
+    };
+    let doc = cut(&block.doc, 84);
+    if !doc.is_empty() {
+        text = if text.is_empty() { doc } else { format!("{text}: {}", lower_first(&doc)) };
+    }
+    if text.is_empty() {
+        text = members.join(", ");
+    }
+    if chunk > 0 {
+        text.push_str(", continued");
+    }
+    if block.unit.is_empty() { text } else { format!("{text} [{}]", block.unit) }
+}
+
+fn cut(text: &str, limit: usize) -> String {
+    if text.chars().count() <= limit {
+        return text.to_owned();
+    }
+    let head: String = text.chars().take(limit).collect();
+    format!(
+        "{}…",
+        head.rsplit_once(' ').map_or(head.as_str(), |(head, _)| head).trim_end_matches([',', ':', ';'])
+    )
+}

@@ -1,0 +1,9 @@
+//! Results for people: files, figures, pages, text on a terminal.
+//!
+//! Does not know: how anything was computed.
+
+pub mod files;
+pub mod plot;
+pub mod report;
+pub mod table;
+pub mod terminal;

@@ -1,0 +1,171 @@
+//! What a page says about a scene, but for its motion.
+//!
+//! Does not know: how it is laid out.
+
+use hamel_codegen::expr::{Style, rational_to_f64};
+use hamel_codegen::scene;
+use hamel_codegen::spec;
+
+use crate::error::Error;
+use crate::model::spelling::math_ml;
+use crate::model::units::split_unit;
+use crate::model::{Model, show_warnings};
+use crate::run::interpreted;
+
+/// A parameter or a state variable as a page shows it.
+#[derive(Clone, Debug)]
+pub struct Quantity {
+    /// Name in the code.
+    pub name: String,
+    /// Name in MathML.
+    pub math: String,
+    /// Default, of a parameter.
+    pub value: Option<f64>,
+    /// Unit; may be empty.
+    pub unit: String,
+    /// What it is, without the unit.
+    pub doc: String,
+}
+
+/// What a view draws.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ViewKind {
+    /// A cuboid.
+    Box,
+    /// A disk.
+    Disk,
+    /// A ball.
+    Ball,
+    /// A line between two points.
+    Segment,
+    /// A point.
+    Point,
+    /// What a point leaves behind.
+    Path,
+}
+
+/// A view of a model.
+#[derive(Clone, Debug)]
+pub struct ViewEntry {
+    /// Its name.
+    pub name: String,
+    /// Its documentation.
+    pub doc: String,
+    /// What it draws.
+    pub kind: ViewKind,
+    /// The output of [`build_pictured`](crate::run::interpreted::build_pictured) that has its numbers.
+    pub output: String,
+}
+
+/// All that a page says about a scene, but for its motion.
+#[derive(Clone, Debug)]
+pub struct Page {
+    /// Name of the model.
+    pub model: String,
+    /// Name of the scene.
+    pub scene: String,
+    /// First line of the documentation.
+    pub title: String,
+    /// The other lines.
+    pub doc: Vec<String>,
+    /// Kind of system.
+    pub kind: String,
+    /// Where it comes from.
+    pub sources: Vec<String>,
+    /// Free parameters.
+    pub params: Vec<Quantity>,
+    /// Conditions on them.
+    pub conditions: Vec<String>,
+    /// State variables.
+    pub state: Vec<Quantity>,
+    /// Text of the model file.
+    pub text: String,
+    /// Words of the model language.
+    pub keywords: Vec<&'static str>,
+    /// Titles and HTML of the explanation.
+    pub sections: Vec<(String, String)>,
+    /// The generated right-hand side.
+    pub rhs: String,
+    /// The generated module.
+    pub module: String,
+    /// Additions, multiplications, fused ones, divisions, roots, signs, calls and cost by function and section.
+    pub operations: Vec<(String, Vec<u64>)>,
+    /// What figures in space show.
+    pub views: Vec<ViewEntry>,
+}
+
+/// Collects what a page says about a scene.
+///
+/// # Errors
+/// As [`interpreted::build`], and a bug of the emitter.
+pub fn contents(model: &Model, scene_name: &str) -> Result<Page, Error> {
+    let built = interpreted::build(model, scene_name)?;
+    let scene = built.scene();
+    show_warnings(&scene::warnings(model, std::slice::from_ref(scene)));
+    let quantity = |name: &str, value: Option<f64>, doc: &str| {
+        let (doc, unit) = split_unit(doc, 0);
+        Quantity { name: name.to_owned(), math: math_ml(name), value, unit, doc }
+    };
+    let own = ["", "Parameters and state", "Operation counts"];
+    let sections = hamel_codegen::explain::sections(model, scene, Style::MathMl)
+        .into_iter()
+        .filter(|s| !own.contains(&s.title.as_str()))
+        .map(|s| (s.title, s.text))
+        .collect();
+    let module = scene.emit().map_err(|e| model.diagnostics(vec![model.diagnose(&e)]))?;
+    let view = |v: &spec::View| ViewEntry {
+        name: v.name.clone(),
+        doc: v.doc.clone(),
+        kind: match v.shape {
+            spec::ViewShape::Box { .. } => ViewKind::Box,
+            spec::ViewShape::Disk { .. } => ViewKind::Disk,
+            spec::ViewShape::Ball { .. } => ViewKind::Ball,
+            spec::ViewShape::Segment => ViewKind::Segment,
+            spec::ViewShape::Point => ViewKind::Point,
+            spec::ViewShape::Path => ViewKind::Path,
+        },
+        output: scene::view_output(&v.name),
+    };
+    Ok(Page {
+        model: model.name.clone(),
+        scene: scene_name.to_owned(),
+        title: model.doc.first().filter(|t| !t.trim().is_empty()).unwrap_or(&model.name).trim().to_owned(),
+        doc: model.doc.iter().skip(1).cloned().collect(),
+        kind: model.kind().to_string(),
+        sources: model.sources.clone(),
+        params: scene
+            .params()
+            .iter()
+            .map(|p| quantity(&p.name, Some(rational_to_f64(&p.default)), &p.doc))
+            .collect(),
+        conditions: scene.equations.system.conditions.iter().map(|c| c.text.clone()).collect(),
+        state: scene.state.iter().map(|s| quantity(&s.name, None, &s.doc)).collect(),
+        text: model.origin.as_ref().map(|o| o.text.clone()).unwrap_or_default(),
+        keywords: spec::keywords(),
+        sections,
+        rhs: function(&module, "    pub fn rhs("),
+        operations: scene
+            .operation_counts()
+            .into_iter()
+            .map(|(name, c)| {
+                let numbers = [c.add, c.mul, c.fma, c.div, c.sqrt, c.neg, c.transcendental];
+                (name, numbers.into_iter().map(|n| n as u64).chain([c.cost()]).collect())
+            })
+            .collect(),
+        module,
+        views: model.views.list.iter().map(view).collect(),
+    })
+}
+
+/// The lines of a method of the module, from `head` to the brace that ends it, without their common indentation.
+fn function(module: &str, head: &str) -> String {
+    let Some(start) = module.find(head) else { return String::new() };
+    let mut lines = Vec::new();
+    for line in module[start..].lines() {
+        lines.push(line.strip_prefix("    ").unwrap_or(line));
+        if line == "    }" {
+            break;
+        }
+    }
+    lines.join("\n")
+}

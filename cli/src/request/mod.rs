@@ -1,0 +1,26 @@
+//! Requests as JSON and in words of the command line, and answers as JSON.
+//!
+//! Does not know: how anything is computed.
+
+mod eval;
+pub mod json;
+mod simulate;
+pub mod variation;
+
+use std::io::{IsTerminal as _, Read as _};
+
+use crate::error::Error;
+
+/// Reads a request from standard input, and says so when nobody seems to know.
+///
+/// # Errors
+/// [`Error::Io`].
+pub(crate) fn read_request(example: &str) -> Result<String, Error> {
+    let stdin = std::io::stdin();
+    if stdin.is_terminal() {
+        eprintln!("reading a JSON request such as {example} from the terminal; end it with Ctrl-D");
+    }
+    let mut text = String::new();
+    stdin.lock().read_to_string(&mut text).map_err(|e| Error::io("standard input", e))?;
+    Ok(text)
+}

@@ -1,0 +1,198 @@
+//! Requests of `simulate --json` and their answers as JSON.
+//!
+//! Does not know: how anything is integrated.
+
+use std::collections::BTreeMap;
+
+use serde_json::{Map, Value};
+
+use super::json::{Fields, Json, by_name, number};
+use crate::error::{Error, Problem};
+use crate::names;
+use crate::run::dynamics::Info;
+use crate::run::method::{MethodName, Steps};
+use crate::run::simulation::{Sample, SimulateRequest, SimulateResponse, samples_refusal};
+
+/// Largest number that a request can give exactly.
+const MAX_WHOLE: f64 = (1_u64 << 53) as f64;
+
+impl SimulateRequest {
+    /// Whether a request has a field `reconstruct`, so that the scene with the group's coordinates is to be run.
+    ///
+    /// # Errors
+    /// [`Error::NotJson`].
+    pub fn asks_to_reconstruct(text: &str) -> Result<bool, Error> {
+        has_field(text, "reconstruct", |value| *value != Json::Null)
+    }
+
+    /// Whether a request's method is [`MethodName::Projected`], so that the scene has to have its invariants.
+    ///
+    /// # Errors
+    /// [`Error::NotJson`].
+    pub fn asks_to_project(text: &str) -> Result<bool, Error> {
+        let projected = Json::String(MethodName::Projected.name().to_owned());
+        has_field(text, "method", |value| *value == projected)
+    }
+
+    /// Reads `{"params", "initial", "t_final", "method", "rtol", "atol" or "step", "samples", "max_steps"}`.
+    ///
+    /// Missing parameters take the scene's defaults; `initial` and `t_final` have to be there; the other defaults are
+    /// `dop853` and [`Steps::RTOL`], [`Steps::ATOL`].
+    ///
+    /// # Errors
+    /// [`Error::NotJson`], or [`Error::Request`] with everything that is wrong.
+    pub fn parse(text: &str, info: &Info) -> Result<SimulateRequest, Error> {
+        Self::parse_parts(text, info, 0, &|_| Vec::new())
+    }
+
+    /// Reads a request whose `reconstruct` has the values of the last components of the state, `initial` the others.
+    ///
+    /// An empty `reconstruct` stands for `defaults`, which depend on the parameters by name.
+    ///
+    /// # Errors
+    /// As [`SimulateRequest::parse`].
+    pub fn parse_with_group(
+        text: &str,
+        info: &Info,
+        n_group: usize,
+        defaults: &dyn Fn(&BTreeMap<String, f64>) -> Vec<f64>,
+    ) -> Result<SimulateRequest, Error> {
+        Self::parse_parts(text, info, n_group, defaults)
+    }
+
+    fn parse_parts(
+        text: &str,
+        info: &Info,
+        n_group: usize,
+        defaults: &dyn Fn(&BTreeMap<String, f64>) -> Vec<f64>,
+    ) -> Result<SimulateRequest, Error> {
+        const FIELDS: [&str; 10] = [
+            "params",
+            "initial",
+            "t_final",
+            "method",
+            "rtol",
+            "atol",
+            "step",
+            "reconstruct",
+            "samples",
+            "max_steps",
+        ];
+        let mut fields = Fields::new(Json::parse(text)?, &FIELDS)?;
+        let params = fields.take("params");
+        let params =
+            fields.numbers("params", params, "parameter", &info.param_names(), Some(&info.defaults()));
+        let names = info.state_names();
+        let (own, group) = names.split_at(names.len() - n_group);
+        let initial = fields.take("initial");
+        let mut initial = fields.numbers("initial", initial, "state", own, None);
+        let before = fields.problems.len();
+        let t_final = fields.number("t_final");
+        if t_final.is_none() && fields.problems.len() == before {
+            fields.missing("t_final", "the time to integrate to, starting at zero");
+        }
+        let unusable = |path: &str, reason: String| Problem::Unusable { path: path.into(), reason };
+        let method = match fields.string("method") {
+            None => MethodName::default(),
+            Some(name) => match MethodName::from_name(&name) {
+                Some(method) => method,
+                None => {
+                    let known: Vec<&str> = MethodName::all().map(MethodName::name).collect();
+                    let reason = format!(
+                        "{name:?} is no method{}\n  methods: {}",
+                        names::hint(&name, known.iter().copied()),
+                        names::list(known)
+                    );
+                    fields.problems.push(unusable("method", reason));
+                    MethodName::default()
+                }
+            },
+        };
+        let (rtol, atol, step) = (fields.number("rtol"), fields.number("atol"), fields.number("step"));
+        let steps = Steps::new(method, rtol, atol, step).unwrap_or_else(|reason| {
+            fields.problems.push(unusable("step", reason));
+            Steps::Fixed { step: 1.0 }
+        });
+        match fields.take("reconstruct") {
+            None => {}
+            Some(_) if n_group == 0 => {
+                let reason = format!("needs coordinates of the group, which scene {} lacks", info.scene);
+                fields.problems.push(unusable("reconstruct", reason));
+            }
+            Some(Json::Object(entries)) if entries.is_empty() => {
+                let by_name = info.params.iter().zip(&params).map(|(p, x)| (p.name.clone(), *x)).collect();
+                initial.extend(defaults(&by_name));
+            }
+            some => {
+                let kind = "group coordinate";
+                initial.extend(fields.numbers("reconstruct", some, kind, group, None));
+            }
+        }
+        let mut whole = |name: &str, least: u64, default: u64| -> u64 {
+            let x = fields.number(name).unwrap_or(default as f64);
+            if x >= least as f64 && x.fract() == 0.0 && x <= MAX_WHOLE {
+                return x as u64;
+            }
+            let reason = format!("is {x:?}, but has to be a whole number from {least} on");
+            fields.problems.push(unusable(name, reason));
+            default
+        };
+        let samples = whole("samples", 0, 0);
+        let max_steps = whole("max_steps", 1, steps.max_steps());
+        let with_outputs = false;
+        if let Some(reason) = samples_refusal(samples, info, with_outputs) {
+            fields.problems.push(unusable("samples", reason));
+        }
+        fields.finish()?;
+        let t_final = t_final.unwrap_or(0.0);
+        // They fit into memory.
+        let samples = samples as usize;
+        Ok(SimulateRequest {
+            params,
+            initial,
+            t_final,
+            method,
+            steps,
+            samples,
+            with_outputs,
+            n_group,
+            max_steps,
+        })
+    }
+}
+
+/// Whether an object has a field with such a value.
+fn has_field(text: &str, name: &str, is_such: impl Fn(&Json) -> bool) -> Result<bool, Error> {
+    let Json::Object(entries) = Json::parse(text)? else { return Ok(false) };
+    Ok(entries.iter().any(|(field, value)| field == name && is_such(value)))
+}
+
+impl SimulateResponse {
+    /// `{"t", "final", "samples", "steps", "rejected", "rhs_evals", "energy_drift", "constraint_residual",
+    /// "initial_residual", "warnings"}`.
+    ///
+    /// With `n_group` coordinates of the group at the end of the state, `final` and `samples` have the components before
+    /// them only, and `reconstruction` is added with the final values of these.
+    pub fn to_json(&self, info: &Info, n_group: usize) -> Value {
+        let n_own = info.state.len() - n_group;
+        let names = || info.state[..n_own].iter().map(String::as_str);
+        let sample = |s: &Sample| Value::Array(vec![number(s.t), by_name(names(), &s.state)]);
+        let mut answer = Map::new();
+        answer.insert("t".into(), number(self.t));
+        answer.insert("final".into(), by_name(names(), &self.last));
+        answer.insert("samples".into(), self.samples.iter().map(sample).collect());
+        answer.insert("steps".into(), self.steps.into());
+        answer.insert("rejected".into(), self.rejected.into());
+        answer.insert("rhs_evals".into(), self.rhs_evals.into());
+        let if_any = |x: Option<f64>| x.map_or(Value::Null, number);
+        answer.insert("energy_drift".into(), if_any(self.energy_drift));
+        answer.insert("constraint_residual".into(), if_any(self.constraint_residual));
+        answer.insert("initial_residual".into(), if_any(self.initial_residual));
+        answer.insert("warnings".into(), self.warnings.clone().into());
+        if n_group > 0 {
+            let group = info.state[n_own..].iter().map(String::as_str);
+            answer.insert("reconstruction".into(), by_name(group, &self.last[n_own..]));
+        }
+        answer.into()
+    }
+}

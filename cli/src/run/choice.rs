@@ -1,0 +1,110 @@
+//! Which scene of a model is run, and who evaluates it: the compiled module or the interpreter.
+//!
+//! Does not know: requests, what is asked of the scene.
+
+use super::backend::{Backend, Local};
+use super::interpreted;
+use super::method::MethodName;
+use super::remote::Remote;
+use crate::error::{Error, Problem};
+use crate::model::{self, Model};
+use crate::session::ModelFile;
+
+/// Who evaluates a scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Via {
+    /// The generated and compiled module of a model of hamel's repository, in another process.
+    Compiled,
+    /// The lowered program, operation by operation, in this process.
+    Interpreter,
+}
+
+/// Which scene, and who evaluates it.
+#[derive(Clone, Debug)]
+pub struct Choice {
+    /// Name of the scene.
+    pub scene: String,
+    /// Who evaluates it; the compiled module where there can be one unless it is given.
+    pub via: Option<Via>,
+}
+
+impl Choice {
+    /// The same model with the coordinates of the group; `path` is how the user asked for them.
+    ///
+    /// # Errors
+    /// [`Error::Request`] when the model does not reconstruct any, or when another scene than the default was chosen;
+    /// [`Error::UnknownScene`].
+    pub fn reconstructing(&self, model: &Model, path: &str) -> Result<Choice, Error> {
+        let known = model::scene_names(model);
+        if !known.contains(&self.scene) {
+            return Err(Error::UnknownScene { model: model.name.clone(), name: self.scene.clone(), known });
+        }
+        let fail = |reason: String| Error::Request {
+            problems: vec![Problem::Unusable { path: path.to_owned(), reason }],
+        };
+        if model.reconstruction.is_empty() {
+            return Err(fail(format!(
+                "is not possible: {} does not say how the group moves; leave it out, or add `reconstruct .. ;` to \
+                 the model",
+                model.name
+            )));
+        }
+        if self.scene != model::DEFAULT_SCENE {
+            return Err(fail(format!(
+                "chooses the scene itself, but scene {} is chosen as well: leave out --scene {}, and give parameters \
+                 that it fixes as values; or leave out {path}",
+                self.scene, self.scene
+            )));
+        }
+        Ok(Choice { scene: model::RECONSTRUCTION_SCENE.to_owned(), ..self.clone() })
+    }
+
+    /// Who evaluates the scene: only a model of the repository was ever compiled.
+    pub fn via(&self, file: &ModelFile<'_>) -> Via {
+        match self.via {
+            Some(Via::Interpreter) => Via::Interpreter,
+            _ if file.repository().is_some() => Via::Compiled,
+            _ => Via::Interpreter,
+        }
+    }
+
+    /// The scene as a method needs it: what was compiled without its invariants is interpreted for a projection onto them.
+    ///
+    /// # Errors
+    /// Problems of the model.
+    pub fn suited_to(&self, file: &ModelFile<'_>, method: MethodName) -> Result<Choice, Error> {
+        if method != MethodName::Projected || self.via(file) == Via::Interpreter {
+            return Ok(self.clone());
+        }
+        if model::wants(file.model()?, &self.scene, model::INVARIANTS) {
+            return Ok(self.clone());
+        }
+        eprintln!(
+            "note: scene {} does not want `invariants`, so it is evaluated by the interpreter, which finds them",
+            self.scene
+        );
+        Ok(Choice { via: Some(Via::Interpreter), ..self.clone() })
+    }
+
+    /// The scene, ready to answer.
+    ///
+    /// # Errors
+    /// Unknown names, problems of the model, [`Error::NotCompiled`].
+    pub fn open(&self, file: &ModelFile<'_>) -> Result<Box<dyn Backend>, Error> {
+        match (self.via(file), file.repository()) {
+            (Via::Compiled, Some(repository)) => {
+                Ok(Box::new(Remote::open(repository, file.name(), &self.scene)?))
+            }
+            _ => {
+                if self.via == Some(Via::Compiled) {
+                    eprintln!(
+                        "note: {} is evaluated by the interpreter: compiled are the models of hamel's repository, for \
+                         programs started inside it",
+                        file.shown()
+                    );
+                }
+                Ok(Box::new(Local::new(interpreted::build(file.model()?, &self.scene)?)))
+            }
+        }
+    }
+}

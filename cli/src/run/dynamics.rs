@@ -1,0 +1,640 @@
+//! What can be asked of a scene with parameters, whoever evaluates it, and what a scene is called and made of.
+//!
+//! Does not know: where a scene comes from, JSON, how states are integrated.
+
+use std::fmt;
+use std::marker::PhantomData;
+
+use hamel_runtime::{
+    Differentiable, Dual, F64x4, Failure, Invariants, Jet, MAX_ORDER, ParamError, Pivot, Real, Scene,
+    SceneInfo, SquareStorage, StateVector, System,
+};
+use serde::{Deserialize, Serialize};
+
+/// Names and meanings of all that a scene has.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Info {
+    /// Name of the model.
+    pub model: String,
+    /// Name of the scene within the model.
+    pub scene: String,
+    /// Names of the state's components in order.
+    pub state: Vec<String>,
+    /// Free parameters in order.
+    pub params: Vec<ParamEntry>,
+    /// Groups of outputs in the order of [`Dynamics::outputs`].
+    pub outputs: Vec<OutputEntry>,
+    /// Whether [`Dynamics::energy`] has a value.
+    pub has_energy: bool,
+    /// Whether it has one and is proved to be constant along the motion.
+    pub conserves_energy: bool,
+}
+
+/// A free parameter of a scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ParamEntry {
+    /// Name, as the model spells it.
+    pub name: String,
+    /// Value of the scene as published.
+    pub default: f64,
+    /// Meaning and unit.
+    pub doc: String,
+}
+
+/// A group of outputs of a scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct OutputEntry {
+    /// Name of the group.
+    pub name: String,
+    /// Names of the components in order.
+    pub components: Vec<String>,
+    /// Meaning and unit.
+    pub doc: String,
+}
+
+impl Info {
+    /// Number of components of all outputs.
+    pub fn n_outputs(&self) -> usize {
+        self.outputs.iter().map(|group| group.components.len()).sum()
+    }
+
+    /// Names of the parameters in order.
+    pub fn param_names(&self) -> Vec<&str> {
+        self.params.iter().map(|p| p.name.as_str()).collect()
+    }
+
+    /// Names of the state's components in order.
+    pub fn state_names(&self) -> Vec<&str> {
+        self.state.iter().map(String::as_str).collect()
+    }
+
+    /// Defaults of the parameters in order.
+    pub fn defaults(&self) -> Vec<f64> {
+        self.params.iter().map(|p| p.default).collect()
+    }
+
+    /// Positions of a group's components among all outputs; none when the scene has no such group.
+    pub fn output_range(&self, group: &str) -> Option<std::ops::Range<usize>> {
+        let mut start = 0;
+        for entry in &self.outputs {
+            let end = start + entry.components.len();
+            if entry.name == group {
+                return Some(start..end);
+            }
+            start = end;
+        }
+        None
+    }
+}
+
+impl Info {
+    /// The names and meanings of a scene known at compile time.
+    pub fn of<R: Real, S: Scene<R>>() -> Info {
+        let info: &SceneInfo = &S::INFO;
+        let owned = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
+        let param = |p: &hamel_runtime::ParamInfo| ParamEntry {
+            name: p.name.into(),
+            default: p.default,
+            doc: p.doc.into(),
+        };
+        let output = |o: &hamel_runtime::OutputInfo| OutputEntry {
+            name: o.name.into(),
+            components: owned(o.components),
+            doc: o.doc.into(),
+        };
+        Info {
+            model: info.model.into(),
+            scene: info.scene.into(),
+            state: owned(info.state),
+            params: info.params.iter().map(param).collect(),
+            outputs: info.outputs.iter().map(output).collect(),
+            has_energy: info.has_energy,
+            conserves_energy: S::CONSERVES_ENERGY,
+        }
+    }
+}
+
+/// A scene with parameter values, ready to be evaluated.
+///
+/// # Shapes
+/// `y`, `dy`: `[n_state]`. A wrong size is a bug of the caller and panics.
+pub trait Dynamics {
+    /// Names and meanings.
+    fn info(&self) -> &Info;
+
+    /// Writes the derivative `f(t, y)` to `dy`.
+    fn rhs(&self, t: f64, y: &[f64], dy: &mut [f64]);
+
+    /// Energy, when the scene computes it.
+    fn energy(&self, t: f64, y: &[f64]) -> Option<f64>;
+
+    /// All outputs, one after the other.
+    fn outputs(&self, t: f64, y: &[f64]) -> Vec<f64>;
+
+    /// Writes the Taylor coefficients of the solution through a state; false when the scene has none.
+    fn series(&self, t: f64, y: &[f64], out: &mut [VecState]) -> bool;
+
+    /// Writes the derivatives of the right-hand side: row `i` has those of component `i`.
+    fn jacobian(&self, t: f64, y: &[f64], rows: &mut [VecState]);
+
+    /// Cost of one evaluation of the right-hand side, as [`hamel_codegen::program::Counts::cost`]; none when it is not known.
+    fn rhs_cost(&self) -> Option<u64>;
+
+    /// Number of invariants of the motion; none when the scene was compiled without them.
+    fn n_invariants(&self) -> Option<usize>;
+
+    /// Writes the invariants, as many as there are.
+    fn invariants(&self, t: f64, y: &[f64], values: &mut [f64]);
+
+    /// Writes their gradients.
+    fn invariant_gradients(&self, t: f64, y: &[f64], gradients: &mut [VecState]);
+
+    /// Says why the right-hand side has no value at a point.
+    ///
+    /// # Errors
+    /// The reason, if the scene knows one.
+    fn check(&self, t: f64, y: &[f64]) -> Result<(), Failure>;
+
+    /// Says which coordinate has left its domain at a point.
+    ///
+    /// # Errors
+    /// [`Failure::OutsideDomain`] with the condition that does not hold.
+    fn domain(&self, t: f64, y: &[f64]) -> Result<(), Failure>;
+
+    /// As [`System::signature`].
+    fn signature(&self, t: f64, y: &[f64]) -> f64;
+
+    /// As [`System::pivots`].
+    fn pivots(&self, t: f64, y: &[f64], visit: &mut dyn FnMut(Pivot<f64>));
+}
+
+/// A scene with parameter values on four lanes, to be integrated; every lane has the bits of [`Dynamics`].
+///
+/// # Shapes
+/// As [`Dynamics`].
+pub trait LaneDynamics {
+    /// Writes the derivatives on all lanes.
+    fn rhs(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>);
+
+    /// As [`System::check`].
+    ///
+    /// # Errors
+    /// As [`System::check`], for any lane.
+    fn check(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure>;
+
+    /// As [`System::domain`].
+    ///
+    /// # Errors
+    /// As [`System::domain`], for any lane.
+    fn domain(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure>;
+
+    /// As [`System::signature`].
+    fn signature(&self, t: F64x4, y: &VecState<F64x4>) -> F64x4;
+
+    /// As [`System::pivots`].
+    fn pivots(&self, t: F64x4, y: &VecState<F64x4>, visit: &mut dyn FnMut(Pivot<F64x4>));
+}
+
+/// A scene with parameter values, whoever evaluates it.
+pub type PreparedScene<'a> = Box<dyn Dynamics + 'a>;
+
+/// The same on four lanes.
+pub type PreparedLanes<'a> = Box<dyn LaneDynamics + 'a>;
+
+/// A scene whose parameters are still to be given; threads may share it.
+pub trait Factory: Sync {
+    /// Names and meanings.
+    fn info(&self) -> &Info;
+
+    /// Fixes the parameters, `values` in the order of [`Info::params`].
+    ///
+    /// # Errors
+    /// The first condition on the parameters that does not hold.
+    fn prepare(&self, values: &[f64]) -> Result<PreparedScene<'_>, BadParams>;
+
+    /// Fixes the parameters on four lanes; one lane after the other unless the scene has been compiled for lanes.
+    ///
+    /// # Errors
+    /// As [`Factory::prepare`], for any lane.
+    fn prepare_lanes(&self, values: &[F64x4]) -> Result<PreparedLanes<'_>, BadParams> {
+        let lanes = (0..F64x4::LANES).map(|k| self.prepare(&lane(values, k)));
+        Ok(Box::new(SideBySide(lanes.collect::<Result<_, _>>()?)))
+    }
+}
+
+impl<F: Factory + ?Sized> Factory for &F {
+    fn info(&self) -> &Info {
+        (**self).info()
+    }
+
+    fn prepare(&self, values: &[f64]) -> Result<PreparedScene<'_>, BadParams> {
+        (**self).prepare(values)
+    }
+
+    fn prepare_lanes(&self, values: &[F64x4]) -> Result<PreparedLanes<'_>, BadParams> {
+        (**self).prepare_lanes(values)
+    }
+}
+
+/// Lanes of which each has dynamics of its own.
+struct SideBySide<'a>(Vec<PreparedScene<'a>>);
+
+fn lane(values: &[F64x4], k: usize) -> Vec<f64> {
+    values.iter().map(|x| x.lane(k)).collect()
+}
+
+impl LaneDynamics for SideBySide<'_> {
+    fn rhs(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>) {
+        let mut lanes = [const { Vec::new() }; F64x4::LANES];
+        for (k, (dynamics, out)) in self.0.iter().zip(&mut lanes).enumerate() {
+            out.resize(y.0.len(), 0.0);
+            Dynamics::rhs(&**dynamics, t.lane(k), &lane(&y.0, k), out);
+        }
+        for (at, dy) in dy.0.iter_mut().enumerate() {
+            *dy = F64x4::new(std::array::from_fn(|k| lanes[k][at]));
+        }
+    }
+
+    fn check(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure> {
+        let lanes = self.0.iter().enumerate();
+        lanes.into_iter().try_for_each(|(k, d)| System::check(d, t.lane(k), &VecState(lane(&y.0, k))))
+    }
+
+    fn domain(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure> {
+        let lanes = self.0.iter().enumerate();
+        lanes.into_iter().try_for_each(|(k, d)| System::domain(d, t.lane(k), &VecState(lane(&y.0, k))))
+    }
+
+    fn signature(&self, t: F64x4, y: &VecState<F64x4>) -> F64x4 {
+        F64x4::new(std::array::from_fn(|k| Dynamics::signature(&*self.0[k], t.lane(k), &lane(&y.0, k))))
+    }
+
+    fn pivots(&self, t: F64x4, y: &VecState<F64x4>, visit: &mut dyn FnMut(Pivot<F64x4>)) {
+        let of_lane = |k: usize| {
+            let mut pivots = Vec::new();
+            Dynamics::pivots(&*self.0[k], t.lane(k), &lane(&y.0, k), &mut |pivot| pivots.push(pivot));
+            pivots
+        };
+        let lanes: [Vec<Pivot<f64>>; F64x4::LANES] = std::array::from_fn(of_lane);
+        for (at, Pivot { name, .. }) in lanes[0].iter().enumerate() {
+            let all = |part: fn(&Pivot<f64>) -> f64| F64x4::new(std::array::from_fn(|k| part(&lanes[k][at])));
+            visit(Pivot { name, value: all(|p| p.value), scale: all(|p| p.scale) });
+        }
+    }
+}
+
+/// Parameter values that the model does not allow.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BadParams {
+    /// The condition that does not hold, such as `m > 0`.
+    pub condition: String,
+    /// What the condition means for the model; may be empty.
+    pub meaning: String,
+}
+
+impl fmt::Display for BadParams {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} does not hold", self.condition)?;
+        if self.meaning.is_empty() { Ok(()) } else { write!(f, ": {}", self.meaning) }
+    }
+}
+
+impl From<ParamError> for BadParams {
+    fn from(error: ParamError) -> BadParams {
+        BadParams { condition: error.condition.into(), meaning: error.meaning.into() }
+    }
+}
+
+/// A state whose dimension is known at run time only.
+#[derive(Clone, Debug, PartialEq)]
+pub struct VecState<R = f64>(pub Vec<R>);
+
+impl<R: Real> StateVector<R> for VecState<R> {
+    fn as_slice(&self) -> &[R] {
+        &self.0
+    }
+
+    fn as_mut_slice(&mut self) -> &mut [R] {
+        &mut self.0
+    }
+}
+
+impl<R: Real> SquareStorage<R> for VecState<R> {
+    type Rows = Vec<VecState<R>>;
+    type Positions = Vec<usize>;
+
+    fn rows_like(&self) -> Self::Rows {
+        vec![self.zeros_like(); self.0.len()]
+    }
+
+    fn positions_like(&self) -> Self::Positions {
+        vec![0; self.0.len()]
+    }
+}
+
+impl System<f64> for dyn Dynamics + '_ {
+    type State = VecState;
+
+    fn rhs(&self, t: f64, y: &VecState, dy: &mut VecState) {
+        Dynamics::rhs(self, t, &y.0, &mut dy.0);
+    }
+
+    fn check(&self, t: f64, y: &VecState) -> Result<(), Failure> {
+        Dynamics::check(self, t, &y.0)
+    }
+
+    fn domain(&self, t: f64, y: &VecState) -> Result<(), Failure> {
+        Dynamics::domain(self, t, &y.0)
+    }
+
+    fn signature(&self, t: f64, y: &VecState) -> f64 {
+        Dynamics::signature(self, t, &y.0)
+    }
+
+    fn pivots(&self, t: f64, y: &VecState, visit: &mut dyn FnMut(Pivot<f64>)) {
+        Dynamics::pivots(self, t, &y.0, visit);
+    }
+}
+
+impl Differentiable<f64> for dyn Dynamics + '_ {
+    fn jacobian(&self, t: f64, y: &VecState, jacobian: &mut [VecState]) {
+        Dynamics::jacobian(self, t, &y.0, jacobian);
+    }
+}
+
+impl Jet<f64> for dyn Dynamics + '_ {
+    type Workspace = ();
+
+    fn workspace(&self) {}
+
+    fn series(&self, t: f64, y: &VecState, (): &mut (), out: &mut [VecState]) {
+        if !Dynamics::series(self, t, &y.0, out) {
+            // The integrator reports what is not finite; who drives it asks first whether there are series.
+            out.iter_mut().for_each(|state| state.0.fill(f64::NAN));
+        }
+    }
+}
+
+impl System<f64> for PreparedScene<'_> {
+    type State = VecState;
+
+    fn rhs(&self, t: f64, y: &VecState, dy: &mut VecState) {
+        System::rhs(&**self, t, y, dy);
+    }
+
+    fn check(&self, t: f64, y: &VecState) -> Result<(), Failure> {
+        System::check(&**self, t, y)
+    }
+
+    fn domain(&self, t: f64, y: &VecState) -> Result<(), Failure> {
+        System::domain(&**self, t, y)
+    }
+
+    fn signature(&self, t: f64, y: &VecState) -> f64 {
+        System::signature(&**self, t, y)
+    }
+
+    fn pivots(&self, t: f64, y: &VecState, visit: &mut dyn FnMut(Pivot<f64>)) {
+        System::pivots(&**self, t, y, visit);
+    }
+}
+
+impl Differentiable<f64> for PreparedScene<'_> {
+    fn jacobian(&self, t: f64, y: &VecState, jacobian: &mut [VecState]) {
+        Differentiable::jacobian(&**self, t, y, jacobian);
+    }
+}
+
+impl Jet<f64> for PreparedScene<'_> {
+    type Workspace = ();
+
+    fn workspace(&self) {}
+
+    fn series(&self, t: f64, y: &VecState, workspace: &mut (), out: &mut [VecState]) {
+        Jet::series(&**self, t, y, workspace, out);
+    }
+}
+
+impl System<F64x4> for PreparedLanes<'_> {
+    type State = VecState<F64x4>;
+
+    fn rhs(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>) {
+        (**self).rhs(t, y, dy);
+    }
+
+    fn check(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure> {
+        (**self).check(t, y)
+    }
+
+    fn domain(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure> {
+        (**self).domain(t, y)
+    }
+
+    fn signature(&self, t: F64x4, y: &VecState<F64x4>) -> F64x4 {
+        (**self).signature(t, y)
+    }
+
+    fn pivots(&self, t: F64x4, y: &VecState<F64x4>, visit: &mut dyn FnMut(Pivot<F64x4>)) {
+        (**self).pivots(t, y, visit);
+    }
+}
+
+impl<const K: usize> Invariants<f64, K> for PreparedScene<'_> {
+    fn values(&self, t: f64, y: &VecState) -> [f64; K] {
+        Invariants::values(&**self, t, y)
+    }
+
+    fn gradients(&self, t: f64, y: &VecState, gradients: &mut [VecState; K]) {
+        Invariants::gradients(&**self, t, y, gradients);
+    }
+}
+
+/// The invariants, and zeros for those beyond their number: these are met wherever the state goes.
+impl<const K: usize> Invariants<f64, K> for dyn Dynamics + '_ {
+    fn values(&self, t: f64, y: &VecState) -> [f64; K] {
+        let mut values = [0.0; K];
+        let n = self.n_invariants().unwrap_or(0).min(K);
+        Dynamics::invariants(self, t, &y.0, &mut values[..n]);
+        values
+    }
+
+    fn gradients(&self, t: f64, y: &VecState, gradients: &mut [VecState; K]) {
+        gradients.iter_mut().for_each(|gradient| gradient.0.fill(0.0));
+        let n = self.n_invariants().unwrap_or(0).min(K);
+        Dynamics::invariant_gradients(self, t, &y.0, &mut gradients[..n]);
+    }
+}
+
+/// One scene with three scalars, none of which a value is kept of.
+type Scalars<S, W, D> = fn() -> (S, W, D);
+
+/// A scene known at compile time, such as a generated one, behind [`Factory`]: on one lane, `S`, on four, `W`, and with
+/// dual numbers, `D`, for its Jacobian.
+#[derive(Debug)]
+pub struct Typed<S, W, D, const N: usize> {
+    info: Info,
+    scalars: PhantomData<Scalars<S, W, D>>,
+}
+
+impl<S, W, D, const N: usize> Typed<S, W, D, N>
+where
+    S: Scene<f64> + System<f64, State = [f64; N]>,
+    W: Scene<F64x4> + System<F64x4, State = [F64x4; N]>,
+    D: Scene<Dual> + System<Dual, State = [Dual; N]>,
+{
+    /// The scene.
+    pub fn new() -> Self {
+        Typed { info: Info::of::<f64, S>(), scalars: PhantomData }
+    }
+}
+
+impl<S, W, D, const N: usize> Default for Typed<S, W, D, N>
+where
+    S: Scene<f64> + System<f64, State = [f64; N]>,
+    W: Scene<F64x4> + System<F64x4, State = [F64x4; N]>,
+    D: Scene<Dual> + System<Dual, State = [Dual; N]>,
+{
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<S, W, D, const N: usize> Factory for Typed<S, W, D, N>
+where
+    S: Scene<f64> + System<f64, State = [f64; N]>,
+    W: Scene<F64x4> + System<F64x4, State = [F64x4; N]>,
+    D: Scene<Dual> + System<Dual, State = [Dual; N]>,
+{
+    fn info(&self) -> &Info {
+        &self.info
+    }
+
+    fn prepare(&self, values: &[f64]) -> Result<PreparedScene<'_>, BadParams> {
+        let duals: Vec<Dual> = values.iter().copied().map(Dual::constant).collect();
+        let (scene, dual) = (S::prepare(values)?, D::prepare(&duals)?);
+        Ok(Box::new(PreparedTyped { info: &self.info, scene, dual }))
+    }
+
+    fn prepare_lanes(&self, values: &[F64x4]) -> Result<PreparedLanes<'_>, BadParams> {
+        struct Prepared<W>(W);
+        impl<W, const N: usize> LaneDynamics for Prepared<W>
+        where
+            W: System<F64x4, State = [F64x4; N]>,
+        {
+            fn rhs(&self, t: F64x4, y: &VecState<F64x4>, dy: &mut VecState<F64x4>) {
+                self.0.rhs(t, array(&y.0), array_mut(&mut dy.0));
+            }
+
+            fn check(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure> {
+                self.0.check(t, array(&y.0))
+            }
+
+            fn domain(&self, t: F64x4, y: &VecState<F64x4>) -> Result<(), Failure> {
+                self.0.domain(t, array(&y.0))
+            }
+
+            fn signature(&self, t: F64x4, y: &VecState<F64x4>) -> F64x4 {
+                self.0.signature(t, array(&y.0))
+            }
+
+            fn pivots(&self, t: F64x4, y: &VecState<F64x4>, visit: &mut dyn FnMut(Pivot<F64x4>)) {
+                self.0.pivots(t, array(&y.0), visit);
+            }
+        }
+        Ok(Box::new(Prepared(W::prepare(values)?)))
+    }
+}
+
+struct PreparedTyped<'a, S, D> {
+    info: &'a Info,
+    scene: S,
+    /// The same with dual numbers.
+    dual: D,
+}
+
+fn array<R, const N: usize>(y: &[R]) -> &[R; N] {
+    y.try_into().expect("state of the scene's dimension")
+}
+
+fn array_mut<R, const N: usize>(dy: &mut [R]) -> &mut [R; N] {
+    dy.try_into().expect("derivative of the scene's dimension")
+}
+
+impl<S, D, const N: usize> Dynamics for PreparedTyped<'_, S, D>
+where
+    S: Scene<f64> + System<f64, State = [f64; N]>,
+    D: System<Dual, State = [Dual; N]>,
+{
+    fn info(&self) -> &Info {
+        self.info
+    }
+
+    fn rhs(&self, t: f64, y: &[f64], dy: &mut [f64]) {
+        System::rhs(&self.scene, t, array(y), array_mut(dy));
+    }
+
+    fn energy(&self, t: f64, y: &[f64]) -> Option<f64> {
+        self.scene.energy_of(t, array(y))
+    }
+
+    fn outputs(&self, t: f64, y: &[f64]) -> Vec<f64> {
+        let mut out = vec![0.0; S::INFO.n_outputs()];
+        self.scene.outputs_of(t, array(y), &mut out);
+        out
+    }
+
+    fn series(&self, t: f64, y: &[f64], out: &mut [VecState]) -> bool {
+        let mut series = [[0.0; N]; MAX_ORDER + 1];
+        let n = out.len().min(series.len());
+        let known = self.scene.series_of(t, array(y), &mut series[..n]);
+        for (out, coefficient) in out.iter_mut().zip(&series) {
+            out.0.copy_from_slice(coefficient);
+        }
+        known
+    }
+
+    fn jacobian(&self, t: f64, y: &[f64], rows: &mut [VecState]) {
+        let mut state: [Dual; N] = array::<f64, N>(y).map(Dual::constant);
+        let mut out = state;
+        for column in 0..N {
+            state[column] = Dual::variable(y[column]);
+            System::rhs(&self.dual, Dual::constant(t), &state, &mut out);
+            state[column] = Dual::constant(y[column]);
+            rows.iter_mut().zip(&out).for_each(|(row, value)| row.0[column] = value.derivative);
+        }
+    }
+
+    fn rhs_cost(&self) -> Option<u64> {
+        None
+    }
+
+    fn n_invariants(&self) -> Option<usize> {
+        (S::N_INVARIANTS > 0).then_some(S::N_INVARIANTS)
+    }
+
+    fn invariants(&self, t: f64, y: &[f64], values: &mut [f64]) {
+        self.scene.invariants_of(t, array(y), values);
+    }
+
+    fn invariant_gradients(&self, t: f64, y: &[f64], gradients: &mut [VecState]) {
+        let mut rows = vec![[0.0; N]; gradients.len()];
+        self.scene.invariant_gradients_of(t, array(y), &mut rows);
+        gradients.iter_mut().zip(&rows).for_each(|(gradient, row)| gradient.0.copy_from_slice(row));
+    }
+
+    fn check(&self, t: f64, y: &[f64]) -> Result<(), Failure> {
+        System::check(&self.scene, t, array(y))
+    }
+
+    fn domain(&self, t: f64, y: &[f64]) -> Result<(), Failure> {
+        System::domain(&self.scene, t, array(y))
+    }
+
+    fn signature(&self, t: f64, y: &[f64]) -> f64 {
+        System::signature(&self.scene, t, array(y))
+    }
+
+    fn pivots(&self, t: f64, y: &[f64], visit: &mut dyn FnMut(Pivot<f64>)) {
+        System::pivots(&self.scene, t, array(y), visit);
+    }
+}

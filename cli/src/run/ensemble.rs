@@ -1,0 +1,257 @@
+//! Many integrations of one scene side by side and on several threads.
+//!
+//! Does not know: whether the scene is compiled or interpreted, how a trajectory is integrated, what varies, files.
+
+use std::io::IsTerminal as _;
+
+use hamel_ensemble::{Ensemble, Lanes, Source, Stop, Trajectory};
+use hamel_runtime::{F64x4, Method, Options};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use rayon::ThreadPool;
+use rayon::iter::{IndexedParallelIterator as _, IntoParallelIterator as _, ParallelIterator as _};
+use serde::{Deserialize, Serialize};
+
+use super::dynamics::{BadParams, Factory, PreparedLanes, PreparedScene, VecState};
+use super::evaluate::why_stopped;
+use super::method::{MethodName, Steps};
+use super::simulation::{Sample, sample_time};
+use super::solver::{WithMethod, with_method};
+use crate::error::Error;
+
+/// How many trajectories are integrated side by side by one core.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+pub enum Width {
+    /// One, with steps of its own: the bits of `simulate`.
+    #[value(name = "1")]
+    One,
+    /// Four, with common steps that keep the tolerances of each; explicit methods only, otherwise one.
+    #[default]
+    #[value(name = "4")]
+    Four,
+}
+
+/// Many integrations from time zero that differ in parameters and initial state.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EnsembleRequest {
+    /// Parameters and initial state of each trajectory.
+    pub members: Vec<(Vec<f64>, Vec<f64>)>,
+    /// Time to reach.
+    pub t_final: f64,
+    /// The method.
+    pub method: MethodName,
+    /// How it chooses steps.
+    pub steps: Steps,
+    /// Number of samples at equal distances, both ends included; a single one is the end.
+    pub samples: usize,
+    /// How many trajectories share a core's registers.
+    pub width: Width,
+    /// Largest number of steps of each, rejected ones included; none for [`Steps::max_steps`].
+    pub max_steps: Option<u64>,
+    /// Number of threads; none for that of the cores.
+    pub threads: Option<usize>,
+    /// How many trajectories of how many are done already, for the progress bar.
+    pub done: (usize, usize),
+}
+
+impl EnsembleRequest {
+    /// Options of every integration.
+    ///
+    /// # Errors
+    /// [`Error::Options`] for a time that is not finite, and steps that the integrator does not take.
+    pub fn options(&self) -> Result<Options<f64>, Error> {
+        let options = self.steps.options(self.t_final, self.max_steps.unwrap_or(self.steps.max_steps()))?;
+        options.validate().map_err(|e| Error::Options { reason: e.to_string() })?;
+        Ok(options)
+    }
+}
+
+/// What became of one trajectory.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Member {
+    /// Samples as far as they were reached, then the last state if it stopped; none if it never started.
+    pub samples: Vec<Sample>,
+    /// Accepted steps, those of the trajectories beside it.
+    pub steps: u64,
+    /// Why it stopped before the end, or what has no value.
+    pub error: Option<String>,
+}
+impl Member {
+    /// A trajectory that never started.
+    pub(crate) fn failed(error: impl ToString) -> Member {
+        Member { error: Some(error.to_string()), ..Member::default() }
+    }
+}
+
+/// Integrates all members on several threads; results are in their order, and the same for any number of threads.
+///
+/// # Errors
+/// [`Error::Options`] for a time, tolerances, a method or a number of threads that suit none of them.
+pub fn integrate(factory: &dyn Factory, request: &EnsembleRequest) -> Result<Vec<Member>, Error> {
+    let job = Job { factory, request };
+    // What a scene can do depends on the scene alone, but takes parameters that are allowed.
+    let any = request.members.iter().find_map(|(p, y)| Some((factory.prepare(p).ok()?, y)));
+    match &any {
+        Some((dynamics, y)) => with_method(request.method, request.steps, &**dynamics, y, job)?,
+        // No trajectory will start, whatever the method.
+        None => job.explicit(hamel_runtime::Dop853),
+    }
+}
+
+/// The scenes of a factory for all parameters.
+struct Scenes<'a>(&'a dyn Factory);
+
+impl<'a> Source<f64> for Scenes<'a> {
+    type State = VecState;
+    type System = PreparedScene<'a>;
+    type Error = BadParams;
+
+    fn prepare(&self, params: &[f64]) -> Result<Self::System, BadParams> {
+        self.0.prepare(params)
+    }
+
+    fn state(&self, components: &[f64]) -> VecState {
+        VecState(components.to_vec())
+    }
+}
+
+impl<'a> Source<F64x4> for Scenes<'a> {
+    type State = VecState<F64x4>;
+    type System = PreparedLanes<'a>;
+    type Error = BadParams;
+
+    fn prepare(&self, params: &[F64x4]) -> Result<Self::System, BadParams> {
+        self.0.prepare_lanes(params)
+    }
+
+    fn state(&self, components: &[F64x4]) -> VecState<F64x4> {
+        VecState(components.to_vec())
+    }
+}
+
+struct Job<'a> {
+    factory: &'a dyn Factory,
+    request: &'a EnsembleRequest,
+}
+
+impl<'a> WithMethod<'a> for Job<'a> {
+    type Output = Result<Vec<Member>, Error>;
+
+    fn single<M: Method<f64, PreparedScene<'a>> + Sync>(self, method: M) -> Self::Output {
+        self.run::<f64, M>(method)
+    }
+
+    fn explicit<M>(self, method: M) -> Self::Output
+    where
+        M: Method<f64, PreparedScene<'a>> + Method<F64x4, PreparedLanes<'a>> + Sync,
+    {
+        match self.request.width {
+            Width::One => self.run::<f64, M>(method),
+            Width::Four => self.run::<F64x4, M>(method),
+        }
+    }
+}
+
+impl<'a> Job<'a> {
+    fn run<L, M>(&self, method: M) -> Result<Vec<Member>, Error>
+    where
+        L: Lanes,
+        Scenes<'a>: Source<L, Error = BadParams>,
+        M: Method<f64, PreparedScene<'a>> + Method<L, <Scenes<'a> as Source<L>>::System> + Sync,
+    {
+        let request = self.request;
+        let refused = |e: hamel_runtime::Error| Error::Options { reason: e.to_string() };
+        let options = request.options()?;
+        Method::<f64, PreparedScene<'a>>::validate(&method, &options).map_err(refused)?;
+        let (params, initial): (Vec<&[f64]>, Vec<VecState>) =
+            request.members.iter().map(|(params, y)| (params.as_slice(), VecState(y.clone()))).unzip();
+        let times: Vec<f64> =
+            (0..request.samples).map(|k| sample_time(request.t_final, request.samples, k)).collect();
+        let ensemble = Ensemble::new(method, options).with_lanes::<L>();
+        let bar = progress_bar(request.done);
+        let members = pool(request.threads)?.install(|| {
+            let scenes = Scenes(self.factory);
+            let progress = |n: usize| bar.inc(n as u64);
+            let trajectories =
+                ensemble.run_from(&scenes, &params, &initial, request.t_final, &times, progress);
+            let one = |(trajectory, params): (_, &&[f64])| self.member(trajectory, params, &times);
+            Ok(trajectories?.into_par_iter().zip(&params).map(one).collect())
+        });
+        bar.finish_and_clear();
+        // As many parameters as states, by construction.
+        members.map_err(|e: hamel_ensemble::Error| Error::Options { reason: e.to_string() })
+    }
+
+    /// A trajectory with times, energies and words.
+    fn member(&self, trajectory: Trajectory<VecState, BadParams>, params: &[f64], times: &[f64]) -> Member {
+        let info = self.factory.info();
+        let mut error = trajectory.stop.as_ref().map(|stop| match stop {
+            Stop::Params(bad) => bad.to_string(),
+            Stop::Integration(error) => why_stopped(info, error),
+            other => format!("{other:?}"),
+        });
+        // With a known reason the parameters may not be allowed, and then there is no state either.
+        let Ok(dynamics) = self.factory.prepare(params) else { return Member { error, ..Member::default() } };
+        let has_started = trajectory.stats.rhs_evals > 0;
+        let reached = times.iter().copied().zip(trajectory.samples);
+        let is_new = has_started && error.is_some();
+        let last = is_new.then_some((trajectory.t, trajectory.state));
+        let mut samples: Vec<Sample> = Vec::with_capacity(reached.len() + 1);
+        for (t, state) in reached.chain(last) {
+            if samples.last().is_some_and(|s| s.t == t) {
+                continue;
+            }
+            let energy = dynamics.energy(t, &state.0).filter(|e| e.is_finite());
+            if info.has_energy && energy.is_none() {
+                error.get_or_insert_with(|| format!("the energy is not finite at t = {t:?}"));
+            }
+            samples.push(Sample { t, state: state.0, energy, outputs: Vec::new() });
+        }
+        Member { samples, steps: trajectory.stats.steps, error }
+    }
+}
+
+/// Most threads: several for each core of a large machine, and far fewer than a system refuses.
+const MAX_THREADS: usize = 1024;
+
+/// Threads for an ensemble.
+pub(crate) fn pool(threads: Option<usize>) -> Result<ThreadPool, Error> {
+    if let Some(n) = threads.filter(|n| *n > MAX_THREADS) {
+        let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+        let reason = format!(
+            "is {n}, but at most {MAX_THREADS} are started: leave it out for as many as there are cores, {cores} here"
+        );
+        return Err(Error::unusable("--threads", reason));
+    }
+    // Zero is the pool's word for as many as there are cores.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build();
+    pool.map_err(|e| Error::Options { reason: format!("threads could not be started: {e}") })
+}
+
+/// A bar on a terminal.
+fn progress_bar((done, all): (usize, usize)) -> ProgressBar {
+    let bar = ProgressBar::new(all as u64);
+    if !std::io::stderr().is_terminal() {
+        bar.set_draw_target(ProgressDrawTarget::hidden());
+    }
+    // The template is a constant that indicatif accepts.
+    let style = ProgressStyle::with_template("  {bar:40.cyan/blue} {pos} of {len} trajectories  {eta} left");
+    bar.set_style(style.expect("valid template"));
+    bar.set_position(done as u64);
+    // What was done before the bar took no time of it.
+    bar.reset_eta();
+    bar
+}
+
+#[cfg(test)]
+mod tests {
+    use super::progress_bar;
+
+    /// Of work that was done before the bar there is no speed.
+    #[test]
+    fn trajectories_done_before_take_no_part_in_the_time_left() {
+        let bar = progress_bar((8192, 100_000));
+        assert_eq!(bar.position(), 8192);
+        // Zero, or not a number where the clock has not moved.
+        assert!(bar.per_sec().is_nan() || bar.per_sec() == 0.0, "{}", bar.per_sec());
+    }
+}

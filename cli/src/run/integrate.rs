@@ -1,0 +1,137 @@
+//! Integration of a scene from an initial state.
+//!
+//! Does not know: whether the scene is compiled or interpreted, how a request was written, files, figures.
+
+use hamel_runtime::{Error as SolverError, Integrator, Method};
+
+use super::admissible;
+use super::dynamics::{Factory, Info, PreparedScene, VecState};
+use super::evaluate::{describe, prepare, why_stopped};
+use super::method::Steps;
+use super::record::Record;
+use super::simulation::{SimulateRequest, SimulateResponse, stopped_because};
+use super::solver::{WithMethod, with_method};
+use crate::error::Error;
+
+/// Integrates a scene. `progress` is told the time reached after every step.
+///
+/// # Errors
+/// [`Error::NoState`], [`Error::Params`], [`Error::State`] and [`Error::Inadmissible`] for the initial state,
+/// [`Error::Options`], and [`Error::Stopped`] with the state reached when the integration cannot go on.
+pub fn simulate(
+    factory: &dyn Factory,
+    request: &SimulateRequest,
+    progress: &mut dyn FnMut(f64),
+) -> Result<SimulateResponse, Error> {
+    has_state(factory.info())?;
+    request.validate(factory.info())?;
+    let dynamics = prepare(factory, &request.params)?;
+    admissible::check(&*dynamics, &request.initial, request.n_group)?;
+    let run = Run { dynamics: &dynamics, request, progress };
+    with_method(request.method, request.steps, &*dynamics, &request.initial, run)?
+}
+
+/// Whether there is anything to integrate.
+///
+/// # Errors
+/// [`Error::NoState`].
+pub(crate) fn has_state(info: &Info) -> Result<(), Error> {
+    if info.state.is_empty() {
+        return Err(Error::NoState { scene: info.scene.clone(), model: info.model.clone() });
+    }
+    Ok(())
+}
+
+/// An integration that waits for its method.
+struct Run<'r, 'a> {
+    dynamics: &'r PreparedScene<'a>,
+    request: &'r SimulateRequest,
+    /// Is told the time reached after every step.
+    progress: &'r mut dyn FnMut(f64),
+}
+
+impl<'a> WithMethod<'a> for Run<'_, 'a> {
+    type Output = Result<SimulateResponse, Error>;
+
+    fn single<M: Method<f64, PreparedScene<'a>> + Sync>(self, method: M) -> Self::Output {
+        let Run { dynamics, request, progress } = self;
+        let info = dynamics.info();
+        let options = request.steps.options(request.t_final, request.max_steps)?;
+        let start = |error: SolverError| match error {
+            SolverError::Failure(failure) => {
+                Error::State { path: "initial".into(), reason: describe(info, failure) }
+            }
+            other => Error::Options { reason: other.to_string() },
+        };
+        let clock = std::time::Instant::now();
+        let initial = VecState(request.initial.clone());
+        let mut solver = Integrator::new(dynamics, method, 0.0, initial, options).map_err(start)?;
+        let mut record = Record::new(&**dynamics, request)?;
+        let mut interpolated = VecState(request.initial.clone());
+        let mut next = 0;
+        loop {
+            // Samples up to the time reached; the end is sampled at the end exactly.
+            while next < request.samples {
+                let time = request.sample_time(next);
+                if (time - solver.t()) * request.t_final.signum() > 0.0 {
+                    break;
+                }
+                if let Err(error) = solver.interpolate(time, &mut interpolated) {
+                    let (t, y) = (solver.t(), solver.state().0.clone());
+                    return Err(stopped(info, t, &y, &error));
+                }
+                record.sample(time, &interpolated.0)?;
+                next += 1;
+            }
+            if solver.t() == request.t_final {
+                break;
+            }
+            if solver.stats().steps + solver.stats().rejected >= request.max_steps {
+                let limit = SolverError::TooManySteps { t: solver.t(), limit: request.max_steps };
+                return Err(stopped(info, solver.t(), &solver.state().0, &limit));
+            }
+            if let Err(error) = solver.step_towards(request.t_final) {
+                return Err(stopped(info, solver.t(), &solver.state().0, &error));
+            }
+            record.step(solver.t(), &solver.state().0)?;
+            progress(solver.t());
+        }
+        let last = solver.state().0.clone();
+        let stats = solver.stats();
+        let energy_drift = record.initial_energy.map(|_| (record.deviation / record.scale).min(f64::MAX));
+        Ok(SimulateResponse {
+            t: solver.t(),
+            last,
+            steps: stats.steps,
+            rejected: stats.rejected,
+            rhs_evals: stats.rhs_evals,
+            energy_drift,
+            warnings: drift_warning(info, request.steps, energy_drift).into_iter().collect(),
+            initial_energy: record.initial_energy,
+            energy_scale: record.scale,
+            energy_at_steps: record.energy_at_steps,
+            initial_residual: record.initial_residual,
+            constraint_residual: record.residual,
+            samples: record.samples,
+            seconds: clock.elapsed().as_secs_f64(),
+        })
+    }
+}
+
+/// A larger relative drift of an energy that is conserved is told.
+const LARGE_DRIFT: f64 = 1e-3;
+
+/// That fixed steps were too long, where the energy shows it: they have no error estimate.
+fn drift_warning(info: &Info, steps: Steps, drift: Option<f64>) -> Option<String> {
+    let (Steps::Fixed { step }, Some(drift)) = (steps, drift) else { return None };
+    (info.conserves_energy && drift > LARGE_DRIFT).then(|| {
+        format!(
+            "the energy is conserved but moved by {drift:.1e} of its size: step {step:?} is too long for this motion, \
+             take a shorter one or a method with adaptive steps"
+        )
+    })
+}
+
+fn stopped(info: &Info, t: f64, y: &[f64], error: &SolverError) -> Error {
+    stopped_because(info, t, y, why_stopped(info, error))
+}

@@ -1,0 +1,235 @@
+//! Integration methods by name, and how steps are chosen.
+//!
+//! [`METHODS`] is the one table of methods: a method is added by a variant, a line there, and an arm of
+//! [`super::solver::with_method`], which the compiler asks for.
+//!
+//! Does not know: how a method works, scenes, requests.
+
+use clap::ValueEnum;
+use hamel_runtime::Options;
+use serde::{Deserialize, Serialize};
+
+use crate::error::Error;
+
+/// An integration method of the runtime.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum MethodName {
+    /// Tsitouras, fifth order.
+    Tsit5,
+    /// Dormand and Prince, eighth order.
+    #[default]
+    Dop853,
+    /// Verner, ninth order.
+    Vern9,
+    /// Dormand and Prince, fifth order.
+    Dopri5,
+    /// The classical fourth-order method, fixed steps only.
+    Rk4,
+    /// Gauss collocation of fourth order: symplectic, fixed steps only.
+    Gauss4,
+    /// Gauss collocation of sixth order: symplectic, fixed steps only.
+    Gauss6,
+    /// Gauss collocation of eighth order: symplectic, fixed steps only.
+    Gauss8,
+    /// The same of fourth order with Newton's iteration, for stiff systems and long steps.
+    Gauss4Newton,
+    /// The same of sixth order with Newton's iteration.
+    Gauss6Newton,
+    /// The same of eighth order with Newton's iteration.
+    Gauss8Newton,
+    /// Taylor series of an order that suits the tolerances.
+    Taylor,
+    /// The one that is fastest for the tolerance and the scene, by measurements: see [`super::auto`].
+    Auto,
+    /// Verner's method with a projection onto the invariants of the motion after every step.
+    Projected,
+}
+
+/// What a method needs and offers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Class {
+    /// Explicit, with an error estimate of its own.
+    Embedded,
+    /// Fixed steps only.
+    Fixed,
+    /// Fixed steps only, and derivatives of the right-hand side.
+    Newton,
+    /// Coefficients of the solution's Taylor series.
+    Series,
+    /// Stands for another method.
+    Choice,
+    /// Corrects the steps of another method.
+    Projection,
+}
+
+/// Every method in the order of [`MethodName`], with its name in requests and on the command line.
+const METHODS: [(MethodName, &str, Class); 14] = [
+    (MethodName::Tsit5, "tsit5", Class::Embedded),
+    (MethodName::Dop853, "dop853", Class::Embedded),
+    (MethodName::Vern9, "vern9", Class::Embedded),
+    (MethodName::Dopri5, "dopri5", Class::Embedded),
+    (MethodName::Rk4, "rk4", Class::Fixed),
+    (MethodName::Gauss4, "gauss4", Class::Fixed),
+    (MethodName::Gauss6, "gauss6", Class::Fixed),
+    (MethodName::Gauss8, "gauss8", Class::Fixed),
+    (MethodName::Gauss4Newton, "gauss4-newton", Class::Newton),
+    (MethodName::Gauss6Newton, "gauss6-newton", Class::Newton),
+    (MethodName::Gauss8Newton, "gauss8-newton", Class::Newton),
+    (MethodName::Taylor, "taylor", Class::Series),
+    (MethodName::Auto, "auto", Class::Choice),
+    (MethodName::Projected, "projected", Class::Projection),
+];
+
+impl MethodName {
+    /// All methods.
+    pub fn all() -> impl Iterator<Item = MethodName> {
+        METHODS.iter().map(|(method, ..)| *method)
+    }
+
+    /// The method of a name.
+    pub fn from_name(name: &str) -> Option<MethodName> {
+        METHODS.iter().find(|(_, known, _)| *known == name).map(|(method, ..)| *method)
+    }
+
+    /// The name in requests.
+    pub fn name(self) -> &'static str {
+        METHODS[self as usize].1
+    }
+
+    fn class(self) -> Class {
+        METHODS[self as usize].2
+    }
+
+    /// Whether the method takes fixed steps only.
+    pub(crate) fn has_fixed_steps(self) -> bool {
+        matches!(self.class(), Class::Fixed | Class::Newton)
+    }
+
+    /// Whether the method asks for derivatives of the right-hand side.
+    pub(crate) fn is_newton(self) -> bool {
+        self.class() == Class::Newton
+    }
+}
+
+/// The names of the methods with an error estimate, for a sentence: `a, b or c`.
+fn embedded_names() -> String {
+    let embedded = METHODS.iter().filter(|(.., class)| *class == Class::Embedded);
+    let names: Vec<&str> = embedded.map(|(_, name, _)| *name).collect();
+    match names.split_last() {
+        Some((last, others)) if !others.is_empty() => format!("{} or {last}", others.join(", ")),
+        _ => names.concat(),
+    }
+}
+
+/// Most steps of one run with adaptive steps, rejected ones included, unless another number is given.
+const MAX_STEPS: u64 = 50_000_000;
+
+/// How steps are chosen.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Steps {
+    /// Such that the estimated error stays within the tolerances.
+    Adaptive {
+        /// Relative tolerance.
+        rtol: f64,
+        /// Absolute tolerance.
+        atol: f64,
+    },
+    /// All of one size.
+    Fixed {
+        /// The size.
+        step: f64,
+    },
+}
+
+impl Steps {
+    /// Default relative tolerance.
+    pub const RTOL: f64 = 1e-10;
+    /// Default absolute tolerance.
+    pub const ATOL: f64 = 1e-12;
+
+    /// Steps from what was given.
+    ///
+    /// # Errors
+    /// What is contradictory or missing, and what to change.
+    pub fn new(
+        method: MethodName,
+        rtol: Option<f64>,
+        atol: Option<f64>,
+        step: Option<f64>,
+    ) -> Result<Steps, String> {
+        match (step, rtol, atol) {
+            (Some(_), ..) if method == MethodName::Auto => {
+                Err("is given, but auto chooses by tolerances: leave it out, or choose a method for it"
+                    .into())
+            }
+            (Some(step), None, None) => Ok(Steps::Fixed { step }),
+            (Some(_), ..) => {
+                Err("is given together with a tolerance: give either step, or rtol and atol".into())
+            }
+            (None, ..) if method.has_fixed_steps() => Err(format!(
+                "is missing: {} has no error estimate, give a step or choose {}",
+                method.name(),
+                embedded_names()
+            )),
+            (None, rtol, atol) => {
+                Ok(Steps::Adaptive { rtol: rtol.unwrap_or(Self::RTOL), atol: atol.unwrap_or(Self::ATOL) })
+            }
+        }
+    }
+
+    /// Largest number of steps unless another one is given; one with fixed steps costs less and cannot be rejected.
+    pub fn max_steps(self) -> u64 {
+        match self {
+            Steps::Adaptive { .. } => MAX_STEPS,
+            Steps::Fixed { .. } => 20 * MAX_STEPS,
+        }
+    }
+
+    /// Options of an integration to `t_final` with at most `max_steps` steps, rejected ones included.
+    ///
+    /// # Errors
+    /// [`Error::Options`] for a time that is not finite, and for fixed steps that are too many.
+    pub fn options(self, t_final: f64, max_steps: u64) -> Result<Options<f64>, Error> {
+        if !t_final.is_finite() {
+            return Err(Error::Options { reason: format!("t_final is {t_final}: give a finite time") });
+        }
+        let options = match self {
+            Steps::Adaptive { rtol, atol } => Options::adaptive(rtol, atol),
+            Steps::Fixed { step } => {
+                let n_steps = (t_final / step).abs();
+                // The quotient is rounded.
+                if step > 0.0 && n_steps > max_steps as f64 * (1.0 + 1e-9) {
+                    let reason = format!(
+                        "step {step:?} is too small for t_final = {t_final:?}: it needs {n_steps:.1e} steps, and at most \
+                         {max_steps} are taken; give a larger step, or raise max_steps"
+                    );
+                    return Err(Error::Options { reason });
+                }
+                Options::fixed(step)
+            }
+        };
+        Ok(options.with_max_steps(max_steps))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::ValueEnum as _;
+
+    use super::{METHODS, MethodName, embedded_names};
+
+    #[test]
+    fn a_method_has_one_name_everywhere() {
+        assert_eq!(METHODS.len(), MethodName::value_variants().len());
+        for ((method, name, _), variant) in METHODS.iter().zip(MethodName::value_variants()) {
+            assert_eq!((method, method.name()), (variant, *name));
+            assert_eq!(MethodName::from_name(name), Some(*method));
+            let value = method.to_possible_value();
+            assert_eq!(value.as_ref().map(clap::builder::PossibleValue::get_name), Some(*name));
+            assert_eq!(serde_json::to_value(method).ok(), Some((*name).into()));
+        }
+        assert_eq!(embedded_names(), "tsit5, dop853, vern9 or dopri5");
+    }
+}

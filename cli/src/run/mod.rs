@@ -1,0 +1,23 @@
+//! Scenes that are evaluated and integrated, here or in another process.
+//!
+//! Does not know: how a request was written, how results are shown.
+
+pub mod admissible;
+pub mod auto;
+pub mod backend;
+pub mod cargo;
+pub mod choice;
+pub mod dynamics;
+pub mod ensemble;
+pub mod evaluate;
+pub mod integrate;
+pub mod interpreted;
+pub mod method;
+pub mod protocol;
+mod record;
+pub mod remote;
+pub mod simulation;
+mod solver;
+pub mod start;
+
+pub use record::energy_scale;

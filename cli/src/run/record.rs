@@ -1,0 +1,172 @@
+//! What is noted on the way of an integration: samples, the drift of the energy, residuals of constraints.
+//!
+//! Does not know: how steps are made.
+
+use hamel_codegen::spec::Want;
+
+use super::dynamics::Dynamics;
+use super::simulation::{Sample, SimulateRequest, stopped_because};
+use crate::error::Error;
+
+/// Most steps whose energies are kept for a figure.
+const MAX_STEPS_SHOWN: usize = 4096;
+
+/// Scale to which the drift of the energy is relative: `|E0|`, or a thousandth of the size of the terms that `E0` is
+/// the sum of, whichever is larger.
+///
+/// ```text
+/// scale = max(|E0|, 1e-3 sum_i |y_i dE/dy_i|)
+/// ```
+///
+/// The zero of a potential is a convention, and where `E0` nearly cancels a drift relative to `|E0|` alone says nothing
+/// about the integration. A state at rest in the zero of the potential has the scale one, so that its drift is absolute.
+pub fn energy_scale(dynamics: &dyn Dynamics, t: f64, y: &[f64]) -> f64 {
+    let energy = |y: &[f64]| dynamics.energy(t, y).unwrap_or(0.0);
+    let mut terms = 0.0;
+    let mut moved = y.to_vec();
+    for (k, &x) in y.iter().enumerate() {
+        let h = 1e-6;
+        moved[k] = x * (1.0 + h);
+        let above = energy(&moved);
+        moved[k] = x * (1.0 - h);
+        let below = energy(&moved);
+        moved[k] = x;
+        let term = ((above - below) / (2.0 * h)).abs();
+        if term.is_finite() {
+            terms += term;
+        }
+    }
+    let scale = energy(y).abs().max(1e-3 * terms).min(f64::MAX);
+    if scale >= f64::MIN_POSITIVE { scale } else { 1.0 }
+}
+
+/// What is noted on the way.
+pub(super) struct Record<'a> {
+    dynamics: &'a dyn Dynamics,
+    with_outputs: bool,
+    pub(super) initial_energy: Option<f64>,
+    pub(super) scale: f64,
+    /// Largest `|E - E0|`.
+    pub(super) deviation: f64,
+    constraint: Option<std::ops::Range<usize>>,
+    pub(super) initial_residual: Option<f64>,
+    pub(super) residual: Option<f64>,
+    pub(super) energy_at_steps: Vec<(f64, f64)>,
+    n_steps: usize,
+    /// Every step whose number is a multiple of it is kept in `energy_at_steps`.
+    stride: usize,
+    pub(super) samples: Vec<Sample>,
+}
+
+impl<'a> Record<'a> {
+    pub(super) fn new(dynamics: &'a dyn Dynamics, request: &SimulateRequest) -> Result<Record<'a>, Error> {
+        let y = &request.initial;
+        let initial_energy = dynamics.energy(0.0, y);
+        if initial_energy.is_some_and(|e| !e.is_finite()) {
+            return Err(Error::State { path: "initial".into(), reason: "the energy is not finite".into() });
+        }
+        let scale = if initial_energy.is_some() { energy_scale(dynamics, 0.0, y) } else { 1.0 };
+        let constraint = dynamics.info().output_range(Want::Constraint.name());
+        let mut record = Record {
+            dynamics,
+            with_outputs: request.with_outputs,
+            initial_energy,
+            scale,
+            deviation: 0.0,
+            constraint,
+            initial_residual: None,
+            residual: None,
+            energy_at_steps: Vec::new(),
+            n_steps: 0,
+            stride: 1,
+            samples: Vec::with_capacity(request.samples),
+        };
+        record.residual_at(0.0, y).map_err(|_| Error::State {
+            path: "initial".into(),
+            reason: "the residual of the constraint is not finite".into(),
+        })?;
+        record.initial_residual = record.residual;
+        record.keep(0.0, initial_energy);
+        Ok(record)
+    }
+
+    /// Notes the energy and the residual after a step.
+    pub(super) fn step(&mut self, t: f64, y: &[f64]) -> Result<(), Error> {
+        self.residual_at(t, y)?;
+        let energy = self.energy(t, y)?;
+        self.keep(t, energy);
+        Ok(())
+    }
+
+    fn keep(&mut self, t: f64, energy: Option<f64>) {
+        let (Some(energy), true) = (energy, self.with_outputs) else { return };
+        if self.n_steps.is_multiple_of(self.stride) {
+            self.energy_at_steps.push((t, energy));
+        }
+        self.n_steps += 1;
+        if self.energy_at_steps.len() >= MAX_STEPS_SHOWN {
+            let mut number = 0;
+            self.energy_at_steps.retain(|_| {
+                number += 1;
+                number % 2 == 1
+            });
+            self.stride *= 2;
+        }
+    }
+
+    /// Notes the energy at a point and returns it.
+    fn energy(&mut self, t: f64, y: &[f64]) -> Result<Option<f64>, Error> {
+        let (Some(energy), Some(initial)) = (self.dynamics.energy(t, y), self.initial_energy) else {
+            return Ok(None);
+        };
+        if !energy.is_finite() {
+            return Err(self.not_finite(t, y, "the energy"));
+        }
+        let change = (energy - initial).abs();
+        if !change.is_finite() {
+            return Err(self.not_finite(t, y, "the change of the energy"));
+        }
+        self.deviation = self.deviation.max(change);
+        Ok(Some(energy))
+    }
+
+    pub(super) fn sample(&mut self, t: f64, y: &[f64]) -> Result<(), Error> {
+        let energy = self.energy(t, y)?;
+        let mut outputs = Vec::new();
+        if self.with_outputs || self.constraint.is_some() {
+            outputs = self.dynamics.outputs(t, y);
+            self.note_residual(t, y, &outputs)?;
+        }
+        if !self.with_outputs {
+            outputs.clear();
+        }
+        if outputs.iter().any(|x| !x.is_finite()) {
+            return Err(self.not_finite(t, y, "an output"));
+        }
+        self.samples.push(Sample { t, state: y.to_vec(), energy, outputs });
+        Ok(())
+    }
+
+    fn residual_at(&mut self, t: f64, y: &[f64]) -> Result<(), Error> {
+        if self.constraint.is_none() {
+            return Ok(());
+        }
+        let outputs = self.dynamics.outputs(t, y);
+        self.note_residual(t, y, &outputs)
+    }
+
+    fn note_residual(&mut self, t: f64, y: &[f64], outputs: &[f64]) -> Result<(), Error> {
+        let Some(range) = self.constraint.clone() else { return Ok(()) };
+        for x in &outputs[range] {
+            if !x.is_finite() {
+                return Err(self.not_finite(t, y, "the residual of the constraint"));
+            }
+            self.residual = Some(self.residual.unwrap_or(0.0).max(x.abs()));
+        }
+        Ok(())
+    }
+
+    fn not_finite(&self, t: f64, y: &[f64], what: &str) -> Error {
+        stopped_because(self.dynamics.info(), t, y, format!("{what} is not finite"))
+    }
+}

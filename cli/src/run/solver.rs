@@ -1,0 +1,106 @@
+//! The integration method that a name stands for, as a value of its own type: [`with_method`].
+//!
+//! Does not know: what is integrated with a method, requests.
+
+use hamel_runtime::{
+    Dop853, Dopri5, F64x4, Gauss4, Gauss6, Gauss8, Method, Projected, Rk4, Taylor, Tsit5, Vern9,
+};
+
+use super::auto;
+use super::dynamics::{Dynamics, Info, PreparedLanes, PreparedScene};
+use super::method::{MethodName, Steps};
+use crate::error::Error;
+
+/// Most invariants that are projected onto.
+const MAX_INVARIANTS: usize = 64;
+
+/// What is done with a method, whichever it is.
+pub(crate) trait WithMethod<'a>: Sized {
+    /// What comes out.
+    type Output;
+
+    /// With a method that integrates one trajectory at a time.
+    fn single<M: Method<f64, PreparedScene<'a>> + Sync>(self, method: M) -> Self::Output;
+
+    /// With an explicit method, which integrates trajectories side by side as well.
+    fn explicit<M>(self, method: M) -> Self::Output
+    where
+        M: Method<f64, PreparedScene<'a>> + Method<F64x4, PreparedLanes<'a>> + Sync,
+    {
+        self.single(method)
+    }
+}
+
+/// Calls `user` with the method of a name, for a scene with parameters at a state.
+///
+/// # Errors
+/// [`Error::Options`] when the scene lacks what the method needs, or `auto` has no tolerance to go by.
+pub(crate) fn with_method<'a, U: WithMethod<'a>>(
+    method: MethodName,
+    steps: Steps,
+    dynamics: &dyn Dynamics,
+    y: &[f64],
+    user: U,
+) -> Result<U::Output, Error> {
+    Ok(match method {
+        MethodName::Tsit5 => user.explicit(Tsit5),
+        MethodName::Dop853 => user.explicit(Dop853),
+        MethodName::Vern9 => user.explicit(Vern9),
+        MethodName::Dopri5 => user.explicit(Dopri5),
+        MethodName::Rk4 => user.explicit(Rk4),
+        MethodName::Gauss4 => user.single(Gauss4::fixed_point()),
+        MethodName::Gauss6 => user.single(Gauss6::fixed_point()),
+        MethodName::Gauss8 => user.single(Gauss8::fixed_point()),
+        MethodName::Gauss4Newton => user.single(Gauss4::newton()),
+        MethodName::Gauss6Newton => user.single(Gauss6::newton()),
+        MethodName::Gauss8Newton => user.single(Gauss8::newton()),
+        MethodName::Taylor => {
+            has_series(dynamics, y)?;
+            user.single(Taylor::new())
+        }
+        MethodName::Auto => {
+            let Steps::Adaptive { rtol, .. } = steps else {
+                let reason = "method auto chooses by tolerances: give these instead of a step".to_owned();
+                return Err(Error::Options { reason });
+            };
+            let chosen = auto::choose(rtol, dynamics.rhs_cost(), dynamics.series(0.0, y, &mut []));
+            return with_method(chosen, steps, dynamics, y, user);
+        }
+        // Storage has a size known to the compiler: rounded up, with invariants that are always met.
+        MethodName::Projected => match dynamics.n_invariants() {
+            Some(1..=4) => user.single(Projected::<_, 4>::new(Vern9)),
+            Some(5..=16) => user.single(Projected::<_, 16>::new(Vern9)),
+            Some(17..=MAX_INVARIANTS) => user.single(Projected::<_, MAX_INVARIANTS>::new(Vern9)),
+            n_invariants => return Err(not_projected(dynamics.info(), n_invariants)),
+        },
+    })
+}
+
+/// Whether a scene has the series that the method `taylor` needs.
+///
+/// # Errors
+/// [`Error::Options`] when it has not.
+fn has_series(dynamics: &dyn Dynamics, y: &[f64]) -> Result<(), Error> {
+    if dynamics.series(0.0, y, &mut []) {
+        return Ok(());
+    }
+    let info = dynamics.info();
+    let reason = format!(
+        "method taylor: scene {} of {} was compiled without Taylor series: choose a scene that wants `taylor`, or \
+         --via interpreter",
+        info.scene, info.model
+    );
+    Err(Error::Options { reason })
+}
+
+fn not_projected(info: &Info, n_invariants: Option<usize>) -> Error {
+    let reason = match n_invariants {
+        None => "was compiled without its invariants: choose a scene that wants `invariants`, or --via interpreter"
+            .to_owned(),
+        Some(0) => "has no invariant besides components of its state: choose another method, or claim one that you \
+                    know with `casimir name = ..;`"
+            .to_owned(),
+        Some(n) => format!("has {n} invariants, but at most {MAX_INVARIANTS} can be kept: choose another method"),
+    };
+    Error::Options { reason: format!("method projected: scene {} of {} {reason}", info.scene, info.model) }
+}

@@ -1,0 +1,214 @@
+//! Parameters and an initial state for those who do not give all of them: moderate, deterministic, on the constraint.
+//!
+//! Does not know: who evaluates the scene.
+
+use std::collections::BTreeMap;
+
+use hamel_codegen::spec::Want;
+
+use super::admissible::{self, Outcome, Places, project};
+use super::backend::{Backend, Local};
+use super::dynamics::Info;
+use super::evaluate::{EvalRequest, prepare};
+use super::interpreted::{self, Built};
+use super::simulation::SimulateRequest;
+use crate::error::Error;
+use crate::model::roles::{self, Role};
+use crate::model::{self, Model};
+
+/// How often other values are tried when the scene has no value at the first ones.
+const N_ATTEMPTS: usize = 4;
+
+/// A state of a scene in which `given` components have the given values, and others the `preferred` ones of the model.
+///
+/// The rest is chosen: velocities get distinct moderate values, coordinates the middle of their interval (others a small value), advected
+/// parameters unit vectors. Where the scene keeps velocities that a constraint relates, the ones that were not given
+/// are moved by the least amount onto it; `constraint` answers for the scene's output group of that name.
+///
+/// # Errors
+/// Why no such state could be found.
+pub fn state(
+    backend: &mut dyn Backend,
+    constraint: Option<&mut dyn Backend>,
+    params: (&[f64], &[f64]),
+    roles: &BTreeMap<String, Role>,
+    preferred: &BTreeMap<String, f64>,
+    given: &BTreeMap<String, f64>,
+) -> Result<Vec<f64>, Error> {
+    let info = backend.info().clone();
+    let mut constraint = constraint;
+    let mut start = preferred.clone();
+    start.extend(given.iter().map(|(name, value)| (name.clone(), *value)));
+    let mut failure = None;
+    for attempt in 0..N_ATTEMPTS {
+        let mut y = first_guess(&info, roles, &start, attempt);
+        let is_velocity = |k: &usize| roles.get(&info.state[*k]) == Some(&Role::Velocity);
+        let velocities: Vec<usize> = (0..y.len()).filter(is_velocity).collect();
+        let is_free = |k: &usize| !given.contains_key(&info.state[*k]);
+        let free: Vec<usize> = velocities.iter().copied().filter(is_free).collect();
+        let met = if free.is_empty() {
+            Ok(())
+        } else {
+            match &mut constraint {
+                Some(other) => meet_constraint(&mut **other, params.1, &mut y, &velocities, &free),
+                None => meet_constraint(backend, params.0, &mut y, &velocities, &free),
+            }
+        };
+        let request = EvalRequest { params: params.0.to_vec(), t: 0.0, states: vec![y.clone()] };
+        match met.and_then(|()| backend.eval(&request)) {
+            Ok(_) => return Ok(y),
+            Err(error) => failure = failure.or(Some(error)),
+        }
+    }
+    // The loop runs at least once.
+    Err(match failure.expect("an attempt") {
+        Error::State { reason, .. } | Error::Remote { message: reason, .. }
+            if given.len() < info.state.len() =>
+        {
+            let reason = format!("{reason}; choose another state with --initial name=value ..");
+            Error::State { path: "the default initial state".into(), reason }
+        }
+        other => other,
+    })
+}
+
+/// Values without regard to the constraint.
+fn first_guess(
+    info: &Info,
+    roles: &BTreeMap<String, Role>,
+    start: &BTreeMap<String, f64>,
+    attempt: usize,
+) -> Vec<f64> {
+    // A fixed sequence of signs and sizes, none equal to another.
+    const SIZES: [f64; 7] = [0.8, -0.5, 1.1, 0.6, -0.9, 0.4, -0.7];
+    let shift = 0.15 * attempt as f64;
+    let mut n_velocities = 0;
+    let mut n_coordinates = 0;
+    let value = |name: &String| {
+        if let Some(value) = start.get(name) {
+            return *value;
+        }
+        match roles.get(name) {
+            Some(Role::Bounded { from, to }) => from + (to - from) * (0.5 + shift / 2.0),
+            // Coordinates of the group start at its identity.
+            Some(Role::Group { identity }) => *identity,
+            Some(Role::Unbounded) => {
+                n_coordinates += 1;
+                shift * (1.0 + 0.3 * f64::from(n_coordinates))
+            }
+            Some(Role::Advected { index, n }) => unit_vector(*index, *n, attempt),
+            Some(Role::Velocity) | None => {
+                let round = n_velocities / SIZES.len();
+                let size = SIZES[n_velocities % SIZES.len()] / (1.0 + 0.37 * round as f64);
+                n_velocities += 1;
+                size + shift
+            }
+        }
+    };
+    info.state.iter().map(value).collect()
+}
+
+/// A component of a unit vector that is along no axis.
+fn unit_vector(index: usize, n: usize, attempt: usize) -> f64 {
+    let component = |k: usize| 0.48 + 0.16 * ((k + attempt) % n) as f64 - if k == 0 { 0.12 } else { 0.0 };
+    if n == 3 && attempt == 0 {
+        return [0.36, 0.48, 0.8][index];
+    }
+    component(index) / (0..n).map(|k| component(k).powi(2)).sum::<f64>().sqrt()
+}
+
+/// Moves the velocities at positions `free` onto the constraint, by Newton's method with the least change; `velocities` are
+/// the positions of all.
+fn meet_constraint(
+    backend: &mut dyn Backend,
+    params: &[f64],
+    y: &mut [f64],
+    velocities: &[usize],
+    free: &[usize],
+) -> Result<(), Error> {
+    let Some(constraint) = backend.info().output_range(Want::Constraint.name()) else { return Ok(()) };
+    // Whoever gives no velocity has no metric in mind, and the model's own initial velocities are moved as little as can be.
+    let places = Places { constraint, velocities: velocities.to_vec(), momenta: None };
+    let mut outputs =
+        |states| Ok(backend.eval(&EvalRequest { params: params.to_vec(), t: 0.0, states })?.outputs);
+    match project(&mut outputs, &places, y, free)? {
+        Outcome::Met => Ok(()),
+        Outcome::Missed { largest } => {
+            let reason = format!(
+                "the constraint is violated by {largest:e} and the velocities that were not given cannot meet it: \
+                 give others"
+            );
+            Err(Error::State { path: "initial".into(), reason })
+        }
+    }
+}
+
+/// Chooses parameters and initial states of a scene.
+pub(crate) struct Starts<'a> {
+    model: &'a Model,
+    info: &'a Info,
+    /// Has the residual of the constraint where the scene itself leaves it out.
+    residuals: Option<Built>,
+}
+
+impl<'a> Starts<'a> {
+    pub(crate) fn new(model: &'a Model, info: &'a Info) -> Result<Starts<'a>, Error> {
+        Ok(Starts { model, info, residuals: residuals(model, info)? })
+    }
+
+    /// Parameters with those in `set`, and an initial state with the components in `given`; `backend` is that of the scene.
+    pub(crate) fn choose(
+        &self,
+        backend: &mut dyn Backend,
+        set: &BTreeMap<String, f64>,
+        given: &BTreeMap<String, f64>,
+    ) -> Result<(Vec<f64>, Vec<f64>), Error> {
+        let params: Vec<f64> =
+            self.info.params.iter().map(|p| set.get(&p.name).copied().unwrap_or(p.default)).collect();
+        let all_params = roles::all_params(self.model, &self.info.scene, set);
+        let roles = roles::roles(self.model, &all_params);
+        let preferred = roles::initial_values(self.model, &all_params);
+        let mut other = self.residuals.as_ref().map(Local::new);
+        let other = other.as_mut().map(|local| local as &mut dyn Backend);
+        let initial = state(backend, other, (&params, &params), &roles, &preferred, given)?;
+        // What the user gave may leave nothing to choose.
+        if let Some(scene) = &self.residuals {
+            admissible::check(&*prepare(scene, &params)?, &initial, 0)?;
+        }
+        Ok((params, initial))
+    }
+}
+
+/// Checks that the initial state of a request keeps the constraints, where the scene leaves out what tells that.
+///
+/// # Errors
+/// [`Error::Inadmissible`].
+pub(crate) fn judge(model: &Model, request: &SimulateRequest, info: &Info) -> Result<(), Error> {
+    if let Some(scene) = residuals(model, info)? {
+        admissible::check(&*prepare(&scene, &request.params)?, &request.initial, request.n_group)?;
+    }
+    Ok(())
+}
+
+/// The scene with the residuals of constraints that a state can violate, unless it has them itself; none if there are none.
+fn residuals(model: &Model, info: &Info) -> Result<Option<Built>, Error> {
+    if admissible::is_judged_by(info) || !model::hides_residuals(model, &info.scene)? {
+        return Ok(None);
+    }
+    Ok(interpreted::build(model, &info.scene)?.with_residuals())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::unit_vector;
+
+    #[test]
+    fn advected_vectors_are_unit_vectors() {
+        for n in [2, 3, 5] {
+            for attempt in 0..3 {
+                let square: f64 = (0..n).map(|k| unit_vector(k, n, attempt).powi(2)).sum();
+                assert!((square - 1.0).abs() < 1e-15);
+            }
+        }
+    }
+}

@@ -1,0 +1,158 @@
+//! What every command works with: the models that a name can mean, and the budget of their derivation.
+//!
+//! Does not know: commands, how a scene is evaluated.
+
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use crate::error::Error;
+use crate::model::{self, Model};
+use crate::repository::Repository;
+
+/// The models there are, and how they are derived.
+#[derive(Clone, Debug)]
+pub struct Session {
+    repository: Option<Repository>,
+    budget: u64,
+}
+
+impl Session {
+    /// Inside hamel's repository with its models, otherwise with those that were shipped with the program.
+    pub fn new(repository: Option<Repository>) -> Session {
+        Session { repository, budget: 1 }
+    }
+
+    /// With so many times the default budget for every model.
+    #[must_use]
+    pub fn with_budget(self, budget: u64) -> Session {
+        Session { budget, ..self }
+    }
+
+    /// The repository whose models these are.
+    pub fn repository(&self) -> Option<&Repository> {
+        self.repository.as_ref()
+    }
+
+    /// A path as shown to people.
+    pub fn shown(&self, path: &Path) -> String {
+        self.repository.as_ref().map_or_else(|| path.display().to_string(), |r| r.shown(path))
+    }
+
+    /// Reads and checks the text of a model; `file` is shown in messages.
+    ///
+    /// # Errors
+    /// [`Error::Models`] with every problem of the text.
+    pub fn parse(&self, file: &str, text: &str) -> Result<Model, Error> {
+        model::parse(file, text, self.budget)
+    }
+
+    /// All models that have a name, sorted.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when the repository's directory cannot be read.
+    pub fn all(&self) -> Result<Vec<ModelFile<'_>>, Error> {
+        let Some(repository) = &self.repository else { return Ok(Vec::new()) };
+        let specs = repository.specs()?.into_iter();
+        Ok(specs.map(|(name, path)| ModelFile::new(self, name, path, Some(repository))).collect())
+    }
+
+    /// The models of arguments; all when there are none.
+    ///
+    /// # Errors
+    /// As [`Session::find`].
+    pub fn find_all(&self, arguments: &[String]) -> Result<Vec<ModelFile<'_>>, Error> {
+        if arguments.is_empty() {
+            return self.all();
+        }
+        arguments.iter().map(|argument| self.find(argument)).collect()
+    }
+
+    /// The model of an argument: a model's name, or a path that ends in `.hamel`.
+    ///
+    /// # Errors
+    /// [`Error::UnknownModel`] with the models there are; [`Error::Io`] for a path that is no file.
+    pub fn find(&self, argument: &str) -> Result<ModelFile<'_>, Error> {
+        if argument.ends_with(".hamel") {
+            let path = PathBuf::from(argument);
+            let real = path.canonicalize().map_err(|e| Error::io(argument, e))?;
+            let is_in = |r: &&Repository| {
+                r.specs_folder().canonicalize().is_ok_and(|folder| real.parent() == Some(folder.as_path()))
+            };
+            let name = path.file_stem().and_then(|s| s.to_str()).unwrap_or_default().to_owned();
+            let repository = self.repository.as_ref().filter(is_in);
+            return Ok(ModelFile::new(self, name, path, repository));
+        }
+        let mut all = self.all()?;
+        match all.iter().position(|file| file.name() == argument) {
+            Some(at) => Ok(all.swap_remove(at)),
+            None => Err(Error::UnknownModel {
+                name: argument.to_owned(),
+                known: all.into_iter().map(|file| file.name).collect(),
+            }),
+        }
+    }
+}
+
+/// A model file, which is read when the model is first asked for.
+#[derive(Debug)]
+pub struct ModelFile<'s> {
+    session: &'s Session,
+    name: String,
+    path: PathBuf,
+    repository: Option<&'s Repository>,
+    model: OnceLock<Model>,
+}
+
+impl<'s> ModelFile<'s> {
+    fn new(
+        session: &'s Session,
+        name: String,
+        path: PathBuf,
+        repository: Option<&'s Repository>,
+    ) -> ModelFile<'s> {
+        ModelFile { session, name, path, repository, model: OnceLock::new() }
+    }
+
+    /// Name of the file without its ending, which is that of the model for models that have a name.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The file as shown to people.
+    pub fn shown(&self) -> String {
+        self.session.shown(&self.path)
+    }
+
+    /// The repository whose file it is, so that the model may have been generated and compiled.
+    pub fn repository(&self) -> Option<&'s Repository> {
+        self.repository
+    }
+
+    /// The model; warnings about it go to standard error the first time.
+    ///
+    /// # Errors
+    /// [`Error::Io`], [`Error::Models`] with every problem of the text, [`Error::Misnamed`].
+    pub fn model(&self) -> Result<&Model, Error> {
+        if let Some(model) = self.model.get() {
+            return Ok(model);
+        }
+        let shown = self.shown();
+        let text = std::fs::read_to_string(&self.path).map_err(|e| Error::io(shown.clone(), e))?;
+        let model = self.session.parse(&shown, &text)?;
+        if self.repository.is_some() && model.name != self.name {
+            return Err(Error::Misnamed { file: shown, model: model.name });
+        }
+        model::show_warnings(&model.warnings);
+        Ok(self.model.get_or_init(|| model))
+    }
+
+    /// The model, owned.
+    ///
+    /// # Errors
+    /// As [`ModelFile::model`].
+    pub fn into_model(self) -> Result<Model, Error> {
+        self.model()?;
+        // Read just now.
+        Ok(self.model.into_inner().expect("a model that was read"))
+    }
+}

@@ -1,0 +1,250 @@
+//! Differentiation, substitution, and the parts of affine functions.
+//!
+//! Deliberately does not know: what is a state, a velocity, a parameter.
+
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+
+use num_bigint::BigInt;
+use num_traits::{One, Signed};
+
+use super::arena::Arena;
+use super::graph::{DivisionByZero, Graph};
+use super::node::{ExprId, Func, Node, SymbolId};
+use super::rational::Rational;
+
+impl Graph {
+    /// The partial derivative of `e` by `x`.
+    pub fn diff(&mut self, e: ExprId, x: SymbolId) -> ExprId {
+        self.diff_all(&[e], x)[0]
+    }
+
+    /// Partial derivatives of several expressions by one symbol, sharing the work.
+    pub fn diff_all(&mut self, roots: &[ExprId], x: SymbolId) -> Vec<ExprId> {
+        let mut derivative: HashMap<ExprId, ExprId> = HashMap::new();
+        let order = self.reachable(roots);
+        self.charge(order.len());
+        for e in order {
+            let d = self.diff_node(e, x, &derivative);
+            derivative.insert(e, d);
+        }
+        roots.iter().map(|e| derivative[e]).collect()
+    }
+
+    fn diff_node(&mut self, e: ExprId, x: SymbolId, derivative: &HashMap<ExprId, ExprId>) -> ExprId {
+        match self.node(e).clone() {
+            Node::Constant(_) | Node::Pi => Arena::ZERO,
+            Node::Symbol(s) => {
+                if s == x {
+                    Arena::ONE
+                } else {
+                    Arena::ZERO
+                }
+            }
+            Node::Sum { terms, .. } => {
+                let terms: Vec<_> = terms
+                    .iter()
+                    .filter(|(t, _)| derivative[t] != Arena::ZERO)
+                    .map(|(t, q)| (derivative[t], q.clone()))
+                    .collect();
+                self.linear_combination(&terms)
+            }
+            Node::Product { coefficient, factors } => {
+                // d(c prod b_k^q_k) = sum_k c q_k b_k^(q_k - 1) b_k' prod_{j != k} b_j^q_j
+                let mut summands = Vec::new();
+                for (k, (base, q)) in factors.iter().enumerate() {
+                    let inner = derivative[base];
+                    if inner == Arena::ZERO {
+                        continue;
+                    }
+                    let mut rest: Vec<_> = factors.to_vec();
+                    rest[k].1 -= Rational::one();
+                    rest.push((inner, Rational::one()));
+                    let term = self.power_product(&rest).expect("bases of a canonical product are not zero");
+                    summands.push((term, &coefficient * q));
+                }
+                self.linear_combination(&summands)
+            }
+            Node::Function(f, a) => {
+                let inner = derivative[&a];
+                if inner == Arena::ZERO {
+                    return Arena::ZERO;
+                }
+                let outer = self.func_derivative(f, a, e);
+                self.mul(outer, inner)
+            }
+            Node::Atan2(y, x) => {
+                let (dy, dx) = (derivative[&y], derivative[&x]);
+                if dy == Arena::ZERO && dx == Arena::ZERO {
+                    return Arena::ZERO;
+                }
+                let [by_y, by_x] = self.atan2_derivatives(y, x);
+                let (along_y, along_x) = (self.mul(by_y, dy), self.mul(by_x, dx));
+                self.add(along_y, along_x)
+            }
+        }
+    }
+
+    /// `f'(a)`, given `value = f(a)`.
+    pub(crate) fn func_derivative(&mut self, f: Func, a: ExprId, value: ExprId) -> ExprId {
+        let one = Arena::ONE;
+        let root_of_one_minus_square = |g: &mut Graph, exponent: Rational| {
+            let square = g.powi(a, 2);
+            let base = g.sub(one, square);
+            g.power_product(&[(base, exponent)]).expect("1 - a^2 is not identically zero")
+        };
+        let minus_half = Rational::new(BigInt::from(-1), BigInt::from(2));
+        match f {
+            Func::Sin => self.func(Func::Cos, a),
+            Func::Cos => {
+                let s = self.func(Func::Sin, a);
+                self.neg(s)
+            }
+            Func::Tan => {
+                let square = self.powi(value, 2);
+                self.add(one, square)
+            }
+            Func::Asin => root_of_one_minus_square(self, minus_half),
+            Func::Acos => {
+                let d = root_of_one_minus_square(self, minus_half);
+                self.neg(d)
+            }
+            Func::Atan => {
+                let square = self.powi(a, 2);
+                let base = self.add(one, square);
+                self.powi(base, -1)
+            }
+            Func::Exp => value,
+            Func::Ln => self.power_product(&[(a, -Rational::one())]).expect("the argument of ln is not zero"),
+            Func::Sinh => self.func(Func::Cosh, a),
+            Func::Cosh => self.func(Func::Sinh, a),
+            Func::Tanh => {
+                let square = self.powi(value, 2);
+                self.sub(one, square)
+            }
+            Func::Abs => {
+                // |a|' = |a| / a, wrong only at a = 0 where there is no derivative.
+                self.power_product(&[(value, Rational::one()), (a, -Rational::one())])
+                    .expect("the argument of abs is not zero")
+            }
+        }
+    }
+
+    /// The partial derivatives of `atan2(y, x)`, `x/(x^2 + y^2)` by `y` and `-y/(x^2 + y^2)` by `x`.
+    pub(crate) fn atan2_derivatives(&mut self, y: ExprId, x: ExprId) -> [ExprId; 2] {
+        let (squared_y, squared_x) = (self.powi(y, 2), self.powi(x, 2));
+        let square = self.add(squared_x, squared_y);
+        let minus = self.neg(y);
+        let inverse = -Rational::one();
+        [x, minus].map(|numerator| {
+            self.power_product(&[(numerator, Rational::one()), (square, inverse.clone())])
+                .expect("a sum of squares of which not both are zero")
+        })
+    }
+
+    /// Replaces symbols by expressions, all at once.
+    ///
+    /// # Errors
+    /// [`DivisionByZero`] when a substituted denominator vanishes identically.
+    pub fn subs(
+        &mut self,
+        e: ExprId,
+        replacements: &BTreeMap<SymbolId, ExprId>,
+    ) -> Result<ExprId, DivisionByZero> {
+        Ok(self.subs_all(&[e], replacements)?[0])
+    }
+
+    /// [`Graph::subs`] on several expressions, sharing the work.
+    ///
+    /// # Errors
+    /// [`DivisionByZero`] when a substituted denominator vanishes identically.
+    pub fn subs_all(
+        &mut self,
+        roots: &[ExprId],
+        replacements: &BTreeMap<SymbolId, ExprId>,
+    ) -> Result<Vec<ExprId>, DivisionByZero> {
+        self.rebuild_all(roots, replacements, Graph::func)
+    }
+
+    /// The expression with every function of it, innermost first, made by `function` from its new argument.
+    ///
+    /// # Errors
+    /// [`DivisionByZero`] when a new denominator vanishes identically.
+    pub(crate) fn rebuild(
+        &mut self,
+        e: ExprId,
+        function: impl FnMut(&mut Graph, Func, ExprId) -> ExprId,
+    ) -> Result<ExprId, DivisionByZero> {
+        Ok(self.rebuild_all(&[e], &BTreeMap::new(), function)?[0])
+    }
+
+    fn rebuild_all(
+        &mut self,
+        roots: &[ExprId],
+        replacements: &BTreeMap<SymbolId, ExprId>,
+        mut function: impl FnMut(&mut Graph, Func, ExprId) -> ExprId,
+    ) -> Result<Vec<ExprId>, DivisionByZero> {
+        let mut image: HashMap<ExprId, ExprId> = HashMap::new();
+        let order = self.reachable(roots);
+        self.charge(order.len());
+        for e in order {
+            let replaced = match self.node(e).clone() {
+                Node::Constant(_) | Node::Pi => e,
+                Node::Symbol(s) => replacements.get(&s).copied().unwrap_or(e),
+                Node::Sum { constant, terms } => {
+                    if terms.iter().all(|(t, _)| image[t] == *t) {
+                        e
+                    } else {
+                        let mut list: Vec<_> = terms.iter().map(|(t, q)| (image[t], q.clone())).collect();
+                        list.push((Arena::ONE, constant));
+                        self.linear_combination(&list)
+                    }
+                }
+                Node::Product { coefficient, factors } => {
+                    if factors.iter().all(|(b, _)| image[b] == *b) {
+                        e
+                    } else {
+                        let list: Vec<_> = factors.iter().map(|(b, q)| (image[b], q.clone())).collect();
+                        if list.iter().any(|(b, q)| q.is_negative() && self.is_zero(*b)) {
+                            return Err(DivisionByZero);
+                        }
+                        let product = self.power_product(&list)?;
+                        self.scale(product, &coefficient)
+                    }
+                }
+                Node::Function(f, a) => function(self, f, image[&a]),
+                Node::Atan2(y, x) => self.atan2(image[&y], image[&x]),
+            };
+            image.insert(e, replaced);
+        }
+        Ok(roots.iter().map(|e| image[e]).collect())
+    }
+
+    /// Coefficients of `e` as an affine function of `unknowns`: `e = sum_k a_k unknown_k + b`.
+    ///
+    /// Returns `None` when `e` is not affine in them.
+    pub fn affine_parts(&mut self, e: ExprId, unknowns: &[SymbolId]) -> Option<(Vec<ExprId>, ExprId)> {
+        let all: BTreeSet<SymbolId> = unknowns.iter().copied().collect();
+        let mut slopes = Vec::with_capacity(unknowns.len());
+        for x in unknowns {
+            let slope = self.diff(e, *x);
+            // A slope may mention the unknowns structurally and still not depend on them.
+            let mut constant = true;
+            for y in &all {
+                let second = self.diff(slope, *y);
+                constant &= self.is_zero(second);
+            }
+            if !constant {
+                return None;
+            }
+            slopes.push(slope);
+        }
+        let zeros: BTreeMap<SymbolId, ExprId> = unknowns.iter().map(|s| (*s, Arena::ZERO)).collect();
+        let mut parts = slopes;
+        parts.push(e);
+        let mut parts = self.subs_all(&parts, &zeros).ok()?;
+        let offset = parts.pop()?;
+        let parts = parts.into_iter().map(|a| self.cancel_zero(a)).collect();
+        let offset = self.cancel_zero(offset);
+        Some((parts, offset))
+    }
+}

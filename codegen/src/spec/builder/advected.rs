@@ -1,0 +1,111 @@
+//! Advected parameters and the action on them.
+//!
+//! Deliberately does not know: what depends on them.
+
+use std::collections::BTreeSet;
+
+use super::draft::{AdvectedDraft, ModelBuilder};
+use crate::expr::SymbolId;
+use crate::spec::layout::{Layout, short_list};
+use crate::spec::model::*;
+use crate::spec::value::Value;
+
+impl ModelBuilder {
+    /// An advected parameter: a vector of dimension `n`, or a number for `None`.
+    pub fn advected(&mut self, name: &str, n: Option<usize>, doc: &str) -> Value {
+        let span = self.here;
+        let (value, components) = match n {
+            None => {
+                let (symbol, expr) = self.new_symbol(name, "an advected parameter");
+                (Value::Scalar(expr), vec![(name.to_owned(), symbol)])
+            }
+            Some(n) => {
+                self.declare(name, "an advected parameter");
+                let (mut components, mut entries) = (Vec::new(), Vec::new());
+                for component in Layout::Vector(n).names(name) {
+                    let (symbol, expr) = self.new_symbol(&component, "a component of an advected parameter");
+                    components.push((component, symbol));
+                    entries.push(expr);
+                }
+                let value = Value::Vector(entries);
+                self.bind(name, &value);
+                (value, components)
+            }
+        };
+        let draft = AdvectedDraft {
+            name: name.to_owned(),
+            value: value.clone(),
+            components,
+            action: None,
+            doc: doc.to_owned(),
+            span,
+        };
+        self.advected.push(draft);
+        value
+    }
+
+    /// The infinitesimal action `xi . a` of the velocity on an advected parameter; `adot = -xi . a`.
+    pub fn advected_action(&mut self, name: &str, action: &Value) -> &mut Self {
+        let here = self.here;
+        match self.advected.iter_mut().find(|a| a.name == name) {
+            Some(draft) => draft.action = Some((action.clone(), here)),
+            None => self.problem(here, format!("`{name}` is not an advected parameter"), "declare it first"),
+        }
+        self
+    }
+
+    pub(super) fn check_advected(&mut self) -> Vec<Advected> {
+        let fibre: Vec<SymbolId> = self.velocities.iter().map(|v| v.symbol).collect();
+        let rates: BTreeSet<SymbolId> = self.base.iter().map(|c| c.velocity).collect();
+        let mut result = Vec::new();
+        for draft in self.advected.clone() {
+            let Some((action, span)) = draft.action else {
+                if !self.broken.contains("advected") {
+                    let message = format!("advected parameter `{}` has no action", draft.name);
+                    self.problem(draft.span, message, "give `xi . a`, for example `cross(Omega, Gamma)`");
+                }
+                continue;
+            };
+            if action.shape() != draft.value.shape() {
+                let message = format!(
+                    "action on `{}` must be {}, found {}",
+                    draft.name,
+                    draft.value.shape(),
+                    action.shape()
+                );
+                self.problem(span, message, "it is the rate of change of the parameter, up to the sign");
+                continue;
+            }
+            let mut fine = true;
+            for e in action.entries() {
+                if self.reports_stray(*e, span, &format!("action on `{}`", draft.name), &[]) {
+                    fine = false;
+                    break;
+                }
+                let occurring = self.occurring(*e, &fibre);
+                let linear = match self.graph.affine_parts(*e, &occurring) {
+                    Some((_, offset)) => self.graph.is_zero(offset),
+                    None => false,
+                };
+                if !linear || self.graph.depends_on(*e, &rates) {
+                    let message =
+                        format!("action on `{}` is not linear in the velocities of the algebra", draft.name);
+                    let names: Vec<String> = self.velocities.iter().map(|v| v.name.clone()).collect();
+                    self.problem(span, message, short_list("the velocities are", &names));
+                    fine = false;
+                    break;
+                }
+            }
+            if fine {
+                result.push(Advected {
+                    name: draft.name,
+                    components: draft.components,
+                    action: action.into_entries(),
+                    doc: draft.doc,
+                    span: draft.span,
+                });
+            }
+        }
+        result
+    }
+}

@@ -1,0 +1,107 @@
+//! All checks in order, and the model that results.
+//!
+//! Deliberately does not know: what is checked.
+
+use super::draft::ModelBuilder;
+use crate::algebra::LieAlgebra;
+use crate::expr::Graph;
+use crate::spec::diagnostic::{Diagnostics, Origin, Span};
+use crate::spec::model::*;
+use crate::spec::names;
+use crate::spec::value::Value;
+
+impl ModelBuilder {
+    /// Checks everything and returns the model.
+    ///
+    /// # Errors
+    /// All problems found, in the order of the text.
+    pub fn build(self) -> Result<Model, Diagnostics> {
+        self.build_with(None)
+    }
+
+    pub(in crate::spec) fn build_with(mut self, origin: Option<Origin>) -> Result<Model, Diagnostics> {
+        if let Some(reason) = names::refusal(&self.name) {
+            self.problem(None, format!("`{}` cannot be used as the name of a model", self.name), reason);
+        }
+        self.check_conditions();
+        let lagrangian = self.check_lagrangian();
+        let stages = self.check_stages();
+        let advected = self.check_advected();
+        let connection = self.check_connection();
+        let constraints = self.check_constraints();
+        let virtual_constraints = self.check_virtual_constraints();
+        let independent = self.check_independent(&constraints);
+        let forces = self.check_forces();
+        self.check_named_values();
+        let reconstruction = self.check_reconstructions(connection.as_deref());
+        let initial = self.check_initial();
+        let scenes = self.check_scenes();
+        self.check_budget();
+        if !self.problems.is_empty() {
+            return Err(Diagnostics::new(origin, self.problems));
+        }
+        let by_name = |list: Vec<(String, Value, Option<Span>)>| {
+            list.into_iter().filter_map(|(name, _, span)| Some((name, span?))).collect()
+        };
+        let first_component = self.connection.first().and_then(|(_, _, span)| *span);
+        let places = Places {
+            lagrangian: self.lagrangian.and_then(|(_, span)| span),
+            inner_product: self.inner_product.and_then(|(_, span)| span),
+            independent: self.independent.and_then(|(_, span)| span),
+            connection: self.derived_connection.and_then(|(_, span)| span).or(first_component),
+            outputs: self.output_names.into_iter().filter_map(|(name, span)| Some((name, span?))).collect(),
+            declared: self.names.into_iter().filter_map(|(name, of)| Some((name, of.span?))).collect(),
+            forces: by_name(self.forces),
+            initial: by_name(self.initial),
+        };
+        let views_graph = self.views_graph.unwrap_or_else(|| match self.views.is_empty() {
+            true => Graph::new(),
+            false => self.graph.clone(),
+        });
+        Ok(Model {
+            views: Views { graph: views_graph, list: self.views },
+            name: self.name,
+            doc: self.doc,
+            sources: self.sources,
+            graph: self.graph,
+            time: self.time,
+            params: self.params,
+            conditions: self.conditions,
+            base: self.base,
+            algebra: self.algebra.map_or_else(|| LieAlgebra::abelian(0), |(algebra, _)| algebra),
+            velocities: self.velocities,
+            quasi_velocities: self.quasi_velocities,
+            connection,
+            derived_connection: self.derived_connection.map(|(kind, _)| kind),
+            action: self.action.map_or(Side::Left, |(side, _)| side),
+            stages,
+            advected,
+            lagrangian,
+            constraints,
+            virtual_constraints,
+            independent,
+            force_multipliers: self.multipliers.is_some(),
+            forces,
+            casimirs: self.casimirs,
+            outputs: self.outputs,
+            reconstruction,
+            initial,
+            scenes,
+            places,
+            warnings: Diagnostics::new(None, Vec::new()),
+            origin,
+        })
+    }
+
+    /// What is wrong with expressions that were not made says nothing.
+    fn check_budget(&mut self) {
+        let views = self.views_graph.as_ref().map_or(Ok(()), Graph::within_budget);
+        let Err(exhausted) = self.graph.within_budget().and(views) else { return };
+        let message = exhausted.message();
+        self.problems.retain(|problem| problem.message == message);
+        if self.problems.is_empty() {
+            let span = self.lagrangian.as_ref().and_then(|(_, span)| *span);
+            self.problem(span, message, exhausted.help());
+        }
+    }
+}

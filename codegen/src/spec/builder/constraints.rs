@@ -1,0 +1,301 @@
+//! Constraints on velocities, conditions on virtual displacements, independent velocities.
+//!
+//! Deliberately does not know: how constraints are solved.
+
+use std::collections::BTreeMap;
+
+use super::draft::{ConstraintDraft, ModelBuilder};
+use super::symbols::Special;
+use crate::expr::{ExprId, SymbolId};
+use crate::spec::diagnostic::{Diagnostic, Span};
+use crate::spec::model::*;
+use crate::spec::names;
+use crate::spec::shape::{Shape, ValueError};
+use crate::spec::value::Value;
+
+impl ModelBuilder {
+    /// A constraint `left = right` on velocities, or on accelerations made by [`ModelBuilder::ddt`]; a vector equation gives
+    /// one constraint per component, and the number 0 on one side stands for a zero of any shape.
+    ///
+    /// ```
+    /// use hamel_codegen::algebra::LieAlgebra;
+    /// use hamel_codegen::spec::{ModelBuilder, Value};
+    ///
+    /// let mut b = ModelBuilder::new("sleigh");
+    /// let [omega, v] = b.velocities(LieAlgebra::se(2).unwrap(), &["omega", "v"]).try_into().unwrap();
+    /// let square = omega.mul(b.graph(), &omega).unwrap();
+    /// let energy = v.dot(b.graph(), &v).unwrap().add(b.graph(), &square).unwrap();
+    /// let zero = Value::Scalar(b.graph().zero());
+    /// b.lagrangian(&energy).constraint(Some("skate"), "v2 = 0", &v.row(2).unwrap(), &zero);
+    /// b.independent(&["omega", "v1"]).force("v1", &zero);
+    /// assert_eq!(b.build().unwrap().constraints[0].name, "skate");
+    /// ```
+    pub fn constraint(&mut self, name: Option<&str>, text: &str, left: &Value, right: &Value) -> &mut Self {
+        let span = self.here;
+        self.constraints.push(ConstraintDraft {
+            name: name.map(str::to_owned),
+            text: text.to_owned(),
+            left: left.clone(),
+            right: right.clone(),
+            span,
+        });
+        self
+    }
+
+    /// The velocities (vectors or components) to be kept as independent.
+    pub fn independent(&mut self, names: &[&str]) -> &mut Self {
+        let located: Vec<(String, Option<Span>)> =
+            names.iter().map(|n| ((*n).to_owned(), self.here)).collect();
+        self.located_independent(located)
+    }
+
+    pub(in crate::spec) fn located_independent(&mut self, names: Vec<(String, Option<Span>)>) -> &mut Self {
+        let here = self.here;
+        match &self.independent {
+            Some((_, first)) => self.twice("independent", *first),
+            None => self.independent = Some((names, here)),
+        }
+        self
+    }
+
+    /// Keeps all velocities and computes multipliers.
+    pub fn multipliers(&mut self) -> &mut Self {
+        let here = self.here;
+        match self.multipliers {
+            Some(first) => self.twice("multipliers", first),
+            None => self.multipliers = Some(here),
+        }
+        self
+    }
+
+    /// A condition `left = right` on virtual displacements, linear in [`ModelBuilder::delta`]; a vector equation gives one
+    /// condition per component. Without any, the displacements are those that the constraints allow.
+    ///
+    /// ```
+    /// use hamel_codegen::algebra::LieAlgebra;
+    /// use hamel_codegen::spec::{ModelBuilder, Value};
+    ///
+    /// let mut b = ModelBuilder::new("servo");
+    /// let v = b.velocities(LieAlgebra::abelian(2), &["v"]).remove(0);
+    /// let energy = v.dot(b.graph(), &v).unwrap();
+    /// let zero = Value::Scalar(b.graph().zero());
+    /// let (first, second) = (v.row(1).unwrap(), v.row(2).unwrap());
+    /// let (acceleration, displacement) = (b.ddt(&first).unwrap(), b.delta(&second).unwrap());
+    /// b.lagrangian(&energy).constraint(None, "ddt(v1) = 0", &acceleration, &zero);
+    /// b.virtual_constraint(None, "delta(v2) = 0", &displacement, &zero);
+    /// assert_eq!(b.build().unwrap().virtual_constraints.len(), 1);
+    /// ```
+    pub fn virtual_constraint(
+        &mut self,
+        name: Option<&str>,
+        text: &str,
+        left: &Value,
+        right: &Value,
+    ) -> &mut Self {
+        let span = self.here;
+        self.virtual_constraints.push(ConstraintDraft {
+            name: name.map(str::to_owned),
+            text: text.to_owned(),
+            left: left.clone(),
+            right: right.clone(),
+            span,
+        });
+        self
+    }
+
+    /// Left minus right of an equation, by component, with names; `prefix` counts the unnamed ones.
+    pub(super) fn rows(
+        &mut self,
+        draft: &ConstraintDraft,
+        what: &str,
+        prefix: &str,
+        taken: &mut BTreeMap<String, Option<Span>>,
+        n_unnamed: &mut usize,
+    ) -> Vec<(String, String, ExprId)> {
+        let (left, right) = Value::fit_zero(&self.graph, &draft.left, &draft.right);
+        let Ok(residual) = left.sub(&mut self.graph, &right) else {
+            let (left, right) = (draft.left.shape(), draft.right.shape());
+            self.value_error(draft.span, &ValueError::Shapes { operation: "equate", left, right });
+            return Vec::new();
+        };
+        let n = residual.entries().len();
+        let mut rows = Vec::with_capacity(n);
+        for (k, e) in residual.entries().iter().enumerate() {
+            let name = match (&draft.name, residual.shape()) {
+                (Some(name), Shape::Scalar) => name.clone(),
+                (Some(name), _) => format!("{name}{}", k + 1),
+                (None, _) => {
+                    *n_unnamed += 1;
+                    format!("{prefix}{n_unnamed}")
+                }
+            };
+            if let Some(reason) = names::refusal(&name) {
+                self.problem(draft.span, format!("`{name}` cannot be used as a name"), reason);
+            }
+            if let Some(first) = taken.insert(name.clone(), draft.span) {
+                let problem = Diagnostic::new(draft.span, format!("{what} `{name}` is declared twice"))
+                    .with_place(first, "first here")
+                    .with_help("rename one of them");
+                self.problems.push(problem);
+            }
+            let text = &draft.text;
+            let place = if n > 1 {
+                format!("component {} of {what} `{text}`", k + 1)
+            } else {
+                format!("{what} `{text}`")
+            };
+            if self.graph.is_zero(*e) {
+                self.problem(draft.span, format!("{place} always holds"), "remove it");
+                continue;
+            }
+            rows.push((name, place, *e));
+        }
+        rows
+    }
+
+    pub(super) fn check_constraints(&mut self) -> Vec<Constraint> {
+        let mut result = Vec::new();
+        let mut taken = BTreeMap::new();
+        let mut n_unnamed = 0;
+        for draft in self.constraints.clone() {
+            for (name, place, e) in self.rows(&draft, "constraint", "c", &mut taken, &mut n_unnamed) {
+                if let Some((residual, kind)) = self.classify(e, &place, draft.span) {
+                    let (text, span) = (draft.text.clone(), draft.span);
+                    result.push(Constraint { name, text, kind, residual, span });
+                }
+            }
+        }
+        result
+    }
+
+    /// The part without accelerations and the kind.
+    fn classify(&mut self, e: ExprId, place: &str, span: Option<Span>) -> Option<(ExprId, ConstraintKind)> {
+        let special = [Special::QuasiVelocity, Special::Acceleration];
+        if self.reports_stray(e, span, place, &special) {
+            return None;
+        }
+        let velocities = self.velocity_symbols();
+        let accelerations: Vec<SymbolId> =
+            velocities.iter().filter_map(|v| self.accelerations.get(v)).copied().collect();
+        let occurring = self.occurring(e, &accelerations);
+        if !occurring.is_empty() {
+            let Some((slopes, residual)) = self.graph.affine_parts(e, &occurring) else {
+                self.problem(
+                    span,
+                    format!("{place} is not affine in the accelerations"),
+                    "accelerations `ddt(v)` appear in the first power only",
+                );
+                return None;
+            };
+            if self.reports_stray(e, span, place, &[Special::Acceleration]) {
+                return None;
+            }
+            let acceleration = self.spread(&occurring, slopes, &accelerations);
+            return Some((residual, ConstraintKind::SecondOrder { acceleration }));
+        }
+        let unknowns: Vec<SymbolId> =
+            velocities.into_iter().chain(self.quasi_velocities.iter().map(|v| v.symbol)).collect();
+        let occurring = self.occurring(e, &unknowns);
+        match self.graph.affine_parts(e, &occurring) {
+            Some((slopes, _)) if slopes.iter().all(|s| *s == self.graph.zero()) => {
+                if !self.broken.contains("velocity") {
+                    self.problem(
+                        span,
+                        format!("{place} contains no velocity"),
+                        "choose coordinates that satisfy it, or write its time derivative",
+                    );
+                }
+                None
+            }
+            Some(_) => Some((e, ConstraintKind::Linear)),
+            None if self.reports_stray(e, span, &format!("nonlinear {place}"), &[]) => None,
+            None => Some((e, ConstraintKind::Nonlinear)),
+        }
+    }
+
+    pub(super) fn check_virtual_constraints(&mut self) -> Vec<VirtualConstraint> {
+        let velocities = self.velocity_symbols();
+        let unknowns: Vec<SymbolId> =
+            velocities.iter().filter_map(|v| self.displacements.get(v)).copied().collect();
+        let mut result = Vec::new();
+        let mut taken = BTreeMap::new();
+        let mut n_unnamed = 0;
+        for draft in self.virtual_constraints.clone() {
+            let span = draft.span;
+            for (name, place, e) in self.rows(&draft, "condition", "d", &mut taken, &mut n_unnamed) {
+                if self.reports_stray(e, span, &place, &[Special::Displacement]) {
+                    continue;
+                }
+                let occurring = self.occurring(e, &unknowns);
+                if occurring.is_empty() {
+                    self.problem(
+                        span,
+                        format!("{place} contains no displacement"),
+                        "write the displacement of a velocity `v` as `delta(v)`",
+                    );
+                    continue;
+                }
+                let parts = self.graph.affine_parts(e, &occurring);
+                let Some((slopes, _)) = parts.filter(|(_, offset)| *offset == self.graph.zero()) else {
+                    self.problem(
+                        span,
+                        format!("{place} is not linear in the displacements"),
+                        "every term has one factor `delta(..)`",
+                    );
+                    continue;
+                };
+                let one_form = self.spread(&occurring, slopes, &unknowns);
+                result.push(VirtualConstraint { name, text: draft.text.clone(), one_form, span });
+            }
+        }
+        result
+    }
+
+    pub(super) fn check_independent(&mut self, constraints: &[Constraint]) -> Option<Vec<usize>> {
+        let (names, span) = self.independent.clone()?;
+        let n_velocities = self.base.len() + self.velocities.len();
+        let mut chosen = Vec::new();
+        let before = self.problems.len();
+        for (name, span) in names {
+            let quasi = self.quasi_velocities.iter().position(|v| v.name == name);
+            let indices = match quasi {
+                Some(k) => vec![n_velocities + k],
+                None => self.velocity_indices(&name),
+            };
+            if indices.is_empty() {
+                self.unknown_velocity(&name, span);
+                continue;
+            }
+            if indices.iter().any(|k| chosen.contains(k)) {
+                self.problem(span, format!("`{name}` is named twice"), "name every velocity once");
+                continue;
+            }
+            chosen.extend(indices);
+        }
+        if self.problems.len() > before {
+            return None;
+        }
+        // Broken constraints are not counted, so the count means nothing then.
+        if !self.problems.is_empty() {
+            return Some(chosen);
+        }
+        if let Some(c) = constraints.iter().find(|c| c.kind != ConstraintKind::Linear) {
+            let problem = Diagnostic::new(
+                span,
+                "a nonlinear or second-order constraint leaves all velocities in the state",
+            )
+            .with_place(c.span, "this one")
+            .with_help("remove `independent`");
+            self.problems.push(problem);
+            return None;
+        }
+        let all = n_velocities + self.quasi_velocities.len();
+        let left = all.saturating_sub(constraints.len());
+        if chosen.len() != left {
+            let message = format!("{} independent velocities, the constraints leave {left}", chosen.len());
+            let help = format!("velocities: {all}, scalar constraints: {}", constraints.len());
+            self.problem(span, message, help);
+        }
+        Some(chosen)
+    }
+}

@@ -1,0 +1,330 @@
+//! The builder: what is declared so far, its names, graph and problems.
+//!
+//! Deliberately does not know: items, checks.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::algebra::LieAlgebra;
+use crate::error::Error;
+use crate::expr::{Budget, ExprId, Graph, Rational, SymbolId};
+use crate::spec::diagnostic::{Diagnostic, Span};
+use crate::spec::group::Group;
+use crate::spec::model::*;
+use crate::spec::names;
+use crate::spec::shape::ValueError;
+use crate::spec::value::Value;
+
+#[derive(Clone, Debug)]
+pub(super) struct Declared {
+    pub(super) span: Option<Span>,
+    pub(super) what: &'static str,
+}
+
+/// A name and where it was used.
+pub(super) type Located = (String, Option<Span>);
+
+#[derive(Clone, Debug)]
+pub(super) struct StageDraft {
+    pub(super) name: String,
+    pub(super) ideal: Option<Vec<Value>>,
+    pub(super) span: Option<Span>,
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct AdvectedDraft {
+    pub(super) name: String,
+    pub(super) value: Value,
+    pub(super) components: Vec<(String, SymbolId)>,
+    pub(super) action: Option<(Value, Option<Span>)>,
+    pub(super) doc: String,
+    pub(super) span: Option<Span>,
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct ConstraintDraft {
+    pub(super) name: Option<String>,
+    pub(super) text: String,
+    pub(super) left: Value,
+    pub(super) right: Value,
+    pub(super) span: Option<Span>,
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct SceneDraft {
+    pub(super) scene: Scene,
+    pub(super) fixed: Vec<(String, Vec<Rational>, Option<Span>)>,
+    pub(super) wants: Vec<Located>,
+    pub(super) drops: Vec<Located>,
+    pub(super) circles: Vec<Located>,
+}
+
+#[derive(Clone, Debug)]
+pub(super) enum Way {
+    /// Names of velocities; none for all of the algebra.
+    Group(Group, Vec<Located>),
+    Rate(Vec<ExprId>),
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct ReconstructionDraft {
+    pub(super) blocks: Vec<(String, usize)>,
+    pub(super) names: Vec<String>,
+    pub(super) symbols: Vec<SymbolId>,
+    pub(super) way: Way,
+    pub(super) doc: String,
+    pub(super) span: Option<Span>,
+}
+
+/// Builds a [`Model`] from Rust; [`parse`](super::parse) uses it too, so both report the same errors.
+///
+/// Declarations return the [`Value`] of what they declare. Problems are collected and reported by
+/// [`ModelBuilder::build`], all at once.
+///
+/// ```
+/// use hamel_codegen::algebra::LieAlgebra;
+/// use hamel_codegen::expr::Rational;
+/// use hamel_codegen::spec::{Layout, ModelBuilder, Value};
+///
+/// let mut b = ModelBuilder::new("free_rigid_body");
+/// let [i1, i2, i3] = [2, 3, 4].map(|n| Rational::from_integer(n.into()));
+/// let inertia = b.param_array("I", Layout::Diagonal(3), &[i1, i2, i3], "moments of inertia [kg m^2]");
+/// let omega = b.velocities(LieAlgebra::so(3).unwrap(), &["Omega"]).remove(0);
+/// let g = b.graph();
+/// let momentum = inertia.mul(g, &omega).unwrap();
+/// let half = Value::number(g, Rational::new(1.into(), 2.into()));
+/// let energy = omega.dot(g, &momentum).unwrap().mul(g, &half).unwrap();
+/// b.lagrangian(&energy);
+/// let model = b.build().unwrap();
+/// assert_eq!(model.velocities[2].name, "Omega3");
+/// ```
+#[derive(Clone, Debug)]
+pub struct ModelBuilder {
+    pub(in crate::spec) graph: Graph,
+    pub(in crate::spec) values: BTreeMap<String, Value>,
+    pub(in crate::spec) problems: Vec<Diagnostic>,
+    pub(super) here: Option<Span>,
+    pub(super) names: BTreeMap<String, Declared>,
+    /// Items that were written but are broken: nothing is said about them being absent.
+    pub(in crate::spec) broken: BTreeSet<&'static str>,
+    /// Where the model is named; what is missing is reported there.
+    pub(in crate::spec) place: Option<Span>,
+    pub(super) name: String,
+    pub(super) doc: Vec<String>,
+    pub(super) sources: Vec<String>,
+    pub(super) time: SymbolId,
+    pub(super) params: Vec<Param>,
+    pub(super) blocks: BTreeMap<String, Vec<usize>>,
+    pub(super) conditions: Vec<Condition>,
+    pub(super) base: Vec<Coordinate>,
+    pub(super) algebra: Option<(LieAlgebra, Option<Span>)>,
+    pub(super) velocities: Vec<Velocity>,
+    pub(super) action: Option<(Side, Option<Span>)>,
+    pub(super) quasi_velocities: Vec<Velocity>,
+    pub(super) connection: Vec<(String, Value, Option<Span>)>,
+    pub(super) derived_connection: Option<(ConnectionKind, Option<Span>)>,
+    /// Displacements and accelerations by their velocity, made when they are used.
+    pub(super) displacements: BTreeMap<SymbolId, SymbolId>,
+    pub(super) accelerations: BTreeMap<SymbolId, SymbolId>,
+    pub(super) stages: Vec<StageDraft>,
+    pub(super) inner_product: Option<(Value, Option<Span>)>,
+    pub(super) advected: Vec<AdvectedDraft>,
+    pub(super) lagrangian: Option<(Value, Option<Span>)>,
+    pub(super) constraints: Vec<ConstraintDraft>,
+    pub(super) virtual_constraints: Vec<ConstraintDraft>,
+    pub(super) independent: Option<(Vec<Located>, Option<Span>)>,
+    pub(super) multipliers: Option<Option<Span>>,
+    pub(super) forces: Vec<(String, Value, Option<Span>)>,
+    pub(super) casimirs: Vec<Named>,
+    pub(super) outputs: Vec<NamedVector>,
+    pub(super) output_names: BTreeMap<String, Option<Span>>,
+    pub(super) reconstructions: Vec<ReconstructionDraft>,
+    pub(super) initial: Vec<(String, Value, Option<Span>)>,
+    pub(super) scenes: Vec<SceneDraft>,
+    pub(super) views: Vec<View>,
+    /// The graph without the views while they are declared, the one with them afterwards.
+    pub(super) views_graph: Option<Graph>,
+}
+
+impl ModelBuilder {
+    /// An empty model.
+    pub fn new(name: &str) -> ModelBuilder {
+        let mut graph = Graph::new();
+        graph.set_budget(Budget::default());
+        let time = graph.symbol("t");
+        let mut values = BTreeMap::new();
+        let (t, pi) = (graph.sym(time), graph.pi());
+        values.insert("t".to_owned(), Value::Scalar(t));
+        values.insert("pi".to_owned(), Value::Scalar(pi));
+        ModelBuilder {
+            graph,
+            values,
+            problems: Vec::new(),
+            here: None,
+            names: BTreeMap::new(),
+            broken: BTreeSet::new(),
+            place: None,
+            name: name.to_owned(),
+            doc: Vec::new(),
+            sources: Vec::new(),
+            time,
+            params: Vec::new(),
+            blocks: BTreeMap::new(),
+            conditions: Vec::new(),
+            base: Vec::new(),
+            algebra: None,
+            velocities: Vec::new(),
+            action: None,
+            quasi_velocities: Vec::new(),
+            connection: Vec::new(),
+            derived_connection: None,
+            displacements: BTreeMap::new(),
+            accelerations: BTreeMap::new(),
+            stages: Vec::new(),
+            inner_product: None,
+            advected: Vec::new(),
+            lagrangian: None,
+            constraints: Vec::new(),
+            virtual_constraints: Vec::new(),
+            independent: None,
+            multipliers: None,
+            forces: Vec::new(),
+            casimirs: Vec::new(),
+            outputs: Vec::new(),
+            output_names: BTreeMap::new(),
+            reconstructions: Vec::new(),
+            initial: Vec::new(),
+            scenes: Vec::new(),
+            views: Vec::new(),
+            views_graph: None,
+        }
+    }
+
+    /// Sets what the model may take, from here to the programs of its scenes; [`Budget::default`] unless it is set.
+    pub fn budget(&mut self, budget: Budget) -> &mut ModelBuilder {
+        self.graph.set_budget(budget);
+        self
+    }
+
+    /// From here on expressions go to a copy of the graph.
+    pub(in crate::spec) fn begin_views(&mut self) {
+        self.views_graph = Some(self.graph.clone());
+    }
+
+    /// The graph is the one without the copy's new expressions again.
+    pub(in crate::spec) fn end_views(&mut self) {
+        if let Some(graph) = &mut self.views_graph {
+            std::mem::swap(graph, &mut self.graph);
+        }
+    }
+
+    /// The graph that owns all expressions of the model.
+    pub fn graph(&mut self) -> &mut Graph {
+        &mut self.graph
+    }
+
+    /// The time.
+    pub fn time(&mut self) -> Value {
+        Value::Scalar(self.graph.sym(self.time))
+    }
+
+    pub(in crate::spec) fn rename(&mut self, name: &str) {
+        self.name = name.to_owned();
+    }
+
+    /// The value declared under a name.
+    pub fn value(&self, name: &str) -> Option<&Value> {
+        self.values.get(name)
+    }
+
+    /// Sets the place that problems of the next declarations are reported at.
+    pub fn at(&mut self, span: Option<Span>) -> &mut Self {
+        self.here = span;
+        self
+    }
+
+    pub(super) fn problem(
+        &mut self,
+        span: Option<Span>,
+        message: impl Into<String>,
+        help: impl Into<String>,
+    ) {
+        self.problems.push(Diagnostic::new(span, message).with_help(help));
+    }
+
+    pub(in crate::spec) fn error(&mut self, span: Option<Span>, error: &Error) {
+        let (message, help) = error.message_and_help();
+        self.problem(span, message, help);
+    }
+
+    pub(super) fn value_error(&mut self, span: Option<Span>, error: &ValueError) {
+        self.problem(span, error.to_string(), error.help());
+    }
+
+    /// Documentation lines, the first being the title.
+    pub fn doc(&mut self, line: &str) -> &mut Self {
+        self.doc.push(line.to_owned());
+        self
+    }
+
+    /// Adds a source.
+    pub fn source(&mut self, text: &str) -> &mut Self {
+        self.sources.push(text.to_owned());
+        self
+    }
+
+    /// Claims a name; a name that is taken, reserved or malformed is a problem.
+    pub(in crate::spec) fn declare(&mut self, name: &str, what: &'static str) -> bool {
+        let here = self.here;
+        if let Some(reason) = names::refusal(name) {
+            let shown: String = name.chars().take(80).collect();
+            self.problem(here, format!("`{shown}` cannot be used as a name"), reason);
+            return false;
+        }
+        let declared = Declared { span: here, what };
+        match self.names.get(name) {
+            Some(before) => {
+                // Declarations are visited by kind; the later one in the text is the duplicate.
+                let (first, second) =
+                    if before.span <= here { (before.clone(), declared) } else { (declared, before.clone()) };
+                let help = match (first.what, second.what) {
+                    pair if pair.0.contains("velocity of a") || pair.1.contains("velocity of a") => {
+                        "rename one of them; a coordinate `q` declares `q_dot` too"
+                    }
+                    pair if pair.0.contains("component") || pair.1.contains("component") => {
+                        "rename one of them; a vector `v` declares `v1`, `v2`, .. too"
+                    }
+                    _ => "rename one of them",
+                };
+                let problem = Diagnostic::new(second.span, format!("`{name}` is declared twice"))
+                    .with_label(format!("again as {}", second.what))
+                    .with_place(first.span, format!("first as {}", first.what))
+                    .with_help(help);
+                self.problems.push(problem);
+                false
+            }
+            None => {
+                self.names.insert(name.to_owned(), declared);
+                true
+            }
+        }
+    }
+
+    pub(in crate::spec) fn bind(&mut self, name: &str, value: &Value) {
+        self.values.entry(name.to_owned()).or_insert_with(|| value.clone());
+    }
+
+    pub(super) fn new_symbol(&mut self, name: &str, what: &'static str) -> (SymbolId, ExprId) {
+        self.declare(name, what);
+        let symbol = self.graph.symbol(name);
+        let expr = self.graph.sym(symbol);
+        self.bind(name, &Value::Scalar(expr));
+        (symbol, expr)
+    }
+
+    pub(super) fn twice(&mut self, item: &str, first: Option<Span>) {
+        let problem = Diagnostic::new(self.here, format!("`{item}` is given twice"))
+            .with_place(first, "first here")
+            .with_help("keep one of them");
+        self.problems.push(problem);
+    }
+}

@@ -1,0 +1,245 @@
+//! Reduction by stages: a chain of ideals and an inner product.
+//!
+//! Deliberately does not know: what equations the stages lead to.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use num_traits::Zero;
+
+use super::draft::{ModelBuilder, StageDraft};
+use crate::algebra::{LieAlgebra, Subspace};
+use crate::error::Error;
+use crate::expr::{ExprId, Rational, SymbolId, Vanishing};
+use crate::spec::diagnostic::{Diagnostic, Span};
+use crate::spec::layout::short_list;
+use crate::spec::model::*;
+use crate::spec::names;
+use crate::spec::value::Value;
+
+impl ModelBuilder {
+    /// The name of the first stage, the whole algebra.
+    ///
+    /// ```
+    /// use hamel_codegen::algebra::LieAlgebra;
+    /// use hamel_codegen::spec::ModelBuilder;
+    ///
+    /// let mut b = ModelBuilder::new("stages");
+    /// let [rotation, translation] = b.velocities(LieAlgebra::se(3).unwrap(), &["Omega", "V"]).try_into().unwrap();
+    /// let energy = rotation.dot(b.graph(), &rotation).unwrap();
+    /// b.stage("whole").stage_ideal("translations", &[translation]).lagrangian(&energy);
+    /// assert!(b.clone().build().is_ok());
+    /// b.stage_ideal("rotations", &[rotation]);
+    /// let problems = b.build().unwrap_err();
+    /// assert!(problems.to_string().contains("stage rotations is not contained in stage translations"));
+    /// ```
+    pub fn stage(&mut self, name: &str) -> &mut Self {
+        let span = self.here;
+        self.stages.push(StageDraft { name: name.to_owned(), ideal: None, span });
+        self
+    }
+
+    /// The next stage: the ideal spanned by velocities or rational combinations of them.
+    pub fn stage_ideal(&mut self, name: &str, ideal: &[Value]) -> &mut Self {
+        let span = self.here;
+        self.stages.push(StageDraft { name: name.to_owned(), ideal: Some(ideal.to_vec()), span });
+        self
+    }
+
+    /// The inner product for the stages: a symmetric matrix in the basis of the algebra.
+    pub fn inner_product(&mut self, matrix: &Value) -> &mut Self {
+        let here = self.here;
+        match &self.inner_product {
+            Some((_, first)) => self.twice("inner_product", *first),
+            None => self.inner_product = Some((matrix.clone(), here)),
+        }
+        self
+    }
+
+    pub(super) fn check_stages(&mut self) -> Option<Stages> {
+        let drafts = self.stages.clone();
+        if drafts.is_empty() {
+            if let Some((_, span)) = self.inner_product
+                && !self.broken.contains("stage")
+            {
+                self.problem(
+                    span,
+                    "`inner_product` without stages has no use",
+                    "declare stages: `stage rotation; stage translation = ideal(V);`",
+                );
+            }
+            return None;
+        }
+        let algebra = self.algebra.as_ref().map(|(algebra, _)| algebra.clone())?;
+        let n = algebra.dim();
+        if self.velocities.len() != n {
+            // The names of the velocities are already a problem.
+            return None;
+        }
+        let mut seen: BTreeMap<String, Option<Span>> = BTreeMap::new();
+        for (k, draft) in drafts.iter().enumerate() {
+            if let Some(reason) = names::refusal(&draft.name) {
+                self.problem(draft.span, format!("`{}` cannot be used as a name", draft.name), reason);
+            }
+            if let Some(first) = seen.insert(draft.name.clone(), draft.span) {
+                let problem =
+                    Diagnostic::new(draft.span, format!("stage `{}` is declared twice", draft.name))
+                        .with_place(first, "first here")
+                        .with_help("rename one of them");
+                self.problems.push(problem);
+            }
+            if k == 0 && draft.ideal.is_some() {
+                self.problem(
+                    draft.span,
+                    format!("the first stage `{}` is the whole algebra and has no ideal", draft.name),
+                    "declare it as `stage name;` before the ideals",
+                );
+            } else if k > 0 && draft.ideal.is_none() && !self.broken.contains("stage") {
+                self.problem(
+                    draft.span,
+                    format!("stage `{}` has no ideal", draft.name),
+                    "only the first stage is the whole algebra; write `stage name = ideal(V);`",
+                );
+            }
+        }
+        let unknowns: Vec<SymbolId> = self.velocities.iter().map(|v| v.symbol).collect();
+        let mut ideals = Vec::new();
+        // The whole algebra.
+        let mut above: Vec<Vec<Rational>> = (0..n).map(|k| unit(n, k)).collect();
+        let mut above_name = drafts[0].name.clone();
+        for draft in drafts.iter().filter(|d| d.ideal.is_some()) {
+            let entries: Vec<ExprId> =
+                draft.ideal.iter().flatten().flat_map(|v| v.entries().iter().copied()).collect();
+            let mut vectors = Vec::new();
+            for e in entries {
+                match self.direction(e, &unknowns) {
+                    Some(v) if v.iter().any(|q| !q.is_zero()) => vectors.push(v),
+                    _ => {
+                        let names: Vec<String> = self.velocities.iter().map(|v| v.name.clone()).collect();
+                        self.problem(
+                            draft.span,
+                            format!(
+                                "ideal of stage `{}` is not spanned by rational combinations of velocities",
+                                draft.name
+                            ),
+                            short_list("use", &names),
+                        );
+                        return None;
+                    }
+                }
+            }
+            let basis: Vec<String> = self.velocities.iter().map(|v| v.name.clone()).collect();
+            let checked = check_ideal(&algebra, &basis, (&above_name, &above), (&draft.name, &vectors));
+            if let Err(error) = checked {
+                self.error(draft.span, &error);
+                return None;
+            }
+            above = vectors.clone();
+            above_name = draft.name.clone();
+            ideals.push(vectors);
+        }
+        let inner_product = self.check_inner_product(n);
+        Some(Stages {
+            names: drafts.iter().map(|d| d.name.clone()).collect(),
+            ideals,
+            inner_product,
+            spans: drafts.iter().map(|d| d.span).collect(),
+        })
+    }
+
+    /// A rational combination of velocities as a vector in the basis of the algebra.
+    fn direction(&mut self, e: ExprId, unknowns: &[SymbolId]) -> Option<Vec<Rational>> {
+        let occurring = self.occurring(e, unknowns);
+        let (slopes, offset) = self.graph.affine_parts(e, &occurring)?;
+        if !self.graph.is_zero(offset) {
+            return None;
+        }
+        let mut vector = vec![Rational::zero(); unknowns.len()];
+        for (s, slope) in occurring.iter().zip(slopes) {
+            let at = unknowns.iter().position(|u| u == s)?;
+            vector[at] = self.graph.as_rational(slope)?.clone();
+        }
+        Some(vector)
+    }
+
+    fn check_inner_product(&mut self, n: usize) -> Option<Vec<Vec<ExprId>>> {
+        let (value, span) = self.inner_product.clone()?;
+        let Value::Matrix { rows, columns, entries } = &value else {
+            let message = format!("inner product must be matrix({n}, {n}), found {}", value.shape());
+            self.problem(span, message, "write `diag([..])` or `[[..], ..]`");
+            return None;
+        };
+        if (*rows, *columns) != (n, n) {
+            let message = format!("inner product must be matrix({n}, {n}), found {}", value.shape());
+            self.problem(span, message, "one row and column per basis element of the algebra");
+            return None;
+        }
+        let params: BTreeSet<SymbolId> = self.params.iter().map(|p| p.symbol).collect();
+        for e in entries {
+            if let Some(wrong) = self.graph.free_symbols(*e).iter().find(|s| !params.contains(s)) {
+                let message =
+                    format!("inner product contains `{}`, which is not a parameter", self.graph.name(*wrong));
+                self.problem(span, message, "it is constant on the algebra");
+                return None;
+            }
+        }
+        for i in 0..n {
+            for j in i + 1..n {
+                let difference = self.graph.sub(entries[i * n + j], entries[j * n + i]);
+                let found = match self.graph.vanishing(difference) {
+                    Vanishing::Zero => continue,
+                    Vanishing::NonZero => ("is not symmetric", "differ"),
+                    Vanishing::Unknown => ("could not be shown to be symmetric", "may differ"),
+                };
+                {
+                    let message = format!(
+                        "inner product {2}: entries ({0}, {1}) and ({1}, {0}) {3}",
+                        i + 1,
+                        j + 1,
+                        found.0,
+                        found.1
+                    );
+                    self.problem(span, message, "a `symmetric(n)` parameter is symmetric by construction");
+                    return None;
+                }
+            }
+        }
+        Some(entries.chunks(n).map(<[ExprId]>::to_vec).collect())
+    }
+}
+
+fn unit(n: usize, k: usize) -> Vec<Rational> {
+    (0..n).map(|i| Rational::from_integer(i64::from(i == k).into())).collect()
+}
+
+/// `n_k` lies in `n_{k-1}`, is smaller, not zero, and `[n_{k-1}, n_k]` lies in `n_k`.
+fn check_ideal(
+    algebra: &LieAlgebra,
+    basis: &[String],
+    (above_name, above): (&str, &[Vec<Rational>]),
+    (name, ideal): (&str, &[Vec<Rational>]),
+) -> Result<(), Error> {
+    let empty = || Error::EmptyStage { stage: name.to_owned() };
+    let outer = Subspace::new(above).ok_or_else(empty)?;
+    let inner = Subspace::new(ideal).ok_or_else(empty)?;
+    if ideal.iter().any(|v| !outer.contains(v)) {
+        return Err(Error::NotNested { stage: name.to_owned(), above: above_name.to_owned() });
+    }
+    if inner.dim() == 0 || inner.dim() == outer.dim() {
+        return Err(empty());
+    }
+    for x in above {
+        for y in ideal {
+            let bracket = algebra.bracket_of(x, y);
+            if !inner.contains(&bracket) {
+                let spell = |v: &[Rational]| crate::error::spell_vector(basis, v);
+                return Err(Error::NotAnIdeal {
+                    stage: name.to_owned(),
+                    above: above_name.to_owned(),
+                    pair: [spell(x), spell(y)],
+                    bracket: spell(&bracket),
+                });
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,183 @@
+//! Items that use values: everything between the declarations and reconstruction.
+//!
+//! Deliberately does not know: in which order names become known.
+
+use super::values::Elaboration;
+use crate::spec::ast::{Comparison, Expr, Item, ItemKind, Name};
+use crate::spec::builder::Placement;
+use crate::spec::eval::is_poisoned;
+use crate::spec::model::{ConnectionKind, Side};
+use crate::spec::names;
+use crate::spec::value::Value;
+
+impl Elaboration<'_> {
+    pub(super) fn use_values(&mut self, item: &Item) {
+        let span = Some(item.span);
+        match &item.kind {
+            ItemKind::Param { name, conditions, .. } => {
+                if !self.poisoned.contains(&name.text) {
+                    conditions.iter().for_each(|c| self.condition(c));
+                }
+            }
+            ItemKind::Require(conditions) => conditions.iter().for_each(|c| self.condition(c)),
+            ItemKind::Action(side) => match side.text.as_str() {
+                "left" => _ = self.builder.at(Some(side.span)).action(Side::Left),
+                "right" => _ = self.builder.at(Some(side.span)).action(Side::Right),
+                other => {
+                    let help = names::suggest(other, ["left", "right"]);
+                    self.problem(side.span, format!("unknown side `{other}`"), help);
+                }
+            },
+            ItemKind::Stage { name, ideal } => {
+                let Some(ideal) = ideal else {
+                    self.builder.at(Some(name.span)).stage(&name.text);
+                    return;
+                };
+                let values: Vec<Option<Value>> = ideal.iter().map(|e| self.eval(e)).collect();
+                match values.into_iter().collect::<Option<Vec<Value>>>() {
+                    Some(values) => _ = self.builder.at(span).stage_ideal(&name.text, &values),
+                    None => _ = self.builder.broken.insert("stage"),
+                }
+            }
+            ItemKind::InnerProduct(expr) => {
+                if let Some(value) = self.eval(expr) {
+                    self.builder.at(Some(expr.span)).inner_product(&value);
+                }
+            }
+            ItemKind::Advected { name, action, .. } => match self.eval(action) {
+                Some(value) => _ = self.builder.at(Some(action.span)).advected_action(&name.text, &value),
+                None => _ = self.builder.broken.insert("advected"),
+            },
+            ItemKind::Lagrangian(expr) => match self.eval(expr) {
+                Some(value) => _ = self.builder.at(Some(expr.span)).lagrangian(&value),
+                None => _ = self.builder.broken.insert("lagrangian"),
+            },
+            ItemKind::Constraint { name, left, right } => match self.equation("ddt", left, right) {
+                Some((l, r)) => {
+                    let place = left.span.to(right.span);
+                    let text = self.one_line(place);
+                    let name = name.as_ref().map(|n| n.text.as_str());
+                    self.builder.at(Some(place)).constraint(name, &text, &l, &r);
+                }
+                None => _ = self.builder.broken.insert("constraint"),
+            },
+            ItemKind::Virtual { name, left, right } => match self.equation("delta", left, right) {
+                Some((l, r)) => {
+                    let place = left.span.to(right.span);
+                    let text = self.one_line(place);
+                    let name = name.as_ref().map(|n| n.text.as_str());
+                    self.builder.at(Some(place)).virtual_constraint(name, &text, &l, &r);
+                }
+                None => _ = self.builder.broken.insert("virtual"),
+            },
+            ItemKind::Connection { name, value } => match self.eval(value) {
+                Some(value) => _ = self.builder.at(Some(name.span)).connection(&name.text, &value),
+                None => _ = self.builder.broken.insert("connection"),
+            },
+            ItemKind::DerivedConnection(name) => {
+                if let Some(kind) = ConnectionKind::from_name(&name.text) {
+                    self.builder.at(Some(name.span)).derived_connection(kind);
+                }
+            }
+            ItemKind::Independent(names) => {
+                let located = names.iter().map(|n| (n.text.clone(), Some(n.span))).collect();
+                self.builder.at(span).located_independent(located);
+            }
+            ItemKind::Multipliers => _ = self.builder.at(span).multipliers(),
+            ItemKind::Force { name, value } => {
+                if let Some(value) = self.eval(value) {
+                    self.builder.at(Some(name.span)).force(&name.text, &value);
+                }
+            }
+            ItemKind::Casimir { name, value } => match self.eval(value) {
+                Some(Value::Scalar(e)) => {
+                    self.builder.at(Some(name.span)).casimir(
+                        &name.text,
+                        &Value::Scalar(e),
+                        &item.doc.join("\n"),
+                    );
+                }
+                Some(other) => {
+                    let message =
+                        format!("casimir `{}` must be a number, found {}", name.text, other.shape());
+                    self.problem(value.span, message, "use `dot(a, b)` for the pairing of vectors");
+                    self.builder.broken.insert("casimir");
+                }
+                None => _ = self.builder.broken.insert("casimir"),
+            },
+            ItemKind::Output { name, value } => match self.eval(value) {
+                Some(value) => {
+                    _ = self.builder.at(Some(name.span)).output(&name.text, &value, &item.doc.join("\n"))
+                }
+                None => _ = self.builder.broken.insert("output"),
+            },
+            ItemKind::Scene { name, fixed, wants, drops, circles } => {
+                self.scene(item, name, fixed, [wants, drops, circles]);
+            }
+            ItemKind::Source(_)
+            | ItemKind::Let { .. }
+            | ItemKind::AlgebraName { .. }
+            | ItemKind::AlgebraBrackets { .. }
+            | ItemKind::Representation { .. }
+            | ItemKind::Velocity { .. }
+            | ItemKind::QuasiVelocity(_)
+            | ItemKind::Reconstruct { .. }
+            | ItemKind::Initial { .. }
+            | ItemKind::View { .. }
+            | ItemKind::Coordinate { .. } => {}
+        }
+    }
+
+    fn condition(&mut self, comparison: &Comparison) {
+        let sides: Vec<&Expr> =
+            std::iter::once(&comparison.first).chain(comparison.rest.iter().map(|(_, e)| e)).collect();
+        let values: Vec<Option<Value>> = sides.iter().map(|e| self.eval(e)).collect();
+        let Some(values) = values.into_iter().collect::<Option<Vec<Value>>>() else { return };
+        // A default that is already reported must not be compared.
+        if sides.iter().any(|e| e.names().into_iter().any(|n| is_poisoned(n, &self.poisoned))) {
+            return;
+        }
+        for (k, (compare, _)) in comparison.rest.iter().enumerate() {
+            let span = sides[k].span.to(sides[k + 1].span);
+            let text = self.one_line(span);
+            self.builder.at(Some(span)).condition(&text, &values[k], *compare, &values[k + 1]);
+        }
+    }
+
+    /// Everything of the model is known where a view is evaluated.
+    pub(super) fn view(&mut self, item: &Item) {
+        let ItemKind::View { name, shape, arguments, around, at, attitude } = &item.kind else { return };
+        let arguments: Vec<Option<_>> = arguments.iter().map(|e| self.located(e)).collect();
+        let mut is_complete = true;
+        let [around, at, attitude] = [around, at, attitude].map(|part| {
+            let value = self.located(part.as_ref()?);
+            is_complete &= value.is_some();
+            value
+        });
+        let Some(arguments) = arguments.into_iter().collect::<Option<Vec<_>>>().filter(|_| is_complete)
+        else {
+            return;
+        };
+        let shape = (shape.text.as_str(), Some(shape.span));
+        let placement = Placement { around, at, attitude };
+        let doc = item.doc.join("\n");
+        self.builder.at(Some(name.span)).located_view(&name.text, shape, &arguments, placement, &doc);
+    }
+
+    /// `lists`: outputs wanted, coordinates left out, angles carried as points of the circle.
+    fn scene(&mut self, item: &Item, name: &Name, fixed: &[(Name, Expr)], lists: [&[Name]; 3]) {
+        let mut numbers = Vec::new();
+        for (name, expr) in fixed {
+            if let Some(values) = self.constant(expr, "parameters are fixed to numbers")
+                && !is_poisoned(&name.text, &self.poisoned)
+            {
+                numbers.push((name.text.clone(), values, Some(name.span)));
+            }
+        }
+        let located = |names: &[Name]| names.iter().map(|w| (w.text.clone(), Some(w.span))).collect();
+        let lists = lists.map(located);
+        let doc = item.doc.join("\n");
+        let builder = self.builder.at(Some(name.span));
+        builder.located_scene(&name.text, numbers, lists, &doc);
+    }
+}

@@ -1,0 +1,95 @@
+//! Syntax tree to model: what is declared first, what may use what. All checks of values are the builder's.
+//!
+//! Deliberately does not know: tokens, equations of motion.
+
+mod algebra_expressions;
+mod algebras;
+mod items;
+mod lets;
+mod order;
+mod reconstruction;
+mod values;
+mod variables;
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use self::values::Elaboration;
+use crate::expr::Budget;
+use crate::spec::ast::{File, Item, ItemKind};
+use crate::spec::builder::ModelBuilder;
+use crate::spec::diagnostic::{Diagnostics, Origin};
+use crate::spec::model::Model;
+use crate::spec::names;
+use crate::spec::parser::Outcome;
+use crate::spec::unused;
+
+/// Checks what the parser understood.
+pub(super) fn elaborate(outcome: Outcome, origin: Origin, budget: Budget) -> Result<Model, Diagnostics> {
+    let Some(file) = outcome.file else { return Err(Diagnostics::new(Some(origin), outcome.problems)) };
+    let mut elaboration = Elaboration {
+        text: &origin.text,
+        builder: ModelBuilder::new(&file.name.text),
+        weights: BTreeMap::new(),
+        poisoned: outcome.poisoned,
+        is_spent: false,
+        withheld: BTreeSet::new(),
+        algebras: BTreeMap::new(),
+        representations: BTreeMap::new(),
+    };
+    elaboration.builder.budget(budget);
+    elaboration.builder.problems = outcome.problems;
+    for (keyword, _) in names::ITEMS {
+        if elaboration.poisoned.contains(*keyword) {
+            elaboration.builder.broken.insert(keyword);
+        }
+    }
+    elaboration.run(&file);
+    let mut model = elaboration.builder.build_with(Some(origin.clone()))?;
+    // Beside errors they would be noise: a name that is misspelt once is unused as well.
+    model.warnings = model.diagnostics(unused::warnings(&file.items));
+    Ok(model)
+}
+
+impl Elaboration<'_> {
+    fn run(&mut self, file: &File) {
+        for line in &file.doc {
+            self.builder.doc(line);
+        }
+        self.builder.place = Some(file.name.span);
+        if let Some(reason) = names::refusal(&file.name.text) {
+            self.problem(file.name.span, format!("`{}` cannot be used as a name", file.name.text), reason);
+            // The builder would say the same without a place.
+            self.builder.rename("model_");
+        }
+        self.declare_sources_and_params(&file.items);
+        self.define_algebras(&file.items);
+        self.declare_variables(&file.items);
+        self.withhold(&file.items);
+        self.define_lets(&file.items);
+        for item in &file.items {
+            self.use_values(item);
+        }
+        for item in &file.items {
+            self.reconstruct(item);
+        }
+        for item in &file.items {
+            let ItemKind::Initial { name, value } = &item.kind else { continue };
+            match self.eval(value) {
+                Some(value) => _ = self.builder.at(Some(name.span)).initial(&name.text, &value),
+                None => _ = self.builder.broken.insert("initial"),
+            }
+        }
+        // What figures show lives in a graph of its own, so that it leaves no trace in generated code.
+        if items_have_views(&file.items) {
+            self.builder.begin_views();
+            for item in &file.items {
+                self.view(item);
+            }
+            self.builder.end_views();
+        }
+    }
+}
+
+fn items_have_views(items: &[Item]) -> bool {
+    items.iter().any(|item| matches!(item.kind, ItemKind::View { .. }))
+}

@@ -1,0 +1,155 @@
+//! The state of an elaboration, and values of expressions in it.
+//!
+//! Deliberately does not know: which items there are.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::algebra::{LieAlgebra, Representation};
+use crate::expr::{ExprId, Rational};
+use crate::spec::ast::Expr;
+use crate::spec::builder::ModelBuilder;
+use crate::spec::diagnostic::{Diagnostic, Span};
+use crate::spec::eval::Evaluator;
+use crate::spec::shape::Shape;
+use crate::spec::value::Value;
+
+pub(super) struct Elaboration<'a> {
+    pub(super) text: &'a str,
+    pub(super) builder: ModelBuilder,
+    pub(super) weights: BTreeMap<String, u64>,
+    pub(super) poisoned: BTreeSet<String>,
+    pub(super) is_spent: bool,
+    /// Names of reconstructed coordinates; they have values only when everything else is done.
+    pub(super) withheld: BTreeSet<String>,
+    pub(super) algebras: BTreeMap<String, LieAlgebra>,
+    /// Representations with the algebra they belong to.
+    pub(super) representations: BTreeMap<String, (LieAlgebra, Representation)>,
+}
+
+impl Elaboration<'_> {
+    pub(super) fn problem(&mut self, span: Span, message: impl Into<String>, help: impl Into<String>) {
+        self.builder.problems.push(Diagnostic::new(Some(span), message).with_help(help));
+    }
+
+    fn slice(&self, span: Span) -> &str {
+        self.text.get(span.start..span.end).unwrap_or("")
+    }
+
+    /// Source text of an item on one line.
+    pub(super) fn one_line(&self, span: Span) -> String {
+        let text = self.slice(span);
+        if text.contains("//") || text.contains("/*") {
+            // Comments would end up in generated text.
+            let kept: Vec<&str> = text.lines().map(|l| l.split("//").next().unwrap_or("")).collect();
+            return kept.join(" ").split_whitespace().collect::<Vec<_>>().join(" ");
+        }
+        text.split_whitespace().collect::<Vec<_>>().join(" ")
+    }
+
+    pub(super) fn eval(&mut self, expr: &Expr) -> Option<Value> {
+        self.eval_with(expr, None)
+    }
+
+    /// Both sides of an equation in which `delta` or `ddt` is legal.
+    pub(super) fn equation(
+        &mut self,
+        function: &'static str,
+        left: &Expr,
+        right: &Expr,
+    ) -> Option<(Value, Value)> {
+        // Most constraints contain no accelerations and need no symbols for them.
+        let table = match function {
+            _ if !left.calls(function) && !right.calls(function) => BTreeMap::new(),
+            "delta" => self.builder.displacement_table(),
+            _ => self.builder.acceleration_table(),
+        };
+        let operator = Some((function, &table));
+        let (left, right) = (self.eval_with(left, operator), self.eval_with(right, operator));
+        Some((left?, right?))
+    }
+
+    fn eval_with(
+        &mut self,
+        expr: &Expr,
+        operator: Option<(&'static str, &BTreeMap<ExprId, ExprId>)>,
+    ) -> Option<Value> {
+        let mut evaluator = Evaluator {
+            graph: &mut self.builder.graph,
+            values: &self.builder.values,
+            weights: &self.weights,
+            poisoned: &self.poisoned,
+            problems: &mut self.builder.problems,
+            is_spent: &mut self.is_spent,
+            restriction: None,
+            operator,
+            withheld: &self.withheld,
+        };
+        evaluator.eval(expr).map(|(value, _)| value)
+    }
+
+    /// Coordinates are declared before definitions, so only parameters are known here.
+    pub(super) fn interval_end(&mut self, expr: &Expr) -> Option<ExprId> {
+        let mut evaluator = Evaluator {
+            graph: &mut self.builder.graph,
+            values: &self.builder.values,
+            weights: &self.weights,
+            poisoned: &self.poisoned,
+            problems: &mut self.builder.problems,
+            is_spent: &mut self.is_spent,
+            restriction: Some("the ends of an interval contain parameters and numbers only"),
+            operator: None,
+            withheld: &self.withheld,
+        };
+        let (value, _) = evaluator.eval(expr)?;
+        match value {
+            Value::Scalar(e) => Some(e),
+            _ => {
+                let message = format!("the end of an interval must be a number, found {}", value.shape());
+                self.problem(expr.span, message, "index the vector, as in `v[1]`");
+                None
+            }
+        }
+    }
+
+    /// A value without names, in a graph of its own.
+    pub(super) fn constant(&mut self, expr: &Expr, restriction: &'static str) -> Option<Vec<Rational>> {
+        let mut graph = self.builder.graph.fork();
+        let pi = Value::Scalar(graph.pi());
+        let mut evaluator = Evaluator {
+            graph: &mut graph,
+            values: &BTreeMap::from([("pi".to_owned(), pi)]),
+            weights: &BTreeMap::new(),
+            poisoned: &BTreeSet::new(),
+            problems: &mut self.builder.problems,
+            is_spent: &mut self.is_spent,
+            restriction: Some(restriction),
+            operator: None,
+            withheld: &BTreeSet::new(),
+        };
+        let value = evaluator.eval(expr);
+        self.builder.graph.take_over(&graph);
+        let (value, _) = value?;
+        let numbers: Option<Vec<Rational>> =
+            value.entries().iter().map(|e| graph.as_rational(*e).cloned()).collect();
+        if numbers.is_none() {
+            let decimals: Vec<String> = (value.entries().iter().take(12))
+                .filter_map(|e| graph.eval_f64(*e, &BTreeMap::new()))
+                .filter(|x| x.is_finite())
+                .map(|x| x.to_string())
+                .collect();
+            let help = match (value.shape(), decimals.as_slice()) {
+                (Shape::Scalar, [number]) => format!("write it in decimals: `{number}`"),
+                (Shape::Vector(n), list) if list.len() == n => {
+                    format!("write it in decimals: `[{}]`", list.join(", "))
+                }
+                _ => "write it in decimals, such as `0.785398`".to_owned(),
+            };
+            self.problem(expr.span, "the value is not a rational number", help);
+        }
+        numbers
+    }
+
+    pub(super) fn located(&mut self, expr: &Expr) -> Option<(Value, Option<Span>)> {
+        Some((self.eval(expr)?, Some(expr.span)))
+    }
+}

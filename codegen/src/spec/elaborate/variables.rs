@@ -1,0 +1,154 @@
+//! Parameters, velocities, coordinates and advected parameters.
+//!
+//! Deliberately does not know: definitions, what the variables are used for.
+
+use num_traits::Zero;
+
+use super::values::Elaboration;
+use crate::expr::Rational;
+use crate::spec::ast::{self, AlgebraExpr, DomainExpr, Expr, Item, ItemKind, Name, Node};
+use crate::spec::diagnostic::Span;
+use crate::spec::layout::{Layout, component_help};
+use crate::spec::model::Domain;
+
+impl Elaboration<'_> {
+    pub(super) fn declare_sources_and_params(&mut self, items: &[Item]) {
+        for item in items {
+            match &item.kind {
+                ItemKind::Source(text) => {
+                    self.builder.source(text);
+                }
+                ItemKind::Param { name, shape, default, .. } => {
+                    self.declare_param(item, name, shape, default.as_ref())
+                }
+                _ => {}
+            }
+        }
+    }
+
+    fn declare_param(&mut self, item: &Item, name: &Name, shape: &ast::Shape, default: Option<&Expr>) {
+        let layout = match shape {
+            ast::Shape::Scalar => None,
+            ast::Shape::Vector(n) => Some(Layout::Vector(n.value)),
+            ast::Shape::Diagonal(n) => Some(Layout::Diagonal(n.value)),
+            ast::Shape::Symmetric(n) => Some(Layout::Symmetric(n.value)),
+            ast::Shape::Matrix(n, m) => Some(Layout::Matrix(n.value, m.value)),
+        };
+        let component_names = layout.map_or_else(|| vec![name.text.clone()], |l| l.names(&name.text));
+        let n = component_names.len();
+        let numbers = match default {
+            Some(expr) => self.constant(expr, "defaults are numbers").and_then(|numbers| {
+                if numbers.len() == n && (layout.is_none() == !matches!(expr.node, Node::List(_))) {
+                    return Some(numbers);
+                }
+                let message = match layout {
+                    None => format!("parameter `{}` is a number, its default is a list", name.text),
+                    Some(_) => format!("`{}` has {n} components, its default {}", name.text, numbers.len()),
+                };
+                let help = match layout {
+                    None => format!(
+                        "declare it as a vector: `param {}: vector({}) = ..`",
+                        name.text,
+                        numbers.len()
+                    ),
+                    Some(_) => component_help(&component_names),
+                };
+                self.problem(expr.span, message, help);
+                None
+            }),
+            None => {
+                let help =
+                    if n == 1 { "write `= 1.0`" } else { "write `= [..]` with the components in order" };
+                self.problem(name.span, format!("parameter `{}` has no default", name.text), help);
+                None
+            }
+        };
+        // Conditions would be checked against a wrong default.
+        if numbers.is_none() {
+            self.poisoned.insert(name.text.clone());
+        }
+        let numbers = numbers.unwrap_or_else(|| vec![Rational::zero(); n]);
+        let doc = item.doc.join("\n");
+        self.builder.at(Some(name.span));
+        match layout {
+            None => {
+                self.builder.param(&name.text, numbers.first().cloned().unwrap_or_else(Rational::zero), &doc)
+            }
+            Some(layout) => self.builder.param_array(&name.text, layout, &numbers, &doc),
+        };
+    }
+
+    pub(super) fn declare_variables(&mut self, items: &[Item]) {
+        for item in items {
+            match &item.kind {
+                ItemKind::Velocity { names, algebra } => self.declare_velocities(item, names, algebra),
+                ItemKind::QuasiVelocity(names) => {
+                    for name in names {
+                        self.builder.at(Some(name.span)).quasi_velocity(&name.text, &item.doc.join("\n"));
+                    }
+                }
+                ItemKind::Coordinate { names, shape, domain } => {
+                    self.declare_coordinates(item, names, shape, domain)
+                }
+                ItemKind::Advected { name, dim, .. } => {
+                    self.builder.at(Some(name.span));
+                    self.builder.advected(&name.text, dim.map(|d| d.value), &item.doc.join("\n"));
+                }
+                _ => {}
+            }
+        }
+    }
+
+    fn declare_velocities(&mut self, item: &Item, names: &[Name], algebra: &AlgebraExpr) {
+        let Some(algebra) = self.algebra(algebra) else {
+            self.builder.broken.insert("velocity");
+            self.poisoned.extend(names.iter().map(|n| n.text.clone()));
+            return;
+        };
+        let located: Vec<(&str, Option<Span>)> =
+            names.iter().map(|n| (n.text.as_str(), Some(n.span))).collect();
+        let span = names.first().map_or(item.span, |n| n.span).to(names.last().map_or(item.span, |n| n.span));
+        let before = self.builder.problems.len();
+        self.builder.at(Some(span)).located_velocities(algebra, &located, &item.doc.join("\n"));
+        if self.builder.problems.len() > before {
+            // The wrong number of names: their components are unknown.
+            self.builder.broken.insert("velocity");
+            for name in names {
+                self.builder.values.remove(&name.text);
+                self.poisoned.insert(name.text.clone());
+            }
+        }
+    }
+
+    fn declare_coordinates(&mut self, item: &Item, names: &[Name], shape: &ast::Shape, domain: &DomainExpr) {
+        let domain = match domain {
+            DomainExpr::Angle => Domain::Angle,
+            DomainExpr::Real => Domain::Real,
+            DomainExpr::Interval(low, high) => {
+                self.builder.at(Some(low.span.to(high.span)));
+                let ends = (self.interval_end(low), self.interval_end(high));
+                match ends {
+                    (Some(low), Some(high)) => Domain::Interval(low, high),
+                    _ => Domain::Real,
+                }
+            }
+        };
+        let doc = item.doc.join("\n");
+        for name in names {
+            self.builder.at(Some(name.span));
+            match shape {
+                ast::Shape::Scalar => {
+                    self.builder.coordinate(&name.text, domain, &doc);
+                }
+                ast::Shape::Vector(n) => {
+                    self.builder.coordinate_vector(&name.text, n.value, domain, &doc);
+                }
+                _ => {
+                    let message = format!("coordinate `{}` must be a number or a vector", name.text);
+                    self.problem(name.span, message, "write `coordinate x: vector(3) in real;`");
+                    self.poisoned.insert(name.text.clone());
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,193 @@
+//! All expressions of a model, each with its role: the one list for whatever walks a model.
+//!
+//! Both lists take every struct apart field by field, so that a new field does not compile until it is listed or said to
+//! hold no expression.
+//!
+//! Deliberately does not know: what is done with the expressions, the expressions of views, which have a graph of their own.
+
+use super::model::*;
+use crate::expr::{ExprId, Graph};
+
+/// What an expression is in its [`Model`]; numbers are positions in the model's lists.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum ExpressionRole {
+    /// [`Model::lagrangian`].
+    Lagrangian,
+    /// The external force on a velocity, in the order of [`Model::all_velocities`].
+    Force(usize),
+    /// An end of the interval of a base coordinate.
+    DomainEnd(usize),
+    /// A side of a condition on the parameters.
+    Condition(usize),
+    /// A component of the infinitesimal action on an advected parameter.
+    AdvectedAction(usize),
+    /// A component of [`Model::connection`].
+    Connection,
+    /// Left side minus right side of a constraint.
+    ConstraintResidual(usize),
+    /// A coefficient of an acceleration in a constraint.
+    ConstraintAcceleration(usize),
+    /// A coefficient of a condition on virtual displacements.
+    VirtualConstraint(usize),
+    /// A velocity or a rate of a reconstructed item.
+    Reconstruction(usize),
+    /// A Casimir.
+    Casimir(usize),
+    /// A component of an output.
+    Output(usize),
+    /// An entry of the inner product for the stages.
+    InnerProduct,
+    /// The default initial value of a variable.
+    Initial(usize),
+}
+
+/// Gives every expression of `$model` to `$visit`; the model is borrowed, and the expressions with it, as `$model` is.
+macro_rules! visit {
+    ($model:expr, $graph:ident, $visit:ident) => {
+        let Model {
+            name: _,
+            doc: _,
+            sources: _,
+            graph: $graph,
+            time: _,
+            params,
+            conditions,
+            base,
+            algebra: _,
+            velocities,
+            quasi_velocities,
+            action: _,
+            connection,
+            stages,
+            advected,
+            lagrangian,
+            constraints,
+            derived_connection: _,
+            virtual_constraints,
+            independent: _,
+            force_multipliers: _,
+            forces,
+            casimirs,
+            outputs,
+            reconstruction,
+            initial,
+            scenes,
+            views: _,
+            places: _,
+            warnings: _,
+            origin: _,
+        } = $model;
+        for Param { name: _, symbol: _, default: _, doc: _ } in &*params {}
+        for Velocity { name: _, symbol: _, block: _, doc: _ } in velocities.iter().chain(&*quasi_velocities) {
+        }
+        for Scene { name: _, fixed: _, wants: _, drops: _, circles: _, doc: _, span: _, places: _ } in
+            &*scenes
+        {}
+        $visit(ExpressionRole::Lagrangian, lagrangian);
+        for (k, force) in forces.into_iter().enumerate() {
+            $visit(ExpressionRole::Force(k), force);
+        }
+        for (k, coordinate) in base.into_iter().enumerate() {
+            let Coordinate { name: _, symbol: _, velocity_name: _, velocity: _, domain, doc: _ } = coordinate;
+            match domain {
+                Domain::Interval(low, high) => {
+                    $visit(ExpressionRole::DomainEnd(k), low);
+                    $visit(ExpressionRole::DomainEnd(k), high);
+                }
+                Domain::Angle | Domain::Real => {}
+            }
+        }
+        for (k, condition) in conditions.into_iter().enumerate() {
+            let Condition { text: _, greater, less, relation: _, subject: _, span: _ } = condition;
+            $visit(ExpressionRole::Condition(k), greater);
+            $visit(ExpressionRole::Condition(k), less);
+        }
+        for (k, parameter) in advected.into_iter().enumerate() {
+            let Advected { name: _, components: _, action, doc: _, span: _ } = parameter;
+            for e in action {
+                $visit(ExpressionRole::AdvectedAction(k), e);
+            }
+        }
+        for e in connection.into_iter().flatten().flatten() {
+            $visit(ExpressionRole::Connection, e);
+        }
+        for (k, constraint) in constraints.into_iter().enumerate() {
+            let Constraint { name: _, text: _, kind, residual, span: _ } = constraint;
+            $visit(ExpressionRole::ConstraintResidual(k), residual);
+            match kind {
+                ConstraintKind::Linear | ConstraintKind::Nonlinear => {}
+                ConstraintKind::SecondOrder { acceleration } => {
+                    for e in acceleration {
+                        $visit(ExpressionRole::ConstraintAcceleration(k), e);
+                    }
+                }
+            }
+        }
+        for (k, condition) in virtual_constraints.into_iter().enumerate() {
+            let VirtualConstraint { name: _, text: _, one_form, span: _ } = condition;
+            for e in one_form {
+                $visit(ExpressionRole::VirtualConstraint(k), e);
+            }
+        }
+        for (k, item) in reconstruction.into_iter().enumerate() {
+            let Reconstruction { blocks: _, names: _, symbols: _, kind, doc: _, span: _ } = item;
+            let mut add = |e| $visit(ExpressionRole::Reconstruction(k), e);
+            match kind {
+                ReconstructionKind::Angle { omega } => add(omega),
+                ReconstructionKind::Quaternion { omega } => omega.into_iter().for_each(add),
+                ReconstructionKind::PlanarPose { omega, v } => {
+                    add(omega);
+                    v.into_iter().for_each(add);
+                }
+                ReconstructionKind::Pose { omega, v } => omega.into_iter().chain(v).for_each(add),
+                ReconstructionKind::Translation { v: list } | ReconstructionKind::Rate { rate: list } => {
+                    list.into_iter().for_each(add);
+                }
+            }
+        }
+        for (k, casimir) in casimirs.into_iter().enumerate() {
+            let Named { name: _, expr, doc: _ } = casimir;
+            $visit(ExpressionRole::Casimir(k), expr);
+        }
+        for (k, output) in outputs.into_iter().enumerate() {
+            let NamedVector { name: _, components, doc: _ } = output;
+            for (_, e) in components {
+                $visit(ExpressionRole::Output(k), e);
+            }
+        }
+        if let Some(Stages { names: _, ideals: _, inner_product, spans: _ }) = stages {
+            for e in inner_product.into_iter().flatten().flatten() {
+                $visit(ExpressionRole::InnerProduct, e);
+            }
+        }
+        for (k, (_, e)) in initial.into_iter().enumerate() {
+            $visit(ExpressionRole::Initial(k), e);
+        }
+    };
+}
+
+impl Model {
+    /// Every expression with its role, in a fixed order.
+    ///
+    /// ```
+    /// use hamel_codegen::spec::{ExpressionRole, parse};
+    ///
+    /// let model = parse("m.hamel", "model m { velocity v in R; lagrangian = v^2; output twice = 2*v; }").unwrap();
+    /// let roles: Vec<_> = model.expressions().into_iter().map(|(role, _)| role).collect();
+    /// assert_eq!(roles, [ExpressionRole::Lagrangian, ExpressionRole::Force(0), ExpressionRole::Output(0)]);
+    /// ```
+    pub fn expressions(&self) -> Vec<(ExpressionRole, ExprId)> {
+        let mut list = Vec::new();
+        let mut visit = |role: ExpressionRole, e: &ExprId| list.push((role, *e));
+        visit!(self, _graph, visit);
+        list
+    }
+
+    /// The graph, and every expression with its role in the order of [`Model::expressions`], to be replaced.
+    pub fn expressions_mut(&mut self) -> (&mut Graph, Vec<(ExpressionRole, &mut ExprId)>) {
+        let mut list = Vec::new();
+        let mut visit = |role: ExpressionRole, e| list.push((role, e));
+        visit!(self, graph, visit);
+        (graph, list)
+    }
+}

@@ -1,0 +1,64 @@
+//! Names and order of the components of vectors and matrices.
+//!
+//! Deliberately does not know: what has components.
+
+use super::names;
+use super::value::Value;
+use crate::expr::{ExprId, Graph};
+
+/// How the components of a parameter are arranged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Layout {
+    /// `chi1, chi2, ..`, a vector.
+    Vector(usize),
+    /// `I1, I2, ..`, a diagonal matrix.
+    Diagonal(usize),
+    /// `G11, G12, .., G22, ..`, a symmetric matrix by its upper triangle.
+    Symmetric(usize),
+    /// `C11, C12, ..`, a matrix row by row.
+    Matrix(usize, usize),
+}
+
+impl Layout {
+    /// Names of the components; row and column are parted by `_` when one of them can have two digits.
+    pub fn names(self, name: &str) -> Vec<String> {
+        let pair = |i: usize, j: usize, n: usize, m: usize| {
+            let parted = if n.max(m) > 9 { "_" } else { "" };
+            format!("{name}{}{parted}{}", i + 1, j + 1)
+        };
+        match self {
+            Layout::Vector(n) | Layout::Diagonal(n) => (1..=n).map(|i| format!("{name}{i}")).collect(),
+            Layout::Symmetric(n) => (0..n).flat_map(|i| (i..n).map(move |j| pair(i, j, n, n))).collect(),
+            Layout::Matrix(n, m) => (0..n).flat_map(|i| (0..m).map(move |j| pair(i, j, n, m))).collect(),
+        }
+    }
+
+    pub(super) fn assemble(self, g: &mut Graph, c: &[ExprId]) -> Value {
+        match self {
+            Layout::Vector(_) => Value::Vector(c.to_vec()),
+            Layout::Diagonal(n) => {
+                let entries = (0..n * n).map(|k| if k / n == k % n { c[k / n] } else { g.zero() }).collect();
+                Value::Matrix { rows: n, columns: n, entries }
+            }
+            Layout::Symmetric(n) => {
+                // Position of (i, j), i <= j, in the upper triangle.
+                let at = |i: usize, j: usize| i * n - i * (i + 1) / 2 + j;
+                let entries = (0..n * n).map(|k| c[at((k / n).min(k % n), (k / n).max(k % n))]).collect();
+                Value::Matrix { rows: n, columns: n, entries }
+            }
+            Layout::Matrix(n, m) => Value::Matrix { rows: n, columns: m, entries: c.to_vec() },
+        }
+    }
+}
+
+/// `intro` and the first names of a list, for a help.
+pub(super) fn short_list(intro: &str, names: &[String]) -> String {
+    let shown: Vec<&str> = names.iter().take(12).map(String::as_str).collect();
+    let more = if names.len() > 12 { ", .." } else { "" };
+    if shown.is_empty() { String::new() } else { format!("{intro} {}{more}", names::list(&shown)) }
+}
+
+/// The names of components, for a help.
+pub(super) fn component_help(names: &[String]) -> String {
+    short_list("the components are", names)
+}

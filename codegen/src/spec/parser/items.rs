@@ -1,0 +1,431 @@
+//! Items of a model, each by its first word.
+//!
+//! Deliberately does not know: whether names exist, where a file goes on after an error.
+
+use proc_macro2::Delimiter;
+
+use super::cursor::Parser;
+use super::lexer::{Parsed, too_deep};
+use crate::spec::ast::*;
+use crate::spec::diagnostic::{Diagnostic, Span};
+use crate::spec::limits::{MAX_DEPTH, MAX_DIM};
+use crate::spec::model::ConnectionKind;
+use crate::spec::names;
+
+impl<'a> Parser<'a> {
+    /// One item without its final `;`; true when it ends with a block and has none.
+    pub(super) fn item(&mut self) -> Parsed<(ItemKind, bool)> {
+        let keyword = self.ident("an item such as `param`, `velocity` or `lagrangian`")?;
+        let kind = match keyword.text.as_str() {
+            "source" => match self.string() {
+                Some(text) => ItemKind::Source(text),
+                None => return self.expected("a text in quotes"),
+            },
+            "param" => self.param()?,
+            "require" => ItemKind::Require(self.comparisons()?),
+            "let" => {
+                let name = self.ident("a name")?;
+                self.equals()?;
+                ItemKind::Let { name, value: self.expr()? }
+            }
+            "algebra" => return self.algebra(),
+            "representation" => return self.representation().map(|kind| (kind, true)),
+            "velocity" => {
+                let names = self.comma_separated(|p| p.ident("the name of a velocity"))?;
+                self.require_word("in")?;
+                ItemKind::Velocity { names, algebra: self.algebra_expr()? }
+            }
+            "quasi_velocity" => {
+                ItemKind::QuasiVelocity(self.comma_separated(|p| p.ident("the name of a quasi-velocity"))?)
+            }
+            "connection" => {
+                let name = self.ident("the velocity whose connection is given")?;
+                if ConnectionKind::from_name(&name.text).is_some() {
+                    ItemKind::DerivedConnection(name)
+                } else {
+                    self.equals()?;
+                    ItemKind::Connection { name, value: self.expr()? }
+                }
+            }
+            "action" => ItemKind::Action(self.ident("`left` or `right`")?),
+            "stage" => self.stage()?,
+            "inner_product" => {
+                self.equals()?;
+                ItemKind::InnerProduct(self.expr()?)
+            }
+            "coordinate" => self.coordinate()?,
+            "advected" => self.advected()?,
+            "lagrangian" => {
+                self.equals()?;
+                ItemKind::Lagrangian(self.expr()?)
+            }
+            "constraint" => {
+                let (name, left, right) = self.equation("a constraint", "dot(Omega, Gamma) = 0")?;
+                ItemKind::Constraint { name, left, right }
+            }
+            "virtual" => {
+                let (name, left, right) =
+                    self.equation("a condition on displacements", "delta(v1) + delta(v2) = 0")?;
+                ItemKind::Virtual { name, left, right }
+            }
+            "independent" => {
+                ItemKind::Independent(self.comma_separated(|p| p.ident("the name of a velocity"))?)
+            }
+            "multipliers" => ItemKind::Multipliers,
+            "force" => {
+                let name = self.ident("the velocity the force is paired with")?;
+                self.equals()?;
+                ItemKind::Force { name, value: self.expr()? }
+            }
+            "casimir" | "output" => {
+                let name = self.ident("a name")?;
+                self.equals()?;
+                let value = self.expr()?;
+                if keyword.text == "casimir" {
+                    ItemKind::Casimir { name, value }
+                } else {
+                    ItemKind::Output { name, value }
+                }
+            }
+            "reconstruct" => self.reconstruct()?,
+            "initial" => {
+                let name = self.ident("the name of a state variable")?;
+                self.equals()?;
+                ItemKind::Initial { name, value: self.expr()? }
+            }
+            "view" => self.view()?,
+            "scene" => return self.scene().map(|kind| (kind, true)),
+            "model" => {
+                let problem = Diagnostic::new(Some(keyword.span), "`model` inside a model");
+                return Err(Box::new(problem.with_help("put each model in a file of its own")));
+            }
+            other => {
+                let problem = Diagnostic::new(Some(keyword.span), format!("`{other}` begins no item"));
+                return Err(Box::new(problem.with_help(names::item_meant_by(other))));
+            }
+        };
+        Ok((kind, false))
+    }
+
+    fn size(&mut self) -> Parsed<Size> {
+        let span = self.here();
+        let Some((literal, rest)) = self.cursor.literal() else { return self.expected("a whole number") };
+        let text = literal.to_string();
+        let value = text.parse::<usize>().ok().filter(|_| text.bytes().all(|b| b.is_ascii_digit()));
+        if value.is_none() && !text.bytes().all(|b| b.is_ascii_digit()) {
+            return self.expected("a whole number");
+        }
+        self.advance(span, rest);
+        match value {
+            Some(value @ 1..=MAX_DIM) => Ok(Size { value, span }),
+            _ => {
+                let problem =
+                    Diagnostic::new(Some(span), format!("dimension `{text}` is not between 1 and {MAX_DIM}"));
+                Err(Box::new(problem))
+            }
+        }
+    }
+
+    /// `: vector(3)` and its like, or nothing.
+    fn shape(&mut self) -> Parsed<Shape> {
+        if self.punct(":").is_none() {
+            return Ok(Shape::Scalar);
+        }
+        let kind = self.ident("`vector(n)`, `diagonal(n)`, `symmetric(n)` or `matrix(n, m)`")?;
+        if kind.text == "scalar" {
+            return Ok(Shape::Scalar);
+        }
+        let known = ["scalar", "vector", "diagonal", "symmetric", "matrix"];
+        if !known.contains(&kind.text.as_str()) {
+            let problem = Diagnostic::new(Some(kind.span), format!("unknown shape `{}`", kind.text));
+            return Err(Box::new(problem.with_help(names::suggest(&kind.text, known))));
+        }
+        let (mut inside, span) = self.require_group(Delimiter::Parenthesis, "`(` with the dimension")?;
+        let sizes = inside.comma_list(|p| p.size())?;
+        match (kind.text.as_str(), sizes.as_slice()) {
+            ("vector", [n]) => Ok(Shape::Vector(*n)),
+            ("diagonal", [n]) => Ok(Shape::Diagonal(*n)),
+            ("symmetric", [n]) => Ok(Shape::Symmetric(*n)),
+            ("matrix", [n, m]) => Ok(Shape::Matrix(*n, *m)),
+            (name, _) => {
+                let (count, example) =
+                    if name == "matrix" { ("two dimensions", "(3, 3)") } else { ("one dimension", "(3)") };
+                let problem =
+                    Diagnostic::new(Some(span), format!("`{name}` has {count}, found {}", sizes.len()));
+                Err(Box::new(problem.with_help(format!("write `{name}{example}`"))))
+            }
+        }
+    }
+
+    fn param(&mut self) -> Parsed<ItemKind> {
+        let name = self.ident("the name of a parameter")?;
+        let shape = self.shape()?;
+        let default = if self.peek_punct('=') {
+            self.equals()?;
+            Some(self.expr()?)
+        } else {
+            None
+        };
+        let conditions = if self.word("where").is_some() { self.comparisons()? } else { Vec::new() };
+        Ok(ItemKind::Param { name, shape, default, conditions })
+    }
+
+    fn comparisons(&mut self) -> Parsed<Vec<Comparison>> {
+        self.comma_separated(|p| {
+            let first = p.expr()?;
+            let mut rest = Vec::new();
+            loop {
+                let start = p.here();
+                let compare = if p.punct(">=").is_some() {
+                    Compare::GreaterEqual
+                } else if p.punct("<=").is_some() {
+                    Compare::LessEqual
+                } else if p.punct("!=").is_some() {
+                    Compare::NotEqual
+                } else if p.punct(">").is_some() {
+                    Compare::Greater
+                } else if p.punct("<").is_some() {
+                    Compare::Less
+                } else if rest.is_empty() {
+                    if p.punct("==").is_some() || p.punct("=").is_some() {
+                        let problem =
+                            Diagnostic::new(Some(start), "an equation is not a condition on parameters");
+                        return Err(Box::new(
+                            problem.with_help("conditions use `>`, `>=`, `<`, `<=` or `!=`"),
+                        ));
+                    }
+                    return p.expected("`>`, `>=`, `<`, `<=` or `!=`");
+                } else {
+                    return Ok(Comparison { first, rest });
+                };
+                rest.push((compare, p.expr()?));
+            }
+        })
+    }
+
+    fn algebra(&mut self) -> Parsed<(ItemKind, bool)> {
+        let name = self.ident("the name of the algebra")?;
+        if self.peek_punct('=') {
+            self.equals()?;
+            return Ok((ItemKind::AlgebraName { name, value: self.algebra_expr()? }, false));
+        }
+        let (mut body, _) = self.require_group(Delimiter::Brace, "`=` or `{`")?;
+        if body.word("basis").is_none() {
+            return body.expected("`basis e1, e2, ..;`");
+        }
+        let basis = body.comma_separated(|p| p.ident("the name of a basis element"))?;
+        body.require_punct(";")?;
+        let mut rules = Vec::new();
+        while !body.at_end() {
+            let (mut pair, bracket) =
+                body.require_group(Delimiter::Bracket, "a bracket such as `[a, b] = c;`")?;
+            let left = pair.ident("the name of a basis element")?;
+            pair.require_punct(",")?;
+            let right = pair.ident("the name of a basis element")?;
+            pair.finish("`]`")?;
+            body.equals()?;
+            let value = body.expr()?;
+            body.require_punct(";")?;
+            let span = bracket.to(value.span);
+            rules.push(BracketRule { left, right, value, span });
+        }
+        Ok((ItemKind::AlgebraBrackets { name, basis, rules }, true))
+    }
+
+    fn representation(&mut self) -> Parsed<ItemKind> {
+        let name = self.ident("the name of the representation")?;
+        self.require_word("of")?;
+        let algebra = self.algebra_expr()?;
+        self.require_word("on")?;
+        let dim = match self.space()? {
+            Some(dim) => dim,
+            None => Size { value: 1, span: Span::new(self.last, self.last) },
+        };
+        let (mut body, _) = self.require_group(Delimiter::Brace, "`{`")?;
+        let mut matrices = Vec::new();
+        while !body.at_end() {
+            let element = body.ident("the name of a basis element")?;
+            body.equals()?;
+            matrices.push((element, body.expr()?));
+            body.require_punct(";")?;
+        }
+        Ok(ItemKind::Representation { name, algebra, dim, matrices })
+    }
+
+    /// `R^n`, or `R` for a single number.
+    fn space(&mut self) -> Parsed<Option<Size>> {
+        if self.word("R").is_none() {
+            return self.expected("`R^n`");
+        }
+        if self.punct("^").is_none() {
+            return Ok(None);
+        }
+        self.size().map(Some)
+    }
+
+    fn algebra_expr(&mut self) -> Parsed<AlgebraExpr> {
+        if self.depth >= MAX_DEPTH {
+            return Err(too_deep(self.here()));
+        }
+        self.depth += 1;
+        let result = self.algebra_expr_inner();
+        self.depth -= 1;
+        result
+    }
+
+    fn algebra_expr_inner(&mut self) -> Parsed<AlgebraExpr> {
+        let start = self.here();
+        if self.cursor.literal().is_some() {
+            let size = self.size()?;
+            return Ok(AlgebraExpr { node: AlgebraNode::Number(size.value), span: size.span });
+        }
+        let name = self.ident("an algebra such as `so(3)`")?;
+        let node = if name.text == "R" && self.punct("^").is_some() {
+            AlgebraNode::Power(self.size()?.value)
+        } else if let Some((mut inside, _)) = self.group(Delimiter::Parenthesis) {
+            AlgebraNode::Call(name, inside.comma_list(|p| p.algebra_expr())?)
+        } else {
+            AlgebraNode::Name(name.text)
+        };
+        Ok(AlgebraExpr { node, span: Span::new(start.start, self.last) })
+    }
+
+    fn stage(&mut self) -> Parsed<ItemKind> {
+        let name = self.ident("the name of the stage")?;
+        if !self.peek_punct('=') {
+            return Ok(ItemKind::Stage { name, ideal: None });
+        }
+        self.equals()?;
+        self.require_word("ideal")?;
+        let (mut inside, _) =
+            self.require_group(Delimiter::Parenthesis, "`(` with the velocities of the ideal")?;
+        let ideal = inside.comma_list(|p| p.expr())?;
+        if ideal.is_empty() {
+            return inside.expected("the velocities that span the ideal");
+        }
+        Ok(ItemKind::Stage { name, ideal: Some(ideal) })
+    }
+
+    fn coordinate(&mut self) -> Parsed<ItemKind> {
+        let names = self.comma_separated(|p| p.ident("the name of a coordinate"))?;
+        let shape = self.shape()?;
+        self.require_word("in")?;
+        if let Some((mut inside, _)) = self.group(Delimiter::Parenthesis) {
+            let low = inside.expr()?;
+            inside.require_punct(",")?;
+            let high = inside.expr()?;
+            inside.finish("`)`")?;
+            return Ok(ItemKind::Coordinate { names, shape, domain: DomainExpr::Interval(low, high) });
+        }
+        let domain = match self.peek_ident().as_deref() {
+            Some("angle") => DomainExpr::Angle,
+            Some("real") => DomainExpr::Real,
+            _ => return self.expected("a domain: `(low, high)`, `angle` or `real`"),
+        };
+        self.ident("")?;
+        Ok(ItemKind::Coordinate { names, shape, domain })
+    }
+
+    fn advected(&mut self) -> Parsed<ItemKind> {
+        let name = self.ident("the name of the advected parameter")?;
+        self.require_word("in")?;
+        let dim = self.space()?;
+        if self.word("by").is_none() {
+            let problem = self.expected::<()>("`by` and the infinitesimal action").err();
+            return Err(problem.map_or_else(
+                || Box::new(Diagnostic::new(None, "expected `by`")),
+                |p| Box::new(p.with_help("for example `by cross(Omega, Gamma)`")),
+            ));
+        }
+        Ok(ItemKind::Advected { name, dim, action: self.expr()? })
+    }
+
+    /// `[name:] left = right`.
+    fn equation(&mut self, what: &str, example: &str) -> Parsed<(Option<Name>, Expr, Expr)> {
+        let named = self
+            .cursor
+            .ident()
+            .is_some_and(|(_, rest)| rest.punct().is_some_and(|(p, _)| p.as_char() == ':'));
+        let name = if named {
+            let name = self.ident("a name")?;
+            self.require_punct(":")?;
+            Some(name)
+        } else {
+            None
+        };
+        let left = self.expr()?;
+        if !self.peek_punct('=') {
+            let mut problem = *self.expected::<()>("`=`").err().unwrap_or_else(|| too_deep(left.span));
+            problem.help = Some(format!("{what} is an equation such as `{example}`"));
+            return Err(Box::new(problem));
+        }
+        self.equals()?;
+        Ok((name, left, self.expr()?))
+    }
+
+    fn reconstruct(&mut self) -> Parsed<ItemKind> {
+        let names = self.comma_separated(|p| p.ident("the name of a reconstructed coordinate"))?;
+        if self.word("by").is_some() {
+            return Ok(ItemKind::Reconstruct { names, way: ReconstructWay::Rate(self.expr()?) });
+        }
+        if self.word("in").is_none() {
+            return self.expected("`in` and a group, or `by` and the rate");
+        }
+        let group = self.algebra_expr()?;
+        let from = match self.word("from") {
+            Some(_) => self.comma_separated(|p| p.ident("the name of a velocity"))?,
+            None => Vec::new(),
+        };
+        Ok(ItemKind::Reconstruct { names, way: ReconstructWay::Group { group, from } })
+    }
+
+    fn view(&mut self) -> Parsed<ItemKind> {
+        let name = self.ident("the name of the view")?;
+        self.equals()?;
+        let shape = self.ident("a shape such as `ball`")?;
+        let (mut inside, _) = self.require_group(Delimiter::Parenthesis, "`(` with the sizes or places")?;
+        let arguments = inside.comma_list(|p| p.expr())?;
+        let mut placement: [(&str, Option<Expr>); 3] = [("around", None), ("at", None), ("attitude", None)];
+        loop {
+            let span = self.here();
+            let Some((word, place)) = placement.iter_mut().find(|(word, _)| self.word(word).is_some()) else {
+                break;
+            };
+            if place.is_some() {
+                return Err(Box::new(Diagnostic::new(Some(span), format!("`{word}` is written twice"))));
+            }
+            *place = Some(self.expr()?);
+        }
+        if !self.at_end() && !self.peek_punct(';') {
+            return self.expected("`around`, `at`, `attitude` or `;`");
+        }
+        let [around, at, attitude] = placement.map(|(_, expr)| expr);
+        Ok(ItemKind::View { name, shape, arguments, around, at, attitude })
+    }
+
+    fn scene(&mut self) -> Parsed<ItemKind> {
+        let name = self.ident("the name of the scene")?;
+        let (mut body, _) = self.require_group(Delimiter::Brace, "`{`")?;
+        let (mut fixed, mut wants) = (Vec::new(), Vec::new());
+        let (mut drops, mut circles) = (Vec::new(), Vec::new());
+        while !body.at_end() {
+            if body.word("fix").is_some() {
+                fixed.extend(body.comma_separated(|p| {
+                    let name = p.ident("the name of a parameter")?;
+                    p.equals()?;
+                    Ok((name, p.expr()?))
+                })?);
+            } else if body.word("want").is_some() {
+                wants.extend(body.comma_separated(|p| p.ident("the name of an output"))?);
+            } else if body.word("drop").is_some() {
+                drops.extend(body.comma_separated(|p| p.ident("the name of a coordinate"))?);
+            } else if body.word("circle").is_some() {
+                circles.extend(body.comma_separated(|p| p.ident("the name of an angle"))?);
+            } else {
+                return body.expected("`fix`, `want`, `drop` or `circle`");
+            }
+            body.require_punct(";")?;
+        }
+        Ok(ItemKind::Scene { name, fixed, wants, drops, circles })
+    }
+}

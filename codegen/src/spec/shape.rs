@@ -1,0 +1,203 @@
+//! Shapes of values, and what can be wrong with an operation on values.
+//!
+//! Deliberately does not know: expressions.
+
+use std::fmt;
+
+use super::limits::{MAX_DIM, MAX_EXPONENT};
+use crate::expr::Rational;
+
+/// Shape of a [`Value`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shape {
+    /// A number.
+    Scalar,
+    /// `n` numbers.
+    Vector(usize),
+    /// Rows and columns.
+    Matrix(usize, usize),
+}
+
+impl fmt::Display for Shape {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Shape::Scalar => f.write_str("a number"),
+            Shape::Vector(n) => write!(f, "vector({n})"),
+            Shape::Matrix(n, m) => write!(f, "matrix({n}, {m})"),
+        }
+    }
+}
+
+/// Why an operation on values is impossible.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum ValueError {
+    /// The operation is not defined for these two shapes.
+    Shapes {
+        /// What was tried: `add`, `multiply`, ..
+        operation: &'static str,
+        /// First operand.
+        left: Shape,
+        /// Second operand.
+        right: Shape,
+    },
+    /// A function got an argument of the wrong shape.
+    Argument {
+        /// Name of the function.
+        function: String,
+        /// What it takes.
+        expected: &'static str,
+        /// What it got.
+        found: Shape,
+    },
+    /// Division by an expression that is identically zero.
+    DivisionByZero,
+    /// The logarithm of an expression that is identically zero.
+    LogarithmOfZero,
+    /// The angle of a point that is the origin identically.
+    AngleOfOrigin,
+    /// An exponent beyond the limits.
+    Exponent(Rational),
+    /// An index outside `1..=len`.
+    Index {
+        /// The index, counted from one.
+        index: String,
+        /// Number of entries.
+        len: usize,
+    },
+    /// Rows of different lengths, or entries of different shapes.
+    Ragged {
+        /// Shape of the first entry.
+        first: Shape,
+        /// Shape of the entry that differs.
+        other: Shape,
+    },
+    /// A displacement or an acceleration of something that is not a velocity.
+    NotAVelocity {
+        /// `delta` or `ddt`.
+        function: &'static str,
+    },
+    /// More entries than the limit.
+    TooLarge,
+}
+
+impl fmt::Display for ValueError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            ValueError::Shapes { operation: "subtract", left, right } => {
+                write!(f, "cannot subtract {right} from {left}")
+            }
+            ValueError::Shapes { operation: operation @ "divide", left, right } => {
+                write!(f, "cannot {operation} {left} by {right}")
+            }
+            ValueError::Shapes { operation: "raise", left, right } => {
+                write!(f, "cannot raise {left} to {right}")
+            }
+            ValueError::Shapes { operation: operation @ "equate", left, right } => {
+                write!(f, "cannot {operation} {left} with {right}")
+            }
+            ValueError::Shapes { operation: operation @ ("add" | "multiply"), left, right } => {
+                write!(f, "cannot {operation} {left} and {right}")
+            }
+            ValueError::Shapes { operation, left, right } => write!(f, "`{operation}` of {left} and {right}"),
+            ValueError::Argument { function, expected, found } if function == "[ ]" => {
+                write!(f, "expected {expected}, found {found}")
+            }
+            ValueError::Argument { function, expected, found } => {
+                write!(f, "`{function}` takes {expected}, found {found}")
+            }
+            ValueError::DivisionByZero => f.write_str("division by zero"),
+            ValueError::LogarithmOfZero => f.write_str("logarithm of zero"),
+            ValueError::AngleOfOrigin => f.write_str("angle of the origin"),
+            ValueError::Exponent(q) => {
+                let shown: String = q.to_string().chars().take(40).collect();
+                write!(f, "exponent {shown} is too large, the limit is {MAX_EXPONENT}")
+            }
+            ValueError::Index { index, len } => write!(f, "index {index} is not between 1 and {len}"),
+            ValueError::Ragged { first, other } => {
+                write!(f, "entries of different shapes: {first} and {other}")
+            }
+            ValueError::NotAVelocity { function } => write!(f, "`{function}` takes a velocity"),
+            ValueError::TooLarge => write!(f, "more than {MAX_DIM} rows or columns"),
+        }
+    }
+}
+
+impl std::error::Error for ValueError {}
+
+impl ValueError {
+    /// What to change, or nothing.
+    pub fn help(&self) -> String {
+        match self {
+            ValueError::Shapes { operation: "multiply", left: Shape::Vector(a), right: Shape::Vector(b) } => {
+                if (*a, *b) == (3, 3) {
+                    "write `dot(a, b)` or `cross(a, b)`".into()
+                } else {
+                    "write `dot(a, b)`, or `a * transpose(b)` for the matrix".into()
+                }
+            }
+            ValueError::Shapes {
+                operation: "multiply",
+                left: Shape::Matrix(_, m),
+                right: Shape::Vector(n),
+            } => {
+                format!("the matrix needs {n} columns instead of {m}; `transpose` may help")
+            }
+            ValueError::Shapes {
+                operation: "multiply",
+                left: Shape::Matrix(_, m),
+                right: Shape::Matrix(n, _),
+            } => {
+                format!("the columns of the first ({m}) must be the rows of the second ({n})")
+            }
+            ValueError::Shapes {
+                operation: "multiply",
+                left: Shape::Vector(_),
+                right: Shape::Matrix(..),
+            } => "write `transpose(v) * A` or `A * v`".into(),
+            ValueError::Shapes { operation: "divide", right: Shape::Scalar, .. } => String::new(),
+            ValueError::Shapes { operation: "divide", .. } => {
+                "only a number can divide: solve by hand or use `dot`".into()
+            }
+            ValueError::Shapes { operation: "raise", left: Shape::Vector(_), .. } => {
+                "powers are for numbers: write `dot(v, v)`, or `[v1^2, v2^2]` component by component".into()
+            }
+            ValueError::Shapes { operation: "raise", left: Shape::Matrix(..), .. } => {
+                "powers are for numbers: write `A * A`; matrices are not inverted".into()
+            }
+            ValueError::Shapes { operation: "raise", .. } => "an exponent is a number".into(),
+            ValueError::DivisionByZero => {
+                "the divisor vanishes identically, whatever the names in it stand for".into()
+            }
+            ValueError::LogarithmOfZero => "its argument vanishes identically".into(),
+            ValueError::AngleOfOrigin => "both coordinates of the point vanish identically".into(),
+            ValueError::Exponent(_) => "powers are computed exactly".into(),
+            ValueError::Ragged { .. } => "a vector holds numbers, a matrix rows of one length".into(),
+            ValueError::NotAVelocity { function } => {
+                format!(
+                    "name a velocity of the base or of the algebra: `{function}(Omega)`, `{function}(q_dot)`"
+                )
+            }
+            ValueError::Shapes { operation: "cross", .. } => "both must be vector(3)".into(),
+            ValueError::Shapes { operation: "dot", .. } => "both must be vectors of one dimension".into(),
+            ValueError::Shapes { operation: "add" | "subtract" | "equate", left, right } => {
+                match (left, right) {
+                    (Shape::Scalar, _) | (_, Shape::Scalar) => {
+                        "a number and a vector do not add: index the vector, as in `v[1]`, or use `dot`"
+                            .into()
+                    }
+                    _ => "both sides must have the same shape".into(),
+                }
+            }
+            ValueError::Argument { function, expected: "a number", .. } => {
+                format!("apply it to each component, as in `[{function}(a), {function}(b)]`")
+            }
+            ValueError::Argument { function, expected: "a vector", found: Shape::Scalar }
+                if function == "norm" =>
+            {
+                "write `abs(x)` for a number".into()
+            }
+            _ => String::new(),
+        }
+    }
+}

@@ -1,0 +1,178 @@
+//! `bench rhs`: the generated right-hand sides beside opponents, in nanoseconds, executed instructions and operations.
+//!
+//! The measuring program is another process (package `hamel-bench`), built for the chosen instruction set in a target
+//! directory of its own, so that the flags do not rebuild everything else.
+//!
+//! Does not know: generated code and opponents, what they compute, how a table is drawn ([`super::rhs_report`]).
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use hamel::Error;
+use hamel::model::RECONSTRUCTION_SCENE;
+use hamel::repository::Repository;
+use hamel::run::interpreted;
+use hamel::session::{ModelFile, Session};
+use hamel_codegen::program::Counts;
+use indicatif::ProgressBar;
+
+use super::kernel::{Kernel, Row};
+use super::program::{PACKAGE, TargetCpu, build, converse, cpu, failed, progress, rustc};
+use super::rhs_report::Report;
+use super::{instructions, peers};
+
+/// What to measure, and how.
+#[derive(Clone, Debug)]
+pub(crate) struct Options {
+    /// Names of models; all when empty.
+    pub(crate) models: Vec<String>,
+    /// Rounds; the fastest and the median one are shown.
+    pub(crate) rounds: u32,
+    /// The instruction set.
+    pub(crate) target_cpu: TargetCpu,
+    /// Whether other code generators are measured, too.
+    pub(crate) peers: bool,
+}
+
+impl Options {
+    /// The command that repeats the measurement.
+    fn command(&self) -> String {
+        let mut words = vec!["cargo xtask bench rhs".to_owned()];
+        words.extend(self.models.iter().cloned());
+        words.push(format!("--rounds {} --target-cpu {}", self.rounds, self.target_cpu.name()));
+        words.extend(self.peers.then(|| "--peers".to_owned()));
+        words.join(" ")
+    }
+}
+
+/// Measures, writes `docs/benchmarks` when all models were measured, and returns the table.
+///
+/// # Errors
+/// Unknown models and problems of them, [`Error::Failed`] when the measuring program does not build or run, [`Error::Io`].
+pub(crate) fn rhs(repository: &Repository, session: &Session, options: &Options) -> Result<String, Error> {
+    let files = session.find_all(&options.models)?;
+    let program = build(repository, options.target_cpu, &[])?;
+    let mut kernels = list(&program)?;
+    kernels.retain(|k| k.is_copy() || files.iter().any(|file| file.name() == k.model));
+    kernels.retain(|k| k.scene != RECONSTRUCTION_SCENE);
+    let mut programs = vec![Program { path: program, kernels }];
+    let mut notes = Vec::new();
+    let mut using = None;
+    if options.peers {
+        let models = files.iter().map(ModelFile::name);
+        let models: Vec<&str> = models.filter(|m| peers::PEERS.iter().any(|p| p.model == *m)).collect();
+        match peers::generate(repository, options.target_cpu, &models) {
+            Ok(made) => {
+                programs.push(Program { kernels: list(&made.program)?, path: made.program });
+                notes.extend(made.notes);
+                using = Some(made.using);
+            }
+            Err(note) => notes.push(note),
+        }
+    }
+    let mut rows = measure(&programs, options.rounds, &mut notes)?.into_iter();
+    let mut own = rows.next().unwrap_or_default();
+    for row in own.iter_mut().filter(|row| row.kernel.kind == "hamel") {
+        if let Some(file) = files.iter().find(|file| file.name() == row.kernel.model) {
+            row.counts = Some(operations(file, &row.kernel.scene)?);
+        }
+    }
+    let peers = using.zip(rows.next()).map(|(using, rows)| peers::Peers { rows, using });
+    let report = Report { command: options.command(), cpu: cpu(), rustc: rustc(), rows: own, peers, notes };
+    let mut text = report.text();
+    if options.models.is_empty() {
+        for path in report.write(&repository.root().join("docs/benchmarks"))? {
+            text.push_str(&format!("wrote {}\n", repository.shown(&path)));
+        }
+    } else {
+        text.push_str("docs/benchmarks is written when all models are measured\n");
+    }
+    Ok(text)
+}
+
+/// A program that measures, and those of its kernels that are wanted.
+struct Program {
+    path: PathBuf,
+    kernels: Vec<Kernel>,
+}
+
+/// How often the programs take turns: each start lays memory out anew, which some kernels feel.
+const TURNS: u32 = 4;
+
+/// Times and counts the kernels of all programs, which take turns; a list of rows a program.
+fn measure(programs: &[Program], rounds: u32, notes: &mut Vec<String>) -> Result<Vec<Vec<Row>>, Error> {
+    let counter = instructions::Counter::find();
+    let kernels = programs.iter().map(|p| p.kernels.len() as u64).sum::<u64>();
+    let n_rounds = u64::from(rounds) * programs.len() as u64;
+    let bar = progress(n_rounds + counter.as_ref().map_or(0, |_| kernels));
+    let mut timings: Vec<Vec<Vec<[f64; 2]>>> = vec![Vec::new(); programs.len()];
+    for turn in 0..TURNS.min(rounds) {
+        let rounds = (rounds + turn) / TURNS.min(rounds);
+        for (program, timings) in programs.iter().zip(&mut timings) {
+            timings.push(time(&program.path, &program.kernels, rounds, &bar)?);
+        }
+    }
+    let mut all = Vec::new();
+    for (program, timings) in programs.iter().zip(timings) {
+        let counted = match &counter {
+            Ok(counter) => counter.count(&program.path, &program.kernels, &bar),
+            Err(_) => vec![None; program.kernels.len()],
+        };
+        let rows = program.kernels.iter().zip(counted).enumerate().map(|(k, (kernel, instructions))| {
+            let lanes = f64::from(kernel.lanes);
+            let of = |which: usize| timings.iter().map(move |turn| turn[k][which] / lanes);
+            let mut medians: Vec<f64> = of(1).collect();
+            medians.sort_by(f64::total_cmp);
+            Row {
+                kernel: kernel.clone(),
+                counts: None,
+                instructions: instructions.map(|n| n / lanes),
+                min: of(0).fold(f64::INFINITY, f64::min),
+                median: medians[medians.len() / 2],
+            }
+        });
+        all.push(rows.collect::<Vec<_>>());
+    }
+    bar.finish_and_clear();
+    // heyoka's code is for this machine, whatever was chosen; its batches are not counted anywhere.
+    let lacks = |row: &Row| row.instructions.is_none() && !row.kernel.kind.starts_with("heyoka");
+    match counter {
+        Err(note) => notes.push(note),
+        Ok(_) if all.iter().flatten().any(lacks) => {
+            notes.push(
+                "valgrind could not run every kernel: choose --target-cpu x86-64-v3 or baseline".into(),
+            );
+        }
+        Ok(_) => (),
+    }
+    Ok(all)
+}
+
+/// Operations of the right-hand side of a scene.
+fn operations(file: &ModelFile<'_>, scene: &str) -> Result<Counts, Error> {
+    interpreted::build(file.model()?, scene).map(|built| built.rhs_counts())
+}
+
+fn list(program: &Path) -> Result<Vec<Kernel>, Error> {
+    let output = Command::new(program).arg("list").output();
+    let output = output.map_err(|e| Error::io(PACKAGE, e))?;
+    let text = String::from_utf8_lossy(&output.stdout);
+    text.lines()
+        .map(|line| Kernel::parse(line).ok_or_else(|| failed(format!("unexpected {line:?}"))))
+        .collect()
+}
+
+/// Nanoseconds of a call, in the fastest and the median round.
+fn time(program: &Path, kernels: &[Kernel], rounds: u32, bar: &ProgressBar) -> Result<Vec<[f64; 2]>, Error> {
+    bar.set_message("timing");
+    let mut command = Command::new(program);
+    command.arg("time").arg(rounds.to_string()).args(kernels.iter().map(Kernel::name));
+    let mut timings = Vec::new();
+    converse(command, PACKAGE, bar, |line| {
+        let words: Vec<&str> = line.rsplitn(3, ' ').collect();
+        let [median, min, _] = words[..] else { return None };
+        timings.push([min, median].map(|x| x.parse().unwrap_or(f64::NAN)));
+        Some(())
+    })?;
+    if timings.len() == kernels.len() { Ok(timings) } else { Err(failed("not every kernel was timed")) }
+}

@@ -1,0 +1,107 @@
+//! What is looked at: scenes, and what their generated code does not say.
+//!
+//! Does not know: generated code, and what is measured.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use clap::Parser;
+use hamel::Error;
+use hamel::model::roles::{self, Role};
+use hamel::model::scene_names;
+use hamel::repository::Repository;
+use hamel::session::Session;
+
+/// Measures rounding errors of all right-hand sides and drifts of long runs; started by `cargo xtask stress`
+#[derive(Debug, Parser)]
+pub struct Arguments {
+    /// Root directory of the repository
+    #[arg(long)]
+    pub root: PathBuf,
+    /// Few states and short runs, against pinned bounds
+    #[arg(long)]
+    pub short: bool,
+    /// Number of random states per scene
+    #[arg(long)]
+    pub samples: Option<u64>,
+    /// Number of steps per run
+    #[arg(long)]
+    pub steps: Option<u64>,
+    /// Names of models; all when none is given
+    pub models: Vec<String>,
+}
+
+/// What is measured.
+#[derive(Debug)]
+pub struct StressRequest {
+    /// The scenes to look at.
+    pub scenes: Vec<SceneRequest>,
+    /// Few states and short runs, against pinned bounds.
+    pub short: bool,
+    /// Number of states per scene; the program's own choice when absent.
+    pub samples: Option<u64>,
+    /// Number of steps per run; the program's own choice when absent.
+    pub steps: Option<u64>,
+    /// Where `stress.md` and the tables go; nowhere when absent.
+    pub folder: Option<PathBuf>,
+}
+
+/// A scene, and what its generated code does not say.
+#[derive(Clone, Debug)]
+pub struct SceneRequest {
+    /// Name of the model.
+    pub model: String,
+    /// Name of the scene within the model.
+    pub scene: String,
+    /// What the possible state variables are.
+    pub roles_by_name: BTreeMap<String, Role>,
+    /// The initial values that the model gives.
+    pub initial_by_name: BTreeMap<String, f64>,
+    /// What the components of the state are; filled by the program.
+    pub roles: Vec<Role>,
+    /// Initial values of the components; filled by the program.
+    pub initial: Vec<f64>,
+}
+
+impl SceneRequest {
+    /// Puts roles and initial values in the order of the state.
+    pub fn order(&mut self, state: &[&str]) {
+        let role = |name: &&str| self.roles_by_name.get(*name).copied().unwrap_or(Role::Velocity);
+        self.roles = state.iter().map(role).collect();
+        let initial = |(name, role): (&&str, &Role)| match (self.initial_by_name.get(*name), role) {
+            (Some(value), _) => *value,
+            (None, Role::Bounded { from, to }) => 0.5 * (from + to),
+            (None, Role::Group { identity }) => *identity,
+            (None, _) => 0.5,
+        };
+        self.initial = state.iter().zip(&self.roles).map(initial).collect();
+    }
+}
+
+impl StressRequest {
+    /// Reads the models; a run of all of them that is not short writes files.
+    ///
+    /// # Errors
+    /// Unknown names and problems of a model.
+    pub fn new(arguments: Arguments) -> Result<StressRequest, Error> {
+        let Arguments { root, short, samples, steps, models } = arguments;
+        let folder = (models.is_empty() && !short).then(|| root.join("docs"));
+        let session = Session::new(Some(Repository::at(root)));
+        let mut scenes = Vec::new();
+        for file in session.find_all(&models)? {
+            let model = file.model()?;
+            for scene in scene_names(model) {
+                let params = roles::all_params(model, &scene, &BTreeMap::new());
+                scenes.push(SceneRequest {
+                    model: model.name.clone(),
+                    roles_by_name: roles::roles(model, &params),
+                    initial_by_name: roles::initial_values(model, &params),
+                    scene,
+                    roles: Vec::new(),
+                    initial: Vec::new(),
+                });
+            }
+        }
+        Ok(StressRequest { scenes, short, samples, steps, folder })
+    }
+}
