@@ -9,6 +9,7 @@ use crate::error::Error;
 use crate::expr::{ExprId, Graph, Stage, SymbolId, needed_sections};
 use crate::lower::{self, Inputs, ParamCondition, Request};
 use crate::mechanics::{Equations, Output, OutputKind, StateEquation, derive};
+use crate::parallel::side_by_side;
 use crate::program::{Relation, Role};
 use crate::reduction::{Formulation, reduce};
 use crate::spec::{self, Diagnostics, Model, Want, Wanted};
@@ -29,25 +30,36 @@ impl<'m> Derivations<'m> {
         Derivations { model, done: Vec::new() }
     }
 
-    /// The equations in a formulation.
-    pub(super) fn equations(&mut self, formulation: &Formulation) -> Result<Arc<Equations>, Diagnostics> {
-        if let Some((_, known)) = self.done.iter().find(|(other, _)| other == formulation) {
-            return known.clone();
+    /// Derives the equations in several formulations, side by side, unless they are there.
+    pub(super) fn derive_all<'f>(&mut self, formulations: impl IntoIterator<Item = &'f Formulation>) {
+        let mut missing: Vec<Formulation> = Vec::new();
+        for formulation in formulations {
+            let is_known = self.done.iter().map(|(known, _)| known).chain(&missing).any(|k| k == formulation);
+            if !is_known {
+                missing.push(formulation.clone());
+            }
         }
+        let derived = side_by_side(&missing, |formulation| self.derived(formulation));
+        self.done.extend(missing.into_iter().zip(derived));
+    }
+
+    /// The equations in a formulation.
+    pub(super) fn equations(&self, formulation: &Formulation) -> Result<Arc<Equations>, Diagnostics> {
+        match self.done.iter().find(|(other, _)| other == formulation) {
+            Some((_, known)) => known.clone(),
+            None => self.derived(formulation),
+        }
+    }
+
+    fn derived(&self, formulation: &Formulation) -> Result<Arc<Equations>, Diagnostics> {
         let model = self.model;
-        let derived = reduce(model, formulation).and_then(|system| {
-            derive(&system).map(Arc::new).map_err(|e| model.diagnostics(vec![model.diagnose(&e)]))
-        });
-        self.done.push((formulation.clone(), derived.clone()));
-        derived
+        let system = reduce(model, formulation)?;
+        derive(&system).map(Arc::new).map_err(|e| model.diagnostics(vec![model.diagnose(&e)]))
     }
 }
 
 /// Builds a scene by its plan; problems without a place of their own are at the scene.
-pub(super) fn build_planned(
-    derivations: &mut Derivations<'_>,
-    plan: Plan,
-) -> Result<BuiltScene, Diagnostics> {
+pub(super) fn build_planned(derivations: &Derivations<'_>, plan: Plan) -> Result<BuiltScene, Diagnostics> {
     let model = derivations.model;
     let scene = plan.name.clone();
     build_scene(derivations, plan).map_err(|problems| {
@@ -65,7 +77,7 @@ pub(super) fn build_planned(
     })
 }
 
-fn build_scene(derivations: &mut Derivations<'_>, plan: Plan) -> Result<BuiltScene, Diagnostics> {
+fn build_scene(derivations: &Derivations<'_>, plan: Plan) -> Result<BuiltScene, Diagnostics> {
     let model = derivations.model;
     let scene = plan.name.as_str();
     let own = model.scenes.iter().find(|s| s.name == scene);
@@ -83,7 +95,7 @@ fn build_scene(derivations: &mut Derivations<'_>, plan: Plan) -> Result<BuiltSce
     }
     let equations = derivations.equations(&plan.formulation).map_err(|problems| {
         let on_lines = Formulation { circles: Vec::new(), ..plan.formulation.clone() };
-        if plan.formulation.circles.is_empty() || derivations.equations(&on_lines).is_err() {
+        if plan.formulation.circles.is_empty() || reduce(model, &on_lines).is_err() {
             return problems;
         }
         // At the angle in the scene where the model has no text for the place itself.

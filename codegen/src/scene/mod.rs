@@ -27,6 +27,7 @@ use std::sync::Arc;
 use crate::error::Error;
 use crate::expr::Budget;
 use crate::mechanics::{Equations, Output, OutputKind, StateEquation};
+use crate::parallel::side_by_side;
 use crate::program::{Program, Role, ViolatedCondition};
 use crate::reduction::{AccelerationSource, Formulation, KinematicConstraint, reduce};
 use crate::spec::{self, Diagnostics, Model, Param, Want};
@@ -116,7 +117,9 @@ impl<'m> Scenes<'m> {
     }
 
     fn has_ignorable_coordinates(&mut self) -> bool {
-        let derived = self.derivations.equations(&Formulation::of(self.derivations.model));
+        let formulation = Formulation::of(self.derivations.model);
+        self.derivations.derive_all([&formulation]);
+        let derived = self.derivations.equations(&formulation);
         derived.is_ok_and(|equations| !ignorable(&equations, &[equations.energy]).is_empty())
     }
 
@@ -126,7 +129,8 @@ impl<'m> Scenes<'m> {
     /// As [`build`].
     pub fn build(&mut self, scene: &str) -> Result<BuiltScene, Diagnostics> {
         let plan = self.plan(scene)?;
-        build_planned(&mut self.derivations, plan)
+        self.derivations.derive_all([&plan.formulation]);
+        build_planned(&self.derivations, plan)
     }
 
     /// Builds several scenes, by their names.
@@ -136,8 +140,11 @@ impl<'m> Scenes<'m> {
     pub fn build_all(&mut self, scenes: &[String]) -> Result<Vec<BuiltScene>, Diagnostics> {
         let mut built = Vec::new();
         let mut problems: Vec<spec::Diagnostic> = Vec::new();
-        for name in scenes {
-            match self.build(name) {
+        let plans: Vec<Result<Plan, Diagnostics>> = scenes.iter().map(|name| self.plan(name)).collect();
+        self.derivations.derive_all(plans.iter().flatten().map(|plan| &plan.formulation));
+        let outcomes = side_by_side(&plans, |plan| build_planned(&self.derivations, plan.clone()?));
+        for outcome in outcomes {
+            match outcome {
                 Ok(scene) => built.push(scene),
                 Err(found) => {
                     for problem in &found {
@@ -239,7 +246,7 @@ pub fn build_pictured(model: &Model, scene: &str) -> Result<BuiltScene, Diagnost
         reconstructs,
         ..plan
     };
-    build_planned(&mut scenes.derivations, plan)
+    build_planned(&scenes.derivations, plan)
 }
 
 impl BuiltScene {

@@ -13,7 +13,7 @@ use super::BuiltScene;
 use super::derivatives::{Matrix, Product};
 
 /// How a scene's module is written down.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Writing {
     /// Command that writes the module again when the model's name follows, such as `cargo xtask generate`; without one,
     /// the first line says to change the model.

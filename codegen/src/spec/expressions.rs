@@ -80,8 +80,17 @@ macro_rules! visit {
         for Param { name: _, symbol: _, default: _, doc: _ } in &*params {}
         for Velocity { name: _, symbol: _, block: _, doc: _ } in velocities.iter().chain(&*quasi_velocities) {
         }
-        for Scene { name: _, fixed: _, wants: _, drops: _, circles: _, doc: _, span: _, places: _ } in
-            &*scenes
+        for Scene {
+            name: _,
+            fixed: _,
+            wants: _,
+            drops: _,
+            circles: _,
+            doc: _,
+            span: _,
+            extent: _,
+            places: _,
+        } in &*scenes
         {}
         $visit(ExpressionRole::Lagrangian, lagrangian);
         for (k, force) in forces.into_iter().enumerate() {

@@ -298,6 +298,8 @@ pub struct Scene {
     pub doc: String,
     /// Where its name stands.
     pub span: Option<Span>,
+    /// Where the whole of it stands.
+    pub extent: Option<Span>,
     /// Where the names in it stand: fixed parameters, outputs, coordinates.
     pub places: BTreeMap<String, Span>,
 }

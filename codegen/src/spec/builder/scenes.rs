@@ -25,7 +25,7 @@ impl ModelBuilder {
         let here = self.here;
         let fixed = fixed.iter().map(|(n, v)| ((*n).to_owned(), v.to_vec(), here)).collect();
         let wants = wants.iter().map(|n| ((*n).to_owned(), here)).collect();
-        self.located_scene(name, fixed, [wants, Vec::new(), Vec::new()], doc)
+        self.located_scene(name, fixed, [wants, Vec::new(), Vec::new()], doc, None)
     }
 
     pub(in crate::spec) fn located_scene(
@@ -34,6 +34,7 @@ impl ModelBuilder {
         fixed: Vec<(String, Vec<Rational>, Option<Span>)>,
         [wants, drops, circles]: [Vec<Located>; 3],
         doc: &str,
+        extent: Option<Span>,
     ) -> &mut Self {
         let here = self.here;
         if let Some(reason) = names::refusal(name) {
@@ -53,6 +54,7 @@ impl ModelBuilder {
             circles: Vec::new(),
             doc: doc.to_owned(),
             span: here,
+            extent,
             places: BTreeMap::new(),
         };
         self.scenes.push(SceneDraft { scene, fixed, wants, drops, circles });
