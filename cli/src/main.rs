@@ -1,5 +1,7 @@
 //! Parses the arguments of `hamel` and runs the command.
 
+mod shipped;
+
 use std::process::ExitCode;
 
 use clap::{CommandFactory as _, Parser, Subcommand};
@@ -41,7 +43,11 @@ enum Task {
 fn main() -> ExitCode {
     let Cli { task, budget } = Cli::parse();
     let here = std::env::current_dir().ok();
-    let session = Session::new(here.and_then(|folder| Repository::around(&folder))).with_budget(budget);
+    let session = match here.and_then(|folder| Repository::around(&folder)) {
+        Some(repository) => Session::of_repository(repository),
+        None => Session::of_shipped(shipped::SHIPPED),
+    };
+    let session = session.with_budget(budget);
     let program = Program { name: "hamel", completed: "hamel", arguments: Cli::command };
     hamel::finish(match task {
         Task::Shared(command) => command.run(&session, &program),

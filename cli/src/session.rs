@@ -2,6 +2,7 @@
 //!
 //! Does not know: commands, how a scene is evaluated.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
@@ -9,17 +10,32 @@ use crate::error::Error;
 use crate::model::{self, Model};
 use crate::repository::Repository;
 
+/// Names and texts of models that are part of a program.
+pub type Shipped = &'static [(&'static str, &'static str)];
+
 /// The models there are, and how they are derived.
 #[derive(Clone, Debug)]
 pub struct Session {
-    repository: Option<Repository>,
+    models: Models,
     budget: u64,
 }
 
+/// The models that have a name.
+#[derive(Clone, Debug)]
+enum Models {
+    Repository(Repository),
+    Shipped(Shipped),
+}
+
 impl Session {
-    /// Inside hamel's repository with its models, otherwise with those that were shipped with the program.
-    pub fn new(repository: Option<Repository>) -> Session {
-        Session { repository, budget: 1 }
+    /// With the models of hamel's repository, which may be compiled.
+    pub fn of_repository(repository: Repository) -> Session {
+        Session { models: Models::Repository(repository), budget: 1 }
+    }
+
+    /// With models that are part of the program.
+    pub fn of_shipped(shipped: Shipped) -> Session {
+        Session { models: Models::Shipped(shipped), budget: 1 }
     }
 
     /// With so many times the default budget for every model.
@@ -30,12 +46,15 @@ impl Session {
 
     /// The repository whose models these are.
     pub fn repository(&self) -> Option<&Repository> {
-        self.repository.as_ref()
+        match &self.models {
+            Models::Repository(repository) => Some(repository),
+            Models::Shipped(_) => None,
+        }
     }
 
     /// A path as shown to people.
     pub fn shown(&self, path: &Path) -> String {
-        self.repository.as_ref().map_or_else(|| path.display().to_string(), |r| r.shown(path))
+        self.repository().map_or_else(|| path.display().to_string(), |r| r.shown(path))
     }
 
     /// Reads and checks the text of a model; `file` is shown in messages.
@@ -51,9 +70,19 @@ impl Session {
     /// # Errors
     /// [`Error::Io`] when the repository's directory cannot be read.
     pub fn all(&self) -> Result<Vec<ModelFile<'_>>, Error> {
-        let Some(repository) = &self.repository else { return Ok(Vec::new()) };
-        let specs = repository.specs()?.into_iter();
-        Ok(specs.map(|(name, path)| ModelFile::new(self, name, path, Some(repository))).collect())
+        Ok(match &self.models {
+            Models::Repository(repository) => {
+                let specs = repository.specs()?.into_iter();
+                let file = |(name, path)| ModelFile::new(self, name, Source::File(path), Some(repository));
+                specs.map(file).collect()
+            }
+            Models::Shipped(shipped) => {
+                let file = |(name, text): &(&str, &'static str)| {
+                    ModelFile::new(self, (*name).to_owned(), Source::Shipped(text), None)
+                };
+                shipped.iter().map(file).collect()
+            }
+        })
     }
 
     /// The models of arguments; all when there are none.
@@ -79,8 +108,8 @@ impl Session {
                 r.specs_folder().canonicalize().is_ok_and(|folder| real.parent() == Some(folder.as_path()))
             };
             let name = path.file_stem().and_then(|s| s.to_str()).unwrap_or_default().to_owned();
-            let repository = self.repository.as_ref().filter(is_in);
-            return Ok(ModelFile::new(self, name, path, repository));
+            let repository = self.repository().filter(is_in);
+            return Ok(ModelFile::new(self, name, Source::File(path), repository));
         }
         let mut all = self.all()?;
         match all.iter().position(|file| file.name() == argument) {
@@ -98,19 +127,26 @@ impl Session {
 pub struct ModelFile<'s> {
     session: &'s Session,
     name: String,
-    path: PathBuf,
+    source: Source,
     repository: Option<&'s Repository>,
     model: OnceLock<Model>,
+}
+
+/// Where the text of a model is.
+#[derive(Debug)]
+enum Source {
+    File(PathBuf),
+    Shipped(&'static str),
 }
 
 impl<'s> ModelFile<'s> {
     fn new(
         session: &'s Session,
         name: String,
-        path: PathBuf,
+        source: Source,
         repository: Option<&'s Repository>,
     ) -> ModelFile<'s> {
-        ModelFile { session, name, path, repository, model: OnceLock::new() }
+        ModelFile { session, name, source, repository, model: OnceLock::new() }
     }
 
     /// Name of the file without its ending, which is that of the model for models that have a name.
@@ -120,7 +156,10 @@ impl<'s> ModelFile<'s> {
 
     /// The file as shown to people.
     pub fn shown(&self) -> String {
-        self.session.shown(&self.path)
+        match &self.source {
+            Source::File(path) => self.session.shown(path),
+            Source::Shipped(_) => format!("{}.hamel", self.name),
+        }
     }
 
     /// The repository whose file it is, so that the model may have been generated and compiled.
@@ -137,7 +176,12 @@ impl<'s> ModelFile<'s> {
             return Ok(model);
         }
         let shown = self.shown();
-        let text = std::fs::read_to_string(&self.path).map_err(|e| Error::io(shown.clone(), e))?;
+        let text = match &self.source {
+            Source::File(path) => {
+                Cow::Owned(std::fs::read_to_string(path).map_err(|e| Error::io(shown.clone(), e))?)
+            }
+            Source::Shipped(text) => Cow::Borrowed(*text),
+        };
         let model = self.session.parse(&shown, &text)?;
         if self.repository.is_some() && model.name != self.name {
             return Err(Error::Misnamed { file: shown, model: model.name });

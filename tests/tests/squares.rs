@@ -38,9 +38,7 @@ fn n_accelerations(model: &spec::Model) -> usize {
     let linear = equations.linear_system().expect("solved for accelerations").clone();
     let g = &mut equations.system.graph;
     let values = inlined(g, sections.iter().flat_map(|s| &s.definitions));
-    for (name, (force, plain)) in
-        linear.unknowns.iter().zip(linear.force.iter().zip(plain))
-    {
+    for (name, (force, plain)) in linear.unknowns.iter().zip(linear.force.iter().zip(plain)) {
         let force = g.subs(*force, &values).expect("no denominator vanishes");
         assert!(g.is_equal(force, plain), "force on {name} of {}", model.name);
     }

@@ -78,7 +78,7 @@ fn repository() -> Result<Repository, Error> {
 
 fn run(Cli { task, budget }: Cli) -> Result<String, Error> {
     let repository = repository()?;
-    let session = Session::new(Some(repository.clone())).with_budget(budget);
+    let session = Session::of_repository(repository.clone()).with_budget(budget);
     let program = Program { name: "cargo xtask", completed: "xtask", arguments: Cli::command };
     match task {
         Task::Shared(command) => command.run(&session, &program),

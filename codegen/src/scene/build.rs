@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use crate::error::Error;
 use crate::expr::{ExprId, Graph, Stage, SymbolId, needed_sections};
-use crate::lower::{self, Inputs, ParamCondition, Request};
+use crate::lower::{self, Inputs, ParamCondition, Request, SearchBudget};
 use crate::mechanics::{Equations, Output, OutputKind, StateEquation, derive};
 use crate::parallel::side_by_side;
 use crate::program::{Relation, Role};
@@ -331,7 +331,8 @@ pub(super) fn lower_scene(
     let mut sections = equations.sections.clone();
     sections.extend(own_sections);
     let sections = needed_sections(&graph, &sections, &roots);
-    let program = lower::lower(&mut graph, &inputs, &sections, &conditions, &requests)?;
+    let program =
+        lower::lower(&mut graph, &inputs, &sections, &conditions, &requests, &SearchBudget::default())?;
     let products = derivatives.products;
     let spent = graph.spent();
     let (name, wants_taylor, doc) = (plan.name.clone(), plan.taylor, plan.doc.clone());

@@ -20,7 +20,7 @@ impl Repository {
         let _ = std::fs::remove_dir_all(&root);
         std::fs::create_dir_all(root.join("models/specs")).unwrap();
         let repository = hamel::repository::Repository::at(&root);
-        Repository { session: Session::new(Some(repository.clone())), repository, root }
+        Repository { session: Session::of_repository(repository.clone()), repository, root }
     }
 
     fn generate(&self, names: &[&str], check: bool) -> Result<Summary, Error> {
@@ -153,7 +153,7 @@ fn a_new_model_is_generated_with_the_others() {
 #[test]
 fn no_model_of_the_repository_has_a_warning() {
     let around = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
-    let session = Session::new(hamel::repository::Repository::around(around));
+    let session = Session::of_repository(hamel::repository::Repository::around(around).unwrap());
     let mut models = Vec::new();
     for file in session.all().unwrap() {
         models.push(file.into_model().unwrap_or_else(|e| panic!("{e}")));

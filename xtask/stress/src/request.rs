@@ -86,7 +86,7 @@ impl StressRequest {
     pub fn new(arguments: Arguments) -> Result<StressRequest, Error> {
         let Arguments { root, short, samples, steps, models } = arguments;
         let folder = (models.is_empty() && !short).then(|| root.join("docs"));
-        let session = Session::new(Some(Repository::at(root)));
+        let session = Session::of_repository(Repository::at(root));
         let mut scenes = Vec::new();
         for file in session.find_all(&models)? {
             let model = file.model()?;

@@ -1,0 +1,55 @@
+//! The models that the program comes with, by name: those of the repository as they were when it was built.
+//!
+//! They are part of the program and not of the library: a change of a model builds the program anew, and not `cargo xtask`,
+//! which reads the files. `specs` is a link to the folder of the model files, which a package holds a copy of.
+//!
+//! Does not know: what is in a model.
+
+use hamel::session::Shipped;
+
+macro_rules! shipped {
+    ($($name:literal),* $(,)?) => {
+        &[$(($name, include_str!(concat!("../specs/", $name, ".hamel")))),*]
+    };
+}
+
+/// Names and texts, sorted by name.
+pub(crate) const SHIPPED: Shipped = shipped![
+    "appell_machine",
+    "ball_on_rotating_table",
+    "chaplygin_ball",
+    "chaplygin_gyro",
+    "chaplygin_sleigh",
+    "euler_disk",
+    "euler_disk_advected",
+    "extended_pose",
+    "free_rigid_body",
+    "heavy_top",
+    "kirchhoff_body",
+    "mobile_robot",
+    "rolling_ball",
+    "rolling_disk",
+    "servo_ball",
+    "skew_sleigh",
+    "snakeboard",
+    "suslov",
+    "tethered_body",
+    "two_arm_satellite",
+    "veselova",
+    "wong_particle",
+];
+
+#[cfg(test)]
+mod tests {
+    use super::SHIPPED;
+
+    #[test]
+    fn every_model_of_the_repository_is_shipped() {
+        let folder = std::fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/../models/specs")).unwrap();
+        let names = folder.map(|file| file.unwrap().file_name().into_string().unwrap());
+        let mut names: Vec<String> =
+            names.filter_map(|name| Some(name.strip_suffix(".hamel")?.to_owned())).collect();
+        names.sort();
+        assert_eq!(SHIPPED.iter().map(|(name, _)| (*name).to_owned()).collect::<Vec<_>>(), names);
+    }
+}
