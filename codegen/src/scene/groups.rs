@@ -64,7 +64,7 @@ fn group(name: &str, kind: GroupKind, symbols: &[SymbolId], among: &[SymbolId]) 
 
 #[cfg(test)]
 mod tests {
-    use super::super::build;
+    use super::super::{Writing, build};
     use super::*;
     use crate::spec;
 
@@ -124,5 +124,22 @@ mod tests {
         let found = groups(&built(text, "reconstruction"));
         assert_eq!(listed(&found.params), [("C", GroupKind::Matrix(2, 2), [0, 1, 2, 3].as_slice())]);
         assert_eq!(listed(&found.state), [("place", GroupKind::PlanarPlace, [2, 3, 4].as_slice())]);
+    }
+
+    #[test]
+    fn modules_have_them_where_they_are_asked_to() {
+        let scene = built(
+            "model top {
+                velocity Omega in so(3);
+                lagrangian = 1/2*dot(Omega, Omega) + 1/2*Omega3^2;
+            }",
+            "default",
+        );
+        let plain = scene.emit().expect("a module");
+        assert!(!plain.contains("nalgebra"), "{plain}");
+        let writing = Writing { nalgebra: true, ..Writing::default() };
+        let asked = scene.emit_as(&writing).expect("a module");
+        assert!(asked.starts_with(&plain), "what is asked for comes last");
+        assert!(asked.contains("pub fn Omega(&self)") && asked.contains("fn on_vectors"), "{asked}");
     }
 }
