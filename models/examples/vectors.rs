@@ -2,8 +2,9 @@
 //!
 //! `cargo run --release -p hamel-models --example vectors`
 //!
-//! A symmetric top that stands upright on its point and spins with `w` about its axis is a steady motion. It is stable where
-//! no eigenvalue of the Jacobian has a positive real part: above `I3 w = 2 sqrt(I1 m g l)`, says Lagrange.
+//! A symmetric top that stands upright on its point and spins with `w` about its axis is a steady motion. It is
+//! stable where no eigenvalue of the Jacobian has a positive real part: above `I3 w = 2 sqrt(I1 m g l)`, says
+//! Lagrange.
 
 use hamel_models::generated::heavy_top_derivatives::{Params, Prepared, State};
 use hamel_runtime::nalgebra::Vector3;

@@ -70,8 +70,8 @@ pub struct Event<'a, R, V> {
 /// The end of a bracket of at most the width `resolution` around a change of sign of `f` in `[0, 1]`, by the
 /// method ITP.
 ///
-/// `before` and `after` are `f(0)` and `f(1)`. The sign at the answer is that of `after`, or zero; just before it the sign
-/// is that of `before`, so that a stretch of zeros is found by its start.
+/// `before` and `after` are `f(0)` and `f(1)`. The sign at the answer is that of `after`, or zero; just before it the
+/// sign is that of `before`, so that a stretch of zeros is found by its start.
 ///
 /// # Source
 ///

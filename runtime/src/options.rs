@@ -31,9 +31,9 @@ pub enum StepSize<R> {
 
 /// Tolerances, step sizes and limits of an integration.
 ///
-/// A step is accepted if the norm of `error_i / (atol + rtol max(|y0_i|, |y1_i|))` is at most one, with `0/0 = 0`, so that
-/// a component may be zero where `atol` is. No constant is added: with a zero `atol`, or one scaled with the state, results do
-/// not depend on the scale of the state.
+/// A step is accepted if the norm of `error_i / (atol + rtol max(|y0_i|, |y1_i|))` is at most one, with `0/0 = 0`, so
+/// that a component may be zero where `atol` is. No constant is added: with a zero `atol`, or one scaled with the
+/// state, results do not depend on the scale of the state.
 ///
 /// ```
 /// use hamel_runtime::{Error, Norm, Options};

@@ -218,11 +218,8 @@ fn a_scene_whose_text_did_not_change_is_not_made_again() {
         )
     };
     let made = |text: &str| Config::new().generate_cached(&[model(text)], &|_| {}, Some(&cache)).unwrap();
-    let [a, b, changed] = [
-        "scene a { want rhs; }",
-        "scene b { fix k = 3; want rhs; }",
-        "scene b { fix k = 4; want rhs; }",
-    ];
+    let [a, b, changed] =
+        ["scene a { want rhs; }", "scene b { fix k = 3; want rhs; }", "scene b { fix k = 4; want rhs; }"];
     let before = text("A spring", &format!("{a} {b}"));
     let first = made(&before);
     assert_eq!(first, Config::new().generate(&[model(&before)]).unwrap());

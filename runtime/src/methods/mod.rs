@@ -128,9 +128,9 @@ pub struct Start<'a, R: Real, S: System<R>> {
 /// tolerance_i = atol_i + rtol_i max(|a_i|, |b_i|)
 /// ```
 ///
-/// Errors are multiplied by the reciprocals of the tolerances. Where one of them leaves the range of the scalar, as with
-/// states around 1e-300, state and error are brought into the middle of the range by a power of two first: results do
-/// not depend on the scale of the state.
+/// Errors are multiplied by the reciprocals of the tolerances. Where one of them leaves the range of the scalar, as
+/// with states around 1e-300, state and error are brought into the middle of the range by a power of two first:
+/// results do not depend on the scale of the state.
 #[derive(Clone, Copy, Debug)]
 pub struct Tolerances<'a, V> {
     pub(crate) rtol: &'a V,

@@ -1,4 +1,5 @@
-//! A module in the types of `nalgebra`: the numbers are those of arrays, and the motion of a free body is the known one.
+//! A module in the types of `nalgebra`: the numbers are those of arrays, and the motion of a free body is the known
+//! one.
 
 use hamel_downstream::kite::{Params, Prepared, State};
 use hamel_runtime::nalgebra::{Isometry3, SMatrix, SVector, UnitQuaternion, Vector3};
