@@ -229,7 +229,9 @@ fn a_scene_whose_text_did_not_change_is_not_made_again() {
     for name in folder.listing("cache") {
         let path = folder.0.join("cache").join(name);
         let kept = std::fs::read_to_string(&path).unwrap();
-        std::fs::write(&path, kept + "\n// from the cache").unwrap();
+        if kept.contains("pub fn rhs") {
+            std::fs::write(&path, kept + "\n// from the cache").unwrap();
+        }
     }
     let after = made(&text("A spring", &format!("{a} {changed}")));
     let is_known = |name: &str| after.files[name].ends_with("// from the cache");
