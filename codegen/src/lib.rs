@@ -31,6 +31,7 @@
 
 pub mod config;
 pub mod error;
+mod parallel;
 pub mod scene;
 pub mod spec;
 

@@ -36,12 +36,12 @@ pub use kind::{Kind, Restriction, Setting};
 pub use layout::Layout;
 pub use model::{
     Advected, Condition, ConnectionKind, Constraint, ConstraintKind, Coordinate, Domain, IdealChain, Model,
-    Named, NamedVector, Param, Places, Reconstruction, ReconstructionKind, Relation, Scene, Side, Velocity,
-    View, ViewShape, Views, VirtualConstraint, circle_names, diagnose,
+    Named, NamedVector, Param, ParamArray, Places, Reconstruction, ReconstructionKind, Relation, Scene, Side,
+    Velocity, View, ViewShape, Views, VirtualConstraint, circle_names, diagnose,
 };
 pub use shape::{Expected, Operation, Shape, ValueError};
 pub use value::Value;
-pub use want::Want;
+pub use want::{Want, Wanted};
 
 /// Algebras and representations, for [`ModelBuilder`].
 pub use crate::algebra::{Block, Bracket, LieAlgebra, Matrix, Representation};
