@@ -258,7 +258,8 @@ pub enum ReconstructionKind {
 /// Coordinates of the group motion, computed where a scene asks for them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reconstruction {
-    /// Names in the text and how many coordinates each stands for: `q` for a quaternion's four, `x` for the one of that name.
+    /// Names in the text and how many coordinates each stands for: `q` for a quaternion's four, `x` for the one of that
+    /// name.
     pub blocks: Vec<(String, usize)>,
     /// Names of the coordinates.
     pub names: Vec<String>,
