@@ -13,6 +13,8 @@ mod ir;
 mod role;
 mod round_trip;
 mod series;
+#[cfg(feature = "serde")]
+mod text;
 mod verify;
 
 pub use counts::Counts;
