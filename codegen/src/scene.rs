@@ -22,7 +22,7 @@ use crate::expr::{
     Budget, Exhausted, ExprId, Func, Graph, Rational, Resource, Sign, Stage, SymbolId, inlined,
     needed_sections, rational_to_f64, sign_of,
 };
-use crate::lower::{self, Inputs, ParamCondition, Request};
+use crate::lower::{self, Inputs, ParamCondition, Request, SearchBudget};
 use crate::mechanics::{Equations, Output, Pivot, PivotOrigin, StateEquation, derive};
 use crate::program::{Counts, Jet, Point, Program, Relation, Role, ViolatedCondition};
 use crate::reduction::{AccelerationSource, KinematicConstraint, reduce, with_circles};
@@ -559,7 +559,8 @@ fn lower_scene(
     let mut sections = equations.sections.clone();
     sections.extend(own_sections);
     let sections = needed_sections(&graph, &sections, &roots);
-    let program = lower::lower(&mut graph, &inputs, &sections, &conditions, &requests)?;
+    let program =
+        lower::lower(&mut graph, &inputs, &sections, &conditions, &requests, &SearchBudget::default())?;
     let products = derivatives.products;
     let spent = graph.spent();
     let Plan { name, wants_taylor, doc, .. } = plan;

@@ -1,7 +1,7 @@
 //! Taylor coefficients of solutions: against closed forms, identities, the equations, and compiled against interpreted.
 
 use hamel_codegen::expr::{ExprId, Func, Graph, Rational};
-use hamel_codegen::lower::{Inputs, Request, lower};
+use hamel_codegen::lower::{Inputs, Request, SearchBudget, lower};
 use hamel_codegen::program::{Jet, Role};
 use hamel_codegen::{scene, spec};
 use hamel_runtime::{Dop853, Error, Integrator, Options, Scene, System, Taylor};
@@ -26,7 +26,9 @@ fn of_time(t: f64, f: impl FnOnce(&mut Graph, ExprId) -> Vec<ExprId>) -> Vec<Vec
         arguments: Default::default(),
         divisors: Default::default(),
     };
-    let program = lower(&mut g, &inputs, &[], &[], &[Request { role: Role::Rate, results }]).unwrap();
+    let program =
+        lower(&mut g, &inputs, &[], &[], &[Request { role: Role::Rate, results }], &SearchBudget::default())
+            .unwrap();
     let mut out = vec![vec![0.0; n]; ORDER + 2];
     let mut slices: Vec<&mut [f64]> = out.iter_mut().map(Vec::as_mut_slice).collect();
     Jet::new(&program, 0).unwrap().series(&[], &[], t, &vec![0.0; n], &mut slices);

@@ -3,7 +3,7 @@ use num_traits::One;
 use super::*;
 use crate::expr::{Definition, Graph, Section};
 use crate::lower::{
-    Inputs, ParamCondition, Request, lower,
+    Inputs, ParamCondition, Request, SearchBudget, lower,
     tests::{Random, random_problem},
 };
 use crate::program::Relation;
@@ -85,7 +85,8 @@ fn pendulum() -> (Program, SceneText) {
         divisors: Default::default(),
         circles: vec![],
     };
-    let program = lower(&mut g, &inputs, &sections, &conditions, &requests).unwrap();
+    let program =
+        lower(&mut g, &inputs, &sections, &conditions, &requests, &SearchBudget::default()).unwrap();
     let mut text = plain_text(&program, &["momentum"]);
     text.formulas.insert(Role::Rate, vec!["I omega' = -k sin(theta) - tanh(p)/2".into()]);
     (program, text)
@@ -153,7 +154,7 @@ fn a_pair_is_one_statement_and_a_block_of_many_bindings_does_not_part_it() {
     };
     let requests = [Request { role: Role::Rate, results: vec![("x".into(), product)] }];
     let sections = [Section { title: "shifts".into(), definitions }];
-    let program = lower(&mut g, &inputs, &sections, &[], &requests).unwrap();
+    let program = lower(&mut g, &inputs, &sections, &[], &requests, &SearchBudget::default()).unwrap();
     let emitted = emit_scene(&program, None, &plain_text(&program, &[])).unwrap();
     assert_eq!(emitted.matches("let (d400, t0) = x.sin_cos();").count(), 1, "{emitted}");
     assert!(!emitted.contains(".cos()") && !emitted.contains(".sin()"));
@@ -182,7 +183,7 @@ fn the_angle_of_a_point_is_one_call() {
     };
     let requests =
         [Request { role: Role::Rate, results: vec![("x".into(), of_point), ("y".into(), second)] }];
-    let program = lower(&mut g, &inputs, &[], &[], &requests).unwrap();
+    let program = lower(&mut g, &inputs, &[], &[], &requests, &SearchBudget::default()).unwrap();
     let emitted = emit_scene(&program, None, &plain_text(&program, &[])).unwrap();
     for call in ["(y - x).atan2(x)", "m.atan2(", "y.atan2(self.", "(-y).atan2(x)"] {
         assert_eq!(emitted.matches(call).count(), 1, "{call}: {emitted}");
@@ -212,7 +213,7 @@ fn names_are_legal_and_unique() {
 fn emission_of_random_programs_parses_and_repeats() {
     for seed in 1..=60 {
         let (mut g, inputs, sections, requests) = random_problem(seed);
-        let program = lower(&mut g, &inputs, &sections, &[], &requests).unwrap();
+        let program = lower(&mut g, &inputs, &sections, &[], &requests, &SearchBudget::default()).unwrap();
         let text = plain_text(&program, &[]);
         let emitted = emit_scene(&program, None, &text).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
         assert_eq!(emit_scene(&program, None, &text).unwrap(), emitted);
@@ -247,7 +248,7 @@ fn long_functions_are_split_into_blocks_and_long_sums_into_variables() {
         divisors: Default::default(),
     };
     let requests = [Request { role: Role::Rate, results: vec![("x".into(), sum)] }];
-    let program = lower(&mut g, &inputs, &sections, &[], &requests).unwrap();
+    let program = lower(&mut g, &inputs, &sections, &[], &requests, &SearchBudget::default()).unwrap();
     let emitted = emit_scene(&program, None, &plain_text(&program, &[])).unwrap();
     let longest = emitted.lines().map(str::len).max();
     assert!(longest < Some(200), "{longest:?}");

@@ -45,7 +45,7 @@ fn fixture() -> Fixture {
 impl Fixture {
     fn lower(&mut self, results: &[ExprId]) -> Program {
         let request = request("f", results);
-        lower(&mut self.g, &self.inputs, &[], &[], &[request]).unwrap()
+        lower(&mut self.g, &self.inputs, &[], &[], &[request], &SearchBudget::default()).unwrap()
     }
 
     /// Runs the first function at fixed numbers.
@@ -79,7 +79,7 @@ fn parameter_only_differences_are_exposed_and_hoisted() {
     let Fixture { mut g, inputs, p: [_, b, c], x: [_, y, z], .. } = fixture();
     let (first, second) = (g.product(&[b, y, z]), g.product(&[c, y, z]));
     let e = g.sub(first, second);
-    let program = lower(&mut g, &inputs, &[], &[], &[request("f", &[e])]).unwrap();
+    let program = lower(&mut g, &inputs, &[], &[], &[request("f", &[e])], &SearchBudget::default()).unwrap();
     assert_eq!(program.functions[0].counts(), Counts { mul: 2, ..Counts::default() });
     assert_eq!(program.prepare.counts(), Counts { add: 1, ..Counts::default() });
     assert_eq!(program.prepare.slots.len(), 1);
@@ -174,7 +174,8 @@ fn definitions_keep_names_and_unneeded_ones_are_left_out() {
     // What a function is applied to stays a value of its own.
     let exponential = f.g.func(Func::Exp, p);
     let e = f.g.mul(exponential, ratio);
-    let program = lower(&mut f.g, &f.inputs, &sections, &[], &[request("f", &[e])]).unwrap();
+    let program =
+        lower(&mut f.g, &f.inputs, &sections, &[], &[request("f", &[e])], &SearchBudget::default()).unwrap();
     let names: Vec<_> = program.functions[0].instructions.iter().filter_map(|i| i.name.as_deref()).collect();
     assert_eq!(names, ["p"]);
     assert_eq!(program.sections, ["momenta", "numbers", "results"]);
@@ -190,7 +191,7 @@ fn values_are_shared_between_functions_and_constants_folded_into_slots() {
     let energy = f.g.product(&[half, f.p[0], f.x[0], f.x[0]]);
     let power = f.g.product(&[half, f.p[0], f.x[0], f.t]);
     let requests = [request("energy", &[energy]), request("power", &[power])];
-    let program = lower(&mut f.g, &f.inputs, &[], &[], &requests).unwrap();
+    let program = lower(&mut f.g, &f.inputs, &[], &[], &requests, &SearchBudget::default()).unwrap();
     assert_eq!(program.prepare.slots.len(), 1);
     assert_eq!(program.function_idx(&requests[1].role), Some(1));
 }
@@ -217,10 +218,13 @@ fn parameter_only_factors_meet_across_definitions_used_once() {
     let sections =
         [Section { title: "momentum".into(), definitions: vec![Definition { symbol: p, expr: p_expr }] }];
     let q = f.g.div(p_symbol, f.p[1]).unwrap();
-    let once = lower(&mut f.g, &f.inputs, &sections, &[], &[request("f", &[q])]).unwrap();
+    let once =
+        lower(&mut f.g, &f.inputs, &sections, &[], &[request("f", &[q])], &SearchBudget::default()).unwrap();
     assert_eq!(once.functions[0].counts().mul, 2);
     assert_eq!(f.run(&once), [PARAMS[0] / PARAMS[1] * (STATE[0] * STATE[1])]);
-    let twice = lower(&mut f.g, &f.inputs, &sections, &[], &[request("f", &[q, p_symbol])]).unwrap();
+    let twice =
+        lower(&mut f.g, &f.inputs, &sections, &[], &[request("f", &[q, p_symbol])], &SearchBudget::default())
+            .unwrap();
     assert_eq!(twice.functions[0].counts().mul, 3);
     // s = a x + b y, r = s/c: two numbers a/c and b/c.
     let (ax, by) = (f.g.mul(f.p[0], f.x[0]), f.g.mul(f.p[1], f.x[1]));
@@ -241,12 +245,14 @@ fn conditions_are_checked_in_prepare() {
         is_rounded: false,
     }];
     let e = f.x[0];
-    let program = lower(&mut f.g, &f.inputs, &[], &conditions, &[request("f", &[e])]).unwrap();
+    let program =
+        lower(&mut f.g, &f.inputs, &[], &conditions, &[request("f", &[e])], &SearchBudget::default())
+            .unwrap();
     assert_eq!(program.prepare(&[2.0, 1.0, 0.0]), Ok(vec![]));
     assert_eq!(program.prepare(&[1.0, 1.0, 0.0]).unwrap_err().condition, "a > b");
     assert_eq!(program.prepare(&[1.0, 0.0, f64::NAN]).unwrap_err().condition, "c is finite");
     let wrong = [ParamCondition { greater: f.x[0], ..conditions[0].clone() }];
-    let refused = lower(&mut f.g, &f.inputs, &[], &wrong, &[request("f", &[e])]);
+    let refused = lower(&mut f.g, &f.inputs, &[], &wrong, &[request("f", &[e])], &SearchBudget::default());
     assert!(matches!(refused, Err(Error::Program { .. })));
 }
 
@@ -457,8 +463,9 @@ fn lever(f: &mut Fixture) -> (ExprId, Vec<Section>) {
 fn units_are_chosen_that_leave_the_fewest_numbers() {
     let mut f = fixture();
     let (e, sections) = lever(&mut f);
-    let lowered =
-        |f: &mut Fixture| lower(&mut f.g, &f.inputs, &sections, &[], &[request("f", &[e])]).unwrap();
+    let lowered = |f: &mut Fixture| {
+        lower(&mut f.g, &f.inputs, &sections, &[], &[request("f", &[e])], &SearchBudget::default()).unwrap()
+    };
     let values = crate::expr::inlined(&mut f.g, &sections[0].definitions);
     let whole = f.g.subs(e, &values).unwrap();
     let plain = lowered(&mut f);
@@ -483,7 +490,7 @@ fn a_pivot_in_other_units_is_checked_as_it_is_divided_by() {
     let pivot = f.g.sym(sections[0].definitions[1].symbol);
     let check = Request { role: Role::Pivots, results: vec![("inertia".into(), pivot)] };
     let requests = [Request { role: Role::Rate, ..request("f", &[e]) }, check];
-    let program = lower(&mut f.g, &f.inputs, &sections, &[], &requests).unwrap();
+    let program = lower(&mut f.g, &f.inputs, &sections, &[], &requests, &SearchBudget::default()).unwrap();
     let prepared = program.prepare(&PARAMS).unwrap();
     let mut divisors = Vec::new();
     for instruction in &program.functions[0].instructions {
@@ -620,8 +627,8 @@ pub(crate) fn random_problem(seed: u64) -> (Graph, Inputs, Vec<Section>, Vec<Req
 fn random_programs_agree_with_their_expressions() {
     for seed in 1..=300 {
         let (mut g, inputs, sections, requests) = random_problem(seed);
-        let program =
-            lower(&mut g, &inputs, &sections, &[], &requests).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
+        let program = lower(&mut g, &inputs, &sections, &[], &requests, &SearchBudget::default())
+            .unwrap_or_else(|e| panic!("seed {seed}: {e}"));
         // Definitions replaced, in order, by what they stand for.
         let mut replacements: BTreeMap<SymbolId, ExprId> = BTreeMap::new();
         for definition in sections.iter().flat_map(|s| &s.definitions) {
@@ -658,7 +665,7 @@ fn random_programs_agree_with_their_expressions() {
 fn lowering_twice_gives_the_same_program() {
     let lowered = |seed| {
         let (mut g, inputs, sections, requests) = random_problem(seed);
-        lower(&mut g, &inputs, &sections, &[], &requests).unwrap()
+        lower(&mut g, &inputs, &sections, &[], &requests, &SearchBudget::default()).unwrap()
     };
     for seed in 1..20 {
         assert_eq!(lowered(seed), lowered(seed));
@@ -689,7 +696,7 @@ fn a_function_takes_a_vector_of_its_own() {
     let (along_v, along_w) = (g.product(&[x, y, e0]), g.product(&[x, y, f0]));
     let sum = g.add(along_v, e1);
     let requests = [request("f", &[sum]), request("g", &[along_w])];
-    let program = lower(&mut g, &inputs, &[], &[], &requests).unwrap();
+    let program = lower(&mut g, &inputs, &[], &[], &requests, &SearchBudget::default()).unwrap();
     assert_eq!(program.functions[0].argument, ["v0", "v1"]);
     assert_eq!(program.functions[1].argument, ["w0"]);
     let prepared = program.prepare(&PARAMS).unwrap();
@@ -708,6 +715,6 @@ fn a_function_takes_a_vector_of_its_own() {
     short.functions[0].argument.pop();
     assert!(verify(&short).is_err());
     let foreign = [request("f", &[sum]), request("g", &[along_v])];
-    let error = lower(&mut g, &inputs, &[], &[], &foreign).unwrap_err();
+    let error = lower(&mut g, &inputs, &[], &[], &foreign, &SearchBudget::default()).unwrap_err();
     assert!(error.to_string().contains("g depends on v0"), "{error}");
 }

@@ -4,7 +4,8 @@
 
 use std::collections::HashMap;
 
-use super::ir::{Function, Instruction, Operand, Program};
+use super::ir::{Constant, Function, Instruction, Op, Operand, Program, Slot};
+use crate::expr::Rational;
 
 /// Position of a value in its list.
 pub(crate) fn position(operand: Operand) -> Option<usize> {
@@ -37,11 +38,93 @@ pub(crate) fn n_uses_in(function: &Function) -> Vec<usize> {
     n_uses(&function.instructions, function.results.iter().map(|(_, o)| *o))
 }
 
-/// The position of an item in a list, at whose end it is put unless it is there.
-pub(crate) fn placed<T: PartialEq>(list: &mut Vec<T>, item: T) -> u32 {
-    let at = list.iter().position(|known| *known == item).unwrap_or_else(|| {
-        list.push(item);
-        list.len() - 1
+/// `-operand` or `operand`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Signed {
+    pub(crate) negative: bool,
+    pub(crate) operand: Operand,
+}
+
+impl Signed {
+    /// `a + b`, `a - b`, `b - a` or `-(a + b)`: whether it is negated, and the operation.
+    pub(crate) fn plus(self, b: Signed) -> (bool, Op) {
+        match (self.negative, b.negative) {
+            (false, false) => (false, Op::Add(self.operand, b.operand)),
+            (false, true) => (false, Op::Sub(self.operand, b.operand)),
+            (true, false) => (false, Op::Sub(b.operand, self.operand)),
+            (true, true) => (true, Op::Add(self.operand, b.operand)),
+        }
+    }
+}
+
+/// Constants, prepared values and slots that a rewrite needs besides those of the program: planned first, and appended to
+/// the program when the rewrite is done.
+#[derive(Debug, Default)]
+pub(crate) struct Additions {
+    constants: Vec<Constant>,
+    instructions: Vec<Instruction>,
+    slots: Vec<Slot>,
+}
+
+impl Additions {
+    /// The constant, of the program or new.
+    pub(crate) fn constant(&mut self, program: &Program, constant: Constant) -> Operand {
+        Operand::Constant(placed(&program.constants, &mut self.constants, constant))
+    }
+
+    /// The rational number that an operand is; none for every other operand.
+    pub(crate) fn rational<'a>(&'a self, program: &'a Program, operand: Operand) -> Option<&'a Rational> {
+        let Operand::Constant(i) = operand else { return None };
+        match at(&program.constants, &self.constants, i) {
+            Constant::Rational(q) => Some(q),
+            Constant::Pi => None,
+        }
+    }
+
+    /// What the prepare part calls an operand that every call reads: a slot is a value there.
+    pub(crate) fn in_prepare(&self, program: &Program, operand: Operand) -> Operand {
+        match operand {
+            Operand::Slot(i) => Operand::Value(at(&program.prepare.slots, &self.slots, i).value),
+            other => other,
+        }
+    }
+
+    /// The operation whose result is a value of the prepare part; none for every other operand.
+    pub(crate) fn op(&self, program: &Program, operand: Operand) -> Option<Op> {
+        let Operand::Value(v) = operand else { return None };
+        Some(at(&program.prepare.instructions, &self.instructions, v).op)
+    }
+
+    /// The value of an operation in the prepare part, there already or new.
+    pub(crate) fn value(&mut self, program: &Program, op: Op) -> u32 {
+        let instruction = Instruction { op, section: 0, name: None };
+        placed(&program.prepare.instructions, &mut self.instructions, instruction)
+    }
+
+    /// A slot that holds a value of the prepare part, there already or new.
+    pub(crate) fn slot(&mut self, program: &Program, value: u32) -> Operand {
+        Operand::Slot(placed(&program.prepare.slots, &mut self.slots, Slot { value, name: None }))
+    }
+
+    /// Appends everything to the program from which it was planned.
+    pub(crate) fn append_to(self, program: &mut Program) {
+        program.constants.extend(self.constants);
+        program.prepare.instructions.extend(self.instructions);
+        program.prepare.slots.extend(self.slots);
+    }
+}
+
+/// The item at a position of a list and what is added to it.
+fn at<'a, T>(list: &'a [T], added: &'a [T], position: u32) -> &'a T {
+    let position = position as usize;
+    list.get(position).unwrap_or_else(|| &added[position - list.len()])
+}
+
+/// The position of an item in a list and what is added to it, where it is put unless it is there.
+fn placed<T: PartialEq>(list: &[T], added: &mut Vec<T>, item: T) -> u32 {
+    let at = list.iter().chain(&*added).position(|known| *known == item).unwrap_or_else(|| {
+        added.push(item);
+        list.len() + added.len() - 1
     });
     u32::try_from(at).expect("fewer than 2^32 values fit in memory")
 }
@@ -66,7 +149,7 @@ pub(crate) fn drop_dead(instructions: &mut Vec<Instruction>, outputs: &mut [Oper
     *instructions = kept;
 }
 
-/// Leaves out slots and constants that no longer occur: slots in the given order, constants by their first use.
+/// Leaves out slots and constants that no longer occur: slots stay in the given order, constants by their first use.
 pub(crate) fn prune(program: &mut Program, slots: Vec<u32>) {
     fn keep(order: &mut Vec<u32>, index: &mut HashMap<u32, u32>, old: u32) -> u32 {
         *index.entry(old).or_insert_with(|| {

@@ -4,6 +4,7 @@
 
 use num_traits::{One, Signed, ToPrimitive, Zero};
 
+use super::report::Report;
 use super::role::Role;
 use crate::expr::{Func, Rational, rational_to_f64};
 
@@ -255,6 +256,8 @@ pub struct Program {
     pub prepare: Prepare,
     /// The functions in the order they were requested.
     pub functions: Vec<Function>,
+    /// What became of the searches for the cheapest form of the functions.
+    pub report: Report,
 }
 
 /// Whether the instruction at `k` is the cosine of the angle whose sine the one before it computes.

@@ -1,6 +1,6 @@
 //! The intermediate form: a flat, verified [`Program`] in static single assignment, apart from the passes that make it.
 //!
-//! `ir` is the data, `role` says what a function is for, `counts` and `cost` say what it costs, `verify` checks the rules,
+//! `ir` is the data, `role` says what a function is for, `report` what became of the search for its form, `counts` and `cost` say what it costs, `verify` checks the rules,
 //! `edit` is what every pass that rewrites a program needs, `interpret` runs a program with the very operations that emitted
 //! code performs, `round_trip` turns it back into expressions, `series` turns a right-hand side into the recurrence of the
 //! Taylor coefficients of its solutions. Does not know: mechanics, how expressions become programs, Rust.
@@ -10,6 +10,7 @@ mod counts;
 pub(crate) mod edit;
 mod interpret;
 mod ir;
+mod report;
 mod role;
 mod round_trip;
 mod series;
@@ -23,7 +24,9 @@ pub use ir::{
     Condition, Constant, Function, Instruction, Literal, Op, Operand, Prepare, Program, Relation, Signs,
     Slot, completes_pair,
 };
+pub use report::{FallBack, Limit, Report, Search};
 pub use role::Role;
 pub use round_trip::Symbols;
 pub use series::Jet;
 pub use verify::verify;
+pub(crate) use verify::verify_rules;

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use super::ir::{Constant, Instruction, Op, Operand, Program};
 use super::role::Role;
 use crate::error::Error;
-use crate::expr::{DivisionByZero, ExprId, Graph, SymbolId};
+use crate::expr::{DivisionByZero, ExprId, Graph, Node, SymbolId};
 
 /// The symbols that the inputs of a program stand for.
 #[derive(Clone, Copy, Debug)]
@@ -28,6 +28,8 @@ struct Place<'a> {
     symbols: Symbols<'a>,
     argument: &'a [SymbolId],
     slots: &'a [ExprId],
+    /// Whether sums and products are named.
+    is_named: bool,
 }
 
 impl Program {
@@ -36,19 +38,45 @@ impl Program {
     /// # Errors
     /// [`Error::DivisionByZero`] when a denominator vanishes identically.
     pub fn to_expressions(&self, graph: &mut Graph, symbols: Symbols<'_>) -> Result<Vec<Vec<ExprId>>, Error> {
-        let prepare = Place { name: "prepare", symbols, argument: &[], slots: &[] };
+        self.evaluate_all(graph, symbols, false).map(|(functions, _)| functions)
+    }
+
+    /// Results of every function, and after them both sides of the conditions, with a name for every sum and product on the way:
+    /// the number of terms of an expression stays that of its operation.
+    ///
+    /// # Errors
+    /// [`Error::DivisionByZero`] when a denominator vanishes identically.
+    pub(crate) fn to_named_expressions(
+        &self,
+        graph: &mut Graph,
+        symbols: Symbols<'_>,
+    ) -> Result<Vec<ExprId>, Error> {
+        let (functions, sides) = self.evaluate_all(graph, symbols, true)?;
+        Ok(functions.into_iter().flatten().chain(sides).collect())
+    }
+
+    /// Results function by function, and the sides of the conditions.
+    fn evaluate_all(
+        &self,
+        graph: &mut Graph,
+        symbols: Symbols<'_>,
+        is_named: bool,
+    ) -> Result<(Vec<Vec<ExprId>>, Vec<ExprId>), Error> {
+        let prepare = Place { name: "prepare", symbols, argument: &[], slots: &[], is_named };
         let values = self.evaluate(graph, &prepare, &self.prepare.instructions)?;
         let slots: Vec<ExprId> = self.prepare.slots.iter().map(|slot| values[slot.value as usize]).collect();
+        let sides = self.prepare.conditions.iter().flat_map(|c| [c.greater, c.less]);
+        let sides = sides.map(|o| self.operand(graph, &prepare, &values, o)).collect();
         let mut all = Vec::with_capacity(self.functions.len());
         for function in &self.functions {
             let argument = symbols.arguments.get(&function.role).map_or(&[][..], Vec::as_slice);
-            let place = Place { name: function.role.name(), symbols, argument, slots: &slots };
+            let place = Place { name: function.role.name(), symbols, argument, slots: &slots, is_named };
             let values = self.evaluate(graph, &place, &function.instructions)?;
             all.push(
                 function.results.iter().map(|(_, o)| self.operand(graph, &place, &values, *o)).collect(),
             );
         }
-        Ok(all)
+        Ok((all, sides))
     }
 
     fn operand(&self, graph: &mut Graph, place: &Place<'_>, values: &[ExprId], operand: Operand) -> ExprId {
@@ -102,10 +130,21 @@ impl Program {
                     Ok(if signs.addend { graph.sub(product, addend) } else { graph.add(product, addend) })
                 }
             };
-            values.push(
-                value.map_err(|DivisionByZero| Error::DivisionByZero { place: place.name.to_owned() })?,
-            );
+            let value =
+                value.map_err(|DivisionByZero| Error::DivisionByZero { place: place.name.to_owned() })?;
+            values.push(if place.is_named { named(graph, value) } else { value });
         }
         Ok(values)
+    }
+}
+
+/// A name for a sum or product, which hides what it is made of.
+fn named(graph: &mut Graph, e: ExprId) -> ExprId {
+    match graph.node(e) {
+        Node::Sum { .. } | Node::Product { .. } => {
+            let symbol = graph.define("", e);
+            graph.sym(symbol)
+        }
+        _ => e,
     }
 }

@@ -4,81 +4,45 @@
 
 use std::collections::BTreeMap;
 
+use super::edit::{is_fixed, n_uses};
 use super::ir::{Function, Instruction, Literal, Op, Operand, Program};
 use crate::error::Error;
 use crate::expr::Func;
 
-/// Checks that a program is well formed.
+/// Checks that a program is complete.
 ///
-/// Operands exist, precede their uses and are of a kind their place allows; sections ascend; nothing is dead; nothing
-/// that depends on parameters alone is left in a function; sine and cosine of one angle follow each other there;
-/// constants fit an `f64`.
+/// Operands exist, precede their uses and are of a kind their place allows; sections ascend; constants fit an `f64`; nothing
+/// is dead; nothing that depends on parameters alone is left in a function; sine and cosine of one angle follow each other
+/// there.
 ///
 /// # Errors
 /// [`Error::Program`] with the first rule that is broken.
 pub fn verify(program: &Program) -> Result<(), Error> {
+    verify_rules(program)?;
     let fail = |reason: String| Err(Error::Program { reason });
-    for constant in &program.constants {
-        let value = constant.to_f64();
-        let vanishes = value == 0.0 && !matches!(constant.literal(), Literal::Zero);
-        if !value.is_finite() || vanishes {
-            return Err(Error::OutOfRange { what: "a constant of the equations".into() });
-        }
-    }
     let prepare = &program.prepare;
-    let mut used = verify_list(program, "prepare", &prepare.instructions, None)?;
-    for slot in &prepare.slots {
-        match used.get_mut(slot.value as usize) {
-            Some(used) => *used = true,
-            None => return fail(format!("slot holds value {}, which does not exist", slot.value)),
-        }
-    }
-    for condition in &prepare.conditions {
-        for side in [condition.greater, condition.less] {
-            check_operand(program, "prepare", side, prepare.instructions.len(), None)?;
-            if let Operand::Value(i) = side {
-                used[i as usize] = true;
-            }
-        }
-    }
-    if let Some(dead) = used.iter().position(|used| !used) {
+    let sides = prepare.conditions.iter().flat_map(|c| [c.greater, c.less]);
+    let slots = prepare.slots.iter().map(|slot| Operand::Value(slot.value));
+    if let Some(dead) = unused(&prepare.instructions, slots.chain(sides)) {
         return fail(format!("value {dead} of prepare is not used"));
     }
     let mut slot_used = vec![false; prepare.slots.len()];
     for function in &program.functions {
         let name = function.role.name();
-        let mut used = verify_list(program, name, &function.instructions, Some(function))?;
         if let Some(i) = lonely_half(&function.instructions) {
             return fail(format!("value {i} of {name} stands apart from the other half of its pair"));
         }
-        let mut section = 0;
         for (i, instruction) in function.instructions.iter().enumerate() {
-            if instruction.section < section || instruction.section as usize >= program.sections.len() {
-                return fail(format!("value {i} of {name} belongs to section {}", instruction.section));
-            }
-            section = instruction.section;
-            let hoistable = |o| matches!(o, Operand::Constant(_) | Operand::Param(_) | Operand::Slot(_));
-            if instruction.op.operands().all(hoistable) {
+            if instruction.op.operands().all(is_fixed) {
                 return fail(format!("value {i} of {name} depends on parameters alone"));
             }
         }
-        for (result, operand) in &function.results {
-            check_operand(
-                program,
-                &format!("{name}.{result}"),
-                *operand,
-                function.instructions.len(),
-                Some(function),
-            )?;
-            if let Operand::Value(i) = operand {
-                used[*i as usize] = true;
-            }
-        }
-        if let Some(dead) = used.iter().position(|used| !used) {
+        let results = function.results.iter().map(|(_, o)| *o);
+        if let Some(dead) = unused(&function.instructions, results.clone()) {
             return fail(format!("value {dead} of {name} is not used"));
         }
         let operands = function.instructions.iter().flat_map(|i| i.op.operands());
-        for operand in operands.chain(function.results.iter().map(|(_, o)| *o)) {
+        for operand in operands.chain(results) {
             if let Operand::Slot(i) = operand {
                 slot_used[i as usize] = true;
             }
@@ -88,6 +52,53 @@ pub fn verify(program: &Program) -> Result<(), Error> {
         Some(dead) => fail(format!("slot {dead} is not used")),
         None => Ok(()),
     }
+}
+
+/// Checks the rules that hold for a program after every pass: those of [`verify`] that say what may stand where.
+///
+/// # Errors
+/// [`Error::Program`] with the first rule that is broken; [`Error::OutOfRange`].
+pub(crate) fn verify_rules(program: &Program) -> Result<(), Error> {
+    let fail = |reason: String| Err(Error::Program { reason });
+    for constant in &program.constants {
+        let value = constant.to_f64();
+        let vanishes = value == 0.0 && !matches!(constant.literal(), Literal::Zero);
+        if !value.is_finite() || vanishes {
+            return Err(Error::OutOfRange { what: "a constant of the equations".into() });
+        }
+    }
+    let prepare = &program.prepare;
+    let n_values = prepare.instructions.len();
+    verify_list(program, "prepare", &prepare.instructions, None)?;
+    for slot in &prepare.slots {
+        if slot.value as usize >= n_values {
+            return fail(format!("slot holds value {}, which does not exist", slot.value));
+        }
+    }
+    for side in prepare.conditions.iter().flat_map(|c| [c.greater, c.less]) {
+        check_operand(program, "prepare", side, n_values, None)?;
+    }
+    for function in &program.functions {
+        let name = function.role.name();
+        verify_list(program, name, &function.instructions, Some(function))?;
+        let mut section = 0;
+        for (i, instruction) in function.instructions.iter().enumerate() {
+            if instruction.section < section || instruction.section as usize >= program.sections.len() {
+                return fail(format!("value {i} of {name} belongs to section {}", instruction.section));
+            }
+            section = instruction.section;
+        }
+        for (result, operand) in &function.results {
+            let place = format!("{name}.{result}");
+            check_operand(program, &place, *operand, function.instructions.len(), Some(function))?;
+        }
+    }
+    Ok(())
+}
+
+/// The first value that neither another one nor an output needs.
+fn unused(instructions: &[Instruction], outputs: impl Iterator<Item = Operand>) -> Option<usize> {
+    n_uses(instructions, outputs).iter().position(|n| *n == 0)
 }
 
 /// A sine or cosine that does not stand beside the cosine or sine of the same angle.
@@ -105,20 +116,16 @@ fn lonely_half(instructions: &[Instruction]) -> Option<usize> {
     sines.iter().find_map(apart)
 }
 
-/// Checks operands of a list and returns which values are used within it; `function` is none for the prepare part.
+/// Checks the operands of a list; `function` is none for the prepare part.
 fn verify_list(
     program: &Program,
     place: &str,
     instructions: &[Instruction],
     function: Option<&Function>,
-) -> Result<Vec<bool>, Error> {
-    let mut used = vec![false; instructions.len()];
+) -> Result<(), Error> {
     for (i, instruction) in instructions.iter().enumerate() {
         for operand in instruction.op.operands() {
             check_operand(program, place, operand, i, function)?;
-            if let Operand::Value(v) = operand {
-                used[v as usize] = true;
-            }
         }
         if let Op::Power(_, exponent) = instruction.op
             && !matches!(exponent, Operand::Constant(_))
@@ -128,7 +135,7 @@ fn verify_list(
             });
         }
     }
-    Ok(used)
+    Ok(())
 }
 
 fn check_operand(

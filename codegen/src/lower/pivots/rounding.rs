@@ -1,6 +1,6 @@
 //! When a value cannot be told from the rounding errors of what it is computed from.
 //!
-//! Deliberately does not know: what the values are, what is done about one that is lost.
+//! Does not know: what the values are, what is done about one that is lost.
 
 use std::collections::{BTreeMap, BTreeSet};
 

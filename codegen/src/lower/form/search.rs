@@ -3,26 +3,20 @@
 //! Definitions as they were derived repeat work that only shows when several of them are multiplied out together
 //! (`A udot = f` of a rolling body loses most of its terms that way), and multiplying out everything repeats what the
 //! definitions share. So definitions are multiplied out one by one, into their users or down to the inputs, wherever the
-//! function as a whole, with its common factors and subexpressions extracted, becomes cheaper.
+//! function as a whole, with its common factors and subexpressions extracted, becomes cheaper. Does not know: expressions
+//! other than numbers, whether the result is equal to what was asked for.
 
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::{BTreeMap, BTreeSet};
 
 use num_traits::{One, Signed, Zero};
 
-use super::class::Class;
+use super::digits::Digits;
 use super::extract::{Extractor, cost, needed};
-use super::forms::Forms;
-use super::polynomial::{Atom, Coefficient, Entry, Exponent, Monomial, Polynomial, Reader, System, times};
+use super::numbers::Coefficient;
+use super::polynomial::{Atom, Entry, Exponent, Monomial, Polynomial, System, times};
 use super::units;
-use super::{Request, Source};
-use crate::error::Error;
-use crate::expr::{Definition, ExprId, Graph, Node, Rational, Section, Sign, Style, SymbolId};
-use crate::program::Role;
+use crate::expr::Graph;
 
-/// The search stops when this many divisors, or a tenth of it in terms, have been looked at.
-const MAX_WORK: usize = 4_000_000;
-/// Nothing is multiplied out any more after so many terms; the most that a scene of `models/specs` takes is 306 000.
-const MAX_MULTIPLIED_OUT: usize = 4_000_000;
 /// Rounds over all definitions.
 const MAX_ROUNDS: usize = 3;
 /// A result with errors above this multiple of what rounding the inputs does is written in another way ..
@@ -34,80 +28,20 @@ const MAX_EXTRA: (i64, i64) = (1, 2);
 /// Definitions multiplied out one after the other in the search for one.
 const MAX_STAGES: usize = 12;
 
-/// A function's own sections and results.
-#[derive(Clone)]
-pub(super) struct Optimised {
-    pub(super) sections: Vec<Section>,
-    pub(super) request: Request,
-    /// Units of definitions: the value that was asked for is the unit times the definition's. One where there is none.
-    pub(super) units: BTreeMap<SymbolId, ExprId>,
-}
-
-/// Rewrites what one function needs; the result is equal as functions, or the function as it was.
-pub(super) fn optimise(
-    graph: &mut Graph,
-    source: &Source<'_>,
-    signs: &BTreeMap<ExprId, Sign>,
-    forms: &mut Forms,
-    request: &Request,
-) -> Result<Optimised, Error> {
-    let roots: Vec<ExprId> = request.results.iter().map(|(_, e)| *e).collect();
-    let needed_symbols = source.needed_definitions(graph, &roots);
-    let mut reader = Reader::new(graph, &source.classes, signs);
-    for [cosine, sine] in source.circles_for(graph, &roots) {
-        let [cosine, sine] = [cosine, sine].map(|s| graph.sym(s));
-        reader.system.relate(cosine, sine);
-    }
-    for (section, s) in source.sections.iter().enumerate() {
-        for definition in &s.definitions {
-            if needed_symbols.contains(&definition.symbol)
-                && source.classes.get(definition.expr) > Class::Param
-            {
-                reader.define(graph, definition.symbol, section, definition.expr)?;
-            }
-        }
-    }
-    let mut results: Vec<Option<usize>> = Vec::with_capacity(roots.len());
-    for root in &roots {
-        let changes = source.classes.get(*root) > Class::Param;
-        results.push(if changes { Some(reader.read(graph, *root)?) } else { None });
-    }
-    let Reader { mut system, entries, .. } = reader;
-    let kept: Vec<usize> = results.iter().flatten().copied().collect();
-    let is_rhs = request.role == Role::Rate;
-    let entries =
-        Search { graph, system: &mut system, forms, roots: &kept, is_rhs, extractor: Extractor::default() }
-            .run(entries);
-    let (exprs, units) = (HashMap::new(), BTreeMap::new());
-    let mut writer = Writer { graph, system: &system, entries: &entries, forms, exprs, units };
-    let sections = writer.sections(source, &needed_symbols, &kept)?;
-    let values = results.iter().zip(&roots).map(|(k, root)| k.map_or(*root, |k| writer.exprs[&k]));
-    let values: Vec<ExprId> = values.collect();
-    let units = writer.units;
-    for (value, root) in values.iter().zip(&roots) {
-        // Fingerprints see through definitions, so this compares functions of the inputs.
-        if !graph.is_seen_to_be_equal(*value, *root) {
-            let sections = source.sections.to_vec();
-            return Ok(Optimised { sections, request: request.clone(), units: BTreeMap::new() });
-        }
-    }
-    let names = request.results.iter().map(|(name, _)| name.clone());
-    let request = Request { role: request.role.clone(), results: names.zip(values).collect() };
-    Ok(Optimised { sections, request, units })
-}
-
-struct Search<'a> {
-    graph: &'a mut Graph,
-    system: &'a mut System,
-    forms: &'a mut Forms,
-    roots: &'a [usize],
-    is_rhs: bool,
-    extractor: Extractor,
+/// The search for the cheapest form of the polynomials behind `roots`.
+pub(super) struct Search<'a> {
+    pub(super) graph: &'a mut Graph,
+    pub(super) system: &'a mut System,
+    pub(super) digits: &'a mut Digits,
+    pub(super) roots: &'a [usize],
+    /// Whether the form may cost more where that keeps digits which the inputs have; worth the search for rates alone.
+    pub(super) keeps_digits: bool,
+    pub(super) extractor: Extractor,
 }
 
 impl Search<'_> {
     /// The cheapest form found, common divisors extracted, in the units with the fewest numbers.
-    fn run(mut self, original: Vec<Entry>) -> Vec<Entry> {
+    pub(super) fn run(mut self, original: Vec<Entry>) -> Vec<Entry> {
         let found = self.cheapest(original);
         // Numbers, and signs that none of them takes.
         let price = |search: &Self, entries: &[Entry]| -> (i64, usize) {
@@ -121,7 +55,7 @@ impl Search<'_> {
         };
         let mut best = (price(&self, &found), found);
         // What costs more at first may share more once common divisors are extracted again.
-        if self.extractor.is_spent(self.graph) {
+        if self.system.effort.is_spent(self.graph) {
             return best.1;
         }
         for candidate in units::in_other_units(self.graph, self.system, &best.1, self.roots) {
@@ -140,7 +74,7 @@ impl Search<'_> {
         let mut best = self.extracted(&current);
         let flat = self.all_flat(&current);
         // What could only be multiplied out in part because its numbers grew is not worth the trial.
-        if self.system.numbers.are_too_long() {
+        if self.system.numbers_are_too_long() {
             return best.1;
         }
         let tidy = self.all_gathered(&current);
@@ -156,8 +90,10 @@ impl Search<'_> {
             let before = best.0;
             let order = needed(self.system, &current, self.roots);
             for k in order {
-                let too_much = self.extractor.work + 10 * self.system.work > MAX_WORK;
-                if too_much || self.system.numbers.are_too_long() || self.extractor.is_spent(self.graph) {
+                if self.system.effort.has_seen_enough()
+                    || self.system.numbers_are_too_long()
+                    || self.system.effort.is_spent(self.graph)
+                {
                     return best.1;
                 }
                 let candidates = [
@@ -181,10 +117,10 @@ impl Search<'_> {
         self.without_cancellations(best, current)
     }
 
-    /// The form found, rid of the cancellations in it that it costs nothing to be rid of.
+    /// The form found without those of its cancellations that can be avoided at no cost.
     fn without_cancellations(&mut self, mut best: (i64, Vec<Entry>), mut current: Vec<Entry>) -> Vec<Entry> {
         for k in needed(self.system, &current, self.roots) {
-            if self.extractor.is_spent(self.graph) {
+            if self.system.effort.is_spent(self.graph) {
                 break;
             }
             let candidates = [self.gathered(&current, k), self.gathered_as_it_is(&current, k)];
@@ -194,11 +130,11 @@ impl Search<'_> {
                 (best, current) = (trial, candidate);
             }
         }
-        // A result that is asked for now and then is not worth the search.
-        if self.is_rhs { self.steadied(best, current).1 } else { best.1 }
+        if self.keeps_digits { self.steadied(best, current).1 } else { best.1 }
     }
 
-    /// The form found, rid of the cancellations in it that lose digits which the inputs have, if that costs no more than it may.
+    /// The form found without those of its cancellations that lose digits which the inputs have, where avoiding them costs no more
+    /// than it may.
     ///
     /// Value by value, operands first: each that loses digits is put over the denominators in it, whichever way loses fewest.
     fn steadied(&mut self, best: (i64, Vec<Entry>), current: Vec<Entry>) -> (i64, Vec<Entry>) {
@@ -209,7 +145,7 @@ impl Search<'_> {
         };
         let mut entries = current;
         for k in needed(self.system, &entries, self.roots) {
-            if self.extractor.work + 10 * self.system.work > MAX_WORK || self.system.numbers.are_too_long() {
+            if self.system.effort.has_seen_enough() || self.system.numbers_are_too_long() {
                 break;
             }
             let Some(mut loss) = self.losses(&entries, &[k]).map(|l| l[0]) else { continue };
@@ -225,12 +161,12 @@ impl Search<'_> {
         }
         let trial = self.extracted(&entries);
         let Some(after) = self.losses(&trial.1, self.roots) else { return best };
-        let is_dear = trial.0 - best.0 > best.0 * MAX_EXTRA.0 / MAX_EXTRA.1;
-        if is_dear || worst(&after) * GAIN > worst(&before) { best } else { trial }
+        let is_too_costly = trial.0 - best.0 > best.0 * MAX_EXTRA.0 / MAX_EXTRA.1;
+        if is_too_costly || worst(&after) * GAIN > worst(&before) { best } else { trial }
     }
 
     fn losses(&mut self, entries: &[Entry], of: &[usize]) -> Option<Vec<f64>> {
-        self.forms.losses(self.graph, self.system, entries, of)
+        self.digits.losses(self.graph, self.system, entries, of)
     }
 
     /// Polynomial `k` over the denominators in it, with none, one, two, .. of what it is made of multiplied out, the latest first.
@@ -288,7 +224,7 @@ impl Search<'_> {
         let mut value = entries[k].value.clone();
         let mut kept: Vec<u32> = Vec::new();
         let mut changed = false;
-        while self.system.work < MAX_MULTIPLIED_OUT {
+        while !self.system.effort.has_multiplied_enough() {
             // The latest polynomial first: earlier ones may come in with it.
             let open =
                 value.iter().flat_map(|(m, _)| m).filter_map(|(atom, _)| match self.system.atom(*atom) {
@@ -421,115 +357,4 @@ impl Search<'_> {
         }
         candidate.filter(|_| after <= before)
     }
-}
-
-/// Turns polynomials back into definitions.
-struct Writer<'a> {
-    graph: &'a mut Graph,
-    system: &'a System,
-    entries: &'a [Entry],
-    forms: &'a mut Forms,
-    /// What stands for each polynomial: a symbol, or the expression itself where that is no sum.
-    exprs: HashMap<usize, ExprId>,
-    /// Units of the definitions that have one.
-    units: BTreeMap<SymbolId, ExprId>,
-}
-
-impl Writer<'_> {
-    fn sections(
-        &mut self,
-        source: &Source<'_>,
-        needed_symbols: &BTreeSet<SymbolId>,
-        roots: &[usize],
-    ) -> Result<Vec<Section>, Error> {
-        let mut sections: Vec<Section> = source
-            .sections
-            .iter()
-            .map(|s| Section { title: s.title.clone(), definitions: Vec::new() })
-            .collect();
-        // Definitions in the parameters alone come first: a number may be written by any of them, a later one included.
-        if let Some(first) = sections.first_mut() {
-            let all = source.sections.iter().flat_map(|s| &s.definitions);
-            let hoisted = all
-                .filter(|d| needed_symbols.contains(&d.symbol) && source.classes.get(d.expr) <= Class::Param);
-            for definition in hoisted {
-                let expr = self.forms.best(self.graph, definition.expr);
-                first.definitions.push(Definition { expr, ..*definition });
-            }
-        }
-        let alive = needed(self.system, self.entries, roots);
-        // Named values in their old order, each after what it needs.
-        let mut named: Vec<usize> =
-            alive.iter().copied().filter(|k| self.entries[*k].definition.is_some()).collect();
-        named.sort_by_key(|k| self.entries[*k].definition.map(|(symbol, section)| (section, symbol)));
-        // What no named value needs comes after all sections.
-        sections.push(Section { title: String::new(), definitions: Vec::new() });
-        let end = sections.len() - 1;
-        let mut last_section = 0;
-        for (k, is_root) in named.into_iter().map(|k| (k, false)).chain(roots.iter().map(|k| (*k, true))) {
-            last_section = match self.entries[k].definition {
-                Some((_, section)) if !is_root => section.max(last_section),
-                _ => end,
-            };
-            for k in needed(self.system, self.entries, &[k]) {
-                if self.exprs.contains_key(&k) {
-                    continue;
-                }
-                let value = self.expression(k)?;
-                let unit = self.entries[k].unit;
-                let unit = (unit != Coefficient::ONE).then(|| self.system.numbers.expr(self.graph, unit));
-                let name = self.entries[k].definition.map(|(symbol, _)| {
-                    let name = self.graph.name(symbol);
-                    unit.map_or(name.to_owned(), |unit| format!("{name}{}", suffix(self.graph, unit)))
-                });
-                let is_value = match self.graph.node(value) {
-                    Node::Sum { .. } | Node::Product { .. } => true,
-                    Node::Function(..) | Node::Atan2(..) => name.is_some(),
-                    _ => false,
-                };
-                let stands = if is_value {
-                    let symbol = self.graph.define(name.as_deref().unwrap_or(""), value);
-                    sections[last_section].definitions.push(Definition { symbol, expr: value });
-                    self.units.extend(unit.map(|unit| (symbol, unit)));
-                    self.graph.sym(symbol)
-                } else {
-                    value
-                };
-                self.exprs.insert(k, stands);
-            }
-        }
-        Ok(sections)
-    }
-
-    fn expression(&mut self, k: usize) -> Result<ExprId, Error> {
-        let mut terms = Vec::with_capacity(self.entries[k].value.len());
-        for (m, c) in &self.entries[k].value {
-            let number = self.system.numbers.expr(self.graph, *c);
-            let number = self.forms.best(self.graph, number);
-            let mut factors = vec![(number, Rational::from_integer(1.into()))];
-            for (atom, q) in m {
-                let base = match self.system.atom(*atom) {
-                    Atom::Input(e) => e,
-                    Atom::Poly(k) => self.exprs[&(k as usize)],
-                    Atom::Function(f, k) => self.graph.func(f, self.exprs[&(k as usize)]),
-                    Atom::Atan2(y, x) => {
-                        self.graph.atan2(self.exprs[&(y as usize)], self.exprs[&(x as usize)])
-                    }
-                };
-                factors.push((base, Rational::new((*q.numer()).into(), (*q.denom()).into())));
-            }
-            let product = self.graph.power_product(&factors);
-            terms.push(product.map_err(|_| Error::DivisionByZero { place: "a rewritten sum".into() })?);
-        }
-        Ok(self.graph.sum(&terms))
-    }
-}
-
-/// What to append to the name of a value that is measured in a unit: `_over_m_r2`, or that it is scaled where that says too
-/// much.
-fn suffix(graph: &Graph, unit: ExprId) -> String {
-    const MAX_SUFFIX: usize = 12;
-    let text = graph.display(unit, Style::Plain).replace('*', "_").replace('^', "");
-    let is_product = text.len() <= MAX_SUFFIX && text.chars().all(|c| c == '_' || c.is_ascii_alphanumeric());
-    if is_product { format!("_over_{text}") } else { "_scaled".into() }
 }

@@ -11,7 +11,8 @@ use std::rc::Rc;
 use num_traits::{Signed, Zero};
 use rustc_hash::FxHashMap;
 
-use super::polynomial::{Atom, Coefficient, Entry, Exponent, Monomial, Polynomial, System, times};
+use super::numbers::Coefficient;
+use super::polynomial::{Atom, Entry, Exponent, Monomial, Polynomial, System, times};
 use crate::expr::{Func, Graph};
 use crate::program::cost::thirds::{CALL, DIVISION, FLOP, INSTRUCTION, ROOT};
 
@@ -77,34 +78,56 @@ fn n_mul(m: &Monomial, c: Coefficient) -> i64 {
     (literals + i64::from(!c.is_unit()) - 1).max(0)
 }
 
+/// An operation that costs more than a multiplication; equal ones are computed once.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Costly {
+    /// By an atom.
+    Division(u32),
+    /// Of an atom.
+    Root(u32),
+    /// Of a polynomial.
+    Function(Func, u32),
+    /// Of two polynomials.
+    Atan2(u32, u32),
+}
+
+impl Costly {
+    fn cost(&self) -> i64 {
+        match self {
+            Costly::Division(_) => DIVISION,
+            Costly::Root(_) => ROOT,
+            Costly::Function(..) | Costly::Atan2(..) => CALL,
+        }
+    }
+}
+
 /// What a call costs: all polynomials that the roots need, with their divisions and functions.
 pub(super) fn cost(system: &System, entries: &[Entry], roots: &[usize]) -> i64 {
     let mut total = 0;
-    let mut special: BTreeSet<(u8, u32, u32)> = BTreeSet::new();
+    let mut costly: BTreeSet<Costly> = BTreeSet::new();
     for k in needed(system, entries, roots) {
         total += Shape::of(&entries[k].value).cost();
         for (m, _) in &entries[k].value {
             for (atom, q) in m {
                 if q.is_negative() {
-                    special.insert((0, *atom, 0));
+                    costly.insert(Costly::Division(*atom));
                 }
                 if !q.is_integer() {
-                    special.insert((1, *atom, 0));
+                    costly.insert(Costly::Root(*atom));
                 }
                 match system.atom(*atom) {
                     Atom::Function(f, argument) => {
                         // Sine and cosine of one angle are computed together.
                         let kind = if f == Func::Sin { Func::Cos } else { f };
-                        special.insert((2, kind as u32, argument));
+                        costly.insert(Costly::Function(kind, argument));
                     }
-                    Atom::Atan2(y, x) => _ = special.insert((3, y, x)),
+                    Atom::Atan2(y, x) => _ = costly.insert(Costly::Atan2(y, x)),
                     Atom::Input(_) | Atom::Poly(_) => {}
                 }
             }
         }
     }
-    let price = |(kind, ..): &(u8, u32, u32)| [DIVISION, ROOT, CALL, CALL][usize::from(*kind)];
-    total + special.iter().map(price).sum::<i64>()
+    total + costly.iter().map(Costly::cost).sum::<i64>()
 }
 
 /// The polynomials behind the roots, each after those that it needs.
@@ -178,28 +201,14 @@ pub(super) struct Extractor {
     /// Divisors that are there already; none between extractions.
     known: Vec<Option<Known>>,
     candidates: FxHashMap<Polynomial, Rc<Candidates>>,
-    /// Occurrences looked at so far: a measure of work that is the same on every machine.
-    pub(super) work: usize,
-    /// Everything that was done so far, also with what was known.
-    pub(super) steps: usize,
     /// What the tables hold, about.
     bytes: usize,
 }
 
-/// Steps after which the search for common divisors of one function comes to its end; the most that a scene of
-/// `models/specs` takes is 5 million, with tables of 53 MB.
-const MAX_STEPS: usize = 16_000_000;
-/// So many of them take as long as a step of the budget.
-const STEPS_OF_ONE: usize = 4;
 /// Tables larger than this are begun anew.
 const MAX_BYTES: usize = 160 << 20;
 
 impl Extractor {
-    /// Whether so much was done that the form found so far has to do.
-    pub(super) fn is_spent(&self, graph: &Graph) -> bool {
-        self.steps > MAX_STEPS || graph.is_half_spent()
-    }
-
     /// Extracts divisors from the polynomials behind `roots` while that saves anything; new ones are appended.
     pub(super) fn extract(
         &mut self,
@@ -209,11 +218,11 @@ impl Extractor {
         roots: &[usize],
     ) {
         if self.bytes > MAX_BYTES {
-            *self = Extractor { work: self.work, steps: self.steps, ..Extractor::default() };
+            *self = Extractor::default();
         }
-        let steps = self.steps;
+        let before = system.effort.steps;
         let active = needed(system, entries, roots);
-        self.steps += entries.len() + active.iter().map(|k| entries[*k].value.len()).sum::<usize>();
+        system.effort.steps += entries.len() + active.iter().map(|k| entries[*k].value.len()).sum::<usize>();
         let n_rounds = 4 * active.iter().map(|k| entries[*k].value.len()).sum::<usize>();
         let mut pass = Pass {
             graph,
@@ -228,7 +237,7 @@ impl Extractor {
             pass.enter(entries, pass.active[position]);
         }
         for _ in 0..n_rounds {
-            if pass.extractor.is_spent(pass.graph) {
+            if pass.system.effort.is_spent(pass.graph) {
                 break;
             }
             let Some(best) = pass.best() else { break };
@@ -238,7 +247,7 @@ impl Extractor {
             self.totals[divisor as usize] = 0;
             self.known[divisor as usize] = None;
         }
-        graph.charge((self.steps - steps) / STEPS_OF_ONE);
+        system.effort.charge_steps(graph, before);
     }
 }
 
@@ -295,7 +304,7 @@ impl Pass<'_> {
     /// Counts the savings in polynomial `k`, or stops counting them.
     fn count(&mut self, k: usize, sign: i64) {
         let Some(candidates) = self.candidates[k].clone() else { return };
-        self.extractor.steps += candidates.savings.len();
+        self.system.effort.steps += candidates.savings.len();
         for (divisor, saves) in &candidates.savings {
             if matches!(self.extractor.known[*divisor as usize], Some(Known::Entry { k: itself, .. }) if itself == k)
             {
@@ -337,7 +346,7 @@ impl Pass<'_> {
                 known
             }
         };
-        self.extractor.steps += self.active.len();
+        self.system.effort.steps += self.active.len();
         for position in 0..self.active.len() {
             let k = self.active[position];
             let Some(candidates) = self.candidates[k].clone() else { continue };
@@ -436,7 +445,7 @@ impl Pass<'_> {
 
     fn candidates_of(&mut self, value: &Polynomial) -> Rc<Candidates> {
         if let Some(known) = self.extractor.candidates.get(value) {
-            self.extractor.work += known.savings.len();
+            self.system.effort.divisors += known.savings.len();
             return known.clone();
         }
         let mut list = Vec::new();
@@ -462,7 +471,7 @@ impl Pass<'_> {
                 list.push(Occurrence { divisor, first: i as u32, second: j as u32, scale });
             }
         }
-        self.extractor.work += 4 * list.len();
+        self.system.effort.divisors += 4 * list.len();
         let shape = Shape::of(value);
         // Occurrences of one divisor that share a term exclude one another; the first ones count.
         list.sort_by_key(|o: &Occurrence| (o.divisor, o.first, o.second));
@@ -479,7 +488,7 @@ impl Pass<'_> {
                 savings.last_mut().expect("just pushed").1 += saves;
             }
         }
-        self.extractor.steps += 4 * list.len();
+        self.system.effort.steps += 4 * list.len();
         self.extractor.bytes += 96 * value.len() + 20 * list.len() + 16 * savings.len();
         let candidates = Rc::new(Candidates { occurrences: list, savings });
         self.extractor.candidates.insert(value.clone(), candidates.clone());

@@ -1,18 +1,19 @@
 //! Which of two ways to write a number, or a function, loses fewer digits.
 //!
 //! What depends on parameters alone is computed once, so that the number of operations does not count: the form with the least
-//! cancellation is taken. Deliberately does not know: what a number is for, how a call uses it.
+//! cancellation is taken. Does not know: what a number is for, how a call uses it.
 
 use std::collections::{BTreeMap, HashMap};
 
 use hamel_runtime::DoubleDouble;
 use num_traits::ToPrimitive;
 
-use super::class::Class;
 use super::extract::needed;
 use super::polynomial::{Atom, Entry, System};
-use super::{ParamCondition, Relation, Source};
 use crate::expr::{ExprId, Fractions, Graph, Measured, Samples, Sign, SymbolId, inlined};
+use crate::lower::classes::Class;
+use crate::lower::source::Source;
+use crate::program::Relation;
 
 /// Points at which errors are measured, fewer where there are many inputs, and those drawn to find as many that the conditions on
 /// the parameters allow.
@@ -28,8 +29,6 @@ const SHIFT: f64 = 1.0 / (1u128 << 64) as f64;
 const FEW: f64 = 16.0;
 /// A number is written in another form where the largest loss shrinks by this.
 const GAIN: f64 = 1.5;
-/// Terms of functions that are measured, times points, so that no function takes long.
-const MAX_WORK: usize = 5_000_000;
 
 /// Points, and after them the same ones with every one of the inputs moved.
 struct Points {
@@ -57,8 +56,8 @@ impl Points {
     }
 }
 
-/// The better forms of numbers, remembered.
-pub(super) struct Forms {
+/// Measures the digits that forms lose, and remembers the better form of every number.
+pub(in crate::lower) struct Digits {
     fractions: Fractions,
     /// Where only parameters are moved, and where everything is.
     numbers: Points,
@@ -66,22 +65,18 @@ pub(super) struct Forms {
     /// Parameter-only definitions, written in the parameters.
     values: BTreeMap<SymbolId, ExprId>,
     best: HashMap<ExprId, ExprId>,
-    work: usize,
+    /// Terms measured so far, times points.
+    n_measured: usize,
 }
 
-impl Forms {
-    pub(super) fn new(
-        graph: &mut Graph,
-        source: &Source<'_>,
-        conditions: &[ParamCondition],
-        signs: &BTreeMap<ExprId, Sign>,
-    ) -> Forms {
+impl Digits {
+    pub(in crate::lower) fn new(graph: &mut Graph, source: &Source<'_>) -> Digits {
         let definitions: Vec<_> = source.sections.iter().flat_map(|s| &s.definitions).copied().collect();
         let fixed = definitions.iter().filter(|d| source.classes.get(d.expr) <= Class::Param);
         let values = inlined(graph, fixed);
         let sign_of = |graph: &mut Graph, s: SymbolId| {
             let e = graph.sym(s);
-            signs.get(&e).copied().unwrap_or(Sign::Unknown)
+            source.signs.get(&e).copied().unwrap_or(Sign::Unknown)
         };
         let inputs = source.inputs;
         let others = [inputs.time].into_iter().chain(inputs.state.iter().copied());
@@ -92,19 +87,19 @@ impl Forms {
         }
         let signed: Vec<_> = symbols.iter().map(|s| (*s, sign_of(graph, *s))).collect();
         let mut samples = Samples::new(if signed.len() > MAX_INPUTS { 0 } else { DRAWN }, &signed);
-        for condition in conditions.iter().filter(|c| c.relation != Relation::NotEqual) {
+        for condition in source.conditions.iter().filter(|c| c.relation != Relation::NotEqual) {
             let sides = graph.subs_all(&[condition.greater, condition.less], &values);
             if let Ok([greater, less]) = sides.as_deref() {
                 samples.keep(graph, *greater, *less);
             }
         }
-        Forms {
+        Digits {
             fractions: Fractions::default(),
             numbers: Points::new(&samples, &inputs.params),
             states: Points::new(&samples, &symbols),
             values,
             best: HashMap::new(),
-            work: 0,
+            n_measured: 0,
         }
     }
 
@@ -113,13 +108,14 @@ impl Forms {
     pub(super) fn losses(
         &mut self,
         graph: &mut Graph,
-        system: &System,
+        system: &mut System,
         entries: &[Entry],
         roots: &[usize],
     ) -> Option<Vec<f64>> {
         let order = needed(system, entries, roots);
-        self.work += self.states.samples.len() * order.iter().map(|k| entries[*k].value.len()).sum::<usize>();
-        if self.work > MAX_WORK {
+        self.n_measured +=
+            self.states.samples.len() * order.iter().map(|k| entries[*k].value.len()).sum::<usize>();
+        if system.effort.has_measured_enough_errors(self.n_measured) {
             return None;
         }
         let mut found: HashMap<usize, Vec<Measured>> = HashMap::new();
@@ -160,7 +156,7 @@ impl Forms {
     }
 
     /// The number in the form with the smaller errors: as it is, or with everything cancelled that cancels exactly.
-    pub(super) fn best(&mut self, graph: &mut Graph, e: ExprId) -> ExprId {
+    pub(in crate::lower) fn best(&mut self, graph: &mut Graph, e: ExprId) -> ExprId {
         if let Some(known) = self.best.get(&e) {
             return *known;
         }
@@ -175,9 +171,9 @@ impl Forms {
         if normal == whole || !graph.is_seen_to_be_equal(normal, e) {
             return None;
         }
-        let loss = |forms: &mut Forms, e: ExprId| -> Option<f64> {
-            let values = forms.numbers.samples.measure(graph, e)?.to_vec();
-            Some(forms.numbers.loss(&values))
+        let loss = |digits: &mut Digits, e: ExprId| -> Option<f64> {
+            let values = digits.numbers.samples.measure(graph, e)?.to_vec();
+            Some(digits.numbers.loss(&values))
         };
         let (before, after) = (loss(self, whole)?, loss(self, normal)?);
         let gain = before / after;

@@ -1,95 +1,23 @@
-//! Components of a vector get the same shape and their numbers stand side by side, so that a compiler can pack them.
+//! Products and quotients are computed in the order in which their factors are there.
 //!
-//! Every rewrite leaves the number of operations of a function as it is. Deliberately does not know: how wide a vector
+//! Every rewrite leaves the number of operations of a function as it is. Does not know: expressions, how wide a vector
 //! register is, or whether the target has one.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use crate::program::cost::latency;
 use crate::program::edit::{is_fixed, n_uses_in, position};
 use crate::program::{Function, Instruction, Op, Operand, Program};
 
-fn slot(operand: Operand) -> Option<u32> {
-    match operand {
-        Operand::Slot(i) => Some(i),
-        _ => None,
-    }
-}
-
-/// Keeps the opposite of a prepared number that occurs in fused operations alone, if the first function that reads it
-/// subtracts it or its products more often than it adds them: `a - (p x)` becomes `a + (-p) x`, at the same cost.
-pub(super) fn turn_slots(program: &mut Program) {
-    // Terms that are added less those that are subtracted, in the first function alone; none where there are other uses.
-    let mut balances: BTreeMap<u32, Option<(usize, i32)>> = BTreeMap::new();
-    let mut terms: Vec<Vec<[Option<u32>; 3]>> = Vec::new();
-    for (function_idx, function) in program.functions.iter().enumerate() {
-        let n_uses = n_uses_in(function);
-        let mut is_in_term = vec![false; function.instructions.len()];
-        let mut numbers = vec![[None; 3]; function.instructions.len()];
-        for (k, instruction) in function.instructions.iter().enumerate() {
-            let Op::MulAdd(signs, a, b, c) = instruction.op else { continue };
-            if a == b {
-                continue;
-            }
-            for (place, (o, negative)) in
-                [(a, signs.product), (b, signs.product), (c, signs.addend)].into_iter().enumerate()
-            {
-                // The operand itself, or a factor of a product that is nowhere else.
-                let product = position(o).map(|v| (v, &function.instructions[v]));
-                let number = match product {
-                    Some((v, Instruction { op: Op::Mul(p, q), name: None, .. }))
-                        if n_uses[v] == 1 && p != q =>
-                    {
-                        is_in_term[v] = true;
-                        slot(*p).or(slot(*q))
-                    }
-                    _ => slot(o),
-                };
-                let Some(i) = number else { continue };
-                numbers[k][place] = number;
-                if let Some((first, balance)) = balances.entry(i).or_insert(Some((function_idx, 0)))
-                    && *first == function_idx
-                {
-                    *balance += if negative { -1 } else { 1 };
-                }
-            }
-        }
-        let others = function.instructions.iter().zip(&numbers).zip(&is_in_term);
-        let others =
-            others.filter(|((_, numbers), in_term)| !**in_term && numbers.iter().all(Option::is_none));
-        let operands = others.flat_map(|((instruction, _), _)| instruction.op.operands());
-        let results = function.results.iter().map(|(_, o)| *o);
-        balances.extend(operands.chain(results).filter_map(slot).map(|i| (i, None)));
-        terms.push(numbers);
-    }
-    let is_turned = |i: u32| {
-        let named = program.prepare.slots[i as usize].name.is_some();
-        !named && matches!(balances.get(&i), Some(Some((_, balance))) if *balance < 0)
-    };
-    let turned: BTreeSet<u32> =
-        (0u32..).take(program.prepare.slots.len()).filter(|i| is_turned(*i)).collect();
-    for i in &turned {
-        let opposite = Op::Neg(Operand::Value(program.prepare.slots[*i as usize].value));
-        let value =
-            u32::try_from(program.prepare.instructions.len()).expect("fewer than 2^32 values fit in memory");
-        program.prepare.instructions.push(Instruction { op: opposite, section: 0, name: None });
-        program.prepare.slots[*i as usize].value = value;
-    }
-    for (function, terms) in program.functions.iter_mut().zip(terms) {
-        for (instruction, numbers) in function.instructions.iter_mut().zip(terms) {
-            if let Op::MulAdd(signs, ..) = &mut instruction.op {
-                let [a, b, c] = numbers.map(|number| number.is_some_and(|i| turned.contains(&i)));
-                signs.product ^= a ^ b;
-                signs.addend ^= c;
-            }
-        }
-    }
+/// Orders the factors of every function.
+pub(in crate::lower) fn order_factors(program: &mut Program) {
+    program.functions.iter_mut().for_each(order_in);
 }
 
 /// Products and quotients in the order in which their factors are there, numbers first: `x (p (y / d))` becomes
 /// `((p y) x) / d`, so that nothing waits but for the factor that comes last, and the operands of all components come in
 /// one order.
-pub(super) fn order_factors(function: &mut Function) {
+fn order_in(function: &mut Function) {
     let n_uses = n_uses_in(function);
     let old = std::mem::take(&mut function.instructions);
     // Part of the one product that uses it. A square stays: its series costs half of that of a product.
@@ -253,78 +181,5 @@ impl Ordered {
         }
         let factors = self.reduce(factors, divisors, 2, section);
         Op::Mul(factors[1], factors[0])
-    }
-}
-
-/// The slots that occur: those of results of the same shape place by place, the others in the order of their first use.
-pub(super) fn slot_order(program: &Program) -> Vec<u32> {
-    let mut order: Vec<u32> = Vec::new();
-    let mut seen: BTreeSet<u32> = BTreeSet::new();
-    let mut place = |i: u32| {
-        if seen.insert(i) {
-            order.push(i);
-        }
-    };
-    for function in &program.functions {
-        let mut lanes: BTreeMap<Vec<Leaf>, Vec<Vec<u32>>> = BTreeMap::new();
-        let shapes = Shapes::of(function);
-        for (_, result) in &function.results {
-            let (shape, slots) = shapes.of_result(*result);
-            lanes.entry(shape).or_default().push(slots);
-        }
-        for lanes in lanes.values().filter(|lanes| lanes.len() > 1) {
-            for k in 0..lanes[0].len() {
-                lanes.iter().for_each(|slots| place(slots[k]));
-            }
-        }
-        let operands = function.instructions.iter().flat_map(|i| i.op.operands());
-        operands.chain(function.results.iter().map(|(_, o)| *o)).filter_map(slot).for_each(&mut place);
-    }
-    order
-}
-
-/// A place in the preorder of an expression.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Leaf {
-    Slot,
-    Fixed,
-    Input,
-    /// A value that is used elsewhere too.
-    Shared,
-    /// An operation, its operands taken off.
-    Operation(Op),
-}
-
-struct Shapes<'a> {
-    function: &'a Function,
-    n_uses: Vec<usize>,
-}
-
-impl Shapes<'_> {
-    fn of(function: &Function) -> Shapes<'_> {
-        Shapes { function, n_uses: n_uses_in(function) }
-    }
-
-    /// The operations behind a result, and the slots among their operands.
-    fn of_result(&self, result: Operand) -> (Vec<Leaf>, Vec<u32>) {
-        let (mut shape, mut slots) = (Vec::new(), Vec::new());
-        let mut pending = vec![result];
-        while let Some(o) = pending.pop() {
-            shape.push(match o {
-                Operand::Slot(i) => {
-                    slots.push(i);
-                    Leaf::Slot
-                }
-                Operand::Value(v) if self.n_uses[v as usize] == 1 => {
-                    let op = self.function.instructions[v as usize].op;
-                    pending.extend(op.operands());
-                    Leaf::Operation(op.map(|_| Operand::Time))
-                }
-                Operand::Value(_) => Leaf::Shared,
-                Operand::Constant(_) | Operand::Param(_) => Leaf::Fixed,
-                Operand::Time | Operand::State(_) | Operand::Argument(_) => Leaf::Input,
-            });
-        }
-        (shape, slots)
     }
 }

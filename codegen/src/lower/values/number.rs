@@ -1,16 +1,21 @@
 //! Value numbering: expressions to binary operations, each value once for all functions.
 //!
 //! Sums and products are grouped by how fast their operands change, parameter-only ones first, so that whatever can be
-//! hoisted is a value of its own. Signs travel outwards: `a - b`, never `a + -b`.
+//! hoisted is a value of its own. Signs travel outwards: `a - b`, never `a + -b`. Does not know: which values end up in
+//! which part of a program.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
 use num_traits::{One, Signed as _, ToPrimitive, Zero};
 
-use super::class::{Class, Classes};
-use super::{Request, Source};
 use crate::error::Error;
-use crate::expr::{ExprId, Graph, Node, Rational, SymbolId};
+use crate::expr::{ExprId, Graph, Node, Rational, Section, SymbolId};
+use crate::lower::classes::{Class, Classes};
+use crate::lower::form::Form;
+use crate::lower::pivots::Conditions;
+use crate::lower::source::needed_definitions;
+use crate::lower::{Inputs, Request};
+use crate::program::edit::Signed;
 use crate::program::{Constant, Op, Operand, Role};
 
 /// All values of a program; an operand of a value is an earlier value, a constant or an input.
@@ -88,15 +93,20 @@ pub(super) struct Numbered {
 }
 
 /// Numbers the values of one function.
+///
+/// # Errors
+/// [`Error::Program`] for a symbol that is used before its definition.
 pub(super) fn number_function(
     graph: &Graph,
-    source: &Source<'_>,
-    request: &Request,
+    inputs: &Inputs,
+    form: &Form,
     pool: &mut Pool,
 ) -> Result<Numbered, Error> {
+    let Form { sections, request, .. } = form;
+    let classes = Classes::of(graph, inputs, sections, std::slice::from_ref(request))?;
     let roots: Vec<ExprId> = request.results.iter().map(|(_, e)| *e).collect();
-    let argument = source.inputs.argument(&request.role);
-    let (definitions, operands) = number(graph, source, &source.classes, argument, &roots, pool);
+    let argument = inputs.argument(&request.role);
+    let (definitions, operands) = number(graph, inputs, sections, &classes, argument, &roots, pool);
     let names = request.results.iter().map(|(name, _)| name.clone());
     Ok(Numbered {
         role: request.role.clone(),
@@ -107,40 +117,47 @@ pub(super) fn number_function(
 }
 
 /// Numbers both sides of the conditions, in order: greater, less, greater, less.
+///
+/// # Errors
+/// [`Error::Program`] for a symbol that is used before its definition.
 pub(super) fn number_conditions(
     graph: &Graph,
-    source: &Source<'_>,
+    inputs: &Inputs,
+    conditions: &Conditions,
+    requests: &[Request],
     pool: &mut Pool,
 ) -> Result<Vec<Operand>, Error> {
-    let roots: Vec<ExprId> = source.conditions.iter().flat_map(|c| [c.greater, c.less]).collect();
-    let mut classes = source.classes.clone();
+    let Conditions { sections, conditions } = conditions;
+    let roots: Vec<ExprId> = conditions.iter().flat_map(|c| [c.greater, c.less]).collect();
+    let mut classes = Classes::of(graph, inputs, sections, requests)?;
     for root in &roots {
         classes.add(graph, *root)?;
     }
-    Ok(number(graph, source, &classes, &[], &roots, pool).1)
+    Ok(number(graph, inputs, sections, &classes, &[], &roots, pool).1)
 }
 
 fn number(
     graph: &Graph,
-    source: &Source<'_>,
+    inputs: &Inputs,
+    sections: &[Section],
     classes: &Classes,
     argument: &[SymbolId],
     roots: &[ExprId],
     pool: &mut Pool,
 ) -> (Vec<(u32, String, Operand)>, Vec<Operand>) {
-    let needed = source.needed_definitions(graph, roots);
+    let needed = needed_definitions(graph, sections, roots);
     let mut definitions = Vec::new();
     for (section, definition) in
-        source.sections.iter().zip(0u32..).flat_map(|(s, k)| s.definitions.iter().map(move |d| (k, d)))
+        sections.iter().zip(0u32..).flat_map(|(s, k)| s.definitions.iter().map(move |d| (k, d)))
     {
         if needed.contains(&definition.symbol) {
             definitions.push((section, *definition));
         }
     }
     let mut symbols: HashMap<SymbolId, Operand> = HashMap::new();
-    symbols.extend(source.inputs.params.iter().zip(0u32..).map(|(s, i)| (*s, Operand::Param(i))));
-    symbols.insert(source.inputs.time, Operand::Time);
-    symbols.extend(source.inputs.state.iter().zip(0u32..).map(|(s, i)| (*s, Operand::State(i))));
+    symbols.extend(inputs.params.iter().zip(0u32..).map(|(s, i)| (*s, Operand::Param(i))));
+    symbols.insert(inputs.time, Operand::Time);
+    symbols.extend(inputs.state.iter().zip(0u32..).map(|(s, i)| (*s, Operand::State(i))));
     symbols.extend(argument.iter().zip(0u32..).map(|(s, i)| (*s, Operand::Argument(i))));
 
     let everything: Vec<ExprId> =
@@ -253,25 +270,6 @@ fn plan_divisions(graph: &Graph, classes: &Classes, order: &[ExprId]) -> BTreeMa
 fn denominator_of(classes: &Classes, factors: &[(ExprId, Rational)]) -> Denominator {
     let changing = factors.iter().filter(|(base, q)| q.is_negative() && classes.get(*base) > Class::Param);
     changing.map(|(base, q)| (*base, -q)).collect()
-}
-
-/// `-operand` or `operand`.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Signed {
-    pub(super) negative: bool,
-    pub(super) operand: Operand,
-}
-
-impl Signed {
-    /// `a + b`, `a - b`, `b - a` or `-(a + b)`: whether it is negated, and the operation.
-    pub(super) fn plus(self, b: Signed) -> (bool, Op) {
-        match (self.negative, b.negative) {
-            (false, false) => (false, Op::Add(self.operand, b.operand)),
-            (false, true) => (false, Op::Sub(self.operand, b.operand)),
-            (true, false) => (false, Op::Sub(b.operand, self.operand)),
-            (true, true) => (true, Op::Add(self.operand, b.operand)),
-        }
-    }
 }
 
 struct Numbering<'a> {

@@ -1,16 +1,16 @@
 //! What a right-hand side divides by, in the form in which it does so.
 //!
-//! Deliberately does not know: what the values mean; those that have a name of their own bring it along.
+//! Does not know: what the values mean; those that have a name of their own bring it along.
 
 use std::collections::BTreeMap;
 
 use num_traits::{One, Signed};
 
-use super::class::{Class, Classes};
-use super::optimise::Optimised;
-use super::{Inputs, Request};
 use crate::error::Error;
 use crate::expr::{ExprId, Func, Graph, Node, Rational, Style, SymbolId, inlined, needed_sections, sign_of};
+use crate::lower::Inputs;
+use crate::lower::classes::{Class, Classes};
+use crate::lower::form::Form;
 
 /// What is known about values that may be divided by.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -47,14 +47,13 @@ pub(super) struct Divisor {
 pub(super) fn divisors(
     graph: &mut Graph,
     inputs: &Inputs,
-    function: &Optimised,
+    function: &Form,
     known: &[ExprId],
 ) -> Result<Vec<Divisor>, Error> {
     let roots: Vec<ExprId> = function.request.results.iter().map(|(_, e)| *e).collect();
     let sections = needed_sections(graph, &function.sections, &roots);
-    let requests =
-        [Request { role: function.request.role.clone(), results: function.request.results.clone() }];
-    let classes = Classes::of(graph, inputs, &function.sections, &requests)?;
+    let requests = std::slice::from_ref(&function.request);
+    let classes = Classes::of(graph, inputs, &function.sections, requests)?;
     let definitions = || sections.iter().flat_map(|s| &s.definitions);
     let expressions: Vec<ExprId> = definitions().map(|d| d.expr).chain(roots).collect();
     let mut denominators: Vec<Vec<(ExprId, Rational)>> = Vec::new();
@@ -99,7 +98,7 @@ pub(super) fn divisors(
 struct Naming<'a> {
     graph: &'a mut Graph,
     inputs: &'a Inputs,
-    function: &'a Optimised,
+    function: &'a Form,
     /// Definitions written in the inputs.
     values: BTreeMap<SymbolId, ExprId>,
 }

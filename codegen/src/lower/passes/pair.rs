@@ -1,14 +1,19 @@
 //! Sine and cosine of one angle stand side by side, so that one call computes both.
 //!
-//! Deliberately does not know: how the pair is spelled.
+//! Does not know: how the pair is spelled.
 
 use std::collections::HashMap;
 
 use crate::expr::Func;
-use crate::program::{Function, Op, Operand};
+use crate::program::{Function, Op, Operand, Program};
+
+/// Pairs sines and cosines in every function.
+pub(in crate::lower) fn pair(program: &mut Program) {
+    program.functions.iter_mut().for_each(pair_in);
+}
 
 /// Moves the later one of a sine and a cosine of the same angle to the earlier one, the sine first.
-pub(super) fn pair(function: &mut Function) {
+fn pair_in(function: &mut Function) {
     let mut places: HashMap<Operand, [Option<usize>; 2]> = HashMap::new();
     for (k, instruction) in function.instructions.iter().enumerate() {
         match instruction.op {

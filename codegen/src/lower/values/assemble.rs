@@ -1,23 +1,27 @@
 //! Picks from all values those that results need: hoists, orders by section, drops the dead.
+//!
+//! Does not know: expressions, how values were found.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
-use super::class::Class;
 use super::number::{Numbered, Pool};
-use super::{Source, fuse, pair};
 use crate::error::Error;
-use crate::expr::Graph;
-use crate::program::{Condition, Constant, Function, Instruction, Operand, Prepare, Program, Slot};
+use crate::expr::{Graph, SymbolId};
+use crate::lower::Inputs;
+use crate::lower::classes::Class;
+use crate::lower::pivots::Conditions;
+use crate::program::{Condition, Constant, Function, Instruction, Operand, Prepare, Program, Report, Slot};
 
 /// Title of the section of values that no definition needs.
 const RESULTS: &str = "results";
 
 pub(super) fn assemble(
     graph: &Graph,
-    source: &Source<'_>,
-    pool: Pool,
-    functions: Vec<Numbered>,
-    conditions: Vec<Operand>,
+    inputs: &Inputs,
+    conditions: &Conditions,
+    pool: &Pool,
+    functions: &[Numbered],
+    sides: &[Operand],
 ) -> Result<Program, Error> {
     let mut slot_names: HashMap<u32, &str> = HashMap::new();
     for (_, name, operand) in functions.iter().flat_map(|f| &f.definitions) {
@@ -25,19 +29,19 @@ pub(super) fn assemble(
             slot_names.entry(*v).or_insert(name);
         }
     }
-    let mut slots = Slots { pool: &pool, order: Vec::new(), index: HashMap::new() };
-    let mut constants = Constants { pool: &pool, kept: Vec::new(), index: HashMap::new() };
-    let n_sections = u32::try_from(source.sections.len())
+    let mut slots = Slots { pool, order: Vec::new(), index: HashMap::new() };
+    let mut constants = Constants { pool, kept: Vec::new(), index: HashMap::new() };
+    let n_sections = u32::try_from(conditions.sections.len())
         .map_err(|_| Error::Program { reason: "there are more than 2^32 sections".to_owned() })?;
     let mut assembled = Vec::with_capacity(functions.len());
-    for function in &functions {
-        assembled.push(assemble_function(&pool, function, n_sections, &mut slots, &mut constants));
+    for function in functions {
+        assembled.push(assemble_function(pool, function, n_sections, &mut slots, &mut constants));
     }
 
     let mut prepare = Prepare::default();
-    let mut list = List { pool: &pool, order: Vec::new(), index: HashMap::new() };
+    let mut list = List { pool, order: Vec::new(), index: HashMap::new() };
     let everything = |_| true;
-    for side in &conditions {
+    for side in sides {
         list.require(*side, everything);
     }
     for slot in &slots.order {
@@ -55,7 +59,7 @@ pub(super) fn assemble(
         let name = slot_names.get(slot).map(|s| (*s).to_owned());
         prepare.slots.push(Slot { value: list.index[slot], name });
     }
-    for (condition, sides) in source.conditions.iter().zip(conditions.chunks_exact(2)) {
+    for (condition, sides) in conditions.conditions.iter().zip(sides.chunks_exact(2)) {
         prepare.conditions.push(Condition {
             text: condition.text.clone(),
             meaning: condition.meaning.clone(),
@@ -65,21 +69,18 @@ pub(super) fn assemble(
         });
     }
 
-    let names =
-        |symbols: &[crate::expr::SymbolId]| symbols.iter().map(|s| graph.name(*s).to_owned()).collect();
-    let titles = source.sections.iter().map(|s| s.title.clone());
-    let mut program = Program {
-        params: names(&source.inputs.params),
-        time: graph.name(source.inputs.time).to_owned(),
-        state: names(&source.inputs.state),
+    let names = |symbols: &[SymbolId]| symbols.iter().map(|s| graph.name(*s).to_owned()).collect();
+    let titles = conditions.sections.iter().map(|s| s.title.clone());
+    Ok(Program {
+        params: names(&inputs.params),
+        time: graph.name(inputs.time).to_owned(),
+        state: names(&inputs.state),
         constants: constants.kept,
         sections: titles.chain([RESULTS.to_owned()]).collect(),
         prepare,
         functions: assembled,
-    };
-    fuse::fuse(&mut program);
-    program.functions.iter_mut().for_each(pair::pair);
-    Ok(program)
+        report: Report::default(),
+    })
 }
 
 fn assemble_function(

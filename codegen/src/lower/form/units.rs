@@ -13,14 +13,12 @@ use num_integer::Integer;
 use num_traits::One;
 
 use super::extract::{needed, price_of_number};
-use super::polynomial::{Atom, Coefficient, Entry, Monomial, System};
+use super::numbers::Coefficient;
+use super::polynomial::{Atom, Entry, Monomial, System};
 use crate::expr::Graph;
 
 /// A higher power of a number is not looked for.
 const MAX_EXPONENT: i32 = 4;
-
-/// No other units are looked for once so many terms were looked at.
-const MAX_WORK: usize = 20_000_000;
 
 /// Integer powers of units.
 type Powers = BTreeMap<usize, i32>;
@@ -51,12 +49,12 @@ pub(super) fn in_other_units(
 ) -> Vec<Vec<Entry>> {
     let equations = equations(system, entries, roots);
     let (there, wanted): (Vec<_>, Vec<_>) = equations.into_iter().partition(|e| e.number.is_unit());
-    let dear = |list: &[Equation], is_dear: bool| -> Vec<Equation> {
-        let mut list: Vec<Equation> = list.iter().filter(|e| (e.price > 0) == is_dear).cloned().collect();
+    let costly = |list: &[Equation], is_costly: bool| -> Vec<Equation> {
+        let mut list: Vec<Equation> = list.iter().filter(|e| (e.price > 0) == is_costly).cloned().collect();
         list.sort_by_key(|e| std::cmp::Reverse(e.price));
         list
     };
-    let (keep, gain, rest) = (dear(&there, true), dear(&wanted, true), dear(&wanted, false));
+    let (keep, gain, rest) = (costly(&there, true), costly(&wanted, true), costly(&wanted, false));
     let orders = [[&keep, &gain, &rest], [&gain, &keep, &rest]];
     let (mut found, mut tried) = (Vec::new(), Vec::new());
     for order in orders {
@@ -122,10 +120,10 @@ impl Units {
         entries: &[Entry],
         wanted: &Equation,
     ) -> Option<()> {
-        if system.work_on_units > MAX_WORK {
+        if system.effort.has_measured_enough_units() {
             return None;
         }
-        system.work_on_units += 1 + self.mentions.len();
+        system.effort.units += 1 + self.mentions.len();
         let (mut powers, number) = self.reduced(graph, system, &wanted.powers, wanted.number)?;
         if number.is_unit() {
             // Units are positive: x^2 = y^2 is x = y.
@@ -204,8 +202,8 @@ impl Units {
         let mut changed = false;
         for (k, (_, unit)) in &self.solved {
             if !unit.is_unit() {
-                system.work_on_units += scaled.iter().map(|entry| 1 + entry.value.len()).sum::<usize>();
-                if system.work_on_units > MAX_WORK {
+                system.effort.units += scaled.iter().map(|entry| 1 + entry.value.len()).sum::<usize>();
+                if system.effort.has_measured_enough_units() {
                     return None;
                 }
                 scaled = in_unit(graph, system, &scaled, roots, *k, *unit)?;
