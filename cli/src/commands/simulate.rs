@@ -166,7 +166,7 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     if arguments.reconstruct {
         choice = choice.reconstructing(model, "--reconstruct")?;
     }
-    let known = model::scene_names(model);
+    let known = model.scene_names();
     if !known.contains(&choice.scene) {
         return Err(Error::UnknownScene { model: model.name.clone(), name: choice.scene, known });
     }

@@ -3,6 +3,7 @@
 //! Does not know: where a file comes from, how a scene is evaluated, commands.
 
 pub mod blocks;
+mod checked;
 pub mod roles;
 pub mod spelling;
 pub mod units;
@@ -14,6 +15,8 @@ use hamel_codegen::reduction;
 use hamel_codegen::scene;
 pub use hamel_codegen::spec::Model;
 use hamel_codegen::spec::{self, ConnectionKind, Diagnostics};
+
+pub use checked::Checked;
 
 use crate::error::Error;
 
@@ -41,26 +44,10 @@ pub fn show_warnings(warnings: &Diagnostics) {
         eprintln!("{}", warnings.render(is_coloured));
     }
 }
-/// Names of a model's scenes, the default first.
-pub fn scene_names(model: &Model) -> Vec<String> {
-    scene::names(model)
-}
-
 /// Whether a model's scene says that it wants something, such as [`INVARIANTS`].
 pub fn wants(model: &Model, scene_name: &str, what: &str) -> bool {
     let own = model.scenes.iter().find(|scene| scene.name == scene_name);
     own.is_some_and(|scene| scene.wants.iter().any(|want| want == what))
-}
-
-/// Whether a state can violate a constraint of a scene without the scene's own outputs telling it; the automatic
-/// scenes with all outputs would.
-///
-/// # Errors
-/// [`Error::Models`].
-pub fn hides_residuals(model: &Model, scene_name: &str) -> Result<bool, Error> {
-    let has_all = [DEFAULT_SCENE, RECONSTRUCTION_SCENE].contains(&scene_name)
-        && model.scenes.iter().all(|scene| scene.name != scene_name);
-    Ok(!has_all && scene::has_residuals(model)?)
 }
 
 /// Why a name cannot be that of a model, or nothing.

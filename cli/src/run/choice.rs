@@ -7,7 +7,7 @@ use super::interpreted;
 use super::method::MethodName;
 use super::remote::Remote;
 use crate::error::{Error, Problem};
-use crate::model::{self, Model};
+use crate::model::{self, Checked};
 use crate::session::ModelFile;
 
 /// Who evaluates a scene.
@@ -34,8 +34,8 @@ impl Choice {
     /// # Errors
     /// [`Error::Request`] when the model does not reconstruct any, or when another scene than the default was chosen;
     /// [`Error::UnknownScene`].
-    pub fn reconstructing(&self, model: &Model, path: &str) -> Result<Choice, Error> {
-        let known = model::scene_names(model);
+    pub fn reconstructing(&self, model: &Checked, path: &str) -> Result<Choice, Error> {
+        let known = model.scene_names();
         if !known.contains(&self.scene) {
             return Err(Error::UnknownScene { model: model.name.clone(), name: self.scene.clone(), known });
         }

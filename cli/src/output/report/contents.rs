@@ -9,8 +9,7 @@ use hamel_codegen::spec;
 use crate::error::Error;
 use crate::model::spelling::math_ml;
 use crate::model::units::split_unit;
-use crate::model::{Model, show_warnings};
-use crate::run::interpreted;
+use crate::model::{Checked, show_warnings};
 
 /// A parameter or a state variable as a page shows it.
 #[derive(Clone, Debug)]
@@ -97,10 +96,9 @@ pub struct Page {
 /// Collects what a page says about a scene.
 ///
 /// # Errors
-/// As [`interpreted::build`], and a bug of the emitter.
-pub fn contents(model: &Model, scene_name: &str) -> Result<Page, Error> {
-    let built = interpreted::build(model, scene_name)?;
-    let scene = built.scene();
+/// As [`Checked::derive`], and a bug of the emitter.
+pub fn contents(model: &Checked, scene_name: &str) -> Result<Page, Error> {
+    let scene = &model.derive(scene_name)?;
     show_warnings(&scene::warnings(model, std::slice::from_ref(scene)));
     let quantity = |name: &str, value: Option<f64>, doc: &str| {
         let (doc, unit) = split_unit(doc, 0);

@@ -1,0 +1,294 @@
+//! What it takes to run a scene, and its program with prepared parameters, run operation by operation.
+//!
+//! Does not know: how the program was made.
+
+use std::borrow::Cow;
+
+use hamel_runtime::Dual;
+
+use crate::error::Error;
+use crate::program::{Jet, Point, Program, Role, ViolatedCondition};
+
+use super::derivatives::{Derivative, Matrix};
+use super::invariants::GRADIENTS;
+use super::{BuiltScene, INVARIANTS};
+
+/// What it takes to run a scene: a plain value without equations, which the feature `serde` stores and reads back.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Executable {
+    /// What is run.
+    pub program: Program,
+    patterns: Vec<Pattern>,
+}
+
+/// Where the entries of an output that is a matrix are: rows and columns in the order of its results.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+struct Pattern {
+    name: String,
+    shape: (usize, usize),
+    places: Vec<(usize, usize)>,
+}
+
+impl Pattern {
+    fn of(matrix: &Matrix) -> Pattern {
+        Pattern { name: matrix.name.to_owned(), shape: matrix.shape, places: matrix.pattern.clone() }
+    }
+}
+
+impl Executable {
+    /// Checks parameters and prepares an interpreter for them.
+    ///
+    /// # Errors
+    /// The condition that the parameters violate.
+    ///
+    /// # Panics
+    /// When the number of parameters is wrong.
+    pub fn prepare(&self, params: &[f64]) -> Result<Interpreter<'_>, ViolatedCondition> {
+        Interpreter::new(&self.program, Cow::Borrowed(&self.patterns), params)
+    }
+
+    /// The recurrence of the Taylor coefficients of solutions.
+    ///
+    /// # Errors
+    /// As [`BuiltScene::jet`].
+    pub fn jet(&self) -> Result<Jet, Error> {
+        jet_of(&self.program)
+    }
+
+    /// Number of invariants of the motion; zero if the scene does not want them.
+    pub fn n_invariants(&self) -> usize {
+        self.program.function(&Role::Output(INVARIANTS.to_owned())).map_or(0, |f| f.results.len())
+    }
+}
+
+/// The recurrence of the Taylor coefficients of the solutions of a program's right-hand side.
+pub(super) fn jet_of(program: &Program) -> Result<Jet, Error> {
+    let known = || program.functions.iter().map(|f| f.role.name().to_owned()).collect();
+    let rhs = program.function_idx(&Role::Rate).ok_or_else(|| Error::UnknownName {
+        name: Role::Rate.name().to_owned(),
+        kind: "function of the program",
+        known: known(),
+    })?;
+    Jet::new(program, rhs)
+}
+
+impl BuiltScene {
+    /// What it takes to run the scene.
+    pub fn executable(&self) -> Executable {
+        Executable { program: self.program.clone(), patterns: self.patterns() }
+    }
+
+    fn patterns(&self) -> Vec<Pattern> {
+        self.matrices().iter().map(Pattern::of).collect()
+    }
+
+    /// Checks parameters and prepares an interpreter for them.
+    ///
+    /// # Errors
+    /// The condition that the parameters violate.
+    ///
+    /// # Panics
+    /// When the number of parameters is wrong.
+    pub fn prepare(&self, params: &[f64]) -> Result<Interpreter<'_>, ViolatedCondition> {
+        Interpreter::new(&self.program, Cow::Owned(self.patterns()), params)
+    }
+}
+
+/// A scene's program with prepared parameters, run operation by operation.
+#[derive(Clone, Debug)]
+pub struct Interpreter<'a> {
+    program: &'a Program,
+    patterns: Cow<'a, [Pattern]>,
+    params: Vec<f64>,
+    prepared: Vec<f64>,
+}
+
+impl<'a> Interpreter<'a> {
+    fn new(
+        program: &'a Program,
+        patterns: Cow<'a, [Pattern]>,
+        params: &[f64],
+    ) -> Result<Interpreter<'a>, ViolatedCondition> {
+        let prepared = program.prepare(params)?;
+        Ok(Interpreter { program, patterns, params: params.to_vec(), prepared })
+    }
+
+    /// The values of a function; none if the program does not have it.
+    fn values(&self, role: &Role, t: f64, y: &[f64]) -> Option<Vec<f64>> {
+        let k = self.program.function_idx(role)?;
+        let mut out = vec![0.0; self.program.functions[k].results.len()];
+        self.program.run(k, &self.params, &self.prepared, t, y, &mut out);
+        Some(out)
+    }
+
+    fn call(&self, role: &Role, t: f64, y: &[f64], out: &mut [f64]) -> bool {
+        let Some(k) = self.program.function_idx(role) else { return false };
+        self.program.run(k, &self.params, &self.prepared, t, y, out);
+        true
+    }
+
+    /// Time derivative of the state.
+    ///
+    /// # Panics
+    /// When a size is wrong.
+    pub fn rhs(&self, t: f64, y: &[f64], dy: &mut [f64]) {
+        self.call(&Role::Rate, t, y, dy);
+    }
+
+    /// Derivatives of [`rhs`](Interpreter::rhs) by the components of the state: row `i` has those of component `i`.
+    ///
+    /// By dual numbers, so that the scene need not want the Jacobian.
+    ///
+    /// # Panics
+    /// When a size is wrong.
+    pub fn rhs_jacobian(&self, t: f64, y: &[f64], rows: &mut [&mut [f64]]) {
+        let Some(k) = self.program.function_idx(&Role::Rate) else { return };
+        let constants = |values: &[f64]| values.iter().copied().map(Dual::constant).collect::<Vec<Dual>>();
+        let (params, prepared) = (constants(&self.params), constants(&self.prepared));
+        let (mut state, mut out) = (constants(y), constants(y));
+        for column in 0..y.len() {
+            state[column] = Dual::variable(y[column]);
+            self.program.run(k, &params, &prepared, Dual::constant(t), &state, &mut out);
+            state[column] = Dual::constant(y[column]);
+            rows.iter_mut().zip(&out).for_each(|(row, value)| row[column] = value.derivative);
+        }
+    }
+
+    /// Taylor coefficients of the solution through a state, by the recurrence of [`BuiltScene::jet`].
+    ///
+    /// # Panics
+    /// When a size is wrong.
+    pub fn series(&self, jet: &Jet, t: f64, y: &[f64], out: &mut [&mut [f64]]) {
+        jet.series(&self.params, &self.prepared, t, y, out);
+    }
+
+    /// Energy, when the scene wants it.
+    pub fn energy(&self, t: f64, y: &[f64]) -> Option<f64> {
+        let values = self.values(&Role::Energy, t, y)?;
+        values.first().copied()
+    }
+
+    /// All outputs, concatenated.
+    pub fn outputs(&self, t: f64, y: &[f64]) -> Vec<f64> {
+        let mut all = Vec::new();
+        for (k, function) in self.program.functions.iter().enumerate() {
+            if let Role::Output(_) = function.role {
+                let start = all.len();
+                all.resize(start + function.results.len(), 0.0);
+                self.program.run(k, &self.params, &self.prepared, t, y, &mut all[start..]);
+            }
+        }
+        all
+    }
+
+    /// A derivative that is a matrix, row by row, when the scene wants it.
+    ///
+    /// # Panics
+    /// When the size of `y` is wrong.
+    pub fn matrix(&self, derivative: Derivative, t: f64, y: &[f64]) -> Option<Vec<Vec<f64>>> {
+        self.matrix_named(derivative.name(), t, y)
+    }
+
+    /// Invariants of the motion, when the scene wants them, in the order of its output `invariants`.
+    ///
+    /// # Panics
+    /// When the size of `y` is wrong.
+    pub fn invariants(&self, t: f64, y: &[f64]) -> Option<Vec<f64>> {
+        self.values(&Role::Output(INVARIANTS.to_owned()), t, y)
+    }
+
+    /// Their gradients, a row for each.
+    ///
+    /// # Panics
+    /// When the size of `y` is wrong.
+    pub fn invariant_gradients(&self, t: f64, y: &[f64]) -> Option<Vec<Vec<f64>>> {
+        self.matrix_named(GRADIENTS, t, y)
+    }
+
+    fn matrix_named(&self, name: &str, t: f64, y: &[f64]) -> Option<Vec<Vec<f64>>> {
+        let pattern = self.patterns.iter().find(|pattern| pattern.name == name)?;
+        // Every matrix is an output, and one without entries has no function.
+        let entries = self.values(&Role::Output(name.to_owned()), t, y).unwrap_or_default();
+        let (n_rows, n_columns) = pattern.shape;
+        let mut rows = vec![vec![0.0; n_columns]; n_rows];
+        for ((i, j), entry) in pattern.places.iter().zip(entries) {
+            rows[*i][*j] = entry;
+        }
+        Some(rows)
+    }
+
+    /// A derivative that is a product with `vector`, when the scene wants it.
+    ///
+    /// # Panics
+    /// When a size is wrong.
+    pub fn product(&self, derivative: Derivative, t: f64, y: &[f64], vector: &[f64]) -> Option<Vec<f64>> {
+        let k = self.program.function_idx(&derivative.role())?;
+        let mut out = vec![0.0; self.program.functions[k].results.len()];
+        let point = Point { t, state: y, argument: vector };
+        self.program.run_at(k, &self.params, &self.prepared, point, &mut out);
+        Some(out)
+    }
+
+    /// Everything that the right-hand side divides by and that may vanish or overflow: names, values, and scales of their
+    /// rounding errors, as [`hamel_runtime::Pivot`] has them.
+    ///
+    /// # Panics
+    /// When the size of `y` is wrong.
+    pub fn pivots(&self, t: f64, y: &[f64]) -> Vec<(&str, f64, f64)> {
+        let program = self.program;
+        let Some(k) = program.function_idx(&Role::Pivots) else { return Vec::new() };
+        let results = &program.functions[k].results;
+        let mut out = vec![0.0; results.len()];
+        program.run(k, &self.params, &self.prepared, t, y, &mut out);
+        let (values, scales) = out.split_at(out.len() / 2);
+        let names = results.iter().map(|(name, _)| name.as_str());
+        names.zip(values).zip(scales).map(|((name, value), scale)| (name, *value, *scale)).collect()
+    }
+
+    /// Why the right-hand side cannot be evaluated here.
+    ///
+    /// # Errors
+    /// The name of the pivot that is not finite, that vanishes, or that rounding errors of its terms could hide.
+    pub fn check(&self, t: f64, y: &[f64]) -> Result<(), String> {
+        let lost = |(_, value, scale): &(&str, f64, f64)| {
+            hamel_runtime::Pivot { name: "", value: *value, scale: *scale }.verify(t).is_err()
+        };
+        self.pivots(t, y).into_iter().find(lost).map_or(Ok(()), |(name, ..)| Err(name.to_owned()))
+    }
+
+    /// The number that stays the same along a motion while no matrix becomes singular; zero if none can.
+    ///
+    /// # Panics
+    /// When the size of `y` is wrong.
+    pub fn signature(&self, t: f64, y: &[f64]) -> f64 {
+        let mut out = [0.0];
+        self.call(&Role::Signature, t, y, &mut out);
+        out[0]
+    }
+
+    /// Whether the coordinates lie in their domain.
+    ///
+    /// # Errors
+    /// The first condition that does not hold, such as `theta > 0`.
+    pub fn domain(&self, t: f64, y: &[f64]) -> Result<(), String> {
+        let is_inside = |value: &f64| *value > 0.0;
+        self.guard(&Role::Domain, t, y, |out| out.iter().position(|value| !is_inside(value)))
+    }
+
+    /// The name of the result of a function that does not hold.
+    fn guard(
+        &self,
+        role: &Role,
+        t: f64,
+        y: &[f64],
+        broken: impl Fn(&[f64]) -> Option<usize>,
+    ) -> Result<(), String> {
+        let Some(k) = self.program.function_idx(role) else { return Ok(()) };
+        let results = &self.program.functions[k].results;
+        let mut out = vec![0.0; results.len()];
+        self.program.run(k, &self.params, &self.prepared, t, y, &mut out);
+        broken(&out).map_or(Ok(()), |k| Err(results[k].0.clone()))
+    }
+}
