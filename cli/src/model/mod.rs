@@ -14,7 +14,7 @@ use hamel_codegen::expr::Budget;
 use hamel_codegen::reduction;
 use hamel_codegen::scene;
 pub use hamel_codegen::spec::Model;
-use hamel_codegen::spec::{self, ConnectionKind, Diagnostics};
+use hamel_codegen::spec::{self, ConnectionKind, Diagnostics, Want};
 
 pub use checked::Checked;
 
@@ -25,9 +25,6 @@ pub const DEFAULT_SCENE: &str = scene::DEFAULT;
 
 /// Name of the scene that a simulation with the group's coordinates runs.
 pub const RECONSTRUCTION_SCENE: &str = scene::RECONSTRUCTION;
-
-/// What a scene wants that has its invariants compiled.
-pub const INVARIANTS: &str = scene::INVARIANTS;
 
 /// Reads and checks the text of a model within so many times the default budget; `file` is shown in messages.
 ///
@@ -44,10 +41,10 @@ pub fn show_warnings(warnings: &Diagnostics) {
         eprintln!("{}", warnings.render(is_coloured));
     }
 }
-/// Whether a model's scene says that it wants something, such as [`INVARIANTS`].
-pub fn wants(model: &Model, scene_name: &str, what: &str) -> bool {
+/// Whether a model's scene says that it wants something, such as its invariants.
+pub fn wants(model: &Model, scene_name: &str, what: Want) -> bool {
     let own = model.scenes.iter().find(|scene| scene.name == scene_name);
-    own.is_some_and(|scene| scene.wants.iter().any(|want| want == what))
+    own.is_some_and(|scene| scene.wants.iter().any(|want| want == what.name()))
 }
 
 /// Why a name cannot be that of a model, or nothing.

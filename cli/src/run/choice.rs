@@ -2,6 +2,8 @@
 //!
 //! Does not know: requests, what is asked of the scene.
 
+use hamel_codegen::spec::Want;
+
 use super::backend::{Backend, Local};
 use super::interpreted;
 use super::method::MethodName;
@@ -76,7 +78,7 @@ impl Choice {
         if method != MethodName::Projected || self.via(file) == Via::Interpreter {
             return Ok(self.clone());
         }
-        if model::wants(file.model()?, &self.scene, model::INVARIANTS) {
+        if model::wants(file.model()?, &self.scene, Want::Invariants) {
             return Ok(self.clone());
         }
         eprintln!(

@@ -2,6 +2,7 @@
 //!
 //! Does not know: how it is laid out.
 
+use hamel_codegen::explain::{Section, SectionKind};
 use hamel_codegen::expr::{Style, rational_to_f64};
 use hamel_codegen::scene;
 use hamel_codegen::spec;
@@ -81,8 +82,8 @@ pub struct Page {
     pub text: String,
     /// Words of the model language.
     pub keywords: Vec<&'static str>,
-    /// Titles and HTML of the explanation.
-    pub sections: Vec<(String, String)>,
+    /// The explanation, in HTML.
+    pub sections: Vec<Section>,
     /// The generated right-hand side.
     pub rhs: String,
     /// The generated module.
@@ -104,11 +105,11 @@ pub fn contents(model: &Checked, scene_name: &str) -> Result<Page, Error> {
         let (doc, unit) = split_unit(doc, 0);
         Quantity { name: name.to_owned(), math: math_ml(name), value, unit, doc }
     };
-    let own = ["", "Parameters and state", "Operation counts"];
+    // The page has these in its own way.
+    let own = [SectionKind::Head, SectionKind::Inputs, SectionKind::Counts];
     let sections = hamel_codegen::explain::sections(model, scene, Style::MathMl)
         .into_iter()
-        .filter(|s| !own.contains(&s.title.as_str()))
-        .map(|s| (s.title, s.text))
+        .filter(|section| !own.contains(&section.kind))
         .collect();
     let module = scene.emit().map_err(|e| model.diagnostics(vec![model.diagnose(&e)]))?;
     let view = |v: &spec::View| ViewEntry {
