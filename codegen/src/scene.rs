@@ -854,6 +854,7 @@ impl BuiltScene {
             products: self.products.iter().map(product_text).collect(),
             formulas: BTreeMap::from(formulas),
             conserves_energy: self.equations.facts.energy_is_conserved,
+            groups: None,
         }
     }
 

@@ -50,6 +50,8 @@
 //! - `std` (default): elementary functions from the standard library.
 //! - `libm`: elementary functions from the crate `libm`, for bare-metal targets. With both, `std` wins.
 //! - `lanes`: the scalars `F64x4` and `F64x8`, by the crate `wide`, with or without the standard library.
+//! - `nalgebra`: systems whose states are `SVector`s, Jacobians as `SMatrix`, by `OnVectors`; the crate itself is
+//!   re-exported. With or without the standard library.
 //!
 //! Sine and cosine of `f64` are the crate's own, inlined and without calls. Build with a target that fuses
 //! multiplication and addition (`-C target-cpu=native`, `x86-64-v3`) to halve their cost.
@@ -78,6 +80,8 @@ mod jet;
 mod lanes;
 pub mod math;
 mod methods;
+#[cfg(feature = "nalgebra")]
+mod on_vectors;
 mod options;
 mod real;
 mod system;
@@ -94,6 +98,10 @@ pub use methods::{
     Constant, Dop853, Dopri5, Estimate, FixedPoint, Gauss, Gauss4, Gauss6, Gauss8, Invariants, Method,
     Newton, Point, Projected, Projection, Rk4, Row, Start, Step, Tableau, Taylor, Tolerances, Tsit5, Vern9,
 };
+#[cfg(feature = "nalgebra")]
+pub use nalgebra;
+#[cfg(feature = "nalgebra")]
+pub use on_vectors::OnVectors;
 pub use options::{Norm, Options, StepSize};
 pub use real::Real;
 pub use system::{

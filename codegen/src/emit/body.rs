@@ -1,12 +1,14 @@
-//! Straight-line code as text: which values are variables, which stand where they are used, and in which block.
+//! Straight-line code: which values are variables, which stand where they are used, and in which block.
+//!
+//! Does not know: how a language writes statements; what a function is for.
 
-use proc_macro2::TokenStream;
 use std::collections::BTreeSet;
-use std::fmt::Write as _;
+use std::ops::Range;
 
+use super::dialect::{Dialect, Notation};
+use super::expression::{Text, operation};
 use super::names::Scope;
-use crate::error::Error;
-use crate::program::{Constant, Instruction, Literal, Op, Operand, Program, completes_pair};
+use crate::program::{Constant, Instruction, Op, Operand, Program, completes_pair};
 
 /// A value stands where it is used while its text is no longer than this.
 const MAX_INLINE_CHARS: usize = 160;
@@ -15,152 +17,116 @@ const MAX_INLINE_DEPTH: usize = 12;
 /// Bindings in one block; rustc 1.95 crashes on a few thousand in a row.
 const MAX_BINDINGS: usize = 400;
 
-/// An expression as text, with how tightly its outermost operator binds and the depth of its parentheses.
+/// A statement of straight-line code.
 #[derive(Clone, Debug)]
-pub(super) struct Text {
-    pub(super) text: String,
-    binding: Binding,
-    depth: usize,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Binding {
-    Sum,
-    Product,
-    Sign,
-    Atom,
-}
-
-impl Text {
-    pub(super) fn atom(text: String) -> Text {
-        Text { text, binding: Binding::Atom, depth: 0 }
-    }
-
-    /// In parentheses unless it binds at least as tightly as asked.
-    fn at_least(self, binding: Binding) -> Text {
-        if self.binding >= binding {
-            return self;
-        }
-        Text { text: format!("({})", self.text), binding: Binding::Atom, depth: self.depth + 1 }
-    }
-}
-
-/// The spelling of a constant: as a scalar in code, or as a plain number in a comment.
-pub(super) fn constant(constant: &Constant, in_code: bool) -> Text {
-    let text = match (constant.literal(), in_code) {
-        (Literal::Zero, true) => "R::ZERO".to_owned(),
-        (Literal::One, true) => "R::ONE".to_owned(),
-        (Literal::Number(x), true) => format!("R::from_f64({x:?})"),
-        (Literal::Ratio(p, q), true) => format!("R::ratio({p:?}, {q:?})"),
-        (Literal::Pi, true) => "R::from_f64(::core::f64::consts::PI)".to_owned(),
-        (Literal::Zero, false) => "0".to_owned(),
-        (Literal::One, false) => "1".to_owned(),
-        (Literal::Number(x), false) => format!("{x}"),
-        (Literal::Ratio(p, q), false) => format!("({p}/{q})"),
-        (Literal::Pi, false) => "pi".to_owned(),
-    };
-    Text::atom(text)
-}
-
-/// The operation as text: in code, or as a formula in a comment.
-pub(super) fn operation(op: &Op, in_code: bool, operand: impl Fn(Operand) -> Text) -> Text {
-    let binary = |a: Operand, sign: &str, b: Operand, left: Binding, right: Binding| {
-        let (a, b) = (operand(a).at_least(left), operand(b).at_least(right));
-        Text { text: format!("{} {sign} {}", a.text, b.text), binding: left, depth: a.depth.max(b.depth) }
-    };
-    let call = |a: Operand, method: &str| {
-        if !in_code {
-            let a = operand(a);
-            return Text {
-                text: format!("{method}({})", a.text),
-                binding: Binding::Atom,
-                depth: a.depth + 1,
-            };
-        }
-        let a = operand(a).at_least(Binding::Atom);
-        Text { text: format!("{}.{method}()", a.text), binding: Binding::Atom, depth: a.depth }
-    };
-    match *op {
-        Op::Add(a, b) => binary(a, "+", b, Binding::Sum, Binding::Product),
-        Op::Sub(a, b) => binary(a, "-", b, Binding::Sum, Binding::Product),
-        Op::Mul(a, b) => binary(a, "*", b, Binding::Product, Binding::Sign),
-        Op::Div(a, b) => binary(a, "/", b, Binding::Product, Binding::Sign),
-        Op::Neg(a) => signed(true, operand(a)),
-        Op::Recip(a) if in_code => call(a, "recip"),
-        Op::Recip(a) => {
-            let a = operand(a).at_least(Binding::Sign);
-            Text { text: format!("1 / {}", a.text), binding: Binding::Product, depth: a.depth }
-        }
-        Op::Sqrt(a) => call(a, "sqrt"),
-        Op::Power(a, q) => {
-            let a = operand(a).at_least(Binding::Atom);
-            let q = operand(q).text;
-            let text =
-                if in_code { format!("({q} * {}.ln()).exp()", a.text) } else { format!("{}^{q}", a.text) };
-            Text { text, binding: Binding::Atom, depth: a.depth + 1 }
-        }
-        Op::Function(f, a) => call(a, f.name()),
-        Op::Atan2(y, x) if in_code => {
-            let (y, x) = (operand(y).at_least(Binding::Atom), operand(x));
-            let text = format!("{}.atan2({})", y.text, x.text);
-            Text { text, binding: Binding::Atom, depth: y.depth.max(x.depth + 1) }
-        }
-        Op::Atan2(y, x) => {
-            let (y, x) = (operand(y), operand(x));
-            let text = format!("atan2({}, {})", y.text, x.text);
-            Text { text, binding: Binding::Atom, depth: y.depth.max(x.depth) + 1 }
-        }
-        Op::MulAdd(signs, a, b, c) if in_code => {
-            // The order of factors is free: a name reads better before the dot than a formula, a field or a number.
-            let (a, b) = if is_name(&operand(b)) && !is_name(&operand(a)) { (b, a) } else { (a, b) };
-            let receiver = signed(signs.product, operand(a)).at_least(Binding::Atom);
-            let (factor, addend) = (operand(b), signed(signs.addend, operand(c)));
-            let text = format!("{}.mul_add({}, {})", receiver.text, factor.text, addend.text);
-            let depth = receiver.depth.max(factor.depth + 1).max(addend.depth + 1);
-            Text { text, binding: Binding::Atom, depth }
-        }
-        Op::MulAdd(signs, a, b, c) => {
-            let product = |text: Text| text.at_least(Binding::Sign).text;
-            let (minus, sign) = (if signs.product { "-" } else { "" }, if signs.addend { "-" } else { "+" });
-            let (a, b, c) = (operand(a), operand(b), operand(c).at_least(Binding::Product));
-            let depth = a.depth.max(b.depth).max(c.depth) + 1;
-            let text = format!("{minus}{} * {} {sign} {}", product(a), product(b), c.text);
-            Text { text, binding: Binding::Sum, depth }
-        }
-    }
-}
-
-/// Whether a text is a bare name.
-fn is_name(text: &Text) -> bool {
-    text.text.chars().all(|c| c.is_alphanumeric() || c == '_')
-}
-
-fn signed(negative: bool, text: Text) -> Text {
-    if !negative {
-        return text;
-    }
-    let text = text.at_least(Binding::Atom);
-    Text { text: format!("-{}", text.text), binding: Binding::Sign, depth: text.depth }
+pub(super) enum Statement {
+    /// A variable.
+    Bind {
+        /// Its name.
+        name: String,
+        /// Its value.
+        value: String,
+    },
+    /// Sine and cosine of one angle, computed together.
+    BindPair {
+        /// Name of the sine.
+        sine: String,
+        /// Name of the cosine.
+        cosine: String,
+        /// The angle.
+        angle: Text,
+    },
+    /// Several variables, from a block in which others are bound that nothing reads after the block.
+    Block {
+        /// What the block computes.
+        title: Option<String>,
+        /// Statements of the block.
+        inner: Vec<Statement>,
+        /// Names of the variables that leave the block.
+        names: Vec<String>,
+        /// Their values, at the end of the block.
+        values: Vec<String>,
+    },
 }
 
 /// A list of instructions, being written.
-pub(super) struct Body<'a> {
+struct Body<'a> {
     instructions: &'a [Instruction],
-    /// Text of each value, and the variables in it.
+    /// The text of each value where it is not a variable, and the variables that this text mentions.
     texts: Vec<(Text, Vec<u32>)>,
     /// The variable of each value that is one.
     variables: Vec<Option<String>>,
+    /// The angle of each sine that is computed with its cosine.
+    angles: Vec<Option<Text>>,
+}
+
+/// The code of a list of instructions.
+#[derive(Clone, Debug)]
+pub(super) struct Code {
+    /// What is computed before the results.
+    pub(super) statements: Vec<Statement>,
+    /// The results, in order.
+    pub(super) results: Vec<Text>,
+    /// The inputs that instructions or results read.
+    pub(super) reads: BTreeSet<Operand>,
+    /// Names of the variables.
+    pub(super) variables: Vec<String>,
+}
+
+impl Code {
+    /// Writes instructions down. `spell` names parameters, slots, time, state and arguments; temporaries are called `t0`,
+    /// `t1`, .., unless one of these is.
+    pub(super) fn new(
+        dialect: &impl Dialect,
+        program: &Program,
+        instructions: &[Instruction],
+        segments: &[Segment<'_>],
+        results: &[Operand],
+        scope: &mut Scope,
+        spell: impl Fn(Operand) -> String,
+    ) -> Code {
+        let input = |operand: Operand| match operand {
+            Operand::Constant(i) => constant(dialect, &program.constants[i as usize]),
+            other => Text::atom(spell(other)),
+        };
+        let body = Body::new(dialect, instructions, results, scope, input);
+        let value = |operand: &Operand| match *operand {
+            Operand::Value(v) => body.value(v),
+            other => input(other),
+        };
+        let operands = instructions.iter().flat_map(|i| i.op.operands()).chain(results.iter().copied());
+        Code {
+            statements: body.statements(segments, results),
+            results: results.iter().map(value).collect(),
+            reads: operands.filter(|o| !matches!(o, Operand::Value(_) | Operand::Constant(_))).collect(),
+            variables: body.variables.iter().flatten().cloned().collect(),
+        }
+    }
+
+    /// Whether a component of the state is read.
+    pub(super) fn reads_state(&self) -> bool {
+        self.reads.iter().any(|o| matches!(o, Operand::State(_)))
+    }
+
+    /// Whether a component of the function's own vector is read.
+    pub(super) fn reads_argument(&self) -> bool {
+        self.reads.iter().any(|o| matches!(o, Operand::Argument(_)))
+    }
+}
+
+/// The spelling of a constant.
+pub(super) fn constant(notation: &impl Notation, constant: &Constant) -> Text {
+    Text::atom(notation.literal(constant.literal()))
 }
 
 impl<'a> Body<'a> {
-    /// Decides what is a variable. `inputs` spells parameters, slots, time and state.
-    pub(super) fn new(
-        program: &Program,
+    /// Decides what is a variable. `input` spells all operands but values.
+    fn new(
+        dialect: &impl Dialect,
         instructions: &'a [Instruction],
         results: &[Operand],
         scope: &mut Scope,
-        prefix: &str,
-        inputs: impl Fn(Operand) -> String,
+        input: impl Fn(Operand) -> Text,
     ) -> Body<'a> {
         let mut n_uses = vec![0usize; instructions.len()];
         let mut is_result = vec![false; instructions.len()];
@@ -179,15 +145,21 @@ impl<'a> Body<'a> {
         let mut variables: Vec<Option<String>> =
             instructions.iter().map(|i| i.name.as_deref().map(|name| scope.add(name))).collect();
         let mut texts: Vec<(Text, Vec<u32>)> = Vec::with_capacity(instructions.len());
+        let mut angles: Vec<Option<Text>> = vec![None; instructions.len()];
         for (k, instruction) in instructions.iter().enumerate() {
-            let text = operation(&instruction.op, true, |operand| match operand {
+            let spell = |operand: Operand| match operand {
                 Operand::Value(v) => match &variables[v as usize] {
                     Some(name) => Text::atom(name.clone()),
                     None => texts[v as usize].0.clone(),
                 },
-                Operand::Constant(i) => constant(&program.constants[i as usize], true),
-                input => Text::atom(inputs(input)),
-            });
+                other => input(other),
+            };
+            let text = operation(&instruction.op, dialect, spell);
+            if let Op::Function(_, angle) = instruction.op
+                && is_paired(instructions, k)
+            {
+                angles[k] = Some(spell(angle));
+            }
             let mut mentioned = BTreeSet::new();
             for operand in instruction.op.operands() {
                 if let Operand::Value(v) = operand {
@@ -201,18 +173,18 @@ impl<'a> Body<'a> {
             let is_short = text.text.len() <= MAX_INLINE_CHARS && text.depth <= MAX_INLINE_DEPTH;
             let inlined = n_uses[k] == 1 && (is_short || is_result[k]) && !is_paired(instructions, k);
             if !inlined && variables[k].is_none() {
-                variables[k] = Some(scope.temporary(prefix));
+                variables[k] = Some(scope.temporary("t"));
             }
             texts.push((text, mentioned.into_iter().collect()));
         }
-        Body { instructions, texts, variables }
+        Body { instructions, texts, variables, angles }
     }
 
     /// What stands for a value.
-    pub(super) fn value(&self, v: u32) -> String {
+    fn value(&self, v: u32) -> Text {
         match &self.variables[v as usize] {
-            Some(name) => name.clone(),
-            None => self.texts[v as usize].0.text.clone(),
+            Some(name) => Text::atom(name.clone()),
+            None => self.texts[v as usize].0.clone(),
         }
     }
 
@@ -226,14 +198,7 @@ impl<'a> Body<'a> {
     }
 
     /// Statements that bind the variables of the instructions, a block for each section whose title is given.
-    ///
-    /// # Errors
-    /// [`Error::Emission`] never in practice: the text is made of identifiers and operators.
-    pub(super) fn statements(
-        &self,
-        segments: &[(std::ops::Range<usize>, Option<&str>)],
-        results: &[Operand],
-    ) -> Result<TokenStream, Error> {
+    fn statements(&self, segments: &[Segment<'_>], results: &[Operand]) -> Vec<Statement> {
         let blocks = self.blocks(segments);
         // The block that reads a variable last, or the results, tells whether the variable leaves its own block.
         let mut block_of = vec![usize::MAX; self.instructions.len()];
@@ -253,47 +218,41 @@ impl<'a> Body<'a> {
             leaves[read as usize] = true;
         }
 
-        let mut text = String::new();
+        let mut statements = Vec::new();
         for (bindings, title) in &blocks {
-            let variable = |v: &u32| self.value(*v);
-            let formula = |v: &u32| self.texts[*v as usize].0.text.as_str();
             if title.is_none() && bindings.len() <= MAX_BINDINGS {
-                bindings.iter().for_each(|v| self.bind(*v, &mut text));
+                statements.extend(bindings.iter().filter_map(|v| self.bind(*v)));
                 continue;
             }
-            if let Some(title) = title.filter(|title| !title.is_empty()) {
-                let _ = writeln!(text, "#[doc = {:?}]", format!(" {title}"));
-            }
-            let exported: Vec<u32> = bindings.iter().copied().filter(|v| leaves[*v as usize]).collect();
-            let mut inner = String::new();
+            let exported = bindings.iter().filter(|v| leaves[**v as usize]);
             let is_bound = |v: &u32| stays[*v as usize] || self.is_paired(*v);
-            bindings.iter().filter(|v| is_bound(v)).for_each(|v| self.bind(*v, &mut inner));
-            let last = |v: &u32| if is_bound(v) { variable(v) } else { formula(v).to_owned() };
-            let (pattern, last) = match exported.as_slice() {
-                [single] => (variable(single), last(single)),
-                several => {
-                    let names: Vec<String> = several.iter().map(variable).collect();
-                    let values: Vec<String> = several.iter().map(last).collect();
-                    (format!("[{}]", names.join(", ")), format!("[{}]", values.join(", ")))
-                }
+            let last = |v: &u32| {
+                if is_bound(v) { self.value(*v).text } else { self.texts[*v as usize].0.text.clone() }
             };
-            let value = if inner.is_empty() { last } else { format!("{{ {inner}{last} }}") };
-            let _ = writeln!(text, "let {pattern} = {value};");
+            statements.push(Statement::Block {
+                title: title.filter(|title| !title.is_empty()).map(str::to_owned),
+                inner: bindings.iter().filter(|v| is_bound(v)).filter_map(|v| self.bind(*v)).collect(),
+                names: exported.clone().map(|v| self.value(*v).text).collect(),
+                values: exported.map(last).collect(),
+            });
         }
-        parse(&text)
+        statements
     }
 
-    /// The statement that binds a variable; a sine binds its cosine as well.
-    fn bind(&self, v: u32, text: &mut String) {
+    /// The statement that binds a variable; none for a cosine, which the statement of its sine binds.
+    fn bind(&self, v: u32) -> Option<Statement> {
         let k = v as usize;
-        let _ = if completes_pair(self.instructions, k) {
-            Ok(())
-        } else if self.is_paired(v) {
-            let angle = self.texts[k].0.text.strip_suffix(".sin()").unwrap_or_default();
-            writeln!(text, "let ({}, {}) = {angle}.sin_cos();", self.value(v), self.value(v + 1))
-        } else {
-            writeln!(text, "let {} = {};", self.value(v), self.texts[k].0.text)
-        };
+        let name = self.value(v).text;
+        if completes_pair(self.instructions, k) {
+            return None;
+        }
+        Some(match &self.angles[k] {
+            Some(angle) => {
+                let cosine = self.value(v + 1).text;
+                Statement::BindPair { sine: name, cosine, angle: angle.clone() }
+            }
+            None => Statement::Bind { name, value: self.texts[k].0.text.clone() },
+        })
     }
 
     /// Whether a value is the sine or the cosine of a pair.
@@ -302,12 +261,9 @@ impl<'a> Body<'a> {
     }
 
     /// Variables in the order of evaluation, in blocks of a bounded size that do not cross segments.
-    fn blocks<'t>(
-        &self,
-        segments: &[(std::ops::Range<usize>, Option<&'t str>)],
-    ) -> Vec<(Vec<u32>, Option<&'t str>)> {
+    fn blocks<'t>(&self, segments: &[Segment<'t>]) -> Vec<(Vec<u32>, Option<&'t str>)> {
         let mut blocks = Vec::new();
-        for (range, title) in segments {
+        for Segment { range, title } in segments {
             let bindings: Vec<u32> =
                 range.clone().filter(|v| self.variables[*v].is_some()).map(|v| v as u32).collect();
             let title = if bindings.len() > MAX_BINDINGS { Some(title.unwrap_or("")) } else { *title };
@@ -331,28 +287,33 @@ fn is_paired(instructions: &[Instruction], k: usize) -> bool {
     completes_pair(instructions, k) || (k + 1 < instructions.len() && completes_pair(instructions, k + 1))
 }
 
-/// Text to tokens.
-pub(super) fn parse(text: &str) -> Result<TokenStream, Error> {
-    text.parse().map_err(|e: proc_macro2::LexError| Error::Emission {
-        model: String::new(),
-        reason: format!("{e} in {text}"),
-    })
+/// A run of instructions that belong together.
+#[derive(Clone, Debug)]
+pub(super) struct Segment<'p> {
+    /// Positions of the instructions.
+    range: Range<usize>,
+    /// What they compute, for those that make a block of their own.
+    title: Option<&'p str>,
 }
 
-/// Runs of instructions of one section, with the titles of all sections but the last.
-pub(super) fn segments<'p>(
-    program: &'p Program,
-    instructions: &[Instruction],
-) -> Vec<(std::ops::Range<usize>, Option<&'p str>)> {
-    let mut segments: Vec<(std::ops::Range<usize>, Option<&str>)> = Vec::new();
-    let mut start = 0;
-    while let Some(first) = instructions.get(start) {
-        let length = instructions[start..].iter().take_while(|i| i.section == first.section).count();
-        let section = first.section as usize;
-        let title = (section + 1 < program.sections.len()).then(|| program.sections[section].trim());
-        let title = title.map(|title| if title.is_empty() { "definitions" } else { title });
-        segments.push((start..start + length, title));
-        start += length;
+impl<'p> Segment<'p> {
+    /// All instructions as one run.
+    pub(super) fn all(instructions: &[Instruction]) -> Vec<Segment<'p>> {
+        vec![Segment { range: 0..instructions.len(), title: None }]
     }
-    segments
+
+    /// Runs of instructions of one section, with the titles of all sections but the last.
+    pub(super) fn sections(program: &'p Program, instructions: &[Instruction]) -> Vec<Segment<'p>> {
+        let mut segments = Vec::new();
+        let mut start = 0;
+        while let Some(first) = instructions.get(start) {
+            let length = instructions[start..].iter().take_while(|i| i.section == first.section).count();
+            let section = first.section as usize;
+            let title = (section + 1 < program.sections.len()).then(|| program.sections[section].trim());
+            let title = title.map(|title| if title.is_empty() { "definitions" } else { title });
+            segments.push(Segment { range: start..start + length, title });
+            start += length;
+        }
+        segments
+    }
 }

@@ -1,32 +1,34 @@
-//! Identifiers: legal, unique in their scope, otherwise as the model spells them.
+//! Identifiers: legal in the target language, unique in their scope, otherwise as the model spells them.
+//!
+//! Does not know: any language; a dialect says which words it takes.
 
 use std::collections::BTreeSet;
 
-/// Words that no identifier can be, and names whose patterns would mean something else than a new binding.
-const RESERVED: [&str; 61] = [
-    "Err", "INFO", "None", "Ok", "R", "Self", "Some", "_", "abstract", "as", "async", "await", "become",
-    "box", "break", "const", "continue", "crate", "do", "dyn", "else", "enum", "extern", "false", "final",
-    "fn", "for", "gen", "if", "impl", "in", "let", "loop", "macro", "match", "mod", "move", "mut",
-    "override", "priv", "pub", "ref", "return", "self", "static", "struct", "super", "trait", "true", "try",
-    "type", "typeof", "union", "unsafe", "unsized", "use", "virtual", "where", "while", "yield", "core",
-];
+use super::dialect::Dialect;
 
 /// The names in use in one scope.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(super) struct Scope {
+    reserved: &'static [&'static str],
     used: BTreeSet<String>,
     n_temporaries: usize,
 }
 
 impl Scope {
     /// A scope in which `taken` are in use.
-    pub(super) fn with(taken: &[&str]) -> Scope {
-        Scope { used: taken.iter().map(|name| (*name).to_owned()).collect(), n_temporaries: 0 }
+    pub(super) fn with<'n>(dialect: &impl Dialect, taken: impl IntoIterator<Item = &'n str>) -> Scope {
+        let used = taken.into_iter().map(str::to_owned).collect();
+        Scope { reserved: dialect.reserved(), used, n_temporaries: 0 }
+    }
+
+    /// Marks more names as in use.
+    pub(super) fn take<'n>(&mut self, names: impl IntoIterator<Item = &'n str>) {
+        self.used.extend(names.into_iter().map(str::to_owned));
     }
 
     /// The identifier for `name`: `type` becomes `type_`, a second `p` becomes `p_2`.
     pub(super) fn add(&mut self, name: &str) -> String {
-        let legal = legal(name);
+        let legal = legal(self.reserved, name);
         let mut identifier = legal.clone();
         let mut n = 1;
         while !self.used.insert(identifier.clone()) {
@@ -34,6 +36,19 @@ impl Scope {
             identifier = format!("{legal}_{n}");
         }
         identifier
+    }
+
+    /// The identifiers for several names. Those that can keep their spelling do, whatever comes before them: of `type` and
+    /// `type_`, the first becomes `type__2`.
+    pub(super) fn add_all<'n>(&mut self, names: impl IntoIterator<Item = &'n str>) -> Vec<String> {
+        let names: Vec<&str> = names.into_iter().collect();
+        let mut identifiers: Vec<Option<String>> = Vec::with_capacity(names.len());
+        for name in &names {
+            let keeps = legal(self.reserved, name) == *name && self.used.insert((*name).to_owned());
+            identifiers.push(keeps.then(|| (*name).to_owned()));
+        }
+        let pairs = identifiers.into_iter().zip(names);
+        pairs.map(|(identifier, name)| identifier.unwrap_or_else(|| self.add(name))).collect()
     }
 
     /// The next of `t0`, `t1`, .. that is free; the prefix is given.
@@ -49,20 +64,14 @@ impl Scope {
 }
 
 /// Replaces what cannot stand in an identifier by `_` and moves away from reserved words.
-pub(super) fn legal(name: &str) -> String {
+pub(super) fn legal(reserved: &[&str], name: &str) -> String {
     let mut text: String =
         name.chars().map(|c| if c.is_ascii_alphanumeric() || c == '_' { c } else { '_' }).collect();
     if text.is_empty() || text.starts_with(|c: char| c.is_ascii_digit()) {
         text.insert(0, 'x');
     }
-    if RESERVED.contains(&text.as_str()) {
+    if reserved.contains(&text.as_str()) {
         text.push('_');
     }
     text
-}
-
-/// Whether the compiler wants another spelling for a variable, field or function of that name.
-pub(super) fn is_unusual(identifier: &str) -> bool {
-    let trimmed = identifier.trim_matches('_');
-    trimmed.contains("__") || trimmed.contains(|c: char| c.is_ascii_uppercase())
 }

@@ -1,12 +1,12 @@
 use num_traits::One;
 
 use super::*;
-use crate::expr::{Definition, Graph, Section};
+use crate::expr::{Definition, Graph, Rational, Section};
 use crate::lower::{
     Inputs, ParamCondition, Request, SearchBudget, lower,
     tests::{Random, random_problem},
 };
-use crate::program::Relation;
+use crate::program::{Relation, Role};
 
 /// Documentation in which every name stands for itself.
 pub(crate) fn plain_text(program: &Program, outputs: &[&str]) -> SceneText {
@@ -198,18 +198,6 @@ fn the_angle_of_a_point_is_one_call() {
 }
 
 #[test]
-fn names_are_legal_and_unique() {
-    let mut scope = names::Scope::with(&["t"]);
-    assert_eq!(scope.add("t"), "t_2");
-    assert_eq!(scope.add("type"), "type_");
-    assert_eq!(scope.add("p"), "p");
-    assert_eq!(scope.add("p"), "p_2");
-    assert_eq!(scope.add("2d-force"), "x2d_force");
-    assert_eq!(scope.temporary("t"), "t0");
-    assert!(names::is_unusual("Omega1") && !names::is_unusual("omega_1"));
-}
-
-#[test]
 fn emission_of_random_programs_parses_and_repeats() {
     for seed in 1..=60 {
         let (mut g, inputs, sections, requests) = random_problem(seed);
@@ -286,6 +274,8 @@ fn index_lists_modules_in_order() {
             "(top, \"top\", \"default\", 3)\n            (top_lagrange, \"top\", \"lagrange\", 6)\n"
         )
     );
+    assert_eq!(SceneEntry::module_name("loop", "default"), "loop_");
+    assert_eq!(SceneEntry::module_name("loop", "small"), "loop_small");
     let bad = SceneEntry { module: "a-b".into(), ..entry("default", 1) };
     assert!(matches!(emit_index(&[bad], "c"), Err(Error::Emission { .. })));
 }

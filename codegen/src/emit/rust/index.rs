@@ -1,9 +1,15 @@
 //! The file that lists the generated modules, and the macro that visits all scenes.
+//!
+//! Does not know: what a module holds.
 
 use proc_macro2::TokenStream;
 use quote::{format_ident, quote};
 
-use super::{doc_attributes, escaped, format_file, header};
+use super::super::dialect::Dialect as _;
+use super::super::names::legal;
+use super::format::{format_file, header};
+use super::notation::Rust;
+use super::tokens::{doc_attributes, escaped};
 use crate::error::Error;
 
 /// A module in the index.
@@ -22,9 +28,11 @@ pub struct SceneEntry {
 }
 
 impl SceneEntry {
-    /// The module name of a scene: the model's for the scene `default`, otherwise `<model>_<scene>`.
+    /// The module name of a scene: the model's for the scene `default`, otherwise `<model>_<scene>`; followed by `_` where it
+    /// would be a word of Rust.
     pub fn module_name(model: &str, scene: &str) -> String {
-        if scene == "default" { model.to_owned() } else { format!("{model}_{scene}") }
+        let name = if scene == "default" { model.to_owned() } else { format!("{model}_{scene}") };
+        legal(Rust.reserved(), &name)
     }
 }
 

@@ -1,0 +1,365 @@
+//! What a generated module holds, before any language says how: names, which functions there are, and the code of each.
+//!
+//! Does not know: any language beyond what its dialect answers; mechanics.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::body::{Code, Segment, constant};
+use super::dialect::Dialect;
+use super::expression::{Formula, Text, operation};
+use super::names::Scope;
+use super::text::{MatrixText, OutputText, ProductText, SceneText};
+use crate::error::Error;
+use crate::program::{Function, Operand, Program, Role};
+
+/// Longer formulas say less than a sentence.
+const MAX_DOC_FORMULA: usize = 90;
+
+/// The output that the gradients [`GRADIENTS`] are of.
+const INVARIANTS: &str = "invariants";
+/// The matrix whose rows are the gradients of [`INVARIANTS`].
+const GRADIENTS: &str = "invariant_gradients";
+/// The matrix of the derivatives of the right-hand side by the state.
+const JACOBIAN: &str = "jacobian";
+
+/// The module of a scene.
+pub(super) struct Module<'a> {
+    pub(super) program: &'a Program,
+    pub(super) text: &'a SceneText,
+    /// Constants of the module, which no variable can be called.
+    pub(super) constants: Vec<String>,
+    /// Identifiers of parameters and components of the state in structures of their own.
+    pub(super) params: Vec<String>,
+    pub(super) state: Vec<String>,
+    /// Which parameters functions read.
+    pub(super) read_params: BTreeSet<u32>,
+    /// Identifiers of all parameters and of prepared numbers in one structure.
+    pub(super) fields: Vec<String>,
+    pub(super) slots: Vec<String>,
+    /// The formula of each prepared number where it is short.
+    pub(super) formulas: Vec<Option<String>>,
+    /// What runs once for a set of parameters.
+    pub(super) prepare: Prepare,
+    pub(super) rate: Routine<'a>,
+    pub(super) energy: Option<Routine<'a>>,
+    /// Outputs with the identifiers of their functions.
+    pub(super) outputs: Vec<OutputRoutine<'a>>,
+    /// Functions of a vector besides time and state.
+    pub(super) products: Vec<ProductRoutine<'a>>,
+    /// The pivots, unless there is nothing to check.
+    pub(super) pivots: Option<Routine<'a>>,
+    pub(super) signature: Option<Routine<'a>>,
+    pub(super) domain: Option<Routine<'a>>,
+}
+
+/// The code that runs once for a set of parameters.
+pub(super) struct Prepare {
+    /// The variables of the parameters.
+    pub(super) locals: Vec<String>,
+    pub(super) statements: Vec<super::body::Statement>,
+    /// Both sides of each condition, the greater first.
+    pub(super) sides: Vec<[Text; 2]>,
+    /// The values of the slots.
+    pub(super) values: Vec<Text>,
+    /// Names of the variables.
+    pub(super) variables: Vec<String>,
+}
+
+/// A function of the module.
+pub(super) struct Routine<'a> {
+    pub(super) function: &'a Function,
+    pub(super) code: Code,
+    /// The variable of each component of the state that is read.
+    pub(super) state: Vec<Option<String>>,
+    /// The same for components of the function's own vector.
+    pub(super) argument: Vec<Option<String>>,
+}
+
+/// The function of an output.
+pub(super) struct OutputRoutine<'a> {
+    pub(super) text: &'a OutputText,
+    /// The matrix that it computes the entries of, with the identifier of the function that computes all of it.
+    pub(super) matrix: Option<(&'a MatrixText, String)>,
+    pub(super) name: String,
+    pub(super) routine: Routine<'a>,
+}
+
+/// The function of a product.
+pub(super) struct ProductRoutine<'a> {
+    pub(super) text: &'a ProductText,
+    pub(super) name: String,
+    pub(super) routine: Routine<'a>,
+}
+
+impl OutputRoutine<'_> {
+    /// An output whose only component is itself is a scalar.
+    pub(super) fn is_scalar(&self) -> bool {
+        matches!(self.text.components.as_slice(), [component] if *component == self.text.name)
+    }
+}
+
+impl<'a> Module<'a> {
+    /// Names everything and writes down the code of every function.
+    ///
+    /// # Errors
+    /// As [`super::emit_scene`].
+    pub(super) fn new(
+        dialect: &impl Dialect,
+        program: &'a Program,
+        text: &'a SceneText,
+    ) -> Result<Module<'a>, Error> {
+        expect_size("list of documented parameters", text.params.len(), program.params.len())?;
+        expect_size("list of documented state components", text.state.len(), program.state.len())?;
+        let constants: Vec<String> = text.matrices.iter().map(|m| dialect.places(&m.name)).collect();
+        let names = Names::new(dialect, program);
+        let optional = |role: &Role| {
+            let function = program.function(role)?;
+            Some(Routine::new(dialect, program, (&names, &constants), function))
+        };
+        let required = |role: &Role| optional(role).ok_or_else(|| missing(program, role));
+        let rate = required(&Role::Rate)?;
+        expect_size("function rhs", rate.function.results.len(), program.state.len())?;
+        let energy = optional(&Role::Energy);
+        if let Some(energy) = &energy {
+            expect_size("function energy", energy.function.results.len(), 1)?;
+        }
+
+        // What generated interfaces call keeps its name; outputs of the model give way.
+        let mut functions = Scope::with(dialect, dialect.functions().iter().copied());
+        let mut products = Vec::with_capacity(text.products.len());
+        for product in &text.products {
+            let routine = required(&Role::Product(product.name.clone()))?;
+            let what = format!("product {}", product.name);
+            expect_size(&what, product.components.len(), routine.function.results.len())?;
+            products.push(ProductRoutine { text: product, name: functions.add(&product.name), routine });
+        }
+        let mut matrices = BTreeMap::new();
+        for matrix in &text.matrices {
+            let output = text.outputs.iter().find(|o| o.name == matrix.name);
+            let output = output.ok_or_else(|| Error::UnknownName {
+                name: matrix.name.clone(),
+                kind: "output with the entries of a matrix",
+                known: text.outputs.iter().map(|o| o.name.clone()).collect(),
+            })?;
+            let what = format!("pattern of {}", matrix.name);
+            expect_size(&what, matrix.pattern.len(), output.components.len())?;
+            let names = (functions.add(&matrix.name), functions.add(&format!("{}_nonzeros", matrix.name)));
+            matrices.insert(&matrix.name, (matrix, names));
+        }
+        let mut outputs = Vec::with_capacity(text.outputs.len());
+        for output in &text.outputs {
+            let routine = required(&Role::Output(output.name.clone()))?;
+            let n_results = routine.function.results.len();
+            expect_size(&format!("output {}", output.name), output.components.len(), n_results)?;
+            let (matrix, name) = match matrices.remove(&output.name) {
+                Some((matrix, (all, entries))) => (Some((matrix, all)), entries),
+                None => (None, functions.add(&output.name)),
+            };
+            outputs.push(OutputRoutine { text: output, matrix, name, routine });
+        }
+
+        let mut read_params = BTreeSet::new();
+        for function in &program.functions {
+            let operands = function.instructions.iter().flat_map(|i| i.op.operands());
+            for operand in operands.chain(function.results.iter().map(|(_, o)| *o)) {
+                if let Operand::Param(i) = operand {
+                    read_params.insert(i);
+                }
+            }
+        }
+        let idents = |names: &[String]| {
+            let mut scope = Scope::with(dialect, constants.iter().map(String::as_str));
+            scope.add_all(names.iter().map(String::as_str))
+        };
+        Ok(Module {
+            program,
+            text,
+            params: idents(&program.params),
+            state: idents(&program.state),
+            read_params,
+            formulas: formulas(program),
+            prepare: Prepare::new(dialect, program, &constants)?,
+            rate,
+            energy,
+            outputs,
+            products,
+            pivots: optional(&Role::Pivots).filter(|pivots| !pivots.function.results.is_empty()),
+            signature: optional(&Role::Signature),
+            domain: optional(&Role::Domain),
+            fields: names.fields,
+            slots: names.slots,
+            constants,
+        })
+    }
+
+    /// All functions.
+    pub(super) fn routines(&self) -> impl Iterator<Item = &Routine<'a>> {
+        let outputs = self.outputs.iter().map(|o| &o.routine);
+        let products = self.products.iter().map(|p| &p.routine);
+        let guards = [&self.pivots, &self.signature, &self.domain].into_iter().flatten();
+        [&self.rate].into_iter().chain(&self.energy).chain(outputs).chain(products).chain(guards)
+    }
+
+    /// The function that computes the derivatives of the right-hand side by the state.
+    pub(super) fn jacobian(&self) -> Option<&str> {
+        self.matrix_function(JACOBIAN)
+    }
+
+    /// Number of the invariants, and the functions of their values and gradients.
+    pub(super) fn invariants(&self) -> Option<(usize, &str, &str)> {
+        let gradients = self.matrix_function(GRADIENTS)?;
+        let values = self.outputs.iter().find(|o| o.text.name == INVARIANTS)?;
+        Some((values.text.components.len(), &values.name, gradients))
+    }
+
+    /// The function that computes a matrix.
+    fn matrix_function(&self, name: &str) -> Option<&str> {
+        let mut matrices = self.outputs.iter().filter_map(|o| o.matrix.as_ref());
+        matrices.find(|(matrix, _)| matrix.name == name).map(|(_, function)| function.as_str())
+    }
+
+    /// The model and the scene in a sentence.
+    pub(super) fn title(&self) -> String {
+        if self.text.scene == "default" {
+            format!("`{}`", self.text.model)
+        } else {
+            format!("`{}`, scene `{}`", self.text.model, self.text.scene)
+        }
+    }
+}
+
+/// Names that functions have for numbers which do not change along a motion.
+#[derive(Clone, Debug)]
+pub(super) struct Names {
+    pub(super) fields: Vec<String>,
+    pub(super) slots: Vec<String>,
+}
+
+impl Names {
+    fn new(dialect: &impl Dialect, program: &Program) -> Names {
+        let mut scope = Scope::with(dialect, []);
+        let fields = scope.add_all(program.params.iter().map(String::as_str));
+        let mut name = |slot: &crate::program::Slot| match &slot.name {
+            Some(name) => scope.add(name),
+            None => scope.temporary("c"),
+        };
+        Names { fields, slots: program.prepare.slots.iter().map(&mut name).collect() }
+    }
+}
+
+impl<'a> Routine<'a> {
+    fn new(
+        dialect: &impl Dialect,
+        program: &Program,
+        (names, constants): (&Names, &[String]),
+        function: &'a Function,
+    ) -> Routine<'a> {
+        let mut scope = variables(dialect, constants);
+        let state = scope.add_all(program.state.iter().map(String::as_str));
+        let argument = scope.add_all(function.argument.iter().map(String::as_str));
+        let results: Vec<Operand> = function.results.iter().map(|(_, o)| *o).collect();
+        let instructions = &function.instructions;
+        let segments = Segment::sections(program, instructions);
+        let code = Code::new(dialect, program, instructions, &segments, &results, &mut scope, |operand| {
+            spell(dialect, (&names.fields, &names.slots), (&state, &argument), operand)
+        });
+        let read = |names: Vec<String>, operand: fn(u32) -> Operand| -> Vec<Option<String>> {
+            let names = names.into_iter().zip(0u32..);
+            names.map(|(name, i)| code.reads.contains(&operand(i)).then_some(name)).collect()
+        };
+        let (state, argument) = (read(state, Operand::State), read(argument, Operand::Argument));
+        Routine { function, code, state, argument }
+    }
+
+    /// Whether the code reads the time.
+    pub(super) fn reads_time(&self) -> bool {
+        self.code.reads.contains(&Operand::Time)
+    }
+}
+
+/// The scope of the variables of a function.
+pub(super) fn variables(dialect: &impl Dialect, constants: &[String]) -> Scope {
+    let taken = dialect.arguments().iter().copied();
+    Scope::with(dialect, taken.chain(constants.iter().map(String::as_str)))
+}
+
+/// The name of an input of a function.
+pub(super) fn spell(
+    dialect: &impl Dialect,
+    (fields, slots): (&[String], &[String]),
+    (state, argument): (&[String], &[String]),
+    operand: Operand,
+) -> String {
+    match operand {
+        Operand::Param(i) => dialect.field(&fields[i as usize]),
+        Operand::Slot(i) => dialect.field(&slots[i as usize]),
+        Operand::State(i) => state[i as usize].clone(),
+        Operand::Argument(i) => argument[i as usize].clone(),
+        Operand::Time => "t".to_owned(),
+        // Values and constants are spelled by the body.
+        Operand::Value(_) | Operand::Constant(_) => String::new(),
+    }
+}
+
+impl Prepare {
+    fn new(dialect: &impl Dialect, program: &Program, constants: &[String]) -> Result<Prepare, Error> {
+        let prepare = &program.prepare;
+        let mut scope = variables(dialect, constants);
+        let locals = scope.add_all(program.params.iter().map(String::as_str));
+        let sides = prepare.conditions.iter().flat_map(|c| [c.greater, c.less]);
+        let results: Vec<Operand> =
+            sides.chain(prepare.slots.iter().map(|slot| Operand::Value(slot.value))).collect();
+        let segments = Segment::all(&prepare.instructions);
+        let spell = |operand: Operand| match operand {
+            Operand::Param(i) => locals[i as usize].clone(),
+            _ => String::new(),
+        };
+        let code = Code::new(dialect, program, &prepare.instructions, &segments, &results, &mut scope, spell);
+        if let Some(operand) = code.reads.iter().find(|o| !matches!(o, Operand::Param(_))) {
+            return Err(Error::Program { reason: format!("{operand:?} in the prepare part") });
+        }
+        let Code { statements, results, variables, .. } = code;
+        let (sides, values) = results.split_at(2 * prepare.conditions.len());
+        let sides = sides.chunks_exact(2).map(|pair| [pair[0].clone(), pair[1].clone()]).collect();
+        Ok(Prepare { locals, statements, sides, values: values.to_vec(), variables })
+    }
+}
+
+/// The formula of each slot where it is short.
+fn formulas(program: &Program) -> Vec<Option<String>> {
+    let mut formulas: Vec<Option<Text>> = Vec::with_capacity(program.prepare.instructions.len());
+    for instruction in &program.prepare.instructions {
+        let is_too_long = |o: Operand| matches!(o, Operand::Value(v) if formulas[v as usize].is_none());
+        if instruction.op.operands().any(is_too_long) {
+            formulas.push(None);
+            continue;
+        }
+        let text = operation(&instruction.op, &Formula, |operand| match operand {
+            Operand::Value(v) => formulas[v as usize].clone().unwrap_or_else(|| Text::atom("")),
+            Operand::Constant(i) => constant(&Formula, &program.constants[i as usize]),
+            Operand::Param(i) => Text::atom(&program.params[i as usize]),
+            _ => Text::atom(""),
+        });
+        formulas.push((text.text.len() <= MAX_DOC_FORMULA).then_some(text));
+    }
+    let of_slot =
+        |slot: &crate::program::Slot| formulas[slot.value as usize].as_ref().map(|f| f.text.clone());
+    program.prepare.slots.iter().map(of_slot).collect()
+}
+
+/// The function in a role is missing.
+fn missing(program: &Program, role: &Role) -> Error {
+    Error::UnknownName {
+        name: role.name().to_owned(),
+        kind: "function of the program",
+        known: program.functions.iter().map(|f| f.role.name().to_owned()).collect(),
+    }
+}
+
+fn expect_size(what: &str, found: usize, expected: usize) -> Result<(), Error> {
+    if found == expected {
+        Ok(())
+    } else {
+        Err(Error::ShapeMismatch { what: what.to_owned(), found, expected })
+    }
+}

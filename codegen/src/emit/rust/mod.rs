@@ -1,0 +1,84 @@
+//! The Rust back end: a module as items, documented for rustdoc and formatted.
+//!
+//! `notation` spells expressions, `tokens` has small pieces, `params`, `prepared`, `functions`, `matrices`, `guards`,
+//! `traits`, `series` and `nalgebra` write the items of a scene, `index` the list of modules, `format` text. Does not know: which
+//! functions there are and why, the order of their statements.
+
+mod format;
+mod functions;
+mod guards;
+mod index;
+mod matrices;
+mod nalgebra;
+mod notation;
+mod params;
+mod prepared;
+mod series;
+mod tokens;
+mod traits;
+
+use proc_macro2::TokenStream;
+
+pub use index::{SceneEntry, emit_include, emit_index};
+
+use self::notation::Rust;
+use super::module::Module;
+use super::series::Series;
+use super::text::SceneText;
+use crate::error::Error;
+use crate::program::{Jet, Program};
+
+/// The module of a scene as text.
+pub(super) fn emit(program: &Program, jet: Option<&Jet>, text: &SceneText) -> Result<String, Error> {
+    let module = Module::new(&Rust, program, text)?;
+    let series = jet.map(|jet| Series::new(&Rust, &module, jet, &series::LOCALS));
+    let writer = Writer { module: &module, runtime: format::runtime_path(&text.runtime)? };
+    let items = [
+        writer.info(),
+        writer.params(),
+        writer.state(),
+        writer.patterns(),
+        writer.prepared()?,
+        writer.functions()?,
+        writer.traits(series.is_some()),
+        writer.differentiable(),
+        writer.invariants(),
+        series.map_or(Ok(TokenStream::new()), |series| writer.series(&series))?,
+        writer.groups()?,
+    ];
+    let tokens = items.into_iter().collect();
+    Ok(format!("{}{}", format::header(&text.command), format::format_module(tokens)?))
+}
+
+/// Writes the items of a module.
+struct Writer<'a> {
+    module: &'a Module<'a>,
+    /// Path of the runtime.
+    runtime: TokenStream,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::names::Scope;
+    use super::notation::{Rust, is_unusual};
+
+    #[test]
+    fn names_are_legal_and_unique() {
+        let mut scope = Scope::with(&Rust, ["t"]);
+        assert_eq!(scope.add("t"), "t_2");
+        assert_eq!(scope.add("type"), "type_");
+        assert_eq!(scope.add("p"), "p");
+        assert_eq!(scope.add("p"), "p_2");
+        assert_eq!(scope.add("2d-force"), "x2d_force");
+        assert_eq!(scope.temporary("t"), "t0");
+        assert!(is_unusual("Omega1") && !is_unusual("omega_1"));
+    }
+
+    #[test]
+    fn names_that_can_stay_do_and_the_others_give_way() {
+        let mut scope = Scope::with(&Rust, []);
+        let names = ["type", "self", "type_", "Self", "crate", "x", "type__2"];
+        let identifiers = ["type__3", "self_", "type_", "Self_", "crate_", "x", "type__2"];
+        assert_eq!(scope.add_all(names), identifiers);
+    }
+}

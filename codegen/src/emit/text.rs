@@ -1,0 +1,152 @@
+//! What the documentation of a scene says, as plain data.
+//!
+//! Does not know: programs beyond the roles of their functions, any language.
+
+use std::collections::BTreeMap;
+
+use crate::expr::Rational;
+use crate::program::Role;
+
+/// What the documentation of a scene says.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SceneText {
+    /// Name of the model.
+    pub model: String,
+    /// Name of the scene.
+    pub scene: String,
+    /// What the first line says after the version: the command that writes the file again, or what to edit instead.
+    pub command: String,
+    /// Path of the runtime in the crate that the module is for; empty for `::hamel_runtime`.
+    pub runtime: String,
+    /// What the system is, a paragraph.
+    pub doc: Vec<String>,
+    /// Where the equations come from.
+    pub sources: Vec<String>,
+    /// Parameters in the order of the program.
+    pub params: Vec<ParamText>,
+    /// Components of the state in the order of the program.
+    pub state: Vec<StateText>,
+    /// Outputs, the functions [`Role::Output`] of the program.
+    pub outputs: Vec<OutputText>,
+    /// Outputs that are the entries of a matrix.
+    pub matrices: Vec<MatrixText>,
+    /// Functions of a vector besides time and state.
+    pub products: Vec<ProductText>,
+    /// Formula lines of functions, by role.
+    pub formulas: BTreeMap<Role, Vec<String>>,
+    /// Whether the energy is proved to be constant along the motion.
+    pub conserves_energy: bool,
+    /// What parameters and components of the state form together, for a module that speaks in the types of `nalgebra`; none
+    /// for a module that does without.
+    pub groups: Option<GroupTexts>,
+}
+
+/// Parameters, and components of the state, that form something together.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct GroupTexts {
+    /// Among the parameters.
+    pub params: Vec<GroupText>,
+    /// Among the components of the state.
+    pub state: Vec<GroupText>,
+}
+
+/// Numbers that form a vector, a matrix, an attitude or a place.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GroupText {
+    /// Its name in the model.
+    pub name: String,
+    /// What it is.
+    pub kind: GroupKind,
+    /// Positions of the numbers among the parameters or components, in the order that the kind says.
+    pub components: Vec<usize>,
+}
+
+/// What a [`GroupText`] is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum GroupKind {
+    /// A vector.
+    Vector,
+    /// A diagonal matrix by its diagonal.
+    Diagonal,
+    /// A symmetric matrix of so many rows by its upper triangle, row by row.
+    Symmetric(usize),
+    /// A matrix of so many rows and columns, row by row.
+    Matrix(usize, usize),
+    /// The quaternion `w, x, y, z` of a rotation from body to space.
+    Attitude,
+    /// Attitude and position: the quaternion, then three coordinates.
+    Place,
+    /// A place in the plane: the angle from space to body, then two coordinates.
+    PlanarPlace,
+}
+
+impl GroupKind {
+    /// How many numbers it takes; any for vectors and diagonals.
+    pub fn n_components(self) -> Option<usize> {
+        match self {
+            GroupKind::Vector | GroupKind::Diagonal => None,
+            GroupKind::Symmetric(n) => Some(n * (n + 1) / 2),
+            GroupKind::Matrix(n, m) => Some(n * m),
+            GroupKind::Attitude => Some(4),
+            GroupKind::Place => Some(7),
+            GroupKind::PlanarPlace => Some(3),
+        }
+    }
+}
+
+/// A parameter.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ParamText {
+    /// Name.
+    pub name: String,
+    /// Value of the scene as published.
+    pub default: Rational,
+    /// Meaning and unit.
+    pub doc: String,
+}
+
+/// A component of the state.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StateText {
+    /// Name.
+    pub name: String,
+    /// Meaning and unit.
+    pub doc: String,
+}
+
+/// An output.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OutputText {
+    /// Name of the output and of its function.
+    pub name: String,
+    /// Names of the components; a scalar has one.
+    pub components: Vec<String>,
+    /// Meaning and unit.
+    pub doc: String,
+}
+
+/// A matrix, the output of the same name being its entries.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MatrixText {
+    /// Name of the matrix and of its output.
+    pub name: String,
+    /// Numbers of rows and columns.
+    pub shape: (usize, usize),
+    /// Row and column of each entry; the others are zero.
+    pub pattern: Vec<(usize, usize)>,
+    /// Meaning.
+    pub doc: String,
+}
+
+/// A function that takes a vector besides time and state.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ProductText {
+    /// Name of the product and of its function, [`Role::Product`].
+    pub name: String,
+    /// Name of the vector.
+    pub vector: String,
+    /// Names of the results.
+    pub components: Vec<String>,
+    /// Meaning.
+    pub doc: String,
+}
