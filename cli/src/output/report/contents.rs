@@ -2,8 +2,10 @@
 //!
 //! Does not know: how it is laid out.
 
+use hamel_codegen::emit::method_text;
 use hamel_codegen::explain::{Section, SectionKind};
 use hamel_codegen::expr::{Style, rational_to_f64};
+use hamel_codegen::program::Role;
 use hamel_codegen::scene;
 use hamel_codegen::spec;
 
@@ -142,7 +144,7 @@ pub fn contents(model: &Checked, scene_name: &str) -> Result<Page, Error> {
         text: model.origin.as_ref().map(|o| o.text.clone()).unwrap_or_default(),
         keywords: spec::keywords(),
         sections,
-        rhs: function(&module, "    pub fn rhs("),
+        rhs: method_text(&module, &Role::Rate).unwrap_or_default(),
         operations: scene
             .operation_counts()
             .into_iter()
@@ -154,17 +156,4 @@ pub fn contents(model: &Checked, scene_name: &str) -> Result<Page, Error> {
         module,
         views: model.views.list.iter().map(view).collect(),
     })
-}
-
-/// The lines of a method of the module, from `head` to the brace that ends it, without their common indentation.
-fn function(module: &str, head: &str) -> String {
-    let Some(start) = module.find(head) else { return String::new() };
-    let mut lines = Vec::new();
-    for line in module[start..].lines() {
-        lines.push(line.strip_prefix("    ").unwrap_or(line));
-        if line == "    }" {
-            break;
-        }
-    }
-    lines.join("\n")
 }

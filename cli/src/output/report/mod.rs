@@ -279,7 +279,8 @@ fn motion_sections(page: &Page, motion: &Motion, sections: &mut Vec<(String, Str
         });
     }
     if let Some(range) = info.output_range(Want::Casimirs.name()).filter(|r| !r.is_empty()) {
-        let names = info.outputs.iter().find(|o| o.name == Want::Casimirs.name()).map(|o| o.components.clone());
+        let names =
+            info.outputs.iter().find(|o| o.name == Want::Casimirs.name()).map(|o| o.components.clone());
         let line = |(k, name): (usize, String)| {
             let first = samples.first().map_or(0.0, |s| s.outputs[k]);
             let scale = if first.abs() > f64::MIN_POSITIVE { first.abs() } else { 1.0 };
