@@ -14,7 +14,7 @@ use hamel_codegen::expr::Budget;
 use hamel_codegen::reduction;
 use hamel_codegen::scene;
 pub use hamel_codegen::spec::Model;
-use hamel_codegen::spec::{self, ConnectionKind, Diagnostics, Want};
+use hamel_codegen::spec::{self, ConnectionKind, Diagnostics, Want, Wanted};
 
 pub use checked::Checked;
 
@@ -41,10 +41,11 @@ pub fn show_warnings(warnings: &Diagnostics) {
         eprintln!("{}", warnings.render(is_coloured));
     }
 }
+
 /// Whether a model's scene says that it wants something, such as its invariants.
 pub fn wants(model: &Model, scene_name: &str, what: Want) -> bool {
     let own = model.scenes.iter().find(|scene| scene.name == scene_name);
-    own.is_some_and(|scene| scene.wants.iter().any(|want| want == what.name()))
+    own.is_some_and(|scene| scene.wants.iter().any(|want| *want == Wanted::Want(what)))
 }
 
 /// Why a name cannot be that of a model, or nothing.

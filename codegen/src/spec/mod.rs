@@ -41,7 +41,7 @@ pub use model::{
 };
 pub use shape::{Shape, ValueError};
 pub use value::Value;
-pub use want::Want;
+pub use want::{Want, Wanted};
 
 use crate::expr::Budget;
 

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::diagnostic::{Diagnostic, Diagnostics, Origin, Span};
+use super::want::Wanted;
 use crate::algebra::LieAlgebra;
 use crate::error::Error;
 use crate::expr::{ExprId, Graph, Rational, SymbolId};
@@ -66,17 +67,6 @@ pub enum Domain {
     Angle,
     /// The real line.
     Real,
-}
-
-impl Domain {
-    /// The ends of an interval.
-    pub(crate) fn ends_mut(&mut self) -> impl Iterator<Item = &mut ExprId> {
-        let ends = match self {
-            Domain::Interval(low, high) => [Some(low), Some(high)],
-            Domain::Angle | Domain::Real => [None, None],
-        };
-        ends.into_iter().flatten()
-    }
 }
 
 /// A base coordinate.
@@ -255,6 +245,8 @@ pub enum ReconstructionKind {
 /// Coordinates of the group motion, computed where a scene asks for them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reconstruction {
+    /// Names in the text and how many coordinates each stands for: `q` for a quaternion's four, `x` for the one of that name.
+    pub blocks: Vec<(String, usize)>,
     /// Names of the coordinates.
     pub names: Vec<String>,
     /// Their symbols.
@@ -297,8 +289,8 @@ pub struct Scene {
     /// Fixed parameters, by component.
     pub fixed: Vec<(String, Rational)>,
     /// Wanted outputs.
-    pub wants: Vec<String>,
-    /// Base coordinates (vectors or components) and advected parameters that are left out.
+    pub wants: Vec<Wanted>,
+    /// Base coordinates and advected parameters that are left out, by component.
     pub drops: Vec<String>,
     /// Base coordinates, by component, that are carried as points of the circle.
     pub circles: Vec<String>,
@@ -306,6 +298,8 @@ pub struct Scene {
     pub doc: String,
     /// Where its name stands.
     pub span: Option<Span>,
+    /// Where the whole of it stands.
+    pub extent: Option<Span>,
     /// Where the names in it stand: fixed parameters, outputs, coordinates.
     pub places: BTreeMap<String, Span>,
 }
