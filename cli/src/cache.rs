@@ -137,14 +137,21 @@ fn program() -> Option<&'static str> {
 
 /// 128 bits in hexadecimal digits that depend on all bytes of all parts, and on where parts end.
 ///
-/// Two chains of multiplications and rotations over words of eight bytes with different odd factors. What this has to tell apart are
-/// versions of files, not what somebody made in order to collide.
+/// Two chains `h' = mix(h xor word)` over words of eight bytes, whose `mix` are permutations with different factors in which every bit
+/// of the result depends on every bit of the argument. What this has to tell apart are versions of files, not what somebody made
+/// in order to collide.
 fn digest(parts: &[&[u8]]) -> String {
-    const FACTORS: [u64; 2] = [0x9e37_79b9_7f4a_7c15, 0xc2b2_ae3d_27d4_eb4f];
+    const FACTORS: [[u64; 2]; 2] = [
+        [0xff51_afd7_ed55_8ccd, 0xc4ce_b9fe_1a85_ec53],
+        [0xbf58_476d_1ce4_e5b9, 0x94d0_49bb_1331_11eb],
+    ];
     let mut chains = [0x243f_6a88_85a3_08d3_u64, 0x1319_8a2e_0370_7344];
     let mut take = |word: u64| {
-        for (chain, factor) in chains.iter_mut().zip(FACTORS) {
-            *chain = (chain.rotate_left(29) ^ word).wrapping_mul(factor);
+        for (chain, [first, second]) in chains.iter_mut().zip(FACTORS) {
+            let x = *chain ^ word;
+            let x = (x ^ (x >> 32)).wrapping_mul(first);
+            let x = (x ^ (x >> 29)).wrapping_mul(second);
+            *chain = x ^ (x >> 32);
         }
     };
     for part in parts {
@@ -157,12 +164,7 @@ fn digest(parts: &[&[u8]]) -> String {
         last[..rest.len()].copy_from_slice(rest);
         take(u64::from_le_bytes(last));
     }
-    // The high bits have seen all words; the low ones see them by this.
-    let ends = chains.map(|chain| {
-        let mixed = (chain ^ (chain >> 32)).wrapping_mul(FACTORS[0]);
-        mixed ^ (mixed >> 29)
-    });
-    format!("{:016x}{:016x}", ends[0], ends[1])
+    format!("{:016x}{:016x}", chains[0], chains[1])
 }
 
 #[cfg(test)]
