@@ -111,6 +111,15 @@ impl Config {
         self
     }
 
+    /// Whether modules have vectors, matrices, attitudes and places in the types of the crate `nalgebra` too: methods of
+    /// `Params` and `State` by the names of the model, and `Prepared::on_vectors`.
+    ///
+    /// The crate that the modules are for needs the feature `nalgebra` of the runtime.
+    pub fn nalgebra(&mut self, enable: bool) -> &mut Config {
+        self.writing.nalgebra = enable;
+        self
+    }
+
     /// Writes one more file, which has a module for each scene; a crate includes it alone.
     pub fn include_file(&mut self, name: impl Into<String>) -> &mut Config {
         self.include_file = Some(name.into());

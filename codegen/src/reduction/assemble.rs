@@ -69,6 +69,7 @@ pub(super) fn on_algebroid(
         sources: model.sources,
         time: model.time,
         params: model.params,
+        param_arrays: model.param_arrays,
         conditions: model.conditions,
         algebroid,
         velocities,

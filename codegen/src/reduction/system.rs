@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 use crate::algebra::Algebroid;
 use crate::expr::{ExprId, Graph, Sign, SymbolId};
-use crate::spec::{Condition, Named, NamedVector, Param, Side};
+use crate::spec::{Condition, Named, NamedVector, Param, ParamArray, Side};
 
 use super::circle::Circle;
 use super::constraint::{KinematicConstraint, Unknown};
@@ -83,7 +83,9 @@ pub struct ReducedSystem {
     pub time: SymbolId,
     /// Parameters that are not fixed.
     pub params: Vec<Param>,
-    /// Conditions on them.
+    /// Which parameters of the model form vectors and matrices, those included of which some are fixed.
+    pub param_arrays: Vec<ParamArray>,
+    /// Conditions on the parameters.
     pub conditions: Vec<Condition>,
     /// Anchor and bracket in the frame of the velocities.
     pub algebroid: Algebroid,
@@ -175,6 +177,7 @@ impl ReducedSystem {
             sources: _,
             time: _,
             params: _,
+            param_arrays: _,
             conditions,
             algebroid,
             velocities: _,

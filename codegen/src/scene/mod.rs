@@ -13,6 +13,7 @@ mod build;
 mod counts;
 mod defaults;
 mod derivatives;
+mod groups;
 mod interpreter;
 mod invariants;
 mod pivots;

@@ -11,6 +11,7 @@ use crate::program::{Jet, Role};
 
 use super::{BuiltScene, interpreter};
 use super::derivatives::{Matrix, Product};
+use super::groups::groups;
 
 /// How a scene's module is written down.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
@@ -20,6 +21,8 @@ pub struct Writing {
     pub command: Option<String>,
     /// Path of the runtime in the crate that the module is for; `::hamel_runtime` unless given.
     pub runtime: Option<String>,
+    /// Whether the module has vectors, matrices, attitudes and places in the types of `nalgebra`.
+    pub nalgebra: bool,
 }
 
 impl BuiltScene {
@@ -118,7 +121,7 @@ impl BuiltScene {
             products: self.products.iter().map(product_text).collect(),
             formulas: BTreeMap::from(formulas),
             conserves_energy: self.equations.facts.energy_is_conserved,
-            groups: None,
+            groups: writing.nalgebra.then(|| groups(self)),
         }
     }
 }

@@ -51,6 +51,7 @@ macro_rules! visit {
             graph: $graph,
             time: _,
             params,
+            param_arrays,
             conditions,
             base,
             algebra: _,
@@ -78,6 +79,7 @@ macro_rules! visit {
             origin: _,
         } = $model;
         for Param { name: _, symbol: _, default: _, doc: _ } in &*params {}
+        for ParamArray { name: _, layout: _, symbols: _ } in &*param_arrays {}
         for Velocity { name: _, symbol: _, block: _, doc: _ } in velocities.iter().chain(&*quasi_velocities) {
         }
         for Scene {

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::diagnostic::{Diagnostic, Diagnostics, Origin, Span};
+use super::layout::Layout;
 use super::want::Wanted;
 use crate::algebra::LieAlgebra;
 use crate::error::Error;
@@ -28,6 +29,17 @@ pub struct Param {
     pub default: Rational,
     /// Documentation of the item that declared it.
     pub doc: String,
+}
+
+/// Parameters that form a vector or a matrix.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ParamArray {
+    /// Name, such as `I` of `I1, I2, I3`.
+    pub name: String,
+    /// What they form, and in which order.
+    pub layout: Layout,
+    /// Their symbols.
+    pub symbols: Vec<SymbolId>,
 }
 
 /// Relation of a [`Condition`].
@@ -411,6 +423,8 @@ pub struct Model {
     pub time: SymbolId,
     /// Scalar parameters in the order of declaration.
     pub params: Vec<Param>,
+    /// Which of them form vectors and matrices.
+    pub param_arrays: Vec<ParamArray>,
     /// Validity conditions on the parameters.
     pub conditions: Vec<Condition>,
     /// Base coordinates.
