@@ -6,6 +6,7 @@ use std::process::{Command, Output, Stdio};
 
 fn hamel(arguments: &[&str], input: &str) -> Output {
     let mut child = Command::new(env!("CARGO_BIN_EXE_hamel"))
+        .env("HAMEL_CACHE_DIR", concat!(env!("CARGO_TARGET_TMPDIR"), "/cache"))
         .args(arguments)
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())

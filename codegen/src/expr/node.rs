@@ -34,6 +34,7 @@ impl SymbolId {
 /// Elementary functions of one argument. Square roots are powers with exponent 1/2.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[expect(missing_docs, reason = "the variants are the functions they are named after")]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Func {
     Sin,
     Cos,
