@@ -9,7 +9,7 @@ use num_traits::One;
 
 use crate::error::spell_vector;
 use crate::expr::{Budget, ExprId, Graph, Style, SymbolId, identifier, rational_to_f64};
-use crate::mechanics::{Equations, VerticalEquations, solved_velocity, unused_stem};
+use crate::mechanics::{Equations, VerticalEquations, unused_stem};
 use crate::reduction::{KinematicConstraint, Stages, Tensor};
 use crate::scene::BuiltScene;
 use crate::spec::{Model, Side};
@@ -597,7 +597,7 @@ impl Page {
                     .dependent
                     .iter()
                     .map(|&k| {
-                        let sum = solved_velocity(&mut g, s, k);
+                        let sum = s.velocity(&mut g, k);
                         (self.name(&names[k]), g.display(sum, self.style))
                     })
                     .collect();

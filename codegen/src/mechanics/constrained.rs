@@ -3,7 +3,7 @@
 //! Does not know: how the constraint was solved, how a matrix is factored.
 
 use crate::error::Error;
-use crate::expr::{ExprId, Graph};
+use crate::expr::ExprId;
 use crate::reduction::SolvedConstraint;
 
 use super::derive::{Derivation, Motion};
@@ -19,7 +19,7 @@ impl Derivation<'_> {
         self.writer.begin("accelerations of the dependent velocities at udot = 0");
         let mut lag = vec![self.g.zero(); m];
         for &alpha in &solved.dependent {
-            let value = solved_velocity(&mut self.g, solved, alpha);
+            let value = solved.velocity(&mut self.g, alpha);
             let drift = self.drift(value)?;
             lag[alpha] = self.define(&format!("lag_{}", self.names[alpha]), drift);
         }
@@ -157,14 +157,4 @@ impl Derivation<'_> {
 /// Names of pivots of the mass matrix.
 pub(super) fn inertias(names: &[String]) -> Vec<String> {
     names.iter().map(|n| format!("inertia along {n}")).collect()
-}
-
-/// `y^alpha = Psi^alpha_a u^a + psi0^alpha` of a dependent velocity.
-pub(crate) fn solved_velocity(g: &mut Graph, solved: &SolvedConstraint, alpha: usize) -> ExprId {
-    let mut terms = vec![solved.psi0[alpha]];
-    for (a, unknown) in solved.unknowns.iter().enumerate() {
-        let u = g.sym(unknown.symbol);
-        terms.push(g.mul(solved.psi[alpha][a], u));
-    }
-    g.sum(&terms)
 }

@@ -9,7 +9,6 @@ use crate::error::Error;
 use crate::expr::{ExprId, Graph, SectionWriter, Stage, SymbolId};
 use crate::reduction::{KinematicConstraint, ReducedSystem};
 
-use super::constrained::solved_velocity;
 use super::equations::{Equations, LinearSystem};
 use super::solve::Pivot;
 
@@ -123,7 +122,7 @@ impl<'a> Derivation<'a> {
         let KinematicConstraint::Solved(solved) = &self.system.constraint else { return Ok(()) };
         self.writer.begin("velocities y = Psi u + psi0");
         for &k in &solved.dependent {
-            let value = solved_velocity(&mut self.g, solved, k);
+            let value = solved.velocity(&mut self.g, k);
             let named = self.writer.define(&mut self.g, &self.names[k], value);
             self.replacement.insert(self.system.velocities[k], named);
             self.y[k] = named;

@@ -17,7 +17,6 @@ mod solve;
 mod squares;
 mod vertical;
 
-pub(crate) use constrained::solved_velocity;
 pub use derive::derive;
 pub use equations::{Equations, Facts, Form, LinearSystem, Output, OutputKind, StateEquation};
 pub use solve::{Factorisation, Pivot, PivotMatrix, PivotOrigin};

@@ -10,7 +10,6 @@ use crate::expr::{Definition, ExprId, Graph, SymbolId};
 use crate::reduction::{KinematicConstraint, ReducedSystem, Stages};
 use crate::spec::Side;
 
-use super::constrained::solved_velocity;
 use super::equations::Equations;
 
 /// The equations of motion along the vertical displacements that the constraint allows, by stages.
@@ -132,7 +131,7 @@ impl<'a> Writer<'a> {
         let (mut named, mut solved) = (BTreeMap::new(), BTreeMap::new());
         if let KinematicConstraint::Solved(constraint) = &system.constraint {
             for &k in &constraint.dependent {
-                let value = solved_velocity(&mut g, constraint, k);
+                let value = constraint.velocity(&mut g, k);
                 let symbol = g.define(&system.algebroid.frame()[k], value);
                 named.insert(system.velocities[k], g.sym(symbol));
                 solved.insert(system.velocities[k], value);

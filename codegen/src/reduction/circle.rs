@@ -14,19 +14,9 @@ use crate::algebra::Algebroid;
 use crate::expr::{DivisionByZero, ExprId, Func, Graph, Node, Rational, SymbolId};
 use crate::spec::{self, Coordinate, Diagnostics, Domain, Model, NamedVector, Span, circle_names};
 
-use super::domain::spell_end;
-use super::system::{DomainCondition, Part, ReducedSystem, StateKind};
-
-/// An angle that a base carries as the point `(cos, sin)` of the unit circle.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Circle {
-    /// Name of the angle.
-    pub angle: String,
-    /// Base coordinate `c`; zero tests know that `c^2 + s^2 = 1`.
-    pub cosine: SymbolId,
-    /// Base coordinate `s`.
-    pub sine: SymbolId,
-}
+use super::domain::{DomainCondition, spell_end};
+use super::part::Part;
+use super::system::{Circle, ReducedSystem, StateKind};
 
 /// A higher multiple of an angle is not written in its sine and cosine.
 const MAX_MULTIPLE: u64 = 64;

@@ -7,7 +7,14 @@ use std::collections::BTreeMap;
 use crate::expr::{ExprId, Func, Graph, Rational, Sign, Style};
 use crate::spec::{self, Model, Relation};
 
-use super::system::DomainCondition;
+/// A condition that a base coordinate satisfies where the equations hold.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DomainCondition {
+    /// As people write it, such as `theta < pi/2`.
+    pub text: String,
+    /// Positive inside of the domain, and only there.
+    pub positive: ExprId,
+}
 
 /// The end of an interval as people write it: `3*pi/2`, not `3/2*pi`.
 pub(super) fn spell_end(g: &mut Graph, end: ExprId) -> String {

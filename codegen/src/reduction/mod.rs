@@ -14,23 +14,26 @@ mod constraint;
 mod domain;
 mod fix;
 mod formulation;
+mod part;
 mod reconstruction;
 mod stages;
 mod system;
 
 use crate::spec::{Diagnostics, Model};
 
-pub use circle::{Circle, with_circles};
+pub use circle::with_circles;
 pub use connection::with_connection;
 pub use constraint::{
     AccelerationRow, AccelerationSource, ConstraintRow, KinematicConstraint, Reactions, SolvedConstraint,
     Unknown,
 };
+pub use domain::DomainCondition;
 pub use fix::with_fixed;
 pub use formulation::Formulation;
+pub use part::Part;
 pub use reconstruction::{MomentumInSpace, ReconstructedCoordinate};
 pub use stages::{StageLevel, Stages, Tensor};
-pub use system::{Block, BlockKind, DomainCondition, Part, ReducedSystem, StateKind};
+pub use system::{Block, BlockKind, Circle, ReducedSystem, StateKind};
 
 /// Reduces a model in the formulation that is asked for.
 ///

@@ -8,9 +8,10 @@ use crate::algebra::Algebroid;
 use crate::expr::{ExprId, Graph, Sign, SymbolId};
 use crate::spec::{Condition, Named, NamedVector, Param, ParamArray, Side};
 
-use super::circle::Circle;
 use super::constraint::{KinematicConstraint, Unknown};
+use super::domain::DomainCondition;
 use super::formulation::Formulation;
+use super::part::Part;
 use super::reconstruction::{MomentumInSpace, ReconstructedCoordinate};
 use super::stages::Stages;
 
@@ -54,13 +55,15 @@ pub enum BlockKind {
     Reconstructed,
 }
 
-/// A condition that a base coordinate satisfies where the equations hold.
+/// An angle that a base carries as the point `(cos, sin)` of the unit circle.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct DomainCondition {
-    /// As people write it, such as `theta < pi/2`.
-    pub text: String,
-    /// Positive inside of the domain, and only there.
-    pub positive: ExprId,
+pub struct Circle {
+    /// Name of the angle.
+    pub angle: String,
+    /// Base coordinate `c`; zero tests know that `c^2 + s^2 = 1`.
+    pub cosine: SymbolId,
+    /// Base coordinate `s`.
+    pub sine: SymbolId,
 }
 
 /// A system on a Lie algebroid: everything the derivation needs and nothing about where it came from.
@@ -123,39 +126,6 @@ pub struct ReducedSystem {
     pub domains: Vec<DomainCondition>,
     /// Angles that the base carries as points of the circle.
     pub circles: Vec<Circle>,
-}
-
-/// What an expression of a [`ReducedSystem`] is, see [`ReducedSystem::expressions_mut`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
-    /// A bound of a condition on parameters.
-    Condition,
-    /// An entry of anchor, bracket or drift.
-    Algebroid,
-    /// A coefficient `A^a_i`.
-    Connection,
-    /// The Lagrangian.
-    Lagrangian,
-    /// The force on a velocity of the frame.
-    Force(usize),
-    /// A coefficient or the remainder of a constraint, by its place.
-    Constraint(usize),
-    /// A coefficient of constraints that were solved, or what was divided by.
-    SolvedConstraint,
-    /// A coefficient of virtual displacements, or of a one-form that vanishes on them.
-    VirtualDisplacement,
-    /// A Casimir, by its place.
-    Casimir(usize),
-    /// A component of an output, by the output's place.
-    Output(usize),
-    /// The rate of a coordinate of the group, by its place.
-    Rate(usize),
-    /// An entry of the rows that turn momenta into space.
-    MomentumInSpace,
-    /// A coefficient of the stage forms.
-    Stages,
-    /// What is positive inside of the domain, by its place.
-    Domain(usize),
 }
 
 impl ReducedSystem {

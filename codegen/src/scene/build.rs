@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use crate::error::Error;
-use crate::expr::{ExprId, Graph, Stage, SymbolId, needed_sections};
+use crate::expr::{ExprId, Stage, SymbolId, needed_sections};
 use crate::lower::{self, Inputs, ParamCondition, Request, SearchBudget};
 use crate::mechanics::{Equations, Output, OutputKind, StateEquation, derive};
 use crate::parallel::side_by_side;
@@ -14,9 +14,11 @@ use crate::program::{Relation, Role};
 use crate::reduction::{Formulation, reduce};
 use crate::spec::{self, Diagnostics, Model, Want, Wanted};
 
+use super::built::BuiltScene;
+use super::dependence::ignorable;
 use super::pivots::sorted_pivots;
 use super::plan::{Drops, Outputs, Plan};
-use super::{BuiltScene, derivatives, invariants};
+use super::{derivatives, invariants};
 
 /// Equations of one model in the formulations that its scenes ask for, each derived once.
 #[derive(Debug)]
@@ -168,59 +170,6 @@ fn build_scene(derivations: &Derivations<'_>, plan: Plan) -> Result<BuiltScene, 
         };
         model.diagnostics(vec![spec::Diagnostic { span, ..problem }])
     })
-}
-
-/// Base coordinates on which neither another state variable's rate, nor a wanted result, nor a pivot depends.
-pub(super) fn ignorable(equations: &Equations, results: &[ExprId]) -> Vec<String> {
-    let graph = &equations.system.graph;
-    let mut inputs: BTreeMap<SymbolId, BTreeSet<SymbolId>> = BTreeMap::new();
-    let needs = |e: ExprId, inputs: &BTreeMap<SymbolId, BTreeSet<SymbolId>>| -> BTreeSet<SymbolId> {
-        graph
-            .free_symbols(e)
-            .into_iter()
-            .flat_map(|s| inputs.get(&s).cloned().unwrap_or_else(|| BTreeSet::from([s])))
-            .collect()
-    };
-    for definition in equations.sections.iter().flat_map(|s| &s.definitions) {
-        let needed = needs(definition.expr, &inputs);
-        inputs.insert(definition.symbol, needed);
-    }
-    let base = equations.system.algebroid.base();
-    let mut needed: BTreeSet<SymbolId> = results
-        .iter()
-        .chain(equations.pivots.iter().map(|p| &p.expr))
-        .flat_map(|e| needs(*e, &inputs))
-        .collect();
-    let mut open: Vec<(SymbolId, BTreeSet<SymbolId>)> = Vec::new();
-    for s in &equations.state {
-        let rate = needs(s.derivative, &inputs);
-        if base.contains(&s.symbol) {
-            open.push((s.symbol, rate));
-        } else {
-            needed.extend(rate);
-        }
-    }
-    // A coordinate that is needed needs what its own rate depends on.
-    while let Some(k) = open.iter().position(|(symbol, _)| needed.contains(symbol)) {
-        needed.extend(open.swap_remove(k).1);
-    }
-    let dropped: BTreeSet<SymbolId> = open.into_iter().map(|(symbol, _)| symbol).collect();
-    equations.state.iter().filter(|s| dropped.contains(&s.symbol)).map(|s| s.name.clone()).collect()
-}
-
-/// Coordinates of the base and the group that are no part of a scene's state.
-pub(super) fn left_out(equations: &Equations, state: &[StateEquation]) -> BTreeSet<SymbolId> {
-    let carried: BTreeSet<SymbolId> = state.iter().map(|s| s.symbol).collect();
-    let base = equations.system.algebroid.base().iter().copied();
-    let all = base.chain(equations.reconstruction.iter().map(|s| s.symbol));
-    all.filter(|symbol| !carried.contains(symbol)).collect()
-}
-
-/// Whether a value depends on one of `symbols`, also by the sections that it uses.
-pub(super) fn needs(g: &Graph, equations: &Equations, e: ExprId, symbols: &BTreeSet<SymbolId>) -> bool {
-    let sections = needed_sections(g, &equations.sections, &[e]);
-    let definitions = sections.iter().flat_map(|s| &s.definitions).map(|d| d.expr);
-    definitions.chain([e]).any(|e| g.depends_on(e, symbols))
 }
 
 /// A group by its name, every output of the model, or a single component of a group.

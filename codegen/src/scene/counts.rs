@@ -4,7 +4,7 @@
 
 use crate::program::{Counts, Role};
 
-use super::BuiltScene;
+use super::built::BuiltScene;
 
 impl BuiltScene {
     /// Operations of every function, per section of the right-hand side, and of the part that runs once.

@@ -10,7 +10,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::expr::{ExprId, Graph, Node, Style, SymbolId, inlined, rational_to_f64};
 use crate::spec::{Diagnostic, Diagnostics, ExpressionRole, Model, Span};
 
-use super::{BuiltScene, Interpreter};
+use super::built::BuiltScene;
+use super::interpreter::Interpreter;
 
 /// Symbols and values that are told in a message, and characters of an expression.
 const MAX_NAMED: usize = 4;

@@ -7,7 +7,7 @@ use crate::expr::SymbolId;
 use crate::reduction::{Block, BlockKind};
 use crate::spec::Layout;
 
-use super::BuiltScene;
+use super::built::BuiltScene;
 
 /// All groups of which the scene has every number: what it fixes or leaves out takes the group with it.
 pub(super) fn groups(scene: &BuiltScene) -> GroupTexts {

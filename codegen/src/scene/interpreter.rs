@@ -9,9 +9,10 @@ use hamel_runtime::Dual;
 use crate::error::Error;
 use crate::program::{Jet, Point, Program, Role, ViolatedCondition};
 
+use super::built::BuiltScene;
 use super::derivatives::{Derivative, Matrix};
 use super::invariants::GRADIENTS;
-use super::{BuiltScene, INVARIANTS};
+use super::plan::INVARIANTS;
 
 /// What it takes to run a scene: a plain value without equations, which the feature `serde` stores and reads back.
 #[derive(Clone, Debug, PartialEq, Eq)]

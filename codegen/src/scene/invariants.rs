@@ -10,7 +10,7 @@
 
 use std::collections::BTreeSet;
 
-use super::build::{left_out, needs};
+use super::dependence::{left_out, needs};
 use super::derivatives::Matrix;
 use crate::differentiate::Linearisation;
 use crate::expr::{ExprId, Graph, Section, SectionWriter, SymbolId, independent_rows, needed_sections};

@@ -10,8 +10,10 @@
 //! Does not know: how equations are derived, how programs are lowered, how text is emitted.
 
 mod build;
+mod built;
 mod counts;
 mod defaults;
+mod dependence;
 mod derivatives;
 mod groups;
 mod interpreter;
@@ -23,59 +25,23 @@ mod tests;
 mod text;
 
 use std::collections::BTreeSet;
-use std::sync::Arc;
 
 use crate::error::Error;
-use crate::expr::Budget;
-use crate::mechanics::{Equations, Output, OutputKind, StateEquation};
+use crate::mechanics::OutputKind;
 use crate::parallel::side_by_side;
-use crate::program::{Program, Role};
 use crate::reduction::{AccelerationSource, Formulation, KinematicConstraint, reduce};
-use crate::spec::{self, Diagnostics, Model, Param, Want};
+use crate::spec::{self, Diagnostics, Model, Want};
 
-use build::{Derivations, build_planned, ignorable, left_out, lower_scene, needs};
+use build::{Derivations, build_planned, lower_scene};
+use dependence::{ignorable, left_out, needs};
 use plan::{Drops, Outputs, Plan};
 
+pub use built::BuiltScene;
 pub use defaults::warnings;
 pub use derivatives::{Derivative, Matrix, Product};
 pub use interpreter::{Executable, Interpreter};
+pub use plan::{DEFAULT, DERIVATIVES, INVARIANTS, MINIMAL, RECONSTRUCTION};
 pub use text::Writing;
-
-/// Name of the scene that every model has.
-pub const DEFAULT: &str = "default";
-
-/// A scene after the whole pipeline: its equations and its program.
-#[derive(Clone, Debug)]
-pub struct BuiltScene {
-    /// Name of the scene.
-    pub name: String,
-    /// What was derived.
-    pub equations: Arc<Equations>,
-    /// What was lowered: the rates, the energy (when wanted), the pivots, one function for each output and each product, then
-    /// the domain where there is one; see [`Role`].
-    pub program: Program,
-    /// The state of this scene: that of the model without what is left out, with what is reconstructed.
-    pub state: Vec<StateEquation>,
-    outputs: Vec<Output>,
-    matrices: Vec<Matrix>,
-    products: Vec<Product>,
-    /// Whether the emitted module has the Taylor coefficients of solutions.
-    wants_taylor: bool,
-    doc: String,
-    spent: Budget,
-}
-
-/// Name of the scene without the coordinates that nothing asks for; a model has it when there are such coordinates.
-pub const MINIMAL: &str = "minimal";
-
-/// Name of the scene with the coordinates of the group; a model has it when it says how to reconstruct them.
-pub const RECONSTRUCTION: &str = Want::Reconstruction.name();
-
-/// Name of the scene with all derivatives of the right-hand side; every model has it, built when it is asked for.
-pub const DERIVATIVES: &str = "derivatives";
-
-/// What a scene wants that has functions of its invariants and their gradients, and the name of that of the values.
-pub const INVARIANTS: &str = Want::Invariants.name();
 
 /// The scenes of a model; what several of them share is derived once.
 ///
@@ -251,52 +217,6 @@ pub fn build_pictured(model: &Model, scene: &str) -> Result<BuiltScene, Diagnost
 }
 
 impl BuiltScene {
-    /// Names of the state variables in order.
-    pub fn state_names(&self) -> Vec<String> {
-        self.state.iter().map(|s| s.name.clone()).collect()
-    }
-
-    /// Parameters that the scene leaves free.
-    pub fn params(&self) -> &[Param] {
-        &self.equations.system.params
-    }
-
-    /// Outputs of the scene, besides the right-hand side and the energy.
-    pub fn outputs(&self) -> &[Output] {
-        &self.outputs
-    }
-
-    /// Derivatives that are matrices; their entries are outputs.
-    pub fn matrices(&self) -> &[Matrix] {
-        &self.matrices
-    }
-
-    /// Derivatives that are products with a vector.
-    pub fn products(&self) -> &[Product] {
-        &self.products
-    }
-
-    /// Whether the scene computes the energy.
-    pub fn has_energy(&self) -> bool {
-        self.program.function(&Role::Energy).is_some()
-    }
-
-    /// What it took of the model's budget, from the text to the program.
-    pub fn spent(&self) -> Budget {
-        self.spent
-    }
-
-    /// Documentation of the scene.
-    pub fn doc(&self) -> &str {
-        &self.doc
-    }
-
-    /// Names of the invariants that the scene wants; none if it wants none.
-    pub fn invariant_names(&self) -> Option<Vec<String>> {
-        let output = self.outputs.iter().find(|o| o.kind == OutputKind::Group(Want::Invariants))?;
-        Some(output.components.iter().map(|(name, _)| name.clone()).collect())
-    }
-
     /// The scene with the same parameters and state that wants the right-hand side and the invariants.
     ///
     /// # Errors

@@ -8,7 +8,21 @@ use crate::reduction::Formulation;
 use crate::spec::{Model, Want, Wanted};
 
 use super::derivatives::Derivative;
-use super::{DEFAULT, DERIVATIVES, MINIMAL, RECONSTRUCTION};
+
+/// Name of the scene that every model has.
+pub const DEFAULT: &str = "default";
+
+/// Name of the scene without the coordinates that nothing asks for; a model has it when there are such coordinates.
+pub const MINIMAL: &str = "minimal";
+
+/// Name of the scene with the coordinates of the group; a model has it when it says how to reconstruct them.
+pub const RECONSTRUCTION: &str = Want::Reconstruction.name();
+
+/// Name of the scene with all derivatives of the right-hand side; every model has it, built when it is asked for.
+pub const DERIVATIVES: &str = "derivatives";
+
+/// What a scene wants that has functions of its invariants and their gradients, and the name of that of the values.
+pub const INVARIANTS: &str = Want::Invariants.name();
 
 /// What a scene asks for.
 #[derive(Clone, Debug)]

@@ -6,9 +6,9 @@
 mod choice;
 mod solver;
 
-use crate::expr::{ExprId, SymbolId};
+use crate::expr::{ExprId, Graph, SymbolId};
 
-use super::system::Part;
+use super::part::Part;
 
 pub(super) use choice::{annihilator, constrain, frame_unknowns, refused};
 pub(super) use solver::Solver;
@@ -49,6 +49,16 @@ pub struct SolvedConstraint {
 }
 
 impl SolvedConstraint {
+    /// `y^alpha = Psi^alpha_a u^a + psi0^alpha` of a dependent velocity.
+    pub fn velocity(&self, g: &mut Graph, alpha: usize) -> ExprId {
+        let mut terms = vec![self.psi0[alpha]];
+        for (a, unknown) in self.unknowns.iter().enumerate() {
+            let u = g.sym(unknown.symbol);
+            terms.push(g.mul(self.psi[alpha][a], u));
+        }
+        g.sum(&terms)
+    }
+
     /// Velocities of the frame that stay in the state, ascending.
     pub fn independent(&self) -> Vec<usize> {
         self.unknowns.iter().filter_map(|u| u.frame_idx).collect()

@@ -1,0 +1,36 @@
+//! What the expressions of a reduced system are.
+//!
+//! Does not know: the system.
+
+/// What an expression of a [`ReducedSystem`](super::ReducedSystem) is, see [`ReducedSystem::expressions_mut`](super::ReducedSystem::expressions_mut).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// A bound of a condition on parameters.
+    Condition,
+    /// An entry of anchor, bracket or drift.
+    Algebroid,
+    /// A coefficient `A^a_i`.
+    Connection,
+    /// The Lagrangian.
+    Lagrangian,
+    /// The force on a velocity of the frame.
+    Force(usize),
+    /// A coefficient or the remainder of a constraint, by its place.
+    Constraint(usize),
+    /// A coefficient of constraints that were solved, or what was divided by.
+    SolvedConstraint,
+    /// A coefficient of virtual displacements, or of a one-form that vanishes on them.
+    VirtualDisplacement,
+    /// A Casimir, by its place.
+    Casimir(usize),
+    /// A component of an output, by the output's place.
+    Output(usize),
+    /// The rate of a coordinate of the group, by its place.
+    Rate(usize),
+    /// An entry of the rows that turn momenta into space.
+    MomentumInSpace,
+    /// A coefficient of the stage forms.
+    Stages,
+    /// What is positive inside of the domain, by its place.
+    Domain(usize),
+}

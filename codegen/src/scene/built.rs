@@ -1,0 +1,81 @@
+//! A scene after the whole pipeline.
+//!
+//! Does not know: how it came about, what is made of it.
+
+use std::sync::Arc;
+
+use crate::expr::Budget;
+use crate::mechanics::{Equations, Output, OutputKind, StateEquation};
+use crate::program::{Program, Role};
+use crate::spec::{Param, Want};
+
+use super::derivatives::{Matrix, Product};
+
+/// A scene after the whole pipeline: its equations and its program.
+#[derive(Clone, Debug)]
+pub struct BuiltScene {
+    /// Name of the scene.
+    pub name: String,
+    /// What was derived.
+    pub equations: Arc<Equations>,
+    /// What was lowered: the rates, the energy (when wanted), the pivots, one function for each output and each product, then
+    /// the domain where there is one; see [`Role`].
+    pub program: Program,
+    /// The state of this scene: that of the model without what is left out, with what is reconstructed.
+    pub state: Vec<StateEquation>,
+    pub(super) outputs: Vec<Output>,
+    pub(super) matrices: Vec<Matrix>,
+    pub(super) products: Vec<Product>,
+    /// Whether the emitted module has the Taylor coefficients of solutions.
+    pub(super) wants_taylor: bool,
+    pub(super) doc: String,
+    pub(super) spent: Budget,
+}
+
+impl BuiltScene {
+    /// Names of the state variables in order.
+    pub fn state_names(&self) -> Vec<String> {
+        self.state.iter().map(|s| s.name.clone()).collect()
+    }
+
+    /// Parameters that the scene leaves free.
+    pub fn params(&self) -> &[Param] {
+        &self.equations.system.params
+    }
+
+    /// Outputs of the scene, besides the right-hand side and the energy.
+    pub fn outputs(&self) -> &[Output] {
+        &self.outputs
+    }
+
+    /// Derivatives that are matrices; their entries are outputs.
+    pub fn matrices(&self) -> &[Matrix] {
+        &self.matrices
+    }
+
+    /// Derivatives that are products with a vector.
+    pub fn products(&self) -> &[Product] {
+        &self.products
+    }
+
+    /// Whether the scene computes the energy.
+    pub fn has_energy(&self) -> bool {
+        self.program.function(&Role::Energy).is_some()
+    }
+
+    /// What it took of the model's budget, from the text to the program.
+    pub fn spent(&self) -> Budget {
+        self.spent
+    }
+
+    /// Documentation of the scene.
+    pub fn doc(&self) -> &str {
+        &self.doc
+    }
+
+    /// Names of the invariants that the scene wants; none if it wants none.
+    pub fn invariant_names(&self) -> Option<Vec<String>> {
+        let output = self.outputs.iter().find(|o| o.kind == OutputKind::Group(Want::Invariants))?;
+        Some(output.components.iter().map(|(name, _)| name.clone()).collect())
+    }
+}
