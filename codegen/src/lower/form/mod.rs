@@ -122,3 +122,26 @@ fn difference(graph: &mut Graph, value: ExprId, asked: ExprId) -> Option<FallBac
         Vanishing::Unknown => Some(FallBack::Unknown),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::expr::{Func, Rational};
+
+    #[test]
+    fn what_differs_is_told_from_what_is_not_known() {
+        let mut g = Graph::new();
+        let [x, y] = ["x", "y"].map(|name| g.symbol(name)).map(|s| g.sym(s));
+        let (sum, other) = (g.add(x, y), g.sub(x, y));
+        let product = g.mul(sum, other);
+        let (xx, yy) = (g.powi(x, 2), g.powi(y, 2));
+        let squares = g.sub(xx, yy);
+        assert_eq!(difference(&mut g, product, squares), None);
+        assert_eq!(difference(&mut g, product, xx), Some(FallBack::Differs));
+        // acos(x) + asin(x) = pi/2, of which the zero test knows nothing.
+        let (inverse_cosine, inverse_sine) = (g.func(Func::Acos, x), g.func(Func::Asin, x));
+        let (whole, pi) = (g.add(inverse_cosine, inverse_sine), g.pi());
+        let half = g.scale(pi, &Rational::new(1.into(), 2.into()));
+        assert_eq!(difference(&mut g, whole, half), Some(FallBack::Unknown));
+    }
+}
