@@ -576,7 +576,7 @@ impl Page {
     fn equations(&mut self, equations: &Equations) {
         self.title("Equations of motion");
         let g = &labelled(equations);
-        let ignorable: Vec<String> = equations.facts.ignorable.iter().map(|n| self.name(n)).collect();
+        let ignorable: Vec<String> = equations.facts.taken_at_origin.iter().map(|n| self.name(n)).collect();
         if !ignorable.is_empty() {
             let zeros: Vec<String> = ignorable.iter().map(|n| format!("{n} = 0")).collect();
             let [list, zeros] = [ignorable, zeros].map(|list| self.inline(&self.list(&list)));

@@ -30,6 +30,7 @@ pub mod explain;
 pub mod expr;
 pub mod lower;
 pub mod mechanics;
+mod parallel;
 pub mod program;
 pub mod reduction;
 pub mod scene;

@@ -5,13 +5,15 @@
 
 use std::path::Path;
 
-use hamel_codegen::scene;
+use hamel_codegen::scene::{self, Scenes};
 use hamel_codegen::spec::{self, Diagnostics};
 
 /// The report about a file, rendered without colour.
 fn report(file: &str, text: &str) -> Option<String> {
     let outcome = spec::parse(file, text).and_then(|model| {
-        let scenes = scene::build_several(&model, &scene::names(&model))?;
+        let mut scenes = Scenes::new(&model);
+        let names = scenes.names();
+        let scenes = scenes.build_all(&names)?;
         let warnings = scene::warnings(&model, &scenes);
         Ok(Diagnostics::new(model.origin, model.warnings.iter().chain(&warnings).cloned().collect()))
     });

@@ -104,7 +104,7 @@ fn definitions_at_the_origin_of_an_ignorable_coordinate_are_called_so() {
         constraint X = r_dot*u;";
     let (_, scene) = built(items);
     let equations = &scene.equations;
-    assert_eq!(equations.facts.ignorable, ["phi"]);
+    assert_eq!(equations.facts.taken_at_origin, ["phi"]);
     let g = &mut equations.system.graph.clone();
     let definitions: Vec<_> = equations.sections.iter().flat_map(|s| &s.definitions).collect();
     let mut n_moved = 0;

@@ -1,6 +1,7 @@
 //! Names that Rust takes, in a model: the module compiles, `INFO` keeps them, results are the interpreter's.
 //!
-//! `reserved/names.rs` is the module. Write it again with `UPDATE_EXPECT=1 cargo test -p hamel-codegen --test reserved`.
+//! `reserved/names.rs` is the module. Write it again with
+//! `UPDATE_EXPECT=1 cargo test -p hamel-codegen --test reserved`.
 
 use expect_test::expect_file;
 use hamel_codegen::emit::{MatrixText, OutputText, ParamText, SceneText, StateText, emit_scene};
@@ -67,8 +68,8 @@ const STATE: [&str; 22] = [
 const OUTPUTS: [&str; 8] =
     ["new", "rhs", "fn", "clone", "jacobian_nonzeros", "workspace", "energy", "Default"];
 
-/// `y_i' = -p_i y_i + d_i sin(y_(i+1))` with `d_i = p_i y_(i+1)` under the parameter's name, so that functions, sections and
-/// series have variables of all these names.
+/// `y_i' = -p_i y_i + d_i sin(y_(i+1))` with `d_i = p_i y_(i+1)` under the parameter's name, so that functions,
+/// sections and series have variables of all these names.
 fn program() -> (Program, SceneText) {
     let mut g = Graph::new();
     let params = PARAMS.map(|name| g.symbol(name));

@@ -5,8 +5,7 @@
 use std::marker::PhantomData;
 
 use hamel_runtime::{
-    Error as IntegrationError, F64x4, Integrator, Method, Options, ParamError, StateVector, Stats, StepSize,
-    System,
+    Error as IntegrationError, F64x4, Integrator, Method, Options, ParamError, StateVector, Stats, System,
 };
 use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
 
@@ -174,7 +173,7 @@ impl<P, M: Copy> Goal<'_, P, M> {
         let mut samples: Vec<Vec<Y>> = vec![Vec::with_capacity(self.times.len()); members.len()];
         let start = L::from_f64(self.start);
         let mut solver =
-            Integrator::new(&system, self.method, start, initial, lanewise(self.options)).ok()?;
+            Integrator::new(&system, self.method, start, initial, self.options.map(L::from_f64)).ok()?;
         let keep = |y: &<P as Source<L>>::State| {
             for (k, samples) in samples.iter_mut().enumerate() {
                 samples.push(scatter(y.as_slice(), k));
@@ -225,21 +224,5 @@ impl<P, M: Copy> Goal<'_, P, M> {
     ) -> Result<(), IntegrationError> {
         let times = self.times.iter().map(|&t| R::from_f64(t));
         solver.sample(R::from_f64(self.t_end), times, |_, y| keep(y))
-    }
-}
-
-/// The same options on every lane.
-fn lanewise<L: Lanes>(options: Options<f64>) -> Options<L> {
-    Options {
-        rtol: L::from_f64(options.rtol),
-        atol: L::from_f64(options.atol),
-        step: match options.step {
-            StepSize::Fixed(h) => StepSize::Fixed(L::from_f64(h)),
-            StepSize::Adaptive { initial, max } => {
-                StepSize::Adaptive { initial: initial.map(L::from_f64), max: max.map(L::from_f64) }
-            }
-        },
-        norm: options.norm,
-        max_steps: options.max_steps,
     }
 }

@@ -1,4 +1,5 @@
-//! Long runs of the heavy top and the Chaplygin ball by Verner's method, with and without projection onto their invariants:
+//! Long runs of the heavy top and the Chaplygin ball by Verner's method, with and without projection onto their
+//! invariants:
 //! `cargo run --release -p hamel-models --example projection -- 10000000`.
 
 use hamel_models::generated::{chaplygin_ball_invariants, heavy_top_invariants};

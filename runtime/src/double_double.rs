@@ -1,10 +1,10 @@
 //! Numbers of 106 bits as unevaluated sums of two `f64`: the arithmetic against which that of `f64` is measured.
 //!
-//! Sources: T. J. Dekker, A floating-point technique for extending the available precision, 1971; M. Joldes,
-//! J.-M. Muller, V. Popescu, Tight and rigorous error bounds for basic building blocks of double-word
-//! arithmetic, 2017 (sum: algorithm 6, product: algorithm 12); Y. Hida, X. S. Li, D. H. Bailey, Library for
-//! double-double and quad-double arithmetic, 2001. The module deliberately does not know correct rounding: the last two or
-//! three bits of a result are not the nearest ones.
+//! Sources: T. J. Dekker, A floating-point technique for extending the available precision, 1971; M. Joldes, J.-M.
+//! Muller, V. Popescu, Tight and rigorous error bounds for basic building blocks of double-word arithmetic, 2017
+//! (sum: algorithm 6, product: algorithm 12); Y. Hida, X. S. Li, D. H. Bailey, Library for double-double and
+//! quad-double arithmetic, 2001. The module deliberately does not know correct rounding: the last two or three bits
+//! of a result are not the nearest ones.
 
 use core::fmt;
 use core::ops::{Add, Div, Mul, Neg, Sub};
@@ -15,8 +15,8 @@ use crate::real::assign_operators;
 
 /// A number `hi + lo` of about 106 bits, 31 to 32 decimal digits, with the exponents of `f64`.
 ///
-/// The relative error of every operation and function of [`Real`] is below 2e-31 (`+ - * / sqrt`: below 1e-31) where it is
-/// neither within 1e32 of the smallest nor within a factor 2 of the largest `f64`: there digits of `lo` are
+/// The relative error of every operation and function of [`Real`] is below 2e-31 (`+ - * / sqrt`: below 1e-31) where
+/// it is neither within 1e32 of the smallest nor within a factor 2 of the largest `f64`: there digits of `lo` are
 /// lost. The sine near a multiple of `pi` and the like keep this relative error down to angles that differ from it by
 /// 1e-20, and an absolute error of 1e-49 below. Sine, cosine and tangent of angles beyond `2^50` are NaN.
 ///

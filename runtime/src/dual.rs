@@ -1,8 +1,8 @@
 //! Dual numbers: a value and its derivative along one direction (forward mode).
 //!
 //! Source: W. K. Clifford, Preliminary sketch of biquaternions, 1873; A. Griewank, A. Walther, Evaluating
-//! Derivatives, 2008, chapter 3. The module deliberately does not know what is differentiated, nor by how many variables:
-//! one direction at a time.
+//! Derivatives, 2008, chapter 3. The module deliberately does not know what is differentiated, nor by how many
+//! variables: one direction at a time.
 
 use core::ops::{Add, Div, Mul, Neg, Sub};
 

@@ -239,8 +239,8 @@ impl fmt::Display for Error {
             Self::NotConverged { method, t, h, iterations } => {
                 write!(
                     f,
-                    "method {method}: stages of the step {h:e} from t = {t} did not converge in {iterations} iterations: \
-                     take a smaller step"
+                    "method {method}: stages of the step {h:e} from t = {t} did not converge in \
+                     {iterations} iterations: take a smaller step"
                 )?;
                 // The fixed-point iteration has an alternative.
                 if method.ends_with("-newton") { Ok(()) } else { write!(f, ", or {method}-newton") }

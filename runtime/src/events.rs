@@ -7,6 +7,7 @@ use crate::real::Real;
 
 /// Which changes of sign are events.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Direction {
     /// From negative to zero or positive, in the direction of integration.
     Rising,
@@ -56,6 +57,7 @@ impl Direction {
 /// # Ok::<(), hamel_runtime::Error>(())
 /// ```
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct Event<'a, R, V> {
     /// Position of its function.
     pub index: usize,
@@ -68,8 +70,8 @@ pub struct Event<'a, R, V> {
 /// The end of a bracket of at most the width `resolution` around a change of sign of `f` in `[0, 1]`, by the
 /// method ITP.
 ///
-/// `before` and `after` are `f(0)` and `f(1)`. The sign at the answer is that of `after`, or zero; just before it the sign
-/// is that of `before`, so that a stretch of zeros is found by its start.
+/// `before` and `after` are `f(0)` and `f(1)`. The sign at the answer is that of `after`, or zero; just before it the
+/// sign is that of `before`, so that a stretch of zeros is found by its start.
 ///
 /// # Source
 ///

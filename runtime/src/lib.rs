@@ -39,7 +39,8 @@
 //! # Scalars
 //!
 //! - `f64` and `f32`.
-//! - `F64x4` and `F64x8` (feature `lanes`): several systems side by side in vector registers, each with the bits of `f64`.
+//! - `F64x4` and `F64x8` (feature `lanes`): several systems side by side in vector registers, each with the bits of
+//!   `f64`.
 //! - [`DoubleDouble`]: 31 digits, to measure the rounding errors of a right-hand side and of an integration. The
 //!   coefficients of every method have as many, so that tolerances down to 1e-28 are met (`Dop853` and `Vern9` in some
 //!   hundred steps a period, `Taylor` in ten).

@@ -5,6 +5,7 @@ use crate::real::Real;
 
 /// How the errors of the components are gathered into one number.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Norm {
     /// Root of the mean square, as in Hairer, Norsett and Wanner (1993), equation II.4.11.
     #[default]
@@ -15,6 +16,7 @@ pub enum Norm {
 
 /// How the step size is chosen. All sizes are positive; their sign follows from the direction of time.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum StepSize<R> {
     /// From the error estimate of the method.
     Adaptive {
@@ -29,9 +31,9 @@ pub enum StepSize<R> {
 
 /// Tolerances, step sizes and limits of an integration.
 ///
-/// A step is accepted if the norm of `error_i / (atol + rtol max(|y0_i|, |y1_i|))` is at most one, with `0/0 = 0`, so that
-/// a component may be zero where `atol` is. No constant is added: with a zero `atol`, or one scaled with the state, results do
-/// not depend on the scale of the state.
+/// A step is accepted if the norm of `error_i / (atol + rtol max(|y0_i|, |y1_i|))` is at most one, with `0/0 = 0`, so
+/// that a component may be zero where `atol` is. No constant is added: with a zero `atol`, or one scaled with the
+/// state, results do not depend on the scale of the state.
 ///
 /// ```
 /// use hamel_runtime::{Error, Norm, Options};
@@ -41,6 +43,7 @@ pub enum StepSize<R> {
 /// assert!(matches!(Options::fixed(-0.1).validate(), Err(Error::StepSize { .. })));
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Options<R> {
     /// Relative tolerance; unused with fixed steps.
     pub rtol: R,
@@ -104,6 +107,26 @@ impl<R: Real> Options<R> {
     pub fn with_max_steps(mut self, limit: u64) -> Self {
         self.max_steps = limit;
         self
+    }
+
+    /// The same options for another scalar, each number by `convert`.
+    ///
+    /// ```
+    /// use hamel_runtime::Options;
+    ///
+    /// let options = Options::adaptive(1e-6, 1e-9).with_max_step(0.5);
+    /// assert_eq!(options.map(|x| x as f32), Options::adaptive(1e-6, 1e-9).with_max_step(0.5_f32));
+    /// ```
+    #[must_use]
+    pub fn map<Q: Real>(self, convert: impl Fn(R) -> Q) -> Options<Q> {
+        let Self { rtol, atol, step, norm, max_steps } = self;
+        let step = match step {
+            StepSize::Fixed(h) => StepSize::Fixed(convert(h)),
+            StepSize::Adaptive { initial, max } => {
+                StepSize::Adaptive { initial: initial.map(&convert), max: max.map(&convert) }
+            }
+        };
+        Options { rtol: convert(rtol), atol: convert(atol), step, norm, max_steps }
     }
 
     /// Checks every number of the options.

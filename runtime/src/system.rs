@@ -162,18 +162,20 @@ pub trait System<R: Real> {
     /// symmetric matrices: sum of the signs of the pivots; others: product of them
     /// ```
     ///
-    /// By Sylvester's law of inertia the sum changes only where an eigenvalue passes through zero, the product only where
-    /// the determinant does. Several matrices have multiples that keep their numbers apart. NaN where a pivot is zero or not finite.
+    /// By Sylvester's law of inertia the sum changes only where an eigenvalue passes through zero, the product only
+    /// where the determinant does. Several matrices have multiples that keep their numbers apart. NaN where a pivot
+    /// is zero or not finite.
     ///
-    /// The integrators compare it at every state that they would accept with that of the initial state, so that it is to be
-    /// cheap. A step over a singular point is tried again shorter, or ends the integration with fixed steps.
+    /// The integrators compare it at every state that they would accept with that of the initial state, so that it is
+    /// to be cheap. A step over a singular point is tried again shorter, or ends the integration with fixed steps.
     #[inline]
     fn signature(&self, t: R, y: &Self::State) -> R {
         let _ = (t, y);
         R::ZERO
     }
 
-    /// Calls `visit` with everything that the right-hand side divides by and that may vanish or overflow, in a fixed order.
+    /// Calls `visit` with everything that the right-hand side divides by and that may vanish or overflow, in a fixed
+    /// order.
     ///
     /// The integrators ask for it only when they stop, to say why.
     fn pivots(&self, t: R, y: &Self::State, visit: &mut dyn FnMut(Pivot<R>)) {

@@ -1,5 +1,5 @@
-//! Singular points on the way: fixed steps do not walk through them, adaptive ones stop at them by name, and what a right-hand side
-//! divides by is finite.
+//! Singular points on the way: fixed steps do not walk through them, adaptive ones stop at them by name, and what a
+//! right-hand side divides by is finite.
 
 use hamel_runtime::{
     Dop853, Dopri5, Error, Failure, Gauss4, Gauss6, Gauss8, Integrator, Invariants, Jet, Method, Options,
@@ -8,8 +8,8 @@ use hamel_runtime::{
 
 const T_SINGULAR: f64 = core::f64::consts::FRAC_PI_4;
 
-/// `1/2 (1 - x^2) x_dot^2`: `x'' = x x'^2/(1 - x^2)`, from rest at `x = 0` with speed one the motion ends at `t = pi/4`,
-/// where `x = 1`: `x sqrt(1 - x^2) + asin x = 2 t`.
+/// `1/2 (1 - x^2) x_dot^2`: `x'' = x x'^2/(1 - x^2)`, from rest at `x = 0` with speed one the motion ends at `t =
+/// pi/4`, where `x = 1`: `x sqrt(1 - x^2) + asin x = 2 t`.
 struct Thinning;
 
 impl<R: Real> System<R> for Thinning {
@@ -95,7 +95,8 @@ fn fixed_steps_do_not_walk_through_a_vanishing_pivot() {
     for t_end in [3.0, -3.0] {
         for step in [0.1, 0.03] {
             let options = Options::fixed(step);
-            // The shorter steps of this method of low order are thrown back next to the singular point once, and meet it again.
+            // The shorter steps of this method of low order are thrown back next to the singular point once, and meet
+            // it again.
             let latest = if step < 0.1 { 2.0 * T_SINGULAR - 0.5 } else { T_SINGULAR + 0.1 };
             named_before(stopped(Rk4, options, t_end), "rk4", latest);
             named(stopped(Tsit5, options, t_end), "tsit5");
@@ -248,9 +249,12 @@ fn one_lane_over_a_singular_point_ends_the_integration_of_all() {
         let mut adaptive = Integrator::new(&Thinning, Tsit5, F64x4::splat(0.0), start(k), options).unwrap();
         let error = adaptive.integrate_to(F64x4::splat(3.0)).unwrap_err();
         let pivot = "inertia along x_dot";
-        assert!(
-            matches!(error, Error::Failure(Failure::ChangedSign { pivot: p, .. } | Failure::Singular { pivot: p, .. }) if p == pivot),
-            "lane {k}: {error}"
-        );
+        let found = match error {
+            Error::Failure(Failure::ChangedSign { pivot, .. } | Failure::Singular { pivot, .. }) => {
+                Some(pivot)
+            }
+            _ => None,
+        };
+        assert_eq!(found, Some(pivot), "lane {k}: {error}");
     }
 }

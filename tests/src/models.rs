@@ -4,7 +4,7 @@ use std::path::Path;
 
 use hamel_codegen::expr::rational_to_f64;
 use hamel_codegen::mechanics::{Equations, derive};
-use hamel_codegen::reduction::reduce;
+use hamel_codegen::reduction::{Formulation, reduce};
 use hamel_codegen::scene::{self, BuiltScene, Interpreter};
 use hamel_codegen::spec::{self, Model};
 use hamel_runtime::{Dop853, Integrator, Options, StateVector, System};
@@ -59,7 +59,8 @@ pub fn names() -> Vec<String> {
 /// # Panics
 /// When it cannot be reduced or derived.
 pub fn equations(name: &str) -> Equations {
-    let system = reduce(&model(name), &[]).unwrap_or_else(|e| panic!("{e}"));
+    let model = model(name);
+    let system = reduce(&model, &Formulation::of(&model)).unwrap_or_else(|e| panic!("{e}"));
     derive(&system).unwrap_or_else(|e| panic!("{name}: {e}"))
 }
 

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use hamel_codegen::algebra::{LieAlgebra, Representation};
 use hamel_codegen::expr::{ExprId, Graph, Rational, SymbolId};
 use hamel_codegen::mechanics::{Equations, derive};
-use hamel_codegen::reduction::{KinematicConstraint, reduce};
+use hamel_codegen::reduction::{Formulation, KinematicConstraint, reduce};
 use hamel_codegen::spec;
 use num_traits::Zero;
 
@@ -461,7 +461,7 @@ impl Problem {
 /// The text of the error, of whichever phase.
 pub fn equations_of(text: &str) -> Result<Equations, String> {
     let model = spec::parse("test.hamel", text).map_err(|e| e.to_string())?;
-    let system = reduce(&model, &[]).map_err(|e| e.to_string())?;
+    let system = reduce(&model, &Formulation::of(&model)).map_err(|e| e.to_string())?;
     derive(&system).map_err(|e| e.to_string())
 }
 

@@ -4,14 +4,19 @@ use std::collections::BTreeMap;
 
 use hamel_codegen::expr::{Graph, SymbolId, rational_to_f64};
 use hamel_codegen::mechanics::derive;
-use hamel_codegen::reduction::{KinematicConstraint, reduce, with_connection};
+use hamel_codegen::reduction::{Formulation, KinematicConstraint, ReducedSystem, reduce, with_connection};
 use hamel_codegen::scene;
-use hamel_codegen::spec::{self, ConnectionKind, Model};
+use hamel_codegen::spec::{self, ConnectionKind, Diagnostics, Model};
 use hamel_runtime::{Dop853, Integrator, Options};
 use hamel_tests::models::{Interpreted, State, model};
 
 fn rewritten(model: &Model, kind: ConnectionKind) -> Model {
     with_connection(model, kind).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// In the formulation that the model's own items choose.
+fn reduced(model: &Model) -> Result<ReducedSystem, Diagnostics> {
+    reduce(model, &Formulation::of(model))
 }
 
 fn flow(model: &Model, initial: &[f64], t_final: f64) -> Vec<f64> {
@@ -108,7 +113,7 @@ fn a_given_connection_can_be_made_trivial() {
 #[test]
 fn the_nonholonomic_connection_of_the_rolling_ball_leaves_only_spin_vertical() {
     let ball = rewritten(&model("rolling_ball"), ConnectionKind::Nonholonomic);
-    let system = reduce(&ball, &[]).unwrap_or_else(|e| panic!("{e}"));
+    let system = reduced(&ball).unwrap_or_else(|e| panic!("{e}"));
     let KinematicConstraint::Solved(solved) = &system.constraint else {
         panic!("linear constraints are solved")
     };
@@ -133,7 +138,7 @@ fn a_model_can_ask_for_its_mechanical_connection() {
     }";
     let model = spec::parse("bead.hamel", text).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(model.derived_connection, Some(ConnectionKind::Mechanical));
-    let system = reduce(&model, &[]).unwrap_or_else(|e| panic!("{e}"));
+    let system = reduced(&model).unwrap_or_else(|e| panic!("{e}"));
     let mut g = system.graph.clone();
     let p = g.diff(system.lagrangian, system.velocities[0]);
     let mixed = g.diff(p, system.velocities[1]);
@@ -223,7 +228,7 @@ fn a_derived_connection_does_not_depend_on_velocities() {
     let refused = |added: &str, items: &str| {
         let text = particle(added, items);
         let model = parsed(&text);
-        let problems = reduce(&model, &[]).expect_err("a connection of velocities");
+        let problems = reduced(&model).expect_err("a connection of velocities");
         let spans: Vec<_> = problems.iter().map(|p| p.span).collect();
         assert_eq!(spans, [model.places.connection], "at the item\n{problems}");
         assert!(model.places.connection.is_some());
@@ -246,8 +251,7 @@ fn a_derived_connection_does_not_depend_on_velocities() {
     }
     // A Lagrangian that is not quadratic in velocities that do not matter has one.
     for (added, kind) in [(" + x*x_dot*w/2 + y_dot^4", "mechanical"), (" + exp(x_dot)", "nonholonomic")] {
-        reduce(&parsed(&particle(added, &format!("connection {kind};"))), &[])
-            .unwrap_or_else(|e| panic!("{e}"));
+        reduced(&parsed(&particle(added, &format!("connection {kind};")))).unwrap_or_else(|e| panic!("{e}"));
     }
 }
 
@@ -268,7 +272,7 @@ fn a_derived_connection_does_not_depend_on_advected_parameters() {
         ("x_dot*O1/3; constraint dot(O, G) = x_dot; connection nonholonomic;", "the virtual displacements"),
     ] {
         let model = parsed(&text(items));
-        let problems = reduce(&model, &[]).expect_err("a connection of advected parameters");
+        let problems = reduced(&model).expect_err("a connection of advected parameters");
         let spans: Vec<_> = problems.iter().map(|p| p.span).collect();
         assert_eq!(spans, [model.places.connection], "{problems}");
         let said = problems.to_string();
@@ -276,7 +280,7 @@ fn a_derived_connection_does_not_depend_on_advected_parameters() {
         assert!(!said.contains("commutator"), "{said}");
     }
     // The potential may depend on them.
-    reduce(&parsed(&text("x_dot*O1/3 - G3; connection mechanical;")), &[]).unwrap_or_else(|e| panic!("{e}"));
+    reduced(&parsed(&text("x_dot*O1/3 - G3; connection mechanical;"))).unwrap_or_else(|e| panic!("{e}"));
 }
 
 #[test]
@@ -348,12 +352,12 @@ fn a_derived_connection_has_a_value_wherever_its_metric_is_definite() {
 fn connections_that_do_not_exist_are_refused_with_the_reason() {
     let text = "model stuck { coordinate x in real; velocity w in R; lagrangian = x_dot^2 + w^2; constraint x_dot = 1;
         connection nonholonomic; }";
-    let stuck = reduce(&parsed(text), &[]).unwrap_err();
+    let stuck = reduced(&parsed(text)).unwrap_err();
     assert!(stuck.to_string().contains("leave all base velocities independent"), "{stuck}");
     let servo = with_connection(&model("servo_ball"), ConnectionKind::Nonholonomic).unwrap_err();
     assert!(servo.to_string().contains("a2_dot through the virtual displacements"), "{servo}");
     let text = "model free { coordinate x in real; velocity w in R; lagrangian = x_dot^2/2; connection mechanical; }";
     let massless = spec::parse("free.hamel", text).unwrap_or_else(|e| panic!("{e}"));
-    let refused = reduce(&massless, &[]).unwrap_err();
+    let refused = reduced(&massless).unwrap_err();
     assert!(refused.to_string().contains("no inertia along w"), "{refused}");
 }

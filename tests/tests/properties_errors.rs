@@ -3,7 +3,7 @@
 use hamel_codegen::algebra::{LieAlgebra, Matrix, Representation};
 use hamel_codegen::error::Error;
 use hamel_codegen::expr::{Graph, Rational};
-use hamel_codegen::reduction::{Stages, reduce};
+use hamel_codegen::reduction::{Formulation, Stages, reduce};
 use hamel_codegen::{mechanics, spec};
 use hamel_tests::algebras::{FAMILIES, Transported};
 use hamel_tests::draws::{for_all, one};
@@ -244,7 +244,7 @@ fn independent_velocities_beside_a_nonlinear_constraint_are_refused() {
 
 fn singular_direction(text: &str) -> String {
     let model = spec::parse("m.hamel", text).unwrap_or_else(|e| panic!("{e}"));
-    let system = reduce(&model, &[]).unwrap_or_else(|e| panic!("{e}"));
+    let system = reduce(&model, &Formulation::of(&model)).unwrap_or_else(|e| panic!("{e}"));
     match mechanics::derive(&system) {
         Err(Error::SingularMassMatrix { direction }) => direction,
         Err(other) => panic!("{other}"),

@@ -2,7 +2,7 @@
 
 use hamel_codegen::expr::{ExprId, inlined};
 use hamel_codegen::mechanics::{Equations, derive};
-use hamel_codegen::reduction::{ReducedSystem, reduce};
+use hamel_codegen::reduction::{Formulation, ReducedSystem, reduce};
 use hamel_codegen::spec;
 use hamel_tests::models::{model, text};
 
@@ -31,13 +31,14 @@ fn plain_forces(system: &ReducedSystem, e: &mut Equations) -> Vec<ExprId> {
 
 /// How many components of accelerations the equations name; their forces are those of the momenta.
 fn n_accelerations(model: &spec::Model) -> usize {
-    let system = reduce(model, &[]).unwrap_or_else(|e| panic!("{e}"));
+    let system = reduce(model, &Formulation::of(model)).unwrap_or_else(|e| panic!("{e}"));
     let mut equations = derive(&system).unwrap_or_else(|e| panic!("{e}"));
     let plain = plain_forces(&system, &mut equations);
     let sections = equations.sections.clone();
+    let linear = equations.linear_system().expect("solved for accelerations").clone();
     let g = &mut equations.system.graph;
     let values = inlined(g, sections.iter().flat_map(|s| &s.definitions));
-    for (name, (force, plain)) in equations.unknowns.iter().zip(equations.force.iter().zip(plain)) {
+    for (name, (force, plain)) in linear.unknowns.iter().zip(linear.force.iter().zip(plain)) {
         let force = g.subs(*force, &values).expect("no denominator vanishes");
         assert!(g.is_equal(force, plain), "force on {name} of {}", model.name);
     }

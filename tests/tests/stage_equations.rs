@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use hamel_codegen::algebra::Representation;
 use hamel_codegen::expr::{ExprId, Graph, Rational};
 use hamel_codegen::mechanics::{Equations, VerticalEquations, derive};
-use hamel_codegen::reduction::{KinematicConstraint, Stages, reduce};
+use hamel_codegen::reduction::{Formulation, KinematicConstraint, Stages, reduce};
 use hamel_codegen::spec;
 use hamel_tests::algebras::{FAMILIES, Transported};
 use hamel_tests::bundle::Bundle;
@@ -60,7 +60,7 @@ fn of_shipped_models_they_are_equations_of_motion() {
             models::text_with(&name, "stage whole;")
         };
         let model = spec::parse(&name, &text).unwrap_or_else(|e| panic!("{name}: {e}"));
-        let equations = derive(&reduce(&model, &[]).unwrap()).unwrap();
+        let equations = derive(&reduce(&model, &Formulation::of(&model)).unwrap()).unwrap();
         let found = vertical(&equations, &name);
         // Along all of the algebra with multipliers, otherwise along as many displacements as there are unknowns besides those of the base.
         n_rows.insert(name, (found.rows.len(), found.has_multipliers));

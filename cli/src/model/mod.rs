@@ -49,7 +49,7 @@ pub fn scene_names(model: &Model) -> Vec<String> {
 /// Whether a model's scene says that it wants something, such as [`INVARIANTS`].
 pub fn wants(model: &Model, scene_name: &str, what: &str) -> bool {
     let own = model.scenes.iter().find(|scene| scene.name == scene_name);
-    own.is_some_and(|scene| scene.wants.iter().any(|want| want == what))
+    own.is_some_and(|scene| scene.wants.iter().any(|want| want.name() == what))
 }
 
 /// Whether a state can violate a constraint of a scene without the scene's own outputs telling it; the automatic

@@ -83,6 +83,13 @@ impl Algebroid {
         self.bracket.insert((alpha, beta), value);
     }
 
+    /// Every coefficient of anchor, bracket and drift.
+    pub fn coefficients_mut(&mut self) -> Vec<&mut ExprId> {
+        let Algebroid { time: _, base: _, frame: _, anchor, bracket, drift } = self;
+        let brackets = bracket.values_mut().chain(drift.values_mut()).flatten().map(|(_, e)| e);
+        anchor.iter_mut().flatten().chain(brackets).collect()
+    }
+
     /// `[d/dt, e_alpha]` as a sparse vector; empty when the section does not depend on time.
     pub fn drift(&self, alpha: usize) -> &[(usize, ExprId)] {
         self.drift.get(&alpha).map_or(&[], Vec::as_slice)

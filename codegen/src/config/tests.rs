@@ -1,3 +1,5 @@
+use std::sync::Mutex;
+
 use super::*;
 use crate::algebra::LieAlgebra;
 use crate::expr::Rational;
@@ -203,4 +205,58 @@ fn defaults_without_a_motion_are_a_warning_of_the_bundle_with_their_place() {
         lines[0].starts_with("m.hamel:2:9: inertia along x_dot is 0 at the defaults: I = 0; "),
         "{lines:?}"
     );
+}
+
+#[test]
+fn a_scene_whose_text_did_not_change_is_not_made_again() {
+    let folder = Folder::new("cache");
+    let cache = Cache::new(folder.0.join("cache"));
+    let text = |doc: &str, scenes: &str| {
+        format!(
+            "/// {doc}\nmodel spring {{ param k = 2 where k > 0; coordinate x in real; \
+             lagrangian = 1/2*x_dot^2 - k/2*x^2; {scenes} }}"
+        )
+    };
+    let made = |text: &str| Config::new().generate_cached(&[model(text)], &|_| {}, Some(&cache)).unwrap();
+    let [a, b, changed] =
+        ["scene a { want rhs; }", "scene b { fix k = 3; want rhs; }", "scene b { fix k = 4; want rhs; }"];
+    let before = text("A spring", &format!("{a} {b}"));
+    let first = made(&before);
+    assert_eq!(first, Config::new().generate(&[model(&before)]).unwrap());
+    // Three scenes and their names.
+    assert_eq!(folder.listing("cache").len(), 4);
+    // What is found there is used: everything but the scene that changed.
+    for name in folder.listing("cache") {
+        let path = folder.0.join("cache").join(name);
+        let kept = std::fs::read_to_string(&path).unwrap();
+        if kept.contains("pub fn rhs") {
+            std::fs::write(&path, kept + "\n// from the cache").unwrap();
+        }
+    }
+    let after = made(&text("A spring", &format!("{a} {changed}")));
+    let is_known = |name: &str| after.files[name].ends_with("// from the cache");
+    assert!(is_known("spring.rs") && is_known("spring_a.rs") && !is_known("spring_b.rs"));
+    // Where the model itself changes, nothing is known.
+    let other = made(&text("A stiff spring", &format!("{a} {b}")));
+    assert!(other.files.values().all(|text| !text.ends_with("// from the cache")));
+    // Neither is anything in files that are broken, or those of another version.
+    for (k, name) in folder.listing("cache").into_iter().enumerate() {
+        let rubbish = if k % 2 == 0 { "hamel 0.0.0\n1\n\n" } else { "" };
+        std::fs::write(folder.0.join("cache").join(name), rubbish).unwrap();
+    }
+    assert_eq!(made(&before), first);
+}
+
+#[test]
+fn a_scene_that_warns_is_made_again() {
+    let folder = Folder::new("cache-warnings");
+    let cache = Cache::new(folder.0.join("cache"));
+    let text = "model m { param k = 0; coordinate x in real; lagrangian = 1/2*x_dot^2 - 1/k*x^2; }";
+    let warned = || {
+        let bundle = Config::new().generate_cached(&[model(text)], &|_| {}, Some(&cache)).unwrap();
+        bundle.warnings.iter().flat_map(Diagnostics::lines).collect::<Vec<_>>()
+    };
+    let first = warned();
+    assert!(!first.is_empty());
+    assert_eq!(warned(), first);
 }

@@ -74,8 +74,8 @@ pub(super) struct Code {
 }
 
 impl Code {
-    /// Writes instructions down. `spell` names parameters, slots, time, state and arguments; temporaries are called `t0`,
-    /// `t1`, .., unless one of these is.
+    /// Writes instructions down. `spell` names parameters, slots, time, state and arguments; temporaries are called
+    /// `t0`, `t1`, .., unless one of these is.
     pub(super) fn new(
         dialect: &impl Dialect,
         program: &Program,

@@ -1,8 +1,9 @@
 //! What differs between target languages in the code of a function: names that are taken, literals, operators, calls.
 //!
-//! A back end is a [`Dialect`] and a writer of modules: what a module holds and how its functions are declared differs too
-//! much between languages to be one text with holes. Everything that is the same for all of them (which functions there
-//! are, which values are variables, the order of statements, names) is made outside with the dialect's answers.
+//! A back end is a [`Dialect`] and a writer of modules: what a module holds and how its functions are declared
+//! differs too much between languages to be one text with holes. Everything that is the same for all of them (which
+//! functions there are, which values are variables, the order of statements, names) is made outside with the
+//! dialect's answers.
 //!
 //! Does not know: any language, programs.
 
@@ -38,8 +39,8 @@ pub(super) trait Notation {
 
 /// A target language.
 pub(super) trait Dialect: Notation {
-    /// Words that no variable, field or function can be called: those of the language, and names of its library that mean
-    /// something else than a new variable where a value is bound.
+    /// Words that no variable, field or function can be called: those of the language, and names of its library that
+    /// mean something else than a new variable where a value is bound.
     fn reserved(&self) -> &'static [&'static str];
 
     /// Variables that the declaration of a function brings with it.

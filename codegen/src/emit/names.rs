@@ -38,8 +38,8 @@ impl Scope {
         identifier
     }
 
-    /// The identifiers for several names. Those that can keep their spelling do, whatever comes before them: of `type` and
-    /// `type_`, the first becomes `type__2`.
+    /// The identifiers for several names. Those that can keep their spelling do, whatever comes before them: of
+    /// `type` and `type_`, the first becomes `type__2`.
     pub(super) fn add_all<'n>(&mut self, names: impl IntoIterator<Item = &'n str>) -> Vec<String> {
         let names: Vec<&str> = names.into_iter().collect();
         let mut identifiers: Vec<Option<String>> = Vec::with_capacity(names.len());

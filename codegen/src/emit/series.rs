@@ -23,8 +23,8 @@ pub(super) const ORDER: &str = "order";
 pub(super) const INVERSE: &str = "inverse";
 
 impl<'a> Series<'a> {
-    /// Names and writes both functions; `taken` are the variables that the dialect's declaration of the method has besides
-    /// the arguments of other functions.
+    /// Names and writes both functions; `taken` are the variables that the dialect's declaration of the method has
+    /// besides the arguments of other functions.
     pub(super) fn new(
         dialect: &impl Dialect,
         module: &Module<'_>,

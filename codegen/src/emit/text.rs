@@ -36,8 +36,8 @@ pub struct SceneText {
     pub formulas: BTreeMap<Role, Vec<String>>,
     /// Whether the energy is proved to be constant along the motion.
     pub conserves_energy: bool,
-    /// What parameters and components of the state form together, for a module that speaks in the types of `nalgebra`; none
-    /// for a module that does without.
+    /// What parameters and components of the state form together, for a module that speaks in the types of
+    /// `nalgebra`; none for a module that does without.
     pub groups: Option<GroupTexts>,
 }
 

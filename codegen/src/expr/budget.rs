@@ -21,7 +21,7 @@ use super::rational::Rational;
 /// let larger = Budget::default().times(4);
 /// assert_eq!(larger.expressions, 4 * Budget::default().expressions);
 /// ```
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Budget {
     /// Expressions made.
     pub expressions: u64,

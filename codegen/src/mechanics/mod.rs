@@ -5,15 +5,21 @@
 //!
 //! [`ReducedSystem`]: crate::reduction::ReducedSystem
 
+mod constrained;
 mod derive;
-mod ignorable;
-mod sections;
+mod equations;
+mod integrable;
+mod momenta;
+mod multipliers;
+mod origin;
+mod results;
 mod solve;
 mod squares;
 mod vertical;
 
-pub(crate) use derive::solved_velocity;
-pub use derive::{Equations, Facts, Output, StateEquation, derive};
+pub(crate) use constrained::solved_velocity;
+pub use derive::derive;
+pub use equations::{Equations, Facts, Form, LinearSystem, Output, OutputKind, StateEquation};
 pub use solve::{Factorisation, Pivot, PivotMatrix, PivotOrigin};
 pub(crate) use vertical::unused_stem;
 pub use vertical::{VerticalEquation, VerticalEquations};

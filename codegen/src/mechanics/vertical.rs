@@ -10,7 +10,8 @@ use crate::expr::{Definition, ExprId, Graph, SymbolId};
 use crate::reduction::{KinematicConstraint, ReducedSystem, Stages};
 use crate::spec::Side;
 
-use super::derive::{Equations, solved_velocity};
+use super::constrained::solved_velocity;
+use super::equations::Equations;
 
 /// The equations of motion along the vertical displacements that the constraint allows, by stages.
 ///

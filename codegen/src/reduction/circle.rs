@@ -14,8 +14,8 @@ use crate::algebra::Algebroid;
 use crate::expr::{DivisionByZero, ExprId, Func, Graph, Node, Rational, SymbolId};
 use crate::spec::{self, Coordinate, Diagnostics, Domain, Model, NamedVector, Span, circle_names};
 
-use super::constraint::{AccelerationSource, KinematicConstraint};
-use super::front_end::{DomainCondition, ReducedSystem, StateKind, spell_end};
+use super::domain::spell_end;
+use super::system::{DomainCondition, Part, ReducedSystem, StateKind};
 
 /// An angle that a base carries as the point `(cos, sin)` of the unit circle.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -66,13 +66,18 @@ pub fn with_circles(
             *e = value;
         }
     }
-    for (what, span, place) in places(model, &mut system) {
+    let names = Places::of(&system);
+    let (_, expressions) = system.expressions_mut();
+    // Algebroid and domains are made anew below.
+    let is_rewritten = |(part, _): &(Part, &mut ExprId)| !matches!(part, Part::Algebroid | Part::Domain(_));
+    for (part, place) in expressions.into_iter().filter(is_rewritten) {
         let rewritten = on_circles(&mut graph, &turned, *place).ok();
         let left = rewritten.map_or(turned.first(), |e| still_in(&graph, &turned, e));
         match (left, rewritten) {
             (None, Some(e)) => *place = e,
             (Some(angle), _) => {
                 let name = &angle.circle.angle;
+                let (what, span) = place_of(model, &names, part);
                 let message = format!("{what} contains `{name}` other than in its sine and cosine");
                 let help = format!(
                     "a point of the circle knows sin(k*{name}) and cos(k*{name}) for whole k; leave `{name}` an angle"
@@ -323,52 +328,62 @@ fn anchored(system: &mut ReducedSystem, turned: &[Turned]) -> Option<Algebroid> 
     Some(algebroid)
 }
 
-/// Every expression of a system besides its algebroid and signs: what it belongs to, where that stands, and itself.
-fn places<'a>(model: &Model, system: &'a mut ReducedSystem) -> Vec<(String, Option<Span>, &'a mut ExprId)> {
-    let mut list: Vec<(String, Option<Span>, &mut ExprId)> =
-        vec![("the lagrangian".to_owned(), model.places.lagrangian, &mut system.lagrangian)];
-    let connection = system.connection.iter_mut().flatten().flatten();
-    list.extend(connection.map(|e| ("the connection".to_owned(), model.places.connection, e)));
-    let frame = system.algebroid.frame();
-    list.extend(frame.iter().zip(&mut system.forces).map(|(n, e)| (format!("the force on `{n}`"), None, e)));
-    let constraint_span = |text: &str| model.constraints.iter().find(|c| c.text == text).and_then(|c| c.span);
-    let condition_span = model.virtual_constraints.first().and_then(|v| v.span);
-    match &mut system.constraint {
-        KinematicConstraint::Solved(solved) => {
-            for row in &mut solved.rows {
-                let (what, span) = (format!("constraint `{}`", row.text), constraint_span(&row.text));
-                let parts = row.one_form.iter_mut().chain([&mut row.offset]);
-                list.extend(parts.map(|e| (what.clone(), span, e)));
-            }
-            let first = model.constraints.first().and_then(|c| c.span);
-            let parts = solved.psi.iter_mut().flatten().chain(&mut solved.psi0);
-            let parts = parts.chain(solved.pivots.iter_mut().map(|(_, e)| e));
-            list.extend(parts.map(|e| ("the constraints".to_owned(), first, e)));
-            let displaced = solved.virtual_displacements.iter_mut().flatten();
-            let parts = displaced.chain(solved.reactions.one_forms.iter_mut().flatten());
-            list.extend(parts.map(|e| ("the virtual displacements".to_owned(), condition_span.or(first), e)));
+/// What to call a part of a system, and where the model says it.
+fn place_of(model: &Model, system: &Places, part: Part) -> (String, Option<Span>) {
+    let output_span = |name: &str| model.places.outputs.get(name).copied();
+    let first = model.constraints.first().and_then(|c| c.span);
+    match part {
+        Part::Lagrangian => ("the lagrangian".into(), model.places.lagrangian),
+        Part::Connection => ("the connection".into(), model.places.connection),
+        Part::Force(k) => (format!("the force on `{}`", system.frame[k]), None),
+        Part::Constraint(k) => {
+            let text = &system.constraints[k];
+            let own = model.constraints.iter().find(|c| c.text == *text);
+            (format!("constraint `{text}`"), own.and_then(|c| c.span))
         }
-        KinematicConstraint::Multipliers { rows, reactions } => {
-            for row in rows {
-                let (what, span) = (format!("constraint `{}`", row.text), constraint_span(&row.text));
-                let (AccelerationSource::Differentiated(e) | AccelerationSource::Servo(e)) = &mut row.source;
-                list.extend(row.one_form.iter_mut().chain([e]).map(|e| (what.clone(), span, e)));
-            }
-            let parts = reactions.iter_mut().flatten();
-            list.extend(parts.map(|e| ("the virtual displacements".to_owned(), condition_span, e)));
+        Part::SolvedConstraint => ("the constraints".into(), first),
+        Part::VirtualDisplacement => {
+            let condition = model.virtual_constraints.first().and_then(|v| v.span);
+            ("the virtual displacements".into(), condition.or(first))
+        }
+        Part::Casimir(k) => {
+            let name = &system.casimirs[k];
+            (format!("casimir `{name}`"), output_span(name))
+        }
+        Part::Output(k) => {
+            let name = &system.outputs[k];
+            (format!("output `{name}`"), output_span(name))
+        }
+        Part::Rate(k) => {
+            let name = &system.rates[k];
+            let item = model.reconstruction.iter().find(|r| r.names.contains(name));
+            (format!("the rate of `{name}`"), item.and_then(|r| r.span))
+        }
+        Part::Condition => ("a condition on parameters".into(), None),
+        Part::Algebroid => ("the algebroid".into(), None),
+        Part::MomentumInSpace => ("the momentum in space".into(), None),
+        Part::Stages => ("the stage forms".into(), None),
+        Part::Domain(_) => ("the domain of a coordinate".into(), None),
+    }
+}
+
+/// Names of what the parts of a system belong to.
+struct Places {
+    frame: Vec<String>,
+    constraints: Vec<String>,
+    casimirs: Vec<String>,
+    outputs: Vec<String>,
+    rates: Vec<String>,
+}
+
+impl Places {
+    fn of(system: &ReducedSystem) -> Places {
+        Places {
+            frame: system.algebroid.frame().to_vec(),
+            constraints: system.constraint.texts().map(str::to_owned).collect(),
+            casimirs: system.casimirs.iter().map(|c| c.name.clone()).collect(),
+            outputs: system.outputs.iter().map(|o| o.name.clone()).collect(),
+            rates: system.reconstruction.iter().map(|c| c.name.clone()).collect(),
         }
     }
-    let span_of = |name: &str| model.places.outputs.get(name).copied();
-    let casimirs = system.casimirs.iter_mut();
-    list.extend(casimirs.map(|c| (format!("casimir `{}`", c.name), span_of(&c.name), &mut c.expr)));
-    for output in &mut system.outputs {
-        let (what, span) = (format!("output `{}`", output.name), span_of(&output.name));
-        list.extend(output.components.iter_mut().map(|(_, e)| (what.clone(), span, e)));
-    }
-    for coordinate in &mut system.reconstruction {
-        let item = model.reconstruction.iter().find(|r| r.names.contains(&coordinate.name));
-        let what = format!("the rate of `{}`", coordinate.name);
-        list.push((what, item.and_then(|r| r.span), &mut coordinate.rate));
-    }
-    list
 }

@@ -5,11 +5,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::algebra::solve_symmetric;
 use crate::error::Error;
 use crate::expr::{ExprId, Graph, SymbolId};
-use crate::spec::{ConnectionKind, ConstraintKind, Diagnostics, Model, ReconstructionKind};
+use crate::spec::{ConnectionKind, ConstraintKind, Diagnostics, ExpressionRole, Model};
 
-use super::constraint::{ConstraintRow, Solver, Unknown};
-use super::front_end::{annihilator, reduce, signs};
-use super::reconstruction;
+use super::constraint::{self, ConstraintRow, Solver, Unknown, annihilator, constrain};
+use super::domain::signs;
 
 /// Rewrites a model so that its velocity is `v = xi + A(x, t) xdot` for the connection asked for.
 ///
@@ -50,7 +49,11 @@ pub fn with_connection(model: &Model, kind: ConnectionKind) -> Result<Model, Dia
         Ok(shift) => shift,
         Err(error) => {
             // Constraints that contradict each other have no displacements either: their own error says more.
-            reduce(&Model { derived_connection: None, ..model.clone() }, &[])?;
+            let mut plain = model.clone();
+            let facts = signs(&mut plain);
+            if let Err(error) = constrain(&mut plain, &facts) {
+                return Err(model.diagnostics(vec![constraint::refused(&plain, &error)]));
+            }
             let error = rewritten.graph.within_budget().err().map_or(error, Error::from);
             return Err(refused(model, &error));
         }
@@ -243,20 +246,32 @@ fn shift_velocities(model: &mut Model, shift: &[Vec<ExprId>]) -> Result<(), Erro
         let value = g.sum(&terms);
         replacement.insert(velocity.symbol, value);
     }
-    let failed = |_| Error::DivisionByZero { place: "the change of connection".into() };
-    let mut places: Vec<&mut ExprId> = vec![&mut model.lagrangian];
-    places.extend(model.forces.iter_mut());
-    places.extend(model.constraints.iter_mut().map(|c| &mut c.residual));
-    places.extend(model.virtual_constraints.iter_mut().flat_map(|v| v.one_form.iter_mut()));
-    places.extend(model.casimirs.iter_mut().map(|c| &mut c.expr));
-    places.extend(model.outputs.iter_mut().flat_map(|o| o.components.iter_mut().map(|(_, e)| e)));
-    places.extend(model.reconstruction.iter_mut().flat_map(|r: &mut crate::spec::Reconstruction| {
-        let kind: &mut ReconstructionKind = &mut r.kind;
-        reconstruction::expressions_mut(kind)
-    }));
-    for place in places {
-        *place = g.subs(*place, &replacement).map_err(failed)?;
+    let (g, expressions) = model.expressions_mut();
+    for (role, e) in expressions {
+        let has_velocities = match role {
+            ExpressionRole::Lagrangian
+            | ExpressionRole::Force(_)
+            | ExpressionRole::ConstraintResidual(_)
+            | ExpressionRole::ConstraintAcceleration(_)
+            | ExpressionRole::VirtualConstraint(_)
+            | ExpressionRole::Reconstruction(_)
+            | ExpressionRole::Casimir(_)
+            | ExpressionRole::Output(_) => true,
+            // Linear in a velocity that stands for any element of the algebra.
+            ExpressionRole::AdvectedAction(_) => false,
+            ExpressionRole::DomainEnd(_)
+            | ExpressionRole::Condition(_)
+            | ExpressionRole::Connection
+            | ExpressionRole::InnerProduct
+            | ExpressionRole::Initial(_) => false,
+        };
+        if has_velocities {
+            *e = g
+                .subs(*e, &replacement)
+                .map_err(|_| Error::DivisionByZero { place: "the change of connection".into() })?;
+        }
     }
+    let g = &mut model.graph;
     // Forces and one-forms on (xdot, v): the component along xdot_i loses shift^a_i times that along v^a.
     let lower = |g: &mut Graph, form: &mut [ExprId]| {
         for i in 0..n {
@@ -274,9 +289,6 @@ fn shift_velocities(model: &mut Model, shift: &[Vec<ExprId>]) -> Result<(), Erro
     }
     for constraint in &mut model.constraints {
         let ConstraintKind::SecondOrder { acceleration } = &mut constraint.kind else { continue };
-        for coefficient in acceleration.iter_mut() {
-            *coefficient = g.subs(*coefficient, &replacement).map_err(failed)?;
-        }
         // vdot = wdot - shift xddot - (d shift/dx^j xdot^j + d shift/dt) xdot
         let mut turning = vec![constraint.residual];
         for (a, row) in shift.iter().enumerate() {

@@ -1,16 +1,24 @@
-//! Front ends: from a checked model to one Lie algebroid with Lagrangian, constraint and force.
+//! From a checked model to one Lie algebroid with Lagrangian, constraint and force.
 //!
-//! `stages` splits an algebra along a chain of ideals, `constraint` solves the kinematic constraints, and [`reduce`]
-//! puts the algebroid of the model together. A new kind of system is a new way to fill in [`ReducedSystem`].
+//! [`reduce`] is a list of rewrites in the order that a [`Formulation`] is read in: of the model (`fix`, `connection`), from the
+//! model to a [`ReducedSystem`] (`assemble`, with `algebroid`, `constraint`, `stages` and `reconstruction`), and of the system
+//! (`circle`). A new kind of system is one more rewrite, never a second derivation.
 //!
-//! Deliberately does not know: equations of motion, programs, text files.
+//! Does not know: equations of motion, programs, text files.
 
+mod algebroid;
+mod assemble;
 mod circle;
 mod connection;
 mod constraint;
-mod front_end;
+mod domain;
+mod fix;
+mod formulation;
 mod reconstruction;
 mod stages;
+mod system;
+
+use crate::spec::{Diagnostics, Model};
 
 pub use circle::{Circle, with_circles};
 pub use connection::with_connection;
@@ -18,7 +26,39 @@ pub use constraint::{
     AccelerationRow, AccelerationSource, ConstraintRow, KinematicConstraint, Reactions, SolvedConstraint,
     Unknown,
 };
-pub use front_end::{DomainCondition, ReducedSystem, StateKind, reduce};
-pub(crate) use reconstruction::expressions_mut;
+pub use fix::with_fixed;
+pub use formulation::Formulation;
 pub use reconstruction::{MomentumInSpace, ReconstructedCoordinate};
 pub use stages::{StageLevel, Stages, Tensor};
+pub use system::{Block, BlockKind, DomainCondition, Part, ReducedSystem, StateKind};
+
+/// Reduces a model in the formulation that is asked for.
+///
+/// Left action: `C` are the structure constants and advected parameters obey `adot = -xi . a`. Right action: the sign of
+/// every structure constant changes and `adot = xi . a`.
+///
+/// # Errors
+/// Everything inconsistent that is found, at the spans of the model's text.
+pub fn reduce(model: &Model, formulation: &Formulation) -> Result<ReducedSystem, Diagnostics> {
+    let mut written = chosen(model, formulation);
+    written = with_fixed(written, &formulation.fixed)?;
+    if let Some(kind) = formulation.connection {
+        written = with_connection(&written, kind)?;
+    }
+    let mut system = assemble::on_algebroid(written.clone(), formulation)?;
+    system = with_circles(&written, system, &formulation.circles)?;
+    Ok(system)
+}
+
+/// The model with the items that a formulation chooses in the place of its own.
+fn chosen(model: &Model, formulation: &Formulation) -> Model {
+    let Formulation { fixed: _, connection: _, independent, multipliers, circles: _, squares: _, stages } =
+        formulation;
+    Model {
+        derived_connection: None,
+        independent: independent.clone(),
+        force_multipliers: *multipliers,
+        stages: model.stages.clone().filter(|_| *stages),
+        ..model.clone()
+    }
+}

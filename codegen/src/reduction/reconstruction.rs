@@ -131,19 +131,6 @@ fn turn(g: &mut Graph, q: &[ExprId], side: Side) -> Vec<Vec<ExprId>> {
     rows
 }
 
-/// The expressions of an item.
-pub(crate) fn expressions_mut(kind: &mut ReconstructionKind) -> Vec<&mut ExprId> {
-    match kind {
-        ReconstructionKind::Angle { omega } => vec![omega],
-        ReconstructionKind::Translation { v: list } | ReconstructionKind::Rate { rate: list } => {
-            list.iter_mut().collect()
-        }
-        ReconstructionKind::Quaternion { omega } => omega.iter_mut().collect(),
-        ReconstructionKind::PlanarPose { omega, v } => std::iter::once(omega).chain(v).collect(),
-        ReconstructionKind::Pose { omega, v } => omega.iter_mut().chain(v).collect(),
-    }
-}
-
 fn cross(g: &mut Graph, a: &[ExprId], b: &[ExprId]) -> Vec<ExprId> {
     [(1, 2), (2, 0), (0, 1)]
         .iter()

@@ -45,6 +45,16 @@ pub struct Stages {
 }
 
 impl Stages {
+    /// Every coefficient.
+    pub(super) fn expressions_mut(&mut self) -> impl Iterator<Item = &mut ExprId> {
+        let Stages { levels, basis, inverse } = self;
+        let forms = levels.iter_mut().flat_map(|level| {
+            let StageLevel { name: _, range: _, quotient_bracket, curvature, vertical_connection } = level;
+            quotient_bracket.iter_mut().chain(curvature).chain(vertical_connection).map(|(.., value)| value)
+        });
+        forms.chain(basis.iter_mut().flatten()).chain(inverse.iter_mut().flatten())
+    }
+
     /// Splits `algebra` along the chain `n_0 = g`, `n_1`, .. given by spanning vectors of `n_1`, `n_2`, .., with the
     /// orthogonal complements of an inner product (default: the basis is orthonormal).
     ///

@@ -8,8 +8,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::expr::{ExprId, Graph, Node, Style, SymbolId, inlined, rational_to_f64};
-use crate::reduction::expressions_mut;
-use crate::spec::{Diagnostic, Diagnostics, Model, Span};
+use crate::spec::{Diagnostic, Diagnostics, ExpressionRole, Model, Span};
 
 use super::{BuiltScene, Interpreter};
 
@@ -252,51 +251,67 @@ pub(super) fn not_zero(pivot: &str) -> String {
     format!("{pivot} != 0")
 }
 
-/// Everything of a model that has values, in the order in which it is reported.
+/// Everything of a model that has values: expressions that belong together, what they are and where they stand.
 fn items(model: &Model) -> Vec<Item> {
-    let places = &model.places;
-    let item = |what: String, span, roots| Item { what, span, roots };
-    let mut list = vec![item("the lagrangian".into(), places.lagrangian, vec![model.lagrangian])];
-    for c in &model.constraints {
-        let mut roots = vec![c.residual];
-        if let crate::spec::ConstraintKind::SecondOrder { acceleration } = &c.kind {
-            roots.extend(acceleration);
+    let mut list: Vec<(ExpressionRole, Item)> = Vec::new();
+    for (role, e) in model.expressions() {
+        // The parts of a constraint are told as one.
+        let role = match role {
+            ExpressionRole::ConstraintAcceleration(k) => ExpressionRole::ConstraintResidual(k),
+            _ => role,
+        };
+        match list.last_mut() {
+            Some((last, item)) if *last == role => item.roots.push(e),
+            _ => {
+                list.extend(item(model, role).map(|(what, span)| (role, Item { what, span, roots: vec![e] })))
+            }
         }
-        list.push(item(format!("constraint `{}`", c.text), c.span, roots));
     }
-    for v in &model.virtual_constraints {
-        list.push(item(format!("condition `{}`", v.text), v.span, v.one_form.clone()));
-    }
-    for ((name, _), force) in model.all_velocities().into_iter().zip(&model.forces) {
-        let span = of_component(&places.forces, name);
-        list.push(item(format!("the force on `{name}`"), span, vec![*force]));
-    }
-    let connection: Vec<ExprId> = model.connection.iter().flatten().flatten().copied().collect();
-    list.push(item("the connection".into(), places.connection, connection));
-    for a in &model.advected {
-        list.push(item(format!("the action on `{}`", a.name), a.span, a.action.clone()));
-    }
-    for c in &model.base {
-        let mut domain = c.domain;
-        let ends = domain.ends_mut().map(|e| *e).collect();
-        list.push(item(format!("the domain of `{}`", c.name), places.declared.get(&c.name).copied(), ends));
-    }
-    let metric = model.stages.iter().filter_map(|s| s.inner_product.as_ref()).flatten().flatten();
-    list.push(item("the inner product".into(), places.inner_product, metric.copied().collect()));
-    let span_of = |name: &str| places.outputs.get(name).copied();
-    for c in &model.casimirs {
-        list.push(item(format!("casimir `{}`", c.name), span_of(&c.name), vec![c.expr]));
-    }
-    for o in &model.outputs {
-        let roots = o.components.iter().map(|(_, e)| *e).collect();
-        list.push(item(format!("output `{}`", o.name), span_of(&o.name), roots));
-    }
-    for r in &model.reconstruction {
-        let mut kind = r.kind.clone();
-        let roots = expressions_mut(&mut kind).into_iter().map(|e| *e).collect();
-        list.push(item(format!("the rate of `{}`", r.names.join("`, `")), r.span, roots));
-    }
-    list
+    list.into_iter().map(|(_, item)| item).collect()
+}
+
+/// What an expression of a model is called, and where it stands; none for what is told elsewhere.
+fn item(model: &Model, role: ExpressionRole) -> Option<(String, Option<Span>)> {
+    let places = &model.places;
+    let output_span = |name: &str| places.outputs.get(name).copied();
+    Some(match role {
+        ExpressionRole::Lagrangian => ("the lagrangian".into(), places.lagrangian),
+        ExpressionRole::ConstraintResidual(k) | ExpressionRole::ConstraintAcceleration(k) => {
+            let constraint = &model.constraints[k];
+            (format!("constraint `{}`", constraint.text), constraint.span)
+        }
+        ExpressionRole::VirtualConstraint(k) => {
+            let condition = &model.virtual_constraints[k];
+            (format!("condition `{}`", condition.text), condition.span)
+        }
+        ExpressionRole::Force(k) => {
+            let (name, _) = model.all_velocities()[k];
+            (format!("the force on `{name}`"), of_component(&places.forces, name))
+        }
+        ExpressionRole::Connection => ("the connection".into(), places.connection),
+        ExpressionRole::AdvectedAction(k) => {
+            let advected = &model.advected[k];
+            (format!("the action on `{}`", advected.name), advected.span)
+        }
+        ExpressionRole::DomainEnd(k) => {
+            let name = &model.base[k].name;
+            (format!("the domain of `{name}`"), places.declared.get(name).copied())
+        }
+        ExpressionRole::InnerProduct => ("the inner product".into(), places.inner_product),
+        ExpressionRole::Casimir(k) => {
+            let name = &model.casimirs[k].name;
+            (format!("casimir `{name}`"), output_span(name))
+        }
+        ExpressionRole::Output(k) => {
+            let name = &model.outputs[k].name;
+            (format!("output `{name}`"), output_span(name))
+        }
+        ExpressionRole::Reconstruction(k) => {
+            let item = &model.reconstruction[k];
+            (format!("the rate of `{}`", item.names.join("`, `")), item.span)
+        }
+        ExpressionRole::Condition(_) | ExpressionRole::Initial(_) => return None,
+    })
 }
 
 /// The place of a name, or of the vector that it is a component of.

@@ -56,6 +56,11 @@ impl Derivative {
         self.want().name()
     }
 
+    /// What a scene that wants this has.
+    pub fn of(want: Want) -> Option<Derivative> {
+        Derivative::ALL.into_iter().find(|d| d.want() == want)
+    }
+
     /// The derivative of that name.
     pub fn from_name(name: &str) -> Option<Derivative> {
         Derivative::ALL.into_iter().find(|d| d.name() == name)
@@ -204,8 +209,7 @@ impl Pass<'_> {
     }
 
     fn output(&mut self, derivative: Derivative, components: Vec<(String, ExprId)>) {
-        let (name, doc) = (derivative.name().to_owned(), derivative.doc().to_owned());
-        self.result.outputs.push(Output { name, components, doc });
+        self.result.outputs.push(Output::group(derivative.want(), components, derivative.doc()));
     }
 
     fn matrix(&mut self, derivative: Derivative, by: &[SymbolId]) {

@@ -10,16 +10,15 @@
 
 use std::collections::BTreeSet;
 
+use super::build::{left_out, needs};
 use super::derivatives::Matrix;
-use super::{left_out, needs};
 use crate::differentiate::Linearisation;
 use crate::expr::{ExprId, Graph, Section, SectionWriter, SymbolId, independent_rows, needed_sections};
 use crate::lower::Inputs;
-use crate::mechanics::{Equations, Output, StateEquation};
+use crate::mechanics::{Equations, Output, OutputKind, StateEquation};
+use crate::reduction::Block;
 use crate::spec::Want;
 
-/// What a scene wants that has functions of its invariants and their gradients, and the name of that of the values.
-pub const INVARIANTS: &str = Want::Invariants.name();
 /// Name of the matrix of the gradients, a row for each invariant.
 pub(super) const GRADIENTS: &str = "invariant_gradients";
 
@@ -58,12 +57,18 @@ pub(super) fn find(
         }
     }
     let shape = (components.len(), state.len());
-    let output =
-        |name: &str, components, doc: &str| Output { name: name.into(), components, doc: doc.into() };
     let values = "functions of time and state that are constant along every motion";
     let slopes = "entries of the gradients of the invariants that do not vanish identically, row by row";
     (shape.0 > 0).then(|| Invariants {
-        outputs: [output(INVARIANTS, components, values), output(GRADIENTS, entries, slopes)],
+        outputs: [
+            Output::group(Want::Invariants, components, values),
+            Output {
+                kind: OutputKind::Gradients,
+                name: GRADIENTS.into(),
+                components: entries,
+                doc: slopes.into(),
+            },
+        ],
         gradients: Matrix {
             name: GRADIENTS,
             shape,
@@ -99,13 +104,14 @@ fn conserved(
 /// What may be conserved, in the order in which it is kept.
 fn candidates(g: &mut Graph, equations: &Equations, state: &[StateEquation]) -> Vec<(String, ExprId)> {
     let group = |want: Want| {
-        let found = equations.outputs.iter().filter(move |o| o.name == want.name());
+        let found = equations.outputs.iter().filter(move |o| o.kind == OutputKind::Group(want));
         found.flat_map(|o| o.components.iter().cloned())
     };
     let mut candidates: Vec<(String, ExprId)> = group(Want::Circles).chain(group(Want::Casimirs)).collect();
-    let vectors = &equations.system.vectors;
-    for (k, (name, a)) in vectors.iter().enumerate() {
-        for (other, b) in vectors[k..].iter().filter(|(_, b)| b.len() == a.len()) {
+    let vectors: Vec<&Block> = equations.system.vectors_of_fixed_length().collect();
+    for (k, Block { name, components: a, .. }) in vectors.iter().enumerate() {
+        let others = vectors[k..].iter().filter(|b| b.components.len() == a.len());
+        for Block { name: other, components: b, .. } in others {
             let terms: Vec<ExprId> = (a.iter().zip(b))
                 .map(|(x, y)| {
                     let (x, y) = (g.sym(*x), g.sym(*y));

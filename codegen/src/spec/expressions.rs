@@ -51,6 +51,7 @@ macro_rules! visit {
             graph: $graph,
             time: _,
             params,
+            param_arrays,
             conditions,
             base,
             algebra: _,
@@ -78,10 +79,20 @@ macro_rules! visit {
             origin: _,
         } = $model;
         for Param { name: _, symbol: _, default: _, doc: _ } in &*params {}
+        for ParamArray { name: _, layout: _, symbols: _ } in &*param_arrays {}
         for Velocity { name: _, symbol: _, block: _, doc: _ } in velocities.iter().chain(&*quasi_velocities) {
         }
-        for Scene { name: _, fixed: _, wants: _, drops: _, circles: _, doc: _, span: _, places: _ } in
-            &*scenes
+        for Scene {
+            name: _,
+            fixed: _,
+            wants: _,
+            drops: _,
+            circles: _,
+            doc: _,
+            span: _,
+            extent: _,
+            places: _,
+        } in &*scenes
         {}
         $visit(ExpressionRole::Lagrangian, lagrangian);
         for (k, force) in forces.into_iter().enumerate() {
@@ -130,7 +141,7 @@ macro_rules! visit {
             }
         }
         for (k, item) in reconstruction.into_iter().enumerate() {
-            let Reconstruction { names: _, symbols: _, kind, doc: _, span: _ } = item;
+            let Reconstruction { blocks: _, names: _, symbols: _, kind, doc: _, span: _ } = item;
             let mut add = |e| $visit(ExpressionRole::Reconstruction(k), e);
             match kind {
                 ReconstructionKind::Angle { omega } => add(omega),

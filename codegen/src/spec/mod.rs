@@ -36,12 +36,12 @@ pub use kind::{Kind, Restriction, Setting};
 pub use layout::Layout;
 pub use model::{
     Advected, Condition, ConnectionKind, Constraint, ConstraintKind, Coordinate, Domain, Model, Named,
-    NamedVector, Param, Places, Reconstruction, ReconstructionKind, Relation, Scene, Side, Stages, Velocity,
-    View, ViewShape, Views, VirtualConstraint, circle_names, diagnose,
+    NamedVector, Param, ParamArray, Places, Reconstruction, ReconstructionKind, Relation, Scene, Side,
+    Stages, Velocity, View, ViewShape, Views, VirtualConstraint, circle_names, diagnose,
 };
 pub use shape::{Shape, ValueError};
 pub use value::Value;
-pub use want::Want;
+pub use want::{Want, Wanted};
 
 use crate::expr::Budget;
 

@@ -3,6 +3,8 @@
 use std::collections::BTreeMap;
 
 use super::diagnostic::{Diagnostic, Diagnostics, Origin, Span};
+use super::layout::Layout;
+use super::want::Wanted;
 use crate::algebra::LieAlgebra;
 use crate::error::Error;
 use crate::expr::{ExprId, Graph, Rational, SymbolId};
@@ -27,6 +29,17 @@ pub struct Param {
     pub default: Rational,
     /// Documentation of the item that declared it.
     pub doc: String,
+}
+
+/// Parameters that form a vector or a matrix.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ParamArray {
+    /// Name, such as `I` of `I1, I2, I3`.
+    pub name: String,
+    /// What they form, and in which order.
+    pub layout: Layout,
+    /// Their symbols.
+    pub symbols: Vec<SymbolId>,
 }
 
 /// Relation of a [`Condition`].
@@ -66,17 +79,6 @@ pub enum Domain {
     Angle,
     /// The real line.
     Real,
-}
-
-impl Domain {
-    /// The ends of an interval.
-    pub(crate) fn ends_mut(&mut self) -> impl Iterator<Item = &mut ExprId> {
-        let ends = match self {
-            Domain::Interval(low, high) => [Some(low), Some(high)],
-            Domain::Angle | Domain::Real => [None, None],
-        };
-        ends.into_iter().flatten()
-    }
 }
 
 /// A base coordinate.
@@ -255,6 +257,8 @@ pub enum ReconstructionKind {
 /// Coordinates of the group motion, computed where a scene asks for them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reconstruction {
+    /// Names in the text and how many coordinates each stands for: `q` for a quaternion's four, `x` for the one of that name.
+    pub blocks: Vec<(String, usize)>,
     /// Names of the coordinates.
     pub names: Vec<String>,
     /// Their symbols.
@@ -297,8 +301,8 @@ pub struct Scene {
     /// Fixed parameters, by component.
     pub fixed: Vec<(String, Rational)>,
     /// Wanted outputs.
-    pub wants: Vec<String>,
-    /// Base coordinates (vectors or components) and advected parameters that are left out.
+    pub wants: Vec<Wanted>,
+    /// Base coordinates and advected parameters that are left out, by component.
     pub drops: Vec<String>,
     /// Base coordinates, by component, that are carried as points of the circle.
     pub circles: Vec<String>,
@@ -306,6 +310,8 @@ pub struct Scene {
     pub doc: String,
     /// Where its name stands.
     pub span: Option<Span>,
+    /// Where the whole of it stands.
+    pub extent: Option<Span>,
     /// Where the names in it stand: fixed parameters, outputs, coordinates.
     pub places: BTreeMap<String, Span>,
 }
@@ -417,6 +423,8 @@ pub struct Model {
     pub time: SymbolId,
     /// Scalar parameters in the order of declaration.
     pub params: Vec<Param>,
+    /// Which of them form vectors and matrices.
+    pub param_arrays: Vec<ParamArray>,
     /// Validity conditions on the parameters.
     pub conditions: Vec<Condition>,
     /// Base coordinates.

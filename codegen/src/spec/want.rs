@@ -128,3 +128,27 @@ impl Want {
         )
     }
 }
+
+/// What a scene asks for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Wanted {
+    /// By a word of the language.
+    Want(Want),
+    /// A casimir, an output of the model or a component of one, by its own name.
+    Own(String),
+}
+
+impl Wanted {
+    /// What a name in a scene stands for.
+    pub(super) fn from_name(name: &str) -> Wanted {
+        Want::from_name(name).map_or_else(|| Wanted::Own(name.to_owned()), Wanted::Want)
+    }
+
+    /// As the scene says it.
+    pub fn name(&self) -> &str {
+        match self {
+            Wanted::Want(want) => want.name(),
+            Wanted::Own(name) => name,
+        }
+    }
+}

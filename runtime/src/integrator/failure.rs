@@ -94,7 +94,8 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
         }
     }
 
-    /// Why a fixed step failed: a pivot that passes through zero on it where there is one, and the system has not said so.
+    /// Why a fixed step failed: a pivot that passes through zero on it where there is one, and the system has not
+    /// said so.
     #[cold]
     pub(super) fn named(&mut self, h: R, reason: Error) -> Error {
         if !matches!(reason, Error::Failure(Failure::NonFinite { .. }) | Error::NotConverged { .. }) {

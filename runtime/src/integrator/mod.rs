@@ -1,8 +1,8 @@
 //! The one driver of all methods: time, state and counts of an integration.
 //!
 //! [`step`] takes one accepted step, [`failure`] says why there is none, [`dense`] interpolates within the last step,
-//! [`sampling`] visits times and events on the way, [`norms`] measures errors. The module deliberately does not know any
-//! method: the integrator reads a tableau and has the stages, or a series, computed.
+//! [`sampling`] visits times and events on the way, [`norms`] measures errors. The module deliberately does not know
+//! any method: the integrator reads a tableau and has the stages, or a series, computed.
 
 mod dense;
 mod failure;
@@ -23,6 +23,7 @@ use crate::system::{StateVector, System};
 
 /// Counts of work done since the integrator was made.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Stats {
     /// Accepted steps.
     pub steps: u64,
@@ -118,8 +119,8 @@ impl<'s, R: Real, S: System<R>, M: Method<R, S>> Integrator<'s, R, S, M> {
     ///
     /// # Errors
     ///
-    /// Those of [`Options::validate`]; [`Error::NoErrorEstimate`] for adaptive steps with a method for fixed
-    /// ones; [`Error::Order`]; [`Error::TimeNotFinite`]; [`Error::Failure`] if the right-hand side has no value at `y0`.
+    /// Those of [`Options::validate`]; [`Error::NoErrorEstimate`] for adaptive steps with a method for fixed ones;
+    /// [`Error::Order`]; [`Error::TimeNotFinite`]; [`Error::Failure`] if the right-hand side has no value at `y0`.
     pub fn new(system: &'s S, method: M, t0: R, y0: S::State, options: Options<R>) -> Result<Self, Error> {
         options.validate()?;
         method.validate(&options)?;

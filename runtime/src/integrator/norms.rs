@@ -7,6 +7,7 @@ use crate::options::Norm;
 use crate::real::Real;
 use crate::system::StateVector;
 
+#[inline]
 pub(super) fn copy<R: Real, V: StateVector<R>>(from: &V, to: &mut V) {
     for (to, from) in to.as_mut_slice().iter_mut().zip(from.as_slice()) {
         *to = *from;
@@ -14,11 +15,13 @@ pub(super) fn copy<R: Real, V: StateVector<R>>(from: &V, to: &mut V) {
 }
 
 /// Whether no component is infinite or NaN, without branches.
+#[inline]
 pub(super) fn all_finite<R: Real, V: StateVector<R>>(v: &V) -> bool {
     v.as_slice().iter().fold(true, |finite, x| finite & x.all_finite())
 }
 
 /// Whether small powers of all components are finite, without branches.
+#[inline]
 pub(super) fn all_moderate<R: Real, V: StateVector<R>>(v: &V) -> bool {
     // The fourth power of the first is finite in `f64`, that of the second in `f32`.
     let [large, single] = [1e75, 1e9].map(R::from_f64);

@@ -37,10 +37,11 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
     /// direction asked for.
     ///
     /// Events are located on dense output up to the spacing of times, and told in the order of time, just after the
-    /// change of sign; where a function is zero over a stretch of time, at its start. Where `on_event` breaks, the integration stops: time and state are those of the event, and
-    /// the answer is [`Progress::Running`] unless that is the end. A function that is zero at the start has no
-    /// event there. Of several changes of one function within one step, an even number is overlooked and one of an
-    /// odd number is found; [`Options::with_max_step`] bounds the step.
+    /// change of sign; where a function is zero over a stretch of time, at its start. Where `on_event` breaks, the
+    /// integration stops: time and state are those of the event, and the answer is [`Progress::Running`] unless that
+    /// is the end. A function that is zero at the start has no event there. Of several changes of one function within
+    /// one step, an even number is overlooked and one of an odd number is found; [`Options::with_max_step`] bounds
+    /// the step.
     ///
     /// With a scalar of several lanes, the lanes are to change sign together.
     ///

@@ -92,6 +92,7 @@ pub trait Method<R: Real, S: System<R>>: Copy {
 
 /// An end of a step.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Point<V> {
     /// The state, rounded.
     pub state: V,
@@ -103,6 +104,7 @@ pub struct Point<V> {
 
 /// The start of a step whose size is to be chosen, as a method sees it.
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct Start<'a, R: Real, S: System<R>> {
     /// The system that is integrated.
     pub system: &'a S,
@@ -126,9 +128,9 @@ pub struct Start<'a, R: Real, S: System<R>> {
 /// tolerance_i = atol_i + rtol_i max(|a_i|, |b_i|)
 /// ```
 ///
-/// Errors are multiplied by the reciprocals of the tolerances. Where one of them leaves the range of the scalar, as with
-/// states around 1e-300, state and error are brought into the middle of the range by a power of two first: results do
-/// not depend on the scale of the state.
+/// Errors are multiplied by the reciprocals of the tolerances. Where one of them leaves the range of the scalar, as
+/// with states around 1e-300, state and error are brought into the middle of the range by a power of two first:
+/// results do not depend on the scale of the state.
 #[derive(Clone, Copy, Debug)]
 pub struct Tolerances<'a, V> {
     pub(crate) rtol: &'a V,
@@ -189,6 +191,7 @@ fn middle_of_range<R: Real>(size: f64) -> f64 {
 
 /// One trial step, as a method sees it.
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct Step<'a, R: Real, S: System<R>> {
     /// The system that is integrated.
     pub system: &'a S,

@@ -39,15 +39,15 @@ impl<R: Real, const K: usize, S: Invariants<R, K> + ?Sized> Invariants<R, K> for
 /// y1 <- y1 + W sum_k alpha_k q_k     until     I_k(y1) = I_k(y0),     W = diag(1/(s^2 + y1_c^2))
 /// ```
 ///
-/// with the gradients `q_k` at the unprojected state, orthogonalised in the product `a.W b`, and `s` the size of a number whose
-/// rounding, `epsilon s`, is the distance to the levels `max_k |I_k(y1) - I_k(y0)| / |q_k|`: the nearest state, where a component
-/// that is rounded by more than that distance counts by its rounding. An angle that has grown to thousands of turns is rounded by more
-/// than an energy needs to be corrected by; it is left alone, and the velocities are moved. The order of the method is kept, and the
-/// invariants stay within round-off of their values at the start, however many steps are taken. The price of a
-/// step is one evaluation of the gradients and two or three of the values. An invariant whose gradient depends on
-/// those before it is left out at such a state; so is one that rounding of the state changes by less than the smallest
-/// number, as an energy of velocities below 1e-154. An invariant that is infinite or NaN ends the integration:
-/// [`Error::InvariantNotFinite`].
+/// with the gradients `q_k` at the unprojected state, orthogonalised in the product `a.W b`, and `s` the size of a
+/// number whose rounding, `epsilon s`, is the distance to the levels `max_k |I_k(y1) - I_k(y0)| / |q_k|`: the nearest
+/// state, where a component that is rounded by more than that distance counts by its rounding. An angle that has
+/// grown to thousands of turns is rounded by more than an energy needs to be corrected by; it is left alone, and the
+/// velocities are moved. The order of the method is kept, and the invariants stay within round-off of their values at
+/// the start, however many steps are taken. The price of a step is one evaluation of the gradients and two or three
+/// of the values. An invariant whose gradient depends on those before it is left out at such a state; so is one that
+/// rounding of the state changes by less than the smallest number, as an energy of velocities below 1e-154. An
+/// invariant that is infinite or NaN ends the integration: [`Error::InvariantNotFinite`].
 ///
 /// It is also how coordinates of a group stay in the group: to project a quaternion or a rotation matrix onto its
 /// equations costs less than exponentials in every stage, works in any method and with its dense output and error
@@ -152,8 +152,8 @@ impl<R: Real, V: StateVector<R>, T, const K: usize> Projection<R, V, T, K> {
                 let correction =
                     (0..K).fold(R::ZERO, |sum, k| sum + factors[k] * self.gradients[k].as_slice()[c]);
                 let weight = self.weights.as_slice()[c];
-                // The residue stays out of it: next to half a place it would be tipped over by the smallest correction, and the state
-                // moved by a whole place.
+                // The residue stays out of it: next to half a place it would be tipped over by the smallest
+                // correction, and the state moved by a whole place.
                 let (moved, lost) = two_sum(*state, weight * correction);
                 (*state, *residue) = (moved, *residue + lost);
             }
@@ -168,7 +168,8 @@ impl<R: Real, V: StateVector<R>, T, const K: usize> Projection<R, V, T, K> {
         Ok(())
     }
 
-    /// The size of a number that is rounded by the distance to the levels, for which invariants need defects and gradients.
+    /// The size of a number that is rounded by the distance to the levels, for which invariants need defects and
+    /// gradients.
     fn size_rounded_by_distance(&self, defects: &[R; K], state: &V) -> f64 {
         let mut distance = 0.0_f64;
         for (gradient, defect) in self.gradients.iter().zip(defects) {

@@ -6,6 +6,7 @@ use crate::real::Real;
 
 /// A coefficient of a method with 32 digits: `hi + lo`.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Constant {
     /// The coefficient in `f64`.
     pub hi: f64,

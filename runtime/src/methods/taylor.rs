@@ -243,9 +243,10 @@ impl<R: Real, S: Jet<R>> Method<R, S> for Taylor {
             }
             step = exp2(log);
         }
-        // Where a component is `a` times its tolerance the terms allow `a^(-1/p)` of the radius of convergence, and up to twice
-        // that near a square root: below `a = 3^p` a step could pass a singularity unseen. The root test gives the radius of a pole, and 1.4 to 1.8 times that of
-        // a square root for the orders 15 to 7: half of it is inside either.
+        // Where a component is `a` times its tolerance the terms allow `a^(-1/p)` of the radius of convergence, and
+        // up to twice that near a square root: below `a = 3^p` a step could pass a singularity unseen. The root test
+        // gives the radius of a pole, and 1.4 to 1.8 times that of a square root for the orders 15 to 7: half of it
+        // is inside either.
         let size = R::from_f64(exp2(2.0 * LOG2_OF_3 * p as f64));
         let mut components = coefficients[0].as_slice().iter().enumerate();
         let is_small = |(c, &y): (usize, &R)| {

@@ -146,8 +146,8 @@ fn rows_sum_to_nodes() {
     check::<DoubleDouble>();
 }
 
-/// Bounds on defects: sums over products of up to nine coefficients, of a size up to 12 (Tsit5), 43 (Dop853), 36 (Vern9);
-/// dense coefficients are up to 530 (Dop853) and 1340 (Vern9).
+/// Bounds on defects: sums over products of up to nine coefficients, of a size up to 12 (Tsit5), 43 (Dop853), 36
+/// (Vern9); dense coefficients are up to 530 (Dop853) and 1340 (Vern9).
 const ROUND_OFF: f64 = 2e-14;
 const DENSE_ROUND_OFF: f64 = 1e-13;
 /// The same with all digits.

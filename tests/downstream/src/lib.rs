@@ -9,6 +9,11 @@ pub mod models {
     hamel_runtime::include_model!("models");
 }
 
+/// A scene in the types of `nalgebra`, as `Config::nalgebra` writes it.
+pub mod kite {
+    hamel_runtime::include_model!("kite_flight");
+}
+
 /// A module that nobody else sees and of which one function uses a part.
 mod private {
     include!(concat!(env!("OUT_DIR"), "/suslov_gyrostat.rs"));

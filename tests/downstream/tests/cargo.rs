@@ -18,7 +18,13 @@ impl Package {
         for folder in ["src", "models"] {
             std::fs::create_dir_all(root.join(folder)).unwrap();
         }
-        for file in ["build.rs", "Cargo.lock", "models/suslov_gyrostat.hamel", "models/thinning.hamel"] {
+        for file in [
+            "build.rs",
+            "Cargo.lock",
+            "models/suslov_gyrostat.hamel",
+            "models/thinning.hamel",
+            "models/kite.hamel",
+        ] {
             std::fs::copy(here.join(file), root.join(file)).unwrap();
         }
         let repository = here.ancestors().nth(2).unwrap().display();

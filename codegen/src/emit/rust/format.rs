@@ -40,8 +40,8 @@ pub(super) fn format_file(tokens: TokenStream) -> Result<String, Error> {
     Ok(unparse(&parse_file(tokens)?))
 }
 
-/// The items of a scene to formatted text that fits any crate: one that keeps the module to itself and uses some of its items
-/// gets no warnings for the others.
+/// The items of a scene to formatted text that fits any crate: one that keeps the module to itself and uses some of
+/// its items gets no warnings for the others.
 pub(super) fn format_module(tokens: TokenStream) -> Result<String, Error> {
     let mut file = parse_file(tokens)?;
     for item in &mut file.items {

@@ -34,7 +34,8 @@ impl Writer<'_> {
             methods.extend(self.pivots(pivots)?);
         }
         if let Some(signature) = &module.signature {
-            let title = "A number that stays the same along a motion while no matrix that is solved with becomes singular.";
+            let title = "A number that stays the same along a motion while no matrix that is solved with \
+                         becomes singular.";
             let doc = self.function_doc(signature.function, title, &[]);
             methods.extend(self.scalar("signature", doc, signature)?);
         }

@@ -18,7 +18,8 @@ impl Writer<'_> {
         let (body, results) = (self.body(routine)?, parse_all(&routine.code.results)?);
         let (values, scales) = results.split_at(results.len() / 2);
         let names = routine.function.results[..values.len()].iter().map(|(name, _)| name);
-        let title = "What the right-hand side divides by that may vanish or overflow, each with the scale of its rounding errors.";
+        let title = "What the right-hand side divides by that may vanish or overflow, each with the scale of its \
+                     rounding errors.";
         let doc = self.function_doc(routine.function, title, &[]);
         let check_doc = doc_attributes([
             "Says which pivot vanishes at a point, or is not finite.",

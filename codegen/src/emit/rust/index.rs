@@ -28,8 +28,8 @@ pub struct SceneEntry {
 }
 
 impl SceneEntry {
-    /// The module name of a scene: the model's for the scene `default`, otherwise `<model>_<scene>`; followed by `_` where it
-    /// would be a word of Rust.
+    /// The module name of a scene: the model's for the scene `default`, otherwise `<model>_<scene>`; followed by `_`
+    /// where it would be a word of Rust.
     pub fn module_name(model: &str, scene: &str) -> String {
         let name = if scene == "default" { model.to_owned() } else { format!("{model}_{scene}") };
         legal(Rust.reserved(), &name)
@@ -38,7 +38,8 @@ impl SceneEntry {
 
 /// Emits `mod.rs`: a module for each scene, and `for_each_scene!`.
 ///
-/// The macro calls `$visit! { (module, "model", "scene", dimension) .. }`; the module is at `$crate::generated::module`.
+/// The macro calls `$visit! { (module, "model", "scene", dimension) .. }`; the module is at
+/// `$crate::generated::module`.
 ///
 /// # Errors
 /// [`Error::Emission`] when a module name is no identifier.

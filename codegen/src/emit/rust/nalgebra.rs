@@ -1,7 +1,7 @@
 //! Parameters and state in the types of the crate `nalgebra`, for modules that are asked to have them.
 //!
-//! Every group of numbers has a method of its name that gives it, and `with_<name>` that takes another one; a vector of the
-//! whole state goes there and back. Does not know: which numbers form a group, or why.
+//! Every group of numbers has a method of its name that gives it, and `with_<name>` that takes another one; a vector
+//! of the whole state goes there and back. Does not know: which numbers form a group, or why.
 
 use proc_macro2::{Ident, TokenStream};
 use quote::quote;

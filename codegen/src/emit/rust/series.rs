@@ -79,7 +79,8 @@ impl Writer<'_> {
         let counts = jet.program.functions[Jet::NEXT].counts();
         let lanes = jet.n_lanes;
         let doc = doc_attributes([
-            "Writes the Taylor coefficients of the solution, at order zero by the equations and then by their recurrence."
+            "Writes the Taylor coefficients of the solution, at order zero by the equations and then by their \
+             recurrence."
                 .to_owned(),
             String::new(),
             "# Operations".to_owned(),

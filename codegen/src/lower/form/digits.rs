@@ -1,7 +1,7 @@
 //! Which of two ways to write a number, or a function, loses fewer digits.
 //!
-//! What depends on parameters alone is computed once, so that the number of operations does not count: the form with the least
-//! cancellation is taken. Does not know: what a number is for, how a call uses it.
+//! What depends on parameters alone is computed once, so that the number of operations does not count: the form with
+//! the least cancellation is taken. Does not know: what a number is for, how a call uses it.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -15,8 +15,8 @@ use crate::lower::classes::Class;
 use crate::lower::source::Source;
 use crate::program::Relation;
 
-/// Points at which errors are measured, fewer where there are many inputs, and those drawn to find as many that the conditions on
-/// the parameters allow.
+/// Points at which errors are measured, fewer where there are many inputs, and those drawn to find as many that the
+/// conditions on the parameters allow.
 const POINTS: usize = 96;
 const FEWEST_POINTS: usize = 16;
 const MOVED_POINTS: usize = 2048;
@@ -43,8 +43,8 @@ impl Points {
         Points { samples: samples.shifted(n, inputs, SHIFT), n_inputs }
     }
 
-    /// The largest error of all points in multiples of the effect of the inputs there, `|f| + sum_i |df/dx_i| |x_i|`; at least that
-    /// of a few operations.
+    /// The largest error of all points in multiples of the effect of the inputs there, `|f| + sum_i |df/dx_i| |x_i|`;
+    /// at least that of a few operations.
     fn loss(&self, values: &[Measured]) -> f64 {
         let n = self.samples.len() / (self.n_inputs + 1);
         values[..n].iter().enumerate().fold(FEW, |worst, (k, at)| {
@@ -103,8 +103,8 @@ impl Digits {
         }
     }
 
-    /// The errors of the roots in multiples of what rounding the inputs does to their exact values, the largest of each root.
-    /// None where too much was measured before.
+    /// The errors of the roots in multiples of what rounding the inputs does to their exact values, the largest of each
+    /// root. None where too much was measured before.
     pub(super) fn losses(
         &mut self,
         graph: &mut Graph,

@@ -1,9 +1,10 @@
 //! Common subexpressions and factors of many polynomials at once, greedily by what they save.
 //!
-//! Two kinds of divisors are looked for in all polynomials together: sums of two monomials, up to a common factor,
-//! (`a x + a r y = a (x + r y)`: Horner's rule and shared sums alike) and products of two literals. Longer ones grow out
-//! of these step by step. This is fast extraction from logic synthesis (Rajski and Vasudevamurthi, 1990), with
-//! coefficients (Hosangadi, Fallah and Kastner, 2006). Deliberately does not know which polynomials were multiplied out.
+//! Two kinds of divisors are looked for in all polynomials together: sums of two monomials, up to a common factor, (`a
+//! x + a r y = a (x + r y)`: Horner's rule and shared sums alike) and products of two literals. Longer ones grow out of
+//! these step by step. This is fast extraction from logic synthesis (Rajski and Vasudevamurthi, 1990), with
+//! coefficients (Hosangadi, Fallah and Kastner, 2006). Deliberately does not know which polynomials were multiplied
+//! out.
 
 use std::collections::BTreeSet;
 use std::rc::Rc;
@@ -180,17 +181,38 @@ struct Occurrence {
     second: u32,
     /// What a sum is multiplied by, besides the common powers of its terms.
     scale: Coefficient,
+    /// Factors that stand beside a sum in the term that takes the place of the two; none for a product.
+    n_left: u32,
 }
 
 /// Where divisors occur in one polynomial and what replacing all occurrences of each would save.
 #[derive(Debug)]
 struct Candidates {
+    /// Sorted by divisor, then by place.
     occurrences: Vec<Occurrence>,
     /// Sorted by divisor.
     savings: Vec<(u32, i64)>,
 }
 
-/// Extracts divisors; remembers those of polynomials met before, as one search meets the same ones again and again.
+/// What is known of one term, whichever polynomials it stands in.
+#[derive(Debug)]
+struct Term {
+    n_mul: i64,
+    /// Products of two of its literals; none before they are asked for.
+    products: Option<Rc<[u32]>>,
+}
+
+/// What is known of the sum of two terms, whichever polynomials it stands in.
+#[derive(Clone, Copy, Debug)]
+struct Pair {
+    divisor: u32,
+    scale: Coefficient,
+    /// As [`Occurrence::n_left`].
+    n_left: u32,
+}
+
+/// Extracts divisors; remembers those of terms, pairs of terms and polynomials met before, as one search meets the same
+/// ones again and again.
 #[derive(Default)]
 pub(super) struct Extractor {
     index: FxHashMap<Divisor, u32>,
@@ -200,7 +222,12 @@ pub(super) struct Extractor {
     totals: Vec<i64>,
     /// Divisors that are there already; none between extractions.
     known: Vec<Option<Known>>,
-    candidates: FxHashMap<Polynomial, Rc<Candidates>>,
+    term_index: FxHashMap<(Monomial, Coefficient), u32>,
+    terms: Vec<Term>,
+    /// By the numbers of both terms, that of the first in the upper half.
+    pairs: FxHashMap<u64, Pair>,
+    /// By the numbers of the terms.
+    candidates: FxHashMap<Rc<[u32]>, Rc<Candidates>>,
     /// What the tables hold, about.
     bytes: usize,
 }
@@ -396,7 +423,7 @@ impl Pass<'_> {
     /// Polynomials that are a divisor as they stand need not be computed again.
     fn remember(&mut self, entries: &[Entry], k: usize) {
         let (divisor, scale) = match entries[k].value.as_slice() {
-            [(a, p), (b, q)] => self.sum_divisor((a, *p), (b, *q)),
+            [(a, p), (b, q)] => self.sum_divisor((a.clone(), *p), (b.clone(), *q)),
             [(m, c)] => {
                 let literals = literals(m, *c);
                 let [(a, n), rest @ ..] = literals.as_slice() else { return };
@@ -427,11 +454,11 @@ impl Pass<'_> {
     /// `p a + q b = scale * divisor`, the common factor of `a` and `b` left in both.
     fn sum_divisor(
         &mut self,
-        (a, p): (&Monomial, Coefficient),
-        (b, q): (&Monomial, Coefficient),
+        (a, p): (Monomial, Coefficient),
+        (b, q): (Monomial, Coefficient),
     ) -> (Divisor, Coefficient) {
         let (first, second, p, q) = if a <= b { (a, b, p, q) } else { (b, a, q, p) };
-        let monomials = [first.clone(), second.clone()];
+        let monomials = [first, second];
         let one = Coefficient::ONE;
         if let Some(ratio) = self.system.numbers.div(self.graph, q, p) {
             return (Divisor::Sum(monomials, [one, ratio]), p);
@@ -444,76 +471,121 @@ impl Pass<'_> {
     }
 
     fn candidates_of(&mut self, value: &Polynomial) -> Rc<Candidates> {
-        if let Some(known) = self.extractor.candidates.get(value) {
+        let terms: Rc<[u32]> = value.iter().map(|term| self.term(term)).collect();
+        if let Some(known) = self.extractor.candidates.get(&terms) {
             self.system.effort.divisors += known.savings.len();
             return known.clone();
         }
-        let mut list = Vec::new();
-        for i in 0..value.len() {
-            let (m, c) = &value[i];
-            let literals = literals(m, *c);
-            for (x, (a, n)) in literals.iter().enumerate() {
-                if *n >= 2 {
-                    let divisor = self.id(Divisor::Product(*a, *a));
-                    list.push(Occurrence { divisor, first: i as u32, second: i as u32, scale: *c });
-                }
-                for (b, _) in &literals[x + 1..] {
-                    let divisor = self.id(Divisor::Product(*a, *b));
-                    list.push(Occurrence { divisor, first: i as u32, second: i as u32, scale: *c });
-                }
+        let mut list: Vec<Occurrence> = Vec::new();
+        for (i, term) in terms.iter().enumerate() {
+            let (place, scale) = (i as u32, value[i].1);
+            for divisor in self.products(*term, &value[i]).iter() {
+                list.push(Occurrence { divisor: *divisor, first: place, second: place, scale, n_left: 0 });
             }
             let end = value.len().min(i + WINDOW);
             for j in i + 1..end {
-                let common = common(m, &value[j].0);
-                let (a, b) = (quotient(m, &common), quotient(&value[j].0, &common));
-                let (divisor, scale) = self.sum_divisor((&a, *c), (&b, value[j].1));
-                let divisor = self.id(divisor);
-                list.push(Occurrence { divisor, first: i as u32, second: j as u32, scale });
+                let Pair { divisor, scale, n_left } = self.pair((*term, &value[i]), (terms[j], &value[j]));
+                list.push(Occurrence { divisor, first: place, second: j as u32, scale, n_left });
             }
         }
         self.system.effort.divisors += 4 * list.len();
-        let shape = Shape::of(value);
         // Occurrences of one divisor that share a term exclude one another; the first ones count.
-        list.sort_by_key(|o: &Occurrence| (o.divisor, o.first, o.second));
+        let mut order: Vec<u64> =
+            list.iter().enumerate().map(|(place, o)| (u64::from(o.divisor) << 32) | place as u64).collect();
+        order.sort_unstable();
+        let occurrences: Vec<Occurrence> =
+            order.into_iter().map(|key| list[(key & u64::from(u32::MAX)) as usize]).collect();
+        let shape = Shape::of(value);
+        let before = shape.cost();
         let mut savings: Vec<(u32, i64)> = Vec::new();
         let mut used: Vec<u32> = Vec::new();
-        for o in &list {
+        for o in &occurrences {
             if savings.last().is_none_or(|(divisor, _)| *divisor != o.divisor) {
                 savings.push((o.divisor, 0));
                 used.clear();
             }
             if !used.contains(&o.first) && !used.contains(&o.second) {
                 used.extend([o.first, o.second]);
-                let saves = self.saving(value, shape, o);
+                let saves = before - self.shape_without(shape, &terms, o).cost();
                 savings.last_mut().expect("just pushed").1 += saves;
             }
         }
         self.system.effort.steps += 4 * list.len();
-        self.extractor.bytes += 96 * value.len() + 20 * list.len() + 16 * savings.len();
-        let candidates = Rc::new(Candidates { occurrences: list, savings });
-        self.extractor.candidates.insert(value.clone(), candidates.clone());
+        self.extractor.bytes += 8 * value.len() + 24 * list.len() + 16 * savings.len();
+        let candidates = Rc::new(Candidates { occurrences, savings });
+        self.extractor.candidates.insert(terms, candidates.clone());
         candidates
     }
 
-    /// What replacing one occurrence saves.
-    fn saving(&self, value: &Polynomial, shape: Shape, o: &Occurrence) -> i64 {
+    /// The number of a term.
+    fn term(&mut self, term: &(Monomial, Coefficient)) -> u32 {
+        if let Some(known) = self.extractor.term_index.get(term) {
+            return *known;
+        }
+        let id = u32::try_from(self.extractor.terms.len()).expect("fewer than 2^32 terms fit in memory");
+        self.extractor.bytes += 96 + 12 * term.0.len();
+        self.extractor.term_index.insert(term.clone(), id);
+        self.extractor.terms.push(Term { n_mul: n_mul(&term.0, term.1), products: None });
+        id
+    }
+
+    /// The products of two literals of a term.
+    fn products(&mut self, id: u32, (m, c): &(Monomial, Coefficient)) -> Rc<[u32]> {
+        if let Some(known) = &self.extractor.terms[id as usize].products {
+            return known.clone();
+        }
+        let literals = literals(m, *c);
+        let mut products = Vec::new();
+        for (x, (a, n)) in literals.iter().enumerate() {
+            if *n >= 2 {
+                products.push(self.id(Divisor::Product(*a, *a)));
+            }
+            for (b, _) in &literals[x + 1..] {
+                products.push(self.id(Divisor::Product(*a, *b)));
+            }
+        }
+        let products: Rc<[u32]> = products.into();
+        self.extractor.bytes += 4 * products.len();
+        self.extractor.terms[id as usize].products = Some(products.clone());
+        products
+    }
+
+    /// The sum of two terms as a divisor.
+    fn pair(
+        &mut self,
+        (first, (a, p)): (u32, &(Monomial, Coefficient)),
+        (second, (b, q)): (u32, &(Monomial, Coefficient)),
+    ) -> Pair {
+        let key = (u64::from(first) << 32) | u64::from(second);
+        if let Some(known) = self.extractor.pairs.get(&key) {
+            return *known;
+        }
+        let common = common(a, b);
+        let (divisor, scale) = self.sum_divisor((quotient(a, &common), *p), (quotient(b, &common), *q));
+        let literals: i64 = common.iter().map(|(_, q)| n_literals(*q)).sum();
+        let n_left = u32::try_from(literals + i64::from(!scale.is_unit())).expect("few literals");
+        let pair = Pair { divisor: self.id(divisor), scale, n_left };
+        self.extractor.bytes += 40;
+        self.extractor.pairs.insert(key, pair);
+        pair
+    }
+
+    /// What is left of a polynomial where one occurrence is replaced.
+    fn shape_without(&self, shape: Shape, terms: &[u32], o: &Occurrence) -> Shape {
+        let n_mul = |place: u32| self.extractor.terms[terms[place as usize] as usize].n_mul;
         let mut after = shape;
-        let (m, c) = &value[o.first as usize];
-        let before = n_mul(m, *c);
+        let before = n_mul(o.first);
         after.add(before, -1);
         let divisor = &self.extractor.divisors[o.divisor as usize];
         match divisor {
             Divisor::Product(..) => after.add(before - 1, 1),
             Divisor::Sum(..) => {
-                let (other, d) = &value[o.second as usize];
-                after.add(n_mul(other, *d), -1);
-                let common = common(m, other);
-                let literals: i64 = common.iter().map(|(_, q)| n_literals(*q)).sum();
+                after.add(n_mul(o.second), -1);
                 let own = i64::from(!self.is_one(divisor));
-                after.add((literals + own + i64::from(!o.scale.is_unit()) - 1).max(0), 1);
+                after.add((i64::from(o.n_left) + own - 1).max(0), 1);
             }
         }
-        shape.cost() - after.cost()
+        after
     }
 
     fn value_of(&self, id: u32) -> Polynomial {
@@ -537,7 +609,8 @@ impl Pass<'_> {
         let mut gone = vec![false; value.len()];
         let mut terms = Vec::with_capacity(value.len());
         let divisor = self.extractor.divisors[id as usize].clone();
-        let hits = hits.iter().filter(|o| o.divisor == id);
+        let hits = &hits[hits.partition_point(|o| o.divisor < id)..];
+        let hits = hits.iter().take_while(|o| o.divisor == id);
         let (inner, scale) = match known {
             Known::One => (Monomial::new(), Coefficient::ONE),
             Known::Entry { k, scale } => {

@@ -1,9 +1,9 @@
 //! The form in which a function is computed: which definitions it keeps, in which units, with which common factors.
 //!
-//! `read` turns what a function needs into `polynomial`s with `numbers` as coefficients, `search` finds the cheapest form by
-//! multiplying definitions out, `extract`ing common sums and products, and measuring values in other `units`, `digits`
-//! measures what forms lose to rounding, `write` turns polynomials back into definitions, and what comes out is compared
-//! with what was asked for. `effort` counts the work. Does not know: values of a program, mechanics.
+//! `read` turns what a function needs into `polynomial`s with `numbers` as coefficients, `search` finds the cheapest
+//! form by multiplying definitions out, `extract`ing common sums and products, and measuring values in other `units`,
+//! `digits` measures what forms lose to rounding, `write` turns polynomials back into definitions, and what comes out
+//! is compared with what was asked for. `effort` counts the work. Does not know: values of a program, mechanics.
 
 mod digits;
 mod effort;
@@ -42,11 +42,12 @@ pub(super) struct Form {
     pub(super) units: BTreeMap<SymbolId, ExprId>,
 }
 
-/// The cheapest form of one function that the search finds, equal as a function, or the function as it was, and what became
-/// of the search.
+/// The cheapest form of one function that the search finds, equal as a function, or the function as it was, and what
+/// became of the search.
 ///
 /// # Errors
-/// [`Error::Program`] where the search finds another function, a bug, if debug assertions are on; [`Error::DivisionByZero`].
+/// [`Error::Program`] where the search finds another function, a bug, if debug assertions are on;
+/// [`Error::DivisionByZero`].
 pub(super) fn cheapest(
     graph: &mut Graph,
     source: &Source<'_>,

@@ -66,6 +66,7 @@ impl ModelBuilder {
             graph: self.graph,
             time: self.time,
             params: self.params,
+            param_arrays: self.param_arrays,
             conditions: self.conditions,
             base: self.base,
             algebra: self.algebra.map_or_else(|| LieAlgebra::abelian(0), |(algebra, _)| algebra),

@@ -67,6 +67,7 @@ pub(super) enum Way {
 
 #[derive(Clone, Debug)]
 pub(super) struct ReconstructionDraft {
+    pub(super) blocks: Vec<(String, usize)>,
     pub(super) names: Vec<String>,
     pub(super) symbols: Vec<SymbolId>,
     pub(super) way: Way,
@@ -112,6 +113,7 @@ pub struct ModelBuilder {
     pub(super) sources: Vec<String>,
     pub(super) time: SymbolId,
     pub(super) params: Vec<Param>,
+    pub(super) param_arrays: Vec<ParamArray>,
     pub(super) blocks: BTreeMap<String, Vec<usize>>,
     pub(super) conditions: Vec<Condition>,
     pub(super) base: Vec<Coordinate>,
@@ -167,6 +169,7 @@ impl ModelBuilder {
             sources: Vec::new(),
             time,
             params: Vec::new(),
+            param_arrays: Vec::new(),
             blocks: BTreeMap::new(),
             conditions: Vec::new(),
             base: Vec::new(),

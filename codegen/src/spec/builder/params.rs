@@ -61,6 +61,7 @@ impl ModelBuilder {
         }
         let mut components = Vec::with_capacity(names.len());
         let mut positions = Vec::with_capacity(names.len());
+        let mut symbols = Vec::with_capacity(names.len());
         for (k, component) in names.iter().enumerate() {
             let (symbol, expr) = self.new_symbol(component, "a component of a parameter");
             positions.push(self.params.len());
@@ -69,8 +70,10 @@ impl ModelBuilder {
             self.check_range(component, &default);
             self.params.push(Param { name: component.clone(), symbol, default, doc: doc.to_owned() });
             components.push(expr);
+            symbols.push(symbol);
         }
         self.blocks.insert(name.to_owned(), positions);
+        self.param_arrays.push(ParamArray { name: name.to_owned(), layout, symbols });
         let value = layout.assemble(&mut self.graph, &components);
         self.bind(name, &value);
         value

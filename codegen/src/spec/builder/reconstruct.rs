@@ -128,8 +128,8 @@ impl ModelBuilder {
     }
 
     fn new_reconstruction(&self, way: Way, doc: &str) -> ReconstructionDraft {
-        let (names, symbols) = (Vec::new(), Vec::new());
-        ReconstructionDraft { names, symbols, way, doc: doc.to_owned(), span: self.here }
+        let (blocks, names, symbols) = (Vec::new(), Vec::new(), Vec::new());
+        ReconstructionDraft { blocks, names, symbols, way, doc: doc.to_owned(), span: self.here }
     }
 
     fn declare_block(
@@ -143,6 +143,7 @@ impl ModelBuilder {
         if is_vector {
             self.declare(name, "a reconstructed coordinate");
         }
+        draft.blocks.push((name.to_owned(), components.len()));
         let mut entries = Vec::with_capacity(components.len());
         for component in components {
             let (symbol, expr) = self.new_symbol(component, "a reconstructed coordinate");
@@ -200,8 +201,8 @@ impl ModelBuilder {
                 }),
             };
             if let Some(kind) = kind {
-                let ReconstructionDraft { names, symbols, doc, span, .. } = draft;
-                result.push(Reconstruction { names, symbols, kind, doc, span });
+                let ReconstructionDraft { blocks, names, symbols, doc, span, .. } = draft;
+                result.push(Reconstruction { blocks, names, symbols, kind, doc, span });
             }
         }
         result

@@ -10,7 +10,7 @@ use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::layout::component_help;
 use crate::spec::model::*;
 use crate::spec::names;
-use crate::spec::want::Want;
+use crate::spec::want::{Want, Wanted};
 
 impl ModelBuilder {
     /// A scene: parameters fixed to numbers (in the order of their components) and what is wanted: names of outputs, or
@@ -25,7 +25,7 @@ impl ModelBuilder {
         let here = self.here;
         let fixed = fixed.iter().map(|(n, v)| ((*n).to_owned(), v.to_vec(), here)).collect();
         let wants = wants.iter().map(|n| ((*n).to_owned(), here)).collect();
-        self.located_scene(name, fixed, [wants, Vec::new(), Vec::new()], doc)
+        self.located_scene(name, fixed, [wants, Vec::new(), Vec::new()], doc, None)
     }
 
     pub(in crate::spec) fn located_scene(
@@ -34,6 +34,7 @@ impl ModelBuilder {
         fixed: Vec<(String, Vec<Rational>, Option<Span>)>,
         [wants, drops, circles]: [Vec<Located>; 3],
         doc: &str,
+        extent: Option<Span>,
     ) -> &mut Self {
         let here = self.here;
         if let Some(reason) = names::refusal(name) {
@@ -53,6 +54,7 @@ impl ModelBuilder {
             circles: Vec::new(),
             doc: doc.to_owned(),
             span: here,
+            extent,
             places: BTreeMap::new(),
         };
         self.scenes.push(SceneDraft { scene, fixed, wants, drops, circles });
@@ -67,11 +69,12 @@ impl ModelBuilder {
             let drops = self.check_drops(&draft);
             let circles = self.check_circles(&draft);
             let fixes = draft.fixed.iter().map(|(name, _, span)| (name, span));
-            let named =
-                draft.wants.iter().chain(&draft.drops).chain(&circles).map(|(name, span)| (name, span));
+            let named = draft.wants.iter().chain(&draft.drops).chain(&drops).chain(&circles);
+            let named = named.map(|(name, span)| (name, span));
             let places =
                 fixes.chain(named).filter_map(|(name, span)| Some((name.clone(), (*span)?))).collect();
-            let circles = circles.into_iter().map(|(name, _)| name).collect();
+            let [drops, circles] =
+                [drops, circles].map(|list| list.into_iter().map(|(name, _)| name).collect());
             let mut scene = Scene { drops, circles, places, ..draft.scene };
             let mut values = defaults.clone();
             let mut places: BTreeMap<SymbolId, Option<Span>> = BTreeMap::new();
@@ -129,14 +132,14 @@ impl ModelBuilder {
                         scene.name
                     );
                     self.problem(span, message, "add an item such as `reconstruct q in SO(3);`");
-                } else if scene.wants.contains(&name) {
+                } else if scene.wants.iter().any(|wanted| wanted.name() == name) {
                     self.problem(
                         span,
                         format!("scene `{}` wants `{name}` twice", scene.name),
                         "keep one of them",
                     );
                 } else {
-                    scene.wants.push(name);
+                    scene.wants.push(Wanted::from_name(&name));
                 }
             }
             self.check_scene_conditions(&scene, &places, &values);
@@ -191,8 +194,10 @@ impl ModelBuilder {
         self
     }
 
-    pub(super) fn check_drops(&mut self, draft: &SceneDraft) -> Vec<String> {
+    /// The components of what a scene leaves out.
+    pub(super) fn check_drops(&mut self, draft: &SceneDraft) -> Vec<(String, Option<Span>)> {
         let mut drops: Vec<String> = Vec::new();
+        let mut components = Vec::new();
         for (name, span) in &draft.drops {
             let scene = &draft.scene.name;
             let is_base = self.names.get(name).is_some_and(|d| d.what == "a coordinate");
@@ -201,6 +206,7 @@ impl ModelBuilder {
                 self.problem(*span, format!("scene `{scene}` drops `{name}` twice"), "keep one of them");
             } else if is_base || self.advected.iter().any(|a| a.name == *name) {
                 drops.push(name.clone());
+                components.extend(self.components_of(name).into_iter().map(|component| (component, *span)));
             } else if let Some(block) =
                 advected.clone().find(|a| a.components.iter().any(|(n, _)| n == name)).map(|a| a.name.clone())
             {
@@ -220,7 +226,7 @@ impl ModelBuilder {
                 self.problem(*span, message, help);
             }
         }
-        drops
+        components
     }
 
     /// The components of what a scene carries as points of the circle.
@@ -277,6 +283,15 @@ impl ModelBuilder {
             }
         }
         circles
+    }
+
+    /// The components of a base coordinate or an advected parameter, of one or more numbers.
+    fn components_of(&mut self, name: &str) -> Vec<String> {
+        if let Some(advected) = self.advected.iter().find(|a| a.name == name) {
+            return advected.components.iter().map(|(component, _)| component.clone()).collect();
+        }
+        let base: Vec<String> = self.base.iter().map(|c| c.name.clone()).collect();
+        base.into_iter().filter(|component| component == name || self.is_part(component, name)).collect()
     }
 
     /// Whether a coordinate is a component of the vector of that name.

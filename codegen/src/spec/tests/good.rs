@@ -5,7 +5,9 @@ use num_traits::Zero;
 use super::SPECS;
 use crate::algebra::LieAlgebra;
 use crate::expr::{ExprId, Graph, Rational, parse_decimal};
-use crate::spec::{Compare, Domain, Layout, Model, ModelBuilder, Relation, Side, Value, diagnose, parse};
+use crate::spec::{
+    Compare, Domain, Layout, Model, ModelBuilder, Relation, Side, Value, Wanted, diagnose, parse,
+};
 
 #[track_caller]
 fn model(items: &str) -> Model {
@@ -398,7 +400,8 @@ fn scenes() {
          scene a { fix chi = [1/2, -1]; want rhs, h, c; } scene b { }",
     );
     assert_eq!(m.scenes[0].fixed, [("chi1".to_owned(), q("0.5")), ("chi2".to_owned(), q("-1"))]);
-    assert_eq!(m.scenes[0].wants, ["rhs", "h", "c"]);
+    let wants: Vec<&str> = m.scenes[0].wants.iter().map(Wanted::name).collect();
+    assert_eq!(wants, ["rhs", "h", "c"]);
     assert!(m.scenes[1].fixed.is_empty());
 }
 

@@ -5,7 +5,7 @@ use expect_test::{Expect, expect};
 use super::bad::check;
 use crate::algebra::LieAlgebra;
 use crate::expr::{ExprId, Rational};
-use crate::spec::{ConstraintKind, Group, Model, ModelBuilder, ReconstructionKind, Value, parse};
+use crate::spec::{ConstraintKind, Group, Model, ModelBuilder, ReconstructionKind, Value, Wanted, parse};
 
 #[track_caller]
 fn model(items: &str) -> Model {
@@ -632,8 +632,9 @@ fn scenes_drop_coordinates() {
          advected G in R^3 by cross(O, G); lagrangian = dot(O, O); reconstruct q in SO(3); \
          scene s { drop phi, x; drop G; want rhs, reconstruction; }",
     );
-    assert_eq!(m.scenes[0].drops, ["phi", "x", "G"]);
-    assert_eq!(m.scenes[0].wants, ["rhs", "reconstruction"]);
+    assert_eq!(m.scenes[0].drops, ["phi", "x1", "x2", "G1", "G2", "G3"]);
+    let wants: Vec<&str> = m.scenes[0].wants.iter().map(Wanted::name).collect();
+    assert_eq!(wants, ["rhs", "reconstruction"]);
 }
 
 #[test]
@@ -734,7 +735,7 @@ fn the_builder_makes_the_same_servo_ball() {
     let ones = |m: &Model, list: &[ExprId]| list.iter().map(|e| *e == m.graph.one()).collect::<Vec<_>>();
     assert_eq!(ones(&m, built), ones(&from_text, acceleration));
     assert_eq!(m.virtual_constraints[0].one_form.len(), 5);
-    assert_eq!(m.scenes[0].drops, ["a"]);
+    assert_eq!(m.scenes[0].drops, ["a1", "a2"]);
 
     // What the text cannot say, the builder must refuse.
     let stray = b.ddt(&component(&xi, 1)).unwrap();

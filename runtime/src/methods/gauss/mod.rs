@@ -14,10 +14,10 @@ use crate::system::{StateVector, System};
 
 /// The implicit method of order `2 STAGES` that collocates at the `STAGES` Gauss points, for fixed steps.
 ///
-/// It is symmetric and symplectic and keeps quadratic invariants; rounding of its coefficients does not spoil
-/// that, because they are stored such that `b_i a_ij + b_j a_ji = b_i b_j` holds exactly. There is no error
-/// estimate: steps that vary would lose these properties. Dense output is of order `STAGES + 2`, for one more evaluation in
-/// steps where it is asked for.
+/// It is symmetric and symplectic and keeps quadratic invariants; rounding of its coefficients does not spoil that,
+/// because they are stored such that `b_i a_ij + b_j a_ji = b_i b_j` holds exactly. There is no error estimate: steps
+/// that vary would lose these properties. Dense output is of order `STAGES + 2`, for one more evaluation in steps
+/// where it is asked for.
 ///
 /// The stages are iterated from extrapolated starting values until round-off stops the progress.
 ///
@@ -47,7 +47,8 @@ use crate::system::{StateVector, System};
 /// symplecticity after Antonana, Makazaga and Murua, Reducing and monitoring round-off error propagation for
 /// symplectic implicit Runge-Kutta schemes (2017), equation 12. Dense output is the one polynomial that meets the
 /// conditions up to its order with the derivatives at both ends, at the stages, and at one more point, taken from the
-/// polynomial through the others: of the rooted trees of order `STAGES + 2`, all but the bush on a stem are quadratures.
+/// polynomial through the others: of the rooted trees of order `STAGES + 2`, all but the bush on a stem are
+/// quadratures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Gauss<const STAGES: usize, I = FixedPoint> {
     iteration: I,

@@ -9,10 +9,10 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::expr::{Definition, ExprId, Graph, Section, SymbolId, needed_sections};
 
-use super::derive::Equations;
+use super::equations::Equations;
 
 /// Sets every base coordinate to such a value in the results that do not depend on it, and drops definitions that nothing needs.
-pub(super) fn settle(equations: &mut Equations) {
+pub(super) fn evaluate_at_origin(equations: &mut Equations) {
     let (zero, one) = (equations.system.graph.zero(), equations.system.graph.one());
     let circles = equations.system.circles.clone();
     let mut mentions = Mentions::of(equations);
@@ -34,10 +34,10 @@ pub(super) fn settle(equations: &mut Equations) {
             mentions = Mentions::of(equations);
         }
         if !equations.state.iter().map(|s| s.derivative).eq(before) {
-            equations.facts.ignorable.push(equations.system.graph.name(x).to_owned());
+            equations.facts.taken_at_origin.push(equations.system.graph.name(x).to_owned());
         }
     }
-    let roots: Vec<ExprId> = equations.roots().into_iter().copied().collect();
+    let roots: Vec<ExprId> = equations.results();
     equations.sections = needed_sections(&equations.system.graph, &equations.sections, &roots);
 }
 
@@ -48,12 +48,13 @@ struct Mentions {
 }
 
 impl Mentions {
-    fn of(equations: &Equations) -> Mentions {
+    fn of(equations: &mut Equations) -> Mentions {
+        let results = equations.results();
         let g = &equations.system.graph;
         let definitions = equations.sections.iter().flat_map(|s| &s.definitions);
         Mentions {
             definitions: definitions.map(|d| g.free_symbols(d.expr)).collect(),
-            roots: equations.roots().into_iter().map(|e| g.free_symbols(*e)).collect(),
+            roots: results.into_iter().map(|e| g.free_symbols(e)).collect(),
         }
     }
 }
@@ -115,11 +116,11 @@ fn set_to(
         }
         sections.push(Section { title: section.title.clone(), definitions });
     }
-    let before: Vec<ExprId> = equations.roots().into_iter().copied().collect();
+    let before: Vec<ExprId> = equations.results();
     let is_concerned = |symbols: &BTreeSet<SymbolId>| !symbols.is_disjoint(&concerned);
     let after: Vec<ExprId> = (before.iter().zip(&mentions.roots))
         .map(|(root, symbols)| match is_concerned(symbols) {
-            true => settled(&mut g, *root, &image),
+            true => at_origin(&mut g, *root, &image),
             false => g.cancel_zero(*root),
         })
         .collect();
@@ -131,12 +132,12 @@ fn set_to(
     equations.sections = needed_sections(&g, &sections, &after);
     equations.varying.extend(varying);
     equations.taken_at.extend(taken_at);
-    equations.roots_mut().into_iter().zip(after).for_each(|(root, value)| *root = value);
+    equations.results_mut().into_iter().zip(after).for_each(|(root, value)| *root = value);
     equations.system.graph = g;
     true
 }
 
-fn settled(g: &mut Graph, root: ExprId, image: &BTreeMap<SymbolId, ExprId>) -> ExprId {
+fn at_origin(g: &mut Graph, root: ExprId, image: &BTreeMap<SymbolId, ExprId>) -> ExprId {
     match g.subs(root, image) {
         Ok(value) if g.is_equal(value, root) => g.cancel_zero(value),
         _ => root,
@@ -147,7 +148,7 @@ fn settled(g: &mut Graph, root: ExprId, image: &BTreeMap<SymbolId, ExprId>) -> E
 mod tests {
     use crate::expr::ExprId;
     use crate::mechanics::derive;
-    use crate::reduction::reduce;
+    use crate::reduction::{Formulation, reduce};
     use crate::spec::parse;
 
     #[test]
@@ -157,10 +158,10 @@ mod tests {
             "model m { param a = 2; param b = 1; param c = 3; coordinate x, z in real; velocity w in R;
             lagrangian = a/2*x_dot^2 + b*x_dot*z_dot + c/2*z_dot^2 + (2 + sin(x))/2*w^2; }";
         let model = parse("m.hamel", text).unwrap();
-        let mut equations = derive(&reduce(&model, &[]).unwrap()).unwrap();
+        let mut equations = derive(&reduce(&model, &Formulation::of(&model)).unwrap()).unwrap();
         assert!(equations.pivots.iter().any(|p| p.origin.as_ref().is_some_and(|o| !o.updates.is_empty())));
-        let looked_at: Vec<ExprId> = equations.roots().into_iter().copied().collect();
-        let replaced: Vec<ExprId> = equations.roots_mut().into_iter().map(|root| *root).collect();
+        let looked_at: Vec<ExprId> = equations.results();
+        let replaced: Vec<ExprId> = equations.results_mut().into_iter().map(|root| *root).collect();
         assert_eq!(looked_at, replaced);
     }
 }

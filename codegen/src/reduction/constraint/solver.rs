@@ -1,110 +1,13 @@
-//! Kinematic constraints `a_A(x) . y + b_A(x, t) = 0`: solved for dependent velocities, or kept with multipliers.
+//! Linear rows solved for some of their columns, by exact elimination with the pivots that are best to divide by.
+//!
+//! Does not know: where the rows come from, what their columns mean.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::error::Error;
 use crate::expr::{ExprId, Graph, Sign, Style, SymbolId, Vanishing, sign_of};
 
-/// One scalar constraint as an affine form in the velocities.
-#[derive(Clone, Debug)]
-pub struct ConstraintRow {
-    /// Name of the constraint.
-    pub name: String,
-    /// The constraint as written.
-    pub text: String,
-    /// `a_A`, one coefficient per velocity.
-    pub one_form: Vec<ExprId>,
-    /// `b_A`.
-    pub offset: ExprId,
-}
-
-/// Constraint in the solved form `y = Psi u + psi0`, with virtual displacements spanned by the columns of `W`.
-#[derive(Clone, Debug)]
-pub struct SolvedConstraint {
-    /// The unknowns `u`: velocities that stay in the state, then quasi-velocities.
-    pub unknowns: Vec<Unknown>,
-    /// Velocities that the constraint determines, ascending.
-    pub dependent: Vec<usize>,
-    /// `Psi`, `[m][k]`.
-    pub psi: Vec<Vec<ExprId>>,
-    /// `psi0`, `[m]`; not zero for an affine constraint.
-    pub psi0: Vec<ExprId>,
-    /// `W`, `[m][k]`; equal to `Psi` when the displacements are those the constraint allows.
-    pub virtual_displacements: Vec<Vec<ExprId>>,
-    /// The one-forms that vanish on virtual displacements and carry the multipliers, with velocities on which they can be
-    /// inverted.
-    pub reactions: Reactions,
-    /// The forms that were solved.
-    pub rows: Vec<ConstraintRow>,
-    /// Expressions that were divided by and are not known to be non-zero, with what to call them.
-    pub pivots: Vec<(String, ExprId)>,
-}
-
-impl SolvedConstraint {
-    /// Velocities of the frame that stay in the state, ascending.
-    pub fn independent(&self) -> Vec<usize> {
-        self.unknowns.iter().filter_map(|u| u.frame_idx).collect()
-    }
-}
-
-/// An independent velocity.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Unknown {
-    /// Its name.
-    pub name: String,
-    /// Its symbol.
-    pub symbol: SymbolId,
-    /// The velocity of the frame that it is; `None` for a quasi-velocity.
-    pub frame_idx: Option<usize>,
-}
-
-/// `E = sum_A lambda_A form_A`, invertible on the components `on`.
-#[derive(Clone, Debug)]
-pub struct Reactions {
-    /// Names of the constraints.
-    pub names: Vec<String>,
-    /// `[n_constraints][m]`.
-    pub one_forms: Vec<Vec<ExprId>>,
-    /// Components of the frame that determine the multipliers.
-    pub on: Vec<usize>,
-}
-
-/// A condition on accelerations, `w . ydot + w0 = 0`.
-#[derive(Clone, Debug)]
-pub struct AccelerationRow {
-    /// Name of the constraint.
-    pub name: String,
-    /// The constraint as written.
-    pub text: String,
-    /// `w`.
-    pub one_form: Vec<ExprId>,
-    /// What `w0` comes from.
-    pub source: AccelerationSource,
-}
-
-/// Where a condition on accelerations comes from.
-#[derive(Clone, Copy, Debug)]
-pub enum AccelerationSource {
-    /// The time derivative of a constraint `phi(x, y, t) = 0`.
-    Differentiated(ExprId),
-    /// A second-order constraint, given with its part `w0` without accelerations.
-    Servo(ExprId),
-}
-
-/// How the kinematic constraint is carried.
-#[derive(Clone, Debug)]
-pub enum KinematicConstraint {
-    /// Dependent velocities are eliminated. Without constraints `Psi` is the identity.
-    Solved(SolvedConstraint),
-    /// All velocities stay in the state; multipliers act along `reactions` and keep `rows`: second-order and nonlinear
-    /// constraints, and linear ones for which no single choice of independent velocities is good on the whole domain.
-    Multipliers {
-        /// The conditions on accelerations.
-        rows: Vec<AccelerationRow>,
-        /// One-forms that vanish on virtual displacements, `[n_constraints][m]`.
-        reactions: Vec<Vec<ExprId>>,
-    },
-}
+use super::{ConstraintRow, Unknown};
 
 /// How good an expression is to divide by; smaller is better.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -118,22 +21,22 @@ enum PivotGrade {
 }
 
 /// Solves linear rows for some of their columns.
-pub(super) struct Solver<'a> {
-    pub(super) graph: &'a mut Graph,
+pub(in crate::reduction) struct Solver<'a> {
+    pub(in crate::reduction) graph: &'a mut Graph,
     /// Names of the frame velocities.
-    pub(super) names: &'a [String],
+    pub(in crate::reduction) names: &'a [String],
     /// Quasi-velocities: extra columns after the frame's, never eliminated.
-    pub(super) quasi: &'a [Unknown],
-    pub(super) params: &'a BTreeSet<SymbolId>,
-    pub(super) facts: &'a BTreeMap<ExprId, Sign>,
+    pub(in crate::reduction) quasi: &'a [Unknown],
+    pub(in crate::reduction) params: &'a BTreeSet<SymbolId>,
+    pub(in crate::reduction) facts: &'a BTreeMap<ExprId, Sign>,
 }
 
 /// Rows solved as `y_dependent = -(rest)`.
-pub(super) struct Elimination {
-    pub(super) dependent: Vec<usize>,
-    pub(super) psi: Vec<Vec<ExprId>>,
-    pub(super) psi0: Vec<ExprId>,
-    pub(super) pivots: Vec<(String, ExprId)>,
+pub(in crate::reduction) struct Elimination {
+    pub(in crate::reduction) dependent: Vec<usize>,
+    pub(in crate::reduction) psi: Vec<Vec<ExprId>>,
+    pub(in crate::reduction) psi0: Vec<ExprId>,
+    pub(in crate::reduction) pivots: Vec<(String, ExprId)>,
 }
 
 /// Rows eliminated as far as wanted.
@@ -176,7 +79,7 @@ impl Solver<'_> {
     /// # Errors
     /// [`Error::DependentConstraint`], [`Error::InconsistentConstraint`], [`Error::NotSolvable`],
     /// [`Error::WrongNumberOfIndependent`].
-    pub(super) fn solve(
+    pub(in crate::reduction) fn solve(
         &mut self,
         rows: &[ConstraintRow],
         wanted: Option<&[usize]>,
@@ -203,7 +106,7 @@ impl Solver<'_> {
     ///
     /// # Errors
     /// [`Error::DependentConstraint`], [`Error::InconsistentConstraint`], [`Error::NotSolvable`].
-    pub(super) fn solve_safely(
+    pub(in crate::reduction) fn solve_safely(
         &mut self,
         rows: &[ConstraintRow],
     ) -> Result<(Elimination, Vec<Vec<ExprId>>), Error> {

@@ -4,22 +4,30 @@
 //! it and writes the bundle to `OUT_DIR` after it; [`compile`] does so with everything left as it is. Nothing is
 //! written before all of it is known, a file is replaced in one step, and only when its text changes.
 //!
-//! Deliberately does not know: how a scene becomes text, what is in the text.
+//! Scenes that an earlier run has made from the same text are taken from `cache`, beside the other files in `OUT_DIR`.
+//!
+//! Does not know: how a scene becomes text, what is in the text.
+
+mod bundle;
+mod cache;
+mod problems;
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
-use std::fmt;
-use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use crate::emit::{self, SceneEntry};
-use crate::error::Error;
 use crate::expr::Budget;
-use crate::scene::{self, Writing};
+use crate::parallel::side_by_side;
+use crate::scene::{self, Scenes, Writing};
 use crate::spec::{self, Diagnostics, Model};
+
+use bundle::{emission, unique};
+use cache::{Cache, Key};
+
+pub use bundle::{Bundle, write_atomically};
+pub use problems::{Problem, Problems};
 
 /// Generates the scenes of one model file into `OUT_DIR`, for a build script, and tells cargo to show warnings and to run the
 /// script again when the file changes.
@@ -103,6 +111,15 @@ impl Config {
         self
     }
 
+    /// Whether modules have vectors, matrices, attitudes and places in the types of the crate `nalgebra` too: methods of
+    /// `Params` and `State` by the names of the model, and `Prepared::on_vectors`.
+    ///
+    /// The crate that the modules are for needs the feature `nalgebra` of the runtime.
+    pub fn nalgebra(&mut self, enable: bool) -> &mut Config {
+        self.writing.nalgebra = enable;
+        self
+    }
+
     /// Writes one more file, which has a module for each scene; a crate includes it alone.
     pub fn include_file(&mut self, name: impl Into<String>) -> &mut Config {
         self.include_file = Some(name.into());
@@ -156,11 +173,20 @@ impl Config {
                 println!("cargo::rerun-if-changed={}", path.as_ref().display());
             }
         }
+        let clock = Instant::now();
         let folder = self.folder(std::env::var_os("OUT_DIR"))?;
         let models: Vec<Model> = collect(paths.iter().map(|path| {
             read_within(self.budget.unwrap_or_default(), path.as_ref()).map_err(Problems::from)
         }))?;
-        self.compile_to(&folder, &models)
+        // A folder that was chosen holds what is checked in.
+        let cache = self.out_dir.is_none().then(|| Cache::new(folder.join(CACHE)));
+        self.compile_to(&folder, &models, cache.as_ref())?;
+        if self.emit_warnings && is_unoptimised() && clock.elapsed() > PATIENCE {
+            for line in advice(clock.elapsed()) {
+                println!("cargo::warning={line}");
+            }
+        }
+        Ok(())
     }
 
     /// As [`Config::compile`] for models that are there already, such as those of [`spec::ModelBuilder`].
@@ -172,15 +198,15 @@ impl Config {
     /// As [`Config::compile`].
     pub fn compile_models(&mut self, models: &[Model]) -> Result<(), Problems> {
         let folder = self.folder(std::env::var_os("OUT_DIR"))?;
-        self.compile_to(&folder, models)
+        self.compile_to(&folder, models, None)
     }
 
-    fn compile_to(&self, folder: &Path, models: &[Model]) -> Result<(), Problems> {
+    fn compile_to(&self, folder: &Path, models: &[Model], cache: Option<&Cache>) -> Result<(), Problems> {
         // Before anything can fail.
         for line in self.warnings(models) {
             println!("cargo::warning={line}");
         }
-        let bundle = self.generate(models)?;
+        let bundle = self.generate_cached(models, &|_| {}, cache)?;
         for line in bundle.warnings.iter().filter(|_| self.emit_warnings).flat_map(Diagnostics::lines) {
             println!("cargo::warning={line}");
         }
@@ -223,6 +249,15 @@ impl Config {
         models: &[Model],
         note: &(dyn Fn(Progress<'_>) + Sync),
     ) -> Result<Bundle, Problems> {
+        self.generate_cached(models, note, None)
+    }
+
+    fn generate_cached(
+        &self,
+        models: &[Model],
+        note: &(dyn Fn(Progress<'_>) + Sync),
+        cache: Option<&Cache>,
+    ) -> Result<Bundle, Problems> {
         let known: Vec<String> = models.iter().map(|m| m.name.clone()).collect();
         let unknown = self.scenes.keys().filter(|name| !known.contains(name));
         collect(unknown.map(|name| {
@@ -231,7 +266,7 @@ impl Config {
         let made = side_by_side(models, |model| {
             note(Progress::Begun { model: &model.name });
             let clock = Instant::now();
-            let files = self.generate_one(model);
+            let files = self.generate_one(model, cache);
             note(Progress::Done { model: &model.name, elapsed: clock.elapsed() });
             files
         });
@@ -257,52 +292,75 @@ impl Config {
         Ok(bundle)
     }
 
-    fn generate_one(&self, model: &Model) -> Result<Generated, Problems> {
+    fn generate_one(&self, model: &Model, cache: Option<&Cache>) -> Result<Generated, Problems> {
         let within = self.budget.map(|budget| {
             let mut model = model.clone();
             model.graph.set_budget(budget);
             model
         });
         let model = within.as_ref().unwrap_or(model);
-        let names = match self.scenes.get(&model.name) {
-            Some(chosen) => chosen.clone(),
-            None => scene::names(model),
+        let cache = cache.and_then(|cache| {
+            Some((cache, Key::of(model, &self.writing, &self.budget.unwrap_or_default())?))
+        });
+        let mut scenes = Scenes::new(model);
+        let names = match (self.scenes.get(&model.name), cache) {
+            (Some(chosen), _) => chosen.clone(),
+            (None, None) => scenes.names(),
+            (None, Some((cache, key))) => cache.names(key).unwrap_or_else(|| {
+                let names = scenes.names();
+                cache.keep_names(key, &names);
+                names
+            }),
         };
-        let mut files = Vec::new();
-        let scenes = scene::build_several(model, &names).map_err(Problem::Model)?;
-        for built in &scenes {
-            let text = built.emit_as(&self.writing).map_err(|source| emission(&model.name, source))?;
-            files.push((built.entry(), text));
+        let known = |name: &String| cache.and_then(|(cache, key)| cache.scene(key, model, name));
+        let mut files: Vec<Option<(SceneEntry, String)>> = names.iter().map(known).collect();
+        let missing = names.iter().zip(&files).filter(|(_, file)| file.is_none());
+        let missing: Vec<String> = missing.map(|(name, _)| name.clone()).collect();
+        let built = scenes.build_all(&missing).map_err(Problem::Model)?;
+        let emitted = side_by_side(&built, |scene| {
+            let text = scene.emit_as(&self.writing).map_err(|source| emission(&model.name, source))?;
+            let entry = scene.entry();
+            if let Some((cache, key)) = cache
+                && scene::warnings(model, std::slice::from_ref(scene)).is_empty()
+            {
+                cache.keep_scene(key, model, &entry, &text);
+            }
+            Ok((entry, text))
+        });
+        let mut emitted = collect(emitted)?.into_iter();
+        for file in files.iter_mut().filter(|file| file.is_none()) {
+            *file = emitted.next();
         }
-        Ok((files, scene::warnings(model, &scenes)))
+        Ok((files.into_iter().flatten().collect(), scene::warnings(model, &built)))
     }
+}
+
+/// Folder in `OUT_DIR` for scenes that need not be made again.
+const CACHE: &str = "hamel-cache";
+
+/// A build script that takes longer without optimisation is told how to be faster.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// Whether cargo compiled this crate without optimisation, as it does for build scripts unless it is told otherwise.
+fn is_unoptimised() -> bool {
+    env!("HAMEL_CODEGEN_OPT_LEVEL") == "0"
+}
+
+/// What to do about a slow build script, a line each.
+fn advice(elapsed: Duration) -> [String; 4] {
+    [
+        format!(
+            "hamel took {:.0} s without optimisation; these lines in Cargo.toml make it faster:",
+            elapsed.as_secs_f64()
+        ),
+        "    [profile.dev.package.hamel-codegen]".to_owned(),
+        "    opt-level = 1".to_owned(),
+        "    codegen-units = 16".to_owned(),
+    ]
 }
 
 /// The modules of one model, and what is questionable about it.
 type Generated = (Vec<(SceneEntry, String)>, Diagnostics);
-
-/// Does independent work on all cores; the results are in the order of `items`.
-fn side_by_side<T: Sync, U: Send>(items: &[T], work: impl Fn(&T) -> U + Sync) -> Vec<U> {
-    let next = AtomicUsize::new(0);
-    let done: Mutex<Vec<(usize, U)>> = Mutex::new(Vec::new());
-    let n_workers = std::thread::available_parallelism().map_or(1, usize::from).min(items.len());
-    std::thread::scope(|scope| {
-        for _ in 0..n_workers {
-            scope.spawn(|| {
-                while let Some((at, item)) = {
-                    let at = next.fetch_add(1, Ordering::Relaxed);
-                    items.get(at).map(|item| (at, item))
-                } {
-                    let result = work(item);
-                    done.lock().unwrap_or_else(std::sync::PoisonError::into_inner).push((at, result));
-                }
-            });
-        }
-    });
-    let mut done = done.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
-    done.sort_by_key(|(at, _)| *at);
-    done.into_iter().map(|(_, result)| result).collect()
-}
 
 /// All values, or the problems of all that failed.
 fn collect<T>(results: impl IntoIterator<Item = Result<T, Problems>>) -> Result<Vec<T>, Problems> {
@@ -332,228 +390,6 @@ pub enum Progress<'a> {
         /// How long it took.
         elapsed: Duration,
     },
-}
-
-/// Generated files by name, not written yet.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Bundle {
-    /// Name of each file and its whole text.
-    pub files: BTreeMap<String, String>,
-    /// The scenes, by module.
-    pub entries: Vec<SceneEntry>,
-    /// For each model whose defaults make no motion in some scene: what [`scene::warnings`] says.
-    pub warnings: Vec<Diagnostics>,
-}
-
-impl Bundle {
-    /// Adds a file `mod.rs` for modules that are checked in: the scenes of this bundle, those of `kept`, which were
-    /// generated before, and a macro that visits all of them.
-    ///
-    /// # Errors
-    /// [`Problem::SameModule`], [`Problem::Emission`].
-    pub fn add_index(&mut self, kept: &[SceneEntry], command: &str) -> Result<(), Problems> {
-        let all = [kept, &self.entries].concat();
-        unique(&all)?;
-        let text = emit::emit_index(&all, command).map_err(|source| emission("mod.rs", source))?;
-        self.files.insert("mod.rs".into(), text);
-        Ok(())
-    }
-
-    /// The files that are missing in a directory or have another text there, by path.
-    pub fn changed(&self, folder: &Path) -> Vec<(PathBuf, &str)> {
-        let paths = self.files.iter().map(|(name, text)| (folder.join(name), text.as_str()));
-        paths.filter(|(path, text)| std::fs::read(path).ok().as_deref() != Some(text.as_bytes())).collect()
-    }
-
-    /// Writes the files that changed, and returns their paths. The others keep their time of modification.
-    ///
-    /// # Errors
-    /// [`Problem::Write`]; every file is then either the old or the new one.
-    pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>, Problems> {
-        let changed = self.changed(folder);
-        if !changed.is_empty() {
-            std::fs::create_dir_all(folder)
-                .map_err(|source| Problem::Write { path: folder.to_owned(), source })?;
-        }
-        for (path, text) in &changed {
-            write_atomically(path, text.as_bytes())
-                .map_err(|source| Problem::Write { path: path.clone(), source })?;
-        }
-        Ok(changed.into_iter().map(|(path, _)| path).collect())
-    }
-}
-
-fn emission(model: &str, source: Error) -> Problem {
-    Problem::Emission { model: model.to_owned(), source: Box::new(source) }
-}
-
-fn unique(entries: &[SceneEntry]) -> Result<(), Problem> {
-    let mut seen: BTreeMap<&str, &SceneEntry> = BTreeMap::new();
-    for entry in entries {
-        if let Some(other) = seen.insert(&entry.module, entry) {
-            let scenes = [other, entry].map(|e| format!("scene {} of {}", e.scene, e.model));
-            return Err(Problem::SameModule { module: entry.module.clone(), scenes });
-        }
-    }
-    Ok(())
-}
-
-/// Writes a file such that it is there whole or not at all.
-///
-/// # Errors
-/// Those of the file system; the file is as it was then.
-pub fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let name = path.file_name().and_then(|n| n.to_str()).unwrap_or("file");
-    let temporary = path.with_file_name(format!(".{name}.{}.tmp", std::process::id()));
-    let moved = std::fs::write(&temporary, bytes).and_then(|()| std::fs::rename(&temporary, path));
-    if moved.is_err() {
-        let _ = std::fs::remove_file(&temporary);
-    }
-    moved
-}
-
-/// One thing that went wrong between model files and generated ones.
-#[derive(Debug)]
-#[non_exhaustive]
-pub enum Problem {
-    /// A model file cannot be read.
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: io::Error,
-    },
-    /// A model is wrong, or has no such scene.
-    Model(Diagnostics),
-    /// Scenes were chosen of a model that is not among those given.
-    UnknownModel {
-        /// The name.
-        name: String,
-        /// The models there are.
-        known: Vec<String>,
-    },
-    /// Two scenes whose modules would have the same name.
-    SameModule {
-        /// Name of the module.
-        module: String,
-        /// The scenes.
-        scenes: [String; 2],
-    },
-    /// The file for `include!` has the name of a module's file, or is in another directory.
-    IncludeFile {
-        /// The name.
-        name: String,
-    },
-    /// A scene could not be written down.
-    Emission {
-        /// The model.
-        model: String,
-        /// Why.
-        source: Box<Error>,
-    },
-    /// No directory to write to.
-    NoOutDir,
-    /// A file cannot be written.
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: io::Error,
-    },
-}
-
-impl Problem {
-    /// The message for a terminal; escape sequences only when `color` is set.
-    pub fn render(&self, color: bool) -> String {
-        match self {
-            Problem::Model(diagnostics) => diagnostics.render(color).trim_end().to_owned(),
-            other if color => format!("\u{1b}[1;31merror\u{1b}[0m: {other}"),
-            other => format!("error: {other}"),
-        }
-    }
-}
-
-impl fmt::Display for Problem {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Problem::Read { path, source } => write!(f, "{} cannot be read: {source}", path.display()),
-            Problem::Model(diagnostics) => f.write_str(diagnostics.render(false).trim_end()),
-            Problem::UnknownModel { name, known } => {
-                write!(f, "scenes of `{name}` were chosen, which is none of the models: {}", known.join(", "))
-            }
-            Problem::SameModule { module, scenes: [a, b] } => {
-                write!(f, "{a} and {b} would both be generated as {module}.rs: rename one of them")
-            }
-            Problem::IncludeFile { name } => {
-                write!(f, "{name} cannot be the file to include: use a plain name that no module has")
-            }
-            Problem::Emission { model, source } => write!(f, "{model} could not be emitted: {source}"),
-            Problem::NoOutDir => f.write_str(
-                "OUT_DIR is not set: call this from a build script, which cargo sets it for, or give `Config::out_dir`",
-            ),
-            Problem::Write { path, source } => write!(f, "{} cannot be written: {source}", path.display()),
-        }
-    }
-}
-
-impl std::error::Error for Problem {
-    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
-        match self {
-            Problem::Read { source, .. } | Problem::Write { source, .. } => Some(source),
-            Problem::Emission { source, .. } => Some(&**source),
-            Problem::Model(diagnostics) => Some(diagnostics),
-            _ => None,
-        }
-    }
-}
-
-/// Everything that went wrong. `Debug` prints it for people as `Display` does, because that is what a `main` that returns
-/// it shows.
-#[derive(Default)]
-pub struct Problems {
-    list: Vec<Problem>,
-}
-
-impl Problems {
-    /// The problems, model by model.
-    pub fn iter(&self) -> std::slice::Iter<'_, Problem> {
-        self.list.iter()
-    }
-
-    /// The message for a terminal; escape sequences only when `color` is set.
-    pub fn render(&self, color: bool) -> String {
-        self.list.iter().map(|p| p.render(color)).collect::<Vec<_>>().join("\n\n")
-    }
-}
-
-impl From<Problem> for Problems {
-    fn from(problem: Problem) -> Problems {
-        Problems { list: vec![problem] }
-    }
-}
-
-impl fmt::Display for Problems {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.render(false))
-    }
-}
-
-impl fmt::Debug for Problems {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // `main` prints `Error: ` before it.
-        write!(f, "hamel generated nothing\n\n{self}")
-    }
-}
-
-impl std::error::Error for Problems {}
-
-impl IntoIterator for Problems {
-    type Item = Problem;
-    type IntoIter = std::vec::IntoIter<Problem>;
-
-    fn into_iter(self) -> Self::IntoIter {
-        self.list.into_iter()
-    }
 }
 
 #[cfg(test)]

@@ -1,0 +1,170 @@
+//! Accelerations where the constraint has been solved: `A udot = f` for the independent velocities, multipliers afterwards.
+//!
+//! Does not know: how the constraint was solved, how a matrix is factored.
+
+use crate::error::Error;
+use crate::expr::{ExprId, Graph};
+use crate::reduction::SolvedConstraint;
+
+use super::derive::{Derivation, Motion};
+use super::equations::LinearSystem;
+use super::solve::{Factorisation, Pivot, PivotMatrix};
+
+impl Derivation<'_> {
+    /// `A udot = f` with `A = W^T L_yy Psi`, `f = W^T (drive - L_yy (dPsi u + dpsi0))`.
+    pub(super) fn solve_reduced(&mut self, solved: &SolvedConstraint) -> Result<Motion, Error> {
+        let m = self.y.len();
+        let k = solved.unknowns.len();
+        let unknowns: Vec<String> = solved.unknowns.iter().map(|u| u.name.clone()).collect();
+        self.writer.begin("accelerations of the dependent velocities at udot = 0");
+        let mut lag = vec![self.g.zero(); m];
+        for &alpha in &solved.dependent {
+            let value = solved_velocity(&mut self.g, solved, alpha);
+            let drift = self.drift(value)?;
+            lag[alpha] = self.define(&format!("lag_{}", self.names[alpha]), drift);
+        }
+        self.writer.begin("mass matrix A = W^T L_yy Psi");
+        let mut mass_matrix = vec![vec![self.g.zero(); k]; k];
+        let mut force = Vec::new();
+        let symmetric_form = solved.virtual_displacements == solved.psi;
+        let mut displacements = Vec::new();
+        for row in &solved.virtual_displacements {
+            displacements.push(row.iter().map(|e| self.replace(*e)).collect::<Result<Vec<_>, _>>()?);
+        }
+        for b in 0..k {
+            for a in 0..k {
+                if symmetric_form && a < b {
+                    mass_matrix[b][a] = mass_matrix[a][b];
+                    continue;
+                }
+                let mut terms = Vec::new();
+                for alpha in 0..m {
+                    for beta in 0..m {
+                        let (w, h) = (displacements[alpha][b], self.hessian[alpha][beta]);
+                        if w != self.g.zero() && h != self.g.zero() {
+                            terms.push(self.g.product(&[w, h, solved.psi[beta][a]]));
+                        }
+                    }
+                }
+                let sum = self.g.sum(&terms);
+                mass_matrix[b][a] = self.define(&format!("A_{}_{}", unknowns[b], unknowns[a]), sum);
+            }
+        }
+        self.writer.begin("right side f = W^T (r - L_yy lag)");
+        let mut net = Vec::new();
+        for alpha in 0..m {
+            let mut terms = vec![self.drive[alpha]];
+            for beta in 0..m {
+                let product = self.g.mul(self.hessian[alpha][beta], lag[beta]);
+                terms.push(self.g.neg(product));
+            }
+            let sum = self.g.sum(&terms);
+            net.push(self.define(&format!("n_{}", self.names[alpha]), sum));
+        }
+        for b in 0..k {
+            let mut terms = Vec::new();
+            for alpha in 0..m {
+                terms.push(self.g.mul(displacements[alpha][b], net[alpha]));
+            }
+            let sum = self.g.sum(&terms);
+            force.push(self.define(&format!("f_{}", unknowns[b]), sum));
+        }
+        let labels: Vec<String> = unknowns.iter().map(|n| format!("dot_{n}")).collect();
+        let names = inertias(&unknowns);
+        let (udot, mut pivots) =
+            self.solve_linear("A", &mass_matrix, &force, &unknowns, &labels, (&names, symmetric_form))?;
+        let coefficients = PivotMatrix { name: "C".into(), is_symmetric: false, follows_hessian: false };
+        pivots.extend(solved.pivots.iter().map(|(name, expr)| Pivot {
+            name: name.clone(),
+            expr: *expr,
+            matrix: coefficients.clone(),
+            origin: None,
+        }));
+        self.writer.begin("accelerations ydot = Psi udot + lag");
+        let mut acceleration = vec![self.g.zero(); m];
+        for alpha in 0..m {
+            let mut terms = vec![lag[alpha]];
+            for a in 0..k {
+                terms.push(self.g.mul(solved.psi[alpha][a], udot[a]));
+            }
+            let sum = self.g.sum(&terms);
+            acceleration[alpha] = self.define(&format!("dot_{}", self.names[alpha]), sum);
+        }
+        let multipliers = self.multipliers_of(solved, &acceleration)?;
+        let reactions = solved.reactions.one_forms.clone();
+        let unknown_rates = udot;
+        Ok(Motion {
+            acceleration,
+            unknown_rates,
+            multipliers,
+            reactions,
+            system: LinearSystem { mass_matrix, force, unknowns },
+            pivots,
+        })
+    }
+
+    /// Factors and solves, writing both as sections. Solutions are called `labels`; of the pivots the names are given, and whether
+    /// they follow the Hessian.
+    pub(super) fn solve_linear(
+        &mut self,
+        prefix: &str,
+        matrix: &[Vec<ExprId>],
+        right: &[ExprId],
+        unknowns: &[String],
+        labels: &[String],
+        (pivot_names, follows_hessian): (&[String], bool),
+    ) -> Result<(Vec<ExprId>, Vec<Pivot>), Error> {
+        self.writer.begin(&format!("factors of {prefix}"));
+        let factors =
+            Factorisation::new(&mut self.g, &mut self.writer, prefix, matrix, unknowns, &self.system.signs)?;
+        self.writer.begin(&format!("substitution through the factors of {prefix}"));
+        let x = factors.solve(&mut self.g, &mut self.writer, labels, right);
+        Ok((x, factors.pivots(pivot_names, follows_hessian)))
+    }
+
+    /// `E_alpha = sum_A lambda_A form_A,alpha`, solved on components that determine the multipliers.
+    fn multipliers_of(
+        &mut self,
+        solved: &SolvedConstraint,
+        acceleration: &[ExprId],
+    ) -> Result<Vec<(String, ExprId)>, Error> {
+        let reactions = &solved.reactions;
+        if reactions.names.is_empty() {
+            return Ok(Vec::new());
+        }
+        self.writer.begin("multipliers E = lambda a");
+        let mut matrix = Vec::new();
+        let mut right = Vec::new();
+        for &alpha in &reactions.on {
+            let mut row = Vec::new();
+            for form in &reactions.one_forms {
+                row.push(self.replace(form[alpha])?);
+            }
+            matrix.push(row);
+            let mut terms = vec![self.g.neg(self.drive[alpha])];
+            for (beta, ydot) in acceleration.iter().enumerate() {
+                terms.push(self.g.mul(self.hessian[alpha][beta], *ydot));
+            }
+            right.push(vec![self.g.sum(&terms)]);
+        }
+        let solution = crate::algebra::solve_symbolic(&mut self.g, &matrix, &right)
+            .map_err(|_| Error::DivisionByZero { place: "the multipliers".into() })?;
+        let rows = reactions.names.iter().zip(solution);
+        Ok(rows.map(|(name, value)| (format!("lambda_{name}"), self.g.cancel_zero(value[0]))).collect())
+    }
+}
+
+/// Names of pivots of the mass matrix.
+pub(super) fn inertias(names: &[String]) -> Vec<String> {
+    names.iter().map(|n| format!("inertia along {n}")).collect()
+}
+
+/// `y^alpha = Psi^alpha_a u^a + psi0^alpha` of a dependent velocity.
+pub(crate) fn solved_velocity(g: &mut Graph, solved: &SolvedConstraint, alpha: usize) -> ExprId {
+    let mut terms = vec![solved.psi0[alpha]];
+    for (a, unknown) in solved.unknowns.iter().enumerate() {
+        let u = g.sym(unknown.symbol);
+        terms.push(g.mul(solved.psi[alpha][a], u));
+    }
+    g.sum(&terms)
+}

@@ -1,0 +1,138 @@
+//! Momenta `p = dL/dy`, their Hessian, and everything in the equations that has no accelerations.
+//!
+//! Does not know: constraints beyond what replaces the dependent velocities.
+
+use crate::error::Error;
+use crate::expr::ExprId;
+
+use super::derive::Derivation;
+use super::squares::{Square, take_squares};
+
+impl Derivation<'_> {
+    /// `p = dL/dy`, its Hessian, and the part of `-E` without accelerations.
+    pub(super) fn momenta(&mut self) -> Result<(), Error> {
+        let system = self.system;
+        let raw: Vec<ExprId> = system.velocities.iter().map(|s| self.g.diff(system.lagrangian, *s)).collect();
+        self.writer.begin("momenta p = dL/dy");
+        for (alpha, p) in raw.iter().enumerate() {
+            let value = self.replace(*p)?;
+            let name = format!("p_{}", self.names[alpha]);
+            let named = self.define(&name, value);
+            self.momentum.push(named);
+        }
+        for p in &raw {
+            let row = self.system.velocities.iter().map(|s| self.g.diff(*p, *s)).collect::<Vec<_>>();
+            let row = row.into_iter().map(|e| self.replace(e)).collect::<Result<_, _>>()?;
+            self.hessian.push(row);
+        }
+        let (squares, l) = match system.formulation.squares {
+            true => take_squares(&mut self.g, system),
+            false => (Vec::new(), system.lagrangian),
+        };
+        let inertia_forces = self.inertia_forces(&squares)?;
+        let raw: Vec<ExprId> = system.velocities.iter().map(|s| self.g.diff(l, *s)).collect();
+        let mut momentum = self.momentum.clone();
+        if !squares.is_empty() {
+            self.writer.begin("momenta p = dL/dy of the rest");
+            for (alpha, p) in raw.iter().enumerate() {
+                let value = self.replace(*p)?;
+                momentum[alpha] = self.define(&format!("rest_p_{}", self.names[alpha]), value);
+            }
+        }
+        let turning = if system.algebroid.has_drift() { "(N - C y) p" } else { "C y p" };
+        let sign = if system.algebroid.has_drift() { "+" } else { "-" };
+        let forces = format!("forces rho dL/dx + F {sign} {turning} - (dp/dx xdot + dp/dt)");
+        let inertia = if squares.is_empty() { "" } else { " of the rest, and -m dv/dy . a" };
+        self.writer.begin(&format!("{forces}{inertia}"));
+        let mut slopes = Vec::new();
+        for x in system.algebroid.base() {
+            let slope = self.g.diff(l, *x);
+            let slope = self.replace(slope)?;
+            let name = format!("dL_d{}", self.g.name(*x));
+            slopes.push(self.define(&name, slope));
+        }
+        for (alpha, p) in raw.iter().enumerate() {
+            let value = self.drive_of(alpha, *p, &momentum, &slopes)?;
+            let value = self.g.sub(value, inertia_forces[alpha]);
+            let name = format!("r_{}", self.names[alpha]);
+            let named = self.define(&name, value);
+            self.drive.push(named);
+        }
+        Ok(())
+    }
+
+    /// `weight v_alpha . (dv/dx xdot + omega x v)` of all squares, by `alpha`.
+    fn inertia_forces(&mut self, squares: &[Square]) -> Result<Vec<ExprId>, Error> {
+        self.writer.begin("velocities v in squares m/2 |v|^2");
+        let mut velocities = Vec::new();
+        for (k, square) in squares.iter().enumerate() {
+            let mut v = Vec::new();
+            for (i, component) in square.components.iter().enumerate() {
+                let value = self.replace(component.value)?;
+                v.push(self.define(&format!("v{}_{}", k + 1, i + 1), value));
+            }
+            velocities.push(v);
+        }
+        self.writer.begin("accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0");
+        let mut forces = vec![Vec::new(); self.y.len()];
+        for (k, (square, v)) in squares.iter().zip(velocities).enumerate() {
+            let turned = square.turned(&mut self.g, &self.y, &v);
+            for (i, (component, turned)) in square.components.iter().zip(turned).enumerate() {
+                let drift = self.drift(component.value)?;
+                let value = self.g.add(drift, turned);
+                let acceleration = self.define(&format!("a{}_{}", k + 1, i + 1), value);
+                for (terms, slope) in forces.iter_mut().zip(&component.slopes) {
+                    let slope = self.replace(*slope)?;
+                    terms.push(self.g.product(&[square.weight, slope, acceleration]));
+                }
+            }
+        }
+        Ok(forces.iter().map(|terms| self.g.sum(terms)).collect())
+    }
+
+    /// `rho dL/dx + F + (N - C y) p - (dp/dx xdot + dp/dt)` along one section, of the part of the Lagrangian that `p`, `momentum`
+    /// and `slopes` are derivatives of.
+    fn drive_of(
+        &mut self,
+        alpha: usize,
+        p: ExprId,
+        momentum: &[ExprId],
+        slopes: &[ExprId],
+    ) -> Result<ExprId, Error> {
+        let system = self.system;
+        let force = self.replace(system.forces[alpha])?;
+        let mut terms = vec![force];
+        for (i, slope) in slopes.iter().enumerate() {
+            terms.push(self.g.mul(system.algebroid.anchor(i, alpha), *slope));
+        }
+        for beta in 0..self.y.len() {
+            for (gamma, c) in system.algebroid.bracket(&mut self.g, alpha, beta) {
+                let term = self.g.product(&[c, self.y[beta], momentum[gamma]]);
+                terms.push(self.g.neg(term));
+            }
+        }
+        for (gamma, n) in system.algebroid.drift(alpha) {
+            terms.push(self.g.mul(*n, momentum[*gamma]));
+        }
+        let drift = self.drift(p)?;
+        terms.push(self.g.neg(drift));
+        Ok(self.g.sum(&terms))
+    }
+
+    /// `de/dx^i xdot^i + de/dt` at fixed velocities, for an expression in the raw velocity symbols.
+    pub(super) fn drift(&mut self, e: ExprId) -> Result<ExprId, Error> {
+        let mut terms = Vec::new();
+        for (i, x) in self.system.algebroid.base().iter().enumerate() {
+            let slope = self.g.diff(e, *x);
+            if slope == self.g.zero() || self.rates[i] == self.g.zero() {
+                continue;
+            }
+            let slope = self.replace(slope)?;
+            terms.push(self.g.mul(slope, self.rates[i]));
+        }
+        let explicit = self.g.diff(e, self.system.time);
+        terms.push(self.replace(explicit)?);
+        let sum = self.g.sum(&terms);
+        Ok(self.g.cancel_zero(sum))
+    }
+}

@@ -1,0 +1,89 @@
+//! Accelerations where the constraint is kept: all velocities move freely, and multipliers hold the conditions on accelerations.
+//!
+//! Does not know: how a matrix is factored.
+
+use crate::error::Error;
+use crate::expr::{ExprId, Graph};
+use crate::reduction::{AccelerationRow, AccelerationSource};
+
+use super::constrained::inertias;
+use super::derive::{Derivation, Motion};
+use super::equations::LinearSystem;
+use super::solve::Factorisation;
+
+impl Derivation<'_> {
+    /// `L_yy ydot = drive + Lambda^T lambda`, `w ydot + w0 = 0`, by `S = w L_yy^-1 Lambda^T`: the multipliers act along the
+    /// one-forms `Lambda` that vanish on virtual displacements and keep the conditions on accelerations.
+    pub(super) fn solve_with_multipliers(
+        &mut self,
+        rows: &[AccelerationRow],
+        reactions: &[Vec<ExprId>],
+    ) -> Result<Motion, Error> {
+        let m = self.y.len();
+        let names = self.names.clone();
+        let hessian = self.hessian.clone();
+        self.writer.begin("factors of L_yy");
+        let factors =
+            Factorisation::new(&mut self.g, &mut self.writer, "M", &hessian, &names, &self.system.signs)?;
+        self.writer.begin("free acceleration L_yy^-1 r");
+        let drive = self.drive.clone();
+        let prefixed = |prefix: &str| names.iter().map(|n| format!("{prefix}_{n}")).collect::<Vec<_>>();
+        let free = factors.solve(&mut self.g, &mut self.writer, &prefixed("free"), &drive);
+        self.writer.begin("response to the multipliers L_yy^-1 Lambda^T");
+        let mut response = Vec::new();
+        for (c, form) in reactions.iter().enumerate() {
+            let labels = prefixed(&format!("Z{}", c + 1));
+            response.push(factors.solve(&mut self.g, &mut self.writer, &labels, form));
+        }
+        self.writer.begin("multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T");
+        let dot = |g: &mut Graph, a: &[ExprId], b: &[ExprId]| {
+            let terms: Vec<ExprId> = a.iter().zip(b).map(|(x, y)| g.mul(*x, *y)).collect();
+            g.sum(&terms)
+        };
+        let mut matrix = Vec::new();
+        let mut right = Vec::new();
+        for (c, row) in rows.iter().enumerate() {
+            let mut entries = Vec::new();
+            for (other, z) in response.iter().enumerate() {
+                let product = dot(&mut self.g, &row.one_form, z);
+                entries.push(self.define(&format!("S_{}_{}", c + 1, other + 1), product));
+            }
+            matrix.push(entries);
+            let rate = match row.source {
+                AccelerationSource::Differentiated(residual) => self.drift(residual)?,
+                AccelerationSource::Servo(remainder) => remainder,
+            };
+            let product = dot(&mut self.g, &row.one_form, &free);
+            let sum = self.g.add(product, rate);
+            let value = self.g.neg(sum);
+            right.push(self.define(&format!("g_{}", c + 1), value));
+        }
+        let labels: Vec<String> = rows.iter().map(|r| format!("lambda_{}", r.name)).collect();
+        let pivot_names: Vec<String> =
+            rows.iter().map(|r| format!("response to constraint {}", r.text)).collect();
+        // S = Lambda L_yy^-1 Lambda^T where the reactions act along the constraints.
+        let is_congruent = rows.iter().zip(reactions).all(|(row, form)| row.one_form == *form);
+        let (lambda, constraint_pivots) =
+            self.solve_linear("S", &matrix, &right, &labels, &labels, (&pivot_names, is_congruent))?;
+        self.writer.begin("accelerations ydot = L_yy^-1 (r + Lambda^T lambda)");
+        let mut acceleration = Vec::new();
+        for alpha in 0..m {
+            let mut terms = vec![free[alpha]];
+            for (c, z) in response.iter().enumerate() {
+                terms.push(self.g.mul(z[alpha], lambda[c]));
+            }
+            let sum = self.g.sum(&terms);
+            acceleration.push(self.define(&format!("dot_{}", names[alpha]), sum));
+        }
+        let mut pivots = factors.pivots(&inertias(&names), true);
+        pivots.extend(constraint_pivots);
+        Ok(Motion {
+            unknown_rates: acceleration.clone(),
+            acceleration,
+            multipliers: labels.into_iter().zip(lambda).collect(),
+            reactions: reactions.to_vec(),
+            system: LinearSystem { mass_matrix: hessian, force: drive, unknowns: names },
+            pivots,
+        })
+    }
+}

@@ -1,0 +1,160 @@
+//! A model on its Lie algebroid.
+//!
+//! Does not know: fixed parameters, derived connections, points of circles; those are rewrites before and after it.
+
+use std::collections::BTreeSet;
+
+use crate::error::Error;
+use crate::expr::{Stage, SymbolId};
+use crate::spec::{self, Diagnostics, Model, ReconstructionKind};
+
+use super::algebroid::algebroid_of;
+use super::constraint::{KinematicConstraint, Unknown, constrain, frame_unknowns, refused};
+use super::domain::{domains, signs};
+use super::formulation::Formulation;
+use super::reconstruction;
+use super::stages::Stages;
+use super::system::{Block, BlockKind, ReducedSystem, StateKind};
+
+/// A model that says everything itself on its Lie algebroid: no connection is left to derive.
+///
+/// # Errors
+/// Conditions of the algebroid and of the chain of stages that do not hold, constraints that cannot be carried; all of them
+/// together.
+pub(super) fn on_algebroid(
+    mut model: Model,
+    formulation: &Formulation,
+) -> Result<ReducedSystem, Diagnostics> {
+    model.graph.enter(Stage::Reduction);
+    let mut problems = Vec::new();
+    let algebroid = algebroid_of(&mut model).map_err(|errors| {
+        let mut found: Vec<spec::Diagnostic> = errors.iter().map(|error| model.diagnose(error)).collect();
+        // One wrong sign breaks most pairs: the first says it all.
+        let mut seen = BTreeSet::new();
+        found.retain(|problem| problem.span.is_none() || seen.insert(problem.span));
+        problems.extend(found);
+    });
+    let stages = stages(&mut model)
+        .map_err(|errors| problems.extend(errors.iter().map(|error| model.diagnose(error))));
+    let signs = signs(&mut model);
+    let domains = domains(&mut model);
+    let constraint = constrain(&mut model, &signs).map_err(|error| problems.push(refused(&model, &error)));
+    if let Err(exhausted) = model.graph.within_budget() {
+        return Err(model.diagnostics(vec![model.diagnose(&exhausted.into())]));
+    }
+    let (Ok(algebroid), Ok(stages), Ok(constraint)) = (algebroid, stages, constraint) else {
+        return Err(model.diagnostics(problems));
+    };
+    let velocities: Vec<SymbolId> = model.all_velocities().into_iter().map(|(_, s)| s).collect();
+    let unknowns = match &constraint {
+        KinematicConstraint::Solved(solved) => solved.unknowns.clone(),
+        KinematicConstraint::Multipliers { .. } => frame_unknowns(&model),
+    };
+    let state = state_order(&model, &unknowns);
+    let blocks = blocks(&model);
+    let algebra = model.base.len()..velocities.len();
+    let (graph, side) = (&mut model.graph, model.action);
+    let items = &model.reconstruction;
+    let reconstruction = items.iter().flat_map(|item| reconstruction::rates(graph, item, side)).collect();
+    let turned = |item| reconstruction::momenta_in_space(graph, item, side, algebra.clone());
+    let momenta_in_space = items.iter().flat_map(turned).collect();
+    if let Err(exhausted) = model.graph.within_budget() {
+        return Err(model.diagnostics(vec![model.diagnose(&exhausted.into())]));
+    }
+    Ok(ReducedSystem {
+        formulation: formulation.clone(),
+        graph: model.graph,
+        name: model.name,
+        doc: model.doc,
+        sources: model.sources,
+        time: model.time,
+        params: model.params,
+        param_arrays: model.param_arrays,
+        conditions: model.conditions,
+        algebroid,
+        velocities,
+        side,
+        connection: model.connection,
+        lagrangian: model.lagrangian,
+        forces: model.forces,
+        constraint,
+        unknowns,
+        state,
+        casimirs: model.casimirs,
+        outputs: model.outputs,
+        reconstruction,
+        momenta_in_space,
+        blocks,
+        stages,
+        signs,
+        domains,
+        circles: Vec::new(),
+    })
+}
+
+/// The vectors that the model declares, by kind in the order of declaration.
+fn blocks(model: &Model) -> Vec<Block> {
+    let mut blocks: Vec<Block> = Vec::new();
+    for velocity in &model.velocities {
+        match blocks.last_mut() {
+            Some(block) if block.name == velocity.block => block.components.push(velocity.symbol),
+            _ => blocks.push(Block {
+                name: velocity.block.clone(),
+                components: vec![velocity.symbol],
+                kind: BlockKind::Velocity,
+            }),
+        }
+    }
+    blocks.extend(model.advected.iter().map(|a| Block {
+        name: a.name.clone(),
+        components: a.components.iter().map(|(_, s)| *s).collect(),
+        kind: BlockKind::Advected,
+    }));
+    for item in &model.reconstruction {
+        let mut start = 0;
+        for (k, (name, n)) in item.blocks.iter().enumerate() {
+            let kind = match (&item.kind, k) {
+                (ReconstructionKind::Quaternion { .. } | ReconstructionKind::Pose { .. }, 0) => {
+                    BlockKind::Attitude
+                }
+                (ReconstructionKind::Pose { .. }, _) => BlockKind::Position { attitude: blocks.len() - 1 },
+                (ReconstructionKind::PlanarPose { .. }, 0) => BlockKind::Heading,
+                (ReconstructionKind::PlanarPose { .. }, _) => {
+                    BlockKind::Position { attitude: blocks.len() - k }
+                }
+                _ => BlockKind::Reconstructed,
+            };
+            let components = item.symbols[start..start + n].to_vec();
+            blocks.push(Block { name: name.clone(), components, kind });
+            start += n;
+        }
+    }
+    blocks
+}
+
+fn stages(model: &mut Model) -> Result<Option<Stages>, Vec<Error>> {
+    let Some(chain) = model.stages.clone() else { return Ok(None) };
+    let inner = chain.inner_product.as_deref();
+    Stages::split(&mut model.graph, &model.algebra, &chain.names, &chain.ideals, inner).map(Some)
+}
+
+fn state_order(model: &Model, unknowns: &[Unknown]) -> Vec<(StateKind, String)> {
+    let n_shape = model.base.len();
+    let velocity_doc = |u: &Unknown| match u.frame_idx {
+        Some(k) if k < n_shape => format!("velocity of {}", model.base[k].name),
+        Some(k) => model.velocities[k - n_shape].doc.clone(),
+        None => {
+            let own = model.quasi_velocities.iter().find(|v| v.symbol == u.symbol);
+            own.map(|v| v.doc.clone()).unwrap_or_default()
+        }
+    };
+    let shape = model.base.iter().enumerate().map(|(i, c)| (StateKind::Base(i), c.doc.clone()));
+    let velocities = unknowns.iter().enumerate().map(|(a, u)| (StateKind::Unknown(a), velocity_doc(u)));
+    let advected = model
+        .advected
+        .iter()
+        .flat_map(|a| std::iter::repeat_n(a.doc.clone(), a.components.len()))
+        .enumerate()
+        .map(|(i, doc)| (StateKind::Base(n_shape + i), doc));
+    shape.chain(velocities).chain(advected).collect()
+}

@@ -1,0 +1,205 @@
+//! Which form the constraints of a model take: solved for dependent velocities, or kept with multipliers.
+//!
+//! Does not know: how rows are solved, the Lagrangian.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::error::Error;
+use crate::expr::{ExprId, Sign, SymbolId};
+use crate::spec::{self, ConstraintKind, Model};
+
+use super::solver::Solver;
+use super::{
+    AccelerationRow, AccelerationSource, ConstraintRow, KinematicConstraint, Reactions, SolvedConstraint,
+    Unknown,
+};
+
+/// The constraint of a model in the form that its equations take.
+///
+/// Rows that are linear in the velocities are solved for the velocities that are best to divide by, which also detects those
+/// that are dependent or inconsistent; multipliers stay where the model asks for them, where a row is not linear, and where
+/// no choice of dependent velocities is good on the whole domain.
+///
+/// # Errors
+/// Dependent, inconsistent or unsolvable constraints, and virtual displacements that do not fit them.
+pub(in crate::reduction) fn constrain(
+    model: &mut Model,
+    signs: &BTreeMap<ExprId, Sign>,
+) -> Result<KinematicConstraint, Error> {
+    let frame = frame_unknowns(model);
+    let quasi = quasi_unknowns(model);
+    let names: Vec<String> = frame.iter().map(|u| u.name.clone()).collect();
+    let params: BTreeSet<SymbolId> = model.params.iter().map(|p| p.symbol).collect();
+    let (linear, general) = constraint_rows(model);
+    let displacements = displacement_rows(model);
+    let all_linear = linear.len() == general.len();
+    let keep_all = (model.force_multipliers && !general.is_empty()) || !all_linear;
+    let wanted = model.independent.clone().filter(|_| !keep_all);
+    let g = &mut model.graph;
+    let mut solver = Solver { graph: g, names: &names, quasi: &quasi, params: &params, facts: signs };
+    // Solving also detects dependent and inconsistent rows, so it runs even when multipliers are asked for.
+    let solved = solver.solve(&linear, wanted.as_deref())?.filter(|_| !keep_all);
+    solver.quasi = &[];
+    let allowed = solver.solve(&displacements, None)?;
+    if !displacements.is_empty() {
+        // As many as the motion has constraints; quasi-velocities may be more than those leave.
+        let n_unknowns = solved.as_ref().map(|s| s.psi.first().map_or(0, Vec::len));
+        let expected = n_unknowns.map_or(general.len(), |n| names.len().saturating_sub(n));
+        if displacements.len() != expected {
+            let found = displacements.len();
+            return Err(Error::WrongNumberOfDisplacements { found, expected });
+        }
+    }
+    let (Some(solved), Some(allowed)) = (solved, allowed) else {
+        return multiplier_form(general, &displacements, !quasi.is_empty());
+    };
+    let unknowns: Vec<Unknown> = frame
+        .iter()
+        .enumerate()
+        .filter(|(k, _)| !solved.dependent.contains(k))
+        .map(|(_, u)| u)
+        .chain(&quasi)
+        .cloned()
+        .collect();
+    let mut pivots = solved.pivots;
+    let (virtual_displacements, reactions) = if displacements.is_empty() {
+        let reactions = Reactions {
+            names: linear.iter().map(|r| r.name.clone()).collect(),
+            one_forms: linear.iter().map(|r| r.one_form[..names.len()].to_vec()).collect(),
+            on: solved.dependent.clone(),
+        };
+        (solved.psi.clone(), reactions)
+    } else {
+        pivots.extend(allowed.pivots);
+        let reactions = Reactions {
+            names: displacements.iter().map(|r| r.name.clone()).collect(),
+            one_forms: displacements.into_iter().map(|r| r.one_form).collect(),
+            on: allowed.dependent,
+        };
+        (allowed.psi, reactions)
+    };
+    Ok(KinematicConstraint::Solved(SolvedConstraint {
+        unknowns,
+        dependent: solved.dependent,
+        psi: solved.psi,
+        psi0: solved.psi0,
+        virtual_displacements,
+        reactions,
+        rows: linear,
+        pivots,
+    }))
+}
+
+fn multiplier_form(
+    rows: Vec<AccelerationRow>,
+    displacements: &[ConstraintRow],
+    has_quasi_velocities: bool,
+) -> Result<KinematicConstraint, Error> {
+    if has_quasi_velocities {
+        return Err(Error::Unsupported {
+            what: "a quasi-velocity beside constraints that need multipliers".into(),
+            possible: "constraints linear in the velocities that can be solved for the others".into(),
+        });
+    }
+    // Chetaev's rule: without a space of displacements of their own, they are the kernel of the one-forms.
+    let reactions = if displacements.is_empty() {
+        rows.iter().map(|r| r.one_form.clone()).collect()
+    } else {
+        displacements.iter().map(|r| r.one_form.clone()).collect()
+    };
+    Ok(KinematicConstraint::Multipliers { rows, reactions })
+}
+
+/// A problem of the constraints, at the first of them where it has no place of its own.
+pub(in crate::reduction) fn refused(model: &Model, error: &Error) -> spec::Diagnostic {
+    let first = model.constraints.first().and_then(|c| c.span);
+    let mut problem = model.diagnose(error);
+    problem.span = problem.span.or(first);
+    problem
+}
+
+/// The constraints as affine forms on frame velocities and quasi-velocities, where they are, and all of them as conditions on
+/// accelerations.
+fn constraint_rows(model: &mut Model) -> (Vec<ConstraintRow>, Vec<AccelerationRow>) {
+    let frame = frame_unknowns(model);
+    let columns: Vec<SymbolId> = frame.iter().chain(&quasi_unknowns(model)).map(|u| u.symbol).collect();
+    let mut linear = Vec::new();
+    let mut general = Vec::new();
+    for c in &model.constraints {
+        let g = &mut model.graph;
+        let parts = match c.kind {
+            ConstraintKind::Linear => g.affine_parts(c.residual, &columns),
+            ConstraintKind::Nonlinear | ConstraintKind::SecondOrder { .. } => None,
+        };
+        let (name, text) = (c.name.clone(), c.text.clone());
+        let (one_form, source) = match (&c.kind, parts) {
+            (_, Some((one_form, offset))) => {
+                let row = ConstraintRow { name: name.clone(), text: text.clone(), one_form, offset };
+                let on_frame = row.one_form[..frame.len()].to_vec();
+                linear.push(row);
+                (on_frame, AccelerationSource::Differentiated(c.residual))
+            }
+            (ConstraintKind::SecondOrder { acceleration }, _) => {
+                (acceleration.clone(), AccelerationSource::Servo(c.residual))
+            }
+            _ => {
+                let slopes = frame.iter().map(|u| g.diff(c.residual, u.symbol)).collect();
+                (slopes, AccelerationSource::Differentiated(c.residual))
+            }
+        };
+        general.push(AccelerationRow { name, text, one_form, source });
+    }
+    (linear, general)
+}
+
+/// The conditions on virtual displacements that the model gives, as forms on frame velocities.
+fn displacement_rows(model: &Model) -> Vec<ConstraintRow> {
+    let offset = model.graph.zero();
+    let conditions = model.virtual_constraints.iter();
+    conditions
+        .map(|v| ConstraintRow {
+            name: v.name.clone(),
+            text: v.text.clone(),
+            one_form: v.one_form.clone(),
+            offset,
+        })
+        .collect()
+}
+
+/// Forms on frame velocities and quasi-velocities that vanish on virtual displacements: the conditions on these where the
+/// model gives any, else the constraints by Chetaev's rule.
+pub(in crate::reduction) fn annihilator(model: &mut Model) -> Vec<ConstraintRow> {
+    let mut rows = displacement_rows(model);
+    if rows.is_empty() {
+        let (linear, general) = constraint_rows(model);
+        let offset = model.graph.zero();
+        rows = match linear.len() == general.len() {
+            true => linear.into_iter().map(|row| ConstraintRow { offset, ..row }).collect(),
+            false => general
+                .into_iter()
+                .map(|AccelerationRow { name, text, one_form, .. }| ConstraintRow {
+                    name,
+                    text,
+                    one_form,
+                    offset,
+                })
+                .collect(),
+        };
+    }
+    let width = model.all_velocities().len() + model.quasi_velocities.len();
+    let zero = model.graph.zero();
+    rows.iter_mut().for_each(|row| row.one_form.resize(width, zero));
+    rows
+}
+
+fn quasi_unknowns(model: &Model) -> Vec<Unknown> {
+    let quasi = model.quasi_velocities.iter();
+    quasi.map(|v| Unknown { name: v.name.clone(), symbol: v.symbol, frame_idx: None }).collect()
+}
+
+pub(in crate::reduction) fn frame_unknowns(model: &Model) -> Vec<Unknown> {
+    let velocities = model.all_velocities().into_iter().enumerate();
+    velocities
+        .map(|(k, (name, symbol))| Unknown { name: name.to_owned(), symbol, frame_idx: Some(k) })
+        .collect()
+}

@@ -1,0 +1,162 @@
+//! Kinematic constraints `a_A(x) . y + b_A(x, t) = 0`: solved for dependent velocities, or kept with multipliers.
+//!
+//! `choice` decides which form the constraints of a model take, `solver` solves linear rows. Does not know: the algebroid, the
+//! Lagrangian.
+
+mod choice;
+mod solver;
+
+use crate::expr::{ExprId, SymbolId};
+
+use super::system::Part;
+
+pub(super) use choice::{annihilator, constrain, frame_unknowns, refused};
+pub(super) use solver::Solver;
+
+/// One scalar constraint as an affine form in the velocities.
+#[derive(Clone, Debug)]
+pub struct ConstraintRow {
+    /// Name of the constraint.
+    pub name: String,
+    /// The constraint as written.
+    pub text: String,
+    /// `a_A`, one coefficient per velocity.
+    pub one_form: Vec<ExprId>,
+    /// `b_A`.
+    pub offset: ExprId,
+}
+
+/// Constraint in the solved form `y = Psi u + psi0`, with virtual displacements spanned by the columns of `W`.
+#[derive(Clone, Debug)]
+pub struct SolvedConstraint {
+    /// The unknowns `u`: velocities that stay in the state, then quasi-velocities.
+    pub unknowns: Vec<Unknown>,
+    /// Velocities that the constraint determines, ascending.
+    pub dependent: Vec<usize>,
+    /// `Psi`, `[m][k]`.
+    pub psi: Vec<Vec<ExprId>>,
+    /// `psi0`, `[m]`; not zero for an affine constraint.
+    pub psi0: Vec<ExprId>,
+    /// `W`, `[m][k]`; equal to `Psi` when the displacements are those the constraint allows.
+    pub virtual_displacements: Vec<Vec<ExprId>>,
+    /// The one-forms that vanish on virtual displacements and carry the multipliers, with velocities on which they can be
+    /// inverted.
+    pub reactions: Reactions,
+    /// The forms that were solved.
+    pub rows: Vec<ConstraintRow>,
+    /// Expressions that were divided by and are not known to be non-zero, with what to call them.
+    pub pivots: Vec<(String, ExprId)>,
+}
+
+impl SolvedConstraint {
+    /// Velocities of the frame that stay in the state, ascending.
+    pub fn independent(&self) -> Vec<usize> {
+        self.unknowns.iter().filter_map(|u| u.frame_idx).collect()
+    }
+}
+
+/// An independent velocity.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Unknown {
+    /// Its name.
+    pub name: String,
+    /// Its symbol.
+    pub symbol: SymbolId,
+    /// The velocity of the frame that it is; `None` for a quasi-velocity.
+    pub frame_idx: Option<usize>,
+}
+
+/// `E = sum_A lambda_A form_A`, invertible on the components `on`.
+#[derive(Clone, Debug)]
+pub struct Reactions {
+    /// Names of the constraints.
+    pub names: Vec<String>,
+    /// `[n_constraints][m]`.
+    pub one_forms: Vec<Vec<ExprId>>,
+    /// Components of the frame that determine the multipliers.
+    pub on: Vec<usize>,
+}
+
+/// A condition on accelerations, `w . ydot + w0 = 0`.
+#[derive(Clone, Debug)]
+pub struct AccelerationRow {
+    /// Name of the constraint.
+    pub name: String,
+    /// The constraint as written.
+    pub text: String,
+    /// `w`.
+    pub one_form: Vec<ExprId>,
+    /// What `w0` comes from.
+    pub source: AccelerationSource,
+}
+
+/// Where a condition on accelerations comes from.
+#[derive(Clone, Copy, Debug)]
+pub enum AccelerationSource {
+    /// The time derivative of a constraint `phi(x, y, t) = 0`.
+    Differentiated(ExprId),
+    /// A second-order constraint, given with its part `w0` without accelerations.
+    Servo(ExprId),
+}
+
+/// How the kinematic constraint is carried.
+#[derive(Clone, Debug)]
+pub enum KinematicConstraint {
+    /// Dependent velocities are eliminated. Without constraints `Psi` is the identity.
+    Solved(SolvedConstraint),
+    /// All velocities stay in the state; multipliers act along `reactions` and keep `rows`: second-order and nonlinear
+    /// constraints, and linear ones for which no single choice of independent velocities is good on the whole domain.
+    Multipliers {
+        /// The conditions on accelerations.
+        rows: Vec<AccelerationRow>,
+        /// One-forms that vanish on virtual displacements, `[n_constraints][m]`.
+        reactions: Vec<Vec<ExprId>>,
+    },
+}
+
+impl KinematicConstraint {
+    /// Every expression of the constraint and what it is.
+    pub(super) fn expressions_mut(&mut self) -> Vec<(Part, &mut ExprId)> {
+        let mut list: Vec<(Part, &mut ExprId)> = Vec::new();
+        match self {
+            KinematicConstraint::Solved(solved) => {
+                let SolvedConstraint {
+                    unknowns: _,
+                    dependent: _,
+                    psi,
+                    psi0,
+                    virtual_displacements,
+                    reactions: Reactions { names: _, one_forms, on: _ },
+                    rows,
+                    pivots,
+                } = solved;
+                for (k, row) in rows.iter_mut().enumerate() {
+                    let ConstraintRow { name: _, text: _, one_form, offset } = row;
+                    list.extend(one_form.iter_mut().chain([offset]).map(|e| (Part::Constraint(k), e)));
+                }
+                let parts = psi.iter_mut().flatten().chain(psi0).chain(pivots.iter_mut().map(|(_, e)| e));
+                list.extend(parts.map(|e| (Part::SolvedConstraint, e)));
+                let parts = virtual_displacements.iter_mut().flatten().chain(one_forms.iter_mut().flatten());
+                list.extend(parts.map(|e| (Part::VirtualDisplacement, e)));
+            }
+            KinematicConstraint::Multipliers { rows, reactions } => {
+                for (k, row) in rows.iter_mut().enumerate() {
+                    let AccelerationRow { name: _, text: _, one_form, source } = row;
+                    let (AccelerationSource::Differentiated(e) | AccelerationSource::Servo(e)) = source;
+                    list.extend(one_form.iter_mut().chain([e]).map(|e| (Part::Constraint(k), e)));
+                }
+                list.extend(reactions.iter_mut().flatten().map(|e| (Part::VirtualDisplacement, e)));
+            }
+        }
+        list
+    }
+
+    /// The constraints, as written.
+    pub(super) fn texts(&self) -> impl Iterator<Item = &str> {
+        let (rows, general) = match self {
+            KinematicConstraint::Solved(solved) => (solved.rows.as_slice(), [].as_slice()),
+            KinematicConstraint::Multipliers { rows, .. } => ([].as_slice(), rows.as_slice()),
+        };
+        rows.iter().map(|row| row.text.as_str()).chain(general.iter().map(|row| row.text.as_str()))
+    }
+}

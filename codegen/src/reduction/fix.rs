@@ -1,0 +1,77 @@
+//! Parameters fixed to numbers: folded into every expression of a model before anything is derived.
+//!
+//! Does not know: what the expressions are for.
+
+use std::collections::BTreeMap;
+
+use crate::error::Error;
+use crate::expr::{DivisionByZero, ExprId, Rational, SymbolId};
+use crate::spec::{self, Diagnostics, Model, Relation};
+
+/// A model whose fixed parameters are replaced by their values everywhere, without the conditions that have become true.
+///
+/// # Errors
+/// Unknown parameters, values at which a denominator of the model vanishes, and conditions that have become false.
+pub fn with_fixed(mut model: Model, fixed: &[(String, Rational)]) -> Result<Model, Diagnostics> {
+    let mut values = BTreeMap::new();
+    let mut unknown = Vec::new();
+    for (name, value) in fixed {
+        match model.params.iter().position(|p| p.name == *name) {
+            Some(k) => {
+                let symbol = model.params.remove(k).symbol;
+                values.insert(symbol, model.graph.rational(value.clone()));
+            }
+            None => unknown.push(name.clone()),
+        }
+    }
+    let known: Vec<String> = model.params.iter().map(|p| p.name.clone()).collect();
+    let problems: Vec<spec::Diagnostic> = unknown
+        .into_iter()
+        .map(|name| model.diagnose(&Error::UnknownName { name, kind: "parameter", known: known.clone() }))
+        .collect();
+    if !problems.is_empty() {
+        return Err(model.diagnostics(problems));
+    }
+    if !values.is_empty() && substitute(&mut model, &values).is_err() {
+        let (message, _) = Error::DivisionByZero { place: "the fixed parameters".into() }.message_and_help();
+        let help = "a denominator of the model vanishes at these values";
+        return Err(model.diagnostics(vec![spec::diagnose(&model, None, message, help)]));
+    }
+    without_settled_conditions(model)
+}
+
+fn substitute(model: &mut Model, values: &BTreeMap<SymbolId, ExprId>) -> Result<(), DivisionByZero> {
+    let (graph, expressions) = model.expressions_mut();
+    for (_, e) in expressions {
+        *e = graph.subs(*e, values)?;
+    }
+    Ok(())
+}
+
+/// A model without the conditions on numbers alone, which have to hold.
+fn without_settled_conditions(mut model: Model) -> Result<Model, Diagnostics> {
+    let mut broken = Vec::new();
+    let graph = &mut model.graph;
+    model.conditions.retain(|c| {
+        let difference = graph.sub(c.greater, c.less);
+        let Some(value) = graph.as_rational(difference) else { return true };
+        let zero = Rational::from_integer(0.into());
+        let holds = match c.relation {
+            Relation::Greater => *value > zero,
+            Relation::GreaterEqual => *value >= zero,
+            Relation::NotEqual => *value != zero,
+        };
+        if !holds {
+            broken.push(c.clone());
+        }
+        false
+    });
+    if broken.is_empty() {
+        return Ok(model);
+    }
+    let problems = broken.iter().map(|c| {
+        let message = format!("fixed parameters violate the condition {}", c.text);
+        spec::diagnose(&model, c.span, message, "fix them to other values")
+    });
+    Err(model.diagnostics(problems.collect()))
+}

@@ -1,0 +1,235 @@
+//! The one value that the derivation consumes.
+//!
+//! Does not know: the models that it is made from by rewrites, equations of motion.
+
+use std::collections::BTreeMap;
+
+use crate::algebra::Algebroid;
+use crate::expr::{ExprId, Graph, Sign, SymbolId};
+use crate::spec::{Condition, Named, NamedVector, Param, ParamArray, Side};
+
+use super::circle::Circle;
+use super::constraint::{KinematicConstraint, Unknown};
+use super::formulation::Formulation;
+use super::reconstruction::{MomentumInSpace, ReconstructedCoordinate};
+use super::stages::Stages;
+
+/// What a state variable is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StateKind {
+    /// Base coordinate `x^i` of the algebroid (a shape coordinate or a component of an advected parameter).
+    Base(usize),
+    /// An unknown `u` of the equations of motion, by its place in [`ReducedSystem::unknowns`].
+    Unknown(usize),
+}
+
+/// Components of a state that belong together.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Block {
+    /// Its name in the model.
+    pub name: String,
+    /// Its components.
+    pub components: Vec<SymbolId>,
+    /// What it is.
+    pub kind: BlockKind,
+}
+
+/// What a [`Block`] is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BlockKind {
+    /// Velocities in the algebra.
+    Velocity,
+    /// An advected parameter.
+    Advected,
+    /// A unit quaternion `(w, x, y, z)` that turns the body frame to space.
+    Attitude,
+    /// The angle from space to the body frame of a planar pose.
+    Heading,
+    /// The position of a pose, whose attitude or heading is another block; that of a planar pose has two blocks of one number.
+    Position {
+        /// Position of that block in [`ReducedSystem::blocks`].
+        attitude: usize,
+    },
+    /// Any other coordinates of the group, or those whose rate the model gives.
+    Reconstructed,
+}
+
+/// A condition that a base coordinate satisfies where the equations hold.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DomainCondition {
+    /// As people write it, such as `theta < pi/2`.
+    pub text: String,
+    /// Positive inside of the domain, and only there.
+    pub positive: ExprId,
+}
+
+/// A system on a Lie algebroid: everything the derivation needs and nothing about where it came from.
+///
+/// # Shapes
+/// `n` base coordinates, `m` velocities; `forces`: `[m]`; `state`: order `[shape coordinates, velocities, advected]`.
+#[derive(Clone, Debug)]
+pub struct ReducedSystem {
+    /// The choices that led here.
+    pub formulation: Formulation,
+    /// Owner of all expressions.
+    pub graph: Graph,
+    /// Name of the model.
+    pub name: String,
+    /// Title first.
+    pub doc: Vec<String>,
+    /// Where the model comes from.
+    pub sources: Vec<String>,
+    /// Explicit time.
+    pub time: SymbolId,
+    /// Parameters that are not fixed.
+    pub params: Vec<Param>,
+    /// Which parameters of the model form vectors and matrices, those included of which some are fixed.
+    pub param_arrays: Vec<ParamArray>,
+    /// Conditions on the parameters.
+    pub conditions: Vec<Condition>,
+    /// Anchor and bracket in the frame of the velocities.
+    pub algebroid: Algebroid,
+    /// Symbols of the velocities `y^alpha`, in frame order.
+    pub velocities: Vec<SymbolId>,
+    /// Side of the group action.
+    pub side: Side,
+    /// `A^a_i(x)` by element of the algebra and shape coordinate, `v = xi + A(x) xdot`; absent where `v = xi`.
+    pub connection: Option<Vec<Vec<ExprId>>>,
+    /// `L(x, y, t)`.
+    pub lagrangian: ExprId,
+    /// External force `F_alpha`.
+    pub forces: Vec<ExprId>,
+    /// `Psi`, `psi0`, `W`, or multipliers.
+    pub constraint: KinematicConstraint,
+    /// The velocities that the state carries: independent ones and quasi-velocities, or all in the multiplier form.
+    pub unknowns: Vec<Unknown>,
+    /// State variables in order, with their documentation.
+    pub state: Vec<(StateKind, String)>,
+    /// Casimirs claimed by the model.
+    pub casimirs: Vec<Named>,
+    /// Outputs of the model.
+    pub outputs: Vec<NamedVector>,
+    /// Coordinates of the group, which only scenes that ask for them carry.
+    pub reconstruction: Vec<ReconstructedCoordinate>,
+    /// Momenta in space, by the coordinates of the group.
+    pub momenta_in_space: Vec<MomentumInSpace>,
+    /// Vectors of velocities, advected parameters and coordinates of the group.
+    pub blocks: Vec<Block>,
+    /// Stage decomposition of the symmetry algebra, when asked for.
+    pub stages: Option<Stages>,
+    /// Known signs of expressions, from the conditions and domains.
+    pub signs: BTreeMap<ExprId, Sign>,
+    /// What confines the base coordinates to their intervals.
+    pub domains: Vec<DomainCondition>,
+    /// Angles that the base carries as points of the circle.
+    pub circles: Vec<Circle>,
+}
+
+/// What an expression of a [`ReducedSystem`] is, see [`ReducedSystem::expressions_mut`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// A bound of a condition on parameters.
+    Condition,
+    /// An entry of anchor, bracket or drift.
+    Algebroid,
+    /// A coefficient `A^a_i`.
+    Connection,
+    /// The Lagrangian.
+    Lagrangian,
+    /// The force on a velocity of the frame.
+    Force(usize),
+    /// A coefficient or the remainder of a constraint, by its place.
+    Constraint(usize),
+    /// A coefficient of constraints that were solved, or what was divided by.
+    SolvedConstraint,
+    /// A coefficient of virtual displacements, or of a one-form that vanishes on them.
+    VirtualDisplacement,
+    /// A Casimir, by its place.
+    Casimir(usize),
+    /// A component of an output, by the output's place.
+    Output(usize),
+    /// The rate of a coordinate of the group, by its place.
+    Rate(usize),
+    /// An entry of the rows that turn momenta into space.
+    MomentumInSpace,
+    /// A coefficient of the stage forms.
+    Stages,
+    /// What is positive inside of the domain, by its place.
+    Domain(usize),
+}
+
+impl ReducedSystem {
+    /// Advected parameters and quaternions, none of which is zero.
+    pub(crate) fn vectors_of_fixed_length(&self) -> impl Iterator<Item = &Block> {
+        self.blocks.iter().filter(|b| matches!(b.kind, BlockKind::Advected | BlockKind::Attitude))
+    }
+
+    /// Every expression of the system and what it is, and the graph that owns them all.
+    ///
+    /// Only the keys of [`ReducedSystem::signs`] are no part of it: what is known about an expression that is rewritten says nothing
+    /// about the new one, and a rewrite has to decide.
+    pub fn expressions_mut(&mut self) -> (&mut Graph, Vec<(Part, &mut ExprId)>) {
+        let ReducedSystem {
+            formulation: _,
+            graph,
+            name: _,
+            doc: _,
+            sources: _,
+            time: _,
+            params: _,
+            param_arrays: _,
+            conditions,
+            algebroid,
+            velocities: _,
+            side: _,
+            connection,
+            lagrangian,
+            forces,
+            constraint,
+            unknowns: _,
+            state: _,
+            casimirs,
+            outputs,
+            reconstruction,
+            momenta_in_space,
+            blocks: _,
+            stages,
+            signs: _,
+            domains,
+            circles: _,
+        } = self;
+        let mut list: Vec<(Part, &mut ExprId)> = vec![(Part::Lagrangian, lagrangian)];
+        let bounds = conditions.iter_mut().flat_map(|c| [&mut c.greater, &mut c.less]);
+        list.extend(bounds.map(|e| (Part::Condition, e)));
+        list.extend(connection.iter_mut().flatten().flatten().map(|e| (Part::Connection, e)));
+        list.extend(forces.iter_mut().enumerate().map(|(k, e)| (Part::Force(k), e)));
+        list.extend(constraint.expressions_mut());
+        list.extend(casimirs.iter_mut().enumerate().map(|(k, c)| (Part::Casimir(k), &mut c.expr)));
+        for (k, output) in outputs.iter_mut().enumerate() {
+            list.extend(output.components.iter_mut().map(|(_, e)| (Part::Output(k), e)));
+        }
+        let rates = reconstruction.iter_mut().map(|c| &mut c.rate);
+        list.extend(rates.enumerate().map(|(k, e)| (Part::Rate(k), e)));
+        let rows = momenta_in_space.iter_mut().flat_map(|m| m.rows.iter_mut().flatten());
+        list.extend(rows.map(|e| (Part::MomentumInSpace, e)));
+        let stages = stages.iter_mut().flat_map(Stages::expressions_mut);
+        list.extend(stages.map(|e| (Part::Stages, e)));
+        let domains = domains.iter_mut().map(|d| &mut d.positive);
+        list.extend(domains.enumerate().map(|(k, e)| (Part::Domain(k), e)));
+        list.extend(algebroid.coefficients_mut().into_iter().map(|e| (Part::Algebroid, e)));
+        (graph, list)
+    }
+
+    /// The group velocity `xi^a = v^a - A^a_i xdot^i`, by the velocities of the system, `n_shape` of them along the shape.
+    pub(crate) fn group_velocity(&self, g: &mut Graph, n_shape: usize) -> Vec<ExprId> {
+        let y: Vec<ExprId> = self.velocities.iter().map(|s| g.sym(*s)).collect();
+        let (shape, fibre) = y.split_at(n_shape);
+        let Some(connection) = &self.connection else { return fibre.to_vec() };
+        let components = fibre.iter().zip(connection).map(|(v, row)| {
+            let along: Vec<ExprId> = row.iter().zip(shape).map(|(a, rate)| g.mul(*a, *rate)).collect();
+            let along = g.sum(&along);
+            g.sub(*v, along)
+        });
+        components.collect()
+    }
+}

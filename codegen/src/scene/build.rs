@@ -1,0 +1,340 @@
+//! One scene through the whole pipeline.
+//!
+//! Does not know: how equations are derived, how programs are lowered.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use crate::error::Error;
+use crate::expr::{ExprId, Graph, Stage, SymbolId, needed_sections};
+use crate::lower::{self, Inputs, ParamCondition, Request, SearchBudget};
+use crate::mechanics::{Equations, Output, OutputKind, StateEquation, derive};
+use crate::parallel::side_by_side;
+use crate::program::{Relation, Role};
+use crate::reduction::{Formulation, reduce};
+use crate::spec::{self, Diagnostics, Model, Want, Wanted};
+
+use super::pivots::sorted_pivots;
+use super::plan::{Drops, Outputs, Plan};
+use super::{BuiltScene, derivatives, invariants};
+
+/// Equations of one model in the formulations that its scenes ask for, each derived once.
+#[derive(Debug)]
+pub(super) struct Derivations<'m> {
+    pub(super) model: &'m Model,
+    done: Vec<(Formulation, Result<Arc<Equations>, Diagnostics>)>,
+}
+
+impl<'m> Derivations<'m> {
+    pub(super) fn new(model: &'m Model) -> Derivations<'m> {
+        Derivations { model, done: Vec::new() }
+    }
+
+    /// Derives the equations in several formulations, side by side, unless they are there.
+    pub(super) fn derive_all<'f>(&mut self, formulations: impl IntoIterator<Item = &'f Formulation>) {
+        let mut missing: Vec<Formulation> = Vec::new();
+        for formulation in formulations {
+            let is_known = self.done.iter().map(|(known, _)| known).chain(&missing).any(|k| k == formulation);
+            if !is_known {
+                missing.push(formulation.clone());
+            }
+        }
+        let derived = side_by_side(&missing, |formulation| self.derived(formulation));
+        self.done.extend(missing.into_iter().zip(derived));
+    }
+
+    /// The equations in a formulation.
+    pub(super) fn equations(&self, formulation: &Formulation) -> Result<Arc<Equations>, Diagnostics> {
+        match self.done.iter().find(|(other, _)| other == formulation) {
+            Some((_, known)) => known.clone(),
+            None => self.derived(formulation),
+        }
+    }
+
+    fn derived(&self, formulation: &Formulation) -> Result<Arc<Equations>, Diagnostics> {
+        let model = self.model;
+        let system = reduce(model, formulation)?;
+        derive(&system).map(Arc::new).map_err(|e| model.diagnostics(vec![model.diagnose(&e)]))
+    }
+}
+
+/// Builds a scene by its plan; problems without a place of their own are at the scene.
+pub(super) fn build_planned(derivations: &Derivations<'_>, plan: Plan) -> Result<BuiltScene, Diagnostics> {
+    let model = derivations.model;
+    let scene = plan.name.clone();
+    build_scene(derivations, plan).map_err(|problems| {
+        let Some(own) = model.scenes.iter().find(|s| s.name == scene) else { return problems };
+        let located = problems.iter().map(|problem| {
+            if problem.span.is_none() {
+                return spec::Diagnostic { span: own.span, ..problem.clone() };
+            }
+            // Fixed parameters may be what is wrong.
+            let is_about_fixing =
+                !own.fixed.is_empty() && !own.places.values().any(|s| Some(*s) == problem.span);
+            problem.clone().with_place(own.span.filter(|_| is_about_fixing), "in this scene")
+        });
+        model.diagnostics(located.collect())
+    })
+}
+
+fn build_scene(derivations: &Derivations<'_>, plan: Plan) -> Result<BuiltScene, Diagnostics> {
+    let model = derivations.model;
+    let scene = plan.name.as_str();
+    let own = model.scenes.iter().find(|s| s.name == scene);
+    let place_of = |name: &str| own.and_then(|s| s.places.get(name).copied());
+    let fail_at = |span: Option<spec::Span>, message: String, help: String| {
+        model.diagnostics(vec![spec::diagnose(model, span, message, help)])
+    };
+    if plan.reconstructs && model.reconstruction.is_empty() {
+        let help = "say how with `reconstruct .. in ..;`".to_owned();
+        return Err(fail_at(
+            None,
+            format!("{} does not say how to reconstruct the group motion", model.name),
+            help,
+        ));
+    }
+    let equations = derivations.equations(&plan.formulation).map_err(|problems| {
+        let on_lines = Formulation { circles: Vec::new(), ..plan.formulation.clone() };
+        if plan.formulation.circles.is_empty() || reduce(model, &on_lines).is_err() {
+            return problems;
+        }
+        // At the angle in the scene where the model has no text for the place itself.
+        let here = plan.formulation.circles.iter().find_map(|angle| place_of(angle));
+        let located = problems.iter().map(|problem| match problem.span {
+            None => spec::Diagnostic { span: here, ..problem.clone() },
+            Some(_) => problem.clone().with_place(here, "on the circle in this scene"),
+        });
+        model.diagnostics(located.collect())
+    })?;
+    let available = available_outputs(&equations);
+    let outputs = match &plan.outputs {
+        Outputs::All => available,
+        Outputs::Named(wants) => {
+            let mut selected = Vec::new();
+            for wanted in wants {
+                let found = wanted_outputs(&available, wanted);
+                if found.is_empty() {
+                    let known: Vec<&str> = available.iter().map(|o| o.name.as_str()).collect();
+                    let want = wanted.name();
+                    return Err(fail_at(
+                        place_of(want),
+                        format!("scene {scene} wants {want}, which {} does not have", model.name),
+                        format!("outputs: rhs, energy, {}", known.join(", ")),
+                    ));
+                }
+                selected.extend(found);
+            }
+            selected
+        }
+    };
+    let mut results: Vec<ExprId> =
+        outputs.iter().flat_map(|o| o.components.iter().map(|(_, e)| *e)).collect();
+    results.extend(plan.energy.then_some(equations.energy));
+    if plan.reconstructs {
+        results.extend(equations.reconstruction.iter().map(|c| c.derivative));
+    }
+    let ignorable = ignorable(&equations, &results);
+    let dropped = match &plan.drops {
+        Drops::Nothing => Vec::new(),
+        Drops::Ignorable => ignorable,
+        Drops::Components(names) => {
+            let chosen: Vec<String> =
+                equations.state.iter().map(|s| s.name.clone()).filter(|name| names.contains(name)).collect();
+            if let Some(needed) = chosen.iter().find(|name| !ignorable.contains(name)) {
+                let help = if ignorable.is_empty() {
+                    "every coordinate is needed".to_owned()
+                } else {
+                    format!("can be left out: {}", ignorable.join(", "))
+                };
+                return Err(fail_at(
+                    place_of(needed),
+                    format!("{needed} cannot be left out of scene {scene}: the rest depends on it"),
+                    help,
+                ));
+            }
+            chosen
+        }
+    };
+    let mut state = equations.state.clone();
+    state.retain(|s| !dropped.contains(&s.name));
+    if plan.reconstructs {
+        state.extend(equations.reconstruction.iter().cloned());
+    }
+    lower_scene(equations, &plan, state, outputs).map_err(|e| {
+        let problem = model.diagnose(&e);
+        let span = match e {
+            Error::NothingConserved { .. } => place_of(Want::Invariants.name()),
+            _ => problem.span,
+        };
+        model.diagnostics(vec![spec::Diagnostic { span, ..problem }])
+    })
+}
+
+/// Base coordinates on which neither another state variable's rate, nor a wanted result, nor a pivot depends.
+pub(super) fn ignorable(equations: &Equations, results: &[ExprId]) -> Vec<String> {
+    let graph = &equations.system.graph;
+    let mut inputs: BTreeMap<SymbolId, BTreeSet<SymbolId>> = BTreeMap::new();
+    let needs = |e: ExprId, inputs: &BTreeMap<SymbolId, BTreeSet<SymbolId>>| -> BTreeSet<SymbolId> {
+        graph
+            .free_symbols(e)
+            .into_iter()
+            .flat_map(|s| inputs.get(&s).cloned().unwrap_or_else(|| BTreeSet::from([s])))
+            .collect()
+    };
+    for definition in equations.sections.iter().flat_map(|s| &s.definitions) {
+        let needed = needs(definition.expr, &inputs);
+        inputs.insert(definition.symbol, needed);
+    }
+    let base = equations.system.algebroid.base();
+    let mut needed: BTreeSet<SymbolId> = results
+        .iter()
+        .chain(equations.pivots.iter().map(|p| &p.expr))
+        .flat_map(|e| needs(*e, &inputs))
+        .collect();
+    let mut open: Vec<(SymbolId, BTreeSet<SymbolId>)> = Vec::new();
+    for s in &equations.state {
+        let rate = needs(s.derivative, &inputs);
+        if base.contains(&s.symbol) {
+            open.push((s.symbol, rate));
+        } else {
+            needed.extend(rate);
+        }
+    }
+    // A coordinate that is needed needs what its own rate depends on.
+    while let Some(k) = open.iter().position(|(symbol, _)| needed.contains(symbol)) {
+        needed.extend(open.swap_remove(k).1);
+    }
+    let dropped: BTreeSet<SymbolId> = open.into_iter().map(|(symbol, _)| symbol).collect();
+    equations.state.iter().filter(|s| dropped.contains(&s.symbol)).map(|s| s.name.clone()).collect()
+}
+
+/// Coordinates of the base and the group that are no part of a scene's state.
+pub(super) fn left_out(equations: &Equations, state: &[StateEquation]) -> BTreeSet<SymbolId> {
+    let carried: BTreeSet<SymbolId> = state.iter().map(|s| s.symbol).collect();
+    let base = equations.system.algebroid.base().iter().copied();
+    let all = base.chain(equations.reconstruction.iter().map(|s| s.symbol));
+    all.filter(|symbol| !carried.contains(symbol)).collect()
+}
+
+/// Whether a value depends on one of `symbols`, also by the sections that it uses.
+pub(super) fn needs(g: &Graph, equations: &Equations, e: ExprId, symbols: &BTreeSet<SymbolId>) -> bool {
+    let sections = needed_sections(g, &equations.sections, &[e]);
+    let definitions = sections.iter().flat_map(|s| &s.definitions).map(|d| d.expr);
+    definitions.chain([e]).any(|e| g.depends_on(e, symbols))
+}
+
+/// A group by its name, every output of the model, or a single component of a group.
+fn wanted_outputs(available: &[Output], wanted: &Wanted) -> Vec<Output> {
+    let of_kind = |kind: OutputKind| available.iter().filter(move |o| o.kind == kind).cloned().collect();
+    let name = match wanted {
+        Wanted::Want(Want::Outputs) => return of_kind(OutputKind::OfModel),
+        Wanted::Want(want) => return of_kind(OutputKind::Group(*want)),
+        Wanted::Own(name) => name,
+    };
+    if let Some(group) = available.iter().find(|o| o.name == *name) {
+        return vec![group.clone()];
+    }
+    let single = available.iter().find_map(|o| {
+        let component = o.components.iter().find(|(own, _)| own == name)?.clone();
+        let (name, doc) = (name.clone(), o.doc.clone());
+        Some(Output { kind: OutputKind::Component, name, components: vec![component], doc })
+    });
+    single.into_iter().collect()
+}
+
+fn available_outputs(equations: &Equations) -> Vec<Output> {
+    let mut outputs = equations.outputs.clone();
+    if !equations.facts.energy_is_conserved {
+        let components = vec![(Want::EnergyRate.name().into(), equations.energy_rate)];
+        let doc = "rate of energy dE/dt along the motion";
+        outputs.insert(0, Output::group(Want::EnergyRate, components, doc));
+    }
+    outputs
+}
+
+/// Lowers what a scene asks for of its equations.
+pub(super) fn lower_scene(
+    equations: Arc<Equations>,
+    plan: &Plan,
+    state: Vec<StateEquation>,
+    mut outputs: Vec<Output>,
+) -> Result<BuiltScene, Error> {
+    let system = &equations.system;
+    let mut graph = system.graph.clone();
+    graph.enter(Stage::Derivatives);
+    let mut inputs = Inputs {
+        params: system.params.iter().map(|p| p.symbol).collect(),
+        time: system.time,
+        state: state.iter().map(|s| s.symbol).collect(),
+        signs: system.signs.clone(),
+        arguments: BTreeMap::new(),
+        divisors: lower::Divisors::default(),
+        circles: system.circles.iter().map(|c| [c.cosine, c.sine]).collect(),
+    };
+    let derivatives =
+        derivatives::differentiate(&mut graph, &equations.sections, &state, &inputs, &plan.derivatives);
+    inputs.arguments = derivatives.arguments;
+    outputs.extend(derivatives.outputs);
+    let mut matrices = derivatives.matrices;
+    let mut own_sections = derivatives.sections;
+    if plan.invariants {
+        let found = invariants::find(&mut graph, &equations, &state, &inputs);
+        graph.within_budget()?;
+        let found = found.ok_or_else(|| Error::NothingConserved { scene: plan.name.clone() })?;
+        outputs.extend(found.outputs);
+        matrices.push(found.gradients);
+        own_sections.extend(found.sections);
+    }
+    graph.within_budget()?;
+    graph.enter(Stage::Lowering);
+    let mut conditions: Vec<ParamCondition> = system
+        .conditions
+        .iter()
+        .map(|c| ParamCondition {
+            text: c.text.clone(),
+            meaning: String::new(),
+            greater: c.greater,
+            less: c.less,
+            relation: match c.relation {
+                spec::Relation::Greater => Relation::Greater,
+                spec::Relation::GreaterEqual => Relation::GreaterEqual,
+                spec::Relation::NotEqual => Relation::NotEqual,
+            },
+            is_rounded: false,
+        })
+        .collect();
+    let pivots = sorted_pivots(&mut graph, &equations);
+    conditions.extend(pivots.conditions);
+    inputs.divisors = pivots.divisors;
+    let rhs: Vec<(String, ExprId)> = state.iter().map(|s| (s.name.clone(), s.derivative)).collect();
+    let mut requests = vec![Request { role: Role::Rate, results: rhs }];
+    if plan.energy {
+        let results = vec![("energy".to_owned(), equations.energy)];
+        requests.push(Request { role: Role::Energy, results });
+    }
+    requests.push(Request { role: Role::Pivots, results: pivots.moving });
+    for output in &outputs {
+        let role = Role::Output(output.name.clone());
+        requests.push(Request { role, results: output.components.clone() });
+    }
+    requests.extend(derivatives.requests);
+    let carried: BTreeSet<SymbolId> = inputs.state.iter().copied().collect();
+    let left_out: BTreeSet<SymbolId> =
+        system.algebroid.base().iter().filter(|x| !carried.contains(x)).copied().collect();
+    let domains = system.domains.iter().filter(|d| !graph.depends_on(d.positive, &left_out));
+    let results: Vec<(String, ExprId)> = domains.map(|d| (d.text.clone(), d.positive)).collect();
+    if !results.is_empty() {
+        requests.push(Request { role: Role::Domain, results });
+    }
+    let results = requests.iter().flat_map(|r| r.results.iter().map(|(_, e)| *e));
+    let roots: Vec<ExprId> = results.chain(conditions.iter().flat_map(|c| [c.greater, c.less])).collect();
+    let mut sections = equations.sections.clone();
+    sections.extend(own_sections);
+    let sections = needed_sections(&graph, &sections, &roots);
+    let program =
+        lower::lower(&mut graph, &inputs, &sections, &conditions, &requests, &SearchBudget::default())?;
+    let products = derivatives.products;
+    let spent = graph.spent();
+    let (name, wants_taylor, doc) = (plan.name.clone(), plan.taylor, plan.doc.clone());
+    Ok(BuiltScene { name, equations, program, state, outputs, matrices, products, wants_taylor, doc, spent })
+}

@@ -1,0 +1,347 @@
+//! Scenes: what is wanted of a model, what is fixed, and what is left out.
+//!
+//! [`build`] runs the whole pipeline for one scene, [`Scenes`] for several of one model, whose equations are derived once for each
+//! formulation. The default scene fixes nothing and wants every output, `minimal` leaves
+//! out coordinates that nothing asks for, `reconstruction` adds those of the group; a `scene` block of the model fixes
+//! parameters (folded exactly before the derivation), names the outputs it wants and the coordinates it drops.
+//!
+//! [`build_pictured`] adds what figures in space show, which no other scene carries.
+//!
+//! Does not know: how equations are derived, how programs are lowered, how text is emitted.
+
+mod build;
+mod counts;
+mod defaults;
+mod derivatives;
+mod groups;
+mod interpreter;
+mod invariants;
+mod pivots;
+mod plan;
+#[cfg(test)]
+mod tests;
+mod text;
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use crate::error::Error;
+use crate::expr::Budget;
+use crate::mechanics::{Equations, Output, OutputKind, StateEquation};
+use crate::parallel::side_by_side;
+use crate::program::{Program, Role, ViolatedCondition};
+use crate::reduction::{AccelerationSource, Formulation, KinematicConstraint, reduce};
+use crate::spec::{self, Diagnostics, Model, Param, Want};
+
+use build::{Derivations, build_planned, ignorable, left_out, lower_scene, needs};
+use plan::{Drops, Outputs, Plan};
+
+pub use defaults::warnings;
+pub use derivatives::{Derivative, Matrix, Product};
+pub use interpreter::Interpreter;
+pub use text::Writing;
+
+/// Name of the scene that every model has.
+pub const DEFAULT: &str = "default";
+
+/// A scene after the whole pipeline: its equations and its program.
+#[derive(Clone, Debug)]
+pub struct BuiltScene {
+    /// Name of the scene.
+    pub name: String,
+    /// What was derived.
+    pub equations: Arc<Equations>,
+    /// What was lowered: the rates, the energy (when wanted), the pivots, one function for each output and each product, then
+    /// the domain where there is one; see [`Role`].
+    pub program: Program,
+    /// The state of this scene: that of the model without what is left out, with what is reconstructed.
+    pub state: Vec<StateEquation>,
+    outputs: Vec<Output>,
+    matrices: Vec<Matrix>,
+    products: Vec<Product>,
+    /// Whether the emitted module has the Taylor coefficients of solutions.
+    wants_taylor: bool,
+    doc: String,
+    spent: Budget,
+}
+
+/// Name of the scene without the coordinates that nothing asks for; a model has it when there are such coordinates.
+pub const MINIMAL: &str = "minimal";
+
+/// Name of the scene with the coordinates of the group; a model has it when it says how to reconstruct them.
+pub const RECONSTRUCTION: &str = Want::Reconstruction.name();
+
+/// Name of the scene with all derivatives of the right-hand side; every model has it, built when it is asked for.
+pub const DERIVATIVES: &str = "derivatives";
+
+/// What a scene wants that has functions of its invariants and their gradients, and the name of that of the values.
+pub const INVARIANTS: &str = Want::Invariants.name();
+
+/// The scenes of a model; what several of them share is derived once.
+///
+/// ```
+/// use hamel_codegen::{scene::Scenes, spec};
+///
+/// let text = "model spring { param k = 2; coordinate x in real; lagrangian = 1/2*x_dot^2 - k/2*x^2; }";
+/// let model = spec::parse("spring.hamel", text)?;
+/// let mut scenes = Scenes::new(&model);
+/// let built = scenes.build_all(&scenes.names())?;
+/// assert_eq!(built.len(), 1);
+/// # Ok::<(), spec::Diagnostics>(())
+/// ```
+#[derive(Debug)]
+pub struct Scenes<'m> {
+    derivations: Derivations<'m>,
+}
+
+impl<'m> Scenes<'m> {
+    /// None of them built.
+    pub fn new(model: &'m Model) -> Scenes<'m> {
+        Scenes { derivations: Derivations::new(model) }
+    }
+
+    /// Names of the scenes that are emitted, the default first; [`DERIVATIVES`] is one only if the model says so.
+    ///
+    /// Every model has [`DEFAULT`]; [`MINIMAL`] and [`RECONSTRUCTION`] where they differ from it; then its own.
+    pub fn names(&mut self) -> Vec<String> {
+        let model = self.derivations.model;
+        let mut names = vec![DEFAULT.to_owned()];
+        let own = |name: &str| model.scenes.iter().any(|s| s.name == name);
+        if !own(MINIMAL) && self.has_ignorable_coordinates() {
+            names.push(MINIMAL.to_owned());
+        }
+        if !own(RECONSTRUCTION) && !model.reconstruction.is_empty() {
+            names.push(RECONSTRUCTION.to_owned());
+        }
+        names.extend(model.scenes.iter().map(|s| s.name.clone()));
+        names
+    }
+
+    fn has_ignorable_coordinates(&mut self) -> bool {
+        let formulation = Formulation::of(self.derivations.model);
+        self.derivations.derive_all([&formulation]);
+        let derived = self.derivations.equations(&formulation);
+        derived.is_ok_and(|equations| !ignorable(&equations, &[equations.energy]).is_empty())
+    }
+
+    /// Builds one scene.
+    ///
+    /// # Errors
+    /// As [`build`].
+    pub fn build(&mut self, scene: &str) -> Result<BuiltScene, Diagnostics> {
+        let plan = self.plan(scene)?;
+        self.derivations.derive_all([&plan.formulation]);
+        build_planned(&self.derivations, plan)
+    }
+
+    /// Builds several scenes, by their names.
+    ///
+    /// # Errors
+    /// The problems of all of them; what several have in common is reported once.
+    pub fn build_all(&mut self, scenes: &[String]) -> Result<Vec<BuiltScene>, Diagnostics> {
+        let mut built = Vec::new();
+        let mut problems: Vec<spec::Diagnostic> = Vec::new();
+        let plans: Vec<Result<Plan, Diagnostics>> = scenes.iter().map(|name| self.plan(name)).collect();
+        self.derivations.derive_all(plans.iter().flatten().map(|plan| &plan.formulation));
+        let outcomes = side_by_side(&plans, |plan| build_planned(&self.derivations, plan.clone()?));
+        for outcome in outcomes {
+            match outcome {
+                Ok(scene) => built.push(scene),
+                Err(found) => {
+                    for problem in &found {
+                        if !problems.iter().any(|p| p.span == problem.span && p.message == problem.message) {
+                            problems.push(problem.clone());
+                        }
+                    }
+                }
+            }
+        }
+        if problems.is_empty() { Ok(built) } else { Err(self.derivations.model.diagnostics(problems)) }
+    }
+
+    fn plan(&mut self, scene: &str) -> Result<Plan, Diagnostics> {
+        let model = self.derivations.model;
+        Plan::of(model, scene).ok_or_else(|| {
+            let help = format!("scenes: {}", self.names().join(", "));
+            let message = format!("{} has no scene {scene}", model.name);
+            model.diagnostics(vec![spec::diagnose(model, None, message, help)])
+        })
+    }
+}
+
+/// Names of a model's scenes that are emitted: see [`Scenes::names`].
+pub fn names(model: &Model) -> Vec<String> {
+    Scenes::new(model).names()
+}
+
+/// Whether a state of the model can violate a constraint: whether it has residuals, the output [`Want::Constraint`].
+///
+/// # Errors
+/// What reduction can find.
+pub fn has_residuals(model: &Model) -> Result<bool, Diagnostics> {
+    let KinematicConstraint::Multipliers { rows, .. } = reduce(model, &Formulation::of(model))?.constraint
+    else {
+        return Ok(false);
+    };
+    Ok(rows.iter().any(|row| matches!(row.source, AccelerationSource::Differentiated(_))))
+}
+
+/// Builds one scene of a model.
+///
+/// ```
+/// use hamel_codegen::{program::Role, scene, spec};
+///
+/// let text = "model top {
+///     param I: diagonal(3) = [2, 1.5, 0.8] where I1 > 0, I2 > 0, I3 > 0;
+///     velocity Omega in so(3);
+///     lagrangian = 1/2*dot(Omega, I*Omega);
+///     scene ball { fix I = [1, 1, 1]; want rhs; }
+/// }";
+/// let model = spec::parse("top.hamel", text)?;
+/// let ball = scene::build(&model, "ball")?;
+/// let rhs = ball.program.function(&Role::Rate).unwrap();
+/// assert_eq!(rhs.counts().total(), 0);
+/// # Ok::<(), spec::Diagnostics>(())
+/// ```
+///
+/// # Errors
+/// Unknown scene or output, a coordinate that cannot be left out, and everything that reduction, derivation and
+/// lowering can find.
+pub fn build(model: &Model, scene: &str) -> Result<BuiltScene, Diagnostics> {
+    Scenes::new(model).build(scene)
+}
+
+/// Name of the output with the numbers of a view, see [`spec::View::numbers`]; no output of a model has such a name.
+pub fn view_output(view: &str) -> String {
+    format!("view {view}")
+}
+
+/// Builds a scene with everything that a report shows: the parameters that `scene` fixes, every coordinate, those of the
+/// group when the model reconstructs them, every output, and the views, each as the output [`view_output`].
+///
+/// # Errors
+/// As [`build`].
+pub fn build_pictured(model: &Model, scene: &str) -> Result<BuiltScene, Diagnostics> {
+    let mut pictured = model.clone();
+    for view in &model.views.list {
+        let numbers = pictured.graph.import(&model.views.graph, &view.numbers());
+        let within = pictured.graph.within_budget();
+        within
+            .map_err(|e| model.diagnostics(vec![spec::diagnose(model, view.span, e.message(), e.help())]))?;
+        let numbers = numbers.map_err(|_| {
+            let message = format!("view {} divides by zero", view.name);
+            model.diagnostics(vec![spec::diagnose(model, view.span, message, "")])
+        })?;
+        let name = view_output(&view.name);
+        let components = numbers.into_iter().enumerate().map(|(k, e)| (format!("{name} {k}"), e)).collect();
+        pictured.outputs.push(spec::NamedVector { name, components, doc: view.doc.clone() });
+    }
+    let mut scenes = Scenes::new(&pictured);
+    let plan = scenes.plan(scene)?;
+    let (outputs, reconstructs) = (Outputs::All, !model.reconstruction.is_empty());
+    let plan = Plan {
+        outputs,
+        energy: true,
+        derivatives: BTreeSet::new(),
+        drops: Drops::Nothing,
+        reconstructs,
+        ..plan
+    };
+    build_planned(&scenes.derivations, plan)
+}
+
+impl BuiltScene {
+    /// Names of the state variables in order.
+    pub fn state_names(&self) -> Vec<String> {
+        self.state.iter().map(|s| s.name.clone()).collect()
+    }
+
+    /// Parameters that the scene leaves free.
+    pub fn params(&self) -> &[Param] {
+        &self.equations.system.params
+    }
+
+    /// Outputs of the scene, besides the right-hand side and the energy.
+    pub fn outputs(&self) -> &[Output] {
+        &self.outputs
+    }
+
+    /// Derivatives that are matrices; their entries are outputs.
+    pub fn matrices(&self) -> &[Matrix] {
+        &self.matrices
+    }
+
+    /// Derivatives that are products with a vector.
+    pub fn products(&self) -> &[Product] {
+        &self.products
+    }
+
+    /// Whether the scene computes the energy.
+    pub fn has_energy(&self) -> bool {
+        self.program.function(&Role::Energy).is_some()
+    }
+
+    /// What it took of the model's budget, from the text to the program.
+    pub fn spent(&self) -> Budget {
+        self.spent
+    }
+
+    /// Documentation of the scene.
+    pub fn doc(&self) -> &str {
+        &self.doc
+    }
+
+    /// Names of the invariants that the scene wants; none if it wants none.
+    pub fn invariant_names(&self) -> Option<Vec<String>> {
+        let output = self.outputs.iter().find(|o| o.kind == OutputKind::Group(Want::Invariants))?;
+        Some(output.components.iter().map(|(name, _)| name.clone()).collect())
+    }
+
+    /// The scene with the same parameters and state that wants the right-hand side and the invariants.
+    ///
+    /// # Errors
+    /// [`Error::NothingConserved`], and what lowering can find.
+    pub fn with_invariants(&self) -> Result<BuiltScene, Error> {
+        let plan = Plan { invariants: true, ..self.bare_plan() };
+        lower_scene(self.equations.clone(), &plan, self.state.clone(), Vec::new())
+    }
+
+    /// The scene with the same parameters and state that has, besides the right-hand side, the residuals of the constraints
+    /// that a state can violate ([`Want::Constraint`]) and the momenta ([`Want::Momentum`]).
+    ///
+    /// None if there are no such constraints, or if they depend on a coordinate that this scene leaves out; momenta that do
+    /// are missing.
+    ///
+    /// # Errors
+    /// What lowering can find.
+    pub fn with_residuals(&self) -> Result<Option<BuiltScene>, Error> {
+        let graph = &self.equations.system.graph;
+        let left_out = left_out(&self.equations, &self.state);
+        let group = |want: Want| {
+            let found = self.equations.outputs.iter().find(|o| o.kind == OutputKind::Group(want))?;
+            let is_known =
+                found.components.iter().all(|(_, e)| !needs(graph, &self.equations, *e, &left_out));
+            is_known.then(|| found.clone())
+        };
+        let Some(residuals) = group(Want::Constraint) else { return Ok(None) };
+        let outputs = [residuals].into_iter().chain(group(Want::Momentum)).collect();
+        lower_scene(self.equations.clone(), &self.bare_plan(), self.state.clone(), outputs).map(Some)
+    }
+
+    /// The right-hand side of this scene alone.
+    fn bare_plan(&self) -> Plan {
+        Plan::bare(self.name.clone(), self.equations.system.formulation.clone())
+    }
+
+    /// Checks parameters and prepares an interpreter for them.
+    ///
+    /// # Errors
+    /// The condition that the parameters violate.
+    ///
+    /// # Panics
+    /// When the number of parameters is wrong.
+    pub fn prepare(&self, params: &[f64]) -> Result<Interpreter<'_>, ViolatedCondition> {
+        let prepared = self.program.prepare(params)?;
+        Ok(Interpreter { scene: self, params: params.to_vec(), prepared })
+    }
+}

@@ -1,0 +1,109 @@
+//! What a scene asks for.
+//!
+//! Does not know: which outputs there are, how anything is derived.
+
+use std::collections::BTreeSet;
+
+use crate::reduction::Formulation;
+use crate::spec::{Model, Want, Wanted};
+
+use super::derivatives::Derivative;
+use super::{DEFAULT, DERIVATIVES, MINIMAL, RECONSTRUCTION};
+
+/// What a scene asks for.
+#[derive(Clone, Debug)]
+pub(super) struct Plan {
+    pub(super) name: String,
+    pub(super) formulation: Formulation,
+    pub(super) outputs: Outputs,
+    pub(super) energy: bool,
+    pub(super) derivatives: BTreeSet<Derivative>,
+    pub(super) invariants: bool,
+    pub(super) taylor: bool,
+    pub(super) reconstructs: bool,
+    pub(super) drops: Drops,
+    pub(super) doc: String,
+}
+
+/// Outputs of a scene besides energy, derivatives and invariants.
+#[derive(Clone, Debug)]
+pub(super) enum Outputs {
+    All,
+    Named(Vec<Wanted>),
+}
+
+/// Base coordinates and advected parameters that a scene leaves out.
+#[derive(Clone, Debug)]
+pub(super) enum Drops {
+    Nothing,
+    /// All on which nothing depends.
+    Ignorable,
+    /// These components.
+    Components(Vec<String>),
+}
+
+impl Plan {
+    /// The right-hand side alone, in a formulation.
+    pub(super) fn bare(name: String, formulation: Formulation) -> Plan {
+        Plan {
+            name,
+            formulation,
+            outputs: Outputs::Named(Vec::new()),
+            energy: false,
+            derivatives: BTreeSet::new(),
+            invariants: false,
+            taylor: false,
+            reconstructs: false,
+            drops: Drops::Nothing,
+            doc: String::new(),
+        }
+    }
+
+    /// The plan of a scene that the model has by a block of its own, or that every model has.
+    pub(super) fn of(model: &Model, scene: &str) -> Option<Plan> {
+        let bare = Plan::bare(scene.to_owned(), Formulation::of(model));
+        if let Some(own) = model.scenes.iter().find(|s| s.name == scene) {
+            let mut plan = Plan { doc: own.doc.clone(), ..bare };
+            plan.formulation.fixed.clone_from(&own.fixed);
+            plan.formulation.circles.clone_from(&own.circles);
+            if !own.drops.is_empty() {
+                plan.drops = Drops::Components(own.drops.clone());
+            }
+            let mut outputs = Vec::new();
+            for wanted in &own.wants {
+                match wanted {
+                    Wanted::Want(Want::Rhs) => {}
+                    Wanted::Want(Want::Energy) => plan.energy = true,
+                    Wanted::Want(Want::Reconstruction) => plan.reconstructs = true,
+                    Wanted::Want(Want::Taylor) => plan.taylor = true,
+                    Wanted::Want(Want::Invariants) => plan.invariants = true,
+                    Wanted::Want(want) => match Derivative::of(*want) {
+                        Some(derivative) => _ = plan.derivatives.insert(derivative),
+                        None => outputs.push(wanted.clone()),
+                    },
+                    Wanted::Own(_) => outputs.push(wanted.clone()),
+                }
+            }
+            plan.outputs = Outputs::Named(outputs);
+            return Some(plan);
+        }
+        let everything = Plan { outputs: Outputs::All, energy: true, ..bare.clone() };
+        match scene {
+            DEFAULT => Some(everything),
+            MINIMAL => {
+                let doc = "without the coordinates on which nothing depends".to_owned();
+                Some(Plan { energy: true, drops: Drops::Ignorable, doc, ..bare })
+            }
+            DERIVATIVES => {
+                let doc = "with the derivatives of the right-hand side".to_owned();
+                Some(Plan { energy: true, derivatives: Derivative::ALL.into(), doc, ..bare })
+            }
+            RECONSTRUCTION => Some(Plan {
+                reconstructs: true,
+                doc: "with the coordinates of the group".to_owned(),
+                ..everything
+            }),
+            _ => None,
+        }
+    }
+}

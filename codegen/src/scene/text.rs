@@ -1,0 +1,154 @@
+//! What the emitted module of a scene says, as plain data for the back end.
+//!
+//! Does not know: how any of it is written down.
+
+use std::collections::BTreeMap;
+
+use crate::emit::{self, MatrixText, OutputText, ParamText, ProductText, SceneEntry, SceneText, StateText};
+use crate::error::Error;
+use crate::expr::{Exhausted, Resource, Stage};
+use crate::program::{Jet, Role};
+
+use super::BuiltScene;
+use super::derivatives::{Matrix, Product};
+use super::groups::groups;
+
+/// How a scene's module is written down.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Writing {
+    /// Command that writes the module again when the model's name follows, such as `cargo xtask generate`; without one,
+    /// the first line says to change the model.
+    pub command: Option<String>,
+    /// Path of the runtime in the crate that the module is for; `::hamel_runtime` unless given.
+    pub runtime: Option<String>,
+    /// Whether the module has vectors, matrices, attitudes and places in the types of `nalgebra`.
+    pub nalgebra: bool,
+}
+
+impl BuiltScene {
+    /// Name of the emitted module: the model's, followed by the scene's unless it is the default.
+    pub fn module_name(&self) -> String {
+        SceneEntry::module_name(&self.equations.system.name, &self.name)
+    }
+
+    /// The text of the scene's Rust module.
+    ///
+    /// # Errors
+    /// [`Error::OverBudget`]; [`Error::Emission`], a bug of the emitter.
+    pub fn emit(&self) -> Result<String, Error> {
+        self.emit_as(&Writing::default())
+    }
+
+    /// The text of the scene's Rust module, written down in a given way.
+    ///
+    /// # Errors
+    /// [`Error::NotAPath`] for the runtime; [`Error::OverBudget`]; [`Error::Emission`], a bug of the emitter.
+    pub fn emit_as(&self, writing: &Writing) -> Result<String, Error> {
+        let budget = self.equations.system.graph.budget();
+        let functions = self.program.functions.iter().map(|f| f.instructions.len()).sum::<usize>();
+        let n_instructions = (functions + self.program.prepare.instructions.len()) as u64;
+        if self.spent.bytes.saturating_add(BYTES_OF_AN_INSTRUCTION * n_instructions) > budget.bytes {
+            let exhausted =
+                Exhausted { stage: Stage::Emission, resource: Resource::Bytes, limit: budget.bytes };
+            return Err(exhausted.into());
+        }
+        let jet = if self.wants_taylor { Some(self.jet()?) } else { None };
+        emit::emit_scene(&self.program, jet.as_ref(), &self.text(writing))
+    }
+
+    /// The recurrence of the Taylor coefficients of solutions, whether or not the scene wants it in its module.
+    ///
+    /// # Errors
+    /// [`Error::UnknownName`], a bug: every scene has a right-hand side.
+    pub fn jet(&self) -> Result<Jet, Error> {
+        let known = || self.program.functions.iter().map(|f| f.role.name().to_owned()).collect();
+        let rhs = self.program.function_idx(&Role::Rate).ok_or_else(|| Error::UnknownName {
+            name: Role::Rate.name().to_owned(),
+            kind: "function of the program",
+            known: known(),
+        })?;
+        Jet::new(&self.program, rhs)
+    }
+
+    /// The entry of the scene in the index of modules.
+    pub fn entry(&self) -> SceneEntry {
+        SceneEntry {
+            module: self.module_name(),
+            model: self.equations.system.name.clone(),
+            scene: self.name.clone(),
+            n_state: self.program.state.len(),
+            doc: self.equations.system.doc.first().cloned().unwrap_or_default(),
+        }
+    }
+
+    fn text(&self, writing: &Writing) -> SceneText {
+        let system = &self.equations.system;
+        let command = match &writing.command {
+            Some(command) => format!("{command} {}", system.name),
+            None => format!("do not edit, change the model {}", system.name),
+        };
+        let mut doc = system.doc.clone();
+        if !self.doc.is_empty() {
+            doc.push(String::new());
+            doc.push(format!("Scene `{}`: {}", self.name, self.doc));
+        }
+        let energy = "`E = p.y - L`".to_owned();
+        let motion = "Lagrange-d'Alembert equations `W^a_b E_a = 0`, \
+                      `E_a = d/dt p_a + C^c_ab y^b p_c - rho^i_a dL/dx^i - F_a`, solved for the accelerations"
+            .to_owned();
+        let formulas = [(Role::Energy, vec![energy]), (Role::Rate, vec![motion])];
+        SceneText {
+            model: system.name.clone(),
+            scene: self.name.clone(),
+            command,
+            runtime: writing.runtime.clone().unwrap_or_default(),
+            doc,
+            sources: system.sources.clone(),
+            params: system
+                .params
+                .iter()
+                .map(|p| ParamText { name: p.name.clone(), default: p.default.clone(), doc: p.doc.clone() })
+                .collect(),
+            state: self
+                .state
+                .iter()
+                .map(|s| StateText { name: s.name.clone(), doc: s.doc.clone() })
+                .collect(),
+            outputs: self
+                .outputs
+                .iter()
+                .map(|o| OutputText {
+                    name: o.name.clone(),
+                    components: o.components.iter().map(|(name, _)| name.clone()).collect(),
+                    doc: o.doc.clone(),
+                })
+                .collect(),
+            matrices: self.matrices.iter().map(matrix_text).collect(),
+            products: self.products.iter().map(product_text).collect(),
+            formulas: BTreeMap::from(formulas),
+            conserves_energy: self.equations.facts.energy_is_conserved,
+            groups: writing.nalgebra.then(|| groups(self)),
+        }
+    }
+}
+
+/// What an instruction takes as a syntax tree and as text, about.
+const BYTES_OF_AN_INSTRUCTION: u64 = 4096;
+
+fn matrix_text(matrix: &Matrix) -> MatrixText {
+    MatrixText {
+        name: matrix.name.to_owned(),
+        shape: matrix.shape,
+        pattern: matrix.pattern.clone(),
+        doc: matrix.doc.to_owned(),
+    }
+}
+
+fn product_text(product: &Product) -> ProductText {
+    ProductText {
+        name: product.derivative.name().to_owned(),
+        vector: product.vector.to_owned(),
+        components: product.components.clone(),
+        doc: product.doc.to_owned(),
+    }
+}
