@@ -93,7 +93,7 @@ impl SectionWriter {
         }
         match g.subs(e, &self.at_origin) {
             Ok(value) if !self.varies(g, value) => {
-                let e = if g.is_seen_to_be_equal(e, value) { value } else { e };
+                let e = if g.fingerprints_agree(e, value) { value } else { e };
                 (e, Some(value))
             }
             _ => (e, None),

@@ -78,7 +78,7 @@ impl Graph {
 
     /// As [`Graph::is_equal`], from values alone without multiplying out: false where these say nothing. Two valid points are
     /// enough here, with a chance of error below `1e-18`; where signs are unknown, the difference is looked into for all of them.
-    pub(crate) fn is_seen_to_be_equal(&mut self, a: ExprId, b: ExprId) -> bool {
+    pub(crate) fn fingerprints_agree(&mut self, a: ExprId, b: ExprId) -> bool {
         if a == b {
             return true;
         }
