@@ -48,11 +48,6 @@ pub enum Error {
         /// The folder.
         folder: String,
     },
-    /// A crate that cannot be published as it is.
-    Unpublishable {
-        /// What is wrong, a crate and a reason each.
-        problems: Vec<(String, String)>,
-    },
     /// A model has no scene of this name.
     UnknownScene {
         /// The model.
@@ -257,7 +252,6 @@ impl Error {
             | Error::NoneArrived { .. }
             | Error::NoFolder { .. }
             | Error::Stale { .. }
-            | Error::Unpublishable { .. }
             | Error::NotCompiled { .. }
             | Error::Io { .. }
             | Error::Failed { .. } => 1,
@@ -382,10 +376,6 @@ impl fmt::Display for Error {
             }
             Error::NoFolder { file, folder } => {
                 write!(f, "{file} cannot be written: there is no folder {folder}, make it first")
-            }
-            Error::Unpublishable { problems } => {
-                f.write_str("crates cannot be published as they are:")?;
-                problems.iter().try_for_each(|(name, reason)| write!(f, "\n  {name} {reason}"))
             }
             Error::UnknownScene { model, name, known } => {
                 write!(f, "{model} has no scene `{name}`{}\n  scenes: {}", hint(name, known), quoted(known))

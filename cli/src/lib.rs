@@ -5,6 +5,7 @@
 //!
 //! Does not know: generated code. Compiled models are reached through another process ([`run::remote`]).
 
+pub mod cache;
 pub mod commands;
 pub mod error;
 pub mod model;

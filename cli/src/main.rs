@@ -5,6 +5,7 @@ mod shipped;
 use std::process::ExitCode;
 
 use clap::{CommandFactory as _, Parser, Subcommand};
+use hamel::cache::Cache;
 use hamel::commands::{Command, Program, generate};
 use hamel::repository::Repository;
 use hamel::session::Session;
@@ -18,6 +19,9 @@ struct Cli {
     /// What generating a scene may take, as a multiple of the default limits of expressions, memory and work
     #[arg(long, global = true, value_name = "N", default_value_t = 1, hide_default_value = true, value_parser = clap::value_parser!(u64).range(1..))]
     budget: u64,
+    /// Derive everything anew, and keep nothing in the folder for caches
+    #[arg(long, global = true)]
+    no_cache: bool,
 }
 
 const TOP: &str = "\
@@ -41,13 +45,14 @@ enum Task {
 }
 
 fn main() -> ExitCode {
-    let Cli { task, budget } = Cli::parse();
+    let Cli { task, budget, no_cache } = Cli::parse();
     let here = std::env::current_dir().ok();
     let session = match here.and_then(|folder| Repository::around(&folder)) {
         Some(repository) => Session::of_repository(repository),
         None => Session::of_shipped(shipped::SHIPPED),
     };
-    let session = session.with_budget(budget);
+    let session =
+        session.with_budget(budget).with_cache(if no_cache { Cache::none() } else { Cache::of_user() });
     let program = Program { name: "hamel", completed: "hamel", arguments: Cli::command };
     hamel::finish(match task {
         Task::Shared(command) => command.run(&session, &program),

@@ -4,10 +4,11 @@
 
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
+use crate::cache::Cache;
 use crate::error::Error;
-use crate::model::{self, Model};
+use crate::model::{self, Checked, Model};
 use crate::repository::Repository;
 
 /// Names and texts of models that are part of a program.
@@ -18,6 +19,7 @@ pub type Shipped = &'static [(&'static str, &'static str)];
 pub struct Session {
     models: Models,
     budget: u64,
+    cache: Cache,
 }
 
 /// The models that have a name.
@@ -30,18 +32,24 @@ enum Models {
 impl Session {
     /// With the models of hamel's repository, which may be compiled.
     pub fn of_repository(repository: Repository) -> Session {
-        Session { models: Models::Repository(repository), budget: 1 }
+        Session { models: Models::Repository(repository), budget: 1, cache: Cache::none() }
     }
 
     /// With models that are part of the program.
     pub fn of_shipped(shipped: Shipped) -> Session {
-        Session { models: Models::Shipped(shipped), budget: 1 }
+        Session { models: Models::Shipped(shipped), budget: 1, cache: Cache::none() }
     }
 
     /// With so many times the default budget for every model.
     #[must_use]
     pub fn with_budget(self, budget: u64) -> Session {
         Session { budget, ..self }
+    }
+
+    /// With a cache of what is derived from models.
+    #[must_use]
+    pub fn with_cache(self, cache: Cache) -> Session {
+        Session { cache, ..self }
     }
 
     /// The repository whose models these are.
@@ -129,7 +137,7 @@ pub struct ModelFile<'s> {
     name: String,
     source: Source,
     repository: Option<&'s Repository>,
-    model: OnceLock<Model>,
+    model: OnceLock<Arc<Checked>>,
 }
 
 /// Where the text of a model is.
@@ -171,7 +179,7 @@ impl<'s> ModelFile<'s> {
     ///
     /// # Errors
     /// [`Error::Io`], [`Error::Models`] with every problem of the text, [`Error::Misnamed`].
-    pub fn model(&self) -> Result<&Model, Error> {
+    pub fn model(&self) -> Result<&Arc<Checked>, Error> {
         if let Some(model) = self.model.get() {
             return Ok(model);
         }
@@ -187,7 +195,8 @@ impl<'s> ModelFile<'s> {
             return Err(Error::Misnamed { file: shown, model: model.name });
         }
         model::show_warnings(&model.warnings);
-        Ok(self.model.get_or_init(|| model))
+        let checked = Arc::new(Checked::new(model, self.session.cache.clone()));
+        Ok(self.model.get_or_init(|| checked))
     }
 
     /// The model, owned.
@@ -195,8 +204,8 @@ impl<'s> ModelFile<'s> {
     /// # Errors
     /// As [`ModelFile::model`].
     pub fn into_model(self) -> Result<Model, Error> {
-        self.model()?;
-        // Read just now.
-        Ok(self.model.into_inner().expect("a model that was read"))
+        let model = Arc::clone(self.model()?);
+        drop(self);
+        Ok(Arc::try_unwrap(model).map_or_else(|shared| (**shared).clone(), Checked::into_model))
     }
 }

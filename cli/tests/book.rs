@@ -49,7 +49,12 @@ fn patterns_match_what_they_should_and_nothing_else() {
 }
 
 fn run(arguments: &[String]) -> String {
-    let out = Command::new(env!("CARGO_BIN_EXE_hamel")).args(arguments).current_dir(root()).output().unwrap();
+    let out = Command::new(env!("CARGO_BIN_EXE_hamel"))
+        .env("HAMEL_CACHE_DIR", concat!(env!("CARGO_TARGET_TMPDIR"), "/cache"))
+        .args(arguments)
+        .current_dir(root())
+        .output()
+        .unwrap();
     assert!(out.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&out.stderr));
     String::from_utf8(out.stdout).unwrap()
 }

@@ -72,7 +72,11 @@ impl Csv {
 }
 
 fn run(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_hamel")).args(arguments).output().unwrap()
+    Command::new(env!("CARGO_BIN_EXE_hamel"))
+        .env("HAMEL_CACHE_DIR", concat!(env!("CARGO_TARGET_TMPDIR"), "/cache"))
+        .args(arguments)
+        .output()
+        .unwrap()
 }
 
 /// Runs `ensemble` by the interpreter and returns its summary.

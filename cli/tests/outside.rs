@@ -17,6 +17,7 @@ impl Folder {
 
     fn run(&self, arguments: &[&str], input: &str) -> Output {
         let mut child = Command::new(env!("CARGO_BIN_EXE_hamel"))
+            .env("HAMEL_CACHE_DIR", concat!(env!("CARGO_TARGET_TMPDIR"), "/cache"))
             .args(arguments)
             .current_dir(&self.0)
             // As a user's shell has it.

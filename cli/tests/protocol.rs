@@ -1,9 +1,12 @@
 //! The machine interfaces `eval` and `simulate --json`: shapes of answers, and what each mistake is told.
 
+use std::sync::Arc;
+
+use hamel::cache::Cache;
 use hamel::commands::eval::eval_text;
 use hamel::commands::simulate::{reconstruct_text, simulate_text};
 use hamel::error::{Error, Problem};
-use hamel::model::roles;
+use hamel::model::{Checked, roles};
 use hamel::run::backend::{Backend, Local};
 use hamel::run::choice::{Choice, Via};
 use hamel::run::interpreted;
@@ -51,9 +54,13 @@ const ANSWER: [&str; 10] = [
     "warnings",
 ];
 
-fn backend(text: &str, scene: &str) -> Local<interpreted::Built> {
+fn model(text: &str) -> Arc<Checked> {
     let model = spec::parse("test.hamel", text).unwrap_or_else(|e| panic!("{e}"));
-    Local::new(interpreted::build(&model, scene).unwrap_or_else(|e| panic!("{e}")))
+    Arc::new(Checked::new(model, Cache::none()))
+}
+
+fn backend(text: &str, scene: &str) -> Local<interpreted::Built> {
+    Local::new(interpreted::build(&model(text), scene).unwrap_or_else(|e| panic!("{e}")))
 }
 
 fn eval(text: &str, request: &Value) -> Result<Value, Error> {
@@ -481,7 +488,7 @@ fn the_drift_is_relative_to_something_even_where_the_energy_cancels() {
 
 #[test]
 fn the_default_initial_state_meets_the_constraint() {
-    let model = spec::parse("veselova.hamel", VESELOVA).unwrap_or_else(|e| panic!("{e}"));
+    let model = model(VESELOVA);
     let mut backend = Local::new(interpreted::build(&model, "default").unwrap_or_else(|e| panic!("{e}")));
     let params = roles::all_params(&model, "default", &Default::default());
     let roles = roles::roles(&model, &params);
@@ -515,7 +522,7 @@ const SLEIGH: &str = "model sleigh {
 }";
 
 fn reconstruct(request: &Value) -> Result<Value, Error> {
-    let model = spec::parse("test.hamel", SLEIGH).unwrap_or_else(|e| panic!("{e}"));
+    let model = model(SLEIGH);
     let mut backend = backend(SLEIGH, "reconstruction");
     let answer = reconstruct_text(&mut backend, &model, &request.to_string())?;
     Ok(serde_json::from_str(&answer).expect("JSON"))
@@ -562,12 +569,11 @@ fn reconstruct_takes_all_coordinates_of_the_group_and_no_others() {
 #[test]
 fn reconstruct_needs_a_group_and_the_default_scene() {
     let choice = |scene: &str| Choice { scene: scene.into(), via: Some(Via::Interpreter) };
-    let told = |model: &str, scene: &str| match choice(scene)
-        .reconstructing(&spec::parse("test.hamel", model).unwrap_or_else(|e| panic!("{e}")), "reconstruct")
-    {
-        Err(error) => error.to_string(),
-        Ok(choice) => choice.scene,
-    };
+    let told =
+        |model: &str, scene: &str| match choice(scene).reconstructing(&self::model(model), "reconstruct") {
+            Err(error) => error.to_string(),
+            Ok(choice) => choice.scene,
+        };
     assert_eq!(told(SLEIGH, "default"), "reconstruction");
     assert!(told(SLEIGH, "bare").contains("leave out --scene bare"));
     assert!(told(SLEIGH, "reconstruction").contains("leave out --scene reconstruction"));

@@ -23,6 +23,7 @@ impl Drop for Folder {
 
 fn report(arguments: &[&str], output: &Path) -> String {
     let out = Command::new(env!("CARGO_BIN_EXE_hamel"))
+        .env("HAMEL_CACHE_DIR", concat!(env!("CARGO_TARGET_TMPDIR"), "/cache"))
         .arg("report")
         .args(arguments)
         .arg("-o")

@@ -14,11 +14,55 @@ use crate::reduction::{KinematicConstraint, Stages, Tensor};
 use crate::scene::BuiltScene;
 use crate::spec::{Model, Side};
 
+/// What a part of an explanation is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[non_exhaustive]
+pub enum SectionKind {
+    /// The model and its documentation, without a title.
+    Head,
+    /// Parameters and state variables.
+    Inputs,
+    /// The algebra by its brackets.
+    Algebra,
+    /// The bracket in the forms of its stages.
+    Stages,
+    /// The connection and its curvature.
+    Connection,
+    /// Rates of coordinates by velocities.
+    Kinematics,
+    /// The constraint, solved or with multipliers.
+    Constraint,
+    /// The equations of motion.
+    Equations,
+    /// What was found on the way, exactly.
+    Findings,
+    /// Operations of every function.
+    Counts,
+}
+
+impl SectionKind {
+    /// The title for people; empty for the head.
+    pub fn title(self) -> &'static str {
+        match self {
+            SectionKind::Head => "",
+            SectionKind::Inputs => "Parameters and state",
+            SectionKind::Algebra => "Lie algebra",
+            SectionKind::Stages => "Reduction by stages",
+            SectionKind::Connection => "Connection",
+            SectionKind::Kinematics => "Kinematics (anchor)",
+            SectionKind::Constraint => "Constraint",
+            SectionKind::Equations => "Equations of motion",
+            SectionKind::Findings => "Found exactly",
+            SectionKind::Counts => "Operation counts",
+        }
+    }
+}
+
 /// A part of an explanation.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Section {
-    /// What it is about; empty for the head.
-    pub title: String,
+    /// What it is about.
+    pub kind: SectionKind,
     /// Its text in the style asked for; in [`Style::MathMl`] block elements of HTML, well-formed as XML.
     pub text: String,
 }
@@ -26,7 +70,8 @@ pub struct Section {
 /// Explains a scene in Unicode ([`Style::Unicode`]) or LaTeX ([`Style::Latex`], a fragment that needs `amsmath`).
 pub fn explain(model: &Model, scene: &BuiltScene, style: Style) -> String {
     let mut text = String::new();
-    for Section { title, text: body } in sections(model, scene, style) {
+    for Section { kind, text: body } in sections(model, scene, style) {
+        let title = kind.title();
         let _ = match style {
             _ if title.is_empty() => Ok(()),
             Style::Latex => writeln!(text, "\n\\subsection*{{{title}}}"),
@@ -40,7 +85,7 @@ pub fn explain(model: &Model, scene: &BuiltScene, style: Style) -> String {
 
 /// The same by sections: the head first, then those that the scene has.
 pub fn sections(model: &Model, scene: &BuiltScene, style: Style) -> Vec<Section> {
-    let head = Section { title: String::new(), text: String::new() };
+    let head = Section { kind: SectionKind::Head, text: String::new() };
     let mut page = Page { style, head, rest: Vec::new() };
     page.header(model, scene);
     page.parameters(scene);
@@ -83,8 +128,8 @@ impl Page {
         }
     }
 
-    fn title(&mut self, title: &str) {
-        self.rest.push(Section { title: title.to_owned(), text: String::new() });
+    fn begin(&mut self, kind: SectionKind) {
+        self.rest.push(Section { kind, text: String::new() });
     }
 
     /// A list of formulas, aligned at the first equals sign in LaTeX.
@@ -210,7 +255,7 @@ impl Page {
 
     fn parameters(&mut self, scene: &BuiltScene) {
         let system = &scene.equations.system;
-        self.title("Parameters and state");
+        self.begin(SectionKind::Inputs);
         if system.params.is_empty() {
             self.line("No free parameters.");
         }
@@ -264,7 +309,7 @@ impl Page {
             }
             _ => side,
         };
-        self.title("Lie algebra");
+        self.begin(SectionKind::Algebra);
         let name = self.prose(algebra.name());
         self.line(&format!("{name}, dimension {}, {side}.", algebra.dim()));
         let velocities: Vec<String> = model.velocities.iter().map(|v| self.name(&v.name)).collect();
@@ -313,7 +358,7 @@ impl Page {
     }
 
     fn stages(&mut self, model: &Model, stages: &Stages, equations: &Equations) {
-        self.title("Reduction by stages");
+        self.begin(SectionKind::Stages);
         let mut g = equations.system.graph.clone();
         g.set_budget(Budget::UNLIMITED);
         let chain: Vec<String> = stages.levels.iter().map(|l| self.prose(&l.name)).collect();
@@ -473,7 +518,7 @@ impl Page {
         if velocities.is_empty() && rows.is_empty() {
             return;
         }
-        self.title("Connection");
+        self.begin(SectionKind::Connection);
         if !velocities.is_empty() {
             let [velocity, xi] = [self.velocity(equations), self.xi()].map(|of| self.inline(&of));
             self.line(&format!("The velocities of the model are {velocity}; the group velocity {xi} is"));
@@ -524,7 +569,7 @@ impl Page {
             rows.push((self.name(&format!("dot_{name}")), shown.display(sum, self.style)));
         }
         if !rows.is_empty() {
-            self.title("Kinematics (anchor)");
+            self.begin(SectionKind::Kinematics);
             self.formulas(&rows);
         }
     }
@@ -535,7 +580,7 @@ impl Page {
         match &system.constraint {
             KinematicConstraint::Solved(s) if s.rows.is_empty() => {}
             KinematicConstraint::Solved(s) => {
-                self.title("Constraint");
+                self.begin(SectionKind::Constraint);
                 for row in &s.rows {
                     let text = self.prose(&row.text);
                     self.line(&format!(
@@ -559,7 +604,7 @@ impl Page {
                 self.formulas(&rows);
             }
             KinematicConstraint::Multipliers { rows, .. } => {
-                self.title("Constraint");
+                self.begin(SectionKind::Constraint);
                 for row in rows {
                     let text = self.prose(&row.text);
                     self.line(&format!(
@@ -574,7 +619,7 @@ impl Page {
     }
 
     fn equations(&mut self, equations: &Equations) {
-        self.title("Equations of motion");
+        self.begin(SectionKind::Equations);
         let g = &labelled(equations);
         let ignorable: Vec<String> = equations.facts.taken_at_origin.iter().map(|n| self.name(n)).collect();
         if !ignorable.is_empty() {
@@ -624,7 +669,7 @@ impl Page {
 
     fn findings(&mut self, equations: &Equations) {
         let facts = &equations.facts;
-        self.title("Found exactly");
+        self.begin(SectionKind::Findings);
         let energy = if facts.energy_is_conserved {
             "Energy is conserved: its rate vanishes identically."
         } else if facts.energy_is_conserved_on_constraint {
@@ -681,7 +726,7 @@ impl Page {
     }
 
     fn counts(&mut self, scene: &BuiltScene) {
-        self.title("Operation counts");
+        self.begin(SectionKind::Counts);
         let table = scene.operation_table();
         if self.latex() {
             self.line(&format!("\\begin{{verbatim}}\n{table}\\end{{verbatim}}"));

@@ -7,12 +7,14 @@ mod generate;
 mod package;
 mod stress;
 mod test;
+mod tidy;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{CommandFactory as _, Parser, Subcommand};
 use hamel::Error;
+use hamel::cache::Cache;
 use hamel::commands::{Command, Program};
 use hamel::repository::Repository;
 use hamel::session::Session;
@@ -26,6 +28,9 @@ struct Cli {
     /// What generating a scene may take, as a multiple of the default limits of expressions, memory and work
     #[arg(long, global = true, value_name = "N", default_value_t = 1, hide_default_value = true, value_parser = clap::value_parser!(u64).range(1..))]
     budget: u64,
+    /// Derive everything anew, and keep nothing in the folder for caches
+    #[arg(long, global = true)]
+    no_cache: bool,
 }
 
 const TOP: &str = "\
@@ -62,6 +67,16 @@ Examples:
         #[arg(long)]
         no_verify: bool,
     },
+    /// Check the order of modules, the lengths of files and lines
+    #[command(after_help = "\
+Examples:
+  cargo xtask tidy
+  cargo xtask tidy --wrap       long lines of comments and Markdown are broken first")]
+    Tidy {
+        /// Break long lines of comments and Markdown
+        #[arg(long)]
+        wrap: bool,
+    },
     // Help is that of the arguments.
     Stress(stress::Arguments),
 }
@@ -76,9 +91,10 @@ fn repository() -> Result<Repository, Error> {
     })
 }
 
-fn run(Cli { task, budget }: Cli) -> Result<String, Error> {
+fn run(Cli { task, budget, no_cache }: Cli) -> Result<String, Error> {
     let repository = repository()?;
     let session = Session::of_repository(repository.clone()).with_budget(budget);
+    let session = session.with_cache(if no_cache { Cache::none() } else { Cache::of_user() });
     let program = Program { name: "cargo xtask", completed: "xtask", arguments: Cli::command };
     match task {
         Task::Shared(command) => command.run(&session, &program),
@@ -86,6 +102,7 @@ fn run(Cli { task, budget }: Cli) -> Result<String, Error> {
         Task::Bench { what } => what.run(&repository, &session),
         Task::Test => test::test(&repository),
         Task::Package { no_verify } => package::package(&repository, !no_verify),
+        Task::Tidy { wrap } => tidy::tidy(&repository, wrap),
         Task::Stress(arguments) => stress::stress(&repository, &session, &arguments),
     }
 }

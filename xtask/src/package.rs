@@ -55,7 +55,7 @@ struct Dependency {
 /// what was packaged. Needs no network when the dependencies have been fetched.
 ///
 /// # Errors
-/// [`Error::Unpublishable`] with everything that is wrong; [`Error::Failed`] when cargo refuses.
+/// [`Error::Failed`] with everything that is wrong, or when cargo refuses.
 pub(crate) fn package(repository: &Repository, verify: bool) -> Result<String, Error> {
     let metadata = cargo(repository, &["metadata", "--format-version=1", "--no-deps", "--offline"])?;
     let metadata: Metadata =
@@ -74,7 +74,9 @@ pub(crate) fn package(repository: &Repository, verify: bool) -> Result<String, E
         lines.push(format!("{}: {} files", package.name, files.len()));
     }
     if !problems.is_empty() {
-        return Err(Error::Unpublishable { problems });
+        let lines = problems.iter().map(|(name, reason)| format!("\n  {name} {reason}"));
+        let status = format!("crates cannot be published as they are:{}", lines.collect::<String>());
+        return Err(Error::Failed { step: "package".into(), status });
     }
     // Together, so that they find each other though no registry has them yet.
     let mut arguments = vec!["package", "--offline", "--allow-dirty"];

@@ -2,15 +2,17 @@
 //!
 //! Does not know: how any of it is computed.
 
+use std::sync::Arc;
+
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser as _};
 use hamel_codegen::expr::Style;
 use hamel_codegen::scene;
 use hamel_codegen::spec::ConnectionKind;
 
+use crate::cache::Cache;
 use crate::error::Error;
-use crate::model;
-use crate::run::interpreted;
+use crate::model::{self, Checked};
 use crate::session::Session;
 
 /// Show algebra, stage forms, connection, equations and operation counts of a model
@@ -53,15 +55,16 @@ fn connection(name: &str) -> Result<ConnectionKind, String> {
 /// # Errors
 /// Unknown names and problems of the model.
 pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
-    let mut model = session.find(&arguments.model)?.into_model()?;
+    let file = session.find(&arguments.model)?;
+    let mut model = Arc::clone(file.model()?);
     if let Some(connection) = arguments.connection {
-        model = model::with_connection(&model, connection)?;
+        model = Arc::new(Checked::new(model::with_connection(&model, connection)?, Cache::none()));
     }
-    let built = interpreted::build(&model, &arguments.scene)?;
-    model::show_warnings(&scene::warnings(&model, std::slice::from_ref(built.scene())));
+    let built = model.derive(&arguments.scene)?;
+    model::show_warnings(&scene::warnings(&model, std::slice::from_ref(&built)));
     if arguments.ops {
-        return Ok(built.scene().operation_columns());
+        return Ok(built.operation_columns());
     }
     let style = if arguments.latex { Style::Latex } else { Style::Unicode };
-    Ok(hamel_codegen::explain::explain(&model, built.scene(), style))
+    Ok(hamel_codegen::explain::explain(&model, &built, style))
 }

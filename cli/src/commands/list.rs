@@ -79,7 +79,7 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
 fn describe(file: &ModelFile<'_>) -> Result<Listed, Error> {
     let model = file.model()?;
     let mut scenes = Vec::new();
-    for name in model::scene_names(model) {
+    for name in model.scene_names() {
         let built = interpreted::build(model, &name)?;
         scenes.push((name, built.info().clone()));
     }

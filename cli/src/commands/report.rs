@@ -4,6 +4,7 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Instant;
 
 use clap::Args;
@@ -11,7 +12,7 @@ use hamel_codegen::config::write_atomically;
 
 use super::options::duration;
 use crate::error::Error;
-use crate::model::{Model, blocks, roles};
+use crate::model::{Checked, blocks, roles};
 use crate::output::report::contents::contents;
 use crate::output::report::{self, Motion, Precision};
 use crate::run::backend::{Backend as _, Local};
@@ -59,9 +60,10 @@ pub struct Arguments {
 /// Unknown names, problems of the model, a motion that cannot be integrated, and files.
 pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let clock = Instant::now();
-    let model = session.find(&arguments.model)?.into_model()?;
-    let page = contents(&model, &arguments.scene)?;
-    let motion = if arguments.no_run { None } else { Some(motion(&model, arguments)?) };
+    let file = session.find(&arguments.model)?;
+    let model = file.model()?;
+    let page = contents(model, &arguments.scene)?;
+    let motion = if arguments.no_run { None } else { Some(motion(model, arguments)?) };
     let text = report::page(&page, motion.as_ref())?;
     let path = arguments.output.clone().unwrap_or_else(|| PathBuf::from(format!("{}.html", model.name)));
     let shown = path.display().to_string();
@@ -70,7 +72,7 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     Ok(format!("wrote {shown} ({size:.0} kB, {seconds:.1} s)"))
 }
 
-fn motion(model: &Model, arguments: &Arguments) -> Result<Motion, Error> {
+fn motion(model: &Arc<Checked>, arguments: &Arguments) -> Result<Motion, Error> {
     let params = roles::all_params(model, &arguments.scene, &BTreeMap::new());
     let (roles, preferred) = (roles::roles(model, &params), roles::initial_values(model, &params));
     let mut full = Local::new(interpreted::build_pictured(model, &arguments.scene)?);

@@ -7,6 +7,7 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use clap::Args;
+use hamel_codegen::spec::Want;
 
 use super::options::{MotionOptions, SceneOptions, assignments};
 use crate::error::{Error, Problem};
@@ -166,7 +167,7 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     if arguments.reconstruct {
         choice = choice.reconstructing(model, "--reconstruct")?;
     }
-    let known = model::scene_names(model);
+    let known = model.scene_names();
     if !known.contains(&choice.scene) {
         return Err(Error::UnknownScene { model: model.name.clone(), name: choice.scene, known });
     }
@@ -178,7 +179,7 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
             // Compiled code does not say what it costs.
             let cost = interpreted::build(model, &choice.scene)?.rhs_counts().cost();
             let is_interpreted = choice.via(&file) == Via::Interpreter;
-            auto::choose(rtol, Some(cost), is_interpreted || model::wants(model, &choice.scene, "taylor"))
+            auto::choose(rtol, Some(cost), is_interpreted || model::wants(model, &choice.scene, Want::Taylor))
         }
         (method, _) => method,
     };

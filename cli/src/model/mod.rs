@@ -3,6 +3,7 @@
 //! Does not know: where a file comes from, how a scene is evaluated, commands.
 
 pub mod blocks;
+mod checked;
 pub mod roles;
 pub mod spelling;
 pub mod units;
@@ -13,7 +14,9 @@ use hamel_codegen::expr::Budget;
 use hamel_codegen::reduction;
 use hamel_codegen::scene;
 pub use hamel_codegen::spec::Model;
-use hamel_codegen::spec::{self, ConnectionKind, Diagnostics};
+use hamel_codegen::spec::{self, ConnectionKind, Diagnostics, Want, Wanted};
+
+pub use checked::Checked;
 
 use crate::error::Error;
 
@@ -22,9 +25,6 @@ pub const DEFAULT_SCENE: &str = scene::DEFAULT;
 
 /// Name of the scene that a simulation with the group's coordinates runs.
 pub const RECONSTRUCTION_SCENE: &str = scene::RECONSTRUCTION;
-
-/// What a scene wants that has its invariants compiled.
-pub const INVARIANTS: &str = scene::INVARIANTS;
 
 /// Reads and checks the text of a model within so many times the default budget; `file` is shown in messages.
 ///
@@ -41,26 +41,11 @@ pub fn show_warnings(warnings: &Diagnostics) {
         eprintln!("{}", warnings.render(is_coloured));
     }
 }
-/// Names of a model's scenes, the default first.
-pub fn scene_names(model: &Model) -> Vec<String> {
-    scene::names(model)
-}
 
-/// Whether a model's scene says that it wants something, such as [`INVARIANTS`].
-pub fn wants(model: &Model, scene_name: &str, what: &str) -> bool {
+/// Whether a model's scene says that it wants something, such as its invariants.
+pub fn wants(model: &Model, scene_name: &str, what: Want) -> bool {
     let own = model.scenes.iter().find(|scene| scene.name == scene_name);
-    own.is_some_and(|scene| scene.wants.iter().any(|want| want.name() == what))
-}
-
-/// Whether a state can violate a constraint of a scene without the scene's own outputs telling it; the automatic
-/// scenes with all outputs would.
-///
-/// # Errors
-/// [`Error::Models`].
-pub fn hides_residuals(model: &Model, scene_name: &str) -> Result<bool, Error> {
-    let has_all = [DEFAULT_SCENE, RECONSTRUCTION_SCENE].contains(&scene_name)
-        && model.scenes.iter().all(|scene| scene.name != scene_name);
-    Ok(!has_all && scene::has_residuals(model)?)
+    own.is_some_and(|scene| scene.wants.iter().any(|want| *want == Wanted::Want(what)))
 }
 
 /// Why a name cannot be that of a model, or nothing.

@@ -48,12 +48,16 @@ impl Places {
         let names = &info.outputs.iter().find(|group| group.name == Want::Momentum.name())?.components;
         // A momentum is called after its velocity.
         let of = |(at, name): (usize, &String)| {
-            let velocity = name.strip_prefix("p_")?;
-            Some((info.state.iter().position(|s| s == velocity)?, at))
+            Some((info.state.iter().position(|velocity| momentum_name(velocity) == *name)?, at))
         };
         let (velocities, momenta) = range.zip(names).filter_map(of).unzip();
         Some(Places { constraint, velocities, momenta: Some(momenta) })
     }
+}
+
+/// Name of the momentum of a velocity, as the generator calls it.
+fn momentum_name(velocity: &str) -> String {
+    format!("p_{velocity}")
 }
 
 /// Whether a scene can tell by itself whether a state keeps the constraints.

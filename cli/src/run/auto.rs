@@ -26,8 +26,11 @@ pub fn choose(rtol: f64, rhs_cost: Option<u64>, has_series: bool) -> MethodName 
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeMap;
+    use std::sync::Arc;
 
     use super::{CHEAP, choose};
+    use crate::cache::Cache;
+    use crate::model::Checked;
     use crate::run::interpreted;
     use crate::run::method::MethodName;
     use crate::session::Session;
@@ -53,6 +56,7 @@ mod tests {
         let path = format!("{}/../models/specs/{name}.hamel", env!("CARGO_MANIFEST_DIR"));
         let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{path}: {e}"));
         let model = Session::of_shipped(&[]).parse(name, &text).unwrap_or_else(|e| panic!("{e}"));
+        let model = Arc::new(Checked::new(model, Cache::none()));
         interpreted::build(&model, "taylor").unwrap_or_else(|e| panic!("{e}")).rhs_counts().cost()
     }
 

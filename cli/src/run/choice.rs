@@ -2,12 +2,14 @@
 //!
 //! Does not know: requests, what is asked of the scene.
 
+use hamel_codegen::spec::Want;
+
 use super::backend::{Backend, Local};
 use super::interpreted;
 use super::method::MethodName;
 use super::remote::Remote;
 use crate::error::{Error, Problem};
-use crate::model::{self, Model};
+use crate::model::{self, Checked};
 use crate::session::ModelFile;
 
 /// Who evaluates a scene.
@@ -34,8 +36,8 @@ impl Choice {
     /// # Errors
     /// [`Error::Request`] when the model does not reconstruct any, or when another scene than the default was chosen;
     /// [`Error::UnknownScene`].
-    pub fn reconstructing(&self, model: &Model, path: &str) -> Result<Choice, Error> {
-        let known = model::scene_names(model);
+    pub fn reconstructing(&self, model: &Checked, path: &str) -> Result<Choice, Error> {
+        let known = model.scene_names();
         if !known.contains(&self.scene) {
             return Err(Error::UnknownScene { model: model.name.clone(), name: self.scene.clone(), known });
         }
@@ -76,7 +78,7 @@ impl Choice {
         if method != MethodName::Projected || self.via(file) == Via::Interpreter {
             return Ok(self.clone());
         }
-        if model::wants(file.model()?, &self.scene, model::INVARIANTS) {
+        if model::wants(file.model()?, &self.scene, Want::Invariants) {
             return Ok(self.clone());
         }
         eprintln!(

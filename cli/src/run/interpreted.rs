@@ -3,68 +3,57 @@
 //! Does not know: commands, files, JSON.
 
 use std::collections::BTreeSet;
-use std::sync::Mutex;
-use std::sync::OnceLock;
+use std::sync::{Arc, Mutex, OnceLock};
 
 use hamel_codegen::expr::rational_to_f64;
 use hamel_codegen::program::{Counts, Function, Jet, Role};
-use hamel_codegen::scene::{self, BuiltScene, Interpreter};
+use hamel_codegen::scene::{self, BuiltScene, Executable, Interpreter};
 use hamel_codegen::spec;
 use hamel_runtime::{Failure, Pivot};
+use serde::{Deserialize, Serialize};
 
 use super::dynamics::{BadParams, Dynamics, Factory, Info, OutputEntry, ParamEntry, PreparedScene, VecState};
+use crate::cache::Cache;
 use crate::error::Error;
-use crate::model::{Model, scene_names};
+use crate::model::{Checked, Model};
 
 /// A scene that the interpreter evaluates.
 #[derive(Debug)]
 pub struct Built {
-    scene: BuiltScene,
+    model: Arc<Checked>,
+    executable: Executable,
     info: Info,
-    /// The same with its invariants, built when first asked for; none if there are none.
-    with_invariants: OnceLock<Option<BuiltScene>>,
+    /// The scene with its equations, when something else is to be derived from them.
+    derived: OnceLock<Option<BuiltScene>>,
+    /// The same with its invariants, when first asked for; none if there are none.
+    invariants: OnceLock<Option<Executable>>,
 }
 
-/// Derives and lowers a scene.
-///
-/// # Errors
-/// [`Error::UnknownScene`], [`Error::Models`].
-pub fn build(model: &Model, scene_name: &str) -> Result<Built, Error> {
-    let mut known = scene_names(model);
-    if !known.iter().any(|k| k == scene::DERIVATIVES) {
-        // Built when it is asked for: it is emitted only for models that declare it.
-        known.push(scene::DERIVATIVES.to_owned());
+/// What is kept of a scene.
+#[derive(Debug, Serialize, Deserialize)]
+struct Stored {
+    executable: Executable,
+    info: Info,
+}
+
+impl Stored {
+    fn of(model: &str, scene: &BuiltScene) -> Stored {
+        let param = |p: &spec::Param| ParamEntry {
+            name: p.name.clone(),
+            default: rational_to_f64(&p.default),
+            doc: p.doc.clone(),
+        };
+        let info = Info {
+            model: model.to_owned(),
+            scene: scene.name.clone(),
+            state: scene.state_names(),
+            params: scene.params().iter().map(param).collect(),
+            outputs: scene.outputs().iter().map(output_entry).collect(),
+            has_energy: scene.has_energy(),
+            conserves_energy: scene.has_energy() && scene.equations.facts.energy_is_conserved,
+        };
+        Stored { executable: scene.executable(), info }
     }
-    if !known.iter().any(|k| k == scene_name) {
-        return Err(Error::UnknownScene { model: model.name.clone(), name: scene_name.into(), known });
-    }
-    Ok(built(model, scene::build(model, scene_name)?))
-}
-
-/// Derives and lowers a scene with everything that a report shows: see [`scene::build_pictured`].
-///
-/// # Errors
-/// As [`build`].
-pub fn build_pictured(model: &Model, scene_name: &str) -> Result<Built, Error> {
-    Ok(built(model, scene::build_pictured(model, scene_name)?))
-}
-
-fn built(model: &Model, scene: BuiltScene) -> Built {
-    let param = |p: &spec::Param| ParamEntry {
-        name: p.name.clone(),
-        default: rational_to_f64(&p.default),
-        doc: p.doc.clone(),
-    };
-    let info = Info {
-        model: model.name.clone(),
-        scene: scene.name.clone(),
-        state: scene.state_names(),
-        params: scene.params().iter().map(param).collect(),
-        outputs: scene.outputs().iter().map(output_entry).collect(),
-        has_energy: scene.has_energy(),
-        conserves_energy: scene.has_energy() && scene.equations.facts.energy_is_conserved,
-    };
-    Built { scene, info, with_invariants: OnceLock::new() }
 }
 
 fn output_entry(output: &hamel_codegen::mechanics::Output) -> OutputEntry {
@@ -75,26 +64,73 @@ fn output_entry(output: &hamel_codegen::mechanics::Output) -> OutputEntry {
     }
 }
 
+/// Derives and lowers a scene.
+///
+/// # Errors
+/// [`Error::UnknownScene`], [`Error::Models`].
+pub fn build(model: &Arc<Checked>, scene: &str) -> Result<Built, Error> {
+    let mut derived = OnceLock::new();
+    let stored = model.cached("scene", scene, || {
+        let built = model.derive(scene)?;
+        let stored = Stored::of(&model.name, &built);
+        derived = OnceLock::from(Some(built));
+        Ok(stored)
+    })?;
+    Ok(Built::new(model, stored, derived))
+}
+
+/// Derives and lowers a scene with everything that a report shows: see [`scene::build_pictured`].
+///
+/// # Errors
+/// As [`build`].
+pub fn build_pictured(model: &Model, scene: &str) -> Result<Built, Error> {
+    let built = scene::build_pictured(model, scene)?;
+    // Not the scene of this name that a cache keeps.
+    let model = Arc::new(Checked::new(model.clone(), Cache::none()));
+    let stored = Stored::of(&model.name, &built);
+    Ok(Built::new(&model, stored, OnceLock::from(Some(built))))
+}
+
 impl Built {
-    /// What was derived and lowered.
-    pub(crate) fn scene(&self) -> &BuiltScene {
-        &self.scene
+    fn new(model: &Arc<Checked>, stored: Stored, derived: OnceLock<Option<BuiltScene>>) -> Built {
+        let Stored { executable, info } = stored;
+        Built { model: Arc::clone(model), executable, info, derived, invariants: OnceLock::new() }
+    }
+
+    /// The scene with its equations; none only by a bug, because it was derived before.
+    fn derived(&self) -> Option<&BuiltScene> {
+        self.derived.get_or_init(|| self.model.derive(&self.info.scene).ok()).as_ref()
     }
 
     /// The scene with the same parameters and state that has the residuals of the constraints that a state can violate, and
     /// the momenta; none if there are no such constraints.
     pub fn with_residuals(&self) -> Option<Built> {
-        let scene = self.scene.with_residuals().ok()??;
-        let outputs = scene.outputs().iter().map(output_entry).collect();
-        let info = Info { outputs, has_energy: false, ..self.info.clone() };
-        Some(Built { scene, info, with_invariants: OnceLock::new() })
+        let stored: Result<Option<Stored>, Error> = self.model.cached("residuals", &self.info.scene, || {
+            let scene = self.derived().and_then(|scene| scene.with_residuals().ok()?);
+            Ok(scene.map(|scene| {
+                let outputs = scene.outputs().iter().map(output_entry).collect();
+                let info = Info { outputs, has_energy: false, ..self.info.clone() };
+                Stored { executable: scene.executable(), info }
+            }))
+        });
+        stored.ok().flatten().map(|stored| Built::new(&self.model, stored, OnceLock::new()))
+    }
+
+    fn with_invariants(&self) -> Option<&Executable> {
+        let find = || {
+            let found = self.model.cached("invariants", &self.info.scene, || {
+                let scene = self.derived().and_then(|scene| scene.with_invariants().ok());
+                Ok(scene.map(|scene| scene.executable()))
+            });
+            found.ok().flatten()
+        };
+        self.invariants.get_or_init(find).as_ref()
     }
 
     /// Operations of one evaluation of the right-hand side.
     pub fn rhs_counts(&self) -> Counts {
-        let program = &self.scene.program;
         // Every scene has a right-hand side.
-        program.function(&Role::Rate).map_or_else(Counts::default, Function::counts)
+        self.executable.program.function(&Role::Rate).map_or_else(Counts::default, Function::counts)
     }
 }
 
@@ -105,7 +141,7 @@ impl Factory for Built {
 
     fn prepare(&self, values: &[f64]) -> Result<PreparedScene<'_>, BadParams> {
         let interpreter = self
-            .scene
+            .executable
             .prepare(values)
             .map_err(|bad| BadParams { condition: bad.condition, meaning: bad.meaning })?;
         let (jet, invariants) = (OnceLock::new(), OnceLock::new());
@@ -125,11 +161,8 @@ struct Interpreted<'a> {
 
 impl<'a> Interpreted<'a> {
     fn with_invariants(&self) -> Option<&Interpreter<'a>> {
-        let interpreter = self.invariants.get_or_init(|| {
-            let scene = self.built.with_invariants.get_or_init(|| self.built.scene.with_invariants().ok());
-            scene.as_ref()?.prepare(&self.params).ok()
-        });
-        interpreter.as_ref()
+        let prepare = || self.built.with_invariants()?.prepare(&self.params).ok();
+        self.invariants.get_or_init(prepare).as_ref()
     }
 }
 
@@ -151,7 +184,7 @@ impl Dynamics for Interpreted<'_> {
     }
 
     fn series(&self, t: f64, y: &[f64], out: &mut [VecState]) -> bool {
-        let Some(jet) = self.jet.get_or_init(|| self.interpreter.scene().jet().ok()) else { return false };
+        let Some(jet) = self.jet.get_or_init(|| self.built.executable.jet().ok()) else { return false };
         let mut out: Vec<&mut [f64]> = out.iter_mut().map(|state| state.0.as_mut_slice()).collect();
         self.interpreter.series(jet, t, y, &mut out);
         true
@@ -167,7 +200,7 @@ impl Dynamics for Interpreted<'_> {
     }
 
     fn n_invariants(&self) -> Option<usize> {
-        Some(self.with_invariants().and_then(|i| i.scene().invariant_names()).map_or(0, |names| names.len()))
+        Some(self.built.with_invariants().map_or(0, Executable::n_invariants))
     }
 
     fn invariants(&self, t: f64, y: &[f64], values: &mut [f64]) {
@@ -184,12 +217,12 @@ impl Dynamics for Interpreted<'_> {
     fn check(&self, t: f64, y: &[f64]) -> Result<(), Failure> {
         self.interpreter.pivots(t, y).into_iter().try_for_each(|(name, value, scale)| {
             let verified = Pivot { name: "", value, scale }.verify(t);
-            verified.or_else(|_| Pivot { name: forever(name.to_owned()), value, scale }.verify(t))
+            verified.or_else(|_| Pivot { name: interned(name.to_owned()), value, scale }.verify(t))
         })
     }
 
     fn domain(&self, t: f64, y: &[f64]) -> Result<(), Failure> {
-        let outside = |condition| Failure::OutsideDomain { t, condition: forever(condition) };
+        let outside = |condition| Failure::OutsideDomain { t, condition: interned(condition) };
         self.interpreter.domain(t, y).map_err(outside)
     }
 
@@ -199,13 +232,13 @@ impl Dynamics for Interpreted<'_> {
 
     fn pivots(&self, t: f64, y: &[f64], visit: &mut dyn FnMut(Pivot<f64>)) {
         for (name, value, scale) in self.interpreter.pivots(t, y) {
-            visit(Pivot { name: forever(name.to_owned()), value, scale });
+            visit(Pivot { name: interned(name.to_owned()), value, scale });
         }
     }
 }
 
 /// The runtime's failures borrow from the program for ever, so each pivot's name and each condition is kept once.
-fn forever(name: String) -> &'static str {
+fn interned(name: String) -> &'static str {
     static KEPT: Mutex<BTreeSet<&'static str>> = Mutex::new(BTreeSet::new());
     let mut kept = KEPT.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
     if let Some(known) = kept.get(name.as_str()) {

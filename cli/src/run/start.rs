@@ -3,6 +3,7 @@
 //! Does not know: who evaluates the scene.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use hamel_codegen::spec::Want;
 
@@ -13,8 +14,8 @@ use super::evaluate::{EvalRequest, prepare};
 use super::interpreted::{self, Built};
 use super::simulation::SimulateRequest;
 use crate::error::Error;
+use crate::model::Checked;
 use crate::model::roles::{self, Role};
-use crate::model::{self, Model};
 
 /// How often other values are tried when the scene has no value at the first ones.
 const N_ATTEMPTS: usize = 4;
@@ -145,14 +146,14 @@ fn meet_constraint(
 
 /// Chooses parameters and initial states of a scene.
 pub(crate) struct Starts<'a> {
-    model: &'a Model,
+    model: &'a Arc<Checked>,
     info: &'a Info,
     /// Has the residual of the constraint where the scene itself leaves it out.
     residuals: Option<Built>,
 }
 
 impl<'a> Starts<'a> {
-    pub(crate) fn new(model: &'a Model, info: &'a Info) -> Result<Starts<'a>, Error> {
+    pub(crate) fn new(model: &'a Arc<Checked>, info: &'a Info) -> Result<Starts<'a>, Error> {
         Ok(Starts { model, info, residuals: residuals(model, info)? })
     }
 
@@ -183,7 +184,7 @@ impl<'a> Starts<'a> {
 ///
 /// # Errors
 /// [`Error::Inadmissible`].
-pub(crate) fn judge(model: &Model, request: &SimulateRequest, info: &Info) -> Result<(), Error> {
+pub(crate) fn judge(model: &Arc<Checked>, request: &SimulateRequest, info: &Info) -> Result<(), Error> {
     if let Some(scene) = residuals(model, info)? {
         admissible::check(&*prepare(&scene, &request.params)?, &request.initial, request.n_group)?;
     }
@@ -191,8 +192,8 @@ pub(crate) fn judge(model: &Model, request: &SimulateRequest, info: &Info) -> Re
 }
 
 /// The scene with the residuals of constraints that a state can violate, unless it has them itself; none if there are none.
-fn residuals(model: &Model, info: &Info) -> Result<Option<Built>, Error> {
-    if admissible::is_judged_by(info) || !model::hides_residuals(model, &info.scene)? {
+fn residuals(model: &Arc<Checked>, info: &Info) -> Result<Option<Built>, Error> {
+    if admissible::is_judged_by(info) || !model.hides_residuals(&info.scene)? {
         return Ok(None);
     }
     Ok(interpreted::build(model, &info.scene)?.with_residuals())

@@ -25,6 +25,7 @@ fn root() -> PathBuf {
 /// Runs the program and returns its answer.
 fn hamel(arguments: &[&str], input: &str) -> Value {
     let mut child = Command::new(env!("CARGO_BIN_EXE_hamel"))
+        .env("HAMEL_CACHE_DIR", concat!(env!("CARGO_TARGET_TMPDIR"), "/cache"))
         .args(arguments)
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())

@@ -17,7 +17,7 @@ pub mod text;
 use crate::error::Error;
 use crate::program::{Jet, Program};
 
-pub use rust::{SceneEntry, emit_include, emit_index};
+pub use rust::{SceneEntry, emit_include, emit_index, method_text};
 pub use text::{
     GroupKind, GroupText, GroupTexts, MatrixText, OutputText, ParamText, ProductText, SceneText, StateText,
 };

@@ -34,6 +34,7 @@ impl SymbolId {
 /// Elementary functions of one argument. Square roots are powers with exponent 1/2.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[expect(missing_docs, reason = "the variants are the functions they are named after")]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Func {
     Sin,
     Cos,
@@ -196,7 +197,8 @@ impl Node {
     }
 }
 
-/// The largest number that divides all of these with whole quotients, with the sign of the first; none where it is too long.
+/// The largest number that divides all of these with whole quotients, with the sign of the first; none where it is too
+/// long.
 pub(super) fn content(constant: &Rational, terms: &[(ExprId, Rational)]) -> Option<Rational> {
     let mut numerator = constant.numer().clone();
     let mut denominator = constant.denom().clone();

@@ -10,9 +10,10 @@ use crate::expr::{Func, Rational, rational_to_f64};
 
 /// A constant of a program.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Constant {
     /// An exact rational.
-    Rational(Rational),
+    Rational(#[cfg_attr(feature = "serde", serde(with = "super::text"))] Rational),
     /// The ratio of a circle's circumference to its diameter.
     Pi,
 }
@@ -71,6 +72,7 @@ impl Constant {
 
 /// An operand of an instruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Operand {
     /// Result of an earlier instruction of the same list.
     Value(u32),
@@ -90,6 +92,7 @@ pub enum Operand {
 
 /// An operation on operands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Op {
     /// `a + b`.
     Add(Operand, Operand),
@@ -117,6 +120,7 @@ pub enum Op {
 
 /// Which terms of [`Op::MulAdd`] are negated; hardware does it for nothing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Signs {
     /// `-(a * b)`.
     pub product: bool,
@@ -160,6 +164,7 @@ impl Op {
 
 /// One operation, with its place and name.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Instruction {
     /// The operation.
     pub op: Op,
@@ -171,6 +176,7 @@ pub struct Instruction {
 
 /// A value that depends on parameters alone and that some function reads.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Slot {
     /// The instruction of the prepare part that computes it.
     pub value: u32,
@@ -180,6 +186,7 @@ pub struct Slot {
 
 /// Relation of a [`Condition`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Relation {
     /// `greater > less`.
     Greater,
@@ -191,6 +198,7 @@ pub enum Relation {
 
 /// A condition on parameters.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Condition {
     /// As the model words it.
     pub text: String,
@@ -206,6 +214,7 @@ pub struct Condition {
 
 /// The part that depends on parameters alone.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Prepare {
     /// Straight-line code over parameters and constants.
     pub instructions: Vec<Instruction>,
@@ -217,6 +226,7 @@ pub struct Prepare {
 
 /// A function of parameters, time and state.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Function {
     /// What the function is for.
     pub role: Role,
@@ -230,6 +240,7 @@ pub struct Function {
 
 /// Everything one scene computes.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Program {
     /// Names of the parameters.
     pub params: Vec<String>,

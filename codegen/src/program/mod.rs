@@ -14,6 +14,8 @@ mod report;
 mod role;
 mod round_trip;
 mod series;
+#[cfg(feature = "serde")]
+mod text;
 mod verify;
 
 pub use counts::Counts;

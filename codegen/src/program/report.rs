@@ -9,6 +9,7 @@ use super::role::Role;
 
 /// What became of the searches for the cheapest form, function by function.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Report {
     /// Every function that was rewritten, in the order of the program.
     pub searches: Vec<(Role, Search)>,
@@ -16,6 +17,7 @@ pub struct Report {
 
 /// What became of the search for the cheapest form of one function.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Search {
     /// The limits that the search met: it kept the best form that it had found.
     pub limits: BTreeSet<Limit>,
@@ -26,6 +28,7 @@ pub struct Search {
 /// A limit that a search met.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Limit {
     /// Divisors looked at.
     Divisors,
@@ -60,6 +63,7 @@ impl fmt::Display for Limit {
 /// Why a function is computed as it was derived.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum FallBack {
     /// Whether the form found is equal could not be found out.
     Unknown,

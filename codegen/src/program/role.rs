@@ -7,6 +7,7 @@ use std::fmt;
 
 /// What a function of a program is for.
 #[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Role {
     /// The derivative of the state, one result for each component: what the other functions are about.
     #[default]

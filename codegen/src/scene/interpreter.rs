@@ -1,32 +1,131 @@
-//! A scene's program with prepared parameters, run operation by operation.
+//! What it takes to run a scene, and its program with prepared parameters, run operation by operation.
 //!
 //! Does not know: how the program was made.
 
+use std::borrow::Cow;
+
 use hamel_runtime::Dual;
 
-use crate::program::{Jet, Point, Role};
+use crate::error::Error;
+use crate::program::{Jet, Point, Program, Role, ViolatedCondition};
 
-use super::derivatives::Derivative;
+use super::derivatives::{Derivative, Matrix};
 use super::invariants::GRADIENTS;
 use super::{BuiltScene, INVARIANTS};
+
+/// What it takes to run a scene: a plain value without equations, which the feature `serde` stores and reads back.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Executable {
+    /// What is run.
+    pub program: Program,
+    patterns: Vec<Pattern>,
+}
+
+/// Where the entries of an output that is a matrix are: rows and columns in the order of its results.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+struct Pattern {
+    name: String,
+    shape: (usize, usize),
+    places: Vec<(usize, usize)>,
+}
+
+impl Pattern {
+    fn of(matrix: &Matrix) -> Pattern {
+        Pattern { name: matrix.name.to_owned(), shape: matrix.shape, places: matrix.pattern.clone() }
+    }
+}
+
+impl Executable {
+    /// Checks parameters and prepares an interpreter for them.
+    ///
+    /// # Errors
+    /// The condition that the parameters violate.
+    ///
+    /// # Panics
+    /// When the number of parameters is wrong.
+    pub fn prepare(&self, params: &[f64]) -> Result<Interpreter<'_>, ViolatedCondition> {
+        Interpreter::new(&self.program, Cow::Borrowed(&self.patterns), params)
+    }
+
+    /// The recurrence of the Taylor coefficients of solutions.
+    ///
+    /// # Errors
+    /// As [`BuiltScene::jet`].
+    pub fn jet(&self) -> Result<Jet, Error> {
+        jet_of(&self.program)
+    }
+
+    /// Number of invariants of the motion; zero if the scene does not want them.
+    pub fn n_invariants(&self) -> usize {
+        self.program.function(&Role::Output(INVARIANTS.to_owned())).map_or(0, |f| f.results.len())
+    }
+}
+
+/// The recurrence of the Taylor coefficients of the solutions of a program's right-hand side.
+pub(super) fn jet_of(program: &Program) -> Result<Jet, Error> {
+    let known = || program.functions.iter().map(|f| f.role.name().to_owned()).collect();
+    let rhs = program.function_idx(&Role::Rate).ok_or_else(|| Error::UnknownName {
+        name: Role::Rate.name().to_owned(),
+        kind: "function of the program",
+        known: known(),
+    })?;
+    Jet::new(program, rhs)
+}
+
+impl BuiltScene {
+    /// What it takes to run the scene.
+    pub fn executable(&self) -> Executable {
+        Executable { program: self.program.clone(), patterns: self.patterns() }
+    }
+
+    fn patterns(&self) -> Vec<Pattern> {
+        self.matrices().iter().map(Pattern::of).collect()
+    }
+
+    /// Checks parameters and prepares an interpreter for them.
+    ///
+    /// # Errors
+    /// The condition that the parameters violate.
+    ///
+    /// # Panics
+    /// When the number of parameters is wrong.
+    pub fn prepare(&self, params: &[f64]) -> Result<Interpreter<'_>, ViolatedCondition> {
+        Interpreter::new(&self.program, Cow::Owned(self.patterns()), params)
+    }
+}
 
 /// A scene's program with prepared parameters, run operation by operation.
 #[derive(Clone, Debug)]
 pub struct Interpreter<'a> {
-    pub(super) scene: &'a BuiltScene,
-    pub(super) params: Vec<f64>,
-    pub(super) prepared: Vec<f64>,
+    program: &'a Program,
+    patterns: Cow<'a, [Pattern]>,
+    params: Vec<f64>,
+    prepared: Vec<f64>,
 }
 
-impl Interpreter<'_> {
-    /// The scene.
-    pub fn scene(&self) -> &BuiltScene {
-        self.scene
+impl<'a> Interpreter<'a> {
+    fn new(
+        program: &'a Program,
+        patterns: Cow<'a, [Pattern]>,
+        params: &[f64],
+    ) -> Result<Interpreter<'a>, ViolatedCondition> {
+        let prepared = program.prepare(params)?;
+        Ok(Interpreter { program, patterns, params: params.to_vec(), prepared })
+    }
+
+    /// The values of a function; none if the program does not have it.
+    fn values(&self, role: &Role, t: f64, y: &[f64]) -> Option<Vec<f64>> {
+        let k = self.program.function_idx(role)?;
+        let mut out = vec![0.0; self.program.functions[k].results.len()];
+        self.program.run(k, &self.params, &self.prepared, t, y, &mut out);
+        Some(out)
     }
 
     fn call(&self, role: &Role, t: f64, y: &[f64], out: &mut [f64]) -> bool {
-        let Some(k) = self.scene.program.function_idx(role) else { return false };
-        self.scene.program.run(k, &self.params, &self.prepared, t, y, out);
+        let Some(k) = self.program.function_idx(role) else { return false };
+        self.program.run(k, &self.params, &self.prepared, t, y, out);
         true
     }
 
@@ -45,13 +144,13 @@ impl Interpreter<'_> {
     /// # Panics
     /// When a size is wrong.
     pub fn rhs_jacobian(&self, t: f64, y: &[f64], rows: &mut [&mut [f64]]) {
-        let Some(k) = self.scene.program.function_idx(&Role::Rate) else { return };
+        let Some(k) = self.program.function_idx(&Role::Rate) else { return };
         let constants = |values: &[f64]| values.iter().copied().map(Dual::constant).collect::<Vec<Dual>>();
         let (params, prepared) = (constants(&self.params), constants(&self.prepared));
         let (mut state, mut out) = (constants(y), constants(y));
         for column in 0..y.len() {
             state[column] = Dual::variable(y[column]);
-            self.scene.program.run(k, &params, &prepared, Dual::constant(t), &state, &mut out);
+            self.program.run(k, &params, &prepared, Dual::constant(t), &state, &mut out);
             state[column] = Dual::constant(y[column]);
             rows.iter_mut().zip(&out).for_each(|(row, value)| row[column] = value.derivative);
         }
@@ -67,17 +166,19 @@ impl Interpreter<'_> {
 
     /// Energy, when the scene wants it.
     pub fn energy(&self, t: f64, y: &[f64]) -> Option<f64> {
-        let mut out = [0.0];
-        self.call(&Role::Energy, t, y, &mut out).then_some(out[0])
+        let values = self.values(&Role::Energy, t, y)?;
+        values.first().copied()
     }
 
     /// All outputs, concatenated.
     pub fn outputs(&self, t: f64, y: &[f64]) -> Vec<f64> {
         let mut all = Vec::new();
-        for output in &self.scene.outputs {
-            let mut out = vec![0.0; output.components.len()];
-            self.call(&Role::Output(output.name.clone()), t, y, &mut out);
-            all.extend(out);
+        for (k, function) in self.program.functions.iter().enumerate() {
+            if let Role::Output(_) = function.role {
+                let start = all.len();
+                all.resize(start + function.results.len(), 0.0);
+                self.program.run(k, &self.params, &self.prepared, t, y, &mut all[start..]);
+            }
         }
         all
     }
@@ -95,10 +196,7 @@ impl Interpreter<'_> {
     /// # Panics
     /// When the size of `y` is wrong.
     pub fn invariants(&self, t: f64, y: &[f64]) -> Option<Vec<f64>> {
-        let names = self.scene.invariant_names()?;
-        let mut values = vec![0.0; names.len()];
-        self.call(&Role::Output(INVARIANTS.to_owned()), t, y, &mut values);
-        Some(values)
+        self.values(&Role::Output(INVARIANTS.to_owned()), t, y)
     }
 
     /// Their gradients, a row for each.
@@ -110,12 +208,12 @@ impl Interpreter<'_> {
     }
 
     fn matrix_named(&self, name: &str, t: f64, y: &[f64]) -> Option<Vec<Vec<f64>>> {
-        let matrix = self.scene.matrices.iter().find(|m| m.name == name)?;
-        let mut entries = vec![0.0; matrix.pattern.len()];
-        self.call(&Role::Output(name.to_owned()), t, y, &mut entries);
-        let (n_rows, n_columns) = matrix.shape;
+        let pattern = self.patterns.iter().find(|pattern| pattern.name == name)?;
+        // Every matrix is an output, and one without entries has no function.
+        let entries = self.values(&Role::Output(name.to_owned()), t, y).unwrap_or_default();
+        let (n_rows, n_columns) = pattern.shape;
         let mut rows = vec![vec![0.0; n_columns]; n_rows];
-        for ((i, j), entry) in matrix.pattern.iter().zip(entries) {
+        for ((i, j), entry) in pattern.places.iter().zip(entries) {
             rows[*i][*j] = entry;
         }
         Some(rows)
@@ -126,11 +224,10 @@ impl Interpreter<'_> {
     /// # Panics
     /// When a size is wrong.
     pub fn product(&self, derivative: Derivative, t: f64, y: &[f64], vector: &[f64]) -> Option<Vec<f64>> {
-        let product = self.scene.products.iter().find(|p| p.derivative == derivative)?;
-        let k = self.scene.program.function_idx(&derivative.role())?;
-        let mut out = vec![0.0; product.components.len()];
+        let k = self.program.function_idx(&derivative.role())?;
+        let mut out = vec![0.0; self.program.functions[k].results.len()];
         let point = Point { t, state: y, argument: vector };
-        self.scene.program.run_at(k, &self.params, &self.prepared, point, &mut out);
+        self.program.run_at(k, &self.params, &self.prepared, point, &mut out);
         Some(out)
     }
 
@@ -140,7 +237,7 @@ impl Interpreter<'_> {
     /// # Panics
     /// When the size of `y` is wrong.
     pub fn pivots(&self, t: f64, y: &[f64]) -> Vec<(&str, f64, f64)> {
-        let program = &self.scene.program;
+        let program = self.program;
         let Some(k) = program.function_idx(&Role::Pivots) else { return Vec::new() };
         let results = &program.functions[k].results;
         let mut out = vec![0.0; results.len()];
@@ -188,10 +285,10 @@ impl Interpreter<'_> {
         y: &[f64],
         broken: impl Fn(&[f64]) -> Option<usize>,
     ) -> Result<(), String> {
-        let Some(k) = self.scene.program.function_idx(role) else { return Ok(()) };
-        let results = &self.scene.program.functions[k].results;
+        let Some(k) = self.program.function_idx(role) else { return Ok(()) };
+        let results = &self.program.functions[k].results;
         let mut out = vec![0.0; results.len()];
-        self.scene.program.run(k, &self.params, &self.prepared, t, y, &mut out);
+        self.program.run(k, &self.params, &self.prepared, t, y, &mut out);
         broken(&out).map_or(Ok(()), |k| Err(results[k].0.clone()))
     }
 }

@@ -29,7 +29,7 @@ use crate::error::Error;
 use crate::expr::Budget;
 use crate::mechanics::{Equations, Output, OutputKind, StateEquation};
 use crate::parallel::side_by_side;
-use crate::program::{Program, Role, ViolatedCondition};
+use crate::program::{Program, Role};
 use crate::reduction::{AccelerationSource, Formulation, KinematicConstraint, reduce};
 use crate::spec::{self, Diagnostics, Model, Param, Want};
 
@@ -38,7 +38,7 @@ use plan::{Drops, Outputs, Plan};
 
 pub use defaults::warnings;
 pub use derivatives::{Derivative, Matrix, Product};
-pub use interpreter::Interpreter;
+pub use interpreter::{Executable, Interpreter};
 pub use text::Writing;
 
 /// Name of the scene that every model has.
@@ -331,17 +331,5 @@ impl BuiltScene {
     /// The right-hand side of this scene alone.
     fn bare_plan(&self) -> Plan {
         Plan::bare(self.name.clone(), self.equations.system.formulation.clone())
-    }
-
-    /// Checks parameters and prepares an interpreter for them.
-    ///
-    /// # Errors
-    /// The condition that the parameters violate.
-    ///
-    /// # Panics
-    /// When the number of parameters is wrong.
-    pub fn prepare(&self, params: &[f64]) -> Result<Interpreter<'_>, ViolatedCondition> {
-        let prepared = self.program.prepare(params)?;
-        Ok(Interpreter { scene: self, params: params.to_vec(), prepared })
     }
 }

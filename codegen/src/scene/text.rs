@@ -9,7 +9,7 @@ use crate::error::Error;
 use crate::expr::{Exhausted, Resource, Stage};
 use crate::program::{Jet, Role};
 
-use super::BuiltScene;
+use super::{BuiltScene, interpreter};
 use super::derivatives::{Matrix, Product};
 use super::groups::groups;
 
@@ -61,13 +61,7 @@ impl BuiltScene {
     /// # Errors
     /// [`Error::UnknownName`], a bug: every scene has a right-hand side.
     pub fn jet(&self) -> Result<Jet, Error> {
-        let known = || self.program.functions.iter().map(|f| f.role.name().to_owned()).collect();
-        let rhs = self.program.function_idx(&Role::Rate).ok_or_else(|| Error::UnknownName {
-            name: Role::Rate.name().to_owned(),
-            kind: "function of the program",
-            known: known(),
-        })?;
-        Jet::new(&self.program, rhs)
+        interpreter::jet_of(&self.program)
     }
 
     /// The entry of the scene in the index of modules.

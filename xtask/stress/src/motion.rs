@@ -3,9 +3,9 @@
 //! Deliberately does not know: which models are run.
 
 use hamel::Error;
-use hamel::model::INVARIANTS;
 use hamel::run::dynamics::{Dynamics, Factory, Info, VecState};
 use hamel::run::evaluate::describe;
+use hamel_codegen::spec::Want;
 use hamel_runtime::{Gauss6, Integrator, Method, Options, Progress, Projected, Vern9};
 
 /// Samples per run.
@@ -114,7 +114,7 @@ fn follow<'d, M: Method<f64, System<'d>>>(
 /// The names of a scene's invariants: energy, Casimirs, momenta, residuals of constraints, the square of a quaternion.
 fn invariants(info: &Info) -> Result<&[String], Error> {
     let names =
-        info.outputs.iter().find(|output| output.name == INVARIANTS).map(|output| &*output.components);
+        info.outputs.iter().find(|output| output.name == Want::Invariants.name()).map(|output| &*output.components);
     names.filter(|names| names.len() <= N_KEPT).ok_or_else(|| Error::Options {
         reason: format!("{} {} has not from 1 to {N_KEPT} invariants", info.model, info.scene),
     })

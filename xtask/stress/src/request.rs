@@ -8,7 +8,6 @@ use std::path::PathBuf;
 use clap::Parser;
 use hamel::Error;
 use hamel::model::roles::{self, Role};
-use hamel::model::scene_names;
 use hamel::repository::Repository;
 use hamel::session::Session;
 
@@ -90,7 +89,7 @@ impl StressRequest {
         let mut scenes = Vec::new();
         for file in session.find_all(&models)? {
             let model = file.model()?;
-            for scene in scene_names(model) {
+            for scene in model.scene_names() {
                 let params = roles::all_params(model, &scene, &BTreeMap::new());
                 scenes.push(SceneRequest {
                     model: model.name.clone(),

@@ -2,15 +2,17 @@
 //!
 //! Does not know: how it is laid out.
 
+use hamel_codegen::emit::method_text;
+use hamel_codegen::explain::{Section, SectionKind};
 use hamel_codegen::expr::{Style, rational_to_f64};
+use hamel_codegen::program::Role;
 use hamel_codegen::scene;
 use hamel_codegen::spec;
 
 use crate::error::Error;
 use crate::model::spelling::math_ml;
 use crate::model::units::split_unit;
-use crate::model::{Model, show_warnings};
-use crate::run::interpreted;
+use crate::model::{Checked, show_warnings};
 
 /// A parameter or a state variable as a page shows it.
 #[derive(Clone, Debug)]
@@ -82,8 +84,8 @@ pub struct Page {
     pub text: String,
     /// Words of the model language.
     pub keywords: Vec<&'static str>,
-    /// Titles and HTML of the explanation.
-    pub sections: Vec<(String, String)>,
+    /// The explanation, in HTML.
+    pub sections: Vec<Section>,
     /// The generated right-hand side.
     pub rhs: String,
     /// The generated module.
@@ -97,20 +99,19 @@ pub struct Page {
 /// Collects what a page says about a scene.
 ///
 /// # Errors
-/// As [`interpreted::build`], and a bug of the emitter.
-pub fn contents(model: &Model, scene_name: &str) -> Result<Page, Error> {
-    let built = interpreted::build(model, scene_name)?;
-    let scene = built.scene();
+/// As [`Checked::derive`], and a bug of the emitter.
+pub fn contents(model: &Checked, scene_name: &str) -> Result<Page, Error> {
+    let scene = &model.derive(scene_name)?;
     show_warnings(&scene::warnings(model, std::slice::from_ref(scene)));
     let quantity = |name: &str, value: Option<f64>, doc: &str| {
         let (doc, unit) = split_unit(doc, 0);
         Quantity { name: name.to_owned(), math: math_ml(name), value, unit, doc }
     };
-    let own = ["", "Parameters and state", "Operation counts"];
+    // The page has these in its own way.
+    let own = [SectionKind::Head, SectionKind::Inputs, SectionKind::Counts];
     let sections = hamel_codegen::explain::sections(model, scene, Style::MathMl)
         .into_iter()
-        .filter(|s| !own.contains(&s.title.as_str()))
-        .map(|s| (s.title, s.text))
+        .filter(|section| !own.contains(&section.kind))
         .collect();
     let module = scene.emit().map_err(|e| model.diagnostics(vec![model.diagnose(&e)]))?;
     let view = |v: &spec::View| ViewEntry {
@@ -143,7 +144,7 @@ pub fn contents(model: &Model, scene_name: &str) -> Result<Page, Error> {
         text: model.origin.as_ref().map(|o| o.text.clone()).unwrap_or_default(),
         keywords: spec::keywords(),
         sections,
-        rhs: function(&module, "    pub fn rhs("),
+        rhs: method_text(&module, &Role::Rate).unwrap_or_default(),
         operations: scene
             .operation_counts()
             .into_iter()
@@ -155,17 +156,4 @@ pub fn contents(model: &Model, scene_name: &str) -> Result<Page, Error> {
         module,
         views: model.views.list.iter().map(view).collect(),
     })
-}
-
-/// The lines of a method of the module, from `head` to the brace that ends it, without their common indentation.
-fn function(module: &str, head: &str) -> String {
-    let Some(start) = module.find(head) else { return String::new() };
-    let mut lines = Vec::new();
-    for line in module[start..].lines() {
-        lines.push(line.strip_prefix("    ").unwrap_or(line));
-        if line == "    }" {
-            break;
-        }
-    }
-    lines.join("\n")
 }

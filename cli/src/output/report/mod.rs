@@ -9,6 +9,9 @@ pub mod contents;
 
 use std::fmt::Write as _;
 
+use hamel_codegen::explain::{Section, SectionKind};
+use hamel_codegen::spec::Want;
+
 use super::files::{Run, figure};
 use super::plot::loglog::{self, Curve, LogLog};
 use super::plot::{self, Figure, Panel};
@@ -124,9 +127,10 @@ impl Precision {
 /// [`Error::Io`] when a figure cannot be drawn.
 pub fn page(page: &Page, motion: Option<&Motion>) -> Result<String, Error> {
     let mut sections: Vec<(String, String)> = vec![("Definition".into(), definition(page))];
-    for (title, text) in &page.sections {
-        if title != "Equations of motion" {
-            sections.push((title.clone(), text.clone()));
+    for Section { kind, text } in &page.sections {
+        let title = kind.title().to_owned();
+        if *kind != SectionKind::Equations {
+            sections.push((title, text.clone()));
             continue;
         }
         let code = highlight(&page.rhs, RUST);
@@ -134,9 +138,9 @@ pub fn page(page: &Page, motion: Option<&Motion>) -> Result<String, Error> {
             "<div class=\"beside\"><div>{text}</div><div><p>The generated Rust of the right-hand side:</p>\n\
              <pre class=\"code\"><code>{code}</code></pre></div></div>\n"
         );
-        sections.push((title.clone(), text));
+        sections.push((title, text));
     }
-    sections.push(("Operation counts".into(), operations(page)));
+    sections.push((SectionKind::Counts.title().into(), operations(page)));
     let mut data = None;
     if let Some(motion) = motion {
         if !page.views.is_empty() {
@@ -264,7 +268,7 @@ fn motion_sections(page: &Page, motion: &Motion, sections: &mut Vec<(String, Str
         conserved.panels.extend(state.panels.pop());
     }
     let samples = &response.samples;
-    if let Some(range) = info.output_range("constraint").filter(|r| !r.is_empty()) {
+    if let Some(range) = info.output_range(Want::Constraint.name()).filter(|r| !r.is_empty()) {
         let largest =
             |outputs: &[f64]| outputs[range.clone()].iter().fold(0.0, |max: f64, x| max.max(x.abs()));
         let lines = vec![(String::new(), samples.iter().map(|s| largest(&s.outputs)).collect())];
@@ -274,8 +278,9 @@ fn motion_sections(page: &Page, motion: &Motion, sections: &mut Vec<(String, Str
             times: None,
         });
     }
-    if let Some(range) = info.output_range("casimirs").filter(|r| !r.is_empty()) {
-        let names = info.outputs.iter().find(|o| o.name == "casimirs").map(|o| o.components.clone());
+    if let Some(range) = info.output_range(Want::Casimirs.name()).filter(|r| !r.is_empty()) {
+        let names =
+            info.outputs.iter().find(|o| o.name == Want::Casimirs.name()).map(|o| o.components.clone());
         let line = |(k, name): (usize, String)| {
             let first = samples.first().map_or(0.0, |s| s.outputs[k]);
             let scale = if first.abs() > f64::MIN_POSITIVE { first.abs() } else { 1.0 };

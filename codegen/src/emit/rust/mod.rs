@@ -4,6 +4,7 @@
 //! `traits`, `series` and `nalgebra` write the items of a scene, `index` the list of modules, `format` text. Does not
 //! know: which functions there are and why, the order of their statements.
 
+mod excerpt;
 mod format;
 mod functions;
 mod guards;
@@ -19,6 +20,7 @@ mod traits;
 
 use proc_macro2::TokenStream;
 
+pub use excerpt::method_text;
 pub use index::{SceneEntry, emit_include, emit_index};
 
 use self::notation::Rust;

@@ -1,0 +1,128 @@
+//! The cache of what was derived: answers have the same bits with it and without, and nothing depends on what is in it.
+
+use std::io::Write as _;
+use std::path::PathBuf;
+use std::process::{Command, Output, Stdio};
+
+/// A cache of its own for a test, removed at the end.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(name: &str) -> Folder {
+        let path = std::env::temp_dir().join(format!("hamel-kept-{name}-{}", std::process::id()));
+        let _ = std::fs::remove_dir_all(&path);
+        std::fs::create_dir_all(&path).unwrap();
+        Folder(path)
+    }
+
+    fn run(&self, arguments: &[&str], input: &str) -> Output {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_hamel"))
+            .env("HAMEL_CACHE_DIR", self.0.join("cache"))
+            .args(arguments)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let _ = child.stdin.take().unwrap().write_all(input.as_bytes());
+        child.wait_with_output().unwrap()
+    }
+
+    fn kept(&self) -> Vec<(PathBuf, String)> {
+        let Ok(listing) = std::fs::read_dir(self.0.join("cache")) else { return Vec::new() };
+        let mut paths: Vec<PathBuf> = listing.map(|file| file.unwrap().path()).collect();
+        paths.sort();
+        let text = |path: PathBuf| (std::fs::read_to_string(&path).unwrap_or_default(), path);
+        paths.into_iter().map(text).map(|(text, path)| (path, text)).collect()
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+/// What a program said, and how it ended.
+fn said(out: &Output) -> (Vec<u8>, Vec<u8>, Option<i32>) {
+    (out.stdout.clone(), out.stderr.clone(), out.status.code())
+}
+
+const REQUEST: &str = r#"{"params": {"m": 1.3}, "t_final": 0.7, "samples": 3, "METHOD": 0,
+    "initial": {"Omega1": 0.3, "Omega2": -0.2, "Omega3": 1.1, "Gamma1": 0, "Gamma2": 0.6, "Gamma3": 0.8}}"#;
+
+#[test]
+fn answers_have_the_same_bits_with_the_cache_and_without() {
+    let folder = Folder::new("bits");
+    let top = |method: &str| REQUEST.replace("\"METHOD\": 0", &format!("\"method\": \"{method}\""));
+    let gauss = top("gauss6-newton").replace("0.7,", "0.7, \"step\": 0.01,");
+    let veselova = |omega2: &str| {
+        format!(
+            r#"{{"initial": {{"Omega1": 1.2, "Omega2": {omega2}, "Omega3": -0.4, "gamma1": 0, "gamma2": 0.8, "gamma3": 0.6}},
+            "t_final": 1}}"#
+        )
+    };
+    let state = r#"{"states": [{"Omega1": 0.3, "Omega2": -0.2, "Omega3": 1.1, "Gamma1": 0, "Gamma2": 0.6, "Gamma3": 0.8}]}"#;
+    let runs: [(&[&str], &str); 10] = [
+        (&["eval", "heavy_top"], state),
+        (&["eval", "heavy_top", "--scene", "derivatives"], state),
+        (&["simulate", "heavy_top", "--json"], &top("dop853")),
+        (&["simulate", "heavy_top", "--json"], &top("taylor")),
+        (&["simulate", "heavy_top", "--json"], &top("projected")),
+        (&["simulate", "heavy_top", "--json"], &top("auto")),
+        (&["simulate", "heavy_top", "--json"], &gauss),
+        // Judged by a scene of its own.
+        (&["simulate", "veselova", "--scene", "invariants", "--json"], &veselova("0.3")),
+        (&["simulate", "veselova", "--scene", "invariants", "--json"], &veselova("0.4")),
+        (
+            &["simulate", "chaplygin_sleigh", "--json"],
+            r#"{"initial": {"omega": 1, "v1": 0.5}, "t_final": 1, "reconstruct": {}}"#,
+        ),
+    ];
+    let run = |(arguments, input): &(&[&str], &str), more: &[&str]| {
+        said(&folder.run(&[arguments, &["--via", "interpreter"][..], more].concat(), input))
+    };
+    let without: Vec<_> = runs.iter().map(|r| run(r, &["--no-cache"])).collect();
+    assert!(folder.kept().is_empty());
+    // All but the inadmissible state are answered.
+    assert_eq!(without.iter().filter(|(.., code)| *code == Some(0)).count(), 9, "{without:?}");
+    let first: Vec<_> = runs.iter().map(|r| run(r, &[])).collect();
+    assert_eq!(first, without);
+    let kept = folder.kept();
+    assert!(kept.len() > 5, "{}", kept.len());
+    let second: Vec<_> = runs.iter().map(|r| run(r, &[])).collect();
+    assert_eq!(second, without);
+    assert_eq!(folder.kept(), kept);
+
+    // Damaged files are as good as none.
+    for (k, (path, text)) in kept.iter().enumerate() {
+        let mut bytes = text.clone().into_bytes();
+        let at = bytes.len() - 1 - k;
+        bytes[at] ^= 1;
+        std::fs::write(path, bytes).unwrap();
+    }
+    let third: Vec<_> = runs.iter().map(|r| run(r, &[])).collect();
+    assert_eq!(third, without);
+}
+
+#[test]
+fn a_changed_model_is_another_and_warnings_stay() {
+    let folder = Folder::new("changed");
+    let path = folder.0.join("spring.hamel");
+    let name = path.to_str().unwrap();
+    let write = |k: u32| {
+        let text = format!(
+            "model spring {{ param unused = 1; coordinate x in real; lagrangian = 1/2*x_dot^2 - {k}*x^2; }}"
+        );
+        std::fs::write(&path, text).unwrap();
+    };
+    let rate = |k: u32| {
+        write(k);
+        let out = folder.run(&["eval", name], r#"{"states": [{"x": 1, "x_dot": 0}]}"#);
+        let told = String::from_utf8(out.stderr).unwrap();
+        assert!(told.contains("unused") && told.matches("warning").count() == 1, "{told}");
+        let answer: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
+        answer["derivatives"][0][1].as_f64().unwrap()
+    };
+    assert_eq!([rate(1), rate(2), rate(1), rate(2)], [-2.0, -4.0, -2.0, -4.0]);
+}
