@@ -141,10 +141,8 @@ fn program() -> Option<&'static str> {
 /// of the result depends on every bit of the argument. What this has to tell apart are versions of files, not what somebody made
 /// in order to collide.
 fn digest(parts: &[&[u8]]) -> String {
-    const FACTORS: [[u64; 2]; 2] = [
-        [0xff51_afd7_ed55_8ccd, 0xc4ce_b9fe_1a85_ec53],
-        [0xbf58_476d_1ce4_e5b9, 0x94d0_49bb_1331_11eb],
-    ];
+    const FACTORS: [[u64; 2]; 2] =
+        [[0xff51_afd7_ed55_8ccd, 0xc4ce_b9fe_1a85_ec53], [0xbf58_476d_1ce4_e5b9, 0x94d0_49bb_1331_11eb]];
     let mut chains = [0x243f_6a88_85a3_08d3_u64, 0x1319_8a2e_0370_7344];
     let mut take = |word: u64| {
         for (chain, [first, second]) in chains.iter_mut().zip(FACTORS) {
