@@ -13,7 +13,9 @@ impl BuiltScene {
         table(self.operations(|role| *role == Role::Rate).into_iter().map(|(name, c)| (name, cells(c))))
     }
 
-    /// Operations of every function and its sections in columns: additions and multiplications include the fused ones.
+    /// Operations of every function and its sections in columns: additions and multiplications include the fused ones. After
+    /// them a line for every search for a cheaper form that stopped early, and every function that is computed as it was
+    /// derived.
     pub fn operation_columns(&self) -> String {
         let heads = ["add", "mul", "fused", "div", "sqrt", "neg", "calls", "cost"];
         let cells = |c: Counts| {
@@ -23,7 +25,8 @@ impl BuiltScene {
         };
         let rows = self.operation_counts();
         let head = (String::new(), heads.map(|head| format!("{head:>5}")).to_vec());
-        table(std::iter::once(head).chain(rows.into_iter().map(|(name, c)| (name, cells(c)))))
+        let rows = rows.into_iter().map(|(name, c)| (name, cells(c)));
+        format!("{}{}", table(std::iter::once(head).chain(rows)), self.program.report)
     }
 
     /// Operations of the part that runs once, of all functions together, and of every function, followed by those of its
