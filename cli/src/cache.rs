@@ -1,7 +1,7 @@
 //! What was derived once, kept in the user's cache folder.
 //!
-//! A value is kept under a hash of everything that it depends on: the text of the model, what was made of it, the budget, and the
-//! program itself, so that another version never reads it. The file begins with a line that repeats that hash and has one
+//! A value is kept under a hash of everything that it depends on: the text of the model, what was made of it, the budget, and which
+//! program it was, so that another version never reads it. The file begins with a line that repeats that hash and has one
 //! of the value, so that a file that is damaged, or somebody else's, is made anew.
 //!
 //! Does not know: what is kept.
@@ -128,11 +128,17 @@ fn trim(folder: &Path, most: u64) -> std::io::Result<()> {
     Ok(())
 }
 
-/// A digest of this program: while hamel is developed, programs of one version differ.
+/// What tells this program from another one of the same version, as there are many while hamel is developed: its path, its size and
+/// when it was written. Its bytes would tell as much, but reading all of them takes longer than most answers.
 fn program() -> Option<&'static str> {
-    static DIGEST: OnceLock<Option<String>> = OnceLock::new();
-    let of_file = || std::fs::read(std::env::current_exe().ok()?).ok().map(|bytes| digest(&[&bytes]));
-    DIGEST.get_or_init(of_file).as_deref()
+    static STAMP: OnceLock<Option<String>> = OnceLock::new();
+    let of_file = || {
+        let path = std::env::current_exe().ok()?;
+        let data = std::fs::metadata(&path).ok()?;
+        let written = data.modified().ok()?.duration_since(SystemTime::UNIX_EPOCH).ok()?;
+        Some(format!("{} {} {}", path.display(), data.len(), written.as_nanos()))
+    };
+    STAMP.get_or_init(of_file).as_deref()
 }
 
 /// 128 bits in hexadecimal digits that depend on all bytes of all parts, and on where parts end.
@@ -141,10 +147,8 @@ fn program() -> Option<&'static str> {
 /// of the result depends on every bit of the argument. What this has to tell apart are versions of files, not what somebody made
 /// in order to collide.
 fn digest(parts: &[&[u8]]) -> String {
-    const FACTORS: [[u64; 2]; 2] = [
-        [0xff51_afd7_ed55_8ccd, 0xc4ce_b9fe_1a85_ec53],
-        [0xbf58_476d_1ce4_e5b9, 0x94d0_49bb_1331_11eb],
-    ];
+    const FACTORS: [[u64; 2]; 2] =
+        [[0xff51_afd7_ed55_8ccd, 0xc4ce_b9fe_1a85_ec53], [0xbf58_476d_1ce4_e5b9, 0x94d0_49bb_1331_11eb]];
     let mut chains = [0x243f_6a88_85a3_08d3_u64, 0x1319_8a2e_0370_7344];
     let mut take = |word: u64| {
         for (chain, [first, second]) in chains.iter_mut().zip(FACTORS) {
