@@ -39,7 +39,7 @@ Examples:
 #[derive(Subcommand)]
 enum Task {
     #[command(flatten)]
-    Shared(Command),
+    Shared(Box<Command>),
     // Help is that of the arguments.
     Generate(generate::Arguments),
 }

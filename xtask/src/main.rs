@@ -47,7 +47,7 @@ enum Task {
     // Help is that of the arguments.
     Generate(generate::Arguments),
     #[command(flatten)]
-    Shared(Command),
+    Shared(Box<Command>),
     /// Measure the generated code beside other ways to the same numbers
     Bench {
         #[command(subcommand)]

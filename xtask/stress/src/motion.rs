@@ -113,8 +113,11 @@ fn follow<'d, M: Method<f64, System<'d>>>(
 
 /// The names of a scene's invariants: energy, Casimirs, momenta, residuals of constraints, the square of a quaternion.
 fn invariants(info: &Info) -> Result<&[String], Error> {
-    let names =
-        info.outputs.iter().find(|output| output.name == Want::Invariants.name()).map(|output| &*output.components);
+    let names = info
+        .outputs
+        .iter()
+        .find(|output| output.name == Want::Invariants.name())
+        .map(|output| &*output.components);
     names.filter(|names| names.len() <= N_KEPT).ok_or_else(|| Error::Options {
         reason: format!("{} {} has not from 1 to {N_KEPT} invariants", info.model, info.scene),
     })
