@@ -215,8 +215,8 @@ fn a_name_that_no_model_can_have_is_told_with_one_that_it_can() {
         ("2d", "`2d` cannot name a model", ""),
         ("", "`` cannot name a model", ""),
         (".hamel", "`.hamel` cannot name a model", ""),
-        ("energy", "`energy` cannot name a model: the generated code has an item of that name", ""),
-        ("fn", "`fn` cannot name a model: it is a Rust keyword", ""),
+        ("energy", "`energy` cannot name a model: scenes have an output of that name", ""),
+        ("if", "`if` cannot name a model: the language has no conditions", ""),
     ];
     for (name, message, advice) in cases {
         let out = hamel(&["new", name], "");

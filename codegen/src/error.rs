@@ -215,119 +215,9 @@ pub enum Error {
 
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Error::NotAntisymmetric { a, b } => {
-                write!(f, "bracket [{a}, {b}] is not antisymmetric; give each pair once and leave [e, e] out")
-            }
-            Error::JacobiViolated { triple: [a, b, c], residual } => {
-                write!(
-                    f,
-                    "bracket [{a}, {b}] fails Jacobi with {c}: residual {residual}; [[{a}, {b}], {c}] + [[{b}, {c}], {a}] + [[{c}, {a}], {b}] has to vanish"
-                )
-            }
-            Error::AnchorViolated { pair: [a, b], component, residual } => write!(
-                f,
-                "action of [{a}, {b}] is not the commutator of their actions: residual {residual} in {component}; an action satisfies [x, y] . a = x . (y . a) - y . (x . a): check its sign"
-            ),
-            Error::NotARepresentation { pair: [a, b], entry: (row, column), residual } => write!(
-                f,
-                "matrices of {a} and {b} do not represent [{a}, {b}]: residual {residual} in row {row}, column {column}; rho([{a}, {b}]) has to be rho({a}) rho({b}) - rho({b}) rho({a})"
-            ),
-            Error::Unsupported { what, possible } => write!(f, "{what} does not exist; possible: {possible}"),
-            Error::ShapeMismatch { what, found, expected } => {
-                write!(f, "{what} has size {found}, expected {expected}")
-            }
-            Error::UnknownName { name, kind, known } => {
-                write!(f, "{name} is not a {kind}; known: {}", known.join(", "))
-            }
-            Error::NotNested { stage, above } => {
-                write!(
-                    f,
-                    "stage {stage} is not contained in stage {above}; every ideal lies in the one above it"
-                )
-            }
-            Error::NotAnIdeal { stage, above, pair: [a, b], bracket } => write!(
-                f,
-                "stage {stage} is not an ideal of {above}: [{a}, {b}] = {bracket} leaves it; add the missing directions"
-            ),
-            Error::EmptyStage { stage } => {
-                write!(
-                    f,
-                    "stage {stage} splits nothing off; it has to be smaller than the stage above and not zero"
-                )
-            }
-            Error::DegenerateInnerProduct { stage } => write!(
-                f,
-                "inner product is degenerate on stage {stage}, so the stage has no orthogonal complement; use a definite one"
-            ),
-            Error::RebuiltBracketDiffers { pair: [a, b] } => {
-                write!(f, "bracket [{a}, {b}] rebuilt from the stage forms differs from the original")
-            }
-            Error::DependentConstraint { constraint } => {
-                write!(f, "constraint {constraint} follows from the others; remove it")
-            }
-            Error::InconsistentConstraint { constraint } => {
-                write!(f, "constraint {constraint} contradicts the others; no velocity satisfies all of them")
-            }
-            Error::NotSolvable { dependent, possible } => write!(
-                f,
-                "constraints cannot be solved for {}; they can be solved for {}",
-                dependent.join(", "),
-                possible.join(", ")
-            ),
-            Error::SingularMassMatrix { direction } => write!(
-                f,
-                "mass matrix is singular everywhere: no inertia along {direction}; the lagrangian needs kinetic energy in every direction that the constraints allow"
-            ),
-            Error::ConnectionDependsOn { connection, kind, name, through, velocity } => write!(
-                f,
-                "connection {connection} depends on the {kind} {name} through {through}; a connection is made of base coordinates, time and parameters: give one with `connection {velocity} = ..;` or write `connection trivial;`"
-            ),
-            Error::NoHorizontalSpace { connection, direction } => write!(
-                f,
-                "connection {connection} does not exist: no inertia along {direction}; it needs kinetic energy in every direction of the algebra that virtual displacements may have"
-            ),
-            Error::NotConserved { name, rate } => write!(
-                f,
-                "casimir {name} is not conserved by these equations: its rate is {rate}; write `output {name} = ..;` instead"
-            ),
-            Error::ConservationUnverified { name, rate } => write!(
-                f,
-                "casimir {name} could not be verified: its rate {rate} could not be shown to vanish, nor not to; write `output {name} = ..;` instead, or write it with functions whose identities are known, such as sin, exp and sqrt of sums of squares"
-            ),
-            Error::Unverified { claim, residual, .. } => write!(
-                f,
-                "{claim} could not be verified: {residual} could not be shown to vanish, nor not to; write it with functions whose identities are known, such as sin, exp and sqrt of sums of squares"
-            ),
-            Error::NothingConserved { scene } => write!(
-                f,
-                "scene {scene} has no invariant besides components of its state; claim one that you know with `casimir name = ..;`"
-            ),
-            Error::WrongNumberOfDisplacements { found, expected } => write!(
-                f,
-                "{found} conditions on virtual displacements, expected {expected}; there is one for each scalar constraint"
-            ),
-            Error::OutOfRange { what } => write!(
-                f,
-                "{what} is out of the range of f64, about 1e-308 to 1e308; choose units in which it is moderate"
-            ),
-            Error::OverBudget(exhausted) => exhausted.fmt(f),
-            Error::WrongNumberOfIndependent { found, expected } => {
-                write!(f, "independent names {found} velocities; the constraints leave {expected}")
-            }
-            Error::DivisionByZero { place } => {
-                write!(f, "division by an expression that is identically zero in {place}")
-            }
-            Error::NotAPath { text } => {
-                write!(f, "`{text}` is not a path of a module; write `::hamel_runtime` or `crate::runtime`")
-            }
-            Error::Emission { model, reason } => {
-                write!(f, "code emitted for {model} is not Rust: {reason}; please report this")
-            }
-            Error::Program { reason } => {
-                write!(f, "lowered program is malformed: {reason}; please report this")
-            }
-        }
+        let (message, help) = self.message_and_help();
+        f.write_str(&message)?;
+        if help.is_empty() { Ok(()) } else { write!(f, "; {help}") }
     }
 }
 
@@ -340,13 +230,138 @@ impl From<Exhausted> for Error {
 }
 
 impl Error {
-    /// What is wrong, and what to change (may be empty): the two halves of the text.
+    /// What is wrong, and what to change (may be empty).
     pub(crate) fn message_and_help(&self) -> (String, String) {
-        let text = self.to_string();
-        let (message, help) = text.split_once("; ").unwrap_or((&text, ""));
-        (message.to_owned(), help.to_owned())
+        match self {
+            Error::NotAntisymmetric { a, b } => (
+                format!("bracket [{a}, {b}] is not antisymmetric"),
+                "give each pair once and leave [e, e] out".into(),
+            ),
+            Error::JacobiViolated { triple: [a, b, c], residual } => (
+                format!("bracket [{a}, {b}] fails Jacobi with {c}: residual {residual}"),
+                format!("[[{a}, {b}], {c}] + [[{b}, {c}], {a}] + [[{c}, {a}], {b}] has to vanish"),
+            ),
+            Error::AnchorViolated { pair: [a, b], component, residual } => (
+                format!(
+                    "action of [{a}, {b}] is not the commutator of their actions: residual {residual} in {component}"
+                ),
+                "an action satisfies [x, y] . a = x . (y . a) - y . (x . a): check its sign".into(),
+            ),
+            Error::NotARepresentation { pair: [a, b], entry: (row, column), residual } => (
+                format!(
+                    "matrices of {a} and {b} do not represent [{a}, {b}]: residual {residual} in row {row}, column {column}"
+                ),
+                format!("rho([{a}, {b}]) has to be rho({a}) rho({b}) - rho({b}) rho({a})"),
+            ),
+            Error::Unsupported { what, possible } => {
+                (format!("{what} does not exist"), format!("possible: {possible}"))
+            }
+            Error::ShapeMismatch { what, found, expected } => {
+                (format!("{what} has size {found}, expected {expected}"), String::new())
+            }
+            Error::UnknownName { name, kind, known } => {
+                (format!("{name} is not a {kind}"), format!("known: {}", known.join(", ")))
+            }
+            Error::NotNested { stage, above } => (
+                format!("stage {stage} is not contained in stage {above}"),
+                "every ideal lies in the one above it".into(),
+            ),
+            Error::NotAnIdeal { stage, above, pair: [a, b], bracket } => (
+                format!("stage {stage} is not an ideal of {above}: [{a}, {b}] = {bracket} leaves it"),
+                "add the missing directions".into(),
+            ),
+            Error::EmptyStage { stage } => (
+                format!("stage {stage} splits nothing off"),
+                "it has to be smaller than the stage above and not zero".into(),
+            ),
+            Error::DegenerateInnerProduct { stage } => (
+                format!(
+                    "inner product is degenerate on stage {stage}, so the stage has no orthogonal complement"
+                ),
+                "use a definite one".into(),
+            ),
+            Error::RebuiltBracketDiffers { pair: [a, b] } => (
+                format!("bracket [{a}, {b}] rebuilt from the stage forms differs from the original"),
+                String::new(),
+            ),
+            Error::DependentConstraint { constraint } => {
+                (format!("constraint {constraint} follows from the others"), "remove it".into())
+            }
+            Error::InconsistentConstraint { constraint } => (
+                format!("constraint {constraint} contradicts the others"),
+                "no velocity satisfies all of them".into(),
+            ),
+            Error::NotSolvable { dependent, possible } => (
+                format!("constraints cannot be solved for {}", dependent.join(", ")),
+                format!("they can be solved for {}", possible.join(", ")),
+            ),
+            Error::SingularMassMatrix { direction } => (
+                format!("mass matrix is singular everywhere: no inertia along {direction}"),
+                "the lagrangian needs kinetic energy in every direction that the constraints allow".into(),
+            ),
+            Error::ConnectionDependsOn { connection, kind, name, through, velocity } => (
+                format!("connection {connection} depends on the {kind} {name} through {through}"),
+                format!(
+                    "a connection is made of base coordinates, time and parameters: give one with `connection {velocity} = ..;` or write `connection trivial;`"
+                ),
+            ),
+            Error::NoHorizontalSpace { connection, direction } => (
+                format!("connection {connection} does not exist: no inertia along {direction}"),
+                "it needs kinetic energy in every direction of the algebra that virtual displacements may have"
+                    .into(),
+            ),
+            Error::NotConserved { name, rate } => (
+                format!("casimir {name} is not conserved by these equations: its rate is {rate}"),
+                format!("write `output {name} = ..;` instead"),
+            ),
+            Error::ConservationUnverified { name, rate } => (
+                format!(
+                    "casimir {name} could not be verified: its rate {rate} could not be shown to vanish, nor not to"
+                ),
+                format!("write `output {name} = ..;` instead, or {WRITE_WITH_KNOWN_FUNCTIONS}"),
+            ),
+            Error::Unverified { claim, residual, .. } => (
+                format!("{claim} could not be verified: {residual} could not be shown to vanish, nor not to"),
+                WRITE_WITH_KNOWN_FUNCTIONS.into(),
+            ),
+            Error::NothingConserved { scene } => (
+                format!("scene {scene} has no invariant besides components of its state"),
+                "claim one that you know with `casimir name = ..;`".into(),
+            ),
+            Error::WrongNumberOfDisplacements { found, expected } => (
+                format!("{found} conditions on virtual displacements, expected {expected}"),
+                "there is one for each scalar constraint".into(),
+            ),
+            Error::OutOfRange { what } => (
+                format!("{what} is out of the range of f64, about 1e-308 to 1e308"),
+                "choose units in which it is moderate".into(),
+            ),
+            Error::OverBudget(exhausted) => (exhausted.message(), exhausted.help().into()),
+            Error::WrongNumberOfIndependent { found, expected } => (
+                format!("independent names {found} velocities"),
+                format!("the constraints leave {expected}"),
+            ),
+            Error::DivisionByZero { place } => {
+                (format!("division by an expression that is identically zero in {place}"), String::new())
+            }
+            Error::NotAPath { text } => (
+                format!("`{text}` is not a path of a module"),
+                "write `::hamel_runtime` or `crate::runtime`".into(),
+            ),
+            Error::Emission { model, reason } => {
+                (format!("code emitted for {model} is not Rust: {reason}"), PLEASE_REPORT.into())
+            }
+            Error::Program { reason } => {
+                (format!("lowered program is malformed: {reason}"), PLEASE_REPORT.into())
+            }
+        }
     }
 }
+
+const WRITE_WITH_KNOWN_FUNCTIONS: &str =
+    "write it with functions whose identities are known, such as sin, exp and sqrt of sums of squares";
+
+const PLEASE_REPORT: &str = "please report this";
 
 /// Spells a rational vector in a basis: `2 e1 - 1/2 e3`, or `0`.
 pub(crate) fn spell_vector(basis: &[String], vector: &[Rational]) -> String {

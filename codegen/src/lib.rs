@@ -2,8 +2,8 @@
 //!
 //! A model file is parsed and checked ([`spec`]), reduced to a Lie algebroid with Lagrangian, constraint and force
 //! ([`reduction`]), its equations of motion are derived once and for all kinds of systems ([`mechanics`]), a [`scene`]
-//! says what is wanted of them, [`lower`] makes a flat [`program`] and [`emit`] writes Rust. [`Config`] runs all of it from a
-//! build script.
+//! says what is wanted of them, [`lower`] makes a flat [`program`] and [`emit`] writes Rust. [`Config`] runs all of it
+//! from a build script.
 //!
 //! ```
 //! use hamel_codegen::{scene, spec};
@@ -20,21 +20,58 @@
 //! assert_eq!(derivative[0], (1.5 - 0.8) * 2.0 * 3.0 / 2.0);
 //! # Ok::<(), spec::Diagnostics>(())
 //! ```
+//!
+//! # What is promised
+//!
+//! [`compile`], [`Config`], [`read`](config::read), [`spec`], [`scene`] and [`error`]. The modules in between are
+//! public with the feature `internals`, for hamel's own crates: they change without notice.
 
-pub mod algebra;
+// What the inner modules offer is for the crates that turn the feature on; with it, these lints look at everything.
+#![cfg_attr(not(feature = "internals"), allow(dead_code, unreachable_pub, unused_imports))]
+
 pub mod config;
-pub mod differentiate;
-pub mod emit;
 pub mod error;
-pub mod explain;
-pub mod expr;
-pub mod lower;
-pub mod mechanics;
 mod parallel;
-pub mod program;
-pub mod reduction;
 pub mod scene;
 pub mod spec;
+
+#[cfg(feature = "internals")]
+pub mod algebra;
+#[cfg(feature = "internals")]
+pub mod differentiate;
+#[cfg(feature = "internals")]
+pub mod emit;
+#[cfg(feature = "internals")]
+pub mod explain;
+#[cfg(feature = "internals")]
+pub mod expr;
+#[cfg(feature = "internals")]
+pub mod lower;
+#[cfg(feature = "internals")]
+pub mod mechanics;
+#[cfg(feature = "internals")]
+pub mod program;
+#[cfg(feature = "internals")]
+pub mod reduction;
+
+#[cfg(not(feature = "internals"))]
+mod algebra;
+#[cfg(not(feature = "internals"))]
+mod differentiate;
+#[cfg(not(feature = "internals"))]
+mod emit;
+#[cfg(not(feature = "internals"))]
+mod explain;
+#[cfg(not(feature = "internals"))]
+mod expr;
+#[cfg(not(feature = "internals"))]
+mod lower;
+#[cfg(not(feature = "internals"))]
+mod mechanics;
+#[cfg(not(feature = "internals"))]
+mod program;
+#[cfg(not(feature = "internals"))]
+mod reduction;
 
 pub use config::{Config, compile};
 

@@ -1,6 +1,8 @@
-//! No digits are lost that the inputs have: right-hand sides of models, run by the interpreter in `f64` and to 31 digits.
+//! No digits are lost that the inputs have: right-hand sides of models, run by the interpreter in `f64` and to 31
+//! digits.
 //!
-//! The error of every component is a multiple of `|f| + sum_i |df/dx_i| |x_i|`, what rounding the inputs does to the exact function.
+//! The error of every component is a multiple of `|f| + sum_i |df/dx_i| |x_i|`, what rounding the inputs does to the
+//! exact function.
 
 use std::path::Path;
 
@@ -39,7 +41,8 @@ fn rhs<R: Real>(scene: &BuiltScene, params: &[R], state: &[R]) -> Option<Vec<R>>
     Some(out)
 }
 
-/// The largest error of a component in multiples of epsilon times the effect of the inputs; none where the parameters are refused.
+/// The largest error of a component in multiples of epsilon times the effect of the inputs; none where the parameters
+/// are refused.
 fn loss(scene: &BuiltScene, params: &[f64], state: &[f64]) -> Option<f64> {
     let long = |x: &[f64]| x.iter().map(|x| DoubleDouble::from(*x)).collect::<Vec<_>>();
     let (found, exact) = (rhs(scene, params, state)?, rhs(scene, &long(params), &long(state))?);

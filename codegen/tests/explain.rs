@@ -1,4 +1,5 @@
-//! What explanations say: group velocity, vertical equations by stages, definitions at the origin of ignorable coordinates.
+//! What explanations say: group velocity, vertical equations by stages, definitions at the origin of ignorable
+//! coordinates.
 
 use hamel_codegen::expr::Style;
 use hamel_codegen::mechanics::VerticalEquations;

@@ -17,7 +17,8 @@ fn built(budget: Budget, items: &str) -> Result<BuiltScene, String> {
     scene.map_err(|problems| problems.to_string())
 }
 
-/// Asserts that a model ends within a budget: with a program, or with a report of what was not enough; whether with a program.
+/// Asserts that a model ends within a budget: with a program, or with a report of what was not enough; whether with a
+/// program.
 fn ends(budget: Budget, items: &str) -> bool {
     let start: String = items.chars().take(300).collect();
     match built(budget, items) {

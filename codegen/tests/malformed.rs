@@ -1,8 +1,8 @@
-//! Valid models whose programs were once malformed, and random ones like them: whatever the form of the constraint, a scene
-//! is built, and its accelerations are those of the multiplier form.
+//! Valid models whose programs were once malformed, and random ones like them: whatever the form of the constraint, a
+//! scene is built, and its accelerations are those of the multiplier form.
 //!
-//! The cases are the same in every run; `PROPTEST_CASES=5000 cargo test --release -p hamel-codegen --test malformed` goes on
-//! from there.
+//! The cases are the same in every run; `PROPTEST_CASES=5000 cargo test --release -p hamel-codegen --test malformed`
+//! goes on from there.
 
 use std::path::Path;
 
@@ -127,8 +127,8 @@ fn coefficient(arguments: &'static [&'static str]) -> impl Strategy<Value = Stri
     })
 }
 
-/// Three velocities in an algebra, a metric and gyroscopic terms, one constraint, and a condition on virtual displacements
-/// that may depend on velocities.
+/// Three velocities in an algebra, a metric and gyroscopic terms, one constraint, and a condition on virtual
+/// displacements that may depend on velocities.
 fn model() -> impl Strategy<Value = String> {
     let algebra = select(
         &[

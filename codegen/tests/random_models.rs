@@ -1,9 +1,10 @@
 //! Random models move as their unreduced equations say, whatever connection they are written with.
 //!
-//! Groups of rotations, motions of the plane and of space, Heisenberg, Bianchi types and products, up to two coordinates, left and
-//! right actions, linear, affine, nonlinear and second-order constraints, virtual displacements of their own, forces, advected
-//! parameters and explicit time: each model is written as text, derived, lowered and run, and its accelerations are held to the
-//! Lagrange-d'Alembert equations in coordinates of the group, which share nothing with the generator (`unreduced`).
+//! Groups of rotations, motions of the plane and of space, Heisenberg, Bianchi types and products, up to two
+//! coordinates, left and right actions, linear, affine, nonlinear and second-order constraints, virtual displacements
+//! of their own, forces, advected parameters and explicit time: each model is written as text, derived, lowered and
+//! run, and its accelerations are held to the Lagrange-d'Alembert equations in coordinates of the group, which share
+//! nothing with the generator (`unreduced`).
 //!
 //! `HAMEL_RANDOM_MODELS=5000 cargo test --release -p hamel-codegen --test random_models` draws more of them,
 //! `HAMEL_RANDOM_SEED=1` others. A failure prints its seed and the text of the model.
@@ -24,7 +25,8 @@ use unreduced::{Condition, Group, Matrix, Motion, System};
 /// Models drawn unless asked for more.
 const N_MODELS: usize = 12;
 
-/// With more velocities a model takes seconds to lower, and is written with its group velocity alone unless more are asked for.
+/// With more velocities a model takes seconds to lower, and is written with its group velocity alone unless more are
+/// asked for.
 const MAX_VELOCITIES: usize = 6;
 
 struct Draw(TestRng);

@@ -7,6 +7,7 @@ mod generate;
 mod package;
 mod stress;
 mod test;
+mod tidy;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -66,6 +67,16 @@ Examples:
         #[arg(long)]
         no_verify: bool,
     },
+    /// Check the order of modules, the lengths of files and lines
+    #[command(after_help = "\
+Examples:
+  cargo xtask tidy
+  cargo xtask tidy --wrap       long lines of comments and Markdown are broken first")]
+    Tidy {
+        /// Break long lines of comments and Markdown
+        #[arg(long)]
+        wrap: bool,
+    },
     // Help is that of the arguments.
     Stress(stress::Arguments),
 }
@@ -91,6 +102,7 @@ fn run(Cli { task, budget, no_cache }: Cli) -> Result<String, Error> {
         Task::Bench { what } => what.run(&repository, &session),
         Task::Test => test::test(&repository),
         Task::Package { no_verify } => package::package(&repository, !no_verify),
+        Task::Tidy { wrap } => tidy::tidy(&repository, wrap),
         Task::Stress(arguments) => stress::stress(&repository, &session, &arguments),
     }
 }

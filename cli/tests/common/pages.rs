@@ -24,10 +24,11 @@ pub(crate) fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().to_owned()
 }
 
-/// All Markdown files in `docs`, sorted, and the README.
+/// All Markdown files in `docs` and those in the root that are about the source, sorted.
 pub(crate) fn pages() -> Vec<Page> {
     let mut folders = vec![root().join("docs")];
-    let mut paths = vec![root().join("README.md")];
+    let mut paths =
+        ["README.md", "CONTRIBUTING.md", "ARCHITECTURE.md"].map(|name| root().join(name)).to_vec();
     while let Some(folder) = folders.pop() {
         for entry in std::fs::read_dir(&folder).unwrap() {
             let path = entry.unwrap().path();

@@ -9,8 +9,8 @@ use crate::expr::{ExprId, Graph, Style, SymbolId, Vanishing};
 /// `rho(e_alpha) = rho^i_alpha d/dx^i`, `[e_alpha, e_beta] = C^gamma_{alpha beta} e_gamma`,
 /// `[d/dt, e_alpha] = N^gamma_alpha e_gamma`.
 ///
-/// The drift `N` of the frame is the bracket with one more section, `d/dt`, along which every motion has the velocity one. It
-/// vanishes where the frame does not depend on time.
+/// The drift `N` of the frame is the bracket with one more section, `d/dt`, along which every motion has the velocity
+/// one. It vanishes where the frame does not depend on time.
 ///
 /// # Shapes
 /// anchor: `[n_base][rank]`; bracket: sparse, pairs `alpha < beta`; drift: sparse, by `alpha`.
@@ -123,10 +123,12 @@ impl Algebroid {
 
     /// Verifies the anchor condition and Jacobi identity on the symbolic data:
     /// `rho^j_a d_j rho^i_b - rho^j_b d_j rho^i_a = rho^i_c C^c_ab` and
-    /// `sum over cyclic (a, b, c) of (rho^i_a d_i C^d_bc + C^e_bc C^d_ae) = 0`, both also with `d/dt` for one of the sections.
+    /// `sum over cyclic (a, b, c) of (rho^i_a d_i C^d_bc + C^e_bc C^d_ae) = 0`, both also with `d/dt` for one of the
+    /// sections.
     ///
     /// # Errors
-    /// [`Error::AnchorViolated`] or [`Error::JacobiViolated`], every offender; [`Error::Unverified`] of what is not proved.
+    /// [`Error::AnchorViolated`] or [`Error::JacobiViolated`], every offender; [`Error::Unverified`] of what is not
+    /// proved.
     pub fn verify(&self, g: &mut Graph) -> Result<(), Vec<Error>> {
         let mut errors = Vec::new();
         let m = self.rank();

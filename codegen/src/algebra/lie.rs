@@ -12,7 +12,7 @@ use crate::expr::Rational;
 
 /// A block of consecutive basis elements that one velocity vector names, such as the rotation part of se(3).
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Slot {
+pub struct Block {
     /// What the block is, such as `so(3)` or `R^3`.
     pub name: String,
     /// Number of basis elements.
@@ -32,7 +32,7 @@ pub type Bracket = (usize, usize, Vec<(usize, Rational)>);
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LieAlgebra {
     pub(super) name: String,
-    pub(super) slots: Vec<Slot>,
+    pub(super) blocks: Vec<Block>,
     pub(super) basis: Vec<String>,
     /// Non-zero brackets of pairs `a < b`, as sparse sorted vectors.
     pub(super) brackets: BTreeMap<(usize, usize), Vec<(usize, Rational)>>,
@@ -48,23 +48,23 @@ impl LieAlgebra {
         basis: Vec<String>,
         brackets: &[Bracket],
     ) -> Result<LieAlgebra, Vec<Error>> {
-        let slots = vec![Slot { name: name.to_owned(), dim: basis.len() }];
-        LieAlgebra::with_slots(name, slots, basis, brackets)
+        let blocks = vec![Block { name: name.to_owned(), dim: basis.len() }];
+        LieAlgebra::with_blocks(name, blocks, basis, brackets)
     }
 
-    /// [`LieAlgebra::from_brackets`] with a division of the basis into slots.
+    /// [`LieAlgebra::from_brackets`] with a division of the basis into blocks.
     ///
     /// # Errors
-    /// As [`LieAlgebra::from_brackets`], and [`Error::ShapeMismatch`] when the slots do not cover the basis.
-    pub fn with_slots(
+    /// As [`LieAlgebra::from_brackets`], and [`Error::ShapeMismatch`] when the blocks do not cover the basis.
+    pub fn with_blocks(
         name: &str,
-        slots: Vec<Slot>,
+        blocks: Vec<Block>,
         basis: Vec<String>,
         brackets: &[Bracket],
     ) -> Result<LieAlgebra, Vec<Error>> {
-        let covered: usize = slots.iter().map(|s| s.dim).sum();
+        let covered: usize = blocks.iter().map(|s| s.dim).sum();
         if covered != basis.len() {
-            let what = format!("slots of {name}");
+            let what = format!("blocks of {name}");
             return Err(vec![Error::ShapeMismatch { what, found: covered, expected: basis.len() }]);
         }
         let mut errors = Vec::new();
@@ -90,7 +90,7 @@ impl LieAlgebra {
             }
         }
         table.retain(|_, v| !v.is_empty());
-        let algebra = LieAlgebra { name: name.to_owned(), slots, basis, brackets: table };
+        let algebra = LieAlgebra { name: name.to_owned(), blocks, basis, brackets: table };
         // Of a table that is no bracket the Jacobi identity says nothing.
         if errors.is_empty() {
             errors = algebra.jacobi_violations();
@@ -98,8 +98,8 @@ impl LieAlgebra {
         if errors.is_empty() { Ok(algebra) } else { Err(errors) }
     }
 
-    /// `[[a, b], c] + [[b, c], a] + [[c, a], b]` is antisymmetric in the triple, so every non-zero `[a, b]` adds its part
-    /// to the sorted triple with a sign; triples that no bracket touches cost nothing.
+    /// `[[a, b], c] + [[b, c], a] + [[c, a], b]` is antisymmetric in the triple, so every non-zero `[a, b]` adds its
+    /// part to the sorted triple with a sign; triples that no bracket touches cost nothing.
     fn jacobi_violations(&self) -> Vec<Error> {
         let mut residuals: BTreeMap<[usize; 3], BTreeMap<usize, Rational>> = BTreeMap::new();
         for (a, b, value) in self.brackets() {
@@ -147,9 +147,9 @@ impl LieAlgebra {
         self.basis.len()
     }
 
-    /// The slots, in basis order.
-    pub fn slots(&self) -> &[Slot] {
-        &self.slots
+    /// The blocks, in basis order.
+    pub fn blocks(&self) -> &[Block] {
+        &self.blocks
     }
 
     /// Names of the basis elements.

@@ -214,8 +214,8 @@ impl Subspace {
     }
 }
 
-/// Solves `A X = B` on expressions, with exact zero tests and the simplest pivot of each column that is proved not to vanish
-/// identically; where there is none, one of which it is not known.
+/// Solves `A X = B` on expressions, with exact zero tests and the simplest pivot of each column that is proved not to
+/// vanish identically; where there is none, one of which it is not known.
 ///
 /// # Shapes
 /// `a`: `n x n`, `b`: `n x k` -> `n x k`.
@@ -230,8 +230,9 @@ pub fn solve_symbolic(
     eliminate(g, a, b, false)
 }
 
-/// Solves `A X = B` for a symmetric `A`, with pivots on the diagonal wherever these are not identically zero: those of a definite
-/// matrix vanish nowhere, while an entry beside the diagonal that is divided by may, and the solution with it.
+/// Solves `A X = B` for a symmetric `A`, with pivots on the diagonal wherever these are not identically zero: those of
+/// a definite matrix vanish nowhere, while an entry beside the diagonal that is divided by may, and the solution with
+/// it.
 ///
 /// # Shapes
 /// `a`: `n x n`, `b`: `n x k` -> `n x k`.

@@ -8,6 +8,7 @@
 
 mod algebroid;
 mod families;
+mod ideals;
 mod lie;
 mod matrix;
 mod named;
@@ -15,8 +16,8 @@ mod products;
 mod representation;
 
 pub use algebroid::Algebroid;
-pub use lie::{Bracket, LieAlgebra, Slot};
-pub(crate) use matrix::Subspace;
+pub(crate) use ideals::{independent_vectors, next_ideal, whole_algebra};
+pub use lie::{Block, Bracket, LieAlgebra};
 pub use matrix::{Matrix, solve_symbolic, solve_symmetric};
 pub use representation::Representation;
 

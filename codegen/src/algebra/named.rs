@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use num_traits::{One, Zero};
 
 use super::families::{MAX_SIZE, gl_matrices, sl_matrices, so_matrices, su_matrices, unit};
-use super::lie::{LieAlgebra, Slot};
+use super::lie::{Block, LieAlgebra};
 use super::matrix::Matrix;
 use super::representation::Representation;
 use crate::error::Error;
@@ -149,7 +149,7 @@ impl LieAlgebra {
         from_matrices(&format!("su({n})"), &su_matrices(n))
     }
 
-    /// se(n) = so(n) |x R^n; se(2) has slots `omega` and `v`, se(3) rotation and translation.
+    /// se(n) = so(n) |x R^n; se(2) has blocks `omega` and `v`, se(3) rotation and translation.
     ///
     /// # Errors
     /// [`Error::Unsupported`] for `n < 2` or too large.
@@ -172,7 +172,7 @@ impl LieAlgebra {
         LieAlgebra::from_brackets(&format!("R^{n}"), basis, &[]).expect("an abelian algebra satisfies Jacobi")
     }
 
-    /// The Heisenberg algebra of dimension `2n + 1`: slots `q`, `p`, `z` with `[q_k, p_k] = z`.
+    /// The Heisenberg algebra of dimension `2n + 1`: blocks `q`, `p`, `z` with `[q_k, p_k] = z`.
     ///
     /// # Errors
     /// [`Error::Unsupported`] for `n < 1` or too large.
@@ -180,9 +180,9 @@ impl LieAlgebra {
         sized("heisenberg", n, 1)?;
         let brackets: Vec<_> = (0..n).map(|k| (k, n + k, vec![(2 * n, Rational::one())])).collect();
         let basis = (1..=2 * n + 1).map(|k| format!("e{k}")).collect();
-        let slot = |name: &str, dim| Slot { name: name.to_owned(), dim };
-        let slots = vec![slot("q", n), slot("p", n), slot("z", 1)];
-        LieAlgebra::with_slots(&format!("heisenberg({n})"), slots, basis, &brackets)
+        let block = |name: &str, dim| Block { name: name.to_owned(), dim };
+        let blocks = vec![block("q", n), block("p", n), block("z", 1)];
+        LieAlgebra::with_blocks(&format!("heisenberg({n})"), blocks, basis, &brackets)
             .map_err(|mut e| e.remove(0))
     }
 }

@@ -9,7 +9,7 @@ use num_traits::Zero;
 use crate::error::Error;
 use crate::expr::Rational;
 
-use super::lie::{LieAlgebra, Slot};
+use super::lie::{Block, LieAlgebra};
 use super::representation::Representation;
 
 impl LieAlgebra {
@@ -18,13 +18,13 @@ impl LieAlgebra {
         let names: Vec<&str> = factors.iter().map(|f| f.name.as_str()).collect();
         let mut product = LieAlgebra {
             name: format!("product({})", names.join(", ")),
-            slots: Vec::new(),
+            blocks: Vec::new(),
             basis: Vec::new(),
             brackets: BTreeMap::new(),
         };
         for factor in factors {
             let offset = product.basis.len();
-            product.slots.extend(factor.slots.iter().cloned());
+            product.blocks.extend(factor.blocks.iter().cloned());
             product.basis.extend((0..factor.dim()).map(|k| format!("e{}", offset + k + 1)));
             for ((a, b), value) in &factor.brackets {
                 let shifted = value.iter().map(|(c, q)| (c + offset, q.clone())).collect();
@@ -47,7 +47,7 @@ impl LieAlgebra {
                 return Err(Error::ShapeMismatch { what, found: space.n_generators(), expected: base.dim() });
             }
             let offset = algebra.basis.len();
-            algebra.slots.push(Slot { name: format!("R^{}", space.dim()), dim: space.dim() });
+            algebra.blocks.push(Block { name: format!("R^{}", space.dim()), dim: space.dim() });
             algebra.basis.extend((0..space.dim()).map(|k| format!("e{}", offset + k + 1)));
             for a in 0..base.dim() {
                 let m = space.matrix(a);

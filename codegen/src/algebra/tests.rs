@@ -19,7 +19,7 @@ fn named_algebras_have_the_textbook_brackets() {
     let se3 = LieAlgebra::se(3).unwrap();
     assert_eq!(se3.dim(), 6);
     assert_eq!(se3.bracket(0, 4), vec![(5, q(1))]);
-    assert_eq!(se3.slots().iter().map(|s| s.dim).collect::<Vec<_>>(), [3, 3]);
+    assert_eq!(se3.blocks().iter().map(|s| s.dim).collect::<Vec<_>>(), [3, 3]);
     let h = LieAlgebra::heisenberg(2).unwrap();
     assert_eq!(h.bracket(1, 3), vec![(4, q(1))]);
 }

@@ -13,8 +13,8 @@ use super::rational::Rational;
 
 /// Limits on the way from the text of a model to the program of one scene.
 ///
-/// The default is ten times what the largest scene of `models/specs` takes (78,000 expressions, 49 MB, 4 million steps), and leaves
-/// room for all derivatives of the largest model, which hold more than 256 MiB.
+/// The default is ten times what the largest scene of `models/specs` takes (78,000 expressions, 49 MB, 4 million
+/// steps), and leaves room for all derivatives of the largest model, which hold more than 256 MiB.
 ///
 /// ```
 /// use hamel_codegen::expr::Budget;

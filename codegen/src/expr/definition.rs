@@ -36,8 +36,8 @@ pub struct SectionWriter {
 }
 
 impl SectionWriter {
-    /// No sections yet; `varying` are the inputs that change from call to call, everything else is a parameter. A point of
-    /// the inputs is zero in all of them but the `units`, which are one.
+    /// No sections yet; `varying` are the inputs that change from call to call, everything else is a parameter. A point
+    /// of the inputs is zero in all of them but the `units`, which are one.
     pub fn new(g: &Graph, varying: BTreeSet<SymbolId>, units: &[SymbolId]) -> SectionWriter {
         let mut at_origin: BTreeMap<SymbolId, ExprId> = varying.iter().map(|s| (*s, g.zero())).collect();
         at_origin.extend(units.iter().map(|s| (*s, g.one())));
@@ -93,7 +93,7 @@ impl SectionWriter {
         }
         match g.subs(e, &self.at_origin) {
             Ok(value) if !self.varies(g, value) => {
-                let e = if g.is_seen_to_be_equal(e, value) { value } else { e };
+                let e = if g.fingerprints_agree(e, value) { value } else { e };
                 (e, Some(value))
             }
             _ => (e, None),
@@ -111,8 +111,8 @@ impl SectionWriter {
     }
 }
 
-/// The values of definitions without the names of others in them; a definition whose value has a vanishing denominator then
-/// keeps the names.
+/// The values of definitions without the names of others in them; a definition whose value has a vanishing denominator
+/// then keeps the names.
 pub fn inlined<'a>(
     g: &mut Graph,
     definitions: impl IntoIterator<Item = &'a Definition>,

@@ -38,7 +38,7 @@ use super::knowledge::{
 use super::node::{ExprId, Func, Node};
 use super::rational::Rational;
 
-/// Expressions with more nodes behind them are not looked into any further.
+/// Expressions with more nodes behind them get no values at the further points.
 const MAX_NODES: usize = 4000;
 
 /// A value determined by `key` and the point.
@@ -64,13 +64,13 @@ const ARCTANGENT: u64 = 104;
 
 /// The point of the circle and the power that a term gets for an angle of `1/DENOMINATOR` of its value.
 pub(super) fn scale(value: u64) -> Scale {
-    let (turn, root) = (field::point(opaque(CIRCLE, value)), opaque(GROWTH, value));
+    let (point, root) = (field::point(opaque(CIRCLE, value)), opaque(GROWTH, value));
     let growth = field::mul(root, root);
     let steps = DENOMINATOR as u64;
     Scale {
-        turn,
+        point,
         growth,
-        whole_turn: field::times(turn, DENOMINATOR),
+        whole_point: field::times(point, DENOMINATOR),
         whole_growth: field::pow(growth, steps),
     }
 }
@@ -233,16 +233,16 @@ impl Arena {
         if is_circular {
             let mut z = (field::ONE, 0);
             for (k, q) in terms {
-                let turned = if *k == PI {
+                let factor = if *k == PI {
                     field::multiple_of_pi(q)?
                 } else {
                     let scale = scale_of(*k)?;
                     match field::small_exponent(q.numer()).filter(|_| q.is_integer()) {
-                        Some(n) => field::times(scale.whole_turn, n),
-                        None => field::times(scale.turn, steps(q)?),
+                        Some(n) => field::times(scale.whole_point, n),
+                        None => field::times(scale.point, steps(q)?),
                     }
                 };
-                z = field::turn_by(z, turned);
+                z = field::turn_by(z, factor);
             }
             return match f {
                 Func::Sin => Some(z.1),

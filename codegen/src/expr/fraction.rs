@@ -1,9 +1,9 @@
 //! Numbers as quotients of products of polynomials, in which everything that cancels exactly has cancelled.
 //!
 //! A difference of positive terms such as `a - b^2/c` with `b^2 = a c - d` is `d/c` here, found by exact arithmetic on
-//! coefficients: sums are put over their common denominator, multiplied out and divided by what divides them. Products stay
-//! products, so that nothing is multiplied out that no sum asks for. Deliberately does not know which form loses fewer
-//! digits; see [`super::Samples`].
+//! coefficients: sums are put over their common denominator, multiplied out and divided by what divides them. Products
+//! stay products, so that nothing is multiplied out that no sum asks for. Deliberately does not know which form loses
+//! fewer digits; see [`super::Samples`].
 
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, HashMap, HashSet};
@@ -18,7 +18,8 @@ use super::rational::Rational;
 
 /// A sum with more terms than this, multiplied out, is kept as it is.
 const MAX_TERMS: usize = 400;
-/// Products of terms that are made for one number, and for all, before numbers are kept as they are, so that none takes long.
+/// Products of terms that are made for one number, and for all, before numbers are kept as they are, so that none takes
+/// long.
 const MAX_WORK: usize = 200_000;
 const MAX_TOTAL_WORK: usize = 4_000_000;
 /// A higher power is kept as it is.
@@ -119,7 +120,8 @@ pub(crate) struct Fractions {
 }
 
 impl Fractions {
-    /// The number as a quotient in which everything has cancelled that is seen to; the number itself where nothing does.
+    /// The number as a quotient in which everything has cancelled that is seen to; the number itself where nothing
+    /// does.
     pub(crate) fn normal(&mut self, g: &mut Graph, e: ExprId) -> ExprId {
         if self.total_work > MAX_TOTAL_WORK {
             return e;
@@ -328,7 +330,8 @@ impl Fractions {
     }
 }
 
-/// The polynomial without the number and the atoms that divide all of its terms, which go to `outer`; its first term is positive.
+/// The polynomial without the number and the atoms that divide all of its terms, which go to `outer`; its first term is
+/// positive.
 fn primitive(polynomial: Polynomial, outer: &mut Fraction) -> Polynomial {
     let mut content = BigInt::zero();
     let mut shared: Option<BTreeMap<u32, u32>> = None;
@@ -456,8 +459,8 @@ mod tests {
         assert_eq!(Fractions::default().normal(&mut g, e), g.zero());
     }
 
-    /// `sum w u^2 - (sum w u v)^2/sum w v^2 = sum_{k<l} w_k w_l (u_k v_l - u_l v_k)^2/sum w v^2` (Lagrange's identity) for random
-    /// monomials, where `u` and `v` have one direction in common: then nothing but positive terms is left.
+    /// `sum w u^2 - (sum w u v)^2/sum w v^2 = sum_{k<l} w_k w_l (u_k v_l - u_l v_k)^2/sum w v^2` (Lagrange's identity)
+    /// for random monomials, where `u` and `v` have one direction in common: then nothing but positive terms is left.
     #[test]
     fn differences_of_positive_terms_that_cancel_become_quotients_of_positive_ones() {
         let mut seed = 7u64;

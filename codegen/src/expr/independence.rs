@@ -19,13 +19,13 @@ use super::knowledge::{Base, Doubts, FURTHER, FreeBase, Generator, PI, POINTS, P
 use super::node::{ExprId, Func, Node, content};
 use super::rational::Rational;
 
-/// More terms that are no monomials cannot be told from each other by the values at the further points.
+/// Values at the further points tell at most this many terms from each other, unless all terms are monomials.
 const MAX_TERMS: usize = FURTHER - 8;
 
-/// Nor more bases.
+/// Values at the further points tell at most this many bases from each other.
 const MAX_BASES: usize = FURTHER - 16;
 
-/// Nor are bases behind more products and definitions.
+/// Products and definitions through which the bases behind a base are followed.
 const MAX_DEPTH: usize = 32;
 
 /// An argument with more parts is not taken apart.

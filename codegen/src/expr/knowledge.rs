@@ -9,10 +9,10 @@ use super::field::{self, Point};
 use super::node::{ExprId, Node};
 use super::rational::Rational;
 
-/// Points at which every expression has a value from the start.
+/// Number of the points at which every expression gets a value when it is made.
 pub(crate) const POINTS: usize = 8;
 
-/// Further points, for what the first ones leave open.
+/// Number of further points, for verdicts that the first points leave open.
 pub(super) const FURTHER: usize = 64;
 
 /// Values at the random points; `None` where the expression has none.
@@ -65,7 +65,7 @@ pub(super) const UNIT: u32 = 0;
 
 pub(super) const PI: u32 = 1;
 
-/// Values at further points are remembered for so many expressions.
+/// Number of expressions whose values at the further points are remembered.
 pub(super) const MAX_REMEMBERED: usize = 20_000;
 
 /// What is known about a base of roots.
@@ -94,11 +94,11 @@ pub(super) struct Parts {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Scale {
     /// Cosine and sine of `a/DENOMINATOR`.
-    pub(super) turn: Point,
+    pub(super) point: Point,
     /// `exp(a/DENOMINATOR)`.
     pub(super) growth: u64,
     /// Cosine and sine of `a`.
-    pub(super) whole_turn: Point,
+    pub(super) whole_point: Point,
     /// `exp(a)`.
     pub(super) whole_growth: u64,
 }

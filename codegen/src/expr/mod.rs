@@ -1,10 +1,9 @@
 //! Symbolic core: a hash-consed graph of exact expressions.
 //!
 //! Nodes are canonical by construction (flattened, sorted, merged, folded), coefficients and exponents are exact
-//! rationals, and every node carries fingerprints modulo a large prime, so that zeros are found and never rounded to. What does not
-//! vanish is proved not to, or said to be unknown.
-//! A node's operands always precede it in the arena; every traversal is a loop over ascending ids and no depth of
-//! graph can overflow the stack.
+//! rationals, and every node carries fingerprints modulo a large prime, so that zeros are found and never rounded to.
+//! An expression that does not vanish is proved not to, or said to be unknown. The operands of a node precede the node
+//! in the arena: every traversal is a loop over ascending ids, and no depth of a graph can overflow the stack.
 //!
 //! Deliberately does not know: algebras, mechanics, floating-point evaluation order, Rust.
 

@@ -197,7 +197,8 @@ impl Node {
     }
 }
 
-/// The largest number that divides all of these with whole quotients, with the sign of the first; none where it is too long.
+/// The largest number that divides all of these with whole quotients, with the sign of the first; none where it is too
+/// long.
 pub(super) fn content(constant: &Rational, terms: &[(ExprId, Rational)]) -> Option<Rational> {
     let mut numerator = constant.numer().clone();
     let mut denominator = constant.denom().clone();

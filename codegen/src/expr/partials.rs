@@ -9,7 +9,8 @@ use super::node::{ExprId, Node};
 use super::rational::Rational;
 
 impl Graph {
-    /// The operands of `e` and its partial derivatives by them, `de = sum_k partial_k d(operand_k)`, in ascending order.
+    /// The operands of `e` and its partial derivatives by them, `de = sum_k partial_k d(operand_k)`, in ascending
+    /// order.
     ///
     /// A sum of products is one level: `d(x y + x z) = (y + z) dx + x dy + x dz`. `value` stands for `e` wherever a
     /// derivative is cheaper in terms of the value itself, `d(x/d) = dx/d - (value/d) dd`, `d exp(x) = value dx`; it

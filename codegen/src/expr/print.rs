@@ -17,7 +17,8 @@ pub enum Style {
     Unicode,
     /// `\tfrac{1}{2} I_{1} \Omega_{1}^{2}`.
     Latex,
-    /// `<msup><mi>x</mi><mn>2</mn></msup>`: the inside of a `math` element, in the presentation elements of MathML Core.
+    /// `<msup><mi>x</mi><mn>2</mn></msup>`: the inside of a `math` element, in the presentation elements of MathML
+    /// Core.
     MathMl,
 }
 

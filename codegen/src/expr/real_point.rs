@@ -13,7 +13,7 @@ use super::rational::{Rational, rational_to_f64};
 
 /// Points that are tried.
 const ATTEMPTS: u64 = 12;
-/// Expressions with more nodes behind them are not tried.
+/// Expressions with more nodes behind them get no enclosure.
 const MAX_NODES: usize = 4000;
 /// A bound on the relative error of the library's functions, with room to spare.
 const FUNCTION_ERROR: f64 = 16.0 * f64::EPSILON;

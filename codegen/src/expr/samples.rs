@@ -25,7 +25,8 @@ pub(crate) struct Measured {
     pub(crate) error: f64,
 }
 
-/// Points at which expressions are measured: symbols log-uniform within three decades of one, of the sign that is known.
+/// Points at which expressions are measured: symbols log-uniform within three decades of one, of the sign that is
+/// known.
 #[derive(Clone, Debug)]
 pub(crate) struct Samples {
     points: Vec<BTreeMap<SymbolId, DoubleDouble>>,
@@ -81,7 +82,8 @@ impl Samples {
         self.points.len()
     }
 
-    /// The first `n` points, and after them, for every symbol, the same points with its value moved by the relative `shift`.
+    /// The first `n` points, and after them, for every symbol, the same points with its value moved by the relative
+    /// `shift`.
     pub(crate) fn shifted(&self, n: usize, symbols: &[SymbolId], shift: f64) -> Samples {
         let base = &self.points[..n.min(self.points.len())];
         let mut points = base.to_vec();

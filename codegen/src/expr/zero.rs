@@ -12,10 +12,10 @@ use super::knowledge::{Base, Doubts, FURTHER, POINTS, Signs, UnknownSign, Vanish
 use super::node::{ExprId, Func, Node};
 use super::rational::Rational;
 
-/// Nor are expressions with more unknown signs.
+/// Expressions with more unknown signs are not evaluated for all patterns of signs.
 const MAX_SIGNS: usize = 4;
 
-/// Valid points that a verdict of zero takes.
+/// Valid points that a verdict of zero needs.
 const ENOUGH: usize = 4;
 
 impl Graph {
@@ -76,9 +76,10 @@ impl Graph {
         }
     }
 
-    /// As [`Graph::is_equal`], from values alone without multiplying out: false where these say nothing. Two valid points are
-    /// enough here, with a chance of error below `1e-18`; where signs are unknown, the difference is looked into for all of them.
-    pub(crate) fn is_seen_to_be_equal(&mut self, a: ExprId, b: ExprId) -> bool {
+    /// As [`Graph::is_equal`], from values alone without multiplying out: false where these say nothing. Two valid
+    /// points are enough here, with a chance of error below `1e-18`; where signs are unknown, the difference is looked
+    /// into for all of them.
+    pub(crate) fn fingerprints_agree(&mut self, a: ExprId, b: ExprId) -> bool {
         if a == b {
             return true;
         }

@@ -321,7 +321,7 @@ fn multiples_of_the_characteristic_are_no_zeros() {
     let e = fixture.read("2305311381129556799*x + y");
     let y = fixture.read("y");
     assert!(!fixture.g.is_equal(e, y));
-    assert!(!fixture.g.is_seen_to_be_equal(e, y));
+    assert!(!fixture.g.fingerprints_agree(e, y));
     // Every element is its own power of that exponent.
     let e = fixture.read("x^2305311381129556799 - x");
     assert_ne!(fixture.g.vanishing(e), Vanishing::Zero);

@@ -103,7 +103,7 @@ fn set_to(
                 }
                 let original = g.sym(definition.symbol);
                 let before = equations.taken_at.get(&definition.symbol).map(String::as_str);
-                let here = (!g.is_seen_to_be_equal(value, original)).then_some(place);
+                let here = (!g.fingerprints_agree(value, original)).then_some(place);
                 let places: Vec<&str> = before.into_iter().chain(here).collect();
                 if !places.is_empty() {
                     let places = places.join(",");

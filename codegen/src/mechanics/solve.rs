@@ -129,7 +129,7 @@ fn seen_to_be_definite(
         return e;
     }
     let normal = fractions.normal(g, whole);
-    if sign_of(g, normal, signs).is_definite() && g.is_seen_to_be_equal(normal, e) { normal } else { e }
+    if sign_of(g, normal, signs).is_definite() && g.fingerprints_agree(normal, e) { normal } else { e }
 }
 
 /// How pivot candidates rank: those that are proved not to vanish identically before others, which the check at run time has

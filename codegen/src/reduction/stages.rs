@@ -2,8 +2,8 @@
 
 use num_traits::Zero;
 
-use crate::algebra::{LieAlgebra, Matrix, Subspace, solve_symbolic};
-use crate::error::{Error, spell_vector};
+use crate::algebra::{LieAlgebra, independent_vectors, next_ideal, solve_symbolic, whole_algebra};
+use crate::error::Error;
 use crate::expr::{ExprId, Graph, Rational, Style};
 
 /// Sparse bilinear form with values in the adapted basis: entries `(a, b, c, value)` meaning
@@ -73,7 +73,12 @@ impl Stages {
             let what = "list of stage names".to_owned();
             return Err(vec![Error::ShapeMismatch { what, found: names.len(), expected: ideals.len() + 1 }]);
         }
-        let chain = verified_chain(algebra, names, ideals)?;
+        let mut chain = vec![whole_algebra(algebra)];
+        for (k, spanning) in ideals.iter().enumerate() {
+            let (above, next) = ((names[k].as_str(), &*chain[k]), (names[k + 1].as_str(), &**spanning));
+            let ideal = next_ideal(algebra, algebra.basis(), above, next).map_err(|error| vec![error])?;
+            chain.push(ideal);
+        }
         let metric = match inner_product {
             Some(metric) => metric.to_vec(),
             None => identity(g, n),
@@ -247,72 +252,6 @@ fn identity(g: &Graph, n: usize) -> Vec<Vec<ExprId>> {
     (0..n).map(|i| (0..n).map(|j| if i == j { g.one() } else { g.zero() }).collect()).collect()
 }
 
-/// Bases of `n_0, n_1, ..`, after checking that each is an ideal of the one above.
-fn verified_chain(
-    algebra: &LieAlgebra,
-    names: &[String],
-    ideals: &[Vec<Vec<Rational>>],
-) -> Result<Vec<Vec<Vec<Rational>>>, Vec<Error>> {
-    let n = algebra.dim();
-    let whole: Vec<Vec<Rational>> = (0..n).map(|k| Matrix::identity(n).row(k).to_vec()).collect();
-    let mut chain = vec![whole];
-    let mut errors = Vec::new();
-    for (j, spanning) in ideals.iter().enumerate() {
-        let (stage, above) = (names[j + 1].clone(), names[j].clone());
-        if let Some(bad) = spanning.iter().find(|v| v.len() != n) {
-            let what = format!("vector spanning stage {stage}");
-            errors.push(Error::ShapeMismatch { what, found: bad.len(), expected: n });
-            return Err(errors);
-        }
-        let basis = independent(spanning);
-        let upper = &chain[j];
-        let spans = Subspace::new(upper).zip(Subspace::new(&basis));
-        let Some((outer, inner)) = spans.filter(|_| !basis.is_empty() && basis.len() < upper.len()) else {
-            errors.push(Error::EmptyStage { stage });
-            return Err(errors);
-        };
-        if basis.iter().any(|v| !outer.contains(v)) {
-            errors.push(Error::NotNested { stage, above });
-        } else if let Some((x, v, bracket)) = leaving_pair(algebra, upper, (&basis, &inner)) {
-            let spell = |u: &[Rational]| spell_vector(algebra.basis(), u);
-            errors.push(Error::NotAnIdeal {
-                stage,
-                above,
-                pair: [spell(&x), spell(&v)],
-                bracket: spell(&bracket),
-            });
-        }
-        if !errors.is_empty() {
-            return Err(errors);
-        }
-        chain.push(basis);
-    }
-    Ok(chain)
-}
-
-fn leaving_pair(
-    algebra: &LieAlgebra,
-    upper: &[Vec<Rational>],
-    (ideal, span): (&[Vec<Rational>], &Subspace),
-) -> Option<(Vec<Rational>, Vec<Rational>, Vec<Rational>)> {
-    for x in upper {
-        for v in ideal {
-            let bracket = algebra.bracket_of(x, v);
-            if !span.contains(&bracket) {
-                return Some((x.clone(), v.clone(), bracket));
-            }
-        }
-    }
-    None
-}
-
-/// The first vectors of a list that are linearly independent of those before.
-fn independent(vectors: &[Vec<Rational>]) -> Vec<Vec<Rational>> {
-    let columns = Matrix::from_rows(vectors).map(|m| m.transposed());
-    let Some(columns) = columns.filter(|m| m.n_rows() > 0) else { return Vec::new() };
-    columns.echelon().1.into_iter().map(|k| vectors[k].clone()).collect()
-}
-
 /// A basis of the orthogonal complement of `below` in `space`: representatives of the quotient, lifted horizontally
 /// by `e - sum_k c_k f_k` with `<f_l, f_k> c_k = <f_l, e>`.
 fn horizontal_basis(
@@ -322,7 +261,7 @@ fn horizontal_basis(
     metric: &[Vec<ExprId>],
 ) -> Result<Vec<Vec<ExprId>>, ()> {
     let candidates: Vec<Vec<Rational>> = below.iter().chain(space).cloned().collect();
-    let representatives = independent(&candidates)[below.len()..].to_vec();
+    let representatives = independent_vectors(&candidates)[below.len()..].to_vec();
     let inner = |g: &mut Graph, u: &[Rational], v: &[Rational]| {
         let mut terms = Vec::new();
         for (i, p) in u.iter().enumerate().filter(|(_, p)| !p.is_zero()) {

@@ -8,12 +8,12 @@ use super::ast::{Expr, Node};
 use super::diagnostic::{Diagnostic, Span};
 use super::limits::MAX_DIM;
 use super::names::{self, FUNCTIONS, OPERATORS};
-use super::shape::{Shape, ValueError};
+use super::shape::{Operation, Shape, ValueError};
 use super::value::Value;
 use crate::expr::{ExprId, Func, Graph, Rational};
 
-/// Steps of work that are taken for a scalar operation before its expressions are made: the default budget has room for 4
-/// million.
+/// Steps of work that are taken for a scalar operation before its expressions are made: the default budget has room for
+/// 4 million.
 const STEPS: usize = 50;
 /// Bound on the bits of any coefficient, so that nested powers cannot fill the memory.
 const MAX_BITS: u64 = 1 << 18;
@@ -162,7 +162,7 @@ impl Evaluator<'_> {
         let first = values.first()?.0.shape();
         for ((negative, operand), (value, _)) in list.iter().zip(&values).skip(1) {
             if value.shape() != first {
-                let operation = if *negative { "subtract" } else { "add" };
+                let operation = if *negative { Operation::Subtract } else { Operation::Add };
                 let error = ValueError::Shapes { operation, left: first, right: value.shape() };
                 return self.error(operand.span, &error, &[(first_expr, first), (operand, value.shape())]);
             }
@@ -200,7 +200,8 @@ impl Evaluator<'_> {
                 }
                 (_, true) => {
                     let left = rest.as_ref().map_or(Shape::Scalar, |(v, _)| v.shape());
-                    let error = ValueError::Shapes { operation: "divide", left, right: value.shape() };
+                    let error =
+                        ValueError::Shapes { operation: Operation::Divide, left, right: value.shape() };
                     return self.error(operand.span, &error, &[(operand, value.shape())]);
                 }
                 (_, false) => {

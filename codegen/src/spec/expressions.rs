@@ -1,9 +1,10 @@
 //! All expressions of a model, each with its role: the one list for whatever walks a model.
 //!
-//! Both lists take every struct apart field by field, so that a new field does not compile until it is listed or said to
-//! hold no expression.
+//! Both lists take every struct apart field by field, so that a new field does not compile until it is listed or said
+//! to hold no expression.
 //!
-//! Deliberately does not know: what is done with the expressions, the expressions of views, which have a graph of their own.
+//! Deliberately does not know: what is done with the expressions, the expressions of views, which have a graph of their
+//! own.
 
 use super::model::*;
 use crate::expr::{ExprId, Graph};
@@ -166,7 +167,7 @@ macro_rules! visit {
                 $visit(ExpressionRole::Output(k), e);
             }
         }
-        if let Some(Stages { names: _, ideals: _, inner_product, spans: _ }) = stages {
+        if let Some(IdealChain { names: _, ideals: _, inner_product, spans: _ }) = stages {
             for e in inner_product.into_iter().flatten().flatten() {
                 $visit(ExpressionRole::InnerProduct, e);
             }

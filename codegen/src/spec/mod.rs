@@ -2,8 +2,8 @@
 //!
 //! [`parse`] reads a file; [`ModelBuilder`] is the same front end for Rust, and the parser uses it. All problems of a
 //! file are reported at once, each with its place, the offending tokens underlined and a hint. What a model declares
-//! without using it is a warning, which the checked model carries. No input makes this module panic: nesting, sizes, numbers
-//! and work are limited, and every limit has a message.
+//! without using it is a warning, which the checked model carries. No input makes this module panic: nesting, sizes,
+//! numbers and work are limited, and every limit has a message.
 //!
 //! The language is described in `docs/model-language.md`.
 //!
@@ -35,15 +35,18 @@ pub use group::Group;
 pub use kind::{Kind, Restriction, Setting};
 pub use layout::Layout;
 pub use model::{
-    Advected, Condition, ConnectionKind, Constraint, ConstraintKind, Coordinate, Domain, Model, Named,
-    NamedVector, Param, ParamArray, Places, Reconstruction, ReconstructionKind, Relation, Scene, Side,
-    Stages, Velocity, View, ViewShape, Views, VirtualConstraint, circle_names, diagnose,
+    Advected, Condition, ConnectionKind, Constraint, ConstraintKind, Coordinate, Domain, IdealChain, Model,
+    Named, NamedVector, Param, ParamArray, Places, Reconstruction, ReconstructionKind, Relation, Scene, Side,
+    Velocity, View, ViewShape, Views, VirtualConstraint, circle_names, diagnose,
 };
-pub use shape::{Shape, ValueError};
+pub use shape::{Expected, Operation, Shape, ValueError};
 pub use value::Value;
 pub use want::{Want, Wanted};
 
-use crate::expr::Budget;
+/// Algebras and representations, for [`ModelBuilder`].
+pub use crate::algebra::{Block, Bracket, LieAlgebra, Matrix, Representation};
+/// Expressions and exact numbers, for [`ModelBuilder`] and those who look at a [`Model`].
+pub use crate::expr::{Budget, DivisionByZero, ExprId, Func, Graph, Rational, SymbolId, Vanishing};
 
 #[cfg(test)]
 mod tests;
@@ -93,7 +96,7 @@ pub fn parse(file_name: &str, text: &str) -> Result<Model, Diagnostics> {
 /// As [`parse`], with other limits for the model, from its values to the programs of its scenes.
 ///
 /// ```
-/// use hamel_codegen::expr::Budget;
+/// use hamel_codegen::spec::Budget;
 /// use hamel_codegen::spec;
 /// let text = "model m { velocity v in R; lagrangian = v^2; }";
 /// assert!(spec::parse_within(Budget::default().times(10), "m.hamel", text).is_ok());

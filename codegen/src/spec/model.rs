@@ -113,7 +113,7 @@ pub struct Velocity {
 
 /// A chain of ideals `g = n_0 > n_1 > ..` and the inner product that splits it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Stages {
+pub struct IdealChain {
     /// Names of `n_0, n_1, ..`.
     pub names: Vec<String>,
     /// Spanning vectors of `n_1, n_2, ..` in the basis of the algebra.
@@ -215,7 +215,8 @@ pub struct VirtualConstraint {
 
 /// How the rates of reconstructed coordinates follow from the motion.
 ///
-/// `omega` and `v` are components of the group velocity `xi`, also where the velocities of the model are `xi + A(x) xdot`.
+/// `omega` and `v` are components of the group velocity `xi`, also where the velocities of the model are
+/// `xi + A(x) xdot`.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ReconstructionKind {
     /// SO(2): an angle.
@@ -257,7 +258,8 @@ pub enum ReconstructionKind {
 /// Coordinates of the group motion, computed where a scene asks for them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reconstruction {
-    /// Names in the text and how many coordinates each stands for: `q` for a quaternion's four, `x` for the one of that name.
+    /// Names in the text and how many coordinates each stands for: `q` for a quaternion's four, `x` for the one of that
+    /// name.
     pub blocks: Vec<(String, usize)>,
     /// Names of the coordinates.
     pub names: Vec<String>,
@@ -437,11 +439,11 @@ pub struct Model {
     pub quasi_velocities: Vec<Velocity>,
     /// Side of the group action.
     pub action: Side,
-    /// Components `A^a_i(x, t)` of the principal connection, `a` in the basis of the algebra, `i` a base coordinate: the
-    /// velocities in the algebra are `xi + A(x, t) xdot`. Absent for `xi` itself.
+    /// Components `A^a_i(x, t)` of the principal connection, `a` in the basis of the algebra, `i` a base coordinate:
+    /// the velocities in the algebra are `xi + A(x, t) xdot`. Absent for `xi` itself.
     pub connection: Option<Vec<Vec<ExprId>>>,
     /// Reduction by stages.
-    pub stages: Option<Stages>,
+    pub stages: Option<IdealChain>,
     /// Advected parameters.
     pub advected: Vec<Advected>,
     /// The reduced Lagrangian.

@@ -90,7 +90,8 @@ pub(super) const FUNCTIONS: &[&str] = &[
     "abs",
 ];
 
-/// What to write instead of a function that has jumps or kinks, for expressions are differentiated; nothing for other words.
+/// What to write instead of a function that has jumps or kinks, for expressions are differentiated; nothing for other
+/// words.
 pub(super) fn not_smooth(word: &str) -> Option<String> {
     let advice = match word {
         "sign" | "sgn" | "signum" | "copysign" => {
@@ -119,40 +120,8 @@ pub(super) const OPERATORS: &[(&str, &str)] = &[
     ("ddt", "accelerations belong in `constraint`, as in `constraint ddt(v1) + v1 = 0;`"),
 ];
 
-/// Functions of generated code that no output can be called after, besides what scenes [`Want`].
-pub(super) const OTHER_FUNCTIONS: &[&str] = &["check", "domain", "invariant_gradients"];
-
-const KEYWORDS: &[&str] = &[
-    "abstract", "as", "async", "await", "become", "box", "break", "const", "continue", "crate", "do", "dyn",
-    "else", "enum", "extern", "false", "final", "fn", "for", "gen", "if", "impl", "in", "let", "loop",
-    "macro", "match", "mod", "move", "mut", "override", "priv", "pub", "ref", "return", "self", "Self",
-    "static", "struct", "super", "trait", "true", "try", "type", "typeof", "union", "unsafe", "unsized",
-    "use", "virtual", "where", "while", "yield",
-];
-
-/// Names of generated items and of the types their signatures use, besides what scenes [`Want`].
-const GENERATED: &[&str] = &[
-    "Params",
-    "Prepared",
-    "State",
-    "System",
-    "Real",
-    "Result",
-    "Option",
-    "Some",
-    "None",
-    "Ok",
-    "Err",
-    "new",
-    "params",
-    "prepared",
-    "state",
-    "derivative",
-    "reconstruct",
-    "hamel_runtime",
-    "core",
-    "std",
-];
+/// Words that would begin a condition; expressions that begin so are met with what to write instead, [`not_smooth`].
+pub(super) const CONDITIONS: &[&str] = &["if", "else", "match"];
 
 /// Why a name cannot be declared, or nothing.
 pub(super) fn refusal(name: &str) -> Option<&'static str> {
@@ -160,9 +129,6 @@ pub(super) fn refusal(name: &str) -> Option<&'static str> {
     let first = chars.next().unwrap_or('_');
     if !first.is_ascii_alphabetic() || !chars.all(|c| c.is_ascii_alphanumeric() || c == '_') {
         return Some("names are ASCII letters, digits and underscores and begin with a letter");
-    }
-    if KEYWORDS.contains(&name) {
-        return Some("it is a Rust keyword, and the generated code keeps the names of the model");
     }
     if name == "t" {
         return Some("it is the time");
@@ -173,11 +139,12 @@ pub(super) fn refusal(name: &str) -> Option<&'static str> {
     if FUNCTIONS.contains(&name) || OPERATORS.iter().any(|(operator, _)| *operator == name) {
         return Some("it is a function of the language");
     }
-    if GENERATED.contains(&name) || Want::from_name(name).is_some_and(Want::is_item) {
-        return Some("the generated code has an item of that name");
+    if CONDITIONS.contains(&name) {
+        return Some("the language has no conditions, so nothing can begin like one");
     }
-    if name.starts_with('t') && name.len() > 1 && name[1..].bytes().all(|b| b.is_ascii_digit()) {
-        return Some("`t` with a number is a temporary of the generated code");
+    // Tables have it beside the state.
+    if Want::from_name(name).is_some_and(Want::is_in_tables) {
+        return Some("scenes have an output of that name");
     }
     None
 }

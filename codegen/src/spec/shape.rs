@@ -28,14 +28,70 @@ impl fmt::Display for Shape {
     }
 }
 
+/// An operation on two values.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Operation {
+    /// `a + b`.
+    Add,
+    /// `a - b`.
+    Subtract,
+    /// `a * b`.
+    Multiply,
+    /// `a / b`.
+    Divide,
+    /// `a ^ b`.
+    Raise,
+    /// `a = b`, in a constraint.
+    Equate,
+    /// `dot(a, b)`.
+    Dot,
+    /// `cross(a, b)`.
+    Cross,
+}
+
+/// What a function or a bracket takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Expected {
+    /// A number.
+    Number,
+    /// A vector.
+    Vector,
+    /// A vector with three components.
+    Vector3,
+    /// A matrix with as many rows as columns.
+    SquareMatrix,
+    /// A vector or a matrix.
+    VectorOrMatrix,
+    /// Numbers, or vectors as rows.
+    NumbersOrRows,
+    /// A matrix with at most so many rows.
+    AtMostRows(usize),
+}
+
+impl fmt::Display for Expected {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Expected::Number => f.write_str("a number"),
+            Expected::Vector => f.write_str("a vector"),
+            Expected::Vector3 => f.write_str("vector(3)"),
+            Expected::SquareMatrix => f.write_str("a square matrix"),
+            Expected::VectorOrMatrix => f.write_str("a vector or a matrix"),
+            Expected::NumbersOrRows => f.write_str("numbers or rows"),
+            Expected::AtMostRows(n) => write!(f, "at most {n} rows"),
+        }
+    }
+}
+
 /// Why an operation on values is impossible.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum ValueError {
     /// The operation is not defined for these two shapes.
     Shapes {
-        /// What was tried: `add`, `multiply`, ..
-        operation: &'static str,
+        /// What was tried.
+        operation: Operation,
         /// First operand.
         left: Shape,
         /// Second operand.
@@ -46,8 +102,15 @@ pub enum ValueError {
         /// Name of the function.
         function: String,
         /// What it takes.
-        expected: &'static str,
+        expected: Expected,
         /// What it got.
+        found: Shape,
+    },
+    /// The entries of a vector or a matrix, or what is indexed, have the wrong shape.
+    Brackets {
+        /// What the brackets take.
+        expected: Expected,
+        /// What they got.
         found: Shape,
     },
     /// Division by an expression that is identically zero.
@@ -84,28 +147,20 @@ pub enum ValueError {
 impl fmt::Display for ValueError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            ValueError::Shapes { operation: "subtract", left, right } => {
-                write!(f, "cannot subtract {right} from {left}")
-            }
-            ValueError::Shapes { operation: operation @ "divide", left, right } => {
-                write!(f, "cannot {operation} {left} by {right}")
-            }
-            ValueError::Shapes { operation: "raise", left, right } => {
-                write!(f, "cannot raise {left} to {right}")
-            }
-            ValueError::Shapes { operation: operation @ "equate", left, right } => {
-                write!(f, "cannot {operation} {left} with {right}")
-            }
-            ValueError::Shapes { operation: operation @ ("add" | "multiply"), left, right } => {
-                write!(f, "cannot {operation} {left} and {right}")
-            }
-            ValueError::Shapes { operation, left, right } => write!(f, "`{operation}` of {left} and {right}"),
-            ValueError::Argument { function, expected, found } if function == "[ ]" => {
-                write!(f, "expected {expected}, found {found}")
-            }
+            ValueError::Shapes { operation, left, right } => match operation {
+                Operation::Add => write!(f, "cannot add {left} and {right}"),
+                Operation::Subtract => write!(f, "cannot subtract {right} from {left}"),
+                Operation::Multiply => write!(f, "cannot multiply {left} and {right}"),
+                Operation::Divide => write!(f, "cannot divide {left} by {right}"),
+                Operation::Raise => write!(f, "cannot raise {left} to {right}"),
+                Operation::Equate => write!(f, "cannot equate {left} with {right}"),
+                Operation::Dot => write!(f, "`dot` of {left} and {right}"),
+                Operation::Cross => write!(f, "`cross` of {left} and {right}"),
+            },
             ValueError::Argument { function, expected, found } => {
                 write!(f, "`{function}` takes {expected}, found {found}")
             }
+            ValueError::Brackets { expected, found } => write!(f, "expected {expected}, found {found}"),
             ValueError::DivisionByZero => f.write_str("division by zero"),
             ValueError::LogarithmOfZero => f.write_str("logarithm of zero"),
             ValueError::AngleOfOrigin => f.write_str("angle of the origin"),
@@ -129,7 +184,11 @@ impl ValueError {
     /// What to change, or nothing.
     pub fn help(&self) -> String {
         match self {
-            ValueError::Shapes { operation: "multiply", left: Shape::Vector(a), right: Shape::Vector(b) } => {
+            ValueError::Shapes {
+                operation: Operation::Multiply,
+                left: Shape::Vector(a),
+                right: Shape::Vector(b),
+            } => {
                 if (*a, *b) == (3, 3) {
                     "write `dot(a, b)` or `cross(a, b)`".into()
                 } else {
@@ -137,35 +196,35 @@ impl ValueError {
                 }
             }
             ValueError::Shapes {
-                operation: "multiply",
+                operation: Operation::Multiply,
                 left: Shape::Matrix(_, m),
                 right: Shape::Vector(n),
             } => {
                 format!("the matrix needs {n} columns instead of {m}; `transpose` may help")
             }
             ValueError::Shapes {
-                operation: "multiply",
+                operation: Operation::Multiply,
                 left: Shape::Matrix(_, m),
                 right: Shape::Matrix(n, _),
             } => {
                 format!("the columns of the first ({m}) must be the rows of the second ({n})")
             }
             ValueError::Shapes {
-                operation: "multiply",
+                operation: Operation::Multiply,
                 left: Shape::Vector(_),
                 right: Shape::Matrix(..),
             } => "write `transpose(v) * A` or `A * v`".into(),
-            ValueError::Shapes { operation: "divide", right: Shape::Scalar, .. } => String::new(),
-            ValueError::Shapes { operation: "divide", .. } => {
+            ValueError::Shapes { operation: Operation::Divide, right: Shape::Scalar, .. } => String::new(),
+            ValueError::Shapes { operation: Operation::Divide, .. } => {
                 "only a number can divide: solve by hand or use `dot`".into()
             }
-            ValueError::Shapes { operation: "raise", left: Shape::Vector(_), .. } => {
+            ValueError::Shapes { operation: Operation::Raise, left: Shape::Vector(_), .. } => {
                 "powers are for numbers: write `dot(v, v)`, or `[v1^2, v2^2]` component by component".into()
             }
-            ValueError::Shapes { operation: "raise", left: Shape::Matrix(..), .. } => {
+            ValueError::Shapes { operation: Operation::Raise, left: Shape::Matrix(..), .. } => {
                 "powers are for numbers: write `A * A`; matrices are not inverted".into()
             }
-            ValueError::Shapes { operation: "raise", .. } => "an exponent is a number".into(),
+            ValueError::Shapes { operation: Operation::Raise, .. } => "an exponent is a number".into(),
             ValueError::DivisionByZero => {
                 "the divisor vanishes identically, whatever the names in it stand for".into()
             }
@@ -178,21 +237,24 @@ impl ValueError {
                     "name a velocity of the base or of the algebra: `{function}(Omega)`, `{function}(q_dot)`"
                 )
             }
-            ValueError::Shapes { operation: "cross", .. } => "both must be vector(3)".into(),
-            ValueError::Shapes { operation: "dot", .. } => "both must be vectors of one dimension".into(),
-            ValueError::Shapes { operation: "add" | "subtract" | "equate", left, right } => {
-                match (left, right) {
-                    (Shape::Scalar, _) | (_, Shape::Scalar) => {
-                        "a number and a vector do not add: index the vector, as in `v[1]`, or use `dot`"
-                            .into()
-                    }
-                    _ => "both sides must have the same shape".into(),
-                }
+            ValueError::Shapes { operation: Operation::Cross, .. } => "both must be vector(3)".into(),
+            ValueError::Shapes { operation: Operation::Dot, .. } => {
+                "both must be vectors of one dimension".into()
             }
-            ValueError::Argument { function, expected: "a number", .. } => {
+            ValueError::Shapes {
+                operation: Operation::Add | Operation::Subtract | Operation::Equate,
+                left,
+                right,
+            } => match (left, right) {
+                (Shape::Scalar, _) | (_, Shape::Scalar) => {
+                    "a number and a vector do not add: index the vector, as in `v[1]`, or use `dot`".into()
+                }
+                _ => "both sides must have the same shape".into(),
+            },
+            ValueError::Argument { function, expected: Expected::Number, .. } => {
                 format!("apply it to each component, as in `[{function}(a), {function}(b)]`")
             }
-            ValueError::Argument { function, expected: "a vector", found: Shape::Scalar }
+            ValueError::Argument { function, expected: Expected::Vector, found: Shape::Scalar }
                 if function == "norm" =>
             {
                 "write `abs(x)` for a number".into()

@@ -20,8 +20,8 @@ struct Declaration<'a> {
     mentions: Vec<String>,
 }
 
-/// One warning for each parameter, definition, coordinate, advected parameter, quasi-velocity, algebra and representation
-/// that has no effect.
+/// One warning for each parameter, definition, coordinate, advected parameter, quasi-velocity, algebra and
+/// representation that has no effect.
 pub(super) fn warnings(items: &[Item]) -> Vec<Diagnostic> {
     let mut declarations = Vec::new();
     // What is mentioned where it counts.

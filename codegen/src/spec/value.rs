@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use num_traits::{One, Signed, ToPrimitive, Zero};
 
 use super::limits::{MAX_DIM, MAX_EXPONENT};
-use super::shape::{Shape, ValueError};
+use super::shape::{Expected, Operation, Shape, ValueError};
 use crate::expr::{ExprId, Func, Graph, Rational};
 
 /// Largest matrix whose determinant is written out.
@@ -62,7 +62,7 @@ impl Value {
         match first {
             Shape::Scalar => Ok(Value::Vector(entries)),
             Shape::Vector(columns) => Ok(Value::Matrix { rows, columns, entries }),
-            found => Err(ValueError::Argument { function: "[ ]".into(), expected: "numbers or rows", found }),
+            found => Err(ValueError::Brackets { expected: Expected::NumbersOrRows, found }),
         }
     }
 
@@ -102,7 +102,7 @@ impl Value {
             Value::Scalar(e) => Ok(*e),
             _ => Err(ValueError::Argument {
                 function: function.into(),
-                expected: "a number",
+                expected: Expected::Number,
                 found: self.shape(),
             }),
         }
@@ -122,7 +122,7 @@ impl Value {
         }
     }
 
-    fn same_shape(&self, other: &Value, operation: &'static str) -> Result<(), ValueError> {
+    fn same_shape(&self, other: &Value, operation: Operation) -> Result<(), ValueError> {
         if self.shape() == other.shape() {
             return Ok(());
         }
@@ -152,7 +152,7 @@ impl Value {
     pub fn sum_of(g: &mut Graph, operands: &[(bool, &Value)]) -> Outcome {
         let Some((_, first)) = operands.first() else { return Ok(Value::Scalar(g.zero())) };
         for (negative, operand) in operands {
-            first.same_shape(operand, if *negative { "subtract" } else { "add" })?;
+            first.same_shape(operand, if *negative { Operation::Subtract } else { Operation::Add })?;
         }
         let mut position = 0;
         Ok(first.map(|_| {
@@ -190,8 +190,11 @@ impl Value {
             (a, Value::Scalar(b)) => return Ok(a.scale(g, *b)),
             _ => {}
         }
-        let mismatch =
-            || ValueError::Shapes { operation: "multiply", left: self.shape(), right: other.shape() };
+        let mismatch = || ValueError::Shapes {
+            operation: Operation::Multiply,
+            left: self.shape(),
+            right: other.shape(),
+        };
         let columns_of = |v: &Value| match v.shape() {
             Shape::Matrix(n, m) => (n, m),
             Shape::Vector(n) => (n, 1),
@@ -222,7 +225,11 @@ impl Value {
     /// [`ValueError::Shapes`] unless `s` is a number, [`ValueError::DivisionByZero`].
     pub fn div(&self, g: &mut Graph, other: &Value) -> Outcome {
         let Value::Scalar(s) = other else {
-            return Err(ValueError::Shapes { operation: "divide", left: self.shape(), right: other.shape() });
+            return Err(ValueError::Shapes {
+                operation: Operation::Divide,
+                left: self.shape(),
+                right: other.shape(),
+            });
         };
         let one = g.one();
         let inverse = g.div(one, *s).map_err(|_| ValueError::DivisionByZero)?;
@@ -236,7 +243,7 @@ impl Value {
     pub fn pow(&self, g: &mut Graph, exponent: &Value) -> Outcome {
         let (Value::Scalar(base), Value::Scalar(power)) = (self, exponent) else {
             return Err(ValueError::Shapes {
-                operation: "raise",
+                operation: Operation::Raise,
                 left: self.shape(),
                 right: exponent.shape(),
             });
@@ -263,7 +270,11 @@ impl Value {
                 let terms: Vec<ExprId> = a.iter().zip(b).map(|(a, b)| g.mul(*a, *b)).collect();
                 Ok(Value::Scalar(g.sum(&terms)))
             }
-            _ => Err(ValueError::Shapes { operation: "dot", left: self.shape(), right: other.shape() }),
+            _ => Err(ValueError::Shapes {
+                operation: Operation::Dot,
+                left: self.shape(),
+                right: other.shape(),
+            }),
         }
     }
 
@@ -273,10 +284,18 @@ impl Value {
     /// [`ValueError::Shapes`] unless both are `vector(3)`.
     pub fn cross(&self, g: &mut Graph, other: &Value) -> Outcome {
         let (Value::Vector(a), Value::Vector(b)) = (self, other) else {
-            return Err(ValueError::Shapes { operation: "cross", left: self.shape(), right: other.shape() });
+            return Err(ValueError::Shapes {
+                operation: Operation::Cross,
+                left: self.shape(),
+                right: other.shape(),
+            });
         };
         if (a.len(), b.len()) != (3, 3) {
-            return Err(ValueError::Shapes { operation: "cross", left: self.shape(), right: other.shape() });
+            return Err(ValueError::Shapes {
+                operation: Operation::Cross,
+                left: self.shape(),
+                right: other.shape(),
+            });
         }
         let mut entry = |i: usize, j: usize| {
             let (p, q) = (g.mul(a[i], b[j]), g.mul(a[j], b[i]));
@@ -300,7 +319,7 @@ impl Value {
             Value::Vector(v) => Ok(v),
             _ => Err(ValueError::Argument {
                 function: function.into(),
-                expected: "a vector",
+                expected: Expected::Vector,
                 found: self.shape(),
             }),
         }
@@ -311,7 +330,7 @@ impl Value {
             Value::Matrix { rows, columns, entries } if rows == columns => Ok((*rows, entries)),
             _ => Err(ValueError::Argument {
                 function: function.into(),
-                expected: "a square matrix",
+                expected: Expected::SquareMatrix,
                 found: self.shape(),
             }),
         }
@@ -325,7 +344,7 @@ impl Value {
         match self {
             Value::Scalar(_) => Err(ValueError::Argument {
                 function: "transpose".into(),
-                expected: "a vector or a matrix",
+                expected: Expected::VectorOrMatrix,
                 found: self.shape(),
             }),
             Value::Vector(v) => Ok(Value::Matrix { rows: 1, columns: v.len(), entries: v.clone() }),
@@ -358,7 +377,7 @@ impl Value {
     /// [`ValueError::Argument`] unless it is `vector(3)`.
     pub fn hat(&self, g: &mut Graph) -> Outcome {
         let wrong =
-            ValueError::Argument { function: "hat".into(), expected: "vector(3)", found: self.shape() };
+            ValueError::Argument { function: "hat".into(), expected: Expected::Vector3, found: self.shape() };
         let Value::Vector(v) = self else { return Err(wrong) };
         let [a, b, c] = v.as_slice() else { return Err(wrong) };
         let (a, b, c, zero) = (*a, *b, *c, g.zero());
@@ -393,7 +412,11 @@ impl Value {
         let (n, a) = self.square("det")?;
         if n > MAX_DETERMINANT {
             let found = self.shape();
-            return Err(ValueError::Argument { function: "det".into(), expected: "at most 8 rows", found });
+            return Err(ValueError::Argument {
+                function: "det".into(),
+                expected: Expected::AtMostRows(MAX_DETERMINANT),
+                found,
+            });
         }
         // minor[S] = determinant of the first |S| rows on the columns S.
         let mut minors = vec![g.one(); 1 << n];
@@ -450,11 +473,9 @@ impl Value {
     pub fn row(&self, i: usize) -> Outcome {
         let outside = |len: usize| ValueError::Index { index: i.to_string(), len };
         match self {
-            Value::Scalar(_) => Err(ValueError::Argument {
-                function: "[ ]".into(),
-                expected: "a vector or a matrix",
-                found: self.shape(),
-            }),
+            Value::Scalar(_) => {
+                Err(ValueError::Brackets { expected: Expected::VectorOrMatrix, found: self.shape() })
+            }
             Value::Vector(v) => i
                 .checked_sub(1)
                 .and_then(|i| v.get(i))

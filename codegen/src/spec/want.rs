@@ -108,9 +108,9 @@ impl Want {
         Want::ALL.into_iter().find(|want| want.name() == name)
     }
 
-    /// Whether the generated code may have an item of that name, so that nothing in a model can be called so. The
-    /// others can name anything but an output.
-    pub(super) fn is_item(self) -> bool {
+    /// Whether it may stand beside the state in a table, so that nothing in a model can be called so. The others can
+    /// name anything but an output.
+    pub(super) fn is_in_tables(self) -> bool {
         use Want::{
             Casimirs, Circles, Constraint, Invariants, MomentumEquation, NonholonomicMomentum, Outputs,
             Taylor,

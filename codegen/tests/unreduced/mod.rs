@@ -1,8 +1,8 @@
 //! Lagrange-d'Alembert equations of a system on `X x G` in coordinates of the group, from matrices and numbers alone.
 //!
-//! Nothing here is reduced and nothing is shared with the generator: the group consists of matrices, its chart at a point is a
-//! product of exponentials, the Lagrangian is a function of coordinates and their rates, its derivatives are those of numbers
-//! with two infinitesimals, and multipliers are found with the accelerations by Gauss elimination.
+//! Nothing here is reduced and nothing is shared with the generator: the group consists of matrices, its chart at a
+//! point is a product of exponentials, the Lagrangian is a function of coordinates and their rates, its derivatives are
+//! those of numbers with two infinitesimals, and multipliers are found with the accelerations by Gauss elimination.
 //!
 //! # Source
 //! Cendra, Marsden, Ratiu 2001, section 3, for what `left` and `right` mean; the equations are those of any textbook.
@@ -64,7 +64,8 @@ pub(crate) struct Motion {
     pub(crate) advected: Vec<f64>,
     /// `p . zdot - L`.
     pub(crate) energy: f64,
-    /// Of `(x, g)` in the chart: how near the equations are to having no solution, one over the largest element of the inverse.
+    /// Of `(x, g)` in the chart: how near the equations are to having no solution, one over the largest element of the
+    /// inverse.
     pub(crate) definite: f64,
 }
 
@@ -138,8 +139,8 @@ impl System {
         }
     }
 
-    /// `d/dt dL/dzdot - dL/dz = Q + lambda F` with the conditions, solved for `zddot` and `lambda`; `None` where that is
-    /// singular.
+    /// `d/dt dL/dzdot - dL/dz = Q + lambda F` with the conditions, solved for `zddot` and `lambda`; `None` where that
+    /// is singular.
     pub(crate) fn motion(&self, at: &Point<f64>) -> Option<Motion> {
         let m = self.dim();
         let l = &self.lagrangian;

@@ -168,7 +168,7 @@ impl Digits {
     fn better(&mut self, graph: &mut Graph, e: ExprId) -> Option<ExprId> {
         let whole = graph.subs(e, &self.values).ok()?;
         let normal = self.fractions.normal(graph, whole);
-        if normal == whole || !graph.is_seen_to_be_equal(normal, e) {
+        if normal == whole || !graph.fingerprints_agree(normal, e) {
             return None;
         }
         let loss = |digits: &mut Digits, e: ExprId| -> Option<f64> {

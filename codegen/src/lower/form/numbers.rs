@@ -70,7 +70,7 @@ impl Numbers {
     fn find(&mut self, graph: &mut Graph, e: ExprId) -> Option<Coefficient> {
         self.n_terms += graph.node(e).n_operands();
         let zero = graph.zero();
-        if graph.is_seen_to_be_equal(e, zero) {
+        if graph.fingerprints_agree(e, zero) {
             return None;
         }
         let negated = graph.neg(e);

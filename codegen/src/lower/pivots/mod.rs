@@ -73,7 +73,7 @@ fn scaled_pivots(
     });
     let divisors: Vec<(ExprId, ExprId)> = divisors.collect();
     let in_rate = |graph: &mut Graph, pivot| {
-        divisors.iter().find(|(_, whole)| graph.is_seen_to_be_equal(*whole, pivot)).map(|(d, _)| *d)
+        divisors.iter().find(|(_, whole)| graph.fingerprints_agree(*whole, pivot)).map(|(d, _)| *d)
     };
     let found: Vec<Option<ExprId>> = request.results.iter().map(|(_, e)| in_rate(graph, *e)).collect();
     let others =

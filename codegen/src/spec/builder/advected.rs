@@ -4,7 +4,7 @@
 
 use std::collections::BTreeSet;
 
-use super::draft::{AdvectedDraft, ModelBuilder};
+use super::draft::{AdvectedDraft, DeclaredAs, ModelBuilder};
 use crate::expr::SymbolId;
 use crate::spec::layout::{Layout, short_list};
 use crate::spec::model::*;
@@ -16,14 +16,14 @@ impl ModelBuilder {
         let span = self.here;
         let (value, components) = match n {
             None => {
-                let (symbol, expr) = self.new_symbol(name, "an advected parameter");
+                let (symbol, expr) = self.new_symbol(name, DeclaredAs::Advected);
                 (Value::Scalar(expr), vec![(name.to_owned(), symbol)])
             }
             Some(n) => {
-                self.declare(name, "an advected parameter");
+                self.declare(name, DeclaredAs::Advected);
                 let (mut components, mut entries) = (Vec::new(), Vec::new());
                 for component in Layout::Vector(n).names(name) {
-                    let (symbol, expr) = self.new_symbol(&component, "a component of an advected parameter");
+                    let (symbol, expr) = self.new_symbol(&component, DeclaredAs::AdvectedComponent);
                     components.push((component, symbol));
                     entries.push(expr);
                 }

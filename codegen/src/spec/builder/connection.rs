@@ -13,8 +13,8 @@ use crate::spec::names;
 use crate::spec::value::Value;
 
 impl ModelBuilder {
-    /// Components of the principal connection along a velocity of the algebra (a vector or a component): the velocity is
-    /// `v = xi + A(x, t) xdot` and `value` is `A(x, t) xdot`.
+    /// Components of the principal connection along a velocity of the algebra (a vector or a component): the velocity
+    /// is `v = xi + A(x, t) xdot` and `value` is `A(x, t) xdot`.
     pub fn connection(&mut self, velocity: &str, value: &Value) -> &mut Self {
         let here = self.here;
         self.connection.push((velocity.to_owned(), value.clone(), here));

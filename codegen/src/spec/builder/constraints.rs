@@ -10,16 +10,15 @@ use crate::expr::{ExprId, SymbolId};
 use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::model::*;
 use crate::spec::names;
-use crate::spec::shape::{Shape, ValueError};
+use crate::spec::shape::{Operation, Shape, ValueError};
 use crate::spec::value::Value;
 
 impl ModelBuilder {
-    /// A constraint `left = right` on velocities, or on accelerations made by [`ModelBuilder::ddt`]; a vector equation gives
-    /// one constraint per component, and the number 0 on one side stands for a zero of any shape.
+    /// A constraint `left = right` on velocities, or on accelerations made by [`ModelBuilder::ddt`]; a vector equation
+    /// gives one constraint per component, and the number 0 on one side stands for a zero of any shape.
     ///
     /// ```
-    /// use hamel_codegen::algebra::LieAlgebra;
-    /// use hamel_codegen::spec::{ModelBuilder, Value};
+    /// use hamel_codegen::spec::{LieAlgebra, ModelBuilder, Value};
     ///
     /// let mut b = ModelBuilder::new("sleigh");
     /// let [omega, v] = b.velocities(LieAlgebra::se(2).unwrap(), &["omega", "v"]).try_into().unwrap();
@@ -68,12 +67,11 @@ impl ModelBuilder {
         self
     }
 
-    /// A condition `left = right` on virtual displacements, linear in [`ModelBuilder::delta`]; a vector equation gives one
-    /// condition per component. Without any, the displacements are those that the constraints allow.
+    /// A condition `left = right` on virtual displacements, linear in [`ModelBuilder::delta`]; a vector equation gives
+    /// one condition per component. Without any, the displacements are those that the constraints allow.
     ///
     /// ```
-    /// use hamel_codegen::algebra::LieAlgebra;
-    /// use hamel_codegen::spec::{ModelBuilder, Value};
+    /// use hamel_codegen::spec::{LieAlgebra, ModelBuilder, Value};
     ///
     /// let mut b = ModelBuilder::new("servo");
     /// let v = b.velocities(LieAlgebra::abelian(2), &["v"]).remove(0);
@@ -115,7 +113,7 @@ impl ModelBuilder {
         let (left, right) = Value::fit_zero(&self.graph, &draft.left, &draft.right);
         let Ok(residual) = left.sub(&mut self.graph, &right) else {
             let (left, right) = (draft.left.shape(), draft.right.shape());
-            self.value_error(draft.span, &ValueError::Shapes { operation: "equate", left, right });
+            self.value_error(draft.span, &ValueError::Shapes { operation: Operation::Equate, left, right });
             return Vec::new();
         };
         let n = residual.entries().len();

@@ -14,10 +14,59 @@ use crate::spec::names;
 use crate::spec::shape::ValueError;
 use crate::spec::value::Value;
 
+/// What a name is declared as.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::spec) enum DeclaredAs {
+    Parameter,
+    ParameterComponent,
+    Velocity,
+    VelocityComponent,
+    Coordinate,
+    CoordinateVelocity,
+    Advected,
+    AdvectedComponent,
+    QuasiVelocity,
+    Reconstructed,
+    Definition,
+}
+
+impl DeclaredAs {
+    fn words(self) -> &'static str {
+        match self {
+            DeclaredAs::Parameter => "a parameter",
+            DeclaredAs::ParameterComponent => "a component of a parameter",
+            DeclaredAs::Velocity => "a velocity",
+            DeclaredAs::VelocityComponent => "a component of a velocity",
+            DeclaredAs::Coordinate => "a coordinate",
+            DeclaredAs::CoordinateVelocity => "the velocity of a coordinate",
+            DeclaredAs::Advected => "an advected parameter",
+            DeclaredAs::AdvectedComponent => "a component of an advected parameter",
+            DeclaredAs::QuasiVelocity => "a quasi-velocity",
+            DeclaredAs::Reconstructed => "a reconstructed coordinate",
+            DeclaredAs::Definition => "a definition",
+        }
+    }
+
+    /// What to change where a name is declared twice, once so and once as `other`.
+    fn help_against(self, other: DeclaredAs) -> &'static str {
+        use DeclaredAs::{AdvectedComponent, CoordinateVelocity, ParameterComponent, VelocityComponent};
+        match (self, other) {
+            (CoordinateVelocity, _) | (_, CoordinateVelocity) => {
+                "rename one of them; a coordinate `q` declares `q_dot` too"
+            }
+            (ParameterComponent | VelocityComponent | AdvectedComponent, _)
+            | (_, ParameterComponent | VelocityComponent | AdvectedComponent) => {
+                "rename one of them; a vector `v` declares `v1`, `v2`, .. too"
+            }
+            _ => "rename one of them",
+        }
+    }
+}
+
 #[derive(Clone, Debug)]
 pub(super) struct Declared {
     pub(super) span: Option<Span>,
-    pub(super) what: &'static str,
+    pub(super) what: DeclaredAs,
 }
 
 /// A name and where it was used.
@@ -81,9 +130,7 @@ pub(super) struct ReconstructionDraft {
 /// [`ModelBuilder::build`], all at once.
 ///
 /// ```
-/// use hamel_codegen::algebra::LieAlgebra;
-/// use hamel_codegen::expr::Rational;
-/// use hamel_codegen::spec::{Layout, ModelBuilder, Value};
+/// use hamel_codegen::spec::{Layout, LieAlgebra, ModelBuilder, Rational, Value};
 ///
 /// let mut b = ModelBuilder::new("free_rigid_body");
 /// let [i1, i2, i3] = [2, 3, 4].map(|n| Rational::from_integer(n.into()));
@@ -275,7 +322,7 @@ impl ModelBuilder {
     }
 
     /// Claims a name; a name that is taken, reserved or malformed is a problem.
-    pub(in crate::spec) fn declare(&mut self, name: &str, what: &'static str) -> bool {
+    pub(in crate::spec) fn declare(&mut self, name: &str, what: DeclaredAs) -> bool {
         let here = self.here;
         if let Some(reason) = names::refusal(name) {
             let shown: String = name.chars().take(80).collect();
@@ -288,18 +335,10 @@ impl ModelBuilder {
                 // Declarations are visited by kind; the later one in the text is the duplicate.
                 let (first, second) =
                     if before.span <= here { (before.clone(), declared) } else { (declared, before.clone()) };
-                let help = match (first.what, second.what) {
-                    pair if pair.0.contains("velocity of a") || pair.1.contains("velocity of a") => {
-                        "rename one of them; a coordinate `q` declares `q_dot` too"
-                    }
-                    pair if pair.0.contains("component") || pair.1.contains("component") => {
-                        "rename one of them; a vector `v` declares `v1`, `v2`, .. too"
-                    }
-                    _ => "rename one of them",
-                };
+                let help = first.what.help_against(second.what);
                 let problem = Diagnostic::new(second.span, format!("`{name}` is declared twice"))
-                    .with_label(format!("again as {}", second.what))
-                    .with_place(first.span, format!("first as {}", first.what))
+                    .with_label(format!("again as {}", second.what.words()))
+                    .with_place(first.span, format!("first as {}", first.what.words()))
                     .with_help(help);
                 self.problems.push(problem);
                 false
@@ -315,7 +354,7 @@ impl ModelBuilder {
         self.values.entry(name.to_owned()).or_insert_with(|| value.clone());
     }
 
-    pub(super) fn new_symbol(&mut self, name: &str, what: &'static str) -> (SymbolId, ExprId) {
+    pub(super) fn new_symbol(&mut self, name: &str, what: DeclaredAs) -> (SymbolId, ExprId) {
         self.declare(name, what);
         let symbol = self.graph.symbol(name);
         let expr = self.graph.sym(symbol);

@@ -17,5 +17,6 @@ mod symbols;
 mod variables;
 mod view;
 
+pub(super) use draft::DeclaredAs;
 pub use draft::ModelBuilder;
 pub use view::Placement;

@@ -14,7 +14,7 @@ use crate::spec::want::Want;
 impl ModelBuilder {
     fn output_name(&mut self, name: &str) {
         let here = self.here;
-        let is_taken = Want::from_name(name).is_some() || names::OTHER_FUNCTIONS.contains(&name);
+        let is_taken = Want::from_name(name).is_some();
         if is_taken || names::refusal(name).is_some() {
             let reason = names::refusal(name).unwrap_or("every scene has an output of that name");
             self.problem(here, format!("`{name}` cannot be used as a name"), reason);
@@ -30,9 +30,7 @@ impl ModelBuilder {
     /// A named number that the motion should conserve.
     ///
     /// ```
-    /// use hamel_codegen::algebra::LieAlgebra;
-    /// use hamel_codegen::expr::Rational;
-    /// use hamel_codegen::spec::ModelBuilder;
+    /// use hamel_codegen::spec::{LieAlgebra, ModelBuilder, Rational};
     ///
     /// let one = Rational::from_integer(1.into());
     /// let mut b = ModelBuilder::new("sphere");

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 use num_traits::{Signed, Zero};
 
-use super::draft::ModelBuilder;
+use super::draft::{DeclaredAs, ModelBuilder};
 use crate::error::Error;
 use crate::expr::{ExprId, Rational, SymbolId};
 use crate::spec::ast::Compare;
@@ -21,8 +21,7 @@ impl ModelBuilder {
     /// Parameters, their conditions and definitions are values; a condition names them in its text only.
     ///
     /// ```
-    /// use hamel_codegen::expr::Rational;
-    /// use hamel_codegen::spec::{Compare, Layout, ModelBuilder, Value};
+    /// use hamel_codegen::spec::{Compare, Layout, ModelBuilder, Rational, Value};
     ///
     /// let number = |n: i64| Rational::from_integer(n.into());
     /// let mut b = ModelBuilder::new("m");
@@ -37,7 +36,7 @@ impl ModelBuilder {
     /// ```
     pub fn param(&mut self, name: &str, default: Rational, doc: &str) -> Value {
         self.check_range(name, &default);
-        let (symbol, expr) = self.new_symbol(name, "a parameter");
+        let (symbol, expr) = self.new_symbol(name, DeclaredAs::Parameter);
         self.blocks.insert(name.to_owned(), vec![self.params.len()]);
         self.params.push(Param { name: name.to_owned(), symbol, default, doc: doc.to_owned() });
         Value::Scalar(expr)
@@ -53,7 +52,7 @@ impl ModelBuilder {
 
     /// A vector or a matrix; the defaults are in the order of the components.
     pub fn param_array(&mut self, name: &str, layout: Layout, defaults: &[Rational], doc: &str) -> Value {
-        self.declare(name, "a parameter");
+        self.declare(name, DeclaredAs::Parameter);
         let names = layout.names(name);
         if names.len() != defaults.len() {
             let message = format!("`{name}` has {} components, its default {}", names.len(), defaults.len());
@@ -63,7 +62,7 @@ impl ModelBuilder {
         let mut positions = Vec::with_capacity(names.len());
         let mut symbols = Vec::with_capacity(names.len());
         for (k, component) in names.iter().enumerate() {
-            let (symbol, expr) = self.new_symbol(component, "a component of a parameter");
+            let (symbol, expr) = self.new_symbol(component, DeclaredAs::ParameterComponent);
             positions.push(self.params.len());
             self.blocks.insert(component.clone(), vec![self.params.len()]);
             let default = defaults.get(k).cloned().unwrap_or_else(Rational::zero);

@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use num_traits::Zero;
 
-use super::draft::{Located, ModelBuilder, ReconstructionDraft, Way};
+use super::draft::{DeclaredAs, Located, ModelBuilder, ReconstructionDraft, Way};
 use super::symbols::Special;
 use crate::algebra::LieAlgebra;
 use crate::expr::{ExprId, Rational, SymbolId};
@@ -32,9 +32,9 @@ impl Group {
 impl ModelBuilder {
     /// Coordinates of a group that the velocities `from` of the algebra move; with none, all velocities of the algebra.
     ///
-    /// SO(2) takes one name, an angle; SO(3) one name `q` and has coordinates `qw, qx, qy, qz`; SE(2) three names, angle
-    /// and position; SE(3) two names `q, r` and has `qw, .., qz, r1, r2, r3`; R^n one name `x` for `x1, .., xn`, or `n`
-    /// names.
+    /// SO(2) takes one name, an angle; SO(3) one name `q` and has coordinates `qw, qx, qy, qz`; SE(2) three names,
+    /// angle and position; SE(3) two names `q, r` and has `qw, .., qz, r1, r2, r3`; R^n one name `x` for `x1, .., xn`,
+    /// or `n` names.
     pub fn reconstruct_group(
         &mut self,
         names: &[&str],
@@ -75,8 +75,8 @@ impl ModelBuilder {
         values
     }
 
-    /// Coordinates with given rates, which may contain coordinates that are reconstructed before: one name for a number,
-    /// one name `x` for a vector with components `x1, x2, ..`, or as many names as the vector has entries.
+    /// Coordinates with given rates, which may contain coordinates that are reconstructed before: one name for a
+    /// number, one name `x` for a vector with components `x1, x2, ..`, or as many names as the vector has entries.
     pub fn reconstruct_rate(&mut self, names: &[&str], rate: &Value, doc: &str) -> Vec<Value> {
         let here = self.here;
         let names: Vec<(&str, Option<Span>)> = names.iter().map(|n| (*n, here)).collect();
@@ -141,12 +141,12 @@ impl ModelBuilder {
         self.here = span;
         let is_vector = components.len() != 1 || components[0] != name;
         if is_vector {
-            self.declare(name, "a reconstructed coordinate");
+            self.declare(name, DeclaredAs::Reconstructed);
         }
         draft.blocks.push((name.to_owned(), components.len()));
         let mut entries = Vec::with_capacity(components.len());
         for component in components {
-            let (symbol, expr) = self.new_symbol(component, "a reconstructed coordinate");
+            let (symbol, expr) = self.new_symbol(component, DeclaredAs::Reconstructed);
             draft.names.push(component.clone());
             draft.symbols.push(symbol);
             entries.push(expr);
@@ -161,8 +161,8 @@ impl ModelBuilder {
         }
     }
 
-    /// The default initial value of a state variable or a reconstructed coordinate (a vector or a component); it contains
-    /// parameters at most. Values of velocities that follow from the constraints are not used.
+    /// The default initial value of a state variable or a reconstructed coordinate (a vector or a component); it
+    /// contains parameters at most. Values of velocities that follow from the constraints are not used.
     pub fn initial(&mut self, name: &str, value: &Value) -> &mut Self {
         let here = self.here;
         self.initial.push((name.to_owned(), value.clone(), here));
@@ -219,8 +219,8 @@ impl ModelBuilder {
         self.graph.sum(&terms)
     }
 
-    /// The basis elements whose velocities move the group. They have its brackets, and no bracket with another element has
-    /// a component along them, so that `gdot = g xi` closes.
+    /// The basis elements whose velocities move the group. They have its brackets, and no bracket with another element
+    /// has a component along them, so that `gdot = g xi` closes.
     fn group_indices(&mut self, group: Group, from: &[Located], span: Option<Span>) -> Option<Vec<usize>> {
         let n_base = self.base.len();
         let expected = group.algebra()?;
@@ -253,7 +253,7 @@ impl ModelBuilder {
                 counted(indices.len(), "velocity", "velocities"),
                 group.dim()
             );
-            // A slot of the right dimension, or the first components.
+            // A block of the right dimension, or the first components.
             let mut blocks: BTreeMap<&str, usize> = BTreeMap::new();
             self.velocities.iter().for_each(|v| *blocks.entry(&v.block).or_default() += 1);
             let fitting = blocks.iter().find(|(_, size)| **size == group.dim()).map(|(block, _)| *block);
@@ -310,7 +310,7 @@ impl ModelBuilder {
         let mut result: Vec<(String, ExprId)> = Vec::new();
         let mut taken: BTreeSet<String> = BTreeSet::new();
         for (name, value, span) in self.initial.clone() {
-            let is_definition = self.names.get(&name).is_some_and(|d| d.what == "a definition");
+            let is_definition = self.names.get(&name).is_some_and(|d| d.what == DeclaredAs::Definition);
             let target = self.values.get(&name).filter(|_| !is_definition);
             let components: Option<Vec<String>> =
                 target.and_then(|v| v.entries().iter().map(|e| variables.get(e).cloned()).collect());
@@ -381,7 +381,7 @@ impl ModelBuilder {
         let mut known: BTreeSet<String> = variables.values().cloned().collect();
         for (block, value) in &self.values {
             let is_variable = value.entries().iter().all(|e| variables.contains_key(e));
-            if is_variable && self.names.get(block).is_some_and(|d| d.what != "a definition") {
+            if is_variable && self.names.get(block).is_some_and(|d| d.what != DeclaredAs::Definition) {
                 known.insert(block.clone());
             }
         }

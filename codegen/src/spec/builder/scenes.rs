@@ -4,7 +4,7 @@
 
 use std::collections::BTreeMap;
 
-use super::draft::{Located, ModelBuilder, SceneDraft};
+use super::draft::{DeclaredAs, Located, ModelBuilder, SceneDraft};
 use crate::expr::{Rational, SymbolId};
 use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::layout::component_help;
@@ -183,8 +183,8 @@ impl ModelBuilder {
         self
     }
 
-    /// Base coordinates (vectors or components) that a scene carries as points `(cos, sin)` of the circle: in the state,
-    /// `theta_c` and `theta_s` stand for `theta`, and no sine and cosine of it is computed.
+    /// Base coordinates (vectors or components) that a scene carries as points `(cos, sin)` of the circle: in the
+    /// state, `theta_c` and `theta_s` stand for `theta`, and no sine and cosine of it is computed.
     pub fn scene_circles(&mut self, scene: &str, names: &[&str]) -> &mut Self {
         let here = self.here;
         match self.scenes.iter_mut().find(|s| s.scene.name == scene) {
@@ -200,7 +200,7 @@ impl ModelBuilder {
         let mut components = Vec::new();
         for (name, span) in &draft.drops {
             let scene = &draft.scene.name;
-            let is_base = self.names.get(name).is_some_and(|d| d.what == "a coordinate");
+            let is_base = self.names.get(name).is_some_and(|d| d.what == DeclaredAs::Coordinate);
             let advected = self.advected.iter();
             if drops.contains(name) {
                 self.problem(*span, format!("scene `{scene}` drops `{name}` twice"), "keep one of them");
@@ -234,7 +234,7 @@ impl ModelBuilder {
         let scene = &draft.scene.name;
         let mut circles: Vec<(String, Option<Span>)> = Vec::new();
         for (name, span) in &draft.circles {
-            let is_base = self.names.get(name).is_some_and(|d| d.what == "a coordinate");
+            let is_base = self.names.get(name).is_some_and(|d| d.what == DeclaredAs::Coordinate);
             let entries = self.values.get(name).filter(|_| is_base).map(|v| v.entries().to_vec());
             let Some(entries) = entries else {
                 if !self.broken.contains("coordinate") {

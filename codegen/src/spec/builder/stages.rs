@@ -7,8 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use num_traits::Zero;
 
 use super::draft::{ModelBuilder, StageDraft};
-use crate::algebra::{LieAlgebra, Subspace};
-use crate::error::Error;
+use crate::algebra::{next_ideal, whole_algebra};
 use crate::expr::{ExprId, Rational, SymbolId, Vanishing};
 use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::layout::short_list;
@@ -20,8 +19,7 @@ impl ModelBuilder {
     /// The name of the first stage, the whole algebra.
     ///
     /// ```
-    /// use hamel_codegen::algebra::LieAlgebra;
-    /// use hamel_codegen::spec::ModelBuilder;
+    /// use hamel_codegen::spec::{LieAlgebra, ModelBuilder};
     ///
     /// let mut b = ModelBuilder::new("stages");
     /// let [rotation, translation] = b.velocities(LieAlgebra::se(3).unwrap(), &["Omega", "V"]).try_into().unwrap();
@@ -55,7 +53,7 @@ impl ModelBuilder {
         self
     }
 
-    pub(super) fn check_stages(&mut self) -> Option<Stages> {
+    pub(super) fn check_stages(&mut self) -> Option<IdealChain> {
         let drafts = self.stages.clone();
         if drafts.is_empty() {
             if let Some((_, span)) = self.inner_product
@@ -104,7 +102,7 @@ impl ModelBuilder {
         let unknowns: Vec<SymbolId> = self.velocities.iter().map(|v| v.symbol).collect();
         let mut ideals = Vec::new();
         // The whole algebra.
-        let mut above: Vec<Vec<Rational>> = (0..n).map(|k| unit(n, k)).collect();
+        let mut above = whole_algebra(&algebra);
         let mut above_name = drafts[0].name.clone();
         for draft in drafts.iter().filter(|d| d.ideal.is_some()) {
             let entries: Vec<ExprId> =
@@ -128,17 +126,18 @@ impl ModelBuilder {
                 }
             }
             let basis: Vec<String> = self.velocities.iter().map(|v| v.name.clone()).collect();
-            let checked = check_ideal(&algebra, &basis, (&above_name, &above), (&draft.name, &vectors));
-            if let Err(error) = checked {
-                self.error(draft.span, &error);
-                return None;
+            match next_ideal(&algebra, &basis, (&above_name, &above), (&draft.name, &vectors)) {
+                Ok(ideal) => above = ideal,
+                Err(error) => {
+                    self.error(draft.span, &error);
+                    return None;
+                }
             }
-            above = vectors.clone();
             above_name = draft.name.clone();
             ideals.push(vectors);
         }
         let inner_product = self.check_inner_product(n);
-        Some(Stages {
+        Some(IdealChain {
             names: drafts.iter().map(|d| d.name.clone()).collect(),
             ideals,
             inner_product,
@@ -205,41 +204,4 @@ impl ModelBuilder {
         }
         Some(entries.chunks(n).map(<[ExprId]>::to_vec).collect())
     }
-}
-
-fn unit(n: usize, k: usize) -> Vec<Rational> {
-    (0..n).map(|i| Rational::from_integer(i64::from(i == k).into())).collect()
-}
-
-/// `n_k` lies in `n_{k-1}`, is smaller, not zero, and `[n_{k-1}, n_k]` lies in `n_k`.
-fn check_ideal(
-    algebra: &LieAlgebra,
-    basis: &[String],
-    (above_name, above): (&str, &[Vec<Rational>]),
-    (name, ideal): (&str, &[Vec<Rational>]),
-) -> Result<(), Error> {
-    let empty = || Error::EmptyStage { stage: name.to_owned() };
-    let outer = Subspace::new(above).ok_or_else(empty)?;
-    let inner = Subspace::new(ideal).ok_or_else(empty)?;
-    if ideal.iter().any(|v| !outer.contains(v)) {
-        return Err(Error::NotNested { stage: name.to_owned(), above: above_name.to_owned() });
-    }
-    if inner.dim() == 0 || inner.dim() == outer.dim() {
-        return Err(empty());
-    }
-    for x in above {
-        for y in ideal {
-            let bracket = algebra.bracket_of(x, y);
-            if !inner.contains(&bracket) {
-                let spell = |v: &[Rational]| crate::error::spell_vector(basis, v);
-                return Err(Error::NotAnIdeal {
-                    stage: name.to_owned(),
-                    above: above_name.to_owned(),
-                    pair: [spell(x), spell(y)],
-                    bracket: spell(&bracket),
-                });
-            }
-        }
-    }
-    Ok(())
 }

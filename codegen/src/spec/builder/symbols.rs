@@ -4,7 +4,7 @@
 
 use std::collections::BTreeMap;
 
-use super::draft::ModelBuilder;
+use super::draft::{DeclaredAs, ModelBuilder};
 use crate::expr::{ExprId, SymbolId};
 use crate::spec::diagnostic::Span;
 use crate::spec::limits::MAX_DIM;
@@ -24,7 +24,7 @@ pub(super) enum Special {
 impl ModelBuilder {
     /// A further independent velocity that only parametrises the constraints.
     pub fn quasi_velocity(&mut self, name: &str, doc: &str) -> Value {
-        let (symbol, expr) = self.new_symbol(name, "a quasi-velocity");
+        let (symbol, expr) = self.new_symbol(name, DeclaredAs::QuasiVelocity);
         if self.quasi_velocities.len() == MAX_DIM {
             let message = format!("the model has more than {MAX_DIM} quasi-velocities");
             self.problem(self.here, message, "one per independent velocity is enough");

@@ -4,7 +4,7 @@
 
 use std::collections::BTreeSet;
 
-use super::draft::ModelBuilder;
+use super::draft::{DeclaredAs, ModelBuilder};
 use crate::algebra::LieAlgebra;
 use crate::expr::{ExprId, SymbolId};
 use crate::spec::diagnostic::{Diagnostic, Span};
@@ -14,19 +14,18 @@ use crate::spec::names;
 use crate::spec::value::Value;
 
 impl ModelBuilder {
-    /// The algebra and names for its velocities: one per slot, or one per basis element.
+    /// The algebra and names for its velocities: one for each block, or one per basis element.
     ///
     /// ```
-    /// use hamel_codegen::algebra::LieAlgebra;
-    /// use hamel_codegen::spec::{Domain, ModelBuilder};
+    /// use hamel_codegen::spec::{Domain, LieAlgebra, ModelBuilder};
     ///
     /// let mut b = ModelBuilder::new("bundle");
     /// let (theta, theta_dot) = b.coordinate("theta", Domain::Angle, "tilt [rad]");
-    /// let slots = b.velocities(LieAlgebra::se(2).unwrap(), &["omega", "v"]);
-    /// assert_eq!(slots[1].entries().len(), 2);
+    /// let blocks = b.velocities(LieAlgebra::se(2).unwrap(), &["omega", "v"]);
+    /// assert_eq!(blocks[1].entries().len(), 2);
     /// // The group turns the vertical: `adot = -xi . a`.
     /// let gamma = b.advected("Gamma", Some(2), "");
-    /// let turned = slots[0].mul(b.graph(), &gamma).unwrap();
+    /// let turned = blocks[0].mul(b.graph(), &gamma).unwrap();
     /// b.advected_action("Gamma", &turned).lagrangian(&theta_dot);
     /// assert!(b.build().is_ok());
     /// ```
@@ -45,23 +44,23 @@ impl ModelBuilder {
         if let Some((_, first)) = &self.algebra {
             let problem = Diagnostic::new(here, "velocities are declared twice")
                 .with_place(*first, "first here")
-                .with_help("name all slots in one item: `velocity Omega, V in se(3);`");
+                .with_help("name all blocks in one item: `velocity Omega, V in se(3);`");
             self.problems.push(problem);
         }
-        let slots: Vec<usize> = algebra.slots().iter().map(|s| s.dim).collect();
-        let sizes = if names.len() == slots.len() {
-            slots
+        let blocks: Vec<usize> = algebra.blocks().iter().map(|s| s.dim).collect();
+        let sizes = if names.len() == blocks.len() {
+            blocks
         } else {
             if names.len() != algebra.dim() {
                 let spelled: Vec<String> =
-                    algebra.slots().iter().map(|s| format!("{} (dimension {})", s.name, s.dim)).collect();
+                    algebra.blocks().iter().map(|s| format!("{} (dimension {})", s.name, s.dim)).collect();
                 let plural = if names.len() == 1 { "name" } else { "names" };
                 let message = format!("{} {plural} for the velocity in {}", names.len(), algebra.name());
                 let mut help = match spelled.as_slice() {
                     [only] => format!("give one name for {only}"),
                     several => format!("give {} names, for {}", several.len(), several.join(", ")),
                 };
-                if algebra.dim() != slots.len() {
+                if algebra.dim() != blocks.len() {
                     help.push_str(&format!(", or {} names, one per basis element", algebra.dim()));
                 }
                 self.problem(here, message, help);
@@ -83,12 +82,12 @@ impl ModelBuilder {
                 expr
             };
             if size == 1 {
-                values.push(Value::Scalar(velocity(self, name, "a velocity")));
+                values.push(Value::Scalar(velocity(self, name, DeclaredAs::Velocity)));
             } else {
-                self.declare(name, "a velocity");
+                self.declare(name, DeclaredAs::Velocity);
                 let components = Layout::Vector(size).names(name);
                 let entries =
-                    components.iter().map(|c| velocity(self, c, "a component of a velocity")).collect();
+                    components.iter().map(|c| velocity(self, c, DeclaredAs::VelocityComponent)).collect();
                 let value = Value::Vector(entries);
                 self.bind(name, &value);
                 values.push(value);
@@ -113,8 +112,8 @@ impl ModelBuilder {
     /// A base coordinate and its velocity `name_dot`.
     pub fn coordinate(&mut self, name: &str, domain: Domain, doc: &str) -> (Value, Value) {
         let velocity_name = format!("{name}_dot");
-        let (symbol, expr) = self.new_symbol(name, "a coordinate");
-        let (velocity, rate) = self.new_symbol(&velocity_name, "the velocity of a coordinate");
+        let (symbol, expr) = self.new_symbol(name, DeclaredAs::Coordinate);
+        let (velocity, rate) = self.new_symbol(&velocity_name, DeclaredAs::CoordinateVelocity);
         if let Domain::Interval(low, high) = domain {
             self.check_interval(low, high);
         }
@@ -126,8 +125,8 @@ impl ModelBuilder {
     /// A vector of coordinates `name1, name2, ..` with velocities `name1_dot, ..`; the vectors are `name`, `name_dot`.
     pub fn coordinate_vector(&mut self, name: &str, n: usize, domain: Domain, doc: &str) -> (Value, Value) {
         let rate_name = format!("{name}_dot");
-        self.declare(name, "a coordinate");
-        self.declare(&rate_name, "the velocity of a coordinate");
+        self.declare(name, DeclaredAs::Coordinate);
+        self.declare(&rate_name, DeclaredAs::CoordinateVelocity);
         let (mut place, mut rate) = (Vec::new(), Vec::new());
         for component in Layout::Vector(n).names(name) {
             let (q, v) = self.coordinate(&component, domain, doc);

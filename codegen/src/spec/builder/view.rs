@@ -32,14 +32,13 @@ impl ModelBuilder {
     /// A shape that a figure in space shows: `box`, `disk`, `ball`, `segment`, `point` or `path` with its arguments.
     ///
     /// ```
-    /// use hamel_codegen::algebra::LieAlgebra;
-    /// use hamel_codegen::spec::{Group, ModelBuilder, Placement, Value};
+    /// use hamel_codegen::spec::{Group, LieAlgebra, ModelBuilder, Placement, Value};
     ///
     /// let mut b = ModelBuilder::new("sphere");
     /// let omega = b.velocities(LieAlgebra::so(3).unwrap(), &["Omega"]).remove(0);
     /// let energy = omega.dot(b.graph(), &omega).unwrap();
     /// b.lagrangian(&energy).reconstruct_group(&["q"], Group::Rotation, &["Omega"], "");
-    /// let radius = Value::number(b.graph(), hamel_codegen::expr::Rational::from_integer(2.into()));
+    /// let radius = Value::number(b.graph(), hamel_codegen::spec::Rational::from_integer(2.into()));
     /// b.view("ball", "ball", &[radius.clone()], Placement::default(), "");
     /// assert_eq!(b.clone().build().unwrap().views.list.len(), 1);
     /// b.view("cube", "box", &[radius], Placement::default(), "");

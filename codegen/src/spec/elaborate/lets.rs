@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use super::order::{describe_cycle, order_by_use};
 use super::values::Elaboration;
 use crate::spec::ast::{Expr, Item, ItemKind, Name};
+use crate::spec::builder::DeclaredAs;
 use crate::spec::diagnostic::Diagnostic;
 use crate::spec::eval::Evaluator;
 
@@ -16,7 +17,7 @@ impl Elaboration<'_> {
         let mut index: BTreeMap<&str, usize> = BTreeMap::new();
         for item in items {
             let ItemKind::Let { name, value } = &item.kind else { continue };
-            if self.builder.at(Some(name.span)).declare(&name.text, "a definition") {
+            if self.builder.at(Some(name.span)).declare(&name.text, DeclaredAs::Definition) {
                 index.insert(&name.text, lets.len());
                 lets.push((name, value));
             } else {

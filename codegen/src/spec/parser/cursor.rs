@@ -54,12 +54,17 @@ impl<'a> Parser<'a> {
         }
     }
 
-    pub(super) fn expected<T>(&self, what: &str) -> Parsed<T> {
+    /// What was expected here, and what is here instead.
+    pub(super) fn unexpected(&self, what: &str) -> Diagnostic {
         let mut span = self.here();
         if let Some((_, _, group, _)) = self.cursor.any_group() {
             span = span_of(group.open());
         }
-        Err(Box::new(Diagnostic::new(Some(span), format!("expected {what}, found {}", self.found()))))
+        Diagnostic::new(Some(span), format!("expected {what}, found {}", self.found()))
+    }
+
+    pub(super) fn expected<T>(&self, what: &str) -> Parsed<T> {
+        Err(Box::new(self.unexpected(what)))
     }
 
     pub(super) fn advance(&mut self, span: Span, rest: Cursor<'a>) {

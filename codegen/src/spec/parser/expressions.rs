@@ -121,8 +121,7 @@ impl<'a> Parser<'a> {
             let problem = Diagnostic::new(Some(start), "expected an expression, found `|`");
             return Err(Box::new(problem.with_help("write `abs(x)` for a number, `norm(v)` for a vector")));
         }
-        if let Some(word) = self.peek_ident().filter(|word| matches!(word.as_str(), "if" | "else" | "match"))
-        {
+        if let Some(word) = self.peek_ident().filter(|word| names::CONDITIONS.contains(&word.as_str())) {
             let problem = Diagnostic::new(Some(start), format!("expected an expression, found `{word}`"));
             let help = names::not_smooth(&word).unwrap_or_default();
             return Err(Box::new(problem.with_help(help)));

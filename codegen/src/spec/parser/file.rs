@@ -93,9 +93,7 @@ impl<'a> Parser<'a> {
                     }
                 }
                 Err(mut problem) => {
-                    if problem.message.starts_with("expected") {
-                        problem.help = problem.help.or(form);
-                    }
+                    problem.help = problem.help.or(form);
                     outcome.problems.push(*problem);
                     // Always step over at least one token.
                     if self.cursor == start

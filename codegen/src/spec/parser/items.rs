@@ -331,11 +331,8 @@ impl<'a> Parser<'a> {
         self.require_word("in")?;
         let dim = self.space()?;
         if self.word("by").is_none() {
-            let problem = self.expected::<()>("`by` and the infinitesimal action").err();
-            return Err(problem.map_or_else(
-                || Box::new(Diagnostic::new(None, "expected `by`")),
-                |p| Box::new(p.with_help("for example `by cross(Omega, Gamma)`")),
-            ));
+            let problem = self.unexpected("`by` and the infinitesimal action");
+            return Err(Box::new(problem.with_help("for example `by cross(Omega, Gamma)`")));
         }
         Ok(ItemKind::Advected { name, dim, action: self.expr()? })
     }
@@ -355,9 +352,8 @@ impl<'a> Parser<'a> {
         };
         let left = self.expr()?;
         if !self.peek_punct('=') {
-            let mut problem = *self.expected::<()>("`=`").err().unwrap_or_else(|| too_deep(left.span));
-            problem.help = Some(format!("{what} is an equation such as `{example}`"));
-            return Err(Box::new(problem));
+            let problem = self.unexpected("`=`");
+            return Err(Box::new(problem.with_help(format!("{what} is an equation such as `{example}`"))));
         }
         self.equals()?;
         Ok((name, left, self.expr()?))
@@ -392,7 +388,8 @@ impl<'a> Parser<'a> {
                 break;
             };
             if place.is_some() {
-                return Err(Box::new(Diagnostic::new(Some(span), format!("`{word}` is written twice"))));
+                let problem = Diagnostic::new(Some(span), format!("`{word}` is written twice"));
+                return Err(Box::new(problem.with_help("keep one of them")));
             }
             *place = Some(self.expr()?);
         }

@@ -9,7 +9,8 @@ use crate::spec::limits::{MAX_BAD_CHARACTERS, MAX_BRACKETS, MAX_DEPTH};
 
 pub(super) type Parsed<T> = Result<T, Box<Diagnostic>>;
 
-/// The text without what other languages would take for comments, `# to the end of the line`: the first one is reported.
+/// The text without what other languages would take for comments, `# to the end of the line`: the first one is
+/// reported.
 ///
 /// Texts and comments are skipped as the lexer does; `#[` and `#!` are left to the parser.
 pub(super) fn without_hash_comments(text: &str, problems: &mut Vec<Diagnostic>) -> String {

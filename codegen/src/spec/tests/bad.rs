@@ -65,7 +65,9 @@ fn syntax() {
     );
     check(
         r#"model m { param a: vector(201) = 1; velocity Omega in so(3); lagrangian = dot(Omega, Omega); }"#,
-        expect![[r#"1:27 dimension `201` is not between 1 and 200"#]],
+        expect![
+            "1:27 dimension `201` is not between 1 and 200 [written as `param m = 1 where m > 0;` or `param chi: vector(3) = [0, 0, 1];`]"
+        ],
     );
     check(
         r#"model m { param a = 1 where a; velocity Omega in so(3); lagrangian = dot(Omega, Omega); }"#,
@@ -102,10 +104,10 @@ fn syntax() {
 #[test]
 fn names() {
     check(
-        r#"model m { param t1 = 1; velocity Omega in so(3); lagrangian = dot(Omega, Omega); }"#,
-        expect![[
-            r#"1:17 `t1` cannot be used as a name [`t` with a number is a temporary of the generated code]"#
-        ]],
+        r#"model m { param if = 1; velocity Omega in so(3); lagrangian = dot(Omega, Omega); }"#,
+        expect![
+            "1:17 `if` cannot be used as a name [the language has no conditions, so nothing can begin like one]"
+        ],
     );
     check(
         r#"model m { param a = 1; param a = 2; velocity Omega in so(3); lagrangian = dot(Omega, Omega); }"#,

@@ -451,3 +451,25 @@ error: cannot add vector(2) and vector(3)
     assert_eq!(shown, expected, "found:\n{shown}");
     assert!(!shown.contains('\u{1b}') && problems.render(true).contains('\u{1b}'));
 }
+
+/// Which words the target language takes is no matter of the model language: emission renames what it has to.
+#[test]
+fn words_of_rust_and_names_of_generated_items_are_names() {
+    let text = "model move {
+        param type = 1;
+        param State: vector(2) = [1, 2];
+        param t0 = 3;
+        let self = type + t0*State1;
+        velocity loop in so(3);
+        coordinate in in real;
+        lagrangian = self*dot(loop, loop) + where*in_dot^2;
+        param where = 4;
+        output check = loop[1];
+        scene fn { fix type = 2; want check; }
+    }";
+    let model = parse("move.hamel", text).unwrap_or_else(|problems| panic!("{problems}"));
+    let names: Vec<&str> = model.params.iter().map(|p| p.name.as_str()).collect();
+    assert_eq!(names, ["type", "State1", "State2", "t0", "where"]);
+    assert_eq!(model.velocities[0].name, "loop1");
+    assert_eq!((model.name.as_str(), model.scenes[0].name.as_str()), ("move", "fn"));
+}
