@@ -9,9 +9,9 @@ use crate::error::Error;
 use crate::expr::{Exhausted, Resource, Stage};
 use crate::program::{Jet, Role};
 
-use super::{BuiltScene, interpreter};
 use super::derivatives::{Matrix, Product};
 use super::groups::groups;
+use super::{BuiltScene, interpreter};
 
 /// How a scene's module is written down.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
