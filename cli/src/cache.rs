@@ -1,7 +1,7 @@
 //! What was derived once, kept in the user's cache folder.
 //!
-//! A value is kept under a hash of everything that it depends on: the text of the model, what was made of it, the budget, and the
-//! program itself, so that another version never reads it. The file begins with a line that repeats that hash and has one
+//! A value is kept under a hash of everything that it depends on: the text of the model, what was made of it, the budget, and which
+//! program it was, so that another version never reads it. The file begins with a line that repeats that hash and has one
 //! of the value, so that a file that is damaged, or somebody else's, is made anew.
 //!
 //! Does not know: what is kept.
@@ -128,11 +128,17 @@ fn trim(folder: &Path, most: u64) -> std::io::Result<()> {
     Ok(())
 }
 
-/// A digest of this program: while hamel is developed, programs of one version differ.
+/// What tells this program from another one of the same version, as there are many while hamel is developed: its path, its size and
+/// when it was written. Its bytes would tell as much, but reading all of them takes longer than most answers.
 fn program() -> Option<&'static str> {
-    static DIGEST: OnceLock<Option<String>> = OnceLock::new();
-    let of_file = || std::fs::read(std::env::current_exe().ok()?).ok().map(|bytes| digest(&[&bytes]));
-    DIGEST.get_or_init(of_file).as_deref()
+    static STAMP: OnceLock<Option<String>> = OnceLock::new();
+    let of_file = || {
+        let path = std::env::current_exe().ok()?;
+        let data = std::fs::metadata(&path).ok()?;
+        let written = data.modified().ok()?.duration_since(SystemTime::UNIX_EPOCH).ok()?;
+        Some(format!("{} {} {}", path.display(), data.len(), written.as_nanos()))
+    };
+    STAMP.get_or_init(of_file).as_deref()
 }
 
 /// 128 bits in hexadecimal digits that depend on all bytes of all parts, and on where parts end.

@@ -45,7 +45,7 @@ impl Target {
             "npz" => true,
             _ => {
                 let reason = "has no known format: let the name end in .csv or .npz";
-                return Err(Error::unusable(&path.display().to_string(), reason));
+                return Err(Error::unusable(path.display().to_string(), reason));
             }
         };
         Ok(Target { path: path.to_owned(), is_npz })
