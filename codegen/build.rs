@@ -1,5 +1,5 @@
-//! Tells the crate which sources it was built from, and how: results of other sources are never reused, and a build script
-//! that runs it without optimisation is told what to do about it.
+//! Tells the crate which sources it was built from, and how: results of other sources are never reused, and a build
+//! script that runs it without optimisation is told what to do about it.
 
 use std::fs;
 use std::io;

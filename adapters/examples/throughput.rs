@@ -4,9 +4,10 @@
 //! RUSTFLAGS="-C target-cpu=x86-64-v3" cargo run --release -p hamel-adapters --features ode_solvers --example throughput
 //! ```
 //!
-//! Every way integrates the same trajectories by the method of Dormand and Prince of eighth order with the same tolerances, in
-//! turn, and the fastest of all rounds counts: microseconds a trajectory of the plain loop, and how often its time holds that
-//! of another way. None of the systems depends on time explicitly, which the `Dop853` of `ode_solvers` 0.6.2 gets wrong. Errors are the largest ones at the end, against tolerances a thousand times tighter.
+//! Every way integrates the same trajectories by the method of Dormand and Prince of eighth order with the same
+//! tolerances, in turn, and the fastest of all rounds counts: microseconds a trajectory of the plain loop, and how
+//! often its time holds that of another way. None of the systems depends on time explicitly, which the `Dop853` of
+//! `ode_solvers` 0.6.2 gets wrong. Errors are the largest ones at the end, against tolerances a thousand times tighter.
 
 use std::time::Instant;
 

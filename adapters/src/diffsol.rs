@@ -49,8 +49,8 @@ struct Kept<const N: usize> {
 
 /// The Jacobian times a vector, for `OdeBuilder::rhs_implicit`.
 ///
-/// `diffsol` asks for the columns of a Jacobian one after the other: the matrix is computed once for all of them and kept
-/// until time or state change.
+/// `diffsol` asks for the columns of a Jacobian one after the other: the matrix is computed once for all of them and
+/// kept until time or state change.
 ///
 /// # Panics
 ///

@@ -6,14 +6,15 @@
 //! | `differential-equations` | `differential_equations::ode::ODE` on `[f64; N]` | [`Adapter`], [`WithJacobian`] |
 //! | `diffsol` | the closures of `diffsol::OdeBuilder` | the functions of the module `diffsol` |
 //!
-//! The right-hand side is called as it is, without copies of the state. The crate deliberately does not know any model, and
-//! adds nothing to a solver.
+//! The right-hand side is called as it is, without copies of the state. The crate deliberately does not know any model,
+//! and adds nothing to a solver.
 //!
-//! `Dop853` of `ode_solvers` 0.6.2 is wrong for systems that depend on time explicitly (two of its nodes are 0 instead of 1):
-//! take its `Dopri5` for these, or the runtime's own `Dop853`.
+//! `Dop853` of `ode_solvers` 0.6.2 is wrong for systems that depend on time explicitly (two of its nodes are 0 instead
+//! of 1): take its `Dopri5` for these, or the runtime's own `Dop853`.
 //!
-//! The solvers know no domain of the coordinates and no pivots: where a right-hand side has no value they see NaN, and what
-//! they do with it is theirs. [`Adapter::verify`] says whether a state that a solver returned is one, and if not, why.
+//! The solvers know no domain of the coordinates and no pivots: where a right-hand side has no value they see NaN, and
+//! what they do with it is theirs. [`Adapter::verify`] says whether a state that a solver returned is one, and if not,
+//! why.
 
 #![forbid(unsafe_code)]
 
@@ -37,7 +38,8 @@ pub struct WithJacobian<S>(pub S);
 macro_rules! verify {
     ($($name:ident)*) => {$(
         impl<const N: usize, S: System<f64, State = [f64; N]>> $name<S> {
-            /// Whether `y` is a state of the system at time `t`: finite, in the domain of the coordinates, with a derivative.
+            /// Whether `y` is a state of the system at time `t`: finite, in the domain of the coordinates, with a
+            /// derivative.
             ///
             /// # Errors
             ///

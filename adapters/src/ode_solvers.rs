@@ -20,13 +20,13 @@ use crate::Adapter;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 ///
-/// Take `Dopri5`, not `Dop853`, for a system that depends on time explicitly: in the `Dop853` of `ode_solvers` 0.6.2 the nodes
-/// `c_12` and `c_13` are 0 instead of 1, so that its last stages are evaluated at the start of the step. Such a system fails with
-/// it, or is integrated wrongly without a word. A right-hand side without `t`, as that of most scenes, is not affected;
-/// [`hamel_runtime::Dop853`] is right for both.
+/// Take `Dopri5`, not `Dop853`, for a system that depends on time explicitly: in the `Dop853` of `ode_solvers` 0.6.2
+/// the nodes `c_12` and `c_13` are 0 instead of 1, so that its last stages are evaluated at the start of the step. Such
+/// a system fails with it, or is integrated wrongly without a word. A right-hand side without `t`, as that of most
+/// scenes, is not affected; [`hamel_runtime::Dop853`] is right for both.
 ///
-/// `Sparse` output has the states after all steps. Of `Dense` output, the solver's own choice, the last state is not to be trusted:
-/// `ode_solvers` 0.6.2 extrapolates it from an earlier step.
+/// `Sparse` output has the states after all steps. Of `Dense` output, the solver's own choice, the last state is not to
+/// be trusted: `ode_solvers` 0.6.2 extrapolates it from an earlier step.
 ///
 /// The integration is stopped after a step that led to something that is not a state, which
 /// [`verify`](Adapter::verify) tells from the end.

@@ -15,14 +15,15 @@ fn heavy_top() -> (impl Six, [f64; 6]) {
     (top.unwrap(), [0.1, 0.2, 5.0, 0.0, 0.6, 0.8])
 }
 
-/// Nonholonomic: its Jacobian has the derivatives of a multiplier in it. The constraint `Omega . gamma = 0` holds at the start.
+/// Nonholonomic: its Jacobian has the derivatives of a multiplier in it. The constraint `Omega . gamma = 0` holds at
+/// the start.
 fn veselova() -> (impl Six, [f64; 6]) {
     let body = veselova_derivatives::Prepared::new(&veselova_derivatives::Params::default());
     (body.unwrap(), [1.2, 0.3, -0.4, 0.0, 0.8, 0.6])
 }
 
-/// `tolerance` is on the state at the end, above the local one by the number of steps and the growth of errors; the motion
-/// is larger by eight orders.
+/// `tolerance` is on the state at the end, above the local one by the number of steps and the growth of errors; the
+/// motion is larger by eight orders.
 fn assert_agrees(system: &impl Six, start: [f64; 6], found: &[f64], tolerance: f64) {
     let mut solver = Integrator::new(system, Dop853, 0.0, start, Options::adaptive(1e-13, 1e-14)).unwrap();
     solver.integrate_to(END).unwrap();

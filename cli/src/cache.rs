@@ -1,8 +1,8 @@
 //! What was derived once, kept in the user's cache folder.
 //!
-//! A value is kept under a hash of everything that it depends on: the text of the model, what was made of it, the budget, and the
-//! program itself, so that another version never reads it. The file begins with a line that repeats that hash and has one
-//! of the value, so that a file that is damaged, or somebody else's, is made anew.
+//! A value is kept under a hash of everything that it depends on: the text of the model, what was made of it, the
+//! budget, and which program it was, so that another version never reads it. The file begins with a line that repeats
+//! that hash and has one of the value, so that a file that is damaged, or somebody else's, is made anew.
 //!
 //! Does not know: what is kept.
 
@@ -36,8 +36,8 @@ impl Cache {
         Cache { folder: Some(folder.into()) }
     }
 
-    /// Keeps values in the folder that `HAMEL_CACHE_DIR` names, otherwise where the system wants such files; nowhere when it does
-    /// not say.
+    /// Keeps values in the folder that `HAMEL_CACHE_DIR` names, otherwise where the system wants such files; nowhere
+    /// when it does not say.
     pub fn of_user() -> Cache {
         let folder = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
         let own = std::env::var_os("HAMEL_CACHE_DIR").filter(|path| !path.is_empty()).map(PathBuf::from);
@@ -128,18 +128,25 @@ fn trim(folder: &Path, most: u64) -> std::io::Result<()> {
     Ok(())
 }
 
-/// A digest of this program: while hamel is developed, programs of one version differ.
+/// What tells this program from another one of the same version, as there are many while hamel is developed: its path,
+/// its size and when it was written. Its bytes would tell as much, but reading all of them takes longer than most
+/// answers.
 fn program() -> Option<&'static str> {
-    static DIGEST: OnceLock<Option<String>> = OnceLock::new();
-    let of_file = || std::fs::read(std::env::current_exe().ok()?).ok().map(|bytes| digest(&[&bytes]));
-    DIGEST.get_or_init(of_file).as_deref()
+    static STAMP: OnceLock<Option<String>> = OnceLock::new();
+    let of_file = || {
+        let path = std::env::current_exe().ok()?;
+        let data = std::fs::metadata(&path).ok()?;
+        let written = data.modified().ok()?.duration_since(SystemTime::UNIX_EPOCH).ok()?;
+        Some(format!("{} {} {}", path.display(), data.len(), written.as_nanos()))
+    };
+    STAMP.get_or_init(of_file).as_deref()
 }
 
 /// 128 bits in hexadecimal digits that depend on all bytes of all parts, and on where parts end.
 ///
-/// Two chains `h' = mix(h xor word)` over words of eight bytes, whose `mix` are permutations with different factors in which every bit
-/// of the result depends on every bit of the argument. What this has to tell apart are versions of files, not what somebody made
-/// in order to collide.
+/// Two chains `h' = mix(h xor word)` over words of eight bytes, whose `mix` are permutations with different factors in
+/// which every bit of the result depends on every bit of the argument. What this has to tell apart are versions of
+/// files, not what somebody made in order to collide.
 fn digest(parts: &[&[u8]]) -> String {
     const FACTORS: [[u64; 2]; 2] =
         [[0xff51_afd7_ed55_8ccd, 0xc4ce_b9fe_1a85_ec53], [0xbf58_476d_1ce4_e5b9, 0x94d0_49bb_1331_11eb]];

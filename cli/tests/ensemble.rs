@@ -220,7 +220,8 @@ fn an_ensemble_of_which_none_arrives_fails_after_it_was_written() {
     ensemble(&model, &["--sweep", "m=-1..1:3", "--initial", "x=3", "--t-final", "0.1", "-o", &csv]);
 }
 
-/// Trajectories whose velocities all vary are taken as they are, and stop before they start where that breaks a constraint.
+/// Trajectories whose velocities all vary are taken as they are, and stop before they start where that breaks a
+/// constraint.
 #[test]
 fn starts_off_the_constraint_stop_alone() {
     let folder = Folder::new("inadmissible");

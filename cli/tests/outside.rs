@@ -1,4 +1,5 @@
-//! The program in an empty folder outside the repository: an own model from `new` to a module, and shipped models by name.
+//! The program in an empty folder outside the repository: an own model from `new` to a module, and shipped models by
+//! name.
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};

@@ -34,7 +34,8 @@ fn report(arguments: &[&str], output: &Path) -> String {
     std::fs::read_to_string(output).unwrap()
 }
 
-/// Every element that is opened is closed, in order; the page is written such that XML's rules hold but for the doctype.
+/// Every element that is opened is closed, in order; the page is written such that XML's rules hold but for the
+/// doctype.
 fn assert_well_formed(html: &str) {
     let mut open: Vec<&str> = Vec::new();
     let mut rest = html.strip_prefix("<!DOCTYPE html>").expect("a doctype");

@@ -1,4 +1,5 @@
-//! A derived scene as text for people (Unicode, LaTeX, HTML with MathML): algebra, stage forms, constraint, equations, what was found, operation counts.
+//! A derived scene as text for people (Unicode, LaTeX, HTML with MathML): algebra, stage forms, constraint, equations,
+//! what was found, operation counts.
 //!
 //! Deliberately does not know: how any of it was computed.
 

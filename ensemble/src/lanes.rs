@@ -12,7 +12,8 @@ pub trait Family<const N: usize> {
     type Of<R: Real>: Scene<R> + System<R, State = [R; N]>;
 }
 
-/// Makes systems on the scalar `R` from parameters; for scenes that are known at run time only, as any [`Family`] is one.
+/// Makes systems on the scalar `R` from parameters; for scenes that are known at run time only, as any [`Family`] is
+/// one.
 pub trait Source<R: Real>: Sync {
     /// Storage of a state.
     type State: StateVector<R>;
@@ -48,8 +49,8 @@ impl<F: Family<N>, R: Real, const N: usize> Source<R> for Generated<F, N> {
     }
 }
 
-/// Declares a type that stands for a generated scene on every scalar: its name, the number of components of its state, and
-/// the path of the generated `Prepared`.
+/// Declares a type that stands for a generated scene on every scalar: its name, the number of components of its state,
+/// and the path of the generated `Prepared`.
 ///
 /// ```
 /// hamel_ensemble::family! {

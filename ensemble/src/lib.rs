@@ -26,18 +26,19 @@
 //!
 //! # What the results depend on
 //!
-//! Trajectories `k L` to `k L + L - 1` of the input are the lanes of one integration, with `L` the number of lanes; the last
-//! group is filled up with copies of its last trajectory. The lanes have one step size, for which the error of each
-//! component is the largest of all lanes, so that the tolerances hold for every one of them. Hence
+//! Trajectories `k L` to `k L + L - 1` of the input are the lanes of one integration, with `L` the number of lanes; the
+//! last group is filled up with copies of its last trajectory. The lanes have one step size, for which the error of
+//! each component is the largest of all lanes, so that the tolerances hold for every one of them. Hence
 //!
-//! - results depend on the order of the input and on the number of lanes, and on nothing else: not on threads, their number
-//!   or their timing, and not on the target's registers;
+//! - results depend on the order of the input and on the number of lanes, and on nothing else: not on threads, their
+//!   number or their timing, and not on the target's registers;
 //! - with fixed steps, or with `with_lanes::<f64>()`, each trajectory has the bits of an
 //!   [`Integrator`](hamel_runtime::Integrator) of its own, whatever is integrated beside it;
-//! - a group in which anything fails is integrated again, one trajectory after the other: those that do not fail have the
-//!   bits of an integrator of their own, and those that fail keep the state, the samples and the reason.
+//! - a group in which anything fails is integrated again, one trajectory after the other: those that do not fail have
+//!   the bits of an integrator of their own, and those that fail keep the state, the samples and the reason.
 //!
-//! Trajectories whose steps differ much in size are best sorted, so that neighbours are alike, or integrated on one lane.
+//! Trajectories whose steps differ much in size are best sorted, so that neighbours are alike, or integrated on one
+//! lane.
 
 #![forbid(unsafe_code)]
 

@@ -66,13 +66,13 @@ impl<M, L> Ensemble<M, L> {
     ///
     /// # Shapes
     ///
-    /// params: \[n\] or \[1\] sets in the order of `INFO.params`; initial: \[n\] or \[1\] states; times: between the start
-    /// and `t_end`, in the direction of integration.
+    /// params: \[n\] or \[1\] sets in the order of `INFO.params`; initial: \[n\] or \[1\] states; times: between the
+    /// start and `t_end`, in the direction of integration.
     ///
     /// # Errors
     ///
-    /// [`Error::Lengths`]. Whatever concerns one trajectory is its [`Trajectory::stop`], options and times that cannot be
-    /// included.
+    /// [`Error::Lengths`]. Whatever concerns one trajectory is its [`Trajectory::stop`], options and times that cannot
+    /// be included.
     pub fn run<F, const N: usize>(
         &self,
         params: &[impl AsRef<[f64]> + Sync],
@@ -88,8 +88,8 @@ impl<M, L> Ensemble<M, L> {
         self.run_from(&Generated::<F, N>(PhantomData), params, initial, t_end, times, |_| {})
     }
 
-    /// [`run`](Self::run) with systems that are known at run time only. `progress` is told how many more trajectories are
-    /// done, by any thread.
+    /// [`run`](Self::run) with systems that are known at run time only. `progress` is told how many more trajectories
+    /// are done, by any thread.
     ///
     /// # Errors
     ///

@@ -77,8 +77,8 @@ fn equal_lanes_give_the_bits_of_a_single_trajectory() {
     assert_eq!(together.unwrap(), vec![single; 6]);
 }
 
-/// The step of a group obeys its worst lane, so that each is at least as accurate as its tolerance asks for: the difference
-/// is that of two integrations at 1e-9, far from the 1e-3 by which neighbours differ.
+/// The step of a group obeys its worst lane, so that each is at least as accurate as its tolerance asks for: the
+/// difference is that of two integrations at 1e-9, far from the 1e-3 by which neighbours differ.
 #[test]
 fn lanes_that_differ_keep_the_tolerance() {
     let params: [f64; 9] = defaults(&heavy_top::INFO);

@@ -1,8 +1,8 @@
 //! Systems of geometric and nonholonomic mechanics as allocation-free right-hand sides.
 //!
-//! One module per scene under [`generated`], written by `cargo xtask generate` from the model files in `specs/`: `Params`,
-//! `State`, and `Prepared` with `rhs`, `energy` and the outputs of the scene. [`for_each_scene!`] visits all of them.
-//! No equation of motion here is written by hand.
+//! One module per scene under [`generated`], written by `cargo xtask generate` from the model files in `specs/`:
+//! `Params`, `State`, and `Prepared` with `rhs`, `energy` and the outputs of the scene. [`for_each_scene!`] visits all
+//! of them. No equation of motion here is written by hand.
 //!
 //! ```
 //! use hamel_models::generated::heavy_top::{Params, Prepared, State};

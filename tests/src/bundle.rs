@@ -46,8 +46,8 @@ pub struct Tie {
     pub offset: Rational,
 }
 
-/// `L = 1/2 z.(G0 + x1^2 G1 + x2^2 G2) z + b.z x1 - V(x) - s.a (1 + x1)` with `z = (xdot, xi)`, perhaps a constraint and
-/// parameters `a` under the coadjoint action.
+/// `L = 1/2 z.(G0 + x1^2 G1 + x2^2 G2) z + b.z x1 - V(x) - s.a (1 + x1)` with `z = (xdot, xi)`, perhaps a constraint
+/// and parameters `a` under the coadjoint action.
 #[derive(Clone, Debug)]
 pub struct Bundle {
     /// The algebra of the group.

@@ -267,7 +267,8 @@ fn constraints_are_holonomic_exactly_where_their_distribution_is_closed() {
     };
     assert_eq!(holonomic(&connected("x*y_dot - y*x_dot")), Some(false));
     assert_eq!(holonomic(&connected("x*y_dot + y*x_dot")), Some(true));
-    // y - t x is no function that is kept by dy = t dx: the slope turns under way. In a frame that moves with time the same.
+    // y - t x is no function that is kept by dy = t dx: the slope turns under way. In a frame that moves with time the
+    // same.
     assert_eq!(
         holonomic("coordinate x, y in real; lagrangian = x_dot^2 + y_dot^2; constraint y_dot = t*x_dot;"),
         Some(false)

@@ -110,8 +110,8 @@ fn the_two_disks_differ_on_the_other_side_of_the_contact() {
 
 #[test]
 fn a_ball_on_a_rotating_table_moves_on_a_circle() {
-    // Newton: xdd = F, k2 omega' = (-r e3) x F, hence k2 omega_x' = r ydd and k2 omega_y' = -r xdd; the derivative of the
-    // constraint, xdd = r omega_y' - Omega ydot, gives xdd = -w ydot, ydd = w xdot with w = Omega k2/(k2 + r^2).
+    // Newton: xdd = F, k2 omega' = (-r e3) x F, hence k2 omega_x' = r ydd and k2 omega_y' = -r xdd; the derivative of
+    // the constraint, xdd = r omega_y' - Omega ydot, gives xdd = -w ydot, ydd = w xdot with w = Omega k2/(k2 + r^2).
     let scene = build("ball_on_rotating_table", scene::RECONSTRUCTION);
     let (r, k2, turning) = (0.3, 0.036, 1.4);
     let w = turning * k2 / (k2 + r * r);
@@ -194,7 +194,8 @@ fn the_mass_centre_of_a_tethered_body_is_a_harmonic_oscillator() {
 #[test]
 fn the_attitude_of_a_heavy_top_keeps_its_norm_and_its_vertical() {
     let scene = build("heavy_top", scene::RECONSTRUCTION);
-    // R = Rx(alpha) with sin alpha = 0.6: R^T e3 = (0, 0.6, 0.8); then a turn about the vertical, which Gamma cannot see.
+    // R = Rx(alpha) with sin alpha = 0.6: R^T e3 = (0, 0.6, 0.8); then a turn about the vertical, which Gamma cannot
+    // see.
     let q = quaternion_product(rotation_by([0.0, 0.0, 0.7]), rotation_by([0.6_f64.asin(), 0.0, 0.0]));
     let names = ["Omega1", "Omega2", "Omega3", "Gamma1", "Gamma2", "Gamma3", "qw", "qx", "qy", "qz"];
     let values = [[0.4, -0.3, 2.0].as_slice(), &[0.0, 0.6, 0.8], &q].concat();

@@ -104,7 +104,8 @@ fn the_servo_ball_keeps_its_servo_law_and_is_pushed_along_the_prescribed_directi
 
 #[test]
 fn appells_machine_has_the_accelerations_of_its_closed_form() {
-    // On the constraint the speed s obeys s' = -g k/(1 + k^2), exactly: a Pythagorean direction keeps everything rational.
+    // On the constraint the speed s obeys s' = -g k/(1 + k^2), exactly: a Pythagorean direction keeps everything
+    // rational.
     let e = equations("appell_machine");
     let default = |name: &str| {
         e.system.params.iter().find(|p| p.name == name).expect("it is a parameter").default.clone()

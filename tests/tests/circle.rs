@@ -13,7 +13,8 @@ use hamel_tests::tracked::{Tracked, unit_in_the_last_place};
 /// Units in the last place that a rate may be off.
 const BOUND: f64 = 64.0;
 
-/// Models, angles and what else a scene may say: parity with parameters that are fixed and coordinates that are dropped.
+/// Models, angles and what else a scene may say: parity with parameters that are fixed and coordinates that are
+/// dropped.
 const CASES: &[(&str, &str, &str)] = &[
     ("euler_disk", "theta", ""),
     ("euler_disk", "theta", "drop phi;"),

@@ -1,8 +1,8 @@
 //! Derivatives of the right-hand side: against exact differentiation, against dual numbers, against differences, and
 //! against each other.
 //!
-//! Rounding: a value and its counterpart by dual numbers are computed with different operations, each run on [`Tracked`]
-//! numbers; they may differ by 16 units in the last place of the larger of their largest terms.
+//! Rounding: a value and its counterpart by dual numbers are computed with different operations, each run on
+//! [`Tracked`] numbers; they may differ by 16 units in the last place of the larger of their largest terms.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
@@ -276,9 +276,9 @@ fn derivatives_and_patterns_are_exact_where_the_whole_expression_can_be_differen
 
 #[test]
 fn the_jacobian_agrees_with_differences_of_double_doubles() {
-    // Two central differences, extrapolated: with h = 2^-40 the truncation is h^4 f'''''/120 = 1e-50 f''''' (with h^2 alone a disk
-    // that lies nearly flat, whose 1 - Gamma_3^2 is 1e-6, is off by 1e-12) and the rounding 1e-32/h = 1e-20 f: what is left is
-    // the rounding of the entries themselves, as against dual numbers.
+    // Two central differences, extrapolated: with h = 2^-40 the truncation is h^4 f'''''/120 = 1e-50 f''''' (with h^2
+    // alone a disk that lies nearly flat, whose 1 - Gamma_3^2 is 1e-6, is off by 1e-12) and the rounding 1e-32/h =
+    // 1e-20 f: what is left is the rounding of the entries themselves, as against dual numbers.
     let h = 2.0_f64.powi(-40);
     for name in names() {
         let built = derivatives_of(&name);
@@ -310,8 +310,8 @@ fn the_jacobian_agrees_with_differences_of_double_doubles() {
                     let rate = still[i].hi().abs();
                     let place = matrix.pattern.iter().position(|p| *p == (i, j));
                     let found = place.map_or(Tracked::ZERO, |k| entries[k]);
-                    // Differences of rates say nothing about digits below: terms that cancel within a rate, as in an entry that
-                    // vanishes, leave 1e-32/h of their size (1.6e-17 was met in euler_disk_advected).
+                    // Differences of rates say nothing about digits below: terms that cancel within a rate, as in an
+                    // entry that vanishes, leave 1e-32/h of their size (1.6e-17 was met in euler_disk_advected).
                     let floor = Tracked { value: expected, term: found.term.max(0.1 * (1.0 + rate)) };
                     agree(&format!("{name}: J[{i}][{j}]"), found, floor);
                 }
@@ -355,8 +355,8 @@ fn operations(built: &BuiltScene, role: &Role) -> usize {
 
 #[test]
 fn products_cost_a_small_multiple_of_the_right_hand_side() {
-    // Griewank and Walther 2008 bound both by 4 to 5 evaluations of the same program; the rates alone are simplified across
-    // definitions that their derivatives share, so that up to 5.3 was measured (euler_disk_advected).
+    // Griewank and Walther 2008 bound both by 4 to 5 evaluations of the same program; the rates alone are simplified
+    // across definitions that their derivatives share, so that up to 5.3 was measured (euler_disk_advected).
     for name in names() {
         let built = derivatives_of(&name);
         let (rhs, n) = (operations(built, &Role::Rate), built.state.len());
@@ -516,8 +516,8 @@ mod variational {
     const N: usize = 6;
     const N_PARAMS: usize = 9;
 
-    /// `y' = f(t, y; p)` with `s' = J s + (df/dp) q`, the derivative of the motion along a direction of initial state and
-    /// parameters.
+    /// `y' = f(t, y; p)` with `s' = J s + (df/dp) q`, the derivative of the motion along a direction of initial state
+    /// and parameters.
     struct Variational {
         top: Prepared,
         direction: [f64; N_PARAMS],

@@ -1,5 +1,5 @@
-//! Misprints of Cendra and Diaz (S0) that change equations of motion, and the readings of its stage formulas that do not
-//! hold: the printed formula and the corrected one at accelerations that the generator derives.
+//! Misprints of Cendra and Diaz (S0) that change equations of motion, and the readings of its stage formulas that do
+//! not hold: the printed formula and the corrected one at accelerations that the generator derives.
 //!
 //! A1 for random bases, metrics and chains of many algebras is tested in `properties_stages.rs`.
 

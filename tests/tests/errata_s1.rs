@@ -1,5 +1,5 @@
-//! Misprints of Grillo and Zuccalli (S1). They do not change the motion of its ball, which is isotropic, but that of any
-//! other right-invariant system with the same constraint.
+//! Misprints of Grillo and Zuccalli (S1). They do not change the motion of its ball, which is isotropic, but that of
+//! any other right-invariant system with the same constraint.
 
 use hamel_tests::errata::{Ours, Point, cross, diagonal, generic, minus, plus, scaled, verdict};
 use hamel_tests::linear::{Vector, dot, fraction, identity, int};

@@ -1,5 +1,5 @@
-//! Misprints of Cortes, de Leon, Marrero and Martinez (S2) that change equations of motion: the printed formula, written
-//! out by hand, and the corrected one at accelerations that the generator derives.
+//! Misprints of Cortes, de Leon, Marrero and Martinez (S2) that change equations of motion: the printed formula,
+//! written out by hand, and the corrected one at accelerations that the generator derives.
 
 use hamel_codegen::expr::Rational;
 use hamel_tests::errata::{
@@ -188,7 +188,8 @@ const MOUNTED: &str = "model mounted {
     independent p_dot, Omega;
 }";
 
-/// Terms of the reduced equation along `(zeta, zeta x v)`: `w` angular velocity, `u` velocity of the centre, `v = r Gamma`.
+/// Terms of the reduced equation along `(zeta, zeta x v)`: `w` angular velocity, `u` velocity of the centre,
+/// `v = r Gamma`.
 struct Mounted {
     /// `d/dt dL/dw`.
     rate_w: Vector,

@@ -1,5 +1,6 @@
-//! Misprints of Gay-Balmaz and Yoshimura (S4) that change equations of motion. Bodies: at accelerations that the generator
-//! derives. Fluids: on the su(3) truncation of the flow on a torus, and as identities of polynomial fields, both exact.
+//! Misprints of Gay-Balmaz and Yoshimura (S4) that change equations of motion. Bodies: at accelerations that the
+//! generator derives. Fluids: on the su(3) truncation of the flow on a torus, and as identities of polynomial fields,
+//! both exact.
 
 use hamel_codegen::expr::{ExprId, Rational};
 use hamel_tests::errata::{
@@ -275,8 +276,8 @@ fn s4_7_3_signs_on_the_truncated_torus() {
 
 #[test]
 fn s4_7_3_signs_of_compressible_mhd() {
-    // Pi_t + ad*_v Pi = rho grad(dl/drho) + B x curl(dl/dB), e(rho) = rho^2, p = 2 rho^3, for polynomial fields that obey
-    // rho_t = -div(rho v), rho (v_t + v.grad v) = -grad p - B x curl B at a point.
+    // Pi_t + ad*_v Pi = rho grad(dl/drho) + B x curl(dl/dB), e(rho) = rho^2, p = 2 rho^3, for polynomial fields that
+    // obey rho_t = -div(rho v), rho (v_t + v.grad v) = -grad p - B x curl B at a point.
     let mut f = Fields::new(11);
     let (v, b, rho) = (f.vector(3, 2), f.vector(3, 2), f.scalar(3, 2));
     let flux: Vec<ExprId> = v.iter().map(|c| f.mul(rho, *c)).collect();

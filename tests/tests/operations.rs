@@ -1,11 +1,12 @@
 //! Operations of every right-hand side, bounded from above.
 //!
-//! A change of derivation or lowering that costs operations fails here. One that saves some may lower the bounds: the test
-//! prints the table as it would be now with `cargo test -p hamel-tests --test operations -- --nocapture`.
+//! A change of derivation or lowering that costs operations fails here. One that saves some may lower the bounds: the
+//! test prints the table as it would be now with `cargo test -p hamel-tests --test operations -- --nocapture`.
 
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
-use hamel_codegen::program::{Counts, Role};
+use hamel_codegen::program::{Counts, Limit, Report, Role};
 use hamel_codegen::scene;
 use hamel_tests::models::{build, model, names};
 
@@ -79,8 +80,8 @@ const fn most(model: &'static str, scene: &'static str, most: [usize; 5]) -> Bou
     Bound { model, scene, most }
 }
 
-/// Additions and subtractions; multiplications; divisions; square roots and elementary functions; all, with sign changes.
-/// Fused pairs count as two, so the bounds do not depend on what is fused.
+/// Additions and subtractions; multiplications; divisions; square roots and elementary functions; all, with sign
+/// changes. Fused pairs count as two, so the bounds do not depend on what is fused.
 fn numbers(c: &Counts) -> [usize; 5] {
     [c.add, c.mul, c.div, c.sqrt + c.transcendental, c.total()]
 }
@@ -94,6 +95,33 @@ fn line(model: &str, scene: &str, [add, mul, div, functions, all]: [usize; 5]) -
     format!("    {names:<42} [{add:>3}, {mul:>3}, {div:>2}, {functions:>2}, {all:>3}]),\n")
 }
 
+/// Models with functions so large that the search for their cheapest form stops at its limit of divisors looked at.
+///
+/// With four times the limit the Chaplygin gyroscope takes 20 s instead of 4 s to generate and the satellite 40 s
+/// instead of 2 s (optimised, one core of two shared ones).
+const STOPPED_EARLY: [(&str, &[&str]); 4] = [
+    ("chaplygin_ball", &["rhs"]),
+    ("chaplygin_gyro", &["rhs", "multipliers"]),
+    ("extended_pose", &["rhs"]),
+    ("two_arm_satellite", &["rhs"]),
+];
+
+/// The searches of a scene that fell back, or stopped early although its model is none of those.
+fn unexpected(model: &str, scene: &str, report: &Report) -> String {
+    let mut problems = String::new();
+    for (role, search) in report.incomplete() {
+        let is_known =
+            |(name, functions): &(&str, &[&str])| *name == model && functions.contains(&role.name());
+        let is_expected = search.fall_back.is_none()
+            && search.limits == BTreeSet::from([Limit::Divisors])
+            && STOPPED_EARLY.iter().any(is_known);
+        if !is_expected {
+            let _ = writeln!(problems, "{model} {scene}: {role}: {search:?}");
+        }
+    }
+    problems
+}
+
 #[test]
 fn no_right_hand_side_takes_more_operations_than_the_table_says() {
     let (mut table, mut problems) = (String::new(), String::new());
@@ -102,6 +130,7 @@ fn no_right_hand_side_takes_more_operations_than_the_table_says() {
         for scene in scene::names(&model(&name)).into_iter().filter(|s| s != scene::RECONSTRUCTION) {
             let program = build(&name, &scene).program;
             let k = program.function_idx(&Role::Rate).unwrap_or_else(|| panic!("{name} {scene} has no rhs"));
+            problems.push_str(&unexpected(&name, &scene, &program.report));
             let numbers = numbers(&program.functions[k].counts());
             let own = line(&name, &scene, numbers);
             match BOUNDS.iter().find(|b| b.model == name && b.scene == scene) {

@@ -1,4 +1,5 @@
-//! What is divided by: finite, other than zero, and positive where it is an inertia; everything else is refused by name.
+//! What is divided by: finite, other than zero, and positive where it is an inertia; everything else is refused by
+//! name.
 
 use std::cmp::Ordering;
 use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
@@ -7,8 +8,8 @@ use hamel_models::generated::{appell_machine, euler_disk_advected, extended_pose
 use hamel_runtime::{DoubleDouble, Dual, Error, Failure, Integrator, Options, Real, Rk4, Scene, System};
 use hamel_tests::random::Random;
 
-/// `mantissa 2^exponent` with the mantissa of an `f64` and an exponent without bounds: every operation rounds as `f64` does where that
-/// neither overflows nor underflows.
+/// `mantissa 2^exponent` with the mantissa of an `f64` and an exponent without bounds: every operation rounds as `f64`
+/// does where that neither overflows nor underflows.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Wide {
     mantissa: f64,
@@ -316,8 +317,8 @@ fn smallest_pivot(a: &[Vec<f64>]) -> f64 {
     smallest
 }
 
-/// Random metrics: `scale_i scale_j r_ij` with ones on the diagonal of `r` and a random `strength` beside it, so that they are definite,
-/// nearly singular or indefinite, in units between 1e-4 and 1e4.
+/// Random metrics: `scale_i scale_j r_ij` with ones on the diagonal of `r` and a random `strength` beside it, so that
+/// they are definite, nearly singular or indefinite, in units between 1e-4 and 1e4.
 fn metric(random: &mut Random, n: usize) -> Vec<Vec<f64>> {
     let scales: Vec<f64> = (0..n).map(|_| 10.0_f64.powf(4.0 * random.number())).collect();
     let strength = 10.0_f64.powf(-1.0 + 1.2 * random.number());

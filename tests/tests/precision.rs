@@ -1,5 +1,5 @@
-//! Methods of high order meet the reference trajectories at every tolerance, down to the floor of double precision, and where that
-//! leaves no digit the reason is named.
+//! Methods of high order meet the reference trajectories at every tolerance, down to the floor of double precision, and
+//! where that leaves no digit the reason is named.
 
 use hamel_models::generated::{
     chaplygin_ball_taylor, euler_disk_taylor, heavy_top_taylor, snakeboard_taylor, two_arm_satellite_taylor,
@@ -7,7 +7,8 @@ use hamel_models::generated::{
 use hamel_runtime::{Failure, Integrator, Jet, Method, Options, Scene, System, Taylor, Vern9};
 use hamel_tests::reference::{self, Trajectory};
 
-/// Errors at the end in units of the tolerance; 0.83 was measured, and targets without fused operations round otherwise.
+/// Errors at the end in units of the tolerance; 0.83 was measured, and targets without fused operations round
+/// otherwise.
 const BOUND: f64 = 2.0;
 
 /// Relative error at the end of a trajectory, over the norm of the final state.
@@ -62,8 +63,8 @@ fn reference_trajectories_are_met_at_every_tolerance() {
     check::<7, two_arm_satellite_taylor::Prepared>("two_arm_satellite");
 }
 
-/// Inertias that differ by sixteen powers of ten: with fused operations the inertia along `Omega3` is exactly zero in the right-hand
-/// side, without them it is what rounding errors leave.
+/// Inertias that differ by sixteen powers of ten: with fused operations the inertia along `Omega3` is exactly zero in
+/// the right-hand side, without them it is what rounding errors leave.
 #[test]
 fn a_pivot_that_rounding_errors_hide_has_a_name() {
     let params = [

@@ -83,8 +83,8 @@ fn a_diagonal_mass_matrix_is_neither_named_nor_factored() {
     }
 }
 
-/// Models whose multipliers are kept: no single choice of independent velocities is good everywhere, or the constraint is
-/// not linear in the velocities.
+/// Models whose multipliers are kept: no single choice of independent velocities is good everywhere, or the constraint
+/// is not linear in the velocities.
 const WITH_MULTIPLIERS: [&str; 3] = ["appell_machine", "servo_ball", "veselova"];
 
 #[test]
@@ -103,8 +103,8 @@ const ON_CONSTRAINT: [&str; 2] = ["appell_machine", "veselova"];
 
 #[test]
 fn energy_is_conserved_where_the_theory_says_so() {
-    // The rate is zero iff the constraint is linear and homogeneous, displacements are those that it allows, and there is
-    // neither force nor explicit time. A moving table, a reaction beside the constraint and a servo do work.
+    // The rate is zero iff the constraint is linear and homogeneous, displacements are those that it allows, and there
+    // is neither force nor explicit time. A moving table, a reaction beside the constraint and a servo do work.
     for name in models::names() {
         let e = equations(&name);
         let conserved =

@@ -1,14 +1,15 @@
 //! Special systems cost what their own equations need: scenes against counts by hand.
 //!
-//! A general system with parameters fixed to zero, or with coordinates left out, has to come down to the right-hand side that
-//! one would write for the special system alone. The counts here are those of equations written by hand; more is a
-//! missed simplification, and fewer means that the hand can learn something: the entry is then corrected.
+//! A general system with parameters fixed to zero, or with coordinates left out, has to come down to the right-hand
+//! side that one would write for the special system alone. The counts here are those of equations written by hand; more
+//! is a missed simplification, and fewer means that the hand can learn something: the entry is then corrected.
 
 use hamel_codegen::program::Role;
 use hamel_tests::models::build;
 
-/// Additions and subtractions, multiplications, divisions, roots and functions of a right-hand side. A fused pair counts as
-/// its two operations, sine and cosine of one angle as one function, a change of sign as nothing: it is part of a subtraction.
+/// Additions and subtractions, multiplications, divisions, roots and functions of a right-hand side. A fused pair
+/// counts as its two operations, sine and cosine of one angle as one function, a change of sign as nothing: it is part
+/// of a subtraction.
 type Cost = [usize; 4];
 
 fn cost(model: &str, scene: &str) -> Cost {
@@ -31,7 +32,8 @@ fn falls(model: &str, general: &str, special: &str, by_hand: Cost) {
 
 /// A cross product.
 const CROSS: [usize; 2] = [3, 6];
-/// A symmetric or a general 3x3 matrix by a vector; as many as forward and back substitution through the factors `L D L^T`.
+/// A symmetric or a general 3x3 matrix by a vector; as many as forward and back substitution through the factors
+/// `L D L^T`.
 const MATRIX: [usize; 2] = [6, 9];
 
 fn sum(parts: &[(usize, [usize; 2])]) -> Cost {
@@ -39,7 +41,8 @@ fn sum(parts: &[(usize, [usize; 2])]) -> Cost {
     [add, mul, 0, 0]
 }
 
-/// With `s`, `c` sine and cosine of theta (one function), `p = s phi'`, `q = c phi'` and `k0, ..` from parameters alone:
+/// With `s`, `c` sine and cosine of theta (one function), `p = s phi'`, `q = c phi'` and `k0, ..` from parameters
+/// alone:
 ///
 /// ```text
 /// theta'' = k0 p (psi' + k1 q) + k2 c                2 additions, 4 multiplications, and 2 for p and q
@@ -59,8 +62,8 @@ fn lagranges_top_with_three_moments_of_inertia_has_no_gravity_about_its_axis() {
     falls("heavy_top", "default", "lagrange", sum(&[(2, [1, 3]), (1, [0, 2]), (1, CROSS)]));
 }
 
-/// With `a = (I1 - I3)/I1 Omega3` (1 multiplication): `Omega1' = a Omega2 + k Gamma2`, `Omega2' = -a Omega1 - k Gamma1`,
-/// `Omega3' = 0`, and a cross product.
+/// With `a = (I1 - I3)/I1 Omega3` (1 multiplication): `Omega1' = a Omega2 + k Gamma2`,
+/// `Omega2' = -a Omega1 - k Gamma1`, `Omega3' = 0`, and a cross product.
 #[test]
 fn lagranges_top_keeps_its_spin() {
     falls("heavy_top", "lagrange", "symmetric", sum(&[(1, [0, 1]), (2, [1, 2]), (1, CROSS)]));

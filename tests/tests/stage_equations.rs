@@ -62,7 +62,8 @@ fn of_shipped_models_they_are_equations_of_motion() {
         let model = spec::parse(&name, &text).unwrap_or_else(|e| panic!("{name}: {e}"));
         let equations = derive(&reduce(&model, &Formulation::of(&model)).unwrap()).unwrap();
         let found = vertical(&equations, &name);
-        // Along all of the algebra with multipliers, otherwise along as many displacements as there are unknowns besides those of the base.
+        // Along all of the algebra with multipliers, otherwise along as many displacements as there are unknowns
+        // besides those of the base.
         n_rows.insert(name, (found.rows.len(), found.has_multipliers));
         for row in &found.rows {
             assert_ne!(row.left, equations.system.graph.zero());
@@ -156,8 +157,8 @@ fn numbers(g: &Graph, rows: &[Vec<ExprId>]) -> Rows {
     rows.iter().map(|row| row.iter().map(number).collect()).collect()
 }
 
-/// Compares `left - right` with the residual of the motion, contracted with the displacement, for accelerations that are
-/// none of the motion: an identity off the motion too.
+/// Compares `left - right` with the residual of the motion, contracted with the displacement, for accelerations that
+/// are none of the motion: an identity off the motion too.
 fn assert_contracted(problem: &Problem, equations: &Equations, state: &State, draws: &mut Draws) {
     let text = problem.text();
     let found = vertical(equations, &text);

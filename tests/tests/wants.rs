@@ -10,8 +10,8 @@ fn groups(scene: &BuiltScene) -> Vec<(String, Vec<String>)> {
     scene.outputs().iter().map(|o| (o.name.clone(), components(o))).collect()
 }
 
-/// The default scene has every group of outputs; a scene that wants each by its name has the same, and every name is one of
-/// [`Want`] or the model's own.
+/// The default scene has every group of outputs; a scene that wants each by its name has the same, and every name is
+/// one of [`Want`] or the model's own.
 #[test]
 fn every_output_of_the_default_scene_can_be_wanted_by_its_name() {
     let mut seen = Vec::new();

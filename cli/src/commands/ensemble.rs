@@ -35,7 +35,8 @@ use crate::session::Session;
 ///
 /// Four trajectories are integrated side by side in the registers of a core, and the cores share the work; results
 /// depend on neither the number of threads nor --via. A trajectory that stops keeps its last state, the reason is in
-/// the column `error`, and the others go on; when none reaches the end, the exit status is 1. Integration starts at t = 0.
+/// the column `error`, and the others go on; when none reaches the end, the exit status is 1. Integration starts at t =
+/// 0.
 #[derive(Clone, Debug, Args)]
 #[command(
     arg_required_else_help = true,
@@ -50,7 +51,8 @@ pub struct Arguments {
     /// Which scene, and who evaluates it.
     #[command(flatten)]
     pub scene: SceneOptions,
-    /// Parameter or component of the initial state that takes N values from A to B, or with equal ratios from log:A to B
+    /// Parameter or component of the initial state that takes N values from A to B, or with equal ratios from log:A to
+    /// B
     #[arg(long, value_name = "NAME=[log:]A..B:N", num_args = 1.., value_parser = Sweep::parse)]
     pub sweep: Vec<Sweep>,
     /// Parameter or component to draw: normally distributed around its value with standard deviation SIGMA, or
@@ -180,7 +182,8 @@ fn summary(table: &Table<'_>, targets: &[Target], seconds: f64) -> String {
     text
 }
 
-/// What each trajectory starts from: every line of the table, with every point of the grid, as often as values are drawn.
+/// What each trajectory starts from: every line of the table, with every point of the grid, as often as values are
+/// drawn.
 struct Plan<'a> {
     arguments: &'a Arguments,
     info: &'a Info,

@@ -14,9 +14,10 @@ use crate::session::Session;
 
 /// Write the scenes of models as Rust modules, or check that they are up to date
 ///
-/// Every scene goes into a file of its own, called like the model, with the name of the scene unless that is the default. All
-/// scenes are parsed, derived and emitted first; when any model has a problem, nothing is written. Files are written only
-/// when they change. The modules need the crate hamel-runtime. A build script does the same without files to check in.
+/// Every scene goes into a file of its own, called like the model, with the name of the scene unless that is the
+/// default. All scenes are parsed, derived and emitted first; when any model has a problem, nothing is written. Files
+/// are written only when they change. The modules need the crate hamel-runtime. A build script does the same without
+/// files to check in.
 #[derive(Clone, Debug, Args)]
 #[command(
     arg_required_else_help = true,

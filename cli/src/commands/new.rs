@@ -15,8 +15,8 @@ use crate::session::Session;
 
 /// Write a commented model to start from
 ///
-/// The model can be explained, simulated and generated as it is. A name is written to the current folder, inside hamel's
-/// repository to models/specs; a file that is there already is never touched.
+/// The model can be explained, simulated and generated as it is. A name is written to the current folder, inside
+/// hamel's repository to models/specs; a file that is there already is never touched.
 #[derive(Clone, Debug, Args)]
 #[command(
     arg_required_else_help = true,

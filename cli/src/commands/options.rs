@@ -18,8 +18,8 @@ pub struct SceneOptions {
     /// Name of the scene
     #[arg(long, default_value = "default")]
     pub scene: String,
-    /// Who evaluates: the compiled module, or the interpreter of the generator [default: compiled for the models of hamel's
-    /// repository inside it, otherwise interpreter]
+    /// Who evaluates: the compiled module, or the interpreter of the generator [default: compiled for the models of
+    /// hamel's repository inside it, otherwise interpreter]
     #[arg(long, value_enum)]
     pub via: Option<Via>,
 }
@@ -49,7 +49,8 @@ pub struct MotionOptions {
     /// Relative tolerance [default: 1e-10]
     #[arg(long, value_parser = finite)]
     pub rtol: Option<f64>,
-    /// Absolute tolerance [default: 1e-12]: errors below it do not count, so take less, or 0, for motions of less than atol/rtol
+    /// Absolute tolerance [default: 1e-12]: errors below it do not count, so take less, or 0, for motions of less than
+    /// atol/rtol
     #[arg(long, value_parser = finite)]
     pub atol: Option<f64>,
     /// Fixed step size instead of tolerances

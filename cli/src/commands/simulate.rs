@@ -27,8 +27,8 @@ use crate::session::Session;
 
 /// Integrate a model from an initial state; print a summary and write files
 ///
-/// Integration starts at t = 0, from the model's own initial state where it has one and otherwise from a moderate one on
-/// the constraint; --initial changes components of it.
+/// Integration starts at t = 0, from the model's own initial state where it has one and otherwise from a moderate one
+/// on the constraint; --initial changes components of it.
 ///
 /// With --reconstruct, position and attitude are integrated as well, and a figure shows the path.
 ///
@@ -42,8 +42,8 @@ use crate::session::Session;
 /// {"t", "final": {..}, "samples": [[t, {..}], ..], "steps", "rejected", "rhs_evals", "energy_drift",
 /// "constraint_residual", "initial_residual", "warnings"}
 ///
-/// A request with "reconstruct" gives the coordinates of the group, all of them or none for the defaults, and the answer
-/// has their final values in "reconstruction". `hamel list` shows their names: what scene reconstruction adds to
+/// A request with "reconstruct" gives the coordinates of the group, all of them or none for the defaults, and the
+/// answer has their final values in "reconstruction". `hamel list` shows their names: what scene reconstruction adds to
 /// the state. docs/command-line.md says more about both.
 #[derive(Clone, Debug, Args)]
 #[command(

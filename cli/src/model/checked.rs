@@ -39,7 +39,8 @@ impl Checked {
         self.model
     }
 
-    /// What `make` makes of the model, or made of the same text within the same budget before; `what` names it, with the scene.
+    /// What `make` makes of the model, or made of the same text within the same budget before; `what` names it, with
+    /// the scene.
     ///
     /// # Errors
     /// That of `make`.

@@ -45,7 +45,7 @@ pub fn show_warnings(warnings: &Diagnostics) {
 /// Whether a model's scene says that it wants something, such as its invariants.
 pub fn wants(model: &Model, scene_name: &str, what: Want) -> bool {
     let own = model.scenes.iter().find(|scene| scene.name == scene_name);
-    own.is_some_and(|scene| scene.wants.iter().any(|want| *want == Wanted::Want(what)))
+    own.is_some_and(|scene| scene.wants.contains(&Wanted::Want(what)))
 }
 
 /// Why a name cannot be that of a model, or nothing.

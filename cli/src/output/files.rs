@@ -145,8 +145,8 @@ pub fn figure(run: &Run<'_>) -> Figure {
     if let Some(initial) = response.initial_energy {
         let relative = |energy: f64| (energy - initial) / response.energy_scale;
         let of = if response.energy_scale == initial.abs() { "|E(0)|" } else { "the size of its terms" };
-        // A change of the energy that belongs to the motion is shown at the samples. Otherwise the steps are shown: samples
-        // between them carry the error of the dense output besides that of the integration.
+        // A change of the energy that belongs to the motion is shown at the samples. Otherwise the steps are shown:
+        // samples between them carry the error of the dense output besides that of the integration.
         let (times, values): (Vec<f64>, Vec<f64>) = if response.energy_drift.is_some_and(|d| d > CONSERVED) {
             response.samples.iter().map(|s| (s.t, s.energy.map_or(0.0, relative))).unzip()
         } else {

@@ -45,7 +45,7 @@ impl Target {
             "npz" => true,
             _ => {
                 let reason = "has no known format: let the name end in .csv or .npz";
-                return Err(Error::unusable(&path.display().to_string(), reason));
+                return Err(Error::unusable(path.display().to_string(), reason));
             }
         };
         Ok(Target { path: path.to_owned(), is_npz })
@@ -64,10 +64,11 @@ impl Target {
     }
 }
 
-/// A line for each sample: number of the trajectory, what varies, time, state, energy, and on its last line what went wrong.
+/// A line for each sample: number of the trajectory, what varies, time, state, energy, and on its last line what went
+/// wrong.
 ///
-/// Numbers are in shortest round-trip form, and what has no value is empty; a trajectory that never started has one line,
-/// without time and state.
+/// Numbers are in shortest round-trip form, and what has no value is empty; a trajectory that never started has one
+/// line, without time and state.
 fn csv(table: &Table<'_>) -> String {
     let Table { info, input_names, inputs, results, .. } = table;
     let mut text = String::from("trajectory");
@@ -108,8 +109,8 @@ fn csv(table: &Table<'_>) -> String {
     text
 }
 
-/// Arrays by name: see `docs/command-line.md`, which promises them. NaN stands where a trajectory has no value, and `error`
-/// says why.
+/// Arrays by name: see `docs/command-line.md`, which promises them. NaN stands where a trajectory has no value, and
+/// `error` says why.
 fn npz(table: &Table<'_>) -> std::io::Result<Vec<u8>> {
     let Table { info, input_names, inputs, times, results } = table;
     let (n, n_state, n_samples) = (results.len(), info.state.len(), times.len());

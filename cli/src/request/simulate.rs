@@ -171,8 +171,8 @@ impl SimulateResponse {
     /// `{"t", "final", "samples", "steps", "rejected", "rhs_evals", "energy_drift", "constraint_residual",
     /// "initial_residual", "warnings"}`.
     ///
-    /// With `n_group` coordinates of the group at the end of the state, `final` and `samples` have the components before
-    /// them only, and `reconstruction` is added with the final values of these.
+    /// With `n_group` coordinates of the group at the end of the state, `final` and `samples` have the components
+    /// before them only, and `reconstruction` is added with the final values of these.
     pub fn to_json(&self, info: &Info, n_group: usize) -> Value {
         let n_own = info.state.len() - n_group;
         let names = || info.state[..n_own].iter().map(String::as_str);

@@ -74,8 +74,8 @@ pub(crate) fn is_judged_by(info: &Info) -> bool {
 /// |phi_A| <= 1e-9 S_A + 16 eps sum_x |x dphi_A/dx|,    S_A = max |v| sum_v |dphi_A/dv|
 /// ```
 ///
-/// with the velocities `v` and everything else `x`. What is left of a component that vanishes is rounding of the largest
-/// velocity, so that the sum of the terms' sizes would be no measure.
+/// with the velocities `v` and everything else `x`. What is left of a component that vanishes is rounding of the
+/// largest velocity, so that the sum of the terms' sizes would be no measure.
 ///
 /// # Errors
 /// [`Error::Inadmissible`] with the residuals that are more, and the nearest state with the same positions that keeps

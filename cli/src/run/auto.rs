@@ -1,19 +1,19 @@
 //! The method that is fastest for a tolerance and a cost of the right-hand side, as measured.
 //!
-//! The measurements are in `docs/benchmarks/methods.csv`, made by `cargo run --release -p hamel-models --example methods`; a
-//! test holds the rules against them. Symplectic methods and projection are for whom asks for them: what they are good at is
-//! no matter of time and error.
+//! The measurements are in `docs/benchmarks/methods.csv`, made by
+//! `cargo run --release -p hamel-models --example methods`; a test holds the rules against them. Symplectic methods and
+//! projection are for whom asks for them: what they are good at is no matter of time and error.
 //!
 //! Does not know: scenes, how anything is integrated.
 
 use super::method::MethodName;
 
-/// Costs up to which a right-hand side is cheap, in the unit of [`hamel_codegen::program::Counts::cost`]: the steps' own
-/// arithmetic costs as much, and series grow with the cost faster than values.
+/// Costs up to which a right-hand side is cheap, in the unit of [`hamel_codegen::program::Counts::cost`]: the steps'
+/// own arithmetic costs as much, and series grow with the cost faster than values.
 const CHEAP: u64 = 64;
 
-/// The fastest method at a relative tolerance. `rhs_cost` is unknown for scenes of which only the compiled code is there: they
-/// are taken for costly.
+/// The fastest method at a relative tolerance. `rhs_cost` is unknown for scenes of which only the compiled code is
+/// there: they are taken for costly.
 pub fn choose(rtol: f64, rhs_cost: Option<u64>, has_series: bool) -> MethodName {
     let is_cheap = rhs_cost.is_some_and(|cost| cost <= CHEAP);
     if is_cheap && has_series {

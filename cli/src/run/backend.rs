@@ -110,8 +110,8 @@ pub fn simulate_with_bar(
     result
 }
 
-/// Time and steps reached of all, and the time left if both go on as they did: until the end, or until the largest number
-/// of steps where that comes first.
+/// Time and steps reached of all, and the time left if both go on as they did: until the end, or until the largest
+/// number of steps where that comes first.
 fn status(request: &SimulateRequest, t: f64, steps: u64, elapsed: Duration) -> String {
     let seconds = elapsed.as_secs_f64();
     let left = |done: f64| seconds * (1.0 / done - 1.0);

@@ -70,7 +70,8 @@ impl Choice {
         }
     }
 
-    /// The scene as a method needs it: what was compiled without its invariants is interpreted for a projection onto them.
+    /// The scene as a method needs it: what was compiled without its invariants is interpreted for a projection onto
+    /// them.
     ///
     /// # Errors
     /// Problems of the model.

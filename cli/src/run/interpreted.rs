@@ -102,8 +102,8 @@ impl Built {
         self.derived.get_or_init(|| self.model.derive(&self.info.scene).ok()).as_ref()
     }
 
-    /// The scene with the same parameters and state that has the residuals of the constraints that a state can violate, and
-    /// the momenta; none if there are no such constraints.
+    /// The scene with the same parameters and state that has the residuals of the constraints that a state can violate,
+    /// and the momenta; none if there are no such constraints.
     pub fn with_residuals(&self) -> Option<Built> {
         let stored: Result<Option<Stored>, Error> = self.model.cached("residuals", &self.info.scene, || {
             let scene = self.derived().and_then(|scene| scene.with_residuals().ok()?);

@@ -19,7 +19,8 @@ const MAX_STEPS_SHOWN: usize = 4096;
 /// ```
 ///
 /// The zero of a potential is a convention, and where `E0` nearly cancels a drift relative to `|E0|` alone says nothing
-/// about the integration. A state at rest in the zero of the potential has the scale one, so that its drift is absolute.
+/// about the integration. A state at rest in the zero of the potential has the scale one, so that its drift is
+/// absolute.
 pub fn energy_scale(dynamics: &dyn Dynamics, t: f64, y: &[f64]) -> f64 {
     let energy = |y: &[f64]| dynamics.energy(t, y).unwrap_or(0.0);
     let mut terms = 0.0;

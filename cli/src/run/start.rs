@@ -22,9 +22,10 @@ const N_ATTEMPTS: usize = 4;
 
 /// A state of a scene in which `given` components have the given values, and others the `preferred` ones of the model.
 ///
-/// The rest is chosen: velocities get distinct moderate values, coordinates the middle of their interval (others a small value), advected
-/// parameters unit vectors. Where the scene keeps velocities that a constraint relates, the ones that were not given
-/// are moved by the least amount onto it; `constraint` answers for the scene's output group of that name.
+/// The rest is chosen: velocities get distinct moderate values, coordinates the middle of their interval (others a
+/// small value), advected parameters unit vectors. Where the scene keeps velocities that a constraint relates, the ones
+/// that were not given are moved by the least amount onto it; `constraint` answers for the scene's output group of that
+/// name.
 ///
 /// # Errors
 /// Why no such state could be found.
@@ -118,8 +119,8 @@ fn unit_vector(index: usize, n: usize, attempt: usize) -> f64 {
     component(index) / (0..n).map(|k| component(k).powi(2)).sum::<f64>().sqrt()
 }
 
-/// Moves the velocities at positions `free` onto the constraint, by Newton's method with the least change; `velocities` are
-/// the positions of all.
+/// Moves the velocities at positions `free` onto the constraint, by Newton's method with the least change; `velocities`
+/// are the positions of all.
 fn meet_constraint(
     backend: &mut dyn Backend,
     params: &[f64],
@@ -128,7 +129,8 @@ fn meet_constraint(
     free: &[usize],
 ) -> Result<(), Error> {
     let Some(constraint) = backend.info().output_range(Want::Constraint.name()) else { return Ok(()) };
-    // Whoever gives no velocity has no metric in mind, and the model's own initial velocities are moved as little as can be.
+    // Whoever gives no velocity has no metric in mind, and the model's own initial velocities are moved as little as
+    // can be.
     let places = Places { constraint, velocities: velocities.to_vec(), momenta: None };
     let mut outputs =
         |states| Ok(backend.eval(&EvalRequest { params: params.to_vec(), t: 0.0, states })?.outputs);
@@ -157,7 +159,8 @@ impl<'a> Starts<'a> {
         Ok(Starts { model, info, residuals: residuals(model, info)? })
     }
 
-    /// Parameters with those in `set`, and an initial state with the components in `given`; `backend` is that of the scene.
+    /// Parameters with those in `set`, and an initial state with the components in `given`; `backend` is that of the
+    /// scene.
     pub(crate) fn choose(
         &self,
         backend: &mut dyn Backend,
@@ -191,7 +194,8 @@ pub(crate) fn judge(model: &Arc<Checked>, request: &SimulateRequest, info: &Info
     Ok(())
 }
 
-/// The scene with the residuals of constraints that a state can violate, unless it has them itself; none if there are none.
+/// The scene with the residuals of constraints that a state can violate, unless it has them itself; none if there are
+/// none.
 fn residuals(model: &Arc<Checked>, info: &Info) -> Result<Option<Built>, Error> {
     if admissible::is_judged_by(info) || !model.hides_residuals(&info.scene)? {
         return Ok(None);

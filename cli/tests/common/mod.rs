@@ -9,8 +9,8 @@ use serde_json::{Map, Value, json};
 
 /// Error of a derivative, relative to the largest component of that point's derivative, and of an energy.
 const POINT: f64 = 1e-13;
-/// Points at which terms cancel in the right-hand side, so that the derivative is known less well, with the bound there:
-/// near an equilibrium, and near the flat disk, where terms grow like `1/theta^2`.
+/// Points at which terms cancel in the right-hand side, so that the derivative is known less well, with the bound
+/// there: near an equilibrium, and near the flat disk, where terms grow like `1/theta^2`.
 const CANCELLING: [(&str, usize, f64); 3] =
     [("chaplygin_ball", 9, 1e-12), ("euler_disk", 7, 4e-9), ("euler_disk", 8, 2e-11)];
 /// Error of a final state, relative to its norm, at `rtol = atol = 1e-12`.
@@ -79,8 +79,8 @@ pub(crate) fn models() -> Vec<String> {
 /// Compares `eval` at every point of every case, and returns the number of points.
 ///
 /// Components are compared to 1e-13 of the largest one of their point: a test with tracked sizes of terms, component by
-/// component and also where they cancel, is in the workspace's `tests/tests/reference.rs`; here the interface is shown to
-/// lose no digits.
+/// component and also where they cancel, is in the workspace's `tests/tests/reference.rs`; here the interface is shown
+/// to lose no digits.
 pub(crate) fn check_points(model: &str, via: &str) -> usize {
     let mut n_points = 0;
     for case in list(&file(model)["cases"]) {

@@ -1,8 +1,8 @@
 //! Scenes that an earlier run of a build script has generated, by what they were made from.
 //!
-//! A scene is known by the text of its model without the blocks of other scenes, its name, the way it is written down, the
-//! budget, and the sources of the generator. A scene that warns is not kept, so that its warnings are found again. A file
-//! that is missing, broken or of another version is as good as none. Does not know: how a scene is made.
+//! A scene is known by the text of its model without the blocks of other scenes, its name, the way it is written down,
+//! the budget, and the sources of the generator. A scene that warns is not kept, so that its warnings are found again.
+//! A file that is missing, broken or of another version is as good as none. Does not know: how a scene is made.
 
 use std::collections::hash_map::DefaultHasher;
 use std::fs;

@@ -1,7 +1,7 @@
 //! The front end for build scripts, and the one way from models to files for everybody else.
 //!
-//! [`Config::generate`] is pure: checked models in, a [`Bundle`] of texts out. [`Config::compile`] reads model files before
-//! it and writes the bundle to `OUT_DIR` after it; [`compile`] does so with everything left as it is. Nothing is
+//! [`Config::generate`] is pure: checked models in, a [`Bundle`] of texts out. [`Config::compile`] reads model files
+//! before it and writes the bundle to `OUT_DIR` after it; [`compile`] does so with everything left as it is. Nothing is
 //! written before all of it is known, a file is replaced in one step, and only when its text changes.
 //!
 //! Scenes that an earlier run has made from the same text are taken from `cache`, beside the other files in `OUT_DIR`.
@@ -29,8 +29,8 @@ use cache::{Cache, Key};
 pub use bundle::{Bundle, write_atomically};
 pub use problems::{Problem, Problems};
 
-/// Generates the scenes of one model file into `OUT_DIR`, for a build script, and tells cargo to show warnings and to run the
-/// script again when the file changes.
+/// Generates the scenes of one model file into `OUT_DIR`, for a build script, and tells cargo to show warnings and to
+/// run the script again when the file changes.
 ///
 /// ```no_run
 /// // build.rs
@@ -111,8 +111,8 @@ impl Config {
         self
     }
 
-    /// Whether modules have vectors, matrices, attitudes and places in the types of the crate `nalgebra` too: methods of
-    /// `Params` and `State` by the names of the model, and `Prepared::on_vectors`.
+    /// Whether modules have vectors, matrices, attitudes and places in the types of the crate `nalgebra` too: methods
+    /// of `Params` and `State` by the names of the model, and `Prepared::on_vectors`.
     ///
     /// The crate that the modules are for needs the feature `nalgebra` of the runtime.
     pub fn nalgebra(&mut self, enable: bool) -> &mut Config {
@@ -126,8 +126,9 @@ impl Config {
         self
     }
 
-    /// Limits of what each scene of a model may take, from the text to the program: expressions, memory and work, counted
-    /// alike on every machine. Models keep their own unless it is set, which is [`Budget::default`] for those read from files.
+    /// Limits of what each scene of a model may take, from the text to the program: expressions, memory and work,
+    /// counted alike on every machine. Models keep their own unless it is set, which is [`Budget::default`] for those
+    /// read from files.
     pub fn budget(&mut self, budget: Budget) -> &mut Config {
         self.budget = Some(budget);
         self
@@ -135,8 +136,8 @@ impl Config {
 
     /// Whether [`Config::compile`] prints `cargo::rerun-if-changed` for every model file.
     ///
-    /// A build script that prints such a line runs again for the files in these lines alone, so print one for every other
-    /// file that it reads. One that prints none runs again for every file of its package.
+    /// A build script that prints such a line runs again for the files in these lines alone, so print one for every
+    /// other file that it reads. One that prints none runs again for every file of its package.
     pub fn emit_rerun_if_changed(&mut self, enable: bool) -> &mut Config {
         self.emit_rerun_if_changed = enable;
         self
@@ -164,8 +165,8 @@ impl Config {
     /// `default`.
     ///
     /// # Errors
-    /// Everything that is wrong with any of the files; [`Problem::NoOutDir`] when cargo does not run this and no directory
-    /// was given; [`Problem::Write`]. Nothing has been written unless the last is among them.
+    /// Everything that is wrong with any of the files; [`Problem::NoOutDir`] when cargo does not run this and no
+    /// directory was given; [`Problem::Write`]. Nothing has been written unless the last is among them.
     pub fn compile(&mut self, paths: &[impl AsRef<Path>]) -> Result<(), Problems> {
         if self.emit_rerun_if_changed {
             // Before anything can fail, and for files that do not exist as well.
@@ -191,8 +192,8 @@ impl Config {
 
     /// As [`Config::compile`] for models that are there already, such as those of [`spec::ModelBuilder`].
     ///
-    /// Prints no `cargo::rerun-if-changed`: the code that built them is tracked by cargo, and files that it read are its own
-    /// affair.
+    /// Prints no `cargo::rerun-if-changed`: the code that built them is tracked by cargo, and files that it read are
+    /// its own affair.
     ///
     /// # Errors
     /// As [`Config::compile`].

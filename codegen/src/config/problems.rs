@@ -104,8 +104,8 @@ impl std::error::Error for Problem {
     }
 }
 
-/// Everything that went wrong. `Debug` prints it for people as `Display` does, because that is what a `main` that returns
-/// it shows.
+/// Everything that went wrong. `Debug` prints it for people as `Display` does, because that is what a `main` that
+/// returns it shows.
 #[derive(Default)]
 pub struct Problems {
     pub(super) list: Vec<Problem>,

@@ -5,8 +5,8 @@
 use std::collections::BTreeSet;
 use std::ops::Range;
 
-use super::dialect::{Dialect, Notation};
-use super::expression::{Text, operation};
+use super::dialect::Dialect;
+use super::expression::{Notation, Text, operation};
 use super::names::Scope;
 use crate::program::{Constant, Instruction, Op, Operand, Program, completes_pair};
 

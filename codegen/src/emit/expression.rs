@@ -2,7 +2,6 @@
 //!
 //! Does not know: any language beyond the signs that all of them share, which values are variables.
 
-use super::dialect::Notation;
 use crate::expr::Func;
 use crate::program::{Literal, Op, Operand, Signs};
 
@@ -49,6 +48,32 @@ impl Text {
     pub(super) fn is_name(&self) -> bool {
         self.text.chars().all(|c| c.is_alphanumeric() || c == '_')
     }
+}
+
+/// How an expression is spelled: in a target language, or as a formula for people.
+///
+/// Sums, differences, products, quotients and opposites are spelled alike everywhere, by [`operation`].
+pub(super) trait Notation {
+    /// A constant; it binds tightly.
+    fn literal(&self, literal: Literal) -> String;
+
+    /// The square root.
+    fn square_root(&self, of: Text) -> Text;
+
+    /// The value of an elementary function.
+    fn call(&self, function: Func, argument: Text) -> Text;
+
+    /// The reciprocal.
+    fn reciprocal(&self, of: Text) -> Text;
+
+    /// A positive number to a constant power.
+    fn power(&self, base: Text, exponent: Text) -> Text;
+
+    /// The angle of the point `(x, y)`.
+    fn angle(&self, y: Text, x: Text) -> Text;
+
+    /// `±(a * b) ± c`, rounded once where the target has the instruction.
+    fn fused(&self, signs: Signs, a: Text, b: Text, c: Text) -> Text;
 }
 
 /// The operation in a notation; `operand` spells its operands.

@@ -106,39 +106,50 @@ impl Samples {
             if self.measured.contains_key(&node) {
                 continue;
             }
-            let own = (0..self.points.len()).map(|k| self.at(g, node, k)).collect::<Option<Vec<_>>>();
+            let own = self.of_node(g, node);
             self.measured.insert(node, own);
         }
         self.measured[&e].as_deref()
     }
 
-    /// The value of a node at a point, whose operands have theirs.
-    fn at(&self, g: &Graph, e: ExprId, point: usize) -> Option<Measured> {
-        let of = |e: &ExprId| -> Option<Measured> { Some(self.measured.get(e)?.as_ref()?[point]) };
+    /// The values of a node at all points, whose operands have theirs. Exact numbers are rounded once for all points.
+    fn of_node(&self, g: &Graph, e: ExprId) -> Option<Vec<Measured>> {
+        let of = |e: &ExprId| self.measured.get(e)?.as_deref();
         let size = |x: DoubleDouble| x.hi().abs();
+        let everywhere = |value: DoubleDouble, error: f64| vec![Measured { value, error }; self.points.len()];
         Some(match g.node(e) {
-            Node::Constant(c) => Measured { value: long(c), error: 0.0 },
-            Node::Pi => Measured { value: DoubleDouble::from_f64(std::f64::consts::PI), error: 1.0 },
-            Node::Symbol(s) => Measured { value: *self.points[point].get(s)?, error: 0.0 },
+            Node::Constant(c) => everywhere(long(c), 0.0),
+            Node::Pi => everywhere(DoubleDouble::from_f64(std::f64::consts::PI), 1.0),
+            Node::Symbol(s) => {
+                let at = |point: &BTreeMap<SymbolId, DoubleDouble>| {
+                    Some(Measured { value: *point.get(s)?, error: 0.0 })
+                };
+                self.points.iter().map(at).collect::<Option<_>>()?
+            }
             Node::Sum { constant, terms } => {
-                let mut sum = Measured { value: long(constant), error: 0.0 };
+                let mut sums = everywhere(long(constant), 0.0);
                 for (term, q) in terms {
-                    let term = of(term)?;
-                    let part = long(q) * term.value;
-                    sum.value += part;
-                    sum.error += size(long(q)) * term.error + size(part) + size(sum.value);
+                    let q = long(q);
+                    for (sum, term) in sums.iter_mut().zip(of(term)?) {
+                        let part = q * term.value;
+                        sum.value += part;
+                        sum.error += size(q) * term.error + size(part) + size(sum.value);
+                    }
                 }
-                sum
+                sums
             }
             Node::Product { coefficient, factors } => {
-                let mut product = Measured { value: long(coefficient), error: 0.0 };
+                let mut products = everywhere(long(coefficient), 0.0);
                 for (base, q) in factors {
-                    product = product.times(of(base)?, rational_to_f64(q));
+                    let q = rational_to_f64(q);
+                    for (product, base) in products.iter_mut().zip(of(base)?) {
+                        *product = product.times(*base, q);
+                    }
                 }
-                product
+                products
             }
-            Node::Function(f, a) => of(a)?.function(*f),
-            Node::Atan2(y, x) => of(y)?.atan2(of(x)?),
+            Node::Function(f, a) => of(a)?.iter().map(|x| x.function(*f)).collect(),
+            Node::Atan2(y, x) => of(y)?.iter().zip(of(x)?).map(|(y, x)| y.atan2(*x)).collect(),
         })
     }
 }

@@ -4,8 +4,9 @@
 
 /// What the searches for the cheapest form may take, counted the same way on every machine.
 ///
-/// A search that meets a limit keeps the best form that it has found; [`Report`](crate::program::Report) says so. All limits but
-/// the last are those of one function. The defaults leave every scene of `models/specs` as it is without limits.
+/// A search that meets a limit keeps the best form that it has found; [`Report`](crate::program::Report) says so. All
+/// limits but the last are those of one function. The defaults leave every scene of `models/specs` as it is without
+/// limits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SearchBudget {
     /// Common divisors looked at; a term that is multiplied out counts as ten.

@@ -44,7 +44,11 @@ impl<'a> Check<'a> {
         let Some(graph) = &mut self.graph else { return Ok(()) };
         let broken =
             |reason: String| Error::Program { reason: format!("after {pass}, a bug of hamel: {reason}") };
-        verify_rules(program).map_err(|e| broken(e.to_string()))?;
+        verify_rules(program).map_err(|error| match error {
+            // The model's numbers are wrong, not the pass.
+            Error::OutOfRange { .. } => error,
+            error => broken(error.to_string()),
+        })?;
         let found = program.to_named_expressions(graph, self.inputs.symbols())?;
         let functions = program.functions.iter();
         let names = functions.flat_map(|f| f.results.iter().map(|(name, _)| format!("{}.{name}", f.role)));

@@ -2,8 +2,9 @@
 //!
 //! First every function is written in the `form` that costs least, pivots and conditions are given the scales of their
 //! rounding errors (`pivots`), then expressions become `values` of a program, and `passes` rewrite the program. Every
-//! rewrite is directional, none makes a function cost more, none calls another, and what comes out is verified after each.
-//! Does not know: mechanics (a definition is a name with a formula), Rust (a program has operations and operands, no text).
+//! rewrite is directional, none makes a function cost more, none calls another, and what comes out is verified after
+//! each. Does not know: mechanics (a definition is a name with a formula), Rust (a program has operations and operands,
+//! no text).
 
 mod budget;
 mod check;
@@ -81,15 +82,17 @@ pub struct ParamCondition {
     pub less: ExprId,
     /// How they compare.
     pub relation: Relation,
-    /// Whether the larger side, to be positive or other than zero, is the result of a calculation, which rounding errors could hide.
+    /// Whether the larger side, to be positive or other than zero, is the result of a calculation, which rounding
+    /// errors could hide.
     pub is_rounded: bool,
 }
 
 /// Lowers sections of definitions and the requested functions to one program.
 ///
 /// # Errors
-/// [`Error::Program`] when a symbol is used before its definition, a condition depends on more than parameters, or pivots are
-/// requested before the rates; [`Error::OutOfRange`] when a constant does not fit an `f64`; [`Error::OverBudget`].
+/// [`Error::Program`] when a symbol is used before its definition, a condition depends on more than parameters, or
+/// pivots are requested before the rates; [`Error::OutOfRange`] when a constant does not fit an `f64`;
+/// [`Error::OverBudget`].
 pub fn lower(
     graph: &mut Graph,
     inputs: &Inputs,

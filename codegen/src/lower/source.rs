@@ -25,8 +25,8 @@ impl<'a> Source<'a> {
     /// Checks what is to be lowered.
     ///
     /// # Errors
-    /// [`Error::Program`] when a symbol is used before its definition, a condition depends on more than parameters, or a
-    /// function depends on the argument of another one.
+    /// [`Error::Program`] when a symbol is used before its definition, a condition depends on more than parameters, or
+    /// a function depends on the argument of another one.
     pub(super) fn new(
         graph: &mut Graph,
         inputs: &'a Inputs,
@@ -100,8 +100,8 @@ impl<'a> Source<'a> {
         signs
     }
 
-    /// The circles whose relation a function may use: all of them, unless it speaks of nothing but the circles, as one does
-    /// that asks how far the state has drifted off them.
+    /// The circles whose relation a function may use: all of them, unless it speaks of nothing but the circles, as one
+    /// does that asks how far the state has drifted off them.
     pub(super) fn circles_for(&self, graph: &Graph, roots: &[ExprId]) -> Vec<[SymbolId; 2]> {
         let own: BTreeSet<SymbolId> = self.inputs.circles.iter().flatten().copied().collect();
         let is_about_circles = roots.iter().all(|e| graph.free_symbols(*e).is_subset(&own));

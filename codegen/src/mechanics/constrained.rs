@@ -1,4 +1,5 @@
-//! Accelerations where the constraint has been solved: `A udot = f` for the independent velocities, multipliers afterwards.
+//! Accelerations where the constraint has been solved: `A udot = f` for the independent velocities, multipliers
+//! afterwards.
 //!
 //! Does not know: how the constraint was solved, how a matrix is factored.
 
@@ -103,8 +104,8 @@ impl Derivation<'_> {
         })
     }
 
-    /// Factors and solves, writing both as sections. Solutions are called `labels`; of the pivots the names are given, and whether
-    /// they follow the Hessian.
+    /// Factors and solves, writing both as sections. Solutions are called `labels`; of the pivots the names are given,
+    /// and whether they follow the Hessian.
     pub(super) fn solve_linear(
         &mut self,
         prefix: &str,

@@ -1,7 +1,7 @@
 //! From a system on a Lie algebroid to explicit equations: the contents.
 //!
-//! [`derive`] reads as the derivation does: velocities, kinematics, momenta (`momenta`), accelerations (`constrained` or
-//! `multipliers`), results (`results`). Does not know: where the algebroid came from.
+//! [`derive`] reads as the derivation does: velocities, kinematics, momenta (`momenta`), accelerations (`constrained`
+//! or `multipliers`), results (`results`). Does not know: where the algebroid came from.
 
 use std::collections::BTreeMap;
 

@@ -65,13 +65,13 @@ pub struct Facts {
     pub energy_is_conserved: bool,
     /// Whether the rate of the energy could not be shown to vanish, nor not to.
     pub energy_is_unverified: bool,
-    /// Base coordinates that the derivation mentions and no rate depends on: the state equations are taken where they are
-    /// zero (a point of the circle: at the angle zero).
+    /// Base coordinates that the derivation mentions and no rate depends on: the state equations are taken where they
+    /// are zero (a point of the circle: at the angle zero).
     pub taken_at_origin: Vec<String>,
     /// In the multiplier form: whether it vanishes once the constraint holds.
     pub energy_is_conserved_on_constraint: bool,
-    /// For linear constraints: whether they are integrable, i.e. the allowed velocities form a subalgebroid at all times, and
-    /// the same one.
+    /// For linear constraints: whether they are integrable, i.e. the allowed velocities form a subalgebroid at all
+    /// times, and the same one.
     pub holonomic: Option<bool>,
     /// Casimirs, all verified to be conserved.
     pub casimirs: Vec<String>,
@@ -111,8 +111,8 @@ pub struct Equations {
     pub state: Vec<StateEquation>,
     /// Equations of the reconstructed coordinates.
     pub reconstruction: Vec<StateEquation>,
-    /// Definitions that differ from the one of the same name, being its value at a place such as `phi=0`, the origin of an
-    /// ignorable coordinate.
+    /// Definitions that differ from the one of the same name, being its value at a place such as `phi=0`, the origin of
+    /// an ignorable coordinate.
     pub taken_at: BTreeMap<SymbolId, String>,
     /// The form that was solved for the rates of the velocities.
     pub form: Form,
@@ -173,8 +173,8 @@ impl Equations {
         self.results_mut().into_iter().map(|e| *e).collect()
     }
 
-    /// Whether the Hessian `L_yy` is seen to have no negative eigenvalue at any state: the terms of the Lagrangian that are not
-    /// linear in the velocities are quadratic polynomials in them that are never negative, such as squares.
+    /// Whether the Hessian `L_yy` is seen to have no negative eigenvalue at any state: the terms of the Lagrangian that
+    /// are not linear in the velocities are quadratic polynomials in them that are never negative, such as squares.
     pub fn hessian_is_a_sum_of_squares(&self) -> bool {
         let system = &self.system;
         // Nodes made for the proof are no part of the equations.

@@ -6,9 +6,9 @@ use crate::reduction::SolvedConstraint;
 
 /// Whether the span of the columns of `Psi` is closed under the bracket, so that the constraint is holonomic:
 /// `[Psi_a, Psi_b]^gamma = Psi_a^alpha Psi_b^beta C^gamma_{alpha beta} + rho(Psi_a) Psi_b^gamma - rho(Psi_b) Psi_a^gamma`
-/// lies in the span, and so does `[d/dt, Psi_a]^gamma = dPsi_a^gamma/dt + N^gamma_alpha Psi_a^alpha`: a constraint that moves with
-/// time may keep no function of place and time although it does at each moment. `None` for affine constraints, where
-/// quasi-velocities parametrise the distribution, and where that could not be found out.
+/// lies in the span, and so does `[d/dt, Psi_a]^gamma = dPsi_a^gamma/dt + N^gamma_alpha Psi_a^alpha`: a constraint that
+/// moves with time may keep no function of place and time although it does at each moment. `None` for affine
+/// constraints, where quasi-velocities parametrise the distribution, and where that could not be found out.
 pub(super) fn is_subalgebroid(
     g: &mut Graph,
     algebroid: &Algebroid,
@@ -40,7 +40,8 @@ pub(super) fn is_subalgebroid(
     is_known.then_some(true)
 }
 
-/// Whether the part of a section beside the span vanishes; a vector of the span is determined by its independent components.
+/// Whether the part of a section beside the span vanishes; a vector of the span is determined by its independent
+/// components.
 fn in_span(g: &mut Graph, solved: &SolvedConstraint, frame: &[usize], section: &[ExprId]) -> Vanishing {
     let mut verdict = Vanishing::Zero;
     for &alpha in &solved.dependent {

@@ -90,8 +90,8 @@ impl Derivation<'_> {
         Ok(forces.iter().map(|terms| self.g.sum(terms)).collect())
     }
 
-    /// `rho dL/dx + F + (N - C y) p - (dp/dx xdot + dp/dt)` along one section, of the part of the Lagrangian that `p`, `momentum`
-    /// and `slopes` are derivatives of.
+    /// `rho dL/dx + F + (N - C y) p - (dp/dx xdot + dp/dt)` along one section, of the part of the Lagrangian that `p`,
+    /// `momentum` and `slopes` are derivatives of.
     fn drive_of(
         &mut self,
         alpha: usize,

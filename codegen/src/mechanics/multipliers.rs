@@ -1,4 +1,5 @@
-//! Accelerations where the constraint is kept: all velocities move freely, and multipliers hold the conditions on accelerations.
+//! Accelerations where the constraint is kept: all velocities move freely, and multipliers hold the conditions on
+//! accelerations.
 //!
 //! Does not know: how a matrix is factored.
 
@@ -12,8 +13,8 @@ use super::equations::LinearSystem;
 use super::solve::Factorisation;
 
 impl Derivation<'_> {
-    /// `L_yy ydot = drive + Lambda^T lambda`, `w ydot + w0 = 0`, by `S = w L_yy^-1 Lambda^T`: the multipliers act along the
-    /// one-forms `Lambda` that vanish on virtual displacements and keep the conditions on accelerations.
+    /// `L_yy ydot = drive + Lambda^T lambda`, `w ydot + w0 = 0`, by `S = w L_yy^-1 Lambda^T`: the multipliers act along
+    /// the one-forms `Lambda` that vanish on virtual displacements and keep the conditions on accelerations.
     pub(super) fn solve_with_multipliers(
         &mut self,
         rows: &[AccelerationRow],

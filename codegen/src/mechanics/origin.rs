@@ -1,9 +1,9 @@
-//! Ignorable coordinates: where a result does not depend on a base coordinate, it is computed at the value zero; where it
-//! does not depend on an angle that is carried as a point of the circle, at `(1, 0)`.
+//! Ignorable coordinates: where a result does not depend on a base coordinate, it is computed at the value zero; where
+//! it does not depend on an angle that is carried as a point of the circle, at `(1, 0)`.
 //!
 //! A constraint or a Lagrangian written in a space frame mentions coordinates (the azimuth of a disk, the heading of a
-//! robot) on which, by symmetry, the rates do not depend. The dependence is tested, not guessed: a result is replaced by
-//! its value there when the two are equal as functions.
+//! robot) on which, by symmetry, the rates do not depend. The dependence is tested, not guessed: a result is replaced
+//! by its value there when the two are equal as functions.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -11,7 +11,8 @@ use crate::expr::{Definition, ExprId, Graph, Section, SymbolId, needed_sections}
 
 use super::equations::Equations;
 
-/// Sets every base coordinate to such a value in the results that do not depend on it, and drops definitions that nothing needs.
+/// Sets every base coordinate to such a value in the results that do not depend on it, and drops definitions that
+/// nothing needs.
 pub(super) fn evaluate_at_origin(equations: &mut Equations) {
     let (zero, one) = (equations.system.graph.zero(), equations.system.graph.one());
     let circles = equations.system.circles.clone();
@@ -59,8 +60,8 @@ impl Mentions {
     }
 }
 
-/// Replaces every root by its value there if that is equal, and keeps the definitions that the roots need then; whether any
-/// was replaced.
+/// Replaces every root by its value there if that is equal, and keeps the definitions that the roots need then; whether
+/// any was replaced.
 fn set_to(
     equations: &mut Equations,
     mentions: &Mentions,

@@ -48,12 +48,13 @@ pub struct PivotOrigin {
 
 /// `A` factored as `L D L^T` (symmetric) or `L D U` (general) with unit triangular `L` and `U`, in the order `order`.
 ///
-/// The last two unknowns are not eliminated where their determinant is a number and no pivot would be: Cramer's rule then
-/// needs no division. (A plate on its edge: its inertia about the contact differs from a multiple of the unit matrix by
-/// one direction, whichever that is.)
+/// The last two unknowns are not eliminated where their determinant is a number and no pivot would be: Cramer's rule
+/// then needs no division. (A plate on its edge: its inertia about the contact differs from a multiple of the unit
+/// matrix by one direction, whichever that is.)
 ///
 /// # Shapes
-/// `lower[i][j]`, `upper[j][i]` for `j < i`, `pivots[i]`, all in elimination order; with a block, its determinant is the last pivot.
+/// `lower[i][j]`, `upper[j][i]` for `j < i`, `pivots[i]`, all in elimination order; with a block, its determinant is
+/// the last pivot.
 #[derive(Clone, Debug)]
 pub struct Factorisation {
     row_order: Vec<usize>,
@@ -80,7 +81,8 @@ const MAX_TERMS: usize = 32;
 /// `a_ij - a_ik a_kj/a_kk = (a_ij a_kk - a_ik a_kj)/a_kk` for polynomials in the parameters, where terms cancel in the
 /// numerator: those digits are not lost then, and a sum of positive terms shows that a pivot is positive.
 ///
-/// `entries` are `a_ij, a_kk, a_ik, a_kj`, `values` those of the names in them, `pivot` is `a_kk` as it is to be written.
+/// `entries` are `a_ij, a_kk, a_ik, a_kj`, `values` those of the names in them, `pivot` is `a_kk` as it is to be
+/// written.
 fn gathered(
     g: &mut Graph,
     values: &BTreeMap<SymbolId, ExprId>,
@@ -132,8 +134,8 @@ fn seen_to_be_definite(
     if sign_of(g, normal, signs).is_definite() && g.fingerprints_agree(normal, e) { normal } else { e }
 }
 
-/// How pivot candidates rank: those that are proved not to vanish identically before others, which the check at run time has
-/// to catch, parameter-only before state-dependent, small before large.
+/// How pivot candidates rank: those that are proved not to vanish identically before others, which the check at run
+/// time has to catch, parameter-only before state-dependent, small before large.
 type Rank = (bool, bool, usize);
 
 /// None of what vanishes identically.
@@ -150,9 +152,9 @@ impl Factorisation {
     /// Factors `a`, writing the entries of the factors as definitions prefixed by `prefix`.
     ///
     /// Symmetric matrices keep their symmetry: pivots stay on the diagonal, ordered once by sparsity so that
-    /// parameter-only pivots come first. A diagonal that vanishes, or is not proved not to, or a matrix that is not symmetric, gets general
-    /// elimination with the best-ranked non-zero pivot. A pivot that `signs` of parameters show to be definite once everything in it
-    /// has cancelled is written that way.
+    /// parameter-only pivots come first. A diagonal that vanishes, or is not proved not to, or a matrix that is not
+    /// symmetric, gets general elimination with the best-ranked non-zero pivot. A pivot that `signs` of parameters show
+    /// to be definite once everything in it has cancelled is written that way.
     ///
     /// # Errors
     /// [`Error::SingularMassMatrix`] with a null direction spelled in `names`.

@@ -10,18 +10,19 @@ use crate::expr::{ExprId, Graph, Node, Rational, SymbolId};
 use crate::reduction::ReducedSystem;
 
 /// A term `weight/2 |v|^2` of the Lagrangian with `v = v_beta y^beta` in a frame that turns with the angular velocity
-/// `omega = K_beta y^beta`, i.e. one with vanishing torsion, or with `v = v_beta y^beta + v_0` and constant `v_0` in one that does
-/// not turn:
+/// `omega = K_beta y^beta`, i.e. one with vanishing torsion, or with `v = v_beta y^beta + v_0` and constant `v_0` in
+/// one that does not turn:
 ///
 /// ```text
 /// dv_alpha/dx . rho_beta - dv_beta/dx . rho_alpha + C^gamma_{alpha beta} v_gamma = v_alpha x K_beta - v_beta x K_alpha
 /// ```
 ///
-/// Then the term's part of `E_alpha` is `weight v_alpha . (vdot + omega x v)`: mass times acceleration, along `v_alpha`.
+/// Then the term's part of `E_alpha` is `weight v_alpha . (vdot + omega x v)`: mass times acceleration, along
+/// `v_alpha`.
 ///
 /// # Source
-/// Kane and Levinson 1985, Dynamics, section 4.11 (generalised inertia forces); the condition is Cartan's first structure
-/// equation.
+/// Kane and Levinson 1985, Dynamics, section 4.11 (generalised inertia forces); the condition is Cartan's first
+/// structure equation.
 #[derive(Clone, Debug)]
 pub(super) struct Square {
     /// Depends on parameters alone.
@@ -41,7 +42,8 @@ pub(super) struct Component {
     pub(super) slopes: Vec<ExprId>,
     /// Whether there is a `v_0`.
     has_offset: bool,
-    /// `rho_beta(v_alpha) - rho_alpha(v_beta) + C^gamma_{alpha beta} v_gamma` for `alpha < beta`, by `beta` and `alpha`.
+    /// `rho_beta(v_alpha) - rho_alpha(v_beta) + C^gamma_{alpha beta} v_gamma` for `alpha < beta`, by `beta` and
+    /// `alpha`.
     torsion: Vec<Vec<ExprId>>,
 }
 
@@ -49,7 +51,8 @@ pub(super) struct Component {
 const MAX_TRIALS: usize = 500;
 /// Components of one weight that are tried together.
 const MAX_SINGLES: usize = 8;
-/// In larger systems, which are algebras rather than bodies, no frames are looked for: the work grows with the square of the rank.
+/// In larger systems, which are algebras rather than bodies, no frames are looked for: the work grows with the square
+/// of the rank.
 const MAX_RANK: usize = 24;
 /// Components of the velocity of a point.
 const MAX_DIMENSION: usize = 3;
@@ -191,7 +194,8 @@ fn root(g: &mut Graph, factors: &[(ExprId, Rational)]) -> Option<ExprId> {
     if are_even { g.power_product(&halves).ok() } else { None }
 }
 
-/// The root of a number that is a square of a rational one: others have no fingerprints where they are no squares in the field.
+/// The root of a number that is a square of a rational one: others have no fingerprints where they are no squares in
+/// the field.
 fn rational_root(g: &mut Graph, q: &Rational) -> Option<ExprId> {
     if !q.is_positive() {
         return None;

@@ -1,4 +1,5 @@
-//! The vertical equations of motion in the adapted basis of a chain of stages, as expressions that can be shown and checked.
+//! The vertical equations of motion in the adapted basis of a chain of stages, as expressions that can be shown and
+//! checked.
 //!
 //! They are written from the stage forms, and then compared with the motion that was derived without them.
 //!
@@ -19,11 +20,12 @@ use super::equations::Equations;
 ///
 /// `s^k (betadot_k - right_k(eta, beta) - tau_k) = 0`, `tau_k = <rho(f_k), dL/da> + <F, f_k>`,
 ///
-/// where `right_k` is [`Stages::vertical_equations`], with the other sign for a right action. Where multipliers keep the
-/// constraint there is one equation for each `f_k`, with the reactions `lambda_A <a_A, f_k>` on its right side.
+/// where `right_k` is [`Stages::vertical_equations`], with the other sign for a right action. Where multipliers keep
+/// the constraint there is one equation for each `f_k`, with the reactions `lambda_A <a_A, f_k>` on its right side.
 ///
 /// # Source
-/// Cendra, Diaz, equations (32) and (43), every slot's momentum differentiated and summed over; section 4 for `eta - A`.
+/// Cendra, Diaz, equations (32) and (43), every slot's momentum differentiated and summed over; section 4 for
+/// `eta - A`.
 #[derive(Clone, Debug)]
 pub struct VerticalEquations {
     /// Owner of the expressions here: the graph of the equations and more.
@@ -52,8 +54,8 @@ pub struct VerticalEquation {
 }
 
 impl VerticalEquations {
-    /// The equations of a system with stages; none without stages, and where some equation is not seen to be that of the
-    /// motion.
+    /// The equations of a system with stages; none without stages, and where some equation is not seen to be that of
+    /// the motion.
     ///
     /// Every symbol stands for its value along the motion, so that `left - right` vanishes identically.
     pub fn new(equations: &Equations) -> Option<VerticalEquations> {

@@ -30,8 +30,8 @@ pub(crate) const LATENCY_OF_A_SUM: u32 = 4;
 
 /// Costs in the search for the cheapest form of polynomials, in thirds of an instruction.
 ///
-/// A target with fused multiply-add executes one instruction for a product with its sum, other targets two: an instruction
-/// counts two thirds and every floating-point operation in it one third.
+/// A target with fused multiply-add executes one instruction for a product with its sum, other targets two: an
+/// instruction counts two thirds and every floating-point operation in it one third.
 pub(crate) mod thirds {
     /// An instruction, fused or not, without the floating-point operations in it.
     pub(crate) const INSTRUCTION: i64 = 2;

@@ -57,8 +57,8 @@ impl Signed {
     }
 }
 
-/// Constants, prepared values and slots that a rewrite needs besides those of the program: planned first, and appended to
-/// the program when the rewrite is done.
+/// Constants, prepared values and slots that a rewrite needs besides those of the program: planned first, and appended
+/// to the program when the rewrite is done.
 #[derive(Debug, Default)]
 pub(crate) struct Additions {
     constants: Vec<Constant>,

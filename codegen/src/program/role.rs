@@ -1,7 +1,7 @@
 //! What a function of a program is for.
 //!
-//! A role is how whoever requests a function finds it again; a name is made from it where text is written, and no name is
-//! read back. Does not know: how any of these functions is computed.
+//! A role is how whoever requests a function finds it again; a name is made from it where text is written, and no name
+//! is read back. Does not know: how any of these functions is computed.
 
 use std::fmt;
 
@@ -15,14 +15,14 @@ pub enum Role {
     /// The energy, one result.
     Energy,
     /// What must neither vanish nor overflow: the pivots of the request, computed as [`Role::Rate`] computes them where
-    /// both do, and everything else that [`Role::Rate`] divides by, unless lowering sees that it is finite and other than
-    /// zero everywhere.
+    /// both do, and everything else that [`Role::Rate`] divides by, unless lowering sees that it is finite and other
+    /// than zero everywhere.
     ///
-    /// As many scales follow these values: a value whose absolute value does not make its scale larger when it is added is
-    /// nothing but rounding error. The scale is the constant zero where no terms can cancel.
+    /// As many scales follow these values: a value whose absolute value does not make its scale larger when it is added
+    /// is nothing but rounding error. The scale is the constant zero where no terms can cancel.
     Pivots,
-    /// One result, which stays the same while no watched matrix becomes singular; a program has this function if a matrix is
-    /// watched, after [`Role::Pivots`].
+    /// One result, which stays the same while no watched matrix becomes singular; a program has this function if a
+    /// matrix is watched, after [`Role::Pivots`].
     Signature,
     /// Results that are positive inside the domain of the coordinates.
     Domain,

@@ -41,8 +41,8 @@ impl Program {
         self.evaluate_all(graph, symbols, false).map(|(functions, _)| functions)
     }
 
-    /// Results of every function, and after them both sides of the conditions, with a name for every sum and product on the way:
-    /// the number of terms of an expression stays that of its operation.
+    /// Results of every function, and after them both sides of the conditions, with a name for every sum and product on
+    /// the way: the number of terms of an expression stays that of its operation.
     ///
     /// # Errors
     /// [`Error::DivisionByZero`] when a denominator vanishes identically.

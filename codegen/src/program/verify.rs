@@ -11,9 +11,9 @@ use crate::expr::Func;
 
 /// Checks that a program is complete.
 ///
-/// Operands exist, precede their uses and are of a kind their place allows; sections ascend; constants fit an `f64`; nothing
-/// is dead; nothing that depends on parameters alone is left in a function; sine and cosine of one angle follow each other
-/// there.
+/// Operands exist, precede their uses and are of a kind their place allows; sections ascend; constants fit an `f64`;
+/// nothing is dead; nothing that depends on parameters alone is left in a function; sine and cosine of one angle follow
+/// each other there.
 ///
 /// # Errors
 /// [`Error::Program`] with the first rule that is broken.

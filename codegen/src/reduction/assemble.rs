@@ -19,8 +19,8 @@ use super::system::{Block, BlockKind, ReducedSystem, StateKind};
 /// A model that says everything itself on its Lie algebroid: no connection is left to derive.
 ///
 /// # Errors
-/// Conditions of the algebroid and of the chain of stages that do not hold, constraints that cannot be carried; all of them
-/// together.
+/// Conditions of the algebroid and of the chain of stages that do not hold, constraints that cannot be carried; all of
+/// them together.
 pub(super) fn on_algebroid(
     mut model: Model,
     formulation: &Formulation,

@@ -1,8 +1,8 @@
 //! Angles as points `(c, s)` of the circle: one more state variable each, no sine and cosine on the right side.
 //!
 //! The circle is to an angle `theta` what an advected parameter in R^2 is to a rotation: the anchor turns the point,
-//! `c' = -s theta'`, `s' = c theta'`, and what was `d/dtheta` of a function is the anchor applied to it. Nothing else of
-//! the system changes: the frame, its brackets and the derivation stay as they are.
+//! `c' = -s theta'`, `s' = c theta'`, and what was `d/dtheta` of a function is the anchor applied to it. Nothing else
+//! of the system changes: the frame, its brackets and the derivation stay as they are.
 
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -24,9 +24,9 @@ const MAX_MULTIPLE: u64 = 64;
 /// Carries `angles`, base coordinates of the model, as points of the circle.
 ///
 /// `cos(k theta + b)` and `sin(k theta + b)` become polynomials in `c` and `s` by the addition theorems. The relation
-/// `c^2 + s^2 = 1` holds along every motion that begins on the circle, as both sides are constant on any motion; results
-/// make use of it, as those in angles use `sin^2 + cos^2 = 1`, so they are those of the angle on the circle and differ
-/// from them by the order of the distance to it elsewhere.
+/// `c^2 + s^2 = 1` holds along every motion that begins on the circle, as both sides are constant on any motion;
+/// results make use of it, as those in angles use `sin^2 + cos^2 = 1`, so they are those of the angle on the circle and
+/// differ from them by the order of the distance to it elsewhere.
 ///
 /// # Errors
 /// Every place at which an angle occurs other than in the sine and cosine of whole multiples.
@@ -144,8 +144,8 @@ impl Turned {
     }
 }
 
-/// `theta = m + 2 atan(sin(theta - m) / (1 + cos(theta - m)))` for the quarter turn `m` next to the middle of the domain,
-/// when that is no longer than half a turn: well away from `theta - m = pi`, where the quotient has no value.
+/// `theta = m + 2 atan(sin(theta - m) / (1 + cos(theta - m)))` for the quarter turn `m` next to the middle of the
+/// domain, when that is no longer than half a turn: well away from `theta - m = pi`, where the quotient has no value.
 fn angle_of(g: &mut Graph, [c, s]: [ExprId; 2], domain: Domain) -> Option<ExprId> {
     let Domain::Interval(low, high) = domain else { return None };
     let none = BTreeMap::new();
@@ -171,7 +171,8 @@ fn angle_of(g: &mut Graph, [c, s]: [ExprId; 2], domain: Domain) -> Option<ExprId
 }
 
 /// The domain as conditions on the point, for known ends less than a turn apart: `sin(theta - low) > 0` and
-/// `sin(high - theta) > 0` up to half a turn, `cos(theta - m) > cos(w)` with the middle `m` and half the length `w` beyond.
+/// `sin(high - theta) > 0` up to half a turn, `cos(theta - m) > cos(w)` with the middle `m` and half the length `w`
+/// beyond.
 fn domain_of(g: &mut Graph, turned: &Turned) -> Vec<DomainCondition> {
     let Domain::Interval(low, high) = turned.domain else { return Vec::new() };
     let (none, theta) = (BTreeMap::new(), g.sym(turned.angle));

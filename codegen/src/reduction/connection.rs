@@ -13,19 +13,20 @@ use super::domain::signs;
 /// Rewrites a model so that its velocity is `v = xi + A(x, t) xdot` for the connection asked for.
 ///
 /// * trivial: `A = 0`;
-/// * mechanical: the horizontal space is orthogonal to the group orbits in the kinetic energy, so that the Hessian of `L`
-///   has no block between `v` and `xdot`;
-/// * nonholonomic: the horizontal space lies in the space `C_V` of virtual displacements and is orthogonal to its intersection
-///   `S` with the orbits. The constraint on velocities plays no part in it where the model gives displacements of their own.
+/// * mechanical: the horizontal space is orthogonal to the group orbits in the kinetic energy, so that the Hessian of
+///   `L` has no block between `v` and `xdot`;
+/// * nonholonomic: the horizontal space lies in the space `C_V` of virtual displacements and is orthogonal to its
+///   intersection `S` with the orbits. The constraint on velocities plays no part in it where the model gives
+///   displacements of their own.
 ///
 /// # Errors
-/// [`Error::ConnectionDependsOn`] where the Hessian or the displacements bring velocities or advected parameters into `A`,
-/// [`Error::NoHorizontalSpace`] for a degenerate kinetic energy along the orbits, [`Error::Unsupported`] for virtual
-/// displacements that restrict base velocities on their own.
+/// [`Error::ConnectionDependsOn`] where the Hessian or the displacements bring velocities or advected parameters into
+/// `A`, [`Error::NoHorizontalSpace`] for a degenerate kinetic energy along the orbits, [`Error::Unsupported`] for
+/// virtual displacements that restrict base velocities on their own.
 ///
 /// # Source
-/// Marsden, Montgomery, Ratiu 1990 (mechanical); Bloch, Krishnaprasad, Marsden, Murray 1996 (nonholonomic); Grillo, Zuccalli
-/// 2012, section 2.2.1 (its dependence on `C_V` alone).
+/// Marsden, Montgomery, Ratiu 1990 (mechanical); Bloch, Krishnaprasad, Marsden, Murray 1996 (nonholonomic); Grillo,
+/// Zuccalli 2012, section 2.2.1 (its dependence on `C_V` alone).
 pub fn with_connection(model: &Model, kind: ConnectionKind) -> Result<Model, Diagnostics> {
     if model.base.is_empty() || model.algebra.dim() == 0 {
         return Ok(model.clone());
@@ -100,8 +101,9 @@ fn hessian(model: &mut Model) -> Vec<Vec<ExprId>> {
     rows
 }
 
-/// Minus the vertical part of the lift `H_i` of `d/dx^i` on which the forms vanish and which is orthogonal to the vertical
-/// vectors on which they vanish, `S`. With forms `F_x dx + F_v v` and the Hessian `[[L_xx, L_xv], [L_vx, K]]` that is `h` of
+/// Minus the vertical part of the lift `H_i` of `d/dx^i` on which the forms vanish and which is orthogonal to the
+/// vertical vectors on which they vanish, `S`. With forms `F_x dx + F_v v` and the Hessian `[[L_xx, L_xv], [L_vx, K]]`
+/// that is `h` of
 ///
 /// ```text
 /// [[K, F_v^T], [F_v, 0]] [h, mu] = [L_vx, F_x]

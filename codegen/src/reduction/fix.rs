@@ -8,7 +8,8 @@ use crate::error::Error;
 use crate::expr::{DivisionByZero, ExprId, Rational, SymbolId};
 use crate::spec::{self, Diagnostics, Model, Relation};
 
-/// A model whose fixed parameters are replaced by their values everywhere, without the conditions that have become true.
+/// A model whose fixed parameters are replaced by their values everywhere, without the conditions that have become
+/// true.
 ///
 /// # Errors
 /// Unknown parameters, values at which a denominator of the model vanishes, and conditions that have become false.

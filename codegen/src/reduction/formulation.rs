@@ -7,28 +7,31 @@ use crate::spec::{ConnectionKind, Model};
 
 /// The choices that lead from a model to one [`ReducedSystem`](super::ReducedSystem) and its equations.
 ///
-/// All of them describe the same motion, for the fixed parameters; they differ in state variables, in cost and in rounding errors.
+/// All of them describe the same motion, for the fixed parameters; they differ in state variables, in cost and in
+/// rounding errors.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Formulation {
     /// Parameters that are numbers, by name: folded exactly before anything is derived.
     pub fixed: Vec<(String, Rational)>,
     /// The connection that is derived, with velocities `v = xi + A xdot`; none for the one that the model writes down.
     pub connection: Option<ConnectionKind>,
-    /// Independent velocities, by index into base velocities, velocities in the algebra and quasi-velocities; none for those
-    /// that are best to solve for.
+    /// Independent velocities, by index into base velocities, velocities in the algebra and quasi-velocities; none for
+    /// those that are best to solve for.
     pub independent: Option<Vec<usize>>,
     /// Whether constraints that could be solved are kept with multipliers.
     pub multipliers: bool,
     /// Angles of the base that are carried as points of the circle.
     pub circles: Vec<String>,
-    /// Whether squares of velocities in the Lagrangian are differentiated in the frame that turns with their components.
+    /// Whether squares of velocities in the Lagrangian are differentiated in the frame that turns with their
+    /// components.
     pub squares: bool,
     /// Whether the algebra is split along the model's chain of ideals.
     pub stages: bool,
 }
 
 impl Formulation {
-    /// What a model's own items choose: its connection, independent velocities and stages, no parameter fixed, angles on the line.
+    /// What a model's own items choose: its connection, independent velocities and stages, no parameter fixed, angles
+    /// on the line.
     pub fn of(model: &Model) -> Formulation {
         Formulation {
             fixed: Vec::new(),

@@ -1,8 +1,8 @@
 //! From a checked model to one Lie algebroid with Lagrangian, constraint and force.
 //!
-//! [`reduce`] is a list of rewrites in the order that a [`Formulation`] is read in: of the model (`fix`, `connection`), from the
-//! model to a [`ReducedSystem`] (`assemble`, with `algebroid`, `constraint`, `stages` and `reconstruction`), and of the system
-//! (`circle`). A new kind of system is one more rewrite, never a second derivation.
+//! [`reduce`] is a list of rewrites in the order that a [`Formulation`] is read in: of the model (`fix`, `connection`),
+//! from the model to a [`ReducedSystem`] (`assemble`, with `algebroid`, `constraint`, `stages` and `reconstruction`),
+//! and of the system (`circle`). A new kind of system is one more rewrite, never a second derivation.
 //!
 //! Does not know: equations of motion, programs, text files.
 
@@ -37,8 +37,8 @@ pub use system::{Block, BlockKind, Circle, ReducedSystem, StateKind};
 
 /// Reduces a model in the formulation that is asked for.
 ///
-/// Left action: `C` are the structure constants and advected parameters obey `adot = -xi . a`. Right action: the sign of
-/// every structure constant changes and `adot = xi . a`.
+/// Left action: `C` are the structure constants and advected parameters obey `adot = -xi . a`. Right action: the sign
+/// of every structure constant changes and `adot = xi . a`.
 ///
 /// # Errors
 /// Everything inconsistent that is found, at the spans of the model's text.

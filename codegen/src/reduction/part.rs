@@ -2,7 +2,8 @@
 //!
 //! Does not know: the system.
 
-/// What an expression of a [`ReducedSystem`](super::ReducedSystem) is, see [`ReducedSystem::expressions_mut`](super::ReducedSystem::expressions_mut).
+/// What an expression of a [`ReducedSystem`](super::ReducedSystem) is, see
+/// [`ReducedSystem::expressions_mut`](super::ReducedSystem::expressions_mut).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
     /// A bound of a condition on parameters.

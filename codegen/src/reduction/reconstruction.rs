@@ -22,9 +22,9 @@ pub struct ReconstructedCoordinate {
 
 /// Rates of the coordinates of one item.
 ///
-/// Unit quaternions `(w, x, y, z)` turn body vectors to space: `qdot = q Omega / 2` (left), `qdot = omega q / 2` (right).
-/// A planar pose is `(theta, x, y)`, a pose a quaternion and a position: `rdot = R(q) V` (left), `rdot = V + omega x r`
-/// (right).
+/// Unit quaternions `(w, x, y, z)` turn body vectors to space: `qdot = q Omega / 2` (left), `qdot = omega q / 2`
+/// (right). A planar pose is `(theta, x, y)`, a pose a quaternion and a position: `rdot = R(q) V` (left),
+/// `rdot = V + omega x r` (right).
 pub(super) fn rates(g: &mut Graph, item: &Reconstruction, side: Side) -> Vec<ReconstructedCoordinate> {
     let coordinates: Vec<ExprId> = item.symbols.iter().map(|s| g.sym(*s)).collect();
     let rates = match &item.kind {
@@ -66,11 +66,12 @@ pub struct MomentumInSpace {
     pub rows: Vec<Vec<ExprId>>,
 }
 
-/// What the coadjoint action of an item's group element makes of momenta: `Ad*_{g^-1} p` for a left action, constant where
-/// nothing else breaks the symmetry; `Ad*_g p` for a right one.
+/// What the coadjoint action of an item's group element makes of momenta: `Ad*_{g^-1} p` for a left action, constant
+/// where nothing else breaks the symmetry; `Ad*_g p` for a right one.
 ///
-/// A unit quaternion turns every three momenta of the algebra, `algebra` in the frame, by `|q|^2 R(q)`, whose rate needs no unit length;
-/// a planar pose moves its own three. About a point in space angular momentum is constant on `|q| = 1` alone, and left out.
+/// A unit quaternion turns every three momenta of the algebra, `algebra` in the frame, by `|q|^2 R(q)`, whose rate
+/// needs no unit length; a planar pose moves its own three. About a point in space angular momentum is constant on
+/// `|q| = 1` alone, and left out.
 pub(super) fn momenta_in_space(
     g: &mut Graph,
     item: &Reconstruction,

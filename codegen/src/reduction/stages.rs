@@ -20,7 +20,8 @@ pub struct StageLevel {
     pub range: std::ops::Range<usize>,
     /// `[eta, eta']` in the quotient `n_j / n_{j+1}`: the component in this level.
     pub quotient_bracket: Tensor,
-    /// `a_j(eta, eta') = -(component of [eta, eta'] in the levels below)`, the curvature of `A_{N_{j+1}}` at the identity.
+    /// `a_j(eta, eta') = -(component of [eta, eta'] in the levels below)`, the curvature of `A_{N_{j+1}}` at the
+    /// identity.
     pub curvature: Tensor,
     /// `b_j(eta, zeta) = [eta, zeta]` for `zeta` in `n_{j+1}`, the quotient vertical connection.
     pub vertical_connection: Tensor,

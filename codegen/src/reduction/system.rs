@@ -46,7 +46,8 @@ pub enum BlockKind {
     Attitude,
     /// The angle from space to the body frame of a planar pose.
     Heading,
-    /// The position of a pose, whose attitude or heading is another block; that of a planar pose has two blocks of one number.
+    /// The position of a pose, whose attitude or heading is another block; that of a planar pose has two blocks of one
+    /// number.
     Position {
         /// Position of that block in [`ReducedSystem::blocks`].
         attitude: usize,
@@ -136,8 +137,8 @@ impl ReducedSystem {
 
     /// Every expression of the system and what it is, and the graph that owns them all.
     ///
-    /// Only the keys of [`ReducedSystem::signs`] are no part of it: what is known about an expression that is rewritten says nothing
-    /// about the new one, and a rewrite has to decide.
+    /// Only the keys of [`ReducedSystem::signs`] are no part of it: what is known about an expression that is rewritten
+    /// says nothing about the new one, and a rewrite has to decide.
     pub fn expressions_mut(&mut self) -> (&mut Graph, Vec<(Part, &mut ExprId)>) {
         let ReducedSystem {
             formulation: _,
@@ -190,7 +191,8 @@ impl ReducedSystem {
         (graph, list)
     }
 
-    /// The group velocity `xi^a = v^a - A^a_i xdot^i`, by the velocities of the system, `n_shape` of them along the shape.
+    /// The group velocity `xi^a = v^a - A^a_i xdot^i`, by the velocities of the system, `n_shape` of them along the
+    /// shape.
     pub(crate) fn group_velocity(&self, g: &mut Graph, n_shape: usize) -> Vec<ExprId> {
         let y: Vec<ExprId> = self.velocities.iter().map(|s| g.sym(*s)).collect();
         let (shape, fibre) = y.split_at(n_shape);

@@ -18,8 +18,8 @@ pub struct BuiltScene {
     pub name: String,
     /// What was derived.
     pub equations: Arc<Equations>,
-    /// What was lowered: the rates, the energy (when wanted), the pivots, one function for each output and each product, then
-    /// the domain where there is one; see [`Role`].
+    /// What was lowered: the rates, the energy (when wanted), the pivots, one function for each output and each
+    /// product, then the domain where there is one; see [`Role`].
     pub program: Program,
     /// The state of this scene: that of the model without what is left out, with what is reconstructed.
     pub state: Vec<StateEquation>,

@@ -14,6 +14,8 @@ impl BuiltScene {
     }
 
     /// Operations of every function and its sections in columns: additions and multiplications include the fused ones.
+    /// After them a line for every search for a cheaper form that stopped early, and every function that is computed as
+    /// it was derived.
     pub fn operation_columns(&self) -> String {
         let heads = ["add", "mul", "fused", "div", "sqrt", "neg", "calls", "cost"];
         let cells = |c: Counts| {
@@ -23,11 +25,12 @@ impl BuiltScene {
         };
         let rows = self.operation_counts();
         let head = (String::new(), heads.map(|head| format!("{head:>5}")).to_vec());
-        table(std::iter::once(head).chain(rows.into_iter().map(|(name, c)| (name, cells(c)))))
+        let rows = rows.into_iter().map(|(name, c)| (name, cells(c)));
+        format!("{}{}", table(std::iter::once(head).chain(rows)), self.program.report)
     }
 
-    /// Operations of the part that runs once, of all functions together, and of every function, followed by those of its
-    /// sections, whose names begin with spaces.
+    /// Operations of the part that runs once, of all functions together, and of every function, followed by those of
+    /// its sections, whose names begin with spaces.
     pub fn operation_counts(&self) -> Vec<(String, Counts)> {
         let mut total = Counts::default();
         self.program.functions.iter().for_each(|f| total += f.counts());

@@ -1,5 +1,5 @@
-//! Warnings about what a model is at its own defaults: expressions without a value, inertias that vanish, rates that are
-//! not finite where its `initial` state is.
+//! Warnings about what a model is at its own defaults: expressions without a value, inertias that vanish, rates that
+//! are not finite where its `initial` state is.
 //!
 //! Such a model may be meant: parameters are given where it is used. Whoever only changes one of them finds it useless.
 //!
@@ -17,9 +17,9 @@ use super::interpreter::Interpreter;
 const MAX_NAMED: usize = 4;
 const MAX_SHOWN: usize = 60;
 
-/// What the defaults of the parameters, and the initial state where the model gives one, make of scenes: one warning for each expression
-/// without a finite value; where there is none, one for the first pivot that vanishes or is not finite, and for a rate that is
-/// not finite.
+/// What the defaults of the parameters, and the initial state where the model gives one, make of scenes: one warning
+/// for each expression without a finite value; where there is none, one for the first pivot that vanishes or is not
+/// finite, and for a rate that is not finite.
 ///
 /// [`Model::warnings`] has what shows without any scene.
 pub fn warnings(model: &Model, scenes: &[BuiltScene]) -> Diagnostics {

@@ -232,8 +232,8 @@ impl<'a> Interpreter<'a> {
         Some(out)
     }
 
-    /// Everything that the right-hand side divides by and that may vanish or overflow: names, values, and scales of their
-    /// rounding errors, as [`hamel_runtime::Pivot`] has them.
+    /// Everything that the right-hand side divides by and that may vanish or overflow: names, values, and scales of
+    /// their rounding errors, as [`hamel_runtime::Pivot`] has them.
     ///
     /// # Panics
     /// When the size of `y` is wrong.

@@ -1,10 +1,10 @@
 //! Functions of time and state that are constant along every motion of a scene, with their gradients.
 //!
-//! Candidates are what mechanics knows: casimirs, norms and products of advected parameters and quaternions, residuals of
-//! constraints, the energy, momenta of the frame and in space. One counts when its rate along the motion vanishes identically, by the fingerprints of
-//! the graph; the energy of a system with multipliers, which is conserved on the constraint alone, does not. Of those that
-//! are functions of others only the first are kept. Components of the state that never change are parameters here: a
-//! projection leaves them alone.
+//! Candidates are what mechanics knows: casimirs, norms and products of advected parameters and quaternions, residuals
+//! of constraints, the energy, momenta of the frame and in space. One counts when its rate along the motion vanishes
+//! identically, by the fingerprints of the graph; the energy of a system with multipliers, which is conserved on the
+//! constraint alone, does not. Of those that are functions of others only the first are kept. Components of the state
+//! that never change are parameters here: a projection leaves them alone.
 //!
 //! Deliberately does not know: how anything is differentiated, lowered or emitted, who projects.
 
@@ -127,7 +127,8 @@ fn candidates(g: &mut Graph, equations: &Equations, state: &[StateEquation]) -> 
     candidates.extend(momenta.iter().cloned().chain(group(Want::NonholonomicMomentum)));
     let in_space = &equations.system.momenta_in_space;
     for (k, a) in in_space.iter().enumerate() {
-        // What turns as one vector keeps its products: Casimirs of so(3) and se(3), also where a scene carries no attitude.
+        // What turns as one vector keeps its products: Casimirs of so(3) and se(3), also where a scene carries no
+        // attitude.
         for b in in_space[k..].iter().filter(|b| b.rows == a.rows) {
             let [p, q] = [a, b].map(|of| of.velocities.iter().map(|k| &momenta[*k]).collect::<Vec<_>>());
             let terms: Vec<ExprId> = p.iter().zip(&q).map(|(p, q)| g.mul(p.1, q.1)).collect();

@@ -1,7 +1,7 @@
 //! Scenes: what is wanted of a model, what is fixed, and what is left out.
 //!
-//! [`build`] runs the whole pipeline for one scene, [`Scenes`] for several of one model, whose equations are derived once for each
-//! formulation. The default scene fixes nothing and wants every output, `minimal` leaves
+//! [`build`] runs the whole pipeline for one scene, [`Scenes`] for several of one model, whose equations are derived
+//! once for each formulation. The default scene fixes nothing and wants every output, `minimal` leaves
 //! out coordinates that nothing asks for, `reconstruction` adds those of the group; a `scene` block of the model fixes
 //! parameters (folded exactly before the derivation), names the outputs it wants and the coordinates it drops.
 //!
@@ -182,8 +182,8 @@ pub fn view_output(view: &str) -> String {
     format!("view {view}")
 }
 
-/// Builds a scene with everything that a report shows: the parameters that `scene` fixes, every coordinate, those of the
-/// group when the model reconstructs them, every output, and the views, each as the output [`view_output`].
+/// Builds a scene with everything that a report shows: the parameters that `scene` fixes, every coordinate, those of
+/// the group when the model reconstructs them, every output, and the views, each as the output [`view_output`].
 ///
 /// # Errors
 /// As [`build`].
@@ -226,11 +226,11 @@ impl BuiltScene {
         lower_scene(self.equations.clone(), &plan, self.state.clone(), Vec::new())
     }
 
-    /// The scene with the same parameters and state that has, besides the right-hand side, the residuals of the constraints
-    /// that a state can violate ([`Want::Constraint`]) and the momenta ([`Want::Momentum`]).
+    /// The scene with the same parameters and state that has, besides the right-hand side, the residuals of the
+    /// constraints that a state can violate ([`Want::Constraint`]) and the momenta ([`Want::Momentum`]).
     ///
-    /// None if there are no such constraints, or if they depend on a coordinate that this scene leaves out; momenta that do
-    /// are missing.
+    /// None if there are no such constraints, or if they depend on a coordinate that this scene leaves out; momenta
+    /// that do are missing.
     ///
     /// # Errors
     /// What lowering can find.

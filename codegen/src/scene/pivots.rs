@@ -1,7 +1,8 @@
 //! What is asked of the pivots of a scene, and when.
 //!
 //! `mechanics::solve` names the pivots; those of parameters alone become conditions on these, the others are handed to
-//! `lower::pivots`, which tells the rest. Does not know: how pivots are computed and compared with their rounding errors.
+//! `lower::pivots`, which tells the rest. Does not know: how pivots are computed and compared with their rounding
+//! errors.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -21,15 +22,15 @@ pub(super) struct SortedPivots {
     pub(super) divisors: lower::Divisors,
 }
 
-/// Entries of a matrix without a definite sign may be added to this multiple of their size while it is factored: three of
-/// sixteen digits are lost at most besides those that its condition costs.
+/// Entries of a matrix without a definite sign may be added to this multiple of their size while it is factored: three
+/// of sixteen digits are lost at most besides those that its condition costs.
 const MAX_GROWTH: i64 = 1024;
 
 /// Sorts pivots by what is known about them.
 ///
 /// A symmetric matrix of parameters whose pivots are positive for the defaults is taken for an inertia, and has to be
-/// positive definite: elimination is stable then (Higham 2002, section 10.1). From any other, elimination in a fixed order
-/// can lose everything, which the growth of its entries tells (section 9.3).
+/// positive definite: elimination is stable then (Higham 2002, section 10.1). From any other, elimination in a fixed
+/// order can lose everything, which the growth of its entries tells (section 9.3).
 pub(super) fn sorted_pivots(graph: &mut Graph, equations: &Equations) -> SortedPivots {
     let system = &equations.system;
     let values = inlined(graph, equations.sections.iter().flat_map(|s| &s.definitions));
@@ -102,8 +103,8 @@ fn pivot_condition(graph: &Graph, pivot: &Pivot, is_inertia: bool) -> ParamCondi
     }
 }
 
-/// That the terms of a pivot are not so much larger than the entries of the matrix that these are lost in their rounding errors; none
-/// for the first pivot, which is an entry.
+/// That the terms of a pivot are not so much larger than the entries of the matrix that these are lost in their
+/// rounding errors; none for the first pivot, which is an entry.
 fn growth_condition(graph: &mut Graph, name: &str, origin: &PivotOrigin) -> Option<ParamCondition> {
     if origin.updates.is_empty() {
         return None;

@@ -24,6 +24,7 @@ impl Package {
             "models/suslov_gyrostat.hamel",
             "models/thinning.hamel",
             "models/kite.hamel",
+            "models/loop.hamel",
         ] {
             std::fs::copy(here.join(file), root.join(file)).unwrap();
         }

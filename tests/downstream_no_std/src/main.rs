@@ -1,7 +1,7 @@
 //! Proof that the standard library is not linked: its panic handler would clash with the one here.
 //!
-//! Runs on a hosted Linux target and exits with zero if the right-hand side is the pendulum's and its energy is kept, with one if not,
-//! with two after an error.
+//! Runs on a hosted Linux target and exits with zero if the right-hand side is the pendulum's and its energy is kept,
+//! with one if not, with two after an error.
 
 #![no_std]
 #![no_main]

@@ -7,7 +7,8 @@ use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssi
 use crate::tracked::Tracked;
 use hamel_runtime::{DoubleDouble, Real};
 
-/// A number of a generated function in `f64`, with the largest term that entered it, beside the same number to 31 digits.
+/// A number of a generated function in `f64`, with the largest term that entered it, beside the same number to 31
+/// digits.
 ///
 /// Both go through the same operations; comparisons are those of `f64`. Operations are calls on purpose: inlined, the
 /// arithmetic of a double-double number would make each generated function too large to compile in reasonable time.

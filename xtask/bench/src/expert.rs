@@ -198,8 +198,8 @@ pub mod euler_disk {
 
 /// Chaplygin ball.
 ///
-/// With `f = sqrt(m) (r Gamma + l chi)` and `d = I + |f|^2` the matrix is diagonal but for one term of rank one, so that
-/// it is inverted by the formula of Sherman and Morrison with one division:
+/// With `f = sqrt(m) (r Gamma + l chi)` and `d = I + |f|^2` the matrix is diagonal but for one term of rank one, so
+/// that it is inverted by the formula of Sherman and Morrison with one division:
 ///
 /// ```text
 /// (diag(d) - f f^T) Omega' = I Omega x Omega + m l (g + r |Omega|^2) Gamma x chi - sqrt(m) l (Omega . chi) f x Omega
@@ -293,8 +293,9 @@ pub mod chaplygin_ball {
 /// psi'' = -k,    phi'' = 0,    s' = (1 - q) k sin phi
 /// ```
 ///
-/// `1 + (q - 1) sin^2 phi` in the denominator would share `(q - 1) sin phi` and save two multiplications, but for a light
-/// rotor, `q << 1`, it loses the digits of `q` next to `phi = pi/2`: an error of `eps/q` where rounding `phi` does `eps/sqrt(q)`.
+/// `1 + (q - 1) sin^2 phi` in the denominator would share `(q - 1) sin phi` and save two multiplications, but for a
+/// light rotor, `q << 1`, it loses the digits of `q` next to `phi = pi/2`: an error of `eps/q` where rounding `phi`
+/// does `eps/sqrt(q)`.
 pub mod snakeboard {
     use super::generated::snakeboard::Params;
     use super::{mul_add, sin_cos};

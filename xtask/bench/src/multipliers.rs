@@ -14,7 +14,8 @@ use nalgebra::{SMatrix, SVector, Vector3};
 use crate::kernel::Kernel;
 use crate::naive::{self, solve};
 
-/// The saddle-point matrix and right-hand side of dimension `T = N + A`, from `M`, `f`, `a` and `-a' v`; solved for `v'`.
+/// The saddle-point matrix and right-hand side of dimension `T = N + A`, from `M`, `f`, `a` and `-a' v`; solved for
+/// `v'`.
 fn saddle<const N: usize, const A: usize, const T: usize>(
     mass: SMatrix<f64, N, N>,
     force: SVector<f64, N>,
@@ -103,8 +104,8 @@ pub mod kirchhoff_body {
     }
 }
 
-/// Euler's disk in coordinates `(theta, phi, psi, x1, x2)`, where `x` is the contact and `c = r y + (e r/2) z` points from it
-/// to the mass centre. Kinetic energy of translation `M/2 |x' + c'|^2`; constraint `x' = r psi' u(phi)`.
+/// Euler's disk in coordinates `(theta, phi, psi, x1, x2)`, where `x` is the contact and `c = r y + (e r/2) z` points
+/// from it to the mass centre. Kinetic energy of translation `M/2 |x' + c'|^2`; constraint `x' = r psi' u(phi)`.
 pub mod euler_disk {
     use super::{SMatrix, SVector, Vector3, saddle};
     use hamel_models::generated::euler_disk::Params;
@@ -189,8 +190,8 @@ pub mod chaplygin_ball {
     }
 }
 
-/// Snakeboard with velocities `(psi', phi', omega, v1, v2)` and constraints `sin phi v1 + r cos phi omega = 0`, `v2 = 0`; then
-/// `s' = omega' sin phi - v1' cos phi/r`.
+/// Snakeboard with velocities `(psi', phi', omega, v1, v2)` and constraints `sin phi v1 + r cos phi omega = 0`,
+/// `v2 = 0`; then `s' = omega' sin phi - v1' cos phi/r`.
 pub mod snakeboard {
     use super::{SMatrix, SVector, naive::snakeboard::mass, saddle};
     use hamel_models::generated::snakeboard::Params;

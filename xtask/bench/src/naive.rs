@@ -80,7 +80,8 @@ pub mod kirchhoff_body {
     }
 }
 
-/// Euler's disk, in the frame `(n, y, z)` of nodes and axis, which turns with `f = (theta', phi' sin theta, phi' cos theta)`.
+/// Euler's disk, in the frame `(n, y, z)` of nodes and axis, which turns with
+/// `f = (theta', phi' sin theta, phi' cos theta)`.
 ///
 /// The body turns with `Omega = f + (0, 0, psi')`, the mass centre is at `s = (0, r, e r/2)` from the contact and moves
 /// with `v = Omega x s`; gravity is `G`.
@@ -167,7 +168,8 @@ pub mod chaplygin_ball {
 
 /// Snakeboard, projected to a basis `W` of the constraint.
 ///
-/// Velocities `v = (psi', phi', omega, v1, v2) = W u`, `u = (psi', phi', s)`, generalised forces `f` of the rotating frame:
+/// Velocities `v = (psi', phi', omega, v1, v2) = W u`, `u = (psi', phi', s)`, generalised forces `f` of the rotating
+/// frame:
 ///
 /// ```text
 /// W^T M W u' = W^T (f - M W' u)
@@ -214,7 +216,8 @@ pub mod snakeboard {
 
 /// Two-wheeled robot, projected to a basis `W` of the constraint.
 ///
-/// Velocities `v = (psi1', psi2', omega, v1, v2) = W u`, `u = (psi1', psi2')`, generalised forces `f` of the rotating frame:
+/// Velocities `v = (psi1', psi2', omega, v1, v2) = W u`, `u = (psi1', psi2')`, generalised forces `f` of the rotating
+/// frame:
 ///
 /// ```text
 /// W^T M W u' = W^T f
@@ -259,8 +262,8 @@ pub mod mobile_robot {
 
 /// Satellite with two arms, the arms eliminated.
 ///
-/// For a mass `m` at `r(x)` with `d = dr/dx`: `L = I - sum m [r]x^2` is the locked inertia, `b = m r x d` couples the arm,
-/// `c = Omega x (Omega x r) + 2 x' Omega x d + x'^2 d^2r/dx^2`, `h = -k x - m d . c`:
+/// For a mass `m` at `r(x)` with `d = dr/dx`: `L = I - sum m [r]x^2` is the locked inertia, `b = m r x d` couples the
+/// arm, `c = Omega x (Omega x r) + 2 x' Omega x d + x'^2 d^2r/dx^2`, `h = -k x - m d . c`:
 ///
 /// ```text
 /// (L - sum b b^T/(m d.d)) Omega' = I Omega x Omega - sum (m r x c + b h/(m d.d))

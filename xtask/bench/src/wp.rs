@@ -1,9 +1,9 @@
 //! Whole integrations by the methods of the runtime and by those of other crates, to be
 //! timed against the error at the end.
 //!
-//! The others integrate the generated right-hand side, so that only the integrator differs, and in one more row the one by
-//! vector algebra. Whoever integrates makes a new solver for each solution, as a user does, with `rtol = atol` and no other
-//! setting than a limit on steps; right-hand sides are inlined wherever the compiler likes to.
+//! The others integrate the generated right-hand side, so that only the integrator differs, and in one more row the one
+//! by vector algebra. Whoever integrates makes a new solver for each solution, as a user does, with `rtol = atol` and
+//! no other setting than a limit on steps; right-hand sides are inlined wherever the compiler likes to.
 //!
 //! Deliberately does not know: where problems come from, how results are shown.
 
@@ -281,7 +281,8 @@ mod others {
     }
 }
 
-/// Calls the macro with the models that are measured, the module of their scene with Taylor series, and their dimension.
+/// Calls the macro with the models that are measured, the module of their scene with Taylor series, and their
+/// dimension.
 macro_rules! for_each_model {
     ($visit:ident) => {
         $visit! {

@@ -1,8 +1,8 @@
 //! What the compiler makes of the generated right-hand sides: straight-line code that can neither panic nor allocate.
 //!
-//! The functions of `hamel_bench::ours` are compiled as users compile them, optimised, to assembly text. Every symbol that
-//! one of them refers to has to be a function of the mathematical library or local to it: no panic, no bounds check, no
-//! allocation, no copy by a library, and no fused multiply-add by one.
+//! The functions of `hamel_bench::ours` are compiled as users compile them, optimised, to assembly text. Every symbol
+//! that one of them refers to has to be a function of the mathematical library or local to it: no panic, no bounds
+//! check, no allocation, no copy by a library, and no fused multiply-add by one.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
@@ -161,7 +161,8 @@ fn no_right_hand_side_refers_to_anything_but_mathematical_functions() {
     };
     for module in MODULES {
         let Some(body) = body_of(module) else {
-            // The compiler keeps one of several equal functions, as scenes of one model with the same right-hand side are.
+            // The compiler keeps one of several equal functions, as scenes of one model with the same right-hand side
+            // are.
             let model = module.rsplit_once('_').map_or(*module, |(model, _)| model);
             let mut others = MODULES.iter().filter(|other| other.starts_with(model));
             assert!(others.any(|other| body_of(other).is_some()), "{module} is not in {}", file.display());

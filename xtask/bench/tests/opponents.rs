@@ -1,8 +1,8 @@
 //! Every opponent computes what the generated code computes, and both what the reference says.
 //!
 //! An opponent that solved another problem would make every ratio meaningless, so this runs before anything is timed.
-//! Distances are in units in the last place of the largest term that enters a component of the generated code, as in its
-//! own tests, or for opponents that enters any component; near a singular state that term is large for everybody.
+//! Distances are in units in the last place of the largest term that enters a component of the generated code, as in
+//! its own tests, or for opponents that enters any component; near a singular state that term is large for everybody.
 
 use std::collections::BTreeSet;
 
@@ -50,8 +50,8 @@ fn generated_code_and_all_opponents_meet_the_reference() {
         let mut worst: f64 = 0.0;
         for (k, point) in points.iter().enumerate() {
             let off = units(kernel, &scene, point);
-            // LU of the whole saddle-point matrix loses what the condition of the frame takes: 5.3e4 units were measured for the
-            // disk at theta = 1e-3, where the reduced equations lose nothing.
+            // LU of the whole saddle-point matrix loses what the condition of the frame takes: 5.3e4 units were
+            // measured for the disk at theta = 1e-3, where the reduced equations lose nothing.
             let bound = if kernel.kind == "multipliers" { 1e6 } else { BOUND };
             assert!(off <= bound, "{kernel}, point {k}: {off} units in the last place off");
             worst = worst.max(off);

@@ -1,4 +1,5 @@
-//! Answers `eval`, `simulate` and `ensemble` of `hamel` and `cargo xtask` with the compiled models; started by them, not by hand.
+//! Answers `eval`, `simulate` and `ensemble` of `hamel` and `cargo xtask` with the compiled models; started by them,
+//! not by hand.
 
 use std::process::ExitCode;
 

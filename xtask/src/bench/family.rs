@@ -36,7 +36,8 @@ impl Family {
         }
     }
 
-    /// Sizes of the matrices, from small to large; a parameter of a model has at most 200 components, which bounds the last family.
+    /// Sizes of the matrices, from small to large; a parameter of a model has at most 200 components, which bounds the
+    /// last family.
     pub(super) fn sizes(self, short: bool) -> &'static [usize] {
         let sizes: &[usize] = match self {
             Family::Rotations => &[5, 6, 8, 10, 12, 13],

@@ -28,11 +28,12 @@ use program::TargetCpu;
 pub(crate) enum Bench {
     /// Right-hand sides: time, executed instructions and operations of one call
     ///
-    /// Measures every generated right-hand side and, for eight systems, the same equations written by an expert, by vector
-    /// algebra with nalgebra, and without reduction with multipliers; prints a table, with the best other generators
-    /// beside it, measured in the same run with --peers and otherwise elsewhere. Times are those of the fastest and the median of all rounds, in each of
-    /// which all right-hand sides are called in turn. Instructions are counted by valgrind's callgrind where that is
-    /// installed. When all models are measured, docs/benchmarks/rhs.md, rhs.csv and rhs.svg are written.
+    /// Measures every generated right-hand side and, for eight systems, the same equations written by an expert, by
+    /// vector algebra with nalgebra, and without reduction with multipliers; prints a table, with the best other
+    /// generators beside it, measured in the same run with --peers and otherwise elsewhere. Times are those of the
+    /// fastest and the median of all rounds, in each of which all right-hand sides are called in turn. Instructions are
+    /// counted by valgrind's callgrind where that is installed. When all models are measured, docs/benchmarks/rhs.md,
+    /// rhs.csv and rhs.svg are written.
     ///
     /// The measuring program is built in target/bench, which takes a minute or two the first time.
     #[command(after_help = "\
@@ -57,9 +58,9 @@ Examples:
     /// Whole integrations: time against the error at the end
     ///
     /// Integrates the first trajectory of the reference files by every method of the runtime and by those of the crates
-    /// ode_solvers and differential-equations, over tolerances from 1e-3 to 1e-15, and prints the time to errors of 1e-6,
-    /// 1e-9 and 1e-12. When no models are named, docs/benchmarks/wp.md, wp.html, wp_<model>.csv and wp_<model>.svg are
-    /// written.
+    /// ode_solvers and differential-equations, over tolerances from 1e-3 to 1e-15, and prints the time to errors of
+    /// 1e-6, 1e-9 and 1e-12. When no models are named, docs/benchmarks/wp.md, wp.html, wp_<model>.csv and
+    /// wp_<model>.svg are written.
     ///
     /// The measuring program is built in target/bench, which takes some minutes the first time.
     #[command(after_help = "\

@@ -1,10 +1,12 @@
-//! Other code generators: what `tests/peers` measures of them in the same run, and otherwise numbers measured elsewhere.
+//! Other code generators: what `tests/peers` measures of them in the same run, and otherwise numbers measured
+//! elsewhere.
 //!
-//! Measured elsewhere: all eight systems were given to each peer, derived by hand in the best frame and from a Lagrangian, and
-//! every result was checked against the reference data of this repository. Each number is the best of all of them, for one call
-//! with independent inputs: heyoka 7.13.2, SymForce 0.12.0, CasADi 3.8.2, wrenfold 0.5.3, sympy 1.14.0, symplex 0.57.0,
-//! parameters at run time, with gcc 12.2, clang 22.1.8 (`-O3 -march=native`) and rustc 1.95 on an Intel Xeon (Emerald Rapids);
-//! instructions by callgrind on x86-64-v3 builds, the mathematical library and about 10 of the harness included.
+//! Measured elsewhere: all eight systems were given to each peer, derived by hand in the best frame and from a
+//! Lagrangian, and every result was checked against the reference data of this repository. Each number is the best of
+//! all of them, for one call with independent inputs: heyoka 7.13.2, SymForce 0.12.0, CasADi 3.8.2, wrenfold 0.5.3,
+//! sympy 1.14.0, symplex 0.57.0, parameters at run time, with gcc 12.2, clang 22.1.8 (`-O3 -march=native`) and rustc
+//! 1.95 on an Intel Xeon (Emerald Rapids); instructions by callgrind on x86-64-v3 builds, the mathematical library and
+//! about 10 of the harness included.
 //!
 //! Does not know: hamel's own numbers, the packages, how a kernel is timed.
 
@@ -45,7 +47,8 @@ pub(super) fn script(repository: &Repository, name: &str) -> Command {
     command
 }
 
-/// Has `tests/peers/rhs.py` generate, compile and check the kernels of some models; the error is a note that says what to do.
+/// Has `tests/peers/rhs.py` generate, compile and check the kernels of some models; the error is a note that says what
+/// to do.
 pub(super) fn generate(
     repository: &Repository,
     cpu: TargetCpu,
@@ -69,7 +72,8 @@ pub(super) struct Said {
     pub(super) notes: Vec<String>,
 }
 
-/// Runs a script with a bar, and hands lines that are not about its work to `take`; the error is a note that says what to do.
+/// Runs a script with a bar, and hands lines that are not about its work to `take`; the error is a note that says what
+/// to do.
 pub(super) fn listen(
     command: Command,
     who: &str,

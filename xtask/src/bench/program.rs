@@ -1,4 +1,5 @@
-//! The measuring program, package `hamel-bench`: how it is built and talked to, and what measurements say of the machine.
+//! The measuring program, package `hamel-bench`: how it is built and talked to, and what measurements say of the
+//! machine.
 //!
 //! Does not know: what is measured, how it is shown.
 

@@ -48,7 +48,8 @@ impl Options {
 /// Measures, writes `docs/benchmarks` when all models were measured, and returns the table.
 ///
 /// # Errors
-/// Unknown models and problems of them, [`Error::Failed`] when the measuring program does not build or run, [`Error::Io`].
+/// Unknown models and problems of them, [`Error::Failed`] when the measuring program does not build or run,
+/// [`Error::Io`].
 pub(crate) fn rhs(repository: &Repository, session: &Session, options: &Options) -> Result<String, Error> {
     let files = session.find_all(&options.models)?;
     let program = build(repository, options.target_cpu, &[])?;

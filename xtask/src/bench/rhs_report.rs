@@ -57,7 +57,8 @@ impl Report {
         write_files(folder, files.map(|(name, text)| (name.to_owned(), text)))
     }
 
-    /// Nanoseconds above those of the copy kernel; none for several lanes, whose calls the copy kernel does not resemble.
+    /// Nanoseconds above those of the copy kernel; none for several lanes, whose calls the copy kernel does not
+    /// resemble.
     fn above_copy(&self, row: &Row) -> Option<f64> {
         above_copy(&self.rows, row)
     }
@@ -130,8 +131,8 @@ impl Report {
         Table { lines, n_words: 3 }
     }
 
-    /// The generated right-hand sides of the default scenes beside the best peers, with where the numbers come from, and all
-    /// peers when they were measured in this run; none when no model has a peer.
+    /// The generated right-hand sides of the default scenes beside the best peers, with where the numbers come from,
+    /// and all peers when they were measured in this run; none when no model has a peer.
     fn beside_peers(&self) -> Option<(String, Vec<Table>)> {
         if let Some(peers) = self.peers.as_ref().filter(|p| p.rows.iter().any(|r| !r.kernel.is_copy())) {
             let source = format!(

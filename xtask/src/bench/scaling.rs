@@ -1,7 +1,8 @@
 //! `bench scaling`: how long generation and compilation take, and how fast the result is, as systems grow.
 //!
-//! The systems are synthetic: free motions on so(n) and su(n), on nilpotent groups, on these by stages, and with a metric
-//! that couples all velocities. Each is generated, compiled as a program of its own by one call of rustc, and timed.
+//! The systems are synthetic: free motions on so(n) and su(n), on nilpotent groups, on these by stages, and with a
+//! metric that couples all velocities. Each is generated, compiled as a program of its own by one call of rustc, and
+//! timed.
 //!
 //! Does not know: how anything is derived or emitted, how a table is drawn ([`super::scaling_report`]).
 
@@ -52,8 +53,8 @@ impl Options {
 /// Measures, writes `docs/benchmarks/scaling.*` unless it is a short run, and returns the table.
 ///
 /// # Errors
-/// [`Error::Failed`] when a program does not build or run, or when its result differs from that of the interpreter, which
-/// is checked where both round alike; [`Error::Io`].
+/// [`Error::Failed`] when a program does not build or run, or when its result differs from that of the interpreter,
+/// which is checked where both round alike; [`Error::Io`].
 pub(crate) fn scaling(repository: &Repository, options: &Options) -> Result<String, Error> {
     let systems: Vec<(Family, usize)> = Family::ALL
         .into_iter()
@@ -157,8 +158,8 @@ impl Toolchain {
     /// Generates, compiles and times the system of a family with matrices of size `n`.
     ///
     /// # Errors
-    /// [`Error::Failed`] when the program does not build or run, or when its result differs from that of the interpreter,
-    /// which is checked on the baseline, where both round alike; [`Error::Io`].
+    /// [`Error::Failed`] when the program does not build or run, or when its result differs from that of the
+    /// interpreter, which is checked on the baseline, where both round alike; [`Error::Io`].
     pub(crate) fn measure(&self, family: Family, n: usize) -> Result<Row, Error> {
         let name = format!("{} {}", family.name(), family.dim(n));
         let clock = Instant::now();

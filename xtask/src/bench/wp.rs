@@ -1,5 +1,5 @@
-//! `bench wp`: time of whole integrations against the error at their end, for the methods of the runtime and integrators of
-//! other crates, on the first trajectory of the reference files.
+//! `bench wp`: time of whole integrations against the error at their end, for the methods of the runtime and
+//! integrators of other crates, on the first trajectory of the reference files.
 //!
 //! Does not know: how anything is integrated, how a table is drawn ([`super::wp_report`]).
 
@@ -103,8 +103,8 @@ pub(crate) fn wp(repository: &Repository, options: &Options) -> Result<String, E
     Ok(text)
 }
 
-/// Runs the script of the integrators in Python, whose lines are those of the measuring program after the model's name, and
-/// adds their solutions; the notes.
+/// Runs the script of the integrators in Python, whose lines are those of the measuring program after the model's name,
+/// and adds their solutions; the notes.
 fn peers(
     repository: &Repository,
     models: &[String],

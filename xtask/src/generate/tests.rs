@@ -90,7 +90,7 @@ fn all_or_named_models_are_generated_and_the_index_covers_all() {
         }
         other => panic!("{other:?}"),
     }
-    let done = repository.generate(&["one".into()], false).unwrap();
+    let done = repository.generate(&["one"], false).unwrap();
     assert_eq!(done.n_models, 1);
     assert!(done.written.iter().all(|f| f.file_name().unwrap().to_str().unwrap().starts_with("one")));
     assert_eq!(text(&repository.generated("mod.rs")), index);
@@ -99,7 +99,7 @@ fn all_or_named_models_are_generated_and_the_index_covers_all() {
     // A model and its files go; what somebody wrote stays.
     std::fs::remove_file(repository.root.join("models/specs/two.hamel")).unwrap();
     std::fs::write(repository.generated("own.rs"), "// mine\n").unwrap();
-    let done = repository.generate(&["one".into()], false).unwrap();
+    let done = repository.generate(&["one"], false).unwrap();
     assert!(done.removed.iter().any(|f| f.ends_with("two.rs")), "{done:?}");
     let files = repository.files();
     assert!(files.iter().any(|f| f == "own.rs") && !files.iter().any(|f| f == "two.rs"), "{files:?}");
@@ -126,7 +126,7 @@ fn nothing_is_written_when_a_model_fails_and_all_problems_are_told() {
 fn names_are_checked() {
     let repository = Repository::new("names");
     repository.spec("one", ONE);
-    let error = repository.generate(&["oen".into(), "xyzw".into()], false).unwrap_err();
+    let error = repository.generate(&["oen", "xyzw"], false).unwrap_err();
     let message = error.to_string();
     assert!(
         message.contains("no model `oen`; did you mean `one`?") && message.contains("`xyzw`"),
@@ -143,7 +143,7 @@ fn a_new_model_is_generated_with_the_others() {
     repository.spec("one", ONE);
     repository.new_model("sled").unwrap();
     assert!(matches!(repository.new_model("sled"), Err(Error::Exists { .. })));
-    repository.generate(&["sled".into()], false).unwrap();
+    repository.generate(&["sled"], false).unwrap();
     let files = repository.files();
     for name in ["one.rs", "sled.rs", "sled_frictionless.rs", "sled_minimal.rs", "sled_reconstruction.rs"] {
         assert!(files.iter().any(|f| f == name), "{files:?}");

@@ -1,9 +1,10 @@
 //! Rounding errors of a generated function, in multiples of what its operations and its inputs make unavoidable.
 //!
-//! Two measures of what is unavoidable. Of the *terms*: the largest term that entered a result times the machine epsilon;
-//! more than a few of these is a fault of the arithmetic. Of the *inputs*: `|f| + sum_i |df/dx_i| |x_i|` times the
-//! machine epsilon, what rounding of states and parameters would do to the exact function. The first forgives an
-//! expression that cancels, the second does not: it is large exactly where another way of writing the same function would be better.
+//! Two measures of what is unavoidable. Of the *terms*: the largest term that entered a result times the machine
+//! epsilon; more than a few of these is a fault of the arithmetic. Of the *inputs*: `|f| + sum_i |df/dx_i| |x_i|` times
+//! the machine epsilon, what rounding of states and parameters would do to the exact function. The first forgives an
+//! expression that cancels, the second does not: it is large exactly where another way of writing the same function
+//! would be better.
 //!
 //! Deliberately does not know: how states are chosen, and models.
 

@@ -6,10 +6,11 @@ use crate::run::Results;
 
 /// Largest allowed multiples for model and scene: right-hand side by terms, by inputs; outputs by terms, by inputs.
 ///
-/// By terms, each is twice what was measured. By inputs it is 32 where nothing above 16 was measured (below that the derivatives
-/// are not asked for), and otherwise a power of ten at least 20 times larger: how close a random state comes to a
-/// cancellation is a matter of luck, whether there is one is not. `findings.md` has the reasons of all that are larger: `chaplygin_gyro`
-/// next to its pole, `euler_disk_advected` lying flat, `two_arm_satellite` with arms along an axis.
+/// By terms, each is twice what was measured. By inputs it is 32 where nothing above 16 was measured (below that the
+/// derivatives are not asked for), and otherwise a power of ten at least 20 times larger: how close a random state
+/// comes to a cancellation is a matter of luck, whether there is one is not. `findings.md` has the reasons of all that
+/// are larger: `chaplygin_gyro` next to its pole, `euler_disk_advected` lying flat, `two_arm_satellite` with arms along
+/// an axis.
 const BOUNDS: &[(&str, &str, [f64; 4])] = &[
     ("appell_machine", "default", [5.0, 32.0, 5.0, 32.0]),
     ("appell_machine", "minimal", [6.0, 32.0, 4.0, 32.0]),
@@ -87,7 +88,8 @@ const BOUNDS: &[(&str, &str, [f64; 4])] = &[
     ("wong_particle", "reconstruction", [8.0, 32.0, 4.0, 32.0]),
 ];
 
-/// Largest allowed multiple by inputs of a right-hand side with every parameter moved by up to three decades, in all scenes of a model.
+/// Largest allowed multiple by inputs of a right-hand side with every parameter moved by up to three decades, in all
+/// scenes of a model.
 const BUILT: f64 = 64.0;
 
 /// Models that exceed [`BUILT`], and by how much they may: `findings.md` has the reasons.

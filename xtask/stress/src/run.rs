@@ -135,7 +135,8 @@ fn scene_result(subject: &dyn Subject, scene: &SceneRequest, samples: u64) -> Sc
     result
 }
 
-/// A state with parameters of a machine that one builds: such as the conditions of the model allow, unless hardly any do.
+/// A state with parameters of a machine that one builds: such as the conditions of the model allow, unless hardly any
+/// do.
 fn built_sample(subject: &dyn Subject, scene: &SceneRequest, region: Region, random: &mut Random) -> Sample {
     let defaults: Vec<f64> = subject.info().params.iter().map(|p| p.default).collect();
     let y = state(scene, region, random);
@@ -183,8 +184,8 @@ fn sweep_result(
 /// Measures what the request asks for, with long runs of the scenes in `long`, prints a summary and writes the files.
 ///
 /// # Errors
-/// [`Error::Failed`] when a bound of a short run is exceeded or missing; [`Error::NotCompiled`] for a scene that was not
-/// generated; [`Error::Io`].
+/// [`Error::Failed`] when a bound of a short run is exceeded or missing; [`Error::NotCompiled`] for a scene that was
+/// not generated; [`Error::Io`].
 pub fn run(
     subjects: &[Box<dyn Subject>],
     long: &[Box<dyn Factory + Sync>],

@@ -23,8 +23,8 @@ pub enum Region {
     /// Coordinates near the ends of their intervals, angles near multiples of pi/2, advected vectors near an axis:
     /// closer by up to 1e-12.
     Edge,
-    /// As [`Region::Edge`] with velocities as in [`Region::Magnitudes`]: how close a state is to a singular one and how fast it
-    /// moves, together.
+    /// As [`Region::Edge`] with velocities as in [`Region::Magnitudes`]: how close a state is to a singular one and how
+    /// fast it moves, together.
     FastEdge,
     /// Some velocities zero or nearly so.
     Still,

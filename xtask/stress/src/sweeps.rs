@@ -34,7 +34,8 @@ impl Place<'_> {
             .unwrap_or_else(|| panic!("{name} is neither state nor parameter"))
     }
 
-    /// A vector of unit length at the angle `distance` from the third axis, in the direction of its first two components.
+    /// A vector of unit length at the angle `distance` from the third axis, in the direction of its first two
+    /// components.
     fn near_third_axis(&mut self, names: [&str; 3], distance: f64) {
         let [x, y, _] = names.map(|name| self.get(name));
         let length = x.hypot(y);

@@ -1,7 +1,7 @@
 //! One page about a scene: definition, equations, operations, code, a motion, its accuracy, and a figure in space.
 //!
-//! The page is a single file that loads nothing. Equations are MathML, plots are SVG, and the figure in space is drawn by
-//! a small script from numbers that the interpreter computed.
+//! The page is a single file that loads nothing. Equations are MathML, plots are SVG, and the figure in space is drawn
+//! by a small script from numbers that the interpreter computed.
 //!
 //! Does not know: how anything was derived, integrated or plotted; what a model's name means.
 
@@ -65,10 +65,10 @@ const REFERENCE: [f64; 2] = [2e-14, 2e-13];
 impl Precision {
     /// Integrates with every method over a range of tolerances; fixed steps for a method without error estimate.
     ///
-    /// The error is `max_i |y_i - z_i| / max(1, |z_i|)` at the end, `z` being the solution of the eighth-order method at
-    /// the tightest tolerance. Runs that fail, as coarse ones may, leave no point. Taylor series are left out: they evaluate
-    /// recurrences of many orders, not the right-hand side. So are Newton's iterations, whose Jacobians it does not count, and
-    /// `auto`, which is one of the others.
+    /// The error is `max_i |y_i - z_i| / max(1, |z_i|)` at the end, `z` being the solution of the eighth-order method
+    /// at the tightest tolerance. Runs that fail, as coarse ones may, leave no point. Taylor series are left out: they
+    /// evaluate recurrences of many orders, not the right-hand side. So are Newton's iterations, whose Jacobians it
+    /// does not count, and `auto`, which is one of the others.
     pub fn measure(
         t_final: f64,
         mut solve: impl FnMut(MethodName, Steps) -> Result<SimulateResponse, Error>,

@@ -2,8 +2,8 @@
 //!
 //! Does not know: programs, items of a module.
 
-use super::super::dialect::{Dialect, Notation};
-use super::super::expression::{Binding, Text};
+use super::super::dialect::Dialect;
+use super::super::expression::{Binding, Notation, Text};
 use crate::expr::Func;
 use crate::program::{Literal, Signs};
 

@@ -41,6 +41,15 @@ impl Writer<'_> {
         let (next, next_results) = (statements(&series.step.statements)?, parse_all(&series.step.results)?);
         let (derivative_first, kept_values) = first_results.split_at(jet.n_state);
 
+        // An array of nothing would have elements of an unknown type: those of linear equations keep nothing.
+        let derivative_first = quote! { [#(#derivative_first),*] };
+        let (at_order_zero, value_at_order_zero) = if kept_values.is_empty() {
+            (quote! { mut coefficient }, derivative_first)
+        } else {
+            let kept_values = quote! { [#(#kept_values),*] };
+            (quote! { (mut coefficient, #kept_names) }, quote! { (#derivative_first, #kept_values) })
+        };
+
         // A panel for every group of convolutions.
         let (derivative, rows) = next_results.split_at(jet.n_state);
         let (left, right) = rows.split_at(jet.n_lanes);
@@ -104,11 +113,11 @@ impl Writer<'_> {
                     if let Some(first) = orders.next() {
                         *first = *y;
                     }
-                    let (mut coefficient, #kept_names) = {
+                    let #at_order_zero = {
                         let #coefficients = *y;
                         #unused_time
                         #first
-                        ([#(#derivative_first),*], [#(#kept_values),*])
+                        #value_at_order_zero
                     };
                     #clear
                     #unused_workspace

@@ -1,7 +1,7 @@
 //! Which of two ways to write a number, or a function, loses fewer digits.
 //!
-//! What depends on parameters alone is computed once, so that the number of operations does not count: the form with the least
-//! cancellation is taken. Does not know: what a number is for, how a call uses it.
+//! What depends on parameters alone is computed once, so that the number of operations does not count: the form with
+//! the least cancellation is taken. Does not know: what a number is for, how a call uses it.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -15,8 +15,8 @@ use crate::lower::classes::Class;
 use crate::lower::source::Source;
 use crate::program::Relation;
 
-/// Points at which errors are measured, fewer where there are many inputs, and those drawn to find as many that the conditions on
-/// the parameters allow.
+/// Points at which errors are measured, fewer where there are many inputs, and those drawn to find as many that the
+/// conditions on the parameters allow.
 const POINTS: usize = 96;
 const FEWEST_POINTS: usize = 16;
 const MOVED_POINTS: usize = 2048;
@@ -43,8 +43,8 @@ impl Points {
         Points { samples: samples.shifted(n, inputs, SHIFT), n_inputs }
     }
 
-    /// The largest error of all points in multiples of the effect of the inputs there, `|f| + sum_i |df/dx_i| |x_i|`; at least that
-    /// of a few operations.
+    /// The largest error of all points in multiples of the effect of the inputs there, `|f| + sum_i |df/dx_i| |x_i|`;
+    /// at least that of a few operations.
     fn loss(&self, values: &[Measured]) -> f64 {
         let n = self.samples.len() / (self.n_inputs + 1);
         values[..n].iter().enumerate().fold(FEW, |worst, (k, at)| {
@@ -103,8 +103,8 @@ impl Digits {
         }
     }
 
-    /// The errors of the roots in multiples of what rounding the inputs does to their exact values, the largest of each root.
-    /// None where too much was measured before.
+    /// The errors of the roots in multiples of what rounding the inputs does to their exact values, the largest of each
+    /// root. None where too much was measured before.
     pub(super) fn losses(
         &mut self,
         graph: &mut Graph,
@@ -119,6 +119,7 @@ impl Digits {
             return None;
         }
         let mut found: HashMap<usize, Vec<Measured>> = HashMap::new();
+        let mut atoms: HashMap<u32, Vec<Measured>> = HashMap::new();
         for k in order {
             let mut sum: Option<Vec<Measured>> = None;
             for (m, c) in &entries[k].value {
@@ -128,18 +129,11 @@ impl Digits {
                 let mut product = self.states.samples.measure(graph, number)?.to_vec();
                 for (atom, q) in m {
                     let q = q.to_f64()?;
-                    let base = match system.atom(*atom) {
-                        Atom::Input(e) => self.states.samples.measure(graph, e)?.to_vec(),
-                        Atom::Poly(j) => found.get(&(j as usize))?.clone(),
-                        Atom::Function(f, j) => {
-                            found.get(&(j as usize))?.iter().map(|x| x.function(f)).collect()
-                        }
-                        Atom::Atan2(y, x) => {
-                            let (y, x) = (found.get(&(y as usize))?, found.get(&(x as usize))?);
-                            y.iter().zip(x).map(|(y, x)| y.atan2(*x)).collect()
-                        }
-                    };
-                    product.iter_mut().zip(base).for_each(|(x, base)| *x = x.times(base, q));
+                    if !atoms.contains_key(atom) {
+                        let values = self.of_atom(graph, system.atom(*atom), &found)?;
+                        atoms.insert(*atom, values);
+                    }
+                    product.iter_mut().zip(&atoms[atom]).for_each(|(x, base)| *x = x.times(*base, q));
                 }
                 match &mut sum {
                     None => sum = Some(product),
@@ -149,6 +143,22 @@ impl Digits {
             found.insert(k, sum.unwrap_or_else(|| self.zeros()));
         }
         roots.iter().map(|root| Some(self.states.loss(found.get(root)?))).collect()
+    }
+
+    /// The values of an atom, those of polynomials given.
+    fn of_atom(
+        &mut self,
+        graph: &Graph,
+        atom: Atom,
+        found: &HashMap<usize, Vec<Measured>>,
+    ) -> Option<Vec<Measured>> {
+        let of = |k: u32| found.get(&(k as usize));
+        Some(match atom {
+            Atom::Input(e) => self.states.samples.measure(graph, e)?.to_vec(),
+            Atom::Poly(k) => of(k)?.clone(),
+            Atom::Function(f, k) => of(k)?.iter().map(|x| x.function(f)).collect(),
+            Atom::Atan2(y, x) => of(y)?.iter().zip(of(x)?).map(|(y, x)| y.atan2(*x)).collect(),
+        })
     }
 
     fn zeros(&self) -> Vec<Measured> {

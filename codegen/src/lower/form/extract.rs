@@ -1,9 +1,10 @@
 //! Common subexpressions and factors of many polynomials at once, greedily by what they save.
 //!
-//! Two kinds of divisors are looked for in all polynomials together: sums of two monomials, up to a common factor,
-//! (`a x + a r y = a (x + r y)`: Horner's rule and shared sums alike) and products of two literals. Longer ones grow out
-//! of these step by step. This is fast extraction from logic synthesis (Rajski and Vasudevamurthi, 1990), with
-//! coefficients (Hosangadi, Fallah and Kastner, 2006). Deliberately does not know which polynomials were multiplied out.
+//! Two kinds of divisors are looked for in all polynomials together: sums of two monomials, up to a common factor, (`a
+//! x + a r y = a (x + r y)`: Horner's rule and shared sums alike) and products of two literals. Longer ones grow out of
+//! these step by step. This is fast extraction from logic synthesis (Rajski and Vasudevamurthi, 1990), with
+//! coefficients (Hosangadi, Fallah and Kastner, 2006). Deliberately does not know which polynomials were multiplied
+//! out.
 
 use std::collections::BTreeSet;
 use std::rc::Rc;
@@ -210,8 +211,8 @@ struct Pair {
     n_left: u32,
 }
 
-/// Extracts divisors; remembers those of terms, pairs of terms and polynomials met before, as one search meets the same ones
-/// again and again.
+/// Extracts divisors; remembers those of terms, pairs of terms and polynomials met before, as one search meets the same
+/// ones again and again.
 #[derive(Default)]
 pub(super) struct Extractor {
     index: FxHashMap<Divisor, u32>,

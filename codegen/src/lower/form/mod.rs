@@ -1,9 +1,9 @@
 //! The form in which a function is computed: which definitions it keeps, in which units, with which common factors.
 //!
-//! `read` turns what a function needs into `polynomial`s with `numbers` as coefficients, `search` finds the cheapest form by
-//! multiplying definitions out, `extract`ing common sums and products, and measuring values in other `units`, `digits`
-//! measures what forms lose to rounding, `write` turns polynomials back into definitions, and what comes out is compared
-//! with what was asked for. `effort` counts the work. Does not know: values of a program, mechanics.
+//! `read` turns what a function needs into `polynomial`s with `numbers` as coefficients, `search` finds the cheapest
+//! form by multiplying definitions out, `extract`ing common sums and products, and measuring values in other `units`,
+//! `digits` measures what forms lose to rounding, `write` turns polynomials back into definitions, and what comes out
+//! is compared with what was asked for. `effort` counts the work. Does not know: values of a program, mechanics.
 
 mod digits;
 mod effort;
@@ -42,11 +42,12 @@ pub(super) struct Form {
     pub(super) units: BTreeMap<SymbolId, ExprId>,
 }
 
-/// The cheapest form of one function that the search finds, equal as a function, or the function as it was, and what became
-/// of the search.
+/// The cheapest form of one function that the search finds, equal as a function, or the function as it was, and what
+/// became of the search.
 ///
 /// # Errors
-/// [`Error::Program`] where the search finds another function, a bug, if debug assertions are on; [`Error::DivisionByZero`].
+/// [`Error::Program`] where the search finds another function, a bug, if debug assertions are on;
+/// [`Error::DivisionByZero`].
 pub(super) fn cheapest(
     graph: &mut Graph,
     source: &Source<'_>,
@@ -120,5 +121,28 @@ fn difference(graph: &mut Graph, value: ExprId, asked: ExprId) -> Option<FallBac
         Vanishing::Zero => None,
         Vanishing::NonZero => Some(FallBack::Differs),
         Vanishing::Unknown => Some(FallBack::Unknown),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::expr::{Func, Rational};
+
+    #[test]
+    fn what_differs_is_told_from_what_is_not_known() {
+        let mut g = Graph::new();
+        let [x, y] = ["x", "y"].map(|name| g.symbol(name)).map(|s| g.sym(s));
+        let (sum, other) = (g.add(x, y), g.sub(x, y));
+        let product = g.mul(sum, other);
+        let (xx, yy) = (g.powi(x, 2), g.powi(y, 2));
+        let squares = g.sub(xx, yy);
+        assert_eq!(difference(&mut g, product, squares), None);
+        assert_eq!(difference(&mut g, product, xx), Some(FallBack::Differs));
+        // acos(x) + asin(x) = pi/2, of which the zero test knows nothing.
+        let (inverse_cosine, inverse_sine) = (g.func(Func::Acos, x), g.func(Func::Asin, x));
+        let (whole, pi) = (g.add(inverse_cosine, inverse_sine), g.pi());
+        let half = g.scale(pi, &Rational::new(1.into(), 2.into()));
+        assert_eq!(difference(&mut g, whole, half), Some(FallBack::Unknown));
     }
 }

@@ -1,7 +1,7 @@
 //! Numbers that depend on parameters alone: each function of the parameters once, with remembered arithmetic.
 //!
-//! A number is identified by its fingerprint, so that equal numbers are one however they were written. Does not know: what
-//! a number is multiplied with.
+//! A number is identified by its fingerprint, so that equal numbers are one however they were written. Does not know:
+//! what a number is multiplied with.
 
 use std::collections::{BTreeMap, HashMap};
 

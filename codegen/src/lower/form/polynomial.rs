@@ -1,8 +1,8 @@
 //! Sparse polynomials in what changes from call to call, with coefficients that depend on parameters alone.
 //!
 //! A [`System`] of polynomials is the form in which sums are rearranged: monomials are products of [`Atom`]s (inputs,
-//! functions, other polynomials) with rational exponents. Does not know: which rearrangement is cheap, what a value is for,
-//! how expressions are read.
+//! functions, other polynomials) with rational exponents. Does not know: which rearrangement is cheap, what a value is
+//! for, how expressions are read.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
@@ -315,7 +315,8 @@ impl System {
         factors.filter_map(polynomial).collect()
     }
 
-    /// `a + b/d^n = (a d^n + b)/d^n` with `d^n` multiplied out in `a d^n`, for every denominator for which terms cancel.
+    /// `a + b/d^n = (a d^n + b)/d^n` with `d^n` multiplied out in `a d^n`, for every denominator for which terms
+    /// cancel.
     ///
     /// What cancels here is what would have cancelled in digits: `x^2/d^2 - 1/d` with `d = c + x^2` is `-c/d^2`.
     pub(super) fn over_common_denominator(

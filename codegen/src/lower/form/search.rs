@@ -1,10 +1,10 @@
 //! Which definitions to keep and which to multiply out: the form of a function that costs least.
 //!
-//! Definitions as they were derived repeat work that only shows when several of them are multiplied out together
-//! (`A udot = f` of a rolling body loses most of its terms that way), and multiplying out everything repeats what the
-//! definitions share. So definitions are multiplied out one by one, into their users or down to the inputs, wherever the
-//! function as a whole, with its common factors and subexpressions extracted, becomes cheaper. Does not know: expressions
-//! other than numbers, whether the result is equal to what was asked for.
+//! Definitions as they were derived repeat work that only shows when several of them are multiplied out together (`A
+//! udot = f` of a rolling body loses most of its terms that way), and multiplying out everything repeats what the
+//! definitions share. So definitions are multiplied out one by one, into their users or down to the inputs, wherever
+//! the function as a whole, with its common factors and subexpressions extracted, becomes cheaper. Does not know:
+//! expressions other than numbers, whether the result is equal to what was asked for.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -133,10 +133,11 @@ impl Search<'_> {
         if self.keeps_digits { self.steadied(best, current).1 } else { best.1 }
     }
 
-    /// The form found without those of its cancellations that lose digits which the inputs have, where avoiding them costs no more
-    /// than it may.
+    /// The form found without those of its cancellations that lose digits which the inputs have, where avoiding them
+    /// costs no more than it may.
     ///
-    /// Value by value, operands first: each that loses digits is put over the denominators in it, whichever way loses fewest.
+    /// Value by value, operands first: each that loses digits is put over the denominators in it, whichever way loses
+    /// fewest.
     fn steadied(&mut self, best: (i64, Vec<Entry>), current: Vec<Entry>) -> (i64, Vec<Entry>) {
         let worst = |losses: &[f64]| losses.iter().fold(0.0, |max: f64, loss| max.max(*loss));
         let before = match self.losses(&best.1, self.roots) {
@@ -169,7 +170,8 @@ impl Search<'_> {
         self.digits.losses(self.graph, self.system, entries, of)
     }
 
-    /// Polynomial `k` over the denominators in it, with none, one, two, .. of what it is made of multiplied out, the latest first.
+    /// Polynomial `k` over the denominators in it, with none, one, two, .. of what it is made of multiplied out, the
+    /// latest first.
     fn gathered_by_stages(&mut self, entries: &[Entry], k: usize) -> Vec<Vec<Entry>> {
         let mut value = entries[k].value.clone();
         let mut kept: Vec<u32> = Vec::new();

@@ -1,11 +1,11 @@
 //! Units in which the fewest numbers are left: every value may be measured in a unit of its own.
 //!
-//! With `k = lambda_k k'` for every polynomial but those that are results or arguments of functions, a term `c a b` of `k`
-//! becomes `(c lambda_a lambda_b / lambda_k) a' b'`. That its number is one is a linear equation for the logarithms of the units
-//! `lambda`. As many of these equations as can hold at once are taken greedily, first those of terms where a number costs
-//! an operation; only integer powers of numbers that are known to be positive occur. A mass matrix and its right
-//! side, for example, are divided by the mass, and lengths are measured in radii. Deliberately does not know what a
-//! value is for.
+//! With `k = lambda_k k'` for every polynomial but those that are results or arguments of functions, a term `c a b` of
+//! `k` becomes `(c lambda_a lambda_b / lambda_k) a' b'`. That its number is one is a linear equation for the logarithms
+//! of the units `lambda`. As many of these equations as can hold at once are taken greedily, first those of terms where
+//! a number costs an operation; only integer powers of numbers that are known to be positive occur. A mass matrix and
+//! its right side, for example, are divided by the mass, and lengths are measured in radii. Deliberately does not know
+//! what a value is for.
 
 use std::collections::{BTreeMap, BTreeSet};
 

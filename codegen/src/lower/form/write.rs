@@ -115,8 +115,8 @@ impl Writer<'_> {
     }
 }
 
-/// What to append to the name of a value that is measured in a unit: `_over_m_r2`, or that it is scaled where that says too
-/// much.
+/// What to append to the name of a value that is measured in a unit: `_over_m_r2`, or that it is scaled where that says
+/// too much.
 fn suffix(graph: &Graph, unit: ExprId) -> String {
     const MAX_SUFFIX: usize = 12;
     let text = graph.display(unit, Style::Plain).replace('*', "_").replace('^', "");

@@ -14,9 +14,9 @@ pub(in crate::lower) fn order_factors(program: &mut Program) {
     program.functions.iter_mut().for_each(order_in);
 }
 
-/// Products and quotients in the order in which their factors are there, numbers first: `x (p (y / d))` becomes
-/// `((p y) x) / d`, so that nothing waits but for the factor that comes last, and the operands of all components come in
-/// one order.
+/// Products and quotients in the order in which their factors are there, numbers first: `x (p (y / d))` becomes `((p y)
+/// x) / d`, so that nothing waits but for the factor that comes last, and the operands of all components come in one
+/// order.
 fn order_in(function: &mut Function) {
     let n_uses = n_uses_in(function);
     let old = std::mem::take(&mut function.instructions);
@@ -129,8 +129,8 @@ impl Ordered {
         Operand::Value(u32::try_from(self.new.len() - 1).expect("no more instructions than before"))
     }
 
-    /// At most `n` numbers whose product is that of the factors over the divisors, those that are there first multiplied
-    /// first; there are at least as many factors.
+    /// At most `n` numbers whose product is that of the factors over the divisors, those that are there first
+    /// multiplied first; there are at least as many factors.
     fn reduce(
         &mut self,
         factors: Vec<Operand>,

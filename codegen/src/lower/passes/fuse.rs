@@ -1,7 +1,7 @@
 //! Sums of products become fused multiplications and additions.
 //!
-//! A sum is taken apart with all sums that it alone uses, its constants and prepared numbers become one, and its terms are
-//! added in the order in which they are there. Every rewrite takes operations away or leaves their number as it is.
+//! A sum is taken apart with all sums that it alone uses, its constants and prepared numbers become one, and its terms
+//! are added in the order in which they are there. Every rewrite takes operations away or leaves their number as it is.
 //! Does not know: expressions, classes of values, whether the target has a fused instruction.
 
 use std::collections::HashMap;
@@ -107,8 +107,8 @@ fn terms(old: &[Instruction], root: usize, is_part: impl Fn(usize) -> bool) -> V
     terms
 }
 
-/// The terms with one constant or prepared number at most: `p + (q + x)` is `(p + q) + x` once the sums are one, and `p + q`
-/// belongs to the part that runs once.
+/// The terms with one constant or prepared number at most: `p + (q + x)` is `(p + q) + x` once the sums are one, and `p
+/// + q` belongs to the part that runs once.
 fn with_one_number(terms: Vec<Signed>, program: &Program, additions: &mut Additions) -> Vec<Signed> {
     let (numbers, others): (Vec<Signed>, Vec<Signed>) = terms.iter().partition(|t| is_fixed(t.operand));
     let place = terms.iter().position(|t| is_fixed(t.operand));
@@ -259,10 +259,10 @@ impl Fusion<'_> {
 
     /// `((g + a*b) + c*d) + ..`: starts from a term that is no product if there is one, otherwise from one product.
     ///
-    /// Terms that are ready first come first, unless the sum is there earlier in the order of the terms: components of a
-    /// vector get the same shape that way, which lets a compiler pack them. Either order
-    /// is as accurate as any: the bound `(n - 1) u sum |x_i|` of summing `n` terms one by one does not depend on it
-    /// (Higham, Accuracy and Stability of Numerical Algorithms, section 4.2), and each fused term rounds once less.
+    /// Terms that are ready first come first, unless the sum is there earlier in the order of the terms: components of
+    /// a vector get the same shape that way, which lets a compiler pack them. Either order is as accurate as any: the
+    /// bound `(n - 1) u sum |x_i|` of summing `n` terms one by one does not depend on it (Higham, Accuracy and
+    /// Stability of Numerical Algorithms, section 4.2), and each fused term rounds once less.
     fn sum(&mut self, mut terms: Vec<Term>) -> Signed {
         let start_first = |mut terms: Vec<Term>| {
             let start = terms.iter().position(|t| t.b.is_none()).unwrap_or(0);

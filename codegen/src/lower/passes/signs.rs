@@ -1,8 +1,8 @@
 //! Signs go where they cost nothing.
 //!
-//! A negation is taken up by the value that is negated, by a factor of it, or by what uses it; constants and prepared numbers
-//! may get the other sign. Every change is planned with everything that it takes and done when all of it is possible.
-//! Does not know: expressions, classes of values, whether the target has a fused instruction.
+//! A negation is taken up by the value that is negated, by a factor of it, or by what uses it; constants and prepared
+//! numbers may get the other sign. Every change is planned with everything that it takes and done when all of it is
+//! possible. Does not know: expressions, classes of values, whether the target has a fused instruction.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -36,7 +36,8 @@ fn absorb(
     for k in 0..instructions.len() {
         let Op::Neg(Operand::Value(negated)) = instructions[k].op else { continue };
         let negated = stands_for[negated as usize];
-        // Formulas of prepared numbers stand in the documentation: a sign change that runs once is not worth `a - (-b)` there.
+        // Formulas of prepared numbers stand in the documentation: a sign change that runs once is not worth `a - (-b)`
+        // there.
         if n_uses[negated] != 1 && !may_prepare {
             continue;
         }
@@ -263,7 +264,8 @@ impl SignChange<'_> {
 /// Keeps the opposite of a prepared number that occurs in fused operations alone, if the first function that reads it
 /// subtracts it or its products more often than it adds them: `a - (p x)` becomes `a + (-p) x`, at the same cost.
 pub(in crate::lower) fn negate_slots(program: &mut Program) {
-    // Terms that are added less those that are subtracted, in the first function alone; none where there are other uses.
+    // Terms that are added less those that are subtracted, in the first function alone; none where there are other
+    // uses.
     let mut balances: BTreeMap<u32, Option<(usize, i32)>> = BTreeMap::new();
     let mut terms: Vec<Vec<[Option<u32>; 3]>> = Vec::new();
     for (function_idx, function) in program.functions.iter().enumerate() {

@@ -24,10 +24,11 @@ pub struct Divisors {
 /// A matrix that is to stay regular along a motion.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct WatchedMatrix {
-    /// Whether the sum of the pivots' signs is watched, by Sylvester's law of inertia, or their product, the sign of the
-    /// determinant.
+    /// Whether the sum of the pivots' signs is watched, by Sylvester's law of inertia, or their product, the sign of
+    /// the determinant.
     pub is_symmetric: bool,
-    /// The pivots that can change their sign, as the results of [`Role::Pivots`](crate::program::Role::Pivots) have them.
+    /// The pivots that can change their sign, as the results of [`Role::Pivots`](crate::program::Role::Pivots) have
+    /// them.
     pub pivots: Vec<ExprId>,
 }
 
@@ -42,8 +43,8 @@ pub(super) struct Divisor {
     pub(super) is_composite: bool,
 }
 
-/// The values that `function` divides by and that can vanish or overflow, without those in `known`; first single ones in the order
-/// of their use, then their products and powers, which can overflow where these do not.
+/// The values that `function` divides by and that can vanish or overflow, without those in `known`; first single ones
+/// in the order of their use, then their products and powers, which can overflow where these do not.
 pub(super) fn divisors(
     graph: &mut Graph,
     inputs: &Inputs,
@@ -172,7 +173,8 @@ fn is_constant(graph: &Graph, inputs: &Inputs, e: ExprId) -> bool {
     graph.free_symbols(e).iter().all(|s| inputs.params.contains(s))
 }
 
-/// `sum_m c_m s_m` with `s_m` the sum or the product of the signs of a matrix's pivots and factors `c_m` that keep the numbers apart.
+/// `sum_m c_m s_m` with `s_m` the sum or the product of the signs of a matrix's pivots and factors `c_m` that keep the
+/// numbers apart.
 pub(super) fn signature(graph: &mut Graph, matrices: &[(bool, Vec<ExprId>)]) -> ExprId {
     let mut terms = Vec::new();
     let mut factor = Rational::one();

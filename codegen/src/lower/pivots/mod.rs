@@ -1,23 +1,24 @@
 //! Pivots: everything that the rates divide by and that could vanish, from the matrix to the error that the user sees.
 //!
-//! 1. **Named.** `mechanics/solve` factors a matrix symbolically, in a fixed order, and gives every pivot a name that a user
-//!    understands (`inertia along Omega1`), the matrix that it is of, and, where it depends on parameters alone, what it was
-//!    computed from.
-//! 2. **Sorted.** `scene` asks what is known of each. A pivot of definite sign needs no test, but may overflow. One that depends
-//!    on parameters alone becomes a condition on them, asked once when they are prepared, with a bound on the growth of the
-//!    elimination where the matrix need not be positive definite. All others are the results of the request
-//!    [`Role::Pivots`]; of those that can change their sign a matrix is watched.
-//! 3. **Computed.** [`functions`] takes each pivot in the very form in which [`Role::Rate`] divides by it: another form has other
-//!    rounding errors, and would find a number where that one divides by zero. `divisors` adds what else that form divides
-//!    by, unless it is seen to be finite and not zero everywhere.
-//! 4. **Scaled.** `rounding` gives every pivot `p` the scale `s` of its rounding errors with those of the pivots before it: `p` is
-//!    nothing but such errors unless `s + |p| > s`. A number that is compared with a fixed tolerance would depend on units.
-//!    [`conditions`] does the same for conditions on the parameters.
-//! 5. **Watched.** [`Role::Signature`] is one number made of the signs of the pivots of the watched matrices, which stays the same
-//!    while none of them becomes singular.
-//! 6. **Tested.** The function `check` of an emitted scene, as `scene::Interpreter::check`, calls `hamel_runtime::Pivot::verify`
-//!    for each, the conditions are tested in `Prepared::new`, and an integrator that finds another signature after a step
-//!    goes back to where it changed. The first pivot that fails is named in the error.
+//! 1. **Named.** `mechanics/solve` factors a matrix symbolically, in a fixed order, and gives every pivot a name that a
+//!    user understands (`inertia along Omega1`), the matrix that it is of, and, where it depends on parameters alone,
+//!    what it was computed from.
+//! 2. **Sorted.** `scene/pivots` asks what is known of each. A pivot of definite sign needs no test, but may overflow.
+//!    One that depends on parameters alone becomes a condition on them, asked once when they are prepared, with a bound
+//!    on the growth of the elimination where the matrix need not be positive definite. All others are the results of
+//!    the request [`Role::Pivots`]; of those that can change their sign a matrix is watched.
+//! 3. **Computed.** [`functions`] takes each pivot in the very form in which [`Role::Rate`] divides by it: another form
+//!    has other rounding errors, and would find a number where that one divides by zero. `divisors` adds what else that
+//!    form divides by, unless it is seen to be finite and not zero everywhere.
+//! 4. **Scaled.** `rounding` gives every pivot `p` the scale `s` of its rounding errors with those of the pivots before
+//!    it: `p` is nothing but such errors unless `s + |p| > s`. A number that is compared with a fixed tolerance would
+//!    depend on units. [`conditions`] does the same for conditions on the parameters.
+//! 5. **Watched.** [`Role::Signature`] is one number made of the signs of the pivots of the watched matrices, which
+//!    stays the same while none of them becomes singular.
+//! 6. **Tested.** The function `check` of an emitted scene, as `scene::Interpreter::check`, calls
+//!    `hamel_runtime::Pivot::verify` for each, the conditions are tested in `Prepared::new`, and an integrator that
+//!    finds another signature after a step goes back to where it changed. The first pivot that fails is named in the
+//!    error.
 //!
 //! Does not know: mechanics, what is done about a pivot that is lost.
 
@@ -35,8 +36,8 @@ use crate::program::{Relation, Role, Search};
 
 pub use divisors::{Divisors, WatchedMatrix};
 
-/// The function [`Role::Pivots`], and [`Role::Signature`] where a matrix is watched, with what became of the search for the form of
-/// those pivots that the rates do not have.
+/// The function [`Role::Pivots`], and [`Role::Signature`] where a matrix is watched, with what became of the search for
+/// the form of those pivots that the rates do not have.
 ///
 /// # Errors
 /// As [`form::cheapest`].
@@ -53,8 +54,8 @@ pub(super) fn functions(
     Ok(([pivots].into_iter().chain(signature).collect(), search))
 }
 
-/// The pivots with their scales, in the form in which the rates have them; a pivot that is no value of that form is computed in
-/// one of its own.
+/// The pivots with their scales, in the form in which the rates have them; a pivot that is no value of that form is
+/// computed in one of its own.
 fn scaled_pivots(
     graph: &mut Graph,
     source: &Source<'_>,

@@ -14,10 +14,11 @@ use crate::expr::{
 /// Operations behind a value whose terms cannot cancel, prepared numbers included: what few exceed.
 const ROUNDINGS_OF_A_TERM: usize = 8;
 
-/// For every expression, in the form in which it is computed, a scale `s` such that its value `p` is nothing but rounding error unless
-/// `s + |p| > s`; the definitions that scales are written with.
+/// For every expression, in the form in which it is computed, a scale `s` such that its value `p` is nothing but
+/// rounding error unless `s + |p| > s`; the definitions that scales are written with.
 ///
-/// Errors of operands are carried along, to first order, as multiples of the unit roundoff `u`: of a sum, a product, a function
+/// Errors of operands are carried along, to first order, as multiples of the unit roundoff `u`: of a sum, a product, a
+/// function
 ///
 /// ```text
 /// s(sum_i c_i t_i)     = sum_i |c_i| (n |t_i| + s(t_i))              n terms
@@ -25,9 +26,10 @@ const ROUNDINGS_OF_A_TERM: usize = 8;
 /// s(f(a, ..))          = 8 |f(a, ..)| + |df/da| s(a) + ..
 /// ```
 ///
-/// and `s(v) = 8 |v|` where nothing behind `v` can cancel. `s + |p| = s` in arithmetic of unit roundoff `u` for `|p| <= u s`, so that no
-/// constant of a number format enters, and what overflows or is not a number is not greater either. A pivot `a - b^2/c` is lost in the errors of the pivot `c` before it that way, and not
-/// in those of its own difference alone. Where no terms can cancel the scale is zero, and `0 + |p| = 0` says that `p` is zero.
+/// and `s(v) = 8 |v|` where nothing behind `v` can cancel. `s + |p| = s` in arithmetic of unit roundoff `u` for `|p| <=
+/// u s`, so that no constant of a number format enters, and what overflows or is not a number is not greater either. A
+/// pivot `a - b^2/c` is lost in the errors of the pivot `c` before it that way, and not in those of its own difference
+/// alone. Where no terms can cancel the scale is zero, and `0 + |p| = 0` says that `p` is zero.
 ///
 /// # Source
 /// Higham 2002, Accuracy and stability of numerical algorithms, sections 3.3 and 4.2
@@ -167,8 +169,8 @@ impl Analysis<'_> {
         self.with_own(product, terms)
     }
 
-    /// The scale of a function's value, given its arguments and the derivatives by them; none where no terms cancel behind
-    /// these.
+    /// The scale of a function's value, given its arguments and the derivatives by them; none where no terms cancel
+    /// behind these.
     fn function(
         &mut self,
         value: ExprId,

@@ -1,7 +1,7 @@
 //! Expressions as values: numbered, then put into the functions of a program.
 //!
-//! `number` makes every value once for all functions, `assemble` hoists those that depend on parameters alone and orders the
-//! others. Does not know: why an expression has the form that it has, fused operations.
+//! `number` makes every value once for all functions, `assemble` hoists those that depend on parameters alone and
+//! orders the others. Does not know: why an expression has the form that it has, fused operations.
 
 mod assemble;
 mod number;

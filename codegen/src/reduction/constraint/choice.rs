@@ -16,9 +16,9 @@ use super::{
 
 /// The constraint of a model in the form that its equations take.
 ///
-/// Rows that are linear in the velocities are solved for the velocities that are best to divide by, which also detects those
-/// that are dependent or inconsistent; multipliers stay where the model asks for them, where a row is not linear, and where
-/// no choice of dependent velocities is good on the whole domain.
+/// Rows that are linear in the velocities are solved for the velocities that are best to divide by, which also detects
+/// those that are dependent or inconsistent; multipliers stay where the model asks for them, where a row is not linear,
+/// and where no choice of dependent velocities is good on the whole domain.
 ///
 /// # Errors
 /// Dependent, inconsistent or unsolvable constraints, and virtual displacements that do not fit them.
@@ -118,8 +118,8 @@ pub(in crate::reduction) fn refused(model: &Model, error: &Error) -> spec::Diagn
     problem
 }
 
-/// The constraints as affine forms on frame velocities and quasi-velocities, where they are, and all of them as conditions on
-/// accelerations.
+/// The constraints as affine forms on frame velocities and quasi-velocities, where they are, and all of them as
+/// conditions on accelerations.
 fn constraint_rows(model: &mut Model) -> (Vec<ConstraintRow>, Vec<AccelerationRow>) {
     let frame = frame_unknowns(model);
     let columns: Vec<SymbolId> = frame.iter().chain(&quasi_unknowns(model)).map(|u| u.symbol).collect();
@@ -166,8 +166,8 @@ fn displacement_rows(model: &Model) -> Vec<ConstraintRow> {
         .collect()
 }
 
-/// Forms on frame velocities and quasi-velocities that vanish on virtual displacements: the conditions on these where the
-/// model gives any, else the constraints by Chetaev's rule.
+/// Forms on frame velocities and quasi-velocities that vanish on virtual displacements: the conditions on these where
+/// the model gives any, else the constraints by Chetaev's rule.
 pub(in crate::reduction) fn annihilator(model: &mut Model) -> Vec<ConstraintRow> {
     let mut rows = displacement_rows(model);
     if rows.is_empty() {

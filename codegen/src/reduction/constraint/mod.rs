@@ -1,7 +1,7 @@
 //! Kinematic constraints `a_A(x) . y + b_A(x, t) = 0`: solved for dependent velocities, or kept with multipliers.
 //!
-//! `choice` decides which form the constraints of a model take, `solver` solves linear rows. Does not know: the algebroid, the
-//! Lagrangian.
+//! `choice` decides which form the constraints of a model take, `solver` solves linear rows. Does not know: the
+//! algebroid, the Lagrangian.
 
 mod choice;
 mod solver;
@@ -39,8 +39,8 @@ pub struct SolvedConstraint {
     pub psi0: Vec<ExprId>,
     /// `W`, `[m][k]`; equal to `Psi` when the displacements are those the constraint allows.
     pub virtual_displacements: Vec<Vec<ExprId>>,
-    /// The one-forms that vanish on virtual displacements and carry the multipliers, with velocities on which they can be
-    /// inverted.
+    /// The one-forms that vanish on virtual displacements and carry the multipliers, with velocities on which they can
+    /// be inverted.
     pub reactions: Reactions,
     /// The forms that were solved.
     pub rows: Vec<ConstraintRow>,

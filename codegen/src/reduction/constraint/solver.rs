@@ -68,8 +68,8 @@ impl Solver<'_> {
         }
     }
 
-    /// Brings linear rows to the form `y = Psi u + psi0`; `None` when every choice of independent velocities would divide
-    /// by something that can vanish on the domain.
+    /// Brings linear rows to the form `y = Psi u + psi0`; `None` when every choice of independent velocities would
+    /// divide by something that can vanish on the domain.
     ///
     /// `wanted`: columns that the model asks to be independent.
     ///
@@ -98,8 +98,8 @@ impl Solver<'_> {
         Ok(Some(self.solved_form(&echelon)))
     }
 
-    /// Solves as many rows as it can without a division by something that might vanish, and returns what is left of the others
-    /// on all columns.
+    /// Solves as many rows as it can without a division by something that might vanish, and returns what is left of the
+    /// others on all columns.
     ///
     /// # Shapes
     /// As for [`Solver::solve`].
