@@ -11,11 +11,6 @@ pub(super) const CIRCLES: &[(&str, &[&str], &str)] = &[
         &["completions", "man", "mod", "new"],
         "three commands are about the program whose arguments the top defines",
     ),
-    (
-        "codegen/src/emit",
-        &["dialect", "expression"],
-        "a dialect spells texts, and a text knows how tightly the dialect's operators bind",
-    ),
     ("codegen/src/emit/rust", &["mod", "series"], "the top has what all items of a module share"),
     (
         "codegen/src/lower",
