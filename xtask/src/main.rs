@@ -27,7 +27,8 @@ struct Cli {
     #[command(subcommand)]
     task: Task,
     /// What generating a scene may take, as a multiple of the default limits of expressions, memory and work
-    #[arg(long, global = true, value_name = "N", default_value_t = 1, hide_default_value = true, value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, global = true, value_name = "N", default_value_t = 1, hide_default_value = true)]
+    #[arg(value_parser = clap::value_parser!(u64).range(1..))]
     budget: u64,
     /// Derive everything anew, and keep nothing in the folder for caches
     #[arg(long, global = true)]

@@ -351,6 +351,7 @@ pub(crate) use reading_parameters;
 
 /// All of them.
 pub fn kernels() -> Vec<Kernel> {
-    reading_parameters! { "naive": heavy_top kirchhoff_body euler_disk euler_disk_advected chaplygin_ball snakeboard mobile_robot
+    reading_parameters! { "naive": heavy_top kirchhoff_body euler_disk euler_disk_advected chaplygin_ball
+        snakeboard mobile_robot
     two_arm_satellite }
 }

@@ -319,7 +319,10 @@ macro_rules! models {
                     let series = <$taylor::Prepared<f64> as Scene<f64>>::prepare(&params);
                     solvers.push(taylor(series.map_err(prepare)?, span));
                     let lanes: Vec<F64x8> = params.iter().map(|x| F64x8::from_f64(*x)).collect();
-                    let scenes = (<$model::Prepared<F64x8> as Scene<F64x8>>::prepare(&lanes), <$taylor::Prepared<F64x8> as Scene<F64x8>>::prepare(&lanes));
+                    let scenes = (
+                        <$model::Prepared<F64x8> as Scene<F64x8>>::prepare(&lanes),
+                        <$taylor::Prepared<F64x8> as Scene<F64x8>>::prepare(&lanes),
+                    );
                     solvers.push(side_by_side("vern9 in 8 lanes", scenes.0.map_err(prepare)?, span, Vern9));
                     solvers.push(side_by_side("taylor in 8 lanes", scenes.1.map_err(prepare)?, span, Taylor::new()));
                     let rhs = move |t: f64, y: &[f64; $n], dy: &mut [f64; $n]| scene.rhs(t, y, dy);
