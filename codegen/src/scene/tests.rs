@@ -1,6 +1,7 @@
 //! Scenes of small models: what is solved, refused and watched.
 
 use super::*;
+use crate::program::Role;
 use crate::spec;
 
 fn built(text: &str) -> BuiltScene {
