@@ -40,8 +40,8 @@ impl<R: Real, S: System<R>, M: Method<R, S>> Integrator<'_, R, S, M> {
     /// change of sign; where a function is zero over a stretch of time, at its start. Where `on_event` breaks, the
     /// integration stops: time and state are those of the event, and the answer is [`Progress::Running`] unless that
     /// is the end. A function that is zero at the start has no event there. Of several changes of one function within
-    /// one step, an even number is overlooked and one of an odd number is found; [`Options::with_max_step`] bounds
-    /// the step.
+    /// one step, an even number is overlooked and one of an odd number is found;
+    /// [`Options::with_max_step`](crate::Options::with_max_step) bounds the step.
     ///
     /// With a scalar of several lanes, the lanes are to change sign together.
     ///

@@ -119,7 +119,8 @@ impl Tableau {
 pub enum Estimate {
     /// None: the method takes fixed steps only.
     None,
-    /// The last terms of the series of the solution, known before the step: [`Method::longest_step`].
+    /// The last terms of the series of the solution, known before the step:
+    /// [`Method::longest_step`](crate::Method::longest_step).
     Series,
     /// The difference from one embedded method.
     Embedded {

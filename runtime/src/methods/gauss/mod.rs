@@ -67,7 +67,8 @@ pub struct FixedPoint;
 
 /// Newton's iteration with the Jacobian at the start of the step, for stiff systems and long steps.
 ///
-/// It needs a [`Differentiable`] system; a state that is no array brings [`SquareStorage`].
+/// It needs a [`Differentiable`](crate::Differentiable) system; a state that is no array brings
+/// [`SquareStorage`](crate::SquareStorage).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Newton;
 
