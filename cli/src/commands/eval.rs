@@ -24,6 +24,7 @@ use crate::session::Session;
 /// {"model", "state": [names], "derivatives": [[..], ..], "energy": [..] or null, "outputs": {group: [{..}, ..], ..}}
 ///
 /// docs/command-line.md says more about both.
+#[expect(rustdoc::broken_intra_doc_links, reason = "the help of the command shows JSON as it is")]
 #[derive(Clone, Debug, Args)]
 #[command(
     arg_required_else_help = true,

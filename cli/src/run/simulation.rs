@@ -59,7 +59,7 @@ pub struct SimulateResponse {
     pub rejected: u64,
     /// Evaluations of the right-hand side.
     pub rhs_evals: u64,
-    /// Largest `|E - E0| / scale` over all steps and samples, with the scale of [`energy_scale`].
+    /// Largest `|E - E0| / scale` over all steps and samples, with the scale [`SimulateResponse::energy_scale`].
     pub energy_drift: Option<f64>,
     /// Energy at time zero.
     pub initial_energy: Option<f64>,
