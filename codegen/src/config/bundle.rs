@@ -18,7 +18,8 @@ pub struct Bundle {
     pub files: BTreeMap<String, String>,
     /// The scenes, by module.
     pub entries: Vec<SceneEntry>,
-    /// For each model whose defaults make no motion in some scene: what [`scene::warnings`] says.
+    /// For each model whose defaults make no motion in some scene: what
+    /// [`scene::warnings`](crate::scene::warnings) says.
     pub warnings: Vec<Diagnostics>,
 }
 

@@ -28,6 +28,9 @@ pub use text::{
 /// output and product; what the other functions are, [`Role`] says. With a `jet`, made from [`Role::Rate`], the module
 /// has the Taylor coefficients of solutions.
 ///
+/// [`Role`]: crate::program::Role
+/// [`Role::Rate`]: crate::program::Role::Rate
+///
 /// # Errors
 /// [`Error::ShapeMismatch`] when text and program disagree on a number, [`Error::UnknownName`] when a function is
 /// missing, [`Error::Emission`] when the result is not Rust.

@@ -7,7 +7,7 @@ use std::fmt;
 use super::limits::{MAX_DIM, MAX_EXPONENT};
 use crate::expr::Rational;
 
-/// Shape of a [`Value`].
+/// Shape of a [`Value`](super::Value).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shape {
     /// A number.

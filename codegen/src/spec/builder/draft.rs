@@ -124,7 +124,7 @@ pub(super) struct ReconstructionDraft {
     pub(super) span: Option<Span>,
 }
 
-/// Builds a [`Model`] from Rust; [`parse`](super::parse) uses it too, so both report the same errors.
+/// Builds a [`Model`] from Rust; [`parse`](crate::spec::parse) uses it too, so both report the same errors.
 ///
 /// Declarations return the [`Value`] of what they declare. Problems are collected and reported by
 /// [`ModelBuilder::build`], all at once.
