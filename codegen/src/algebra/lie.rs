@@ -7,7 +7,8 @@ use std::collections::BTreeMap;
 use num_traits::Zero;
 
 use super::matrix::Matrix;
-use crate::error::{Error, spell_vector};
+use super::skew::{Bracket, SkewBracket};
+use crate::error::Error;
 use crate::expr::Rational;
 
 /// A block of consecutive basis elements that one velocity vector names, such as the rotation part of se(3).
@@ -18,9 +19,6 @@ pub struct Block {
     /// Number of basis elements.
     pub dim: usize,
 }
-
-/// `[e_a, e_b] = sum_k q_k e_{c_k}` as `(a, b, [(c_k, q_k), ..])`.
-pub type Bracket = (usize, usize, Vec<(usize, Rational)>);
 
 /// A Lie algebra `[e_a, e_b] = C^c_ab e_c` with verified antisymmetry and Jacobi identity.
 ///
@@ -33,9 +31,7 @@ pub type Bracket = (usize, usize, Vec<(usize, Rational)>);
 pub struct LieAlgebra {
     pub(super) name: String,
     pub(super) blocks: Vec<Block>,
-    pub(super) basis: Vec<String>,
-    /// Non-zero brackets of pairs `a < b`, as sparse sorted vectors.
-    pub(super) brackets: BTreeMap<(usize, usize), Vec<(usize, Rational)>>,
+    pub(super) bracket: SkewBracket,
 }
 
 impl LieAlgebra {
@@ -67,68 +63,13 @@ impl LieAlgebra {
             let what = format!("blocks of {name}");
             return Err(vec![Error::ShapeMismatch { what, found: covered, expected: basis.len() }]);
         }
-        let mut errors = Vec::new();
-        let mut table: BTreeMap<(usize, usize), Vec<(usize, Rational)>> = BTreeMap::new();
-        for (a, b, value) in brackets {
-            let mut dense = vec![Rational::zero(); basis.len()];
-            for (c, q) in value {
-                dense[*c] += q;
-            }
-            if a > b {
-                dense.iter_mut().for_each(|q| *q = -q.clone());
-            }
-            let sparse: Vec<_> = dense.into_iter().enumerate().filter(|(_, q)| !q.is_zero()).collect();
-            let pair = (*a.min(b), *a.max(b));
-            let clash = match table.get(&pair) {
-                Some(before) => *before != sparse,
-                None => a == b && !sparse.is_empty(),
-            };
-            if clash {
-                errors.push(Error::NotAntisymmetric { a: basis[*a].clone(), b: basis[*b].clone() });
-            } else if a != b {
-                table.insert(pair, sparse);
-            }
-        }
-        table.retain(|_, v| !v.is_empty());
-        let algebra = LieAlgebra { name: name.to_owned(), blocks, basis, brackets: table };
-        // Of a table that is no bracket the Jacobi identity says nothing.
+        let bracket = SkewBracket::new(basis, brackets)?;
+        let errors = bracket.jacobi_violations();
         if errors.is_empty() {
-            errors = algebra.jacobi_violations();
+            Ok(LieAlgebra { name: name.to_owned(), blocks, bracket })
+        } else {
+            Err(errors)
         }
-        if errors.is_empty() { Ok(algebra) } else { Err(errors) }
-    }
-
-    /// `[[a, b], c] + [[b, c], a] + [[c, a], b]` is antisymmetric in the triple, so every non-zero `[a, b]` adds its
-    /// part to the sorted triple with a sign; triples that no bracket touches cost nothing.
-    fn jacobi_violations(&self) -> Vec<Error> {
-        let mut residuals: BTreeMap<[usize; 3], BTreeMap<usize, Rational>> = BTreeMap::new();
-        for (a, b, value) in self.brackets() {
-            for c in (0..self.dim()).filter(|c| *c != a && *c != b) {
-                let (triple, negative) = match () {
-                    () if c > b => ([a, b, c], false),
-                    () if c > a => ([a, c, b], true),
-                    () => ([c, a, b], false),
-                };
-                for (d, q) in value {
-                    for (e, p) in self.bracket(*d, c) {
-                        let term = if negative { -(q * p) } else { q * p };
-                        *residuals.entry(triple).or_default().entry(e).or_insert_with(Rational::zero) += term;
-                    }
-                }
-            }
-        }
-        residuals
-            .into_iter()
-            .filter(|(_, residual)| residual.values().any(|q| !q.is_zero()))
-            .map(|(triple, residual)| {
-                let mut dense = vec![Rational::zero(); self.dim()];
-                residual.into_iter().for_each(|(e, q)| dense[e] = q);
-                Error::JacobiViolated {
-                    triple: triple.map(|k| self.basis[k].clone()),
-                    residual: spell_vector(&self.basis, &dense),
-                }
-            })
-            .collect()
     }
 
     /// The algebra under another name.
@@ -144,7 +85,7 @@ impl LieAlgebra {
 
     /// The dimension.
     pub fn dim(&self) -> usize {
-        self.basis.len()
+        self.bracket.dim()
     }
 
     /// The blocks, in basis order.
@@ -154,21 +95,17 @@ impl LieAlgebra {
 
     /// Names of the basis elements.
     pub fn basis(&self) -> &[String] {
-        &self.basis
+        self.bracket.basis()
     }
 
     /// `[e_a, e_b]` as a sparse vector.
     pub fn bracket(&self, a: usize, b: usize) -> Vec<(usize, Rational)> {
-        if a <= b {
-            self.brackets.get(&(a, b)).cloned().unwrap_or_default()
-        } else {
-            self.bracket(b, a).into_iter().map(|(c, q)| (c, -q)).collect()
-        }
+        self.bracket.of(a, b)
     }
 
     /// The non-zero brackets of pairs `a < b`.
     pub fn brackets(&self) -> impl Iterator<Item = (usize, usize, &[(usize, Rational)])> {
-        self.brackets.iter().map(|((a, b), v)| (*a, *b, v.as_slice()))
+        self.bracket.pairs()
     }
 
     /// `C^c_ab`.
@@ -178,20 +115,7 @@ impl LieAlgebra {
 
     /// `[x, y]` of two vectors.
     pub fn bracket_of(&self, x: &[Rational], y: &[Rational]) -> Vec<Rational> {
-        let mut result = vec![Rational::zero(); self.dim()];
-        for (a, b, value) in self.brackets() {
-            if (x[a].is_zero() || y[b].is_zero()) && (x[b].is_zero() || y[a].is_zero()) {
-                continue;
-            }
-            let weight = &x[a] * &y[b] - &x[b] * &y[a];
-            if weight.is_zero() {
-                continue;
-            }
-            for (c, q) in value {
-                result[*c] += &weight * q;
-            }
-        }
-        result
+        self.bracket.of_vectors(x, y)
     }
 
     /// Matrix of `ad_{e_a}`: column `b` is `[e_a, e_b]`.
@@ -238,6 +162,8 @@ impl LieAlgebra {
                 }
             }
         }
-        Ok(LieAlgebra { brackets, ..self.clone() })
+        // Jacobi holds in every basis.
+        let bracket = SkewBracket { basis: self.basis().to_vec(), brackets };
+        Ok(LieAlgebra { bracket, ..self.clone() })
     }
 }

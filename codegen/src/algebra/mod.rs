@@ -1,6 +1,6 @@
 //! Lie algebras, representations and Lie algebroids as exact data.
 //!
-//! Lie algebras have rational structure constants; a Lie algebroid has an anchor and a bracket whose coefficients are
+//! Lie algebras are skew brackets with rational structure constants for which the Jacobi identity holds; a Lie algebroid has an anchor and a bracket whose coefficients are
 //! expressions on its base. Antisymmetry, Jacobi, the representation property and the anchor condition are verified
 //! exactly and the offending elements are named.
 //!
@@ -14,12 +14,14 @@ mod matrix;
 mod named;
 mod products;
 mod representation;
+mod skew;
 
 pub use algebroid::Algebroid;
 pub(crate) use ideals::{independent_vectors, next_ideal, whole_algebra};
-pub use lie::{Block, Bracket, LieAlgebra};
+pub use lie::{Block, LieAlgebra};
 pub use matrix::{Matrix, solve_symbolic, solve_symmetric};
 pub use representation::Representation;
+pub use skew::{Bracket, SkewBracket};
 
 #[cfg(test)]
 mod tests;

@@ -2,8 +2,6 @@
 //!
 //! Deliberately does not know: algebras by name.
 
-use std::collections::BTreeMap;
-
 use num_traits::Zero;
 
 use crate::error::Error;
@@ -11,6 +9,7 @@ use crate::expr::Rational;
 
 use super::lie::{Block, LieAlgebra};
 use super::representation::Representation;
+use super::skew::SkewBracket;
 
 impl LieAlgebra {
     /// The direct product.
@@ -19,16 +18,15 @@ impl LieAlgebra {
         let mut product = LieAlgebra {
             name: format!("product({})", names.join(", ")),
             blocks: Vec::new(),
-            basis: Vec::new(),
-            brackets: BTreeMap::new(),
+            bracket: SkewBracket::default(),
         };
         for factor in factors {
-            let offset = product.basis.len();
+            let offset = product.bracket.basis.len();
             product.blocks.extend(factor.blocks.iter().cloned());
-            product.basis.extend((0..factor.dim()).map(|k| format!("e{}", offset + k + 1)));
-            for ((a, b), value) in &factor.brackets {
+            product.bracket.basis.extend((0..factor.dim()).map(|k| format!("e{}", offset + k + 1)));
+            for ((a, b), value) in &factor.bracket.brackets {
                 let shifted = value.iter().map(|(c, q)| (c + offset, q.clone())).collect();
-                product.brackets.insert((a + offset, b + offset), shifted);
+                product.bracket.brackets.insert((a + offset, b + offset), shifted);
             }
         }
         product
@@ -46,9 +44,9 @@ impl LieAlgebra {
                 let what = format!("representation {}", space.name());
                 return Err(Error::ShapeMismatch { what, found: space.n_generators(), expected: base.dim() });
             }
-            let offset = algebra.basis.len();
+            let offset = algebra.bracket.basis.len();
             algebra.blocks.push(Block { name: format!("R^{}", space.dim()), dim: space.dim() });
-            algebra.basis.extend((0..space.dim()).map(|k| format!("e{}", offset + k + 1)));
+            algebra.bracket.basis.extend((0..space.dim()).map(|k| format!("e{}", offset + k + 1)));
             for a in 0..base.dim() {
                 let m = space.matrix(a);
                 for v in 0..space.dim() {
@@ -57,7 +55,7 @@ impl LieAlgebra {
                         .map(|w| (offset + w, m.get(w, v).clone()))
                         .collect();
                     if !column.is_empty() {
-                        algebra.brackets.insert((a, offset + v), column);
+                        algebra.bracket.brackets.insert((a, offset + v), column);
                     }
                 }
             }

@@ -40,7 +40,7 @@ pub(crate) use print::identifier;
 pub use rational::{Rational, parse_decimal, rational_to_f64};
 pub(crate) use samples::{Measured, Samples};
 pub(crate) use sign::remembered_sign_of;
-pub use sign::{Sign, sign_of};
+pub use sign::{Relation, Sign, sign_of};
 
 pub(crate) use zero::independent_rows;
 

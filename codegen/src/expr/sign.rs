@@ -26,6 +26,18 @@ pub enum Sign {
     Unknown,
 }
 
+/// How two sides of a condition on parameters compare.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum Relation {
+    /// `greater > less`.
+    Greater,
+    /// `greater >= less`.
+    GreaterEqual,
+    /// `greater != less`.
+    NotEqual,
+}
+
 impl Sign {
     /// Whether the expression cannot vanish.
     pub fn is_definite(self) -> bool {

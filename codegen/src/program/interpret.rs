@@ -6,8 +6,9 @@ use std::fmt;
 
 use hamel_runtime::Real;
 
-use super::ir::{Constant, Instruction, Literal, Op, Operand, Program, Relation};
+use super::ir::{Constant, Instruction, Literal, Op, Operand, Program};
 use crate::expr::Func;
+use crate::expr::Relation;
 
 /// A condition on the parameters that does not hold.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -6,7 +6,7 @@ use num_traits::{One, Signed, ToPrimitive, Zero};
 
 use super::report::Report;
 use super::role::Role;
-use crate::expr::{Func, Rational, rational_to_f64};
+use crate::expr::{Func, Rational, Relation, rational_to_f64};
 
 /// A constant of a program.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -182,18 +182,6 @@ pub struct Slot {
     pub value: u32,
     /// Name of the definition whose value it is.
     pub name: Option<String>,
-}
-
-/// Relation of a [`Condition`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub enum Relation {
-    /// `greater > less`.
-    Greater,
-    /// `greater >= less`.
-    GreaterEqual,
-    /// `greater != less`.
-    NotEqual,
 }
 
 /// A condition on parameters.

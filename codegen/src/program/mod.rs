@@ -19,11 +19,12 @@ mod series;
 mod text;
 mod verify;
 
+pub use crate::expr::Relation;
 pub use counts::Counts;
 pub use interpret::{Point, ViolatedCondition};
 pub use ir::{
-    Condition, Constant, Function, Instruction, Literal, Op, Operand, Prepare, Program, Relation, Signs,
-    Slot, completes_pair,
+    Condition, Constant, Function, Instruction, Literal, Op, Operand, Prepare, Program, Signs, Slot,
+    completes_pair,
 };
 pub use report::{FallBack, Limit, Report, Search};
 pub use role::Role;

@@ -10,7 +10,7 @@ use crate::expr::{ExprId, Stage, SymbolId, needed_sections};
 use crate::lower::{self, Inputs, ParamCondition, Request, SearchBudget};
 use crate::mechanics::{Equations, Output, OutputKind, StateEquation, derive};
 use crate::parallel::side_by_side;
-use crate::program::{Relation, Role};
+use crate::program::Role;
 use crate::reduction::{Formulation, reduce};
 use crate::spec::{self, Diagnostics, Model, Want, Wanted};
 
@@ -244,11 +244,7 @@ pub(super) fn lower_scene(
             meaning: String::new(),
             greater: c.greater,
             less: c.less,
-            relation: match c.relation {
-                spec::Relation::Greater => Relation::Greater,
-                spec::Relation::GreaterEqual => Relation::GreaterEqual,
-                spec::Relation::NotEqual => Relation::NotEqual,
-            },
+            relation: c.relation,
             is_rounded: false,
         })
         .collect();

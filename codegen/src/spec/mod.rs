@@ -36,8 +36,8 @@ pub use kind::{Kind, Restriction, Setting};
 pub use layout::Layout;
 pub use model::{
     Advected, Condition, ConnectionKind, Constraint, ConstraintKind, Coordinate, Domain, IdealChain, Model,
-    Named, NamedVector, Param, ParamArray, Places, Reconstruction, ReconstructionKind, Relation, Scene, Side,
-    Velocity, View, ViewShape, Views, VirtualConstraint, circle_names, diagnose,
+    Named, NamedVector, Param, ParamArray, Places, Reconstruction, ReconstructionKind, Scene, Side, Velocity,
+    View, ViewShape, Views, VirtualConstraint, circle_names, diagnose,
 };
 pub use shape::{Expected, Operation, Shape, ValueError};
 pub use value::Value;
@@ -46,7 +46,7 @@ pub use want::{Want, Wanted};
 /// Algebras and representations, for [`ModelBuilder`].
 pub use crate::algebra::{Block, Bracket, LieAlgebra, Matrix, Representation};
 /// Expressions and exact numbers, for [`ModelBuilder`] and those who look at a [`Model`].
-pub use crate::expr::{Budget, DivisionByZero, ExprId, Func, Graph, Rational, SymbolId, Vanishing};
+pub use crate::expr::{Budget, DivisionByZero, ExprId, Func, Graph, Rational, Relation, SymbolId, Vanishing};
 
 #[cfg(test)]
 mod tests;

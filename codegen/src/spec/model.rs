@@ -7,7 +7,7 @@ use super::layout::Layout;
 use super::want::Wanted;
 use crate::algebra::LieAlgebra;
 use crate::error::Error;
-use crate::expr::{ExprId, Graph, Rational, SymbolId};
+use crate::expr::{ExprId, Graph, Rational, Relation, SymbolId};
 
 /// Which side the group acts from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,17 +40,6 @@ pub struct ParamArray {
     pub layout: Layout,
     /// Their symbols.
     pub symbols: Vec<SymbolId>,
-}
-
-/// Relation of a [`Condition`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Relation {
-    /// `greater > less`.
-    Greater,
-    /// `greater >= less`.
-    GreaterEqual,
-    /// `greater != less`.
-    NotEqual,
 }
 
 /// A validity condition on the parameters.

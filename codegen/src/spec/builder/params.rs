@@ -8,7 +8,7 @@ use num_traits::{Signed, Zero};
 
 use super::draft::{DeclaredAs, ModelBuilder};
 use crate::error::Error;
-use crate::expr::{ExprId, Rational, SymbolId};
+use crate::expr::{ExprId, Rational, Relation, SymbolId};
 use crate::spec::ast::Compare;
 use crate::spec::layout::{Layout, component_help};
 use crate::spec::model::*;

@@ -1,0 +1,140 @@
+//! Skew brackets on a finite-dimensional space, by rational structure constants.
+//!
+//! A Lie algebra is one for which the Jacobi identity holds; the bracket of nonholonomic mechanics, projected along a
+//! constraint, need not be one. Deliberately does not know: blocks of a basis, names of algebras.
+
+use std::collections::BTreeMap;
+
+use num_traits::Zero;
+
+use crate::error::{Error, spell_vector};
+use crate::expr::Rational;
+
+/// `[e_a, e_b] = sum_k q_k e_{c_k}` as `(a, b, [(c_k, q_k), ..])`.
+pub type Bracket = (usize, usize, Vec<(usize, Rational)>);
+
+/// A skew-symmetric bracket `[e_a, e_b] = C^c_ab e_c`, with or without the Jacobi identity.
+///
+/// ```
+/// use hamel_codegen::{algebra::SkewBracket, expr::Rational};
+/// let one = || Rational::from_integer(1.into());
+/// let basis = ["a", "b", "c"].map(str::to_owned).to_vec();
+/// let bracket = SkewBracket::new(basis, &[(0, 1, vec![(1, one())]), (1, 2, vec![(0, one())])]).unwrap();
+/// assert_eq!(bracket.jacobi_violations().len(), 1);
+/// ```
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct SkewBracket {
+    pub(super) basis: Vec<String>,
+    /// Non-zero brackets of pairs `a < b`, as sparse sorted vectors.
+    pub(super) brackets: BTreeMap<(usize, usize), Vec<(usize, Rational)>>,
+}
+
+impl SkewBracket {
+    /// A bracket by its values on a basis; pairs that are left out commute.
+    ///
+    /// # Errors
+    /// All of [`Error::NotAntisymmetric`].
+    pub fn new(basis: Vec<String>, brackets: &[Bracket]) -> Result<SkewBracket, Vec<Error>> {
+        let mut errors = Vec::new();
+        let mut table: BTreeMap<(usize, usize), Vec<(usize, Rational)>> = BTreeMap::new();
+        for (a, b, value) in brackets {
+            let mut dense = vec![Rational::zero(); basis.len()];
+            for (c, q) in value {
+                dense[*c] += q;
+            }
+            if a > b {
+                dense.iter_mut().for_each(|q| *q = -q.clone());
+            }
+            let sparse: Vec<_> = dense.into_iter().enumerate().filter(|(_, q)| !q.is_zero()).collect();
+            let pair = (*a.min(b), *a.max(b));
+            let clash = match table.get(&pair) {
+                Some(before) => *before != sparse,
+                None => a == b && !sparse.is_empty(),
+            };
+            if clash {
+                errors.push(Error::NotAntisymmetric { a: basis[*a].clone(), b: basis[*b].clone() });
+            } else if a != b {
+                table.insert(pair, sparse);
+            }
+        }
+        table.retain(|_, v| !v.is_empty());
+        if errors.is_empty() { Ok(SkewBracket { basis, brackets: table }) } else { Err(errors) }
+    }
+
+    /// The dimension.
+    pub fn dim(&self) -> usize {
+        self.basis.len()
+    }
+
+    /// Names of the basis elements.
+    pub fn basis(&self) -> &[String] {
+        &self.basis
+    }
+
+    /// `[e_a, e_b]` as a sparse vector.
+    pub fn of(&self, a: usize, b: usize) -> Vec<(usize, Rational)> {
+        if a <= b {
+            self.brackets.get(&(a, b)).cloned().unwrap_or_default()
+        } else {
+            self.of(b, a).into_iter().map(|(c, q)| (c, -q)).collect()
+        }
+    }
+
+    /// The non-zero brackets of pairs `a < b`.
+    pub fn pairs(&self) -> impl Iterator<Item = (usize, usize, &[(usize, Rational)])> {
+        self.brackets.iter().map(|((a, b), v)| (*a, *b, v.as_slice()))
+    }
+
+    /// `[x, y]` of two vectors.
+    pub fn of_vectors(&self, x: &[Rational], y: &[Rational]) -> Vec<Rational> {
+        let mut result = vec![Rational::zero(); self.dim()];
+        for (a, b, value) in self.pairs() {
+            if (x[a].is_zero() || y[b].is_zero()) && (x[b].is_zero() || y[a].is_zero()) {
+                continue;
+            }
+            let weight = &x[a] * &y[b] - &x[b] * &y[a];
+            if weight.is_zero() {
+                continue;
+            }
+            for (c, q) in value {
+                result[*c] += &weight * q;
+            }
+        }
+        result
+    }
+
+    /// What keeps the bracket from being that of a Lie algebra: every triple for which the Jacobi identity fails.
+    ///
+    /// `[[a, b], c] + [[b, c], a] + [[c, a], b]` is antisymmetric in the triple, so every non-zero `[a, b]` adds its
+    /// part to the sorted triple with a sign; triples that no bracket touches cost nothing.
+    pub fn jacobi_violations(&self) -> Vec<Error> {
+        let mut residuals: BTreeMap<[usize; 3], BTreeMap<usize, Rational>> = BTreeMap::new();
+        for (a, b, value) in self.pairs() {
+            for c in (0..self.dim()).filter(|c| *c != a && *c != b) {
+                let (triple, negative) = match () {
+                    () if c > b => ([a, b, c], false),
+                    () if c > a => ([a, c, b], true),
+                    () => ([c, a, b], false),
+                };
+                for (d, q) in value {
+                    for (e, p) in self.of(*d, c) {
+                        let term = if negative { -(q * p) } else { q * p };
+                        *residuals.entry(triple).or_default().entry(e).or_insert_with(Rational::zero) += term;
+                    }
+                }
+            }
+        }
+        residuals
+            .into_iter()
+            .filter(|(_, residual)| residual.values().any(|q| !q.is_zero()))
+            .map(|(triple, residual)| {
+                let mut dense = vec![Rational::zero(); self.dim()];
+                residual.into_iter().for_each(|(e, q)| dense[e] = q);
+                Error::JacobiViolated {
+                    triple: triple.map(|k| self.basis[k].clone()),
+                    residual: spell_vector(&self.basis, &dense),
+                }
+            })
+            .collect()
+    }
+}
