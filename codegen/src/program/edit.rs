@@ -149,6 +149,21 @@ pub(crate) fn drop_dead(instructions: &mut Vec<Instruction>, outputs: &mut [Oper
     *instructions = kept;
 }
 
+/// Keeps these slots, in this order: all that the functions read.
+pub(crate) fn keep_slots(program: &mut Program, slots: Vec<u32>) {
+    let index: HashMap<u32, u32> = slots.iter().copied().zip(0..).collect();
+    let kept = |o: Operand| match o {
+        Operand::Slot(i) => Operand::Slot(index[&i]),
+        other => other,
+    };
+    for function in &mut program.functions {
+        function.instructions.iter_mut().for_each(|instruction| instruction.op = instruction.op.map(kept));
+        function.results.iter_mut().for_each(|(_, o)| *o = kept(*o));
+    }
+    let old = &program.prepare.slots;
+    program.prepare.slots = slots.into_iter().map(|i| old[i as usize].clone()).collect();
+}
+
 /// Leaves out slots and constants that no longer occur: slots stay in the given order, constants by their first use.
 pub(crate) fn prune(program: &mut Program, slots: Vec<u32>) {
     fn keep(order: &mut Vec<u32>, index: &mut HashMap<u32, u32>, old: u32) -> u32 {
@@ -157,11 +172,10 @@ pub(crate) fn prune(program: &mut Program, slots: Vec<u32>) {
             u32::try_from(order.len() - 1).expect("no more than before")
         })
     }
-    let slot_index: HashMap<u32, u32> = slots.iter().copied().zip(0..).collect();
-    let (mut constants, mut constant_index) = (Vec::new(), HashMap::new());
+    keep_slots(program, slots);
+    let (mut constants, mut index) = (Vec::new(), HashMap::new());
     let mut kept = |o: Operand| match o {
-        Operand::Slot(i) => Operand::Slot(slot_index[&i]),
-        Operand::Constant(i) => Operand::Constant(keep(&mut constants, &mut constant_index, i)),
+        Operand::Constant(i) => Operand::Constant(keep(&mut constants, &mut index, i)),
         other => other,
     };
     for function in &mut program.functions {
@@ -176,8 +190,6 @@ pub(crate) fn prune(program: &mut Program, slots: Vec<u32>) {
     for condition in &mut program.prepare.conditions {
         (condition.greater, condition.less) = (kept(condition.greater), kept(condition.less));
     }
-    let (old_slots, old_constants) = (&program.prepare.slots, &program.constants);
-    let slots = slots.into_iter().map(|i| old_slots[i as usize].clone()).collect();
-    let constants = constants.into_iter().map(|i| old_constants[i as usize].clone()).collect();
-    (program.prepare.slots, program.constants) = (slots, constants);
+    let old = &program.constants;
+    program.constants = constants.into_iter().map(|i| old[i as usize].clone()).collect();
 }

@@ -6,7 +6,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::program::edit::{Additions, drop_dead, n_uses, n_uses_in, operand, position};
+use crate::program::edit::{Additions, drop_dead, keep_slots, n_uses, n_uses_in, operand, position};
 use crate::program::{Constant, Instruction, Op, Operand, Program, Signs};
 
 /// Takes negations out of every function.
@@ -87,16 +87,17 @@ pub(in crate::lower) fn absorb_in_prepare(program: &mut Program) {
         })
         .filter_map(|o| if let Operand::Slot(i) = o { Some(i) } else { None })
         .collect();
+    keep_slots(program, read.into_iter().collect());
     let mut instructions = std::mem::take(&mut program.prepare.instructions);
-    let slots = read.iter().map(|i| Operand::Value(program.prepare.slots[*i as usize].value));
+    let slots = program.prepare.slots.iter().map(|slot| Operand::Value(slot.value));
     let sides = program.prepare.conditions.iter().flat_map(|c| [c.greater, c.less]);
     let mut outputs: Vec<Operand> = slots.chain(sides).collect();
     drop_dead(&mut instructions, &mut outputs);
     absorb(program, &mut instructions, &mut outputs, false);
     let mut outputs = outputs.into_iter();
-    for (i, new) in read.iter().zip(&mut outputs) {
+    for (slot, new) in program.prepare.slots.iter_mut().zip(&mut outputs) {
         if let Operand::Value(v) = new {
-            program.prepare.slots[*i as usize].value = v;
+            slot.value = v;
         }
     }
     for condition in &mut program.prepare.conditions {
