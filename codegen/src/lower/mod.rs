@@ -89,10 +89,11 @@ pub struct ParamCondition {
 
 /// Lowers sections of definitions and the requested functions to one program.
 ///
+/// Pivots are computed as the rates compute them where these are requested first, otherwise in a form of their own.
+///
 /// # Errors
-/// [`Error::Program`] when a symbol is used before its definition, a condition depends on more than parameters, or
-/// pivots are requested before the rates; [`Error::OutOfRange`] when a constant does not fit an `f64`;
-/// [`Error::OverBudget`].
+/// [`Error::Program`] when a symbol is used before its definition, or a condition depends on more than parameters;
+/// [`Error::OutOfRange`] when a constant does not fit an `f64`; [`Error::OverBudget`].
 pub fn lower(
     graph: &mut Graph,
     inputs: &Inputs,
