@@ -207,7 +207,7 @@ fn read_index(path: &Path) -> Vec<Entry> {
             doc.push(words.trim());
             continue;
         }
-        if let Some(module) = line.strip_prefix("pub(crate) mod ").and_then(|l| l.strip_suffix(';')) {
+        if let Some(module) = line.strip_prefix("pub mod ").and_then(|l| l.strip_suffix(';')) {
             docs.insert(module.to_owned(), doc.join("\n"));
         }
         doc.clear();

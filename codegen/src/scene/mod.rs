@@ -51,7 +51,8 @@ pub use text::Writing;
 /// let text = "model spring { param k = 2; coordinate x in real; lagrangian = 1/2*x_dot^2 - k/2*x^2; }";
 /// let model = spec::parse("spring.hamel", text)?;
 /// let mut scenes = Scenes::new(&model);
-/// let built = scenes.build_all(&scenes.names())?;
+/// let names = scenes.names();
+/// let built = scenes.build_all(&names)?;
 /// assert_eq!(built.len(), 1);
 /// # Ok::<(), spec::Diagnostics>(())
 /// ```

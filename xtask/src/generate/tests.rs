@@ -92,7 +92,8 @@ fn all_or_named_models_are_generated_and_the_index_covers_all() {
     }
     let done = repository.generate(&["one"], false).unwrap();
     assert_eq!(done.n_models, 1);
-    assert!(done.written.iter().all(|f| f.file_name().unwrap().to_str().unwrap().starts_with("one")));
+    let is_of_one = |f: &PathBuf| f.file_name().unwrap().to_str().unwrap().starts_with("one");
+    assert!(done.written.iter().all(is_of_one), "{done:?}");
     assert_eq!(text(&repository.generated("mod.rs")), index);
     repository.generate(&[], true).unwrap();
 
