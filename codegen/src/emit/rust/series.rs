@@ -76,6 +76,11 @@ impl Writer<'_> {
         let time = reads(&series.step, Operand::Time)
             .then(|| quote! { let t = if k == 1 { R::ONE } else { R::ZERO }; });
         let unused_time = (!reads(&series.start, Operand::Time)).then(|| quote! { let _ = t; });
+        // Nothing to keep is an empty array: lints complain of a unit that is bound to a name.
+        let (workspace, new_workspace) = match types.is_empty() {
+            true => (quote! { [R; 0] }, quote! { [] }),
+            false => (quote! { (#(#types,)*) }, quote! { (#(#make,)*) }),
+        };
         let unused_workspace = types.is_empty().then(|| quote! { let _ = workspace; });
         let variables: BTreeSet<&String> =
             series.start.variables.iter().chain(&series.step.variables).collect();
@@ -101,10 +106,10 @@ impl Writer<'_> {
             #numbers
             #comments
             impl<R: #rt::Real> #rt::Jet<R> for Prepared<R> {
-                type Workspace = (#(#types,)*);
+                type Workspace = #workspace;
 
                 fn workspace(&self) -> Self::Workspace {
-                    (#(#make,)*)
+                    #new_workspace
                 }
 
                 #doc
