@@ -1,8 +1,8 @@
 //! Lie algebras, representations and Lie algebroids as exact data.
 //!
-//! Lie algebras are skew brackets with rational structure constants for which the Jacobi identity holds; a Lie algebroid has an anchor and a bracket whose coefficients are
-//! expressions on its base. Antisymmetry, Jacobi, the representation property and the anchor condition are verified
-//! exactly and the offending elements are named.
+//! Lie algebras are skew brackets with rational structure constants for which the Jacobi identity holds; a Lie
+//! algebroid has an anchor and a bracket whose coefficients are expressions on its base. Antisymmetry, Jacobi, the
+//! representation property and the anchor condition are verified exactly and the offending elements are named.
 //!
 //! Deliberately does not know: Lagrangians, constraints, state vectors, text files.
 
