@@ -11,6 +11,10 @@
 mod bundle;
 mod cache;
 mod problems;
+#[cfg(feature = "internals")]
+pub mod store;
+#[cfg(not(feature = "internals"))]
+mod store;
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -24,7 +28,7 @@ use crate::scene::{self, Scenes, Writing};
 use crate::spec::{self, Diagnostics, Model};
 
 use bundle::{emission, unique};
-use cache::{Cache, Key};
+use cache::Cache;
 
 pub use bundle::{Bundle, write_atomically};
 pub use problems::{Problem, Problems};
@@ -300,20 +304,17 @@ impl Config {
             model
         });
         let model = within.as_ref().unwrap_or(model);
-        let cache = cache.and_then(|cache| {
-            Some((cache, Key::of(model, &self.writing, &self.budget.unwrap_or_default())?))
-        });
+        let kept = cache.and_then(|cache| cache.of(model, &self.writing, &self.budget.unwrap_or_default()));
         let mut scenes = Scenes::new(model);
-        let names = match (self.scenes.get(&model.name), cache) {
+        let names = match (self.scenes.get(&model.name), &kept) {
             (Some(chosen), _) => chosen.clone(),
             (None, None) => scenes.names(),
-            (None, Some((cache, key))) => cache.names(key).unwrap_or_else(|| {
-                let names = scenes.names();
-                cache.keep_names(key, &names);
-                names
-            }),
+            (None, Some(kept)) => {
+                let find = || scenes.has_ignorable_coordinates();
+                scene::names_of(model, || kept.has_ignorable_coordinates(find))
+            }
         };
-        let known = |name: &String| cache.and_then(|(cache, key)| cache.scene(key, model, name));
+        let known = |name: &String| kept.as_ref().and_then(|kept| kept.scene(name));
         let mut files: Vec<Option<(SceneEntry, String)>> = names.iter().map(known).collect();
         let missing = names.iter().zip(&files).filter(|(_, file)| file.is_none());
         let missing: Vec<String> = missing.map(|(name, _)| name.clone()).collect();
@@ -321,10 +322,10 @@ impl Config {
         let emitted = side_by_side(&built, |scene| {
             let text = scene.emit_as(&self.writing).map_err(|source| emission(&model.name, source))?;
             let entry = scene.entry();
-            if let Some((cache, key)) = cache
+            if let Some(kept) = &kept
                 && scene::warnings(model, std::slice::from_ref(scene)).is_empty()
             {
-                cache.keep_scene(key, model, &entry, &text);
+                kept.keep(&entry, &text);
             }
             Ok((entry, text))
         });

@@ -71,20 +71,11 @@ impl<'m> Scenes<'m> {
     ///
     /// Every model has [`DEFAULT`]; [`MINIMAL`] and [`RECONSTRUCTION`] where they differ from it; then its own.
     pub fn names(&mut self) -> Vec<String> {
-        let model = self.derivations.model;
-        let mut names = vec![DEFAULT.to_owned()];
-        let own = |name: &str| model.scenes.iter().any(|s| s.name == name);
-        if !own(MINIMAL) && self.has_ignorable_coordinates() {
-            names.push(MINIMAL.to_owned());
-        }
-        if !own(RECONSTRUCTION) && !model.reconstruction.is_empty() {
-            names.push(RECONSTRUCTION.to_owned());
-        }
-        names.extend(model.scenes.iter().map(|s| s.name.clone()));
-        names
+        names_of(self.derivations.model, || self.has_ignorable_coordinates())
     }
 
-    fn has_ignorable_coordinates(&mut self) -> bool {
+    /// Whether there are coordinates on which neither the rest of the motion nor the energy depends.
+    pub(crate) fn has_ignorable_coordinates(&mut self) -> bool {
         let formulation = Formulation::of(self.derivations.model);
         self.derivations.derive_all([&formulation]);
         let derived = self.derivations.equations(&formulation);
@@ -134,6 +125,20 @@ impl<'m> Scenes<'m> {
             model.diagnostics(vec![spec::diagnose(model, None, message, help)])
         })
     }
+}
+
+/// As [`Scenes::names`], with the one answer that takes a derivation from elsewhere.
+pub(crate) fn names_of(model: &Model, has_ignorable_coordinates: impl FnOnce() -> bool) -> Vec<String> {
+    let mut names = vec![DEFAULT.to_owned()];
+    let own = |name: &str| model.scenes.iter().any(|s| s.name == name);
+    if !own(MINIMAL) && has_ignorable_coordinates() {
+        names.push(MINIMAL.to_owned());
+    }
+    if !own(RECONSTRUCTION) && !model.reconstruction.is_empty() {
+        names.push(RECONSTRUCTION.to_owned());
+    }
+    names.extend(model.scenes.iter().map(|s| s.name.clone()));
+    names
 }
 
 /// Names of a model's scenes that are emitted: see [`Scenes::names`].

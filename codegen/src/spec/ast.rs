@@ -94,6 +94,8 @@ pub(super) enum DomainExpr {
 #[derive(Clone, Debug)]
 pub(super) struct Item {
     pub(super) doc: Vec<String>,
+    /// With its documentation.
+    pub(super) extent: Span,
     pub(super) span: Span,
     pub(super) kind: ItemKind,
 }

@@ -301,7 +301,7 @@ pub struct Scene {
     pub doc: String,
     /// Where its name stands.
     pub span: Option<Span>,
-    /// Where the whole of it stands.
+    /// Where the whole of it stands, with its documentation.
     pub extent: Option<Span>,
     /// Where the names in it stand: fixed parameters, outputs, coordinates.
     pub places: BTreeMap<String, Span>,

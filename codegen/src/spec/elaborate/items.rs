@@ -178,6 +178,6 @@ impl Elaboration<'_> {
         let lists = lists.map(located);
         let doc = item.doc.join("\n");
         let builder = self.builder.at(Some(name.span));
-        builder.located_scene(&name.text, numbers, lists, &doc, Some(item.span));
+        builder.located_scene(&name.text, numbers, lists, &doc, Some(item.extent));
     }
 }

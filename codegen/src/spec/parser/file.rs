@@ -80,7 +80,8 @@ impl<'a> Parser<'a> {
             match parsed {
                 Ok((doc, (kind, block))) => {
                     let span = Span::new(keyword.start, self.last);
-                    items.push(Item { doc, span, kind });
+                    let extent = Span::new(first.start, self.last);
+                    items.push(Item { doc, extent, span, kind });
                     if !block && self.punct(";").is_none() {
                         let at = Span::new(self.last, self.last);
                         let found = self.found();
