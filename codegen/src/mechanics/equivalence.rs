@@ -148,9 +148,10 @@ impl ChangeOfState {
         self.values.get(&component).copied()
     }
 
-    /// Whether a component of the state is one of the same name and meaning in the other formulation.
-    pub fn keeps(&self, component: SymbolId) -> bool {
-        self.value(component).is_some_and(|e| *self.graph.node(e) == Node::Symbol(component))
+    /// Whether a component of the state of `to` is one of the same name and meaning in the other formulation.
+    pub fn keeps(&self, to: &ReducedSystem, component: SymbolId) -> bool {
+        let value = self.value(component).map(|e| self.graph.node(e));
+        matches!(value, Some(Node::Symbol(s)) if self.graph.name(*s) == to.graph.name(component))
     }
 
     /// Proves that the functions `phi` take the motion of `from` to that of `to`: `d phi/dt = f'(phi)` along the vector
