@@ -23,11 +23,11 @@ use crate::mechanics::{ChangeOfState, Equations, Unrelated, derive};
 use crate::parallel::side_by_side;
 use crate::program::{Counts, Instruction, Op, Operand, Program, Role};
 use crate::reduction::{Formulation, KinematicConstraint, ReducedSystem, reduce};
-use crate::spec::{Diagnostics, Model};
+use crate::spec::{Diagnostics, FormulationSearch, Model, Wanted, circle_names};
 
 use super::build::build_derived;
 use super::built::BuiltScene;
-use super::plan::{Drops, Plan};
+use super::plan::{Drops, Outputs, Plan};
 use accuracy::Points;
 use axes::{Choice, axes};
 
@@ -79,12 +79,22 @@ pub struct Candidate {
     /// does.
     pub rounding: f64,
     program: Program,
+    /// Names of the outputs.
+    outputs: Vec<String>,
 }
 
 impl Candidate {
     /// Whether every state variable is one of the scene's own.
     pub fn keeps_state(&self) -> bool {
         self.changed.is_empty()
+    }
+
+    /// Whether every state variable that is not one of the scene's own is the point of one of its angles: then initial
+    /// states of the scene are those of the formulation, and the other way round.
+    pub fn only_turns_angles(&self) -> bool {
+        let points: Vec<String> =
+            self.formulation.circles.iter().flat_map(|angle| circle_names(angle)).collect();
+        self.changed.iter().all(|name| points.contains(name))
     }
 
     /// Whether it is the scene's own formulation.
@@ -139,10 +149,12 @@ impl Formulations {
         self.candidates.iter().find(|c| c.is_own()).expect("the scene's own formulation is a candidate")
     }
 
-    /// The cheapest formulation that is as accurate as the scene's own, the own one where none costs less.
+    /// The cheapest formulation that is as accurate as the scene's own, the own one where none costs less. Its state is
+    /// the scene's own, or else one with which the scene's initial states can be told.
     pub fn best(&self, keeps_state: bool) -> &Candidate {
         let own = self.own();
-        let fitting = self.candidates.iter().filter(|c| c.keeps_state() || !keeps_state);
+        let fits = |c: &&Candidate| if keeps_state { c.keeps_state() } else { c.only_turns_angles() };
+        let fitting = self.candidates.iter().filter(fits);
         let better = fitting.filter(|c| c.is_as_accurate_as(own) && c.counts.cost() < own.counts.cost());
         better.min_by_key(|c| c.rank()).unwrap_or(own)
     }
@@ -216,6 +228,32 @@ pub(super) fn search(
     Ok(search.run(&axes, scene))
 }
 
+/// The plan in the formulation that a search chooses; as it is where the scene as it is written is wrong, so that
+/// whoever builds it says so.
+pub(super) fn chosen(model: &Model, plan: Plan, wanted: FormulationSearch) -> Plan {
+    let keeps_state = wanted == FormulationSearch::KeepingState;
+    let Ok(found) = search(model, &plan, keeps_state, &|_, _| {}) else { return plan };
+    let (own, best) = (found.own(), found.best(keeps_state));
+    let words = if keeps_state { "auto" } else { "auto(state)" };
+    let [cost, own_cost] = [best, own].map(|candidate| candidate.counts.cost());
+    let title = best.title();
+    let chosen = match best.is_own() {
+        true => format!("{title}, by `{words}`; its right-hand side costs {cost}, and none found costs less"),
+        false => {
+            format!("{title}, by `{words}`; its right-hand side costs {cost}, as the scene says {own_cost}")
+        }
+    };
+    let mut outputs = plan.outputs.clone();
+    if let Outputs::Named(wanted) = &mut outputs {
+        // The angles that the scene's own state has, where they are functions of the points.
+        let angles =
+            best.formulation.circles.iter().filter(|angle| !plan.formulation.circles.contains(angle));
+        let angles = angles.filter(|angle| best.outputs.contains(angle)).cloned().map(Wanted::Own);
+        wanted.extend(angles.filter(|angle| !wanted.contains(angle)).collect::<Vec<_>>());
+    }
+    Plan { formulation: best.formulation.clone(), outputs, chosen: Some(chosen), ..plan }
+}
+
 fn derived(model: &Model, formulation: &Formulation) -> Result<Arc<Equations>, Diagnostics> {
     let system = reduce(model, formulation)?;
     derive(&system).map(Arc::new).map_err(|e| model.diagnostics(vec![model.diagnose(&e)]))
@@ -233,6 +271,7 @@ impl Candidate {
             latency: rate.map(|f| f.latency()).unwrap_or_default(),
             n_prepared: built.program.prepare.slots.len(),
             rounding,
+            outputs: built.equations.outputs.iter().map(|output| output.name.clone()).collect(),
             program: built.program.clone(),
         }
     }
