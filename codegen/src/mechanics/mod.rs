@@ -9,6 +9,7 @@ mod constrained;
 mod derive;
 mod equations;
 mod integrable;
+mod legendre;
 mod momenta;
 mod multipliers;
 mod origin;

@@ -70,6 +70,13 @@ impl Derivation<'_> {
             let slope = self.replace(slope)?;
             terms.push(self.g.mul(slope, rate));
         }
+        for (momentum, rate) in system.momenta.iter().zip(&motion.momentum_rates) {
+            if let Some(symbol) = momentum.symbol {
+                let slope = self.g.diff(e, symbol);
+                let slope = self.replace(slope)?;
+                terms.push(self.g.mul(slope, *rate));
+            }
+        }
         let sum = self.g.sum(&terms);
         Ok(self.g.cancel_zero(sum))
     }
@@ -86,7 +93,7 @@ impl Derivation<'_> {
     }
 
     /// An expression for people, in as few names of definitions as there is room for.
-    fn spelled_out(&mut self, e: ExprId) -> String {
+    pub(super) fn spelled_out(&mut self, e: ExprId) -> String {
         let definitions: Vec<Definition> = self.writer.definitions().copied().collect();
         let (mut e, mut text) = (e, self.g.display(e, Style::Plain));
         for Definition { symbol, expr } in definitions.into_iter().rev() {
@@ -234,7 +241,12 @@ impl Derivation<'_> {
                 }
                 AccelerationSource::Servo(_) => None,
             });
-            let components: Vec<(String, ExprId)> = residuals.collect();
+            let mut components: Vec<(String, ExprId)> = residuals.collect();
+            if !system.momenta.is_empty() {
+                for (_, residual) in &mut components {
+                    *residual = self.replace(*residual)?;
+                }
+            }
             facts.energy_is_conserved_on_constraint =
                 !facts.energy_is_conserved && self.vanishes_with(energy_rate, &motion, &components);
             if !components.is_empty() {
@@ -273,6 +285,11 @@ impl Derivation<'_> {
             let (symbol, derivative) = match *kind {
                 StateKind::Base(i) => (system.algebroid.base()[i], self.rates[i]),
                 StateKind::Unknown(a) => (system.unknowns[a].symbol, motion.unknown_rates[a]),
+                StateKind::Momentum(k) => {
+                    let momentum = &system.momenta[k];
+                    let Some(symbol) = momentum.symbol else { continue };
+                    (symbol, motion.momentum_rates[k])
+                }
             };
             let name = self.g.name(symbol).to_owned();
             if derivative == self.g.zero() {
