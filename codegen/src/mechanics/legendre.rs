@@ -8,8 +8,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::error::Error;
 use crate::expr::{ExprId, SymbolId};
 use crate::reduction::KinematicConstraint;
+use crate::spec::Want;
 
 use super::derive::{Derivation, Motion};
+use super::equations::{Legendre, Output};
 use super::solve::Factorisation;
 
 impl Derivation<'_> {
@@ -124,6 +126,44 @@ impl Derivation<'_> {
                 }
         })?;
         Some(momentum.value)
+    }
+
+    /// Both ways between what the state carries and the velocities that it stands for: these as an output, the momenta by
+    /// them.
+    pub(super) fn conversions(&mut self) -> Result<(Legendre, Option<Output>), Error> {
+        let system = self.system;
+        let solved = match &system.constraint {
+            KinematicConstraint::Solved(solved) => Some(solved),
+            KinematicConstraint::Multipliers { .. } => None,
+        };
+        let mut dependent = BTreeMap::new();
+        for &alpha in solved.iter().flat_map(|solved| &solved.dependent) {
+            let value = solved.map_or(self.g.zero(), |solved| solved.velocity(&mut self.g, alpha));
+            dependent.insert(system.velocities[alpha], value);
+        }
+        let mut legendre = Legendre::default();
+        let mut velocities = Vec::new();
+        for carried in system.momenta.iter().filter(|m| m.symbol.is_some()) {
+            let unknown = &system.unknowns[carried.unknown];
+            let raw = self.raw_momentum(carried.unknown);
+            let place = || Error::DivisionByZero { place: "the momenta by velocities".into() };
+            let momentum = self.g.subs(raw, &dependent).map_err(|_| place())?;
+            let momentum = self.g.cancel_zero(momentum);
+            legendre.velocities.push((unknown.name.clone(), unknown.symbol));
+            legendre.momenta.push((carried.name.clone(), momentum));
+            let velocity = self.g.sym(unknown.symbol);
+            velocities.push((unknown.name.clone(), self.replace(velocity)?));
+        }
+        // The momenta at a level are numbers: a velocity that stands for one is no argument.
+        for carried in system.momenta.iter().filter(|m| m.symbol.is_none()) {
+            let unknown = &system.unknowns[carried.unknown];
+            let velocity = self.g.sym(unknown.symbol);
+            velocities.push((unknown.name.clone(), self.replace(velocity)?));
+        }
+        let doc =
+            "velocities in the place of which the state carries momenta, or that cyclic coordinates have";
+        let output = (!velocities.is_empty()).then(|| Output::group(Want::Velocities, velocities, doc));
+        Ok((legendre, output))
     }
 
     /// The momentum equation of everything that is carried:

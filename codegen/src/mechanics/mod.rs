@@ -19,7 +19,7 @@ mod squares;
 mod vertical;
 
 pub use derive::derive;
-pub use equations::{Equations, Facts, Form, LinearSystem, Output, OutputKind, StateEquation};
+pub use equations::{Equations, Facts, Form, Legendre, LinearSystem, Output, OutputKind, StateEquation};
 pub use solve::{Factorisation, Pivot, PivotMatrix, PivotOrigin};
 pub(crate) use vertical::unused_stem;
 pub use vertical::{VerticalEquation, VerticalEquations};

@@ -303,6 +303,8 @@ impl Derivation<'_> {
             let (symbol, name, doc) = (coordinate.symbol, coordinate.name.clone(), coordinate.doc.clone());
             reconstruction.push(StateEquation { symbol, name, doc, derivative });
         }
+        let (legendre, velocities) = self.conversions()?;
+        outputs.extend(velocities);
         let circles = self.circles(&motion, &mut facts)?;
         let pivots = motion.pivots.into_iter().filter(|p| self.g.as_rational(p.expr).is_none()).collect();
         let system = ReducedSystem { graph: std::mem::take(&mut self.g), ..self.system.clone() };
@@ -316,6 +318,7 @@ impl Derivation<'_> {
             form: Form::Accelerations(motion.system),
             energy,
             energy_rate,
+            legendre,
             outputs,
             pivots,
             facts,
