@@ -282,14 +282,11 @@ impl Derivation<'_> {
         }
         let mut state = Vec::new();
         for (kind, doc) in &system.state {
-            let (symbol, derivative) = match *kind {
-                StateKind::Base(i) => (system.algebroid.base()[i], self.rates[i]),
-                StateKind::Unknown(a) => (system.unknowns[a].symbol, motion.unknown_rates[a]),
-                StateKind::Momentum(k) => {
-                    let momentum = &system.momenta[k];
-                    let Some(symbol) = momentum.symbol else { continue };
-                    (symbol, motion.momentum_rates[k])
-                }
+            let symbol = system.state_symbol(*kind);
+            let derivative = match *kind {
+                StateKind::Base(i) => self.rates[i],
+                StateKind::Unknown(a) => motion.unknown_rates[a],
+                StateKind::Momentum { place, .. } => motion.momentum_rates[place],
             };
             let name = self.g.name(symbol).to_owned();
             if derivative == self.g.zero() {

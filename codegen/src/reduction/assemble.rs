@@ -168,7 +168,8 @@ fn state_order(model: &Model, unknowns: &[Unknown], momenta: &[CarriedMomentum])
         let Some(k) = momenta.iter().position(|m| m.unknown == a) else {
             return Some((StateKind::Unknown(a), velocity_doc(u)));
         };
-        momenta[k].symbol.map(|_| (StateKind::Momentum(k), momenta[k].doc.clone()))
+        let momentum = &momenta[k];
+        momentum.symbol.map(|symbol| (StateKind::Momentum { place: k, symbol }, momentum.doc.clone()))
     });
     let advected = model
         .advected

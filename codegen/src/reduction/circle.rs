@@ -318,7 +318,7 @@ fn anchored(system: &mut ReducedSystem, turned: &[Turned]) -> Option<Algebroid> 
                 })),
                 None => state.push((StateKind::Base(starts[i]), doc.clone())),
             },
-            StateKind::Unknown(_) | StateKind::Momentum(_) => state.push((*kind, doc.clone())),
+            StateKind::Unknown(_) | StateKind::Momentum { .. } => state.push((*kind, doc.clone())),
         }
     }
     system.state = state;

@@ -23,8 +23,13 @@ pub enum StateKind {
     Base(usize),
     /// An unknown `u` of the equations of motion, by its place in [`ReducedSystem::unknowns`].
     Unknown(usize),
-    /// A momentum, by its place in [`ReducedSystem::momenta`].
-    Momentum(usize),
+    /// A momentum.
+    Momentum {
+        /// Its place in [`ReducedSystem::momenta`].
+        place: usize,
+        /// Its symbol.
+        symbol: SymbolId,
+    },
 }
 
 /// Components of a state that belong together.
@@ -140,6 +145,15 @@ impl ReducedSystem {
     /// Advected parameters and quaternions, none of which is zero.
     pub(crate) fn vectors_of_fixed_length(&self) -> impl Iterator<Item = &Block> {
         self.blocks.iter().filter(|b| matches!(b.kind, BlockKind::Advected | BlockKind::Attitude))
+    }
+
+    /// The symbol of a state variable.
+    pub fn state_symbol(&self, kind: StateKind) -> SymbolId {
+        match kind {
+            StateKind::Base(i) => self.algebroid.base()[i],
+            StateKind::Unknown(a) => self.unknowns[a].symbol,
+            StateKind::Momentum { symbol, .. } => symbol,
+        }
     }
 
     /// Every expression of the system and what it is, and the graph that owns them all.
