@@ -70,6 +70,13 @@ impl Derivation<'_> {
             let slope = self.replace(slope)?;
             terms.push(self.g.mul(slope, rate));
         }
+        for (momentum, rate) in system.momenta.iter().zip(&motion.momentum_rates) {
+            if let Some(symbol) = momentum.symbol {
+                let slope = self.g.diff(e, symbol);
+                let slope = self.replace(slope)?;
+                terms.push(self.g.mul(slope, *rate));
+            }
+        }
         let sum = self.g.sum(&terms);
         Ok(self.g.cancel_zero(sum))
     }
@@ -86,7 +93,7 @@ impl Derivation<'_> {
     }
 
     /// An expression for people, in as few names of definitions as there is room for.
-    fn spelled_out(&mut self, e: ExprId) -> String {
+    pub(super) fn spelled_out(&mut self, e: ExprId) -> String {
         let definitions: Vec<Definition> = self.writer.definitions().copied().collect();
         let (mut e, mut text) = (e, self.g.display(e, Style::Plain));
         for Definition { symbol, expr } in definitions.into_iter().rev() {
@@ -234,7 +241,12 @@ impl Derivation<'_> {
                 }
                 AccelerationSource::Servo(_) => None,
             });
-            let components: Vec<(String, ExprId)> = residuals.collect();
+            let mut components: Vec<(String, ExprId)> = residuals.collect();
+            if !system.momenta.is_empty() {
+                for (_, residual) in &mut components {
+                    *residual = self.replace(*residual)?;
+                }
+            }
             facts.energy_is_conserved_on_constraint =
                 !facts.energy_is_conserved && self.vanishes_with(energy_rate, &motion, &components);
             if !components.is_empty() {
@@ -270,9 +282,11 @@ impl Derivation<'_> {
         }
         let mut state = Vec::new();
         for (kind, doc) in &system.state {
-            let (symbol, derivative) = match *kind {
-                StateKind::Base(i) => (system.algebroid.base()[i], self.rates[i]),
-                StateKind::Unknown(a) => (system.unknowns[a].symbol, motion.unknown_rates[a]),
+            let symbol = system.state_symbol(*kind);
+            let derivative = match *kind {
+                StateKind::Base(i) => self.rates[i],
+                StateKind::Unknown(a) => motion.unknown_rates[a],
+                StateKind::Momentum { place, .. } => motion.momentum_rates[place],
             };
             let name = self.g.name(symbol).to_owned();
             if derivative == self.g.zero() {
@@ -286,6 +300,8 @@ impl Derivation<'_> {
             let (symbol, name, doc) = (coordinate.symbol, coordinate.name.clone(), coordinate.doc.clone());
             reconstruction.push(StateEquation { symbol, name, doc, derivative });
         }
+        let (legendre, velocities) = self.conversions()?;
+        outputs.extend(velocities);
         let circles = self.circles(&motion, &mut facts)?;
         let pivots = motion.pivots.into_iter().filter(|p| self.g.as_rational(p.expr).is_none()).collect();
         let system = ReducedSystem { graph: std::mem::take(&mut self.g), ..self.system.clone() };
@@ -299,6 +315,7 @@ impl Derivation<'_> {
             form: Form::Accelerations(motion.system),
             energy,
             energy_rate,
+            legendre,
             outputs,
             pivots,
             facts,

@@ -3,7 +3,7 @@
 //! Does not know: how any choice is carried out.
 
 use crate::expr::Rational;
-use crate::spec::{ConnectionKind, Model};
+use crate::spec::{Carried, CarriedBy, ConnectionKind, Model};
 
 /// The choices that lead from a model to one [`ReducedSystem`](super::ReducedSystem) and its equations.
 ///
@@ -25,6 +25,9 @@ pub struct Formulation {
     /// Whether squares of velocities in the Lagrangian are differentiated in the frame that turns with their
     /// components.
     pub squares: bool,
+    /// Velocities for which the state carries a momentum, or a parameter is the momentum (Routh); none
+    /// [by the velocity](CarriedBy::Velocity).
+    pub momenta: Vec<Carried>,
     /// Whether the algebra is split along the model's chain of ideals.
     pub stages: bool,
 }
@@ -40,7 +43,17 @@ impl Formulation {
             multipliers: model.force_multipliers,
             circles: Vec::new(),
             squares: true,
+            momenta: carried_by_momenta(&[], &model.carries),
             stages: model.stages.is_some(),
         }
     }
+}
+
+/// What is carried by momenta: what a model says, and what a scene says in its place.
+pub fn carried_by_momenta(of_model: &[Carried], of_scene: &[Carried]) -> Vec<Carried> {
+    let is_new = |carried: &&Carried| of_scene.iter().all(|own| own.velocity != carried.velocity);
+    let mut momenta: Vec<Carried> = of_model.iter().filter(is_new).chain(of_scene).cloned().collect();
+    momenta.retain(|carried| carried.by != CarriedBy::Velocity);
+    momenta.sort_by_key(|carried| carried.velocity);
+    momenta
 }

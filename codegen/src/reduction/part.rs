@@ -32,6 +32,8 @@ pub enum Part {
     MomentumInSpace,
     /// A coefficient of the stage forms.
     Stages,
+    /// A parameter that is a momentum.
+    Momentum,
     /// What is positive inside of the domain, by its place.
     Domain(usize),
 }

@@ -10,6 +10,7 @@ use crate::expr::{Exhausted, Resource, Stage};
 use crate::program::{Jet, Role};
 
 use super::built::BuiltScene;
+use super::built::legendre_role;
 use super::derivatives::{Matrix, Product};
 use super::groups::groups;
 use super::interpreter;
@@ -120,7 +121,7 @@ impl BuiltScene {
                 })
                 .collect(),
             matrices: self.matrices.iter().map(matrix_text).collect(),
-            products: self.products.iter().map(product_text).collect(),
+            products: self.products.iter().map(product_text).chain(self.legendre_text()).collect(),
             formulas: BTreeMap::from(formulas),
             conserves_energy: self.equations.facts.energy_is_conserved,
             groups: writing.nalgebra.then(|| groups(self)),
@@ -137,6 +138,25 @@ fn matrix_text(matrix: &Matrix) -> MatrixText {
         shape: matrix.shape,
         pattern: matrix.pattern.clone(),
         doc: matrix.doc.to_owned(),
+    }
+}
+
+impl BuiltScene {
+    fn legendre_text(&self) -> Option<ProductText> {
+        let legendre = self.legendre();
+        if legendre.momenta.is_empty() {
+            return None;
+        }
+        let velocities: Vec<&str> = legendre.velocities.iter().map(|(name, _)| name.as_str()).collect();
+        Some(ProductText {
+            name: legendre_role().name().to_owned(),
+            vector: "velocities".into(),
+            components: legendre.momenta.iter().map(|(name, _)| name.clone()).collect(),
+            doc: format!(
+                "momenta `W^T dL/dy` of the state by the velocities that they stand for, `{}`; the momenta in `y` mean nothing",
+                velocities.join(", ")
+            ),
+        })
     }
 }
 

@@ -18,6 +18,8 @@ pub enum Want {
     EnergyRate,
     /// The momenta `dL/dy`.
     Momentum,
+    /// The velocities that momenta of the state stand for.
+    Velocities,
     /// Multipliers of constraints, where they are computed.
     Multipliers,
     /// Residuals of constraints, where the state can violate them.
@@ -54,11 +56,12 @@ pub enum Want {
 
 impl Want {
     /// All of them, in the order in which messages list them.
-    pub const ALL: [Want; 20] = [
+    pub const ALL: [Want; 21] = [
         Want::Rhs,
         Want::Energy,
         Want::EnergyRate,
         Want::Momentum,
+        Want::Velocities,
         Want::Multipliers,
         Want::Constraint,
         Want::NonholonomicMomentum,
@@ -84,6 +87,7 @@ impl Want {
             Want::Energy => "energy",
             Want::EnergyRate => "energy_rate",
             Want::Momentum => "momentum",
+            Want::Velocities => "velocities",
             Want::Multipliers => "multipliers",
             Want::Constraint => "constraint",
             Want::NonholonomicMomentum => "nonholonomic_momentum",
@@ -113,7 +117,7 @@ impl Want {
     pub(super) fn is_in_tables(self) -> bool {
         use Want::{
             Casimirs, Circles, Constraint, Invariants, MomentumEquation, NonholonomicMomentum, Outputs,
-            Taylor,
+            Taylor, Velocities,
         };
         !matches!(
             self,
@@ -124,6 +128,7 @@ impl Want {
                 | Circles
                 | Outputs
                 | Taylor
+                | Velocities
                 | Invariants
         )
     }
