@@ -57,7 +57,7 @@ fn start(scene: &BuiltScene) -> Start {
 
 /// The state of `to` at values of that of `from`.
 fn mapped(from: &BuiltScene, to: &BuiltScene, values: &BTreeMap<SymbolId, f64>) -> Vec<f64> {
-    let change = ChangeOfState::between(&from.equations.system, &to.equations.system).unwrap();
+    let change = ChangeOfState::between(&from.equations, &to.equations.system).unwrap();
     let component = |s: SymbolId| change.graph().eval_f64(change.value(s).unwrap(), values).unwrap();
     to.state.iter().map(|s| component(s.symbol)).collect()
 }

@@ -17,13 +17,13 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use num_traits::Signed as _;
 
-use crate::expr::{Budget, DivisionByZero, ExprId, Node, Style, sign_of};
+use crate::expr::{Budget, DivisionByZero, ExprId, Node, Style, SymbolId, sign_of};
 use crate::lower::SearchBudget;
 use crate::mechanics::{ChangeOfState, Equations, Unrelated, derive};
 use crate::parallel::side_by_side;
 use crate::program::{Counts, Instruction, Op, Operand, Program, Role};
-use crate::reduction::{Formulation, KinematicConstraint, ReducedSystem, reduce};
-use crate::spec::{Diagnostics, FormulationSearch, Model, Wanted, circle_names};
+use crate::reduction::{Formulation, KinematicConstraint, ReducedSystem, StateKind, reduce};
+use crate::spec::{CarriedBy, Diagnostics, FormulationSearch, Model, Want, Wanted};
 
 use super::build::build_derived;
 use super::built::BuiltScene;
@@ -69,6 +69,9 @@ pub struct Candidate {
     pub state: Vec<String>,
     /// Those that are not in the scene's own state, or mean something else there.
     pub changed: Vec<String>,
+    /// Whether all of these are points of the scene's angles and momenta of its velocities: then the scene has functions
+    /// from each state to the other.
+    pub is_converted: bool,
     /// Operations of the right-hand side.
     pub counts: Counts,
     /// The longest chain of operations of the right-hand side, in cycles.
@@ -87,14 +90,6 @@ impl Candidate {
     /// Whether every state variable is one of the scene's own.
     pub fn keeps_state(&self) -> bool {
         self.changed.is_empty()
-    }
-
-    /// Whether every state variable that is not one of the scene's own is the point of one of its angles: then initial
-    /// states of the scene are those of the formulation, and the other way round.
-    pub fn only_turns_angles(&self) -> bool {
-        let points: Vec<String> =
-            self.formulation.circles.iter().flat_map(|angle| circle_names(angle)).collect();
-        self.changed.iter().all(|name| points.contains(name))
     }
 
     /// Whether it is the scene's own formulation.
@@ -153,7 +148,7 @@ impl Formulations {
     /// the scene's own, or else one with which the scene's initial states can be told.
     pub fn best(&self, keeps_state: bool) -> &Candidate {
         let own = self.own();
-        let fits = |c: &&Candidate| if keeps_state { c.keeps_state() } else { c.only_turns_angles() };
+        let fits = |c: &&Candidate| if keeps_state { c.keeps_state() } else { c.is_converted };
         let fitting = self.candidates.iter().filter(fits);
         let better = fitting.filter(|c| c.is_as_accurate_as(own) && c.counts.cost() < own.counts.cost());
         better.min_by_key(|c| c.rank()).unwrap_or(own)
@@ -168,12 +163,19 @@ struct Search<'a> {
     plan: Plan,
     keeps_state: bool,
     own: Arc<Equations>,
-    /// The formulation that all are compared with: the scene's own, angles on the line.
+    /// The formulation that all are compared with: the scene's own in velocities, angles on the line.
     hub: Arc<Equations>,
     /// From the state of the hub to the scene's own.
     points: Points,
     done: AtomicUsize,
     progress: Progress<'a>,
+}
+
+/// State variables that are not the scene's own.
+struct Changed {
+    names: Vec<String>,
+    /// See [`Candidate::is_converted`].
+    is_converted: bool,
 }
 
 /// A candidate on its way.
@@ -200,8 +202,9 @@ pub(super) fn search(
         ..Plan::bare(plan.name.clone(), plan.formulation.clone())
     };
     let own = derived(model, &bare.formulation)?;
-    let on_lines = Formulation { circles: Vec::new(), ..bare.formulation.clone() };
-    let hub = if bare.formulation.circles.is_empty() { None } else { derived(model, &on_lines).ok() };
+    let mut plain = Formulation { circles: Vec::new(), ..bare.formulation.clone() };
+    plain.momenta.retain(|carried| matches!(carried.by, CarriedBy::Parameter(_)));
+    let hub = if plain == bare.formulation { None } else { derived(model, &plain).ok() };
     let hub = hub.unwrap_or_else(|| Arc::clone(&own));
     let built = build_derived(model, Arc::clone(&own), &bare)?;
     let (drops, dropped) = match &bare.drops {
@@ -218,11 +221,12 @@ pub(super) fn search(
             Plan { drops: Drops::Components(all.filter(|name| !kept.contains(name)).collect()), ..bare }
         }
     };
-    let change = ChangeOfState::between(&hub.system, &own.system).ok();
+    let change = ChangeOfState::between(&hub, &own.system).ok();
     let mut points = Points::new(model, &hub, &built);
     change.iter().for_each(|change| points.keep_those_of(&built, change));
     let rounding = change.map_or(0.0, |change| points.bound(&built, &change));
-    let scene = Candidate::of(&built, Vec::new(), Vec::new(), rounding);
+    let scene =
+        Candidate::of(&built, Vec::new(), Changed { names: Vec::new(), is_converted: true }, rounding);
     let done = AtomicUsize::new(0);
     let search = Search { model, plan: bare, keeps_state, own, hub, points, done, progress };
     Ok(search.run(&axes, scene))
@@ -249,7 +253,11 @@ pub(super) fn chosen(model: &Model, plan: Plan, wanted: FormulationSearch) -> Pl
         let angles =
             best.formulation.circles.iter().filter(|angle| !plan.formulation.circles.contains(angle));
         let angles = angles.filter(|angle| best.outputs.contains(angle)).cloned().map(Wanted::Own);
-        wanted.extend(angles.filter(|angle| !wanted.contains(angle)).collect::<Vec<_>>());
+        let velocities = best.outputs.iter().any(|name| name == Want::Velocities.name());
+        let velocities = velocities.then_some(Wanted::Want(Want::Velocities));
+        let conversions: Vec<Wanted> =
+            angles.chain(velocities).filter(|want| !wanted.contains(want)).collect();
+        wanted.extend(conversions);
     }
     Plan { formulation: best.formulation.clone(), outputs, chosen: Some(chosen), ..plan }
 }
@@ -260,13 +268,14 @@ fn derived(model: &Model, formulation: &Formulation) -> Result<Arc<Equations>, D
 }
 
 impl Candidate {
-    fn of(built: &BuiltScene, choices: Vec<String>, changed: Vec<String>, rounding: f64) -> Candidate {
+    fn of(built: &BuiltScene, choices: Vec<String>, changed: Changed, rounding: f64) -> Candidate {
         let rate = built.program.function(&Role::Rate);
         Candidate {
             formulation: built.equations.system.formulation.clone(),
             choices,
             state: built.state_names(),
-            changed,
+            changed: changed.names,
+            is_converted: changed.is_converted,
             counts: rate.map(|f| f.counts()).unwrap_or_default(),
             latency: rate.map(|f| f.latency()).unwrap_or_default(),
             n_prepared: built.program.prepare.slots.len(),
@@ -356,7 +365,7 @@ impl Search<'_> {
             problems.iter().next().map(|problem| problem.message.clone()).unwrap_or_default()
         };
         let system = reduce(&model, &formulation).map_err(|problems| first(&problems))?;
-        if self.keeps_state && !self.changed(&system).is_empty() {
+        if self.keeps_state && !self.changed(&system).names.is_empty() {
             return Ok(None);
         }
         self.refuse_divisors(&system)?;
@@ -383,20 +392,29 @@ impl Search<'_> {
     }
 
     fn relation(&self, system: &ReducedSystem) -> Result<ChangeOfState, String> {
-        ChangeOfState::between(&self.hub.system, system)
+        ChangeOfState::between(&self.hub, system)
             .map_err(|DivisionByZero| "its connection has no value in the scene's coordinates".to_owned())
     }
 
     /// State variables that the scene does not have, or that mean something else there.
-    fn changed(&self, system: &ReducedSystem) -> Vec<String> {
-        let change = ChangeOfState::between(&self.own.system, system).ok();
+    fn changed(&self, system: &ReducedSystem) -> Changed {
+        let change = ChangeOfState::between(&self.own, system).ok();
         let keeps = |s| change.as_ref().is_some_and(|change| change.keeps(system, s));
-        let mut changed = Vec::new();
+        let points: Vec<SymbolId> = system.circles.iter().flat_map(|c| [c.cosine, c.sine]).collect();
+        let mut changed = Changed { names: Vec::new(), is_converted: true };
         for (kind, _) in &system.state {
             let symbol = system.state_symbol(*kind);
-            if !keeps(symbol) {
-                changed.push(system.graph.name(symbol).to_owned());
+            if keeps(symbol) {
+                continue;
             }
+            changed.names.push(system.graph.name(symbol).to_owned());
+            changed.is_converted &= match kind {
+                StateKind::Base(_) => points.contains(&symbol),
+                StateKind::Unknown(_) => false,
+                StateKind::Momentum { place, .. } => {
+                    keeps(system.unknowns[system.momenta[*place].unknown].symbol)
+                }
+            };
         }
         changed
     }
