@@ -132,7 +132,10 @@ impl<'a> Derivation<'a> {
         let KinematicConstraint::Solved(solved) = &self.system.constraint else { return Ok(()) };
         self.writer.begin("velocities y = Psi u + psi0");
         for &k in &solved.dependent {
-            let value = solved.velocity(&mut self.g, k);
+            let mut value = solved.velocity(&mut self.g, k);
+            if !self.system.momenta.is_empty() {
+                value = self.replace(value)?;
+            }
             let named = self.writer.define(&mut self.g, &self.names[k], value);
             self.replacement.insert(self.system.velocities[k], named);
             self.y[k] = named;
