@@ -78,7 +78,7 @@ impl ChangeOfState {
             };
             change.values.extend(value.map(|value| (unknown.symbol, value)));
         }
-        change.momenta(to, &velocities)?;
+        change.momenta(from, to, &velocities)?;
         let g = &mut change.graph;
         let group = to.reconstruction.iter().map(|c| c.symbol);
         let group = group.filter(|s| from.reconstruction.iter().any(|c| c.symbol == *s));
@@ -151,7 +151,12 @@ impl ChangeOfState {
     }
 
     /// The momenta that `to` carries, by its velocities.
-    fn momenta(&mut self, to: &ReducedSystem, velocities: &[Option<ExprId>]) -> Result<(), DivisionByZero> {
+    fn momenta(
+        &mut self,
+        from: &ReducedSystem,
+        to: &ReducedSystem,
+        velocities: &[Option<ExprId>],
+    ) -> Result<(), DivisionByZero> {
         if to.momenta.iter().all(|m| m.symbol.is_none()) {
             return Ok(());
         }
@@ -164,7 +169,10 @@ impl ChangeOfState {
             let e =
                 momentum_of(&mut written, to.lagrangian, &to.velocities, &to.constraint, momentum.unknown);
             let value = self.graph.import_with(&written, &[e], &values)?[0];
-            self.values.insert(symbol, value);
+            let own = from.momenta.iter().find(|own| own.name == momentum.name).and_then(|own| own.symbol);
+            let own = own.map(|symbol| self.graph.sym(symbol));
+            let own = own.filter(|own| self.graph.fingerprints_agree(value, *own));
+            self.values.insert(symbol, own.unwrap_or(value));
         }
         Ok(())
     }

@@ -41,8 +41,8 @@ const MAX_PROMISE: f64 = 1.5;
 const MAX_FINALISTS: usize = 6;
 /// A bound of rounding errors is worse than another one beyond this factor; less is not told apart.
 const TOLD_APART: f64 = 1.5;
-/// Bounds of a few operations are not told apart at all.
-const FEW: f64 = 16.0;
+/// Bounds of so few roundings are not told apart at all: a sum of thirty terms has them, none of which cancel.
+const FEW: f64 = 32.0;
 /// The part of the model's budget, and of the search for cheap forms, that a candidate may take at first.
 const PART: u64 = 16;
 
@@ -116,8 +116,8 @@ impl Candidate {
         is_one_state && constants && operations(self) == operations(other)
     }
 
-    fn rank(&self) -> (u64, usize, usize) {
-        (self.counts.cost(), self.n_prepared, self.choices.len())
+    fn rank(&self) -> (u64, u32, usize, usize) {
+        (self.counts.cost(), self.latency, self.n_prepared, self.choices.len())
     }
 
     /// Whether it loses no more digits than another one, as far as bounds are told apart.

@@ -178,10 +178,7 @@ impl Elaboration<'_> {
         }
         let Some((word, inside)) = said.first() else { return };
         if word.text != "auto" {
-            let help = format!(
-                "{}; what there is, `explain --formulations` shows",
-                names::suggest(&word.text, ["auto"])
-            );
+            let help = names::suggest(&word.text, ["auto"]);
             self.problem(word.span, format!("unknown formulation `{}`", word.text), help);
             return;
         }
