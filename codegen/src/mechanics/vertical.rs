@@ -118,6 +118,10 @@ struct Writer<'a> {
     system: &'a ReducedSystem,
     stages: &'a Stages,
     g: Graph,
+    /// The adapted basis and its inverse in the frame of the system, of which they are the sections themselves where
+    /// that frame is the adapted one.
+    basis: Vec<Vec<ExprId>>,
+    inverse: Vec<Vec<ExprId>>,
     /// Number of base velocities in front of those of the algebra.
     n: usize,
     /// Velocities that the constraint determines, as symbols of the same names that zero tests see through.
@@ -140,7 +144,11 @@ impl<'a> Writer<'a> {
             }
         }
         let n = system.velocities.len() - stages.basis.len();
-        Writer { equations, system, stages, g, n, named, solved }
+        let (basis, inverse) = match system.frame {
+            Some(_) => (unit_vectors(&g, stages.basis.len()), unit_vectors(&g, stages.basis.len())),
+            None => (stages.basis.clone(), stages.inverse.clone()),
+        };
+        Writer { equations, system, stages, g, basis, inverse, n, named, solved }
     }
 
     fn symbols(&mut self, stem: &str, values: &[ExprId]) -> Vec<SymbolId> {
@@ -182,8 +190,8 @@ impl<'a> Writer<'a> {
             let terms: Vec<ExprId> = row.iter().zip(of).map(|(e, p)| g.mul(*e, *p)).collect();
             g.sum(&terms)
         };
-        let beta: Vec<ExprId> = self.stages.basis.iter().map(|row| combine(g, row, &p)).collect();
-        let turned: Vec<ExprId> = self.stages.basis.iter().map(|row| combine(g, row, &slopes)).collect();
+        let beta: Vec<ExprId> = self.basis.iter().map(|row| combine(g, row, &p)).collect();
+        let turned: Vec<ExprId> = self.basis.iter().map(|row| combine(g, row, &slopes)).collect();
         let symbols = self.symbols("beta", &beta);
         let names: Vec<String> = symbols.iter().map(|s| format!("dot_{}", self.g.name(*s))).collect();
         let g = &mut self.g;
@@ -228,7 +236,7 @@ impl<'a> Writer<'a> {
             generalised.push(self.g.subs(sum, &self.named).ok()?);
         }
         let mut tau = Vec::new();
-        for row in &self.stages.basis {
+        for row in &self.basis {
             let terms: Vec<ExprId> = row.iter().zip(&generalised).map(|(e, f)| self.g.mul(*e, *f)).collect();
             let sum = self.g.sum(&terms);
             tau.push(self.g.cancel_zero(sum));
@@ -257,7 +265,7 @@ impl<'a> Writer<'a> {
         for ((name, value), form) in multipliers.iter().zip(reactions) {
             let symbol = self.g.define(name, *value);
             let lambda = self.g.sym(symbol);
-            for (right, row) in right.iter_mut().zip(&self.stages.basis) {
+            for (right, row) in right.iter_mut().zip(&self.basis) {
                 let pairs = row.iter().zip(&form[self.n..]);
                 let terms: Vec<ExprId> = pairs.map(|(e, a)| self.g.mul(*e, *a)).collect();
                 let along = self.g.sum(&terms);
@@ -286,7 +294,7 @@ impl<'a> Writer<'a> {
                 g.cancel_zero(sum)
             };
             let s: Vec<ExprId> = fibre.iter().map(|row| contract(g, row, &combination)).collect();
-            let column = |k: usize| self.stages.inverse.iter().map(|row| row[k]).collect::<Vec<_>>();
+            let column = |k: usize| self.inverse.iter().map(|row| row[k]).collect::<Vec<_>>();
             vectors.push((0..s.len()).map(|k| contract(g, &s, &column(k))).collect());
         }
         tidy(g, &mut vectors);

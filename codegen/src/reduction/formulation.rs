@@ -5,6 +5,19 @@
 use crate::expr::Rational;
 use crate::spec::{ConnectionKind, Model};
 
+/// What a chain of stages is used for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StageUse {
+    /// For nothing: the algebra is not split.
+    Unused,
+    /// The algebra is split for those who read; the equations are those of the model's own frame.
+    Shown,
+    /// The equations are derived in the frame that is adapted to the stages; the state stays what it is.
+    Internal,
+    /// The state has the velocities along the levels.
+    Carried,
+}
+
 /// The choices that lead from a model to one [`ReducedSystem`](super::ReducedSystem) and its equations.
 ///
 /// All of them describe the same motion, for the fixed parameters; they differ in state variables, in cost and in
@@ -25,8 +38,8 @@ pub struct Formulation {
     /// Whether squares of velocities in the Lagrangian are differentiated in the frame that turns with their
     /// components.
     pub squares: bool,
-    /// Whether the algebra is split along the model's chain of ideals.
-    pub stages: bool,
+    /// What the model's chain of ideals is used for.
+    pub stages: StageUse,
 }
 
 impl Formulation {
@@ -40,7 +53,7 @@ impl Formulation {
             multipliers: model.force_multipliers,
             circles: Vec::new(),
             squares: true,
-            stages: model.stages.is_some(),
+            stages: if model.stages.is_some() { StageUse::Shown } else { StageUse::Unused },
         }
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! [`reduce`] is a list of rewrites in the order that a [`Formulation`] is read in: of the model (`fix`, `connection`),
 //! from the model to a [`ReducedSystem`] (`assemble`, with `algebroid`, `constraint`, `stages` and `reconstruction`),
-//! and of the system (`circle`). A new kind of system is one more rewrite, never a second derivation.
+//! and of the system (`circle`, `frame`). A new kind of system is one more rewrite, never a second derivation.
 //!
 //! Does not know: equations of motion, programs, text files.
 
@@ -14,6 +14,7 @@ mod constraint;
 mod domain;
 mod fix;
 mod formulation;
+mod frame;
 mod part;
 mod reconstruction;
 mod stages;
@@ -29,7 +30,8 @@ pub use constraint::{
 };
 pub use domain::DomainCondition;
 pub use fix::with_fixed;
-pub use formulation::Formulation;
+pub use formulation::{Formulation, StageUse};
+pub use frame::{Change, Frame, VELOCITIES};
 pub use part::Part;
 pub use reconstruction::{MomentumInSpace, ReconstructedCoordinate};
 pub use stages::{StageLevel, Stages, Tensor};
@@ -50,7 +52,7 @@ pub fn reduce(model: &Model, formulation: &Formulation) -> Result<ReducedSystem,
     }
     let mut system = assemble::on_algebroid(written.clone(), formulation)?;
     system = with_circles(&written, system, &formulation.circles)?;
-    Ok(system)
+    frame::with_stages(system).map_err(|error| written.diagnostics(vec![constraint::refused(&written, &error)]))
 }
 
 /// The model with the items that a formulation chooses in the place of its own.
@@ -61,7 +63,7 @@ fn chosen(model: &Model, formulation: &Formulation) -> Model {
         derived_connection: None,
         independent: independent.clone(),
         force_multipliers: *multipliers,
-        stages: model.stages.clone().filter(|_| *stages),
+        stages: model.stages.clone().filter(|_| *stages != StageUse::Unused),
         ..model.clone()
     }
 }

@@ -35,7 +35,7 @@ pub use group::Group;
 pub use kind::{Kind, Restriction, Setting};
 pub use layout::Layout;
 pub use model::{
-    Advected, Condition, ConnectionKind, Constraint, ConstraintKind, Coordinate, Domain, IdealChain, Model,
+    Advected, Condition, ConnectionKind, Constraint, ConstraintKind, Coordinate, Domain, IdealChain, InnerProduct, Model,
     Named, NamedVector, Param, ParamArray, Places, Reconstruction, ReconstructionKind, Scene, Side, Velocity,
     View, ViewShape, Views, VirtualConstraint, circle_names, diagnose,
 };

@@ -100,6 +100,15 @@ pub struct Velocity {
     pub doc: String,
 }
 
+/// What decides which complement of an ideal is its level.
+#[derive(Clone, Debug, PartialEq)]
+pub enum InnerProduct {
+    /// A symmetric matrix in the basis of the algebra.
+    Matrix(Vec<Vec<ExprId>>),
+    /// The kinetic energy: the Hessian of the Lagrangian in the velocities of the algebra.
+    Lagrangian,
+}
+
 /// A chain of ideals `g = n_0 > n_1 > ..` and the inner product that splits it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct IdealChain {
@@ -107,8 +116,11 @@ pub struct IdealChain {
     pub names: Vec<String>,
     /// Spanning vectors of `n_1, n_2, ..` in the basis of the algebra.
     pub ideals: Vec<Vec<Vec<Rational>>>,
-    /// Symmetric matrix in the basis of the algebra; absent for the identity.
-    pub inner_product: Option<Vec<Vec<ExprId>>>,
+    /// The inner product; absent for the one in which the basis of the algebra is orthonormal.
+    pub inner_product: Option<InnerProduct>,
+    /// The sum of the connections of the stages, `A^a_i` by element of the algebra and base coordinate; absent where no
+    /// stage has one.
+    pub connection: Option<Vec<Vec<ExprId>>>,
     /// Where each stage stands.
     pub spans: Vec<Option<Span>>,
 }
@@ -502,6 +514,7 @@ impl Model {
                 self.places.independent.or(self.constraints.first().and_then(|c| c.span))
             }
             Error::WrongNumberOfDisplacements { .. } => self.virtual_constraints.first().and_then(|v| v.span),
+            Error::InnerProductDependsOn { .. } => self.places.inner_product,
             Error::DegenerateInnerProduct { stage } => {
                 self.places.inner_product.or_else(|| self.place_of_stage(stage))
             }

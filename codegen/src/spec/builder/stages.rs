@@ -140,7 +140,8 @@ impl ModelBuilder {
         Some(IdealChain {
             names: drafts.iter().map(|d| d.name.clone()).collect(),
             ideals,
-            inner_product,
+            inner_product: inner_product.map(InnerProduct::Matrix),
+            connection: None,
             spans: drafts.iter().map(|d| d.span).collect(),
         })
     }
