@@ -52,7 +52,8 @@ pub fn reduce(model: &Model, formulation: &Formulation) -> Result<ReducedSystem,
     }
     let mut system = assemble::on_algebroid(written.clone(), formulation)?;
     system = with_circles(&written, system, &formulation.circles)?;
-    frame::with_stages(system).map_err(|error| written.diagnostics(vec![constraint::refused(&written, &error)]))
+    frame::with_stages(system)
+        .map_err(|error| written.diagnostics(vec![constraint::refused(&written, &error)]))
 }
 
 /// The model with the items that a formulation chooses in the place of its own.

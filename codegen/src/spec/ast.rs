@@ -148,6 +148,12 @@ pub(super) enum ItemKind {
         names: Vec<Name>,
         algebra: AlgebraExpr,
     },
+    /// `momentum Pi of Omega;`
+    Momentum {
+        name: Name,
+        velocity: Name,
+    },
+    Carry(Vec<Carry>),
     Action(Name),
     Stage {
         name: Name,
@@ -211,7 +217,19 @@ pub(super) enum ItemKind {
         wants: Vec<Name>,
         drops: Vec<Name>,
         circles: Vec<Name>,
+        carries: Vec<Carry>,
     },
+}
+
+/// What a state carries: `carry Pi;`, `routh phi = p;`, `routh Omega -> Pi;`.
+#[derive(Clone, Debug)]
+pub(super) enum Carry {
+    /// The momenta or the velocities of that name.
+    Named(Name),
+    /// The momentum of a cyclic coordinate or velocity is a parameter.
+    Level { cyclic: Name, parameter: Name },
+    /// The momenta of a velocity.
+    Momenta { velocity: Name, momentum: Name },
 }
 
 #[derive(Clone, Debug)]

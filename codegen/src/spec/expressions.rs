@@ -60,6 +60,8 @@ macro_rules! visit {
             algebra: _,
             velocities,
             quasi_velocities,
+            momenta,
+            carries: _,
             action: _,
             connection,
             stages,
@@ -85,12 +87,14 @@ macro_rules! visit {
         for ParamArray { name: _, layout: _, symbols: _ } in &*param_arrays {}
         for Velocity { name: _, symbol: _, block: _, doc: _ } in velocities.iter().chain(&*quasi_velocities) {
         }
+        for Momentum { name: _, components: _, doc: _, span: _ } in &*momenta {}
         for Scene {
             name: _,
             fixed: _,
             wants: _,
             drops: _,
             circles: _,
+            carries: _,
             doc: _,
             span: _,
             extent: _,

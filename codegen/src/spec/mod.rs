@@ -35,9 +35,10 @@ pub use group::Group;
 pub use kind::{Kind, Restriction, Setting};
 pub use layout::Layout;
 pub use model::{
-    Advected, Condition, ConnectionKind, Constraint, ConstraintKind, Coordinate, Domain, IdealChain, InnerProduct, Model,
-    Named, NamedVector, Param, ParamArray, Places, Reconstruction, ReconstructionKind, Scene, Side, Velocity,
-    View, ViewShape, Views, VirtualConstraint, circle_names, diagnose,
+    Advected, Carried, CarriedBy, Condition, ConnectionKind, Constraint, ConstraintKind, Coordinate, Domain,
+    IdealChain, InnerProduct, Model, Momentum, Named, NamedVector, Param, ParamArray, Places, Reconstruction,
+    ReconstructionKind, Scene, Side, Velocity, View, ViewShape, Views, VirtualConstraint, circle_names,
+    diagnose,
 };
 pub use shape::{Expected, Operation, Shape, ValueError};
 pub use value::Value;
@@ -55,7 +56,7 @@ mod tests;
 pub fn keywords() -> Vec<&'static str> {
     let parts = [
         "model", "in", "by", "of", "on", "where", "from", "around", "at", "attitude", "fix", "want", "drop",
-        "basis",
+        "circle", "basis",
     ];
     names::ITEMS.iter().map(|(item, _)| *item).chain(parts).collect()
 }

@@ -109,6 +109,40 @@ pub enum InnerProduct {
     Lagrangian,
 }
 
+/// A name for the momenta `W^T dL/dy` along a velocity: of an unconstrained velocity, its momentum `dL/dy`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Momentum {
+    /// Name, such as `Pi`.
+    pub name: String,
+    /// Name, symbol and velocity of its components; the velocity by index into base velocities, velocities in the
+    /// algebra and quasi-velocities.
+    pub components: Vec<(String, SymbolId, usize)>,
+    /// Documentation.
+    pub doc: String,
+    /// Where it stands.
+    pub span: Option<Span>,
+}
+
+/// What the state carries for a velocity.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Carried {
+    /// The velocity, by index into base velocities, velocities in the algebra and quasi-velocities.
+    pub velocity: usize,
+    /// What stands for it.
+    pub by: CarriedBy,
+}
+
+/// What stands for a velocity in the state.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum CarriedBy {
+    /// Itself.
+    Velocity,
+    /// Its momentum, under this name.
+    Momentum(String),
+    /// Nothing: its momentum is conserved, and the parameter of this name (Routh).
+    Parameter(String),
+}
+
 /// A chain of ideals `g = n_0 > n_1 > ..` and the inner product that splits it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct IdealChain {
@@ -309,6 +343,8 @@ pub struct Scene {
     pub drops: Vec<String>,
     /// Base coordinates, by component, that are carried as points of the circle.
     pub circles: Vec<String>,
+    /// What the state carries, where that is not what the model says.
+    pub carries: Vec<Carried>,
     /// Documentation.
     pub doc: String,
     /// Where its name stands.
@@ -407,6 +443,8 @@ pub struct Places {
     pub declared: BTreeMap<String, Span>,
     /// External forces by the velocity, vector or component, that they are written for.
     pub forces: BTreeMap<String, Span>,
+    /// What stands for velocities in the state, by the velocity's name.
+    pub carries: BTreeMap<String, Span>,
     /// Initial values by the variable, vector or component, that they are written for.
     pub initial: BTreeMap<String, Span>,
 }
@@ -438,6 +476,10 @@ pub struct Model {
     pub velocities: Vec<Velocity>,
     /// Velocities that only parametrise the constraints; they are not among [`Model::all_velocities`].
     pub quasi_velocities: Vec<Velocity>,
+    /// Names of momenta.
+    pub momenta: Vec<Momentum>,
+    /// What the state carries, where that is not the velocity.
+    pub carries: Vec<Carried>,
     /// Side of the group action.
     pub action: Side,
     /// Components `A^a_i(x, t)` of the principal connection, `a` in the basis of the algebra, `i` a base coordinate:

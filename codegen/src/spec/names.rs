@@ -11,6 +11,9 @@ pub(super) const ITEMS: &[(&str, &str)] = &[
     ("algebra", "algebra g = so(3);` or `algebra g { basis a, b; [a, b] = a; }"),
     ("representation", "representation r of so(3) on R^3 { e1 = [[..], ..]; .. }"),
     ("velocity", "velocity Omega, V in se(3);"),
+    ("momentum", "momentum Pi of Omega;"),
+    ("carry", "carry Pi;"),
+    ("routh", "routh phi = p;` or `routh Omega -> Pi;"),
     ("quasi_velocity", "quasi_velocity s;"),
     ("connection", "connection Omega = A*x_dot;` or `connection mechanical;"),
     ("action", "action left;"),
@@ -29,7 +32,7 @@ pub(super) const ITEMS: &[(&str, &str)] = &[
     ("reconstruct", "reconstruct q in SO(3) from Omega;` or `reconstruct x by v;"),
     ("initial", "initial Omega = [0, 0, 1];"),
     ("view", "view name = ball(r) at [x, y, r] attitude q;"),
-    ("scene", "scene name { fix m = 1; want energy; drop x; }"),
+    ("scene", "scene name { fix m = 1; want energy; drop x; carry Pi; }"),
 ];
 
 /// Whether a word begins an item.

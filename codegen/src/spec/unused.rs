@@ -8,7 +8,7 @@
 
 use std::collections::BTreeMap;
 
-use super::ast::{AlgebraExpr, DomainExpr, Expr, Item, ItemKind, Name, ReconstructWay, Shape};
+use super::ast::{AlgebraExpr, Carry, DomainExpr, Expr, Item, ItemKind, Name, ReconstructWay, Shape};
 use super::diagnostic::Diagnostic;
 use super::layout::Layout;
 
@@ -150,6 +150,7 @@ fn effective(item: &Item) -> Vec<String> {
         | ItemKind::Output { value, .. }
         | ItemKind::Initial { value, .. }
         | ItemKind::Reconstruct { way: ReconstructWay::Rate(value), .. } => mentions([value]),
+        ItemKind::Carry(list) | ItemKind::Scene { carries: list, .. } => levels(list),
         ItemKind::Reconstruct { way: ReconstructWay::Group { from, .. }, .. } => {
             owned(from.iter().map(|name| name.text.as_str()))
         }
@@ -170,6 +171,15 @@ fn effective(item: &Item) -> Vec<String> {
         | ItemKind::Advected { .. }
         | ItemKind::Independent(_)
         | ItemKind::Multipliers
-        | ItemKind::Scene { .. } => Vec::new(),
+        | ItemKind::Momentum { .. } => Vec::new(),
     }
+}
+
+/// The parameters that are momenta.
+fn levels(carries: &[Carry]) -> Vec<String> {
+    let parameter = |carry: &Carry| match carry {
+        Carry::Level { parameter, .. } => Some(parameter.text.clone()),
+        Carry::Named(_) | Carry::Momenta { .. } => None,
+    };
+    carries.iter().filter_map(parameter).collect()
 }

@@ -8,8 +8,8 @@ use crate::algebra::Algebroid;
 use crate::error::Error;
 use crate::expr::{DivisionByZero, ExprId, Graph, Sign, SymbolId};
 use crate::reduction::constraint::{
-    AccelerationRow, AccelerationSource, Choice, ConstraintRow, KinematicConstraint, Reactions, Setting as Rows,
-    SolvedConstraint, Solver, Unknown, solve_rows,
+    AccelerationRow, AccelerationSource, Choice, ConstraintRow, KinematicConstraint, Reactions,
+    Setting as Rows, SolvedConstraint, Solver, Unknown, solve_rows,
 };
 use crate::spec::Param;
 
@@ -48,16 +48,8 @@ pub(super) fn with_old_unknowns(
     values: &BTreeMap<SymbolId, ExprId>,
 ) -> Result<KinematicConstraint, Error> {
     let KinematicConstraint::Solved(solved) = constraint else { return Ok(constraint) };
-    let SolvedConstraint {
-        unknowns,
-        dependent,
-        psi,
-        psi0,
-        virtual_displacements,
-        reactions,
-        rows,
-        pivots,
-    } = solved;
+    let SolvedConstraint { unknowns, dependent, psi, psi0, virtual_displacements, reactions, rows, pivots } =
+        solved;
     let m = frame.matrix.len();
     let is_free = rows.is_empty() && reactions.names.is_empty() && dependent.is_empty();
     let image = |g: &mut Graph, columns: &[Vec<ExprId>]| -> Vec<Vec<ExprId>> {
@@ -109,7 +101,8 @@ fn determining(
     let mut solver = Solver { graph: g, names, quasi: &[], params: &params, facts: setting.signs };
     let found = solver.solve(&rows, None)?;
     found.map(|f| f.dependent).ok_or_else(|| Error::Unsupported {
-        what: "a choice of components along the stages that determines the multipliers on the whole domain".into(),
+        what: "a choice of components along the stages that determines the multipliers on the whole domain"
+            .into(),
         possible: "the frame of the model, or `carry stages;`".into(),
     })
 }

@@ -174,7 +174,8 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
     let is_carried = formulation.stages == StageUse::Carried;
     let n = velocities.len() - stages.basis.len();
     let own = velocities.iter().zip(algebroid.frame()).enumerate();
-    let own = own.map(|(k, (symbol, name))| Unknown { name: name.clone(), symbol: *symbol, frame_idx: Some(k) });
+    let own =
+        own.map(|(k, (symbol, name))| Unknown { name: name.clone(), symbol: *symbol, frame_idx: Some(k) });
     let frame = Frame::adapted(g, stages, own.collect());
     let eta: Vec<Unknown> = frame.original[..n].to_vec();
     let eta: Vec<Unknown> = eta.into_iter().chain(level_velocities(g, stages, n)).collect();
@@ -194,7 +195,8 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
         false => constraint::with_old_unknowns(g, &carried, (&frame, n), &names, constraint, &all)?,
     };
     // What stays in the state stays in expressions.
-    let kept: Vec<SymbolId> = if is_carried { Vec::new() } else { unknowns.iter().map(|u| u.symbol).collect() };
+    let kept: Vec<SymbolId> =
+        if is_carried { Vec::new() } else { unknowns.iter().map(|u| u.symbol).collect() };
     let replaced: BTreeMap<SymbolId, ExprId> = all.into_iter().filter(|(y, _)| !kept.contains(y)).collect();
     let replace = |g: &mut Graph, e: &mut ExprId| -> Result<(), Error> {
         *e = g.subs(*e, &replaced).map_err(divided)?;

@@ -35,6 +35,8 @@ impl ModelBuilder {
         self.check_named_values();
         let reconstruction = self.check_reconstructions(connection.as_deref());
         let initial = self.check_initial();
+        let carried = std::mem::take(&mut self.carries);
+        let carries = self.check_carries(&carried);
         let scenes = self.check_scenes();
         self.check_budget();
         if !self.problems.is_empty() {
@@ -43,6 +45,7 @@ impl ModelBuilder {
         let by_name = |list: Vec<(String, Value, Option<Span>)>| {
             list.into_iter().filter_map(|(name, _, span)| Some((name, span?))).collect()
         };
+        let placed_carries = self.places_of_carries(&carried);
         let first_component = self.connection.first().and_then(|(_, _, span)| *span);
         let places = Places {
             lagrangian: self.lagrangian.and_then(|(_, span)| span),
@@ -53,6 +56,7 @@ impl ModelBuilder {
             declared: self.names.into_iter().filter_map(|(name, of)| Some((name, of.span?))).collect(),
             forces: by_name(self.forces),
             initial: by_name(self.initial),
+            carries: placed_carries,
         };
         let views_graph = self.views_graph.unwrap_or_else(|| match self.views.is_empty() {
             true => Graph::new(),
@@ -72,6 +76,8 @@ impl ModelBuilder {
             algebra: self.algebra.map_or_else(|| LieAlgebra::abelian(0), |(algebra, _)| algebra),
             velocities: self.velocities,
             quasi_velocities: self.quasi_velocities,
+            momenta: self.momenta,
+            carries,
             connection,
             derived_connection: self.derived_connection.map(|(kind, _)| kind),
             action: self.action.map_or(Side::Left, |(side, _)| side),

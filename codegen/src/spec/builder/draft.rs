@@ -26,6 +26,8 @@ pub(in crate::spec) enum DeclaredAs {
     Advected,
     AdvectedComponent,
     QuasiVelocity,
+    Momentum,
+    MomentumComponent,
     Reconstructed,
     Definition,
 }
@@ -42,6 +44,8 @@ impl DeclaredAs {
             DeclaredAs::Advected => "an advected parameter",
             DeclaredAs::AdvectedComponent => "a component of an advected parameter",
             DeclaredAs::QuasiVelocity => "a quasi-velocity",
+            DeclaredAs::Momentum => "a momentum",
+            DeclaredAs::MomentumComponent => "a component of a momentum",
             DeclaredAs::Reconstructed => "a reconstructed coordinate",
             DeclaredAs::Definition => "a definition",
         }
@@ -49,13 +53,15 @@ impl DeclaredAs {
 
     /// What to change where a name is declared twice, once so and once as `other`.
     fn help_against(self, other: DeclaredAs) -> &'static str {
-        use DeclaredAs::{AdvectedComponent, CoordinateVelocity, ParameterComponent, VelocityComponent};
+        use DeclaredAs::{
+            AdvectedComponent, CoordinateVelocity, MomentumComponent, ParameterComponent, VelocityComponent,
+        };
         match (self, other) {
             (CoordinateVelocity, _) | (_, CoordinateVelocity) => {
                 "rename one of them; a coordinate `q` declares `q_dot` too"
             }
-            (ParameterComponent | VelocityComponent | AdvectedComponent, _)
-            | (_, ParameterComponent | VelocityComponent | AdvectedComponent) => {
+            (ParameterComponent | VelocityComponent | AdvectedComponent | MomentumComponent, _)
+            | (_, ParameterComponent | VelocityComponent | AdvectedComponent | MomentumComponent) => {
                 "rename one of them; a vector `v` declares `v1`, `v2`, .. too"
             }
             _ => "rename one of them",
@@ -70,7 +76,7 @@ pub(super) struct Declared {
 }
 
 /// A name and where it was used.
-pub(super) type Located = (String, Option<Span>);
+pub(in crate::spec) type Located = (String, Option<Span>);
 
 #[derive(Clone, Debug)]
 pub(super) struct StageDraft {
@@ -105,6 +111,18 @@ pub(super) struct SceneDraft {
     pub(super) wants: Vec<Located>,
     pub(super) drops: Vec<Located>,
     pub(super) circles: Vec<Located>,
+    pub(super) carries: Vec<CarryDraft>,
+}
+
+/// What a state carries, in the names of the text.
+#[derive(Clone, Debug)]
+pub(in crate::spec) enum CarryDraft {
+    /// The momenta or the velocities of that name.
+    Named(Located),
+    /// The momentum of a cyclic coordinate or velocity is a parameter.
+    Level { cyclic: Located, parameter: Located },
+    /// The momenta of a velocity.
+    Momenta { velocity: Located, momentum: Located },
 }
 
 #[derive(Clone, Debug)]
@@ -168,6 +186,8 @@ pub struct ModelBuilder {
     pub(super) velocities: Vec<Velocity>,
     pub(super) action: Option<(Side, Option<Span>)>,
     pub(super) quasi_velocities: Vec<Velocity>,
+    pub(super) momenta: Vec<Momentum>,
+    pub(super) carries: Vec<CarryDraft>,
     pub(super) connection: Vec<(String, Value, Option<Span>)>,
     pub(super) derived_connection: Option<(ConnectionKind, Option<Span>)>,
     /// Displacements and accelerations by their velocity, made when they are used.
@@ -224,6 +244,8 @@ impl ModelBuilder {
             velocities: Vec::new(),
             action: None,
             quasi_velocities: Vec::new(),
+            momenta: Vec::new(),
+            carries: Vec::new(),
             connection: Vec::new(),
             derived_connection: None,
             displacements: BTreeMap::new(),

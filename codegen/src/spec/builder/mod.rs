@@ -8,6 +8,7 @@ mod connection;
 mod constraints;
 mod draft;
 mod dynamics;
+mod momenta;
 mod outputs;
 mod params;
 mod reconstruct;
@@ -17,6 +18,6 @@ mod symbols;
 mod variables;
 mod view;
 
-pub(super) use draft::DeclaredAs;
 pub use draft::ModelBuilder;
+pub(super) use draft::{CarryDraft, DeclaredAs};
 pub use view::Placement;

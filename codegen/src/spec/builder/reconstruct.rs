@@ -366,6 +366,8 @@ impl ModelBuilder {
         }
         symbols
             .extend(self.velocities.iter().chain(&self.quasi_velocities).map(|v| (v.symbol, v.name.clone())));
+        symbols
+            .extend(self.momenta.iter().flat_map(|m| m.components.iter().map(|(n, s, _)| (*s, n.clone()))));
         symbols.extend(self.advected.iter().flat_map(|a| a.components.iter().map(|(n, s)| (*s, n.clone()))));
         let reconstructed = self.reconstructions.iter().flat_map(|r| r.symbols.iter().zip(&r.names));
         symbols.extend(reconstructed.map(|(s, n)| (*s, n.clone())));

@@ -4,7 +4,7 @@
 
 use std::collections::BTreeMap;
 
-use super::draft::{DeclaredAs, Located, ModelBuilder, SceneDraft};
+use super::draft::{CarryDraft, DeclaredAs, Located, ModelBuilder, SceneDraft};
 use crate::expr::{Rational, SymbolId};
 use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::layout::component_help;
@@ -25,7 +25,7 @@ impl ModelBuilder {
         let here = self.here;
         let fixed = fixed.iter().map(|(n, v)| ((*n).to_owned(), v.to_vec(), here)).collect();
         let wants = wants.iter().map(|n| ((*n).to_owned(), here)).collect();
-        self.located_scene(name, fixed, [wants, Vec::new(), Vec::new()], doc, None)
+        self.located_scene(name, fixed, [wants, Vec::new(), Vec::new()], Vec::new(), (doc, None))
     }
 
     pub(in crate::spec) fn located_scene(
@@ -33,8 +33,8 @@ impl ModelBuilder {
         name: &str,
         fixed: Vec<(String, Vec<Rational>, Option<Span>)>,
         [wants, drops, circles]: [Vec<Located>; 3],
-        doc: &str,
-        extent: Option<Span>,
+        carries: Vec<CarryDraft>,
+        (doc, extent): (&str, Option<Span>),
     ) -> &mut Self {
         let here = self.here;
         if let Some(reason) = names::refusal(name) {
@@ -52,12 +52,13 @@ impl ModelBuilder {
             wants: Vec::new(),
             drops: Vec::new(),
             circles: Vec::new(),
+            carries: Vec::new(),
             doc: doc.to_owned(),
             span: here,
             extent,
             places: BTreeMap::new(),
         };
-        self.scenes.push(SceneDraft { scene, fixed, wants, drops, circles });
+        self.scenes.push(SceneDraft { scene, fixed, wants, drops, circles, carries });
         self
     }
 
@@ -71,11 +72,12 @@ impl ModelBuilder {
             let fixes = draft.fixed.iter().map(|(name, _, span)| (name, span));
             let named = draft.wants.iter().chain(&draft.drops).chain(&drops).chain(&circles);
             let named = named.map(|(name, span)| (name, span));
-            let places =
-                fixes.chain(named).filter_map(|(name, span)| Some((name.clone(), (*span)?))).collect();
+            let places = fixes.chain(named).filter_map(|(name, span)| Some((name.clone(), (*span)?)));
+            let places = places.chain(self.places_of_carries(&draft.carries)).collect();
             let [drops, circles] =
                 [drops, circles].map(|list| list.into_iter().map(|(name, _)| name).collect());
-            let mut scene = Scene { drops, circles, places, ..draft.scene };
+            let carries = self.check_carries(&draft.carries);
+            let mut scene = Scene { drops, circles, carries, places, ..draft.scene };
             let mut values = defaults.clone();
             let mut places: BTreeMap<SymbolId, Option<Span>> = BTreeMap::new();
             for (name, numbers, span) in draft.fixed {

@@ -16,6 +16,7 @@ use crate::spec::value::Value;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Special {
     QuasiVelocity,
+    Momentum,
     Reconstructed,
     Displacement,
     Acceleration,
@@ -90,6 +91,7 @@ impl ModelBuilder {
         allowed: &[Special],
     ) -> bool {
         let none = self.quasi_velocities.is_empty()
+            && self.momenta.is_empty()
             && self.reconstructions.is_empty()
             && self.displacements.is_empty()
             && self.accelerations.is_empty();
@@ -102,6 +104,12 @@ impl ModelBuilder {
                     Special::QuasiVelocity,
                     "the quasi-velocity",
                     "a quasi-velocity only parametrises linear constraints",
+                ))
+            } else if self.momenta.iter().any(|m| m.components.iter().any(|(_, own, _)| own == s)) {
+                Some((
+                    Special::Momentum,
+                    "the momentum",
+                    "write it in the velocities; momenta belong in outputs and casimirs",
                 ))
             } else if self.reconstructions.iter().any(|r| r.symbols.contains(s)) {
                 Some((
@@ -134,7 +142,12 @@ impl ModelBuilder {
         let values: Vec<(String, ExprId)> = casimirs.chain(outputs).collect();
         for (name, e) in values {
             let span = self.output_names.get(&name).copied().flatten();
-            self.reports_stray(e, span, &format!("output `{name}`"), &[Special::QuasiVelocity]);
+            self.reports_stray(
+                e,
+                span,
+                &format!("output `{name}`"),
+                &[Special::QuasiVelocity, Special::Momentum],
+            );
         }
     }
 }

@@ -3,8 +3,8 @@
 //! Deliberately does not know: in which order names become known.
 
 use super::values::Elaboration;
-use crate::spec::ast::{Comparison, Expr, Item, ItemKind, Name};
-use crate::spec::builder::Placement;
+use crate::spec::ast::{Carry, Comparison, Expr, Item, ItemKind, Name};
+use crate::spec::builder::{CarryDraft, Placement};
 use crate::spec::eval::is_poisoned;
 use crate::spec::model::{ConnectionKind, Side};
 use crate::spec::names;
@@ -111,8 +111,12 @@ impl Elaboration<'_> {
                 }
                 None => _ = self.builder.broken.insert("output"),
             },
-            ItemKind::Scene { name, fixed, wants, drops, circles } => {
-                self.scene(item, name, fixed, [wants, drops, circles]);
+            ItemKind::Carry(list) => {
+                let list = located_carries(list);
+                self.builder.at(span).located_carries(list);
+            }
+            ItemKind::Scene { name, fixed, wants, drops, circles, carries } => {
+                self.scene(item, name, fixed, [wants, drops, circles], carries);
             }
             ItemKind::Source(_)
             | ItemKind::Let { .. }
@@ -121,6 +125,7 @@ impl Elaboration<'_> {
             | ItemKind::Representation { .. }
             | ItemKind::Velocity { .. }
             | ItemKind::QuasiVelocity(_)
+            | ItemKind::Momentum { .. }
             | ItemKind::Reconstruct { .. }
             | ItemKind::Initial { .. }
             | ItemKind::View { .. }
@@ -165,7 +170,14 @@ impl Elaboration<'_> {
     }
 
     /// `lists`: outputs wanted, coordinates left out, angles carried as points of the circle.
-    fn scene(&mut self, item: &Item, name: &Name, fixed: &[(Name, Expr)], lists: [&[Name]; 3]) {
+    fn scene(
+        &mut self,
+        item: &Item,
+        name: &Name,
+        fixed: &[(Name, Expr)],
+        lists: [&[Name]; 3],
+        carries: &[Carry],
+    ) {
         let mut numbers = Vec::new();
         for (name, expr) in fixed {
             if let Some(values) = self.constant(expr, "parameters are fixed to numbers")
@@ -178,6 +190,21 @@ impl Elaboration<'_> {
         let lists = lists.map(located);
         let doc = item.doc.join("\n");
         let builder = self.builder.at(Some(name.span));
-        builder.located_scene(&name.text, numbers, lists, &doc, Some(item.extent));
+        let carries = located_carries(carries);
+        builder.located_scene(&name.text, numbers, lists, carries, (&doc, Some(item.extent)));
     }
+}
+
+fn located_carries(list: &[Carry]) -> Vec<CarryDraft> {
+    let located = |name: &Name| (name.text.clone(), Some(name.span));
+    let carry = |carry: &Carry| match carry {
+        Carry::Named(name) => CarryDraft::Named(located(name)),
+        Carry::Level { cyclic, parameter } => {
+            CarryDraft::Level { cyclic: located(cyclic), parameter: located(parameter) }
+        }
+        Carry::Momenta { velocity, momentum } => {
+            CarryDraft::Momenta { velocity: located(velocity), momentum: located(momentum) }
+        }
+    };
+    list.iter().map(carry).collect()
 }

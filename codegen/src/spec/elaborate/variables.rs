@@ -79,6 +79,34 @@ impl Elaboration<'_> {
     }
 
     pub(super) fn declare_variables(&mut self, items: &[Item]) {
+        self.declare_velocities_and_coordinates(items);
+        // Momenta belong to velocities.
+        for item in items {
+            if let ItemKind::Momentum { name, velocity } = &item.kind {
+                let velocity = (velocity.text.as_str(), Some(velocity.span));
+                let builder = self.builder.at(Some(name.span));
+                if builder.located_momentum(&name.text, velocity, &item.doc.join("\n")).is_none() {
+                    self.poisoned.insert(name.text.clone());
+                }
+            }
+        }
+        // `routh Omega -> Pi;` declares its momentum, unless an item of its own has.
+        for item in items {
+            let ItemKind::Carry(list) = &item.kind else { continue };
+            for carry in list {
+                let ast::Carry::Momenta { velocity, momentum } = carry else { continue };
+                if !self.builder.is_momentum(&momentum.text) && !self.poisoned.contains(&momentum.text) {
+                    let velocity = (velocity.text.as_str(), Some(velocity.span));
+                    let builder = self.builder.at(Some(momentum.span));
+                    if builder.located_momentum(&momentum.text, velocity, &item.doc.join("\n")).is_none() {
+                        self.poisoned.insert(momentum.text.clone());
+                    }
+                }
+            }
+        }
+    }
+
+    fn declare_velocities_and_coordinates(&mut self, items: &[Item]) {
         for item in items {
             match &item.kind {
                 ItemKind::Velocity { names, algebra } => self.declare_velocities(item, names, algebra),

@@ -35,6 +35,13 @@ impl<'a> Parser<'a> {
                 self.require_word("in")?;
                 ItemKind::Velocity { names, algebra: self.algebra_expr()? }
             }
+            "momentum" => {
+                let name = self.ident("the name of the momentum")?;
+                self.require_word("of")?;
+                ItemKind::Momentum { name, velocity: self.ident("the name of a velocity")? }
+            }
+            "carry" => ItemKind::Carry(self.carried()?),
+            "routh" => ItemKind::Carry(self.routhian()?),
             "quasi_velocity" => {
                 ItemKind::QuasiVelocity(self.comma_separated(|p| p.ident("the name of a quasi-velocity"))?)
             }
@@ -404,7 +411,7 @@ impl<'a> Parser<'a> {
         let name = self.ident("the name of the scene")?;
         let (mut body, _) = self.require_group(Delimiter::Brace, "`{`")?;
         let (mut fixed, mut wants) = (Vec::new(), Vec::new());
-        let (mut drops, mut circles) = (Vec::new(), Vec::new());
+        let (mut drops, mut circles, mut carries) = (Vec::new(), Vec::new(), Vec::new());
         while !body.at_end() {
             if body.word("fix").is_some() {
                 fixed.extend(body.comma_separated(|p| {
@@ -418,11 +425,35 @@ impl<'a> Parser<'a> {
                 drops.extend(body.comma_separated(|p| p.ident("the name of a coordinate"))?);
             } else if body.word("circle").is_some() {
                 circles.extend(body.comma_separated(|p| p.ident("the name of an angle"))?);
+            } else if body.word("carry").is_some() {
+                carries.extend(body.carried()?);
+            } else if body.word("routh").is_some() {
+                carries.extend(body.routhian()?);
             } else {
-                return body.expected("`fix`, `want`, `drop` or `circle`");
+                return body.expected("`fix`, `want`, `drop`, `circle`, `carry` or `routh`");
             }
             body.require_punct(";")?;
         }
-        Ok(ItemKind::Scene { name, fixed, wants, drops, circles })
+        Ok(ItemKind::Scene { name, fixed, wants, drops, circles, carries })
+    }
+
+    fn carried(&mut self) -> Parsed<Vec<Carry>> {
+        self.comma_separated(|p| Ok(Carry::Named(p.ident("the name of a momentum or a velocity")?)))
+    }
+
+    /// `phi = p` or `Omega -> Pi`, several with commas.
+    fn routhian(&mut self) -> Parsed<Vec<Carry>> {
+        self.comma_separated(|p| {
+            let what = p.ident("the name of a cyclic coordinate or of a velocity")?;
+            if p.punct("->").is_some() {
+                let momentum = p.ident("the name of its momentum")?;
+                return Ok(Carry::Momenta { velocity: what, momentum });
+            }
+            if !p.peek_punct('=') {
+                return p.expected("`= p` with a parameter, or `-> Pi` with the name of its momentum");
+            }
+            p.equals()?;
+            Ok(Carry::Level { cyclic: what, parameter: p.ident("the parameter that its momentum is")? })
+        })
     }
 }
