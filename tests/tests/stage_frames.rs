@@ -3,15 +3,14 @@
 
 use std::collections::BTreeMap;
 
-use hamel_codegen::expr::{ExprId, Graph, Rational, SymbolId, inlined};
-use hamel_codegen::mechanics::{Equations, VerticalEquations, derive};
-use hamel_codegen::reduction::{Formulation, KinematicConstraint, StageUse, VELOCITIES, reduce};
-use hamel_codegen::spec::{self, Model};
+use hamel_codegen::expr::{ExprId, Graph, SymbolId, inlined};
+use hamel_codegen::mechanics::{Equations, OutputKind, VerticalEquations, derive};
+use hamel_codegen::reduction::{Formulation, KinematicConstraint, StageUse, reduce};
+use hamel_codegen::spec::{self, InnerProduct, Model, Want};
 use hamel_tests::algebras::{FAMILIES, Transported};
 use hamel_tests::bundle::Bundle;
 use hamel_tests::draws::{Draws, for_all, one};
 use hamel_tests::linear::Rows;
-use hamel_tests::models;
 use hamel_tests::problem::Problem;
 use hamel_tests::stages::{chain_text, with_items};
 
@@ -90,7 +89,7 @@ fn assert_internal(plain: &Equations, internal: &Equations, what: &str) {
 fn assert_carried(plain: &Equations, carried: &Equations, what: &str) {
     let mut own = Motion::new(plain);
     let mut levels = Motion::new(carried);
-    let velocities = carried.outputs.iter().find(|o| o.name == VELOCITIES);
+    let velocities = carried.outputs.iter().find(|o| o.kind == OutputKind::Group(Want::Velocities));
     let velocities = velocities.unwrap_or_else(|| panic!("no velocities\n{what}"));
     let frame = carried.system.frame.as_ref().expect("a frame");
     let mut values: BTreeMap<SymbolId, ExprId> = BTreeMap::new();
@@ -200,5 +199,39 @@ fn on_a_bundle_the_motion_is_that_of_the_given_basis() {
         let velocity = if text.contains("velocity xi") { "xi" } else { "v" };
         let text = with_items(text, &chain_text(velocity, chain, &transported.metric));
         assert_same_motion(&parsed(&text), &text);
+    });
+}
+
+#[test]
+fn in_a_frame_that_turns_with_the_shape_the_motion_is_the_same() {
+    for_all_bundles(|text, transported, chain, draws| {
+        let velocity = if text.contains("velocity xi") { "xi" } else { "v" };
+        let text = with_items(text, &chain_text(velocity, chain, &transported.metric));
+        let mut model = parsed(&text);
+        let stages = model.stages.as_mut().expect("stages");
+        stages.inner_product = Some(InnerProduct::Lagrangian);
+        // A connection of every stage, with values in the first ideal.
+        let g = &mut model.graph;
+        let x: Vec<ExprId> = model.base.iter().map(|c| g.sym(c.symbol)).collect();
+        let mut rows = vec![vec![g.zero(); x.len()]; model.velocities.len()];
+        for vector in &chain[0] {
+            for i in 0..x.len() {
+                let (c, b) = (g.rational(draws.non_zero()), g.rational(draws.non_zero()));
+                let products = [g.mul(b, x[1 - i]), c];
+                let along = g.sum(&products);
+                for (row, q) in rows.iter_mut().zip(vector) {
+                    let term = g.scale(along, q);
+                    row[i] = g.add(row[i], term);
+                }
+            }
+        }
+        stages.connection = Some(rows);
+        let turns = derived(&model, StageUse::Internal);
+        let stages = turns.system.stages.as_ref().expect("stages");
+        let shape: Vec<SymbolId> = model.base.iter().map(|c| c.symbol).collect();
+        let free = |e: &ExprId| turns.system.graph.free_symbols(*e);
+        let has_shape = |e: &ExprId| free(e).iter().any(|s| shape.contains(s));
+        assert!(stages.basis.iter().flatten().any(has_shape), "the frame is fixed: {text}");
+        assert_same_motion(&model, &text);
     });
 }

@@ -66,6 +66,17 @@ impl Derivation<'_> {
         frame.original.iter().zip(&momenta).map(|(u, p)| named(&u.name, p)).collect()
     }
 
+    /// Velocities of the model that the state has others for.
+    fn velocities_of_model(&mut self) -> Vec<(String, ExprId)> {
+        let Some(frame) = self.system.frame.as_ref().filter(|_| !self.system.changes.is_empty()) else {
+            return Vec::new();
+        };
+        let values = frame.velocities(&mut self.g, &self.y);
+        let of_model = frame.original.iter().zip(&self.system.velocities).zip(values);
+        let changed = of_model.filter(|((u, own), _)| u.symbol != **own);
+        changed.map(|((u, _), value)| (u.name.clone(), value)).collect()
+    }
+
     /// Time derivative along the motion of an expression in coordinates, raw velocities, quasi-velocities and time:
     /// `de/dt + de/dx^i xdot^i + de/dy^alpha ydot^alpha + de/ds sdot`.
     fn rate_of(&mut self, e: ExprId, motion: &Motion) -> Result<ExprId, Error> {
@@ -229,6 +240,10 @@ impl Derivation<'_> {
         let mut outputs = Vec::new();
         let momenta = self.momenta_of_model();
         outputs.push(Output::group(Want::Momentum, momenta, "momenta p = dL/dy"));
+        let velocities = self.velocities_of_model();
+        if !velocities.is_empty() {
+            outputs.push(Output::group(Want::Velocities, velocities, "velocities of the model"));
+        }
         if !motion.multipliers.is_empty() {
             let doc = "multipliers lambda_A of E = lambda_A a_A, the constraint forces along the constraint one-forms";
             outputs.push(Output::group(Want::Multipliers, motion.multipliers.clone(), doc));

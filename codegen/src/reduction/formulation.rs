@@ -3,7 +3,7 @@
 //! Does not know: how any choice is carried out.
 
 use crate::expr::Rational;
-use crate::spec::{ConnectionKind, Model};
+use crate::spec::{Carried, CarriedBy, ConnectionKind, Model};
 
 /// What a chain of stages is used for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -16,6 +16,17 @@ pub enum StageUse {
     Internal,
     /// The state has the velocities along the levels.
     Carried,
+}
+
+impl StageUse {
+    /// What a model's own items use its stages for, or a scene's with what it carries.
+    pub(crate) fn of(has_stages: bool, carries: &[Carried]) -> StageUse {
+        match has_stages {
+            true if carries.iter().any(|c| c.by == CarriedBy::Level) => StageUse::Carried,
+            true => StageUse::Shown,
+            false => StageUse::Unused,
+        }
+    }
 }
 
 /// The choices that lead from a model to one [`ReducedSystem`](super::ReducedSystem) and its equations.
@@ -53,7 +64,7 @@ impl Formulation {
             multipliers: model.force_multipliers,
             circles: Vec::new(),
             squares: true,
-            stages: if model.stages.is_some() { StageUse::Shown } else { StageUse::Unused },
+            stages: StageUse::of(model.stages.is_some(), &model.carries),
         }
     }
 }

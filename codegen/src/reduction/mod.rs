@@ -31,7 +31,7 @@ pub use constraint::{
 pub use domain::DomainCondition;
 pub use fix::with_fixed;
 pub use formulation::{Formulation, StageUse};
-pub use frame::{Change, Frame, VELOCITIES};
+pub use frame::{Change, Frame};
 pub use part::Part;
 pub use reconstruction::{MomentumInSpace, ReconstructedCoordinate};
 pub use stages::{StageLevel, Stages, Tensor};

@@ -4,7 +4,7 @@
 
 use std::collections::BTreeSet;
 
-use crate::reduction::Formulation;
+use crate::reduction::{Formulation, StageUse};
 use crate::spec::{Model, Want, Wanted};
 
 use super::derivatives::Derivative;
@@ -80,6 +80,9 @@ impl Plan {
             let mut plan = Plan { doc: own.doc.clone(), ..bare };
             plan.formulation.fixed.clone_from(&own.fixed);
             plan.formulation.circles.clone_from(&own.circles);
+            if !own.carries.is_empty() {
+                plan.formulation.stages = StageUse::of(model.stages.is_some(), &own.carries);
+            }
             if !own.drops.is_empty() {
                 plan.drops = Drops::Components(own.drops.clone());
             }

@@ -137,6 +137,8 @@ pub struct Carried {
 pub enum CarriedBy {
     /// Itself.
     Velocity,
+    /// With all others of the algebra, the velocities along the levels of the stages.
+    Level,
     /// Its momentum, under this name.
     Momentum(String),
     /// Nothing: its momentum is conserved, and the parameter of this name (Routh).

@@ -18,6 +18,8 @@ pub enum Want {
     EnergyRate,
     /// The momenta `dL/dy`.
     Momentum,
+    /// The velocities of the model, where the state has others.
+    Velocities,
     /// Multipliers of constraints, where they are computed.
     Multipliers,
     /// Residuals of constraints, where the state can violate them.
@@ -54,11 +56,12 @@ pub enum Want {
 
 impl Want {
     /// All of them, in the order in which messages list them.
-    pub const ALL: [Want; 20] = [
+    pub const ALL: [Want; 21] = [
         Want::Rhs,
         Want::Energy,
         Want::EnergyRate,
         Want::Momentum,
+        Want::Velocities,
         Want::Multipliers,
         Want::Constraint,
         Want::NonholonomicMomentum,
@@ -84,6 +87,7 @@ impl Want {
             Want::Energy => "energy",
             Want::EnergyRate => "energy_rate",
             Want::Momentum => "momentum",
+            Want::Velocities => "velocities",
             Want::Multipliers => "multipliers",
             Want::Constraint => "constraint",
             Want::NonholonomicMomentum => "nonholonomic_momentum",

@@ -12,15 +12,12 @@ use std::collections::BTreeMap;
 
 use crate::error::Error;
 use crate::expr::{DivisionByZero, ExprId, Graph, SymbolId};
-use crate::spec::{NamedVector, Side};
+use crate::spec::Side;
 
 use super::constraint::{KinematicConstraint, Unknown};
 use super::formulation::StageUse;
 use super::stages::Stages;
 use super::system::{Block, BlockKind, ReducedSystem, StateKind};
-
-/// Name of the output with the velocities of the model, where the state has those of the levels.
-pub const VELOCITIES: &str = "velocities";
 
 /// The frame of a system by the one that its model is written in: `y^alpha = T^alpha_a eta^a` for the velocities `y` of
 /// the model and `eta` of the system.
@@ -120,7 +117,7 @@ fn tidied(g: &mut Graph, make: impl FnOnce(&mut Graph) -> ExprId) -> ExprId {
 ///
 /// Internally the state stays what it is and its velocities are independent ones `u` with
 /// `eta = T^-1 Psi u + T^-1 psi0`; the equations are the components along the adapted frame. Carried, the state has
-/// velocities of the levels, [`ReducedSystem::changes`] says what they are, and an output has those of the model.
+/// velocities of the levels, and [`ReducedSystem::changes`] says what they are.
 /// Constraints with multipliers keep all velocities in the state, so that an internal frame changes nothing for them.
 ///
 /// # Errors
@@ -280,11 +277,6 @@ fn carry(g: &mut Graph, system: &mut ReducedSystem, stages: &Stages, frame: &Fra
         let value = contract(g, &frame.inverse[k], &own);
         system.changes.push(Change { name: u.name.clone(), symbol: u.symbol, value });
     }
-    let symbols: Vec<ExprId> = eta.iter().map(|u| g.sym(u.symbol)).collect();
-    let values = frame.velocities(g, &symbols).into_iter().skip(n);
-    let components = frame.original[n..].iter().map(|u| u.name.clone()).zip(values).collect();
-    let doc = "velocities of the model, by those of the levels".to_owned();
-    system.outputs.push(NamedVector { name: VELOCITIES.to_owned(), components, doc });
     let mut blocks: Vec<Block> = (stages.levels.iter())
         .map(|level| Block {
             name: level.name.clone(),
