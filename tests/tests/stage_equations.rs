@@ -108,6 +108,7 @@ fn with_any_connection_side_and_constraint_they_are_equations_of_motion() {
                         let equations = equations_of(&text).unwrap_or_else(|e| panic!("{e}\n{text}"));
                         let found = vertical(&equations, &text);
                         assert_eq!(found.rows.len(), if kind == 1 { n - 1 } else { n }, "{text}");
+                        assert_eq!(found.horizontal.len(), 2, "{text}");
                         assert_eq!(found.has_multipliers, kind == 2);
                     }
                 }

@@ -21,4 +21,4 @@ pub use derive::derive;
 pub use equations::{Equations, Facts, Form, LinearSystem, Output, OutputKind, StateEquation};
 pub use solve::{Factorisation, Pivot, PivotMatrix, PivotOrigin};
 pub(crate) use vertical::unused_stem;
-pub use vertical::{VerticalEquation, VerticalEquations};
+pub use vertical::{HorizontalEquation, VerticalEquation, VerticalEquations};

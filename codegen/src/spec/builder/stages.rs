@@ -78,14 +78,13 @@ impl ModelBuilder {
             };
             let taken = self.names.keys().chain(self.output_names.keys()).find(of_level).cloned();
             if let Some(taken) = taken {
-                let message = format!("velocities along stage `{stage}` are called by it, and `{taken}` is taken");
+                let message =
+                    format!("velocities along stage `{stage}` are called by it, and `{taken}` is taken");
                 self.problem(span, message, "give the stage another name");
             }
         }
         let n_base = self.base.len();
-        (0..self.velocities.len())
-            .map(|a| Carried { velocity: n_base + a, by: CarriedBy::Level })
-            .collect()
+        (0..self.velocities.len()).map(|a| Carried { velocity: n_base + a, by: CarriedBy::Level }).collect()
     }
 
     pub(super) fn check_stages(&mut self) -> Option<IdealChain> {

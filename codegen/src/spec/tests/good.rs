@@ -6,7 +6,8 @@ use super::SPECS;
 use crate::algebra::LieAlgebra;
 use crate::expr::{ExprId, Graph, Rational, parse_decimal};
 use crate::spec::{
-    Compare, Domain, InnerProduct, Layout, Model, ModelBuilder, Relation, Side, Value, Wanted, diagnose, parse,
+    Compare, Domain, InnerProduct, Layout, Model, ModelBuilder, Relation, Side, Value, Wanted, diagnose,
+    parse,
 };
 
 #[track_caller]
