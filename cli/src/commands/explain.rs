@@ -13,6 +13,8 @@ use hamel_codegen::spec::ConnectionKind;
 use crate::cache::Cache;
 use crate::error::Error;
 use crate::model::{self, Checked};
+use crate::output::formulations::table;
+use crate::output::terminal::Bar;
 use crate::session::Session;
 
 /// Show algebra, stage forms, connection, equations and operation counts of a model
@@ -24,6 +26,7 @@ Examples:
   hamel explain kirchhoff_body
   hamel explain heavy_top --scene lagrange
   hamel explain two_arm_satellite --ops
+  hamel explain euler_disk --formulations
   hamel explain euler_disk --latex > euler_disk.tex"
 )]
 pub struct Arguments {
@@ -38,6 +41,9 @@ pub struct Arguments {
     /// Print a table of operation counts by function and section instead
     #[arg(long, conflicts_with = "latex")]
     pub ops: bool,
+    /// Search for formulations that are the same motion, and print what each costs instead
+    #[arg(long, conflicts_with_all = ["latex", "ops"])]
+    pub formulations: bool,
     /// Write the system with another connection first: the velocity becomes v = xi + A(x) xdot
     #[arg(long, value_parser = PossibleValuesParser::new(CONNECTIONS).try_map(|name| connection(&name)))]
     pub connection: Option<ConnectionKind>,
@@ -60,6 +66,9 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     if let Some(connection) = arguments.connection {
         model = Arc::new(Checked::new(model::with_connection(&model, connection)?, Cache::none()));
     }
+    if arguments.formulations {
+        return formulations(&model, &arguments.scene);
+    }
     let built = model.derive(&arguments.scene)?;
     model::show_warnings(&scene::warnings(&model, std::slice::from_ref(&built)));
     if arguments.ops {
@@ -67,4 +76,13 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     }
     let style = if arguments.latex { Style::Latex } else { Style::Unicode };
     Ok(hamel_codegen::explain::explain(&model, &built, style))
+}
+
+/// The table of all formulations of a scene, found under a bar that appears on a terminal only.
+fn formulations(model: &Checked, scene: &str) -> Result<String, Error> {
+    model.known_scene(scene)?;
+    let bar = Bar::new();
+    let found = scene::formulations(model, scene, &|done, total| bar.show(done, total));
+    bar.finish();
+    Ok(table(model, scene, &found?))
 }

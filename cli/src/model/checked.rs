@@ -68,6 +68,15 @@ impl Checked {
     /// # Errors
     /// [`Error::UnknownScene`], [`Error::Models`].
     pub fn derive(&self, scene: &str) -> Result<BuiltScene, Error> {
+        self.known_scene(scene)?;
+        Ok(scene::build(&self.model, scene)?)
+    }
+
+    /// Whether the model has a scene, or could have it.
+    ///
+    /// # Errors
+    /// [`Error::UnknownScene`].
+    pub fn known_scene(&self, scene: &str) -> Result<(), Error> {
         let mut known = self.scene_names();
         if !known.iter().any(|k| k == scene::DERIVATIVES) {
             known.push(scene::DERIVATIVES.to_owned());
@@ -75,7 +84,7 @@ impl Checked {
         if !known.iter().any(|k| k == scene) {
             return Err(Error::UnknownScene { model: self.model.name.clone(), name: scene.into(), known });
         }
-        Ok(scene::build(&self.model, scene)?)
+        Ok(())
     }
 
     /// Whether a state can violate a constraint of a scene without the scene's own outputs telling it; the automatic

@@ -3,6 +3,7 @@
 //! Does not know: how anything was computed.
 
 pub mod files;
+pub(crate) mod formulations;
 pub mod plot;
 pub mod report;
 pub mod table;

@@ -284,6 +284,19 @@ impl Graph {
     /// # Errors
     /// [`DivisionByZero`] never happens for expressions that exist in `other`.
     pub fn import(&mut self, other: &Graph, roots: &[ExprId]) -> Result<Vec<ExprId>, DivisionByZero> {
+        self.import_with(other, roots, &BTreeMap::new())
+    }
+
+    /// As [`Graph::import`], with other expressions, of this graph, in the place of some symbols of the other one.
+    ///
+    /// # Errors
+    /// [`DivisionByZero`] where a denominator vanishes identically with what is put in.
+    pub fn import_with(
+        &mut self,
+        other: &Graph,
+        roots: &[ExprId],
+        replacement: &BTreeMap<SymbolId, ExprId>,
+    ) -> Result<Vec<ExprId>, DivisionByZero> {
         let mut here: HashMap<ExprId, ExprId> = HashMap::new();
         let order = other.reachable(roots);
         self.charge(order.len());
@@ -294,7 +307,7 @@ impl Graph {
             let copy = match other.node(e) {
                 Node::Constant(q) => self.rational(q.clone()),
                 Node::Pi => self.pi(),
-                Node::Symbol(s) => self.sym(*s),
+                Node::Symbol(s) => replacement.get(s).copied().unwrap_or_else(|| self.sym(*s)),
                 Node::Sum { constant, terms } => {
                     let constant = self.rational(constant.clone());
                     let mut all = moved(terms);

@@ -19,7 +19,7 @@ const DECADES: f64 = 3.0;
 const MAX_MEASURED: usize = 4_000_000;
 
 /// A value to 31 digits and a bound of the error that rounding every operation makes in it, in units of the roundoff.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Measured {
     pub(crate) value: DoubleDouble,
     pub(crate) error: f64,

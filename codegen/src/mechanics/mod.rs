@@ -8,6 +8,7 @@
 mod constrained;
 mod derive;
 mod equations;
+mod equivalence;
 mod integrable;
 mod momenta;
 mod multipliers;
@@ -19,6 +20,7 @@ mod vertical;
 
 pub use derive::derive;
 pub use equations::{Equations, Facts, Form, LinearSystem, Output, OutputKind, StateEquation};
+pub use equivalence::{ChangeOfState, Unrelated, same_motion};
 pub use solve::{Factorisation, Pivot, PivotMatrix, PivotOrigin};
 pub(crate) use vertical::unused_stem;
 pub use vertical::{HorizontalEquation, VerticalEquation, VerticalEquations};

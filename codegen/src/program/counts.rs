@@ -5,8 +5,8 @@
 use std::fmt;
 use std::ops::AddAssign;
 
-use super::cost::{CALL, DIVISION, ROOT};
-use super::ir::{Function, Instruction, Op, Prepare, Program, completes_pair};
+use super::cost::{CALL, DIVISION, ROOT, latency};
+use super::ir::{Function, Instruction, Op, Operand, Prepare, Program, completes_pair};
 use crate::expr::Func;
 
 /// Numbers of operations.
@@ -114,6 +114,19 @@ impl Function {
     /// Operations of one call.
     pub fn counts(&self) -> Counts {
         Counts::of(&self.instructions, |_| true)
+    }
+
+    /// Cycles of the longest chain of operations, each on the result of the one before, on current processors.
+    pub fn latency(&self) -> u32 {
+        let mut known: Vec<u32> = Vec::with_capacity(self.instructions.len());
+        for instruction in &self.instructions {
+            let operands = instruction.op.operands().map(|operand| match operand {
+                Operand::Value(k) => known[k as usize],
+                _ => 0,
+            });
+            known.push(operands.max().unwrap_or_default() + latency(&instruction.op));
+        }
+        known.into_iter().max().unwrap_or_default()
     }
 
     /// Operations of one call that belong to a section.

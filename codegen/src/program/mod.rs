@@ -2,8 +2,8 @@
 //!
 //! `ir` is the data, `role` says what a function is for, `report` what became of the search for its form, `counts` and
 //! `cost` say what it costs, `verify` checks the rules, `edit` is what every pass that rewrites a program needs,
-//! `interpret` runs a program with the very operations that emitted code performs, `round_trip` turns it back into
-//! expressions, `series` turns a right-hand side into the recurrence of the Taylor coefficients of its solutions. Does
+//! `interpret` runs a program with the very operations that emitted code performs, `rounding` bounds their errors,
+//! `round_trip` turns it back into expressions, `series` turns a right-hand side into the recurrence of the Taylor coefficients of its solutions. Does
 //! not know: mechanics, how expressions become programs, Rust.
 
 pub(crate) mod cost;
@@ -14,6 +14,7 @@ mod ir;
 mod report;
 mod role;
 mod round_trip;
+mod rounding;
 mod series;
 #[cfg(feature = "serde")]
 mod text;
@@ -29,6 +30,7 @@ pub use ir::{
 pub use report::{FallBack, Limit, Report, Search};
 pub use role::Role;
 pub use round_trip::Symbols;
+pub use rounding::Bounded;
 pub use series::Jet;
 pub use verify::verify;
 pub(crate) use verify::verify_rules;

@@ -140,6 +140,14 @@ impl ReducedSystem {
         self.blocks.iter().filter(|b| matches!(b.kind, BlockKind::Advected | BlockKind::Attitude))
     }
 
+    /// The symbol of a state variable.
+    pub fn state_symbol(&self, kind: StateKind) -> SymbolId {
+        match kind {
+            StateKind::Base(i) => self.algebroid.base()[i],
+            StateKind::Unknown(a) => self.unknowns[a].symbol,
+        }
+    }
+
     /// Every expression of the system and what it is, and the graph that owns them all.
     ///
     /// Only the keys of [`ReducedSystem::signs`] are no part of it: what is known about an expression that is rewritten

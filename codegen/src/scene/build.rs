@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use crate::error::Error;
 use crate::expr::{ExprId, Stage, SymbolId, needed_sections};
-use crate::lower::{self, Inputs, ParamCondition, Request, SearchBudget};
+use crate::lower::{self, Inputs, ParamCondition, Request};
 use crate::mechanics::{Equations, Output, OutputKind, StateEquation, derive};
 use crate::parallel::side_by_side;
 use crate::program::Role;
@@ -81,8 +81,7 @@ pub(super) fn build_planned(derivations: &Derivations<'_>, plan: Plan) -> Result
 
 fn build_scene(derivations: &Derivations<'_>, plan: Plan) -> Result<BuiltScene, Diagnostics> {
     let model = derivations.model;
-    let scene = plan.name.as_str();
-    let own = model.scenes.iter().find(|s| s.name == scene);
+    let own = model.scenes.iter().find(|s| s.name == plan.name);
     let place_of = |name: &str| own.and_then(|s| s.places.get(name).copied());
     let fail_at = |span: Option<spec::Span>, message: String, help: String| {
         model.diagnostics(vec![spec::diagnose(model, span, message, help)])
@@ -108,6 +107,21 @@ fn build_scene(derivations: &Derivations<'_>, plan: Plan) -> Result<BuiltScene, 
         });
         model.diagnostics(located.collect())
     })?;
+    build_derived(model, equations, &plan)
+}
+
+/// Selects what a scene wants of its equations, and lowers them.
+pub(super) fn build_derived(
+    model: &Model,
+    equations: Arc<Equations>,
+    plan: &Plan,
+) -> Result<BuiltScene, Diagnostics> {
+    let scene = plan.name.as_str();
+    let own = model.scenes.iter().find(|s| s.name == scene);
+    let place_of = |name: &str| own.and_then(|s| s.places.get(name).copied());
+    let fail_at = |span: Option<spec::Span>, message: String, help: String| {
+        model.diagnostics(vec![spec::diagnose(model, span, message, help)])
+    };
     let available = available_outputs(&equations);
     let outputs = match &plan.outputs {
         Outputs::All => available,
@@ -162,7 +176,7 @@ fn build_scene(derivations: &Derivations<'_>, plan: Plan) -> Result<BuiltScene, 
     if plan.reconstructs {
         state.extend(equations.reconstruction.iter().cloned());
     }
-    lower_scene(equations, &plan, state, outputs).map_err(|e| {
+    lower_scene(equations, plan, state, outputs).map_err(|e| {
         let problem = model.diagnose(&e);
         let span = match e {
             Error::NothingConserved { .. } => place_of(Want::Invariants.name()),
@@ -276,8 +290,7 @@ pub(super) fn lower_scene(
     let mut sections = equations.sections.clone();
     sections.extend(own_sections);
     let sections = needed_sections(&graph, &sections, &roots);
-    let program =
-        lower::lower(&mut graph, &inputs, &sections, &conditions, &requests, &SearchBudget::default())?;
+    let program = lower::lower(&mut graph, &inputs, &sections, &conditions, &requests, &plan.search)?;
     let products = derivatives.products;
     let spent = graph.spent();
     let (name, wants_taylor, doc) = (plan.name.clone(), plan.taylor, plan.doc.clone());

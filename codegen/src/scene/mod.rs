@@ -15,6 +15,7 @@ mod counts;
 mod defaults;
 mod dependence;
 mod derivatives;
+mod formulations;
 mod groups;
 mod interpreter;
 mod invariants;
@@ -39,6 +40,7 @@ use plan::{Drops, Outputs, Plan};
 pub use built::BuiltScene;
 pub use defaults::warnings;
 pub use derivatives::{Derivative, Matrix, Product};
+pub use formulations::{Candidate, Formulations, LeftOut, Progress};
 pub use interpreter::{Executable, Interpreter};
 pub use plan::{DEFAULT, DERIVATIVES, INVARIANTS, MINIMAL, RECONSTRUCTION};
 pub use text::Writing;
@@ -181,6 +183,43 @@ pub fn has_residuals(model: &Model) -> Result<bool, Diagnostics> {
 /// lowering can find.
 pub fn build(model: &Model, scene: &str) -> Result<BuiltScene, Diagnostics> {
     Scenes::new(model).build(scene)
+}
+
+/// Builds a scene in another formulation than its own.
+///
+/// # Errors
+/// As [`build`]; what the formulation chooses may not exist for the model.
+pub fn build_in(model: &Model, scene: &str, formulation: &Formulation) -> Result<BuiltScene, Diagnostics> {
+    let mut scenes = Scenes::new(model);
+    let plan = Plan { formulation: formulation.clone(), ..scenes.plan(scene)? };
+    build_planned(&scenes.derivations, plan)
+}
+
+/// The formulations of a scene that are proved to be its motion, with what they cost: see [`Formulations`].
+///
+/// ```
+/// use hamel_codegen::{scene, spec};
+///
+/// let text = "model cart {
+///     coordinate x in real;
+///     velocity v in R^1;
+///     lagrangian = 1/2*x_dot^2*(2 + x^2) + v*x_dot*x + v^2;
+/// }";
+/// let model = spec::parse("cart.hamel", text)?;
+/// let found = scene::formulations(&model, scene::DEFAULT, &|_, _| {})?;
+/// assert!(found.best(false).counts.cost() <= found.own().counts.cost());
+/// # Ok::<(), spec::Diagnostics>(())
+/// ```
+///
+/// # Errors
+/// As [`build`].
+pub fn formulations(
+    model: &Model,
+    scene: &str,
+    progress: formulations::Progress<'_>,
+) -> Result<Formulations, Diagnostics> {
+    let plan = Scenes::new(model).plan(scene)?;
+    formulations::search(model, &plan, false, progress)
 }
 
 /// Name of the output with the numbers of a view, see [`spec::View::numbers`]; no output of a model has such a name.

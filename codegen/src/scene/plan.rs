@@ -4,6 +4,7 @@
 
 use std::collections::BTreeSet;
 
+use crate::lower::SearchBudget;
 use crate::reduction::{Formulation, StageUse};
 use crate::spec::{Model, Want, Wanted};
 
@@ -36,6 +37,8 @@ pub(super) struct Plan {
     pub(super) taylor: bool,
     pub(super) reconstructs: bool,
     pub(super) drops: Drops,
+    /// What the search for the cheapest form of each function may take.
+    pub(super) search: SearchBudget,
     pub(super) doc: String,
 }
 
@@ -69,6 +72,7 @@ impl Plan {
             taylor: false,
             reconstructs: false,
             drops: Drops::Nothing,
+            search: SearchBudget::default(),
             doc: String::new(),
         }
     }

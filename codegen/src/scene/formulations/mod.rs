@@ -1,0 +1,442 @@
+//! The formulations of a scene: a bounded set of candidates, each proved to be the same motion as the scene's own,
+//! with what it costs and loses to rounding.
+//!
+//! `axes` lists what can be chosen otherwise, `accuracy` bounds rounding errors. Every single choice is tried; then the
+//! best of each axis are combined, the most promising first; the best few of all are lowered again with the whole
+//! budget of the search for cheap forms. Candidates come in an order that depends on nothing but the model, and no
+//! clock is read: the same model gives the same list on every machine.
+//!
+//! Does not know: how a formulation is carried out, how a form is searched for, who asks.
+
+mod accuracy;
+mod axes;
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use num_traits::Signed as _;
+
+use crate::expr::{Budget, DivisionByZero, ExprId, Node, Style, sign_of};
+use crate::lower::SearchBudget;
+use crate::mechanics::{ChangeOfState, Equations, Unrelated, derive};
+use crate::parallel::side_by_side;
+use crate::program::{Counts, Instruction, Op, Operand, Program, Role};
+use crate::reduction::{Formulation, KinematicConstraint, ReducedSystem, reduce};
+use crate::spec::{Diagnostics, Model};
+
+use super::build::build_derived;
+use super::built::BuiltScene;
+use super::plan::{Drops, Plan};
+use accuracy::Points;
+use axes::{Choice, axes};
+
+/// Choices of each axis that are combined with those of others.
+const BEST_OF_AN_AXIS: usize = 2;
+/// Combinations that are tried.
+const MAX_COMBINATIONS: usize = 24;
+/// Combinations that promise to cost more than so many times the scene's own are not tried.
+const MAX_PROMISE: f64 = 1.5;
+/// Candidates that are lowered with the whole budget.
+const MAX_FINALISTS: usize = 6;
+/// A bound of rounding errors is worse than another one beyond this factor; less is not told apart.
+const TOLD_APART: f64 = 1.5;
+/// Bounds of a few operations are not told apart at all.
+const FEW: f64 = 16.0;
+/// The part of the model's budget, and of the search for cheap forms, that a candidate may take at first.
+const PART: u64 = 16;
+
+/// How far a search is: candidates done, of those known by now.
+pub type Progress<'a> = &'a (dyn Fn(usize, usize) + Sync);
+
+/// The formulations of a scene, the cheapest right-hand side first.
+#[derive(Clone, Debug)]
+pub struct Formulations {
+    /// All that are proved to be the same motion, the scene's own among them.
+    pub candidates: Vec<Candidate>,
+    /// What was tried in vain.
+    pub left_out: Vec<LeftOut>,
+}
+
+/// A formulation that is proved to be the motion of the scene.
+#[derive(Clone, Debug)]
+pub struct Candidate {
+    /// The formulation.
+    pub formulation: Formulation,
+    /// What it chooses otherwise than the scene, in words; nothing for the scene's own.
+    pub choices: Vec<String>,
+    /// Names of the state variables.
+    pub state: Vec<String>,
+    /// Those that are not in the scene's own state, or mean something else there.
+    pub changed: Vec<String>,
+    /// Operations of the right-hand side.
+    pub counts: Counts,
+    /// The longest chain of operations of the right-hand side, in cycles.
+    pub latency: u32,
+    /// Numbers that are prepared once per set of parameters.
+    pub n_prepared: usize,
+    /// Bound of the rounding error of the right-hand side, in units of the roundoff times what rounding the inputs
+    /// does.
+    pub rounding: f64,
+    program: Program,
+}
+
+impl Candidate {
+    /// Whether every state variable is one of the scene's own.
+    pub fn keeps_state(&self) -> bool {
+        self.changed.is_empty()
+    }
+
+    /// Whether it is the scene's own formulation.
+    pub fn is_own(&self) -> bool {
+        self.choices.is_empty()
+    }
+
+    /// What it chooses otherwise, in one line.
+    pub fn title(&self) -> String {
+        if self.is_own() { "as the scene says".into() } else { self.choices.join("; ") }
+    }
+
+    /// Whether the operations on the state and the prepared numbers are those of another one.
+    fn computes_the_same_as(&self, other: &Candidate) -> bool {
+        let operations = |candidate: &Candidate| -> Option<(Vec<Op>, Vec<Operand>, Vec<Op>, Vec<u32>)> {
+            let ops = |list: &[Instruction]| list.iter().map(|i| i.op).collect::<Vec<Op>>();
+            let (rate, prepare) = (candidate.program.function(&Role::Rate)?, &candidate.program.prepare);
+            let results = rate.results.iter().map(|(_, operand)| *operand).collect();
+            let slots = prepare.slots.iter().map(|slot| slot.value).collect();
+            Some((ops(&rate.instructions), results, ops(&prepare.instructions), slots))
+        };
+        let is_one_state = self.state == other.state && self.changed == other.changed;
+        let constants = self.program.constants == other.program.constants;
+        is_one_state && constants && operations(self) == operations(other)
+    }
+
+    fn rank(&self) -> (u64, usize, usize) {
+        (self.counts.cost(), self.n_prepared, self.choices.len())
+    }
+
+    /// Whether it loses no more digits than another one, as far as bounds are told apart.
+    fn is_as_accurate_as(&self, other: &Candidate) -> bool {
+        self.rounding <= FEW.max(TOLD_APART * other.rounding)
+    }
+}
+
+/// A formulation that was tried in vain.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LeftOut {
+    /// What it chooses otherwise than the scene, in words.
+    pub title: String,
+    /// Why it is no candidate.
+    pub reason: String,
+}
+
+impl Formulations {
+    /// The scene's own formulation.
+    ///
+    /// # Panics
+    /// Never: a search without it is an error.
+    pub fn own(&self) -> &Candidate {
+        self.candidates.iter().find(|c| c.is_own()).expect("the scene's own formulation is a candidate")
+    }
+
+    /// The cheapest formulation that is as accurate as the scene's own, the own one where none costs less.
+    pub fn best(&self, keeps_state: bool) -> &Candidate {
+        let own = self.own();
+        let fitting = self.candidates.iter().filter(|c| c.keeps_state() || !keeps_state);
+        let better = fitting.filter(|c| c.is_as_accurate_as(own) && c.counts.cost() < own.counts.cost());
+        better.min_by_key(|c| c.rank()).unwrap_or(own)
+    }
+}
+
+/// Choices that were made, in the order of their axes.
+type Choices = Vec<Choice>;
+
+struct Search<'a> {
+    model: &'a Model,
+    plan: Plan,
+    keeps_state: bool,
+    own: Arc<Equations>,
+    /// The formulation that all are compared with: the scene's own, angles on the line.
+    hub: Arc<Equations>,
+    /// From the state of the hub to the scene's own.
+    points: Points,
+    done: AtomicUsize,
+    progress: Progress<'a>,
+}
+
+/// A candidate on its way.
+#[derive(Clone)]
+struct Found {
+    choices: Choices,
+    candidate: Candidate,
+}
+
+/// Searches the formulations of a scene by its plan; with `keeps_state`, only those whose state variables are the
+/// scene's own.
+///
+/// # Errors
+/// What is wrong with the scene as it is.
+pub(super) fn search(
+    model: &Model,
+    plan: &Plan,
+    keeps_state: bool,
+    progress: Progress<'_>,
+) -> Result<Formulations, Diagnostics> {
+    let bare = Plan {
+        drops: plan.drops.clone(),
+        reconstructs: plan.reconstructs,
+        ..Plan::bare(plan.name.clone(), plan.formulation.clone())
+    };
+    let own = derived(model, &bare.formulation)?;
+    let on_lines = Formulation { circles: Vec::new(), ..bare.formulation.clone() };
+    let hub = if bare.formulation.circles.is_empty() { None } else { derived(model, &on_lines).ok() };
+    let hub = hub.unwrap_or_else(|| Arc::clone(&own));
+    let built = build_derived(model, Arc::clone(&own), &bare)?;
+    let (drops, dropped) = match &bare.drops {
+        Drops::Components(names) => (names.clone(), None),
+        Drops::Nothing => (Vec::new(), None),
+        Drops::Ignorable => (Vec::new(), Some(built.state_names())),
+    };
+    let axes = axes(model, &bare.formulation, &own.system, &drops);
+    // What a scene leaves out by itself, every candidate has to leave out.
+    let bare = match dropped {
+        None => bare,
+        Some(kept) => {
+            let all = own.state.iter().map(|s| s.name.clone());
+            Plan { drops: Drops::Components(all.filter(|name| !kept.contains(name)).collect()), ..bare }
+        }
+    };
+    let change = ChangeOfState::between(&hub.system, &own.system).ok();
+    let mut points = Points::new(model, &hub, &built);
+    change.iter().for_each(|change| points.keep_those_of(&built, change));
+    let rounding = change.map_or(0.0, |change| points.bound(&built, &change));
+    let scene = Candidate::of(&built, Vec::new(), Vec::new(), rounding);
+    let done = AtomicUsize::new(0);
+    let search = Search { model, plan: bare, keeps_state, own, hub, points, done, progress };
+    Ok(search.run(&axes, scene))
+}
+
+fn derived(model: &Model, formulation: &Formulation) -> Result<Arc<Equations>, Diagnostics> {
+    let system = reduce(model, formulation)?;
+    derive(&system).map(Arc::new).map_err(|e| model.diagnostics(vec![model.diagnose(&e)]))
+}
+
+impl Candidate {
+    fn of(built: &BuiltScene, choices: Vec<String>, changed: Vec<String>, rounding: f64) -> Candidate {
+        let rate = built.program.function(&Role::Rate);
+        Candidate {
+            formulation: built.equations.system.formulation.clone(),
+            choices,
+            state: built.state_names(),
+            changed,
+            counts: rate.map(|f| f.counts()).unwrap_or_default(),
+            latency: rate.map(|f| f.latency()).unwrap_or_default(),
+            n_prepared: built.program.prepare.slots.len(),
+            rounding,
+            program: built.program.clone(),
+        }
+    }
+}
+
+impl Search<'_> {
+    fn run(&self, axes: &[Vec<Choice>], scene: Candidate) -> Formulations {
+        let mut left_out = Vec::new();
+        let mut found: Vec<Found> = Vec::new();
+        let singles: Vec<Choices> = axes.iter().flatten().map(|choice| vec![choice.clone()]).collect();
+        self.try_all(&singles, &mut found, &mut left_out);
+        let combined = combinations(axes, &found, &scene);
+        self.try_all(&combined, &mut found, &mut left_out);
+        let mut distinct: Vec<&Found> = Vec::new();
+        for one in &found {
+            let computes_the_same = |other: &Candidate| one.candidate.computes_the_same_as(other);
+            if !computes_the_same(&scene) && !distinct.iter().any(|other| computes_the_same(&other.candidate))
+            {
+                distinct.push(one);
+            }
+        }
+        distinct.sort_by_key(|one| one.candidate.rank());
+        let finalists: Vec<&Found> = distinct.iter().take(MAX_FINALISTS).copied().collect();
+        let total = self.done.load(Ordering::Relaxed) + finalists.len();
+        let finished = side_by_side(&finalists, |one| {
+            let result = derived(self.model, &one.candidate.formulation)
+                .ok()
+                .and_then(|equations| self.lowered(&one.choices, &equations, SearchBudget::default()).ok());
+            self.tell(total);
+            result
+        });
+        let mut candidates = vec![scene];
+        for (one, finished) in
+            distinct.iter().zip(finished.into_iter().map(Some).chain(std::iter::repeat(None)))
+        {
+            candidates.push(match finished {
+                Some(Some(candidate)) => candidate,
+                _ => one.candidate.clone(),
+            });
+        }
+        candidates.sort_by_key(Candidate::rank);
+        Formulations { candidates, left_out }
+    }
+
+    fn tell(&self, total: usize) {
+        let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
+        (self.progress)(done, total);
+    }
+
+    fn try_all(&self, list: &[Choices], found: &mut Vec<Found>, left_out: &mut Vec<LeftOut>) {
+        let total = self.done.load(Ordering::Relaxed) + list.len();
+        let tried = side_by_side(list, |choices| {
+            let result = self.tried(choices);
+            self.tell(total);
+            result
+        });
+        for (choices, result) in list.iter().zip(tried) {
+            match result {
+                Ok(Some(one)) => found.push(one),
+                Ok(None) => {}
+                Err(reason) => left_out.push(LeftOut { title: self.texts(choices).join("; "), reason }),
+            }
+        }
+    }
+
+    fn texts(&self, choices: &[Choice]) -> Vec<String> {
+        choices.iter().map(|choice| choice.text(self.model)).collect()
+    }
+
+    /// A candidate, proved and lowered at little cost; none where its state is not wanted.
+    fn tried(&self, choices: &Choices) -> Result<Option<Found>, String> {
+        let mut formulation = self.plan.formulation.clone();
+        choices.iter().for_each(|choice| choice.apply(&mut formulation));
+        let mut model = self.model.clone();
+        let Budget { expressions, bytes, work } = model.graph.budget();
+        model.graph.set_budget(Budget {
+            expressions: expressions / PART,
+            bytes: bytes / PART,
+            work: work / PART,
+        });
+        let first = |problems: &Diagnostics| {
+            problems.iter().next().map(|problem| problem.message.clone()).unwrap_or_default()
+        };
+        let system = reduce(&model, &formulation).map_err(|problems| first(&problems))?;
+        if self.keeps_state && !self.changed(&system).is_empty() {
+            return Ok(None);
+        }
+        self.refuse_divisors(&system)?;
+        let equations = derive(&system).map(Arc::new).map_err(|e| e.message_and_help().0)?;
+        let whole = SearchBudget::default();
+        let part = PART as usize;
+        let budget = SearchBudget {
+            divisors: whole.divisors / part,
+            steps: whole.steps / part,
+            terms: whole.terms / part,
+            numbers: whole.numbers / part,
+            units: whole.units / part,
+            measurements: whole.measurements / part,
+        };
+        self.relation(&equations.system)?.relates(&self.hub, &equations).map_err(|why| match why {
+            Unrelated::NoFunction { component } => format!("{component} is no function of the scene's state"),
+            Unrelated::Differs { component } => format!("{component} moves otherwise"),
+            Unrelated::Unknown { component } => {
+                format!("that {component} moves as in the scene could not be proved")
+            }
+        })?;
+        let candidate = self.lowered(choices, &equations, budget)?;
+        Ok(Some(Found { choices: choices.clone(), candidate }))
+    }
+
+    fn relation(&self, system: &ReducedSystem) -> Result<ChangeOfState, String> {
+        ChangeOfState::between(&self.hub.system, system)
+            .map_err(|DivisionByZero| "its connection has no value in the scene's coordinates".to_owned())
+    }
+
+    /// State variables that the scene does not have, or that mean something else there.
+    fn changed(&self, system: &ReducedSystem) -> Vec<String> {
+        let change = ChangeOfState::between(&self.own.system, system).ok();
+        let keeps = |s| change.as_ref().is_some_and(|change| change.keeps(system, s));
+        let mut changed = Vec::new();
+        for (kind, _) in &system.state {
+            let symbol = system.state_symbol(*kind);
+            if !keeps(symbol) {
+                changed.push(system.graph.name(symbol).to_owned());
+            }
+        }
+        changed
+    }
+
+    fn lowered(
+        &self,
+        choices: &Choices,
+        equations: &Arc<Equations>,
+        budget: SearchBudget,
+    ) -> Result<Candidate, String> {
+        let plan =
+            Plan { formulation: equations.system.formulation.clone(), search: budget, ..self.plan.clone() };
+        let built = build_derived(self.model, Arc::clone(equations), &plan)
+            .map_err(|problems| problems.iter().next().map(|p| p.message.clone()).unwrap_or_default())?;
+        let rounding = self.points.bound(&built, &self.relation(&equations.system)?);
+        Ok(Candidate::of(&built, self.texts(choices), self.changed(&equations.system), rounding))
+    }
+
+    /// Refuses a formulation that divides by something that may vanish and that the scene's own does not divide by.
+    fn refuse_divisors(&self, system: &ReducedSystem) -> Result<(), String> {
+        if let (KinematicConstraint::Solved(solved), KinematicConstraint::Solved(own)) =
+            (&system.constraint, &self.own.system.constraint)
+            && let Some((name, _)) =
+                solved.pivots.iter().find(|(name, _)| own.pivots.iter().all(|(known, _)| known != name))
+        {
+            return Err(format!("divides by the {name}, which may vanish"));
+        }
+        let entries: Vec<_> = system.connection.iter().flatten().flatten().copied().collect();
+        if self.own.hessian_is_a_sum_of_squares() {
+            return Ok(());
+        }
+        let known: Vec<_> = self.own.system.connection.iter().flatten().flatten().copied().collect();
+        let known = divisors(&self.own.system, &known);
+        let base: BTreeSet<_> = system.algebroid.base().iter().copied().collect();
+        let mut g = system.graph.clone();
+        for e in divisors(system, &entries) {
+            let is_fixed = !g.depends_on(e, &base);
+            let text = g.display(e, Style::Plain);
+            let is_known = known.iter().any(|own| self.own.system.graph.display(*own, Style::Plain) == text);
+            if !is_fixed && !is_known && !sign_of(&mut g, e, &system.signs).is_definite() {
+                return Err(format!("its connection divides by {text}, which may vanish"));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What expressions divide by.
+fn divisors(system: &ReducedSystem, roots: &[ExprId]) -> Vec<ExprId> {
+    let mut list = Vec::new();
+    for e in system.graph.reachable(roots) {
+        if let Node::Product { factors, .. } = system.graph.node(e) {
+            list.extend(factors.iter().filter(|(_, q)| q.is_negative()).map(|(base, _)| *base));
+        }
+    }
+    list.sort_unstable();
+    list.dedup();
+    list
+}
+
+/// Choices of several axes together, the most promising first: by the product of what each of them alone makes of the
+/// cost.
+fn combinations(axes: &[Vec<Choice>], found: &[Found], scene: &Candidate) -> Vec<Choices> {
+    let own = scene.counts.cost().max(1) as f64;
+    let mut sums: Vec<(f64, Choices)> = vec![(1.0, Vec::new())];
+    for axis in axes {
+        let alone = |choice: &Choice| found.iter().find(|one| one.choices == [choice.clone()]);
+        let mut best: Vec<&Found> = axis.iter().filter_map(alone).collect();
+        best.sort_by_key(|one| one.candidate.rank());
+        let mut longer = Vec::new();
+        for one in best.into_iter().take(BEST_OF_AN_AXIS) {
+            let factor = one.candidate.counts.cost() as f64 / own;
+            longer.extend(sums.iter().map(|(cost, choices)| {
+                (cost * factor, choices.iter().chain(&one.choices).cloned().collect::<Vec<_>>())
+            }));
+        }
+        sums.extend(longer);
+    }
+    sums.retain(|(promise, choices)| choices.len() > 1 && *promise <= MAX_PROMISE);
+    sums.sort_by(|a, b| a.0.total_cmp(&b.0));
+    sums.into_iter().take(MAX_COMBINATIONS).map(|(_, choices)| choices).collect()
+}

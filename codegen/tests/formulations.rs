@@ -1,0 +1,188 @@
+//! Every formulation of a scene is one motion: exactly, by `same_motion`, and by integration of the original
+//! coordinates. What is chosen never costs more than what the scene says.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use hamel_codegen::expr::SymbolId;
+use hamel_codegen::mechanics::{ChangeOfState, Unrelated, derive, same_motion};
+use hamel_codegen::reduction::{Formulation, reduce};
+use hamel_codegen::scene::{self, BuiltScene, Formulations};
+use hamel_codegen::spec::{self, ConnectionKind, Model};
+
+fn parsed(text: &str) -> Model {
+    spec::parse("test.hamel", text).unwrap_or_else(|problems| panic!("{}", problems.render(false)))
+}
+
+fn shipped(name: &str) -> Model {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../models/specs/{name}.hamel"));
+    let text = std::fs::read_to_string(&path).unwrap();
+    spec::parse(&path.display().to_string(), &text).unwrap()
+}
+
+fn found(model: &Model, scene: &str) -> Formulations {
+    scene::formulations(model, scene, &|_, _| {})
+        .unwrap_or_else(|problems| panic!("{}", problems.render(false)))
+}
+
+/// A pendulum on a vehicle in the plane: a base with an angle, an algebra with a constraint that is affine in the
+/// velocities, a force, explicit time and coordinates of the group.
+const VEHICLE: &str = "model vehicle {
+    param k = 0.4;
+    coordinate phi in angle;
+    velocity omega, v in se(2);
+    let w = [v1 + (omega + phi_dot)*cos(phi), v2 + (omega + phi_dot)*sin(phi)];
+    lagrangian = 1/2*dot(w, w) + omega^2 + v1^2/2 + v2^2 + 9*cos(phi) - k/2*sin(phi)^2;
+    constraint v2 = omega/3 + k*phi_dot*cos(phi) + 1/5;
+    force phi_dot = -k*phi_dot + sin(t);
+    reconstruct psi, x, y in SE(2);
+}";
+
+/// States, times and parameters as the integrator of a formulation sees them.
+struct Start {
+    params: Vec<f64>,
+    values: BTreeMap<SymbolId, f64>,
+}
+
+/// A start at the defaults with state variables of order one, the same for all formulations.
+fn start(scene: &BuiltScene) -> Start {
+    let params: Vec<f64> =
+        scene.params().iter().map(|p| hamel_codegen::expr::rational_to_f64(&p.default)).collect();
+    let mut values: BTreeMap<SymbolId, f64> =
+        scene.params().iter().map(|p| p.symbol).zip(params.clone()).collect();
+    let numbers = (0..).map(|k| 0.9 - 0.37 * f64::from(k % 5) + 0.01 * f64::from(k));
+    values.extend(scene.state.iter().map(|s| s.symbol).zip(numbers));
+    Start { params, values }
+}
+
+/// The state of `to` at values of that of `from`.
+fn mapped(from: &BuiltScene, to: &BuiltScene, values: &BTreeMap<SymbolId, f64>) -> Vec<f64> {
+    let change = ChangeOfState::between(&from.equations.system, &to.equations.system).unwrap();
+    let component = |s: SymbolId| change.graph().eval_f64(change.value(s).unwrap(), values).unwrap();
+    to.state.iter().map(|s| component(s.symbol)).collect()
+}
+
+/// Where motions end: before small differences grow.
+const END: f64 = 0.25;
+
+/// Classical Runge-Kutta steps from `t = 0` to [`END`].
+fn integrated(scene: &BuiltScene, params: &[f64], start: &[f64]) -> Vec<f64> {
+    const STEPS: usize = 1000;
+    let interpreter = scene.prepare(params).unwrap();
+    let (n, h) = (start.len(), END / STEPS as f64);
+    let mut y = start.to_vec();
+    let rate = |t: f64, y: &[f64]| {
+        let mut dy = vec![0.0; n];
+        interpreter.rhs(t, y, &mut dy);
+        dy
+    };
+    let moved =
+        |y: &[f64], dy: &[f64], h: f64| y.iter().zip(dy).map(|(y, dy)| y + h * dy).collect::<Vec<f64>>();
+    for step in 0..STEPS {
+        let t = step as f64 * h;
+        let k1 = rate(t, &y);
+        let k2 = rate(t + h / 2.0, &moved(&y, &k1, h / 2.0));
+        let k3 = rate(t + h / 2.0, &moved(&y, &k2, h / 2.0));
+        let k4 = rate(t + h, &moved(&y, &k3, h));
+        for i in 0..n {
+            y[i] += h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]);
+        }
+    }
+    y
+}
+
+/// Holds every formulation of a scene to the scene's own, by integration; the titles of all.
+fn hold_to_one_motion(model: &Model, scene: &str) -> Vec<String> {
+    let own = scene::build(model, scene).unwrap();
+    let Start { params, mut values } = start(&own);
+    values.insert(own.equations.system.time, 0.0);
+    let first: Vec<f64> = own.state.iter().map(|s| values[&s.symbol]).collect();
+    let last = integrated(&own, &params, &first);
+    let mut reached = values.clone();
+    reached.extend(own.state.iter().map(|s| s.symbol).zip(last));
+    reached.insert(own.equations.system.time, END);
+    let all = found(model, scene);
+    for candidate in &all.candidates {
+        let built = scene::build_in(model, scene, &candidate.formulation).unwrap();
+        let end = integrated(&built, &params, &mapped(&own, &built, &values));
+        for ((name, x), y) in built.state_names().iter().zip(&end).zip(mapped(&own, &built, &reached)) {
+            let title = candidate.title();
+            assert!((x - y).abs() <= 1e-7 * (1.0 + y.abs()), "{title}: {name} is {x}, not {y}");
+        }
+    }
+    all.candidates.iter().map(scene::Candidate::title).collect()
+}
+
+#[test]
+fn all_formulations_are_one_motion() {
+    let titles = hold_to_one_motion(&parsed(VEHICLE), scene::RECONSTRUCTION);
+    for choice in
+        ["connection mechanical", "connection nonholonomic", "independent", "circle phi", "no squares"]
+    {
+        assert!(titles.iter().any(|title| title.contains(choice)), "{choice} in {titles:?}");
+    }
+    assert!(titles.iter().any(|title| title.matches(';').count() > 1), "{titles:?}");
+}
+
+#[test]
+fn all_formulations_of_shipped_models_are_one_motion() {
+    for name in ["mobile_robot", "wong_particle"] {
+        let titles = hold_to_one_motion(&shipped(name), scene::DEFAULT);
+        assert!(titles.len() > 1, "{name}: {titles:?}");
+    }
+}
+
+#[test]
+fn another_motion_is_told() {
+    let equations = |stiffness: &str| {
+        let text = VEHICLE.replace("k/2*sin(phi)^2", stiffness);
+        let model = parsed(&text);
+        let formulation =
+            Formulation { connection: Some(ConnectionKind::Mechanical), ..Formulation::of(&model) };
+        [Formulation::of(&model), formulation].map(|f| derive(&reduce(&model, &f).unwrap()).unwrap())
+    };
+    let ([own, other], [_, stiff]) = (equations("k/2*sin(phi)^2"), equations("k*sin(phi)^2"));
+    assert_eq!(same_motion(&own, &other), Ok(()));
+    assert!(matches!(same_motion(&own, &stiff), Err(Unrelated::Differs { .. })));
+}
+
+#[test]
+fn an_angle_is_no_function_of_its_point_here() {
+    let model = parsed("model p { coordinate a in angle; lagrangian = a_dot^2/2 + cos(a); }");
+    let line = Formulation::of(&model);
+    let circle = Formulation { circles: vec!["a".into()], ..line.clone() };
+    let [line, circle] = [line, circle].map(|f| derive(&reduce(&model, &f).unwrap()).unwrap());
+    assert_eq!(same_motion(&line, &circle), Ok(()));
+    assert_eq!(same_motion(&circle, &line), Err(Unrelated::NoFunction { component: "a".into() }));
+    assert_eq!(same_motion(&circle, &circle), Ok(()));
+}
+
+#[test]
+fn the_search_is_the_same_every_time() {
+    let model = parsed(VEHICLE);
+    let [first, second] = [(); 2].map(|()| found(&model, scene::DEFAULT));
+    let table = |all: &Formulations| {
+        all.candidates
+            .iter()
+            .map(|c| (c.title(), c.counts, c.n_prepared, c.rounding.to_bits()))
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(table(&first), table(&second));
+    assert_eq!(first.left_out, second.left_out);
+}
+
+#[test]
+fn the_best_is_no_worse_than_the_scenes_own() {
+    for name in ["snakeboard", "mobile_robot", "euler_disk", "skew_sleigh"] {
+        let all = found(&shipped(name), scene::DEFAULT);
+        let own = all.own();
+        for keeps_state in [true, false] {
+            let best = all.best(keeps_state);
+            assert!(best.counts.cost() <= own.counts.cost(), "{name}: {}", best.title());
+            assert!(best.rounding <= own.rounding.max(16.0) * 1.5, "{name}: {}", best.title());
+            assert!(best.keeps_state() || !keeps_state, "{name}");
+        }
+    }
+    let all = found(&shipped("snakeboard"), scene::DEFAULT);
+    assert_eq!(all.best(false).title(), "circle phi");
+}
