@@ -154,6 +154,15 @@ pub enum Error {
         /// Its rate along the motion, cut where it is long.
         rate: String,
     },
+    /// A momentum that is to be a parameter moves.
+    NotCyclic {
+        /// The velocity whose momentum it is.
+        velocity: String,
+        /// The parameter.
+        parameter: String,
+        /// The rate of the momentum along the motion, cut where it is long.
+        rate: String,
+    },
     /// Something claimed to be conserved could not be shown to be, nor not to be.
     ConservationUnverified {
         /// Its name.
@@ -324,6 +333,10 @@ impl Error {
             Error::NotConserved { name, rate } => (
                 format!("casimir {name} is not conserved by these equations: its rate is {rate}"),
                 format!("write `output {name} = ..;` instead"),
+            ),
+            Error::NotCyclic { velocity, parameter, rate } => (
+                format!("the momentum along {velocity} is no parameter: its rate is {rate}"),
+                format!("carry it as state: `momentum {parameter}_{velocity} of {velocity}; carry {parameter}_{velocity};`"),
             ),
             Error::ConservationUnverified { name, rate } => (
                 format!(

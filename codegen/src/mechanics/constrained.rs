@@ -24,33 +24,10 @@ impl Derivation<'_> {
             let drift = self.drift(value)?;
             lag[alpha] = self.define(&format!("lag_{}", self.names[alpha]), drift);
         }
-        self.writer.begin("mass matrix A = W^T L_yy Psi");
-        let mut mass_matrix = vec![vec![self.g.zero(); k]; k];
-        let mut force = Vec::new();
+        let mass_matrix = self.mass_matrix(solved)?;
         let symmetric_form = solved.virtual_displacements == solved.psi;
-        let mut displacements = Vec::new();
-        for row in &solved.virtual_displacements {
-            displacements.push(row.iter().map(|e| self.replace(*e)).collect::<Result<Vec<_>, _>>()?);
-        }
-        for b in 0..k {
-            for a in 0..k {
-                if symmetric_form && a < b {
-                    mass_matrix[b][a] = mass_matrix[a][b];
-                    continue;
-                }
-                let mut terms = Vec::new();
-                for alpha in 0..m {
-                    for beta in 0..m {
-                        let (w, h) = (displacements[alpha][b], self.hessian[alpha][beta]);
-                        if w != self.g.zero() && h != self.g.zero() {
-                            terms.push(self.g.product(&[w, h, solved.psi[beta][a]]));
-                        }
-                    }
-                }
-                let sum = self.g.sum(&terms);
-                mass_matrix[b][a] = self.define(&format!("A_{}_{}", unknowns[b], unknowns[a]), sum);
-            }
-        }
+        let displacements = self.displacements(solved)?;
+        let mut force = Vec::new();
         self.writer.begin("right side f = W^T (r - L_yy lag)");
         let mut net = Vec::new();
         for alpha in 0..m {
@@ -72,8 +49,16 @@ impl Derivation<'_> {
         }
         let labels: Vec<String> = unknowns.iter().map(|n| format!("dot_{n}")).collect();
         let names = inertias(&unknowns);
-        let (udot, mut pivots) =
-            self.solve_linear("A", &mass_matrix, &force, &unknowns, &labels, (&names, symmetric_form))?;
+        let (udot, mut pivots) = match self.factors.take() {
+            None => {
+                self.solve_linear("A", &mass_matrix, &force, &unknowns, &labels, (&names, symmetric_form))?
+            }
+            Some(factors) => {
+                self.writer.begin("substitution through the factors of A");
+                let udot = factors.solve(&mut self.g, &mut self.writer, &labels, &force);
+                (udot, factors.pivots(&names, symmetric_form))
+            }
+        };
         let coefficients = PivotMatrix { name: "C".into(), is_symmetric: false, follows_hessian: false };
         pivots.extend(solved.pivots.iter().map(|(name, expr)| Pivot {
             name: name.clone(),
@@ -101,7 +86,48 @@ impl Derivation<'_> {
             reactions,
             system: LinearSystem { mass_matrix, force, unknowns },
             pivots,
+            momentum_rates: Vec::new(),
         })
+    }
+
+    /// The columns of `W` on the state.
+    pub(super) fn displacements(&mut self, solved: &SolvedConstraint) -> Result<Vec<Vec<ExprId>>, Error> {
+        let rows = solved.virtual_displacements.iter();
+        rows.map(|row| row.iter().map(|e| self.replace(*e)).collect()).collect()
+    }
+
+    /// `A = W^T L_yy Psi`, made once.
+    pub(super) fn mass_matrix(&mut self, solved: &SolvedConstraint) -> Result<Vec<Vec<ExprId>>, Error> {
+        if let Some(known) = &self.mass_matrix {
+            return Ok(known.clone());
+        }
+        self.writer.begin("mass matrix A = W^T L_yy Psi");
+        let (m, k) = (self.y.len(), solved.unknowns.len());
+        let mut mass_matrix = vec![vec![self.g.zero(); k]; k];
+        let symmetric_form = solved.virtual_displacements == solved.psi;
+        let displacements = self.displacements(solved)?;
+        for b in 0..k {
+            for a in 0..k {
+                if symmetric_form && a < b {
+                    mass_matrix[b][a] = mass_matrix[a][b];
+                    continue;
+                }
+                let mut terms = Vec::new();
+                for alpha in 0..m {
+                    for beta in 0..m {
+                        let (w, h) = (displacements[alpha][b], self.hessian[alpha][beta]);
+                        if w != self.g.zero() && h != self.g.zero() {
+                            terms.push(self.g.product(&[w, h, solved.psi[beta][a]]));
+                        }
+                    }
+                }
+                let sum = self.g.sum(&terms);
+                let name = format!("A_{}_{}", solved.unknowns[b].name, solved.unknowns[a].name);
+                mass_matrix[b][a] = self.define(&name, sum);
+            }
+        }
+        self.mass_matrix = Some(mass_matrix.clone());
+        Ok(mass_matrix)
     }
 
     /// Factors and solves, writing both as sections. Solutions are called `labels`; of the pivots the names are given,
@@ -116,8 +142,15 @@ impl Derivation<'_> {
         (pivot_names, follows_hessian): (&[String], bool),
     ) -> Result<(Vec<ExprId>, Vec<Pivot>), Error> {
         self.writer.begin(&format!("factors of {prefix}"));
-        let factors =
-            Factorisation::new(&mut self.g, &mut self.writer, prefix, matrix, unknowns, &self.system.signs)?;
+        let factors = Factorisation::new(
+            &mut self.g,
+            &mut self.writer,
+            prefix,
+            matrix,
+            unknowns,
+            &self.system.signs,
+            &[],
+        )?;
         self.writer.begin(&format!("substitution through the factors of {prefix}"));
         let x = factors.solve(&mut self.g, &mut self.writer, labels, right);
         Ok((x, factors.pivots(pivot_names, follows_hessian)))

@@ -10,7 +10,7 @@ use crate::expr::{ExprId, Graph, SectionWriter, Stage, SymbolId};
 use crate::reduction::{KinematicConstraint, ReducedSystem};
 
 use super::equations::{Equations, LinearSystem};
-use super::solve::Pivot;
+use super::solve::{Factorisation, Pivot};
 
 /// Derives `W^alpha_b E_alpha = 0` with
 /// `E_alpha = d/dt p_alpha + C^gamma_{alpha beta} y^beta p_gamma - N^gamma_alpha p_gamma - rho^i_alpha dL/dx^i - F_alpha`,
@@ -45,6 +45,8 @@ pub(super) struct Motion {
     pub(super) reactions: Vec<Vec<ExprId>>,
     pub(super) system: LinearSystem,
     pub(super) pivots: Vec<Pivot>,
+    /// The rates of [`ReducedSystem::momenta`].
+    pub(super) momentum_rates: Vec<ExprId>,
 }
 
 pub(super) struct Derivation<'a> {
@@ -65,22 +67,28 @@ pub(super) struct Derivation<'a> {
     /// `(N^gamma_alpha - C^gamma_{alpha beta} y^beta) p_gamma + rho^i_alpha dL/dx^i + F_alpha - (dp_alpha/dx^i xdot^i + dp_alpha/dt)`:
     /// everything in `-E_alpha` except the Hessian times `ydot`.
     pub(super) drive: Vec<ExprId>,
+    /// `A = W^T L_yy Psi`, once it is made.
+    pub(super) mass_matrix: Option<Vec<Vec<ExprId>>>,
+    /// Factors of `A` (of `L_yy` in the multiplier form), where velocities follow from momenta.
+    pub(super) factors: Option<Factorisation>,
 }
 
 impl<'a> Derivation<'a> {
     fn run(&mut self) -> Result<Equations, Error> {
         self.g.enter(Stage::Derivation);
+        self.legendre()?;
         self.velocities()?;
         self.kinematics();
         self.momenta()?;
         self.g.within_budget()?;
         self.g.enter(Stage::Elimination);
-        let motion = match self.system.constraint.clone() {
+        let mut motion = match self.system.constraint.clone() {
             KinematicConstraint::Solved(solved) => self.solve_reduced(&solved)?,
             KinematicConstraint::Multipliers { rows, reactions } => {
                 self.solve_with_multipliers(&rows, &reactions)?
             }
         };
+        motion.momentum_rates = self.momentum_rates(&motion)?;
         self.g.within_budget()?;
         self.g.enter(Stage::Results);
         self.finish(motion)
@@ -89,8 +97,8 @@ impl<'a> Derivation<'a> {
     fn new(system: &'a ReducedSystem) -> Derivation<'a> {
         let mut g = system.graph.clone();
         let y = system.velocities.iter().map(|s| g.sym(*s)).collect();
-        let varying =
-            system.velocities.iter().chain(system.algebroid.base()).chain([&system.time]).copied().collect();
+        let varying = system.velocities.iter().chain(system.algebroid.base()).chain([&system.time]).copied();
+        let varying = varying.chain(system.momenta.iter().filter_map(|m| m.symbol)).collect();
         // Points of circles and advected vectors are not zero: functions divide by their lengths.
         let cosines = system.circles.iter().map(|c| c.cosine);
         let first = system.vectors_of_fixed_length().filter_map(|block| block.components.first().copied());
@@ -107,6 +115,8 @@ impl<'a> Derivation<'a> {
             momentum: Vec::new(),
             hessian: Vec::new(),
             drive: Vec::new(),
+            mass_matrix: None,
+            factors: None,
         }
     }
 
@@ -122,7 +132,10 @@ impl<'a> Derivation<'a> {
         let KinematicConstraint::Solved(solved) = &self.system.constraint else { return Ok(()) };
         self.writer.begin("velocities y = Psi u + psi0");
         for &k in &solved.dependent {
-            let value = solved.velocity(&mut self.g, k);
+            let mut value = solved.velocity(&mut self.g, k);
+            if !self.system.momenta.is_empty() {
+                value = self.replace(value)?;
+            }
             let named = self.writer.define(&mut self.g, &self.names[k], value);
             self.replacement.insert(self.system.velocities[k], named);
             self.y[k] = named;

@@ -100,6 +100,16 @@ pub struct LinearSystem {
     pub unknowns: Vec<String>,
 }
 
+/// The momenta that the state carries as functions of the velocities that they stand for:
+/// `pi_b = W^a_b dL/dy^a` at `y = Psi u + psi0`; and velocities along the levels of stages by those of the model.
+#[derive(Clone, Debug, Default)]
+pub struct Legendre {
+    /// Names and symbols of the velocities, which are no part of the state.
+    pub velocities: Vec<(String, SymbolId)>,
+    /// Names and values of the momenta, in the same order, and of velocities along levels.
+    pub momenta: Vec<(String, ExprId)>,
+}
+
 /// Explicit equations of motion: definitions in order, and what they are for.
 #[derive(Clone, Debug)]
 pub struct Equations {
@@ -120,6 +130,8 @@ pub struct Equations {
     pub energy: ExprId,
     /// `dE/dt` along the motion.
     pub energy_rate: ExprId,
+    /// The momenta of the state by velocities; empty where the state carries none.
+    pub legendre: Legendre,
     /// Momenta, multipliers, casimirs, constraint residuals, outputs of the model.
     pub outputs: Vec<Output>,
     /// Everything that is divided by in a linear solve, and what to call it.
@@ -149,6 +161,7 @@ impl Equations {
             form,
             energy,
             energy_rate,
+            legendre,
             outputs,
             pivots,
             facts: _,
@@ -165,7 +178,9 @@ impl Equations {
                 .flat_map(|o| o.updates.iter_mut().flatten().chain(&mut o.entries).chain([&mut o.entry]));
             [&mut p.expr].into_iter().chain(origin)
         });
-        state.chain(outputs).chain(matrix).chain(pivots).chain([energy, energy_rate]).collect()
+        let Legendre { velocities: _, momenta } = legendre;
+        let momenta = momenta.iter_mut().map(|(_, e)| e);
+        state.chain(outputs).chain(momenta).chain(matrix).chain(pivots).chain([energy, energy_rate]).collect()
     }
 
     /// Every result in the order of [`Equations::results_mut`].

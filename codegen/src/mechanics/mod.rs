@@ -10,6 +10,7 @@ mod derive;
 mod equations;
 mod equivalence;
 mod integrable;
+mod legendre;
 mod momenta;
 mod multipliers;
 mod origin;
@@ -19,7 +20,7 @@ mod squares;
 mod vertical;
 
 pub use derive::derive;
-pub use equations::{Equations, Facts, Form, LinearSystem, Output, OutputKind, StateEquation};
+pub use equations::{Equations, Facts, Form, Legendre, LinearSystem, Output, OutputKind, StateEquation};
 pub use equivalence::{ChangeOfState, Unrelated, same_motion};
 pub use solve::{Factorisation, Pivot, PivotMatrix, PivotOrigin};
 pub(crate) use vertical::unused_stem;

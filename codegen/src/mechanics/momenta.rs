@@ -15,16 +15,16 @@ impl Derivation<'_> {
         let raw: Vec<ExprId> = system.velocities.iter().map(|s| self.g.diff(system.lagrangian, *s)).collect();
         self.writer.begin("momenta p = dL/dy");
         for (alpha, p) in raw.iter().enumerate() {
+            if let Some(carried) = self.carried_momentum(alpha) {
+                self.momentum.push(carried);
+                continue;
+            }
             let value = self.replace(*p)?;
             let name = format!("p_{}", self.names[alpha]);
             let named = self.define(&name, value);
             self.momentum.push(named);
         }
-        for p in &raw {
-            let row = self.system.velocities.iter().map(|s| self.g.diff(*p, *s)).collect::<Vec<_>>();
-            let row = row.into_iter().map(|e| self.replace(e)).collect::<Result<_, _>>()?;
-            self.hessian.push(row);
-        }
+        self.hessian()?;
         let (squares, l) = match system.formulation.squares {
             true => take_squares(&mut self.g, system),
             false => (Vec::new(), system.lagrangian),
@@ -57,6 +57,21 @@ impl Derivation<'_> {
             let name = format!("r_{}", self.names[alpha]);
             let named = self.define(&name, value);
             self.drive.push(named);
+        }
+        Ok(())
+    }
+
+    /// `d^2 L / dy dy`, made once.
+    pub(super) fn hessian(&mut self) -> Result<(), Error> {
+        if !self.hessian.is_empty() {
+            return Ok(());
+        }
+        let system = self.system;
+        for y in &system.velocities {
+            let p = self.g.diff(system.lagrangian, *y);
+            let row = system.velocities.iter().map(|s| self.g.diff(p, *s)).collect::<Vec<_>>();
+            let row = row.into_iter().map(|e| self.replace(e)).collect::<Result<_, _>>()?;
+            self.hessian.push(row);
         }
         Ok(())
     }
@@ -99,6 +114,18 @@ impl Derivation<'_> {
         momentum: &[ExprId],
         slopes: &[ExprId],
     ) -> Result<ExprId, Error> {
+        let applied = self.applied_force(alpha, momentum, slopes)?;
+        let drift = self.drift(p)?;
+        Ok(self.g.sub(applied, drift))
+    }
+
+    /// `rho dL/dx + F + (N - C y) p` along one section.
+    pub(super) fn applied_force(
+        &mut self,
+        alpha: usize,
+        momentum: &[ExprId],
+        slopes: &[ExprId],
+    ) -> Result<ExprId, Error> {
         let system = self.system;
         let force = self.replace(system.forces[alpha])?;
         let mut terms = vec![force];
@@ -114,8 +141,6 @@ impl Derivation<'_> {
         for (gamma, n) in system.algebroid.drift(alpha) {
             terms.push(self.g.mul(*n, momentum[*gamma]));
         }
-        let drift = self.drift(p)?;
-        terms.push(self.g.neg(drift));
         Ok(self.g.sum(&terms))
     }
 

@@ -23,9 +23,15 @@ impl Derivation<'_> {
         let m = self.y.len();
         let names = self.names.clone();
         let hessian = self.hessian.clone();
-        self.writer.begin("factors of L_yy");
-        let factors =
-            Factorisation::new(&mut self.g, &mut self.writer, "M", &hessian, &names, &self.system.signs)?;
+        let (rows, reactions) = (&self.rows_on_state(rows)?, &self.forms_on_state(reactions)?);
+        let factors = match self.factors.take() {
+            Some(factors) => factors,
+            None => {
+                self.writer.begin("factors of L_yy");
+                let (g, writer, signs) = (&mut self.g, &mut self.writer, &self.system.signs);
+                Factorisation::new(g, writer, "M", &hessian, &names, signs, &[])?
+            }
+        };
         self.writer.begin("free acceleration L_yy^-1 r");
         let drive = self.drive.clone();
         let prefixed = |prefix: &str| names.iter().map(|n| format!("{prefix}_{n}")).collect::<Vec<_>>();
@@ -51,6 +57,7 @@ impl Derivation<'_> {
             }
             matrix.push(entries);
             let rate = match row.source {
+                // In raw velocities, as its derivative is taken.
                 AccelerationSource::Differentiated(residual) => self.drift(residual)?,
                 AccelerationSource::Servo(remainder) => remainder,
             };
@@ -85,6 +92,33 @@ impl Derivation<'_> {
             reactions: reactions.to_vec(),
             system: LinearSystem { mass_matrix: hessian, force: drive, unknowns: names },
             pivots,
+            momentum_rates: Vec::new(),
         })
+    }
+
+    /// Conditions on accelerations, with the velocities that momenta determine replaced but in residuals.
+    fn rows_on_state(&mut self, rows: &[AccelerationRow]) -> Result<Vec<AccelerationRow>, Error> {
+        let mut replaced = rows.to_vec();
+        if !self.system.momenta.is_empty() {
+            for row in &mut replaced {
+                for e in &mut row.one_form {
+                    *e = self.replace(*e)?;
+                }
+                if let AccelerationSource::Servo(remainder) = &mut row.source {
+                    *remainder = self.replace(*remainder)?;
+                }
+            }
+        }
+        Ok(replaced)
+    }
+
+    fn forms_on_state(&mut self, forms: &[Vec<ExprId>]) -> Result<Vec<Vec<ExprId>>, Error> {
+        let mut replaced = forms.to_vec();
+        if !self.system.momenta.is_empty() {
+            for e in replaced.iter_mut().flatten() {
+                *e = self.replace(*e)?;
+            }
+        }
+        Ok(replaced)
     }
 }

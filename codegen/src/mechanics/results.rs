@@ -66,17 +66,6 @@ impl Derivation<'_> {
         frame.original.iter().zip(&momenta).map(|(u, p)| named(&u.name, p)).collect()
     }
 
-    /// Velocities of the model that the state has others for.
-    fn velocities_of_model(&mut self) -> Vec<(String, ExprId)> {
-        let Some(frame) = self.system.frame.as_ref().filter(|_| !self.system.changes.is_empty()) else {
-            return Vec::new();
-        };
-        let values = frame.velocities(&mut self.g, &self.y);
-        let of_model = frame.original.iter().zip(&self.system.velocities).zip(values);
-        let changed = of_model.filter(|((u, own), _)| u.symbol != **own);
-        changed.map(|((u, _), value)| (u.name.clone(), value)).collect()
-    }
-
     /// Time derivative along the motion of an expression in coordinates, raw velocities, quasi-velocities and time:
     /// `de/dt + de/dx^i xdot^i + de/dy^alpha ydot^alpha + de/ds sdot`.
     fn rate_of(&mut self, e: ExprId, motion: &Motion) -> Result<ExprId, Error> {
@@ -90,6 +79,13 @@ impl Derivation<'_> {
             let slope = self.g.diff(e, s);
             let slope = self.replace(slope)?;
             terms.push(self.g.mul(slope, rate));
+        }
+        for (momentum, rate) in system.momenta.iter().zip(&motion.momentum_rates) {
+            if let Some(symbol) = momentum.symbol {
+                let slope = self.g.diff(e, symbol);
+                let slope = self.replace(slope)?;
+                terms.push(self.g.mul(slope, *rate));
+            }
         }
         let sum = self.g.sum(&terms);
         Ok(self.g.cancel_zero(sum))
@@ -107,7 +103,7 @@ impl Derivation<'_> {
     }
 
     /// An expression for people, in as few names of definitions as there is room for.
-    fn spelled_out(&mut self, e: ExprId) -> String {
+    pub(super) fn spelled_out(&mut self, e: ExprId) -> String {
         let definitions: Vec<Definition> = self.writer.definitions().copied().collect();
         let (mut e, mut text) = (e, self.g.display(e, Style::Plain));
         for Definition { symbol, expr } in definitions.into_iter().rev() {
@@ -240,10 +236,6 @@ impl Derivation<'_> {
         let mut outputs = Vec::new();
         let momenta = self.momenta_of_model();
         outputs.push(Output::group(Want::Momentum, momenta, "momenta p = dL/dy"));
-        let velocities = self.velocities_of_model();
-        if !velocities.is_empty() {
-            outputs.push(Output::group(Want::Velocities, velocities, "velocities of the model"));
-        }
         if !motion.multipliers.is_empty() {
             let doc = "multipliers lambda_A of E = lambda_A a_A, the constraint forces along the constraint one-forms";
             outputs.push(Output::group(Want::Multipliers, motion.multipliers.clone(), doc));
@@ -259,7 +251,12 @@ impl Derivation<'_> {
                 }
                 AccelerationSource::Servo(_) => None,
             });
-            let components: Vec<(String, ExprId)> = residuals.collect();
+            let mut components: Vec<(String, ExprId)> = residuals.collect();
+            if !system.momenta.is_empty() {
+                for (_, residual) in &mut components {
+                    *residual = self.replace(*residual)?;
+                }
+            }
             facts.energy_is_conserved_on_constraint =
                 !facts.energy_is_conserved && self.vanishes_with(energy_rate, &motion, &components);
             if !components.is_empty() {
@@ -295,9 +292,11 @@ impl Derivation<'_> {
         }
         let mut state = Vec::new();
         for (kind, doc) in &system.state {
-            let (symbol, derivative) = match *kind {
-                StateKind::Base(i) => (system.algebroid.base()[i], self.rates[i]),
-                StateKind::Unknown(a) => (system.unknowns[a].symbol, motion.unknown_rates[a]),
+            let symbol = system.state_symbol(*kind);
+            let derivative = match *kind {
+                StateKind::Base(i) => self.rates[i],
+                StateKind::Unknown(a) => motion.unknown_rates[a],
+                StateKind::Momentum { place, .. } => motion.momentum_rates[place],
             };
             let name = self.g.name(symbol).to_owned();
             if derivative == self.g.zero() {
@@ -311,6 +310,8 @@ impl Derivation<'_> {
             let (symbol, name, doc) = (coordinate.symbol, coordinate.name.clone(), coordinate.doc.clone());
             reconstruction.push(StateEquation { symbol, name, doc, derivative });
         }
+        let (legendre, velocities) = self.conversions()?;
+        outputs.extend(velocities);
         let circles = self.circles(&motion, &mut facts)?;
         let pivots = motion.pivots.into_iter().filter(|p| self.g.as_rational(p.expr).is_none()).collect();
         let system = ReducedSystem { graph: std::mem::take(&mut self.g), ..self.system.clone() };
@@ -324,6 +325,7 @@ impl Derivation<'_> {
             form: Form::Accelerations(motion.system),
             energy,
             energy_rate,
+            legendre,
             outputs,
             pivots,
             facts,

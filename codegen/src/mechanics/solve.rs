@@ -1,6 +1,7 @@
 //! Linear systems as definitions: `A x = b` by symbolic elimination whose pivots have names.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 use num_traits::Signed;
 
@@ -151,6 +152,8 @@ fn rank(g: &mut Graph, writer: &SectionWriter, e: ExprId) -> Option<Rank> {
 impl Factorisation {
     /// Factors `a`, writing the entries of the factors as definitions prefixed by `prefix`.
     ///
+    /// The unknowns `leading` are eliminated first, so that [`Factorisation::solve_leading`] can solve their block alone.
+    ///
     /// Symmetric matrices keep their symmetry: pivots stay on the diagonal, ordered once by sparsity so that
     /// parameter-only pivots come first. A diagonal that vanishes, or is not proved not to, or a matrix that is not
     /// symmetric, gets general elimination with the best-ranked non-zero pivot. A pivot that `signs` of parameters show
@@ -165,13 +168,16 @@ impl Factorisation {
         a: &[Vec<ExprId>],
         names: &[String],
         signs: &BTreeMap<ExprId, Sign>,
+        leading: &[usize],
     ) -> Result<Factorisation, Error> {
         let n = a.len();
         let mut symmetric = is_symmetric(g, a);
         let mut order: Vec<usize> = (0..n).collect();
         if symmetric {
             let degree = |i: usize| a[i].iter().filter(|e| **e != g.zero()).count();
-            order.sort_by_key(|&i| (writer.varies(g, a[i][i]), degree(i)));
+            order.sort_by_key(|&i| (!leading.contains(&i), writer.varies(g, a[i][i]), degree(i)));
+        } else {
+            order.sort_by_key(|i| !leading.contains(i));
         }
         let mut f = Factorisation {
             row_order: order.clone(),
@@ -196,10 +202,12 @@ impl Factorisation {
             if !symmetric || g.vanishing(rest[k][k]) != Vanishing::NonZero {
                 symmetric = false;
                 f.is_symmetric = false;
-                f.choose_pivot(g, writer, &mut rest, k).ok_or_else(|| singular(g, a, names))?;
+                let end = if k < leading.len() { leading.len() } else { n };
+                f.choose_pivot(g, writer, &mut rest, k..end).ok_or_else(|| singular(g, a, names))?;
             }
             let label = |i: usize| f.column_order[i] + 1;
             if k + 2 == n
+                && (leading.len() <= k || leading.len() == n)
                 && writer.varies(g, rest[k][k])
                 && let Some(determinant) = constant_determinant(g, writer, &rest)
             {
@@ -274,18 +282,18 @@ impl Factorisation {
         Some(PivotOrigin { entry, updates, entries })
     }
 
-    /// Moves the best-ranked non-zero entry of the remaining block to position `(k, k)`.
+    /// Moves the best-ranked non-zero entry of a block to its first position.
     fn choose_pivot(
         &mut self,
         g: &mut Graph,
         writer: &SectionWriter,
         rest: &mut [Vec<ExprId>],
-        k: usize,
+        block: Range<usize>,
     ) -> Option<()> {
-        let n = rest.len();
+        let k = block.start;
         let mut best: Option<(Rank, usize, usize)> = None;
-        for i in k..n {
-            for j in k..n {
+        for i in block.clone() {
+            for j in block.clone() {
                 let Some(rank) = rank(g, writer, rest[i][j]) else { continue };
                 g.charge(2 * rank.2);
                 let candidate = (rank, i, j);
@@ -328,6 +336,45 @@ impl Factorisation {
     /// Unknowns with a pivot of their own.
     fn n_eliminated(&self) -> usize {
         self.row_order.len() - if self.block.is_some() { 2 } else { 0 }
+    }
+
+    /// Solves the block of the first `n` unknowns, those that were to be `leading`, for one right-hand side; the unknowns
+    /// are named by `labels`, intermediate values `c_` and that. Entries of `b` and of the result outside of the block
+    /// mean nothing.
+    pub fn solve_leading(
+        &self,
+        g: &mut Graph,
+        writer: &mut SectionWriter,
+        n: usize,
+        labels: &[String],
+        b: &[ExprId],
+    ) -> Vec<ExprId> {
+        if n == b.len() {
+            return self.solve(g, writer, labels, b);
+        }
+        let mut z: Vec<ExprId> = Vec::with_capacity(n);
+        for i in 0..n {
+            let mut terms = vec![b[self.row_order[i]]];
+            for (j, zj) in z.iter().enumerate() {
+                let product = g.mul(self.lower[i][j], *zj);
+                terms.push(g.neg(product));
+            }
+            let sum = g.sum(&terms);
+            z.push(writer.define(g, &format!("c_{}", labels[self.column_order[i]]), sum));
+        }
+        let mut x = vec![g.zero(); b.len()];
+        for i in (0..n).rev() {
+            let inverse = g.powi(self.pivots[i], -1);
+            let mut terms = vec![g.mul(z[i], inverse)];
+            for j in i + 1..n {
+                let product = g.mul(self.upper[i][j], x[self.column_order[j]]);
+                terms.push(g.neg(product));
+            }
+            let sum = g.sum(&terms);
+            let k = self.column_order[i];
+            x[k] = writer.define(g, &labels[k], sum);
+        }
+        x
     }
 
     /// Solves for one right-hand side; the unknowns are named by `labels`, intermediate values `z_` and that.

@@ -12,6 +12,7 @@ use super::algebroid::algebroid_of;
 use super::constraint::{KinematicConstraint, Unknown, constrain, frame_unknowns, refused};
 use super::domain::{domains, signs};
 use super::formulation::Formulation;
+use super::momenta::{self, CarriedMomentum};
 use super::reconstruction;
 use super::stages::Stages;
 use super::system::{Block, BlockKind, ReducedSystem, StateKind};
@@ -50,14 +51,20 @@ pub(super) fn on_algebroid(
         KinematicConstraint::Solved(solved) => solved.unknowns.clone(),
         KinematicConstraint::Multipliers { .. } => frame_unknowns(&model),
     };
-    let state = state_order(&model, &unknowns);
+    let momenta = momenta::carried(&mut model, formulation, &unknowns)
+        .map_err(|problem| model.diagnostics(vec![problem]))?;
+    momenta::spell_out(&mut model, &constraint, &unknowns, &momenta)
+        .map_err(|problems| model.diagnostics(problems))?;
+    let state = state_order(&model, &unknowns, &momenta);
     let blocks = blocks(&model);
     let algebra = model.base.len()..velocities.len();
     let (graph, side) = (&mut model.graph, model.action);
     let items = &model.reconstruction;
-    let reconstruction = items.iter().flat_map(|item| reconstruction::rates(graph, item, side)).collect();
+    let mut reconstruction: Vec<_> =
+        items.iter().flat_map(|item| reconstruction::rates(graph, item, side)).collect();
     let turned = |item| reconstruction::momenta_in_space(graph, item, side, algebra.clone());
     let momenta_in_space = items.iter().flat_map(turned).collect();
+    reconstruction.extend(momenta::cyclic_coordinates(&mut model, &momenta));
     if let Err(exhausted) = model.graph.within_budget() {
         return Err(model.diagnostics(vec![model.diagnose(&exhausted.into())]));
     }
@@ -79,6 +86,7 @@ pub(super) fn on_algebroid(
         forces: model.forces,
         constraint,
         unknowns,
+        momenta,
         state,
         casimirs: model.casimirs,
         outputs: model.outputs,
@@ -107,6 +115,11 @@ fn blocks(model: &Model) -> Vec<Block> {
             }),
         }
     }
+    blocks.extend(model.momenta.iter().map(|m| Block {
+        name: m.name.clone(),
+        components: m.components.iter().map(|(_, symbol, _)| *symbol).collect(),
+        kind: BlockKind::Momentum,
+    }));
     blocks.extend(model.advected.iter().map(|a| Block {
         name: a.name.clone(),
         components: a.components.iter().map(|(_, s)| *s).collect(),
@@ -180,7 +193,7 @@ fn metric_of_lagrangian(model: &mut Model) -> Result<Vec<Vec<ExprId>>, Error> {
     Ok(rows)
 }
 
-fn state_order(model: &Model, unknowns: &[Unknown]) -> Vec<(StateKind, String)> {
+fn state_order(model: &Model, unknowns: &[Unknown], momenta: &[CarriedMomentum]) -> Vec<(StateKind, String)> {
     let n_shape = model.base.len();
     let velocity_doc = |u: &Unknown| match u.frame_idx {
         Some(k) if k < n_shape => format!("velocity of {}", model.base[k].name),
@@ -190,8 +203,16 @@ fn state_order(model: &Model, unknowns: &[Unknown]) -> Vec<(StateKind, String)> 
             own.map(|v| v.doc.clone()).unwrap_or_default()
         }
     };
-    let shape = model.base.iter().enumerate().map(|(i, c)| (StateKind::Base(i), c.doc.clone()));
-    let velocities = unknowns.iter().enumerate().map(|(a, u)| (StateKind::Unknown(a), velocity_doc(u)));
+    let is_cyclic = |i: &usize| momenta.iter().any(|m| m.cyclic == Some(*i));
+    let shape = model.base.iter().enumerate().filter(|(i, _)| !is_cyclic(i));
+    let shape = shape.map(|(i, c)| (StateKind::Base(i), c.doc.clone()));
+    let velocities = unknowns.iter().enumerate().filter_map(|(a, u)| {
+        let Some(k) = momenta.iter().position(|m| m.unknown == a) else {
+            return Some((StateKind::Unknown(a), velocity_doc(u)));
+        };
+        let momentum = &momenta[k];
+        momentum.symbol.map(|symbol| (StateKind::Momentum { place: k, symbol }, momentum.doc.clone()))
+    });
     let advected = model
         .advected
         .iter()

@@ -42,6 +42,12 @@ pub fn with_circles(
     if angles.is_empty() {
         return Ok(system);
     }
+    let cyclic = system.momenta.iter().filter_map(|m| m.cyclic).map(|k| &model.base[k].name);
+    if let Some(name) = cyclic.into_iter().find(|name| angles.contains(name)) {
+        let message = format!("`{name}` is cyclic and no part of the state, so that no circle carries it");
+        let span = model.places.declared.get(name).copied();
+        return Err(model.diagnostics(vec![spec::diagnose(model, span, message, "leave it off the circle")]));
+    }
     let mut system = system;
     let chosen = model.base.iter().filter(|c| angles.contains(&c.name));
     let turned: Vec<Turned> = chosen.map(|c| Turned::new(&mut system.graph, c)).collect();
@@ -312,7 +318,7 @@ fn anchored(system: &mut ReducedSystem, turned: &[Turned]) -> Option<Algebroid> 
                 })),
                 None => state.push((StateKind::Base(starts[i]), doc.clone())),
             },
-            StateKind::Unknown(_) => state.push((*kind, doc.clone())),
+            StateKind::Unknown(_) | StateKind::Momentum { .. } => state.push((*kind, doc.clone())),
         }
     }
     system.state = state;
@@ -353,6 +359,7 @@ fn place_of(model: &Model, system: &Places, part: Part) -> (String, Option<Span>
         Part::Condition => ("a condition on parameters".into(), None),
         Part::Algebroid => ("the algebroid".into(), None),
         Part::MomentumInSpace => ("the momentum in space".into(), None),
+        Part::Momentum => ("a momentum".into(), None),
         Part::Stages => ("the stage forms".into(), None),
         Part::Frame => ("the change of frame".into(), None),
         Part::Domain(_) => ("the domain of a coordinate".into(), None),

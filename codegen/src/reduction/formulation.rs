@@ -20,9 +20,9 @@ pub enum StageUse {
 
 impl StageUse {
     /// What a model's own items use its stages for, or a scene's with what it carries.
-    pub(crate) fn of(has_stages: bool, carries: &[Carried]) -> StageUse {
+    pub(crate) fn of(has_stages: bool, of_model: &[Carried], of_scene: &[Carried]) -> StageUse {
         match has_stages {
-            true if carries.iter().any(|c| c.by == CarriedBy::Level) => StageUse::Carried,
+            true if carried(of_model, of_scene).any(|c| c.by == CarriedBy::Level) => StageUse::Carried,
             true => StageUse::Shown,
             false => StageUse::Unused,
         }
@@ -49,6 +49,9 @@ pub struct Formulation {
     /// Whether squares of velocities in the Lagrangian are differentiated in the frame that turns with their
     /// components.
     pub squares: bool,
+    /// Velocities for which the state carries a momentum, or a parameter is the momentum (Routh); none
+    /// [by the velocity](CarriedBy::Velocity).
+    pub momenta: Vec<Carried>,
     /// What the model's chain of ideals is used for.
     pub stages: StageUse,
 }
@@ -64,7 +67,22 @@ impl Formulation {
             multipliers: model.force_multipliers,
             circles: Vec::new(),
             squares: true,
-            stages: StageUse::of(model.stages.is_some(), &model.carries),
+            momenta: carried_by_momenta(&[], &model.carries),
+            stages: StageUse::of(model.stages.is_some(), &[], &model.carries),
         }
     }
+}
+
+/// What is carried by momenta: what a model says, and what a scene says in its place.
+pub fn carried_by_momenta(of_model: &[Carried], of_scene: &[Carried]) -> Vec<Carried> {
+    let mut momenta: Vec<Carried> = carried(of_model, of_scene).cloned().collect();
+    momenta.retain(|carried| !matches!(carried.by, CarriedBy::Velocity | CarriedBy::Level));
+    momenta.sort_by_key(|carried| carried.velocity);
+    momenta
+}
+
+/// What a scene says about velocities, and what the model says about the others.
+fn carried<'a>(of_model: &'a [Carried], of_scene: &'a [Carried]) -> impl Iterator<Item = &'a Carried> {
+    let is_new = |carried: &&Carried| of_scene.iter().all(|own| own.velocity != carried.velocity);
+    of_model.iter().filter(is_new).chain(of_scene)
 }

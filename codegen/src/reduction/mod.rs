@@ -15,6 +15,7 @@ mod domain;
 mod fix;
 mod formulation;
 mod frame;
+mod momenta;
 mod part;
 mod reconstruction;
 mod stages;
@@ -30,8 +31,10 @@ pub use constraint::{
 };
 pub use domain::DomainCondition;
 pub use fix::with_fixed;
-pub use formulation::{Formulation, StageUse};
+pub use formulation::{Formulation, StageUse, carried_by_momenta};
 pub use frame::{Change, Frame};
+pub use momenta::CarriedMomentum;
+pub(crate) use momenta::momentum_of;
 pub use part::Part;
 pub use reconstruction::{MomentumInSpace, ReconstructedCoordinate};
 pub use stages::{StageLevel, Stages, Tensor};
@@ -58,8 +61,16 @@ pub fn reduce(model: &Model, formulation: &Formulation) -> Result<ReducedSystem,
 
 /// The model with the items that a formulation chooses in the place of its own.
 fn chosen(model: &Model, formulation: &Formulation) -> Model {
-    let Formulation { fixed: _, connection: _, independent, multipliers, circles: _, squares: _, stages } =
-        formulation;
+    let Formulation {
+        fixed: _,
+        connection: _,
+        independent,
+        multipliers,
+        circles: _,
+        squares: _,
+        momenta: _,
+        stages,
+    } = formulation;
     Model {
         derived_connection: None,
         independent: independent.clone(),

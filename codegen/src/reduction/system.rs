@@ -12,6 +12,7 @@ use super::constraint::{KinematicConstraint, Unknown};
 use super::domain::DomainCondition;
 use super::formulation::Formulation;
 use super::frame::{Change, Frame};
+use super::momenta::CarriedMomentum;
 use super::part::Part;
 use super::reconstruction::{MomentumInSpace, ReconstructedCoordinate};
 use super::stages::Stages;
@@ -23,6 +24,13 @@ pub enum StateKind {
     Base(usize),
     /// An unknown `u` of the equations of motion, by its place in [`ReducedSystem::unknowns`].
     Unknown(usize),
+    /// A momentum.
+    Momentum {
+        /// Its place in [`ReducedSystem::momenta`].
+        place: usize,
+        /// Its symbol.
+        symbol: SymbolId,
+    },
 }
 
 /// Components of a state that belong together.
@@ -41,6 +49,8 @@ pub struct Block {
 pub enum BlockKind {
     /// Velocities in the algebra.
     Velocity,
+    /// Momenta along velocities.
+    Momentum,
     /// An advected parameter.
     Advected,
     /// A unit quaternion `(w, x, y, z)` that turns the body frame to space.
@@ -108,6 +118,8 @@ pub struct ReducedSystem {
     pub constraint: KinematicConstraint,
     /// The velocities that the state carries: independent ones and quasi-velocities, or all in the multiplier form.
     pub unknowns: Vec<Unknown>,
+    /// Unknowns for which the state carries the momentum, or a parameter is the momentum.
+    pub momenta: Vec<CarriedMomentum>,
     /// State variables in order, with their documentation.
     pub state: Vec<(StateKind, String)>,
     /// Casimirs claimed by the model.
@@ -145,6 +157,7 @@ impl ReducedSystem {
         match kind {
             StateKind::Base(i) => self.algebroid.base()[i],
             StateKind::Unknown(a) => self.unknowns[a].symbol,
+            StateKind::Momentum { symbol, .. } => symbol,
         }
     }
 
@@ -171,6 +184,7 @@ impl ReducedSystem {
             forces,
             constraint,
             unknowns: _,
+            momenta,
             state: _,
             casimirs,
             outputs,
@@ -200,6 +214,7 @@ impl ReducedSystem {
         list.extend(rows.map(|e| (Part::MomentumInSpace, e)));
         let stages = stages.iter_mut().flat_map(Stages::expressions_mut);
         list.extend(stages.map(|e| (Part::Stages, e)));
+        list.extend(momenta.iter_mut().map(|m| (Part::Momentum, &mut m.value)));
         let domains = domains.iter_mut().map(|d| &mut d.positive);
         list.extend(domains.enumerate().map(|(k, e)| (Part::Domain(k), e)));
         let frame = frame.iter_mut().flat_map(Frame::expressions_mut);

@@ -14,7 +14,7 @@ use crate::program::Role;
 use crate::reduction::{Formulation, reduce};
 use crate::spec::{self, Diagnostics, Model, Want, Wanted};
 
-use super::built::BuiltScene;
+use super::built::{BuiltScene, legendre_role};
 use super::dependence::ignorable;
 use super::pivots::sorted_pivots;
 use super::plan::{Drops, Outputs, Plan};
@@ -237,6 +237,10 @@ pub(super) fn lower_scene(
     let derivatives =
         derivatives::differentiate(&mut graph, &equations.sections, &state, &inputs, &plan.derivatives);
     inputs.arguments = derivatives.arguments;
+    if !equations.legendre.momenta.is_empty() {
+        let velocities = equations.legendre.velocities.iter().map(|(_, symbol)| *symbol).collect();
+        inputs.arguments.insert(legendre_role(), velocities);
+    }
     outputs.extend(derivatives.outputs);
     let mut matrices = derivatives.matrices;
     let mut own_sections = derivatives.sections;
@@ -277,6 +281,10 @@ pub(super) fn lower_scene(
         requests.push(Request { role, results: output.components.clone() });
     }
     requests.extend(derivatives.requests);
+    let legendre = &equations.legendre;
+    if !legendre.momenta.is_empty() {
+        requests.push(Request { role: legendre_role(), results: legendre.momenta.clone() });
+    }
     let carried: BTreeSet<SymbolId> = inputs.state.iter().copied().collect();
     let left_out: BTreeSet<SymbolId> =
         system.algebroid.base().iter().filter(|x| !carried.contains(x)).copied().collect();

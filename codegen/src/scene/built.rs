@@ -5,7 +5,7 @@
 use std::sync::Arc;
 
 use crate::expr::Budget;
-use crate::mechanics::{Equations, Output, OutputKind, StateEquation};
+use crate::mechanics::{Equations, Legendre, Output, OutputKind, StateEquation};
 use crate::program::{Program, Role};
 use crate::spec::{Param, Want};
 
@@ -32,6 +32,14 @@ pub struct BuiltScene {
     pub(super) spent: Budget,
 }
 
+/// Name of the function from velocities to the momenta that a state carries.
+const LEGENDRE: &str = "legendre";
+
+/// The role of that function, which takes the velocities besides time and state.
+pub(super) fn legendre_role() -> Role {
+    Role::Product(LEGENDRE.to_owned())
+}
+
 impl BuiltScene {
     /// Names of the state variables in order.
     pub fn state_names(&self) -> Vec<String> {
@@ -56,6 +64,11 @@ impl BuiltScene {
     /// Derivatives that are products with a vector.
     pub fn products(&self) -> &[Product] {
         &self.products
+    }
+
+    /// The momenta that the state carries as functions of velocities; empty where it carries none.
+    pub fn legendre(&self) -> &Legendre {
+        &self.equations.legendre
     }
 
     /// Whether the scene computes the energy.

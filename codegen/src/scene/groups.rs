@@ -35,6 +35,7 @@ fn of_state(blocks: &[Block], state: &[SymbolId]) -> Vec<GroupText> {
             BlockKind::Attitude => (GroupKind::Attitude, Some(GroupKind::Place)),
             BlockKind::Heading => (GroupKind::Vector, Some(GroupKind::PlanarPlace)),
             BlockKind::Velocity
+            | BlockKind::Momentum
             | BlockKind::Advected
             | BlockKind::Position { .. }
             | BlockKind::Reconstructed => (GroupKind::Vector, None),

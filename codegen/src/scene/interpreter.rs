@@ -9,7 +9,7 @@ use hamel_runtime::Dual;
 use crate::error::Error;
 use crate::program::{Jet, Point, Program, Role, ViolatedCondition};
 
-use super::built::BuiltScene;
+use super::built::{BuiltScene, legendre_role};
 use super::derivatives::{Derivative, Matrix};
 use super::invariants::GRADIENTS;
 use super::plan::INVARIANTS;
@@ -228,6 +228,19 @@ impl<'a> Interpreter<'a> {
         let k = self.program.function_idx(&derivative.role())?;
         let mut out = vec![0.0; self.program.functions[k].results.len()];
         let point = Point { t, state: y, argument: vector };
+        self.program.run_at(k, &self.params, &self.prepared, point, &mut out);
+        Some(out)
+    }
+
+    /// The momenta that the state carries by the velocities that they stand for, both in the order of
+    /// [`BuiltScene::legendre`]; none where it carries none. The momenta in `y` mean nothing.
+    ///
+    /// # Panics
+    /// When a size is wrong.
+    pub fn legendre(&self, t: f64, y: &[f64], velocities: &[f64]) -> Option<Vec<f64>> {
+        let k = self.program.function_idx(&legendre_role())?;
+        let mut out = vec![0.0; self.program.functions[k].results.len()];
+        let point = Point { t, state: y, argument: velocities };
         self.program.run_at(k, &self.params, &self.prepared, point, &mut out);
         Some(out)
     }

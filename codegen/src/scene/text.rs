@@ -10,6 +10,7 @@ use crate::expr::{Exhausted, Resource, Stage};
 use crate::program::{Jet, Role};
 
 use super::built::BuiltScene;
+use super::built::legendre_role;
 use super::derivatives::{Matrix, Product};
 use super::groups::groups;
 use super::interpreter;
@@ -119,7 +120,7 @@ impl BuiltScene {
                 })
                 .collect(),
             matrices: self.matrices.iter().map(matrix_text).collect(),
-            products: self.products.iter().map(product_text).collect(),
+            products: self.products.iter().map(product_text).chain(self.legendre_text()).collect(),
             formulas: BTreeMap::from(formulas),
             conserves_energy: self.equations.facts.energy_is_conserved,
             groups: writing.nalgebra.then(|| groups(self)),
@@ -136,6 +137,28 @@ fn matrix_text(matrix: &Matrix) -> MatrixText {
         shape: matrix.shape,
         pattern: matrix.pattern.clone(),
         doc: matrix.doc.to_owned(),
+    }
+}
+
+impl BuiltScene {
+    fn legendre_text(&self) -> Option<ProductText> {
+        let legendre = self.legendre();
+        if legendre.momenta.is_empty() {
+            return None;
+        }
+        let has_levels = !self.equations.system.changes.is_empty();
+        let velocities: Vec<&str> = legendre.velocities.iter().map(|(name, _)| name.as_str()).collect();
+        Some(ProductText {
+            name: legendre_role().name().to_owned(),
+            vector: "velocities".into(),
+            components: legendre.momenta.iter().map(|(name, _)| name.clone()).collect(),
+            doc: format!(
+                "{} of the state by the velocities that they stand for, `{}`; {}",
+                if has_levels { "velocities along the levels of stages" } else { "momenta `W^T dL/dy`" },
+                velocities.join(", "),
+                if has_levels { "those in `y` mean nothing" } else { "the momenta in `y` mean nothing" },
+            ),
+        })
     }
 }
 

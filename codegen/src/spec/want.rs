@@ -18,7 +18,7 @@ pub enum Want {
     EnergyRate,
     /// The momenta `dL/dy`.
     Momentum,
-    /// The velocities of the model, where the state has others.
+    /// The velocities of the model that momenta, or velocities along the levels of stages, stand for in the state.
     Velocities,
     /// Multipliers of constraints, where they are computed.
     Multipliers,
@@ -117,7 +117,7 @@ impl Want {
     pub(super) fn is_in_tables(self) -> bool {
         use Want::{
             Casimirs, Circles, Constraint, Invariants, MomentumEquation, NonholonomicMomentum, Outputs,
-            Taylor,
+            Taylor, Velocities,
         };
         !matches!(
             self,
@@ -128,6 +128,7 @@ impl Want {
                 | Circles
                 | Outputs
                 | Taylor
+                | Velocities
                 | Invariants
         )
     }

@@ -11,6 +11,7 @@ use crate::reduction::constraint::{
     AccelerationRow, AccelerationSource, Choice, ConstraintRow, KinematicConstraint, Reactions,
     Setting as Rows, SolvedConstraint, Solver, Unknown, solve_rows,
 };
+use crate::reduction::system::ReducedSystem;
 use crate::spec::Param;
 
 use super::{Frame, contract, tidied};
@@ -35,7 +36,8 @@ impl Setting<'_> {
 ///
 /// `values`: the velocities of the model that change, by those of the new frame, `n` base velocities before them.
 ///
-/// Without a constraint the virtual displacements are the new frame itself, so that the equations are its components.
+/// Without a constraint the virtual displacements are the new frame itself, so that the equations are its components;
+/// not where the state has momenta, which are those along the displacements.
 ///
 /// # Errors
 /// Reactions that no choice of components of the new frame determines on the whole domain.
@@ -43,7 +45,7 @@ pub(super) fn with_old_unknowns(
     g: &mut Graph,
     setting: &Setting<'_>,
     (frame, n): (&Frame, usize),
-    names: &[String],
+    (names, has_momenta): (&[String], bool),
     constraint: KinematicConstraint,
     values: &BTreeMap<SymbolId, ExprId>,
 ) -> Result<KinematicConstraint, Error> {
@@ -51,7 +53,7 @@ pub(super) fn with_old_unknowns(
     let SolvedConstraint { unknowns, dependent, psi, psi0, virtual_displacements, reactions, rows, pivots } =
         solved;
     let m = frame.matrix.len();
-    let is_free = rows.is_empty() && reactions.names.is_empty() && dependent.is_empty();
+    let is_free = dependent.is_empty() && reactions.names.is_empty() && !has_momenta;
     let image = |g: &mut Graph, columns: &[Vec<ExprId>]| -> Vec<Vec<ExprId>> {
         let k = columns.first().map_or(0, Vec::len);
         let entry = |g: &mut Graph, row: &[ExprId], a: usize| {
@@ -155,6 +157,46 @@ pub(super) fn solved_again(
             Ok(KinematicConstraint::Multipliers { rows: carried, reactions })
         }
     }
+}
+
+/// Momenta that the state carries beside velocities along the levels, for the unknowns of the new frame.
+///
+/// `before`: the constraint in the old frame, and its unknowns.
+///
+/// # Errors
+/// [`Error::Unsupported`] for a momentum that is another one in the new frame.
+pub(super) fn keeps_momenta(
+    g: &mut Graph,
+    system: &mut ReducedSystem,
+    frame: &Frame,
+    (before, unknowns): (&KinematicConstraint, &[Unknown]),
+) -> Result<(), Error> {
+    for momentum in &mut system.momenta {
+        let old = momentum.unknown;
+        let same = system.unknowns.iter().position(|u| u.symbol == unknowns[old].symbol);
+        let displacement = |g: &mut Graph, constraint: &KinematicConstraint, k: usize| match constraint {
+            KinematicConstraint::Solved(solved) => {
+                solved.virtual_displacements.iter().map(|row| row[k]).collect::<Vec<_>>()
+            }
+            KinematicConstraint::Multipliers { .. } => {
+                (0..frame.matrix.len()).map(|a| if a == k { g.one() } else { g.zero() }).collect()
+            }
+        };
+        let is_same = same.is_some_and(|new| {
+            let along = displacement(g, before, old);
+            let expected: Vec<ExprId> = frame.inverse.iter().map(|row| contract(g, row, &along)).collect();
+            let found = displacement(g, &system.constraint, new);
+            expected.into_iter().zip(found).all(|(e, f)| g.is_equal(e, f))
+        });
+        let Some(new) = same.filter(|_| is_same) else {
+            return Err(Error::Unsupported {
+                what: format!("the momentum {} beside velocities along the levels of stages", momentum.name),
+                possible: "one of them: `carry stages;` or the momentum".into(),
+            });
+        };
+        momentum.unknown = new;
+    }
+    Ok(())
 }
 
 /// A row on the velocities of the new frame and the quasi-velocities.

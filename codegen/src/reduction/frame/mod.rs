@@ -154,6 +154,7 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
         forces,
         constraint,
         unknowns,
+        momenta,
         state,
         casimirs,
         mut outputs,
@@ -186,10 +187,15 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
     let lagrangian = g.subs(lagrangian, &all).map_err(divided)?;
     let forces = g.subs_all(&forces, &all).map_err(divided)?;
     let forces = frame.one_form(g, &forces);
-    let carried = constraint::Setting { time, params: &params, signs: &signs, algebroid: &algebroid };
+    let beside = constraint::Setting { time, params: &params, signs: &signs, algebroid: &algebroid };
+    let before = constraint.clone();
     let constraint = match is_carried {
-        true => constraint::solved_again(g, &carried, &frame, &eta, constraint, &all)?,
-        false => constraint::with_old_unknowns(g, &carried, (&frame, n), &names, constraint, &all)?,
+        true => constraint::solved_again(g, &beside, &frame, &eta, constraint, &all)?,
+        // What a momentum is depends on the displacements.
+        false => {
+            let has_momenta = !momenta.is_empty();
+            constraint::with_old_unknowns(g, &beside, (&frame, n), (&names, has_momenta), constraint, &all)?
+        }
     };
     // What stays in the state stays in expressions.
     let kept: Vec<SymbolId> =
@@ -227,6 +233,7 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
         forces,
         constraint,
         unknowns,
+        momenta,
         state,
         casimirs,
         outputs,
@@ -241,15 +248,22 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
         changes: Vec::new(),
     };
     if is_carried {
-        carry(g, &mut system, stages, &frame, &eta);
+        let unknowns = carry(g, &mut system, stages, &frame, &eta);
+        constraint::keeps_momenta(g, &mut system, &frame, (&before, &unknowns))?;
     }
     system.graph = graph;
     system.frame = Some(frame);
     Ok(system)
 }
 
-/// The state of velocities along the levels, and what tells of it.
-fn carry(g: &mut Graph, system: &mut ReducedSystem, stages: &Stages, frame: &Frame, eta: &[Unknown]) {
+/// The state of velocities along the levels, and what tells of it; the unknowns before.
+fn carry(
+    g: &mut Graph,
+    system: &mut ReducedSystem,
+    stages: &Stages,
+    frame: &Frame,
+    eta: &[Unknown],
+) -> Vec<Unknown> {
     let n = eta.len() - stages.basis.len();
     let unknowns = match &system.constraint {
         KinematicConstraint::Solved(solved) => solved.unknowns.clone(),
@@ -265,12 +279,15 @@ fn carry(g: &mut Graph, system: &mut ReducedSystem, stages: &Stages, frame: &Fra
         let entry = same.and_then(|a| system.state.iter().find(|(kind, _)| *kind == StateKind::Unknown(a)));
         entry.map(|(_, doc)| doc.clone()).unwrap_or_default()
     };
-    let carried: Vec<(StateKind, String)> =
-        system.unknowns.iter().enumerate().map(|(a, u)| (StateKind::Unknown(a), doc_of(u))).collect();
+    let has_momentum =
+        |u: &Unknown| system.momenta.iter().any(|m| before[m.unknown].symbol == u.symbol);
+    let own = system.unknowns.iter().enumerate().filter(|(_, u)| !has_momentum(u));
+    let own: Vec<(StateKind, String)> = own.map(|(a, u)| (StateKind::Unknown(a), doc_of(u))).collect();
+    let is_base = |kind: &StateKind| matches!(kind, StateKind::Base(_));
     let is_unknown = |kind: &StateKind| matches!(kind, StateKind::Unknown(_));
-    let at = system.state.iter().take_while(|(kind, _)| !is_unknown(kind)).count();
+    let at = system.state.iter().take_while(|(kind, _)| is_base(kind)).count();
     system.state.retain(|(kind, _)| !is_unknown(kind));
-    system.state.splice(at..at, carried);
+    system.state.splice(at..at, own);
     let own: Vec<ExprId> = frame.original.iter().map(|u| g.sym(u.symbol)).collect();
     for u in &system.unknowns {
         let Some(k) = u.frame_idx.filter(|k| *k >= n) else { continue };
@@ -296,6 +313,7 @@ fn carry(g: &mut Graph, system: &mut ReducedSystem, stages: &Stages, frame: &Fra
         blocks.push(Block { kind, ..block });
     }
     system.blocks = blocks;
+    before
 }
 
 /// Velocities along the adapted elements: `stage_1`, `stage_2`, .. for a stage of several dimensions, its name for one.
