@@ -116,10 +116,16 @@ fn hold_to_one_motion(model: &Model, scene: &str) -> Vec<String> {
 
 #[test]
 fn all_formulations_are_one_motion() {
-    let titles = hold_to_one_motion(&parsed(VEHICLE), scene::RECONSTRUCTION);
-    for choice in
-        ["connection mechanical", "connection nonholonomic", "independent", "circle phi", "no squares"]
-    {
+    let titles = hold_to_one_motion(&parsed(VEHICLE), scene::DEFAULT);
+    for choice in [
+        "connection mechanical",
+        "connection nonholonomic",
+        "independent",
+        "stages",
+        "momenta of omega",
+        "circle phi",
+        "no squares",
+    ] {
         assert!(titles.iter().any(|title| title.contains(choice)), "{choice} in {titles:?}");
     }
     assert!(titles.iter().any(|title| title.matches(';').count() > 1), "{titles:?}");
@@ -127,8 +133,12 @@ fn all_formulations_are_one_motion() {
 
 #[test]
 fn all_formulations_of_shipped_models_are_one_motion() {
-    for name in ["mobile_robot", "wong_particle"] {
-        let titles = hold_to_one_motion(&shipped(name), scene::DEFAULT);
+    for (name, scene) in [
+        ("mobile_robot", scene::DEFAULT),
+        ("chaplygin_sleigh", scene::RECONSTRUCTION),
+        ("kirchhoff_body", scene::DEFAULT),
+    ] {
+        let titles = hold_to_one_motion(&shipped(name), scene);
         assert!(titles.len() > 1, "{name}: {titles:?}");
     }
 }

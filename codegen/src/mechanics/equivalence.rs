@@ -22,7 +22,8 @@ use super::equations::{Equations, OutputKind, StateEquation};
 /// ```
 ///
 /// in which the velocities that a constraint determines are `y = Psi u + psi0`, and those in the place of which momenta
-/// are carried follow from the Legendre transform.
+/// are carried follow from the Legendre transform, and
+/// those along the levels of stages from their frame.
 #[derive(Clone, Debug)]
 pub struct ChangeOfState {
     /// The graph of the formulation that the functions are written in, with the functions.
@@ -64,9 +65,15 @@ impl ChangeOfState {
         let velocities = change.velocities(from, to, &unknowns)?;
         let g = &mut change.graph;
         for unknown in &to.unknowns {
-            let value = match unknown.frame_idx {
-                Some(k) => velocities[k],
-                None => {
+            let named = to.frame.as_ref().and_then(|frame| {
+                frame.original.iter().position(|own| own.symbol == unknown.symbol).map(|k| velocities[k])
+            });
+            let along_level = to.changes.iter().find(|c| c.symbol == unknown.symbol);
+            let value = match (named, along_level, unknown.frame_idx) {
+                (Some(velocity), ..) => velocity,
+                (None, Some(along), _) => along_a_level(g, to, &change.values, &velocities, along.value)?,
+                (None, None, Some(k)) => velocities[k],
+                (None, None, None) => {
                     let k = from.unknowns.iter().position(|u| u.symbol == unknown.symbol);
                     k.map(|k| {
                         unknowns
@@ -119,7 +126,11 @@ impl ChangeOfState {
         to: &ReducedSystem,
         unknowns: &BTreeMap<SymbolId, ExprId>,
     ) -> Result<Vec<Option<ExprId>>, DivisionByZero> {
-        let y = frame_velocities(&mut self.graph, from, unknowns)?;
+        let own = frame_velocities(&mut self.graph, from, unknowns)?;
+        let y = match &from.frame {
+            Some(frame) => frame.velocities(&mut self.graph, &own),
+            None => own,
+        };
         let Some(dim) = from.connection.as_ref().or(to.connection.as_ref()).map(Vec::len) else {
             return Ok(y.into_iter().map(Some).collect());
         };
@@ -162,6 +173,19 @@ impl ChangeOfState {
         }
         let Some(y) = velocities.iter().copied().collect::<Option<Vec<ExprId>>>() else { return Ok(()) };
         let mut values = self.values.clone();
+        let y = match &to.frame {
+            None => y,
+            Some(frame) => {
+                let mut eta = Vec::new();
+                for row in &frame.inverse {
+                    let row = self.graph.import_with(&to.graph, row, &self.values)?;
+                    let terms: Vec<ExprId> =
+                        row.iter().zip(&y).map(|(e, y)| self.graph.mul(*e, *y)).collect();
+                    eta.push(self.graph.sum(&terms));
+                }
+                eta
+            }
+        };
         values.extend(to.velocities.iter().copied().zip(y));
         let mut written = to.graph.clone();
         for momentum in &to.momenta {
@@ -245,6 +269,22 @@ impl ChangeOfState {
         }
         Ok(())
     }
+}
+
+/// A velocity along a level of stages, by the velocities of the model.
+fn along_a_level(
+    g: &mut Graph,
+    to: &ReducedSystem,
+    values: &BTreeMap<SymbolId, ExprId>,
+    velocities: &[Option<ExprId>],
+    value: ExprId,
+) -> Result<Option<ExprId>, DivisionByZero> {
+    let mut values = values.clone();
+    for (own, velocity) in to.frame.iter().flat_map(|frame| &frame.original).zip(velocities) {
+        let Some(velocity) = velocity else { return Ok(None) };
+        values.insert(own.symbol, *velocity);
+    }
+    Ok(Some(g.import_with(&to.graph, &[value], &values)?[0]))
 }
 
 /// Unknowns that are no part of the state, as functions of it.

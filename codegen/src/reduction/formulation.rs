@@ -3,7 +3,7 @@
 //! Does not know: how any choice is carried out.
 
 use crate::expr::Rational;
-use crate::spec::{Carried, CarriedBy, ConnectionKind, Model};
+use crate::spec::{Carried, CarriedBy, ConnectionKind, IdealChain, InnerProduct, Model};
 
 /// What a chain of stages is used for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,6 +25,30 @@ impl StageUse {
             true if carried(of_model, of_scene).any(|c| c.by == CarriedBy::Level) => StageUse::Carried,
             true => StageUse::Shown,
             false => StageUse::Unused,
+        }
+    }
+}
+
+/// A chain of ideals that the model does not write down, whose complements are found by an inner product.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FoundChain {
+    /// Spanning vectors of `n_1, n_2, ..` in the basis of the algebra.
+    pub ideals: Vec<Vec<Vec<Rational>>>,
+    /// Whether the inner product is the kinetic energy, and not the one in which the basis of the algebra is
+    /// orthonormal.
+    pub by_energy: bool,
+}
+
+impl FoundChain {
+    /// The chain, with names for its stages.
+    pub(super) fn stages(&self) -> IdealChain {
+        let n = self.ideals.len() + 1;
+        IdealChain {
+            names: (0..n).map(|k| format!("stage{k}")).collect(),
+            ideals: self.ideals.clone(),
+            inner_product: self.by_energy.then_some(InnerProduct::Lagrangian),
+            connection: None,
+            spans: vec![None; n],
         }
     }
 }
@@ -52,8 +76,10 @@ pub struct Formulation {
     /// Velocities for which the state carries a momentum, or a parameter is the momentum (Routh); none
     /// [by the velocity](CarriedBy::Velocity).
     pub momenta: Vec<Carried>,
-    /// What the model's chain of ideals is used for.
+    /// What the chain of ideals is used for.
     pub stages: StageUse,
+    /// The chain of ideals; none for the one that the model writes down.
+    pub chain: Option<FoundChain>,
 }
 
 impl Formulation {
@@ -69,6 +95,7 @@ impl Formulation {
             squares: true,
             momenta: carried_by_momenta(&[], &model.carries),
             stages: StageUse::of(model.stages.is_some(), &[], &model.carries),
+            chain: None,
         }
     }
 }

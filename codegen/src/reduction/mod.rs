@@ -31,7 +31,7 @@ pub use constraint::{
 };
 pub use domain::DomainCondition;
 pub use fix::with_fixed;
-pub use formulation::{Formulation, StageUse, carried_by_momenta};
+pub use formulation::{Formulation, FoundChain, StageUse, carried_by_momenta};
 pub use frame::{Change, Frame};
 pub use momenta::CarriedMomentum;
 pub(crate) use momenta::momentum_of;
@@ -70,12 +70,17 @@ fn chosen(model: &Model, formulation: &Formulation) -> Model {
         squares: _,
         momenta: _,
         stages,
+        chain,
     } = formulation;
     Model {
         derived_connection: None,
         independent: independent.clone(),
         force_multipliers: *multipliers,
-        stages: model.stages.clone().filter(|_| *stages != StageUse::Unused),
+        stages: chain
+            .as_ref()
+            .map(FoundChain::stages)
+            .or_else(|| model.stages.clone())
+            .filter(|_| *stages != StageUse::Unused),
         ..model.clone()
     }
 }

@@ -2,8 +2,11 @@
 //!
 //! Does not know: how choices are combined, what they cost, whether they are the same motion.
 
-use crate::expr::{ExprId, independent_rows};
-use crate::reduction::{Formulation, KinematicConstraint, ReducedSystem, carried_by_momenta};
+use crate::algebra::series::chains;
+use crate::expr::{ExprId, Rational, independent_rows};
+use crate::reduction::{
+    Formulation, FoundChain, KinematicConstraint, ReducedSystem, StageUse, carried_by_momenta,
+};
 use crate::spec::{Carried, CarriedBy, ConnectionKind, Domain, Model, circle_names};
 
 /// Choices of independent velocities that are tried, those first that exchange the fewest velocities.
@@ -12,6 +15,8 @@ const MAX_INDEPENDENT: usize = 32;
 const MAX_ANGLES: usize = 4;
 /// Slots whose momenta are tried.
 const MAX_SLOTS: usize = 4;
+/// Chains of ideals that are found and tried.
+const MAX_CHAINS: usize = 2;
 
 /// A choice that differs from the scene's own.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -24,6 +29,9 @@ pub(super) enum Choice {
     Squares(bool),
     /// An angle, and whether it is carried as a point of the circle.
     Circle(String, bool),
+    /// The frame in which the equations are derived: adapted to a chain of ideals, that of the model unless one is given,
+    /// of which the text says what it is.
+    Stages(Option<FoundChain>, String),
     /// The velocities of that name by themselves, or by their momenta.
     Momenta(String, Vec<Carried>),
 }
@@ -37,6 +45,10 @@ impl Choice {
             Choice::Squares(squares) => formulation.squares = *squares,
             Choice::Circle(angle, true) => formulation.circles.push(angle.clone()),
             Choice::Circle(angle, false) => formulation.circles.retain(|other| other != angle),
+            Choice::Stages(chain, _) => {
+                formulation.stages = StageUse::Internal;
+                formulation.chain.clone_from(chain);
+            }
             Choice::Momenta(_, carried) => {
                 formulation.momenta = carried_by_momenta(&formulation.momenta, carried);
             }
@@ -59,6 +71,7 @@ impl Choice {
             Choice::Squares(false) => "no squares".into(),
             Choice::Circle(angle, true) => format!("circle {angle}"),
             Choice::Circle(angle, false) => format!("angle {angle}"),
+            Choice::Stages(_, text) => text.clone(),
             Choice::Momenta(name, carried) => match carried.first().map(|c| &c.by) {
                 Some(CarriedBy::Momentum(_)) => format!("momenta of {name}"),
                 _ => format!("velocities {name}"),
@@ -75,6 +88,7 @@ pub(super) fn axes(
     drops: &[String],
 ) -> Vec<Vec<Choice>> {
     let mut axes = vec![connections(model, own), independent(system), vec![Choice::Squares(!own.squares)]];
+    axes.push(stages(model, own));
     axes.extend(momenta(model, own, system).into_iter().map(|choice| vec![choice]));
     axes.extend(circles(model, own, drops).into_iter().map(|choice| vec![choice]));
     axes.retain(|axis| !axis.is_empty());
@@ -99,7 +113,11 @@ fn connections(model: &Model, own: &Formulation) -> Vec<Choice> {
 /// Other velocities for the constraint to determine, those that it does determine: one of them exchanged for an
 /// independent one, then two.
 fn independent(system: &ReducedSystem) -> Vec<Choice> {
-    let KinematicConstraint::Solved(solved) = &system.constraint else { return Vec::new() };
+    // Of a state with velocities along levels the independent ones are others.
+    let solved = match &system.constraint {
+        KinematicConstraint::Solved(solved) if system.changes.is_empty() => solved,
+        _ => return Vec::new(),
+    };
     let kept = solved.independent();
     let n_quasi = solved.unknowns.len() - kept.len();
     let width = system.velocities.len() + n_quasi;
@@ -133,6 +151,33 @@ fn independent(system: &ReducedSystem) -> Vec<Choice> {
         }
     }
     found.into_iter().map(Choice::Independent).collect()
+}
+
+/// Frames that are adapted to chains of ideals: that of the model, and those found by themselves; the complements are
+/// those of the basis of the algebra, or of the kinetic energy. A state that has the velocities along levels keeps them.
+fn stages(model: &Model, own: &Formulation) -> Vec<Choice> {
+    let mut choices = Vec::new();
+    if own.stages == StageUse::Carried || model.algebra.dim() < 2 {
+        return choices;
+    }
+    let mut add = |ideals: Vec<Vec<Vec<Rational>>>, names: &str| {
+        for (by_energy, by) in [(false, ""), (true, " by energy")] {
+            let chain = FoundChain { ideals: ideals.clone(), by_energy };
+            choices.push(Choice::Stages(Some(chain), format!("stages {names}{by}")));
+        }
+    };
+    if let Some(chain) = &model.stages {
+        add(chain.ideals.clone(), &format!("of the model ({})", chain.names.join(" > ")));
+    }
+    for chain in chains(&model.algebra, MAX_CHAINS) {
+        let names: Vec<&str> = chain.iter().map(|ideal| ideal.name.as_str()).collect();
+        add(chain.iter().map(|ideal| ideal.basis.clone()).collect(), &names.join(" > "));
+    }
+    if model.stages.as_ref().is_some_and(|chain| chain.inner_product.is_some() || chain.connection.is_some())
+    {
+        choices.push(Choice::Stages(None, "stages of the model as they are written".into()));
+    }
+    choices
 }
 
 /// Whether nothing in a model has that name.
