@@ -1,7 +1,7 @@
 //! Ideals that every Lie algebra has: derived and central series, centre, radical, and a Levi factor beside it.
 //!
-//! All is exact over the rationals. A subspace is given by a basis, in reduced echelon form so that equal subspaces have
-//! equal bases. Does not know: ideals that somebody chose, inner products, what a chain is used for.
+//! All is exact over the rationals. A subspace is given by a basis, in reduced echelon form so that equal subspaces
+//! have equal bases. Does not know: ideals that somebody chose, inner products, what a chain is used for.
 
 use num_traits::{One, Zero};
 

@@ -29,8 +29,8 @@ pub(super) enum Choice {
     Squares(bool),
     /// An angle, and whether it is carried as a point of the circle.
     Circle(String, bool),
-    /// The frame in which the equations are derived: adapted to a chain of ideals, that of the model unless one is given,
-    /// of which the text says what it is.
+    /// The frame in which the equations are derived: adapted to a chain of ideals, that of the model unless one is
+    /// given, of which the text says what it is.
     Stages(Option<FoundChain>, String),
     /// The velocities of that name by themselves, or by their momenta.
     Momenta(String, Vec<Carried>),
@@ -154,7 +154,8 @@ fn independent(system: &ReducedSystem) -> Vec<Choice> {
 }
 
 /// Frames that are adapted to chains of ideals: that of the model, and those found by themselves; the complements are
-/// those of the basis of the algebra, or of the kinetic energy. A state that has the velocities along levels keeps them.
+/// those of the basis of the algebra, or of the kinetic energy. A state that has the velocities along levels keeps
+/// them.
 fn stages(model: &Model, own: &Formulation) -> Vec<Choice> {
     let mut choices = Vec::new();
     if own.stages == StageUse::Carried || model.algebra.dim() < 2 {
@@ -188,8 +189,8 @@ fn is_free(model: &Model, name: &String) -> bool {
         && model.outputs.iter().all(|output| output.name != *name)
 }
 
-/// Momenta in the place of velocities, and the other way round, slot by slot: the velocities of the base, each vector of
-/// the algebra, the quasi-velocities. Momenta have the names that the model gives them, or that of the velocity with
+/// Momenta in the place of velocities, and the other way round, slot by slot: the velocities of the base, each vector
+/// of the algebra, the quasi-velocities. Momenta have the names that the model gives them, or that of the velocity with
 /// `p_` before it.
 fn momenta(model: &Model, own: &Formulation, system: &ReducedSystem) -> Vec<Choice> {
     let n_frame = model.all_velocities().len();

@@ -69,8 +69,8 @@ pub struct Candidate {
     pub state: Vec<String>,
     /// Those that are not in the scene's own state, or mean something else there.
     pub changed: Vec<String>,
-    /// Whether all of these are points of the scene's angles and momenta of its velocities: then the scene has functions
-    /// from each state to the other.
+    /// Whether all of these are points of the scene's angles and momenta of its velocities: then the scene has
+    /// functions from each state to the other.
     pub is_converted: bool,
     /// Operations of the right-hand side.
     pub counts: Counts,
