@@ -34,7 +34,7 @@ use axes::{Choice, axes};
 /// Choices of each axis that are combined with those of others.
 const BEST_OF_AN_AXIS: usize = 2;
 /// Combinations that are tried.
-const MAX_COMBINATIONS: usize = 24;
+const MAX_COMBINATIONS: usize = 32;
 /// Combinations that promise to cost more than so many times the scene's own are not tried.
 const MAX_PROMISE: f64 = 1.5;
 /// Candidates that are lowered with the whole budget.
@@ -481,7 +481,11 @@ fn combinations(axes: &[Vec<Choice>], found: &[Found], scene: &Candidate) -> Vec
     let own = scene.counts.cost().max(1) as f64;
     let mut sums: Vec<(f64, Choices)> = vec![(1.0, Vec::new())];
     for axis in axes {
-        let alone = |choice: &Choice| found.iter().find(|one| one.choices == [choice.clone()]);
+        let alone = |choice: &Choice| {
+            let one = found.iter().find(|one| one.choices == [choice.clone()])?;
+            // What changes nothing by itself is not tried with others.
+            (!one.candidate.computes_the_same_as(scene)).then_some(one)
+        };
         let mut best: Vec<&Found> = axis.iter().filter_map(alone).collect();
         best.sort_by_key(|one| one.candidate.rank());
         let mut longer = Vec::new();
