@@ -110,22 +110,41 @@ impl Derivation<'_> {
         )
     }
 
-    /// The state variable or parameter that `dL/dy^alpha` is, where there is one: `W_b` has no other component.
-    pub(super) fn carried_momentum(&self, alpha: usize) -> Option<ExprId> {
-        let momentum = self.system.momenta.iter().find(|m| {
-            let unknown = &self.system.unknowns[m.unknown];
-            unknown.frame_idx == Some(alpha)
-                && match &self.system.constraint {
+    /// The carried momentum, by its place, that tells `dL/dy^alpha`: that of an unknown which is this velocity of the
+    /// frame, where all others that `W_b` moves with it are not carried.
+    pub(super) fn carried_along(&self, alpha: usize) -> Option<usize> {
+        let system = self.system;
+        let is_carried = |beta: usize| {
+            system.momenta.iter().any(|m| system.unknowns[m.unknown].frame_idx == Some(beta))
+        };
+        system.momenta.iter().position(|m| {
+            system.unknowns[m.unknown].frame_idx == Some(alpha)
+                && match &system.constraint {
                     KinematicConstraint::Multipliers { .. } => true,
                     KinematicConstraint::Solved(solved) => {
                         let column = solved.virtual_displacements.iter().map(|row| row[m.unknown]);
-                        column
-                            .enumerate()
-                            .all(|(beta, e)| e == if beta == alpha { self.g.one() } else { self.g.zero() })
+                        column.enumerate().all(|(beta, e)| match beta == alpha {
+                            true => e == self.g.one(),
+                            false => e == self.g.zero() || !is_carried(beta),
+                        })
                     }
                 }
-        })?;
-        Some(momentum.value)
+        })
+    }
+
+    /// `p_alpha = pi_b - sum W^beta_b p_beta` over the others, where the momentum at `place` is carried.
+    pub(super) fn momentum_along(&mut self, alpha: usize, place: usize) -> ExprId {
+        let carried = &self.system.momenta[place];
+        let mut terms = vec![carried.value];
+        if let KinematicConstraint::Solved(solved) = &self.system.constraint {
+            for (beta, row) in solved.virtual_displacements.iter().enumerate() {
+                if beta != alpha && row[carried.unknown] != self.g.zero() {
+                    let product = self.g.mul(row[carried.unknown], self.momentum[beta]);
+                    terms.push(self.g.neg(product));
+                }
+            }
+        }
+        self.g.sum(&terms)
     }
 
     /// Both ways between what the state carries and the velocities that it stands for: these as an output, the momenta by
