@@ -40,19 +40,31 @@ impl Formulation {
             fixed: Vec::new(),
             connection: model.derived_connection,
             independent: model.independent.clone(),
-            multipliers: model.force_multipliers,
+            // A Hamiltonian has no need of independent velocities.
+            multipliers: model.force_multipliers
+                || model.hamiltonian.is_some() && !model.constraints.is_empty(),
             circles: Vec::new(),
             squares: true,
-            momenta: carried_by_momenta(&[], &model.carries),
+            momenta: carried_by_momenta(model, &[]),
             stages: model.stages.is_some(),
         }
     }
 }
 
 /// What is carried by momenta: what a model says, and what a scene says in its place.
-pub fn carried_by_momenta(of_model: &[Carried], of_scene: &[Carried]) -> Vec<Carried> {
-    let is_new = |carried: &&Carried| of_scene.iter().all(|own| own.velocity != carried.velocity);
-    let mut momenta: Vec<Carried> = of_model.iter().filter(is_new).chain(of_scene).cloned().collect();
+///
+/// A Hamiltonian is a function of all momenta, which are carried unless something else is said.
+pub fn carried_by_momenta(model: &Model, of_scene: &[Carried]) -> Vec<Carried> {
+    let mut momenta: Vec<Carried> = of_scene.to_vec();
+    let of_hamiltonian = model.hamiltonian.map(|_| &model.momenta).into_iter().flatten();
+    let of_hamiltonian = of_hamiltonian
+        .flat_map(|m| &m.components)
+        .map(|(name, _, velocity)| Carried { velocity: *velocity, by: CarriedBy::Momentum(name.clone()) });
+    for carried in model.carries.iter().cloned().chain(of_hamiltonian) {
+        if momenta.iter().all(|own| own.velocity != carried.velocity) {
+            momenta.push(carried);
+        }
+    }
     momenta.retain(|carried| carried.by != CarriedBy::Velocity);
     momenta.sort_by_key(|carried| carried.velocity);
     momenta
