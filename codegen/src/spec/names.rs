@@ -167,7 +167,7 @@ pub(super) fn suggest<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>)
     if let Some((_, name)) = near {
         return format!("did you mean `{name}`?");
     }
-    if known.is_empty() || known.len() > 26 {
+    if known.is_empty() || known.len() > 32 {
         return String::new();
     }
     format!("legal here: {}", list(&known))

@@ -311,7 +311,9 @@ fn mechanics() {
     );
     check(
         r#"model m { velocity Omega in so(3); }"#,
-        expect!["1:7 model `m` has no lagrangian [add `lagrangian = ..;`, or `hamiltonian = ..;` in momenta]"],
+        expect![
+            "1:7 model `m` has no lagrangian [add `lagrangian = ..;`, or `hamiltonian = ..;` in momenta]"
+        ],
     );
     check(
         r#"model m { lagrangian = 1; }"#,
