@@ -143,18 +143,23 @@ impl Derivation<'_> {
         }
         let mut legendre = Legendre::default();
         let mut velocities = Vec::new();
-        for carried in system.momenta.iter().filter(|m| m.symbol.is_some()) {
+        let of_state = system.momenta.iter().filter(|m| m.symbol.is_some());
+        let at_level = if of_state.clone().next().is_some() {
+            self.velocities_at_level(&dependent)?
+        } else {
+            BTreeMap::new()
+        };
+        for carried in of_state {
             let unknown = &system.unknowns[carried.unknown];
-            let raw = self.raw_momentum(carried.unknown);
-            let place = || Error::DivisionByZero { place: "the momenta by velocities".into() };
-            let momentum = self.g.subs(raw, &dependent).map_err(|_| place())?;
+            let momentum = self.momentum_by(carried.unknown, &dependent)?;
+            let momentum = self.g.subs(momentum, &at_level).map_err(|_| by_velocities())?;
             let momentum = self.g.cancel_zero(momentum);
             legendre.velocities.push((unknown.name.clone(), unknown.symbol));
             legendre.momenta.push((carried.name.clone(), momentum));
             let velocity = self.g.sym(unknown.symbol);
             velocities.push((unknown.name.clone(), self.replace(velocity)?));
         }
-        // The momenta at a level are numbers: a velocity that stands for one is no argument.
+        // The momenta at a level are numbers: a velocity that has one is no argument.
         for carried in system.momenta.iter().filter(|m| m.symbol.is_none()) {
             let unknown = &system.unknowns[carried.unknown];
             let velocity = self.g.sym(unknown.symbol);
@@ -164,6 +169,52 @@ impl Derivation<'_> {
             "velocities in the place of which the state carries momenta, or that cyclic coordinates have";
         let output = (!velocities.is_empty()).then(|| Output::group(Want::Velocities, velocities, doc));
         Ok((legendre, output))
+    }
+
+    /// `W^a_b dL/dy^a` with the velocities that the constraints determine by the others.
+    fn momentum_by(&mut self, b: usize, dependent: &BTreeMap<SymbolId, ExprId>) -> Result<ExprId, Error> {
+        let raw = self.raw_momentum(b);
+        self.g.subs(raw, dependent).map_err(|_| by_velocities())
+    }
+
+    /// The velocities whose momenta are parameters, by the other velocities: they solve `A_LL u_L = pi_L - A_LR u_R - ..`,
+    /// which is written out, because nothing but the momenta by velocities needs it.
+    fn velocities_at_level(
+        &mut self,
+        dependent: &BTreeMap<SymbolId, ExprId>,
+    ) -> Result<BTreeMap<SymbolId, ExprId>, Error> {
+        let system = self.system;
+        let levels: Vec<_> = system.momenta.iter().filter(|m| m.symbol.is_none()).collect();
+        let symbols: Vec<SymbolId> = levels.iter().map(|m| system.unknowns[m.unknown].symbol).collect();
+        let at_rest: BTreeMap<SymbolId, ExprId> = symbols.iter().map(|s| (*s, self.g.zero())).collect();
+        let (mut matrix, mut right) = (Vec::new(), Vec::new());
+        for level in &levels {
+            let momentum = self.momentum_by(level.unknown, dependent)?;
+            matrix.push(symbols.iter().map(|s| self.g.diff(momentum, *s)).collect::<Vec<ExprId>>());
+            let rest = self.g.subs(momentum, &at_rest).map_err(|_| by_velocities())?;
+            let difference = self.g.sub(level.value, rest);
+            right.push(self.g.cancel_zero(difference));
+        }
+        let n = levels.len();
+        for k in 0..n {
+            for i in k + 1..n {
+                let factor = self.g.div(matrix[i][k], matrix[k][k]).map_err(|_| by_velocities())?;
+                for j in k..n {
+                    let product = self.g.mul(factor, matrix[k][j]);
+                    matrix[i][j] = self.g.sub(matrix[i][j], product);
+                }
+                let product = self.g.mul(factor, right[k]);
+                right[i] = self.g.sub(right[i], product);
+            }
+        }
+        for k in (0..n).rev() {
+            for j in k + 1..n {
+                let product = self.g.mul(matrix[k][j], right[j]);
+                right[k] = self.g.sub(right[k], product);
+            }
+            right[k] = self.g.div(right[k], matrix[k][k]).map_err(|_| by_velocities())?;
+        }
+        Ok(symbols.into_iter().zip(right).collect())
     }
 
     /// The momentum equation of everything that is carried:
@@ -231,4 +282,8 @@ impl Derivation<'_> {
         }
         Ok(rates)
     }
+}
+
+fn by_velocities() -> Error {
+    Error::DivisionByZero { place: "the momenta by velocities".into() }
 }
