@@ -98,7 +98,9 @@ pub(super) fn cyclic_coordinates<'a>(
     momenta: &'a [CarriedMomentum],
 ) -> impl Iterator<Item = ReconstructedCoordinate> + 'a {
     let (base, graph) = (&model.base, &mut model.graph);
-    momenta.iter().filter_map(|m| m.cyclic).map(|k| ReconstructedCoordinate {
+    let mut cyclic: Vec<usize> = momenta.iter().filter_map(|m| m.cyclic).collect();
+    cyclic.sort_unstable();
+    cyclic.into_iter().map(|k| ReconstructedCoordinate {
         name: base[k].name.clone(),
         symbol: base[k].symbol,
         rate: graph.sym(base[k].velocity),
