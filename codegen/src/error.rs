@@ -93,6 +93,13 @@ pub enum Error {
         /// Name of the stage.
         stage: String,
     },
+    /// The metric of the Lagrangian is no function of shape and time, so that it is no inner product for stages.
+    InnerProductDependsOn {
+        /// What sort of thing it depends on.
+        kind: &'static str,
+        /// The name of that.
+        name: String,
+    },
     /// The bracket rebuilt from the stage forms is not the bracket that was split.
     RebuiltBracketDiffers {
         /// The pair of adapted basis elements.
@@ -288,6 +295,10 @@ impl Error {
                     "inner product is degenerate on stage {stage}, so the stage has no orthogonal complement"
                 ),
                 "use a definite one".into(),
+            ),
+            Error::InnerProductDependsOn { kind, name } => (
+                format!("the metric of the lagrangian depends on {kind} {name}, and stages need one of the shape"),
+                "write an inner product of parameters: `inner_product = [[..], ..];`".into(),
             ),
             Error::RebuiltBracketDiffers { pair: [a, b] } => (
                 format!("bracket [{a}, {b}] rebuilt from the stage forms differs from the original"),

@@ -9,8 +9,8 @@ use std::fmt::Write as _;
 use num_traits::One;
 
 use crate::error::spell_vector;
-use crate::expr::{Budget, ExprId, Graph, Style, SymbolId, identifier, rational_to_f64};
-use crate::mechanics::{Equations, VerticalEquations, unused_stem};
+use crate::expr::{Budget, Definition, ExprId, Graph, Style, SymbolId, identifier, rational_to_f64};
+use crate::mechanics::{Equations, VerticalEquation, VerticalEquations, unused_stem};
 use crate::reduction::{KinematicConstraint, Stages, Tensor};
 use crate::scene::BuiltScene;
 use crate::spec::{Model, Side};
@@ -404,9 +404,16 @@ impl Page {
             return;
         };
         let VerticalEquations { graph: g, velocities, momenta, applied, rows, .. } = &vertical;
+        let list = |page: &Page, lists: [&[Definition]; 3]| -> Vec<(String, String)> {
+            let all = lists.into_iter().flatten();
+            all.map(|d| (page.name(g.name(d.symbol)), g.display(d.expr, page.style))).collect()
+        };
+        let sides = |page: &Page, rows: Vec<&VerticalEquation>| -> Vec<(String, String)> {
+            let shown = rows.into_iter().map(|row| [row.left, row.right].map(|e| g.display(e, page.style)));
+            shown.map(|[left, right]| (left, right)).collect()
+        };
         if rows.is_empty() {
             self.line("The constraint allows no displacement along the group: no equation is vertical.");
-            return;
         }
         self.line(match &equations.system.connection {
             None => "In the adapted basis, velocity, momentum p = dL/dv, and what acts from outside:",
@@ -414,22 +421,32 @@ impl Page {
                 "In the adapted basis, group velocity, momentum p = dL/dv, and what acts from outside:"
             }
         });
-        let all = velocities.iter().chain(momenta).chain(applied);
-        let definitions = all.map(|d| (self.name(g.name(d.symbol)), g.display(d.expr, self.style)));
-        let definitions: Vec<(String, String)> = definitions.collect();
+        let definitions = list(self, [velocities, momenta, applied]);
         self.formulas(&definitions);
-        self.line(match (rows.len() < momenta.len(), vertical.has_multipliers) {
-            (true, _) => {
-                "Vertical equations by stages, summed over the levels along each displacement that the constraint allows:"
-            }
-            (false, true) => {
-                "Vertical equations by stages, with the reactions of the constraint (every level's momentum may enter):"
-            }
-            (false, false) => "Vertical equations by stages (every level's momentum may enter):",
-        });
-        let shown = rows.iter().map(|row| [row.left, row.right].map(|e| g.display(e, self.style)));
-        let shown: Vec<(String, String)> = shown.map(|[left, right]| (left, right)).collect();
-        self.formulas(&shown);
+        if !rows.is_empty() {
+            self.line(match (rows.len() < momenta.len(), vertical.has_multipliers) {
+                (true, _) => {
+                    "Vertical equations by stages, summed over the levels along each displacement that the constraint allows:"
+                }
+                (false, true) => {
+                    "Vertical equations by stages, with the reactions of the constraint (every level's momentum may enter):"
+                }
+                (false, false) => "Vertical equations by stages (every level's momentum may enter):",
+            });
+            let shown = sides(self, rows.iter().collect());
+            self.formulas(&shown);
+        }
+        if !vertical.horizontal.is_empty() {
+            self.line("Along the shape, momentum and what acts from outside:");
+            let definitions = list(self, [&vertical.shape_momenta, &vertical.shape_applied, &[]]);
+            self.formulas(&definitions);
+            self.line(match equations.system.connection {
+                None => "Horizontal equations:",
+                Some(_) => "Horizontal equations, with the curvature of the connection:",
+            });
+            let shown = sides(self, vertical.horizontal.iter().map(|row| &row.equation).collect());
+            self.formulas(&shown);
+        }
         self.line(
             "These were compared, exactly, with the equations of motion, which are derived without stages.",
         );

@@ -10,6 +10,7 @@ pub mod linear;
 pub mod models;
 pub mod problem;
 pub mod reference;
+pub mod stages;
 pub mod tracked;
 pub use hamel_measure::random;
 

@@ -14,32 +14,10 @@ use hamel_tests::draws::{Draws, for_all, one};
 use hamel_tests::linear::{Rows, Vector, add_scaled, dot, int, rank, times, transposed};
 use hamel_tests::models;
 use hamel_tests::problem::{Problem, State, equations_of};
+use hamel_tests::stages::{chain_text, with_items};
 use num_traits::Zero;
 
 const NUMBERS: usize = 3000;
-
-/// The items of a chain of stages for the velocity `name`.
-fn chain_text(name: &str, chain: &[Rows], metric: &[Vector]) -> String {
-    let combination = |v: &Vector| {
-        let terms = v.iter().enumerate().filter(|(_, q)| !q.is_zero());
-        terms.map(|(k, q)| format!("({q})*{name}{}", k + 1)).collect::<Vec<_>>().join(" + ")
-    };
-    let mut text = String::from("stage n0;\n");
-    for (j, rows) in chain.iter().enumerate() {
-        let spanned: Vec<String> = rows.iter().map(combination).collect();
-        text.push_str(&format!("stage n{} = ideal({});\n", j + 1, spanned.join(", ")));
-    }
-    let rows: Vec<String> = metric
-        .iter()
-        .map(|row| format!("[{}]", row.iter().map(Rational::to_string).collect::<Vec<_>>().join(", ")))
-        .collect();
-    text + &format!("inner_product = [{}];\n", rows.join(", "))
-}
-
-/// A model's text with more items.
-fn with_items(text: &str, items: &str) -> String {
-    format!("{}{items}}}\n", text.trim_end().strip_suffix('}').expect("a model ends with a brace"))
-}
 
 fn vertical(equations: &Equations, what: &str) -> VerticalEquations {
     VerticalEquations::new(equations).unwrap_or_else(|| panic!("{what}: not the equations of motion"))
@@ -130,6 +108,7 @@ fn with_any_connection_side_and_constraint_they_are_equations_of_motion() {
                         let equations = equations_of(&text).unwrap_or_else(|e| panic!("{e}\n{text}"));
                         let found = vertical(&equations, &text);
                         assert_eq!(found.rows.len(), if kind == 1 { n - 1 } else { n }, "{text}");
+                        assert_eq!(found.horizontal.len(), 2, "{text}");
                         assert_eq!(found.has_multipliers, kind == 2);
                     }
                 }

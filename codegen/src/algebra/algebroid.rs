@@ -44,6 +44,11 @@ impl Algebroid {
         self.frame.len()
     }
 
+    /// The time.
+    pub fn time(&self) -> SymbolId {
+        self.time
+    }
+
     /// The base coordinates.
     pub fn base(&self) -> &[SymbolId] {
         &self.base

@@ -101,12 +101,12 @@ pub struct LinearSystem {
 }
 
 /// The momenta that the state carries as functions of the velocities that they stand for:
-/// `pi_b = W^a_b dL/dy^a` at `y = Psi u + psi0`.
+/// `pi_b = W^a_b dL/dy^a` at `y = Psi u + psi0`; and velocities along the levels of stages by those of the model.
 #[derive(Clone, Debug, Default)]
 pub struct Legendre {
     /// Names and symbols of the velocities, which are no part of the state.
     pub velocities: Vec<(String, SymbolId)>,
-    /// Names and values of the momenta, in the same order.
+    /// Names and values of the momenta, in the same order, and of velocities along levels.
     pub momenta: Vec<(String, ExprId)>,
 }
 

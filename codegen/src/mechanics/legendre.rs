@@ -165,8 +165,20 @@ impl Derivation<'_> {
             let velocity = self.g.sym(unknown.symbol);
             velocities.push((unknown.name.clone(), self.replace(velocity)?));
         }
-        let doc =
-            "velocities in the place of which the state carries momenta, or that cyclic coordinates have";
+        // Velocities along the levels of stages, for which those of the model are the arguments.
+        if let Some(frame) = system.frame.as_ref().filter(|_| !system.changes.is_empty()) {
+            legendre.momenta.extend(system.changes.iter().map(|c| (c.name.clone(), c.value)));
+            let values = frame.velocities(&mut self.g, &self.y);
+            let is_carried = |symbol: SymbolId| system.unknowns.iter().any(|u| u.symbol == symbol);
+            for (own, value) in frame.original.iter().zip(values).filter(|(own, _)| !is_carried(own.symbol)) {
+                legendre.velocities.push((own.name.clone(), own.symbol));
+                velocities.push((own.name.clone(), value));
+            }
+        }
+        let doc = match system.changes.is_empty() {
+            true => "velocities in the place of which the state carries momenta, or that cyclic coordinates have",
+            false => "velocities of the model",
+        };
         let output = (!velocities.is_empty()).then(|| Output::group(Want::Velocities, velocities, doc));
         Ok((legendre, output))
     }

@@ -24,4 +24,4 @@ pub use equations::{Equations, Facts, Form, Legendre, LinearSystem, Output, Outp
 pub use equivalence::{ChangeOfState, Unrelated, same_motion};
 pub use solve::{Factorisation, Pivot, PivotMatrix, PivotOrigin};
 pub(crate) use vertical::unused_stem;
-pub use vertical::{VerticalEquation, VerticalEquations};
+pub use vertical::{HorizontalEquation, VerticalEquation, VerticalEquations};

@@ -56,6 +56,16 @@ impl Derivation<'_> {
         Ok(g.sum(&terms))
     }
 
+    /// Momenta along the velocities of the model, whatever the frame.
+    fn momenta_of_model(&mut self) -> Vec<(String, ExprId)> {
+        let named = |name: &String, p: &ExprId| (format!("p_{name}"), *p);
+        let Some(frame) = &self.system.frame else {
+            return self.names.iter().zip(&self.momentum).map(|(name, p)| named(name, p)).collect();
+        };
+        let momenta = frame.momenta(&mut self.g, &self.momentum);
+        frame.original.iter().zip(&momenta).map(|(u, p)| named(&u.name, p)).collect()
+    }
+
     /// Time derivative along the motion of an expression in coordinates, raw velocities, quasi-velocities and time:
     /// `de/dt + de/dx^i xdot^i + de/dy^alpha ydot^alpha + de/ds sdot`.
     fn rate_of(&mut self, e: ExprId, motion: &Motion) -> Result<ExprId, Error> {
@@ -224,7 +234,7 @@ impl Derivation<'_> {
         facts.mass_matrix_is_constant =
             motion.system.mass_matrix.iter().flatten().all(|e| !self.writer.varies(&self.g, *e));
         let mut outputs = Vec::new();
-        let momenta = self.names.iter().zip(&self.momentum).map(|(n, p)| (format!("p_{n}"), *p)).collect();
+        let momenta = self.momenta_of_model();
         outputs.push(Output::group(Want::Momentum, momenta, "momenta p = dL/dy"));
         if !motion.multipliers.is_empty() {
             let doc = "multipliers lambda_A of E = lambda_A a_A, the constraint forces along the constraint one-forms";

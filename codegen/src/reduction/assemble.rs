@@ -2,11 +2,11 @@
 //!
 //! Does not know: fixed parameters, derived connections, points of circles; those are rewrites before and after it.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use crate::error::Error;
-use crate::expr::{Stage, SymbolId};
-use crate::spec::{self, Diagnostics, Model, ReconstructionKind};
+use crate::expr::{ExprId, Stage, SymbolId};
+use crate::spec::{self, Diagnostics, InnerProduct, Model, ReconstructionKind};
 
 use super::algebroid::algebroid_of;
 use super::constraint::{KinematicConstraint, Unknown, constrain, frame_unknowns, refused};
@@ -97,6 +97,8 @@ pub(super) fn on_algebroid(
         signs,
         domains,
         circles: Vec::new(),
+        frame: None,
+        changes: Vec::new(),
     })
 }
 
@@ -147,8 +149,48 @@ fn blocks(model: &Model) -> Vec<Block> {
 
 fn stages(model: &mut Model) -> Result<Option<Stages>, Vec<Error>> {
     let Some(chain) = model.stages.clone() else { return Ok(None) };
-    let inner = chain.inner_product.as_deref();
-    Stages::split(&mut model.graph, &model.algebra, &chain.names, &chain.ideals, inner).map(Some)
+    let inner = match chain.inner_product {
+        None => None,
+        Some(InnerProduct::Matrix(rows)) => Some(rows),
+        Some(InnerProduct::Lagrangian) => Some(metric_of_lagrangian(model).map_err(|error| vec![error])?),
+    };
+    let g = &mut model.graph;
+    let mut stages = Stages::split(g, &model.algebra, &chain.names, &chain.ideals, inner.as_deref())?;
+    stages.connection = chain.connection.map(|rows| stages.components(g, &rows));
+    Ok(Some(stages))
+}
+
+/// The Hessian of the Lagrangian in the velocities of the algebra, a function of shape and time.
+fn metric_of_lagrangian(model: &mut Model) -> Result<Vec<Vec<ExprId>>, Error> {
+    let velocities = model.all_velocities().into_iter().map(|(name, s)| ("velocity", name.to_owned(), s));
+    let advected = (model.advected.iter())
+        .flat_map(|a| a.components.iter().map(|(name, s)| ("advected parameter", name.clone(), *s)));
+    let moving: Vec<(&str, String, SymbolId)> = velocities.chain(advected).collect();
+    let g = &mut model.graph;
+    let mut rows = Vec::new();
+    for a in &model.velocities {
+        let p = g.diff(model.lagrangian, a.symbol);
+        let mut row = Vec::new();
+        for b in &model.velocities {
+            let mut entry = g.diff(p, b.symbol);
+            entry = g.cancel_zero(entry);
+            for (kind, name, symbol) in &moving {
+                if !g.free_symbols(entry).contains(symbol) {
+                    continue;
+                }
+                // It may stand there without any effect.
+                let slope = g.diff(entry, *symbol);
+                let at_zero = g.subs(entry, &BTreeMap::from([(*symbol, g.zero())]));
+                match at_zero {
+                    Ok(constant) if g.is_zero(slope) => entry = constant,
+                    _ => return Err(Error::InnerProductDependsOn { kind, name: name.clone() }),
+                }
+            }
+            row.push(entry);
+        }
+        rows.push(row);
+    }
+    Ok(rows)
 }
 
 fn state_order(model: &Model, unknowns: &[Unknown], momenta: &[CarriedMomentum]) -> Vec<(StateKind, String)> {

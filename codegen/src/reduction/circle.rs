@@ -361,6 +361,7 @@ fn place_of(model: &Model, system: &Places, part: Part) -> (String, Option<Span>
         Part::MomentumInSpace => ("the momentum in space".into(), None),
         Part::Momentum => ("a momentum".into(), None),
         Part::Stages => ("the stage forms".into(), None),
+        Part::Frame => ("the change of frame".into(), None),
         Part::Domain(_) => ("the domain of a coordinate".into(), None),
     }
 }

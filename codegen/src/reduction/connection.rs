@@ -265,6 +265,7 @@ fn shift_velocities(model: &mut Model, shift: &[Vec<ExprId>]) -> Result<(), Erro
             | ExpressionRole::Condition(_)
             | ExpressionRole::Connection
             | ExpressionRole::InnerProduct
+            | ExpressionRole::StageConnection
             | ExpressionRole::Initial(_) => false,
         };
         if has_velocities {

@@ -5,6 +5,30 @@
 use crate::expr::Rational;
 use crate::spec::{Carried, CarriedBy, ConnectionKind, Model};
 
+/// What a chain of stages is used for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StageUse {
+    /// For nothing: the algebra is not split.
+    Unused,
+    /// The algebra is split for those who read; the equations are those of the model's own frame.
+    Shown,
+    /// The equations are derived in the frame that is adapted to the stages; the state stays what it is.
+    Internal,
+    /// The state has the velocities along the levels.
+    Carried,
+}
+
+impl StageUse {
+    /// What a model's own items use its stages for, or a scene's with what it carries.
+    pub(crate) fn of(has_stages: bool, of_model: &[Carried], of_scene: &[Carried]) -> StageUse {
+        match has_stages {
+            true if carried(of_model, of_scene).any(|c| c.by == CarriedBy::Level) => StageUse::Carried,
+            true => StageUse::Shown,
+            false => StageUse::Unused,
+        }
+    }
+}
+
 /// The choices that lead from a model to one [`ReducedSystem`](super::ReducedSystem) and its equations.
 ///
 /// All of them describe the same motion, for the fixed parameters; they differ in state variables, in cost and in
@@ -28,8 +52,8 @@ pub struct Formulation {
     /// Velocities for which the state carries a momentum, or a parameter is the momentum (Routh); none
     /// [by the velocity](CarriedBy::Velocity).
     pub momenta: Vec<Carried>,
-    /// Whether the algebra is split along the model's chain of ideals.
-    pub stages: bool,
+    /// What the model's chain of ideals is used for.
+    pub stages: StageUse,
 }
 
 impl Formulation {
@@ -44,7 +68,7 @@ impl Formulation {
             circles: Vec::new(),
             squares: true,
             momenta: carried_by_momenta(&[], &model.carries),
-            stages: model.stages.is_some(),
+            stages: StageUse::of(model.stages.is_some(), &[], &model.carries),
         }
     }
 
@@ -66,9 +90,14 @@ impl Formulation {
 
 /// What is carried by momenta: what a model says, and what a scene says in its place.
 pub fn carried_by_momenta(of_model: &[Carried], of_scene: &[Carried]) -> Vec<Carried> {
-    let is_new = |carried: &&Carried| of_scene.iter().all(|own| own.velocity != carried.velocity);
-    let mut momenta: Vec<Carried> = of_model.iter().filter(is_new).chain(of_scene).cloned().collect();
-    momenta.retain(|carried| carried.by != CarriedBy::Velocity);
+    let mut momenta: Vec<Carried> = carried(of_model, of_scene).cloned().collect();
+    momenta.retain(|carried| !matches!(carried.by, CarriedBy::Velocity | CarriedBy::Level));
     momenta.sort_by_key(|carried| carried.velocity);
     momenta
+}
+
+/// What a scene says about velocities, and what the model says about the others.
+fn carried<'a>(of_model: &'a [Carried], of_scene: &'a [Carried]) -> impl Iterator<Item = &'a Carried> {
+    let is_new = |carried: &&Carried| of_scene.iter().all(|own| own.velocity != carried.velocity);
+    of_model.iter().filter(is_new).chain(of_scene)
 }

@@ -2,7 +2,7 @@
 //!
 //! [`reduce`] is a list of rewrites in the order that a [`Formulation`] is read in: of the model (`fix`, `connection`),
 //! from the model to a [`ReducedSystem`] (`assemble`, with `algebroid`, `constraint`, `stages` and `reconstruction`),
-//! and of the system (`circle`). A new kind of system is one more rewrite, never a second derivation.
+//! and of the system (`circle`, `frame`). A new kind of system is one more rewrite, never a second derivation.
 //!
 //! Does not know: equations of motion, programs, text files.
 
@@ -14,6 +14,7 @@ mod constraint;
 mod domain;
 mod fix;
 mod formulation;
+mod frame;
 mod momenta;
 mod part;
 mod reconstruction;
@@ -30,7 +31,8 @@ pub use constraint::{
 };
 pub use domain::DomainCondition;
 pub use fix::with_fixed;
-pub use formulation::{Formulation, carried_by_momenta};
+pub use formulation::{Formulation, StageUse, carried_by_momenta};
+pub use frame::{Change, Frame};
 pub use momenta::CarriedMomentum;
 pub(crate) use momenta::momentum_of;
 pub use part::Part;
@@ -53,7 +55,8 @@ pub fn reduce(model: &Model, formulation: &Formulation) -> Result<ReducedSystem,
     }
     let mut system = assemble::on_algebroid(written.clone(), formulation)?;
     system = with_circles(&written, system, &formulation.circles)?;
-    Ok(system)
+    frame::with_stages(system)
+        .map_err(|error| written.diagnostics(vec![constraint::refused(&written, &error)]))
 }
 
 /// The model with the items that a formulation chooses in the place of its own.
@@ -72,7 +75,7 @@ fn chosen(model: &Model, formulation: &Formulation) -> Model {
         derived_connection: None,
         independent: independent.clone(),
         force_multipliers: *multipliers,
-        stages: model.stages.clone().filter(|_| *stages),
+        stages: model.stages.clone().filter(|_| *stages != StageUse::Unused),
         ..model.clone()
     }
 }

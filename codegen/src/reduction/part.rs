@@ -32,6 +32,8 @@ pub enum Part {
     MomentumInSpace,
     /// A coefficient of the stage forms.
     Stages,
+    /// A coefficient of a change of frame, or a variable of the state by those of the model.
+    Frame,
     /// A parameter that is a momentum.
     Momentum,
     /// What is positive inside of the domain, by its place.

@@ -43,17 +43,32 @@ pub struct Stages {
     pub basis: Vec<Vec<ExprId>>,
     /// `inverse[a][k]`: coefficient of adapted element `k` in the original element `a`.
     pub inverse: Vec<Vec<ExprId>>,
+    /// `A^k_i` by adapted element and shape coordinate: the velocities along the levels are those of the model and
+    /// `A xdot`. Absent where no stage has a connection of its own.
+    pub connection: Option<Vec<Vec<ExprId>>>,
 }
 
 impl Stages {
+    /// Names of the velocities along the adapted elements: `name_1`, `name_2`, .. for a stage called `name` whose level
+    /// has several dimensions, `name` for one.
+    pub fn velocity_names(&self) -> Vec<String> {
+        let names = self.levels.iter().flat_map(|level| {
+            let several = level.range.len() > 1;
+            (1..=level.range.len())
+                .map(move |k| if several { format!("{}_{k}", level.name) } else { level.name.clone() })
+        });
+        names.collect()
+    }
+
     /// Every coefficient.
     pub(super) fn expressions_mut(&mut self) -> impl Iterator<Item = &mut ExprId> {
-        let Stages { levels, basis, inverse } = self;
+        let Stages { levels, basis, inverse, connection } = self;
         let forms = levels.iter_mut().flat_map(|level| {
             let StageLevel { name: _, range: _, quotient_bracket, curvature, vertical_connection } = level;
             quotient_bracket.iter_mut().chain(curvature).chain(vertical_connection).map(|(.., value)| value)
         });
-        forms.chain(basis.iter_mut().flatten()).chain(inverse.iter_mut().flatten())
+        let connection = connection.iter_mut().flatten().flatten();
+        forms.chain(basis.iter_mut().flatten()).chain(inverse.iter_mut().flatten()).chain(connection)
     }
 
     /// Splits `algebra` along the chain `n_0 = g`, `n_1`, .. given by spanning vectors of `n_1`, `n_2`, .., with the
@@ -101,7 +116,7 @@ impl Stages {
         let columns = solve_symbolic(g, &transposed, &unit)
             .map_err(|_| vec![Error::DegenerateInnerProduct { stage: names[0].clone() }])?;
         let inverse: Vec<Vec<ExprId>> = (0..n).map(|a| columns.iter().map(|row| row[a]).collect()).collect();
-        let mut stages = Stages { levels: Vec::new(), basis, inverse };
+        let mut stages = Stages { levels: Vec::new(), basis, inverse, connection: None };
         let brackets = stages.adapted_brackets(g, algebra);
         stages.levels = ranges
             .iter()
@@ -110,6 +125,23 @@ impl Stages {
             .collect();
         stages.verify_rebuilt(g, &brackets)?;
         Ok(stages)
+    }
+
+    /// Vectors of the algebra, the columns of `rows`, in the adapted basis.
+    pub(super) fn components(&self, g: &mut Graph, rows: &[Vec<ExprId>]) -> Vec<Vec<ExprId>> {
+        let width = rows.first().map_or(0, Vec::len);
+        let mut adapted = Vec::new();
+        for k in 0..self.basis.len() {
+            let mut row = Vec::new();
+            for i in 0..width {
+                let terms: Vec<ExprId> =
+                    rows.iter().zip(&self.inverse).map(|(a, inverse)| g.mul(a[i], inverse[k])).collect();
+                let sum = g.sum(&terms);
+                row.push(g.cancel_zero(sum));
+            }
+            adapted.push(row);
+        }
+        adapted
     }
 
     /// Level to which an adapted basis element belongs.

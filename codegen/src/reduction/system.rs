@@ -11,6 +11,7 @@ use crate::spec::{Condition, Named, NamedVector, Param, ParamArray, Side};
 use super::constraint::{KinematicConstraint, Unknown};
 use super::domain::DomainCondition;
 use super::formulation::Formulation;
+use super::frame::{Change, Frame};
 use super::momenta::CarriedMomentum;
 use super::part::Part;
 use super::reconstruction::{MomentumInSpace, ReconstructedCoordinate};
@@ -139,6 +140,10 @@ pub struct ReducedSystem {
     pub domains: Vec<DomainCondition>,
     /// Angles that the base carries as points of the circle.
     pub circles: Vec<Circle>,
+    /// The frame of the velocities by that of the model; absent where they are the same.
+    pub frame: Option<Frame>,
+    /// Variables of the state that the model does not have, by those that it has.
+    pub changes: Vec<Change>,
 }
 
 impl ReducedSystem {
@@ -190,6 +195,8 @@ impl ReducedSystem {
             signs: _,
             domains,
             circles: _,
+            frame,
+            changes,
         } = self;
         let mut list: Vec<(Part, &mut ExprId)> = vec![(Part::Lagrangian, lagrangian)];
         let bounds = conditions.iter_mut().flat_map(|c| [&mut c.greater, &mut c.less]);
@@ -210,6 +217,9 @@ impl ReducedSystem {
         list.extend(momenta.iter_mut().map(|m| (Part::Momentum, &mut m.value)));
         let domains = domains.iter_mut().map(|d| &mut d.positive);
         list.extend(domains.enumerate().map(|(k, e)| (Part::Domain(k), e)));
+        let frame = frame.iter_mut().flat_map(Frame::expressions_mut);
+        let changes = changes.iter_mut().map(|change| &mut change.value);
+        list.extend(frame.chain(changes).map(|e| (Part::Frame, e)));
         list.extend(algebroid.coefficients_mut().into_iter().map(|e| (Part::Algebroid, e)));
         (graph, list)
     }
@@ -217,7 +227,11 @@ impl ReducedSystem {
     /// The group velocity `xi^a = v^a - A^a_i xdot^i`, by the velocities of the system, `n_shape` of them along the
     /// shape.
     pub(crate) fn group_velocity(&self, g: &mut Graph, n_shape: usize) -> Vec<ExprId> {
-        let y: Vec<ExprId> = self.velocities.iter().map(|s| g.sym(*s)).collect();
+        let own: Vec<ExprId> = self.velocities.iter().map(|s| g.sym(*s)).collect();
+        let y = match &self.frame {
+            Some(frame) => frame.velocities(g, &own),
+            None => own,
+        };
         let (shape, fibre) = y.split_at(n_shape);
         let Some(connection) = &self.connection else { return fibre.to_vec() };
         let components = fibre.iter().zip(connection).map(|(v, row)| {

@@ -298,6 +298,7 @@ fn item(model: &Model, role: ExpressionRole) -> Option<(String, Option<Span>)> {
             let name = &model.base[k].name;
             (format!("the domain of `{name}`"), places.declared.get(name).copied())
         }
+        ExpressionRole::StageConnection => ("the connection of a stage".into(), places.connection),
         ExpressionRole::InnerProduct => ("the inner product".into(), places.inner_product),
         ExpressionRole::Casimir(k) => {
             let name = &model.casimirs[k].name;

@@ -5,7 +5,7 @@
 use std::collections::BTreeSet;
 
 use crate::lower::SearchBudget;
-use crate::reduction::{Formulation, carried_by_momenta};
+use crate::reduction::{Formulation, StageUse, carried_by_momenta};
 use crate::spec::{Model, Want, Wanted};
 
 use super::derivatives::Derivative;
@@ -85,6 +85,7 @@ impl Plan {
             plan.formulation.fixed.clone_from(&own.fixed);
             plan.formulation.circles.clone_from(&own.circles);
             plan.formulation.momenta = carried_by_momenta(&model.carries, &own.carries);
+            plan.formulation.stages = StageUse::of(model.stages.is_some(), &model.carries, &own.carries);
             if !own.drops.is_empty() {
                 plan.drops = Drops::Components(own.drops.clone());
             }

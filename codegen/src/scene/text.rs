@@ -146,14 +146,17 @@ impl BuiltScene {
         if legendre.momenta.is_empty() {
             return None;
         }
+        let has_levels = !self.equations.system.changes.is_empty();
         let velocities: Vec<&str> = legendre.velocities.iter().map(|(name, _)| name.as_str()).collect();
         Some(ProductText {
             name: legendre_role().name().to_owned(),
             vector: "velocities".into(),
             components: legendre.momenta.iter().map(|(name, _)| name.clone()).collect(),
             doc: format!(
-                "momenta `W^T dL/dy` of the state by the velocities that they stand for, `{}`; the momenta in `y` mean nothing",
-                velocities.join(", ")
+                "{} of the state by the velocities that they stand for, `{}`; {}",
+                if has_levels { "velocities along the levels of stages" } else { "momenta `W^T dL/dy`" },
+                velocities.join(", "),
+                if has_levels { "those in `y` mean nothing" } else { "the momenta in `y` mean nothing" },
             ),
         })
     }

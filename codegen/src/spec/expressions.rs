@@ -38,6 +38,8 @@ pub enum ExpressionRole {
     Output(usize),
     /// An entry of the inner product for the stages.
     InnerProduct,
+    /// A coefficient of the connections of the stages.
+    StageConnection,
     /// The default initial value of a variable.
     Initial(usize),
 }
@@ -171,9 +173,14 @@ macro_rules! visit {
                 $visit(ExpressionRole::Output(k), e);
             }
         }
-        if let Some(IdealChain { names: _, ideals: _, inner_product, spans: _ }) = stages {
-            for e in inner_product.into_iter().flatten().flatten() {
-                $visit(ExpressionRole::InnerProduct, e);
+        if let Some(IdealChain { names: _, ideals: _, inner_product, connection, spans: _ }) = stages {
+            if let Some(InnerProduct::Matrix(rows)) = inner_product {
+                for e in rows.into_iter().flatten() {
+                    $visit(ExpressionRole::InnerProduct, e);
+                }
+            }
+            for e in connection.into_iter().flatten().flatten() {
+                $visit(ExpressionRole::StageConnection, e);
             }
         }
         for (k, (_, e)) in initial.into_iter().enumerate() {

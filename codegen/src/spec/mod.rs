@@ -36,7 +36,7 @@ pub use kind::{Kind, Restriction, Setting};
 pub use layout::Layout;
 pub use model::{
     Advected, Carried, CarriedBy, Condition, ConnectionKind, Constraint, ConstraintKind, Coordinate, Domain,
-    IdealChain, Model, Momentum, Named, NamedVector, Param, ParamArray, Places, Reconstruction,
+    IdealChain, InnerProduct, Model, Momentum, Named, NamedVector, Param, ParamArray, Places, Reconstruction,
     ReconstructionKind, Scene, Side, Velocity, View, ViewShape, Views, VirtualConstraint, circle_names,
     diagnose,
 };

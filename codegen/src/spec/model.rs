@@ -100,6 +100,15 @@ pub struct Velocity {
     pub doc: String,
 }
 
+/// What decides which complement of an ideal is its level.
+#[derive(Clone, Debug, PartialEq)]
+pub enum InnerProduct {
+    /// A symmetric matrix in the basis of the algebra.
+    Matrix(Vec<Vec<ExprId>>),
+    /// The kinetic energy: the Hessian of the Lagrangian in the velocities of the algebra.
+    Lagrangian,
+}
+
 /// A name for the momenta `W^T dL/dy` along a velocity: of an unconstrained velocity, its momentum `dL/dy`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Momentum {
@@ -128,6 +137,8 @@ pub struct Carried {
 pub enum CarriedBy {
     /// Itself.
     Velocity,
+    /// With all others of the algebra, the velocities along the levels of the stages.
+    Level,
     /// Its momentum, under this name.
     Momentum(String),
     /// Nothing: its momentum is conserved, and the parameter of this name (Routh).
@@ -141,8 +152,11 @@ pub struct IdealChain {
     pub names: Vec<String>,
     /// Spanning vectors of `n_1, n_2, ..` in the basis of the algebra.
     pub ideals: Vec<Vec<Vec<Rational>>>,
-    /// Symmetric matrix in the basis of the algebra; absent for the identity.
-    pub inner_product: Option<Vec<Vec<ExprId>>>,
+    /// The inner product; absent for the one in which the basis of the algebra is orthonormal.
+    pub inner_product: Option<InnerProduct>,
+    /// The sum of the connections of the stages, `A^a_i` by element of the algebra and base coordinate; absent where no
+    /// stage has one.
+    pub connection: Option<Vec<Vec<ExprId>>>,
     /// Where each stage stands.
     pub spans: Vec<Option<Span>>,
 }
@@ -545,6 +559,7 @@ impl Model {
                 self.places.independent.or(self.constraints.first().and_then(|c| c.span))
             }
             Error::WrongNumberOfDisplacements { .. } => self.virtual_constraints.first().and_then(|v| v.span),
+            Error::InnerProductDependsOn { .. } => self.places.inner_product,
             Error::DegenerateInnerProduct { stage } => {
                 self.places.inner_product.or_else(|| self.place_of_stage(stage))
             }

@@ -18,7 +18,7 @@ pub enum Want {
     EnergyRate,
     /// The momenta `dL/dy`.
     Momentum,
-    /// The velocities that momenta of the state stand for.
+    /// The velocities of the model that momenta, or velocities along the levels of stages, stand for in the state.
     Velocities,
     /// Multipliers of constraints, where they are computed.
     Multipliers,

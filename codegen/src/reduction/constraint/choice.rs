@@ -5,7 +5,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::error::Error;
-use crate::expr::{ExprId, Sign, SymbolId};
+use crate::expr::{ExprId, Graph, Sign, SymbolId};
 use crate::spec::{self, ConstraintKind, Model};
 
 use super::solver::Solver;
@@ -28,17 +28,51 @@ pub(in crate::reduction) fn constrain(
 ) -> Result<KinematicConstraint, Error> {
     let frame = frame_unknowns(model);
     let quasi = quasi_unknowns(model);
-    let names: Vec<String> = frame.iter().map(|u| u.name.clone()).collect();
     let params: BTreeSet<SymbolId> = model.params.iter().map(|p| p.symbol).collect();
     let (linear, general) = constraint_rows(model);
     let displacements = displacement_rows(model);
+    let choice = Choice { independent: model.independent.as_deref(), multipliers: model.force_multipliers };
+    let setting = Setting { frame: &frame, quasi: &quasi, params: &params, signs };
+    solve_rows(&mut model.graph, &setting, (linear, general), displacements, choice)
+}
+
+/// The velocities that constraints restrict, and what is known beside.
+pub(in crate::reduction) struct Setting<'a> {
+    pub(in crate::reduction) frame: &'a [Unknown],
+    pub(in crate::reduction) quasi: &'a [Unknown],
+    pub(in crate::reduction) params: &'a BTreeSet<SymbolId>,
+    pub(in crate::reduction) signs: &'a BTreeMap<ExprId, Sign>,
+}
+
+/// What somebody else decided about the form of constraints.
+#[derive(Clone, Copy, Default)]
+pub(in crate::reduction) struct Choice<'a> {
+    /// Velocities that are to be independent.
+    pub(in crate::reduction) independent: Option<&'a [usize]>,
+    /// Whether multipliers are kept.
+    pub(in crate::reduction) multipliers: bool,
+}
+
+/// Constraints in the form that their equations take: those that are linear, and all as conditions on accelerations;
+/// `displacements` are conditions on virtual displacements of their own, if there are any.
+///
+/// # Errors
+/// As [`constrain`].
+pub(in crate::reduction) fn solve_rows(
+    g: &mut Graph,
+    setting: &Setting<'_>,
+    (linear, general): (Vec<ConstraintRow>, Vec<AccelerationRow>),
+    displacements: Vec<ConstraintRow>,
+    choice: Choice<'_>,
+) -> Result<KinematicConstraint, Error> {
+    let Setting { frame, quasi, params, signs } = *setting;
+    let names: Vec<String> = frame.iter().map(|u| u.name.clone()).collect();
     let all_linear = linear.len() == general.len();
-    let keep_all = (model.force_multipliers && !general.is_empty()) || !all_linear;
-    let wanted = model.independent.clone().filter(|_| !keep_all);
-    let g = &mut model.graph;
-    let mut solver = Solver { graph: g, names: &names, quasi: &quasi, params: &params, facts: signs };
+    let keep_all = (choice.multipliers && !general.is_empty()) || !all_linear;
+    let wanted = choice.independent.filter(|_| !keep_all);
+    let mut solver = Solver { graph: g, names: &names, quasi, params, facts: signs };
     // Solving also detects dependent and inconsistent rows, so it runs even when multipliers are asked for.
-    let solved = solver.solve(&linear, wanted.as_deref())?.filter(|_| !keep_all);
+    let solved = solver.solve(&linear, wanted)?.filter(|_| !keep_all);
     solver.quasi = &[];
     let allowed = solver.solve(&displacements, None)?;
     if !displacements.is_empty() {
@@ -58,7 +92,7 @@ pub(in crate::reduction) fn constrain(
         .enumerate()
         .filter(|(k, _)| !solved.dependent.contains(k))
         .map(|(_, u)| u)
-        .chain(&quasi)
+        .chain(quasi)
         .cloned()
         .collect();
     let mut pivots = solved.pivots;

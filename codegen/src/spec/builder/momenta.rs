@@ -5,6 +5,7 @@
 use std::collections::BTreeMap;
 
 use super::draft::{CarryDraft, DeclaredAs, Located, ModelBuilder};
+use super::stages::STAGES;
 use crate::expr::ExprId;
 use crate::spec::diagnostic::Span;
 use crate::spec::layout::Layout;
@@ -183,6 +184,9 @@ impl ModelBuilder {
             return momenta;
         }
         let slot = self.slot(name);
+        if slot.is_empty() && name == STAGES {
+            return self.carried_levels(span);
+        }
         if slot.is_empty() && !["velocity", "momentum"].iter().any(|item| self.broken.contains(item)) {
             let help = match self.momenta.is_empty() {
                 true => "declare it: `momentum Pi of Omega;`".to_owned(),

@@ -15,6 +15,9 @@ use crate::spec::model::*;
 use crate::spec::names;
 use crate::spec::value::Value;
 
+/// What a state carries where it carries the velocities along the levels.
+pub(super) const STAGES: &str = "stages";
+
 impl ModelBuilder {
     /// The name of the first stage, the whole algebra.
     ///
@@ -51,6 +54,37 @@ impl ModelBuilder {
             None => self.inner_product = Some((matrix.clone(), here)),
         }
         self
+    }
+
+    /// Velocities along the levels in the place of those of the algebra, for `carry stages;`.
+    pub(super) fn carried_levels(&mut self, span: Option<Span>) -> Vec<Carried> {
+        let drafts: Vec<String> = self.stages.iter().map(|draft| draft.name.clone()).collect();
+        if drafts.is_empty() {
+            if !self.broken.contains("stage") {
+                self.problem(
+                    span,
+                    "there are no stages to carry",
+                    "declare them: `stage rotation; stage translation = ideal(V);`",
+                );
+            }
+            return Vec::new();
+        }
+        for stage in drafts {
+            // Velocities along a level are called by its stage, with a number where there are several.
+            let of_level = |name: &&String| match name.strip_prefix(stage.as_str()) {
+                Some("") => true,
+                Some(rest) => rest.strip_prefix('_').is_some_and(|k| k.parse::<usize>().is_ok()),
+                None => false,
+            };
+            let taken = self.names.keys().chain(self.output_names.keys()).find(of_level).cloned();
+            if let Some(taken) = taken {
+                let message =
+                    format!("velocities along stage `{stage}` are called by it, and `{taken}` is taken");
+                self.problem(span, message, "give the stage another name");
+            }
+        }
+        let n_base = self.base.len();
+        (0..self.velocities.len()).map(|a| Carried { velocity: n_base + a, by: CarriedBy::Level }).collect()
     }
 
     pub(super) fn check_stages(&mut self) -> Option<IdealChain> {
@@ -140,7 +174,8 @@ impl ModelBuilder {
         Some(IdealChain {
             names: drafts.iter().map(|d| d.name.clone()).collect(),
             ideals,
-            inner_product,
+            inner_product: inner_product.map(InnerProduct::Matrix),
+            connection: None,
             spans: drafts.iter().map(|d| d.span).collect(),
         })
     }

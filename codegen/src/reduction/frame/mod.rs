@@ -1,0 +1,328 @@
+//! A system in other velocities: `y = T eta` with the columns of `T` for a frame.
+//!
+//! [`with_stages`] writes a system in the frame that its chain of stages is adapted to, as a rewrite of everything that
+//! has velocities or components in the frame. `algebroid` builds anchor and bracket from the stage forms and holds them
+//! to the change of frame, `constraint` carries the constraints over. Does not know: how the frame came about,
+//! equations of motion.
+
+mod algebroid;
+mod constraint;
+
+use std::collections::BTreeMap;
+
+use crate::error::Error;
+use crate::expr::{DivisionByZero, ExprId, Graph, SymbolId};
+use crate::spec::Side;
+
+use super::constraint::{KinematicConstraint, Unknown};
+use super::formulation::StageUse;
+use super::stages::Stages;
+use super::system::{Block, BlockKind, ReducedSystem, StateKind};
+
+/// The frame of a system by the one that its model is written in: `y^alpha = T^alpha_a eta^a` for the velocities `y` of
+/// the model and `eta` of the system.
+///
+/// # Shapes
+/// `matrix`, `inverse`: `[m][m]`, the identity in the rows of base velocities.
+#[derive(Clone, Debug)]
+pub struct Frame {
+    /// The velocities `y` of the model, base velocities first.
+    pub original: Vec<Unknown>,
+    /// `T`: column `a` has the components of section `a` in the frame of the model.
+    pub matrix: Vec<Vec<ExprId>>,
+    /// The inverse of `T`.
+    pub inverse: Vec<Vec<ExprId>>,
+}
+
+/// A variable of the state as a function of the model's own variables.
+#[derive(Clone, Debug)]
+pub struct Change {
+    /// Name of the variable.
+    pub name: String,
+    /// Its symbol.
+    pub symbol: SymbolId,
+    /// Its value, in the velocities of the model, base coordinates, parameters and time.
+    pub value: ExprId,
+}
+
+impl Frame {
+    /// The frame that is adapted to stages behind `n_shape` base velocities: `T = [[1, 0], [-F A, F]]` with the adapted
+    /// elements for the columns of `F` and the connections `A` of the stages.
+    fn adapted(g: &mut Graph, stages: &Stages, original: Vec<Unknown>) -> Frame {
+        let (m, r) = (original.len(), stages.basis.len());
+        let n = m - r;
+        let unit = |i: usize, j: usize| if i == j { g.one() } else { g.zero() };
+        let mut matrix: Vec<Vec<ExprId>> = (0..m).map(|i| (0..m).map(|j| unit(i, j)).collect()).collect();
+        let mut inverse = matrix.clone();
+        for a in 0..r {
+            for k in 0..r {
+                matrix[n + a][n + k] = stages.basis[k][a];
+                inverse[n + k][n + a] = stages.inverse[a][k];
+            }
+        }
+        for (k, row) in stages.connection.iter().flatten().enumerate() {
+            inverse[n + k][..n].copy_from_slice(row);
+            for a in 0..r {
+                for (i, e) in row.iter().enumerate() {
+                    let along = g.mul(stages.basis[k][a], *e);
+                    matrix[n + a][i] = g.sub(matrix[n + a][i], along);
+                }
+            }
+        }
+        Frame { original, matrix, inverse }
+    }
+
+    /// Every coefficient.
+    pub(super) fn expressions_mut(&mut self) -> impl Iterator<Item = &mut ExprId> {
+        let Frame { original: _, matrix, inverse } = self;
+        matrix.iter_mut().flatten().chain(inverse.iter_mut().flatten())
+    }
+
+    /// `y = T eta`.
+    pub fn velocities(&self, g: &mut Graph, eta: &[ExprId]) -> Vec<ExprId> {
+        self.matrix.iter().map(|row| contract(g, row, eta)).collect()
+    }
+
+    /// The components of a one-form in the frame of the system: `w_a = w_alpha T^alpha_a`.
+    fn one_form(&self, g: &mut Graph, form: &[ExprId]) -> Vec<ExprId> {
+        (0..form.len()).map(|a| tidied(g, |g| contract_column(g, form, &self.matrix, a))).collect()
+    }
+
+    /// The components of momenta in the frame of the model: `p_alpha = (T^-1)^a_alpha p_a`.
+    pub fn momenta(&self, g: &mut Graph, p: &[ExprId]) -> Vec<ExprId> {
+        (0..p.len()).map(|alpha| contract_column(g, p, &self.inverse, alpha)).collect()
+    }
+}
+
+/// `sum_k a_k b_k`.
+fn contract(g: &mut Graph, a: &[ExprId], b: &[ExprId]) -> ExprId {
+    let pairs = a.iter().zip(b).filter(|(x, y)| **x != g.zero() && **y != g.zero());
+    let pairs: Vec<(ExprId, ExprId)> = pairs.map(|(x, y)| (*x, *y)).collect();
+    let terms: Vec<ExprId> = pairs.into_iter().map(|(x, y)| g.mul(x, y)).collect();
+    g.sum(&terms)
+}
+
+/// `sum_k a_k rows[k][column]`.
+fn contract_column(g: &mut Graph, a: &[ExprId], rows: &[Vec<ExprId>], column: usize) -> ExprId {
+    let column: Vec<ExprId> = rows.iter().map(|row| row[column]).collect();
+    contract(g, a, &column)
+}
+
+fn tidied(g: &mut Graph, make: impl FnOnce(&mut Graph) -> ExprId) -> ExprId {
+    let e = make(g);
+    g.cancel_zero(e)
+}
+
+/// The system in the frame that is adapted to its stages, as far as its formulation asks for it.
+///
+/// Internally the state stays what it is and its velocities are independent ones `u` with
+/// `eta = T^-1 Psi u + T^-1 psi0`; the equations are the components along the adapted frame. Carried, the state has
+/// velocities of the levels, and [`ReducedSystem::changes`] says what they are.
+/// Constraints with multipliers keep all velocities in the state, so that an internal frame changes nothing for them.
+///
+/// # Errors
+/// [`Error::RebuiltBracketDiffers`], constraints that cannot be solved in the new velocities,
+/// [`Error::DivisionByZero`].
+pub(super) fn with_stages(system: ReducedSystem) -> Result<ReducedSystem, Error> {
+    let keeps_all = matches!(system.constraint, KinematicConstraint::Multipliers { .. });
+    match system.formulation.stages {
+        StageUse::Unused | StageUse::Shown => Ok(system),
+        StageUse::Internal if keeps_all => Ok(system),
+        StageUse::Internal | StageUse::Carried => match system.stages.clone() {
+            Some(stages) => in_frame(system, &stages),
+            None => Ok(system),
+        },
+    }
+}
+
+fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Error> {
+    let ReducedSystem {
+        formulation,
+        mut graph,
+        name,
+        doc,
+        sources,
+        time,
+        params,
+        param_arrays,
+        conditions,
+        algebroid,
+        velocities,
+        side,
+        connection,
+        lagrangian,
+        forces,
+        constraint,
+        unknowns,
+        momenta,
+        state,
+        casimirs,
+        mut outputs,
+        reconstruction,
+        momenta_in_space,
+        blocks,
+        stages: _,
+        signs,
+        domains,
+        circles,
+        frame: _,
+        changes: _,
+    } = system;
+    let g = &mut graph;
+    let is_carried = formulation.stages == StageUse::Carried;
+    let n = velocities.len() - stages.basis.len();
+    let own = velocities.iter().zip(algebroid.frame()).enumerate();
+    let own =
+        own.map(|(k, (symbol, name))| Unknown { name: name.clone(), symbol: *symbol, frame_idx: Some(k) });
+    let frame = Frame::adapted(g, stages, own.collect());
+    let eta: Vec<Unknown> = frame.original[..n].to_vec();
+    let eta: Vec<Unknown> = eta.into_iter().chain(level_velocities(g, stages, n)).collect();
+    let names: Vec<String> = eta.iter().map(|u| u.name.clone()).collect();
+    let algebroid =
+        algebroid::adapted(g, &algebroid, stages, (&frame, &names), (side == Side::Right, &connection))?;
+    let symbols: Vec<ExprId> = eta.iter().map(|u| g.sym(u.symbol)).collect();
+    let values = frame.velocities(g, &symbols);
+    let all: BTreeMap<SymbolId, ExprId> = velocities.iter().copied().zip(values).skip(n).collect();
+    let divided = |_: DivisionByZero| Error::DivisionByZero { place: "the change of frame".into() };
+    let lagrangian = g.subs(lagrangian, &all).map_err(divided)?;
+    let forces = g.subs_all(&forces, &all).map_err(divided)?;
+    let forces = frame.one_form(g, &forces);
+    let beside = constraint::Setting { time, params: &params, signs: &signs, algebroid: &algebroid };
+    let before = constraint.clone();
+    let constraint = match is_carried {
+        true => constraint::solved_again(g, &beside, &frame, &eta, constraint, &all)?,
+        // What a momentum is depends on the displacements.
+        false => {
+            let has_momenta = !momenta.is_empty();
+            constraint::with_old_unknowns(g, &beside, (&frame, n), (&names, has_momenta), constraint, &all)?
+        }
+    };
+    // What stays in the state stays in expressions.
+    let kept: Vec<SymbolId> =
+        if is_carried { Vec::new() } else { unknowns.iter().map(|u| u.symbol).collect() };
+    let replaced: BTreeMap<SymbolId, ExprId> = all.into_iter().filter(|(y, _)| !kept.contains(y)).collect();
+    let replace = |g: &mut Graph, e: &mut ExprId| -> Result<(), Error> {
+        *e = g.subs(*e, &replaced).map_err(divided)?;
+        Ok(())
+    };
+    let (mut casimirs, mut reconstruction) = (casimirs, reconstruction);
+    for e in casimirs.iter_mut().map(|c| &mut c.expr) {
+        replace(g, e)?;
+    }
+    for (_, e) in outputs.iter_mut().flat_map(|o| &mut o.components) {
+        replace(g, e)?;
+    }
+    for e in reconstruction.iter_mut().map(|c| &mut c.rate) {
+        replace(g, e)?;
+    }
+    let mut system = ReducedSystem {
+        formulation,
+        graph: Graph::new(),
+        name,
+        doc,
+        sources,
+        time,
+        params,
+        param_arrays,
+        conditions,
+        algebroid,
+        velocities: eta.iter().map(|u| u.symbol).collect(),
+        side,
+        connection,
+        lagrangian,
+        forces,
+        constraint,
+        unknowns,
+        momenta,
+        state,
+        casimirs,
+        outputs,
+        reconstruction,
+        momenta_in_space,
+        blocks,
+        stages: Some(stages.clone()),
+        signs,
+        domains,
+        circles,
+        frame: None,
+        changes: Vec::new(),
+    };
+    if is_carried {
+        let unknowns = carry(g, &mut system, stages, &frame, &eta);
+        constraint::keeps_momenta(g, &mut system, &frame, (&before, &unknowns))?;
+    }
+    system.graph = graph;
+    system.frame = Some(frame);
+    Ok(system)
+}
+
+/// The state of velocities along the levels, and what tells of it; the unknowns before.
+fn carry(
+    g: &mut Graph,
+    system: &mut ReducedSystem,
+    stages: &Stages,
+    frame: &Frame,
+    eta: &[Unknown],
+) -> Vec<Unknown> {
+    let n = eta.len() - stages.basis.len();
+    let unknowns = match &system.constraint {
+        KinematicConstraint::Solved(solved) => solved.unknowns.clone(),
+        KinematicConstraint::Multipliers { .. } => eta.to_vec(),
+    };
+    let before = std::mem::replace(&mut system.unknowns, unknowns);
+    let doc_of = |u: &Unknown| {
+        let level = u.frame_idx.filter(|k| *k >= n).map(|k| &stages.levels[stages.level_of(k - n)]);
+        if let Some(level) = level {
+            return format!("velocity along the level of stage `{}`", level.name);
+        }
+        let same = before.iter().position(|old| old.symbol == u.symbol);
+        let entry = same.and_then(|a| system.state.iter().find(|(kind, _)| *kind == StateKind::Unknown(a)));
+        entry.map(|(_, doc)| doc.clone()).unwrap_or_default()
+    };
+    let has_momentum =
+        |u: &Unknown| system.momenta.iter().any(|m| before[m.unknown].symbol == u.symbol);
+    let own = system.unknowns.iter().enumerate().filter(|(_, u)| !has_momentum(u));
+    let own: Vec<(StateKind, String)> = own.map(|(a, u)| (StateKind::Unknown(a), doc_of(u))).collect();
+    let is_base = |kind: &StateKind| matches!(kind, StateKind::Base(_));
+    let is_unknown = |kind: &StateKind| matches!(kind, StateKind::Unknown(_));
+    let at = system.state.iter().take_while(|(kind, _)| is_base(kind)).count();
+    system.state.retain(|(kind, _)| !is_unknown(kind));
+    system.state.splice(at..at, own);
+    let own: Vec<ExprId> = frame.original.iter().map(|u| g.sym(u.symbol)).collect();
+    for u in &system.unknowns {
+        let Some(k) = u.frame_idx.filter(|k| *k >= n) else { continue };
+        let value = contract(g, &frame.inverse[k], &own);
+        system.changes.push(Change { name: u.name.clone(), symbol: u.symbol, value });
+    }
+    let mut blocks: Vec<Block> = (stages.levels.iter())
+        .map(|level| Block {
+            name: level.name.clone(),
+            components: level.range.clone().map(|k| eta[n + k].symbol).collect(),
+            kind: BlockKind::Velocity,
+        })
+        .collect();
+    // Positions of places in the list count what comes before.
+    let is_velocity = |block: &&Block| block.kind == BlockKind::Velocity;
+    let shift = |at: usize, new: usize, old: usize| at + new - old;
+    let (new, old) = (blocks.len(), system.blocks.iter().filter(is_velocity).count());
+    for block in system.blocks.drain(..).filter(|block| block.kind != BlockKind::Velocity) {
+        let kind = match block.kind {
+            BlockKind::Position { attitude } => BlockKind::Position { attitude: shift(attitude, new, old) },
+            other => other,
+        };
+        blocks.push(Block { kind, ..block });
+    }
+    system.blocks = blocks;
+    before
+}
+
+/// Velocities along the adapted elements: `stage_1`, `stage_2`, .. for a stage of several dimensions, its name for one.
+fn level_velocities(g: &mut Graph, stages: &Stages, n: usize) -> Vec<Unknown> {
+    let names = stages.velocity_names();
+    let mut unknowns = Vec::new();
+    for (k, name) in names.into_iter().enumerate() {
+        let symbol = g.symbol(&name);
+        unknowns.push(Unknown { name, symbol, frame_idx: Some(n + k) });
+    }
+    unknowns
+}

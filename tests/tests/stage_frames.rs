@@ -1,0 +1,237 @@
+//! The frame of a chain of stages: the motion is that of the model's own frame, exactly, for random algebras, chains,
+//! inner products, sides, connections, constraints and advected parameters; and frames that turn with the shape.
+
+use std::collections::BTreeMap;
+
+use hamel_codegen::expr::{ExprId, Graph, SymbolId, inlined};
+use hamel_codegen::mechanics::{Equations, OutputKind, VerticalEquations, derive};
+use hamel_codegen::reduction::{Formulation, KinematicConstraint, StageUse, reduce};
+use hamel_codegen::spec::{self, InnerProduct, Model, Want};
+use hamel_tests::algebras::{FAMILIES, Transported};
+use hamel_tests::bundle::Bundle;
+use hamel_tests::draws::{Draws, for_all, one};
+use hamel_tests::linear::Rows;
+use hamel_tests::problem::Problem;
+use hamel_tests::stages::{chain_text, with_items};
+
+const NUMBERS: usize = 3000;
+
+fn parsed(text: &str) -> Model {
+    spec::parse("m", text).unwrap_or_else(|e| panic!("{e}\n{text}"))
+}
+
+fn derived(model: &Model, stages: StageUse) -> Equations {
+    let formulation = Formulation { stages, ..Formulation::of(model) };
+    let system = reduce(model, &formulation).unwrap_or_else(|e| panic!("{e}"));
+    derive(&system).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// The rates of a system without the names of definitions.
+struct Motion<'a> {
+    equations: &'a Equations,
+    values: BTreeMap<SymbolId, ExprId>,
+    g: Graph,
+}
+
+impl<'a> Motion<'a> {
+    fn new(equations: &'a Equations) -> Motion<'a> {
+        let mut g = equations.system.graph.clone();
+        let values = inlined(&mut g, equations.sections.iter().flat_map(|s| &s.definitions));
+        Motion { equations, values, g }
+    }
+
+    fn inlined(&mut self, e: ExprId) -> ExprId {
+        self.g.subs(e, &self.values).expect("definitions divide by nothing that vanishes")
+    }
+
+    fn rates(&mut self) -> Vec<(String, ExprId)> {
+        let state = self.equations.state.iter();
+        state.map(|s| (s.name.clone(), s.derivative)).map(|(n, e)| (n, self.inlined(e))).collect()
+    }
+
+    /// The derivative along the motion of a function of time and state.
+    fn rate_of(&mut self, e: ExprId) -> ExprId {
+        let mut terms = vec![self.g.diff(e, self.equations.system.time)];
+        for s in &self.equations.state {
+            let rate = self.inlined(s.derivative);
+            let slope = self.g.diff(e, s.symbol);
+            terms.push(self.g.mul(slope, rate));
+        }
+        self.g.sum(&terms)
+    }
+}
+
+/// In an internal frame the state is the same, and so is every rate, the energy and the momenta.
+fn assert_internal(plain: &Equations, internal: &Equations, what: &str) {
+    let (mut one, mut other) = (Motion::new(plain), Motion::new(internal));
+    let (expected, found) = (one.rates(), other.rates());
+    let energies = (one.inlined(plain.energy), other.inlined(internal.energy));
+    let mut pairs = vec![("energy".to_owned(), energies.0, energies.1)];
+    for ((name, e), (same, f)) in expected.into_iter().zip(found) {
+        assert_eq!(name, same, "{what}");
+        pairs.push((name, e, f));
+    }
+    for output in &plain.outputs {
+        let same = internal.outputs.iter().find(|o| o.kind == output.kind && o.name == output.name);
+        let same = same.unwrap_or_else(|| panic!("no output {}\n{what}", output.name));
+        for ((name, e), (own, f)) in output.components.iter().zip(&same.components) {
+            assert_eq!(name, own, "{what}");
+            pairs.push((name.clone(), one.inlined(*e), other.inlined(*f)));
+        }
+    }
+    for (name, e, f) in pairs {
+        let imported = one.g.import(&other.g, &[f]).expect("it has a value")[0];
+        assert!(one.g.is_equal(e, imported), "{name} differs\n{what}");
+    }
+}
+
+/// A carried state moves as the model's own variables do: `d/dt y(eta) = ydot(y(eta))`.
+fn assert_carried(plain: &Equations, carried: &Equations, what: &str) {
+    let mut own = Motion::new(plain);
+    let mut levels = Motion::new(carried);
+    let velocities = carried.outputs.iter().find(|o| o.kind == OutputKind::Group(Want::Velocities));
+    let velocities = velocities.unwrap_or_else(|| panic!("no velocities\n{what}"));
+    let frame = carried.system.frame.as_ref().expect("a frame");
+    let mut values: BTreeMap<SymbolId, ExprId> = BTreeMap::new();
+    let n = carried.system.velocities.len() - velocities.components.len();
+    for (u, (name, e)) in frame.original[n..].iter().zip(&velocities.components) {
+        assert_eq!(u.name, *name);
+        let e = levels.inlined(*e);
+        values.insert(u.symbol, e);
+    }
+    // Base velocities that the constraint determines in one frame and not in the other.
+    for (u, name) in frame.original[..n].iter().zip(carried.system.algebroid.frame()) {
+        let definitions = carried.sections.iter().flat_map(|s| &s.definitions);
+        let named = |d: &&hamel_codegen::expr::Definition| carried.system.graph.name(d.symbol) == name;
+        let is_state = carried.state.iter().any(|s| s.symbol == u.symbol);
+        if let Some(d) = definitions.clone().find(named).filter(|_| !is_state) {
+            let e = levels.inlined(d.expr);
+            values.insert(u.symbol, e);
+        }
+    }
+    for (name, rate) in own.rates() {
+        let symbol = plain.state.iter().find(|s| s.name == name).expect("a state variable").symbol;
+        let value = match values.get(&symbol) {
+            Some(value) => *value,
+            None => levels.g.sym(symbol),
+        };
+        let moved = levels.rate_of(value);
+        let imported = levels.g.import(&own.g, &[rate]).expect("it has a value")[0];
+        let expected = levels.g.subs(imported, &values).expect("it has a value");
+        assert!(levels.g.is_equal(moved, expected), "the rate of {name} differs\n{what}");
+    }
+    // What says the state in velocities of the model is inverse to what says these in the state.
+    for change in &carried.system.changes {
+        let back = levels.g.import(&carried.system.graph, &[change.value]).expect("it has a value")[0];
+        let back = levels.g.subs(back, &values).expect("it has a value");
+        let symbol = levels.g.sym(change.symbol);
+        assert!(levels.g.is_equal(back, symbol), "{} is not itself\n{what}", change.name);
+    }
+}
+
+fn assert_same_motion(model: &Model, what: &str) {
+    let plain = derived(model, StageUse::Unused);
+    let internal = derived(model, StageUse::Internal);
+    assert_internal(&plain, &internal, what);
+    let carried = derived(model, StageUse::Carried);
+    let is_solved = |e: &Equations| matches!(e.system.constraint, KinematicConstraint::Solved(_));
+    if is_solved(&plain) == is_solved(&carried) {
+        assert_carried(&plain, &carried, what);
+    }
+    for equations in [internal, carried] {
+        assert!(VerticalEquations::new(&equations).is_some(), "not the vertical equations\n{what}");
+    }
+}
+
+#[test]
+fn on_an_algebra_the_motion_is_that_of_the_given_basis() {
+    for make in FAMILIES {
+        let name = make(&mut one(1, 60)).name;
+        for_all(name, 1, NUMBERS, |mut draws| {
+            let family = make(&mut draws);
+            if family.algebra.dim() > 6 {
+                return Ok(());
+            }
+            let (mut problem, transported) = Problem::random(&family, &mut draws);
+            for (k, chain) in transported.chains.iter().enumerate() {
+                problem.right = k % 2 == 0;
+                problem.rows.clear();
+                let n = family.algebra.dim();
+                problem.constrain(k % 3.min(n), &mut draws);
+                problem.multipliers = k % 2 == 1;
+                let text = with_items(&problem.text(), &chain_text("y", chain, &transported.metric));
+                assert_same_motion(&parsed(&text), &text);
+            }
+            Ok(())
+        });
+    }
+}
+
+/// Bundles over every small family, with and without connection, constraint and advected parameters.
+fn for_all_bundles(test: impl Fn(&str, &Transported, &[Rows], &mut Draws)) {
+    for make in FAMILIES {
+        let family = make(&mut one(3, NUMBERS));
+        if family.algebra.dim() > 3 {
+            continue;
+        }
+        for_all(family.name, 1, NUMBERS, |mut draws| {
+            let transported = Transported::new(&family, &mut draws);
+            for (k, chain) in transported.chains.iter().enumerate() {
+                for kind in 0..3 {
+                    let mut bundle = Bundle::random(&transported.algebra, (k + kind) % 2 == 0, &mut draws);
+                    if kind == 2 {
+                        bundle.constrain(true, &mut draws);
+                    }
+                    if kind == 1 {
+                        bundle.advect(&mut draws);
+                    }
+                    test(&bundle.text(kind != 0), &transported, chain, &mut draws);
+                }
+            }
+            Ok(())
+        });
+    }
+}
+
+#[test]
+fn on_a_bundle_the_motion_is_that_of_the_given_basis() {
+    for_all_bundles(|text, transported, chain, _| {
+        let velocity = if text.contains("velocity xi") { "xi" } else { "v" };
+        let text = with_items(text, &chain_text(velocity, chain, &transported.metric));
+        assert_same_motion(&parsed(&text), &text);
+    });
+}
+
+#[test]
+fn in_a_frame_that_turns_with_the_shape_the_motion_is_the_same() {
+    for_all_bundles(|text, transported, chain, draws| {
+        let velocity = if text.contains("velocity xi") { "xi" } else { "v" };
+        let text = with_items(text, &chain_text(velocity, chain, &transported.metric));
+        let mut model = parsed(&text);
+        let stages = model.stages.as_mut().expect("stages");
+        stages.inner_product = Some(InnerProduct::Lagrangian);
+        // A connection of every stage, with values in the first ideal.
+        let g = &mut model.graph;
+        let x: Vec<ExprId> = model.base.iter().map(|c| g.sym(c.symbol)).collect();
+        let mut rows = vec![vec![g.zero(); x.len()]; model.velocities.len()];
+        for vector in &chain[0] {
+            for i in 0..x.len() {
+                let (c, b) = (g.rational(draws.non_zero()), g.rational(draws.non_zero()));
+                let products = [g.mul(b, x[1 - i]), c];
+                let along = g.sum(&products);
+                for (row, q) in rows.iter_mut().zip(vector) {
+                    let term = g.scale(along, q);
+                    row[i] = g.add(row[i], term);
+                }
+            }
+        }
+        stages.connection = Some(rows);
+        let turns = derived(&model, StageUse::Internal);
+        let stages = turns.system.stages.as_ref().expect("stages");
+        let shape: Vec<SymbolId> = model.base.iter().map(|c| c.symbol).collect();
+        let free = |e: &ExprId| turns.system.graph.free_symbols(*e);
+        let has_shape = |e: &ExprId| free(e).iter().any(|s| shape.contains(s));
+        assert!(stages.basis.iter().flatten().any(has_shape), "the frame is fixed: {text}");
+        assert_same_motion(&model, &text);
+    });
+}
