@@ -166,11 +166,16 @@ impl Derivation<'_> {
         let mut legendre = Legendre::default();
         let has_lagrangian = system.hamiltonian.is_none();
         let mut velocities = Vec::new();
-        for carried in system.momenta.iter().filter(|m| m.symbol.is_some() && has_lagrangian) {
+        let of_state = system.momenta.iter().filter(|m| m.symbol.is_some() && has_lagrangian);
+        let at_level = if of_state.clone().next().is_some() {
+            self.velocities_at_level(&dependent)?
+        } else {
+            BTreeMap::new()
+        };
+        for carried in of_state {
             let unknown = &system.unknowns[carried.unknown];
-            let raw = self.raw_momentum(carried.unknown);
-            let place = || Error::DivisionByZero { place: "the momenta by velocities".into() };
-            let momentum = self.g.subs(raw, &dependent).map_err(|_| place())?;
+            let momentum = self.momentum_by(carried.unknown, &dependent)?;
+            let momentum = self.g.subs(momentum, &at_level).map_err(|_| by_velocities())?;
             let momentum = self.g.cancel_zero(momentum);
             legendre.velocities.push((unknown.name.clone(), unknown.symbol));
             legendre.momenta.push((carried.name.clone(), momentum));
@@ -219,6 +224,35 @@ impl Derivation<'_> {
             slopes.push(self.replace(slope)?);
         }
         Ok(slopes)
+    }
+
+    /// `W^a_b dL/dy^a` with the velocities that the constraints determine by the others.
+    fn momentum_by(&mut self, b: usize, dependent: &BTreeMap<SymbolId, ExprId>) -> Result<ExprId, Error> {
+        let raw = self.raw_momentum(b);
+        self.g.subs(raw, dependent).map_err(|_| by_velocities())
+    }
+
+    /// The velocities whose momenta are parameters, by the other velocities: they solve `A_LL u_L = pi_L - A_LR u_R - ..`,
+    /// which is written out, because nothing but the momenta by velocities needs it.
+    fn velocities_at_level(
+        &mut self,
+        dependent: &BTreeMap<SymbolId, ExprId>,
+    ) -> Result<BTreeMap<SymbolId, ExprId>, Error> {
+        let system = self.system;
+        let levels: Vec<_> = system.momenta.iter().filter(|m| m.symbol.is_none()).collect();
+        let symbols: Vec<SymbolId> = levels.iter().map(|m| system.unknowns[m.unknown].symbol).collect();
+        let at_rest: BTreeMap<SymbolId, ExprId> = symbols.iter().map(|s| (*s, self.g.zero())).collect();
+        let (mut matrix, mut right) = (Vec::new(), Vec::new());
+        for level in &levels {
+            let momentum = self.momentum_by(level.unknown, dependent)?;
+            matrix.push(symbols.iter().map(|s| self.g.diff(momentum, *s)).collect::<Vec<ExprId>>());
+            let rest = self.g.subs(momentum, &at_rest).map_err(|_| by_velocities())?;
+            let difference = self.g.sub(level.value, rest);
+            right.push(vec![self.g.cancel_zero(difference)]);
+        }
+        let solution =
+            crate::algebra::solve_symbolic(&mut self.g, &matrix, &right).map_err(|_| by_velocities())?;
+        Ok(symbols.into_iter().zip(solution.into_iter().map(|row| row[0])).collect())
     }
 
     /// The momentum equation of everything that is carried:
@@ -344,4 +378,8 @@ pub(super) fn check_cyclic(equations: &Equations) -> Result<(), Error> {
         }
     }
     Ok(())
+}
+
+fn by_velocities() -> Error {
+    Error::DivisionByZero { place: "the momenta by velocities".into() }
 }

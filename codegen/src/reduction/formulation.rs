@@ -73,6 +73,21 @@ impl Formulation {
             stages: StageUse::of(model.stages.is_some(), &[], &model.carries),
         }
     }
+
+    /// Base coordinates that only a reconstruction needs, by index: the momenta of their velocities are parameters.
+    pub fn cyclic_coordinates(&self, model: &Model) -> Vec<usize> {
+        let n_base = model.base.len();
+        let is_cyclic = |c: &&Carried| c.velocity < n_base && matches!(c.by, CarriedBy::Parameter(_));
+        self.momenta.iter().filter(is_cyclic).map(|c| c.velocity).collect()
+    }
+
+    /// Names of the coordinates that a reconstruction adds to the state, in its order: those of the group, then the
+    /// cyclic ones.
+    pub fn reconstructed(&self, model: &Model) -> Vec<String> {
+        let of_group = model.reconstruction.iter().flat_map(|item| item.names.iter().cloned());
+        let cyclic = self.cyclic_coordinates(model).into_iter().map(|k| model.base[k].name.clone());
+        of_group.chain(cyclic).collect()
+    }
 }
 
 /// What is carried by momenta: what a model says, and what a scene says in its place.

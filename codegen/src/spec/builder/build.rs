@@ -38,7 +38,7 @@ impl ModelBuilder {
         let initial = self.check_initial();
         let carried = std::mem::take(&mut self.carries);
         let carries = self.check_carries(&carried);
-        let scenes = self.check_scenes();
+        let scenes = self.check_scenes(&carries);
         self.check_budget();
         if !self.problems.is_empty() {
             return Err(Diagnostics::new(origin, self.problems));
