@@ -171,6 +171,17 @@ impl ChangeOfState {
         if to.momenta.iter().all(|m| m.symbol.is_none()) {
             return Ok(());
         }
+        if to.hamiltonian.is_some() {
+            // Both have the momenta of the model, in its frame.
+            for momentum in &to.momenta {
+                let own =
+                    from.momenta.iter().find(|own| own.name == momentum.name).and_then(|own| own.symbol);
+                if let Some((symbol, own)) = momentum.symbol.zip(own) {
+                    self.values.insert(symbol, self.graph.sym(own));
+                }
+            }
+            return Ok(());
+        }
         let Some(y) = velocities.iter().copied().collect::<Option<Vec<ExprId>>>() else { return Ok(()) };
         let mut values = self.values.clone();
         let y = match &to.frame {

@@ -4,9 +4,7 @@
 
 use crate::algebra::series::chains;
 use crate::expr::{ExprId, Rational, independent_rows};
-use crate::reduction::{
-    Formulation, FoundChain, KinematicConstraint, ReducedSystem, StageUse, carried_by_momenta,
-};
+use crate::reduction::{Formulation, FoundChain, KinematicConstraint, ReducedSystem, StageUse};
 use crate::spec::{Carried, CarriedBy, ConnectionKind, Domain, Model, circle_names};
 
 /// Choices of independent velocities that are tried, those first that exchange the fewest velocities.
@@ -50,7 +48,10 @@ impl Choice {
                 formulation.chain.clone_from(chain);
             }
             Choice::Momenta(_, carried) => {
-                formulation.momenta = carried_by_momenta(&formulation.momenta, carried);
+                let momenta = &mut formulation.momenta;
+                momenta.retain(|own| carried.iter().all(|new| new.velocity != own.velocity));
+                momenta.extend(carried.iter().filter(|new| new.by != CarriedBy::Velocity).cloned());
+                momenta.sort_by_key(|own| own.velocity);
             }
         }
     }
@@ -87,9 +88,13 @@ pub(super) fn axes(
     system: &ReducedSystem,
     drops: &[String],
 ) -> Vec<Vec<Choice>> {
-    let mut axes = vec![connections(model, own), independent(system), vec![Choice::Squares(!own.squares)]];
-    axes.push(stages(model, own));
-    axes.extend(momenta(model, own, system).into_iter().map(|choice| vec![choice]));
+    let mut axes = Vec::new();
+    // A Hamiltonian is a function of momenta in the model's own frame.
+    if model.hamiltonian.is_none() {
+        axes.extend([connections(model, own), independent(system), vec![Choice::Squares(!own.squares)]]);
+        axes.push(stages(model, own));
+        axes.extend(momenta(model, own, system).into_iter().map(|choice| vec![choice]));
+    }
     axes.extend(circles(model, own, drops).into_iter().map(|choice| vec![choice]));
     axes.retain(|axis| !axis.is_empty());
     axes

@@ -203,7 +203,9 @@ pub(super) fn search(
     };
     let own = derived(model, &bare.formulation)?;
     let mut plain = Formulation { circles: Vec::new(), ..bare.formulation.clone() };
-    plain.momenta.retain(|carried| matches!(carried.by, CarriedBy::Parameter(_)));
+    if model.hamiltonian.is_none() {
+        plain.momenta.retain(|carried| matches!(carried.by, CarriedBy::Parameter(_)));
+    }
     let hub = if plain == bare.formulation { None } else { derived(model, &plain).ok() };
     let hub = hub.unwrap_or_else(|| Arc::clone(&own));
     let built = build_derived(model, Arc::clone(&own), &bare)?;
