@@ -248,3 +248,24 @@ fn conversions_come_with_another_state() {
     let names: Vec<&str> = fast.outputs().iter().map(|output| output.name.as_str()).collect();
     assert!(names.contains(&"theta"), "{names:?} {:?}", fast.state_names());
 }
+
+#[test]
+fn models_with_a_hamiltonian_and_at_levels_of_momenta_have_formulations() {
+    let body = "param I: diagonal(3) = [1, 2, 3] where I1 > 0, I2 > 0, I3 > 0;
+        velocity Omega in so(3); momentum Pi of Omega; advected Gamma in R^3 by cross(Omega, Gamma);";
+    let top =
+        parsed(&format!("model top {{ {body} lagrangian = dot(Omega, I*Omega)/2 - Gamma3; carry Pi; }}"));
+    let titles = hold_to_one_motion(&top, scene::DEFAULT);
+    assert!(titles.contains(&"velocities Omega".to_owned()), "{titles:?}");
+    let pendulum = parsed(
+        "model pendulum {
+            param p = 0.4;
+            coordinate theta in (0, pi);
+            coordinate phi in angle;
+            lagrangian = (theta_dot^2 + sin(theta)^2*phi_dot^2)/2 + 9.81*cos(theta);
+            routh phi = p;
+        }",
+    );
+    let titles = hold_to_one_motion(&pendulum, scene::DEFAULT);
+    assert!(titles.contains(&"circle theta".to_owned()), "{titles:?}");
+}
