@@ -153,6 +153,11 @@ pub(super) enum ItemKind {
         name: Name,
         velocity: Name,
     },
+    /// `momentum Pi in so(3);`
+    MomentumIn {
+        names: Vec<Name>,
+        algebra: AlgebraExpr,
+    },
     Carry(Vec<Carry>),
     Action(Name),
     Stage {
@@ -171,6 +176,7 @@ pub(super) enum ItemKind {
         action: Expr,
     },
     Lagrangian(Expr),
+    Hamiltonian(Expr),
     Constraint {
         name: Option<Name>,
         left: Expr,

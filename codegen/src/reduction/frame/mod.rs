@@ -127,7 +127,11 @@ pub(super) fn with_stages(system: ReducedSystem) -> Result<ReducedSystem, Error>
     let keeps_all = matches!(system.constraint, KinematicConstraint::Multipliers { .. });
     match system.formulation.stages {
         StageUse::Unused | StageUse::Shown => Ok(system),
-        StageUse::Internal if keeps_all => Ok(system),
+        StageUse::Internal if keeps_all || system.hamiltonian.is_some() => Ok(system),
+        StageUse::Carried if system.hamiltonian.is_some() => Err(Error::Unsupported {
+            what: "velocities along stages of a system with a hamiltonian".into(),
+            possible: "the momenta that it is a function of; remove `carry stages`".into(),
+        }),
         StageUse::Internal | StageUse::Carried => match system.stages.clone() {
             Some(stages) => in_frame(system, &stages),
             None => Ok(system),
@@ -151,6 +155,7 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
         side,
         connection,
         lagrangian,
+        hamiltonian,
         forces,
         constraint,
         unknowns,
@@ -230,6 +235,7 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
         side,
         connection,
         lagrangian,
+        hamiltonian,
         forces,
         constraint,
         unknowns,
@@ -279,8 +285,7 @@ fn carry(
         let entry = same.and_then(|a| system.state.iter().find(|(kind, _)| *kind == StateKind::Unknown(a)));
         entry.map(|(_, doc)| doc.clone()).unwrap_or_default()
     };
-    let has_momentum =
-        |u: &Unknown| system.momenta.iter().any(|m| before[m.unknown].symbol == u.symbol);
+    let has_momentum = |u: &Unknown| system.momenta.iter().any(|m| before[m.unknown].symbol == u.symbol);
     let own = system.unknowns.iter().enumerate().filter(|(_, u)| !has_momentum(u));
     let own: Vec<(StateKind, String)> = own.map(|(a, u)| (StateKind::Unknown(a), doc_of(u))).collect();
     let is_base = |kind: &StateKind| matches!(kind, StateKind::Base(_));
