@@ -69,8 +69,8 @@ pub struct Candidate {
     pub state: Vec<String>,
     /// Those that are not in the scene's own state, or mean something else there.
     pub changed: Vec<String>,
-    /// Whether all of these are points of the scene's angles and momenta of its velocities: then the scene has
-    /// functions from each state to the other.
+    /// Whether all of these are points of the scene's angles, and momenta of its velocities that the model names: then
+    /// a state of either can be told by one of the other.
     pub is_converted: bool,
     /// Operations of the right-hand side.
     pub counts: Counts,
@@ -413,8 +413,12 @@ impl Search<'_> {
             changed.is_converted &= match kind {
                 StateKind::Base(_) => points.contains(&symbol),
                 StateKind::Unknown(_) => false,
+                // Who gives an initial state knows the momenta that the model names.
                 StateKind::Momentum { place, .. } => {
-                    keeps(system.unknowns[system.momenta[*place].unknown].symbol)
+                    let carried = &system.momenta[*place];
+                    let named = self.model.momenta.iter().flat_map(|m| &m.components);
+                    let is_named = named.into_iter().any(|(name, ..)| *name == carried.name);
+                    is_named && keeps(system.unknowns[carried.unknown].symbol)
                 }
             };
         }
