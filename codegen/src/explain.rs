@@ -710,7 +710,7 @@ impl Page {
         let rows = [shown(self, "R", routhian.routhian), shown(self, "V", routhian.potential)];
         self.formulas(&rows);
         self.line(
-            "d/dt dR/dxdot - dR/dx is the force -Pi_a B^a_ij xdot^j + <Pi, [w, A_i]> of the curvature B = dA - [A, A]:",
+            "d/dt dR/dxdot - dR/dx is the force Pi_a B^a_ij xdot^j - <Pi, [w, A_i]> of the curvature B = dA - [A, A]:",
         );
         let rows = routhian.forces.iter().map(|(x, e)| shown(self, &format!("force_{x}"), *e));
         let rows: Vec<(String, String)> = rows.collect();

@@ -16,7 +16,7 @@ use super::equations::Equations;
 ///
 /// ```text
 /// w = K^-1 (Pi - b),   A = K^-1 L_vx,   K = L_vv,   b = L_v at rest,   V = -R at xdot = 0
-/// d/dt dR/dxdot^i - dR/dx^i = -Pi_a B^a_ij xdot^j + <Pi, [w, A_i]>,   B = dA - [A, A]
+/// d/dt dR/dxdot^i - dR/dx^i = Pi_a B^a_ij xdot^j - <Pi, [w, A_i]>,   B = dA - [A, A]
 /// ```
 ///
 /// `[w, A_i]` vanishes for cyclic coordinates. Brackets of a right action have the other sign.
@@ -159,7 +159,7 @@ impl<'a> Writer<'a> {
         Ok((routhian, g.neg(still)))
     }
 
-    /// `-Pi_a B^a_ij xdot^j + <Pi, [w, A_i]>`, with `A` and `w` as they are to be written; derivatives are taken of
+    /// `Pi_a B^a_ij xdot^j - <Pi, [w, A_i]>`, with `A` and `w` as they are to be written; derivatives are taken of
     /// `whole`.
     fn forces(&mut self, rows: &[Vec<ExprId>], whole: &[Vec<ExprId>]) -> Vec<ExprId> {
         let (system, g) = (self.system, &mut self.g);
@@ -178,6 +178,7 @@ impl<'a> Writer<'a> {
         };
         let mut forces = Vec::new();
         for i in 0..n {
+            // Minus the force.
             let mut terms = Vec::new();
             let x_i = system.algebroid.base()[self.base[i]];
             for j in 0..n {
@@ -210,7 +211,8 @@ impl<'a> Writer<'a> {
                 }
             }
             let sum = g.sum(&terms);
-            forces.push(g.cancel_zero(sum));
+            let force = g.neg(sum);
+            forces.push(g.cancel_zero(force));
         }
         forces
     }
