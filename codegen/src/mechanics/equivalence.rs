@@ -57,15 +57,19 @@ impl ChangeOfState {
     pub fn between(from: &ReducedSystem, to: &ReducedSystem) -> Result<ChangeOfState, DivisionByZero> {
         let mut change = ChangeOfState { graph: from.graph.clone(), values: BTreeMap::new() };
         change.base(from, to);
-        let velocities = change.velocities(from, to)?;
+        let of_model = change.velocities(from, to)?;
+        let velocities = change.in_frame(to, &of_model)?;
         let g = &mut change.graph;
         for unknown in &to.unknowns {
-            let value = match unknown.frame_idx {
-                Some(k) => velocities[k],
-                None if from.unknowns.iter().any(|u| u.symbol == unknown.symbol) => {
+            let frame = to.frame.as_ref();
+            let own = frame.and_then(|f| f.original.iter().position(|u| u.symbol == unknown.symbol));
+            let value = match (unknown.frame_idx, own) {
+                (Some(k), _) => velocities[k],
+                (None, Some(k)) => of_model[k],
+                (None, None) if from.unknowns.iter().any(|u| u.symbol == unknown.symbol) => {
                     Some(g.sym(unknown.symbol))
                 }
-                None => None,
+                (None, None) => None,
             };
             change.values.extend(value.map(|value| (unknown.symbol, value)));
         }
@@ -101,13 +105,44 @@ impl ChangeOfState {
         }
     }
 
-    /// The velocities of the frame of `to`; none where its connection depends on a coordinate without a function.
+    /// The velocities along the frame of `to`, by those of its model; none where a coefficient depends on a coordinate
+    /// without a function.
+    fn in_frame(
+        &mut self,
+        to: &ReducedSystem,
+        of_model: &[Option<ExprId>],
+    ) -> Result<Vec<Option<ExprId>>, DivisionByZero> {
+        let Some(frame) = &to.frame else { return Ok(of_model.to_vec()) };
+        let coordinates = to.algebroid.base();
+        let mut along = Vec::new();
+        for row in &frame.inverse {
+            let mut terms = Some(Vec::new());
+            for (e, y) in row.iter().zip(of_model).filter(|(e, _)| **e != to.graph.zero()) {
+                let needed = to.graph.free_symbols(*e);
+                let is_known =
+                    !needed.iter().any(|s| coordinates.contains(s) && !self.values.contains_key(s));
+                let e = self.graph.import_with(&to.graph, &[*e], &self.values)?[0];
+                let term = y.filter(|_| is_known).map(|y| self.graph.mul(e, y));
+                terms =
+                    terms.zip(term).map(|(terms, term): (Vec<ExprId>, ExprId)| [terms, vec![term]].concat());
+            }
+            along.push(terms.map(|terms| self.graph.sum(&terms)));
+        }
+        Ok(along)
+    }
+
+    /// The velocities of the model with the connection of `to`; none where that depends on a coordinate without a
+    /// function.
     fn velocities(
         &mut self,
         from: &ReducedSystem,
         to: &ReducedSystem,
     ) -> Result<Vec<Option<ExprId>>, DivisionByZero> {
         let y = frame_velocities(&mut self.graph, from);
+        let y = match &from.frame {
+            Some(frame) => frame.velocities(&mut self.graph, &y),
+            None => y,
+        };
         let Some(dim) = from.connection.as_ref().or(to.connection.as_ref()).map(Vec::len) else {
             return Ok(y.into_iter().map(Some).collect());
         };

@@ -171,7 +171,9 @@ impl Derivation<'_> {
             }
         }
         let doc = match system.changes.is_empty() {
-            true => "velocities in the place of which the state carries momenta, or that cyclic coordinates have",
+            true => {
+                "velocities in the place of which the state carries momenta, or that cyclic coordinates have"
+            }
             false => "velocities of the model",
         };
         let output = (!velocities.is_empty()).then(|| Output::group(Want::Velocities, velocities, doc));

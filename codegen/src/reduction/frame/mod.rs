@@ -279,8 +279,7 @@ fn carry(
         let entry = same.and_then(|a| system.state.iter().find(|(kind, _)| *kind == StateKind::Unknown(a)));
         entry.map(|(_, doc)| doc.clone()).unwrap_or_default()
     };
-    let has_momentum =
-        |u: &Unknown| system.momenta.iter().any(|m| before[m.unknown].symbol == u.symbol);
+    let has_momentum = |u: &Unknown| system.momenta.iter().any(|m| before[m.unknown].symbol == u.symbol);
     let own = system.unknowns.iter().enumerate().filter(|(_, u)| !has_momentum(u));
     let own: Vec<(StateKind, String)> = own.map(|(a, u)| (StateKind::Unknown(a), doc_of(u))).collect();
     let is_base = |kind: &StateKind| matches!(kind, StateKind::Base(_));
