@@ -465,9 +465,10 @@ impl Page {
             let shown = sides(self, vertical.horizontal.iter().map(|row| &row.equation).collect());
             self.formulas(&shown);
         }
-        self.line(
-            "These were compared, exactly, with the equations of motion, which are derived without stages.",
-        );
+        self.line(match equations.system.frame {
+            None => "These were compared, exactly, with the equations of motion, which are derived without stages.",
+            Some(_) => "These were compared, exactly, with the equations of motion, which are derived in this basis.",
+        });
     }
 
     fn form(&mut self, title: &str, [letter, stem]: [&str; 2], level: usize, tensor: &Tensor, g: &Graph) {

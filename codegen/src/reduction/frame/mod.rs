@@ -8,10 +8,11 @@
 mod algebroid;
 mod constraint;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
+use crate::algebra::Algebroid;
 use crate::error::Error;
-use crate::expr::{DivisionByZero, ExprId, Graph, SymbolId};
+use crate::expr::{DivisionByZero, ExprId, Graph, Rational, SymbolId};
 use crate::spec::Side;
 
 use super::constraint::{KinematicConstraint, Unknown};
@@ -185,6 +186,8 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
     let all: BTreeMap<SymbolId, ExprId> = velocities.iter().copied().zip(values).skip(n).collect();
     let divided = |_: DivisionByZero| Error::DivisionByZero { place: "the change of frame".into() };
     let lagrangian = g.subs(lagrangian, &all).map_err(divided)?;
+    let along: Vec<SymbolId> = eta.iter().map(|u| u.symbol).collect();
+    let lagrangian = gathered(g, lagrangian, &along, &algebroid);
     let forces = g.subs_all(&forces, &all).map_err(divided)?;
     let forces = frame.one_form(g, &forces);
     let beside = constraint::Setting { time, params: &params, signs: &signs, algebroid: &algebroid };
@@ -254,6 +257,38 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
     system.graph = graph;
     system.frame = Some(frame);
     Ok(system)
+}
+
+/// The same function of the velocities, a sum over their products where the metric depends on parameters alone: the
+/// products that couple levels are not there then, and the others have one coefficient each.
+fn gathered(g: &mut Graph, lagrangian: ExprId, velocities: &[SymbolId], algebroid: &Algebroid) -> ExprId {
+    let moving = velocities.iter().chain(algebroid.base()).copied().chain([algebroid.time()]);
+    let moving: BTreeSet<SymbolId> = moving.collect();
+    let zeros: BTreeMap<SymbolId, ExprId> = velocities.iter().map(|s| (*s, g.zero())).collect();
+    let p: Vec<ExprId> = velocities.iter().map(|s| g.diff(lagrangian, *s)).collect();
+    let (Ok(at_rest), Ok(slopes)) = (g.subs(lagrangian, &zeros), g.subs_all(&p, &zeros)) else {
+        return lagrangian;
+    };
+    let mut terms = vec![at_rest];
+    for (slope, s) in slopes.into_iter().zip(velocities) {
+        let velocity = g.sym(*s);
+        let slope = g.cancel_zero(slope);
+        terms.push(g.mul(slope, velocity));
+    }
+    let half = Rational::new(1.into(), 2.into());
+    for (a, p) in p.into_iter().enumerate() {
+        for (b, s) in velocities.iter().enumerate().skip(a) {
+            let entry = g.diff(p, *s);
+            let entry = g.cancel_zero(entry);
+            if g.depends_on(entry, &moving) {
+                return lagrangian;
+            }
+            let pair = [velocities[a], *s].map(|s| g.sym(s));
+            let product = g.product(&[entry, pair[0], pair[1]]);
+            terms.push(if a == b { g.scale(product, &half) } else { product });
+        }
+    }
+    g.sum(&terms)
 }
 
 /// The state of velocities along the levels, and what tells of it; the unknowns before.
