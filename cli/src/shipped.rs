@@ -21,6 +21,7 @@ pub(crate) const SHIPPED: Shipped = shipped![
     "chaplygin_ball",
     "chaplygin_gyro",
     "chaplygin_sleigh",
+    "double_spherical_pendulum",
     "euler_disk",
     "euler_disk_advected",
     "extended_pose",
@@ -36,6 +37,7 @@ pub(crate) const SHIPPED: Shipped = shipped![
     "suslov",
     "tethered_body",
     "two_arm_satellite",
+    "two_arm_satellite_routh",
     "veselova",
     "wong_particle",
 ];

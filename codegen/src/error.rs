@@ -160,8 +160,8 @@ pub enum Error {
         velocity: String,
         /// The parameter.
         parameter: String,
-        /// The rate of the momentum along the motion, cut where it is long.
-        rate: String,
+        /// What contradicts that: the rate of the momentum, or a rate that depends on the coordinate.
+        reason: String,
     },
     /// Something claimed to be conserved could not be shown to be, nor not to be.
     ConservationUnverified {
@@ -334,8 +334,8 @@ impl Error {
                 format!("casimir {name} is not conserved by these equations: its rate is {rate}"),
                 format!("write `output {name} = ..;` instead"),
             ),
-            Error::NotCyclic { velocity, parameter, rate } => (
-                format!("the momentum along {velocity} is no parameter: its rate is {rate}"),
+            Error::NotCyclic { velocity, parameter, reason } => (
+                format!("the momentum along {velocity} is no parameter: {reason}"),
                 format!("carry it as state: `momentum {parameter}_{velocity} of {velocity}; carry {parameter}_{velocity};`"),
             ),
             Error::ConservationUnverified { name, rate } => (

@@ -656,8 +656,12 @@ impl Page {
                         self.inline(&self.name(&format!("lambda_{}", row.name)))
                     ));
                 }
-                self.line("No choice of independent velocities is good on the whole domain: all velocities stay in the");
-                self.line("state and multipliers keep the constraint.");
+                if system.hamiltonian.is_some() {
+                    self.line("Multipliers keep the constraint on the velocities dh/dp.");
+                } else {
+                    self.line("No choice of independent velocities is good on the whole domain: all velocities stay in the");
+                    self.line("state and multipliers keep the constraint.");
+                }
             }
         }
     }
@@ -704,7 +708,8 @@ impl Page {
             .map(|s| (self.rate(&self.name(&s.name)), g.display(s.derivative, self.style)))
             .collect();
         self.formulas(&rows);
-        self.line("energy E = p.y - L");
+        let is_hamiltonian = equations.system.hamiltonian.is_some();
+        self.line(if is_hamiltonian { "energy E = h" } else { "energy E = p.y - L" });
         let energy = self.name("E");
         let mut rows = vec![(energy.clone(), g.display(equations.energy, self.style))];
         rows.push((self.rate(&energy), g.display(equations.energy_rate, self.style)));
@@ -742,13 +747,15 @@ impl Page {
             }
             None => {}
         }
-        let symmetric = if facts.mass_matrix_is_symmetric { "symmetric" } else { "not symmetric" };
-        let constant = if facts.mass_matrix_is_constant {
-            "depends on parameters alone and is factored once"
-        } else {
-            "depends on the state"
-        };
-        self.line(&format!("Mass matrix: {symmetric}, {constant}."));
+        if equations.system.hamiltonian.is_none() {
+            let symmetric = if facts.mass_matrix_is_symmetric { "symmetric" } else { "not symmetric" };
+            let constant = if facts.mass_matrix_is_constant {
+                "depends on parameters alone and is factored once"
+            } else {
+                "depends on the state"
+            };
+            self.line(&format!("Mass matrix: {symmetric}, {constant}."));
+        }
         if !equations.pivots.is_empty() {
             let g = labelled(equations);
             self.line("Has to stay different from zero (checked at run time, with these names):");

@@ -71,6 +71,63 @@ fn suslov_and_sleigh_points_carry_multipliers() {
     }
 }
 
+/// The velocities that momenta stand for, and that of the cyclic coordinate.
+#[test]
+fn velocities_that_follow_from_momenta_are_met_within_64_units_of_the_largest_term() {
+    let mut compared = 0;
+    for model in ["double_spherical_pendulum", "two_arm_satellite_routh"] {
+        let scene = build(model);
+        let outputs = scene.outputs();
+        let velocities = outputs.iter().find(|o| o.name == "velocities").expect("momenta are carried");
+        for (k, point) in reference::read(model).points.iter().enumerate() {
+            let params = params(&scene, &point.params);
+            let state = reference::in_order(&point.state, &scene.state_names());
+            let found = tracked(&scene, &Role::Output("velocities".to_owned()), &params, &state);
+            for ((name, _), value) in velocities.components.iter().zip(found) {
+                let off = units_off(value, &point.extra[name]);
+                assert!(off <= BOUND, "{model}, point {k}: {name} is {off} units off: {value:?}");
+                compared += 1;
+            }
+        }
+    }
+    assert_eq!(compared, 12 + 3 * 12);
+}
+
+/// The azimuth of the plane that turns, and the attitude of the satellite, which shows that its angular momentum in space
+/// stays where it was.
+#[test]
+fn reconstructions_at_given_momenta_are_met_within_1e_9() {
+    for model in ["double_spherical_pendulum", "two_arm_satellite_routh"] {
+        let scene = models::build(model, scene::RECONSTRUCTION);
+        let names = scene.state_names();
+        for t in &reference::read(model).trajectories {
+            let with = |own: &Numbers, group: &Numbers| -> Numbers {
+                own.iter().chain(group).map(|(name, x)| (name.clone(), x.clone())).collect()
+            };
+            let [at_start, at_end] = &t.reconstruction;
+            assert!(!at_end.is_empty(), "{model}");
+            let (start, end) = (with(&t.initial, at_start), with(&t.last, at_end));
+            let prepared = scene.prepare(&params(&scene, &t.params)).unwrap_or_else(|e| panic!("{e}"));
+            let initial = State(reference::in_order(&start, &names));
+            let options = Options::adaptive(1e-12, 1e-12);
+            let system = Interpreted(prepared);
+            let mut integrator =
+                Integrator::new(&system, Dop853, 0.0, initial, options).unwrap_or_else(|e| panic!("{e}"));
+            integrator.integrate_to(t.t_final).unwrap_or_else(|e| panic!("{e}"));
+            let last = &integrator.state().0;
+            let error = relative_error(last, &names, &end);
+            assert!(error <= 1e-9, "{model}: relative error {error:e}");
+            if names.contains(&"qw".to_owned()) {
+                let at = |name: &str| last[names.iter().position(|n| n == name).unwrap()];
+                let q = ["qw", "qx", "qy", "qz"].map(at);
+                let in_space = models::rotated(q, ["Pi1", "Pi2", "Pi3"].map(at));
+                let kept = ["L1", "L2", "L3"].map(|name| reference::number(&t.conserved[name]));
+                models::close("angular momentum in space", &in_space, &kept, 1e-9);
+            }
+        }
+    }
+}
+
 /// Largest distance of a component, relative to the norm of the reference state.
 fn relative_error(state: &[f64], names: &[String], expected: &Numbers) -> f64 {
     let expected: Vec<f64> = reference::in_order(expected, names);

@@ -61,9 +61,10 @@ pub fn with_connection(model: &Model, connection: ConnectionKind) -> Result<Mode
     Ok(reduction::with_connection(model, connection)?)
 }
 
-/// Names of the coordinates of the group that a model reconstructs, in the order of the scene's state; may be empty.
+/// Names of the coordinates that a model reconstructs, those of the group and cyclic ones, in the order of the scene's
+/// state; may be empty.
 pub fn group_coordinates(model: &Model) -> Vec<String> {
-    model.reconstruction.iter().flat_map(|item| item.names.clone()).collect()
+    scene::reconstructed(model)
 }
 
 /// The first line of a model's documentation; may be empty.

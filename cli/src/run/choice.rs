@@ -44,10 +44,10 @@ impl Choice {
         let fail = |reason: String| Error::Request {
             problems: vec![Problem::Unusable { path: path.to_owned(), reason }],
         };
-        if model.reconstruction.is_empty() {
+        if model::group_coordinates(model).is_empty() {
             return Err(fail(format!(
-                "is not possible: {} does not say how the group moves; leave it out, or add `reconstruct .. ;` to \
-                 the model",
+                "is not possible: {} does not say how the group moves, and has no cyclic coordinate; leave it out, or \
+                 add `reconstruct .. ;` to the model",
                 model.name
             )));
         }

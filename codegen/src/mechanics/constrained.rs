@@ -84,7 +84,7 @@ impl Derivation<'_> {
             unknown_rates,
             multipliers,
             reactions,
-            system: LinearSystem { mass_matrix, force, unknowns },
+            system: Some(LinearSystem { mass_matrix, force, unknowns }),
             pivots,
             momentum_rates: Vec::new(),
         })

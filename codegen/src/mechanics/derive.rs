@@ -43,7 +43,8 @@ pub(super) struct Motion {
     pub(super) multipliers: Vec<(String, ExprId)>,
     /// The one-forms that they act along.
     pub(super) reactions: Vec<Vec<ExprId>>,
-    pub(super) system: LinearSystem,
+    /// What was solved for the accelerations; none for a Hamiltonian.
+    pub(super) system: Option<LinearSystem>,
     pub(super) pivots: Vec<Pivot>,
     /// The rates of [`ReducedSystem::momenta`].
     pub(super) momentum_rates: Vec<ExprId>,
@@ -71,18 +72,29 @@ pub(super) struct Derivation<'a> {
     pub(super) mass_matrix: Option<Vec<Vec<ExprId>>>,
     /// Factors of `A` (of `L_yy` in the multiplier form), where velocities follow from momenta.
     pub(super) factors: Option<Factorisation>,
+    /// Definitions up to the velocities that follow from momenta.
+    pub(super) n_known: usize,
 }
 
 impl<'a> Derivation<'a> {
     fn run(&mut self) -> Result<Equations, Error> {
         self.g.enter(Stage::Derivation);
-        self.legendre()?;
-        self.velocities()?;
-        self.kinematics();
-        self.momenta()?;
+        match &self.system.hamiltonian {
+            Some(hamiltonian) => {
+                self.velocities_of(hamiltonian)?;
+                self.kinematics();
+            }
+            None => {
+                self.legendre()?;
+                self.velocities()?;
+                self.kinematics();
+                self.momenta()?;
+            }
+        }
         self.g.within_budget()?;
         self.g.enter(Stage::Elimination);
         let mut motion = match self.system.constraint.clone() {
+            _ if let Some(hamiltonian) = &self.system.hamiltonian => self.solve_on_dual(hamiltonian)?,
             KinematicConstraint::Solved(solved) => self.solve_reduced(&solved)?,
             KinematicConstraint::Multipliers { rows, reactions } => {
                 self.solve_with_multipliers(&rows, &reactions)?
@@ -117,6 +129,7 @@ impl<'a> Derivation<'a> {
             drive: Vec::new(),
             mass_matrix: None,
             factors: None,
+            n_known: 0,
         }
     }
 

@@ -87,6 +87,8 @@ pub struct Facts {
 pub enum Form {
     /// `A udot = f` for the accelerations of the velocities that the state carries.
     Accelerations(LinearSystem),
+    /// The momentum equation of all momenta that the state carries: nothing is solved for accelerations.
+    Momenta,
 }
 
 /// `A udot = f`.
@@ -147,6 +149,7 @@ impl Equations {
     pub fn linear_system(&self) -> Option<&LinearSystem> {
         match &self.form {
             Form::Accelerations(system) => Some(system),
+            Form::Momenta => None,
         }
     }
 
@@ -169,8 +172,13 @@ impl Equations {
         } = self;
         let state = state.iter_mut().chain(reconstruction).map(|s| &mut s.derivative);
         let outputs = outputs.iter_mut().flat_map(|o| o.components.iter_mut().map(|(_, e)| e));
-        let Form::Accelerations(LinearSystem { mass_matrix, force, unknowns: _ }) = form;
-        let matrix = mass_matrix.iter_mut().flatten().chain(force);
+        let linear = match form {
+            Form::Accelerations(system) => Some(system),
+            Form::Momenta => None,
+        };
+        let matrix = linear.into_iter().flat_map(|LinearSystem { mass_matrix, force, unknowns: _ }| {
+            mass_matrix.iter_mut().flatten().chain(force)
+        });
         let pivots = pivots.iter_mut().flat_map(|p| {
             let origin = p
                 .origin

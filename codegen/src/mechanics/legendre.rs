@@ -6,13 +6,16 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::error::Error;
-use crate::expr::{ExprId, SymbolId};
+use crate::expr::{Definition, ExprId, Graph, SymbolId, inlined, needed_sections};
 use crate::reduction::KinematicConstraint;
 use crate::spec::Want;
 
 use super::derive::{Derivation, Motion};
-use super::equations::{Legendre, Output};
+use super::equations::{Equations, Legendre, Output};
 use super::solve::Factorisation;
+
+/// Operands up to which rates are multiplied out.
+const MAX_LENGTH: usize = 2000;
 
 impl Derivation<'_> {
     /// The velocities whose momenta are carried: of the unknowns `u = (u_M, u_V)` those of `u_M` solve
@@ -78,6 +81,7 @@ impl Derivation<'_> {
             }
         }
         self.factors = Some(factors);
+        self.n_known = self.writer.definitions().count();
         Ok(())
     }
 
@@ -110,22 +114,40 @@ impl Derivation<'_> {
         )
     }
 
-    /// The state variable or parameter that `dL/dy^alpha` is, where there is one: `W_b` has no other component.
-    pub(super) fn carried_momentum(&self, alpha: usize) -> Option<ExprId> {
-        let momentum = self.system.momenta.iter().find(|m| {
-            let unknown = &self.system.unknowns[m.unknown];
-            unknown.frame_idx == Some(alpha)
-                && match &self.system.constraint {
+    /// The carried momentum, by its place, that tells `dL/dy^alpha`: that of an unknown which is this velocity of the
+    /// frame, where all others that `W_b` moves with it are not carried.
+    pub(super) fn carried_along(&self, alpha: usize) -> Option<usize> {
+        let system = self.system;
+        let is_carried =
+            |beta: usize| system.momenta.iter().any(|m| system.unknowns[m.unknown].frame_idx == Some(beta));
+        system.momenta.iter().position(|m| {
+            system.unknowns[m.unknown].frame_idx == Some(alpha)
+                && match &system.constraint {
                     KinematicConstraint::Multipliers { .. } => true,
                     KinematicConstraint::Solved(solved) => {
                         let column = solved.virtual_displacements.iter().map(|row| row[m.unknown]);
-                        column
-                            .enumerate()
-                            .all(|(beta, e)| e == if beta == alpha { self.g.one() } else { self.g.zero() })
+                        column.enumerate().all(|(beta, e)| match beta == alpha {
+                            true => e == self.g.one(),
+                            false => e == self.g.zero() || !is_carried(beta),
+                        })
                     }
                 }
-        })?;
-        Some(momentum.value)
+        })
+    }
+
+    /// `p_alpha = pi_b - sum W^beta_b p_beta` over the others, where the momentum at `place` is carried.
+    pub(super) fn momentum_along(&mut self, alpha: usize, place: usize) -> ExprId {
+        let carried = &self.system.momenta[place];
+        let mut terms = vec![carried.value];
+        if let KinematicConstraint::Solved(solved) = &self.system.constraint {
+            for (beta, row) in solved.virtual_displacements.iter().enumerate() {
+                if beta != alpha && row[carried.unknown] != self.g.zero() {
+                    let product = self.g.mul(row[carried.unknown], self.momentum[beta]);
+                    terms.push(self.g.neg(product));
+                }
+            }
+        }
+        self.g.sum(&terms)
     }
 
     /// Both ways between what the state carries and the velocities that it stands for: these as an output, the momenta by
@@ -142,20 +164,27 @@ impl Derivation<'_> {
             dependent.insert(system.velocities[alpha], value);
         }
         let mut legendre = Legendre::default();
+        let has_lagrangian = system.hamiltonian.is_none();
         let mut velocities = Vec::new();
-        for carried in system.momenta.iter().filter(|m| m.symbol.is_some()) {
+        let of_state = system.momenta.iter().filter(|m| m.symbol.is_some() && has_lagrangian);
+        let at_level = if of_state.clone().next().is_some() {
+            self.velocities_at_level(&dependent)?
+        } else {
+            BTreeMap::new()
+        };
+        for carried in of_state {
             let unknown = &system.unknowns[carried.unknown];
-            let raw = self.raw_momentum(carried.unknown);
-            let place = || Error::DivisionByZero { place: "the momenta by velocities".into() };
-            let momentum = self.g.subs(raw, &dependent).map_err(|_| place())?;
+            let momentum = self.momentum_by(carried.unknown, &dependent)?;
+            let momentum = self.g.subs(momentum, &at_level).map_err(|_| by_velocities())?;
             let momentum = self.g.cancel_zero(momentum);
             legendre.velocities.push((unknown.name.clone(), unknown.symbol));
             legendre.momenta.push((carried.name.clone(), momentum));
             let velocity = self.g.sym(unknown.symbol);
             velocities.push((unknown.name.clone(), self.replace(velocity)?));
         }
-        // The momenta at a level are numbers: a velocity that stands for one is no argument.
-        for carried in system.momenta.iter().filter(|m| m.symbol.is_none()) {
+        // The momenta at a level are numbers: a velocity that stands for one is no argument. A Hamiltonian may have no
+        // inverse Legendre transform that can be written.
+        for carried in system.momenta.iter().filter(|m| m.symbol.is_none() || !has_lagrangian) {
             let unknown = &system.unknowns[carried.unknown];
             let velocity = self.g.sym(unknown.symbol);
             velocities.push((unknown.name.clone(), self.replace(velocity)?));
@@ -180,6 +209,52 @@ impl Derivation<'_> {
         Ok((legendre, output))
     }
 
+    /// `dL/dx` at fixed velocities, which is `-dh/dx` at fixed momenta.
+    pub(super) fn slopes_by_base(&mut self) -> Result<Vec<ExprId>, Error> {
+        let system = self.system;
+        let mut slopes = Vec::new();
+        for x in system.algebroid.base() {
+            let slope = match &system.hamiltonian {
+                Some(hamiltonian) => {
+                    let slope = self.g.diff(hamiltonian.h, *x);
+                    self.g.neg(slope)
+                }
+                None => self.g.diff(system.lagrangian, *x),
+            };
+            slopes.push(self.replace(slope)?);
+        }
+        Ok(slopes)
+    }
+
+    /// `W^a_b dL/dy^a` with the velocities that the constraints determine by the others.
+    fn momentum_by(&mut self, b: usize, dependent: &BTreeMap<SymbolId, ExprId>) -> Result<ExprId, Error> {
+        let raw = self.raw_momentum(b);
+        self.g.subs(raw, dependent).map_err(|_| by_velocities())
+    }
+
+    /// The velocities whose momenta are parameters, by the other velocities: they solve `A_LL u_L = pi_L - A_LR u_R - ..`,
+    /// which is written out, because nothing but the momenta by velocities needs it.
+    fn velocities_at_level(
+        &mut self,
+        dependent: &BTreeMap<SymbolId, ExprId>,
+    ) -> Result<BTreeMap<SymbolId, ExprId>, Error> {
+        let system = self.system;
+        let levels: Vec<_> = system.momenta.iter().filter(|m| m.symbol.is_none()).collect();
+        let symbols: Vec<SymbolId> = levels.iter().map(|m| system.unknowns[m.unknown].symbol).collect();
+        let at_rest: BTreeMap<SymbolId, ExprId> = symbols.iter().map(|s| (*s, self.g.zero())).collect();
+        let (mut matrix, mut right) = (Vec::new(), Vec::new());
+        for level in &levels {
+            let momentum = self.momentum_by(level.unknown, dependent)?;
+            matrix.push(symbols.iter().map(|s| self.g.diff(momentum, *s)).collect::<Vec<ExprId>>());
+            let rest = self.g.subs(momentum, &at_rest).map_err(|_| by_velocities())?;
+            let difference = self.g.sub(level.value, rest);
+            right.push(vec![self.g.cancel_zero(difference)]);
+        }
+        let solution =
+            crate::algebra::solve_symbolic(&mut self.g, &matrix, &right).map_err(|_| by_velocities())?;
+        Ok(symbols.into_iter().zip(solution.into_iter().map(|row| row[0])).collect())
+    }
+
     /// The momentum equation of everything that is carried:
     /// `d/dt pi_b = W^a_b ((N - C y) p + rho dL/dx + F + sum_A lambda_A form_A)_a + (dW^a_b/dt) p_a`.
     ///
@@ -194,11 +269,7 @@ impl Derivation<'_> {
             return Ok(Vec::new());
         }
         self.writer.begin("momentum equation");
-        let mut slopes = Vec::new();
-        for x in system.algebroid.base() {
-            let slope = self.g.diff(system.lagrangian, *x);
-            slopes.push(self.replace(slope)?);
-        }
+        let slopes = self.slopes_by_base()?;
         let momentum = self.momentum.clone();
         let mut net: Vec<Option<ExprId>> = vec![None; self.y.len()];
         let mut rates = Vec::new();
@@ -239,10 +310,76 @@ impl Derivation<'_> {
             if carried.symbol.is_none() && !self.g.is_zero(rate) {
                 let velocity = system.unknowns[carried.unknown].name.clone();
                 let rate = self.spelled_out(rate);
-                return Err(Error::NotCyclic { velocity, parameter: carried.name.clone(), rate });
+                let reason = format!("its rate is {rate}");
+                return Err(Error::NotCyclic { velocity, parameter: carried.name.clone(), reason });
             }
-            rates.push(self.define(&format!("dot_{}", carried.name), rate));
+            rates.push(rate);
         }
-        Ok(rates)
+        if let KinematicConstraint::Solved(_) = &system.constraint
+            && let Some(shorter) = self.multiplied_out(&rates)
+        {
+            rates = shorter;
+        }
+        let named = system.momenta.iter().zip(rates);
+        Ok(named.map(|(carried, rate)| self.define(&format!("dot_{}", carried.name), rate)).collect())
     }
+
+    /// Rates as polynomials in momenta and the velocities that these determine, where the terms that cancel then make
+    /// them shorter: `p_b = pi_b - W^a_b p_a` brings back much of what `C y p` and `dW/dt` take away.
+    fn multiplied_out(&mut self, rates: &[ExprId]) -> Option<Vec<ExprId>> {
+        let (all, known) = (self.writer.definitions(), self.n_known);
+        let later: Vec<Definition> = all.skip(known).copied().collect();
+        let varying: Vec<Definition> =
+            later.into_iter().filter(|d| self.writer.varies(&self.g, d.expr)).collect();
+        let values = inlined(&mut self.g, &varying);
+        let whole = self.g.subs_all(rates, &values).ok()?;
+        let length = |g: &Graph, list: &[ExprId]| -> usize {
+            let mut n = 0;
+            for e in g.reachable(list) {
+                g.node(e).for_each_operand(|_| n += 1);
+            }
+            n
+        };
+        let before = length(&self.g, &whole);
+        if before > MAX_LENGTH {
+            return None;
+        }
+        let expanded: Vec<ExprId> = whole.iter().map(|e| self.g.expand(*e)).collect();
+        if self.g.within_budget().is_err() || length(&self.g, &expanded) >= before {
+            return None;
+        }
+        rates.iter().zip(&expanded).all(|(a, b)| self.g.fingerprints_agree(*a, *b)).then_some(expanded)
+    }
+}
+
+/// Refuses a cyclic coordinate on which a rate of the state depends.
+///
+/// # Errors
+/// [`Error::NotCyclic`].
+pub(super) fn check_cyclic(equations: &Equations) -> Result<(), Error> {
+    let system = &equations.system;
+    for carried in &system.momenta {
+        let Some(coordinate) = carried.cyclic else { continue };
+        for state in &equations.state {
+            let sections = needed_sections(&system.graph, &equations.sections, &[state.derivative]);
+            let definitions = sections.iter().flat_map(|s| &s.definitions).map(|d| d.expr);
+            let mut values = definitions.chain([state.derivative]);
+            if values.any(|e| system.graph.free_symbols(e).contains(&coordinate)) {
+                return Err(Error::NotCyclic {
+                    velocity: system.unknowns[carried.unknown].name.clone(),
+                    parameter: carried.name.clone(),
+                    reason: format!(
+                        "the rate of {} depends on {}",
+                        state.name,
+                        system.graph.name(coordinate)
+                    ),
+                });
+            }
+        }
+    }
+    Ok(())
+}
+
+fn by_velocities() -> Error {
+    Error::DivisionByZero { place: "the momenta by velocities".into() }
 }

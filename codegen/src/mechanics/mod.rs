@@ -9,6 +9,7 @@ mod constrained;
 mod derive;
 mod equations;
 mod equivalence;
+mod hamilton;
 mod integrable;
 mod legendre;
 mod momenta;

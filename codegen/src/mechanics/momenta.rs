@@ -14,15 +14,18 @@ impl Derivation<'_> {
         let system = self.system;
         let raw: Vec<ExprId> = system.velocities.iter().map(|s| self.g.diff(system.lagrangian, *s)).collect();
         self.writer.begin("momenta p = dL/dy");
-        for (alpha, p) in raw.iter().enumerate() {
-            if let Some(carried) = self.carried_momentum(alpha) {
-                self.momentum.push(carried);
-                continue;
-            }
+        let carried: Vec<Option<usize>> = (0..raw.len()).map(|alpha| self.carried_along(alpha)).collect();
+        self.momentum = vec![self.g.zero(); raw.len()];
+        for (alpha, p) in raw.iter().enumerate().filter(|(alpha, _)| carried[*alpha].is_none()) {
             let value = self.replace(*p)?;
             let name = format!("p_{}", self.names[alpha]);
-            let named = self.define(&name, value);
-            self.momentum.push(named);
+            self.momentum[alpha] = self.define(&name, value);
+        }
+        for (alpha, place) in carried.iter().enumerate() {
+            let Some(place) = *place else { continue };
+            let value = self.momentum_along(alpha, place);
+            let name = format!("p_{}", self.names[alpha]);
+            self.momentum[alpha] = self.define(&name, value);
         }
         self.hessian()?;
         let (squares, l) = match system.formulation.squares {

@@ -90,14 +90,14 @@ impl Derivation<'_> {
             acceleration,
             multipliers: labels.into_iter().zip(lambda).collect(),
             reactions: reactions.to_vec(),
-            system: LinearSystem { mass_matrix: hessian, force: drive, unknowns: names },
+            system: Some(LinearSystem { mass_matrix: hessian, force: drive, unknowns: names }),
             pivots,
             momentum_rates: Vec::new(),
         })
     }
 
     /// Conditions on accelerations, with the velocities that momenta determine replaced but in residuals.
-    fn rows_on_state(&mut self, rows: &[AccelerationRow]) -> Result<Vec<AccelerationRow>, Error> {
+    pub(super) fn rows_on_state(&mut self, rows: &[AccelerationRow]) -> Result<Vec<AccelerationRow>, Error> {
         let mut replaced = rows.to_vec();
         if !self.system.momenta.is_empty() {
             for row in &mut replaced {
@@ -112,7 +112,7 @@ impl Derivation<'_> {
         Ok(replaced)
     }
 
-    fn forms_on_state(&mut self, forms: &[Vec<ExprId>]) -> Result<Vec<Vec<ExprId>>, Error> {
+    pub(super) fn forms_on_state(&mut self, forms: &[Vec<ExprId>]) -> Result<Vec<Vec<ExprId>>, Error> {
         let mut replaced = forms.to_vec();
         if !self.system.momenta.is_empty() {
             for e in replaced.iter_mut().flatten() {

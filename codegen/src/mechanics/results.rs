@@ -10,14 +10,17 @@ use crate::reduction::{AccelerationSource, KinematicConstraint, ReducedSystem, S
 use crate::spec::Want;
 
 use super::derive::{Derivation, Motion};
-use super::equations::{Equations, Facts, Form, Output, OutputKind, StateEquation};
+use super::equations::{Equations, Facts, Form, LinearSystem, Output, OutputKind, StateEquation};
 use super::solve::is_symmetric;
-use super::{integrable, origin};
+use super::{integrable, legendre, origin};
 
 impl Derivation<'_> {
     /// `E = p.y - L`. For `L` quadratic in the velocities, `E = L - L_1 - 2 L_0` needs no products of momenta.
     fn energy(&mut self) -> Result<ExprId, Error> {
         let system = self.system;
+        if let Some(hamiltonian) = &system.hamiltonian {
+            return Ok(hamiltonian.h);
+        }
         let g = &mut self.g;
         let velocities: BTreeSet<SymbolId> = system.velocities.iter().copied().collect();
         let zeros: BTreeMap<SymbolId, ExprId> = velocities.iter().map(|s| (*s, g.zero())).collect();
@@ -169,9 +172,15 @@ impl Derivation<'_> {
     /// Power of forces, explicit time, the drift of the frame and constraint reactions:
     /// `F.y - dL/dt + N^gamma_alpha y^alpha p_gamma + sum_A lambda_A form_A.y`.
     fn power(&mut self, motion: &Motion) -> Result<ExprId, Error> {
-        let explicit = self.g.diff(self.system.lagrangian, self.system.time);
+        let explicit = match &self.system.hamiltonian {
+            Some(hamiltonian) => self.g.diff(hamiltonian.h, self.system.time),
+            None => {
+                let explicit = self.g.diff(self.system.lagrangian, self.system.time);
+                self.g.neg(explicit)
+            }
+        };
         let explicit = self.replace(explicit)?;
-        let mut terms = vec![self.g.neg(explicit)];
+        let mut terms = vec![explicit];
         for (force, y) in self.system.forces.iter().zip(self.y.clone()) {
             let force = self.replace(*force)?;
             terms.push(self.g.mul(force, y));
@@ -228,11 +237,13 @@ impl Derivation<'_> {
         let mut facts = Facts {
             energy_is_conserved: energy_rate == self.g.zero(),
             energy_is_unverified: self.g.vanishing(energy_rate) == Vanishing::Unknown,
-            mass_matrix_is_symmetric: is_symmetric(&mut self.g, &motion.system.mass_matrix),
             ..Facts::default()
         };
-        facts.mass_matrix_is_constant =
-            motion.system.mass_matrix.iter().flatten().all(|e| !self.writer.varies(&self.g, *e));
+        if let Some(LinearSystem { mass_matrix, .. }) = &motion.system {
+            facts.mass_matrix_is_symmetric = is_symmetric(&mut self.g, mass_matrix);
+            facts.mass_matrix_is_constant =
+                mass_matrix.iter().flatten().all(|e| !self.writer.varies(&self.g, *e));
+        }
         let mut outputs = Vec::new();
         let momenta = self.momenta_of_model();
         outputs.push(Output::group(Want::Momentum, momenta, "momenta p = dL/dy"));
@@ -266,6 +277,7 @@ impl Derivation<'_> {
         }
         if let KinematicConstraint::Solved(solved) = &system.constraint
             && !solved.rows.is_empty()
+            && system.hamiltonian.is_none()
         {
             facts.holonomic =
                 integrable::is_subalgebroid(&mut self.g, &system.algebroid, system.time, solved);
@@ -311,6 +323,16 @@ impl Derivation<'_> {
             reconstruction.push(StateEquation { symbol, name, doc, derivative });
         }
         let (legendre, velocities) = self.conversions()?;
+        let carries_velocities = |kind: &StateKind| matches!(kind, StateKind::Unknown(_));
+        let form = match motion.system.clone() {
+            Some(linear)
+                if system.state.iter().any(|(kind, _)| carries_velocities(kind))
+                    || system.momenta.is_empty() =>
+            {
+                Form::Accelerations(linear)
+            }
+            _ => Form::Momenta,
+        };
         outputs.extend(velocities);
         let circles = self.circles(&motion, &mut facts)?;
         let pivots = motion.pivots.into_iter().filter(|p| self.g.as_rational(p.expr).is_none()).collect();
@@ -322,7 +344,7 @@ impl Derivation<'_> {
             state,
             reconstruction,
             taken_at: BTreeMap::new(),
-            form: Form::Accelerations(motion.system),
+            form,
             energy,
             energy_rate,
             legendre,
@@ -332,6 +354,7 @@ impl Derivation<'_> {
             varying,
         };
         origin::evaluate_at_origin(&mut equations);
+        legendre::check_cyclic(&equations)?;
         // Equal to one on the circle, hence not to be evaluated at the origin.
         equations.outputs.extend(circles);
         Ok(equations)

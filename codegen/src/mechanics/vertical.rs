@@ -83,6 +83,10 @@ impl VerticalEquations {
     /// Every symbol stands for its value along the motion, so that `left - right` vanishes identically.
     pub fn new(equations: &Equations) -> Option<VerticalEquations> {
         let system = &equations.system;
+        // Written in velocities of a Lagrangian.
+        if system.hamiltonian.is_some() || !system.momenta.is_empty() {
+            return None;
+        }
         let stages = system.stages.as_ref()?;
         let mut writer = Writer::new(equations, stages);
         let velocities = writer.velocities();

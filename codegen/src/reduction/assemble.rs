@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::error::Error;
 use crate::expr::{ExprId, Stage, SymbolId};
-use crate::spec::{self, Diagnostics, InnerProduct, Model, ReconstructionKind};
+use crate::spec::{self, Coordinate, Diagnostics, InnerProduct, Model, ReconstructionKind};
 
 use super::algebroid::algebroid_of;
 use super::constraint::{KinematicConstraint, Unknown, constrain, frame_unknowns, refused};
@@ -55,6 +55,8 @@ pub(super) fn on_algebroid(
         .map_err(|problem| model.diagnostics(vec![problem]))?;
     momenta::spell_out(&mut model, &constraint, &unknowns, &momenta)
         .map_err(|problems| model.diagnostics(problems))?;
+    let hamiltonian =
+        momenta::hamiltonian(&model, &momenta).map_err(|problem| model.diagnostics(vec![problem]))?;
     let state = state_order(&model, &unknowns, &momenta);
     let blocks = blocks(&model);
     let algebra = model.base.len()..velocities.len();
@@ -83,6 +85,7 @@ pub(super) fn on_algebroid(
         side,
         connection: model.connection,
         lagrangian: model.lagrangian,
+        hamiltonian,
         forces: model.forces,
         constraint,
         unknowns,
@@ -203,8 +206,8 @@ fn state_order(model: &Model, unknowns: &[Unknown], momenta: &[CarriedMomentum])
             own.map(|v| v.doc.clone()).unwrap_or_default()
         }
     };
-    let is_cyclic = |i: &usize| momenta.iter().any(|m| m.cyclic == Some(*i));
-    let shape = model.base.iter().enumerate().filter(|(i, _)| !is_cyclic(i));
+    let is_cyclic = |c: &Coordinate| momenta.iter().any(|m| m.cyclic == Some(c.symbol));
+    let shape = model.base.iter().enumerate().filter(|(_, c)| !is_cyclic(c));
     let shape = shape.map(|(i, c)| (StateKind::Base(i), c.doc.clone()));
     let velocities = unknowns.iter().enumerate().filter_map(|(a, u)| {
         let Some(k) = momenta.iter().position(|m| m.unknown == a) else {

@@ -42,8 +42,9 @@ pub fn with_circles(
     if angles.is_empty() {
         return Ok(system);
     }
-    let cyclic = system.momenta.iter().filter_map(|m| m.cyclic).map(|k| &model.base[k].name);
-    if let Some(name) = cyclic.into_iter().find(|name| angles.contains(name)) {
+    let is_cyclic = |c: &&Coordinate| system.momenta.iter().any(|m| m.cyclic == Some(c.symbol));
+    let mut cyclic = model.base.iter().filter(is_cyclic).map(|c| &c.name);
+    if let Some(name) = cyclic.find(|name| angles.contains(name)) {
         let message = format!("`{name}` is cyclic and no part of the state, so that no circle carries it");
         let span = model.places.declared.get(name).copied();
         return Err(model.diagnostics(vec![spec::diagnose(model, span, message, "leave it off the circle")]));
@@ -331,6 +332,7 @@ fn place_of(model: &Model, system: &Places, part: Part) -> (String, Option<Span>
     let first = model.constraints.first().and_then(|c| c.span);
     match part {
         Part::Lagrangian => ("the lagrangian".into(), model.places.lagrangian),
+        Part::Hamiltonian => ("the hamiltonian".into(), model.places.lagrangian),
         Part::Connection => ("the connection".into(), model.places.connection),
         Part::Force(k) => (format!("the force on `{}`", system.frame[k]), None),
         Part::Constraint(k) => {

@@ -261,7 +261,8 @@ fn shift_velocities(model: &mut Model, shift: &[Vec<ExprId>]) -> Result<(), Erro
             | ExpressionRole::Output(_) => true,
             // Linear in a velocity that stands for any element of the algebra.
             ExpressionRole::AdvectedAction(_) => false,
-            ExpressionRole::DomainEnd(_)
+            ExpressionRole::Hamiltonian
+            | ExpressionRole::DomainEnd(_)
             | ExpressionRole::Condition(_)
             | ExpressionRole::Connection
             | ExpressionRole::Ideal

@@ -64,18 +64,43 @@ impl Formulation {
             fixed: Vec::new(),
             connection: model.derived_connection,
             independent: model.independent.clone(),
-            multipliers: model.force_multipliers,
+            // A Hamiltonian has no need of independent velocities.
+            multipliers: model.force_multipliers
+                || model.hamiltonian.is_some() && !model.constraints.is_empty(),
             circles: Vec::new(),
             squares: true,
-            momenta: carried_by_momenta(&[], &model.carries),
+            momenta: carried_by_momenta(model, &[]),
             stages: StageUse::of(model.stages.is_some(), &[], &model.carries),
         }
+    }
+
+    /// Base coordinates that only a reconstruction needs, by index: the momenta of their velocities are parameters.
+    pub fn cyclic_coordinates(&self, model: &Model) -> Vec<usize> {
+        let n_base = model.base.len();
+        let is_cyclic = |c: &&Carried| c.velocity < n_base && matches!(c.by, CarriedBy::Parameter(_));
+        self.momenta.iter().filter(is_cyclic).map(|c| c.velocity).collect()
+    }
+
+    /// Names of the coordinates that a reconstruction adds to the state, in its order: those of the group, then the
+    /// cyclic ones.
+    pub fn reconstructed(&self, model: &Model) -> Vec<String> {
+        let of_group = model.reconstruction.iter().flat_map(|item| item.names.iter().cloned());
+        let cyclic = self.cyclic_coordinates(model).into_iter().map(|k| model.base[k].name.clone());
+        of_group.chain(cyclic).collect()
     }
 }
 
 /// What is carried by momenta: what a model says, and what a scene says in its place.
-pub fn carried_by_momenta(of_model: &[Carried], of_scene: &[Carried]) -> Vec<Carried> {
-    let mut momenta: Vec<Carried> = carried(of_model, of_scene).cloned().collect();
+///
+/// A Hamiltonian is a function of all momenta, which are carried unless something else is said.
+pub fn carried_by_momenta(model: &Model, of_scene: &[Carried]) -> Vec<Carried> {
+    let mut momenta: Vec<Carried> = carried(&model.carries, of_scene).cloned().collect();
+    let of_hamiltonian = model.hamiltonian.map(|_| &model.momenta).into_iter().flatten();
+    for (name, _, velocity) in of_hamiltonian.flat_map(|m| &m.components) {
+        if momenta.iter().all(|own| own.velocity != *velocity) {
+            momenta.push(Carried { velocity: *velocity, by: CarriedBy::Momentum(name.clone()) });
+        }
+    }
     momenta.retain(|carried| !matches!(carried.by, CarriedBy::Velocity | CarriedBy::Level));
     momenta.sort_by_key(|carried| carried.velocity);
     momenta

@@ -38,7 +38,7 @@ pub(crate) use momenta::momentum_of;
 pub use part::Part;
 pub use reconstruction::{MomentumInSpace, ReconstructedCoordinate};
 pub use stages::{StageLevel, Stages, Tensor};
-pub use system::{Block, BlockKind, Circle, ReducedSystem, StateKind};
+pub use system::{Block, BlockKind, Circle, Hamiltonian, ReducedSystem, StateKind};
 
 /// Reduces a model in the formulation that is asked for.
 ///

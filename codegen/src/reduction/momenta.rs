@@ -11,6 +11,7 @@ use crate::spec::{self, Carried, CarriedBy, Model};
 use super::constraint::{KinematicConstraint, Unknown};
 use super::formulation::Formulation;
 use super::reconstruction::ReconstructedCoordinate;
+use super::system::Hamiltonian;
 
 /// The momentum `pi_b = W^a_b dL/dy^a` of an unknown, which the state carries, or which is a parameter.
 #[derive(Clone, Debug)]
@@ -26,7 +27,7 @@ pub struct CarriedMomentum {
     /// What it is.
     pub doc: String,
     /// The base coordinate whose velocity the unknown is, where the momentum is a parameter: only its motion needs it.
-    pub cyclic: Option<usize>,
+    pub cyclic: Option<SymbolId>,
 }
 
 /// The momenta that a formulation carries, with `unknowns` in its state otherwise.
@@ -85,11 +86,37 @@ pub(super) fn carried(
             Some((doc, _)) if !doc.is_empty() => doc,
             _ => format!("momentum along {}", unknowns[unknown].name),
         };
-        let cyclic = (symbol.is_none() && *velocity < model.base.len()).then_some(*velocity);
+        let coordinate = model.base.get(*velocity).map(|c| c.symbol);
+        let cyclic = coordinate.filter(|_| symbol.is_none());
         momenta.push(CarriedMomentum { unknown, name: name.clone(), value, symbol, doc, cyclic });
     }
     momenta.sort_by_key(|m| m.unknown);
     Ok(momenta)
+}
+
+/// The Hamiltonian with the symbols of all momenta, where the model has one.
+///
+/// # Errors
+/// A velocity that the state carries itself.
+pub(super) fn hamiltonian(
+    model: &Model,
+    carried: &[CarriedMomentum],
+) -> Result<Option<Hamiltonian>, spec::Diagnostic> {
+    let Some(h) = model.hamiltonian else { return Ok(None) };
+    let mut momenta = Vec::new();
+    for (k, (name, _)) in model.all_velocities().into_iter().enumerate() {
+        let components = model.momenta.iter().flat_map(|m| &m.components);
+        let own = components.into_iter().find(|(.., velocity)| *velocity == k);
+        match own {
+            Some((_, symbol, _)) if carried.iter().any(|m| m.unknown == k) => momenta.push(*symbol),
+            _ => {
+                let message = format!("the state cannot carry `{name}`: a hamiltonian has momenta");
+                let help = "the output `velocities` has it; a lagrangian can be carried either way";
+                return Err(spec::diagnose(model, model.places.lagrangian, message, help));
+            }
+        }
+    }
+    Ok(Some(Hamiltonian { h, momenta }))
 }
 
 /// The coordinates that only a reconstruction needs, with their rates.
@@ -98,11 +125,12 @@ pub(super) fn cyclic_coordinates<'a>(
     momenta: &'a [CarriedMomentum],
 ) -> impl Iterator<Item = ReconstructedCoordinate> + 'a {
     let (base, graph) = (&model.base, &mut model.graph);
-    momenta.iter().filter_map(|m| m.cyclic).map(|k| ReconstructedCoordinate {
-        name: base[k].name.clone(),
-        symbol: base[k].symbol,
-        rate: graph.sym(base[k].velocity),
-        doc: base[k].doc.clone(),
+    let is_cyclic = |symbol: SymbolId| momenta.iter().any(|m| m.cyclic == Some(symbol));
+    base.iter().filter(move |c| is_cyclic(c.symbol)).map(|c| ReconstructedCoordinate {
+        name: c.name.clone(),
+        symbol: c.symbol,
+        rate: graph.sym(c.velocity),
+        doc: c.doc.clone(),
     })
 }
 

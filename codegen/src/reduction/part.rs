@@ -14,6 +14,8 @@ pub enum Part {
     Connection,
     /// The Lagrangian.
     Lagrangian,
+    /// The Hamiltonian.
+    Hamiltonian,
     /// The force on a velocity of the frame.
     Force(usize),
     /// A coefficient or the remainder of a constraint, by its place.

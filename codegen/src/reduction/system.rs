@@ -17,6 +17,15 @@ use super::part::Part;
 use super::reconstruction::{MomentumInSpace, ReconstructedCoordinate};
 use super::stages::Stages;
 
+/// A function on the dual of the algebroid, `xdot = rho dh/dp`, `pdot_a = -C^c_ab (dh/dp_b) p_c - rho^i_a dh/dx^i + F_a`.
+#[derive(Clone, Debug)]
+pub struct Hamiltonian {
+    /// `h(x, p, t)`.
+    pub h: ExprId,
+    /// Symbols of the momenta `p_alpha`, in frame order.
+    pub momenta: Vec<SymbolId>,
+}
+
 /// What a state variable is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StateKind {
@@ -110,8 +119,10 @@ pub struct ReducedSystem {
     pub side: Side,
     /// `A^a_i(x)` by element of the algebra and shape coordinate, `v = xi + A(x) xdot`; absent where `v = xi`.
     pub connection: Option<Vec<Vec<ExprId>>>,
-    /// `L(x, y, t)`.
+    /// `L(x, y, t)`; zero where the motion follows from a Hamiltonian.
     pub lagrangian: ExprId,
+    /// The Hamiltonian in the place of a Lagrangian.
+    pub hamiltonian: Option<Hamiltonian>,
     /// External force `F_alpha`.
     pub forces: Vec<ExprId>,
     /// `Psi`, `psi0`, `W`, or multipliers.
@@ -181,6 +192,7 @@ impl ReducedSystem {
             side: _,
             connection,
             lagrangian,
+            hamiltonian,
             forces,
             constraint,
             unknowns: _,
@@ -199,6 +211,9 @@ impl ReducedSystem {
             changes,
         } = self;
         let mut list: Vec<(Part, &mut ExprId)> = vec![(Part::Lagrangian, lagrangian)];
+        if let Some(Hamiltonian { h, momenta: _ }) = hamiltonian {
+            list.push((Part::Hamiltonian, h));
+        }
         let bounds = conditions.iter_mut().flat_map(|c| [&mut c.greater, &mut c.less]);
         list.extend(bounds.map(|e| (Part::Condition, e)));
         list.extend(connection.iter_mut().flatten().flatten().map(|e| (Part::Connection, e)));

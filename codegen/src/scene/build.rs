@@ -86,13 +86,10 @@ fn build_scene(derivations: &Derivations<'_>, plan: Plan) -> Result<BuiltScene, 
     let fail_at = |span: Option<spec::Span>, message: String, help: String| {
         model.diagnostics(vec![spec::diagnose(model, span, message, help)])
     };
-    if plan.reconstructs && model.reconstruction.is_empty() {
-        let help = "say how with `reconstruct .. in ..;`".to_owned();
-        return Err(fail_at(
-            None,
-            format!("{} does not say how to reconstruct the group motion", model.name),
-            help,
-        ));
+    if plan.reconstructs && plan.formulation.reconstructed(model).is_empty() {
+        let help = "say how the group moves with `reconstruct .. in ..;`".to_owned();
+        let message = format!("{} has nothing to reconstruct in this formulation", model.name);
+        return Err(fail_at(place_of(Want::Reconstruction.name()), message, help));
     }
     let equations = derivations.equations(&plan.formulation).map_err(|problems| {
         let on_lines = Formulation { circles: Vec::new(), ..plan.formulation.clone() };

@@ -277,6 +277,7 @@ fn item(model: &Model, role: ExpressionRole) -> Option<(String, Option<Span>)> {
     let output_span = |name: &str| places.outputs.get(name).copied();
     Some(match role {
         ExpressionRole::Lagrangian => ("the lagrangian".into(), places.lagrangian),
+        ExpressionRole::Hamiltonian => ("the hamiltonian".into(), places.lagrangian),
         ExpressionRole::ConstraintResidual(k) | ExpressionRole::ConstraintAcceleration(k) => {
             let constraint = &model.constraints[k];
             (format!("constraint `{}`", constraint.text), constraint.span)

@@ -136,7 +136,7 @@ pub(crate) fn names_of(model: &Model, has_ignorable_coordinates: impl FnOnce() -
     if !own(MINIMAL) && has_ignorable_coordinates() {
         names.push(MINIMAL.to_owned());
     }
-    if !own(RECONSTRUCTION) && !model.reconstruction.is_empty() {
+    if !own(RECONSTRUCTION) && !reconstructed(model).is_empty() {
         names.push(RECONSTRUCTION.to_owned());
     }
     names.extend(model.scenes.iter().map(|s| s.name.clone()));
@@ -146,6 +146,13 @@ pub(crate) fn names_of(model: &Model, has_ignorable_coordinates: impl FnOnce() -
 /// Names of a model's scenes that are emitted: see [`Scenes::names`].
 pub fn names(model: &Model) -> Vec<String> {
     Scenes::new(model).names()
+}
+
+/// Names of the coordinates that the scene [`RECONSTRUCTION`] adds to the state, in its order: those of the group, and
+/// cyclic ones whose momenta are parameters. Empty where nothing is reconstructed.
+pub fn reconstructed(model: &Model) -> Vec<String> {
+    let formulation = Plan::of(model, RECONSTRUCTION).map(|plan| plan.formulation);
+    formulation.unwrap_or_else(|| Formulation::of(model)).reconstructed(model)
 }
 
 /// Whether a state of the model can violate a constraint: whether it has residuals, the output [`Want::Constraint`].
@@ -249,7 +256,7 @@ pub fn build_pictured(model: &Model, scene: &str) -> Result<BuiltScene, Diagnost
     }
     let mut scenes = Scenes::new(&pictured);
     let plan = scenes.plan(scene)?;
-    let (outputs, reconstructs) = (Outputs::All, !model.reconstruction.is_empty());
+    let (outputs, reconstructs) = (Outputs::All, !plan.formulation.reconstructed(model).is_empty());
     let plan = Plan {
         outputs,
         energy: true,

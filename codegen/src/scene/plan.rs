@@ -84,7 +84,7 @@ impl Plan {
             let mut plan = Plan { doc: own.doc.clone(), ..bare };
             plan.formulation.fixed.clone_from(&own.fixed);
             plan.formulation.circles.clone_from(&own.circles);
-            plan.formulation.momenta = carried_by_momenta(&model.carries, &own.carries);
+            plan.formulation.momenta = carried_by_momenta(model, &own.carries);
             plan.formulation.stages = StageUse::of(model.stages.is_some(), &model.carries, &own.carries);
             if !own.drops.is_empty() {
                 plan.drops = Drops::Components(own.drops.clone());

@@ -153,6 +153,11 @@ pub(super) enum ItemKind {
         name: Name,
         velocity: Name,
     },
+    /// `momentum Pi in so(3);`
+    MomentumIn {
+        names: Vec<Name>,
+        algebra: AlgebraExpr,
+    },
     Carry(Vec<Carry>),
     Action(Name),
     Stage {
@@ -174,6 +179,7 @@ pub(super) enum ItemKind {
         action: Expr,
     },
     Lagrangian(Expr),
+    Hamiltonian(Expr),
     Constraint {
         name: Option<Name>,
         left: Expr,

@@ -14,6 +14,8 @@ use crate::expr::{ExprId, Graph};
 pub enum ExpressionRole {
     /// [`Model::lagrangian`].
     Lagrangian,
+    /// [`Model::hamiltonian`].
+    Hamiltonian,
     /// The external force on a velocity, in the order of [`Model::all_velocities`].
     Force(usize),
     /// An end of the interval of a base coordinate.
@@ -69,6 +71,7 @@ macro_rules! visit {
             stages,
             advected,
             lagrangian,
+            hamiltonian,
             constraints,
             derived_connection: _,
             virtual_constraints,
@@ -104,6 +107,9 @@ macro_rules! visit {
         } in &*scenes
         {}
         $visit(ExpressionRole::Lagrangian, lagrangian);
+        if let Some(e) = hamiltonian {
+            $visit(ExpressionRole::Hamiltonian, e);
+        }
         for (k, force) in forces.into_iter().enumerate() {
             $visit(ExpressionRole::Force(k), force);
         }

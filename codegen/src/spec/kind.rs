@@ -41,6 +41,8 @@ pub enum Restriction {
 pub struct Kind {
     /// What moves.
     pub setting: Setting,
+    /// Whether a Hamiltonian on the dual says how, and no Lagrangian.
+    pub is_hamiltonian: bool,
     /// Its constraints.
     pub restriction: Restriction,
     /// Whether virtual displacements are not those of the constraints: servo constraints.
@@ -73,6 +75,7 @@ impl Model {
         });
         Kind {
             setting,
+            is_hamiltonian: self.hamiltonian.is_some(),
             restriction: restrictions.max().unwrap_or(Restriction::None),
             is_servo: !self.virtual_constraints.is_empty(),
             has_advected: !self.advected.is_empty(),
@@ -85,6 +88,12 @@ impl fmt::Display for Kind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let is_free = self.restriction == Restriction::None && !self.is_servo;
         f.write_str(match (self.setting, is_free) {
+            (Setting::Group, true) if self.is_hamiltonian => "Lie-Poisson",
+            (Setting::Group, false) if self.is_hamiltonian => "Lie-Poisson-Suslov",
+            (Setting::Bundle, true) if self.is_hamiltonian => "Hamilton-Poincaré",
+            (Setting::Bundle, false) if self.is_hamiltonian => "Hamilton-d'Alembert-Poincaré",
+            (Setting::Base, true) if self.is_hamiltonian => "Hamilton",
+            (Setting::Base, false) if self.is_hamiltonian => "Hamilton-d'Alembert",
             (Setting::Group, true) => "Euler-Poincaré",
             (Setting::Group, false) => "Euler-Poincaré-Suslov",
             (Setting::Bundle, true) => "Lagrange-Poincaré",
@@ -135,6 +144,9 @@ mod tests {
                 "constraint w1 = s_dot; constraint w2 = 1;",
                 "Lagrange-d'Alembert-Poincaré, affine constraints",
             ),
+            ("momentum p in so(3); hamiltonian = dot(p, p);", "", "Lie-Poisson"),
+            ("momentum p in so(3); hamiltonian = dot(p, p);", "constraint dh_dp3 = 0;", "Lie-Poisson-Suslov"),
+            ("coordinate s in real; momentum p of s_dot; hamiltonian = p^2;", "", "Hamilton"),
             (free, "", "Lagrange"),
             (free, "constraint r_dot = s*s_dot;", "Lagrange-d'Alembert"),
         ];

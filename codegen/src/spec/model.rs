@@ -431,7 +431,7 @@ pub struct Views {
 /// Where items of a model stand in its text, for problems that show only when equations are derived.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Places {
-    /// The Lagrangian.
+    /// The Lagrangian or the Hamiltonian.
     pub lagrangian: Option<Span>,
     /// The inner product for the stages.
     pub inner_product: Option<Span>,
@@ -491,8 +491,10 @@ pub struct Model {
     pub stages: Option<IdealChain>,
     /// Advected parameters.
     pub advected: Vec<Advected>,
-    /// The reduced Lagrangian.
+    /// The reduced Lagrangian; zero where the model has a Hamiltonian.
     pub lagrangian: ExprId,
+    /// The Hamiltonian `h(x, p, t)` in the place of a Lagrangian; every velocity has a momentum then.
+    pub hamiltonian: Option<ExprId>,
     /// Constraints.
     pub constraints: Vec<Constraint>,
     /// A connection to be derived; the model is then written with the group velocity `xi` and the state holds

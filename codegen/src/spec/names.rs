@@ -11,7 +11,7 @@ pub(super) const ITEMS: &[(&str, &str)] = &[
     ("algebra", "algebra g = so(3);` or `algebra g { basis a, b; [a, b] = a; }"),
     ("representation", "representation r of so(3) on R^3 { e1 = [[..], ..]; .. }"),
     ("velocity", "velocity Omega, V in se(3);"),
-    ("momentum", "momentum Pi of Omega;"),
+    ("momentum", "momentum Pi of Omega;` or `momentum Pi in so(3);"),
     ("carry", "carry Pi;"),
     ("routh", "routh phi = p;` or `routh Omega -> Pi;"),
     ("quasi_velocity", "quasi_velocity s;"),
@@ -22,6 +22,7 @@ pub(super) const ITEMS: &[(&str, &str)] = &[
     ("coordinate", "coordinate theta in angle;` or `coordinate x: vector(2) in (0, 1);"),
     ("advected", "advected Gamma in R^3 by cross(Omega, Gamma);"),
     ("lagrangian", "lagrangian = expression;"),
+    ("hamiltonian", "hamiltonian = expression;"),
     ("constraint", "constraint name: dot(Omega, Gamma) = 0;"),
     ("virtual", "virtual delta(v1) + delta(v2) = 0;"),
     ("independent", "independent Omega, x_dot;"),
@@ -49,8 +50,8 @@ pub(super) fn item_form(word: &str) -> Option<String> {
 pub(super) fn item_meant_by(word: &str) -> String {
     let advice = match word {
         "parameter" | "parameters" | "const" | "constant" => "write `param name = value;`",
-        "hamiltonian" | "kinetic" | "potential" => {
-            "name it with `let`; the system is given by `lagrangian = ..;`"
+        "kinetic" | "potential" => {
+            "name it with `let`; the system is given by `lagrangian = ..;` or `hamiltonian = ..;`"
         }
         "variable" | "var" | "state" => {
             "write `coordinate` for the base, `velocity` for the algebra, `advected` for what the group moves"
@@ -166,7 +167,7 @@ pub(super) fn suggest<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>)
     if let Some((_, name)) = near {
         return format!("did you mean `{name}`?");
     }
-    if known.is_empty() || known.len() > 26 {
+    if known.is_empty() || known.len() > 32 {
         return String::new();
     }
     format!("legal here: {}", list(&known))

@@ -137,7 +137,7 @@ fn declare<'a>(item: &'a Item, declarations: &mut Vec<Declaration<'a>>) {
 /// The names in an item that changes equations, outputs or figures.
 fn effective(item: &Item) -> Vec<String> {
     match &item.kind {
-        ItemKind::Velocity { algebra, .. } => algebras(algebra),
+        ItemKind::Velocity { algebra, .. } | ItemKind::MomentumIn { algebra, .. } => algebras(algebra),
         ItemKind::Stage { ideal, connections, .. } => {
             mentions(ideal.iter().flatten().chain(connections.iter().map(|(_, value)| value)))
         }
@@ -146,12 +146,14 @@ fn effective(item: &Item) -> Vec<String> {
         }
         ItemKind::InnerProduct(value)
         | ItemKind::Lagrangian(value)
+        | ItemKind::Hamiltonian(value)
         | ItemKind::Connection { value, .. }
         | ItemKind::Force { value, .. }
         | ItemKind::Casimir { value, .. }
         | ItemKind::Output { value, .. }
         | ItemKind::Initial { value, .. }
         | ItemKind::Reconstruct { way: ReconstructWay::Rate(value), .. } => mentions([value]),
+        ItemKind::Momentum { velocity, .. } => vec![velocity.text.clone()],
         ItemKind::Carry(list) | ItemKind::Scene { carries: list, .. } => levels(list),
         ItemKind::Reconstruct { way: ReconstructWay::Group { from, .. }, .. } => {
             owned(from.iter().map(|name| name.text.as_str()))
@@ -173,16 +175,15 @@ fn effective(item: &Item) -> Vec<String> {
         | ItemKind::Coordinate { .. }
         | ItemKind::Advected { .. }
         | ItemKind::Independent(_)
-        | ItemKind::Multipliers
-        | ItemKind::Momentum { .. } => Vec::new(),
+        | ItemKind::Multipliers => Vec::new(),
     }
 }
 
-/// The parameters that are momenta.
+/// Cyclic coordinates, and the parameters that are their momenta.
 fn levels(carries: &[Carry]) -> Vec<String> {
-    let parameter = |carry: &Carry| match carry {
-        Carry::Level { parameter, .. } => Some(parameter.text.clone()),
-        Carry::Named(_) | Carry::Momenta { .. } => None,
+    let level = |carry: &Carry| match carry {
+        Carry::Level { cyclic, parameter } => vec![cyclic.text.clone(), parameter.text.clone()],
+        Carry::Named(_) | Carry::Momenta { .. } => Vec::new(),
     };
-    carries.iter().filter_map(parameter).collect()
+    carries.iter().flat_map(level).collect()
 }

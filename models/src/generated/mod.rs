@@ -12,6 +12,8 @@ pub mod chaplygin_ball;
 /// Chaplygin ball
 pub mod chaplygin_ball_invariants;
 /// Chaplygin ball
+pub mod chaplygin_ball_momenta;
+/// Chaplygin ball
 pub mod chaplygin_ball_reconstruction;
 /// Chaplygin ball
 pub mod chaplygin_ball_taylor;
@@ -27,6 +29,10 @@ pub mod chaplygin_sleigh_derivatives;
 pub mod chaplygin_sleigh_invariants;
 /// Chaplygin sleigh
 pub mod chaplygin_sleigh_reconstruction;
+/// Double spherical pendulum
+pub mod double_spherical_pendulum;
+/// Double spherical pendulum
+pub mod double_spherical_pendulum_reconstruction;
 /// Euler's disk
 pub mod euler_disk;
 /// Euler's disk with an advected parameter
@@ -50,11 +56,15 @@ pub mod extended_pose;
 /// Extended pose
 pub mod extended_pose_block_diagonal;
 /// Extended pose
+pub mod extended_pose_momenta;
+/// Extended pose
 pub mod extended_pose_reconstruction;
 /// Free rigid body
 pub mod free_rigid_body;
 /// Free rigid body
 pub mod free_rigid_body_invariants;
+/// Free rigid body
+pub mod free_rigid_body_momenta;
 /// Free rigid body
 pub mod free_rigid_body_reconstruction;
 /// Heavy top
@@ -66,6 +76,8 @@ pub mod heavy_top_invariants;
 /// Heavy top
 pub mod heavy_top_lagrange;
 /// Heavy top
+pub mod heavy_top_momenta;
+/// Heavy top
 pub mod heavy_top_reconstruction;
 /// Heavy top
 pub mod heavy_top_symmetric;
@@ -75,6 +87,8 @@ pub mod heavy_top_taylor;
 pub mod kirchhoff_body;
 /// Kirchhoff's underwater body
 pub mod kirchhoff_body_invariants;
+/// Kirchhoff's underwater body
+pub mod kirchhoff_body_momenta;
 /// Kirchhoff's underwater body
 pub mod kirchhoff_body_reconstruction;
 /// Kirchhoff's underwater body
@@ -132,7 +146,17 @@ pub mod two_arm_satellite;
 /// Satellite with two arms
 pub mod two_arm_satellite_invariants;
 /// Satellite with two arms
+pub mod two_arm_satellite_momenta;
+/// Satellite with two arms
 pub mod two_arm_satellite_reconstruction;
+/// Satellite with two arms in Routh's form
+pub mod two_arm_satellite_routh;
+/// Satellite with two arms in Routh's form
+pub mod two_arm_satellite_routh_invariants;
+/// Satellite with two arms in Routh's form
+pub mod two_arm_satellite_routh_reconstruction;
+/// Satellite with two arms in Routh's form
+pub mod two_arm_satellite_routh_taylor;
 /// Satellite with two arms
 pub mod two_arm_satellite_taylor;
 /// Veselova system
@@ -161,6 +185,7 @@ macro_rules! for_each_scene {
             (ball_on_rotating_table_reconstruction, "ball_on_rotating_table", "reconstruction", 9)
             (chaplygin_ball, "chaplygin_ball", "default", 6)
             (chaplygin_ball_invariants, "chaplygin_ball", "invariants", 6)
+            (chaplygin_ball_momenta, "chaplygin_ball", "momenta", 6)
             (chaplygin_ball_reconstruction, "chaplygin_ball", "reconstruction", 13)
             (chaplygin_ball_taylor, "chaplygin_ball", "taylor", 6)
             (chaplygin_gyro, "chaplygin_gyro", "default", 10)
@@ -169,6 +194,8 @@ macro_rules! for_each_scene {
             (chaplygin_sleigh_derivatives, "chaplygin_sleigh", "derivatives", 2)
             (chaplygin_sleigh_invariants, "chaplygin_sleigh", "invariants", 2)
             (chaplygin_sleigh_reconstruction, "chaplygin_sleigh", "reconstruction", 5)
+            (double_spherical_pendulum, "double_spherical_pendulum", "default", 6)
+            (double_spherical_pendulum_reconstruction, "double_spherical_pendulum", "reconstruction", 7)
             (euler_disk, "euler_disk", "default", 5)
             (euler_disk_advected, "euler_disk_advected", "default", 6)
             (euler_disk_advected_invariants, "euler_disk_advected", "invariants", 6)
@@ -180,19 +207,23 @@ macro_rules! for_each_scene {
             (euler_disk_taylor, "euler_disk", "taylor", 5)
             (extended_pose, "extended_pose", "default", 9)
             (extended_pose_block_diagonal, "extended_pose", "block_diagonal", 9)
+            (extended_pose_momenta, "extended_pose", "momenta", 9)
             (extended_pose_reconstruction, "extended_pose", "reconstruction", 19)
             (free_rigid_body, "free_rigid_body", "default", 3)
             (free_rigid_body_invariants, "free_rigid_body", "invariants", 7)
+            (free_rigid_body_momenta, "free_rigid_body", "momenta", 3)
             (free_rigid_body_reconstruction, "free_rigid_body", "reconstruction", 7)
             (heavy_top, "heavy_top", "default", 6)
             (heavy_top_derivatives, "heavy_top", "derivatives", 6)
             (heavy_top_invariants, "heavy_top", "invariants", 6)
             (heavy_top_lagrange, "heavy_top", "lagrange", 6)
+            (heavy_top_momenta, "heavy_top", "momenta", 6)
             (heavy_top_reconstruction, "heavy_top", "reconstruction", 10)
             (heavy_top_symmetric, "heavy_top", "symmetric", 6)
             (heavy_top_taylor, "heavy_top", "taylor", 6)
             (kirchhoff_body, "kirchhoff_body", "default", 6)
             (kirchhoff_body_invariants, "kirchhoff_body", "invariants", 13)
+            (kirchhoff_body_momenta, "kirchhoff_body", "momenta", 6)
             (kirchhoff_body_reconstruction, "kirchhoff_body", "reconstruction", 13)
             (kirchhoff_body_uncoupled, "kirchhoff_body", "uncoupled", 6)
             (mobile_robot, "mobile_robot", "default", 4)
@@ -221,7 +252,12 @@ macro_rules! for_each_scene {
             (tethered_body_reconstruction, "tethered_body", "reconstruction", 16)
             (two_arm_satellite, "two_arm_satellite", "default", 7)
             (two_arm_satellite_invariants, "two_arm_satellite", "invariants", 11)
+            (two_arm_satellite_momenta, "two_arm_satellite", "momenta", 7)
             (two_arm_satellite_reconstruction, "two_arm_satellite", "reconstruction", 11)
+            (two_arm_satellite_routh, "two_arm_satellite_routh", "default", 7)
+            (two_arm_satellite_routh_invariants, "two_arm_satellite_routh", "invariants", 11)
+            (two_arm_satellite_routh_reconstruction, "two_arm_satellite_routh", "reconstruction", 11)
+            (two_arm_satellite_routh_taylor, "two_arm_satellite_routh", "taylor", 7)
             (two_arm_satellite_taylor, "two_arm_satellite", "taylor", 7)
             (veselova, "veselova", "default", 6)
             (veselova_derivatives, "veselova", "derivatives", 6)

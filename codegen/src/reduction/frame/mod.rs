@@ -128,7 +128,11 @@ pub(super) fn with_stages(system: ReducedSystem) -> Result<ReducedSystem, Error>
     let keeps_all = matches!(system.constraint, KinematicConstraint::Multipliers { .. });
     match system.formulation.stages {
         StageUse::Unused | StageUse::Shown => Ok(system),
-        StageUse::Internal if keeps_all => Ok(system),
+        StageUse::Internal if keeps_all || system.hamiltonian.is_some() => Ok(system),
+        StageUse::Carried if system.hamiltonian.is_some() => Err(Error::Unsupported {
+            what: "velocities along stages of a system with a hamiltonian".into(),
+            possible: "the momenta that it is a function of; remove `carry stages`".into(),
+        }),
         StageUse::Internal | StageUse::Carried => match system.stages.clone() {
             Some(stages) => in_frame(system, &stages),
             None => Ok(system),
@@ -152,6 +156,7 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
         side,
         connection,
         lagrangian,
+        hamiltonian,
         forces,
         constraint,
         unknowns,
@@ -233,6 +238,7 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
         side,
         connection,
         lagrangian,
+        hamiltonian,
         forces,
         constraint,
         unknowns,

@@ -25,6 +25,7 @@ impl ModelBuilder {
         }
         self.check_conditions();
         let lagrangian = self.check_lagrangian();
+        let hamiltonian = self.check_hamiltonian();
         let stages = self.check_stages();
         let advected = self.check_advected();
         let connection = self.check_connection();
@@ -37,7 +38,7 @@ impl ModelBuilder {
         let initial = self.check_initial();
         let carried = std::mem::take(&mut self.carries);
         let carries = self.check_carries(&carried);
-        let scenes = self.check_scenes();
+        let scenes = self.check_scenes(&carries);
         self.check_budget();
         if !self.problems.is_empty() {
             return Err(Diagnostics::new(origin, self.problems));
@@ -48,7 +49,7 @@ impl ModelBuilder {
         let placed_carries = self.places_of_carries(&carried);
         let first_component = self.connection.first().and_then(|(_, _, span)| *span);
         let places = Places {
-            lagrangian: self.lagrangian.and_then(|(_, span)| span),
+            lagrangian: self.lagrangian.or(self.hamiltonian).and_then(|(_, span)| span),
             inner_product: self.inner_product.and_then(|(_, span)| span),
             independent: self.independent.and_then(|(_, span)| span),
             connection: self.derived_connection.and_then(|(_, span)| span).or(first_component),
@@ -84,6 +85,7 @@ impl ModelBuilder {
             stages,
             advected,
             lagrangian,
+            hamiltonian,
             constraints,
             virtual_constraints,
             independent,

@@ -3,7 +3,9 @@
 //! Deliberately does not know: constraints, equations of motion.
 
 use super::draft::ModelBuilder;
+use super::symbols::Special;
 use crate::expr::ExprId;
+use crate::spec::diagnostic::Diagnostic;
 use crate::spec::layout::short_list;
 use crate::spec::shape::Shape;
 use crate::spec::value::Value;
@@ -15,6 +17,27 @@ impl ModelBuilder {
         match &self.lagrangian {
             Some((_, first)) => self.twice("lagrangian", *first),
             None => self.lagrangian = Some((value.clone(), here)),
+        }
+        self
+    }
+
+    /// The Hamiltonian in the place of a Lagrangian, in the momenta of all velocities.
+    ///
+    /// ```
+    /// use hamel_codegen::spec::{LieAlgebra, ModelBuilder};
+    ///
+    /// let mut b = ModelBuilder::new("body");
+    /// b.velocities(LieAlgebra::so(3).unwrap(), &["Omega"]);
+    /// let pi = b.momentum("Pi", "Omega", "").unwrap();
+    /// let h = pi.dot(b.graph(), &pi).unwrap();
+    /// b.hamiltonian(&h);
+    /// assert!(b.build().unwrap().hamiltonian.is_some());
+    /// ```
+    pub fn hamiltonian(&mut self, value: &Value) -> &mut Self {
+        let here = self.here;
+        match &self.hamiltonian {
+            Some((_, first)) => self.twice("hamiltonian", *first),
+            None => self.hamiltonian = Some((value.clone(), here)),
         }
         self
     }
@@ -37,11 +60,14 @@ impl ModelBuilder {
             );
         }
         let Some((value, span)) = self.lagrangian.clone() else {
-            if !self.broken.contains("lagrangian") {
+            if !self.broken.contains("lagrangian")
+                && !self.broken.contains("hamiltonian")
+                && self.hamiltonian.is_none()
+            {
                 self.problem(
                     self.place,
                     format!("model `{}` has no lagrangian", self.name),
-                    "add `lagrangian = ..;`",
+                    "add `lagrangian = ..;`, or `hamiltonian = ..;` in momenta",
                 );
             }
             return zero;
@@ -70,6 +96,45 @@ impl ModelBuilder {
         e
     }
 
+    pub(super) fn check_hamiltonian(&mut self) -> Option<ExprId> {
+        let (value, span) = self.hamiltonian.clone()?;
+        if let Some((_, first)) = &self.lagrangian {
+            let problem = Diagnostic::new(span, "the model has a lagrangian and a hamiltonian")
+                .with_place(*first, "the lagrangian")
+                .with_help("keep one of them; `carry` gives the momenta of a lagrangian");
+            self.problems.push(problem);
+            return None;
+        }
+        let Ok(e) = value.scalar("hamiltonian") else {
+            let message = format!("the hamiltonian must be a number, found {}", value.shape());
+            self.problem(span, message, "use `dot(a, b)` for the pairing of vectors");
+            return None;
+        };
+        self.reports_stray(e, span, "the hamiltonian", &[Special::Momentum]);
+        let velocities = self.velocity_symbols();
+        if let Some(velocity) = self.occurring(e, &velocities).first() {
+            let message = format!("the hamiltonian contains the velocity `{}`", self.graph.name(*velocity));
+            self.problem(span, message, "it is a function of momenta: `momentum Pi of Omega;`");
+        }
+        if let Some(velocity) = self.quasi_velocities.first().map(|v| v.name.clone()) {
+            let message = format!("a hamiltonian has no use for the quasi-velocity `{velocity}`");
+            self.problem(span, message, "write the constraint as an equation in velocities");
+        }
+        if let Some((_, at)) = self.derived_connection {
+            let message = "a connection is derived from a lagrangian, and the model has a hamiltonian";
+            self.problem(at, message, "write the connection down: `connection v = A*x_dot;`");
+        }
+        if !self.broken.contains("momentum") && !self.broken.contains("velocity") {
+            for (k, name) in self.velocity_names().into_iter().enumerate() {
+                if !self.momenta.iter().any(|m| m.components.iter().any(|(.., velocity)| *velocity == k)) {
+                    let message = format!("the hamiltonian needs the momentum of `{name}`");
+                    self.problem(span, message, format!("declare it: `momentum p_{name} of {name};`"));
+                }
+            }
+        }
+        Some(e)
+    }
+
     pub(super) fn check_forces(&mut self) -> Vec<ExprId> {
         let n = self.base.len() + self.velocities.len();
         let mut forces: Vec<Option<ExprId>> = vec![None; n];
@@ -86,7 +151,8 @@ impl ModelBuilder {
                 continue;
             }
             for (k, e) in indices.into_iter().zip(value.into_entries()) {
-                if self.reports_stray(e, span, &format!("force on `{name}`"), &[]) {
+                let allowed: &[Special] = if self.hamiltonian.is_some() { &[Special::Momentum] } else { &[] };
+                if self.reports_stray(e, span, &format!("force on `{name}`"), allowed) {
                     break;
                 }
                 if forces[k].is_some() {

@@ -237,6 +237,26 @@ impl ModelBuilder {
         Some(Carried { velocity, by: CarriedBy::Parameter(parameter.clone()) })
     }
 
+    /// Whether the momentum of a base coordinate is a parameter, so that only a reconstruction needs the coordinate.
+    pub(super) fn has_cyclic_coordinate(&self, of_model: &[Carried], of_scene: &[Carried]) -> bool {
+        let n_base = self.base.len();
+        let is_kept = |c: &&Carried| of_scene.iter().all(|own| own.velocity != c.velocity);
+        let mut carries = of_model.iter().filter(is_kept).chain(of_scene);
+        carries.any(|c| c.velocity < n_base && matches!(c.by, CarriedBy::Parameter(_)))
+    }
+
+    /// The velocity that a momentum is of, or the momentum of a velocity, by the names of components.
+    pub(super) fn counterpart(&self, component: &str) -> Option<String> {
+        let mut velocities = self.velocity_names();
+        velocities.extend(self.quasi_velocities.iter().map(|v| v.name.clone()));
+        let mut momenta = self.momenta.iter().flat_map(|m| &m.components);
+        momenta.find_map(|(momentum, _, k)| match velocities.get(*k) {
+            Some(velocity) if velocity == component => Some(momentum.clone()),
+            Some(velocity) if momentum == component => Some(velocity.clone()),
+            _ => None,
+        })
+    }
+
     fn name_of_velocity(&self, k: usize) -> String {
         let mut names = self.velocity_names();
         names.extend(self.quasi_velocities.iter().map(|v| v.name.clone()));

@@ -333,6 +333,11 @@ impl ModelBuilder {
                     self.problem(span, message, "keep one of them");
                     break;
                 }
+                if let Some(other) = self.counterpart(&component).filter(|other| taken.contains(other)) {
+                    let message = format!("`{component}` follows from the initial value of `{other}`");
+                    self.problem(span, message, "keep one of them");
+                    break;
+                }
                 let Some(number) = self.graph.eval_f64(e, &defaults).filter(|x| x.is_finite()) else {
                     let message = format!("initial value of `{component}` has no value at the defaults");
                     self.problem(span, message, "it divides by zero or leaves the domain of a function");

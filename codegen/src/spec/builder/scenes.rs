@@ -62,7 +62,8 @@ impl ModelBuilder {
         self
     }
 
-    pub(super) fn check_scenes(&mut self) -> Vec<Scene> {
+    /// The scenes of a model whose states carry `of_model` unless a scene says otherwise.
+    pub(super) fn check_scenes(&mut self, of_model: &[Carried]) -> Vec<Scene> {
         let defaults: BTreeMap<SymbolId, Rational> =
             self.params.iter().map(|p| (p.symbol, p.default.clone())).collect();
         let mut result = Vec::new();
@@ -127,6 +128,7 @@ impl ModelBuilder {
                     self.problem(span, format!("`{name}` is not an output"), help);
                 } else if name == Want::Reconstruction.name()
                     && self.reconstructions.is_empty()
+                    && !self.has_cyclic_coordinate(of_model, &scene.carries)
                     && !self.broken.contains("reconstruct")
                 {
                     let message = format!(

@@ -109,7 +109,7 @@ impl ModelBuilder {
                 Some((
                     Special::Momentum,
                     "the momentum",
-                    "write it in the velocities; momenta belong in outputs and casimirs",
+                    "write it in the velocities; momenta belong in outputs, casimirs and a hamiltonian",
                 ))
             } else if self.reconstructions.iter().any(|r| r.symbols.contains(s)) {
                 Some((

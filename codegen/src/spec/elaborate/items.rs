@@ -62,6 +62,10 @@ impl Elaboration<'_> {
                 Some(value) => _ = self.builder.at(Some(expr.span)).lagrangian(&value),
                 None => _ = self.builder.broken.insert("lagrangian"),
             },
+            ItemKind::Hamiltonian(expr) => match self.eval(expr) {
+                Some(value) => _ = self.builder.at(Some(expr.span)).hamiltonian(&value),
+                None => _ = self.builder.broken.insert("hamiltonian"),
+            },
             ItemKind::Constraint { name, left, right } => match self.equation("ddt", left, right) {
                 Some((l, r)) => {
                     let place = left.span.to(right.span);
@@ -136,6 +140,7 @@ impl Elaboration<'_> {
             | ItemKind::Velocity { .. }
             | ItemKind::QuasiVelocity(_)
             | ItemKind::Momentum { .. }
+            | ItemKind::MomentumIn { .. }
             | ItemKind::Reconstruct { .. }
             | ItemKind::Initial { .. }
             | ItemKind::View { .. }

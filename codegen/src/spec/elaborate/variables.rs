@@ -80,6 +80,11 @@ impl Elaboration<'_> {
 
     pub(super) fn declare_variables(&mut self, items: &[Item]) {
         self.declare_velocities_and_coordinates(items);
+        for item in items {
+            if let ItemKind::MomentumIn { names, algebra } = &item.kind {
+                self.declare_momenta_in(item, names, algebra);
+            }
+        }
         // Momenta belong to velocities.
         for item in items {
             if let ItemKind::Momentum { name, velocity } = &item.kind {
@@ -102,6 +107,24 @@ impl Elaboration<'_> {
                         self.poisoned.insert(momentum.text.clone());
                     }
                 }
+            }
+        }
+    }
+
+    /// `momentum Pi in so(3);`: velocities `dh_dPi` in the algebra, and their momenta.
+    fn declare_momenta_in(&mut self, item: &Item, names: &[Name], algebra: &AlgebraExpr) {
+        let velocities: Vec<Name> =
+            names.iter().map(|name| Name { text: format!("dh_d{}", name.text), span: name.span }).collect();
+        self.declare_velocities(item, &velocities, algebra);
+        for (name, velocity) in names.iter().zip(&velocities) {
+            if self.poisoned.contains(&velocity.text) {
+                self.poisoned.insert(name.text.clone());
+                continue;
+            }
+            let builder = self.builder.at(Some(name.span));
+            let velocity = (velocity.text.as_str(), Some(velocity.span));
+            if builder.located_momentum(&name.text, velocity, &item.doc.join("\n")).is_none() {
+                self.poisoned.insert(name.text.clone());
             }
         }
     }

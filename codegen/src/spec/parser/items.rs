@@ -36,9 +36,17 @@ impl<'a> Parser<'a> {
                 ItemKind::Velocity { names, algebra: self.algebra_expr()? }
             }
             "momentum" => {
-                let name = self.ident("the name of the momentum")?;
-                self.require_word("of")?;
-                ItemKind::Momentum { name, velocity: self.ident("the name of a velocity")? }
+                let names = self.comma_separated(|p| p.ident("the name of the momentum"))?;
+                match names.as_slice() {
+                    [name] if self.word("of").is_some() => {
+                        let velocity = self.ident("the name of a velocity")?;
+                        ItemKind::Momentum { name: name.clone(), velocity }
+                    }
+                    _ if self.word("in").is_some() => {
+                        ItemKind::MomentumIn { names, algebra: self.algebra_expr()? }
+                    }
+                    _ => return self.expected("`of` and a velocity, or `in` and an algebra"),
+                }
             }
             "carry" => ItemKind::Carry(self.carried()?),
             "routh" => ItemKind::Carry(self.routhian()?),
@@ -68,6 +76,10 @@ impl<'a> Parser<'a> {
             "lagrangian" => {
                 self.equals()?;
                 ItemKind::Lagrangian(self.expr()?)
+            }
+            "hamiltonian" => {
+                self.equals()?;
+                ItemKind::Hamiltonian(self.expr()?)
             }
             "constraint" => {
                 let (name, left, right) = self.equation("a constraint", "dot(Omega, Gamma) = 0")?;

@@ -35,9 +35,10 @@ fn syntax() {
     check(r#"model m"#, expect![[r#"1:8 expected `{`, found the end of the file"#]]);
     check(
         r#"model m { } model n { }"#,
-        expect![[r#"1:7 model `m` has no velocity [declare `velocity Omega in so(3);` or a `coordinate`]
-1:7 model `m` has no lagrangian [add `lagrangian = ..;`]
-1:13 `model` after the end of the model [a file holds one model: `model name { .. }`]"#]],
+        expect![[r#"
+            1:7 model `m` has no velocity [declare `velocity Omega in so(3);` or a `coordinate`]
+            1:7 model `m` has no lagrangian [add `lagrangian = ..;`, or `hamiltonian = ..;` in momenta]
+            1:13 `model` after the end of the model [a file holds one model: `model name { .. }`]"#]],
     );
     check(
         r#"model m { param = 1; velocity Omega in so(3); lagrangian = dot(Omega, Omega); }"#,
@@ -304,12 +305,15 @@ fn algebras() {
 fn mechanics() {
     check(
         r#"model m { }"#,
-        expect![[r#"1:7 model `m` has no velocity [declare `velocity Omega in so(3);` or a `coordinate`]
-1:7 model `m` has no lagrangian [add `lagrangian = ..;`]"#]],
+        expect![[r#"
+            1:7 model `m` has no velocity [declare `velocity Omega in so(3);` or a `coordinate`]
+            1:7 model `m` has no lagrangian [add `lagrangian = ..;`, or `hamiltonian = ..;` in momenta]"#]],
     );
     check(
         r#"model m { velocity Omega in so(3); }"#,
-        expect![[r#"1:7 model `m` has no lagrangian [add `lagrangian = ..;`]"#]],
+        expect![
+            "1:7 model `m` has no lagrangian [add `lagrangian = ..;`, or `hamiltonian = ..;` in momenta]"
+        ],
     );
     check(
         r#"model m { lagrangian = 1; }"#,

@@ -18,10 +18,10 @@ fn wrap(items: &str) -> String {
     }
     let mut text = format!("model example {{ {items}\n");
     let has = |word: &str| items.split([' ', '\n', ';']).any(|w| w == word);
-    if !has("velocity") && !has("coordinate") {
+    if !has("velocity") && !has("coordinate") && !has("momentum") {
         text.push_str("velocity rate in R;\n");
     }
-    if !has("lagrangian") {
+    if !has("lagrangian") && !has("hamiltonian") {
         // Any quadratic form of what there is.
         let velocities = if has("coordinate") && !has("velocity") {
             "q_dot"
