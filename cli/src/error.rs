@@ -290,6 +290,14 @@ impl Error {
         Error::Request { problems: vec![Problem::Unusable { path: path.into(), reason: reason.into() }] }
     }
 
+    /// The same about a state at another place of the request.
+    pub(crate) fn at(self, path: &str) -> Error {
+        match self {
+            Error::State { reason, .. } => Error::unusable(path, reason),
+            other => other,
+        }
+    }
+
     /// The message for a terminal; escape sequences only when `color` is set.
     pub fn render(&self, color: bool) -> String {
         match self {

@@ -9,7 +9,9 @@ use hamel::error::{Error, Problem};
 use hamel::model::{Checked, roles};
 use hamel::run::backend::{Backend, Local};
 use hamel::run::choice::{Choice, Via};
+use hamel::run::forms::Forms;
 use hamel::run::interpreted;
+use hamel::run::start::Chosen;
 use hamel_codegen::spec;
 use serde_json::{Value, json};
 
@@ -496,7 +498,9 @@ fn the_default_initial_state_meets_the_constraint() {
     let given = [("Omega1".to_owned(), 2.0)].into();
     let start = |backend: &mut Local<interpreted::Built>, given| {
         let none = Default::default();
-        hamel::run::start::state(backend, None, (&values, &[]), &roles, &none, given).unwrap()
+        let chosen = Chosen { roles: &roles, preferred: &none, given };
+        let forms = Forms::own(backend.info());
+        hamel::run::start::state(backend, None, (&values, &[]), &forms, chosen).unwrap()
     };
     for (given, first) in [(&Default::default(), None), (&given, Some(2.0))] {
         let y = start(&mut backend, given);
@@ -524,7 +528,8 @@ const SLEIGH: &str = "model sleigh {
 fn reconstruct(request: &Value) -> Result<Value, Error> {
     let model = model(SLEIGH);
     let mut backend = backend(SLEIGH, "reconstruction");
-    let answer = reconstruct_text(&mut backend, &model, &request.to_string())?;
+    let forms = Forms::own(backend.info());
+    let answer = reconstruct_text(&mut backend, &model, &request.to_string(), &forms)?;
     Ok(serde_json::from_str(&answer).expect("JSON"))
 }
 
@@ -678,7 +683,9 @@ fn a_scene_without_state_says_that_there_is_nothing_to_integrate() {
     assert_eq!(answer["energy"], json!([4.0]));
     let model = spec::parse("test.hamel", fixed).unwrap_or_else(|e| panic!("{e}"));
     let request = json!({"initial": {}, "t_final": 2, "reconstruct": {}}).to_string();
-    let answer = reconstruct_text(&mut backend(fixed, "reconstruction"), &model, &request).unwrap();
+    let mut backend = backend(fixed, "reconstruction");
+    let forms = Forms::own(backend.info());
+    let answer = reconstruct_text(&mut backend, &model, &request, &forms).unwrap();
     let answer: Value = serde_json::from_str(&answer).unwrap();
     assert!((answer["reconstruction"]["s"].as_f64().unwrap() - 2.0).abs() < 1e-12, "{answer}");
 }

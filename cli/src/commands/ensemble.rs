@@ -19,6 +19,7 @@ use crate::run::backend::Local;
 use crate::run::dynamics::{Factory as _, Info};
 use crate::run::ensemble::{EnsembleRequest, Member, Width, pool};
 use crate::run::evaluate::prepare;
+use crate::run::forms::Forms;
 use crate::run::integrate::has_state;
 use crate::run::interpreted::{self, Built};
 use crate::run::method::Steps;
@@ -106,7 +107,8 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     // Chooses initial states, here and on all threads; it agrees bit for bit with the compiled scene.
     let built = interpreted::build(model, &choice.scene)?;
     has_state(built.info())?;
-    let plan = Plan::new(built.info(), arguments)?;
+    let forms = Forms::of(model, built.info());
+    let plan = Plan::new(built.info(), &forms, arguments)?;
     let mut backend = choice.open(&file)?;
     let info = backend.info().clone();
     if plan.len().saturating_mul(arguments.samples.saturating_mul(info.state.len() + 2)) > MAX_NUMBERS {
@@ -117,7 +119,7 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         );
         return Err(Error::unusable("--samples", reason));
     }
-    let starts = Starts::new(model, &info)?;
+    let starts = Starts::new(model, &info, forms)?;
     let members = pool(arguments.threads)?.install(|| plan.members(&starts, &built));
     let (inputs, members): (Vec<Vec<f64>>, Vec<Result<_, String>>) = members.into_iter().unzip();
 
@@ -201,7 +203,7 @@ struct Plan<'a> {
 type Start = (Vec<f64>, Result<(Vec<f64>, Vec<f64>), String>);
 
 impl<'a> Plan<'a> {
-    fn new(info: &'a Info, arguments: &'a Arguments) -> Result<Plan<'a>, Error> {
+    fn new(info: &'a Info, forms: &Forms, arguments: &'a Arguments) -> Result<Plan<'a>, Error> {
         if arguments.samples == 0 {
             return Err(Error::unusable("--samples", "is 0, but the end is a sample: give at least 1"));
         }
@@ -213,17 +215,21 @@ impl<'a> Plan<'a> {
             names.map(|name| (name.clone(), 0.0)).collect::<Vec<(String, f64)>>()
         };
         let mut problems = Vec::new();
-        let known: Vec<&str> = info.param_names().into_iter().chain(info.state_names()).collect();
+        let known: Vec<&str> = info.param_names().into_iter().chain(forms.known()).collect();
         let kind = "parameter or state variable";
         let set =
             assignments(&arguments.motion.set, "--set", "parameter", &info.param_names(), &mut problems);
         let given =
-            assignments(&arguments.motion.initial, "--initial", "state", &info.state_names(), &mut problems);
+            assignments(&arguments.motion.initial, "--initial", "state", &forms.known(), &mut problems);
         let of_table = assignments(&zeros(&mut names.iter()), "--table", kind, &known, &mut problems);
         let swept = zeros(&mut arguments.sweep.iter().map(|s| &s.name));
         let swept = assignments(&swept, "--sweep", kind, &known, &mut problems);
         let spread = zeros(&mut arguments.spread.iter().map(|s| &s.name));
-        assignments(&spread, "--spread", kind, &known, &mut problems);
+        let spread = assignments(&spread, "--spread", kind, &known, &mut problems);
+        let all = given.keys().chain(of_table.keys()).chain(swept.keys()).chain(spread.keys());
+        if let Err(reason) = forms.form_of(all.map(String::as_str)) {
+            problems.push(Problem::Unusable { path: "the initial state".into(), reason });
+        }
         let sources = [("--set", &set), ("--initial", &given), ("--table", &of_table), ("--sweep", &swept)];
         for (at, (path, values)) in sources.iter().enumerate() {
             for (other, earlier) in &sources[..at] {
@@ -317,12 +323,17 @@ impl<'a> Plan<'a> {
             };
             let (params, state) = around;
             for spread in &self.arguments.spread {
-                let here = |names: &[&str], values: &[f64]| {
-                    names.iter().zip(values).find(|(name, _)| **name == spread.name).map(|(_, x)| *x)
+                let params_by_name = self.info.param_names().into_iter().zip(params);
+                let center = match params_by_name.into_iter().find(|(name, _)| *name == spread.name) {
+                    Some((_, x)) => *x,
+                    None => match starts.value(params, state, &spread.name) {
+                        Ok(x) => x.unwrap_or_default(),
+                        Err(error) => {
+                            values.resize(names.len(), ("", f64::NAN));
+                            return (values.into_iter().map(|(_, x)| x).collect(), Err(error.to_string()));
+                        }
+                    },
                 };
-                let center = here(&self.info.param_names(), params)
-                    .or_else(|| here(&self.info.state_names(), state))
-                    .unwrap_or_default();
                 let value = spread.draw(center, self.arguments.seed, k);
                 match values.iter_mut().find(|(name, _)| *name == spread.name) {
                     Some((_, x)) => *x = value,

@@ -9,6 +9,7 @@ use crate::error::Error;
 use crate::request::read_request;
 use crate::run::backend::Backend;
 use crate::run::evaluate::EvalRequest;
+use crate::run::forms::Forms;
 use crate::session::Session;
 
 /// Evaluate derivatives, energy and outputs at given states, JSON in and out
@@ -17,7 +18,8 @@ use crate::session::Session;
 ///
 /// {"params": {name: number, ..}, "states": [{name: number, ..}, ..], "t": number}
 ///
-/// Missing parameters take the model's defaults, a missing t is 0, and every state names all state variables.
+/// Missing parameters take the model's defaults, a missing t is 0, and every state names all state variables; where the
+/// model names momenta, all velocities may be given for momenta of the state, and all momenta for velocities.
 ///
 /// Prints one line, with one entry per state throughout:
 ///
@@ -47,7 +49,12 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let file = session.find(&arguments.scene.model)?;
     let text = read_request("{\"states\": [{\"Omega1\": 0.1, ..}]}")?;
     let mut backend = arguments.scene.choice().open(&file)?;
-    eval_text(&mut *backend, &text)
+    if !EvalRequest::has_other_names(&text, backend.info())? {
+        return eval_text(&mut *backend, &text);
+    }
+    let forms = Forms::of(file.model()?, backend.info());
+    let request = EvalRequest::parse_in(&text, backend.info(), &forms)?;
+    answer(&mut *backend, &request)
 }
 
 /// Evaluates a JSON request.
@@ -56,6 +63,10 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
 /// As [`EvalRequest::parse`] and [`crate::run::evaluate::eval`].
 pub fn eval_text(backend: &mut dyn Backend, text: &str) -> Result<String, Error> {
     let request = EvalRequest::parse(text, backend.info())?;
-    let response = backend.eval(&request)?;
+    answer(backend, &request)
+}
+
+fn answer(backend: &mut dyn Backend, request: &EvalRequest) -> Result<String, Error> {
+    let response = backend.eval(request)?;
     Ok(response.to_json(backend.info()).to_string())
 }

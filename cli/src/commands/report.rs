@@ -16,6 +16,7 @@ use crate::model::{Checked, blocks, roles};
 use crate::output::report::contents::contents;
 use crate::output::report::{self, Motion, Precision};
 use crate::run::backend::{Backend as _, Local};
+use crate::run::forms::Forms;
 use crate::run::interpreted;
 use crate::run::method::{MethodName, Steps};
 use crate::run::simulation::SimulateRequest;
@@ -78,7 +79,9 @@ fn motion(model: &Arc<Checked>, arguments: &Arguments) -> Result<Motion, Error> 
     let mut full = Local::new(interpreted::build_pictured(model, &arguments.scene)?);
     let info = full.info().clone();
     let values = info.defaults();
-    let initial = start::state(&mut full, None, (&values, &[]), &roles, &preferred, &BTreeMap::new())?;
+    let given = BTreeMap::new();
+    let chosen = start::Chosen { roles: &roles, preferred: &preferred, given: &given };
+    let initial = start::state(&mut full, None, (&values, &[]), &Forms::of(model, &info), chosen)?;
     let request = SimulateRequest {
         params: values,
         initial,

@@ -18,6 +18,7 @@ use crate::request::read_request;
 use crate::run::backend::Backend;
 use crate::run::choice::Via;
 use crate::run::dynamics::Info;
+use crate::run::forms::Forms;
 use crate::run::integrate::has_state;
 use crate::run::method::{MethodName, Steps};
 use crate::run::simulation::{SimulateRequest, SimulateResponse, samples_refusal};
@@ -99,23 +100,27 @@ fn answer(session: &Session, scene: &SceneOptions) -> Result<String, Error> {
     let text = read_request("{\"initial\": {\"Omega1\": 0.1, ..}, \"t_final\": 1}")?;
     let (reconstructs, projects) =
         (SimulateRequest::asks_to_reconstruct(&text)?, SimulateRequest::asks_to_project(&text)?);
-    if !reconstructs && !projects {
-        let mut backend = choice.open(&file)?;
-        // The default scene has what there is, so that nobody has to read the model.
-        if choice.scene != model::DEFAULT_SCENE && !admissible::is_judged_by(backend.info()) {
-            judge(file.model()?, &SimulateRequest::parse(&text, backend.info())?, backend.info())?;
-        }
-        return simulate_text(&mut *backend, &text);
-    }
-    let model = file.model()?;
-    let choice = if reconstructs { choice.reconstructing(model, "reconstruct")? } else { choice };
+    let model = || file.model();
+    let choice = if reconstructs { choice.reconstructing(model()?, "reconstruct")? } else { choice };
     let method = if projects { MethodName::Projected } else { MethodName::default() };
-    let mut backend = choice.suited_to(&file, method)?.open(&file)?;
+    let choice = if reconstructs || projects { choice.suited_to(&file, method)? } else { choice };
+    let mut backend = choice.open(&file)?;
+    let info = backend.info().clone();
+    let forms = match SimulateRequest::has_other_names(&text, &info)? {
+        true => Forms::of(model()?, &info),
+        false => Forms::own(&info),
+    };
     if reconstructs {
-        return reconstruct_text(&mut *backend, model, &text);
+        return reconstruct_text(&mut *backend, model()?, &text, &forms);
     }
-    judge(model, &SimulateRequest::parse(&text, backend.info())?, backend.info())?;
-    simulate_text(&mut *backend, &text)
+    let request = SimulateRequest::parse_in(&text, &info, &forms, 0, &|_| Vec::new())?;
+    // The default scene has what there is, so that nobody has to read the model, unless it carries momenta.
+    let has_all =
+        choice.scene == model::DEFAULT_SCENE && info.output_range(Want::Velocities.name()).is_none();
+    if projects || !(has_all || admissible::is_judged_by(&info)) {
+        judge(model()?, &request, &info)?;
+    }
+    respond(&mut *backend, &request)
 }
 
 /// Integrates as a JSON request says.
@@ -124,7 +129,11 @@ fn answer(session: &Session, scene: &SceneOptions) -> Result<String, Error> {
 /// As [`SimulateRequest::parse`] and [`crate::run::integrate::simulate`].
 pub fn simulate_text(backend: &mut dyn Backend, text: &str) -> Result<String, Error> {
     let request = SimulateRequest::parse(text, backend.info())?;
-    let response = backend.simulate(&request)?;
+    respond(backend, &request)
+}
+
+fn respond(backend: &mut dyn Backend, request: &SimulateRequest) -> Result<String, Error> {
+    let response = backend.simulate(request)?;
     warn(&response);
     Ok(response.to_json(backend.info(), request.n_group).to_string())
 }
@@ -133,13 +142,16 @@ pub fn simulate_text(backend: &mut dyn Backend, text: &str) -> Result<String, Er
 ///
 /// # Errors
 /// As [`simulate_text`], and when the scene's state does not end with the coordinates that the model reconstructs.
-pub fn reconstruct_text(backend: &mut dyn Backend, model: &Model, text: &str) -> Result<String, Error> {
+pub fn reconstruct_text(
+    backend: &mut dyn Backend,
+    model: &Model,
+    text: &str,
+    forms: &Forms,
+) -> Result<String, Error> {
     let n_group = n_group(backend.info(), model)?;
     let defaults = |params: &BTreeMap<String, f64>| roles::group_start(model, params);
-    let request = SimulateRequest::parse_with_group(text, backend.info(), n_group, &defaults)?;
-    let response = backend.simulate(&request)?;
-    warn(&response);
-    Ok(response.to_json(backend.info(), request.n_group).to_string())
+    let request = SimulateRequest::parse_in(text, backend.info(), forms, n_group, &defaults)?;
+    respond(backend, &request)
 }
 
 /// Tells the warnings of an integration on standard error.
@@ -189,7 +201,11 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let n_group = if arguments.reconstruct { n_group(&info, model)? } else { 0 };
     let mut problems = Vec::new();
     let set = assignments(&motion.set, "--set", "parameter", &info.param_names(), &mut problems);
-    let given = assignments(&motion.initial, "--initial", "state", &info.state_names(), &mut problems);
+    let forms = Forms::of(model, &info);
+    let given = assignments(&motion.initial, "--initial", "state", &forms.known(), &mut problems);
+    if let Err(reason) = forms.form_of(given.keys().map(String::as_str)) {
+        problems.push(Problem::Unusable { path: "--initial".into(), reason });
+    }
     if !problems.is_empty() {
         let group = model::group_coordinates(model);
         let is_of_group =
@@ -207,7 +223,7 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     if let Some(reason) = samples_refusal(samples as u64, &info, !targets.is_empty()) {
         return Err(Error::unusable("--samples", reason));
     }
-    let (params, initial) = Starts::new(model, &info)?.choose(&mut *backend, &set, &given)?;
+    let (params, initial) = Starts::new(model, &info, forms)?.choose(&mut *backend, &set, &given)?;
     let request = SimulateRequest {
         params,
         initial,

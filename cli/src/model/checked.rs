@@ -94,7 +94,8 @@ impl Checked {
     /// [`Error::Models`].
     pub fn hides_residuals(&self, scene: &str) -> Result<bool, Error> {
         let has_all = [DEFAULT_SCENE, RECONSTRUCTION_SCENE].contains(&scene)
-            && self.model.scenes.iter().all(|own| own.name != scene);
+            && self.model.scenes.iter().all(|own| own.name != scene)
+            && self.model.carries.is_empty();
         let has_residuals = || Ok(scene::has_residuals(&self.model)?);
         Ok(!has_all && self.cached("has residuals", "", has_residuals)?)
     }

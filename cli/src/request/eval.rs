@@ -4,10 +4,11 @@
 
 use serde_json::{Map, Value};
 
-use super::json::{Fields, Json, by_name, number};
+use super::json::{Fields, Json, by_name, names_in, number};
 use crate::error::{Error, Problem};
 use crate::run::dynamics::Info;
 use crate::run::evaluate::{EvalRequest, EvalResponse, MAX_PROBLEMS};
+use crate::run::forms::{Form, Forms};
 
 impl EvalRequest {
     /// Reads `{"params": {..}, "states": [{name: number, ..}, ..], "t": number}`.
@@ -17,6 +18,29 @@ impl EvalRequest {
     /// # Errors
     /// [`Error::NotJson`], or [`Error::Request`] with everything that is wrong.
     pub fn parse(text: &str, info: &Info) -> Result<EvalRequest, Error> {
+        Self::parse_in(text, info, &Forms::own(info))
+    }
+
+    /// Whether a request names something in a state that is no state variable, so that the forms of states matter.
+    ///
+    /// # Errors
+    /// [`Error::NotJson`].
+    pub fn has_other_names(text: &str, info: &Info) -> Result<bool, Error> {
+        let Json::Object(entries) = Json::parse(text)? else { return Ok(false) };
+        let states =
+            entries.iter().filter(|(field, _)| field == "states").filter_map(|(_, value)| match value {
+                Json::Array(states) => Some(states),
+                _ => None,
+            });
+        let mut names = states.flatten().flat_map(|state| names_in(Some(state)));
+        Ok(names.any(|name| info.state.iter().all(|own| own != name)))
+    }
+
+    /// The same with states in any of their forms.
+    ///
+    /// # Errors
+    /// As [`EvalRequest::parse`], and what [`Forms::convert`] finds.
+    pub fn parse_in(text: &str, info: &Info, forms: &Forms) -> Result<EvalRequest, Error> {
         let mut fields = Fields::new(Json::parse(text)?, &["params", "states", "t"])?;
         let params = fields.take("params");
         let params =
@@ -27,7 +51,6 @@ impl EvalRequest {
         if items.is_none() && fields.problems.len() == before {
             fields.missing("states", "an array of states, each an object of numbers by name");
         }
-        let names = info.state_names();
         let mut states = Vec::new();
         for (k, item) in items.unwrap_or_default().into_iter().enumerate() {
             if fields.problems.len() > MAX_PROBLEMS {
@@ -35,9 +58,14 @@ impl EvalRequest {
                 fields.problems.push(Problem::Unusable { path: "states".into(), reason });
                 break;
             }
-            states.push(fields.numbers(&format!("states[{k}]"), Some(item), "state", &names, None));
+            states.push(fields.state(&format!("states[{k}]"), Some(item), forms, 0));
         }
         fields.finish()?;
+        let own = forms.own_form();
+        let convert = |(k, (y, form)): (usize, (Vec<f64>, Form))| {
+            forms.convert(&params, t, &y, [&form, &own]).map_err(|e| e.at(&format!("states[{k}]")))
+        };
+        let states = states.into_iter().enumerate().map(convert).collect::<Result<_, Error>>()?;
         Ok(EvalRequest { params, t, states })
     }
 }

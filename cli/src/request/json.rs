@@ -7,6 +7,7 @@ use std::fmt;
 use serde::de::{Deserialize, Deserializer, Error as _, MapAccess, SeqAccess, Visitor};
 
 use crate::error::{Error, Problem};
+use crate::run::forms::{Form, Forms};
 
 /// A JSON value.
 #[derive(Clone, Debug, PartialEq)]
@@ -200,12 +201,45 @@ impl Fields {
         }
     }
 
+    /// A whole state in one of its forms, which comes with it; the last `n_group` components are given elsewhere.
+    pub(crate) fn state(
+        &mut self,
+        path: &str,
+        value: Option<Json>,
+        forms: &Forms,
+        n_group: usize,
+    ) -> (Vec<f64>, Form) {
+        let given = names_in(value.as_ref());
+        let form = forms.form_of(given).unwrap_or_else(|reason| {
+            self.problems.push(Problem::Unusable { path: path.to_owned(), reason });
+            forms.own_form()
+        });
+        let names = forms.names(&form);
+        let n_own = names.len() - n_group;
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        let known: Vec<&str> =
+            forms.known().into_iter().filter(|name| !names[n_own..].contains(name)).collect();
+        (self.numbers_among(path, value, ("state", &known), &names[..n_own], None), form)
+    }
+
     /// Numbers by name in the order of `names`; without `defaults` every name has to be there.
     pub fn numbers(
         &mut self,
         path: &str,
         value: Option<Json>,
         kind: &'static str,
+        names: &[&str],
+        defaults: Option<&[f64]>,
+    ) -> Vec<f64> {
+        self.numbers_among(path, value, (kind, names), names, defaults)
+    }
+
+    /// The same, where messages tell of all names `known`.
+    fn numbers_among(
+        &mut self,
+        path: &str,
+        value: Option<Json>,
+        (kind, all): (&'static str, &[&str]),
         names: &[&str],
         defaults: Option<&[f64]>,
     ) -> Vec<f64> {
@@ -222,7 +256,11 @@ impl Fields {
         let mut given = vec![false; names.len()];
         for (name, value) in entries {
             let Some(at) = names.iter().position(|n| *n == name) else {
-                let known = names.iter().map(|n| (*n).to_owned()).collect();
+                // A name of another form, which the form that was chosen lacks, has been told of.
+                if all.contains(&name.as_str()) {
+                    continue;
+                }
+                let known = all.iter().map(|n| (*n).to_owned()).collect();
                 self.problems.push(Problem::UnknownName { path: path.to_owned(), kind, name, known });
                 continue;
             };
@@ -249,6 +287,14 @@ impl Fields {
     /// [`Error::Request`] with all problems.
     pub fn finish(self) -> Result<(), Error> {
         if self.problems.is_empty() { Ok(()) } else { Err(Error::Request { problems: self.problems }) }
+    }
+}
+
+/// The names in an object of numbers by name.
+pub(crate) fn names_in(value: Option<&Json>) -> Vec<&str> {
+    match value {
+        Some(Json::Object(entries)) => entries.iter().map(|(name, _)| name.as_str()).collect(),
+        _ => Vec::new(),
     }
 }
 

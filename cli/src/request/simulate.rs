@@ -6,10 +6,11 @@ use std::collections::BTreeMap;
 
 use serde_json::{Map, Value};
 
-use super::json::{Fields, Json, by_name, number};
+use super::json::{Fields, Json, by_name, names_in, number};
 use crate::error::{Error, Problem};
 use crate::names;
 use crate::run::dynamics::Info;
+use crate::run::forms::Forms;
 use crate::run::method::{MethodName, Steps};
 use crate::run::simulation::{Sample, SimulateRequest, SimulateResponse, samples_refusal};
 
@@ -34,6 +35,16 @@ impl SimulateRequest {
         has_field(text, "method", |value| *value == projected)
     }
 
+    /// Whether `initial` names something that is no state variable, so that the forms of states matter.
+    ///
+    /// # Errors
+    /// [`Error::NotJson`].
+    pub fn has_other_names(text: &str, info: &Info) -> Result<bool, Error> {
+        has_field(text, "initial", |value| {
+            names_in(Some(value)).into_iter().any(|name| info.state.iter().all(|own| own != name))
+        })
+    }
+
     /// Reads `{"params", "initial", "t_final", "method", "rtol", "atol" or "step", "samples", "max_steps"}`.
     ///
     /// Missing parameters take the scene's defaults; `initial` and `t_final` have to be there; the other defaults are
@@ -42,27 +53,20 @@ impl SimulateRequest {
     /// # Errors
     /// [`Error::NotJson`], or [`Error::Request`] with everything that is wrong.
     pub fn parse(text: &str, info: &Info) -> Result<SimulateRequest, Error> {
-        Self::parse_parts(text, info, 0, &|_| Vec::new())
+        Self::parse_in(text, info, &Forms::own(info), 0, &|_| Vec::new())
     }
 
-    /// Reads a request whose `reconstruct` has the values of the last components of the state, `initial` the others.
+    /// Reads a request whose `initial` is in any form of a state, and whose `reconstruct` has the values of the last
+    /// `n_group` components.
     ///
     /// An empty `reconstruct` stands for `defaults`, which depend on the parameters by name.
     ///
     /// # Errors
-    /// As [`SimulateRequest::parse`].
-    pub fn parse_with_group(
+    /// As [`SimulateRequest::parse`], and what [`Forms::convert`] finds.
+    pub fn parse_in(
         text: &str,
         info: &Info,
-        n_group: usize,
-        defaults: &dyn Fn(&BTreeMap<String, f64>) -> Vec<f64>,
-    ) -> Result<SimulateRequest, Error> {
-        Self::parse_parts(text, info, n_group, defaults)
-    }
-
-    fn parse_parts(
-        text: &str,
-        info: &Info,
+        forms: &Forms,
         n_group: usize,
         defaults: &dyn Fn(&BTreeMap<String, f64>) -> Vec<f64>,
     ) -> Result<SimulateRequest, Error> {
@@ -83,9 +87,9 @@ impl SimulateRequest {
         let params =
             fields.numbers("params", params, "parameter", &info.param_names(), Some(&info.defaults()));
         let names = info.state_names();
-        let (own, group) = names.split_at(names.len() - n_group);
+        let group = &names[names.len() - n_group..];
         let initial = fields.take("initial");
-        let mut initial = fields.numbers("initial", initial, "state", own, None);
+        let (mut initial, form) = fields.state("initial", initial, forms, n_group);
         let before = fields.problems.len();
         let t_final = fields.number("t_final");
         if t_final.is_none() && fields.problems.len() == before {
@@ -144,6 +148,8 @@ impl SimulateRequest {
             fields.problems.push(unusable("samples", reason));
         }
         fields.finish()?;
+        let own = forms.own_form();
+        let initial = forms.convert(&params, 0.0, &initial, [&form, &own]).map_err(|e| e.at("initial"))?;
         let t_final = t_final.unwrap_or(0.0);
         // They fit into memory.
         let samples = samples as usize;

@@ -41,8 +41,11 @@ pub(crate) struct Places {
 
 impl Places {
     /// From the names of a scene; none unless it computes residuals of constraints and momenta, which tell what is a
-    /// velocity.
+    /// velocity. Momenta of the state count as velocities, without a metric.
     fn of(info: &Info) -> Option<Places> {
+        if info.momenta.is_empty() && info.output_range(Want::Velocities.name()).is_some() {
+            return None;
+        }
         let constraint = info.output_range(Want::Constraint.name())?;
         let range = info.output_range(Want::Momentum.name())?;
         let names = &info.outputs.iter().find(|group| group.name == Want::Momentum.name())?.components;
@@ -50,8 +53,13 @@ impl Places {
         let of = |(at, name): (usize, &String)| {
             Some((info.state.iter().position(|velocity| momentum_name(velocity) == *name)?, at))
         };
-        let (velocities, momenta) = range.zip(names).filter_map(of).unzip();
-        Some(Places { constraint, velocities, momenta: Some(momenta) })
+        let (mut velocities, momenta): (Vec<usize>, Vec<usize>) = range.zip(names).filter_map(of).unzip();
+        if info.momenta.is_empty() {
+            return Some(Places { constraint, velocities, momenta: Some(momenta) });
+        }
+        let of_state = info.momenta.iter().filter_map(|name| info.state.iter().position(|own| own == name));
+        velocities.extend(of_state);
+        Some(Places { constraint, velocities, momenta: None })
     }
 }
 

@@ -20,6 +20,9 @@ pub struct Info {
     pub scene: String,
     /// Names of the state's components in order.
     pub state: Vec<String>,
+    /// Components of the state that are momenta; empty where that is not known, for compiled scenes.
+    #[serde(default)]
+    pub momenta: Vec<String>,
     /// Free parameters in order.
     pub params: Vec<ParamEntry>,
     /// Groups of outputs in the order of [`Dynamics::outputs`].
@@ -106,6 +109,7 @@ impl Info {
             model: info.model.into(),
             scene: info.scene.into(),
             state: owned(info.state),
+            momenta: Vec::new(),
             params: info.params.iter().map(param).collect(),
             outputs: info.outputs.iter().map(output).collect(),
             has_energy: info.has_energy,

@@ -5,7 +5,7 @@
 use hamel_runtime::{Error as SolverError, Failure};
 use serde::{Deserialize, Serialize};
 
-use super::dynamics::{Dynamics, Factory, Info, PreparedScene};
+use super::dynamics::{BadParams, Dynamics, Factory, Info, PreparedScene};
 use crate::error::{Error, Problem};
 
 /// What to evaluate, in the order of [`Info`].
@@ -38,15 +38,18 @@ pub(crate) const MAX_PROBLEMS: usize = 20;
 /// # Errors
 /// [`Error::Params`] with the condition that does not hold and the values in it.
 pub fn prepare<'a>(factory: &'a dyn Factory, params: &[f64]) -> Result<PreparedScene<'a>, Error> {
-    factory.prepare(params).map_err(|bad| {
-        let mentioned = |name: &str| {
-            let is_word = |c: char| c.is_alphanumeric() || c == '_';
-            bad.condition.split(|c| !is_word(c)).any(|word| word == name)
-        };
-        let named = factory.info().params.iter().zip(params).filter(|(p, _)| mentioned(&p.name));
-        let values = named.map(|(p, x)| (p.name.clone(), *x)).collect();
-        Error::Params { condition: bad.condition, meaning: bad.meaning, values }
-    })
+    factory.prepare(params).map_err(|bad| refused(factory.info(), params, bad))
+}
+
+/// Parameters that a scene does not allow, with the values of those in the condition.
+pub(crate) fn refused(info: &Info, params: &[f64], bad: BadParams) -> Error {
+    let mentioned = |name: &str| {
+        let is_word = |c: char| c.is_alphanumeric() || c == '_';
+        bad.condition.split(|c| !is_word(c)).any(|word| word == name)
+    };
+    let named = info.params.iter().zip(params).filter(|(p, _)| mentioned(&p.name));
+    let values = named.map(|(p, x)| (p.name.clone(), *x)).collect();
+    Error::Params { condition: bad.condition, meaning: bad.meaning, values }
 }
 
 /// Evaluates a scene at every state of a request. Every number of the response is finite.

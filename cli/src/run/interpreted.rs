@@ -47,6 +47,7 @@ impl Stored {
             model: model.to_owned(),
             scene: scene.name.clone(),
             state: scene.state_names(),
+            momenta: scene.legendre().momenta.iter().map(|(name, _)| name.clone()).collect(),
             params: scene.params().iter().map(param).collect(),
             outputs: scene.outputs().iter().map(output_entry).collect(),
             has_energy: scene.has_energy(),

@@ -10,6 +10,7 @@ pub mod choice;
 pub mod dynamics;
 pub mod ensemble;
 pub mod evaluate;
+pub mod forms;
 pub mod integrate;
 pub mod interpreted;
 pub mod method;

@@ -11,6 +11,7 @@ use super::admissible::{self, Outcome, Places, project};
 use super::backend::{Backend, Local};
 use super::dynamics::Info;
 use super::evaluate::{EvalRequest, prepare};
+use super::forms::Forms;
 use super::interpreted::{self, Built};
 use super::simulation::SimulateRequest;
 use crate::error::Error;
@@ -20,12 +21,23 @@ use crate::model::roles::{self, Role};
 /// How often other values are tried when the scene has no value at the first ones.
 const N_ATTEMPTS: usize = 4;
 
+/// What is known about an initial state.
+#[derive(Clone, Copy, Debug)]
+pub struct Chosen<'a> {
+    /// What the state variables are.
+    pub roles: &'a BTreeMap<String, Role>,
+    /// Values that the model prefers, in whatever form.
+    pub preferred: &'a BTreeMap<String, f64>,
+    /// Values that it has to have.
+    pub given: &'a BTreeMap<String, f64>,
+}
+
 /// A state of a scene in which `given` components have the given values, and others the `preferred` ones of the model.
 ///
 /// The rest is chosen: velocities get distinct moderate values, coordinates the middle of their interval (others a
 /// small value), advected parameters unit vectors. Where the scene keeps velocities that a constraint relates, the ones
 /// that were not given are moved by the least amount onto it; `constraint` answers for the scene's output group of that
-/// name.
+/// name. Momenta follow from velocities and the other way round, as `forms` have it: what is chosen is velocities.
 ///
 /// # Errors
 /// Why no such state could be found.
@@ -33,40 +45,57 @@ pub fn state(
     backend: &mut dyn Backend,
     constraint: Option<&mut dyn Backend>,
     params: (&[f64], &[f64]),
-    roles: &BTreeMap<String, Role>,
-    preferred: &BTreeMap<String, f64>,
-    given: &BTreeMap<String, f64>,
+    forms: &Forms,
+    chosen: Chosen<'_>,
 ) -> Result<Vec<f64>, Error> {
-    let info = backend.info().clone();
+    let Chosen { roles, preferred, given } = chosen;
+    let n_state = backend.info().state.len();
     let mut constraint = constraint;
+    let own = forms.own_form();
+    // As the model gives it, and as the user does, which is the same wherever it can be.
+    let first = forms.with_momenta_of(preferred);
+    let asked = forms
+        .form_among(std::slice::from_ref(&first), given.keys().map(String::as_str))
+        .map_err(|reason| Error::unusable("initial", reason))?;
+    let (names, asked_names) = (forms.names(&first), forms.names(&asked));
     let mut start = preferred.clone();
     start.extend(given.iter().map(|(name, value)| (name.clone(), *value)));
-    let mut failure = None;
-    for attempt in 0..N_ATTEMPTS {
-        let mut y = first_guess(&info, roles, &start, attempt);
-        let is_velocity = |k: &usize| roles.get(&info.state[*k]) == Some(&Role::Velocity);
-        let velocities: Vec<usize> = (0..y.len()).filter(is_velocity).collect();
-        let is_free = |k: &usize| !given.contains_key(&info.state[*k]);
-        let free: Vec<usize> = velocities.iter().copied().filter(is_free).collect();
-        let met = if free.is_empty() {
-            Ok(())
-        } else {
-            match &mut constraint {
-                Some(other) => meet_constraint(&mut **other, params.1, &mut y, &velocities, &free),
-                None => meet_constraint(backend, params.0, &mut y, &velocities, &free),
+    let of_velocities = forms.names(&forms.velocities());
+    let is_velocity = |k: &usize| roles.get(&of_velocities[*k]) == Some(&Role::Velocity);
+    let velocities: Vec<usize> = (0..n_state).filter(is_velocity).collect();
+    let is_free = |k: &usize| !given.contains_key(&asked_names[*k]);
+    let free: Vec<usize> = velocities.iter().copied().filter(is_free).collect();
+    let mut attempt = |attempt: usize| -> Result<Vec<f64>, Error> {
+        let mut y = first_guess(&names, roles, &start, attempt);
+        if first != asked {
+            y = forms.convert(params.0, 0.0, &y, [&first, &asked])?;
+            for (value, name) in y.iter_mut().zip(&asked_names) {
+                *value = given.get(name).copied().unwrap_or(*value);
             }
-        };
-        let request = EvalRequest { params: params.0.to_vec(), t: 0.0, states: vec![y.clone()] };
-        match met.and_then(|()| backend.eval(&request)) {
-            Ok(_) => return Ok(y),
+        }
+        let own_state = |y: &[f64]| forms.convert(params.0, 0.0, y, [&asked, &own]);
+        if !free.is_empty() {
+            match &mut constraint {
+                Some(other) => {
+                    meet_constraint(&mut **other, params.1, &own_state, &mut y, [&velocities, &free])?;
+                }
+                None => meet_constraint(backend, params.0, &own_state, &mut y, [&velocities, &free])?,
+            }
+        }
+        let y = own_state(&y)?;
+        backend.eval(&EvalRequest { params: params.0.to_vec(), t: 0.0, states: vec![y.clone()] })?;
+        Ok(y)
+    };
+    let mut failure = None;
+    for k in 0..N_ATTEMPTS {
+        match attempt(k) {
+            Ok(y) => return Ok(y),
             Err(error) => failure = failure.or(Some(error)),
         }
     }
     // The loop runs at least once.
     Err(match failure.expect("an attempt") {
-        Error::State { reason, .. } | Error::Remote { message: reason, .. }
-            if given.len() < info.state.len() =>
-        {
+        Error::State { reason, .. } | Error::Remote { message: reason, .. } if given.len() < n_state => {
             let reason = format!("{reason}; choose another state with --initial name=value ..");
             Error::State { path: "the default initial state".into(), reason }
         }
@@ -76,7 +105,7 @@ pub fn state(
 
 /// Values without regard to the constraint.
 fn first_guess(
-    info: &Info,
+    names: &[String],
     roles: &BTreeMap<String, Role>,
     start: &BTreeMap<String, f64>,
     attempt: usize,
@@ -107,7 +136,7 @@ fn first_guess(
             }
         }
     };
-    info.state.iter().map(value).collect()
+    names.iter().map(value).collect()
 }
 
 /// A component of a unit vector that is along no axis.
@@ -120,20 +149,22 @@ fn unit_vector(index: usize, n: usize, attempt: usize) -> f64 {
 }
 
 /// Moves the velocities at positions `free` onto the constraint, by Newton's method with the least change; `velocities`
-/// are the positions of all.
+/// are the positions of all, and `own_state` makes the state of the scene.
 fn meet_constraint(
     backend: &mut dyn Backend,
     params: &[f64],
+    own_state: &dyn Fn(&[f64]) -> Result<Vec<f64>, Error>,
     y: &mut [f64],
-    velocities: &[usize],
-    free: &[usize],
+    [velocities, free]: [&[usize]; 2],
 ) -> Result<(), Error> {
     let Some(constraint) = backend.info().output_range(Want::Constraint.name()) else { return Ok(()) };
     // Whoever gives no velocity has no metric in mind, and the model's own initial velocities are moved as little as
     // can be.
     let places = Places { constraint, velocities: velocities.to_vec(), momenta: None };
-    let mut outputs =
-        |states| Ok(backend.eval(&EvalRequest { params: params.to_vec(), t: 0.0, states })?.outputs);
+    let mut outputs = |states: Vec<Vec<f64>>| {
+        let states = states.iter().map(|y| own_state(y)).collect::<Result<_, Error>>()?;
+        Ok(backend.eval(&EvalRequest { params: params.to_vec(), t: 0.0, states })?.outputs)
+    };
     match project(&mut outputs, &places, y, free)? {
         Outcome::Met => Ok(()),
         Outcome::Missed { largest } => {
@@ -150,13 +181,19 @@ fn meet_constraint(
 pub(crate) struct Starts<'a> {
     model: &'a Arc<Checked>,
     info: &'a Info,
+    forms: Forms,
     /// Has the residual of the constraint where the scene itself leaves it out.
     residuals: Option<Built>,
 }
 
 impl<'a> Starts<'a> {
-    pub(crate) fn new(model: &'a Arc<Checked>, info: &'a Info) -> Result<Starts<'a>, Error> {
-        Ok(Starts { model, info, residuals: residuals(model, info)? })
+    pub(crate) fn new(model: &'a Arc<Checked>, info: &'a Info, forms: Forms) -> Result<Starts<'a>, Error> {
+        Ok(Starts { model, info, forms, residuals: residuals(model, info)? })
+    }
+
+    /// The value of a variable of some form at a state of the scene; none where there is no such variable.
+    pub(crate) fn value(&self, params: &[f64], y: &[f64], name: &str) -> Result<Option<f64>, Error> {
+        self.forms.value(params, y, name)
     }
 
     /// Parameters with those in `set`, and an initial state with the components in `given`; `backend` is that of the
@@ -174,7 +211,8 @@ impl<'a> Starts<'a> {
         let preferred = roles::initial_values(self.model, &all_params);
         let mut other = self.residuals.as_ref().map(Local::new);
         let other = other.as_mut().map(|local| local as &mut dyn Backend);
-        let initial = state(backend, other, (&params, &params), &roles, &preferred, given)?;
+        let chosen = Chosen { roles: &roles, preferred: &preferred, given };
+        let initial = state(backend, other, (&params, &params), &self.forms, chosen)?;
         // What the user gave may leave nothing to choose.
         if let Some(scene) = &self.residuals {
             admissible::check(&*prepare(scene, &params)?, &initial, 0)?;

@@ -63,8 +63,10 @@ impl<'a> Defaults<'a> {
         let quasi = model.quasi_velocities.iter().map(|v| (v.name.as_str(), v.symbol));
         let base = model.base.iter().map(|c| (c.name.as_str(), c.symbol));
         let advected = model.advected.iter().flat_map(|a| &a.components).map(|(n, s)| (n.as_str(), *s));
+        let momenta = model.momenta.iter().flat_map(|m| &m.components).map(|(n, s, _)| (n.as_str(), *s));
+        let velocities = model.all_velocities().into_iter().chain(quasi);
         let symbols: BTreeMap<&str, SymbolId> =
-            model.all_velocities().into_iter().chain(quasi).chain(base).chain(advected).collect();
+            velocities.chain(momenta).chain(base).chain(advected).collect();
         let mut start = params.clone();
         for (name, value) in &model.initial {
             let value = model.graph.eval_f64(*value, &params);
@@ -148,11 +150,9 @@ impl<'a> Defaults<'a> {
 
     /// At the initial state, if the model has one for all variables of the scene.
     fn at_start(&self) -> Option<Diagnostic> {
-        let state: Option<Vec<f64>> =
-            self.scene.state.iter().map(|s| self.start.get(&s.symbol).copied()).collect();
-        let state = state?;
         let values: Vec<f64> = self.scene.params().iter().map(|p| self.params[&p.symbol]).collect();
         let interpreter = self.scene.prepare(&values).ok()?;
+        let state = self.initial_state(&interpreter)?;
         if let Err(name) = interpreter.check(0.0, &state) {
             let pivot = self.scene.equations.pivots.iter().find(|p| p.name == name);
             return Some(pivot.map_or_else(
@@ -167,6 +167,27 @@ impl<'a> Defaults<'a> {
         let message = format!("the rate of `{name}` is not finite at the initial state");
         let span = of_component(&self.model.places.initial, name).or(self.model.places.lagrangian);
         Some(Diagnostic::warning(span, message).with_help(HELP_AT_START))
+    }
+
+    /// The initial state of the model, momenta by their velocities where it gives these.
+    fn initial_state(&self, interpreter: &Interpreter<'_>) -> Option<Vec<f64>> {
+        let legendre = self.scene.legendre();
+        let given = |s: &SymbolId| self.start.get(s).copied();
+        let velocities: Option<Vec<f64>> = legendre.velocities.iter().map(|(_, s)| given(s)).collect();
+        let is_momentum = |name: &str| legendre.momenta.iter().any(|(own, _)| own == name);
+        // What is a momentum may be missing until the transform has it.
+        let state = self.scene.state.iter();
+        let state = state.map(|s| given(&s.symbol).or_else(|| is_momentum(&s.name).then_some(0.0)));
+        let mut state: Vec<f64> = state.collect::<Option<_>>()?;
+        if self.scene.state.iter().all(|s| given(&s.symbol).is_some()) {
+            return Some(state);
+        }
+        let momenta = interpreter.legendre(0.0, &state, &velocities?)?;
+        for ((name, _), value) in legendre.momenta.iter().zip(momenta) {
+            let at = self.scene.state.iter().position(|s| s.name == *name)?;
+            state[at] = value;
+        }
+        Some(state)
     }
 
     /// Something else that rates are divided by and that is not there at the initial state.

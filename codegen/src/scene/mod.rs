@@ -31,7 +31,7 @@ use crate::error::Error;
 use crate::mechanics::OutputKind;
 use crate::parallel::side_by_side;
 use crate::reduction::{AccelerationSource, Formulation, KinematicConstraint, reduce};
-use crate::spec::{self, Diagnostics, Model, Want};
+use crate::spec::{self, Carried, CarriedBy, Diagnostics, Model, Want, Wanted};
 
 use build::{Derivations, build_planned, lower_scene};
 use dependence::{ignorable, left_out, needs};
@@ -199,6 +199,35 @@ pub fn build(model: &Model, scene: &str) -> Result<BuiltScene, Diagnostics> {
 pub fn build_in(model: &Model, scene: &str, formulation: &Formulation) -> Result<BuiltScene, Diagnostics> {
     let mut scenes = Scenes::new(model);
     let plan = Plan { formulation: formulation.clone(), ..scenes.plan(scene)? };
+    build_planned(&scenes.derivations, plan)
+}
+
+/// The right-hand side of a scene whose state carries these momenta (names of components) and no others, with the
+/// velocities that they stand for as outputs: both ways between velocities and momenta, whatever the scene itself
+/// carries. Momenta that are parameters stay parameters.
+///
+/// # Errors
+/// As [`build`], and a name that is no momentum.
+pub fn build_carrying(model: &Model, scene: &str, momenta: &[String]) -> Result<BuiltScene, Diagnostics> {
+    let mut scenes = Scenes::new(model);
+    let own = scenes.plan(scene)?;
+    let mut formulation = own.formulation.clone();
+    formulation.momenta.retain(|carried| matches!(carried.by, CarriedBy::Parameter(_)));
+    for name in momenta {
+        let components = model.momenta.iter().flat_map(|m| &m.components);
+        let Some((.., velocity)) = components.clone().find(|(component, ..)| component == name) else {
+            let known: Vec<&str> = components.map(|(component, ..)| component.as_str()).collect();
+            let message = format!("{} has no momentum {name}", model.name);
+            let help = format!("momenta: {}", known.join(", "));
+            return Err(model.diagnostics(vec![spec::diagnose(model, None, message, help)]));
+        };
+        formulation.momenta.push(Carried { velocity: *velocity, by: CarriedBy::Momentum(name.clone()) });
+    }
+    formulation.momenta.sort_by_key(|carried| carried.velocity);
+    let bare = Plan::bare(own.name.clone(), formulation);
+    let outputs = Outputs::Named(vec![Wanted::Want(Want::Velocities)]);
+    let plan = Plan { outputs, drops: own.drops, ..bare };
+    scenes.derivations.derive_all([&plan.formulation]);
     build_planned(&scenes.derivations, plan)
 }
 
