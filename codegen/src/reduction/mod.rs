@@ -8,6 +8,7 @@
 
 mod algebroid;
 mod assemble;
+mod change;
 mod circle;
 mod connection;
 mod constraint;
@@ -23,6 +24,7 @@ mod system;
 
 use crate::spec::{Diagnostics, Model};
 
+pub use change::{Change, Frame};
 pub use circle::with_circles;
 pub use connection::with_connection;
 pub use constraint::{
@@ -32,7 +34,6 @@ pub use constraint::{
 pub use domain::DomainCondition;
 pub use fix::with_fixed;
 pub use formulation::{Formulation, StageUse, carried_by_momenta};
-pub use frame::{Change, Frame};
 pub use momenta::CarriedMomentum;
 pub(crate) use momenta::momentum_of;
 pub use part::Part;
