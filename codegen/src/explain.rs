@@ -10,7 +10,7 @@ use num_traits::One;
 
 use crate::error::spell_vector;
 use crate::expr::{Budget, Definition, ExprId, Graph, Style, SymbolId, identifier, rational_to_f64};
-use crate::mechanics::{Equations, VerticalEquation, VerticalEquations, unused_stem};
+use crate::mechanics::{Equations, Routhian, VerticalEquation, VerticalEquations, unused_stem};
 use crate::reduction::{KinematicConstraint, Stages, Tensor};
 use crate::scene::BuiltScene;
 use crate::spec::{Model, Side};
@@ -35,6 +35,8 @@ pub enum SectionKind {
     Constraint,
     /// The equations of motion.
     Equations,
+    /// The Routhian, where momenta are carried.
+    Routhian,
     /// What was found on the way, exactly.
     Findings,
     /// Operations of every function.
@@ -53,6 +55,7 @@ impl SectionKind {
             SectionKind::Kinematics => "Kinematics (anchor)",
             SectionKind::Constraint => "Constraint",
             SectionKind::Equations => "Equations of motion",
+            SectionKind::Routhian => "Routhian",
             SectionKind::Findings => "Found exactly",
             SectionKind::Counts => "Operation counts",
         }
@@ -98,10 +101,14 @@ pub fn sections(model: &Model, scene: &BuiltScene, style: Style) -> Vec<Section>
     page.kinematics(&scene.equations);
     page.constraint(&scene.equations);
     page.equations(&scene.equations);
+    page.routhian(&scene.equations);
     page.findings(&scene.equations);
     page.counts(scene);
     std::iter::once(page.head).chain(page.rest).collect()
 }
+
+/// Characters of a formula that somebody reads.
+const MAX_FORMULA: usize = 2000;
 
 struct Page {
     style: Style,
@@ -714,6 +721,36 @@ impl Page {
         let mut rows = vec![(energy.clone(), g.display(equations.energy, self.style))];
         rows.push((self.rate(&energy), g.display(equations.energy_rate, self.style)));
         self.formulas(&rows);
+    }
+
+    fn routhian(&mut self, equations: &Equations) {
+        let Some(routhian) = Routhian::new(equations) else { return };
+        let g = &routhian.graph;
+        self.begin(SectionKind::Routhian);
+        self.line("Mechanical connection A = K^-1 L_vx and velocities w = K^-1 (Pi - b) = v + A xdot, with K = L_vv:");
+        let rows = routhian.names.iter().map(|(name, e)| (self.name(name), g.display(*e, self.style)));
+        let rows: Vec<(String, String)> = rows.collect();
+        self.readable_formulas(rows);
+        self.line("Routhian R = L - Pi.w, effective potential V = -R at xdot = 0:");
+        let shown = |page: &Page, name: &str, e| (page.name(name), g.display(e, page.style));
+        let rows = [shown(self, "R", routhian.routhian), shown(self, "V", routhian.potential)];
+        self.formulas(&rows);
+        self.line(
+            "d/dt dR/dxdot - dR/dx is the force Pi_a B^a_ij xdot^j - <Pi, [w, A_i]> of the curvature B = dA - [A, A]:",
+        );
+        let rows = routhian.forces.iter().map(|(x, e)| shown(self, &format!("force_{x}"), *e));
+        let rows: Vec<(String, String)> = rows.collect();
+        self.readable_formulas(rows);
+    }
+
+    /// Formulas without those that nobody would read, which are counted.
+    fn readable_formulas(&mut self, rows: Vec<(String, String)>) {
+        let n = rows.len();
+        let (short, _): (Vec<_>, Vec<_>) = rows.into_iter().partition(|(_, e)| e.len() <= MAX_FORMULA);
+        self.formulas(&short);
+        if short.len() < n {
+            self.line(&format!("{} of more than {MAX_FORMULA} characters are left out.", n - short.len()));
+        }
     }
 
     fn findings(&mut self, equations: &Equations) {
