@@ -451,10 +451,12 @@ impl Page {
         if !rows.is_empty() {
             self.line(match (rows.len() < momenta.len(), vertical.has_multipliers) {
                 (true, _) => {
-                    "Vertical equations by stages, summed over the levels along each displacement that the constraint allows:"
+                    "Vertical equations by stages, summed over the levels along each displacement that the constraint \
+                     allows:"
                 }
                 (false, true) => {
-                    "Vertical equations by stages, with the reactions of the constraint (every level's momentum may enter):"
+                    "Vertical equations by stages, with the reactions of the constraint (every level's momentum may \
+                     enter):"
                 }
                 (false, false) => "Vertical equations by stages (every level's momentum may enter):",
             });
