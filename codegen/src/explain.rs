@@ -389,6 +389,7 @@ impl Page {
             self.line("Adapted basis (horizontal lifts, orthogonal to the stage below):");
             self.formulas(&rows);
         }
+        self.frame_of_stages(equations);
         for (j, level) in stages.levels.iter().enumerate() {
             let members: Vec<String> = level.range.clone().map(|k| self.name(&symbol(k))).collect();
             let members = self.inline(&self.list(&members));
@@ -402,6 +403,23 @@ impl Page {
             "\nThe bracket rebuilt from these forms was checked, exactly, to be the bracket of the algebra.",
         );
         self.stage_equations(equations);
+    }
+
+    /// What the frame that is adapted to the stages is used for.
+    fn frame_of_stages(&mut self, equations: &Equations) {
+        let system = &equations.system;
+        if system.frame.is_none() {
+            return;
+        }
+        if system.changes.is_empty() {
+            self.line("The equations are derived in this basis; the state has the velocities of the model.");
+            return;
+        }
+        self.line("The state has the velocities along the levels, by those of the model:");
+        let g = &system.graph;
+        let rows = system.changes.iter().map(|c| (self.name(&c.name), g.display(c.value, self.style)));
+        let rows: Vec<(String, String)> = rows.collect();
+        self.formulas(&rows);
     }
 
     /// The vertical equations by stages in terms of momenta and velocities along the adapted basis.
@@ -433,10 +451,12 @@ impl Page {
         if !rows.is_empty() {
             self.line(match (rows.len() < momenta.len(), vertical.has_multipliers) {
                 (true, _) => {
-                    "Vertical equations by stages, summed over the levels along each displacement that the constraint allows:"
+                    "Vertical equations by stages, summed over the levels along each displacement that the constraint \
+                     allows:"
                 }
                 (false, true) => {
-                    "Vertical equations by stages, with the reactions of the constraint (every level's momentum may enter):"
+                    "Vertical equations by stages, with the reactions of the constraint (every level's momentum may \
+                     enter):"
                 }
                 (false, false) => "Vertical equations by stages (every level's momentum may enter):",
             });
@@ -454,9 +474,10 @@ impl Page {
             let shown = sides(self, vertical.horizontal.iter().map(|row| &row.equation).collect());
             self.formulas(&shown);
         }
-        self.line(
-            "These were compared, exactly, with the equations of motion, which are derived without stages.",
-        );
+        self.line(match equations.system.frame {
+            None => "These were compared, exactly, with the equations of motion, which are derived without stages.",
+            Some(_) => "These were compared, exactly, with the equations of motion, which are derived in this basis.",
+        });
     }
 
     fn form(&mut self, title: &str, [letter, stem]: [&str; 2], level: usize, tensor: &Tensor, g: &Graph) {
@@ -519,7 +540,13 @@ impl Page {
             true => format!("<msub><mi>D</mi>{}</msub>", page.name(&model.base[i].name)),
             false => format!("D_{}", page.name(&model.base[i].name)),
         };
-        let basis: Vec<String> = model.algebra.basis().iter().map(|b| self.name(b)).collect();
+        let basis: Vec<String> = match equations.system.frame {
+            Some(_) => {
+                let stem = unused_stem(equations, "f");
+                (1..=model.algebra.dim()).map(|k| self.name(&format!("{stem}{k}"))).collect()
+            }
+            None => model.algebra.basis().iter().map(|b| self.name(b)).collect(),
+        };
         let mut rows = Vec::new();
         let mut curved = false;
         for i in 0..n {
@@ -547,7 +574,8 @@ impl Page {
         if !velocities.is_empty() {
             let [velocity, xi] = [self.velocity(equations), self.xi()].map(|of| self.inline(&of));
             self.line(&format!("The velocities of the model are {velocity}; the group velocity {xi} is"));
-            let names = model.algebra.basis().iter().map(|b| self.name(&format!("xi_{b}")));
+            let own = model.algebra.basis().iter();
+            let names = own.map(|b| self.name(&format!("xi_{b}")));
             let shown = names.zip(velocities).map(|(name, e)| (name, g.display(e, self.style)));
             let shown: Vec<(String, String)> = shown.collect();
             self.formulas(&shown);

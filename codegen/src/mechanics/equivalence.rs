@@ -21,9 +21,8 @@ use super::equations::{Equations, OutputKind, StateEquation};
 /// xdot' = xdot,   v' = v + (A' - A) xdot,   (c', s') = (cos theta, sin theta),   pi' = W^T dL/dy'
 /// ```
 ///
-/// in which the velocities that a constraint determines are `y = Psi u + psi0`, and those in the place of which momenta
-/// are carried follow from the Legendre transform, and
-/// those along the levels of stages from their frame.
+/// in which the velocities that a constraint determines are `y = Psi u + psi0`, those in the place of which momenta are
+/// carried follow from the Legendre transform, and those along the levels of stages from their frame.
 #[derive(Clone, Debug)]
 pub struct ChangeOfState {
     /// The graph of the formulation that the functions are written in, with the functions.
@@ -62,25 +61,19 @@ impl ChangeOfState {
         let unknowns = unknowns(&mut change.graph, from)?;
         let from = &from.system;
         change.base(from, to);
-        let velocities = change.velocities(from, to, &unknowns)?;
+        let of_model = change.velocities(from, to, &unknowns)?;
+        let velocities = change.in_frame(to, &of_model)?;
         let g = &mut change.graph;
         for unknown in &to.unknowns {
-            let named = to.frame.as_ref().and_then(|frame| {
-                frame.original.iter().position(|own| own.symbol == unknown.symbol).map(|k| velocities[k])
-            });
-            let along_level = to.changes.iter().find(|c| c.symbol == unknown.symbol);
-            let value = match (named, along_level, unknown.frame_idx) {
-                (Some(velocity), ..) => velocity,
-                (None, Some(along), _) => along_a_level(g, to, &change.values, &velocities, along.value)?,
-                (None, None, Some(k)) => velocities[k],
-                (None, None, None) => {
-                    let k = from.unknowns.iter().position(|u| u.symbol == unknown.symbol);
-                    k.map(|k| {
-                        unknowns
-                            .get(&from.unknowns[k].symbol)
-                            .copied()
-                            .unwrap_or_else(|| g.sym(unknown.symbol))
-                    })
+            let frame = to.frame.as_ref();
+            let own = frame.and_then(|f| f.original.iter().position(|u| u.symbol == unknown.symbol));
+            let value = match (own, unknown.frame_idx) {
+                // A velocity of the model, whatever the frame.
+                (Some(k), _) => of_model[k],
+                (None, Some(k)) => velocities[k],
+                (None, None) => {
+                    let own = from.unknowns.iter().find(|u| u.symbol == unknown.symbol);
+                    own.map(|u| unknowns.get(&u.symbol).copied().unwrap_or_else(|| g.sym(u.symbol)))
                 }
             };
             change.values.extend(value.map(|value| (unknown.symbol, value)));
@@ -119,7 +112,34 @@ impl ChangeOfState {
         }
     }
 
-    /// The velocities of the frame of `to`; none where its connection depends on a coordinate without a function.
+    /// The velocities along the frame of `to`, by those of its model; none where a coefficient depends on a coordinate
+    /// without a function.
+    fn in_frame(
+        &mut self,
+        to: &ReducedSystem,
+        of_model: &[Option<ExprId>],
+    ) -> Result<Vec<Option<ExprId>>, DivisionByZero> {
+        let Some(frame) = &to.frame else { return Ok(of_model.to_vec()) };
+        let coordinates = to.algebroid.base();
+        let mut along = Vec::new();
+        for row in &frame.inverse {
+            let mut terms = Some(Vec::new());
+            for (e, y) in row.iter().zip(of_model).filter(|(e, _)| **e != to.graph.zero()) {
+                let needed = to.graph.free_symbols(*e);
+                let is_known =
+                    !needed.iter().any(|s| coordinates.contains(s) && !self.values.contains_key(s));
+                let e = self.graph.import_with(&to.graph, &[*e], &self.values)?[0];
+                let term = y.filter(|_| is_known).map(|y| self.graph.mul(e, y));
+                terms =
+                    terms.zip(term).map(|(terms, term): (Vec<ExprId>, ExprId)| [terms, vec![term]].concat());
+            }
+            along.push(terms.map(|terms| self.graph.sum(&terms)));
+        }
+        Ok(along)
+    }
+
+    /// The velocities of the model with the connection of `to`; none where that depends on a coordinate without a
+    /// function.
     fn velocities(
         &mut self,
         from: &ReducedSystem,
@@ -161,7 +181,7 @@ impl ChangeOfState {
         Ok(velocities)
     }
 
-    /// The momenta that `to` carries, by its velocities.
+    /// The momenta that `to` carries, by the velocities of its frame.
     fn momenta(
         &mut self,
         from: &ReducedSystem,
@@ -184,19 +204,6 @@ impl ChangeOfState {
         }
         let Some(y) = velocities.iter().copied().collect::<Option<Vec<ExprId>>>() else { return Ok(()) };
         let mut values = self.values.clone();
-        let y = match &to.frame {
-            None => y,
-            Some(frame) => {
-                let mut eta = Vec::new();
-                for row in &frame.inverse {
-                    let row = self.graph.import_with(&to.graph, row, &self.values)?;
-                    let terms: Vec<ExprId> =
-                        row.iter().zip(&y).map(|(e, y)| self.graph.mul(*e, *y)).collect();
-                    eta.push(self.graph.sum(&terms));
-                }
-                eta
-            }
-        };
         values.extend(to.velocities.iter().copied().zip(y));
         let mut written = to.graph.clone();
         for momentum in &to.momenta {
@@ -280,22 +287,6 @@ impl ChangeOfState {
         }
         Ok(())
     }
-}
-
-/// A velocity along a level of stages, by the velocities of the model.
-fn along_a_level(
-    g: &mut Graph,
-    to: &ReducedSystem,
-    values: &BTreeMap<SymbolId, ExprId>,
-    velocities: &[Option<ExprId>],
-    value: ExprId,
-) -> Result<Option<ExprId>, DivisionByZero> {
-    let mut values = values.clone();
-    for (own, velocity) in to.frame.iter().flat_map(|frame| &frame.original).zip(velocities) {
-        let Some(velocity) = velocity else { return Ok(None) };
-        values.insert(own.symbol, *velocity);
-    }
-    Ok(Some(g.import_with(&to.graph, &[value], &values)?[0]))
 }
 
 /// Unknowns that are no part of the state, as functions of it.

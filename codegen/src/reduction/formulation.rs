@@ -2,7 +2,7 @@
 //!
 //! Does not know: how any choice is carried out.
 
-use crate::expr::Rational;
+use crate::expr::{Graph, Rational};
 use crate::spec::{Carried, CarriedBy, ConnectionKind, IdealChain, InnerProduct, Model};
 
 /// What a chain of stages is used for.
@@ -29,27 +29,32 @@ impl StageUse {
     }
 }
 
-/// A chain of ideals that the model does not write down, whose complements are found by an inner product.
+/// A chain of ideals, or an inner product, that the model does not write down.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FoundChain {
-    /// Spanning vectors of `n_1, n_2, ..` in the basis of the algebra.
-    pub ideals: Vec<Vec<Vec<Rational>>>,
+    /// Spanning vectors of `n_1, n_2, ..` in the basis of the algebra; none for the ideals of the model.
+    pub ideals: Option<Vec<Vec<Vec<Rational>>>>,
     /// Whether the inner product is the kinetic energy, and not the one in which the basis of the algebra is
     /// orthonormal.
     pub by_energy: bool,
 }
 
 impl FoundChain {
-    /// The chain, with names for its stages.
-    pub(super) fn stages(&self) -> IdealChain {
-        let n = self.ideals.len() + 1;
-        IdealChain {
+    /// The chain, with names for its stages; none where it needs one of the model that is not there.
+    pub(super) fn stages(&self, g: &mut Graph, of_model: Option<&IdealChain>) -> Option<IdealChain> {
+        let inner_product = self.by_energy.then_some(InnerProduct::Lagrangian);
+        let Some(ideals) = &self.ideals else {
+            return of_model.map(|chain| IdealChain { inner_product, ..chain.clone() });
+        };
+        let n = ideals.len() + 1;
+        let numbers = |g: &mut Graph, v: &[Rational]| v.iter().map(|q| g.rational(q.clone())).collect();
+        Some(IdealChain {
             names: (0..n).map(|k| format!("stage{k}")).collect(),
-            ideals: self.ideals.clone(),
-            inner_product: self.by_energy.then_some(InnerProduct::Lagrangian),
+            ideals: ideals.iter().map(|basis| basis.iter().map(|v| numbers(g, v)).collect()).collect(),
+            inner_product,
             connection: None,
             spans: vec![None; n],
-        }
+        })
     }
 }
 

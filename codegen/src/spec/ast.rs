@@ -163,8 +163,11 @@ pub(super) enum ItemKind {
     Stage {
         name: Name,
         ideal: Option<Vec<Expr>>,
+        connections: Vec<(Name, Expr)>,
     },
     InnerProduct(Expr),
+    /// `inner_product = lagrangian;`
+    LagrangianInnerProduct,
     Coordinate {
         names: Vec<Name>,
         shape: Shape,

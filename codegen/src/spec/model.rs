@@ -150,8 +150,8 @@ pub enum CarriedBy {
 pub struct IdealChain {
     /// Names of `n_0, n_1, ..`.
     pub names: Vec<String>,
-    /// Spanning vectors of `n_1, n_2, ..` in the basis of the algebra.
-    pub ideals: Vec<Vec<Vec<Rational>>>,
+    /// Spanning vectors of `n_1, n_2, ..` in the basis of the algebra, in parameters only.
+    pub ideals: Vec<Vec<Vec<ExprId>>>,
     /// The inner product; absent for the one in which the basis of the algebra is orthonormal.
     pub inner_product: Option<InnerProduct>,
     /// The sum of the connections of the stages, `A^a_i` by element of the algebra and base coordinate; absent where no

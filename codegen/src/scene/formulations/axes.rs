@@ -166,18 +166,18 @@ fn stages(model: &Model, own: &Formulation) -> Vec<Choice> {
     if own.stages == StageUse::Carried || model.algebra.dim() < 2 {
         return choices;
     }
-    let mut add = |ideals: Vec<Vec<Vec<Rational>>>, names: &str| {
+    let mut add = |ideals: Option<Vec<Vec<Vec<Rational>>>>, names: &str| {
         for (by_energy, by) in [(false, ""), (true, " by energy")] {
             let chain = FoundChain { ideals: ideals.clone(), by_energy };
             choices.push(Choice::Stages(Some(chain), format!("stages {names}{by}")));
         }
     };
     if let Some(chain) = &model.stages {
-        add(chain.ideals.clone(), &format!("of the model ({})", chain.names.join(" > ")));
+        add(None, &format!("of the model ({})", chain.names.join(" > ")));
     }
     for chain in chains(&model.algebra, MAX_CHAINS) {
         let names: Vec<&str> = chain.iter().map(|ideal| ideal.name.as_str()).collect();
-        add(chain.iter().map(|ideal| ideal.basis.clone()).collect(), &names.join(" > "));
+        add(Some(chain.iter().map(|ideal| ideal.basis.clone()).collect()), &names.join(" > "));
     }
     if model.stages.as_ref().is_some_and(|chain| chain.inner_product.is_some() || chain.connection.is_some())
     {

@@ -28,16 +28,26 @@ impl Elaboration<'_> {
                     self.problem(side.span, format!("unknown side `{other}`"), help);
                 }
             },
-            ItemKind::Stage { name, ideal } => {
-                let Some(ideal) = ideal else {
-                    self.builder.at(Some(name.span)).stage(&name.text);
-                    return;
-                };
-                let values: Vec<Option<Value>> = ideal.iter().map(|e| self.eval(e)).collect();
-                match values.into_iter().collect::<Option<Vec<Value>>>() {
-                    Some(values) => _ = self.builder.at(span).stage_ideal(&name.text, &values),
-                    None => _ = self.builder.broken.insert("stage"),
+            ItemKind::Stage { name, ideal, connections } => {
+                match ideal {
+                    None => _ = self.builder.at(Some(name.span)).stage(&name.text),
+                    Some(ideal) => {
+                        let values: Vec<Option<Value>> = ideal.iter().map(|e| self.eval(e)).collect();
+                        match values.into_iter().collect::<Option<Vec<Value>>>() {
+                            Some(values) => _ = self.builder.at(span).stage_ideal(&name.text, &values),
+                            None => _ = self.builder.broken.insert("stage"),
+                        }
+                    }
                 }
+                for (velocity, value) in connections {
+                    if let Some(value) = self.eval(value) {
+                        let builder = self.builder.at(Some(velocity.span));
+                        builder.stage_connection(&name.text, &velocity.text, &value);
+                    }
+                }
+            }
+            ItemKind::LagrangianInnerProduct => {
+                self.builder.at(span).inner_product_of_lagrangian();
             }
             ItemKind::InnerProduct(expr) => {
                 if let Some(value) = self.eval(expr) {
