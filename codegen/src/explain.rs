@@ -10,7 +10,7 @@ use num_traits::One;
 
 use crate::error::spell_vector;
 use crate::expr::{Budget, Definition, ExprId, Graph, Style, SymbolId, identifier, rational_to_f64};
-use crate::mechanics::{Equations, VerticalEquation, VerticalEquations, unused_stem};
+use crate::mechanics::{Equations, Routhian, VerticalEquation, VerticalEquations, unused_stem};
 use crate::reduction::{KinematicConstraint, Stages, Tensor};
 use crate::scene::BuiltScene;
 use crate::spec::{Model, Side};
@@ -35,6 +35,8 @@ pub enum SectionKind {
     Constraint,
     /// The equations of motion.
     Equations,
+    /// The Routhian, where momenta are carried.
+    Routhian,
     /// What was found on the way, exactly.
     Findings,
     /// Operations of every function.
@@ -53,6 +55,7 @@ impl SectionKind {
             SectionKind::Kinematics => "Kinematics (anchor)",
             SectionKind::Constraint => "Constraint",
             SectionKind::Equations => "Equations of motion",
+            SectionKind::Routhian => "Routhian",
             SectionKind::Findings => "Found exactly",
             SectionKind::Counts => "Operation counts",
         }
@@ -98,10 +101,14 @@ pub fn sections(model: &Model, scene: &BuiltScene, style: Style) -> Vec<Section>
     page.kinematics(&scene.equations);
     page.constraint(&scene.equations);
     page.equations(&scene.equations);
+    page.routhian(&scene.equations);
     page.findings(&scene.equations);
     page.counts(scene);
     std::iter::once(page.head).chain(page.rest).collect()
 }
+
+/// Characters of a formula that somebody reads.
+const MAX_FORMULA: usize = 2000;
 
 struct Page {
     style: Style,
@@ -382,6 +389,7 @@ impl Page {
             self.line("Adapted basis (horizontal lifts, orthogonal to the stage below):");
             self.formulas(&rows);
         }
+        self.frame_of_stages(equations);
         for (j, level) in stages.levels.iter().enumerate() {
             let members: Vec<String> = level.range.clone().map(|k| self.name(&symbol(k))).collect();
             let members = self.inline(&self.list(&members));
@@ -395,6 +403,23 @@ impl Page {
             "\nThe bracket rebuilt from these forms was checked, exactly, to be the bracket of the algebra.",
         );
         self.stage_equations(equations);
+    }
+
+    /// What the frame that is adapted to the stages is used for.
+    fn frame_of_stages(&mut self, equations: &Equations) {
+        let system = &equations.system;
+        if system.frame.is_none() {
+            return;
+        }
+        if system.changes.is_empty() {
+            self.line("The equations are derived in this basis; the state has the velocities of the model.");
+            return;
+        }
+        self.line("The state has the velocities along the levels, by those of the model:");
+        let g = &system.graph;
+        let rows = system.changes.iter().map(|c| (self.name(&c.name), g.display(c.value, self.style)));
+        let rows: Vec<(String, String)> = rows.collect();
+        self.formulas(&rows);
     }
 
     /// The vertical equations by stages in terms of momenta and velocities along the adapted basis.
@@ -426,10 +451,12 @@ impl Page {
         if !rows.is_empty() {
             self.line(match (rows.len() < momenta.len(), vertical.has_multipliers) {
                 (true, _) => {
-                    "Vertical equations by stages, summed over the levels along each displacement that the constraint allows:"
+                    "Vertical equations by stages, summed over the levels along each displacement that the constraint \
+                     allows:"
                 }
                 (false, true) => {
-                    "Vertical equations by stages, with the reactions of the constraint (every level's momentum may enter):"
+                    "Vertical equations by stages, with the reactions of the constraint (every level's momentum may \
+                     enter):"
                 }
                 (false, false) => "Vertical equations by stages (every level's momentum may enter):",
             });
@@ -447,9 +474,10 @@ impl Page {
             let shown = sides(self, vertical.horizontal.iter().map(|row| &row.equation).collect());
             self.formulas(&shown);
         }
-        self.line(
-            "These were compared, exactly, with the equations of motion, which are derived without stages.",
-        );
+        self.line(match equations.system.frame {
+            None => "These were compared, exactly, with the equations of motion, which are derived without stages.",
+            Some(_) => "These were compared, exactly, with the equations of motion, which are derived in this basis.",
+        });
     }
 
     fn form(&mut self, title: &str, [letter, stem]: [&str; 2], level: usize, tensor: &Tensor, g: &Graph) {
@@ -512,7 +540,13 @@ impl Page {
             true => format!("<msub><mi>D</mi>{}</msub>", page.name(&model.base[i].name)),
             false => format!("D_{}", page.name(&model.base[i].name)),
         };
-        let basis: Vec<String> = model.algebra.basis().iter().map(|b| self.name(b)).collect();
+        let basis: Vec<String> = match equations.system.frame {
+            Some(_) => {
+                let stem = unused_stem(equations, "f");
+                (1..=model.algebra.dim()).map(|k| self.name(&format!("{stem}{k}"))).collect()
+            }
+            None => model.algebra.basis().iter().map(|b| self.name(b)).collect(),
+        };
         let mut rows = Vec::new();
         let mut curved = false;
         for i in 0..n {
@@ -540,7 +574,8 @@ impl Page {
         if !velocities.is_empty() {
             let [velocity, xi] = [self.velocity(equations), self.xi()].map(|of| self.inline(&of));
             self.line(&format!("The velocities of the model are {velocity}; the group velocity {xi} is"));
-            let names = model.algebra.basis().iter().map(|b| self.name(&format!("xi_{b}")));
+            let own = model.algebra.basis().iter();
+            let names = own.map(|b| self.name(&format!("xi_{b}")));
             let shown = names.zip(velocities).map(|(name, e)| (name, g.display(e, self.style)));
             let shown: Vec<(String, String)> = shown.collect();
             self.formulas(&shown);
@@ -688,6 +723,36 @@ impl Page {
         let mut rows = vec![(energy.clone(), g.display(equations.energy, self.style))];
         rows.push((self.rate(&energy), g.display(equations.energy_rate, self.style)));
         self.formulas(&rows);
+    }
+
+    fn routhian(&mut self, equations: &Equations) {
+        let Some(routhian) = Routhian::new(equations) else { return };
+        let g = &routhian.graph;
+        self.begin(SectionKind::Routhian);
+        self.line("Mechanical connection A = K^-1 L_vx and velocities w = K^-1 (Pi - b) = v + A xdot, with K = L_vv:");
+        let rows = routhian.names.iter().map(|(name, e)| (self.name(name), g.display(*e, self.style)));
+        let rows: Vec<(String, String)> = rows.collect();
+        self.readable_formulas(rows);
+        self.line("Routhian R = L - Pi.w, effective potential V = -R at xdot = 0:");
+        let shown = |page: &Page, name: &str, e| (page.name(name), g.display(e, page.style));
+        let rows = [shown(self, "R", routhian.routhian), shown(self, "V", routhian.potential)];
+        self.formulas(&rows);
+        self.line(
+            "d/dt dR/dxdot - dR/dx is the force Pi_a B^a_ij xdot^j - <Pi, [w, A_i]> of the curvature B = dA - [A, A]:",
+        );
+        let rows = routhian.forces.iter().map(|(x, e)| shown(self, &format!("force_{x}"), *e));
+        let rows: Vec<(String, String)> = rows.collect();
+        self.readable_formulas(rows);
+    }
+
+    /// Formulas without those that nobody would read, which are counted.
+    fn readable_formulas(&mut self, rows: Vec<(String, String)>) {
+        let n = rows.len();
+        let (short, _): (Vec<_>, Vec<_>) = rows.into_iter().partition(|(_, e)| e.len() <= MAX_FORMULA);
+        self.formulas(&short);
+        if short.len() < n {
+            self.line(&format!("{} of more than {MAX_FORMULA} characters are left out.", n - short.len()));
+        }
     }
 
     fn findings(&mut self, equations: &Equations) {

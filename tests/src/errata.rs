@@ -14,6 +14,7 @@ use crate::algebras::Transported;
 use crate::draws::{Draws, one};
 use crate::linear::{Rows, Vector, add_scaled, dot, int};
 use crate::problem::{Evaluation, equations_of};
+use crate::stages::chain_exprs;
 
 /// The text of `models/specs/<name>.hamel`.
 ///
@@ -224,7 +225,8 @@ impl StageNumbers {
         let metric: Vec<Vec<ExprId>> =
             metric.iter().map(|row| row.iter().map(|q| g.rational(q.clone())).collect()).collect();
         let names = Transported::stage_names(chain);
-        let stages = Stages::split(&mut g, algebra, &names, chain, Some(&metric))
+        let ideals = chain_exprs(&mut g, chain);
+        let stages = Stages::split(&mut g, algebra, &names, &ideals, Some(&metric))
             .unwrap_or_else(|e| panic!("{} does not split: {e:?}", algebra.name()));
         StageNumbers::new(&stages, |e| g.as_rational(e).expect("rational data").clone())
     }

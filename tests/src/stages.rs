@@ -1,6 +1,6 @@
 //! Chains of stages as items of a model.
 
-use hamel_codegen::expr::Rational;
+use hamel_codegen::expr::{ExprId, Graph, Rational};
 use num_traits::Zero;
 
 use crate::linear::{Rows, Vector};
@@ -29,4 +29,10 @@ pub fn chain_text(name: &str, chain: &[Rows], metric: &[Vector]) -> String {
 /// When the text does not end with a brace.
 pub fn with_items(text: &str, items: &str) -> String {
     format!("{}{items}}}\n", text.trim_end().strip_suffix('}').expect("a model ends with a brace"))
+}
+
+/// A chain of ideals as expressions.
+pub fn chain_exprs(g: &mut Graph, chain: &[Rows]) -> Vec<Vec<Vec<ExprId>>> {
+    let vector = |g: &mut Graph, v: &Vector| v.iter().map(|q| g.rational(q.clone())).collect();
+    chain.iter().map(|rows| rows.iter().map(|v| vector(g, v)).collect()).collect()
 }

@@ -9,6 +9,7 @@ use hamel_tests::algebras::{FAMILIES, Transported};
 use hamel_tests::draws::{for_all, one};
 use hamel_tests::linear::{Rows, Vector, add_scaled, fraction, int, product, spans, times, transposed, unit};
 use hamel_tests::problem::{Evaluation, Problem, algebra_text, equations_of};
+use hamel_tests::stages::chain_exprs;
 use num_traits::Zero;
 
 const NUMBERS: usize = 1200;
@@ -145,7 +146,8 @@ fn a_random_line_that_is_no_ideal_is_refused_with_the_pair_that_leaves_it() {
         let mut g = Graph::new();
         let chain: [Rows; 1] = [line];
         let names = Transported::stage_names(&chain);
-        match Stages::split(&mut g, &transported.algebra, &names, &chain, None) {
+        let ideals = chain_exprs(&mut g, &chain);
+        match Stages::split(&mut g, &transported.algebra, &names, &ideals, None) {
             Ok(_) => assert!(!leaves, "{}", family.name),
             Err(errors) => {
                 assert!(leaves, "{}", family.name);
@@ -183,7 +185,8 @@ fn an_inner_product_that_is_degenerate_on_an_ideal_is_refused() {
     let se2 = LieAlgebra::se(2).unwrap();
     let chain = [vec![unit(3, 1), unit(3, 2)]];
     let rows = [[1, 0, 0], [0, 1, 1], [0, 1, 1]].map(|row| row.map(|n| g.int(n)).to_vec());
-    let outcome = Stages::split(&mut g, &se2, &Transported::stage_names(&chain), &chain, Some(&rows));
+    let ideals = chain_exprs(&mut g, &chain);
+    let outcome = Stages::split(&mut g, &se2, &Transported::stage_names(&chain), &ideals, Some(&rows));
     assert_eq!(outcome.unwrap_err(), [Error::DegenerateInnerProduct { stage: "n_0".into() }]);
 }
 

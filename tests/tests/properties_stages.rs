@@ -8,6 +8,7 @@ use hamel_tests::draws::{Draws, for_all, one};
 use hamel_tests::linear::{
     Rows, Vector, add_scaled, dot, int, is_identity, product, spans, times, transposed,
 };
+use hamel_tests::stages::chain_exprs;
 use num_traits::Zero;
 
 const CASES: u32 = 2;
@@ -28,7 +29,8 @@ fn numbers(g: &Graph, list: &[ExprId]) -> Vector {
 
 fn split(g: &mut Graph, algebra: &LieAlgebra, chain: &[Rows], metric: &[Vector]) -> Stages {
     let metric = expr_rows(g, metric);
-    Stages::split(g, algebra, &Transported::stage_names(chain), chain, Some(&metric))
+    let ideals = chain_exprs(g, chain);
+    Stages::split(g, algebra, &Transported::stage_names(chain), &ideals, Some(&metric))
         .unwrap_or_else(|errors| panic!("{} does not split: {errors:?}", algebra.name()))
 }
 
@@ -248,8 +250,9 @@ fn check_symbolic(algebra: &LieAlgebra, chain: &[Rows]) {
     let mut g = Graph::new();
     let n = algebra.dim();
     let metric = symbolic_metric(&mut g, n);
+    let ideals = chain_exprs(&mut g, chain);
     let stages =
-        Stages::split(&mut g, algebra, &Transported::stage_names(chain), chain, Some(&metric)).unwrap();
+        Stages::split(&mut g, algebra, &Transported::stage_names(chain), &ideals, Some(&metric)).unwrap();
     let symbols = stages.basis.iter().flatten().any(|e| !g.free_symbols(*e).is_empty());
     assert!(symbols, "the adapted basis of {} does not depend on the inner product", algebra.name());
     let mut fresh = |name: &str| -> Vec<ExprId> {

@@ -3,9 +3,11 @@
 
 use std::collections::BTreeMap;
 
-use hamel_codegen::expr::{ExprId, Graph, SymbolId, inlined};
+use hamel_codegen::expr::{ExprId, Graph, SymbolId, inlined, rational_to_f64};
 use hamel_codegen::mechanics::{Equations, OutputKind, VerticalEquations, derive};
+use hamel_codegen::program::Role;
 use hamel_codegen::reduction::{Formulation, KinematicConstraint, StageUse, reduce};
+use hamel_codegen::scene;
 use hamel_codegen::spec::{self, InnerProduct, Model, Want};
 use hamel_tests::algebras::{FAMILIES, Transported};
 use hamel_tests::bundle::Bundle;
@@ -234,4 +236,71 @@ fn in_a_frame_that_turns_with_the_shape_the_motion_is_the_same() {
         assert!(stages.basis.iter().flatten().any(has_shape), "the frame is fixed: {text}");
         assert_same_motion(&model, &text);
     });
+}
+
+/// A family of ideals with a parameter: lines of the plane of a product, and of the translations of two bodies.
+const WITH_PARAMETERS: &str = "model lines {
+    param k = 2;
+    param m: symmetric(4) = [2, 0.1, 0.2, 0.3, 3, 0.4, 0.5, 4, 0.6, 5];
+    algebra h = product(so(2), heisenberg(1));
+    velocity w, q, p, z in h;
+    let y = [w, q, p, z];
+    lagrangian = dot(y, m*y)/2 + k*q;
+    stage whole;
+    stage plane = ideal(w + k*z, q - k*p, z*(1 + k^2));
+    stage line = ideal(w + (k + 1/k)*z, q*0 + z);
+    stage centre = ideal(z);
+    inner_product = INNER;
+}";
+
+#[test]
+fn ideals_and_inner_products_with_parameters_have_the_same_motion() {
+    for inner in ["m", "lagrangian", "diag([1, k, 1, k^2])"] {
+        let text = WITH_PARAMETERS.replace("INNER", inner);
+        let model = parsed(&text);
+        assert_same_motion(&model, &text);
+        let carried = derived(&model, StageUse::Carried);
+        let names: Vec<&str> = carried.state.iter().map(|s| s.name.as_str()).collect();
+        assert_eq!(names, ["whole", "plane", "line", "centre"]);
+    }
+}
+
+#[test]
+fn a_stage_with_an_ideal_for_some_parameters_alone_is_refused() {
+    let text = "model m { param k = 0; velocity O, V in se(3); lagrangian = dot(O, O) + dot(V, V);
+        stage a; stage b = ideal(V, k*O1); }";
+    let problems = spec::parse("m", text).unwrap_err().to_string();
+    assert!(problems.contains("stage b is not an ideal of a"), "{problems}");
+}
+
+#[test]
+fn a_heisenberg_body_by_stages_takes_two_additions_and_six_multiplications() {
+    let text = include_str!("../../docs/book/heisenberg.hamel");
+    let model = parsed(text);
+    for (scene, expected) in [("default", [7, 12]), ("levels", [2, 6])] {
+        let built = scene::build(&model, scene).unwrap_or_else(|e| panic!("{e}"));
+        let counts = built.program.function(&Role::Rate).expect("a right-hand side").counts();
+        assert_eq!([counts.add, counts.mul], expected, "{scene}");
+    }
+    let levels = scene::build(&model, "levels").unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(levels.state_names(), ["plane_1", "plane_2", "centre"]);
+}
+
+#[test]
+fn what_stands_for_velocities_is_converted_both_ways() {
+    let text = include_str!("../../docs/book/heisenberg.hamel");
+    let model = parsed(text);
+    let built = scene::build(&model, "levels").unwrap_or_else(|e| panic!("{e}"));
+    let params: Vec<f64> = built.params().iter().map(|p| rational_to_f64(&p.default)).collect();
+    let ready = built.prepare(&params).unwrap_or_else(|e| panic!("{e}"));
+    let velocities = [0.7, -0.4, 1.3];
+    let eta = ready.legendre(0.0, &[0.0; 3], &velocities).expect("a conversion");
+    // `z + (G13 q + G23 p)/G33` along the centre.
+    let metric = [0.4 / 1.2, -0.2 / 1.2];
+    let along_centre = velocities[2] + metric[0] * velocities[0] + metric[1] * velocities[1];
+    assert!((eta[2] - along_centre).abs() < 1e-15 && eta[..2] == velocities[..2], "{eta:?}");
+    let back = ready.outputs(0.0, &eta);
+    for (a, b) in back.iter().zip(&velocities) {
+        assert!((a - b).abs() < 1e-15, "{back:?}");
+    }
 }

@@ -1,71 +1,203 @@
-//! Chains of ideals `g = n_0 > n_1 > ..`, verified step by step.
+//! Chains of ideals `g = n_0 > n_1 > ..` with coefficients that may depend on parameters, verified step by step.
 //!
 //! Deliberately does not know: inner products, what a chain is used for.
 
-use num_traits::{One, Zero};
-
 use crate::error::{Error, spell_vector};
-use crate::expr::Rational;
+use crate::expr::{ExprId, Graph, Rational, Style, Vanishing};
 
 use super::lie::LieAlgebra;
-use super::matrix::{Matrix, Subspace};
 
 /// One step of a chain by its name, with vectors that span it.
-pub(crate) type Step<'a> = (&'a str, &'a [Vec<Rational>]);
+pub(crate) type Step<'a> = (&'a str, &'a [Vec<ExprId>]);
 
 /// The basis of the whole algebra, which begins a chain.
-pub(crate) fn whole_algebra(algebra: &LieAlgebra) -> Vec<Vec<Rational>> {
+pub(crate) fn whole_algebra(g: &Graph, algebra: &LieAlgebra) -> Vec<Vec<ExprId>> {
     let n = algebra.dim();
-    let entry = |i: usize, k: usize| if i == k { Rational::one() } else { Rational::zero() };
-    (0..n).map(|k| (0..n).map(|i| entry(i, k)).collect()).collect()
+    (0..n).map(|k| (0..n).map(|i| if i == k { g.one() } else { g.zero() }).collect()).collect()
 }
 
 /// A basis of the next step of a chain: it lies in the step above, is smaller, is not zero, and `[above, next]` lies in
-/// it. Messages spell vectors in `basis`.
+/// it, for all parameters at which the vectors are as independent as they are in general. Messages spell vectors in
+/// `basis`.
 ///
 /// # Errors
 /// [`Error::ShapeMismatch`], [`Error::NotNested`], [`Error::EmptyStage`], [`Error::NotAnIdeal`] with the offending
-/// pair.
+/// pair, [`Error::Unverified`].
 pub(crate) fn next_ideal(
+    g: &mut Graph,
     algebra: &LieAlgebra,
     basis: &[String],
     (above_name, above): Step<'_>,
     (name, spanning): Step<'_>,
-) -> Result<Vec<Vec<Rational>>, Error> {
+) -> Result<Vec<Vec<ExprId>>, Error> {
     let n = algebra.dim();
     if let Some(bad) = spanning.iter().find(|v| v.len() != n) {
         let what = format!("vector spanning stage {name}");
         return Err(Error::ShapeMismatch { what, found: bad.len(), expected: n });
     }
-    let empty = || Error::EmptyStage { stage: name.to_owned() };
-    let ideal = independent_vectors(spanning);
-    let (outer, inner) = Subspace::new(above).zip(Subspace::new(&ideal)).ok_or_else(empty)?;
-    if ideal.iter().any(|v| !outer.contains(v)) {
-        return Err(Error::NotNested { stage: name.to_owned(), above: above_name.to_owned() });
+    let (outer, inner) = (Span::new(g, above), Span::new(g, spanning));
+    let ideal: Vec<Vec<ExprId>> = inner.independent.iter().map(|k| spanning[*k].clone()).collect();
+    let unverified = |claim: String, residual: String| Error::Unverified { claim, residual, component: None };
+    for v in &ideal {
+        let rest = outer.rest(g, v);
+        match vanishing(g, &rest) {
+            Vanishing::Zero => {}
+            Vanishing::NonZero => {
+                return Err(Error::NotNested { stage: name.to_owned(), above: above_name.to_owned() });
+            }
+            Vanishing::Unknown => {
+                let rest = spell(g, basis, &rest);
+                return Err(unverified(
+                    format!("that stage {name} is contained in stage {above_name}"),
+                    rest,
+                ));
+            }
+        }
     }
     if ideal.is_empty() || inner.dim() == outer.dim() {
-        return Err(empty());
+        return Err(Error::EmptyStage { stage: name.to_owned() });
     }
     for x in above {
         for y in &ideal {
-            let bracket = algebra.bracket_of(x, y);
-            if !inner.contains(&bracket) {
-                let spell = |v: &[Rational]| spell_vector(basis, v);
-                return Err(Error::NotAnIdeal {
-                    stage: name.to_owned(),
-                    above: above_name.to_owned(),
-                    pair: [spell(x), spell(y)],
-                    bracket: spell(&bracket),
-                });
+            let bracket = bracket(g, algebra, x, y);
+            let rest = inner.rest(g, &bracket);
+            match vanishing(g, &rest) {
+                Vanishing::Zero => {}
+                Vanishing::NonZero => {
+                    return Err(Error::NotAnIdeal {
+                        stage: name.to_owned(),
+                        above: above_name.to_owned(),
+                        pair: [x, y].map(|v| spell(g, basis, v)),
+                        bracket: spell(g, basis, &bracket),
+                    });
+                }
+                Vanishing::Unknown => {
+                    let rest = spell(g, basis, &rest);
+                    return Err(unverified(format!("that stage {name} is an ideal of {above_name}"), rest));
+                }
             }
         }
     }
     Ok(ideal)
 }
 
-/// The first vectors of a list that are linearly independent of those before.
-pub(crate) fn independent_vectors(vectors: &[Vec<Rational>]) -> Vec<Vec<Rational>> {
-    let columns = Matrix::from_rows(vectors).map(|m| m.transposed());
-    let Some(columns) = columns.filter(|m| m.n_rows() > 0) else { return Vec::new() };
-    columns.echelon().1.into_iter().map(|k| vectors[k].clone()).collect()
+/// Positions of the first vectors of a list that are linearly independent of those before.
+pub(crate) fn independent_vectors(g: &mut Graph, vectors: &[Vec<ExprId>]) -> Vec<usize> {
+    Span::new(g, vectors).independent
+}
+
+/// Whether a vector lies in the span of others.
+pub(crate) fn lies_in(g: &mut Graph, spanning: &[Vec<ExprId>], vector: &[ExprId]) -> Vanishing {
+    let rest = Span::new(g, spanning).rest(g, vector);
+    vanishing(g, &rest)
+}
+
+/// `[x, y]` of two vectors.
+fn bracket(g: &mut Graph, algebra: &LieAlgebra, x: &[ExprId], y: &[ExprId]) -> Vec<ExprId> {
+    let zero = g.zero();
+    let mut terms: Vec<Vec<(ExprId, Rational)>> = vec![Vec::new(); x.len()];
+    for (a, b, value) in algebra.brackets() {
+        let are_there = |p: usize, q: usize| x[p] != zero && y[q] != zero;
+        if !are_there(a, b) && !are_there(b, a) {
+            continue;
+        }
+        let (forward, backward) = (g.mul(x[a], y[b]), g.mul(x[b], y[a]));
+        let weight = g.sub(forward, backward);
+        for (c, q) in value {
+            terms[*c].push((weight, q.clone()));
+        }
+    }
+    terms.iter().map(|list| g.linear_combination(list)).collect()
+}
+
+fn vanishing(g: &mut Graph, vector: &[ExprId]) -> Vanishing {
+    let mut verdict = Vanishing::Zero;
+    for e in vector {
+        match g.vanishing(*e) {
+            Vanishing::Zero => {}
+            Vanishing::NonZero => return Vanishing::NonZero,
+            Vanishing::Unknown => verdict = Vanishing::Unknown,
+        }
+    }
+    verdict
+}
+
+fn spell(g: &mut Graph, basis: &[String], vector: &[ExprId]) -> String {
+    let numbers: Option<Vec<Rational>> = vector.iter().map(|e| g.as_rational(*e).cloned()).collect();
+    if let Some(numbers) = numbers {
+        return spell_vector(basis, &numbers);
+    }
+    let there: Vec<(&String, ExprId)> =
+        basis.iter().zip(vector).filter(|(_, e)| **e != g.zero()).map(|(name, e)| (name, *e)).collect();
+    let mut terms = Vec::new();
+    for (name, e) in there {
+        let symbol = g.symbol(name);
+        let element = g.sym(symbol);
+        terms.push(g.mul(e, element));
+    }
+    let sum = g.sum(&terms);
+    g.display(sum, Style::Plain)
+}
+
+/// The span of vectors, for membership tests.
+struct Span {
+    /// Reduced row echelon form: each row by its pivot, where it is one.
+    rows: Vec<(usize, Vec<ExprId>)>,
+    /// Positions of the vectors that are independent of those before.
+    independent: Vec<usize>,
+}
+
+impl Span {
+    fn new(g: &mut Graph, vectors: &[Vec<ExprId>]) -> Span {
+        let mut span = Span { rows: Vec::new(), independent: Vec::new() };
+        for (k, vector) in vectors.iter().enumerate() {
+            let rest = span.rest(g, vector);
+            // Numbers first: they vanish nowhere.
+            let grade = |g: &Graph, e: ExprId| (g.as_rational(e).is_none(), g.reachable(&[e]).len());
+            let mut best: Option<(usize, (bool, usize))> = None;
+            let zero = g.zero();
+            for (column, e) in rest.iter().enumerate().filter(|(_, e)| **e != zero) {
+                let is_better = best.is_none_or(|(_, other)| grade(g, *e) < other);
+                if is_better && g.vanishing(*e) == Vanishing::NonZero {
+                    best = Some((column, grade(g, *e)));
+                }
+            }
+            let Some((pivot, _)) = best else { continue };
+            let inverse = g.powi(rest[pivot], -1);
+            let row: Vec<ExprId> = rest.iter().map(|e| g.mul(*e, inverse)).collect();
+            for (_, other) in &mut span.rows {
+                subtract(g, other, pivot, &row);
+            }
+            span.rows.push((pivot, row));
+            span.independent.push(k);
+        }
+        span
+    }
+
+    fn dim(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// What is left of a vector modulo the span.
+    fn rest(&self, g: &mut Graph, vector: &[ExprId]) -> Vec<ExprId> {
+        let mut rest = vector.to_vec();
+        for (pivot, row) in &self.rows {
+            subtract(g, &mut rest, *pivot, row);
+        }
+        rest
+    }
+}
+
+/// Makes the entry of a vector at the pivot of a row zero.
+fn subtract(g: &mut Graph, vector: &mut [ExprId], pivot: usize, row: &[ExprId]) {
+    let factor = vector[pivot];
+    if factor == g.zero() {
+        return;
+    }
+    let zero = g.zero();
+    for (entry, e) in vector.iter_mut().zip(row).filter(|(_, e)| **e != zero) {
+        let product = g.mul(factor, *e);
+        let difference = g.sub(*entry, product);
+        *entry = g.cancel_zero(difference);
+    }
 }

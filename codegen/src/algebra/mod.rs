@@ -14,10 +14,11 @@ mod matrix;
 mod named;
 mod products;
 mod representation;
+pub mod series;
 mod skew;
 
 pub use algebroid::Algebroid;
-pub(crate) use ideals::{independent_vectors, next_ideal, whole_algebra};
+pub(crate) use ideals::{independent_vectors, lies_in, next_ideal, whole_algebra};
 pub use lie::{Block, LieAlgebra};
 pub use matrix::{Matrix, solve_symbolic, solve_symmetric};
 pub use representation::Representation;

@@ -265,6 +265,7 @@ fn shift_velocities(model: &mut Model, shift: &[Vec<ExprId>]) -> Result<(), Erro
             | ExpressionRole::DomainEnd(_)
             | ExpressionRole::Condition(_)
             | ExpressionRole::Connection
+            | ExpressionRole::Ideal
             | ExpressionRole::InnerProduct
             | ExpressionRole::StageConnection
             | ExpressionRole::Initial(_) => false,

@@ -8,6 +8,7 @@
 
 mod algebroid;
 mod assemble;
+mod change;
 mod circle;
 mod connection;
 mod constraint;
@@ -23,6 +24,7 @@ mod system;
 
 use crate::spec::{Diagnostics, Model};
 
+pub use change::{Change, Frame};
 pub use circle::with_circles;
 pub use connection::with_connection;
 pub use constraint::{
@@ -31,8 +33,7 @@ pub use constraint::{
 };
 pub use domain::DomainCondition;
 pub use fix::with_fixed;
-pub use formulation::{Formulation, StageUse, carried_by_momenta};
-pub use frame::{Change, Frame};
+pub use formulation::{Formulation, FoundChain, StageUse, carried_by_momenta};
 pub use momenta::CarriedMomentum;
 pub(crate) use momenta::momentum_of;
 pub use part::Part;
@@ -70,12 +71,17 @@ fn chosen(model: &Model, formulation: &Formulation) -> Model {
         squares: _,
         momenta: _,
         stages,
+        chain,
     } = formulation;
+    let mut written = model.clone();
+    if let Some(chain) = chain {
+        written.stages = chain.stages(&mut written.graph, model.stages.as_ref());
+    }
+    written.stages = written.stages.filter(|_| *stages != StageUse::Unused);
     Model {
         derived_connection: None,
         independent: independent.clone(),
         force_multipliers: *multipliers,
-        stages: model.stages.clone().filter(|_| *stages != StageUse::Unused),
-        ..model.clone()
+        ..written
     }
 }

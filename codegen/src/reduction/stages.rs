@@ -1,7 +1,5 @@
 //! Reduction by stages on a Lie algebra: adapted basis, quotient brackets, the forms `a` and `b`, and the way back.
 
-use num_traits::Zero;
-
 use crate::algebra::{LieAlgebra, independent_vectors, next_ideal, solve_symbolic, whole_algebra};
 use crate::error::Error;
 use crate::expr::{ExprId, Graph, Rational, Style};
@@ -81,7 +79,7 @@ impl Stages {
         g: &mut Graph,
         algebra: &LieAlgebra,
         names: &[String],
-        ideals: &[Vec<Vec<Rational>>],
+        ideals: &[Vec<Vec<ExprId>>],
         inner_product: Option<&[Vec<ExprId>]>,
     ) -> Result<Stages, Vec<Error>> {
         let n = algebra.dim();
@@ -89,10 +87,10 @@ impl Stages {
             let what = "list of stage names".to_owned();
             return Err(vec![Error::ShapeMismatch { what, found: names.len(), expected: ideals.len() + 1 }]);
         }
-        let mut chain = vec![whole_algebra(algebra)];
+        let mut chain = vec![whole_algebra(g, algebra)];
         for (k, spanning) in ideals.iter().enumerate() {
             let (above, next) = ((names[k].as_str(), &*chain[k]), (names[k + 1].as_str(), &**spanning));
-            let ideal = next_ideal(algebra, algebra.basis(), above, next).map_err(|error| vec![error])?;
+            let ideal = next_ideal(g, algebra, algebra.basis(), above, next).map_err(|error| vec![error])?;
             chain.push(ideal);
         }
         let metric = match inner_product {
@@ -102,7 +100,7 @@ impl Stages {
         let mut basis = Vec::with_capacity(n);
         let mut ranges = Vec::new();
         for (j, space) in chain.iter().enumerate() {
-            let below: &[Vec<Rational>] = chain.get(j + 1).map_or(&[], Vec::as_slice);
+            let below: &[Vec<ExprId>] = chain.get(j + 1).map_or(&[], Vec::as_slice);
             let start = basis.len();
             basis.extend(
                 horizontal_basis(g, space, below, &metric)
@@ -289,20 +287,23 @@ fn identity(g: &Graph, n: usize) -> Vec<Vec<ExprId>> {
 /// by `e - sum_k c_k f_k` with `<f_l, f_k> c_k = <f_l, e>`.
 fn horizontal_basis(
     g: &mut Graph,
-    space: &[Vec<Rational>],
-    below: &[Vec<Rational>],
+    space: &[Vec<ExprId>],
+    below: &[Vec<ExprId>],
     metric: &[Vec<ExprId>],
 ) -> Result<Vec<Vec<ExprId>>, ()> {
-    let candidates: Vec<Vec<Rational>> = below.iter().chain(space).cloned().collect();
-    let representatives = independent_vectors(&candidates)[below.len()..].to_vec();
-    let inner = |g: &mut Graph, u: &[Rational], v: &[Rational]| {
+    let candidates: Vec<Vec<ExprId>> = below.iter().chain(space).cloned().collect();
+    let independent = independent_vectors(g, &candidates);
+    let representatives: Vec<Vec<ExprId>> =
+        independent[below.len()..].iter().map(|k| candidates[*k].clone()).collect();
+    let inner = |g: &mut Graph, u: &[ExprId], v: &[ExprId]| {
+        let zero = g.zero();
         let mut terms = Vec::new();
-        for (i, p) in u.iter().enumerate().filter(|(_, p)| !p.is_zero()) {
-            for (j, q) in v.iter().enumerate().filter(|(_, q)| !q.is_zero()) {
-                terms.push((metric[i][j], p * q));
+        for (i, p) in u.iter().enumerate().filter(|(_, p)| **p != zero) {
+            for (j, q) in v.iter().enumerate().filter(|(_, q)| **q != zero) {
+                terms.push(g.product(&[metric[i][j], *p, *q]));
             }
         }
-        g.linear_combination(&terms)
+        g.sum(&terms)
     };
     let mut gram = Vec::new();
     let mut right = Vec::new();
@@ -315,13 +316,12 @@ fn horizontal_basis(
     for (k, e) in representatives.iter().enumerate() {
         let mut vector = Vec::new();
         for (i, component) in e.iter().enumerate() {
-            let mut terms = vec![(g.one(), component.clone())];
+            let mut terms = vec![*component];
             for (f, row) in below.iter().zip(&coefficients) {
-                if !f[i].is_zero() {
-                    terms.push((row[k], -f[i].clone()));
-                }
+                let along = g.mul(row[k], f[i]);
+                terms.push(g.neg(along));
             }
-            vector.push(g.linear_combination(&terms));
+            vector.push(g.sum(&terms));
         }
         lifted.push(vector);
     }

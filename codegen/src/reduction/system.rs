@@ -8,10 +8,10 @@ use crate::algebra::Algebroid;
 use crate::expr::{ExprId, Graph, Sign, SymbolId};
 use crate::spec::{Condition, Named, NamedVector, Param, ParamArray, Side};
 
+use super::change::{Change, Frame};
 use super::constraint::{KinematicConstraint, Unknown};
 use super::domain::DomainCondition;
 use super::formulation::Formulation;
-use super::frame::{Change, Frame};
 use super::momenta::CarriedMomentum;
 use super::part::Part;
 use super::reconstruction::{MomentumInSpace, ReconstructedCoordinate};

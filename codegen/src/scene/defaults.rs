@@ -320,6 +320,10 @@ fn item(model: &Model, role: ExpressionRole) -> Option<(String, Option<Span>)> {
             let name = &model.base[k].name;
             (format!("the domain of `{name}`"), places.declared.get(name).copied())
         }
+        ExpressionRole::Ideal => (
+            "an ideal of a stage".into(),
+            model.stages.as_ref().and_then(|s| s.spans.get(1).copied().flatten()),
+        ),
         ExpressionRole::StageConnection => ("the connection of a stage".into(), places.connection),
         ExpressionRole::InnerProduct => ("the inner product".into(), places.inner_product),
         ExpressionRole::Casimir(k) => {

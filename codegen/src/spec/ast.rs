@@ -163,8 +163,11 @@ pub(super) enum ItemKind {
     Stage {
         name: Name,
         ideal: Option<Vec<Expr>>,
+        connections: Vec<(Name, Expr)>,
     },
     InnerProduct(Expr),
+    /// `inner_product = lagrangian;`
+    LagrangianInnerProduct,
     Coordinate {
         names: Vec<Name>,
         shape: Shape,
@@ -223,6 +226,8 @@ pub(super) enum ItemKind {
         wants: Vec<Name>,
         drops: Vec<Name>,
         circles: Vec<Name>,
+        /// `formulation auto;`, `formulation auto(state);`: the word and what stands in parentheses.
+        formulation: Vec<(Name, Option<Name>)>,
         carries: Vec<Carry>,
     },
 }

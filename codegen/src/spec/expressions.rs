@@ -38,6 +38,8 @@ pub enum ExpressionRole {
     Casimir(usize),
     /// A component of an output.
     Output(usize),
+    /// A coefficient of a vector that spans an ideal of the stages.
+    Ideal,
     /// An entry of the inner product for the stages.
     InnerProduct,
     /// A coefficient of the connections of the stages.
@@ -98,6 +100,7 @@ macro_rules! visit {
             drops: _,
             circles: _,
             carries: _,
+            formulation: _,
             doc: _,
             span: _,
             extent: _,
@@ -179,7 +182,10 @@ macro_rules! visit {
                 $visit(ExpressionRole::Output(k), e);
             }
         }
-        if let Some(IdealChain { names: _, ideals: _, inner_product, connection, spans: _ }) = stages {
+        if let Some(IdealChain { names: _, ideals, inner_product, connection, spans: _ }) = stages {
+            for e in ideals.into_iter().flatten().flatten() {
+                $visit(ExpressionRole::Ideal, e);
+            }
             if let Some(InnerProduct::Matrix(rows)) = inner_product {
                 for e in rows.into_iter().flatten() {
                     $visit(ExpressionRole::InnerProduct, e);

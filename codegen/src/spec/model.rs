@@ -150,8 +150,8 @@ pub enum CarriedBy {
 pub struct IdealChain {
     /// Names of `n_0, n_1, ..`.
     pub names: Vec<String>,
-    /// Spanning vectors of `n_1, n_2, ..` in the basis of the algebra.
-    pub ideals: Vec<Vec<Vec<Rational>>>,
+    /// Spanning vectors of `n_1, n_2, ..` in the basis of the algebra, in parameters only.
+    pub ideals: Vec<Vec<Vec<ExprId>>>,
     /// The inner product; absent for the one in which the basis of the algebra is orthonormal.
     pub inner_product: Option<InnerProduct>,
     /// The sum of the connections of the stages, `A^a_i` by element of the algebra and base coordinate; absent where no
@@ -332,6 +332,15 @@ pub struct NamedVector {
     pub doc: String,
 }
 
+/// Which formulations a scene is searched for one that costs less.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FormulationSearch {
+    /// Those whose state is the one that the scene writes down: `formulation auto;`.
+    KeepingState,
+    /// Also others: `formulation auto(state);`.
+    AnyState,
+}
+
 /// A model with some parameters fixed and some outputs wanted.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
@@ -347,6 +356,8 @@ pub struct Scene {
     pub circles: Vec<String>,
     /// What the state carries, where that is not what the model says.
     pub carries: Vec<Carried>,
+    /// Which formulations are searched for one that costs less; none for the one that the scene writes down.
+    pub formulation: Option<FormulationSearch>,
     /// Documentation.
     pub doc: String,
     /// Where its name stands.

@@ -138,7 +138,9 @@ fn declare<'a>(item: &'a Item, declarations: &mut Vec<Declaration<'a>>) {
 fn effective(item: &Item) -> Vec<String> {
     match &item.kind {
         ItemKind::Velocity { algebra, .. } | ItemKind::MomentumIn { algebra, .. } => algebras(algebra),
-        ItemKind::Stage { ideal, .. } => mentions(ideal.iter().flatten()),
+        ItemKind::Stage { ideal, connections, .. } => {
+            mentions(ideal.iter().flatten().chain(connections.iter().map(|(_, value)| value)))
+        }
         ItemKind::Constraint { left, right, .. } | ItemKind::Virtual { left, right, .. } => {
             mentions([left, right])
         }
@@ -168,6 +170,7 @@ fn effective(item: &Item) -> Vec<String> {
         | ItemKind::Representation { .. }
         | ItemKind::QuasiVelocity(_)
         | ItemKind::DerivedConnection(_)
+        | ItemKind::LagrangianInnerProduct
         | ItemKind::Action(_)
         | ItemKind::Coordinate { .. }
         | ItemKind::Advected { .. }

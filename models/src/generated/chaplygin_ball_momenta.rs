@@ -237,60 +237,52 @@ pub struct Prepared<R = f64> {
     I2: R,
     /// Parameter `I3`.
     I3: R,
-    /// `1 / (m * (r * r))`
-    c0: R,
-    /// `m * m * (r * r) * l * chi3 * g`
-    c1: R,
-    /// `m * m * (r * r) * l * chi2 * g`
-    c2: R,
-    /// `m * m * (r * r) * l * chi1 * g`
-    c3: R,
-    /// `(I2 - I3) / (m * (r * r))`
-    c4: R,
-    /// `(I1 - I2) / (m * (r * r))`
-    c5: R,
-    /// `l * chi3 / r`
-    c6: R,
-    /// `l * chi2 / r`
-    c7: R,
-    /// `I1 / (m * (r * r))`
-    c8: R,
-    /// `l * chi1 / r`
-    c9: R,
-    /// `I2 / (m * (r * r))`
-    c10: R,
-    /// `I3 / (m * (r * r))`
-    c11: R,
-    /// `(I3 - I1) / (m * (r * r))`
-    c12: R,
-    /// `m * l * chi2 * g`
-    c13: R,
     /// `m * l * chi3 * g`
-    c14: R,
+    c0: R,
+    /// `m * l * chi2 * g`
+    c1: R,
     /// `m * l * chi1 * g`
-    c15: R,
+    c2: R,
+    /// `l * chi3 / r`
+    c3: R,
+    /// `m * (r * r)`
+    c4: R,
+    /// `l * chi2 / r`
+    c5: R,
+    /// `l * chi1 / r`
+    c6: R,
+    /// `m * r * l * chi1`
+    c7: R,
+    /// `m * r * l * chi3`
+    c8: R,
+    /// `m * r * l * chi2`
+    c9: R,
+    /// `I1 / (m * (r * r))`
+    c10: R,
+    /// `I2 / (m * (r * r))`
+    c11: R,
+    /// `I3 / (m * (r * r))`
+    c12: R,
     /// `0.5 * I3 / (m * m * (r * r * (r * r)))`
-    c16: R,
+    c13: R,
     /// `0.5 * I2 / (m * m * (r * r * (r * r)))`
-    c17: R,
+    c14: R,
     /// `0.5 * I1 / (m * m * (r * r * (r * r)))`
-    c18: R,
+    c15: R,
     /// `0.5 / (m * (r * r))`
-    c19: R,
+    c16: R,
     /// `abs(l * chi3 / r)`
-    c20: R,
+    c17: R,
     /// `abs(l * chi1 / r)`
-    c21: R,
+    c18: R,
     /// `abs(l * chi2 / r)`
+    c19: R,
+    /// `11 * I1`
+    c20: R,
+    /// `11 * I2`
+    c21: R,
+    /// `11 * I3`
     c22: R,
-    /// `11 * I1 / (m * (r * r))`
-    c23: R,
-    /// `11 * I2 / (m * (r * r))`
-    c24: R,
-    /// `11 * I3 / (m * (r * r))`
-    c25: R,
-    /// `-(m * (r * r))`
-    c26: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -304,7 +296,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 3 additions, 29 multiplications, 17 divisions, 4 sign changes.
+    /// 26 multiplications, 10 divisions, 3 sign changes.
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let Params { I1, I2, I3, m, r, l, chi1, chi2, chi3, g } = *params;
         for (value, condition, meaning) in [
@@ -355,14 +347,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             }
         }
         let t0 = l * chi3 / r;
-        let t1 = l * chi2 / r;
-        let t2 = r * r;
-        let t3 = m * t2;
+        let t1 = r * r;
+        let t2 = m * t1;
+        let t3 = l * chi2 / r;
         let t4 = l * chi1 / r;
-        let t5 = m * m;
-        let t6 = t5 * t2 * l;
-        let t7 = m * l;
-        let t8 = t5 * (t2 * t2);
+        let t5 = m * l;
+        let t6 = m * r * l;
+        let t7 = m * m * (t1 * t1);
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -397,33 +388,29 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             I1,
             I2,
             I3,
-            c0: t3.recip(),
-            c1: t6 * chi3 * g,
-            c2: t6 * chi2 * g,
-            c3: t6 * chi1 * g,
-            c4: (I2 - I3) / t3,
-            c5: (I1 - I2) / t3,
-            c6: t0,
-            c7: t1,
-            c8: I1 / t3,
-            c9: t4,
-            c10: I2 / t3,
-            c11: I3 / t3,
-            c12: (I3 - I1) / t3,
-            c13: t7 * chi2 * g,
-            c14: t7 * chi3 * g,
-            c15: t7 * chi1 * g,
-            c16: R::from_f64(0.5) * I3 / t8,
-            c17: R::from_f64(0.5) * I2 / t8,
-            c18: R::from_f64(0.5) * I1 / t8,
-            c19: R::from_f64(0.5) / t3,
-            c20: t0.abs(),
-            c21: t4.abs(),
-            c22: t1.abs(),
-            c23: R::from_f64(11.0) * I1 / t3,
-            c24: R::from_f64(11.0) * I2 / t3,
-            c25: R::from_f64(11.0) * I3 / t3,
-            c26: -t3,
+            c0: t5 * chi3 * g,
+            c1: t5 * chi2 * g,
+            c2: t5 * chi1 * g,
+            c3: t0,
+            c4: t2,
+            c5: t3,
+            c6: t4,
+            c7: t6 * chi1,
+            c8: t6 * chi3,
+            c9: t6 * chi2,
+            c10: I1 / t2,
+            c11: I2 / t2,
+            c12: I3 / t2,
+            c13: R::from_f64(0.5) * I3 / t7,
+            c14: R::from_f64(0.5) * I2 / t7,
+            c15: R::from_f64(0.5) * I1 / t7,
+            c16: R::from_f64(0.5) / t2,
+            c17: t0.abs(),
+            c18: t4.abs(),
+            c19: t3.abs(),
+            c20: R::from_f64(11.0) * I1,
+            c21: R::from_f64(11.0) * I2,
+            c22: R::from_f64(11.0) * I3,
         })
     }
 }
@@ -449,135 +436,102 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 46 additions, 72 multiplications (43 fused), 3 divisions.
+    /// 36 additions, 51 multiplications (33 fused), 3 divisions.
     #[inline]
     pub fn rhs(&self, t: R, y: &[R; 6], dy: &mut [R; 6]) {
         let [M1, M2, M3, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
         /// mass matrix A = W^T L_yy Psi
-        let [t0, t1, A_Omega1_Omega1_over_m_r2, t2, t3, t4, A_Omega2_Omega2_over_m_r2,
-        A_Omega3_Omega3_over_m_r2] = {
-            let t0 = self.c6 + Gamma3;
-            let t1 = self.c7 + Gamma2;
-            let t2 = self.c9 + Gamma1;
+        let [t0, t3, A_Omega1_Omega1, t5, t6, A_Omega2_Omega2, A_Omega3_Omega3] = {
+            let t0 = self.c3 + Gamma3;
+            let t1 = self.c4 * t0;
+            let t2 = self.c5 + Gamma2;
+            let t3 = self.c4 * t2;
+            let t4 = self.c6 + Gamma1;
+            let t7 = self.c4 * t4;
             [
                 t0,
-                t1,
-                t1.mul_add(t1, t0.mul_add(t0, self.c8)),
-                t2,
-                t1 * t2,
-                t0 * t2,
-                t2.mul_add(t2, t0.mul_add(t0, self.c10)),
-                t2.mul_add(t2, t1.mul_add(t1, self.c11)),
+                t3,
+                t2.mul_add(t3, t0.mul_add(t1, self.I1)),
+                t3 * t4,
+                t1 * t4,
+                t4.mul_add(t7, t0.mul_add(t1, self.I2)),
+                t4.mul_add(t7, t2.mul_add(t3, self.I3)),
             ]
         };
         /// factors of A
-        let [t5, t6, t7, t8, A_l3_2, A_s2_3_3_over_m_r2] = {
-            let t5 = A_Omega1_Omega1_over_m_r2.recip();
-            let t6 = t3 * t5;
-            let t7 = t4 * t5;
-            let A_s1_2_2_over_m_r2 = (-t3).mul_add(t6, A_Omega2_Omega2_over_m_r2);
-            let A_s1_2_3_over_m_r2 = (-t4).mul_add(t6, -(t0 * t1));
-            let A_s1_3_3_over_m_r2 = (-t4).mul_add(t7, A_Omega3_Omega3_over_m_r2);
-            let t8 = A_s1_2_2_over_m_r2.recip();
-            let A_l3_2 = A_s1_2_3_over_m_r2 * t8;
-            [
-                t5,
-                t6,
-                t7,
-                t8,
-                A_l3_2,
-                (-A_s1_2_3_over_m_r2).mul_add(A_l3_2, A_s1_3_3_over_m_r2),
-            ]
+        let [t8, t9, t10, t11, A_l3_2, A_s2_3_3] = {
+            let t8 = A_Omega1_Omega1.recip();
+            let t9 = t5 * t8;
+            let t10 = t6 * t8;
+            let A_s1_2_2 = (-t5).mul_add(t9, A_Omega2_Omega2);
+            let A_s1_2_3 = (-t6).mul_add(t9, -(t0 * t3));
+            let A_s1_3_3 = (-t6).mul_add(t10, A_Omega3_Omega3);
+            let t11 = A_s1_2_2.recip();
+            let A_l3_2 = A_s1_2_3 * t11;
+            [t8, t9, t10, t11, A_l3_2, (-A_s1_2_3).mul_add(A_l3_2, A_s1_3_3)]
         };
         /// velocities of the momenta pi = W^T dL/dy
-        let [t9, Omega2_scaled, Omega1_scaled] = {
-            let z_Omega2 = M1.mul_add(t6, M2);
-            let z_Omega3 = (-A_l3_2).mul_add(z_Omega2, M1.mul_add(t7, M3));
-            let t9 = z_Omega3 / A_s2_3_3_over_m_r2;
-            let Omega2_scaled = (-A_l3_2).mul_add(t9, z_Omega2 * t8);
-            [t9, Omega2_scaled, t6.mul_add(Omega2_scaled, t7.mul_add(t9, M1 * t5))]
+        let [Omega3, Omega2, Omega1] = {
+            let z_Omega2 = M1.mul_add(t9, M2);
+            let z_Omega3 = (-A_l3_2).mul_add(z_Omega2, M1.mul_add(t10, M3));
+            let Omega3 = z_Omega3 / A_s2_3_3;
+            let Omega2 = (-A_l3_2).mul_add(Omega3, z_Omega2 * t11);
+            [Omega3, Omega2, t9.mul_add(Omega2, t10.mul_add(Omega3, M1 * t8))]
         };
-        /// velocities y = Psi u + psi0
-        let [X1_scaled, X2_scaled, X3_scaled] = [
-            t0.mul_add(Omega2_scaled, -(t1 * t9)),
-            (-t0).mul_add(Omega1_scaled, t2 * t9),
-            t1.mul_add(Omega1_scaled, -(t2 * Omega2_scaled)),
-        ];
         /// kinematics xdot = rho y
-        let [dot_Gamma1_scaled, dot_Gamma2_scaled, dot_Gamma3_scaled] = [
-            (-Gamma3).mul_add(Omega2_scaled, Gamma2 * t9),
-            Gamma3.mul_add(Omega1_scaled, -(Gamma1 * t9)),
-            (-Gamma2).mul_add(Omega1_scaled, Gamma1 * Omega2_scaled),
-        ];
-        /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
-        let [r_Omega1_scaled, r_Omega2_scaled, r_Omega3_scaled, r_X1_scaled, r_X3_scaled,
-        ] = [
-            Omega2_scaled
-                .mul_add(self.c4 * t9, (-Gamma3).mul_add(self.c2, self.c1 * Gamma2)),
-            Omega1_scaled
-                .mul_add(self.c12 * t9, (-Gamma1).mul_add(self.c1, self.c3 * Gamma3)),
-            Omega1_scaled
-                .mul_add(
-                    self.c5 * Omega2_scaled,
-                    (-Gamma2).mul_add(self.c3, self.c2 * Gamma1),
-                ),
-            (-Omega2_scaled).mul_add(X3_scaled, t9 * X2_scaled),
-            (-Omega1_scaled).mul_add(X2_scaled, Omega2_scaled * X1_scaled),
+        let [dot_Gamma1, dot_Gamma2, dot_Gamma3] = [
+            (-Gamma3).mul_add(Omega2, Gamma2 * Omega3),
+            Gamma3.mul_add(Omega1, -(Gamma1 * Omega3)),
+            (-Gamma2).mul_add(Omega1, Gamma1 * Omega2),
         ];
         /// momentum equation
-        let [dot_M1_scaled, dot_M2_scaled, dot_M3_scaled] = {
-            let t10 = Omega1_scaled.mul_add(X3_scaled, -(t9 * X1_scaled));
+        let [dot_M1, dot_M2, dot_M3] = {
+            let t12 = dot_Gamma2
+                .mul_add(self.c9, dot_Gamma3.mul_add(self.c8, self.c7 * dot_Gamma1));
             [
-                (-t0)
+                Omega1
                     .mul_add(
-                        t10,
-                        t1
+                        t12,
+                        (-M3)
                             .mul_add(
-                                r_X3_scaled,
-                                (-X2_scaled)
+                                Omega2,
+                                M2
                                     .mul_add(
-                                        dot_Gamma3_scaled,
-                                        X3_scaled.mul_add(dot_Gamma2_scaled, r_Omega1_scaled),
+                                        Omega3,
+                                        (-Gamma3).mul_add(self.c1, self.c0 * Gamma2),
                                     ),
                             ),
                     ),
-                t0
+                Omega2
                     .mul_add(
-                        r_X1_scaled,
-                        (-t2)
+                        t12,
+                        M3
                             .mul_add(
-                                r_X3_scaled,
-                                (-X3_scaled)
+                                Omega1,
+                                (-M1)
                                     .mul_add(
-                                        dot_Gamma1_scaled,
-                                        X1_scaled.mul_add(dot_Gamma3_scaled, r_Omega2_scaled),
+                                        Omega3,
+                                        (-Gamma1).mul_add(self.c0, self.c2 * Gamma3),
                                     ),
                             ),
                     ),
-                (-t1)
+                Omega3
                     .mul_add(
-                        r_X1_scaled,
-                        t2
+                        t12,
+                        (-M2)
                             .mul_add(
-                                t10,
-                                (-X1_scaled)
+                                Omega1,
+                                M1
                                     .mul_add(
-                                        dot_Gamma2_scaled,
-                                        X2_scaled.mul_add(dot_Gamma1_scaled, r_Omega3_scaled),
+                                        Omega2,
+                                        (-Gamma2).mul_add(self.c2, self.c1 * Gamma1),
                                     ),
                             ),
                     ),
             ]
         };
-        *dy = [
-            self.c0 * dot_M1_scaled,
-            self.c0 * dot_M2_scaled,
-            self.c0 * dot_M3_scaled,
-            self.c0 * dot_Gamma1_scaled,
-            self.c0 * dot_Gamma2_scaled,
-            self.c0 * dot_Gamma3_scaled,
-        ];
+        *dy = [dot_M1, dot_M2, dot_M3, dot_Gamma1, dot_Gamma2, dot_Gamma3];
     }
 
     /// Energy.
@@ -597,18 +551,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         /// mass matrix A = W^T L_yy Psi
         let [t0, t1, A_Omega1_Omega1_over_m_r2, t2, t3, t4, A_Omega2_Omega2_over_m_r2,
         A_Omega3_Omega3_over_m_r2] = {
-            let t0 = self.c6 + Gamma3;
-            let t1 = self.c7 + Gamma2;
-            let t2 = self.c9 + Gamma1;
+            let t0 = self.c3 + Gamma3;
+            let t1 = self.c5 + Gamma2;
+            let t2 = self.c6 + Gamma1;
             [
                 t0,
                 t1,
-                t1.mul_add(t1, t0.mul_add(t0, self.c8)),
+                t1.mul_add(t1, t0.mul_add(t0, self.c10)),
                 t2,
                 t1 * t2,
                 t0 * t2,
-                t2.mul_add(t2, t0.mul_add(t0, self.c10)),
-                t2.mul_add(t2, t1.mul_add(t1, self.c11)),
+                t2.mul_add(t2, t0.mul_add(t0, self.c11)),
+                t2.mul_add(t2, t1.mul_add(t1, self.c12)),
             ]
         };
         /// factors of A
@@ -649,28 +603,25 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             t1.mul_add(Omega1_scaled, -(t2 * Omega2_scaled)),
         ];
         let t9 = self
-            .c17
+            .c14
             .mul_add(
                 Omega2_scaled * Omega2_scaled,
                 self
-                    .c16
+                    .c13
                     .mul_add(
                         Omega3_scaled * Omega3_scaled,
                         Gamma1
-                            .mul_add(
-                                self.c15,
-                                Gamma3.mul_add(self.c14, self.c13 * Gamma2),
-                            ),
+                            .mul_add(self.c2, Gamma3.mul_add(self.c0, self.c1 * Gamma2)),
                     ),
             );
-        self.c19
+        self.c16
             .mul_add(
                 X3_scaled
                     .mul_add(
                         X3_scaled,
                         X2_scaled.mul_add(X2_scaled, X1_scaled * X1_scaled),
                     ),
-                self.c18.mul_add(Omega1_scaled * Omega1_scaled, t9),
+                self.c15.mul_add(Omega1_scaled * Omega1_scaled, t9),
             )
     }
 
@@ -685,16 +636,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [Omega1, Omega2, Omega3] = *velocities;
         let [_, _, _, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
-        let t0 = self.c6 + Gamma3;
-        let t1 = self.c9 + Gamma1;
+        let t0 = self.c3 + Gamma3;
+        let t1 = self.c6 + Gamma1;
         let t2 = (-Omega1).mul_add(t0, Omega3 * t1);
-        let t3 = self.c7 + Gamma2;
+        let t3 = self.c5 + Gamma2;
         let t4 = (-Omega2).mul_add(t1, Omega1 * t3);
         let t5 = (-Omega3).mul_add(t3, Omega2 * t0);
         [
-            self.c26.mul_add((-t3).mul_add(t4, t0 * t2), self.I1 * Omega1),
-            self.c26.mul_add((-t0).mul_add(t5, t1 * t4), self.I2 * Omega2),
-            (-self.c26).mul_add((-t3).mul_add(t5, t1 * t2), self.I3 * Omega3),
+            (-self.c4).mul_add((-t3).mul_add(t4, t0 * t2), self.I1 * Omega1),
+            (-self.c4).mul_add((-t0).mul_add(t5, t1 * t4), self.I2 * Omega2),
+            self.c4.mul_add((-t3).mul_add(t5, t1 * t2), self.I3 * Omega3),
         ]
     }
 
@@ -702,194 +653,222 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     ///
     /// # Operations
     ///
-    /// 56 additions, 70 multiplications (40 fused), 2 divisions, 33 sign changes.
+    /// 65 additions, 82 multiplications (49 fused), 2 divisions, 36 sign changes.
     #[must_use]
     pub fn pivots(&self, t: R, y: &[R; 6]) -> [::hamel_runtime::Pivot<R>; 3] {
         let [_, _, _, Gamma1, Gamma2, Gamma3] = *y;
         let _ = t;
         /// mass matrix A = W^T L_yy Psi
-        let [t0, t1, t2, t3, A_Omega1_Omega1_over_m_r2, t4, t5, t6, t7,
-        A_Omega2_Omega2_over_m_r2, t8, A_Omega3_Omega3_over_m_r2] = {
-            let t0 = self.c6 + Gamma3;
-            let t1 = t0 * t0;
-            let t2 = self.c7 + Gamma2;
-            let t3 = t2 * t2;
-            let t4 = self.c9 + Gamma1;
-            let t7 = t4 * t4;
+        let [t0, t1, t2, t3, t4, t5, A_Omega1_Omega1, t6, t7, t8, t9, t10,
+        A_Omega2_Omega2, t11, A_Omega3_Omega3] = {
+            let t0 = self.c3 + Gamma3;
+            let t1 = self.c4 * t0;
+            let t2 = t0 * t1;
+            let t3 = self.c5 + Gamma2;
+            let t4 = self.c4 * t3;
+            let t5 = t3 * t4;
+            let t6 = self.c6 + Gamma1;
+            let t9 = self.c4 * t6;
+            let t10 = t6 * t9;
             [
                 t0,
                 t1,
                 t2,
                 t3,
-                self.c8 + t1 + t3,
                 t4,
-                t2 * t4,
+                t5,
+                self.I1 + t2 + t5,
+                t6,
+                t4 * t6,
+                t1 * t6,
+                t9,
+                t10,
+                self.I2 + t2 + t10,
                 t0 * t4,
-                t7,
-                self.c10 + t1 + t7,
-                t0 * t2,
-                self.c11 + t3 + t7,
+                self.I3 + t5 + t10,
             ]
         };
         /// factors of A
-        let [t9, t10, t11, t12, A_s1_2_2_over_m_r2, t13, t14, t15, A_s1_3_3_over_m_r2,
-        t16, t17, t18, A_s2_3_3_over_m_r2] = {
-            let t9 = A_Omega1_Omega1_over_m_r2.recip();
-            let t10 = t5 * t9;
-            let t11 = t6 * t9;
-            let t12 = t5 * t10;
-            let A_s1_2_2_over_m_r2 = A_Omega2_Omega2_over_m_r2 - t12;
-            let t13 = t6 * t10;
-            let t14 = t8 + t13;
-            let t15 = t6 * t11;
-            let A_s1_3_3_over_m_r2 = A_Omega3_Omega3_over_m_r2 - t15;
-            let t16 = A_s1_2_2_over_m_r2.recip();
-            let t17 = t14 * t16;
-            let t18 = t14 * t17;
+        let [t12, t13, t14, t15, A_s1_2_2, t16, t17, t18, A_s1_3_3, t19, t20, t21,
+        A_s2_3_3] = {
+            let t12 = A_Omega1_Omega1.recip();
+            let t13 = t7 * t12;
+            let t14 = t8 * t12;
+            let t15 = t7 * t13;
+            let A_s1_2_2 = A_Omega2_Omega2 - t15;
+            let t16 = t8 * t13;
+            let t17 = t11 + t16;
+            let t18 = t8 * t14;
+            let A_s1_3_3 = A_Omega3_Omega3 - t18;
+            let t19 = A_s1_2_2.recip();
+            let t20 = t17 * t19;
+            let t21 = t17 * t20;
             [
-                t9,
-                t10,
-                t11,
                 t12,
-                A_s1_2_2_over_m_r2,
                 t13,
                 t14,
                 t15,
-                A_s1_3_3_over_m_r2,
+                A_s1_2_2,
                 t16,
                 t17,
                 t18,
-                A_s1_3_3_over_m_r2 - t18,
+                A_s1_3_3,
+                t19,
+                t20,
+                t21,
+                A_s1_3_3 - t21,
             ]
         };
-        let t19 = R::from_f64(10.0) * (self.c20 + Gamma3.abs());
-        let t20 = t0.abs();
-        let t21 = t19 * t20;
-        let t22 = R::from_f64(10.0) * (self.c21 + Gamma1.abs());
-        let t23 = t4.abs();
-        let t24 = t22 * t23;
-        let t25 = R::from_f64(10.0) * (self.c22 + Gamma2.abs());
-        let t26 = t2.abs();
-        let t27 = R::from_f64(8.0).mul_add(t5.abs(), t26.mul_add(t22, t25 * t23));
-        let A_l2_1 = -t10;
-        let t28 = A_l2_1.abs();
-        let t29 = t25 * t26;
-        let t30 = t29
+        let t22 = R::from_f64(10.0) * (self.c17 + Gamma3.abs());
+        let t23 = t1.abs();
+        let t24 = t23.mul_add(R::from_f64(8.0), self.c4 * t22);
+        let t25 = t0.abs();
+        let t26 = R::from_f64(10.0) * (self.c18 + Gamma1.abs());
+        let t27 = t9.abs();
+        let t28 = t6.abs();
+        let t29 = t27.mul_add(R::from_f64(8.0), self.c4 * t26);
+        let t30 = R::from_f64(10.0) * (self.c19 + Gamma2.abs());
+        let t31 = t4.abs();
+        let t32 = t31.mul_add(R::from_f64(8.0), self.c4 * t30);
+        let t33 = t32.mul_add(t28, R::from_f64(8.0).mul_add(t7.abs(), t31 * t26));
+        let A_l2_1 = -t13;
+        let t34 = A_l2_1.abs();
+        let t35 = t3.abs();
+        let t36 = t32
             .mul_add(
-                R::from_f64(2.0),
-                t21
+                t35,
+                t24
                     .mul_add(
-                        R::from_f64(2.0),
-                        t3
+                        t25,
+                        t30
                             .mul_add(
-                                R::from_f64(11.0),
-                                t1.mul_add(R::from_f64(11.0), self.c23),
-                            ),
-                    ),
-            );
-        let t31 = t9 * t9;
-        let t32 = t30
-            .mul_add((-(t5 * t31)).abs(), t28.mul_add(R::from_f64(8.0), t27 * t9));
-        let A_Omega1_Omega2_over_m_r2 = -t5;
-        let t33 = t21
-            .mul_add(
-                R::from_f64(2.0),
-                t12
-                    .mul_add(
-                        R::from_f64(10.0),
-                        A_Omega2_Omega2_over_m_r2
-                            .mul_add(
-                                R::from_f64(2.0),
-                                t7
+                                t31,
+                                t22
                                     .mul_add(
-                                        R::from_f64(11.0),
-                                        t1.mul_add(R::from_f64(11.0), self.c24),
+                                        t23,
+                                        t5
+                                            .mul_add(
+                                                R::from_f64(11.0),
+                                                t2.mul_add(R::from_f64(11.0), self.c20),
+                                            ),
                                     ),
                             ),
                     ),
             );
-        let t34 = t32
+        let t37 = t12 * t12;
+        let t38 = t36
+            .mul_add((-(t7 * t37)).abs(), t34.mul_add(R::from_f64(8.0), t33 * t12));
+        let A_Omega1_Omega2 = -t7;
+        let t39 = t22
             .mul_add(
-                A_Omega1_Omega2_over_m_r2.abs(),
-                t27.mul_add(t28, t24.mul_add(R::from_f64(2.0), t33)),
-            );
-        let t35 = R::from_f64(8.0).mul_add(t6.abs(), t20.mul_add(t22, t19 * t23));
-        let A_l3_1 = -t11;
-        let t36 = A_l3_1.abs();
-        let A_Omega1_Omega3_over_m_r2 = -t6;
-        let t37 = A_Omega1_Omega3_over_m_r2.abs();
-        let A_Omega2_Omega3_over_m_r2 = -t8;
-        let t38 = R::from_f64(10.0)
-            .mul_add(
-                t13.abs(),
-                t35
-                    .mul_add(
-                        t28,
-                        R::from_f64(2.0)
-                            .mul_add(
-                                A_Omega2_Omega3_over_m_r2.abs(),
-                                R::from_f64(8.0)
-                                    .mul_add(t8.abs(), t25.mul_add(t20, t19 * t26)),
-                            ),
-                    ),
-            );
-        let t39 = t32.mul_add(t37, t38);
-        let A_l3_2 = -t17;
-        let t40 = A_l3_2.abs();
-        let A_s1_2_3_over_m_r2 = -t14;
-        let t41 = t29
-            .mul_add(
-                R::from_f64(2.0),
+                t23,
                 t15
                     .mul_add(
                         R::from_f64(10.0),
-                        A_Omega3_Omega3_over_m_r2
+                        A_Omega2_Omega2
                             .mul_add(
                                 R::from_f64(2.0),
-                                t7
+                                t10
                                     .mul_add(
                                         R::from_f64(11.0),
-                                        t3.mul_add(R::from_f64(11.0), self.c25),
+                                        t2.mul_add(R::from_f64(11.0), self.c21),
                                     ),
                             ),
                     ),
             );
-        let t42 = t37
+        let t40 = t38
             .mul_add(
-                t30
+                A_Omega1_Omega2.abs(),
+                t33
                     .mul_add(
-                        (-(t6 * t31)).abs(),
-                        t36.mul_add(R::from_f64(8.0), t35 * t9),
+                        t34,
+                        t28.mul_add(t29, t24.mul_add(t25, t26.mul_add(t27, t39))),
+                    ),
+            );
+        let t41 = t24.mul_add(t28, R::from_f64(8.0).mul_add(t8.abs(), t23 * t26));
+        let A_l3_1 = -t14;
+        let t42 = A_l3_1.abs();
+        let A_Omega1_Omega3 = -t8;
+        let t43 = A_Omega1_Omega3.abs();
+        let A_Omega2_Omega3 = -t11;
+        let t44 = R::from_f64(10.0)
+            .mul_add(
+                t16.abs(),
+                t41
+                    .mul_add(
+                        t34,
+                        t32
+                            .mul_add(
+                                t25,
+                                R::from_f64(2.0)
+                                    .mul_add(
+                                        A_Omega2_Omega3.abs(),
+                                        R::from_f64(8.0).mul_add(t11.abs(), t22 * t31),
+                                    ),
+                            ),
+                    ),
+            );
+        let t45 = t38.mul_add(t43, t44);
+        let A_l3_2 = -t20;
+        let t46 = A_l3_2.abs();
+        let A_s1_2_3 = -t17;
+        let t47 = t30
+            .mul_add(
+                t31,
+                t18
+                    .mul_add(
+                        R::from_f64(10.0),
+                        A_Omega3_Omega3
+                            .mul_add(
+                                R::from_f64(2.0),
+                                t10
+                                    .mul_add(
+                                        R::from_f64(11.0),
+                                        t5.mul_add(R::from_f64(11.0), self.c22),
+                                    ),
+                            ),
+                    ),
+            );
+        let t48 = t43
+            .mul_add(
+                t36
+                    .mul_add(
+                        (-(t8 * t37)).abs(),
+                        t42.mul_add(R::from_f64(8.0), t41 * t12),
                     ),
                 R::from_f64(2.0)
                     .mul_add(
-                        A_s1_3_3_over_m_r2.abs(),
-                        t35.mul_add(t36, t24.mul_add(R::from_f64(2.0), t41)),
+                        A_s1_3_3.abs(),
+                        t41
+                            .mul_add(
+                                t42,
+                                t28.mul_add(t29, t32.mul_add(t35, t26.mul_add(t27, t47))),
+                            ),
                     ),
             );
         [
             ::hamel_runtime::Pivot {
                 name: "inertia along Omega2",
-                value: A_s1_2_2_over_m_r2,
-                scale: t34,
+                value: A_s1_2_2,
+                scale: t40,
             },
             ::hamel_runtime::Pivot {
                 name: "inertia along Omega3",
-                value: A_s2_3_3_over_m_r2,
-                scale: t34
+                value: A_s2_3_3,
+                scale: t40
                     .mul_add(
-                        (-(t14 * (t16 * t16))).abs(),
-                        t40.mul_add(R::from_f64(8.0), t39 * t16.abs()),
+                        (-(t17 * (t19 * t19))).abs(),
+                        t46.mul_add(R::from_f64(8.0), t45 * t19.abs()),
                     )
                     .mul_add(
-                        A_s1_2_3_over_m_r2.abs(),
-                        R::from_f64(10.0).mul_add(t18.abs(), t39.mul_add(t40, t42)),
+                        A_s1_2_3.abs(),
+                        R::from_f64(10.0).mul_add(t21.abs(), t45.mul_add(t46, t48)),
                     ),
             },
             ::hamel_runtime::Pivot {
                 name: "inertia along Omega1",
-                value: A_Omega1_Omega1_over_m_r2,
-                scale: t30,
+                value: A_Omega1_Omega1,
+                scale: t36,
             },
         ]
     }

@@ -5,9 +5,8 @@
 use crate::algebra::Algebroid;
 use crate::error::Error;
 use crate::expr::{ExprId, Graph};
+use crate::reduction::change::{Frame, contract, contract_column};
 use crate::reduction::stages::Stages;
-
-use super::{Frame, contract, contract_column};
 
 /// The algebroid in the frame that is adapted to stages, built from the stage forms and equal to the transformed one.
 ///

@@ -7,14 +7,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::algebra::Algebroid;
 use crate::error::Error;
 use crate::expr::{DivisionByZero, ExprId, Graph, Sign, SymbolId};
+use crate::reduction::change::{Frame, contract, tidied};
 use crate::reduction::constraint::{
     AccelerationRow, AccelerationSource, Choice, ConstraintRow, KinematicConstraint, Reactions,
     Setting as Rows, SolvedConstraint, Solver, Unknown, solve_rows,
 };
 use crate::reduction::system::ReducedSystem;
 use crate::spec::Param;
-
-use super::{Frame, contract, tidied};
 
 /// What constraints are solved beside.
 pub(super) struct Setting<'a> {

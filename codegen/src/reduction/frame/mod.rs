@@ -8,110 +8,18 @@
 mod algebroid;
 mod constraint;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
+use crate::algebra::Algebroid;
 use crate::error::Error;
-use crate::expr::{DivisionByZero, ExprId, Graph, SymbolId};
+use crate::expr::{DivisionByZero, ExprId, Graph, Rational, SymbolId};
 use crate::spec::Side;
 
+use super::change::{Change, Frame, contract};
 use super::constraint::{KinematicConstraint, Unknown};
 use super::formulation::StageUse;
 use super::stages::Stages;
 use super::system::{Block, BlockKind, ReducedSystem, StateKind};
-
-/// The frame of a system by the one that its model is written in: `y^alpha = T^alpha_a eta^a` for the velocities `y` of
-/// the model and `eta` of the system.
-///
-/// # Shapes
-/// `matrix`, `inverse`: `[m][m]`, the identity in the rows of base velocities.
-#[derive(Clone, Debug)]
-pub struct Frame {
-    /// The velocities `y` of the model, base velocities first.
-    pub original: Vec<Unknown>,
-    /// `T`: column `a` has the components of section `a` in the frame of the model.
-    pub matrix: Vec<Vec<ExprId>>,
-    /// The inverse of `T`.
-    pub inverse: Vec<Vec<ExprId>>,
-}
-
-/// A variable of the state as a function of the model's own variables.
-#[derive(Clone, Debug)]
-pub struct Change {
-    /// Name of the variable.
-    pub name: String,
-    /// Its symbol.
-    pub symbol: SymbolId,
-    /// Its value, in the velocities of the model, base coordinates, parameters and time.
-    pub value: ExprId,
-}
-
-impl Frame {
-    /// The frame that is adapted to stages behind `n_shape` base velocities: `T = [[1, 0], [-F A, F]]` with the adapted
-    /// elements for the columns of `F` and the connections `A` of the stages.
-    fn adapted(g: &mut Graph, stages: &Stages, original: Vec<Unknown>) -> Frame {
-        let (m, r) = (original.len(), stages.basis.len());
-        let n = m - r;
-        let unit = |i: usize, j: usize| if i == j { g.one() } else { g.zero() };
-        let mut matrix: Vec<Vec<ExprId>> = (0..m).map(|i| (0..m).map(|j| unit(i, j)).collect()).collect();
-        let mut inverse = matrix.clone();
-        for a in 0..r {
-            for k in 0..r {
-                matrix[n + a][n + k] = stages.basis[k][a];
-                inverse[n + k][n + a] = stages.inverse[a][k];
-            }
-        }
-        for (k, row) in stages.connection.iter().flatten().enumerate() {
-            inverse[n + k][..n].copy_from_slice(row);
-            for a in 0..r {
-                for (i, e) in row.iter().enumerate() {
-                    let along = g.mul(stages.basis[k][a], *e);
-                    matrix[n + a][i] = g.sub(matrix[n + a][i], along);
-                }
-            }
-        }
-        Frame { original, matrix, inverse }
-    }
-
-    /// Every coefficient.
-    pub(super) fn expressions_mut(&mut self) -> impl Iterator<Item = &mut ExprId> {
-        let Frame { original: _, matrix, inverse } = self;
-        matrix.iter_mut().flatten().chain(inverse.iter_mut().flatten())
-    }
-
-    /// `y = T eta`.
-    pub fn velocities(&self, g: &mut Graph, eta: &[ExprId]) -> Vec<ExprId> {
-        self.matrix.iter().map(|row| contract(g, row, eta)).collect()
-    }
-
-    /// The components of a one-form in the frame of the system: `w_a = w_alpha T^alpha_a`.
-    fn one_form(&self, g: &mut Graph, form: &[ExprId]) -> Vec<ExprId> {
-        (0..form.len()).map(|a| tidied(g, |g| contract_column(g, form, &self.matrix, a))).collect()
-    }
-
-    /// The components of momenta in the frame of the model: `p_alpha = (T^-1)^a_alpha p_a`.
-    pub fn momenta(&self, g: &mut Graph, p: &[ExprId]) -> Vec<ExprId> {
-        (0..p.len()).map(|alpha| contract_column(g, p, &self.inverse, alpha)).collect()
-    }
-}
-
-/// `sum_k a_k b_k`.
-fn contract(g: &mut Graph, a: &[ExprId], b: &[ExprId]) -> ExprId {
-    let pairs = a.iter().zip(b).filter(|(x, y)| **x != g.zero() && **y != g.zero());
-    let pairs: Vec<(ExprId, ExprId)> = pairs.map(|(x, y)| (*x, *y)).collect();
-    let terms: Vec<ExprId> = pairs.into_iter().map(|(x, y)| g.mul(x, y)).collect();
-    g.sum(&terms)
-}
-
-/// `sum_k a_k rows[k][column]`.
-fn contract_column(g: &mut Graph, a: &[ExprId], rows: &[Vec<ExprId>], column: usize) -> ExprId {
-    let column: Vec<ExprId> = rows.iter().map(|row| row[column]).collect();
-    contract(g, a, &column)
-}
-
-fn tidied(g: &mut Graph, make: impl FnOnce(&mut Graph) -> ExprId) -> ExprId {
-    let e = make(g);
-    g.cancel_zero(e)
-}
 
 /// The system in the frame that is adapted to its stages, as far as its formulation asks for it.
 ///
@@ -190,6 +98,8 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
     let all: BTreeMap<SymbolId, ExprId> = velocities.iter().copied().zip(values).skip(n).collect();
     let divided = |_: DivisionByZero| Error::DivisionByZero { place: "the change of frame".into() };
     let lagrangian = g.subs(lagrangian, &all).map_err(divided)?;
+    let along: Vec<SymbolId> = eta.iter().map(|u| u.symbol).collect();
+    let lagrangian = gathered(g, lagrangian, &along, &algebroid);
     let forces = g.subs_all(&forces, &all).map_err(divided)?;
     let forces = frame.one_form(g, &forces);
     let beside = constraint::Setting { time, params: &params, signs: &signs, algebroid: &algebroid };
@@ -260,6 +170,38 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
     system.graph = graph;
     system.frame = Some(frame);
     Ok(system)
+}
+
+/// The same function of the velocities, a sum over their products where the metric depends on parameters alone: the
+/// products that couple levels are not there then, and the others have one coefficient each.
+fn gathered(g: &mut Graph, lagrangian: ExprId, velocities: &[SymbolId], algebroid: &Algebroid) -> ExprId {
+    let moving = velocities.iter().chain(algebroid.base()).copied().chain([algebroid.time()]);
+    let moving: BTreeSet<SymbolId> = moving.collect();
+    let zeros: BTreeMap<SymbolId, ExprId> = velocities.iter().map(|s| (*s, g.zero())).collect();
+    let p: Vec<ExprId> = velocities.iter().map(|s| g.diff(lagrangian, *s)).collect();
+    let (Ok(at_rest), Ok(slopes)) = (g.subs(lagrangian, &zeros), g.subs_all(&p, &zeros)) else {
+        return lagrangian;
+    };
+    let mut terms = vec![at_rest];
+    for (slope, s) in slopes.into_iter().zip(velocities) {
+        let velocity = g.sym(*s);
+        let slope = g.cancel_zero(slope);
+        terms.push(g.mul(slope, velocity));
+    }
+    let half = Rational::new(1.into(), 2.into());
+    for (a, p) in p.into_iter().enumerate() {
+        for (b, s) in velocities.iter().enumerate().skip(a) {
+            let entry = g.diff(p, *s);
+            let entry = g.cancel_zero(entry);
+            if g.depends_on(entry, &moving) {
+                return lagrangian;
+            }
+            let pair = [velocities[a], *s].map(|s| g.sym(s));
+            let product = g.product(&[entry, pair[0], pair[1]]);
+            terms.push(if a == b { g.scale(product, &half) } else { product });
+        }
+    }
+    g.sum(&terms)
 }
 
 /// The state of velocities along the levels, and what tells of it; the unknowns before.

@@ -101,7 +101,12 @@ impl ModelBuilder {
         None
     }
 
-    fn connection_row(&mut self, name: &str, e: ExprId, span: Option<Span>) -> Option<Vec<ExprId>> {
+    pub(super) fn connection_row(
+        &mut self,
+        name: &str,
+        e: ExprId,
+        span: Option<Span>,
+    ) -> Option<Vec<ExprId>> {
         let rates: Vec<SymbolId> = self.base.iter().map(|c| c.velocity).collect();
         let allowed: BTreeSet<SymbolId> = self
             .params

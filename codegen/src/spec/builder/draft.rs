@@ -194,7 +194,10 @@ pub struct ModelBuilder {
     pub(super) displacements: BTreeMap<SymbolId, SymbolId>,
     pub(super) accelerations: BTreeMap<SymbolId, SymbolId>,
     pub(super) stages: Vec<StageDraft>,
-    pub(super) inner_product: Option<(Value, Option<Span>)>,
+    /// A matrix, or none for the metric of the Lagrangian.
+    pub(super) inner_product: Option<(Option<Value>, Option<Span>)>,
+    /// Connections of stages: by stage and velocity.
+    pub(super) stage_connections: Vec<(String, String, Value, Option<Span>)>,
     pub(super) advected: Vec<AdvectedDraft>,
     pub(super) lagrangian: Option<(Value, Option<Span>)>,
     pub(super) hamiltonian: Option<(Value, Option<Span>)>,
@@ -253,6 +256,7 @@ impl ModelBuilder {
             accelerations: BTreeMap::new(),
             stages: Vec::new(),
             inner_product: None,
+            stage_connections: Vec::new(),
             advected: Vec::new(),
             lagrangian: None,
             hamiltonian: None,

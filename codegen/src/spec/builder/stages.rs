@@ -4,11 +4,9 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use num_traits::Zero;
-
 use super::draft::{ModelBuilder, StageDraft};
-use crate::algebra::{next_ideal, whole_algebra};
-use crate::expr::{ExprId, Rational, SymbolId, Vanishing};
+use crate::algebra::{lies_in, next_ideal, whole_algebra};
+use crate::expr::{ExprId, SymbolId, Vanishing};
 use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::layout::short_list;
 use crate::spec::model::*;
@@ -39,7 +37,7 @@ impl ModelBuilder {
         self
     }
 
-    /// The next stage: the ideal spanned by velocities or rational combinations of them.
+    /// The next stage: the ideal spanned by velocities or combinations of them with coefficients in parameters.
     pub fn stage_ideal(&mut self, name: &str, ideal: &[Value]) -> &mut Self {
         let span = self.here;
         self.stages.push(StageDraft { name: name.to_owned(), ideal: Some(ideal.to_vec()), span });
@@ -48,11 +46,29 @@ impl ModelBuilder {
 
     /// The inner product for the stages: a symmetric matrix in the basis of the algebra.
     pub fn inner_product(&mut self, matrix: &Value) -> &mut Self {
+        self.inner_product_by(Some(matrix.clone()))
+    }
+
+    /// The kinetic energy as the inner product for the stages: the Hessian of the Lagrangian in the velocities of the
+    /// algebra, a function of shape and time.
+    pub fn inner_product_of_lagrangian(&mut self) -> &mut Self {
+        self.inner_product_by(None)
+    }
+
+    fn inner_product_by(&mut self, matrix: Option<Value>) -> &mut Self {
         let here = self.here;
         match &self.inner_product {
             Some((_, first)) => self.twice("inner_product", *first),
-            None => self.inner_product = Some((matrix.clone(), here)),
+            None => self.inner_product = Some((matrix, here)),
         }
+        self
+    }
+
+    /// A connection of a stage along a velocity (vector or component), with values in its ideal: `value` is
+    /// `A(x, t) xdot`, and the velocities along the levels are those of the model and that.
+    pub fn stage_connection(&mut self, stage: &str, velocity: &str, value: &Value) -> &mut Self {
+        let here = self.here;
+        self.stage_connections.push((stage.to_owned(), velocity.to_owned(), value.clone(), here));
         self
     }
 
@@ -136,7 +152,7 @@ impl ModelBuilder {
         let unknowns: Vec<SymbolId> = self.velocities.iter().map(|v| v.symbol).collect();
         let mut ideals = Vec::new();
         // The whole algebra.
-        let mut above = whole_algebra(&algebra);
+        let mut above = whole_algebra(&self.graph, &algebra);
         let mut above_name = drafts[0].name.clone();
         for draft in drafts.iter().filter(|d| d.ideal.is_some()) {
             let entries: Vec<ExprId> =
@@ -144,13 +160,13 @@ impl ModelBuilder {
             let mut vectors = Vec::new();
             for e in entries {
                 match self.direction(e, &unknowns) {
-                    Some(v) if v.iter().any(|q| !q.is_zero()) => vectors.push(v),
+                    Some(v) if v.iter().any(|q| *q != self.graph.zero()) => vectors.push(v),
                     _ => {
                         let names: Vec<String> = self.velocities.iter().map(|v| v.name.clone()).collect();
                         self.problem(
                             draft.span,
                             format!(
-                                "ideal of stage `{}` is not spanned by rational combinations of velocities",
+                                "ideal of stage `{}` is not spanned by combinations of velocities in parameters",
                                 draft.name
                             ),
                             short_list("use", &names),
@@ -160,7 +176,8 @@ impl ModelBuilder {
                 }
             }
             let basis: Vec<String> = self.velocities.iter().map(|v| v.name.clone()).collect();
-            match next_ideal(&algebra, &basis, (&above_name, &above), (&draft.name, &vectors)) {
+            let steps = ((above_name.as_str(), above.as_slice()), (draft.name.as_str(), vectors.as_slice()));
+            match next_ideal(&mut self.graph, &algebra, &basis, steps.0, steps.1) {
                 Ok(ideal) => above = ideal,
                 Err(error) => {
                     self.error(draft.span, &error);
@@ -171,32 +188,92 @@ impl ModelBuilder {
             ideals.push(vectors);
         }
         let inner_product = self.check_inner_product(n);
+        let whole = whole_algebra(&self.graph, &algebra);
+        let spans: Vec<&[Vec<ExprId>]> =
+            [whole.as_slice()].into_iter().chain(ideals.iter().map(Vec::as_slice)).collect();
+        let connection = self.check_stage_connections(&drafts, &spans);
         Some(IdealChain {
             names: drafts.iter().map(|d| d.name.clone()).collect(),
             ideals,
-            inner_product: inner_product.map(InnerProduct::Matrix),
-            connection: None,
+            inner_product,
+            connection,
             spans: drafts.iter().map(|d| d.span).collect(),
         })
     }
 
-    /// A rational combination of velocities as a vector in the basis of the algebra.
-    fn direction(&mut self, e: ExprId, unknowns: &[SymbolId]) -> Option<Vec<Rational>> {
+    /// A combination of velocities in parameters as a vector in the basis of the algebra.
+    fn direction(&mut self, e: ExprId, unknowns: &[SymbolId]) -> Option<Vec<ExprId>> {
         let occurring = self.occurring(e, unknowns);
         let (slopes, offset) = self.graph.affine_parts(e, &occurring)?;
         if !self.graph.is_zero(offset) {
             return None;
         }
-        let mut vector = vec![Rational::zero(); unknowns.len()];
+        let params: BTreeSet<SymbolId> = self.params.iter().map(|p| p.symbol).collect();
+        let mut vector = vec![self.graph.zero(); unknowns.len()];
         for (s, slope) in occurring.iter().zip(slopes) {
             let at = unknowns.iter().position(|u| u == s)?;
-            vector[at] = self.graph.as_rational(slope)?.clone();
+            if !self.graph.free_symbols(slope).is_subset(&params) {
+                return None;
+            }
+            vector[at] = slope;
         }
         Some(vector)
     }
 
-    fn check_inner_product(&mut self, n: usize) -> Option<Vec<Vec<ExprId>>> {
+    /// The sum of the connections of the stages, `A^a_i` by element of the algebra and base coordinate.
+    fn check_stage_connections(
+        &mut self,
+        drafts: &[StageDraft],
+        spans: &[&[Vec<ExprId>]],
+    ) -> Option<Vec<Vec<ExprId>>> {
+        let (n_base, dim) = (self.base.len(), self.velocities.len());
+        let items = std::mem::take(&mut self.stage_connections);
+        if items.is_empty() {
+            return None;
+        }
+        let mut total = vec![vec![self.graph.zero(); n_base]; dim];
+        for (draft, ideal) in drafts.iter().zip(spans) {
+            let mut rows = vec![vec![self.graph.zero(); n_base]; dim];
+            let mut place = None;
+            for (_, name, value, span) in items.iter().filter(|(stage, ..)| *stage == draft.name) {
+                place = place.or(*span);
+                let indices = self.velocity_indices(name);
+                if indices.is_empty() || indices.iter().any(|k| *k < n_base) {
+                    self.unknown_algebra_velocity(name, *span);
+                    continue;
+                }
+                if n_base == 0 && !self.broken.contains("coordinate") {
+                    let message = format!("connection on `{name}` without a base has no use");
+                    self.problem(*span, message, "declare the base with `coordinate`");
+                    continue;
+                }
+                let Some(value) = self.fitted("connection on", name, value, *span) else { continue };
+                for (k, e) in indices.into_iter().zip(value.into_entries()) {
+                    let Some(row) = self.connection_row(name, e, *span) else { break };
+                    for (own, e) in rows[k - n_base].iter_mut().zip(row) {
+                        *own = self.graph.add(*own, e);
+                    }
+                }
+            }
+            for i in 0..n_base {
+                let column: Vec<ExprId> = rows.iter().map(|row| row[i]).collect();
+                if lies_in(&mut self.graph, ideal, &column) != Vanishing::Zero {
+                    let message =
+                        format!("the connection of stage `{}` is not known to lie in its ideal", draft.name);
+                    self.problem(place, message, "give it the components of the ideal alone");
+                    break;
+                }
+            }
+            for (sum, row) in total.iter_mut().flatten().zip(rows.into_iter().flatten()) {
+                *sum = self.graph.add(*sum, row);
+            }
+        }
+        Some(total)
+    }
+
+    fn check_inner_product(&mut self, n: usize) -> Option<InnerProduct> {
         let (value, span) = self.inner_product.clone()?;
+        let Some(value) = value else { return Some(InnerProduct::Lagrangian) };
         let Value::Matrix { rows, columns, entries } = &value else {
             let message = format!("inner product must be matrix({n}, {n}), found {}", value.shape());
             self.problem(span, message, "write `diag([..])` or `[[..], ..]`");
@@ -237,6 +314,6 @@ impl ModelBuilder {
                 }
             }
         }
-        Some(entries.chunks(n).map(<[ExprId]>::to_vec).collect())
+        Some(InnerProduct::Matrix(entries.chunks(n).map(<[ExprId]>::to_vec).collect()))
     }
 }

@@ -63,10 +63,13 @@ impl<'a> Parser<'a> {
                 }
             }
             "action" => ItemKind::Action(self.ident("`left` or `right`")?),
-            "stage" => self.stage()?,
+            "stage" => return self.stage(),
             "inner_product" => {
                 self.equals()?;
-                ItemKind::InnerProduct(self.expr()?)
+                match self.word("lagrangian") {
+                    Some(_) => ItemKind::LagrangianInnerProduct,
+                    None => ItemKind::InnerProduct(self.expr()?),
+                }
             }
             "coordinate" => self.coordinate()?,
             "advected" => self.advected()?,
@@ -309,11 +312,25 @@ impl<'a> Parser<'a> {
         Ok(AlgebraExpr { node, span: Span::new(start.start, self.last) })
     }
 
-    fn stage(&mut self) -> Parsed<ItemKind> {
+    /// A stage, and whether it ends with a block of connections.
+    fn stage(&mut self) -> Parsed<(ItemKind, bool)> {
         let name = self.ident("the name of the stage")?;
-        if !self.peek_punct('=') {
-            return Ok(ItemKind::Stage { name, ideal: None });
+        let ideal = if self.peek_punct('=') { Some(self.ideal()?) } else { None };
+        let Some((mut body, _)) = self.group(Delimiter::Brace) else {
+            return Ok((ItemKind::Stage { name, ideal, connections: Vec::new() }, false));
+        };
+        let mut connections = Vec::new();
+        while !body.at_end() {
+            body.require_word("connection")?;
+            let velocity = body.ident("the velocity whose connection is given")?;
+            body.equals()?;
+            connections.push((velocity, body.expr()?));
+            body.require_punct(";")?;
         }
+        Ok((ItemKind::Stage { name, ideal, connections }, true))
+    }
+
+    fn ideal(&mut self) -> Parsed<Vec<Expr>> {
         self.equals()?;
         self.require_word("ideal")?;
         let (mut inside, _) =
@@ -322,7 +339,7 @@ impl<'a> Parser<'a> {
         if ideal.is_empty() {
             return inside.expected("the velocities that span the ideal");
         }
-        Ok(ItemKind::Stage { name, ideal: Some(ideal) })
+        Ok(ideal)
     }
 
     fn coordinate(&mut self) -> Parsed<ItemKind> {
@@ -424,6 +441,7 @@ impl<'a> Parser<'a> {
         let (mut body, _) = self.require_group(Delimiter::Brace, "`{`")?;
         let (mut fixed, mut wants) = (Vec::new(), Vec::new());
         let (mut drops, mut circles, mut carries) = (Vec::new(), Vec::new(), Vec::new());
+        let mut formulation = Vec::new();
         while !body.at_end() {
             if body.word("fix").is_some() {
                 fixed.extend(body.comma_separated(|p| {
@@ -441,12 +459,20 @@ impl<'a> Parser<'a> {
                 carries.extend(body.carried()?);
             } else if body.word("routh").is_some() {
                 carries.extend(body.routhian()?);
+            } else if body.word("formulation").is_some() {
+                let word = body.ident("`auto` or `auto(state)`")?;
+                let inside = body.group(Delimiter::Parenthesis);
+                let what = inside.map(|(mut inside, _)| {
+                    let what = inside.ident("`state`")?;
+                    inside.finish("`)`").map(|()| what)
+                });
+                formulation.push((word, what.transpose()?));
             } else {
-                return body.expected("`fix`, `want`, `drop`, `circle`, `carry` or `routh`");
+                return body.expected("`fix`, `want`, `drop`, `circle`, `carry`, `routh` or `formulation`");
             }
             body.require_punct(";")?;
         }
-        Ok(ItemKind::Scene { name, fixed, wants, drops, circles, carries })
+        Ok(ItemKind::Scene { name, fixed, wants, drops, circles, carries, formulation })
     }
 
     fn carried(&mut self) -> Parsed<Vec<Carry>> {

@@ -85,7 +85,7 @@ fn syntax() {
     check(
         r#"model m { scene s { freeze a = 1; } velocity Omega in so(3); lagrangian = dot(Omega, Omega); }"#,
         expect![
-            "1:21 expected `fix`, `want`, `drop`, `circle`, `carry` or `routh`, found `freeze` [written as `scene name { fix m = 1; want energy; drop x; }`]"
+            "1:21 expected `fix`, `want`, `drop`, `circle`, `carry`, `routh` or `formulation`, found `freeze` [written as `scene name { fix m = 1; want energy; drop x; }`]"
         ],
     );
     check(
@@ -380,7 +380,7 @@ fn stages() {
     check(
         r#"model m { velocity O, V in se(3); lagrangian = dot(O, O); stage a; stage b = ideal(V1^2); }"#,
         expect![[
-            r#"1:68 ideal of stage `b` is not spanned by rational combinations of velocities [use `O1`, `O2`, `O3`, `V1`, `V2`, `V3`]"#
+            r#"1:68 ideal of stage `b` is not spanned by combinations of velocities in parameters [use `O1`, `O2`, `O3`, `V1`, `V2`, `V3`]"#
         ]],
     );
     check(
@@ -420,5 +420,46 @@ fn scenes() {
     check(
         r#"model m { param a = 1 where a > 0; scene s { fix a = -1; } velocity Omega in so(3); lagrangian = dot(Omega, Omega); }"#,
         expect![[r#"1:50 scene `s` violates `a > 0` [fix the parameters to valid values]"#]],
+    );
+}
+
+#[test]
+fn what_stages_carry_and_depend_on() {
+    let se3 = "velocity O, V in se(3); lagrangian = dot(O, O);";
+    check(
+        &format!("model m {{ {se3} carry stages; }}"),
+        expect![
+            "1:65 there are no stages to carry [declare them: `stage rotation; stage translation = ideal(V);`]"
+        ],
+    );
+    check(
+        &format!("model m {{ {se3} param a_1 = 1; stage a; stage b = ideal(V); carry stages; }}"),
+        expect![
+            "1:109 velocities along stage `a` are called by it, and `a_1` is taken [give the stage another name]"
+        ],
+    );
+    check(
+        &format!("model m {{ {se3} param k = 1; stage a; stage b = ideal(V1 + k*V2); }}"),
+        expect![
+            "1:81 stage b is not an ideal of a: [O1, V1 + k*V2] = k*V3 leaves it [add the missing directions]"
+        ],
+    );
+    check(
+        &format!(
+            "model m {{ {se3} coordinate x in real; stage a; stage b = ideal(V) {{ connection O = [x_dot, 0, 0]; }} }}"
+        ),
+        expect![
+            "1:122 the connection of stage `b` is not known to lie in its ideal [give it the components of the ideal alone]"
+        ],
+    );
+    check(
+        &format!("model m {{ {se3} coordinate x in real; stage a; stage b = ideal(x*V1, V2, V3); }}"),
+        expect![
+            "1:90 ideal of stage `b` is not spanned by combinations of velocities in parameters [use `O1`, `O2`, `O3`, `V1`, `V2`, `V3`]"
+        ],
+    );
+    check(
+        &format!("model m {{ {se3} stage a; stage b = ideal(V) {{ connection V = [1, 0, 0]; }} }}"),
+        expect!["1:100 connection on `V` without a base has no use [declare the base with `coordinate`]"],
     );
 }

@@ -4,10 +4,10 @@ use num_traits::Zero;
 
 use super::SPECS;
 use crate::algebra::LieAlgebra;
-use crate::expr::{ExprId, Graph, Rational, parse_decimal};
+use crate::expr::{ExprId, Graph, Rational, Style, parse_decimal};
 use crate::spec::{
-    Compare, Domain, InnerProduct, Layout, Model, ModelBuilder, Relation, Side, Value, Wanted, diagnose,
-    parse,
+    CarriedBy, Compare, Domain, InnerProduct, Layout, Model, ModelBuilder, Relation, Side, Value, Wanted,
+    diagnose, parse,
 };
 
 #[track_caller]
@@ -349,11 +349,12 @@ fn stages_and_inner_product() {
         "param k: symmetric(6) = [1,0,0,0,0,0, 1,0,0,0,0, 1,0,0,0, 1,0,0, 1,0, 1]; velocity O, V in se(3);
          lagrangian = dot(O, O); stage rotation; stage translation = ideal(V); stage line = ideal(V1 - 2*V3); inner_product = k;",
     );
-    let stages = m.stages.unwrap();
+    let stages = m.stages.clone().unwrap();
     assert_eq!(stages.names, ["rotation", "translation", "line"]);
     assert_eq!(stages.ideals[0].len(), 3);
     let line: Vec<Rational> = ["0", "0", "0", "1", "0", "-2"].map(q).to_vec();
-    assert_eq!(stages.ideals[1], [line]);
+    let numbers = |v: &Vec<ExprId>| v.iter().map(|e| m.graph.as_rational(*e).unwrap().clone()).collect();
+    assert_eq!(stages.ideals[1].iter().map(numbers).collect::<Vec<Vec<Rational>>>(), [line]);
     assert!(matches!(stages.inner_product, Some(InnerProduct::Matrix(rows)) if rows.len() == 6));
 }
 
@@ -473,4 +474,25 @@ fn words_of_rust_and_names_of_generated_items_are_names() {
     assert_eq!(names, ["type", "State1", "State2", "t0", "where"]);
     assert_eq!(model.velocities[0].name, "loop1");
     assert_eq!((model.name.as_str(), model.scenes[0].name.as_str()), ("move", "fn"));
+}
+
+#[test]
+fn stages_with_parameters_the_metric_of_the_lagrangian_connections_and_their_velocities_as_state() {
+    let m = model(
+        "param k = 2; coordinate x in real; velocity O, V in se(3); lagrangian = x_dot^2 + dot(O, O) + dot(V, V);
+         stage rotation { connection O = [x_dot, 0, k*x*x_dot]; }
+         stage translation = ideal(V) { connection V1 = x*x_dot; }
+         stage line = ideal(V1 + k*V3); inner_product = lagrangian; carry stages;
+         scene own { carry O, V; }",
+    );
+    let stages = m.stages.as_ref().unwrap();
+    assert_eq!(stages.inner_product, Some(InnerProduct::Lagrangian));
+    let shown = |e: ExprId| m.graph.display(e, Style::Plain);
+    let line: Vec<String> = stages.ideals[1][0].iter().map(|e| shown(*e)).collect();
+    assert_eq!(line, ["0", "0", "0", "1", "0", "k"]);
+    let connection: Vec<String> = stages.connection.iter().flatten().map(|row| shown(row[0])).collect();
+    assert_eq!(connection, ["1", "0", "k*x", "x", "0", "0"]);
+    assert!(m.carries.iter().all(|c| c.by == CarriedBy::Level));
+    assert_eq!(m.carries.len(), 6);
+    assert!(m.scenes[0].carries.iter().all(|c| c.by == CarriedBy::Velocity));
 }

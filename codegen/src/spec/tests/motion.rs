@@ -386,7 +386,7 @@ fn bad_quasi_velocities() {
     check_with(
         "lagrangian = v1^2; stage a; stage b = ideal(s);",
         expect![[
-            r#"2:29 ideal of stage `b` is not spanned by rational combinations of velocities [use `v1`, `v2`]"#
+            r#"2:29 ideal of stage `b` is not spanned by combinations of velocities in parameters [use `v1`, `v2`]"#
         ]],
     );
 }
