@@ -197,10 +197,6 @@ impl Subspace {
         Some(Subspace { rows: pivots.into_iter().enumerate().map(|(k, pivot)| (pivot, sparse(k))).collect() })
     }
 
-    pub(crate) fn dim(&self) -> usize {
-        self.rows.len()
-    }
-
     pub(crate) fn contains(&self, vector: &[Rational]) -> bool {
         let mut rest = vector.to_vec();
         for (pivot, row) in &self.rows {

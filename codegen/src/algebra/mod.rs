@@ -14,6 +14,7 @@ mod matrix;
 mod named;
 mod products;
 mod representation;
+pub mod series;
 mod skew;
 
 pub use algebroid::Algebroid;

@@ -16,6 +16,8 @@ pub struct SceneText {
     pub scene: String,
     /// What the first line says after the version: the command that writes the file again, or what to edit instead.
     pub command: String,
+    /// The formulation that was chosen, and why; only where one was searched for.
+    pub formulation: Option<String>,
     /// Path of the runtime in the crate that the module is for; empty for `::hamel_runtime`.
     pub runtime: String,
     /// What the system is, a paragraph.

@@ -5,10 +5,11 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::expr::{DivisionByZero, ExprId, Func, Graph, Node, SymbolId, Vanishing, needed_sections};
-use crate::reduction::{KinematicConstraint, ReducedSystem};
+use crate::expr::{DivisionByZero, ExprId, Func, Graph, Node, SymbolId, Vanishing, inlined, needed_sections};
+use crate::reduction::{KinematicConstraint, ReducedSystem, momentum_of};
+use crate::spec::Want;
 
-use super::equations::{Equations, StateEquation};
+use super::equations::{Equations, OutputKind, StateEquation};
 
 /// State variables of one formulation as functions of time and the state of another one of the same model, with the
 /// same parameters fixed.
@@ -17,10 +18,11 @@ use super::equations::{Equations, StateEquation};
 /// connection:
 ///
 /// ```text
-/// xdot' = xdot,   v' = v + (A' - A) xdot,   (c', s') = (cos theta, sin theta)
+/// xdot' = xdot,   v' = v + (A' - A) xdot,   (c', s') = (cos theta, sin theta),   pi' = W^T dL/dy'
 /// ```
 ///
-/// in which the velocities that a constraint determines are `y = Psi u + psi0`.
+/// in which the velocities that a constraint determines are `y = Psi u + psi0`, those in the place of which momenta are
+/// carried follow from the Legendre transform, and those along the levels of stages from their frame.
 #[derive(Clone, Debug)]
 pub struct ChangeOfState {
     /// The graph of the formulation that the functions are written in, with the functions.
@@ -54,25 +56,30 @@ impl ChangeOfState {
     ///
     /// # Errors
     /// [`DivisionByZero`] where a connection has no value in the coordinates of `from`.
-    pub fn between(from: &ReducedSystem, to: &ReducedSystem) -> Result<ChangeOfState, DivisionByZero> {
-        let mut change = ChangeOfState { graph: from.graph.clone(), values: BTreeMap::new() };
+    pub fn between(from: &Equations, to: &ReducedSystem) -> Result<ChangeOfState, DivisionByZero> {
+        let mut change = ChangeOfState { graph: from.system.graph.clone(), values: BTreeMap::new() };
+        let unknowns = unknowns(&mut change.graph, from)?;
+        let from = &from.system;
         change.base(from, to);
-        let of_model = change.velocities(from, to)?;
+        let of_model = change.velocities(from, to, &unknowns)?;
         let velocities = change.in_frame(to, &of_model)?;
         let g = &mut change.graph;
         for unknown in &to.unknowns {
             let frame = to.frame.as_ref();
             let own = frame.and_then(|f| f.original.iter().position(|u| u.symbol == unknown.symbol));
-            let value = match (unknown.frame_idx, own) {
-                (Some(k), _) => velocities[k],
-                (None, Some(k)) => of_model[k],
-                (None, None) if from.unknowns.iter().any(|u| u.symbol == unknown.symbol) => {
-                    Some(g.sym(unknown.symbol))
+            let value = match (own, unknown.frame_idx) {
+                // A velocity of the model, whatever the frame.
+                (Some(k), _) => of_model[k],
+                (None, Some(k)) => velocities[k],
+                (None, None) => {
+                    let own = from.unknowns.iter().find(|u| u.symbol == unknown.symbol);
+                    own.map(|u| unknowns.get(&u.symbol).copied().unwrap_or_else(|| g.sym(u.symbol)))
                 }
-                (None, None) => None,
             };
             change.values.extend(value.map(|value| (unknown.symbol, value)));
         }
+        change.momenta(from, to, &velocities)?;
+        let g = &mut change.graph;
         let group = to.reconstruction.iter().map(|c| c.symbol);
         let group = group.filter(|s| from.reconstruction.iter().any(|c| c.symbol == *s));
         change.values.extend(group.map(|s| (s, g.sym(s))));
@@ -137,11 +144,12 @@ impl ChangeOfState {
         &mut self,
         from: &ReducedSystem,
         to: &ReducedSystem,
+        unknowns: &BTreeMap<SymbolId, ExprId>,
     ) -> Result<Vec<Option<ExprId>>, DivisionByZero> {
-        let y = frame_velocities(&mut self.graph, from);
+        let own = frame_velocities(&mut self.graph, from, unknowns)?;
         let y = match &from.frame {
-            Some(frame) => frame.velocities(&mut self.graph, &y),
-            None => y,
+            Some(frame) => frame.velocities(&mut self.graph, &own),
+            None => own,
         };
         let Some(dim) = from.connection.as_ref().or(to.connection.as_ref()).map(Vec::len) else {
             return Ok(y.into_iter().map(Some).collect());
@@ -173,6 +181,44 @@ impl ChangeOfState {
         Ok(velocities)
     }
 
+    /// The momenta that `to` carries, by the velocities of its frame.
+    fn momenta(
+        &mut self,
+        from: &ReducedSystem,
+        to: &ReducedSystem,
+        velocities: &[Option<ExprId>],
+    ) -> Result<(), DivisionByZero> {
+        if to.momenta.iter().all(|m| m.symbol.is_none()) {
+            return Ok(());
+        }
+        if to.hamiltonian.is_some() {
+            // Both have the momenta of the model, in its frame.
+            for momentum in &to.momenta {
+                let own =
+                    from.momenta.iter().find(|own| own.name == momentum.name).and_then(|own| own.symbol);
+                if let Some((symbol, own)) = momentum.symbol.zip(own) {
+                    self.values.insert(symbol, self.graph.sym(own));
+                }
+            }
+            return Ok(());
+        }
+        let Some(y) = velocities.iter().copied().collect::<Option<Vec<ExprId>>>() else { return Ok(()) };
+        let mut values = self.values.clone();
+        values.extend(to.velocities.iter().copied().zip(y));
+        let mut written = to.graph.clone();
+        for momentum in &to.momenta {
+            let Some(symbol) = momentum.symbol else { continue };
+            let e =
+                momentum_of(&mut written, to.lagrangian, &to.velocities, &to.constraint, momentum.unknown);
+            let value = self.graph.import_with(&written, &[e], &values)?[0];
+            let own = from.momenta.iter().find(|own| own.name == momentum.name).and_then(|own| own.symbol);
+            let own = own.map(|symbol| self.graph.sym(symbol));
+            let own = own.filter(|own| self.graph.fingerprints_agree(value, *own));
+            self.values.insert(symbol, own.unwrap_or(value));
+        }
+        Ok(())
+    }
+
     /// The graph that the functions are in.
     pub fn graph(&self) -> &Graph {
         &self.graph
@@ -185,8 +231,15 @@ impl ChangeOfState {
 
     /// Whether a component of the state of `to` is one of the same name and meaning in the other formulation.
     pub fn keeps(&self, to: &ReducedSystem, component: SymbolId) -> bool {
-        let value = self.value(component).map(|e| self.graph.node(e));
-        matches!(value, Some(Node::Symbol(s)) if self.graph.name(*s) == to.graph.name(component))
+        self.component(component).is_some_and(|s| self.graph.name(s) == to.graph.name(component))
+    }
+
+    /// The symbol that a component of the state is in the other formulation.
+    fn component(&self, component: SymbolId) -> Option<SymbolId> {
+        match self.graph.node(self.value(component)?) {
+            Node::Symbol(s) => Some(*s),
+            _ => None,
+        }
     }
 
     /// Proves that the functions `phi` take the motion of `from` to that of `to`: `d phi/dt = f'(phi)` along the vector
@@ -236,12 +289,35 @@ impl ChangeOfState {
     }
 }
 
-/// All velocities of the frame, those that the constraint determines by the others.
-fn frame_velocities(g: &mut Graph, system: &ReducedSystem) -> Vec<ExprId> {
+/// Unknowns that are no part of the state, as functions of it.
+fn unknowns(g: &mut Graph, equations: &Equations) -> Result<BTreeMap<SymbolId, ExprId>, DivisionByZero> {
+    let system = &equations.system;
+    let given = equations.outputs.iter().find(|o| o.kind == OutputKind::Group(Want::Velocities));
+    let Some(given) = given else { return Ok(BTreeMap::new()) };
+    let roots: Vec<ExprId> = given.components.iter().map(|(_, e)| *e).collect();
+    let sections = needed_sections(g, &equations.sections, &roots);
+    let definitions = inlined(g, sections.iter().flat_map(|s| &s.definitions));
+    let values = g.subs_all(&roots, &definitions)?;
+    let symbol = |name: &String| system.unknowns.iter().find(|u| u.name == *name).map(|u| u.symbol);
+    let names = given.components.iter().map(|(name, _)| symbol(name));
+    Ok(names.zip(values).filter_map(|(symbol, value)| Some((symbol?, value))).collect())
+}
+
+/// All velocities of the frame, those that the constraint determines by the others, and those that are no part of the
+/// state as `unknowns` says.
+fn frame_velocities(
+    g: &mut Graph,
+    system: &ReducedSystem,
+    unknowns: &BTreeMap<SymbolId, ExprId>,
+) -> Result<Vec<ExprId>, DivisionByZero> {
     let raw = system.velocities.iter().map(|s| g.sym(*s)).collect::<Vec<_>>();
-    let KinematicConstraint::Solved(solved) = &system.constraint else { return raw };
-    let value = |(k, y)| if solved.dependent.contains(&k) { solved.velocity(g, k) } else { y };
-    raw.into_iter().enumerate().map(value).collect()
+    let dependent = |k: &usize| match &system.constraint {
+        KinematicConstraint::Solved(solved) if solved.dependent.contains(k) => Some(solved),
+        _ => None,
+    };
+    let value = |(k, y)| dependent(&k).map_or(y, |solved| solved.velocity(g, k));
+    let all: Vec<ExprId> = raw.into_iter().enumerate().map(value).collect();
+    g.subs_all(&all, unknowns)
 }
 
 /// Proves that two formulations of one model are one motion: as [`ChangeOfState::relates`], with the functions found.
@@ -267,8 +343,8 @@ fn frame_velocities(g: &mut Graph, system: &ReducedSystem) -> Vec<ExprId> {
 /// # Errors
 /// The first component of the state for which that is not proved.
 pub fn same_motion(from: &Equations, to: &Equations) -> Result<(), Unrelated> {
-    let change = ChangeOfState::between(&from.system, &to.system).map_err(|DivisionByZero| {
-        Unrelated::Unknown { component: to.state.first().map(|s| s.name.clone()).unwrap_or_default() }
+    let change = ChangeOfState::between(from, &to.system).map_err(|DivisionByZero| Unrelated::Unknown {
+        component: to.state.first().map(|s| s.name.clone()).unwrap_or_default(),
     })?;
     change.relates(from, to)
 }

@@ -2,8 +2,8 @@
 //!
 //! Does not know: how any choice is carried out.
 
-use crate::expr::Rational;
-use crate::spec::{Carried, CarriedBy, ConnectionKind, Model};
+use crate::expr::{Graph, Rational};
+use crate::spec::{Carried, CarriedBy, ConnectionKind, IdealChain, InnerProduct, Model};
 
 /// What a chain of stages is used for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,6 +26,35 @@ impl StageUse {
             true => StageUse::Shown,
             false => StageUse::Unused,
         }
+    }
+}
+
+/// A chain of ideals, or an inner product, that the model does not write down.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FoundChain {
+    /// Spanning vectors of `n_1, n_2, ..` in the basis of the algebra; none for the ideals of the model.
+    pub ideals: Option<Vec<Vec<Vec<Rational>>>>,
+    /// Whether the inner product is the kinetic energy, and not the one in which the basis of the algebra is
+    /// orthonormal.
+    pub by_energy: bool,
+}
+
+impl FoundChain {
+    /// The chain, with names for its stages; none where it needs one of the model that is not there.
+    pub(super) fn stages(&self, g: &mut Graph, of_model: Option<&IdealChain>) -> Option<IdealChain> {
+        let inner_product = self.by_energy.then_some(InnerProduct::Lagrangian);
+        let Some(ideals) = &self.ideals else {
+            return of_model.map(|chain| IdealChain { inner_product, ..chain.clone() });
+        };
+        let n = ideals.len() + 1;
+        let numbers = |g: &mut Graph, v: &[Rational]| v.iter().map(|q| g.rational(q.clone())).collect();
+        Some(IdealChain {
+            names: (0..n).map(|k| format!("stage{k}")).collect(),
+            ideals: ideals.iter().map(|basis| basis.iter().map(|v| numbers(g, v)).collect()).collect(),
+            inner_product,
+            connection: None,
+            spans: vec![None; n],
+        })
     }
 }
 
@@ -52,8 +81,10 @@ pub struct Formulation {
     /// Velocities for which the state carries a momentum, or a parameter is the momentum (Routh); none
     /// [by the velocity](CarriedBy::Velocity).
     pub momenta: Vec<Carried>,
-    /// What the model's chain of ideals is used for.
+    /// What the chain of ideals is used for.
     pub stages: StageUse,
+    /// The chain of ideals; none for the one that the model writes down.
+    pub chain: Option<FoundChain>,
 }
 
 impl Formulation {
@@ -71,6 +102,7 @@ impl Formulation {
             squares: true,
             momenta: carried_by_momenta(model, &[]),
             stages: StageUse::of(model.stages.is_some(), &[], &model.carries),
+            chain: None,
         }
     }
 

@@ -33,7 +33,7 @@ pub use constraint::{
 };
 pub use domain::DomainCondition;
 pub use fix::with_fixed;
-pub use formulation::{Formulation, StageUse, carried_by_momenta};
+pub use formulation::{Formulation, FoundChain, StageUse, carried_by_momenta};
 pub use momenta::CarriedMomentum;
 pub(crate) use momenta::momentum_of;
 pub use part::Part;
@@ -71,12 +71,17 @@ fn chosen(model: &Model, formulation: &Formulation) -> Model {
         squares: _,
         momenta: _,
         stages,
+        chain,
     } = formulation;
+    let mut written = model.clone();
+    if let Some(chain) = chain {
+        written.stages = chain.stages(&mut written.graph, model.stages.as_ref());
+    }
+    written.stages = written.stages.filter(|_| *stages != StageUse::Unused);
     Model {
         derived_connection: None,
         independent: independent.clone(),
         force_multipliers: *multipliers,
-        stages: model.stages.clone().filter(|_| *stages != StageUse::Unused),
-        ..model.clone()
+        ..written
     }
 }

@@ -299,5 +299,18 @@ pub(super) fn lower_scene(
     let products = derivatives.products;
     let spent = graph.spent();
     let (name, wants_taylor, doc) = (plan.name.clone(), plan.taylor, plan.doc.clone());
-    Ok(BuiltScene { name, equations, program, state, outputs, matrices, products, wants_taylor, doc, spent })
+    let chosen = plan.chosen.clone();
+    Ok(BuiltScene {
+        name,
+        equations,
+        program,
+        state,
+        outputs,
+        matrices,
+        products,
+        wants_taylor,
+        doc,
+        chosen,
+        spent,
+    })
 }

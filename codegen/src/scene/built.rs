@@ -29,6 +29,8 @@ pub struct BuiltScene {
     /// Whether the emitted module has the Taylor coefficients of solutions.
     pub(super) wants_taylor: bool,
     pub(super) doc: String,
+    /// What a search for a formulation has chosen.
+    pub(super) chosen: Option<String>,
     pub(super) spent: Budget,
 }
 

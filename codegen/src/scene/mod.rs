@@ -119,7 +119,16 @@ impl<'m> Scenes<'m> {
         if problems.is_empty() { Ok(built) } else { Err(self.derivations.model.diagnostics(problems)) }
     }
 
+    /// What a scene asks for, in the formulation that is chosen where it asks for a search.
     fn plan(&mut self, scene: &str) -> Result<Plan, Diagnostics> {
+        let plan = self.written_plan(scene)?;
+        let own = self.derivations.model.scenes.iter().find(|own| own.name == scene);
+        let Some(search) = own.and_then(|own| own.formulation) else { return Ok(plan) };
+        Ok(formulations::chosen(self.derivations.model, plan, search))
+    }
+
+    /// What a scene asks for as it is written.
+    fn written_plan(&mut self, scene: &str) -> Result<Plan, Diagnostics> {
         let model = self.derivations.model;
         Plan::of(model, scene).ok_or_else(|| {
             let help = format!("scenes: {}", self.names().join(", "));
@@ -198,7 +207,7 @@ pub fn build(model: &Model, scene: &str) -> Result<BuiltScene, Diagnostics> {
 /// As [`build`]; what the formulation chooses may not exist for the model.
 pub fn build_in(model: &Model, scene: &str, formulation: &Formulation) -> Result<BuiltScene, Diagnostics> {
     let mut scenes = Scenes::new(model);
-    let plan = Plan { formulation: formulation.clone(), ..scenes.plan(scene)? };
+    let plan = Plan { formulation: formulation.clone(), ..scenes.written_plan(scene)? };
     build_planned(&scenes.derivations, plan)
 }
 
@@ -254,7 +263,7 @@ pub fn formulations(
     scene: &str,
     progress: formulations::Progress<'_>,
 ) -> Result<Formulations, Diagnostics> {
-    let plan = Scenes::new(model).plan(scene)?;
+    let plan = Scenes::new(model).written_plan(scene)?;
     formulations::search(model, &plan, false, progress)
 }
 

@@ -40,6 +40,8 @@ pub(super) struct Plan {
     /// What the search for the cheapest form of each function may take.
     pub(super) search: SearchBudget,
     pub(super) doc: String,
+    /// What a search for a formulation has chosen, for those who read.
+    pub(super) chosen: Option<String>,
 }
 
 /// Outputs of a scene besides energy, derivatives and invariants.
@@ -74,6 +76,7 @@ impl Plan {
             drops: Drops::Nothing,
             search: SearchBudget::default(),
             doc: String::new(),
+            chosen: None,
         }
     }
 

@@ -97,6 +97,7 @@ impl BuiltScene {
             model: system.name.clone(),
             scene: self.name.clone(),
             command,
+            formulation: self.chosen.clone(),
             runtime: writing.runtime.clone().unwrap_or_default(),
             doc,
             sources: system.sources.clone(),

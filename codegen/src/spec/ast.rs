@@ -226,6 +226,8 @@ pub(super) enum ItemKind {
         wants: Vec<Name>,
         drops: Vec<Name>,
         circles: Vec<Name>,
+        /// `formulation auto;`, `formulation auto(state);`: the word and what stands in parentheses.
+        formulation: Vec<(Name, Option<Name>)>,
         carries: Vec<Carry>,
     },
 }

@@ -100,6 +100,7 @@ macro_rules! visit {
             drops: _,
             circles: _,
             carries: _,
+            formulation: _,
             doc: _,
             span: _,
             extent: _,

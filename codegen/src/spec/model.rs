@@ -332,6 +332,15 @@ pub struct NamedVector {
     pub doc: String,
 }
 
+/// Which formulations a scene is searched for one that costs less.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FormulationSearch {
+    /// Those whose state is the one that the scene writes down: `formulation auto;`.
+    KeepingState,
+    /// Also others: `formulation auto(state);`.
+    AnyState,
+}
+
 /// A model with some parameters fixed and some outputs wanted.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
@@ -347,6 +356,8 @@ pub struct Scene {
     pub circles: Vec<String>,
     /// What the state carries, where that is not what the model says.
     pub carries: Vec<Carried>,
+    /// Which formulations are searched for one that costs less; none for the one that the scene writes down.
+    pub formulation: Option<FormulationSearch>,
     /// Documentation.
     pub doc: String,
     /// Where its name stands.

@@ -61,7 +61,7 @@ pub fn emit_index(scenes: &[SceneEntry], command: &str) -> Result<String, Error>
              }};\n\
          }}\n"
     );
-    let text = format!("{}{}{visitor}", header(command), format_file(modules)?);
+    let text = format!("{}{}{visitor}", header(command, None), format_file(modules)?);
     syn::parse_file(&text)
         .map_err(|e| Error::Emission { model: "the index".to_owned(), reason: e.to_string() })?;
     Ok(text)
@@ -82,7 +82,7 @@ pub fn emit_include(scenes: &[SceneEntry], command: &str, beside: bool) -> Resul
         let file = format!("/{file}");
         quote! { { include!(concat!(env!("OUT_DIR"), #file)); } }
     })?;
-    Ok(format!("{}{}", header(command), format_file(modules)?))
+    Ok(format!("{}{}", header(command, None), format_file(modules)?))
 }
 
 fn sorted(scenes: &[SceneEntry]) -> Vec<&SceneEntry> {

@@ -49,7 +49,11 @@ pub(super) fn emit(program: &Program, jet: Option<&Jet>, text: &SceneText) -> Re
         writer.groups()?,
     ];
     let tokens = items.into_iter().collect();
-    Ok(format!("{}{}", format::header(&text.command), format::format_module(tokens)?))
+    Ok(format!(
+        "{}{}",
+        format::header(&text.command, text.formulation.as_deref()),
+        format::format_module(tokens)?
+    ))
 }
 
 /// Writes the items of a module.

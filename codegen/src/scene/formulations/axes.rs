@@ -2,14 +2,19 @@
 //!
 //! Does not know: how choices are combined, what they cost, whether they are the same motion.
 
-use crate::expr::{ExprId, independent_rows};
-use crate::reduction::{Formulation, KinematicConstraint, ReducedSystem};
-use crate::spec::{ConnectionKind, Domain, Model, circle_names};
+use crate::algebra::series::chains;
+use crate::expr::{ExprId, Rational, independent_rows};
+use crate::reduction::{Formulation, FoundChain, KinematicConstraint, ReducedSystem, StageUse};
+use crate::spec::{Carried, CarriedBy, ConnectionKind, Domain, Model, circle_names};
 
 /// Choices of independent velocities that are tried, those first that exchange the fewest velocities.
 const MAX_INDEPENDENT: usize = 32;
 /// Angles that are tried as points of the circle, in the order of the model.
 const MAX_ANGLES: usize = 4;
+/// Slots whose momenta are tried.
+const MAX_SLOTS: usize = 4;
+/// Chains of ideals that are found and tried.
+const MAX_CHAINS: usize = 2;
 
 /// A choice that differs from the scene's own.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -22,6 +27,11 @@ pub(super) enum Choice {
     Squares(bool),
     /// An angle, and whether it is carried as a point of the circle.
     Circle(String, bool),
+    /// The frame in which the equations are derived: adapted to a chain of ideals, that of the model unless one is
+    /// given, of which the text says what it is.
+    Stages(Option<FoundChain>, String),
+    /// The velocities of that name by themselves, or by their momenta.
+    Momenta(String, Vec<Carried>),
 }
 
 impl Choice {
@@ -33,6 +43,16 @@ impl Choice {
             Choice::Squares(squares) => formulation.squares = *squares,
             Choice::Circle(angle, true) => formulation.circles.push(angle.clone()),
             Choice::Circle(angle, false) => formulation.circles.retain(|other| other != angle),
+            Choice::Stages(chain, _) => {
+                formulation.stages = StageUse::Internal;
+                formulation.chain.clone_from(chain);
+            }
+            Choice::Momenta(_, carried) => {
+                let momenta = &mut formulation.momenta;
+                momenta.retain(|own| carried.iter().all(|new| new.velocity != own.velocity));
+                momenta.extend(carried.iter().filter(|new| new.by != CarriedBy::Velocity).cloned());
+                momenta.sort_by_key(|own| own.velocity);
+            }
         }
     }
 
@@ -52,6 +72,11 @@ impl Choice {
             Choice::Squares(false) => "no squares".into(),
             Choice::Circle(angle, true) => format!("circle {angle}"),
             Choice::Circle(angle, false) => format!("angle {angle}"),
+            Choice::Stages(_, text) => text.clone(),
+            Choice::Momenta(name, carried) => match carried.first().map(|c| &c.by) {
+                Some(CarriedBy::Momentum(_)) => format!("momenta of {name}"),
+                _ => format!("velocities {name}"),
+            },
         }
     }
 }
@@ -63,7 +88,13 @@ pub(super) fn axes(
     system: &ReducedSystem,
     drops: &[String],
 ) -> Vec<Vec<Choice>> {
-    let mut axes = vec![connections(model, own), independent(system), vec![Choice::Squares(!own.squares)]];
+    let mut axes = Vec::new();
+    // A Hamiltonian is a function of momenta in the model's own frame.
+    if model.hamiltonian.is_none() {
+        axes.extend([connections(model, own), independent(system), vec![Choice::Squares(!own.squares)]]);
+        axes.push(stages(model, own));
+        axes.extend(momenta(model, own, system).into_iter().map(|choice| vec![choice]));
+    }
     axes.extend(circles(model, own, drops).into_iter().map(|choice| vec![choice]));
     axes.retain(|axis| !axis.is_empty());
     axes
@@ -87,7 +118,11 @@ fn connections(model: &Model, own: &Formulation) -> Vec<Choice> {
 /// Other velocities for the constraint to determine, those that it does determine: one of them exchanged for an
 /// independent one, then two.
 fn independent(system: &ReducedSystem) -> Vec<Choice> {
-    let KinematicConstraint::Solved(solved) = &system.constraint else { return Vec::new() };
+    // Of a state with velocities along levels the independent ones are others.
+    let solved = match &system.constraint {
+        KinematicConstraint::Solved(solved) if system.changes.is_empty() => solved,
+        _ => return Vec::new(),
+    };
     let kept = solved.independent();
     let n_quasi = solved.unknowns.len() - kept.len();
     let width = system.velocities.len() + n_quasi;
@@ -123,14 +158,96 @@ fn independent(system: &ReducedSystem) -> Vec<Choice> {
     found.into_iter().map(Choice::Independent).collect()
 }
 
+/// Frames that are adapted to chains of ideals: that of the model, and those found by themselves; the complements are
+/// those of the basis of the algebra, or of the kinetic energy. A state that has the velocities along levels keeps
+/// them.
+fn stages(model: &Model, own: &Formulation) -> Vec<Choice> {
+    let mut choices = Vec::new();
+    if own.stages == StageUse::Carried || model.algebra.dim() < 2 {
+        return choices;
+    }
+    let mut add = |ideals: Option<Vec<Vec<Vec<Rational>>>>, names: &str| {
+        for (by_energy, by) in [(false, ""), (true, " by energy")] {
+            let chain = FoundChain { ideals: ideals.clone(), by_energy };
+            choices.push(Choice::Stages(Some(chain), format!("stages {names}{by}")));
+        }
+    };
+    if let Some(chain) = &model.stages {
+        add(None, &format!("of the model ({})", chain.names.join(" > ")));
+    }
+    for chain in chains(&model.algebra, MAX_CHAINS) {
+        let names: Vec<&str> = chain.iter().map(|ideal| ideal.name.as_str()).collect();
+        add(Some(chain.iter().map(|ideal| ideal.basis.clone()).collect()), &names.join(" > "));
+    }
+    if model.stages.as_ref().is_some_and(|chain| chain.inner_product.is_some() || chain.connection.is_some())
+    {
+        choices.push(Choice::Stages(None, "stages of the model as they are written".into()));
+    }
+    choices
+}
+
+/// Whether nothing in a model has that name.
+fn is_free(model: &Model, name: &String) -> bool {
+    !model.places.declared.contains_key(name)
+        && model.params.iter().all(|p| p.name != *name)
+        && model.all_velocities().iter().all(|(other, _)| other != name)
+        && model.outputs.iter().all(|output| output.name != *name)
+}
+
+/// Momenta in the place of velocities, and the other way round, slot by slot: the velocities of the base, each vector
+/// of the algebra, the quasi-velocities. Momenta have the names that the model gives them, or that of the velocity with
+/// `p_` before it.
+fn momenta(model: &Model, own: &Formulation, system: &ReducedSystem) -> Vec<Choice> {
+    let n_frame = model.all_velocities().len();
+    let quasi = model.quasi_velocities.iter();
+    let mut slots: Vec<(String, Vec<(usize, String)>)> = Vec::new();
+    let base = model.base.iter().map(|c| ("the base".to_owned(), c.velocity_name.clone()));
+    let fibre = model.velocities.iter().map(|v| (v.block.clone(), v.name.clone()));
+    let quasi = quasi.map(|v| (v.block.clone(), v.name.clone()));
+    for (k, (slot, name)) in base.chain(fibre).chain(quasi).enumerate() {
+        let symbol = match k.checked_sub(n_frame) {
+            None => system.velocities[k],
+            Some(q) => model.quasi_velocities[q].symbol,
+        };
+        if system.unknowns.iter().all(|u| u.symbol != symbol) {
+            continue;
+        }
+        match slots.last_mut().filter(|(last, _)| *last == slot) {
+            Some((_, list)) => list.push((k, name)),
+            None => slots.push((slot, vec![(k, name)])),
+        }
+    }
+    let by_now = |k: usize| own.momenta.iter().find(|c| c.velocity == k).map(|c| &c.by);
+    let declared = |k: usize| {
+        let all = model.momenta.iter().flat_map(|m| &m.components);
+        all.clone().find(|(.., velocity)| *velocity == k).map(|(name, ..)| name.clone())
+    };
+    let mut choices = Vec::new();
+    for (slot, list) in slots.into_iter().take(MAX_SLOTS) {
+        let free = list.iter().filter(|(k, _)| !matches!(by_now(*k), Some(CarriedBy::Parameter(_))));
+        let is_carried = free.clone().any(|(k, _)| by_now(*k).is_some());
+        let carried = free.map(|(velocity, name)| {
+            let by = match (is_carried, declared(*velocity)) {
+                (true, _) => CarriedBy::Velocity,
+                (false, Some(name)) => CarriedBy::Momentum(name),
+                (false, None) => CarriedBy::Momentum(format!("p_{name}")),
+            };
+            Carried { velocity: *velocity, by }
+        });
+        let carried: Vec<Carried> = carried.collect();
+        let is_named = |c: &Carried| match &c.by {
+            CarriedBy::Momentum(name) => declared(c.velocity).is_some() || is_free(model, name),
+            _ => true,
+        };
+        if !carried.is_empty() && carried.iter().all(is_named) {
+            choices.push(Choice::Momenta(slot, carried));
+        }
+    }
+    choices
+}
+
 /// Angles on the line as points, and the other way round, where the names of points are free.
 fn circles(model: &Model, own: &Formulation, drops: &[String]) -> Vec<Choice> {
-    let is_free = |name: &String| {
-        !model.places.declared.contains_key(name)
-            && model.params.iter().all(|p| p.name != *name)
-            && model.all_velocities().iter().all(|(other, _)| other != name)
-            && model.outputs.iter().all(|output| output.name != *name)
-    };
     let angles = model.base.iter().filter(|c| c.domain != Domain::Real && !drops.contains(&c.name));
     let choices = angles.filter_map(|c| {
         let angle = c.name.clone();
@@ -138,7 +255,8 @@ fn circles(model: &Model, own: &Formulation, drops: &[String]) -> Vec<Choice> {
             return Some(Choice::Circle(angle, false));
         }
         let is_output = model.outputs.iter().any(|output| output.name == angle);
-        (!is_output && circle_names(&angle).iter().all(is_free)).then_some(Choice::Circle(angle, true))
+        (!is_output && circle_names(&angle).iter().all(|name| is_free(model, name)))
+            .then_some(Choice::Circle(angle, true))
     });
     choices.take(MAX_ANGLES).collect()
 }

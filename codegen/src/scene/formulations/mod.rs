@@ -17,32 +17,32 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use num_traits::Signed as _;
 
-use crate::expr::{Budget, DivisionByZero, ExprId, Node, Style, sign_of};
+use crate::expr::{Budget, DivisionByZero, ExprId, Node, Style, SymbolId, sign_of};
 use crate::lower::SearchBudget;
 use crate::mechanics::{ChangeOfState, Equations, Unrelated, derive};
 use crate::parallel::side_by_side;
 use crate::program::{Counts, Instruction, Op, Operand, Program, Role};
-use crate::reduction::{Formulation, KinematicConstraint, ReducedSystem, reduce};
-use crate::spec::{Diagnostics, Model};
+use crate::reduction::{Formulation, KinematicConstraint, ReducedSystem, StateKind, reduce};
+use crate::spec::{CarriedBy, Diagnostics, FormulationSearch, Model, Want, Wanted};
 
 use super::build::build_derived;
 use super::built::BuiltScene;
-use super::plan::{Drops, Plan};
+use super::plan::{Drops, Outputs, Plan};
 use accuracy::Points;
 use axes::{Choice, axes};
 
 /// Choices of each axis that are combined with those of others.
 const BEST_OF_AN_AXIS: usize = 2;
 /// Combinations that are tried.
-const MAX_COMBINATIONS: usize = 24;
+const MAX_COMBINATIONS: usize = 32;
 /// Combinations that promise to cost more than so many times the scene's own are not tried.
 const MAX_PROMISE: f64 = 1.5;
 /// Candidates that are lowered with the whole budget.
 const MAX_FINALISTS: usize = 6;
 /// A bound of rounding errors is worse than another one beyond this factor; less is not told apart.
 const TOLD_APART: f64 = 1.5;
-/// Bounds of a few operations are not told apart at all.
-const FEW: f64 = 16.0;
+/// Bounds of so few roundings are not told apart at all: a sum of thirty terms has them, none of which cancel.
+const FEW: f64 = 32.0;
 /// The part of the model's budget, and of the search for cheap forms, that a candidate may take at first.
 const PART: u64 = 16;
 
@@ -69,6 +69,9 @@ pub struct Candidate {
     pub state: Vec<String>,
     /// Those that are not in the scene's own state, or mean something else there.
     pub changed: Vec<String>,
+    /// Whether all of these are points of the scene's angles, and momenta of its velocities that the model names: then
+    /// a state of either can be told by one of the other.
+    pub is_converted: bool,
     /// Operations of the right-hand side.
     pub counts: Counts,
     /// The longest chain of operations of the right-hand side, in cycles.
@@ -79,6 +82,8 @@ pub struct Candidate {
     /// does.
     pub rounding: f64,
     program: Program,
+    /// Names of the outputs.
+    outputs: Vec<String>,
 }
 
 impl Candidate {
@@ -111,8 +116,8 @@ impl Candidate {
         is_one_state && constants && operations(self) == operations(other)
     }
 
-    fn rank(&self) -> (u64, usize, usize) {
-        (self.counts.cost(), self.n_prepared, self.choices.len())
+    fn rank(&self) -> (u64, u32, usize, usize) {
+        (self.counts.cost(), self.latency, self.n_prepared, self.choices.len())
     }
 
     /// Whether it loses no more digits than another one, as far as bounds are told apart.
@@ -139,10 +144,12 @@ impl Formulations {
         self.candidates.iter().find(|c| c.is_own()).expect("the scene's own formulation is a candidate")
     }
 
-    /// The cheapest formulation that is as accurate as the scene's own, the own one where none costs less.
+    /// The cheapest formulation that is as accurate as the scene's own, the own one where none costs less. Its state is
+    /// the scene's own, or else one with which the scene's initial states can be told.
     pub fn best(&self, keeps_state: bool) -> &Candidate {
         let own = self.own();
-        let fitting = self.candidates.iter().filter(|c| c.keeps_state() || !keeps_state);
+        let fits = |c: &&Candidate| if keeps_state { c.keeps_state() } else { c.is_converted };
+        let fitting = self.candidates.iter().filter(fits);
         let better = fitting.filter(|c| c.is_as_accurate_as(own) && c.counts.cost() < own.counts.cost());
         better.min_by_key(|c| c.rank()).unwrap_or(own)
     }
@@ -156,12 +163,19 @@ struct Search<'a> {
     plan: Plan,
     keeps_state: bool,
     own: Arc<Equations>,
-    /// The formulation that all are compared with: the scene's own, angles on the line.
+    /// The formulation that all are compared with: the scene's own in velocities, angles on the line.
     hub: Arc<Equations>,
     /// From the state of the hub to the scene's own.
     points: Points,
     done: AtomicUsize,
     progress: Progress<'a>,
+}
+
+/// State variables that are not the scene's own.
+struct Changed {
+    names: Vec<String>,
+    /// See [`Candidate::is_converted`].
+    is_converted: bool,
 }
 
 /// A candidate on its way.
@@ -188,8 +202,11 @@ pub(super) fn search(
         ..Plan::bare(plan.name.clone(), plan.formulation.clone())
     };
     let own = derived(model, &bare.formulation)?;
-    let on_lines = Formulation { circles: Vec::new(), ..bare.formulation.clone() };
-    let hub = if bare.formulation.circles.is_empty() { None } else { derived(model, &on_lines).ok() };
+    let mut plain = Formulation { circles: Vec::new(), ..bare.formulation.clone() };
+    if model.hamiltonian.is_none() {
+        plain.momenta.retain(|carried| matches!(carried.by, CarriedBy::Parameter(_)));
+    }
+    let hub = if plain == bare.formulation { None } else { derived(model, &plain).ok() };
     let hub = hub.unwrap_or_else(|| Arc::clone(&own));
     let built = build_derived(model, Arc::clone(&own), &bare)?;
     let (drops, dropped) = match &bare.drops {
@@ -206,14 +223,45 @@ pub(super) fn search(
             Plan { drops: Drops::Components(all.filter(|name| !kept.contains(name)).collect()), ..bare }
         }
     };
-    let change = ChangeOfState::between(&hub.system, &own.system).ok();
+    let change = ChangeOfState::between(&hub, &own.system).ok();
     let mut points = Points::new(model, &hub, &built);
     change.iter().for_each(|change| points.keep_those_of(&built, change));
     let rounding = change.map_or(0.0, |change| points.bound(&built, &change));
-    let scene = Candidate::of(&built, Vec::new(), Vec::new(), rounding);
+    let scene =
+        Candidate::of(&built, Vec::new(), Changed { names: Vec::new(), is_converted: true }, rounding);
     let done = AtomicUsize::new(0);
     let search = Search { model, plan: bare, keeps_state, own, hub, points, done, progress };
     Ok(search.run(&axes, scene))
+}
+
+/// The plan in the formulation that a search chooses; as it is where the scene as it is written is wrong, so that
+/// whoever builds it says so.
+pub(super) fn chosen(model: &Model, plan: Plan, wanted: FormulationSearch) -> Plan {
+    let keeps_state = wanted == FormulationSearch::KeepingState;
+    let Ok(found) = search(model, &plan, keeps_state, &|_, _| {}) else { return plan };
+    let (own, best) = (found.own(), found.best(keeps_state));
+    let words = if keeps_state { "auto" } else { "auto(state)" };
+    let [cost, own_cost] = [best, own].map(|candidate| candidate.counts.cost());
+    let title = best.title();
+    let chosen = match best.is_own() {
+        true => format!("{title}, by `{words}`; its right-hand side costs {cost}, and none found costs less"),
+        false => {
+            format!("{title}, by `{words}`; its right-hand side costs {cost}, as the scene says {own_cost}")
+        }
+    };
+    let mut outputs = plan.outputs.clone();
+    if let Outputs::Named(wanted) = &mut outputs {
+        // The angles that the scene's own state has, where they are functions of the points.
+        let angles =
+            best.formulation.circles.iter().filter(|angle| !plan.formulation.circles.contains(angle));
+        let angles = angles.filter(|angle| best.outputs.contains(angle)).cloned().map(Wanted::Own);
+        let velocities = best.outputs.iter().any(|name| name == Want::Velocities.name());
+        let velocities = velocities.then_some(Wanted::Want(Want::Velocities));
+        let conversions: Vec<Wanted> =
+            angles.chain(velocities).filter(|want| !wanted.contains(want)).collect();
+        wanted.extend(conversions);
+    }
+    Plan { formulation: best.formulation.clone(), outputs, chosen: Some(chosen), ..plan }
 }
 
 fn derived(model: &Model, formulation: &Formulation) -> Result<Arc<Equations>, Diagnostics> {
@@ -222,17 +270,19 @@ fn derived(model: &Model, formulation: &Formulation) -> Result<Arc<Equations>, D
 }
 
 impl Candidate {
-    fn of(built: &BuiltScene, choices: Vec<String>, changed: Vec<String>, rounding: f64) -> Candidate {
+    fn of(built: &BuiltScene, choices: Vec<String>, changed: Changed, rounding: f64) -> Candidate {
         let rate = built.program.function(&Role::Rate);
         Candidate {
             formulation: built.equations.system.formulation.clone(),
             choices,
             state: built.state_names(),
-            changed,
+            changed: changed.names,
+            is_converted: changed.is_converted,
             counts: rate.map(|f| f.counts()).unwrap_or_default(),
             latency: rate.map(|f| f.latency()).unwrap_or_default(),
             n_prepared: built.program.prepare.slots.len(),
             rounding,
+            outputs: built.equations.outputs.iter().map(|output| output.name.clone()).collect(),
             program: built.program.clone(),
         }
     }
@@ -317,7 +367,7 @@ impl Search<'_> {
             problems.iter().next().map(|problem| problem.message.clone()).unwrap_or_default()
         };
         let system = reduce(&model, &formulation).map_err(|problems| first(&problems))?;
-        if self.keeps_state && !self.changed(&system).is_empty() {
+        if self.keeps_state && !self.changed(&system).names.is_empty() {
             return Ok(None);
         }
         self.refuse_divisors(&system)?;
@@ -344,20 +394,33 @@ impl Search<'_> {
     }
 
     fn relation(&self, system: &ReducedSystem) -> Result<ChangeOfState, String> {
-        ChangeOfState::between(&self.hub.system, system)
+        ChangeOfState::between(&self.hub, system)
             .map_err(|DivisionByZero| "its connection has no value in the scene's coordinates".to_owned())
     }
 
     /// State variables that the scene does not have, or that mean something else there.
-    fn changed(&self, system: &ReducedSystem) -> Vec<String> {
-        let change = ChangeOfState::between(&self.own.system, system).ok();
+    fn changed(&self, system: &ReducedSystem) -> Changed {
+        let change = ChangeOfState::between(&self.own, system).ok();
         let keeps = |s| change.as_ref().is_some_and(|change| change.keeps(system, s));
-        let mut changed = Vec::new();
+        let points: Vec<SymbolId> = system.circles.iter().flat_map(|c| [c.cosine, c.sine]).collect();
+        let mut changed = Changed { names: Vec::new(), is_converted: true };
         for (kind, _) in &system.state {
             let symbol = system.state_symbol(*kind);
-            if !keeps(symbol) {
-                changed.push(system.graph.name(symbol).to_owned());
+            if keeps(symbol) {
+                continue;
             }
+            changed.names.push(system.graph.name(symbol).to_owned());
+            changed.is_converted &= match kind {
+                StateKind::Base(_) => points.contains(&symbol),
+                StateKind::Unknown(_) => false,
+                // Who gives an initial state knows the momenta that the model names.
+                StateKind::Momentum { place, .. } => {
+                    let carried = &system.momenta[*place];
+                    let named = self.model.momenta.iter().flat_map(|m| &m.components);
+                    let is_named = named.into_iter().any(|(name, ..)| *name == carried.name);
+                    is_named && keeps(system.unknowns[carried.unknown].symbol)
+                }
+            };
         }
         changed
     }
@@ -424,7 +487,11 @@ fn combinations(axes: &[Vec<Choice>], found: &[Found], scene: &Candidate) -> Vec
     let own = scene.counts.cost().max(1) as f64;
     let mut sums: Vec<(f64, Choices)> = vec![(1.0, Vec::new())];
     for axis in axes {
-        let alone = |choice: &Choice| found.iter().find(|one| one.choices == [choice.clone()]);
+        let alone = |choice: &Choice| {
+            let one = found.iter().find(|one| one.choices == [choice.clone()])?;
+            // What changes nothing by itself is not tried with others.
+            (!one.candidate.computes_the_same_as(scene)).then_some(one)
+        };
         let mut best: Vec<&Found> = axis.iter().filter_map(alone).collect();
         best.sort_by_key(|one| one.candidate.rank());
         let mut longer = Vec::new();

@@ -53,6 +53,7 @@ impl ModelBuilder {
             drops: Vec::new(),
             circles: Vec::new(),
             carries: Vec::new(),
+            formulation: None,
             doc: doc.to_owned(),
             span: here,
             extent,
@@ -193,6 +194,16 @@ impl ModelBuilder {
         let here = self.here;
         match self.scenes.iter_mut().find(|s| s.scene.name == scene) {
             Some(draft) => draft.circles.extend(names.iter().map(|n| ((*n).to_owned(), here))),
+            None => self.problem(here, format!("`{scene}` is not a scene"), "declare it first"),
+        }
+        self
+    }
+
+    /// Searches the formulations of a scene for one that costs less than the one it writes down.
+    pub fn scene_formulation(&mut self, scene: &str, search: FormulationSearch) -> &mut Self {
+        let here = self.here;
+        match self.scenes.iter_mut().find(|s| s.scene.name == scene) {
+            Some(draft) => draft.scene.formulation = Some(search),
             None => self.problem(here, format!("`{scene}` is not a scene"), "declare it first"),
         }
         self

@@ -6,7 +6,7 @@ use super::values::Elaboration;
 use crate::spec::ast::{Carry, Comparison, Expr, Item, ItemKind, Name};
 use crate::spec::builder::{CarryDraft, Placement};
 use crate::spec::eval::is_poisoned;
-use crate::spec::model::{ConnectionKind, Side};
+use crate::spec::model::{ConnectionKind, FormulationSearch, Side};
 use crate::spec::names;
 use crate::spec::value::Value;
 
@@ -129,8 +129,9 @@ impl Elaboration<'_> {
                 let list = located_carries(list);
                 self.builder.at(span).located_carries(list);
             }
-            ItemKind::Scene { name, fixed, wants, drops, circles, carries } => {
+            ItemKind::Scene { name, fixed, wants, drops, circles, carries, formulation } => {
                 self.scene(item, name, fixed, [wants, drops, circles], carries);
+                self.formulation(&name.text, formulation);
             }
             ItemKind::Source(_)
             | ItemKind::Let { .. }
@@ -182,6 +183,34 @@ impl Elaboration<'_> {
         let placement = Placement { around, at, attitude };
         let doc = item.doc.join("\n");
         self.builder.at(Some(name.span)).located_view(&name.text, shape, &arguments, placement, &doc);
+    }
+
+    /// Which formulation a scene asks for: said once, in the words there are.
+    fn formulation(&mut self, scene: &str, said: &[(Name, Option<Name>)]) {
+        if let [_, (again, _), ..] = said {
+            let message = format!("scene `{scene}` says `formulation` twice");
+            self.problem(again.span, message, "keep one of them");
+        }
+        let Some((word, inside)) = said.first() else { return };
+        if word.text != "auto" {
+            let help = names::suggest(&word.text, ["auto"]);
+            self.problem(word.span, format!("unknown formulation `{}`", word.text), help);
+            return;
+        }
+        let search = match inside {
+            None => FormulationSearch::KeepingState,
+            Some(inside) if inside.text == "state" => FormulationSearch::AnyState,
+            Some(inside) => {
+                let message = format!("a formulation cannot be searched with another `{}`", inside.text);
+                self.problem(
+                    inside.span,
+                    message,
+                    "`auto(state)` may change what the state is, `auto` may not",
+                );
+                return;
+            }
+        };
+        self.builder.at(Some(word.span)).scene_formulation(scene, search);
     }
 
     /// `lists`: outputs wanted, coordinates left out, angles carried as points of the circle.

@@ -441,6 +441,7 @@ impl<'a> Parser<'a> {
         let (mut body, _) = self.require_group(Delimiter::Brace, "`{`")?;
         let (mut fixed, mut wants) = (Vec::new(), Vec::new());
         let (mut drops, mut circles, mut carries) = (Vec::new(), Vec::new(), Vec::new());
+        let mut formulation = Vec::new();
         while !body.at_end() {
             if body.word("fix").is_some() {
                 fixed.extend(body.comma_separated(|p| {
@@ -458,12 +459,20 @@ impl<'a> Parser<'a> {
                 carries.extend(body.carried()?);
             } else if body.word("routh").is_some() {
                 carries.extend(body.routhian()?);
+            } else if body.word("formulation").is_some() {
+                let word = body.ident("`auto` or `auto(state)`")?;
+                let inside = body.group(Delimiter::Parenthesis);
+                let what = inside.map(|(mut inside, _)| {
+                    let what = inside.ident("`state`")?;
+                    inside.finish("`)`").map(|()| what)
+                });
+                formulation.push((word, what.transpose()?));
             } else {
-                return body.expected("`fix`, `want`, `drop`, `circle`, `carry` or `routh`");
+                return body.expected("`fix`, `want`, `drop`, `circle`, `carry`, `routh` or `formulation`");
             }
             body.require_punct(";")?;
         }
-        Ok(ItemKind::Scene { name, fixed, wants, drops, circles, carries })
+        Ok(ItemKind::Scene { name, fixed, wants, drops, circles, carries, formulation })
     }
 
     fn carried(&mut self) -> Parsed<Vec<Carry>> {

@@ -3,6 +3,7 @@
 mod bad;
 mod docs;
 mod expressions;
+mod formulation;
 mod fuzz;
 mod good;
 mod motion;
