@@ -171,6 +171,18 @@ fn a_start_in_momenta_keeps_constraints() {
 }
 
 #[test]
+fn a_start_of_a_hamiltonian_keeps_constraints_on_its_velocities() {
+    let text = "model suslov {
+        momentum Pi in so(3);
+        hamiltonian = Pi1^2/4 + Pi2^2/3 + Pi3^2 + Pi1*Pi3/5;
+        constraint dh_dPi3 = 0;
+    }";
+    let y = started(text, "default", &[("Pi2", 2.0)]).unwrap();
+    assert_eq!(y["Pi2"], 2.0);
+    assert!((2.0 * y["Pi3"] + y["Pi1"] / 5.0).abs() < 1e-12 && y["Pi1"] != 0.0, "{y:?}");
+}
+
+#[test]
 fn a_cyclic_coordinate_is_reconstructed_by_the_program() {
     let request = json!({
         "initial": {"theta1": 0.35, "theta2": 0.45, "phi": 0.3, "theta1_dot": 0.2, "theta2_dot": -0.3, "phi_dot": 0.4},

@@ -28,6 +28,8 @@ mod docs {
     pub struct Start;
     #[doc = include_str!("../../docs/book/scenes.md")]
     pub struct Scenes;
+    #[doc = include_str!("../../docs/book/momenta.md")]
+    pub struct Momenta;
     #[doc = include_str!("../../docs/book/emitted-code.md")]
     pub struct EmittedCode;
     #[doc = include_str!("../../docs/book/integrators.md")]

@@ -304,3 +304,16 @@ fn what_stands_for_velocities_is_converted_both_ways() {
         assert!((a - b).abs() < 1e-15, "{back:?}");
     }
 }
+
+#[test]
+fn the_code_of_the_book_is_what_is_emitted() {
+    let model = parsed(include_str!("../../docs/book/heisenberg.hamel"));
+    let built = scene::build(&model, "levels").unwrap_or_else(|e| panic!("{e}"));
+    let module = built.emit().unwrap_or_else(|e| panic!("{e}"));
+    let emitted: Vec<&str> = module.lines().map(str::trim).collect();
+    let page = include_str!("../../docs/book/stages.md");
+    let block = page.split("```text\npub fn rhs").nth(1).and_then(|rest| rest.split("```").next());
+    let block = format!("pub fn rhs{}", block.expect("the right-hand side is on the page"));
+    let shown: Vec<&str> = block.trim_end().lines().map(str::trim).collect();
+    assert!(emitted.windows(shown.len()).any(|lines| lines == shown), "not emitted:\n{block}");
+}

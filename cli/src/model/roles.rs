@@ -22,7 +22,7 @@ pub enum Role {
     },
     /// An angle or a coordinate on the real line.
     Unbounded,
-    /// A velocity.
+    /// A velocity or a momentum.
     Velocity,
     /// A coordinate of the group.
     Group {
@@ -74,6 +74,10 @@ pub fn roles(model: &Model, params: &BTreeMap<String, f64>) -> BTreeMap<String, 
     }
     for velocity in &model.quasi_velocities {
         roles.insert(velocity.name.clone(), Role::Velocity);
+    }
+    // They are chosen like velocities where they do not follow from these.
+    for (name, ..) in model.momenta.iter().flat_map(|momentum| &momentum.components) {
+        roles.insert(name.clone(), Role::Velocity);
     }
     for item in &model.reconstruction {
         let has_quaternion =

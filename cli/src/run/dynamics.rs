@@ -20,7 +20,8 @@ pub struct Info {
     pub scene: String,
     /// Names of the state's components in order.
     pub state: Vec<String>,
-    /// Components of the state that are momenta; empty where that is not known, for compiled scenes.
+    /// Components of the state in the place of velocities, such as momenta; empty where that is not known, for compiled
+    /// scenes.
     #[serde(default)]
     pub momenta: Vec<String>,
     /// Free parameters in order.

@@ -66,13 +66,14 @@ impl Forms {
         }
     }
 
-    /// The scene's own variables, and what else the model calls them.
+    /// The scene's own variables, and what else the model calls them. A Hamiltonian has no momenta by velocities.
     pub fn of(model: &Arc<Checked>, info: &Info) -> Forms {
         let quasi = model.quasi_velocities.iter().map(|v| v.name.as_str());
         let velocities: Vec<&str> =
             model.all_velocities().into_iter().map(|(name, _)| name).chain(quasi).collect();
         let place = |name: &str| info.state.iter().position(|own| own == name);
-        let components = model.momenta.iter().flat_map(|m| &m.components);
+        let momenta = model.momenta.iter().filter(|_| model.hamiltonian.is_none());
+        let components = momenta.flat_map(|m| &m.components);
         let mut found: Vec<(Slot, bool)> = components
             .filter_map(|(momentum, _, k)| {
                 let velocity = velocities[*k];
@@ -188,8 +189,10 @@ impl Forms {
             let scene = self.scene_with(to)?;
             let interpreter = self.prepared(&scene.executable, params)?;
             let velocities = in_order(&scene.velocities, &values);
-            let found = interpreter.legendre(t, &in_order(&scene.state, &values), &velocities);
-            values.extend(scene.momenta.iter().cloned().zip(found.into_iter().flatten()));
+            let Some(found) = interpreter.legendre(t, &in_order(&scene.state, &values), &velocities) else {
+                return Err(Error::unusable("the state", "has momenta that do not follow from velocities"));
+            };
+            values.extend(scene.momenta.iter().cloned().zip(found));
         }
         let names = self.names(to);
         let converted = in_order(&names, &values);

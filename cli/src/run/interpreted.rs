@@ -47,7 +47,7 @@ impl Stored {
             model: model.to_owned(),
             scene: scene.name.clone(),
             state: scene.state_names(),
-            momenta: scene.legendre().momenta.iter().map(|(name, _)| name.clone()).collect(),
+            momenta: momenta(scene),
             params: scene.params().iter().map(param).collect(),
             outputs: scene.outputs().iter().map(output_entry).collect(),
             has_energy: scene.has_energy(),
@@ -55,6 +55,16 @@ impl Stored {
         };
         Stored { executable: scene.executable(), info }
     }
+}
+
+/// Components of a state in the place of velocities of the model.
+fn momenta(scene: &BuiltScene) -> Vec<String> {
+    let carried = scene.equations.system.momenta.iter().filter(|m| m.symbol.is_some()).map(|m| &m.name);
+    let others = scene.legendre().momenta.iter().map(|(name, _)| name);
+    let mut names: Vec<String> = carried.chain(others).cloned().collect();
+    names.sort();
+    names.dedup();
+    names
 }
 
 fn output_entry(output: &hamel_codegen::mechanics::Output) -> OutputEntry {
