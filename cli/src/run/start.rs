@@ -148,12 +148,15 @@ fn unit_vector(index: usize, n: usize, attempt: usize) -> f64 {
     component(index) / (0..n).map(|k| component(k).powi(2)).sum::<f64>().sqrt()
 }
 
+/// From the components that a state was guessed in to the scene's own.
+type OwnState<'a> = &'a dyn Fn(&[f64]) -> Result<Vec<f64>, Error>;
+
 /// Moves the velocities at positions `free` onto the constraint, by Newton's method with the least change; `velocities`
 /// are the positions of all, and `own_state` makes the state of the scene.
 fn meet_constraint(
     backend: &mut dyn Backend,
     params: &[f64],
-    own_state: &dyn Fn(&[f64]) -> Result<Vec<f64>, Error>,
+    own_state: OwnState<'_>,
     y: &mut [f64],
     [velocities, free]: [&[usize]; 2],
 ) -> Result<(), Error> {

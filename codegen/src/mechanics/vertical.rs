@@ -165,6 +165,9 @@ fn unit_vectors(g: &Graph, n: usize) -> Vec<Vec<ExprId>> {
     (0..n).map(|i| (0..n).map(|j| if i == j { g.one() } else { g.zero() }).collect()).collect()
 }
 
+/// The parts of a virtual displacement along the base and in the adapted basis.
+type Displacement = (Vec<ExprId>, Vec<ExprId>);
+
 struct Writer<'a> {
     equations: &'a Equations,
     system: &'a ReducedSystem,
@@ -429,7 +432,7 @@ impl<'a> Writer<'a> {
 
     /// A basis of the virtual displacements without a part along the base, in the adapted basis, and what completes it
     /// to all of them: its parts along the base and in the adapted basis.
-    fn allowed(&mut self) -> Option<(Vec<Vec<ExprId>>, Vec<(Vec<ExprId>, Vec<ExprId>)>)> {
+    fn allowed(&mut self) -> Option<(Vec<Vec<ExprId>>, Vec<Displacement>)> {
         let KinematicConstraint::Solved(constraint) = &self.system.constraint else { return None };
         let mut w = Vec::new();
         for row in &constraint.virtual_displacements {

@@ -52,11 +52,11 @@ pub(super) fn on_algebroid(
         KinematicConstraint::Multipliers { .. } => frame_unknowns(&model),
     };
     let momenta = momenta::carried(&mut model, formulation, &unknowns)
-        .map_err(|problem| model.diagnostics(vec![problem]))?;
+        .map_err(|problem| model.diagnostics(vec![*problem]))?;
     momenta::spell_out(&mut model, &constraint, &unknowns, &momenta)
         .map_err(|problems| model.diagnostics(problems))?;
     let hamiltonian =
-        momenta::hamiltonian(&model, &momenta).map_err(|problem| model.diagnostics(vec![problem]))?;
+        momenta::hamiltonian(&model, &momenta).map_err(|problem| model.diagnostics(vec![*problem]))?;
     let state = state_order(&model, &unknowns, &momenta);
     let blocks = blocks(&model);
     let algebra = model.base.len()..velocities.len();

@@ -34,12 +34,12 @@ pub use constraint::{
 pub use domain::DomainCondition;
 pub use fix::with_fixed;
 pub use formulation::{Formulation, FoundChain, StageUse, carried_by_momenta};
-pub use momenta::CarriedMomentum;
 pub(crate) use momenta::momentum_of;
+pub use momenta::{CarriedMomentum, Hamiltonian};
 pub use part::Part;
 pub use reconstruction::{MomentumInSpace, ReconstructedCoordinate};
 pub use stages::{StageLevel, Stages, Tensor};
-pub use system::{Block, BlockKind, Circle, Hamiltonian, ReducedSystem, StateKind};
+pub use system::{Block, BlockKind, Circle, ReducedSystem, StateKind};
 
 /// Reduces a model in the formulation that is asked for.
 ///

@@ -11,12 +11,11 @@ use crate::spec::{self, Carried, CarriedBy, Model};
 use super::constraint::{KinematicConstraint, Unknown};
 use super::formulation::Formulation;
 use super::reconstruction::ReconstructedCoordinate;
-use super::system::Hamiltonian;
 
 /// The momentum `pi_b = W^a_b dL/dy^a` of an unknown, which the state carries, or which is a parameter.
 #[derive(Clone, Debug)]
 pub struct CarriedMomentum {
-    /// The unknown, by its place in [`ReducedSystem::unknowns`](super::ReducedSystem::unknowns).
+    /// The unknown, by its place in `ReducedSystem::unknowns`.
     pub unknown: usize,
     /// Its name: of the state variable, or of the parameter.
     pub name: String,
@@ -30,6 +29,16 @@ pub struct CarriedMomentum {
     pub cyclic: Option<SymbolId>,
 }
 
+/// A function on the dual of the algebroid: `xdot = rho dh/dp`,
+/// `pdot_a = -C^c_ab (dh/dp_b) p_c - rho^i_a dh/dx^i + F_a`.
+#[derive(Clone, Debug)]
+pub struct Hamiltonian {
+    /// `h(x, p, t)`.
+    pub h: ExprId,
+    /// Symbols of the momenta `p_alpha`, in frame order.
+    pub momenta: Vec<SymbolId>,
+}
+
 /// The momenta that a formulation carries, with `unknowns` in its state otherwise.
 ///
 /// # Errors
@@ -38,7 +47,7 @@ pub(super) fn carried(
     model: &mut Model,
     formulation: &Formulation,
     unknowns: &[Unknown],
-) -> Result<Vec<CarriedMomentum>, spec::Diagnostic> {
+) -> Result<Vec<CarriedMomentum>, Box<spec::Diagnostic>> {
     let mut momenta = Vec::new();
     for Carried { velocity, by } in &formulation.momenta {
         let place = place_of(model, unknowns, *velocity);
@@ -62,7 +71,7 @@ pub(super) fn carried(
                     (None, None) => {
                         let known = model.params.iter().map(|p| p.name.clone()).collect();
                         let error = Error::UnknownName { name: name.clone(), kind: "parameter", known };
-                        return Err(model.diagnose(&error));
+                        return Err(Box::new(model.diagnose(&error)));
                     }
                 };
                 (name, value, None)
@@ -80,7 +89,8 @@ pub(super) fn carried(
             let message = format!("`{name}` is no state variable: the constraints determine `{velocity}`");
             let free: Vec<&str> = unknowns.iter().map(|u| u.name.as_str()).collect();
             let help = format!("velocities in the state: {}", free.join(", "));
-            return Err(spec::diagnose(model, model.places.carries.get(name).copied(), message, help));
+            let span = model.places.carries.get(name).copied();
+            return Err(Box::new(spec::diagnose(model, span, message, help)));
         };
         let doc = match declared {
             Some((doc, _)) if !doc.is_empty() => doc,
@@ -101,7 +111,7 @@ pub(super) fn carried(
 pub(super) fn hamiltonian(
     model: &Model,
     carried: &[CarriedMomentum],
-) -> Result<Option<Hamiltonian>, spec::Diagnostic> {
+) -> Result<Option<Hamiltonian>, Box<spec::Diagnostic>> {
     let Some(h) = model.hamiltonian else { return Ok(None) };
     let mut momenta = Vec::new();
     for (k, (name, _)) in model.all_velocities().into_iter().enumerate() {
@@ -112,7 +122,7 @@ pub(super) fn hamiltonian(
             _ => {
                 let message = format!("the state cannot carry `{name}`: a hamiltonian has momenta");
                 let help = "the output `velocities` has it; a lagrangian can be carried either way";
-                return Err(spec::diagnose(model, model.places.lagrangian, message, help));
+                return Err(Box::new(spec::diagnose(model, model.places.lagrangian, message, help)));
             }
         }
     }

@@ -12,19 +12,10 @@ use super::change::{Change, Frame};
 use super::constraint::{KinematicConstraint, Unknown};
 use super::domain::DomainCondition;
 use super::formulation::Formulation;
-use super::momenta::CarriedMomentum;
+use super::momenta::{CarriedMomentum, Hamiltonian};
 use super::part::Part;
 use super::reconstruction::{MomentumInSpace, ReconstructedCoordinate};
 use super::stages::Stages;
-
-/// A function on the dual of the algebroid, `xdot = rho dh/dp`, `pdot_a = -C^c_ab (dh/dp_b) p_c - rho^i_a dh/dx^i + F_a`.
-#[derive(Clone, Debug)]
-pub struct Hamiltonian {
-    /// `h(x, p, t)`.
-    pub h: ExprId,
-    /// Symbols of the momenta `p_alpha`, in frame order.
-    pub momenta: Vec<SymbolId>,
-}
 
 /// What a state variable is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

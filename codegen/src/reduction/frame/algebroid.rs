@@ -232,11 +232,9 @@ pub(super) fn transformed(g: &mut Graph, old: &Algebroid, frame: &Frame, names: 
     let moved = |g: &mut Graph, new: &Algebroid, a: usize, column: &[ExprId]| -> Vec<ExprId> {
         column.iter().map(|e| new.derivative_along(g, a, *e)).collect()
     };
-    let brackets: Vec<(usize, usize, Vec<(usize, ExprId)>)> = (0..m)
-        .flat_map(|d| (d + 1..m).map(move |e| (d, e)))
-        .map(|(d, e)| (d, e, old.bracket(g, d, e)))
-        .filter(|(.., value)| !value.is_empty())
-        .collect();
+    let pairs = (0..m).flat_map(|d| (d + 1..m).map(move |e| (d, e)));
+    let brackets = pairs.map(|(d, e)| (d, e, old.bracket(g, d, e)));
+    let brackets: Vec<_> = brackets.filter(|(.., value)| !value.is_empty()).collect();
     for a in 0..m {
         for b in a + 1..m {
             let forward = moved(g, &new, a, &columns[b]);

@@ -104,11 +104,11 @@ impl Candidate {
 
     /// Whether the operations on the state and the prepared numbers are those of another one.
     fn computes_the_same_as(&self, other: &Candidate) -> bool {
-        let operations = |candidate: &Candidate| -> Option<(Vec<Op>, Vec<Operand>, Vec<Op>, Vec<u32>)> {
+        let operations = |candidate: &Candidate| {
             let ops = |list: &[Instruction]| list.iter().map(|i| i.op).collect::<Vec<Op>>();
             let (rate, prepare) = (candidate.program.function(&Role::Rate)?, &candidate.program.prepare);
-            let results = rate.results.iter().map(|(_, operand)| *operand).collect();
-            let slots = prepare.slots.iter().map(|slot| slot.value).collect();
+            let results: Vec<Operand> = rate.results.iter().map(|(_, operand)| *operand).collect();
+            let slots: Vec<u32> = prepare.slots.iter().map(|slot| slot.value).collect();
             Some((ops(&rate.instructions), results, ops(&prepare.instructions), slots))
         };
         let is_one_state = self.state == other.state && self.changed == other.changed;
@@ -455,12 +455,12 @@ impl Search<'_> {
         let known: Vec<_> = self.own.system.connection.iter().flatten().flatten().copied().collect();
         let known = divisors(&self.own.system, &known);
         let base: BTreeSet<_> = system.algebroid.base().iter().copied().collect();
-        let mut g = system.graph.clone();
+        let g = &system.graph;
         for e in divisors(system, &entries) {
             let is_fixed = !g.depends_on(e, &base);
             let text = g.display(e, Style::Plain);
             let is_known = known.iter().any(|own| self.own.system.graph.display(*own, Style::Plain) == text);
-            if !is_fixed && !is_known && !sign_of(&mut g, e, &system.signs).is_definite() {
+            if !is_fixed && !is_known && !sign_of(g, e, &system.signs).is_definite() {
                 return Err(format!("its connection divides by {text}, which may vanish"));
             }
         }

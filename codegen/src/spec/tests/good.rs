@@ -160,6 +160,7 @@ fn builder_and_file_give_one_heavy_top() {
         b.condition(&format!("{name} > 0"), &value, Compare::Greater, &zero);
     }
     let omega = b.velocities(LieAlgebra::so(3).unwrap(), &["Omega"]).remove(0);
+    let momentum = b.momentum("Pi", "Omega", "").unwrap();
     let gamma = b.advected("Gamma", Some(3), "");
     let action = omega.cross(b.graph(), &gamma).unwrap();
     b.advected_action("Gamma", &action);
@@ -170,7 +171,7 @@ fn builder_and_file_give_one_heavy_top() {
     let weight = m.mul(g, &gravity).unwrap().mul(g, &l).unwrap();
     let potential = gamma.dot(g, &chi).unwrap().mul(g, &weight).unwrap();
     let lagrangian = kinetic.sub(g, &potential).unwrap();
-    let (c1, c2) = (gamma.dot(g, &gamma).unwrap(), pi.dot(g, &gamma).unwrap());
+    let (c1, c2) = (gamma.dot(g, &gamma).unwrap(), momentum.dot(g, &gamma).unwrap());
     b.lagrangian(&lagrangian).casimir("C1", &c1, "").casimir("C2", &c2, "");
     b.scene("lagrange", &[("chi1", &[q("0")]), ("chi2", &[q("0")])], &["energy", "momentum"], "");
     let derivatives = ["jacobian", "jvp", "vjp", "time_derivative", "sensitivity", "sensitivity_jvp"];
@@ -181,6 +182,7 @@ fn builder_and_file_give_one_heavy_top() {
     let fixed: [(&str, &[Rational]); 5] =
         [("chi1", &zero), ("chi2", &zero), ("chi3", &one), ("I1", &inertia), ("I2", &inertia)];
     b.scene("symmetric", &fixed, &["rhs", "energy"], "");
+    b.scene("momenta", &[], &["rhs", "energy", "casimirs"], "").scene_carries("momenta", &["Pi"]);
     let built = b.build().unwrap();
 
     let names = |m: &Model| m.params.iter().map(|p| (p.name.clone(), p.default.clone())).collect::<Vec<_>>();
@@ -192,7 +194,9 @@ fn builder_and_file_give_one_heavy_top() {
         |m: &Model| m.conditions.iter().map(|c| (c.text.clone(), c.subject.clone())).collect::<Vec<_>>();
     assert_eq!(texts(&built), texts(&file));
     let scenes = |m: &Model| {
-        m.scenes.iter().map(|s| (s.name.clone(), s.fixed.clone(), s.wants.clone())).collect::<Vec<_>>()
+        let parts =
+            |s: &crate::spec::Scene| (s.name.clone(), s.fixed.clone(), s.wants.clone(), s.carries.clone());
+        m.scenes.iter().map(parts).collect::<Vec<_>>()
     };
     assert_eq!(scenes(&built), scenes(&file));
     // Expressions agree as functions of the named symbols: evaluated at one point, exactly.
