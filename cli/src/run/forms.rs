@@ -159,7 +159,7 @@ impl Forms {
     /// The form of a state that is given by these names.
     ///
     /// # Errors
-    /// As [`Forms::form_among`].
+    /// As `form_among`.
     pub fn form_of<'n>(&self, names: impl IntoIterator<Item = &'n str>) -> Result<Form, String> {
         self.form_among(&[], names)
     }
