@@ -1,9 +1,9 @@
-//! States that carry momenta: the motion of the original coordinates is that of the velocities, exactly, at random rational
-//! points of random systems.
+//! States that carry momenta: the motion of the original coordinates is that of the velocities, exactly, at random
+//! rational points of random systems.
 //!
-//! A system is derived twice, with velocities and with momenta. At a state in velocities the Legendre transform gives the
-//! momenta; their rates have to be what the chain rule makes of the rates in velocities, and everything else has to have
-//! the same value.
+//! A system is derived twice, with velocities and with momenta. At a state in velocities the Legendre transform gives
+//! the momenta; their rates have to be what the chain rule makes of the rates in velocities, and everything else has to
+//! have the same value.
 
 use std::collections::BTreeMap;
 

@@ -93,8 +93,8 @@ fn velocities_that_follow_from_momenta_are_met_within_64_units_of_the_largest_te
     assert_eq!(compared, 12 + 3 * 12);
 }
 
-/// The azimuth of the plane that turns, and the attitude of the satellite, which shows that its angular momentum in space
-/// stays where it was.
+/// The azimuth of the plane that turns, and the attitude of the satellite, which shows that its angular momentum in
+/// space stays where it was.
 #[test]
 fn reconstructions_at_given_momenta_are_met_within_1e_9() {
     for model in ["double_spherical_pendulum", "two_arm_satellite_routh"] {

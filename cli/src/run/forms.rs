@@ -122,8 +122,8 @@ impl Forms {
         names
     }
 
-    /// The form of a state given by these names: the first of `preferred`, the scene's own, velocities, momenta that has
-    /// all of them. Names that no form has are of no account.
+    /// The form of a state given by these names: the first of `preferred`, the scene's own, velocities, momenta that
+    /// has all of them. Names that no form has are of no account.
     ///
     /// # Errors
     /// Why there is none.

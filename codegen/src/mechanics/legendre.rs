@@ -150,8 +150,8 @@ impl Derivation<'_> {
         self.g.sum(&terms)
     }
 
-    /// Both ways between what the state carries and the velocities that it stands for: these as an output, the momenta by
-    /// them.
+    /// Both ways between what the state carries and the velocities that it stands for: these as an output, the momenta
+    /// by them.
     pub(super) fn conversions(&mut self) -> Result<(Legendre, Option<Output>), Error> {
         let system = self.system;
         let solved = match &system.constraint {
@@ -232,8 +232,8 @@ impl Derivation<'_> {
         self.g.subs(raw, dependent).map_err(|_| by_velocities())
     }
 
-    /// The velocities whose momenta are parameters, by the other velocities: they solve `A_LL u_L = pi_L - A_LR u_R - ..`,
-    /// which is written out, because nothing but the momenta by velocities needs it.
+    /// The velocities whose momenta are parameters, by the other velocities: they solve
+    /// `A_LL u_L = pi_L - A_LR u_R - ..`, which is written out, because nothing but the momenta by velocities needs it.
     fn velocities_at_level(
         &mut self,
         dependent: &BTreeMap<SymbolId, ExprId>,

@@ -152,7 +152,8 @@ fn rank(g: &mut Graph, writer: &SectionWriter, e: ExprId) -> Option<Rank> {
 impl Factorisation {
     /// Factors `a`, writing the entries of the factors as definitions prefixed by `prefix`.
     ///
-    /// The unknowns `leading` are eliminated first, so that [`Factorisation::solve_leading`] can solve their block alone.
+    /// The unknowns `leading` are eliminated first, so that [`Factorisation::solve_leading`] can solve their block
+    /// alone.
     ///
     /// Symmetric matrices keep their symmetry: pivots stay on the diagonal, ordered once by sparsity so that
     /// parameter-only pivots come first. A diagonal that vanishes, or is not proved not to, or a matrix that is not
@@ -338,9 +339,9 @@ impl Factorisation {
         self.row_order.len() - if self.block.is_some() { 2 } else { 0 }
     }
 
-    /// Solves the block of the first `n` unknowns, those that were to be `leading`, for one right-hand side; the unknowns
-    /// are named by `labels`, intermediate values `c_` and that. Entries of `b` and of the result outside of the block
-    /// mean nothing.
+    /// Solves the block of the first `n` unknowns, those that were to be `leading`, for one right-hand side; the
+    /// unknowns are named by `labels`, intermediate values `c_` and that. Entries of `b` and of the result outside of
+    /// the block mean nothing.
     pub fn solve_leading(
         &self,
         g: &mut Graph,

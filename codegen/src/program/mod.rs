@@ -3,8 +3,8 @@
 //! `ir` is the data, `role` says what a function is for, `report` what became of the search for its form, `counts` and
 //! `cost` say what it costs, `verify` checks the rules, `edit` is what every pass that rewrites a program needs,
 //! `interpret` runs a program with the very operations that emitted code performs, `rounding` bounds their errors,
-//! `round_trip` turns it back into expressions, `series` turns a right-hand side into the recurrence of the Taylor coefficients of its solutions. Does
-//! not know: mechanics, how expressions become programs, Rust.
+//! `round_trip` turns it back into expressions, `series` turns a right-hand side into the recurrence of the Taylor
+//! coefficients of its solutions. Does not know: mechanics, how expressions become programs, Rust.
 
 pub(crate) mod cost;
 mod counts;
