@@ -93,11 +93,12 @@ impl<'a> Derivation<'a> {
         }
         self.g.within_budget()?;
         self.g.enter(Stage::Elimination);
-        let mut motion = match self.system.constraint.clone() {
-            _ if let Some(hamiltonian) = &self.system.hamiltonian => self.solve_on_dual(hamiltonian)?,
-            KinematicConstraint::Solved(solved) => self.solve_reduced(&solved)?,
-            KinematicConstraint::Multipliers { rows, reactions } => {
-                self.solve_with_multipliers(&rows, &reactions)?
+        let system = self.system;
+        let mut motion = match (&system.hamiltonian, &system.constraint) {
+            (Some(hamiltonian), _) => self.solve_on_dual(hamiltonian)?,
+            (None, KinematicConstraint::Solved(solved)) => self.solve_reduced(solved)?,
+            (None, KinematicConstraint::Multipliers { rows, reactions }) => {
+                self.solve_with_multipliers(rows, reactions)?
             }
         };
         motion.momentum_rates = self.momentum_rates(&motion)?;
