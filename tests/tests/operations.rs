@@ -20,10 +20,12 @@ const BOUNDS: &[Bound] = &[
     most("chaplygin_ball", "default",          [ 40,  60,  3,  0, 103]),
     most("chaplygin_ball", "taylor",           [ 40,  60,  3,  0, 103]),
     most("chaplygin_ball", "invariants",       [ 40,  60,  3,  0, 103]),
+    most("chaplygin_ball", "momenta",          [ 36,  51,  3,  0,  90]),
     most("chaplygin_gyro", "default",          [129, 176,  4,  2, 311]),
     most("chaplygin_sleigh", "default",        [  2,   6,  0,  0,   8]),
     most("chaplygin_sleigh", "derivatives",    [  2,   6,  0,  0,   8]),
     most("chaplygin_sleigh", "invariants",     [  2,   6,  0,  0,   8]),
+    most("double_spherical_pendulum", "default", [ 48,  85,  4,  3, 140]),
     most("euler_disk", "default",              [ 11,  20,  1,  1,  33]),
     most("euler_disk", "minimal",              [ 11,  20,  1,  1,  33]),
     most("euler_disk", "taylor",               [ 11,  20,  1,  1,  33]),
@@ -33,17 +35,21 @@ const BOUNDS: &[Bound] = &[
     most("euler_disk_advected", "invariants",  [ 12,  33,  1,  1,  47]),
     most("extended_pose", "default",           [165, 192,  0,  0, 357]),
     most("extended_pose", "block_diagonal",    [ 57,  84,  0,  0, 141]),
+    most("extended_pose", "momenta",           [ 93, 111,  0,  0, 204]),
     most("free_rigid_body", "default",         [  0,   6,  0,  0,   6]),
     most("free_rigid_body", "invariants",      [  8,  21,  0,  0,  29]),
+    most("free_rigid_body", "momenta",         [  0,   6,  0,  0,   6]),
     most("heavy_top", "default",               [  9,  18,  0,  0,  27]),
     most("heavy_top", "lagrange",              [  5,  14,  0,  0,  19]),
     most("heavy_top", "derivatives",           [  9,  18,  0,  0,  27]),
     most("heavy_top", "taylor",                [  9,  18,  0,  0,  27]),
     most("heavy_top", "invariants",            [  9,  18,  0,  0,  27]),
     most("heavy_top", "symmetric",             [  5,  11,  0,  0,  16]),
+    most("heavy_top", "momenta",               [  9,  21,  0,  0,  30]),
     most("kirchhoff_body", "default",          [ 54,  71,  0,  0, 125]),
     most("kirchhoff_body", "uncoupled",        [  6,  24,  0,  0,  30]),
     most("kirchhoff_body", "invariants",       [ 74, 104,  0,  0, 178]),
+    most("kirchhoff_body", "momenta",          [ 36,  48,  0,  0,  84]),
     most("mobile_robot", "default",            [  4,   8,  0,  0,  12]),
     most("mobile_robot", "minimal",            [  4,   8,  0,  0,  12]),
     most("rolling_ball", "default",            [  0,   0,  0,  0,   0]),
@@ -63,6 +69,10 @@ const BOUNDS: &[Bound] = &[
     most("two_arm_satellite", "default",       [ 57,  80,  3,  2, 142]),
     most("two_arm_satellite", "taylor",        [ 57,  80,  3,  2, 142]),
     most("two_arm_satellite", "invariants",    [ 65,  95,  3,  2, 165]),
+    most("two_arm_satellite", "momenta",       [ 42,  70,  3,  2, 117]),
+    most("two_arm_satellite_routh", "default", [ 70, 120,  5,  2, 197]),
+    most("two_arm_satellite_routh", "taylor",  [ 70, 120,  5,  2, 197]),
+    most("two_arm_satellite_routh", "invariants", [ 78, 135,  5,  2, 220]),
     most("veselova", "default",                [ 17,  41,  1,  0,  59]),
     most("veselova", "derivatives",            [ 17,  41,  1,  0,  59]),
     most("veselova", "invariants",             [ 17,  41,  1,  0,  59]),
@@ -95,15 +105,18 @@ fn line(model: &str, scene: &str, [add, mul, div, functions, all]: [usize; 5]) -
     format!("    {names:<42} [{add:>3}, {mul:>3}, {div:>2}, {functions:>2}, {all:>3}]),\n")
 }
 
-/// Models with functions so large that the search for their cheapest form stops at its limit of divisors looked at.
+/// Models with functions so large that the search for their cheapest form stops at a limit: of divisors looked at, or of
+/// the terms that a number in the parameters may have, where velocities follow from momenta by a full matrix.
 ///
 /// With four times the limit the Chaplygin gyroscope takes 20 s instead of 4 s to generate and the satellite 40 s
 /// instead of 2 s (optimised, one core of two shared ones).
-const STOPPED_EARLY: [(&str, &[&str]); 4] = [
+const STOPPED_EARLY: [(&str, &[&str]); 6] = [
     ("chaplygin_ball", &["rhs"]),
     ("chaplygin_gyro", &["rhs", "multipliers"]),
+    ("double_spherical_pendulum", &["rhs"]),
     ("extended_pose", &["rhs"]),
     ("two_arm_satellite", &["rhs"]),
+    ("two_arm_satellite_routh", &["rhs", "energy", "momentum", "invariants", "invariant_gradients"]),
 ];
 
 /// The searches of a scene that fell back, or stopped early although its model is none of those.
@@ -113,7 +126,7 @@ fn unexpected(model: &str, scene: &str, report: &Report) -> String {
         let is_known =
             |(name, functions): &(&str, &[&str])| *name == model && functions.contains(&role.name());
         let is_expected = search.fall_back.is_none()
-            && search.limits == BTreeSet::from([Limit::Divisors])
+            && search.limits.is_subset(&BTreeSet::from([Limit::Divisors, Limit::Numbers]))
             && STOPPED_EARLY.iter().any(is_known);
         if !is_expected {
             let _ = writeln!(problems, "{model} {scene}: {role}: {search:?}");

@@ -19,12 +19,13 @@ fn defined(e: &Equations) -> Vec<&str> {
 }
 
 /// Name, definitions, nodes: measured, plus about a tenth.
-const BOUNDS: [(&str, usize, usize); 22] = [
+const BOUNDS: [(&str, usize, usize); 24] = [
     ("appell_machine", 7, 40),
     ("ball_on_rotating_table", 13, 59),
     ("chaplygin_ball", 76, 295),
     ("chaplygin_gyro", 148, 745),
     ("chaplygin_sleigh", 9, 42),
+    ("double_spherical_pendulum", 55, 255),
     ("euler_disk", 59, 294),
     ("euler_disk_advected", 48, 201),
     ("extended_pose", 211, 834),
@@ -40,6 +41,7 @@ const BOUNDS: [(&str, usize, usize); 22] = [
     ("suslov", 10, 46),
     ("tethered_body", 17, 88),
     ("two_arm_satellite", 45, 245),
+    ("two_arm_satellite_routh", 61, 299),
     ("veselova", 20, 100),
     ("wong_particle", 14, 100),
 ];
