@@ -105,8 +105,8 @@ fn line(model: &str, scene: &str, [add, mul, div, functions, all]: [usize; 5]) -
     format!("    {names:<42} [{add:>3}, {mul:>3}, {div:>2}, {functions:>2}, {all:>3}]),\n")
 }
 
-/// Models with functions so large that the search for their cheapest form stops at a limit: of divisors looked at, or of
-/// the terms that a number in the parameters may have, where velocities follow from momenta by a full matrix.
+/// Models with functions so large that the search for their cheapest form stops at a limit: of divisors looked at, or
+/// of the terms that a number in the parameters may have, where velocities follow from momenta by a full matrix.
 ///
 /// With four times the limit the Chaplygin gyroscope takes 20 s instead of 4 s to generate and the satellite 40 s
 /// instead of 2 s (optimised, one core of two shared ones).
