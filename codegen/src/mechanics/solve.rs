@@ -364,10 +364,24 @@ impl Factorisation {
             z.push(writer.define(g, &format!("c_{}", labels[self.column_order[i]]), sum));
         }
         let mut x = vec![g.zero(); b.len()];
-        for i in (0..n).rev() {
+        self.substitute_back(g, writer, labels, &z, (n, n), &mut x);
+        x
+    }
+
+    /// The unknowns of the first rows from the intermediate values `z`, with those up to a column already in `x`.
+    fn substitute_back(
+        &self,
+        g: &mut Graph,
+        writer: &mut SectionWriter,
+        labels: &[String],
+        z: &[ExprId],
+        (n_rows, n_columns): (usize, usize),
+        x: &mut [ExprId],
+    ) {
+        for i in (0..n_rows).rev() {
             let inverse = g.powi(self.pivots[i], -1);
             let mut terms = vec![g.mul(z[i], inverse)];
-            for j in i + 1..n {
+            for j in i + 1..n_columns {
                 let product = g.mul(self.upper[i][j], x[self.column_order[j]]);
                 terms.push(g.neg(product));
             }
@@ -375,7 +389,6 @@ impl Factorisation {
             let k = self.column_order[i];
             x[k] = writer.define(g, &labels[k], sum);
         }
-        x
     }
 
     /// Solves for one right-hand side; the unknowns are named by `labels`, intermediate values `z_` and that.
@@ -412,17 +425,7 @@ impl Factorisation {
                 x[k] = writer.define(g, &labels[k], value);
             }
         }
-        for i in (0..self.n_eliminated()).rev() {
-            let inverse = g.powi(self.pivots[i], -1);
-            let mut terms = vec![g.mul(z[i], inverse)];
-            for j in i + 1..n {
-                let product = g.mul(self.upper[i][j], x[self.column_order[j]]);
-                terms.push(g.neg(product));
-            }
-            let sum = g.sum(&terms);
-            let k = self.column_order[i];
-            x[k] = writer.define(g, &labels[k], sum);
-        }
+        self.substitute_back(g, writer, labels, &z, (self.n_eliminated(), n), &mut x);
         x
     }
 }
