@@ -154,6 +154,11 @@ pub enum Error {
         /// Its rate along the motion, cut where it is long.
         rate: String,
     },
+    /// Momenta are to be carried that do not determine the velocities linearly.
+    NotQuadratic {
+        /// A velocity on which an entry of the Hessian `L_yy` depends.
+        velocity: String,
+    },
     /// A momentum that is to be a parameter moves.
     NotCyclic {
         /// The velocity whose momentum it is.
@@ -333,6 +338,12 @@ impl Error {
             Error::NotConserved { name, rate } => (
                 format!("casimir {name} is not conserved by these equations: its rate is {rate}"),
                 format!("write `output {name} = ..;` instead"),
+            ),
+            Error::NotQuadratic { velocity } => (
+                format!(
+                    "momenta cannot be carried: the lagrangian is not quadratic in the velocities, its Hessian contains {velocity}"
+                ),
+                "carry velocities, without `carry` and `routh`; a `hamiltonian` in momenta may be of any kind".into(),
             ),
             Error::NotCyclic { velocity, parameter, reason } => (
                 format!("the momentum along {velocity} is no parameter: {reason}"),

@@ -22,8 +22,7 @@ impl Derivation<'_> {
     /// `A_MM u_M = pi_M - A_MV u_V - W_M^T dL/dy(psi0)`, `A = W^T L_yy Psi`.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] for a Lagrangian that is not quadratic in the velocities, and for virtual displacements
-    /// that depend on them.
+    /// [`Error::NotQuadratic`], [`Error::Unsupported`] for virtual displacements that depend on velocities.
     pub(super) fn legendre(&mut self) -> Result<(), Error> {
         let system = self.system;
         if system.momenta.is_empty() {
@@ -31,11 +30,9 @@ impl Derivation<'_> {
         }
         let velocities: BTreeSet<SymbolId> = system.velocities.iter().copied().collect();
         self.hessian()?;
-        if self.hessian.iter().flatten().any(|e| self.g.depends_on(*e, &velocities)) {
-            return Err(Error::Unsupported {
-                what: "momenta as state for a Lagrangian that is not quadratic in the velocities".into(),
-                possible: "velocities as state; remove `carry` and `routh`".into(),
-            });
+        let free = self.hessian.iter().flatten().flat_map(|e| self.g.free_symbols(*e));
+        if let Some(velocity) = free.into_iter().find(|symbol| velocities.contains(symbol)) {
+            return Err(Error::NotQuadratic { velocity: self.g.name(velocity).to_owned() });
         }
         let carried: Vec<usize> = system.momenta.iter().map(|m| m.unknown).collect();
         let unknowns: Vec<String> = system.unknowns.iter().map(|u| u.name.clone()).collect();

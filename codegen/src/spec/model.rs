@@ -564,6 +564,7 @@ impl Model {
             Error::NotConserved { name, .. } | Error::ConservationUnverified { name, .. } => {
                 self.places.outputs.get(name).copied()
             }
+            Error::NotQuadratic { .. } => self.places.lagrangian,
             Error::NotCyclic { parameter, .. } => self.places.carries.get(parameter).copied(),
             Error::DependentConstraint { constraint } | Error::InconsistentConstraint { constraint } => {
                 constraints.chain(conditions).find(|(text, _)| *text == constraint).and_then(|(_, span)| span)
