@@ -34,7 +34,11 @@ pub(super) fn algebroid_of(model: &mut Model) -> Result<Algebroid, Vec<Error>> {
         Side::Right => Rational::from_integer((-1).into()),
     };
     for (a, b, value) in model.algebra.brackets() {
-        let value = value.iter().map(|(c, q)| (n_shape + c, g.rational(q * &side))).collect();
+        let along = value.iter().map(|(c, q)| {
+            let constant = g.number(q);
+            (n_shape + c, g.scale(constant, &side))
+        });
+        let value = along.collect();
         algebroid.set_bracket(n_shape + a, n_shape + b, value);
     }
     if let Some(connection) = &model.connection {

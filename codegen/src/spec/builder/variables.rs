@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 
 use super::draft::{DeclaredAs, ModelBuilder};
 use crate::algebra::LieAlgebra;
-use crate::expr::{ExprId, SymbolId};
+use crate::expr::{ExprId, Number, SymbolId};
 use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::layout::Layout;
 use crate::spec::model::*;
@@ -29,14 +29,14 @@ impl ModelBuilder {
     /// b.advected_action("Gamma", &turned).lagrangian(&theta_dot);
     /// assert!(b.build().is_ok());
     /// ```
-    pub fn velocities(&mut self, algebra: LieAlgebra, names: &[&str]) -> Vec<Value> {
+    pub fn velocities(&mut self, algebra: impl Into<LieAlgebra<Number>>, names: &[&str]) -> Vec<Value> {
         let located: Vec<(&str, Option<Span>)> = names.iter().map(|n| (*n, self.here)).collect();
-        self.located_velocities(algebra, &located, "")
+        self.located_velocities(algebra.into(), &located, "")
     }
 
     pub(in crate::spec) fn located_velocities(
         &mut self,
-        algebra: LieAlgebra,
+        algebra: LieAlgebra<Number>,
         names: &[(&str, Option<Span>)],
         doc: &str,
     ) -> Vec<Value> {

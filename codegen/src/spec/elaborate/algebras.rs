@@ -9,13 +9,17 @@ use super::order::{describe_cycle, order_by_use};
 use super::values::Elaboration;
 use crate::algebra::{LieAlgebra, Matrix, Representation};
 use crate::error::Error;
-use crate::expr::{Rational, SymbolId};
+use crate::expr::{Number, SymbolId};
 use crate::spec::ast::{self, Expr, Item, ItemKind, Name};
 use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::eval::Evaluator;
 use crate::spec::limits::{MAX_BASIS, MAX_REPRESENTATION, MAX_REPRESENTATION_WORK};
 use crate::spec::names;
 use crate::spec::value::Value;
+
+/// What constants may be.
+const CONSTANTS: &str = "for example `2*e1 - sqrt(3)*e3`, or `0`: numbers are rational, or made of pi, square roots of \
+                         numbers with prime factors up to 47, and sines and cosines of pi k/n where n divides 367567200";
 
 impl Elaboration<'_> {
     pub(super) fn define_algebras(&mut self, items: &[Item]) {
@@ -90,10 +94,11 @@ impl Elaboration<'_> {
         }
     }
 
-    /// Linear combinations of names with rational coefficients.
-    fn combination(&mut self, expr: &Expr, basis: &[Name]) -> Option<Vec<(usize, Rational)>> {
+    /// Linear combinations of names with constant coefficients.
+    fn combination(&mut self, expr: &Expr, basis: &[Name]) -> Option<Vec<(usize, Number)>> {
         let mut graph = self.builder.graph.fork();
-        let mut values = BTreeMap::new();
+        let pi = Value::Scalar(graph.pi());
+        let mut values = BTreeMap::from([("pi".to_owned(), pi)]);
         let mut symbols: Vec<SymbolId> = Vec::new();
         for element in basis {
             let symbol = graph.symbol(&element.text);
@@ -130,15 +135,15 @@ impl Elaboration<'_> {
                     .zip(slopes)
                     .map(|(s, slope)| {
                         let at = symbols.iter().position(|x| x == s)?;
-                        Some((at, graph.as_rational(slope)?.clone()))
+                        Some((at, graph.as_number(slope)?))
                     })
                     .collect::<Option<Vec<_>>>()
             });
         if combination.is_none() {
             self.problem(
                 expr.span,
-                "expected a rational combination of basis elements",
-                "for example `2*e1 - e3`, or `0`",
+                "expected a combination of basis elements with constant coefficients",
+                CONSTANTS,
             );
         }
         combination
@@ -149,7 +154,7 @@ impl Elaboration<'_> {
         name: &Name,
         basis: &[Name],
         rules: &[ast::BracketRule],
-    ) -> Option<LieAlgebra> {
+    ) -> Option<LieAlgebra<Number>> {
         if basis.len() > MAX_BASIS {
             let message = format!(
                 "algebra `{}` has {} basis elements, the limit is {MAX_BASIS}",
@@ -231,20 +236,20 @@ impl Elaboration<'_> {
     fn representation_of(
         &mut self,
         name: &Name,
-        algebra: &LieAlgebra,
+        algebra: &LieAlgebra<Number>,
         dim: usize,
         matrices: &[(Name, Expr)],
-    ) -> Option<Representation> {
+    ) -> Option<Representation<Number>> {
         let n = algebra.dim();
         if n * n * dim * dim * dim > MAX_REPRESENTATION_WORK || n * dim * dim > MAX_REPRESENTATION {
             let message = format!("representation `{}` is too large", name.text);
             self.problem(name.span, message, format!("{n} matrices of size {dim}"));
             return None;
         }
-        let mut table: Vec<Option<Matrix>> = vec![None; n];
+        let mut table: Vec<Option<Matrix<Number>>> = vec![None; n];
         let mut fine = true;
         for (element, expr) in matrices {
-            let numbers = self.constant(expr, "entries are numbers");
+            let numbers = self.closed_forms(expr, "entries are numbers", CONSTANTS);
             let Some(k) = algebra.basis().iter().position(|b| *b == element.text) else {
                 let help = names::suggest(&element.text, algebra.basis().iter().map(String::as_str));
                 let message = format!("`{}` is not a basis element of {}", element.text, algebra.name());
@@ -256,7 +261,7 @@ impl Elaboration<'_> {
                 fine = false;
                 continue;
             };
-            let rows: Vec<Vec<Rational>> = numbers.chunks(dim.max(1)).map(<[Rational]>::to_vec).collect();
+            let rows: Vec<Vec<Number>> = numbers.chunks(dim.max(1)).map(<[Number]>::to_vec).collect();
             if numbers.len() != dim * dim {
                 let message = format!("matrix of `{}` must be matrix({dim}, {dim})", element.text);
                 self.problem(expr.span, message, "write it by rows: `[[..], ..]`");

@@ -1,0 +1,249 @@
+//! Algebras of Fourier modes of two-dimensional flows: Zeitlin's truncation, and the Galerkin truncation of the torus.
+//!
+//! Both are brackets `[L_a, L_b] = S(a, b) L_{a+b}` of waves `L_m = exp(i m.x)`, which sums of waves leave (Galerkin) or
+//! come back to (modulo `N`). Elements are real: their coefficients have `f_{-m} = conj f_m`, so that the waves of half
+//! of the plane determine them.
+//!
+//! Deliberately does not know: velocities, energies, dissipation.
+
+use std::collections::BTreeMap;
+
+use super::lie::{Block, LieAlgebra};
+use super::matrix::Matrix;
+use super::representation::Representation;
+use super::skew::Bracket;
+use crate::error::Error;
+use crate::expr::{Number, Rational, Scalar};
+
+/// A wave vector.
+pub(super) type Wave = (i64, i64);
+
+/// What the components of an element are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Normal {
+    /// Pairings: basis elements are dual to real and imaginary parts of coefficients in the pairing
+    /// `sum over all m of f_m conj(g_m)`, so that momenta are coefficients.
+    Dual,
+    /// Coefficients of minus the Laplacian of a function: basis elements are `1/|m|^2` times the waves.
+    Vorticity,
+}
+
+/// The Fourier modes of a basis: for each wave of the half set `{m1 > 0, or m1 = 0 and m2 > 0}`, in lexicographic order,
+/// an element for the real part and one for the imaginary part.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Modes {
+    waves: Vec<Wave>,
+    /// Sums of waves are taken modulo this number; none: what leaves the set is dropped.
+    modulus: Option<i64>,
+    normal: Normal,
+}
+
+/// A real combination of `A_m = L_m + L_{-m}` (for `false`) and `B_m = i (L_m - L_{-m})` (for `true`), `m` in the half
+/// set.
+type Combination = BTreeMap<(Wave, bool), Number>;
+
+impl Modes {
+    fn new(largest: i64, modulus: Option<i64>) -> Modes {
+        let all = (0..=largest).flat_map(|a| (-largest..=largest).map(move |b| (a, b)));
+        Modes { waves: all.filter(|m| *m > (0, 0)).collect(), modulus, normal: Normal::Dual }
+    }
+
+    /// The waves of the half set, in order; the basis has two elements for each.
+    pub fn waves(&self) -> &[(i64, i64)] {
+        &self.waves
+    }
+
+    /// `N` where waves are taken modulo `N`.
+    pub fn modulus(&self) -> Option<i64> {
+        self.modulus
+    }
+
+    /// `|m|^2` of each basis element.
+    pub fn squares(&self) -> Vec<i64> {
+        self.waves.iter().flat_map(|(a, b)| [a * a + b * b; 2]).collect()
+    }
+
+    /// Names of the basis elements: `re_1_m2` is the real part of the wave `(1, -2)`.
+    fn labels(&self) -> Vec<String> {
+        let number = |n: i64| if n < 0 { format!("m{}", -n) } else { n.to_string() };
+        let of_part = |part: &str, (a, b): Wave| format!("{part}_{}_{}", number(a), number(b));
+        self.waves.iter().flat_map(|m| [of_part("re", *m), of_part("im", *m)]).collect()
+    }
+
+    /// A wave as one of the set, none for waves outside and for zero.
+    fn reduced(&self, (a, b): Wave) -> Option<Wave> {
+        let wave = match self.modulus {
+            Some(n) => {
+                let centred = |x: i64| (x + n / 2).rem_euclid(n) - n / 2;
+                (centred(a), centred(b))
+            }
+            None => (a, b),
+        };
+        let half = if wave < (0, 0) { (-wave.0, -wave.1) } else { wave };
+        self.waves.binary_search(&half).is_ok().then_some(wave)
+    }
+
+    /// `S(a, b)`: `(N/2 pi) sin(2 pi (a x b)/N)`, and `-(a x b)` on the torus, where `[f, g] = f_x g_y - f_y g_x`.
+    fn constant(&self, (a1, a2): Wave, (b1, b2): Wave) -> Number {
+        let product = a1 * b2 - a2 * b1;
+        let rational = |n: i64, d: i64| Number::from(Rational::new(n.into(), d.into()));
+        match self.modulus {
+            Some(n) => {
+                let sine = Number::sin_pi(2 * product, n).unwrap_or_default();
+                sine.times(&Number::power_of_pi(-1)).times(&rational(n, 2))
+            }
+            None => rational(-product, 1),
+        }
+    }
+
+    /// Adds `q` times `A_m` or `B_m` of any wave `m`.
+    fn add(&self, to: &mut Combination, m: Wave, is_imaginary: bool, q: &Number) {
+        let Some(m) = self.reduced(m) else { return };
+        let (m, q) = match m < (0, 0) {
+            true => ((-m.0, -m.1), if is_imaginary { q.negated() } else { q.clone() }),
+            false => (m, q.clone()),
+        };
+        let entry = to.entry((m, is_imaginary)).or_default();
+        *entry = entry.plus(&q);
+    }
+
+    /// The bracket of two of the `A_m` and `B_m`: with `s = S(m, n)`, `[A_m, A_n] = s (A_{m+n} - A_{m-n})`,
+    /// `[A_m, B_n] = s (B_{m+n} + B_{m-n})`, `[B_m, A_n] = s (B_{m+n} - B_{m-n})`,
+    /// `[B_m, B_n] = -s (A_{m+n} + A_{m-n})`.
+    fn bracket(&self, (m, p): (Wave, bool), (n, q): (Wave, bool)) -> Combination {
+        let s = self.constant(m, n);
+        let minus = s.negated();
+        let (of_sum, of_difference) = match (p, q) {
+            (false, false) | (true, false) => (&s, &minus),
+            (false, true) => (&s, &s),
+            (true, true) => (&minus, &minus),
+        };
+        let mut value = Combination::new();
+        self.add(&mut value, (m.0 + n.0, m.1 + n.1), p != q, of_sum);
+        self.add(&mut value, (m.0 - n.0, m.1 - n.1), p != q, of_difference);
+        value.retain(|_, q| !q.is_zero());
+        value
+    }
+
+    /// The basis element is this number times `A_m` or `B_m`.
+    fn scale(&self, (a, b): Wave) -> Rational {
+        match self.normal {
+            Normal::Dual => Rational::new(1.into(), 2.into()),
+            Normal::Vorticity => Rational::new(1.into(), (a * a + b * b).into()),
+        }
+    }
+
+    /// The `A_m` and `B_m` of the basis, in its order.
+    fn elements(&self) -> Vec<(Wave, bool)> {
+        self.waves.iter().flat_map(|m| [(*m, false), (*m, true)]).collect()
+    }
+
+    /// Brackets of the basis.
+    fn brackets(&self) -> Vec<Bracket<Number>> {
+        let elements = self.elements();
+        let mut brackets = Vec::new();
+        for (a, x) in elements.iter().enumerate() {
+            for (b, y) in elements.iter().enumerate().skip(a + 1) {
+                let outer = self.scale(x.0) * self.scale(y.0);
+                let value = self.bracket(*x, *y);
+                let along = value.into_iter().map(|((m, part), q)| {
+                    let scale = &outer / self.scale(m);
+                    (self.place(m, part), q.times(&scale.into()))
+                });
+                let mut value: Vec<(usize, Number)> = along.collect();
+                value.sort_by_key(|(c, _)| *c);
+                brackets.push((a, b, value));
+            }
+        }
+        brackets
+    }
+
+    fn place(&self, m: Wave, is_imaginary: bool) -> usize {
+        2 * self.waves.partition_point(|other| *other < m) + usize::from(is_imaginary)
+    }
+
+    fn algebra(self, name: &str) -> Result<LieAlgebra<Number>, Error> {
+        let (basis, brackets) = (self.labels(), self.brackets());
+        let block = Block { labels: basis.clone(), ..Block::new(name, basis.len()) };
+        let algebra = match self.modulus {
+            Some(_) => LieAlgebra::with_blocks(name, vec![block], basis, &brackets),
+            None => LieAlgebra::almost(name, basis, &brackets)
+                .map(|algebra| LieAlgebra { blocks: vec![block], ..algebra }),
+        };
+        let algebra = algebra.map_err(|mut errors| errors.remove(0))?;
+        Ok(LieAlgebra { modes: Some(self), ..algebra })
+    }
+}
+
+impl LieAlgebra<Number> {
+    /// su(N) in the sine basis, Zeitlin's truncation of the functions on the torus, for odd `N`:
+    /// `[L_a, L_b] = (N/2 pi) sin(2 pi (a x b)/N) L_{a+b}`, sums of waves modulo `N`.
+    ///
+    /// Momenta are the real and imaginary parts of the coefficients of vorticity.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] for even `N`, for those too small or too large, and for those whose sines have no exact
+    /// zeros.
+    ///
+    /// # Source
+    /// Zeitlin 1991, Finite-mode analogs of 2D ideal hydrodynamics
+    pub fn zeitlin(n: usize) -> Result<LieAlgebra<Number>, Error> {
+        let name = format!("zeitlin({n})");
+        let modulus = i64::try_from(n).unwrap_or(i64::MAX);
+        if !(3..=9).contains(&n) || n % 2 == 0 {
+            return Err(Error::Unsupported {
+                what: name,
+                possible: "zeitlin(N) with N = 3, 5, 7 or 9".into(),
+            });
+        }
+        Modes::new(modulus / 2, Some(modulus)).algebra(&name)
+    }
+
+    /// The Galerkin truncation to waves of components up to `k` of the functions on the torus with their bracket
+    /// `[f, g] = f_x g_y - f_y g_x`: an almost algebra.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] for a `k` of zero or too large.
+    pub fn torus(k: usize) -> Result<LieAlgebra<Number>, Error> {
+        let name = format!("torus({k})");
+        let largest = i64::try_from(k).unwrap_or(i64::MAX);
+        if !(1..=4).contains(&k) {
+            return Err(Error::Unsupported { what: name, possible: "torus(K) with K from 1 to 4".into() });
+        }
+        Modes::new(largest, None).algebra(&name)
+    }
+
+    /// An algebra of modes in the basis in which components of velocities are the coefficients of vorticity: those of
+    /// minus the Laplacian of the stream function.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] for other algebras.
+    pub fn vorticity(&self) -> Result<LieAlgebra<Number>, Error> {
+        let modes = self.modes.clone().ok_or_else(|| Error::Unsupported {
+            what: format!("vorticity({})", self.name),
+            possible: "an algebra of Fourier modes, zeitlin(N) or torus(K)".into(),
+        })?;
+        Modes { normal: Normal::Vorticity, ..modes }.algebra(&format!("vorticity({})", self.name))
+    }
+}
+
+impl Representation<Number> {
+    /// The action of an algebra of modes on functions by its bracket, on real and imaginary parts of their coefficients;
+    /// `None` for other algebras.
+    pub fn functions(algebra: &LieAlgebra<Number>) -> Option<Representation<Number>> {
+        let modes = algebra.modes.as_ref()?;
+        let elements = modes.elements();
+        let matrix = |x: &(Wave, bool)| {
+            let scale = Number::from(modes.scale(x.0));
+            let mut m = Matrix::zeros(elements.len(), elements.len());
+            for (column, y) in elements.iter().enumerate() {
+                for ((wave, part), q) in modes.bracket(*x, *y) {
+                    m.set(modes.place(wave, part), column, q.times(&scale));
+                }
+            }
+            m
+        };
+        let matrices = elements.iter().map(matrix).collect();
+        Some(Representation::unverified("functions", elements.len(), matrices, modes.labels()))
+    }
+}
