@@ -362,6 +362,9 @@ impl Page {
         if rows.is_empty() {
             self.line("Abelian: all brackets vanish.");
         }
+        if algebra.is_almost() {
+            self.line("Almost algebra: Jacobi is not claimed. Energy follows from antisymmetry; Casimirs of the bracket need not exist.");
+        }
         self.formulas(&rows);
     }
 

@@ -100,6 +100,17 @@ impl<Q: Scalar> LieAlgebra<Q> {
         })
     }
 
+    /// Names of the basis as the blocks have them, for the components of vectors: those of a block may occur in another
+    /// one, too.
+    pub fn labels(&self) -> Vec<String> {
+        let mut labels = Vec::new();
+        for block in &self.blocks {
+            let own = &self.basis()[labels.len()..labels.len() + block.dim];
+            labels.extend_from_slice(if block.labels.is_empty() { own } else { &block.labels });
+        }
+        labels
+    }
+
     /// Whether it is an almost algebra, of which the Jacobi identity is not claimed.
     pub fn is_almost(&self) -> bool {
         self.is_almost

@@ -13,7 +13,7 @@ use super::matrix::Matrix;
 use super::representation::Representation;
 use super::skew::Bracket;
 use crate::error::Error;
-use crate::expr::{Number, Rational, Scalar};
+use crate::expr::{ExprId, Graph, Number, Rational, Scalar};
 
 /// A wave vector.
 pub(super) type Wave = (i64, i64);
@@ -41,6 +41,9 @@ pub struct Modes {
 /// A real combination of `A_m = L_m + L_{-m}` (for `false`) and `B_m = i (L_m - L_{-m})` (for `true`), `m` in the half
 /// set.
 type Combination = BTreeMap<(Wave, bool), Number>;
+
+/// Real and imaginary parts of the coefficients of all waves and of the identity.
+type Coefficients = BTreeMap<Wave, (ExprId, ExprId)>;
 
 impl Modes {
     fn new(largest: i64, modulus: Option<i64>) -> Modes {
@@ -156,6 +159,109 @@ impl Modes {
             }
         }
         brackets
+    }
+
+    /// The bracket of two functions, by real and imaginary parts of their coefficients.
+    pub fn poisson(&self, g: &mut Graph, x: &[ExprId], y: &[ExprId]) -> Vec<ExprId> {
+        let elements = self.elements();
+        let mut terms = vec![Vec::new(); elements.len()];
+        let zero = g.zero();
+        for (a, p) in elements.iter().enumerate().filter(|(a, _)| x[*a] != zero) {
+            for (b, q) in elements.iter().enumerate().filter(|(b, _)| y[*b] != zero) {
+                let product = g.mul(x[a], y[b]);
+                for ((m, part), weight) in self.bracket(*p, *q) {
+                    terms[self.place(m, part)].push(g.weighted(product, &weight));
+                }
+            }
+        }
+        terms.iter().map(|list| g.linear_combination(list)).collect()
+    }
+
+    /// Coefficients `(x^k)_m` of the `k`-th power of the matrix whose coefficients are given by their real and imaginary
+    /// parts, without its multiple of the identity. None where waves are not taken modulo `N`.
+    pub fn star_power(&self, g: &mut Graph, x: &[ExprId], k: usize) -> Option<Vec<ExprId>> {
+        let power = self.powers(g, x, k)?.remove(&k)?;
+        let parts = self.waves.iter().map(|m| power.get(m).map(|(re, im)| [*re, *im]));
+        Some(parts.collect::<Option<Vec<_>>>()?.concat())
+    }
+
+    /// `tr(x^k)/N` of the matrix whose coefficients are given by their real and imaginary parts. None where waves are
+    /// not taken modulo `N`.
+    pub fn trace_power(&self, g: &mut Graph, x: &[ExprId], k: usize) -> Option<ExprId> {
+        let powers = self.powers(g, x, k.div_ceil(2))?;
+        let (left, right) = (powers.get(&(k / 2).max(1))?, powers.get(&k.div_ceil(2))?);
+        if k == 1 {
+            return Some(g.zero());
+        }
+        // tr(J_a J_b)/N = 1 where a + b = 0
+        let mut terms = Vec::new();
+        for (m, (re, im)) in left.iter().filter(|(m, _)| **m >= (0, 0)) {
+            let weight = Rational::from_integer(if *m == (0, 0) { 1 } else { 2 }.into());
+            let (other_re, other_im) = right.get(m)?;
+            let products = [g.mul(*re, *other_re), g.mul(*im, *other_im)];
+            terms.extend(products.map(|product| (product, weight.clone())));
+        }
+        Some(g.linear_combination(&terms))
+    }
+
+    /// Powers of a matrix by the coefficients of all waves and of the identity: `x^k`, and those by which it is
+    /// computed, each the product of two halves.
+    ///
+    /// Matrices of different waves multiply as `J_a J_b = exp(-2 pi i (a x b)/N) J_{a+b}`. The powers of one matrix
+    /// commute, so that `(x y)_m = sum over a + b = m of cos(2 pi (a x b)/N) x_a y_b` for them.
+    fn powers(&self, g: &mut Graph, x: &[ExprId], k: usize) -> Option<BTreeMap<usize, Coefficients>> {
+        let n = self.modulus?;
+        let mut first = Coefficients::from([((0, 0), (g.zero(), g.zero()))]);
+        for (at, m) in self.waves.iter().enumerate() {
+            let (re, im) = (x[2 * at], x[2 * at + 1]);
+            let minus = g.neg(im);
+            first.insert(*m, (re, im));
+            first.insert((-m.0, -m.1), (re, minus));
+        }
+        let cosines: Vec<Number> = (0..n).map(|j| Number::cos_pi(2 * j, n)).collect::<Option<_>>()?;
+        let mut wanted = vec![k];
+        while let Some(last) = wanted.last().filter(|k| **k > 1) {
+            let (low, high) = (last / 2, last.div_ceil(2));
+            // Both halves, and one list for all of them in descending order.
+            wanted.extend(if low == high { vec![low] } else { vec![high, low] });
+            wanted.sort_unstable_by(|a, b| b.cmp(a));
+            wanted.dedup();
+        }
+        let mut powers = BTreeMap::from([(1, first)]);
+        for k in wanted.into_iter().rev().filter(|k| *k > 1) {
+            let product = self.product(g, &powers[&(k / 2)], &powers[&k.div_ceil(2)], &cosines)?;
+            powers.insert(k, product);
+        }
+        Some(powers)
+    }
+
+    fn product(
+        &self,
+        g: &mut Graph,
+        left: &Coefficients,
+        right: &Coefficients,
+        cosines: &[Number],
+    ) -> Option<Coefficients> {
+        let n = self.modulus?;
+        let mut product = Coefficients::new();
+        for m in self.waves.iter().copied().chain([(0, 0)]) {
+            let (mut re, mut im) = (Vec::new(), Vec::new());
+            for (a, (p, q)) in left {
+                let rest = (m.0 - a.0, m.1 - a.1);
+                let b = self.reduced(rest).unwrap_or((0, 0));
+                let (r, s) = right.get(&b)?;
+                let turn = usize::try_from((a.0 * b.1 - a.1 * b.0).rem_euclid(n)).ok()?;
+                let [pr, qs, ps, qr] = [(p, r), (q, s), (p, s), (q, r)].map(|(x, y)| g.mul(*x, *y));
+                let (x, y) = (g.sub(pr, qs), g.add(ps, qr));
+                re.push(g.weighted(x, &cosines[turn]));
+                im.push(g.weighted(y, &cosines[turn]));
+            }
+            let (re, im) = (g.linear_combination(&re), g.linear_combination(&im));
+            let minus = g.neg(im);
+            product.insert((-m.0, -m.1), (re, minus));
+            product.insert(m, (re, im));
+        }
+        Some(product)
     }
 
     fn place(&self, m: Wave, is_imaginary: bool) -> usize {

@@ -26,6 +26,7 @@ pub(super) fn algebroid_of(model: &mut Model) -> Result<Algebroid, Vec<Error>> {
     let frame: Vec<String> = model.all_velocities().into_iter().map(|(n, _)| n.to_owned()).collect();
     let g = &mut model.graph;
     let mut algebroid = Algebroid::new(g, model.time, base, frame);
+    algebroid.set_almost(model.algebra.is_almost());
     for i in 0..n_shape {
         algebroid.set_anchor(i, i, g.one());
     }

@@ -126,8 +126,10 @@ pub(super) enum ItemKind {
         name: Name,
         value: AlgebraExpr,
     },
+    /// `algebra g { .. }`, or `almost algebra g { .. }` without the Jacobi identity.
     AlgebraBrackets {
         name: Name,
+        is_almost: bool,
         basis: Vec<Name>,
         rules: Vec<BracketRule>,
     },
@@ -147,6 +149,7 @@ pub(super) enum ItemKind {
     Velocity {
         names: Vec<Name>,
         algebra: AlgebraExpr,
+        labels: Vec<Name>,
     },
     /// `momentum Pi of Omega;`
     Momentum {
@@ -157,6 +160,7 @@ pub(super) enum ItemKind {
     MomentumIn {
         names: Vec<Name>,
         algebra: AlgebraExpr,
+        labels: Vec<Name>,
     },
     Carry(Vec<Carry>),
     Action(Name),
@@ -173,9 +177,11 @@ pub(super) enum ItemKind {
         shape: Shape,
         domain: DomainExpr,
     },
+    /// `advected a in space as a_* by action;`, the space being `R^n`, an algebra or `dual(algebra)`.
     Advected {
         name: Name,
-        dim: Option<Size>,
+        space: AlgebraExpr,
+        labels: Vec<Name>,
         action: Expr,
     },
     Lagrangian(Expr),

@@ -14,6 +14,7 @@ mod builder;
 mod diagnostic;
 mod elaborate;
 mod eval;
+mod eval_algebra;
 mod expressions;
 mod group;
 mod kind;

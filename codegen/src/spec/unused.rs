@@ -8,7 +8,9 @@
 
 use std::collections::BTreeMap;
 
-use super::ast::{AlgebraExpr, Carry, DomainExpr, Expr, Item, ItemKind, Name, ReconstructWay, Shape};
+use super::ast::{
+    AlgebraExpr, AlgebraNode, Carry, DomainExpr, Expr, Item, ItemKind, Name, ReconstructWay, Shape, Size,
+};
 use super::diagnostic::Diagnostic;
 use super::layout::Layout;
 
@@ -28,7 +30,7 @@ pub(super) fn warnings(items: &[Item]) -> Vec<Diagnostic> {
     let mut pending: Vec<String> = Vec::new();
     for item in items {
         declare(item, &mut declarations);
-        pending.extend(effective(item));
+        pending.extend(effective(item).into_iter().flat_map(|name| [of_algebras(&name), name]));
     }
     let owners: BTreeMap<&str, usize> = declarations
         .iter()
@@ -102,7 +104,11 @@ fn declare<'a>(item: &'a Item, declarations: &mut Vec<Declaration<'a>>) {
         ItemKind::Param { name, shape, .. } => {
             add("parameter", name, spellings(&name.text, shape), Vec::new());
         }
-        ItemKind::Let { name, value } => add("definition", name, alone(name), mentions([value])),
+        ItemKind::Let { name, value } => {
+            let mut all = mentions([value]);
+            all.extend(named_algebras([value]));
+            add("definition", name, alone(name), all);
+        }
         ItemKind::AlgebraName { name, value } => {
             add("algebra", name, vec![of_algebras(&name.text)], algebras(value));
         }
@@ -126,12 +132,24 @@ fn declare<'a>(item: &'a Item, declarations: &mut Vec<Declaration<'a>>) {
                 add("coordinate", name, all, ends.clone());
             }
         }
-        ItemKind::Advected { name, dim, action } => {
-            let shape = dim.map_or(Shape::Scalar, Shape::Vector);
-            add("advected parameter", name, spellings(&name.text, &shape), mentions([action]));
+        ItemKind::Advected { name, space, labels, action } => {
+            let shape = match space.node {
+                AlgebraNode::Power(value) => Shape::Vector(Size { value, span: space.span }),
+                _ => Shape::Scalar,
+            };
+            let own = if labels.is_empty() { spellings(&name.text, &shape) } else { alone(name) };
+            let mut all = mentions([action]);
+            all.extend(algebras(space));
+            all.extend(named_algebras([action]));
+            add("advected parameter", name, own, all);
         }
         _ => {}
     }
+}
+
+/// Names in expressions as those of algebras and representations: `ad(g, x, y)` has one.
+fn named_algebras<'a>(expressions: impl IntoIterator<Item = &'a Expr>) -> Vec<String> {
+    expressions.into_iter().flat_map(|e| e.names()).map(of_algebras).collect()
 }
 
 /// The names in an item that changes equations, outputs or figures.

@@ -9,8 +9,8 @@ use super::order::{describe_cycle, order_by_use};
 use super::values::Elaboration;
 use crate::algebra::{LieAlgebra, Matrix, Representation};
 use crate::error::Error;
-use crate::expr::{Number, SymbolId};
-use crate::spec::ast::{self, Expr, Item, ItemKind, Name};
+use crate::expr::{Number, Scalar, SymbolId};
+use crate::spec::ast::{self, AlgebraExpr, AlgebraNode, Expr, Item, ItemKind, Name, Node};
 use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::eval::Evaluator;
 use crate::spec::limits::{MAX_BASIS, MAX_REPRESENTATION, MAX_REPRESENTATION_WORK};
@@ -77,8 +77,8 @@ impl Elaboration<'_> {
                 Some(algebra) => self.algebras.insert(name.text.clone(), algebra).is_none(),
                 None => false,
             },
-            ItemKind::AlgebraBrackets { basis, rules, .. } => {
-                match self.bracket_algebra(name, basis, rules) {
+            ItemKind::AlgebraBrackets { is_almost, basis, rules, .. } => {
+                match self.bracket_algebra(name, *is_almost, basis, rules) {
                     Some(algebra) => self.algebras.insert(name.text.clone(), algebra).is_none(),
                     None => false,
                 }
@@ -116,6 +116,8 @@ impl Elaboration<'_> {
             restriction: None,
             operator: None,
             withheld: &BTreeSet::new(),
+            algebras: &self.algebras,
+            own_algebra: None,
         };
         let value = evaluator.eval(expr);
         self.builder.graph.take_over(&graph);
@@ -152,6 +154,7 @@ impl Elaboration<'_> {
     fn bracket_algebra(
         &mut self,
         name: &Name,
+        is_almost: bool,
         basis: &[Name],
         rules: &[ast::BracketRule],
     ) -> Option<LieAlgebra<Number>> {
@@ -205,7 +208,11 @@ impl Elaboration<'_> {
             return None;
         }
         let names: Vec<String> = basis.iter().map(|b| b.text.clone()).collect();
-        match LieAlgebra::from_brackets(&name.text, names, &brackets) {
+        let algebra = match is_almost {
+            true => LieAlgebra::almost(&name.text, names, &brackets),
+            false => LieAlgebra::from_brackets(&name.text, names, &brackets),
+        };
+        match algebra {
             Ok(algebra) => Some(algebra),
             Err(errors) => {
                 let rule = |a: &String, b: &String| {
@@ -307,5 +314,68 @@ impl Elaboration<'_> {
                 None
             }
         }
+    }
+
+    /// The action on an advected parameter: an expression, or a representation of the algebra of the velocities, `ad` and
+    /// `coad` being the adjoint and the coadjoint one.
+    pub(super) fn action_on(&mut self, name: &Name, action: &Expr) -> Option<Value> {
+        let Some(expr) = self.as_representation(action) else { return self.eval(action) };
+        let Some((algebra, _)) = self.builder.algebra.clone() else {
+            if !self.builder.broken.contains("velocity") {
+                let help = "declare them: `velocity xi in so(3);`";
+                self.problem(action.span, "the model has no velocities in an algebra", help);
+            }
+            return None;
+        };
+        let r = self.representation(&expr, &algebra)?;
+        let value = self.builder.values.get(&name.text)?.clone();
+        if value.entries().len() != r.dim() {
+            let message = format!(
+                "`{}` has {} components, the representation acts on R^{}",
+                name.text,
+                value.entries().len(),
+                r.dim()
+            );
+            self.problem(
+                action.span,
+                message,
+                "an advected parameter lives in the space of its representation",
+            );
+            return None;
+        }
+        let mut terms = vec![Vec::new(); r.dim()];
+        for (a, velocity) in self.builder.velocities.iter().enumerate() {
+            let xi = self.builder.graph.sym(velocity.symbol);
+            for (i, list) in terms.iter_mut().enumerate() {
+                let row = r.matrix(a).row(i).iter().zip(value.entries());
+                for (q, x) in row.filter(|(q, _)| !q.is_zero()) {
+                    let product = self.builder.graph.mul(xi, *x);
+                    list.push(self.builder.graph.weighted(product, q));
+                }
+            }
+        }
+        let mut entries = terms.iter().map(|list| self.builder.graph.linear_combination(list));
+        Some(match value {
+            Value::Scalar(_) => Value::Scalar(entries.next()?),
+            _ => Value::Vector(entries.collect()),
+        })
+    }
+
+    /// The representation that an expression is the name of, or its dual; names of values come first.
+    fn as_representation(&self, expr: &Expr) -> Option<AlgebraExpr> {
+        let node = match &expr.node {
+            Node::Name(name) if name == "ad" => AlgebraNode::Name("adjoint".into()),
+            Node::Name(name) if name == "coad" => AlgebraNode::Name("coadjoint".into()),
+            Node::Name(name) if self.builder.values.contains_key(name) => return None,
+            Node::Name(name) => {
+                let is_known = BUILT_IN.contains(&name.as_str()) || self.representations.contains_key(name);
+                AlgebraNode::Name(is_known.then(|| name.clone())?)
+            }
+            Node::Call(name, arguments) if name.text == "dual" => {
+                AlgebraNode::Call(name.clone(), vec![self.as_representation(arguments.first()?)?])
+            }
+            _ => return None,
+        };
+        Some(AlgebraExpr { node, span: expr.span })
     }
 }

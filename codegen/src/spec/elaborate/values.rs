@@ -83,6 +83,8 @@ impl Elaboration<'_> {
             restriction: None,
             operator,
             withheld: &self.withheld,
+            algebras: &self.algebras,
+            own_algebra: self.builder.algebra.as_ref().map(|(algebra, _)| algebra),
         };
         evaluator.eval(expr).map(|(value, _)| value)
     }
@@ -99,6 +101,8 @@ impl Elaboration<'_> {
             restriction: Some("the ends of an interval contain parameters and numbers only"),
             operator: None,
             withheld: &self.withheld,
+            algebras: &self.algebras,
+            own_algebra: self.builder.algebra.as_ref().map(|(algebra, _)| algebra),
         };
         let (value, _) = evaluator.eval(expr)?;
         match value {
@@ -125,6 +129,8 @@ impl Elaboration<'_> {
             restriction: Some(restriction),
             operator: None,
             withheld: &BTreeSet::new(),
+            algebras: &self.algebras,
+            own_algebra: None,
         };
         let value = evaluator.eval(expr);
         self.builder.graph.take_over(&graph);
