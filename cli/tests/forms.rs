@@ -51,6 +51,36 @@ const CONE: &str = "model cone {
     carry p;
 }";
 
+/// Stages on a base, with a metric that couples them, a connection of their own and a momentum of the ideal.
+const STAGED: &str = "model staged {
+    param a = 2 where a > 0;
+    coordinate x in real;
+    velocity Omega, V in se(3);
+    momentum P of V;
+    lagrangian = dot(Omega, Omega)/2 + a/2*dot(V, V) + 1/4*dot(Omega, V) + x_dot^2*(1 + x^2)/2;
+    inner_product = lagrangian;
+    stage n0;
+    stage n1 = ideal(V) { connection V = [x*x_dot, 0, x_dot]; }
+    initial x = 0.2; initial x_dot = 0.5; initial Omega = [1, 0.2, 0.3]; initial V = [0.1, 0.4, -0.2];
+    scene levels { carry stages; want rhs, velocities; }
+    scene momenta { carry P; want rhs, velocities; }
+}";
+
+/// A constraint between the base and both levels: by the model's velocities and by those along the levels others are
+/// independent.
+const ROLLING: &str = "model rolling {
+    coordinate x in real;
+    velocity q, p, z in heisenberg(1);
+    lagrangian = (q^2 + p^2 + z^2 + q*z)/2 + x_dot^2*(1 + x^2)/2;
+    constraint x_dot = z + q/2;
+    independent q, p, z;
+    stage plane;
+    stage centre = ideal(z);
+    inner_product = lagrangian;
+    initial x = 0.3; initial q = 1; initial p = -2; initial z = 0.5;
+    scene levels { carry stages; want rhs, velocities; }
+}";
+
 fn model(text: &str) -> Arc<Checked> {
     let model = spec::parse("test.hamel", text).unwrap_or_else(|e| panic!("{e}"));
     Arc::new(Checked::new(model, Cache::none()))
@@ -64,7 +94,7 @@ fn built(text: &str, scene: &str) -> (Arc<Checked>, Local<Built>) {
 
 fn states(text: &str, scene: &str, state: &Value) -> Result<Vec<f64>, Error> {
     let (model, backend) = built(text, scene);
-    let forms = Forms::of(&model, backend.info());
+    let forms = Forms::of(&model, backend.info()).unwrap();
     let request = json!({"states": [state]}).to_string();
     Ok(EvalRequest::parse_in(&request, backend.info(), &forms)?.states.remove(0))
 }
@@ -85,7 +115,7 @@ fn a_state_of_momenta_may_be_given_by_velocities_and_the_other_way_round() {
 #[test]
 fn simulate_takes_either_form_and_answers_in_that_of_the_scene() {
     let (model, mut backend) = built(TOP, "momenta");
-    let forms = Forms::of(&model, backend.info());
+    let forms = Forms::of(&model, backend.info()).unwrap();
     let initial = json!({"Omega1": 1, "Omega2": 2, "Omega3": 3, "Gamma1": 0, "Gamma2": 0, "Gamma3": 1});
     let text = json!({"initial": initial, "t_final": 1}).to_string();
     assert!(SimulateRequest::has_other_names(&text, backend.info()).unwrap());
@@ -118,7 +148,7 @@ fn started(text: &str, scene: &str, given: &[(&str, f64)]) -> Result<BTreeMap<St
     let params = roles::all_params(&model, scene, &BTreeMap::new());
     let (roles, preferred) = (roles::roles(&model, &params), roles::initial_values(&model, &params));
     let given = given.iter().map(|(name, x)| ((*name).to_owned(), *x)).collect();
-    let forms = Forms::of(&model, backend.info());
+    let forms = Forms::of(&model, backend.info()).unwrap();
     let values = backend.info().defaults();
     let chosen = Chosen { roles: &roles, preferred: &preferred, given: &given };
     let y = start::state(&mut backend, None, (&values, &values), &forms, chosen)?;
@@ -155,6 +185,52 @@ fn initial_values_of_the_model_may_be_of_both_kinds() {
         for (name, value) in expected {
             assert!((y[name] - value).abs() < 1e-15, "{scene}: {name} is {} instead of {value}", y[name]);
         }
+    }
+}
+
+fn outputs(text: &str, scene: &str, state: Vec<f64>) -> BTreeMap<String, f64> {
+    let (_, mut backend) = built(text, scene);
+    let params = backend.info().defaults();
+    let names: Vec<String> = backend.info().outputs.iter().flat_map(|o| o.components.clone()).collect();
+    let answer = backend.eval(&EvalRequest { params, t: 0.0, states: vec![state] }).unwrap();
+    names.into_iter().zip(answer.outputs[0].iter().copied()).collect()
+}
+
+#[test]
+fn a_state_along_levels_may_be_given_by_velocities_and_momenta() {
+    let by_velocities = json!({"x": 0.2, "x_dot": 0.5, "Omega1": 1, "Omega2": 0.2, "Omega3": 0.3,
+        "V1": 0.1, "V2": 0.4, "V3": -0.2});
+    // P = a V + Omega/4.
+    let by_momenta = json!({"x": 0.2, "x_dot": 0.5, "Omega1": 1, "Omega2": 0.2, "Omega3": 0.3,
+        "P1": 0.45, "P2": 0.85, "P3": -0.325});
+    let along = states(STAGED, "levels", &by_velocities).unwrap();
+    // The level of the ideal: V plus the mechanical part Omega/(4 a) plus the connection of the stage.
+    let expected = [0.2, 0.5, 1.0, 0.2, 0.3, 0.1 + 0.125 + 0.1, 0.4 + 0.025, -0.2 + 0.0375 + 0.5];
+    let close = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-15);
+    assert!(close(&along, &expected), "{along:?}");
+    assert!(close(&states(STAGED, "levels", &by_momenta).unwrap(), &expected));
+    let y = started(STAGED, "levels", &[]).unwrap();
+    assert!((y["n1_1"] - expected[5]).abs() < 1e-15 && y["x_dot"] == 0.5, "{y:?}");
+    let back = outputs(STAGED, "levels", along);
+    assert!((back["V3"] + 0.2).abs() < 1e-15 && (back["V1"] - 0.1).abs() < 1e-15, "{back:?}");
+    let mixed = states(STAGED, "levels", &json!({"n1_1": 1, "V2": 1})).unwrap_err().to_string();
+    assert!(mixed.contains("mixes velocities (V2) with velocities along levels (n1_1)"), "{mixed}");
+}
+
+#[test]
+fn a_state_along_levels_on_a_constraint_is_given_by_the_velocities_that_the_model_keeps() {
+    let own = built(ROLLING, "default").1.info().state.clone();
+    assert_eq!(own, ["x", "q", "p", "z"]);
+    let given: BTreeMap<&str, f64> = [("x", 0.3), ("q", 1.0), ("p", -2.0), ("z", 0.5), ("x_dot", 1.0)].into();
+    let state: BTreeMap<&String, f64> = own.iter().map(|name| (name, given[name.as_str()])).collect();
+    let along = states(ROLLING, "levels", &json!(state)).unwrap();
+    let (y, names) =
+        (started(ROLLING, "levels", &[]).unwrap(), built(ROLLING, "levels").1.info().state.clone());
+    assert_eq!(names, ["x", "x_dot", "plane_1", "plane_2"]);
+    assert_eq!(names.iter().map(|name| y[name]).collect::<Vec<f64>>(), along);
+    let back = outputs(ROLLING, "levels", along);
+    for (name, value) in back {
+        assert!((value - given[name.as_str()]).abs() < 1e-15, "{name} is {value}");
     }
 }
 

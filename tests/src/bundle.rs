@@ -108,6 +108,14 @@ impl Bundle {
         }
     }
 
+    /// Makes the metric the same everywhere on the base.
+    pub fn flatten(&mut self) {
+        let [_, g1, g2] = &mut self.metrics;
+        for entry in g1.iter_mut().chain(g2).flatten() {
+            *entry = Rational::from_integer(0.into());
+        }
+    }
+
     /// Adds a constraint.
     pub fn constrain(&mut self, multipliers: bool, draws: &mut Draws) {
         let n = self.algebra.dim();

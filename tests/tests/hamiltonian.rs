@@ -26,6 +26,7 @@ fn rates(text: &str, values: &[f64]) -> Vec<f64> {
     out
 }
 
+/// Two expressions of one rate, each a few tens of roundings of terms of order one to ten: 450 units of roundoff.
 fn close(a: &[f64], b: &[f64]) {
     assert_eq!(a.len(), b.len());
     for (x, y) in a.iter().zip(b) {

@@ -625,7 +625,7 @@ fn momenta_that_do_not_exist_are_refused_where_they_are_asked_for() {
     // Quartic in the velocity.
     refused(
         "velocity w in R; momentum p of w; lagrangian = w^4 + w^2; carry p;",
-        &["quadratic in the velocities", "remove `carry`"],
+        &["quadratic in the velocities", "without `carry`"],
     );
     // Nothing would say where the point is.
     refused(

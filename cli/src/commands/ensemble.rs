@@ -107,7 +107,7 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     // Chooses initial states, here and on all threads; it agrees bit for bit with the compiled scene.
     let built = interpreted::build(model, &choice.scene)?;
     has_state(built.info())?;
-    let forms = Forms::of(model, built.info());
+    let forms = Forms::of(model, built.info())?;
     let plan = Plan::new(built.info(), &forms, arguments)?;
     let mut backend = choice.open(&file)?;
     let info = backend.info().clone();

@@ -52,7 +52,7 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     if !EvalRequest::has_other_names(&text, backend.info())? {
         return eval_text(&mut *backend, &text);
     }
-    let forms = Forms::of(file.model()?, backend.info());
+    let forms = Forms::of(file.model()?, backend.info())?;
     let request = EvalRequest::parse_in(&text, backend.info(), &forms)?;
     answer(&mut *backend, &request)
 }

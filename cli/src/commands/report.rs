@@ -81,7 +81,7 @@ fn motion(model: &Arc<Checked>, arguments: &Arguments) -> Result<Motion, Error> 
     let values = info.defaults();
     let given = BTreeMap::new();
     let chosen = start::Chosen { roles: &roles, preferred: &preferred, given: &given };
-    let initial = start::state(&mut full, None, (&values, &[]), &Forms::of(model, &info), chosen)?;
+    let initial = start::state(&mut full, None, (&values, &[]), &Forms::of(model, &info)?, chosen)?;
     let request = SimulateRequest {
         params: values,
         initial,

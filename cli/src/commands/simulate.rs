@@ -107,7 +107,7 @@ fn answer(session: &Session, scene: &SceneOptions) -> Result<String, Error> {
     let mut backend = choice.open(&file)?;
     let info = backend.info().clone();
     let forms = match SimulateRequest::has_other_names(&text, &info)? {
-        true => Forms::of(model()?, &info),
+        true => Forms::of(model()?, &info)?,
         false => Forms::own(&info),
     };
     if reconstructs {
@@ -201,7 +201,7 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     let n_group = if arguments.reconstruct { n_group(&info, model)? } else { 0 };
     let mut problems = Vec::new();
     let set = assignments(&motion.set, "--set", "parameter", &info.param_names(), &mut problems);
-    let forms = Forms::of(model, &info);
+    let forms = Forms::of(model, &info)?;
     let given = assignments(&motion.initial, "--initial", "state", &forms.known(), &mut problems);
     if let Err(reason) = forms.form_of(given.keys().map(String::as_str)) {
         problems.push(Problem::Unusable { path: "--initial".into(), reason });

@@ -1,5 +1,5 @@
-//! The variables in which a state of a scene may be given: the scene's own, or velocities in the place of momenta and
-//! momenta in the place of velocities, where the model names both.
+//! The variables in which a state of a scene may be given: the scene's own, velocities in the place of momenta or of
+//! velocities along the levels of stages, and momenta in the place of velocities, where the model names them.
 //!
 //! The interpreter converts, whoever evaluates the scene, so that a state has the same bits everywhere.
 //!
@@ -10,6 +10,7 @@ use std::sync::{Arc, Mutex};
 
 use hamel_codegen::program::ViolatedCondition;
 use hamel_codegen::scene::{self, Executable};
+use hamel_codegen::spec::CarriedBy;
 use serde::{Deserialize, Serialize};
 
 use super::dynamics::{BadParams, Info};
@@ -17,18 +18,45 @@ use super::evaluate::refused;
 use crate::error::Error;
 use crate::model::Checked;
 
-/// A component of the state that has two names.
+/// A component of the state that has several names.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Slot {
     /// Its place in the state.
     at: usize,
     velocity: String,
-    momentum: String,
+    momentum: Option<String>,
+    /// The velocity along a level of stages that the scene has there.
+    level: Option<String>,
 }
 
-/// Which slots hold momenta, in the order of the slots; the others hold velocities.
+/// What a slot holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Held {
+    Velocity,
+    Momentum,
+    Level,
+}
+
+impl Slot {
+    /// The name of what it holds: its velocity where it has no other.
+    fn name(&self, held: Held) -> &String {
+        let other = match held {
+            Held::Velocity => None,
+            Held::Momentum => self.momentum.as_ref(),
+            Held::Level => self.level.as_ref(),
+        };
+        other.unwrap_or(&self.velocity)
+    }
+
+    /// All its names.
+    fn names(&self) -> impl Iterator<Item = &String> {
+        [Some(&self.velocity), self.momentum.as_ref(), self.level.as_ref()].into_iter().flatten()
+    }
+}
+
+/// What each slot holds, in the order of the slots.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Form(Vec<bool>);
+pub struct Form(Vec<Held>);
 
 /// The forms that the states of a scene may be given in.
 #[derive(Debug)]
@@ -37,11 +65,11 @@ pub struct Forms {
     info: Info,
     slots: Vec<Slot>,
     own: Form,
-    /// Scenes that carry the momenta of a form, once they have been asked for.
+    /// Scenes that carry what a form holds, once they have been asked for.
     carrying: Mutex<BTreeMap<Form, Arc<Carrying>>>,
 }
 
-/// A scene that carries momenta, as far as conversions need it.
+/// A scene that carries momenta or velocities along levels, as far as conversions need it.
 #[derive(Debug, Serialize, Deserialize)]
 struct Carrying {
     executable: Executable,
@@ -49,8 +77,8 @@ struct Carrying {
     /// The arguments of its Legendre transform.
     velocities: Vec<String>,
     /// The results of its Legendre transform.
-    momenta: Vec<String>,
-    /// What its outputs are: velocities by momenta.
+    carried: Vec<String>,
+    /// What its outputs are: velocities by what it carries.
     outputs: Vec<String>,
 }
 
@@ -67,27 +95,45 @@ impl Forms {
     }
 
     /// The scene's own variables, and what else the model calls them. A Hamiltonian has no momenta by velocities.
-    pub fn of(model: &Arc<Checked>, info: &Info) -> Forms {
+    ///
+    /// # Errors
+    /// What keeps a scene that carries velocities along levels from being derived.
+    pub fn of(model: &Arc<Checked>, info: &Info) -> Result<Forms, Error> {
+        let mut forms = Forms { model: Some(Arc::clone(model)), ..Forms::own(info) };
+        let place = |name: &str| info.state.iter().position(|own| own == name);
+        let mut found: Vec<(Slot, Held)> = Vec::new();
+        let own_items = model.scenes.iter().find(|own| own.name == info.scene).map(|own| &own.carries);
+        let mut carries = model.carries.iter().chain(own_items.into_iter().flatten());
+        if carries.any(|carried| carried.by == CarriedBy::Level) {
+            let scene = forms.built(&[], true)?;
+            for (level, velocity) in scene.carried.iter().zip(&scene.velocities) {
+                let Some(at) = place(level) else { continue };
+                let (velocity, level) = (velocity.clone(), Some(level.clone()));
+                found.push((Slot { at, velocity, momentum: None, level }, Held::Level));
+            }
+        }
         let quasi = model.quasi_velocities.iter().map(|v| v.name.as_str());
         let velocities: Vec<&str> =
             model.all_velocities().into_iter().map(|(name, _)| name).chain(quasi).collect();
-        let place = |name: &str| info.state.iter().position(|own| own == name);
         let momenta = model.momenta.iter().filter(|_| model.hamiltonian.is_none());
-        let components = momenta.flat_map(|m| &m.components);
-        let mut found: Vec<(Slot, bool)> = components
-            .filter_map(|(momentum, _, k)| {
-                let velocity = velocities[*k];
-                let (at, carried) = match (place(momentum), place(velocity)) {
-                    (Some(at), _) => (at, true),
-                    (None, Some(at)) => (at, false),
-                    (None, None) => return None,
-                };
-                Some((Slot { at, velocity: velocity.to_owned(), momentum: momentum.clone() }, carried))
-            })
-            .collect();
+        for (momentum, _, k) in momenta.flat_map(|m| &m.components) {
+            let velocity = velocities[*k];
+            if let Some((slot, _)) = found.iter_mut().find(|(slot, _)| slot.velocity == velocity) {
+                slot.momentum = Some(momentum.clone());
+                continue;
+            }
+            let (at, held) = match (place(momentum), place(velocity)) {
+                (Some(at), _) => (at, Held::Momentum),
+                (None, Some(at)) => (at, Held::Velocity),
+                (None, None) => continue,
+            };
+            let (velocity, momentum) = (velocity.to_owned(), Some(momentum.clone()));
+            found.push((Slot { at, velocity, momentum, level: None }, held));
+        }
         found.sort_by_key(|(slot, _)| slot.at);
-        let (slots, own): (Vec<Slot>, Vec<bool>) = found.into_iter().unzip();
-        Forms { model: Some(Arc::clone(model)), slots, own: Form(own), ..Forms::own(info) }
+        let (slots, own): (Vec<Slot>, Vec<Held>) = found.into_iter().unzip();
+        (forms.slots, forms.own) = (slots, Form(own));
+        Ok(forms)
     }
 
     /// The form of the scene's own state.
@@ -97,27 +143,43 @@ impl Forms {
 
     /// All velocities.
     pub(crate) fn velocities(&self) -> Form {
-        Form(vec![false; self.slots.len()])
+        Form(vec![Held::Velocity; self.slots.len()])
     }
 
-    /// The momenta that are named, and the velocities of all others.
+    /// Momenta wherever there are some.
+    fn momenta(&self) -> Form {
+        self.form(|slot| slot.momentum.is_some().then_some(Held::Momentum))
+    }
+
+    /// What each slot is said to hold, and the velocities of all others.
+    fn form(&self, held: impl Fn(&Slot) -> Option<Held>) -> Form {
+        Form(self.slots.iter().map(|slot| held(slot).unwrap_or(Held::Velocity)).collect())
+    }
+
+    /// The momenta that are named, and the velocities of all others; where one along a level is named, these.
     pub(crate) fn with_momenta_of(&self, names: &BTreeMap<String, f64>) -> Form {
-        Form(self.slots.iter().map(|slot| names.contains_key(&slot.momentum)).collect())
+        let is_named = |name: &Option<String>| name.as_ref().is_some_and(|name| names.contains_key(name));
+        let has_levels = self.slots.iter().any(|slot| is_named(&slot.level));
+        self.form(|slot| match has_levels && slot.level.is_some() {
+            true => Some(Held::Level),
+            false => is_named(&slot.momentum).then_some(Held::Momentum),
+        })
     }
 
     /// Every name that some form has: the scene's own first.
     pub fn known(&self) -> Vec<&str> {
-        let others = self.slots.iter().zip(&self.own.0);
-        let others = others
-            .map(|(slot, carried)| if *carried { slot.velocity.as_str() } else { slot.momentum.as_str() });
-        self.info.state.iter().map(String::as_str).chain(others).collect()
+        let others = self.slots.iter().zip(&self.own.0).flat_map(|(slot, own)| {
+            let own = slot.name(*own);
+            slot.names().filter(move |name| *name != own)
+        });
+        self.info.state.iter().chain(others).map(String::as_str).collect()
     }
 
     /// Names of the components of a state in a form.
     pub fn names(&self, form: &Form) -> Vec<String> {
         let mut names = self.info.state.clone();
-        for (slot, is_momentum) in self.slots.iter().zip(&form.0) {
-            names[slot.at].clone_from(if *is_momentum { &slot.momentum } else { &slot.velocity });
+        for (slot, held) in self.slots.iter().zip(&form.0) {
+            names[slot.at].clone_from(slot.name(*held));
         }
         names
     }
@@ -135,24 +197,29 @@ impl Forms {
         let names: BTreeSet<&str> = names.into_iter().collect();
         let suits = |form: &&Form| {
             let mut slots = self.slots.iter().zip(&form.0);
-            slots.all(|(slot, is_momentum)| {
-                let other = if *is_momentum { &slot.velocity } else { &slot.momentum };
-                !names.contains(other.as_str())
+            slots.all(|(slot, held)| {
+                let own = slot.name(*held);
+                slot.names().all(|name| name == own || !names.contains(name.as_str()))
             })
         };
-        let all = [self.own.clone(), self.velocities(), Form(vec![true; self.slots.len()])];
+        let all = [self.own.clone(), self.velocities(), self.momenta()];
         if let Some(form) = preferred.iter().chain(&all).find(suits) {
             return Ok(form.clone());
         }
-        let given = |name: fn(&Slot) -> &String| {
-            let given = self.slots.iter().map(name).filter(|name| names.contains(name.as_str()));
-            given.cloned().collect::<Vec<String>>().join(", ")
+        let given = |name: fn(&Slot) -> Option<&String>, what: &str| {
+            let given = self.slots.iter().filter_map(name).filter(|name| names.contains(name.as_str()));
+            let given: Vec<&str> = given.map(String::as_str).collect();
+            (!given.is_empty()).then(|| format!("{what} ({})", given.join(", ")))
         };
+        let kinds = [
+            given(|slot| Some(&slot.velocity), "velocities"),
+            given(|slot| slot.momentum.as_ref(), "momenta"),
+            given(|slot| slot.level.as_ref(), "velocities along levels"),
+        ];
+        let kinds: Vec<String> = kinds.into_iter().flatten().collect();
         Err(format!(
-            "mixes velocities ({}) with momenta ({}): give all of them by velocities, all by momenta, or what the scene \
-             carries",
-            given(|slot| &slot.velocity),
-            given(|slot| &slot.momentum)
+            "mixes {}: give all of them by velocities, all by momenta, or what the scene carries",
+            kinds.join(" with ")
         ))
     }
 
@@ -179,20 +246,20 @@ impl Forms {
             return Ok(y.to_vec());
         }
         let mut values: BTreeMap<String, f64> = self.names(from).into_iter().zip(y.iter().copied()).collect();
-        if from.0.contains(&true) {
+        if from.is_carried() {
             let scene = self.scene_with(from)?;
             let interpreter = self.prepared(&scene.executable, params)?;
             let found = interpreter.outputs(t, &in_order(&scene.state, &values));
             values.extend(scene.outputs.iter().cloned().zip(found));
         }
-        if to.0.contains(&true) {
+        if to.is_carried() {
             let scene = self.scene_with(to)?;
             let interpreter = self.prepared(&scene.executable, params)?;
             let velocities = in_order(&scene.velocities, &values);
             let Some(found) = interpreter.legendre(t, &in_order(&scene.state, &values), &velocities) else {
                 return Err(Error::unusable("the state", "has momenta that do not follow from velocities"));
             };
-            values.extend(scene.momenta.iter().cloned().zip(found));
+            values.extend(scene.carried.iter().cloned().zip(found));
         }
         let names = self.names(to);
         let converted = in_order(&names, &values);
@@ -227,35 +294,47 @@ impl Forms {
         executable.prepare(params).map_err(|e| refused(&self.info, params, bad(e)))
     }
 
-    /// The scene with the momenta of a form as state, and its velocities as outputs.
+    /// The scene with what a form holds as state, and its velocities as outputs.
     fn scene_with(&self, form: &Form) -> Result<Arc<Carrying>, Error> {
         let mut known = self.carrying.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         if let Some(scene) = known.get(form) {
             return Ok(Arc::clone(scene));
         }
+        let slots = self.slots.iter().zip(&form.0).filter(|(_, held)| **held == Held::Momentum);
+        let momenta: Vec<String> = slots.map(|(slot, held)| slot.name(*held).clone()).collect();
+        let scene = Arc::new(self.built(&momenta, form.0.contains(&Held::Level))?);
+        known.insert(form.clone(), Arc::clone(&scene));
+        Ok(scene)
+    }
+
+    /// The scene with these momenta as state, and velocities along levels.
+    fn built(&self, momenta: &[String], levels: bool) -> Result<Carrying, Error> {
         // Without a model there are no slots.
         let Some(model) = &self.model else { return Err(Error::unusable("initial", "has no other form")) };
-        let slots = self.slots.iter().zip(&form.0).filter(|(_, is_momentum)| **is_momentum);
-        let momenta: Vec<String> = slots.map(|(slot, _)| slot.momentum.clone()).collect();
-        let scene = model.cached(&format!("carrying {}", momenta.join(" ")), &self.info.scene, || {
-            let built = scene::build_carrying(model, &self.info.scene, &momenta)?;
+        let carried = if levels { "carrying levels" } else { "carrying" };
+        model.cached(&format!("{carried} {}", momenta.join(" ")), &self.info.scene, || {
+            let built = scene::build_carrying(model, &self.info.scene, momenta, levels)?;
             let legendre = built.legendre();
             let outputs = built.outputs().iter().flat_map(|o| &o.components);
             Ok(Carrying {
                 executable: built.executable(),
                 state: built.state_names(),
                 velocities: legendre.velocities.iter().map(|(name, _)| name.clone()).collect(),
-                momenta: legendre.momenta.iter().map(|(name, _)| name.clone()).collect(),
+                carried: legendre.momenta.iter().map(|(name, _)| name.clone()).collect(),
                 outputs: outputs.map(|(name, _)| name.clone()).collect(),
             })
-        })?;
-        let scene = Arc::new(scene);
-        known.insert(form.clone(), Arc::clone(&scene));
-        Ok(scene)
+        })
     }
 }
 
-/// Values by name; zero for the momenta in a state at which they are about to be found.
+impl Form {
+    /// Whether it holds anything but velocities of the model.
+    fn is_carried(&self) -> bool {
+        self.0.iter().any(|held| *held != Held::Velocity)
+    }
+}
+
+/// Values by name; zero for what is about to be found in a state.
 fn in_order(names: &[String], values: &BTreeMap<String, f64>) -> Vec<f64> {
     names.iter().map(|name| values.get(name).copied().unwrap_or_default()).collect()
 }

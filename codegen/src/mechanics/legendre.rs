@@ -186,13 +186,15 @@ impl Derivation<'_> {
             let velocity = self.g.sym(unknown.symbol);
             velocities.push((unknown.name.clone(), self.replace(velocity)?));
         }
-        // Velocities along the levels of stages, for which those of the model are the arguments.
+        // Velocities along the levels of stages, for which the independent ones of the model are the arguments.
         if let Some(frame) = system.frame.as_ref().filter(|_| !system.changes.is_empty()) {
             legendre.momenta.extend(system.changes.iter().map(|c| (c.name.clone(), c.value)));
             let values = frame.velocities(&mut self.g, &self.y);
             let is_carried = |symbol: SymbolId| system.unknowns.iter().any(|u| u.symbol == symbol);
             for (own, value) in frame.original.iter().zip(values).filter(|(own, _)| !is_carried(own.symbol)) {
-                legendre.velocities.push((own.name.clone(), own.symbol));
+                if system.changes.iter().any(|c| self.g.free_symbols(c.value).contains(&own.symbol)) {
+                    legendre.velocities.push((own.name.clone(), own.symbol));
+                }
                 velocities.push((own.name.clone(), value));
             }
         }

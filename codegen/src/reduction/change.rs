@@ -29,7 +29,7 @@ pub struct Change {
     pub name: String,
     /// Its symbol.
     pub symbol: SymbolId,
-    /// Its value, in the velocities of the model, base coordinates, parameters and time.
+    /// Its value, in the independent velocities of the model, base coordinates, parameters and time.
     pub value: ExprId,
 }
 

@@ -30,7 +30,7 @@ use std::collections::BTreeSet;
 use crate::error::Error;
 use crate::mechanics::OutputKind;
 use crate::parallel::side_by_side;
-use crate::reduction::{AccelerationSource, Formulation, KinematicConstraint, reduce};
+use crate::reduction::{AccelerationSource, Formulation, KinematicConstraint, StageUse, reduce};
 use crate::spec::{self, Carried, CarriedBy, Diagnostics, Model, Want, Wanted};
 
 use build::{Derivations, build_planned, lower_scene};
@@ -213,15 +213,24 @@ pub fn build_in(model: &Model, scene: &str, formulation: &Formulation) -> Result
 
 /// The right-hand side of a scene whose state carries these momenta (names of components) and no others, with the
 /// velocities that they stand for as outputs: both ways between velocities and momenta, whatever the scene itself
-/// carries. Momenta that are parameters stay parameters.
+/// carries. Momenta that are parameters stay parameters. `levels`: velocities along the levels of stages stay in the
+/// state too, where the scene carries them.
 ///
 /// # Errors
 /// As [`build`], and a name that is no momentum.
-pub fn build_carrying(model: &Model, scene: &str, momenta: &[String]) -> Result<BuiltScene, Diagnostics> {
+pub fn build_carrying(
+    model: &Model,
+    scene: &str,
+    momenta: &[String],
+    levels: bool,
+) -> Result<BuiltScene, Diagnostics> {
     let mut scenes = Scenes::new(model);
     let own = scenes.plan(scene)?;
     let mut formulation = own.formulation.clone();
     formulation.momenta.retain(|carried| matches!(carried.by, CarriedBy::Parameter(_)));
+    if formulation.stages == StageUse::Carried && !levels {
+        formulation.stages = StageUse::Shown;
+    }
     for name in momenta {
         let components = model.momenta.iter().flat_map(|m| &m.components);
         let Some((.., velocity)) = components.clone().find(|(component, ..)| component == name) else {

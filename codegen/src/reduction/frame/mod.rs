@@ -164,7 +164,7 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
         changes: Vec::new(),
     };
     if is_carried {
-        let unknowns = carry(g, &mut system, stages, &frame, &eta);
+        let unknowns = carry(g, &mut system, stages, &frame, (&before, &eta));
         constraint::keeps_momenta(g, &mut system, &frame, (&before, &unknowns))?;
     }
     system.graph = graph;
@@ -205,12 +205,14 @@ fn gathered(g: &mut Graph, lagrangian: ExprId, velocities: &[SymbolId], algebroi
 }
 
 /// The state of velocities along the levels, and what tells of it; the unknowns before.
+///
+/// `constraint`: in the frame of the model.
 fn carry(
     g: &mut Graph,
     system: &mut ReducedSystem,
     stages: &Stages,
     frame: &Frame,
-    eta: &[Unknown],
+    (constraint, eta): (&KinematicConstraint, &[Unknown]),
 ) -> Vec<Unknown> {
     let n = eta.len() - stages.basis.len();
     let unknowns = match &system.constraint {
@@ -235,9 +237,16 @@ fn carry(
     let at = system.state.iter().take_while(|(kind, _)| is_base(kind)).count();
     system.state.retain(|(kind, _)| !is_unknown(kind));
     system.state.splice(at..at, own);
-    let own: Vec<ExprId> = frame.original.iter().map(|u| g.sym(u.symbol)).collect();
+    // By the velocities that were independent before, so that whoever gives these gives a state.
+    let mut own: Vec<ExprId> = frame.original.iter().map(|u| g.sym(u.symbol)).collect();
+    if let KinematicConstraint::Solved(solved) = constraint {
+        for &alpha in &solved.dependent {
+            own[alpha] = solved.velocity(g, alpha);
+        }
+    }
     for u in &system.unknowns {
-        let Some(k) = u.frame_idx.filter(|k| *k >= n) else { continue };
+        let is_new = before.iter().all(|old| old.symbol != u.symbol);
+        let Some(k) = u.frame_idx.filter(|_| is_new) else { continue };
         let value = contract(g, &frame.inverse[k], &own);
         system.changes.push(Change { name: u.name.clone(), symbol: u.symbol, value });
     }

@@ -30,8 +30,8 @@ pub(super) enum Choice {
     /// The frame in which the equations are derived: adapted to a chain of ideals, that of the model unless one is
     /// given, of which the text says what it is.
     Stages(Option<FoundChain>, String),
-    /// The velocities of that name by themselves, or by their momenta.
-    Momenta(String, Vec<Carried>),
+    /// Slots, by name, whose velocities are carried by themselves or by their momenta.
+    Momenta(Vec<(String, Vec<Carried>)>),
 }
 
 impl Choice {
@@ -47,10 +47,12 @@ impl Choice {
                 formulation.stages = StageUse::Internal;
                 formulation.chain.clone_from(chain);
             }
-            Choice::Momenta(_, carried) => {
+            Choice::Momenta(slots) => {
+                let carried: Vec<&Carried> = slots.iter().flat_map(|(_, carried)| carried).collect();
                 let momenta = &mut formulation.momenta;
                 momenta.retain(|own| carried.iter().all(|new| new.velocity != own.velocity));
-                momenta.extend(carried.iter().filter(|new| new.by != CarriedBy::Velocity).cloned());
+                let by_momenta = carried.into_iter().filter(|new| new.by != CarriedBy::Velocity);
+                momenta.extend(by_momenta.cloned());
                 momenta.sort_by_key(|own| own.velocity);
             }
         }
@@ -73,10 +75,13 @@ impl Choice {
             Choice::Circle(angle, true) => format!("circle {angle}"),
             Choice::Circle(angle, false) => format!("angle {angle}"),
             Choice::Stages(_, text) => text.clone(),
-            Choice::Momenta(name, carried) => match carried.first().map(|c| &c.by) {
-                Some(CarriedBy::Momentum(_)) => format!("momenta of {name}"),
-                _ => format!("velocities {name}"),
-            },
+            Choice::Momenta(slots) => {
+                let text = |(name, carried): &(String, Vec<Carried>)| match carried.first().map(|c| &c.by) {
+                    Some(CarriedBy::Momentum(_)) => format!("momenta of {name}"),
+                    _ => format!("velocities {name}"),
+                };
+                slots.iter().map(text).collect::<Vec<String>>().join("; ")
+            }
         }
     }
 }
@@ -93,7 +98,7 @@ pub(super) fn axes(
     if model.hamiltonian.is_none() {
         axes.extend([connections(model, own), independent(system), vec![Choice::Squares(!own.squares)]]);
         axes.push(stages(model, own));
-        axes.extend(momenta(model, own, system).into_iter().map(|choice| vec![choice]));
+        axes.push(momenta(model, own, system));
     }
     axes.extend(circles(model, own, drops).into_iter().map(|choice| vec![choice]));
     axes.retain(|axis| !axis.is_empty());
@@ -196,9 +201,10 @@ fn is_free(model: &Model, name: &String) -> bool {
         && model.outputs.iter().all(|output| output.name != *name)
 }
 
-/// Momenta in the place of velocities, and the other way round, slot by slot: the velocities of the base, each vector
-/// of the algebra, the quasi-velocities. Momenta have the names that the model gives them, or that of the velocity with
-/// `p_` before it.
+/// Momenta in the place of velocities, and the other way round: of every selection of the slots, which are the
+/// velocities of the base, each vector of the algebra, the quasi-velocities. What one slot costs tells nothing of
+/// several: momenta of all may spare the mass matrix that momenta of one still need. Momenta have the names that the
+/// model gives them, or that of the velocity with `p_` before it.
 fn momenta(model: &Model, own: &Formulation, system: &ReducedSystem) -> Vec<Choice> {
     let n_frame = model.all_velocities().len();
     let quasi = model.quasi_velocities.iter();
@@ -224,7 +230,7 @@ fn momenta(model: &Model, own: &Formulation, system: &ReducedSystem) -> Vec<Choi
         let all = model.momenta.iter().flat_map(|m| &m.components);
         all.clone().find(|(.., velocity)| *velocity == k).map(|(name, ..)| name.clone())
     };
-    let mut choices = Vec::new();
+    let mut exchanged = Vec::new();
     for (slot, list) in slots.into_iter().take(MAX_SLOTS) {
         let free = list.iter().filter(|(k, _)| !matches!(by_now(*k), Some(CarriedBy::Parameter(_))));
         let is_carried = free.clone().any(|(k, _)| by_now(*k).is_some());
@@ -242,10 +248,19 @@ fn momenta(model: &Model, own: &Formulation, system: &ReducedSystem) -> Vec<Choi
             _ => true,
         };
         if !carried.is_empty() && carried.iter().all(is_named) {
-            choices.push(Choice::Momenta(slot, carried));
+            exchanged.push((slot, carried));
         }
     }
-    choices
+    let mut selections: Vec<Vec<(String, Vec<Carried>)>> = vec![Vec::new()];
+    for slot in exchanged {
+        let longer: Vec<_> = selections
+            .iter()
+            .map(|chosen| [chosen.as_slice(), std::slice::from_ref(&slot)].concat())
+            .collect();
+        selections.extend(longer);
+    }
+    selections.retain(|chosen| !chosen.is_empty());
+    selections.into_iter().map(Choice::Momenta).collect()
 }
 
 /// Angles on the line as points, and the other way round, where the names of points are free.

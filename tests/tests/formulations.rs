@@ -10,6 +10,13 @@ use hamel_codegen::program::Role;
 use hamel_codegen::reduction::{Formulation, reduce};
 use hamel_codegen::scene::{self, BuiltScene, Formulations};
 use hamel_codegen::spec::{self, ConnectionKind, Model};
+use hamel_tests::algebras::{FAMILIES, Transported};
+use hamel_tests::bundle::Bundle;
+use hamel_tests::draws::{for_all, one};
+use hamel_tests::problem::Problem;
+use hamel_tests::stages::{chain_text, with_items};
+
+const NUMBERS: usize = 3000;
 
 fn parsed(text: &str) -> Model {
     spec::parse("test.hamel", text).unwrap_or_else(|problems| panic!("{}", problems.render(false)))
@@ -67,11 +74,14 @@ fn mapped(from: &BuiltScene, to: &BuiltScene, values: &BTreeMap<SymbolId, f64>) 
 /// Where motions end: before small differences grow.
 const END: f64 = 0.25;
 
-/// Classical Runge-Kutta steps from `t = 0` to [`END`].
-fn integrated(scene: &BuiltScene, params: &[f64], start: &[f64]) -> Vec<f64> {
+/// Where those of random systems do, whose velocities may grow by orders of magnitude in a unit of time.
+const SOON: f64 = 0.02;
+
+/// Classical Runge-Kutta steps from `t = 0` to `end`.
+fn integrated(scene: &BuiltScene, params: &[f64], start: &[f64], end: f64) -> Vec<f64> {
     const STEPS: usize = 400;
     let interpreter = scene.prepare(params).unwrap();
-    let (n, h) = (start.len(), END / STEPS as f64);
+    let (n, h) = (start.len(), end / STEPS as f64);
     let mut y = start.to_vec();
     let rate = |t: f64, y: &[f64]| {
         let mut dy = vec![0.0; n];
@@ -94,20 +104,20 @@ fn integrated(scene: &BuiltScene, params: &[f64], start: &[f64]) -> Vec<f64> {
 }
 
 /// Holds every formulation of a scene to the scene's own, by integration; the titles of all.
-fn hold_to_one_motion(model: &Model, scene: &str) -> Vec<String> {
+fn hold_to_one_motion(model: &Model, scene: &str, end: f64) -> Vec<String> {
     let own = scene::build(model, scene).unwrap();
     let Start { params, mut values } = start(&own);
     values.insert(own.equations.system.time, 0.0);
     let first: Vec<f64> = own.state.iter().map(|s| values[&s.symbol]).collect();
-    let last = integrated(&own, &params, &first);
+    let last = integrated(&own, &params, &first, end);
     let mut reached = values.clone();
     reached.extend(own.state.iter().map(|s| s.symbol).zip(last));
-    reached.insert(own.equations.system.time, END);
+    reached.insert(own.equations.system.time, end);
     let all = found(model, scene);
     for candidate in &all.candidates {
         let built = scene::build_in(model, scene, &candidate.formulation).unwrap();
-        let end = integrated(&built, &params, &mapped(&own, &built, &values));
-        for ((name, x), y) in built.state_names().iter().zip(&end).zip(mapped(&own, &built, &reached)) {
+        let last = integrated(&built, &params, &mapped(&own, &built, &values), end);
+        for ((name, x), y) in built.state_names().iter().zip(&last).zip(mapped(&own, &built, &reached)) {
             let title = candidate.title();
             assert!((x - y).abs() <= 1e-7 * (1.0 + y.abs()), "{title}: {name} is {x}, not {y}");
         }
@@ -117,7 +127,7 @@ fn hold_to_one_motion(model: &Model, scene: &str) -> Vec<String> {
 
 #[test]
 fn all_formulations_are_one_motion() {
-    let titles = hold_to_one_motion(&parsed(VEHICLE), "bare");
+    let titles = hold_to_one_motion(&parsed(VEHICLE), "bare", END);
     for choice in [
         "connection mechanical",
         "connection nonholonomic",
@@ -138,8 +148,55 @@ fn all_formulations_of_shipped_models_are_one_motion() {
         [("mobile_robot", "rhs"), ("chaplygin_sleigh", "rhs, reconstruction"), ("kirchhoff_body", "rhs")]
     {
         let model = with_scene(name, &format!("scene bare {{ want {wanted}; }}"));
-        let titles = hold_to_one_motion(&model, "bare");
+        let titles = hold_to_one_motion(&model, "bare", END);
         assert!(titles.len() > 1, "{name}: {titles:?}");
+    }
+}
+
+/// Random metrics, sides, constraints and chains of ideals on every algebra of few dimensions.
+#[test]
+fn all_formulations_of_random_systems_are_one_motion() {
+    for make in FAMILIES {
+        if make(&mut one(1, 60)).algebra.dim() > 4 {
+            continue;
+        }
+        for_all(make(&mut one(1, 60)).name, 1, NUMBERS, |mut draws| {
+            let family = make(&mut draws);
+            let (mut problem, transported) = Problem::random(&family, &mut draws);
+            for (k, chain) in transported.chains.iter().enumerate() {
+                problem.right = k % 2 == 0;
+                problem.rows.clear();
+                problem.constrain(k % 2, &mut draws);
+                let text = with_items(&problem.text(), &chain_text("y", chain, &transported.metric));
+                let titles = hold_to_one_motion(&parsed(&text), "default", SOON);
+                assert!(titles.iter().any(|title| title.contains("momenta of y")), "{titles:?}\n{text}");
+            }
+            Ok(())
+        });
+    }
+}
+
+/// Random metrics, connections, sides, constraints and advected parameters over the smallest algebras.
+#[test]
+fn all_formulations_of_random_bundles_are_one_motion() {
+    let small = FAMILIES.into_iter().filter(|make| make(&mut one(3, NUMBERS)).algebra.dim() == 3);
+    for (kind, make) in small.enumerate() {
+        let family = make(&mut one(3, NUMBERS));
+        for_all(family.name, 1, NUMBERS, |mut draws| {
+            let transported = Transported::new(&family, &mut draws);
+            let mut bundle = Bundle::random(&transported.algebra, kind % 2 == 0, &mut draws);
+            // A metric that varies over the base takes most candidates beyond their budget.
+            bundle.flatten();
+            match kind % 3 {
+                0 => {}
+                1 => bundle.advect(&mut draws),
+                _ => bundle.constrain(false, &mut draws),
+            }
+            let text = with_items(&bundle.text(kind % 2 == 1), "scene bare { want rhs; }");
+            let titles = hold_to_one_motion(&parsed(&text), "bare", SOON);
+            assert!(titles.iter().any(|title| title.contains("momenta")), "{titles:?}\n{text}");
+            Ok(())
+        });
     }
 }
 
@@ -259,7 +316,7 @@ fn models_with_a_hamiltonian_and_at_levels_of_momenta_have_formulations() {
         velocity Omega in so(3); momentum Pi of Omega; advected Gamma in R^3 by cross(Omega, Gamma);";
     let top =
         parsed(&format!("model top {{ {body} lagrangian = dot(Omega, I*Omega)/2 - Gamma3; carry Pi; }}"));
-    let titles = hold_to_one_motion(&top, scene::DEFAULT);
+    let titles = hold_to_one_motion(&top, scene::DEFAULT, END);
     assert!(titles.contains(&"velocities Omega".to_owned()), "{titles:?}");
     let pendulum = parsed(
         "model pendulum {
@@ -270,6 +327,6 @@ fn models_with_a_hamiltonian_and_at_levels_of_momenta_have_formulations() {
             routh phi = p;
         }",
     );
-    let titles = hold_to_one_motion(&pendulum, scene::DEFAULT);
+    let titles = hold_to_one_motion(&pendulum, scene::DEFAULT, END);
     assert!(titles.contains(&"circle theta".to_owned()), "{titles:?}");
 }
