@@ -31,6 +31,8 @@ pub(crate) const SHIPPED: Shipped = shipped![
     "mobile_robot",
     "rolling_ball",
     "rolling_disk",
+    "second_grade_fluid",
+    "second_grade_fluid_3c",
     "servo_ball",
     "skew_sleigh",
     "snakeboard",
@@ -40,6 +42,11 @@ pub(crate) const SHIPPED: Shipped = shipped![
     "two_arm_satellite_routh",
     "veselova",
     "wong_particle",
+    "zeitlin_euler_3",
+    "zeitlin_euler_5",
+    "zeitlin_euler_7",
+    "zeitlin_mhd_3",
+    "zeitlin_mhd_5",
 ];
 
 #[cfg(test)]

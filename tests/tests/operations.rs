@@ -55,6 +55,8 @@ const BOUNDS: &[Bound] = &[
     most("rolling_ball", "default",            [  0,   0,  0,  0,   0]),
     most("rolling_ball", "minimal",            [  0,   0,  0,  0,   0]),
     most("rolling_disk", "default",            [  0,   0,  0,  0,   0]),
+    most("second_grade_fluid", "default",      [204, 260,  0,  0, 464]),
+    most("second_grade_fluid_3c", "default",   [ 52,  80,  0,  0, 132]),
     most("servo_ball", "default",              [  4,  10,  1,  0,  18]),
     most("servo_ball", "minimal",              [  4,  10,  1,  0,  18]),
     most("skew_sleigh", "default",             [  2,   6,  0,  0,   8]),
@@ -77,6 +79,11 @@ const BOUNDS: &[Bound] = &[
     most("veselova", "derivatives",            [ 17,  41,  1,  0,  59]),
     most("veselova", "invariants",             [ 17,  41,  1,  0,  59]),
     most("wong_particle", "default",           [ 18,  39,  1,  0,  58]),
+    most("zeitlin_euler_3", "default",         [ 16,  20,  0,  0,  36]),
+    most("zeitlin_euler_5", "default",         [344, 366,  0,  0, 710]),
+    most("zeitlin_euler_7", "default",         [1632, 1572,  0,  0, 3204]),
+    most("zeitlin_mhd_3", "default",           [ 88,  94,  0,  0, 182]),
+    most("zeitlin_mhd_5", "default",           [1403, 1291,  0,  0, 2694]),
 ];
 
 /// The most operations of a right-hand side.

@@ -19,7 +19,7 @@ fn defined(e: &Equations) -> Vec<&str> {
 }
 
 /// Name, definitions, nodes: measured, plus about a tenth.
-const BOUNDS: [(&str, usize, usize); 24] = [
+const BOUNDS: [(&str, usize, usize); 31] = [
     ("appell_machine", 7, 40),
     ("ball_on_rotating_table", 13, 59),
     ("chaplygin_ball", 76, 295),
@@ -35,6 +35,8 @@ const BOUNDS: [(&str, usize, usize); 24] = [
     ("mobile_robot", 16, 65),
     ("rolling_ball", 4, 26),
     ("rolling_disk", 2, 15),
+    ("second_grade_fluid", 1, 1),
+    ("second_grade_fluid_3c", 1, 1),
     ("servo_ball", 9, 54),
     ("skew_sleigh", 14, 69),
     ("snakeboard", 19, 71),
@@ -44,6 +46,11 @@ const BOUNDS: [(&str, usize, usize); 24] = [
     ("two_arm_satellite_routh", 61, 299),
     ("veselova", 20, 100),
     ("wong_particle", 14, 100),
+    ("zeitlin_euler_3", 1, 1),
+    ("zeitlin_euler_5", 1, 1),
+    ("zeitlin_euler_7", 1, 1),
+    ("zeitlin_mhd_3", 1, 1),
+    ("zeitlin_mhd_5", 1, 1),
 ];
 
 #[test]

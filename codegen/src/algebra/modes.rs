@@ -6,7 +6,7 @@
 //!
 //! Deliberately does not know: velocities, energies, dissipation.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::lie::{Block, LieAlgebra};
 use super::matrix::Matrix;
@@ -180,7 +180,7 @@ impl Modes {
     /// Coefficients `(x^k)_m` of the `k`-th power of the matrix whose coefficients are given by their real and imaginary
     /// parts, without its multiple of the identity. None where waves are not taken modulo `N`.
     pub fn star_power(&self, g: &mut Graph, x: &[ExprId], k: usize) -> Option<Vec<ExprId>> {
-        let power = self.powers(g, x, k)?.remove(&k)?;
+        let power = self.powers(g, x, &[k])?.remove(&k)?;
         let parts = self.waves.iter().map(|m| power.get(m).map(|(re, im)| [*re, *im]));
         Some(parts.collect::<Option<Vec<_>>>()?.concat())
     }
@@ -188,11 +188,11 @@ impl Modes {
     /// `tr(x^k)/N` of the matrix whose coefficients are given by their real and imaginary parts. None where waves are
     /// not taken modulo `N`.
     pub fn trace_power(&self, g: &mut Graph, x: &[ExprId], k: usize) -> Option<ExprId> {
-        let powers = self.powers(g, x, k.div_ceil(2))?;
-        let (left, right) = (powers.get(&(k / 2).max(1))?, powers.get(&k.div_ceil(2))?);
         if k == 1 {
-            return Some(g.zero());
+            return self.modulus.map(|_| g.zero());
         }
+        let powers = self.powers(g, x, &[k / 2, k.div_ceil(2)])?;
+        let (left, right) = (powers.get(&(k / 2))?, powers.get(&k.div_ceil(2))?);
         // tr(J_a J_b)/N = 1 where a + b = 0
         let mut terms = Vec::new();
         for (m, (re, im)) in left.iter().filter(|(m, _)| **m >= (0, 0)) {
@@ -204,12 +204,17 @@ impl Modes {
         Some(g.linear_combination(&terms))
     }
 
-    /// Powers of a matrix by the coefficients of all waves and of the identity: `x^k`, and those by which it is
-    /// computed, each the product of two halves.
+    /// Powers of a matrix by the coefficients of all waves and of the identity: `x^k` for the exponents `k`, and those by
+    /// which they are computed, each the product of two halves.
     ///
     /// Matrices of different waves multiply as `J_a J_b = exp(-2 pi i (a x b)/N) J_{a+b}`. The powers of one matrix
     /// commute, so that `(x y)_m = sum over a + b = m of cos(2 pi (a x b)/N) x_a y_b` for them.
-    fn powers(&self, g: &mut Graph, x: &[ExprId], k: usize) -> Option<BTreeMap<usize, Coefficients>> {
+    fn powers(
+        &self,
+        g: &mut Graph,
+        x: &[ExprId],
+        exponents: &[usize],
+    ) -> Option<BTreeMap<usize, Coefficients>> {
         let n = self.modulus?;
         let mut first = Coefficients::from([((0, 0), (g.zero(), g.zero()))]);
         for (at, m) in self.waves.iter().enumerate() {
@@ -219,16 +224,14 @@ impl Modes {
             first.insert((-m.0, -m.1), (re, minus));
         }
         let cosines: Vec<Number> = (0..n).map(|j| Number::cos_pi(2 * j, n)).collect::<Option<_>>()?;
-        let mut wanted = vec![k];
-        while let Some(last) = wanted.last().filter(|k| **k > 1) {
-            let (low, high) = (last / 2, last.div_ceil(2));
-            // Both halves, and one list for all of them in descending order.
-            wanted.extend(if low == high { vec![low] } else { vec![high, low] });
-            wanted.sort_unstable_by(|a, b| b.cmp(a));
-            wanted.dedup();
+        let (mut wanted, mut open) = (BTreeSet::new(), exponents.to_vec());
+        while let Some(k) = open.pop() {
+            if k > 1 && wanted.insert(k) {
+                open.extend([k / 2, k.div_ceil(2)]);
+            }
         }
         let mut powers = BTreeMap::from([(1, first)]);
-        for k in wanted.into_iter().rev().filter(|k| *k > 1) {
+        for k in wanted {
             let product = self.product(g, &powers[&(k / 2)], &powers[&k.div_ceil(2)], &cosines)?;
             powers.insert(k, product);
         }
@@ -351,5 +354,67 @@ impl Representation<Number> {
         };
         let matrices = elements.iter().map(matrix).collect();
         Some(Representation::unverified("functions", elements.len(), matrices, modes.labels()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sines_satisfy_jacobi_and_truncated_products_do_not() {
+        for n in [3, 5, 7, 9] {
+            let algebra = LieAlgebra::zeitlin(n).unwrap();
+            assert_eq!(algebra.dim(), n * n - 1);
+            assert!(!algebra.is_almost() && algebra.brackets().count() > n * n);
+            let vorticity = algebra.vorticity().unwrap();
+            assert!(vorticity.bracket.jacobi_violations().is_empty());
+        }
+        assert!(LieAlgebra::zeitlin(4).is_err() && LieAlgebra::zeitlin(11).is_err());
+        let torus = LieAlgebra::torus(2).unwrap();
+        assert!(torus.is_almost() && torus.rational().is_some());
+        assert!(!torus.bracket.jacobi_violations().is_empty());
+    }
+
+    #[test]
+    fn one_sine_that_is_off_is_found() {
+        let algebra = LieAlgebra::zeitlin(5).unwrap();
+        let mut brackets: Vec<Bracket<Number>> =
+            algebra.brackets().map(|(a, b, value)| (a, b, value.to_vec())).collect();
+        let constant = brackets[0].2[0].1.clone();
+        brackets[0].2[0].1 = constant.plus(&Rational::new(1.into(), 10_000_000_000_i64.into()).into());
+        assert!(LieAlgebra::from_brackets("bent", algebra.basis().to_vec(), &brackets).is_err());
+    }
+
+    #[test]
+    fn waves_are_named_and_ordered_as_in_the_catalogue() {
+        let algebra = LieAlgebra::zeitlin(3).unwrap();
+        let names = ["re_0_1", "im_0_1", "re_1_m1", "im_1_m1", "re_1_0", "im_1_0", "re_1_1", "im_1_1"];
+        assert_eq!(algebra.basis(), names);
+        assert_eq!(algebra.modes().unwrap().squares(), [1, 1, 2, 2, 1, 1, 2, 2]);
+    }
+
+    /// `rho([x, y]) = rho(x) rho(y) - rho(y) rho(x)`.
+    #[test]
+    fn functions_are_a_representation_of_what_has_jacobi() {
+        let algebra = LieAlgebra::zeitlin(3).unwrap();
+        let r = Representation::functions(&algebra).unwrap();
+        let matrices = (0..algebra.dim()).map(|a| r.matrix(a).clone()).collect();
+        assert!(Representation::from_matrices("functions", &algebra, matrices).is_ok());
+    }
+
+    #[test]
+    fn powers_of_a_matrix_are_those_of_its_waves() {
+        // W = J_(0,1) + J_(0,-1), the circulant matrix with eigenvalues 2 cos(2 pi j/N): tr W^k/N is a binomial.
+        for (n, k, expected) in [(5, 2, 2), (5, 4, 6), (7, 4, 6), (7, 6, 20), (3, 3, 2)] {
+            let algebra = LieAlgebra::zeitlin(n).unwrap();
+            let mut g = Graph::new();
+            let mut x = vec![g.zero(); algebra.dim()];
+            x[0] = g.one();
+            let trace = algebra.modes().unwrap().trace_power(&mut g, &x, k).unwrap();
+            let expected = g.int(expected);
+            let difference = g.sub(trace, expected);
+            assert!(g.is_zero(difference), "{n}, {k}");
+        }
     }
 }

@@ -109,6 +109,10 @@ pub mod rolling_ball_reconstruction;
 pub mod rolling_disk;
 /// Vertical rolling disk
 pub mod rolling_disk_reconstruction;
+/// Fluid of second grade on the torus
+pub mod second_grade_fluid;
+/// Fluid of second grade with three components on the torus
+pub mod second_grade_fluid_3c;
 /// Servo ball
 pub mod servo_ball;
 /// Servo ball
@@ -171,6 +175,16 @@ pub mod veselova_reconstruction;
 pub mod wong_particle;
 /// Particle with non-abelian charge
 pub mod wong_particle_reconstruction;
+/// Ideal fluid on the torus, 8 modes
+pub mod zeitlin_euler_3;
+/// Ideal fluid on the torus, 24 modes
+pub mod zeitlin_euler_5;
+/// Ideal fluid on the torus, 48 modes
+pub mod zeitlin_euler_7;
+/// Ideal magnetohydrodynamics on the torus, 16 modes
+pub mod zeitlin_mhd_3;
+/// Ideal magnetohydrodynamics on the torus, 48 modes
+pub mod zeitlin_mhd_5;
 
 /// Calls a macro with every scene: `$visit! { (module, "model", "scene", dimension) .. }`.
 ///
@@ -234,6 +248,8 @@ macro_rules! for_each_scene {
             (rolling_ball_reconstruction, "rolling_ball", "reconstruction", 9)
             (rolling_disk, "rolling_disk", "default", 2)
             (rolling_disk_reconstruction, "rolling_disk", "reconstruction", 6)
+            (second_grade_fluid, "second_grade_fluid", "default", 24)
+            (second_grade_fluid_3c, "second_grade_fluid_3c", "default", 16)
             (servo_ball, "servo_ball", "default", 7)
             (servo_ball_minimal, "servo_ball", "minimal", 6)
             (servo_ball_reconstruction, "servo_ball", "reconstruction", 11)
@@ -265,6 +281,11 @@ macro_rules! for_each_scene {
             (veselova_reconstruction, "veselova", "reconstruction", 10)
             (wong_particle, "wong_particle", "default", 9)
             (wong_particle_reconstruction, "wong_particle", "reconstruction", 13)
+            (zeitlin_euler_3, "zeitlin_euler_3", "default", 8)
+            (zeitlin_euler_5, "zeitlin_euler_5", "default", 24)
+            (zeitlin_euler_7, "zeitlin_euler_7", "default", 48)
+            (zeitlin_mhd_3, "zeitlin_mhd_3", "default", 16)
+            (zeitlin_mhd_5, "zeitlin_mhd_5", "default", 48)
         }
     };
 }

@@ -18,8 +18,7 @@ use crate::spec::names;
 use crate::spec::value::Value;
 
 /// What constants may be.
-const CONSTANTS: &str = "for example `2*e1 - sqrt(3)*e3`, or `0`: numbers are rational, or made of pi, square roots of \
-                         numbers with prime factors up to 47, and sines and cosines of pi k/n where n divides 367567200";
+const CONSTANTS: &str = "for example `2*e1 - sqrt(3)*e3`, or `0`; constants are made of numbers, pi, roots, and sines of multiples of pi";
 
 impl Elaboration<'_> {
     pub(super) fn define_algebras(&mut self, items: &[Item]) {

@@ -402,7 +402,8 @@ impl<'a> Parser<'a> {
         })?;
         if labels.len() != n {
             let span = Span::new(start.start, self.last);
-            let message = format!("{n} vectors have {} names for components", labels.len());
+            let plural = if n == 1 { "vector has" } else { "vectors have" };
+            let message = format!("{n} {plural} {} prefixes for components", labels.len());
             return Err(Box::new(Diagnostic::new(Some(span), message).with_help("write `as a_*, b_*`")));
         }
         Ok(labels)
