@@ -1,6 +1,6 @@
 //! Truncated fluids: Casimirs by matrices, balances of energy, misprints of the source, almost algebras.
 
-use hamel_codegen::expr::{ExprId, Graph};
+use hamel_codegen::expr::{ExprId, SymbolId};
 use hamel_codegen::mechanics::{Equations, derive};
 use hamel_codegen::program::Role;
 use hamel_codegen::reduction::{Formulation, reduce};
@@ -22,11 +22,6 @@ fn energy_rate(e: &mut Equations) -> ExprId {
     let g = &mut e.system.graph;
     let values = hamel_codegen::expr::inlined(g, &definitions);
     g.subs(e.energy_rate, &values).expect("nothing is divided by zero")
-}
-
-fn symbol(g: &mut Graph, name: &str) -> ExprId {
-    let symbol = g.symbol(name);
-    g.sym(symbol)
 }
 
 #[test]
@@ -66,16 +61,17 @@ fn viscosity_alone_takes_energy_from_a_plane_fluid_of_second_grade() {
     assert!(!e.facts.energy_is_conserved);
     let rate = energy_rate(&mut e);
     // E' = -mu sum over all modes of |omega|^2, twice the sum over half of them, whatever alpha1 and alpha2 are.
-    let state: Vec<String> = e.state.iter().map(|s| e.system.graph.name(s.symbol).to_owned()).collect();
+    let state: Vec<SymbolId> = e.state.iter().map(|s| s.symbol).collect();
+    let mu = e.system.params.iter().find(|p| p.name == "mu").expect("a viscosity").symbol;
     let g = &mut e.system.graph;
     let squares: Vec<ExprId> = state
         .iter()
         .map(|s| {
-            let x = symbol(g, s);
+            let x = g.sym(*s);
             g.powi(x, 2)
         })
         .collect();
-    let (mu, sum) = (symbol(g, "mu"), g.sum(&squares));
+    let (mu, sum) = (g.sym(mu), g.sum(&squares));
     let power = g.mul(mu, sum);
     let loss = g.add(power, power);
     let balance = g.add(rate, loss);

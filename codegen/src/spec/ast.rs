@@ -1,6 +1,7 @@
 //! Syntax tree of a model file. Every node knows its bytes.
 
 use super::diagnostic::Span;
+use super::names::ALGEBRA_FUNCTIONS;
 use crate::expr::Rational;
 
 /// A name and where it stands.
@@ -281,6 +282,20 @@ impl Expr {
         let mut names = Vec::new();
         self.for_each_node(|node| {
             if let Node::Name(name) = node {
+                names.push(name.as_str());
+            }
+        });
+        names
+    }
+
+    /// Names of algebras in the expression: what functions of an algebra have for their first argument.
+    pub(super) fn algebra_names(&self) -> Vec<&str> {
+        let mut names = Vec::new();
+        self.for_each_node(|node| {
+            if let Node::Call(function, arguments) = node
+                && ALGEBRA_FUNCTIONS.contains(&function.text.as_str())
+                && let Some(Expr { node: Node::Name(name), .. }) = arguments.first()
+            {
                 names.push(name.as_str());
             }
         });

@@ -6,9 +6,8 @@ use num_traits::{One, Signed, ToPrimitive};
 
 use super::ast::{Expr, Node};
 use super::diagnostic::{Diagnostic, Span};
-use super::eval_algebra::ALGEBRA_FUNCTIONS;
 use super::limits::MAX_DIM;
-use super::names::{self, FUNCTIONS, OPERATORS};
+use super::names::{self, ALGEBRA_FUNCTIONS, FUNCTIONS, OPERATORS};
 use super::shape::{Operation, Shape, ValueError};
 use super::value::Value;
 use crate::algebra::LieAlgebra;

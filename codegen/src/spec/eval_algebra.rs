@@ -10,10 +10,6 @@ use super::value::Value;
 use crate::algebra::LieAlgebra;
 use crate::expr::{ExprId, Number};
 
-/// Functions that take an algebra by its name before their other arguments.
-pub(super) const ALGEBRA_FUNCTIONS: &[&str] =
-    &["ad", "coad", "laplacian", "poisson", "star_power", "trace_power"];
-
 /// Largest power of an element.
 const MAX_POWER: usize = 16;
 

@@ -57,7 +57,7 @@ mod tests;
 pub fn keywords() -> Vec<&'static str> {
     let parts = [
         "model", "in", "by", "of", "on", "where", "from", "around", "at", "attitude", "fix", "want", "drop",
-        "circle", "basis",
+        "circle", "basis", "as",
     ];
     names::ITEMS.iter().map(|(item, _)| *item).chain(parts).collect()
 }

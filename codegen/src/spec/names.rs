@@ -66,6 +66,10 @@ pub(super) fn item_meant_by(word: &str) -> String {
     advice.to_owned()
 }
 
+/// Functions that take an algebra by its name before their other arguments.
+pub(super) const ALGEBRA_FUNCTIONS: &[&str] =
+    &["ad", "coad", "laplacian", "poisson", "star_power", "trace_power"];
+
 /// Functions of the expression language.
 pub(super) const FUNCTIONS: &[&str] = &[
     "dot",

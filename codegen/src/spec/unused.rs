@@ -9,7 +9,8 @@
 use std::collections::BTreeMap;
 
 use super::ast::{
-    AlgebraExpr, AlgebraNode, Carry, DomainExpr, Expr, Item, ItemKind, Name, ReconstructWay, Shape, Size,
+    AlgebraExpr, AlgebraNode, Carry, DomainExpr, Expr, Item, ItemKind, Name, Node, ReconstructWay, Shape,
+    Size,
 };
 use super::diagnostic::Diagnostic;
 use super::layout::Layout;
@@ -30,7 +31,7 @@ pub(super) fn warnings(items: &[Item]) -> Vec<Diagnostic> {
     let mut pending: Vec<String> = Vec::new();
     for item in items {
         declare(item, &mut declarations);
-        pending.extend(effective(item).into_iter().flat_map(|name| [of_algebras(&name), name]));
+        pending.extend(effective(item));
     }
     let owners: BTreeMap<&str, usize> = declarations
         .iter()
@@ -92,7 +93,10 @@ fn owned<'a>(names: impl IntoIterator<Item = &'a str>) -> Vec<String> {
 }
 
 fn mentions<'a>(expressions: impl IntoIterator<Item = &'a Expr>) -> Vec<String> {
-    expressions.into_iter().flat_map(|e| owned(e.names())).collect()
+    let of_one = |e: &Expr| {
+        owned(e.names()).into_iter().chain(e.algebra_names().into_iter().map(of_algebras)).collect()
+    };
+    expressions.into_iter().flat_map(|e| -> Vec<String> { of_one(e) }).collect()
 }
 
 fn declare<'a>(item: &'a Item, declarations: &mut Vec<Declaration<'a>>) {
@@ -105,9 +109,7 @@ fn declare<'a>(item: &'a Item, declarations: &mut Vec<Declaration<'a>>) {
             add("parameter", name, spellings(&name.text, shape), Vec::new());
         }
         ItemKind::Let { name, value } => {
-            let mut all = mentions([value]);
-            all.extend(named_algebras([value]));
-            add("definition", name, alone(name), all);
+            add("definition", name, alone(name), mentions([value]));
         }
         ItemKind::AlgebraName { name, value } => {
             add("algebra", name, vec![of_algebras(&name.text)], algebras(value));
@@ -140,16 +142,18 @@ fn declare<'a>(item: &'a Item, declarations: &mut Vec<Declaration<'a>>) {
             let own = if labels.is_empty() { spellings(&name.text, &shape) } else { alone(name) };
             let mut all = mentions([action]);
             all.extend(algebras(space));
-            all.extend(named_algebras([action]));
+            // An action by the name of a representation, or of the one it is dual to.
+            let inner = match &action.node {
+                Node::Call(dual, arguments) if dual.text == "dual" => arguments.first().unwrap_or(action),
+                _ => action,
+            };
+            if let Node::Name(representation) = &inner.node {
+                all.push(of_algebras(representation));
+            }
             add("advected parameter", name, own, all);
         }
         _ => {}
     }
-}
-
-/// Names in expressions as those of algebras and representations: `ad(g, x, y)` has one.
-fn named_algebras<'a>(expressions: impl IntoIterator<Item = &'a Expr>) -> Vec<String> {
-    expressions.into_iter().flat_map(|e| e.names()).map(of_algebras).collect()
 }
 
 /// The names in an item that changes equations, outputs or figures.

@@ -16,6 +16,9 @@ use crate::spec::names;
 pub(super) const FAMILIES: &[&str] =
     &["so", "se", "su", "u", "gl", "sl", "sp", "sim", "galilei", "heisenberg", "zeitlin", "torus"];
 
+/// Families whose names definitions may take all the same, as their parentheses tell them apart.
+pub(super) const SHORT_FAMILIES: &[&str] = &["u"];
+
 /// Names that algebra definitions cannot take, besides the families.
 pub(super) const BUILT_IN: &[&str] = &[
     "R",

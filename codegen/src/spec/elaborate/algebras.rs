@@ -4,7 +4,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::algebra_expressions::{BUILT_IN, FAMILIES};
+use super::algebra_expressions::{BUILT_IN, FAMILIES, SHORT_FAMILIES};
 use super::order::{describe_cycle, order_by_use};
 use super::values::Elaboration;
 use crate::algebra::{LieAlgebra, Matrix, Representation};
@@ -34,7 +34,8 @@ impl Elaboration<'_> {
         }
         let mut index: BTreeMap<&str, usize> = BTreeMap::new();
         for (k, (name, ..)) in nodes.iter().enumerate() {
-            let reserved = [BUILT_IN, FAMILIES].iter().any(|names| names.contains(&name.text.as_str()));
+            let reserved = [BUILT_IN, FAMILIES].iter().any(|names| names.contains(&name.text.as_str()))
+                && !SHORT_FAMILIES.contains(&name.text.as_str());
             if let Some(reason) = names::refusal(&name.text).or(reserved.then_some("it is built in")) {
                 self.problem(name.span, format!("`{}` cannot be used as a name", name.text), reason);
             } else if let Some(first) = index.get(name.text.as_str()) {
