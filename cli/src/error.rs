@@ -423,7 +423,11 @@ impl fmt::Display for Error {
                 f.write_str("initial does not keep the constraints:")?;
                 for (k, (name, residual, size)) in broken.iter().enumerate() {
                     let comma = if k == 0 { "" } else { "," };
-                    write!(f, "{comma} {name} = {residual:?} beside terms of {size:.1e}")?;
+                    write!(f, "{comma} {name} = {residual:?}")?;
+                    // No velocity is in a residual of positions.
+                    if *size > 0.0 {
+                        write!(f, " beside terms of {size:.1e}")?;
+                    }
                 }
                 match nearest {
                     Some(nearest) => {
@@ -432,6 +436,9 @@ impl fmt::Display for Error {
                              the change: ",
                         )?;
                         values(f, nearest)
+                    }
+                    None if broken.iter().any(|(.., size)| *size == 0.0) => {
+                        f.write_str("\n  no velocities keep them at these positions: give others")
                     }
                     None => {
                         f.write_str("\n  no velocities were found that do at these positions: give others")

@@ -127,6 +127,21 @@ pub enum Error {
         /// A direction of the velocity space with zero inertia.
         direction: String,
     },
+    /// The Lagrangian is degenerate, and one of its equations without accelerations does not become an equation of
+    /// motion.
+    EquationLeft {
+        /// The velocities without inertia.
+        direction: String,
+        /// The equation.
+        equation: String,
+        /// Why it does not.
+        reason: &'static str,
+    },
+    /// The Lagrangian is degenerate, and nothing determines a velocity.
+    Undetermined {
+        /// The combination of velocities.
+        velocity: String,
+    },
     /// A derived connection depends on something that it cannot be made of.
     ConnectionDependsOn {
         /// The kind of connection.
@@ -250,6 +265,9 @@ impl From<Exhausted> for Error {
     }
 }
 
+/// What a Lagrangian without enough inertia lacks.
+const KINETIC: &str = "the lagrangian needs kinetic energy in every direction that the constraints allow";
+
 impl Error {
     /// What is wrong, and what to change (may be empty).
     pub(crate) fn message_and_help(&self) -> (String, String) {
@@ -320,9 +338,20 @@ impl Error {
                 format!("constraints cannot be solved for {}", dependent.join(", ")),
                 format!("they can be solved for {}", possible.join(", ")),
             ),
+            Error::EquationLeft { direction, equation, reason } => (
+                format!(
+                    "mass matrix is singular everywhere: no inertia along {direction}, and the equation of motion that is \
+                     left there, {equation}, {reason}"
+                ),
+                format!("{KINETIC}, or else equations that are linear in the velocities and determine them"),
+            ),
+            Error::Undetermined { velocity } => (
+                format!("mass matrix is singular everywhere, and no equation of motion determines {velocity}"),
+                format!("{KINETIC}; a velocity that means nothing needs a constraint that fixes it"),
+            ),
             Error::SingularMassMatrix { direction } => (
                 format!("mass matrix is singular everywhere: no inertia along {direction}"),
-                "the lagrangian needs kinetic energy in every direction that the constraints allow".into(),
+                KINETIC.into(),
             ),
             Error::ConnectionDependsOn { connection, kind, name, through, velocity } => (
                 format!("connection {connection} depends on the {kind} {name} through {through}"),

@@ -10,8 +10,10 @@ use num_traits::One;
 
 use crate::error::spell_vector;
 use crate::expr::{Budget, Definition, ExprId, Graph, Number, Style, SymbolId, identifier, rational_to_f64};
-use crate::mechanics::{Equations, Routhian, VerticalEquation, VerticalEquations, unused_stem};
-use crate::reduction::{KinematicConstraint, Stages, Tensor};
+use crate::mechanics::{Equations, Form, Routhian, VerticalEquation, VerticalEquations, unused_stem};
+use crate::reduction::{
+    DegenerateOutcome, KinematicConstraint, ReducedSystem, SolvedConstraint, Stages, Tensor,
+};
 use crate::scene::BuiltScene;
 use crate::spec::{Model, Side};
 
@@ -33,6 +35,8 @@ pub enum SectionKind {
     Kinematics,
     /// The constraint, solved or with multipliers.
     Constraint,
+    /// What equations without accelerations say, where the Lagrangian is degenerate.
+    Degeneracy,
     /// The equations of motion.
     Equations,
     /// The Routhian, where momenta are carried.
@@ -54,6 +58,7 @@ impl SectionKind {
             SectionKind::Connection => "Connection",
             SectionKind::Kinematics => "Kinematics (anchor)",
             SectionKind::Constraint => "Constraint",
+            SectionKind::Degeneracy => "Degenerate Lagrangian",
             SectionKind::Equations => "Equations of motion",
             SectionKind::Routhian => "Routhian",
             SectionKind::Findings => "Found exactly",
@@ -100,6 +105,7 @@ pub fn sections(model: &Model, scene: &BuiltScene, style: Style) -> Vec<Section>
     page.connection(model, &scene.equations);
     page.kinematics(&scene.equations);
     page.constraint(&scene.equations);
+    page.degeneracy(&scene.equations);
     page.equations(&scene.equations);
     page.routhian(&scene.equations);
     page.findings(&scene.equations);
@@ -632,32 +638,21 @@ impl Page {
 
     fn constraint(&mut self, equations: &Equations) {
         let system = &equations.system;
-        let names = system.algebroid.frame();
         match &system.constraint {
-            KinematicConstraint::Solved(s) if s.rows.is_empty() => {}
+            // What a degenerate Lagrangian adds has a section of its own.
+            KinematicConstraint::Solved(s) if s.reactions.names.is_empty() => {}
             KinematicConstraint::Solved(s) => {
                 self.begin(SectionKind::Constraint);
-                for row in &s.rows {
+                for row in &s.rows[..s.reactions.names.len()] {
                     let text = self.prose(&row.text);
                     self.line(&format!(
                         "{text}   (multiplier {})",
                         self.inline(&self.name(&format!("lambda_{}", row.name)))
                     ));
                 }
-                let list: Vec<String> = s.unknowns.iter().map(|u| self.name(&u.name)).collect();
-                let list = self.inline(&self.list(&list));
-                self.line(&format!("Solved with independent velocities {list}:"));
-                let mut g = system.graph.clone();
-                g.set_budget(Budget::UNLIMITED);
-                let rows: Vec<(String, String)> = s
-                    .dependent
-                    .iter()
-                    .map(|&k| {
-                        let sum = s.velocity(&mut g, k);
-                        (self.name(&names[k]), g.display(sum, self.style))
-                    })
-                    .collect();
-                self.formulas(&rows);
+                if system.degeneracy.is_none() {
+                    self.solved(s, system, "Solved with");
+                }
             }
             KinematicConstraint::Multipliers { rows, .. } => {
                 self.begin(SectionKind::Constraint);
@@ -676,6 +671,67 @@ impl Page {
                 }
             }
         }
+    }
+
+    /// `y = Psi u + psi0` of the velocities that are not independent.
+    fn solved(&mut self, solved: &SolvedConstraint, system: &ReducedSystem, with: &str) {
+        let list: Vec<String> = solved.unknowns.iter().map(|u| self.name(&u.name)).collect();
+        match list.is_empty() {
+            true => self.line("They determine every velocity:"),
+            false => {
+                let list = self.inline(&self.list(&list));
+                self.line(&format!("{with} independent velocities {list}:"));
+            }
+        }
+        let mut g = system.graph.clone();
+        g.set_budget(Budget::UNLIMITED);
+        let row = |page: &Page, g: &mut Graph, k: usize| {
+            let sum = solved.velocity(g, k);
+            (page.name(&system.algebroid.frame()[k]), g.display(sum, page.style))
+        };
+        let rows: Vec<(String, String)> = solved.dependent.iter().map(|&k| row(self, &mut g, k)).collect();
+        self.formulas(&rows);
+    }
+
+    /// The conditions that equations without accelerations are, in the order in which they were found.
+    fn degeneracy(&mut self, equations: &Equations) {
+        let system = &equations.system;
+        let (Some(found), KinematicConstraint::Solved(solved)) = (&system.degeneracy, &system.constraint)
+        else {
+            return;
+        };
+        self.begin(SectionKind::Degeneracy);
+        self.line("The mass matrix is singular everywhere. These combinations of the equations of motion, E_v along a");
+        self.line("velocity v, have no accelerations:");
+        let mut g = system.graph.clone();
+        g.set_budget(Budget::UNLIMITED);
+        for (k, step) in found.steps.iter().enumerate() {
+            let terms: Vec<ExprId> = (step.combination.iter())
+                .map(|(name, weight)| {
+                    let symbol = g.symbol(&format!("E_{name}"));
+                    let equation = g.sym(symbol);
+                    g.mul(*weight, equation)
+                })
+                .collect();
+            let sum = g.sum(&terms);
+            let what = match step.combination.is_empty() {
+                true => "its derivative".to_owned(),
+                false => self.inline(&g.display(sum, self.style)),
+            };
+            let condition = g.display(step.condition, self.style);
+            let condition = self.inline(&match self.html() {
+                true => format!("{condition}<mo>=</mo><mn>0</mn>"),
+                false => format!("{condition} = 0"),
+            });
+            let outcome = match &step.outcome {
+                DegenerateOutcome::Solved(velocity) => {
+                    format!("solved for {}", self.inline(&self.name(velocity)))
+                }
+                DegenerateOutcome::Differentiated => "which restricts positions: differentiated".into(),
+            };
+            self.line(&format!("{}. {what}: {condition}, {outcome}", k + 1));
+        }
+        self.solved(solved, system, "With");
     }
 
     fn equations(&mut self, equations: &Equations) {
@@ -789,7 +845,8 @@ impl Page {
             }
             None => {}
         }
-        if equations.system.hamiltonian.is_none() {
+        let is_empty = matches!(&equations.form, Form::Accelerations(linear) if linear.unknowns.is_empty());
+        if equations.system.hamiltonian.is_none() && !(is_empty && equations.system.degeneracy.is_some()) {
             let symmetric = if facts.mass_matrix_is_symmetric { "symmetric" } else { "not symmetric" };
             let constant = if facts.mass_matrix_is_constant {
                 "depends on parameters alone and is factored once"

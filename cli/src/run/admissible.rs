@@ -117,7 +117,9 @@ pub fn check(dynamics: &dyn Dynamics, y: &[f64], n_group: usize) -> Result<(), E
     let broken = each.filter(|(_, kept)| !**kept).map(|((name, (r, s)), _)| (name, *r, *s)).collect();
     let mut nearest = y.to_vec();
     let free = places.velocities.clone();
-    let found = matches!(project(&mut outputs, &places, &mut nearest, &free), Ok(Outcome::Met));
+    let of_positions = linear.jacobian.iter().zip(&kept).any(|(row, kept)| !kept && is_of_positions(row));
+    let found =
+        !of_positions && matches!(project(&mut outputs, &places, &mut nearest, &free), Ok(Outcome::Met));
     let n_own = y.len() - n_group;
     let nearest = found.then(|| info.state[..n_own].iter().cloned().zip(nearest).collect());
     Err(Error::Inadmissible { broken, nearest })
@@ -141,6 +143,11 @@ fn rounding_of_positions(dynamics: &dyn Dynamics, places: &Places, y: &[f64]) ->
         }
     }
     sums.iter().map(|sum| 16.0 * f64::EPSILON * sum).collect()
+}
+
+/// Whether a residual with these slopes has no velocity in it: no change of velocities makes it smaller.
+fn is_of_positions(slopes: &[f64]) -> bool {
+    slopes.iter().all(|slope| *slope == 0.0)
 }
 
 /// Residuals at a state and what they depend on.
@@ -184,6 +191,18 @@ fn linearise(outputs: &mut Outputs<'_>, places: &Places, y: &[f64]) -> Result<Li
         jacobian,
         mass: places.momenta.as_ref().map(|momenta| momenta.iter().map(|at| row(*at)).collect()),
     })
+}
+
+impl Linear {
+    /// Keeps the residuals that velocities change.
+    fn leave_out_positions(&mut self) {
+        let kept: Vec<bool> = self.jacobian.iter().map(|row| !is_of_positions(row)).collect();
+        for list in [&mut self.residual, &mut self.sizes] {
+            let mut each = kept.iter();
+            list.retain(|_| each.next() == Some(&true));
+        }
+        self.jacobian.retain(|row| !is_of_positions(row));
+    }
 }
 
 /// What became of a state that was to be moved onto the constraint.
@@ -242,7 +261,8 @@ fn approach(
     let mut metric = None;
     let mut best = Missed { off: f64::INFINITY, largest: f64::INFINITY, y: y.to_vec() };
     for _ in 0..MAX_ROUNDS {
-        let linear = linearise(outputs, places, y)?;
+        let mut linear = linearise(outputs, places, y)?;
+        linear.leave_out_positions();
         let relative = |(r, s): (&f64, &f64)| if *r == 0.0 { 0.0 } else { r.abs() / s };
         let off = linear.residual.iter().zip(&linear.sizes).map(relative).fold(0.0, f64::max);
         // Rounding lets no residual fall for ever.

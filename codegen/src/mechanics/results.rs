@@ -15,7 +15,8 @@ use super::solve::is_symmetric;
 use super::{integrable, legendre, origin};
 
 impl Derivation<'_> {
-    /// `E = p.y - L`. For `L` quadratic in the velocities, `E = L - L_1 - 2 L_0` needs no products of momenta.
+    /// `E = p.y - L`. For `L` quadratic in the velocities, `E = L - L_1 - 2 L_0` needs no products of momenta; where it
+    /// is degenerate, `E = L_2 - L_0` does not bring in velocities that cancel.
     fn energy(&mut self) -> Result<ExprId, Error> {
         let system = self.system;
         if let Some(hamiltonian) = &system.hamiltonian {
@@ -40,6 +41,20 @@ impl Derivation<'_> {
         }
         let at_rest = g.subs(system.lagrangian, &zeros);
         let slopes_at_rest = g.subs_all(&raw, &zeros);
+        if let (true, Some(_), Ok(at_rest)) = (quadratic, &system.degeneracy, &at_rest) {
+            let half = Rational::new(1.into(), 2.into());
+            let mut terms = vec![g.neg(*at_rest)];
+            for (p, s) in raw.iter().zip(&system.velocities) {
+                for r in &system.velocities {
+                    let [a, b] = [s, r].map(|y| g.sym(*y));
+                    let h = g.diff(*p, *r);
+                    let h = g.cancel_zero(h);
+                    let term = g.product(&[h, a, b]);
+                    terms.push(g.scale(term, &half));
+                }
+            }
+            return Ok(g.sum(&terms));
+        }
         if let (true, Ok(at_rest), Ok(slopes)) = (quadratic, at_rest, slopes_at_rest) {
             let mut terms = vec![
                 (system.lagrangian, Rational::from_integer(1.into())),
@@ -295,8 +310,15 @@ impl Derivation<'_> {
                 outputs.push(Output::group(Want::Constraint, components, doc));
             }
         }
+        let positions = system.degeneracy.iter().flat_map(|found| found.positions.clone());
+        let positions: Vec<(String, ExprId)> = positions.collect();
+        if !positions.is_empty() {
+            let doc = "residual of the conditions on positions that follow from a degenerate Lagrangian";
+            outputs.push(Output::group(Want::Constraint, positions, doc));
+        }
         if let KinematicConstraint::Solved(solved) = &system.constraint
             && !solved.rows.is_empty()
+            && system.degeneracy.is_none()
             && system.hamiltonian.is_none()
         {
             facts.holonomic =

@@ -10,6 +10,7 @@ use crate::spec::{self, Coordinate, Diagnostics, InnerProduct, Model, Reconstruc
 
 use super::algebroid::algebroid_of;
 use super::constraint::{KinematicConstraint, Unknown, constrain, frame_unknowns, refused};
+use super::degenerate;
 use super::domain::{domains, signs};
 use super::formulation::Formulation;
 use super::momenta::{self, CarriedMomentum};
@@ -45,6 +46,12 @@ pub(super) fn on_algebroid(
     }
     let (Ok(algebroid), Ok(stages), Ok(constraint)) = (algebroid, stages, constraint) else {
         return Err(model.diagnostics(problems));
+    };
+    let completed = degenerate::completed(&mut model, &algebroid, &constraint, &signs)
+        .map_err(|error| model.diagnostics(vec![model.diagnose(&error)]))?;
+    let (constraint, degeneracy) = match completed {
+        Some((constraint, found)) => (constraint, Some(found)),
+        None => (constraint, None),
     };
     let velocities: Vec<SymbolId> = model.all_velocities().into_iter().map(|(_, s)| s).collect();
     let unknowns = match &constraint {
@@ -88,6 +95,7 @@ pub(super) fn on_algebroid(
         hamiltonian,
         forces: model.forces,
         constraint,
+        degeneracy,
         unknowns,
         momenta,
         state,

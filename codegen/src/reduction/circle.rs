@@ -342,6 +342,7 @@ fn place_of(model: &Model, system: &Places, part: Part) -> (String, Option<Span>
             (format!("constraint `{text}`"), own.and_then(|c| c.span))
         }
         Part::SolvedConstraint => ("the constraints".into(), first),
+        Part::Degeneracy => ("the equations without accelerations".into(), model.places.lagrangian),
         Part::VirtualDisplacement => {
             let condition = model.virtual_constraints.first().and_then(|v| v.span);
             ("the virtual displacements".into(), condition.or(first))

@@ -12,6 +12,7 @@ mod change;
 mod circle;
 mod connection;
 mod constraint;
+mod degenerate;
 mod domain;
 mod fix;
 mod formulation;
@@ -31,6 +32,7 @@ pub use constraint::{
     AccelerationRow, AccelerationSource, ConstraintRow, KinematicConstraint, Reactions, SolvedConstraint,
     Unknown,
 };
+pub use degenerate::{Degeneracy, DegenerateOutcome, DegenerateStep};
 pub use domain::DomainCondition;
 pub use fix::with_fixed;
 pub use formulation::{Formulation, FoundChain, StageUse, carried_by_momenta};

@@ -24,6 +24,8 @@ pub enum Part {
     SolvedConstraint,
     /// A coefficient of virtual displacements, or of a one-form that vanishes on them.
     VirtualDisplacement,
+    /// A condition that equations without accelerations are.
+    Degeneracy,
     /// A Casimir, by its place.
     Casimir(usize),
     /// A component of an output, by the output's place.

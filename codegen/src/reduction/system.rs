@@ -10,6 +10,7 @@ use crate::spec::{Condition, Named, NamedVector, Param, ParamArray, Side};
 
 use super::change::{Change, Frame};
 use super::constraint::{KinematicConstraint, Unknown};
+use super::degenerate::Degeneracy;
 use super::domain::DomainCondition;
 use super::formulation::Formulation;
 use super::momenta::{CarriedMomentum, Hamiltonian};
@@ -118,6 +119,8 @@ pub struct ReducedSystem {
     pub forces: Vec<ExprId>,
     /// `Psi`, `psi0`, `W`, or multipliers.
     pub constraint: KinematicConstraint,
+    /// What equations without accelerations say, where the Lagrangian is degenerate; the constraint contains it.
+    pub degeneracy: Option<Degeneracy>,
     /// The velocities that the state carries: independent ones and quasi-velocities, or all in the multiplier form.
     pub unknowns: Vec<Unknown>,
     /// Unknowns for which the state carries the momentum, or a parameter is the momentum.
@@ -186,6 +189,7 @@ impl ReducedSystem {
             hamiltonian,
             forces,
             constraint,
+            degeneracy,
             unknowns: _,
             momenta,
             state: _,
@@ -210,6 +214,8 @@ impl ReducedSystem {
         list.extend(connection.iter_mut().flatten().flatten().map(|e| (Part::Connection, e)));
         list.extend(forces.iter_mut().enumerate().map(|(k, e)| (Part::Force(k), e)));
         list.extend(constraint.expressions_mut());
+        let conditions = degeneracy.iter_mut().flat_map(Degeneracy::expressions_mut);
+        list.extend(conditions.map(|e| (Part::Degeneracy, e)));
         list.extend(casimirs.iter_mut().enumerate().map(|(k, c)| (Part::Casimir(k), &mut c.expr)));
         for (k, output) in outputs.iter_mut().enumerate() {
             list.extend(output.components.iter_mut().map(|(_, e)| (Part::Output(k), e)));

@@ -558,6 +558,8 @@ impl Model {
         let conditions = self.virtual_constraints.iter().map(|v| (&v.text, v.span));
         match error {
             Error::SingularMassMatrix { .. }
+            | Error::EquationLeft { .. }
+            | Error::Undetermined { .. }
             | Error::OverBudget(_)
             | Error::OutOfRange { .. }
             | Error::DivisionByZero { .. } => self.places.lagrangian,

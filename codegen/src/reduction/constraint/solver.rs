@@ -115,6 +115,22 @@ impl Solver<'_> {
         Ok((self.solved_form(&echelon), left))
     }
 
+    /// Brings linear rows to the form `y = Psi u + psi0` even where every choice of dependent velocities divides by
+    /// something that can vanish on the domain; such divisors are among the pivots.
+    ///
+    /// # Shapes
+    /// As for [`Solver::solve`].
+    ///
+    /// # Errors
+    /// [`Error::DependentConstraint`], [`Error::InconsistentConstraint`], [`Error::NotSolvable`].
+    pub(in crate::reduction) fn solve_somewhere(
+        &mut self,
+        rows: &[ConstraintRow],
+    ) -> Result<Elimination, Error> {
+        let echelon = self.echelon(rows, None, PivotGrade::Unproved)?;
+        Ok(self.solved_form(&echelon))
+    }
+
     /// Gauss elimination with the best pivots first, up to the first that is worse than `worst`.
     fn echelon(
         &mut self,

@@ -35,7 +35,13 @@ pub(super) fn with_stages(system: ReducedSystem) -> Result<ReducedSystem, Error>
     let keeps_all = matches!(system.constraint, KinematicConstraint::Multipliers { .. });
     match system.formulation.stages {
         StageUse::Unused | StageUse::Shown => Ok(system),
-        StageUse::Internal if keeps_all || system.hamiltonian.is_some() => Ok(system),
+        StageUse::Internal if keeps_all || system.hamiltonian.is_some() || system.degeneracy.is_some() => {
+            Ok(system)
+        }
+        StageUse::Carried if system.degeneracy.is_some() => Err(Error::Unsupported {
+            what: "velocities along stages of a system with a degenerate lagrangian".into(),
+            possible: "the velocities of the model; remove `carry stages`".into(),
+        }),
         StageUse::Carried if system.hamiltonian.is_some() => Err(Error::Unsupported {
             what: "velocities along stages of a system with a hamiltonian".into(),
             possible: "the momenta that it is a function of; remove `carry stages`".into(),
@@ -66,6 +72,7 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
         hamiltonian,
         forces,
         constraint,
+        degeneracy,
         unknowns,
         momenta,
         state,
@@ -148,6 +155,7 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
         hamiltonian,
         forces,
         constraint,
+        degeneracy,
         unknowns,
         momenta,
         state,

@@ -1,0 +1,488 @@
+//! Degenerate Lagrangians: equations without accelerations become conditions on the velocities.
+//!
+//! Where `A = W^T L_yy Psi` is singular, the combinations `n^T W^T E` with `n^T A = 0` contain no acceleration. Those
+//! that are affine in the velocities join the kinematic constraint; one that restricts positions alone is
+//! differentiated first. The motion satisfies them because `E = 0` does, not because a force keeps it there: virtual
+//! displacements stay those of the model, as many of them as there are accelerations left to find.
+//!
+//! Does not know: factorisation of matrices, what becomes of the constraint.
+//!
+//! # Source
+//! Gotay, Nester 1979 (Presymplectic Lagrangian systems I); Gay-Balmaz, Yoshimura 2015 for constraints beside.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::algebra::{Algebroid, solve_symbolic};
+use crate::error::Error;
+use crate::expr::{ExprId, Graph, Sign, Style, SymbolId, Vanishing, independent_rows};
+use crate::spec::Model;
+
+use super::constraint::{
+    ConstraintRow, Elimination, KinematicConstraint, SolvedConstraint, Solver, Unknown, frame_unknowns,
+};
+
+/// How often conditions are looked for, and one of them is differentiated.
+const MAX_STEPS: usize = 8;
+
+/// What the equations without accelerations say.
+#[derive(Clone, Debug, Default)]
+pub struct Degeneracy {
+    /// The conditions in the order in which they were found.
+    pub steps: Vec<DegenerateStep>,
+    /// Conditions on positions alone, which an initial state has to satisfy: names and residuals.
+    pub positions: Vec<(String, ExprId)>,
+}
+
+/// A condition, and what was done with it.
+#[derive(Clone, Debug)]
+pub struct DegenerateStep {
+    /// The coefficients of the equations of motion that were added up, by name of the velocity that each is along;
+    /// nothing for the time derivative of the condition before.
+    pub combination: Vec<(String, ExprId)>,
+    /// What vanishes.
+    pub condition: ExprId,
+    /// What was done with it.
+    pub outcome: DegenerateOutcome,
+}
+
+/// What was done with a condition.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum DegenerateOutcome {
+    /// It is solved for this velocity, after the others.
+    Solved(String),
+    /// It restricts positions alone: its time derivative comes next.
+    Differentiated,
+}
+
+impl Degeneracy {
+    /// Every expression.
+    pub(super) fn expressions_mut(&mut self) -> impl Iterator<Item = &mut ExprId> {
+        let Degeneracy { steps, positions } = self;
+        let steps = steps.iter_mut().flat_map(|step| {
+            let DegenerateStep { combination, condition, outcome: _ } = step;
+            combination.iter_mut().map(|(_, e)| e).chain([condition])
+        });
+        steps.chain(positions.iter_mut().map(|(_, e)| e))
+    }
+}
+
+/// The constraint with the conditions that the equations without accelerations are; none where the Lagrangian is
+/// regular, where no condition determines anything, and for constraints that are kept by multipliers.
+///
+/// # Errors
+/// [`Error::EquationLeft`] for a condition that is of no use, [`Error::Undetermined`] where velocities are left that no
+/// equation determines.
+pub(super) fn completed(
+    model: &mut Model,
+    algebroid: &Algebroid,
+    constraint: &KinematicConstraint,
+    signs: &BTreeMap<ExprId, Sign>,
+) -> Result<Option<(KinematicConstraint, Degeneracy)>, Error> {
+    let KinematicConstraint::Solved(solved) = constraint else { return Ok(None) };
+    if model.hamiltonian.is_some() || !model.quasi_velocities.is_empty() {
+        return Ok(None);
+    }
+    // What a regular Lagrangian is does not change for having been looked at.
+    let mut graph = model.graph.clone();
+    let unknowns = frame_unknowns(model);
+    let names: Vec<String> = unknowns.iter().map(|u| u.name.clone()).collect();
+    let mut search = Search {
+        params: model.params.iter().map(|p| p.symbol).collect(),
+        moving: algebroid.base().iter().copied().chain([model.time]).collect(),
+        symbols: unknowns.iter().map(|u| u.symbol).collect(),
+        model,
+        algebroid,
+        signs,
+        names,
+        unknowns,
+        displacements: solved.virtual_displacements.clone(),
+        rows: solved.rows.clone(),
+        form: Elimination {
+            dependent: solved.dependent.clone(),
+            psi: solved.psi.clone(),
+            psi0: solved.psi0.clone(),
+            pivots: solved.pivots.clone(),
+        },
+        used: Vec::new(),
+        found: Degeneracy::default(),
+    };
+    let hessian = search.hessian(&mut graph);
+    let matrix = search.mass_matrix(&mut graph, &hessian)?;
+    if independent_rows(&graph, &matrix).len() == search.n_unknowns() {
+        return Ok(None);
+    }
+    let is_own = solved.virtual_displacements != solved.psi;
+    let matrix = search.run(&mut graph, &hessian)?;
+    if search.found.steps.is_empty() {
+        return Ok(None);
+    }
+    let constraint = search.constraint(&mut graph, &hessian, &matrix, (solved, is_own))?;
+    let found = search.found;
+    model.graph = graph;
+    Ok(Some((KinematicConstraint::Solved(constraint), found)))
+}
+
+struct Search<'a> {
+    model: &'a Model,
+    algebroid: &'a Algebroid,
+    signs: &'a BTreeMap<ExprId, Sign>,
+    params: BTreeSet<SymbolId>,
+    /// Base coordinates and time.
+    moving: BTreeSet<SymbolId>,
+    names: Vec<String>,
+    unknowns: Vec<Unknown>,
+    symbols: Vec<SymbolId>,
+    /// `W`, of the model.
+    displacements: Vec<Vec<ExprId>>,
+    /// All conditions on velocities by now.
+    rows: Vec<ConstraintRow>,
+    /// They, solved.
+    form: Elimination,
+    /// Combinations of equations along displacements whose conditions are known to hold.
+    used: Vec<Vec<ExprId>>,
+    found: Degeneracy,
+}
+
+impl Search<'_> {
+    fn n_unknowns(&self) -> usize {
+        self.names.len() - self.form.dependent.len()
+    }
+
+    /// `L_yy`.
+    fn hessian(&self, g: &mut Graph) -> Vec<Vec<ExprId>> {
+        let mut rows = Vec::new();
+        for y in &self.symbols {
+            let p = g.diff(self.model.lagrangian, *y);
+            let row = self.symbols.iter().map(|s| g.diff(p, *s)).collect::<Vec<ExprId>>();
+            rows.push(row.into_iter().map(|e| g.cancel_zero(e)).collect());
+        }
+        rows
+    }
+
+    /// `Psi u + psi0` for one velocity.
+    fn velocity(&self, g: &mut Graph, alpha: usize) -> ExprId {
+        let free: Vec<usize> = (0..self.names.len()).filter(|k| !self.form.dependent.contains(k)).collect();
+        let mut terms = vec![self.form.psi0[alpha]];
+        for (a, k) in free.into_iter().enumerate() {
+            let u = g.sym(self.symbols[k]);
+            terms.push(g.mul(self.form.psi[alpha][a], u));
+        }
+        g.sum(&terms)
+    }
+
+    /// Expressions on the conditions found by now.
+    fn on_conditions(&self, g: &mut Graph, list: &[ExprId]) -> Result<Vec<ExprId>, Error> {
+        let dependent = self.form.dependent.iter();
+        let values: BTreeMap<SymbolId, ExprId> =
+            dependent.map(|k| (self.symbols[*k], self.velocity(g, *k))).collect();
+        let place = || Error::DivisionByZero { place: "the equations without accelerations".into() };
+        let replaced = g.subs_all(list, &values).map_err(|_| place())?;
+        Ok(replaced.into_iter().map(|e| g.cancel_zero(e)).collect())
+    }
+
+    /// `W^T L_yy Psi`: a row for each virtual displacement.
+    fn mass_matrix(&self, g: &mut Graph, hessian: &[Vec<ExprId>]) -> Result<Vec<Vec<ExprId>>, Error> {
+        let n_displacements = self.displacements.first().map_or(0, Vec::len);
+        let mut rows = Vec::new();
+        for b in 0..n_displacements {
+            let column: Vec<ExprId> = self.displacements.iter().map(|row| row[b]).collect();
+            rows.push(self.mass_row(g, hessian, &column)?);
+        }
+        Ok(rows)
+    }
+
+    /// `w^T L_yy Psi`.
+    fn mass_row(&self, g: &mut Graph, hessian: &[Vec<ExprId>], w: &[ExprId]) -> Result<Vec<ExprId>, Error> {
+        let mut row = Vec::new();
+        for a in 0..self.n_unknowns() {
+            let mut terms = Vec::new();
+            for (alpha, along) in hessian.iter().enumerate() {
+                for (beta, h) in along.iter().enumerate() {
+                    terms.push(g.product(&[w[alpha], *h, self.form.psi[beta][a]]));
+                }
+            }
+            row.push(g.sum(&terms));
+        }
+        self.on_conditions(g, &row)
+    }
+
+    /// Derivative along the motion at fixed velocities.
+    fn drift(&self, g: &mut Graph, e: ExprId) -> ExprId {
+        let mut terms = vec![g.diff(e, self.model.time)];
+        for (i, x) in self.algebroid.base().iter().enumerate() {
+            let slope = g.diff(e, *x);
+            for (alpha, y) in self.symbols.iter().enumerate() {
+                let y = g.sym(*y);
+                terms.push(g.product(&[slope, self.algebroid.anchor(i, alpha), y]));
+            }
+        }
+        g.sum(&terms)
+    }
+
+    /// `rho dL/dx + F + (N - C y) p - (dp/dx xdot + dp/dt)`: `-E` without accelerations.
+    fn drives(&self, g: &mut Graph) -> Vec<ExprId> {
+        let l = self.model.lagrangian;
+        let p: Vec<ExprId> = self.symbols.iter().map(|s| g.diff(l, *s)).collect();
+        let slopes: Vec<ExprId> = self.algebroid.base().iter().map(|x| g.diff(l, *x)).collect();
+        let mut drives = Vec::new();
+        for alpha in 0..p.len() {
+            let drift = self.drift(g, p[alpha]);
+            let mut terms = vec![self.model.forces[alpha], g.neg(drift)];
+            for (i, slope) in slopes.iter().enumerate() {
+                terms.push(g.mul(self.algebroid.anchor(i, alpha), *slope));
+            }
+            for (beta, y) in self.symbols.iter().enumerate() {
+                let y = g.sym(*y);
+                for (gamma, c) in self.algebroid.bracket(g, alpha, beta) {
+                    let term = g.product(&[c, y, p[gamma]]);
+                    terms.push(g.neg(term));
+                }
+            }
+            for (gamma, n) in self.algebroid.drift(alpha) {
+                terms.push(g.mul(*n, p[*gamma]));
+            }
+            drives.push(g.sum(&terms));
+        }
+        drives
+    }
+
+    /// Adds conditions until there are none left; `A` at the end.
+    fn run(&mut self, g: &mut Graph, hessian: &[Vec<ExprId>]) -> Result<Vec<Vec<ExprId>>, Error> {
+        let drives = self.drives(g);
+        for _ in 0..MAX_STEPS {
+            g.within_budget()?;
+            let matrix = self.mass_matrix(g, hessian)?;
+            let mut is_done = true;
+            for combination in left_null_vectors(g, &matrix)? {
+                self.used.push(combination.clone());
+                if independent_rows(g, &self.used).len() < self.used.len() {
+                    self.used.pop();
+                    continue;
+                }
+                is_done &= !self.look_at(g, hessian, &drives, &combination)?;
+            }
+            if is_done {
+                return Ok(matrix);
+            }
+        }
+        // Every round adds a condition, and there are no more than velocities and coordinates.
+        let last = self.found.steps.last().map_or(g.zero(), |step| step.condition);
+        Err(left(g, self.names.join(", "), last, "is one of too many"))
+    }
+
+    /// Looks at the combination of equations of motion along displacements; whether anything new was found.
+    fn look_at(
+        &mut self,
+        g: &mut Graph,
+        hessian: &[Vec<ExprId>],
+        drives: &[ExprId],
+        combination: &[ExprId],
+    ) -> Result<bool, Error> {
+        let m = self.names.len();
+        let mut along = Vec::new();
+        for row in &self.displacements {
+            let terms: Vec<ExprId> = row.iter().zip(combination).map(|(w, n)| g.mul(*w, *n)).collect();
+            let sum = g.sum(&terms);
+            along.push(g.cancel_zero(sum));
+        }
+        let mut lag = vec![g.zero(); m];
+        for &alpha in &self.form.dependent {
+            let value = self.velocity(g, alpha);
+            lag[alpha] = self.drift(g, value);
+        }
+        let mut terms = Vec::new();
+        for alpha in 0..m {
+            terms.push(g.mul(along[alpha], drives[alpha]));
+            for (beta, lag) in lag.iter().enumerate() {
+                let term = g.product(&[along[alpha], hessian[alpha][beta], *lag]);
+                terms.push(g.neg(term));
+            }
+        }
+        let sum = g.sum(&terms);
+        let mut condition = self.on_conditions(g, &[sum])?[0];
+        let direction = self.spelled(g, &along);
+        let named = self.names.iter().cloned().zip(along);
+        let mut combination: Vec<(String, ExprId)> = named.filter(|(_, e)| *e != g.zero()).collect();
+        for _ in 0..MAX_STEPS {
+            match g.vanishing(condition) {
+                Vanishing::Zero => return Ok(false),
+                Vanishing::NonZero => {}
+                Vanishing::Unknown => return Err(left(g, direction, condition, "may hold always")),
+            }
+            let velocities: BTreeSet<SymbolId> = self.symbols.iter().copied().collect();
+            if g.depends_on(condition, &velocities) {
+                let Some((one_form, offset)) = g.affine_parts(condition, &self.symbols) else {
+                    return Err(left(g, direction, condition, "is not linear in the velocities"));
+                };
+                if one_form.iter().any(|e| *e != g.zero()) {
+                    self.solve(g, hessian, combination, (condition, one_form, offset))?;
+                    return Ok(true);
+                }
+                condition = offset;
+            }
+            if !g.depends_on(condition, &self.moving) {
+                return Err(left(g, direction, condition, "holds for special parameters at most"));
+            }
+            let outcome = DegenerateOutcome::Differentiated;
+            self.found.steps.push(DegenerateStep {
+                combination: std::mem::take(&mut combination),
+                condition,
+                outcome,
+            });
+            self.found.positions.push((format!("residual_{}", self.found.positions.len() + 1), condition));
+            let rate = self.drift(g, condition);
+            condition = self.on_conditions(g, &[rate])?[0];
+        }
+        Err(left(g, direction, condition, "restricts positions however often it is differentiated"))
+    }
+
+    /// Solves a condition together with those before it.
+    fn solve(
+        &mut self,
+        g: &mut Graph,
+        hessian: &[Vec<ExprId>],
+        combination: Vec<(String, ExprId)>,
+        (condition, one_form, offset): (ExprId, Vec<ExprId>, ExprId),
+    ) -> Result<(), Error> {
+        let text = format!("{} = 0", g.display(condition, Style::Plain));
+        let name = format!("equation{}", self.found.steps.len() + 1);
+        self.rows.push(ConstraintRow { name, text, one_form, offset });
+        let form = self.solved(g, hessian)?;
+        let new = form.dependent.iter().find(|k| !self.form.dependent.contains(k));
+        let solved_for = new.map(|k| self.names[*k].clone()).unwrap_or_default();
+        let outcome = DegenerateOutcome::Solved(solved_for);
+        self.found.steps.push(DegenerateStep { combination, condition, outcome });
+        self.form = form;
+        Ok(())
+    }
+
+    /// All conditions on velocities solved, for those without inertia where it is as good to divide by what they are
+    /// multiplied with.
+    fn solved(&self, g: &mut Graph, hessian: &[Vec<ExprId>]) -> Result<Elimination, Error> {
+        let m = self.names.len();
+        let has_inertia = |k: &usize| hessian[*k].iter().any(|e| *e != g.zero());
+        // Later velocities are eliminated first.
+        let (heavy, massless): (Vec<usize>, Vec<usize>) = (0..m).partition(has_inertia);
+        let order = [heavy, massless].concat();
+        let names: Vec<String> = order.iter().map(|k| self.names[*k].clone()).collect();
+        let rows = self.rows.iter().map(|row| ConstraintRow {
+            one_form: order.iter().map(|k| row.one_form[*k]).collect(),
+            ..row.clone()
+        });
+        let rows: Vec<ConstraintRow> = rows.collect();
+        let mut solver =
+            Solver { graph: g, names: &names, quasi: &[], params: &self.params, facts: self.signs };
+        let found = solver.solve_somewhere(&rows)?;
+        // Back in the order of the frame.
+        let free: Vec<usize> = (0..m).filter(|k| !found.dependent.contains(k)).map(|k| order[k]).collect();
+        let mut ascending: Vec<usize> = (0..free.len()).collect();
+        ascending.sort_by_key(|a| free[*a]);
+        let mut form = Elimination {
+            dependent: found.dependent.iter().map(|k| order[*k]).collect(),
+            psi: vec![Vec::new(); m],
+            psi0: vec![g.zero(); m],
+            pivots: found.pivots,
+        };
+        form.dependent.sort_unstable();
+        for (k, &alpha) in order.iter().enumerate() {
+            form.psi[alpha] = ascending.iter().map(|a| found.psi[k][*a]).collect();
+            form.psi0[alpha] = found.psi0[k];
+        }
+        Ok(form)
+    }
+
+    /// `sum w_alpha y^alpha` for people.
+    fn spelled(&self, g: &mut Graph, along: &[ExprId]) -> String {
+        let mut terms = Vec::new();
+        for (weight, y) in along.iter().zip(&self.symbols) {
+            let y = g.sym(*y);
+            terms.push(g.mul(*weight, y));
+        }
+        let sum = g.sum(&terms);
+        g.display(sum, Style::Plain)
+    }
+
+    /// The constraint with all conditions, and as many virtual displacements as there are accelerations.
+    fn constraint(
+        &self,
+        g: &mut Graph,
+        hessian: &[Vec<ExprId>],
+        matrix: &[Vec<ExprId>],
+        (before, is_own): (&SolvedConstraint, bool),
+    ) -> Result<SolvedConstraint, Error> {
+        let kept: Vec<Unknown> = self
+            .unknowns
+            .iter()
+            .enumerate()
+            .filter(|(k, _)| !self.form.dependent.contains(k))
+            .map(|(_, u)| u.clone())
+            .collect();
+        let independent = independent_rows(g, matrix);
+        if independent.len() < kept.len() {
+            let columns = transposed(matrix, kept.len());
+            let null = left_null_vectors(g, &columns)?.into_iter().next().unwrap_or_default();
+            let mut along = vec![g.zero(); self.names.len()];
+            for (weight, u) in null.into_iter().zip(&kept) {
+                along[u.frame_idx.unwrap_or_default()] = weight;
+            }
+            return Err(Error::Undetermined { velocity: self.spelled(g, &along) });
+        }
+        // Along the motion's own directions the mass matrix is symmetric.
+        let mut symmetric = Vec::new();
+        if !is_own {
+            for a in 0..kept.len() {
+                let column: Vec<ExprId> = self.form.psi.iter().map(|row| row[a]).collect();
+                symmetric.push(self.mass_row(g, hessian, &column)?);
+            }
+        }
+        let virtual_displacements = if !is_own && independent_rows(g, &symmetric).len() == kept.len() {
+            self.form.psi.clone()
+        } else {
+            let rows = self.displacements.iter();
+            rows.map(|row| independent.iter().map(|b| row[*b]).collect()).collect()
+        };
+        Ok(SolvedConstraint {
+            unknowns: kept,
+            dependent: self.form.dependent.clone(),
+            psi: self.form.psi.clone(),
+            psi0: self.form.psi0.clone(),
+            virtual_displacements,
+            reactions: before.reactions.clone(),
+            rows: self.rows.clone(),
+            pivots: self.form.pivots.clone(),
+        })
+    }
+}
+
+fn transposed(matrix: &[Vec<ExprId>], width: usize) -> Vec<Vec<ExprId>> {
+    (0..width).map(|a| matrix.iter().map(|row| row[a]).collect()).collect()
+}
+
+/// A basis of `n^T A = 0`.
+fn left_null_vectors(g: &mut Graph, matrix: &[Vec<ExprId>]) -> Result<Vec<Vec<ExprId>>, Error> {
+    let rows = independent_rows(g, matrix);
+    let width = matrix.first().map_or(0, Vec::len);
+    let kept: Vec<Vec<ExprId>> = rows.iter().map(|k| matrix[*k].clone()).collect();
+    let columns = transposed(&kept, width);
+    let chosen = independent_rows(g, &columns);
+    // A[rows][chosen]^T c = A[other][chosen]^T.
+    let square: Vec<Vec<ExprId>> = chosen.iter().map(|a| columns[*a].clone()).collect();
+    let mut basis = Vec::new();
+    for (other, entries) in matrix.iter().enumerate().filter(|(k, _)| !rows.contains(k)) {
+        let right: Vec<Vec<ExprId>> = chosen.iter().map(|a| vec![entries[*a]]).collect();
+        let place = |_| Error::DivisionByZero { place: "the equations without accelerations".into() };
+        let solution = solve_symbolic(g, &square, &right).map_err(place)?;
+        let mut vector = vec![g.zero(); matrix.len()];
+        vector[other] = g.one();
+        for (k, c) in rows.iter().zip(solution) {
+            let minus = g.neg(c[0]);
+            vector[*k] = g.cancel_zero(minus);
+        }
+        basis.push(vector);
+    }
+    Ok(basis)
+}
+
+fn left(g: &Graph, direction: String, condition: ExprId, reason: &'static str) -> Error {
+    Error::EquationLeft { direction, equation: format!("{} = 0", g.display(condition, Style::Plain)), reason }
+}
