@@ -78,8 +78,8 @@ fn viscosity_alone_takes_energy_from_a_plane_fluid_of_second_grade() {
     assert!(!g.is_zero(rate) && g.is_zero(balance));
 }
 
-/// Errata, section 7.6: the force has the factor `alpha1 + alpha2`, and the printed `alpha2 - alpha1` gives energy where
-/// there is no viscosity and both moduli cancel.
+/// Errata, section 7.6: the force has the factor `alpha1 + alpha2`, and the printed `alpha2 - alpha1` gives energy
+/// where there is no viscosity and both moduli cancel.
 #[test]
 fn without_force_a_fluid_with_three_components_conserves_energy() {
     let name = "second_grade_fluid_3c";
@@ -97,8 +97,8 @@ fn without_force_a_fluid_with_three_components_conserves_energy() {
     assert!(!equations(name, &mu).facts.energy_is_conserved);
 }
 
-/// Casimirs of the brackets with Jacobi are none of a Galerkin truncation: enstrophy is conserved there, too, the sum of
-/// the cubes of vorticity is not.
+/// Casimirs of the brackets with Jacobi are none of a Galerkin truncation: enstrophy is conserved there, too, the sum
+/// of the cubes of vorticity is not.
 #[test]
 fn casimirs_are_not_assumed_of_almost_algebras() {
     let text = "model truncated {

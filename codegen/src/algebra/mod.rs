@@ -1,13 +1,15 @@
 //! Lie algebras, representations and Lie algebroids as exact data.
 //!
 //! Lie algebras are skew brackets for which the Jacobi identity holds, with structure constants that are rational or
-//! numbers in closed form; an almost algebra is not asked for that identity. A Lie algebroid has an anchor and a bracket whose coefficients are expressions on its base. Antisymmetry, Jacobi, the
-//! representation property and the anchor condition are verified exactly and the offending elements are named.
+//! numbers in closed form; an almost algebra is not asked for that identity. A Lie algebroid has an anchor and a
+//! bracket whose coefficients are expressions on its base. Antisymmetry, Jacobi, the representation property and the
+//! anchor condition are verified exactly and the offending elements are named.
 //!
 //! Deliberately does not know: Lagrangians, constraints, state vectors, text files.
 
 mod algebroid;
 mod families;
+mod flows;
 mod ideals;
 mod lie;
 mod matrix;

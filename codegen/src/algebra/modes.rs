@@ -1,18 +1,14 @@
-//! Algebras of Fourier modes of two-dimensional flows: Zeitlin's truncation, and the Galerkin truncation of the torus.
+//! Fourier modes of two-dimensional flows: their brackets and products.
 //!
-//! Both are brackets `[L_a, L_b] = S(a, b) L_{a+b}` of waves `L_m = exp(i m.x)`, which sums of waves leave (Galerkin) or
+//! Brackets are `[L_a, L_b] = S(a, b) L_{a+b}` of waves `L_m = exp(i m.x)`, which sums of waves leave (Galerkin) or
 //! come back to (modulo `N`). Elements are real: their coefficients have `f_{-m} = conj f_m`, so that the waves of half
 //! of the plane determine them.
 //!
-//! Deliberately does not know: velocities, energies, dissipation.
+//! Deliberately does not know: algebras made of them, velocities, energies.
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::lie::{Block, LieAlgebra};
-use super::matrix::Matrix;
-use super::representation::Representation;
 use super::skew::Bracket;
-use crate::error::Error;
 use crate::expr::{ExprId, Graph, Number, Rational, Scalar};
 
 /// A wave vector.
@@ -20,7 +16,7 @@ pub(super) type Wave = (i64, i64);
 
 /// What the components of an element are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Normal {
+pub(super) enum Normal {
     /// Pairings: basis elements are dual to real and imaginary parts of coefficients in the pairing
     /// `sum over all m of f_m conj(g_m)`, so that momenta are coefficients.
     Dual,
@@ -28,8 +24,8 @@ enum Normal {
     Vorticity,
 }
 
-/// The Fourier modes of a basis: for each wave of the half set `{m1 > 0, or m1 = 0 and m2 > 0}`, in lexicographic order,
-/// an element for the real part and one for the imaginary part.
+/// The Fourier modes of a basis: for each wave of the half set `{m1 > 0, or m1 = 0 and m2 > 0}`, in lexicographic
+/// order, an element for the real part and one for the imaginary part.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Modes {
     waves: Vec<Wave>,
@@ -40,15 +36,20 @@ pub struct Modes {
 
 /// A real combination of `A_m = L_m + L_{-m}` (for `false`) and `B_m = i (L_m - L_{-m})` (for `true`), `m` in the half
 /// set.
-type Combination = BTreeMap<(Wave, bool), Number>;
+pub(super) type Combination = BTreeMap<(Wave, bool), Number>;
 
 /// Real and imaginary parts of the coefficients of all waves and of the identity.
 type Coefficients = BTreeMap<Wave, (ExprId, ExprId)>;
 
 impl Modes {
-    fn new(largest: i64, modulus: Option<i64>) -> Modes {
+    pub(super) fn new(largest: i64, modulus: Option<i64>) -> Modes {
         let all = (0..=largest).flat_map(|a| (-largest..=largest).map(move |b| (a, b)));
         Modes { waves: all.filter(|m| *m > (0, 0)).collect(), modulus, normal: Normal::Dual }
+    }
+
+    /// The modes of a basis of which components have another meaning.
+    pub(super) fn normalised(self, normal: Normal) -> Modes {
+        Modes { normal, ..self }
     }
 
     /// The waves of the half set, in order; the basis has two elements for each.
@@ -67,7 +68,7 @@ impl Modes {
     }
 
     /// Names of the basis elements: `re_1_m2` is the real part of the wave `(1, -2)`.
-    fn labels(&self) -> Vec<String> {
+    pub(super) fn labels(&self) -> Vec<String> {
         let number = |n: i64| if n < 0 { format!("m{}", -n) } else { n.to_string() };
         let of_part = |part: &str, (a, b): Wave| format!("{part}_{}_{}", number(a), number(b));
         self.waves.iter().flat_map(|m| [of_part("re", *m), of_part("im", *m)]).collect()
@@ -113,7 +114,7 @@ impl Modes {
     /// The bracket of two of the `A_m` and `B_m`: with `s = S(m, n)`, `[A_m, A_n] = s (A_{m+n} - A_{m-n})`,
     /// `[A_m, B_n] = s (B_{m+n} + B_{m-n})`, `[B_m, A_n] = s (B_{m+n} - B_{m-n})`,
     /// `[B_m, B_n] = -s (A_{m+n} + A_{m-n})`.
-    fn bracket(&self, (m, p): (Wave, bool), (n, q): (Wave, bool)) -> Combination {
+    pub(super) fn bracket(&self, (m, p): (Wave, bool), (n, q): (Wave, bool)) -> Combination {
         let s = self.constant(m, n);
         let minus = s.negated();
         let (of_sum, of_difference) = match (p, q) {
@@ -129,7 +130,7 @@ impl Modes {
     }
 
     /// The basis element is this number times `A_m` or `B_m`.
-    fn scale(&self, (a, b): Wave) -> Rational {
+    pub(super) fn scale(&self, (a, b): Wave) -> Rational {
         match self.normal {
             Normal::Dual => Rational::new(1.into(), 2.into()),
             Normal::Vorticity => Rational::new(1.into(), (a * a + b * b).into()),
@@ -137,12 +138,12 @@ impl Modes {
     }
 
     /// The `A_m` and `B_m` of the basis, in its order.
-    fn elements(&self) -> Vec<(Wave, bool)> {
+    pub(super) fn elements(&self) -> Vec<(Wave, bool)> {
         self.waves.iter().flat_map(|m| [(*m, false), (*m, true)]).collect()
     }
 
     /// Brackets of the basis.
-    fn brackets(&self) -> Vec<Bracket<Number>> {
+    pub(super) fn brackets(&self) -> Vec<Bracket<Number>> {
         let elements = self.elements();
         let mut brackets = Vec::new();
         for (a, x) in elements.iter().enumerate() {
@@ -177,8 +178,8 @@ impl Modes {
         terms.iter().map(|list| g.linear_combination(list)).collect()
     }
 
-    /// Coefficients `(x^k)_m` of the `k`-th power of the matrix whose coefficients are given by their real and imaginary
-    /// parts, without its multiple of the identity. None where waves are not taken modulo `N`.
+    /// Coefficients `(x^k)_m` of the `k`-th power of the matrix whose coefficients are given by their real and
+    /// imaginary parts, without its multiple of the identity. None where waves are not taken modulo `N`.
     pub fn star_power(&self, g: &mut Graph, x: &[ExprId], k: usize) -> Option<Vec<ExprId>> {
         let power = self.powers(g, x, &[k])?.remove(&k)?;
         let parts = self.waves.iter().map(|m| power.get(m).map(|(re, im)| [*re, *im]));
@@ -204,8 +205,8 @@ impl Modes {
         Some(g.linear_combination(&terms))
     }
 
-    /// Powers of a matrix by the coefficients of all waves and of the identity: `x^k` for the exponents `k`, and those by
-    /// which they are computed, each the product of two halves.
+    /// Powers of a matrix by the coefficients of all waves and of the identity: `x^k` for the exponents `k`, and those
+    /// by which they are computed, each the product of two halves.
     ///
     /// Matrices of different waves multiply as `J_a J_b = exp(-2 pi i (a x b)/N) J_{a+b}`. The powers of one matrix
     /// commute, so that `(x y)_m = sum over a + b = m of cos(2 pi (a x b)/N) x_a y_b` for them.
@@ -267,154 +268,7 @@ impl Modes {
         Some(product)
     }
 
-    fn place(&self, m: Wave, is_imaginary: bool) -> usize {
+    pub(super) fn place(&self, m: Wave, is_imaginary: bool) -> usize {
         2 * self.waves.partition_point(|other| *other < m) + usize::from(is_imaginary)
-    }
-
-    fn algebra(self, name: &str) -> Result<LieAlgebra<Number>, Error> {
-        let (basis, brackets) = (self.labels(), self.brackets());
-        let block = Block { labels: basis.clone(), ..Block::new(name, basis.len()) };
-        let algebra = match self.modulus {
-            Some(_) => LieAlgebra::with_blocks(name, vec![block], basis, &brackets),
-            None => LieAlgebra::almost(name, basis, &brackets)
-                .map(|algebra| LieAlgebra { blocks: vec![block], ..algebra }),
-        };
-        let algebra = algebra.map_err(|mut errors| errors.remove(0))?;
-        Ok(LieAlgebra { modes: Some(self), ..algebra })
-    }
-}
-
-impl LieAlgebra<Number> {
-    /// su(N) in the sine basis, Zeitlin's truncation of the functions on the torus, for odd `N`:
-    /// `[L_a, L_b] = (N/2 pi) sin(2 pi (a x b)/N) L_{a+b}`, sums of waves modulo `N`.
-    ///
-    /// Momenta are the real and imaginary parts of the coefficients of vorticity.
-    ///
-    /// # Errors
-    /// [`Error::Unsupported`] for even `N`, for those too small or too large, and for those whose sines have no exact
-    /// zeros.
-    ///
-    /// # Source
-    /// Zeitlin 1991, Finite-mode analogs of 2D ideal hydrodynamics
-    pub fn zeitlin(n: usize) -> Result<LieAlgebra<Number>, Error> {
-        let name = format!("zeitlin({n})");
-        let modulus = i64::try_from(n).unwrap_or(i64::MAX);
-        if !(3..=9).contains(&n) || n % 2 == 0 {
-            return Err(Error::Unsupported {
-                what: name,
-                possible: "zeitlin(N) with N = 3, 5, 7 or 9".into(),
-            });
-        }
-        Modes::new(modulus / 2, Some(modulus)).algebra(&name)
-    }
-
-    /// The Galerkin truncation to waves of components up to `k` of the functions on the torus with their bracket
-    /// `[f, g] = f_x g_y - f_y g_x`: an almost algebra.
-    ///
-    /// # Errors
-    /// [`Error::Unsupported`] for a `k` of zero or too large.
-    pub fn torus(k: usize) -> Result<LieAlgebra<Number>, Error> {
-        let name = format!("torus({k})");
-        let largest = i64::try_from(k).unwrap_or(i64::MAX);
-        if !(1..=4).contains(&k) {
-            return Err(Error::Unsupported { what: name, possible: "torus(K) with K from 1 to 4".into() });
-        }
-        Modes::new(largest, None).algebra(&name)
-    }
-
-    /// An algebra of modes in the basis in which components of velocities are the coefficients of vorticity: those of
-    /// minus the Laplacian of the stream function.
-    ///
-    /// # Errors
-    /// [`Error::Unsupported`] for other algebras.
-    pub fn vorticity(&self) -> Result<LieAlgebra<Number>, Error> {
-        let modes = self.modes.clone().ok_or_else(|| Error::Unsupported {
-            what: format!("vorticity({})", self.name),
-            possible: "an algebra of Fourier modes, zeitlin(N) or torus(K)".into(),
-        })?;
-        Modes { normal: Normal::Vorticity, ..modes }.algebra(&format!("vorticity({})", self.name))
-    }
-}
-
-impl Representation<Number> {
-    /// The action of an algebra of modes on functions by its bracket, on real and imaginary parts of their coefficients;
-    /// `None` for other algebras.
-    pub fn functions(algebra: &LieAlgebra<Number>) -> Option<Representation<Number>> {
-        let modes = algebra.modes.as_ref()?;
-        let elements = modes.elements();
-        let matrix = |x: &(Wave, bool)| {
-            let scale = Number::from(modes.scale(x.0));
-            let mut m = Matrix::zeros(elements.len(), elements.len());
-            for (column, y) in elements.iter().enumerate() {
-                for ((wave, part), q) in modes.bracket(*x, *y) {
-                    m.set(modes.place(wave, part), column, q.times(&scale));
-                }
-            }
-            m
-        };
-        let matrices = elements.iter().map(matrix).collect();
-        Some(Representation::unverified("functions", elements.len(), matrices, modes.labels()))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn sines_satisfy_jacobi_and_truncated_products_do_not() {
-        for n in [3, 5, 7, 9] {
-            let algebra = LieAlgebra::zeitlin(n).unwrap();
-            assert_eq!(algebra.dim(), n * n - 1);
-            assert!(!algebra.is_almost() && algebra.brackets().count() > n * n);
-            let vorticity = algebra.vorticity().unwrap();
-            assert!(vorticity.bracket.jacobi_violations().is_empty());
-        }
-        assert!(LieAlgebra::zeitlin(4).is_err() && LieAlgebra::zeitlin(11).is_err());
-        let torus = LieAlgebra::torus(2).unwrap();
-        assert!(torus.is_almost() && torus.rational().is_some());
-        assert!(!torus.bracket.jacobi_violations().is_empty());
-    }
-
-    #[test]
-    fn one_sine_that_is_off_is_found() {
-        let algebra = LieAlgebra::zeitlin(5).unwrap();
-        let mut brackets: Vec<Bracket<Number>> =
-            algebra.brackets().map(|(a, b, value)| (a, b, value.to_vec())).collect();
-        let constant = brackets[0].2[0].1.clone();
-        brackets[0].2[0].1 = constant.plus(&Rational::new(1.into(), 10_000_000_000_i64.into()).into());
-        assert!(LieAlgebra::from_brackets("bent", algebra.basis().to_vec(), &brackets).is_err());
-    }
-
-    #[test]
-    fn waves_are_named_and_ordered_as_in_the_catalogue() {
-        let algebra = LieAlgebra::zeitlin(3).unwrap();
-        let names = ["re_0_1", "im_0_1", "re_1_m1", "im_1_m1", "re_1_0", "im_1_0", "re_1_1", "im_1_1"];
-        assert_eq!(algebra.basis(), names);
-        assert_eq!(algebra.modes().unwrap().squares(), [1, 1, 2, 2, 1, 1, 2, 2]);
-    }
-
-    /// `rho([x, y]) = rho(x) rho(y) - rho(y) rho(x)`.
-    #[test]
-    fn functions_are_a_representation_of_what_has_jacobi() {
-        let algebra = LieAlgebra::zeitlin(3).unwrap();
-        let r = Representation::functions(&algebra).unwrap();
-        let matrices = (0..algebra.dim()).map(|a| r.matrix(a).clone()).collect();
-        assert!(Representation::from_matrices("functions", &algebra, matrices).is_ok());
-    }
-
-    #[test]
-    fn powers_of_a_matrix_are_those_of_its_waves() {
-        // W = J_(0,1) + J_(0,-1), the circulant matrix with eigenvalues 2 cos(2 pi j/N): tr W^k/N is a binomial.
-        for (n, k, expected) in [(5, 2, 2), (5, 4, 6), (7, 4, 6), (7, 6, 20), (3, 3, 2)] {
-            let algebra = LieAlgebra::zeitlin(n).unwrap();
-            let mut g = Graph::new();
-            let mut x = vec![g.zero(); algebra.dim()];
-            x[0] = g.one();
-            let trace = algebra.modes().unwrap().trace_power(&mut g, &x, k).unwrap();
-            let expected = g.int(expected);
-            let difference = g.sub(trace, expected);
-            assert!(g.is_zero(difference), "{n}, {k}");
-        }
     }
 }

@@ -161,8 +161,8 @@ impl LieAlgebra {
         from_matrices(&format!("u({n})"), &u_matrices(n))
     }
 
-    /// sp(n) for even `n = 2 m`, the matrices `[[A, B], [C, -A^T]]` with symmetric `B` and `C`: entries of `A` row-major,
-    /// then upper triangles of `B` and `C` row by row.
+    /// sp(n) for even `n = 2 m`, the matrices `[[A, B], [C, -A^T]]` with symmetric `B` and `C`: entries of `A`
+    /// row-major, then upper triangles of `B` and `C` row by row.
     ///
     /// # Errors
     /// [`Error::Unsupported`] for an odd `n`, for `n < 2` or too large.

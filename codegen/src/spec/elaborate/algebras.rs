@@ -316,8 +316,8 @@ impl Elaboration<'_> {
         }
     }
 
-    /// The action on an advected parameter: an expression, or a representation of the algebra of the velocities, `ad` and
-    /// `coad` being the adjoint and the coadjoint one.
+    /// The action on an advected parameter: an expression, or a representation of the algebra of the velocities, `ad`
+    /// and `coad` being the adjoint and the coadjoint one.
     pub(super) fn action_on(&mut self, name: &Name, action: &Expr) -> Option<Value> {
         let Some(expr) = self.as_representation(action) else { return self.eval(action) };
         let Some((algebra, _)) = self.builder.algebra.clone() else {
