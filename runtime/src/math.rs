@@ -7,7 +7,7 @@
 
 pub(crate) mod trig;
 
-pub use trig::{cos, sin, sin_cos};
+pub use trig::{cos, sin, sin_cos, sin_cos_of_two};
 
 macro_rules! unary {
     ($float:ty; $($(#[$attribute:meta])* $name:ident = $std:ident | $libm:path;)*) => {$(
@@ -156,5 +156,12 @@ pub mod single {
     #[must_use]
     pub fn sin_cos(x: f32) -> (f32, f32) {
         (sin(x), cos(x))
+    }
+
+    /// Sines and cosines of two angles in radians, equal to [`sin_cos`] of each bit for bit.
+    #[inline]
+    #[must_use]
+    pub fn sin_cos_of_two(x: f32, y: f32) -> ([f32; 2], [f32; 2]) {
+        ([sin(x), sin(y)], [cos(x), cos(y)])
     }
 }

@@ -8,7 +8,7 @@ use std::ops::Range;
 use super::dialect::Dialect;
 use super::expression::{Notation, Text, operation};
 use super::names::Scope;
-use crate::program::{Constant, Instruction, Op, Operand, Program, completes_pair};
+use crate::program::{Constant, Instruction, Op, Operand, Program, completes_pair, place_of_two};
 
 /// A value stands where it is used while its text is no longer than this.
 const MAX_INLINE_CHARS: usize = 160;
@@ -35,6 +35,15 @@ pub(super) enum Statement {
         cosine: String,
         /// The angle.
         angle: Text,
+    },
+    /// Sines and cosines of two angles, computed together.
+    BindTwoPairs {
+        /// Names of the sines.
+        sines: [String; 2],
+        /// Names of the cosines.
+        cosines: [String; 2],
+        /// The angles.
+        angles: [Text; 2],
     },
     /// Several variables, from a block in which others are bound that nothing reads after the block.
     Block {
@@ -239,20 +248,36 @@ impl<'a> Body<'a> {
         statements
     }
 
-    /// The statement that binds a variable; none for a cosine, which the statement of its sine binds.
+    /// The statement that binds a variable; none for a cosine, which the statement of its sine binds, and for the
+    /// second of two pairs, which the statement of the first binds.
     fn bind(&self, v: u32) -> Option<Statement> {
         let k = v as usize;
-        let name = self.value(v).text;
+        let name = |v: u32| self.value(v).text;
         if completes_pair(self.instructions, k) {
             return None;
         }
-        Some(match &self.angles[k] {
-            Some(angle) => {
-                let cosine = self.value(v + 1).text;
-                Statement::BindPair { sine: name, cosine, angle: angle.clone() }
-            }
-            None => Statement::Bind { name, value: self.texts[k].0.text.clone() },
-        })
+        let Some(angle) = self.angles[k].clone() else {
+            return Some(Statement::Bind { name: name(v), value: self.texts[k].0.text.clone() });
+        };
+        match (place_of_two(self.instructions, k), self.angles.get(k + 2)) {
+            (Some(1), _) => None,
+            (Some(_), Some(Some(other))) => Some(Statement::BindTwoPairs {
+                sines: [name(v), name(v + 2)],
+                cosines: [name(v + 1), name(v + 3)],
+                angles: [angle, other.clone()],
+            }),
+            _ => Some(Statement::BindPair { sine: name(v), cosine: name(v + 1), angle }),
+        }
+    }
+
+    /// How many variables before one are bound by the statement that binds it.
+    fn n_bound_before(&self, v: u32) -> usize {
+        let k = v as usize;
+        let of_pair = usize::from(completes_pair(self.instructions, k));
+        match place_of_two(self.instructions, k - of_pair) {
+            Some(1) => 2 + of_pair,
+            _ => of_pair,
+        }
     }
 
     /// Whether a value is the sine or the cosine of a pair.
@@ -270,10 +295,10 @@ impl<'a> Body<'a> {
             let mut rest = bindings.as_slice();
             let mut title = Some(title);
             while !rest.is_empty() {
-                // A pair stays together.
+                // What one statement binds stays together.
                 let cut = rest.len().min(MAX_BINDINGS);
-                let splits = rest.get(cut).is_some_and(|v| completes_pair(self.instructions, *v as usize));
-                let (block, after) = rest.split_at(if splits { cut - 1 } else { cut });
+                let n_before = rest.get(cut).map_or(0, |v| self.n_bound_before(*v));
+                let (block, after) = rest.split_at(cut - n_before);
                 blocks.push((block.to_vec(), title.take().unwrap_or(Some(""))));
                 rest = after;
             }

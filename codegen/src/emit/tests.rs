@@ -161,6 +161,35 @@ fn a_pair_is_one_statement_and_a_block_of_many_bindings_does_not_part_it() {
 }
 
 #[test]
+fn sines_and_cosines_of_two_angles_are_one_call() {
+    let mut g = Graph::new();
+    let time = g.symbol("t");
+    let state = ["x", "y"].map(|n| g.symbol(n));
+    let [x, y] = state.map(|s| g.sym(s));
+    let difference = g.sub(y, x);
+    let mut rates = Vec::new();
+    for angle in [x, difference] {
+        let (sine, cosine) = (g.func(crate::expr::Func::Sin, angle), g.func(crate::expr::Func::Cos, angle));
+        rates.push(g.sub(sine, cosine));
+    }
+    let inputs = Inputs {
+        params: vec![],
+        time,
+        state: state.to_vec(),
+        signs: Default::default(),
+        circles: vec![],
+        arguments: Default::default(),
+        divisors: Default::default(),
+    };
+    let results = ["x", "y"].map(str::to_owned).into_iter().zip(rates).collect();
+    let requests = [Request { role: Role::Rate, results }];
+    let program = lower(&mut g, &inputs, &[], &[], &requests, &SearchBudget::default()).unwrap();
+    let emitted = emit_scene(&program, None, &plain_text(&program, &[])).unwrap();
+    let call = "let ([t1, t3], [t2, t4]) = x.sin_cos_of_two(t0);";
+    assert!(emitted.contains(call) && !emitted.contains(".sin_cos()"), "{emitted}");
+}
+
+#[test]
 fn the_angle_of_a_point_is_one_call() {
     let mut g = Graph::new();
     let (time, mass) = (g.symbol("t"), g.symbol("m"));

@@ -4,7 +4,9 @@ use num_traits::One;
 
 use super::*;
 use crate::expr::{Definition, Func, Node, Rational};
-use crate::program::{Constant, Counts, FallBack, Limit, Literal, Op, Operand, Point, Signs, completes_pair};
+use crate::program::{
+    Constant, Counts, FallBack, Limit, Literal, Op, Operand, Point, Signs, completes_pair, place_of_two,
+};
 
 fn q(n: i64, d: i64) -> Rational {
     Rational::new(n.into(), d.into())
@@ -528,6 +530,50 @@ fn sine_and_cosine_of_one_angle_are_one_call() {
     let half = (0..).find(|k| completes_pair(&function.instructions, *k)).unwrap();
     function.instructions.swap(half - 1, half);
     assert!(verify(&program).is_err());
+}
+
+#[test]
+fn two_angles_are_one_call_where_both_are_known() {
+    let mut f = fixture();
+    let [x, y, z] = f.x;
+    let both = |g: &mut Graph, x: ExprId| [g.func(Func::Sin, x), g.func(Func::Cos, x)];
+    let [sine, cosine] = both(&mut f.g, x);
+    let other = both(&mut f.g, y);
+    let inner = both(&mut f.g, sine);
+    let results = [f.g.mul(sine, z), cosine, other[0], other[1], inner[0], inner[1]];
+    let program = f.lower(&results);
+    check(&mut f, &program, &results);
+    let instructions = &program.functions[0].instructions;
+    let places = |angle: fn(Operand) -> bool| {
+        let sines = instructions.iter().enumerate().filter_map(move |(k, i)| match i.op {
+            Op::Function(Func::Sin, x) if angle(x) => Some(k),
+            _ => None,
+        });
+        sines.map(|k| place_of_two(instructions, k)).collect::<Vec<_>>()
+    };
+    assert_eq!(places(|angle| matches!(angle, Operand::State(_))), [Some(0), Some(1)]);
+    assert_eq!(places(|angle| matches!(angle, Operand::Value(_))), [None]);
+}
+
+#[test]
+fn numbers_that_the_rates_read_from_memory_have_a_slot_for_every_read() {
+    let mut f = fixture();
+    let ([a, b, c], [x, y, z]) = (f.p, f.x);
+    let (ab, bc) = (f.g.mul(a, b), f.g.mul(b, c));
+    let [x, y, z] = [x, y, z].map(|x| f.g.func(Func::Exp, x));
+    let results = [f.g.mul(ab, x), f.g.mul(ab, y), f.g.mul(bc, z)];
+    let lowered = |f: &mut Fixture, role: Role, results: &[ExprId]| {
+        let requests = [Request { role, ..request("f", results) }];
+        lower(&mut f.g, &f.inputs, &[], &[], &requests, &SearchBudget::default()).unwrap()
+    };
+    let rates = lowered(&mut f, Role::Rate, &results);
+    check(&mut f, &rates, &results);
+    assert_eq!((rates.prepare.instructions.len(), rates.prepare.slots.len()), (2, 3));
+    assert_eq!(lowered(&mut f, Role::Energy, &results).prepare.slots.len(), 2);
+    // A sum of two numbers reads one of them from a register, which the other operation reads, too.
+    let product = f.g.mul(ab, x);
+    let results = [f.g.add(product, bc), f.g.mul(bc, z)];
+    assert_eq!(lowered(&mut f, Role::Rate, &results).prepare.slots.len(), 2);
 }
 
 /// Fixed-seed numbers: xorshift.

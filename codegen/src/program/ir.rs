@@ -258,6 +258,36 @@ pub fn completes_pair(instructions: &[Instruction], k: usize) -> bool {
     }
 }
 
+/// Which of two neighbouring pairs of sine and cosine the one whose sine is at `k` is: 0 or 1; none where it has no
+/// neighbour.
+///
+/// Such neighbours are one call: they are emitted as `x.sin_cos_of_two(y)`, which has the bits of `x.sin_cos()` and of
+/// `y.sin_cos()`.
+pub(crate) fn place_of_two(instructions: &[Instruction], k: usize) -> Option<usize> {
+    let is_pair = |k: usize| k + 1 < instructions.len() && completes_pair(instructions, k + 1);
+    let is_two = |first: usize| {
+        let second = first + 2;
+        let angle = instructions.get(second).map(|i| i.op.operands().next());
+        is_pair(first)
+            && is_pair(second)
+            && instructions[first].section == instructions[second].section
+            && !matches!(angle, Some(Some(Operand::Value(v))) if v as usize >= first)
+    };
+    // Neighbours are taken from the start of a run of pairs.
+    let mut first = k;
+    while first >= 2 && is_pair(first - 2) {
+        first -= 2;
+    }
+    while first <= k {
+        match is_two(first) {
+            true if k <= first + 2 => return Some((k - first) / 2),
+            true => first += 4,
+            false => first += 2,
+        }
+    }
+    None
+}
+
 impl Program {
     /// Position of the function in that role.
     pub fn function_idx(&self, role: &Role) -> Option<usize> {

@@ -23,6 +23,7 @@ mod verify;
 pub use crate::expr::Relation;
 pub use counts::Counts;
 pub use interpret::{Point, ViolatedCondition};
+pub(crate) use ir::place_of_two;
 pub use ir::{
     Condition, Constant, Function, Instruction, Literal, Op, Operand, Prepare, Program, Signs, Slot,
     completes_pair,

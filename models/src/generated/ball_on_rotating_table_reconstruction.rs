@@ -205,6 +205,8 @@ pub struct Prepared<R = f64> {
     c8: R,
     /// `1 + k2 / (r * r)`
     A_x_dot_x_dot: R,
+    /// `0.5 / r`
+    c9: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -237,6 +239,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t1 = r * r;
         let A_x_dot_x_dot = R::ONE + k2 / t1;
         let t2 = t0 / (t1 * A_x_dot_x_dot);
+        let t3 = R::from_f64(0.5) / r;
         if !r.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "r > 0",
@@ -254,7 +257,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             Omega,
             c0: -t2,
             c1: t2,
-            c2: R::from_f64(0.5) / r,
+            c2: t3,
             c3: Omega / r,
             c4: r.recip(),
             c5: k2 * (Omega * Omega) / (k2 + t1),
@@ -262,6 +265,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c7: k2 / r,
             c8: t0 / t1,
             A_x_dot_x_dot,
+            c9: t3,
         })
     }
 }
@@ -293,7 +297,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         let t0 = self.c2 * (-x).mul_add(self.Omega, y_dot);
         let t1 = R::from_f64(0.5) * omega_z;
-        let t2 = self.c2 * y.mul_add(self.Omega, x_dot);
+        let t2 = self.c9 * y.mul_add(self.Omega, x_dot);
         *dy = [
             x_dot,
             y_dot,

@@ -353,6 +353,24 @@ pub struct Prepared<R = f64> {
     c44: R,
     /// `1 / (m * (r * r))`
     c45: R,
+    /// `l * chi3 * g / (r * r)`
+    c46: R,
+    /// `l * chi2 * g / (r * r)`
+    c47: R,
+    /// `l * chi1 * g / (r * r)`
+    c48: R,
+    /// `l * chi1 / r`
+    c49: R,
+    /// `l * chi2 / r`
+    c50: R,
+    /// `l * chi1 / r`
+    c51: R,
+    /// `l * chi3 / r`
+    c52: R,
+    /// `l * chi3 / r`
+    c53: R,
+    /// `l * chi2 / r`
+    c54: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -418,22 +436,25 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         let t0 = l * chi3;
         let t1 = r * r;
-        let t2 = I2 - I3;
-        let t3 = m * t1;
-        let t4 = l * chi2;
-        let t5 = l * chi1;
-        let t6 = I1 - I3;
-        let t7 = I1 - I2;
-        let t8 = t0 / r;
-        let t9 = t4 / r;
-        let t10 = t5 / r;
-        let t11 = m * l;
-        let t12 = t11 * chi2;
-        let t13 = t11 * chi3;
-        let t14 = t11 * chi1;
-        let t15 = m * r;
-        let t16 = m * m * l;
-        let t17 = t15 * l;
+        let t2 = t0 * g / t1;
+        let t3 = I2 - I3;
+        let t4 = m * t1;
+        let t5 = l * chi2;
+        let t6 = t5 * g / t1;
+        let t7 = l * chi1;
+        let t8 = t7 * g / t1;
+        let t9 = I1 - I3;
+        let t10 = I1 - I2;
+        let t11 = t0 / r;
+        let t12 = t5 / r;
+        let t13 = t7 / r;
+        let t14 = m * l;
+        let t15 = t14 * chi2;
+        let t16 = t14 * chi3;
+        let t17 = t14 * chi1;
+        let t18 = m * r;
+        let t19 = m * m * l;
+        let t20 = t18 * l;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -468,52 +489,61 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             I1,
             I2,
             I3,
-            c0: t0 * g / t1,
-            c1: t4 * g / t1,
-            c2: t2 / t3,
-            c3: t5 * g / t1,
-            c4: -(t6 / t3),
-            c5: t7 / t3,
-            c6: t8,
-            c7: t9,
-            c8: I1 / t3,
-            c9: t10,
-            c10: I2 / t3,
-            c11: I3 / t3,
-            c12: t12 * g,
-            c13: t13 * g,
-            c14: t14 * g,
+            c0: t2,
+            c1: t6,
+            c2: t3 / t4,
+            c3: t8,
+            c4: -(t9 / t4),
+            c5: t10 / t4,
+            c6: t11,
+            c7: t12,
+            c8: I1 / t4,
+            c9: t13,
+            c10: I2 / t4,
+            c11: I3 / t4,
+            c12: t15 * g,
+            c13: t16 * g,
+            c14: t17 * g,
             c15: R::from_f64(0.5) * I1,
             c16: R::from_f64(0.5) * I2,
             c17: R::from_f64(0.5) * I3,
             c18: R::from_f64(0.5) * m * t1,
-            c19: t8.abs(),
-            c20: t10.abs(),
-            c21: t9.abs(),
-            c22: R::from_f64(11.0) * I1 / t3,
-            c23: R::from_f64(11.0) * I2 / t3,
-            c24: R::from_f64(11.0) * I3 / t3,
-            c25: t15,
-            c26: t13,
-            c27: t12,
-            c28: t14,
-            c29: t16 * chi3 * g,
-            c30: t16 * chi2 * g,
-            c31: m * t2,
-            c32: t16 * chi1 * g,
-            c33: -(m * t6),
-            c34: m * t7,
+            c19: t11.abs(),
+            c20: t13.abs(),
+            c21: t12.abs(),
+            c22: R::from_f64(11.0) * I1 / t4,
+            c23: R::from_f64(11.0) * I2 / t4,
+            c24: R::from_f64(11.0) * I3 / t4,
+            c25: t18,
+            c26: t16,
+            c27: t15,
+            c28: t17,
+            c29: t19 * chi3 * g,
+            c30: t19 * chi2 * g,
+            c31: m * t3,
+            c32: t19 * chi1 * g,
+            c33: -(m * t9),
+            c34: m * t10,
             c35: I1 * m,
             c36: I2 * m,
             c37: I3 * m,
-            c38: -t3,
-            c39: t17 * chi3,
-            c40: t17 * chi2,
-            c41: t17 * chi1,
-            c42: t2,
-            c43: -t6,
-            c44: t7,
-            c45: t3.recip(),
+            c38: -t4,
+            c39: t20 * chi3,
+            c40: t20 * chi2,
+            c41: t20 * chi1,
+            c42: t3,
+            c43: -t9,
+            c44: t10,
+            c45: t4.recip(),
+            c46: t2,
+            c47: t6,
+            c48: t8,
+            c49: t13,
+            c50: t12,
+            c51: t13,
+            c52: t11,
+            c53: t11,
+            c54: t12,
         })
     }
 }
@@ -555,9 +585,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             Omega2
                 .mul_add(self.c2 * Omega3, (-Gamma3).mul_add(self.c1, self.c0 * Gamma2)),
             Omega1
-                .mul_add(self.c4 * Omega3, (-Gamma1).mul_add(self.c0, self.c3 * Gamma3)),
+                .mul_add(
+                    self.c4 * Omega3,
+                    (-Gamma1).mul_add(self.c46, self.c3 * Gamma3),
+                ),
             Omega1
-                .mul_add(self.c5 * Omega2, (-Gamma2).mul_add(self.c3, self.c1 * Gamma1)),
+                .mul_add(
+                    self.c5 * Omega2,
+                    (-Gamma2).mul_add(self.c48, self.c47 * Gamma1),
+                ),
         ];
         /// mass matrix A = W^T L_yy Psi
         let [t0, t1, A_Omega1_Omega1_over_m_r2, t2, t3, A_Omega2_Omega2_over_m_r2,
@@ -577,10 +613,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         };
         /// right side f = W^T (r - L_yy lag)
         let [f_Omega1_over_m_r2, f_Omega2_over_m_r2, f_Omega3_over_m_r2] = {
-            let t4 = (-Omega1).mul_add(self.c7, self.c9 * Omega2);
-            let t5 = (-Omega1).mul_add(self.c6, self.c9 * Omega3);
+            let t4 = (-Omega1).mul_add(self.c50, self.c49 * Omega2);
+            let t5 = (-Omega1).mul_add(self.c52, self.c51 * Omega3);
             let n_X1_over_m_r = Omega3.mul_add(t5, Omega2 * t4);
-            let t6 = (-Omega3).mul_add(self.c7, self.c6 * Omega2);
+            let t6 = (-Omega3).mul_add(self.c54, self.c53 * Omega2);
             let n_X2_over_m_r = (-Omega1).mul_add(t4, -(Omega3 * t6));
             let n_X3_over_m_r = (-Omega1).mul_add(t5, Omega2 * t6);
             [

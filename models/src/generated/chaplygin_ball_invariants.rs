@@ -324,6 +324,24 @@ pub struct Prepared<R = f64> {
     c24: R,
     /// `m * (r * r)`
     c25: R,
+    /// `l * chi3 * g / (r * r)`
+    c26: R,
+    /// `l * chi2 * g / (r * r)`
+    c27: R,
+    /// `l * chi1 * g / (r * r)`
+    c28: R,
+    /// `l * chi1 / r`
+    c29: R,
+    /// `l * chi2 / r`
+    c30: R,
+    /// `l * chi1 / r`
+    c31: R,
+    /// `l * chi3 / r`
+    c32: R,
+    /// `l * chi3 / r`
+    c33: R,
+    /// `l * chi2 / r`
+    c34: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -389,13 +407,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         let t0 = l * chi3;
         let t1 = r * r;
-        let t2 = m * t1;
-        let t3 = l * chi2;
-        let t4 = l * chi1;
-        let t5 = t0 / r;
-        let t6 = t3 / r;
-        let t7 = t4 / r;
-        let t8 = m * l;
+        let t2 = t0 * g / t1;
+        let t3 = m * t1;
+        let t4 = l * chi2;
+        let t5 = t4 * g / t1;
+        let t6 = l * chi1;
+        let t7 = t6 * g / t1;
+        let t8 = t0 / r;
+        let t9 = t4 / r;
+        let t10 = t6 / r;
+        let t11 = m * l;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -430,32 +451,41 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             I1,
             I2,
             I3,
-            c0: t0 * g / t1,
-            c1: t3 * g / t1,
-            c2: (I2 - I3) / t2,
-            c3: t4 * g / t1,
-            c4: (I3 - I1) / t2,
-            c5: (I1 - I2) / t2,
-            c6: t5,
-            c7: t6,
-            c8: I1 / t2,
-            c9: t7,
-            c10: I2 / t2,
-            c11: I3 / t2,
-            c12: t8 * chi2 * g,
-            c13: t8 * chi3 * g,
-            c14: t8 * chi1 * g,
+            c0: t2,
+            c1: t5,
+            c2: (I2 - I3) / t3,
+            c3: t7,
+            c4: (I3 - I1) / t3,
+            c5: (I1 - I2) / t3,
+            c6: t8,
+            c7: t9,
+            c8: I1 / t3,
+            c9: t10,
+            c10: I2 / t3,
+            c11: I3 / t3,
+            c12: t11 * chi2 * g,
+            c13: t11 * chi3 * g,
+            c14: t11 * chi1 * g,
             c15: R::from_f64(0.5) * I1,
             c16: R::from_f64(0.5) * I2,
             c17: R::from_f64(0.5) * I3,
             c18: R::from_f64(0.5) * m * t1,
-            c19: t5.abs(),
-            c20: t7.abs(),
-            c21: t6.abs(),
-            c22: R::from_f64(11.0) * I1 / t2,
-            c23: R::from_f64(11.0) * I2 / t2,
-            c24: R::from_f64(11.0) * I3 / t2,
-            c25: t2,
+            c19: t8.abs(),
+            c20: t10.abs(),
+            c21: t9.abs(),
+            c22: R::from_f64(11.0) * I1 / t3,
+            c23: R::from_f64(11.0) * I2 / t3,
+            c24: R::from_f64(11.0) * I3 / t3,
+            c25: t3,
+            c26: t2,
+            c27: t5,
+            c28: t7,
+            c29: t10,
+            c30: t9,
+            c31: t10,
+            c32: t8,
+            c33: t8,
+            c34: t9,
         })
     }
 }
@@ -497,9 +527,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             Omega2
                 .mul_add(self.c2 * Omega3, (-Gamma3).mul_add(self.c1, self.c0 * Gamma2)),
             Omega1
-                .mul_add(self.c4 * Omega3, (-Gamma1).mul_add(self.c0, self.c3 * Gamma3)),
+                .mul_add(
+                    self.c4 * Omega3,
+                    (-Gamma1).mul_add(self.c26, self.c3 * Gamma3),
+                ),
             Omega1
-                .mul_add(self.c5 * Omega2, (-Gamma2).mul_add(self.c3, self.c1 * Gamma1)),
+                .mul_add(
+                    self.c5 * Omega2,
+                    (-Gamma2).mul_add(self.c28, self.c27 * Gamma1),
+                ),
         ];
         /// mass matrix A = W^T L_yy Psi
         let [t0, t1, A_Omega1_Omega1_over_m_r2, t2, t3, A_Omega2_Omega2_over_m_r2,
@@ -519,10 +555,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         };
         /// right side f = W^T (r - L_yy lag)
         let [f_Omega1_over_m_r2, f_Omega2_over_m_r2, f_Omega3_over_m_r2] = {
-            let t4 = (-Omega1).mul_add(self.c7, self.c9 * Omega2);
-            let t5 = (-Omega1).mul_add(self.c6, self.c9 * Omega3);
+            let t4 = (-Omega1).mul_add(self.c30, self.c29 * Omega2);
+            let t5 = (-Omega1).mul_add(self.c32, self.c31 * Omega3);
             let n_X1_over_m_r = Omega3.mul_add(t5, Omega2 * t4);
-            let t6 = (-Omega3).mul_add(self.c7, self.c6 * Omega2);
+            let t6 = (-Omega3).mul_add(self.c34, self.c33 * Omega2);
             let n_X2_over_m_r = (-Omega1).mul_add(t4, -(Omega3 * t6));
             let n_X3_over_m_r = (-Omega1).mul_add(t5, Omega2 * t6);
             [

@@ -283,6 +283,16 @@ pub struct Prepared<R = f64> {
     c21: R,
     /// `11 * I3`
     c22: R,
+    /// `m * (r * r)`
+    c23: R,
+    /// `m * (r * r)`
+    c24: R,
+    /// `m * l * chi3 * g`
+    c25: R,
+    /// `m * l * chi2 * g`
+    c26: R,
+    /// `m * l * chi1 * g`
+    c27: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -352,8 +362,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t3 = l * chi2 / r;
         let t4 = l * chi1 / r;
         let t5 = m * l;
-        let t6 = m * r * l;
-        let t7 = m * m * (t1 * t1);
+        let t6 = t5 * chi3 * g;
+        let t7 = t5 * chi2 * g;
+        let t8 = m * r * l;
+        let t9 = t5 * chi1 * g;
+        let t10 = m * m * (t1 * t1);
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -388,22 +401,22 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             I1,
             I2,
             I3,
-            c0: t5 * chi3 * g,
-            c1: t5 * chi2 * g,
-            c2: t5 * chi1 * g,
+            c0: t6,
+            c1: t7,
+            c2: t9,
             c3: t0,
             c4: t2,
             c5: t3,
             c6: t4,
-            c7: t6 * chi1,
-            c8: t6 * chi3,
-            c9: t6 * chi2,
+            c7: t8 * chi1,
+            c8: t8 * chi3,
+            c9: t8 * chi2,
             c10: I1 / t2,
             c11: I2 / t2,
             c12: I3 / t2,
-            c13: R::from_f64(0.5) * I3 / t7,
-            c14: R::from_f64(0.5) * I2 / t7,
-            c15: R::from_f64(0.5) * I1 / t7,
+            c13: R::from_f64(0.5) * I3 / t10,
+            c14: R::from_f64(0.5) * I2 / t10,
+            c15: R::from_f64(0.5) * I1 / t10,
             c16: R::from_f64(0.5) / t2,
             c17: t0.abs(),
             c18: t4.abs(),
@@ -411,6 +424,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c20: R::from_f64(11.0) * I1,
             c21: R::from_f64(11.0) * I2,
             c22: R::from_f64(11.0) * I3,
+            c23: t2,
+            c24: t2,
+            c25: t6,
+            c26: t7,
+            c27: t9,
         })
     }
 }
@@ -446,9 +464,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t0 = self.c3 + Gamma3;
             let t1 = self.c4 * t0;
             let t2 = self.c5 + Gamma2;
-            let t3 = self.c4 * t2;
+            let t3 = self.c23 * t2;
             let t4 = self.c6 + Gamma1;
-            let t7 = self.c4 * t4;
+            let t7 = self.c24 * t4;
             [
                 t0,
                 t3,
@@ -512,7 +530,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                 (-M1)
                                     .mul_add(
                                         Omega3,
-                                        (-Gamma1).mul_add(self.c0, self.c2 * Gamma3),
+                                        (-Gamma1).mul_add(self.c25, self.c2 * Gamma3),
                                     ),
                             ),
                     ),
@@ -525,7 +543,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                 M1
                                     .mul_add(
                                         Omega2,
-                                        (-Gamma2).mul_add(self.c2, self.c1 * Gamma1),
+                                        (-Gamma2).mul_add(self.c27, self.c26 * Gamma1),
                                     ),
                             ),
                     ),

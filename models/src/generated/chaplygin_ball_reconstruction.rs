@@ -413,6 +413,12 @@ pub struct Prepared<R = f64> {
     c47: R,
     /// `1 / (m * (r * r))`
     c48: R,
+    /// `l * chi3 * g`
+    c49: R,
+    /// `l * chi2 * g`
+    c50: R,
+    /// `l * chi1 * g`
+    c51: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -479,18 +485,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t0 = l * chi3;
         let t1 = l * chi2;
         let t2 = l * chi1;
-        let t3 = I2 - I3;
-        let t4 = I1 - I3;
-        let t5 = I1 - I2;
-        let t6 = m * l;
-        let t7 = t6 * chi2;
-        let t8 = t6 * chi3;
-        let t9 = t6 * chi1;
-        let t10 = r * r;
-        let t11 = m * r;
-        let t12 = m * m * l;
-        let t13 = m * t10;
-        let t14 = t11 * l;
+        let t3 = t0 * g;
+        let t4 = I2 - I3;
+        let t5 = t1 * g;
+        let t6 = t2 * g;
+        let t7 = I1 - I3;
+        let t8 = I1 - I2;
+        let t9 = m * l;
+        let t10 = t9 * chi2;
+        let t11 = t9 * chi3;
+        let t12 = t9 * chi1;
+        let t13 = r * r;
+        let t14 = m * r;
+        let t15 = m * m * l;
+        let t16 = m * t13;
+        let t17 = t14 * l;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -529,52 +538,55 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c0: t0,
             c1: t1,
             c2: t2,
-            c3: t0 * g,
-            c4: t1 * g,
-            c5: t3 / m,
-            c6: t2 * g,
-            c7: -(t4 / m),
-            c8: t5 / m,
+            c3: t3,
+            c4: t5,
+            c5: t4 / m,
+            c6: t6,
+            c7: -(t7 / m),
+            c8: t8 / m,
             c9: I1 / m,
             c10: I2 / m,
             c11: I3 / m,
             c12: t0 / r,
             c13: t1 / r,
             c14: t2 / r,
-            c15: t7 * g,
-            c16: t8 * g,
-            c17: t9 * g,
+            c15: t10 * g,
+            c16: t11 * g,
+            c17: t12 * g,
             c18: R::from_f64(0.5) * I1,
             c19: R::from_f64(0.5) * I2,
             c20: R::from_f64(0.5) * I3,
-            c21: R::from_f64(0.5) * m * t10,
+            c21: R::from_f64(0.5) * m * t13,
             c22: t0.abs(),
             c23: t2.abs(),
             c24: t1.abs(),
             c25: R::from_f64(11.0) * I1 / m,
             c26: R::from_f64(11.0) * I2 / m,
             c27: R::from_f64(11.0) * I3 / m,
-            c28: t11,
-            c29: t8,
-            c30: t7,
-            c31: t9,
-            c32: t12 * chi3 * g,
-            c33: t12 * chi2 * g,
-            c34: m * t3,
-            c35: t12 * chi1 * g,
-            c36: -(m * t4),
-            c37: m * t5,
+            c28: t14,
+            c29: t11,
+            c30: t10,
+            c31: t12,
+            c32: t15 * chi3 * g,
+            c33: t15 * chi2 * g,
+            c34: m * t4,
+            c35: t15 * chi1 * g,
+            c36: -(m * t7),
+            c37: m * t8,
             c38: I1 * m,
             c39: I2 * m,
             c40: I3 * m,
-            c41: -t13,
-            c42: t14 * chi3,
-            c43: t14 * chi2,
-            c44: t14 * chi1,
-            c45: t3,
-            c46: -t4,
-            c47: t5,
-            c48: t13.recip(),
+            c41: -t16,
+            c42: t17 * chi3,
+            c43: t17 * chi2,
+            c44: t17 * chi1,
+            c45: t4,
+            c46: -t7,
+            c47: t8,
+            c48: t16.recip(),
+            c49: t3,
+            c50: t5,
+            c51: t6,
         })
     }
 }
@@ -633,9 +645,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             Omega2
                 .mul_add(self.c5 * Omega3, (-Gamma3).mul_add(self.c4, self.c3 * Gamma2)),
             Omega1
-                .mul_add(self.c7 * Omega3, (-Gamma1).mul_add(self.c3, self.c6 * Gamma3)),
+                .mul_add(
+                    self.c7 * Omega3,
+                    (-Gamma1).mul_add(self.c49, self.c6 * Gamma3),
+                ),
             Omega1
-                .mul_add(self.c8 * Omega2, (-Gamma2).mul_add(self.c6, self.c4 * Gamma1)),
+                .mul_add(
+                    self.c8 * Omega2,
+                    (-Gamma2).mul_add(self.c51, self.c50 * Gamma1),
+                ),
         ];
         /// mass matrix A = W^T L_yy Psi
         let [A_Omega1_Omega1_over_m, t4, t5, A_Omega2_Omega2_over_m,

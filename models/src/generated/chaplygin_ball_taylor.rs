@@ -280,6 +280,24 @@ pub struct Prepared<R = f64> {
     c23: R,
     /// `11 * I3 / (m * (r * r))`
     c24: R,
+    /// `l * chi3 * g / (r * r)`
+    c25: R,
+    /// `l * chi2 * g / (r * r)`
+    c26: R,
+    /// `l * chi1 * g / (r * r)`
+    c27: R,
+    /// `l * chi1 / r`
+    c28: R,
+    /// `l * chi2 / r`
+    c29: R,
+    /// `l * chi1 / r`
+    c30: R,
+    /// `l * chi3 / r`
+    c31: R,
+    /// `l * chi3 / r`
+    c32: R,
+    /// `l * chi2 / r`
+    c33: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -345,13 +363,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         let t0 = l * chi3;
         let t1 = r * r;
-        let t2 = m * t1;
-        let t3 = l * chi2;
-        let t4 = l * chi1;
-        let t5 = t0 / r;
-        let t6 = t3 / r;
-        let t7 = t4 / r;
-        let t8 = m * l;
+        let t2 = t0 * g / t1;
+        let t3 = m * t1;
+        let t4 = l * chi2;
+        let t5 = t4 * g / t1;
+        let t6 = l * chi1;
+        let t7 = t6 * g / t1;
+        let t8 = t0 / r;
+        let t9 = t4 / r;
+        let t10 = t6 / r;
+        let t11 = m * l;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -383,31 +404,40 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             });
         }
         Ok(Self {
-            c0: t0 * g / t1,
-            c1: t3 * g / t1,
-            c2: (I2 - I3) / t2,
-            c3: t4 * g / t1,
-            c4: (I3 - I1) / t2,
-            c5: (I1 - I2) / t2,
-            c6: t5,
-            c7: t6,
-            c8: I1 / t2,
-            c9: t7,
-            c10: I2 / t2,
-            c11: I3 / t2,
-            c12: t8 * chi2 * g,
-            c13: t8 * chi3 * g,
-            c14: t8 * chi1 * g,
+            c0: t2,
+            c1: t5,
+            c2: (I2 - I3) / t3,
+            c3: t7,
+            c4: (I3 - I1) / t3,
+            c5: (I1 - I2) / t3,
+            c6: t8,
+            c7: t9,
+            c8: I1 / t3,
+            c9: t10,
+            c10: I2 / t3,
+            c11: I3 / t3,
+            c12: t11 * chi2 * g,
+            c13: t11 * chi3 * g,
+            c14: t11 * chi1 * g,
             c15: R::from_f64(0.5) * I1,
             c16: R::from_f64(0.5) * I2,
             c17: R::from_f64(0.5) * I3,
             c18: R::from_f64(0.5) * m * t1,
-            c19: t5.abs(),
-            c20: t7.abs(),
-            c21: t6.abs(),
-            c22: R::from_f64(11.0) * I1 / t2,
-            c23: R::from_f64(11.0) * I2 / t2,
-            c24: R::from_f64(11.0) * I3 / t2,
+            c19: t8.abs(),
+            c20: t10.abs(),
+            c21: t9.abs(),
+            c22: R::from_f64(11.0) * I1 / t3,
+            c23: R::from_f64(11.0) * I2 / t3,
+            c24: R::from_f64(11.0) * I3 / t3,
+            c25: t2,
+            c26: t5,
+            c27: t7,
+            c28: t10,
+            c29: t9,
+            c30: t10,
+            c31: t8,
+            c32: t8,
+            c33: t9,
         })
     }
 }
@@ -449,9 +479,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             Omega2
                 .mul_add(self.c2 * Omega3, (-Gamma3).mul_add(self.c1, self.c0 * Gamma2)),
             Omega1
-                .mul_add(self.c4 * Omega3, (-Gamma1).mul_add(self.c0, self.c3 * Gamma3)),
+                .mul_add(
+                    self.c4 * Omega3,
+                    (-Gamma1).mul_add(self.c25, self.c3 * Gamma3),
+                ),
             Omega1
-                .mul_add(self.c5 * Omega2, (-Gamma2).mul_add(self.c3, self.c1 * Gamma1)),
+                .mul_add(
+                    self.c5 * Omega2,
+                    (-Gamma2).mul_add(self.c27, self.c26 * Gamma1),
+                ),
         ];
         /// mass matrix A = W^T L_yy Psi
         let [t0, t1, A_Omega1_Omega1_over_m_r2, t2, t3, A_Omega2_Omega2_over_m_r2,
@@ -471,10 +507,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         };
         /// right side f = W^T (r - L_yy lag)
         let [f_Omega1_over_m_r2, f_Omega2_over_m_r2, f_Omega3_over_m_r2] = {
-            let t4 = (-Omega1).mul_add(self.c7, self.c9 * Omega2);
-            let t5 = (-Omega1).mul_add(self.c6, self.c9 * Omega3);
+            let t4 = (-Omega1).mul_add(self.c29, self.c28 * Omega2);
+            let t5 = (-Omega1).mul_add(self.c31, self.c30 * Omega3);
             let n_X1_over_m_r = Omega3.mul_add(t5, Omega2 * t4);
-            let t6 = (-Omega3).mul_add(self.c7, self.c6 * Omega2);
+            let t6 = (-Omega3).mul_add(self.c33, self.c32 * Omega2);
             let n_X2_over_m_r = (-Omega1).mul_add(t4, -(Omega3 * t6));
             let n_X3_over_m_r = (-Omega1).mul_add(t5, Omega2 * t6);
             [
@@ -941,9 +977,9 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                     t0,
                     t0.mul_add(Omega2, (-Gamma3).mul_add(self.c1, self.c0 * Gamma2)),
                     t1,
-                    t1.mul_add(Omega1, (-Gamma1).mul_add(self.c0, self.c3 * Gamma3)),
+                    t1.mul_add(Omega1, (-Gamma1).mul_add(self.c25, self.c3 * Gamma3)),
                     t2,
-                    t2.mul_add(Omega1, (-Gamma2).mul_add(self.c3, self.c1 * Gamma1)),
+                    t2.mul_add(Omega1, (-Gamma2).mul_add(self.c27, self.c26 * Gamma1)),
                 ]
             };
             /// mass matrix A = W^T L_yy Psi
@@ -965,10 +1001,10 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             /// right side f = W^T (r - L_yy lag)
             let [t7, t8, n_X1_over_m_r, t9, n_X2_over_m_r, n_X3_over_m_r,
             f_Omega1_over_m_r2, f_Omega2_over_m_r2, f_Omega3_over_m_r2] = {
-                let t7 = (-Omega1).mul_add(self.c7, self.c9 * Omega2);
-                let t8 = (-Omega1).mul_add(self.c6, self.c9 * Omega3);
+                let t7 = (-Omega1).mul_add(self.c29, self.c28 * Omega2);
+                let t8 = (-Omega1).mul_add(self.c31, self.c30 * Omega3);
                 let n_X1_over_m_r = Omega3.mul_add(t8, Omega2 * t7);
-                let t9 = (-Omega3).mul_add(self.c7, self.c6 * Omega2);
+                let t9 = (-Omega3).mul_add(self.c33, self.c32 * Omega2);
                 let n_X2_over_m_r = (-Omega1).mul_add(t7, -(Omega3 * t9));
                 let n_X3_over_m_r = (-Omega1).mul_add(t8, Omega2 * t9);
                 [
@@ -1110,11 +1146,11 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             };
             /// right side f = W^T (r - L_yy lag)
             let [t8, t9, t10, t11, t12, t13, t14, t15, t16] = {
-                let t8 = (-Omega1).mul_add(self.c7, self.c9 * Omega2);
-                let t9 = (-Omega1).mul_add(self.c6, self.c9 * Omega3);
+                let t8 = (-Omega1).mul_add(self.c29, self.c28 * Omega2);
+                let t9 = (-Omega1).mul_add(self.c31, self.c30 * Omega3);
                 let t10 = kept0.mul_add(t9, kept16.mul_add(Omega3, sum15))
                     + kept2.mul_add(t8, kept15.mul_add(Omega2, sum14));
-                let t11 = (-Omega3).mul_add(self.c7, self.c6 * Omega2);
+                let t11 = (-Omega3).mul_add(self.c33, self.c32 * Omega2);
                 let t12 = -(kept4.mul_add(t8, kept15.mul_add(Omega1, sum17))
                     + kept0.mul_add(t11, kept17.mul_add(Omega3, sum16)));
                 let t13 = kept2.mul_add(t11, kept17.mul_add(Omega2, sum18))
@@ -1132,11 +1168,11 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                         - kept14.mul_add(t12, kept19.mul_add(Gamma3, sum21)),
                     kept14.mul_add(t10, kept20.mul_add(Gamma3, sum22))
                         + (kept7.mul_add(Omega1, kept4.mul_add(t1, sum7))
-                            + (-Gamma1).mul_add(self.c0, self.c3 * Gamma3))
+                            + (-Gamma1).mul_add(self.c25, self.c3 * Gamma3))
                         - kept12.mul_add(t13, kept18.mul_add(Gamma1, sum23)),
                     kept12.mul_add(t12, kept19.mul_add(Gamma1, sum24))
                         + (kept8.mul_add(Omega1, kept4.mul_add(t2, sum8))
-                            + (-Gamma2).mul_add(self.c3, self.c1 * Gamma1))
+                            + (-Gamma2).mul_add(self.c27, self.c26 * Gamma1))
                         - kept11.mul_add(t10, kept20.mul_add(Gamma2, sum25)),
                 ]
             };

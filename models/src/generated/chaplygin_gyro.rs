@@ -386,6 +386,22 @@ pub struct Prepared<R = f64> {
     c49: R,
     /// `I1 - I2`
     c50: R,
+    /// `r / rho`
+    c51: R,
+    /// `rho / r`
+    c52: R,
+    /// `r / rho`
+    c53: R,
+    /// `2 * r / rho`
+    c54: R,
+    /// `2 * r / rho`
+    c55: R,
+    /// `r / rho`
+    c56: R,
+    /// `g / rho`
+    c57: R,
+    /// `r / rho`
+    c58: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -431,20 +447,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let t0 = I1 - I3;
-        let t1 = rho * rho;
-        let t2 = mu * t1;
-        let t3 = I1 - I2;
-        let t4 = R::from_f64(2.0) * mu;
-        let t5 = M + mu;
-        let t6 = r * t5;
-        let t7 = r * r;
-        let t8 = t7 * t5;
-        let t9 = I2 - I3;
-        let t10 = mu * rho;
-        let t11 = M * r;
-        let t12 = mu * r;
-        let t13 = t4 * r;
+        let t0 = r / rho;
+        let t1 = g / rho;
+        let t2 = I1 - I3;
+        let t3 = rho * rho;
+        let t4 = mu * t3;
+        let t5 = I1 - I2;
+        let t6 = rho / r;
+        let t7 = R::from_f64(2.0) * mu;
+        let t8 = M + mu;
+        let t9 = r * t8;
+        let t10 = r * r;
+        let t11 = t10 * t8;
+        let t12 = R::from_f64(2.0) * r / rho;
+        let t13 = I2 - I3;
+        let t14 = mu * rho;
+        let t15 = M * r;
+        let t16 = mu * r;
+        let t17 = t7 * r;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -491,57 +511,65 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             I1,
             I2,
             I3,
-            c0: r / rho,
-            c1: g / rho,
-            c2: -(t0 / t2),
-            c3: t3 / t2,
+            c0: t0,
+            c1: t1,
+            c2: -(t2 / t4),
+            c3: t5 / t4,
             c4: M / mu,
-            c5: rho / r,
-            c6: t4 * rho / t6,
-            c7: t8 / t2,
-            c8: I1 / t2,
-            c9: R::from_f64(2.0) * r / rho,
-            c10: I2 / t2,
-            c11: I3 / t2,
-            c12: -(t5 / mu),
-            c13: t9 / t2,
+            c5: t6,
+            c6: t7 * rho / t9,
+            c7: t11 / t4,
+            c8: I1 / t4,
+            c9: t12,
+            c10: I2 / t4,
+            c11: I3 / t4,
+            c12: -(t8 / mu),
+            c13: t13 / t4,
             c14: R::from_f64(0.5) * I1,
             c15: R::from_f64(0.5) * I2,
             c16: R::from_f64(0.5) * I3,
-            c17: R::from_f64(0.5) * M * t1,
-            c18: t10 * g,
-            c19: R::from_f64(0.5) * mu * t1,
-            c20: t10 / t6,
-            c21: R::from_f64(13.0) * t7 * t5 / t2,
-            c22: R::from_f64(13.0) * I1 / t2,
-            c23: R::from_f64(13.0) * I2 / t2,
-            c24: R::from_f64(13.0) * I3 / t2,
-            c25: t11,
+            c17: R::from_f64(0.5) * M * t3,
+            c18: t14 * g,
+            c19: R::from_f64(0.5) * mu * t3,
+            c20: t14 / t9,
+            c21: R::from_f64(13.0) * t10 * t8 / t4,
+            c22: R::from_f64(13.0) * I1 / t4,
+            c23: R::from_f64(13.0) * I2 / t4,
+            c24: R::from_f64(13.0) * I3 / t4,
+            c25: t15,
             c26: M * rho,
-            c27: t10,
-            c28: t2,
+            c27: t14,
+            c28: t4,
             c29: mu * g,
-            c30: t9 / rho,
-            c31: -(t0 / rho),
-            c32: t3 / rho,
-            c33: t12,
-            c34: t8 / rho,
+            c30: t13 / rho,
+            c31: -(t2 / rho),
+            c32: t5 / rho,
+            c33: t16,
+            c34: t11 / rho,
             c35: I1 / rho,
-            c36: t13,
+            c36: t17,
             c37: I2 / rho,
             c38: I3 / rho,
-            c39: rho * t5,
-            c40: t10.recip(),
-            c41: mu * t7,
-            c42: M * t7,
-            c43: t12 * rho,
-            c44: -(t4 * t1),
-            c45: r * (t12 + t11),
+            c39: rho * t8,
+            c40: t14.recip(),
+            c41: mu * t10,
+            c42: M * t10,
+            c43: t16 * rho,
+            c44: -(t7 * t3),
+            c45: r * (t16 + t15),
             c46: R::from_f64(0.5) * rho / r,
-            c47: t13 * rho,
-            c48: t9,
-            c49: t0,
+            c47: t17 * rho,
+            c48: t13,
+            c49: t2,
             c50: I1 - I2,
+            c51: t0,
+            c52: t6,
+            c53: t0,
+            c54: t12,
+            c55: t12,
+            c56: t0,
+            c57: t1,
+            c58: t0,
         })
     }
 }
@@ -590,8 +618,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         /// velocities v in squares m/2 |v|^2
         let [t3, t4, t5, t6, t7, t8, t9, t10, t11, v1_1_over_rho, t12, t13, t14,
         v1_2_over_rho, v1_3_over_rho] = {
-            let (t3, t4) = beta.sin_cos();
-            let (t5, t6) = alpha.sin_cos();
+            let ([t3, t5], [t4, t6]) = beta.sin_cos_of_two(alpha);
             let t7 = t3 * t5;
             let t8 = alpha_dot + Omega3;
             let t9 = beta_dot * t4;
@@ -705,7 +732,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         A_Omega1_Omega1_over_mu_rho2, A_Omega1_Omega2_over_mu_rho2,
         A_Omega1_Omega3_over_mu_rho2, A_Omega2_Omega2_over_mu_rho2,
         A_Omega2_Omega3_over_mu_rho2, A_Omega3_Omega3_over_mu_rho2] = {
-            let t19 = self.c0 * t4.mul_add(self.c5, Gamma3);
+            let t19 = self.c51 * t4.mul_add(self.c5, Gamma3);
             let t20 = t13 * t19;
             let t21 = t7 * t19;
             let t22 = t3 * t3;
@@ -737,15 +764,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                     .mul_add(t7, t4.mul_add(t4, t32.mul_add(self.c7, self.c8))),
                             ),
                     ),
-                (-self.c0)
+                (-self.c53)
                     .mul_add(
-                        t13.mul_add(t7.mul_add(self.c5, Gamma2), t18),
+                        t13.mul_add(t7.mul_add(self.c52, Gamma2), t18),
                         -(Gamma2 * t33),
                     ),
                 (-Gamma1).mul_add(t27, (-Gamma3).mul_add(t33, -t20)),
                 t24
                     .mul_add(
-                        self.c9,
+                        self.c54,
                         t13
                             .mul_add(
                                 t13,
@@ -756,7 +783,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 (-Gamma2).mul_add(t31 + t27, -t21),
                 t25
                     .mul_add(
-                        self.c9,
+                        self.c55,
                         Gamma1.mul_add(t33, t32.mul_add(self.c7, self.c11)) + t22,
                     ),
             ]
@@ -774,7 +801,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 );
             let n_Omega3_over_mu_rho2 = t34 + r_Omega3_over_mu_rho2;
             let n_X1_over_mu_rho = lag_X1_over_rho.mul_add(self.c12, r_X1_over_mu_rho);
-            let t37 = self.c0 * t36;
+            let t37 = self.c56 * t36;
             let t38 = self.c0 * Gamma2;
             [
                 t34 + r_alpha_dot_over_mu_rho2,
@@ -791,7 +818,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     ),
                 (-Gamma3)
                     .mul_add(
-                        t7.mul_add(self.c1, -t37),
+                        t7.mul_add(self.c57, -t37),
                         (-t35)
                             .mul_add(
                                 t38 + t7,
@@ -803,7 +830,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                             ),
                     ),
                 self
-                    .c0
+                    .c58
                     .mul_add(
                         Gamma3.mul_add(n_X1_over_mu_rho, Gamma1 * t35),
                         n_Omega2_over_mu_rho2,
@@ -966,8 +993,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 (-Gamma1).mul_add(t0, Gamma2 * t2),
             ]
         };
-        let (t3, t4) = beta.sin_cos();
-        let (t5, t6) = alpha.sin_cos();
+        let ([t3, t5], [t4, t6]) = beta.sin_cos_of_two(alpha);
         let t7 = t3 * t5;
         let t8 = t3 * t6;
         let t9 = alpha_dot + Omega3;
@@ -1026,8 +1052,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         };
         /// momenta p = dL/dy
         let [p_alpha_dot, p_beta_dot, p_Omega1, p_Omega2, p_Omega3, p_X1, p_X2, p_X3] = {
-            let (t2, t3) = beta.sin_cos();
-            let (t4, t5) = alpha.sin_cos();
+            let ([t2, t4], [t3, t5]) = beta.sin_cos_of_two(alpha);
             let t6 = t2 * t4;
             let t7 = (-Omega3).mul_add(Gamma2, Omega2 * Gamma3);
             let t8 = alpha_dot + Omega3;
@@ -1095,8 +1120,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         /// velocities v in squares m/2 |v|^2
         let [t3, t4, t5, t6, t7, t8, t9, t10, v1_1_over_rho, t11, t12, t13,
         v1_2_over_rho, v1_3_over_rho] = {
-            let (t3, t4) = beta.sin_cos();
-            let (t5, t6) = alpha.sin_cos();
+            let ([t3, t5], [t4, t6]) = beta.sin_cos_of_two(alpha);
             let t7 = t3 * t5;
             let t8 = alpha_dot + Omega3;
             let t9 = t6 * t4;
@@ -1543,8 +1567,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         /// momenta p = dL/dy
         let [p_alpha_dot, p_beta_dot, p_Omega1, p_Omega2, p_Omega3, p_X1_scaled,
         p_X2_scaled, p_X3_scaled] = {
-            let (t0, t1) = alpha.sin_cos();
-            let (t2, t3) = beta.sin_cos();
+            let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
             let t4 = self.c5 * t2;
             let t5 = t0 * t4;
             let t6 = self.c5 * t3;
@@ -1596,30 +1619,29 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, Gamma1, Gamma2,
         Gamma3] = *y;
         let _ = t;
-        let (t0, t1) = beta.sin_cos();
-        let t2 = self.c43 * t0;
-        let t3 = alpha_dot + Omega3;
-        let (t4, t5) = alpha.sin_cos();
-        let t6 = Gamma2 * t5;
-        let t7 = (-Gamma1).mul_add(t4, t6);
+        let ([t0, t2], [t1, t3]) = beta.sin_cos_of_two(alpha);
+        let t4 = self.c43 * t0;
+        let t5 = alpha_dot + Omega3;
+        let t6 = Gamma2 * t3;
+        let t7 = (-Gamma1).mul_add(t2, t6);
         let t8 = self.c43 * t1;
         let t9 = beta_dot * t8;
-        let t10 = Gamma1.mul_add(t5, Gamma2 * t4);
+        let t10 = Gamma1.mul_add(t3, Gamma2 * t2);
         let t11 = self.c18 * t0;
-        let t12 = Omega3.mul_add(t9.mul_add(t10, t3 * t2 * t7), -(t7 * t11));
-        let t13 = Omega2 * t4;
-        let t14 = Omega1.mul_add(t5, t13);
+        let t12 = Omega3.mul_add(t9.mul_add(t10, t5 * t4 * t7), -(t7 * t11));
+        let t13 = Omega2 * t2;
+        let t14 = Omega1.mul_add(t3, t13);
         let t15 = Gamma3.mul_add(t9, self.c28 * beta_dot);
         let t16 = (-Omega1).mul_add(Gamma2, Omega2 * Gamma1);
-        let t17 = Omega1 * t4;
-        let t18 = Omega2.mul_add(t5, -t17);
+        let t17 = Omega1 * t2;
+        let t18 = Omega2.mul_add(t3, -t17);
         let t19 = self.c28 * t0;
         let t20 = t0 * t19;
         let t21 = t14 * t20;
-        let t22 = Gamma3 * t2;
+        let t22 = Gamma3 * t4;
         let t23 = t1 * t19;
         let t24 = t22 + t23;
-        let t25 = t3.mul_add(t24, t21);
+        let t25 = t5.mul_add(t24, t21);
         let t26 = Gamma3 * t11;
         let t27 = Omega1.mul_add(Gamma1, Omega2 * Gamma2);
         let t28 = Omega3 * t27;
@@ -1637,8 +1659,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t31,
                 t23
                     .mul_add(
-                        t17.mul_add(t17, t30.mul_add(t5 * t5, alpha_dot * alpha_dot)),
-                        t2
+                        t17.mul_add(t17, t30.mul_add(t3 * t3, alpha_dot * alpha_dot)),
+                        t4
                             .mul_add(
                                 t7.mul_add(t29, t28),
                                 (-t10).mul_add(t37, t16.mul_add(t9, t26)),
@@ -1646,7 +1668,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     ),
             );
         let t39 = (-alpha_dot)
-            .mul_add(t32, t4 * t5 * (t33 * t1))
+            .mul_add(t32, t2 * t3 * (t33 * t1))
             .mul_add(
                 self.c44 * t0,
                 (-Omega3)
@@ -1670,19 +1692,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t48 = (-Omega1).mul_add(Omega1, t30);
         let t49 = t9
             .mul_add(
-                Omega2.mul_add(t5, t17),
-                (-(alpha_dot * t2)).mul_add((-Omega1).mul_add(t5, t13), t8 * t48),
+                Omega2.mul_add(t3, t17),
+                (-(alpha_dot * t4)).mul_add((-Omega1).mul_add(t3, t13), t8 * t48),
             );
         let t50 = beta_dot * t42;
         let t51 = t33 * t42;
         let t52 = Omega3 * t15;
-        let t53 = (-t5)
+        let t53 = (-t3)
             .mul_add(
                 t46.mul_add(Omega2 * alpha_dot, -t52),
                 (-Gamma2)
                     .mul_add(
                         t47 - t49,
-                        t4
+                        t2
                             .mul_add(
                                 t45,
                                 (-Omega1)
@@ -1696,32 +1718,32 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t54 = Gamma2 * t44;
         let t55 = (-beta_dot)
             .mul_add(
-                t2.mul_add(t27, t31),
+                t4.mul_add(t27, t31),
                 t33
                     .mul_add(
-                        (-t5).mul_add(t46, t4.mul_add(t54, self.c50)),
+                        (-t3).mul_add(t46, t2.mul_add(t54, self.c50)),
                         (-t36)
                             .mul_add(
                                 t50,
-                                (-(t48 * t2))
-                                    .mul_add(Gamma1.mul_add(t4, t6), (-t16).mul_add(t41, t12)),
+                                (-(t48 * t4))
+                                    .mul_add(Gamma1.mul_add(t2, t6), (-t16).mul_add(t41, t12)),
                             ),
                     ),
             );
         [
-            (-t18).mul_add(t25, (-t14).mul_add(t2.mul_add(t16, t15), t12)),
-            (-t8).mul_add(t3.mul_add((-Omega3).mul_add(t10, t36), -(t16 * t18)), t39),
+            (-t18).mul_add(t25, (-t14).mul_add(t4.mul_add(t16, t15), t12)),
+            (-t8).mul_add(t5.mul_add((-Omega3).mul_add(t10, t36), -(t16 * t18)), t39),
             Omega2.mul_add(Omega3.mul_add(self.c48, t43), t53),
             (-Omega1)
                 .mul_add(
                     t6.mul_add(t50, Omega3.mul_add(self.c49, t43)),
-                    (-t5)
+                    (-t3)
                         .mul_add(
                             t45,
                             Gamma1
                                 .mul_add(
                                     t47 + t49,
-                                    t4
+                                    t2
                                         .mul_add(
                                             t52,
                                             (-Omega2)
@@ -1733,7 +1755,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                 ),
                         ),
                 ),
-            (-t18).mul_add(t3.mul_add(Gamma3.mul_add(t44, t23), t21), t55),
+            (-t18).mul_add(t5.mul_add(Gamma3.mul_add(t44, t23), t21), t55),
         ]
     }
 
@@ -1771,8 +1793,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         A_beta_dot_Omega2_over_mu_rho2, t23, t24, t25, t27, t28, t29, t30,
         A_Omega1_Omega1_over_mu_rho2, t32, t33, t34, t35, t36, t37, t38, t39, t40, t41,
         t42, A_Omega2_Omega2_over_mu_rho2, t43, t44, A_Omega3_Omega3_over_mu_rho2] = {
-            let (t0, t1) = beta.sin_cos();
-            let (t2, t3) = alpha.sin_cos();
+            let ([t0, t2], [t1, t3]) = beta.sin_cos_of_two(alpha);
             let t4 = t0 * t3;
             let t5 = self.c5 * t1;
             let t6 = self.c0 * (Gamma3 + t5);

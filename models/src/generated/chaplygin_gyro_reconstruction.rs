@@ -423,6 +423,22 @@ pub struct Prepared<R = f64> {
     c50: R,
     /// `I1 - I2`
     c51: R,
+    /// `r / rho`
+    c52: R,
+    /// `rho / r`
+    c53: R,
+    /// `r / rho`
+    c54: R,
+    /// `2 * r / rho`
+    c55: R,
+    /// `2 * r / rho`
+    c56: R,
+    /// `r / rho`
+    c57: R,
+    /// `g / rho`
+    c58: R,
+    /// `r / rho`
+    c59: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -468,20 +484,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let t0 = I1 - I3;
-        let t1 = rho * rho;
-        let t2 = mu * t1;
-        let t3 = I1 - I2;
-        let t4 = R::from_f64(2.0) * mu;
-        let t5 = M + mu;
-        let t6 = r * t5;
-        let t7 = r * r;
-        let t8 = t7 * t5;
-        let t9 = I2 - I3;
-        let t10 = mu * rho;
-        let t11 = M * r;
-        let t12 = mu * r;
-        let t13 = t4 * r;
+        let t0 = r / rho;
+        let t1 = g / rho;
+        let t2 = I1 - I3;
+        let t3 = rho * rho;
+        let t4 = mu * t3;
+        let t5 = I1 - I2;
+        let t6 = rho / r;
+        let t7 = R::from_f64(2.0) * mu;
+        let t8 = M + mu;
+        let t9 = r * t8;
+        let t10 = r * r;
+        let t11 = t10 * t8;
+        let t12 = R::from_f64(2.0) * r / rho;
+        let t13 = I2 - I3;
+        let t14 = mu * rho;
+        let t15 = M * r;
+        let t16 = mu * r;
+        let t17 = t7 * r;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -529,58 +549,66 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             I2,
             I3,
             rho,
-            c0: r / rho,
-            c1: g / rho,
-            c2: -(t0 / t2),
-            c3: t3 / t2,
+            c0: t0,
+            c1: t1,
+            c2: -(t2 / t4),
+            c3: t5 / t4,
             c4: M / mu,
-            c5: rho / r,
-            c6: t4 * rho / t6,
-            c7: t8 / t2,
-            c8: I1 / t2,
-            c9: R::from_f64(2.0) * r / rho,
-            c10: I2 / t2,
-            c11: I3 / t2,
-            c12: -(t5 / mu),
-            c13: t9 / t2,
+            c5: t6,
+            c6: t7 * rho / t9,
+            c7: t11 / t4,
+            c8: I1 / t4,
+            c9: t12,
+            c10: I2 / t4,
+            c11: I3 / t4,
+            c12: -(t8 / mu),
+            c13: t13 / t4,
             c14: R::from_f64(2.0) * rho,
             c15: R::from_f64(0.5) * I1,
             c16: R::from_f64(0.5) * I2,
             c17: R::from_f64(0.5) * I3,
-            c18: R::from_f64(0.5) * M * t1,
-            c19: t10 * g,
-            c20: R::from_f64(0.5) * mu * t1,
-            c21: t10 / t6,
-            c22: R::from_f64(13.0) * t7 * t5 / t2,
-            c23: R::from_f64(13.0) * I1 / t2,
-            c24: R::from_f64(13.0) * I2 / t2,
-            c25: R::from_f64(13.0) * I3 / t2,
-            c26: t11,
+            c18: R::from_f64(0.5) * M * t3,
+            c19: t14 * g,
+            c20: R::from_f64(0.5) * mu * t3,
+            c21: t14 / t9,
+            c22: R::from_f64(13.0) * t10 * t8 / t4,
+            c23: R::from_f64(13.0) * I1 / t4,
+            c24: R::from_f64(13.0) * I2 / t4,
+            c25: R::from_f64(13.0) * I3 / t4,
+            c26: t15,
             c27: M * rho,
-            c28: t10,
-            c29: t2,
+            c28: t14,
+            c29: t4,
             c30: mu * g,
-            c31: t9 / rho,
-            c32: -(t0 / rho),
-            c33: t3 / rho,
-            c34: t12,
-            c35: t8 / rho,
+            c31: t13 / rho,
+            c32: -(t2 / rho),
+            c33: t5 / rho,
+            c34: t16,
+            c35: t11 / rho,
             c36: I1 / rho,
-            c37: t13,
+            c37: t17,
             c38: I2 / rho,
             c39: I3 / rho,
-            c40: rho * t5,
-            c41: t10.recip(),
-            c42: mu * t7,
-            c43: M * t7,
-            c44: t12 * rho,
-            c45: -(t4 * t1),
-            c46: r * (t12 + t11),
+            c40: rho * t8,
+            c41: t14.recip(),
+            c42: mu * t10,
+            c43: M * t10,
+            c44: t16 * rho,
+            c45: -(t7 * t3),
+            c46: r * (t16 + t15),
             c47: R::from_f64(0.5) * rho / r,
-            c48: t13 * rho,
-            c49: t9,
-            c50: t0,
+            c48: t17 * rho,
+            c49: t13,
+            c50: t2,
             c51: I1 - I2,
+            c52: t0,
+            c53: t6,
+            c54: t0,
+            c55: t12,
+            c56: t12,
+            c57: t0,
+            c58: t1,
+            c59: t0,
         })
     }
 }
@@ -630,8 +658,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         /// velocities v in squares m/2 |v|^2
         let [t3, t4, t5, t6, t7, t8, t9, t10, t11, v1_1_over_rho, t12, t13, t14,
         v1_2_over_rho, v1_3_over_rho] = {
-            let (t3, t4) = beta.sin_cos();
-            let (t5, t6) = alpha.sin_cos();
+            let ([t3, t5], [t4, t6]) = beta.sin_cos_of_two(alpha);
             let t7 = t3 * t5;
             let t8 = alpha_dot + Omega3;
             let t9 = beta_dot * t4;
@@ -745,7 +772,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         A_Omega1_Omega1_over_mu_rho2, A_Omega1_Omega2_over_mu_rho2,
         A_Omega1_Omega3_over_mu_rho2, A_Omega2_Omega2_over_mu_rho2,
         A_Omega2_Omega3_over_mu_rho2, A_Omega3_Omega3_over_mu_rho2] = {
-            let t19 = self.c0 * t4.mul_add(self.c5, Gamma3);
+            let t19 = self.c52 * t4.mul_add(self.c5, Gamma3);
             let t20 = t13 * t19;
             let t21 = t7 * t19;
             let t22 = t3 * t3;
@@ -777,15 +804,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                     .mul_add(t7, t4.mul_add(t4, t32.mul_add(self.c7, self.c8))),
                             ),
                     ),
-                (-self.c0)
+                (-self.c54)
                     .mul_add(
-                        t13.mul_add(t7.mul_add(self.c5, Gamma2), t18),
+                        t13.mul_add(t7.mul_add(self.c53, Gamma2), t18),
                         -(Gamma2 * t33),
                     ),
                 (-Gamma1).mul_add(t27, (-Gamma3).mul_add(t33, -t20)),
                 t24
                     .mul_add(
-                        self.c9,
+                        self.c55,
                         t13
                             .mul_add(
                                 t13,
@@ -796,7 +823,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 (-Gamma2).mul_add(t31 + t27, -t21),
                 t25
                     .mul_add(
-                        self.c9,
+                        self.c56,
                         Gamma1.mul_add(t33, t32.mul_add(self.c7, self.c11)) + t22,
                     ),
             ]
@@ -814,7 +841,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 );
             let n_Omega3_over_mu_rho2 = t34 + r_Omega3_over_mu_rho2;
             let n_X1_over_mu_rho = lag_X1_over_rho.mul_add(self.c12, r_X1_over_mu_rho);
-            let t37 = self.c0 * t36;
+            let t37 = self.c57 * t36;
             let t38 = self.c0 * Gamma2;
             [
                 t34 + r_alpha_dot_over_mu_rho2,
@@ -831,7 +858,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     ),
                 (-Gamma3)
                     .mul_add(
-                        t7.mul_add(self.c1, -t37),
+                        t7.mul_add(self.c58, -t37),
                         (-t35)
                             .mul_add(
                                 t38 + t7,
@@ -843,7 +870,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                             ),
                     ),
                 self
-                    .c0
+                    .c59
                     .mul_add(
                         Gamma3.mul_add(n_X1_over_mu_rho, Gamma1 * t35),
                         n_Omega2_over_mu_rho2,
@@ -1031,8 +1058,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 (-Gamma1).mul_add(t0, Gamma2 * t2),
             ]
         };
-        let (t3, t4) = beta.sin_cos();
-        let (t5, t6) = alpha.sin_cos();
+        let ([t3, t5], [t4, t6]) = beta.sin_cos_of_two(alpha);
         let t7 = t3 * t5;
         let t8 = t3 * t6;
         let t9 = alpha_dot + Omega3;
@@ -1091,8 +1117,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         };
         /// momenta p = dL/dy
         let [p_alpha_dot, p_beta_dot, p_Omega1, p_Omega2, p_Omega3, p_X1, p_X2, p_X3] = {
-            let (t2, t3) = beta.sin_cos();
-            let (t4, t5) = alpha.sin_cos();
+            let ([t2, t4], [t3, t5]) = beta.sin_cos_of_two(alpha);
             let t6 = t2 * t4;
             let t7 = (-Omega3).mul_add(Gamma2, Omega2 * Gamma3);
             let t8 = alpha_dot + Omega3;
@@ -1160,8 +1185,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         /// velocities v in squares m/2 |v|^2
         let [t3, t4, t5, t6, t7, t8, t9, t10, v1_1_over_rho, t11, t12, t13,
         v1_2_over_rho, v1_3_over_rho] = {
-            let (t3, t4) = beta.sin_cos();
-            let (t5, t6) = alpha.sin_cos();
+            let ([t3, t5], [t4, t6]) = beta.sin_cos_of_two(alpha);
             let t7 = t3 * t5;
             let t8 = alpha_dot + Omega3;
             let t9 = t6 * t4;
@@ -1608,8 +1632,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         /// momenta p = dL/dy
         let [p_alpha_dot, p_beta_dot, p_Omega1, p_Omega2, p_Omega3, p_X1_scaled,
         p_X2_scaled, p_X3_scaled] = {
-            let (t0, t1) = alpha.sin_cos();
-            let (t2, t3) = beta.sin_cos();
+            let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
             let t4 = self.c5 * t2;
             let t5 = t0 * t4;
             let t6 = self.c5 * t3;
@@ -1661,30 +1684,29 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, Gamma1, Gamma2,
         Gamma3, _, _, _, _, _, _] = *y;
         let _ = t;
-        let (t0, t1) = beta.sin_cos();
-        let t2 = self.c44 * t0;
-        let t3 = alpha_dot + Omega3;
-        let (t4, t5) = alpha.sin_cos();
-        let t6 = Gamma2 * t5;
-        let t7 = (-Gamma1).mul_add(t4, t6);
+        let ([t0, t2], [t1, t3]) = beta.sin_cos_of_two(alpha);
+        let t4 = self.c44 * t0;
+        let t5 = alpha_dot + Omega3;
+        let t6 = Gamma2 * t3;
+        let t7 = (-Gamma1).mul_add(t2, t6);
         let t8 = self.c44 * t1;
         let t9 = beta_dot * t8;
-        let t10 = Gamma1.mul_add(t5, Gamma2 * t4);
+        let t10 = Gamma1.mul_add(t3, Gamma2 * t2);
         let t11 = self.c19 * t0;
-        let t12 = Omega3.mul_add(t9.mul_add(t10, t3 * t2 * t7), -(t7 * t11));
-        let t13 = Omega2 * t4;
-        let t14 = Omega1.mul_add(t5, t13);
+        let t12 = Omega3.mul_add(t9.mul_add(t10, t5 * t4 * t7), -(t7 * t11));
+        let t13 = Omega2 * t2;
+        let t14 = Omega1.mul_add(t3, t13);
         let t15 = Gamma3.mul_add(t9, self.c29 * beta_dot);
         let t16 = (-Omega1).mul_add(Gamma2, Omega2 * Gamma1);
-        let t17 = Omega1 * t4;
-        let t18 = Omega2.mul_add(t5, -t17);
+        let t17 = Omega1 * t2;
+        let t18 = Omega2.mul_add(t3, -t17);
         let t19 = self.c29 * t0;
         let t20 = t0 * t19;
         let t21 = t14 * t20;
-        let t22 = Gamma3 * t2;
+        let t22 = Gamma3 * t4;
         let t23 = t1 * t19;
         let t24 = t22 + t23;
-        let t25 = t3.mul_add(t24, t21);
+        let t25 = t5.mul_add(t24, t21);
         let t26 = Gamma3 * t11;
         let t27 = Omega1.mul_add(Gamma1, Omega2 * Gamma2);
         let t28 = Omega3 * t27;
@@ -1702,8 +1724,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t31,
                 t23
                     .mul_add(
-                        t17.mul_add(t17, t30.mul_add(t5 * t5, alpha_dot * alpha_dot)),
-                        t2
+                        t17.mul_add(t17, t30.mul_add(t3 * t3, alpha_dot * alpha_dot)),
+                        t4
                             .mul_add(
                                 t7.mul_add(t29, t28),
                                 (-t10).mul_add(t37, t16.mul_add(t9, t26)),
@@ -1711,7 +1733,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     ),
             );
         let t39 = (-alpha_dot)
-            .mul_add(t32, t4 * t5 * (t33 * t1))
+            .mul_add(t32, t2 * t3 * (t33 * t1))
             .mul_add(
                 self.c45 * t0,
                 (-Omega3)
@@ -1735,19 +1757,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t48 = (-Omega1).mul_add(Omega1, t30);
         let t49 = t9
             .mul_add(
-                Omega2.mul_add(t5, t17),
-                (-(alpha_dot * t2)).mul_add((-Omega1).mul_add(t5, t13), t8 * t48),
+                Omega2.mul_add(t3, t17),
+                (-(alpha_dot * t4)).mul_add((-Omega1).mul_add(t3, t13), t8 * t48),
             );
         let t50 = beta_dot * t42;
         let t51 = t33 * t42;
         let t52 = Omega3 * t15;
-        let t53 = (-t5)
+        let t53 = (-t3)
             .mul_add(
                 t46.mul_add(Omega2 * alpha_dot, -t52),
                 (-Gamma2)
                     .mul_add(
                         t47 - t49,
-                        t4
+                        t2
                             .mul_add(
                                 t45,
                                 (-Omega1)
@@ -1761,32 +1783,32 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t54 = Gamma2 * t44;
         let t55 = (-beta_dot)
             .mul_add(
-                t2.mul_add(t27, t31),
+                t4.mul_add(t27, t31),
                 t33
                     .mul_add(
-                        (-t5).mul_add(t46, t4.mul_add(t54, self.c51)),
+                        (-t3).mul_add(t46, t2.mul_add(t54, self.c51)),
                         (-t36)
                             .mul_add(
                                 t50,
-                                (-(t48 * t2))
-                                    .mul_add(Gamma1.mul_add(t4, t6), (-t16).mul_add(t41, t12)),
+                                (-(t48 * t4))
+                                    .mul_add(Gamma1.mul_add(t2, t6), (-t16).mul_add(t41, t12)),
                             ),
                     ),
             );
         [
-            (-t18).mul_add(t25, (-t14).mul_add(t2.mul_add(t16, t15), t12)),
-            (-t8).mul_add(t3.mul_add((-Omega3).mul_add(t10, t36), -(t16 * t18)), t39),
+            (-t18).mul_add(t25, (-t14).mul_add(t4.mul_add(t16, t15), t12)),
+            (-t8).mul_add(t5.mul_add((-Omega3).mul_add(t10, t36), -(t16 * t18)), t39),
             Omega2.mul_add(Omega3.mul_add(self.c49, t43), t53),
             (-Omega1)
                 .mul_add(
                     t6.mul_add(t50, Omega3.mul_add(self.c50, t43)),
-                    (-t5)
+                    (-t3)
                         .mul_add(
                             t45,
                             Gamma1
                                 .mul_add(
                                     t47 + t49,
-                                    t4
+                                    t2
                                         .mul_add(
                                             t52,
                                             (-Omega2)
@@ -1798,7 +1820,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                 ),
                         ),
                 ),
-            (-t18).mul_add(t3.mul_add(Gamma3.mul_add(t44, t23), t21), t55),
+            (-t18).mul_add(t5.mul_add(Gamma3.mul_add(t44, t23), t21), t55),
         ]
     }
 
@@ -1836,8 +1858,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         A_beta_dot_Omega2_over_mu_rho2, t23, t24, t25, t27, t28, t29, t30,
         A_Omega1_Omega1_over_mu_rho2, t32, t33, t34, t35, t36, t37, t38, t39, t40, t41,
         t42, A_Omega2_Omega2_over_mu_rho2, t43, t44, A_Omega3_Omega3_over_mu_rho2] = {
-            let (t0, t1) = beta.sin_cos();
-            let (t2, t3) = alpha.sin_cos();
+            let ([t0, t2], [t1, t3]) = beta.sin_cos_of_two(alpha);
             let t4 = t0 * t3;
             let t5 = self.c5 * t1;
             let t6 = self.c0 * (Gamma3 + t5);

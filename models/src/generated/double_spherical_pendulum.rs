@@ -233,6 +233,14 @@ pub struct Prepared<R = f64> {
     c24: R,
     /// `2 * m2 * l1 * l2 / (m1 * (l1 * l1) + m2 * (l1 * l1))`
     c25: R,
+    /// `l2 / l1`
+    c26: R,
+    /// A longer expression in the parameters.
+    c27: R,
+    /// `l1 / l2`
+    c28: R,
+    /// `l2 / l1`
+    c29: R,
 }
 
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -263,22 +271,25 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let t0 = m2 * m2;
-        let t1 = t0 * m2;
-        let t2 = l1 * l1;
-        let t3 = t2 * l1;
-        let t4 = l2 * l2;
-        let t5 = t4 * l2;
-        let t6 = t2 * t2;
-        let t7 = m1 * t0;
-        let t8 = t1 * t6 * t4 + t7 * t6 * t4;
-        let t9 = t1 * t3 * t5;
-        let t10 = m2 * l1;
-        let t11 = t10 * l2;
-        let t12 = m1 * l1 * g + t10 * g;
-        let t13 = m2 * t2;
-        let t14 = m1 * t2 + t13;
-        let t15 = m2 * t4;
+        let t0 = l2 / l1;
+        let t1 = m2 * m2;
+        let t2 = t1 * m2;
+        let t3 = l1 * l1;
+        let t4 = t3 * l1;
+        let t5 = l2 * l2;
+        let t6 = t5 * l2;
+        let t7 = t3 * t3;
+        let t8 = m1 * t1;
+        let t9 = t2 * t7 * t5 + t8 * t7 * t5;
+        let t10 = t2 * t4 * t6;
+        let t11 = t9 / t10;
+        let t12 = m2 * l1;
+        let t13 = t12 * l2;
+        let t14 = l1 / l2;
+        let t15 = m1 * l1 * g + t12 * g;
+        let t16 = m2 * t3;
+        let t17 = m1 * t3 + t16;
+        let t18 = m2 * t5;
         if !m1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m1 > 0",
@@ -305,32 +316,36 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(Self {
             p,
-            c0: l2 / l1,
-            c1: R::from_f64(2.0) * t1 * t3 * t5 / t8,
-            c2: t8 / t9,
-            c3: p / t11,
-            c4: l1 / l2,
-            c5: -(t12 / t11),
+            c0: t0,
+            c1: R::from_f64(2.0) * t2 * t4 * t6 / t9,
+            c2: t11,
+            c3: p / t13,
+            c4: t14,
+            c5: -(t15 / t13),
             c6: -(g / l1),
             c7: -(m1 / m2),
             c8: R::from_f64(2.0) * m1 / m2,
-            c9: t14 / t15,
-            c10: (t0 * t3 * l2 * p + m1 * m2 * t3 * l2 * p) / (t9 + t7 * t3 * t5),
-            c11: -t12,
+            c9: t17 / t18,
+            c10: (t1 * t4 * l2 * p + m1 * m2 * t4 * l2 * p) / (t10 + t8 * t4 * t6),
+            c11: -t15,
             c12: -(m2 * l2 * g),
-            c13: R::from_f64(0.5) * m1 * t2,
-            c14: R::from_f64(0.5) * m2 * t4,
-            c15: t9 / t8,
+            c13: R::from_f64(0.5) * m1 * t3,
+            c14: R::from_f64(0.5) * m2 * t5,
+            c15: t10 / t9,
             c16: R::from_f64(10.0) * l2 / l1,
-            c17: R::from_f64(10.0) * t8 / t9,
-            c18: t13.recip(),
-            c19: t14 / (t0 * t2 * t4),
-            c20: R::from_f64(2.0) / t11,
-            c21: t11,
-            c22: t14,
-            c23: t15,
-            c24: -(t14 / t11),
-            c25: R::from_f64(2.0) * m2 * l1 * l2 / t14,
+            c17: R::from_f64(10.0) * t9 / t10,
+            c18: t16.recip(),
+            c19: t17 / (t1 * t3 * t5),
+            c20: R::from_f64(2.0) / t13,
+            c21: t13,
+            c22: t17,
+            c23: t18,
+            c24: -(t17 / t13),
+            c25: R::from_f64(2.0) * m2 * l1 * l2 / t17,
+            c26: t0,
+            c27: t11,
+            c28: t14,
+            c29: t0,
         })
     }
 }
@@ -364,8 +379,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         /// mass matrix A = W^T L_yy Psi
         let [t0, t1, t2, t3, t4, t5, t6, t7, t8, t9, A_phi1_dot_phi1_dot_over_m2_l1_l2,
         ] = {
-            let (t0, t1) = theta1.sin_cos();
-            let (t2, t3) = theta2.sin_cos();
+            let ([t0, t2], [t1, t3]) = theta1.sin_cos_of_two(theta2);
             let (t4, t5) = phi.sin_cos();
             let t6 = t2 * t4;
             let t8 = self.c0 * (t2 * t2);
@@ -394,10 +408,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t13 = t7 * t12;
             let t14 = t0.mul_add(t9, t8);
             let A_l3_4 = t14 * t12;
-            let A_s4_2_2_over_m2_l1_l2 = (-t11).mul_add(A_l2_4, self.c0);
+            let A_s4_2_2_over_m2_l1_l2 = (-t11).mul_add(A_l2_4, self.c26);
             let t15 = t3 * t5;
             let A_s4_2_1_over_m2_l1_l2 = t7.mul_add(A_l2_4, t1.mul_add(t15, t0 * t2));
-            let A_s4_1_1_over_m2_l1_l2 = (-t7).mul_add(t13, self.c2);
+            let A_s4_1_1_over_m2_l1_l2 = (-t7).mul_add(t13, self.c27);
             let A_s4_1_3_over_m2_l1_l2 = t13.mul_add(t14, -t7);
             let A_s4_3_3_over_m2_l1_l2 = (-t14).mul_add(A_l3_4, t8);
             let t16 = A_s4_2_2_over_m2_l1_l2.recip();
@@ -446,7 +460,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         };
         /// accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
         let [t23, a1_3_over_l2, a2_1_over_l2, t24, a2_2_over_l2, a2_3_over_l2] = {
-            let t23 = t0 * self.c4.mul_add(phi1_dot * phi1_dot, theta1_dot * t20);
+            let t23 = t0 * self.c28.mul_add(phi1_dot * phi1_dot, theta1_dot * t20);
             let a1_3_over_l2 = theta1_dot * v1_1_over_l2;
             let t24 = phi1_dot * v1_1_over_l2;
             [
@@ -473,7 +487,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
         let [r_theta1_dot_over_m2_l1_l2, r_theta2_dot_over_m2_l1_l2, t26,
         r_phi1_dot_over_m2_l1_l2] = {
-            let t25 = self.c0 * t2;
+            let t25 = self.c29 * t2;
             let t26 = t25 * (-t4).mul_add(a2_1_over_l2, t5 * a2_2_over_l2);
             [
                 (-t1)
@@ -552,9 +566,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         /// mass matrix A = W^T L_yy Psi
         let [t0, t1, t2, t3, t4, t5, t6, t7, A_phi1_dot_phi1_dot_over_m2_l22] = {
-            let (t0, t1) = theta2.sin_cos();
-            let t2 = t0 * t0;
-            let (t3, t4) = theta1.sin_cos();
+            let ([t0, t2], [t1, t3]) = theta2.sin_cos_of_two(theta1);
+            let t4 = t0 * t0;
             let (t5, t6) = phi.sin_cos();
             let t7 = t6 * t0;
             [
@@ -566,27 +579,27 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t5,
                 t6,
                 t7,
-                t7.mul_add(self.c1, t3).mul_add(self.c9 * t3, t2),
+                t7.mul_add(self.c1, t2).mul_add(self.c9 * t2, t4),
             ]
         };
         /// velocities of the momenta pi = W^T dL/dy
         let [t8, t9, t10, t11, phi1_dot] = {
             let t8 = t0 * t5;
-            let t9 = theta1_dot * t4;
+            let t9 = theta1_dot * t3;
             let t10 = theta2_dot * t1;
             let t11 = t5 * t10;
             let q_phi1_dot_over_m2_l22 = self
                 .c4
                 .mul_add(
-                    (-t3).mul_add(phi_dot.mul_add(t7, t11), t8 * t9),
-                    (-phi_dot).mul_add(t2, self.c10),
+                    (-t2).mul_add(phi_dot.mul_add(t7, t11), t8 * t9),
+                    (-phi_dot).mul_add(t4, self.c10),
                 );
             [t8, t9, t10, t11, q_phi1_dot_over_m2_l22 / A_phi1_dot_phi1_dot_over_m2_l22]
         };
-        let t12 = t3.mul_add(self.c4 * theta1_dot, theta2_dot * t0);
+        let t12 = t2.mul_add(self.c4 * theta1_dot, theta2_dot * t0);
         let t13 = phi_dot + phi1_dot;
         let t14 = (-t8).mul_add(t13, t9.mul_add(self.c4, t6 * t10));
-        let t15 = t3 * phi1_dot;
+        let t15 = t2 * phi1_dot;
         let t16 = t15.mul_add(self.c4, t7.mul_add(t13, t11));
         self.c14
             .mul_add(
@@ -595,7 +608,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     .c13
                     .mul_add(
                         t15.mul_add(t15, theta1_dot * theta1_dot),
-                        t1.mul_add(self.c12, self.c11 * t4),
+                        t1.mul_add(self.c12, self.c11 * t3),
                     ),
             )
     }
@@ -618,8 +631,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         /// mass matrix A = W^T L_yy Psi
         let [t0, t1, t2, t3, t4, t5, t6, t7, A_phi1_dot_phi1_dot_over_m22_l12_l22] = {
-            let (t0, t1) = theta2.sin_cos();
-            let (t2, t3) = theta1.sin_cos();
+            let ([t0, t2], [t1, t3]) = theta2.sin_cos_of_two(theta1);
             let (t4, t5) = phi.sin_cos();
             let t6 = t2 * t0;
             let t7 = t5 * t6;
@@ -684,9 +696,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         /// mass matrix A = W^T L_yy Psi
         let [t0, t1, t2, t3, t4, t5, t7, A_phi1_dot_phi1_dot_over_m2_l1_l2] = {
-            let (t0, t1) = theta2.sin_cos();
-            let t2 = self.c0 * t0;
-            let (t3, t4) = theta1.sin_cos();
+            let ([t0, t2], [t1, t3]) = theta2.sin_cos_of_two(theta1);
+            let t4 = self.c0 * t0;
             let (t5, t6) = phi.sin_cos();
             let t7 = t6 * t0;
             [
@@ -697,14 +708,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t4,
                 t5,
                 t7,
-                (-t7.mul_add(self.c25, t3)).mul_add(self.c24 * t3, t0 * t2),
+                (-t7.mul_add(self.c25, t2)).mul_add(self.c24 * t2, t0 * t4),
             ]
         };
         [
             t0
                 .mul_add(
-                    (-phi_dot).mul_add(t2, theta1_dot * t5 * t4),
-                    -t3.mul_add(phi_dot.mul_add(t7, theta2_dot * t1 * t5), -self.c3),
+                    (-phi_dot).mul_add(t4, theta1_dot * t5 * t3),
+                    -t2.mul_add(phi_dot.mul_add(t7, theta2_dot * t1 * t5), -self.c3),
                 ) / A_phi1_dot_phi1_dot_over_m2_l1_l2,
         ]
     }
@@ -721,8 +732,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         /// mass matrix A = W^T L_yy Psi
         let [t0, t1, t2, t3, t4, t5, t6, t7, t8, t9, A_phi1_dot_phi1_dot_over_m2_l1_l2,
         ] = {
-            let (t0, t1) = theta1.sin_cos();
-            let (t2, t3) = theta2.sin_cos();
+            let ([t0, t2], [t1, t3]) = theta1.sin_cos_of_two(theta2);
             let (t4, t5) = phi.sin_cos();
             let t7 = self.c0 * (t2 * t2);
             let t8 = t5 * t2;

@@ -259,6 +259,8 @@ pub struct Prepared<R = f64> {
     c35: R,
     /// `M * (r * r)`
     c36: R,
+    /// A longer expression in the parameters.
+    c37: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -319,15 +321,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t21 = t11 * I1;
         let t22 = t13 * I3;
         let t23 = t18 + t21 + t22;
-        let t24 = t11 * e;
-        let t25 = t8 + M * t5;
-        let t26 = t8 + t13;
-        let t27 = R::from_f64(0.5) * e;
-        let t28 = M * M;
-        let t29 = t3 * r;
-        let t30 = t28 * t29;
-        let t31 = R::from_f64(4.0) * t28;
-        let t32 = t6 * e;
+        let t24 = t20 * e * I3 / t23;
+        let t25 = t11 * e;
+        let t26 = t8 + M * t5;
+        let t27 = t8 + t13;
+        let t28 = R::from_f64(0.5) * e;
+        let t29 = M * M;
+        let t30 = t3 * r;
+        let t31 = t29 * t30;
+        let t32 = R::from_f64(4.0) * t29;
+        let t33 = t6 * e;
         if !M.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "M > 0",
@@ -368,43 +371,44 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c5: R::from_f64(0.5) * (R::from_f64(2.0) * t17 - t18 + t20 * I3 - t21 - t22)
                 / (I3 * t15),
             c6: t9 * t15 / t23,
-            c7: t20 * e * I3 / t23,
+            c7: t24,
             c8: (t18 + R::from_f64(8.0) * M * t3 * I1 + t22) / t23,
-            c9: t24 * I3 / t23,
-            c10: -(t24 / t26),
+            c9: t25 * I3 / t23,
+            c10: -(t25 / t27),
             c11: -(t12 * e / t15),
-            c12: R::from_f64(0.125) * t25,
+            c12: R::from_f64(0.125) * t26,
             c13: t7,
             c14: t2,
-            c15: R::from_f64(0.125) * t26,
+            c15: R::from_f64(0.125) * t27,
             c16: R::from_f64(0.5) * t15,
             c17: R::from_f64(0.25) * t23 / t15,
-            c18: R::from_f64(0.25) * t25,
+            c18: R::from_f64(0.25) * t26,
             c19: -t16,
-            c20: R::from_f64(0.25) * t26,
+            c20: R::from_f64(0.25) * t27,
             c21: t15 / I3,
-            c22: t27,
+            c22: t28,
             c23: t6,
-            c24: -(t27 * I3),
+            c24: -(t28 * I3),
             c25: t6 / I3,
             c26: R::from_f64(0.25)
-                * (t6 * t14 / A_theta_dot_theta_dot + t30 * t4 / A_theta_dot_theta_dot),
+                * (t6 * t14 / A_theta_dot_theta_dot + t31 * t4 / A_theta_dot_theta_dot),
             c27: R::from_f64(-0.125)
-                * (t31 * t29 * e / A_theta_dot_theta_dot
-                    - t32 * t14 / A_theta_dot_theta_dot),
-            c28: R::from_f64(-0.25) * t28 * t29 * t4 / A_theta_dot_theta_dot,
+                * (t32 * t30 * e / A_theta_dot_theta_dot
+                    - t33 * t14 / A_theta_dot_theta_dot),
+            c28: R::from_f64(-0.25) * t29 * t30 * t4 / A_theta_dot_theta_dot,
             c29: R::from_f64(-0.5)
-                * (t32 * t15 / A_theta_dot_theta_dot + t30 * e / A_theta_dot_theta_dot)
+                * (t33 * t15 / A_theta_dot_theta_dot + t31 * e / A_theta_dot_theta_dot)
                 / t6,
             c30: R::from_f64(-0.25)
-                * (t31 * t3 * g / A_theta_dot_theta_dot
-                    - t28 * t3 * t4 * g / A_theta_dot_theta_dot) / t6,
+                * (t32 * t3 * g / A_theta_dot_theta_dot
+                    - t29 * t3 * t4 * g / A_theta_dot_theta_dot) / t6,
             c31: -t1,
             c32: t10 * r * I1 * I3 / t23,
             c33: t19 * r * e * t17 / t23,
             c34: t15,
             c35: t16 / t15,
             c36: t12,
+            c37: t24,
         })
     }
 }
@@ -452,7 +456,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 .mul_add(
                     t4,
                     theta_dot
-                        * t3.mul_add(self.c9, t2.mul_add(self.c8, self.c7 * psi_dot)),
+                        * t3.mul_add(self.c9, t2.mul_add(self.c8, self.c37 * psi_dot)),
                 ),
         ];
     }
@@ -506,26 +510,25 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn momentum(&self, t: R, y: &[R; 5]) -> [R; 5] {
         let [theta, phi, theta_dot, phi_dot, psi_dot] = *y;
         let _ = t;
-        let (t0, t1) = theta.sin_cos();
-        let t2 = t1.mul_add(self.I3 * phi_dot, self.I3 * psi_dot);
-        let t3 = phi_dot * t0;
-        let (t4, t5) = phi.sin_cos();
+        let ([t0, t2], [t1, t3]) = theta.sin_cos_of_two(phi);
+        let t4 = t1.mul_add(self.I3 * phi_dot, self.I3 * psi_dot);
+        let t5 = phi_dot * t0;
         let t6 = t1.mul_add(self.c22, t0) * (self.c23 * theta_dot);
-        let t7 = self.c25 * t3.mul_add(self.c24, t2);
+        let t7 = self.c25 * t5.mul_add(self.c24, t4);
         [
             self.c18 * theta_dot,
-            t2
+            t4
                 .mul_add(
                     self.c21 * t1,
-                    t3
+                    t5
                         .mul_add(
                             self.c20 * t1.mul_add(self.c10, t0),
                             t0 * (self.c19 * psi_dot),
                         ),
                 ),
-            t2,
-            (-t5).mul_add(t7, t4 * t6),
-            (-t4).mul_add(t7, -(t5 * t6)),
+            t4,
+            (-t3).mul_add(t7, t2 * t6),
+            (-t2).mul_add(t7, -(t3 * t6)),
         ]
     }
 
@@ -545,8 +548,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn multipliers(&self, t: R, y: &[R; 5]) -> [R; 2] {
         let [theta, phi, theta_dot, phi_dot, psi_dot] = *y;
         let _ = t;
-        let (t0, t1) = phi.sin_cos();
-        let (t2, t3) = theta.sin_cos();
+        let ([t0, t2], [t1, t3]) = phi.sin_cos_of_two(theta);
         let t4 = phi_dot * t3;
         let t5 = phi_dot * t2;
         let t6 = psi_dot + t4;

@@ -286,6 +286,8 @@ pub struct Prepared<R = f64> {
     c19: R,
     /// `g / r`
     c20: R,
+    /// `2 * r`
+    c21: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -323,10 +325,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t3 = R::from_f64(2.0) * I1;
         let A_Omega3_Omega3 = I3 + t2;
         let t4 = t2 / A_Omega3_Omega3;
-        let t5 = m * r;
-        let t6 = m * m;
-        let t7 = I1 * t6;
-        let t8 = I1 * m * t1;
+        let t5 = R::from_f64(2.0) * r;
+        let t6 = m * r;
+        let t7 = m * m;
+        let t8 = I1 * t7;
+        let t9 = I1 * m * t1;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -360,23 +363,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c2: R::from_f64(0.5) * g / r,
             c3: t3 * m * t1 / A_det,
             c4: -t4,
-            c5: R::from_f64(2.0) * r,
+            c5: t5,
             c6: t2,
             c7: R::from_f64(0.5) * A_Omega3_Omega3,
             c8: R::from_f64(0.5) * I1,
-            c9: t5 * g,
-            c10: t5,
+            c9: t6 * g,
+            c10: t6,
             c11: -t4,
             c12: -(t3 / t2),
-            c13: t8 / A_det,
+            c13: t9 / A_det,
             c14: -(t0 / t2),
-            c15: -(A_det / t8),
-            c16: -(t3 * t6 * t1 * g / A_det),
-            c17: t7 * t1 * g / A_det,
-            c18: -(t7 * (t1 * r) / A_det),
+            c15: -(A_det / t9),
+            c16: -(t3 * t7 * t1 * g / A_det),
+            c17: t8 * t1 * g / A_det,
+            c18: -(t8 * (t1 * r) / A_det),
             A_Omega3_Omega3,
             c19: t0,
             c20: g / r,
+            c21: t5,
         })
     }
 }
@@ -446,7 +450,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     (-R::from_f64(2.0)).mul_add(qw.mul_add(t15, qz * t16), t1),
                     -(qx * t14),
                 ) * t3,
-            (-self.c5)
+            (-self.c21)
                 .mul_add(
                     (-qy).mul_add(t16, qx.mul_add(t15, R::from_f64(0.5) * t2)),
                     qw * t14,

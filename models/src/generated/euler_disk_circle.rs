@@ -212,6 +212,8 @@ pub struct Prepared<R = f64> {
     c17: R,
     /// `0.5 * pi`
     c18: R,
+    /// A longer expression in the parameters.
+    c19: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -265,8 +267,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t14 = t8 * I1;
         let t15 = t10 * I3;
         let t16 = t12 + t14 + t15;
-        let t17 = t8 * e;
-        let t18 = t6 + t10;
+        let t17 = t13 * e * I3 / t16;
+        let t18 = t8 * e;
+        let t19 = t6 + t10;
         if !M.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "M > 0",
@@ -307,18 +310,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 * (R::from_f64(2.0) * (I3 * I3) - t12 + t13 * I3 - t14 - t15)
                 / (I3 * t11),
             c6: t7 * t11 / t16,
-            c7: t13 * e * I3 / t16,
+            c7: t17,
             c8: (t12 + R::from_f64(8.0) * M * t2 * I1 + t15) / t16,
-            c9: t17 * I3 / t16,
-            c10: -(t17 / t18),
+            c9: t18 * I3 / t16,
+            c10: -(t18 / t19),
             c11: -(t9 * e / t11),
             c12: t5,
             c13: t1,
             c14: R::from_f64(0.125) * (t6 + M * t4),
-            c15: R::from_f64(0.125) * t18,
+            c15: R::from_f64(0.125) * t19,
             c16: R::from_f64(0.5) * t11,
             c17: R::from_f64(0.25) * t16 / t11,
             c18: R::from_f64(0.5) * R::from_f64(::core::f64::consts::PI),
+            c19: t17,
         })
     }
 }
@@ -365,7 +369,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 .mul_add(
                     t2,
                     theta_dot
-                        * t1.mul_add(self.c9, t0.mul_add(self.c8, self.c7 * psi_dot)),
+                        * t1.mul_add(self.c9, t0.mul_add(self.c8, self.c19 * psi_dot)),
                 ),
         ];
     }

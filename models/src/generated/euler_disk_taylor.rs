@@ -199,6 +199,8 @@ pub struct Prepared<R = f64> {
     c16: R,
     /// A longer expression in the parameters.
     c17: R,
+    /// A longer expression in the parameters.
+    c18: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -252,8 +254,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t14 = t8 * I1;
         let t15 = t10 * I3;
         let t16 = t12 + t14 + t15;
-        let t17 = t8 * e;
-        let t18 = t6 + t10;
+        let t17 = t13 * e * I3 / t16;
+        let t18 = t8 * e;
+        let t19 = t6 + t10;
         if !M.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "M > 0",
@@ -294,17 +297,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 * (R::from_f64(2.0) * (I3 * I3) - t12 + t13 * I3 - t14 - t15)
                 / (I3 * t11),
             c6: t7 * t11 / t16,
-            c7: t13 * e * I3 / t16,
+            c7: t17,
             c8: (t12 + R::from_f64(8.0) * M * t2 * I1 + t15) / t16,
-            c9: t17 * I3 / t16,
-            c10: -(t17 / t18),
+            c9: t18 * I3 / t16,
+            c10: -(t18 / t19),
             c11: -(t9 * e / t11),
             c12: R::from_f64(0.125) * (t6 + M * t4),
             c13: t5,
             c14: t1,
-            c15: R::from_f64(0.125) * t18,
+            c15: R::from_f64(0.125) * t19,
             c16: R::from_f64(0.5) * t11,
             c17: R::from_f64(0.25) * t16 / t11,
+            c18: t17,
         })
     }
 }
@@ -352,7 +356,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 .mul_add(
                     t4,
                     theta_dot
-                        * t3.mul_add(self.c9, t2.mul_add(self.c8, self.c7 * psi_dot)),
+                        * t3.mul_add(self.c9, t2.mul_add(self.c8, self.c18 * psi_dot)),
                 ),
         ];
     }
@@ -565,7 +569,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             let t8 = self.c6 * theta_dot / t0;
             let t9 = t8 * t7;
             let t10 = self.c7 * phi_dot;
-            let t11 = t3.mul_add(self.c9, t2.mul_add(self.c8, self.c7 * psi_dot));
+            let t11 = t3.mul_add(self.c9, t2.mul_add(self.c8, self.c18 * psi_dot));
             (
                 [
                     theta_dot,
@@ -617,7 +621,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             let t8 = kept9 * (-kept8).mul_add(t0, theta_dot.mul_add(self.c6, -sum7));
             let t9 = kept8.mul_add(t7, kept10.mul_add(t8, sum8));
             let t10 = self.c7 * phi_dot;
-            let t11 = t3.mul_add(self.c9, psi_dot.mul_add(self.c7, self.c8 * t2));
+            let t11 = t3.mul_add(self.c9, psi_dot.mul_add(self.c18, self.c8 * t2));
             let t12 = order * theta;
             workspace
                 .0

@@ -888,6 +888,78 @@ pub struct Prepared<R = f64> {
     c16: R,
     /// `0.5 * G11`
     c17: R,
+    /// A longer expression in the parameters.
+    A_l9_8_2: R,
+    /// A longer expression in the parameters.
+    A_l9_7_2: R,
+    /// A longer expression in the parameters.
+    A_l8_7_2: R,
+    /// A longer expression in the parameters.
+    A_l9_6_2: R,
+    /// A longer expression in the parameters.
+    A_l8_6_2: R,
+    /// A longer expression in the parameters.
+    A_l7_6_2: R,
+    /// A longer expression in the parameters.
+    A_l9_5_2: R,
+    /// A longer expression in the parameters.
+    A_l8_5_2: R,
+    /// A longer expression in the parameters.
+    A_l7_5_2: R,
+    /// A longer expression in the parameters.
+    A_l6_5_2: R,
+    /// A longer expression in the parameters.
+    A_l9_4_2: R,
+    /// A longer expression in the parameters.
+    A_l8_4_2: R,
+    /// A longer expression in the parameters.
+    A_l7_4_2: R,
+    /// A longer expression in the parameters.
+    A_l6_4_2: R,
+    /// A longer expression in the parameters.
+    A_l5_4_2: R,
+    /// A longer expression in the parameters.
+    A_l9_3_2: R,
+    /// A longer expression in the parameters.
+    A_l8_3_2: R,
+    /// A longer expression in the parameters.
+    A_l7_3_2: R,
+    /// A longer expression in the parameters.
+    A_l6_3_2: R,
+    /// A longer expression in the parameters.
+    A_l5_3_2: R,
+    /// A longer expression in the parameters.
+    A_l4_3_2: R,
+    /// `(G29 - G19 * (G12 / G11)) / (G22 - G12 * (G12 / G11))`
+    A_l9_2_2: R,
+    /// `(G28 - G18 * (G12 / G11)) / (G22 - G12 * (G12 / G11))`
+    A_l8_2_2: R,
+    /// `(G27 - G17 * (G12 / G11)) / (G22 - G12 * (G12 / G11))`
+    A_l7_2_2: R,
+    /// `(G26 - G16 * (G12 / G11)) / (G22 - G12 * (G12 / G11))`
+    A_l6_2_2: R,
+    /// `(G25 - G15 * (G12 / G11)) / (G22 - G12 * (G12 / G11))`
+    A_l5_2_2: R,
+    /// `(G24 - G14 * (G12 / G11)) / (G22 - G12 * (G12 / G11))`
+    A_l4_2_2: R,
+    /// `(G23 - G13 * (G12 / G11)) / (G22 - G12 * (G12 / G11))`
+    A_l3_2_2: R,
+    /// `G19 / G11`
+    A_l9_1_2: R,
+    /// `G18 / G11`
+    A_l8_1_2: R,
+    /// `G17 / G11`
+    A_l7_1_2: R,
+    /// `G16 / G11`
+    A_l6_1_2: R,
+    /// `G15 / G11`
+    A_l5_1_2: R,
+    /// `G14 / G11`
+    A_l4_1_2: R,
+    /// `G13 / G11`
+    A_l3_1_2: R,
+    /// `G12 / G11`
+    A_l2_1_2: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -1924,6 +1996,42 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c15: R::from_f64(0.5) * G88,
             c16: R::from_f64(0.5) * G99,
             c17: R::from_f64(0.5) * G11,
+            A_l9_8_2: A_l9_8,
+            A_l9_7_2: A_l9_7,
+            A_l8_7_2: A_l8_7,
+            A_l9_6_2: A_l9_6,
+            A_l8_6_2: A_l8_6,
+            A_l7_6_2: A_l7_6,
+            A_l9_5_2: A_l9_5,
+            A_l8_5_2: A_l8_5,
+            A_l7_5_2: A_l7_5,
+            A_l6_5_2: A_l6_5,
+            A_l9_4_2: A_l9_4,
+            A_l8_4_2: A_l8_4,
+            A_l7_4_2: A_l7_4,
+            A_l6_4_2: A_l6_4,
+            A_l5_4_2: A_l5_4,
+            A_l9_3_2: A_l9_3,
+            A_l8_3_2: A_l8_3,
+            A_l7_3_2: A_l7_3,
+            A_l6_3_2: A_l6_3,
+            A_l5_3_2: A_l5_3,
+            A_l4_3_2: A_l4_3,
+            A_l9_2_2: A_l9_2,
+            A_l8_2_2: A_l8_2,
+            A_l7_2_2: A_l7_2,
+            A_l6_2_2: A_l6_2,
+            A_l5_2_2: A_l5_2,
+            A_l4_2_2: A_l4_2,
+            A_l3_2_2: A_l3_2,
+            A_l9_1_2: A_l9_1,
+            A_l8_1_2: A_l8_1,
+            A_l7_1_2: A_l7_1,
+            A_l6_1_2: A_l6_1,
+            A_l5_1_2: A_l5_1,
+            A_l4_1_2: A_l4_1,
+            A_l3_1_2: A_l3_1,
+            A_l2_1_2: A_l2_1,
         })
     }
 }
@@ -2342,98 +2450,101 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     (-z_U1).mul_add(self.A_l9_7, (-z_V3).mul_add(self.A_l9_6, t11)),
                 );
             let dot_U3 = self.c0 * z_U3;
-            let dot_U2 = (-dot_U3).mul_add(self.A_l9_8, self.c1 * z_U2);
+            let dot_U2 = (-dot_U3).mul_add(self.A_l9_8_2, self.c1 * z_U2);
             let dot_U1 = (-dot_U2)
-                .mul_add(self.A_l8_7, (-dot_U3).mul_add(self.A_l9_7, self.c2 * z_U1));
+                .mul_add(
+                    self.A_l8_7_2,
+                    (-dot_U3).mul_add(self.A_l9_7_2, self.c2 * z_U1),
+                );
             let dot_V3 = (-dot_U1)
                 .mul_add(
-                    self.A_l7_6,
+                    self.A_l7_6_2,
                     (-dot_U2)
                         .mul_add(
-                            self.A_l8_6,
-                            (-dot_U3).mul_add(self.A_l9_6, self.c3 * z_V3),
+                            self.A_l8_6_2,
+                            (-dot_U3).mul_add(self.A_l9_6_2, self.c3 * z_V3),
                         ),
                 );
             let dot_V2 = (-dot_V3)
                 .mul_add(
-                    self.A_l6_5,
+                    self.A_l6_5_2,
                     (-dot_U1)
                         .mul_add(
-                            self.A_l7_5,
+                            self.A_l7_5_2,
                             (-dot_U2)
                                 .mul_add(
-                                    self.A_l8_5,
-                                    (-dot_U3).mul_add(self.A_l9_5, self.c4 * z_V2),
+                                    self.A_l8_5_2,
+                                    (-dot_U3).mul_add(self.A_l9_5_2, self.c4 * z_V2),
                                 ),
                         ),
                 );
             let dot_V1 = (-dot_V2)
                 .mul_add(
-                    self.A_l5_4,
+                    self.A_l5_4_2,
                     (-dot_V3)
                         .mul_add(
-                            self.A_l6_4,
+                            self.A_l6_4_2,
                             (-dot_U1)
                                 .mul_add(
-                                    self.A_l7_4,
+                                    self.A_l7_4_2,
                                     (-dot_U2)
                                         .mul_add(
-                                            self.A_l8_4,
-                                            (-dot_U3).mul_add(self.A_l9_4, self.c5 * z_V1),
+                                            self.A_l8_4_2,
+                                            (-dot_U3).mul_add(self.A_l9_4_2, self.c5 * z_V1),
                                         ),
                                 ),
                         ),
                 );
             let t12 = (-dot_V2)
                 .mul_add(
-                    self.A_l5_3,
+                    self.A_l5_3_2,
                     (-dot_V3)
                         .mul_add(
-                            self.A_l6_3,
+                            self.A_l6_3_2,
                             (-dot_U1)
                                 .mul_add(
-                                    self.A_l7_3,
+                                    self.A_l7_3_2,
                                     (-dot_U2)
                                         .mul_add(
-                                            self.A_l8_3,
-                                            (-dot_U3).mul_add(self.A_l9_3, self.c6 * z_Omega3),
+                                            self.A_l8_3_2,
+                                            (-dot_U3).mul_add(self.A_l9_3_2, self.c6 * z_Omega3),
                                         ),
                                 ),
                         ),
                 );
-            let dot_Omega3 = (-dot_V1).mul_add(self.A_l4_3, t12);
+            let dot_Omega3 = (-dot_V1).mul_add(self.A_l4_3_2, t12);
             let t13 = (-dot_V2)
                 .mul_add(
-                    self.A_l5_2,
+                    self.A_l5_2_2,
                     (-dot_V3)
                         .mul_add(
-                            self.A_l6_2,
+                            self.A_l6_2_2,
                             (-dot_U1)
                                 .mul_add(
-                                    self.A_l7_2,
+                                    self.A_l7_2_2,
                                     (-dot_U2)
                                         .mul_add(
-                                            self.A_l8_2,
-                                            (-dot_U3).mul_add(self.A_l9_2, self.c7 * z_Omega2),
+                                            self.A_l8_2_2,
+                                            (-dot_U3).mul_add(self.A_l9_2_2, self.c7 * z_Omega2),
                                         ),
                                 ),
                         ),
                 );
             let dot_Omega2 = (-dot_Omega3)
-                .mul_add(self.A_l3_2, (-dot_V1).mul_add(self.A_l4_2, t13));
+                .mul_add(self.A_l3_2_2, (-dot_V1).mul_add(self.A_l4_2_2, t13));
             let t14 = (-dot_V2)
                 .mul_add(
-                    self.A_l5_1,
+                    self.A_l5_1_2,
                     (-dot_V3)
                         .mul_add(
-                            self.A_l6_1,
+                            self.A_l6_1_2,
                             (-dot_U1)
                                 .mul_add(
-                                    self.A_l7_1,
+                                    self.A_l7_1_2,
                                     (-dot_U2)
                                         .mul_add(
-                                            self.A_l8_1,
-                                            (-dot_U3).mul_add(self.A_l9_1, self.c8 * r_Omega1),
+                                            self.A_l8_1_2,
+                                            (-dot_U3).mul_add(self.A_l9_1_2, self.c8 * r_Omega1),
                                         ),
                                 ),
                         ),
@@ -2449,9 +2560,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 dot_Omega2,
                 (-dot_Omega2)
                     .mul_add(
-                        self.A_l2_1,
+                        self.A_l2_1_2,
                         (-dot_Omega3)
-                            .mul_add(self.A_l3_1, (-dot_V1).mul_add(self.A_l4_1, t14)),
+                            .mul_add(
+                                self.A_l3_1_2,
+                                (-dot_V1).mul_add(self.A_l4_1_2, t14),
+                            ),
                     ),
             ]
         };

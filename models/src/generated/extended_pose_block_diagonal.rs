@@ -436,6 +436,24 @@ pub struct Prepared<R = f64> {
     c16: R,
     /// `0.5 * G77`
     c17: R,
+    /// `(G89 - G79 * (G78 / G77)) / (G88 - G78 * (G78 / G77))`
+    A_l9_8_2: R,
+    /// `G79 / G77`
+    A_l9_7_2: R,
+    /// `G78 / G77`
+    A_l8_7_2: R,
+    /// `(G56 - G46 * (G45 / G44)) / (G55 - G45 * (G45 / G44))`
+    A_l6_5_2: R,
+    /// `G46 / G44`
+    A_l6_4_2: R,
+    /// `G45 / G44`
+    A_l5_4_2: R,
+    /// `(G23 - G13 * (G12 / G11)) / (G22 - G12 * (G12 / G11))`
+    A_l3_2_2: R,
+    /// `G13 / G11`
+    A_l3_1_2: R,
+    /// `G12 / G11`
+    A_l2_1_2: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -657,6 +675,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c15: R::from_f64(0.5) * G11,
             c16: R::from_f64(0.5) * G44,
             c17: R::from_f64(0.5) * G77,
+            A_l9_8_2: A_l9_8,
+            A_l9_7_2: A_l9_7,
+            A_l8_7_2: A_l8_7,
+            A_l6_5_2: A_l6_5,
+            A_l6_4_2: A_l6_4,
+            A_l5_4_2: A_l5_4,
+            A_l3_2_2: A_l3_2,
+            A_l3_1_2: A_l3_1,
+            A_l2_1_2: A_l2_1,
         })
     }
 }
@@ -758,32 +785,32 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let z_U2 = (-r_U1).mul_add(self.A_l8_7, r_U2);
             let z_U3 = (-z_U2).mul_add(self.A_l9_8, (-r_U1).mul_add(self.A_l9_7, r_U3));
             let dot_U3 = self.c3 * z_U3;
-            let dot_U2 = (-dot_U3).mul_add(self.A_l9_8, self.c4 * z_U2);
+            let dot_U2 = (-dot_U3).mul_add(self.A_l9_8_2, self.c4 * z_U2);
             let dot_V3 = self.c5 * z_V3;
-            let dot_V2 = (-dot_V3).mul_add(self.A_l6_5, self.c6 * z_V2);
+            let dot_V2 = (-dot_V3).mul_add(self.A_l6_5_2, self.c6 * z_V2);
             let dot_Omega3 = self.c7 * z_Omega3;
-            let dot_Omega2 = (-dot_Omega3).mul_add(self.A_l3_2, self.c8 * z_Omega2);
+            let dot_Omega2 = (-dot_Omega3).mul_add(self.A_l3_2_2, self.c8 * z_Omega2);
             [
                 dot_U3,
                 dot_U2,
                 (-dot_U2)
                     .mul_add(
-                        self.A_l8_7,
-                        (-dot_U3).mul_add(self.A_l9_7, self.c2 * r_U1),
+                        self.A_l8_7_2,
+                        (-dot_U3).mul_add(self.A_l9_7_2, self.c2 * r_U1),
                     ),
                 dot_V3,
                 dot_V2,
                 (-dot_V2)
                     .mul_add(
-                        self.A_l5_4,
-                        (-dot_V3).mul_add(self.A_l6_4, self.c1 * r_V1),
+                        self.A_l5_4_2,
+                        (-dot_V3).mul_add(self.A_l6_4_2, self.c1 * r_V1),
                     ),
                 dot_Omega3,
                 dot_Omega2,
                 (-dot_Omega2)
                     .mul_add(
-                        self.A_l2_1,
-                        (-dot_Omega3).mul_add(self.A_l3_1, self.c0 * r_Omega1),
+                        self.A_l2_1_2,
+                        (-dot_Omega3).mul_add(self.A_l3_1_2, self.c0 * r_Omega1),
                     ),
             ]
         };

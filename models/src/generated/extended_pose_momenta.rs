@@ -947,6 +947,78 @@ pub struct Prepared<R = f64> {
     c52: R,
     /// A longer expression in the parameters.
     c53: R,
+    /// A longer expression in the parameters.
+    A_l9_8_2: R,
+    /// A longer expression in the parameters.
+    A_l9_7_2: R,
+    /// A longer expression in the parameters.
+    A_l8_7_2: R,
+    /// A longer expression in the parameters.
+    A_l9_6_2: R,
+    /// A longer expression in the parameters.
+    A_l8_6_2: R,
+    /// A longer expression in the parameters.
+    A_l7_6_2: R,
+    /// A longer expression in the parameters.
+    A_l9_5_2: R,
+    /// A longer expression in the parameters.
+    A_l8_5_2: R,
+    /// A longer expression in the parameters.
+    A_l7_5_2: R,
+    /// A longer expression in the parameters.
+    A_l6_5_2: R,
+    /// A longer expression in the parameters.
+    A_l9_4_2: R,
+    /// A longer expression in the parameters.
+    A_l8_4_2: R,
+    /// A longer expression in the parameters.
+    A_l7_4_2: R,
+    /// A longer expression in the parameters.
+    A_l6_4_2: R,
+    /// A longer expression in the parameters.
+    A_l5_4_2: R,
+    /// A longer expression in the parameters.
+    A_l9_3_2: R,
+    /// A longer expression in the parameters.
+    A_l8_3_2: R,
+    /// A longer expression in the parameters.
+    A_l7_3_2: R,
+    /// A longer expression in the parameters.
+    A_l6_3_2: R,
+    /// A longer expression in the parameters.
+    A_l5_3_2: R,
+    /// A longer expression in the parameters.
+    A_l4_3_2: R,
+    /// `(G29 - G19 * (G12 / G11)) / (G22 - G12 * (G12 / G11))`
+    A_l9_2_2: R,
+    /// `(G28 - G18 * (G12 / G11)) / (G22 - G12 * (G12 / G11))`
+    A_l8_2_2: R,
+    /// `(G27 - G17 * (G12 / G11)) / (G22 - G12 * (G12 / G11))`
+    A_l7_2_2: R,
+    /// `(G26 - G16 * (G12 / G11)) / (G22 - G12 * (G12 / G11))`
+    A_l6_2_2: R,
+    /// `(G25 - G15 * (G12 / G11)) / (G22 - G12 * (G12 / G11))`
+    A_l5_2_2: R,
+    /// `(G24 - G14 * (G12 / G11)) / (G22 - G12 * (G12 / G11))`
+    A_l4_2_2: R,
+    /// `(G23 - G13 * (G12 / G11)) / (G22 - G12 * (G12 / G11))`
+    A_l3_2_2: R,
+    /// `G19 / G11`
+    A_l9_1_2: R,
+    /// `G18 / G11`
+    A_l8_1_2: R,
+    /// `G17 / G11`
+    A_l7_1_2: R,
+    /// `G16 / G11`
+    A_l6_1_2: R,
+    /// `G15 / G11`
+    A_l5_1_2: R,
+    /// `G14 / G11`
+    A_l4_1_2: R,
+    /// `G13 / G11`
+    A_l3_1_2: R,
+    /// `G12 / G11`
+    A_l2_1_2: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -2147,6 +2219,42 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 * (t8 + A_l3_2 * t322 - A_l4_2 * t321 + A_l5_2 * t320 - A_l6_2 * t319
                     + A_l7_2 * t318 - A_l8_2 * t317 + A_l9_2 * t316 / A_s8_9_9),
             c53: R::from_f64(0.5) / A_s8_9_9,
+            A_l9_8_2: A_l9_8,
+            A_l9_7_2: A_l9_7,
+            A_l8_7_2: A_l8_7,
+            A_l9_6_2: A_l9_6,
+            A_l8_6_2: A_l8_6,
+            A_l7_6_2: A_l7_6,
+            A_l9_5_2: A_l9_5,
+            A_l8_5_2: A_l8_5,
+            A_l7_5_2: A_l7_5,
+            A_l6_5_2: A_l6_5,
+            A_l9_4_2: A_l9_4,
+            A_l8_4_2: A_l8_4,
+            A_l7_4_2: A_l7_4,
+            A_l6_4_2: A_l6_4,
+            A_l5_4_2: A_l5_4,
+            A_l9_3_2: A_l9_3,
+            A_l8_3_2: A_l8_3,
+            A_l7_3_2: A_l7_3,
+            A_l6_3_2: A_l6_3,
+            A_l5_3_2: A_l5_3,
+            A_l4_3_2: A_l4_3,
+            A_l9_2_2: A_l9_2,
+            A_l8_2_2: A_l8_2,
+            A_l7_2_2: A_l7_2,
+            A_l6_2_2: A_l6_2,
+            A_l5_2_2: A_l5_2,
+            A_l4_2_2: A_l4_2,
+            A_l3_2_2: A_l3_2,
+            A_l9_1_2: A_l9_1,
+            A_l8_1_2: A_l8_1,
+            A_l7_1_2: A_l7_1,
+            A_l6_1_2: A_l6_1,
+            A_l5_1_2: A_l5_1,
+            A_l4_1_2: A_l4_1,
+            A_l3_1_2: A_l3_1,
+            A_l2_1_2: A_l2_1,
         })
     }
 }
@@ -2268,105 +2376,98 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 );
             let z_U3 = (-z_U2).mul_add(self.A_l9_8, (-z_U1).mul_add(self.A_l9_7, t1));
             let U3 = self.c0 * z_U3;
-            let U2 = (-U3).mul_add(self.A_l9_8, self.c1 * z_U2);
+            let U2 = (-U3).mul_add(self.A_l9_8_2, self.c1 * z_U2);
             let U1 = (-U2)
-                .mul_add(self.A_l8_7, (-U3).mul_add(self.A_l9_7, self.c2 * z_U1));
+                .mul_add(self.A_l8_7_2, (-U3).mul_add(self.A_l9_7_2, self.c2 * z_U1));
             let V3 = (-U1)
                 .mul_add(
-                    self.A_l7_6,
+                    self.A_l7_6_2,
                     (-U2)
-                        .mul_add(self.A_l8_6, (-U3).mul_add(self.A_l9_6, self.c3 * z_V3)),
+                        .mul_add(
+                            self.A_l8_6_2,
+                            (-U3).mul_add(self.A_l9_6_2, self.c3 * z_V3),
+                        ),
                 );
             let V2 = (-V3)
                 .mul_add(
-                    self.A_l6_5,
+                    self.A_l6_5_2,
                     (-U1)
                         .mul_add(
-                            self.A_l7_5,
+                            self.A_l7_5_2,
                             (-U2)
                                 .mul_add(
-                                    self.A_l8_5,
-                                    (-U3).mul_add(self.A_l9_5, self.c4 * z_V2),
+                                    self.A_l8_5_2,
+                                    (-U3).mul_add(self.A_l9_5_2, self.c4 * z_V2),
                                 ),
                         ),
                 );
             let V1 = (-V2)
                 .mul_add(
-                    self.A_l5_4,
+                    self.A_l5_4_2,
                     (-V3)
                         .mul_add(
-                            self.A_l6_4,
+                            self.A_l6_4_2,
                             (-U1)
                                 .mul_add(
-                                    self.A_l7_4,
+                                    self.A_l7_4_2,
                                     (-U2)
                                         .mul_add(
-                                            self.A_l8_4,
-                                            (-U3).mul_add(self.A_l9_4, self.c5 * z_V1),
+                                            self.A_l8_4_2,
+                                            (-U3).mul_add(self.A_l9_4_2, self.c5 * z_V1),
                                         ),
                                 ),
                         ),
                 );
-            let Omega3 = (-V1)
+            let t2 = (-V2)
                 .mul_add(
-                    self.A_l4_3,
-                    (-V2)
+                    self.A_l5_3_2,
+                    (-V3)
                         .mul_add(
-                            self.A_l5_3,
-                            (-V3)
+                            self.A_l6_3_2,
+                            (-U1)
                                 .mul_add(
-                                    self.A_l6_3,
-                                    (-U1)
+                                    self.A_l7_3_2,
+                                    (-U2)
                                         .mul_add(
-                                            self.A_l7_3,
-                                            (-U2)
-                                                .mul_add(
-                                                    self.A_l8_3,
-                                                    (-U3).mul_add(self.A_l9_3, self.c6 * z_Omega3),
-                                                ),
+                                            self.A_l8_3_2,
+                                            (-U3).mul_add(self.A_l9_3_2, self.c6 * z_Omega3),
                                         ),
                                 ),
                         ),
                 );
-            let t2 = (-V1)
+            let Omega3 = (-V1).mul_add(self.A_l4_3_2, t2);
+            let t3 = (-V2)
                 .mul_add(
-                    self.A_l4_2,
-                    (-V2)
+                    self.A_l5_2_2,
+                    (-V3)
                         .mul_add(
-                            self.A_l5_2,
-                            (-V3)
+                            self.A_l6_2_2,
+                            (-U1)
                                 .mul_add(
-                                    self.A_l6_2,
-                                    (-U1)
+                                    self.A_l7_2_2,
+                                    (-U2)
                                         .mul_add(
-                                            self.A_l7_2,
-                                            (-U2)
-                                                .mul_add(
-                                                    self.A_l8_2,
-                                                    (-U3).mul_add(self.A_l9_2, self.c7 * z_Omega2),
-                                                ),
+                                            self.A_l8_2_2,
+                                            (-U3).mul_add(self.A_l9_2_2, self.c7 * z_Omega2),
                                         ),
                                 ),
                         ),
                 );
-            let Omega2 = (-Omega3).mul_add(self.A_l3_2, t2);
-            let t3 = (-V1)
+            let Omega2 = (-Omega3)
+                .mul_add(self.A_l3_2_2, (-V1).mul_add(self.A_l4_2_2, t3));
+            let t4 = (-V2)
                 .mul_add(
-                    self.A_l4_1,
-                    (-V2)
+                    self.A_l5_1_2,
+                    (-V3)
                         .mul_add(
-                            self.A_l5_1,
-                            (-V3)
+                            self.A_l6_1_2,
+                            (-U1)
                                 .mul_add(
-                                    self.A_l6_1,
-                                    (-U1)
+                                    self.A_l7_1_2,
+                                    (-U2)
                                         .mul_add(
-                                            self.A_l7_1,
-                                            (-U2)
-                                                .mul_add(
-                                                    self.A_l8_1,
-                                                    (-U3).mul_add(self.A_l9_1, self.c8 * Pi1),
-                                                ),
+                                            self.A_l8_1_2,
+                                            (-U3).mul_add(self.A_l9_1_2, self.c8 * Pi1),
                                         ),
                                 ),
                         ),
@@ -2380,7 +2481,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 V1,
                 Omega3,
                 Omega2,
-                (-Omega2).mul_add(self.A_l2_1, (-Omega3).mul_add(self.A_l3_1, t3)),
+                (-Omega2)
+                    .mul_add(
+                        self.A_l2_1_2,
+                        (-Omega3)
+                            .mul_add(self.A_l3_1_2, (-V1).mul_add(self.A_l4_1_2, t4)),
+                    ),
             ]
         };
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)

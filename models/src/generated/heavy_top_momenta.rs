@@ -254,6 +254,12 @@ pub struct Prepared<R = f64> {
     c10: R,
     /// `0.5 / I1`
     c11: R,
+    /// `m * g * l * chi3`
+    c12: R,
+    /// `m * g * l * chi2`
+    c13: R,
+    /// `m * g * l * chi1`
+    c14: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -313,9 +319,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             }
         }
         let t0 = m * g * l;
-        let t1 = I2.recip();
-        let t2 = I3.recip();
-        let t3 = I1.recip();
+        let t1 = t0 * chi3;
+        let t2 = t0 * chi2;
+        let t3 = I2.recip();
+        let t4 = I3.recip();
+        let t5 = t0 * chi1;
+        let t6 = I1.recip();
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -344,18 +353,21 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             I1,
             I2,
             I3,
-            c0: t0 * chi3,
-            c1: t0 * chi1,
-            c2: t0 * chi2,
-            c3: t2 - t1,
-            c4: t3 - t2,
-            c5: t1 - t3,
-            c6: t2,
-            c7: t1,
-            c8: t3,
+            c0: t1,
+            c1: t5,
+            c2: t2,
+            c3: t4 - t3,
+            c4: t6 - t4,
+            c5: t3 - t6,
+            c6: t4,
+            c7: t3,
+            c8: t6,
             c9: R::from_f64(0.5) / I3,
             c10: R::from_f64(0.5) / I2,
             c11: R::from_f64(0.5) / I1,
+            c12: t1,
+            c13: t2,
+            c14: t5,
         })
     }
 }
@@ -387,8 +399,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t2 = self.c8 * Pi1;
         *dy = [
             Pi2.mul_add(self.c3 * Pi3, (-Gamma3).mul_add(self.c2, self.c0 * Gamma2)),
-            Pi1.mul_add(self.c4 * Pi3, (-Gamma1).mul_add(self.c0, self.c1 * Gamma3)),
-            Pi1.mul_add(self.c5 * Pi2, (-Gamma2).mul_add(self.c1, self.c2 * Gamma1)),
+            Pi1.mul_add(self.c4 * Pi3, (-Gamma1).mul_add(self.c12, self.c1 * Gamma3)),
+            Pi1.mul_add(self.c5 * Pi2, (-Gamma2).mul_add(self.c14, self.c13 * Gamma1)),
             (-Gamma3).mul_add(t1, Gamma2 * t0),
             (-Gamma1).mul_add(t0, Gamma3 * t2),
             (-Gamma2).mul_add(t2, Gamma1 * t1),

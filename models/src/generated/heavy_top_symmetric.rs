@@ -155,6 +155,8 @@ pub struct Prepared<R = f64> {
     c2: R,
     /// `0.5 * I3`
     c3: R,
+    /// `(10/13) * m * g * l`
+    c4: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -188,6 +190,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
+        let t0 = R::ratio(10.0, 13.0) * m * g * l;
         if !I3.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I3 > 0",
@@ -202,9 +205,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(Self {
             c0: R::ratio(1.0, 13.0) * (R::from_f64(10.0) * I3 - R::from_f64(13.0)),
-            c1: R::ratio(10.0, 13.0) * m * g * l,
+            c1: t0,
             c2: m * g * l,
             c3: R::from_f64(0.5) * I3,
+            c4: t0,
         })
     }
 }
@@ -234,7 +238,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t0 = self.c0 * Omega3;
         *dy = [
             (-Omega2).mul_add(t0, self.c1 * Gamma2),
-            Omega1.mul_add(t0, -(self.c1 * Gamma1)),
+            Omega1.mul_add(t0, -(self.c4 * Gamma1)),
             R::ZERO,
             (-Omega2).mul_add(Gamma3, Omega3 * Gamma2),
             (-Omega3).mul_add(Gamma1, Omega1 * Gamma3),

@@ -424,6 +424,48 @@ pub struct Prepared<R = f64> {
     c33: R,
     /// `0.5 * J3`
     c34: R,
+    /// `C11 / M3`
+    c35: R,
+    /// `C21 / M3`
+    c36: R,
+    /// `C31 / M3`
+    c37: R,
+    /// `C12 / M3`
+    c38: R,
+    /// `C22 / M3`
+    c39: R,
+    /// `C32 / M3`
+    c40: R,
+    /// `C13 / M3`
+    c41: R,
+    /// `C23 / M3`
+    c42: R,
+    /// `C33 / M3`
+    c43: R,
+    /// A longer expression in the parameters.
+    A_l6_5_2: R,
+    /// A longer expression in the parameters.
+    A_l6_4_2: R,
+    /// A longer expression in the parameters.
+    A_l5_4_2: R,
+    /// `C33 / J3`
+    A_l6_3_2: R,
+    /// `C32 / J3`
+    A_l5_3_2: R,
+    /// `C31 / J3`
+    A_l4_3_2: R,
+    /// `C23 / J2`
+    A_l6_2_2: R,
+    /// `C22 / J2`
+    A_l5_2_2: R,
+    /// `C21 / J2`
+    A_l4_2_2: R,
+    /// `C13 / J1`
+    A_l6_1_2: R,
+    /// `C12 / J1`
+    A_l5_1_2: R,
+    /// `C11 / J1`
+    A_l4_1_2: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -597,6 +639,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             + (t12 * (A_s4_5_6 / (A_s4_5_5 * A_s4_5_5)).abs()
                 + t26 * A_s4_5_5.recip().abs() + R::from_f64(8.0) * t27) * A_s4_5_6.abs()
             + R::from_f64(10.0) * t20.abs() + R::from_f64(2.0) * A_s4_6_6.abs();
+        let t30 = C11 / M3;
+        let t31 = C12 / M3;
+        let t32 = C13 / M3;
+        let t33 = C21 / M3;
+        let t34 = C22 / M3;
+        let t35 = C23 / M3;
+        let t36 = C31 / M3;
+        let t37 = C32 / M3;
+        let t38 = C33 / M3;
         if !J1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "J1 > 0",
@@ -680,16 +731,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             A_l4_2,
             A_l4_3,
             c3: J1 / M3,
-            c4: C11 / M3,
-            c5: C12 / M3,
-            c6: C13 / M3,
-            c7: C21 / M3,
-            c8: C22 / M3,
-            c9: C23 / M3,
+            c4: t30,
+            c5: t31,
+            c6: t32,
+            c7: t33,
+            c8: t34,
+            c9: t35,
             c10: J2 / M3,
-            c11: C31 / M3,
-            c12: C32 / M3,
-            c13: C33 / M3,
+            c11: t36,
+            c12: t37,
+            c13: t38,
             c14: J3 / M3,
             c15: M1 / M3,
             c16: M2 / M3,
@@ -714,6 +765,27 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c32: R::from_f64(0.5) * J1,
             c33: R::from_f64(0.5) * J2,
             c34: R::from_f64(0.5) * J3,
+            c35: t30,
+            c36: t33,
+            c37: t36,
+            c38: t31,
+            c39: t34,
+            c40: t37,
+            c41: t32,
+            c42: t35,
+            c43: t38,
+            A_l6_5_2: A_l6_5,
+            A_l6_4_2: A_l6_4,
+            A_l5_4_2: A_l5_4,
+            A_l6_3_2: A_l6_3,
+            A_l5_3_2: A_l5_3,
+            A_l4_3_2: A_l4_3,
+            A_l6_2_2: A_l6_2,
+            A_l5_2_2: A_l5_2,
+            A_l4_2_2: A_l4_2,
+            A_l6_1_2: A_l6_1,
+            A_l5_1_2: A_l5_1,
+            A_l4_1_2: A_l4_1,
         })
     }
 }
@@ -764,16 +836,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 ),
             Omega3
                 .mul_add(
-                    self.c11,
-                    Omega2.mul_add(self.c7, V1.mul_add(self.c15, self.c4 * Omega1)),
+                    self.c37,
+                    Omega2.mul_add(self.c36, V1.mul_add(self.c15, self.c35 * Omega1)),
                 ),
             Omega3
                 .mul_add(
-                    self.c12,
-                    Omega2.mul_add(self.c8, V2.mul_add(self.c16, self.c5 * Omega1)),
+                    self.c40,
+                    Omega2.mul_add(self.c39, V2.mul_add(self.c16, self.c38 * Omega1)),
                 ),
             Omega3
-                .mul_add(self.c13, Omega2.mul_add(self.c9, Omega1.mul_add(self.c6, V3))),
+                .mul_add(
+                    self.c43,
+                    Omega2.mul_add(self.c42, Omega1.mul_add(self.c41, V3)),
+                ),
         ];
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
         let [r_Omega1_over_M3, r_Omega2_over_M3, r_Omega3_over_M3, r_V1_over_M3,
@@ -848,11 +923,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 );
             let z_V3_over_M3 = (-z_V2_over_M3).mul_add(self.A_l6_5, t0);
             let dot_V3 = self.c17 * z_V3_over_M3;
-            let dot_V2 = (-dot_V3).mul_add(self.A_l6_5, self.c18 * z_V2_over_M3);
+            let dot_V2 = (-dot_V3).mul_add(self.A_l6_5_2, self.c18 * z_V2_over_M3);
             let dot_V1 = (-dot_V2)
                 .mul_add(
-                    self.A_l5_4,
-                    (-dot_V3).mul_add(self.A_l6_4, self.c19 * z_V1_over_M3),
+                    self.A_l5_4_2,
+                    (-dot_V3).mul_add(self.A_l6_4_2, self.c19 * z_V1_over_M3),
                 );
             [
                 dot_V3,
@@ -860,29 +935,29 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 dot_V1,
                 (-dot_V1)
                     .mul_add(
-                        self.A_l4_3,
+                        self.A_l4_3_2,
                         (-dot_V2)
                             .mul_add(
-                                self.A_l5_3,
-                                (-dot_V3).mul_add(self.A_l6_3, self.c2 * r_Omega3_over_M3),
+                                self.A_l5_3_2,
+                                (-dot_V3).mul_add(self.A_l6_3_2, self.c2 * r_Omega3_over_M3),
                             ),
                     ),
                 (-dot_V1)
                     .mul_add(
-                        self.A_l4_2,
+                        self.A_l4_2_2,
                         (-dot_V2)
                             .mul_add(
-                                self.A_l5_2,
-                                (-dot_V3).mul_add(self.A_l6_2, self.c1 * r_Omega2_over_M3),
+                                self.A_l5_2_2,
+                                (-dot_V3).mul_add(self.A_l6_2_2, self.c1 * r_Omega2_over_M3),
                             ),
                     ),
                 (-dot_V1)
                     .mul_add(
-                        self.A_l4_1,
+                        self.A_l4_1_2,
                         (-dot_V2)
                             .mul_add(
-                                self.A_l5_1,
-                                (-dot_V3).mul_add(self.A_l6_1, self.c0 * r_Omega1_over_M3),
+                                self.A_l5_1_2,
+                                (-dot_V3).mul_add(self.A_l6_1_2, self.c0 * r_Omega1_over_M3),
                             ),
                     ),
             ]

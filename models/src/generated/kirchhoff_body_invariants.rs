@@ -598,6 +598,48 @@ pub struct Prepared<R = f64> {
     c49: R,
     /// `C22 / M2`
     c50: R,
+    /// `C11 / M3`
+    c51: R,
+    /// `C21 / M3`
+    c52: R,
+    /// `C31 / M3`
+    c53: R,
+    /// `C12 / M3`
+    c54: R,
+    /// `C22 / M3`
+    c55: R,
+    /// `C32 / M3`
+    c56: R,
+    /// `C13 / M3`
+    c57: R,
+    /// `C23 / M3`
+    c58: R,
+    /// `C33 / M3`
+    c59: R,
+    /// A longer expression in the parameters.
+    A_l6_5_2: R,
+    /// A longer expression in the parameters.
+    A_l6_4_2: R,
+    /// A longer expression in the parameters.
+    A_l5_4_2: R,
+    /// `C33 / J3`
+    A_l6_3_2: R,
+    /// `C32 / J3`
+    A_l5_3_2: R,
+    /// `C31 / J3`
+    A_l4_3_2: R,
+    /// `C23 / J2`
+    A_l6_2_2: R,
+    /// `C22 / J2`
+    A_l5_2_2: R,
+    /// `C21 / J2`
+    A_l4_2_2: R,
+    /// `C13 / J1`
+    A_l6_1_2: R,
+    /// `C12 / J1`
+    A_l5_1_2: R,
+    /// `C11 / J1`
+    A_l4_1_2: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -771,15 +813,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             + (t12 * (A_s4_5_6 / (A_s4_5_5 * A_s4_5_5)).abs()
                 + t26 * A_s4_5_5.recip().abs() + R::from_f64(8.0) * t27) * A_s4_5_6.abs()
             + R::from_f64(10.0) * t20.abs() + R::from_f64(2.0) * A_s4_6_6.abs();
-        let t30 = R::from_f64(2.0) * C13;
-        let t31 = R::from_f64(2.0) * C12;
-        let t32 = R::from_f64(2.0) * C11;
-        let t33 = R::from_f64(2.0) * C23;
-        let t34 = R::from_f64(2.0) * C22;
-        let t35 = R::from_f64(2.0) * C21;
-        let t36 = R::from_f64(2.0) * C33;
-        let t37 = R::from_f64(2.0) * C32;
-        let t38 = R::from_f64(2.0) * C31;
+        let t30 = C11 / M3;
+        let t31 = C12 / M3;
+        let t32 = C13 / M3;
+        let t33 = C21 / M3;
+        let t34 = C22 / M3;
+        let t35 = C23 / M3;
+        let t36 = C31 / M3;
+        let t37 = C32 / M3;
+        let t38 = C33 / M3;
+        let t39 = R::from_f64(2.0) * C13;
+        let t40 = R::from_f64(2.0) * C12;
+        let t41 = R::from_f64(2.0) * C11;
+        let t42 = R::from_f64(2.0) * C23;
+        let t43 = R::from_f64(2.0) * C22;
+        let t44 = R::from_f64(2.0) * C21;
+        let t45 = R::from_f64(2.0) * C33;
+        let t46 = R::from_f64(2.0) * C32;
+        let t47 = R::from_f64(2.0) * C31;
         if !J1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "J1 > 0",
@@ -863,16 +914,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             A_l4_2,
             A_l4_3,
             c3: J1 / M3,
-            c4: C11 / M3,
-            c5: C12 / M3,
-            c6: C13 / M3,
-            c7: C21 / M3,
-            c8: C22 / M3,
-            c9: C23 / M3,
+            c4: t30,
+            c5: t31,
+            c6: t32,
+            c7: t33,
+            c8: t34,
+            c9: t35,
             c10: J2 / M3,
-            c11: C31 / M3,
-            c12: C32 / M3,
-            c13: C33 / M3,
+            c11: t36,
+            c12: t37,
+            c13: t38,
             c14: J3 / M3,
             c15: M1 / M3,
             c16: M2 / M3,
@@ -882,15 +933,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c17: M3 / A_s5_6_6,
             c18: M3 / A_s4_5_5,
             c19: M3 / A_s3_4_4,
-            c20: t30 / J1,
-            c21: t31 / J1,
-            c22: t32 / J1,
-            c23: t33 / J2,
-            c24: t34 / J2,
-            c25: t35 / J2,
-            c26: t36 / J3,
-            c27: t37 / J3,
-            c28: t38 / J3,
+            c20: t39 / J1,
+            c21: t40 / J1,
+            c22: t41 / J1,
+            c23: t42 / J2,
+            c24: t43 / J2,
+            c25: t44 / J2,
+            c26: t45 / J3,
+            c27: t46 / J3,
+            c28: t47 / J3,
             c29: R::from_f64(0.5) * M1,
             c30: R::from_f64(0.5) * M2,
             c31: R::from_f64(0.5) * M3,
@@ -900,19 +951,40 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c35: R::from_f64(2.0) * M1,
             c36: R::from_f64(2.0) * M2,
             c37: R::from_f64(2.0) * M3,
-            c38: t32,
-            c39: t34,
-            c40: t36,
-            c41: t31,
-            c42: t35,
-            c43: t38,
-            c44: t30,
-            c45: t33,
-            c46: t37,
+            c38: t41,
+            c39: t43,
+            c40: t45,
+            c41: t40,
+            c42: t44,
+            c43: t47,
+            c44: t39,
+            c45: t42,
+            c46: t46,
             c47: C31 / M1,
             c48: C11 / M1,
             c49: C32 / M2,
             c50: C22 / M2,
+            c51: t30,
+            c52: t33,
+            c53: t36,
+            c54: t31,
+            c55: t34,
+            c56: t37,
+            c57: t32,
+            c58: t35,
+            c59: t38,
+            A_l6_5_2: A_l6_5,
+            A_l6_4_2: A_l6_4,
+            A_l5_4_2: A_l5_4,
+            A_l6_3_2: A_l6_3,
+            A_l5_3_2: A_l5_3,
+            A_l4_3_2: A_l4_3,
+            A_l6_2_2: A_l6_2,
+            A_l5_2_2: A_l5_2,
+            A_l4_2_2: A_l4_2,
+            A_l6_1_2: A_l6_1,
+            A_l5_1_2: A_l5_1,
+            A_l4_1_2: A_l4_1,
         })
     }
 }
@@ -963,16 +1035,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 ),
             Omega3
                 .mul_add(
-                    self.c11,
-                    Omega2.mul_add(self.c7, V1.mul_add(self.c15, self.c4 * Omega1)),
+                    self.c53,
+                    Omega2.mul_add(self.c52, V1.mul_add(self.c15, self.c51 * Omega1)),
                 ),
             Omega3
                 .mul_add(
-                    self.c12,
-                    Omega2.mul_add(self.c8, V2.mul_add(self.c16, self.c5 * Omega1)),
+                    self.c56,
+                    Omega2.mul_add(self.c55, V2.mul_add(self.c16, self.c54 * Omega1)),
                 ),
             Omega3
-                .mul_add(self.c13, Omega2.mul_add(self.c9, Omega1.mul_add(self.c6, V3))),
+                .mul_add(
+                    self.c59,
+                    Omega2.mul_add(self.c58, Omega1.mul_add(self.c57, V3)),
+                ),
         ];
         /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt)
         let [r_Omega1_over_M3, r_Omega2_over_M3, r_Omega3_over_M3, r_V1_over_M3,
@@ -1047,11 +1122,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 );
             let z_V3_over_M3 = (-z_V2_over_M3).mul_add(self.A_l6_5, t0);
             let dot_V3 = self.c17 * z_V3_over_M3;
-            let dot_V2 = (-dot_V3).mul_add(self.A_l6_5, self.c18 * z_V2_over_M3);
+            let dot_V2 = (-dot_V3).mul_add(self.A_l6_5_2, self.c18 * z_V2_over_M3);
             let dot_V1 = (-dot_V2)
                 .mul_add(
-                    self.A_l5_4,
-                    (-dot_V3).mul_add(self.A_l6_4, self.c19 * z_V1_over_M3),
+                    self.A_l5_4_2,
+                    (-dot_V3).mul_add(self.A_l6_4_2, self.c19 * z_V1_over_M3),
                 );
             [
                 dot_V3,
@@ -1059,29 +1134,29 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 dot_V1,
                 (-dot_V1)
                     .mul_add(
-                        self.A_l4_3,
+                        self.A_l4_3_2,
                         (-dot_V2)
                             .mul_add(
-                                self.A_l5_3,
-                                (-dot_V3).mul_add(self.A_l6_3, self.c2 * r_Omega3_over_M3),
+                                self.A_l5_3_2,
+                                (-dot_V3).mul_add(self.A_l6_3_2, self.c2 * r_Omega3_over_M3),
                             ),
                     ),
                 (-dot_V1)
                     .mul_add(
-                        self.A_l4_2,
+                        self.A_l4_2_2,
                         (-dot_V2)
                             .mul_add(
-                                self.A_l5_2,
-                                (-dot_V3).mul_add(self.A_l6_2, self.c1 * r_Omega2_over_M3),
+                                self.A_l5_2_2,
+                                (-dot_V3).mul_add(self.A_l6_2_2, self.c1 * r_Omega2_over_M3),
                             ),
                     ),
                 (-dot_V1)
                     .mul_add(
-                        self.A_l4_1,
+                        self.A_l4_1_2,
                         (-dot_V2)
                             .mul_add(
-                                self.A_l5_1,
-                                (-dot_V3).mul_add(self.A_l6_1, self.c0 * r_Omega1_over_M3),
+                                self.A_l5_1_2,
+                                (-dot_V3).mul_add(self.A_l6_1_2, self.c0 * r_Omega1_over_M3),
                             ),
                     ),
             ]

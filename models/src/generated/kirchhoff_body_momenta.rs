@@ -392,6 +392,30 @@ pub struct Prepared<R = f64> {
     c25: R,
     /// A longer expression in the parameters.
     c26: R,
+    /// A longer expression in the parameters.
+    A_l6_5_2: R,
+    /// A longer expression in the parameters.
+    A_l6_4_2: R,
+    /// A longer expression in the parameters.
+    A_l5_4_2: R,
+    /// `C33 / J3`
+    A_l6_3_2: R,
+    /// `C32 / J3`
+    A_l5_3_2: R,
+    /// `C31 / J3`
+    A_l4_3_2: R,
+    /// `C23 / J2`
+    A_l6_2_2: R,
+    /// `C22 / J2`
+    A_l5_2_2: R,
+    /// `C21 / J2`
+    A_l4_2_2: R,
+    /// `C13 / J1`
+    A_l6_1_2: R,
+    /// `C12 / J1`
+    A_l5_1_2: R,
+    /// `C11 / J1`
+    A_l4_1_2: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -751,6 +775,18 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c25: t70 / A_s5_6_6,
             c26: R::from_f64(-0.5)
                 * (t77 - J3 * t67 - M1 * (t76 * t76) - M2 * t75 - M3 * t78 / t48),
+            A_l6_5_2: A_l6_5,
+            A_l6_4_2: A_l6_4,
+            A_l5_4_2: A_l5_4,
+            A_l6_3_2: A_l6_3,
+            A_l5_3_2: A_l5_3,
+            A_l4_3_2: A_l4_3,
+            A_l6_2_2: A_l6_2,
+            A_l5_2_2: A_l5_2,
+            A_l4_2_2: A_l4_2,
+            A_l6_1_2: A_l6_1,
+            A_l5_1_2: A_l5_1,
+            A_l4_1_2: A_l4_1,
         })
     }
 }
@@ -811,38 +847,38 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         ),
                 );
             let V3 = self.c0 * z_V3;
-            let V2 = (-V3).mul_add(self.A_l6_5, self.c1 * z_V2);
+            let V2 = (-V3).mul_add(self.A_l6_5_2, self.c1 * z_V2);
             let V1 = (-V2)
-                .mul_add(self.A_l5_4, (-V3).mul_add(self.A_l6_4, self.c2 * z_V1));
+                .mul_add(self.A_l5_4_2, (-V3).mul_add(self.A_l6_4_2, self.c2 * z_V1));
             [
                 V3,
                 V2,
                 V1,
                 (-V1)
                     .mul_add(
-                        self.A_l4_3,
+                        self.A_l4_3_2,
                         (-V2)
                             .mul_add(
-                                self.A_l5_3,
-                                (-V3).mul_add(self.A_l6_3, self.c3 * Pi3),
+                                self.A_l5_3_2,
+                                (-V3).mul_add(self.A_l6_3_2, self.c3 * Pi3),
                             ),
                     ),
                 (-V1)
                     .mul_add(
-                        self.A_l4_2,
+                        self.A_l4_2_2,
                         (-V2)
                             .mul_add(
-                                self.A_l5_2,
-                                (-V3).mul_add(self.A_l6_2, self.c4 * Pi2),
+                                self.A_l5_2_2,
+                                (-V3).mul_add(self.A_l6_2_2, self.c4 * Pi2),
                             ),
                     ),
                 (-V1)
                     .mul_add(
-                        self.A_l4_1,
+                        self.A_l4_1_2,
                         (-V2)
                             .mul_add(
-                                self.A_l5_1,
-                                (-V3).mul_add(self.A_l6_1, self.c5 * Pi1),
+                                self.A_l5_1_2,
+                                (-V3).mul_add(self.A_l6_1_2, self.c5 * Pi1),
                             ),
                     ),
             ]

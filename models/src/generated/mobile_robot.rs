@@ -221,6 +221,10 @@ pub struct Prepared<R = f64> {
     c13: R,
     /// `0.25 * m0 * l * (R * R * R) / (c * c)`
     c14: R,
+    /// A longer expression in the parameters.
+    c15: R,
+    /// A longer expression in the parameters.
+    c16: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -293,6 +297,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t29 = R::from_f64(2.0) * t2;
         let t30 = t29 * J2;
         let t31 = t18 * J2 * l;
+        let t32 = -(t20 * t13 / t17);
+        let t33 = -(t19 * (t5 * R_) * t21 / t17);
         if !m0.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m0 > 0",
@@ -343,8 +349,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(Self {
             J2,
-            c0: -(t19 * (t5 * R_) * t21 / t17),
-            c1: -(t20 * t13 / t17),
+            c0: t33,
+            c1: t32,
             c2: t14 * l * t15 * t16 / t17,
             c3: R::from_f64(-2.0) * t25 / t24,
             c4: R::from_f64(0.125) * t24,
@@ -360,6 +366,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c12: R::from_f64(0.25) * t24,
             c13: R::from_f64(-0.25) * t25,
             c14: t20 / t7,
+            c15: t33,
+            c16: t32,
         })
     }
 }
@@ -391,7 +399,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             psi1_dot,
             psi2_dot,
             psi2_dot.mul_add(psi2_dot.mul_add(self.c1, t0), self.c0 * t1),
-            psi2_dot.mul_add(psi2_dot.mul_add(self.c0, t0), self.c1 * t1),
+            psi2_dot.mul_add(psi2_dot.mul_add(self.c15, t0), self.c16 * t1),
         ];
     }
 

@@ -170,6 +170,10 @@ pub struct Prepared<R = f64> {
     c3: R,
     /// `0.125 * (4 * J2 + J * (R * R) / (c * c) + R * R * (m0 + 2 * m1))`
     c4: R,
+    /// A longer expression in the parameters.
+    c5: R,
+    /// A longer expression in the parameters.
+    c6: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -220,9 +224,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t9 = t2 * R_;
         let t10 = t4 * t5;
         let t11 = R::from_f64(0.25) * m0 * l;
-        let t12 = t6 / t4;
-        let t13 = t2 * t1;
-        let t14 = t7 + t12 + t13;
+        let t12 = t11 * (t3 * R_) * (m0 * t4 - (J - t0 * t4)) / t10;
+        let t13 = t6 / t4;
+        let t14 = t2 * t1;
+        let t15 = t7 + t13 + t14;
+        let t16 = -(t11 * t9 * t8 / t10);
         if !m0.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m0 > 0",
@@ -272,11 +278,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             });
         }
         Ok(Self {
-            c0: t11 * (t3 * R_) * (m0 * t4 - (J - t0 * t4)) / t10,
-            c1: -(t11 * t9 * t8 / t10),
+            c0: t12,
+            c1: t16,
             c2: R::from_f64(0.5) * m0 * l * t9 * (t6 + R::from_f64(2.0) * J2 * t4) / t10,
-            c3: R::from_f64(-2.0) * (t12 - t13) / t14,
-            c4: R::from_f64(0.125) * t14,
+            c3: R::from_f64(-2.0) * (t13 - t14) / t15,
+            c4: R::from_f64(0.125) * t15,
+            c5: t12,
+            c6: t16,
         })
     }
 }
@@ -306,7 +314,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t1 = psi1_dot * psi1_dot;
         *dy = [
             psi2_dot.mul_add(psi2_dot.mul_add(self.c1, t0), self.c0 * t1),
-            psi2_dot.mul_add(psi2_dot.mul_add(self.c0, t0), self.c1 * t1),
+            psi2_dot.mul_add(psi2_dot.mul_add(self.c5, t0), self.c6 * t1),
         ];
     }
 

@@ -236,6 +236,12 @@ pub struct Prepared<R = f64> {
     c15: R,
     /// `0.25 * m0 * l * (R * R * R) / (c * c)`
     c16: R,
+    /// A longer expression in the parameters.
+    c17: R,
+    /// A longer expression in the parameters.
+    c18: R,
+    /// `0.5 * R / c`
+    c19: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -296,19 +302,22 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t20 = t19 * t15;
         let t21 = J - t0 * t7 - m0 * t7;
         let t22 = R::from_f64(0.5) * R_;
-        let t23 = t11 / t7;
-        let t24 = t4 * t1;
-        let t25 = t12 + t23 + t24;
-        let t26 = t23 - t24;
-        let t27 = m1 * m1;
-        let t28 = R::from_f64(4.0) * m0;
-        let t29 = R::from_f64(8.0) * m1 * t6 * t7 + t8 * J * J2 * t4
-            + R::from_f64(8.0) * t27 * J2 * t4 * t7 + R::from_f64(4.0) * t27 * J * t5
-            + t28 * t6 * t7 + t9 * J * J2 * t4
+        let t23 = t22 / c;
+        let t24 = t11 / t7;
+        let t25 = t4 * t1;
+        let t26 = t12 + t24 + t25;
+        let t27 = t24 - t25;
+        let t28 = m1 * m1;
+        let t29 = R::from_f64(4.0) * m0;
+        let t30 = R::from_f64(8.0) * m1 * t6 * t7 + t8 * J * J2 * t4
+            + R::from_f64(8.0) * t28 * J2 * t4 * t7 + R::from_f64(4.0) * t28 * J * t5
+            + t29 * t6 * t7 + t9 * J * J2 * t4
             + R::from_f64(8.0) * m0 * m1 * J2 * t4 * t7;
-        let t30 = R::from_f64(2.0) * t2;
-        let t31 = t30 * J2;
-        let t32 = t18 * J2 * l;
+        let t31 = R::from_f64(2.0) * t2;
+        let t32 = t31 * J2;
+        let t33 = t18 * J2 * l;
+        let t34 = -(t20 * t13 / t17);
+        let t35 = -(t19 * (t5 * R_) * t21 / t17);
         if !m0.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m0 > 0",
@@ -359,25 +368,28 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         }
         Ok(Self {
             J2,
-            c0: -(t19 * (t5 * R_) * t21 / t17),
-            c1: -(t20 * t13 / t17),
+            c0: t35,
+            c1: t34,
             c2: t14 * l * t15 * t16 / t17,
-            c3: t22 / c,
+            c3: t23,
             c4: t22,
-            c5: R::from_f64(-2.0) * t26 / t25,
-            c6: R::from_f64(0.125) * t25,
+            c5: R::from_f64(-2.0) * t27 / t26,
+            c6: R::from_f64(0.125) * t26,
             c7: R::from_f64(0.5) * J * R_ / c,
             c8: -(t22 * t1),
             c9: m0 * l / J,
-            c10: -(t32 * t4 * t13 / t17),
-            c11: -(t32 * t5 * t21 / t17),
+            c10: -(t33 * t4 * t13 / t17),
+            c11: -(t33 * t5 * t21 / t17),
             c12: R::from_f64(0.25) * t4
-                * (t29 + t28 * m1 * J * t5 + t31 * t4 * t7 - t31 * t3 * t4 + t2 * J * t5
-                    - t30 * m1 * t3 * t5 - t2 * m0 * t3 * t5) / (c * t10),
+                * (t30 + t29 * m1 * J * t5 + t32 * t4 * t7 - t32 * t3 * t4 + t2 * J * t5
+                    - t31 * m1 * t3 * t5 - t2 * m0 * t3 * t5) / (c * t10),
             c13: t14 * J2 * l * t4 * t16 / t17,
-            c14: R::from_f64(0.25) * t25,
-            c15: R::from_f64(-0.25) * t26,
+            c14: R::from_f64(0.25) * t26,
+            c15: R::from_f64(-0.25) * t27,
             c16: t20 / t7,
+            c17: t35,
+            c18: t34,
+            c19: t23,
         })
     }
 }
@@ -411,8 +423,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             psi1_dot,
             psi2_dot,
             psi2_dot.mul_add(psi2_dot.mul_add(self.c1, t0), self.c0 * t1),
-            psi2_dot.mul_add(psi2_dot.mul_add(self.c0, t0), self.c1 * t1),
-            (-psi1_dot).mul_add(self.c3, self.c3 * psi2_dot),
+            psi2_dot.mul_add(psi2_dot.mul_add(self.c17, t0), self.c18 * t1),
+            (-psi1_dot).mul_add(self.c19, self.c3 * psi2_dot),
             -(t3 * t4),
             -(t2 * t4),
         ];

@@ -191,6 +191,8 @@ pub struct Prepared<R = f64> {
     c4: R,
     /// `m + I / (r * r)`
     c5: R,
+    /// `0.5 / r`
+    c6: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -219,8 +221,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
-        let t0 = m + I / (r * r);
-        let t1 = I / r;
+        let t0 = R::from_f64(0.5) / r;
+        let t1 = m + I / (r * r);
+        let t2 = I / r;
         if !m.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "m > 0",
@@ -242,12 +245,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         Ok(Self {
             m,
             I,
-            c0: R::from_f64(0.5) / r,
+            c0: t0,
             c1: R::from_f64(0.5) * I,
-            c2: R::from_f64(0.5) * t0,
-            c3: -t1,
-            c4: t1,
-            c5: t0,
+            c2: R::from_f64(0.5) * t1,
+            c3: -t2,
+            c4: t2,
+            c5: t1,
+            c6: t0,
         })
     }
 }
@@ -275,7 +279,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let _ = t;
         let t0 = self.c0 * a2_dot;
         let t1 = R::from_f64(0.5) * xi3;
-        let t2 = self.c0 * a1_dot;
+        let t2 = self.c6 * a1_dot;
         *dy = [
             a1_dot,
             a2_dot,

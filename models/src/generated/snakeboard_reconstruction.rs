@@ -348,23 +348,22 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [_, phi, psi_dot, phi_dot, s, theta, _, _] = *y;
         let _ = t;
         /// factors of A
-        let [t0, t1, minus_A_s1_3_3_over_m_r2] = {
-            let (t0, t1) = phi.sin_cos();
-            [t0, t1, self.c0.mul_add(t0 * t0, -(t1 * t1))]
+        let [t0, t1, t2, t3, minus_A_s1_3_3_over_m_r2] = {
+            let ([t0, t2], [t1, t3]) = phi.sin_cos_of_two(theta);
+            [t0, t1, t2, t3, self.c0.mul_add(t0 * t0, -(t1 * t1))]
         };
-        let t2 = s * t1;
-        let t3 = phi_dot * t2 / minus_A_s1_3_3_over_m_r2;
-        let (t4, t5) = theta.sin_cos();
-        let t6 = self.r * t2;
+        let t4 = s * t1;
+        let t5 = phi_dot * t4 / minus_A_s1_3_3_over_m_r2;
+        let t6 = self.r * t4;
         *dy = [
             psi_dot,
             phi_dot,
-            t3,
+            t5,
             R::ZERO,
-            t3 * (self.c1 * t0),
+            t5 * (self.c1 * t0),
             s * t0,
-            -(t5 * t6),
-            -(t4 * t6),
+            -(t3 * t6),
+            -(t2 * t6),
         ];
     }
 

@@ -192,6 +192,8 @@ pub struct Prepared<R = f64> {
     c3: R,
     /// `0.5 * I11`
     c4: R,
+    /// `I12 / I11`
+    A_l2_1_2: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -288,6 +290,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c2: I11 / A_s1_2_2,
             c3: R::from_f64(0.5) * I22,
             c4: R::from_f64(0.5) * I11,
+            A_l2_1_2: A_l2_1,
         })
     }
 }
@@ -325,7 +328,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t0 = Omega2 * p_Omega3_over_I11;
             let z_Omega2_over_I11 = t0.mul_add(self.A_l2_1, Omega1 * p_Omega3_over_I11);
             let dot_Omega2 = self.c2 * z_Omega2_over_I11;
-            [dot_Omega2, (-dot_Omega2).mul_add(self.A_l2_1, -t0)]
+            [dot_Omega2, (-dot_Omega2).mul_add(self.A_l2_1_2, -t0)]
         };
         *dy = [dot_Omega1, dot_Omega2];
     }

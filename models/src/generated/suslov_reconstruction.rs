@@ -223,6 +223,8 @@ pub struct Prepared<R = f64> {
     c6: R,
     /// A longer expression in the parameters.
     c7: R,
+    /// `I12 / I11`
+    A_l2_1_2: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -328,6 +330,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c6: I23 * I23 * A_l2_1 / A_s1_2_2
                 - (I12 + I13 * (I23 * (A_l2_1 * A_l2_1) / A_s1_2_2 + t4)),
             c7: I12 - I13 * I13 * A_l2_1 / A_s1_2_2 + I13 * I23 / A_s1_2_2,
+            A_l2_1_2: A_l2_1,
         })
     }
 }
@@ -365,7 +368,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t0 = Omega2 * p_Omega3_over_I11;
             let z_Omega2_over_I11 = t0.mul_add(self.A_l2_1, Omega1 * p_Omega3_over_I11);
             let dot_Omega2 = self.c2 * z_Omega2_over_I11;
-            [dot_Omega2, (-dot_Omega2).mul_add(self.A_l2_1, -t0)]
+            [dot_Omega2, (-dot_Omega2).mul_add(self.A_l2_1_2, -t0)]
         };
         let t1 = R::from_f64(0.5) * Omega1;
         let t2 = R::from_f64(0.5) * Omega2;

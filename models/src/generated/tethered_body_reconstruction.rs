@@ -266,6 +266,10 @@ pub struct Prepared<R = f64> {
     c10: R,
     /// `I3 * I3`
     c11: R,
+    /// `k / m`
+    c12: R,
+    /// `k / m`
+    c13: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -308,6 +312,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 });
             }
         }
+        let t0 = k / m;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -340,7 +345,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c0: (I2 - I3) / I1,
             c1: (I3 - I1) / I2,
             c2: (I1 - I2) / I3,
-            c3: k / m,
+            c3: t0,
             c4: R::from_f64(0.5) * I1,
             c5: R::from_f64(0.5) * I2,
             c6: R::from_f64(0.5) * I3,
@@ -349,6 +354,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c9: I1 * I1,
             c10: I2 * I2,
             c11: I3 * I3,
+            c12: t0,
+            c13: t0,
         })
     }
 }
@@ -386,8 +393,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             self.c1 * Omega3 * Omega1,
             self.c2 * Omega2 * Omega1,
             (-Omega2).mul_add(V3, a1.mul_add(self.c3, Omega3 * V2)),
-            (-Omega3).mul_add(V1, Omega1.mul_add(V3, self.c3 * a2)),
-            (-Omega1).mul_add(V2, a3.mul_add(self.c3, Omega2 * V1)),
+            (-Omega3).mul_add(V1, Omega1.mul_add(V3, self.c12 * a2)),
+            (-Omega1).mul_add(V2, a3.mul_add(self.c13, Omega2 * V1)),
             (-Omega2).mul_add(a3, Omega3.mul_add(a2, -V1)),
             (-Omega3).mul_add(a1, Omega1.mul_add(a3, -V2)),
             (-Omega1).mul_add(a2, Omega2.mul_add(a1, -V3)),

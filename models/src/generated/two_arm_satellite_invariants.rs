@@ -457,6 +457,8 @@ pub struct Prepared<R = f64> {
     c46: R,
     /// `I3 + 0.25 * mb + (1/25) * ma * (9 + 25 * (la * la))`
     c47: R,
+    /// `mb * (lb * lb) / (ma * (la * la))`
+    c48: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -496,12 +498,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t2 = lb * lb;
         let t3 = mb * t2;
         let t4 = R::ratio(3.0, 5.0) * ma * la;
-        let t5 = R::from_f64(29.0) + R::from_f64(100.0) * t2;
-        let t6 = R::from_f64(100.0) * I1 + mb * t5;
-        let t7 = R::ratio(9.0, 25.0) * ma;
-        let t8 = R::from_f64(100.0) * I3 + R::from_f64(36.0) * ma
+        let t5 = t3 / t1;
+        let t6 = R::from_f64(29.0) + R::from_f64(100.0) * t2;
+        let t7 = R::from_f64(100.0) * I1 + mb * t6;
+        let t8 = R::ratio(9.0, 25.0) * ma;
+        let t9 = R::from_f64(100.0) * I3 + R::from_f64(36.0) * ma
             + R::from_f64(25.0) * mb;
-        let t9 = R::from_f64(0.5) * mb;
+        let t10 = R::from_f64(0.5) * mb;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -557,16 +560,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c4: -(ka / t3),
             c5: -(kb / t3),
             c6: (I2 - I3) / t3,
-            c7: t3 / t1,
+            c7: t5,
             c8: (I3 - I1) / t3,
             c9: (I1 - I2) / t3,
             c10: R::ratio(2.0, 5.0) / lb,
-            c11: R::ratio(1.0, 100.0) * t6 / t3,
+            c11: R::ratio(1.0, 100.0) * t7 / t3,
             c12: I2 / t3,
             c13: R::ratio(3.0, 5.0) / la,
             c14: lb.recip(),
-            c15: R::ratio(1.0, 100.0) * t8 / t3,
-            c16: -(t7 / t3),
+            c15: R::ratio(1.0, 100.0) * t9 / t3,
+            c16: -(t8 / t3),
             c17: R::from_f64(2.0) * lb,
             c18: R::from_f64(5.0) * lb,
             c19: R::from_f64(0.5) * I1,
@@ -577,28 +580,29 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c24: R::from_f64(0.125) * mb,
             c25: R::from_f64(0.5) * ma * t0,
             c26: R::ratio(1.0, 50.0) * mb,
-            c27: R::ratio(11.0, 100.0) * t6 / t3,
+            c27: R::ratio(11.0, 100.0) * t7 / t3,
             c28: R::from_f64(6.0) * ma * la / t3,
             c29: R::from_f64(2.0) / lb,
             c30: R::from_f64(11.0) * I2 / t3,
             c31: R::from_f64(5.0) / lb,
-            c32: R::ratio(3.0, 25.0) * t8 / t3,
+            c32: R::ratio(3.0, 25.0) * t9 / t3,
             c33: R::ratio(108.0, 25.0) * ma / t3,
             c34: t1,
             c35: t3,
-            c36: t9 * t2,
+            c36: t10 * t2,
             c37: R::ratio(1.0, 5.0) * mb * lb,
             c38: R::ratio(5.0, 3.0) * la,
             c39: t4,
             c40: R::ratio(2.0, 5.0) * mb * lb,
-            c41: I1 + R::ratio(1.0, 100.0) * mb * t5,
-            c42: t9 * lb,
+            c41: I1 + R::ratio(1.0, 100.0) * mb * t6,
+            c42: t10 * lb,
             c43: t3.recip(),
-            c44: t7,
+            c44: t8,
             c45: mb * lb,
             c46: R::ratio(6.0, 5.0) * ma * la,
             c47: I3 + R::from_f64(0.25) * mb
                 + R::ratio(1.0, 25.0) * ma * (R::from_f64(9.0) + R::from_f64(25.0) * t0),
+            c48: t5,
         })
     }
 }
@@ -630,32 +634,31 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, qw, qx, qy, qz] = *y;
         let _ = t;
         /// velocities v in squares m/2 |v|^2
-        let [t0, t1, t2, t3, v1_1_scaled, t4, t5, t6, v1_2_scaled, v1_3_scaled, t7, t8,
+        let [t0, t1, t2, t3, t4, t5, v1_1_scaled, t6, t7, t8, v1_2_scaled, v1_3_scaled,
         t9, t10, v2_1_over_10_lb, t11, v2_2_over_10_lb, t12, v2_3_over_10_lb] = {
             let t0 = alpha_dot + Omega3;
-            let (t1, t2) = alpha.sin_cos();
-            let t3 = self.c0 * t1;
-            let t4 = self.c0 * alpha_dot;
-            let t5 = t2 * t4;
-            let t6 = t2.mul_add(self.c0, self.c1);
-            let (t7, t8) = beta.sin_cos();
-            let t9 = self.c2 + t7;
-            let t10 = self.c3 + t8;
-            let t11 = beta_dot * t7;
-            let t12 = beta_dot * t8;
+            let ([t1, t3], [t2, t4]) = alpha.sin_cos_of_two(beta);
+            let t5 = self.c0 * t1;
+            let t6 = self.c0 * alpha_dot;
+            let t7 = t2 * t6;
+            let t8 = t2.mul_add(self.c0, self.c1);
+            let t9 = self.c2 + t3;
+            let t10 = self.c3 + t4;
+            let t11 = beta_dot * t3;
+            let t12 = beta_dot * t4;
             [
                 t0,
                 t1,
                 t2,
                 t3,
-                t0 * t3,
                 t4,
                 t5,
+                t0 * t5,
                 t6,
-                Omega3.mul_add(t6, t5),
-                (-Omega2).mul_add(t6, Omega1 * t3),
                 t7,
                 t8,
+                Omega3.mul_add(t8, t7),
+                (-Omega2).mul_add(t8, Omega1 * t5),
                 t9,
                 t10,
                 (-Omega3).mul_add(t10, Omega2 * t9),
@@ -668,13 +671,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         /// accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
         let [a1_1_scaled, a1_2_scaled, a1_3_scaled, a2_1_over_10_lb, a2_2_over_10_lb,
         a2_3_over_10_lb] = {
-            let t13 = t1 * t4;
+            let t13 = t1 * t6;
             let t14 = beta_dot + Omega1;
             [
-                (-Omega2).mul_add(v1_3_scaled, Omega3.mul_add(v1_2_scaled, t0 * t5)),
+                (-Omega2).mul_add(v1_3_scaled, Omega3.mul_add(v1_2_scaled, t0 * t7)),
                 (-Omega1)
                     .mul_add(v1_3_scaled, (-Omega3).mul_add(v1_1_scaled, -(t0 * t13))),
-                Omega2.mul_add(t13 + v1_1_scaled, Omega1 * (t5 + v1_2_scaled)),
+                Omega2.mul_add(t13 + v1_1_scaled, Omega1 * (t7 + v1_2_scaled)),
                 Omega2.mul_add(t12 + v2_3_over_10_lb, Omega3 * (t11 + v2_2_over_10_lb)),
                 (-Omega3)
                     .mul_add(
@@ -692,13 +695,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [r_alpha_dot_over_mb_lb2, r_beta_dot_over_mb_lb2, r_Omega1_over_mb_lb2, t16,
         r_Omega2_over_mb_lb2, r_Omega3_over_mb_lb2] = {
             let t15 = t1 * a1_1_scaled;
-            let t16 = self.c7 * t6;
+            let t16 = self.c7 * t8;
             [
                 (-t2).mul_add(a1_2_scaled, alpha.mul_add(self.c4, -t15)),
-                (-t8)
+                (-t4)
                     .mul_add(
                         a2_3_over_10_lb,
-                        (-t7).mul_add(a2_2_over_10_lb, self.c5 * beta),
+                        (-t3).mul_add(a2_2_over_10_lb, self.c5 * beta),
                     ),
                 (-t1)
                     .mul_add(
@@ -726,12 +729,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         /// mass matrix A = W^T L_yy Psi
         let [A_beta_dot_Omega1_over_mb_lb2, A_Omega1_Omega1_over_mb_lb2, t18,
         A_Omega2_Omega2_over_mb_lb2, t19] = {
-            let t17 = t8.mul_add(R::from_f64(2.5), t7);
+            let t17 = t4.mul_add(R::from_f64(2.5), t3);
             [
                 t17.mul_add(self.c2, R::ONE),
-                t1.mul_add(t3, t17.mul_add(self.c10, self.c11)),
-                t1 * t6,
-                t6.mul_add(t16, t9.mul_add(t9, self.c12)),
+                t1.mul_add(t5, t17.mul_add(self.c10, self.c11)),
+                t1 * t8,
+                t8.mul_add(t16, t9.mul_add(t9, self.c12)),
                 t10 * t9,
             ]
         };
@@ -739,7 +742,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [A_l5_1, t20, t21, t22, t23, A_s4_5_5_over_mb_lb2] = {
             let A_s1_5_5_over_mb_lb2 = self
                 .c16
-                .mul_add(t2 * t2, t8.mul_add(t8, t8.mul_add(self.c14, self.c15)));
+                .mul_add(t2 * t2, t4.mul_add(t4, t4.mul_add(self.c14, self.c15)));
             let A_s2_3_3_over_mb_lb2 = (-A_beta_dot_Omega1_over_mb_lb2)
                 .mul_add(A_beta_dot_Omega1_over_mb_lb2, A_Omega1_Omega1_over_mb_lb2);
             let t20 = A_s2_3_3_over_mb_lb2.recip();
@@ -776,7 +779,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 dot_Omega1,
                 (-A_beta_dot_Omega1_over_mb_lb2)
                     .mul_add(dot_Omega1, r_beta_dot_over_mb_lb2),
-                (-A_l5_1).mul_add(dot_Omega3, self.c7 * r_alpha_dot_over_mb_lb2),
+                (-A_l5_1).mul_add(dot_Omega3, self.c48 * r_alpha_dot_over_mb_lb2),
             ]
         };
         let t24 = R::from_f64(0.5) * Omega1;
@@ -812,16 +815,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, _, _, _, _] = *y;
         let _ = t;
         let t0 = beta_dot + Omega1;
-        let (t1, t2) = beta.sin_cos();
-        let t3 = self.c17 * t2;
-        let t4 = t0.mul_add(t3, Omega1);
-        let (t5, t6) = alpha.sin_cos();
-        let t7 = t5 * (alpha_dot + Omega3);
-        let t8 = self.c13 + t6;
-        let t9 = Omega3.mul_add(t8, alpha_dot * t6);
-        let t10 = (-Omega2).mul_add(t8, Omega1 * t5);
+        let ([t1, t3], [t2, t4]) = beta.sin_cos_of_two(alpha);
+        let t5 = self.c17 * t2;
+        let t6 = t0.mul_add(t5, Omega1);
+        let t7 = t3 * (alpha_dot + Omega3);
+        let t8 = self.c13 + t4;
+        let t9 = Omega3.mul_add(t8, alpha_dot * t4);
+        let t10 = (-Omega2).mul_add(t8, Omega1 * t3);
         let t11 = self.c18 * t1;
-        let t12 = (-(R::ONE + t3))
+        let t12 = (-(R::ONE + t5))
             .mul_add(R::from_f64(2.5) * Omega3, Omega2.mul_add(t11, Omega2));
         let t13 = t0.mul_add(t11, Omega1);
         let t14 = self
@@ -849,7 +851,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     .c25
                     .mul_add(
                         t10.mul_add(t10, t9.mul_add(t9, t7 * t7)),
-                        self.c24.mul_add(t4 * t4, t14),
+                        self.c24.mul_add(t6 * t6, t14),
                     ),
             )
     }
@@ -871,35 +873,34 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, qw, qx, qy, qz] = *y;
         let _ = t;
         /// momenta p = dL/dy
-        let [t3, t8, t10, p_Omega1, t11, p_Omega2, t13, t14, p_Omega3] = {
-            let (t0, t1) = alpha.sin_cos();
-            let t2 = self.c13 + t1;
-            let t3 = (-Omega2).mul_add(t2, Omega1 * t0);
-            let t4 = self.c34 * t3;
-            let (t5, t6) = beta.sin_cos();
-            let t7 = self.c2 + t5;
-            let t8 = Omega1.mul_add(t7, beta_dot * t5);
-            let t9 = self.c3 + t6;
-            let t10 = Omega1.mul_add(t9, beta_dot * t6);
+        let [t5, t8, t10, p_Omega1, t11, p_Omega2, t13, t14, p_Omega3] = {
+            let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
+            let t4 = self.c13 + t1;
+            let t5 = (-Omega2).mul_add(t4, Omega1 * t0);
+            let t6 = self.c34 * t5;
+            let t7 = self.c2 + t2;
+            let t8 = Omega1.mul_add(t7, beta_dot * t2);
+            let t9 = self.c3 + t3;
+            let t10 = Omega1.mul_add(t9, beta_dot * t3);
             let t11 = (-Omega3).mul_add(t9, Omega2 * t7);
             let t12 = self.c35 * t11;
             let t13 = t0 * (alpha_dot + Omega3);
-            let t14 = Omega3.mul_add(t2, alpha_dot * t1);
+            let t14 = Omega3.mul_add(t4, alpha_dot * t1);
             [
-                t3,
+                t5,
                 t8,
                 t10,
                 self
                     .c35
-                    .mul_add(t9.mul_add(t10, t7 * t8), t0.mul_add(t4, self.I1 * Omega1)),
+                    .mul_add(t9.mul_add(t10, t7 * t8), t0.mul_add(t6, self.I1 * Omega1)),
                 t11,
-                t7.mul_add(t12, (-t2).mul_add(t4, self.I2 * Omega2)),
+                t7.mul_add(t12, (-t4).mul_add(t6, self.I2 * Omega2)),
                 t13,
                 t14,
                 (-t9)
                     .mul_add(
                         t12,
-                        self.c34.mul_add(t2.mul_add(t14, t0 * t13), self.I3 * Omega3),
+                        self.c34.mul_add(t4.mul_add(t14, t0 * t13), self.I3 * Omega3),
                     ),
             ]
         };
@@ -932,7 +933,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 .c36
                 .mul_add(
                     t11.mul_add(t11, t10.mul_add(t10, t8 * t8)),
-                    self.c25.mul_add(t14.mul_add(t14, t3.mul_add(t3, t13 * t13)), t17),
+                    self.c25.mul_add(t14.mul_add(t14, t5.mul_add(t5, t13 * t13)), t17),
                 ),
             p_Omega3.mul_add(p_Omega3, p_Omega2.mul_add(p_Omega2, p_Omega1 * p_Omega1)),
             R::from_f64(2.0)
@@ -986,35 +987,34 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3, qw, qx, qy, qz] = *y;
         let _ = t;
         /// momenta p = dL/dy
-        let [t0, t1, d_p_Omega1_d_beta_dot, t3, t4, t6, t7, t8, p_Omega1, t9, t10, t11,
+        let [t0, t1, t2, t3, d_p_Omega1_d_beta_dot, t6, t7, t8, p_Omega1, t9, t10, t11,
         t12, t13, t15, t16, p_Omega2, t17, t18, t19, t20, t21, p_Omega3] = {
-            let (t0, t1) = beta.sin_cos();
-            let t2 = t1.mul_add(R::from_f64(2.5), t0);
-            let d_p_Omega1_d_beta_dot = t2.mul_add(self.c37, self.c35);
-            let (t3, t4) = alpha.sin_cos();
-            let t5 = (-self.c38).mul_add((-Omega1).mul_add(t3, Omega2 * t4), -Omega2);
+            let ([t0, t2], [t1, t3]) = beta.sin_cos_of_two(alpha);
+            let t4 = t1.mul_add(R::from_f64(2.5), t0);
+            let d_p_Omega1_d_beta_dot = t4.mul_add(self.c37, self.c35);
+            let t5 = (-self.c38).mul_add((-Omega1).mul_add(t2, Omega2 * t3), -Omega2);
             let t6 = self.c39 * t5;
-            let t7 = t3 * t6;
-            let t8 = t2.mul_add(self.c40, self.c41);
+            let t7 = t2 * t6;
+            let t8 = t4.mul_add(self.c40, self.c41);
             let t9 = t0.mul_add(self.c35, self.c37);
             let t10 = self.c35 * t1;
             let t11 = self.c42 + t10;
             let t12 = (-Omega3).mul_add(t11, Omega2 * t9);
             let t13 = self.c43 * t9;
-            let t14 = self.c38 * t4;
+            let t14 = self.c38 * t3;
             let t15 = R::ONE + t14;
             let t16 = self.c44 * t15;
-            let t17 = self.c34 * t3;
-            let t18 = t3 * (alpha_dot + Omega3);
+            let t17 = self.c34 * t2;
+            let t18 = t2 * (alpha_dot + Omega3);
             let t19 = t17 * t18;
             let t20 = Omega3.mul_add(t15, alpha_dot * t14);
             let t21 = self.c43 * t11;
             [
                 t0,
                 t1,
-                d_p_Omega1_d_beta_dot,
+                t2,
                 t3,
-                t4,
+                d_p_Omega1_d_beta_dot,
                 t6,
                 t7,
                 t8,
@@ -1039,29 +1039,29 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [t22, d_p_Omega1_d_alpha, t24, d_p_Omega1_d_beta, d_p_Omega1_d_Omega1, t26,
         d_p_Omega2_d_alpha, t27, d_p_Omega2_d_beta, d_p_Omega2_d_Omega2, t28, t29,
         d_p_Omega3_d_beta, t30, d_p_Omega3_d_alpha_dot, d_p_Omega3_d_Omega3] = {
-            let t22 = Omega2.mul_add(t3, Omega1 * t4);
+            let t22 = Omega2.mul_add(t2, Omega1 * t3);
             let t23 = (-t1).mul_add(R::ratio(2.0, 5.0), t0);
             let t24 = self.c42 * t23;
             let t25 = self.c39 * t15;
             let t27 = Omega2.mul_add(t1, Omega3 * t0);
-            let t30 = self.c39 * t4;
+            let t30 = self.c39 * t3;
             [
                 t22,
-                t4.mul_add(t6, t17 * t22),
+                t3.mul_add(t6, t17 * t22),
                 t24,
                 (-beta_dot).mul_add(t24, -(t23 * (self.c45 * Omega1))),
-                t3.mul_add(t17, t8),
-                t3 * t25,
+                t2.mul_add(t17, t8),
+                t2 * t25,
                 (-t22).mul_add(t25, t7),
                 t27,
                 t1.mul_add(t12, t9 * t27),
                 t15.mul_add(t16, t9.mul_add(t13, self.I2)),
                 t9 * t21,
-                t3 * (self.c46 * alpha_dot.mul_add(R::from_f64(0.5), Omega3)),
+                t2 * (self.c46 * alpha_dot.mul_add(R::from_f64(0.5), Omega3)),
                 t0.mul_add(t12, -(t11 * t27)),
                 t30,
                 self.c34 + t30,
-                t1.mul_add(t10, t1.mul_add(self.c45, t4.mul_add(self.c46, self.c47))),
+                t1.mul_add(t10, t1.mul_add(self.c45, t3.mul_add(self.c46, self.c47))),
             ]
         };
         let t31 = R::from_f64(2.0) * p_Omega1;
@@ -1171,14 +1171,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [alpha, beta, _, _, _, _, _, _, _, _, _] = *y;
         let _ = t;
         /// mass matrix A = W^T L_yy Psi
-        let [t0, t1, t2, A_beta_dot_Omega1_over_mb_lb2, t3, t4, t5,
+        let [t0, t1, t2, t3, t4, A_beta_dot_Omega1_over_mb_lb2, t5,
         A_Omega1_Omega1_over_mb_lb2, t6, t7, t8, t9, t10, t11, t12,
         A_Omega2_Omega2_over_mb_lb2, t13, t14] = {
-            let (t0, t1) = beta.sin_cos();
-            let t2 = t1.mul_add(R::from_f64(2.5), t0);
-            let (t3, t4) = alpha.sin_cos();
-            let t5 = self.c0 * t3 * t3;
-            let t6 = self.c0 * t4;
+            let ([t0, t2], [t1, t3]) = beta.sin_cos_of_two(alpha);
+            let t4 = t1.mul_add(R::from_f64(2.5), t0);
+            let t5 = self.c0 * t2 * t2;
+            let t6 = self.c0 * t3;
             let t7 = self.c1 + t6;
             let t9 = self.c7 * t7;
             let t10 = t7 * t9;
@@ -1189,14 +1188,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t0,
                 t1,
                 t2,
-                t2.mul_add(self.c2, R::ONE),
                 t3,
                 t4,
+                t4.mul_add(self.c2, R::ONE),
                 t5,
-                t2.mul_add(self.c10, self.c11) + t5,
+                t4.mul_add(self.c10, self.c11) + t5,
                 t6,
                 t7,
-                t3 * t7,
+                t2 * t7,
                 t9,
                 t10,
                 t11,
@@ -1211,7 +1210,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         t21, A_s3_4_4_over_mb_lb2, t22, t23, t24, A_s4_5_5_over_mb_lb2] = {
             let t15 = self.c14 * t1;
             let t16 = t1 * t1;
-            let t17 = t4 * t4;
+            let t17 = t3 * t3;
             let A_s1_5_5_over_mb_lb2 = t17.mul_add(self.c16, self.c15 + t15 + t16);
             let t18 = A_beta_dot_Omega1_over_mb_lb2 * A_beta_dot_Omega1_over_mb_lb2;
             let A_s2_3_3_over_mb_lb2 = A_Omega1_Omega1_over_mb_lb2 - t18;
@@ -1242,7 +1241,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t25 = t1.abs();
         let t26 = R::from_f64(10.0) * t0.abs();
         let t27 = t25.mul_add(R::from_f64(25.0), t26);
-        let t28 = (self.c14 * t2).abs();
+        let t28 = (self.c14 * t4).abs();
         let t29 = R::from_f64(2.0)
             .mul_add(
                 A_Omega1_Omega1_over_mb_lb2.abs(),
@@ -1267,7 +1266,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t32 = t9.abs();
         let t33 = self.c29 + t26;
         let t34 = t11.abs();
-        let t35 = R::from_f64(8.0).mul_add(t8.abs(), t31 * t3.abs());
+        let t35 = R::from_f64(8.0).mul_add(t8.abs(), t31 * t2.abs());
         let A_l4_3 = -t20;
         let t36 = A_l4_3.abs();
         let A_Omega1_Omega2_over_mb_lb2 = -t8;

@@ -318,6 +318,16 @@ pub struct Prepared<R = f64> {
     c46: R,
     /// `(1/100) * (100 * I3 + 25 * mb + 4 * ma * (9 + 25 * (la * la)))`
     c47: R,
+    /// `ma * (la * la)`
+    c48: R,
+    /// `1 / (mb * (lb * lb))`
+    c49: R,
+    /// `1 / (ma * (la * la))`
+    c50: R,
+    /// `ma * (la * la)`
+    c51: R,
+    /// `mb * (lb * lb)`
+    c52: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -358,10 +368,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t3 = lb * lb;
         let t4 = mb * t3;
         let t5 = R::from_f64(29.0) + R::from_f64(100.0) * t3;
-        let t6 = ma * ma;
-        let t7 = t1 * t1;
-        let t8 = R::ratio(1.0, 100.0) * (R::from_f64(100.0) * I1 + mb * t5);
-        let t9 = mb * mb * (t3 * t3);
+        let t6 = t2.recip();
+        let t7 = ma * ma;
+        let t8 = t1 * t1;
+        let t9 = t4.recip();
+        let t10 = R::ratio(1.0, 100.0) * (R::from_f64(100.0) * I1 + mb * t5);
+        let t11 = mb * mb * (t3 * t3);
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -417,24 +429,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c4: R::ratio(2.0, 5.0) * mb * lb,
             c5: I1 + R::ratio(1.0, 100.0) * mb * t5,
             c6: R::ratio(1.0, 5.0) / lb,
-            c7: t2.recip(),
+            c7: t6,
             c8: R::from_f64(0.5) / lb,
-            c9: t6 * t7,
-            c10: t4.recip(),
+            c9: t7 * t8,
+            c10: t9,
             c11: t0 / t4,
             c12: t2 / t4,
             c13: R::ratio(2.0, 5.0) / lb,
-            c14: t8 / t4,
+            c14: t10 / t4,
             c15: R::ratio(3.0, 5.0) / la,
             c16: I2 / t4,
             c17: I3 / t4,
             c18: t4 / t2,
             c19: R::from_f64(0.5) * ka,
             c20: R::from_f64(0.5) * kb,
-            c21: R::from_f64(0.5) * I3 / t9,
-            c22: R::from_f64(0.5) * I2 / t9,
-            c23: R::from_f64(0.5) * I1 / t9,
-            c24: R::from_f64(0.5) * ma * t1 / t9,
+            c21: R::from_f64(0.5) * I3 / t11,
+            c22: R::from_f64(0.5) * I2 / t11,
+            c23: R::from_f64(0.5) * I1 / t11,
+            c24: R::from_f64(0.5) * ma * t1 / t11,
             c25: R::from_f64(0.5) / t4,
             c26: mb * lb,
             c27: R::from_f64(10.0) * mb * t3,
@@ -447,11 +459,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c34: R::from_f64(11.0) / t2,
             c35: R::from_f64(2.0) / t2,
             c36: R::from_f64(5.0) / lb,
-            c37: R::from_f64(10.0) * t6 * t7,
+            c37: R::from_f64(10.0) * t7 * t8,
             c38: ma * la,
             c39: R::from_f64(10.0) * ma * t1,
             c40: R::from_f64(11.0) * I3,
-            c41: t8,
+            c41: t10,
             c42: R::ratio(6.0, 5.0) * ma * la,
             c43: R::from_f64(0.5) * mb * lb,
             c44: R::ratio(1.0, 10.0) * mb,
@@ -462,6 +474,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 * (R::from_f64(100.0) * I3 + R::from_f64(25.0) * mb
                     + R::from_f64(4.0) * ma
                         * (R::from_f64(9.0) + R::from_f64(25.0) * t1)),
+            c48: t2,
+            c49: t9,
+            c50: t6,
+            c51: t2,
+            c52: t4,
         })
     }
 }
@@ -493,10 +510,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [alpha, beta, p_a, p_b, Pi1, Pi2, Pi3] = *y;
         let _ = t;
         /// mass matrix A = W^T L_yy Psi
-        let [t0, t1, A_alpha_dot_Omega3, t2, t3, A_beta_dot_Omega1, A_Omega1_Omega1, t6,
+        let [t0, t1, t2, t3, A_alpha_dot_Omega3, A_beta_dot_Omega1, A_Omega1_Omega1, t6,
         t7, t8, A_Omega2_Omega2, t10, t12, A_Omega3_Omega3] = {
-            let (t0, t1) = alpha.sin_cos();
-            let (t2, t3) = beta.sin_cos();
+            let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
             let t4 = t3.mul_add(R::from_f64(2.5), t2);
             let t5 = t0 * t0;
             let t6 = t1.mul_add(self.c1, self.c0);
@@ -507,11 +523,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             [
                 t0,
                 t1,
-                t1.mul_add(self.c0, self.c1),
                 t2,
                 t3,
+                t1.mul_add(self.c0, self.c1),
                 t4.mul_add(self.c2, self.c3),
-                t5.mul_add(self.c1, t4.mul_add(self.c4, self.c5)),
+                t5.mul_add(self.c48, t4.mul_add(self.c4, self.c5)),
                 t6,
                 t0 * t6,
                 t8,
@@ -546,8 +562,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 Omega3,
                 Omega2,
                 Omega1,
-                (-A_l3_2).mul_add(Omega1, self.c10 * p_b),
-                (-A_l5_1).mul_add(Omega3, self.c7 * p_a),
+                (-A_l3_2).mul_add(Omega1, self.c49 * p_b),
+                (-A_l5_1).mul_add(Omega3, self.c50 * p_a),
             ]
         };
         /// momentum equation
@@ -561,14 +577,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     .mul_add(
                         Omega2.mul_add(t18, t17),
                         self
-                            .c1
+                            .c51
                             .mul_add(
                                 t1.mul_add(t17, t0 * Omega1 * t18),
                                 -(self.ka * alpha),
                             ),
                     ),
                 self
-                    .c3
+                    .c52
                     .mul_add(
                         (-t20)
                             .mul_add(
@@ -612,11 +628,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [alpha, beta, p_a, p_b, Pi1, Pi2, Pi3] = *y;
         let _ = t;
         /// mass matrix A = W^T L_yy Psi
-        let [t0, t1, A_alpha_dot_Omega3_over_mb_lb2, t2, t3,
+        let [t0, t1, t2, t3, A_alpha_dot_Omega3_over_mb_lb2,
         A_beta_dot_Omega1_over_mb_lb2, A_Omega1_Omega1_over_mb_lb2, t6, t7, t8,
         A_Omega2_Omega2_over_mb_lb2, t10, t11, A_Omega3_Omega3_over_mb_lb2] = {
-            let (t0, t1) = alpha.sin_cos();
-            let (t2, t3) = beta.sin_cos();
+            let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
             let t4 = t3.mul_add(R::from_f64(2.5), t2);
             let t5 = t0 * t0;
             let t6 = self.c15 + t1;
@@ -626,9 +641,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             [
                 t0,
                 t1,
-                t1.mul_add(self.c11, self.c12),
                 t2,
                 t3,
+                t1.mul_add(self.c11, self.c12),
                 t4.mul_add(self.c6, R::ONE),
                 t5.mul_add(self.c12, t4.mul_add(self.c13, self.c14)),
                 t6,
@@ -711,18 +726,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [alpha_dot, beta_dot, Omega1, Omega2, Omega3] = *velocities;
         let [alpha, beta, _, _, _, _, _] = *y;
         let _ = t;
-        let (t0, t1) = alpha.sin_cos();
-        let t2 = t1.mul_add(self.c0, self.c1);
-        let (t3, t4) = beta.sin_cos();
-        let t5 = t4.mul_add(R::from_f64(2.5), t3);
+        let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
+        let t4 = t1.mul_add(self.c0, self.c1);
+        let t5 = t3.mul_add(R::from_f64(2.5), t2);
         let t6 = t5.mul_add(self.c2, self.c3);
         let t7 = self.c1 * (-Omega1).mul_add(t0, Omega2 * t1);
         let t8 = self.c0 * t0;
         let t9 = self.c42 * t1;
-        let t10 = self.c43.mul_add(t4.mul_add(R::ratio(2.0, 5.0), t3), self.c44);
-        let t11 = (-Omega2).mul_add(t3, Omega3 * t4);
+        let t10 = self.c43.mul_add(t3.mul_add(R::ratio(2.0, 5.0), t2), self.c44);
+        let t11 = (-Omega2).mul_add(t2, Omega3 * t3);
         [
-            Omega3.mul_add(t2, self.c1 * alpha_dot),
+            Omega3.mul_add(t4, self.c1 * alpha_dot),
             Omega1.mul_add(t6, self.c3 * beta_dot),
             (-t0)
                 .mul_add(
@@ -737,7 +751,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             t11
                 .mul_add(self.c45, Omega2)
                 .mul_add(
-                    self.c4 * t3,
+                    self.c4 * t2,
                     t1
                         .mul_add(
                             t7,
@@ -751,11 +765,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             t11
                 .mul_add(self.lb, Omega3)
                 .mul_add(
-                    self.c26 * t4,
+                    self.c26 * t3,
                     (-Omega2)
                         .mul_add(
                             t10,
-                            alpha_dot.mul_add(t2, Omega3.mul_add(t9, self.c47 * Omega3)),
+                            alpha_dot.mul_add(t4, Omega3.mul_add(t9, self.c47 * Omega3)),
                         ),
                 ),
         ]
@@ -771,11 +785,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [alpha, beta, _, _, _, _, _] = *y;
         let _ = t;
         /// mass matrix A = W^T L_yy Psi
-        let [t0, t1, A_alpha_dot_Omega3, t2, t3, t4, A_beta_dot_Omega1, t5,
+        let [t0, t1, t2, t3, A_alpha_dot_Omega3, t4, A_beta_dot_Omega1, t5,
         A_Omega1_Omega1, t6, t7, t8, t9, t10, t11, A_Omega2_Omega2, t12, t13, t14, t15,
         t16, A_Omega3_Omega3] = {
-            let (t0, t1) = alpha.sin_cos();
-            let (t2, t3) = beta.sin_cos();
+            let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
             let t4 = t3.mul_add(R::from_f64(2.5), t2);
             let t5 = t0 * t0;
             let t6 = self.c1 * t1;
@@ -790,9 +803,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             [
                 t0,
                 t1,
-                t1.mul_add(self.c0, self.c1),
                 t2,
                 t3,
+                t1.mul_add(self.c0, self.c1),
                 t4,
                 t4.mul_add(self.c2, self.c3),
                 t5,

@@ -433,6 +433,18 @@ pub struct Prepared<R = f64> {
     c45: R,
     /// `mb * lb`
     c46: R,
+    /// `1 / (mb * (lb * lb))`
+    c47: R,
+    /// `mb * (lb * lb)`
+    c48: R,
+    /// `ma * (la * la)`
+    c49: R,
+    /// `1 / (mb * (lb * lb))`
+    c50: R,
+    /// `ma * (la * la)`
+    c51: R,
+    /// `mb * (lb * lb)`
+    c52: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -473,8 +485,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t3 = mb * t2;
         let t4 = mb * mb;
         let t5 = t2 * t2;
-        let t6 = R::from_f64(0.5) * mb;
-        let t7 = R::from_f64(2.0) * mb;
+        let t6 = t3.recip();
+        let t7 = R::from_f64(0.5) * mb;
+        let t8 = R::from_f64(2.0) * mb;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -530,12 +543,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c3: R::ratio(1.0, 5.0) * mb * lb,
             c4: R::from_f64(0.5) / lb,
             c5: t4 * t5,
-            c6: t3.recip(),
+            c6: t6,
             c7: I2 - I3,
             c8: I3 - I1,
             c9: I1 - I2,
             c10: R::ratio(3.0, 5.0) * ma * la,
-            c11: t6 * lb,
+            c11: t7 * lb,
             c12: R::ratio(1.0, 5.0) / lb,
             c13: t3 / t1,
             c14: R::from_f64(0.5) * ka,
@@ -544,9 +557,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c17: R::from_f64(0.5) * I2,
             c18: R::from_f64(0.5) * I1,
             c19: R::from_f64(0.5) * ma * t0,
-            c20: t6 * t2,
+            c20: t7 * t2,
             c21: R::from_f64(6.0) / la,
-            c22: t7 * lb,
+            c22: t8 * lb,
             c23: R::from_f64(5.0) / lb,
             c24: R::from_f64(10.0) * t4 * t5,
             c25: R::from_f64(2.0) * t4 * t5,
@@ -557,7 +570,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c30: R::from_f64(2.0) / t3,
             c31: R::from_f64(11.0) * mb * t2,
             c32: R::from_f64(11.0) * I3,
-            c33: t7 * t2,
+            c33: t8 * t2,
             c34: R::from_f64(10.0) * ma * t0,
             c35: R::from_f64(10.0) * mb * t2,
             c36: R::from_f64(2.0) * ma * t0,
@@ -577,6 +590,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     + R::from_f64(4.0) * ma
                         * (R::from_f64(9.0) + R::from_f64(25.0) * t0)),
             c46: mb * lb,
+            c47: t6,
+            c48: t3,
+            c49: t1,
+            c50: t6,
+            c51: t1,
+            c52: t3,
         })
     }
 }
@@ -608,34 +627,33 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [alpha, beta, alpha_dot, beta_dot, Pi1, Pi2, Pi3, qw, qx, qy, qz] = *y;
         let _ = t;
         /// mass matrix A = W^T L_yy Psi
-        let [t0, t1, t3, A_alpha_dot_Omega3, t4, t5, t6, t8, A_Omega1_Omega1, t10, t11,
+        let [t0, t1, t2, t3, t5, A_alpha_dot_Omega3, t6, t8, A_Omega1_Omega1, t10, t11,
         t12, A_Omega2_Omega2, t13, A_Omega3_Omega3] = {
-            let (t0, t1) = alpha.sin_cos();
-            let t2 = t0 * t0;
-            let t3 = self.c0 + t1;
-            let (t4, t5) = beta.sin_cos();
-            let t6 = t4.mul_add(self.c2, self.c3);
+            let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
+            let t4 = t0 * t0;
+            let t5 = self.c0 + t1;
+            let t6 = t2.mul_add(self.c2, self.c3);
             let t7 = t6 * t6;
-            let t8 = self.c4 + t5;
+            let t8 = self.c4 + t3;
             let t9 = t8 * t8;
             let t10 = self.c1 * t0;
-            let t12 = self.c1 * t3;
+            let t12 = self.c1 * t5;
             [
                 t0,
                 t1,
+                t2,
                 t3,
-                self.c1 * t1.mul_add(t3, t2),
-                t4,
                 t5,
+                self.c1 * t1.mul_add(t5, t4),
                 t6,
                 t8,
-                self.c6.mul_add(t9.mul_add(self.c5, t7), t2.mul_add(self.c1, self.I1)),
+                self.c6.mul_add(t9.mul_add(self.c5, t7), t4.mul_add(self.c1, self.I1)),
                 t10,
-                t3 * t10,
+                t5 * t10,
                 t12,
-                t7.mul_add(self.c6, t3.mul_add(t12, self.I2)),
+                t7.mul_add(self.c47, t5.mul_add(t12, self.I2)),
                 t6 * t8,
-                t9.mul_add(self.c2, self.c1.mul_add(t3.mul_add(t3, t2), self.I3)),
+                t9.mul_add(self.c48, self.c1.mul_add(t5.mul_add(t5, t4), self.I3)),
             ]
         };
         /// factors of A
@@ -644,7 +662,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t14 = A_Omega1_Omega1.recip();
             let t15 = t11 * t14;
             let t16 = self.c2 * t8;
-            let t17 = t5.mul_add(t16, t4 * t6);
+            let t17 = t3.mul_add(t16, t2 * t6);
             let A_l2_3 = t17 * t14;
             let A_s3_4_4 = (-t11).mul_add(t15, A_Omega2_Omega2);
             let A_s3_2_2 = (-t17).mul_add(A_l2_3, self.c2);
@@ -658,7 +676,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let A_l1_5 = A_alpha_dot_Omega3 * t21;
             let t22 = t19 * t20;
             let A_l2_5 = t22 * t21;
-            let A_s5_1_1 = (-A_alpha_dot_Omega3).mul_add(A_l1_5, self.c1);
+            let A_s5_1_1 = (-A_alpha_dot_Omega3).mul_add(A_l1_5, self.c49);
             let A_s5_2_2 = (-t22).mul_add(A_l2_5, A_s4_2_2);
             let t23 = A_l1_5 * t22;
             let t24 = A_s5_1_1.recip();
@@ -694,15 +712,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [t26, v1_1_over_5_la, v1_2_over_5_la, v1_3_over_5_la, v2_1_over_10_lb,
         v2_2_over_10_lb, v2_3_over_10_lb] = {
             let t26 = alpha_dot + Omega3;
-            let t27 = self.c6 * t6;
+            let t27 = self.c50 * t6;
             [
                 t26,
                 t0 * t26,
-                t3.mul_add(Omega3, alpha_dot * t1),
-                t0.mul_add(Omega1, -(t3 * Omega2)),
+                t5.mul_add(Omega3, alpha_dot * t1),
+                t0.mul_add(Omega1, -(t5 * Omega2)),
                 Omega2.mul_add(t27, -(t8 * Omega3)),
-                Omega1.mul_add(t27, beta_dot * t4),
-                t8.mul_add(Omega1, beta_dot * t5),
+                Omega1.mul_add(t27, beta_dot * t2),
+                t8.mul_add(Omega1, beta_dot * t3),
             ]
         };
         /// accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
@@ -731,17 +749,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         Omega3
                             .mul_add(
                                 v2_2_over_10_lb,
-                                beta_dot * t5.mul_add(Omega2, t4 * Omega3),
+                                beta_dot * t3.mul_add(Omega2, t2 * Omega3),
                             ),
                     ),
                 t28
                     .mul_add(
-                        beta_dot * t5,
+                        beta_dot * t3,
                         Omega1.mul_add(v2_3_over_10_lb, -(Omega3 * v2_1_over_10_lb)),
                     ),
                 (-t28)
                     .mul_add(
-                        beta_dot * t4,
+                        beta_dot * t2,
                         (-Omega1).mul_add(v2_2_over_10_lb, -(Omega2 * v2_1_over_10_lb)),
                     ),
             ]
@@ -750,10 +768,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [r_alpha_dot, r_beta_dot, r_Omega1, r_Omega2, r_Omega3] = {
             let t29 = t10 * a1_1_over_5_la;
             [
-                (-a1_2_over_5_la).mul_add(self.c1 * t1, (-alpha).mul_add(self.ka, -t29)),
-                (-self.c2)
+                (-a1_2_over_5_la)
+                    .mul_add(self.c51 * t1, (-alpha).mul_add(self.ka, -t29)),
+                (-self.c52)
                     .mul_add(
-                        t5.mul_add(a2_3_over_10_lb, t4 * a2_2_over_10_lb),
+                        t3.mul_add(a2_3_over_10_lb, t2 * a2_2_over_10_lb),
                         -(self.kb * beta),
                     ),
                 (-t10)
@@ -838,10 +857,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [alpha, beta, alpha_dot, beta_dot, Pi1, Pi2, Pi3, _, _, _, _] = *y;
         let _ = t;
         /// mass matrix A = W^T L_yy Psi
-        let [t0, t1, A_alpha_dot_Omega3, t2, t3, A_beta_dot_Omega1, t4, t6,
+        let [t0, t1, t2, t3, A_alpha_dot_Omega3, A_beta_dot_Omega1, t4, t6,
         A_Omega1_Omega1, t8, t9, A_Omega2_Omega2, t11, A_Omega3_Omega3] = {
-            let (t0, t1) = alpha.sin_cos();
-            let (t2, t3) = beta.sin_cos();
+            let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
             let t4 = self.c12 + t2;
             let t5 = self.c2 * t4;
             let t6 = self.c4 + t3;
@@ -851,9 +869,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             [
                 t0,
                 t1,
-                t1.mul_add(self.c10, self.c1),
                 t2,
                 t3,
+                t1.mul_add(self.c10, self.c1),
                 t3.mul_add(self.c11, t2.mul_add(self.c3, self.c2)),
                 t4,
                 t6,
@@ -930,10 +948,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [alpha, beta, alpha_dot, beta_dot, Pi1, Pi2, Pi3, qw, qx, qy, qz] = *y;
         let _ = t;
         /// mass matrix A = W^T L_yy Psi
-        let [t0, t1, A_alpha_dot_Omega3, t2, t3, A_beta_dot_Omega1, t4, t6,
+        let [t0, t1, t2, t3, A_alpha_dot_Omega3, A_beta_dot_Omega1, t4, t6,
         A_Omega1_Omega1, t8, t9, A_Omega2_Omega2, t11, A_Omega3_Omega3] = {
-            let (t0, t1) = alpha.sin_cos();
-            let (t2, t3) = beta.sin_cos();
+            let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
             let t4 = self.c12 + t2;
             let t5 = self.c2 * t4;
             let t6 = self.c4 + t3;
@@ -943,9 +960,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             [
                 t0,
                 t1,
-                t1.mul_add(self.c10, self.c1),
                 t2,
                 t3,
+                t1.mul_add(self.c10, self.c1),
                 t3.mul_add(self.c11, t2.mul_add(self.c3, self.c2)),
                 t4,
                 t6,
@@ -1049,34 +1066,33 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [alpha, beta, alpha_dot, beta_dot, Pi1, Pi2, Pi3, qw, qx, qy, qz] = *y;
         let _ = t;
         /// mass matrix A = W^T L_yy Psi
-        let [t0, t1, t3, t4, A_alpha_dot_Omega3, t5, t6, t7, t8, t9, A_beta_dot_Omega1,
+        let [t0, t1, t2, t3, t5, t6, A_alpha_dot_Omega3, t7, t8, t9, A_beta_dot_Omega1,
         t10, A_Omega1_Omega1, t13, t14, A_Omega2_Omega2, t16, t17, A_Omega3_Omega3] = {
-            let (t0, t1) = alpha.sin_cos();
-            let t2 = t0 * t0;
-            let t3 = self.c0 + t1;
-            let t4 = t1 * t3;
-            let (t5, t6) = beta.sin_cos();
-            let t7 = self.c12 + t5;
-            let t8 = t5 * t7;
-            let t9 = self.c4 + t6;
-            let t10 = self.c1 * t2;
+            let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
+            let t4 = t0 * t0;
+            let t5 = self.c0 + t1;
+            let t6 = t1 * t5;
+            let t7 = self.c12 + t2;
+            let t8 = t2 * t7;
+            let t9 = self.c4 + t3;
+            let t10 = self.c1 * t4;
             let t11 = t7 * t7;
             let t12 = t9 * t9;
-            let t13 = t0 * t3;
-            let t15 = t3 * t3;
+            let t13 = t0 * t5;
+            let t15 = t5 * t5;
             let t16 = self.c2 * t9;
             [
                 t0,
                 t1,
+                t2,
                 t3,
-                t4,
-                self.c1 * (t2 + t4),
                 t5,
                 t6,
+                self.c1 * (t4 + t6),
                 t7,
                 t8,
                 t9,
-                self.c2 * t6.mul_add(t9, t8),
+                self.c2 * t3.mul_add(t9, t8),
                 t10,
                 self.c2.mul_add(t11 + t12, self.I1 + t10),
                 t13,
@@ -1084,7 +1100,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t11.mul_add(self.c2, t15.mul_add(self.c1, self.I2)),
                 t16,
                 t7 * t16,
-                self.c1.mul_add(t2 + t15, t12.mul_add(self.c2, self.I3)),
+                self.c1.mul_add(t4 + t15, t12.mul_add(self.c2, self.I3)),
             ]
         };
         /// factors of A
@@ -1122,8 +1138,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [t25, t26, t27, t28, d_A_Omega1_Omega1_d_alpha, t29,
         d_A_Omega1_Omega2_d_alpha, d_A_Omega2_Omega3_d_beta] = {
             let t24 = t1 * t0;
-            let t26 = t5 * t9;
-            let t27 = t6 * t7;
+            let t26 = t2 * t9;
+            let t27 = t3 * t7;
             let t28 = t26 - t27;
             [
                 t13 - t24,
@@ -1132,8 +1148,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t28,
                 self.c36 * t24,
                 self.c33 * t28,
-                (-t4).mul_add(self.c1, t10),
-                (-t6).mul_add(t16, self.c2 * t8),
+                (-t6).mul_add(self.c1, t10),
+                (-t3).mul_add(t16, self.c2 * t8),
             ]
         };
         /// derivatives of: factors of A
@@ -1244,19 +1260,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t47 = self.I1 * Omega1;
         let t48 = alpha_dot + Omega3;
         let t49 = t0 * t48;
-        let t50 = t0.mul_add(Omega1, -(t3 * Omega2));
-        let t51 = t3.mul_add(Omega3, alpha_dot * t1);
+        let t50 = t0.mul_add(Omega1, -(t5 * Omega2));
+        let t51 = t5.mul_add(Omega3, alpha_dot * t1);
         let t52 = t50
             .mul_add(
                 t0
                     .mul_add(
                         Omega2 + d_Omega1_d_alpha,
-                        (-t3).mul_add(d_Omega2_d_alpha, t1 * Omega1),
+                        (-t5).mul_add(d_Omega2_d_alpha, t1 * Omega1),
                     ),
-                (-t51).mul_add(t3.mul_add(t35, t49), (-t0).mul_add(t35, t1 * t48) * t49),
+                (-t51).mul_add(t5.mul_add(t35, t49), (-t0).mul_add(t35, t1 * t48) * t49),
             );
-        let t53 = t7.mul_add(Omega1, beta_dot * t5);
-        let t54 = t9.mul_add(Omega1, beta_dot * t6);
+        let t53 = t7.mul_add(Omega1, beta_dot * t2);
+        let t54 = t9.mul_add(Omega1, beta_dot * t3);
         let t55 = t9.mul_add(t54, t7 * t53);
         let t56 = t7.mul_add(Omega2, -(t9 * Omega3));
         let t57 = self
@@ -1271,19 +1287,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                             .mul_add(t46, (-t35).mul_add(t45, self.ka * alpha)),
                     ),
             );
-        let t58 = t0.mul_add(t49, t3 * t51);
+        let t58 = t0.mul_add(t49, t5 * t51);
         let t59 = beta_dot + Omega1;
         let t60 = (-t54)
             .mul_add(
-                (-t9).mul_add(d_Omega1_d_beta, t5 * t59),
+                (-t9).mul_add(d_Omega1_d_beta, t2 * t59),
                 t53
                     .mul_add(
-                        t7.mul_add(d_Omega1_d_beta, t6 * t59),
+                        t7.mul_add(d_Omega1_d_beta, t3 * t59),
                         t56
                             * t7
                                 .mul_add(
                                     d_Omega2_d_beta,
-                                    t9.mul_add(t36, t6.mul_add(Omega2, t5 * Omega3)),
+                                    t9.mul_add(t36, t3.mul_add(Omega2, t2 * Omega3)),
                                 ),
                     ),
             );
@@ -1292,7 +1308,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             .mul_add(
                 (-t50)
                     .mul_add(
-                        (-t0).mul_add(d_Omega1_d_beta, t3 * d_Omega2_d_beta),
+                        (-t0).mul_add(d_Omega1_d_beta, t5 * d_Omega2_d_beta),
                         -(t36 * t58),
                     ),
                 d_Omega1_d_beta
@@ -1303,7 +1319,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             );
         let t62 = (-t19).mul_add(Omega1, self.c37 * Omega2);
         let t63 = self.I1 * (-t21).mul_add(t62, self.c38 * t45);
-        let t64 = (-t0).mul_add(t19, t3);
+        let t64 = (-t0).mul_add(t19, t5);
         let t65 = t21 * t64;
         let t66 = t38 * t55;
         let t67 = (-t7).mul_add(t21, t9);
@@ -1312,7 +1328,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             .mul_add(
                 (-t50)
                     .mul_add(
-                        (-t0).mul_add(d_Omega1_d_beta_dot, t3 * d_Omega2_d_beta_dot),
+                        (-t0).mul_add(d_Omega1_d_beta_dot, t5 * d_Omega2_d_beta_dot),
                         -(t39 * t58),
                     ),
                 d_Omega1_d_beta_dot
@@ -1323,7 +1339,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             .mul_add(
                 (-t50)
                     .mul_add(
-                        (-t0).mul_add(d_Omega1_d_Pi1, t3 * d_Omega2_d_Pi1),
+                        (-t0).mul_add(d_Omega1_d_Pi1, t5 * d_Omega2_d_Pi1),
                         d_Omega3_d_Pi1 * t58,
                     ),
                 d_Omega1_d_Pi1
@@ -1360,7 +1376,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                         t49
                                             .mul_add(
                                                 (-t0).mul_add(t37, t0),
-                                                t51 * (-t3).mul_add(t37, t1),
+                                                t51 * (-t5).mul_add(t37, t1),
                                             ),
                                     ),
                         ),
@@ -1370,10 +1386,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 .mul_add(
                     t54
                         .mul_add(
-                            t9.mul_add(d_Omega1_d_beta_dot, t6),
+                            t9.mul_add(d_Omega1_d_beta_dot, t3),
                             t53
                                 .mul_add(
-                                    t7.mul_add(d_Omega1_d_beta_dot, t5),
+                                    t7.mul_add(d_Omega1_d_beta_dot, t2),
                                     -(t56 * (-t7).mul_add(d_Omega2_d_beta_dot, -(t9 * t39))),
                                 ),
                         ),
@@ -1485,39 +1501,38 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [Omega1, Omega2, Omega3] = *velocities;
         let [alpha, beta, alpha_dot, beta_dot, _, _, _, _, _, _, _] = *y;
         let _ = t;
-        let (t0, t1) = alpha.sin_cos();
-        let t2 = self.c1 * (-Omega1).mul_add(t0, Omega2 * t1);
-        let t3 = self.c10 * t0;
-        let (t4, t5) = beta.sin_cos();
-        let t6 = t5
-            .mul_add(R::from_f64(2.5), t4)
+        let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
+        let t4 = self.c1 * (-Omega1).mul_add(t0, Omega2 * t1);
+        let t5 = self.c10 * t0;
+        let t6 = t3
+            .mul_add(R::from_f64(2.5), t2)
             .mul_add(
                 self.c40 * beta_dot.mul_add(R::from_f64(0.5), Omega1),
-                (-Omega2).mul_add(t3, Omega1.mul_add(self.c39, self.c2 * beta_dot)),
+                (-Omega2).mul_add(t5, Omega1.mul_add(self.c39, self.c2 * beta_dot)),
             );
         let t7 = self.c41 * t1;
-        let t8 = (-Omega3).mul_add(t5, Omega2 * t4);
-        let t9 = self.c11.mul_add(t5.mul_add(R::ratio(2.0, 5.0), t4), self.c43);
+        let t8 = (-Omega3).mul_add(t3, Omega2 * t2);
+        let t9 = self.c11.mul_add(t3.mul_add(R::ratio(2.0, 5.0), t2), self.c43);
         [
-            (-t0).mul_add(t2, t6),
+            (-t0).mul_add(t4, t6),
             t8
                 .mul_add(self.c42, Omega2)
                 .mul_add(
-                    self.c40 * t4,
+                    self.c40 * t2,
                     t1
                         .mul_add(
-                            t2,
+                            t4,
                             (-Omega3)
                                 .mul_add(
                                     t9,
-                                    (-Omega1).mul_add(t3, Omega2.mul_add(t7, self.c44 * Omega2)),
+                                    (-Omega1).mul_add(t5, Omega2.mul_add(t7, self.c44 * Omega2)),
                                 ),
                         ),
                 ),
             (-t8)
                 .mul_add(self.lb, Omega3)
                 .mul_add(
-                    self.c46 * t5,
+                    self.c46 * t3,
                     (-Omega2)
                         .mul_add(
                             t9,
@@ -1541,42 +1556,41 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [alpha, beta, _, _, _, _, _, _, _, _, _] = *y;
         let _ = t;
         /// mass matrix A = W^T L_yy Psi
-        let [t1, t2, t3, t4, A_alpha_dot_Omega3, t5, t6, t7, t8, t9, t10, t11, t12,
+        let [t1, t2, t3, t4, t5, t6, A_alpha_dot_Omega3, t7, t8, t9, t10, t11, t12,
         A_Omega1_Omega1, t13, t14, t15, t16, A_Omega2_Omega2, t17, t18, t19,
         A_Omega3_Omega3] = {
-            let (t0, t1) = alpha.sin_cos();
-            let t2 = t0 * t0;
-            let t3 = self.c0 + t1;
-            let t4 = t1 * t3;
-            let (t5, t6) = beta.sin_cos();
-            let t7 = self.c2 * t5;
+            let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
+            let t4 = t0 * t0;
+            let t5 = self.c0 + t1;
+            let t6 = t1 * t5;
+            let t7 = self.c2 * t2;
             let t8 = self.c3 + t7;
             let t9 = t8 * t8;
-            let t10 = self.c4 + t6;
+            let t10 = self.c4 + t3;
             let t11 = t10 * t10;
             let t12 = t11.mul_add(self.c5, t9);
             let t13 = self.c1 * t0;
-            let t15 = self.c1 * t3;
-            let t16 = t3 * t15;
-            let t18 = t3 * t3;
-            let t19 = t2 + t18;
+            let t15 = self.c1 * t5;
+            let t16 = t5 * t15;
+            let t18 = t5 * t5;
+            let t19 = t4 + t18;
             [
                 t1,
                 t2,
                 t3,
                 t4,
-                self.c1 * (t2 + t4),
                 t5,
                 t6,
+                self.c1 * (t4 + t6),
                 t7,
                 t8,
                 t9,
                 t10,
                 t11,
                 t12,
-                t12.mul_add(self.c6, t2.mul_add(self.c1, self.I1)),
+                t12.mul_add(self.c6, t4.mul_add(self.c1, self.I1)),
                 t13,
-                t3 * t13,
+                t5 * t13,
                 t15,
                 t16,
                 t9.mul_add(self.c6, self.I2 + t16),
@@ -1592,9 +1606,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         A_s5_1_1, t36, A_s5_2_2, t37, t38, t39, t40, A_s1_2_2] = {
             let t20 = A_Omega1_Omega1.recip();
             let t21 = t14 * t20;
-            let t22 = t5 * t8;
+            let t22 = t2 * t8;
             let t23 = self.c2 * t10;
-            let t24 = t6 * t23;
+            let t24 = t3 * t23;
             let t25 = t22 + t24;
             let A_l2_3 = t25 * t20;
             let t26 = t14 * t21;
@@ -1659,14 +1673,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t41 = t1.abs();
         let t42 = t41.mul_add(R::from_f64(10.0), self.c21);
         let t43 = t15.abs();
-        let t44 = t3.abs();
+        let t44 = t5.abs();
         let t45 = R::from_f64(10.0).mul_add(t7.abs(), self.c22);
         let t46 = t8.abs();
         let t47 = t45 * t46;
         let t48 = R::from_f64(8.0).mul_add(t14.abs(), t42 * t13.abs());
         let A_l4_3 = -t21;
         let t49 = A_l4_3.abs();
-        let t50 = t6.abs();
+        let t50 = t3.abs();
         let t51 = t50.mul_add(R::from_f64(10.0), self.c23);
         let t52 = t10.abs();
         let t53 = t51.mul_add(t52, R::from_f64(4.0) * t11);
@@ -1686,7 +1700,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                     ),
                             ),
                     ),
-                t12.mul_add(self.c28, t2.mul_add(self.c26, self.c27)),
+                t12.mul_add(self.c28, t4.mul_add(self.c26, self.c27)),
             );
         let t55 = t20 * t20;
         let t56 = t54
@@ -1719,7 +1733,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         self.c30.mul_add(t9.mul_add(R::from_f64(4.0), t47), t57),
                     ),
             );
-        let t59 = R::from_f64(10.0) * t2;
+        let t59 = R::from_f64(10.0) * t4;
         let t60 = R::from_f64(8.0).mul_add(t17.abs(), t46.mul_add(t51, t45 * t52));
         let A_l5_4 = -t29;
         let t61 = A_l5_4.abs();
@@ -1751,7 +1765,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t68 = t67
             .mul_add(
                 R::from_f64(8.0),
-                self.c1 * R::from_f64(10.0).mul_add(t4.abs(), t41.mul_add(t42, t59)),
+                self.c1 * R::from_f64(10.0).mul_add(t6.abs(), t41.mul_add(t42, t59)),
             );
         let t69 = A_l1_5.abs();
         let t70 = t33.abs();
@@ -1772,7 +1786,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t50
                     .mul_add(
                         R::from_f64(8.0).mul_add(t23.abs(), self.c2 * t51),
-                        R::from_f64(10.0).mul_add(t22.abs(), t45 * t5.abs()),
+                        R::from_f64(10.0).mul_add(t22.abs(), t45 * t2.abs()),
                     ),
             );
         let t75 = A_l2_3.abs();

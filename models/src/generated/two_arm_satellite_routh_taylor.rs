@@ -319,6 +319,18 @@ pub struct Prepared<R = f64> {
     c42: R,
     /// `mb * lb`
     c43: R,
+    /// `1 / (mb * (lb * lb))`
+    c44: R,
+    /// `mb * (lb * lb)`
+    c45: R,
+    /// `ma * (la * la)`
+    c46: R,
+    /// `1 / (mb * (lb * lb))`
+    c47: R,
+    /// `ma * (la * la)`
+    c48: R,
+    /// `mb * (lb * lb)`
+    c49: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -359,8 +371,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t3 = mb * t2;
         let t4 = mb * mb;
         let t5 = t2 * t2;
-        let t6 = R::from_f64(0.5) * mb;
-        let t7 = R::from_f64(2.0) * mb;
+        let t6 = t3.recip();
+        let t7 = R::from_f64(0.5) * mb;
+        let t8 = R::from_f64(2.0) * mb;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -416,12 +429,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c3: R::ratio(1.0, 5.0) * mb * lb,
             c4: R::from_f64(0.5) / lb,
             c5: t4 * t5,
-            c6: t3.recip(),
+            c6: t6,
             c7: I2 - I3,
             c8: I3 - I1,
             c9: I1 - I2,
             c10: R::ratio(3.0, 5.0) * ma * la,
-            c11: t6 * lb,
+            c11: t7 * lb,
             c12: R::ratio(1.0, 5.0) / lb,
             c13: t3 / t1,
             c14: R::from_f64(0.5) * ka,
@@ -430,9 +443,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c17: R::from_f64(0.5) * I2,
             c18: R::from_f64(0.5) * I1,
             c19: R::from_f64(0.5) * ma * t0,
-            c20: t6 * t2,
+            c20: t7 * t2,
             c21: R::from_f64(6.0) / la,
-            c22: t7 * lb,
+            c22: t8 * lb,
             c23: R::from_f64(5.0) / lb,
             c24: R::from_f64(10.0) * t4 * t5,
             c25: R::from_f64(2.0) * t4 * t5,
@@ -443,7 +456,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c30: R::from_f64(2.0) / t3,
             c31: R::from_f64(11.0) * mb * t2,
             c32: R::from_f64(11.0) * I3,
-            c33: t7 * t2,
+            c33: t8 * t2,
             c34: R::from_f64(10.0) * ma * t0,
             c35: R::from_f64(10.0) * mb * t2,
             c36: R::ratio(1.0, 100.0)
@@ -460,6 +473,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     + R::from_f64(4.0) * ma
                         * (R::from_f64(9.0) + R::from_f64(25.0) * t0)),
             c43: mb * lb,
+            c44: t6,
+            c45: t3,
+            c46: t1,
+            c47: t6,
+            c48: t1,
+            c49: t3,
         })
     }
 }
@@ -491,34 +510,33 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [alpha, beta, alpha_dot, beta_dot, Pi1, Pi2, Pi3] = *y;
         let _ = t;
         /// mass matrix A = W^T L_yy Psi
-        let [t0, t1, t3, A_alpha_dot_Omega3, t4, t5, t6, t8, A_Omega1_Omega1, t10, t11,
+        let [t0, t1, t2, t3, t5, A_alpha_dot_Omega3, t6, t8, A_Omega1_Omega1, t10, t11,
         t12, A_Omega2_Omega2, t13, A_Omega3_Omega3] = {
-            let (t0, t1) = alpha.sin_cos();
-            let t2 = t0 * t0;
-            let t3 = self.c0 + t1;
-            let (t4, t5) = beta.sin_cos();
-            let t6 = t4.mul_add(self.c2, self.c3);
+            let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
+            let t4 = t0 * t0;
+            let t5 = self.c0 + t1;
+            let t6 = t2.mul_add(self.c2, self.c3);
             let t7 = t6 * t6;
-            let t8 = self.c4 + t5;
+            let t8 = self.c4 + t3;
             let t9 = t8 * t8;
             let t10 = self.c1 * t0;
-            let t12 = self.c1 * t3;
+            let t12 = self.c1 * t5;
             [
                 t0,
                 t1,
+                t2,
                 t3,
-                self.c1 * t1.mul_add(t3, t2),
-                t4,
                 t5,
+                self.c1 * t1.mul_add(t5, t4),
                 t6,
                 t8,
-                self.c6.mul_add(t9.mul_add(self.c5, t7), t2.mul_add(self.c1, self.I1)),
+                self.c6.mul_add(t9.mul_add(self.c5, t7), t4.mul_add(self.c1, self.I1)),
                 t10,
-                t3 * t10,
+                t5 * t10,
                 t12,
-                t7.mul_add(self.c6, t3.mul_add(t12, self.I2)),
+                t7.mul_add(self.c44, t5.mul_add(t12, self.I2)),
                 t6 * t8,
-                t9.mul_add(self.c2, self.c1.mul_add(t3.mul_add(t3, t2), self.I3)),
+                t9.mul_add(self.c45, self.c1.mul_add(t5.mul_add(t5, t4), self.I3)),
             ]
         };
         /// factors of A
@@ -527,7 +545,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t14 = A_Omega1_Omega1.recip();
             let t15 = t11 * t14;
             let t16 = self.c2 * t8;
-            let t17 = t5.mul_add(t16, t4 * t6);
+            let t17 = t3.mul_add(t16, t2 * t6);
             let A_l2_3 = t17 * t14;
             let A_s3_4_4 = (-t11).mul_add(t15, A_Omega2_Omega2);
             let A_s3_2_2 = (-t17).mul_add(A_l2_3, self.c2);
@@ -541,7 +559,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let A_l1_5 = A_alpha_dot_Omega3 * t21;
             let t22 = t19 * t20;
             let A_l2_5 = t22 * t21;
-            let A_s5_1_1 = (-A_alpha_dot_Omega3).mul_add(A_l1_5, self.c1);
+            let A_s5_1_1 = (-A_alpha_dot_Omega3).mul_add(A_l1_5, self.c46);
             let A_s5_2_2 = (-t22).mul_add(A_l2_5, A_s4_2_2);
             let t23 = A_l1_5 * t22;
             let t24 = A_s5_1_1.recip();
@@ -577,15 +595,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [t26, v1_1_over_5_la, v1_2_over_5_la, v1_3_over_5_la, v2_1_over_10_lb,
         v2_2_over_10_lb, v2_3_over_10_lb] = {
             let t26 = alpha_dot + Omega3;
-            let t27 = self.c6 * t6;
+            let t27 = self.c47 * t6;
             [
                 t26,
                 t0 * t26,
-                t3.mul_add(Omega3, alpha_dot * t1),
-                t0.mul_add(Omega1, -(t3 * Omega2)),
+                t5.mul_add(Omega3, alpha_dot * t1),
+                t0.mul_add(Omega1, -(t5 * Omega2)),
                 Omega2.mul_add(t27, -(t8 * Omega3)),
-                Omega1.mul_add(t27, beta_dot * t4),
-                t8.mul_add(Omega1, beta_dot * t5),
+                Omega1.mul_add(t27, beta_dot * t2),
+                t8.mul_add(Omega1, beta_dot * t3),
             ]
         };
         /// accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
@@ -614,17 +632,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         Omega3
                             .mul_add(
                                 v2_2_over_10_lb,
-                                beta_dot * t5.mul_add(Omega2, t4 * Omega3),
+                                beta_dot * t3.mul_add(Omega2, t2 * Omega3),
                             ),
                     ),
                 t28
                     .mul_add(
-                        beta_dot * t5,
+                        beta_dot * t3,
                         Omega1.mul_add(v2_3_over_10_lb, -(Omega3 * v2_1_over_10_lb)),
                     ),
                 (-t28)
                     .mul_add(
-                        beta_dot * t4,
+                        beta_dot * t2,
                         (-Omega1).mul_add(v2_2_over_10_lb, -(Omega2 * v2_1_over_10_lb)),
                     ),
             ]
@@ -633,10 +651,11 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [r_alpha_dot, r_beta_dot, r_Omega1, r_Omega2, r_Omega3] = {
             let t29 = t10 * a1_1_over_5_la;
             [
-                (-a1_2_over_5_la).mul_add(self.c1 * t1, (-alpha).mul_add(self.ka, -t29)),
-                (-self.c2)
+                (-a1_2_over_5_la)
+                    .mul_add(self.c48 * t1, (-alpha).mul_add(self.ka, -t29)),
+                (-self.c49)
                     .mul_add(
-                        t5.mul_add(a2_3_over_10_lb, t4 * a2_2_over_10_lb),
+                        t3.mul_add(a2_3_over_10_lb, t2 * a2_2_over_10_lb),
                         -(self.kb * beta),
                     ),
                 (-t10)
@@ -714,10 +733,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [alpha, beta, alpha_dot, beta_dot, Pi1, Pi2, Pi3] = *y;
         let _ = t;
         /// mass matrix A = W^T L_yy Psi
-        let [t0, t1, A_alpha_dot_Omega3, t2, t3, A_beta_dot_Omega1, t4, t6,
+        let [t0, t1, t2, t3, A_alpha_dot_Omega3, A_beta_dot_Omega1, t4, t6,
         A_Omega1_Omega1, t8, t9, A_Omega2_Omega2, t11, A_Omega3_Omega3] = {
-            let (t0, t1) = alpha.sin_cos();
-            let (t2, t3) = beta.sin_cos();
+            let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
             let t4 = self.c12 + t2;
             let t5 = self.c2 * t4;
             let t6 = self.c4 + t3;
@@ -727,9 +745,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             [
                 t0,
                 t1,
-                t1.mul_add(self.c10, self.c1),
                 t2,
                 t3,
+                t1.mul_add(self.c10, self.c1),
                 t3.mul_add(self.c11, t2.mul_add(self.c3, self.c2)),
                 t4,
                 t6,
@@ -800,39 +818,38 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [Omega1, Omega2, Omega3] = *velocities;
         let [alpha, beta, alpha_dot, beta_dot, _, _, _] = *y;
         let _ = t;
-        let (t0, t1) = alpha.sin_cos();
-        let t2 = self.c1 * (-Omega1).mul_add(t0, Omega2 * t1);
-        let t3 = self.c10 * t0;
-        let (t4, t5) = beta.sin_cos();
-        let t6 = t5
-            .mul_add(R::from_f64(2.5), t4)
+        let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
+        let t4 = self.c1 * (-Omega1).mul_add(t0, Omega2 * t1);
+        let t5 = self.c10 * t0;
+        let t6 = t3
+            .mul_add(R::from_f64(2.5), t2)
             .mul_add(
                 self.c37 * beta_dot.mul_add(R::from_f64(0.5), Omega1),
-                (-Omega2).mul_add(t3, Omega1.mul_add(self.c36, self.c2 * beta_dot)),
+                (-Omega2).mul_add(t5, Omega1.mul_add(self.c36, self.c2 * beta_dot)),
             );
         let t7 = self.c38 * t1;
-        let t8 = (-Omega3).mul_add(t5, Omega2 * t4);
-        let t9 = self.c11.mul_add(t5.mul_add(R::ratio(2.0, 5.0), t4), self.c40);
+        let t8 = (-Omega3).mul_add(t3, Omega2 * t2);
+        let t9 = self.c11.mul_add(t3.mul_add(R::ratio(2.0, 5.0), t2), self.c40);
         [
-            (-t0).mul_add(t2, t6),
+            (-t0).mul_add(t4, t6),
             t8
                 .mul_add(self.c39, Omega2)
                 .mul_add(
-                    self.c37 * t4,
+                    self.c37 * t2,
                     t1
                         .mul_add(
-                            t2,
+                            t4,
                             (-Omega3)
                                 .mul_add(
                                     t9,
-                                    (-Omega1).mul_add(t3, Omega2.mul_add(t7, self.c41 * Omega2)),
+                                    (-Omega1).mul_add(t5, Omega2.mul_add(t7, self.c41 * Omega2)),
                                 ),
                         ),
                 ),
             (-t8)
                 .mul_add(self.lb, Omega3)
                 .mul_add(
-                    self.c43 * t5,
+                    self.c43 * t3,
                     (-Omega2)
                         .mul_add(
                             t9,
@@ -856,42 +873,41 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [alpha, beta, _, _, _, _, _] = *y;
         let _ = t;
         /// mass matrix A = W^T L_yy Psi
-        let [t1, t2, t3, t4, A_alpha_dot_Omega3, t5, t6, t7, t8, t9, t10, t11, t12,
+        let [t1, t2, t3, t4, t5, t6, A_alpha_dot_Omega3, t7, t8, t9, t10, t11, t12,
         A_Omega1_Omega1, t13, t14, t15, t16, A_Omega2_Omega2, t17, t18, t19,
         A_Omega3_Omega3] = {
-            let (t0, t1) = alpha.sin_cos();
-            let t2 = t0 * t0;
-            let t3 = self.c0 + t1;
-            let t4 = t1 * t3;
-            let (t5, t6) = beta.sin_cos();
-            let t7 = self.c2 * t5;
+            let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
+            let t4 = t0 * t0;
+            let t5 = self.c0 + t1;
+            let t6 = t1 * t5;
+            let t7 = self.c2 * t2;
             let t8 = self.c3 + t7;
             let t9 = t8 * t8;
-            let t10 = self.c4 + t6;
+            let t10 = self.c4 + t3;
             let t11 = t10 * t10;
             let t12 = t11.mul_add(self.c5, t9);
             let t13 = self.c1 * t0;
-            let t15 = self.c1 * t3;
-            let t16 = t3 * t15;
-            let t18 = t3 * t3;
-            let t19 = t2 + t18;
+            let t15 = self.c1 * t5;
+            let t16 = t5 * t15;
+            let t18 = t5 * t5;
+            let t19 = t4 + t18;
             [
                 t1,
                 t2,
                 t3,
                 t4,
-                self.c1 * (t2 + t4),
                 t5,
                 t6,
+                self.c1 * (t4 + t6),
                 t7,
                 t8,
                 t9,
                 t10,
                 t11,
                 t12,
-                t12.mul_add(self.c6, t2.mul_add(self.c1, self.I1)),
+                t12.mul_add(self.c6, t4.mul_add(self.c1, self.I1)),
                 t13,
-                t3 * t13,
+                t5 * t13,
                 t15,
                 t16,
                 t9.mul_add(self.c6, self.I2 + t16),
@@ -907,9 +923,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         A_s5_1_1, t36, A_s5_2_2, t37, t38, t39, t40, A_s1_2_2] = {
             let t20 = A_Omega1_Omega1.recip();
             let t21 = t14 * t20;
-            let t22 = t5 * t8;
+            let t22 = t2 * t8;
             let t23 = self.c2 * t10;
-            let t24 = t6 * t23;
+            let t24 = t3 * t23;
             let t25 = t22 + t24;
             let A_l2_3 = t25 * t20;
             let t26 = t14 * t21;
@@ -974,14 +990,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t41 = t1.abs();
         let t42 = t41.mul_add(R::from_f64(10.0), self.c21);
         let t43 = t15.abs();
-        let t44 = t3.abs();
+        let t44 = t5.abs();
         let t45 = R::from_f64(10.0).mul_add(t7.abs(), self.c22);
         let t46 = t8.abs();
         let t47 = t45 * t46;
         let t48 = R::from_f64(8.0).mul_add(t14.abs(), t42 * t13.abs());
         let A_l4_3 = -t21;
         let t49 = A_l4_3.abs();
-        let t50 = t6.abs();
+        let t50 = t3.abs();
         let t51 = t50.mul_add(R::from_f64(10.0), self.c23);
         let t52 = t10.abs();
         let t53 = t51.mul_add(t52, R::from_f64(4.0) * t11);
@@ -1001,7 +1017,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                     ),
                             ),
                     ),
-                t12.mul_add(self.c28, t2.mul_add(self.c26, self.c27)),
+                t12.mul_add(self.c28, t4.mul_add(self.c26, self.c27)),
             );
         let t55 = t20 * t20;
         let t56 = t54
@@ -1034,7 +1050,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         self.c30.mul_add(t9.mul_add(R::from_f64(4.0), t47), t57),
                     ),
             );
-        let t59 = R::from_f64(10.0) * t2;
+        let t59 = R::from_f64(10.0) * t4;
         let t60 = R::from_f64(8.0).mul_add(t17.abs(), t46.mul_add(t51, t45 * t52));
         let A_l5_4 = -t29;
         let t61 = A_l5_4.abs();
@@ -1066,7 +1082,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t68 = t67
             .mul_add(
                 R::from_f64(8.0),
-                self.c1 * R::from_f64(10.0).mul_add(t4.abs(), t41.mul_add(t42, t59)),
+                self.c1 * R::from_f64(10.0).mul_add(t6.abs(), t41.mul_add(t42, t59)),
             );
         let t69 = A_l1_5.abs();
         let t70 = t33.abs();
@@ -1087,7 +1103,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t50
                     .mul_add(
                         R::from_f64(8.0).mul_add(t23.abs(), self.c2 * t51),
-                        R::from_f64(10.0).mul_add(t22.abs(), t45 * t5.abs()),
+                        R::from_f64(10.0).mul_add(t22.abs(), t45 * t2.abs()),
                     ),
             );
         let t75 = A_l2_3.abs();
@@ -1249,7 +1265,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
         ::hamel_runtime::Convolutions<R, 16>,
         ::hamel_runtime::Convolutions<R, 16>,
         ::hamel_runtime::Convolutions<R, 16>,
-        ::hamel_runtime::Convolutions<R, 5>,
+        ::hamel_runtime::Convolutions<R, 6>,
     );
     fn workspace(&self) -> Self::Workspace {
         (
@@ -1267,7 +1283,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
     ///
     /// # Operations
     ///
-    /// At each order k: 260 additions, 222 multiplications (192 fused), 8 sign changes, and 101 sums of k - 1 products.
+    /// At each order k: 260 additions, 223 multiplications (192 fused), 8 sign changes, and 102 sums of k - 1 products.
     fn series(
         &self,
         t: R,
@@ -1361,36 +1377,35 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             let [alpha, beta, alpha_dot, beta_dot, Pi1, Pi2, Pi3] = *y;
             let _ = t;
             /// mass matrix A = W^T L_yy Psi
-            let [t0, t1, t3, A_alpha_dot_Omega3, t4, t5, t6, t8, A_Omega1_Omega1, t10,
+            let [t0, t1, t2, t3, t5, A_alpha_dot_Omega3, t6, t8, A_Omega1_Omega1, t10,
             t11, t12, A_Omega2_Omega2, t13, A_Omega3_Omega3] = {
-                let (t0, t1) = alpha.sin_cos();
-                let t2 = t0 * t0;
-                let t3 = self.c0 + t1;
-                let (t4, t5) = beta.sin_cos();
-                let t6 = t4.mul_add(self.c2, self.c3);
+                let ([t0, t2], [t1, t3]) = alpha.sin_cos_of_two(beta);
+                let t4 = t0 * t0;
+                let t5 = self.c0 + t1;
+                let t6 = t2.mul_add(self.c2, self.c3);
                 let t7 = t6 * t6;
-                let t8 = self.c4 + t5;
+                let t8 = self.c4 + t3;
                 let t9 = t8 * t8;
                 let t10 = self.c1 * t0;
-                let t12 = self.c1 * t3;
+                let t12 = self.c1 * t5;
                 [
                     t0,
                     t1,
+                    t2,
                     t3,
-                    self.c1 * t1.mul_add(t3, t2),
-                    t4,
                     t5,
+                    self.c1 * t1.mul_add(t5, t4),
                     t6,
                     t8,
                     self
                         .c6
-                        .mul_add(t9.mul_add(self.c5, t7), t2.mul_add(self.c1, self.I1)),
+                        .mul_add(t9.mul_add(self.c5, t7), t4.mul_add(self.c1, self.I1)),
                     t10,
-                    t3 * t10,
+                    t5 * t10,
                     t12,
-                    t7.mul_add(self.c6, t3.mul_add(t12, self.I2)),
+                    t7.mul_add(self.c44, t5.mul_add(t12, self.I2)),
                     t6 * t8,
-                    t9.mul_add(self.c2, self.c1.mul_add(t3.mul_add(t3, t2), self.I3)),
+                    t9.mul_add(self.c45, self.c1.mul_add(t5.mul_add(t5, t4), self.I3)),
                 ]
             };
             /// factors of A
@@ -1399,7 +1414,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                 let t14 = A_Omega1_Omega1.recip();
                 let t15 = t11 * t14;
                 let t16 = self.c2 * t8;
-                let t17 = t5.mul_add(t16, t4 * t6);
+                let t17 = t3.mul_add(t16, t2 * t6);
                 let A_l2_3 = t17 * t14;
                 let A_s3_4_4 = (-t11).mul_add(t15, A_Omega2_Omega2);
                 let A_s3_2_2 = (-t17).mul_add(A_l2_3, self.c2);
@@ -1413,7 +1428,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                 let A_l1_5 = A_alpha_dot_Omega3 * t21;
                 let t22 = t19 * t20;
                 let A_l2_5 = t22 * t21;
-                let A_s5_1_1 = (-A_alpha_dot_Omega3).mul_add(A_l1_5, self.c1);
+                let A_s5_1_1 = (-A_alpha_dot_Omega3).mul_add(A_l1_5, self.c46);
                 let A_s5_2_2 = (-t22).mul_add(A_l2_5, A_s4_2_2);
                 let t23 = A_l1_5 * t22;
                 let t24 = A_s5_1_1.recip();
@@ -1455,15 +1470,15 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             v2_1_over_10_lb, t31, v2_2_over_10_lb, t32, v2_3_over_10_lb] = {
                 let t28 = alpha_dot + Omega3;
                 let t29 = alpha_dot * t1;
-                let t30 = self.c6 * t6;
-                let t31 = beta_dot * t4;
-                let t32 = beta_dot * t5;
+                let t30 = self.c47 * t6;
+                let t31 = beta_dot * t2;
+                let t32 = beta_dot * t3;
                 [
                     t28,
                     t0 * t28,
                     t29,
-                    t3.mul_add(Omega3, t29),
-                    t0.mul_add(Omega1, -(t3 * Omega2)),
+                    t5.mul_add(Omega3, t29),
+                    t0.mul_add(Omega1, -(t5 * Omega2)),
                     t30,
                     Omega2.mul_add(t30, -(t8 * Omega3)),
                     t31,
@@ -1476,7 +1491,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             let [a1_1_over_5_la, a1_2_over_5_la, t33, a1_3_over_5_la, t34,
             a2_1_over_10_lb, t35, a2_2_over_10_lb, a2_3_over_10_lb] = {
                 let t33 = t1.mul_add(Omega1, t0 * Omega2);
-                let t34 = t5.mul_add(Omega2, t4 * Omega3);
+                let t34 = t3.mul_add(Omega2, t2 * Omega3);
                 let t35 = beta_dot + Omega1;
                 [
                     (-Omega2)
@@ -1520,16 +1535,16 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             let [t37, r_alpha_dot, r_beta_dot, t38, r_Omega1, t39, r_Omega2, t40,
             r_Omega3] = {
                 let t36 = t10 * a1_1_over_5_la;
-                let t37 = self.c1 * t1;
+                let t37 = self.c48 * t1;
                 let t38 = self.c7 * Omega3;
                 let t39 = self.c8 * Omega3;
                 let t40 = self.c9 * Omega2;
                 [
                     t37,
                     (-a1_2_over_5_la).mul_add(t37, (-alpha).mul_add(self.ka, -t36)),
-                    (-self.c2)
+                    (-self.c49)
                         .mul_add(
-                            t5.mul_add(a2_3_over_10_lb, t4 * a2_2_over_10_lb),
+                            t3.mul_add(a2_3_over_10_lb, t2 * a2_2_over_10_lb),
                             -(self.kb * beta),
                         ),
                     t38,
@@ -1601,9 +1616,9 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                 [
                     t0,
                     t1,
-                    t0 + t0,
+                    t2,
                     t3,
-                    t4,
+                    t0 + t0,
                     t5,
                     t6 + t6,
                     t8 + t8,
@@ -1611,7 +1626,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                     t12,
                     t6,
                     t8,
-                    t3 + t3,
+                    t5 + t5,
                     t14,
                     t15,
                     t16,
@@ -1701,55 +1716,55 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             sum74, sum75, sum76, sum77, sum78, sum79] = workspace.4.sums();
             let [sum80, sum81, sum82, sum83, sum84, sum85, sum86, sum87, sum88, sum89,
             sum90, sum91, sum92, sum93, sum94, sum95] = workspace.5.sums();
-            let [sum96, sum97, sum98, sum99, sum100] = workspace.6.sums();
+            let [sum96, sum97, sum98, sum99, sum100, sum101] = workspace.6.sums();
             /// mass matrix A = W^T L_yy Psi
             let [t0, t1, t2, t3, t4, t5, t6, t7, t8, t9, t10, t11, t12, t13] = {
                 let t0 = kept1.mul_add(alpha, inverse * sum0);
                 let t1 = -kept0.mul_add(alpha, inverse * sum1);
-                let t2 = kept2.mul_add(t0, sum2);
-                let t4 = kept5.mul_add(beta, inverse * sum4);
-                let t5 = -kept4.mul_add(beta, inverse * sum5);
-                let t6 = self.c2 * t4;
+                let t2 = kept3.mul_add(beta, inverse * sum2);
+                let t3 = -kept2.mul_add(beta, inverse * sum3);
+                let t4 = kept4.mul_add(t0, sum4);
+                let t6 = self.c2 * t2;
                 let t7 = kept6.mul_add(t6, sum6);
-                let t8 = kept7.mul_add(t5, sum7);
+                let t8 = kept7.mul_add(t3, sum7);
                 let t10 = self.c1 * t0;
                 [
                     t0,
                     t1,
                     t2,
-                    self.c1 * (kept1.mul_add(t1, kept3.mul_add(t1, sum3)) + t2),
+                    t3,
                     t4,
-                    t5,
+                    self.c1 * (kept1.mul_add(t1, kept5.mul_add(t1, sum5)) + t4),
                     t6,
                     t7,
                     t8,
-                    t2.mul_add(self.c1, self.c6 * t8.mul_add(self.c5, t7)),
+                    t4.mul_add(self.c1, self.c6 * t8.mul_add(self.c5, t7)),
                     t10,
-                    kept3.mul_add(t10, kept8.mul_add(t1, sum8)),
+                    kept5.mul_add(t10, kept8.mul_add(t1, sum8)),
                     self.c1 * t1,
-                    kept10.mul_add(t5, kept11.mul_add(t6, sum10)),
+                    kept10.mul_add(t3, kept11.mul_add(t6, sum10)),
                 ]
             };
             /// factors of A
             let [t14, t15, t16, t17, t18, t19, t20, t21, t22, t23, t24, t25, t26, t27,
             t28, t29] = {
                 let t14 = kept13 * (-kept14).mul_add(t9, t11 - sum11);
-                let t15 = self.c2 * t5;
-                let t16 = kept5.mul_add(t15, kept15.mul_add(t5, sum13))
-                    + kept4.mul_add(t6, kept10.mul_add(t4, sum12));
+                let t15 = self.c2 * t3;
+                let t16 = kept3.mul_add(t15, kept15.mul_add(t3, sum13))
+                    + kept2.mul_add(t6, kept10.mul_add(t2, sum12));
                 let t17 = kept13 * (-kept16).mul_add(t9, t16 - sum14);
                 let t18 = t7
-                    .mul_add(self.c6, kept3.mul_add(t12, kept9.mul_add(t1, sum9)))
+                    .mul_add(self.c44, kept5.mul_add(t12, kept9.mul_add(t1, sum9)))
                     - kept17.mul_add(t14, kept14.mul_add(t11, sum15));
                 let t19 = kept19 * (-kept20).mul_add(t18, t13 - sum17);
                 let t20 = kept14.mul_add(t16, kept18.mul_add(t14, sum18));
                 let t21 = kept19 * (-kept21).mul_add(t18, t20 - sum19);
-                let t22 = self.c1.mul_add(kept12.mul_add(t1, sum3) + t2, self.c2 * t8)
+                let t22 = self.c1.mul_add(kept12.mul_add(t1, sum5) + t4, self.c45 * t8)
                     - kept22.mul_add(t19, kept20.mul_add(t13, sum20));
-                let t23 = kept24 * (-kept25).mul_add(t22, t3 - sum22);
+                let t23 = kept24 * (-kept25).mul_add(t22, t5 - sum22);
                 let t24 = kept20.mul_add(t20, kept23.mul_add(t19, sum23));
                 let t25 = kept24 * (-kept26).mul_add(t22, t24 - sum24);
-                let t26 = -kept27.mul_add(t23, kept25.mul_add(t3, sum25));
+                let t26 = -kept27.mul_add(t23, kept25.mul_add(t5, sum25));
                 let t27 = kept25.mul_add(t24, kept28.mul_add(t23, sum27));
                 let t28 = kept29 * (-kept30).mul_add(t26, t27 - sum28);
                 [
@@ -1784,7 +1799,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                             t22,
                             kept20.mul_add(t31, kept35.mul_add(t19, sum33))
                                 + (Pi3
-                                    - kept33.mul_add(t3, kept27.mul_add(alpha_dot, sum31)))
+                                    - kept33.mul_add(t5, kept27.mul_add(alpha_dot, sum31)))
                                 - sum34,
                         );
                 let t33 = kept19 * (-kept37).mul_add(t18, t31 - sum35);
@@ -1804,31 +1819,31 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             let [t37, t38, t39, t40, t41, t42, t43, t44, t45, t46, t47] = {
                 let t37 = alpha_dot + t32;
                 let t39 = kept33.mul_add(t1, kept1.mul_add(alpha_dot, sum40));
-                let t42 = self.c6 * t6;
-                let t44 = kept32.mul_add(t4, kept4.mul_add(beta_dot, sum46));
-                let t46 = kept32.mul_add(t5, kept5.mul_add(beta_dot, sum48));
+                let t42 = self.c47 * t6;
+                let t44 = kept32.mul_add(t2, kept2.mul_add(beta_dot, sum46));
+                let t46 = kept32.mul_add(t3, kept3.mul_add(beta_dot, sum48));
                 [
                     t37,
                     kept0.mul_add(t37, kept40.mul_add(t0, sum39)),
                     t39,
-                    kept3.mul_add(t32, kept36.mul_add(t1, sum41)) + t39,
+                    kept5.mul_add(t32, kept36.mul_add(t1, sum41)) + t39,
                     kept0.mul_add(t36, kept41.mul_add(t0, sum43))
-                        - kept3.mul_add(t34, kept39.mul_add(t1, sum42)),
+                        - kept5.mul_add(t34, kept39.mul_add(t1, sum42)),
                     t42,
                     kept39.mul_add(t42, kept42.mul_add(t34, sum45))
-                        - kept11.mul_add(t32, kept36.mul_add(t5, sum44)),
+                        - kept11.mul_add(t32, kept36.mul_add(t3, sum44)),
                     t44,
                     kept41.mul_add(t42, kept42.mul_add(t36, sum47)) + t44,
                     t46,
-                    kept11.mul_add(t36, kept41.mul_add(t5, sum49)) + t46,
+                    kept11.mul_add(t36, kept41.mul_add(t3, sum49)) + t46,
                 ]
             };
             /// accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
             let [t48, t49, t50, t51, t52, t53, t54, t55, t56] = {
                 let t50 = kept1.mul_add(t36, kept41.mul_add(t1, sum57))
                     + kept0.mul_add(t34, kept39.mul_add(t0, sum56));
-                let t52 = kept5.mul_add(t34, kept39.mul_add(t5, sum62))
-                    + kept4.mul_add(t32, kept36.mul_add(t4, sum61));
+                let t52 = kept3.mul_add(t34, kept39.mul_add(t3, sum62))
+                    + kept2.mul_add(t32, kept36.mul_add(t2, sum61));
                 let t54 = beta_dot + t36;
                 [
                     kept40.mul_add(t39, kept44.mul_add(t37, sum51))
@@ -1855,12 +1870,13 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                 ]
             };
             /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
-            let [t57, t58, t59, t60, t61] = {
-                let t58 = self.c7 * t32;
+            let [t57, t58, t59, t60, t61, t62] = {
+                let t59 = self.c7 * t32;
                 [
                     kept8.mul_add(t48, kept55.mul_add(t10, sum72)),
-                    t58,
-                    kept60.mul_add(t34, kept39.mul_add(t58, sum76))
+                    self.c48 * t1,
+                    t59,
+                    kept60.mul_add(t34, kept39.mul_add(t59, sum76))
                         - kept10.mul_add(t55, kept58.mul_add(t6, sum77))
                         - kept15.mul_add(t56, kept59.mul_add(t15, sum78))
                         - kept8.mul_add(t51, kept61.mul_add(t10, sum79)),
@@ -1869,68 +1885,68 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                 ]
             };
             /// substitution through the factors of A
-            let [t62, t63, t64, t67, t68] = {
-                let t62 = kept14.mul_add(t59, kept65.mul_add(t14, sum85))
+            let [t63, t64, t65, t68, t69] = {
+                let t63 = kept14.mul_add(t60, kept65.mul_add(t14, sum86))
                     + (kept9.mul_add(t51, kept61.mul_add(t12, sum81))
-                        + kept41.mul_add(t60, kept62.mul_add(t36, sum80))
+                        + kept41.mul_add(t61, kept62.mul_add(t36, sum80))
                         - kept10.mul_add(t53, kept63.mul_add(t6, sum82)));
-                let t63 = kept20.mul_add(t62, kept66.mul_add(t19, sum86))
+                let t64 = kept20.mul_add(t63, kept66.mul_add(t19, sum87))
                     + (kept15.mul_add(t53, kept63.mul_add(t15, sum84))
-                        + (kept64.mul_add(t36, kept41.mul_add(t61, sum83)) - t57)
-                        - kept9.mul_add(t49, kept56.mul_add(t12, sum73)));
-                let t64 = -alpha.mul_add(self.ka, t57)
-                    - kept56.mul_add(t12, kept57.mul_add(t49, sum73))
-                    - kept25.mul_add(t63, kept67.mul_add(t23, sum87));
-                let t65 = -beta
+                        + (kept64.mul_add(t36, kept41.mul_add(t62, sum83)) - t57)
+                        - kept9.mul_add(t49, kept56.mul_add(t12, sum85)));
+                let t65 = -alpha.mul_add(self.ka, t57)
+                    - kept56.mul_add(t58, kept57.mul_add(t49, sum73))
+                    - kept25.mul_add(t64, kept67.mul_add(t23, sum88));
+                let t66 = -beta
                     .mul_add(
                         self.kb,
-                        self.c2
-                            * (kept5.mul_add(t56, kept59.mul_add(t5, sum75))
-                                + kept4.mul_add(t55, kept58.mul_add(t4, sum74))),
-                    ) - kept16.mul_add(t59, kept65.mul_add(t17, sum88));
-                let t66 = kept30.mul_add(t64, kept68.mul_add(t28, sum91))
-                    + (t65 - kept21.mul_add(t62, kept66.mul_add(t21, sum89))
-                        - kept26.mul_add(t63, kept67.mul_add(t25, sum90))) - sum92;
+                        self.c49
+                            * (kept3.mul_add(t56, kept59.mul_add(t3, sum75))
+                                + kept2.mul_add(t55, kept58.mul_add(t2, sum74))),
+                    ) - kept16.mul_add(t60, kept65.mul_add(t17, sum89));
+                let t67 = kept30.mul_add(t65, kept68.mul_add(t28, sum92))
+                    + (t66 - kept21.mul_add(t63, kept66.mul_add(t21, sum90))
+                        - kept26.mul_add(t64, kept67.mul_add(t25, sum91))) - sum93;
                 [
-                    t62,
                     t63,
                     t64,
-                    kept70 * (-kept69).mul_add(t29, t66),
-                    kept29 * (-kept71).mul_add(t26, t64 - sum93),
+                    t65,
+                    kept70 * (-kept69).mul_add(t29, t67),
+                    kept29 * (-kept71).mul_add(t26, t65 - sum94),
                 ]
             };
-            let t69 = order * alpha;
-            let t70 = order * beta;
+            let t70 = order * alpha;
+            let t71 = order * beta;
             workspace
                 .0
                 .push(
                     [
-                        t69,
-                        t69,
+                        t70,
+                        t70,
+                        t71,
+                        t71,
                         t0,
                         t1,
-                        t70,
-                        t70,
                         t6,
-                        t5,
+                        t3,
                         t1,
                         t1,
-                        t5,
+                        t3,
                         t9,
-                        t4,
-                        t5,
+                        t2,
+                        t3,
                         t9,
                         t11,
                     ],
                     [
                         t1,
                         t0,
+                        t3,
+                        t2,
                         t0,
                         t1,
-                        t5,
-                        t4,
                         t6,
-                        t5,
+                        t3,
                         t10,
                         t12,
                         t6,
@@ -1954,13 +1970,13 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                         t22,
                         t19,
                         t22,
-                        t3,
+                        t5,
                         t24,
                         t23,
                         t26,
                         t27,
                         t16,
-                        t3,
+                        t5,
                     ],
                     [
                         t17,
@@ -1997,9 +2013,9 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                         t1,
                         t1,
                         t0,
-                        t5,
+                        t3,
                         t34,
-                        t4,
+                        t2,
                         t36,
                     ],
                     [
@@ -2025,8 +2041,8 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                 .3
                 .push(
                     [
-                        t5,
-                        t5,
+                        t3,
+                        t3,
                         t32,
                         t37,
                         t34,
@@ -2038,8 +2054,8 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                         t34,
                         t36,
                         t50,
-                        t4,
-                        t5,
+                        t2,
+                        t3,
                         t52,
                     ],
                     [
@@ -2074,9 +2090,9 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                         t36,
                         t44,
                         t10,
-                        t12,
-                        t4,
-                        t5,
+                        t49,
+                        t2,
+                        t3,
                         t34,
                         t6,
                         t15,
@@ -2092,10 +2108,10 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                         t45,
                         t54,
                         t48,
-                        t49,
+                        t58,
                         t55,
                         t56,
-                        t58,
+                        t59,
                         t55,
                         t56,
                         t51,
@@ -2110,6 +2126,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                         t6,
                         t36,
                         t15,
+                        t12,
                         t14,
                         t19,
                         t23,
@@ -2120,39 +2137,40 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                         t29,
                         t26,
                         t28,
-                        t32,
                     ],
                     [
-                        t60,
+                        t61,
                         t51,
                         t53,
-                        t61,
+                        t62,
                         t53,
-                        t59,
-                        t62,
-                        t63,
-                        t59,
-                        t62,
+                        t49,
+                        t60,
                         t63,
                         t64,
-                        t67,
+                        t60,
+                        t63,
+                        t64,
+                        t65,
                         t68,
-                        t67,
-                        Pi2,
+                        t69,
+                        t68,
                     ],
                 );
-            workspace.6.push([t34, t32, t36, t34, t36], [Pi3, Pi1, Pi3, Pi1, Pi2]);
+            workspace
+                .6
+                .push([t32, t34, t32, t36, t34, t36], [Pi2, Pi3, Pi1, Pi3, Pi1, Pi2]);
             let derivative = [
                 alpha_dot,
                 beta_dot,
-                kept30.mul_add(t67, kept69.mul_add(t28, sum94)) + t68,
-                t67,
-                kept72.mul_add(t32, kept36.mul_add(Pi2, sum95))
-                    - kept73.mul_add(t34, kept39.mul_add(Pi3, sum96)),
-                kept73.mul_add(t36, kept41.mul_add(Pi3, sum98))
-                    - kept74.mul_add(t32, kept36.mul_add(Pi1, sum97)),
-                kept74.mul_add(t34, kept39.mul_add(Pi1, sum99))
-                    - kept72.mul_add(t36, kept41.mul_add(Pi2, sum100)),
+                kept30.mul_add(t68, kept69.mul_add(t28, sum95)) + t69,
+                t68,
+                kept72.mul_add(t32, kept36.mul_add(Pi2, sum96))
+                    - kept73.mul_add(t34, kept39.mul_add(Pi3, sum97)),
+                kept73.mul_add(t36, kept41.mul_add(Pi3, sum99))
+                    - kept74.mul_add(t32, kept36.mul_add(Pi1, sum98)),
+                kept74.mul_add(t34, kept39.mul_add(Pi1, sum100))
+                    - kept72.mul_add(t36, kept41.mul_add(Pi2, sum101)),
             ];
             let scale = R::ratio(1.0, f64::from(k + 1));
             coefficient = derivative.map(|derivative| derivative * scale);

@@ -286,6 +286,8 @@ pub struct Prepared<R = f64> {
     c32: R,
     /// `(108/25) * ma / (mb * (lb * lb))`
     c33: R,
+    /// `mb * (lb * lb) / (ma * (la * la))`
+    c34: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -324,9 +326,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t1 = ma * t0;
         let t2 = lb * lb;
         let t3 = mb * t2;
-        let t4 = R::from_f64(100.0) * I1
+        let t4 = t3 / t1;
+        let t5 = R::from_f64(100.0) * I1
             + mb * (R::from_f64(29.0) + R::from_f64(100.0) * t2);
-        let t5 = R::from_f64(100.0) * I3 + R::from_f64(36.0) * ma
+        let t6 = R::from_f64(100.0) * I3 + R::from_f64(36.0) * ma
             + R::from_f64(25.0) * mb;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
@@ -378,15 +381,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c4: -(ka / t3),
             c5: -(kb / t3),
             c6: (I2 - I3) / t3,
-            c7: t3 / t1,
+            c7: t4,
             c8: (I3 - I1) / t3,
             c9: (I1 - I2) / t3,
             c10: R::ratio(2.0, 5.0) / lb,
-            c11: R::ratio(1.0, 100.0) * t4 / t3,
+            c11: R::ratio(1.0, 100.0) * t5 / t3,
             c12: I2 / t3,
             c13: R::ratio(3.0, 5.0) / la,
             c14: lb.recip(),
-            c15: R::ratio(1.0, 100.0) * t5 / t3,
+            c15: R::ratio(1.0, 100.0) * t6 / t3,
             c16: R::ratio(-9.0, 25.0) * ma / t3,
             c17: R::from_f64(2.0) * lb,
             c18: R::from_f64(5.0) * lb,
@@ -398,13 +401,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c24: R::from_f64(0.125) * mb,
             c25: R::from_f64(0.5) * ma * t0,
             c26: R::ratio(1.0, 50.0) * mb,
-            c27: R::ratio(11.0, 100.0) * t4 / t3,
+            c27: R::ratio(11.0, 100.0) * t5 / t3,
             c28: R::from_f64(6.0) * ma * la / t3,
             c29: R::from_f64(2.0) / lb,
             c30: R::from_f64(11.0) * I2 / t3,
             c31: R::from_f64(5.0) / lb,
-            c32: R::ratio(3.0, 25.0) * t5 / t3,
+            c32: R::ratio(3.0, 25.0) * t6 / t3,
             c33: R::ratio(108.0, 25.0) * ma / t3,
+            c34: t4,
         })
     }
 }
@@ -436,32 +440,31 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3] = *y;
         let _ = t;
         /// velocities v in squares m/2 |v|^2
-        let [t0, t1, t2, t3, v1_1_scaled, t4, t5, t6, v1_2_scaled, v1_3_scaled, t7, t8,
+        let [t0, t1, t2, t3, t4, t5, v1_1_scaled, t6, t7, t8, v1_2_scaled, v1_3_scaled,
         t9, t10, v2_1_over_10_lb, t11, v2_2_over_10_lb, t12, v2_3_over_10_lb] = {
             let t0 = alpha_dot + Omega3;
-            let (t1, t2) = alpha.sin_cos();
-            let t3 = self.c0 * t1;
-            let t4 = self.c0 * alpha_dot;
-            let t5 = t2 * t4;
-            let t6 = t2.mul_add(self.c0, self.c1);
-            let (t7, t8) = beta.sin_cos();
-            let t9 = self.c2 + t7;
-            let t10 = self.c3 + t8;
-            let t11 = beta_dot * t7;
-            let t12 = beta_dot * t8;
+            let ([t1, t3], [t2, t4]) = alpha.sin_cos_of_two(beta);
+            let t5 = self.c0 * t1;
+            let t6 = self.c0 * alpha_dot;
+            let t7 = t2 * t6;
+            let t8 = t2.mul_add(self.c0, self.c1);
+            let t9 = self.c2 + t3;
+            let t10 = self.c3 + t4;
+            let t11 = beta_dot * t3;
+            let t12 = beta_dot * t4;
             [
                 t0,
                 t1,
                 t2,
                 t3,
-                t0 * t3,
                 t4,
                 t5,
+                t0 * t5,
                 t6,
-                Omega3.mul_add(t6, t5),
-                (-Omega2).mul_add(t6, Omega1 * t3),
                 t7,
                 t8,
+                Omega3.mul_add(t8, t7),
+                (-Omega2).mul_add(t8, Omega1 * t5),
                 t9,
                 t10,
                 (-Omega3).mul_add(t10, Omega2 * t9),
@@ -474,13 +477,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         /// accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
         let [a1_1_scaled, a1_2_scaled, a1_3_scaled, a2_1_over_10_lb, a2_2_over_10_lb,
         a2_3_over_10_lb] = {
-            let t13 = t1 * t4;
+            let t13 = t1 * t6;
             let t14 = beta_dot + Omega1;
             [
-                (-Omega2).mul_add(v1_3_scaled, Omega3.mul_add(v1_2_scaled, t0 * t5)),
+                (-Omega2).mul_add(v1_3_scaled, Omega3.mul_add(v1_2_scaled, t0 * t7)),
                 (-Omega1)
                     .mul_add(v1_3_scaled, (-Omega3).mul_add(v1_1_scaled, -(t0 * t13))),
-                Omega2.mul_add(t13 + v1_1_scaled, Omega1 * (t5 + v1_2_scaled)),
+                Omega2.mul_add(t13 + v1_1_scaled, Omega1 * (t7 + v1_2_scaled)),
                 Omega2.mul_add(t12 + v2_3_over_10_lb, Omega3 * (t11 + v2_2_over_10_lb)),
                 (-Omega3)
                     .mul_add(
@@ -498,13 +501,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [r_alpha_dot_over_mb_lb2, r_beta_dot_over_mb_lb2, r_Omega1_over_mb_lb2, t16,
         r_Omega2_over_mb_lb2, r_Omega3_over_mb_lb2] = {
             let t15 = t1 * a1_1_scaled;
-            let t16 = self.c7 * t6;
+            let t16 = self.c7 * t8;
             [
                 (-t2).mul_add(a1_2_scaled, alpha.mul_add(self.c4, -t15)),
-                (-t8)
+                (-t4)
                     .mul_add(
                         a2_3_over_10_lb,
-                        (-t7).mul_add(a2_2_over_10_lb, self.c5 * beta),
+                        (-t3).mul_add(a2_2_over_10_lb, self.c5 * beta),
                     ),
                 (-t1)
                     .mul_add(
@@ -532,12 +535,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         /// mass matrix A = W^T L_yy Psi
         let [A_beta_dot_Omega1_over_mb_lb2, A_Omega1_Omega1_over_mb_lb2, t18,
         A_Omega2_Omega2_over_mb_lb2, t19] = {
-            let t17 = t8.mul_add(R::from_f64(2.5), t7);
+            let t17 = t4.mul_add(R::from_f64(2.5), t3);
             [
                 t17.mul_add(self.c2, R::ONE),
-                t1.mul_add(t3, t17.mul_add(self.c10, self.c11)),
-                t1 * t6,
-                t6.mul_add(t16, t9.mul_add(t9, self.c12)),
+                t1.mul_add(t5, t17.mul_add(self.c10, self.c11)),
+                t1 * t8,
+                t8.mul_add(t16, t9.mul_add(t9, self.c12)),
                 t10 * t9,
             ]
         };
@@ -545,7 +548,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [A_l5_1, t20, t21, t22, t23, A_s4_5_5_over_mb_lb2] = {
             let A_s1_5_5_over_mb_lb2 = self
                 .c16
-                .mul_add(t2 * t2, t8.mul_add(t8, t8.mul_add(self.c14, self.c15)));
+                .mul_add(t2 * t2, t4.mul_add(t4, t4.mul_add(self.c14, self.c15)));
             let A_s2_3_3_over_mb_lb2 = (-A_beta_dot_Omega1_over_mb_lb2)
                 .mul_add(A_beta_dot_Omega1_over_mb_lb2, A_Omega1_Omega1_over_mb_lb2);
             let t20 = A_s2_3_3_over_mb_lb2.recip();
@@ -582,7 +585,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 dot_Omega1,
                 (-A_beta_dot_Omega1_over_mb_lb2)
                     .mul_add(dot_Omega1, r_beta_dot_over_mb_lb2),
-                (-A_l5_1).mul_add(dot_Omega3, self.c7 * r_alpha_dot_over_mb_lb2),
+                (-A_l5_1).mul_add(dot_Omega3, self.c34 * r_alpha_dot_over_mb_lb2),
             ]
         };
         *dy = [
@@ -611,16 +614,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3] = *y;
         let _ = t;
         let t0 = beta_dot + Omega1;
-        let (t1, t2) = beta.sin_cos();
-        let t3 = self.c17 * t2;
-        let t4 = t0.mul_add(t3, Omega1);
-        let (t5, t6) = alpha.sin_cos();
-        let t7 = t5 * (alpha_dot + Omega3);
-        let t8 = self.c13 + t6;
-        let t9 = Omega3.mul_add(t8, alpha_dot * t6);
-        let t10 = (-Omega2).mul_add(t8, Omega1 * t5);
+        let ([t1, t3], [t2, t4]) = beta.sin_cos_of_two(alpha);
+        let t5 = self.c17 * t2;
+        let t6 = t0.mul_add(t5, Omega1);
+        let t7 = t3 * (alpha_dot + Omega3);
+        let t8 = self.c13 + t4;
+        let t9 = Omega3.mul_add(t8, alpha_dot * t4);
+        let t10 = (-Omega2).mul_add(t8, Omega1 * t3);
         let t11 = self.c18 * t1;
-        let t12 = (-(R::ONE + t3))
+        let t12 = (-(R::ONE + t5))
             .mul_add(R::from_f64(2.5) * Omega3, Omega2.mul_add(t11, Omega2));
         let t13 = t0.mul_add(t11, Omega1);
         let t14 = self
@@ -648,7 +650,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     .c25
                     .mul_add(
                         t10.mul_add(t10, t9.mul_add(t9, t7 * t7)),
-                        self.c24.mul_add(t4 * t4, t14),
+                        self.c24.mul_add(t6 * t6, t14),
                     ),
             )
     }
@@ -663,14 +665,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [alpha, beta, _, _, _, _, _] = *y;
         let _ = t;
         /// mass matrix A = W^T L_yy Psi
-        let [t0, t1, t2, A_beta_dot_Omega1_over_mb_lb2, t3, t4, t5,
+        let [t0, t1, t2, t3, t4, A_beta_dot_Omega1_over_mb_lb2, t5,
         A_Omega1_Omega1_over_mb_lb2, t6, t7, t8, t9, t10, t11, t12,
         A_Omega2_Omega2_over_mb_lb2, t13, t14] = {
-            let (t0, t1) = beta.sin_cos();
-            let t2 = t1.mul_add(R::from_f64(2.5), t0);
-            let (t3, t4) = alpha.sin_cos();
-            let t5 = self.c0 * t3 * t3;
-            let t6 = self.c0 * t4;
+            let ([t0, t2], [t1, t3]) = beta.sin_cos_of_two(alpha);
+            let t4 = t1.mul_add(R::from_f64(2.5), t0);
+            let t5 = self.c0 * t2 * t2;
+            let t6 = self.c0 * t3;
             let t7 = self.c1 + t6;
             let t9 = self.c7 * t7;
             let t10 = t7 * t9;
@@ -681,14 +682,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 t0,
                 t1,
                 t2,
-                t2.mul_add(self.c2, R::ONE),
                 t3,
                 t4,
+                t4.mul_add(self.c2, R::ONE),
                 t5,
-                t2.mul_add(self.c10, self.c11) + t5,
+                t4.mul_add(self.c10, self.c11) + t5,
                 t6,
                 t7,
-                t3 * t7,
+                t2 * t7,
                 t9,
                 t10,
                 t11,
@@ -703,7 +704,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         t21, A_s3_4_4_over_mb_lb2, t22, t23, t24, A_s4_5_5_over_mb_lb2] = {
             let t15 = self.c14 * t1;
             let t16 = t1 * t1;
-            let t17 = t4 * t4;
+            let t17 = t3 * t3;
             let A_s1_5_5_over_mb_lb2 = t17.mul_add(self.c16, self.c15 + t15 + t16);
             let t18 = A_beta_dot_Omega1_over_mb_lb2 * A_beta_dot_Omega1_over_mb_lb2;
             let A_s2_3_3_over_mb_lb2 = A_Omega1_Omega1_over_mb_lb2 - t18;
@@ -734,7 +735,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t25 = t1.abs();
         let t26 = R::from_f64(10.0) * t0.abs();
         let t27 = t25.mul_add(R::from_f64(25.0), t26);
-        let t28 = (self.c14 * t2).abs();
+        let t28 = (self.c14 * t4).abs();
         let t29 = R::from_f64(2.0)
             .mul_add(
                 A_Omega1_Omega1_over_mb_lb2.abs(),
@@ -759,7 +760,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t32 = t9.abs();
         let t33 = self.c29 + t26;
         let t34 = t11.abs();
-        let t35 = R::from_f64(8.0).mul_add(t8.abs(), t31 * t3.abs());
+        let t35 = R::from_f64(8.0).mul_add(t8.abs(), t31 * t2.abs());
         let A_l4_3 = -t20;
         let t36 = A_l4_3.abs();
         let A_Omega1_Omega2_over_mb_lb2 = -t8;
@@ -1018,32 +1019,32 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             let [alpha, beta, alpha_dot, beta_dot, Omega1, Omega2, Omega3] = *y;
             let _ = t;
             /// velocities v in squares m/2 |v|^2
-            let [t0, t1, t2, t3, v1_1_scaled, t4, t5, t6, v1_2_scaled, v1_3_scaled, t7,
-            t8, t9, t10, v2_1_over_10_lb, t11, v2_2_over_10_lb, t12, v2_3_over_10_lb] = {
+            let [t0, t1, t2, t3, t4, t5, v1_1_scaled, t6, t7, t8, v1_2_scaled,
+            v1_3_scaled, t9, t10, v2_1_over_10_lb, t11, v2_2_over_10_lb, t12,
+            v2_3_over_10_lb] = {
                 let t0 = alpha_dot + Omega3;
-                let (t1, t2) = alpha.sin_cos();
-                let t3 = self.c0 * t1;
-                let t4 = self.c0 * alpha_dot;
-                let t5 = t2 * t4;
-                let t6 = t2.mul_add(self.c0, self.c1);
-                let (t7, t8) = beta.sin_cos();
-                let t9 = self.c2 + t7;
-                let t10 = self.c3 + t8;
-                let t11 = beta_dot * t7;
-                let t12 = beta_dot * t8;
+                let ([t1, t3], [t2, t4]) = alpha.sin_cos_of_two(beta);
+                let t5 = self.c0 * t1;
+                let t6 = self.c0 * alpha_dot;
+                let t7 = t2 * t6;
+                let t8 = t2.mul_add(self.c0, self.c1);
+                let t9 = self.c2 + t3;
+                let t10 = self.c3 + t4;
+                let t11 = beta_dot * t3;
+                let t12 = beta_dot * t4;
                 [
                     t0,
                     t1,
                     t2,
                     t3,
-                    t0 * t3,
                     t4,
                     t5,
+                    t0 * t5,
                     t6,
-                    Omega3.mul_add(t6, t5),
-                    (-Omega2).mul_add(t6, Omega1 * t3),
                     t7,
                     t8,
+                    Omega3.mul_add(t8, t7),
+                    (-Omega2).mul_add(t8, Omega1 * t5),
                     t9,
                     t10,
                     (-Omega3).mul_add(t10, Omega2 * t9),
@@ -1056,14 +1057,14 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             /// accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
             let [a1_1_scaled, t13, a1_2_scaled, t14, t15, a1_3_scaled, t16, t17,
             a2_1_over_10_lb, t18, a2_2_over_10_lb, a2_3_over_10_lb] = {
-                let t13 = t1 * t4;
-                let t14 = t5 + v1_2_scaled;
+                let t13 = t1 * t6;
+                let t14 = t7 + v1_2_scaled;
                 let t15 = t13 + v1_1_scaled;
                 let t16 = t11 + v2_2_over_10_lb;
                 let t17 = t12 + v2_3_over_10_lb;
                 let t18 = beta_dot + Omega1;
                 [
-                    (-Omega2).mul_add(v1_3_scaled, Omega3.mul_add(v1_2_scaled, t0 * t5)),
+                    (-Omega2).mul_add(v1_3_scaled, Omega3.mul_add(v1_2_scaled, t0 * t7)),
                     t13,
                     (-Omega1)
                         .mul_add(
@@ -1095,15 +1096,15 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             r_Omega3_over_mb_lb2] = {
                 let t19 = t1 * a1_1_scaled;
                 let t20 = self.c6 * Omega3;
-                let t21 = self.c7 * t6;
+                let t21 = self.c7 * t8;
                 let t22 = self.c8 * Omega3;
                 let t23 = self.c9 * Omega2;
                 [
                     (-t2).mul_add(a1_2_scaled, alpha.mul_add(self.c4, -t19)),
-                    (-t8)
+                    (-t4)
                         .mul_add(
                             a2_3_over_10_lb,
-                            (-t7).mul_add(a2_2_over_10_lb, self.c5 * beta),
+                            (-t3).mul_add(a2_2_over_10_lb, self.c5 * beta),
                         ),
                     t20,
                     (-t1)
@@ -1133,12 +1134,12 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             /// mass matrix A = W^T L_yy Psi
             let [A_beta_dot_Omega1_over_mb_lb2, A_Omega1_Omega1_over_mb_lb2, t25,
             A_Omega2_Omega2_over_mb_lb2, t26] = {
-                let t24 = t8.mul_add(R::from_f64(2.5), t7);
+                let t24 = t4.mul_add(R::from_f64(2.5), t3);
                 [
                     t24.mul_add(self.c2, R::ONE),
-                    t1.mul_add(t3, t24.mul_add(self.c10, self.c11)),
-                    t1 * t6,
-                    t6.mul_add(t21, t9.mul_add(t9, self.c12)),
+                    t1.mul_add(t5, t24.mul_add(self.c10, self.c11)),
+                    t1 * t8,
+                    t8.mul_add(t21, t9.mul_add(t9, self.c12)),
                     t10 * t9,
                 ]
             };
@@ -1146,7 +1147,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             let [A_l5_1, t27, t28, t29, t30, A_s4_5_5_over_mb_lb2] = {
                 let A_s1_5_5_over_mb_lb2 = self
                     .c16
-                    .mul_add(t2 * t2, t8.mul_add(t8, t8.mul_add(self.c14, self.c15)));
+                    .mul_add(t2 * t2, t4.mul_add(t4, t4.mul_add(self.c14, self.c15)));
                 let A_s2_3_3_over_mb_lb2 = (-A_beta_dot_Omega1_over_mb_lb2)
                     .mul_add(A_beta_dot_Omega1_over_mb_lb2, A_Omega1_Omega1_over_mb_lb2);
                 let t27 = A_s2_3_3_over_mb_lb2.recip();
@@ -1191,7 +1192,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                     dot_Omega1,
                     (-A_beta_dot_Omega1_over_mb_lb2)
                         .mul_add(dot_Omega1, r_beta_dot_over_mb_lb2),
-                    (-A_l5_1).mul_add(dot_Omega3, self.c7 * r_alpha_dot_over_mb_lb2),
+                    (-A_l5_1).mul_add(dot_Omega3, self.c34 * r_alpha_dot_over_mb_lb2),
                 ]
             };
             (
@@ -1207,19 +1208,19 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                 [
                     t1,
                     t2,
-                    t0,
                     t3,
                     t4,
-                    Omega3,
+                    t0,
+                    t5,
                     t6,
+                    Omega3,
+                    t8,
                     Omega1,
                     Omega2,
-                    t7,
-                    t8,
                     t9,
                     t10,
                     beta_dot,
-                    t5,
+                    t7,
                     v1_2_scaled,
                     v1_3_scaled,
                     t13,
@@ -1246,7 +1247,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                     t23,
                     t9 + t9,
                     t2 + t2,
-                    t8 + t8,
+                    t4 + t4,
                     A_beta_dot_Omega1_over_mb_lb2 + A_beta_dot_Omega1_over_mb_lb2,
                     t27,
                     t28,
@@ -1294,106 +1295,106 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                 let t0 = alpha_dot + Omega3;
                 let t1 = kept1.mul_add(alpha, inverse * sum0);
                 let t2 = -kept0.mul_add(alpha, inverse * sum1);
-                let t3 = self.c0 * t1;
-                let t5 = self.c0 * alpha_dot;
-                let t6 = kept1.mul_add(t5, kept4.mul_add(t2, sum3));
-                let t7 = self.c0 * t2;
-                let t10 = kept10.mul_add(beta, inverse * sum7);
-                let t11 = -kept9.mul_add(beta, inverse * sum8);
-                let t13 = kept13.mul_add(t10, kept9.mul_add(beta_dot, sum11));
-                let t15 = kept13.mul_add(t11, kept10.mul_add(beta_dot, sum13));
+                let t3 = kept3.mul_add(beta, inverse * sum2);
+                let t4 = -kept2.mul_add(beta, inverse * sum3);
+                let t5 = self.c0 * t1;
+                let t7 = self.c0 * alpha_dot;
+                let t8 = kept1.mul_add(t7, kept6.mul_add(t2, sum5));
+                let t9 = self.c0 * t2;
+                let t13 = kept13.mul_add(t3, kept2.mul_add(beta_dot, sum11));
+                let t15 = kept13.mul_add(t4, kept3.mul_add(beta_dot, sum13));
                 [
                     t0,
                     t1,
                     t2,
                     t3,
-                    kept2.mul_add(t3, kept3.mul_add(t0, sum2)),
+                    t4,
                     t5,
-                    t6,
+                    kept4.mul_add(t5, kept5.mul_add(t0, sum4)),
                     t7,
-                    kept5.mul_add(t7, kept6.mul_add(Omega3, sum4)) + t6,
-                    kept7.mul_add(t3, kept3.mul_add(Omega1, sum5))
-                        - kept8.mul_add(t7, kept6.mul_add(Omega2, sum6)),
-                    t10,
-                    t11,
-                    kept8.mul_add(t10, kept11.mul_add(Omega2, sum9))
-                        - kept5.mul_add(t11, kept12.mul_add(Omega3, sum10)),
+                    t8,
+                    t9,
+                    kept7.mul_add(t9, kept8.mul_add(Omega3, sum6)) + t8,
+                    kept9.mul_add(t5, kept5.mul_add(Omega1, sum7))
+                        - kept10.mul_add(t9, kept8.mul_add(Omega2, sum8)),
+                    kept10.mul_add(t3, kept11.mul_add(Omega2, sum9))
+                        - kept7.mul_add(t4, kept12.mul_add(Omega3, sum10)),
                     t13,
-                    kept7.mul_add(t10, kept11.mul_add(Omega1, sum12)) + t13,
+                    kept9.mul_add(t3, kept11.mul_add(Omega1, sum12)) + t13,
                     t15,
-                    kept7.mul_add(t11, kept12.mul_add(Omega1, sum14)) + t15,
+                    kept9.mul_add(t4, kept12.mul_add(Omega1, sum14)) + t15,
                 ]
             };
             /// accelerations of the velocities a = dv/dx xdot + omega x v at ydot = 0
             let [t17, t18, t19, t20, t21, t22, t23, t24, t25, t26, t27, t28] = {
-                let t18 = kept0.mul_add(t5, kept4.mul_add(t1, sum18));
-                let t20 = t6 + t8;
-                let t21 = t18 + t4;
+                let t18 = kept0.mul_add(t7, kept6.mul_add(t1, sum18));
+                let t20 = t8 + t10;
+                let t21 = t18 + t6;
                 let t23 = t13 + t14;
                 let t24 = t15 + t16;
                 let t26 = beta_dot + Omega1;
                 [
-                    kept5.mul_add(t8, kept15.mul_add(Omega3, sum16))
-                        + kept2.mul_add(t6, kept14.mul_add(t0, sum15))
-                        - kept8.mul_add(t9, kept16.mul_add(Omega2, sum17)),
+                    kept7.mul_add(t10, kept15.mul_add(Omega3, sum16))
+                        + kept4.mul_add(t8, kept14.mul_add(t0, sum15))
+                        - kept10.mul_add(t11, kept16.mul_add(Omega2, sum17)),
                     t18,
-                    -(kept5.mul_add(t4, kept18.mul_add(Omega3, sum20))
-                        + kept2.mul_add(t18, kept17.mul_add(t0, sum19)))
-                        - kept7.mul_add(t9, kept16.mul_add(Omega1, sum21)),
+                    -(kept7.mul_add(t6, kept18.mul_add(Omega3, sum20))
+                        + kept4.mul_add(t18, kept17.mul_add(t0, sum19)))
+                        - kept9.mul_add(t11, kept16.mul_add(Omega1, sum21)),
                     t20,
                     t21,
-                    kept8.mul_add(t21, kept20.mul_add(Omega2, sum23))
-                        + kept7.mul_add(t20, kept19.mul_add(Omega1, sum22)),
+                    kept10.mul_add(t21, kept20.mul_add(Omega2, sum23))
+                        + kept9.mul_add(t20, kept19.mul_add(Omega1, sum22)),
                     t23,
                     t24,
-                    kept8.mul_add(t24, kept22.mul_add(Omega2, sum25))
-                        + kept5.mul_add(t23, kept21.mul_add(Omega3, sum24)),
+                    kept10.mul_add(t24, kept22.mul_add(Omega2, sum25))
+                        + kept7.mul_add(t23, kept21.mul_add(Omega3, sum24)),
                     t26,
-                    kept7.mul_add(t16, kept25.mul_add(Omega1, sum27))
+                    kept9.mul_add(t16, kept25.mul_add(Omega1, sum27))
                         + kept23.mul_add(t26, kept24.mul_add(t15, sum26))
-                        - kept5.mul_add(t12, kept26.mul_add(Omega3, sum28)),
-                    -(kept7.mul_add(t14, kept28.mul_add(Omega1, sum30))
+                        - kept7.mul_add(t12, kept26.mul_add(Omega3, sum28)),
+                    -(kept9.mul_add(t14, kept28.mul_add(Omega1, sum30))
                         + kept27.mul_add(t26, kept24.mul_add(t13, sum29)))
-                        - kept8.mul_add(t12, kept26.mul_add(Omega2, sum31)),
+                        - kept10.mul_add(t12, kept26.mul_add(Omega2, sum31)),
                 ]
             };
             /// forces rho dL/dx + F - C y p - (dp/dx xdot + dp/dt) of the rest, and -m dv/dy . a
             let [t29, t30, t31, t32, t33, t34, t35, t36, t37] = {
                 let t29 = kept0.mul_add(t17, kept29.mul_add(t1, sum32));
-                let t31 = kept31.mul_add(t10, sum34);
-                let t32 = kept32.mul_add(t11, sum35);
+                let t31 = kept31.mul_add(t3, sum34);
+                let t32 = kept32.mul_add(t4, sum35);
                 [
                     t29,
                     alpha.mul_add(self.c4, -t29)
                         - kept1.mul_add(t19, kept30.mul_add(t2, sum33)),
                     t31,
                     t32,
-                    beta.mul_add(self.c5, -kept9.mul_add(t27, t31))
-                        - kept10.mul_add(t28, t32),
+                    beta.mul_add(self.c5, -kept2.mul_add(t27, t31))
+                        - kept3.mul_add(t28, t32),
                     self.c6 * Omega3,
-                    self.c7 * t7,
+                    self.c7 * t9,
                     self.c8 * Omega3,
                     self.c9 * Omega2,
                 ]
             };
             /// mass matrix A = W^T L_yy Psi
             let [t38, t39, t40, t41] = {
-                let t38 = t11.mul_add(R::from_f64(2.5), t10);
+                let t38 = t4.mul_add(R::from_f64(2.5), t3);
                 [
                     t38,
                     self.c2 * t38,
-                    kept0.mul_add(t7, kept6.mul_add(t1, sum45)),
-                    kept12.mul_add(t10, kept11.mul_add(t11, sum48)),
+                    kept0.mul_add(t9, kept8.mul_add(t1, sum45)),
+                    kept12.mul_add(t3, kept11.mul_add(t4, sum48)),
                 ]
             };
             /// factors of A
             let [t42, t43, t44, t45, t46, t47] = {
                 let t43 = t38
-                    .mul_add(self.c10, kept0.mul_add(t3, kept3.mul_add(t1, sum44)))
+                    .mul_add(self.c10, kept0.mul_add(t5, kept5.mul_add(t1, sum44)))
                     - kept42.mul_add(t39, sum51);
                 let t44 = kept43 * (-kept44).mul_add(t43, t40 - sum52);
-                let t45 = kept6.mul_add(t35, kept36.mul_add(t7, sum47))
-                    + kept39.mul_add(t10, sum46)
+                let t45 = kept8.mul_add(t35, kept36.mul_add(t9, sum47))
+                    + kept39.mul_add(t3, sum46)
                     - kept45.mul_add(t44, kept44.mul_add(t40, sum53));
                 let t46 = kept46 * (-kept47).mul_add(t45, t41 - sum54);
                 [
@@ -1406,22 +1407,22 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                         .c16
                         .mul_add(
                             kept40.mul_add(t2, sum49),
-                            t11.mul_add(self.c14, kept41.mul_add(t11, sum50)),
+                            t4.mul_add(self.c14, kept41.mul_add(t4, sum50)),
                         ) - kept48.mul_add(t46, kept47.mul_add(t41, sum55)),
                 ]
             };
             /// substitution through the factors of A
             let [t48, t49, t51, t52, t53, t54, t55] = {
-                let t48 = kept33.mul_add(Omega2, kept8.mul_add(t34, sum36))
+                let t48 = kept33.mul_add(Omega2, kept10.mul_add(t34, sum36))
                     - kept11.mul_add(t27, t31) - kept12.mul_add(t28, t32)
                     - kept0.mul_add(t22, kept34.mul_add(t1, sum37))
                     - kept49.mul_add(t39, kept50.mul_add(t33, sum56));
                 let t49 = kept44.mul_add(t48, kept51.mul_add(t44, sum57))
                     + (kept34.mul_add(t35, kept36.mul_add(t22, sum39))
-                        + kept35.mul_add(Omega1, kept7.mul_add(t36, sum38))
-                        - kept11.mul_add(t25, kept37.mul_add(t10, sum40)));
-                let t50 = kept12.mul_add(t25, kept37.mul_add(t11, sum43))
-                    + (kept38.mul_add(Omega1, kept7.mul_add(t37, sum41)) - t29
+                        + kept35.mul_add(Omega1, kept9.mul_add(t36, sum38))
+                        - kept11.mul_add(t25, kept37.mul_add(t3, sum40)));
+                let t50 = kept12.mul_add(t25, kept37.mul_add(t4, sum43))
+                    + (kept38.mul_add(Omega1, kept9.mul_add(t37, sum41)) - t29
                         - kept30.mul_add(t35, kept36.mul_add(t19, sum42)))
                     - kept52.mul_add(t42, kept53.mul_add(t30, sum58));
                 let t51 = kept56
@@ -1448,53 +1449,36 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             workspace
                 .0
                 .push(
-                    [
-                        t56,
-                        t56,
-                        t0,
-                        t2,
-                        t7,
-                        t3,
-                        t7,
-                        t57,
-                        t57,
-                        t10,
-                        t11,
-                        t10,
-                        t10,
-                        t11,
-                        t11,
-                        t0,
-                    ],
+                    [t56, t56, t57, t57, t0, t2, t9, t5, t9, t3, t4, t3, t3, t4, t4, t0],
                     [
                         t2,
                         t1,
+                        t4,
                         t3,
                         t5,
+                        t7,
                         Omega3,
                         Omega1,
                         Omega2,
-                        t11,
-                        t10,
                         Omega2,
                         Omega3,
                         beta_dot,
                         Omega1,
                         beta_dot,
                         Omega1,
-                        t6,
+                        t8,
                     ],
                 );
             workspace
                 .1
                 .push(
                     [
-                        t8,
-                        t9,
+                        t10,
+                        t11,
                         t1,
                         t0,
-                        t4,
-                        t9,
+                        t6,
+                        t11,
                         t20,
                         t21,
                         t23,
@@ -1509,7 +1493,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                     [
                         Omega3,
                         Omega2,
-                        t5,
+                        t7,
                         t18,
                         Omega3,
                         Omega1,
@@ -1531,20 +1515,20 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                     [
                         t1,
                         t2,
-                        t10,
-                        t11,
+                        t3,
+                        t4,
                         t34,
                         t1,
                         t36,
                         t22,
-                        t10,
+                        t3,
                         t37,
                         t19,
-                        t11,
+                        t4,
                         t1,
                         t1,
-                        t10,
-                        t7,
+                        t3,
+                        t9,
                     ],
                     [
                         t17,
@@ -1559,9 +1543,9 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                         Omega1,
                         t35,
                         t25,
+                        t5,
+                        t9,
                         t3,
-                        t7,
-                        t10,
                         t35,
                     ],
                 );
@@ -1569,9 +1553,9 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                 .3
                 .push(
                     [
-                        t10,
+                        t3,
                         t2,
-                        t11,
+                        t4,
                         t39,
                         t43,
                         t40,
@@ -1587,9 +1571,9 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
                         t43,
                     ],
                     [
-                        t11,
+                        t4,
                         t2,
-                        t11,
+                        t4,
                         t39,
                         t44,
                         t44,
@@ -1609,7 +1593,7 @@ impl<R: ::hamel_runtime::Real> ::hamel_runtime::Jet<R> for Prepared<R> {
             let derivative = [
                 alpha_dot,
                 beta_dot,
-                t30.mul_add(self.c7, -kept53.mul_add(t51, kept55.mul_add(t42, sum66))),
+                t30.mul_add(self.c34, -kept53.mul_add(t51, kept55.mul_add(t42, sum66))),
                 t33 - kept50.mul_add(t55, kept60.mul_add(t39, sum65)),
                 t55,
                 t53,

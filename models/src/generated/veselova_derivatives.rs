@@ -459,6 +459,10 @@ pub struct Prepared<R = f64> {
     c56: R,
     /// `(I2 - I3) / (I1 * I2)`
     c57: R,
+    /// `k * chi2 / I1`
+    c58: R,
+    /// `I3 / I2`
+    c59: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -513,19 +517,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t6 = t5 / I2;
         let t7 = I2 - I3;
         let d_free_Omega1_d_gamma2 = t5 / I1;
-        let t8 = t3 / I3;
-        let d_free_Omega3_d_gamma2 = -t8;
+        let t8 = I3 / I2;
+        let t9 = t3 / I3;
+        let d_free_Omega3_d_gamma2 = -t9;
         let d_free_Omega3_d_gamma1 = t1 / I3;
         let d_free_Omega1_d_gamma3 = -t2;
         let d_free_Omega2_d_gamma1 = -t6;
-        let t9 = I1 * I3;
-        let t10 = I1 * I2;
-        let t11 = I1 * I1;
-        let t12 = k / I3;
-        let t13 = k / I2;
-        let t14 = k / I1;
-        let t15 = I2 * I3;
-        let t16 = I2 * I2;
+        let t10 = I1 * I3;
+        let t11 = I1 * I2;
+        let t12 = I1 * I1;
+        let t13 = k / I3;
+        let t14 = k / I2;
+        let t15 = k / I1;
+        let t16 = I2 * I3;
+        let t17 = I2 * I2;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -557,7 +562,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c4: t4 / I2,
             d_free_Omega1_d_gamma2,
             c5: t7 / I1,
-            c6: I3 / I2,
+            c6: t8,
             c7: I3 / I1,
             c8: I2 / I1,
             c9: I1 / I2,
@@ -576,17 +581,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c18: -(d_free_Omega3_d_gamma2 + d_free_Omega2_d_gamma3),
             c19: d_free_Omega3_d_gamma1 + d_free_Omega1_d_gamma3,
             c20: d_free_Omega2_d_gamma1 + d_free_Omega1_d_gamma2,
-            c21: t13,
-            c22: t12,
-            c23: t1 / t9,
-            c24: -(t3 / t9),
-            c25: t0 / t9,
-            c26: t3 / t10,
-            c27: -(t5 / t10),
-            c28: -(t4 / t10),
-            c29: t5 / t11,
-            c30: -(t1 / t11),
-            c31: t7 / t11,
+            c21: t14,
+            c22: t13,
+            c23: t1 / t10,
+            c24: -(t3 / t10),
+            c25: t0 / t10,
+            c26: t3 / t11,
+            c27: -(t5 / t11),
+            c28: -(t4 / t11),
+            c29: t5 / t12,
+            c30: -(t1 / t12),
+            c31: t7 / t12,
             c32: I3.recip(),
             c33: chi2 / I3,
             c34: -(chi1 / I3),
@@ -596,23 +601,25 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c38: I1.recip(),
             c39: chi3 / I1,
             c40: -(chi2 / I1),
-            c41: t14,
-            c42: t12 - t13,
-            c43: t13 - t14,
-            c44: t12 - t14,
-            c45: -t8,
+            c41: t15,
+            c42: t13 - t14,
+            c43: t14 - t15,
+            c44: t13 - t15,
+            c45: -t9,
             c46: t7 / I2,
             c47: t1 / I2,
             c48: t0 / I2,
             c49: I2 / I3,
-            c50: t1 / t15,
-            c51: -(t3 / t15),
-            c52: t0 / t15,
-            c53: t3 / t16,
-            c54: -(t5 / t16),
-            c55: -(t4 / t16),
-            c56: -(t1 / t10),
-            c57: t7 / t10,
+            c50: t1 / t16,
+            c51: -(t3 / t16),
+            c52: t0 / t16,
+            c53: t3 / t17,
+            c54: -(t5 / t17),
+            c55: -(t4 / t17),
+            c56: -(t1 / t11),
+            c57: t7 / t11,
+            c58: t2,
+            c59: t8,
         })
     }
 }
@@ -660,7 +667,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             Omega2
                 .mul_add(
                     self.c5 * Omega3,
-                    (-gamma3).mul_add(self.c0, self.d_free_Omega1_d_gamma2 * gamma2),
+                    (-gamma3).mul_add(self.c58, self.d_free_Omega1_d_gamma2 * gamma2),
                 ),
         ];
         /// response to the multipliers L_yy^-1 Lambda^T
@@ -680,7 +687,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 .mul_add(self.c9 * gamma2, gamma3 * free_Omega2);
             [
                 Z1_Omega2_scaled.mul_add(t1, gamma3 * t0) * t2,
-                (-t1).mul_add(self.c6 * gamma1, gamma3 * t3) * t2,
+                (-t1).mul_add(self.c59 * gamma1, gamma3 * t3) * t2,
                 (-gamma1).mul_add(t0, -(gamma2 * t3)) * t2,
             ]
         };

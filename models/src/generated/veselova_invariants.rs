@@ -256,6 +256,10 @@ pub struct Prepared<R = f64> {
     c16: R,
     /// `0.5 * I3`
     c17: R,
+    /// `k * chi2 / I1`
+    c18: R,
+    /// `I3 / I2`
+    c19: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -301,8 +305,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             }
         }
         let t0 = k * chi2;
-        let t1 = k * chi1;
-        let t2 = k * chi3;
+        let t1 = t0 / I1;
+        let t2 = k * chi1;
+        let t3 = k * chi3;
+        let t4 = I3 / I2;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -322,24 +328,26 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             });
         }
         Ok(Self {
-            c0: t0 / I1,
-            c1: -(t1 / I1),
+            c0: t1,
+            c1: -(t2 / I1),
             c2: (I1 - I2) / I1,
-            c3: t1 / I2,
-            c4: -(t2 / I2),
+            c3: t2 / I2,
+            c4: -(t3 / I2),
             c5: (I3 - I1) / I2,
-            c6: t2 / I1,
+            c6: t3 / I1,
             c7: (I2 - I3) / I1,
-            c8: I3 / I2,
+            c8: t4,
             c9: I3 / I1,
             c10: -(I2 / I1),
             c11: -(I1 / I2),
-            c12: t1,
+            c12: t2,
             c13: t0,
-            c14: t2,
+            c14: t3,
             c15: R::from_f64(0.5) * I1,
             c16: R::from_f64(0.5) * I2,
             c17: R::from_f64(0.5) * I3,
+            c18: t1,
+            c19: t4,
         })
     }
 }
@@ -381,7 +389,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             Omega1.mul_add(self.c2 * Omega2, gamma2.mul_add(self.c1, self.c0 * gamma1)),
             Omega1.mul_add(self.c5 * Omega3, gamma1.mul_add(self.c4, self.c3 * gamma3)),
             Omega2
-                .mul_add(self.c7 * Omega3, (-gamma3).mul_add(self.c0, self.c6 * gamma2)),
+                .mul_add(self.c7 * Omega3, (-gamma3).mul_add(self.c18, self.c6 * gamma2)),
         ];
         /// response to the multipliers L_yy^-1 Lambda^T
         let [Z1_Omega2_scaled, Z1_Omega1_scaled] = [self.c8 * gamma2, self.c9 * gamma1];
@@ -399,7 +407,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t3 = free_Omega3_scaled.mul_add(self.c11 * gamma2, gamma3 * free_Omega2);
             [
                 Z1_Omega2_scaled.mul_add(t1, gamma3 * t0) * t2,
-                (-t1).mul_add(self.c8 * gamma1, gamma3 * t3) * t2,
+                (-t1).mul_add(self.c19 * gamma1, gamma3 * t3) * t2,
                 (-gamma1).mul_add(t0, -(gamma2 * t3)) * t2,
             ]
         };

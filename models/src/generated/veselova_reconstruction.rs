@@ -300,6 +300,10 @@ pub struct Prepared<R = f64> {
     c22: R,
     /// `I1 - I2`
     c23: R,
+    /// `k * chi2 / I1`
+    c24: R,
+    /// `I3 / I2`
+    c25: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -354,6 +358,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t7 = t6 / I2;
         let t8 = I2 - I3;
         let t9 = t6 / I1;
+        let t10 = I3 / I2;
         if !I1.all_gt(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "I1 > 0",
@@ -384,7 +389,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c5: -(t5 / I2),
             c6: t9,
             c7: t8 / I1,
-            c8: I3 / I2,
+            c8: t10,
             c9: I3 / I1,
             c10: -(I2 / I1),
             c11: -(I1 / I2),
@@ -400,6 +405,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             c21: I3 * (t3 / I3 - t4),
             c22: I3 * t5 / I2,
             c23: t0,
+            c24: t2,
+            c25: t10,
         })
     }
 }
@@ -441,7 +448,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             Omega1.mul_add(self.c2 * Omega2, gamma2.mul_add(self.c1, self.c0 * gamma1)),
             Omega1.mul_add(self.c5 * Omega3, gamma1.mul_add(self.c4, self.c3 * gamma3)),
             Omega2
-                .mul_add(self.c7 * Omega3, (-gamma3).mul_add(self.c0, self.c6 * gamma2)),
+                .mul_add(self.c7 * Omega3, (-gamma3).mul_add(self.c24, self.c6 * gamma2)),
         ];
         /// response to the multipliers L_yy^-1 Lambda^T
         let [Z1_Omega2_scaled, Z1_Omega1_scaled] = [self.c8 * gamma2, self.c9 * gamma1];
@@ -459,7 +466,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t3 = free_Omega3_scaled.mul_add(self.c11 * gamma2, gamma3 * free_Omega2);
             [
                 Z1_Omega2_scaled.mul_add(t1, gamma3 * t0) * t2,
-                (-t1).mul_add(self.c8 * gamma1, gamma3 * t3) * t2,
+                (-t1).mul_add(self.c25 * gamma1, gamma3 * t3) * t2,
                 (-gamma1).mul_add(t0, -(gamma2 * t3)) * t2,
             ]
         };

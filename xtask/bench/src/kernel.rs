@@ -35,11 +35,15 @@ pub struct Timing {
     pub min: f64,
     /// In the median round.
     pub median: f64,
+    /// In the fastest round of calls each of which waits for the one before.
+    pub chain: f64,
 }
 
 trait Run {
     /// Calls with every input once, `n` times over.
     fn sweep(&mut self, n: u64);
+    /// As many calls as a sweep makes, each at the state to which the derivative before it led.
+    fn chain(&mut self, n: u64);
     /// Inputs of a sweep.
     fn n_inputs(&self) -> u64;
     /// The derivative on the first lane for given parameters.
@@ -117,6 +121,23 @@ impl<R: Real, P, const N: usize> Run for Typed<R, P, N> {
         }
     }
 
+    fn chain(&mut self, n: u64) {
+        let call = black_box(self.call);
+        let prepared = black_box(&self.prepared);
+        let (t, h) = (black_box(R::ZERO), black_box(R::from_f64(1e-9)));
+        for _ in 0..n {
+            // From the start again, so that the state stays where it is.
+            let (mut y, mut dy) = (self.inputs[0], [R::ZERO; N]);
+            for _ in 0..self.inputs.len() {
+                call(prepared, t, &y, &mut dy);
+                for (y, dy) in y.iter_mut().zip(dy) {
+                    *y = dy.mul_add(h, *y);
+                }
+            }
+            black_box(y);
+        }
+    }
+
     fn n_inputs(&self) -> u64 {
         self.inputs.len() as u64
     }
@@ -156,19 +177,24 @@ pub fn copy() -> Kernel {
 
 /// Times kernels in rounds, each round all of them in turn, so that a change of the clock meets them alike.
 ///
-/// One round of a kernel takes about `length`. After each round `done` is called.
+/// One round of a kernel takes about `length`, and its chain of calls as often as it is called there. After each round `done` is called.
 pub fn time(kernels: &mut [Kernel], rounds: usize, length: Duration, mut done: impl FnMut()) -> Vec<Timing> {
     let n_sweeps: Vec<u64> = kernels.iter_mut().map(|k| sweeps_in(k, length)).collect();
     let mut times = vec![Vec::with_capacity(rounds); kernels.len()];
+    let mut chains = vec![f64::INFINITY; kernels.len()];
     for _ in 0..rounds {
-        for ((kernel, n), times) in kernels.iter_mut().zip(&n_sweeps).zip(&mut times) {
+        let rest = times.iter_mut().zip(&mut chains);
+        for ((kernel, n), (times, chain)) in kernels.iter_mut().zip(&n_sweeps).zip(rest) {
             let clock = Instant::now();
             let n_calls = kernel.sweep(*n);
             times.push(clock.elapsed().as_secs_f64() * 1e9 / n_calls as f64);
+            let clock = Instant::now();
+            kernel.run.chain(*n);
+            *chain = chain.min(clock.elapsed().as_secs_f64() * 1e9 / n_calls as f64);
         }
         done();
     }
-    times.iter_mut().map(|times| Timing::of(times)).collect()
+    times.iter_mut().zip(chains).map(|(times, chain)| Timing::of(times, chain)).collect()
 }
 
 fn sweeps_in(kernel: &mut Kernel, length: Duration) -> u64 {
@@ -190,10 +216,10 @@ fn sweeps_in(kernel: &mut Kernel, length: Duration) -> u64 {
 }
 
 impl Timing {
-    fn of(times: &mut [f64]) -> Timing {
+    fn of(times: &mut [f64], chain: f64) -> Timing {
         times.sort_by(f64::total_cmp);
         let at = |k: usize| times.get(k).copied().unwrap_or(f64::NAN);
-        Timing { min: at(0), median: at(times.len() / 2) }
+        Timing { min: at(0), median: at(times.len() / 2), chain }
     }
 }
 

@@ -2,7 +2,8 @@
 //!
 //! ```text
 //! hamel-bench list                            one line a kernel: model/scene/kind and the number of lanes
-//! hamel-bench time <rounds> <kernel>..        a line `round` after each round, then `<kernel> <min> <median>` in ns
+//! hamel-bench time <rounds> <kernel>..        a line `round` after each round, then
+//!                                             `<kernel> <min> <median> <chain>` in ns
 //! hamel-bench call <n> <kernel>               sweeps n times over the inputs and prints the number of calls
 //! hamel-bench solvers                         names of the models whose integration can be timed
 //! hamel-bench solve <rounds> <model> <t> <params> <initial> <final>
@@ -59,7 +60,7 @@ fn run(arguments: &[String]) -> Result<(), String> {
             let rounds = number(rounds)?.max(1) as usize;
             let timings = kernel::time(&mut kernels, rounds, ROUND, || println!("round"));
             for (kernel, timing) in kernels.iter().zip(timings) {
-                println!("{kernel} {} {}", timing.min, timing.median);
+                println!("{kernel} {} {} {}", timing.min, timing.median, timing.chain);
             }
         }
         ["call", n, _] => {

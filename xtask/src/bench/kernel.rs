@@ -53,6 +53,8 @@ pub(crate) struct Row {
     pub(crate) min: f64,
     /// Nanoseconds in the median round.
     pub(crate) median: f64,
+    /// Nanoseconds in the fastest round of calls each of which waits for the one before.
+    pub(crate) chain: Option<f64>,
 }
 
 #[cfg(test)]

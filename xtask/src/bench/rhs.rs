@@ -106,7 +106,7 @@ fn measure(programs: &[Program], rounds: u32, notes: &mut Vec<String>) -> Result
     let kernels = programs.iter().map(|p| p.kernels.len() as u64).sum::<u64>();
     let n_rounds = u64::from(rounds) * programs.len() as u64;
     let bar = progress(n_rounds + counter.as_ref().map_or(0, |_| kernels));
-    let mut timings: Vec<Vec<Vec<[f64; 2]>>> = vec![Vec::new(); programs.len()];
+    let mut timings: Vec<Vec<Vec<Timing>>> = vec![Vec::new(); programs.len()];
     for turn in 0..TURNS.min(rounds) {
         let rounds = (rounds + turn) / TURNS.min(rounds);
         for (program, timings) in programs.iter().zip(&mut timings) {
@@ -121,15 +121,18 @@ fn measure(programs: &[Program], rounds: u32, notes: &mut Vec<String>) -> Result
         };
         let rows = program.kernels.iter().zip(counted).enumerate().map(|(k, (kernel, instructions))| {
             let lanes = f64::from(kernel.lanes);
-            let of = |which: usize| timings.iter().map(move |turn| turn[k][which] / lanes);
-            let mut medians: Vec<f64> = of(1).collect();
+            let of = |which: fn(&Timing) -> Option<f64>| {
+                timings.iter().filter_map(move |turn| which(&turn[k]).map(|ns| ns / lanes))
+            };
+            let mut medians: Vec<f64> = of(|t| Some(t.1)).collect();
             medians.sort_by(f64::total_cmp);
             Row {
                 kernel: kernel.clone(),
                 counts: None,
                 instructions: instructions.map(|n| n / lanes),
-                min: of(0).fold(f64::INFINITY, f64::min),
+                min: of(|t| Some(t.0)).fold(f64::INFINITY, f64::min),
                 median: medians[medians.len() / 2],
+                chain: of(|t| t.2).min_by(f64::total_cmp),
             }
         });
         all.push(rows.collect::<Vec<_>>());
@@ -163,16 +166,20 @@ fn list(program: &Path) -> Result<Vec<Kernel>, Error> {
         .collect()
 }
 
-/// Nanoseconds of a call, in the fastest and the median round.
-fn time(program: &Path, kernels: &[Kernel], rounds: u32, bar: &ProgressBar) -> Result<Vec<[f64; 2]>, Error> {
+/// Nanoseconds of a call in the fastest and the median round, and where the program tells them those of a call that
+/// waits for the one before.
+type Timing = (f64, f64, Option<f64>);
+
+fn time(program: &Path, kernels: &[Kernel], rounds: u32, bar: &ProgressBar) -> Result<Vec<Timing>, Error> {
     bar.set_message("timing");
     let mut command = Command::new(program);
     command.arg("time").arg(rounds.to_string()).args(kernels.iter().map(Kernel::name));
     let mut timings = Vec::new();
     converse(command, PACKAGE, bar, |line| {
-        let words: Vec<&str> = line.rsplitn(3, ' ').collect();
-        let [median, min, _] = words[..] else { return None };
-        timings.push([min, median].map(|x| x.parse().unwrap_or(f64::NAN)));
+        let times = line.strip_prefix(&kernels.get(timings.len())?.name())?.split_whitespace();
+        let times: Vec<f64> = times.map(|x| x.parse().unwrap_or(f64::NAN)).collect();
+        let [min, median, ref chain @ ..] = times[..] else { return None };
+        timings.push((min, median, chain.first().copied()));
         Some(())
     })?;
     if timings.len() == kernels.len() { Ok(timings) } else { Err(failed("not every kernel was timed")) }

@@ -129,6 +129,14 @@ fn write_statement(statement: &Statement, text: &mut String) {
             let angle = angle.clone().at_least(Binding::Atom).text;
             format!("let ({sine}, {cosine}) = {angle}.sin_cos();")
         }
+        Statement::BindTwoPairs { sines: [sine, other_sine], cosines: [cosine, other_cosine], angles } => {
+            let [angle, other] = angles;
+            let angle = angle.clone().at_least(Binding::Atom).text;
+            format!(
+                "let ([{sine}, {other_sine}], [{cosine}, {other_cosine}]) = {angle}.sin_cos_of_two({});",
+                other.text
+            )
+        }
         Statement::Block { title, inner, names, values } => {
             let list = |several: &[String]| match several {
                 [single] => single.clone(),

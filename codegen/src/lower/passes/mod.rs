@@ -2,6 +2,7 @@
 //!
 //! The order in which they run stands in [`PASSES`]; none calls another. Does not know: expressions, mechanics.
 
+mod copies;
 mod factors;
 mod fuse;
 mod pair;
@@ -14,12 +15,13 @@ use crate::program::Program;
 pub(super) type Pass = (&'static str, fn(&mut Program));
 
 /// All passes in order.
-pub(super) const PASSES: [Pass; 7] = [
+pub(super) const PASSES: [Pass; 8] = [
     ("fused sums", fuse::fuse),
     ("signs of functions", signs::absorb_in_functions),
     ("signs of prepared numbers", signs::negate_slots),
     ("signs of the prepare part", signs::absorb_in_prepare),
     ("order of factors", factors::order_factors),
     ("order of slots", slots::order_slots),
+    ("copies of prepared numbers", copies::copy_slots),
     ("pairs of sines and cosines", pair::pair),
 ];
