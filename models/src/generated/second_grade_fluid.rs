@@ -342,6 +342,66 @@ pub struct Prepared<R = f64> {
     c26: R,
     /// `alpha1 + alpha2`
     c27: R,
+    /// `(1 + 3 * alpha1) / (2 * (1 + alpha1))`
+    c28: R,
+    /// `-(2 * mu / (2 * (1 + alpha1)))`
+    c29: R,
+    /// `0.25 * (1 + 12 * alpha1) / (0.5 + 2 * alpha1)`
+    c30: R,
+    /// `-(2 * mu / (0.5 + 2 * alpha1))`
+    c31: R,
+    /// `(4/5) * (1 + 6 * alpha1) / (0.5 + 2 * alpha1)`
+    c32: R,
+    /// `-(2 * mu / ((2/5) + 2 * alpha1))`
+    c33: R,
+    /// `0.5 * (1 + 6 * alpha1) / (1 + 2 * alpha1)`
+    c34: R,
+    /// `-(2 * mu / (1 + 2 * alpha1))`
+    c35: R,
+    /// `-(2 * mu / (2 * (1 + alpha1)))`
+    c36: R,
+    /// `(1/5) * (1 + 9 * alpha1) / (2 * (1 + alpha1))`
+    c37: R,
+    /// `-(2 * mu / (2 * (1 + alpha1)))`
+    c38: R,
+    /// `(1/5) * (1 + 9 * alpha1) / (2 * (1 + alpha1))`
+    c39: R,
+    /// `-(2 * mu / (1 + 2 * alpha1))`
+    c40: R,
+    /// `-(2 * mu / (1 + 2 * alpha1))`
+    c41: R,
+    /// `0.5 * (1 + 6 * alpha1) / (1 + 2 * alpha1)`
+    c42: R,
+    /// `(9/25) * (1 + 7 * alpha1) / ((2/5) + 2 * alpha1)`
+    c43: R,
+    /// `-(2 * mu / ((2/5) + 2 * alpha1))`
+    c44: R,
+    /// `-(2 * mu / ((2/5) + 2 * alpha1))`
+    c45: R,
+    /// `(1/5) * (1 + 3 * alpha1) / ((2/5) + 2 * alpha1)`
+    c46: R,
+    /// `(7/10) * (1 + 9 * alpha1) / ((2/5) + 2 * alpha1)`
+    c47: R,
+    /// `(2/25) * (1 + 9 * alpha1) / ((2/5) + 2 * alpha1)`
+    c48: R,
+    /// `-(2 * mu / ((2/5) + 2 * alpha1))`
+    c49: R,
+    /// `-(2 * mu / ((2/5) + 2 * alpha1))`
+    c50: R,
+    /// `-(2 * mu / (0.5 + 2 * alpha1))`
+    c51: R,
+    /// `(4/5) * (1 + 6 * alpha1) / (0.5 + 2 * alpha1)`
+    c52: R,
+    /// `-(2 * mu / (0.5 + 2 * alpha1))`
+    c53: R,
+    /// `0.25 * (1 + 12 * alpha1) / (0.5 + 2 * alpha1)`
+    c54: R,
+    /// `-(2 * mu / ((2/5) + 2 * alpha1))`
+    c55: R,
+    /// `-(2 * mu / ((2/5) + 2 * alpha1))`
+    c56: R,
+    /// `-(2 * mu / (0.25 + 2 * alpha1))`
+    c57: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -393,9 +453,24 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t15 = R::ONE + R::from_f64(7.0) * alpha1;
         let t16 = R::from_f64(2.0) * mu;
         let t17 = R::ONE + R::from_f64(3.0) * alpha1;
-        let t18 = R::ONE + R::from_f64(9.0) * alpha1;
-        let t19 = R::ONE + R::from_f64(6.0) * alpha1;
-        let t20 = R::ratio(4.0, 5.0) * t19;
+        let t18 = t17 / A_re_0_1_re_0_1;
+        let t19 = R::ONE + R::from_f64(9.0) * alpha1;
+        let t20 = R::ratio(1.0, 5.0) * t19 / A_re_0_1_re_0_1;
+        let t21 = R::from_f64(0.25) * (R::ONE + R::from_f64(12.0) * alpha1)
+            / A_re_0_2_re_0_2;
+        let t22 = R::ONE + R::from_f64(6.0) * alpha1;
+        let t23 = R::ratio(4.0, 5.0) * t22;
+        let t24 = t23 / A_re_0_2_re_0_2;
+        let t25 = R::ratio(2.0, 25.0) * t19 / A_re_1_m2_re_1_m2;
+        let t26 = R::ratio(1.0, 5.0) * t17 / A_re_1_m2_re_1_m2;
+        let t27 = R::ratio(7.0, 10.0) * t19 / A_re_1_m2_re_1_m2;
+        let t28 = R::ratio(9.0, 25.0) * t15 / A_re_1_m2_re_1_m2;
+        let t29 = R::from_f64(0.5) * t22 / A_re_1_m1_re_1_m1;
+        let t30 = -(t16 / A_re_0_1_re_0_1);
+        let t31 = -(t16 / A_re_0_2_re_0_2);
+        let t32 = -(t16 / A_re_1_m2_re_1_m2);
+        let t33 = -(t16 / A_re_1_m1_re_1_m1);
+        let t34 = -(t16 / A_re_2_m2_re_2_m2);
         if !t0.all_ne(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "1 + alpha1 != 0",
@@ -547,26 +622,25 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             });
         }
         Ok(Self {
-            c0: -(t16 / A_re_2_m2_re_2_m2),
+            c0: t34,
             c1: R::ratio(3.0, 5.0) * t15 / A_re_0_1_re_0_1,
             c2: R::ratio(3.0, 10.0) * (R::ONE + R::from_f64(13.0) * alpha1)
                 / A_re_0_1_re_0_1,
-            c3: t17 / A_re_0_1_re_0_1,
-            c4: R::ratio(1.0, 5.0) * t18 / A_re_0_1_re_0_1,
-            c5: -(t16 / A_re_0_1_re_0_1),
-            c6: R::from_f64(0.25) * (R::ONE + R::from_f64(12.0) * alpha1)
-                / A_re_0_2_re_0_2,
-            c7: -(t16 / A_re_0_2_re_0_2),
-            c8: t20 / A_re_0_2_re_0_2,
-            c9: R::ratio(2.0, 25.0) * t18 / A_re_1_m2_re_1_m2,
-            c10: R::ratio(1.0, 5.0) * t17 / A_re_1_m2_re_1_m2,
-            c11: R::ratio(7.0, 10.0) * t18 / A_re_1_m2_re_1_m2,
-            c12: R::ratio(9.0, 25.0) * t15 / A_re_1_m2_re_1_m2,
-            c13: -(t16 / A_re_1_m2_re_1_m2),
-            c14: t20 / A_re_1_m1_re_1_m1,
-            c15: R::from_f64(0.5) * t19 / A_re_1_m1_re_1_m1,
-            c16: -(t16 / A_re_1_m1_re_1_m1),
-            c17: R::ratio(2.0, 5.0) * t19 / A_re_2_m2_re_2_m2,
+            c3: t18,
+            c4: t20,
+            c5: t30,
+            c6: t21,
+            c7: t31,
+            c8: t24,
+            c9: t25,
+            c10: t26,
+            c11: t27,
+            c12: t28,
+            c13: t32,
+            c14: t23 / A_re_1_m1_re_1_m1,
+            c15: t29,
+            c16: t33,
+            c17: R::ratio(2.0, 5.0) * t22 / A_re_2_m2_re_2_m2,
             c18: t0,
             c19: R::from_f64(0.125) * t4,
             c20: R::from_f64(0.25) * t2,
@@ -579,6 +653,36 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             A_re_1_m1_re_1_m1,
             c26: R::from_f64(0.25) * t4,
             c27: alpha1 + alpha2,
+            c28: t18,
+            c29: t30,
+            c30: t21,
+            c31: t31,
+            c32: t24,
+            c33: t32,
+            c34: t29,
+            c35: t33,
+            c36: t30,
+            c37: t20,
+            c38: t30,
+            c39: t20,
+            c40: t33,
+            c41: t33,
+            c42: t29,
+            c43: t28,
+            c44: t32,
+            c45: t32,
+            c46: t26,
+            c47: t27,
+            c48: t25,
+            c49: t32,
+            c50: t32,
+            c51: t31,
+            c52: t24,
+            c53: t31,
+            c54: t21,
+            c55: t32,
+            c56: t32,
+            c57: t34,
         })
     }
 }
@@ -647,7 +751,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                             ),
                     ),
             );
-        let t15 = self.c3 * (im_1_m1 + im_1_1);
+        let t15 = self.c28 * (im_1_m1 + im_1_1);
         let t16 = im_2_m1 + im_2_1;
         let t17 = self.c3 * (re_1_m1 + re_1_1);
         let t18 = re_2_m1 + re_2_1;
@@ -666,7 +770,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                         re_2_m1
                                             .mul_add(
                                                 t9,
-                                                im_1_2.mul_add(t0, im_1_m2.mul_add(t4, self.c5 * im_0_1)),
+                                                im_1_2.mul_add(t0, im_1_m2.mul_add(t4, self.c29 * im_0_1)),
                                             ),
                                     ),
                             ),
@@ -677,7 +781,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t22 = self.c6 * im_2_0;
         let t23 = re_1_m2 - re_1_2;
         let t24 = im_1_m2 - im_1_2;
-        let t25 = self.c6 * (im_2_m2 + im_2_2);
+        let t25 = self.c30 * (im_2_m2 + im_2_2);
         let t26 = re_2_m2 + re_2_2;
         let t27 = im_1_m2 + im_1_2;
         let t28 = re_1_m2 + re_1_2;
@@ -729,7 +833,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                         re_1_m1
                                             .mul_add(
                                                 t35,
-                                                re_0_2.mul_add(t30, im_1_m2.mul_add(self.c13, -t41)),
+                                                re_0_2.mul_add(t30, im_1_m2.mul_add(self.c33, -t41)),
                                             ),
                                     ),
                             ),
@@ -743,7 +847,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t48 = self.c14 * re_1_0;
         let t49 = self.c14 * im_1_0;
         let t50 = re_0_2 + re_2_0;
-        let t51 = self.c15 * (im_0_2 + im_2_0);
+        let t51 = self.c34 * (im_0_2 + im_2_0);
         let t52 = (-re_2_1)
             .mul_add(
                 t0,
@@ -759,7 +863,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                         re_2_m1
                                             .mul_add(
                                                 t4,
-                                                im_1_m2.mul_add(t9, re_1_m2.mul_add(t8, self.c5 * re_1_0)),
+                                                im_1_m2.mul_add(t9, re_1_m2.mul_add(t8, self.c36 * re_1_0)),
                                             ),
                                     ),
                             ),
@@ -780,13 +884,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                         im_2_m1
                                             .mul_add(
                                                 t4,
-                                                im_1_2.mul_add(t2, re_1_m2.mul_add(t9, self.c5 * im_1_0)),
+                                                im_1_2.mul_add(t2, re_1_m2.mul_add(t9, self.c38 * im_1_0)),
                                             ),
                                     ),
                             ),
                     ),
             );
-        let t54 = self.c12 * re_1_m1;
+        let t54 = self.c43 * re_1_m1;
         let t55 = self.c12 * im_1_m1;
         let t56 = (-re_1_m2)
             .mul_add(
@@ -806,7 +910,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                                 re_1_1
                                                     .mul_add(
                                                         t34,
-                                                        (-re_0_2).mul_add(t29, re_1_2.mul_add(self.c13, t31)),
+                                                        (-re_0_2).mul_add(t29, re_1_2.mul_add(self.c44, t31)),
                                                     ),
                                             ),
                                     ),
@@ -831,7 +935,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                                 (-re_0_2)
                                                     .mul_add(
                                                         t30,
-                                                        im_1_m2.mul_add(t32, im_1_2.mul_add(self.c13, -t41)),
+                                                        im_1_m2.mul_add(t32, im_1_2.mul_add(self.c45, -t41)),
                                                     ),
                                             ),
                                     ),
@@ -843,13 +947,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t60 = self.c17 * re_0_1;
         let t61 = self.c17 * im_0_1;
         let t62 = R::from_f64(1.5) * re_2_0;
-        let t63 = self.c10 * re_1_0;
-        let t64 = self.c11 * re_0_1;
+        let t63 = self.c46 * re_1_0;
+        let t64 = self.c47 * re_0_1;
         let t65 = R::from_f64(1.5) * im_2_0;
         let t66 = im_0_1 * t65;
         let t67 = self.c10 * im_1_0;
         let t68 = self.c11 * im_0_1;
-        let t69 = self.c9 * re_0_2;
+        let t69 = self.c48 * re_0_2;
         let t70 = self.c9 * im_0_2;
         let t71 = (-im_1_m1)
             .mul_add(
@@ -866,7 +970,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                         (-re_0_1)
                                             .mul_add(
                                                 t62,
-                                                re_1_m2.mul_add(t38, re_2_m1.mul_add(self.c13, -t66)),
+                                                re_1_m2.mul_add(t38, re_2_m1.mul_add(self.c49, -t66)),
                                             ),
                                     ),
                             ),
@@ -888,7 +992,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                         re_1_m2
                                             .mul_add(
                                                 t39,
-                                                im_0_1.mul_add(t62, im_2_m1.mul_add(self.c13, -t72)),
+                                                im_0_1.mul_add(t62, im_2_m1.mul_add(self.c50, -t72)),
                                             ),
                                     ),
                             ),
@@ -909,7 +1013,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                         im_1_1
                                             .mul_add(
                                                 t67,
-                                                re_0_1.mul_add(t62, re_2_1.mul_add(self.c13, -t66)),
+                                                re_0_1.mul_add(t62, re_2_1.mul_add(self.c55, -t66)),
                                             ),
                                     ),
                             ),
@@ -930,7 +1034,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                         re_2_m1
                                             .mul_add(
                                                 t70,
-                                                im_0_1.mul_add(t62, im_2_1.mul_add(self.c13, t72)),
+                                                im_0_1.mul_add(t62, im_2_1.mul_add(self.c56, t72)),
                                             ),
                                     ),
                             ),
@@ -969,10 +1073,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     (-re_2_0).mul_add(t20, (-t21).mul_add(t22, self.c7 * re_0_2)),
                 ),
             self
-                .c8
+                .c32
                 .mul_add(
                     (-im_1_0).mul_add(t28, re_1_0 * t27),
-                    re_2_0.mul_add(t25, (-t22).mul_add(t26, self.c7 * im_0_2)),
+                    re_2_0.mul_add(t25, (-t22).mul_add(t26, self.c31 * im_0_2)),
                 ),
             (-im_2_m1)
                 .mul_add(t39, (-re_2_m1).mul_add(t38, (-im_2_m2).mul_add(t37, t40))),
@@ -1008,20 +1112,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                         .mul_add(
                                             t49,
                                             im_1_m2
-                                                .mul_add(t43, re_1_m2.mul_add(t47, self.c16 * im_1_m1)),
+                                                .mul_add(t43, re_1_m2.mul_add(t47, self.c35 * im_1_m1)),
                                         ),
                                 ),
                         ),
                 ),
             self
-                .c4
+                .c37
                 .mul_add(
                     (-im_0_2).mul_add(t27, re_0_2 * t23),
                     (-im_0_1)
                         .mul_add(t15, re_0_1.mul_add(t6, (-im_2_1).mul_add(t1, t52))),
                 ),
             self
-                .c4
+                .c39
                 .mul_add(
                     im_0_2.mul_add(t28, re_0_2 * t24),
                     im_0_1.mul_add(t17, re_0_1.mul_add(t7, (-im_2_1).mul_add(t0, t53))),
@@ -1038,12 +1142,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                     (-re_1_2)
                                         .mul_add(
                                             t43,
-                                            im_2_1.mul_add(t49, re_2_1.mul_add(t48, self.c16 * re_1_1)),
+                                            im_2_1.mul_add(t49, re_2_1.mul_add(t48, self.c40 * re_1_1)),
                                         ),
                                 ),
                         ),
                 ),
-            (-self.c15)
+            (-self.c42)
                 .mul_add(
                     im_1_m1.mul_add(t50, re_1_m1 * t45),
                     (-re_2_1)
@@ -1052,7 +1156,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                             (-im_1_2)
                                 .mul_add(
                                     t43,
-                                    im_2_1.mul_add(t48, re_1_2.mul_add(t47, self.c16 * im_1_1)),
+                                    im_2_1.mul_add(t48, re_1_2.mul_add(t47, self.c41 * im_1_1)),
                                 ),
                         ),
                 ),
@@ -1080,16 +1184,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             (-im_2_1).mul_add(t70, (-re_2_1).mul_add(t69, (-im_2_m2).mul_add(t68, t71))),
             (-im_2_1).mul_add(t69, re_2_1.mul_add(t70, im_2_m2.mul_add(t64, t73))),
             self
-                .c8
+                .c52
                 .mul_add(
                     (-im_0_1).mul_add(t16, re_0_1 * t12),
-                    (-im_0_2).mul_add(t25, re_0_2.mul_add(t20, self.c7 * re_2_0)),
+                    (-im_0_2).mul_add(t25, re_0_2.mul_add(t20, self.c51 * re_2_0)),
                 ),
             self
-                .c6
+                .c54
                 .mul_add(
                     im_0_2.mul_add(t26, re_0_2 * t21),
-                    self.c8.mul_add(im_0_1.mul_add(t18, re_0_1 * t10), self.c7 * im_2_0),
+                    self.c8.mul_add(im_0_1.mul_add(t18, re_0_1 * t10), self.c53 * im_2_0),
                 ),
             (-im_2_2).mul_add(t68, (-re_2_2).mul_add(t64, (-im_2_m1).mul_add(t70, t74))),
             (-im_2_2).mul_add(t64, (-im_1_2).mul_add(t54, (-re_1_2).mul_add(t55, t75))),
@@ -1099,7 +1203,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     (-re_1_2)
                         .mul_add(
                             t58,
-                            re_2_1.mul_add(t60, im_1_2.mul_add(t59, self.c0 * re_2_2)),
+                            re_2_1.mul_add(t60, im_1_2.mul_add(t59, self.c57 * re_2_2)),
                         ),
                 ),
             (-im_1_2)

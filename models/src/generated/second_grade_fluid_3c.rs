@@ -275,6 +275,30 @@ pub struct Prepared<R = f64> {
     A_o_re_0_1_o_re_0_1: R,
     /// `2 * (1 + 2 * alpha1)`
     c13: R,
+    /// `2 * (1 + 3 * alpha1) / (2 * (1 + alpha1))`
+    c14: R,
+    /// `-(2 * mu / (2 * (1 + alpha1)))`
+    c15: R,
+    /// `2 * (2 * alpha1 + alpha2) / (2 * (1 + alpha1))`
+    c16: R,
+    /// `-(2 * mu / (2 * (1 + alpha1)))`
+    c17: R,
+    /// `2 * (2 * alpha1 + alpha2) / (2 * (1 + alpha1))`
+    c18: R,
+    /// `-(2 * mu / (2 * (1 + alpha1)))`
+    c19: R,
+    /// `2 * (1 + 3 * alpha1) / (2 * (1 + alpha1))`
+    c20: R,
+    /// `-(4 * mu / (2 + 4 * alpha1))`
+    c21: R,
+    /// `-(2 * mu / (2 * (1 + alpha1)))`
+    c22: R,
+    /// `2 * (1 + alpha1 - alpha2) / (2 * (1 + alpha1))`
+    c23: R,
+    /// `-(4 * mu / (2 + 4 * alpha1))`
+    c24: R,
+    /// `2 * (1 + 2 * alpha1 + alpha2) / (2 + 4 * alpha1)`
+    c25: R,
 }
 
 #[allow(non_snake_case, reason = "names are those of the model")]
@@ -314,8 +338,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t6 = R::from_f64(20.0) + R::from_f64(40.0) * t3;
         let t7 = A_w_re_1_m1_w_re_1_m1 + t6;
         let t8 = R::from_f64(2.0) * mu;
-        let t9 = R::from_f64(4.0) * mu;
-        let t10 = t9 / A_w_re_1_m1_w_re_1_m1;
+        let t9 = R::from_f64(2.0) * (R::ONE + R::from_f64(3.0) * alpha1)
+            / A_o_re_0_1_o_re_0_1;
+        let t10 = R::from_f64(2.0) * (t1 + alpha2) / A_o_re_0_1_o_re_0_1;
+        let t11 = R::from_f64(4.0) * mu;
+        let t12 = t11 / A_w_re_1_m1_w_re_1_m1;
+        let t13 = R::from_f64(2.0) * (t0 - alpha2) / A_o_re_0_1_o_re_0_1;
+        let t14 = R::from_f64(2.0) * (t2 + alpha2) / A_w_re_1_m1_w_re_1_m1;
+        let t15 = -t12;
+        let t16 = -(t8 / A_o_re_0_1_o_re_0_1);
+        let t17 = -t12;
         if !t0.all_ne(R::ZERO) {
             return Err(::hamel_runtime::ParamError {
                 condition: "1 + alpha1 != 0",
@@ -401,22 +433,33 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             });
         }
         Ok(Self {
-            c0: -t10,
-            c1: -t10,
-            c2: R::from_f64(2.0) * (t2 + alpha2) / A_w_re_1_m1_w_re_1_m1,
-            c3: -(t8 / A_o_re_0_1_o_re_0_1),
-            c4: R::from_f64(2.0) * (t1 + alpha2) / A_o_re_0_1_o_re_0_1,
-            c5: R::from_f64(2.0) * (t0 - alpha2) / A_o_re_0_1_o_re_0_1,
-            c6: R::from_f64(2.0) * (R::ONE + R::from_f64(3.0) * alpha1)
-                / A_o_re_0_1_o_re_0_1,
+            c0: t15,
+            c1: t17,
+            c2: t14,
+            c3: t16,
+            c4: t10,
+            c5: t13,
+            c6: t9,
             c7: t2,
             c8: R::from_f64(0.5) * t2,
             c9: t0,
-            c10: -t9,
+            c10: -t11,
             c11: R::from_f64(6.0) * (alpha1 + alpha2),
             c12: -t8,
             A_o_re_0_1_o_re_0_1,
             c13: R::from_f64(2.0) * t2,
+            c14: t9,
+            c15: t16,
+            c16: t10,
+            c17: t16,
+            c18: t10,
+            c19: t16,
+            c20: t9,
+            c21: t15,
+            c22: t16,
+            c23: t13,
+            c24: t17,
+            c25: t14,
         })
     }
 }
@@ -458,7 +501,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t6 = w_re_1_m1 - w_re_1_1;
         let t7 = w_im_1_m1 - w_im_1_1;
         let t8 = o_im_1_m1.mul_add(R::from_f64(0.5), t3);
-        let t9 = self.c6 * t8;
+        let t9 = self.c14 * t8;
         let t10 = o_re_1_m1.mul_add(R::from_f64(0.5), t0);
         let t11 = w_im_1_m1 + w_im_1_1;
         let t12 = w_re_1_m1 + w_re_1_1;
@@ -473,31 +516,31 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     (-o_re_1_0).mul_add(t2, (-t4).mul_add(t5, self.c3 * o_re_0_1)),
                 ),
             self
-                .c4
+                .c16
                 .mul_add(
                     (-w_im_1_0).mul_add(t12, w_re_1_0 * t11),
-                    o_re_1_0.mul_add(t9, (-t5).mul_add(t10, self.c3 * o_im_0_1)),
+                    o_re_1_0.mul_add(t9, (-t5).mul_add(t10, self.c15 * o_im_0_1)),
                 ),
             self.c0 * o_re_1_m1,
             self.c0 * o_im_1_m1,
             self
-                .c4
+                .c18
                 .mul_add(
                     (-w_im_0_1).mul_add(t11, w_re_0_1 * t6),
-                    (-o_im_0_1).mul_add(t9, o_re_0_1.mul_add(t2, self.c3 * o_re_1_0)),
+                    (-o_im_0_1).mul_add(t9, o_re_0_1.mul_add(t2, self.c17 * o_re_1_0)),
                 ),
             self
-                .c6
+                .c20
                 .mul_add(
                     o_im_0_1.mul_add(t10, o_re_0_1 * t4),
                     self
                         .c4
                         .mul_add(
                             w_im_0_1.mul_add(t12, w_re_0_1 * t7),
-                            self.c3 * o_im_1_0,
+                            self.c19 * o_im_1_0,
                         ),
                 ),
-            self.c0 * o_re_1_1,
+            self.c21 * o_re_1_1,
             self.c0 * o_im_1_1,
             (-self.c5)
                 .mul_add(
@@ -513,10 +556,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             (-t13).mul_add(self.c2, w_re_1_m1.mul_add(self.c1, -t14)),
             t15.mul_add(self.c2, w_im_1_m1.mul_add(self.c1, -t16)),
             self
-                .c5
+                .c23
                 .mul_add(
                     (-o_im_0_1).mul_add(t11, o_re_0_1 * t6),
-                    (-w_re_0_1).mul_add(t1, w_im_0_1.mul_add(t8, self.c3 * w_re_1_0)),
+                    (-w_re_0_1).mul_add(t1, w_im_0_1.mul_add(t8, self.c22 * w_re_1_0)),
                 ),
             self
                 .c5
@@ -524,7 +567,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                     o_im_0_1.mul_add(t12, o_re_0_1 * t7),
                     (-w_im_0_1).mul_add(t10, (-w_re_0_1).mul_add(t4, self.c3 * w_im_1_0)),
                 ),
-            t13.mul_add(self.c2, w_re_1_1.mul_add(self.c1, -t14)),
+            t13.mul_add(self.c25, w_re_1_1.mul_add(self.c24, -t14)),
             t15.mul_add(self.c2, w_im_1_1.mul_add(self.c1, t16)),
         ];
     }

@@ -316,6 +316,30 @@ pub struct Prepared<R = f64> {
     c16: R,
     /// `-sin((3/10) * pi)`
     c17: R,
+    /// `0.75 * sin((2/5) * pi) / pi`
+    c18: R,
+    /// `0.1875 * sin((1/5) * pi) / pi`
+    c19: R,
+    /// `1.875 * sin((1/5) * pi) / pi`
+    c20: R,
+    /// `0.125 * sin((1/5) * pi) / pi`
+    c21: R,
+    /// `2 * sin((2/5) * pi) / pi`
+    c22: R,
+    /// `0.625 * sin((1/5) * pi) / pi`
+    c23: R,
+    /// `0.9375 * sin((2/5) * pi) / pi`
+    c24: R,
+    /// `2 * sin((1/5) * pi) / pi`
+    c25: R,
+    /// `0.125 * sin((2/5) * pi) / pi`
+    c26: R,
+    /// `2.1875 * sin((1/5) * pi) / pi`
+    c27: R,
+    /// `1.875 * sin((1/5) * pi) / pi`
+    c28: R,
+    /// `0.3125 * sin((2/5) * pi) / pi`
+    c29: R,
 }
 
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -332,28 +356,51 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let _ = params;
         let t0 = (R::ratio(2.0, 5.0) * R::from_f64(::core::f64::consts::PI)).sin();
-        let t1 = (R::ratio(1.0, 5.0) * R::from_f64(::core::f64::consts::PI)).sin();
-        let t2 = (R::ratio(3.0, 10.0) * R::from_f64(::core::f64::consts::PI)).sin();
-        let t3 = (R::ratio(1.0, 10.0) * R::from_f64(::core::f64::consts::PI)).sin();
+        let t1 = R::from_f64(0.75) * t0 / R::from_f64(::core::f64::consts::PI);
+        let t2 = (R::ratio(1.0, 5.0) * R::from_f64(::core::f64::consts::PI)).sin();
+        let t3 = R::from_f64(0.1875) * t2 / R::from_f64(::core::f64::consts::PI);
+        let t4 = R::from_f64(0.125) * t2 / R::from_f64(::core::f64::consts::PI);
+        let t5 = R::from_f64(2.0) * t2 / R::from_f64(::core::f64::consts::PI);
+        let t6 = R::from_f64(0.3125) * t0 / R::from_f64(::core::f64::consts::PI);
+        let t7 = R::from_f64(0.9375) * t0 / R::from_f64(::core::f64::consts::PI);
+        let t8 = R::from_f64(1.875) * t2 / R::from_f64(::core::f64::consts::PI);
+        let t9 = R::from_f64(0.125) * t0 / R::from_f64(::core::f64::consts::PI);
+        let t10 = R::from_f64(2.0) * t0 / R::from_f64(::core::f64::consts::PI);
+        let t11 = R::from_f64(2.1875) * t2 / R::from_f64(::core::f64::consts::PI);
+        let t12 = R::from_f64(0.625) * t2 / R::from_f64(::core::f64::consts::PI);
+        let t13 = (R::ratio(3.0, 10.0) * R::from_f64(::core::f64::consts::PI)).sin();
+        let t14 = (R::ratio(1.0, 10.0) * R::from_f64(::core::f64::consts::PI)).sin();
         Ok(Self {
-            c0: R::from_f64(0.75) * t0 / R::from_f64(::core::f64::consts::PI),
-            c1: R::from_f64(0.1875) * t1 / R::from_f64(::core::f64::consts::PI),
-            c2: R::from_f64(0.125) * t1 / R::from_f64(::core::f64::consts::PI),
+            c0: t1,
+            c1: t3,
+            c2: t4,
             c3: R::from_f64(1.25) * t0 / R::from_f64(::core::f64::consts::PI),
-            c4: R::from_f64(0.75) * t1 / R::from_f64(::core::f64::consts::PI),
+            c4: R::from_f64(0.75) * t2 / R::from_f64(::core::f64::consts::PI),
             c5: R::from_f64(0.1875) * t0 / R::from_f64(::core::f64::consts::PI),
-            c6: R::from_f64(2.0) * t1 / R::from_f64(::core::f64::consts::PI),
-            c7: R::from_f64(0.3125) * t0 / R::from_f64(::core::f64::consts::PI),
-            c8: R::from_f64(0.9375) * t0 / R::from_f64(::core::f64::consts::PI),
-            c9: R::from_f64(1.875) * t1 / R::from_f64(::core::f64::consts::PI),
-            c10: R::from_f64(0.125) * t0 / R::from_f64(::core::f64::consts::PI),
-            c11: R::from_f64(2.0) * t0 / R::from_f64(::core::f64::consts::PI),
-            c12: R::from_f64(2.1875) * t1 / R::from_f64(::core::f64::consts::PI),
-            c13: R::from_f64(0.625) * t1 / R::from_f64(::core::f64::consts::PI),
-            c14: R::from_f64(-2.0) * t2,
-            c15: R::from_f64(2.0) * t3,
-            c16: t3,
-            c17: -t2,
+            c6: t5,
+            c7: t6,
+            c8: t7,
+            c9: t8,
+            c10: t9,
+            c11: t10,
+            c12: t11,
+            c13: t12,
+            c14: R::from_f64(-2.0) * t13,
+            c15: R::from_f64(2.0) * t14,
+            c16: t14,
+            c17: -t13,
+            c18: t1,
+            c19: t3,
+            c20: t8,
+            c21: t4,
+            c22: t10,
+            c23: t12,
+            c24: t7,
+            c25: t5,
+            c26: t9,
+            c27: t11,
+            c28: t8,
+            c29: t6,
         })
     }
 }
@@ -407,9 +454,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t11 = self.c3 * im_1_1;
             let t12 = self.c3 * im_1_m1;
             let t13 = t11 - t12;
-            let t14 = self.c0 * re_1_1;
+            let t14 = self.c18 * re_1_1;
             let t15 = self.c0 * im_1_1;
-            let t16 = self.c1 * re_2_2;
+            let t16 = self.c19 * re_2_2;
             let t17 = self.c1 * im_2_2;
             let t18 = (-re_2_1)
                 .mul_add(
@@ -535,7 +582,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t55 = self.c12 * re_1_0;
             let t56 = self.c12 * im_1_0;
             let t57 = self.c13 * re_1_1;
-            let t58 = self.c9 * im_0_2;
+            let t58 = self.c20 * im_0_2;
             let t59 = im_1_0 * t58;
             let t60 = t2 + t32;
             let t61 = t33 - t3;
@@ -595,8 +642,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                 ),
                         ),
                 );
-            let t70 = self.c2 * im_0_2;
-            let t71 = self.c11 * re_1_0;
+            let t70 = self.c21 * im_0_2;
+            let t71 = self.c22 * re_1_0;
             let t72 = self.c11 * im_1_0;
             let t73 = im_2_0 - im_0_2;
             let t74 = re_2_0 - re_0_2;
@@ -697,7 +744,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 );
             let t86 = im_1_2 + im_2_1;
             let t87 = re_1_2 - re_2_1;
-            let t88 = self.c13 * im_1_m1;
+            let t88 = self.c23 * im_1_m1;
             let t89 = self.c13 * re_1_m1;
             let t90 = (-re_2_1)
                 .mul_add(
@@ -753,7 +800,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 );
             let t94 = t16 + t24;
             let t95 = t25 - t17;
-            let t96 = self.c8 * re_2_m2;
+            let t96 = self.c24 * re_2_m2;
             let t97 = self.c8 * im_2_m2;
             let t98 = (-re_2_2)
                 .mul_add(
@@ -825,10 +872,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                 ),
                         ),
                 );
-            let t104 = self.c6 * re_0_1;
+            let t104 = self.c25 * re_0_1;
             let t105 = self.c6 * im_0_1;
-            let t106 = self.c10 * re_0_2;
-            let t107 = self.c12 * im_0_1;
+            let t106 = self.c26 * re_0_2;
+            let t107 = self.c27 * im_0_1;
             let t108 = t107 - t56;
             let t109 = self.c10 * im_0_2;
             let t110 = self.c12 * re_0_1;
@@ -877,10 +924,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                 ),
                         ),
                 );
-            let t116 = self.c9 * re_0_1;
+            let t116 = self.c28 * re_0_1;
             let t117 = re_2_0 * t116;
             let t118 = self.c9 * im_0_1;
-            let t119 = self.c7 * re_0_2;
+            let t119 = self.c29 * re_0_2;
             let t120 = t106 - t71;
             let t121 = t72 + t109;
             let t122 = self.c7 * im_0_2;

@@ -484,6 +484,162 @@ pub struct Prepared<R = f64> {
     c64: R,
     /// `sin((3/14) * pi)`
     c65: R,
+    /// `(21/20) * sin((2/7) * pi) / pi`
+    c66: R,
+    /// `(7/20) * sin((2/7) * pi) / pi`
+    c67: R,
+    /// `(21/80) * sin((3/7) * pi) / pi`
+    c68: R,
+    /// `(35/208) * sin((3/7) * pi) / pi`
+    c69: R,
+    /// `(21/260) * sin((1/7) * pi) / pi`
+    c70: R,
+    /// `(35/468) * sin((1/7) * pi) / pi`
+    c71: R,
+    /// `(28/65) * sin((1/7) * pi) / pi`
+    c72: R,
+    /// `(7/5) * sin((3/7) * pi) / pi`
+    c73: R,
+    /// `(35/208) * sin((1/7) * pi) / pi`
+    c74: R,
+    /// `(35/468) * sin((2/7) * pi) / pi`
+    c75: R,
+    /// `(7/45) * sin((2/7) * pi) / pi`
+    c76: R,
+    /// `(21/260) * sin((3/7) * pi) / pi`
+    c77: R,
+    /// `(7/5) * sin((1/7) * pi) / pi`
+    c78: R,
+    /// `(21/20) * sin((1/7) * pi) / pi`
+    c79: R,
+    /// `(21/80) * sin((2/7) * pi) / pi`
+    c80: R,
+    /// `(28/65) * sin((2/7) * pi) / pi`
+    c81: R,
+    /// `(7/45) * sin((3/7) * pi) / pi`
+    c82: R,
+    /// `(7/40) * sin((3/7) * pi) / pi`
+    c83: R,
+    /// `(49/36) * sin((1/7) * pi) / pi`
+    c84: R,
+    /// `1.3125 * sin((1/7) * pi) / pi`
+    c85: R,
+    /// `(7/40) * sin((3/7) * pi) / pi`
+    c86: R,
+    /// `(35/144) * sin((3/7) * pi) / pi`
+    c87: R,
+    /// `(21/40) * sin((3/7) * pi) / pi`
+    c88: R,
+    /// `(7/20) * sin((3/7) * pi) / pi`
+    c89: R,
+    /// `(21/260) * sin((3/7) * pi) / pi`
+    c90: R,
+    /// `0.875 * sin((3/7) * pi) / pi`
+    c91: R,
+    /// `(7/180) * sin((1/7) * pi) / pi`
+    c92: R,
+    /// `(14/5) * sin((2/7) * pi) / pi`
+    c93: R,
+    /// `(14/45) * sin((1/7) * pi) / pi`
+    c94: R,
+    /// `(21/40) * sin((3/7) * pi) / pi`
+    c95: R,
+    /// `(7/180) * sin((1/7) * pi) / pi`
+    c96: R,
+    /// `(28/65) * sin((2/7) * pi) / pi`
+    c97: R,
+    /// `(7/20) * sin((2/7) * pi) / pi`
+    c98: R,
+    /// `(21/260) * sin((1/7) * pi) / pi`
+    c99: R,
+    /// `(21/260) * sin((3/7) * pi) / pi`
+    c100: R,
+    /// `(28/65) * sin((2/7) * pi) / pi`
+    c101: R,
+    /// `(7/80) * sin((1/7) * pi) / pi`
+    c102: R,
+    /// `(35/144) * sin((3/7) * pi) / pi`
+    c103: R,
+    /// `3.0625 * sin((3/7) * pi) / pi`
+    c104: R,
+    /// `(7/80) * sin((2/7) * pi) / pi`
+    c105: R,
+    /// `(91/180) * sin((1/7) * pi) / pi`
+    c106: R,
+    /// `(35/144) * sin((3/7) * pi) / pi`
+    c107: R,
+    /// `(77/52) * sin((2/7) * pi) / pi`
+    c108: R,
+    /// `(7/20) * sin((3/7) * pi) / pi`
+    c109: R,
+    /// `1.3125 * sin((1/7) * pi) / pi`
+    c110: R,
+    /// `(91/180) * sin((3/7) * pi) / pi`
+    c111: R,
+    /// `(77/52) * sin((3/7) * pi) / pi`
+    c112: R,
+    /// `0.4375 * sin((1/7) * pi) / pi`
+    c113: R,
+    /// `(7/40) * sin((1/7) * pi) / pi`
+    c114: R,
+    /// `(14/45) * sin((2/7) * pi) / pi`
+    c115: R,
+    /// `0.4375 * sin((1/7) * pi) / pi`
+    c116: R,
+    /// `(42/13) * sin((3/7) * pi) / pi`
+    c117: R,
+    /// `(14/5) * sin((3/7) * pi) / pi`
+    c118: R,
+    /// `(7/144) * sin((2/7) * pi) / pi`
+    c119: R,
+    /// `(63/104) * sin((1/7) * pi) / pi`
+    c120: R,
+    /// `(42/13) * sin((3/7) * pi) / pi`
+    c121: R,
+    /// `(14/45) * sin((2/7) * pi) / pi`
+    c122: R,
+    /// `(7/144) * sin((2/7) * pi) / pi`
+    c123: R,
+    /// `(63/104) * sin((1/7) * pi) / pi`
+    c124: R,
+    /// `(49/36) * sin((1/7) * pi) / pi`
+    c125: R,
+    /// `2.625 * sin((3/7) * pi) / pi`
+    c126: R,
+    /// `(14/117) * sin((2/7) * pi) / pi`
+    c127: R,
+    /// `(63/20) * sin((2/7) * pi) / pi`
+    c128: R,
+    /// `(14/117) * sin((2/7) * pi) / pi`
+    c129: R,
+    /// `(28/65) * sin((1/7) * pi) / pi`
+    c130: R,
+    /// `(14/9) * sin((2/7) * pi) / pi`
+    c131: R,
+    /// `(42/13) * sin((1/7) * pi) / pi`
+    c132: R,
+    /// `(7/180) * sin((3/7) * pi) / pi`
+    c133: R,
+    /// `(63/104) * sin((2/7) * pi) / pi`
+    c134: R,
+    /// `(119/36) * sin((1/7) * pi) / pi`
+    c135: R,
+    /// `(21/40) * sin((2/7) * pi) / pi`
+    c136: R,
+    /// `(35/72) * sin((2/7) * pi) / pi`
+    c137: R,
+    /// `(63/20) * sin((1/7) * pi) / pi`
+    c138: R,
+    /// `(14/117) * sin((3/7) * pi) / pi`
+    c139: R,
+    /// `(49/72) * sin((2/7) * pi) / pi`
+    c140: R,
+    /// `(35/72) * sin((2/7) * pi) / pi`
+    c141: R,
+    /// `(28/9) * sin((1/7) * pi) / pi`
+    c142: R,
+    /// `(7/36) * sin((3/7) * pi) / pi`
+    c143: R,
 }
 
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -500,78 +656,212 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let _ = params;
         let t0 = (R::ratio(2.0, 7.0) * R::from_f64(::core::f64::consts::PI)).sin();
-        let t1 = (R::ratio(3.0, 7.0) * R::from_f64(::core::f64::consts::PI)).sin();
-        let t2 = (R::ratio(1.0, 7.0) * R::from_f64(::core::f64::consts::PI)).sin();
-        let t3 = (R::ratio(5.0, 14.0) * R::from_f64(::core::f64::consts::PI)).sin();
-        let t4 = (R::ratio(1.0, 14.0) * R::from_f64(::core::f64::consts::PI)).sin();
-        let t5 = (R::ratio(3.0, 14.0) * R::from_f64(::core::f64::consts::PI)).sin();
+        let t1 = R::ratio(7.0, 20.0) * t0 / R::from_f64(::core::f64::consts::PI);
+        let t2 = R::ratio(21.0, 20.0) * t0 / R::from_f64(::core::f64::consts::PI);
+        let t3 = (R::ratio(3.0, 7.0) * R::from_f64(::core::f64::consts::PI)).sin();
+        let t4 = R::ratio(35.0, 208.0) * t3 / R::from_f64(::core::f64::consts::PI);
+        let t5 = R::ratio(21.0, 80.0) * t3 / R::from_f64(::core::f64::consts::PI);
+        let t6 = (R::ratio(1.0, 7.0) * R::from_f64(::core::f64::consts::PI)).sin();
+        let t7 = R::ratio(35.0, 468.0) * t6 / R::from_f64(::core::f64::consts::PI);
+        let t8 = R::ratio(21.0, 260.0) * t6 / R::from_f64(::core::f64::consts::PI);
+        let t9 = R::ratio(7.0, 40.0) * t3 / R::from_f64(::core::f64::consts::PI);
+        let t10 = R::ratio(7.0, 180.0) * t6 / R::from_f64(::core::f64::consts::PI);
+        let t11 = R::ratio(7.0, 5.0) * t3 / R::from_f64(::core::f64::consts::PI);
+        let t12 = R::ratio(7.0, 20.0) * t3 / R::from_f64(::core::f64::consts::PI);
+        let t13 = R::ratio(28.0, 65.0) * t6 / R::from_f64(::core::f64::consts::PI);
+        let t14 = R::ratio(35.0, 208.0) * t6 / R::from_f64(::core::f64::consts::PI);
+        let t15 = R::ratio(7.0, 45.0) * t0 / R::from_f64(::core::f64::consts::PI);
+        let t16 = R::ratio(35.0, 468.0) * t0 / R::from_f64(::core::f64::consts::PI);
+        let t17 = R::ratio(14.0, 5.0) * t3 / R::from_f64(::core::f64::consts::PI);
+        let t18 = R::from_f64(0.4375) * t6 / R::from_f64(::core::f64::consts::PI);
+        let t19 = R::ratio(14.0, 117.0) * t0 / R::from_f64(::core::f64::consts::PI);
+        let t20 = R::ratio(21.0, 260.0) * t3 / R::from_f64(::core::f64::consts::PI);
+        let t21 = R::ratio(21.0, 20.0) * t6 / R::from_f64(::core::f64::consts::PI);
+        let t22 = R::ratio(7.0, 5.0) * t6 / R::from_f64(::core::f64::consts::PI);
+        let t23 = R::ratio(28.0, 65.0) * t0 / R::from_f64(::core::f64::consts::PI);
+        let t24 = R::ratio(21.0, 80.0) * t0 / R::from_f64(::core::f64::consts::PI);
+        let t25 = R::ratio(7.0, 45.0) * t3 / R::from_f64(::core::f64::consts::PI);
+        let t26 = R::ratio(63.0, 20.0) * t6 / R::from_f64(::core::f64::consts::PI);
+        let t27 = R::ratio(7.0, 36.0) * t3 / R::from_f64(::core::f64::consts::PI);
+        let t28 = R::ratio(63.0, 104.0) * t0 / R::from_f64(::core::f64::consts::PI);
+        let t29 = R::ratio(14.0, 5.0) * t0 / R::from_f64(::core::f64::consts::PI);
+        let t30 = R::from_f64(1.3125) * t6 / R::from_f64(::core::f64::consts::PI);
+        let t31 = R::ratio(49.0, 36.0) * t6 / R::from_f64(::core::f64::consts::PI);
+        let t32 = R::ratio(21.0, 40.0) * t0 / R::from_f64(::core::f64::consts::PI);
+        let t33 = R::ratio(63.0, 20.0) * t0 / R::from_f64(::core::f64::consts::PI);
+        let t34 = R::ratio(42.0, 13.0) * t6 / R::from_f64(::core::f64::consts::PI);
+        let t35 = R::ratio(77.0, 52.0) * t3 / R::from_f64(::core::f64::consts::PI);
+        let t36 = R::ratio(14.0, 117.0) * t3 / R::from_f64(::core::f64::consts::PI);
+        let t37 = R::ratio(7.0, 80.0) * t0 / R::from_f64(::core::f64::consts::PI);
+        let t38 = R::from_f64(0.875) * t3 / R::from_f64(::core::f64::consts::PI);
+        let t39 = R::ratio(28.0, 9.0) * t6 / R::from_f64(::core::f64::consts::PI);
+        let t40 = R::ratio(91.0, 180.0) * t3 / R::from_f64(::core::f64::consts::PI);
+        let t41 = R::ratio(49.0, 72.0) * t0 / R::from_f64(::core::f64::consts::PI);
+        let t42 = R::ratio(35.0, 144.0) * t3 / R::from_f64(::core::f64::consts::PI);
+        let t43 = R::from_f64(3.0625) * t3 / R::from_f64(::core::f64::consts::PI);
+        let t44 = R::from_f64(2.625) * t3 / R::from_f64(::core::f64::consts::PI);
+        let t45 = R::ratio(7.0, 40.0) * t6 / R::from_f64(::core::f64::consts::PI);
+        let t46 = R::ratio(14.0, 45.0) * t6 / R::from_f64(::core::f64::consts::PI);
+        let t47 = R::ratio(21.0, 40.0) * t3 / R::from_f64(::core::f64::consts::PI);
+        let t48 = R::ratio(77.0, 52.0) * t0 / R::from_f64(::core::f64::consts::PI);
+        let t49 = R::ratio(91.0, 180.0) * t6 / R::from_f64(::core::f64::consts::PI);
+        let t50 = R::ratio(7.0, 144.0) * t0 / R::from_f64(::core::f64::consts::PI);
+        let t51 = R::ratio(63.0, 104.0) * t6 / R::from_f64(::core::f64::consts::PI);
+        let t52 = R::ratio(7.0, 80.0) * t6 / R::from_f64(::core::f64::consts::PI);
+        let t53 = R::ratio(35.0, 72.0) * t0 / R::from_f64(::core::f64::consts::PI);
+        let t54 = R::ratio(14.0, 9.0) * t0 / R::from_f64(::core::f64::consts::PI);
+        let t55 = R::ratio(14.0, 45.0) * t0 / R::from_f64(::core::f64::consts::PI);
+        let t56 = R::ratio(42.0, 13.0) * t3 / R::from_f64(::core::f64::consts::PI);
+        let t57 = R::ratio(119.0, 36.0) * t6 / R::from_f64(::core::f64::consts::PI);
+        let t58 = R::ratio(7.0, 180.0) * t3 / R::from_f64(::core::f64::consts::PI);
+        let t59 = (R::ratio(5.0, 14.0) * R::from_f64(::core::f64::consts::PI)).sin();
+        let t60 = (R::ratio(1.0, 14.0) * R::from_f64(::core::f64::consts::PI)).sin();
+        let t61 = (R::ratio(3.0, 14.0) * R::from_f64(::core::f64::consts::PI)).sin();
         Ok(Self {
-            c0: R::ratio(7.0, 20.0) * t0 / R::from_f64(::core::f64::consts::PI),
-            c1: R::ratio(21.0, 20.0) * t0 / R::from_f64(::core::f64::consts::PI),
-            c2: R::ratio(35.0, 208.0) * t1 / R::from_f64(::core::f64::consts::PI),
-            c3: R::ratio(21.0, 80.0) * t1 / R::from_f64(::core::f64::consts::PI),
-            c4: R::ratio(35.0, 468.0) * t2 / R::from_f64(::core::f64::consts::PI),
-            c5: R::ratio(21.0, 260.0) * t2 / R::from_f64(::core::f64::consts::PI),
-            c6: R::ratio(7.0, 40.0) * t1 / R::from_f64(::core::f64::consts::PI),
-            c7: R::ratio(7.0, 180.0) * t2 / R::from_f64(::core::f64::consts::PI),
+            c0: t1,
+            c1: t2,
+            c2: t4,
+            c3: t5,
+            c4: t7,
+            c5: t8,
+            c6: t9,
+            c7: t10,
             c8: R::from_f64(1.75) * t0 / R::from_f64(::core::f64::consts::PI),
-            c9: R::ratio(7.0, 5.0) * t1 / R::from_f64(::core::f64::consts::PI),
-            c10: R::ratio(7.0, 20.0) * t1 / R::from_f64(::core::f64::consts::PI),
-            c11: R::ratio(28.0, 65.0) * t2 / R::from_f64(::core::f64::consts::PI),
-            c12: R::ratio(35.0, 208.0) * t2 / R::from_f64(::core::f64::consts::PI),
-            c13: R::ratio(7.0, 45.0) * t0 / R::from_f64(::core::f64::consts::PI),
-            c14: R::ratio(35.0, 468.0) * t0 / R::from_f64(::core::f64::consts::PI),
-            c15: R::ratio(14.0, 5.0) * t1 / R::from_f64(::core::f64::consts::PI),
-            c16: R::from_f64(0.4375) * t2 / R::from_f64(::core::f64::consts::PI),
-            c17: R::ratio(14.0, 117.0) * t0 / R::from_f64(::core::f64::consts::PI),
-            c18: R::ratio(21.0, 260.0) * t1 / R::from_f64(::core::f64::consts::PI),
-            c19: R::ratio(21.0, 20.0) * t2 / R::from_f64(::core::f64::consts::PI),
-            c20: R::ratio(7.0, 5.0) * t2 / R::from_f64(::core::f64::consts::PI),
-            c21: R::ratio(28.0, 65.0) * t0 / R::from_f64(::core::f64::consts::PI),
-            c22: R::ratio(21.0, 80.0) * t0 / R::from_f64(::core::f64::consts::PI),
-            c23: R::ratio(7.0, 45.0) * t1 / R::from_f64(::core::f64::consts::PI),
-            c24: R::ratio(63.0, 20.0) * t2 / R::from_f64(::core::f64::consts::PI),
-            c25: R::ratio(7.0, 36.0) * t1 / R::from_f64(::core::f64::consts::PI),
-            c26: R::ratio(63.0, 104.0) * t0 / R::from_f64(::core::f64::consts::PI),
-            c27: R::ratio(14.0, 5.0) * t0 / R::from_f64(::core::f64::consts::PI),
-            c28: R::from_f64(1.3125) * t2 / R::from_f64(::core::f64::consts::PI),
-            c29: R::ratio(49.0, 36.0) * t2 / R::from_f64(::core::f64::consts::PI),
-            c30: R::ratio(21.0, 40.0) * t0 / R::from_f64(::core::f64::consts::PI),
-            c31: R::ratio(63.0, 20.0) * t0 / R::from_f64(::core::f64::consts::PI),
-            c32: R::ratio(42.0, 13.0) * t2 / R::from_f64(::core::f64::consts::PI),
-            c33: R::ratio(77.0, 52.0) * t1 / R::from_f64(::core::f64::consts::PI),
-            c34: R::ratio(14.0, 117.0) * t1 / R::from_f64(::core::f64::consts::PI),
-            c35: R::ratio(7.0, 80.0) * t0 / R::from_f64(::core::f64::consts::PI),
-            c36: R::from_f64(0.875) * t1 / R::from_f64(::core::f64::consts::PI),
-            c37: R::ratio(28.0, 9.0) * t2 / R::from_f64(::core::f64::consts::PI),
-            c38: R::ratio(91.0, 180.0) * t1 / R::from_f64(::core::f64::consts::PI),
-            c39: R::ratio(49.0, 72.0) * t0 / R::from_f64(::core::f64::consts::PI),
-            c40: R::ratio(35.0, 144.0) * t1 / R::from_f64(::core::f64::consts::PI),
-            c41: R::from_f64(3.0625) * t1 / R::from_f64(::core::f64::consts::PI),
-            c42: R::from_f64(2.625) * t1 / R::from_f64(::core::f64::consts::PI),
-            c43: R::ratio(7.0, 40.0) * t2 / R::from_f64(::core::f64::consts::PI),
-            c44: R::ratio(14.0, 45.0) * t2 / R::from_f64(::core::f64::consts::PI),
-            c45: R::ratio(21.0, 40.0) * t1 / R::from_f64(::core::f64::consts::PI),
-            c46: R::ratio(77.0, 52.0) * t0 / R::from_f64(::core::f64::consts::PI),
-            c47: R::ratio(91.0, 180.0) * t2 / R::from_f64(::core::f64::consts::PI),
-            c48: R::ratio(7.0, 144.0) * t0 / R::from_f64(::core::f64::consts::PI),
-            c49: R::ratio(63.0, 104.0) * t2 / R::from_f64(::core::f64::consts::PI),
-            c50: R::ratio(7.0, 80.0) * t2 / R::from_f64(::core::f64::consts::PI),
-            c51: R::ratio(35.0, 72.0) * t0 / R::from_f64(::core::f64::consts::PI),
-            c52: R::ratio(14.0, 9.0) * t0 / R::from_f64(::core::f64::consts::PI),
-            c53: R::ratio(14.0, 45.0) * t0 / R::from_f64(::core::f64::consts::PI),
-            c54: R::ratio(42.0, 13.0) * t1 / R::from_f64(::core::f64::consts::PI),
-            c55: R::ratio(119.0, 36.0) * t2 / R::from_f64(::core::f64::consts::PI),
-            c56: R::ratio(7.0, 180.0) * t1 / R::from_f64(::core::f64::consts::PI),
-            c57: R::from_f64(4.0) * t3,
-            c58: R::from_f64(4.0) * t4,
-            c59: R::from_f64(4.0) * t5,
-            c60: R::from_f64(2.0) * t4,
-            c61: R::from_f64(2.0) * t5,
-            c62: R::from_f64(2.0) * t3,
-            c63: t4,
-            c64: t3,
-            c65: t5,
+            c9: t11,
+            c10: t12,
+            c11: t13,
+            c12: t14,
+            c13: t15,
+            c14: t16,
+            c15: t17,
+            c16: t18,
+            c17: t19,
+            c18: t20,
+            c19: t21,
+            c20: t22,
+            c21: t23,
+            c22: t24,
+            c23: t25,
+            c24: t26,
+            c25: t27,
+            c26: t28,
+            c27: t29,
+            c28: t30,
+            c29: t31,
+            c30: t32,
+            c31: t33,
+            c32: t34,
+            c33: t35,
+            c34: t36,
+            c35: t37,
+            c36: t38,
+            c37: t39,
+            c38: t40,
+            c39: t41,
+            c40: t42,
+            c41: t43,
+            c42: t44,
+            c43: t45,
+            c44: t46,
+            c45: t47,
+            c46: t48,
+            c47: t49,
+            c48: t50,
+            c49: t51,
+            c50: t52,
+            c51: t53,
+            c52: t54,
+            c53: t55,
+            c54: t56,
+            c55: t57,
+            c56: t58,
+            c57: R::from_f64(4.0) * t59,
+            c58: R::from_f64(4.0) * t60,
+            c59: R::from_f64(4.0) * t61,
+            c60: R::from_f64(2.0) * t60,
+            c61: R::from_f64(2.0) * t61,
+            c62: R::from_f64(2.0) * t59,
+            c63: t60,
+            c64: t59,
+            c65: t61,
+            c66: t2,
+            c67: t1,
+            c68: t5,
+            c69: t4,
+            c70: t8,
+            c71: t7,
+            c72: t13,
+            c73: t11,
+            c74: t14,
+            c75: t16,
+            c76: t15,
+            c77: t20,
+            c78: t22,
+            c79: t21,
+            c80: t24,
+            c81: t23,
+            c82: t25,
+            c83: t9,
+            c84: t31,
+            c85: t30,
+            c86: t9,
+            c87: t42,
+            c88: t47,
+            c89: t12,
+            c90: t20,
+            c91: t38,
+            c92: t10,
+            c93: t29,
+            c94: t46,
+            c95: t47,
+            c96: t10,
+            c97: t23,
+            c98: t1,
+            c99: t8,
+            c100: t20,
+            c101: t23,
+            c102: t52,
+            c103: t42,
+            c104: t43,
+            c105: t37,
+            c106: t49,
+            c107: t42,
+            c108: t48,
+            c109: t12,
+            c110: t30,
+            c111: t40,
+            c112: t35,
+            c113: t18,
+            c114: t45,
+            c115: t55,
+            c116: t18,
+            c117: t56,
+            c118: t17,
+            c119: t50,
+            c120: t51,
+            c121: t56,
+            c122: t55,
+            c123: t50,
+            c124: t51,
+            c125: t31,
+            c126: t44,
+            c127: t19,
+            c128: t33,
+            c129: t19,
+            c130: t13,
+            c131: t54,
+            c132: t34,
+            c133: t58,
+            c134: t28,
+            c135: t57,
+            c136: t32,
+            c137: t53,
+            c138: t26,
+            c139: t36,
+            c140: t41,
+            c141: t53,
+            c142: t39,
+            c143: t27,
         })
     }
 }
@@ -662,16 +952,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t24 = self.c8 * im_1_1;
             let t25 = self.c8 * im_1_m1;
             let t26 = t24 - t25;
-            let t27 = self.c1 * re_1_1;
+            let t27 = self.c66 * re_1_1;
             let t28 = re_1_2 * t27;
             let t29 = self.c1 * im_1_1;
-            let t30 = self.c0 * im_1_3;
-            let t31 = self.c3 * re_2_2;
+            let t30 = self.c67 * im_1_3;
+            let t31 = self.c68 * re_2_2;
             let t32 = self.c3 * im_2_2;
-            let t33 = self.c2 * re_2_2;
+            let t33 = self.c69 * re_2_2;
             let t34 = self.c2 * im_2_2;
-            let t35 = self.c5 * re_3_1;
-            let t36 = self.c4 * re_3_3;
+            let t35 = self.c70 * re_3_1;
+            let t36 = self.c71 * re_3_3;
             let t37 = self.c5 * im_3_1;
             let t38 = self.c4 * im_3_3;
             let t39 = re_2_m1
@@ -820,7 +1110,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t58 = self.c10 * im_1_3;
             let t59 = self.c12 * re_2_2;
             let t60 = self.c12 * im_2_2;
-            let t61 = self.c11 * im_2_m1;
+            let t61 = self.c72 * im_2_m1;
             let t62 = self.c11 * re_2_3;
             let t63 = self.c11 * im_2_3;
             let t64 = self.c13 * re_3_3;
@@ -831,14 +1121,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t69 = im_1_m2 - im_1_2;
             let t70 = self.c15 * re_1_0;
             let t71 = re_1_m2 - re_1_2;
-            let t72 = self.c9 * re_1_1;
+            let t72 = self.c73 * re_1_1;
             let t73 = self.c9 * im_1_1;
-            let t74 = self.c12 * re_2_m2;
+            let t74 = self.c74 * re_2_m2;
             let t75 = self.c12 * im_2_m2;
             let t76 = im_2_3 * t75;
-            let t77 = self.c14 * re_3_3;
+            let t77 = self.c75 * re_3_3;
             let t78 = self.c14 * im_3_3;
-            let t79 = self.c13 * re_3_m3;
+            let t79 = self.c76 * re_3_m3;
             let t80 = self.c13 * im_3_m3;
             let t81 = self.c16 * im_2_0;
             let t82 = im_2_m2 - im_2_2;
@@ -1000,7 +1290,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t108 = self.c21 * im_2_1;
             let t109 = self.c22 * re_2_2;
             let t110 = self.c22 * im_2_2;
-            let t111 = self.c18 * im_3_1;
+            let t111 = self.c77 * im_3_1;
             let t112 = self.c23 * re_3_3;
             let t113 = self.c18 * re_3_2;
             let t114 = self.c23 * im_3_3;
@@ -1013,15 +1303,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t121 = im_3_m3 - im_3_3;
             let t122 = self.c25 * re_3_0;
             let t123 = re_3_m3 - re_3_3;
-            let t124 = self.c20 * re_1_1;
+            let t124 = self.c78 * re_1_1;
             let t125 = self.c20 * im_1_1;
-            let t126 = self.c19 * re_1_m1;
+            let t126 = self.c79 * re_1_m1;
             let t127 = self.c19 * im_1_m1;
-            let t128 = self.c22 * re_2_m2;
+            let t128 = self.c80 * re_2_m2;
             let t129 = self.c22 * im_2_m2;
-            let t130 = self.c21 * re_2_m1;
+            let t130 = self.c81 * re_2_m1;
             let t131 = self.c21 * im_2_m1;
-            let t132 = self.c23 * re_3_m3;
+            let t132 = self.c82 * re_3_m3;
             let t133 = self.c23 * im_3_m3;
             let t134 = im_3_1 * t133;
             let t135 = self.c26 * im_2_0;
@@ -1173,7 +1463,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t153 = self.c28 * re_2_m2;
             let t154 = self.c27 * im_0_1;
             let t155 = self.c29 * re_0_3;
-            let t156 = self.c6 * im_0_2;
+            let t156 = self.c83 * im_0_2;
             let t157 = self.c30 * re_2_0;
             let t158 = self.c31 * re_0_1;
             let t159 = t157 - t158;
@@ -1194,9 +1484,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t174 = self.c36 * im_0_2;
             let t175 = self.c37 * re_0_3;
             let t176 = self.c37 * im_0_3;
-            let t177 = self.c29 * im_0_3;
-            let t178 = self.c28 * im_2_m2;
-            let t179 = self.c6 * re_0_2;
+            let t177 = self.c84 * im_0_3;
+            let t178 = self.c85 * im_2_m2;
+            let t179 = self.c86 * re_0_2;
             let t180 = self.c38 * re_3_3;
             let t181 = self.c38 * im_3_3;
             let t182 = self.c39 * re_2_0;
@@ -1365,14 +1655,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t212 = self.c45 * im_0_2;
             let t213 = self.c46 * re_1_m1;
             let t214 = self.c46 * im_1_m1;
-            let t215 = self.c40 * im_3_3;
+            let t215 = self.c87 * im_3_3;
             let t216 = im_2_m2 * t215;
             let t217 = self.c47 * re_3_m3;
             let t218 = t103 + t217;
             let t219 = self.c47 * im_3_m3;
             let t220 = t104 + t219;
-            let t221 = self.c45 * re_0_2;
-            let t222 = self.c10 * re_3_m1;
+            let t221 = self.c88 * re_0_2;
+            let t222 = self.c89 * re_3_m1;
             let t223 = t222 - t55;
             let t224 = self.c10 * im_3_m1;
             let t225 = t224 - t58;
@@ -1509,26 +1799,26 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                 ),
                         ),
                 );
-            let t243 = self.c18 * im_2_3;
+            let t243 = self.c90 * im_2_3;
             let t244 = self.c18 * re_2_3;
-            let t245 = self.c36 * re_2_0;
+            let t245 = self.c91 * re_2_0;
             let t246 = t245 - t173;
             let t247 = self.c36 * im_2_0;
             let t248 = t247 - t174;
-            let t249 = self.c7 * im_0_3;
-            let t250 = self.c27 * re_1_0;
+            let t249 = self.c92 * im_0_3;
+            let t250 = self.c93 * re_1_0;
             let t251 = self.c27 * im_1_0;
-            let t252 = self.c44 * re_3_0;
+            let t252 = self.c94 * re_3_0;
             let t253 = self.c44 * im_3_0;
-            let t254 = self.c45 * re_2_0;
+            let t254 = self.c95 * re_2_0;
             let t255 = self.c45 * im_2_0;
             let t256 = self.c50 * im_2_2;
             let t257 = im_1_3 - im_3_1;
             let t258 = self.c50 * re_2_2;
             let t259 = re_1_3 - re_3_1;
             let t260 = re_1_m3 * t221;
-            let t261 = self.c7 * re_0_3;
-            let t262 = self.c21 * re_1_m2;
+            let t261 = self.c96 * re_0_3;
+            let t262 = self.c97 * re_1_m2;
             let t263 = self.c21 * im_1_m2;
             let t264 = im_2_m3 + im_3_m2;
             let t265 = re_2_m3 - re_3_m2;
@@ -1665,8 +1955,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                 ),
                         ),
                 );
-            let t279 = self.c0 * re_3_m1;
-            let t280 = self.c5 * re_2_3;
+            let t279 = self.c98 * re_3_m1;
+            let t280 = self.c99 * re_2_3;
             let t281 = self.c5 * im_2_3;
             let t282 = self.c0 * re_3_1;
             let t283 = self.c0 * im_3_1;
@@ -1810,14 +2100,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                 ),
                         ),
                 );
-            let t295 = self.c18 * re_2_m3;
+            let t295 = self.c100 * re_2_m3;
             let t296 = self.c18 * im_2_m3;
-            let t297 = self.c21 * re_1_2;
+            let t297 = self.c101 * re_1_2;
             let t298 = self.c21 * im_1_2;
             let t299 = im_2_3 + im_3_2;
             let t300 = re_2_3 - re_3_2;
             let t301 = im_3_1 * t255;
-            let t302 = self.c50 * im_2_m2;
+            let t302 = self.c102 * im_2_m2;
             let t303 = im_1_m3 - im_3_m1;
             let t304 = self.c50 * re_2_m2;
             let t305 = re_1_m3 - re_3_m1;
@@ -1960,19 +2250,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                 ),
                         ),
                 );
-            let t317 = self.c40 * re_3_m3;
-            let t318 = self.c41 * re_2_2;
+            let t317 = self.c103 * re_3_m3;
+            let t318 = self.c104 * re_2_2;
             let t319 = self.c41 * im_2_2;
-            let t320 = self.c35 * re_2_m2;
+            let t320 = self.c105 * re_2_m2;
             let t321 = self.c35 * im_2_m2;
-            let t322 = self.c47 * re_3_3;
+            let t322 = self.c106 * re_3_3;
             let t323 = t126 + t322;
             let t324 = self.c47 * im_3_3;
             let t325 = t127 + t324;
-            let t326 = self.c40 * im_3_m3;
-            let t327 = self.c46 * re_1_1;
+            let t326 = self.c107 * im_3_m3;
+            let t327 = self.c108 * re_1_1;
             let t328 = self.c46 * im_1_1;
-            let t329 = self.c10 * im_2_m1;
+            let t329 = self.c109 * im_2_m1;
             let t330 = im_1_m3 - im_3_1;
             let t331 = self.c10 * re_2_m1;
             let t332 = re_1_m3 - re_3_1;
@@ -2098,13 +2388,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                 ),
                         ),
                 );
-            let t343 = self.c28 * re_2_2;
-            let t344 = self.c38 * re_3_m3;
+            let t343 = self.c110 * re_2_2;
+            let t344 = self.c111 * re_3_m3;
             let t345 = self.c38 * im_3_m3;
             let t346 = t280 - t11;
             let t347 = t12 + t281;
             let t348 = self.c28 * im_2_2;
-            let t349 = self.c33 * re_1_1;
+            let t349 = self.c112 * re_1_1;
             let t350 = self.c33 * im_1_1;
             let t351 = im_2_3 * t164;
             let t352 = t64 + t320;
@@ -2724,7 +3014,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 self.c52 * im_3_3,
                 self.c51 * im_0_3,
                 self.c53 * im_0_3,
-                self.c16 * re_0_2,
+                self.c113 * re_0_2,
                 t372,
                 t372 - t168,
                 self.c55 * re_1_0,
@@ -2732,7 +3022,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 im_0_1 * t204,
                 self.c56 * re_3_0,
                 self.c56 * im_3_0,
-                self.c43 * re_0_2,
+                self.c114 * re_0_2,
             ]
         };
         let [r_dh_dre_2_m3, r_dh_dim_2_m3, r_dh_dre_2_m2, r_dh_dim_2_m2, r_dh_dre_2_m1,
@@ -2742,9 +3032,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         r_dh_dre_3_0, r_dh_dim_3_0, r_dh_dre_3_1, r_dh_dim_3_1, r_dh_dre_3_2,
         r_dh_dim_3_2, r_dh_dre_3_3, r_dh_dim_3_3] = {
             let t380 = self.c43 * im_0_2;
-            let t381 = self.c53 * re_0_3;
-            let t382 = self.c16 * im_0_2;
-            let t383 = self.c54 * re_0_1;
+            let t381 = self.c115 * re_0_3;
+            let t382 = self.c116 * im_0_2;
+            let t383 = self.c117 * re_0_1;
             let t384 = t383 - t166;
             let t385 = t349 - t5;
             let t386 = t6 + t350;
@@ -2917,19 +3207,19 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                 ),
                         ),
                 );
-            let t403 = self.c15 * re_0_1;
+            let t403 = self.c118 * re_0_1;
             let t404 = self.c15 * im_0_1;
-            let t405 = self.c48 * im_0_3;
+            let t405 = self.c119 * im_0_3;
             let t406 = t405 - t227;
-            let t407 = self.c49 * re_0_2;
-            let t408 = self.c54 * re_1_0;
+            let t407 = self.c120 * re_0_2;
+            let t408 = self.c121 * re_1_0;
             let t409 = self.c54 * im_1_0;
-            let t410 = self.c53 * re_3_0;
+            let t410 = self.c122 * re_3_0;
             let t411 = re_1_2 * t410;
             let t412 = self.c53 * im_3_0;
-            let t413 = self.c48 * re_0_3;
+            let t413 = self.c123 * re_0_3;
             let t414 = t413 - t226;
-            let t415 = self.c49 * im_0_2;
+            let t415 = self.c124 * im_0_2;
             let t416 = im_1_m2 + im_2_m1;
             let t417 = re_1_m2 - re_2_m1;
             let t418 = re_3_m2
@@ -3061,16 +3351,16 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         ),
                 );
             let t429 = re_1_m3 * t112;
-            let t430 = self.c29 * re_3_0;
+            let t430 = self.c125 * re_3_0;
             let t431 = self.c29 * im_3_0;
-            let t432 = self.c42 * re_0_1;
+            let t432 = self.c126 * re_0_1;
             let t433 = self.c42 * im_0_1;
-            let t434 = self.c17 * re_0_3;
-            let t435 = self.c31 * re_1_0;
+            let t434 = self.c127 * re_0_3;
+            let t435 = self.c128 * re_1_0;
             let t436 = self.c31 * im_1_0;
             let t437 = t252 + t379;
             let t438 = t380 - t253;
-            let t439 = self.c17 * im_0_3;
+            let t439 = self.c129 * im_0_3;
             let t440 = im_1_1
                 .mul_add(
                     t431,
@@ -3200,7 +3490,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                 ) - t311,
                         ),
                 );
-            let t449 = self.c11 * re_3_2;
+            let t449 = self.c130 * re_3_2;
             let t450 = self.c11 * re_3_m2;
             let t451 = self.c11 * im_3_m2;
             let t452 = self.c11 * im_3_2;
@@ -3648,7 +3938,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t482 = t131 + t298;
             let t483 = t165 - t33;
             let t484 = t34 + t167;
-            let t485 = self.c52 * re_3_m3;
+            let t485 = self.c131 * re_3_m3;
             let t486 = self.c52 * im_3_m3;
             let t487 = re_1_3
                 .mul_add(
@@ -3810,14 +4100,14 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                 ),
                         ),
                 );
-            let t499 = self.c32 * re_0_1;
+            let t499 = self.c132 * re_0_1;
             let t500 = self.c32 * im_0_1;
             let t501 = im_3_m2 * t500;
-            let t502 = self.c56 * im_0_3;
-            let t503 = self.c26 * re_0_2;
-            let t504 = self.c55 * im_0_1;
+            let t502 = self.c133 * im_0_3;
+            let t503 = self.c134 * re_0_2;
+            let t504 = self.c135 * im_0_1;
             let t505 = t504 - t375;
-            let t506 = self.c30 * re_0_2;
+            let t506 = self.c136 * re_0_2;
             let t507 = self.c30 * im_0_2;
             let t508 = self.c56 * re_0_3;
             let t509 = self.c26 * im_0_2;
@@ -3956,13 +4246,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                 ),
                         ),
                 );
-            let t521 = self.c51 * re_0_2;
-            let t522 = self.c24 * re_0_1;
+            let t521 = self.c137 * re_0_2;
+            let t522 = self.c138 * re_0_1;
             let t523 = self.c24 * im_0_1;
-            let t524 = self.c34 * im_0_3;
+            let t524 = self.c139 * im_0_3;
             let t525 = t524 - t409;
-            let t526 = self.c39 * re_0_2;
-            let t527 = self.c51 * im_0_2;
+            let t526 = self.c140 * re_0_2;
+            let t527 = self.c141 * im_0_2;
             let t528 = self.c34 * re_0_3;
             let t529 = t528 - t408;
             let t530 = self.c39 * im_0_2;
@@ -4124,9 +4414,9 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                 ),
                         ),
                 );
-            let t541 = self.c37 * re_0_1;
+            let t541 = self.c142 * re_0_1;
             let t542 = self.c37 * im_0_1;
-            let t543 = self.c25 * im_0_3;
+            let t543 = self.c143 * im_0_3;
             let t544 = im_3_m3 * t530;
             let t545 = t506 - t435;
             let t546 = t436 + t507;

@@ -211,6 +211,10 @@ pub struct Prepared<R = f64> {
     c0: R,
     /// `0.375 * sqrt(3) / pi`
     c1: R,
+    /// `0.75 * sqrt(3) / pi`
+    c2: R,
+    /// `0.75 * sqrt(3) / pi`
+    c3: R,
 }
 
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -227,9 +231,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let _ = params;
         let t0 = R::from_f64(3.0).sqrt();
+        let t1 = R::from_f64(0.75) * t0 / R::from_f64(::core::f64::consts::PI);
         Ok(Self {
-            c0: R::from_f64(0.75) * t0 / R::from_f64(::core::f64::consts::PI),
+            c0: t1,
             c1: R::from_f64(0.375) * t0 / R::from_f64(::core::f64::consts::PI),
+            c2: t1,
+            c3: t1,
         })
     }
 }
@@ -287,7 +294,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let t26 = (-a_im_1_m1).mul_add(t1, a_re_1_1 * t3);
         let t27 = (-a_re_1_m1).mul_add(t4, a_im_1_1 * t0);
         let t28 = (-a_re_0_1).mul_add(w_re_1_0, a_re_1_0 * w_re_0_1);
-        let t29 = self.c0 * (-a_im_0_1).mul_add(w_im_1_0, a_im_1_0 * w_im_0_1);
+        let t29 = self.c2 * (-a_im_0_1).mul_add(w_im_1_0, a_im_1_0 * w_im_0_1);
         let t30 = (-a_im_0_1).mul_add(w_re_1_0, a_re_1_0 * w_im_0_1);
         let t31 = self.c0 * (-a_re_0_1).mul_add(w_im_1_0, a_im_1_0 * w_re_0_1);
         *dy = [
@@ -359,7 +366,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                 ) + t27,
             (-t28)
                 .mul_add(
-                    self.c0,
+                    self.c3,
                     (-t6)
                         .mul_add(
                             t16,

@@ -467,6 +467,140 @@ pub struct Prepared<R = f64> {
     c28: R,
     /// `2 * sin((1/10) * pi)`
     c29: R,
+    /// `7.5 * sin((1/5) * pi) / pi`
+    c30: R,
+    /// `0.75 * sin((2/5) * pi) / pi`
+    c31: R,
+    /// `0.1875 * sin((1/5) * pi) / pi`
+    c32: R,
+    /// `7.5 * sin((2/5) * pi) / pi`
+    c33: R,
+    /// `2.5 * sin((2/5) * pi) / pi`
+    c34: R,
+    /// `7.5 * sin((1/5) * pi) / pi`
+    c35: R,
+    /// `0.75 * sin((2/5) * pi) / pi`
+    c36: R,
+    /// `0.1875 * sin((1/5) * pi) / pi`
+    c37: R,
+    /// `7.5 * sin((1/5) * pi) / pi`
+    c38: R,
+    /// `7.5 * sin((2/5) * pi) / pi`
+    c39: R,
+    /// `7.5 * sin((1/5) * pi) / pi`
+    c40: R,
+    /// `0.75 * sin((1/5) * pi) / pi`
+    c41: R,
+    /// `7.5 * sin((1/5) * pi) / pi`
+    c42: R,
+    /// `7.5 * sin((2/5) * pi) / pi`
+    c43: R,
+    /// `0.75 * sin((1/5) * pi) / pi`
+    c44: R,
+    /// `0.1875 * sin((2/5) * pi) / pi`
+    c45: R,
+    /// `10 * sin((2/5) * pi) / pi`
+    c46: R,
+    /// `2.5 * sin((2/5) * pi) / pi`
+    c47: R,
+    /// `2 * sin((2/5) * pi) / pi`
+    c48: R,
+    /// `2.5 * sin((2/5) * pi) / pi`
+    c49: R,
+    /// `10 * sin((2/5) * pi) / pi`
+    c50: R,
+    /// `0.625 * sin((1/5) * pi) / pi`
+    c51: R,
+    /// `5 * sin((1/5) * pi) / pi`
+    c52: R,
+    /// `7.5 * sin((1/5) * pi) / pi`
+    c53: R,
+    /// `15 * sin((2/5) * pi) / pi`
+    c54: R,
+    /// `7.5 * sin((1/5) * pi) / pi`
+    c55: R,
+    /// `10 * sin((2/5) * pi) / pi`
+    c56: R,
+    /// `2 * sin((2/5) * pi) / pi`
+    c57: R,
+    /// `2.5 * sin((1/5) * pi) / pi`
+    c58: R,
+    /// `0.625 * sin((1/5) * pi) / pi`
+    c59: R,
+    /// `0.125 * sin((1/5) * pi) / pi`
+    c60: R,
+    /// `2 * sin((2/5) * pi) / pi`
+    c61: R,
+    /// `10 * sin((2/5) * pi) / pi`
+    c62: R,
+    /// `5 * sin((1/5) * pi) / pi`
+    c63: R,
+    /// `7.5 * sin((1/5) * pi) / pi`
+    c64: R,
+    /// `15 * sin((2/5) * pi) / pi`
+    c65: R,
+    /// `7.5 * sin((1/5) * pi) / pi`
+    c66: R,
+    /// `15 * sin((2/5) * pi) / pi`
+    c67: R,
+    /// `17.5 * sin((1/5) * pi) / pi`
+    c68: R,
+    /// `2.1875 * sin((1/5) * pi) / pi`
+    c69: R,
+    /// `2.5 * sin((2/5) * pi) / pi`
+    c70: R,
+    /// `0.125 * sin((2/5) * pi) / pi`
+    c71: R,
+    /// `17.5 * sin((1/5) * pi) / pi`
+    c72: R,
+    /// `2 * sin((1/5) * pi) / pi`
+    c73: R,
+    /// `10 * sin((1/5) * pi) / pi`
+    c74: R,
+    /// `0.125 * sin((2/5) * pi) / pi`
+    c75: R,
+    /// `2.1875 * sin((1/5) * pi) / pi`
+    c76: R,
+    /// `10 * sin((2/5) * pi) / pi`
+    c77: R,
+    /// `15 * sin((2/5) * pi) / pi`
+    c78: R,
+    /// `7.5 * sin((1/5) * pi) / pi`
+    c79: R,
+    /// `15 * sin((2/5) * pi) / pi`
+    c80: R,
+    /// `7.5 * sin((1/5) * pi) / pi`
+    c81: R,
+    /// `15 * sin((2/5) * pi) / pi`
+    c82: R,
+    /// `7.5 * sin((1/5) * pi) / pi`
+    c83: R,
+    /// `15 * sin((2/5) * pi) / pi`
+    c84: R,
+    /// `7.5 * sin((1/5) * pi) / pi`
+    c85: R,
+    /// `2.5 * sin((2/5) * pi) / pi`
+    c86: R,
+    /// `0.5 * sin((2/5) * pi) / pi`
+    c87: R,
+    /// `0.3125 * sin((1/5) * pi) / pi`
+    c88: R,
+    /// `0.5 * sin((1/5) * pi) / pi`
+    c89: R,
+    /// `0.5 * sin((1/5) * pi) / pi`
+    c90: R,
+    /// `0.5 * sin((2/5) * pi) / pi`
+    c91: R,
+    /// `2.5 * sin((1/5) * pi) / pi`
+    c92: R,
+    /// `0.5 * sin((1/5) * pi) / pi`
+    c93: R,
+    /// `2.5 * sin((2/5) * pi) / pi`
+    c94: R,
+    /// `0.625 * sin((2/5) * pi) / pi`
+    c95: R,
+    /// `2.5 * sin((1/5) * pi) / pi`
+    c96: R,
 }
 
 #[allow(dead_code, unreachable_pub, reason = "not every crate uses or shows every item")]
@@ -483,40 +617,130 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
     pub fn new(params: &Params<R>) -> Result<Self, ::hamel_runtime::ParamError> {
         let _ = params;
         let t0 = (R::ratio(2.0, 5.0) * R::from_f64(::core::f64::consts::PI)).sin();
-        let t1 = (R::ratio(1.0, 5.0) * R::from_f64(::core::f64::consts::PI)).sin();
-        let t2 = (R::ratio(1.0, 10.0) * R::from_f64(::core::f64::consts::PI)).sin();
-        let t3 = (R::ratio(3.0, 10.0) * R::from_f64(::core::f64::consts::PI)).sin();
+        let t1 = R::from_f64(7.5) * t0 / R::from_f64(::core::f64::consts::PI);
+        let t2 = (R::ratio(1.0, 5.0) * R::from_f64(::core::f64::consts::PI)).sin();
+        let t3 = R::from_f64(7.5) * t2 / R::from_f64(::core::f64::consts::PI);
+        let t4 = R::from_f64(0.1875) * t2 / R::from_f64(::core::f64::consts::PI);
+        let t5 = R::from_f64(0.75) * t0 / R::from_f64(::core::f64::consts::PI);
+        let t6 = R::from_f64(2.5) * t0 / R::from_f64(::core::f64::consts::PI);
+        let t7 = R::from_f64(0.125) * t2 / R::from_f64(::core::f64::consts::PI);
+        let t8 = R::from_f64(2.5) * t2 / R::from_f64(::core::f64::consts::PI);
+        let t9 = R::from_f64(0.75) * t2 / R::from_f64(::core::f64::consts::PI);
+        let t10 = R::from_f64(0.1875) * t0 / R::from_f64(::core::f64::consts::PI);
+        let t11 = R::from_f64(10.0) * t2 / R::from_f64(::core::f64::consts::PI);
+        let t12 = R::from_f64(2.0) * t2 / R::from_f64(::core::f64::consts::PI);
+        let t13 = R::from_f64(10.0) * t0 / R::from_f64(::core::f64::consts::PI);
+        let t14 = R::from_f64(2.0) * t0 / R::from_f64(::core::f64::consts::PI);
+        let t15 = R::from_f64(0.125) * t0 / R::from_f64(::core::f64::consts::PI);
+        let t16 = R::from_f64(0.625) * t2 / R::from_f64(::core::f64::consts::PI);
+        let t17 = R::from_f64(2.1875) * t2 / R::from_f64(::core::f64::consts::PI);
+        let t18 = R::from_f64(5.0) * t2 / R::from_f64(::core::f64::consts::PI);
+        let t19 = R::from_f64(17.5) * t2 / R::from_f64(::core::f64::consts::PI);
+        let t20 = R::from_f64(15.0) * t0 / R::from_f64(::core::f64::consts::PI);
+        let t21 = R::from_f64(0.5) * t0 / R::from_f64(::core::f64::consts::PI);
+        let t22 = R::from_f64(0.5) * t2 / R::from_f64(::core::f64::consts::PI);
+        let t23 = R::from_f64(0.3125) * t2 / R::from_f64(::core::f64::consts::PI);
+        let t24 = R::from_f64(0.625) * t0 / R::from_f64(::core::f64::consts::PI);
+        let t25 = (R::ratio(1.0, 10.0) * R::from_f64(::core::f64::consts::PI)).sin();
+        let t26 = (R::ratio(3.0, 10.0) * R::from_f64(::core::f64::consts::PI)).sin();
         Ok(Self {
-            c0: R::from_f64(7.5) * t0 / R::from_f64(::core::f64::consts::PI),
-            c1: R::from_f64(7.5) * t1 / R::from_f64(::core::f64::consts::PI),
-            c2: R::from_f64(0.1875) * t1 / R::from_f64(::core::f64::consts::PI),
-            c3: R::from_f64(0.75) * t0 / R::from_f64(::core::f64::consts::PI),
-            c4: R::from_f64(2.5) * t0 / R::from_f64(::core::f64::consts::PI),
+            c0: t1,
+            c1: t3,
+            c2: t4,
+            c3: t5,
+            c4: t6,
             c5: R::from_f64(1.25) * t0 / R::from_f64(::core::f64::consts::PI),
-            c6: R::from_f64(0.125) * t1 / R::from_f64(::core::f64::consts::PI),
-            c7: R::from_f64(2.5) * t1 / R::from_f64(::core::f64::consts::PI),
-            c8: R::from_f64(0.75) * t1 / R::from_f64(::core::f64::consts::PI),
-            c9: R::from_f64(0.1875) * t0 / R::from_f64(::core::f64::consts::PI),
-            c10: R::from_f64(10.0) * t1 / R::from_f64(::core::f64::consts::PI),
-            c11: R::from_f64(2.0) * t1 / R::from_f64(::core::f64::consts::PI),
+            c6: t7,
+            c7: t8,
+            c8: t9,
+            c9: t10,
+            c10: t11,
+            c11: t12,
             c12: R::from_f64(0.3125) * t0 / R::from_f64(::core::f64::consts::PI),
-            c13: R::from_f64(10.0) * t0 / R::from_f64(::core::f64::consts::PI),
-            c14: R::from_f64(2.0) * t0 / R::from_f64(::core::f64::consts::PI),
-            c15: R::from_f64(0.125) * t0 / R::from_f64(::core::f64::consts::PI),
-            c16: R::from_f64(0.625) * t1 / R::from_f64(::core::f64::consts::PI),
-            c17: R::from_f64(2.1875) * t1 / R::from_f64(::core::f64::consts::PI),
-            c18: R::from_f64(5.0) * t1 / R::from_f64(::core::f64::consts::PI),
-            c19: R::from_f64(17.5) * t1 / R::from_f64(::core::f64::consts::PI),
-            c20: R::from_f64(15.0) * t0 / R::from_f64(::core::f64::consts::PI),
-            c21: R::from_f64(0.5) * t0 / R::from_f64(::core::f64::consts::PI),
-            c22: R::from_f64(0.5) * t1 / R::from_f64(::core::f64::consts::PI),
-            c23: R::from_f64(0.3125) * t1 / R::from_f64(::core::f64::consts::PI),
-            c24: R::from_f64(1.25) * t1 / R::from_f64(::core::f64::consts::PI),
-            c25: R::from_f64(0.625) * t0 / R::from_f64(::core::f64::consts::PI),
-            c26: t2,
-            c27: -t3,
-            c28: R::from_f64(-2.0) * t3,
-            c29: R::from_f64(2.0) * t2,
+            c13: t13,
+            c14: t14,
+            c15: t15,
+            c16: t16,
+            c17: t17,
+            c18: t18,
+            c19: t19,
+            c20: t20,
+            c21: t21,
+            c22: t22,
+            c23: t23,
+            c24: R::from_f64(1.25) * t2 / R::from_f64(::core::f64::consts::PI),
+            c25: t24,
+            c26: t25,
+            c27: -t26,
+            c28: R::from_f64(-2.0) * t26,
+            c29: R::from_f64(2.0) * t25,
+            c30: t3,
+            c31: t5,
+            c32: t4,
+            c33: t1,
+            c34: t6,
+            c35: t3,
+            c36: t5,
+            c37: t4,
+            c38: t3,
+            c39: t1,
+            c40: t3,
+            c41: t9,
+            c42: t3,
+            c43: t1,
+            c44: t9,
+            c45: t10,
+            c46: t13,
+            c47: t6,
+            c48: t14,
+            c49: t6,
+            c50: t13,
+            c51: t16,
+            c52: t18,
+            c53: t3,
+            c54: t20,
+            c55: t3,
+            c56: t13,
+            c57: t14,
+            c58: t8,
+            c59: t16,
+            c60: t7,
+            c61: t14,
+            c62: t13,
+            c63: t18,
+            c64: t3,
+            c65: t20,
+            c66: t3,
+            c67: t20,
+            c68: t19,
+            c69: t17,
+            c70: t6,
+            c71: t15,
+            c72: t19,
+            c73: t12,
+            c74: t11,
+            c75: t15,
+            c76: t17,
+            c77: t13,
+            c78: t20,
+            c79: t3,
+            c80: t20,
+            c81: t3,
+            c82: t20,
+            c83: t3,
+            c84: t20,
+            c85: t3,
+            c86: t6,
+            c87: t21,
+            c88: t23,
+            c89: t22,
+            c90: t22,
+            c91: t21,
+            c92: t8,
+            c93: t22,
+            c94: t6,
+            c95: t24,
+            c96: t8,
         })
     }
 }
@@ -583,27 +807,27 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t8 = self.c4 * a_im_1_1;
             let t9 = self.c4 * a_im_1_m1;
             let t10 = t8 - t9;
-            let t11 = self.c1 * a_re_2_1;
+            let t11 = self.c30 * a_re_2_1;
             let t12 = self.c1 * a_im_2_1;
-            let t13 = self.c3 * w_re_1_m1;
+            let t13 = self.c31 * w_re_1_m1;
             let t14 = self.c5 * w_re_1_m1;
             let t15 = self.c5 * w_re_1_1;
             let t16 = t14 - t15;
             let t17 = self.c5 * w_im_1_m1;
             let t18 = self.c5 * w_im_1_1;
             let t19 = t17 - t18;
-            let t20 = self.c2 * w_im_2_m2;
+            let t20 = self.c32 * w_im_2_m2;
             let t21 = self.c6 * w_im_2_0;
             let t22 = w_im_2_m1 - w_im_2_1;
             let t23 = self.c6 * w_re_2_0;
             let t24 = w_re_2_m1 - w_re_2_1;
-            let t25 = self.c0 * a_re_1_m2;
-            let t26 = self.c4 * a_re_1_m1;
+            let t25 = self.c33 * a_re_1_m2;
+            let t26 = self.c34 * a_re_1_m1;
             let t27 = self.c4 * a_re_1_1;
-            let t29 = self.c1 * a_im_2_m2;
-            let t30 = self.c3 * w_re_1_1;
+            let t29 = self.c35 * a_im_2_m2;
+            let t30 = self.c36 * w_re_1_1;
             let t31 = self.c3 * w_im_1_1;
-            let t32 = self.c2 * w_re_2_2;
+            let t32 = self.c37 * w_re_2_2;
             let t33 = self.c2 * w_im_2_2;
             let t34 = self.c7 * a_im_2_0;
             let t35 = a_im_2_m1 - a_im_2_1;
@@ -668,15 +892,15 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                 ),
                         ),
                 );
-            let t52 = self.c1 * a_re_1_1;
+            let t52 = self.c38 * a_re_1_1;
             let t53 = self.c8 * w_re_1_1;
             let t54 = (-w_re_1_m2).mul_add(t53, a_re_1_m2 * t52);
-            let t55 = self.c0 * a_im_2_m1;
+            let t55 = self.c39 * a_im_2_m1;
             let t56 = self.c9 * w_im_2_2;
             let t57 = (-w_im_2_m1).mul_add(t56, a_im_2_2 * t55);
-            let t58 = self.c1 * a_im_1_1;
+            let t58 = self.c40 * a_im_1_1;
             let t59 = self.c0 * a_re_2_m1;
-            let t60 = self.c8 * w_re_1_m1;
+            let t60 = self.c41 * w_re_1_m1;
             let t61 = self.c8 * w_im_1_m1;
             let t62 = self.c9 * w_re_2_m2;
             let t63 = self.c9 * w_im_2_m2;
@@ -688,12 +912,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t69 = w_im_1_m2 - w_im_1_2;
             let t70 = self.c11 * w_re_1_0;
             let t71 = w_re_1_m2 - w_re_1_2;
-            let t72 = self.c1 * a_re_1_2;
+            let t72 = self.c42 * a_re_1_2;
             let t73 = self.c1 * a_im_1_2;
-            let t74 = self.c0 * a_re_2_m2;
+            let t74 = self.c43 * a_re_2_m2;
             let t75 = self.c0 * a_im_2_m2;
-            let t76 = self.c8 * w_im_1_1;
-            let t77 = self.c9 * w_re_2_2;
+            let t76 = self.c44 * w_im_1_1;
+            let t77 = self.c45 * w_re_2_2;
             let t78 = self.c12 * w_re_2_m2;
             let t79 = self.c12 * w_re_2_2;
             let t80 = t78 - t79;
@@ -759,27 +983,27 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                 ),
                         ),
                 );
-            let t102 = self.c13 * a_re_0_1;
+            let t102 = self.c46 * a_re_0_1;
             let t103 = self.c14 * w_re_0_1;
-            let t106 = self.c4 * a_re_2_0;
+            let t106 = self.c47 * a_re_2_0;
             let t107 = self.c15 * w_re_2_0;
             let t108 = (-w_re_1_2).mul_add(t107, a_re_1_2 * t106);
             let t109 = t58 - t29;
             let t110 = self.c16 * w_re_0_2;
             let t111 = self.c15 * w_im_2_0;
-            let t112 = self.c14 * w_im_0_1;
+            let t112 = self.c48 * w_im_0_1;
             let t113 = t111 + t112;
             let t114 = self.c17 * w_re_1_0;
             let t115 = self.c17 * w_im_1_0;
             let t116 = self.c18 * a_im_1_1;
-            let t117 = self.c4 * a_im_2_0;
-            let t118 = self.c13 * a_im_0_1;
+            let t117 = self.c49 * a_im_2_0;
+            let t118 = self.c50 * a_im_0_1;
             let t119 = t117 + t118;
             let t120 = self.c19 * a_re_1_0;
             let t121 = self.c19 * a_im_1_0;
-            let t122 = self.c16 * w_im_0_2;
+            let t122 = self.c51 * w_im_0_2;
             let t123 = t76 - t20;
-            let t124 = self.c18 * a_re_1_1;
+            let t124 = self.c52 * a_re_1_1;
             let t125 = R::from_f64(0.0625) * w_im_1_m1;
             let t127 = R::from_f64(0.0625) * w_re_1_m1;
             let t129 = R::from_f64(0.25) * w_im_1_0;
@@ -868,17 +1092,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                 ),
                         ),
                 );
-            let t152 = self.c13 * a_re_1_0;
-            let t153 = self.c14 * w_re_1_0;
+            let t152 = self.c56 * a_re_1_0;
+            let t153 = self.c57 * w_re_1_0;
             let t154 = (-w_re_2_m1).mul_add(t153, a_re_2_m1 * t152);
             let t155 = (-w_im_1_m2).mul_add(t56, a_im_2_2 * t4);
-            let t156 = self.c7 * a_re_0_2;
-            let t157 = self.c16 * w_re_2_0;
+            let t156 = self.c58 * a_re_0_2;
+            let t157 = self.c59 * w_re_2_0;
             let t159 = self.c16 * w_im_2_0;
-            let t161 = self.c6 * w_im_0_2;
-            let t162 = self.c14 * w_im_1_0;
+            let t161 = self.c60 * w_im_0_2;
+            let t162 = self.c61 * w_im_1_0;
             let t163 = self.c7 * a_im_0_2;
-            let t165 = self.c13 * a_im_1_0;
+            let t165 = self.c62 * a_im_1_0;
             let t166 = self.c6 * w_re_0_2;
             let t167 = w_re_1_m2 - w_re_2_m1;
             let t168 = a_im_2_0 - a_im_0_2;
@@ -994,7 +1218,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         ),
                 );
             let t192 = (-w_re_2_1).mul_add(t153, a_re_2_1 * t152);
-            let t193 = self.c18 * a_im_1_m1;
+            let t193 = self.c63 * a_im_1_m1;
             let t194 = self.c18 * a_re_1_m1;
             let t195 = w_im_1_2 + w_im_2_1;
             let t196 = w_re_1_2 - w_re_2_1;
@@ -1134,20 +1358,20 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                 ),
                         ),
                 );
-            let t231 = self.c19 * a_im_0_1;
-            let t232 = self.c17 * w_im_0_1;
+            let t231 = self.c68 * a_im_0_1;
+            let t232 = self.c69 * w_im_0_1;
             let t233 = (-w_im_2_2).mul_add(t232, a_im_2_2 * t231);
-            let t234 = self.c4 * a_re_0_2;
-            let t235 = self.c15 * w_re_0_2;
+            let t234 = self.c70 * a_re_0_2;
+            let t235 = self.c71 * w_re_0_2;
             let t236 = (-w_re_2_1).mul_add(t235, a_re_2_1 * t234);
-            let t237 = self.c19 * a_re_0_1;
+            let t237 = self.c72 * a_re_0_1;
             let t239 = self.c4 * a_im_0_2;
-            let t240 = self.c11 * w_re_0_1;
+            let t240 = self.c73 * w_re_0_1;
             let t241 = self.c11 * w_im_0_1;
-            let t242 = self.c10 * a_re_0_1;
+            let t242 = self.c74 * a_re_0_1;
             let t243 = self.c10 * a_im_0_1;
-            let t244 = self.c15 * w_im_0_2;
-            let t245 = self.c17 * w_re_0_1;
+            let t244 = self.c75 * w_im_0_2;
+            let t245 = self.c76 * w_re_0_1;
             let t247 = t7
                 .mul_add(
                     t202,
@@ -1191,7 +1415,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                 ),
                         ),
                 );
-            let t256 = self.c13 * a_im_0_2;
+            let t256 = self.c77 * a_im_0_2;
             let t257 = t165 + t239;
             let t258 = self.c13 * a_re_0_2;
             let t259 = t162 + t244;
@@ -1456,12 +1680,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t296 = self.c22 * w_re_2_1;
             let t297 = t296 - t295;
             let t298 = self.c23 * w_im_2_2;
-            let t299 = self.c4 * w_im_1_0;
+            let t299 = self.c86 * w_im_1_0;
             let t300 = self.c4 * w_re_1_0;
             let t301 = t291 - t300;
-            let t302 = self.c21 * w_im_1_m2;
-            let t303 = self.c23 * w_re_2_m2;
-            let t305 = self.c22 * w_im_2_m1;
+            let t302 = self.c87 * w_im_1_m2;
+            let t303 = self.c88 * w_re_2_m2;
+            let t305 = self.c89 * w_im_2_m1;
             let t307 = self.c22 * w_im_2_1;
             let t308 = a_im_2_2 - a_im_2_0;
             let t309 = self.c23 * w_im_2_m2;
@@ -1561,12 +1785,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t330 = self.c24 * w_re_1_1;
             let t331 = self.c24 * w_re_1_m1;
             let t332 = (-a_re_1_1).mul_add(t331, a_re_1_m1 * t330);
-            let t333 = self.c22 * w_re_1_m2;
+            let t333 = self.c90 * w_re_1_m2;
             let t335 = self.c24 * w_im_1_1;
             let t336 = self.c24 * w_im_1_m1;
             let t338 = self.c22 * w_re_1_2;
             let t339 = t338 - t333;
-            let t340 = self.c21 * w_re_2_1;
+            let t340 = self.c91 * w_re_2_1;
             let t341 = t79 - t340;
             let t342 = self.c21 * w_im_2_1;
             let t343 = t82 - t342;
@@ -1576,8 +1800,8 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
             let t347 = self.c21 * w_im_2_m1;
             let t348 = t78 - t346;
             let t349 = t81 - t347;
-            let t350 = self.c7 * w_im_1_0;
-            let t351 = self.c22 * w_im_1_2;
+            let t350 = self.c92 * w_im_1_0;
+            let t351 = self.c93 * w_im_1_2;
             let t352 = a_im_1_m1 - a_im_1_0;
             let t353 = self.c7 * w_re_1_0;
             let t354 = self.c22 * w_im_1_m2;
@@ -1672,7 +1896,7 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         ),
                 );
             let t369 = (-a_re_0_2).mul_add(t353, a_re_1_0 * t110);
-            let t370 = self.c4 * w_re_0_1;
+            let t370 = self.c94 * w_re_0_1;
             let t373 = self.c4 * w_im_0_1;
             let t374 = t344 + t373;
             let t375 = t122 + t305;
@@ -2877,10 +3101,10 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                 ),
                         ),
                 );
-            let t481 = self.c25 * w_re_0_2;
+            let t481 = self.c95 * w_re_0_2;
             let t482 = (-a_re_0_2).mul_add(t345, a_re_2_0 * t481);
             let t483 = self.c25 * w_im_0_2;
-            let t485 = self.c7 * w_re_0_1;
+            let t485 = self.c96 * w_re_0_1;
             let t487 = t485 - t333;
             let t488 = self.c7 * w_im_0_1;
             let t489 = t354 + t488;
@@ -3717,12 +3941,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         ),
                 ) + t91,
             self
-                .c1
+                .c53
                 .mul_add(
                     t130 + t132,
                     (-self.c20).mul_add(t126 + t128, t135 + t104 + t105 - t108),
                 ),
-            self.c1.mul_add(t146 - t147, self.c20.mul_add(t144 - t145, t150)),
+            self.c55.mul_add(t146 - t147, self.c54.mul_add(t144 - t145, t150)),
             (-a_re_2_2)
                 .mul_add(
                     t164,
@@ -3802,12 +4026,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                         ),
                 ) - t136,
             self
-                .c20
-                .mul_add(t215 + t217, self.c1.mul_add(t130 - t132, t220 - t151 + t209)),
-            (-self.c20)
+                .c65
+                .mul_add(t215 + t217, self.c64.mul_add(t130 - t132, t220 - t151 + t209)),
+            (-self.c67)
                 .mul_add(
                     t226 - t227,
-                    (-self.c1)
+                    (-self.c66)
                         .mul_add(t146 + t147, (-w_re_2_1).mul_add(t224, t230) - t221),
                 ),
             (-w_re_2_2)
@@ -3833,12 +4057,12 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                 ),
                         ),
                 ) - t249,
-            (-self.c1)
+            (-self.c79)
                 .mul_add(
                     t261 + t263,
-                    (-self.c20).mul_add(t126 - t128, t266 - t54 - t183 - t192),
+                    (-self.c78).mul_add(t126 - t128, t266 - t54 - t183 - t192),
                 ),
-            (-self.c1).mul_add(t270 - t271, (-self.c20).mul_add(t144 + t145, t274)),
+            (-self.c81).mul_add(t270 - t271, (-self.c80).mul_add(t144 + t145, t274)),
             (-w_im_0_2)
                 .mul_add(
                     t92,
@@ -3873,13 +4097,13 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
                                 ),
                         ),
                 ) + t173,
-            (-self.c1).mul_add(t261 - t263, self.c20.mul_add(t215 - t217, t282 - t279)),
+            (-self.c83).mul_add(t261 - t263, self.c82.mul_add(t215 - t217, t282 - t279)),
             self
-                .c1
+                .c85
                 .mul_add(
                     t270 + t271,
                     self
-                        .c20
+                        .c84
                         .mul_add(
                             t226 + t227,
                             (-w_im_1_2).mul_add(t222, (-w_re_1_2).mul_add(t211, t286))
