@@ -25,6 +25,8 @@ const BOUNDS: &[Bound] = &[
     most("chaplygin_sleigh", "default",        [  2,   6,  0,  0,   8]),
     most("chaplygin_sleigh", "derivatives",    [  2,   6,  0,  0,   8]),
     most("chaplygin_sleigh", "invariants",     [  2,   6,  0,  0,   8]),
+    most("charged_particle", "default",        [  3,   7,  0,  0,  10]),
+    most("charged_particle", "drift",          [  1,   6,  1,  0,   8]),
     most("double_spherical_pendulum", "default", [ 48,  85,  4,  3, 140]),
     most("euler_disk", "default",              [ 11,  20,  1,  1,  33]),
     most("euler_disk", "minimal",              [ 11,  20,  1,  1,  33]),
@@ -39,6 +41,7 @@ const BOUNDS: &[Bound] = &[
     most("free_rigid_body", "default",         [  0,   6,  0,  0,   6]),
     most("free_rigid_body", "invariants",      [  8,  21,  0,  0,  29]),
     most("free_rigid_body", "momenta",         [  0,   6,  0,  0,   6]),
+    most("guiding_centre", "default",          [  4,   9,  1,  2,  16]),
     most("heavy_top", "default",               [  9,  18,  0,  0,  27]),
     most("heavy_top", "lagrange",              [  5,  14,  0,  0,  19]),
     most("heavy_top", "derivatives",           [  9,  18,  0,  0,  27]),
@@ -50,8 +53,12 @@ const BOUNDS: &[Bound] = &[
     most("kirchhoff_body", "uncoupled",        [  6,  24,  0,  0,  30]),
     most("kirchhoff_body", "invariants",       [ 74, 104,  0,  0, 178]),
     most("kirchhoff_body", "momenta",          [ 36,  48,  0,  0,  84]),
+    most("lotka_volterra", "default",          [  2,   2,  0,  2,   6]),
     most("mobile_robot", "default",            [  4,   8,  0,  0,  12]),
     most("mobile_robot", "minimal",            [  4,   8,  0,  0,  12]),
+    most("point_vortices", "default",          [ 34,  48,  6,  0,  88]),
+    most("point_vortices", "derivatives",      [ 34,  48,  6,  0,  88]),
+    most("point_vortices", "taylor",           [ 34,  48,  6,  0,  88]),
     most("rolling_ball", "default",            [  0,   0,  0,  0,   0]),
     most("rolling_ball", "minimal",            [  0,   0,  0,  0,   0]),
     most("rolling_disk", "default",            [  0,   0,  0,  0,   0]),
@@ -118,11 +125,12 @@ fn line(model: &str, scene: &str, [add, mul, div, functions, all]: [usize; 5]) -
 ///
 /// With four times the limit the Chaplygin gyroscope takes 20 s instead of 4 s to generate and the satellite 40 s
 /// instead of 2 s (optimised, one core of two shared ones).
-const STOPPED_EARLY: [(&str, &[&str]); 9] = [
+const STOPPED_EARLY: [(&str, &[&str]); 10] = [
     ("chaplygin_ball", &["rhs"]),
     ("chaplygin_gyro", &["rhs", "multipliers"]),
     ("double_spherical_pendulum", &["rhs"]),
     ("extended_pose", &["rhs"]),
+    ("point_vortices", &["jacobian"]),
     ("two_arm_satellite", &["rhs"]),
     ("two_arm_satellite_routh", &["rhs", "energy", "momentum", "invariants", "invariant_gradients"]),
     ("zeitlin_euler_5", &["rhs", "casimirs"]),

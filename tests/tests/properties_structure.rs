@@ -19,20 +19,24 @@ fn defined(e: &Equations) -> Vec<&str> {
 }
 
 /// Name, definitions, nodes: measured, plus about a tenth.
-const BOUNDS: [(&str, usize, usize); 31] = [
+const BOUNDS: [(&str, usize, usize); 35] = [
     ("appell_machine", 7, 40),
     ("ball_on_rotating_table", 13, 59),
     ("chaplygin_ball", 76, 295),
     ("chaplygin_gyro", 148, 745),
     ("chaplygin_sleigh", 9, 42),
+    ("charged_particle", 6, 40),
     ("double_spherical_pendulum", 55, 255),
     ("euler_disk", 59, 294),
     ("euler_disk_advected", 48, 201),
     ("extended_pose", 211, 834),
     ("free_rigid_body", 7, 32),
+    ("guiding_centre", 4, 36),
     ("heavy_top", 10, 68),
     ("kirchhoff_body", 58, 256),
+    ("lotka_volterra", 3, 20),
     ("mobile_robot", 16, 65),
+    ("point_vortices", 9, 123),
     ("rolling_ball", 4, 26),
     ("rolling_disk", 2, 15),
     ("second_grade_fluid", 85, 750),

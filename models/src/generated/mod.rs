@@ -29,6 +29,10 @@ pub mod chaplygin_sleigh_derivatives;
 pub mod chaplygin_sleigh_invariants;
 /// Chaplygin sleigh
 pub mod chaplygin_sleigh_reconstruction;
+/// Charged particle in the plane
+pub mod charged_particle;
+/// Charged particle in the plane
+pub mod charged_particle_drift;
 /// Double spherical pendulum
 pub mod double_spherical_pendulum;
 /// Double spherical pendulum
@@ -67,6 +71,8 @@ pub mod free_rigid_body_invariants;
 pub mod free_rigid_body_momenta;
 /// Free rigid body
 pub mod free_rigid_body_reconstruction;
+/// Guiding centre in a plane field
+pub mod guiding_centre;
 /// Heavy top
 pub mod heavy_top;
 /// Heavy top
@@ -93,12 +99,20 @@ pub mod kirchhoff_body_momenta;
 pub mod kirchhoff_body_reconstruction;
 /// Kirchhoff's underwater body
 pub mod kirchhoff_body_uncoupled;
+/// Predator and prey of Lotka and Volterra
+pub mod lotka_volterra;
 /// Two-wheeled mobile robot
 pub mod mobile_robot;
 /// Two-wheeled mobile robot
 pub mod mobile_robot_minimal;
 /// Two-wheeled mobile robot
 pub mod mobile_robot_reconstruction;
+/// Four point vortices on the plane
+pub mod point_vortices;
+/// Four point vortices on the plane
+pub mod point_vortices_derivatives;
+/// Four point vortices on the plane
+pub mod point_vortices_taylor;
 /// Ball rolling on a plane
 pub mod rolling_ball;
 /// Ball rolling on a plane
@@ -208,6 +222,8 @@ macro_rules! for_each_scene {
             (chaplygin_sleigh_derivatives, "chaplygin_sleigh", "derivatives", 2)
             (chaplygin_sleigh_invariants, "chaplygin_sleigh", "invariants", 2)
             (chaplygin_sleigh_reconstruction, "chaplygin_sleigh", "reconstruction", 5)
+            (charged_particle, "charged_particle", "default", 4)
+            (charged_particle_drift, "charged_particle", "drift", 2)
             (double_spherical_pendulum, "double_spherical_pendulum", "default", 6)
             (double_spherical_pendulum_reconstruction, "double_spherical_pendulum", "reconstruction", 7)
             (euler_disk, "euler_disk", "default", 5)
@@ -227,6 +243,7 @@ macro_rules! for_each_scene {
             (free_rigid_body_invariants, "free_rigid_body", "invariants", 7)
             (free_rigid_body_momenta, "free_rigid_body", "momenta", 3)
             (free_rigid_body_reconstruction, "free_rigid_body", "reconstruction", 7)
+            (guiding_centre, "guiding_centre", "default", 2)
             (heavy_top, "heavy_top", "default", 6)
             (heavy_top_derivatives, "heavy_top", "derivatives", 6)
             (heavy_top_invariants, "heavy_top", "invariants", 6)
@@ -240,9 +257,13 @@ macro_rules! for_each_scene {
             (kirchhoff_body_momenta, "kirchhoff_body", "momenta", 6)
             (kirchhoff_body_reconstruction, "kirchhoff_body", "reconstruction", 13)
             (kirchhoff_body_uncoupled, "kirchhoff_body", "uncoupled", 6)
+            (lotka_volterra, "lotka_volterra", "default", 2)
             (mobile_robot, "mobile_robot", "default", 4)
             (mobile_robot_minimal, "mobile_robot", "minimal", 2)
             (mobile_robot_reconstruction, "mobile_robot", "reconstruction", 7)
+            (point_vortices, "point_vortices", "default", 8)
+            (point_vortices_derivatives, "point_vortices", "derivatives", 8)
+            (point_vortices_taylor, "point_vortices", "taylor", 8)
             (rolling_ball, "rolling_ball", "default", 5)
             (rolling_ball_minimal, "rolling_ball", "minimal", 3)
             (rolling_ball_reconstruction, "rolling_ball", "reconstruction", 9)
