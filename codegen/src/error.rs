@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::expr::{Exhausted, Rational};
+use crate::expr::{Exhausted, Scalar};
 
 /// What can be wrong with a system, from its algebra to its emitted code.
 #[derive(Clone, Debug, PartialEq)]
@@ -427,21 +427,18 @@ const WRITE_WITH_KNOWN_FUNCTIONS: &str =
 
 const PLEASE_REPORT: &str = "please report this";
 
-/// Spells a rational vector in a basis: `2 e1 - 1/2 e3`, or `0`.
-pub(crate) fn spell_vector(basis: &[String], vector: &[Rational]) -> String {
+/// Spells a vector in a basis: `2 e1 - 1/2 e3`, or `0`.
+pub(crate) fn spell_vector<Q: Scalar>(basis: &[String], vector: &[Q]) -> String {
     let mut text = String::new();
-    let zero = Rational::from_integer(0.into());
-    let one = Rational::from_integer(1.into());
-    for (name, q) in basis.iter().zip(vector).filter(|(_, q)| **q != zero) {
-        let negative = *q < zero;
-        let magnitude = if negative { -q } else { q.clone() };
+    for (name, q) in basis.iter().zip(vector).filter(|(_, q)| !q.is_zero()) {
+        let (negative, magnitude) = q.spelled();
         text.push_str(match (text.is_empty(), negative) {
             (true, false) => "",
             (true, true) => "-",
             (false, false) => " + ",
             (false, true) => " - ",
         });
-        if magnitude != one {
+        if magnitude != "1" {
             text.push_str(&format!("{magnitude} "));
         }
         text.push_str(name);

@@ -9,7 +9,7 @@ use std::fmt::Write as _;
 use num_traits::One;
 
 use crate::error::spell_vector;
-use crate::expr::{Budget, Definition, ExprId, Graph, Style, SymbolId, identifier, rational_to_f64};
+use crate::expr::{Budget, Definition, ExprId, Graph, Number, Style, SymbolId, identifier, rational_to_f64};
 use crate::mechanics::{Equations, Form, Routhian, VerticalEquation, VerticalEquations, unused_stem};
 use crate::reduction::{
     DegenerateOutcome, KinematicConstraint, ReducedSystem, SolvedConstraint, Stages, Tensor,
@@ -352,13 +352,13 @@ impl Page {
                     let terms: Vec<String> = value
                         .iter()
                         .map(|(c, q)| {
-                            let q = g.rational(q.clone());
+                            let q = g.number(q);
                             self.term(&g, q, &basis[*c])
                         })
                         .collect();
                     self.sum(&terms)
                 } else {
-                    let mut dense = vec![crate::expr::Rational::from_integer(0.into()); algebra.dim()];
+                    let mut dense = vec![Number::default(); algebra.dim()];
                     value.iter().for_each(|(c, q)| dense[*c] = q.clone());
                     spell_vector(&basis, &dense)
                 };
@@ -367,6 +367,9 @@ impl Page {
             .collect();
         if rows.is_empty() {
             self.line("Abelian: all brackets vanish.");
+        }
+        if algebra.is_almost() {
+            self.line("Almost algebra: Jacobi is not claimed. Energy follows from antisymmetry; Casimirs of the bracket need not exist.");
         }
         self.formulas(&rows);
     }

@@ -226,7 +226,7 @@ impl StageNumbers {
             metric.iter().map(|row| row.iter().map(|q| g.rational(q.clone())).collect()).collect();
         let names = Transported::stage_names(chain);
         let ideals = chain_exprs(&mut g, chain);
-        let stages = Stages::split(&mut g, algebra, &names, &ideals, Some(&metric))
+        let stages = Stages::split(&mut g, &algebra.clone().into(), &names, &ideals, Some(&metric))
             .unwrap_or_else(|e| panic!("{} does not split: {e:?}", algebra.name()));
         StageNumbers::new(&stages, |e| g.as_rational(e).expect("rational data").clone())
     }

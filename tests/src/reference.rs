@@ -6,29 +6,9 @@ use std::path::PathBuf;
 use hamel_codegen::expr::{Rational, parse_decimal};
 use serde_json::Value;
 
-/// Files of reference values without a model in `models/specs`, and why.
-///
-/// A test compares both lists with the folders: a file that gets a model, or a model that gets a file, leaves its list.
-pub const WITHOUT_MODEL: [(&str, &str); 7] = [
-    (
-        "second_grade_fluid",
-        "a Fourier-Galerkin fluid with a force; the language has no sums over modes to write it with",
-    ),
-    ("second_grade_fluid_3c", "as second_grade_fluid, with a third component"),
-    (
-        "zeitlin_euler_3",
-        "8 modes on su(3): the algebra is tested in errata_s4.rs, a model is not shipped yet",
-    ),
-    (
-        "zeitlin_euler_5",
-        "24 modes; hundreds of brackets whose constants are irrational (sines of multiples of 2pi/5)",
-    ),
-    ("zeitlin_euler_7", "48 modes; as zeitlin_euler_5"),
-    ("zeitlin_mhd_3", "16 modes on a semidirect product; tested in errata_s4.rs, a model is not shipped yet"),
-    ("zeitlin_mhd_5", "48 modes; as zeitlin_euler_5"),
-];
-
 /// Models in `models/specs` without reference values, and why.
+///
+/// A test compares the list with the folders: a model that gets a file leaves it, and every file has a model.
 pub const WITHOUT_FILE: [(&str, &str); 2] = [
     (
         "appell_machine",

@@ -3,12 +3,13 @@
 
 use std::collections::BTreeMap;
 
-use hamel_codegen::expr::{ExprId, Graph, Rational, SymbolId, inlined};
+use hamel_codegen::expr::{ExprId, Graph, Rational, SymbolId, inlined, rational_to_f64};
 use hamel_codegen::mechanics::{Equations, derive};
 use hamel_codegen::reduction::{DegenerateOutcome, Formulation, KinematicConstraint, reduce};
 use hamel_codegen::scene;
 use hamel_codegen::spec::{self, Model, Want};
 use hamel_tests::draws::{Draws, for_all};
+use hamel_tests::models;
 
 fn parsed(text: &str) -> Model {
     spec::parse("m", text).unwrap_or_else(|e| panic!("{e}\n{text}"))
@@ -179,36 +180,7 @@ fn conditions_on_positions_are_differentiated() {
     assert!(built.outputs().iter().any(|o| o.name == Want::Constraint.name()));
 }
 
-/// Vortices on the plane: `Gamma_i z_i' = ..`, Kirchhoff 1876.
-#[test]
-fn point_vortices_move_as_kirchhoff_says() {
-    let text = "model m {
-        param Gamma: vector(3) = [1, 2, -0.5] where Gamma1 != 0, Gamma2 != 0, Gamma3 != 0;
-        coordinate x, y: vector(3) in real;
-        lagrangian = Gamma1/2*(x1*y1_dot - y1*x1_dot) + Gamma2/2*(x2*y2_dot - y2*x2_dot)
-            + Gamma3/2*(x3*y3_dot - y3*x3_dot)
-            + 1/2*Gamma1*Gamma2*ln((x1 - x2)^2 + (y1 - y2)^2) + 1/2*Gamma1*Gamma3*ln((x1 - x3)^2 + (y1 - y3)^2)
-            + 1/2*Gamma2*Gamma3*ln((x2 - x3)^2 + (y2 - y3)^2);
-    }";
-    let built = scene::build(&parsed(text), scene::DEFAULT).unwrap();
-    assert_eq!(built.state_names(), ["x1", "x2", "x3", "y1", "y2", "y3"]);
-    let gamma = [1.0, 2.0, -0.5];
-    let state = [0.3, -1.0, 0.7, 0.9, 0.2, -0.4];
-    let mut rates = [0.0; 6];
-    built.prepare(&gamma).unwrap().rhs(0.0, &state, &mut rates);
-    for i in 0..3 {
-        let (mut dx, mut dy) = (0.0, 0.0);
-        for j in (0..3).filter(|j| *j != i) {
-            let (x, y) = (state[i] - state[j], state[3 + i] - state[3 + j]);
-            let square = x * x + y * y;
-            dx += gamma[j] * y / square;
-            dy -= gamma[j] * x / square;
-        }
-        assert!((rates[i] - dx).abs() < 1e-14 && (rates[3 + i] - dy).abs() < 1e-14, "{rates:?}");
-    }
-}
-
-/// A charge in a strong field: with its mass the momenta are its state, without it the place is.
+/// A charge in a strong field: with its mass the velocity is part of its state, without it the place is.
 #[test]
 fn a_scene_without_mass_is_the_limit() {
     let text = "model m {
@@ -282,4 +254,41 @@ fn velocities_of_an_algebra_go_on_beside_massless_coordinates() {
         }
         assert!(massless.facts.energy_is_conserved);
     }
+}
+
+/// The shipped models, by what is in print about them.
+#[test]
+fn shipped_models_move_as_their_sources_say() {
+    let rates = |model: &str, state: &[f64]| {
+        let built = models::build(model, scene::DEFAULT);
+        let params: Vec<f64> = built.params().iter().map(|p| rational_to_f64(&p.default)).collect();
+        let mut rates = vec![0.0; state.len()];
+        built.prepare(&params).unwrap().rhs(0.0, state, &mut rates);
+        rates
+    };
+    let close = |found: Vec<f64>, expected: &[f64]| {
+        let is_close = |(a, b): (&f64, &f64)| (a - b).abs() < 1e-15 * (1.0 + b.abs()) * 4.0;
+        assert!(found.iter().zip(expected).all(is_close), "{found:?} {expected:?}");
+    };
+    // Prey N and predators P: N' = a N - b N P, P' = c N P - d P.
+    let (q, p) = (0.4f64, -0.7f64);
+    close(rates("lotka_volterra", &[q, p]), &[1.0 - 0.5 * p.exp(), 0.4 * q.exp() - 0.8]);
+    // E x B and the drift along the gradient: e b x' = dV/dy, e b y' = -dV/dx for V = mu b - e e2 y.
+    let (x, y) = (0.3f64, 0.8f64);
+    let b = 1.2 + 0.3 * x + 0.2 * x.cos() * y.cos();
+    let (bx, by) = (0.3 - 0.2 * x.sin() * y.cos(), -0.2 * x.cos() * y.sin());
+    close(rates("guiding_centre", &[x, y]), &[-(0.2 * by - 0.1) / b, 0.2 * bx / b]);
+    // Velocities of vortices: Gamma/(2 pi r) about each other.
+    let z = [0.2, -1.0, 0.9, 0.4, 0.7, -0.3, 1.1, -0.8];
+    let gamma = [1.0, 0.8, 1.2, -0.6];
+    let mut expected = [0.0; 8];
+    for i in 0..4 {
+        for j in (0..4).filter(|j| *j != i) {
+            let (dx, dy) = (z[i] - z[j], z[4 + i] - z[4 + j]);
+            let weight = gamma[j] / (2.0 * std::f64::consts::PI * (dx * dx + dy * dy));
+            expected[i] -= weight * dy;
+            expected[4 + i] += weight * dx;
+        }
+    }
+    close(rates("point_vortices", &z), &expected);
 }

@@ -30,7 +30,7 @@ fn numbers(g: &Graph, list: &[ExprId]) -> Vector {
 fn split(g: &mut Graph, algebra: &LieAlgebra, chain: &[Rows], metric: &[Vector]) -> Stages {
     let metric = expr_rows(g, metric);
     let ideals = chain_exprs(g, chain);
-    Stages::split(g, algebra, &Transported::stage_names(chain), &ideals, Some(&metric))
+    Stages::split(g, &algebra.clone().into(), &Transported::stage_names(chain), &ideals, Some(&metric))
         .unwrap_or_else(|errors| panic!("{} does not split: {errors:?}", algebra.name()))
 }
 
@@ -251,8 +251,14 @@ fn check_symbolic(algebra: &LieAlgebra, chain: &[Rows]) {
     let n = algebra.dim();
     let metric = symbolic_metric(&mut g, n);
     let ideals = chain_exprs(&mut g, chain);
-    let stages =
-        Stages::split(&mut g, algebra, &Transported::stage_names(chain), &ideals, Some(&metric)).unwrap();
+    let stages = Stages::split(
+        &mut g,
+        &algebra.clone().into(),
+        &Transported::stage_names(chain),
+        &ideals,
+        Some(&metric),
+    )
+    .unwrap();
     let symbols = stages.basis.iter().flatten().any(|e| !g.free_symbols(*e).is_empty());
     assert!(symbols, "the adapted basis of {} does not depend on the inner product", algebra.name());
     let mut fresh = |name: &str| -> Vec<ExprId> {

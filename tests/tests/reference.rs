@@ -8,7 +8,7 @@ use hamel_codegen::program::Role;
 use hamel_codegen::scene::{self, BuiltScene};
 use hamel_runtime::{Dop853, Integrator, Options};
 use hamel_tests::models::{self, Interpreted, State};
-use hamel_tests::reference::{self, Numbers, Reference, WITHOUT_FILE, WITHOUT_MODEL};
+use hamel_tests::reference::{self, Numbers, Reference, WITHOUT_FILE};
 use hamel_tests::tracked::{tracked, units_off};
 
 /// Units in the last place that a component may be off.
@@ -170,16 +170,16 @@ fn every_reference_trajectory_is_met_within_1e_9_at_rtol_1e_12() {
 #[test]
 fn files_without_a_model_and_models_without_a_file_are_listed_with_a_reason() {
     let (files, models) = (reference::files(), models::names());
-    assert!(reference::models().len() >= 20, "{:?}", reference::models());
+    assert!(reference::models().len() == 29, "{:?}", reference::models());
     let apart = |of: &[String], other: &[String]| -> Vec<String> {
         of.iter().filter(|name| !other.contains(name)).cloned().collect()
     };
-    assert_eq!(apart(&files, &models), WITHOUT_MODEL.map(|(name, _)| name));
+    assert_eq!(apart(&files, &models), Vec::<String>::new(), "every file has its model");
     assert_eq!(apart(&models, &files), WITHOUT_FILE.map(|(name, _)| name));
-    assert!(WITHOUT_MODEL.iter().chain(&WITHOUT_FILE).all(|(_, reason)| reason.len() > 20));
+    assert!(WITHOUT_FILE.iter().all(|(_, reason)| reason.len() > 20));
 }
 
-/// Files that no model reads keep their form: every state has its derivative, and every number can be read.
+/// Files keep their form: every state has its derivative, and every number can be read.
 #[test]
 fn every_file_can_be_read() {
     for name in reference::files() {

@@ -25,13 +25,32 @@ pub struct Algebroid {
     anchor: Vec<Vec<ExprId>>,
     bracket: BTreeMap<(usize, usize), Vec<(usize, ExprId)>>,
     drift: BTreeMap<usize, Vec<(usize, ExprId)>>,
+    is_almost: bool,
 }
 
 impl Algebroid {
     /// An algebroid with zero anchor, bracket and drift, to be filled in by a front end.
     pub fn new(g: &Graph, time: SymbolId, base: Vec<SymbolId>, frame: Vec<String>) -> Algebroid {
         let anchor = vec![vec![g.zero(); frame.len()]; base.len()];
-        Algebroid { time, base, frame, anchor, bracket: BTreeMap::new(), drift: BTreeMap::new() }
+        Algebroid {
+            time,
+            base,
+            frame,
+            anchor,
+            bracket: BTreeMap::new(),
+            drift: BTreeMap::new(),
+            is_almost: false,
+        }
+    }
+
+    /// Says that the bracket is not claimed to be that of a Lie algebroid: nothing is asked of it but antisymmetry.
+    pub fn set_almost(&mut self, is_almost: bool) {
+        self.is_almost = is_almost;
+    }
+
+    /// Whether the bracket is not claimed to be that of a Lie algebroid.
+    pub fn is_almost(&self) -> bool {
+        self.is_almost
     }
 
     /// Number of base coordinates.
@@ -90,7 +109,7 @@ impl Algebroid {
 
     /// Every coefficient of anchor, bracket and drift.
     pub fn coefficients_mut(&mut self) -> Vec<&mut ExprId> {
-        let Algebroid { time: _, base: _, frame: _, anchor, bracket, drift } = self;
+        let Algebroid { time: _, base: _, frame: _, anchor, bracket, drift, is_almost: _ } = self;
         let brackets = bracket.values_mut().chain(drift.values_mut()).flatten().map(|(_, e)| e);
         anchor.iter_mut().flatten().chain(brackets).collect()
     }
@@ -129,12 +148,15 @@ impl Algebroid {
     /// Verifies the anchor condition and Jacobi identity on the symbolic data:
     /// `rho^j_a d_j rho^i_b - rho^j_b d_j rho^i_a = rho^i_c C^c_ab` and
     /// `sum over cyclic (a, b, c) of (rho^i_a d_i C^d_bc + C^e_bc C^d_ae) = 0`, both also with `d/dt` for one of the
-    /// sections.
+    /// sections. An almost algebroid is not asked for them.
     ///
     /// # Errors
     /// [`Error::AnchorViolated`] or [`Error::JacobiViolated`], every offender; [`Error::Unverified`] of what is not
     /// proved.
     pub fn verify(&self, g: &mut Graph) -> Result<(), Vec<Error>> {
+        if self.is_almost {
+            return Ok(());
+        }
         let mut errors = Vec::new();
         let m = self.rank();
         let mut commutes = vec![true; m * m];

@@ -1,4 +1,4 @@
-//! Matrices that span so(n), gl(n), sl(n) and su(n).
+//! Matrices that span the algebras that are known by name.
 //!
 //! Deliberately does not know: brackets, representations.
 
@@ -40,6 +40,69 @@ pub(super) fn sl_matrices(n: usize) -> Vec<Matrix> {
     off.chain(diagonal).collect()
 }
 
+/// Basis of sp(2m): `E_ij - E_{m+j,m+i}` row-major, then `E_{i,m+j} + E_{j,m+i}` and `E_{m+i,j} + E_{m+j,i}` for
+/// `i <= j`, a single entry where both are the same.
+pub(super) fn sp_matrices(n: usize) -> Vec<Matrix> {
+    let m = n / 2;
+    let mut list = Vec::new();
+    for i in 0..m {
+        list.extend((0..m).map(|j| unit(n, i, j).minus(&unit(n, m + j, m + i))));
+    }
+    for (rows, columns) in [(0, m), (m, 0)] {
+        for i in 0..m {
+            for j in i..m {
+                let mut symmetric = unit(n, rows + i, columns + j);
+                symmetric.set(rows + j, columns + i, Rational::one());
+                list.push(symmetric);
+            }
+        }
+    }
+    list
+}
+
+/// Basis of sim(n), similarities of R^n as matrices of size `n + 1`: rotations, the dilation, translations.
+pub(super) fn sim_matrices(n: usize) -> Vec<Matrix> {
+    let mut dilation = Matrix::zeros(n + 1, n + 1);
+    (0..n).for_each(|i| dilation.set(i, i, Rational::one()));
+    let mut list = rotations(n, n + 1);
+    list.push(dilation);
+    list.extend((0..n).map(|i| unit(n + 1, i, n)));
+    list
+}
+
+/// Basis of the Galilei algebra, whose group acts on places and times as matrices of size `n + 2`: rotations, boosts,
+/// translations, the translation of time.
+pub(super) fn galilei_matrices(n: usize) -> Vec<Matrix> {
+    let mut list = rotations(n, n + 2);
+    list.extend((0..n).map(|i| unit(n + 2, i, n)));
+    list.extend((0..n).map(|i| unit(n + 2, i, n + 1)));
+    list.push(unit(n + 2, n, n + 1));
+    list
+}
+
+/// Basis of so(n) in the first rows and columns of larger matrices; that of so(2) turns counter-clockwise.
+fn rotations(n: usize, size: usize) -> Vec<Matrix> {
+    let embedded = |m: Matrix| {
+        let mut larger = Matrix::zeros(size, size);
+        for i in 0..n {
+            (0..n).for_each(|j| larger.set(i, j, m.get(i, j).clone()));
+        }
+        larger
+    };
+    match n {
+        2 => vec![embedded(unit(2, 1, 0).minus(&unit(2, 0, 1)))],
+        _ => so_matrices(n).into_iter().map(embedded).collect(),
+    }
+}
+
+/// Real `2n x 2n` matrices of a basis of u(n): those of su(n) beside the diagonal, then `i E_kk`.
+pub(super) fn u_matrices(n: usize) -> Vec<Matrix> {
+    let mut list = su_matrices(n);
+    list.truncate(n * (n - 1));
+    list.extend((0..n).map(|k| unit(2 * n, 2 * k + 1, 2 * k).minus(&unit(2 * n, 2 * k, 2 * k + 1))));
+    list
+}
+
 /// Real `2n x 2n` matrices of a basis of su(n): `E_jk - E_kj`, `i(E_jk + E_kj)` for `j < k`, then
 /// `i(E_kk - E_{k+1,k+1})`; the complex number `a + ib` is the block `[[a, -b], [b, a]]`.
 pub(super) fn su_matrices(n: usize) -> Vec<Matrix> {
@@ -76,6 +139,8 @@ pub(super) fn defining_matrices(name: &str) -> Option<Vec<Matrix>> {
         "gl" => Some(gl_matrices(n)),
         "sl" => Some(sl_matrices(n)),
         "su" => Some(su_matrices(n)),
+        "sp" if n % 2 == 0 => Some(sp_matrices(n)),
+        "u" => Some(u_matrices(n)),
         _ => None,
     }
 }

@@ -3,7 +3,7 @@
 //! Deliberately does not know: inner products, what a chain is used for.
 
 use crate::error::{Error, spell_vector};
-use crate::expr::{ExprId, Graph, Rational, Style, Vanishing};
+use crate::expr::{ExprId, Graph, Number, Rational, Style, Vanishing};
 
 use super::lie::LieAlgebra;
 
@@ -11,7 +11,7 @@ use super::lie::LieAlgebra;
 pub(crate) type Step<'a> = (&'a str, &'a [Vec<ExprId>]);
 
 /// The basis of the whole algebra, which begins a chain.
-pub(crate) fn whole_algebra(g: &Graph, algebra: &LieAlgebra) -> Vec<Vec<ExprId>> {
+pub(crate) fn whole_algebra(g: &Graph, algebra: &LieAlgebra<Number>) -> Vec<Vec<ExprId>> {
     let n = algebra.dim();
     (0..n).map(|k| (0..n).map(|i| if i == k { g.one() } else { g.zero() }).collect()).collect()
 }
@@ -25,7 +25,7 @@ pub(crate) fn whole_algebra(g: &Graph, algebra: &LieAlgebra) -> Vec<Vec<ExprId>>
 /// pair, [`Error::Unverified`].
 pub(crate) fn next_ideal(
     g: &mut Graph,
-    algebra: &LieAlgebra,
+    algebra: &LieAlgebra<Number>,
     basis: &[String],
     (above_name, above): Step<'_>,
     (name, spanning): Step<'_>,
@@ -93,7 +93,7 @@ pub(crate) fn lies_in(g: &mut Graph, spanning: &[Vec<ExprId>], vector: &[ExprId]
 }
 
 /// `[x, y]` of two vectors.
-fn bracket(g: &mut Graph, algebra: &LieAlgebra, x: &[ExprId], y: &[ExprId]) -> Vec<ExprId> {
+fn bracket(g: &mut Graph, algebra: &LieAlgebra<Number>, x: &[ExprId], y: &[ExprId]) -> Vec<ExprId> {
     let zero = g.zero();
     let mut terms: Vec<Vec<(ExprId, Rational)>> = vec![Vec::new(); x.len()];
     for (a, b, value) in algebra.brackets() {
@@ -104,7 +104,7 @@ fn bracket(g: &mut Graph, algebra: &LieAlgebra, x: &[ExprId], y: &[ExprId]) -> V
         let (forward, backward) = (g.mul(x[a], y[b]), g.mul(x[b], y[a]));
         let weight = g.sub(forward, backward);
         for (c, q) in value {
-            terms[*c].push((weight, q.clone()));
+            terms[*c].push(g.weighted(weight, q));
         }
     }
     terms.iter().map(|list| g.linear_combination(list)).collect()

@@ -1,34 +1,32 @@
 //! Exact linear algebra: rational matrices, and Gaussian elimination on expressions.
 
-use num_traits::{One, Zero};
+use crate::expr::{ExprId, Graph, Rational, Scalar, Vanishing};
 
-use crate::expr::{ExprId, Graph, Rational, Vanishing};
-
-/// Dense rational matrix, row-major.
+/// Dense matrix of exact numbers, row-major.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Matrix {
+pub struct Matrix<Q = Rational> {
     n_rows: usize,
     n_columns: usize,
-    entries: Vec<Rational>,
+    entries: Vec<Q>,
 }
 
-impl Matrix {
+impl<Q: Scalar> Matrix<Q> {
     /// The zero matrix.
-    pub fn zeros(n_rows: usize, n_columns: usize) -> Matrix {
-        Matrix { n_rows, n_columns, entries: vec![Rational::zero(); n_rows * n_columns] }
+    pub fn zeros(n_rows: usize, n_columns: usize) -> Matrix<Q> {
+        Matrix { n_rows, n_columns, entries: vec![Q::zero(); n_rows * n_columns] }
     }
 
     /// The identity.
-    pub fn identity(n: usize) -> Matrix {
+    pub fn identity(n: usize) -> Matrix<Q> {
         let mut m = Matrix::zeros(n, n);
         for k in 0..n {
-            m.set(k, k, Rational::one());
+            m.set(k, k, Q::one());
         }
         m
     }
 
     /// A matrix from its rows, which must have equal lengths.
-    pub fn from_rows(rows: &[Vec<Rational>]) -> Option<Matrix> {
+    pub fn from_rows(rows: &[Vec<Q>]) -> Option<Matrix<Q>> {
         let n_columns = rows.first().map_or(0, Vec::len);
         rows.iter().all(|r| r.len() == n_columns).then(|| Matrix {
             n_rows: rows.len(),
@@ -48,22 +46,22 @@ impl Matrix {
     }
 
     /// Entry in row `i`, column `j`, from zero.
-    pub fn get(&self, i: usize, j: usize) -> &Rational {
+    pub fn get(&self, i: usize, j: usize) -> &Q {
         &self.entries[i * self.n_columns + j]
     }
 
     /// Sets an entry.
-    pub fn set(&mut self, i: usize, j: usize, value: Rational) {
+    pub fn set(&mut self, i: usize, j: usize, value: Q) {
         self.entries[i * self.n_columns + j] = value;
     }
 
     /// A row.
-    pub fn row(&self, i: usize) -> &[Rational] {
+    pub fn row(&self, i: usize) -> &[Q] {
         &self.entries[i * self.n_columns..(i + 1) * self.n_columns]
     }
 
     /// The transpose.
-    pub fn transposed(&self) -> Matrix {
+    pub fn transposed(&self) -> Matrix<Q> {
         let mut m = Matrix::zeros(self.n_columns, self.n_rows);
         for i in 0..self.n_rows {
             for j in 0..self.n_columns {
@@ -77,9 +75,9 @@ impl Matrix {
     ///
     /// # Panics
     /// When the inner sizes differ.
-    pub fn times(&self, other: &Matrix) -> Matrix {
+    pub fn times(&self, other: &Matrix<Q>) -> Matrix<Q> {
         assert_eq!(self.n_columns, other.n_rows, "inner sizes of a matrix product agree");
-        let mut m = Matrix::zeros(self.n_rows, other.n_columns);
+        let mut m = Matrix::<Q>::zeros(self.n_rows, other.n_columns);
         for i in 0..self.n_rows {
             for k in 0..self.n_columns {
                 let a = self.get(i, k);
@@ -87,7 +85,7 @@ impl Matrix {
                     continue;
                 }
                 for j in 0..other.n_columns {
-                    let sum = m.get(i, j) + a * other.get(k, j);
+                    let sum = m.get(i, j).plus(&a.times(other.get(k, j)));
                     m.set(i, j, sum);
                 }
             }
@@ -99,23 +97,31 @@ impl Matrix {
     ///
     /// # Panics
     /// When the shapes differ.
-    pub fn minus(&self, other: &Matrix) -> Matrix {
+    pub fn minus(&self, other: &Matrix<Q>) -> Matrix<Q> {
         assert_eq!((self.n_rows, self.n_columns), (other.n_rows, other.n_columns), "shapes agree");
-        let entries = self.entries.iter().zip(&other.entries).map(|(a, b)| a - b).collect();
+        let entries = self.entries.iter().zip(&other.entries).map(|(a, b)| a.minus(b)).collect();
         Matrix { n_rows: self.n_rows, n_columns: self.n_columns, entries }
     }
 
     /// `q * self`.
-    pub fn scaled(&self, q: &Rational) -> Matrix {
-        let entries = self.entries.iter().map(|e| e * q).collect();
+    pub fn scaled(&self, q: &Q) -> Matrix<Q> {
+        let entries = self.entries.iter().map(|e| e.times(q)).collect();
         Matrix { entries, ..self.clone() }
     }
 
     /// Whether every entry vanishes.
     pub fn is_zero(&self) -> bool {
-        self.entries.iter().all(Zero::is_zero)
+        self.entries.iter().all(Q::is_zero)
     }
 
+    /// The matrix with every entry mapped.
+    pub fn map<P>(&self, f: impl FnMut(&Q) -> P) -> Matrix<P> {
+        let entries = self.entries.iter().map(f).collect();
+        Matrix { n_rows: self.n_rows, n_columns: self.n_columns, entries }
+    }
+}
+
+impl Matrix {
     /// Reduced row echelon form and the pivot columns.
     pub fn echelon(&self) -> (Matrix, Vec<usize>) {
         let mut m = self.clone();
@@ -164,7 +170,7 @@ impl Matrix {
             for j in 0..n {
                 wide.set(i, j, self.get(i, j).clone());
             }
-            wide.set(i, n + i, Rational::one());
+            wide.set(i, n + i, <Rational as Scalar>::one());
         }
         let (reduced, pivots) = wide.echelon();
         if pivots != (0..n).collect::<Vec<_>>() {
@@ -206,7 +212,7 @@ impl Subspace {
                 row.iter().for_each(|(j, q)| rest[*j] -= &factor * q);
             }
         }
-        rest.iter().all(Zero::is_zero)
+        rest.iter().all(Scalar::is_zero)
     }
 }
 

@@ -6,7 +6,10 @@ use std::collections::BTreeMap;
 
 use num_traits::{One, Zero};
 
-use super::families::{MAX_SIZE, gl_matrices, sl_matrices, so_matrices, su_matrices, unit};
+use super::families::{
+    MAX_SIZE, galilei_matrices, gl_matrices, sim_matrices, sl_matrices, so_matrices, sp_matrices,
+    su_matrices, u_matrices, unit,
+};
 use super::lie::{Block, LieAlgebra};
 use super::matrix::Matrix;
 use super::representation::Representation;
@@ -149,6 +152,58 @@ impl LieAlgebra {
         from_matrices(&format!("su({n})"), &su_matrices(n))
     }
 
+    /// u(n) in the basis `E_jk - E_kj`, `i(E_jk + E_kj)` (`j < k`), `i E_kk`.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] for `n < 1` or too large.
+    pub fn u(n: usize) -> Result<LieAlgebra, Error> {
+        sized("u", n, 1)?;
+        from_matrices(&format!("u({n})"), &u_matrices(n))
+    }
+
+    /// sp(n) for even `n = 2 m`, the matrices `[[A, B], [C, -A^T]]` with symmetric `B` and `C`: entries of `A`
+    /// row-major, then upper triangles of `B` and `C` row by row.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] for an odd `n`, for `n < 2` or too large.
+    pub fn sp(n: usize) -> Result<LieAlgebra, Error> {
+        sized("sp", n, 2)?;
+        if n % 2 != 0 {
+            let possible = format!("sp(n) with even n from 2 to {MAX_SIZE}");
+            return Err(Error::Unsupported { what: format!("sp({n})"), possible });
+        }
+        from_matrices(&format!("sp({n})"), &sp_matrices(n))
+    }
+
+    /// sim(n), similarities of R^n: blocks of rotations, the dilation and translations.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] for `n < 2` or too large.
+    pub fn sim(n: usize) -> Result<LieAlgebra, Error> {
+        sized("sim", n, 2)?;
+        let name = format!("sim({n})");
+        let blocks = [
+            Block::new(&format!("so({n})"), n * (n - 1) / 2),
+            Block::new("R", 1),
+            Block::new(&format!("R^{n}"), n),
+        ];
+        Ok(LieAlgebra { blocks: blocks.to_vec(), ..from_matrices(&name, &sim_matrices(n))? })
+    }
+
+    /// The Galilei algebra of R^n: blocks of rotations, boosts, translations and the translation of time, with
+    /// `[boost, time] = translation`.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] for `n < 2` or too large.
+    pub fn galilei(n: usize) -> Result<LieAlgebra, Error> {
+        sized("galilei", n, 2)?;
+        let name = format!("galilei({n})");
+        let space = Block::new(&format!("R^{n}"), n);
+        let blocks =
+            [Block::new(&format!("so({n})"), n * (n - 1) / 2), space.clone(), space, Block::new("R", 1)];
+        Ok(LieAlgebra { blocks: blocks.to_vec(), ..from_matrices(&name, &galilei_matrices(n))? })
+    }
+
     /// se(n) = so(n) |x R^n; se(2) has blocks `omega` and `v`, se(3) rotation and translation.
     ///
     /// # Errors
@@ -180,8 +235,7 @@ impl LieAlgebra {
         sized("heisenberg", n, 1)?;
         let brackets: Vec<_> = (0..n).map(|k| (k, n + k, vec![(2 * n, Rational::one())])).collect();
         let basis = (1..=2 * n + 1).map(|k| format!("e{k}")).collect();
-        let block = |name: &str, dim| Block { name: name.to_owned(), dim };
-        let blocks = vec![block("q", n), block("p", n), block("z", 1)];
+        let blocks = vec![Block::new("q", n), Block::new("p", n), Block::new("z", 1)];
         LieAlgebra::with_blocks(&format!("heisenberg({n})"), blocks, basis, &brackets)
             .map_err(|mut e| e.remove(0))
     }

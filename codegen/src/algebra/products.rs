@@ -2,23 +2,23 @@
 //!
 //! Deliberately does not know: algebras by name.
 
-use num_traits::Zero;
-
 use crate::error::Error;
-use crate::expr::Rational;
+use crate::expr::Scalar;
 
 use super::lie::{Block, LieAlgebra};
 use super::representation::Representation;
 use super::skew::SkewBracket;
 
-impl LieAlgebra {
+impl<Q: Scalar> LieAlgebra<Q> {
     /// The direct product.
-    pub fn product(factors: &[LieAlgebra]) -> LieAlgebra {
+    pub fn product(factors: &[LieAlgebra<Q>]) -> LieAlgebra<Q> {
         let names: Vec<&str> = factors.iter().map(|f| f.name.as_str()).collect();
         let mut product = LieAlgebra {
             name: format!("product({})", names.join(", ")),
             blocks: Vec::new(),
             bracket: SkewBracket::default(),
+            is_almost: factors.iter().any(LieAlgebra::is_almost),
+            modes: None,
         };
         for factor in factors {
             let offset = product.bracket.basis.len();
@@ -36,21 +36,23 @@ impl LieAlgebra {
     ///
     /// # Errors
     /// [`Error::ShapeMismatch`] when a representation belongs to an algebra of another dimension.
-    pub fn semidirect(base: &LieAlgebra, spaces: &[Representation]) -> Result<LieAlgebra, Error> {
+    pub fn semidirect(base: &LieAlgebra<Q>, spaces: &[Representation<Q>]) -> Result<LieAlgebra<Q>, Error> {
         let names: Vec<&str> = spaces.iter().map(|r| r.name()).collect();
         let mut algebra = base.clone().renamed(&format!("semidirect({}, {})", base.name, names.join(", ")));
+        algebra.modes = None;
         for space in spaces {
             if space.n_generators() != base.dim() {
                 let what = format!("representation {}", space.name());
                 return Err(Error::ShapeMismatch { what, found: space.n_generators(), expected: base.dim() });
             }
             let offset = algebra.bracket.basis.len();
-            algebra.blocks.push(Block { name: format!("R^{}", space.dim()), dim: space.dim() });
+            let labels = space.labels().to_vec();
+            algebra.blocks.push(Block { labels, ..Block::new(&format!("R^{}", space.dim()), space.dim()) });
             algebra.bracket.basis.extend((0..space.dim()).map(|k| format!("e{}", offset + k + 1)));
             for a in 0..base.dim() {
                 let m = space.matrix(a);
                 for v in 0..space.dim() {
-                    let column: Vec<(usize, Rational)> = (0..space.dim())
+                    let column: Vec<(usize, Q)> = (0..space.dim())
                         .filter(|w| !m.get(*w, v).is_zero())
                         .map(|w| (offset + w, m.get(w, v).clone()))
                         .collect();

@@ -1,17 +1,15 @@
-//! Skew brackets on a finite-dimensional space, by rational structure constants.
+//! Skew brackets on a finite-dimensional space, by structure constants.
 //!
 //! A Lie algebra is one for which the Jacobi identity holds; the bracket of nonholonomic mechanics, projected along a
 //! constraint, need not be one. Deliberately does not know: blocks of a basis, names of algebras.
 
 use std::collections::BTreeMap;
 
-use num_traits::Zero;
-
 use crate::error::{Error, spell_vector};
-use crate::expr::Rational;
+use crate::expr::{Rational, Residue, Scalar};
 
 /// `[e_a, e_b] = sum_k q_k e_{c_k}` as `(a, b, [(c_k, q_k), ..])`.
-pub type Bracket = (usize, usize, Vec<(usize, Rational)>);
+pub type Bracket<Q = Rational> = (usize, usize, Vec<(usize, Q)>);
 
 /// A skew-symmetric bracket `[e_a, e_b] = C^c_ab e_c`, with or without the Jacobi identity.
 ///
@@ -22,28 +20,28 @@ pub type Bracket = (usize, usize, Vec<(usize, Rational)>);
 /// let bracket = SkewBracket::new(basis, &[(0, 1, vec![(1, one())]), (1, 2, vec![(0, one())])]).unwrap();
 /// assert_eq!(bracket.jacobi_violations().len(), 1);
 /// ```
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct SkewBracket {
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SkewBracket<Q = Rational> {
     pub(super) basis: Vec<String>,
     /// Non-zero brackets of pairs `a < b`, as sparse sorted vectors.
-    pub(super) brackets: BTreeMap<(usize, usize), Vec<(usize, Rational)>>,
+    pub(super) brackets: BTreeMap<(usize, usize), Vec<(usize, Q)>>,
 }
 
-impl SkewBracket {
+impl<Q: Scalar> SkewBracket<Q> {
     /// A bracket by its values on a basis; pairs that are left out commute.
     ///
     /// # Errors
     /// All of [`Error::NotAntisymmetric`].
-    pub fn new(basis: Vec<String>, brackets: &[Bracket]) -> Result<SkewBracket, Vec<Error>> {
+    pub fn new(basis: Vec<String>, brackets: &[Bracket<Q>]) -> Result<SkewBracket<Q>, Vec<Error>> {
         let mut errors = Vec::new();
-        let mut table: BTreeMap<(usize, usize), Vec<(usize, Rational)>> = BTreeMap::new();
+        let mut table: BTreeMap<(usize, usize), Vec<(usize, Q)>> = BTreeMap::new();
         for (a, b, value) in brackets {
-            let mut dense = vec![Rational::zero(); basis.len()];
+            let mut dense = vec![Q::zero(); basis.len()];
             for (c, q) in value {
-                dense[*c] += q;
+                dense[*c] = dense[*c].plus(q);
             }
             if a > b {
-                dense.iter_mut().for_each(|q| *q = -q.clone());
+                dense.iter_mut().for_each(|q| *q = q.negated());
             }
             let sparse: Vec<_> = dense.into_iter().enumerate().filter(|(_, q)| !q.is_zero()).collect();
             let pair = (*a.min(b), *a.max(b));
@@ -72,43 +70,80 @@ impl SkewBracket {
     }
 
     /// `[e_a, e_b]` as a sparse vector.
-    pub fn of(&self, a: usize, b: usize) -> Vec<(usize, Rational)> {
+    pub fn of(&self, a: usize, b: usize) -> Vec<(usize, Q)> {
         if a <= b {
             self.brackets.get(&(a, b)).cloned().unwrap_or_default()
         } else {
-            self.of(b, a).into_iter().map(|(c, q)| (c, -q)).collect()
+            self.of(b, a).into_iter().map(|(c, q)| (c, q.negated())).collect()
         }
     }
 
     /// The non-zero brackets of pairs `a < b`.
-    pub fn pairs(&self) -> impl Iterator<Item = (usize, usize, &[(usize, Rational)])> {
+    pub fn pairs(&self) -> impl Iterator<Item = (usize, usize, &[(usize, Q)])> {
         self.brackets.iter().map(|((a, b), v)| (*a, *b, v.as_slice()))
     }
 
     /// `[x, y]` of two vectors.
-    pub fn of_vectors(&self, x: &[Rational], y: &[Rational]) -> Vec<Rational> {
-        let mut result = vec![Rational::zero(); self.dim()];
+    pub fn of_vectors(&self, x: &[Q], y: &[Q]) -> Vec<Q> {
+        let mut result = vec![Q::zero(); self.dim()];
         for (a, b, value) in self.pairs() {
             if (x[a].is_zero() || y[b].is_zero()) && (x[b].is_zero() || y[a].is_zero()) {
                 continue;
             }
-            let weight = &x[a] * &y[b] - &x[b] * &y[a];
+            let weight = x[a].times(&y[b]).minus(&x[b].times(&y[a]));
             if weight.is_zero() {
                 continue;
             }
             for (c, q) in value {
-                result[*c] += &weight * q;
+                result[*c] = result[*c].plus(&weight.times(q));
             }
         }
         result
     }
 
+    /// The bracket with every structure constant mapped.
+    pub(super) fn map<P>(&self, mut f: impl FnMut(&Q) -> P) -> SkewBracket<P> {
+        let value = |(pair, value): (&(usize, usize), &Vec<(usize, Q)>)| {
+            (*pair, value.iter().map(|(c, q)| (*c, f(q))).collect())
+        };
+        SkewBracket { basis: self.basis.clone(), brackets: self.brackets.iter().map(value).collect() }
+    }
+
+    /// The bracket of residues; none where a structure constant has none.
+    fn residues(&self) -> Option<SkewBracket<Residue>> {
+        let mut brackets = BTreeMap::new();
+        for (pair, value) in &self.brackets {
+            let image: Option<Vec<(usize, Residue)>> =
+                value.iter().map(|(c, q)| Some((*c, q.residue()?))).collect();
+            brackets.insert(*pair, image?);
+        }
+        Some(SkewBracket { basis: self.basis.clone(), brackets })
+    }
+
     /// What keeps the bracket from being that of a Lie algebra: every triple for which the Jacobi identity fails.
     ///
-    /// `[[a, b], c] + [[b, c], a] + [[c, a], b]` is antisymmetric in the triple, so every non-zero `[a, b]` adds its
-    /// part to the sorted triple with a sign; triples that no bracket touches cost nothing.
+    /// Residuals that vanish among residues are zero, which is found without writing one of them.
     pub fn jacobi_violations(&self) -> Vec<Error> {
-        let mut residuals: BTreeMap<[usize; 3], BTreeMap<usize, Rational>> = BTreeMap::new();
+        if self.residues().is_some_and(|image| image.residuals().next().is_none()) {
+            return Vec::new();
+        }
+        let residuals = self.residuals().map(|(triple, residual)| {
+            let mut dense = vec![Q::zero(); self.dim()];
+            residual.into_iter().for_each(|(e, q)| dense[e] = q);
+            Error::JacobiViolated {
+                triple: triple.map(|k| self.basis[k].clone()),
+                residual: spell_vector(&self.basis, &dense),
+            }
+        });
+        residuals.collect()
+    }
+
+    /// Triples with the components of `[[a, b], c] + [[b, c], a] + [[c, a], b]` where they do not vanish.
+    ///
+    /// The sum is antisymmetric in the triple, so every non-zero `[a, b]` adds its part to the sorted triple with a
+    /// sign; triples that no bracket touches cost nothing.
+    fn residuals(&self) -> impl Iterator<Item = ([usize; 3], BTreeMap<usize, Q>)> {
+        let mut residuals: BTreeMap<[usize; 3], BTreeMap<usize, Q>> = BTreeMap::new();
         for (a, b, value) in self.pairs() {
             for c in (0..self.dim()).filter(|c| *c != a && *c != b) {
                 let (triple, negative) = match () {
@@ -118,23 +153,19 @@ impl SkewBracket {
                 };
                 for (d, q) in value {
                     for (e, p) in self.of(*d, c) {
-                        let term = if negative { -(q * p) } else { q * p };
-                        *residuals.entry(triple).or_default().entry(e).or_insert_with(Rational::zero) += term;
+                        let term = if negative { q.times(&p).negated() } else { q.times(&p) };
+                        let component = residuals.entry(triple).or_default().entry(e).or_insert_with(Q::zero);
+                        *component = component.plus(&term);
                     }
                 }
             }
         }
-        residuals
-            .into_iter()
-            .filter(|(_, residual)| residual.values().any(|q| !q.is_zero()))
-            .map(|(triple, residual)| {
-                let mut dense = vec![Rational::zero(); self.dim()];
-                residual.into_iter().for_each(|(e, q)| dense[e] = q);
-                Error::JacobiViolated {
-                    triple: triple.map(|k| self.basis[k].clone()),
-                    residual: spell_vector(&self.basis, &dense),
-                }
-            })
-            .collect()
+        residuals.into_iter().filter(|(_, residual)| residual.values().any(|q| !q.is_zero()))
+    }
+}
+
+impl<Q> Default for SkewBracket<Q> {
+    fn default() -> SkewBracket<Q> {
+        SkewBracket { basis: Vec::new(), brackets: BTreeMap::new() }
     }
 }

@@ -20,26 +20,36 @@ impl Graph {
 
     /// Partial derivatives of several expressions by one symbol, sharing the work.
     pub fn diff_all(&mut self, roots: &[ExprId], x: SymbolId) -> Vec<ExprId> {
+        self.derivatives(roots, &BTreeMap::from([(x, Arena::ONE)]))
+    }
+
+    /// The derivative of `e` along a motion, `sum over symbols s of de/ds s'`, with the rates of the symbols that move.
+    ///
+    /// Every part of `e` gets one rate, while there are as many partial derivatives of it as symbols.
+    pub fn derivative_along(&mut self, e: ExprId, rates: &BTreeMap<SymbolId, ExprId>) -> ExprId {
+        self.derivatives(&[e], rates)[0]
+    }
+
+    fn derivatives(&mut self, roots: &[ExprId], rates: &BTreeMap<SymbolId, ExprId>) -> Vec<ExprId> {
         let mut derivative: HashMap<ExprId, ExprId> = HashMap::new();
         let order = self.reachable(roots);
         self.charge(order.len());
         for e in order {
-            let d = self.diff_node(e, x, &derivative);
+            let d = self.diff_node(e, rates, &derivative);
             derivative.insert(e, d);
         }
         roots.iter().map(|e| derivative[e]).collect()
     }
 
-    fn diff_node(&mut self, e: ExprId, x: SymbolId, derivative: &HashMap<ExprId, ExprId>) -> ExprId {
+    fn diff_node(
+        &mut self,
+        e: ExprId,
+        rates: &BTreeMap<SymbolId, ExprId>,
+        derivative: &HashMap<ExprId, ExprId>,
+    ) -> ExprId {
         match self.node(e).clone() {
             Node::Constant(_) | Node::Pi => Arena::ZERO,
-            Node::Symbol(s) => {
-                if s == x {
-                    Arena::ONE
-                } else {
-                    Arena::ZERO
-                }
-            }
+            Node::Symbol(s) => rates.get(&s).copied().unwrap_or(Arena::ZERO),
             Node::Sum { terms, .. } => {
                 let terms: Vec<_> = terms
                     .iter()

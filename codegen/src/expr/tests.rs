@@ -1,5 +1,4 @@
 use super::*;
-use num_traits::One;
 use std::collections::BTreeMap;
 
 fn q(n: i64, d: i64) -> Rational {
@@ -159,7 +158,7 @@ fn decimals_round_as_the_parser_of_doubles_does() {
         let got = rational_to_f64(&parse_decimal(&text).unwrap());
         assert_eq!(got.to_bits(), expected.to_bits(), "{text}");
     }
-    assert_eq!(rational_to_f64(&Rational::one()), 1.0);
+    assert_eq!(rational_to_f64(&<Rational as Scalar>::one()), 1.0);
     assert_eq!(rational_to_f64(&q(-1, 3)), -1.0 / 3.0);
     assert_eq!(parse_decimal("1.2.3"), None);
     assert_eq!(parse_decimal("."), None);

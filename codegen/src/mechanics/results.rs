@@ -86,8 +86,15 @@ impl Derivation<'_> {
 
     /// Time derivative along the motion of an expression in coordinates, raw velocities, quasi-velocities and time:
     /// `de/dt + de/dx^i xdot^i + de/dy^alpha ydot^alpha + de/ds sdot`.
+    ///
+    /// Rates of large expressions are made part by part, in one pass, and not from a slope for each variable.
     fn rate_of(&mut self, e: ExprId, motion: &Motion) -> Result<ExprId, Error> {
         let system = self.system;
+        if self.g.reachable(&[e]).len() > MAX_PARTS {
+            let rates = self.rates_of_variables(motion);
+            let rate = self.g.derivative_along(e, &rates);
+            return self.replace(rate);
+        }
         let frame = system.velocities.iter().copied().zip(motion.acceleration.iter().copied());
         // A quasi-velocity is no velocity of the frame, and moves all the same.
         let unknowns = system.unknowns.iter().zip(motion.unknown_rates.iter().copied());
@@ -107,6 +114,19 @@ impl Derivation<'_> {
         }
         let sum = self.g.sum(&terms);
         Ok(self.g.cancel_zero(sum))
+    }
+
+    /// What changes along the motion: time, coordinates, velocities, quasi-velocities and momenta, with their rates.
+    fn rates_of_variables(&mut self, motion: &Motion) -> BTreeMap<SymbolId, ExprId> {
+        let system = self.system;
+        let mut rates = BTreeMap::from([(system.time, self.g.one())]);
+        rates.extend(system.algebroid.base().iter().copied().zip(self.rates.iter().copied()));
+        rates.extend(system.velocities.iter().copied().zip(motion.acceleration.iter().copied()));
+        let unknowns = system.unknowns.iter().zip(motion.unknown_rates.iter().copied());
+        rates.extend(unknowns.filter(|(u, _)| u.frame_idx.is_none()).map(|(u, rate)| (u.symbol, rate)));
+        let momenta = system.momenta.iter().zip(motion.momentum_rates.iter().copied());
+        rates.extend(momenta.filter_map(|(momentum, rate)| Some((momentum.symbol?, rate))));
+        rates
     }
 
     /// Refuses a claim of conservation with what is known about the rate.
@@ -402,6 +422,8 @@ impl Derivation<'_> {
     }
 }
 
+/// Parts of an expression up to which its rate is written by slopes: those of a page.
+const MAX_PARTS: usize = 2000;
 /// Characters of a rate that are shown.
 const MAX_SHOWN: usize = 120;
 /// Characters up to which a rate is written without the names of definitions before it is cut.

@@ -26,6 +26,7 @@ pub(super) fn algebroid_of(model: &mut Model) -> Result<Algebroid, Vec<Error>> {
     let frame: Vec<String> = model.all_velocities().into_iter().map(|(n, _)| n.to_owned()).collect();
     let g = &mut model.graph;
     let mut algebroid = Algebroid::new(g, model.time, base, frame);
+    algebroid.set_almost(model.algebra.is_almost());
     for i in 0..n_shape {
         algebroid.set_anchor(i, i, g.one());
     }
@@ -34,7 +35,11 @@ pub(super) fn algebroid_of(model: &mut Model) -> Result<Algebroid, Vec<Error>> {
         Side::Right => Rational::from_integer((-1).into()),
     };
     for (a, b, value) in model.algebra.brackets() {
-        let value = value.iter().map(|(c, q)| (n_shape + c, g.rational(q * &side))).collect();
+        let along = value.iter().map(|(c, q)| {
+            let constant = g.number(q);
+            (n_shape + c, g.scale(constant, &side))
+        });
+        let value = along.collect();
         algebroid.set_bracket(n_shape + a, n_shape + b, value);
     }
     if let Some(connection) = &model.connection {

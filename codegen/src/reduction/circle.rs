@@ -282,6 +282,7 @@ fn anchored(system: &mut ReducedSystem, turned: &[Turned]) -> Option<Algebroid> 
         still_in(g, turned, e).is_none().then_some(e)
     };
     let mut algebroid = Algebroid::new(g, system.time, base, old.frame().to_vec());
+    algebroid.set_almost(old.is_almost());
     for alpha in 0..old.rank() {
         for (i, x) in old.base().iter().enumerate() {
             let rho = convert(g, old.anchor(i, alpha))?;

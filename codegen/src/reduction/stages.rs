@@ -2,7 +2,7 @@
 
 use crate::algebra::{LieAlgebra, independent_vectors, next_ideal, solve_symbolic, whole_algebra};
 use crate::error::Error;
-use crate::expr::{ExprId, Graph, Rational, Style};
+use crate::expr::{ExprId, Graph, Number, Rational, Style};
 
 /// Sparse bilinear form with values in the adapted basis: entries `(a, b, c, value)` meaning
 /// `form(e_a, e_b) = value e_c + ..`, in ascending order of `(a, b, c)`.
@@ -77,7 +77,7 @@ impl Stages {
     /// [`Error::DegenerateInnerProduct`], [`Error::ShapeMismatch`].
     pub fn split(
         g: &mut Graph,
-        algebra: &LieAlgebra,
+        algebra: &LieAlgebra<Number>,
         names: &[String],
         ideals: &[Vec<Vec<ExprId>>],
         inner_product: Option<&[Vec<ExprId>]>,
@@ -148,7 +148,7 @@ impl Stages {
     }
 
     /// `[e_p, e_q]` of adapted elements, components in the adapted basis: `[p][q] -> dense vector`.
-    fn adapted_brackets(&self, g: &mut Graph, algebra: &LieAlgebra) -> Vec<Vec<Vec<ExprId>>> {
+    fn adapted_brackets(&self, g: &mut Graph, algebra: &LieAlgebra<Number>) -> Vec<Vec<Vec<ExprId>>> {
         let n = algebra.dim();
         let mut table = vec![vec![vec![g.zero(); n]; n]; n];
         for p in 0..n {
@@ -168,7 +168,7 @@ impl Stages {
                         continue;
                     }
                     for (c, structure_constant) in value {
-                        original[*c].push((weight, structure_constant.clone()));
+                        original[*c].push(g.weighted(weight, structure_constant));
                     }
                 }
                 let original: Vec<ExprId> = original.iter().map(|list| g.linear_combination(list)).collect();

@@ -71,7 +71,8 @@ impl<'m> Scenes<'m> {
 
     /// Names of the scenes that are emitted, the default first; [`DERIVATIVES`] is one only if the model says so.
     ///
-    /// Every model has [`DEFAULT`]; [`MINIMAL`] and [`RECONSTRUCTION`] where they differ from it; then its own.
+    /// Every model has [`DEFAULT`]; [`MINIMAL`] and [`RECONSTRUCTION`] where they differ from it; then its own,
+    /// of which one may be the default.
     pub fn names(&mut self) -> Vec<String> {
         names_of(self.derivations.model, || self.has_ignorable_coordinates())
     }
@@ -148,7 +149,7 @@ pub(crate) fn names_of(model: &Model, has_ignorable_coordinates: impl FnOnce() -
     if !own(RECONSTRUCTION) && !reconstructed(model).is_empty() {
         names.push(RECONSTRUCTION.to_owned());
     }
-    names.extend(model.scenes.iter().map(|s| s.name.clone()));
+    names.extend(model.scenes.iter().map(|s| s.name.clone()).filter(|name| name != DEFAULT));
     names
 }
 

@@ -1,6 +1,7 @@
 //! Syntax tree of a model file. Every node knows its bytes.
 
 use super::diagnostic::Span;
+use super::names::ALGEBRA_FUNCTIONS;
 use crate::expr::Rational;
 
 /// A name and where it stands.
@@ -126,8 +127,10 @@ pub(super) enum ItemKind {
         name: Name,
         value: AlgebraExpr,
     },
+    /// `algebra g { .. }`, or `almost algebra g { .. }` without the Jacobi identity.
     AlgebraBrackets {
         name: Name,
+        is_almost: bool,
         basis: Vec<Name>,
         rules: Vec<BracketRule>,
     },
@@ -147,6 +150,7 @@ pub(super) enum ItemKind {
     Velocity {
         names: Vec<Name>,
         algebra: AlgebraExpr,
+        labels: Vec<Name>,
     },
     /// `momentum Pi of Omega;`
     Momentum {
@@ -157,6 +161,7 @@ pub(super) enum ItemKind {
     MomentumIn {
         names: Vec<Name>,
         algebra: AlgebraExpr,
+        labels: Vec<Name>,
     },
     Carry(Vec<Carry>),
     Action(Name),
@@ -173,9 +178,11 @@ pub(super) enum ItemKind {
         shape: Shape,
         domain: DomainExpr,
     },
+    /// `advected a in space as a_* by action;`, the space being `R^n`, an algebra or `dual(algebra)`.
     Advected {
         name: Name,
-        dim: Option<Size>,
+        space: AlgebraExpr,
+        labels: Vec<Name>,
         action: Expr,
     },
     Lagrangian(Expr),
@@ -275,6 +282,20 @@ impl Expr {
         let mut names = Vec::new();
         self.for_each_node(|node| {
             if let Node::Name(name) = node {
+                names.push(name.as_str());
+            }
+        });
+        names
+    }
+
+    /// Names of algebras in the expression: what functions of an algebra have for their first argument.
+    pub(super) fn algebra_names(&self) -> Vec<&str> {
+        let mut names = Vec::new();
+        self.for_each_node(|node| {
+            if let Node::Call(function, arguments) = node
+                && ALGEBRA_FUNCTIONS.contains(&function.text.as_str())
+                && let Some(Expr { node: Node::Name(name), .. }) = arguments.first()
+            {
                 names.push(name.as_str());
             }
         });

@@ -7,10 +7,11 @@ use num_traits::{One, Signed, ToPrimitive};
 use super::ast::{Expr, Node};
 use super::diagnostic::{Diagnostic, Span};
 use super::limits::MAX_DIM;
-use super::names::{self, FUNCTIONS, OPERATORS};
+use super::names::{self, ALGEBRA_FUNCTIONS, FUNCTIONS, OPERATORS};
 use super::shape::{Operation, Shape, ValueError};
 use super::value::Value;
-use crate::expr::{ExprId, Func, Graph, Rational};
+use crate::algebra::LieAlgebra;
+use crate::expr::{ExprId, Func, Graph, Number, Rational};
 
 /// Steps of work that are taken for a scalar operation before its expressions are made: the default budget has room for
 /// 4 million.
@@ -40,6 +41,10 @@ pub(super) struct Evaluator<'a> {
     pub(super) operator: Option<(&'static str, &'a BTreeMap<ExprId, ExprId>)>,
     /// Reconstructed coordinates, which only their items can see.
     pub(super) withheld: &'a BTreeSet<String>,
+    /// Algebras by their names.
+    pub(super) algebras: &'a BTreeMap<String, LieAlgebra<Number>>,
+    /// The algebra of the velocities.
+    pub(super) own_algebra: Option<&'a LieAlgebra<Number>>,
 }
 
 /// A name stands for itself, for a component (`I1` of `I`) or for a rate (`x_dot` of `x`).
@@ -76,7 +81,7 @@ impl Evaluator<'_> {
     }
 
     /// Counts scalar operations; past the budget every expression fails, the first one with a report.
-    fn charge(&mut self, n: usize, span: Span) -> Option<()> {
+    pub(super) fn charge(&mut self, n: usize, span: Span) -> Option<()> {
         self.graph.charge(n.saturating_mul(STEPS));
         let Err(exhausted) = self.graph.within_budget() else { return Some(()) };
         if std::mem::replace(self.is_spent, true) {
@@ -92,7 +97,12 @@ impl Evaluator<'_> {
         }
     }
 
-    fn fail<T>(&mut self, span: Span, message: impl Into<String>, help: impl Into<String>) -> Option<T> {
+    pub(super) fn fail<T>(
+        &mut self,
+        span: Span,
+        message: impl Into<String>,
+        help: impl Into<String>,
+    ) -> Option<T> {
         self.problems.push(Diagnostic::new(Some(span), message).with_help(help));
         None
     }
@@ -272,10 +282,15 @@ impl Evaluator<'_> {
         {
             return self.fail(span, "numbers in this expression become too large", "write smaller powers");
         }
+        if let (Shape::Matrix(n, _), Some(q)) = (b.shape(), &constant) {
+            self.charge(n * n * n * q.numer().bits() as usize, span)?;
+        }
         match b.pow(self.graph, e) {
             Ok(value) => Some((value, bits)),
             Err(error @ ValueError::DivisionByZero) => self.error(base.span, &error, &[]),
-            Err(error @ ValueError::Exponent(_)) => self.error(exponent.span, &error, &[]),
+            Err(error @ (ValueError::Exponent(_) | ValueError::MatrixPower(_))) => {
+                self.error(exponent.span, &error, &[])
+            }
             Err(error) => self.error(span, &error, &[(base, b.shape()), (exponent, e.shape())]),
         }
     }
@@ -302,7 +317,7 @@ impl Evaluator<'_> {
     }
 
     /// An index from one; reports anything else.
-    fn whole(&mut self, expr: &Expr) -> Option<usize> {
+    pub(super) fn whole(&mut self, expr: &Expr) -> Option<usize> {
         let (value, _) = self.eval(expr)?;
         let number = match value {
             Value::Scalar(e) => {
@@ -354,6 +369,9 @@ impl Evaluator<'_> {
         if let Some((_, help)) = operator.filter(|_| self.operator.is_none_or(|(legal, _)| legal != function))
         {
             return self.fail(name.span, format!("`{function}` is not legal here"), *help);
+        }
+        if ALGEBRA_FUNCTIONS.contains(&function) {
+            return self.of_algebra(function, arguments, span);
         }
         let wanted = match function {
             "dot" | "cross" | "pow" | "atan2" => 2,

@@ -14,6 +14,7 @@ mod builder;
 mod diagnostic;
 mod elaborate;
 mod eval;
+mod eval_algebra;
 mod expressions;
 mod group;
 mod kind;
@@ -56,7 +57,7 @@ mod tests;
 pub fn keywords() -> Vec<&'static str> {
     let parts = [
         "model", "in", "by", "of", "on", "where", "from", "around", "at", "attitude", "fix", "want", "drop",
-        "circle", "basis",
+        "circle", "basis", "as",
     ];
     names::ITEMS.iter().map(|(item, _)| *item).chain(parts).collect()
 }

@@ -7,7 +7,7 @@ use super::layout::Layout;
 use super::want::Wanted;
 use crate::algebra::LieAlgebra;
 use crate::error::Error;
-use crate::expr::{ExprId, Graph, Rational, Relation, SymbolId};
+use crate::expr::{ExprId, Graph, Number, Rational, Relation, SymbolId};
 
 /// Which side the group acts from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -484,7 +484,7 @@ pub struct Model {
     /// Base coordinates.
     pub base: Vec<Coordinate>,
     /// The symmetry algebra; of dimension zero when there is none.
-    pub algebra: LieAlgebra,
+    pub algebra: LieAlgebra<Number>,
     /// Velocities in the algebra, one per basis element.
     pub velocities: Vec<Velocity>,
     /// Velocities that only parametrise the constraints; they are not among [`Model::all_velocities`].

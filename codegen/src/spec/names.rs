@@ -9,6 +9,7 @@ pub(super) const ITEMS: &[(&str, &str)] = &[
     ("require", "require a > b, c != 0;"),
     ("let", "let name = expression;"),
     ("algebra", "algebra g = so(3);` or `algebra g { basis a, b; [a, b] = a; }"),
+    ("almost", "almost algebra g { basis a, b, c; [a, b] = c; }"),
     ("representation", "representation r of so(3) on R^3 { e1 = [[..], ..]; .. }"),
     ("velocity", "velocity Omega, V in se(3);"),
     ("momentum", "momentum Pi of Omega;` or `momentum Pi in so(3);"),
@@ -65,10 +66,20 @@ pub(super) fn item_meant_by(word: &str) -> String {
     advice.to_owned()
 }
 
+/// Functions that take an algebra by its name before their other arguments.
+pub(super) const ALGEBRA_FUNCTIONS: &[&str] =
+    &["ad", "coad", "laplacian", "poisson", "star_power", "trace_power"];
+
 /// Functions of the expression language.
 pub(super) const FUNCTIONS: &[&str] = &[
     "dot",
     "cross",
+    "ad",
+    "coad",
+    "laplacian",
+    "poisson",
+    "star_power",
+    "trace_power",
     "norm",
     "transpose",
     "diag",

@@ -121,6 +121,8 @@ pub enum ValueError {
     AngleOfOrigin,
     /// An exponent beyond the limits.
     Exponent(Rational),
+    /// A power of a matrix that is not diagonal, with an exponent that is no positive whole number.
+    MatrixPower(Rational),
     /// An index outside `1..=len`.
     Index {
         /// The index, counted from one.
@@ -164,6 +166,7 @@ impl fmt::Display for ValueError {
             ValueError::DivisionByZero => f.write_str("division by zero"),
             ValueError::LogarithmOfZero => f.write_str("logarithm of zero"),
             ValueError::AngleOfOrigin => f.write_str("angle of the origin"),
+            ValueError::MatrixPower(q) => write!(f, "power {q} of a matrix that is not diagonal"),
             ValueError::Exponent(q) => {
                 let shown: String = q.to_string().chars().take(40).collect();
                 write!(f, "exponent {shown} is too large, the limit is {MAX_EXPONENT}")
@@ -231,6 +234,7 @@ impl ValueError {
             ValueError::LogarithmOfZero => "its argument vanishes identically".into(),
             ValueError::AngleOfOrigin => "both coordinates of the point vanish identically".into(),
             ValueError::Exponent(_) => "powers are computed exactly".into(),
+            ValueError::MatrixPower(_) => "matrices are not inverted: write the solution out".into(),
             ValueError::Ragged { .. } => "a vector holds numbers, a matrix rows of one length".into(),
             ValueError::NotAVelocity { function } => {
                 format!(

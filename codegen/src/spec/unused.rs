@@ -8,7 +8,10 @@
 
 use std::collections::BTreeMap;
 
-use super::ast::{AlgebraExpr, Carry, DomainExpr, Expr, Item, ItemKind, Name, ReconstructWay, Shape};
+use super::ast::{
+    AlgebraExpr, AlgebraNode, Carry, DomainExpr, Expr, Item, ItemKind, Name, Node, ReconstructWay, Shape,
+    Size,
+};
 use super::diagnostic::Diagnostic;
 use super::layout::Layout;
 
@@ -90,7 +93,10 @@ fn owned<'a>(names: impl IntoIterator<Item = &'a str>) -> Vec<String> {
 }
 
 fn mentions<'a>(expressions: impl IntoIterator<Item = &'a Expr>) -> Vec<String> {
-    expressions.into_iter().flat_map(|e| owned(e.names())).collect()
+    let of_one = |e: &Expr| {
+        owned(e.names()).into_iter().chain(e.algebra_names().into_iter().map(of_algebras)).collect()
+    };
+    expressions.into_iter().flat_map(|e| -> Vec<String> { of_one(e) }).collect()
 }
 
 fn declare<'a>(item: &'a Item, declarations: &mut Vec<Declaration<'a>>) {
@@ -102,7 +108,9 @@ fn declare<'a>(item: &'a Item, declarations: &mut Vec<Declaration<'a>>) {
         ItemKind::Param { name, shape, .. } => {
             add("parameter", name, spellings(&name.text, shape), Vec::new());
         }
-        ItemKind::Let { name, value } => add("definition", name, alone(name), mentions([value])),
+        ItemKind::Let { name, value } => {
+            add("definition", name, alone(name), mentions([value]));
+        }
         ItemKind::AlgebraName { name, value } => {
             add("algebra", name, vec![of_algebras(&name.text)], algebras(value));
         }
@@ -126,9 +134,23 @@ fn declare<'a>(item: &'a Item, declarations: &mut Vec<Declaration<'a>>) {
                 add("coordinate", name, all, ends.clone());
             }
         }
-        ItemKind::Advected { name, dim, action } => {
-            let shape = dim.map_or(Shape::Scalar, Shape::Vector);
-            add("advected parameter", name, spellings(&name.text, &shape), mentions([action]));
+        ItemKind::Advected { name, space, labels, action } => {
+            let shape = match space.node {
+                AlgebraNode::Power(value) => Shape::Vector(Size { value, span: space.span }),
+                _ => Shape::Scalar,
+            };
+            let own = if labels.is_empty() { spellings(&name.text, &shape) } else { alone(name) };
+            let mut all = mentions([action]);
+            all.extend(algebras(space));
+            // An action by the name of a representation, or of the one it is dual to.
+            let inner = match &action.node {
+                Node::Call(dual, arguments) if dual.text == "dual" => arguments.first().unwrap_or(action),
+                _ => action,
+            };
+            if let Node::Name(representation) = &inner.node {
+                all.push(of_algebras(representation));
+            }
+            add("advected parameter", name, own, all);
         }
         _ => {}
     }

@@ -241,6 +241,12 @@ impl Value {
     /// # Errors
     /// [`ValueError::Shapes`], [`ValueError::Exponent`] beyond 1000, [`ValueError::DivisionByZero`] for `0^-1`.
     pub fn pow(&self, g: &mut Graph, exponent: &Value) -> Outcome {
+        if let (Value::Matrix { rows, columns, .. }, Value::Scalar(power)) = (self, exponent)
+            && rows == columns
+            && let Some(q) = g.as_rational(*power).cloned()
+        {
+            return self.matrix_power(g, &q);
+        }
         let (Value::Scalar(base), Value::Scalar(power)) = (self, exponent) else {
             return Err(ValueError::Shapes {
                 operation: Operation::Raise,
@@ -258,6 +264,39 @@ impl Value {
             return Err(ValueError::Exponent(q));
         }
         g.pow(*base, &q).map(Value::Scalar).map_err(|_| ValueError::DivisionByZero)
+    }
+
+    /// Powers of a square matrix: products for a positive whole number, entry by entry for a diagonal matrix.
+    fn matrix_power(&self, g: &mut Graph, q: &Rational) -> Outcome {
+        let Value::Matrix { rows, columns, entries } = self else { return Err(ValueError::TooLarge) };
+        let n = *rows;
+        let off_diagonal = |k: usize| k / n != k % n;
+        if entries.iter().enumerate().all(|(k, e)| *e == g.zero() || !off_diagonal(k)) {
+            let power = Value::number(g, q.clone());
+            let mut raised = entries.clone();
+            for k in (0..n).map(|i| i * n + i) {
+                if let Value::Scalar(e) = Value::Scalar(entries[k]).pow(g, &power)? {
+                    raised[k] = e;
+                }
+            }
+            return Ok(Value::Matrix { rows: n, columns: *columns, entries: raised });
+        }
+        let times = q.numer().to_u32().filter(|n| q.is_integer() && (1..=MAX_EXPONENT).contains(n));
+        let Some(times) = times else { return Err(ValueError::MatrixPower(q.clone())) };
+        let (mut square, mut rest, mut power) = (self.clone(), times, None::<Value>);
+        loop {
+            if rest % 2 == 1 {
+                power = Some(match power {
+                    Some(before) => before.mul(g, &square)?,
+                    None => square.clone(),
+                });
+            }
+            rest /= 2;
+            if rest == 0 {
+                return power.ok_or(ValueError::TooLarge);
+            }
+            square = square.mul(g, &square)?;
+        }
     }
 
     /// `sum_i a_i b_i`.

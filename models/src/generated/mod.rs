@@ -29,6 +29,10 @@ pub mod chaplygin_sleigh_derivatives;
 pub mod chaplygin_sleigh_invariants;
 /// Chaplygin sleigh
 pub mod chaplygin_sleigh_reconstruction;
+/// Charged particle in the plane
+pub mod charged_particle;
+/// Charged particle in the plane
+pub mod charged_particle_drift;
 /// Double spherical pendulum
 pub mod double_spherical_pendulum;
 /// Double spherical pendulum
@@ -67,6 +71,8 @@ pub mod free_rigid_body_invariants;
 pub mod free_rigid_body_momenta;
 /// Free rigid body
 pub mod free_rigid_body_reconstruction;
+/// Guiding centre in a plane field
+pub mod guiding_centre;
 /// Heavy top
 pub mod heavy_top;
 /// Heavy top
@@ -93,12 +99,20 @@ pub mod kirchhoff_body_momenta;
 pub mod kirchhoff_body_reconstruction;
 /// Kirchhoff's underwater body
 pub mod kirchhoff_body_uncoupled;
+/// Predator and prey of Lotka and Volterra
+pub mod lotka_volterra;
 /// Two-wheeled mobile robot
 pub mod mobile_robot;
 /// Two-wheeled mobile robot
 pub mod mobile_robot_minimal;
 /// Two-wheeled mobile robot
 pub mod mobile_robot_reconstruction;
+/// Four point vortices on the plane
+pub mod point_vortices;
+/// Four point vortices on the plane
+pub mod point_vortices_derivatives;
+/// Four point vortices on the plane
+pub mod point_vortices_taylor;
 /// Ball rolling on a plane
 pub mod rolling_ball;
 /// Ball rolling on a plane
@@ -109,6 +123,10 @@ pub mod rolling_ball_reconstruction;
 pub mod rolling_disk;
 /// Vertical rolling disk
 pub mod rolling_disk_reconstruction;
+/// Fluid of second grade on the torus
+pub mod second_grade_fluid;
+/// Fluid of second grade with three components on the torus
+pub mod second_grade_fluid_3c;
 /// Servo ball
 pub mod servo_ball;
 /// Servo ball
@@ -171,6 +189,16 @@ pub mod veselova_reconstruction;
 pub mod wong_particle;
 /// Particle with non-abelian charge
 pub mod wong_particle_reconstruction;
+/// Ideal fluid on the torus, 8 modes
+pub mod zeitlin_euler_3;
+/// Ideal fluid on the torus, 24 modes
+pub mod zeitlin_euler_5;
+/// Ideal fluid on the torus, 48 modes
+pub mod zeitlin_euler_7;
+/// Ideal magnetohydrodynamics on the torus, 16 modes
+pub mod zeitlin_mhd_3;
+/// Ideal magnetohydrodynamics on the torus, 48 modes
+pub mod zeitlin_mhd_5;
 
 /// Calls a macro with every scene: `$visit! { (module, "model", "scene", dimension) .. }`.
 ///
@@ -194,6 +222,8 @@ macro_rules! for_each_scene {
             (chaplygin_sleigh_derivatives, "chaplygin_sleigh", "derivatives", 2)
             (chaplygin_sleigh_invariants, "chaplygin_sleigh", "invariants", 2)
             (chaplygin_sleigh_reconstruction, "chaplygin_sleigh", "reconstruction", 5)
+            (charged_particle, "charged_particle", "default", 4)
+            (charged_particle_drift, "charged_particle", "drift", 2)
             (double_spherical_pendulum, "double_spherical_pendulum", "default", 6)
             (double_spherical_pendulum_reconstruction, "double_spherical_pendulum", "reconstruction", 7)
             (euler_disk, "euler_disk", "default", 5)
@@ -213,6 +243,7 @@ macro_rules! for_each_scene {
             (free_rigid_body_invariants, "free_rigid_body", "invariants", 7)
             (free_rigid_body_momenta, "free_rigid_body", "momenta", 3)
             (free_rigid_body_reconstruction, "free_rigid_body", "reconstruction", 7)
+            (guiding_centre, "guiding_centre", "default", 2)
             (heavy_top, "heavy_top", "default", 6)
             (heavy_top_derivatives, "heavy_top", "derivatives", 6)
             (heavy_top_invariants, "heavy_top", "invariants", 6)
@@ -226,14 +257,20 @@ macro_rules! for_each_scene {
             (kirchhoff_body_momenta, "kirchhoff_body", "momenta", 6)
             (kirchhoff_body_reconstruction, "kirchhoff_body", "reconstruction", 13)
             (kirchhoff_body_uncoupled, "kirchhoff_body", "uncoupled", 6)
+            (lotka_volterra, "lotka_volterra", "default", 2)
             (mobile_robot, "mobile_robot", "default", 4)
             (mobile_robot_minimal, "mobile_robot", "minimal", 2)
             (mobile_robot_reconstruction, "mobile_robot", "reconstruction", 7)
+            (point_vortices, "point_vortices", "default", 8)
+            (point_vortices_derivatives, "point_vortices", "derivatives", 8)
+            (point_vortices_taylor, "point_vortices", "taylor", 8)
             (rolling_ball, "rolling_ball", "default", 5)
             (rolling_ball_minimal, "rolling_ball", "minimal", 3)
             (rolling_ball_reconstruction, "rolling_ball", "reconstruction", 9)
             (rolling_disk, "rolling_disk", "default", 2)
             (rolling_disk_reconstruction, "rolling_disk", "reconstruction", 6)
+            (second_grade_fluid, "second_grade_fluid", "default", 24)
+            (second_grade_fluid_3c, "second_grade_fluid_3c", "default", 16)
             (servo_ball, "servo_ball", "default", 7)
             (servo_ball_minimal, "servo_ball", "minimal", 6)
             (servo_ball_reconstruction, "servo_ball", "reconstruction", 11)
@@ -265,6 +302,11 @@ macro_rules! for_each_scene {
             (veselova_reconstruction, "veselova", "reconstruction", 10)
             (wong_particle, "wong_particle", "default", 9)
             (wong_particle_reconstruction, "wong_particle", "reconstruction", 13)
+            (zeitlin_euler_3, "zeitlin_euler_3", "default", 8)
+            (zeitlin_euler_5, "zeitlin_euler_5", "default", 24)
+            (zeitlin_euler_7, "zeitlin_euler_7", "default", 48)
+            (zeitlin_mhd_3, "zeitlin_mhd_3", "default", 16)
+            (zeitlin_mhd_5, "zeitlin_mhd_5", "default", 48)
         }
     };
 }

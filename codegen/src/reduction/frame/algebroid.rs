@@ -136,6 +136,7 @@ impl<'a> Builder<'a> {
     fn algebroid(&self, g: &mut Graph, names: &[String]) -> Algebroid {
         let (n, r) = (self.n, self.stages.basis.len());
         let mut built = Algebroid::new(g, self.old.time(), self.old.base().to_vec(), names.to_vec());
+        built.set_almost(self.old.is_almost());
         for x in 0..self.old.n_base() {
             let of_elements: Vec<ExprId> = (0..r).map(|a| self.old.anchor(x, n + a)).collect();
             let along: Vec<ExprId> =
@@ -222,6 +223,7 @@ pub(super) fn transformed(g: &mut Graph, old: &Algebroid, frame: &Frame, names: 
     let column = |a: usize| -> Vec<ExprId> { frame.matrix.iter().map(|row| row[a]).collect() };
     let columns: Vec<Vec<ExprId>> = (0..m).map(column).collect();
     let mut new = Algebroid::new(g, old.time(), old.base().to_vec(), names.to_vec());
+    new.set_almost(old.is_almost());
     for x in 0..old.n_base() {
         let anchors: Vec<ExprId> = (0..m).map(|alpha| old.anchor(x, alpha)).collect();
         for (a, column) in columns.iter().enumerate() {

@@ -180,7 +180,9 @@ fn stages(model: &Model, own: &Formulation) -> Vec<Choice> {
     if let Some(chain) = &model.stages {
         add(None, &format!("of the model ({})", chain.names.join(" > ")));
     }
-    for chain in chains(&model.algebra, MAX_CHAINS) {
+    // Chains are searched over the rationals.
+    let found = model.algebra.rational().map_or_else(Vec::new, |algebra| chains(&algebra, MAX_CHAINS));
+    for chain in found {
         let names: Vec<&str> = chain.iter().map(|ideal| ideal.name.as_str()).collect();
         add(Some(chain.iter().map(|ideal| ideal.basis.clone()).collect()), &names.join(" > "));
     }

@@ -6,6 +6,7 @@ use std::collections::BTreeSet;
 
 use super::draft::{AdvectedDraft, DeclaredAs, ModelBuilder};
 use crate::expr::SymbolId;
+use crate::spec::diagnostic::Span;
 use crate::spec::layout::{Layout, short_list};
 use crate::spec::model::*;
 use crate::spec::value::Value;
@@ -19,19 +20,34 @@ impl ModelBuilder {
                 let (symbol, expr) = self.new_symbol(name, DeclaredAs::Advected);
                 (Value::Scalar(expr), vec![(name.to_owned(), symbol)])
             }
-            Some(n) => {
-                self.declare(name, DeclaredAs::Advected);
-                let (mut components, mut entries) = (Vec::new(), Vec::new());
-                for component in Layout::Vector(n).names(name) {
-                    let (symbol, expr) = self.new_symbol(&component, DeclaredAs::AdvectedComponent);
-                    components.push((component, symbol));
-                    entries.push(expr);
-                }
-                let value = Value::Vector(entries);
-                self.bind(name, &value);
-                (value, components)
-            }
+            Some(n) => return self.advected_vector(name, &Layout::Vector(n).names(name), doc),
         };
+        self.advected_draft(name, value, components, doc, span)
+    }
+
+    /// An advected parameter whose components have names of their own.
+    pub fn advected_vector(&mut self, name: &str, names: &[String], doc: &str) -> Value {
+        let span = self.here;
+        self.declare(name, DeclaredAs::Advected);
+        let (mut components, mut entries) = (Vec::new(), Vec::new());
+        for component in names {
+            let (symbol, expr) = self.new_symbol(component, DeclaredAs::AdvectedComponent);
+            components.push((component.clone(), symbol));
+            entries.push(expr);
+        }
+        let value = Value::Vector(entries);
+        self.bind(name, &value);
+        self.advected_draft(name, value, components, doc, span)
+    }
+
+    fn advected_draft(
+        &mut self,
+        name: &str,
+        value: Value,
+        components: Vec<(String, SymbolId)>,
+        doc: &str,
+        span: Option<Span>,
+    ) -> Value {
         let draft = AdvectedDraft {
             name: name.to_owned(),
             value: value.clone(),

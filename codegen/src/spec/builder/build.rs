@@ -74,7 +74,7 @@ impl ModelBuilder {
             param_arrays: self.param_arrays,
             conditions: self.conditions,
             base: self.base,
-            algebra: self.algebra.map_or_else(|| LieAlgebra::abelian(0), |(algebra, _)| algebra),
+            algebra: self.algebra.map_or_else(|| LieAlgebra::abelian(0).into(), |(algebra, _)| algebra),
             velocities: self.velocities,
             quasi_velocities: self.quasi_velocities,
             momenta: self.momenta,

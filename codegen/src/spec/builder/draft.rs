@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::algebra::LieAlgebra;
 use crate::error::Error;
-use crate::expr::{Budget, ExprId, Graph, Rational, SymbolId};
+use crate::expr::{Budget, ExprId, Graph, Number, Rational, SymbolId};
 use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::group::Group;
 use crate::spec::model::*;
@@ -182,8 +182,8 @@ pub struct ModelBuilder {
     pub(super) blocks: BTreeMap<String, Vec<usize>>,
     pub(super) conditions: Vec<Condition>,
     pub(super) base: Vec<Coordinate>,
-    pub(super) algebra: Option<(LieAlgebra, Option<Span>)>,
-    pub(super) velocities: Vec<Velocity>,
+    pub(in crate::spec) algebra: Option<(LieAlgebra<Number>, Option<Span>)>,
+    pub(in crate::spec) velocities: Vec<Velocity>,
     pub(super) action: Option<(Side, Option<Span>)>,
     pub(super) quasi_velocities: Vec<Velocity>,
     pub(super) momenta: Vec<Momentum>,

@@ -37,7 +37,18 @@ impl ModelBuilder {
     pub(in crate::spec) fn located_momentum(
         &mut self,
         name: &str,
+        velocity: (&str, Option<Span>),
+        doc: &str,
+    ) -> Option<Value> {
+        self.labelled_momentum(name, velocity, None, doc)
+    }
+
+    /// A momentum whose components may have names of their own.
+    pub(in crate::spec) fn labelled_momentum(
+        &mut self,
+        name: &str,
         (velocity, span): (&str, Option<Span>),
+        labels: Option<Vec<String>>,
         doc: &str,
     ) -> Option<Value> {
         let here = self.here;
@@ -61,9 +72,8 @@ impl ModelBuilder {
         } else {
             self.declare(name, DeclaredAs::Momentum);
             let mut entries: Vec<ExprId> = Vec::new();
-            for (component, velocity) in
-                Layout::Vector(velocities.len()).names(name).into_iter().zip(velocities)
-            {
+            let names = labels.unwrap_or_else(|| Layout::Vector(velocities.len()).names(name));
+            for (component, velocity) in names.into_iter().zip(velocities) {
                 let (symbol, expr) = self.new_symbol(&component, DeclaredAs::MomentumComponent);
                 components.push((component, symbol, velocity));
                 entries.push(expr);

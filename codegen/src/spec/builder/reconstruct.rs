@@ -4,12 +4,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use num_traits::Zero;
-
 use super::draft::{DeclaredAs, Located, ModelBuilder, ReconstructionDraft, Way};
 use super::symbols::Special;
 use crate::algebra::LieAlgebra;
-use crate::expr::{ExprId, Rational, SymbolId};
+use crate::expr::{ExprId, Number, SymbolId};
 use crate::spec::diagnostic::Span;
 use crate::spec::group::Group;
 use crate::spec::layout::Layout;
@@ -243,7 +241,7 @@ impl ModelBuilder {
             }
         }
         let algebra = self.algebra.as_ref().map(|(algebra, _)| algebra.clone());
-        let algebra = algebra.unwrap_or_else(|| LieAlgebra::abelian(0));
+        let algebra = algebra.unwrap_or_else(|| LieAlgebra::abelian(0).into());
         if from.is_empty() {
             indices = (0..algebra.dim()).collect();
         }
@@ -275,15 +273,15 @@ impl ModelBuilder {
         }
         for a in 0..algebra.dim() {
             for b in a + 1..algebra.dim() {
-                let mut mismatch: BTreeMap<usize, (Rational, Rational)> = BTreeMap::new();
+                let mut mismatch: BTreeMap<usize, (Number, Number)> = BTreeMap::new();
                 for (c, q) in algebra.bracket(a, b) {
                     if let Some(at) = place[c] {
-                        mismatch.insert(at, (q, Rational::zero()));
+                        mismatch.insert(at, (q, Number::default()));
                     }
                 }
                 if let (Some(p), Some(r)) = (place[a], place[b]) {
                     for (at, q) in expected.bracket(p, r) {
-                        mismatch.entry(at).or_insert_with(|| (Rational::zero(), Rational::zero())).1 = q;
+                        mismatch.entry(at).or_default().1 = q.into();
                     }
                 }
                 let Some((at, (found, wanted))) = mismatch.into_iter().find(|(_, (x, y))| x != y) else {

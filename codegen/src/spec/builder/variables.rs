@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 
 use super::draft::{DeclaredAs, ModelBuilder};
 use crate::algebra::LieAlgebra;
-use crate::expr::{ExprId, SymbolId};
+use crate::expr::{ExprId, Number, SymbolId};
 use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::layout::Layout;
 use crate::spec::model::*;
@@ -29,15 +29,16 @@ impl ModelBuilder {
     /// b.advected_action("Gamma", &turned).lagrangian(&theta_dot);
     /// assert!(b.build().is_ok());
     /// ```
-    pub fn velocities(&mut self, algebra: LieAlgebra, names: &[&str]) -> Vec<Value> {
+    pub fn velocities(&mut self, algebra: impl Into<LieAlgebra<Number>>, names: &[&str]) -> Vec<Value> {
         let located: Vec<(&str, Option<Span>)> = names.iter().map(|n| (*n, self.here)).collect();
-        self.located_velocities(algebra, &located, "")
+        self.located_velocities(algebra.into(), &located, &[], "")
     }
 
     pub(in crate::spec) fn located_velocities(
         &mut self,
-        algebra: LieAlgebra,
+        algebra: LieAlgebra<Number>,
         names: &[(&str, Option<Span>)],
+        prefixes: &[&str],
         doc: &str,
     ) -> Vec<Value> {
         let here = self.here;
@@ -68,7 +69,8 @@ impl ModelBuilder {
             vec![1; names.len()]
         };
         let mut values = Vec::with_capacity(names.len());
-        for ((name, span), size) in names.iter().zip(sizes) {
+        let (labels, mut start) = (algebra.labels(), 0);
+        for (k, ((name, span), size)) in names.iter().zip(sizes).enumerate() {
             self.here = *span;
             let velocity = |b: &mut ModelBuilder, component: &str, what| {
                 let (symbol, expr) = b.new_symbol(component, what);
@@ -85,18 +87,29 @@ impl ModelBuilder {
                 values.push(Value::Scalar(velocity(self, name, DeclaredAs::Velocity)));
             } else {
                 self.declare(name, DeclaredAs::Velocity);
-                let components = Layout::Vector(size).names(name);
+                let own = labels.get(start..start + size).unwrap_or_default();
+                let components = match prefixes.get(k) {
+                    Some(prefix) => own.iter().map(|label| format!("{prefix}{label}")).collect(),
+                    None => Layout::Vector(size).names(name),
+                };
                 let entries =
                     components.iter().map(|c| velocity(self, c, DeclaredAs::VelocityComponent)).collect();
                 let value = Value::Vector(entries);
                 self.bind(name, &value);
                 values.push(value);
             }
+            start += size;
         }
         self.here = here;
         // The first declaration counts; a second one is already a problem.
         self.algebra.get_or_insert((algebra, here));
         values
+    }
+
+    /// The names of the components of a velocity, with another prefix.
+    pub(in crate::spec) fn labelled(&self, velocity: &str, prefix: &str, other: &str) -> Vec<String> {
+        let own = self.velocities.iter().filter(|v| v.block == velocity);
+        own.filter_map(|v| Some(format!("{other}{}", v.name.strip_prefix(prefix)?))).collect()
     }
 
     /// The side of the group action; left when not called.

@@ -4,6 +4,8 @@
 
 use super::values::Elaboration;
 use crate::algebra::{LieAlgebra, Representation};
+use crate::error::Error;
+use crate::expr::Number;
 use crate::spec::ast::{AlgebraExpr, AlgebraNode};
 use crate::spec::diagnostic::Span;
 use crate::spec::eval::is_poisoned;
@@ -11,14 +13,31 @@ use crate::spec::limits::{MAX_ABELIAN, MAX_DIM, MAX_REPRESENTATION};
 use crate::spec::names;
 
 /// Families of algebras, one for each number.
-pub(super) const FAMILIES: &[&str] = &["so", "se", "su", "gl", "sl", "heisenberg"];
+pub(super) const FAMILIES: &[&str] =
+    &["so", "se", "su", "u", "gl", "sl", "sp", "sim", "galilei", "heisenberg", "zeitlin", "torus"];
+
+/// Families whose names definitions may take all the same, as their parentheses tell them apart.
+pub(super) const SHORT_FAMILIES: &[&str] = &["u"];
 
 /// Names that algebra definitions cannot take, besides the families.
-pub(super) const BUILT_IN: &[&str] =
-    &["R", "product", "semidirect", "standard", "adjoint", "coadjoint", "dual", "trivial"];
+pub(super) const BUILT_IN: &[&str] = &[
+    "R",
+    "product",
+    "semidirect",
+    "vorticity",
+    "standard",
+    "adjoint",
+    "coadjoint",
+    "functions",
+    "dual",
+    "trivial",
+];
+
+/// Representations that are known without declaration.
+const REPRESENTATIONS: &[&str] = &["standard", "adjoint", "coadjoint", "functions", "dual", "trivial"];
 
 impl Elaboration<'_> {
-    pub(super) fn algebra(&mut self, expr: &AlgebraExpr) -> Option<LieAlgebra> {
+    pub(super) fn algebra(&mut self, expr: &AlgebraExpr) -> Option<LieAlgebra<Number>> {
         let span = expr.span;
         let (name, arguments) = match &expr.node {
             AlgebraNode::Number(_) => {
@@ -29,10 +48,10 @@ impl Elaboration<'_> {
                 self.problem(span, format!("R^{n} is too large"), format!("the largest is R^{MAX_ABELIAN}"));
                 return None;
             }
-            AlgebraNode::Power(n) => return Some(LieAlgebra::abelian(*n)),
+            AlgebraNode::Power(n) => return Some(LieAlgebra::abelian(*n).into()),
             AlgebraNode::Name(name) => {
                 if name == "R" {
-                    return Some(LieAlgebra::abelian(1));
+                    return Some(LieAlgebra::abelian(1).into());
                 }
                 if let Some(algebra) = self.algebras.get(name) {
                     return Some(algebra.clone());
@@ -41,7 +60,7 @@ impl Elaboration<'_> {
                     return None;
                 }
                 let message = if FAMILIES.contains(&name.as_str())
-                    || ["product", "semidirect"].contains(&name.as_str())
+                    || ["product", "semidirect", "vorticity"].contains(&name.as_str())
                 {
                     self.problem(
                         span,
@@ -51,6 +70,8 @@ impl Elaboration<'_> {
                             match name.as_str() {
                                 "product" => "so(3), R^3",
                                 "semidirect" => "so(3), standard",
+                                "vorticity" => "torus(2)",
+                                "sp" | "torus" => "2",
                                 _ => "3",
                             }
                         ),
@@ -73,8 +94,9 @@ impl Elaboration<'_> {
                     self.problem(span, "`product` of nothing", "write `product(so(3), R^3)`");
                     return None;
                 }
-                let factors: Vec<Option<LieAlgebra>> = arguments.iter().map(|a| self.algebra(a)).collect();
-                let factors: Vec<LieAlgebra> = factors.into_iter().collect::<Option<_>>()?;
+                let factors: Vec<Option<LieAlgebra<Number>>> =
+                    arguments.iter().map(|a| self.algebra(a)).collect();
+                let factors: Vec<LieAlgebra<Number>> = factors.into_iter().collect::<Option<_>>()?;
                 self.check_dim(span, factors.iter().map(LieAlgebra::dim).sum())?;
                 Some(LieAlgebra::product(&factors))
             }
@@ -89,9 +111,9 @@ impl Elaboration<'_> {
                     return None;
                 };
                 let base = self.algebra(base)?;
-                let spaces: Vec<Option<Representation>> =
+                let spaces: Vec<Option<Representation<Number>>> =
                     spaces.iter().map(|s| self.representation(s, &base)).collect();
-                let spaces: Vec<Representation> = spaces.into_iter().collect::<Option<_>>()?;
+                let spaces: Vec<Representation<Number>> = spaces.into_iter().collect::<Option<_>>()?;
                 self.check_dim(span, base.dim() + spaces.iter().map(Representation::dim).sum::<usize>())?;
                 match LieAlgebra::semidirect(&base, &spaces) {
                     Ok(algebra) => Some(algebra),
@@ -100,6 +122,14 @@ impl Elaboration<'_> {
                         None
                     }
                 }
+            }
+            "vorticity" => {
+                let [inner] = arguments.as_slice() else {
+                    self.problem(span, "`vorticity` takes one algebra", "for example `vorticity(torus(2))`");
+                    return None;
+                };
+                let algebra = self.algebra(inner)?.vorticity();
+                self.algebra_or_report(algebra, span)
             }
             family if FAMILIES.contains(&family) => {
                 let [AlgebraExpr { node: AlgebraNode::Number(n), .. }] = arguments.as_slice() else {
@@ -120,14 +150,15 @@ impl Elaboration<'_> {
         }
     }
 
-    fn named_algebra(&mut self, family: &str, n: usize, span: Span) -> Option<LieAlgebra> {
+    fn named_algebra(&mut self, family: &str, n: usize, span: Span) -> Option<LieAlgebra<Number>> {
         // Their structure constants come from an elimination that grows with the sixth power of n.
         let largest = match family {
             "so" | "se" => 10,
+            "sim" | "galilei" => 5,
             "heisenberg" => 14,
             _ => 8,
         };
-        if n > largest {
+        if n > largest && !["zeitlin", "torus"].contains(&family) {
             self.problem(
                 span,
                 format!("{family}({n}) is too large"),
@@ -139,10 +170,24 @@ impl Elaboration<'_> {
             "so" => LieAlgebra::so(n),
             "se" => LieAlgebra::se(n),
             "su" => LieAlgebra::su(n),
+            "u" => LieAlgebra::u(n),
             "gl" => LieAlgebra::gl(n),
             "sl" => LieAlgebra::sl(n),
+            "sp" => LieAlgebra::sp(n),
+            "sim" => LieAlgebra::sim(n),
+            "galilei" => LieAlgebra::galilei(n),
+            "zeitlin" => return self.algebra_or_report(LieAlgebra::zeitlin(n), span),
+            "torus" => return self.algebra_or_report(LieAlgebra::torus(n), span),
             _ => LieAlgebra::heisenberg(n),
         };
+        self.algebra_or_report(algebra.map(LieAlgebra::into), span)
+    }
+
+    fn algebra_or_report(
+        &mut self,
+        algebra: Result<LieAlgebra<Number>, Error>,
+        span: Span,
+    ) -> Option<LieAlgebra<Number>> {
         match algebra {
             Ok(algebra) => Some(algebra),
             Err(error) => {
@@ -165,8 +210,8 @@ impl Elaboration<'_> {
         if FAMILIES.contains(&stem) && stem.len() < name.len() {
             return format!("did you mean `{stem}({})`?", &name[stem.len()..]);
         }
-        let mut known: Vec<&str> =
-            vec!["so", "se", "su", "gl", "sl", "heisenberg", "R", "product", "semidirect"];
+        let mut known = FAMILIES.to_vec();
+        known.extend(["R", "product", "semidirect", "vorticity"]);
         known.extend(self.algebras.keys().map(String::as_str));
         names::suggest(name, known)
     }
@@ -174,33 +219,37 @@ impl Elaboration<'_> {
     pub(super) fn representation(
         &mut self,
         expr: &AlgebraExpr,
-        algebra: &LieAlgebra,
-    ) -> Option<Representation> {
+        algebra: &LieAlgebra<Number>,
+    ) -> Option<Representation<Number>> {
         let span = expr.span;
         let n = algebra.dim();
         let adjoint_fits = n * n * n <= MAX_REPRESENTATION;
         match &expr.node {
-            AlgebraNode::Name(name) => {
-                match name.as_str() {
-                    "standard" => {
-                        match Representation::standard(algebra) {
-                            Some(r) => Some(r),
-                            None => {
-                                let message = format!("`standard` does not exist for {}", algebra.name());
-                                self.problem(span, message, "so(n), gl(n), sl(n) and su(n) have one; give yours with `representation`");
-                                None
-                            }
-                        }
-                    }
-                    "adjoint" | "coadjoint" if !adjoint_fits => {
-                        self.problem(span, format!("`{name}` of {} is too large", algebra.name()), "");
+            AlgebraNode::Name(name) => match name.as_str() {
+                "standard" => match Representation::standard(algebra) {
+                    Some(r) => Some(r.into()),
+                    None => {
+                        let message = format!("`standard` does not exist for {}", algebra.name());
+                        self.problem(span, message, "so(n), gl(n), sl(n), sp(n), su(n) and u(n) have one; give yours with `representation`");
                         None
                     }
-                    "adjoint" => Some(Representation::adjoint(algebra)),
-                    "coadjoint" => Some(Representation::coadjoint(algebra)),
-                    _ => self.named_representation(name, algebra, span),
+                },
+                "adjoint" | "coadjoint" if !adjoint_fits => {
+                    self.problem(span, format!("`{name}` of {} is too large", algebra.name()), "");
+                    None
                 }
-            }
+                "functions" => match Representation::functions(algebra) {
+                    Some(r) => Some(r),
+                    None => {
+                        let message = format!("`functions` does not exist for {}", algebra.name());
+                        self.problem(span, message, "zeitlin(N) and torus(K) act on functions");
+                        None
+                    }
+                },
+                "adjoint" => Some(Representation::adjoint(algebra)),
+                "coadjoint" => Some(Representation::coadjoint(algebra)),
+                _ => self.named_representation(name, algebra, span),
+            },
             AlgebraNode::Call(name, arguments) => match (name.text.as_str(), arguments.as_slice()) {
                 ("dual", [inner]) => self.representation(inner, algebra).map(|r| r.dual()),
                 ("trivial", [AlgebraExpr { node: AlgebraNode::Number(dim), .. }]) => {
@@ -219,7 +268,7 @@ impl Elaboration<'_> {
                     None
                 }
                 (other, _) => {
-                    let help = names::suggest(other, ["standard", "adjoint", "coadjoint", "dual", "trivial"]);
+                    let help = names::suggest(other, REPRESENTATIONS.iter().copied());
                     self.problem(span, format!("unknown representation `{other}`"), help);
                     None
                 }
@@ -234,9 +283,9 @@ impl Elaboration<'_> {
     fn named_representation(
         &mut self,
         name: &str,
-        algebra: &LieAlgebra,
+        algebra: &LieAlgebra<Number>,
         span: Span,
-    ) -> Option<Representation> {
+    ) -> Option<Representation<Number>> {
         if let Some((owner, r)) = self.representations.get(name) {
             if owner == algebra {
                 return Some(r.clone());
@@ -246,7 +295,7 @@ impl Elaboration<'_> {
             return None;
         }
         if !is_poisoned(name, &self.poisoned) {
-            let mut known = vec!["standard", "adjoint", "coadjoint", "dual", "trivial"];
+            let mut known = REPRESENTATIONS.to_vec();
             known.extend(self.representations.keys().map(String::as_str));
             let help = names::suggest(name, known);
             self.problem(span, format!("unknown representation `{name}`"), help);

@@ -4,18 +4,21 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::algebra_expressions::{BUILT_IN, FAMILIES};
+use super::algebra_expressions::{BUILT_IN, FAMILIES, SHORT_FAMILIES};
 use super::order::{describe_cycle, order_by_use};
 use super::values::Elaboration;
 use crate::algebra::{LieAlgebra, Matrix, Representation};
 use crate::error::Error;
-use crate::expr::{Rational, SymbolId};
-use crate::spec::ast::{self, Expr, Item, ItemKind, Name};
+use crate::expr::{Number, Scalar, SymbolId};
+use crate::spec::ast::{self, AlgebraExpr, AlgebraNode, Expr, Item, ItemKind, Name, Node};
 use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::eval::Evaluator;
 use crate::spec::limits::{MAX_BASIS, MAX_REPRESENTATION, MAX_REPRESENTATION_WORK};
 use crate::spec::names;
 use crate::spec::value::Value;
+
+/// What constants may be.
+const CONSTANTS: &str = "for example `2*e1 - sqrt(3)*e3`, or `0`; constants are made of numbers, pi, roots, and sines of multiples of pi";
 
 impl Elaboration<'_> {
     pub(super) fn define_algebras(&mut self, items: &[Item]) {
@@ -31,7 +34,8 @@ impl Elaboration<'_> {
         }
         let mut index: BTreeMap<&str, usize> = BTreeMap::new();
         for (k, (name, ..)) in nodes.iter().enumerate() {
-            let reserved = [BUILT_IN, FAMILIES].iter().any(|names| names.contains(&name.text.as_str()));
+            let reserved = [BUILT_IN, FAMILIES].iter().any(|names| names.contains(&name.text.as_str()))
+                && !SHORT_FAMILIES.contains(&name.text.as_str());
             if let Some(reason) = names::refusal(&name.text).or(reserved.then_some("it is built in")) {
                 self.problem(name.span, format!("`{}` cannot be used as a name", name.text), reason);
             } else if let Some(first) = index.get(name.text.as_str()) {
@@ -73,8 +77,8 @@ impl Elaboration<'_> {
                 Some(algebra) => self.algebras.insert(name.text.clone(), algebra).is_none(),
                 None => false,
             },
-            ItemKind::AlgebraBrackets { basis, rules, .. } => {
-                match self.bracket_algebra(name, basis, rules) {
+            ItemKind::AlgebraBrackets { is_almost, basis, rules, .. } => {
+                match self.bracket_algebra(name, *is_almost, basis, rules) {
                     Some(algebra) => self.algebras.insert(name.text.clone(), algebra).is_none(),
                     None => false,
                 }
@@ -90,10 +94,11 @@ impl Elaboration<'_> {
         }
     }
 
-    /// Linear combinations of names with rational coefficients.
-    fn combination(&mut self, expr: &Expr, basis: &[Name]) -> Option<Vec<(usize, Rational)>> {
+    /// Linear combinations of names with constant coefficients.
+    fn combination(&mut self, expr: &Expr, basis: &[Name]) -> Option<Vec<(usize, Number)>> {
         let mut graph = self.builder.graph.fork();
-        let mut values = BTreeMap::new();
+        let pi = Value::Scalar(graph.pi());
+        let mut values = BTreeMap::from([("pi".to_owned(), pi)]);
         let mut symbols: Vec<SymbolId> = Vec::new();
         for element in basis {
             let symbol = graph.symbol(&element.text);
@@ -111,6 +116,8 @@ impl Elaboration<'_> {
             restriction: None,
             operator: None,
             withheld: &BTreeSet::new(),
+            algebras: &self.algebras,
+            own_algebra: None,
         };
         let value = evaluator.eval(expr);
         self.builder.graph.take_over(&graph);
@@ -130,15 +137,15 @@ impl Elaboration<'_> {
                     .zip(slopes)
                     .map(|(s, slope)| {
                         let at = symbols.iter().position(|x| x == s)?;
-                        Some((at, graph.as_rational(slope)?.clone()))
+                        Some((at, graph.as_number(slope)?))
                     })
                     .collect::<Option<Vec<_>>>()
             });
         if combination.is_none() {
             self.problem(
                 expr.span,
-                "expected a rational combination of basis elements",
-                "for example `2*e1 - e3`, or `0`",
+                "expected a combination of basis elements with constant coefficients",
+                CONSTANTS,
             );
         }
         combination
@@ -147,9 +154,10 @@ impl Elaboration<'_> {
     fn bracket_algebra(
         &mut self,
         name: &Name,
+        is_almost: bool,
         basis: &[Name],
         rules: &[ast::BracketRule],
-    ) -> Option<LieAlgebra> {
+    ) -> Option<LieAlgebra<Number>> {
         if basis.len() > MAX_BASIS {
             let message = format!(
                 "algebra `{}` has {} basis elements, the limit is {MAX_BASIS}",
@@ -200,7 +208,11 @@ impl Elaboration<'_> {
             return None;
         }
         let names: Vec<String> = basis.iter().map(|b| b.text.clone()).collect();
-        match LieAlgebra::from_brackets(&name.text, names, &brackets) {
+        let algebra = match is_almost {
+            true => LieAlgebra::almost(&name.text, names, &brackets),
+            false => LieAlgebra::from_brackets(&name.text, names, &brackets),
+        };
+        match algebra {
             Ok(algebra) => Some(algebra),
             Err(errors) => {
                 let rule = |a: &String, b: &String| {
@@ -231,20 +243,20 @@ impl Elaboration<'_> {
     fn representation_of(
         &mut self,
         name: &Name,
-        algebra: &LieAlgebra,
+        algebra: &LieAlgebra<Number>,
         dim: usize,
         matrices: &[(Name, Expr)],
-    ) -> Option<Representation> {
+    ) -> Option<Representation<Number>> {
         let n = algebra.dim();
         if n * n * dim * dim * dim > MAX_REPRESENTATION_WORK || n * dim * dim > MAX_REPRESENTATION {
             let message = format!("representation `{}` is too large", name.text);
             self.problem(name.span, message, format!("{n} matrices of size {dim}"));
             return None;
         }
-        let mut table: Vec<Option<Matrix>> = vec![None; n];
+        let mut table: Vec<Option<Matrix<Number>>> = vec![None; n];
         let mut fine = true;
         for (element, expr) in matrices {
-            let numbers = self.constant(expr, "entries are numbers");
+            let numbers = self.closed_forms(expr, "entries are numbers", CONSTANTS);
             let Some(k) = algebra.basis().iter().position(|b| *b == element.text) else {
                 let help = names::suggest(&element.text, algebra.basis().iter().map(String::as_str));
                 let message = format!("`{}` is not a basis element of {}", element.text, algebra.name());
@@ -256,7 +268,7 @@ impl Elaboration<'_> {
                 fine = false;
                 continue;
             };
-            let rows: Vec<Vec<Rational>> = numbers.chunks(dim.max(1)).map(<[Rational]>::to_vec).collect();
+            let rows: Vec<Vec<Number>> = numbers.chunks(dim.max(1)).map(<[Number]>::to_vec).collect();
             if numbers.len() != dim * dim {
                 let message = format!("matrix of `{}` must be matrix({dim}, {dim})", element.text);
                 self.problem(expr.span, message, "write it by rows: `[[..], ..]`");
@@ -302,5 +314,68 @@ impl Elaboration<'_> {
                 None
             }
         }
+    }
+
+    /// The action on an advected parameter: an expression, or a representation of the algebra of the velocities, `ad`
+    /// and `coad` being the adjoint and the coadjoint one.
+    pub(super) fn action_on(&mut self, name: &Name, action: &Expr) -> Option<Value> {
+        let Some(expr) = self.as_representation(action) else { return self.eval(action) };
+        let Some((algebra, _)) = self.builder.algebra.clone() else {
+            if !self.builder.broken.contains("velocity") {
+                let help = "declare them: `velocity xi in so(3);`";
+                self.problem(action.span, "the model has no velocities in an algebra", help);
+            }
+            return None;
+        };
+        let r = self.representation(&expr, &algebra)?;
+        let value = self.builder.values.get(&name.text)?.clone();
+        if value.entries().len() != r.dim() {
+            let message = format!(
+                "`{}` has {} components, the representation acts on R^{}",
+                name.text,
+                value.entries().len(),
+                r.dim()
+            );
+            self.problem(
+                action.span,
+                message,
+                "an advected parameter lives in the space of its representation",
+            );
+            return None;
+        }
+        let mut terms = vec![Vec::new(); r.dim()];
+        for (a, velocity) in self.builder.velocities.iter().enumerate() {
+            let xi = self.builder.graph.sym(velocity.symbol);
+            for (i, list) in terms.iter_mut().enumerate() {
+                let row = r.matrix(a).row(i).iter().zip(value.entries());
+                for (q, x) in row.filter(|(q, _)| !q.is_zero()) {
+                    let product = self.builder.graph.mul(xi, *x);
+                    list.push(self.builder.graph.weighted(product, q));
+                }
+            }
+        }
+        let mut entries = terms.iter().map(|list| self.builder.graph.linear_combination(list));
+        Some(match value {
+            Value::Scalar(_) => Value::Scalar(entries.next()?),
+            _ => Value::Vector(entries.collect()),
+        })
+    }
+
+    /// The representation that an expression is the name of, or its dual; names of values come first.
+    fn as_representation(&self, expr: &Expr) -> Option<AlgebraExpr> {
+        let node = match &expr.node {
+            Node::Name(name) if name == "ad" => AlgebraNode::Name("adjoint".into()),
+            Node::Name(name) if name == "coad" => AlgebraNode::Name("coadjoint".into()),
+            Node::Name(name) if self.builder.values.contains_key(name) => return None,
+            Node::Name(name) => {
+                let is_known = BUILT_IN.contains(&name.as_str()) || self.representations.contains_key(name);
+                AlgebraNode::Name(is_known.then(|| name.clone())?)
+            }
+            Node::Call(name, arguments) if name.text == "dual" => {
+                AlgebraNode::Call(name.clone(), vec![self.as_representation(arguments.first()?)?])
+            }
+            _ => return None,
+        };
+        Some(AlgebraExpr { node, span: expr.span })
     }
 }

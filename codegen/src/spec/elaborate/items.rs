@@ -54,7 +54,7 @@ impl Elaboration<'_> {
                     self.builder.at(Some(expr.span)).inner_product(&value);
                 }
             }
-            ItemKind::Advected { name, action, .. } => match self.eval(action) {
+            ItemKind::Advected { name, action, .. } => match self.action_on(name, action) {
                 Some(value) => _ = self.builder.at(Some(action.span)).advected_action(&name.text, &value),
                 None => _ = self.builder.broken.insert("advected"),
             },

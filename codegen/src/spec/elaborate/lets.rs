@@ -54,6 +54,8 @@ impl Elaboration<'_> {
                 restriction: None,
                 operator: None,
                 withheld: &self.withheld,
+                algebras: &self.algebras,
+                own_algebra: self.builder.algebra.as_ref().map(|(algebra, _)| algebra),
             };
             match evaluator.eval(expr) {
                 Some((value, bits)) => {

@@ -5,7 +5,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::algebra::{LieAlgebra, Representation};
-use crate::expr::{ExprId, Rational};
+use crate::expr::{ExprId, Graph, Number, Rational};
 use crate::spec::ast::Expr;
 use crate::spec::builder::ModelBuilder;
 use crate::spec::diagnostic::{Diagnostic, Span};
@@ -21,9 +21,9 @@ pub(super) struct Elaboration<'a> {
     pub(super) is_spent: bool,
     /// Names of reconstructed coordinates; they have values only when everything else is done.
     pub(super) withheld: BTreeSet<String>,
-    pub(super) algebras: BTreeMap<String, LieAlgebra>,
+    pub(super) algebras: BTreeMap<String, LieAlgebra<Number>>,
     /// Representations with the algebra they belong to.
-    pub(super) representations: BTreeMap<String, (LieAlgebra, Representation)>,
+    pub(super) representations: BTreeMap<String, (LieAlgebra<Number>, Representation<Number>)>,
 }
 
 impl Elaboration<'_> {
@@ -83,6 +83,8 @@ impl Elaboration<'_> {
             restriction: None,
             operator,
             withheld: &self.withheld,
+            algebras: &self.algebras,
+            own_algebra: self.builder.algebra.as_ref().map(|(algebra, _)| algebra),
         };
         evaluator.eval(expr).map(|(value, _)| value)
     }
@@ -99,6 +101,8 @@ impl Elaboration<'_> {
             restriction: Some("the ends of an interval contain parameters and numbers only"),
             operator: None,
             withheld: &self.withheld,
+            algebras: &self.algebras,
+            own_algebra: self.builder.algebra.as_ref().map(|(algebra, _)| algebra),
         };
         let (value, _) = evaluator.eval(expr)?;
         match value {
@@ -112,7 +116,7 @@ impl Elaboration<'_> {
     }
 
     /// A value without names, in a graph of its own.
-    pub(super) fn constant(&mut self, expr: &Expr, restriction: &'static str) -> Option<Vec<Rational>> {
+    fn nameless(&mut self, expr: &Expr, restriction: &'static str) -> Option<(Graph, Value)> {
         let mut graph = self.builder.graph.fork();
         let pi = Value::Scalar(graph.pi());
         let mut evaluator = Evaluator {
@@ -125,10 +129,32 @@ impl Elaboration<'_> {
             restriction: Some(restriction),
             operator: None,
             withheld: &BTreeSet::new(),
+            algebras: &self.algebras,
+            own_algebra: None,
         };
         let value = evaluator.eval(expr);
         self.builder.graph.take_over(&graph);
-        let (value, _) = value?;
+        value.map(|(value, _)| (graph, value))
+    }
+
+    /// Numbers in closed form; others are a problem, with `help`.
+    pub(super) fn closed_forms(
+        &mut self,
+        expr: &Expr,
+        restriction: &'static str,
+        help: &str,
+    ) -> Option<Vec<Number>> {
+        let (graph, value) = self.nameless(expr, restriction)?;
+        let numbers = value.entries().iter().map(|e| graph.as_number(*e)).collect();
+        if Option::is_none(&numbers) {
+            self.problem(expr.span, "the value is no number in closed form", help);
+        }
+        numbers
+    }
+
+    /// Rational numbers.
+    pub(super) fn constant(&mut self, expr: &Expr, restriction: &'static str) -> Option<Vec<Rational>> {
+        let (graph, value) = self.nameless(expr, restriction)?;
         let numbers: Option<Vec<Rational>> =
             value.entries().iter().map(|e| graph.as_rational(*e).cloned()).collect();
         if numbers.is_none() {

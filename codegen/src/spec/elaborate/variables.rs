@@ -6,7 +6,7 @@ use num_traits::Zero;
 
 use super::values::Elaboration;
 use crate::expr::Rational;
-use crate::spec::ast::{self, AlgebraExpr, DomainExpr, Expr, Item, ItemKind, Name, Node};
+use crate::spec::ast::{self, AlgebraExpr, AlgebraNode, DomainExpr, Expr, Item, ItemKind, Name, Node};
 use crate::spec::diagnostic::Span;
 use crate::spec::layout::{Layout, component_help};
 use crate::spec::model::Domain;
@@ -81,8 +81,8 @@ impl Elaboration<'_> {
     pub(super) fn declare_variables(&mut self, items: &[Item]) {
         self.declare_velocities_and_coordinates(items);
         for item in items {
-            if let ItemKind::MomentumIn { names, algebra } = &item.kind {
-                self.declare_momenta_in(item, names, algebra);
+            if let ItemKind::MomentumIn { names, algebra, labels } = &item.kind {
+                self.declare_momenta_in(item, names, algebra, labels);
             }
         }
         // Momenta belong to velocities.
@@ -112,18 +112,23 @@ impl Elaboration<'_> {
     }
 
     /// `momentum Pi in so(3);`: velocities `dh_dPi` in the algebra, and their momenta.
-    fn declare_momenta_in(&mut self, item: &Item, names: &[Name], algebra: &AlgebraExpr) {
+    fn declare_momenta_in(&mut self, item: &Item, names: &[Name], algebra: &AlgebraExpr, labels: &[Name]) {
         let velocities: Vec<Name> =
             names.iter().map(|name| Name { text: format!("dh_d{}", name.text), span: name.span }).collect();
-        self.declare_velocities(item, &velocities, algebra);
-        for (name, velocity) in names.iter().zip(&velocities) {
+        let of_velocities: Vec<Name> =
+            labels.iter().map(|l| Name { text: format!("dh_d{}", l.text), span: l.span }).collect();
+        self.declare_velocities(item, &velocities, algebra, &of_velocities);
+        for (k, (name, velocity)) in names.iter().zip(&velocities).enumerate() {
             if self.poisoned.contains(&velocity.text) {
                 self.poisoned.insert(name.text.clone());
                 continue;
             }
             let builder = self.builder.at(Some(name.span));
+            let components = labels
+                .get(k)
+                .map(|prefix| builder.labelled(&velocity.text, &of_velocities[k].text, &prefix.text));
             let velocity = (velocity.text.as_str(), Some(velocity.span));
-            if builder.located_momentum(&name.text, velocity, &item.doc.join("\n")).is_none() {
+            if builder.labelled_momentum(&name.text, velocity, components, &item.doc.join("\n")).is_none() {
                 self.poisoned.insert(name.text.clone());
             }
         }
@@ -132,7 +137,9 @@ impl Elaboration<'_> {
     fn declare_velocities_and_coordinates(&mut self, items: &[Item]) {
         for item in items {
             match &item.kind {
-                ItemKind::Velocity { names, algebra } => self.declare_velocities(item, names, algebra),
+                ItemKind::Velocity { names, algebra, labels } => {
+                    self.declare_velocities(item, names, algebra, labels);
+                }
                 ItemKind::QuasiVelocity(names) => {
                     for name in names {
                         self.builder.at(Some(name.span)).quasi_velocity(&name.text, &item.doc.join("\n"));
@@ -141,16 +148,15 @@ impl Elaboration<'_> {
                 ItemKind::Coordinate { names, shape, domain } => {
                     self.declare_coordinates(item, names, shape, domain)
                 }
-                ItemKind::Advected { name, dim, .. } => {
-                    self.builder.at(Some(name.span));
-                    self.builder.advected(&name.text, dim.map(|d| d.value), &item.doc.join("\n"));
+                ItemKind::Advected { name, space, labels, .. } => {
+                    self.declare_advected(item, name, space, labels.first());
                 }
                 _ => {}
             }
         }
     }
 
-    fn declare_velocities(&mut self, item: &Item, names: &[Name], algebra: &AlgebraExpr) {
+    fn declare_velocities(&mut self, item: &Item, names: &[Name], algebra: &AlgebraExpr, labels: &[Name]) {
         let Some(algebra) = self.algebra(algebra) else {
             self.builder.broken.insert("velocity");
             self.poisoned.extend(names.iter().map(|n| n.text.clone()));
@@ -160,13 +166,53 @@ impl Elaboration<'_> {
             names.iter().map(|n| (n.text.as_str(), Some(n.span))).collect();
         let span = names.first().map_or(item.span, |n| n.span).to(names.last().map_or(item.span, |n| n.span));
         let before = self.builder.problems.len();
-        self.builder.at(Some(span)).located_velocities(algebra, &located, &item.doc.join("\n"));
+        let labels: Vec<&str> = labels.iter().map(|l| l.text.as_str()).collect();
+        self.builder.at(Some(span)).located_velocities(algebra, &located, &labels, &item.doc.join("\n"));
         if self.builder.problems.len() > before {
             // The wrong number of names: their components are unknown.
             self.builder.broken.insert("velocity");
             for name in names {
                 self.builder.values.remove(&name.text);
                 self.poisoned.insert(name.text.clone());
+            }
+        }
+    }
+
+    fn declare_advected(&mut self, item: &Item, name: &Name, space: &AlgebraExpr, label: Option<&Name>) {
+        let algebra = match &space.node {
+            AlgebraNode::Call(call, arguments) if call.text == "dual" => match arguments.as_slice() {
+                [inner] => self.algebra(inner).map(Some),
+                _ => {
+                    self.problem(space.span, "`dual` takes one algebra", "for example `dual(so(3))`");
+                    None
+                }
+            },
+            AlgebraNode::Power(_) => Some(None),
+            AlgebraNode::Name(name) if name == "R" => Some(None),
+            _ => self.algebra(space).map(Some),
+        };
+        let doc = item.doc.join("\n");
+        let Some(algebra) = algebra else {
+            self.poisoned.insert(name.text.clone());
+            self.builder.broken.insert("advected");
+            return;
+        };
+        self.builder.at(Some(name.span));
+        match (&space.node, algebra) {
+            (_, Some(algebra)) => {
+                let components = match label {
+                    Some(prefix) => algebra.labels().iter().map(|l| format!("{}{l}", prefix.text)).collect(),
+                    None => Layout::Vector(algebra.dim()).names(&name.text),
+                };
+                self.builder.advected_vector(&name.text, &components, &doc);
+            }
+            (node, None) => {
+                if let Some(label) = label {
+                    let message = format!("the components of `{}` have no names in their space", name.text);
+                    self.problem(label.span, message, "only bases of algebras have names");
+                }
+                let dim = if let AlgebraNode::Power(n) = node { Some(*n) } else { None };
+                self.builder.at(Some(name.span)).advected(&name.text, dim, &doc);
             }
         }
     }

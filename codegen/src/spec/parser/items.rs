@@ -28,12 +28,17 @@ impl<'a> Parser<'a> {
                 self.equals()?;
                 ItemKind::Let { name, value: self.expr()? }
             }
-            "algebra" => return self.algebra(),
+            "algebra" => return self.algebra(false),
+            "almost" => {
+                self.require_word("algebra")?;
+                return self.algebra(true);
+            }
             "representation" => return self.representation().map(|kind| (kind, true)),
             "velocity" => {
                 let names = self.comma_separated(|p| p.ident("the name of a velocity"))?;
                 self.require_word("in")?;
-                ItemKind::Velocity { names, algebra: self.algebra_expr()? }
+                let algebra = self.algebra_expr()?;
+                ItemKind::Velocity { labels: self.labels(names.len())?, names, algebra }
             }
             "momentum" => {
                 let names = self.comma_separated(|p| p.ident("the name of the momentum"))?;
@@ -43,7 +48,8 @@ impl<'a> Parser<'a> {
                         ItemKind::Momentum { name: name.clone(), velocity }
                     }
                     _ if self.word("in").is_some() => {
-                        ItemKind::MomentumIn { names, algebra: self.algebra_expr()? }
+                        let algebra = self.algebra_expr()?;
+                        ItemKind::MomentumIn { labels: self.labels(names.len())?, names, algebra }
                     }
                     _ => return self.expected("`of` and a velocity, or `in` and an algebra"),
                 }
@@ -225,13 +231,14 @@ impl<'a> Parser<'a> {
         })
     }
 
-    fn algebra(&mut self) -> Parsed<(ItemKind, bool)> {
+    fn algebra(&mut self, is_almost: bool) -> Parsed<(ItemKind, bool)> {
         let name = self.ident("the name of the algebra")?;
-        if self.peek_punct('=') {
+        if self.peek_punct('=') && !is_almost {
             self.equals()?;
             return Ok((ItemKind::AlgebraName { name, value: self.algebra_expr()? }, false));
         }
-        let (mut body, _) = self.require_group(Delimiter::Brace, "`=` or `{`")?;
+        let after = if is_almost { "`{` with the brackets" } else { "`=` or `{`" };
+        let (mut body, _) = self.require_group(Delimiter::Brace, after)?;
         if body.word("basis").is_none() {
             return body.expected("`basis e1, e2, ..;`");
         }
@@ -251,7 +258,7 @@ impl<'a> Parser<'a> {
             let span = bracket.to(value.span);
             rules.push(BracketRule { left, right, value, span });
         }
-        Ok((ItemKind::AlgebraBrackets { name, basis, rules }, true))
+        Ok((ItemKind::AlgebraBrackets { name, is_almost, basis, rules }, true))
     }
 
     fn representation(&mut self) -> Parsed<ItemKind> {
@@ -365,12 +372,41 @@ impl<'a> Parser<'a> {
     fn advected(&mut self) -> Parsed<ItemKind> {
         let name = self.ident("the name of the advected parameter")?;
         self.require_word("in")?;
-        let dim = self.space()?;
+        if self.peek_ident().is_none() {
+            return self.expected("`R^n`, an algebra or `dual(..)` of one");
+        }
+        let space = self.algebra_expr()?;
+        let labels = self.labels(1)?;
         if self.word("by").is_none() {
             let problem = self.unexpected("`by` and the infinitesimal action");
             return Err(Box::new(problem.with_help("for example `by cross(Omega, Gamma)`")));
         }
-        Ok(ItemKind::Advected { name, dim, action: self.expr()? })
+        Ok(ItemKind::Advected { name, space, labels, action: self.expr()? })
+    }
+
+    /// `as w_*`: what precedes the names of basis elements in those of components, one for each of `n` vectors; or
+    /// nothing.
+    fn labels(&mut self, n: usize) -> Parsed<Vec<Name>> {
+        if self.word("as").is_none() {
+            return Ok(Vec::new());
+        }
+        let start = self.here();
+        let labels = self.comma_separated(|p| {
+            let start = p.here();
+            let prefix = match p.peek_ident() {
+                Some(_) => p.ident("")?,
+                None => Name { text: String::new(), span: start },
+            };
+            p.require_punct("*")?;
+            Ok(prefix)
+        })?;
+        if labels.len() != n {
+            let span = Span::new(start.start, self.last);
+            let plural = if n == 1 { "vector has" } else { "vectors have" };
+            let message = format!("{n} {plural} {} prefixes for components", labels.len());
+            return Err(Box::new(Diagnostic::new(Some(span), message).with_help("write `as a_*, b_*`")));
+        }
+        Ok(labels)
     }
 
     /// `[name:] left = right`.

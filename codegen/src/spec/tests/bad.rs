@@ -277,7 +277,7 @@ fn algebras() {
     check(
         r#"model m { algebra g { basis a, b; [a, q] = a; [a, b] = a^2; } velocity x in g; lagrangian = 1; }"#,
         expect![[r#"1:39 `q` is not a basis element [legal here: `a`, `b`]
-1:56 expected a rational combination of basis elements [for example `2*e1 - e3`, or `0`]"#]],
+1:56 expected a combination of basis elements with constant coefficients [for example `2*e1 - sqrt(3)*e3`, or `0`; constants are made of numbers, pi, roots, and sines of multiples of pi]"#]],
     );
     check(
         r#"model m { algebra g { [a, b] = a; } velocity x in g; lagrangian = 1; }"#,

@@ -337,12 +337,12 @@ fn algebras() {
     let m = model(
         "algebra sl2 { basis h, e, f; [h, e] = 2*e; [h, f] = -2*f; [e, f] = h; } velocity x in sl2; lagrangian = x1^2;",
     );
-    assert_eq!(m.algebra.bracket(0, 1), [(1, q("2"))]);
+    assert_eq!(m.algebra.bracket(0, 1), [(1, q("2").into())]);
     let m = model(
         "velocity x, y in semidirect(R, turn); lagrangian = x^2;
          representation turn of R on R^2 { e1 = [[0, -1], [1, 0]]; }",
     );
-    assert_eq!(m.algebra.bracket(0, 1), [(2, q("1"))]);
+    assert_eq!(m.algebra.bracket(0, 1), [(2, q("1").into())]);
     assert_eq!(m.velocities[2].name, "y2");
     assert_eq!(m.velocities[2].block, "y");
 }
