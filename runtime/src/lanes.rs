@@ -247,7 +247,8 @@ mod tests {
                 }
             })*};
         }
-        same! { x, y; x.sin_cos_of_two(y).0[0], x.sin_cos_of_two(y).0[1], x.sin_cos_of_two(y).1[0], x.sin_cos_of_two(y).1[1],
+        same! { x, y; x.sin_cos_of_two(y).0[0], x.sin_cos_of_two(y).0[1], x.sin_cos_of_two(y).1[0],
+            x.sin_cos_of_two(y).1[1],
             x + y, x - y, x * y, x / y, -x, x.mul_add(y, R::ONE), x.recip(), R::ratio(1.0, 3.0) * x,
             x.sqrt(), x.sin(), x.cos(), x.sin_cos().0, x.sin_cos().1, y.sin(), y.cos(), x.tan(), y.asin(), y.acos(),
             x.atan(), x.atan2(y), x.exp(), x.ln(), x.sinh(), x.cosh(), x.tanh(), x.abs()

@@ -3,8 +3,8 @@
 //! The angle is reduced by the nearest multiple of `pi/2` to `r - l` (Cody and Waite, three parts of `pi/2`), and both
 //! functions of it come from polynomials of degree 13 and 14. The largest error that was measured, over 10^7 angles and
 //! those next to all multiples of `pi/4`, is 0.79 units in the last place, or 0.73 where the target fuses
-//! multiplication and addition. Every lane, and each of two angles, does the operations of the scalar function, hence has its bits. The
-//! results are the same on all platforms that fuse, and on all that do not. The module
+//! multiplication and addition. Every lane, and each of two angles, does the operations of the scalar function, hence
+//! has its bits. The results are the same on all platforms that fuse, and on all that do not. The module
 //! deliberately does not know angles beyond the bound: the standard library or `libm` answers for those.
 //!
 //! Sources: W. J. Cody, W. Waite, Software Manual for the Elementary Functions, 1980; the split of the cosine

@@ -177,7 +177,8 @@ pub fn copy() -> Kernel {
 
 /// Times kernels in rounds, each round all of them in turn, so that a change of the clock meets them alike.
 ///
-/// One round of a kernel takes about `length`, and its chain of calls as often as it is called there. After each round `done` is called.
+/// One round of a kernel takes about `length`, and its chain of calls as often as it is called there. After each round
+/// `done` is called.
 pub fn time(kernels: &mut [Kernel], rounds: usize, length: Duration, mut done: impl FnMut()) -> Vec<Timing> {
     let n_sweeps: Vec<u64> = kernels.iter_mut().map(|k| sweeps_in(k, length)).collect();
     let mut times = vec![Vec::with_capacity(rounds); kernels.len()];

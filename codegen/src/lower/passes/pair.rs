@@ -15,8 +15,8 @@ pub(in crate::lower) fn pair(program: &mut Program) {
     program.functions.iter_mut().for_each(pair_in);
 }
 
-/// Moves the later one of a sine and a cosine of the same angle to the earlier one, the sine first, and then each second
-/// pair to the one before it.
+/// Moves the later one of a sine and a cosine of the same angle to the earlier one, the sine first, and then each
+/// second pair to the one before it.
 fn pair_in(function: &mut Function) {
     let order = pairs(function);
     reorder(function, &order);

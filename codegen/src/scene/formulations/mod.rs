@@ -272,6 +272,8 @@ fn derived(model: &Model, formulation: &Formulation) -> Result<Arc<Equations>, D
 impl Candidate {
     fn of(built: &BuiltScene, choices: Vec<String>, changed: Changed, rounding: f64) -> Candidate {
         let rate = built.program.function(&Role::Rate);
+        // Copies of a number are computed once.
+        let prepared: BTreeSet<u32> = built.program.prepare.slots.iter().map(|slot| slot.value).collect();
         Candidate {
             formulation: built.equations.system.formulation.clone(),
             choices,
@@ -280,7 +282,7 @@ impl Candidate {
             is_converted: changed.is_converted,
             counts: rate.map(|f| f.counts()).unwrap_or_default(),
             latency: rate.map(|f| f.latency()).unwrap_or_default(),
-            n_prepared: built.program.prepare.slots.len(),
+            n_prepared: prepared.len(),
             rounding,
             outputs: built.equations.outputs.iter().map(|output| output.name.clone()).collect(),
             program: built.program.clone(),
