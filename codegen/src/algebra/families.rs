@@ -139,7 +139,7 @@ pub(super) fn defining_matrices(name: &str) -> Option<Vec<Matrix>> {
         "gl" => Some(gl_matrices(n)),
         "sl" => Some(sl_matrices(n)),
         "su" => Some(su_matrices(n)),
-        "sp" if n % 2 == 0 => Some(sp_matrices(n)),
+        "sp" if n.is_multiple_of(2) => Some(sp_matrices(n)),
         "u" => Some(u_matrices(n)),
         _ => None,
     }

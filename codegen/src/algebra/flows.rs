@@ -38,7 +38,7 @@ impl LieAlgebra<Number> {
     pub fn zeitlin(n: usize) -> Result<LieAlgebra<Number>, Error> {
         let name = format!("zeitlin({n})");
         let modulus = i64::try_from(n).unwrap_or(i64::MAX);
-        if !(3..=9).contains(&n) || n % 2 == 0 {
+        if !(3..=9).contains(&n) || n.is_multiple_of(2) {
             return Err(Error::Unsupported {
                 what: name,
                 possible: "zeitlin(N) with N = 3, 5, 7 or 9".into(),

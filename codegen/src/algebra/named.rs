@@ -168,7 +168,7 @@ impl LieAlgebra {
     /// [`Error::Unsupported`] for an odd `n`, for `n < 2` or too large.
     pub fn sp(n: usize) -> Result<LieAlgebra, Error> {
         sized("sp", n, 2)?;
-        if n % 2 != 0 {
+        if !n.is_multiple_of(2) {
             let possible = format!("sp(n) with even n from 2 to {MAX_SIZE}");
             return Err(Error::Unsupported { what: format!("sp({n})"), possible });
         }
