@@ -74,6 +74,8 @@ const BOUNDS: &[(&str, &str, [f64; 4])] = &[
     ("rolling_ball", "reconstruction", [4.0, 32.0, 4.0, 32.0]),
     ("rolling_disk", "default", [4.0, 32.0, 4.0, 32.0]),
     ("rolling_disk", "reconstruction", [4.0, 32.0, 4.0, 32.0]),
+    ("second_grade_fluid", "default", [8.0, 32.0, 4.0, 32.0]),
+    ("second_grade_fluid_3c", "default", [5.0, 32.0, 5.0, 32.0]),
     ("servo_ball", "default", [5.0, 32.0, 4.0, 32.0]),
     ("servo_ball", "minimal", [5.0, 32.0, 4.0, 32.0]),
     ("servo_ball", "reconstruction", [5.0, 32.0, 4.0, 32.0]),
@@ -105,6 +107,11 @@ const BOUNDS: &[(&str, &str, [f64; 4])] = &[
     ("veselova", "reconstruction", [4.0, 32.0, 4.0, 32.0]),
     ("wong_particle", "default", [8.0, 32.0, 4.0, 32.0]),
     ("wong_particle", "reconstruction", [8.0, 32.0, 4.0, 32.0]),
+    ("zeitlin_euler_3", "default", [4.0, 32.0, 5.0, 32.0]),
+    ("zeitlin_euler_5", "default", [7.0, 32.0, 11.0, 32.0]),
+    ("zeitlin_euler_7", "default", [9.0, 32.0, 12.0, 32.0]),
+    ("zeitlin_mhd_3", "default", [5.0, 32.0, 6.0, 32.0]),
+    ("zeitlin_mhd_5", "default", [9.0, 32.0, 10.0, 32.0]),
 ];
 
 /// Largest allowed multiple by inputs of a right-hand side with every parameter moved by up to three decades, in all
