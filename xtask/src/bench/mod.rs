@@ -3,6 +3,7 @@
 //! Does not know: how anything is measured or shown.
 
 mod family;
+mod formulations;
 mod instructions;
 mod kernel;
 mod peers;
@@ -54,6 +55,18 @@ Examples:
         /// Generate, compile and measure the same right-hand sides by other tools, too; PYTHON names the interpreter
         #[arg(long)]
         peers: bool,
+    },
+    /// Formulations: what the best of each model costs beside the one that it is written in
+    ///
+    /// Searches the formulations of the default scene as `explain --formulations` does and prints a table. When no
+    /// models are named, docs/benchmarks/formulations.md is written.
+    #[command(after_help = "\
+Examples:
+  cargo xtask bench formulations                 all models, some minutes; writes docs/benchmarks
+  cargo xtask bench formulations heavy_top       one model; writes nothing")]
+    Formulations {
+        /// Names of models; all when none is given
+        models: Vec<String>,
     },
     /// Whole integrations: time against the error at the end
     ///
@@ -116,6 +129,7 @@ impl Bench {
                 let target_cpu = or_host(target_cpu);
                 rhs::rhs(repository, session, &rhs::Options { models, rounds, target_cpu, peers })
             }
+            Bench::Formulations { models } => formulations::formulations(repository, session, &models),
             Bench::Wp { models, rounds, target_cpu, peers } => {
                 let target_cpu = or_host(target_cpu);
                 wp::wp(repository, &wp::Options { models, rounds, target_cpu, peers })
