@@ -127,6 +127,8 @@ fn group_coordinates(model: &str) -> Vec<String> {
 pub(crate) struct Compared {
     /// Trajectories.
     pub(crate) motions: usize,
+    /// Those of them in whose files the group has coordinates.
+    pub(crate) of_group: usize,
     /// Those of them whose group coordinates were compared as well.
     pub(crate) reconstructions: usize,
 }
@@ -153,6 +155,7 @@ pub(crate) fn check_motions(model: &str, via: &str) -> Compared {
         assert_near(model, &numbers(&answer["final"]), &numbers(&trajectory["final"]));
         assert_eq!(start.is_some(), !answer["reconstruction"].is_null());
         compared.motions += 1;
+        compared.of_group += usize::from(!reconstruction.is_null());
         if start.is_some() {
             let mut found = numbers(&answer["reconstruction"]);
             let expected = numbers(&reconstruction["final"]);

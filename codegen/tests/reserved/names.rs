@@ -900,28 +900,17 @@ impl<R: ::hamel_runtime::Real> Prepared<R> {
         let [loop_, match_, y, dy_2, t1, State, Prepared, Result, Ok_, None_, workspace,
         order, coefficient, k, next, sum0, kept0, derivative, async_, gen_, e0, v0] = *y;
         let _ = t;
-        let (t0, t2) = match_.sin_cos();
-        let (t3, t4) = y.sin_cos();
-        let (t5, t6) = dy_2.sin_cos();
-        let (t7, t8) = t1.sin_cos();
-        let (t9, t10) = State.sin_cos();
-        let (t11, t12) = Prepared.sin_cos();
-        let (t13, t14) = Result.sin_cos();
-        let (t15, t16) = Ok_.sin_cos();
-        let (t17, t18) = None_.sin_cos();
-        let (t19, t20) = workspace.sin_cos();
-        let (t21, t22) = order.sin_cos();
-        let (t23, t24) = coefficient.sin_cos();
-        let (t25, t26) = k.sin_cos();
-        let (t27, t28) = next.sin_cos();
-        let (t29, t30) = sum0.sin_cos();
-        let (t31, t32) = kept0.sin_cos();
-        let (t33, t34) = derivative.sin_cos();
-        let (t35, t36) = async_.sin_cos();
-        let (t37, t38) = gen_.sin_cos();
-        let (t39, t40) = e0.sin_cos();
-        let (t41, t42) = v0.sin_cos();
-        let (t43, t44) = loop_.sin_cos();
+        let ([t0, t3], [t2, t4]) = match_.sin_cos_of_two(y);
+        let ([t5, t7], [t6, t8]) = dy_2.sin_cos_of_two(t1);
+        let ([t9, t11], [t10, t12]) = State.sin_cos_of_two(Prepared);
+        let ([t13, t15], [t14, t16]) = Result.sin_cos_of_two(Ok_);
+        let ([t17, t19], [t18, t20]) = None_.sin_cos_of_two(workspace);
+        let ([t21, t23], [t22, t24]) = order.sin_cos_of_two(coefficient);
+        let ([t25, t27], [t26, t28]) = k.sin_cos_of_two(next);
+        let ([t29, t31], [t30, t32]) = sum0.sin_cos_of_two(kept0);
+        let ([t33, t35], [t34, t36]) = derivative.sin_cos_of_two(async_);
+        let ([t37, t39], [t38, t40]) = gen_.sin_cos_of_two(e0);
+        let ([t41, t43], [t42, t44]) = v0.sin_cos_of_two(loop_);
         [
             self.c1,
             self.type__2 * match_.mul_add(t2, t0),

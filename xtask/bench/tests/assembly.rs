@@ -157,7 +157,13 @@ fn no_right_hand_side_refers_to_anything_but_mathematical_functions() {
     let mut used = BTreeSet::new();
     let body_of = |module: &str| {
         let mangled = mangled(module);
-        functions.iter().find(|(symbol, _)| symbol.contains(&mangled)).map(|(_, body)| body)
+        let body = functions.iter().find(|(symbol, _)| symbol.contains(&mangled)).map(|(_, body)| body)?;
+        // What is too large to be inlined is a function of the models that this one jumps to.
+        let there = match body.as_slice() {
+            [jump] => references(jump).first().and_then(|symbol| functions.get(symbol)),
+            _ => None,
+        };
+        Some(there.unwrap_or(body))
     };
     for module in MODULES {
         let Some(body) = body_of(module) else {
