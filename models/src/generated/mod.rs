@@ -110,8 +110,6 @@ pub mod mobile_robot_reconstruction;
 /// Four point vortices on the plane
 pub mod point_vortices;
 /// Four point vortices on the plane
-pub mod point_vortices_derivatives;
-/// Four point vortices on the plane
 pub mod point_vortices_taylor;
 /// Ball rolling on a plane
 pub mod rolling_ball;
@@ -262,7 +260,6 @@ macro_rules! for_each_scene {
             (mobile_robot_minimal, "mobile_robot", "minimal", 2)
             (mobile_robot_reconstruction, "mobile_robot", "reconstruction", 7)
             (point_vortices, "point_vortices", "default", 8)
-            (point_vortices_derivatives, "point_vortices", "derivatives", 8)
             (point_vortices_taylor, "point_vortices", "taylor", 8)
             (rolling_ball, "rolling_ball", "default", 5)
             (rolling_ball_minimal, "rolling_ball", "minimal", 3)

@@ -67,7 +67,6 @@ const BOUNDS: &[(&str, &str, [f64; 4])] = &[
     ("mobile_robot", "minimal", [7.0, 32.0, 4.0, 32.0]),
     ("mobile_robot", "reconstruction", [7.0, 32.0, 6.0, 32.0]),
     ("point_vortices", "default", [7.0, 32.0, 4.0, 32.0]),
-    ("point_vortices", "derivatives", [6.0, 32.0, 7.0, 32.0]),
     ("point_vortices", "taylor", [6.0, 32.0, 4.0, 32.0]),
     ("rolling_ball", "default", [4.0, 32.0, 4.0, 32.0]),
     ("rolling_ball", "minimal", [4.0, 32.0, 4.0, 32.0]),
