@@ -9,10 +9,23 @@ use serde_json::Value;
 /// Models in `models/specs` without reference values, and why.
 ///
 /// A test compares the list with the folders: a model that gets a file leaves it, and every file has a model.
-pub const WITHOUT_FILE: [(&str, &str); 2] = [
+pub const WITHOUT_FILE: [(&str, &str); 6] = [
     (
         "appell_machine",
         "its motion is known in closed form, which bundles_motion.rs and bundles_reactions.rs compare",
+    ),
+    ("charged_particle", "degenerate.rs has a system of the same kind, and its limit without mass"),
+    (
+        "guiding_centre",
+        "a degenerate Lagrangian, held to its Euler-Lagrange equations and to print in tests/degenerate.rs",
+    ),
+    (
+        "lotka_volterra",
+        "a degenerate Lagrangian, held to its Euler-Lagrange equations and to print in tests/degenerate.rs",
+    ),
+    (
+        "point_vortices",
+        "a degenerate Lagrangian, held to its Euler-Lagrange equations and to print in tests/degenerate.rs",
     ),
     ("tethered_body", "its mass centre is a harmonic oscillator, which bundles_motion.rs compares"),
 ];

@@ -22,7 +22,10 @@ fn every_output_of_the_default_scene_can_be_wanted_by_its_name() {
         let text =
             models::text_with(&name, &format!("scene wanted_by_name {{ want rhs, {}; }}", wants.join(", ")));
         let model = spec::parse(&name, &text).unwrap_or_else(|e| panic!("{e}"));
-        let own = |group: &str| model.outputs.iter().any(|o| o.name == group);
+        let own = |group: &str| {
+            let casimirs = model.casimirs.iter().map(|c| &c.name);
+            model.outputs.iter().map(|o| &o.name).chain(casimirs).any(|own| own == group)
+        };
         assert!(
             wants.iter().all(|group| Want::from_name(group).is_some() || own(group)),
             "{name}: {wants:?}"

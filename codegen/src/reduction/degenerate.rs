@@ -23,6 +23,8 @@ use super::constraint::{
 
 /// How often conditions are looked for, and one of them is differentiated.
 const MAX_STEPS: usize = 8;
+/// Characters of an equation that are shown in an error.
+const MAX_SHOWN: usize = 120;
 
 /// What the equations without accelerations say.
 #[derive(Clone, Debug, Default)]
@@ -484,5 +486,10 @@ fn left_null_vectors(g: &mut Graph, matrix: &[Vec<ExprId>]) -> Result<Vec<Vec<Ex
 }
 
 fn left(g: &Graph, direction: String, condition: ExprId, reason: &'static str) -> Error {
-    Error::EquationLeft { direction, equation: format!("{} = 0", g.display(condition, Style::Plain)), reason }
+    let text = g.display(condition, Style::Plain);
+    let equation = match text.char_indices().nth(MAX_SHOWN) {
+        Some((at, _)) => format!("{} .. = 0", &text[..at]),
+        None => format!("{text} = 0"),
+    };
+    Error::EquationLeft { direction, equation, reason }
 }
