@@ -54,7 +54,7 @@ pub(crate) fn formulations(
     for file in files {
         let model = file.model()?;
         bar.set_message(model.name.clone());
-        let found = scene::formulations(&model, scene::DEFAULT, &|_, _| {})?;
+        let found = scene::formulations(model, scene::DEFAULT, &|_, _| {})?;
         bar.inc(1);
         let own = found.own();
         let cheapest = |fits: &dyn Fn(&Candidate) -> bool| {
