@@ -96,6 +96,40 @@ fn a_model_of_ones_own_goes_all_the_way() {
     assert!(told.contains("sled.rs is out of date") && told.contains(&generate[..4].join(" ")), "{told}");
 }
 
+/// A flow is shown as pictures of its field.
+#[test]
+fn fields_on_the_torus_are_drawn() {
+    let folder = Folder::new("field");
+    let model = "model flow {
+        algebra fluid = zeitlin(3);
+        momentum omega in fluid as *;
+        action right;
+        hamiltonian = -dot(omega, laplacian(fluid)^-1*omega);
+        initial re_0_1 = 1; initial re_1_0 = 0.5; initial im_1_1 = 0.2;
+        /// Stream function [m^2/s].
+        view stream = field(-laplacian(fluid)^-1*omega);
+        /// Vorticity times time.
+        view rate = field(t*omega);
+    }";
+    std::fs::write(folder.path("flow.hamel"), model).unwrap();
+    folder.done(&["simulate", "flow.hamel", "--t-final", "3", "-o", "flow.svg"], "");
+    let drawn = read(&folder.path("flow.svg"));
+    assert!(
+        drawn.contains("Stream function [m²/s]") && drawn.contains("Vorticity times time"),
+        "{}",
+        drawn.len()
+    );
+    for time in ["t = 0 s", "t = 0.6 s", "t = 3 s"] {
+        assert_eq!(drawn.matches(time).count(), 2, "{time}");
+    }
+    folder.done(&["report", "flow.hamel", "--t-final", "1"], "");
+    let page = read(&folder.path("flow.html"));
+    assert!(page.contains("id=\"field1\"") && !page.contains("id=\"view\""));
+    // The first frame is the initial stream function.
+    let waves = "\"waves\":[[0,1],[1,-1],[1,0],[1,1]],\"frames\":[[1.0000e0,0,0,0,5.0000e-1,0,0,1.0000e-1],";
+    assert!(page.contains(waves));
+}
+
 #[test]
 fn shipped_models_are_known_by_name() {
     let folder = Folder::new("shipped");

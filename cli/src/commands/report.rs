@@ -13,6 +13,7 @@ use hamel_codegen::config::write_atomically;
 use super::options::duration;
 use crate::error::Error;
 use crate::model::{Checked, blocks, roles};
+use crate::output::fields::fields;
 use crate::output::report::contents::contents;
 use crate::output::report::{self, Motion, Precision};
 use crate::run::backend::{Backend as _, Local};
@@ -105,5 +106,6 @@ fn motion(model: &Arc<Checked>, arguments: &Arguments) -> Result<Motion, Error> 
     let precision = Precision::measure(arguments.t_final, |method, steps| {
         bare.simulate(&SimulateRequest { method, steps, ..bare_request.clone() })
     });
-    Ok(Motion { info, blocks: blocks::blocks(model), request, response, precision })
+    let (fields, _) = fields(model, &info, &request, &response);
+    Ok(Motion { info, blocks: blocks::blocks(model), request, response, precision, fields })
 }

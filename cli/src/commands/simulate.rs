@@ -12,6 +12,7 @@ use hamel_codegen::spec::Want;
 use super::options::{MotionOptions, SceneOptions, assignments};
 use crate::error::{Error, Problem};
 use crate::model::{self, Model, blocks, roles};
+use crate::output::fields::fields;
 use crate::output::files::{Run, Target};
 use crate::output::terminal::bold;
 use crate::request::read_request;
@@ -239,11 +240,27 @@ fn simulate(session: &Session, arguments: &Arguments) -> Result<String, Error> {
     warn(&response);
     let title = model::title(model);
     let blocks = blocks::blocks(model);
-    let run = Run { info: &info, title: &title, blocks: &blocks, request: &request, response: &response };
+    let (fields, missing) = fields(model, &info, &request, &response);
+    let run = Run {
+        info: &info,
+        title: &title,
+        blocks: &blocks,
+        request: &request,
+        response: &response,
+        fields: &fields,
+    };
     for target in &targets {
         target.write(&run)?;
     }
     let mut text = summary(&info, &title, &request, &response);
+    if !targets.is_empty() && !missing.is_empty() {
+        let list = missing.join(", ");
+        let _ = write!(
+            text,
+            "\n  note: {list} needs more than the state of scene {} and is not drawn",
+            info.scene
+        );
+    }
     for target in &targets {
         let _ = write!(text, "\nwrote {} ({} samples)", target.path().display(), response.samples.len());
     }

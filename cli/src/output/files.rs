@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use hamel_codegen::config::write_atomically;
 
+use super::plot::field::Field;
 use super::plot::{self, Figure, MAX_LINES, Panel, svg};
 use crate::error::Error;
 use crate::model::blocks::Block;
@@ -45,6 +46,8 @@ pub struct Run<'a> {
     pub request: &'a SimulateRequest,
     /// What came out, with outputs in its samples.
     pub response: &'a SimulateResponse,
+    /// Functions on the torus that the model shows.
+    pub fields: &'a [Field],
 }
 
 impl Target {
@@ -120,7 +123,7 @@ pub fn csv(run: &Run<'_>) -> String {
 
 /// The states over time, a panel for each group, and the drift of the energy.
 pub fn figure(run: &Run<'_>) -> Figure {
-    let Run { info, title, blocks, request, response } = *run;
+    let Run { info, title, blocks, request, response, fields } = *run;
     let column = |at: usize| response.samples.iter().map(|s| s.state[at]).collect::<Vec<f64>>();
     let mut panels = Vec::new();
     let mut shown = vec![false; info.state.len()];
@@ -183,6 +186,7 @@ pub fn figure(run: &Run<'_>) -> Figure {
         times: response.samples.iter().map(|s| s.t).collect(),
         panels,
         path: path(run),
+        fields: fields.to_vec(),
     }
 }
 

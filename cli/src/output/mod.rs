@@ -2,6 +2,7 @@
 //!
 //! Does not know: how anything was computed.
 
+pub mod fields;
 pub mod files;
 pub(crate) mod formulations;
 pub mod plot;

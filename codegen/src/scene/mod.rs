@@ -283,13 +283,15 @@ pub fn view_output(view: &str) -> String {
 }
 
 /// Builds a scene with everything that a report shows: the parameters that `scene` fixes, every coordinate, those of
-/// the group when the model reconstructs them, every output, and the views, each as the output [`view_output`].
+/// the group when the model reconstructs them, every output, and the views in space, each as the output
+/// [`view_output`].
 ///
 /// # Errors
 /// As [`build`].
 pub fn build_pictured(model: &Model, scene: &str) -> Result<BuiltScene, Diagnostics> {
     let mut pictured = model.clone();
-    for view in &model.views.list {
+    let is_in_space = |view: &&spec::View| !matches!(view.shape, spec::ViewShape::Field { .. });
+    for view in model.views.list.iter().filter(is_in_space) {
         let numbers = pictured.graph.import(&model.views.graph, &view.numbers());
         let within = pictured.graph.within_budget();
         within

@@ -3,6 +3,7 @@
 //! Does not know: scenes, integrators.
 
 pub mod bars;
+pub mod field;
 pub mod loglog;
 
 use plotters::backend::SVGBackend;
@@ -26,6 +27,8 @@ pub struct Figure {
     pub panels: Vec<Panel>,
     /// A path in a plane below the panels.
     pub path: Option<Path>,
+    /// Functions over time, below everything else.
+    pub fields: Vec<field::Field>,
 }
 
 /// A curve in a plane, drawn with the same scale along both axes.
@@ -104,6 +107,7 @@ pub fn svg(figure: &Figure) -> Result<String, DrawError> {
     if let Some(path) = &figure.path {
         height += PATH_GAP + Frame::of(path).height + BOTTOM;
     }
+    height += figure.fields.iter().map(|field| field.height() + PATH_GAP).sum::<f64>();
     drawn(height, |area| draw(area, figure))
 }
 
@@ -225,9 +229,15 @@ fn draw<'a>(area: &Area<'a>, figure: &Figure) -> Drawn<'a> {
             label(&figure.x_label, (LEFT + right) / 2.0, bottom + 28.0, style)?;
         }
     }
+    let n_panels = n_panels.max(1) as f64;
+    let mut top = TOP + n_panels * PANEL + (n_panels - 1.0) * GAP + BOTTOM;
     if let Some(path) = &figure.path {
-        let n_panels = n_panels.max(1) as f64;
-        draw_path(area, path, TOP + n_panels * PANEL + (n_panels - 1.0) * GAP + BOTTOM + PATH_GAP)?;
+        draw_path(area, path, top + PATH_GAP)?;
+        top += PATH_GAP + Frame::of(path).height + BOTTOM;
+    }
+    for field in &figure.fields {
+        field.draw(area, top)?;
+        top += field.height() + PATH_GAP;
     }
     Ok(())
 }

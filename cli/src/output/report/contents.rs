@@ -92,7 +92,7 @@ pub struct Page {
     pub module: String,
     /// Additions, multiplications, fused ones, divisions, roots, signs, calls and cost by function and section.
     pub operations: Vec<(String, Vec<u64>)>,
-    /// What figures in space show.
+    /// What the figure in space shows.
     pub views: Vec<ViewEntry>,
 }
 
@@ -114,18 +114,23 @@ pub fn contents(model: &Checked, scene_name: &str) -> Result<Page, Error> {
         .filter(|section| !own.contains(&section.kind))
         .collect();
     let module = scene.emit().map_err(|e| model.diagnostics(vec![model.diagnose(&e)]))?;
-    let view = |v: &spec::View| ViewEntry {
-        name: v.name.clone(),
-        doc: v.doc.clone(),
-        kind: match v.shape {
+    let view = |v: &spec::View| {
+        let kind = match v.shape {
             spec::ViewShape::Box { .. } => ViewKind::Box,
             spec::ViewShape::Disk { .. } => ViewKind::Disk,
             spec::ViewShape::Ball { .. } => ViewKind::Ball,
             spec::ViewShape::Segment => ViewKind::Segment,
             spec::ViewShape::Point => ViewKind::Point,
             spec::ViewShape::Path => ViewKind::Path,
-        },
-        output: scene::view_output(&v.name),
+            // On the torus, not in space.
+            spec::ViewShape::Field { .. } => return None,
+        };
+        Some(ViewEntry {
+            name: v.name.clone(),
+            doc: v.doc.clone(),
+            kind,
+            output: scene::view_output(&v.name),
+        })
     };
     Ok(Page {
         model: model.name.clone(),
@@ -154,6 +159,6 @@ pub fn contents(model: &Checked, scene_name: &str) -> Result<Page, Error> {
             })
             .collect(),
         module,
-        views: model.views.list.iter().map(view).collect(),
+        views: model.views.list.iter().filter_map(view).collect(),
     })
 }

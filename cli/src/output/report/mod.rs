@@ -13,6 +13,7 @@ use hamel_codegen::explain::{Section, SectionKind};
 use hamel_codegen::spec::Want;
 
 use super::files::{Run, figure};
+use super::plot::field::Field;
 use super::plot::loglog::{self, Curve, LogLog};
 use super::plot::{self, Figure, Panel};
 use crate::error::Error;
@@ -24,6 +25,7 @@ use contents::{Page, Quantity, ViewKind};
 
 const CSS: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("view.js");
+const FIELD_SCRIPT: &str = include_str!("field.js");
 
 /// Frames of the figure in space and samples of the plots.
 pub const SAMPLES: usize = 601;
@@ -41,6 +43,8 @@ pub struct Motion {
     pub response: SimulateResponse,
     /// Error against work, by method.
     pub precision: Precision,
+    /// Functions on the torus over time.
+    pub fields: Vec<Field>,
 }
 
 /// Errors at the end of a motion against the evaluations of the right-hand side.
@@ -141,11 +145,15 @@ pub fn page(page: &Page, motion: Option<&Motion>) -> Result<String, Error> {
         sections.push((title, text));
     }
     sections.push((SectionKind::Counts.title().into(), operations(page)));
-    let mut data = None;
+    let mut scripts = String::new();
     if let Some(motion) = motion {
         if !page.views.is_empty() {
-            data = Some(motion_data(page, motion));
+            scripts.push_str(&script("motion-data", &motion_data(page, motion), SCRIPT));
             sections.push(("Motion in space".into(), view_panel(page)));
+        }
+        if !motion.fields.is_empty() {
+            scripts.push_str(&script("field-data", &field_data(motion), FIELD_SCRIPT));
+            sections.push(("Fields over time".into(), field_panel(&motion.fields)));
         }
         motion_sections(page, motion, &mut sections)?;
     }
@@ -176,10 +184,7 @@ pub fn page(page: &Page, motion: Option<&Motion>) -> Result<String, Error> {
         let _ = writeln!(html, "<section id=\"{id}\">\n<h2>{title}</h2>\n{text}</section>");
     }
     html.push_str("</main>\n");
-    if let Some(data) = data {
-        let _ = writeln!(html, "<script type=\"application/json\" id=\"motion-data\">{data}</script>");
-        let _ = writeln!(html, "<script>\n{SCRIPT}</script>");
-    }
+    html.push_str(&scripts);
     html.push_str("</body>\n</html>\n");
     Ok(html)
 }
@@ -260,7 +265,8 @@ fn operations(page: &Page) -> String {
 
 fn motion_sections(page: &Page, motion: &Motion, sections: &mut Vec<(String, String)>) -> Result<(), Error> {
     let Motion { info, blocks, request, response, .. } = motion;
-    let run = Run { info, title: &page.title, blocks, request, response };
+    // Fields have a section of their own.
+    let run = Run { info, title: &page.title, blocks, request, response, fields: &[] };
     let mut state = figure(&run);
     let mut conserved =
         Figure { times: state.times.clone(), x_label: state.x_label.clone(), ..Figure::default() };
@@ -346,6 +352,59 @@ fn view_panel(page: &Page) -> String {
         text.push_str("</ul>\n");
     }
     text
+}
+
+/// Data and the program that shows them.
+fn script(id: &str, data: &str, program: &str) -> String {
+    format!("<script type=\"application/json\" id=\"{id}\">{data}</script>\n<script>\n{program}</script>\n")
+}
+
+fn field_panel(fields: &[Field]) -> String {
+    let mut text = String::from("<div class=\"fields\">\n");
+    for (k, field) in fields.iter().enumerate() {
+        let title = escape(&field.title);
+        let _ = writeln!(
+            text,
+            "<figure><figcaption>{title}</figcaption><canvas class=\"field\" id=\"field{k}\" width=\"360\" \
+             height=\"360\" role=\"img\" aria-label=\"{} over time\"></canvas>\
+             <figcaption class=\"quiet\" id=\"scale{k}\"></figcaption></figure>",
+            attribute(&field.title)
+        );
+    }
+    text.push_str(
+        "</div>\n<div class=\"controls\">\n<button id=\"field-play\" type=\"button\">Play</button>\n\
+         <label>Time <input id=\"field-time\" type=\"range\" min=\"0\" max=\"1\" step=\"any\" value=\"0\"/></label>\n\
+         <output id=\"field-clock\">0 s</output>\n</div>\n\
+         <p class=\"quiet\">The torus: both coordinates go from 0 to 2&pi;, the second one upwards.</p>\n",
+    );
+    text
+}
+
+/// Waves and coefficients of all fields over time.
+fn field_data(motion: &Motion) -> String {
+    let list = |numbers: &mut dyn Iterator<Item = String>| numbers.collect::<Vec<String>>().join(",");
+    let mut fields = Vec::new();
+    for field in &motion.fields {
+        let waves = list(&mut field.waves.iter().map(|(a, b)| format!("[{a},{b}]")));
+        let frames = list(
+            &mut field
+                .frames
+                .iter()
+                .map(|(_, c)| format!("[{}]", list(&mut c.iter().map(|x| significant(*x))))),
+        );
+        fields.push(format!("{{\"waves\":[{waves}],\"frames\":[{frames}]}}"));
+    }
+    format!(
+        "{{\"t\":{},\"n\":{},\"fields\":[\n{}\n]}}",
+        motion.request.t_final,
+        motion.response.samples.len(),
+        fields.join(",\n")
+    )
+}
+
+/// A number to five digits, whatever its size.
+fn significant(x: f64) -> String {
+    if x == 0.0 { "0".to_owned() } else { format!("{x:.4e}") }
 }
 
 /// The numbers of all views over time, `null` never being among them; a number that stays the same is given once.

@@ -20,4 +20,5 @@ mod view;
 
 pub use draft::ModelBuilder;
 pub(super) use draft::{CarryDraft, DeclaredAs};
+pub(in crate::spec) use view::FIELD;
 pub use view::Placement;

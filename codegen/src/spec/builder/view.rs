@@ -1,7 +1,8 @@
 //! What a figure in space shows of a model.
 
 use super::draft::ModelBuilder;
-use crate::expr::{ExprId, Graph};
+use crate::algebra::LieAlgebra;
+use crate::expr::{ExprId, Graph, Number};
 use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::model::{View, ViewShape};
 use crate::spec::names;
@@ -18,14 +19,18 @@ pub struct Placement {
     pub attitude: Option<(Value, Option<Span>)>,
 }
 
+/// The shape that belongs to an algebra.
+pub(in crate::spec) const FIELD: &str = "field";
+
 /// Shapes by name, with the form of their arguments.
-const SHAPES: [(&str, &str); 6] = [
+const SHAPES: [(&str, &str); 7] = [
     ("box", "box(length, width, height)"),
     ("disk", "disk(radius)` or `disk(radius, thickness)"),
     ("ball", "ball(radius)"),
     ("segment", "segment(from, to)"),
     ("point", "point(place)"),
     ("path", "path(place)"),
+    (FIELD, "field(algebra, coefficients)"),
 ];
 
 impl ModelBuilder {
@@ -65,21 +70,17 @@ impl ModelBuilder {
         placement: Placement,
         doc: &str,
     ) -> &mut Self {
-        let here = self.here;
-        if let Some(reason) = names::refusal(name) {
-            self.problem(here, format!("`{name}` cannot be used as a name"), reason);
-        }
-        if let Some(first) = self.views.iter().find(|v| v.name == name) {
-            let problem = Diagnostic::new(here, format!("view `{name}` is declared twice"))
-                .with_place(first.span, "first here")
-                .with_help("rename one of them");
-            self.problems.push(problem);
-        }
+        self.check_view_name(name);
         let Some((_, form)) = SHAPES.iter().find(|(known, _)| *known == shape) else {
             let help = names::suggest(shape, SHAPES.iter().map(|(name, _)| *name));
             self.problem(shape_span, format!("unknown shape `{shape}`"), help);
             return self;
         };
+        if shape == FIELD {
+            let help = "call `field_view`, which takes the algebra";
+            self.problem(shape_span, "a field is a function that an algebra has waves for".to_owned(), help);
+            return self;
+        }
         let (counts, n_points) = match shape {
             "box" => (3..=3, 0),
             "disk" => (1..=2, 0),
@@ -141,15 +142,82 @@ impl ModelBuilder {
             ("point", _) => ViewShape::Point,
             _ => ViewShape::Path,
         };
-        self.views.push(View {
-            name: name.to_owned(),
-            shape,
-            points,
-            rotation,
-            doc: doc.to_owned(),
-            span: here,
-        });
+        self.push_view(name, shape, points, Some(rotation), doc);
         self
+    }
+
+    fn check_view_name(&mut self, name: &str) {
+        let here = self.here;
+        if let Some(reason) = names::refusal(name) {
+            self.problem(here, format!("`{name}` cannot be used as a name"), reason);
+        }
+        if let Some(first) = self.views.iter().find(|v| v.name == name) {
+            let problem = Diagnostic::new(here, format!("view `{name}` is declared twice"))
+                .with_place(first.span, "first here")
+                .with_help("rename one of them");
+            self.problems.push(problem);
+        }
+    }
+
+    /// A picture of a function on the torus, `f(x) = 2 sum (re_m cos(m.x) - im_m sin(m.x))` over the waves of the basis
+    /// of an algebra such as `zeitlin(N)` and `torus(K)`.
+    ///
+    /// # Shapes
+    /// `coefficients`: a vector of the algebra's dimension, `re_m` and `im_m` for each wave in the order of its basis.
+    ///
+    /// # Errors
+    /// A problem of the model where the algebra has no basis of waves, or the vector another shape.
+    ///
+    /// ```
+    /// use hamel_codegen::spec::{LieAlgebra, ModelBuilder, ViewShape};
+    ///
+    /// let mut b = ModelBuilder::new("flow");
+    /// let torus = LieAlgebra::torus(1).unwrap();
+    /// let omega = b.velocities(torus.clone(), &["omega"]).remove(0);
+    /// let energy = omega.dot(b.graph(), &omega).unwrap();
+    /// b.lagrangian(&energy).field_view("picture", &torus, &omega, "");
+    /// let view = b.build().unwrap().views.list.remove(0);
+    /// assert!(matches!(view.shape, ViewShape::Field { waves, .. } if waves.len() == 4));
+    /// ```
+    pub fn field_view(
+        &mut self,
+        name: &str,
+        algebra: &LieAlgebra<Number>,
+        coefficients: &Value,
+        doc: &str,
+    ) -> &mut Self {
+        let here = self.here;
+        self.check_view_name(name);
+        let Some(modes) = algebra.modes() else {
+            let message = format!("{} has no basis of waves", algebra.name());
+            self.problem(here, message, "zeitlin(N) and torus(K) have one");
+            return self;
+        };
+        match coefficients {
+            Value::Vector(entries) if entries.len() == algebra.dim() => {
+                let shape = ViewShape::Field { waves: modes.waves().to_vec(), coefficients: entries.clone() };
+                self.push_view(name, shape, Vec::new(), None, doc);
+            }
+            other => {
+                let (n, found) = (algebra.dim(), other.shape());
+                let message = format!("the coefficients of a field must be vector({n}), found {found}");
+                self.problem(here, message, "write real and imaginary part for each wave");
+            }
+        }
+        self
+    }
+
+    fn push_view(
+        &mut self,
+        name: &str,
+        shape: ViewShape,
+        points: Vec<[ExprId; 3]>,
+        rotation: Option<[[ExprId; 3]; 3]>,
+        doc: &str,
+    ) {
+        let rotation = rotation.unwrap_or_else(|| self.rotation(None));
+        let (name, doc, span) = (name.to_owned(), doc.to_owned(), self.here);
+        self.views.push(View { name, shape, points, rotation, doc, span });
     }
 
     /// A place in space; zero when a problem was reported.

@@ -4,7 +4,7 @@
 
 use super::values::Elaboration;
 use crate::spec::ast::{Carry, Comparison, Expr, Item, ItemKind, Name};
-use crate::spec::builder::{CarryDraft, Placement};
+use crate::spec::builder::{CarryDraft, FIELD, Placement};
 use crate::spec::eval::is_poisoned;
 use crate::spec::model::{ConnectionKind, FormulationSearch, Side};
 use crate::spec::names;
@@ -168,6 +168,17 @@ impl Elaboration<'_> {
     /// Everything of the model is known where a view is evaluated.
     pub(super) fn view(&mut self, item: &Item) {
         let ItemKind::View { name, shape, arguments, around, at, attitude } = &item.kind else { return };
+        let doc = item.doc.join("\n");
+        if shape.text == FIELD {
+            for part in [around, at, attitude].into_iter().flatten() {
+                let help = "it is drawn on the torus: leave the place out";
+                self.problem(part.span, "a field has no place in space".to_owned(), help);
+            }
+            if let Some((algebra, f)) = self.evaluator(None, None).field_of(arguments, shape.span) {
+                self.builder.at(Some(name.span)).field_view(&name.text, &algebra, &f, &doc);
+            }
+            return;
+        }
         let arguments: Vec<Option<_>> = arguments.iter().map(|e| self.located(e)).collect();
         let mut is_complete = true;
         let [around, at, attitude] = [around, at, attitude].map(|part| {
@@ -181,7 +192,6 @@ impl Elaboration<'_> {
         };
         let shape = (shape.text.as_str(), Some(shape.span));
         let placement = Placement { around, at, attitude };
-        let doc = item.doc.join("\n");
         self.builder.at(Some(name.span)).located_view(&name.text, shape, &arguments, placement, &doc);
     }
 

@@ -9,7 +9,6 @@ use super::values::Elaboration;
 use crate::spec::ast::{Expr, Item, ItemKind, Name};
 use crate::spec::builder::DeclaredAs;
 use crate::spec::diagnostic::Diagnostic;
-use crate::spec::eval::Evaluator;
 
 impl Elaboration<'_> {
     pub(super) fn define_lets(&mut self, items: &[Item]) {
@@ -44,20 +43,7 @@ impl Elaboration<'_> {
             if self.poisoned.contains(&name.text) {
                 continue;
             }
-            let mut evaluator = Evaluator {
-                graph: &mut self.builder.graph,
-                values: &self.builder.values,
-                weights: &self.weights,
-                poisoned: &self.poisoned,
-                problems: &mut self.builder.problems,
-                is_spent: &mut self.is_spent,
-                restriction: None,
-                operator: None,
-                withheld: &self.withheld,
-                algebras: &self.algebras,
-                own_algebra: self.builder.algebra.as_ref().map(|(algebra, _)| algebra),
-            };
-            match evaluator.eval(expr) {
+            match self.evaluator(None, None).eval(expr) {
                 Some((value, bits)) => {
                     self.builder.bind(&name.text, &value);
                     self.weights.insert(name.text.clone(), bits);

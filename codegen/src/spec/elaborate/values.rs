@@ -73,38 +73,34 @@ impl Elaboration<'_> {
         expr: &Expr,
         operator: Option<(&'static str, &BTreeMap<ExprId, ExprId>)>,
     ) -> Option<Value> {
-        let mut evaluator = Evaluator {
+        self.evaluator(operator, None).eval(expr).map(|(value, _)| value)
+    }
+
+    /// What evaluates expressions of the model with everything that is declared by now.
+    pub(super) fn evaluator<'s>(
+        &'s mut self,
+        operator: Option<(&'static str, &'s BTreeMap<ExprId, ExprId>)>,
+        restriction: Option<&'static str>,
+    ) -> Evaluator<'s> {
+        Evaluator {
             graph: &mut self.builder.graph,
             values: &self.builder.values,
             weights: &self.weights,
             poisoned: &self.poisoned,
             problems: &mut self.builder.problems,
             is_spent: &mut self.is_spent,
-            restriction: None,
+            restriction,
             operator,
             withheld: &self.withheld,
             algebras: &self.algebras,
             own_algebra: self.builder.algebra.as_ref().map(|(algebra, _)| algebra),
-        };
-        evaluator.eval(expr).map(|(value, _)| value)
+        }
     }
 
     /// Coordinates are declared before definitions, so only parameters are known here.
     pub(super) fn interval_end(&mut self, expr: &Expr) -> Option<ExprId> {
-        let mut evaluator = Evaluator {
-            graph: &mut self.builder.graph,
-            values: &self.builder.values,
-            weights: &self.weights,
-            poisoned: &self.poisoned,
-            problems: &mut self.builder.problems,
-            is_spent: &mut self.is_spent,
-            restriction: Some("the ends of an interval contain parameters and numbers only"),
-            operator: None,
-            withheld: &self.withheld,
-            algebras: &self.algebras,
-            own_algebra: self.builder.algebra.as_ref().map(|(algebra, _)| algebra),
-        };
-        let (value, _) = evaluator.eval(expr)?;
+        let restriction = Some("the ends of an interval contain parameters and numbers only");
+        let (value, _) = self.evaluator(None, restriction).eval(expr)?;
         match value {
             Value::Scalar(e) => Some(e),
             _ => {

@@ -1,0 +1,50 @@
+//! Functions on the torus that a model shows, over the time of a simulation.
+//!
+//! Does not know: how pictures are drawn, how a simulation was done.
+
+use std::collections::BTreeMap;
+
+use hamel_codegen::spec::ViewShape;
+
+use super::plot::field::Field;
+use crate::model::units::split_unit;
+use crate::model::{Model, roles};
+use crate::run::dynamics::Info;
+use crate::run::simulation::{SimulateRequest, SimulateResponse};
+
+/// The fields of a model at all samples, and the names of those that need more than the scene's state.
+pub fn fields(
+    model: &Model,
+    info: &Info,
+    request: &SimulateRequest,
+    response: &SimulateResponse,
+) -> (Vec<Field>, Vec<String>) {
+    let names = info.param_names().into_iter().map(str::to_owned);
+    let given: BTreeMap<String, f64> = names.zip(request.params.iter().copied()).collect();
+    let params = roles::all_params(model, &info.scene, &given);
+    let time = model.graph.name(model.time);
+    let (mut fields, mut missing) = (Vec::new(), Vec::new());
+    for view in &model.views.list {
+        let ViewShape::Field { waves, .. } = &view.shape else { continue };
+        let frames: Option<Vec<(f64, Vec<f64>)>> = response
+            .samples
+            .iter()
+            .map(|sample| {
+                let value = |name: &str| match info.state.iter().position(|s| s == name) {
+                    Some(k) => Some(sample.state[k]),
+                    None if name == time => Some(sample.t),
+                    None => params.get(name).copied(),
+                };
+                Some((sample.t, model.views.numbers_at(view, value)?))
+            })
+            .collect();
+        let (doc, unit) = split_unit(&view.doc, 0);
+        let title = if doc.is_empty() { view.name.clone() } else { doc };
+        let title = if unit.is_empty() { title } else { format!("{title} [{unit}]") };
+        match frames {
+            Some(frames) => fields.push(Field { title, waves: waves.clone(), frames }),
+            None => missing.push(view.name.clone()),
+        }
+    }
+    (fields, missing)
+}
