@@ -76,9 +76,12 @@ impl LieAlgebra<Number> {
 }
 
 impl Representation<Number> {
-    /// The action of an algebra of modes on functions by its bracket, on real and imaginary parts of their
-    /// coefficients; `None` for other algebras.
+    /// The action of an algebra of modes on functions: by its bracket, on real and imaginary parts of their
+    /// coefficients, for functions on the torus; `-u f'` of a field `u` on the circle. `None` for other algebras.
     pub fn functions(algebra: &LieAlgebra<Number>) -> Option<Representation<Number>> {
+        if let Some(modes) = algebra.circle {
+            return Some(modes.functions());
+        }
         let modes = algebra.modes.as_ref()?;
         let elements = modes.elements();
         let matrix = |x: &(Wave, bool)| {
@@ -93,6 +96,11 @@ impl Representation<Number> {
         };
         let matrices = elements.iter().map(matrix).collect();
         Some(Representation::unverified("functions", elements.len(), matrices, modes.labels()))
+    }
+
+    /// The action of vector fields on the circle on densities, `-(u rho)'`; `None` for other algebras.
+    pub fn densities(algebra: &LieAlgebra<Number>) -> Option<Representation<Number>> {
+        Some(algebra.circle?.densities())
     }
 }
 

@@ -4,6 +4,7 @@
 
 use std::collections::BTreeMap;
 
+use super::circle::CircleModes;
 use super::matrix::Matrix;
 use super::modes::Modes;
 use super::skew::{Bracket, SkewBracket};
@@ -45,6 +46,7 @@ pub struct LieAlgebra<Q = Rational> {
     pub(super) bracket: SkewBracket<Q>,
     pub(super) is_almost: bool,
     pub(super) modes: Option<Modes>,
+    pub(super) circle: Option<CircleModes>,
 }
 
 impl<Q: Scalar> LieAlgebra<Q> {
@@ -97,6 +99,7 @@ impl<Q: Scalar> LieAlgebra<Q> {
             bracket: SkewBracket::new(basis, brackets)?,
             is_almost: true,
             modes: None,
+            circle: None,
         })
     }
 
@@ -121,6 +124,16 @@ impl<Q: Scalar> LieAlgebra<Q> {
         self.modes.as_ref()
     }
 
+    /// The modes of functions on the circle that its basis consists of, if it does.
+    pub fn circle(&self) -> Option<CircleModes> {
+        self.circle
+    }
+
+    /// Eigenvalues of minus the Laplacian of the functions that its basis consists of, if it does.
+    pub fn squares(&self) -> Option<Vec<i64>> {
+        self.modes.as_ref().map(Modes::squares).or(self.circle.map(CircleModes::squares))
+    }
+
     /// The same algebra with every structure constant mapped.
     pub(super) fn map<P>(&self, f: impl FnMut(&Q) -> P) -> LieAlgebra<P>
     where
@@ -132,6 +145,7 @@ impl<Q: Scalar> LieAlgebra<Q> {
             bracket: self.bracket.map(f),
             is_almost: self.is_almost,
             modes: self.modes.clone(),
+            circle: self.circle,
         }
     }
 
@@ -244,6 +258,6 @@ impl LieAlgebra {
         }
         // Jacobi holds in every basis.
         let bracket = SkewBracket { basis: self.basis().to_vec(), brackets };
-        Ok(LieAlgebra { bracket, modes: None, ..self.clone() })
+        Ok(LieAlgebra { bracket, modes: None, circle: None, ..self.clone() })
     }
 }

@@ -8,6 +8,7 @@
 //! Deliberately does not know: Lagrangians, constraints, state vectors, text files.
 
 mod algebroid;
+mod circle;
 mod families;
 mod flows;
 mod ideals;
@@ -21,6 +22,7 @@ pub mod series;
 mod skew;
 
 pub use algebroid::Algebroid;
+pub use circle::CircleModes;
 pub(crate) use ideals::{independent_vectors, lies_in, next_ideal, whole_algebra};
 pub use lie::{Block, LieAlgebra};
 pub use matrix::{Matrix, solve_symbolic, solve_symmetric};

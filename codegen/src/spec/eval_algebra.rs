@@ -14,34 +14,16 @@ use crate::expr::{ExprId, Number};
 const MAX_POWER: usize = 16;
 
 impl Evaluator<'_> {
-    /// `ad([g,] x, y)`, `coad([g,] x, mu)`, `laplacian([g])`, `poisson([g,] f, h)`, `star_power([g,] f, k)`,
+    /// `ad([g,] x, y)`, `coad([g,] x, mu)`, `laplacian([g])`, `poisson([g,] f, h)`, `pointwise([g,] f, h)`, `star_power([g,] f, k)`,
     /// `trace_power([g,] f, k)`; without `g`, of the algebra of the velocities.
     pub(super) fn of_algebra(&mut self, function: &str, arguments: &[Expr], span: Span) -> Option<Weighed> {
         let wanted = if function == "laplacian" { 0 } else { 2 };
-        let (algebra, rest) = match arguments.split_first() {
-            Some((first, rest)) if rest.len() == wanted => (self.algebra_named(first)?, rest),
-            _ if arguments.len() == wanted => match self.own_algebra {
-                Some(algebra) => (algebra.clone(), arguments),
-                None => {
-                    let help = format!("name one: `{function}(g{})`", if wanted == 0 { "" } else { ", .." });
-                    return self.fail(span, "the model has no velocities in an algebra", help);
-                }
-            },
-            _ => {
-                let message = format!("`{function}` takes {wanted} arguments, or an algebra before them");
-                let help = match function {
-                    "laplacian" => "write `laplacian(g)`".to_owned(),
-                    "star_power" | "trace_power" => format!("write `{function}(g, f, 2)`"),
-                    _ => format!("write `{function}(x, y)` or `{function}(g, x, y)`"),
-                };
-                return self.fail(span, message, help);
-            }
-        };
+        let (algebra, rest) = self.algebra_before(function, wanted, arguments, span)?;
         let n = algebra.dim();
         if function == "laplacian" {
-            let Some(modes) = algebra.modes() else { return self.no_modes(&algebra, function, span) };
+            let Some(squares) = algebra.squares() else { return self.no_modes(&algebra, function, span) };
             let mut entries = vec![self.graph.zero(); n * n];
-            for (k, square) in modes.squares().into_iter().enumerate() {
+            for (k, square) in squares.into_iter().enumerate() {
                 entries[k * n + k] = self.graph.int(-square);
             }
             return Some((Value::Matrix { rows: n, columns: n, entries }, 16));
@@ -64,6 +46,11 @@ impl Evaluator<'_> {
         }
         let (y, other_bits) = self.vector_of(&algebra, rest.get(1)?)?;
         self.charge(n * n, span)?;
+        if function == "pointwise" {
+            let Some(modes) = algebra.circle() else { return self.no_modes(&algebra, function, span) };
+            let value = modes.pointwise(self.graph, &x, &y);
+            return Some((Value::Vector(value), bits + other_bits + 16));
+        }
         if function == "poisson" {
             let Some(modes) = algebra.modes() else { return self.no_modes(&algebra, function, span) };
             let value = modes.poisson(self.graph, &x, &y);
@@ -95,10 +82,55 @@ impl Evaluator<'_> {
         Some((Value::Vector(entries), bits + other_bits + 16))
     }
 
+    /// The algebra and the vector of `field([g,] f)`.
+    pub(super) fn field_of(&mut self, arguments: &[Expr], span: Span) -> Option<(LieAlgebra<Number>, Value)> {
+        let (algebra, rest) = self.algebra_before("field", 1, arguments, span)?;
+        if algebra.modes().is_none() {
+            return self.no_modes(&algebra, "field", span);
+        }
+        let (entries, _) = self.vector_of(&algebra, rest.first()?)?;
+        Some((algebra, Value::Vector(entries)))
+    }
+
+    /// The algebra that a function is of, and its other arguments.
+    fn algebra_before<'e>(
+        &mut self,
+        function: &str,
+        wanted: usize,
+        arguments: &'e [Expr],
+        span: Span,
+    ) -> Option<(LieAlgebra<Number>, &'e [Expr])> {
+        Some(match arguments.split_first() {
+            Some((first, rest)) if rest.len() == wanted => (self.algebra_named(first)?, rest),
+            _ if arguments.len() == wanted => match self.own_algebra {
+                Some(algebra) => (algebra.clone(), arguments),
+                None => {
+                    let help = format!("name one: `{function}(g{})`", if wanted == 0 { "" } else { ", .." });
+                    return self.fail(span, "the model has no velocities in an algebra", help);
+                }
+            },
+            _ => {
+                let message = {
+                    let plural = if wanted == 1 { "" } else { "s" };
+                    format!("`{function}` takes {wanted} argument{plural}, or an algebra before them")
+                };
+                let help = match function {
+                    "laplacian" => "write `laplacian(g)`".to_owned(),
+                    "star_power" | "trace_power" => format!("write `{function}(g, f, 2)`"),
+                    "field" => "write `field(f)` or `field(g, f)`".to_owned(),
+                    _ => format!("write `{function}(x, y)` or `{function}(g, x, y)`"),
+                };
+                return self.fail(span, message, help);
+            }
+        })
+    }
+
     fn no_modes<T>(&mut self, algebra: &LieAlgebra<Number>, function: &str, span: Span) -> Option<T> {
         let message = format!("`{function}` does not exist for {}", algebra.name());
         let help = match function {
             "star_power" | "trace_power" => "zeitlin(N) has products of modes",
+            "pointwise" => "witt(K) has functions on the circle",
+            "laplacian" => "zeitlin(N), torus(K) and witt(K) have a basis of modes",
             _ => "zeitlin(N) and torus(K) have a basis of modes",
         };
         self.fail(span, message, help)

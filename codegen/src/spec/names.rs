@@ -68,7 +68,7 @@ pub(super) fn item_meant_by(word: &str) -> String {
 
 /// Functions that take an algebra by its name before their other arguments.
 pub(super) const ALGEBRA_FUNCTIONS: &[&str] =
-    &["ad", "coad", "laplacian", "poisson", "star_power", "trace_power"];
+    &["ad", "coad", "laplacian", "poisson", "pointwise", "star_power", "trace_power"];
 
 /// Functions of the expression language.
 pub(super) const FUNCTIONS: &[&str] = &[
@@ -78,6 +78,7 @@ pub(super) const FUNCTIONS: &[&str] = &[
     "coad",
     "laplacian",
     "poisson",
+    "pointwise",
     "star_power",
     "trace_power",
     "norm",

@@ -30,6 +30,8 @@ const CELLS: usize = 48;
 /// Length of a cell.
 const CELL: f64 = 5.0;
 const SIDE: f64 = CELLS as f64 * CELL;
+/// By so much a cell reaches into the next, drawn later, so that no white line is between them on any screen.
+const OVERLAP: f64 = 0.6;
 /// Room between pictures.
 const BETWEEN: f64 = 14.0;
 /// Room for a picture's time above it.
@@ -99,9 +101,9 @@ impl Field {
                     if i < CELLS && level(i) == level(from) {
                         continue;
                     }
-                    let (left, right) = (x0 + from as f64 * CELL, x0 + i as f64 * CELL);
+                    let (left, right) = (x0 + from as f64 * CELL, x0 + i as f64 * CELL + OVERLAP);
                     area.draw(&Rectangle::new(
-                        [at(left, y), at(right, y + CELL)],
+                        [at(left, y), at(right.min(x0 + SIDE), (y + CELL + OVERLAP).min(y0 + SIDE))],
                         colour(level(from)).filled(),
                     ))?;
                     from = i;
@@ -122,7 +124,10 @@ impl Field {
         let y_of = |value: f64| top + SIDE * (0.5 - 0.5 * value / limit);
         for k in 0..n {
             let y = |k: i32| top + SIDE * f64::from(k) / f64::from(n);
-            area.draw(&Rectangle::new([at(x, y(k)), at(x + 12.0, y(k + 1))], colour(LEVELS - k).filled()))?;
+            area.draw(&Rectangle::new(
+                [at(x, y(k)), at(x + 12.0, (y(k + 1) + OVERLAP).min(top + SIDE))],
+                colour(LEVELS - k).filled(),
+            ))?;
         }
         for value in &ticks.values {
             let style = font(11.0, INK, false, HPos::Left, VPos::Center);

@@ -14,7 +14,7 @@ use crate::spec::names;
 
 /// Families of algebras, one for each number.
 pub(super) const FAMILIES: &[&str] =
-    &["so", "se", "su", "u", "gl", "sl", "sp", "sim", "galilei", "heisenberg", "zeitlin", "torus"];
+    &["so", "se", "su", "u", "gl", "sl", "sp", "sim", "galilei", "heisenberg", "zeitlin", "torus", "witt"];
 
 /// Families whose names definitions may take all the same, as their parentheses tell them apart.
 pub(super) const SHORT_FAMILIES: &[&str] = &["u"];
@@ -29,12 +29,14 @@ pub(super) const BUILT_IN: &[&str] = &[
     "adjoint",
     "coadjoint",
     "functions",
+    "densities",
     "dual",
     "trivial",
 ];
 
 /// Representations that are known without declaration.
-const REPRESENTATIONS: &[&str] = &["standard", "adjoint", "coadjoint", "functions", "dual", "trivial"];
+const REPRESENTATIONS: &[&str] =
+    &["standard", "adjoint", "coadjoint", "functions", "densities", "dual", "trivial"];
 
 impl Elaboration<'_> {
     pub(super) fn algebra(&mut self, expr: &AlgebraExpr) -> Option<LieAlgebra<Number>> {
@@ -71,7 +73,7 @@ impl Elaboration<'_> {
                                 "product" => "so(3), R^3",
                                 "semidirect" => "so(3), standard",
                                 "vorticity" => "torus(2)",
-                                "sp" | "torus" => "2",
+                                "sp" | "torus" | "witt" => "2",
                                 _ => "3",
                             }
                         ),
@@ -158,7 +160,7 @@ impl Elaboration<'_> {
             "heisenberg" => 14,
             _ => 8,
         };
-        if n > largest && !["zeitlin", "torus"].contains(&family) {
+        if n > largest && !["zeitlin", "torus", "witt"].contains(&family) {
             self.problem(
                 span,
                 format!("{family}({n}) is too large"),
@@ -178,6 +180,7 @@ impl Elaboration<'_> {
             "galilei" => LieAlgebra::galilei(n),
             "zeitlin" => return self.algebra_or_report(LieAlgebra::zeitlin(n), span),
             "torus" => return self.algebra_or_report(LieAlgebra::torus(n), span),
+            "witt" => return self.algebra_or_report(LieAlgebra::witt(n), span),
             _ => LieAlgebra::heisenberg(n),
         };
         self.algebra_or_report(algebra.map(LieAlgebra::into), span)
@@ -238,14 +241,20 @@ impl Elaboration<'_> {
                     self.problem(span, format!("`{name}` of {} is too large", algebra.name()), "");
                     None
                 }
-                "functions" => match Representation::functions(algebra) {
-                    Some(r) => Some(r),
-                    None => {
-                        let message = format!("`functions` does not exist for {}", algebra.name());
-                        self.problem(span, message, "zeitlin(N) and torus(K) act on functions");
-                        None
+                "functions" | "densities" => {
+                    let (found, help) = match name.as_str() {
+                        "functions" => (
+                            Representation::functions(algebra),
+                            "zeitlin(N), torus(K) and witt(K) act on functions",
+                        ),
+                        _ => (Representation::densities(algebra), "witt(K) acts on densities"),
+                    };
+                    if found.is_none() {
+                        let message = format!("`{name}` does not exist for {}", algebra.name());
+                        self.problem(span, message, help);
                     }
-                },
+                    found
+                }
                 "adjoint" => Some(Representation::adjoint(algebra)),
                 "coadjoint" => Some(Representation::coadjoint(algebra)),
                 _ => self.named_representation(name, algebra, span),
