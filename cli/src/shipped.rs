@@ -18,6 +18,8 @@ macro_rules! shipped {
 pub(crate) const SHIPPED: Shipped = shipped![
     "appell_machine",
     "ball_on_rotating_table",
+    "barotropic_flow",
+    "camassa_holm",
     "chaplygin_ball",
     "chaplygin_gyro",
     "chaplygin_sleigh",

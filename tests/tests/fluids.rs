@@ -134,3 +134,99 @@ fn a_potential_is_carried_by_the_bracket() {
         assert_eq!(equations("carried", &text).facts.casimirs, ["cross_helicity"]);
     }
 }
+
+/// A function on the circle by its coefficients, at a place: its value and its slope.
+fn on_circle(f: &[f64], x: f64) -> (f64, f64) {
+    let (mut value, mut slope) = (f[0], 0.0);
+    for (k, part) in f[1..].chunks_exact(2).enumerate() {
+        let k = (k + 1) as f64;
+        let (sin, cos) = (k * x).sin_cos();
+        value += part[0] * cos + part[1] * sin;
+        slope += k * (part[1] * cos - part[0] * sin);
+    }
+    (value, slope)
+}
+
+/// Coefficients of a function on the circle, by a sum over places that is exact for waves up to half of their number.
+fn coefficients(n: usize, f: impl Fn(f64) -> f64) -> Vec<f64> {
+    const PLACES: usize = 64;
+    let mut list = vec![0.0; n];
+    for j in 0..PLACES {
+        let x = std::f64::consts::TAU * j as f64 / PLACES as f64;
+        let value = f(x) / PLACES as f64;
+        list[0] += value;
+        for (k, part) in list[1..].chunks_exact_mut(2).enumerate() {
+            let (sin, cos) = ((k + 1) as f64 * x).sin_cos();
+            part[0] += 2.0 * value * cos;
+            part[1] += 2.0 * value * sin;
+        }
+    }
+    list
+}
+
+fn rates(name: &str, state: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    let built = models::build(name, scene::DEFAULT);
+    let params: Vec<f64> =
+        built.params().iter().map(|p| hamel_codegen::expr::rational_to_f64(&p.default)).collect();
+    let mut rates = vec![0.0; state.len()];
+    built.prepare(&params).unwrap().rhs(0.0, state, &mut rates);
+    (rates, params)
+}
+
+/// Places where nothing vanishes, the same in every run.
+fn scattered(n: usize, seed: f64) -> Vec<f64> {
+    (0..n).map(|k| (seed + 2.3 * k as f64).sin() * 0.3).collect()
+}
+
+fn assert_near(found: &[f64], expected: &[f64], what: &str) {
+    let size = expected.iter().fold(0.0_f64, |max, x| max.max(x.abs()));
+    assert!(size > 0.1, "{what}: {expected:?}");
+    for (a, b) in found.iter().zip(expected) {
+        // Sums over 64 places lose a few units of the largest term.
+        assert!((a - b).abs() < 1e-13 * size, "{what}: {a} {b}");
+    }
+}
+
+/// `m_t + u m_x + 2 u_x m = 0` on a grid, without structure constants.
+#[test]
+fn camassa_holm_is_the_partial_differential_equation_on_a_grid() {
+    for seed in [0.1, 1.7] {
+        let u = scattered(13, seed);
+        let (rates, params) = rates("camassa_holm", &u);
+        let weight = |k: usize| 1.0 + params[0].powi(2) * (k.div_ceil(2) as f64).powi(2);
+        let m: Vec<f64> = u.iter().enumerate().map(|(k, u)| weight(k) * u).collect();
+        let expected = coefficients(13, |x| {
+            let ((u, slope), (m, m_slope)) = (on_circle(&u, x), on_circle(&m, x));
+            -u * m_slope - 2.0 * slope * m
+        });
+        let found: Vec<f64> = rates.iter().enumerate().map(|(k, rate)| weight(k) * rate).collect();
+        assert_near(&found, &expected, "momentum");
+    }
+}
+
+/// `rho_t + (rho u)_x = 0` and the balance of momentum of a gas with the pressure `k rho^2/2`, on a grid: the momentum
+/// is `m = rho u` as far as it is within the truncation, and its rate `-u m_x - 2 u_x m + rho (u^2/2 - k rho)_x`.
+#[test]
+fn barotropic_flow_is_the_partial_differential_equation_on_a_grid() {
+    for seed in [0.4, 2.9] {
+        let (u, mut rho) = (scattered(7, seed), scattered(7, seed + 0.5));
+        rho[0] = 1.5;
+        let (rates, params) = rates("barotropic_flow", &[rho.clone(), u.clone()].concat());
+        let (rho_rate, u_rate) = rates.split_at(7);
+        let value = |f: &[f64], x: f64| on_circle(f, x).0;
+        let expected = coefficients(7, |x| {
+            let ((u, du), (rho, drho)) = (on_circle(&u, x), on_circle(&rho, x));
+            -drho * u - rho * du
+        });
+        assert_near(rho_rate, &expected, "mass");
+        let m = coefficients(7, |x| value(&rho, x) * value(&u, x));
+        let head = coefficients(7, |x| value(&u, x).powi(2) / 2.0 - params[0] * value(&rho, x));
+        let expected = coefficients(7, |x| {
+            let ((u, du), (m, dm)) = (on_circle(&u, x), on_circle(&m, x));
+            -u * dm - 2.0 * du * m + value(&rho, x) * on_circle(&head, x).1
+        });
+        let found =
+            coefficients(7, |x| value(rho_rate, x) * value(&u, x) + value(&rho, x) * value(u_rate, x));
+        assert_near(&found, &expected, "momentum");
+    }
+}
