@@ -14,7 +14,7 @@
 use super::Error;
 use super::Laplacian;
 use super::diagonals::{Shape, gather, n_work, scatter};
-use super::panels::{LANES, Row, element, n_panels, n_rows, padded, set_element};
+use super::panels::{LANES, LARGEST, Row, element, n_panels, n_rows, padded, set_element};
 use super::sealed::Invert;
 use crate::math::{mul_add, sqrt};
 
@@ -66,8 +66,8 @@ impl<S: AsRef<[f64]> + AsMut<[f64]>> Sphere<S> {
     ///
     /// [`Error::MatrixSize`], [`Error::Storage`].
     pub fn new(n: usize, mut tables: S) -> Result<Self, Error> {
-        if n < 2 {
-            return Err(Error::MatrixSize { n, allowed: "a number from 2 on" });
+        if !(2..=LARGEST).contains(&n) {
+            return Err(Error::MatrixSize { n, allowed: "a number from 2 to 4096" });
         }
         let (given, needed) = (tables.as_ref().len(), Self::storage(n));
         let Some(numbers) = tables.as_mut().get_mut(..needed) else {
