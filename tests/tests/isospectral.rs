@@ -153,7 +153,9 @@ fn casimirs_are_kept_to_round_off() {
         on_torus.step().unwrap_or_else(|e| panic!("{e}"));
     }
     on_torus.casimirs(&mut after);
-    assert!(drift(&before, &after) < 1e-14, "{before:?}, {after:?}");
+    // Rounding errors of 20 000 steps add up as a random walk: 140 units in the last place of the spectrum at most, a few
+    // of the size of a step in fact; of the seventh power seven times as many.
+    assert!(drift(&before, &after) < 5e-14, "{before:?}, {after:?}");
     assert!((on_torus.energy() / energy - 1.0).abs() < 1e-3, "energy {energy}, {}", on_torus.energy());
 
     for n in [2, 8, 12, 33] {

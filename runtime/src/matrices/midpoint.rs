@@ -39,7 +39,7 @@ pub struct Options {
     pub tolerance: f64,
     /// Limit on iterations of a step.
     pub max_iterations: u32,
-    /// How many steps before are extrapolated to start the iteration; each takes room for one more matrix.
+    /// How many steps before are extrapolated to start the iteration, 8 unless told; each takes room for one more matrix.
     pub history: usize,
 }
 
@@ -50,7 +50,7 @@ impl Options {
     /// Steps of the size `h > 0`, iterated to round-off, so that Casimirs are kept to it.
     #[must_use]
     pub const fn fixed(h: f64) -> Self {
-        Self { step: h, tolerance: 0.0, max_iterations: 100, history: 5 }
+        Self { step: h, tolerance: 0.0, max_iterations: 100, history: MAX_HISTORY }
     }
 
     /// Sets the change at which the iteration ends, relative to the vorticity.
