@@ -1,8 +1,8 @@
 //! The discrete Fourier transform of many sequences side by side, of any odd length.
 //!
-//! A sequence is a column of a matrix in panels. Lengths are split into their prime factors; a prime factor `p` is a sum
-//! over pairs of elements as far from both ends, with real weights: `(p - 1)^2/4` products of a row with a number for
-//! the cosines, as many for the sines. Results lie in the order of reversed digits, which the inverse begins with.
+//! A sequence is a column of a matrix in panels. Lengths are split into their prime factors; a prime factor `p` is a
+//! sum over pairs of elements as far from both ends, with real weights: `(p - 1)^2/4` products of a row with a number
+//! for the cosines, as many for the sines. Results lie in the order of reversed digits, which the inverse begins with.
 //!
 //! Does not know: matrices, wave numbers.
 

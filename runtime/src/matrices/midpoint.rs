@@ -39,7 +39,8 @@ pub struct Options {
     pub tolerance: f64,
     /// Limit on iterations of a step.
     pub max_iterations: u32,
-    /// How many steps before are extrapolated to start the iteration, 8 unless told; each takes room for one more matrix.
+    /// How many steps before are extrapolated to start the iteration, 8 unless told; each takes room for one more
+    /// matrix.
     pub history: usize,
 }
 
@@ -491,8 +492,8 @@ fn improve(n: usize, m: &mut Matrices<'_>, next: usize, factor: f64) -> f64 {
     let mut total = 0.0;
     for a in 0..n_panels(n) {
         for b in a..n_panels(n) {
-            // D = X + Y^+, of X = i factor A - factor^2 B above the diagonal, and Y = i factor A below it; on it half of B
-            // is in both, so that D is Hermitian to the last digit.
+            // D = X + Y^+, of X = i factor A - factor^2 B above the diagonal, and Y = i factor A below it; on it half
+            // of B is in both, so that D is Hermitian to the last digit.
             let (first, second) = (block(n, m.first, a, b), block(n, m.second, a, b));
             let of_second = if a == b { 0.5 * square } else { square };
             let mut d: Block = [[0.0; 2 * LANES]; LANES];

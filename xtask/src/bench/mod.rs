@@ -98,9 +98,9 @@ Examples:
     },
     /// Fluids as matrices: time of a step that keeps the spectrum, against the size
     ///
-    /// Moves flows on the sphere and on the torus by the isospectral midpoint rule, for N from 5 to 256, and prints time,
-    /// iterations, error and drift of Casimirs; beside the same method with numpy, and quflow where it is installed, with
-    /// --peers. Writes docs/benchmarks/fluids.md, fluids.csv and fluids.svg.
+    /// Moves flows on the sphere and on the torus by the isospectral midpoint rule, for N from 5 to 256, and prints
+    /// time, iterations, error and drift of Casimirs; beside the same method with numpy, and quflow where it is
+    /// installed, with --peers. Writes docs/benchmarks/fluids.md, fluids.csv and fluids.svg.
     #[command(after_help = "\
 Examples:
   cargo xtask bench fluids             a minute or two; writes docs/benchmarks
