@@ -7,6 +7,7 @@
 
 mod constrained;
 mod derive;
+mod dirac;
 mod equations;
 mod equivalence;
 mod hamilton;
@@ -23,6 +24,7 @@ mod squares;
 mod vertical;
 
 pub use derive::derive;
+pub use dirac::DiracStructure;
 pub use equations::{Equations, Facts, Form, Legendre, LinearSystem, Output, OutputKind, StateEquation};
 pub use equivalence::{ChangeOfState, Unrelated, same_motion};
 pub use implicit::{ImplicitForm, ImplicitVariable, implicit_form};

@@ -1,0 +1,113 @@
+//! The Dirac structure of a system, reduced by its symmetry, for those who read.
+//!
+//! On `T^E E*`, with coordinates `(x, p)` of `E*`, vectors `(eta, pdot)` over `xdot = rho eta` and covectors
+//! `(alpha, beta, w)`, where `beta` pairs with `eta`, `alpha` with `xdot` and `w` with `pdot`:
+//!
+//! ```text
+//! D/G = { a(eta) = 0,   w = eta,
+//!         pdot_b + beta_b + rho^i_b alpha_i + C^c_bd eta^d p_c - N^c_b p_c = lambda_A a^A_b }
+//! ```
+//!
+//! The bracket `C` has curvature and structure constants in it, the anchor `rho` the action on advected parameters. Right
+//! actions have the opposite sign in `C`, as everywhere. The equations of motion are `(y, pdot; dE - F) in D/G` with
+//! `E = p.y - L`: `alpha = -dL/dx`, `beta = -F`, `w = y`, `p = dL/dy`. Affine and nonlinear constraints have virtual
+//! displacements for `eta` in the structure, which the velocity need not be.
+//!
+//! Does not know: how anything is written for people.
+//!
+//! # Source
+//! Gay-Balmaz, Yoshimura 2015 (Dirac reduction for nonholonomic mechanical systems and semidirect products), equations
+//! (2.11), (5.4), (6.9), (6.16).
+
+use crate::expr::{ExprId, Graph, SymbolId};
+use crate::reduction::{KinematicConstraint, ReducedSystem};
+
+/// The reduced Dirac structure in the frame of a system.
+#[derive(Clone, Debug)]
+pub struct DiracStructure {
+    /// Owner of all expressions.
+    pub graph: Graph,
+    /// Symbols of `eta`, in frame order.
+    pub eta: Vec<SymbolId>,
+    /// Symbols of the momenta `p`, in frame order.
+    pub momenta: Vec<SymbolId>,
+    /// Symbols of `alpha`, by base coordinate.
+    pub alpha: Vec<SymbolId>,
+    /// Symbols of `beta`, in frame order.
+    pub beta: Vec<SymbolId>,
+    /// Symbols of `lambda`.
+    pub lambda: Vec<SymbolId>,
+    /// `xdot = rho eta`, by base coordinate.
+    pub rates: Vec<ExprId>,
+    /// `a(eta)`, which vanishes, for each constraint.
+    pub annihilator: Vec<ExprId>,
+    /// `pdot` by the rest, in frame order.
+    pub momentum_rates: Vec<ExprId>,
+    /// Whether every velocity that the constraint allows is a virtual displacement.
+    pub has_own_velocities: bool,
+}
+
+impl DiracStructure {
+    /// The structure of a system.
+    pub fn new(system: &ReducedSystem) -> DiracStructure {
+        let mut g = system.graph.clone();
+        let frame = system.algebroid.frame();
+        let named = |g: &mut Graph, stem: &str, names: &[String]| -> Vec<SymbolId> {
+            names.iter().map(|name| g.symbol(&format!("{stem}_{name}"))).collect()
+        };
+        let base: Vec<String> = system.algebroid.base().iter().map(|x| g.name(*x).to_owned()).collect();
+        let (forms, has_own_velocities): (&[Vec<ExprId>], bool) = match &system.constraint {
+            KinematicConstraint::Solved(solved) => {
+                let n_rows = solved.reactions.names.len();
+                let rows = solved.rows.get(..n_rows).unwrap_or_default();
+                let is_linear = rows.iter().all(|row| row.offset == g.zero());
+                let is_own = rows.iter().map(|row| &row.one_form).eq(&solved.reactions.one_forms);
+                (&solved.reactions.one_forms, is_linear && is_own)
+            }
+            KinematicConstraint::Multipliers { rows, reactions } => {
+                let is_own = rows.iter().map(|row| &row.one_form).eq(reactions);
+                (reactions, is_own)
+            }
+        };
+        let eta = named(&mut g, "eta", frame);
+        let momenta = named(&mut g, "p", frame);
+        let beta = named(&mut g, "beta", frame);
+        let alpha = named(&mut g, "alpha", &base);
+        let numbers: Vec<String> = (1..=forms.len()).map(|k| k.to_string()).collect();
+        let lambda = named(&mut g, "lambda", &numbers);
+        let symbols = |g: &mut Graph, list: &[SymbolId]| -> Vec<ExprId> { list.iter().map(|s| g.sym(*s)).collect() };
+        let [y, p, b, a, l] = [&eta, &momenta, &beta, &alpha, &lambda].map(|list| symbols(&mut g, list));
+        let dot = |g: &mut Graph, row: &[ExprId], values: &[ExprId]| {
+            let terms: Vec<ExprId> = row.iter().zip(values).map(|(c, v)| g.mul(*c, *v)).collect();
+            g.sum(&terms)
+        };
+        let mut rates = Vec::new();
+        for i in 0..base.len() {
+            let row: Vec<ExprId> = (0..frame.len()).map(|k| system.algebroid.anchor(i, k)).collect();
+            rates.push(dot(&mut g, &row, &y));
+        }
+        let annihilator = forms.iter().map(|form| dot(&mut g, form, &y)).collect();
+        // The slopes -alpha and the force -beta of the structure itself.
+        let slopes: Vec<ExprId> = a.iter().map(|e| g.neg(*e)).collect();
+        let mut momentum_rates = Vec::new();
+        for (k, beta) in b.iter().enumerate() {
+            let force = g.neg(*beta);
+            let net = system.algebroid.net_force(&mut g, (k, force), &y, &p, &slopes);
+            let column: Vec<ExprId> = forms.iter().map(|form| form[k]).collect();
+            let reaction = dot(&mut g, &column, &l);
+            momentum_rates.push(g.add(net, reaction));
+        }
+        DiracStructure {
+            graph: g,
+            eta,
+            momenta,
+            alpha,
+            beta,
+            lambda,
+            rates,
+            annihilator,
+            momentum_rates,
+            has_own_velocities,
+        }
+    }
+}
