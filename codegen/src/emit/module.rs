@@ -158,8 +158,8 @@ impl<'a> Module<'a> {
         }
         let mut implicit = None;
         if let Some(text) = &text.implicit {
-            let [right, jacobian] = [&text.right_side, &text.jacobian]
-                .map(|name| required(&Role::OfVariables(name.clone())));
+            let [right, jacobian] =
+                [&text.right_side, &text.jacobian].map(|name| required(&Role::OfVariables(name.clone())));
             let (right, jacobian) = (right?, jacobian?);
             expect_size("implicit form", right.function.results.len(), text.variables.len())?;
             expect_size("pattern of the implicit form", text.pattern.len(), jacobian.function.results.len())?;
@@ -236,7 +236,13 @@ impl<'a> Module<'a> {
         let products = self.products.iter().map(|p| &p.routine);
         let implicit = self.implicit.iter().flat_map(|i| [&i.right, &i.jacobian]);
         let guards = [&self.pivots, &self.signature, &self.domain].into_iter().flatten();
-        [&self.rate].into_iter().chain(&self.energy).chain(outputs).chain(products).chain(implicit).chain(guards)
+        [&self.rate]
+            .into_iter()
+            .chain(&self.energy)
+            .chain(outputs)
+            .chain(products)
+            .chain(implicit)
+            .chain(guards)
     }
 
     /// The function that computes the derivatives of the right-hand side by the state.

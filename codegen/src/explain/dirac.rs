@@ -37,7 +37,9 @@ impl Page {
         let w: Vec<String> =
             system.algebroid.frame().iter().map(|frame| self.name(&format!("w_{frame}"))).collect();
         let w_names = self.inline(&self.list(&w));
-        self.line(&format!("a covector{places} {beta} along the velocity, {w_names} along the rates of momenta,"));
+        self.line(&format!(
+            "a covector{places} {beta} along the velocity, {w_names} along the rates of momenta,"
+        ));
         self.line("such that");
         if has_base {
             self.line("the places move by the anchor");

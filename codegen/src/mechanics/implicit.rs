@@ -33,8 +33,7 @@ use crate::expr::{
     Definition, ExprId, Graph, Section, SectionWriter, Style, SymbolId, Vanishing, inlined, needed_sections,
 };
 use crate::reduction::{
-    AccelerationRow, AccelerationSource, DegenerateOutcome, Hamiltonian, KinematicConstraint, ReducedSystem,
-    SolvedConstraint,
+    AccelerationRow, AccelerationSource, Hamiltonian, KinematicConstraint, ReducedSystem, SolvedConstraint,
 };
 use crate::spec::Want;
 
@@ -101,7 +100,9 @@ pub fn implicit_form(
             false => form.with_momenta(solved)?,
             true => form.paired_with_accelerations(solved)?,
         },
-        (None, KinematicConstraint::Multipliers { rows, reactions }) => form.with_multipliers(rows, reactions)?,
+        (None, KinematicConstraint::Multipliers { rows, reactions }) => {
+            form.with_multipliers(rows, reactions)?
+        }
     }
     form.g.within_budget()?;
     let form = form.finish()?;
@@ -310,14 +311,24 @@ impl Form<'_> {
                     match place {
                         Some(place) => self.carried(place, Some(rate)),
                         None => {
-                            let raw: Vec<ExprId> =
-                                system.velocities.iter().map(|s| self.g.diff(system.lagrangian, *s)).collect();
+                            let raw: Vec<ExprId> = system
+                                .velocities
+                                .iter()
+                                .map(|s| self.g.diff(system.lagrangian, *s))
+                                .collect();
                             let raw = self.dot(&column, &raw);
                             let value = self.g.subs(raw, &known).map_err(|_| by_state())?;
                             let name = self.unused(format!("p_{}", unknown.name));
                             let symbol = self.g.symbol(&name);
                             let doc = format!("Momentum along {}.", unknown.name);
-                            self.drafts.push(Draft { name, doc, symbol, value, rate: Some(rate), state: None });
+                            self.drafts.push(Draft {
+                                name,
+                                doc,
+                                symbol,
+                                value,
+                                rate: Some(rate),
+                                state: None,
+                            });
                         }
                     }
                     let last = self.drafts.last().map(|d| d.symbol);
@@ -341,7 +352,8 @@ impl Form<'_> {
                 possible: "velocities as state; remove `carry`".into(),
             });
         }
-        let names: Vec<String> = system.algebroid.frame().iter().map(|n| self.unused(format!("a_{n}"))).collect();
+        let names: Vec<String> =
+            system.algebroid.frame().iter().map(|n| self.unused(format!("a_{n}"))).collect();
         let symbols: Vec<SymbolId> = names.iter().map(|name| self.g.symbol(name)).collect();
         let accelerations: Vec<ExprId> = symbols.iter().map(|s| self.g.sym(*s)).collect();
         self.coordinates();
@@ -586,7 +598,11 @@ impl Form<'_> {
 
 impl ImplicitForm {
     /// Row and column of the entries of `df/dz` that do not vanish identically, with their names and values.
-    pub fn jacobian(&self, g: &mut Graph, writer: &mut SectionWriter) -> Vec<((usize, usize), String, ExprId)> {
+    pub fn jacobian(
+        &self,
+        g: &mut Graph,
+        writer: &mut SectionWriter,
+    ) -> Vec<((usize, usize), String, ExprId)> {
         let rights: Vec<ExprId> = self.variables.iter().map(|v| v.right).collect();
         let symbols: Vec<SymbolId> = self.variables.iter().map(|v| v.symbol).collect();
         let linear = Linearisation::new(g, &self.sections, &rights, &symbols);
@@ -656,7 +672,12 @@ fn by_state() -> Error {
 }
 
 /// Time derivatives along the motion of expressions in the state and the definitions of the equations.
-fn rates(g: &mut Graph, equations: &Equations, state: &[StateEquation], of: &[ExprId]) -> Vec<ExprId> {
+pub(super) fn rates(
+    g: &mut Graph,
+    equations: &Equations,
+    state: &[StateEquation],
+    of: &[ExprId],
+) -> Vec<ExprId> {
     let sections = needed_sections(g, &equations.sections, of);
     let mut by: Vec<SymbolId> = state.iter().map(|s| s.symbol).collect();
     let mut motion: Vec<ExprId> = state.iter().map(|s| s.derivative).collect();
@@ -670,24 +691,18 @@ fn rates(g: &mut Graph, equations: &Equations, state: &[StateEquation], of: &[Ex
     found.into_iter().map(|rate| rate[0]).collect()
 }
 
-/// The index of the equations in `(x, y, p, lambda)`: `p = L_y` is differentiated once where `L_yy` is regular, the
-/// constraint twice for its multiplier; each condition on places of a degenerate Lagrangian costs one more.
+/// The index of the equations in `(x, y, p, lambda)`: one more than the number of times that `p = L_y` is differentiated
+/// for the last velocity, none where `L_yy` is regular; the constraint is differentiated once for its multiplier.
 fn pontryagin_index(system: &ReducedSystem) -> usize {
-    if let Some(found) = &system.degeneracy {
-        let (mut longest, mut run) = (0, 0);
-        for step in &found.steps {
-            run = if step.outcome == DegenerateOutcome::Differentiated { run + 1 } else { 0 };
-            longest = longest.max(run);
-        }
-        return 2 + longest;
-    }
+    let steps = system.degeneracy.iter().flat_map(|found| &found.steps);
+    let of_velocities = 1 + steps.map(|step| step.n_derivatives).max().unwrap_or(0);
     let has_multipliers = match &system.constraint {
         KinematicConstraint::Solved(solved) => !solved.reactions.names.is_empty(),
         KinematicConstraint::Multipliers { .. } => true,
     };
     match (has_multipliers, &system.hamiltonian) {
-        (true, _) => 2,
-        (false, None) => 1,
+        (true, _) => of_velocities.max(2),
+        (false, None) => of_velocities,
         (false, Some(_)) => 0,
     }
 }

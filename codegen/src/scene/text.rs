@@ -4,7 +4,10 @@
 
 use std::collections::BTreeMap;
 
-use crate::emit::{self, ImplicitText, ImplicitVariableText, MatrixText, OutputText, ParamText, ProductText, SceneEntry, SceneText, StateText};
+use crate::emit::{
+    self, ImplicitText, ImplicitVariableText, MatrixText, OutputText, ParamText, ProductText, SceneEntry,
+    SceneText, StateText,
+};
 use crate::error::Error;
 use crate::expr::{Exhausted, Resource, Stage};
 use crate::program::{Jet, Role};

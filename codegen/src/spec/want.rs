@@ -120,8 +120,8 @@ impl Want {
     /// name anything but an output.
     pub(super) fn is_in_tables(self) -> bool {
         use Want::{
-            Casimirs, Circles, Constraint, Implicit, Invariants, MomentumEquation, NonholonomicMomentum, Outputs,
-            Taylor, Velocities,
+            Casimirs, Circles, Constraint, Implicit, Invariants, MomentumEquation, NonholonomicMomentum,
+            Outputs, Taylor, Velocities,
         };
         !matches!(
             self,

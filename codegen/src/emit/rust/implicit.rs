@@ -87,8 +87,14 @@ impl Writer<'_> {
     }
 
     /// A method of time and variables.
-    fn of_variables(&self, name: &str, doc: TokenStream, routine: &Routine<'_>) -> Result<TokenStream, Error> {
-        let (statements, results) = (statements(&routine.code.statements)?, parse_all(&routine.code.results)?);
+    fn of_variables(
+        &self,
+        name: &str,
+        doc: TokenStream,
+        routine: &Routine<'_>,
+    ) -> Result<TokenStream, Error> {
+        let (statements, results) =
+            (statements(&routine.code.statements)?, parse_all(&routine.code.results)?);
         let (name, n, k) = (ident(name), size(routine.argument.len()), size(results.len()));
         let variables = pattern(routine.argument.iter().map(Option::as_ref));
         let taken_apart = match routine.code.reads_argument() {

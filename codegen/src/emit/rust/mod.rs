@@ -7,8 +7,8 @@
 mod excerpt;
 mod format;
 mod functions;
-mod implicit;
 mod guards;
+mod implicit;
 mod index;
 mod matrices;
 mod nalgebra;
