@@ -77,11 +77,18 @@ impl Page {
             let lambda = names(self, &found.lambda);
             self.line(&format!("for some {lambda}."));
         }
-        self.line(&format!(
-            "Of {} dimensions it has {}, and any two of its elements pair to zero.",
-            4 * n_velocities,
-            2 * n_velocities
-        ));
+        if !system.algebroid.has_drift() {
+            if has_base {
+                self.line(
+                    "What pairs with the rates of places pairs with the velocity, by the anchor. So counted,",
+                );
+            }
+            self.line(&format!(
+                "{} of {} dimensions are in it, and any two of its elements pair to zero.",
+                2 * n_velocities,
+                4 * n_velocities
+            ));
+        }
         self.motion(equations, found.has_own_velocities);
     }
 
@@ -93,14 +100,22 @@ impl Page {
         };
         let [e, l, p, y] = [e, l, p, y].map(|text| self.inline(text));
         match equations.system.hamiltonian.is_some() {
-            true => self.line("The motion is the velocity that the structure gives to the differential of h less the force."),
-            false => self.line(&format!(
-                "The motion is the velocity {y} that the structure gives to the differential of {e} = {p}.{y} - {l} less \
-                 the force, with {p} the slope of {l} along {y}."
-            )),
+            true => {
+                self.line(
+                    "The motion is the velocity that is in it with the differential of h less the force.",
+                );
+            }
+            false => {
+                self.line(&format!(
+                    "The motion is the velocity {y} that is in it with the differential of {e} = {p}.{y} - {l} less the"
+                ));
+                self.line(&format!("force, where {p} is the slope of {l} along {y}."));
+            }
         }
         if !has_own_velocities {
-            self.line("The velocity itself satisfies the kinematic constraint, which is no linear one in the directions above.");
+            self.line(
+                "A motion's velocity satisfies the constraint; what is in the structure is a displacement.",
+            );
         }
     }
 }

@@ -73,8 +73,7 @@ impl DiracStructure {
         let momenta = named(&mut g, "p", frame);
         let beta = named(&mut g, "beta", frame);
         let alpha = named(&mut g, "alpha", &base);
-        let numbers: Vec<String> = (1..=forms.len()).map(|k| k.to_string()).collect();
-        let lambda = named(&mut g, "lambda", &numbers);
+        let lambda: Vec<SymbolId> = (1..=forms.len()).map(|k| g.symbol(&format!("lambda{k}"))).collect();
         let symbols =
             |g: &mut Graph, list: &[SymbolId]| -> Vec<ExprId> { list.iter().map(|s| g.sym(*s)).collect() };
         let [y, p, b, a, l] = [&eta, &momenta, &beta, &alpha, &lambda].map(|list| symbols(&mut g, list));

@@ -209,7 +209,7 @@ impl Form<'_> {
         let mut momenta = Vec::new();
         for (symbol, name) in system.velocities.iter().zip(system.algebroid.frame()) {
             let p = self.g.diff(system.lagrangian, *symbol);
-            momenta.push(self.define(&format!("dL_d{name}"), p));
+            momenta.push(self.define(&format!("L_{name}"), p));
         }
         self.writer.begin("slopes dL/dx");
         let mut slopes = Vec::new();
@@ -549,12 +549,10 @@ impl Form<'_> {
             let what = "implicit form".to_owned();
             return Err(Error::ShapeMismatch { what, found: algebraic.len(), expected: n_algebraic });
         }
-        let mut symbols = BTreeMap::new();
-        for draft in &drafts {
-            let symbol = g.symbol(&draft.name);
-            symbols.insert(draft.symbol, g.sym(symbol));
-        }
-        let mut rewritten = symbols.clone();
+        let own: BTreeMap<SymbolId, SymbolId> =
+            drafts.iter().map(|d| (d.symbol, g.symbol(&d.name))).collect();
+        let mut rewritten: BTreeMap<SymbolId, ExprId> =
+            own.iter().map(|(old, new)| (*old, g.sym(*new))).collect();
         let place = || Error::DivisionByZero { place: "the implicit form".into() };
         let mut sections = Vec::new();
         for section in writer.finish().0 {
@@ -576,10 +574,7 @@ impl Form<'_> {
             let right = rate.or_else(|| algebraic.pop()).unwrap_or(g.zero());
             let right = g.subs(right, &rewritten).map_err(|_| place())?;
             let right = g.cancel_zero(right);
-            let symbol = match g.free_symbols(symbols[&symbol]).into_iter().next() {
-                Some(own) => own,
-                None => symbol,
-            };
+            let symbol = own[&symbol];
             variables.push(ImplicitVariable { name, doc, symbol, is_differential, right, value, state });
         }
         let rights: Vec<ExprId> = variables.iter().map(|v| v.right).collect();
