@@ -8,10 +8,10 @@
 //!         pdot_b + beta_b + rho^i_b alpha_i + C^c_bd eta^d p_c - N^c_b p_c = lambda_A a^A_b }
 //! ```
 //!
-//! The bracket `C` has curvature and structure constants in it, the anchor `rho` the action on advected parameters. Right
-//! actions have the opposite sign in `C`, as everywhere. The equations of motion are `(y, pdot; dE - F) in D/G` with
-//! `E = p.y - L`: `alpha = -dL/dx`, `beta = -F`, `w = y`, `p = dL/dy`. Affine and nonlinear constraints have virtual
-//! displacements for `eta` in the structure, which the velocity need not be.
+//! The bracket `C` has curvature and structure constants in it, the anchor `rho` the action on advected parameters.
+//! Right actions have the opposite sign in `C`, as everywhere. The equations of motion are `(y, pdot; dE - F) in D/G`
+//! with `E = p.y - L`: `alpha = -dL/dx`, `beta = -F`, `w = y`, `p = dL/dy`. Affine and nonlinear constraints have
+//! virtual displacements for `eta` in the structure, which the velocity need not be.
 //!
 //! Does not know: how anything is written for people.
 //!

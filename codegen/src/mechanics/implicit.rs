@@ -16,11 +16,11 @@
 //!
 //! The first is the Pontryagin form on `D + D*`: the momentum equation is paired with virtual displacements, which
 //! eliminates `lambda`. Its rows `phi_A` are the constraints and, of a degenerate Lagrangian, the equations without
-//! accelerations. Nothing is divided by and no matrix is factored. `A = W^T L_yy Psi` is regular, hence so is the
-//! derivative of the algebraic equations by `y`, and the index is one. Where virtual displacements depend on velocities,
-//! so that `dW/dt` contains accelerations, these are variables as with multipliers, and the equations are paired with `W`.
+//! accelerations. `A = W^T L_yy Psi` is regular, hence so is the derivative of the algebraic equations by `y`, and the
+//! index is one. Where virtual displacements depend on velocities, so that `dW/dt` contains accelerations, these are
+//! variables as with multipliers, and the equations are paired with `W`.
 //!
-//! Does not know: how the explicit equations were solved, programs.
+//! Does not know: how explicit equations were solved, programs.
 //!
 //! # Source
 //! Yoshimura, Marsden 2006 (Dirac structures in Lagrangian mechanics I, II); Gay-Balmaz, Yoshimura 2015.
@@ -359,8 +359,8 @@ impl Form<'_> {
         self.coordinates();
         self.velocities(Some(&accelerations));
         for (alpha, (name, symbol)) in names.into_iter().zip(symbols).enumerate() {
-            let value = self.rate_of_velocity(alpha);
-            let doc = format!("Rate of {}.", system.algebroid.frame()[alpha]);
+            let (value, doc) =
+                (self.rate_of_velocity(alpha), format!("Rate of {}.", system.algebroid.frame()[alpha]));
             self.drafts.push(Draft { name, doc, symbol, value, rate: None, state: None });
         }
         Ok(accelerations)
@@ -369,10 +369,10 @@ impl Form<'_> {
     /// `ydot` by the state, along the motion.
     fn rate_of_velocity(&mut self, alpha: usize) -> ExprId {
         let system = self.system;
-        if let Some(place) = self.place_of(system.velocities[alpha]) {
-            return self.state[place].derivative;
+        match self.place_of(system.velocities[alpha]) {
+            Some(place) => self.state[place].derivative,
+            None => rates(self.g, self.equations, self.state, &[self.equations.velocities[alpha]])[0],
         }
-        rates(self.g, self.equations, self.state, &[self.equations.velocities[alpha]])[0]
     }
 
     /// `rho dL/dx + F + (N - C y) p - dp/dx xdot - dp/dt - L_yy a` along every section.
@@ -483,10 +483,8 @@ impl Form<'_> {
             by_momenta.insert(system.velocities[alpha], self.y[alpha]);
         }
         self.coordinates();
-        for draft in &mut self.drafts {
-            if let Some(rate) = &mut draft.rate {
-                *rate = self.g.subs(*rate, &by_momenta).map_err(|_| place())?;
-            }
+        for rate in self.drafts.iter_mut().filter_map(|draft| draft.rate.as_mut()) {
+            *rate = self.g.subs(*rate, &by_momenta).map_err(|_| place())?;
         }
         self.writer.begin("slopes -dh/dx");
         let mut slopes = Vec::new();
@@ -544,10 +542,9 @@ impl Form<'_> {
     /// New symbols for the variables, and the proof that the motion satisfies every row.
     fn finish(self) -> Result<ImplicitForm, Error> {
         let Form { g, system, equations, state, writer, drafts, mut algebraic, .. } = self;
-        let n_algebraic = drafts.iter().filter(|d| d.rate.is_none()).count();
-        if n_algebraic != algebraic.len() {
-            let what = "implicit form".to_owned();
-            return Err(Error::ShapeMismatch { what, found: algebraic.len(), expected: n_algebraic });
+        let (found, expected) = (algebraic.len(), drafts.iter().filter(|d| d.rate.is_none()).count());
+        if found != expected {
+            return Err(Error::ShapeMismatch { what: "implicit form".to_owned(), found, expected });
         }
         let own: BTreeMap<SymbolId, SymbolId> =
             drafts.iter().map(|d| (d.symbol, g.symbol(&d.name))).collect();
@@ -687,7 +684,7 @@ pub(super) fn rates(
 }
 
 /// The index of the equations in `(x, y, p, lambda)`: one more than the number of times that `p = L_y` is differentiated
-/// for the last velocity, none where `L_yy` is regular; the constraint is differentiated once for its multiplier.
+/// for the last velocity, which is none where `L_yy` is regular; the multipliers of constraints are of index two.
 fn pontryagin_index(system: &ReducedSystem) -> usize {
     let steps = system.degeneracy.iter().flat_map(|found| &found.steps);
     let of_velocities = 1 + steps.map(|step| step.n_derivatives).max().unwrap_or(0);
