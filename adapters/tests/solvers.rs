@@ -246,7 +246,7 @@ mod diffsol {
 
     /// The last state of what `$solver` finds.
     macro_rules! last {
-        ($solver:expr, $n:literal) => {{
+        ($solver:expr, $n:expr) => {{
             let (states, ..) = $solver.unwrap().solve(END).unwrap();
             (0..$n).map(|k| states[(k, states.ncols() - 1)]).collect::<Vec<f64>>()
         }};

@@ -683,7 +683,7 @@ pub(super) fn rates(
     found.into_iter().map(|rate| rate[0]).collect()
 }
 
-/// The index of the equations in `(x, y, p, lambda)`: one more than the number of times that `p = L_y` is differentiated
+/// The index of the equations in `(x, y, p, lambda)`: one more than the number of times `p = L_y` is differentiated
 /// for the last velocity, which is none where `L_yy` is regular; the multipliers of constraints are of index two.
 fn pontryagin_index(system: &ReducedSystem) -> usize {
     let steps = system.degeneracy.iter().flat_map(|found| &found.steps);
