@@ -76,6 +76,7 @@ mod double_double;
 mod dual;
 mod error;
 mod events;
+mod implicit;
 mod integrator;
 mod jet;
 #[cfg(feature = "lanes")]
@@ -93,6 +94,7 @@ pub use double_double::DoubleDouble;
 pub use dual::Dual;
 pub use error::{Error, Failure, ParamError};
 pub use events::{Direction, Event};
+pub use implicit::{Implicit, ImplicitInfo, ImplicitVariable};
 pub use integrator::{Integrator, Progress, Stats};
 pub use jet::{Convolutions, Jet, MAX_ORDER};
 #[cfg(feature = "lanes")]
