@@ -7,9 +7,11 @@
 
 mod constrained;
 mod derive;
+mod dirac;
 mod equations;
 mod equivalence;
 mod hamilton;
+mod implicit;
 mod integrable;
 mod legendre;
 mod momenta;
@@ -22,8 +24,10 @@ mod squares;
 mod vertical;
 
 pub use derive::derive;
+pub use dirac::DiracStructure;
 pub use equations::{Equations, Facts, Form, Legendre, LinearSystem, Output, OutputKind, StateEquation};
 pub use equivalence::{ChangeOfState, Unrelated, same_motion};
+pub use implicit::{ImplicitForm, ImplicitVariable, implicit_form};
 pub use routh::Routhian;
 pub use solve::{Factorisation, Pivot, PivotMatrix, PivotOrigin};
 pub(crate) use vertical::unused_stem;
