@@ -211,8 +211,8 @@ fn barotropic_flow_is_the_partial_differential_equation_on_a_grid() {
     for seed in [0.4, 2.9] {
         let (u, mut rho) = (scattered(7, seed), scattered(7, seed + 0.5));
         rho[0] = 1.5;
-        let (rates, params) = rates("barotropic_flow", &[rho.clone(), u.clone()].concat());
-        let (rho_rate, u_rate) = rates.split_at(7);
+        let (rates, params) = rates("barotropic_flow", &[u.clone(), rho.clone()].concat());
+        let (u_rate, rho_rate) = rates.split_at(7);
         let value = |f: &[f64], x: f64| on_circle(f, x).0;
         let expected = coefficients(7, |x| {
             let ((u, du), (rho, drho)) = (on_circle(&u, x), on_circle(&rho, x));
