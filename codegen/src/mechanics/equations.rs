@@ -34,6 +34,8 @@ pub enum OutputKind {
     Component,
     /// The gradients of the invariants.
     Gradients,
+    /// What the motion has besides the nonholonomic bracket with the energy.
+    Remainder,
 }
 
 /// A group of numbers that a scene may ask for.

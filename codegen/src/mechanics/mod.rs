@@ -5,6 +5,8 @@
 //!
 //! [`ReducedSystem`]: crate::reduction::ReducedSystem
 
+mod bracket;
+mod chart;
 mod constrained;
 mod derive;
 mod equations;
@@ -21,6 +23,7 @@ mod solve;
 mod squares;
 mod vertical;
 
+pub use bracket::Bracket;
 pub use derive::derive;
 pub use equations::{Equations, Facts, Form, Legendre, LinearSystem, Output, OutputKind, StateEquation};
 pub use equivalence::{ChangeOfState, Unrelated, same_motion};

@@ -18,7 +18,7 @@ use super::built::{BuiltScene, legendre_role};
 use super::dependence::ignorable;
 use super::pivots::sorted_pivots;
 use super::plan::{Drops, Outputs, Plan};
-use super::{derivatives, invariants};
+use super::{bracket, derivatives, invariants};
 
 /// Equations of one model in the formulations that its scenes ask for, each derived once.
 #[derive(Debug)]
@@ -177,6 +177,7 @@ pub(super) fn build_derived(
         let problem = model.diagnose(&e);
         let span = match e {
             Error::NothingConserved { .. } => place_of(Want::Invariants.name()),
+            Error::NoBracket { .. } => place_of(Want::Bracket.name()),
             _ => problem.span,
         };
         model.diagnostics(vec![spec::Diagnostic { span, ..problem }])
@@ -247,6 +248,14 @@ pub(super) fn lower_scene(
         let found = found.ok_or_else(|| Error::NothingConserved { scene: plan.name.clone() })?;
         outputs.extend(found.outputs);
         matrices.push(found.gradients);
+        own_sections.extend(found.sections);
+    }
+    if plan.bracket {
+        let found = bracket::find(&mut graph, &equations, &state);
+        graph.within_budget()?;
+        let found = found?;
+        outputs.extend(found.outputs);
+        matrices.push(found.matrix);
         own_sections.extend(found.sections);
     }
     graph.within_budget()?;

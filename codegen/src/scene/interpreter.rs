@@ -7,8 +7,10 @@ use std::borrow::Cow;
 use hamel_runtime::Dual;
 
 use crate::error::Error;
+use crate::spec::Want;
 use crate::program::{Jet, Point, Program, Role, ViolatedCondition};
 
+use super::bracket::REMAINDER;
 use super::built::{BuiltScene, legendre_role};
 use super::derivatives::{Derivative, Matrix};
 use super::invariants::GRADIENTS;
@@ -30,11 +32,13 @@ struct Pattern {
     name: String,
     shape: (usize, usize),
     places: Vec<(usize, usize)>,
+    is_antisymmetric: bool,
 }
 
 impl Pattern {
     fn of(matrix: &Matrix) -> Pattern {
-        Pattern { name: matrix.name.to_owned(), shape: matrix.shape, places: matrix.pattern.clone() }
+        let (places, is_antisymmetric) = (matrix.pattern.clone(), matrix.is_antisymmetric);
+        Pattern { name: matrix.name.to_owned(), shape: matrix.shape, places, is_antisymmetric }
     }
 }
 
@@ -208,6 +212,22 @@ impl<'a> Interpreter<'a> {
         self.matrix_named(GRADIENTS, t, y)
     }
 
+    /// The matrix `Pi` of the nonholonomic bracket, `y' = Pi dE + R`, when the scene wants it.
+    ///
+    /// # Panics
+    /// When the size of `y` is wrong.
+    pub fn bracket(&self, t: f64, y: &[f64]) -> Option<Vec<Vec<f64>>> {
+        self.matrix_named(Want::Bracket.name(), t, y)
+    }
+
+    /// The vector `R` of `y' = Pi dE + R`, when the scene wants its bracket; none where it vanishes.
+    ///
+    /// # Panics
+    /// When the size of `y` is wrong.
+    pub fn bracket_remainder(&self, t: f64, y: &[f64]) -> Option<Vec<f64>> {
+        self.values(&Role::Output(REMAINDER.to_owned()), t, y)
+    }
+
     fn matrix_named(&self, name: &str, t: f64, y: &[f64]) -> Option<Vec<Vec<f64>>> {
         let pattern = self.patterns.iter().find(|pattern| pattern.name == name)?;
         // Every matrix is an output, and one without entries has no function.
@@ -216,6 +236,9 @@ impl<'a> Interpreter<'a> {
         let mut rows = vec![vec![0.0; n_columns]; n_rows];
         for ((i, j), entry) in pattern.places.iter().zip(entries) {
             rows[*i][*j] = entry;
+            if pattern.is_antisymmetric {
+                rows[*j][*i] = -entry;
+            }
         }
         Some(rows)
     }

@@ -73,6 +73,7 @@ pub(super) fn find(
             name: GRADIENTS,
             shape,
             pattern,
+            is_antisymmetric: false,
             doc: "matrix of the derivatives of the invariants by the components of the state that move, a row for each \
                   invariant",
         },

@@ -9,6 +9,7 @@
 //!
 //! Does not know: how equations are derived, how programs are lowered, how text is emitted.
 
+mod bracket;
 mod build;
 mod built;
 mod counts;

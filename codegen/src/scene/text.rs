@@ -137,6 +137,7 @@ fn matrix_text(matrix: &Matrix) -> MatrixText {
         name: matrix.name.to_owned(),
         shape: matrix.shape,
         pattern: matrix.pattern.clone(),
+        is_antisymmetric: matrix.is_antisymmetric,
         doc: matrix.doc.to_owned(),
     }
 }
