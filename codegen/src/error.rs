@@ -209,6 +209,11 @@ pub enum Error {
         /// Why not.
         reason: String,
     },
+    /// No time was found in which a motion is Hamiltonian.
+    NoHamiltonianTime {
+        /// Why not.
+        reason: String,
+    },
     /// There are more or fewer conditions on virtual displacements than constraints.
     WrongNumberOfDisplacements {
         /// How many conditions there are.
@@ -400,6 +405,10 @@ impl Error {
             Error::NoBracket { reason } => (
                 format!("there is no nonholonomic bracket: {reason}"),
                 "remove `bracket` from what the scene wants".into(),
+            ),
+            Error::NoHamiltonianTime { reason } => (
+                format!("no time was found in which the motion is Hamiltonian: {reason}"),
+                "remove `hamiltonian_time` from what the scene wants".into(),
             ),
             Error::WrongNumberOfDisplacements { found, expected } => (
                 format!("{found} conditions on virtual displacements, expected {expected}"),

@@ -3,6 +3,8 @@
 //!
 //! Deliberately does not know: how any of it was computed.
 
+mod bracket;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
@@ -43,6 +45,8 @@ pub enum SectionKind {
     Routhian,
     /// What was found on the way, exactly.
     Findings,
+    /// The nonholonomic bracket, what it is and what it says about the motion.
+    Bracket,
     /// Operations of every function.
     Counts,
 }
@@ -62,6 +66,7 @@ impl SectionKind {
             SectionKind::Equations => "Equations of motion",
             SectionKind::Routhian => "Routhian",
             SectionKind::Findings => "Found exactly",
+            SectionKind::Bracket => "Nonholonomic bracket",
             SectionKind::Counts => "Operation counts",
         }
     }
@@ -109,6 +114,7 @@ pub fn sections(model: &Model, scene: &BuiltScene, style: Style) -> Vec<Section>
     page.equations(&scene.equations);
     page.routhian(&scene.equations);
     page.findings(&scene.equations);
+    page.bracket_of(model, scene);
     page.counts(scene);
     std::iter::once(page.head).chain(page.rest).collect()
 }

@@ -101,12 +101,7 @@ impl Bracket {
 }
 
 /// Derivatives of a value by the state variables, and definitions that they use.
-fn gradient(
-    g: &mut Graph,
-    equations: &Equations,
-    own: &[Section],
-    e: ExprId,
-) -> (Vec<ExprId>, Vec<Section>) {
+fn gradient(g: &mut Graph, equations: &Equations, own: &[Section], e: ExprId) -> (Vec<ExprId>, Vec<Section>) {
     let by: Vec<SymbolId> = equations.state.iter().map(|s| s.symbol).collect();
     let all: Vec<Section> = equations.sections.iter().chain(own).cloned().collect();
     let sections = needed_sections(g, &all, &[e]);
@@ -153,7 +148,9 @@ impl<'a> Builder<'a> {
     fn new(g: &'a mut Graph, equations: &'a Equations) -> Result<Builder<'a>, Error> {
         let system = &equations.system;
         if system.degeneracy.is_some() {
-            return Err(no_bracket("the Lagrangian is degenerate, and momenta do not determine the velocities"));
+            return Err(no_bracket(
+                "the Lagrangian is degenerate, and momenta do not determine the velocities",
+            ));
         }
         let writer = SectionWriter::new(g, equations.varying.clone(), &[]);
         let mut b = Builder {
@@ -678,7 +675,8 @@ impl<'a> Builder<'a> {
         let mut offsets = Vec::new();
         for residual in residuals {
             let offset = self.g.subs(*residual, &at_rest);
-            offsets.push(offset.map_err(|_| Error::DivisionByZero { place: "the constraint at rest".into() })?);
+            offsets
+                .push(offset.map_err(|_| Error::DivisionByZero { place: "the constraint at rest".into() })?);
         }
         let kappa = solved(self, "kappa", &offsets);
         let is_affine = offsets.iter().any(|e| *e != self.g.zero());
@@ -893,7 +891,8 @@ impl<'a> Builder<'a> {
         let slopes = linear.jacobian(self.g, &mut self.writer, name, title).remove(0);
         let matrix = bracket.matrix(self.g);
         for (r, row) in bracket.remainder.iter_mut().zip(&matrix) {
-            let terms: Vec<ExprId> = row.iter().zip(&slopes).map(|(e, slope)| self.g.mul(*e, *slope)).collect();
+            let terms: Vec<ExprId> =
+                row.iter().zip(&slopes).map(|(e, slope)| self.g.mul(*e, *slope)).collect();
             let sum = self.g.sum(&terms);
             *r = self.g.sub(*r, sum);
         }

@@ -79,7 +79,8 @@ impl Chart {
             right.push(vec![g.sum(&terms)]);
         }
         let solution = solve_symbolic(g, &matrix, &right).map_err(|_| singular())?;
-        chart.values = chosen.iter().map(|k| symbols[*k]).zip(solution.into_iter().map(|row| row[0])).collect();
+        chart.values =
+            chosen.iter().map(|k| symbols[*k]).zip(solution.into_iter().map(|row| row[0])).collect();
         chart.coordinates.retain(|place| !chosen.iter().any(|k| moving[*k] == *place));
         chart.determinant = determinant_of(g, &matrix);
         Ok(chart)
@@ -89,28 +90,28 @@ impl Chart {
     ///
     /// # Errors
     /// [`Error::DivisionByZero`] for what has no value there.
-    pub(super) fn restricted(
-        &self,
-        g: &mut Graph,
-        own: &[Section],
-        e: ExprId,
-    ) -> Result<ExprId, Error> {
-        if self.values.is_empty() { Ok(e) } else { self.whole(g, own, e) }
+    pub(super) fn restricted(&self, g: &mut Graph, own: &[Section], e: ExprId) -> Result<ExprId, Error> {
+        if self.values.is_empty() { Ok(e) } else { Ok(self.whole(g, own, &[e])?[0]) }
     }
 
-    /// An expression in the coordinates alone, without names of definitions of the equations or `own` ones.
+    /// Expressions in the coordinates alone, without names of definitions of the equations or `own` ones.
     ///
     /// # Errors
     /// [`Error::DivisionByZero`] for what has no value there.
-    pub(super) fn whole(&self, g: &mut Graph, own: &[Section], e: ExprId) -> Result<ExprId, Error> {
+    pub(super) fn whole(
+        &self,
+        g: &mut Graph,
+        own: &[Section],
+        list: &[ExprId],
+    ) -> Result<Vec<ExprId>, Error> {
         let mut values = self.definitions.clone();
         for Definition { symbol, expr } in own.iter().flat_map(|s| &s.definitions) {
             let value = g.subs(*expr, &values).unwrap_or(*expr);
             values.insert(*symbol, value);
         }
         let place = |_| Error::DivisionByZero { place: "the constraint surface".into() };
-        let inlined = g.subs(e, &values).map_err(place)?;
-        g.subs(inlined, &self.values).map_err(place)
+        let inlined = g.subs_all(list, &values).map_err(place)?;
+        g.subs_all(&inlined, &self.values).map_err(place)
     }
 }
 
@@ -119,8 +120,7 @@ fn determinant_of(g: &mut Graph, matrix: &[Vec<ExprId>]) -> ExprId {
     let Some((first, rest)) = matrix.split_first() else { return g.one() };
     let mut terms = Vec::new();
     for (k, e) in first.iter().enumerate() {
-        let minor: Vec<Vec<ExprId>> =
-            rest.iter().map(|row| [&row[..k], &row[k + 1..]].concat()).collect();
+        let minor: Vec<Vec<ExprId>> = rest.iter().map(|row| [&row[..k], &row[k + 1..]].concat()).collect();
         let minor = determinant_of(g, &minor);
         let product = g.mul(*e, minor);
         terms.push(if k % 2 == 0 { product } else { g.neg(product) });

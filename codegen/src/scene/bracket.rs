@@ -1,4 +1,5 @@
-//! The nonholonomic bracket of the components of a scene's state, as outputs of the scene.
+//! The nonholonomic bracket of the components of a scene's state, as outputs of the scene, and the time in which a motion
+//! is Hamiltonian.
 //!
 //! Does not know: how the bracket is derived, or what is found out about it.
 
@@ -7,8 +8,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::dependence::left_out;
 use super::derivatives::Matrix;
 use crate::error::Error;
-use crate::expr::{Definition, ExprId, Graph, Section, SymbolId, needed_sections};
-use crate::mechanics::{Bracket, Equations, Output, OutputKind, StateEquation};
+use crate::expr::{Definition, ExprId, Func, Graph, Rational, Section, SymbolId, needed_sections};
+use crate::mechanics::{
+    Bracket, BracketFacts, Density, Equations, Jacobi, Output, OutputKind, StateEquation,
+};
 use crate::spec::Want;
 
 /// Name of the output with `R` of `y' = Pi dE + R`.
@@ -23,7 +26,8 @@ pub(super) struct SceneBracket {
     pub(super) sections: Vec<Section>,
 }
 
-/// The bracket of those components of `state` that are no coordinates of the group.
+/// The bracket of those components of `state` that are no coordinates of the group, in the time `tau` with
+/// `dt/dtau = factor`.
 ///
 /// # Errors
 /// [`Error::NoBracket`] for a system without, or whose bracket depends on a coordinate that the scene leaves out;
@@ -32,6 +36,7 @@ pub(super) fn find(
     g: &mut Graph,
     equations: &Equations,
     state: &[StateEquation],
+    factor: ExprId,
 ) -> Result<SceneBracket, Error> {
     let bracket = Bracket::new(g, equations)?;
     let places: BTreeMap<SymbolId, usize> = state.iter().enumerate().map(|(k, s)| (s.symbol, k)).collect();
@@ -43,13 +48,13 @@ pub(super) fn find(
         if let (Some(row), Some(column)) = (place(i), place(j)) {
             pattern.push((row, column));
             names.push(format!("bracket_{}_{}", name(i), name(j)));
-            values.push(e);
+            values.push(g.mul(factor, e));
         }
     }
     let n_entries = values.len();
     let has_remainder = bracket.has_remainder(g);
     if has_remainder {
-        values.extend(kept.iter().map(|k| bracket.remainder[*k]));
+        values.extend(kept.iter().map(|k| g.mul(factor, bracket.remainder[*k])));
         names.extend(kept.iter().map(|k| format!("{REMAINDER}_{}", name(*k))));
     }
     let left_out: BTreeSet<SymbolId> = left_out(equations, state);
@@ -65,7 +70,8 @@ pub(super) fn find(
     let doc = "entries `{y_i, y_j}`, `i < j`, of the nonholonomic bracket that do not vanish identically, row by row";
     let mut outputs = vec![Output::group(Want::Bracket, components, doc)];
     if has_remainder {
-        let doc = "`R` of `y' = Pi dE + R`: what an affine constraint, explicit time and forces add to the motion";
+        let doc =
+            "`R` of `y' = Pi dE + R`: what an affine constraint, explicit time and forces add to the motion";
         let (kind, name) = (OutputKind::Remainder, REMAINDER.to_owned());
         outputs.push(Output { kind, name, components: remainder, doc: doc.to_owned() });
     }
@@ -77,6 +83,49 @@ pub(super) fn find(
     let shape = (kept.len(), kept.len());
     let matrix = Matrix { name: Want::Bracket.name(), shape, pattern, is_antisymmetric: true, doc };
     Ok(SceneBracket { outputs, matrix, sections })
+}
+
+/// `dt/dtau` of the time `tau` in which the motion is Hamiltonian, and the output that it is.
+///
+/// # Errors
+/// [`Error::NoHamiltonianTime`]; what is wrong with the bracket.
+pub(super) fn hamiltonian_time(
+    g: &mut Graph,
+    equations: &Equations,
+    state: &[StateEquation],
+) -> Result<(ExprId, Output), Error> {
+    let refused = |reason: String| Error::NoHamiltonianTime { reason };
+    let facts = BracketFacts::new(equations)?;
+    g.take_over(&facts.graph);
+    if !facts.remainder.is_empty() {
+        return Err(refused("an affine constraint, explicit time or a force acts".into()));
+    }
+    let mut known = facts.graph.clone();
+    let factor = match (&facts.jacobi, &facts.multiplier) {
+        (Jacobi::Holds, _) => known.one(),
+        (_, Some(Density::Found { factors, exponent })) => {
+            let mut parts: Vec<(ExprId, Rational)> =
+                factors.iter().map(|f| (f.base, f.exponent.clone())).collect();
+            if let Some(exponent) = exponent {
+                parts.push((known.func(Func::Exp, *exponent), Rational::from_integer(1.into())));
+            }
+            let place = |_| Error::DivisionByZero { place: "the multiplier of the bracket".into() };
+            known.power_product(&parts).map_err(place)?
+        }
+        (_, Some(Density::Impossible { reason, .. } | Density::NotFound { reason })) => {
+            return Err(refused(reason.clone()));
+        }
+        (_, None) => return Err(refused("whether Jacobi holds is not known".into())),
+    };
+    let symbols = known.free_symbols(factor);
+    if let Some(x) = left_out(equations, state).iter().find(|x| symbols.contains(x)) {
+        return Err(refused(format!("dt/dtau depends on {}, which the scene leaves out", g.name(*x))));
+    }
+    let place = |_| Error::DivisionByZero { place: "the multiplier of the bracket".into() };
+    let factor = g.import(&known, &[factor]).map_err(place)?[0];
+    let doc = "`dt/dtau` of the time `tau` in which the motion is Hamiltonian, that of this scene";
+    let name = Want::HamiltonianTime.name().to_owned();
+    Ok((factor, Output::group(Want::HamiltonianTime, vec![(name, factor)], doc)))
 }
 
 /// Takes values at an origin of coordinates on which they do not depend, the angle zero of a point of the circle; all

@@ -177,7 +177,10 @@ pub(super) fn build_derived(
         let problem = model.diagnose(&e);
         let span = match e {
             Error::NothingConserved { .. } => place_of(Want::Invariants.name()),
-            Error::NoBracket { .. } => place_of(Want::Bracket.name()),
+            Error::NoBracket { .. } => {
+                place_of(Want::Bracket.name()).or_else(|| place_of(Want::HamiltonianTime.name()))
+            }
+            Error::NoHamiltonianTime { .. } => place_of(Want::HamiltonianTime.name()),
             _ => problem.span,
         };
         model.diagnostics(vec![spec::Diagnostic { span, ..problem }])
@@ -232,8 +235,17 @@ pub(super) fn lower_scene(
         divisors: lower::Divisors::default(),
         circles: system.circles.iter().map(|c| [c.cosine, c.sine]).collect(),
     };
+    // What moves in the scene's own time; the rates of a built scene stay those of its equations.
+    let mut moving = state.clone();
+    let mut factor = graph.one();
+    if plan.hamiltonian_time {
+        let (found, output) = bracket::hamiltonian_time(&mut graph, &equations, &state)?;
+        moving.iter_mut().for_each(|s| s.derivative = graph.mul(found, s.derivative));
+        outputs.push(output);
+        factor = found;
+    }
     let derivatives =
-        derivatives::differentiate(&mut graph, &equations.sections, &state, &inputs, &plan.derivatives);
+        derivatives::differentiate(&mut graph, &equations.sections, &moving, &inputs, &plan.derivatives);
     inputs.arguments = derivatives.arguments;
     if !equations.legendre.momenta.is_empty() {
         let velocities = equations.legendre.velocities.iter().map(|(_, symbol)| *symbol).collect();
@@ -243,7 +255,7 @@ pub(super) fn lower_scene(
     let mut matrices = derivatives.matrices;
     let mut own_sections = derivatives.sections;
     if plan.invariants {
-        let found = invariants::find(&mut graph, &equations, &state, &inputs);
+        let found = invariants::find(&mut graph, &equations, &moving, &inputs);
         graph.within_budget()?;
         let found = found.ok_or_else(|| Error::NothingConserved { scene: plan.name.clone() })?;
         outputs.extend(found.outputs);
@@ -251,7 +263,7 @@ pub(super) fn lower_scene(
         own_sections.extend(found.sections);
     }
     if plan.bracket {
-        let found = bracket::find(&mut graph, &equations, &state);
+        let found = bracket::find(&mut graph, &equations, &state, factor);
         graph.within_budget()?;
         let found = found?;
         outputs.extend(found.outputs);
@@ -275,7 +287,7 @@ pub(super) fn lower_scene(
     let pivots = sorted_pivots(&mut graph, &equations);
     conditions.extend(pivots.conditions);
     inputs.divisors = pivots.divisors;
-    let rhs: Vec<(String, ExprId)> = state.iter().map(|s| (s.name.clone(), s.derivative)).collect();
+    let rhs: Vec<(String, ExprId)> = moving.iter().map(|s| (s.name.clone(), s.derivative)).collect();
     let mut requests = vec![Request { role: Role::Rate, results: rhs }];
     if plan.energy {
         let results = vec![("energy".to_owned(), equations.energy)];

@@ -7,8 +7,8 @@ use std::borrow::Cow;
 use hamel_runtime::Dual;
 
 use crate::error::Error;
-use crate::spec::Want;
 use crate::program::{Jet, Point, Program, Role, ViolatedCondition};
+use crate::spec::Want;
 
 use super::bracket::REMAINDER;
 use super::built::{BuiltScene, legendre_role};

@@ -36,6 +36,8 @@ pub(super) struct Plan {
     pub(super) invariants: bool,
     /// The nonholonomic bracket.
     pub(super) bracket: bool,
+    /// The time in which the motion is Hamiltonian, in the place of the model's.
+    pub(super) hamiltonian_time: bool,
     pub(super) taylor: bool,
     pub(super) reconstructs: bool,
     pub(super) drops: Drops,
@@ -74,6 +76,7 @@ impl Plan {
             derivatives: BTreeSet::new(),
             invariants: false,
             bracket: false,
+            hamiltonian_time: false,
             taylor: false,
             reconstructs: false,
             drops: Drops::Nothing,
@@ -104,6 +107,7 @@ impl Plan {
                     Wanted::Want(Want::Taylor) => plan.taylor = true,
                     Wanted::Want(Want::Invariants) => plan.invariants = true,
                     Wanted::Want(Want::Bracket) => plan.bracket = true,
+                    Wanted::Want(Want::HamiltonianTime) => plan.hamiltonian_time = true,
                     Wanted::Want(want) => match Derivative::of(*want) {
                         Some(derivative) => _ = plan.derivatives.insert(derivative),
                         None => outputs.push(wanted.clone()),

@@ -54,11 +54,13 @@ pub enum Want {
     Invariants,
     /// The nonholonomic bracket of the components of the state.
     Bracket,
+    /// The time in which the motion is Hamiltonian.
+    HamiltonianTime,
 }
 
 impl Want {
     /// All of them, in the order in which messages list them.
-    pub const ALL: [Want; 22] = [
+    pub const ALL: [Want; 23] = [
         Want::Rhs,
         Want::Energy,
         Want::EnergyRate,
@@ -81,6 +83,7 @@ impl Want {
         Want::Taylor,
         Want::Invariants,
         Want::Bracket,
+        Want::HamiltonianTime,
     ];
 
     /// What the scene says, and the name of the function or output where there is one.
@@ -108,6 +111,7 @@ impl Want {
             Want::Taylor => "taylor",
             Want::Invariants => "invariants",
             Want::Bracket => "bracket",
+            Want::HamiltonianTime => "hamiltonian_time",
         }
     }
 
@@ -120,8 +124,8 @@ impl Want {
     /// name anything but an output.
     pub(super) fn is_in_tables(self) -> bool {
         use Want::{
-            Bracket, Casimirs, Circles, Constraint, Invariants, MomentumEquation, NonholonomicMomentum,
-            Outputs, Taylor, Velocities,
+            Bracket, Casimirs, Circles, Constraint, HamiltonianTime, Invariants, MomentumEquation,
+            NonholonomicMomentum, Outputs, Taylor, Velocities,
         };
         !matches!(
             self,
@@ -135,6 +139,7 @@ impl Want {
                 | Velocities
                 | Invariants
                 | Bracket
+                | HamiltonianTime
         )
     }
 }

@@ -69,7 +69,9 @@ impl Writer<'_> {
             let doc = doc_attributes([
                 sentence(&matrix.doc),
                 String::new(),
-                format!("The entries of [`Self::{entries}`] at the places [`{constant}`], {elsewhere}zero elsewhere."),
+                format!(
+                    "The entries of [`Self::{entries}`] at the places [`{constant}`], {elsewhere}zero elsewhere."
+                ),
             ]);
             let call = if names.is_empty() {
                 quote! { let _ = (t, y); }
