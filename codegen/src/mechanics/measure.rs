@@ -1,5 +1,5 @@
-//! Positive functions of the base coordinates that make a motion keep a volume, or a bracket one of Poisson: products of
-//! powers of what the equations divide by.
+//! Positive functions of the base coordinates that make a motion keep a volume, or a bracket one of Poisson: products
+//! of powers of what the equations divide by.
 //!
 //! Both conditions are linear in `d ln N`. The ansatz `ln N = sum_j c_j ln f_j` with rational `c_j` has for `f_j` the
 //! determinants of the matrices that are solved with and their leading minors, whatever else the motion divides by,
@@ -88,8 +88,8 @@ impl Motion<'_> {
     }
 }
 
-/// Functions of the base coordinates that may be factors: those that are `known`, and what the expressions `list` divide
-/// by, the simplest first.
+/// Functions of the base coordinates that may be factors: those that are `known`, and what the expressions `list`
+/// divide by, the simplest first.
 pub(super) fn candidates(
     g: &mut Graph,
     motion: &Motion<'_>,
@@ -123,8 +123,8 @@ pub(super) fn candidates(
     kept
 }
 
-/// Powers of functions with `given_r + sum_j c_j terms_jr = 0` for all `r`, where `terms_j` belongs to the function `j`:
-/// proved. None where nothing is found.
+/// Powers of functions with `given_r + sum_j c_j terms_jr = 0` for all `r`, where `terms_j` belongs to the function
+/// `j`: proved. None where nothing is found.
 pub(super) fn powers(
     g: &mut Graph,
     functions: &[ExprId],

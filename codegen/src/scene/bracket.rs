@@ -1,5 +1,5 @@
-//! The nonholonomic bracket of the components of a scene's state, as outputs of the scene, and the time in which a motion
-//! is Hamiltonian.
+//! The nonholonomic bracket of the components of a scene's state, as outputs of the scene, and the time in which a
+//! motion is Hamiltonian.
 //!
 //! Does not know: how the bracket is derived, or what is found out about it.
 
