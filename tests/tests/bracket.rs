@@ -173,9 +173,9 @@ fn random_systems_move_by_their_brackets() {
             ("force w1 = -w1 + x; force x_dot = -x_dot;", ""),
             ("force x_dot = sin(t);", " + sin(t)"),
         ] {
-            for carried in [false, true] {
+            for carried in [false, true].into_iter().filter(|carried| !carried || algebra == "so(3)") {
                 let text =
-                    random_text(&mut random, algebra, dim, extra, offset, carried && algebra == "so(3)");
+                    random_text(&mut random, algebra, dim, extra, offset, carried);
                 let scene = built(&text).unwrap_or_else(|e| panic!("{e}\n{text}"));
                 let has_remainder = scene.outputs().iter().any(|o| o.name == "bracket_remainder");
                 assert_eq!(has_remainder, !extra.is_empty() || !offset.is_empty(), "{text}");
@@ -185,7 +185,7 @@ fn random_systems_move_by_their_brackets() {
             }
         }
     }
-    assert!(n_remainders > 20);
+    assert!(n_remainders >= 20);
 }
 
 /// A body whose angular velocity is kept by multipliers, with an offset, a force and time.
