@@ -4,6 +4,8 @@
 //! Deliberately does not know: how any of it was computed.
 
 mod bracket;
+mod dirac;
+mod implicit;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -43,6 +45,10 @@ pub enum SectionKind {
     Equations,
     /// The Routhian, where momenta are carried.
     Routhian,
+    /// The equations with a mass matrix, where the scene wants them.
+    Implicit,
+    /// The reduced Dirac structure, where it is asked for.
+    Dirac,
     /// What was found on the way, exactly.
     Findings,
     /// The nonholonomic bracket, what it is and what it says about the motion.
@@ -65,6 +71,8 @@ impl SectionKind {
             SectionKind::Degeneracy => "Degenerate Lagrangian",
             SectionKind::Equations => "Equations of motion",
             SectionKind::Routhian => "Routhian",
+            SectionKind::Implicit => "Implicit form M z' = f(t, z)",
+            SectionKind::Dirac => "Dirac structure D/G",
             SectionKind::Findings => "Found exactly",
             SectionKind::Bracket => "Nonholonomic bracket",
             SectionKind::Counts => "Operation counts",
@@ -83,8 +91,22 @@ pub struct Section {
 
 /// Explains a scene in Unicode ([`Style::Unicode`]) or LaTeX ([`Style::Latex`], a fragment that needs `amsmath`).
 pub fn explain(model: &Model, scene: &BuiltScene, style: Style) -> String {
+    written(sections(model, scene, style), style)
+}
+
+/// The reduced Dirac structure of a scene, in the styles of [`explain`].
+pub fn dirac(model: &Model, scene: &BuiltScene, style: Style) -> String {
+    let head = Section { kind: SectionKind::Head, text: String::new() };
+    let mut page = Page { style, head, rest: Vec::new() };
+    page.header(model, scene);
+    page.dirac(&scene.equations);
+    written(std::iter::once(page.head).chain(page.rest).collect(), style)
+}
+
+/// Sections under their titles.
+fn written(sections: Vec<Section>, style: Style) -> String {
     let mut text = String::new();
-    for Section { kind, text: body } in sections(model, scene, style) {
+    for Section { kind, text: body } in sections {
         let title = kind.title();
         let _ = match style {
             _ if title.is_empty() => Ok(()),
@@ -113,6 +135,7 @@ pub fn sections(model: &Model, scene: &BuiltScene, style: Style) -> Vec<Section>
     page.degeneracy(&scene.equations);
     page.equations(&scene.equations);
     page.routhian(&scene.equations);
+    page.implicit(scene);
     page.findings(&scene.equations);
     page.bracket_of(model, scene);
     page.counts(scene);

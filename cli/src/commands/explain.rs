@@ -27,6 +27,7 @@ Examples:
   hamel explain heavy_top --scene lagrange
   hamel explain two_arm_satellite --ops
   hamel explain euler_disk --formulations
+  hamel explain heavy_top --dirac
   hamel explain euler_disk --latex > euler_disk.tex"
 )]
 pub struct Arguments {
@@ -44,6 +45,9 @@ pub struct Arguments {
     /// Search for formulations that are the same motion, and print what each costs instead
     #[arg(long, conflicts_with_all = ["latex", "ops"])]
     pub formulations: bool,
+    /// Print the reduced Dirac structure instead: its conditions with the numbers of the model
+    #[arg(long, conflicts_with_all = ["ops", "formulations"])]
+    pub dirac: bool,
     /// Write the system with another connection first: the velocity becomes v = xi + A(x) xdot
     #[arg(long, value_parser = PossibleValuesParser::new(CONNECTIONS).try_map(|name| connection(&name)))]
     pub connection: Option<ConnectionKind>,
@@ -75,7 +79,10 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         return Ok(built.operation_columns());
     }
     let style = if arguments.latex { Style::Latex } else { Style::Unicode };
-    Ok(hamel_codegen::explain::explain(&model, &built, style))
+    Ok(match arguments.dirac {
+        true => hamel_codegen::explain::dirac(&model, &built, style),
+        false => hamel_codegen::explain::explain(&model, &built, style),
+    })
 }
 
 /// The table of all formulations of a scene, found under a bar that appears on a terminal only.

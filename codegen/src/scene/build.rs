@@ -18,7 +18,7 @@ use super::built::{BuiltScene, legendre_role};
 use super::dependence::ignorable;
 use super::pivots::sorted_pivots;
 use super::plan::{Drops, Outputs, Plan};
-use super::{bracket, derivatives, invariants};
+use super::{bracket, derivatives, implicit, invariants};
 
 /// Equations of one model in the formulations that its scenes ask for, each derived once.
 #[derive(Debug)]
@@ -181,6 +181,7 @@ pub(super) fn build_derived(
                 place_of(Want::Bracket.name()).or_else(|| place_of(Want::HamiltonianTime.name()))
             }
             Error::NoHamiltonianTime { .. } => place_of(Want::HamiltonianTime.name()),
+            Error::Unsupported { .. } if plan.implicit => place_of(Want::Implicit.name()),
             _ => problem.span,
         };
         model.diagnostics(vec![spec::Diagnostic { span, ..problem }])
@@ -239,6 +240,10 @@ pub(super) fn lower_scene(
     let mut moving = state.clone();
     let mut factor = graph.one();
     if plan.hamiltonian_time {
+        if plan.implicit {
+            let reason = "the implicit form is that in the time of the model".to_owned();
+            return Err(Error::NoHamiltonianTime { reason });
+        }
         let (found, output) = bracket::hamiltonian_time(&mut graph, &equations, &state)?;
         moving.iter_mut().for_each(|s| s.derivative = graph.mul(found, s.derivative));
         outputs.push(output);
@@ -269,6 +274,16 @@ pub(super) fn lower_scene(
         outputs.extend(found.outputs);
         matrices.push(found.matrix);
         own_sections.extend(found.sections);
+    }
+    let mut implicit_form = None;
+    let mut implicit_requests = Vec::new();
+    if plan.implicit {
+        let found = implicit::find(&mut graph, &equations, &state)?;
+        outputs.push(found.output);
+        inputs.arguments.extend(found.arguments);
+        own_sections.extend(found.sections);
+        implicit_requests.extend(found.requests);
+        implicit_form = Some(found.implicit);
     }
     graph.within_budget()?;
     graph.enter(Stage::Lowering);
@@ -303,6 +318,7 @@ pub(super) fn lower_scene(
     if !legendre.momenta.is_empty() {
         requests.push(Request { role: legendre_role(), results: legendre.momenta.clone() });
     }
+    requests.extend(implicit_requests);
     let carried: BTreeSet<SymbolId> = inputs.state.iter().copied().collect();
     let left_out: BTreeSet<SymbolId> =
         system.algebroid.base().iter().filter(|x| !carried.contains(x)).copied().collect();
@@ -329,6 +345,7 @@ pub(super) fn lower_scene(
         outputs,
         matrices,
         products,
+        implicit: implicit_form,
         wants_taylor,
         doc,
         chosen,

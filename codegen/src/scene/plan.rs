@@ -38,6 +38,7 @@ pub(super) struct Plan {
     pub(super) bracket: bool,
     /// The time in which the motion is Hamiltonian, in the place of the model's.
     pub(super) hamiltonian_time: bool,
+    pub(super) implicit: bool,
     pub(super) taylor: bool,
     pub(super) reconstructs: bool,
     pub(super) drops: Drops,
@@ -77,6 +78,7 @@ impl Plan {
             invariants: false,
             bracket: false,
             hamiltonian_time: false,
+            implicit: false,
             taylor: false,
             reconstructs: false,
             drops: Drops::Nothing,
@@ -108,6 +110,7 @@ impl Plan {
                     Wanted::Want(Want::Invariants) => plan.invariants = true,
                     Wanted::Want(Want::Bracket) => plan.bracket = true,
                     Wanted::Want(Want::HamiltonianTime) => plan.hamiltonian_time = true,
+                    Wanted::Want(Want::Implicit) => plan.implicit = true,
                     Wanted::Want(want) => match Derivative::of(*want) {
                         Some(derivative) => _ = plan.derivatives.insert(derivative),
                         None => outputs.push(wanted.clone()),

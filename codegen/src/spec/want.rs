@@ -56,11 +56,13 @@ pub enum Want {
     Bracket,
     /// The time in which the motion is Hamiltonian.
     HamiltonianTime,
+    /// The equations with a mass matrix, `M z' = f(t, z)`, and their variables at a state.
+    Implicit,
 }
 
 impl Want {
     /// All of them, in the order in which messages list them.
-    pub const ALL: [Want; 23] = [
+    pub const ALL: [Want; 24] = [
         Want::Rhs,
         Want::Energy,
         Want::EnergyRate,
@@ -84,6 +86,7 @@ impl Want {
         Want::Invariants,
         Want::Bracket,
         Want::HamiltonianTime,
+        Want::Implicit,
     ];
 
     /// What the scene says, and the name of the function or output where there is one.
@@ -112,6 +115,7 @@ impl Want {
             Want::Invariants => "invariants",
             Want::Bracket => "bracket",
             Want::HamiltonianTime => "hamiltonian_time",
+            Want::Implicit => "implicit",
         }
     }
 
@@ -124,7 +128,7 @@ impl Want {
     /// name anything but an output.
     pub(super) fn is_in_tables(self) -> bool {
         use Want::{
-            Bracket, Casimirs, Circles, Constraint, HamiltonianTime, Invariants, MomentumEquation,
+            Bracket, Casimirs, Circles, Constraint, HamiltonianTime, Implicit, Invariants, MomentumEquation,
             NonholonomicMomentum, Outputs, Taylor, Velocities,
         };
         !matches!(
@@ -140,6 +144,7 @@ impl Want {
                 | Invariants
                 | Bracket
                 | HamiltonianTime
+                | Implicit
         )
     }
 }
