@@ -5,10 +5,12 @@
 //!
 //! [`ReducedSystem`]: crate::reduction::ReducedSystem
 
+mod coefficients;
 mod constrained;
 mod derive;
 mod equations;
 mod equivalence;
+mod given;
 mod hamilton;
 mod integrable;
 mod legendre;
@@ -21,6 +23,7 @@ mod solve;
 mod squares;
 mod vertical;
 
+pub use coefficients::{Coefficients, ConstrainedCoefficients, connection_coefficients};
 pub use derive::derive;
 pub use equations::{Equations, Facts, Form, Legendre, LinearSystem, Output, OutputKind, StateEquation};
 pub use equivalence::{ChangeOfState, Unrelated, same_motion};

@@ -251,7 +251,7 @@ impl ModelBuilder {
 
     pub(super) fn check_independent(&mut self, constraints: &[Constraint]) -> Option<Vec<usize>> {
         let (names, span) = self.independent.clone()?;
-        let n_velocities = self.base.len() + self.velocities.len();
+        let n_velocities = self.n_shape() + self.velocities.len();
         let mut chosen = Vec::new();
         let before = self.problems.len();
         for (name, span) in names {

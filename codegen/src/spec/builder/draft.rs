@@ -4,6 +4,9 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::algebroid::AlgebroidDraft;
+use super::frame::FrameDraft;
+use super::given::GivenDraft;
 use crate::algebra::LieAlgebra;
 use crate::error::Error;
 use crate::expr::{Budget, ExprId, Graph, Number, Rational, SymbolId};
@@ -30,6 +33,8 @@ pub(in crate::spec) enum DeclaredAs {
     MomentumComponent,
     Reconstructed,
     Definition,
+    FrameVelocity,
+    Section,
 }
 
 impl DeclaredAs {
@@ -48,6 +53,8 @@ impl DeclaredAs {
             DeclaredAs::MomentumComponent => "a component of a momentum",
             DeclaredAs::Reconstructed => "a reconstructed coordinate",
             DeclaredAs::Definition => "a definition",
+            DeclaredAs::FrameVelocity => "a quasi-velocity of the frame",
+            DeclaredAs::Section => "a basis element of the algebroid",
         }
     }
 
@@ -186,6 +193,14 @@ pub struct ModelBuilder {
     pub(in crate::spec) velocities: Vec<Velocity>,
     pub(super) action: Option<(Side, Option<Span>)>,
     pub(super) quasi_velocities: Vec<Velocity>,
+    pub(super) frame_velocities: Vec<FrameDraft>,
+    /// The frame, and the velocities of the algebra before it.
+    pub(super) frame: Option<(QuasiFrame, Vec<Velocity>)>,
+    /// Values of velocities that the frame replaces or an anchor gives.
+    pub(super) images: Vec<ExprId>,
+    pub(super) algebroid: Option<AlgebroidDraft>,
+    /// Rates in the place of a Lagrangian.
+    pub(super) given: Vec<GivenDraft>,
     pub(super) momenta: Vec<Momentum>,
     pub(super) carries: Vec<CarryDraft>,
     pub(super) connection: Vec<(String, Value, Option<Span>)>,
@@ -248,6 +263,11 @@ impl ModelBuilder {
             velocities: Vec::new(),
             action: None,
             quasi_velocities: Vec::new(),
+            frame_velocities: Vec::new(),
+            frame: None,
+            images: Vec::new(),
+            algebroid: None,
+            given: Vec::new(),
             momenta: Vec::new(),
             carries: Vec::new(),
             connection: Vec::new(),
