@@ -90,11 +90,8 @@ impl Page {
                 _ => format!("{} {b}", self.name(v)),
             })
             .collect();
-        let sum = self.inline(&match self.style {
-            Style::MathMl => format!("<mi>y</mi><mo>=</mo>{}", self.sum(&pairs)),
-            _ => format!("y = {}", pairs.join(" + ")),
-        });
-        self.line(&sum);
+        let sum = self.inline(&if self.html() { self.sum(&pairs) } else { pairs.join(" + ") });
+        self.line(&format!("Velocity {sum}, with the brackets"));
         let rows: Vec<(String, String)> = own
             .brackets
             .iter()

@@ -44,7 +44,7 @@ pub struct ConstrainedCoefficients {
 /// Koszul's formula has.
 pub fn connection_coefficients(system: &ReducedSystem) -> Result<Coefficients, Error> {
     let unsupported = |what: &str| Error::Unsupported {
-        what: format!("coefficients of a connection {what}"),
+        what: format!("a Levi-Civita connection {what}"),
         possible: "a kinetic energy that is quadratic in the velocities and not degenerate".into(),
     };
     if system.hamiltonian.is_some() || system.accelerations.is_some() {

@@ -52,9 +52,12 @@ impl ModelBuilder {
             return;
         }
         if basis.len() != velocities.len() {
-            let message =
-                format!("{} velocities for {} elements of the basis", velocities.len(), basis.len());
             let at = velocities.first().and_then(|(_, span)| *span);
+            let counted =
+                |n: usize, one: &str, several: &str| format!("{n} {}", if n == 1 { one } else { several });
+            let velocities = counted(velocities.len(), "velocity", "velocities");
+            let elements = counted(basis.len(), "element", "elements");
+            let message = format!("{velocities} for {elements} of the basis");
             self.problem(at, message, "each element of the basis has one velocity");
             self.broken.extend(["algebroid", "velocity"]);
         }

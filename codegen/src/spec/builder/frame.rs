@@ -246,6 +246,14 @@ impl ModelBuilder {
         self.graph.cancel_zero(rewritten)
     }
 
+    /// An initial value of a velocity that is none of the model's.
+    pub(super) fn replaced_at_the_start(&mut self, name: &str, span: Option<Span>) {
+        let by = if self.frame.is_some() { "which the frame replaces" } else { "which the anchor gives" };
+        let message = format!("initial value of `{name}` is that of a velocity {by}");
+        let help = short_list("the state has", &self.velocity_names());
+        self.problem(span, message, help);
+    }
+
     /// What has no meaning beside a frame.
     pub(super) fn check_beside_frame(&mut self) {
         if self.frame.is_none() {

@@ -9,7 +9,6 @@ use super::symbols::Special;
 use crate::expr::{ExprId, SymbolId};
 use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::model::*;
-use crate::spec::names;
 use crate::spec::value::Value;
 
 #[derive(Clone, Debug)]

@@ -318,7 +318,10 @@ impl ModelBuilder {
             let components: Option<Vec<String>> =
                 target.and_then(|v| v.entries().iter().map(|e| variables.get(e).cloned()).collect());
             let Some(components) = components else {
-                self.unknown_variable(&name, span);
+                match self.value_of_replaced(&name) {
+                    Some(_) => self.replaced_at_the_start(&name, span),
+                    None => self.unknown_variable(&name, span),
+                }
                 continue;
             };
             let Some(value) = self.fitted("initial value of", &name, &value, span) else { continue };
