@@ -228,8 +228,8 @@ fn polar_coordinates_have_the_frame_of_the_literature() {
         e.system.graph.subs(e.state[k].derivative, &values).expect("no division by zero")
     };
     let (u_dot, v_dot) = (inlined(&mut framed, 2), inlined(&mut framed, 3));
+    let symbols = [0, 2, 3].map(|k| framed.state[k].symbol);
     let g = &mut framed.system.graph;
-    let symbols = ["r", "u", "v"].map(|name| g.symbol(name));
     let [r, u, v] = symbols.map(|s| g.sym(s));
     let of = |g: &mut Graph, num: [ExprId; 2]| {
         let product = g.mul(num[0], num[1]);
@@ -506,7 +506,7 @@ fn geodesic_accelerations_are_minus_the_coefficients() {
         at.extend(names.iter().map(|n| (n.clone(), draws.non_zero())));
         let Some(said) = said(&equations, &at) else { continue };
         let mut g = coefficients.graph.clone();
-        let x = g.symbol("x");
+        let x = equations.system.algebroid.base()[0];
         let point = BTreeMap::from([(x, g.rational(at["x"].clone()))]);
         for (c, name) in names.iter().enumerate() {
             let mut sum = int(0);

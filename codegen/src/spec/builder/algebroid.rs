@@ -39,6 +39,11 @@ impl ModelBuilder {
         if self.algebroid.is_some() { 0 } else { self.base.len() }
     }
 
+    /// Whether the velocities are those of an algebroid, and in no algebra.
+    pub(in crate::spec) fn has_algebroid(&self) -> bool {
+        self.algebroid.is_some()
+    }
+
     pub(in crate::spec) fn located_algebroid(
         &mut self,
         basis: &[Located],

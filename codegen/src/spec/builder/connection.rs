@@ -50,8 +50,8 @@ impl ModelBuilder {
             }
         }
         for (name, value, span) in &items {
-            let indices = self.velocity_indices(name);
-            if indices.is_empty() || indices.iter().any(|k| *k < n_base) {
+            let indices = self.original_indices(name);
+            if indices.is_empty() {
                 self.unknown_algebra_velocity(name, *span);
                 continue;
             }
@@ -66,8 +66,8 @@ impl ModelBuilder {
             let Some(value) = self.fitted("connection on", name, value, *span) else { continue };
             for (k, e) in indices.into_iter().zip(value.into_entries()) {
                 let Some(row) = self.connection_row(name, e, *span) else { break };
-                if rows[k - n_base].replace(row).is_some() {
-                    let taken = self.velocities[k - n_base].name.clone();
+                if rows[k].replace(row).is_some() {
+                    let taken = self.original_velocities()[k].name.clone();
                     self.problem(
                         *span,
                         format!("connection on `{taken}` is given twice"),

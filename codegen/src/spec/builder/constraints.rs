@@ -168,6 +168,7 @@ impl ModelBuilder {
 
     /// The part without accelerations and the kind.
     fn classify(&mut self, e: ExprId, place: &str, span: Option<Span>) -> Option<(ExprId, ConstraintKind)> {
+        let e = self.simple_in_frame(e);
         let special = [Special::QuasiVelocity, Special::Acceleration];
         if self.reports_stray(e, span, place, &special) {
             return None;

@@ -83,6 +83,7 @@ impl ModelBuilder {
                 return zero;
             }
         };
+        let e = self.simple_in_frame(e);
         self.reports_stray(e, span, "the lagrangian", &[]);
         let velocities = self.velocity_symbols();
         if !velocities.is_empty()

@@ -9,11 +9,14 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::draft::{DeclaredAs, ModelBuilder};
 use crate::algebra::solve_symbolic;
-use crate::expr::{ExprId, Node, SymbolId};
+use crate::expr::{ExprId, Node, Rational, SymbolId};
 use crate::spec::diagnostic::Span;
 use crate::spec::layout::short_list;
 use crate::spec::model::*;
 use crate::spec::value::Value;
+
+/// Quasi-velocities up to which a frame is inverted by cofactors, which divide by the determinant alone.
+const MAX_COFACTORS: usize = 3;
 
 #[derive(Clone, Debug)]
 pub(super) struct FrameDraft {
@@ -72,27 +75,17 @@ impl ModelBuilder {
 
     fn settle(&mut self, drafts: &[FrameDraft]) -> Option<()> {
         let (rows, used) = self.rows_of_frame(drafts)?;
-        let n = used.len();
         let square: Vec<Vec<ExprId>> =
             rows.iter().map(|row| used.iter().map(|k| row[*k]).collect()).collect();
         let (zero, one) = (self.graph.zero(), self.graph.one());
         let unit = |n: usize| -> Vec<Vec<ExprId>> {
             (0..n).map(|i| (0..n).map(|j| if i == j { one } else { zero }).collect()).collect()
         };
-        let Ok(mut solved) = solve_symbolic(&mut self.graph, &square, &unit(n)) else {
+        let Some((solved, determinant)) = self.inverse(&square) else {
             let names: Vec<String> = drafts.iter().map(|d| d.name.clone()).collect();
             let message = format!("the quasi-velocities {} depend on each other", names.join(", "));
             self.problem(drafts[0].span, message, "no combination of them may vanish");
             return None;
-        };
-        solved.iter_mut().flatten().for_each(|e| *e = self.graph.cancel_zero(*e));
-        let lists = square.iter().map(|row| Value::Vector(row.clone())).collect();
-        let determinant = match square.as_slice() {
-            [row] => Some(row[0]),
-            _ => Value::list(lists)
-                .and_then(|matrix| matrix.det(&mut self.graph))
-                .ok()
-                .map(|value| value.entries()[0]),
         };
         let m = self.velocity_symbols().len();
         let (mut matrix, mut inverse) = (unit(m), unit(m));
@@ -124,6 +117,110 @@ impl ModelBuilder {
         let values = self.values_in(&frame);
         self.frame = Some((frame, before));
         self.rewrite(&values)
+    }
+
+    /// The inverse of a matrix and its determinant; none where it is singular identically.
+    fn inverse(&mut self, square: &[Vec<ExprId>]) -> Option<(Vec<Vec<ExprId>>, Option<ExprId>)> {
+        let n = square.len();
+        let (zero, one) = (self.graph.zero(), self.graph.one());
+        let determinant = self.determinant(square, &[]);
+        let determinant = determinant.map(|e| self.flat(e));
+        if determinant.is_some_and(|e| self.graph.is_zero(e)) {
+            return None;
+        }
+        if let Some(divisor) = determinant.filter(|_| n <= MAX_COFACTORS) {
+            let mut rows = vec![vec![zero; n]; n];
+            for (i, row) in rows.iter_mut().enumerate() {
+                for (j, entry) in row.iter_mut().enumerate() {
+                    let minor = self.determinant(square, &[(j, i)])?;
+                    let quotient = self.graph.div(minor, divisor).ok()?;
+                    let quotient = if (i + j) % 2 == 0 { quotient } else { self.graph.neg(quotient) };
+                    *entry = self.flat(quotient);
+                }
+            }
+            return Some((rows, determinant));
+        }
+        let unit: Vec<Vec<ExprId>> =
+            (0..n).map(|i| (0..n).map(|j| if i == j { one } else { zero }).collect()).collect();
+        let mut rows = solve_symbolic(&mut self.graph, square, &unit).ok()?;
+        for e in rows.iter_mut().flatten() {
+            *e = self.flat(*e);
+        }
+        Some((rows, determinant))
+    }
+
+    /// The determinant without some row and column; none where the matrix is too large.
+    fn determinant(&mut self, square: &[Vec<ExprId>], without: &[(usize, usize)]) -> Option<ExprId> {
+        let kept_row = |i: &usize| without.iter().all(|(row, _)| row != i);
+        let kept_column = |j: &usize| without.iter().all(|(_, column)| column != j);
+        let rows: Vec<Vec<ExprId>> = (0..square.len())
+            .filter(kept_row)
+            .map(|i| (0..square.len()).filter(kept_column).map(|j| square[i][j]).collect())
+            .collect();
+        match rows.as_slice() {
+            [] => Some(self.graph.one()),
+            [row] => Some(row[0]),
+            _ => {
+                let matrix = Value::list(rows.into_iter().map(Value::Vector).collect()).ok()?;
+                let value = matrix.det(&mut self.graph).ok()?;
+                Some(value.entries()[0])
+            }
+        }
+    }
+
+    /// The same value, without coordinates and time that it does not depend on: `cos(x)^2 + sin(x)^2` is one.
+    fn flat(&mut self, e: ExprId) -> ExprId {
+        let mut value = self.graph.cancel_zero(e);
+        let variables = self.base.iter().map(|c| c.symbol).chain([self.time]);
+        for symbol in variables.collect::<Vec<_>>() {
+            if !self.graph.free_symbols(value).contains(&symbol) {
+                continue;
+            }
+            let slope = self.graph.diff(value, symbol);
+            if self.graph.is_zero(slope) {
+                let zero = self.graph.zero();
+                value = self.graph.subs(value, &BTreeMap::from([(symbol, zero)])).unwrap_or(value);
+            }
+        }
+        value
+    }
+
+    /// The same function of the velocities, if it is a polynomial of degree two in them: with coefficients that are as
+    /// simple in the frame as they can be seen to be. Velocities before the frame stand there as what they are in it.
+    pub(super) fn simple_in_frame(&mut self, e: ExprId) -> ExprId {
+        if self.frame.is_none() {
+            return e;
+        }
+        let velocities = self.velocity_symbols();
+        let moving: BTreeSet<SymbolId> = velocities.iter().copied().collect();
+        let zero = self.graph.zero();
+        let at_rest: BTreeMap<SymbolId, ExprId> = velocities.iter().map(|y| (*y, zero)).collect();
+        let slopes: Vec<ExprId> = velocities.iter().map(|y| self.graph.diff(e, *y)).collect();
+        let (Ok(constant), Ok(linear)) =
+            (self.graph.subs(e, &at_rest), self.graph.subs_all(&slopes, &at_rest))
+        else {
+            return e;
+        };
+        let (mut terms, mut is_simpler) = (vec![constant], false);
+        let half = Rational::new(1.into(), 2.into());
+        for (a, (y, slope)) in velocities.iter().zip(&slopes).enumerate() {
+            let simple = self.flat(linear[a]);
+            is_simpler |= simple != linear[a];
+            let velocity = self.graph.sym(*y);
+            terms.push(self.graph.mul(simple, velocity));
+            for (b, z) in velocities.iter().enumerate().skip(a) {
+                let second = self.graph.diff(*slope, *z);
+                let simple = self.flat(second);
+                if self.graph.depends_on(simple, &moving) {
+                    return e;
+                }
+                is_simpler |= simple != second;
+                let other = self.graph.sym(*z);
+                let product = self.graph.product(&[simple, velocity, other]);
+                terms.push(if a == b { self.graph.scale(product, &half) } else { product });
+            }
+        }
+        if is_simpler { self.graph.sum(&terms) } else { e }
     }
 
     /// The coefficients of each quasi-velocity, and which velocities these are made of.
@@ -278,6 +375,14 @@ impl ModelBuilder {
     /// The velocities of the algebra that the frame replaces, and the others.
     pub(super) fn original_velocities(&self) -> &[Velocity] {
         self.frame.as_ref().map_or(&self.velocities, |(_, before)| before)
+    }
+
+    /// The velocities of a vector or component in the algebra before the frame, by element of the algebra.
+    pub(super) fn original_indices(&self, name: &str) -> Vec<usize> {
+        let velocities = self.original_velocities();
+        let alone = velocities.iter().position(|v| v.name == name);
+        let of_block = || (0..velocities.len()).filter(|k| velocities[*k].block == name).collect();
+        alone.map_or_else(of_block, |k| vec![k])
     }
 
     /// The velocity `k`, of those before the frame, by the velocities of the model.

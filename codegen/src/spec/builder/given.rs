@@ -162,8 +162,7 @@ impl ModelBuilder {
             return false;
         }
         let message = format!("scene `{scene}` wants `{want}`, but the motion follows from no lagrangian");
-        let help =
-            format!("`acceleration` and `field` say nothing of it; outputs: {}", names::list(&["rhs"]));
+        let help = "`acceleration` and `field` say nothing of it; write what you want as an `output`";
         self.problem(span, message, help);
         true
     }

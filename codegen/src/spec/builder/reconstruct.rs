@@ -224,15 +224,14 @@ impl ModelBuilder {
         if self.broken.contains("velocity") {
             return None;
         }
-        let velocities = self.original_velocities().to_vec();
-        let named = |name: &str| -> Vec<usize> {
-            let alone = velocities.iter().position(|v| v.name == name);
-            let of_block = (0..velocities.len()).filter(|k| velocities[*k].block == name);
-            alone.map_or_else(|| of_block.collect(), |k| vec![k])
-        };
+        if self.has_algebroid() {
+            let message = format!("an algebroid moves no {group}");
+            self.problem(span, message, "give the rates: `reconstruct x by expression;`");
+            return None;
+        }
         let mut indices: Vec<usize> = Vec::new();
         for (name, span) in from {
-            let found = named(name);
+            let found = self.original_indices(name);
             if found.is_empty() {
                 self.unknown_algebra_velocity(name, *span);
                 return None;

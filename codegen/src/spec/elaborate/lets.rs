@@ -73,6 +73,8 @@ impl Elaboration<'_> {
             if self.poisoned.contains(&name.text) {
                 continue;
             }
+            // The sections of an algebroid are no algebra.
+            let is_own = self.builder.has_algebroid();
             let mut evaluator = Evaluator {
                 graph: &mut self.builder.graph,
                 values: &self.builder.values,
@@ -84,7 +86,7 @@ impl Elaboration<'_> {
                 operator: None,
                 withheld: &self.withheld,
                 algebras: &self.algebras,
-                own_algebra: self.builder.algebra.as_ref().map(|(algebra, _)| algebra),
+                own_algebra: self.builder.algebra.as_ref().filter(|_| !is_own).map(|(algebra, _)| algebra),
             };
             match evaluator.eval(expr) {
                 Some((value, bits)) => {
