@@ -181,6 +181,20 @@ pub enum Error {
         /// The highest order.
         most: usize,
     },
+    /// Matrices of this size are not available.
+    MatrixSize {
+        /// The size asked for.
+        n: usize,
+        /// The sizes that there are, in words.
+        allowed: &'static str,
+    },
+    /// The room that was given is too small.
+    Storage {
+        /// Numbers that there is room for.
+        given: usize,
+        /// Numbers that there has to be room for.
+        needed: usize,
+    },
     /// Dense output was asked for after a failed step, which overwrote the stages it needs, or after a stop at an
     /// event.
     NoDenseOutput {
@@ -242,8 +256,9 @@ impl fmt::Display for Error {
                     "method {method}: stages of the step {h:e} from t = {t} did not converge in \
                      {iterations} iterations: take a smaller step"
                 )?;
-                // The fixed-point iteration has an alternative.
-                if method.ends_with("-newton") { Ok(()) } else { write!(f, ", or {method}-newton") }
+                // The fixed-point iteration of Gauss methods has an alternative.
+                let has_alternative = method.starts_with("gauss") && !method.ends_with("-newton");
+                if has_alternative { write!(f, ", or {method}-newton") } else { Ok(()) }
             }
             Self::EventNotFinite { t, index } => {
                 write!(
@@ -260,6 +275,12 @@ impl fmt::Display for Error {
             }
             Self::Order { order, least, most } => {
                 write!(f, "order {order} is not available: take one from {least} to {most}")
+            }
+            Self::MatrixSize { n, allowed } => {
+                write!(f, "matrices of size {n} are not available: take {allowed}")
+            }
+            Self::Storage { given, needed } => {
+                write!(f, "room for {given} numbers is too small: give room for {needed}")
             }
             Self::NoDenseOutput { t } => {
                 write!(
@@ -337,6 +358,8 @@ mod tests {
             Error::EventNotFinite { t: 1.0, index: 0 },
             Error::InvariantNotFinite { t: 1.0, index: 0 },
             Error::Order { order: 40, least: 2, most: 32 },
+            Error::MatrixSize { n: 4, allowed: "an odd number from 3 on" },
+            Error::Storage { given: 1, needed: 2 },
             Error::NoDenseOutput { t: 1.0 },
         ];
         for error in errors {

@@ -80,6 +80,7 @@ mod jet;
 #[cfg(feature = "lanes")]
 mod lanes;
 pub mod math;
+pub mod matrices;
 mod methods;
 #[cfg(feature = "nalgebra")]
 mod on_vectors;

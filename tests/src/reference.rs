@@ -14,7 +14,7 @@ pub const WITHOUT_FILE: [(&str, &str); 6] = [
         "appell_machine",
         "its motion is known in closed form, which bundles_motion.rs and bundles_reactions.rs compare",
     ),
-    ("charged_particle", "degenerate.rs has a system of the same kind, and its limit without mass"),
+    ("charged_particle", "held to Newton's equations, and without mass to the drift, in tests/degenerate.rs"),
     (
         "guiding_centre",
         "a degenerate Lagrangian, held to its Euler-Lagrange equations and to print in tests/degenerate.rs",

@@ -259,13 +259,14 @@ fn velocities_of_an_algebra_go_on_beside_massless_coordinates() {
 /// The shipped models, by what is in print about them.
 #[test]
 fn shipped_models_move_as_their_sources_say() {
-    let rates = |model: &str, state: &[f64]| {
-        let built = models::build(model, scene::DEFAULT);
+    let rates_in = |model: &str, scene: &str, state: &[f64]| {
+        let built = models::build(model, scene);
         let params: Vec<f64> = built.params().iter().map(|p| rational_to_f64(&p.default)).collect();
         let mut rates = vec![0.0; state.len()];
         built.prepare(&params).unwrap().rhs(0.0, state, &mut rates);
         rates
     };
+    let rates = |model: &str, state: &[f64]| rates_in(model, scene::DEFAULT, state);
     let close = |found: Vec<f64>, expected: &[f64]| {
         let is_close = |(a, b): (&f64, &f64)| (a - b).abs() < 1e-15 * (1.0 + b.abs()) * 4.0;
         assert!(found.iter().zip(expected).all(is_close), "{found:?} {expected:?}");
@@ -278,6 +279,11 @@ fn shipped_models_move_as_their_sources_say() {
     let b = 1.2 + 0.3 * x + 0.2 * x.cos() * y.cos();
     let (bx, by) = (0.3 - 0.2 * x.sin() * y.cos(), -0.2 * x.cos() * y.sin());
     close(rates("guiding_centre", &[x, y]), &[-(0.2 * by - 0.1) / b, 0.2 * bx / b]);
+    // Newton: m r'' = b (1 + k x^2) (y', -x') - (c1 x, c2 y), and without the left side.
+    let (vx, vy) = (0.5f64, -0.2f64);
+    let (m, b) = (0.05, 1.5 * (1.0 + 0.3 * x * x));
+    close(rates("charged_particle", &[x, y, vx, vy]), &[vx, vy, (b * vy - x) / m, (-b * vx - 2.0 * y) / m]);
+    close(rates_in("charged_particle", "drift", &[x, y]), &[-2.0 * y / b, x / b]);
     // Velocities of vortices: Gamma/(2 pi r) about each other.
     let z = [0.2, -1.0, 0.9, 0.4, 0.7, -0.3, 1.1, -0.8];
     let gamma = [1.0, 0.8, 1.2, -0.6];

@@ -134,6 +134,39 @@ impl Algebroid {
         self.drift.values().any(|value| !value.is_empty())
     }
 
+    /// What changes a momentum, along the section `alpha`: `rho^i_alpha dL/dx^i + F_alpha + (N^gamma_alpha -
+    /// C^gamma_{alpha beta} y^beta) p_gamma`, by the force `F_alpha`, the velocities `y`, the momenta `p` and the slopes
+    /// `dL/dx`.
+    ///
+    /// # Shapes
+    /// `y`, `momentum`: one per section, `slopes`: one per base coordinate.
+    ///
+    /// # Source
+    /// Cortes, de Leon, Marrero, Martinez 2009, equation (3.5).
+    pub fn net_force(
+        &self,
+        g: &mut Graph,
+        (alpha, force): (usize, ExprId),
+        y: &[ExprId],
+        momentum: &[ExprId],
+        slopes: &[ExprId],
+    ) -> ExprId {
+        let mut terms = vec![force];
+        for (i, slope) in slopes.iter().enumerate() {
+            terms.push(g.mul(self.anchor(i, alpha), *slope));
+        }
+        for (beta, y) in y.iter().enumerate() {
+            for (gamma, c) in self.bracket(g, alpha, beta) {
+                let term = g.product(&[c, *y, momentum[gamma]]);
+                terms.push(g.neg(term));
+            }
+        }
+        for (gamma, n) in self.drift(alpha) {
+            terms.push(g.mul(*n, momentum[*gamma]));
+        }
+        g.sum(&terms)
+    }
+
     /// The derivative of a function along a section: `rho^i_alpha df/dx^i`.
     pub fn derivative_along(&self, g: &mut Graph, alpha: usize, f: ExprId) -> ExprId {
         if g.as_rational(f).is_some() {

@@ -143,7 +143,7 @@ fn half() -> Rational64 {
 /// ```
 /// use hamel_codegen::expr::{Number, Scalar};
 /// // 1 + 2 cos(2 pi/5) + 2 cos(4 pi/5) = 0, though no two of these are multiples of each other.
-/// let cosine = |k| Number::cos_pi(2 * k, 5).unwrap();
+/// let cosine = |k: i64| Number::cos_pi(2 * k, 5).unwrap();
 /// let sum = cosine(1).plus(&cosine(2));
 /// assert!(sum.plus(&sum).plus(&Number::one()).is_zero());
 /// assert!(!sum.is_zero());

@@ -131,20 +131,7 @@ impl Derivation<'_> {
     ) -> Result<ExprId, Error> {
         let system = self.system;
         let force = self.replace(system.forces[alpha])?;
-        let mut terms = vec![force];
-        for (i, slope) in slopes.iter().enumerate() {
-            terms.push(self.g.mul(system.algebroid.anchor(i, alpha), *slope));
-        }
-        for beta in 0..self.y.len() {
-            for (gamma, c) in system.algebroid.bracket(&mut self.g, alpha, beta) {
-                let term = self.g.product(&[c, self.y[beta], momentum[gamma]]);
-                terms.push(self.g.neg(term));
-            }
-        }
-        for (gamma, n) in system.algebroid.drift(alpha) {
-            terms.push(self.g.mul(*n, momentum[*gamma]));
-        }
-        Ok(self.g.sum(&terms))
+        Ok(system.algebroid.net_force(&mut self.g, (alpha, force), &self.y, momentum, slopes))
     }
 
     /// `de/dx^i xdot^i + de/dt` at fixed velocities, for an expression in the raw velocity symbols.

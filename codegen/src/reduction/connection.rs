@@ -103,7 +103,7 @@ fn refused(model: &Model, error: &Error) -> Diagnostics {
 }
 
 /// Hessian of `L` in all velocities.
-fn hessian(model: &mut Model) -> Vec<Vec<ExprId>> {
+pub(super) fn hessian(model: &mut Model) -> Vec<Vec<ExprId>> {
     let velocities: Vec<SymbolId> = model.all_velocities().into_iter().map(|(_, s)| s).collect();
     let g = &mut model.graph;
     let mut rows = Vec::with_capacity(velocities.len());

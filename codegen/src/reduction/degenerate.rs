@@ -17,8 +17,9 @@ use crate::error::Error;
 use crate::expr::{ExprId, Graph, Sign, Style, SymbolId, Vanishing, independent_rows};
 use crate::spec::Model;
 
+use super::connection::hessian;
 use super::constraint::{
-    ConstraintRow, Elimination, KinematicConstraint, SolvedConstraint, Solver, Unknown, frame_unknowns,
+    ConstraintRow, KinematicConstraint, SolvedConstraint, Solver, Unknown, frame_unknowns,
 };
 
 /// How often conditions are looked for, and one of them is differentiated.
@@ -85,40 +86,35 @@ pub(super) fn completed(
         return Ok(None);
     }
     // What a regular Lagrangian is does not change for having been looked at.
-    let mut graph = model.graph.clone();
+    let mut looked_at = model.clone();
+    let hessian = hessian(&mut looked_at);
+    let mut graph = std::mem::take(&mut looked_at.graph);
     let unknowns = frame_unknowns(model);
-    let names: Vec<String> = unknowns.iter().map(|u| u.name.clone()).collect();
     let mut search = Search {
         params: model.params.iter().map(|p| p.symbol).collect(),
         moving: algebroid.base().iter().copied().chain([model.time]).collect(),
         symbols: unknowns.iter().map(|u| u.symbol).collect(),
-        model,
+        model: &looked_at,
         algebroid,
         signs,
-        names,
+        names: unknowns.iter().map(|u| u.name.clone()).collect(),
         unknowns,
+        hessian,
         displacements: solved.virtual_displacements.clone(),
-        rows: solved.rows.clone(),
-        form: Elimination {
-            dependent: solved.dependent.clone(),
-            psi: solved.psi.clone(),
-            psi0: solved.psi0.clone(),
-            pivots: solved.pivots.clone(),
-        },
+        is_own: solved.virtual_displacements != solved.psi,
+        form: solved.clone(),
         used: Vec::new(),
         found: Degeneracy::default(),
     };
-    let hessian = search.hessian(&mut graph);
-    let matrix = search.mass_matrix(&mut graph, &hessian)?;
-    if independent_rows(&graph, &matrix).len() == search.n_unknowns() {
+    let matrix = search.mass_matrix(&mut graph)?;
+    if independent_rows(&graph, &matrix).len() == search.form.unknowns.len() {
         return Ok(None);
     }
-    let is_own = solved.virtual_displacements != solved.psi;
-    let matrix = search.run(&mut graph, &hessian)?;
+    let matrix = search.run(&mut graph)?;
     if search.found.steps.is_empty() {
         return Ok(None);
     }
-    let constraint = search.constraint(&mut graph, &hessian, &matrix, (solved, is_own))?;
+    let constraint = search.constraint(&mut graph, &matrix)?;
     let found = search.found;
     model.graph = graph;
     Ok(Some((KinematicConstraint::Solved(constraint), found)))
@@ -134,71 +130,47 @@ struct Search<'a> {
     names: Vec<String>,
     unknowns: Vec<Unknown>,
     symbols: Vec<SymbolId>,
+    /// `L_yy`.
+    hessian: Vec<Vec<ExprId>>,
     /// `W`, of the model.
     displacements: Vec<Vec<ExprId>>,
-    /// All conditions on velocities by now.
-    rows: Vec<ConstraintRow>,
-    /// They, solved.
-    form: Elimination,
+    /// Whether the model has virtual displacements of their own, that are not those of the motion.
+    is_own: bool,
+    /// All conditions on velocities by now, solved; reactions are those of the model.
+    form: SolvedConstraint,
     /// Combinations of equations along displacements whose conditions are known to hold.
     used: Vec<Vec<ExprId>>,
     found: Degeneracy,
 }
 
 impl Search<'_> {
-    fn n_unknowns(&self) -> usize {
-        self.names.len() - self.form.dependent.len()
-    }
-
-    /// `L_yy`.
-    fn hessian(&self, g: &mut Graph) -> Vec<Vec<ExprId>> {
-        let mut rows = Vec::new();
-        for y in &self.symbols {
-            let p = g.diff(self.model.lagrangian, *y);
-            let row = self.symbols.iter().map(|s| g.diff(p, *s)).collect::<Vec<ExprId>>();
-            rows.push(row.into_iter().map(|e| g.cancel_zero(e)).collect());
-        }
-        rows
-    }
-
-    /// `Psi u + psi0` for one velocity.
-    fn velocity(&self, g: &mut Graph, alpha: usize) -> ExprId {
-        let free: Vec<usize> = (0..self.names.len()).filter(|k| !self.form.dependent.contains(k)).collect();
-        let mut terms = vec![self.form.psi0[alpha]];
-        for (a, k) in free.into_iter().enumerate() {
-            let u = g.sym(self.symbols[k]);
-            terms.push(g.mul(self.form.psi[alpha][a], u));
-        }
-        g.sum(&terms)
-    }
-
     /// Expressions on the conditions found by now.
     fn on_conditions(&self, g: &mut Graph, list: &[ExprId]) -> Result<Vec<ExprId>, Error> {
         let dependent = self.form.dependent.iter();
         let values: BTreeMap<SymbolId, ExprId> =
-            dependent.map(|k| (self.symbols[*k], self.velocity(g, *k))).collect();
+            dependent.map(|k| (self.symbols[*k], self.form.velocity(g, *k))).collect();
         let place = || Error::DivisionByZero { place: "the equations without accelerations".into() };
         let replaced = g.subs_all(list, &values).map_err(|_| place())?;
         Ok(replaced.into_iter().map(|e| g.cancel_zero(e)).collect())
     }
 
     /// `W^T L_yy Psi`: a row for each virtual displacement.
-    fn mass_matrix(&self, g: &mut Graph, hessian: &[Vec<ExprId>]) -> Result<Vec<Vec<ExprId>>, Error> {
+    fn mass_matrix(&self, g: &mut Graph) -> Result<Vec<Vec<ExprId>>, Error> {
         let n_displacements = self.displacements.first().map_or(0, Vec::len);
         let mut rows = Vec::new();
         for b in 0..n_displacements {
             let column: Vec<ExprId> = self.displacements.iter().map(|row| row[b]).collect();
-            rows.push(self.mass_row(g, hessian, &column)?);
+            rows.push(self.mass_row(g, &column)?);
         }
         Ok(rows)
     }
 
     /// `w^T L_yy Psi`.
-    fn mass_row(&self, g: &mut Graph, hessian: &[Vec<ExprId>], w: &[ExprId]) -> Result<Vec<ExprId>, Error> {
+    fn mass_row(&self, g: &mut Graph, w: &[ExprId]) -> Result<Vec<ExprId>, Error> {
         let mut row = Vec::new();
-        for a in 0..self.n_unknowns() {
+        for a in 0..self.form.unknowns.len() {
             let mut terms = Vec::new();
-            for (alpha, along) in hessian.iter().enumerate() {
+            for (alpha, along) in self.hessian.iter().enumerate() {
                 for (beta, h) in along.iter().enumerate() {
                     terms.push(g.product(&[w[alpha], *h, self.form.psi[beta][a]]));
                 }
@@ -211,49 +183,35 @@ impl Search<'_> {
     /// Derivative along the motion at fixed velocities.
     fn drift(&self, g: &mut Graph, e: ExprId) -> ExprId {
         let mut terms = vec![g.diff(e, self.model.time)];
-        for (i, x) in self.algebroid.base().iter().enumerate() {
-            let slope = g.diff(e, *x);
-            for (alpha, y) in self.symbols.iter().enumerate() {
-                let y = g.sym(*y);
-                terms.push(g.product(&[slope, self.algebroid.anchor(i, alpha), y]));
-            }
+        for (alpha, y) in self.symbols.iter().enumerate() {
+            let slope = self.algebroid.derivative_along(g, alpha, e);
+            let y = g.sym(*y);
+            terms.push(g.mul(slope, y));
         }
         g.sum(&terms)
     }
 
-    /// `rho dL/dx + F + (N - C y) p - (dp/dx xdot + dp/dt)`: `-E` without accelerations.
+    /// `-E` without accelerations: what changes the momenta, less `dp/dx xdot + dp/dt`.
     fn drives(&self, g: &mut Graph) -> Vec<ExprId> {
         let l = self.model.lagrangian;
+        let y: Vec<ExprId> = self.symbols.iter().map(|s| g.sym(*s)).collect();
         let p: Vec<ExprId> = self.symbols.iter().map(|s| g.diff(l, *s)).collect();
         let slopes: Vec<ExprId> = self.algebroid.base().iter().map(|x| g.diff(l, *x)).collect();
         let mut drives = Vec::new();
-        for alpha in 0..p.len() {
+        for (alpha, force) in self.model.forces.iter().enumerate() {
+            let net = self.algebroid.net_force(g, (alpha, *force), &y, &p, &slopes);
             let drift = self.drift(g, p[alpha]);
-            let mut terms = vec![self.model.forces[alpha], g.neg(drift)];
-            for (i, slope) in slopes.iter().enumerate() {
-                terms.push(g.mul(self.algebroid.anchor(i, alpha), *slope));
-            }
-            for (beta, y) in self.symbols.iter().enumerate() {
-                let y = g.sym(*y);
-                for (gamma, c) in self.algebroid.bracket(g, alpha, beta) {
-                    let term = g.product(&[c, y, p[gamma]]);
-                    terms.push(g.neg(term));
-                }
-            }
-            for (gamma, n) in self.algebroid.drift(alpha) {
-                terms.push(g.mul(*n, p[*gamma]));
-            }
-            drives.push(g.sum(&terms));
+            drives.push(g.sub(net, drift));
         }
         drives
     }
 
     /// Adds conditions until there are none left; `A` at the end.
-    fn run(&mut self, g: &mut Graph, hessian: &[Vec<ExprId>]) -> Result<Vec<Vec<ExprId>>, Error> {
+    fn run(&mut self, g: &mut Graph) -> Result<Vec<Vec<ExprId>>, Error> {
         let drives = self.drives(g);
         for _ in 0..MAX_STEPS {
             g.within_budget()?;
-            let matrix = self.mass_matrix(g, hessian)?;
+            let matrix = self.mass_matrix(g)?;
             let mut is_done = true;
             for combination in left_null_vectors(g, &matrix)? {
                 self.used.push(combination.clone());
@@ -261,7 +219,7 @@ impl Search<'_> {
                     self.used.pop();
                     continue;
                 }
-                is_done &= !self.look_at(g, hessian, &drives, &combination)?;
+                is_done &= !self.look_at(g, &drives, &combination)?;
             }
             if is_done {
                 return Ok(matrix);
@@ -273,13 +231,7 @@ impl Search<'_> {
     }
 
     /// Looks at the combination of equations of motion along displacements; whether anything new was found.
-    fn look_at(
-        &mut self,
-        g: &mut Graph,
-        hessian: &[Vec<ExprId>],
-        drives: &[ExprId],
-        combination: &[ExprId],
-    ) -> Result<bool, Error> {
+    fn look_at(&mut self, g: &mut Graph, drives: &[ExprId], combination: &[ExprId]) -> Result<bool, Error> {
         let m = self.names.len();
         let mut along = Vec::new();
         for row in &self.displacements {
@@ -289,14 +241,14 @@ impl Search<'_> {
         }
         let mut lag = vec![g.zero(); m];
         for &alpha in &self.form.dependent {
-            let value = self.velocity(g, alpha);
+            let value = self.form.velocity(g, alpha);
             lag[alpha] = self.drift(g, value);
         }
         let mut terms = Vec::new();
         for alpha in 0..m {
             terms.push(g.mul(along[alpha], drives[alpha]));
             for (beta, lag) in lag.iter().enumerate() {
-                let term = g.product(&[along[alpha], hessian[alpha][beta], *lag]);
+                let term = g.product(&[along[alpha], self.hessian[alpha][beta], *lag]);
                 terms.push(g.neg(term));
             }
         }
@@ -317,7 +269,7 @@ impl Search<'_> {
                     return Err(left(g, direction, condition, "is not linear in the velocities"));
                 };
                 if one_form.iter().any(|e| *e != g.zero()) {
-                    self.solve(g, hessian, combination, (condition, one_form, offset))?;
+                    self.solve(g, combination, (condition, one_form, offset))?;
                     return Ok(true);
                 }
                 condition = offset;
@@ -342,32 +294,31 @@ impl Search<'_> {
     fn solve(
         &mut self,
         g: &mut Graph,
-        hessian: &[Vec<ExprId>],
         combination: Vec<(String, ExprId)>,
         (condition, one_form, offset): (ExprId, Vec<ExprId>, ExprId),
     ) -> Result<(), Error> {
         let text = format!("{} = 0", g.display(condition, Style::Plain));
         let name = format!("equation{}", self.found.steps.len() + 1);
-        self.rows.push(ConstraintRow { name, text, one_form, offset });
-        let form = self.solved(g, hessian)?;
-        let new = form.dependent.iter().find(|k| !self.form.dependent.contains(k));
+        let before = self.form.dependent.clone();
+        self.form.rows.push(ConstraintRow { name, text, one_form, offset });
+        self.solve_rows(g)?;
+        let new = self.form.dependent.iter().find(|k| !before.contains(k));
         let solved_for = new.map(|k| self.names[*k].clone()).unwrap_or_default();
         let outcome = DegenerateOutcome::Solved(solved_for);
         self.found.steps.push(DegenerateStep { combination, condition, outcome });
-        self.form = form;
         Ok(())
     }
 
     /// All conditions on velocities solved, for those without inertia where it is as good to divide by what they are
     /// multiplied with.
-    fn solved(&self, g: &mut Graph, hessian: &[Vec<ExprId>]) -> Result<Elimination, Error> {
+    fn solve_rows(&mut self, g: &mut Graph) -> Result<(), Error> {
         let m = self.names.len();
-        let has_inertia = |k: &usize| hessian[*k].iter().any(|e| *e != g.zero());
+        let has_inertia = |k: &usize| self.hessian[*k].iter().any(|e| *e != g.zero());
         // Later velocities are eliminated first.
         let (heavy, massless): (Vec<usize>, Vec<usize>) = (0..m).partition(has_inertia);
         let order = [heavy, massless].concat();
         let names: Vec<String> = order.iter().map(|k| self.names[*k].clone()).collect();
-        let rows = self.rows.iter().map(|row| ConstraintRow {
+        let rows = self.form.rows.iter().map(|row| ConstraintRow {
             one_form: order.iter().map(|k| row.one_form[*k]).collect(),
             ..row.clone()
         });
@@ -379,18 +330,16 @@ impl Search<'_> {
         let free: Vec<usize> = (0..m).filter(|k| !found.dependent.contains(k)).map(|k| order[k]).collect();
         let mut ascending: Vec<usize> = (0..free.len()).collect();
         ascending.sort_by_key(|a| free[*a]);
-        let mut form = Elimination {
-            dependent: found.dependent.iter().map(|k| order[*k]).collect(),
-            psi: vec![Vec::new(); m],
-            psi0: vec![g.zero(); m],
-            pivots: found.pivots,
-        };
+        let form = &mut self.form;
+        form.dependent = found.dependent.iter().map(|k| order[*k]).collect();
         form.dependent.sort_unstable();
+        form.unknowns = ascending.iter().map(|a| self.unknowns[free[*a]].clone()).collect();
+        form.pivots = found.pivots;
         for (k, &alpha) in order.iter().enumerate() {
             form.psi[alpha] = ascending.iter().map(|a| found.psi[k][*a]).collect();
             form.psi0[alpha] = found.psi0[k];
         }
-        Ok(form)
+        Ok(())
     }
 
     /// `sum w_alpha y^alpha` for people.
@@ -405,54 +354,30 @@ impl Search<'_> {
     }
 
     /// The constraint with all conditions, and as many virtual displacements as there are accelerations.
-    fn constraint(
-        &self,
-        g: &mut Graph,
-        hessian: &[Vec<ExprId>],
-        matrix: &[Vec<ExprId>],
-        (before, is_own): (&SolvedConstraint, bool),
-    ) -> Result<SolvedConstraint, Error> {
-        let kept: Vec<Unknown> = self
-            .unknowns
-            .iter()
-            .enumerate()
-            .filter(|(k, _)| !self.form.dependent.contains(k))
-            .map(|(_, u)| u.clone())
-            .collect();
+    fn constraint(&self, g: &mut Graph, matrix: &[Vec<ExprId>]) -> Result<SolvedConstraint, Error> {
+        let n = self.form.unknowns.len();
         let independent = independent_rows(g, matrix);
-        if independent.len() < kept.len() {
-            let columns = transposed(matrix, kept.len());
-            let null = left_null_vectors(g, &columns)?.into_iter().next().unwrap_or_default();
+        if independent.len() < n {
+            let null = left_null_vectors(g, &transposed(matrix, n))?.into_iter().next().unwrap_or_default();
             let mut along = vec![g.zero(); self.names.len()];
-            for (weight, u) in null.into_iter().zip(&kept) {
-                along[u.frame_idx.unwrap_or_default()] = weight;
+            for (weight, k) in null.into_iter().zip(self.form.independent()) {
+                along[k] = weight;
             }
             return Err(Error::Undetermined { velocity: self.spelled(g, &along) });
         }
         // Along the motion's own directions the mass matrix is symmetric.
         let mut symmetric = Vec::new();
-        if !is_own {
-            for a in 0..kept.len() {
-                let column: Vec<ExprId> = self.form.psi.iter().map(|row| row[a]).collect();
-                symmetric.push(self.mass_row(g, hessian, &column)?);
-            }
+        for a in (0..n).filter(|_| !self.is_own) {
+            let column: Vec<ExprId> = self.form.psi.iter().map(|row| row[a]).collect();
+            symmetric.push(self.mass_row(g, &column)?);
         }
-        let virtual_displacements = if !is_own && independent_rows(g, &symmetric).len() == kept.len() {
+        let virtual_displacements = if !self.is_own && independent_rows(g, &symmetric).len() == n {
             self.form.psi.clone()
         } else {
             let rows = self.displacements.iter();
             rows.map(|row| independent.iter().map(|b| row[*b]).collect()).collect()
         };
-        Ok(SolvedConstraint {
-            unknowns: kept,
-            dependent: self.form.dependent.clone(),
-            psi: self.form.psi.clone(),
-            psi0: self.form.psi0.clone(),
-            virtual_displacements,
-            reactions: before.reactions.clone(),
-            rows: self.rows.clone(),
-            pivots: self.form.pivots.clone(),
-        })
+        Ok(SolvedConstraint { virtual_displacements, ..self.form.clone() })
     }
 }
 

@@ -11,7 +11,7 @@ use crate::expr::{ExprId, Graph, SymbolId};
 use super::part::Part;
 
 pub(super) use choice::{Choice, Setting, annihilator, constrain, frame_unknowns, refused, solve_rows};
-pub(super) use solver::{Elimination, Solver};
+pub(super) use solver::Solver;
 
 /// One scalar constraint as an affine form in the velocities.
 #[derive(Clone, Debug)]

@@ -1,0 +1,230 @@
+//! The sphere: su(N) with the Laplacian of Hoppe and Yau, which is tridiagonal along each diagonal.
+//!
+//! ```text
+//! (Delta_N W) = sum over a of [S_a, [S_a, W]],   S_a the spin matrices of size N, s = (N - 1)/2
+//! (Delta_N W)_(i, i+d) = (2 s (s + 1) - 2 m_i m_(i+d)) W_(i, i+d) - o_i W_(i+1, i+1+d) - o_(i-1) W_(i-1, i-1+d)
+//! m_i = s - i,   o_i = c_i c_(i+d),   c_i^2 = (i + 1) (N - 1 - i)
+//! ```
+//!
+//! Its eigenvalues along the diagonal `d` are `l (l + 1)` for `l = d, .., N - 1`, as those of minus the Laplacian of the
+//! sphere, and its eigenvectors take the place of the spherical harmonics.
+//!
+//! Does not know: steps.
+
+use super::Error;
+use super::Laplacian;
+use super::diagonals::{Shape, gather, n_work, scatter};
+use super::panels::{LANES, Row, element, n_panels, n_rows, padded, set_element};
+use super::sealed::Invert;
+use crate::math::{mul_add, sqrt};
+
+/// An ideal fluid on the unit sphere in su(N).
+///
+/// ```text
+/// W' = -i sqrt(N^2 - 1)/2 [P, W],   Delta_N P = W,   E = 2 pi/N tr(P W)
+/// ```
+///
+/// Functions `sum over l, m of omega_lm Y_lm` of spherical harmonics (orthonormal, with the sign of Condon and
+/// Shortley) become matrices `sum of omega_lm T_lm`, where `T_lm` has the diagonal `m` alone and the norm
+/// `tr T_lm T_lm^+ = N/(4 pi)`. Coordinates become the spin matrices times `2/sqrt(N^2 - 1)`, and the motion is that of
+/// `omega_t = {psi, omega}`, `psi` the function with `-Delta psi = omega`.
+///
+/// # Source
+///
+/// Hoppe and Yau, Some properties of matrix harmonics on S^2 (1998); Modin and Viviani, A Casimir preserving scheme for
+/// long-time simulation of spherical ideal hydrodynamics (2020).
+#[derive(Clone, Copy, Debug)]
+pub struct Sphere<S> {
+    n: usize,
+    /// Of each element on or above the diagonal: the factor of the element before it, and the reciprocal of the pivot.
+    tables: S,
+}
+
+/// `2 s (s + 1) - 2 m_i m_j`.
+fn on_diagonal(n: usize, i: usize, j: usize) -> f64 {
+    let spin = |k: usize| 0.5 * (n as f64 - 1.0) - k as f64;
+    // s (s + 1) = (n^2 - 1)/4
+    0.5 * ((n * n) as f64 - 1.0) - 2.0 * spin(i) * spin(j)
+}
+
+/// `c_i c_j`, which couples the element `(i, j)` to the next one of the diagonal.
+fn beside_diagonal(n: usize, i: usize, j: usize) -> f64 {
+    let square = |k: usize| ((k + 1) * (n - 1 - k)) as f64;
+    sqrt(square(i) * square(j))
+}
+
+impl<S: AsRef<[f64]> + AsMut<[f64]>> Sphere<S> {
+    /// Numbers that the tables of a size take.
+    #[must_use]
+    pub const fn storage(n: usize) -> usize {
+        2 * LANES * n_rows(n, n)
+    }
+
+    /// The sphere with matrices of the size `n`; `tables` have room for [`storage`](Self::storage) numbers.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::MatrixSize`], [`Error::Storage`].
+    pub fn new(n: usize, mut tables: S) -> Result<Self, Error> {
+        if n < 2 {
+            return Err(Error::MatrixSize { n, allowed: "a number from 2 on" });
+        }
+        let (given, needed) = (tables.as_ref().len(), Self::storage(n));
+        let Some(numbers) = tables.as_mut().get_mut(..needed) else {
+            return Err(Error::Storage { given, needed });
+        };
+        numbers.fill(0.0);
+        let rows = numbers.as_chunks_mut::<{ 2 * LANES }>().0;
+        for d in 0..n {
+            let (panel, lane) = (d / LANES, d % LANES);
+            let mut before = 0.0;
+            for i in 0..n - d {
+                let row = &mut rows[panel * padded(n) + i];
+                let beside = if i == 0 { 0.0 } else { beside_diagonal(n, i - 1, i - 1 + d) };
+                let factor = beside * before;
+                let pivot = on_diagonal(n, i, i + d) - beside * factor;
+                // Constants have no stream function: the last pivot of the first diagonal vanishes.
+                before = if d == 0 && i == n - 1 { 0.0 } else { pivot.recip() };
+                row[lane] = factor;
+                row[LANES + lane] = before;
+            }
+        }
+        Ok(Self { n, tables })
+    }
+
+    /// Adds `omega Y_lm` and, for `m > 0`, its complex conjugate to the vorticity; of `omega` for `m = 0` the real part.
+    ///
+    /// # Panics
+    ///
+    /// Unless `m <= l < n`, and if the matrix does not have the size of the sphere.
+    pub fn add_mode(&self, (l, m): (usize, usize), omega: [f64; 2], vorticity: super::MatrixMut<'_>) {
+        let n = self.n;
+        assert!(m <= l && l < n && vorticity.n() == n);
+        let im = if m == 0 { 0.0 } else { omega[1] };
+        self.harmonic(l, m, |i, value| {
+            let old = element(n, vorticity.rows, i, i + m);
+            let new = [mul_add(value, omega[0], old[0]), mul_add(value, im, old[1])];
+            set_element(n, vorticity.rows, (i, i + m), new);
+            set_element(n, vorticity.rows, (i + m, i), [new[0], -new[1]]);
+        });
+    }
+
+    /// The coefficient `omega_lm` of a Hermitian matrix, `m >= 0`.
+    ///
+    /// # Panics
+    ///
+    /// As [`add_mode`](Self::add_mode).
+    #[must_use]
+    pub fn mode(&self, (l, m): (usize, usize), matrix: super::MatrixRef<'_>) -> [f64; 2] {
+        let n = self.n;
+        assert!(m <= l && l < n && matrix.n() == n);
+        let mut sum = [0.0; 2];
+        self.harmonic(l, m, |i, value| {
+            let [re, im] = element(n, matrix.rows, i, i + m);
+            sum = [mul_add(value, re, sum[0]), mul_add(value, im, sum[1])];
+        });
+        sum.map(|x| x * self.area() / n as f64)
+    }
+
+    /// Calls `visit` with the elements `(i, i + m)` of `T_lm`.
+    ///
+    /// The recurrence goes from one end, where the eigenvector grows, to the middle; the rest is the same but for a sign.
+    fn harmonic(&self, l: usize, m: usize, mut visit: impl FnMut(usize, f64)) {
+        let n = self.n;
+        let length = n - m;
+        let eigenvalue = (l * (l + 1)) as f64;
+        let parity = if (l - m).is_multiple_of(2) { 1.0 } else { -1.0 };
+        let walk = |visit: &mut dyn FnMut(usize, f64, f64)| {
+            let (mut before, mut value) = (0.0, 1.0);
+            for i in 0..length.div_ceil(2) {
+                if i > 0 {
+                    let past = if i > 1 { beside_diagonal(n, i - 2, i - 2 + m) } else { 0.0 };
+                    let here = on_diagonal(n, i - 1, i - 1 + m) - eigenvalue;
+                    let next = (here * value - past * before) / beside_diagonal(n, i - 1, i - 1 + m);
+                    (before, value) = (value, next);
+                }
+                // An odd vector vanishes in its middle.
+                let is_middle = 2 * i + 1 == length;
+                let rounded = if is_middle && parity < 0.0 { 0.0 } else { value };
+                visit(i, rounded, if is_middle { 1.0 } else { 2.0 });
+            }
+        };
+        let mut square = 0.0;
+        walk(&mut |_, value, weight| square += weight * value * value);
+        let sign = if m.is_multiple_of(2) { 1.0 } else { -1.0 };
+        let scale = sign * sqrt(n as f64 / (self.area() * square));
+        walk(&mut |i, value, weight| {
+            visit(i, scale * value);
+            if weight == 2.0 {
+                visit(length - 1 - i, parity * scale * value);
+            }
+        });
+    }
+}
+
+impl<S: AsRef<[f64]> + AsMut<[f64]>> Laplacian for Sphere<S> {
+    fn n(&self) -> usize {
+        self.n
+    }
+
+    fn rate(&self) -> f64 {
+        -0.5 * sqrt((self.n * self.n) as f64 - 1.0)
+    }
+
+    fn area(&self) -> f64 {
+        4.0 * core::f64::consts::PI
+    }
+}
+
+impl<S: AsRef<[f64]> + AsMut<[f64]>> Invert for Sphere<S> {
+    fn n_work(n: usize) -> usize {
+        n_rows(n, n) + n_work(n)
+    }
+
+    fn invert(&self, vorticity: &[Row], stream: &mut [Row], work: &mut [Row]) {
+        let n = self.n;
+        let (diagonals, line) = work.split_at_mut(n_rows(n, n));
+        gather(n, Shape::Open, vorticity, diagonals, line);
+        without_mean(&mut diagonals[..n], 1.0);
+        let tables = self.tables.as_ref()[..Self::storage(n)].as_chunks::<{ 2 * LANES }>().0;
+        for b in 0..n_panels(n) {
+            let length = n - LANES * b;
+            let from = b * padded(n);
+            solve(&mut diagonals[from..][..length], &tables[from..][..length]);
+        }
+        without_mean(&mut diagonals[..n], 0.5);
+        scatter(n, Shape::Open, diagonals, stream, line);
+    }
+}
+
+/// Takes from the first diagonal its part along the identity, and multiplies it by a number.
+fn without_mean(first_panel: &mut [Row], factor: f64) {
+    let mean = first_panel.iter().map(|row| row[0]).sum::<f64>() / first_panel.len() as f64;
+    for row in first_panel {
+        row[0] = factor * (row[0] - mean);
+        row[LANES] = 0.0;
+    }
+}
+
+/// Solves eight tridiagonal systems by their factors.
+#[inline(always)]
+fn solve(x: &mut [Row], factors: &[Row]) {
+    let mut before = [0.0; 2 * LANES];
+    for (x, factor) in x.iter_mut().zip(factors) {
+        for l in 0..LANES {
+            before[l] = mul_add(factor[l], before[l], x[l]);
+            before[LANES + l] = mul_add(factor[l], before[LANES + l], x[LANES + l]);
+        }
+        *x = before;
+    }
+    let (mut after, mut factor_after) = ([0.0; 2 * LANES], [0.0; 2 * LANES]);
+    for (x, factor) in x.iter_mut().zip(factors).rev() {
+        for l in 0..LANES {
+            let pivot = factor[LANES + l];
+            after[l] = mul_add(factor_after[l], after[l], pivot * x[l]);
+            after[LANES + l] = mul_add(factor_after[l], after[LANES + l], pivot * x[LANES + l]);
+        }
+        *x = after;
+        factor_after = *factor;
+    }
+}

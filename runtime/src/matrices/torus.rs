@@ -1,0 +1,212 @@
+//! The flat torus: Zeitlin's su(N) in the sine basis, in which the Laplacian is diagonal.
+//!
+//! ```text
+//! W = sum over m of omega_m J_m,   J_m = exp(2 pi i m1 m2/N) g^m1 h^m2,
+//! g = diag(1, e, .., e^(N-1)),   e = exp(4 pi i/N),   h_(k, k+1 mod N) = 1
+//! ```
+//!
+//! A matrix `J_m` has one diagonal, the one number `m2`, and a wave of `m1` turns along it. The coefficients along a
+//! diagonal are its discrete Fourier transform, but for phases that the Laplacian does not see.
+//!
+//! Does not know: steps, tables of structure constants.
+
+use super::Error;
+use super::Laplacian;
+use super::dft::{Dft, roots_of_unity};
+use super::diagonals::{Shape, gather, n_work, scatter};
+use super::panels::{LANES, Row, element, n_panels, n_rows, padded, set_element};
+use super::sealed::Invert;
+
+/// An ideal fluid on the torus in su(N), `N` odd: `zeitlin(N)` of the model language.
+///
+/// The state of the generated models `zeitlin_euler_N` are the coefficients `omega_m` of the half set
+/// `m1 > 0, or m1 = 0 and m2 > 0` in lexicographic order, real part and imaginary part.
+/// [`set_modes`](Self::set_modes) and [`modes`](Self::modes) go to the matrix and back.
+///
+/// ```text
+/// W' = i N/(4 pi) [P, W],   psi_m = omega_m/|m|^2,   E = tr(P W)/(2 N)
+/// ```
+///
+/// # Source
+///
+/// Zeitlin, Finite-mode analogs of 2D ideal hydrodynamics (1991).
+#[derive(Clone, Copy, Debug)]
+pub struct Torus<S> {
+    n: usize,
+    dft: Dft,
+    /// Factors of the coefficients, then roots of unity.
+    tables: S,
+}
+
+impl<S: AsRef<[f64]> + AsMut<[f64]>> Torus<S> {
+    /// Numbers that the tables of a size take.
+    #[must_use]
+    pub const fn storage(n: usize) -> usize {
+        LANES * n_rows(n, Shape::Cyclic.n_diagonals(n)) + 2 * n
+    }
+
+    /// The torus with matrices of the odd size `n`; `tables` have room for [`storage`](Self::storage) numbers.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::MatrixSize`], [`Error::Storage`].
+    pub fn new(n: usize, mut tables: S) -> Result<Self, Error> {
+        if n < 3 || n.is_multiple_of(2) {
+            return Err(Error::MatrixSize { n, allowed: "an odd number from 3 on" });
+        }
+        let (given, needed) = (tables.as_ref().len(), Self::storage(n));
+        let Some(numbers) = tables.as_mut().get_mut(..needed) else {
+            return Err(Error::Storage { given, needed });
+        };
+        let dft = Dft::new(n);
+        let (factors, roots) = numbers.split_at_mut(needed - 2 * n);
+        roots_of_unity(roots);
+        for (at, factors) in factors.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
+            // e = exp(4 pi i/N): the frequency is 2 m1, the wave number the centred half of it.
+            if at % padded(n) >= n {
+                factors.fill(0.0);
+                continue;
+            }
+            let frequency = dft.frequency(at % padded(n));
+            let half = if frequency.is_multiple_of(2) { frequency / 2 } else { (frequency + n) / 2 };
+            let m1 = if half > n / 2 { n - half } else { half };
+            for (lane, factor) in factors.iter_mut().enumerate() {
+                let m2 = at / padded(n) * LANES + lane;
+                let square = (m1 * m1 + m2 * m2) as f64;
+                // The first diagonal by halves, 1/n for the inverse transform.
+                let share = if m2 == 0 { 0.5 } else { 1.0 };
+                *factor = if square == 0.0 || m2 > n / 2 { 0.0 } else { share / (square * n as f64) };
+            }
+        }
+        Ok(Self { n, dft, tables })
+    }
+
+    /// Number of real numbers that a state has: `n^2 - 1`.
+    #[must_use]
+    pub const fn n_modes(&self) -> usize {
+        self.n * self.n - 1
+    }
+
+    /// Writes the matrix of the vorticity with the coefficients `modes`, in the order of the models `zeitlin_euler_N`.
+    ///
+    /// # Panics
+    ///
+    /// If there are not `n^2 - 1` modes, or if the matrix does not have the size of the torus.
+    pub fn set_modes(&self, modes: &[f64], vorticity: super::MatrixMut<'_>) {
+        let n = self.n;
+        assert_eq!((modes.len(), vorticity.n()), (self.n_modes(), n));
+        let largest = (n / 2) as isize;
+        for m2 in 0..=largest {
+            for k in 0..n {
+                let mut sum = [0.0; 2];
+                for m1 in -largest..=largest {
+                    if (m1, m2) == (0, 0) {
+                        continue;
+                    }
+                    let [re, im] = coefficient(n, modes, (m1, m2));
+                    let [cosine, sine] = self.phase(m1, m2, k);
+                    sum[0] += re * cosine - im * sine;
+                    sum[1] += re * sine + im * cosine;
+                }
+                // The number m2 is not negative.
+                let column = (k + m2 as usize) % n;
+                if column == k {
+                    sum[1] = 0.0;
+                }
+                set_element(n, vorticity.rows, (k, column), sum);
+                set_element(n, vorticity.rows, (column, k), [sum[0], -sum[1]]);
+            }
+        }
+    }
+
+    /// The coefficients of a Hermitian matrix, in the order of the models `zeitlin_euler_N`.
+    ///
+    /// # Panics
+    ///
+    /// If there is not room for `n^2 - 1` modes, or if the matrix does not have the size of the torus.
+    pub fn modes(&self, matrix: super::MatrixRef<'_>, modes: &mut [f64]) {
+        let n = self.n;
+        assert_eq!((modes.len(), matrix.n()), (self.n_modes(), n));
+        let largest = (n / 2) as isize;
+        for m1 in 0..=largest {
+            for m2 in (if m1 == 0 { 1 } else { -largest })..=largest {
+                let mut sum = [0.0; 2];
+                for k in 0..n {
+                    let column = (k as isize + m2).rem_euclid(n as isize) as usize;
+                    let [re, im] = element(n, matrix.rows, k, column);
+                    let [cosine, sine] = self.phase(m1, m2, k);
+                    sum[0] += re * cosine + im * sine;
+                    sum[1] += im * cosine - re * sine;
+                }
+                let at = 2 * place(n, (m1, m2));
+                modes[at] = sum[0] / n as f64;
+                modes[at + 1] = sum[1] / n as f64;
+            }
+        }
+    }
+
+    /// The element `(k, k + m2)` of `J_m`: `exp(2 pi i m1 (m2 + 2 k)/N)`.
+    fn phase(&self, m1: isize, m2: isize, k: usize) -> [f64; 2] {
+        let n = self.n as isize;
+        let turn = (m1 * (m2 + 2 * k as isize)).rem_euclid(n) as usize;
+        let roots = &self.tables.as_ref()[Self::storage(self.n) - 2 * self.n..];
+        [roots[2 * turn], roots[2 * turn + 1]]
+    }
+}
+
+/// The number of a wave of the half set.
+fn place(n: usize, (m1, m2): (isize, isize)) -> usize {
+    let largest = (n / 2) as isize;
+    let place = if m1 == 0 { m2 - 1 } else { largest + (m1 - 1) * (2 * largest + 1) + m2 + largest };
+    place as usize
+}
+
+/// The coefficient of any wave but zero.
+fn coefficient(n: usize, modes: &[f64], (m1, m2): (isize, isize)) -> [f64; 2] {
+    let is_of_half_set = m1 > 0 || m1 == 0 && m2 > 0;
+    let (wave, sign) = if is_of_half_set { ((m1, m2), 1.0) } else { ((-m1, -m2), -1.0) };
+    let at = 2 * place(n, wave);
+    [modes[at], sign * modes[at + 1]]
+}
+
+impl<S: AsRef<[f64]> + AsMut<[f64]>> Laplacian for Torus<S> {
+    fn n(&self) -> usize {
+        self.n
+    }
+
+    fn rate(&self) -> f64 {
+        self.n as f64 / (4.0 * core::f64::consts::PI)
+    }
+
+    fn area(&self) -> f64 {
+        1.0
+    }
+}
+
+impl<S: AsRef<[f64]> + AsMut<[f64]>> Invert for Torus<S> {
+    fn n_work(n: usize) -> usize {
+        n_rows(n, Shape::Cyclic.n_diagonals(n)) + n + n_work(n)
+    }
+
+    fn invert(&self, vorticity: &[Row], stream: &mut [Row], work: &mut [Row]) {
+        let n = self.n;
+        let n_diagonals = Shape::Cyclic.n_diagonals(n);
+        let (diagonals, work) = work.split_at_mut(n_rows(n, n_diagonals));
+        let (butterfly, line) = work.split_at_mut(n);
+        gather(n, Shape::Cyclic, vorticity, diagonals, line);
+        let (factors, roots) = self.tables.as_ref()[..Self::storage(n)].split_at(LANES * diagonals.len());
+        let factors = factors.as_chunks::<LANES>().0;
+        for b in 0..n_panels(n_diagonals) {
+            let panel = &mut diagonals[b * padded(n)..][..n];
+            self.dft.forward(panel, roots, butterfly);
+            for (row, factors) in panel.iter_mut().zip(&factors[b * padded(n)..]) {
+                for lane in 0..LANES {
+                    row[lane] *= factors[lane];
+                    row[LANES + lane] *= factors[lane];
+                }
+            }
+            self.dft.inverse(panel, roots, butterfly);
+        }
+        scatter(n, Shape::Cyclic, diagonals, stream, line);
+    }
+}
