@@ -182,7 +182,7 @@ pub(super) fn suggest<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>)
     if let Some((_, name)) = near {
         return format!("did you mean `{name}`?");
     }
-    if known.is_empty() || known.len() > 32 {
+    if known.is_empty() || known.len() > 40 {
         return String::new();
     }
     format!("legal here: {}", list(&known))

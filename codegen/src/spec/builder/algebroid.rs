@@ -4,7 +4,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::draft::{Located, ModelBuilder};
+use super::draft::{AlgebroidDraft, Located, ModelBuilder};
 use crate::algebra::LieAlgebra;
 use crate::expr::{ExprId, SymbolId};
 use crate::spec::diagnostic::Span;
@@ -19,18 +19,6 @@ pub(in crate::spec) struct SectionBracket {
     pub(in crate::spec) pair: [Located; 2],
     pub(in crate::spec) value: Value,
     pub(in crate::spec) span: Option<Span>,
-}
-
-#[derive(Clone, Debug)]
-pub(super) struct AlgebroidDraft {
-    basis: Vec<String>,
-    is_almost: bool,
-    span: Option<Span>,
-    /// Rates of coordinates, by the name of the rate.
-    rates: Vec<(String, Value, Option<Span>)>,
-    /// `[n_base][m]`, once it is known.
-    pub(super) anchor: Option<Vec<Vec<ExprId>>>,
-    brackets: Vec<OwnBracket>,
 }
 
 impl ModelBuilder {

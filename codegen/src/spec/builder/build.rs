@@ -2,8 +2,7 @@
 //!
 //! Deliberately does not know: what is checked.
 
-use super::draft::ModelBuilder;
-use super::given::GivenDraft;
+use super::draft::{GivenDraft, ModelBuilder};
 use crate::algebra::LieAlgebra;
 use crate::expr::Graph;
 use crate::spec::diagnostic::{Diagnostics, Origin, Span};

@@ -4,9 +4,6 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::algebroid::AlgebroidDraft;
-use super::frame::FrameDraft;
-use super::given::GivenDraft;
 use crate::algebra::LieAlgebra;
 use crate::error::Error;
 use crate::expr::{Budget, ExprId, Graph, Number, Rational, SymbolId};
@@ -119,6 +116,49 @@ pub(super) struct SceneDraft {
     pub(super) drops: Vec<Located>,
     pub(super) circles: Vec<Located>,
     pub(super) carries: Vec<CarryDraft>,
+}
+
+/// A quasi-velocity of the frame.
+#[derive(Clone, Debug)]
+pub(super) struct FrameDraft {
+    pub(super) name: String,
+    pub(super) symbol: SymbolId,
+    pub(super) value: ExprId,
+    pub(super) doc: String,
+    pub(super) span: Option<Span>,
+}
+
+/// The algebroid of the model.
+#[derive(Clone, Debug)]
+pub(super) struct AlgebroidDraft {
+    pub(super) basis: Vec<String>,
+    pub(super) is_almost: bool,
+    pub(super) span: Option<Span>,
+    /// Rates of coordinates, by the name of the rate.
+    pub(super) rates: Vec<(String, Value, Option<Span>)>,
+    /// `[n_base][m]`, once it is known.
+    pub(super) anchor: Option<Vec<Vec<ExprId>>>,
+    pub(super) brackets: Vec<OwnBracket>,
+}
+
+/// What the model gives of the motion of a velocity.
+#[derive(Clone, Debug)]
+pub(super) struct GivenDraft {
+    pub(super) is_acceleration: bool,
+    pub(super) name: String,
+    pub(super) value: Value,
+    pub(super) span: Option<Span>,
+}
+
+impl GivenDraft {
+    /// Where it stands, by the name of its velocity.
+    pub(super) fn place(&self) -> Option<(String, Span)> {
+        Some((self.name.clone(), self.span?))
+    }
+
+    pub(super) fn item(&self) -> &'static str {
+        if self.is_acceleration { "acceleration" } else { "field" }
+    }
 }
 
 /// What a state carries, in the names of the text.

@@ -7,7 +7,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::draft::{DeclaredAs, ModelBuilder};
+use super::draft::{DeclaredAs, FrameDraft, ModelBuilder};
 use crate::algebra::solve_symbolic;
 use crate::expr::{ExprId, Node, Rational, SymbolId};
 use crate::spec::diagnostic::Span;
@@ -17,15 +17,6 @@ use crate::spec::value::Value;
 
 /// Quasi-velocities up to which a frame is inverted by cofactors, which divide by the determinant alone.
 const MAX_COFACTORS: usize = 3;
-
-#[derive(Clone, Debug)]
-pub(super) struct FrameDraft {
-    name: String,
-    symbol: SymbolId,
-    value: ExprId,
-    doc: String,
-    span: Option<Span>,
-}
 
 impl ModelBuilder {
     /// A quasi-velocity of the frame, a combination of velocities with coefficients on the base; the frame is complete

@@ -4,31 +4,12 @@
 
 use std::collections::BTreeSet;
 
-use super::draft::ModelBuilder;
+use super::draft::{GivenDraft, ModelBuilder};
 use super::symbols::Special;
 use crate::expr::{ExprId, SymbolId};
 use crate::spec::diagnostic::{Diagnostic, Span};
 use crate::spec::model::*;
 use crate::spec::value::Value;
-
-#[derive(Clone, Debug)]
-pub(super) struct GivenDraft {
-    is_acceleration: bool,
-    name: String,
-    value: Value,
-    span: Option<Span>,
-}
-
-impl GivenDraft {
-    /// Where it stands, by the name of its velocity.
-    pub(super) fn place(&self) -> Option<(String, Span)> {
-        Some((self.name.clone(), self.span?))
-    }
-
-    fn item(&self) -> &'static str {
-        if self.is_acceleration { "acceleration" } else { "field" }
-    }
-}
 
 impl ModelBuilder {
     /// The rate of a velocity (a vector or a component), in the place of the equations of a Lagrangian.
