@@ -191,12 +191,10 @@ fn random_frames_on_the_base_leave_the_motion_of_random_bundles() {
 #[test]
 fn frames_may_mix_base_and_group() {
     let mut compared = 0;
-    for seed in 0..10 {
+    for seed in 0..4 {
         let draws = &mut one(seed, NUMBERS);
-        let mut bundle = random_bundle(usize::try_from(seed).unwrap() % 6, seed % 2 == 0, draws);
-        if bundle.algebra.dim() < 3 {
-            continue;
-        }
+        // The algebra of Heisenberg: small, and not abelian.
+        let mut bundle = random_bundle(3, seed % 2 == 0, draws);
         match seed % 3 {
             0 => bundle.constrain(seed % 2 == 0, draws),
             1 => bundle.advect(draws),
@@ -205,7 +203,7 @@ fn frames_may_mix_base_and_group() {
         let frame = RandomFrame::new(&["x1_dot", "x2_dot", "v1"], draws);
         compared += usize::from(compare(&bundle, &frame, draws));
     }
-    assert!(compared > 2, "{compared}");
+    assert!(compared > 1, "{compared}");
 }
 
 #[test]

@@ -331,7 +331,16 @@ impl ModelBuilder {
         }
         // What is linear in velocities divides by none of them.
         let rewritten = self.graph.subs(e, &values).unwrap_or(e);
-        self.graph.cancel_zero(rewritten)
+        let original: Vec<SymbolId> = frame.original.iter().map(|(_, symbol)| *symbol).collect();
+        let occurring = self.occurring(rewritten, &original);
+        let Some((slopes, rest)) = self.graph.affine_parts(rewritten, &occurring) else { return rewritten };
+        // What came with the frame and went with its inverse leaves no trace.
+        let mut terms = vec![rest];
+        for (slope, symbol) in slopes.into_iter().zip(occurring) {
+            let (slope, velocity) = (self.flat(slope), self.graph.sym(symbol));
+            terms.push(self.graph.mul(slope, velocity));
+        }
+        self.graph.sum(&terms)
     }
 
     /// An initial value of a velocity that is none of the model's.
