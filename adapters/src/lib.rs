@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | `ode_solvers` | `ode_solvers::System` on `SVector<f64, N>` | [`Adapter`]; take its `Dopri5` where `t` is explicit |
 //! | `differential-equations` | `differential_equations::ode::ODE` on `[f64; N]` | [`Adapter`], [`WithJacobian`] |
-//! | `diffsol` | the closures of `diffsol::OdeBuilder` | the functions of the module `diffsol` |
+//! | `diffsol` | the closures of `diffsol::OdeBuilder`, mass matrix too | the functions of the module `diffsol` |
 //!
 //! The right-hand side is called as it is, without copies of the state. The crate deliberately does not know any model,
 //! and adds nothing to a solver.

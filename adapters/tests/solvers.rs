@@ -237,13 +237,16 @@ mod differential_equations {
 #[cfg(feature = "diffsol")]
 mod diffsol {
     use diffsol::{MatrixCommon as _, NalgebraLU, NalgebraMat, OdeBuilder, OdeSolverMethod as _};
-    use hamel_adapters::diffsol::{initial, jacobian_times, rhs};
+    use hamel_adapters::diffsol::{
+        consistent, implicit_jacobian_times, implicit_rhs, initial, jacobian_times, mass, rhs,
+    };
+    use hamel_runtime::{Dop853, Implicit, ImplicitInfo, Integrator, Options, System};
 
     use super::{Driven, END, Six, assert_agrees};
 
     /// The last state of what `$solver` finds.
     macro_rules! last {
-        ($solver:expr, $n:literal) => {{
+        ($solver:expr, $n:expr) => {{
             let (states, ..) = $solver.unwrap().solve(END).unwrap();
             (0..$n).map(|k| states[(k, states.ncols() - 1)]).collect::<Vec<f64>>()
         }};
@@ -303,6 +306,60 @@ mod diffsol {
             }
         }
         assert!(rows_differ(system, &start, &moved));
+    }
+
+    /// By the implicit form and by the runtime's own integrator: the state at the end, and the algebraic equations there.
+    fn assert_implicit_agrees<const N: usize, const Z: usize>(
+        system: &(impl Implicit<f64, Variables = [f64; Z]> + System<f64, State = [f64; N]>),
+        start: [f64; N],
+        tolerance: f64,
+    ) {
+        let mut solver =
+            Integrator::new(system, Dop853, 0.0, start, Options::adaptive(1e-13, 1e-14)).unwrap();
+        solver.integrate_to(END).unwrap();
+        assert!(solver.state().iter().zip(start).any(|(x, start)| (x - start).abs() > 0.1));
+        let problem = OdeBuilder::<NalgebraMat<f64>>::new()
+            .rtol(1e-10)
+            .atol([1e-11])
+            .rhs_implicit(implicit_rhs(system), implicit_jacobian_times(system))
+            .mass(mass(system))
+            .init(consistent(system, start), Z)
+            .build()
+            .unwrap();
+        let found =
+            [last!(problem.bdf::<NalgebraLU<f64>>(), Z), last!(problem.esdirk34::<NalgebraLU<f64>>(), Z)];
+        for found in found {
+            let (mut y, mut f) = ([0.0; N], [0.0; Z]);
+            let z: [f64; Z] = found.try_into().unwrap();
+            system.state_of(&z, &mut y);
+            for (x, expected) in y.iter().zip(solver.state()) {
+                assert!((x - expected).abs() < tolerance, "{x} and {expected}");
+            }
+            system.implicit_rhs(END, &z, &mut f);
+            for (variable, f) in info(system).variables.iter().zip(f) {
+                assert!(variable.is_differential || f.abs() < tolerance, "{} {f}", variable.name);
+            }
+        }
+    }
+
+    fn info<S: Implicit<f64>>(_: &S) -> ImplicitInfo {
+        S::IMPLICIT
+    }
+
+    #[test]
+    fn a_drifting_charge_by_its_implicit_form() {
+        use hamel_models::generated::charged_particle_implicit as drift;
+        let charge = drift::Prepared::new(&drift::Params::default()).unwrap();
+        assert_eq!(drift::IMPLICIT.index, 1);
+        assert_implicit_agrees(&charge, [0.6, -0.3], 1e-6);
+    }
+
+    #[test]
+    fn a_sleigh_by_its_implicit_form() {
+        use hamel_models::generated::chaplygin_sleigh_implicit as sleigh;
+        let body = sleigh::Prepared::new(&sleigh::Params::default()).unwrap();
+        assert_eq!(sleigh::IMPLICIT.index, 1);
+        assert_implicit_agrees(&body, [0.4, -0.9], 1e-6);
     }
 
     fn rows_differ(system: &impl Six, a: &[f64; 6], b: &[f64; 6]) -> bool {

@@ -3,9 +3,9 @@
 //!
 //! Deliberately does not know: how any of it was computed.
 
+mod dirac;
 mod frame;
-
-pub use frame::connection_coefficients;
+mod implicit;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -14,7 +14,9 @@ use num_traits::One;
 
 use crate::error::spell_vector;
 use crate::expr::{Budget, Definition, ExprId, Graph, Number, Style, SymbolId, identifier, rational_to_f64};
-use crate::mechanics::{Equations, Form, Routhian, VerticalEquation, VerticalEquations, unused_stem};
+use crate::mechanics::{
+    Coefficients, Equations, Form, Routhian, VerticalEquation, VerticalEquations, unused_stem,
+};
 use crate::reduction::{
     DegenerateOutcome, KinematicConstraint, ReducedSystem, SolvedConstraint, Stages, Tensor,
 };
@@ -49,6 +51,10 @@ pub enum SectionKind {
     Equations,
     /// The Routhian, where momenta are carried.
     Routhian,
+    /// The equations with a mass matrix, where the scene wants them.
+    Implicit,
+    /// The reduced Dirac structure, where it is asked for.
+    Dirac,
     /// What was found on the way, exactly.
     Findings,
     /// Operations of every function.
@@ -73,6 +79,8 @@ impl SectionKind {
             SectionKind::Degeneracy => "Degenerate Lagrangian",
             SectionKind::Equations => "Equations of motion",
             SectionKind::Routhian => "Routhian",
+            SectionKind::Implicit => "Implicit form M z' = f(t, z)",
+            SectionKind::Dirac => "Dirac structure D/G",
             SectionKind::Findings => "Found exactly",
             SectionKind::Counts => "Operation counts",
             SectionKind::Coefficients => "Connection coefficients",
@@ -91,11 +99,29 @@ pub struct Section {
 
 /// Explains a scene in Unicode ([`Style::Unicode`]) or LaTeX ([`Style::Latex`], a fragment that needs `amsmath`).
 pub fn explain(model: &Model, scene: &BuiltScene, style: Style) -> String {
-    text_of(sections(model, scene, style), style)
+    written(sections(model, scene, style), style)
+}
+
+/// The reduced Dirac structure of a scene, in the styles of [`explain`].
+pub fn dirac(model: &Model, scene: &BuiltScene, style: Style) -> String {
+    let head = Section { kind: SectionKind::Head, text: String::new() };
+    let mut page = Page { style, head, rest: Vec::new() };
+    page.header(model, scene);
+    page.dirac(&scene.equations);
+    written(std::iter::once(page.head).chain(page.rest).collect(), style)
+}
+
+/// The coefficients of the Levi-Civita connection of the kinetic energy of a system, and of the constrained one where
+/// it has a constraint, in the frame of its velocities; those that vanish are left out.
+pub fn connection_coefficients(coefficients: &Coefficients, style: Style) -> String {
+    let head = Section { kind: SectionKind::Head, text: String::new() };
+    let mut page = Page { style, head, rest: Vec::new() };
+    page.coefficients(coefficients);
+    written(page.rest, style)
 }
 
 /// Sections under their titles.
-fn text_of(sections: Vec<Section>, style: Style) -> String {
+fn written(sections: Vec<Section>, style: Style) -> String {
     let mut text = String::new();
     for Section { kind, text: body } in sections {
         let title = kind.title();
@@ -130,6 +156,7 @@ pub fn sections(model: &Model, scene: &BuiltScene, style: Style) -> Vec<Section>
     page.degeneracy(&scene.equations);
     page.equations(&scene.equations);
     page.routhian(&scene.equations);
+    page.implicit(scene);
     page.findings(&scene.equations);
     page.counts(scene);
     std::iter::once(page.head).chain(page.rest).collect()

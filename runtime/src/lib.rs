@@ -75,6 +75,7 @@ mod double_double;
 mod dual;
 mod error;
 mod events;
+mod implicit;
 mod integrator;
 mod jet;
 #[cfg(feature = "lanes")]
@@ -92,6 +93,7 @@ pub use double_double::DoubleDouble;
 pub use dual::Dual;
 pub use error::{Error, Failure, ParamError};
 pub use events::{Direction, Event};
+pub use implicit::{Implicit, ImplicitInfo, ImplicitVariable};
 pub use integrator::{Integrator, Progress, Stats};
 pub use jet::{Convolutions, Jet, MAX_ORDER};
 #[cfg(feature = "lanes")]

@@ -29,6 +29,7 @@ Examples:
   hamel explain two_arm_satellite --ops
   hamel explain euler_disk --formulations
   hamel explain chaplygin_sleigh --coefficients
+  hamel explain heavy_top --dirac
   hamel explain euler_disk --latex > euler_disk.tex"
 )]
 pub struct Arguments {
@@ -47,8 +48,11 @@ pub struct Arguments {
     #[arg(long, conflicts_with_all = ["latex", "ops"])]
     pub formulations: bool,
     /// Print the coefficients of the Levi-Civita connection of the kinetic energy, and of the constrained one, instead
-    #[arg(long, conflicts_with_all = ["ops", "formulations"])]
+    #[arg(long, conflicts_with_all = ["ops", "formulations", "dirac"])]
     pub coefficients: bool,
+    /// Print the reduced Dirac structure instead: its conditions with the numbers of the model
+    #[arg(long, conflicts_with_all = ["ops", "formulations"])]
+    pub dirac: bool,
     /// Write the system with another connection first: the velocity becomes v = xi + A(x) xdot
     #[arg(long, value_parser = PossibleValuesParser::new(CONNECTIONS).try_map(|name| connection(&name)))]
     pub connection: Option<ConnectionKind>,
@@ -85,7 +89,10 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         let found = found.map_err(|error| model.diagnostics(vec![model.diagnose(&error)]))?;
         return Ok(hamel_codegen::explain::connection_coefficients(&found, style));
     }
-    Ok(hamel_codegen::explain::explain(&model, &built, style))
+    Ok(match arguments.dirac {
+        true => hamel_codegen::explain::dirac(&model, &built, style),
+        false => hamel_codegen::explain::explain(&model, &built, style),
+    })
 }
 
 /// The table of all formulations of a scene, found under a bar that appears on a terminal only.

@@ -8,7 +8,7 @@ use super::body::{Code, Segment, constant};
 use super::dialect::Dialect;
 use super::expression::{Formula, Text, operation};
 use super::names::Scope;
-use super::text::{MatrixText, OutputText, ProductText, SceneText};
+use super::text::{ImplicitText, MatrixText, OutputText, ProductText, SceneText};
 use crate::error::Error;
 use crate::program::{Function, Operand, Program, Role};
 
@@ -21,6 +21,11 @@ const INVARIANTS: &str = "invariants";
 const GRADIENTS: &str = "invariant_gradients";
 /// The matrix of the derivatives of the right-hand side by the state.
 const JACOBIAN: &str = "jacobian";
+
+/// The constant with the variables of the implicit form.
+pub(super) const IMPLICIT: &str = "IMPLICIT";
+/// The matrix of the derivatives of the implicit form.
+pub(super) const IMPLICIT_JACOBIAN: &str = "implicit_jacobian";
 
 /// The module of a scene.
 pub(super) struct Module<'a> {
@@ -46,6 +51,7 @@ pub(super) struct Module<'a> {
     pub(super) outputs: Vec<OutputRoutine<'a>>,
     /// Functions of a vector besides time and state.
     pub(super) products: Vec<ProductRoutine<'a>>,
+    pub(super) implicit: Option<ImplicitRoutines<'a>>,
     /// The pivots, unless there is nothing to check.
     pub(super) pivots: Option<Routine<'a>>,
     pub(super) signature: Option<Routine<'a>>,
@@ -91,6 +97,20 @@ pub(super) struct ProductRoutine<'a> {
     pub(super) routine: Routine<'a>,
 }
 
+/// The functions of an implicit form.
+pub(super) struct ImplicitRoutines<'a> {
+    pub(super) text: &'a ImplicitText,
+    /// `f(t, z)`, and the identifier of its function.
+    pub(super) right: Routine<'a>,
+    pub(super) rhs: String,
+    /// The entries of `df/dz`, with the identifiers of the functions that compute them and all of the matrix.
+    pub(super) jacobian: Routine<'a>,
+    pub(super) entries: String,
+    pub(super) all: String,
+    /// The identifier of the function of the variables at a state.
+    pub(super) values: String,
+}
+
 impl OutputRoutine<'_> {
     /// An output whose only component is itself is a scalar.
     pub(super) fn is_scalar(&self) -> bool {
@@ -110,7 +130,10 @@ impl<'a> Module<'a> {
     ) -> Result<Module<'a>, Error> {
         expect_size("list of documented parameters", text.params.len(), program.params.len())?;
         expect_size("list of documented state components", text.state.len(), program.state.len())?;
-        let constants: Vec<String> = text.matrices.iter().map(|m| dialect.places(&m.name)).collect();
+        let mut constants: Vec<String> = text.matrices.iter().map(|m| dialect.places(&m.name)).collect();
+        if text.implicit.is_some() {
+            constants.extend([IMPLICIT.to_owned(), dialect.places(IMPLICIT_JACOBIAN)]);
+        }
         let names = Names::new(dialect, program);
         let optional = |role: &Role| {
             let function = program.function(role)?;
@@ -132,6 +155,17 @@ impl<'a> Module<'a> {
             let what = format!("product {}", product.name);
             expect_size(&what, product.components.len(), routine.function.results.len())?;
             products.push(ProductRoutine { text: product, name: functions.add(&product.name), routine });
+        }
+        let mut implicit = None;
+        if let Some(text) = &text.implicit {
+            let [right, jacobian] =
+                [&text.right_side, &text.jacobian].map(|name| required(&Role::OfVariables(name.clone())));
+            let (right, jacobian) = (right?, jacobian?);
+            expect_size("implicit form", right.function.results.len(), text.variables.len())?;
+            expect_size("pattern of the implicit form", text.pattern.len(), jacobian.function.results.len())?;
+            let (rhs, all) = (functions.add(&text.right_side), functions.add(&text.jacobian));
+            let (entries, values) = (functions.add(&format!("{}_nonzeros", text.jacobian)), String::new());
+            implicit = Some(ImplicitRoutines { text, right, rhs, jacobian, entries, all, values });
         }
         let mut matrices = BTreeMap::new();
         for matrix in &text.matrices {
@@ -155,6 +189,9 @@ impl<'a> Module<'a> {
                 Some((matrix, (all, entries))) => (Some((matrix, all)), entries),
                 None => (None, functions.add(&output.name)),
             };
+            if let Some(implicit) = implicit.as_mut().filter(|implicit| implicit.text.values == output.name) {
+                implicit.values.clone_from(&name);
+            }
             outputs.push(OutputRoutine { text: output, matrix, name, routine });
         }
 
@@ -183,6 +220,7 @@ impl<'a> Module<'a> {
             energy,
             outputs,
             products,
+            implicit,
             pivots: optional(&Role::Pivots).filter(|pivots| !pivots.function.results.is_empty()),
             signature: optional(&Role::Signature),
             domain: optional(&Role::Domain),
@@ -196,8 +234,15 @@ impl<'a> Module<'a> {
     pub(super) fn routines(&self) -> impl Iterator<Item = &Routine<'a>> {
         let outputs = self.outputs.iter().map(|o| &o.routine);
         let products = self.products.iter().map(|p| &p.routine);
+        let implicit = self.implicit.iter().flat_map(|i| [&i.right, &i.jacobian]);
         let guards = [&self.pivots, &self.signature, &self.domain].into_iter().flatten();
-        [&self.rate].into_iter().chain(&self.energy).chain(outputs).chain(products).chain(guards)
+        [&self.rate]
+            .into_iter()
+            .chain(&self.energy)
+            .chain(outputs)
+            .chain(products)
+            .chain(implicit)
+            .chain(guards)
     }
 
     /// The function that computes the derivatives of the right-hand side by the state.
@@ -255,7 +300,12 @@ impl<'a> Routine<'a> {
         function: &'a Function,
     ) -> Routine<'a> {
         let mut scope = variables(dialect, constants);
-        let state = scope.add_all(program.state.iter().map(String::as_str));
+        // Variables in the place of the state have the names of its components.
+        let in_scope = match function.role {
+            Role::OfVariables(_) => &[],
+            _ => program.state.as_slice(),
+        };
+        let state = scope.add_all(in_scope.iter().map(String::as_str));
         let argument = scope.add_all(function.argument.iter().map(String::as_str));
         let results: Vec<Operand> = function.results.iter().map(|(_, o)| *o).collect();
         let instructions = &function.instructions;

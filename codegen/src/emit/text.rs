@@ -34,6 +34,8 @@ pub struct SceneText {
     pub matrices: Vec<MatrixText>,
     /// Functions of a vector besides time and state.
     pub products: Vec<ProductText>,
+    /// The implicit form, where the scene wants it.
+    pub implicit: Option<ImplicitText>,
     /// Formula lines of functions, by role.
     pub formulas: BTreeMap<Role, Vec<String>>,
     /// Whether the energy is proved to be constant along the motion.
@@ -151,4 +153,34 @@ pub struct ProductText {
     pub components: Vec<String>,
     /// Meaning.
     pub doc: String,
+}
+
+/// An implicit form `M z' = f(t, z)`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ImplicitText {
+    /// The function `f`, [`Role::OfVariables`].
+    pub right_side: String,
+    /// The function of the entries of `df/dz`, and the name of that matrix.
+    pub jacobian: String,
+    /// The output with the variables at a state.
+    pub values: String,
+    /// The variables in order.
+    pub variables: Vec<ImplicitVariableText>,
+    /// The differential index.
+    pub index: usize,
+    /// Row and column of each entry of `df/dz`; the others are zero.
+    pub pattern: Vec<(usize, usize)>,
+    /// The place among the variables of each component of the state.
+    pub state: Vec<usize>,
+}
+
+/// A variable of an implicit form.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ImplicitVariableText {
+    /// Name.
+    pub name: String,
+    /// Meaning and unit.
+    pub doc: String,
+    /// Whether its row is a differential equation.
+    pub is_differential: bool,
 }

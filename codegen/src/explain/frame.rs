@@ -6,7 +6,7 @@ use crate::expr::{Budget, ExprId, Graph, Style};
 use crate::mechanics::{Coefficients, Equations};
 use crate::spec::{Model, OwnAlgebroid};
 
-use super::{Page, Section, SectionKind};
+use super::{Page, SectionKind};
 
 impl Page {
     /// The quasi-velocities, and Hamel's symbols `[e_a, e_b] = gamma^c_ab e_c` of their frame.
@@ -140,13 +140,4 @@ impl Page {
         }
         self.readable_formulas(rows);
     }
-}
-
-/// The coefficients of the Levi-Civita connection of the kinetic energy of a system, and of the constrained one where it
-/// has a constraint, in the frame of its velocities; those that vanish are left out.
-pub fn connection_coefficients(coefficients: &Coefficients, style: Style) -> String {
-    let head = Section { kind: SectionKind::Head, text: String::new() };
-    let mut page = Page { style, head, rest: Vec::new() };
-    page.coefficients(coefficients);
-    super::text_of(page.rest, style)
 }

@@ -67,8 +67,10 @@ impl<'a> Source<'a> {
             let definitions = self.sections.iter().flat_map(|s| &s.definitions);
             let used = definitions.filter(|d| needed.contains(&d.symbol)).map(|d| d.expr).chain(roots);
             let used: BTreeSet<SymbolId> = used.flat_map(|e| graph.free_symbols(e)).collect();
-            let others = self.inputs.arguments.iter().filter(|(role, _)| **role != request.role);
-            if let Some(foreign) = others.flat_map(|(_, symbols)| symbols).find(|s| used.contains(s)) {
+            // Functions may take the same vector.
+            let own = self.inputs.argument(&request.role);
+            let mut all = self.inputs.arguments.values().flatten();
+            if let Some(foreign) = all.find(|s| used.contains(s) && !own.contains(s)) {
                 return Err(Error::Program {
                     reason: format!(
                         "{} depends on {}, which is no argument of it",

@@ -121,6 +121,8 @@ pub struct Equations {
     pub system: ReducedSystem,
     /// Definitions in order.
     pub sections: Vec<Section>,
+    /// All velocities `y`, in frame order, by the state and the definitions.
+    pub velocities: Vec<ExprId>,
     /// State equations in state order.
     pub state: Vec<StateEquation>,
     /// Equations of the reconstructed coordinates.
@@ -165,6 +167,7 @@ impl Equations {
         let Equations {
             system: _,
             sections: _,
+            velocities: _,
             state,
             reconstruction,
             taken_at: _,

@@ -8,10 +8,12 @@
 mod coefficients;
 mod constrained;
 mod derive;
+mod dirac;
 mod equations;
 mod equivalence;
 mod given;
 mod hamilton;
+mod implicit;
 mod integrable;
 mod legendre;
 mod momenta;
@@ -25,8 +27,10 @@ mod vertical;
 
 pub use coefficients::{Coefficients, ConstrainedCoefficients, connection_coefficients};
 pub use derive::derive;
+pub use dirac::DiracStructure;
 pub use equations::{Equations, Facts, Form, Legendre, LinearSystem, Output, OutputKind, StateEquation};
 pub use equivalence::{ChangeOfState, Unrelated, same_motion};
+pub use implicit::{ImplicitForm, ImplicitVariable, implicit_form};
 pub use routh::Routhian;
 pub use solve::{Factorisation, Pivot, PivotMatrix, PivotOrigin};
 pub(crate) use vertical::unused_stem;

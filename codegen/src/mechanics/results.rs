@@ -391,6 +391,7 @@ impl Derivation<'_> {
         let mut equations = Equations {
             system,
             sections,
+            velocities: std::mem::take(&mut self.y),
             state,
             reconstruction,
             taken_at: BTreeMap::new(),

@@ -30,6 +30,8 @@ pub enum Role {
     Output(String),
     /// A named product of a matrix with a vector, which the function takes besides time and state.
     Product(String),
+    /// A named function of time and of a vector of variables, which the function takes in the place of the state.
+    OfVariables(String),
     /// Order zero of the Taylor coefficients, see [`Jet`](super::Jet).
     SeriesStart,
     /// Every other order of the Taylor coefficients, see [`Jet`](super::Jet).
@@ -45,7 +47,7 @@ impl Role {
             Role::Pivots => "check",
             Role::Signature => "signature",
             Role::Domain => "domain",
-            Role::Output(name) | Role::Product(name) => name,
+            Role::Output(name) | Role::Product(name) | Role::OfVariables(name) => name,
             Role::SeriesStart => "first",
             Role::SeriesStep => "next",
         }

@@ -46,6 +46,8 @@ pub struct DegenerateStep {
     pub condition: ExprId,
     /// What was done with it.
     pub outcome: DegenerateOutcome,
+    /// How many time derivatives of `p = dL/dy` are in it.
+    pub n_derivatives: usize,
 }
 
 /// What was done with a condition.
@@ -62,7 +64,7 @@ impl Degeneracy {
     pub(super) fn expressions_mut(&mut self) -> impl Iterator<Item = &mut ExprId> {
         let Degeneracy { steps, positions } = self;
         let steps = steps.iter_mut().flat_map(|step| {
-            let DegenerateStep { combination, condition, outcome: _ } = step;
+            let DegenerateStep { combination, condition, outcome: _, n_derivatives: _ } = step;
             combination.iter_mut().map(|(_, e)| e).chain([condition])
         });
         steps.chain(positions.iter_mut().map(|(_, e)| e))
@@ -213,13 +215,14 @@ impl Search<'_> {
             g.within_budget()?;
             let matrix = self.mass_matrix(g)?;
             let mut is_done = true;
+            let n_before = self.found.steps.iter().map(|step| step.n_derivatives).max().unwrap_or(0);
             for combination in left_null_vectors(g, &matrix)? {
                 self.used.push(combination.clone());
                 if independent_rows(g, &self.used).len() < self.used.len() {
                     self.used.pop();
                     continue;
                 }
-                is_done &= !self.look_at(g, &drives, &combination)?;
+                is_done &= !self.look_at(g, &drives, &combination, n_before)?;
             }
             if is_done {
                 return Ok(matrix);
@@ -230,8 +233,15 @@ impl Search<'_> {
         Err(left(g, self.names.join(", "), last, "is one of too many"))
     }
 
-    /// Looks at the combination of equations of motion along displacements; whether anything new was found.
-    fn look_at(&mut self, g: &mut Graph, drives: &[ExprId], combination: &[ExprId]) -> Result<bool, Error> {
+    /// Looks at the combination of equations of motion along displacements; whether anything new was found. The
+    /// conditions of former rounds have up to `n_before` time derivatives of `p = dL/dy` in them.
+    fn look_at(
+        &mut self,
+        g: &mut Graph,
+        drives: &[ExprId],
+        combination: &[ExprId],
+        n_before: usize,
+    ) -> Result<bool, Error> {
         let m = self.names.len();
         let mut along = Vec::new();
         for row in &self.displacements {
@@ -254,6 +264,8 @@ impl Search<'_> {
         }
         let sum = g.sum(&terms);
         let mut condition = self.on_conditions(g, &[sum])?[0];
+        // Accelerations of velocities that are solved for differentiate what they were solved from.
+        let mut n_derivatives = n_before + 1;
         let direction = self.spelled(g, &along);
         let named = self.names.iter().cloned().zip(along);
         let mut combination: Vec<(String, ExprId)> = named.filter(|(_, e)| *e != g.zero()).collect();
@@ -269,7 +281,7 @@ impl Search<'_> {
                     return Err(left(g, direction, condition, "is not linear in the velocities"));
                 };
                 if one_form.iter().any(|e| *e != g.zero()) {
-                    self.solve(g, combination, (condition, one_form, offset))?;
+                    self.solve(g, (combination, n_derivatives), (condition, one_form, offset))?;
                     return Ok(true);
                 }
                 condition = offset;
@@ -282,7 +294,9 @@ impl Search<'_> {
                 combination: std::mem::take(&mut combination),
                 condition,
                 outcome,
+                n_derivatives,
             });
+            n_derivatives += 1;
             self.found.positions.push((format!("residual_{}", self.found.positions.len() + 1), condition));
             let rate = self.drift(g, condition);
             condition = self.on_conditions(g, &[rate])?[0];
@@ -294,7 +308,7 @@ impl Search<'_> {
     fn solve(
         &mut self,
         g: &mut Graph,
-        combination: Vec<(String, ExprId)>,
+        (combination, n_derivatives): (Vec<(String, ExprId)>, usize),
         (condition, one_form, offset): (ExprId, Vec<ExprId>, ExprId),
     ) -> Result<(), Error> {
         let text = format!("{} = 0", g.display(condition, Style::Plain));
@@ -305,7 +319,7 @@ impl Search<'_> {
         let new = self.form.dependent.iter().find(|k| !before.contains(k));
         let solved_for = new.map(|k| self.names[*k].clone()).unwrap_or_default();
         let outcome = DegenerateOutcome::Solved(solved_for);
-        self.found.steps.push(DegenerateStep { combination, condition, outcome });
+        self.found.steps.push(DegenerateStep { combination, condition, outcome, n_derivatives });
         Ok(())
     }
 

@@ -18,7 +18,7 @@ use super::built::{BuiltScene, legendre_role};
 use super::dependence::ignorable;
 use super::pivots::sorted_pivots;
 use super::plan::{Drops, Outputs, Plan};
-use super::{derivatives, invariants};
+use super::{derivatives, implicit, invariants};
 
 /// Equations of one model in the formulations that its scenes ask for, each derived once.
 #[derive(Debug)]
@@ -177,6 +177,7 @@ pub(super) fn build_derived(
         let problem = model.diagnose(&e);
         let span = match e {
             Error::NothingConserved { .. } => place_of(Want::Invariants.name()),
+            Error::Unsupported { .. } if plan.implicit => place_of(Want::Implicit.name()),
             _ => problem.span,
         };
         model.diagnostics(vec![spec::Diagnostic { span, ..problem }])
@@ -249,6 +250,16 @@ pub(super) fn lower_scene(
         matrices.push(found.gradients);
         own_sections.extend(found.sections);
     }
+    let mut implicit_form = None;
+    let mut implicit_requests = Vec::new();
+    if plan.implicit {
+        let found = implicit::find(&mut graph, &equations, &state)?;
+        outputs.push(found.output);
+        inputs.arguments.extend(found.arguments);
+        own_sections.extend(found.sections);
+        implicit_requests.extend(found.requests);
+        implicit_form = Some(found.implicit);
+    }
     graph.within_budget()?;
     graph.enter(Stage::Lowering);
     let mut conditions: Vec<ParamCondition> = system
@@ -282,6 +293,7 @@ pub(super) fn lower_scene(
     if !legendre.momenta.is_empty() {
         requests.push(Request { role: legendre_role(), results: legendre.momenta.clone() });
     }
+    requests.extend(implicit_requests);
     let carried: BTreeSet<SymbolId> = inputs.state.iter().copied().collect();
     let left_out: BTreeSet<SymbolId> =
         system.algebroid.base().iter().filter(|x| !carried.contains(x)).copied().collect();
@@ -308,6 +320,7 @@ pub(super) fn lower_scene(
         outputs,
         matrices,
         products,
+        implicit: implicit_form,
         wants_taylor,
         doc,
         chosen,

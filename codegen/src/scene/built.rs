@@ -10,6 +10,7 @@ use crate::program::{Program, Role};
 use crate::spec::{Param, Want};
 
 use super::derivatives::{Matrix, Product};
+use super::implicit::Implicit;
 
 /// A scene after the whole pipeline: its equations and its program.
 #[derive(Clone, Debug)]
@@ -26,6 +27,7 @@ pub struct BuiltScene {
     pub(super) outputs: Vec<Output>,
     pub(super) matrices: Vec<Matrix>,
     pub(super) products: Vec<Product>,
+    pub(super) implicit: Option<Implicit>,
     /// Whether the emitted module has the Taylor coefficients of solutions.
     pub(super) wants_taylor: bool,
     pub(super) doc: String,
@@ -66,6 +68,11 @@ impl BuiltScene {
     /// Derivatives that are products with a vector.
     pub fn products(&self) -> &[Product] {
         &self.products
+    }
+
+    /// The implicit form, where the scene wants it.
+    pub fn implicit(&self) -> Option<&Implicit> {
+        self.implicit.as_ref()
     }
 
     /// The momenta that the state carries as functions of velocities; empty where it carries none.

@@ -11,6 +11,7 @@ use crate::program::{Jet, Point, Program, Role, ViolatedCondition};
 
 use super::built::{BuiltScene, legendre_role};
 use super::derivatives::{Derivative, Matrix};
+use super::implicit;
 use super::invariants::GRADIENTS;
 use super::plan::INVARIANTS;
 
@@ -35,6 +36,16 @@ struct Pattern {
 impl Pattern {
     fn of(matrix: &Matrix) -> Pattern {
         Pattern { name: matrix.name.to_owned(), shape: matrix.shape, places: matrix.pattern.clone() }
+    }
+
+    /// The matrix with these entries, row by row.
+    fn filled(&self, entries: &[f64]) -> Vec<Vec<f64>> {
+        let (n_rows, n_columns) = self.shape;
+        let mut rows = vec![vec![0.0; n_columns]; n_rows];
+        for ((i, j), entry) in self.places.iter().zip(entries) {
+            rows[*i][*j] = *entry;
+        }
+        rows
     }
 }
 
@@ -82,7 +93,12 @@ impl BuiltScene {
     }
 
     fn patterns(&self) -> Vec<Pattern> {
-        self.matrices().iter().map(Pattern::of).collect()
+        let implicit = self.implicit().map(|found| Pattern {
+            name: implicit::JACOBIAN.to_owned(),
+            shape: (found.variables.len(), found.variables.len()),
+            places: found.pattern.clone(),
+        });
+        self.matrices().iter().map(Pattern::of).chain(implicit).collect()
     }
 
     /// Checks parameters and prepares an interpreter for them.
@@ -212,12 +228,7 @@ impl<'a> Interpreter<'a> {
         let pattern = self.patterns.iter().find(|pattern| pattern.name == name)?;
         // Every matrix is an output, and one without entries has no function.
         let entries = self.values(&Role::Output(name.to_owned()), t, y).unwrap_or_default();
-        let (n_rows, n_columns) = pattern.shape;
-        let mut rows = vec![vec![0.0; n_columns]; n_rows];
-        for ((i, j), entry) in pattern.places.iter().zip(entries) {
-            rows[*i][*j] = entry;
-        }
-        Some(rows)
+        Some(pattern.filled(&entries))
     }
 
     /// A derivative that is a product with `vector`, when the scene wants it.
@@ -228,6 +239,34 @@ impl<'a> Interpreter<'a> {
         let k = self.program.function_idx(&derivative.role())?;
         let mut out = vec![0.0; self.program.functions[k].results.len()];
         let point = Point { t, state: y, argument: vector };
+        self.program.run_at(k, &self.params, &self.prepared, point, &mut out);
+        Some(out)
+    }
+
+    /// The right-hand side `f(t, z)` of the implicit form, when the scene wants it.
+    ///
+    /// # Panics
+    /// When a size is wrong.
+    pub fn implicit(&self, t: f64, z: &[f64]) -> Option<Vec<f64>> {
+        self.of_variables(&implicit::right_side(), t, z)
+    }
+
+    /// The derivatives `df/dz` of the implicit form, row by row, when the scene wants it.
+    ///
+    /// # Panics
+    /// When a size is wrong.
+    pub fn implicit_jacobian(&self, t: f64, z: &[f64]) -> Option<Vec<Vec<f64>>> {
+        let pattern = self.patterns.iter().find(|pattern| pattern.name == implicit::JACOBIAN)?;
+        Some(pattern.filled(&self.of_variables(&implicit::jacobian(), t, z)?))
+    }
+
+    /// The values of a function that takes variables in the place of the state.
+    fn of_variables(&self, role: &Role, t: f64, z: &[f64]) -> Option<Vec<f64>> {
+        let k = self.program.function_idx(role)?;
+        let mut out = vec![0.0; self.program.functions[k].results.len()];
+        // Such a function reads no state.
+        let state = vec![0.0; self.program.state.len()];
+        let point = Point { t, state: &state, argument: z };
         self.program.run_at(k, &self.params, &self.prepared, point, &mut out);
         Some(out)
     }

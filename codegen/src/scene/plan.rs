@@ -34,6 +34,7 @@ pub(super) struct Plan {
     pub(super) energy: bool,
     pub(super) derivatives: BTreeSet<Derivative>,
     pub(super) invariants: bool,
+    pub(super) implicit: bool,
     pub(super) taylor: bool,
     pub(super) reconstructs: bool,
     pub(super) drops: Drops,
@@ -71,6 +72,7 @@ impl Plan {
             energy: false,
             derivatives: BTreeSet::new(),
             invariants: false,
+            implicit: false,
             taylor: false,
             reconstructs: false,
             drops: Drops::Nothing,
@@ -100,6 +102,7 @@ impl Plan {
                     Wanted::Want(Want::Reconstruction) => plan.reconstructs = true,
                     Wanted::Want(Want::Taylor) => plan.taylor = true,
                     Wanted::Want(Want::Invariants) => plan.invariants = true,
+                    Wanted::Want(Want::Implicit) => plan.implicit = true,
                     Wanted::Want(want) => match Derivative::of(*want) {
                         Some(derivative) => _ = plan.derivatives.insert(derivative),
                         None => outputs.push(wanted.clone()),

@@ -4,15 +4,20 @@
 
 use std::collections::BTreeMap;
 
-use crate::emit::{self, MatrixText, OutputText, ParamText, ProductText, SceneEntry, SceneText, StateText};
+use crate::emit::{
+    self, ImplicitText, ImplicitVariableText, MatrixText, OutputText, ParamText, ProductText, SceneEntry,
+    SceneText, StateText,
+};
 use crate::error::Error;
 use crate::expr::{Exhausted, Resource, Stage};
 use crate::program::{Jet, Role};
+use crate::spec::Want;
 
 use super::built::BuiltScene;
 use super::built::legendre_role;
 use super::derivatives::{Matrix, Product};
 use super::groups::groups;
+use super::implicit::{self, Implicit};
 use super::interpreter;
 
 /// How a scene's module is written down.
@@ -127,6 +132,7 @@ impl BuiltScene {
                 .collect(),
             matrices: self.matrices.iter().map(matrix_text).collect(),
             products: self.products.iter().map(product_text).chain(self.legendre_text()).collect(),
+            implicit: self.implicit().map(implicit_text),
             formulas: BTreeMap::from(formulas),
             conserves_energy: self.equations.facts.energy_is_conserved,
             groups: writing.nalgebra.then(|| groups(self)),
@@ -143,6 +149,23 @@ fn matrix_text(matrix: &Matrix) -> MatrixText {
         shape: matrix.shape,
         pattern: matrix.pattern.clone(),
         doc: matrix.doc.to_owned(),
+    }
+}
+
+fn implicit_text(implicit: &Implicit) -> ImplicitText {
+    let variables = implicit.variables.iter().map(|v| ImplicitVariableText {
+        name: v.name.clone(),
+        doc: v.doc.clone(),
+        is_differential: v.is_differential,
+    });
+    ImplicitText {
+        right_side: implicit::RIGHT_SIDE.to_owned(),
+        jacobian: implicit::JACOBIAN.to_owned(),
+        values: Want::Implicit.name().to_owned(),
+        variables: variables.collect(),
+        index: implicit.index,
+        pattern: implicit.pattern.clone(),
+        state: implicit.state.clone(),
     }
 }
 

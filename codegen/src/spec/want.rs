@@ -52,11 +52,13 @@ pub enum Want {
     Taylor,
     /// What the motion conserves, with gradients.
     Invariants,
+    /// The equations with a mass matrix, `M z' = f(t, z)`, and their variables at a state.
+    Implicit,
 }
 
 impl Want {
     /// All of them, in the order in which messages list them.
-    pub const ALL: [Want; 21] = [
+    pub const ALL: [Want; 22] = [
         Want::Rhs,
         Want::Energy,
         Want::EnergyRate,
@@ -78,6 +80,7 @@ impl Want {
         Want::Outputs,
         Want::Taylor,
         Want::Invariants,
+        Want::Implicit,
     ];
 
     /// What the scene says, and the name of the function or output where there is one.
@@ -104,6 +107,7 @@ impl Want {
             Want::Outputs => "outputs",
             Want::Taylor => "taylor",
             Want::Invariants => "invariants",
+            Want::Implicit => "implicit",
         }
     }
 
@@ -116,8 +120,8 @@ impl Want {
     /// name anything but an output.
     pub(super) fn is_in_tables(self) -> bool {
         use Want::{
-            Casimirs, Circles, Constraint, Invariants, MomentumEquation, NonholonomicMomentum, Outputs,
-            Taylor, Velocities,
+            Casimirs, Circles, Constraint, Implicit, Invariants, MomentumEquation, NonholonomicMomentum,
+            Outputs, Taylor, Velocities,
         };
         !matches!(
             self,
@@ -130,6 +134,7 @@ impl Want {
                 | Taylor
                 | Velocities
                 | Invariants
+                | Implicit
         )
     }
 }

@@ -26,6 +26,8 @@ pub mod chaplygin_sleigh;
 /// Chaplygin sleigh
 pub mod chaplygin_sleigh_derivatives;
 /// Chaplygin sleigh
+pub mod chaplygin_sleigh_implicit;
+/// Chaplygin sleigh
 pub mod chaplygin_sleigh_invariants;
 /// Chaplygin sleigh
 pub mod chaplygin_sleigh_reconstruction;
@@ -33,6 +35,8 @@ pub mod chaplygin_sleigh_reconstruction;
 pub mod charged_particle;
 /// Charged particle in the plane
 pub mod charged_particle_drift;
+/// Charged particle in the plane
+pub mod charged_particle_implicit;
 /// Double spherical pendulum
 pub mod double_spherical_pendulum;
 /// Double spherical pendulum
@@ -218,10 +222,12 @@ macro_rules! for_each_scene {
             (chaplygin_gyro_reconstruction, "chaplygin_gyro", "reconstruction", 16)
             (chaplygin_sleigh, "chaplygin_sleigh", "default", 2)
             (chaplygin_sleigh_derivatives, "chaplygin_sleigh", "derivatives", 2)
+            (chaplygin_sleigh_implicit, "chaplygin_sleigh", "implicit", 2)
             (chaplygin_sleigh_invariants, "chaplygin_sleigh", "invariants", 2)
             (chaplygin_sleigh_reconstruction, "chaplygin_sleigh", "reconstruction", 5)
             (charged_particle, "charged_particle", "default", 4)
             (charged_particle_drift, "charged_particle", "drift", 2)
+            (charged_particle_implicit, "charged_particle", "implicit", 2)
             (double_spherical_pendulum, "double_spherical_pendulum", "default", 6)
             (double_spherical_pendulum_reconstruction, "double_spherical_pendulum", "reconstruction", 7)
             (euler_disk, "euler_disk", "default", 5)

@@ -12,7 +12,6 @@ pub(super) const CIRCLES: &[(&str, &[&str], &str)] = &[
         "three commands are about the program whose arguments the top defines",
     ),
     ("codegen/src/emit/rust", &["mod", "series"], "the top has what all items of a module share"),
-    ("codegen/src/explain", &["frame", "mod"], "the top has the page that all sections are written on"),
     (
         "codegen/src/lower",
         &["check", "classes", "form", "mod", "pivots", "source", "values"],

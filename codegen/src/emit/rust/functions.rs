@@ -30,6 +30,7 @@ impl Writer<'_> {
         for product in &module.products {
             methods.extend(self.product(product)?);
         }
+        methods.extend(self.implicit_functions()?);
         if let Some(pivots) = &module.pivots {
             methods.extend(self.pivots(pivots)?);
         }

@@ -1,13 +1,14 @@
 //! The Rust back end: a module as items, documented for rustdoc and formatted.
 //!
-//! `notation` spells expressions, `tokens` has small pieces, `params`, `prepared`, `functions`, `matrices`, `guards`,
-//! `traits`, `series` and `nalgebra` write the items of a scene, `index` the list of modules, `format` text. Does not
+//! `notation` spells expressions, `tokens` has small pieces, `params`, `prepared`, `functions`, `matrices`, `implicit`,
+//! `guards`, `traits`, `series` and `nalgebra` write the items of a scene, `index` the list of modules, `format` text. Does not
 //! know: which functions there are and why, the order of their statements.
 
 mod excerpt;
 mod format;
 mod functions;
 mod guards;
+mod implicit;
 mod index;
 mod matrices;
 mod nalgebra;
@@ -40,11 +41,13 @@ pub(super) fn emit(program: &Program, jet: Option<&Jet>, text: &SceneText) -> Re
         writer.params(),
         writer.state(),
         writer.patterns(),
+        writer.implicit_constants(),
         writer.prepared()?,
         writer.functions()?,
         writer.traits(series.is_some()),
         writer.differentiable(),
         writer.invariants(),
+        writer.implicit(),
         series.map_or(Ok(TokenStream::new()), |series| writer.series(&series))?,
         writer.groups()?,
     ];
