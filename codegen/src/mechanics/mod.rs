@@ -5,11 +5,13 @@
 //!
 //! [`ReducedSystem`]: crate::reduction::ReducedSystem
 
+mod coefficients;
 mod constrained;
 mod derive;
 mod dirac;
 mod equations;
 mod equivalence;
+mod given;
 mod hamilton;
 mod implicit;
 mod integrable;
@@ -23,6 +25,7 @@ mod solve;
 mod squares;
 mod vertical;
 
+pub use coefficients::{Coefficients, ConstrainedCoefficients, connection_coefficients};
 pub use derive::derive;
 pub use dirac::DiracStructure;
 pub use equations::{Equations, Facts, Form, Legendre, LinearSystem, Output, OutputKind, StateEquation};
