@@ -12,6 +12,7 @@
 //! | [`Taylor`] | 2 to 32 | as steps | adaptive, fixed | tolerances below 1e-6, systems with series, [`Jet`] |
 //! | [`Rk4`] | 4 | 3 | fixed | comparisons, real time |
 //! | [`Gauss4`], [`Gauss6`], [`Gauss8`] | 4, 6, 8 | 3, 4, 5 | fixed | long times: symplectic, symmetric |
+//! | [`matrices::IsospectralMidpoint`] | 2 | none | fixed | ideal fluids: the spectrum of the vorticity kept |
 //! | [`Projected`] | as within | as within | as within | invariants kept to round-off, elements of groups |
 //!
 //! ```

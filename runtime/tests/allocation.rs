@@ -139,3 +139,23 @@ fn integration_allocates_nothing() {
     assert_eq!(allocations(Taylor::of_order(8), Options::fixed(0.05)), 0);
     assert_eq!(allocations(Projected::<_, 1>::new(Taylor::new()), Options::adaptive(1e-12, 1e-12)), 0);
 }
+
+#[test]
+fn fluids_allocate_nothing() {
+    use hamel_runtime::matrices::{IsospectralMidpoint, Options, Torus};
+
+    const N: usize = 15;
+    let options = Options::fixed(0.02);
+    let tables = [0.0; Torus::<[f64; 0]>::storage(N)];
+    let mut room = vec![0.0; IsospectralMidpoint::<Torus<&mut [f64]>, &mut [f64]>::storage(N, &options)];
+    let modes: [f64; N * N - 1] = core::array::from_fn(|k| 1.0 / (1 + k) as f64);
+    let before = N_ALLOCATIONS.with(Cell::get);
+    let torus = Torus::new(N, tables).unwrap();
+    let mut fluid = IsospectralMidpoint::new(&torus, &mut room[..], 0.0, options).unwrap();
+    torus.set_modes(&modes, fluid.vorticity_mut());
+    fluid.integrate_to(0.1).unwrap();
+    let mut casimirs = [0.0; 4];
+    fluid.casimirs(&mut casimirs);
+    assert!(fluid.energy() > 0.0 && casimirs[1] > 0.0);
+    assert_eq!(N_ALLOCATIONS.with(Cell::get), before);
+}

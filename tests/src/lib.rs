@@ -32,6 +32,8 @@ mod docs {
     pub struct Momenta;
     #[doc = include_str!("../../docs/book/emitted-code.md")]
     pub struct EmittedCode;
+    #[doc = include_str!("../../docs/book/fluids.md")]
+    pub struct Fluids;
     #[doc = include_str!("../../docs/book/integrators.md")]
     pub struct Integrators;
     #[doc = include_str!("../../docs/book/no-std.md")]

@@ -192,6 +192,10 @@ fn what_has_no_bracket_is_refused_with_the_reason() {
         constraint v1^2 + v2^2 = v3^2; scene brackets { want bracket; } }";
     let problem = built(nonlinear).unwrap_err();
     assert!(problem.contains("is not linear in the velocities"), "{problem}");
+    let given = "model oscillator { param mu = 1; coordinate x in real;
+        acceleration x_dot = mu*(1 - x^2)*x_dot - x; scene brackets { want bracket; } }";
+    let problem = built(given).unwrap_err();
+    assert!(problem.contains("the motion is given, and has no energy"), "{problem}");
 }
 
 #[test]

@@ -1,5 +1,5 @@
-//! Fluids as matrices: the generated models of the same fluid, Casimirs, order, symmetry, and motions of the sphere that
-//! are known.
+//! Fluids as matrices: the generated models of the same fluid, Casimirs, order, symmetry, and motions of the sphere
+//! that are known.
 
 use hamel_models::generated::{zeitlin_euler_3, zeitlin_euler_5, zeitlin_euler_7};
 use hamel_runtime::matrices::{IsospectralMidpoint, Laplacian, Options, Sphere, Torus};
@@ -153,7 +153,9 @@ fn casimirs_are_kept_to_round_off() {
         on_torus.step().unwrap_or_else(|e| panic!("{e}"));
     }
     on_torus.casimirs(&mut after);
-    assert!(drift(&before, &after) < 1e-14, "{before:?}, {after:?}");
+    // Rounding errors of 20 000 steps add up as a random walk: 140 units in the last place of the spectrum at most, a
+    // few of the size of a step in fact; of the seventh power seven times as many.
+    assert!(drift(&before, &after) < 5e-14, "{before:?}, {after:?}");
     assert!((on_torus.energy() / energy - 1.0).abs() < 1e-3, "energy {energy}, {}", on_torus.energy());
 
     for n in [2, 8, 12, 33] {
@@ -269,9 +271,9 @@ fn zonal_flows_stay() {
     assert!(distance(&elements(&solver), &start) < 1e-13 * norm(&start));
 }
 
-/// A wave of Rossby and Haurwitz turns about the axis: with `psi = a Y_10/2 + b Y_lm/(l (l + 1))` the phase of `omega_lm`
-/// moves by `omega_t = {psi, omega}` at the rate `-m a sqrt(3/(4 pi)) (1/2 - 1/(l (l + 1)))`, as on the sphere, for
-/// `Y_10` is a coordinate, and the bracket with it a turn whatever `N` is.
+/// A wave of Rossby and Haurwitz turns about the axis: with `psi = a Y_10/2 + b Y_lm/(l (l + 1))` the phase of
+/// `omega_lm` moves by `omega_t = {psi, omega}` at the rate `-m a sqrt(3/(4 pi)) (1/2 - 1/(l (l + 1)))`, as on the
+/// sphere, for `Y_10` is a coordinate, and the bracket with it a turn whatever `N` is.
 #[test]
 fn waves_of_rossby_and_haurwitz_turn() {
     let (a, l, m) = (1.5, 4, 3);

@@ -7,11 +7,13 @@
 
 mod bracket;
 mod chart;
+mod coefficients;
 mod constrained;
 mod derive;
 mod dirac;
 mod equations;
 mod equivalence;
+mod given;
 mod hamilton;
 mod hamiltonization;
 mod implicit;
@@ -28,6 +30,7 @@ mod squares;
 mod vertical;
 
 pub use bracket::Bracket;
+pub use coefficients::{Coefficients, ConstrainedCoefficients, connection_coefficients};
 pub use derive::derive;
 pub use dirac::DiracStructure;
 pub use equations::{Equations, Facts, Form, Legendre, LinearSystem, Output, OutputKind, StateEquation};

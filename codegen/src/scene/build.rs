@@ -209,7 +209,7 @@ fn wanted_outputs(available: &[Output], wanted: &Wanted) -> Vec<Output> {
 
 fn available_outputs(equations: &Equations) -> Vec<Output> {
     let mut outputs = equations.outputs.clone();
-    if !equations.facts.energy_is_conserved {
+    if equations.has_energy() && !equations.facts.energy_is_conserved {
         let components = vec![(Want::EnergyRate.name().into(), equations.energy_rate)];
         let doc = "rate of energy dE/dt along the motion";
         outputs.insert(0, Output::group(Want::EnergyRate, components, doc));

@@ -123,7 +123,9 @@ fn candidates(g: &mut Graph, equations: &Equations, state: &[StateEquation]) -> 
         }
     }
     candidates.extend(group(Want::Constraint));
-    candidates.push(("energy".to_owned(), equations.energy));
+    if equations.has_energy() {
+        candidates.push(("energy".to_owned(), equations.energy));
+    }
     let momenta: Vec<(String, ExprId)> = group(Want::Momentum).collect();
     candidates.extend(momenta.iter().cloned().chain(group(Want::NonholonomicMomentum)));
     let in_space = &equations.system.momenta_in_space;

@@ -121,16 +121,17 @@ impl Plan {
             plan.outputs = Outputs::Named(outputs);
             return Some(plan);
         }
-        let everything = Plan { outputs: Outputs::All, energy: true, ..bare.clone() };
+        let energy = model.given.is_none();
+        let everything = Plan { outputs: Outputs::All, energy, ..bare.clone() };
         match scene {
             DEFAULT => Some(everything),
             MINIMAL => {
                 let doc = "without the coordinates on which nothing depends".to_owned();
-                Some(Plan { energy: true, drops: Drops::Ignorable, doc, ..bare })
+                Some(Plan { energy, drops: Drops::Ignorable, doc, ..bare })
             }
             DERIVATIVES => {
                 let doc = "with the derivatives of the right-hand side".to_owned();
-                Some(Plan { energy: true, derivatives: Derivative::ALL.into(), doc, ..bare })
+                Some(Plan { energy, derivatives: Derivative::ALL.into(), doc, ..bare })
             }
             RECONSTRUCTION => Some(Plan {
                 reconstructs: true,

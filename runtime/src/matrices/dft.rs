@@ -1,16 +1,16 @@
 //! The discrete Fourier transform of many sequences side by side, of any odd length.
 //!
-//! A sequence is a column of a matrix in panels. Lengths are split into their prime factors; a prime factor `p` is a sum
-//! over pairs of elements as far from both ends, with real weights: `(p - 1)^2/4` products of a row with a number for
-//! the cosines, as many for the sines. Results lie in the order of reversed digits, which the inverse begins with.
+//! A sequence is a column of a matrix in panels. Lengths are split into their prime factors; a prime factor `p` is a
+//! sum over pairs of elements as far from both ends, with real weights: `(p - 1)^2/4` products of a row with a number
+//! for the cosines, as many for the sines. Results lie in the order of reversed digits, which the inverse begins with.
 //!
 //! Does not know: matrices, wave numbers.
 
 use super::panels::{LANES, Row};
 use crate::math::{mul_add, sin_cos};
 
-/// Most prime factors of a length: odd ones below `3^41`.
-const MAX_FACTORS: usize = 41;
+/// Most prime factors of a length: odd ones up to the largest matrix, below `3^8`.
+const MAX_FACTORS: usize = 8;
 
 /// Transforms of one length.
 #[derive(Clone, Copy, Debug)]
@@ -24,7 +24,6 @@ pub(super) struct Dft {
 pub(super) fn roots_of_unity(roots: &mut [f64]) {
     let n = roots.len() / 2;
     for (k, root) in roots.as_chunks_mut::<2>().0.iter_mut().enumerate() {
-        // By the nearest multiple of pi, so that the angle is small and its rounding error too.
         let (sine, cosine) = sin_cos(core::f64::consts::TAU * k as f64 / n as f64);
         *root = [cosine, sine];
     }

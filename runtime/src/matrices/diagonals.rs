@@ -1,7 +1,7 @@
 //! The diagonals of a Hermitian matrix side by side, so that what is done along each is done to vectors of them.
 //!
-//! The row `j` of the diagonals has the elements `(j, j)`, `(j, j + 1)`, .. of the matrix: of all columns up to the last
-//! one (sphere), or of half of them, going on at the first one (torus). The others follow from the symmetry.
+//! The row `j` of the diagonals has the elements `(j, j)`, `(j, j + 1)`, .. of the matrix: of all columns up to the
+//! last one (sphere), or of half of them, going on at the first one (torus). The others follow from the symmetry.
 //!
 //! Does not know: what is done along a diagonal.
 

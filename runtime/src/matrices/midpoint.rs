@@ -39,7 +39,8 @@ pub struct Options {
     pub tolerance: f64,
     /// Limit on iterations of a step.
     pub max_iterations: u32,
-    /// How many steps before are extrapolated to start the iteration; each takes room for one more matrix.
+    /// How many steps before are extrapolated to start the iteration, 8 unless told; each takes room for one more
+    /// matrix.
     pub history: usize,
 }
 
@@ -50,7 +51,7 @@ impl Options {
     /// Steps of the size `h > 0`, iterated to round-off, so that Casimirs are kept to it.
     #[must_use]
     pub const fn fixed(h: f64) -> Self {
-        Self { step: h, tolerance: 0.0, max_iterations: 100, history: 5 }
+        Self { step: h, tolerance: 0.0, max_iterations: 100, history: MAX_HISTORY }
     }
 
     /// Sets the change at which the iteration ends, relative to the vorticity.
@@ -258,14 +259,7 @@ impl<'s, L: Laplacian, S: AsRef<[f64]> + AsMut<[f64]>> IsospectralMidpoint<'s, L
         product(n, stream, vorticity, first, Extent::All);
         for a in 0..n_panels(n) {
             for b in 0..n_panels(n) {
-                let skew = skew(n, first, a, b);
-                let out = block_mut(n, middle, a, b);
-                for i in 0..LANES {
-                    for l in 0..LANES {
-                        out[i][l] = -rate * skew[i][LANES + l];
-                        out[i][LANES + l] = rate * skew[i][l];
-                    }
-                }
+                *block_mut(n, middle, a, b) = turned(&skew(n, first, a, b), rate);
             }
         }
         MatrixRef { n, rows: middle }
@@ -478,6 +472,19 @@ fn skew(n: usize, first: &[Row], a: usize, b: usize) -> Block {
     x
 }
 
+/// `i factor x`.
+#[inline(always)]
+fn turned(x: &Block, factor: f64) -> Block {
+    let mut out = [[0.0; 2 * LANES]; LANES];
+    for i in 0..LANES {
+        for l in 0..LANES {
+            out[i][l] = -factor * x[i][LANES + l];
+            out[i][LANES + l] = factor * x[i][l];
+        }
+    }
+    out
+}
+
 /// Makes `D` and `Y` from `A` and `B`; the square of the norm of the change.
 fn improve(n: usize, m: &mut Matrices<'_>, next: usize, factor: f64) -> f64 {
     let size = n_rows(n, n);
@@ -485,25 +492,26 @@ fn improve(n: usize, m: &mut Matrices<'_>, next: usize, factor: f64) -> f64 {
     let mut total = 0.0;
     for a in 0..n_panels(n) {
         for b in a..n_panels(n) {
-            let skew = skew(n, m.first, a, b);
-            let mut second = *block(n, m.second, a, b);
-            if a == b {
-                // Hermitian but for rounding.
-                let other = adjoint(&second);
-                for i in 0..LANES {
-                    for l in 0..2 * LANES {
-                        second[i][l] = 0.5 * (second[i][l] + other[i][l]);
-                    }
+            // D = X + Y^+, of X = i factor A - factor^2 B above the diagonal, and Y = i factor A below it; on it half
+            // of B is in both, so that D is Hermitian to the last digit.
+            let (first, second) = (block(n, m.first, a, b), block(n, m.second, a, b));
+            let of_second = if a == b { 0.5 * square } else { square };
+            let mut d: Block = [[0.0; 2 * LANES]; LANES];
+            for i in 0..LANES {
+                for l in 0..LANES {
+                    let (re, im) = (l, LANES + l);
+                    d[i][re] = mul_add(-factor, first[i][im], -(of_second * second[i][re]));
+                    d[i][im] = mul_add(factor, first[i][re], -(of_second * second[i][im]));
                 }
             }
+            let below = if a == b { adjoint(&d) } else { adjoint(&turned(block(n, m.first, b, a), factor)) };
             let old = block(n, &m.history[next * size..][..size], a, b);
-            let mut d: Block = [[0.0; 2 * LANES]; LANES];
             let mut sums = [0.0; LANES];
             for i in 0..LANES {
                 for l in 0..LANES {
                     let (re, im) = (l, LANES + l);
-                    d[i][re] = mul_add(-factor, skew[i][im], -(square * second[i][re]));
-                    d[i][im] = mul_add(factor, skew[i][re], -(square * second[i][im]));
+                    d[i][re] += below[i][re];
+                    d[i][im] += below[i][im];
                     let (x, y) = (d[i][re] - old[i][re], d[i][im] - old[i][im]);
                     sums[l] = mul_add(x, x, mul_add(y, y, sums[l]));
                 }

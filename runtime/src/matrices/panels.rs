@@ -13,6 +13,9 @@ use crate::math::mul_add;
 /// Columns of a panel.
 pub(super) const LANES: usize = 8;
 
+/// Largest size of a matrix: the room for a solver is below `2^32` numbers, whatever the target.
+pub(super) const LARGEST: usize = 4096;
+
 /// A row of a panel: real parts, then imaginary parts.
 pub(super) type Row = [f64; 2 * LANES];
 

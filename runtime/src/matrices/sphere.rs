@@ -6,15 +6,15 @@
 //! m_i = s - i,   o_i = c_i c_(i+d),   c_i^2 = (i + 1) (N - 1 - i)
 //! ```
 //!
-//! Its eigenvalues along the diagonal `d` are `l (l + 1)` for `l = d, .., N - 1`, as those of minus the Laplacian of the
-//! sphere, and its eigenvectors take the place of the spherical harmonics.
+//! Its eigenvalues along the diagonal `d` are `l (l + 1)` for `l = d, .., N - 1`, as those of minus the Laplacian of
+//! the sphere, and its eigenvectors take the place of the spherical harmonics.
 //!
 //! Does not know: steps.
 
 use super::Error;
 use super::Laplacian;
 use super::diagonals::{Shape, gather, n_work, scatter};
-use super::panels::{LANES, Row, element, n_panels, n_rows, padded, set_element};
+use super::panels::{LANES, LARGEST, Row, element, n_panels, n_rows, padded, set_element};
 use super::sealed::Invert;
 use crate::math::{mul_add, sqrt};
 
@@ -66,8 +66,8 @@ impl<S: AsRef<[f64]> + AsMut<[f64]>> Sphere<S> {
     ///
     /// [`Error::MatrixSize`], [`Error::Storage`].
     pub fn new(n: usize, mut tables: S) -> Result<Self, Error> {
-        if n < 2 {
-            return Err(Error::MatrixSize { n, allowed: "a number from 2 on" });
+        if !(2..=LARGEST).contains(&n) {
+            return Err(Error::MatrixSize { n, allowed: "a number from 2 to 4096" });
         }
         let (given, needed) = (tables.as_ref().len(), Self::storage(n));
         let Some(numbers) = tables.as_mut().get_mut(..needed) else {
@@ -92,7 +92,8 @@ impl<S: AsRef<[f64]> + AsMut<[f64]>> Sphere<S> {
         Ok(Self { n, tables })
     }
 
-    /// Adds `omega Y_lm` and, for `m > 0`, its complex conjugate to the vorticity; of `omega` for `m = 0` the real part.
+    /// Adds `omega Y_lm` and, for `m > 0`, its complex conjugate to the vorticity; of `omega` for `m = 0` the real
+    /// part.
     ///
     /// # Panics
     ///
@@ -128,7 +129,8 @@ impl<S: AsRef<[f64]> + AsMut<[f64]>> Sphere<S> {
 
     /// Calls `visit` with the elements `(i, i + m)` of `T_lm`.
     ///
-    /// The recurrence goes from one end, where the eigenvector grows, to the middle; the rest is the same but for a sign.
+    /// The recurrence goes from one end, where the eigenvector grows, to the middle; the rest is the same but for a
+    /// sign.
     fn harmonic(&self, l: usize, m: usize, mut visit: impl FnMut(usize, f64)) {
         let n = self.n;
         let length = n - m;

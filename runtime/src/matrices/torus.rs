@@ -14,7 +14,7 @@ use super::Error;
 use super::Laplacian;
 use super::dft::{Dft, roots_of_unity};
 use super::diagonals::{Shape, gather, n_work, scatter};
-use super::panels::{LANES, Row, element, n_panels, n_rows, padded, set_element};
+use super::panels::{LANES, LARGEST, Row, element, n_panels, n_rows, padded, set_element};
 use super::sealed::Invert;
 
 /// An ideal fluid on the torus in su(N), `N` odd: `zeitlin(N)` of the model language.
@@ -51,8 +51,8 @@ impl<S: AsRef<[f64]> + AsMut<[f64]>> Torus<S> {
     ///
     /// [`Error::MatrixSize`], [`Error::Storage`].
     pub fn new(n: usize, mut tables: S) -> Result<Self, Error> {
-        if n < 3 || n.is_multiple_of(2) {
-            return Err(Error::MatrixSize { n, allowed: "an odd number from 3 on" });
+        if !(3..=LARGEST).contains(&n) || n.is_multiple_of(2) {
+            return Err(Error::MatrixSize { n, allowed: "an odd number from 3 to 4095" });
         }
         let (given, needed) = (tables.as_ref().len(), Self::storage(n));
         let Some(numbers) = tables.as_mut().get_mut(..needed) else {

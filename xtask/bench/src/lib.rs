@@ -9,6 +9,8 @@
 #[cfg(feature = "measure")]
 pub mod expert;
 #[cfg(feature = "measure")]
+pub mod fluids;
+#[cfg(feature = "measure")]
 pub mod kernel;
 #[cfg(feature = "measure")]
 pub mod multipliers;

@@ -9,6 +9,9 @@
 //! hamel-bench solve <rounds> <model> <t> <params> <initial> <final>
 //!                                             `<name>=<value>` joined by commas; a line `round` after each round, then
 //!                                             `<by>;<method>;<knob>;<error>;<evals>;<steps>;<ns>` a solution
+//! hamel-bench fluids <rounds> <folder>        writes flows into the folder; a line `round` after each size and tolerance,
+//!                                             and `<surface>;<n>;<by>;<ns>;<iterations>;<error>;<drift>`, then
+//!                                             `long;<steps>;<step>;<drift>`
 //! ```
 
 use std::process::ExitCode;
@@ -16,7 +19,7 @@ use std::time::Duration;
 
 #[cfg(feature = "integrators")]
 use hamel_bench::wp;
-use hamel_bench::{Kernel, kernel, kernels};
+use hamel_bench::{Kernel, fluids, kernel, kernels};
 
 /// How long one round of one kernel takes.
 const ROUND: Duration = Duration::from_micros(400);
@@ -67,6 +70,17 @@ fn run(arguments: &[String]) -> Result<(), String> {
             let mut kernels = select(&arguments[2..])?;
             let n = number(n)?;
             println!("{}", kernels[0].sweep(n));
+        }
+        ["fluids", rounds, folder] => {
+            let rounds = u32::try_from(number(rounds)?).map_err(|e| e.to_string())?;
+            fluids::measure(rounds, folder.as_ref(), |m| {
+                let fluids::Measured { surface, n, tolerance, ns, iterations, error, drift } = m;
+                let by = if tolerance == 0.0 { "hamel".into() } else { format!("hamel to {tolerance:e}") };
+                println!("{surface};{n};{by};{ns};{iterations};{error:e};{drift:e}\nround");
+            })?;
+            for (steps, h, drift) in fluids::long_runs()? {
+                println!("long;{steps};{h};{drift:e}\nround");
+            }
         }
         #[cfg(feature = "integrators")]
         ["solvers"] => wp::MODELS.iter().for_each(|model| println!("{model}")),

@@ -3,6 +3,8 @@
 //! Does not know: how anything is measured or shown.
 
 mod family;
+mod fluids;
+mod fluids_report;
 mod formulations;
 mod instructions;
 mod kernel;
@@ -94,6 +96,26 @@ Examples:
         #[arg(long)]
         peers: bool,
     },
+    /// Fluids as matrices: time of a step that keeps the spectrum, against the size
+    ///
+    /// Moves flows on the sphere and on the torus by the isospectral midpoint rule, for N from 5 to 256, and prints
+    /// time, iterations, error and drift of Casimirs; beside the same method with numpy, and quflow where it is
+    /// installed, with --peers. Writes docs/benchmarks/fluids.md, fluids.csv and fluids.svg.
+    #[command(after_help = "\
+Examples:
+  cargo xtask bench fluids             a minute or two; writes docs/benchmarks
+  cargo xtask bench fluids --peers     programs in Python as well; see tests/peers/README.md")]
+    Fluids {
+        /// Rounds of measurement, each at least 2 ms a size
+        #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..))]
+        rounds: u32,
+        /// Instruction set to compile for [default: x86-64-v3 where this machine has it, otherwise baseline]
+        #[arg(long, value_enum)]
+        target_cpu: Option<TargetCpu>,
+        /// Measure programs in Python, too, where they are installed; PYTHON names the interpreter
+        #[arg(long)]
+        peers: bool,
+    },
     /// Growing systems: time of generation and of rustc, lines, and time of one call
     ///
     /// Generates free motions on so(n), su(n) and nilpotent groups of dimension 6 to 78, compiles each with one call of
@@ -133,6 +155,10 @@ impl Bench {
             Bench::Wp { models, rounds, target_cpu, peers } => {
                 let target_cpu = or_host(target_cpu);
                 wp::wp(repository, &wp::Options { models, rounds, target_cpu, peers })
+            }
+            Bench::Fluids { rounds, target_cpu, peers } => {
+                let target_cpu = or_host(target_cpu);
+                fluids::fluids(repository, fluids::Options { rounds, target_cpu, peers })
             }
             Bench::Scaling { short, rounds, target_cpu } => {
                 let target_cpu = or_host(target_cpu);

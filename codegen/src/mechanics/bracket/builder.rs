@@ -47,6 +47,9 @@ fn no_bracket(reason: &str) -> Error {
 impl<'a> Builder<'a> {
     pub(super) fn new(g: &'a mut Graph, equations: &'a Equations) -> Result<Builder<'a>, Error> {
         let system = &equations.system;
+        if system.accelerations.is_some() {
+            return Err(no_bracket("the motion is given, and has no energy"));
+        }
         if system.degeneracy.is_some() {
             return Err(no_bracket(
                 "the Lagrangian is degenerate, and momenta do not determine the velocities",

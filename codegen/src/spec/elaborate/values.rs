@@ -73,6 +73,8 @@ impl Elaboration<'_> {
         expr: &Expr,
         operator: Option<(&'static str, &BTreeMap<ExprId, ExprId>)>,
     ) -> Option<Value> {
+        // The sections of an algebroid are no algebra.
+        let is_own = self.builder.has_algebroid();
         let mut evaluator = Evaluator {
             graph: &mut self.builder.graph,
             values: &self.builder.values,
@@ -84,13 +86,15 @@ impl Elaboration<'_> {
             operator,
             withheld: &self.withheld,
             algebras: &self.algebras,
-            own_algebra: self.builder.algebra.as_ref().map(|(algebra, _)| algebra),
+            own_algebra: self.builder.algebra.as_ref().filter(|_| !is_own).map(|(algebra, _)| algebra),
         };
         evaluator.eval(expr).map(|(value, _)| value)
     }
 
     /// Coordinates are declared before definitions, so only parameters are known here.
     pub(super) fn interval_end(&mut self, expr: &Expr) -> Option<ExprId> {
+        // The sections of an algebroid are no algebra.
+        let is_own = self.builder.has_algebroid();
         let mut evaluator = Evaluator {
             graph: &mut self.builder.graph,
             values: &self.builder.values,
@@ -102,7 +106,7 @@ impl Elaboration<'_> {
             operator: None,
             withheld: &self.withheld,
             algebras: &self.algebras,
-            own_algebra: self.builder.algebra.as_ref().map(|(algebra, _)| algebra),
+            own_algebra: self.builder.algebra.as_ref().filter(|_| !is_own).map(|(algebra, _)| algebra),
         };
         let (value, _) = evaluator.eval(expr)?;
         match value {
