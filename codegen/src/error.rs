@@ -204,6 +204,16 @@ pub enum Error {
         /// Name of the scene.
         scene: String,
     },
+    /// A system has no nonholonomic bracket.
+    NoBracket {
+        /// Why not.
+        reason: String,
+    },
+    /// No time was found in which a motion is Hamiltonian.
+    NoHamiltonianTime {
+        /// Why not.
+        reason: String,
+    },
     /// There are more or fewer conditions on virtual displacements than constraints.
     WrongNumberOfDisplacements {
         /// How many conditions there are.
@@ -391,6 +401,14 @@ impl Error {
             Error::NothingConserved { scene } => (
                 format!("scene {scene} has no invariant besides components of its state"),
                 "claim one that you know with `casimir name = ..;`".into(),
+            ),
+            Error::NoBracket { reason } => (
+                format!("there is no nonholonomic bracket: {reason}"),
+                "remove `bracket` from what the scene wants".into(),
+            ),
+            Error::NoHamiltonianTime { reason } => (
+                format!("no time was found in which the motion is Hamiltonian: {reason}"),
+                "remove `hamiltonian_time` from what the scene wants".into(),
             ),
             Error::WrongNumberOfDisplacements { found, expected } => (
                 format!("{found} conditions on virtual displacements, expected {expected}"),

@@ -3,7 +3,9 @@
 //!
 //! Deliberately does not know: how any of it was computed.
 
+mod bracket;
 mod dirac;
+mod frame;
 mod implicit;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -13,7 +15,9 @@ use num_traits::One;
 
 use crate::error::spell_vector;
 use crate::expr::{Budget, Definition, ExprId, Graph, Number, Style, SymbolId, identifier, rational_to_f64};
-use crate::mechanics::{Equations, Form, Routhian, VerticalEquation, VerticalEquations, unused_stem};
+use crate::mechanics::{
+    Coefficients, Equations, Form, Routhian, VerticalEquation, VerticalEquations, unused_stem,
+};
 use crate::reduction::{
     DegenerateOutcome, KinematicConstraint, ReducedSystem, SolvedConstraint, Stages, Tensor,
 };
@@ -30,6 +34,10 @@ pub enum SectionKind {
     Inputs,
     /// The algebra by its brackets.
     Algebra,
+    /// The algebroid that the model declares.
+    Algebroid,
+    /// Quasi-velocities and Hamel's symbols.
+    Frame,
     /// The bracket in the forms of its stages.
     Stages,
     /// The connection and its curvature.
@@ -50,8 +58,12 @@ pub enum SectionKind {
     Dirac,
     /// What was found on the way, exactly.
     Findings,
+    /// The nonholonomic bracket, what it is and what it says about the motion.
+    Bracket,
     /// Operations of every function.
     Counts,
+    /// Coefficients of the connections of the kinetic energy; on request.
+    Coefficients,
 }
 
 impl SectionKind {
@@ -61,6 +73,8 @@ impl SectionKind {
             SectionKind::Head => "",
             SectionKind::Inputs => "Parameters and state",
             SectionKind::Algebra => "Lie algebra",
+            SectionKind::Algebroid => "Lie algebroid",
+            SectionKind::Frame => "Frame",
             SectionKind::Stages => "Reduction by stages",
             SectionKind::Connection => "Connection",
             SectionKind::Kinematics => "Kinematics (anchor)",
@@ -71,7 +85,9 @@ impl SectionKind {
             SectionKind::Implicit => "Implicit form M z' = f(t, z)",
             SectionKind::Dirac => "Dirac structure D/G",
             SectionKind::Findings => "Found exactly",
+            SectionKind::Bracket => "Nonholonomic bracket",
             SectionKind::Counts => "Operation counts",
+            SectionKind::Coefficients => "Connection coefficients",
         }
     }
 }
@@ -99,6 +115,15 @@ pub fn dirac(model: &Model, scene: &BuiltScene, style: Style) -> String {
     written(std::iter::once(page.head).chain(page.rest).collect(), style)
 }
 
+/// The coefficients of the Levi-Civita connection of the kinetic energy of a system, and of the constrained one where
+/// it has a constraint, in the frame of its velocities; those that vanish are left out.
+pub fn connection_coefficients(coefficients: &Coefficients, style: Style) -> String {
+    let head = Section { kind: SectionKind::Head, text: String::new() };
+    let mut page = Page { style, head, rest: Vec::new() };
+    page.coefficients(coefficients);
+    written(page.rest, style)
+}
+
 /// Sections under their titles.
 fn written(sections: Vec<Section>, style: Style) -> String {
     let mut text = String::new();
@@ -121,7 +146,11 @@ pub fn sections(model: &Model, scene: &BuiltScene, style: Style) -> Vec<Section>
     let mut page = Page { style, head, rest: Vec::new() };
     page.header(model, scene);
     page.parameters(scene);
-    page.algebra(model, &scene.equations);
+    match &model.algebroid {
+        Some(own) => page.own_algebroid(model, own),
+        None => page.algebra(model, &scene.equations),
+    }
+    page.frame(model, &scene.equations);
     if let Some(stages) = &scene.equations.system.stages {
         page.stages(model, stages, &scene.equations);
     }
@@ -133,6 +162,7 @@ pub fn sections(model: &Model, scene: &BuiltScene, style: Style) -> Vec<Section>
     page.routhian(&scene.equations);
     page.implicit(scene);
     page.findings(&scene.equations);
+    page.bracket_of(model, scene);
     page.counts(scene);
     std::iter::once(page.head).chain(page.rest).collect()
 }
@@ -565,8 +595,10 @@ impl Page {
 
     /// The brackets of the horizontal lifts `D_i`: they carry the connection and its curvature `B = dA - [A, A]`.
     fn connection(&mut self, model: &Model, equations: &Equations) {
-        let n = model.base.len();
+        let n = model.n_shape();
         let algebroid = &equations.system.algebroid;
+        // Brackets of other sections are those of the frame or the algebroid.
+        let is_own = model.algebroid.is_some() || model.frame.is_some();
         let mut g = equations.system.graph.clone();
         g.set_budget(Budget::UNLIMITED);
         let lift = |page: &Page, i: usize| match page.html() {
@@ -582,7 +614,7 @@ impl Page {
         };
         let mut rows = Vec::new();
         let mut curved = false;
-        for i in 0..n {
+        for i in (0..n).filter(|_| !is_own) {
             for beta in i + 1..n + basis.len() {
                 let bracket = algebroid.bracket(&mut g, i, beta);
                 if bracket.is_empty() {
@@ -612,6 +644,9 @@ impl Page {
             let shown = names.zip(velocities).map(|(name, e)| (name, g.display(e, self.style)));
             let shown: Vec<(String, String)> = shown.collect();
             self.formulas(&shown);
+        }
+        if is_own {
+            return;
         }
         self.line(if rows.is_empty() {
             "The connection is flat, and the horizontal lifts commute with everything."
@@ -800,6 +835,9 @@ impl Page {
             .map(|s| (self.rate(&self.name(&s.name)), g.display(s.derivative, self.style)))
             .collect();
         self.formulas(&rows);
+        if !equations.has_energy() {
+            return;
+        }
         let is_hamiltonian = equations.system.hamiltonian.is_some();
         self.line(if is_hamiltonian { "energy E = h" } else { "energy E = p.y - L" });
         let energy = self.name("E");
@@ -841,7 +879,9 @@ impl Page {
     fn findings(&mut self, equations: &Equations) {
         let facts = &equations.facts;
         self.begin(SectionKind::Findings);
-        let energy = if facts.energy_is_conserved {
+        let energy = if !equations.has_energy() {
+            "The motion is given: it follows from no Lagrangian, and has no energy."
+        } else if facts.energy_is_conserved {
             "Energy is conserved: its rate vanishes identically."
         } else if facts.energy_is_conserved_on_constraint {
             "Energy is conserved on the constraint: its rate is the multipliers times the constraint residual."
@@ -870,7 +910,8 @@ impl Page {
             None => {}
         }
         let is_empty = matches!(&equations.form, Form::Accelerations(linear) if linear.unknowns.is_empty());
-        if equations.system.hamiltonian.is_none() && !(is_empty && equations.system.degeneracy.is_some()) {
+        let is_derived = equations.system.hamiltonian.is_none() && equations.has_energy();
+        if is_derived && !(is_empty && equations.system.degeneracy.is_some()) {
             let symmetric = if facts.mass_matrix_is_symmetric { "symmetric" } else { "not symmetric" };
             let constant = if facts.mass_matrix_is_constant {
                 "depends on parameters alone and is factored once"

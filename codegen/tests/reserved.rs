@@ -149,6 +149,7 @@ fn program() -> (Program, SceneText) {
             name: "jacobian".into(),
             shape: (n, n),
             pattern,
+            is_antisymmetric: false,
             doc: "derivatives of the right-hand side".into(),
         }],
         ..SceneText::default()

@@ -18,7 +18,10 @@ pub const WITHOUT_FILE: [(&str, &str); 8] = [
         "barotropic_flow",
         "a truncation of a partial differential equation, held to it on a grid in tests/fluids.rs",
     ),
-    ("camassa_holm", "a truncation of a partial differential equation, held to it on a grid in tests/fluids.rs"),
+    (
+        "camassa_holm",
+        "a truncation of a partial differential equation, held to it on a grid in tests/fluids.rs",
+    ),
     ("charged_particle", "held to Newton's equations, and without mass to the drift, in tests/degenerate.rs"),
     (
         "guiding_centre",

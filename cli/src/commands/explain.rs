@@ -7,6 +7,7 @@ use std::sync::Arc;
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser as _};
 use hamel_codegen::expr::Style;
+use hamel_codegen::mechanics::connection_coefficients;
 use hamel_codegen::scene;
 use hamel_codegen::spec::ConnectionKind;
 
@@ -27,6 +28,7 @@ Examples:
   hamel explain heavy_top --scene lagrange
   hamel explain two_arm_satellite --ops
   hamel explain euler_disk --formulations
+  hamel explain chaplygin_sleigh --coefficients
   hamel explain heavy_top --dirac
   hamel explain euler_disk --latex > euler_disk.tex"
 )]
@@ -45,6 +47,9 @@ pub struct Arguments {
     /// Search for formulations that are the same motion, and print what each costs instead
     #[arg(long, conflicts_with_all = ["latex", "ops"])]
     pub formulations: bool,
+    /// Print the coefficients of the Levi-Civita connection of the kinetic energy, and of the constrained one, instead
+    #[arg(long, conflicts_with_all = ["ops", "formulations", "dirac"])]
+    pub coefficients: bool,
     /// Print the reduced Dirac structure instead: its conditions with the numbers of the model
     #[arg(long, conflicts_with_all = ["ops", "formulations"])]
     pub dirac: bool,
@@ -79,6 +84,11 @@ pub fn run(session: &Session, arguments: &Arguments) -> Result<String, Error> {
         return Ok(built.operation_columns());
     }
     let style = if arguments.latex { Style::Latex } else { Style::Unicode };
+    if arguments.coefficients {
+        let found = connection_coefficients(&built.equations.system);
+        let found = found.map_err(|error| model.diagnostics(vec![model.diagnose(&error)]))?;
+        return Ok(hamel_codegen::explain::connection_coefficients(&found, style));
+    }
     Ok(match arguments.dirac {
         true => hamel_codegen::explain::dirac(&model, &built, style),
         false => hamel_codegen::explain::explain(&model, &built, style),

@@ -38,13 +38,21 @@ pub fn blocks(model: &Model) -> Vec<Block> {
             }
         }
     };
-    for coordinate in &model.base {
+    for (k, coordinate) in model.base.iter().enumerate() {
         let (doc, unit) = split_unit(&coordinate.doc, 0);
         let unit = match (unit.is_empty(), coordinate.domain) {
             (true, Domain::Angle) => "rad".to_owned(),
             _ => unit,
         };
         add(&mut scalars, unit.clone(), &doc, &coordinate.name);
+        if k >= model.n_shape() {
+            continue;
+        }
+        if let Some(own) = model.frame.as_ref().and_then(|frame| frame.docs[k].as_ref()) {
+            let (doc, unit) = split_unit(own, 0);
+            add(&mut rates, unit, &doc, &coordinate.velocity_name);
+            continue;
+        }
         let rate = match unit.as_str() {
             "" => String::new(),
             unit => format!("{unit}/s"),

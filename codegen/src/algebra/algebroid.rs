@@ -78,6 +78,11 @@ impl Algebroid {
         &self.frame
     }
 
+    /// Gives the frame sections other names, one each.
+    pub fn rename_frame(&mut self, frame: Vec<String>) {
+        self.frame = frame;
+    }
+
     /// `rho^i_alpha`.
     pub fn anchor(&self, i: usize, alpha: usize) -> ExprId {
         self.anchor[i][alpha]

@@ -138,6 +138,8 @@ pub struct MatrixText {
     pub shape: (usize, usize),
     /// Row and column of each entry; the others are zero.
     pub pattern: Vec<(usize, usize)>,
+    /// Whether the entries are those above the diagonal of a matrix `a_ji = -a_ij`.
+    pub is_antisymmetric: bool,
     /// Meaning.
     pub doc: String,
 }

@@ -9,7 +9,7 @@ use crate::reduction::SolvedConstraint;
 
 use super::derive::{Derivation, Motion};
 use super::equations::LinearSystem;
-use super::solve::{Factorisation, Pivot, PivotMatrix};
+use super::solve::{Factorisation, Pivot};
 
 impl Derivation<'_> {
     /// `A udot = f` with `A = W^T L_yy Psi`, `f = W^T (drive - L_yy (dPsi u + dpsi0))`.
@@ -59,13 +59,7 @@ impl Derivation<'_> {
                 (udot, factors.pivots(&names, symmetric_form))
             }
         };
-        let coefficients = PivotMatrix { name: "C".into(), is_symmetric: false, follows_hessian: false };
-        pivots.extend(solved.pivots.iter().map(|(name, expr)| Pivot {
-            name: name.clone(),
-            expr: *expr,
-            matrix: coefficients.clone(),
-            origin: None,
-        }));
+        pivots.extend(solved.pivots.iter().map(|(name, expr)| Pivot::of_coefficients(name, *expr)));
         self.writer.begin("accelerations ydot = Psi udot + lag");
         let mut acceleration = vec![self.g.zero(); m];
         for alpha in 0..m {

@@ -84,6 +84,11 @@ impl<'a> Derivation<'a> {
                 self.velocities_of(hamiltonian)?;
                 self.kinematics();
             }
+            None if self.system.accelerations.is_some() => {
+                self.velocities()?;
+                self.kinematics();
+                self.momentum = vec![self.g.zero(); self.y.len()];
+            }
             None => {
                 self.legendre()?;
                 self.velocities()?;
@@ -94,10 +99,11 @@ impl<'a> Derivation<'a> {
         self.g.within_budget()?;
         self.g.enter(Stage::Elimination);
         let system = self.system;
-        let mut motion = match (&system.hamiltonian, &system.constraint) {
-            (Some(hamiltonian), _) => self.solve_on_dual(hamiltonian)?,
-            (None, KinematicConstraint::Solved(solved)) => self.solve_reduced(solved)?,
-            (None, KinematicConstraint::Multipliers { rows, reactions }) => {
+        let mut motion = match (&system.hamiltonian, &system.accelerations, &system.constraint) {
+            (Some(hamiltonian), ..) => self.solve_on_dual(hamiltonian)?,
+            (None, Some(rates), KinematicConstraint::Solved(solved)) => self.given_motion(solved, rates)?,
+            (None, None, KinematicConstraint::Solved(solved)) => self.solve_reduced(solved)?,
+            (None, _, KinematicConstraint::Multipliers { rows, reactions }) => {
                 self.solve_with_multipliers(rows, reactions)?
             }
         };

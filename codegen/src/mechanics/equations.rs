@@ -34,6 +34,8 @@ pub enum OutputKind {
     Component,
     /// The gradients of the invariants.
     Gradients,
+    /// What the motion has besides the nonholonomic bracket with the energy.
+    Remainder,
 }
 
 /// A group of numbers that a scene may ask for.
@@ -89,6 +91,8 @@ pub enum Form {
     Accelerations(LinearSystem),
     /// The momentum equation of all momenta that the state carries: nothing is solved for accelerations.
     Momenta,
+    /// Rates that the model gives: nothing is derived from a Lagrangian.
+    Given,
 }
 
 /// `A udot = f`.
@@ -130,7 +134,7 @@ pub struct Equations {
     pub taken_at: BTreeMap<SymbolId, String>,
     /// The form that was solved for the rates of the velocities.
     pub form: Form,
-    /// `E = p.y - L`.
+    /// `E = p.y - L`; zero where the motion has none, see [`Equations::has_energy`].
     pub energy: ExprId,
     /// `dE/dt` along the motion.
     pub energy_rate: ExprId,
@@ -151,8 +155,13 @@ impl Equations {
     pub fn linear_system(&self) -> Option<&LinearSystem> {
         match &self.form {
             Form::Accelerations(system) => Some(system),
-            Form::Momenta => None,
+            Form::Momenta | Form::Given => None,
         }
+    }
+
+    /// Whether the motion follows from a Lagrangian or a Hamiltonian, and has an energy.
+    pub fn has_energy(&self) -> bool {
+        !matches!(self.form, Form::Given)
     }
 
     /// Every result in order, what a scene can ask for and what `explain` shows, to be replaced by equal ones.
@@ -177,7 +186,7 @@ impl Equations {
         let outputs = outputs.iter_mut().flat_map(|o| o.components.iter_mut().map(|(_, e)| e));
         let linear = match form {
             Form::Accelerations(system) => Some(system),
-            Form::Momenta => None,
+            Form::Momenta | Form::Given => None,
         };
         let matrix = linear.into_iter().flat_map(|LinearSystem { mass_matrix, force, unknowns: _ }| {
             mass_matrix.iter_mut().flatten().chain(force)

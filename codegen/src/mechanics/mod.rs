@@ -5,15 +5,21 @@
 //!
 //! [`ReducedSystem`]: crate::reduction::ReducedSystem
 
+mod bracket;
+mod chart;
+mod coefficients;
 mod constrained;
 mod derive;
 mod dirac;
 mod equations;
 mod equivalence;
+mod given;
 mod hamilton;
+mod hamiltonization;
 mod implicit;
 mod integrable;
 mod legendre;
+mod measure;
 mod momenta;
 mod multipliers;
 mod origin;
@@ -23,11 +29,15 @@ mod solve;
 mod squares;
 mod vertical;
 
+pub use bracket::Bracket;
+pub use coefficients::{Coefficients, ConstrainedCoefficients, connection_coefficients};
 pub use derive::derive;
 pub use dirac::DiracStructure;
 pub use equations::{Equations, Facts, Form, Legendre, LinearSystem, Output, OutputKind, StateEquation};
 pub use equivalence::{ChangeOfState, Unrelated, same_motion};
+pub use hamiltonization::{BracketFacts, Jacobi};
 pub use implicit::{ImplicitForm, ImplicitVariable, implicit_form};
+pub use measure::{Density, Factor};
 pub use routh::Routhian;
 pub use solve::{Factorisation, Pivot, PivotMatrix, PivotOrigin};
 pub(crate) use vertical::unused_stem;

@@ -11,7 +11,7 @@ use crate::spec::Want;
 
 use super::derive::{Derivation, Motion};
 use super::equations::{Equations, Facts, Form, LinearSystem, Output, OutputKind, StateEquation};
-use super::solve::is_symmetric;
+use super::solve::{Pivot, is_symmetric};
 use super::{integrable, legendre, origin};
 
 impl Derivation<'_> {
@@ -266,11 +266,12 @@ impl Derivation<'_> {
 
     pub(super) fn finish(&mut self, motion: Motion) -> Result<Equations, Error> {
         let system = self.system;
+        let has_energy = system.accelerations.is_none();
         let raw_energy = self.energy()?;
         let mut energy_rate = self.rate_of(raw_energy, &motion)?;
         let energy = self.replace(raw_energy)?;
         let mut facts = Facts {
-            energy_is_conserved: energy_rate == self.g.zero(),
+            energy_is_conserved: has_energy && energy_rate == self.g.zero(),
             energy_is_unverified: self.g.vanishing(energy_rate) == Vanishing::Unknown,
             ..Facts::default()
         };
@@ -280,15 +281,19 @@ impl Derivation<'_> {
                 mass_matrix.iter().flatten().all(|e| !self.writer.varies(&self.g, *e));
         }
         let mut outputs = Vec::new();
-        let momenta = self.momenta_of_model();
-        outputs.push(Output::group(Want::Momentum, momenta, "momenta p = dL/dy"));
+        if has_energy {
+            let momenta = self.momenta_of_model();
+            outputs.push(Output::group(Want::Momentum, momenta, "momenta p = dL/dy"));
+        }
         if !motion.multipliers.is_empty() {
             let doc = "multipliers lambda_A of E = lambda_A a_A, the constraint forces along the constraint one-forms";
             outputs.push(Output::group(Want::Multipliers, motion.multipliers.clone(), doc));
         }
-        let power = self.power(&motion)?;
-        if self.g.is_equal(energy_rate, power) {
-            energy_rate = power;
+        if has_energy {
+            let power = self.power(&motion)?;
+            if self.g.is_equal(energy_rate, power) {
+                energy_rate = power;
+            }
         }
         if let KinematicConstraint::Multipliers { rows, .. } = &system.constraint {
             let residuals = rows.iter().filter_map(|row| match row.source {
@@ -373,11 +378,14 @@ impl Derivation<'_> {
             {
                 Form::Accelerations(linear)
             }
+            _ if !has_energy => Form::Given,
             _ => Form::Momenta,
         };
         outputs.extend(velocities);
         let circles = self.circles(&motion, &mut facts)?;
-        let pivots = motion.pivots.into_iter().filter(|p| self.g.as_rational(p.expr).is_none()).collect();
+        let of_frame = system.pivots.iter().map(|(name, expr)| Pivot::of_coefficients(name, *expr));
+        let pivots: Vec<Pivot> = motion.pivots.into_iter().chain(of_frame).collect();
+        let pivots = pivots.into_iter().filter(|p| self.g.as_rational(p.expr).is_none()).collect();
         let system = ReducedSystem { graph: std::mem::take(&mut self.g), ..self.system.clone() };
         let (sections, varying) = std::mem::take(&mut self.writer).finish();
         let mut equations = Equations {

@@ -24,11 +24,19 @@ pub struct Pivot {
     pub origin: Option<PivotOrigin>,
 }
 
+impl Pivot {
+    /// What the coefficients of constraints, or of a change of frame, are divided by.
+    pub(super) fn of_coefficients(name: &str, expr: ExprId) -> Pivot {
+        let matrix = PivotMatrix { name: "C".into(), is_symmetric: false, follows_hessian: false };
+        Pivot { name: name.to_owned(), expr, matrix, origin: None }
+    }
+}
+
 /// The matrix that a pivot is of.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PivotMatrix {
     /// What it is called in definitions: `A`, `M` for the Hessian, `S` for the response to multipliers, `C` for the
-    /// coefficients of constraints.
+    /// coefficients of constraints and of a change of frame.
     pub name: String,
     /// Whether it was factored as `L D L^T`: by Sylvester's law of inertia as many pivots are negative as eigenvalues.
     pub is_symmetric: bool,

@@ -19,14 +19,34 @@ use crate::spec::{Model, Side};
 /// # Errors
 /// Every condition of a Lie algebroid that does not hold.
 pub(super) fn algebroid_of(model: &mut Model) -> Result<Algebroid, Vec<Error>> {
-    let n_shape = model.base.len();
-    let shape: Vec<SymbolId> = model.base.iter().map(|c| c.symbol).collect();
+    let n_shape = model.n_shape();
+    let coordinates: Vec<SymbolId> = model.base.iter().map(|c| c.symbol).collect();
+    let shape = coordinates[..n_shape].to_vec();
+    let original: Option<Vec<(String, SymbolId)>> = model.frame.as_ref().map(|f| f.original.clone());
+    let before = original.unwrap_or_else(|| {
+        model.all_velocities().into_iter().map(|(name, symbol)| (name.to_owned(), symbol)).collect()
+    });
     let advected = model.advected.iter().flat_map(|a| a.components.iter().map(|(_, s)| *s));
-    let base: Vec<SymbolId> = shape.iter().copied().chain(advected).collect();
-    let frame: Vec<String> = model.all_velocities().into_iter().map(|(n, _)| n.to_owned()).collect();
+    let base: Vec<SymbolId> = coordinates.iter().copied().chain(advected).collect();
+    let names: Vec<String> = before.iter().map(|(name, _)| name.clone()).collect();
+    let frame = match &model.algebroid {
+        // Its own elements are what an error is about.
+        Some(own) => own.basis.clone(),
+        None => names.clone(),
+    };
     let g = &mut model.graph;
     let mut algebroid = Algebroid::new(g, model.time, base, frame);
     algebroid.set_almost(model.algebra.is_almost());
+    if let Some(own) = &model.algebroid {
+        algebroid.set_almost(own.is_almost);
+        for (i, row) in own.anchor.iter().enumerate() {
+            row.iter().enumerate().for_each(|(a, e)| algebroid.set_anchor(i, a, *e));
+        }
+        for bracket in &own.brackets {
+            let [a, b] = bracket.pair;
+            algebroid.set_bracket(a, b, bracket.value.clone());
+        }
+    }
     for i in 0..n_shape {
         algebroid.set_anchor(i, i, g.one());
     }
@@ -46,11 +66,11 @@ pub(super) fn algebroid_of(model: &mut Model) -> Result<Algebroid, Vec<Error>> {
         set_connection_brackets(g, &mut algebroid, &shape, connection);
         set_connection_drift(g, &mut algebroid, model.time, connection);
     }
-    let mut component = n_shape;
+    let mut component = coordinates.len();
     for advected in &model.advected {
         for &action in &advected.action {
-            for (a, velocity) in model.velocities.iter().enumerate() {
-                let slope = g.diff(action, velocity.symbol);
+            for (a, (_, velocity)) in before[n_shape..].iter().enumerate() {
+                let slope = g.diff(action, *velocity);
                 let value = g.scale(slope, &-side.clone());
                 algebroid.set_anchor(component, n_shape + a, value);
             }
@@ -67,6 +87,7 @@ pub(super) fn algebroid_of(model: &mut Model) -> Result<Algebroid, Vec<Error>> {
         }
     }
     algebroid.verify(g)?;
+    algebroid.rename_frame(names);
     Ok(algebroid)
 }
 

@@ -5,7 +5,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::error::Error;
-use crate::expr::{ExprId, Stage, SymbolId};
+use crate::expr::{ExprId, Sign, Stage, SymbolId, sign_of};
 use crate::spec::{self, Coordinate, Diagnostics, InnerProduct, Model, ReconstructionKind};
 
 use super::algebroid::algebroid_of;
@@ -13,6 +13,8 @@ use super::constraint::{KinematicConstraint, Unknown, constrain, frame_unknowns,
 use super::degenerate;
 use super::domain::{domains, signs};
 use super::formulation::Formulation;
+use super::frame::in_quasi_frame;
+use super::given;
 use super::momenta::{self, CarriedMomentum};
 use super::reconstruction;
 use super::stages::Stages;
@@ -40,15 +42,31 @@ pub(super) fn on_algebroid(
         .map_err(|errors| problems.extend(errors.iter().map(|error| model.diagnose(error))));
     let signs = signs(&mut model);
     let domains = domains(&mut model);
-    let constraint = constrain(&mut model, &signs).map_err(|error| problems.push(refused(&model, &error)));
+    let constraint = match &model.given {
+        Some(given) => Ok(given::as_constraint(&model, given)),
+        None => constrain(&mut model, &signs).map_err(|error| problems.push(refused(&model, &error))),
+    };
     if let Err(exhausted) = model.graph.within_budget() {
         return Err(model.diagnostics(vec![model.diagnose(&exhausted.into())]));
     }
-    let (Ok(algebroid), Ok(stages), Ok(constraint)) = (algebroid, stages, constraint) else {
+    let (Ok(mut algebroid), Ok(stages), Ok(constraint)) = (algebroid, stages, constraint) else {
         return Err(model.diagnostics(problems));
     };
-    let completed = degenerate::completed(&mut model, &algebroid, &constraint, &signs)
-        .map_err(|error| model.diagnostics(vec![model.diagnose(&error)]))?;
+    let (mut quasi_frame, mut pivots) = (None, Vec::new());
+    if let Some(own) = model.frame.clone() {
+        let names: Vec<String> = model.all_velocities().into_iter().map(|(n, _)| n.to_owned()).collect();
+        let (changed, frame) = in_quasi_frame(&mut model.graph, &algebroid, &own, &names);
+        (algebroid, quasi_frame) = (changed, Some(frame));
+        let known = |e: ExprId| matches!(sign_of(&model.graph, e, &signs), Sign::Positive | Sign::Negative);
+        let divisor = own.determinant.filter(|e| !known(*e));
+        pivots.extend(divisor.map(|e| ("determinant of the frame".to_owned(), e)));
+    }
+    let completed = match model.given {
+        // There is no mass matrix.
+        Some(_) => None,
+        None => degenerate::completed(&mut model, &algebroid, &constraint, &signs)
+            .map_err(|error| model.diagnostics(vec![model.diagnose(&error)]))?,
+    };
     let (constraint, degeneracy) = match completed {
         Some((constraint, found)) => (constraint, Some(found)),
         None => (constraint, None),
@@ -66,13 +84,16 @@ pub(super) fn on_algebroid(
         momenta::hamiltonian(&model, &momenta).map_err(|problem| model.diagnostics(vec![*problem]))?;
     let state = state_order(&model, &unknowns, &momenta);
     let blocks = blocks(&model);
-    let algebra = model.base.len()..velocities.len();
+    let algebra = model.n_shape()..velocities.len();
+    let accelerations = model.given.as_deref().map(given::accelerations);
     let (graph, side) = (&mut model.graph, model.action);
     let items = &model.reconstruction;
     let mut reconstruction: Vec<_> =
         items.iter().flat_map(|item| reconstruction::rates(graph, item, side)).collect();
+    // Momenta along quasi-velocities are not those along the algebra.
+    let is_turned = quasi_frame.as_ref().is_none_or(|frame| frame.keeps(graph, algebra.clone()));
     let turned = |item| reconstruction::momenta_in_space(graph, item, side, algebra.clone());
-    let momenta_in_space = items.iter().flat_map(turned).collect();
+    let momenta_in_space = items.iter().filter(|_| is_turned).flat_map(turned).collect();
     reconstruction.extend(momenta::cyclic_coordinates(&mut model, &momenta));
     if let Err(exhausted) = model.graph.within_budget() {
         return Err(model.diagnostics(vec![model.diagnose(&exhausted.into())]));
@@ -93,6 +114,7 @@ pub(super) fn on_algebroid(
         connection: model.connection,
         lagrangian: model.lagrangian,
         hamiltonian,
+        accelerations,
         forces: model.forces,
         constraint,
         degeneracy,
@@ -109,6 +131,8 @@ pub(super) fn on_algebroid(
         domains,
         circles: Vec::new(),
         frame: None,
+        quasi_frame,
+        pivots,
         changes: Vec::new(),
     })
 }
@@ -205,8 +229,10 @@ fn metric_of_lagrangian(model: &mut Model) -> Result<Vec<Vec<ExprId>>, Error> {
 }
 
 fn state_order(model: &Model, unknowns: &[Unknown], momenta: &[CarriedMomentum]) -> Vec<(StateKind, String)> {
-    let n_shape = model.base.len();
+    let (n_shape, n_coordinates) = (model.n_shape(), model.base.len());
+    let doc_of_frame = |k: usize| model.frame.as_ref().and_then(|frame| frame.docs[k].clone());
     let velocity_doc = |u: &Unknown| match u.frame_idx {
+        Some(k) if k < n_shape && doc_of_frame(k).is_some() => doc_of_frame(k).unwrap_or_default(),
         Some(k) if k < n_shape => format!("velocity of {}", model.base[k].name),
         Some(k) => model.velocities[k - n_shape].doc.clone(),
         None => {
@@ -229,6 +255,6 @@ fn state_order(model: &Model, unknowns: &[Unknown], momenta: &[CarriedMomentum])
         .iter()
         .flat_map(|a| std::iter::repeat_n(a.doc.clone(), a.components.len()))
         .enumerate()
-        .map(|(i, doc)| (StateKind::Base(n_shape + i), doc));
+        .map(|(i, doc)| (StateKind::Base(n_coordinates + i), doc));
     shape.chain(velocities).chain(advected).collect()
 }

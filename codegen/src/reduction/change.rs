@@ -2,6 +2,8 @@
 //!
 //! Does not know: systems, which frame is wanted and why.
 
+use std::ops::Range;
+
 use crate::expr::{ExprId, Graph, SymbolId};
 
 use super::constraint::Unknown;
@@ -11,7 +13,7 @@ use super::stages::Stages;
 /// the model and `eta` of the system.
 ///
 /// # Shapes
-/// `matrix`, `inverse`: `[m][m]`, the identity in the rows of base velocities.
+/// `matrix`, `inverse`: `[m][m]`, the identity in the rows of velocities that are those of the model.
 #[derive(Clone, Debug)]
 pub struct Frame {
     /// The velocities `y` of the model, base velocities first.
@@ -64,6 +66,15 @@ impl Frame {
     pub(super) fn expressions_mut(&mut self) -> impl Iterator<Item = &mut ExprId> {
         let Frame { original: _, matrix, inverse } = self;
         matrix.iter_mut().flatten().chain(inverse.iter_mut().flatten())
+    }
+
+    /// Whether the velocities in a range are those of the model, and no other one depends on them.
+    pub(super) fn keeps(&self, g: &Graph, range: Range<usize>) -> bool {
+        let unit = |i: usize, j: usize| if i == j { g.one() } else { g.zero() };
+        let m = self.matrix.len();
+        range
+            .into_iter()
+            .all(|k| (0..m).all(|i| self.matrix[i][k] == unit(i, k) && self.matrix[k][i] == unit(k, i)))
     }
 
     /// `y = T eta`.

@@ -335,6 +335,10 @@ fn place_of(model: &Model, system: &Places, part: Part) -> (String, Option<Span>
         Part::Lagrangian => ("the lagrangian".into(), model.places.lagrangian),
         Part::Hamiltonian => ("the hamiltonian".into(), model.places.lagrangian),
         Part::Connection => ("the connection".into(), model.places.connection),
+        Part::Acceleration(k) => {
+            let name = &system.unknowns[k];
+            (format!("the acceleration of `{name}`"), model.places.given.get(name).copied())
+        }
         Part::Force(k) => (format!("the force on `{}`", system.frame[k]), None),
         Part::Constraint(k) => {
             let text = &system.constraints[k];
@@ -373,6 +377,7 @@ fn place_of(model: &Model, system: &Places, part: Part) -> (String, Option<Span>
 /// Names of what the parts of a system belong to.
 struct Places {
     frame: Vec<String>,
+    unknowns: Vec<String>,
     constraints: Vec<String>,
     casimirs: Vec<String>,
     outputs: Vec<String>,
@@ -383,6 +388,7 @@ impl Places {
     fn of(system: &ReducedSystem) -> Places {
         Places {
             frame: system.algebroid.frame().to_vec(),
+            unknowns: system.unknowns.iter().map(|u| u.name.clone()).collect(),
             constraints: system.constraint.texts().map(str::to_owned).collect(),
             casimirs: system.casimirs.iter().map(|c| c.name.clone()).collect(),
             outputs: system.outputs.iter().map(|o| o.name.clone()).collect(),

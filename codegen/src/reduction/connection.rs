@@ -28,8 +28,16 @@ use super::domain::signs;
 /// Marsden, Montgomery, Ratiu 1990 (mechanical); Bloch, Krishnaprasad, Marsden, Murray 1996 (nonholonomic); Grillo,
 /// Zuccalli 2012, section 2.2.1 (its dependence on `C_V` alone).
 pub fn with_connection(model: &Model, kind: ConnectionKind) -> Result<Model, Diagnostics> {
-    if model.base.is_empty() || model.algebra.dim() == 0 {
+    if model.n_shape() == 0 || model.algebra.dim() == 0 {
         return Ok(model.clone());
+    }
+    if let Some(item) = beside_connection(model) {
+        if kind == ConnectionKind::Trivial && model.connection.is_none() {
+            return Ok(model.clone());
+        }
+        let what = format!("a {} connection beside `{item}`", kind.name());
+        let error = Error::Unsupported { what, possible: "the connection that the model writes down".into() };
+        return Err(refused(model, &error));
     }
     let mut rewritten = Model { derived_connection: None, ..model.clone() };
     let (n, dim) = (model.base.len(), model.algebra.dim());
@@ -77,6 +85,15 @@ pub fn with_connection(model: &Model, kind: ConnectionKind) -> Result<Model, Dia
     rewritten.graph.within_budget().map_err(|e| refused(model, &e.into()))?;
     rewritten.connection = (!flat).then_some(total);
     Ok(rewritten)
+}
+
+/// An item that fixes the velocities of a model, so that no other connection changes them.
+pub(crate) fn beside_connection(model: &Model) -> Option<&'static str> {
+    match (&model.frame, &model.given) {
+        (Some(_), _) => Some("frame"),
+        (None, Some(_)) => Some("acceleration"),
+        (None, None) => None,
+    }
 }
 
 fn refused(model: &Model, error: &Error) -> Diagnostics {
@@ -262,6 +279,9 @@ fn shift_velocities(model: &mut Model, shift: &[Vec<ExprId>]) -> Result<(), Erro
             // Linear in a velocity that stands for any element of the algebra.
             ExpressionRole::AdvectedAction(_) => false,
             ExpressionRole::Hamiltonian
+            | ExpressionRole::Algebroid
+            | ExpressionRole::Frame
+            | ExpressionRole::Given(_)
             | ExpressionRole::DomainEnd(_)
             | ExpressionRole::Condition(_)
             | ExpressionRole::Connection

@@ -108,7 +108,7 @@ impl Formulation {
 
     /// Base coordinates that only a reconstruction needs, by index: the momenta of their velocities are parameters.
     pub fn cyclic_coordinates(&self, model: &Model) -> Vec<usize> {
-        let n_base = model.base.len();
+        let n_base = model.n_shape();
         let is_cyclic = |c: &&Carried| c.velocity < n_base && matches!(c.by, CarriedBy::Parameter(_));
         self.momenta.iter().filter(is_cyclic).map(|c| c.velocity).collect()
     }

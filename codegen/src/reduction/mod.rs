@@ -17,6 +17,7 @@ mod domain;
 mod fix;
 mod formulation;
 mod frame;
+mod given;
 mod momenta;
 mod part;
 mod reconstruction;
@@ -27,6 +28,7 @@ use crate::spec::{Diagnostics, Model};
 
 pub use change::{Change, Frame};
 pub use circle::with_circles;
+pub(crate) use connection::beside_connection;
 pub use connection::with_connection;
 pub use constraint::{
     AccelerationRow, AccelerationSource, ConstraintRow, KinematicConstraint, Reactions, SolvedConstraint,

@@ -96,7 +96,7 @@ pub(super) fn carried(
             Some((doc, _)) if !doc.is_empty() => doc,
             _ => format!("momentum along {}", unknowns[unknown].name),
         };
-        let coordinate = model.base.get(*velocity).map(|c| c.symbol);
+        let coordinate = model.base[..model.n_shape()].get(*velocity).map(|c| c.symbol);
         let cyclic = coordinate.filter(|_| symbol.is_none());
         momenta.push(CarriedMomentum { unknown, name: name.clone(), value, symbol, doc, cyclic });
     }
@@ -227,7 +227,7 @@ pub(crate) fn momentum_of(
 
 /// The unknown that a velocity is, by index as in [`Carried`].
 fn place_of(model: &Model, unknowns: &[Unknown], velocity: usize) -> Option<usize> {
-    let n_frame = model.base.len() + model.velocities.len();
+    let n_frame = model.n_shape() + model.velocities.len();
     unknowns.iter().position(|u| match u.frame_idx {
         Some(k) => k == velocity,
         None => velocity >= n_frame && model.quasi_velocities[velocity - n_frame].symbol == u.symbol,

@@ -16,6 +16,8 @@ pub enum Part {
     Lagrangian,
     /// The Hamiltonian.
     Hamiltonian,
+    /// The acceleration that a model gives for an unknown, by its place.
+    Acceleration(usize),
     /// The force on a velocity of the frame.
     Force(usize),
     /// A coefficient or the remainder of a constraint, by its place.

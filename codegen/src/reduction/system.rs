@@ -111,10 +111,12 @@ pub struct ReducedSystem {
     pub side: Side,
     /// `A^a_i(x)` by element of the algebra and shape coordinate, `v = xi + A(x) xdot`; absent where `v = xi`.
     pub connection: Option<Vec<Vec<ExprId>>>,
-    /// `L(x, y, t)`; zero where the motion follows from a Hamiltonian.
+    /// `L(x, y, t)`; zero where the motion follows from a Hamiltonian or is given.
     pub lagrangian: ExprId,
     /// The Hamiltonian in the place of a Lagrangian.
     pub hamiltonian: Option<Hamiltonian>,
+    /// The rates of [`ReducedSystem::unknowns`], where the model gives them in the place of a Lagrangian.
+    pub accelerations: Option<Vec<ExprId>>,
     /// External force `F_alpha`.
     pub forces: Vec<ExprId>,
     /// `Psi`, `psi0`, `W`, or multipliers.
@@ -147,6 +149,10 @@ pub struct ReducedSystem {
     pub circles: Vec<Circle>,
     /// The frame of the velocities by that of the model; absent where they are the same.
     pub frame: Option<Frame>,
+    /// The frame of quasi-velocities that the model declares, by the one of its velocities before.
+    pub quasi_frame: Option<Frame>,
+    /// What is divided by in a change of frame and not known to be non-zero, with what to call it.
+    pub pivots: Vec<(String, ExprId)>,
     /// Variables of the state that the model does not have, by those that it has.
     pub changes: Vec<Change>,
 }
@@ -187,6 +193,7 @@ impl ReducedSystem {
             connection,
             lagrangian,
             hamiltonian,
+            accelerations,
             forces,
             constraint,
             degeneracy,
@@ -203,6 +210,8 @@ impl ReducedSystem {
             domains,
             circles: _,
             frame,
+            quasi_frame,
+            pivots,
             changes,
         } = self;
         let mut list: Vec<(Part, &mut ExprId)> = vec![(Part::Lagrangian, lagrangian)];
@@ -212,6 +221,8 @@ impl ReducedSystem {
         let bounds = conditions.iter_mut().flat_map(|c| [&mut c.greater, &mut c.less]);
         list.extend(bounds.map(|e| (Part::Condition, e)));
         list.extend(connection.iter_mut().flatten().flatten().map(|e| (Part::Connection, e)));
+        let given = accelerations.iter_mut().flatten().enumerate();
+        list.extend(given.map(|(k, e)| (Part::Acceleration(k), e)));
         list.extend(forces.iter_mut().enumerate().map(|(k, e)| (Part::Force(k), e)));
         list.extend(constraint.expressions_mut());
         let conditions = degeneracy.iter_mut().flat_map(Degeneracy::expressions_mut);
@@ -229,9 +240,10 @@ impl ReducedSystem {
         list.extend(momenta.iter_mut().map(|m| (Part::Momentum, &mut m.value)));
         let domains = domains.iter_mut().map(|d| &mut d.positive);
         list.extend(domains.enumerate().map(|(k, e)| (Part::Domain(k), e)));
-        let frame = frame.iter_mut().flat_map(Frame::expressions_mut);
+        let frame = frame.iter_mut().chain(quasi_frame).flat_map(Frame::expressions_mut);
         let changes = changes.iter_mut().map(|change| &mut change.value);
-        list.extend(frame.chain(changes).map(|e| (Part::Frame, e)));
+        let pivots = pivots.iter_mut().map(|(_, e)| e);
+        list.extend(frame.chain(changes).chain(pivots).map(|e| (Part::Frame, e)));
         list.extend(algebroid.coefficients_mut().into_iter().map(|e| (Part::Algebroid, e)));
         (graph, list)
     }
@@ -240,7 +252,7 @@ impl ReducedSystem {
     /// shape.
     pub(crate) fn group_velocity(&self, g: &mut Graph, n_shape: usize) -> Vec<ExprId> {
         let own: Vec<ExprId> = self.velocities.iter().map(|s| g.sym(*s)).collect();
-        let y = match &self.frame {
+        let y = match self.frame.as_ref().or(self.quasi_frame.as_ref()) {
             Some(frame) => frame.velocities(g, &own),
             None => own,
         };

@@ -18,7 +18,7 @@ use super::built::{BuiltScene, legendre_role};
 use super::dependence::ignorable;
 use super::pivots::sorted_pivots;
 use super::plan::{Drops, Outputs, Plan};
-use super::{derivatives, implicit, invariants};
+use super::{bracket, derivatives, implicit, invariants};
 
 /// Equations of one model in the formulations that its scenes ask for, each derived once.
 #[derive(Debug)]
@@ -177,6 +177,10 @@ pub(super) fn build_derived(
         let problem = model.diagnose(&e);
         let span = match e {
             Error::NothingConserved { .. } => place_of(Want::Invariants.name()),
+            Error::NoBracket { .. } => {
+                place_of(Want::Bracket.name()).or_else(|| place_of(Want::HamiltonianTime.name()))
+            }
+            Error::NoHamiltonianTime { .. } => place_of(Want::HamiltonianTime.name()),
             Error::Unsupported { .. } if plan.implicit => place_of(Want::Implicit.name()),
             _ => problem.span,
         };
@@ -205,7 +209,7 @@ fn wanted_outputs(available: &[Output], wanted: &Wanted) -> Vec<Output> {
 
 fn available_outputs(equations: &Equations) -> Vec<Output> {
     let mut outputs = equations.outputs.clone();
-    if !equations.facts.energy_is_conserved {
+    if equations.has_energy() && !equations.facts.energy_is_conserved {
         let components = vec![(Want::EnergyRate.name().into(), equations.energy_rate)];
         let doc = "rate of energy dE/dt along the motion";
         outputs.insert(0, Output::group(Want::EnergyRate, components, doc));
@@ -232,8 +236,21 @@ pub(super) fn lower_scene(
         divisors: lower::Divisors::default(),
         circles: system.circles.iter().map(|c| [c.cosine, c.sine]).collect(),
     };
+    // What moves in the scene's own time; the rates of a built scene stay those of its equations.
+    let mut moving = state.clone();
+    let mut factor = graph.one();
+    if plan.hamiltonian_time {
+        if plan.implicit {
+            let reason = "the implicit form is that in the time of the model".to_owned();
+            return Err(Error::NoHamiltonianTime { reason });
+        }
+        let (found, output) = bracket::hamiltonian_time(&mut graph, &equations, &state)?;
+        moving.iter_mut().for_each(|s| s.derivative = graph.mul(found, s.derivative));
+        outputs.push(output);
+        factor = found;
+    }
     let derivatives =
-        derivatives::differentiate(&mut graph, &equations.sections, &state, &inputs, &plan.derivatives);
+        derivatives::differentiate(&mut graph, &equations.sections, &moving, &inputs, &plan.derivatives);
     inputs.arguments = derivatives.arguments;
     if !equations.legendre.momenta.is_empty() {
         let velocities = equations.legendre.velocities.iter().map(|(_, symbol)| *symbol).collect();
@@ -243,11 +260,19 @@ pub(super) fn lower_scene(
     let mut matrices = derivatives.matrices;
     let mut own_sections = derivatives.sections;
     if plan.invariants {
-        let found = invariants::find(&mut graph, &equations, &state, &inputs);
+        let found = invariants::find(&mut graph, &equations, &moving, &inputs);
         graph.within_budget()?;
         let found = found.ok_or_else(|| Error::NothingConserved { scene: plan.name.clone() })?;
         outputs.extend(found.outputs);
         matrices.push(found.gradients);
+        own_sections.extend(found.sections);
+    }
+    if plan.bracket {
+        let found = bracket::find(&mut graph, &equations, &state, factor);
+        graph.within_budget()?;
+        let found = found?;
+        outputs.extend(found.outputs);
+        matrices.push(found.matrix);
         own_sections.extend(found.sections);
     }
     let mut implicit_form = None;
@@ -277,7 +302,7 @@ pub(super) fn lower_scene(
     let pivots = sorted_pivots(&mut graph, &equations);
     conditions.extend(pivots.conditions);
     inputs.divisors = pivots.divisors;
-    let rhs: Vec<(String, ExprId)> = state.iter().map(|s| (s.name.clone(), s.derivative)).collect();
+    let rhs: Vec<(String, ExprId)> = moving.iter().map(|s| (s.name.clone(), s.derivative)).collect();
     let mut requests = vec![Request { role: Role::Rate, results: rhs }];
     if plan.energy {
         let results = vec![("energy".to_owned(), equations.energy)];

@@ -22,7 +22,8 @@ pub struct BuiltScene {
     /// What was lowered: the rates, the energy (when wanted), the pivots, one function for each output and each
     /// product, then the domain where there is one; see [`Role`].
     pub program: Program,
-    /// The state of this scene: that of the model without what is left out, with what is reconstructed.
+    /// The state of this scene: that of the model without what is left out, with what is reconstructed; the derivatives
+    /// are those by the time of the model.
     pub state: Vec<StateEquation>,
     pub(super) outputs: Vec<Output>,
     pub(super) matrices: Vec<Matrix>,

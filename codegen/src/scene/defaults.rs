@@ -311,6 +311,12 @@ fn item(model: &Model, role: ExpressionRole) -> Option<(String, Option<Span>)> {
             let (name, _) = model.all_velocities()[k];
             (format!("the force on `{name}`"), of_component(&places.forces, name))
         }
+        ExpressionRole::Algebroid => ("the algebroid".into(), model.algebroid.as_ref().and_then(|a| a.span)),
+        ExpressionRole::Frame => ("the frame".into(), model.frame.as_ref().and_then(|f| f.span)),
+        ExpressionRole::Given(k) => {
+            let (name, _) = model.all_velocities()[k];
+            (format!("the motion of `{name}`"), of_component(&places.given, name))
+        }
         ExpressionRole::Connection => ("the connection".into(), places.connection),
         ExpressionRole::AdvectedAction(k) => {
             let advected = &model.advected[k];

@@ -108,6 +108,8 @@ pub struct Matrix {
     pub shape: (usize, usize),
     /// Row and column of each entry, in the order of the output's components.
     pub pattern: Vec<(usize, usize)>,
+    /// Whether the entries are those above the diagonal of a matrix `a_ji = -a_ij`.
+    pub is_antisymmetric: bool,
     /// What it is.
     pub doc: &'static str,
 }
@@ -232,7 +234,8 @@ impl Pass<'_> {
             }
         };
         let shape = (self.rates.len(), by.len());
-        self.result.matrices.push(Matrix { name: derivative.name(), shape, pattern, doc });
+        let (name, is_antisymmetric) = (derivative.name(), false);
+        self.result.matrices.push(Matrix { name, shape, pattern, is_antisymmetric, doc });
     }
 
     /// New symbols `v_x` for the components of a vector.

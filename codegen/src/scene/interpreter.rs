@@ -8,7 +8,9 @@ use hamel_runtime::Dual;
 
 use crate::error::Error;
 use crate::program::{Jet, Point, Program, Role, ViolatedCondition};
+use crate::spec::Want;
 
+use super::bracket::REMAINDER;
 use super::built::{BuiltScene, legendre_role};
 use super::derivatives::{Derivative, Matrix};
 use super::implicit;
@@ -31,11 +33,13 @@ struct Pattern {
     name: String,
     shape: (usize, usize),
     places: Vec<(usize, usize)>,
+    is_antisymmetric: bool,
 }
 
 impl Pattern {
     fn of(matrix: &Matrix) -> Pattern {
-        Pattern { name: matrix.name.to_owned(), shape: matrix.shape, places: matrix.pattern.clone() }
+        let (places, is_antisymmetric) = (matrix.pattern.clone(), matrix.is_antisymmetric);
+        Pattern { name: matrix.name.to_owned(), shape: matrix.shape, places, is_antisymmetric }
     }
 
     /// The matrix with these entries, row by row.
@@ -44,6 +48,9 @@ impl Pattern {
         let mut rows = vec![vec![0.0; n_columns]; n_rows];
         for ((i, j), entry) in self.places.iter().zip(entries) {
             rows[*i][*j] = *entry;
+            if self.is_antisymmetric {
+                rows[*j][*i] = -*entry;
+            }
         }
         rows
     }
@@ -97,6 +104,7 @@ impl BuiltScene {
             name: implicit::JACOBIAN.to_owned(),
             shape: (found.variables.len(), found.variables.len()),
             places: found.pattern.clone(),
+            is_antisymmetric: false,
         });
         self.matrices().iter().map(Pattern::of).chain(implicit).collect()
     }
@@ -222,6 +230,22 @@ impl<'a> Interpreter<'a> {
     /// When the size of `y` is wrong.
     pub fn invariant_gradients(&self, t: f64, y: &[f64]) -> Option<Vec<Vec<f64>>> {
         self.matrix_named(GRADIENTS, t, y)
+    }
+
+    /// The matrix `Pi` of the nonholonomic bracket, `y' = Pi dE + R`, when the scene wants it.
+    ///
+    /// # Panics
+    /// When the size of `y` is wrong.
+    pub fn bracket(&self, t: f64, y: &[f64]) -> Option<Vec<Vec<f64>>> {
+        self.matrix_named(Want::Bracket.name(), t, y)
+    }
+
+    /// The vector `R` of `y' = Pi dE + R`, when the scene wants its bracket; none where it vanishes.
+    ///
+    /// # Panics
+    /// When the size of `y` is wrong.
+    pub fn bracket_remainder(&self, t: f64, y: &[f64]) -> Option<Vec<f64>> {
+        self.values(&Role::Output(REMAINDER.to_owned()), t, y)
     }
 
     fn matrix_named(&self, name: &str, t: f64, y: &[f64]) -> Option<Vec<Vec<f64>>> {

@@ -73,6 +73,7 @@ pub(super) fn find(
             name: GRADIENTS,
             shape,
             pattern,
+            is_antisymmetric: false,
             doc: "matrix of the derivatives of the invariants by the components of the state that move, a row for each \
                   invariant",
         },
@@ -122,7 +123,9 @@ fn candidates(g: &mut Graph, equations: &Equations, state: &[StateEquation]) -> 
         }
     }
     candidates.extend(group(Want::Constraint));
-    candidates.push(("energy".to_owned(), equations.energy));
+    if equations.has_energy() {
+        candidates.push(("energy".to_owned(), equations.energy));
+    }
     let momenta: Vec<(String, ExprId)> = group(Want::Momentum).collect();
     candidates.extend(momenta.iter().cloned().chain(group(Want::NonholonomicMomentum)));
     let in_space = &equations.system.momenta_in_space;

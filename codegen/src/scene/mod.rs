@@ -9,6 +9,7 @@
 //!
 //! Does not know: how equations are derived, how programs are lowered, how text is emitted.
 
+mod bracket;
 mod build;
 mod built;
 mod counts;
@@ -352,8 +353,11 @@ impl BuiltScene {
         lower_scene(self.equations.clone(), &self.bare_plan(), self.state.clone(), outputs).map(Some)
     }
 
-    /// The right-hand side of this scene alone.
+    /// The right-hand side of this scene alone, in its time.
     fn bare_plan(&self) -> Plan {
-        Plan::bare(self.name.clone(), self.equations.system.formulation.clone())
+        let hamiltonian_time =
+            self.outputs.iter().any(|o| o.kind == OutputKind::Group(Want::HamiltonianTime));
+        let bare = Plan::bare(self.name.clone(), self.equations.system.formulation.clone());
+        Plan { hamiltonian_time, ..bare }
     }
 }

@@ -34,6 +34,10 @@ pub(super) struct Plan {
     pub(super) energy: bool,
     pub(super) derivatives: BTreeSet<Derivative>,
     pub(super) invariants: bool,
+    /// The nonholonomic bracket.
+    pub(super) bracket: bool,
+    /// The time in which the motion is Hamiltonian, in the place of the model's.
+    pub(super) hamiltonian_time: bool,
     pub(super) implicit: bool,
     pub(super) taylor: bool,
     pub(super) reconstructs: bool,
@@ -72,6 +76,8 @@ impl Plan {
             energy: false,
             derivatives: BTreeSet::new(),
             invariants: false,
+            bracket: false,
+            hamiltonian_time: false,
             implicit: false,
             taylor: false,
             reconstructs: false,
@@ -102,6 +108,8 @@ impl Plan {
                     Wanted::Want(Want::Reconstruction) => plan.reconstructs = true,
                     Wanted::Want(Want::Taylor) => plan.taylor = true,
                     Wanted::Want(Want::Invariants) => plan.invariants = true,
+                    Wanted::Want(Want::Bracket) => plan.bracket = true,
+                    Wanted::Want(Want::HamiltonianTime) => plan.hamiltonian_time = true,
                     Wanted::Want(Want::Implicit) => plan.implicit = true,
                     Wanted::Want(want) => match Derivative::of(*want) {
                         Some(derivative) => _ = plan.derivatives.insert(derivative),
@@ -113,16 +121,17 @@ impl Plan {
             plan.outputs = Outputs::Named(outputs);
             return Some(plan);
         }
-        let everything = Plan { outputs: Outputs::All, energy: true, ..bare.clone() };
+        let energy = model.given.is_none();
+        let everything = Plan { outputs: Outputs::All, energy, ..bare.clone() };
         match scene {
             DEFAULT => Some(everything),
             MINIMAL => {
                 let doc = "without the coordinates on which nothing depends".to_owned();
-                Some(Plan { energy: true, drops: Drops::Ignorable, doc, ..bare })
+                Some(Plan { energy, drops: Drops::Ignorable, doc, ..bare })
             }
             DERIVATIVES => {
                 let doc = "with the derivatives of the right-hand side".to_owned();
-                Some(Plan { energy: true, derivatives: Derivative::ALL.into(), doc, ..bare })
+                Some(Plan { energy, derivatives: Derivative::ALL.into(), doc, ..bare })
             }
             RECONSTRUCTION => Some(Plan {
                 reconstructs: true,

@@ -94,9 +94,14 @@ impl BuiltScene {
             doc.push(format!("Scene `{}`: {}", self.name, self.doc));
         }
         let energy = "`E = p.y - L`".to_owned();
-        let motion = "Lagrange-d'Alembert equations `W^a_b E_a = 0`, \
-                      `E_a = d/dt p_a + C^c_ab y^b p_c - rho^i_a dL/dx^i - F_a`, solved for the accelerations"
-            .to_owned();
+        let motion = match self.equations.has_energy() {
+            true => {
+                "Lagrange-d'Alembert equations `W^a_b E_a = 0`, \
+                 `E_a = d/dt p_a + C^c_ab y^b p_c - rho^i_a dL/dx^i - F_a`, solved for the accelerations"
+            }
+            false => "the accelerations and fields that the model gives, `xdot = rho y`",
+        };
+        let motion = motion.to_owned();
         let formulas = [(Role::Energy, vec![energy]), (Role::Rate, vec![motion])];
         SceneText {
             model: system.name.clone(),
@@ -143,6 +148,7 @@ fn matrix_text(matrix: &Matrix) -> MatrixText {
         name: matrix.name.to_owned(),
         shape: matrix.shape,
         pattern: matrix.pattern.clone(),
+        is_antisymmetric: matrix.is_antisymmetric,
         doc: matrix.doc.to_owned(),
     }
 }

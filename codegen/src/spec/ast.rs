@@ -109,6 +109,27 @@ pub(super) struct BracketRule {
     pub(super) span: Span,
 }
 
+/// A quasi-velocity of a frame, with its documentation.
+#[derive(Clone, Debug)]
+pub(super) struct FrameVelocity {
+    pub(super) doc: Vec<String>,
+    pub(super) name: Name,
+    pub(super) value: Expr,
+}
+
+/// A Lie algebroid over the base coordinates, as it is written.
+#[derive(Clone, Debug)]
+pub(super) struct AlgebroidBlock {
+    /// Where the word `algebroid` stands.
+    pub(super) span: Span,
+    pub(super) is_almost: bool,
+    pub(super) basis: Vec<Name>,
+    pub(super) velocities: Vec<Name>,
+    /// Rates of coordinates.
+    pub(super) anchors: Vec<(Name, Expr)>,
+    pub(super) rules: Vec<BracketRule>,
+}
+
 #[derive(Clone, Debug)]
 pub(super) enum ItemKind {
     Source(String),
@@ -141,6 +162,20 @@ pub(super) enum ItemKind {
         matrices: Vec<(Name, Expr)>,
     },
     QuasiVelocity(Vec<Name>),
+    /// `frame { u = r*phi_dot; }`
+    Frame(Vec<FrameVelocity>),
+    /// `algebroid { basis ..; velocities ..; anchor ..; [a, b] = ..; }`
+    Algebroid(AlgebroidBlock),
+    /// `acceleration v = -k*x;`
+    Acceleration {
+        name: Name,
+        value: Expr,
+    },
+    /// `field x_dot = -x;`
+    Field {
+        name: Name,
+        value: Expr,
+    },
     Connection {
         name: Name,
         value: Expr,

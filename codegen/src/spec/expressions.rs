@@ -26,6 +26,12 @@ pub enum ExpressionRole {
     AdvectedAction(usize),
     /// A component of [`Model::connection`].
     Connection,
+    /// A coefficient of anchor or bracket of [`Model::algebroid`].
+    Algebroid,
+    /// A coefficient of [`Model::frame`].
+    Frame,
+    /// What gives the motion of a velocity, in the order of [`Model::all_velocities`].
+    Given(usize),
     /// Left side minus right side of a constraint.
     ConstraintResidual(usize),
     /// A coefficient of an acceleration in a constraint.
@@ -68,6 +74,9 @@ macro_rules! visit {
             carries: _,
             action: _,
             connection,
+            algebroid,
+            frame,
+            given,
             stages,
             advected,
             lagrangian,
@@ -137,6 +146,25 @@ macro_rules! visit {
         }
         for e in connection.into_iter().flatten().flatten() {
             $visit(ExpressionRole::Connection, e);
+        }
+        if let Some(OwnAlgebroid { basis: _, is_almost: _, anchor, brackets, span: _ }) = algebroid {
+            for e in anchor.into_iter().flatten() {
+                $visit(ExpressionRole::Algebroid, e);
+            }
+            for OwnBracket { pair: _, value, span: _ } in brackets {
+                for (_, e) in value {
+                    $visit(ExpressionRole::Algebroid, e);
+                }
+            }
+        }
+        if let Some(QuasiFrame { original: _, matrix, inverse, docs: _, determinant, span: _ }) = frame {
+            for e in matrix.into_iter().flatten().chain(inverse.into_iter().flatten()).chain(determinant) {
+                $visit(ExpressionRole::Frame, e);
+            }
+        }
+        for (k, rate) in given.into_iter().flatten().enumerate() {
+            let (Given::Velocity(e) | Given::Acceleration(e)) = rate;
+            $visit(ExpressionRole::Given(k), e);
         }
         for (k, constraint) in constraints.into_iter().enumerate() {
             let Constraint { name: _, text: _, kind, residual, span: _ } = constraint;

@@ -17,6 +17,8 @@ pub enum Setting {
     Bundle,
     /// A configuration space without symmetry.
     Base,
+    /// A Lie algebroid that the model declares.
+    Algebroid,
 }
 
 /// The least special class that contains all constraints of a model.
@@ -43,6 +45,8 @@ pub struct Kind {
     pub setting: Setting,
     /// Whether a Hamiltonian on the dual says how, and no Lagrangian.
     pub is_hamiltonian: bool,
+    /// Whether the motion is given: a vector field that follows from no Lagrangian.
+    pub is_given: bool,
     /// Its constraints.
     pub restriction: Restriction,
     /// Whether virtual displacements are not those of the constraints: servo constraints.
@@ -61,6 +65,7 @@ impl Model {
             (false, false) => Setting::Bundle,
             (true, _) => Setting::Base,
         };
+        let setting = if self.algebroid.is_some() { Setting::Algebroid } else { setting };
         let mut graph = self.graph.clone();
         let own = self.quasi_velocities.iter().map(|v| v.symbol);
         let velocities: Vec<SymbolId> =
@@ -76,6 +81,7 @@ impl Model {
         Kind {
             setting,
             is_hamiltonian: self.hamiltonian.is_some(),
+            is_given: self.given.is_some(),
             restriction: restrictions.max().unwrap_or(Restriction::None),
             is_servo: !self.virtual_constraints.is_empty(),
             has_advected: !self.advected.is_empty(),
@@ -88,6 +94,13 @@ impl fmt::Display for Kind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let is_free = self.restriction == Restriction::None && !self.is_servo;
         f.write_str(match (self.setting, is_free) {
+            (Setting::Base, _) if self.is_given => "vector field",
+            (Setting::Group | Setting::Bundle, _) if self.is_given => "invariant vector field",
+            (Setting::Algebroid, _) if self.is_given => "vector field on a Lie algebroid",
+            (Setting::Algebroid, true) if self.is_hamiltonian => "Hamilton on a Lie algebroid",
+            (Setting::Algebroid, false) if self.is_hamiltonian => "Hamilton-d'Alembert on a Lie algebroid",
+            (Setting::Algebroid, true) => "Lagrange on a Lie algebroid",
+            (Setting::Algebroid, false) => "Lagrange-d'Alembert on a Lie algebroid",
             (Setting::Group, true) if self.is_hamiltonian => "Lie-Poisson",
             (Setting::Group, false) if self.is_hamiltonian => "Lie-Poisson-Suslov",
             (Setting::Bundle, true) if self.is_hamiltonian => "Hamilton-Poincaré",
@@ -148,6 +161,13 @@ mod tests {
             ("momentum p in so(3); hamiltonian = dot(p, p);", "constraint dh_dp3 = 0;", "Lie-Poisson-Suslov"),
             ("coordinate s in real; momentum p of s_dot; hamiltonian = p^2;", "", "Hamilton"),
             (free, "", "Lagrange"),
+            ("coordinate s in real; acceleration s_dot = -s;", "", "vector field"),
+            ("velocity w in so(3); acceleration w = cross(w, [1, 0, 0]);", "", "invariant vector field"),
+            (
+                "coordinate s in real; algebroid { basis e; velocities w; anchor s_dot = w; } lagrangian = w^2;",
+                "",
+                "Lagrange on a Lie algebroid",
+            ),
             (free, "constraint r_dot = s*s_dot;", "Lagrange-d'Alembert"),
         ];
         for (model, items, expected) in cases {

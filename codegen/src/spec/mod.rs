@@ -37,9 +37,9 @@ pub use kind::{Kind, Restriction, Setting};
 pub use layout::Layout;
 pub use model::{
     Advected, Carried, CarriedBy, Condition, ConnectionKind, Constraint, ConstraintKind, Coordinate, Domain,
-    FormulationSearch, IdealChain, InnerProduct, Model, Momentum, Named, NamedVector, Param, ParamArray,
-    Places, Reconstruction, ReconstructionKind, Scene, Side, Velocity, View, ViewShape, Views,
-    VirtualConstraint, circle_names, diagnose,
+    FormulationSearch, Given, IdealChain, InnerProduct, Model, Momentum, Named, NamedVector, OwnAlgebroid,
+    OwnBracket, Param, ParamArray, Places, QuasiFrame, Reconstruction, ReconstructionKind, Scene, Side,
+    Velocity, View, ViewShape, Views, VirtualConstraint, circle_names, diagnose,
 };
 pub use shape::{Expected, Operation, Shape, ValueError};
 pub use value::Value;

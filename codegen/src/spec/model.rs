@@ -208,6 +208,58 @@ impl ConnectionKind {
     }
 }
 
+/// Quasi-velocities in the place of velocities: `y = T eta` for the velocities `y` before and `eta` of the model.
+#[derive(Clone, Debug, PartialEq)]
+pub struct QuasiFrame {
+    /// Names and symbols of the velocities `y`, in the order of [`Model::all_velocities`].
+    pub original: Vec<(String, SymbolId)>,
+    /// `T`, the identity in the rows of velocities that stay.
+    pub matrix: Vec<Vec<ExprId>>,
+    /// The inverse of `T`: what the model declares.
+    pub inverse: Vec<Vec<ExprId>>,
+    /// Documentation of the quasi-velocities, in the order of [`Model::all_velocities`]; absent for velocities that stay.
+    pub docs: Vec<Option<String>>,
+    /// The determinant of the inverse, which vanishes nowhere; absent where it is too large to be written down.
+    pub determinant: Option<ExprId>,
+    /// Where the first quasi-velocity stands.
+    pub span: Option<Span>,
+}
+
+/// A bracket of an algebroid, `[e_a, e_b] = value` for `a < b`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OwnBracket {
+    /// `a`, `b`.
+    pub pair: [usize; 2],
+    /// Its components that do not vanish.
+    pub value: Vec<(usize, ExprId)>,
+    /// Where it stands.
+    pub span: Option<Span>,
+}
+
+/// A Lie algebroid that the model declares over its base coordinates.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OwnAlgebroid {
+    /// Names of the sections `e_a` of its frame.
+    pub basis: Vec<String>,
+    /// Whether the bracket is not claimed to be that of a Lie algebroid.
+    pub is_almost: bool,
+    /// `rho^i_a`, `[n_base][m]`.
+    pub anchor: Vec<Vec<ExprId>>,
+    /// Brackets that do not vanish.
+    pub brackets: Vec<OwnBracket>,
+    /// Where it stands.
+    pub span: Option<Span>,
+}
+
+/// What a model gives of the motion of a velocity in the place of a Lagrangian.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Given {
+    /// The velocity as a function of the base and the time.
+    Velocity(ExprId),
+    /// Its rate.
+    Acceleration(ExprId),
+}
+
 /// What a [`Constraint`] restricts, and how.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ConstraintKind {
@@ -477,6 +529,8 @@ pub struct Places {
     pub declared: BTreeMap<String, Span>,
     /// External forces by the velocity, vector or component, that they are written for.
     pub forces: BTreeMap<String, Span>,
+    /// Accelerations and fields by the velocity, vector or component, that they are written for.
+    pub given: BTreeMap<String, Span>,
     /// What stands for velocities in the state, by the velocity's name.
     pub carries: BTreeMap<String, Span>,
     /// Initial values by the variable, vector or component, that they are written for.
@@ -519,6 +573,14 @@ pub struct Model {
     /// Components `A^a_i(x, t)` of the principal connection, `a` in the basis of the algebra, `i` a base coordinate:
     /// the velocities in the algebra are `xi + A(x, t) xdot`. Absent for `xi` itself.
     pub connection: Option<Vec<Vec<ExprId>>>,
+    /// A Lie algebroid over the base coordinates, whose velocities are [`Model::velocities`]; the base coordinates have
+    /// no velocities of their own then.
+    pub algebroid: Option<OwnAlgebroid>,
+    /// Quasi-velocities in the place of velocities. Infinitesimal actions on advected parameters and the connection are
+    /// written in the velocities before, everything else in those of the model.
+    pub frame: Option<QuasiFrame>,
+    /// What gives the motion of every velocity, in the place of a Lagrangian.
+    pub given: Option<Vec<Given>>,
     /// Reduction by stages.
     pub stages: Option<IdealChain>,
     /// Advected parameters.
@@ -564,8 +626,13 @@ pub struct Model {
 impl Model {
     /// All velocities with their names: base velocities first, then those in the algebra.
     pub fn all_velocities(&self) -> Vec<(&str, SymbolId)> {
-        let base = self.base.iter().map(|c| (c.velocity_name.as_str(), c.velocity));
+        let base = self.base[..self.n_shape()].iter().map(|c| (c.velocity_name.as_str(), c.velocity));
         base.chain(self.velocities.iter().map(|v| (v.name.as_str(), v.symbol))).collect()
+    }
+
+    /// How many base coordinates have a velocity of their own: all, or none where an algebroid moves them.
+    pub fn n_shape(&self) -> usize {
+        if self.algebroid.is_some() { 0 } else { self.base.len() }
     }
 
     /// An error of a later phase as a problem at the item of the text that causes it.
@@ -603,6 +670,8 @@ impl Model {
             Error::NotNested { stage, .. }
             | Error::NotAnIdeal { stage, .. }
             | Error::EmptyStage { stage } => self.place_of_stage(stage),
+            Error::AnchorViolated { pair, .. } if self.algebroid.is_some() => self.place_of_bracket(pair),
+            Error::JacobiViolated { triple, .. } if self.algebroid.is_some() => self.place_of_bracket(triple),
             Error::AnchorViolated { component, .. }
             | Error::Unverified { component: Some(component), .. } => {
                 let moved = |a: &&Advected| a.components.iter().any(|(name, _)| name == component);
@@ -616,6 +685,14 @@ impl Model {
         let stages = self.stages.as_ref()?;
         let at = stages.names.iter().position(|name| name == stage)?;
         stages.spans.get(at).copied().flatten()
+    }
+
+    /// The first bracket between some sections of the algebroid, or the algebroid.
+    fn place_of_bracket(&self, sections: &[String]) -> Option<Span> {
+        let own = self.algebroid.as_ref()?;
+        let is_of = |k: &usize| own.basis.get(*k).is_some_and(|name| sections.contains(name));
+        let found = own.brackets.iter().find(|bracket| bracket.pair.iter().all(is_of));
+        found.and_then(|bracket| bracket.span).or(own.span)
     }
 
     /// Problems of a later phase, ready to be shown with the model's text.

@@ -10,12 +10,14 @@ pub(super) const ITEMS: &[(&str, &str)] = &[
     ("let", "let name = expression;"),
     ("algebra", "algebra g = so(3);` or `algebra g { basis a, b; [a, b] = a; }"),
     ("almost", "almost algebra g { basis a, b, c; [a, b] = c; }"),
+    ("algebroid", "algebroid { basis e1, e2; velocities u, v; anchor x_dot = u; [e1, e2] = x*e2; }"),
     ("representation", "representation r of so(3) on R^3 { e1 = [[..], ..]; .. }"),
     ("velocity", "velocity Omega, V in se(3);"),
     ("momentum", "momentum Pi of Omega;` or `momentum Pi in so(3);"),
     ("carry", "carry Pi;"),
     ("routh", "routh phi = p;` or `routh Omega -> Pi;"),
     ("quasi_velocity", "quasi_velocity s;"),
+    ("frame", "frame { u = r*phi_dot; }"),
     ("connection", "connection Omega = A*x_dot;` or `connection mechanical;"),
     ("action", "action left;"),
     ("stage", "stage whole;` or `stage translation = ideal(V);"),
@@ -24,6 +26,8 @@ pub(super) const ITEMS: &[(&str, &str)] = &[
     ("advected", "advected Gamma in R^3 by cross(Omega, Gamma);"),
     ("lagrangian", "lagrangian = expression;"),
     ("hamiltonian", "hamiltonian = expression;"),
+    ("acceleration", "acceleration v = -k*x;"),
+    ("field", "field x_dot = -k*x;"),
     ("constraint", "constraint name: dot(Omega, Gamma) = 0;"),
     ("virtual", "virtual delta(v1) + delta(v2) = 0;"),
     ("independent", "independent Omega, x_dot;"),
@@ -179,7 +183,7 @@ pub(super) fn suggest<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>)
     if let Some((_, name)) = near {
         return format!("did you mean `{name}`?");
     }
-    if known.is_empty() || known.len() > 32 {
+    if known.is_empty() || known.len() > 40 {
         return String::new();
     }
     format!("legal here: {}", list(&known))

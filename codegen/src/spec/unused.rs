@@ -9,8 +9,8 @@
 use std::collections::BTreeMap;
 
 use super::ast::{
-    AlgebraExpr, AlgebraNode, Carry, DomainExpr, Expr, Item, ItemKind, Name, Node, ReconstructWay, Shape,
-    Size,
+    AlgebraExpr, AlgebraNode, AlgebroidBlock, Carry, DomainExpr, Expr, Item, ItemKind, Name, Node,
+    ReconstructWay, Shape, Size,
 };
 use super::diagnostic::Diagnostic;
 use super::layout::Layout;
@@ -165,6 +165,13 @@ fn effective(item: &Item) -> Vec<String> {
         }
         ItemKind::Constraint { left, right, .. } | ItemKind::Virtual { left, right, .. } => {
             mentions([left, right])
+        }
+        ItemKind::Frame(velocities) => mentions(velocities.iter().map(|v| &v.value)),
+        ItemKind::Algebroid(AlgebroidBlock { anchors, rules, .. }) => {
+            mentions(anchors.iter().map(|(_, value)| value).chain(rules.iter().map(|rule| &rule.value)))
+        }
+        ItemKind::Acceleration { name, value } | ItemKind::Field { name, value } => {
+            mentions([value]).into_iter().chain([name.text.clone()]).collect()
         }
         ItemKind::InnerProduct(value)
         | ItemKind::Lagrangian(value)

@@ -52,13 +52,17 @@ pub enum Want {
     Taylor,
     /// What the motion conserves, with gradients.
     Invariants,
+    /// The nonholonomic bracket of the components of the state.
+    Bracket,
+    /// The time in which the motion is Hamiltonian.
+    HamiltonianTime,
     /// The equations with a mass matrix, `M z' = f(t, z)`, and their variables at a state.
     Implicit,
 }
 
 impl Want {
     /// All of them, in the order in which messages list them.
-    pub const ALL: [Want; 22] = [
+    pub const ALL: [Want; 24] = [
         Want::Rhs,
         Want::Energy,
         Want::EnergyRate,
@@ -80,6 +84,8 @@ impl Want {
         Want::Outputs,
         Want::Taylor,
         Want::Invariants,
+        Want::Bracket,
+        Want::HamiltonianTime,
         Want::Implicit,
     ];
 
@@ -107,6 +113,8 @@ impl Want {
             Want::Outputs => "outputs",
             Want::Taylor => "taylor",
             Want::Invariants => "invariants",
+            Want::Bracket => "bracket",
+            Want::HamiltonianTime => "hamiltonian_time",
             Want::Implicit => "implicit",
         }
     }
@@ -120,8 +128,8 @@ impl Want {
     /// name anything but an output.
     pub(super) fn is_in_tables(self) -> bool {
         use Want::{
-            Casimirs, Circles, Constraint, Implicit, Invariants, MomentumEquation, NonholonomicMomentum,
-            Outputs, Taylor, Velocities,
+            Bracket, Casimirs, Circles, Constraint, HamiltonianTime, Implicit, Invariants, MomentumEquation,
+            NonholonomicMomentum, Outputs, Taylor, Velocities,
         };
         !matches!(
             self,
@@ -134,6 +142,8 @@ impl Want {
                 | Taylor
                 | Velocities
                 | Invariants
+                | Bracket
+                | HamiltonianTime
                 | Implicit
         )
     }

@@ -184,6 +184,8 @@ pub mod veselova;
 /// Veselova system
 pub mod veselova_derivatives;
 /// Veselova system
+pub mod veselova_hamiltonized;
+/// Veselova system
 pub mod veselova_invariants;
 /// Veselova system
 pub mod veselova_reconstruction;
@@ -301,6 +303,7 @@ macro_rules! for_each_scene {
             (two_arm_satellite_taylor, "two_arm_satellite", "taylor", 7)
             (veselova, "veselova", "default", 6)
             (veselova_derivatives, "veselova", "derivatives", 6)
+            (veselova_hamiltonized, "veselova", "hamiltonized", 6)
             (veselova_invariants, "veselova", "invariants", 6)
             (veselova_reconstruction, "veselova", "reconstruction", 10)
             (wong_particle, "wong_particle", "default", 9)

@@ -22,8 +22,13 @@ impl Writer<'_> {
                 let (i, j) = (size(*i), size(*j));
                 quote! { (#i, #j) }
             });
+            let others = if matrix.is_antisymmetric {
+                "those below the diagonal are minus these, the others vanish identically"
+            } else {
+                "the others vanish identically"
+            };
             let title = format!(
-                "Row and column of each entry that [`Prepared::{}`] computes; the others vanish identically.",
+                "Row and column of each entry that [`Prepared::{}`] computes; {others}.",
                 output.name
             );
             let doc = doc_attributes([title]);
@@ -53,14 +58,20 @@ impl Writer<'_> {
                     expected: n_rows.max(n_columns),
                 })?;
                 *place = quote! { #name };
+                if matrix.is_antisymmetric {
+                    values[*j][*i] = quote! { -#name };
+                }
             }
             let rows = values.iter().map(|row| quote! { [#(#row),*] });
             let (n_rows, n_columns) = (size(n_rows), size(n_columns));
             let constant = Rust.places(&matrix.name);
+            let elsewhere = if matrix.is_antisymmetric { "minus these below the diagonal, " } else { "" };
             let doc = doc_attributes([
                 sentence(&matrix.doc),
                 String::new(),
-                format!("The entries of [`Self::{entries}`] at the places [`{constant}`], zero elsewhere."),
+                format!(
+                    "The entries of [`Self::{entries}`] at the places [`{constant}`], {elsewhere}zero elsewhere."
+                ),
             ]);
             let call = if names.is_empty() {
                 quote! { let _ = (t, y); }

@@ -1,6 +1,7 @@
 //! A system in other velocities: `y = T eta` with the columns of `T` for a frame.
 //!
-//! [`with_stages`] writes a system in the frame that its chain of stages is adapted to, as a rewrite of everything that
+//! [`in_quasi_frame`] writes the algebroid of a model in the frame of its quasi-velocities; the model itself is written
+//! in these already. [`with_stages`] writes a system in the frame that its chain of stages is adapted to, as a rewrite of everything that
 //! has velocities or components in the frame. `algebroid` builds anchor and bracket from the stage forms and holds them
 //! to the change of frame, `constraint` carries the constraints over. Does not know: how the frame came about,
 //! equations of motion.
@@ -13,7 +14,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::algebra::Algebroid;
 use crate::error::Error;
 use crate::expr::{DivisionByZero, ExprId, Graph, Rational, SymbolId};
-use crate::spec::Side;
+use crate::spec::{QuasiFrame, Side};
 
 use super::change::{Change, Frame, contract};
 use super::constraint::{KinematicConstraint, Unknown};
@@ -35,6 +36,8 @@ pub(super) fn with_stages(system: ReducedSystem) -> Result<ReducedSystem, Error>
     let keeps_all = matches!(system.constraint, KinematicConstraint::Multipliers { .. });
     match system.formulation.stages {
         StageUse::Unused | StageUse::Shown => Ok(system),
+        // Frames of quasi-velocities and given rates have velocities of their own.
+        _ if system.quasi_frame.is_some() || system.accelerations.is_some() => Ok(system),
         StageUse::Internal if keeps_all || system.hamiltonian.is_some() || system.degeneracy.is_some() => {
             Ok(system)
         }
@@ -51,6 +54,24 @@ pub(super) fn with_stages(system: ReducedSystem) -> Result<ReducedSystem, Error>
             None => Ok(system),
         },
     }
+}
+
+/// The algebroid in the frame of quasi-velocities that a model declares, and that frame.
+pub(super) fn in_quasi_frame(
+    g: &mut Graph,
+    algebroid: &Algebroid,
+    own: &QuasiFrame,
+    names: &[String],
+) -> (Algebroid, Frame) {
+    let original = own.original.iter().enumerate();
+    let original = original.map(|(k, (name, symbol))| Unknown {
+        name: name.clone(),
+        symbol: *symbol,
+        frame_idx: Some(k),
+    });
+    let frame =
+        Frame { original: original.collect(), matrix: own.matrix.clone(), inverse: own.inverse.clone() };
+    (algebroid::transformed(g, algebroid, &frame, names), frame)
 }
 
 fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Error> {
@@ -70,6 +91,7 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
         connection,
         lagrangian,
         hamiltonian,
+        accelerations,
         forces,
         constraint,
         degeneracy,
@@ -86,6 +108,8 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
         domains,
         circles,
         frame: _,
+        quasi_frame,
+        pivots,
         changes: _,
     } = system;
     let g = &mut graph;
@@ -153,6 +177,7 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
         connection,
         lagrangian,
         hamiltonian,
+        accelerations,
         forces,
         constraint,
         degeneracy,
@@ -169,6 +194,8 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
         domains,
         circles,
         frame: None,
+        quasi_frame,
+        pivots,
         changes: Vec::new(),
     };
     if is_carried {

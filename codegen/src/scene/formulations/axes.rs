@@ -4,7 +4,9 @@
 
 use crate::algebra::series::chains;
 use crate::expr::{ExprId, Rational, independent_rows};
-use crate::reduction::{Formulation, FoundChain, KinematicConstraint, ReducedSystem, StageUse};
+use crate::reduction::{
+    Formulation, FoundChain, KinematicConstraint, ReducedSystem, StageUse, beside_connection,
+};
 use crate::spec::{Carried, CarriedBy, ConnectionKind, Domain, Model, circle_names};
 
 /// Choices of independent velocities that are tried, those first that exchange the fewest velocities.
@@ -95,9 +97,11 @@ pub(super) fn axes(
 ) -> Vec<Vec<Choice>> {
     let mut axes = Vec::new();
     // A Hamiltonian is a function of momenta in the model's own frame.
-    if model.hamiltonian.is_none() {
+    if model.hamiltonian.is_none() && model.given.is_none() {
         axes.extend([connections(model, own), independent(system), vec![Choice::Squares(!own.squares)]]);
-        axes.push(stages(model, own));
+        if model.frame.is_none() && model.algebroid.is_none() {
+            axes.push(stages(model, own));
+        }
         axes.push(momenta(model, own, system));
     }
     axes.extend(circles(model, own, drops).into_iter().map(|choice| vec![choice]));
@@ -106,7 +110,7 @@ pub(super) fn axes(
 }
 
 fn connections(model: &Model, own: &Formulation) -> Vec<Choice> {
-    if model.base.is_empty() || model.algebra.dim() == 0 {
+    if model.n_shape() == 0 || model.algebra.dim() == 0 || beside_connection(model).is_some() {
         return Vec::new();
     }
     let is_written = model.connection.is_some();

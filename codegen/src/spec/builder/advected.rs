@@ -71,8 +71,10 @@ impl ModelBuilder {
     }
 
     pub(super) fn check_advected(&mut self) -> Vec<Advected> {
-        let fibre: Vec<SymbolId> = self.velocities.iter().map(|v| v.symbol).collect();
-        let rates: BTreeSet<SymbolId> = self.base.iter().map(|c| c.velocity).collect();
+        let original = self.original_symbols();
+        let (rates, fibre) = original.split_at(self.n_shape());
+        let (rates, fibre): (BTreeSet<SymbolId>, Vec<SymbolId>) =
+            (rates.iter().copied().collect(), fibre.to_vec());
         let mut result = Vec::new();
         for draft in self.advected.clone() {
             let Some((action, span)) = draft.action else {
@@ -93,6 +95,7 @@ impl ModelBuilder {
                 continue;
             }
             let mut fine = true;
+            let action = action.map(|e| self.in_original(e));
             for e in action.entries() {
                 if self.reports_stray(*e, span, &format!("action on `{}`", draft.name), &[]) {
                     fine = false;

@@ -2,7 +2,7 @@
 //!
 //! Deliberately does not know: what is checked.
 
-use super::draft::ModelBuilder;
+use super::draft::{GivenDraft, ModelBuilder};
 use crate::algebra::LieAlgebra;
 use crate::expr::Graph;
 use crate::spec::diagnostic::{Diagnostics, Origin, Span};
@@ -26,6 +26,9 @@ impl ModelBuilder {
         self.check_conditions();
         let lagrangian = self.check_lagrangian();
         let hamiltonian = self.check_hamiltonian();
+        let given = self.check_given();
+        let algebroid = self.check_algebroid();
+        self.check_beside_frame();
         let stages = self.check_stages();
         let advected = self.check_advected();
         let connection = self.check_connection();
@@ -56,6 +59,7 @@ impl ModelBuilder {
             outputs: self.output_names.into_iter().filter_map(|(name, span)| Some((name, span?))).collect(),
             declared: self.names.into_iter().filter_map(|(name, of)| Some((name, of.span?))).collect(),
             forces: by_name(self.forces),
+            given: self.given.iter().filter_map(GivenDraft::place).collect(),
             initial: by_name(self.initial),
             carries: placed_carries,
         };
@@ -80,6 +84,9 @@ impl ModelBuilder {
             momenta: self.momenta,
             carries,
             connection,
+            algebroid,
+            frame: self.frame.map(|(frame, _)| frame),
+            given,
             derived_connection: self.derived_connection.map(|(kind, _)| kind),
             action: self.action.map_or(Side::Left, |(side, _)| side),
             stages,

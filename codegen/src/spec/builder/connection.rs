@@ -34,7 +34,7 @@ impl ModelBuilder {
 
     /// `A^a_i`, by element of the algebra and base coordinate.
     pub(super) fn check_connection(&mut self) -> Option<Vec<Vec<ExprId>>> {
-        let n_base = self.base.len();
+        let n_base = self.n_shape();
         let zero = self.graph.zero();
         let mut rows: Vec<Option<Vec<ExprId>>> = vec![None; self.velocities.len()];
         let items = self.connection.clone();
@@ -50,8 +50,8 @@ impl ModelBuilder {
             }
         }
         for (name, value, span) in &items {
-            let indices = self.velocity_indices(name);
-            if indices.is_empty() || indices.iter().any(|k| *k < n_base) {
+            let indices = self.original_indices(name);
+            if indices.is_empty() {
                 self.unknown_algebra_velocity(name, *span);
                 continue;
             }
@@ -66,8 +66,8 @@ impl ModelBuilder {
             let Some(value) = self.fitted("connection on", name, value, *span) else { continue };
             for (k, e) in indices.into_iter().zip(value.into_entries()) {
                 let Some(row) = self.connection_row(name, e, *span) else { break };
-                if rows[k - n_base].replace(row).is_some() {
-                    let taken = self.velocities[k - n_base].name.clone();
+                if rows[k].replace(row).is_some() {
+                    let taken = self.original_velocities()[k].name.clone();
                     self.problem(
                         *span,
                         format!("connection on `{taken}` is given twice"),
@@ -107,12 +107,14 @@ impl ModelBuilder {
         e: ExprId,
         span: Option<Span>,
     ) -> Option<Vec<ExprId>> {
-        let rates: Vec<SymbolId> = self.base.iter().map(|c| c.velocity).collect();
+        let e = self.in_original(e);
+        let rates: Vec<SymbolId> = self.original_symbols()[..self.n_shape()].to_vec();
         let allowed: BTreeSet<SymbolId> = self
             .params
             .iter()
             .map(|p| p.symbol)
-            .chain(self.base.iter().flat_map(|c| [c.symbol, c.velocity]))
+            .chain(self.base.iter().map(|c| c.symbol))
+            .chain(rates.iter().copied())
             .chain([self.time])
             .collect();
         if let Some(wrong) = self.graph.free_symbols(e).iter().find(|s| !allowed.contains(s)) {
@@ -127,7 +129,7 @@ impl ModelBuilder {
         let occurring = self.occurring(e, &rates);
         let parts = self.graph.affine_parts(e, &occurring);
         let Some((slopes, _)) = parts.filter(|(_, offset)| *offset == self.graph.zero()) else {
-            let rates: Vec<String> = self.base.iter().map(|c| c.velocity_name.clone()).collect();
+            let rates: Vec<String> = rates.iter().map(|s| self.graph.name(*s).to_owned()).collect();
             self.problem(
                 span,
                 format!("connection on `{name}` is not linear in the base velocities"),

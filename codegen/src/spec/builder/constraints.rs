@@ -168,6 +168,7 @@ impl ModelBuilder {
 
     /// The part without accelerations and the kind.
     fn classify(&mut self, e: ExprId, place: &str, span: Option<Span>) -> Option<(ExprId, ConstraintKind)> {
+        let e = self.simple_in_frame(e);
         let special = [Special::QuasiVelocity, Special::Acceleration];
         if self.reports_stray(e, span, place, &special) {
             return None;
@@ -251,7 +252,7 @@ impl ModelBuilder {
 
     pub(super) fn check_independent(&mut self, constraints: &[Constraint]) -> Option<Vec<usize>> {
         let (names, span) = self.independent.clone()?;
-        let n_velocities = self.base.len() + self.velocities.len();
+        let n_velocities = self.n_shape() + self.velocities.len();
         let mut chosen = Vec::new();
         let before = self.problems.len();
         for (name, span) in names {

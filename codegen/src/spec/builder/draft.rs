@@ -30,6 +30,8 @@ pub(in crate::spec) enum DeclaredAs {
     MomentumComponent,
     Reconstructed,
     Definition,
+    FrameVelocity,
+    Section,
 }
 
 impl DeclaredAs {
@@ -48,6 +50,8 @@ impl DeclaredAs {
             DeclaredAs::MomentumComponent => "a component of a momentum",
             DeclaredAs::Reconstructed => "a reconstructed coordinate",
             DeclaredAs::Definition => "a definition",
+            DeclaredAs::FrameVelocity => "a quasi-velocity of the frame",
+            DeclaredAs::Section => "a basis element of the algebroid",
         }
     }
 
@@ -112,6 +116,49 @@ pub(super) struct SceneDraft {
     pub(super) drops: Vec<Located>,
     pub(super) circles: Vec<Located>,
     pub(super) carries: Vec<CarryDraft>,
+}
+
+/// A quasi-velocity of the frame.
+#[derive(Clone, Debug)]
+pub(super) struct FrameDraft {
+    pub(super) name: String,
+    pub(super) symbol: SymbolId,
+    pub(super) value: ExprId,
+    pub(super) doc: String,
+    pub(super) span: Option<Span>,
+}
+
+/// The algebroid of the model.
+#[derive(Clone, Debug)]
+pub(super) struct AlgebroidDraft {
+    pub(super) basis: Vec<String>,
+    pub(super) is_almost: bool,
+    pub(super) span: Option<Span>,
+    /// Rates of coordinates, by the name of the rate.
+    pub(super) rates: Vec<(String, Value, Option<Span>)>,
+    /// `[n_base][m]`, once it is known.
+    pub(super) anchor: Option<Vec<Vec<ExprId>>>,
+    pub(super) brackets: Vec<OwnBracket>,
+}
+
+/// What the model gives of the motion of a velocity.
+#[derive(Clone, Debug)]
+pub(super) struct GivenDraft {
+    pub(super) is_acceleration: bool,
+    pub(super) name: String,
+    pub(super) value: Value,
+    pub(super) span: Option<Span>,
+}
+
+impl GivenDraft {
+    /// Where it stands, by the name of its velocity.
+    pub(super) fn place(&self) -> Option<(String, Span)> {
+        Some((self.name.clone(), self.span?))
+    }
+
+    pub(super) fn item(&self) -> &'static str {
+        if self.is_acceleration { "acceleration" } else { "field" }
+    }
 }
 
 /// What a state carries, in the names of the text.
@@ -186,6 +233,14 @@ pub struct ModelBuilder {
     pub(in crate::spec) velocities: Vec<Velocity>,
     pub(super) action: Option<(Side, Option<Span>)>,
     pub(super) quasi_velocities: Vec<Velocity>,
+    pub(super) frame_velocities: Vec<FrameDraft>,
+    /// The frame, and the velocities of the algebra before it.
+    pub(super) frame: Option<(QuasiFrame, Vec<Velocity>)>,
+    /// Values of velocities that the frame replaces or an anchor gives.
+    pub(super) images: Vec<ExprId>,
+    pub(super) algebroid: Option<AlgebroidDraft>,
+    /// Rates in the place of a Lagrangian.
+    pub(super) given: Vec<GivenDraft>,
     pub(super) momenta: Vec<Momentum>,
     pub(super) carries: Vec<CarryDraft>,
     pub(super) connection: Vec<(String, Value, Option<Span>)>,
@@ -248,6 +303,11 @@ impl ModelBuilder {
             velocities: Vec::new(),
             action: None,
             quasi_velocities: Vec::new(),
+            frame_velocities: Vec::new(),
+            frame: None,
+            images: Vec::new(),
+            algebroid: None,
+            given: Vec::new(),
             momenta: Vec::new(),
             carries: Vec::new(),
             connection: Vec::new(),

@@ -2,6 +2,8 @@
 //!
 //! Deliberately does not know: constraints, equations of motion.
 
+use std::collections::BTreeSet;
+
 use super::draft::ModelBuilder;
 use super::symbols::Special;
 use crate::expr::ExprId;
@@ -63,6 +65,7 @@ impl ModelBuilder {
             if !self.broken.contains("lagrangian")
                 && !self.broken.contains("hamiltonian")
                 && self.hamiltonian.is_none()
+                && !self.is_given()
             {
                 self.problem(
                     self.place,
@@ -80,6 +83,7 @@ impl ModelBuilder {
                 return zero;
             }
         };
+        let e = self.simple_in_frame(e);
         self.reports_stray(e, span, "the lagrangian", &[]);
         let velocities = self.velocity_symbols();
         if !velocities.is_empty()
@@ -136,11 +140,14 @@ impl ModelBuilder {
     }
 
     pub(super) fn check_forces(&mut self) -> Vec<ExprId> {
-        let n = self.base.len() + self.velocities.len();
-        let mut forces: Vec<Option<ExprId>> = vec![None; n];
+        let velocities = self.velocity_symbols();
+        let mut forces: Vec<Option<ExprId>> = vec![None; velocities.len()];
+        let mut added = vec![self.graph.zero(); velocities.len()];
+        let mut replaced: BTreeSet<String> = BTreeSet::new();
         for (name, value, span) in self.forces.clone() {
             let indices = self.velocity_indices(&name);
-            if indices.is_empty() {
+            let image = self.value_of_replaced(&name).filter(|_| indices.is_empty());
+            if indices.is_empty() && image.is_none() {
                 self.unknown_velocity(&name, span);
                 continue;
             }
@@ -150,8 +157,26 @@ impl ModelBuilder {
                 self.problem(span, message, "a force pairs with its velocity component by component");
                 continue;
             }
+            let allowed: &[Special] = if self.hamiltonian.is_some() { &[Special::Momentum] } else { &[] };
+            if let Some(image) = image {
+                if !replaced.insert(name.clone()) {
+                    self.problem(span, format!("force on `{name}` is given twice"), "add them in one item");
+                    continue;
+                }
+                for (velocity, e) in image.into_iter().zip(value.into_entries()) {
+                    if self.reports_stray(e, span, &format!("force on `{name}`"), allowed) {
+                        break;
+                    }
+                    // F . v = F . (dv/dy) y for a velocity v that is a combination of the model's.
+                    for (sum, y) in added.iter_mut().zip(&velocities) {
+                        let slope = self.graph.diff(velocity, *y);
+                        let along = self.graph.mul(e, slope);
+                        *sum = self.graph.add(*sum, along);
+                    }
+                }
+                continue;
+            }
             for (k, e) in indices.into_iter().zip(value.into_entries()) {
-                let allowed: &[Special] = if self.hamiltonian.is_some() { &[Special::Momentum] } else { &[] };
                 if self.reports_stray(e, span, &format!("force on `{name}`"), allowed) {
                     break;
                 }
@@ -164,6 +189,7 @@ impl ModelBuilder {
             }
         }
         let zero = self.graph.zero();
-        forces.into_iter().map(|f| f.unwrap_or(zero)).collect()
+        let pairs = forces.into_iter().zip(added);
+        pairs.map(|(force, added)| self.graph.add(force.unwrap_or(zero), added)).collect()
     }
 }

@@ -3,11 +3,14 @@
 //! Deliberately does not know: syntax, equations of motion.
 
 mod advected;
+mod algebroid;
 mod build;
 mod connection;
 mod constraints;
 mod draft;
 mod dynamics;
+mod frame;
+mod given;
 mod momenta;
 mod outputs;
 mod params;
@@ -18,6 +21,7 @@ mod symbols;
 mod variables;
 mod view;
 
+pub(super) use algebroid::SectionBracket;
 pub use draft::ModelBuilder;
 pub(super) use draft::{CarryDraft, DeclaredAs};
 pub(in crate::spec) use view::FIELD;

@@ -124,7 +124,7 @@ impl ModelBuilder {
     fn slot(&self, name: &str) -> Vec<usize> {
         let quasi = self.quasi_velocities.iter().position(|v| v.name == name);
         match quasi {
-            Some(k) => vec![self.base.len() + self.velocities.len() + k],
+            Some(k) => vec![self.n_shape() + self.velocities.len() + k],
             None => self.velocity_indices(name),
         }
     }
@@ -220,7 +220,17 @@ impl ModelBuilder {
 
     /// `routh phi = p`: one coordinate or velocity, one parameter.
     fn at_level(&mut self, (cyclic, at): &Located, (parameter, span): &Located) -> Option<Carried> {
-        let coordinate = self.base.iter().position(|c| c.name == *cyclic);
+        let coordinate = self.base[..self.n_shape()].iter().position(|c| c.name == *cyclic);
+        let is_replaced = |k: &usize| {
+            self.frame.as_ref().is_some_and(|(frame, _)| frame.original[*k].1 != self.base[*k].velocity)
+        };
+        if let Some(k) = coordinate.filter(is_replaced) {
+            let message = format!("`{cyclic}` has no momentum: the frame replaces its velocity");
+            let help =
+                format!("name the quasi-velocity: `routh {} = {parameter};`", self.base[k].velocity_name);
+            self.problem(*at, message, help);
+            return None;
+        }
         let slot = coordinate.map_or_else(|| self.slot(cyclic), |k| vec![k]);
         let [velocity] = slot[..] else {
             if slot.is_empty() && !self.broken.contains("coordinate") && !self.broken.contains("velocity") {
@@ -249,7 +259,7 @@ impl ModelBuilder {
 
     /// Whether the momentum of a base coordinate is a parameter, so that only a reconstruction needs the coordinate.
     pub(super) fn has_cyclic_coordinate(&self, of_model: &[Carried], of_scene: &[Carried]) -> bool {
-        let n_base = self.base.len();
+        let n_base = self.n_shape();
         let is_kept = |c: &&Carried| of_scene.iter().all(|own| own.velocity != c.velocity);
         let mut carries = of_model.iter().filter(is_kept).chain(of_scene);
         carries.any(|c| c.velocity < n_base && matches!(c.by, CarriedBy::Parameter(_)))

@@ -208,9 +208,9 @@ impl ModelBuilder {
 
     /// `xi^a = v^a - A^a_i xdot^i`.
     fn group_velocity(&mut self, a: usize, connection: Option<&[Vec<ExprId>]>) -> ExprId {
-        let mut terms = vec![self.graph.sym(self.velocities[a].symbol)];
+        let mut terms = vec![self.velocity_value(self.n_shape() + a)];
         for (i, coefficient) in connection.map_or(&[][..], |rows| &rows[a]).iter().enumerate() {
-            let rate = self.graph.sym(self.base[i].velocity);
+            let rate = self.velocity_value(i);
             let term = self.graph.mul(*coefficient, rate);
             terms.push(self.graph.neg(term));
         }
@@ -220,24 +220,28 @@ impl ModelBuilder {
     /// The basis elements whose velocities move the group. They have its brackets, and no bracket with another element
     /// has a component along them, so that `gdot = g xi` closes.
     fn group_indices(&mut self, group: Group, from: &[Located], span: Option<Span>) -> Option<Vec<usize>> {
-        let n_base = self.base.len();
         let expected = group.algebra()?;
         if self.broken.contains("velocity") {
             return None;
         }
+        if self.has_algebroid() {
+            let message = format!("an algebroid moves no {group}");
+            self.problem(span, message, "give the rates: `reconstruct x by expression;`");
+            return None;
+        }
         let mut indices: Vec<usize> = Vec::new();
         for (name, span) in from {
-            let found = self.velocity_indices(name);
-            if found.is_empty() || found.iter().any(|k| *k < n_base) {
+            let found = self.original_indices(name);
+            if found.is_empty() {
                 self.unknown_algebra_velocity(name, *span);
                 return None;
             }
             for k in found {
-                if indices.contains(&(k - n_base)) {
+                if indices.contains(&k) {
                     self.problem(*span, format!("`{name}` is named twice"), "name every velocity once");
                     return None;
                 }
-                indices.push(k - n_base);
+                indices.push(k);
             }
         }
         let algebra = self.algebra.as_ref().map(|(algebra, _)| algebra.clone());
@@ -313,7 +317,10 @@ impl ModelBuilder {
             let components: Option<Vec<String>> =
                 target.and_then(|v| v.entries().iter().map(|e| variables.get(e).cloned()).collect());
             let Some(components) = components else {
-                self.unknown_variable(&name, span);
+                match self.value_of_replaced(&name) {
+                    Some(_) => self.replaced_at_the_start(&name, span),
+                    None => self.unknown_variable(&name, span),
+                }
                 continue;
             };
             let Some(value) = self.fitted("initial value of", &name, &value, span) else { continue };
@@ -365,8 +372,9 @@ impl ModelBuilder {
         let mut symbols: Vec<(SymbolId, String)> = Vec::new();
         for c in &self.base {
             symbols.push((c.symbol, c.name.clone()));
-            symbols.push((c.velocity, c.velocity_name.clone()));
         }
+        let rates = self.base[..self.n_shape()].iter();
+        symbols.extend(rates.map(|c| (c.velocity, c.velocity_name.clone())));
         symbols
             .extend(self.velocities.iter().chain(&self.quasi_velocities).map(|v| (v.symbol, v.name.clone())));
         symbols

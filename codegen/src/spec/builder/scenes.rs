@@ -116,6 +116,9 @@ impl ModelBuilder {
                 }
             }
             for (name, span) in draft.wants {
+                if self.wants_of_given(&scene.name, &name, span) {
+                    continue;
+                }
                 let named = |n: &String| *n == name;
                 let known = Want::from_name(&name).is_some()
                     || self.casimirs.iter().map(|c| &c.name).any(named)

@@ -99,7 +99,7 @@ impl ModelBuilder {
                 self.problem(span, message, "give the stage another name");
             }
         }
-        let n_base = self.base.len();
+        let n_base = self.n_shape();
         (0..self.velocities.len()).map(|a| Carried { velocity: n_base + a, by: CarriedBy::Level }).collect()
     }
 
@@ -226,7 +226,7 @@ impl ModelBuilder {
         drafts: &[StageDraft],
         spans: &[&[Vec<ExprId>]],
     ) -> Option<Vec<Vec<ExprId>>> {
-        let (n_base, dim) = (self.base.len(), self.velocities.len());
+        let (n_base, dim) = (self.n_shape(), self.velocities.len());
         let items = std::mem::take(&mut self.stage_connections);
         if items.is_empty() {
             return None;

@@ -79,6 +79,24 @@ impl ModelBuilder {
             let derived = *symbols.entry(velocity).or_insert_with(|| self.graph.symbol(&name));
             table.insert(self.graph.sym(velocity), self.graph.sym(derived));
         }
+        // Velocities that a frame replaces, and rates that an anchor gives, are combinations of these.
+        let rates = self.coordinate_rates();
+        for e in self.images.clone() {
+            let mut terms = Vec::new();
+            for velocity in self.velocity_symbols() {
+                let (slope, derived) = (self.graph.diff(e, velocity), self.graph.sym(symbols[&velocity]));
+                terms.push(self.graph.mul(slope, derived));
+            }
+            if function == "ddt" {
+                terms.push(self.graph.diff(e, self.time));
+                for (i, rate) in rates.iter().enumerate() {
+                    let slope = self.graph.diff(e, self.base[i].symbol);
+                    terms.push(self.graph.mul(slope, *rate));
+                }
+            }
+            let image = self.graph.sum(&terms);
+            table.entry(e).or_insert(image);
+        }
         table
     }
 

@@ -177,15 +177,13 @@ impl ModelBuilder {
 
     /// Symbols of the velocities: base first, then algebra.
     pub(super) fn velocity_symbols(&self) -> Vec<SymbolId> {
-        self.base.iter().map(|c| c.velocity).chain(self.velocities.iter().map(|v| v.symbol)).collect()
+        let base = self.base[..self.n_shape()].iter().map(|c| c.velocity);
+        base.chain(self.velocities.iter().map(|v| v.symbol)).collect()
     }
 
     pub(super) fn velocity_names(&self) -> Vec<String> {
-        self.base
-            .iter()
-            .map(|c| c.velocity_name.clone())
-            .chain(self.velocities.iter().map(|v| v.name.clone()))
-            .collect()
+        let base = self.base[..self.n_shape()].iter().map(|c| c.velocity_name.clone());
+        base.chain(self.velocities.iter().map(|v| v.name.clone())).collect()
     }
 
     /// The velocities among `unknowns` that `e` mentions; the others have zero slope.
@@ -196,26 +194,27 @@ impl ModelBuilder {
 
     /// Positions of a velocity vector or component among all velocities.
     pub(super) fn velocity_indices(&self, name: &str) -> Vec<usize> {
-        let n_base = self.base.len();
+        let n_base = self.n_shape();
         let mut found: Vec<usize> = (0..n_base).filter(|k| self.base[*k].velocity_name == name).collect();
         found.extend(
             (0..self.velocities.len()).filter(|k| self.velocities[*k].name == name).map(|k| k + n_base),
         );
         if found.is_empty() {
-            found = (0..self.velocities.len())
-                .filter(|k| self.velocities[*k].block == name)
-                .map(|k| k + n_base)
-                .collect();
+            let of_block = |list: &[Velocity]| list.iter().filter(|v| v.block == name).count();
+            // A block of which a frame replaces a part is none of the model's any more.
+            if of_block(&self.velocities) == of_block(self.original_velocities()) {
+                found = (0..self.velocities.len())
+                    .filter(|k| self.velocities[*k].block == name)
+                    .map(|k| k + n_base)
+                    .collect();
+            }
         }
         if found.is_empty()
             && let Some(Value::Vector(entries)) = self.values.get(name)
         {
             // A vector of base velocities such as `x_dot`.
-            let rates: Vec<SymbolId> = self.base.iter().map(|c| c.velocity).collect();
-            for e in entries {
-                let at = self.graph.free_symbols(*e).first().and_then(|s| rates.iter().position(|r| r == s));
-                found.extend(at);
-            }
+            let place = |e: &ExprId| (0..n_base).find(|k| self.is_symbol(*e, self.base[*k].velocity));
+            found = entries.iter().map(place).collect::<Option<Vec<usize>>>().unwrap_or_default();
         }
         found
     }

@@ -125,6 +125,15 @@ impl Elaboration<'_> {
                 }
                 None => _ = self.builder.broken.insert("output"),
             },
+            ItemKind::Acceleration { name, value } => match self.eval(value) {
+                Some(value) => _ = self.builder.at(Some(name.span)).acceleration(&name.text, &value),
+                None => _ = self.builder.broken.insert("acceleration"),
+            },
+            ItemKind::Field { name, value } => match self.eval(value) {
+                Some(value) => _ = self.builder.at(Some(name.span)).field(&name.text, &value),
+                None => _ = self.builder.broken.insert("field"),
+            },
+            ItemKind::Algebroid(block) => self.brackets_of_algebroid(block),
             ItemKind::Carry(list) => {
                 let list = located_carries(list);
                 self.builder.at(span).located_carries(list);
@@ -140,6 +149,7 @@ impl Elaboration<'_> {
             | ItemKind::Representation { .. }
             | ItemKind::Velocity { .. }
             | ItemKind::QuasiVelocity(_)
+            | ItemKind::Frame(_)
             | ItemKind::Momentum { .. }
             | ItemKind::MomentumIn { .. }
             | ItemKind::Reconstruct { .. }

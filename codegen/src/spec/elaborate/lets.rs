@@ -10,10 +10,34 @@ use crate::spec::ast::{Expr, Item, ItemKind, Name};
 use crate::spec::builder::DeclaredAs;
 use crate::spec::diagnostic::Diagnostic;
 
+/// The definitions of a file that can be evaluated, in the order of their use.
+pub(super) struct Lets<'a> {
+    list: Vec<(&'a Name, &'a Expr)>,
+    index: BTreeMap<&'a str, usize>,
+    uses: Vec<Vec<usize>>,
+    order: Vec<usize>,
+}
+
+impl Lets<'_> {
+    /// The definitions that some expressions need, and the others, both in the order of their use.
+    pub(super) fn needed_first(&self, by: &[&Expr]) -> (Vec<usize>, Vec<usize>) {
+        let mut is_needed = vec![false; self.list.len()];
+        let names = by.iter().flat_map(|e| e.names());
+        let mut pending: Vec<usize> = names.filter_map(|n| self.index.get(n).copied()).collect();
+        while let Some(k) = pending.pop() {
+            if !std::mem::replace(&mut is_needed[k], true) {
+                pending.extend(&self.uses[k]);
+            }
+        }
+        self.order.iter().partition(|k| is_needed[**k])
+    }
+}
+
 impl Elaboration<'_> {
-    pub(super) fn define_lets(&mut self, items: &[Item]) {
-        let mut lets: Vec<(&Name, &Expr)> = Vec::new();
-        let mut index: BTreeMap<&str, usize> = BTreeMap::new();
+    /// Claims the names of all definitions and finds their order.
+    pub(super) fn declare_lets<'a>(&mut self, items: &'a [Item]) -> Lets<'a> {
+        let mut lets: Vec<(&'a Name, &'a Expr)> = Vec::new();
+        let mut index: BTreeMap<&'a str, usize> = BTreeMap::new();
         for item in items {
             let ItemKind::Let { name, value } = &item.kind else { continue };
             if self.builder.at(Some(name.span)).declare(&name.text, DeclaredAs::Definition) {
@@ -38,8 +62,13 @@ impl Elaboration<'_> {
             self.builder.problems.push(problem.with_help("define one of them without the others"));
             self.poisoned.extend(cycle.iter().map(|k| lets[*k].0.text.clone()));
         }
+        Lets { list: lets, index, uses, order }
+    }
+
+    /// Evaluates definitions in the order that is given.
+    pub(super) fn define_lets(&mut self, lets: &Lets<'_>, order: &[usize]) {
         for k in order {
-            let (name, expr) = lets[k];
+            let (name, expr) = lets.list[*k];
             if self.poisoned.contains(&name.text) {
                 continue;
             }

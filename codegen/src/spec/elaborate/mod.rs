@@ -4,6 +4,7 @@
 
 mod algebra_expressions;
 mod algebras;
+mod frames;
 mod items;
 mod lets;
 mod order;
@@ -65,7 +66,13 @@ impl Elaboration<'_> {
         self.define_algebras(&file.items);
         self.declare_variables(&file.items);
         self.withhold(&file.items);
-        self.define_lets(&file.items);
+        let lets = self.declare_lets(&file.items);
+        // A frame and an algebroid say what the velocities are that everything else is written in.
+        let (first, rest) = lets.needed_first(&frames::expressions(&file.items));
+        self.define_lets(&lets, &first);
+        self.define_frames(&file.items);
+        self.declare_momenta(&file.items);
+        self.define_lets(&lets, &rest);
         for item in &file.items {
             self.use_values(item);
         }

@@ -82,6 +82,8 @@ impl Elaboration<'_> {
         operator: Option<(&'static str, &'s BTreeMap<ExprId, ExprId>)>,
         restriction: Option<&'static str>,
     ) -> Evaluator<'s> {
+        // The sections of an algebroid are no algebra.
+        let is_own = self.builder.has_algebroid();
         Evaluator {
             graph: &mut self.builder.graph,
             values: &self.builder.values,
@@ -93,7 +95,7 @@ impl Elaboration<'_> {
             operator,
             withheld: &self.withheld,
             algebras: &self.algebras,
-            own_algebra: self.builder.algebra.as_ref().map(|(algebra, _)| algebra),
+            own_algebra: self.builder.algebra.as_ref().filter(|_| !is_own).map(|(algebra, _)| algebra),
         }
     }
 

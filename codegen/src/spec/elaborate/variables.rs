@@ -85,7 +85,10 @@ impl Elaboration<'_> {
                 self.declare_momenta_in(item, names, algebra, labels);
             }
         }
-        // Momenta belong to velocities.
+    }
+
+    /// Momenta of velocities, once it is known what the velocities are.
+    pub(super) fn declare_momenta(&mut self, items: &[Item]) {
         for item in items {
             if let ItemKind::Momentum { name, velocity } = &item.kind {
                 let velocity = (velocity.text.as_str(), Some(velocity.span));
@@ -140,6 +143,7 @@ impl Elaboration<'_> {
                 ItemKind::Velocity { names, algebra, labels } => {
                     self.declare_velocities(item, names, algebra, labels);
                 }
+                ItemKind::Algebroid(block) => self.declare_algebroid(item, block),
                 ItemKind::QuasiVelocity(names) => {
                     for name in names {
                         self.builder.at(Some(name.span)).quasi_velocity(&name.text, &item.doc.join("\n"));

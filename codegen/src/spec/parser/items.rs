@@ -29,9 +29,22 @@ impl<'a> Parser<'a> {
                 ItemKind::Let { name, value: self.expr()? }
             }
             "algebra" => return self.algebra(false),
+            "almost" if self.word("algebroid").is_some() => {
+                return self.algebroid(keyword.span, true).map(|kind| (kind, true));
+            }
             "almost" => {
                 self.require_word("algebra")?;
                 return self.algebra(true);
+            }
+            "algebroid" => return self.algebroid(keyword.span, false).map(|kind| (kind, true)),
+            "frame" => return self.frame().map(|kind| (kind, true)),
+            "acceleration" => {
+                let (name, value) = self.given("the velocity whose rate is given")?;
+                ItemKind::Acceleration { name, value }
+            }
+            "field" => {
+                let (name, value) = self.given("the velocity that is given")?;
+                ItemKind::Field { name, value }
             }
             "representation" => return self.representation().map(|kind| (kind, true)),
             "velocity" => {
@@ -246,19 +259,24 @@ impl<'a> Parser<'a> {
         body.require_punct(";")?;
         let mut rules = Vec::new();
         while !body.at_end() {
-            let (mut pair, bracket) =
-                body.require_group(Delimiter::Bracket, "a bracket such as `[a, b] = c;`")?;
-            let left = pair.ident("the name of a basis element")?;
-            pair.require_punct(",")?;
-            let right = pair.ident("the name of a basis element")?;
-            pair.finish("`]`")?;
-            body.equals()?;
-            let value = body.expr()?;
-            body.require_punct(";")?;
-            let span = bracket.to(value.span);
-            rules.push(BracketRule { left, right, value, span });
+            rules.push(body.bracket_rule()?);
         }
         Ok((ItemKind::AlgebraBrackets { name, is_almost, basis, rules }, true))
+    }
+
+    /// `[a, b] = c;`
+    pub(super) fn bracket_rule(&mut self) -> Parsed<BracketRule> {
+        let (mut pair, bracket) =
+            self.require_group(Delimiter::Bracket, "a bracket such as `[a, b] = c;`")?;
+        let left = pair.ident("the name of a basis element")?;
+        pair.require_punct(",")?;
+        let right = pair.ident("the name of a basis element")?;
+        pair.finish("`]`")?;
+        self.equals()?;
+        let value = self.expr()?;
+        self.require_punct(";")?;
+        let span = bracket.to(value.span);
+        Ok(BracketRule { left, right, value, span })
     }
 
     fn representation(&mut self) -> Parsed<ItemKind> {

@@ -9,6 +9,7 @@
 mod cursor;
 mod expressions;
 mod file;
+mod frames;
 mod items;
 mod lexer;
 

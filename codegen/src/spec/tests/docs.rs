@@ -19,10 +19,11 @@ fn wrap(items: &str) -> String {
     }
     let mut text = format!("model example {{ {items}\n");
     let has = |word: &str| items.split([' ', '\n', ';']).any(|w| w == word);
+    let is_given = has("acceleration") || has("field");
     if !has("velocity") && !has("coordinate") && !has("momentum") {
         text.push_str("velocity rate in R;\n");
     }
-    if !has("lagrangian") && !has("hamiltonian") {
+    if !has("lagrangian") && !has("hamiltonian") && !is_given {
         // Any quadratic form of what there is.
         let velocities = if has("coordinate") && !has("velocity") {
             "q_dot"

@@ -1,0 +1,61 @@
+//! Frames, algebroids and given rates: items of one block or one equation.
+//!
+//! Deliberately does not know: whether names exist, what a frame is used for.
+
+use proc_macro2::Delimiter;
+
+use super::cursor::Parser;
+use super::lexer::Parsed;
+use crate::spec::ast::*;
+use crate::spec::diagnostic::Span;
+
+impl Parser<'_> {
+    /// `frame { u = r*phi_dot; }` behind its first word.
+    pub(super) fn frame(&mut self) -> Parsed<ItemKind> {
+        let (mut body, _) = self.require_group(Delimiter::Brace, "`{` with the quasi-velocities")?;
+        let mut velocities = Vec::new();
+        while velocities.is_empty() || !body.at_end() {
+            let doc = body.docs()?;
+            let name = body.ident("a quasi-velocity such as `u = r*phi_dot;`")?;
+            body.equals()?;
+            let value = body.expr()?;
+            body.require_punct(";")?;
+            velocities.push(FrameVelocity { doc, name, value });
+        }
+        Ok(ItemKind::Frame(velocities))
+    }
+
+    /// `algebroid { basis ..; velocities ..; anchor ..; [a, b] = ..; }` behind its first words.
+    pub(super) fn algebroid(&mut self, span: Span, is_almost: bool) -> Parsed<ItemKind> {
+        let (mut body, _) = self.require_group(Delimiter::Brace, "`{` with the basis")?;
+        if body.word("basis").is_none() {
+            return body.expected("`basis e1, e2, ..;`");
+        }
+        let basis = body.comma_separated(|p| p.ident("the name of a basis element"))?;
+        body.require_punct(";")?;
+        if body.word("velocities").is_none() {
+            return body.expected("`velocities v1, v2, ..;`");
+        }
+        let velocities = body.comma_separated(|p| p.ident("the name of a velocity"))?;
+        body.require_punct(";")?;
+        let mut anchors = Vec::new();
+        while body.word("anchor").is_some() {
+            let rate = body.ident("the rate of a coordinate, such as `x_dot`")?;
+            body.equals()?;
+            anchors.push((rate, body.expr()?));
+            body.require_punct(";")?;
+        }
+        let mut rules = Vec::new();
+        while !body.at_end() {
+            rules.push(body.bracket_rule()?);
+        }
+        Ok(ItemKind::Algebroid(AlgebroidBlock { span, is_almost, basis, velocities, anchors, rules }))
+    }
+
+    /// `v = expression`, behind `acceleration` or `field`.
+    pub(super) fn given(&mut self, what: &str) -> Parsed<(Name, Expr)> {
+        let name = self.ident(what)?;
+        self.equals()?;
+        Ok((name, self.expr()?))
+    }
+}
