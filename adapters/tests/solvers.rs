@@ -308,7 +308,8 @@ mod diffsol {
         assert!(rows_differ(system, &start, &moved));
     }
 
-    /// By the implicit form and by the runtime's own integrator: the state at the end, and the algebraic equations there.
+    /// By the implicit form and by the runtime's own integrator: the state at the end, and the algebraic equations
+    /// there.
     fn assert_implicit_agrees<const N: usize, const Z: usize>(
         system: &(impl Implicit<f64, Variables = [f64; Z]> + System<f64, State = [f64; N]>),
         start: [f64; N],

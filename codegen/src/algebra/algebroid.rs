@@ -135,8 +135,8 @@ impl Algebroid {
     }
 
     /// What changes a momentum, along the section `alpha`: `rho^i_alpha dL/dx^i + F_alpha + (N^gamma_alpha -
-    /// C^gamma_{alpha beta} y^beta) p_gamma`, by the force `F_alpha`, the velocities `y`, the momenta `p` and the slopes
-    /// `dL/dx`.
+    /// C^gamma_{alpha beta} y^beta)
+    /// p_gamma`, by the force `F_alpha`, the velocities `y`, the momenta `p` and the slopes `dL/dx`.
     ///
     /// # Shapes
     /// `y`, `momentum`: one per section, `slopes`: one per base coordinate.

@@ -1,33 +1,26 @@
-//! Vector fields, functions and densities on the circle by their Fourier coefficients, cut off beyond a wave.
+//! Functions, vector fields and densities on the circle by their Fourier coefficients, cut off beyond a wave.
 //!
-//! Coefficients are those of `f(x) = c_0 + sum over k of c_k cos(k x) + s_k sin(k x)`; products lose what goes beyond the
-//! last wave, so that the bracket does not satisfy Jacobi.
+//! Coefficients are those of `f(x) = c_0 + sum over k of c_k cos(k x) + s_k sin(k x)`; products lose what goes beyond
+//! the last wave, so that the bracket does not satisfy Jacobi.
 //!
-//! Deliberately does not know: velocities, energies, functions of two coordinates.
+//! Deliberately does not know: algebras made of them, energies, functions of two coordinates.
 
-use num_traits::One;
+use num_traits::{One, Zero};
 
-use super::lie::{Block, LieAlgebra};
-use super::matrix::Matrix;
-use super::representation::Representation;
 use super::skew::Bracket;
-use crate::error::Error;
 use crate::expr::{ExprId, Graph, Number, Rational};
-
-/// Largest wave of the truncation.
-const MAX_WAVE: usize = 12;
 
 /// The Fourier modes of functions on the circle up to a wave `K`: `c_0, c_1, s_1, .., c_K, s_K`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CircleModes {
-    largest: usize,
+    pub(super) largest: usize,
 }
 
 /// A combination of modes.
-type Combination = Vec<(usize, Rational)>;
+pub(super) type Combination = Vec<(usize, Rational)>;
 
 impl CircleModes {
-    fn len(self) -> usize {
+    pub(super) fn len(self) -> usize {
         2 * self.largest + 1
     }
 
@@ -37,7 +30,7 @@ impl CircleModes {
         (i64::try_from(wave).unwrap_or(i64::MAX), a > 0 && a.is_multiple_of(2))
     }
 
-    fn labels(self) -> Vec<String> {
+    pub(super) fn labels(self) -> Vec<String> {
         let label = |a: usize| match self.mode(a) {
             (k, false) => format!("c_{k}"),
             (k, true) => format!("s_{k}"),
@@ -95,7 +88,7 @@ impl CircleModes {
         let mut value = Combination::new();
         let (slope, k) = self.slope(g);
         self.product(f, slope, &(k * Rational::from_integer(factor.into())), &mut value);
-        value.retain(|(_, q)| *q != Rational::from_integer(0.into()));
+        value.retain(|(_, q)| !q.is_zero());
         value
     }
 
@@ -115,77 +108,40 @@ impl CircleModes {
         terms.iter().map(|list| g.linear_combination(list)).collect()
     }
 
-    /// Matrices of an action on functions, `value(a, b)` being what mode `a` makes of mode `b`.
-    fn action(self, name: &str, value: impl Fn(usize, usize) -> Combination) -> Representation<Number> {
-        let n = self.len();
-        let matrix = |a: usize| {
-            let mut m = Matrix::zeros(n, n);
-            for b in 0..n {
-                value(a, b).into_iter().for_each(|(c, q)| m.set(c, b, q.into()));
-            }
-            m
-        };
-        Representation::unverified(name, n, (0..n).map(matrix).collect(), self.labels())
+    /// What a field makes of a function that it carries, `-u f'`.
+    pub(super) fn carried(self, u: usize, f: usize) -> Combination {
+        self.times_slope(u, f, -1)
     }
 
-    /// Functions are carried: `-u f'`.
-    pub(super) fn functions(self) -> Representation<Number> {
-        self.action("functions", |u, f| self.times_slope(u, f, -1))
+    /// What a field makes of a density that it carries, `-(u rho)'`.
+    pub(super) fn dragged(self, u: usize, rho: usize) -> Combination {
+        sum(self.times_slope(u, rho, -1), self.times_slope(rho, u, -1))
     }
 
-    /// Densities are carried: `-(u rho)'`.
-    pub(super) fn densities(self) -> Representation<Number> {
-        self.action("densities", |u, rho| {
-            let mut value = self.times_slope(u, rho, -1);
-            for (c, q) in self.times_slope(rho, u, -1) {
-                match value.iter_mut().find(|(b, _)| *b == c) {
-                    Some((_, sum)) => *sum += q,
-                    None => value.push((c, q)),
-                }
-            }
-            value
-        })
-    }
-}
-
-impl LieAlgebra<Number> {
-    /// Vector fields on the circle up to the wave `k`, with the bracket `[u, v] = u' v - u v'` of the group of its
-    /// diffeomorphisms: an almost algebra of dimension `2 k + 1`, the Galerkin truncation.
-    ///
-    /// Components are the coefficients of `u(x) = c_0 + sum of c_k cos(k x) + s_k sin(k x)`.
-    ///
-    /// # Errors
-    /// [`Error::Unsupported`] for a `k` of zero or too large.
-    ///
-    /// # Source
-    /// Holm, Marsden 2005, Momentum maps and measure-valued solutions for the EPDiff equation, section 2 (the bracket)
-    pub fn witt(k: usize) -> Result<LieAlgebra<Number>, Error> {
-        let name = format!("witt({k})");
-        if !(1..=MAX_WAVE).contains(&k) {
-            let possible = format!("witt(K) with K from 1 to {MAX_WAVE}");
-            return Err(Error::Unsupported { what: name, possible });
-        }
-        let modes = CircleModes { largest: k };
-        let mut brackets: Vec<Bracket<Number>> = Vec::new();
-        for a in 0..modes.len() {
-            for b in a + 1..modes.len() {
-                let mut value = modes.times_slope(b, a, 1);
-                for (c, q) in modes.times_slope(a, b, -1) {
-                    match value.iter_mut().find(|(other, _)| *other == c) {
-                        Some((_, sum)) => *sum += q,
-                        None => value.push((c, q)),
-                    }
-                }
-                value.retain(|(_, q)| *q != Rational::from_integer(0.into()));
+    /// `[u, v] = u' v - u v'` of all modes.
+    pub(super) fn brackets(self) -> Vec<Bracket<Number>> {
+        let mut brackets = Vec::new();
+        for a in 0..self.len() {
+            for b in a + 1..self.len() {
+                let mut value = sum(self.times_slope(b, a, 1), self.times_slope(a, b, -1));
                 value.sort_by_key(|(c, _)| *c);
                 brackets.push((a, b, value.into_iter().map(|(c, q)| (c, q.into())).collect()));
             }
         }
-        let basis = modes.labels();
-        let block = Block { labels: basis.clone(), ..Block::new(&name, basis.len()) };
-        let algebra = LieAlgebra::almost(&name, basis, &brackets).map_err(|mut errors| errors.remove(0))?;
-        Ok(LieAlgebra { blocks: vec![block], circle: Some(modes), ..algebra })
+        brackets
     }
+}
+
+/// The sum of two combinations.
+fn sum(mut value: Combination, other: Combination) -> Combination {
+    for (c, q) in other {
+        match value.iter_mut().find(|(b, _)| *b == c) {
+            Some((_, sum)) => *sum += q,
+            None => value.push((c, q)),
+        }
+    }
+    value.retain(|(_, q)| !q.is_zero());
+    value
 }
 
 #[cfg(test)]
@@ -219,16 +175,5 @@ mod tests {
                 }
             }
         }
-    }
-
-    #[test]
-    fn what_stays_within_the_truncation_satisfies_jacobi() {
-        let algebra = LieAlgebra::witt(3).unwrap();
-        assert!(algebra.is_almost() && algebra.dim() == 7);
-        assert!(!algebra.bracket.jacobi_violations().is_empty());
-        // Waves up to one are sl(2).
-        let small = LieAlgebra::witt(1).unwrap();
-        assert!(small.bracket.jacobi_violations().is_empty());
-        assert!(LieAlgebra::witt(0).is_err() && LieAlgebra::witt(13).is_err());
     }
 }

@@ -1,8 +1,9 @@
-//! Algebras of Fourier modes: Zeitlin's truncation, the Galerkin truncation of the torus, and their action on
-//! functions.
+//! Algebras of Fourier modes: Zeitlin's truncation, the Galerkin truncations of the torus and of the circle, and their
+//! action on functions.
 //!
 //! Deliberately does not know: velocities, energies, dissipation.
 
+use super::circle::{CircleModes, Combination};
 use super::lie::{Block, LieAlgebra};
 use super::matrix::Matrix;
 use super::modes::{Modes, Normal, Wave};
@@ -75,12 +76,58 @@ impl LieAlgebra<Number> {
     }
 }
 
+/// Largest wave of a field on the circle.
+const MAX_CIRCLE_WAVE: usize = 12;
+
+impl LieAlgebra<Number> {
+    /// Vector fields on the circle up to the wave `k`, with the bracket `[u, v] = u' v - u v'` of the group of its
+    /// diffeomorphisms: an almost algebra of dimension `2 k + 1`, the Galerkin truncation.
+    ///
+    /// Components are the coefficients of `u(x) = c_0 + sum of c_k cos(k x) + s_k sin(k x)`.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] for a `k` of zero or too large.
+    ///
+    /// # Source
+    /// Holm, Marsden 2005, Momentum maps and measure-valued solutions for the EPDiff equation (the bracket)
+    pub fn witt(k: usize) -> Result<LieAlgebra<Number>, Error> {
+        let name = format!("witt({k})");
+        if !(1..=MAX_CIRCLE_WAVE).contains(&k) {
+            let possible = format!("witt(K) with K from 1 to {MAX_CIRCLE_WAVE}");
+            return Err(Error::Unsupported { what: name, possible });
+        }
+        let modes = CircleModes { largest: k };
+        let basis = modes.labels();
+        let block = Block { labels: basis.clone(), ..Block::new(&name, basis.len()) };
+        let algebra = LieAlgebra::almost(&name, basis, &modes.brackets());
+        let algebra = algebra.map_err(|mut errors| errors.remove(0))?;
+        Ok(LieAlgebra { blocks: vec![block], circle: Some(modes), ..algebra })
+    }
+}
+
+/// Matrices of an action on functions on the circle, `value(a, b)` being what mode `a` makes of mode `b`.
+fn on_circle(
+    modes: CircleModes,
+    name: &str,
+    value: impl Fn(usize, usize) -> Combination,
+) -> Representation<Number> {
+    let n = modes.len();
+    let matrix = |a: usize| {
+        let mut m = Matrix::zeros(n, n);
+        for b in 0..n {
+            value(a, b).into_iter().for_each(|(c, q)| m.set(c, b, q.into()));
+        }
+        m
+    };
+    Representation::unverified(name, n, (0..n).map(matrix).collect(), modes.labels())
+}
+
 impl Representation<Number> {
     /// The action of an algebra of modes on functions: by its bracket, on real and imaginary parts of their
     /// coefficients, for functions on the torus; `-u f'` of a field `u` on the circle. `None` for other algebras.
     pub fn functions(algebra: &LieAlgebra<Number>) -> Option<Representation<Number>> {
         if let Some(modes) = algebra.circle {
-            return Some(modes.functions());
+            return Some(on_circle(modes, "functions", |u, f| modes.carried(u, f)));
         }
         let modes = algebra.modes.as_ref()?;
         let elements = modes.elements();
@@ -100,7 +147,8 @@ impl Representation<Number> {
 
     /// The action of vector fields on the circle on densities, `-(u rho)'`; `None` for other algebras.
     pub fn densities(algebra: &LieAlgebra<Number>) -> Option<Representation<Number>> {
-        Some(algebra.circle?.densities())
+        let modes = algebra.circle?;
+        Some(on_circle(modes, "densities", |u, rho| modes.dragged(u, rho)))
     }
 }
 
@@ -123,6 +171,20 @@ mod tests {
         let torus = LieAlgebra::torus(2).unwrap();
         assert!(torus.is_almost() && torus.rational().is_some());
         assert!(!torus.bracket.jacobi_violations().is_empty());
+    }
+
+    #[test]
+    fn fields_on_the_circle_satisfy_jacobi_as_far_as_they_stay_within_the_truncation() {
+        let algebra = LieAlgebra::witt(3).unwrap();
+        assert!(algebra.is_almost() && algebra.dim() == 7);
+        assert!(!algebra.bracket.jacobi_violations().is_empty());
+        // Constant fields and any others have no product beyond them.
+        let (turn, cosine) = (algebra.structure_constant(6, 0, 5), algebra.structure_constant(5, 0, 6));
+        assert_eq!(
+            (turn, cosine),
+            (Rational::from_integer(3.into()).into(), Rational::from_integer((-3).into()).into())
+        );
+        assert!(LieAlgebra::witt(0).is_err() && LieAlgebra::witt(13).is_err());
     }
 
     #[test]

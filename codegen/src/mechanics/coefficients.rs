@@ -1,5 +1,5 @@
-//! Coefficients of connections: the Levi-Civita connection of the kinetic energy in the frame of the velocities, and the
-//! constrained connection of a nonholonomic system.
+//! Coefficients of connections: the Levi-Civita connection of the kinetic energy in the frame of the velocities, and
+//! the constrained connection of a nonholonomic system.
 //!
 //! Does not know: equations of motion, which follow from the same data by themselves.
 

@@ -14,8 +14,8 @@ use crate::expr::{ExprId, Number};
 const MAX_POWER: usize = 16;
 
 impl Evaluator<'_> {
-    /// `ad([g,] x, y)`, `coad([g,] x, mu)`, `laplacian([g])`, `poisson([g,] f, h)`, `pointwise([g,] f, h)`, `star_power([g,] f, k)`,
-    /// `trace_power([g,] f, k)`; without `g`, of the algebra of the velocities.
+    /// `ad([g,] x, y)`, `coad([g,] x, mu)`, `laplacian([g])`, `poisson([g,] f, h)`, `pointwise([g,] f, h)`,
+    /// `star_power([g,] f, k)`, `trace_power([g,] f, k)`; without `g`, of the algebra of the velocities.
     pub(super) fn of_algebra(&mut self, function: &str, arguments: &[Expr], span: Span) -> Option<Weighed> {
         let wanted = if function == "laplacian" { 0 } else { 2 };
         let (algebra, rest) = self.algebra_before(function, wanted, arguments, span)?;

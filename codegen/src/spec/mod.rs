@@ -26,6 +26,7 @@ mod parser;
 mod shape;
 mod unused;
 mod value;
+mod view;
 mod want;
 
 pub use ast::Compare;
@@ -39,10 +40,11 @@ pub use model::{
     Advected, Carried, CarriedBy, Condition, ConnectionKind, Constraint, ConstraintKind, Coordinate, Domain,
     FormulationSearch, Given, IdealChain, InnerProduct, Model, Momentum, Named, NamedVector, OwnAlgebroid,
     OwnBracket, Param, ParamArray, Places, QuasiFrame, Reconstruction, ReconstructionKind, Scene, Side,
-    Velocity, View, ViewShape, Views, VirtualConstraint, circle_names, diagnose,
+    Velocity, VirtualConstraint, circle_names, diagnose,
 };
 pub use shape::{Expected, Operation, Shape, ValueError};
 pub use value::Value;
+pub use view::{View, ViewShape, Views};
 pub use want::{Want, Wanted};
 
 /// Algebras and representations, for [`ModelBuilder`].

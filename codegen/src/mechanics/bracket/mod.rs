@@ -9,9 +9,9 @@
 //!
 //! The motion stays on momenta of allowed velocities, which annihilate what is orthogonal to these in the metric
 //! `L_yy`: `<p, [W_a, W_b]>` asks for no complement. Where velocities are eliminated, `W = Psi`; where multipliers keep
-//! the constraint, `W_a` is the frame projected along the metric, and the bracket is that of `p o P` with the projection
-//! `P` of momenta. Momenta and velocities `u` are related by `d pi = A du + ..`, which takes the bracket to the
-//! coordinates of the state.
+//! the constraint, `W_a` is the frame projected along the metric, and the bracket is that of `p o P` with the
+//! projection `P` of momenta. Momenta and velocities `u` are related by `d pi = A du + ..`, which takes the bracket to
+//! the coordinates of the state.
 //!
 //! Does not know: which coordinates a scene leaves out, what is found out about a bracket.
 //!

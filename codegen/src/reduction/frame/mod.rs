@@ -1,10 +1,10 @@
 //! A system in other velocities: `y = T eta` with the columns of `T` for a frame.
 //!
 //! [`in_quasi_frame`] writes the algebroid of a model in the frame of its quasi-velocities; the model itself is written
-//! in these already. [`with_stages`] writes a system in the frame that its chain of stages is adapted to, as a rewrite of everything that
-//! has velocities or components in the frame. `algebroid` builds anchor and bracket from the stage forms and holds them
-//! to the change of frame, `constraint` carries the constraints over. Does not know: how the frame came about,
-//! equations of motion.
+//! in these already. [`with_stages`] writes a system in the frame that its chain of stages is adapted to, as a rewrite
+//! of everything that has velocities or components in the frame. `algebroid` builds anchor and bracket from the stage
+//! forms and holds them to the change of frame, `constraint` carries the constraints over. Does not know: how the frame
+//! came about, equations of motion.
 
 mod algebroid;
 mod constraint;

@@ -9,6 +9,7 @@ use crate::spec::diagnostic::{Diagnostics, Origin, Span};
 use crate::spec::model::*;
 use crate::spec::names;
 use crate::spec::value::Value;
+use crate::spec::view::Views;
 
 impl ModelBuilder {
     /// Checks everything and returns the model.

@@ -13,6 +13,7 @@ use crate::spec::model::*;
 use crate::spec::names;
 use crate::spec::shape::ValueError;
 use crate::spec::value::Value;
+use crate::spec::view::View;
 
 /// What a name is declared as.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

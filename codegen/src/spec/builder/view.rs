@@ -4,9 +4,9 @@ use super::draft::ModelBuilder;
 use crate::algebra::LieAlgebra;
 use crate::expr::{ExprId, Graph, Number};
 use crate::spec::diagnostic::{Diagnostic, Span};
-use crate::spec::model::{View, ViewShape};
 use crate::spec::names;
 use crate::spec::value::Value;
+use crate::spec::view::{View, ViewShape};
 
 /// Where a shape of a [`View`] is; all parts may be left out.
 #[derive(Clone, Debug, Default)]
