@@ -18,7 +18,6 @@ macro_rules! shipped {
 pub(crate) const SHIPPED: Shipped = shipped![
     "appell_machine",
     "ball_on_rotating_table",
-    "barotropic_flow",
     "camassa_holm",
     "chaplygin_ball",
     "chaplygin_gyro",

@@ -9,14 +9,10 @@ use serde_json::Value;
 /// Models in `models/specs` without reference values, and why.
 ///
 /// A test compares the list with the folders: a model that gets a file leaves it, and every file has a model.
-pub const WITHOUT_FILE: [(&str, &str); 8] = [
+pub const WITHOUT_FILE: [(&str, &str); 7] = [
     (
         "appell_machine",
         "its motion is known in closed form, which bundles_motion.rs and bundles_reactions.rs compare",
-    ),
-    (
-        "barotropic_flow",
-        "a truncation of a partial differential equation, held to it on a grid in tests/fluids.rs",
     ),
     (
         "camassa_holm",

@@ -16,7 +16,6 @@ const BOUNDS: &[Bound] = &[
     most("appell_machine", "default",          [  2,  10,  1,  0,  15]),
     most("appell_machine", "minimal",          [  2,  10,  1,  0,  15]),
     most("ball_on_rotating_table", "default",  [  0,   2,  0,  0,   2]),
-    most("barotropic_flow", "default",         [277, 375,  6,  0, 680]),
     most("camassa_holm", "default",            [ 84, 137,  0,  0, 225]),
     most("chaplygin_ball", "default",          [ 40,  60,  3,  0, 103]),
     most("chaplygin_ball", "taylor",           [ 40,  60,  3,  0, 103]),

@@ -57,7 +57,6 @@ fn of_shipped_models_they_are_equations_of_motion() {
         ("extended_pose", (9, false)),
         ("heavy_top", (3, false)),
         ("kirchhoff_body", (6, false)),
-        ("barotropic_flow", (7, false)),
         ("camassa_holm", (13, false)),
         ("second_grade_fluid", (24, false)),
         ("second_grade_fluid_3c", (16, false)),

@@ -265,11 +265,10 @@ impl Search<'_> {
         let sum = g.sum(&terms);
         let mut condition = self.on_conditions(g, &[sum])?[0];
         // Accelerations of velocities that are solved for differentiate what they were solved from.
-        let mut n_derivatives = n_before + 1;
         let direction = self.spelled(g, &along);
         let named = self.names.iter().cloned().zip(along);
         let mut combination: Vec<(String, ExprId)> = named.filter(|(_, e)| *e != g.zero()).collect();
-        for _ in 0..MAX_STEPS {
+        for n_derivatives in n_before + 1..=n_before + MAX_STEPS {
             match g.vanishing(condition) {
                 Vanishing::Zero => return Ok(false),
                 Vanishing::NonZero => {}
@@ -296,7 +295,6 @@ impl Search<'_> {
                 outcome,
                 n_derivatives,
             });
-            n_derivatives += 1;
             self.found.positions.push((format!("residual_{}", self.found.positions.len() + 1), condition));
             let rate = self.drift(g, condition);
             condition = self.on_conditions(g, &[rate])?[0];

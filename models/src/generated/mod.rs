@@ -7,8 +7,6 @@ pub mod appell_machine_minimal;
 pub mod ball_on_rotating_table;
 /// Ball on a rotating table
 pub mod ball_on_rotating_table_reconstruction;
-/// Barotropic gas on the circle, 14 modes
-pub mod barotropic_flow;
 /// Shallow water by the Camassa-Holm equation, 13 modes
 pub mod camassa_holm;
 /// Chaplygin ball
@@ -219,7 +217,6 @@ macro_rules! for_each_scene {
             (appell_machine_minimal, "appell_machine", "minimal", 4)
             (ball_on_rotating_table, "ball_on_rotating_table", "default", 5)
             (ball_on_rotating_table_reconstruction, "ball_on_rotating_table", "reconstruction", 9)
-            (barotropic_flow, "barotropic_flow", "default", 14)
             (camassa_holm, "camassa_holm", "default", 13)
             (chaplygin_ball, "chaplygin_ball", "default", 6)
             (chaplygin_ball_invariants, "chaplygin_ball", "invariants", 6)

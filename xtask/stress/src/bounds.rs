@@ -16,7 +16,6 @@ const BOUNDS: &[(&str, &str, [f64; 4])] = &[
     ("appell_machine", "minimal", [6.0, 32.0, 4.0, 32.0]),
     ("ball_on_rotating_table", "default", [4.0, 32.0, 5.0, 32.0]),
     ("ball_on_rotating_table", "reconstruction", [4.0, 32.0, 4.0, 32.0]),
-    ("barotropic_flow", "default", [10.0, 32.0, 8.0, 32.0]),
     ("camassa_holm", "default", [8.0, 32.0, 8.0, 32.0]),
     ("chaplygin_ball", "default", [8.0, 32.0, 5.0, 32.0]),
     ("chaplygin_ball", "invariants", [8.0, 32.0, 4.0, 32.0]),

@@ -6,7 +6,7 @@ use plotters::element::{PathElement, Rectangle, Text};
 use plotters::style::text_anchor::{HPos, VPos};
 use plotters::style::{Color, RGBColor, ShapeStyle};
 
-use super::{Area, COLOURS, DrawError, Drawn, FRAME, GRID, INK, QUIET, WIDTH, at, drawn, font, stroke};
+use super::pen::{Area, COLOURS, DrawError, Drawn, FRAME, GRID, INK, QUIET, WIDTH, at, drawn, font, stroke};
 
 /// A figure.
 #[derive(Clone, Debug, Default, PartialEq)]

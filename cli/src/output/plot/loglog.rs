@@ -6,7 +6,7 @@ use plotters::element::{Circle, PathElement, Polygon, Rectangle, Text};
 use plotters::style::text_anchor::{HPos, VPos};
 use plotters::style::{RGBColor, ShapeStyle};
 
-use super::{
+use super::pen::{
     Area, COLOURS, DrawError, Drawn, FRAME, GRID, INK, QUIET, WIDTH, at, drawn, font, scaled, stroke,
 };
 

@@ -5,12 +5,16 @@
 pub mod bars;
 pub mod field;
 pub mod loglog;
+mod pen;
 
-use plotters::backend::SVGBackend;
-use plotters::drawing::{DrawingArea, IntoDrawingArea};
 use plotters::element::{Circle, PathElement, Text};
-use plotters::style::text_anchor::{HPos, Pos, VPos};
-use plotters::style::{Color, FontStyle, IntoFont, RGBColor, ShapeStyle, TextStyle};
+use plotters::style::text_anchor::{HPos, VPos};
+use plotters::style::{ShapeStyle, TextStyle};
+
+pub use pen::DrawError;
+use pen::{
+    Area, COLOURS, Drawn, FRAME, GRID, INK, LEFT, QUIET, Ticks, WIDTH, at, drawn, font, scaled, stroke,
+};
 
 /// A figure: panels one below the other over a common time axis.
 #[derive(Clone, Debug, Default)]
@@ -53,11 +57,6 @@ pub struct Panel {
     pub times: Option<Vec<f64>>,
 }
 
-/// The backend draws on whole numbers only, so everything is drawn this much larger.
-const SCALE: f64 = 20.0;
-
-const WIDTH: f64 = 920.0;
-const LEFT: f64 = 76.0;
 const RIGHT: f64 = 96.0;
 const TOP: f64 = 92.0;
 const BOTTOM: f64 = 58.0;
@@ -71,31 +70,11 @@ const PATH_GAP: f64 = 34.0;
 /// Least distance of the path's ticks, the same for both axes.
 const PATH_TICKS: f64 = 47.0;
 
-const INK: RGBColor = RGBColor(34, 34, 34);
-const QUIET: RGBColor = RGBColor(102, 102, 102);
-const FRAME: RGBColor = RGBColor(150, 150, 150);
-const GRID: RGBColor = RGBColor(228, 228, 228);
-/// Okabe and Ito's colours, which stay apart for colour-blind readers; the yellow is too light on white.
-const COLOURS: [RGBColor; 8] = [
-    RGBColor(0, 114, 178),
-    RGBColor(213, 94, 0),
-    RGBColor(0, 158, 115),
-    RGBColor(204, 121, 167),
-    RGBColor(86, 180, 233),
-    RGBColor(150, 105, 0),
-    RGBColor(70, 70, 70),
-    RGBColor(130, 60, 190),
-];
-
 /// Lines of at most so many points show each of them.
 const MARKED: usize = 16;
 
 /// Most curves of one panel.
 pub const MAX_LINES: usize = COLOURS.len();
-
-type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
-/// What the drawing backend says.
-pub type DrawError = Box<dyn std::error::Error + Send + Sync>;
 
 /// Draws a figure as the text of an SVG file.
 ///
@@ -110,50 +89,6 @@ pub fn svg(figure: &Figure) -> Result<String, DrawError> {
     height += figure.fields.iter().map(|field| field.height() + PATH_GAP).sum::<f64>();
     drawn(height, |area| draw(area, figure))
 }
-
-/// An SVG file of the figures' width, with what `draw` draws.
-fn drawn(height: f64, draw: impl for<'a> Fn(&Area<'a>) -> Drawn<'a>) -> Result<String, DrawError> {
-    let mut text = String::new();
-    {
-        let size = (scaled(WIDTH) as u32, scaled(height) as u32);
-        let area = SVGBackend::with_string(&mut text, size).into_drawing_area();
-        area.fill(&plotters::style::WHITE).map_err(describe)?;
-        draw(&area).map_err(describe)?;
-        area.present().map_err(describe)?;
-    }
-    // Shown at the intended size; the view box keeps the fine coordinates.
-    let big = format!("width=\"{}\" height=\"{}\"", scaled(WIDTH), scaled(height));
-    Ok(text.replacen(&big, &format!("width=\"{WIDTH}\" height=\"{height}\""), 1))
-}
-
-fn describe<E: std::error::Error + Send + Sync>(
-    error: plotters::drawing::DrawingAreaErrorKind<E>,
-) -> DrawError {
-    error.to_string().into()
-}
-
-fn scaled(x: f64) -> i32 {
-    (x * SCALE).round() as i32
-}
-
-fn at(x: f64, y: f64) -> (i32, i32) {
-    (scaled(x), scaled(y))
-}
-
-fn stroke(colour: RGBColor, width: f64) -> ShapeStyle {
-    ShapeStyle { color: colour.to_rgba(), filled: false, stroke_width: scaled(width) as u32 }
-}
-
-fn font(size: f64, colour: RGBColor, bold: bool, h: HPos, v: VPos) -> TextStyle<'static> {
-    let style = if bold { FontStyle::Bold } else { FontStyle::Normal };
-    let style = ("sans-serif", size * SCALE).into_font().style(style);
-    TextStyle { font: style, color: colour.to_backend_color(), pos: Pos::new(h, v) }
-}
-
-type Drawn<'a> = Result<
-    (),
-    plotters::drawing::DrawingAreaErrorKind<<SVGBackend<'a> as plotters::prelude::DrawingBackend>::ErrorType>,
->;
 
 fn draw<'a>(area: &Area<'a>, figure: &Figure) -> Drawn<'a> {
     let label = |text: &str, x: f64, y: f64, style: TextStyle<'static>| {
@@ -338,55 +273,11 @@ fn range_of(values: impl Iterator<Item = f64>, margin: f64) -> (f64, f64) {
     (low - margin * (high - low), high + margin * (high - low))
 }
 
-/// Round numbers within an interval and how they are written.
-struct Ticks {
-    values: Vec<f64>,
-    /// Decimals after division by `10^power`.
-    decimals: usize,
-    power: i32,
-}
-
-impl Ticks {
-    fn new(low: f64, high: f64, wanted: usize) -> Ticks {
-        let raw = (high - low) / wanted as f64;
-        let decade = 10_f64.powf(raw.log10().floor());
-        let step = [1.0, 2.0, 2.5, 5.0, 10.0].map(|m| m * decade).into_iter().find(|s| *s >= raw * 0.999);
-        let step = step.unwrap_or(10.0 * decade);
-        let (first, last) = ((low / step).ceil(), (high / step).floor());
-        let n = (last - first).clamp(0.0, 50.0) as usize;
-        let values: Vec<f64> = (0..=n).map(|k| (first + k as f64) * step).collect();
-        let size = values.iter().fold(0.0_f64, |max, x| max.max(x.abs()));
-        let magnitude = if size > 0.0 { size.log10().floor() as i32 } else { 0 };
-        let power = if (-3..5).contains(&magnitude) { 0 } else { magnitude };
-        let unit = step / 10_f64.powi(power);
-        let decimals = (0..8).find(|&d| {
-            let shifted = unit * 10_f64.powi(d);
-            (shifted - shifted.round()).abs() < 1e-6 * shifted
-        });
-        Ticks { values, decimals: decimals.unwrap_or(8) as usize, power }
-    }
-
-    fn label(&self, value: f64) -> String {
-        let text = format!("{:.*}", self.decimals, value / 10_f64.powi(self.power));
-        match text.strip_prefix('-') {
-            Some(digits) if digits.chars().all(|c| c == '0' || c == '.') => digits.to_owned(),
-            Some(digits) => format!("\u{2212}{digits}"),
-            None => text,
-        }
-    }
-
-    /// The common power of ten, such as `×10⁻¹²`.
-    fn power_label(&self) -> Option<String> {
-        const DIGITS: [char; 10] = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
-        let raised = |c: char| c.to_digit(10).map_or('⁻', |d| DIGITS[d as usize]);
-        (self.power != 0)
-            .then(|| format!("×10{}", self.power.to_string().chars().map(raised).collect::<String>()))
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use super::{Figure, Frame, Panel, Path, Ticks, range_of, svg};
+    use super::field::Field;
+    use super::pen::Ticks;
+    use super::{Figure, Frame, Panel, Path, range_of, svg};
 
     #[test]
     fn ticks_are_round() {
@@ -436,5 +327,16 @@ mod tests {
         assert!(text.contains("width=\"920\""), "{}", &text[..200]);
         assert!(text.contains("A &amp; B"));
         assert!(text.trim_end().ends_with("</svg>"));
+    }
+
+    #[test]
+    fn a_figure_has_a_cell_for_every_change_of_colour() {
+        let frames = vec![(0.0, vec![0.5, 0.0])];
+        let field = Field { title: "Vorticity".into(), waves: vec![(1, 0)], frames };
+        let text = svg(&Figure { fields: vec![field], ..Figure::default() }).unwrap();
+        assert!(text.contains("Vorticity"));
+        // 48 rows, in each of which a cosine goes twice through 25 colours, and no more cells than there are.
+        let cells = text.matches("<rect").count();
+        assert!((48 * 24..48 * 48).contains(&cells), "{cells}");
     }
 }

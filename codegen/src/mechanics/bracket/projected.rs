@@ -11,6 +11,9 @@ use crate::reduction::{AccelerationRow, AccelerationSource};
 
 use super::builder::{Builder, MomentumForm};
 
+/// Solves the equations of the complement with a right-hand side, and names what comes out.
+type Solve<'s, T> = dyn Fn(&mut T, &str, &[ExprId]) -> Vec<ExprId> + 's;
+
 impl Builder<'_> {
     /// The bracket of `p o P`, `P(x, p) = p - a^T S^-1 psi` with `psi_A = a_A y + b_A`, `S = a L_yy^-1 a^T`:
     ///
@@ -189,7 +192,7 @@ impl Builder<'_> {
         normals: &[Vec<ExprId>],
         sections: &[Vec<ExprId>],
         structure: &[Vec<ExprId>],
-        solved: &dyn Fn(&mut Self, &str, &[ExprId]) -> Vec<ExprId>,
+        solved: &Solve<'_, Self>,
     ) -> Result<[Vec<ExprId>; 3], Error> {
         let system = &self.equations.system;
         let is_hamiltonian = system.hamiltonian.is_some();

@@ -25,9 +25,10 @@ impl Elaboration<'_> {
         for item in items {
             let ItemKind::Algebroid(block) = &item.kind else { continue };
             for (rate, value) in &block.anchors {
-                match self.eval(value) {
-                    Some(value) => _ = self.builder.at(Some(rate.span)).anchor(&rate.text, &value),
-                    None => _ = self.builder.broken.insert("algebroid"),
+                if let Some(value) = self.eval(value) {
+                    self.builder.at(Some(rate.span)).anchor(&rate.text, &value);
+                } else {
+                    self.builder.broken.insert("algebroid");
                 }
             }
             self.builder.at(Some(block.span)).settle_anchor();
