@@ -119,7 +119,7 @@ fn fields_on_the_torus_are_drawn() {
         "{}",
         drawn.len()
     );
-    for time in ["t = 0 s", "t = 0.6 s", "t = 3 s"] {
+    for time in ["t = 0.00 s", "t = 0.60 s", "t = 3.00 s"] {
         assert_eq!(drawn.matches(time).count(), 2, "{time}");
     }
     folder.done(&["report", "flow.hamel", "--t-final", "1"], "");

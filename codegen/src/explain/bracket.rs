@@ -105,7 +105,7 @@ impl Page {
                 self.many_valued(model, facts, *exponent);
             }
             Density::Impossible { reason, conditions } => {
-                self.line(&format!("No smooth invariant measure N(x) > 0, proved: {reason}."));
+                self.line(&format!("No smooth invariant measure with a positive density N(x), proved: {reason}."));
                 if !conditions.is_empty() {
                     self.line("There is one where all of these vanish:");
                     let rows = conditions.iter().enumerate();
@@ -117,7 +117,7 @@ impl Page {
                 }
             }
             Density::NotFound { reason } => {
-                self.line(&format!("No smooth invariant measure N(x) > 0 found in the ansatz: {reason}."));
+                self.line(&format!("No smooth invariant measure with a positive density N(x) found in the ansatz: {reason}."));
             }
         }
         match &facts.multiplier {
@@ -131,11 +131,11 @@ impl Page {
                 self.many_valued(model, facts, *exponent);
             }
             Some(Density::Impossible { reason, .. }) => {
-                self.line(&format!("No f(x) > 0 makes f Pi satisfy Jacobi, proved: {reason}."));
+                self.line(&format!("No positive f(x) makes f Pi satisfy Jacobi, proved: {reason}."));
             }
             Some(Density::NotFound { reason }) => {
                 self.line(&format!(
-                    "No f(x) > 0 with which f Pi satisfies Jacobi found in the ansatz: {reason}."
+                    "No positive f(x) with which f Pi satisfies Jacobi found in the ansatz: {reason}."
                 ));
             }
         }
