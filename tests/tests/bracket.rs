@@ -394,7 +394,9 @@ fn explanations_say_what_was_found() {
         let model = spec::parse("m.hamel", &text_with(name, "")).unwrap();
         explain(&model, &scene::build(&model, "default").unwrap(), Style::Unicode)
     };
-    assert!(text("chaplygin_sleigh").contains("No smooth invariant measure with a positive density N(x), proved"));
+    assert!(
+        text("chaplygin_sleigh").contains("No smooth invariant measure with a positive density N(x), proved")
+    );
     let veselova = text("veselova");
     assert!(veselova.contains("Hamiltonian after a change of time"), "{veselova}");
     assert!(text("skew_sleigh").contains("There is none: virtual displacements"));

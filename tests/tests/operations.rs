@@ -5,7 +5,7 @@
 
 use std::fmt::Write as _;
 
-use hamel_codegen::program::{Counts, Limit, Report, Role};
+use hamel_codegen::program::{Counts, FallBack, Limit, Report, Role};
 use hamel_codegen::scene;
 use hamel_tests::models::{build, model, names};
 
@@ -83,6 +83,7 @@ const BOUNDS: &[Bound] = &[
     most("two_arm_satellite_routh", "default", [ 70, 120,  5,  2, 197]),
     most("two_arm_satellite_routh", "taylor",  [ 70, 120,  5,  2, 197]),
     most("two_arm_satellite_routh", "invariants", [ 78, 135,  5,  2, 220]),
+    most("veselova", "hamiltonized",           [ 21,  48,  1,  1,  71]),
     most("veselova", "default",                [ 17,  41,  1,  0,  59]),
     most("veselova", "derivatives",            [ 17,  41,  1,  0,  59]),
     most("veselova", "invariants",             [ 17,  41,  1,  0,  59]),
@@ -145,6 +146,10 @@ const STOPPED_EARLY: [(&str, &[&str], &[Limit]); 12] = [
     ("zeitlin_mhd_5", &["casimirs"], &[Limit::Divisors, Limit::Steps]),
 ];
 
+/// Functions of which the cheapest form could not be shown to be equal, so that they are computed as derived: the time
+/// in which the motion is Hamiltonian is a root of a sum, which fingerprints know by its square alone.
+const AS_DERIVED: [(&str, &str, &[&str]); 1] = [("veselova", "hamiltonized", &["rhs", "bracket"])];
+
 /// The searches of a scene that fell back, or stopped early although its model is none of those.
 fn unexpected(model: &str, scene: &str, report: &Report) -> String {
     let mut problems = String::new();
@@ -154,7 +159,14 @@ fn unexpected(model: &str, scene: &str, report: &Report) -> String {
                 && functions.contains(&role.name())
                 && search.limits.iter().all(|limit| limits.contains(limit))
         };
-        let is_expected = search.fall_back.is_none() && STOPPED_EARLY.iter().any(is_known);
+        let is_derived = |(name, of, functions): &(&str, &str, &[&str])| {
+            *name == model && *of == scene && functions.contains(&role.name())
+        };
+        let is_expected = match search.fall_back {
+            None => STOPPED_EARLY.iter().any(is_known),
+            Some(FallBack::Unknown) => search.limits.is_empty() && AS_DERIVED.iter().any(is_derived),
+            Some(_) => false,
+        };
         if !is_expected {
             let _ = writeln!(problems, "{model} {scene}: {role}: {search:?}");
         }

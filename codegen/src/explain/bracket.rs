@@ -105,7 +105,9 @@ impl Page {
                 self.many_valued(model, facts, *exponent);
             }
             Density::Impossible { reason, conditions } => {
-                self.line(&format!("No smooth invariant measure with a positive density N(x), proved: {reason}."));
+                self.line(&format!(
+                    "No smooth invariant measure with a positive density N(x), proved: {reason}."
+                ));
                 if !conditions.is_empty() {
                     self.line("There is one where all of these vanish:");
                     let rows = conditions.iter().enumerate();
@@ -117,7 +119,9 @@ impl Page {
                 }
             }
             Density::NotFound { reason } => {
-                self.line(&format!("No smooth invariant measure with a positive density N(x) found in the ansatz: {reason}."));
+                self.line(&format!(
+                    "No smooth invariant measure with a positive density N(x) found in the ansatz: {reason}."
+                ));
             }
         }
         match &facts.multiplier {

@@ -30,9 +30,10 @@
 //! sphere.add_mode((5, 4), [0.3, 0.0], solver.vorticity_mut());
 //! let energy = solver.energy();
 //! solver.integrate_to(1.0)?;
-//! assert!((solver.energy() / energy - 1.0).abs() < 1e-12);
+//! // Energy and wave are kept up to a power of the step, Casimirs to round-off.
+//! assert!((solver.energy() / energy - 1.0).abs() < 1e-9);
 //! let [re, im] = sphere.mode((5, 4), solver.vorticity());
-//! assert!((re.hypot(im) - 0.3).abs() < 1e-12);
+//! assert!((re.hypot(im) - 0.3).abs() < 1e-6);
 //! # Ok::<(), hamel_runtime::Error>(())
 //! ```
 //!

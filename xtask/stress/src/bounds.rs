@@ -105,6 +105,7 @@ const BOUNDS: &[(&str, &str, [f64; 4])] = &[
     ("two_arm_satellite_routh", "taylor", [8.0, 10000.0, 7.0, 32.0]),
     ("veselova", "default", [4.0, 32.0, 4.0, 32.0]),
     ("veselova", "derivatives", [5.0, 32.0, 5.0, 1e17]),
+    ("veselova", "hamiltonized", [5.0, 1e17, 5.0, 32.0]),
     ("veselova", "invariants", [6.0, 32.0, 4.0, 32.0]),
     ("veselova", "reconstruction", [4.0, 32.0, 4.0, 32.0]),
     ("wong_particle", "default", [8.0, 32.0, 4.0, 32.0]),
