@@ -81,7 +81,7 @@ impl View {
 /// What figures in space show of a model. It has no part in equations and generated code.
 #[derive(Clone, Debug, Default)]
 pub struct Views {
-    /// Owner of the expressions, apart from [`Model::graph`].
+    /// Owner of the expressions, apart from [`Model::graph`](super::Model::graph).
     pub graph: Graph,
     /// The views in the order of the text.
     pub list: Vec<View>,
