@@ -105,7 +105,8 @@ fn fields_on_the_torus_are_drawn() {
         momentum omega in fluid as *;
         action right;
         hamiltonian = -dot(omega, laplacian(fluid)^-1*omega);
-        initial re_0_1 = 1; initial re_1_0 = 0.5; initial im_1_1 = 0.2;
+        initial re_0_1 = 1; initial im_0_1 = 0; initial re_1_m1 = 0; initial im_1_m1 = 0;
+        initial re_1_0 = 0.5; initial im_1_0 = 0; initial re_1_1 = 0; initial im_1_1 = 0.2;
         /// Stream function [m^2/s].
         view stream = field(-laplacian(fluid)^-1*omega);
         /// Vorticity times time.
