@@ -131,6 +131,10 @@ const BUILT_OF: &[(&str, f64)] = &[
     ("two_arm_satellite_routh", 1e10),
 ];
 
+/// The same for scenes that lose more than the others of their model: this one is computed as derived, see
+/// `findings.md`.
+const BUILT_OF_SCENES: &[(&str, &str, f64)] = &[("veselova", "hamiltonized", 1e17)];
+
 /// What exceeds its bound or has none, one line each.
 pub fn excesses(results: &Results) -> Vec<String> {
     let mut lines = Vec::new();
@@ -155,7 +159,9 @@ pub fn excesses(results: &Results) -> Vec<String> {
             }
         }
         let of_model = BUILT_OF.iter().find(|(of, _)| *of == model).map_or(BUILT, |(_, bound)| *bound);
-        if scene.built.inputs.max() > of_model {
+        let of_scene = BUILT_OF_SCENES.iter().find(|b| (b.0, b.1) == (model, name));
+        let bound = of_scene.map_or(of_model, |(_, _, bound)| *bound);
+        if scene.built.inputs.max() > bound {
             let place = scene.built.inputs.worst.as_ref().map_or_else(String::new, |w| {
                 format!(
                     "{} = {}, exactly {}: {}",
@@ -167,7 +173,7 @@ pub fn excesses(results: &Results) -> Vec<String> {
             });
             let measured = scene.built.inputs.max();
             lines.push(format!(
-                "{model} {name}, parameters 10^+-3: {measured:.1} eps, at most {of_model} allowed; {place}"
+                "{model} {name}, parameters 10^+-3: {measured:.1} eps, at most {bound} allowed; {place}"
             ));
         }
         for accuracy in [&scene.rhs, &scene.outputs, &scene.built, &scene.extreme] {
