@@ -77,6 +77,12 @@ impl Graph {
         self.linear_combination(&weighted)
     }
 
+    /// `sum_k a_k b_k` of lists of the same length.
+    pub fn dot(&mut self, a: &[ExprId], b: &[ExprId]) -> ExprId {
+        let terms: Vec<ExprId> = a.iter().zip(b).map(|(x, y)| self.mul(*x, *y)).collect();
+        self.sum(&terms)
+    }
+
     /// `sum_k q_k e_k`.
     pub fn linear_combination(&mut self, summands: &[(ExprId, Rational)]) -> ExprId {
         let mut constant = Rational::zero();

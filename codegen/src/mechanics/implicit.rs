@@ -244,8 +244,7 @@ impl Form<'_> {
     }
 
     fn dot(&mut self, a: &[ExprId], b: &[ExprId]) -> ExprId {
-        let terms: Vec<ExprId> = a.iter().zip(b).map(|(x, y)| self.g.mul(*x, *y)).collect();
-        self.g.sum(&terms)
+        self.g.dot(a, b)
     }
 
     /// Whether virtual displacements depend on velocities.

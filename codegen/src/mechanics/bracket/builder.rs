@@ -194,8 +194,7 @@ impl<'a> Builder<'a> {
     }
 
     pub(super) fn dot(&mut self, a: &[ExprId], b: &[ExprId]) -> ExprId {
-        let terms: Vec<ExprId> = a.iter().zip(b).map(|(x, y)| self.g.mul(*x, *y)).collect();
-        self.g.sum(&terms)
+        self.g.dot(a, b)
     }
 
     pub(super) fn bilinear(&mut self, matrix: &[Vec<ExprId>], a: &[ExprId], b: &[ExprId]) -> ExprId {
