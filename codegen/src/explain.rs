@@ -7,6 +7,7 @@ mod bracket;
 mod dirac;
 mod frame;
 mod implicit;
+mod sections;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -58,6 +59,8 @@ pub enum SectionKind {
     Dirac,
     /// What was found on the way, exactly.
     Findings,
+    /// Momenta along the sections of the model, and what of that kind is conserved.
+    Sections,
     /// The nonholonomic bracket, what it is and what it says about the motion.
     Bracket,
     /// Operations of every function.
@@ -85,6 +88,7 @@ impl SectionKind {
             SectionKind::Implicit => "Implicit form M z' = f(t, z)",
             SectionKind::Dirac => "Dirac structure D/G",
             SectionKind::Findings => "Found exactly",
+            SectionKind::Sections => "Momenta along sections",
             SectionKind::Bracket => "Nonholonomic bracket",
             SectionKind::Counts => "Operation counts",
             SectionKind::Coefficients => "Connection coefficients",
@@ -162,6 +166,7 @@ pub fn sections(model: &Model, scene: &BuiltScene, style: Style) -> Vec<Section>
     page.routhian(&scene.equations);
     page.implicit(scene);
     page.findings(&scene.equations);
+    page.along_sections(&scene.equations);
     page.bracket_of(model, scene);
     page.counts(scene);
     std::iter::once(page.head).chain(page.rest).collect()

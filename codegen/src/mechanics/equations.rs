@@ -8,6 +8,7 @@ use crate::expr::{ExprId, Section, Sign, Style, SymbolId, sign_of};
 use crate::reduction::ReducedSystem;
 use crate::spec::Want;
 
+use super::sections::SectionMomentum;
 use super::solve::Pivot;
 
 /// A state variable and its time derivative.
@@ -142,6 +143,8 @@ pub struct Equations {
     pub legendre: Legendre,
     /// Momenta, multipliers, casimirs, constraint residuals, outputs of the model.
     pub outputs: Vec<Output>,
+    /// What became of the momenta along the sections of the model, which are outputs.
+    pub along_sections: Vec<SectionMomentum>,
     /// Everything that is divided by in a linear solve, and what to call it.
     pub pivots: Vec<Pivot>,
     /// What was found.
@@ -178,6 +181,7 @@ impl Equations {
             energy_rate,
             legendre,
             outputs,
+            along_sections,
             pivots,
             facts: _,
             varying: _,
@@ -198,9 +202,10 @@ impl Equations {
                 .flat_map(|o| o.updates.iter_mut().flatten().chain(&mut o.entries).chain([&mut o.entry]));
             [&mut p.expr].into_iter().chain(origin)
         });
+        let along = along_sections.iter_mut().map(|section| &mut section.rate);
         let Legendre { velocities: _, momenta } = legendre;
         let momenta = momenta.iter_mut().map(|(_, e)| e);
-        state.chain(outputs).chain(momenta).chain(matrix).chain(pivots).chain([energy, energy_rate]).collect()
+        state.chain(outputs).chain(momenta).chain(matrix).chain(pivots).chain(along).chain([energy, energy_rate]).collect()
     }
 
     /// Every result in the order of [`Equations::results_mut`].

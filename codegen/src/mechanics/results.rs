@@ -88,7 +88,7 @@ impl Derivation<'_> {
     /// `de/dt + de/dx^i xdot^i + de/dy^alpha ydot^alpha + de/ds sdot`.
     ///
     /// Rates of large expressions are made part by part, in one pass, and not from a slope for each variable.
-    fn rate_of(&mut self, e: ExprId, motion: &Motion) -> Result<ExprId, Error> {
+    pub(super) fn rate_of(&mut self, e: ExprId, motion: &Motion) -> Result<ExprId, Error> {
         let system = self.system;
         if self.g.reachable(&[e]).len() > MAX_PARTS {
             let rates = self.rates_of_variables(motion);
@@ -349,6 +349,8 @@ impl Derivation<'_> {
             let (name, doc) = (output.name.clone(), output.doc.clone());
             outputs.push(Output { kind: OutputKind::OfModel, name, components, doc });
         }
+        let (along_sections, momenta_along) = self.along_sections(&motion)?;
+        outputs.extend(momenta_along);
         let mut state = Vec::new();
         for (kind, doc) in &system.state {
             let symbol = system.state_symbol(*kind);
@@ -400,6 +402,7 @@ impl Derivation<'_> {
             energy_rate,
             legendre,
             outputs,
+            along_sections,
             pivots,
             facts,
             varying,

@@ -123,6 +123,7 @@ pub(super) fn on_algebroid(
         state,
         casimirs: model.casimirs,
         outputs: model.outputs,
+        sections: model.sections,
         reconstruction,
         momenta_in_space,
         blocks,

@@ -82,6 +82,11 @@ impl Frame {
         self.matrix.iter().map(|row| contract(g, row, eta)).collect()
     }
 
+    /// The components of a section in the frame of the system: `s^a = (T^-1)^a_alpha s^alpha`.
+    pub(super) fn components(&self, g: &mut Graph, section: &[ExprId]) -> Vec<ExprId> {
+        self.inverse.iter().map(|row| tidied(g, |g| contract(g, row, section))).collect()
+    }
+
     /// The components of a one-form in the frame of the system: `w_a = w_alpha T^alpha_a`.
     pub(super) fn one_form(&self, g: &mut Graph, form: &[ExprId]) -> Vec<ExprId> {
         (0..form.len()).map(|a| tidied(g, |g| contract_column(g, form, &self.matrix, a))).collect()

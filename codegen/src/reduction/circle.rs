@@ -359,6 +359,10 @@ fn place_of(model: &Model, system: &Places, part: Part) -> (String, Option<Span>
             let name = &system.outputs[k];
             (format!("output `{name}`"), output_span(name))
         }
+        Part::Section(k) => {
+            let name = &system.sections[k];
+            (format!("section `{name}`"), output_span(name))
+        }
         Part::Rate(k) => {
             let name = &system.rates[k];
             let item = model.reconstruction.iter().find(|r| r.names.contains(name));
@@ -381,6 +385,7 @@ struct Places {
     constraints: Vec<String>,
     casimirs: Vec<String>,
     outputs: Vec<String>,
+    sections: Vec<String>,
     rates: Vec<String>,
 }
 
@@ -392,6 +397,7 @@ impl Places {
             constraints: system.constraint.texts().map(str::to_owned).collect(),
             casimirs: system.casimirs.iter().map(|c| c.name.clone()).collect(),
             outputs: system.outputs.iter().map(|o| o.name.clone()).collect(),
+            sections: system.sections.iter().map(|s| s.name.clone()).collect(),
             rates: system.reconstruction.iter().map(|c| c.name.clone()).collect(),
         }
     }

@@ -282,6 +282,7 @@ fn shift_velocities(model: &mut Model, shift: &[Vec<ExprId>]) -> Result<(), Erro
             | ExpressionRole::Algebroid
             | ExpressionRole::Frame
             | ExpressionRole::Given(_)
+            | ExpressionRole::Section(_)
             | ExpressionRole::DomainEnd(_)
             | ExpressionRole::Condition(_)
             | ExpressionRole::Connection
@@ -309,6 +310,14 @@ fn shift_velocities(model: &mut Model, shift: &[Vec<ExprId>]) -> Result<(), Erro
         }
     };
     lower(g, &mut model.forces);
+    // What moves along the base moves w by as much more.
+    for section in &mut model.sections {
+        for (a, row) in shift.iter().enumerate() {
+            let mut terms = vec![section.coefficients[n + a]];
+            terms.extend(row.iter().zip(&section.coefficients).map(|(e, along)| g.mul(*e, *along)));
+            section.coefficients[n + a] = g.sum(&terms);
+        }
+    }
     for condition in &mut model.virtual_constraints {
         lower(g, &mut condition.one_form);
     }

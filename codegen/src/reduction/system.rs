@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 use crate::algebra::Algebroid;
 use crate::expr::{ExprId, Graph, Sign, SymbolId};
-use crate::spec::{Condition, Named, NamedVector, Param, ParamArray, Side};
+use crate::spec::{Condition, Named, NamedVector, Param, ParamArray, Side, VelocitySection};
 
 use super::change::{Change, Frame};
 use super::constraint::{KinematicConstraint, Unknown};
@@ -133,6 +133,8 @@ pub struct ReducedSystem {
     pub casimirs: Vec<Named>,
     /// Outputs of the model.
     pub outputs: Vec<NamedVector>,
+    /// Sections along which momenta are wanted, by the sections of the frame.
+    pub sections: Vec<VelocitySection>,
     /// Coordinates of the group, which only scenes that ask for them carry.
     pub reconstruction: Vec<ReconstructedCoordinate>,
     /// Momenta in space, by the coordinates of the group.
@@ -202,6 +204,7 @@ impl ReducedSystem {
             state: _,
             casimirs,
             outputs,
+            sections,
             reconstruction,
             momenta_in_space,
             blocks: _,
@@ -230,6 +233,9 @@ impl ReducedSystem {
         list.extend(casimirs.iter_mut().enumerate().map(|(k, c)| (Part::Casimir(k), &mut c.expr)));
         for (k, output) in outputs.iter_mut().enumerate() {
             list.extend(output.components.iter_mut().map(|(_, e)| (Part::Output(k), e)));
+        }
+        for (k, section) in sections.iter_mut().enumerate() {
+            list.extend(section.coefficients.iter_mut().map(|e| (Part::Section(k), e)));
         }
         let rates = reconstruction.iter_mut().map(|c| &mut c.rate);
         list.extend(rates.enumerate().map(|(k, e)| (Part::Rate(k), e)));

@@ -340,6 +340,10 @@ fn item(model: &Model, role: ExpressionRole) -> Option<(String, Option<Span>)> {
             let name = &model.outputs[k].name;
             (format!("output `{name}`"), output_span(name))
         }
+        ExpressionRole::Section(k) => {
+            let name = &model.sections[k].name;
+            (format!("section `{name}`"), output_span(name))
+        }
         ExpressionRole::Reconstruction(k) => {
             let item = &model.reconstruction[k];
             (format!("the rate of `{}`", item.names.join("`, `")), item.span)

@@ -3,7 +3,8 @@
 //! Candidates are what mechanics knows: casimirs, norms and products of advected parameters and quaternions, residuals
 //! of constraints, the energy, momenta of the frame and in space. One counts when its rate along the motion vanishes
 //! identically, by the fingerprints of the graph; the energy of a system with multipliers, which is conserved on the
-//! constraint alone, does not. Of those that are functions of others only the first are kept. Components of the state
+//! constraint alone, does not. Where the energy is not conserved a moving energy may be, and there may be momenta along
+//! sections that nobody has named: both are looked for. Of those that are functions of others only the first are kept. Components of the state
 //! that never change are parameters here: a projection leaves them alone.
 //!
 //! Deliberately does not know: how anything is differentiated, lowered or emitted, who projects.
@@ -15,7 +16,7 @@ use super::derivatives::Matrix;
 use crate::differentiate::Linearisation;
 use crate::expr::{ExprId, Graph, Section, SectionWriter, SymbolId, independent_rows, needed_sections};
 use crate::lower::Inputs;
-use crate::mechanics::{Equations, Output, OutputKind, StateEquation};
+use crate::mechanics::{ConservedMomenta, Equations, Output, OutputKind, StateEquation};
 use crate::reduction::Block;
 use crate::spec::Want;
 
@@ -128,6 +129,7 @@ fn candidates(g: &mut Graph, equations: &Equations, state: &[StateEquation]) -> 
     }
     let momenta: Vec<(String, ExprId)> = group(Want::Momentum).collect();
     candidates.extend(momenta.iter().cloned().chain(group(Want::NonholonomicMomentum)));
+    candidates.extend(group(Want::Sections));
     let in_space = &equations.system.momenta_in_space;
     for (k, a) in in_space.iter().enumerate() {
         // What turns as one vector keeps its products: Casimirs of so(3) and se(3), also where a scene carries no
@@ -146,7 +148,20 @@ fn candidates(g: &mut Graph, equations: &Equations, state: &[StateEquation]) -> 
             candidates.push((format!("space_{}", momenta[*own].0), g.sum(&terms)));
         }
     }
+    candidates.extend(found_by_search(g, equations));
     let left_out = left_out(equations, state);
     candidates.retain(|(_, e)| !needs(g, equations, *e, &left_out));
     candidates
+}
+
+/// Conserved momenta along sections with coefficients on the base, and the moving energy.
+fn found_by_search(g: &mut Graph, equations: &Equations) -> Vec<(String, ExprId)> {
+    let Ok(found) = ConservedMomenta::new(equations) else { return Vec::new() };
+    g.take_over(&found.graph);
+    let momenta = found.momenta.iter().enumerate();
+    let momenta = momenta.map(|(k, m)| (format!("gauge_momentum{}", k + 1), m.value));
+    let energy = found.moving_energy.iter().map(|m| ("moving_energy".to_owned(), m.value));
+    let (names, values): (Vec<String>, Vec<ExprId>) = energy.chain(momenta).unzip();
+    let values = g.import(&found.graph, &values).unwrap_or_default();
+    names.into_iter().zip(values).collect()
 }

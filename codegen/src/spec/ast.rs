@@ -246,6 +246,12 @@ pub(super) enum ItemKind {
         name: Name,
         value: Expr,
     },
+    /// `section s = [1, 0, x];`, `section s in so(3) = Gamma;`
+    Section {
+        name: Name,
+        algebra: Option<AlgebraExpr>,
+        value: Expr,
+    },
     Reconstruct {
         names: Vec<Name>,
         way: ReconstructWay,

@@ -44,6 +44,8 @@ pub enum ExpressionRole {
     Casimir(usize),
     /// A component of an output.
     Output(usize),
+    /// A coefficient of a section along which a momentum is wanted.
+    Section(usize),
     /// A coefficient of a vector that spans an ideal of the stages.
     Ideal,
     /// An entry of the inner product for the stages.
@@ -89,6 +91,7 @@ macro_rules! visit {
             forces,
             casimirs,
             outputs,
+            sections,
             reconstruction,
             initial,
             scenes,
@@ -208,6 +211,12 @@ macro_rules! visit {
             let NamedVector { name: _, components, doc: _ } = output;
             for (_, e) in components {
                 $visit(ExpressionRole::Output(k), e);
+            }
+        }
+        for (k, section) in sections.into_iter().enumerate() {
+            let VelocitySection { name: _, coefficients, doc: _, span: _ } = section;
+            for e in coefficients {
+                $visit(ExpressionRole::Section(k), e);
             }
         }
         if let Some(IdealChain { names: _, ideals, inner_product, connection, spans: _ }) = stages {

@@ -40,7 +40,7 @@ pub use model::{
     Advected, Carried, CarriedBy, Condition, ConnectionKind, Constraint, ConstraintKind, Coordinate, Domain,
     FormulationSearch, Given, IdealChain, InnerProduct, Model, Momentum, Named, NamedVector, OwnAlgebroid,
     OwnBracket, Param, ParamArray, Places, QuasiFrame, Reconstruction, ReconstructionKind, Scene, Side,
-    Velocity, VirtualConstraint, circle_names, diagnose,
+    Velocity, VelocitySection, VirtualConstraint, circle_names, diagnose,
 };
 pub use shape::{Expected, Operation, Shape, ValueError};
 pub use value::Value;

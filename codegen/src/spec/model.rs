@@ -375,6 +375,19 @@ pub struct Named {
     pub doc: String,
 }
 
+/// A section of the velocities along which the model wants the momentum `<p, s> = s^a dL/dy^a`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct VelocitySection {
+    /// Name.
+    pub name: String,
+    /// `s^a`, one per velocity in the order of [`Model::all_velocities`]; functions on the base.
+    pub coefficients: Vec<ExprId>,
+    /// Documentation.
+    pub doc: String,
+    /// Where its name stands.
+    pub span: Option<Span>,
+}
+
 /// A named number, vector or matrix.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NamedVector {
@@ -517,6 +530,8 @@ pub struct Model {
     pub casimirs: Vec<Named>,
     /// Named outputs.
     pub outputs: Vec<NamedVector>,
+    /// Sections along which momenta are wanted.
+    pub sections: Vec<VelocitySection>,
     /// Coordinates of the group motion.
     pub reconstruction: Vec<Reconstruction>,
     /// Default initial values of state variables and reconstructed coordinates, by component; in parameters only.

@@ -35,6 +35,7 @@ pub(super) const ITEMS: &[(&str, &str)] = &[
     ("force", "force Omega = -c*Omega;"),
     ("casimir", "casimir name = expression;"),
     ("output", "output name = expression;"),
+    ("section", "section s = [1, 0, x];` or `section s in so(3) = Gamma;"),
     ("reconstruct", "reconstruct q in SO(3) from Omega;` or `reconstruct x by v;"),
     ("initial", "initial Omega = [0, 0, 1];"),
     ("view", "view name = ball(r) at [x, y, r] attitude q;"),

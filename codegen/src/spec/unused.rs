@@ -182,6 +182,9 @@ fn effective(item: &Item) -> Vec<String> {
         | ItemKind::Output { value, .. }
         | ItemKind::Initial { value, .. }
         | ItemKind::Reconstruct { way: ReconstructWay::Rate(value), .. } => mentions([value]),
+        ItemKind::Section { algebra, value, .. } => {
+            mentions([value]).into_iter().chain(algebra.iter().flat_map(algebras)).collect()
+        }
         ItemKind::Momentum { velocity, .. } => vec![velocity.text.clone()],
         ItemKind::Carry(list) | ItemKind::Scene { carries: list, .. } => levels(list),
         ItemKind::Reconstruct { way: ReconstructWay::Group { from, .. }, .. } => {

@@ -48,6 +48,8 @@ pub enum Want {
     Circles,
     /// All outputs of the model.
     Outputs,
+    /// The momenta along the sections of the model.
+    Sections,
     /// The Taylor coefficients of solutions.
     Taylor,
     /// What the motion conserves, with gradients.
@@ -62,7 +64,7 @@ pub enum Want {
 
 impl Want {
     /// All of them, in the order in which messages list them.
-    pub const ALL: [Want; 24] = [
+    pub const ALL: [Want; 25] = [
         Want::Rhs,
         Want::Energy,
         Want::EnergyRate,
@@ -82,6 +84,7 @@ impl Want {
         Want::Casimirs,
         Want::Circles,
         Want::Outputs,
+        Want::Sections,
         Want::Taylor,
         Want::Invariants,
         Want::Bracket,
@@ -111,6 +114,7 @@ impl Want {
             Want::Casimirs => "casimirs",
             Want::Circles => "circles",
             Want::Outputs => "outputs",
+            Want::Sections => "sections",
             Want::Taylor => "taylor",
             Want::Invariants => "invariants",
             Want::Bracket => "bracket",
@@ -129,7 +133,7 @@ impl Want {
     pub(super) fn is_in_tables(self) -> bool {
         use Want::{
             Bracket, Casimirs, Circles, Constraint, HamiltonianTime, Implicit, Invariants, MomentumEquation,
-            NonholonomicMomentum, Outputs, Taylor, Velocities,
+            NonholonomicMomentum, Outputs, Sections, Taylor, Velocities,
         };
         !matches!(
             self,
@@ -139,6 +143,7 @@ impl Want {
                 | Casimirs
                 | Circles
                 | Outputs
+                | Sections
                 | Taylor
                 | Velocities
                 | Invariants

@@ -162,7 +162,7 @@ impl KinematicConstraint {
     }
 
     /// The constraints, as written.
-    pub(super) fn texts(&self) -> impl Iterator<Item = &str> {
+    pub(crate) fn texts(&self) -> impl Iterator<Item = &str> {
         let (rows, general) = match self {
             KinematicConstraint::Solved(solved) => (solved.rows.as_slice(), [].as_slice()),
             KinematicConstraint::Multipliers { rows, .. } => ([].as_slice(), rows.as_slice()),

@@ -100,6 +100,7 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
         state,
         casimirs,
         mut outputs,
+        mut sections,
         reconstruction,
         momenta_in_space,
         blocks,
@@ -161,6 +162,9 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
     for e in reconstruction.iter_mut().map(|c| &mut c.rate) {
         replace(g, e)?;
     }
+    for section in &mut sections {
+        section.coefficients = frame.components(g, &section.coefficients);
+    }
     let mut system = ReducedSystem {
         formulation,
         graph: Graph::new(),
@@ -186,6 +190,7 @@ fn in_frame(system: ReducedSystem, stages: &Stages) -> Result<ReducedSystem, Err
         state,
         casimirs,
         outputs,
+        sections,
         reconstruction,
         momenta_in_space,
         blocks,

@@ -38,6 +38,7 @@ impl ModelBuilder {
         let independent = self.check_independent(&constraints);
         let forces = self.check_forces();
         self.check_named_values();
+        let sections = self.check_sections();
         let reconstruction = self.check_reconstructions(connection.as_deref());
         let initial = self.check_initial();
         let carried = std::mem::take(&mut self.carries);
@@ -101,6 +102,7 @@ impl ModelBuilder {
             forces,
             casimirs: self.casimirs,
             outputs: self.outputs,
+            sections,
             reconstruction,
             initial,
             scenes,

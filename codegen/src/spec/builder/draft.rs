@@ -142,6 +142,20 @@ pub(super) struct AlgebroidDraft {
     pub(super) brackets: Vec<OwnBracket>,
 }
 
+/// A section along which the model wants the momentum.
+#[derive(Clone, Debug)]
+pub(super) struct SectionDraft {
+    pub(super) name: String,
+    /// The algebra that it has values in; none for coefficients of all velocities.
+    pub(super) algebra: Option<LieAlgebra<Number>>,
+    pub(super) value: Value,
+    pub(super) doc: String,
+    /// Where its name stands.
+    pub(super) span: Option<Span>,
+    /// Where its value stands.
+    pub(super) of_value: Option<Span>,
+}
+
 /// What the model gives of the motion of a velocity.
 #[derive(Clone, Debug)]
 pub(super) struct GivenDraft {
@@ -265,6 +279,7 @@ pub struct ModelBuilder {
     pub(super) casimirs: Vec<Named>,
     pub(super) outputs: Vec<NamedVector>,
     pub(super) output_names: BTreeMap<String, Option<Span>>,
+    pub(super) sections: Vec<SectionDraft>,
     pub(super) reconstructions: Vec<ReconstructionDraft>,
     pub(super) initial: Vec<(String, Value, Option<Span>)>,
     pub(super) scenes: Vec<SceneDraft>,
@@ -329,6 +344,7 @@ impl ModelBuilder {
             casimirs: Vec::new(),
             outputs: Vec::new(),
             output_names: BTreeMap::new(),
+            sections: Vec::new(),
             reconstructions: Vec::new(),
             initial: Vec::new(),
             scenes: Vec::new(),

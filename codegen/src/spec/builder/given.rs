@@ -116,7 +116,7 @@ impl ModelBuilder {
                 return;
             }
         }
-        let beside: [(&str, Option<Option<Span>>); 9] = [
+        let beside: [(&str, Option<Option<Span>>); 10] = [
             ("constraint", self.constraints.first().map(|c| c.span)),
             ("virtual", self.virtual_constraints.first().map(|c| c.span)),
             ("independent", self.independent.as_ref().map(|(_, span)| *span)),
@@ -124,6 +124,7 @@ impl ModelBuilder {
             ("force", self.forces.first().map(|(_, _, span)| *span)),
             ("momentum", self.momenta.first().map(|m| m.span)),
             ("stage", self.stages.first().map(|s| s.span)),
+            ("section", self.sections.first().map(|s| s.span)),
             ("quasi_velocity", self.quasi_velocities.first().map(|_| first.span)),
             ("connection", self.derived_connection.map(|(_, span)| span)),
         ];

@@ -16,6 +16,7 @@ mod outputs;
 mod params;
 mod reconstruct;
 mod scenes;
+mod sections;
 mod stages;
 mod symbols;
 mod variables;

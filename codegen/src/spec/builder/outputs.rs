@@ -12,7 +12,7 @@ use crate::spec::value::Value;
 use crate::spec::want::Want;
 
 impl ModelBuilder {
-    fn output_name(&mut self, name: &str) {
+    pub(super) fn output_name(&mut self, name: &str) {
         let here = self.here;
         let is_taken = Want::from_name(name).is_some();
         if is_taken || names::refusal(name).is_some() {

@@ -122,11 +122,14 @@ impl ModelBuilder {
                 let named = |n: &String| *n == name;
                 let known = Want::from_name(&name).is_some()
                     || self.casimirs.iter().map(|c| &c.name).any(named)
+                    || self.sections.iter().map(|s| &s.name).any(named)
                     || self.outputs.iter().map(|o| &o.name).chain(&scene.circles).any(named);
-                if !(known || self.broken.contains("output") || self.broken.contains("casimir")) {
+                let is_broken = ["output", "casimir", "section"].iter().any(|item| self.broken.contains(item));
+                if !(known || is_broken) {
                     let mut names: Vec<&str> = Want::ALL.map(Want::name).to_vec();
                     names.extend(self.casimirs.iter().map(|c| c.name.as_str()));
                     names.extend(self.outputs.iter().map(|o| o.name.as_str()));
+                    names.extend(self.sections.iter().map(|s| s.name.as_str()));
                     names.extend(scene.circles.iter().map(String::as_str));
                     let help = names::suggest(&name, names);
                     self.problem(span, format!("`{name}` is not an output"), help);

@@ -125,6 +125,20 @@ impl Elaboration<'_> {
                 }
                 None => _ = self.builder.broken.insert("output"),
             },
+            ItemKind::Section { name, algebra, value } => {
+                let along = match algebra {
+                    Some(algebra) => self.algebra(algebra).map(Some),
+                    None => Some(None),
+                };
+                let (along, value) = (along, self.located(value));
+                match (along, value) {
+                    (Some(algebra), Some((value, span))) => {
+                        let builder = self.builder.at(Some(name.span));
+                        builder.located_section(&name.text, algebra, (&value, span), &item.doc.join("\n"));
+                    }
+                    _ => _ = self.builder.broken.insert("section"),
+                }
+            }
             ItemKind::Acceleration { name, value } => match self.eval(value) {
                 Some(value) => _ = self.builder.at(Some(name.span)).acceleration(&name.text, &value),
                 None => _ = self.builder.broken.insert("acceleration"),

@@ -128,6 +128,12 @@ impl<'a> Parser<'a> {
                     ItemKind::Output { name, value }
                 }
             }
+            "section" => {
+                let name = self.ident("a name")?;
+                let algebra = self.word("in").map(|_| self.algebra_expr()).transpose()?;
+                self.equals()?;
+                ItemKind::Section { name, algebra, value: self.expr()? }
+            }
             "reconstruct" => self.reconstruct()?,
             "initial" => {
                 let name = self.ident("the name of a state variable")?;

@@ -1,0 +1,92 @@
+//! Momenta along the sections that a model names, and their rates.
+//!
+//! `d/dt <p, s> = s^a (rho^i_a dL/dx^i + F_a + (N^c_a - C^c_ab y^b) p_c) + <p, ds/dt> + lambda_A <form_A, s>`: along a
+//! section of virtual displacements that is a symmetry, nothing is left (Noether's theorem with constraints).
+//!
+//! Does not know: which sections there are, and why.
+//!
+//! # Source
+//! Bates and Sniatycki 1993; Bloch, Krishnaprasad, Marsden, Murray 1996; Fasso, Ramos, Sansonetto 2007.
+
+use crate::error::Error;
+use crate::expr::{ExprId, Vanishing};
+use crate::reduction::KinematicConstraint;
+use crate::spec::Want;
+
+use super::chart::Chart;
+use super::derive::{Derivation, Motion};
+use super::equations::{Equations, Output};
+
+/// What became of the momentum along a section.
+#[derive(Clone, Debug)]
+pub struct SectionMomentum {
+    /// Name of the section.
+    pub name: String,
+    /// Its rate along the motion, zero where it is seen to vanish.
+    pub rate: ExprId,
+    /// Whether the rate vanishes identically.
+    pub verdict: Vanishing,
+    /// Whether the section is one of virtual displacements, so that no reaction acts along it; none where that could
+    /// not be found out.
+    pub is_displacement: Option<bool>,
+}
+
+impl Derivation<'_> {
+    /// The momenta along the sections of the model, and their rates.
+    pub(super) fn along_sections(
+        &mut self,
+        motion: &Motion,
+    ) -> Result<(Vec<SectionMomentum>, Option<Output>), Error> {
+        let system = self.system;
+        let raw: Vec<ExprId> = match &system.hamiltonian {
+            Some(hamiltonian) => hamiltonian.momenta.iter().map(|s| self.g.sym(*s)).collect(),
+            None if system.sections.is_empty() => Vec::new(),
+            None => system.velocities.iter().map(|y| self.g.diff(system.lagrangian, *y)).collect(),
+        };
+        let (mut found, mut components) = (Vec::new(), Vec::new());
+        for section in &system.sections {
+            let value = self.paired(&section.coefficients, &self.momentum.clone());
+            components.push((section.name.clone(), self.g.cancel_zero(value)));
+            let momentum = self.paired(&section.coefficients, &raw);
+            let rate = self.rate_of(momentum, motion)?;
+            let mut is_displacement = Some(true);
+            for form in self.reactions() {
+                let work = self.paired(&form, &section.coefficients);
+                let work = self.replace(work)?;
+                match self.g.vanishing(work) {
+                    Vanishing::Zero => {}
+                    Vanishing::NonZero => is_displacement = Some(false),
+                    Vanishing::Unknown => is_displacement = is_displacement.filter(|known| !known),
+                }
+            }
+            let verdict = self.g.vanishing(rate);
+            found.push(SectionMomentum { name: section.name.clone(), rate, verdict, is_displacement });
+        }
+        let doc = "momenta `<p, s>` along the sections of the model";
+        let output = (!components.is_empty()).then(|| Output::group(Want::Sections, components, doc));
+        Ok((found, output))
+    }
+
+    /// The one-forms along which reactions act.
+    fn reactions(&self) -> Vec<Vec<ExprId>> {
+        match &self.system.constraint {
+            KinematicConstraint::Solved(solved) => solved.reactions.one_forms.clone(),
+            KinematicConstraint::Multipliers { reactions, .. } => reactions.clone(),
+        }
+    }
+
+    fn paired(&mut self, a: &[ExprId], b: &[ExprId]) -> ExprId {
+        let terms: Vec<ExprId> = a.iter().zip(b).map(|(x, y)| self.g.mul(*x, *y)).collect();
+        self.g.sum(&terms)
+    }
+}
+
+impl Equations {
+    /// Whether a rate vanishes at every state that satisfies the constraints, which is a question where multipliers
+    /// keep them; false where it is not known.
+    pub fn vanishes_on_constraint(&self, rate: ExprId) -> bool {
+        let mut g = self.system.graph.clone();
+        let restricted = Chart::new(&mut g, self).and_then(|chart| chart.restricted(&mut g, &[], rate));
+        restricted.is_ok_and(|rate| g.is_zero(rate))
+    }
+}
