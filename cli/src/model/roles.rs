@@ -80,10 +80,15 @@ pub fn roles(model: &Model, params: &BTreeMap<String, f64>) -> BTreeMap<String, 
         roles.insert(name.clone(), Role::Velocity);
     }
     for item in &model.reconstruction {
-        let has_quaternion =
-            matches!(item.kind, ReconstructionKind::Quaternion { .. } | ReconstructionKind::Pose { .. });
         for (k, name) in item.names.iter().enumerate() {
-            let identity = if has_quaternion && k == 0 { 1.0 } else { 0.0 };
+            let is_one = match &item.kind {
+                ReconstructionKind::Quaternion { .. } | ReconstructionKind::Pose { .. } => k == 0,
+                ReconstructionKind::Matrix { group, .. } => {
+                    k < group.n() * group.n() && k.is_multiple_of(group.n() + 1)
+                }
+                _ => false,
+            };
+            let identity = if is_one { 1.0 } else { 0.0 };
             roles.insert(name.clone(), Role::Group { identity });
         }
     }

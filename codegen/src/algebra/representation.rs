@@ -147,6 +147,18 @@ impl<Q: Scalar> Representation<Q> {
     }
 }
 
+impl Representation {
+    /// The representation `-rho` of an abelian algebra: that of so(2) then turns counter-clockwise.
+    ///
+    /// # Errors
+    /// [`Error::NotARepresentation`] where the algebra is not abelian.
+    pub(crate) fn reversed(&self, algebra: &LieAlgebra) -> Result<Representation, Error> {
+        let zero = Matrix::zeros(self.dim, self.dim);
+        let matrices = self.matrices.iter().map(|m| zero.minus(m)).collect();
+        Representation::from_matrices(&self.name, algebra, matrices)
+    }
+}
+
 impl From<Representation> for Representation<Number> {
     fn from(own: Representation) -> Representation<Number> {
         let matrices = own.matrices.iter().map(|m| m.map(|q| q.clone().into())).collect();

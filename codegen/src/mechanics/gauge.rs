@@ -21,11 +21,12 @@ use crate::expr::{
     ExprId, Func, Graph, Node, Rational, SectionWriter, Stage, SymbolId, Vanishing, independent_rows,
     needed_sections, rational_relations,
 };
-use crate::reduction::{AccelerationSource, KinematicConstraint};
+use crate::reduction::{AccelerationSource, BlockKind, KinematicConstraint};
 use crate::spec::Want;
 
 use super::chart::Chart;
 use super::equations::{Equations, OutputKind};
+use super::measure::{Motion, candidates, powers};
 
 /// A function of the state that is constant along the motion: `<p, s>`, or `E - <p, s>`.
 #[derive(Clone, Debug)]
@@ -51,6 +52,8 @@ pub struct ConservedMomenta {
 
 /// More products of functions and sections are not tried.
 const MAX_COLUMNS: usize = 240;
+/// States of more components are not looked into for powers of functions.
+const MAX_STATE: usize = 14;
 /// More sines and cosines are no functions of the ansatz.
 const MAX_WAVES: usize = 8;
 
@@ -60,6 +63,8 @@ struct Term {
     value: ExprId,
     rate: ExprId,
     section: Vec<(String, ExprId)>,
+    /// Whether `f` is one.
+    is_plain: bool,
 }
 
 impl ConservedMomenta {
@@ -191,7 +196,8 @@ impl Search<'_> {
                 let (turning, moving) = (g.mul(*f_rate, values[k]), g.mul(*f, of_momenta[k]));
                 let rate = g.add(turning, moving);
                 let section = section.iter().map(|(name, e)| (name.clone(), g.mul(*f, *e))).collect();
-                terms.push(Term { value: g.mul(*f, *momentum), rate, section });
+                let is_plain = *f == g.one();
+                terms.push(Term { value: g.mul(*f, *momentum), rate, section, is_plain });
             }
         }
         Ok(terms)
@@ -237,10 +243,55 @@ impl Search<'_> {
                 used.iter().map(|k| (*k, self.g.rational(relation[*k].clone()))).collect();
             found.extend(self.combined(terms, &weights));
         }
+        found.extend(self.scaled(terms)?);
         let values: Vec<ExprId> = found.iter().map(|m| m.value).collect();
         let gradients = self.gradients(&values)?;
         let kept = independent_rows(self.g, &gradients);
         Ok(kept.into_iter().map(|k| found[k].clone()).collect())
+    }
+
+    /// Momenta along displacements, multiplied by powers of what the equations divide by: `f' J + f J' = 0`.
+    fn scaled(&mut self, terms: &[Term]) -> Result<Vec<ConservedMomentum>, Error> {
+        let equations = self.equations;
+        let KinematicConstraint::Solved(solved) = &equations.system.constraint else { return Ok(Vec::new()) };
+        if solved.reactions.names.is_empty() || equations.state.len() > MAX_STATE {
+            return Ok(Vec::new());
+        }
+        let chart = Chart::new(self.g, equations)?;
+        let rates: Vec<ExprId> = equations.state.iter().map(|s| s.derivative).collect();
+        let rates = chart.whole(self.g, &[], &rates)?;
+        let base: BTreeSet<SymbolId> = equations.system.algebroid.base().iter().copied().collect();
+        let moving = equations.state.iter().map(|s| s.symbol).zip(rates.iter().copied());
+        let (base, fibre): (Vec<_>, Vec<_>) = moving.partition(|(symbol, _)| base.contains(symbol));
+        let motion = Motion { base: &base, fibre: &fibre };
+        let pivots: Vec<ExprId> = equations.pivots.iter().map(|p| p.expr).collect();
+        let pivots = chart.whole(self.g, &[], &pivots)?;
+        let functions = candidates(self.g, &motion, &pivots, &rates);
+        let by: BTreeMap<SymbolId, ExprId> =
+            base.iter().chain(&fibre).copied().chain([(equations.system.time, self.g.one())]).collect();
+        let mut found = Vec::new();
+        // Those with constant coefficients come first.
+        for term in terms.iter().take_while(|term| term.is_plain) {
+            let value = chart.whole(self.g, &[], &[term.value])?[0];
+            let g = &mut *self.g;
+            let rate = g.derivative_along(value, &by);
+            let rate = g.cancel_zero(rate);
+            if rate == g.zero() {
+                continue;
+            }
+            let mut columns = Vec::new();
+            for f in &functions {
+                let along = g.derivative_along(*f, &by);
+                let inverse = g.powi(*f, -1);
+                columns.push(vec![g.product(&[along, inverse, value])]);
+            }
+            let Some(factors) = powers(g, &functions, &columns, &[rate]) else { continue };
+            let factors: Vec<(ExprId, Rational)> = factors.into_iter().map(|f| (f.base, f.exponent)).collect();
+            let Ok(factor) = g.power_product(&factors) else { continue };
+            let section = term.section.iter().map(|(name, e)| (name.clone(), g.mul(factor, *e))).collect();
+            found.push(ConservedMomentum { section, value: g.mul(factor, term.value) });
+        }
+        Ok(found)
     }
 
     fn gradients(&mut self, values: &[ExprId]) -> Result<Vec<Vec<ExprId>>, Error> {
@@ -254,11 +305,17 @@ impl Search<'_> {
     }
 
     /// `E - <p, Y>` that is conserved, `Y` being a combination with rational coefficients of the products with numbers
-    /// that the change of the energy is proportional to.
+    /// that the change of the energy is proportional to, divided by lengths that are kept.
     fn moving_energy(&mut self, terms: &[Term]) -> Result<Option<ConservedMomentum>, Error> {
         let energy = self.equations.energy;
         let energy_rate = self.rates(&[energy])?[0];
-        let factors = self.speeds();
+        let lengths = self.lengths()?;
+        let speeds = self.speeds();
+        let mut factors = speeds.clone();
+        for (length, speed) in lengths.iter().flat_map(|length| speeds.iter().map(move |s| (*length, *s))) {
+            let inverse = self.g.powi(length, -1);
+            factors.push(self.g.mul(speed, inverse));
+        }
         let moving: Vec<usize> = (0..terms.len()).filter(|k| !self.g.is_zero(terms[*k].rate)).collect();
         // One after the other, then all together.
         let mut sets: Vec<Vec<ExprId>> = factors.iter().map(|factor| vec![*factor]).collect();
@@ -290,6 +347,24 @@ impl Search<'_> {
             return Ok(Some(ConservedMomentum { value, ..found }));
         }
         Ok(None)
+    }
+
+    /// Squares of advected vectors that the motion keeps: sections may be divided by them.
+    fn lengths(&mut self) -> Result<Vec<ExprId>, Error> {
+        let advected = self.equations.system.blocks.iter().filter(|b| b.kind == BlockKind::Advected);
+        let mut lengths = Vec::new();
+        for block in advected {
+            let squares: Vec<ExprId> = (block.components.iter())
+                .map(|s| {
+                    let x = self.g.sym(*s);
+                    self.g.powi(x, 2)
+                })
+                .collect();
+            lengths.push(self.g.sum(&squares));
+        }
+        let rates = self.rates(&lengths)?;
+        let kept = lengths.into_iter().zip(rates);
+        Ok(kept.filter(|(_, rate)| self.g.is_zero(*rate)).map(|(length, _)| length).collect())
     }
 
     /// Numbers that the change of the energy may be proportional to: one, the slopes of the parts of constraints

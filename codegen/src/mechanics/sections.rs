@@ -9,7 +9,7 @@
 //! Bates and Sniatycki 1993; Bloch, Krishnaprasad, Marsden, Murray 1996; Fasso, Ramos, Sansonetto 2007.
 
 use crate::error::Error;
-use crate::expr::{ExprId, Vanishing};
+use crate::expr::{ExprId, Vanishing, independent_rows};
 use crate::reduction::KinematicConstraint;
 use crate::spec::Want;
 
@@ -49,16 +49,7 @@ impl Derivation<'_> {
             components.push((section.name.clone(), self.g.cancel_zero(value)));
             let momentum = self.paired(&section.coefficients, &raw);
             let rate = self.rate_of(momentum, motion)?;
-            let mut is_displacement = Some(true);
-            for form in self.reactions() {
-                let work = self.paired(&form, &section.coefficients);
-                let work = self.replace(work)?;
-                match self.g.vanishing(work) {
-                    Vanishing::Zero => {}
-                    Vanishing::NonZero => is_displacement = Some(false),
-                    Vanishing::Unknown => is_displacement = is_displacement.filter(|known| !known),
-                }
-            }
+            let is_displacement = self.is_displacement(&section.coefficients)?;
             let verdict = self.g.vanishing(rate);
             found.push(SectionMomentum { name: section.name.clone(), rate, verdict, is_displacement });
         }
@@ -67,12 +58,31 @@ impl Derivation<'_> {
         Ok((found, output))
     }
 
-    /// The one-forms along which reactions act.
-    fn reactions(&self) -> Vec<Vec<ExprId>> {
-        match &self.system.constraint {
-            KinematicConstraint::Solved(solved) => solved.reactions.one_forms.clone(),
-            KinematicConstraint::Multipliers { reactions, .. } => reactions.clone(),
-        }
+    /// Whether a section is one of virtual displacements.
+    fn is_displacement(&mut self, section: &[ExprId]) -> Result<Option<bool>, Error> {
+        let system = self.system;
+        let (rows, n) = match &system.constraint {
+            KinematicConstraint::Solved(solved) => {
+                let n = solved.unknowns.len();
+                let column = |b: usize| solved.virtual_displacements.iter().map(move |row| row[b]);
+                let columns = (0..n).map(|b| column(b).collect::<Vec<_>>());
+                (columns.chain([section.to_vec()]).collect::<Vec<_>>(), n)
+            }
+            KinematicConstraint::Multipliers { reactions, .. } => {
+                let mut is_displacement = Some(true);
+                for form in reactions {
+                    let work = self.paired(form, section);
+                    let work = self.replace(work)?;
+                    match self.g.vanishing(work) {
+                        Vanishing::Zero => {}
+                        Vanishing::NonZero => return Ok(Some(false)),
+                        Vanishing::Unknown => is_displacement = None,
+                    }
+                }
+                return Ok(is_displacement);
+            }
+        };
+        Ok(Some(independent_rows(&self.g, &rows).iter().all(|k| *k < n)))
     }
 
     fn paired(&mut self, a: &[ExprId], b: &[ExprId]) -> ExprId {

@@ -94,6 +94,8 @@ pub(super) fn on_algebroid(
     let is_turned = quasi_frame.as_ref().is_none_or(|frame| frame.keeps(graph, algebra.clone()));
     let turned = |item| reconstruction::momenta_in_space(graph, item, side, algebra.clone());
     let momenta_in_space = items.iter().filter(|_| is_turned).flat_map(turned).collect();
+    let kept = |item| reconstruction::group_equations(graph, item, side);
+    let group_equations = items.iter().flat_map(kept).collect();
     reconstruction.extend(momenta::cyclic_coordinates(&mut model, &momenta));
     if let Err(exhausted) = model.graph.within_budget() {
         return Err(model.diagnostics(vec![model.diagnose(&exhausted.into())]));
@@ -126,6 +128,7 @@ pub(super) fn on_algebroid(
         sections: model.sections,
         reconstruction,
         momenta_in_space,
+        group_equations,
         blocks,
         stages,
         signs,

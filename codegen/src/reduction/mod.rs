@@ -18,6 +18,7 @@ mod fix;
 mod formulation;
 mod frame;
 mod given;
+mod matrix_group;
 mod momenta;
 mod part;
 mod reconstruction;
@@ -40,8 +41,9 @@ pub use fix::with_fixed;
 pub use formulation::{Formulation, FoundChain, StageUse, carried_by_momenta};
 pub(crate) use momenta::momentum_of;
 pub use momenta::{CarriedMomentum, Hamiltonian};
+pub use matrix_group::MomentumInSpace;
 pub use part::Part;
-pub use reconstruction::{MomentumInSpace, ReconstructedCoordinate};
+pub use reconstruction::ReconstructedCoordinate;
 pub use stages::{StageLevel, Stages, Tensor};
 pub use system::{Block, BlockKind, Circle, ReducedSystem, StateKind};
 

@@ -38,6 +38,8 @@ pub enum Part {
     Rate(usize),
     /// An entry of the rows that turn momenta into space.
     MomentumInSpace,
+    /// A function of the coordinates of a matrix group.
+    GroupEquation,
     /// A coefficient of the stage forms.
     Stages,
     /// A coefficient of a change of frame, or a variable of the state by those of the model.

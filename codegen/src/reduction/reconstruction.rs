@@ -7,6 +7,8 @@ use num_traits::One;
 use crate::expr::{ExprId, Func, Graph, Rational, SymbolId};
 use crate::spec::{Reconstruction, ReconstructionKind, Side};
 
+use super::matrix_group::{self, MomentumInSpace};
+
 /// A reconstructed coordinate and its rate.
 #[derive(Clone, Debug)]
 pub struct ReconstructedCoordinate {
@@ -33,6 +35,9 @@ pub(super) fn rates(g: &mut Graph, item: &Reconstruction, side: Side) -> Vec<Rec
         ReconstructionKind::Rate { rate } => rate.clone(),
         ReconstructionKind::Quaternion { omega } => quaternion_rates(g, &coordinates, omega, side),
         ReconstructionKind::PlanarPose { omega, v } => planar_rates(g, &coordinates, *omega, v, side),
+        ReconstructionKind::Matrix { group, elements: _, xi } => {
+            matrix_group::rates(g, group, &coordinates, xi, side)
+        }
         ReconstructionKind::Pose { omega, v } => {
             let (q, r) = coordinates.split_at(4);
             let mut rates = quaternion_rates(g, q, omega, side);
@@ -55,15 +60,6 @@ pub(super) fn rates(g: &mut Graph, item: &Reconstruction, side: Side) -> Vec<Rec
             doc: item.doc.clone(),
         })
         .collect()
-}
-
-/// Momenta along some velocities, turned into space: `J_i = sum_k rows[i][k] p_k`.
-#[derive(Clone, Debug)]
-pub struct MomentumInSpace {
-    /// Positions of the velocities in the frame.
-    pub velocities: Vec<usize>,
-    /// In terms of the reconstructed coordinates.
-    pub rows: Vec<Vec<ExprId>>,
 }
 
 /// What the coadjoint action of an item's group element makes of momenta: `Ad*_{g^-1} p` for a left action, constant
@@ -107,8 +103,21 @@ pub(super) fn momenta_in_space(
             let rows = rows.iter().map(|row| row.to_vec()).collect();
             vec![MomentumInSpace { velocities: algebra.take(3).collect(), rows }]
         }
+        ReconstructionKind::Matrix { group, elements, xi: _ } => {
+            let elements: Vec<usize> = elements.iter().map(|a| algebra.start + a).collect();
+            matrix_group::momenta_in_space(g, group, &coordinates, &elements, side)
+        }
         _ => Vec::new(),
     }
+}
+
+/// Functions of an item's coordinates that a motion keeps because it stays in the group; unit quaternions are known
+/// by their [`BlockKind`](super::BlockKind).
+pub(super) fn group_equations(g: &mut Graph, item: &Reconstruction, side: Side) -> Vec<(String, ExprId)> {
+    let ReconstructionKind::Matrix { group, .. } = &item.kind else { return Vec::new() };
+    let coordinates: Vec<ExprId> = item.symbols.iter().map(|s| g.sym(*s)).collect();
+    let name = item.blocks.first().map_or("", |(name, _)| name.trim_end_matches("_re"));
+    matrix_group::equations(g, group, (name, &coordinates), side)
 }
 
 /// `|q|^2 R(q)`, or its transpose for a right action: `(w^2 - u.u) 1 + 2 u u^T +- 2 w [u]`.

@@ -13,9 +13,10 @@ use super::constraint::{KinematicConstraint, Unknown};
 use super::degenerate::Degeneracy;
 use super::domain::DomainCondition;
 use super::formulation::Formulation;
+use super::matrix_group::MomentumInSpace;
 use super::momenta::{CarriedMomentum, Hamiltonian};
 use super::part::Part;
-use super::reconstruction::{MomentumInSpace, ReconstructedCoordinate};
+use super::reconstruction::ReconstructedCoordinate;
 use super::stages::Stages;
 
 /// What a state variable is.
@@ -139,6 +140,9 @@ pub struct ReducedSystem {
     pub reconstruction: Vec<ReconstructedCoordinate>,
     /// Momenta in space, by the coordinates of the group.
     pub momenta_in_space: Vec<MomentumInSpace>,
+    /// Functions of the coordinates of matrix groups that stay as they are because the motion stays in the group, with
+    /// names.
+    pub group_equations: Vec<(String, ExprId)>,
     /// Vectors of velocities, advected parameters and coordinates of the group.
     pub blocks: Vec<Block>,
     /// Stage decomposition of the symmetry algebra, when asked for.
@@ -207,6 +211,7 @@ impl ReducedSystem {
             sections,
             reconstruction,
             momenta_in_space,
+            group_equations,
             blocks: _,
             stages,
             signs: _,
@@ -241,6 +246,7 @@ impl ReducedSystem {
         list.extend(rates.enumerate().map(|(k, e)| (Part::Rate(k), e)));
         let rows = momenta_in_space.iter_mut().flat_map(|m| m.rows.iter_mut().flatten());
         list.extend(rows.map(|e| (Part::MomentumInSpace, e)));
+        list.extend(group_equations.iter_mut().map(|(_, e)| (Part::GroupEquation, e)));
         let stages = stages.iter_mut().flat_map(Stages::expressions_mut);
         list.extend(stages.map(|e| (Part::Stages, e)));
         list.extend(momenta.iter_mut().map(|m| (Part::Momentum, &mut m.value)));

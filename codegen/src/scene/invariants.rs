@@ -123,6 +123,7 @@ fn candidates(g: &mut Graph, equations: &Equations, state: &[StateEquation]) -> 
             candidates.push((format!("{name}_dot_{other}"), g.sum(&terms)));
         }
     }
+    candidates.extend(equations.system.group_equations.iter().cloned());
     candidates.extend(group(Want::Constraint));
     if equations.has_energy() {
         candidates.push(("energy".to_owned(), equations.energy));

@@ -198,7 +198,9 @@ macro_rules! visit {
                     v.into_iter().for_each(add);
                 }
                 ReconstructionKind::Pose { omega, v } => omega.into_iter().chain(v).for_each(add),
-                ReconstructionKind::Translation { v: list } | ReconstructionKind::Rate { rate: list } => {
+                ReconstructionKind::Translation { v: list }
+                | ReconstructionKind::Matrix { group: _, elements: _, xi: list }
+                | ReconstructionKind::Rate { rate: list } => {
                     list.into_iter().for_each(add);
                 }
             }

@@ -20,6 +20,7 @@ mod group;
 mod kind;
 mod layout;
 mod limits;
+mod matrix_group;
 mod model;
 mod names;
 mod parser;
@@ -36,6 +37,7 @@ pub use expressions::ExpressionRole;
 pub use group::Group;
 pub use kind::{Kind, Restriction, Setting};
 pub use layout::Layout;
+pub use matrix_group::{KeptForm, MatrixFamily, MatrixGroup, MatrixSpace};
 pub use model::{
     Advected, Carried, CarriedBy, Condition, ConnectionKind, Constraint, ConstraintKind, Coordinate, Domain,
     FormulationSearch, Given, IdealChain, InnerProduct, Model, Momentum, Named, NamedVector, OwnAlgebroid,

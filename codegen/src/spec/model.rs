@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use super::diagnostic::{Diagnostic, Diagnostics, Origin, Span};
 use super::layout::Layout;
+use super::matrix_group::MatrixGroup;
 use super::view::Views;
 use super::want::Wanted;
 use crate::algebra::LieAlgebra;
@@ -338,6 +339,15 @@ pub enum ReconstructionKind {
     Translation {
         /// Velocity.
         v: Vec<ExprId>,
+    },
+    /// A matrix group: the entries of the matrix, and vectors of the spaces of a semidirect product.
+    Matrix {
+        /// The group.
+        group: MatrixGroup,
+        /// The elements of the algebra of the model that are those of the group's, in its order.
+        elements: Vec<usize>,
+        /// The group velocity along them.
+        xi: Vec<ExprId>,
     },
     /// Coordinates with given rates, which may contain coordinates that are reconstructed before.
     Rate {

@@ -9,7 +9,7 @@ use super::symbols::Special;
 use crate::algebra::LieAlgebra;
 use crate::expr::{ExprId, Number, SymbolId};
 use crate::spec::diagnostic::Span;
-use crate::spec::group::Group;
+use crate::spec::group::{Group, GroupBlock};
 use crate::spec::layout::Layout;
 use crate::spec::limits::MAX_DIM;
 use crate::spec::model::*;
@@ -25,12 +25,17 @@ impl Group {
         ("SE(2)", Group::PlanarMotion),
         ("SE(3)", Group::Motion),
     ];
+
+    /// Groups of matrices by their families, with the least number that makes one without `matrices(..)`.
+    pub(in crate::spec) const OF_MATRICES: &'static [(&'static str, usize)] =
+        &[("SO(n)", 4), ("SE(n)", 4), ("SU(n)", 2), ("U(n)", 1), ("GL(n)", 1), ("SL(n)", 2), ("Sp(n)", 2)];
 }
 
 impl ModelBuilder {
     /// Coordinates of a group that the velocities `from` of the algebra move; with none, all velocities of the algebra.
     ///
-    /// SO(2) takes one name, an angle; SO(3) one name `q` and has coordinates `qw, qx, qy, qz`; SE(2) three names,
+    /// A matrix group takes one name `R` and has the entries of a matrix, `R11, R12, ..`, or of a real and an imaginary
+    /// part, `R_re11, ..`; one more name for each space of a semidirect product. SO(2) takes one name, an angle; SO(3) one name `q` and has coordinates `qw, qx, qy, qz`; SE(2) three names,
     /// angle and position; SE(3) two names `q, r` and has `qw, .., qz, r1, r2, r3`; R^n one name `x` for `x1, .., xn`,
     /// or `n` names.
     pub fn reconstruct_group(
@@ -55,19 +60,18 @@ impl ModelBuilder {
     ) -> Vec<Value> {
         let span = self.here;
         let plain: Vec<&str> = names.iter().map(|(n, _)| *n).collect();
-        let Some(components) = group.coordinates(&plain) else {
+        let Some(blocks) = group.coordinates(&plain) else {
             let message = format!("{} for the coordinates of {group}", counted(names.len(), "name", "names"));
             self.problem(span, message, group.example());
             self.broken.insert("reconstruct");
             return Vec::new();
         };
-        if !self.has_room(components.iter().map(Vec::len).sum()) {
+        if !self.has_room(blocks.iter().map(|block| block.components.len()).sum()) {
             return Vec::new();
         }
         let mut draft = self.new_reconstruction(Way::Group(group, from), doc);
-        let blocks = names.iter().zip(components);
-        let values =
-            blocks.map(|(block, components)| self.declare_block(*block, &components, &mut draft)).collect();
+        let values = blocks.iter().map(|block| self.declare_block(block, names[block.of].1, &mut draft));
+        let values = values.collect();
         self.here = span;
         self.reconstructions.push(draft);
         values
@@ -105,9 +109,11 @@ impl ModelBuilder {
             return Vec::new();
         }
         let mut draft = self.new_reconstruction(Way::Rate(rate.entries().to_vec()), doc);
-        let blocks = names.iter().zip(components);
-        let values =
-            blocks.map(|(block, components)| self.declare_block(*block, &components, &mut draft)).collect();
+        let mut values = Vec::new();
+        for (of, ((name, span), components)) in names.iter().zip(components).enumerate() {
+            let block = GroupBlock { of, name: (*name).to_owned(), components, n_columns: None };
+            values.push(self.declare_block(&block, *span, &mut draft));
+        }
         self.here = span;
         self.reconstructions.push(draft);
         values
@@ -132,16 +138,17 @@ impl ModelBuilder {
 
     fn declare_block(
         &mut self,
-        (name, span): (&str, Option<Span>),
-        components: &[String],
+        block: &GroupBlock,
+        span: Option<Span>,
         draft: &mut ReconstructionDraft,
     ) -> Value {
         self.here = span;
-        let is_vector = components.len() != 1 || components[0] != name;
+        let GroupBlock { of: _, name, components, n_columns } = block;
+        let is_vector = components.len() != 1 || components[0] != *name;
         if is_vector {
             self.declare(name, DeclaredAs::Reconstructed);
         }
-        draft.blocks.push((name.to_owned(), components.len()));
+        draft.blocks.push((name.clone(), components.len()));
         let mut entries = Vec::with_capacity(components.len());
         for component in components {
             let (symbol, expr) = self.new_symbol(component, DeclaredAs::Reconstructed);
@@ -152,7 +159,12 @@ impl ModelBuilder {
         match (is_vector, entries.as_slice()) {
             (false, [only]) => Value::Scalar(*only),
             _ => {
-                let value = Value::Vector(entries);
+                let value = match n_columns {
+                    Some(columns) => {
+                        Value::Matrix { rows: entries.len() / columns, columns: *columns, entries }
+                    }
+                    None => Value::Vector(entries),
+                };
                 self.bind(name, &value);
                 value
             }
@@ -182,10 +194,11 @@ impl ModelBuilder {
                     }
                     Some(ReconstructionKind::Rate { rate })
                 }
-                Way::Group(group, from) => self.group_indices(group, &from, draft.span).map(|indices| {
+                Way::Group(group, from) => self.group_indices(&group, &from, draft.span).map(|elements| {
                     let xi: Vec<ExprId> =
-                        indices.into_iter().map(|a| self.group_velocity(a, connection)).collect();
+                        elements.iter().map(|a| self.group_velocity(*a, connection)).collect();
                     match (group, xi.as_slice()) {
+                        (Group::Matrices(group), _) => ReconstructionKind::Matrix { group, elements, xi },
                         (Group::PlanarRotation, &[omega]) => ReconstructionKind::Angle { omega },
                         (Group::Rotation, &[a, b, c]) => ReconstructionKind::Quaternion { omega: [a, b, c] },
                         (Group::PlanarMotion, &[omega, a, b]) => {
@@ -219,7 +232,7 @@ impl ModelBuilder {
 
     /// The basis elements whose velocities move the group. They have its brackets, and no bracket with another element
     /// has a component along them, so that `gdot = g xi` closes.
-    fn group_indices(&mut self, group: Group, from: &[Located], span: Option<Span>) -> Option<Vec<usize>> {
+    fn group_indices(&mut self, group: &Group, from: &[Located], span: Option<Span>) -> Option<Vec<usize>> {
         let expected = group.algebra()?;
         if self.broken.contains("velocity") {
             return None;

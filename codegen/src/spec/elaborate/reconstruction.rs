@@ -6,6 +6,7 @@ use super::values::Elaboration;
 use crate::spec::ast::{AlgebraExpr, AlgebraNode, Item, ItemKind, ReconstructWay};
 use crate::spec::diagnostic::Span;
 use crate::spec::group::Group;
+use crate::spec::matrix_group::{MatrixFamily, MatrixGroup, MatrixSpace};
 use crate::spec::names;
 
 impl Elaboration<'_> {
@@ -16,9 +17,10 @@ impl Elaboration<'_> {
             let plain: Vec<&str> = names.iter().map(|n| n.text.as_str()).collect();
             self.withheld.extend(plain.iter().map(|n| (*n).to_owned()));
             if let ReconstructWay::Group { group, .. } = way
-                && let Some(components) = group_of(group).and_then(|group| group.coordinates(&plain))
+                && let Some(blocks) = group_of(group).and_then(|group| group.coordinates(&plain))
             {
-                self.withheld.extend(components.into_iter().flatten());
+                self.withheld.extend(blocks.iter().map(|block| block.name.clone()));
+                self.withheld.extend(blocks.into_iter().flat_map(|block| block.components));
             }
         }
     }
@@ -43,14 +45,16 @@ impl Elaboration<'_> {
                 }
                 None => {
                     let written = self.one_line(group.span);
-                    let mut known = Group::NAMED.iter().map(|(name, _)| *name);
+                    let known = Group::NAMED.iter().map(|(name, _)| *name);
                     // `SU(2)` is one letter from `SE(2)` and another group: only the case is a slip.
                     let help = match known.clone().find(|name| name.eq_ignore_ascii_case(&written)) {
                         Some(name) => format!("did you mean `{name}`?"),
-                        None => format!(
-                            "legal here: {}",
-                            names::list(&known.by_ref().chain(["R^n"]).collect::<Vec<_>>())
-                        ),
+                        None => {
+                            let families = Group::OF_MATRICES.iter().map(|(name, _)| *name);
+                            let others = ["R^n", "matrices(SO(3))", "semidirect(SO(3), standard)"];
+                            let all: Vec<&str> = known.chain(families).chain(others).collect();
+                            format!("legal here: {}", names::list(&all))
+                        }
                     };
                     self.problem(group.span, format!("unknown group `{written}`"), help);
                 }
@@ -63,17 +67,55 @@ impl Elaboration<'_> {
     }
 }
 
+/// The group of that expression; none where there is none.
 fn group_of(expr: &AlgebraExpr) -> Option<Group> {
     match &expr.node {
         AlgebraNode::Name(name) if name == "R" => Some(Group::Translation(1)),
         AlgebraNode::Power(n) => Some(Group::Translation(*n)),
-        AlgebraNode::Call(name, arguments) => {
-            let [AlgebraExpr { node: AlgebraNode::Number(n), .. }] = arguments.as_slice() else {
-                return None;
-            };
-            let written = format!("{}({n})", name.text);
-            Group::NAMED.iter().find(|(known, _)| *known == written).map(|(_, group)| *group)
-        }
+        AlgebraNode::Call(name, arguments) => match (name.text.as_str(), arguments.as_slice()) {
+            ("matrices", [inner]) => of_matrices(inner, &[]),
+            ("semidirect", [inner, spaces @ ..]) if !spaces.is_empty() => {
+                let spaces: Option<Vec<MatrixSpace>> = spaces.iter().map(space_of).collect();
+                of_matrices(inner, &spaces?)
+            }
+            (family, [AlgebraExpr { node: AlgebraNode::Number(n), .. }]) => {
+                let written = format!("{family}({n})");
+                let named = Group::NAMED.iter().find(|(known, _)| *known == written);
+                let least = Group::OF_MATRICES.iter().find(|(known, _)| known.strip_suffix("(n)") == Some(family));
+                match (named, least) {
+                    (Some((_, group)), _) => Some(group.clone()),
+                    (None, Some((_, least))) if n >= least => of_matrices(expr, &[]),
+                    _ => None,
+                }
+            }
+            _ => None,
+        },
+        _ => None,
+    }
+}
+
+/// A group of matrices, by its family and number, with spaces.
+fn of_matrices(expr: &AlgebraExpr, spaces: &[MatrixSpace]) -> Option<Group> {
+    let AlgebraNode::Call(name, arguments) = &expr.node else { return None };
+    let [AlgebraExpr { node: AlgebraNode::Number(n), .. }] = arguments.as_slice() else { return None };
+    let (_, family) = MatrixFamily::NAMED.iter().find(|(known, _)| *known == name.text)?;
+    // Of larger ones the algebras are not made either.
+    let largest = match family {
+        MatrixFamily::SpecialOrthogonal | MatrixFamily::Euclidean => 10,
+        _ => 8,
+    };
+    let group = MatrixGroup::new(*family, Some(*n).filter(|n| *n <= largest)?, spaces).ok()?;
+    Some(Group::Matrices(group))
+}
+
+/// `standard`, or `trivial(n)`.
+fn space_of(expr: &AlgebraExpr) -> Option<MatrixSpace> {
+    match &expr.node {
+        AlgebraNode::Name(name) if name == "standard" => Some(MatrixSpace::Standard),
+        AlgebraNode::Call(name, arguments) if name.text == "trivial" => match arguments.as_slice() {
+            [AlgebraExpr { node: AlgebraNode::Number(n), .. }] => Some(MatrixSpace::Trivial(*n)),
+            _ => None,
+        },
         _ => None,
     }
 }
