@@ -209,6 +209,11 @@ pub enum Error {
         /// Why not.
         reason: String,
     },
+    /// A scene wants phases that there are not.
+    NoPhases {
+        /// Why not.
+        reason: String,
+    },
     /// No time was found in which a motion is Hamiltonian.
     NoHamiltonianTime {
         /// Why not.
@@ -405,6 +410,12 @@ impl Error {
             Error::NoBracket { reason } => (
                 format!("there is no nonholonomic bracket: {reason}"),
                 "remove `bracket` from what the scene wants".into(),
+            ),
+            Error::NoPhases { reason } => (
+                format!("there are no phases: {reason}"),
+                "give a `connection` along the velocity of the angle, or make the momentum of a cyclic coordinate a \
+                 parameter with `routh`"
+                    .into(),
             ),
             Error::NoHamiltonianTime { reason } => (
                 format!("no time was found in which the motion is Hamiltonian: {reason}"),

@@ -302,6 +302,7 @@ fn item() -> impl Strategy<Value = String> {
         (velocity.clone(), expression()).prop_map(|(v, e)| format!("force {v} = {e};")),
         number().prop_map(|e| format!("casimir c = {e};")),
         expression().prop_map(|e| format!("output h = {e};")),
+        (number(), expression()).prop_map(|(a, b)| format!("section p = [{a}, 1, {b}];")),
         expression().prop_map(|e| format!("let k = {e};")),
         expression().prop_map(|e| format!("require {e} > 0;")),
         select(&["trivial", "mechanical", "nonholonomic"][..]).prop_map(|c| format!("connection {c};")),
@@ -309,7 +310,14 @@ fn item() -> impl Strategy<Value = String> {
         Just("stage whole; stage translations = ideal(v);".to_owned()),
         (number(), number()).prop_map(|(a, b)| format!("inner_product = diag([1, {a}, {b}]);")),
         select(
-            &["theta, X, Y in SE(2)", "theta in SO(2) from omega", "X in R^2 from v", "psi by omega*x"][..]
+            &[
+                "theta, X, Y in SE(2)",
+                "theta in SO(2) from omega",
+                "X in R^2 from v",
+                "psi by omega*x",
+                "R, X in matrices(SE(2))",
+                "R, X in semidirect(SO(2), standard)",
+            ][..]
         )
         .prop_map(|r| format!("reconstruct {r};")),
         (stem(), number()).prop_map(|(n, e)| format!("initial {n} = {e};")),
@@ -319,7 +327,9 @@ fn item() -> impl Strategy<Value = String> {
             .prop_map(|(n, q)| format!("scene one {{ fix {n} = {q}; want energy; }}")),
         (
             stem(),
-            select(&["rhs", "energy", "momentum", "multipliers", "h", "c", "outputs", "energy_rate"][..])
+            select(&[
+                "rhs", "energy", "momentum", "multipliers", "h", "c", "outputs", "energy_rate", "phases", "p",
+            ][..])
         )
             .prop_map(|(n, w)| format!("scene two {{ want {w}; drop {n}; }}")),
     ]

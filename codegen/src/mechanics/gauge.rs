@@ -250,7 +250,7 @@ impl Search<'_> {
         Ok(kept.into_iter().map(|k| found[k].clone()).collect())
     }
 
-    /// Momenta along displacements, multiplied by powers of what the equations divide by: `f' J + f J' = 0`.
+    /// Momenta multiplied by powers of what the equations divide by, `f' J + f J' = 0`; along displacements first.
     fn scaled(&mut self, terms: &[Term]) -> Result<Vec<ConservedMomentum>, Error> {
         let equations = self.equations;
         let KinematicConstraint::Solved(solved) = &equations.system.constraint else { return Ok(Vec::new()) };
@@ -270,8 +270,7 @@ impl Search<'_> {
         let by: BTreeMap<SymbolId, ExprId> =
             base.iter().chain(&fibre).copied().chain([(equations.system.time, self.g.one())]).collect();
         let mut found = Vec::new();
-        // Those with constant coefficients come first.
-        for term in terms.iter().take_while(|term| term.is_plain) {
+        for term in terms.iter().filter(|term| term.is_plain).rev() {
             let value = chart.whole(self.g, &[], &[term.value])?[0];
             let g = &mut *self.g;
             let rate = g.derivative_along(value, &by);

@@ -140,6 +140,7 @@ pub(super) fn cyclic_coordinates<'a>(
         name: c.name.clone(),
         symbol: c.symbol,
         rate: graph.sym(c.velocity),
+        is_abelian: true,
         doc: c.doc.clone(),
     })
 }

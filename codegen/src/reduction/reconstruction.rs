@@ -18,6 +18,8 @@ pub struct ReconstructedCoordinate {
     pub symbol: SymbolId,
     /// Its rate, in velocities of the frame, base coordinates and reconstructed coordinates.
     pub rate: ExprId,
+    /// Whether it is a coordinate of an abelian group, whose rate is linear in the velocities.
+    pub is_abelian: bool,
     /// What it is.
     pub doc: String,
 }
@@ -51,12 +53,15 @@ pub(super) fn rates(g: &mut Graph, item: &Reconstruction, side: Side) -> Vec<Rec
             rates
         }
     };
+    let is_abelian =
+        matches!(item.kind, ReconstructionKind::Angle { .. } | ReconstructionKind::Translation { .. });
     let named = item.names.iter().zip(&item.symbols).zip(rates);
     named
         .map(|((name, symbol), rate)| ReconstructedCoordinate {
             name: name.clone(),
             symbol: *symbol,
             rate,
+            is_abelian,
             doc: item.doc.clone(),
         })
         .collect()

@@ -6,16 +6,16 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use crate::error::Error;
-use crate::expr::{ExprId, Stage, SymbolId, needed_sections};
+use crate::expr::{ExprId, Graph, Stage, SymbolId, needed_sections};
 use crate::lower::{self, Inputs, ParamCondition, Request};
-use crate::mechanics::{Equations, Output, OutputKind, StateEquation, derive};
+use crate::mechanics::{Equations, Output, OutputKind, Phase, StateEquation, derive, phases};
 use crate::parallel::side_by_side;
 use crate::program::Role;
 use crate::reduction::{Formulation, reduce};
 use crate::spec::{self, Diagnostics, Model, Want, Wanted};
 
 use super::built::{BuiltScene, legendre_role};
-use super::dependence::ignorable;
+use super::dependence::{ignorable, left_out, needs};
 use super::pivots::sorted_pivots;
 use super::plan::{Drops, Outputs, Plan};
 use super::{bracket, derivatives, implicit, invariants};
@@ -180,6 +180,7 @@ pub(super) fn build_derived(
             Error::NoBracket { .. } => {
                 place_of(Want::Bracket.name()).or_else(|| place_of(Want::HamiltonianTime.name()))
             }
+            Error::NoPhases { .. } => place_of(Want::Phases.name()),
             Error::NoHamiltonianTime { .. } => place_of(Want::HamiltonianTime.name()),
             Error::Unsupported { .. } if plan.implicit => place_of(Want::Implicit.name()),
             _ => problem.span,
@@ -215,6 +216,34 @@ fn available_outputs(equations: &Equations) -> Vec<Output> {
         outputs.insert(0, Output::group(Want::EnergyRate, components, doc));
     }
     outputs
+}
+
+/// Rates of the phases of the coordinates that an abelian group moves.
+fn phases_of(
+    g: &mut Graph,
+    equations: &Equations,
+    state: &[StateEquation],
+) -> Result<Output, Error> {
+    let found = phases(g, equations)?;
+    let left_out = left_out(equations, state);
+    let mut components = Vec::new();
+    for Phase { name, geometric, dynamic } in found {
+        for (part, e) in [("geometric", geometric), ("dynamic", dynamic)] {
+            if needs(g, equations, e, &left_out) {
+                return Err(Error::NoPhases {
+                    reason: format!("that of {name} depends on a coordinate that the scene leaves out"),
+                });
+            }
+            components.push((format!("{name}_{part}"), e));
+        }
+    }
+    if components.is_empty() {
+        let reason = "no coordinate of an abelian group is moved through a connection".into();
+        return Err(Error::NoPhases { reason });
+    }
+    let doc = "rates of the geometric phases, `-A(x) xdot`, and of the dynamic ones, the rest, of the coordinates of \
+               abelian groups";
+    Ok(Output::group(Want::Phases, components, doc))
 }
 
 /// Lowers what a scene asks for of its equations.
@@ -266,6 +295,9 @@ pub(super) fn lower_scene(
         outputs.extend(found.outputs);
         matrices.push(found.gradients);
         own_sections.extend(found.sections);
+    }
+    if plan.phases {
+        outputs.push(phases_of(&mut graph, &equations, &state)?);
     }
     if plan.bracket {
         let found = bracket::find(&mut graph, &equations, &state, factor);

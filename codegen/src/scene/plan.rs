@@ -34,6 +34,8 @@ pub(super) struct Plan {
     pub(super) energy: bool,
     pub(super) derivatives: BTreeSet<Derivative>,
     pub(super) invariants: bool,
+    /// Rates of geometric and dynamic phases.
+    pub(super) phases: bool,
     /// The nonholonomic bracket.
     pub(super) bracket: bool,
     /// The time in which the motion is Hamiltonian, in the place of the model's.
@@ -76,6 +78,7 @@ impl Plan {
             energy: false,
             derivatives: BTreeSet::new(),
             invariants: false,
+            phases: false,
             bracket: false,
             hamiltonian_time: false,
             implicit: false,
@@ -108,6 +111,7 @@ impl Plan {
                     Wanted::Want(Want::Reconstruction) => plan.reconstructs = true,
                     Wanted::Want(Want::Taylor) => plan.taylor = true,
                     Wanted::Want(Want::Invariants) => plan.invariants = true,
+                    Wanted::Want(Want::Phases) => plan.phases = true,
                     Wanted::Want(Want::Bracket) => plan.bracket = true,
                     Wanted::Want(Want::HamiltonianTime) => plan.hamiltonian_time = true,
                     Wanted::Want(Want::Implicit) => plan.implicit = true,

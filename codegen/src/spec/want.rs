@@ -50,6 +50,8 @@ pub enum Want {
     Outputs,
     /// The momenta along the sections of the model.
     Sections,
+    /// Rates of geometric and dynamic phases.
+    Phases,
     /// The Taylor coefficients of solutions.
     Taylor,
     /// What the motion conserves, with gradients.
@@ -64,7 +66,7 @@ pub enum Want {
 
 impl Want {
     /// All of them, in the order in which messages list them.
-    pub const ALL: [Want; 25] = [
+    pub const ALL: [Want; 26] = [
         Want::Rhs,
         Want::Energy,
         Want::EnergyRate,
@@ -85,6 +87,7 @@ impl Want {
         Want::Circles,
         Want::Outputs,
         Want::Sections,
+        Want::Phases,
         Want::Taylor,
         Want::Invariants,
         Want::Bracket,
@@ -115,6 +118,7 @@ impl Want {
             Want::Circles => "circles",
             Want::Outputs => "outputs",
             Want::Sections => "sections",
+            Want::Phases => "phases",
             Want::Taylor => "taylor",
             Want::Invariants => "invariants",
             Want::Bracket => "bracket",
@@ -133,7 +137,7 @@ impl Want {
     pub(super) fn is_in_tables(self) -> bool {
         use Want::{
             Bracket, Casimirs, Circles, Constraint, HamiltonianTime, Implicit, Invariants, MomentumEquation,
-            NonholonomicMomentum, Outputs, Sections, Taylor, Velocities,
+            NonholonomicMomentum, Outputs, Phases, Sections, Taylor, Velocities,
         };
         !matches!(
             self,
@@ -143,6 +147,7 @@ impl Want {
                 | Casimirs
                 | Circles
                 | Outputs
+                | Phases
                 | Sections
                 | Taylor
                 | Velocities

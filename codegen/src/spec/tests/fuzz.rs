@@ -207,6 +207,7 @@ fn token_soup_does_not_panic() {
         "force",
         "casimir",
         "output",
+        "section",
         "connection",
         "virtual",
         "quasi_velocity",
