@@ -327,9 +327,20 @@ fn item() -> impl Strategy<Value = String> {
             .prop_map(|(n, q)| format!("scene one {{ fix {n} = {q}; want energy; }}")),
         (
             stem(),
-            select(&[
-                "rhs", "energy", "momentum", "multipliers", "h", "c", "outputs", "energy_rate", "phases", "p",
-            ][..])
+            select(
+                &[
+                    "rhs",
+                    "energy",
+                    "momentum",
+                    "multipliers",
+                    "h",
+                    "c",
+                    "outputs",
+                    "energy_rate",
+                    "phases",
+                    "p",
+                ][..]
+            )
         )
             .prop_map(|(n, w)| format!("scene two {{ want {w}; drop {n}; }}")),
     ]

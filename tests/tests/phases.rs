@@ -36,7 +36,8 @@ fn close(a: f64, b: f64) -> bool {
     (a - b).abs() < 1e-14 * (1.0 + a.abs())
 }
 
-const HINGE: &str = "param I = 2 where I > 0; param J = 1 where J > 0; coordinate psi in angle; velocity omega in R;
+const HINGE: &str =
+    "param I = 2 where I > 0; param J = 1 where J > 0; coordinate psi in angle; velocity omega in R;
     lagrangian = I/2*omega^2 + J/2*(omega + psi_dot)^2 + cos(psi); reconstruct theta in SO(2);";
 
 #[test]

@@ -205,7 +205,14 @@ impl Equations {
         let along = along_sections.iter_mut().map(|section| &mut section.rate);
         let Legendre { velocities: _, momenta } = legendre;
         let momenta = momenta.iter_mut().map(|(_, e)| e);
-        state.chain(outputs).chain(momenta).chain(matrix).chain(pivots).chain(along).chain([energy, energy_rate]).collect()
+        state
+            .chain(outputs)
+            .chain(momenta)
+            .chain(matrix)
+            .chain(pivots)
+            .chain(along)
+            .chain([energy, energy_rate])
+            .collect()
     }
 
     /// Every result in the order of [`Equations::results_mut`].

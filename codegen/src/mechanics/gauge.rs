@@ -76,8 +76,12 @@ impl ConservedMomenta {
         let mut g = equations.system.graph.clone();
         g.enter(Stage::Results);
         let is_on_constraint = matches!(equations.system.constraint, KinematicConstraint::Multipliers { .. });
-        let mut found =
-            ConservedMomenta { graph: Graph::new(), momenta: Vec::new(), moving_energy: None, is_on_constraint };
+        let mut found = ConservedMomenta {
+            graph: Graph::new(),
+            momenta: Vec::new(),
+            moving_energy: None,
+            is_on_constraint,
+        };
         if equations.has_energy() {
             let chart = match is_on_constraint {
                 true => Some(Chart::new(&mut g, equations)?),
@@ -234,7 +238,8 @@ impl Search<'_> {
         let mut found = Vec::new();
         for relation in rational_relations(self.g, &columns) {
             let used: Vec<usize> = (0..terms.len()).filter(|k| !relation[*k].is_zero()).collect();
-            let parts: Vec<ExprId> = used.iter().map(|k| self.g.scale(terms[*k].rate, &relation[*k])).collect();
+            let parts: Vec<ExprId> =
+                used.iter().map(|k| self.g.scale(terms[*k].rate, &relation[*k])).collect();
             let rate = self.g.sum(&parts);
             if self.g.vanishing(rate) != Vanishing::Zero {
                 continue;
@@ -244,7 +249,10 @@ impl Search<'_> {
             found.extend(self.combined(terms, &weights));
         }
         found.extend(self.scaled(terms)?);
-        let values: Vec<ExprId> = found.iter().map(|m| m.value).collect();
+        let mut values: Vec<ExprId> = found.iter().map(|m| m.value).collect();
+        if let Some(chart) = &self.chart {
+            values = chart.whole(self.g, &[], &values)?;
+        }
         let gradients = self.gradients(&values)?;
         let kept = independent_rows(self.g, &gradients);
         Ok(kept.into_iter().map(|k| found[k].clone()).collect())
@@ -285,7 +293,8 @@ impl Search<'_> {
                 columns.push(vec![g.product(&[along, inverse, value])]);
             }
             let Some(factors) = powers(g, &functions, &columns, &[rate]) else { continue };
-            let factors: Vec<(ExprId, Rational)> = factors.into_iter().map(|f| (f.base, f.exponent)).collect();
+            let factors: Vec<(ExprId, Rational)> =
+                factors.into_iter().map(|f| (f.base, f.exponent)).collect();
             let Ok(factor) = g.power_product(&factors) else { continue };
             let section = term.section.iter().map(|(name, e)| (name.clone(), g.mul(factor, *e))).collect();
             found.push(ConservedMomentum { section, value: g.mul(factor, term.value) });

@@ -75,11 +75,7 @@ fn connection_part(
 }
 
 /// `-(K^-1 L_vx xdot)` along a cyclic coordinate; none for others, and beside constraints.
-fn cyclic_part(
-    g: &mut Graph,
-    equations: &Equations,
-    coordinate: &ReconstructedCoordinate,
-) -> Option<ExprId> {
+fn cyclic_part(g: &mut Graph, equations: &Equations, coordinate: &ReconstructedCoordinate) -> Option<ExprId> {
     let system = &equations.system;
     let KinematicConstraint::Solved(solved) = &system.constraint else { return None };
     if !solved.dependent.is_empty() || system.hamiltonian.is_some() {

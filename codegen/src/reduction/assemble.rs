@@ -172,6 +172,9 @@ fn blocks(model: &Model) -> Vec<Block> {
                     BlockKind::Attitude
                 }
                 (ReconstructionKind::Pose { .. }, _) => BlockKind::Position { attitude: blocks.len() - 1 },
+                (ReconstructionKind::Matrix { group, .. }, k) if k < group.n_blocks() => {
+                    BlockKind::Matrix(group.n())
+                }
                 (ReconstructionKind::PlanarPose { .. }, 0) => BlockKind::Heading,
                 (ReconstructionKind::PlanarPose { .. }, _) => {
                     BlockKind::Position { attitude: blocks.len() - k }

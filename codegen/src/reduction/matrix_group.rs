@@ -63,8 +63,7 @@ impl Element {
 
 /// How many coordinates are entries of the matrix.
 fn n_entries(group: &MatrixGroup) -> usize {
-    let squares = if group.family().is_complex() { 2 } else { 1 };
-    squares * group.n() * group.n()
+    group.n_blocks() * group.n() * group.n()
 }
 
 /// Rates of the coordinates by the group velocity: `g' = g xi`, `v' = g u` (left), or `g' = xi g`, `v' = xi v + u`
@@ -135,7 +134,8 @@ pub(super) fn equations(
             }
         }
     }
-    let is_special = matches!(group.kept_form(), Some(KeptForm::Volume)) || (is_complex && has_no_trace(group));
+    let is_special =
+        matches!(group.kept_form(), Some(KeptForm::Volume)) || (is_complex && has_no_trace(group));
     if is_special && group.n() <= MAX_DETERMINANT {
         let n = group.n();
         let step = if is_complex { 2 } else { 1 };
@@ -143,7 +143,8 @@ pub(super) fn equations(
             let im = if is_complex { r[step * i + 1][step * j] } else { g.zero() };
             (r[step * i][step * j], im)
         };
-        let rows: Vec<Vec<(ExprId, ExprId)>> = (0..n).map(|i| (0..n).map(|j| entry(i, j)).collect()).collect();
+        let rows: Vec<Vec<(ExprId, ExprId)>> =
+            (0..n).map(|i| (0..n).map(|j| entry(i, j)).collect()).collect();
         let (re, im) = determinant(g, &rows);
         list.push((format!("{name}_det"), re));
         if is_complex {
@@ -173,8 +174,7 @@ pub(super) fn momenta_in_space(
     elements: &[usize],
     side: Side,
 ) -> Vec<MomentumInSpace> {
-    let is_orthogonal =
-        matches!(group.kept_form(), Some(KeptForm::Bilinear(form)) if form == Matrix::identity(form.n_rows()));
+    let is_orthogonal = matches!(group.kept_form(), Some(KeptForm::Bilinear(form)) if form == Matrix::identity(form.n_rows()));
     if !is_orthogonal {
         return Vec::new();
     }

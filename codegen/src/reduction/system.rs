@@ -65,6 +65,8 @@ pub enum BlockKind {
         /// Position of that block in [`ReducedSystem::blocks`].
         attitude: usize,
     },
+    /// The entries of a square matrix with that many rows, row by row.
+    Matrix(usize),
     /// Any other coordinates of the group, or those whose rate the model gives.
     Reconstructed,
 }

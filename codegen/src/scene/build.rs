@@ -219,11 +219,7 @@ fn available_outputs(equations: &Equations) -> Vec<Output> {
 }
 
 /// Rates of the phases of the coordinates that an abelian group moves.
-fn phases_of(
-    g: &mut Graph,
-    equations: &Equations,
-    state: &[StateEquation],
-) -> Result<Output, Error> {
+fn phases_of(g: &mut Graph, equations: &Equations, state: &[StateEquation]) -> Result<Output, Error> {
     let found = phases(g, equations)?;
     let left_out = left_out(equations, state);
     let mut components = Vec::new();

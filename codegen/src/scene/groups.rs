@@ -34,6 +34,7 @@ fn of_state(blocks: &[Block], state: &[SymbolId]) -> Vec<GroupText> {
         let (kind, place) = match block.kind {
             BlockKind::Attitude => (GroupKind::Attitude, Some(GroupKind::Place)),
             BlockKind::Heading => (GroupKind::Vector, Some(GroupKind::PlanarPlace)),
+            BlockKind::Matrix(n) => (GroupKind::Matrix(n, n), None),
             BlockKind::Velocity
             | BlockKind::Momentum
             | BlockKind::Advected
@@ -108,6 +109,25 @@ mod tests {
                 ("place", GroupKind::Place, &[9, 10, 11, 12, 13, 14, 15]),
             ]
         );
+    }
+
+    #[test]
+    fn matrices_of_a_group_are_matrices() {
+        let scene = built(
+            "model turning {
+                velocity w in su(2);
+                lagrangian = 1/2*dot(w, w) + w1^2;
+                reconstruct g in SU(2);
+            }",
+            "reconstruction",
+        );
+        let found = groups(&scene).state;
+        let expected = [
+            ("w", GroupKind::Vector, [0, 1, 2].as_slice()),
+            ("g_re", GroupKind::Matrix(2, 2), &[3, 4, 5, 6]),
+            ("g_im", GroupKind::Matrix(2, 2), &[7, 8, 9, 10]),
+        ];
+        assert_eq!(listed(&found), expected);
     }
 
     #[test]

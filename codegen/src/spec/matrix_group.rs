@@ -130,6 +130,11 @@ impl MatrixGroup {
         self.n
     }
 
+    /// How many blocks of coordinates are matrices: one, or those of real and imaginary parts.
+    pub fn n_blocks(&self) -> usize {
+        if self.family.is_complex() { 2 } else { 1 }
+    }
+
     /// Its algebra.
     pub fn algebra(&self) -> &LieAlgebra {
         &self.algebra

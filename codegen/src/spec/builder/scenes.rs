@@ -124,7 +124,8 @@ impl ModelBuilder {
                     || self.casimirs.iter().map(|c| &c.name).any(named)
                     || self.sections.iter().map(|s| &s.name).any(named)
                     || self.outputs.iter().map(|o| &o.name).chain(&scene.circles).any(named);
-                let is_broken = ["output", "casimir", "section"].iter().any(|item| self.broken.contains(item));
+                let is_broken =
+                    ["output", "casimir", "section"].iter().any(|item| self.broken.contains(item));
                 if !(known || is_broken) {
                     let mut names: Vec<&str> = Want::ALL.map(Want::name).to_vec();
                     names.extend(self.casimirs.iter().map(|c| c.name.as_str()));

@@ -73,7 +73,11 @@ impl ModelBuilder {
             if value.shape() != Shape::Vector(along.len()) && !is_number {
                 let expected = Shape::Vector(along.len());
                 let message = format!("section `{name}` must be {expected}, found {}", value.shape());
-                self.problem(of_value, message, format!("it has a coefficient for each of {}", along.join(", ")));
+                self.problem(
+                    of_value,
+                    message,
+                    format!("it has a coefficient for each of {}", along.join(", ")),
+                );
                 continue;
             }
             let place = format!("section `{name}`");

@@ -81,7 +81,8 @@ fn group_of(expr: &AlgebraExpr) -> Option<Group> {
             (family, [AlgebraExpr { node: AlgebraNode::Number(n), .. }]) => {
                 let written = format!("{family}({n})");
                 let named = Group::NAMED.iter().find(|(known, _)| *known == written);
-                let least = Group::OF_MATRICES.iter().find(|(known, _)| known.strip_suffix("(n)") == Some(family));
+                let least =
+                    Group::OF_MATRICES.iter().find(|(known, _)| known.strip_suffix("(n)") == Some(family));
                 match (named, least) {
                     (Some((_, group)), _) => Some(group.clone()),
                     (None, Some((_, least))) if n >= least => of_matrices(expr, &[]),
