@@ -9,7 +9,8 @@ use hamel::repository::Repository;
 
 use super::fluids_report::{Long, Report, Row};
 use super::peers::{listen, script};
-use super::program::{PACKAGE, TargetCpu, build, converse, cpu, progress, rustc, target_dir};
+use super::program::{PACKAGE, TargetCpu, build, converse, progress, target_dir};
+use super::source::Source;
 
 /// What to measure, and how.
 #[derive(Clone, Copy, Debug)]
@@ -69,7 +70,7 @@ pub(crate) fn fluids(repository: &Repository, options: Options) -> Result<String
             Err(note) => notes.push(note),
         }
     }
-    let report = Report { command: options.command(), cpu: cpu(), rustc: rustc(), rows, long, using, notes };
+    let report = Report { source: Source::here(options.command()), rows, long, using, notes };
     let mut text = report.text();
     for path in report.write(&repository.root().join("docs/benchmarks"))? {
         text.push_str(&format!("wrote {}\n", repository.shown(&path)));
