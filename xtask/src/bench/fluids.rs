@@ -41,8 +41,8 @@ pub(crate) fn fluids(repository: &Repository, options: Options) -> Result<String
     let folder = target_dir(repository).join("flows");
     std::fs::create_dir_all(&folder).map_err(|e| Error::io(folder.display().to_string(), e))?;
     let (mut rows, mut long) = (Vec::new(), Vec::new());
-    // Sixteen sizes with two tolerances each, and two long runs.
-    let bar = progress(34);
+    // Sixteen sizes with three tolerances each, and two long runs.
+    let bar = progress(50);
     let mut command = Command::new(&program);
     command.args(["fluids", &options.rounds.to_string()]).arg(&folder);
     converse(command, PACKAGE, &bar, |line| {

@@ -204,11 +204,12 @@ impl Report {
 
 const INTRODUCTION: &str = "\
 Steps of the isospectral midpoint rule on one core: `IsospectralMidpoint` of `hamel-runtime`, iterated to round-off
-(`hamel`) and until the vorticity changes by less than 1e-8 of it (`hamel to 1e-8`). A flow has random spherical harmonics
-up to the degree 10, or waves up to the length 10, and a step of a tenth of pi over the norm of the stream matrix, which
-is what quflow's `estimate_stepsize` gives; time is that of the fastest round. The error is the distance after 16 steps
-from the same method with steps of a sixteenth, relative: that of the method, the same for all. Casimirs: the largest
-change of `tr W^k/N`, `k = 2, .., 5`, in units of `(tr W^2/N)^(k/2)`, after 1000 steps (100 for `N > 64`).
+(`hamel`) and until the vorticity changes by less than a part of it (`hamel to 1e-8`, `hamel to 1e-7`). A flow has random
+spherical harmonics up to the degree 10, or waves up to the length 10, and a step of a tenth of pi over the norm of the
+stream matrix, which is what quflow's `estimate_stepsize` gives; time is the mean of 16 steps or more in the fastest
+round, iterations those of all rounds. The error is the distance after 16 steps from the same method with steps of a
+sixteenth, relative: that of the method, the same for all. Casimirs: the largest change of `tr W^k/N`, `k = 2, .., 5`, in
+units of `(tr W^2/N)^(k/2)`, after 1000 steps (100 for `N > 64`).
 
 * **numpy, the method of quflow's isomp_fixedpoint** (with `--peers`): written anew in Python with numpy's BLAS and numba,
   with quflow's start, tolerance (`sqrt(eps) dt/hbar |W|`, of the order of 1e-8) and limit of ten iterations; one thread.
