@@ -220,8 +220,12 @@ impl MatrixGroup {
 impl fmt::Display for MatrixGroup {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let base = format!("{}({})", self.family.name(), self.n);
-        if self.spaces.is_empty() {
-            return f.write_str(&base);
+        let is_rigid = matches!(self.family, MatrixFamily::SpecialOrthogonal | MatrixFamily::Euclidean);
+        match self.spaces.is_empty() {
+            // Smaller ones have other coordinates by that name.
+            true if is_rigid && self.n <= 3 => return write!(f, "matrices({base})"),
+            true => return f.write_str(&base),
+            false => {}
         }
         let spaces: Vec<String> = self
             .spaces
