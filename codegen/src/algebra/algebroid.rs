@@ -6,8 +6,8 @@ use super::skew::{Bracket, SkewBracket};
 use crate::error::Error;
 use crate::expr::{ExprId, Graph, Number, Style, SymbolId, Vanishing};
 
-/// Rank from which on constant brackets are looked at as numbers before any triple is as expressions: below, all triples
-/// take less than a second.
+/// Rank from which on constant brackets are looked at as numbers before any triple is as expressions: below, all
+/// triples take less than a second.
 const LARGE: usize = 64;
 
 /// A Lie algebroid in coordinates `x^i` and a frame `e_alpha` that may move with time:

@@ -208,9 +208,9 @@ impl Value {
         let zero = g.zero();
         let mut entries = Vec::with_capacity(n * m);
         for i in 0..n {
-            let own = (0..k).filter(|l| a[i * k + l] != zero);
+            let own: Vec<usize> = (0..k).filter(|l| a[i * k + l] != zero).collect();
             for j in 0..m {
-                let row = own.clone().filter(|l| b[l * m + j] != zero);
+                let row = own.iter().filter(|l| b[*l * m + j] != zero);
                 let terms: Vec<ExprId> = row.map(|l| g.mul(a[i * k + l], b[l * m + j])).collect();
                 entries.push(g.sum(&terms));
             }
