@@ -39,10 +39,10 @@ impl LieAlgebra<Number> {
     pub fn zeitlin(n: usize) -> Result<LieAlgebra<Number>, Error> {
         let name = format!("zeitlin({n})");
         let modulus = i64::try_from(n).unwrap_or(i64::MAX);
-        if ![3, 5, 7, 9, 11, 13, 15].contains(&n) {
+        if ![3, 5, 7, 9, 11, 13, 15, 21].contains(&n) {
             return Err(Error::Unsupported {
                 what: name,
-                possible: "zeitlin(N) with N = 3, 5, 7, 9, 11, 13 or 15".into(),
+                possible: "zeitlin(N) with N = 3, 5, 7, 9, 11, 13, 15 or 21".into(),
             });
         }
         algebra_of(Modes::new(modulus / 2, Some(modulus)), &name)

@@ -150,15 +150,18 @@ impl<Q: Scalar> SkewBracket<Q> {
             (table[a * n + b], table[b * n + a]) = ((value, false), (value, true));
         }
         (0..n).flat_map(move |a| {
-            let mut residuals: Vec<BTreeMap<usize, Q>> = vec![BTreeMap::new(); n * n];
+            let mut residuals: Vec<Vec<(usize, Q)>> = vec![Vec::new(); n * n];
             let mut add = |(b, c): (usize, usize), value: &[(usize, Q)], third: usize, negative: bool| {
                 for (d, q) in value {
                     let (outer, is_opposite) = table[d * n + third];
                     for (e, p) in outer {
                         let term = q.times(p);
                         let term = if negative != is_opposite { term.negated() } else { term };
-                        let component = residuals[b * n + c].entry(*e).or_insert_with(Q::zero);
-                        *component = component.plus(&term);
+                        let own = &mut residuals[b * n + c];
+                        match own.iter_mut().find(|(component, _)| component == e) {
+                            Some((_, sum)) => *sum = sum.plus(&term),
+                            None => own.push((*e, term)),
+                        }
                     }
                 }
             };
@@ -170,8 +173,8 @@ impl<Q: Scalar> SkewBracket<Q> {
             }
             let triples = residuals.into_iter().enumerate();
             triples
-                .filter(|(_, residual)| residual.values().any(|q| !q.is_zero()))
-                .map(move |(k, residual)| ([a, k / n, k % n], residual))
+                .filter(|(_, residual)| residual.iter().any(|(_, q)| !q.is_zero()))
+                .map(move |(k, residual)| ([a, k / n, k % n], residual.into_iter().collect()))
         })
     }
 }
