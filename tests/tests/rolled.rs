@@ -105,10 +105,10 @@ fn loops_agree_with_straight_lines() {
         let function = rolled.program.function(&wanted).unwrap();
         assert_eq!(!function.contractions.is_empty(), is_rolled, "{wanted}");
     }
-    let [rolled, straight] = [&rolled, &straight].map(|built| built.prepare(&[0.07]).unwrap());
+    let both = [&rolled, &straight].map(|built| built.prepare(&[0.07]).unwrap());
     for seed in 0..5 {
         let modes = random_modes(5, seed);
-        let [a, b] = [rolled, straight].each_ref().map(|i| {
+        let [a, b] = both.each_ref().map(|i| {
             let mut rates = vec![0.0; modes.len()];
             i.rhs(0.7, &modes, &mut rates);
             rates.extend(i.outputs(0.7, &modes));
