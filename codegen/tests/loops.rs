@@ -7,7 +7,7 @@ use hamel_codegen::lower::SearchBudget;
 use hamel_codegen::program::{Factors, Point, Role};
 use hamel_codegen::scene::{self, BuiltScene, Writing};
 use hamel_codegen::spec;
-use hamel_runtime::{DoubleDouble, Real, Scene, System};
+use hamel_runtime::{DoubleDouble, Real, Scene};
 
 /// The module, as a crate has it.
 mod module {
