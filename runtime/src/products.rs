@@ -114,12 +114,10 @@ mod tests {
 
     fn direct<R: Real>(left: &[R], right: &[R]) -> Vec<R> {
         let mut out = std::vec![R::ZERO; 2];
-        let mut k = 0;
-        for place in places().chunks_exact(6) {
+        for (k, place) in places().chunks_exact(6).enumerate() {
             let [i, j, c] = [0, 2, 4].map(|at| usize::from(place[at]));
             let [hi, lo] = NUMBERS[c];
             out[usize::from(k >= 9)] += R::from_parts(hi, lo) * left[i] * right[j];
-            k += 1;
         }
         out
     }
