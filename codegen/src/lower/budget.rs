@@ -21,6 +21,8 @@ pub struct SearchBudget {
     pub numbers: usize,
     /// Terms looked at for other units.
     pub units: usize,
+    /// Products of a function from which on they are loops over tables and not straight-line code.
+    pub products: usize,
     /// Terms, times points, whose rounding errors are measured, in all functions of a program together.
     pub measurements: usize,
 }
@@ -33,6 +35,7 @@ impl Default for SearchBudget {
             terms: 4_000_000,
             numbers: 100_000,
             units: 20_000_000,
+            products: 4_000,
             measurements: 5_000_000,
         }
     }
