@@ -21,7 +21,9 @@ pub struct SearchBudget {
     pub numbers: usize,
     /// Terms looked at for other units.
     pub units: usize,
-    /// Products of a function from which on they are loops over tables and not straight-line code.
+    /// Products of a function from which on they are loops over tables and not straight-line code: `zeitlin(7)` takes
+    /// 0.4 us a call and 0.5 s of rustc 1.95 straight; `zeitlin(9)`, 5280 products, 2.1 us and 7 s straight, 3.9 us and
+    /// 0.1 s as a loop; `zeitlin(11)`, 12,576 products, crashes rustc straight.
     pub products: usize,
     /// Terms, times points, whose rounding errors are measured, in all functions of a program together.
     pub measurements: usize,

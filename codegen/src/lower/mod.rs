@@ -1,10 +1,10 @@
 //! Ordered definitions and wanted results to a flat straight-line [`Program`] with a parameter-only part.
 //!
-//! First every function is written in the `form` that costs least, or is taken for a loop over tables (`roll`), pivots and conditions are given the scales of their
-//! rounding errors (`pivots`), then expressions become `values` of a program, and `passes` rewrite the program. Every
-//! rewrite is directional, none makes a function cost more, none calls another, and what comes out is verified after
-//! each. Does not know: mechanics (a definition is a name with a formula), Rust (a program has operations and operands,
-//! no text).
+//! First every function is written in the `form` that costs least, or is taken for a loop over tables (`roll`), pivots
+//! and conditions are given the scales of their rounding errors (`pivots`), then expressions become `values` of a
+//! program, and `passes` rewrite the program. Every rewrite is directional, none makes a function cost more, none calls
+//! another, and what comes out is verified after each. Does not know: mechanics (a definition is a name with a
+//! formula), Rust (a program has operations and operands, no text).
 
 mod budget;
 mod check;

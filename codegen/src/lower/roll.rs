@@ -7,8 +7,8 @@
 //! are computed straight themselves. What is left is numbered by how deep rolled sums stand in each other: each level
 //! becomes one [`Contraction`].
 //!
-//! Straight-line code of many products is compiled slowly and read from memory once a call: from a number of products on
-//! that [`SearchBudget::products`] says, loops are the better form. Nothing is searched for then: sums are what they
+//! Straight-line code of many products is compiled slowly and read from memory once a call: from a number of products
+//! on that [`SearchBudget::products`] says, loops are the better form. Nothing is searched for then: sums are what they
 //! were derived as.
 //!
 //! Does not know: mechanics, where a sum comes from; how scalars are computed.

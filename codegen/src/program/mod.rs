@@ -1,10 +1,11 @@
 //! The intermediate form: a flat, verified [`Program`] in static single assignment, apart from the passes that make it.
 //!
-//! `ir` is the data, `table` that of sums over tables of products, `role` says what a function is for, `report` what became of the search for its form, `counts` and
-//! `cost` say what it costs, `verify` checks the rules, `edit` is what every pass that rewrites a program needs,
-//! `interpret` runs a program with the very operations that emitted code performs, `rounding` bounds their errors,
-//! `round_trip` turns it back into expressions, `series` turns a right-hand side into the recurrence of the Taylor
-//! coefficients of its solutions. Does not know: mechanics, how expressions become programs, Rust.
+//! `ir` is the data, `table` that of sums over tables of products, `role` says what a function is for, `report` what
+//! became of the search for its form, `counts` and `cost` say what it costs, `verify` checks the rules, `edit` is what
+//! every pass that rewrites a program needs, `interpret` runs a program with the very operations that emitted code
+//! performs, `rounding` bounds their errors, `round_trip` turns it back into expressions, `series` turns a right-hand
+//! side into the recurrence of the Taylor coefficients of its solutions. Does not know: mechanics, how expressions
+//! become programs, Rust.
 
 pub(crate) mod cost;
 mod counts;
