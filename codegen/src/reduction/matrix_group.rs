@@ -174,7 +174,11 @@ pub(super) fn momenta_in_space(
     elements: &[usize],
     side: Side,
 ) -> Vec<MomentumInSpace> {
-    let is_orthogonal = matches!(group.kept_form(), Some(KeptForm::Bilinear(form)) if form == Matrix::identity(form.n_rows()));
+    let is_identity = |form: Matrix| form == Matrix::identity(form.n_rows());
+    let is_orthogonal = match group.kept_form() {
+        Some(KeptForm::Bilinear(form)) => is_identity(form),
+        Some(KeptForm::Volume) | None => false,
+    };
     if !is_orthogonal {
         return Vec::new();
     }

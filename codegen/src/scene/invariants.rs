@@ -4,8 +4,8 @@
 //! of constraints, the energy, momenta of the frame and in space. One counts when its rate along the motion vanishes
 //! identically, by the fingerprints of the graph; the energy of a system with multipliers, which is conserved on the
 //! constraint alone, does not. Where the energy is not conserved a moving energy may be, and there may be momenta along
-//! sections that nobody has named: both are looked for. Of those that are functions of others only the first are kept. Components of the state
-//! that never change are parameters here: a projection leaves them alone.
+//! sections that nobody has named: both are looked for. Of those that are functions of others only the first are kept.
+//! Components of the state that never change are parameters here: a projection leaves them alone.
 //!
 //! Deliberately does not know: how anything is differentiated, lowered or emitted, who projects.
 

@@ -494,7 +494,9 @@ fn bad_reconstructions() {
     );
     check_with(
         "reconstruct q in SU(3) from O;",
-        expect!["2:13 3 velocities for SU(3), which has dimension 8 [name the velocities of the algebra that move it]"],
+        expect![
+            "2:13 3 velocities for SU(3), which has dimension 8 [name the velocities of the algebra that move it]"
+        ],
     );
     check_with(
         "reconstruct q from O;",
