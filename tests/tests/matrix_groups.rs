@@ -30,10 +30,8 @@ fn identity(n: usize) -> Square {
 }
 
 fn sum(a: &Square, b: &Square, scale: f64) -> Square {
-    let row = |(x, y): (&Vec<(f64, f64)>, &Vec<(f64, f64)>)| {
-        x.iter().zip(y).map(|((a, b), (c, d))| (a + scale * c, b + scale * d)).collect()
-    };
-    a.iter().zip(b).map(row).collect()
+    let entry = |((a, b), (c, d)): (&(f64, f64), &(f64, f64))| (a + scale * c, b + scale * d);
+    a.iter().zip(b).map(|(x, y)| x.iter().zip(y).map(entry).collect()).collect()
 }
 
 /// The conjugate of the transpose.

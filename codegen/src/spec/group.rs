@@ -22,7 +22,7 @@ pub enum Group {
     /// R^n.
     Translation(usize),
     /// Matrices, and vectors of the spaces of a semidirect product.
-    Matrices(MatrixGroup),
+    Matrices(Box<MatrixGroup>),
 }
 
 /// Coordinates of a group that belong together.

@@ -343,7 +343,7 @@ pub enum ReconstructionKind {
     /// A matrix group: the entries of the matrix, and vectors of the spaces of a semidirect product.
     Matrix {
         /// The group.
-        group: MatrixGroup,
+        group: Box<MatrixGroup>,
         /// The elements of the algebra of the model that are those of the group's, in its order.
         elements: Vec<usize>,
         /// The group velocity along them.

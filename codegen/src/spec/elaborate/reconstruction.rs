@@ -106,7 +106,7 @@ fn of_matrices(expr: &AlgebraExpr, spaces: &[MatrixSpace]) -> Option<Group> {
         _ => 8,
     };
     let group = MatrixGroup::new(*family, Some(*n).filter(|n| *n <= largest)?, spaces).ok()?;
-    Some(Group::Matrices(group))
+    Some(Group::Matrices(Box::new(group)))
 }
 
 /// `standard`, or `trivial(n)`.
