@@ -308,7 +308,7 @@ fn bad_constraints() {
     check(
         r#"model m { velocity v in R^2; lagrangian = dot(v, v); constraint v1^2 = 1; independent v2; }"#,
         expect![[
-            r#"1:75 a nonlinear or second-order constraint leaves all velocities in the state [remove `independent`]"#
+            r#"1:75 a nonlinear or higher-order constraint leaves all velocities in the state [remove `independent`]"#
         ]],
     );
     check(
