@@ -465,6 +465,14 @@ pub fn equations_of(text: &str) -> Result<Equations, String> {
     derive(&system).map_err(|e| e.to_string())
 }
 
+/// The equations of a text that has some.
+///
+/// # Panics
+/// With the error of any phase, and the text.
+pub fn derived(text: &str) -> Equations {
+    equations_of(text).unwrap_or_else(|e| panic!("{e}\n{text}"))
+}
+
 /// Exact values of definitions in order, at numbers for all inputs.
 #[derive(Clone, Debug)]
 pub struct Evaluation {

@@ -13,22 +13,13 @@ use hamel_tests::bundle::{Bundle, Polynomial};
 use hamel_tests::draws::{Draws, for_all, one};
 use hamel_tests::linear::{dot, int, rank};
 use hamel_tests::models::{close, follow, times};
-use hamel_tests::problem::{Evaluation, equations_of};
+use hamel_tests::problem::{Evaluation, derived, equations_of};
+use hamel_tests::stages::with_items;
 
 const NUMBERS: usize = 2400;
 
 /// Numbers by name.
 type Values = BTreeMap<String, Rational>;
-
-fn derived(text: &str) -> Equations {
-    equations_of(text).unwrap_or_else(|e| panic!("{e}\n{text}"))
-}
-
-/// A text with items before its last brace.
-fn with_items(text: &str, items: &str) -> String {
-    let body = text.trim_end().strip_suffix('}').expect("a model ends with a brace");
-    format!("{body}{items}\n}}\n")
-}
 
 /// Everything that equations say at a point, by name.
 fn said(equations: &Equations, at: &Values) -> Option<Values> {

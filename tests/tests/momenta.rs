@@ -18,23 +18,14 @@ use hamel_tests::bundle::{Bundle, BundleState};
 use hamel_tests::draws::{Draws, for_all, one};
 use hamel_tests::linear::{fraction, int};
 use hamel_tests::models::{self, close, follow, text_with, times};
-use hamel_tests::problem::{Evaluation, Problem, equations_of};
+use hamel_tests::problem::{Evaluation, Problem, derived};
+use hamel_tests::stages::with_items;
 use proptest::test_runner::TestCaseError;
 
 const NUMBERS: usize = 2400;
 
 /// Numbers by name: velocities, coordinates, advected parameters, time.
 type Values = BTreeMap<String, Rational>;
-
-fn derived(text: &str) -> Equations {
-    equations_of(text).unwrap_or_else(|e| panic!("{e}\n{text}"))
-}
-
-/// A text with items before its last brace.
-fn with_items(text: &str, items: &str) -> String {
-    let body = text.trim_end().strip_suffix('}').expect("a model ends with a brace");
-    format!("{body}{items}\n}}\n")
-}
 
 /// The momenta by velocities, as values and as rates along the motion in velocities; none where something has no value.
 fn legendre(equations: &Equations, at: &Values, rates: &Values) -> Option<Vec<(String, Rational, Rational)>> {

@@ -22,8 +22,7 @@ impl Page {
         let values = frame.velocities(&mut g, &own);
         let (mut forth, mut back) = (Vec::new(), Vec::new());
         for (k, name) in names.iter().enumerate().filter(|(k, _)| own[*k] != old[*k]) {
-            let terms: Vec<ExprId> = frame.inverse[k].iter().zip(&old).map(|(s, y)| g.mul(*s, *y)).collect();
-            let sum = g.sum(&terms);
+            let sum = g.dot(&frame.inverse[k], &old);
             forth.push((self.name(name), g.display(sum, self.style)));
             back.push((self.name(&frame.original[k].name), g.display(values[k], self.style)));
         }

@@ -139,8 +139,7 @@ fn constrained(
         }
     }
     let contract = |g: &mut Graph, form: &[ExprId], vector: &[ExprId]| {
-        let terms: Vec<ExprId> = form.iter().zip(vector).map(|(x, y)| g.mul(*x, *y)).collect();
-        let sum = g.sum(&terms);
+        let sum = g.dot(form, vector);
         g.cancel_zero(sum)
     };
     let column = |b: usize| -> Vec<ExprId> { psi.iter().map(|row| row[b]).collect() };

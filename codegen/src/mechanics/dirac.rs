@@ -77,16 +77,12 @@ impl DiracStructure {
         let symbols =
             |g: &mut Graph, list: &[SymbolId]| -> Vec<ExprId> { list.iter().map(|s| g.sym(*s)).collect() };
         let [y, p, b, a, l] = [&eta, &momenta, &beta, &alpha, &lambda].map(|list| symbols(&mut g, list));
-        let dot = |g: &mut Graph, row: &[ExprId], values: &[ExprId]| {
-            let terms: Vec<ExprId> = row.iter().zip(values).map(|(c, v)| g.mul(*c, *v)).collect();
-            g.sum(&terms)
-        };
         let mut rates = Vec::new();
         for i in 0..base.len() {
             let row: Vec<ExprId> = (0..frame.len()).map(|k| system.algebroid.anchor(i, k)).collect();
-            rates.push(dot(&mut g, &row, &y));
+            rates.push(g.dot(&row, &y));
         }
-        let annihilator = forms.iter().map(|form| dot(&mut g, form, &y)).collect();
+        let annihilator = forms.iter().map(|form| g.dot(form, &y)).collect();
         // The slopes -alpha and the force -beta of the structure itself.
         let slopes: Vec<ExprId> = a.iter().map(|e| g.neg(*e)).collect();
         let mut momentum_rates = Vec::new();
@@ -94,7 +90,7 @@ impl DiracStructure {
             let force = g.neg(*beta);
             let net = system.algebroid.net_force(&mut g, (k, force), &y, &p, &slopes);
             let column: Vec<ExprId> = forms.iter().map(|form| form[k]).collect();
-            let reaction = dot(&mut g, &column, &l);
+            let reaction = g.dot(&column, &l);
             momentum_rates.push(g.add(net, reaction));
         }
         DiracStructure {

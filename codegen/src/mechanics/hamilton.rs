@@ -3,7 +3,7 @@
 //! Does not know: the momentum equation, which is that of a Lagrangian.
 
 use crate::error::Error;
-use crate::expr::{ExprId, Graph};
+use crate::expr::ExprId;
 use crate::reduction::{AccelerationSource, Hamiltonian, KinematicConstraint};
 
 use super::derive::{Derivation, Motion};
@@ -65,10 +65,6 @@ impl Derivation<'_> {
             curvature.push(row);
             lag.push(self.drift(y)?);
         }
-        let dot = |g: &mut Graph, a: &[ExprId], b: &[ExprId]| {
-            let terms: Vec<ExprId> = a.iter().zip(b).map(|(x, y)| g.mul(*x, *y)).collect();
-            g.sum(&terms)
-        };
         let mut multipliers = Vec::new();
         let mut pivots = Vec::new();
         let mut rates = net.clone();
@@ -81,12 +77,12 @@ impl Derivation<'_> {
                 let columns: Vec<ExprId> = (0..m)
                     .map(|beta| {
                         let column: Vec<ExprId> = curvature.iter().map(|row| row[beta]).collect();
-                        dot(&mut self.g, &row.one_form, &column)
+                        self.g.dot(&row.one_form, &column)
                     })
                     .collect();
                 let mut entries = Vec::new();
                 for (other, form) in reactions.iter().enumerate() {
-                    let product = dot(&mut self.g, &columns, form);
+                    let product = self.g.dot(&columns, form);
                     entries.push(self.define(&format!("S_{}_{}", c + 1, other + 1), product));
                 }
                 matrix.push(entries);
@@ -94,8 +90,8 @@ impl Derivation<'_> {
                     AccelerationSource::Differentiated(residual) => self.drift(residual)?,
                     AccelerationSource::Servo(remainder) => remainder,
                 };
-                let along = dot(&mut self.g, &columns, &net);
-                let lagging = dot(&mut self.g, &row.one_form, &lag);
+                let along = self.g.dot(&columns, &net);
+                let lagging = self.g.dot(&row.one_form, &lag);
                 let sum = self.g.sum(&[along, lagging, rate]);
                 let value = self.g.neg(sum);
                 right.push(self.define(&format!("g_{}", c + 1), value));
@@ -117,7 +113,7 @@ impl Derivation<'_> {
         self.writer.begin("accelerations ydot = h_pp pdot + h_px xdot + h_pt");
         let mut acceleration = Vec::new();
         for alpha in 0..m {
-            let along = dot(&mut self.g, &curvature[alpha], &rates);
+            let along = self.g.dot(&curvature[alpha], &rates);
             let sum = self.g.add(along, lag[alpha]);
             acceleration.push(self.define(&format!("dot_{}", self.names[alpha].clone()), sum));
         }

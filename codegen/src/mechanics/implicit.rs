@@ -244,10 +244,6 @@ impl Form<'_> {
         self.g.sum(&terms)
     }
 
-    fn dot(&mut self, a: &[ExprId], b: &[ExprId]) -> ExprId {
-        self.g.dot(a, b)
-    }
-
     /// Whether virtual displacements depend on velocities.
     fn is_turned_by_velocities(&self, solved: &SolvedConstraint) -> bool {
         let velocities: BTreeSet<SymbolId> = self.system.velocities.iter().copied().collect();
@@ -294,9 +290,9 @@ impl Form<'_> {
         self.writer.begin("rates of the momenta pi_b = W^a_b p_a");
         for (b, unknown) in solved.unknowns.iter().enumerate() {
             let column: Vec<ExprId> = solved.virtual_displacements.iter().map(|row| row[b]).collect();
-            let along = self.dot(&column, &momenta);
+            let along = self.g.dot(&column, &momenta);
             let held = system.momenta.iter().find(|m| system.unknowns[m.unknown].symbol == unknown.symbol);
-            let mut terms = vec![self.dot(&column, &net)];
+            let mut terms = vec![self.g.dot(&column, &net)];
             for (w, p) in column.iter().zip(&momenta) {
                 let turning = self.drift(*w);
                 terms.push(self.g.mul(turning, *p));
@@ -316,8 +312,8 @@ impl Form<'_> {
                                 .iter()
                                 .map(|s| self.g.diff(system.lagrangian, *s))
                                 .collect();
-                            let raw = self.dot(&column, &raw);
-                            let value = self.g.subs(raw, &known).map_err(|_| by_state())?;
+                            let raw = self.g.dot(&column, &raw);
+                            let value = self.g.subs(raw, &known).map_err(|_| undefined())?;
                             let name = self.unused(format!("p_{}", unknown.name));
                             let symbol = self.g.symbol(&name);
                             let doc = format!("Momentum along {}.", unknown.name);
@@ -385,7 +381,7 @@ impl Form<'_> {
             let p = self.g.diff(system.lagrangian, system.velocities[alpha]);
             let drift = self.drift(p);
             let row: Vec<ExprId> = system.velocities.iter().map(|s| self.g.diff(p, *s)).collect();
-            let inertia = self.dot(&row, accelerations);
+            let inertia = self.g.dot(&row, accelerations);
             let lost = self.g.add(drift, inertia);
             residuals.push(self.g.sub(net, lost));
         }
@@ -407,13 +403,13 @@ impl Form<'_> {
         let residuals = self.residuals(&accelerations);
         for b in 0..solved.unknowns.len() {
             let column: Vec<ExprId> = solved.virtual_displacements.iter().map(|row| row[b]).collect();
-            let row = self.dot(&column, &residuals);
+            let row = self.g.dot(&column, &residuals);
             self.algebraic.push(row);
         }
         for row in self.constraint_rows(solved) {
             let velocities = self.system.velocities.iter();
             let slopes: Vec<ExprId> = velocities.map(|s| self.g.diff(row, *s)).collect();
-            let along = self.dot(&slopes, &accelerations);
+            let along = self.g.dot(&slopes, &accelerations);
             let drift = self.drift(row);
             let rate = self.g.add(along, drift);
             self.algebraic.push(rate);
@@ -470,12 +466,12 @@ impl Form<'_> {
         let residuals = self.residuals(&accelerations);
         for (alpha, residual) in residuals.into_iter().enumerate() {
             let column: Vec<ExprId> = reactions.iter().map(|form| form[alpha]).collect();
-            let reaction = self.dot(&column, &multipliers);
+            let reaction = self.g.dot(&column, &multipliers);
             let row = self.g.add(residual, reaction);
             self.algebraic.push(row);
         }
         for row in rows {
-            let along = self.dot(&row.one_form, &accelerations);
+            let along = self.g.dot(&row.one_form, &accelerations);
             let remainder = self.remainder(row);
             let condition = self.g.add(along, remainder);
             self.algebraic.push(condition);
@@ -525,7 +521,7 @@ impl Form<'_> {
                 let held = self.drafts.split_off(n_before);
                 for (alpha, rate) in rates.iter_mut().enumerate() {
                     let column: Vec<ExprId> = reactions.iter().map(|form| form[alpha]).collect();
-                    let reaction = self.dot(&column, &multipliers);
+                    let reaction = self.g.dot(&column, &multipliers);
                     let reaction = self.g.subs(reaction, &by_momenta).map_err(|_| place())?;
                     *rate = self.g.add(*rate, reaction);
                 }
@@ -533,14 +529,14 @@ impl Form<'_> {
                 for p in &hamiltonian.momenta {
                     let y = self.g.diff(hamiltonian.h, *p);
                     let row: Vec<ExprId> = hamiltonian.momenta.iter().map(|q| self.g.diff(y, *q)).collect();
-                    let along = self.dot(&row, &rates);
+                    let along = self.g.dot(&row, &rates);
                     let drift = self.drift(y);
                     accelerations.push(self.g.add(along, drift));
                 }
                 self.carried_accelerations(&accelerations, &by_momenta)?;
                 let mut conditions = Vec::new();
                 for row in rows {
-                    let along = self.dot(&row.one_form, &accelerations);
+                    let along = self.g.dot(&row.one_form, &accelerations);
                     let remainder = self.remainder(row);
                     let condition = self.g.add(along, remainder);
                     conditions.push(self.g.subs(condition, &by_momenta).map_err(|_| place())?);
@@ -656,14 +652,19 @@ impl ImplicitForm {
         let by_variables = inlined(g, self.sections.iter().flat_map(|s| &s.definitions));
         let along: Vec<ExprId> = self.variables.iter().map(|v| v.value).collect();
         let along = rates(g, equations, state, &along);
-        // What follows from a condition on places holds where that holds.
-        let on_places = equations.system.degeneracy.iter().any(|found| !found.positions.is_empty());
+        // What follows from a condition on positions holds where that holds.
+        let conditions = equations.system.degeneracy.as_ref().filter(|found| !found.positions.is_empty());
+        let places = conditions.and_then(|found| found.places(g, equations.system.algebroid.base()));
+        let places = places.map(|p| (p, inlined(g, equations.sections.iter().flat_map(|s| &s.definitions))));
         for (variable, rate) in self.variables.iter().zip(along) {
             let right = g.subs(variable.right, &by_variables).and_then(|e| g.subs(e, &values));
-            let right = right.map_err(|_| by_state())?;
-            let residual = if variable.is_differential { g.sub(rate, right) } else { right };
-            let is_seen = g.vanishing(residual) == Vanishing::Zero;
-            if !is_seen && !on_places {
+            let right = right.map_err(|_| undefined())?;
+            let mut residual = if variable.is_differential { g.sub(rate, right) } else { right };
+            if let (Some((places, by_state)), true) = (&places, g.vanishing(residual) != Vanishing::Zero) {
+                let on_them = g.subs(residual, by_state).and_then(|e| g.subs(e, places));
+                residual = on_them.map_err(|_| undefined())?;
+            }
+            if g.vanishing(residual) != Vanishing::Zero {
                 return Err(Error::Unverified {
                     claim: format!("that the motion satisfies the implicit equation of {}", variable.name),
                     residual: g.display(residual, Style::Plain).chars().take(MAX_SHOWN).collect(),
@@ -678,7 +679,7 @@ impl ImplicitForm {
 /// Characters of an equation that are shown in an error.
 const MAX_SHOWN: usize = 120;
 
-fn by_state() -> Error {
+fn undefined() -> Error {
     Error::DivisionByZero { place: "the variables of the implicit form by the state".into() }
 }
 

@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 
 use crate::error::Error;
-use crate::expr::{ExprId, Graph, SymbolId};
+use crate::expr::{ExprId, SymbolId};
 use crate::reduction::{AccelerationRow, AccelerationSource};
 
 use super::constrained::inertias;
@@ -45,16 +45,12 @@ impl Derivation<'_> {
             response.push(factors.solve(&mut self.g, &mut self.writer, &labels, form));
         }
         self.writer.begin("multipliers S lambda = -(w L_yy^-1 r + w0), S = w L_yy^-1 Lambda^T");
-        let dot = |g: &mut Graph, a: &[ExprId], b: &[ExprId]| {
-            let terms: Vec<ExprId> = a.iter().zip(b).map(|(x, y)| g.mul(*x, *y)).collect();
-            g.sum(&terms)
-        };
         let mut matrix = Vec::new();
         let mut right = Vec::new();
         for (c, row) in rows.iter().enumerate() {
             let mut entries = Vec::new();
             for (other, z) in response.iter().enumerate() {
-                let product = dot(&mut self.g, &row.one_form, z);
+                let product = self.g.dot(&row.one_form, z);
                 entries.push(self.define(&format!("S_{}_{}", c + 1, other + 1), product));
             }
             matrix.push(entries);
@@ -63,7 +59,7 @@ impl Derivation<'_> {
                 AccelerationSource::Differentiated(residual) => self.drift(residual)?,
                 AccelerationSource::Servo(remainder) => remainder,
             };
-            let product = dot(&mut self.g, &row.one_form, &free);
+            let product = self.g.dot(&row.one_form, &free);
             let sum = self.g.add(product, rate);
             let value = self.g.neg(sum);
             right.push(self.define(&format!("g_{}", c + 1), value));

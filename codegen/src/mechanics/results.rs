@@ -273,6 +273,7 @@ impl Derivation<'_> {
         let mut facts = Facts {
             energy_is_conserved: has_energy && energy_rate == self.g.zero(),
             energy_is_unverified: self.g.vanishing(energy_rate) == Vanishing::Unknown,
+            bracket_is_almost: system.algebroid.is_almost(),
             ..Facts::default()
         };
         if let Some(LinearSystem { mass_matrix, .. }) = &motion.system {

@@ -244,11 +244,11 @@ impl<'a> Writer<'a> {
     /// `beta_k = basis[k][a] p_a`, and the symbols of their rates.
     fn momenta(&mut self, p: &[(ExprId, ExprId)]) -> (Vec<Definition>, Vec<ExprId>) {
         let (p, slopes): (Vec<ExprId>, Vec<ExprId>) = p[self.n..].iter().copied().unzip();
-        let beta: Vec<ExprId> = self.basis.iter().map(|row| contract(&mut self.g, row, &p)).collect();
+        let beta: Vec<ExprId> = self.basis.iter().map(|row| self.g.dot(row, &p)).collect();
         let mut turned = Vec::new();
         for row in self.basis.clone() {
             let moved: Vec<ExprId> = row.iter().map(|e| self.rate(*e)).collect();
-            let parts = [contract(&mut self.g, &row, &slopes), contract(&mut self.g, &moved, &p)];
+            let parts = [self.g.dot(&row, &slopes), self.g.dot(&moved, &p)];
             turned.push(self.g.sum(&parts));
         }
         let symbols = self.symbols("beta", &beta);
@@ -306,7 +306,7 @@ impl<'a> Writer<'a> {
             let mut terms = vec![right];
             for (c, beta) in beta.iter().enumerate() {
                 let column: Vec<ExprId> = self.stages.inverse.iter().map(|row| row[c]).collect();
-                let along = contract(g, &moved, &column);
+                let along = g.dot(&moved, &column);
                 let along = g.cancel_zero(along);
                 terms.push(g.mul(along, *beta));
             }
@@ -421,7 +421,7 @@ impl<'a> Writer<'a> {
                 *right = self.g.add(*right, reaction);
             }
             for (right, row) in right.iter_mut().zip(&self.basis) {
-                let along = contract(&mut self.g, row, along_algebra);
+                let along = self.g.dot(row, along_algebra);
                 let along = self.g.cancel_zero(along);
                 let reaction = self.g.mul(lambda, along);
                 *right = self.g.add(*right, reaction);
@@ -441,7 +441,7 @@ impl<'a> Writer<'a> {
         let (base, fibre) = w.split_at(self.n);
         let g = &mut self.g;
         let tidied = |g: &mut Graph, a: &[ExprId], b: &[ExprId]| {
-            let sum = contract(g, a, b);
+            let sum = g.dot(a, b);
             g.cancel_zero(sum)
         };
         let width = constraint.unknowns.len();
@@ -461,12 +461,6 @@ impl<'a> Writer<'a> {
         tidy(g, &mut vectors);
         Some((vectors, lifts))
     }
-}
-
-/// `sum_k a_k b_k`.
-fn contract(g: &mut Graph, a: &[ExprId], b: &[ExprId]) -> ExprId {
-    let terms: Vec<ExprId> = a.iter().zip(b).map(|(x, y)| g.mul(*x, *y)).collect();
-    g.sum(&terms)
 }
 
 /// Makes an entry one, and all others of its column zero, by row operations.

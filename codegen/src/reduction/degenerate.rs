@@ -69,6 +69,28 @@ impl Degeneracy {
         });
         steps.chain(positions.iter_mut().map(|(_, e)| e))
     }
+
+    /// Coordinates as functions of the others where the conditions on positions hold: each condition, on those before
+    /// it, is solved for the first coordinate that it is affine in. None where a condition is affine in no coordinate.
+    pub(crate) fn places(&self, g: &mut Graph, base: &[SymbolId]) -> Option<BTreeMap<SymbolId, ExprId>> {
+        let mut places: BTreeMap<SymbolId, ExprId> = BTreeMap::new();
+        for (_, condition) in &self.positions {
+            let condition = g.subs(*condition, &places).ok()?;
+            let affine = base.iter().find_map(|x| {
+                let (slopes, rest) = g.affine_parts(condition, &[*x])?;
+                (g.vanishing(slopes[0]) == Vanishing::NonZero).then_some((*x, slopes[0], rest))
+            });
+            let (x, slope, rest) = affine?;
+            let minus_rest = g.neg(rest);
+            let value = g.div(minus_rest, slope).ok()?;
+            let by_others = BTreeMap::from([(x, value)]);
+            for place in places.values_mut() {
+                *place = g.subs(*place, &by_others).ok()?;
+            }
+            places.insert(x, value);
+        }
+        Some(places)
+    }
 }
 
 /// The constraint with the conditions that the equations without accelerations are; none where the Lagrangian is
@@ -245,8 +267,7 @@ impl Search<'_> {
         let m = self.names.len();
         let mut along = Vec::new();
         for row in &self.displacements {
-            let terms: Vec<ExprId> = row.iter().zip(combination).map(|(w, n)| g.mul(*w, *n)).collect();
-            let sum = g.sum(&terms);
+            let sum = g.dot(row, combination);
             along.push(g.cancel_zero(sum));
         }
         let mut lag = vec![g.zero(); m];

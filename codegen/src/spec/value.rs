@@ -305,10 +305,7 @@ impl Value {
     /// [`ValueError::Shapes`] unless both are vectors of one dimension.
     pub fn dot(&self, g: &mut Graph, other: &Value) -> Outcome {
         match (self, other) {
-            (Value::Vector(a), Value::Vector(b)) if a.len() == b.len() => {
-                let terms: Vec<ExprId> = a.iter().zip(b).map(|(a, b)| g.mul(*a, *b)).collect();
-                Ok(Value::Scalar(g.sum(&terms)))
-            }
+            (Value::Vector(a), Value::Vector(b)) if a.len() == b.len() => Ok(Value::Scalar(g.dot(a, b))),
             _ => Err(ValueError::Shapes {
                 operation: Operation::Dot,
                 left: self.shape(),

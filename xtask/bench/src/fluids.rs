@@ -15,8 +15,9 @@ use hamel_runtime::matrices::{IsospectralMidpoint, Laplacian, Options, Sphere, T
 pub const SPHERE: [usize; 8] = [5, 7, 9, 16, 32, 64, 128, 256];
 /// Sizes on the torus.
 pub const TORUS: [usize; 8] = [5, 7, 9, 15, 33, 65, 129, 255];
-/// Tolerances of the iteration: to round-off, and about that which quflow takes unless it is told.
-const TOLERANCES: [f64; 2] = [0.0, 1e-8];
+/// Tolerances of the iteration: to round-off, about that which quflow takes unless it is told, and one that leaves
+/// errors of the size of its own.
+const TOLERANCES: [f64; 3] = [0.0, 1e-8, 1e-7];
 /// Steps after which errors are told.
 const STEPS_OF_ERROR: u32 = 16;
 /// Steps of the reference for each of them.
@@ -24,6 +25,8 @@ const FINER: u32 = 16;
 /// Steps of the long run, at `N = 7`.
 const LONG: u32 = 1_000_000;
 const ROUND: Duration = Duration::from_millis(2);
+/// Least number of steps of a round.
+const STEPS_OF_ROUND: u32 = 16;
 
 type Solver<'s, L> = IsospectralMidpoint<'s, L, Vec<f64>>;
 
@@ -128,8 +131,8 @@ impl<'s, L: Laplacian> Flow<'s, L> {
         for round in 0..=rounds {
             let (clock, mut steps) = (Instant::now(), 0);
             while steps == 0 || clock.elapsed() < ROUND {
-                // The clock is read once in so many steps that it does not count.
-                for _ in 0..if self.surface.n() < 32 { 16 } else { 1 } {
+                // So many that reading the clock does not count, and that steps of more and of fewer iterations do.
+                for _ in 0..STEPS_OF_ROUND {
                     solver.step().map_err(|e| e.to_string())?;
                     steps += 1;
                 }

@@ -9,7 +9,8 @@ use hamel::repository::Repository;
 
 use super::fluids_report::{Long, Report, Row};
 use super::peers::{listen, script};
-use super::program::{PACKAGE, TargetCpu, build, converse, cpu, progress, rustc, target_dir};
+use super::program::{PACKAGE, TargetCpu, build, converse, progress, target_dir};
+use super::source::Source;
 
 /// What to measure, and how.
 #[derive(Clone, Copy, Debug)]
@@ -40,8 +41,8 @@ pub(crate) fn fluids(repository: &Repository, options: Options) -> Result<String
     let folder = target_dir(repository).join("flows");
     std::fs::create_dir_all(&folder).map_err(|e| Error::io(folder.display().to_string(), e))?;
     let (mut rows, mut long) = (Vec::new(), Vec::new());
-    // Sixteen sizes with two tolerances each, and two long runs.
-    let bar = progress(34);
+    // Sixteen sizes with three tolerances each, and two long runs.
+    let bar = progress(50);
     let mut command = Command::new(&program);
     command.args(["fluids", &options.rounds.to_string()]).arg(&folder);
     converse(command, PACKAGE, &bar, |line| {
@@ -69,7 +70,7 @@ pub(crate) fn fluids(repository: &Repository, options: Options) -> Result<String
             Err(note) => notes.push(note),
         }
     }
-    let report = Report { command: options.command(), cpu: cpu(), rustc: rustc(), rows, long, using, notes };
+    let report = Report { source: Source::here(options.command()), rows, long, using, notes };
     let mut text = report.text();
     for path in report.write(&repository.root().join("docs/benchmarks"))? {
         text.push_str(&format!("wrote {}\n", repository.shown(&path)));

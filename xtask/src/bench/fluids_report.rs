@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use hamel::Error;
 use hamel::output::plot::loglog::{self, Curve, LogLog};
 
+use super::source::Source;
 use super::table::{Table, cells, number, write_files};
 
 /// What was measured of one size.
@@ -71,12 +72,8 @@ impl Long {
 /// All that was measured, and on what.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Report {
-    /// The command that repeats it.
-    pub(crate) command: String,
-    /// The processor.
-    pub(crate) cpu: String,
-    /// The compiler.
-    pub(crate) rustc: String,
+    /// Where it comes from.
+    pub(crate) source: Source,
     /// The measurements, those of each program from small to large.
     pub(crate) rows: Vec<Row>,
     /// The long runs.
@@ -90,7 +87,7 @@ pub(crate) struct Report {
 impl Report {
     /// The report for a terminal.
     pub(crate) fn text(&self) -> String {
-        let mut text = format!("{}\n{}, {}\n", self.command, self.cpu, self.rustc);
+        let mut text = self.source.text();
         for surface in ["sphere", "torus"] {
             let _ = write!(text, "\n{surface}\n\n{}", self.steps(surface).text());
         }
@@ -159,11 +156,9 @@ impl Report {
 
     fn markdown(&self) -> String {
         let mut text = format!(
-            "# Fluids as matrices\n\n{INTRODUCTION}\n\nWritten by `{}` on {} with {}{}.\n\n\
+            "# Fluids as matrices\n\n{INTRODUCTION}\n\n{}{}.\n\n\
              ![Time of a step against N](fluids.svg)\n\n## Sphere\n\n{}\n## Torus\n\n{}\n{LONG}\n\n{}",
-            self.command,
-            self.cpu,
-            self.rustc,
+            self.source.markdown(),
             self.using.iter().map(|u| format!(", {u}")).collect::<String>(),
             self.steps("sphere").markdown(),
             self.steps("torus").markdown(),
@@ -176,10 +171,7 @@ impl Report {
     }
 
     fn csv(&self) -> String {
-        let mut text = format!(
-            "# {}\n# {}\n# {}\nsurface,n,by,us,iterations,error,drift\n",
-            self.command, self.cpu, self.rustc
-        );
+        let mut text = self.source.csv() + "surface,n,by,us,iterations,error,drift\n";
         for Row { surface, n, by, us, iterations, error, drift } in &self.rows {
             let iterations = number(Some(*iterations), 2);
             let _ = writeln!(text, "{surface},{n},\"{by}\",{us:.3},{iterations},{error:.3e},{drift:.1e}");
@@ -203,7 +195,7 @@ impl Report {
         }
         LogLog {
             title: "Time of a step against the size of the matrices".into(),
-            subtitle: format!("{}, {}", self.cpu, self.rustc),
+            subtitle: self.source.machine(),
             labels: ["N".into(), "microseconds".into()],
             curves,
         }
@@ -212,11 +204,12 @@ impl Report {
 
 const INTRODUCTION: &str = "\
 Steps of the isospectral midpoint rule on one core: `IsospectralMidpoint` of `hamel-runtime`, iterated to round-off
-(`hamel`) and until the vorticity changes by less than 1e-8 of it (`hamel to 1e-8`). A flow has random spherical harmonics
-up to the degree 10, or waves up to the length 10, and a step of a tenth of pi over the norm of the stream matrix, which
-is what quflow's `estimate_stepsize` gives; time is that of the fastest round. The error is the distance after 16 steps
-from the same method with steps of a sixteenth, relative: that of the method, the same for all. Casimirs: the largest
-change of `tr W^k/N`, `k = 2, .., 5`, in units of `(tr W^2/N)^(k/2)`, after 1000 steps (100 for `N > 64`).
+(`hamel`) and until the vorticity changes by less than a part of it (`hamel to 1e-8`, `hamel to 1e-7`). A flow has random
+spherical harmonics up to the degree 10, or waves up to the length 10, and a step of a tenth of pi over the norm of the
+stream matrix, which is what quflow's `estimate_stepsize` gives; time is the mean of 16 steps or more in the fastest
+round, iterations those of all rounds. The error is the distance after 16 steps from the same method with steps of a
+sixteenth, relative: that of the method, the same for all. Casimirs: the largest change of `tr W^k/N`, `k = 2, .., 5`, in
+units of `(tr W^2/N)^(k/2)`, after 1000 steps (100 for `N > 64`).
 
 * **numpy, the method of quflow's isomp_fixedpoint** (with `--peers`): written anew in Python with numpy's BLAS and numba,
   with quflow's start, tolerance (`sqrt(eps) dt/hbar |W|`, of the order of 1e-8) and limit of ten iterations; one thread.
@@ -228,6 +221,7 @@ Drift of the Casimirs on the torus with `N = 7`, iterated to round-off:";
 #[cfg(test)]
 mod tests {
     use super::{Long, Report, Row};
+    use crate::bench::source::Source;
 
     #[test]
     fn lines_become_tables_and_curves() {
@@ -238,9 +232,7 @@ mod tests {
             "sphere;5;numpy, a method;40000;NaN;1e-4;1e-9",
         ];
         let report = Report {
-            command: "bench fluids".into(),
-            cpu: "a cpu".into(),
-            rustc: "rustc 1.0".into(),
+            source: Source::of_test("bench fluids"),
             rows: rows.map(|line| Row::parse(line).unwrap_or_else(|| panic!("{line}"))).to_vec(),
             long: vec![Long::parse("1000000;0.05;1e-14").expect("a run")],
             using: Vec::new(),

@@ -15,6 +15,7 @@ mod rhs;
 mod rhs_report;
 mod scaling;
 mod scaling_report;
+mod source;
 mod table;
 mod wp;
 mod wp_report;

@@ -17,8 +17,9 @@ use hamel_codegen::program::Counts;
 use indicatif::ProgressBar;
 
 use super::kernel::{Kernel, Row};
-use super::program::{PACKAGE, TargetCpu, build, converse, cpu, failed, progress, rustc};
+use super::program::{PACKAGE, TargetCpu, build, converse, failed, progress};
 use super::rhs_report::Report;
+use super::source::Source;
 use super::{instructions, peers};
 
 /// What to measure, and how.
@@ -79,7 +80,7 @@ pub(crate) fn rhs(repository: &Repository, session: &Session, options: &Options)
         }
     }
     let peers = using.zip(rows.next()).map(|(using, rows)| peers::Peers { rows, using });
-    let report = Report { command: options.command(), cpu: cpu(), rustc: rustc(), rows: own, peers, notes };
+    let report = Report { source: Source::here(options.command()), rows: own, peers, notes };
     let mut text = report.text();
     if options.models.is_empty() {
         for path in report.write(&repository.root().join("docs/benchmarks"))? {

@@ -13,17 +13,14 @@ use hamel_codegen::program::Counts;
 
 use super::kernel::{Kernel, Row};
 use super::peers::{self, PEERS, Peer, Peers};
+use super::source::Source;
 use super::table::{Table, cells, number, write_files};
 
 /// All that was measured, and on what.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Report {
-    /// The command that repeats it.
-    pub(crate) command: String,
-    /// The processor.
-    pub(crate) cpu: String,
-    /// The compiler.
-    pub(crate) rustc: String,
+    /// Where it comes from.
+    pub(crate) source: Source,
     /// The measurements.
     pub(crate) rows: Vec<Row>,
     /// Other generators, when they were measured, too.
@@ -35,8 +32,7 @@ pub(crate) struct Report {
 impl Report {
     /// The report for a terminal.
     pub(crate) fn text(&self) -> String {
-        let mut text =
-            format!("{}\n{}, {}\n\n{}", self.command, self.cpu, self.rustc, self.measured().text());
+        let mut text = format!("{}\n{}", self.source.text(), self.measured().text());
         if let Some((source, tables)) = self.beside_peers() {
             let tables: Vec<String> = tables.iter().map(Table::text).collect();
             let _ = write!(text, "\n{source}\n\n{}", tables.join("\n"));
@@ -209,11 +205,9 @@ impl Report {
 
     fn markdown(&self) -> String {
         let mut text = format!(
-            "# Right-hand sides\n\n{INTRODUCTION}\n\nWritten by `{}` on {} with {}.\n\n![Executed instructions of one call]\
+            "# Right-hand sides\n\n{INTRODUCTION}\n\n{}.\n\n![Executed instructions of one call]\
              (rhs.svg)\n\n{}",
-            self.command,
-            self.cpu,
-            self.rustc,
+            self.source.markdown(),
             self.measured().markdown()
         );
         if let Some((source, tables)) = self.beside_peers() {
@@ -229,9 +223,9 @@ impl Report {
 
     fn csv(&self) -> String {
         let mut text = format!(
-            "# {}\n# {}\n# {}\nmodel,scene,by,lanes,add,mul,fused,div,neg,sqrt,functions,instructions,ns_min,ns_median,\
+            "{}model,scene,by,lanes,add,mul,fused,div,neg,sqrt,functions,instructions,ns_min,ns_median,\
              ns_above_copy,ns_chain\n",
-            self.command, self.cpu, self.rustc
+            self.source.csv()
         );
         let rows = self.sorted().into_iter().map(|row| (&self.rows, row));
         let peers = self.peers.iter().flat_map(|p| p.rows.iter().map(|row| (&p.rows, row)));
@@ -282,7 +276,7 @@ impl Report {
         let series = ["hamel", "by hand, expert", best, "vector algebra", "multipliers"];
         Bars {
             title: "One evaluation of a right-hand side".into(),
-            subtitle: format!("{}, {}", self.cpu, self.rustc),
+            subtitle: self.source.machine(),
             x_label: if counted { "executed instructions" } else { "nanoseconds" }.into(),
             series: series.map(str::to_owned).to_vec(),
             groups: groups.collect(),
@@ -377,6 +371,7 @@ peers, the better compiler by each measure: instructions / ns above copy / ns a 
 mod tests {
     use super::{Counts, Peers, Report, Row};
     use crate::bench::kernel::Kernel;
+    use crate::bench::source::Source;
 
     fn row(model: &str, kind: &str, instructions: Option<f64>, min: f64) -> Row {
         let kernel = Kernel { model: model.into(), scene: "default".into(), kind: kind.into(), lanes: 1 };
@@ -387,9 +382,7 @@ mod tests {
     fn report(counted: bool) -> Report {
         let some = |n| counted.then_some(n);
         Report {
-            command: "cargo xtask bench rhs".into(),
-            cpu: "a processor".into(),
-            rustc: "rustc 1.0".into(),
+            source: Source::of_test("cargo xtask bench rhs"),
             rows: vec![
                 row("-", "copy", some(15.0), 1.5),
                 row("heavy_top", "hamel", some(40.0), 2.5),

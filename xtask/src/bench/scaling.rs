@@ -19,8 +19,9 @@ use hamel_codegen::scene::{self, BuiltScene};
 use hamel_codegen::spec;
 
 use super::family::{Family, Row};
-use super::program::{TargetCpu, cpu, progress, rustc, target_dir};
+use super::program::{TargetCpu, progress, target_dir};
 use super::scaling_report::Report;
+use super::source::Source;
 
 /// The runtime, which every program is linked with.
 const RUNTIME: &str = "hamel-runtime";
@@ -74,7 +75,7 @@ pub(crate) fn scaling(repository: &Repository, options: &Options) -> Result<Stri
         rows.extend(fastest);
     }
     bar.finish_and_clear();
-    let report = Report { command: options.command(), cpu: cpu(), rustc: rustc(), rows };
+    let report = Report { source: Source::here(options.command()), rows };
     let mut text = report.text();
     if options.short {
         text.push_str("docs/benchmarks is written without --short\n");

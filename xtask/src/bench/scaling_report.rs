@@ -12,17 +12,14 @@ use hamel::Error;
 use hamel::output::plot::loglog::{self, Curve, LogLog};
 
 use super::family::{Family, Row};
+use super::source::Source;
 use super::table::{Table, cells, number, write_files};
 
 /// All that was measured, and on what.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Report {
-    /// The command that repeats it.
-    pub(crate) command: String,
-    /// The processor.
-    pub(crate) cpu: String,
-    /// The compiler.
-    pub(crate) rustc: String,
+    /// Where it comes from.
+    pub(crate) source: Source,
     /// The measurements, each family from small to large.
     pub(crate) rows: Vec<Row>,
 }
@@ -31,7 +28,7 @@ impl Report {
     /// The report for a terminal.
     pub(crate) fn text(&self) -> String {
         let (measured, growth) = (self.measured().text(), self.growth().text());
-        format!("{}\n{}, {}\n\n{measured}\n{GROWTH}:\n\n{growth}\n", self.command, self.cpu, self.rustc)
+        format!("{}\n{measured}\n{GROWTH}:\n\n{growth}\n", self.source.text())
     }
 
     /// Writes `scaling.md`, `scaling.csv` and `scaling.svg`; the files written.
@@ -95,11 +92,9 @@ impl Report {
 
     fn markdown(&self) -> String {
         format!(
-            "# Scaling\n\n{INTRODUCTION}\n\nWritten by `{}` on {} with {}.\n\n![Time against operations](scaling.svg)\n\n{}\n\
+            "# Scaling\n\n{INTRODUCTION}\n\n{}.\n\n![Time against operations](scaling.svg)\n\n{}\n\
              {GROWTH}:\n\n{}",
-            self.command,
-            self.cpu,
-            self.rustc,
+            self.source.markdown(),
             self.measured().markdown(),
             self.growth().markdown()
         )
@@ -107,8 +102,8 @@ impl Report {
 
     fn csv(&self) -> String {
         let mut text = format!(
-            "# {}\n# {}\n# {}\nsystem,dim,operations,all_operations,generation_ms,lines,rustc_ms,ns\n",
-            self.command, self.cpu, self.rustc
+            "{}system,dim,operations,all_operations,generation_ms,lines,rustc_ms,ns\n",
+            self.source.csv()
         );
         for r in &self.rows {
             let (generation, rustc) = (milliseconds(r.generation), milliseconds(r.rustc));
@@ -140,7 +135,7 @@ impl Report {
         let rustc = Family::ALL.into_iter().map(|f| curve(f, "rustc", true, |r| r.rustc));
         LogLog {
             title: "Time against the size of the program".into(),
-            subtitle: format!("{}, {}", self.cpu, self.rustc),
+            subtitle: self.source.machine(),
             labels: ["operations of all functions".into(), "milliseconds".into()],
             curves: generation.chain(rustc).collect(),
         }
@@ -182,6 +177,7 @@ mod tests {
 
     use super::{Report, exponent};
     use crate::bench::family::{Family, Row};
+    use crate::bench::source::Source;
 
     fn report() -> Report {
         let row = |dim: usize| Row {
@@ -195,7 +191,7 @@ mod tests {
             ns: dim as f64,
         };
         let rows = [8, 16, 32].map(row).to_vec();
-        Report { command: "bench scaling".into(), cpu: "a cpu".into(), rustc: "rustc 1.0".into(), rows }
+        Report { source: Source::of_test("bench scaling"), rows }
     }
 
     #[test]

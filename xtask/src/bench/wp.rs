@@ -12,7 +12,8 @@ use serde_json::Value;
 
 use super::peers::{listen, script};
 use super::point::Point;
-use super::program::{PACKAGE, TargetCpu, build, converse, cpu, failed, progress, rustc};
+use super::program::{PACKAGE, TargetCpu, build, converse, failed, progress};
+use super::source::Source;
 use super::wp_report::Report;
 
 /// The models that are measured when none is named.
@@ -91,7 +92,7 @@ pub(crate) fn wp(repository: &Repository, options: &Options) -> Result<String, E
         }
     }
     let points = models.iter().map(|m| (m.clone(), points.remove(m).unwrap_or_default())).collect();
-    let report = Report { command: options.command(), cpu: cpu(), rustc: rustc(), models: points, notes };
+    let report = Report { source: Source::here(options.command()), models: points, notes };
     let mut text = report.text();
     if options.models.is_empty() {
         for path in report.write(&repository.root().join("docs/benchmarks"))? {

@@ -11,17 +11,14 @@ use hamel::Error;
 use hamel::output::plot::loglog::{self, Curve, LogLog};
 
 use super::point::{Point, fastest};
+use super::source::Source;
 use super::table::{Table, cells, number, write_files};
 
 /// All that was measured, and on what.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Report {
-    /// The command that repeats it.
-    pub(crate) command: String,
-    /// The processor.
-    pub(crate) cpu: String,
-    /// The compiler.
-    pub(crate) rustc: String,
+    /// Where it comes from.
+    pub(crate) source: Source,
     /// Models with their measurements.
     pub(crate) models: Vec<(String, Vec<Point>)>,
     /// What could not be measured, and why.
@@ -39,7 +36,7 @@ fn by_solver(points: &[Point]) -> Vec<&[Point]> {
 impl Report {
     /// The report for a terminal.
     pub(crate) fn text(&self) -> String {
-        let mut text = format!("{}\n{}, {}\n\n{}", self.command, self.cpu, self.rustc, self.best().text());
+        let mut text = format!("{}\n{}", self.source.text(), self.best().text());
         for (model, points) in &self.models {
             let _ =
                 write!(text, "\n{model}: microseconds to an error of at most\n\n{}", times(points).text());
@@ -95,10 +92,8 @@ impl Report {
 
     fn markdown(&self) -> String {
         let mut text = format!(
-            "# Work and precision\n\n{INTRODUCTION}\n\nWritten by `{}` on {} with {}.\n\n## The best\n\n{}",
-            self.command,
-            self.cpu,
-            self.rustc,
+            "# Work and precision\n\n{INTRODUCTION}\n\n{}.\n\n## The best\n\n{}",
+            self.source.markdown(),
             self.best().markdown()
         );
         for (model, points) in &self.models {
@@ -118,9 +113,9 @@ impl Report {
     fn html(&self, charts: &[String]) -> String {
         let mut body = format!(
             "<h1>Work and precision</h1>\n<p>Written by <code>{}</code> on {} with {}. Times are in microseconds.</p>\n{}",
-            escaped(&self.command),
-            escaped(&self.cpu),
-            escaped(&self.rustc),
+            escaped(&self.source.command),
+            escaped(&self.source.cpu),
+            escaped(&self.source.rustc),
             self.best().html()
         );
         for ((model, points), chart) in self.models.iter().zip(charts) {
@@ -136,10 +131,7 @@ impl Report {
     }
 
     fn csv(&self, points: &[Point]) -> String {
-        let mut text = format!(
-            "# {}\n# {}\n# {}\nby,method,tolerance_or_steps,error,evaluations,steps,us\n",
-            self.command, self.cpu, self.rustc
-        );
+        let mut text = self.source.csv() + "by,method,tolerance_or_steps,error,evaluations,steps,us\n";
         for Point { by, method, knob, error, evals, steps, us } in points {
             let _ = writeln!(text, "\"{by}\",{method},{knob:e},{error:.3e},{evals},{steps},{us:.3}");
         }
@@ -154,7 +146,7 @@ impl Report {
         };
         LogLog {
             title: format!("{model}: time against error"),
-            subtitle: format!("{}, {}", self.cpu, self.rustc),
+            subtitle: self.source.machine(),
             labels: ["error at the end, max |dy| / (1 + |y|)".into(), "microseconds".into()],
             curves: by_solver(points).into_iter().map(curve).collect(),
         }
@@ -210,6 +202,7 @@ integrates one.";
 #[cfg(test)]
 mod tests {
     use super::{Point, Report};
+    use crate::bench::source::Source;
 
     fn point(by: &str, method: &str, error: f64, us: f64) -> Point {
         Point { by: by.into(), method: method.into(), knob: 1e-9, error, evals: 10, steps: 2, us }
@@ -223,13 +216,7 @@ mod tests {
             point("other & co", "dop853", 1e-10, 20.0),
         ];
         let models = vec![("heavy_top".to_owned(), points)];
-        Report {
-            command: "bench wp".into(),
-            cpu: "a cpu".into(),
-            rustc: "rustc 1.0".into(),
-            models,
-            notes: Vec::new(),
-        }
+        Report { source: Source::of_test("bench wp"), models, notes: Vec::new() }
     }
 
     #[test]

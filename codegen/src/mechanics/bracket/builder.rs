@@ -193,15 +193,11 @@ impl<'a> Builder<'a> {
         Ok(())
     }
 
-    pub(super) fn dot(&mut self, a: &[ExprId], b: &[ExprId]) -> ExprId {
-        self.g.dot(a, b)
-    }
-
     pub(super) fn bilinear(&mut self, matrix: &[Vec<ExprId>], a: &[ExprId], b: &[ExprId]) -> ExprId {
         let mut terms = Vec::new();
         for (row, x) in matrix.iter().zip(a) {
             if *x != self.g.zero() {
-                let sum = self.dot(row, b);
+                let sum = self.g.dot(row, b);
                 terms.push(self.g.mul(*x, sum));
             }
         }
@@ -232,7 +228,7 @@ impl<'a> Builder<'a> {
         let rows = 0..algebroid.n_base();
         rows.map(|i| {
             let row: Vec<ExprId> = (0..algebroid.rank()).map(|alpha| algebroid.anchor(i, alpha)).collect();
-            self.dot(&row, section)
+            self.g.dot(&row, section)
         })
         .collect()
     }

@@ -42,7 +42,7 @@ impl Builder<'_> {
         let mut response = vec![vec![self.g.zero(); n_rows]; n_rows];
         for a in 0..n_rows {
             for b in a..n_rows {
-                let sum = self.dot(&forms[a], &normals[b]);
+                let sum = self.g.dot(&forms[a], &normals[b]);
                 let named = self.define(&format!("S_{}_{}", a + 1, b + 1), sum);
                 (response[a][b], response[b][a]) = (named, named);
             }
@@ -134,7 +134,7 @@ impl Builder<'_> {
                 let mut normal = Vec::new();
                 for row in &hessian {
                     let row = row.iter().map(|e| self.replace(*e)).collect::<Result<Vec<_>, _>>()?;
-                    normal.push(self.dot(&row, form));
+                    normal.push(self.g.dot(&row, form));
                 }
                 normals.push(normal);
             }
@@ -175,7 +175,7 @@ impl Builder<'_> {
                     self.g.sum(&terms)
                 }
                 None => {
-                    let sum = self.dot(&normals[k], turned);
+                    let sum = self.g.dot(&normals[k], turned);
                     self.g.neg(sum)
                 }
             };
@@ -227,7 +227,7 @@ impl Builder<'_> {
             }
             let changes = self.changes(residuals, normals, forms, &direction, &turned)?;
             for ((normal, kappa), change) in normals.iter().zip(&kappa).zip(changes) {
-                let algebraic = self.dot(&structure[alpha], normal);
+                let algebraic = self.g.dot(&structure[alpha], normal);
                 let sum = self.g.add(algebraic, change);
                 let term = self.g.mul(*kappa, sum);
                 pushed[alpha] = self.g.add(pushed[alpha], term);
@@ -257,7 +257,7 @@ impl Builder<'_> {
                     self.g.sum(&terms)
                 }
                 None => {
-                    let sum = self.dot(&normals[k], &by_time);
+                    let sum = self.g.dot(&normals[k], &by_time);
                     self.g.neg(sum)
                 }
             };
@@ -266,7 +266,7 @@ impl Builder<'_> {
         let reaction = solved(self, "nu", &changes);
         let mut along_p = Vec::new();
         for a in 0..m {
-            let mut terms = vec![self.dot(&sections[a], &pushed)];
+            let mut terms = vec![self.g.dot(&sections[a], &pushed)];
             for (form, reaction) in forms.iter().zip(&reaction) {
                 let product = self.g.mul(form[a], *reaction);
                 terms.push(self.g.neg(product));

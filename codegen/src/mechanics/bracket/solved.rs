@@ -36,14 +36,14 @@ impl Builder<'_> {
             for alpha in 0..m {
                 let explicit = b.along(b.raw_momentum[alpha], direction)?;
                 let row = b.hessian[alpha].clone();
-                let implicit = b.dot(&row, &changes);
+                let implicit = b.g.dot(&row, &changes);
                 slopes.push(b.g.add(explicit, implicit));
             }
             Ok(slopes)
         };
         let on_p = |b: &mut Self, section: &[ExprId]| {
             let momentum = b.momentum.clone();
-            b.dot(section, &momentum)
+            b.g.dot(section, &momentum)
         };
         for a in 0..k {
             let slopes = if is_hamiltonian { Vec::new() } else { along_p(self, &anchors[a])? };
@@ -53,7 +53,7 @@ impl Builder<'_> {
                     turned.push(self.along(*e, &anchors[a])?);
                 }
                 turned_sections[a][b] = on_p(self, &turned);
-                let change = self.dot(&sections[b], &slopes);
+                let change = self.g.dot(&sections[b], &slopes);
                 turning[a][b] = self.g.add(turned_sections[a][b], change);
             }
         }
@@ -86,7 +86,7 @@ impl Builder<'_> {
             }
             let by_time = on_p(self, &by_time);
             let turned = on_p(self, &turned);
-            let mut terms = vec![self.dot(w, &forces), by_time, turned];
+            let mut terms = vec![self.g.dot(w, &forces), by_time, turned];
             if is_affine {
                 let algebraic = self.bilinear(&structure, w, psi0);
                 terms.push(self.g.neg(algebraic));
@@ -99,7 +99,7 @@ impl Builder<'_> {
             }
             along_pi.push(self.g.sum(&terms));
             // d pi_b at fixed u, along R_x and time.
-            let mut terms = vec![by_time, turned, self.dot(w, &drift_of_p)];
+            let mut terms = vec![by_time, turned, self.g.dot(w, &drift_of_p)];
             if !is_hamiltonian {
                 for (alpha, w) in w.iter().enumerate() {
                     let explicit = self.by_time(self.raw_momentum[alpha])?;
