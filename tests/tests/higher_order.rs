@@ -8,7 +8,7 @@ use hamel_codegen::expr::{ExprId, Graph, Rational, Style};
 use hamel_codegen::mechanics::{DisplacementForms, Equations, derive, same_motion};
 use hamel_codegen::reduction::{Formulation, StageUse, reduce};
 use hamel_codegen::scene::{self, BuiltScene};
-use hamel_codegen::spec::{self, ConnectionKind};
+use hamel_codegen::spec::{self, ConnectionKind, LieAlgebra, ModelBuilder, Value, ValueError};
 use hamel_tests::draws::{Draws, for_all};
 use hamel_tests::linear::int;
 use hamel_tests::models::{close, equations, follow, params, text, times};
@@ -187,6 +187,46 @@ fn ball_of_third_order() -> String {
     let text = text("servo_ball");
     assert!(text.contains(own));
     text.replace(own, derivative)
+}
+
+#[test]
+fn constraints_of_third_order_can_be_built_in_rust() {
+    let text = "model m {
+        velocity v in R^2;
+        lagrangian = dot(v, v);
+        constraint law: ddt(ddt(v1)) + v2*ddt(v2) = 0;
+        virtual free: delta(v1) + ddt(v1)*delta(v2) = 0;
+    }";
+    let mut b = ModelBuilder::new("m");
+    let v = b.velocities(LieAlgebra::abelian(2), &["v"]).remove(0);
+    let energy = v.dot(b.graph(), &v).unwrap();
+    let (first, second) = (v.row(1).unwrap(), v.row(2).unwrap());
+    let [a1, a2] = [&first, &second].map(|v| b.ddt(v).unwrap());
+    let jerk = b.ddt(&a1).unwrap();
+    assert!(matches!(b.ddt(&jerk), Err(ValueError::OrderTooHigh { function: "ddt" })));
+    let zero = Value::Scalar(b.graph().zero());
+    let product = second.mul(b.graph(), &a2).unwrap();
+    let law = jerk.add(b.graph(), &product).unwrap();
+    let [d1, d2] = [&first, &second].map(|v| b.delta(v).unwrap());
+    let turned = a1.mul(b.graph(), &d2).unwrap();
+    let condition = d1.add(b.graph(), &turned).unwrap();
+    b.lagrangian(&energy).constraint(Some("law"), "law", &law, &zero);
+    b.virtual_constraint(Some("free"), "free", &condition, &zero);
+    let built = b.build().unwrap_or_else(|e| panic!("{e}"));
+    let system = reduce(&built, &Formulation::of(&built)).unwrap_or_else(|e| panic!("{e}"));
+    let (built, read) = (derive(&system).unwrap_or_else(|e| panic!("{e}")), derived(text));
+    let names = |e: &Equations| e.state.iter().map(|s| s.name.clone()).collect::<Vec<_>>();
+    assert_eq!(names(&built), ["v1", "v2", "acceleration_law"]);
+    assert_eq!(names(&read), names(&built));
+    for_all("built in Rust", 8, 20, |mut draws: Draws| {
+        let y: BTreeMap<String, Rational> = names(&read).into_iter().zip(draws.generic_vector(3)).collect();
+        let rates = |e: &Equations| -> Option<Vec<Option<Rational>>> {
+            let mut at = Evaluation::new(e, |name| y.get(name).cloned())?;
+            Some(e.state.iter().map(|s| at.value(s.derivative)).collect())
+        };
+        assert_eq!(rates(&built), rates(&read));
+        Ok(())
+    });
 }
 
 #[test]

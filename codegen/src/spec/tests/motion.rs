@@ -222,7 +222,7 @@ fn bad_displacements() {
     check(
         r#"model m { velocity v in R^2; lagrangian = dot(v, v); virtual ddt(v1) + delta(v1) = 0; }"#,
         expect![[
-            r#"1:62 `ddt` is not legal here [accelerations belong in `constraint`, as in `constraint ddt(v1) + v1 = 0;`]"#
+            r#"1:62 condition `ddt(v1) + delta(v1) = 0` is not linear in the displacements [every term has one factor `delta(..)`]"#
         ]],
     );
     check(
