@@ -54,10 +54,11 @@ impl ModelBuilder {
     /// [`ValueError::NotAVelocity`] unless every entry is a velocity of the base or of the algebra or an acceleration,
     /// [`ValueError::OrderTooHigh`] for the rate of an acceleration.
     pub fn ddt(&mut self, velocity: &Value) -> Result<Value, ValueError> {
-        let table = match velocity.image("ddt", &self.acceleration_table()) {
-            Err(ValueError::OrderTooHigh { .. }) => self.jerk_table(),
-            result => return result,
-        };
+        let mut table = self.acceleration_table();
+        let is_acceleration = |e: &ExprId| table.values().any(|image| image == e);
+        if !self.jerks.is_empty() || velocity.entries().iter().any(is_acceleration) {
+            table = self.jerk_table();
+        }
         velocity.image("ddt", &table)
     }
 
